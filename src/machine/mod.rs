@@ -1,0 +1,454 @@
+//! The machine: lens, scanner, stage, laser, delays, controller, as its file states them.
+//!
+//! A machine file is TOML with a unit in every value (`docs/machine-file.md`). Five profiles are built
+//! in; each number in them names its source or says that it is an assumption. Signs and limits live
+//! here and nowhere else: a stage target is made by [`Machine::stage_from_part`] alone.
+//!
+//! Frames: the *table* frame is fixed to what carries the part; with all axes at 0 the optical axis
+//! stands over its origin. The part lies in it shifted by the placement origin. An axis that moves the
+//! head by +1 mm moves the optical axis by +1 mm over the part; one that moves the part, by -1 mm.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use crate::diag::{self, Diag, Error, Place};
+use crate::units::{Acceleration, Jerk, Length, Speed, Time, Watts, non_negative, positive, positive_option};
+
+/// A machine file. Every value is as written; [`Machine::load`] has checked it.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Machine {
+    /// Name shown in run sheets and reports.
+    pub name: String,
+    /// Where the numbers come from.
+    #[serde(default)]
+    pub source: String,
+    /// The lens and its field.
+    pub lens: Lens,
+    /// The galvo head.
+    pub scanner: Scanner,
+    /// The stage and its axes.
+    pub stage: Stage,
+    /// The laser.
+    pub laser: Laser,
+    /// Waiting times of scanner and laser.
+    #[serde(default)]
+    pub delays: Delays,
+    /// What the controllers accept.
+    #[serde(default)]
+    pub controller: Controller,
+    /// A focus shifter in the head, where there is one.
+    #[serde(default)]
+    pub zoom: Option<Zoom>,
+    /// A two-axis tilt table, where there is one.
+    #[serde(default)]
+    pub tilt: Option<Tilt>,
+}
+
+/// Shape of the scan field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema, Default)]
+#[serde(rename_all = "lowercase")]
+pub enum FieldShape {
+    /// A rectangle of the two sizes.
+    #[default]
+    Rectangle,
+    /// A circle whose diameter is the smaller of the two sizes.
+    Circle,
+}
+
+/// A telecentric scan lens.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Lens {
+    /// Full sizes of the scan field along x and y.
+    pub field: [Length; 2],
+    /// Shape of the field.
+    #[serde(default)]
+    pub shape: FieldShape,
+    /// Rim of the field that is not used, on every side.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub margin: Length,
+    /// From the lens edge to the focal plane.
+    #[serde(deserialize_with = "positive")]
+    pub working_distance: Length,
+    /// Outer diameter of the lens or the head, for clearance.
+    #[serde(deserialize_with = "positive")]
+    pub diameter: Length,
+    /// Spot diameter (1/e²) in focus.
+    #[serde(deserialize_with = "positive")]
+    pub spot: Length,
+}
+
+/// The galvo head.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Scanner {
+    /// Speed of jumps.
+    #[serde(deserialize_with = "positive")]
+    pub jump_speed: Speed,
+    /// Largest mark speed.
+    #[serde(deserialize_with = "positive")]
+    pub max_mark_speed: Speed,
+    /// Whether the controller's x is the field's y and the other way round.
+    #[serde(default)]
+    pub swap_xy: bool,
+    /// Whether the controller's x runs against the field's (after a swap).
+    #[serde(default)]
+    pub mirror_x: bool,
+    /// Whether the controller's y runs against the field's (after a swap).
+    #[serde(default)]
+    pub mirror_y: bool,
+}
+
+impl Scanner {
+    /// Controller coordinates of a field point, both in nm: first the swap, then the mirrors.
+    pub fn controller_from_field(&self, [x, y]: [i32; 2]) -> [i32; 2] {
+        let [x, y] = if self.swap_xy { [y, x] } else { [x, y] };
+        [if self.mirror_x { -x } else { x }, if self.mirror_y { -y } else { y }]
+    }
+}
+
+/// What an axis moves when it moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Carries {
+    /// The table with the part.
+    Part,
+    /// The scan head.
+    Head,
+}
+
+/// One linear axis.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Axis {
+    /// Lowest and highest commanded position.
+    pub travel: [Length; 2],
+    /// What the axis moves.
+    pub carries: Carries,
+    /// Whether a positive command moves it against the frame's axis.
+    #[serde(default)]
+    pub reversed: bool,
+    /// Top speed.
+    #[serde(deserialize_with = "positive")]
+    pub speed: Speed,
+    /// Top acceleration.
+    #[serde(deserialize_with = "positive")]
+    pub acceleration: Acceleration,
+    /// Top jerk; without it the acceleration steps.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub jerk: Option<Jerk>,
+}
+
+impl Axis {
+    /// +1 where a positive command moves the optical axis in + direction over the part, else -1.
+    pub fn sign(&self) -> i64 {
+        match (self.carries, self.reversed) {
+            (Carries::Head, false) | (Carries::Part, true) => 1,
+            (Carries::Head, true) | (Carries::Part, false) => -1,
+        }
+    }
+}
+
+/// Fixed measured times of a stage move, settling included; they stand in for the axis profiles.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MoveTimes {
+    /// Any move that changes x or y.
+    #[serde(deserialize_with = "non_negative")]
+    pub xy: Time,
+    /// A move of z alone.
+    #[serde(deserialize_with = "non_negative")]
+    pub z: Time,
+}
+
+/// The XYZ stage.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Stage {
+    /// Axis along x.
+    pub x: Axis,
+    /// Axis along y.
+    pub y: Axis,
+    /// Axis along z (focus).
+    pub z: Axis,
+    /// Smallest step of a commanded position; stage targets are its multiples.
+    #[serde(default = "default_increment", deserialize_with = "positive")]
+    pub increment: Length,
+    /// Waiting time after a move before the laser may fire.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub settle: Time,
+    /// Smallest gap between the lens and the part in any move.
+    #[serde(deserialize_with = "positive")]
+    pub clearance: Length,
+    /// Measured times of a move, instead of the axis profiles and the settling time.
+    #[serde(default, rename = "move")]
+    pub move_times: Option<MoveTimes>,
+}
+
+fn default_increment() -> Length {
+    Length::um(0.1)
+}
+
+/// The laser source.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Laser {
+    /// Full power; percent in pens refers to it.
+    #[serde(deserialize_with = "positive")]
+    pub max_power: Watts,
+    /// Wavelength.
+    #[serde(deserialize_with = "positive")]
+    pub wavelength: Length,
+}
+
+/// Waiting times of scanner and laser.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema, Default)]
+#[serde(deny_unknown_fields)]
+pub struct Delays {
+    /// Laser-on delay at the start of a stroke.
+    #[serde(default)]
+    pub laser_on: Time,
+    /// Laser-off delay at its end.
+    #[serde(default)]
+    pub laser_off: Time,
+    /// Wait after a jump.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub jump: Time,
+    /// Wait after a mark before the next jump.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub mark: Time,
+    /// Wait at a corner inside a stroke.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub polygon: Time,
+}
+
+/// What the controllers accept.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Controller {
+    /// Longest line of the stage program, in characters.
+    #[serde(default = "default_line")]
+    pub max_line: usize,
+    /// Most strokes in one block file; 0 for no limit.
+    #[serde(default)]
+    pub max_strokes: usize,
+}
+
+fn default_line() -> usize {
+    255
+}
+
+impl Default for Controller {
+    fn default() -> Self {
+        Self { max_line: default_line(), max_strokes: 0 }
+    }
+}
+
+/// A focus shifter: moves the focal plane inside a field without the stage.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Zoom {
+    /// Full range of the focal plane.
+    #[serde(deserialize_with = "positive")]
+    pub range: Length,
+    /// Speed of the focal plane.
+    #[serde(deserialize_with = "positive")]
+    pub speed: Speed,
+    /// Waiting time after a move.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub settle: Time,
+}
+
+/// A two-axis tilt table under the part.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Tilt {
+    /// Point that both axes pass through, in the table frame.
+    pub pivot: [Length; 3],
+    /// The axes in the order in which they turn the part, the one nearest to the part last.
+    pub axes: [RotaryAxis; 2],
+}
+
+/// One rotary axis.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RotaryAxis {
+    /// Letter of the axis: A about x, B about y, C about z.
+    pub letter: String,
+    /// Lowest and highest angle.
+    pub travel: [crate::units::Angle; 2],
+    /// Time of a move, settling included.
+    #[serde(deserialize_with = "non_negative")]
+    pub move_time: Time,
+}
+
+/// The built-in profiles: name and text.
+pub const PROFILES: [(&str, &str); 5] = [
+    ("xyz-galvo-40", include_str!("profiles/xyz-galvo-40.toml")),
+    ("xyz-galvo-100", include_str!("profiles/xyz-galvo-100.toml")),
+    ("xyz-tilt-galvo-40", include_str!("profiles/xyz-tilt-galvo-40.toml")),
+    ("xyz-zoom-40", include_str!("profiles/xyz-zoom-40.toml")),
+    ("xyzac-galvo-10", include_str!("profiles/xyzac-galvo-10.toml")),
+];
+
+/// Largest machine file that is read.
+const MAX_FILE: u64 = 1 << 20;
+
+impl Machine {
+    /// The built-in profile `name`.
+    ///
+    /// # Errors
+    /// `machine-unknown` with the names there are.
+    pub fn built_in(name: &str) -> Result<Self, Error> {
+        let Some((_, text)) = PROFILES.iter().find(|(n, _)| *n == name) else {
+            let names: Vec<_> = PROFILES.iter().map(|(n, _)| *n).collect();
+            return Err(Diag::input("machine-unknown", format!("there is no built-in machine {name:?}"))
+                .hint(format!("built in are {}; or name a file with machine.file", names.join(", ")))
+                .into());
+        };
+        Self::parse(&format!("built-in {name}"), text)
+    }
+
+    /// Reads and checks a machine file.
+    ///
+    /// # Errors
+    /// The file's faults with their places.
+    pub fn load(path: &Path) -> Result<Self, Error> {
+        let shown = path.display().to_string();
+        let bytes = diag::read_file(path, MAX_FILE)?;
+        let text = String::from_utf8(bytes)
+            .map_err(|_| Diag::input("machine-utf8", "the file is not UTF-8 text").at(Place::file(&shown)))?;
+        Self::parse(&shown, &text)
+    }
+
+    fn parse(path: &str, text: &str) -> Result<Self, Error> {
+        let source: Arc<str> = text.into();
+        let machine: Self = diag::from_toml(path, &source)?;
+        let faults: Vec<Diag> = machine.faults().into_iter().map(|d| d.at(Place::file(path))).collect();
+        if faults.is_empty() { Ok(machine) } else { Err(Error::many(faults)) }
+    }
+
+    fn faults(&self) -> Vec<Diag> {
+        let mut faults = Vec::new();
+        for (name, axis) in self.axes() {
+            if axis.travel[0] >= axis.travel[1] {
+                let text = format!("stage.{name}.travel [{}, {}] is empty", axis.travel[0], axis.travel[1]);
+                faults.push(Diag::input("machine-travel", text).hint("write the lower end first"));
+            }
+            if axis.travel.iter().any(|t| t.as_nm().is_none()) {
+                faults.push(Diag::input("machine-travel", format!("stage.{name}.travel is beyond 4 m")));
+            }
+        }
+        let [w, h] = self.usable_field();
+        if w <= 0 || h <= 0 {
+            let text = "lens.field less lens.margin on both sides leaves nothing";
+            faults.push(Diag::input("machine-field", text).hint("give the full sizes of the field, above zero"));
+        } else if self.lens.field.iter().any(|f| f.as_mm() > 1000.0) {
+            faults.push(Diag::input("machine-field", "lens.field is beyond 1 m"));
+        }
+        if !(1..=1_000_000).contains(&self.increment_nm()) {
+            faults.push(Diag::input("machine-increment", "stage.increment is not between 1 nm and 1 mm"));
+        }
+        if self.controller.max_line < 40 {
+            faults.push(Diag::input("machine-line", "controller.max_line is below 40 characters"));
+        }
+        faults
+    }
+
+    /// The three linear axes with their names.
+    pub fn axes(&self) -> [(&'static str, &Axis); 3] {
+        [("x", &self.stage.x), ("y", &self.stage.y), ("z", &self.stage.z)]
+    }
+
+    /// Full sizes of the rectangle in which marks may lie, in nm: the field less its margin; for a
+    /// circle the square inside it.
+    pub fn usable_field(&self) -> [i64; 2] {
+        let m = self.lens.margin.as_mm();
+        let [fx, fy] = self.lens.field.map(|f| f.as_mm() - 2.0 * m);
+        let size = match self.lens.shape {
+            FieldShape::Rectangle => [fx, fy],
+            FieldShape::Circle => [fx.min(fy) * std::f64::consts::FRAC_1_SQRT_2; 2],
+        };
+        // Even and rounded down, so that the half is exact and nothing lies outside.
+        size.map(|s| ((s * crate::geom::NM_PER_MM + 1e-3).floor() as i64).max(0) / 2 * 2)
+    }
+
+    /// Whether a field point (nm, from the optical axis) may be marked.
+    pub fn field_holds(&self, [x, y]: [i32; 2]) -> bool {
+        let m = self.lens.margin.as_mm();
+        let [fx, fy] = self.lens.field.map(|f| (f.as_mm() / 2.0 - m) * crate::geom::NM_PER_MM + 1e-3);
+        let (x, y) = (f64::from(x), f64::from(y));
+        match self.lens.shape {
+            FieldShape::Rectangle => x.abs() <= fx && y.abs() <= fy,
+            FieldShape::Circle => x.hypot(y) <= fx.min(fy),
+        }
+    }
+
+    /// The stage increment in nm.
+    pub fn increment_nm(&self) -> i64 {
+        self.stage.increment.as_nm().unwrap_or(0)
+    }
+
+    /// The axis commands (nm) that bring the optical axis and the focal plane over the part point
+    /// `p` (nm), the part lying at `origin` (nm) in the table frame.
+    pub fn stage_from_part(&self, p: [i64; 3], origin: [i64; 3]) -> [i64; 3] {
+        let mut out = [0; 3];
+        for (i, (_, axis)) in self.axes().into_iter().enumerate() {
+            out[i] = axis.sign() * (p[i] + origin[i]);
+        }
+        out
+    }
+
+    /// The part point (nm) under the axis commands `stage`: the inverse of [`Machine::stage_from_part`].
+    pub fn part_from_stage(&self, stage: [i64; 3], origin: [i64; 3]) -> [i64; 3] {
+        let mut out = [0; 3];
+        for (i, (_, axis)) in self.axes().into_iter().enumerate() {
+            out[i] = axis.sign() * stage[i] - origin[i];
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_profile_loads_and_names_its_sources() {
+        for (name, text) in PROFILES {
+            let m = Machine::built_in(name).unwrap_or_else(|e| panic!("{name}: {e}"));
+            assert_eq!(m.name, name);
+            for line in text.lines().filter(|l| l.contains(" = ") && l.chars().any(|c| c.is_ascii_digit())) {
+                assert!(
+                    line.contains('#') || line.starts_with("name") || line.starts_with("source"),
+                    "{name}: {line:?} names no source"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn part_and_stage_are_inverse_for_every_sign() {
+        let mut m = Machine::built_in("xyz-galvo-40").expect("profile");
+        for carries in [Carries::Part, Carries::Head] {
+            for reversed in [false, true] {
+                m.stage.x.carries = carries;
+                m.stage.z.reversed = reversed;
+                let p = [1_000_001, -5, 77];
+                let origin = [3, 4_000_000, -9];
+                assert_eq!(m.part_from_stage(m.stage_from_part(p, origin), origin), p);
+            }
+        }
+    }
+
+    #[test]
+    fn the_usable_field_is_even_and_inside_the_field() {
+        let m = Machine::built_in("xyz-galvo-40").expect("profile");
+        assert_eq!(m.usable_field(), [40_000_000, 40_000_000]);
+        assert!(m.field_holds([20_000_000, -20_000_000]));
+        assert!(!m.field_holds([20_000_001, 0]));
+    }
+}

@@ -1,0 +1,150 @@
+//! The stepped program: blocks in machining order, each one standstill of the stage and the strokes
+//! marked there. It is the intermediate form that every target is written from, in the spirit of a
+//! job whose work planes are machined while the axes stand still.
+//!
+//! # Invariants
+//! A [`Program`] holds these once [`crate::check`] has made it a `Checked` one:
+//! - P1 every block has at least one stroke, every stroke at least two points, no two neighbours equal;
+//! - P2 every point lies in the usable field of the machine;
+//! - P3 the marks of a block lie within its depth interval, whose height is at most the depth range;
+//! - P4 stage targets lie on multiples of the stage increment, inside travel, and say the same place
+//!   as the block's centre and focus;
+//! - P5 every pen exists; every stroke names the texture stroke and the segment it begins on.
+//!
+//! # Units and frames
+//! Points are field frame (origin on the optical axis, x and y as the turned part's), integer nm.
+//! Centres, focus heights and depth intervals are turned part frame, integer nm. Stage targets are
+//! commanded axis values, integer nm.
+
+pub mod text;
+
+use std::ops::Range;
+
+use crate::geom::{NM_PER_MM, P2};
+use crate::units::{Frequency, Power, Speed};
+
+/// A laser setting of the program.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pen {
+    /// Name in the job file.
+    pub name: String,
+    /// Mark speed.
+    pub speed: Speed,
+    /// Laser power as written.
+    pub power: Power,
+    /// Repetition rate.
+    pub frequency: Frequency,
+    /// How often the controller marks every stroke.
+    pub passes: u32,
+}
+
+/// One standstill of the stage: where it stands and what it accepts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stop {
+    /// Column and row of the section in its grid.
+    pub section: [u32; 2],
+    /// Number of the level in the section's or part's list of levels, upwards.
+    pub level: i32,
+    /// Part-frame point under the optical axis.
+    pub centre: P2,
+    /// Height of the focal plane (LPFL) in the part frame.
+    pub focus: i64,
+    /// Lowest height that the stop accepts.
+    pub z_lo: i64,
+    /// Highest height that the stop accepts.
+    pub z_hi: i64,
+}
+
+/// One stop and its strokes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Block {
+    /// Where the stage stands.
+    pub stop: Stop,
+    /// Commanded axis values x, y, z.
+    pub stage: [i64; 3],
+    /// Whether the stage must lift to the clearance height on its way here.
+    pub retract: bool,
+    /// Lowest height of a mark.
+    pub z_lo: i64,
+    /// Highest height of a mark.
+    pub z_hi: i64,
+    /// Its strokes, as a range of [`Program::strokes`], in marking order.
+    pub strokes: Range<usize>,
+}
+
+/// One mark: the beam is on from its first point to its last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stroke {
+    /// Which stroke of the texture it is a piece of.
+    pub source: u32,
+    /// Segment of that stroke on which the piece's end with the smaller parameter lies.
+    pub segment: u32,
+    /// Whether it is marked against the direction in which the texture was drawn.
+    pub reversed: bool,
+    /// Index of its pen.
+    pub pen: u16,
+    /// First point in [`Program::points`].
+    pub first: u32,
+    /// How many points.
+    pub len: u32,
+}
+
+/// Blocks in machining order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Program {
+    /// Laser settings.
+    pub pens: Vec<Pen>,
+    /// Blocks in machining order.
+    pub blocks: Vec<Block>,
+    /// All strokes, block by block.
+    pub strokes: Vec<Stroke>,
+    /// All points, field frame, nm.
+    pub points: Vec<[i32; 2]>,
+}
+
+impl Program {
+    /// The strokes of a block in marking order.
+    pub fn strokes_of(&self, block: &Block) -> &[Stroke] {
+        &self.strokes[block.strokes.clone()]
+    }
+    /// The points of a stroke in marking order, field frame.
+    pub fn points_of(&self, stroke: &Stroke) -> &[[i32; 2]] {
+        &self.points[stroke.first as usize..(stroke.first + stroke.len) as usize]
+    }
+    /// The name of block `i` in files and messages.
+    pub fn block_id(i: usize) -> String {
+        format!("B{:04}", i + 1)
+    }
+    /// Marked length of a block in mm, every pass counted.
+    pub fn mark_mm(&self, block: &Block) -> f64 {
+        self.strokes_of(block)
+            .iter()
+            .map(|s| stroke_mm(self.points_of(s)) * f64::from(self.pens[usize::from(s.pen)].passes))
+            .sum()
+    }
+    /// Jump length of a block in mm: from the field's centre to the first stroke, then between
+    /// strokes; for one pass.
+    pub fn jump_mm(&self, block: &Block) -> f64 {
+        let mut at = [0, 0];
+        let mut sum = 0.0;
+        for s in self.strokes_of(block) {
+            let points = self.points_of(s);
+            sum += stroke_mm(&[at, points[0]]);
+            at = points[points.len() - 1];
+        }
+        sum
+    }
+}
+
+/// Length in mm of a polyline in field coordinates.
+pub fn stroke_mm(points: &[[i32; 2]]) -> f64 {
+    points
+        .windows(2)
+        .map(|w| {
+            let dx = f64::from(w[1][0]) - f64::from(w[0][0]);
+            let dy = f64::from(w[1][1]) - f64::from(w[0][1]);
+            (dx * dx + dy * dy).sqrt()
+        })
+        .sum::<f64>()
+        / NM_PER_MM
+}

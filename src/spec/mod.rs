@@ -1,0 +1,700 @@
+//! The job file as written: what to mark, on what, how, with which machine.
+//!
+//! [`Job::load`] reads a TOML file whose every length, angle and speed carries its unit, and checks
+//! what can be checked without opening other files. Faults point at the value. The types here are the
+//! authority for the JSON schema (`terrace init --schema`) and for `docs/job-file.md`.
+
+mod sample;
+
+pub use sample::{SAMPLE_JOB, SAMPLE_SURFACE_NAME, sample_surface};
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use toml::Spanned;
+
+use crate::diag::{self, Diag, Error, Place};
+use crate::units::{Angle, Frequency, Length, Power, Speed, non_negative, positive, positive_option};
+
+/// Largest job file that is read.
+const MAX_FILE: u64 = 4 << 20;
+
+/// A job file that was read and checked, with its text kept for messages.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// The file, as named by the user.
+    pub path: PathBuf,
+    /// Its text.
+    pub source: Arc<str>,
+    /// What it says.
+    pub file: JobFile,
+}
+
+/// The keys of a job file.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct JobFile {
+    /// The part's surface.
+    pub surface: SurfaceSpec,
+    /// Where the part lies on the stage.
+    #[serde(default)]
+    pub placement: PlacementSpec,
+    /// What to mark; one or more.
+    pub texture: Vec<TextureSpec>,
+    /// Depth of focus.
+    pub focus: FocusSpec,
+    /// How the surface is divided.
+    #[serde(default)]
+    pub partition: PartitionSpec,
+    /// What is skipped or warned of.
+    #[serde(default)]
+    pub limits: LimitsSpec,
+    /// The machine.
+    pub machine: MachineSpec,
+    /// Laser settings by name; a texture without a pen uses the first.
+    pub pen: Vec<PenSpec>,
+    /// What to write.
+    #[serde(default)]
+    pub emit: EmitSpec,
+}
+
+/// Unit of a surface file that carries none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+pub enum FileUnit {
+    /// Millimetre.
+    #[serde(rename = "mm")]
+    Millimetre,
+    /// Centimetre.
+    #[serde(rename = "cm")]
+    Centimetre,
+    /// Metre.
+    #[serde(rename = "m")]
+    Metre,
+    /// Inch.
+    #[serde(rename = "in")]
+    Inch,
+    /// Micrometre.
+    #[serde(rename = "um")]
+    Micrometre,
+}
+
+impl FileUnit {
+    /// Millimetres in one unit.
+    pub fn in_mm(self) -> f64 {
+        match self {
+            Self::Millimetre => 1.0,
+            Self::Centimetre => 10.0,
+            Self::Metre => 1000.0,
+            Self::Inch => 25.4,
+            Self::Micrometre => 1e-3,
+        }
+    }
+}
+
+/// `[surface]`.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SurfaceSpec {
+    /// STL, OBJ, PNG height map, or XYZ / CSV point cloud; relative to the job file.
+    #[schemars(with = "String")]
+    pub file: Spanned<PathBuf>,
+    /// Unit of the file's numbers; required for STL, OBJ and point clouds.
+    #[serde(default)]
+    pub unit: Option<FileUnit>,
+    /// Vertices nearer to each other than this become one; default: only those equal to the nanometre.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub weld: Length,
+    /// Scale of a height map; required for PNG.
+    #[serde(default)]
+    pub heightmap: Option<HeightmapSpec>,
+    /// Longest triangle edge that a point cloud may be meshed with; default: eight times the typical
+    /// spacing. Longer ones are holes.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub max_edge: Option<Length>,
+}
+
+/// `[surface.heightmap]`: samples are nodes, row 0 is the top (+y).
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HeightmapSpec {
+    /// Distance of neighbouring samples.
+    #[serde(deserialize_with = "positive")]
+    pub pixel: Length,
+    /// Heights that the two `values` stand for.
+    pub z: [Length; 2],
+    /// Sample values that stand for the two heights; default the full range of the file's depth.
+    #[serde(default)]
+    #[schemars(with = "Option<[u32; 2]>")]
+    pub values: Option<Spanned<[u32; 2]>>,
+    /// Sample value that means "no surface here".
+    #[serde(default)]
+    pub nodata: Option<u32>,
+    /// Part-frame position of the lower left sample; default (0, 0).
+    #[serde(default)]
+    pub origin: [Length; 2],
+}
+
+/// `[placement]`.
+#[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlacementSpec {
+    /// Table-frame position of the (turned) part's origin; default: centre of the texture at the
+    /// centre of travel.
+    #[serde(default)]
+    pub origin: Option<[Length; 3]>,
+    /// Turn of the part about its z axis, counter-clockwise.
+    #[serde(default)]
+    pub turn: Angle,
+}
+
+/// Made patterns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Pattern {
+    /// Parallel lines.
+    Hatch,
+    /// One Hilbert curve.
+    Hilbert,
+    /// Square loops on a square grid (FSS cells).
+    Squares,
+    /// Circles on a square grid (FSS cells).
+    Circles,
+}
+
+/// Where a texture lies: over the whole part, or in a rectangle [x0, y0, x1, y1] of the part frame.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum AreaSpec {
+    /// `"part"`.
+    Named(AreaName),
+    /// Lower left and upper right corner.
+    Rectangle([Length; 4]),
+}
+
+/// Areas with a name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum AreaName {
+    /// The part's box seen from the lens.
+    Part,
+}
+
+/// `[[texture]]`: a pattern or a drawing, where it lies, and its pen.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TextureSpec {
+    /// A made pattern; or give `file`.
+    #[serde(default)]
+    #[schemars(with = "Option<Pattern>")]
+    pub pattern: Option<Spanned<Pattern>>,
+    /// An SVG drawing, relative to the job file; or give `pattern`.
+    #[serde(default)]
+    #[schemars(with = "Option<String>")]
+    pub file: Option<Spanned<PathBuf>>,
+    /// The area: filled by a pattern or by tiles of a drawing, and the limit of a single drawing.
+    /// Default for patterns: the part's box. Default for drawings: no limit.
+    #[serde(default)]
+    #[schemars(with = "Option<AreaSpec>")]
+    pub area: Option<Spanned<AreaSpec>>,
+    /// Hatch: distance of lines. Squares and circles: distance of centres.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub pitch: Option<Length>,
+    /// Hatch: direction of the lines from +x, counter-clockwise.
+    #[serde(default)]
+    pub direction: Option<Angle>,
+    /// Hilbert: 4^order points.
+    #[serde(default)]
+    #[schemars(with = "Option<u32>")]
+    pub order: Option<Spanned<u32>>,
+    /// Squares: side. Circles: diameter.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub cell: Option<Length>,
+    /// Drawing: width and height that the whole page gets; required where the file has no physical size.
+    #[serde(default)]
+    pub size: Option<[Length; 2]>,
+    /// Drawing: part-frame position of the page's lower left corner; default: lower left of the area.
+    #[serde(default)]
+    pub origin: Option<[Length; 2]>,
+    /// Drawing: turn of the page about its lower left corner, counter-clockwise.
+    #[serde(default)]
+    pub turn: Angle,
+    /// Drawing: repeat the page over the area.
+    #[serde(default)]
+    pub tile: bool,
+    /// Largest distance between a curve and its polyline.
+    #[serde(default = "default_tolerance", deserialize_with = "positive")]
+    pub tolerance: Length,
+    /// Name of the pen; default: the first.
+    #[serde(default)]
+    #[schemars(with = "Option<String>")]
+    pub pen: Option<Spanned<String>>,
+}
+
+fn default_tolerance() -> Length {
+    Length::um(1.0)
+}
+
+/// Where the focal plane of a block stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Level {
+    /// Middle of the block's depth interval: deviation at most half of it.
+    #[default]
+    Mid,
+    /// Mean height of the block's marks (the article's step 4).
+    Mean,
+}
+
+/// What PDOF bounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum DepthRule {
+    /// The depth range of a block is at most PDOF (the article).
+    #[default]
+    Range,
+    /// The deviation from the focal plane is at most PDOF: the range is at most twice PDOF.
+    Half,
+}
+
+/// `[focus]`: give `pdof`, or `dof` and `factor`.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FocusSpec {
+    /// Processing depth of focus.
+    #[serde(default)]
+    #[schemars(with = "Option<Length>")]
+    pub pdof: Option<Spanned<Length>>,
+    /// Depth of focus of the optics.
+    #[serde(default)]
+    #[schemars(with = "Option<Length>")]
+    pub dof: Option<Spanned<Length>>,
+    /// PDOF = factor × DOF, 0.8 to 1.2 in the article.
+    #[serde(default)]
+    pub factor: Option<f64>,
+    /// Focal plane of a block.
+    #[serde(default)]
+    pub level: Level,
+    /// What PDOF bounds.
+    #[serde(default)]
+    pub rule: DepthRule,
+}
+
+/// Ways to divide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// A grid of sections, evenly spaced levels of the whole part (the article).
+    Contour,
+    /// A grid of sections, in each the fewest levels that cover the texture's depths.
+    ZRange,
+    /// Every method that the machine can run; the one with the least job time is kept.
+    #[default]
+    Auto,
+}
+
+impl Method {
+    /// The name in files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Contour => "contour",
+            Self::ZRange => "z-range",
+            Self::Auto => "auto",
+        }
+    }
+}
+
+/// `[partition]`.
+#[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PartitionSpec {
+    /// The method.
+    #[serde(default)]
+    pub method: Method,
+    /// Pitch of the grid of sections; default: the usable field.
+    #[serde(default, deserialize_with = "positive_option")]
+    #[schemars(with = "Option<Length>")]
+    pub section: Option<Length>,
+    /// Fragments shorter than this are skipped and counted; default: none.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub min_mark: Length,
+}
+
+/// What happens to texture on slopes beyond `max_incidence`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Steep {
+    /// Not marked, counted and warned of.
+    #[default]
+    Skip,
+    /// The job is refused.
+    Refuse,
+}
+
+/// `[limits]`.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LimitsSpec {
+    /// Beam incidence above which a warning says so.
+    #[serde(default = "default_warn_incidence")]
+    pub warn_incidence: Angle,
+    /// Beam incidence above which nothing is marked; below 90 deg.
+    #[serde(default = "default_max_incidence")]
+    pub max_incidence: Angle,
+    /// What happens to texture beyond it.
+    #[serde(default)]
+    pub steep: Steep,
+}
+
+fn default_warn_incidence() -> Angle {
+    Angle::deg(10.0)
+}
+
+fn default_max_incidence() -> Angle {
+    Angle::deg(60.0)
+}
+
+impl Default for LimitsSpec {
+    fn default() -> Self {
+        Self { warn_incidence: default_warn_incidence(), max_incidence: default_max_incidence(), steep: Steep::Skip }
+    }
+}
+
+/// `[machine]`: a built-in profile or a file.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MachineSpec {
+    /// Name of a built-in profile (`terrace machines`).
+    #[serde(default)]
+    #[schemars(with = "Option<String>")]
+    pub profile: Option<Spanned<String>>,
+    /// A machine file, relative to the job file.
+    #[serde(default)]
+    #[schemars(with = "Option<String>")]
+    pub file: Option<Spanned<PathBuf>>,
+}
+
+/// `[[pen]]`.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PenSpec {
+    /// Name that textures refer to.
+    pub name: String,
+    /// Mark speed.
+    #[serde(deserialize_with = "positive")]
+    pub speed: Speed,
+    /// Laser power.
+    pub power: Power,
+    /// Repetition rate.
+    #[serde(deserialize_with = "positive")]
+    pub frequency: Frequency,
+    /// How often every stroke is marked.
+    #[serde(default = "default_passes")]
+    pub passes: u32,
+}
+
+fn default_passes() -> u32 {
+    1
+}
+
+/// Program formats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Format {
+    /// One DXF R12 file per block.
+    Dxf,
+    /// LinuxCNC stage program with a START / BUSY handshake.
+    Linuxcnc,
+    /// Plain G-code stage program that waits with M0.
+    Gcode,
+    /// OpenVectorFormat.
+    Ovf,
+}
+
+impl Format {
+    /// The name in files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Dxf => "dxf",
+            Self::Linuxcnc => "linuxcnc",
+            Self::Gcode => "gcode",
+            Self::Ovf => "ovf",
+        }
+    }
+}
+
+/// `[emit]`.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EmitSpec {
+    /// The formats.
+    #[serde(default = "default_formats")]
+    pub formats: Vec<Format>,
+}
+
+fn default_formats() -> Vec<Format> {
+    vec![Format::Dxf, Format::Linuxcnc, Format::Ovf]
+}
+
+impl Default for EmitSpec {
+    fn default() -> Self {
+        Self { formats: default_formats() }
+    }
+}
+
+impl Job {
+    /// Reads and checks a job file.
+    ///
+    /// # Errors
+    /// Every fault of the file, each with its place.
+    pub fn load(path: &Path) -> Result<Self, Error> {
+        let bytes = diag::read_file(path, MAX_FILE)?;
+        let text = String::from_utf8(bytes).map_err(|_| {
+            Diag::input("job-utf8", "the job file is not UTF-8 text").at(Place::file(path.display().to_string()))
+        })?;
+        Self::parse(path, &text)
+    }
+
+    /// Checks the text of a job file that lies, or would lie, at `path`.
+    ///
+    /// # Errors
+    /// As [`Job::load`].
+    pub fn parse(path: &Path, text: &str) -> Result<Self, Error> {
+        let source: Arc<str> = text.into();
+        let file: JobFile = diag::from_toml(&path.display().to_string(), &source)?;
+        let job = Self { path: path.to_owned(), source, file };
+        let faults = job.faults();
+        if faults.is_empty() { Ok(job) } else { Err(Error::many(faults)) }
+    }
+
+    /// The place of a value in the job file.
+    pub fn place(&self, span: Range<usize>) -> Place {
+        Place::Text { path: self.path.display().to_string(), source: self.source.clone(), span }
+    }
+
+    /// A path of the job file, relative to the job file's folder.
+    pub fn resolve(&self, path: &Path) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(path)
+    }
+
+    /// Processing depth of focus.
+    pub fn pdof(&self) -> Length {
+        let f = &self.file.focus;
+        match (&f.pdof, &f.dof) {
+            (Some(p), _) => *p.get_ref(),
+            (None, Some(d)) => Length::mm(d.get_ref().as_mm() * f.factor.unwrap_or(1.0)),
+            (None, None) => Length::mm(0.0),
+        }
+    }
+
+    /// Largest depth range of a block: PDOF, or twice PDOF under `rule = "half"`.
+    pub fn depth_range(&self) -> Length {
+        match self.file.focus.rule {
+            DepthRule::Range => self.pdof(),
+            DepthRule::Half => Length::mm(2.0 * self.pdof().as_mm()),
+        }
+    }
+
+    /// Index of the pen of texture `i`.
+    pub fn pen_of(&self, i: usize) -> usize {
+        let named = self.file.texture[i].pen.as_ref();
+        named.and_then(|n| self.file.pen.iter().position(|p| p.name == *n.get_ref())).unwrap_or(0)
+    }
+
+    fn faults(&self) -> Vec<Diag> {
+        let mut faults = Vec::new();
+        let file = &self.file;
+        let whole = Place::file(self.path.display().to_string());
+        let focus = &file.focus;
+        match (&focus.pdof, &focus.dof) {
+            (Some(p), Some(_)) => faults.push(
+                Diag::input("focus-both", "focus has both pdof and dof")
+                    .at(self.place(p.span()))
+                    .hint("keep one of them"),
+            ),
+            (None, None) => faults.push(
+                Diag::input("focus-missing", "focus has neither pdof nor dof")
+                    .at(whole.clone())
+                    .hint("add pdof = \"0.07 mm\", measured on your process; it is never derived from the optics"),
+            ),
+            (Some(v), None) | (None, Some(v)) => {
+                if !(1e-4..=1000.0).contains(&self.pdof().as_mm()) {
+                    faults.push(
+                        Diag::input("focus-range", format!("the depth of focus comes to {}", self.pdof()))
+                            .at(self.place(v.span()))
+                            .hint("it must lie between 0.1 um and 1000 mm"),
+                    );
+                }
+            }
+        }
+        if focus.factor.is_some_and(|f| !f.is_finite() || f <= 0.0) {
+            faults.push(Diag::input("focus-factor", "focus.factor must be above zero").at(whole.clone()));
+        }
+        if file.texture.is_empty() {
+            faults.push(Diag::input("texture-none", "the job has no [[texture]]").at(whole.clone()));
+        }
+        if file.pen.is_empty() {
+            faults.push(Diag::input("pen-none", "the job has no [[pen]]").at(whole.clone()));
+        }
+        for (i, pen) in file.pen.iter().enumerate() {
+            if file.pen[..i].iter().any(|p| p.name == pen.name) {
+                faults.push(Diag::input("pen-twice", format!("two pens are named {:?}", pen.name)).at(whole.clone()));
+            }
+            if !pen.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') || pen.name.is_empty() {
+                let text = format!("pen name {:?} holds something other than letters, digits, - and _", pen.name);
+                faults.push(Diag::input("pen-name", text).at(whole.clone()));
+            }
+            if !(1..=1000).contains(&pen.passes) {
+                let text = format!("pen {:?} has {} passes", pen.name, pen.passes);
+                faults.push(Diag::input("pen-passes", text).at(whole.clone()).hint("1 to 1000 are possible"));
+            }
+        }
+        for texture in &file.texture {
+            self.texture_faults(texture, &mut faults);
+        }
+        match (&file.machine.profile, &file.machine.file) {
+            (Some(p), Some(_)) => faults.push(
+                Diag::input("machine-both", "machine has both profile and file")
+                    .at(self.place(p.span()))
+                    .hint("keep one"),
+            ),
+            (None, None) => faults.push(
+                Diag::input("machine-missing", "machine has neither profile nor file")
+                    .at(whole.clone())
+                    .hint("add profile = \"xyz-galvo-40\"; `terrace machines` lists them"),
+            ),
+            _ => {}
+        }
+        if !(0.0..90.0).contains(&file.limits.max_incidence.as_deg()) {
+            faults.push(
+                Diag::input("limits-incidence", "limits.max_incidence is not between 0 and 90 deg").at(whole.clone()),
+            );
+        }
+        if file.emit.formats.is_empty() {
+            faults.push(
+                Diag::input("emit-none", "emit.formats is empty")
+                    .at(whole)
+                    .hint("name at least one format, such as \"dxf\""),
+            );
+        }
+        faults
+    }
+
+    fn texture_faults(&self, t: &TextureSpec, faults: &mut Vec<Diag>) {
+        let whole = Place::file(self.path.display().to_string());
+        if let Some(pen) = &t.pen
+            && !self.file.pen.iter().any(|p| p.name == *pen.get_ref())
+        {
+            let names: Vec<_> = self.file.pen.iter().map(|p| p.name.as_str()).collect();
+            faults.push(
+                Diag::input("pen-unknown", format!("there is no pen named {:?}", pen.get_ref()))
+                    .at(self.place(pen.span()))
+                    .hint(format!("pens of this job: {}", names.join(", "))),
+            );
+        }
+        if let Some(area) = &t.area
+            && let AreaSpec::Rectangle([x0, y0, x1, y1]) = area.get_ref()
+            && (x0 >= x1 || y0 >= y1)
+        {
+            faults.push(
+                Diag::input("texture-area", "the area is empty")
+                    .at(self.place(area.span()))
+                    .hint("write [x0, y0, x1, y1] with the lower left corner first"),
+            );
+        }
+        let (pattern, span) = match (&t.pattern, &t.file) {
+            (Some(p), None) => (*p.get_ref(), p.span()),
+            (None, Some(f)) => {
+                if t.tile && t.area.is_none() {
+                    faults.push(
+                        Diag::input("texture-tile", "tile = true needs an area to fill")
+                            .at(self.place(f.span()))
+                            .hint("add area = \"part\" or area = [x0, y0, x1, y1]"),
+                    );
+                }
+                for (name, given) in [
+                    ("pitch", t.pitch.is_some()),
+                    ("direction", t.direction.is_some()),
+                    ("order", t.order.is_some()),
+                    ("cell", t.cell.is_some()),
+                ] {
+                    if given {
+                        let text = format!("{name} means nothing for a drawing");
+                        faults.push(Diag::input("texture-key", text).at(self.place(f.span())));
+                    }
+                }
+                return;
+            }
+            (Some(p), Some(_)) => {
+                faults.push(
+                    Diag::input("texture-both", "the texture has both pattern and file")
+                        .at(self.place(p.span()))
+                        .hint("keep one"),
+                );
+                return;
+            }
+            (None, None) => {
+                faults.push(
+                    Diag::input("texture-empty", "a texture has neither pattern nor file")
+                        .at(whole)
+                        .hint("add pattern = \"hatch\" and pitch = \"0.1 mm\", or file = \"drawing.svg\""),
+                );
+                return;
+            }
+        };
+        let mut need = |name: &str, missing: bool| {
+            if missing {
+                let text = format!("this pattern needs {name}");
+                faults.push(Diag::input("texture-key", text).at(self.place(span.clone())).hint(format!("add {name}")));
+            }
+        };
+        match pattern {
+            Pattern::Hatch => need("pitch", t.pitch.is_none()),
+            Pattern::Hilbert => need("order", t.order.is_none()),
+            Pattern::Squares | Pattern::Circles => {
+                need("pitch", t.pitch.is_none());
+                need("cell", t.cell.is_none());
+            }
+        }
+        if let Some(order) = &t.order
+            && !(1..=13).contains(order.get_ref())
+        {
+            faults.push(
+                Diag::input("texture-order", format!("Hilbert order {} is not between 1 and 13", order.get_ref()))
+                    .at(self.place(order.span())),
+            );
+        }
+        if let (Some(cell), Some(pitch)) = (t.cell, t.pitch)
+            && cell > pitch
+        {
+            faults.push(
+                Diag::input(
+                    "texture-cell",
+                    format!("cell {cell} is larger than pitch {pitch}, so figures would overlap"),
+                )
+                .at(self.place(span.clone())),
+            );
+        }
+        for (name, given) in [
+            ("size", t.size.is_some()),
+            ("origin", t.origin.is_some()),
+            ("tile", t.tile),
+            ("turn", t.turn != Angle::default()),
+        ] {
+            if given {
+                let text = format!("{name} means nothing for a pattern");
+                faults.push(
+                    Diag::input("texture-key", text).at(self.place(span.clone())).hint("use area, pitch and direction"),
+                );
+            }
+        }
+    }
+}
+
+/// The JSON schema of a job file.
+pub fn json_schema() -> String {
+    let schema = schemars::schema_for!(JobFile);
+    serde_json::to_string_pretty(&schema).expect("a schema is plain JSON")
+}

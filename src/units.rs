@@ -1,0 +1,380 @@
+//! Quantities as people write them: `"0.07 mm"`, `"1000 mm/s"`, `"60 %"`.
+//!
+//! Every quantity is held in one base unit (mm, rad, s, mm/s, mm/s², mm/s³, kHz) and is built and
+//! read by unit, so that no number changes meaning between the job file and a kernel. Text always
+//! carries a unit; a bare number is refused, because units are the commonest import fault of all.
+
+use std::borrow::Cow;
+use std::fmt;
+use std::str::FromStr;
+
+use serde::de::{self, Deserializer, Visitor};
+use serde::{Deserialize, Serialize, Serializer};
+
+/// What every quantity can do; the generic checks of the job file are written against it.
+pub trait Quantity: Copy + FromStr<Err = String> {
+    /// The value in the base unit of the quantity.
+    fn base(self) -> f64;
+    /// A unit that a message may propose.
+    const EXAMPLE: &'static str;
+}
+
+macro_rules! quantity {
+    ($(#[$doc:meta])* $name:ident, $what:literal, $base:literal, $example:literal,
+     [$($unit:literal => $factor:expr),+ $(,)?]) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, PartialOrd, Default)]
+        pub struct $name(f64);
+
+        impl Quantity for $name {
+            fn base(self) -> f64 { self.0 }
+            const EXAMPLE: &'static str = $example;
+        }
+
+        impl FromStr for $name {
+            type Err = String;
+            fn from_str(text: &str) -> Result<Self, String> {
+                let (number, unit) = number_and_unit(text, $what, $example)?;
+                match unit {
+                    $($unit => Ok(Self(number * $factor)),)+
+                    "" => Err(format!(
+                        "{} {text:?} has no unit; write it as {:?}", $what, $example)),
+                    other => Err(format!(
+                        "unknown unit {other:?} for a {}; known units: {}", $what,
+                        [$($unit),+].join(", "))),
+                }
+            }
+        }
+
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "{} {}", self.0, $base)
+            }
+        }
+
+        impl Serialize for $name {
+            fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+                s.collect_str(self)
+            }
+        }
+
+        impl<'de> Deserialize<'de> for $name {
+            fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+                quantity_from_text(d, $what, $example)
+            }
+        }
+
+        impl schemars::JsonSchema for $name {
+            fn schema_name() -> Cow<'static, str> { stringify!($name).into() }
+            fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+                schemars::json_schema!({
+                    "type": "string",
+                    "description": concat!("A ", $what, " with its unit, for example \"", $example, "\"."),
+                    "pattern": concat!("^ *[-+]?[0-9.]+([eE][-+]?[0-9]+)? *", "[^0-9 ].*$"),
+                    "examples": [$example],
+                })
+            }
+        }
+    };
+}
+
+quantity!(
+    /// A length; base unit mm.
+    Length, "length", "mm", "0.07 mm",
+    ["nm" => 1e-6, "um" => 1e-3, "µm" => 1e-3, "μm" => 1e-3, "mm" => 1.0, "cm" => 10.0, "m" => 1e3,
+     "in" => 25.4, "inch" => 25.4]);
+quantity!(
+    /// An angle; base unit rad, written in degrees.
+    Angle, "angle", "rad", "10 deg",
+    ["rad" => 1.0, "deg" => std::f64::consts::PI / 180.0, "°" => std::f64::consts::PI / 180.0]);
+quantity!(
+    /// A duration; base unit s.
+    Time, "time", "s", "0.1 s",
+    ["us" => 1e-6, "µs" => 1e-6, "μs" => 1e-6, "ms" => 1e-3, "s" => 1.0, "min" => 60.0]);
+quantity!(
+    /// A speed; base unit mm/s.
+    Speed, "speed", "mm/s", "1000 mm/s",
+    ["mm/s" => 1.0, "m/s" => 1e3, "mm/min" => 1.0 / 60.0, "m/min" => 1e3 / 60.0]);
+quantity!(
+    /// An acceleration; base unit mm/s².
+    Acceleration, "acceleration", "mm/s2", "2000 mm/s2",
+    ["mm/s2" => 1.0, "mm/s²" => 1.0, "m/s2" => 1e3, "m/s²" => 1e3]);
+quantity!(
+    /// A jerk; base unit mm/s³.
+    Jerk, "jerk", "mm/s3", "20000 mm/s3",
+    ["mm/s3" => 1.0, "mm/s³" => 1.0, "m/s3" => 1e3, "m/s³" => 1e3]);
+quantity!(
+    /// A repetition rate; base unit kHz.
+    Frequency, "frequency", "kHz", "60 kHz",
+    ["Hz" => 1e-3, "kHz" => 1.0, "MHz" => 1e3]);
+quantity!(
+    /// An absolute laser power; base unit W. What a pen asks for is a [`Power`].
+    Watts, "power", "W", "14 W",
+    ["mW" => 1e-3, "W" => 1.0, "kW" => 1e3]);
+
+impl Length {
+    /// A length of `v` mm.
+    pub const fn mm(v: f64) -> Self {
+        Self(v)
+    }
+    /// A length of `v` µm.
+    pub const fn um(v: f64) -> Self {
+        Self(v * 1e-3)
+    }
+    /// The length in mm.
+    pub const fn as_mm(self) -> f64 {
+        self.0
+    }
+    /// The length in nm, rounded to the nearest integer; None beyond ±4 m, where no part of ours lies.
+    pub fn as_nm(self) -> Option<i64> {
+        crate::geom::nm_from_mm(self.0)
+    }
+}
+
+impl Angle {
+    /// An angle of `v` degrees.
+    pub fn deg(v: f64) -> Self {
+        Self(v.to_radians())
+    }
+    /// The angle in rad.
+    pub const fn as_rad(self) -> f64 {
+        self.0
+    }
+    /// The angle in degrees.
+    pub fn as_deg(self) -> f64 {
+        self.0.to_degrees()
+    }
+}
+
+impl Time {
+    /// A duration of `v` s.
+    pub const fn s(v: f64) -> Self {
+        Self(v)
+    }
+    /// A duration of `v` µs.
+    pub const fn us(v: f64) -> Self {
+        Self(v * 1e-6)
+    }
+    /// The duration in s.
+    pub const fn as_s(self) -> f64 {
+        self.0
+    }
+    /// The duration in µs.
+    pub fn as_us(self) -> f64 {
+        self.0 * 1e6
+    }
+}
+
+impl Speed {
+    /// A speed of `v` mm/s.
+    pub const fn mm_s(v: f64) -> Self {
+        Self(v)
+    }
+    /// The speed in mm/s.
+    pub const fn as_mm_s(self) -> f64 {
+        self.0
+    }
+}
+
+impl Acceleration {
+    /// The acceleration in mm/s².
+    pub const fn as_mm_s2(self) -> f64 {
+        self.0
+    }
+}
+
+impl Jerk {
+    /// The jerk in mm/s³.
+    pub const fn as_mm_s3(self) -> f64 {
+        self.0
+    }
+}
+
+impl Frequency {
+    /// A rate of `v` kHz.
+    pub const fn khz(v: f64) -> Self {
+        Self(v)
+    }
+    /// The rate in kHz.
+    pub const fn as_khz(self) -> f64 {
+        self.0
+    }
+}
+
+impl Watts {
+    /// A power of `v` W.
+    pub const fn w(v: f64) -> Self {
+        Self(v)
+    }
+    /// The power in W.
+    pub const fn as_w(self) -> f64 {
+        self.0
+    }
+}
+
+/// Laser power: percent of the machine's `max_power`, or W.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Power {
+    /// Percent of the machine's `laser.max_power`, 0 to 100.
+    Percent(f64),
+    /// Absolute power.
+    Absolute(Watts),
+}
+
+impl Power {
+    /// The power in W, given the machine's full power in W.
+    pub fn as_w(self, max_power: Watts) -> f64 {
+        match self {
+            Self::Percent(p) => max_power.as_w() * p / 100.0,
+            Self::Absolute(w) => w.as_w(),
+        }
+    }
+}
+
+impl FromStr for Power {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (number, unit) = number_and_unit(text, "power", "60 %")?;
+        match unit {
+            "%" if (0.0..=100.0).contains(&number) => Ok(Self::Percent(number)),
+            "%" => Err(format!("power {text:?} is not between 0 % and 100 %")),
+            _ if number < 0.0 => Err(format!("power {text:?} is negative")),
+            _ => text.parse().map(Self::Absolute),
+        }
+    }
+}
+
+impl fmt::Display for Power {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Percent(p) => write!(f, "{p} %"),
+            Self::Absolute(w) => w.fmt(f),
+        }
+    }
+}
+
+impl Serialize for Power {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        s.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Power {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        quantity_from_text(d, "power", "60 %")
+    }
+}
+
+impl schemars::JsonSchema for Power {
+    fn schema_name() -> Cow<'static, str> {
+        "Power".into()
+    }
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({
+            "type": "string",
+            "description": "A power in percent of the machine's max_power or in W, for example \"60 %\" or \"8.4 W\".",
+            "examples": ["60 %", "8.4 W"],
+        })
+    }
+}
+
+/// Splits "12.5 mm" into its number and its unit. Refuses what is not finite, and decimal commas.
+fn number_and_unit<'a>(text: &'a str, what: &str, example: &str) -> Result<(f64, &'a str), String> {
+    let text = text.trim();
+    let end = text
+        .char_indices()
+        .find(|&(i, c)| {
+            let exponent = matches!(c, 'e' | 'E')
+                && text[i + 1..].starts_with(|d: char| d.is_ascii_digit() || d == '-' || d == '+');
+            !(c.is_ascii_digit() || matches!(c, '+' | '-' | '.') || exponent)
+        })
+        .map_or(text.len(), |(i, _)| i);
+    let (number, unit) = text.split_at(end);
+    if unit.starts_with(',') {
+        return Err(format!("{text:?} has a decimal comma; write a point, as in {example:?}"));
+    }
+    let value: f64 = number.parse().map_err(|_| format!("{text:?} is not a {what}; write it as {example:?}"))?;
+    if !value.is_finite() {
+        return Err(format!("{text:?} is not a finite {what}"));
+    }
+    Ok((value, unit.trim()))
+}
+
+fn quantity_from_text<'de, D, T>(d: D, what: &'static str, example: &'static str) -> Result<T, D::Error>
+where
+    D: Deserializer<'de>,
+    T: FromStr<Err = String>,
+{
+    struct Text<T>(&'static str, &'static str, std::marker::PhantomData<T>);
+    impl<T: FromStr<Err = String>> Visitor<'_> for Text<T> {
+        type Value = T;
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            write!(f, "a {} as text with its unit, such as {:?}", self.0, self.1)
+        }
+        fn visit_str<E: de::Error>(self, text: &str) -> Result<T, E> {
+            text.parse().map_err(E::custom)
+        }
+        fn visit_i64<E: de::Error>(self, v: i64) -> Result<T, E> {
+            Err(E::custom(format!("{} {v} has no unit; write it as text, such as {:?}", self.0, self.1)))
+        }
+        fn visit_f64<E: de::Error>(self, v: f64) -> Result<T, E> {
+            Err(E::custom(format!("{} {v} has no unit; write it as text, such as {:?}", self.0, self.1)))
+        }
+    }
+    d.deserialize_any(Text(what, example, std::marker::PhantomData))
+}
+
+/// For `#[serde(deserialize_with)]`: a quantity that must be greater than zero.
+pub(crate) fn positive<'de, D: Deserializer<'de>, Q: Quantity + Deserialize<'de>>(d: D) -> Result<Q, D::Error> {
+    let q = Q::deserialize(d)?;
+    if q.base() > 0.0 {
+        Ok(q)
+    } else {
+        Err(de::Error::custom(format!("must be greater than zero, such as {:?}", Q::EXAMPLE)))
+    }
+}
+
+/// As [`positive`], for a field that may be absent.
+pub(crate) fn positive_option<'de, D: Deserializer<'de>, Q: Quantity + Deserialize<'de>>(
+    d: D,
+) -> Result<Option<Q>, D::Error> {
+    positive(d).map(Some)
+}
+
+/// For `#[serde(deserialize_with)]`: a quantity that must not be negative.
+pub(crate) fn non_negative<'de, D: Deserializer<'de>, Q: Quantity + Deserialize<'de>>(d: D) -> Result<Q, D::Error> {
+    let q = Q::deserialize(d)?;
+    if q.base() >= 0.0 { Ok(q) } else { Err(de::Error::custom("must not be negative")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_scale_to_the_base_unit() {
+        for (text, mm) in [("0.07mm", 0.07), ("70 um", 0.07), ("2in", 50.8), ("1e-3 m", 1.0), ("-5 mm", -5.0)] {
+            let l: Length = text.parse().expect(text);
+            assert!((l.as_mm() - mm).abs() < 1e-12, "{text}");
+        }
+        assert!(("90 deg".parse::<Angle>().expect("deg").as_rad() - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
+        assert_eq!("60 %".parse(), Ok(Power::Percent(60.0)));
+        assert_eq!("8 W".parse(), Ok(Power::Absolute(Watts::w(8.0))));
+    }
+
+    #[test]
+    fn text_without_a_usable_number_or_unit_is_refused() {
+        for (text, say) in [
+            ("0.07", "no unit"),
+            ("0,07 mm", "decimal comma"),
+            ("7 parsec", "unknown unit"),
+            ("mm", "is not a length"),
+            ("1e999 mm", "not a finite"),
+            ("", "is not a length"),
+        ] {
+            let err = text.parse::<Length>().expect_err(text);
+            assert!(err.contains(say), "{text}: {err}");
+        }
+        assert!("140 %".parse::<Power>().is_err());
+    }
+}
