@@ -16,7 +16,10 @@
 //! Centres, focus heights and depth intervals are turned part frame, integer nm. Stage targets are
 //! commanded axis values, integer nm.
 
+mod sections;
 pub mod text;
+
+pub use sections::Sections;
 
 use std::ops::Range;
 
