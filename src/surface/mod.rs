@@ -18,7 +18,7 @@ use mesh::{Mesh, Welder};
 pub use walk::{Cursor, Span};
 
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{MAX_NM, NM_PER_MM, P2};
+use crate::geom::{Box2, MAX_NM, NM_PER_MM, P2};
 
 /// How a surface file is to be read.
 #[derive(Clone, Debug, Default)]
@@ -224,6 +224,52 @@ impl Surface {
                         out.extend((0..2).filter_map(|half| g.facet(x, y, half)));
                     }
                 }
+            }
+        }
+    }
+
+    /// Boxes over the part (nm, turned part frame) with the height of the highest point in each, nm,
+    /// rounded up: coarse, never too low.
+    pub fn tiles(&self) -> Vec<(Box2, i64)> {
+        const TILES: i64 = 64;
+        let (nx, ny) = (self.bin_count(0), self.bin_count(1));
+        let o = self.origin();
+        let size = [nx, ny].map(|n| (n as u64).div_ceil(TILES as u64).max(1) as i64);
+        let count = [(nx - 1) / size[0] + 1, (ny - 1) / size[1] + 1];
+        let mut tops = vec![f64::NEG_INFINITY; (count[0] * count[1]) as usize];
+        self.for_each_facet(|corners| {
+            let z = corners.iter().fold(f64::NEG_INFINITY, |z, v| z.max(v.z));
+            let range = |axis: usize, get: fn(&mesh::Vertex) -> i32| {
+                let lo = corners.iter().map(get).min().unwrap_or(0);
+                let hi = corners.iter().map(get).max().unwrap_or(0);
+                self.bin_of(axis, i64::from(lo) - 1) / size[axis]..=self.bin_of(axis, i64::from(hi) + 1) / size[axis]
+            };
+            for y in range(1, |v| v.y) {
+                for x in range(0, |v| v.x) {
+                    let top = &mut tops[(y * count[0] + x) as usize];
+                    *top = top.max(z);
+                }
+            }
+        });
+        let corner = |x: i64, y: i64| P2::new(self.bin_line(0, x.min(nx)) + o.x, self.bin_line(1, y.min(ny)) + o.y);
+        let cells = (0..count[1]).flat_map(|y| (0..count[0]).map(move |x| (x, y)));
+        cells
+            .zip(tops)
+            .filter(|(_, z)| z.is_finite())
+            .map(|((x, y), z)| {
+                let lo = corner(x * size[0], y * size[1]);
+                (Box2 { lo, hi: corner((x + 1) * size[0], (y + 1) * size[1]) }, z.ceil() as i64)
+            })
+            .collect()
+    }
+
+    /// Calls `f` with the corners (local coordinates) of every facet.
+    fn for_each_facet(&self, mut f: impl FnMut([mesh::Vertex; 3])) {
+        match &self.kind {
+            Kind::Mesh(m, _) => m.facets.iter().for_each(|c| f(c.map(|v| m.vertices[v as usize]))),
+            Kind::Grid(g, _) => {
+                let all = 0..self.facets as u32;
+                all.filter(|&i| g.exists(i)).for_each(|i| f([0, 1, 2].map(|k| g.corner(i, k).0)));
             }
         }
     }
