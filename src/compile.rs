@@ -480,23 +480,27 @@ fn focus(ground: &Ground<'_>, z: [i64; 2], mean: f64) -> (i64, i64) {
     (mid, mean)
 }
 
-/// The job's time, and that of every block.
+/// The job's time, and that of every block. The stage comes from the centre of its travel, lifted.
 fn times(machine: &Machine, program: &Program) -> (Times, Vec<f64>) {
     let mut t = Times::default();
-    let mut at = motion::start(machine);
+    let centre = |axis: &crate::machine::Axis| axis.travel.iter().map(|t| t.as_nm().unwrap_or(0)).sum::<i64>() / 2;
+    let mut at = [centre(&machine.stage.x), centre(&machine.stage.y), machine.retract_z()];
     let mut blocks = Vec::with_capacity(program.blocks.len());
     for block in &program.blocks {
-        let retract = block.retract.then(|| motion::retract_z(machine));
+        let retract = block.retract.then(|| machine.retract_z());
         let moved = motion::stage_move(machine, at, block.stage, retract);
         t.stage += moved.travel_s;
         t.settle += moved.settle_s;
         at = block.stage;
-        let strokes = program.strokes_of(block).iter().map(|s| (usize::from(s.pen), program.points_of(s)));
-        let m = motion::marking(machine, &program.pens, strokes);
+        let marks = program.strokes_of(block).iter().map(|s| {
+            let pen = &program.pens[usize::from(s.pen)];
+            motion::Mark { points: program.points_of(s), speed: pen.speed, passes: pen.passes }
+        });
+        let m = motion::marking(machine, marks);
         t.mark += m.mark_s;
         t.jump += m.jump_s;
         t.delay += m.delay_s;
-        blocks.push(m.mark_s + m.jump_s + m.delay_s);
+        blocks.push(m.total_s());
     }
     t.total = t.stage + t.settle + t.mark + t.jump + t.delay;
     (t, blocks)

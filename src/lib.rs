@@ -1,9 +1,12 @@
 #![doc = include_str!("lib.md")]
 
 pub mod check;
+pub mod compile;
 pub mod diag;
 pub mod geom;
 pub mod machine;
+pub mod map;
+pub mod motion;
 pub mod order;
 pub mod partition;
 pub mod program;

@@ -272,19 +272,39 @@ fn improve(ends: &[Ends], list: &mut Vec<(u32, bool)>) {
     let mut place = vec![0; ends.len()];
     list.iter().enumerate().for_each(|(i, &(s, _))| place[s as usize] = i as u32);
     let mut tour = Tour { ends, list, place };
+    // Strokes whose surroundings changed since they were last looked at.
+    let mut stale = vec![true; ends.len()];
     for _ in 0..MAX_ROUNDS {
         let mut gained = false;
         for stroke in 0..ends.len() {
-            for e in near[2 * stroke].into_iter().chain(near[2 * stroke + 1]).filter(|&e| e != u32::MAX) {
-                let i = tour.place[stroke] as usize;
-                let j = tour.place[e as usize / 2] as usize;
-                // Bring the two strokes together: by reversing what lies between them, or by moving
-                // this one before or behind the other.
-                let (lo, hi) = (i.min(j), i.max(j));
-                gained |= tour.try_reverse(lo + 1, hi)
-                    || tour.try_reverse(lo, hi - 1)
-                    || tour.try_move(i, j)
-                    || tour.try_move(i, j + 1);
+            if !std::mem::replace(&mut stale[stroke], false) {
+                continue;
+            }
+            for end in 0..2 {
+                for &e in near[2 * stroke + end].iter().take_while(|&&e| e != u32::MAX) {
+                    let i = tour.place[stroke] as usize;
+                    let other = e as usize / 2;
+                    let j = tour.place[other] as usize;
+                    // The end is worth joining to a nearer one than it is joined to now, only.
+                    let is_exit = (end == 1) != tour.list[i].1;
+                    let jump = tour.jump_into(i + usize::from(is_exit));
+                    if distance(ends[stroke][end], ends[other][e as usize % 2]) >= jump - 0.5 {
+                        break;
+                    }
+                    let (lo, hi) = (i.min(j), i.max(j));
+                    let better = tour.try_reverse(lo + 1, hi)
+                        || tour.try_reverse(lo, hi - 1)
+                        || tour.try_move(i, j)
+                        || tour.try_move(i, j + 1);
+                    if better {
+                        gained = true;
+                        for at in [lo.saturating_sub(1), lo, lo + 1, hi.saturating_sub(1), hi, hi + 1] {
+                            if let Some(&(s, _)) = tour.list.get(at) {
+                                stale[s as usize] = true;
+                            }
+                        }
+                    }
+                }
             }
         }
         if !gained {
