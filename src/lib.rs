@@ -2,8 +2,10 @@
 
 pub mod check;
 pub mod diag;
+pub mod emit;
 pub mod geom;
 pub mod machine;
+pub mod motion;
 pub mod partition;
 pub mod program;
 pub mod record;
