@@ -3,6 +3,7 @@
 pub mod check;
 pub mod compile;
 pub mod diag;
+pub mod emit;
 pub mod geom;
 pub mod machine;
 pub mod map;

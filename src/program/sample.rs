@@ -1,0 +1,59 @@
+//! A small program that the tests of its writers and readers share.
+
+use super::{Block, Pen, Program, Stop, Stroke};
+use crate::geom::P2;
+use crate::machine::Machine;
+use crate::units::{Frequency, Power, Speed, Watts};
+
+/// Three blocks on `xyz-galvo-40` with two pens: hatches, an open polyline, a closed loop; negative
+/// coordinates, a retract and a move of z alone. Second value: the origin of the part.
+pub fn program() -> (Program, [i64; 3]) {
+    let machine = Machine::built_in("xyz-galvo-40").expect("profile");
+    let origin = [1_000_000, -2_000_000, 300_000];
+    let mut program = Program {
+        pens: vec![
+            Pen {
+                name: "fill".into(),
+                speed: Speed::mm_s(1000.0),
+                power: Power::Percent(60.0),
+                frequency: Frequency::khz(60.0),
+                passes: 1,
+            },
+            Pen {
+                name: "edge (fine)".into(),
+                speed: Speed::mm_s(400.0),
+                power: Power::Absolute(Watts::w(3.5)),
+                frequency: Frequency::khz(80.0),
+                passes: 3,
+            },
+        ],
+        ..Program::default()
+    };
+    let hatch = |y: i32| vec![[-5_000_000, y], [5_000_001, y]];
+    let zigzag = vec![[0, 0], [1_250_000, -7], [2_000_000, 999_999]];
+    let square = vec![[-1, -1], [19_999_999, -1], [19_999_999, 20_000_000], [-1, 20_000_000], [-1, -1]];
+    let blocks = [
+        ([0, 0], 0, [0, 0, 35_000], false, vec![(0, 3, 7, true, hatch(1)), (0, 3, 9, false, hatch(-500_000))]),
+        ([0, 0], 1, [0, 0, 105_000], false, vec![(1, 4, 0, false, zigzag)]),
+        ([1, 0], 1, [40_000_000, 0, 105_000], true, vec![(1, 5, 0, false, square), (0, 6, 2, false, hatch(0))]),
+    ];
+    for (section, level, at, retract, strokes) in blocks {
+        let start = program.strokes.len();
+        for (pen, source, segment, reversed, points) in strokes {
+            let first = program.points.len() as u32;
+            program.strokes.push(Stroke { source, segment, reversed, pen, first, len: points.len() as u32 });
+            program.points.extend(points);
+        }
+        let [x, y, focus] = at;
+        let (z_lo, z_hi) = (focus - 35_000, focus + 35_000);
+        program.blocks.push(Block {
+            stop: Stop { section, level, centre: P2::new(x, y), focus, z_lo, z_hi },
+            stage: machine.stage_from_part(at, origin),
+            retract,
+            z_lo: z_lo + 100,
+            z_hi,
+            strokes: start..program.strokes.len(),
+        });
+    }
+    (program, origin)
+}
