@@ -8,7 +8,7 @@ use super::clip::{Lines, clip, is_inside};
 use super::place::{SLACK, Turn, corners, cos_sin, far_in, is_near, push};
 use super::svg::Page;
 use super::{MAX_POINTS, too_large};
-use crate::diag::{Diag, Place};
+use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, P2, Strokes};
 
 /// Most strokes on the border of a tiled area.
@@ -126,7 +126,7 @@ struct Listed {
 
 impl Drawing {
     /// A drawing placed once, cut at `area`.
-    pub(super) fn single(page: Page, placed: &Placed, area: Option<[f64; 4]>, path: &str) -> Result<Self, Diag> {
+    pub(super) fn single(page: Page, placed: &Placed, area: Option<[f64; 4]>, path: &str) -> Result<Self, Error> {
         let mut strokes = Strokes::default();
         let mut name_of = Vec::new();
         let (mut line, mut pieces) = (Vec::new(), Lines::default());
@@ -140,7 +140,7 @@ impl Drawing {
             }
             for piece in pieces.iter() {
                 if piece.iter().any(|&p| !is_near(placed.turn.turned(p))) {
-                    return Err(far_in(path));
+                    return Err(far_in(path).into());
                 }
                 if strokes.push(piece.iter().map(|&p| placed.turn.nm(p))) {
                     name_of.push(name);
@@ -148,18 +148,19 @@ impl Drawing {
             }
         }
         if strokes.is_empty() {
-            return Err(outside(path));
+            return Err(outside(path).into());
         }
         let (bounds, points) = (strokes.bounds(), strokes.point_count() as u64);
         Ok(Self { names: page.names, name_of, layout: Layout::Single(strokes), bounds, points })
     }
 
     /// A drawing repeated over `area`.
-    pub(super) fn tiled(page: Page, placed: &Placed, area: Option<[f64; 4]>, path: &str) -> Result<Self, Diag> {
+    pub(super) fn tiled(page: Page, placed: &Placed, area: Option<[f64; 4]>, path: &str) -> Result<Self, Error> {
         let Some(area) = area else {
             return Err(Diag::input("texture-tile", "tiling needs an area to fill")
                 .at(Place::file(path))
-                .hint("add area = \"part\" or area = [x0, y0, x1, y1]"));
+                .hint("add area = \"part\" or area = [x0, y0, x1, y1]")
+                .into());
         };
         let mut drawing = Self {
             names: page.names,
@@ -173,14 +174,14 @@ impl Drawing {
         let lattice = Lattice::new(placed, area);
         let extremes = tiles.extremes();
         let mut cuts = 0;
-        for j in lattice.rows().ok_or_else(|| too_large(u64::MAX, u64::MAX))? {
+        for j in lattice.rows().ok_or_else(|| Error::from(too_large(u64::MAX, u64::MAX).at(Place::file(path))))? {
             let (touched, inside) = lattice.columns(j);
             cuts +=
                 (touched.end - touched.start - (inside.end - inside.start)) as u64 * tiles.lines.points.len() as u64;
             let whole = (inside.end - inside.start) as u64;
             drawing.points += whole * tiles.lines.points.len() as u64;
             if cuts > MAX_CUTS || tiles.listed.len() > MAX_LISTED || drawing.points > MAX_POINTS {
-                return Err(too_large(tiles.len, drawing.points.max(cuts)).at(Place::file(path)));
+                return Err(too_large(tiles.len, drawing.points.max(cuts)).at(Place::file(path)).into());
             }
             let listed = tiles.listed.len();
             (touched.start..inside.start).for_each(|i| drawing.list(&mut tiles, i, j));
@@ -195,7 +196,7 @@ impl Drawing {
             tiles.len += whole * tiles.lines.len() as u64 + (tiles.listed.len() - listed) as u64;
         }
         if tiles.len == 0 {
-            return Err(outside(path));
+            return Err(outside(path).into());
         }
         drawing.layout = Layout::Tiled(tiles);
         Ok(drawing)

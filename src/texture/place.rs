@@ -1,6 +1,6 @@
 //! From mm in the part frame to nanometres in the turned part frame, rounding once.
 
-use crate::diag::{Diag, Place};
+use crate::diag::{Diag, Error, Place};
 use crate::geom::{MAX_NM, NM_PER_MM, P2};
 
 /// One nanometre in mm.
@@ -65,14 +65,16 @@ pub(super) fn corners([x0, y0, x1, y1]: [f64; 4]) -> [[f64; 2]; 4] {
 }
 
 /// Refuses areas that are empty, not finite or beyond 4 m.
-pub(super) fn check_area(area: [f64; 4], turn: Turn) -> Result<(), Diag> {
+pub(super) fn check_area(area: [f64; 4], turn: Turn) -> Result<(), Error> {
     if corners(area).into_iter().any(|c| !is_near(turn.turned(c))) {
-        return Err(far());
+        return Err(far().into());
     }
     let (w, h) = (area[2] - area[0], area[3] - area[1]);
     if w < LEAST || h < LEAST {
         let text = format!("the texture's area measures {w} mm x {h} mm, which holds nothing");
-        return Err(Diag::input("texture-area", text).hint("write [x0, y0, x1, y1] with the lower left corner first"));
+        return Err(Diag::input("texture-area", text)
+            .hint("write [x0, y0, x1, y1] with the lower left corner first")
+            .into());
     }
     Ok(())
 }

@@ -4,7 +4,7 @@
 //! lines that only touch a corner are not. Stroke `i` is line `first + i`, counted along the normal
 //! that lies left of the direction, and runs along the direction.
 
-use crate::diag::Diag;
+use crate::diag::{Diag, Error};
 use crate::geom::{Box2, P2};
 use crate::texture::place::{NM, Turn, corners, cos_sin, steps};
 use crate::texture::{MAX_STROKES, too_large};
@@ -21,10 +21,11 @@ pub(in crate::texture) struct Hatch {
 }
 
 impl Hatch {
-    pub(in crate::texture) fn new(area: [f64; 4], pitch: f64, direction: f64, turn: Turn) -> Result<Self, Diag> {
+    pub(in crate::texture) fn new(area: [f64; 4], pitch: f64, direction: f64, turn: Turn) -> Result<Self, Error> {
         if !(pitch >= NM && pitch.is_finite() && direction.is_finite()) {
             return Err(Diag::input("texture-pitch", format!("a hatch pitch of {pitch} mm is not possible"))
-                .hint("use a pitch of at least 1 nm"));
+                .hint("use a pitch of at least 1 nm")
+                .into());
         }
         let direction = cos_sin(direction);
         let mut hatch = Self { area, direction, pitch, first: 0, count: 0, turn };
@@ -33,7 +34,7 @@ impl Hatch {
         let highest = heights.into_iter().fold(0.0, f64::max);
         let (below, above) = (steps(-lowest, pitch), steps(highest, pitch));
         if below + above >= MAX_STROKES as f64 {
-            return Err(too_large((below + above) as u64, 2 * (below + above) as u64));
+            return Err(too_large((below + above) as u64, 2 * (below + above) as u64).into());
         }
         hatch.first = -(below as i64);
         hatch.count = below as i64 + above as i64 + 1;

@@ -3,7 +3,7 @@
 //! 2^n × 2^n points at distance width / (2^n - 1) and height / (2^n - 1): the outer points lie on the
 //! area's border. One stroke.
 
-use crate::diag::Diag;
+use crate::diag::{Diag, Error};
 use crate::geom::{Box2, P2};
 use crate::texture::place::{LEAST, Turn, corners};
 
@@ -21,10 +21,10 @@ pub(in crate::texture) struct Hilbert {
 }
 
 impl Hilbert {
-    pub(in crate::texture) fn new(area: [f64; 4], order: u32, turn: Turn) -> Result<Self, Diag> {
+    pub(in crate::texture) fn new(area: [f64; 4], order: u32, turn: Turn) -> Result<Self, Error> {
         if !(1..=MAX_ORDER).contains(&order) {
             let text = format!("Hilbert order {order} is not between 1 and {MAX_ORDER}");
-            return Err(Diag::input("texture-order", text));
+            return Err(Diag::input("texture-order", text).into());
         }
         let last = (1u32 << order) - 1;
         let [x0, y0, x1, y1] = area;
@@ -32,7 +32,7 @@ impl Hilbert {
         if spacing < LEAST {
             let text =
                 format!("the area is too small for Hilbert order {order}: neighbours would be {spacing} mm apart");
-            return Err(Diag::input("texture-area", text).hint("use a lower order or a larger area"));
+            return Err(Diag::input("texture-area", text).hint("use a lower order or a larger area").into());
         }
         let along = |lo: f64, hi: f64| {
             (0..=last).map(|i| if i == last { hi } else { lo + (hi - lo) * f64::from(i) / f64::from(last) }).collect()

@@ -7,7 +7,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::diag::Diag;
+use crate::diag::{Diag, Error};
 use crate::geom::{Box2, P2};
 use crate::texture::place::{LEAST, Turn, push, steps};
 use crate::texture::{MAX_STROKES, too_large};
@@ -28,7 +28,7 @@ pub(in crate::texture) struct Loops {
 }
 
 impl Loops {
-    pub(in crate::texture) fn squares(area: [f64; 4], cell: f64, pitch: f64, turn: Turn) -> Result<Self, Diag> {
+    pub(in crate::texture) fn squares(area: [f64; 4], cell: f64, pitch: f64, turn: Turn) -> Result<Self, Error> {
         let r = cell / 2.0;
         Self::new(area, cell, pitch, turn, vec![[-r, -r], [r, -r], [r, r], [-r, r], [-r, -r]])
     }
@@ -39,7 +39,7 @@ impl Loops {
         pitch: f64,
         tolerance: f64,
         turn: Turn,
-    ) -> Result<Self, Diag> {
+    ) -> Result<Self, Error> {
         let r = cell / 2.0;
         // The sagitta of a chord over the angle a is r (1 - cos(a / 2)), at most r a² / 8.
         let wanted = (TAU * (r / (8.0 * tolerance)).sqrt()).ceil().max(LEAST_SEGMENTS);
@@ -55,20 +55,20 @@ impl Loops {
         Self::new(area, cell, pitch, turn, vertices)
     }
 
-    fn new(area: [f64; 4], cell: f64, pitch: f64, turn: Turn, vertices: Vec<[f64; 2]>) -> Result<Self, Diag> {
+    fn new(area: [f64; 4], cell: f64, pitch: f64, turn: Turn, vertices: Vec<[f64; 2]>) -> Result<Self, Error> {
         // Eight chords of a circle of 6 nm are longer than two nanometres.
         if !(cell >= 3.0 * LEAST && cell.is_finite()) {
-            return Err(Diag::input("texture-cell", format!("a cell of {cell} mm is too small to mark")));
+            return Err(Diag::input("texture-cell", format!("a cell of {cell} mm is too small to mark")).into());
         }
         if !(pitch >= cell && pitch.is_finite()) {
             let text = format!("cells of {cell} mm do not fit a pitch of {pitch} mm");
-            return Err(Diag::input("texture-cell", text).hint("use a pitch of at least the cell's size"));
+            return Err(Diag::input("texture-cell", text).hint("use a pitch of at least the cell's size").into());
         }
         let [x0, y0, x1, y1] = area;
         let (columns, rows) = (steps(x1 - x0, pitch), steps(y1 - y0, pitch));
         if columns * rows > MAX_STROKES as f64 {
             let n = (columns * rows) as u64;
-            return Err(too_large(n, n.saturating_mul(vertices.len() as u64)));
+            return Err(too_large(n, n.saturating_mul(vertices.len() as u64)).into());
         }
         let first = [x0 + 0.5 * pitch, y0 + 0.5 * pitch];
         Ok(Self { first, pitch, columns: columns as u64, rows: rows as u64, vertices, turn })

@@ -75,11 +75,11 @@ fn parse(
     size_mm: Option<[f64; 2]>,
     tolerance: f64,
     notes: &mut Vec<Diag>,
-) -> Result<Page, Diag> {
+) -> Result<Page, Box<Diag>> {
     // A document type without entities is harmless and common.
     let options =
         ParsingOptions { allow_dtd: !source::has_entities(text), nodes_limit: MAX_NODES, ..Default::default() };
-    let doc = Document::parse_with_options(text, options).map_err(|e| xml_fault(name, &e))?;
+    let doc = Document::parse_with_options(text, options).map_err(|e| Box::new(xml_fault(name, &e)))?;
     let root = doc.root_element();
     match (root.tag_name().name(), root.tag_name().namespace()) {
         ("svg", Some("http://www.w3.org/2000/svg")) => {}
@@ -90,7 +90,7 @@ fn parse(
         ),
         (tag, _) => {
             let text = format!("this is no SVG drawing: its first element is {tag:?}");
-            return Err(Diag::input("svg-root", text).hint("save it as plain SVG"));
+            return Err(Diag::input("svg-root", text).hint("save it as plain SVG").into());
         }
     }
     let frame = Frame::new(root, size_mm)?;
@@ -116,7 +116,7 @@ fn parse(
             (_, 1..) => "give the shapes a fill or a stroke and show them",
             _ => "draw lines or shapes on the page",
         };
-        return Err(Diag::input("texture-empty", "the drawing holds nothing to mark").hint(hint));
+        return Err(Diag::input("texture-empty", "the drawing holds nothing to mark").hint(hint).into());
     }
     Ok(page)
 }
@@ -141,7 +141,9 @@ fn xml_fault(name: &str, e: &roxmltree::Error) -> Diag {
     let place = Place::line(name, e.pos().row as usize);
     match e {
         roxmltree::Error::NodesLimitReached => {
-            Diag::input("svg-large", format!("the drawing has more than {MAX_NODES} nodes")).at(Place::file(name))
+            Diag::input("svg-large", format!("the drawing has more than {MAX_NODES} nodes"))
+                .at(Place::file(name))
+                .hint("split it into several drawings")
         }
         e => Diag::input("svg-xml", format!("the drawing is not well-formed XML: {e}"))
             .at(place)

@@ -220,9 +220,12 @@ impl<'a> Outline<'a> {
         if self.lines.points.len() == self.lines.tail() {
             self.put(from);
         }
-        // Also true where it is not a number.
-        if !(steps < (MAX_POINTS.saturating_sub(self.lines.points.len())) as f64) {
-            self.stop = Some(if steps.is_finite() { Stop::Full } else { Stop::Far });
+        if !steps.is_finite() {
+            self.stop = Some(Stop::Far);
+            return;
+        }
+        if self.lines.points.len() as f64 + steps > MAX_POINTS as f64 {
+            self.stop = Some(Stop::Full);
             return;
         }
         let n = steps as usize;

@@ -42,28 +42,29 @@ pub(super) struct Frame {
 
 impl Frame {
     /// The page of a root element; a wanted size wins over the file's own.
-    pub(super) fn new(root: Node<'_, '_>, wanted: Option<[f64; 2]>) -> Result<Self, Diag> {
+    pub(super) fn new(root: Node<'_, '_>, wanted: Option<[f64; 2]>) -> Result<Self, Box<Diag>> {
         let view = view_box(root).map_err(|e| {
             Diag::input("svg-viewbox", format!("the drawing's {e}"))
                 .hint("give the viewBox a positive width and height")
         })?;
         let sides = [side(root, "width")?, side(root, "height")?];
-        let viewport = viewport(sides, view).ok_or_else(no_size)?;
+        let viewport = viewport(sides, view).ok_or_else(|| Box::new(no_size()))?;
         let is_physical =
             sides.iter().all(|s| s.is_none_or(|(_, physical)| physical)) && sides.iter().any(Option::is_some);
         let size = match wanted {
             Some(size) => size,
             None if is_physical => viewport.map(|px| px / PX_PER_MM),
-            None => return Err(no_size()),
+            None => return Err(no_size().into()),
         };
         if size.iter().any(|&s| !(s > 0.0 && s.is_finite())) {
             let text = format!("a page of {} mm x {} mm is not possible", size[0], size[1]);
-            return Err(Diag::input("svg-size", text).hint(SIZE_HINT));
+            return Err(Diag::input("svg-size", text).hint(SIZE_HINT).into());
         }
         if size.iter().any(|&s| s * NM_PER_MM > MAX_NM as f64) {
             let text = format!("the drawing's page measures {} mm x {} mm, more than 4 m", size[0], size[1]);
             return Err(Diag::input("texture-far", text)
-                .hint("check the units of width and height, or give the texture a size"));
+                .hint("check the units of width and height, or give the texture a size")
+                .into());
         }
         let stretch = [size[0] / viewport[0], size[1] / viewport[1]];
         let page = Map::scale(stretch[0], -stretch[1], [0.0, size[1]]);
@@ -98,10 +99,10 @@ pub(super) fn aspect(node: Node<'_, '_>) -> AspectRatio {
 }
 
 /// A side of the root in px, and whether it is physical; None where it is left open.
-fn side(root: Node<'_, '_>, name: &str) -> Result<Option<(f64, bool)>, Diag> {
+fn side(root: Node<'_, '_>, name: &str) -> Result<Option<(f64, bool)>, Box<Diag>> {
     let Some(text) = root.attribute(name).filter(|t| t.trim() != "auto") else { return Ok(None) };
     let fault = |what: &str| {
-        Diag::input("svg-size", format!("the drawing's {name} {text:?} is {what}")).hint("write it as 100mm")
+        Box::new(Diag::input("svg-size", format!("the drawing's {name} {text:?} is {what}")).hint("write it as 100mm"))
     };
     let length = Length::from_str(text.trim()).map_err(|_| fault("not a length"))?;
     let Some(px) = px(length) else { return Ok(None) };

@@ -22,17 +22,20 @@ const MAX_ATTRIBUTES: usize = 2000;
 
 /// Reads and checks the text of a drawing.
 pub(super) fn read(path: &Path) -> Result<String, Error> {
-    let name = path.display().to_string();
+    let place = Place::file(path.display().to_string());
     let mut bytes = diag::read_file(path, MAX_FILE)?;
     if bytes.starts_with(&[0x1f, 0x8b]) {
-        bytes = unpacked(&bytes).map_err(|d| d.at(Place::file(&name)))?;
+        bytes = unpacked(&bytes).map_err(|d| d.at(place.clone()))?;
     }
-    let text = decoded(bytes).map_err(|d| d.at(Place::file(&name)))?;
-    check(&text).map_err(|(d, at)| d.at(Place::line(&name, diag::line_and_column(&text, at).0)))?;
+    let text = decoded(bytes).map_err(|d| d.at(place))?;
+    check(&text).map_err(|f| {
+        let line = diag::line_and_column(&text, f.at).0;
+        f.diag.at(Place::line(path.display().to_string(), line))
+    })?;
     Ok(text)
 }
 
-fn unpacked(bytes: &[u8]) -> Result<Vec<u8>, Diag> {
+fn unpacked(bytes: &[u8]) -> Result<Vec<u8>, Box<Diag>> {
     let mut out = Vec::new();
     let mut unpacker = flate2::read::MultiGzDecoder::new(bytes).take(MAX_UNPACKED + 1);
     unpacker.read_to_end(&mut out).map_err(|e| {
@@ -40,12 +43,12 @@ fn unpacked(bytes: &[u8]) -> Result<Vec<u8>, Diag> {
     })?;
     if out.len() as u64 > MAX_UNPACKED {
         let text = format!("the drawing unpacks to more than {} MB", MAX_UNPACKED >> 20);
-        return Err(Diag::input("svg-large", text).hint("save it uncompressed and simpler"));
+        return Err(Diag::input("svg-large", text).hint("save it uncompressed and simpler").into());
     }
     Ok(out)
 }
 
-fn decoded(bytes: Vec<u8>) -> Result<String, Diag> {
+fn decoded(bytes: Vec<u8>) -> Result<String, Box<Diag>> {
     let fault = |what: &str| {
         Diag::input("svg-encoding", format!("the drawing is not {what} text")).hint("save it as plain SVG in UTF-8")
     };
@@ -56,12 +59,17 @@ fn decoded(bytes: Vec<u8>) -> Result<String, Diag> {
     };
     if let Some(unit) = wide {
         let units = bytes[2..].chunks_exact(2).map(|c| unit([c[0], c[1]]));
-        return char::decode_utf16(units).collect::<Result<_, _>>().map_err(|_| fault("UTF-16"));
+        return char::decode_utf16(units).collect::<Result<_, _>>().map_err(|_| fault("UTF-16").into());
     }
     match String::from_utf8(bytes) {
-        Ok(text) => Ok(text.strip_prefix('\u{feff}').map_or_else(|| text.clone(), str::to_owned)),
+        Ok(mut text) => {
+            if text.starts_with('\u{feff}') {
+                text.remove(0);
+            }
+            Ok(text)
+        }
         Err(e) if is_declared_latin1(e.as_bytes()) => Ok(e.as_bytes().iter().map(|&b| char::from(b)).collect()),
-        Err(_) => Err(fault("UTF-8")),
+        Err(_) => Err(fault("UTF-8").into()),
     }
 }
 
@@ -76,12 +84,18 @@ pub(super) fn has_entities(text: &str) -> bool {
     text.contains("<!ENTITY")
 }
 
-/// Scans tags without building anything. On a fault answers also where.
-fn check(text: &str) -> Result<(), (Diag, usize)> {
+/// A fault at a byte of the text.
+struct Fault {
+    diag: Diag,
+    at: usize,
+}
+
+/// Scans tags without building anything.
+fn check(text: &str) -> Result<(), Box<Fault>> {
     if has_entities(text) {
         let d = Diag::input("svg-dtd", "the drawing declares XML entities, which are not read")
             .hint("save it as plain SVG, without a document type");
-        return Err((d, text.find("<!ENTITY").unwrap_or_default()));
+        return Err(Fault { diag: d, at: text.find("<!ENTITY").unwrap_or_default() }.into());
     }
     let (mut depth, mut at) = (0usize, 0usize);
     while let Some(open) = text[at..].find('<').map(|i| at + i) {
@@ -102,11 +116,11 @@ fn check(text: &str) -> Result<(), (Diag, usize)> {
             }
             if depth > MAX_DEPTH {
                 let text = format!("the drawing nests elements deeper than {MAX_DEPTH}");
-                return Err((Diag::input("svg-deep", text).hint("ungroup the drawing"), open));
+                return Err(Fault { diag: Diag::input("svg-deep", text).hint("ungroup the drawing"), at: open }.into());
             }
             if tag.attributes > MAX_ATTRIBUTES {
                 let text = format!("an element has more than {MAX_ATTRIBUTES} attributes");
-                return Err((Diag::input("svg-large", text), open));
+                return Err(Fault { diag: Diag::input("svg-large", text).hint("save it as plain SVG"), at: open }.into());
             }
             open + tag.len
         };

@@ -23,7 +23,7 @@ const XLINK: &str = "http://www.w3.org/1999/xlink";
 const MAX_VISITS: usize = 2_000_000;
 
 /// Most comparisons of an element with a rule of the style sheet.
-const MAX_MATCHES: usize = 50_000_000;
+const MAX_MATCHES: usize = 20_000_000;
 
 const SHAPES: [&str; 7] = ["rect", "circle", "ellipse", "line", "polyline", "polygon", "path"];
 
@@ -58,7 +58,7 @@ pub(super) struct Walk<'a, 'input> {
     pub(super) tally: Tally,
 }
 
-type Done = Result<(), Diag>;
+type Done = Result<(), Box<Diag>>;
 
 impl<'a, 'input> Walk<'a, 'input> {
     pub(super) fn new(doc: &'a Document<'input>, tolerance: f64) -> Self {
@@ -127,7 +127,7 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// The state inside an element; None where nothing of it is drawn.
-    fn enter(&mut self, node: Node<'a, 'input>, mut state: State) -> Result<Option<State>, Diag> {
+    fn enter(&mut self, node: Node<'a, 'input>, mut state: State) -> Result<Option<State>, Box<Diag>> {
         self.visits += 1;
         self.matches += self.sheet.rules.len();
         state.depth += 1;
@@ -135,11 +135,13 @@ impl<'a, 'input> Walk<'a, 'input> {
             let text = format!(
                 "the drawing has more than {MAX_VISITS} elements once its uses are expanded, or too large a style sheet"
             );
-            return Err(Diag::input("svg-large", text).hint("replace use by fewer elements, or tile a smaller drawing"));
+            return Err(Diag::input("svg-large", text)
+                .hint("replace use by fewer elements, or tile a smaller drawing")
+                .into());
         }
         if state.depth > MAX_DEPTH {
             let text = format!("the drawing nests elements deeper than {MAX_DEPTH} once its uses are expanded");
-            return Err(Diag::input("svg-deep", text).hint("ungroup the drawing"));
+            return Err(Diag::input("svg-deep", text).hint("ungroup the drawing").into());
         }
         let own = Declared::new(node, &self.sheet);
         if own.is_gone() {
@@ -275,7 +277,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         if !whole {
             self.note(Matter::Fault, node);
         }
-        let dropped = ended.map_err(|stop| self.stopped(stop, node))?;
+        let dropped = ended.map_err(|stop| Box::new(self.stopped(stop, node)))?;
         if dropped.dots {
             self.note(Matter::Dot, node);
         }

@@ -1,0 +1,1 @@
+//! Textures as a job sees them: patterns, drawings, tiles, real files.
