@@ -11,3 +11,4 @@ pub mod spec;
 pub mod surface;
 pub mod texture;
 pub mod units;
+pub mod verify;
