@@ -18,3 +18,4 @@ pub mod surface;
 pub mod texture;
 pub mod trace;
 pub mod units;
+pub mod verify;

@@ -1,0 +1,96 @@
+//! A height map as an implicit triangulation: each cell of samples is cut by the diagonal from its
+//! lower left to its upper right node, and a triangle with a hole among its nodes is not there.
+
+use super::grid::Grid;
+use super::{Crossing, Line, nm};
+use crate::surface::Heightmap;
+
+/// A height map, turned with its part.
+pub(in crate::verify) struct Map {
+    map: Heightmap,
+    grid: Grid,
+    /// Cosine and sine of the part's turn.
+    turn: [f64; 2],
+}
+
+impl Map {
+    /// For a part turned by `turn_rad`; None where the map has no cell.
+    pub(in crate::verify) fn new(map: Heightmap, turn_rad: f64) -> Option<Self> {
+        if map.columns < 2 || map.rows < 2 || map.samples.len() != map.columns.checked_mul(map.rows)? {
+            return None;
+        }
+        let (sin, cos) = turn_rad.sin_cos();
+        let grid = Grid { lo: map.origin_mm.map(nm), size: nm(map.pixel_mm), count: [map.columns - 1, map.rows - 1] };
+        Some(Self { map, grid, turn: [cos, sin] })
+    }
+
+    /// Box of all samples that are no holes, x0 y0 x1 y1 in mm, unturned; None where all are holes.
+    pub(in crate::verify) fn box_mm(map: &Heightmap) -> Option<[f64; 4]> {
+        let mut nodes = [usize::MAX, usize::MAX, 0, 0];
+        for (row, values) in map.samples.chunks(map.columns.max(1)).enumerate() {
+            let solid = |v: &u16| Some(*v) != map.nodata;
+            if let (Some(first), Some(last)) = (values.iter().position(solid), values.iter().rposition(solid)) {
+                nodes = [nodes[0].min(first), nodes[1].min(row), nodes[2].max(last), nodes[3].max(row)];
+            }
+        }
+        let at = |k: usize, i: usize| map.origin_mm[k] + i as f64 * map.pixel_mm;
+        (nodes[0] != usize::MAX).then(|| [at(0, nodes[0]), at(1, nodes[1]), at(0, nodes[2]), at(1, nodes[3])])
+    }
+
+    pub(super) fn altitude(&self) -> f64 {
+        self.grid.size * std::f64::consts::FRAC_1_SQRT_2
+    }
+
+    /// Cuts both triangles of every cell under the line.
+    pub(super) fn crossings(&self, line: &Line, out: &mut Vec<Crossing>) {
+        let [cos, sin] = self.turn;
+        let back = |[x, y]: [f64; 2]| [x * cos + y * sin, y * cos - x * sin];
+        let line = Line { start: back(line.start), dir: back(line.dir), len: line.len };
+        self.grid.along(&line, |column, row| {
+            for upper in [false, true] {
+                self.triangle(&line, [column, row], upper, out);
+            }
+        });
+    }
+
+    /// The triangle right below or left above the diagonal.
+    fn triangle(&self, line: &Line, [column, row]: [usize; 2], upper: bool, out: &mut Vec<Crossing>) {
+        let z = |dx: usize, dy: usize| {
+            let value = self.map.samples[(row + dy) * self.map.columns + column + dx];
+            (Some(value) != self.map.nodata).then(|| nm(self.map.z_mm[0] + f64::from(value) * self.map.z_mm[1]))
+        };
+        let (Some(z00), Some(z11)) = (z(0, 0), z(1, 1)) else { return };
+        let Some(corner) = (if upper { z(0, 1) } else { z(1, 0) }) else { return };
+        let size = self.grid.size;
+        let rise = if upper { [z11 - corner, corner - z00] } else { [corner - z00, z11 - corner] };
+        let grad = rise.map(|r| r / size);
+        let lo = [
+            self.grid.lo[0] + column as f64 * size - line.start[0],
+            self.grid.lo[1] + row as f64 * size - line.start[1],
+        ];
+        // Three half-planes of (x, y) from the cell's corner: past the leg, before the other leg, beside the diagonal.
+        let (near, far) = if upper { (0, 1) } else { (1, 0) };
+        let mut d = [0.0, line.len];
+        clip(&mut d, line.dir[near], lo[near]);
+        clip(&mut d, -line.dir[far], -(lo[far] + size));
+        clip(&mut d, line.dir[far] - line.dir[near], lo[far] - lo[near]);
+        if d[0] < d[1] {
+            let at = |d: f64| z00 + grad[0] * (d * line.dir[0] - lo[0]) + grad[1] * (d * line.dir[1] - lo[1]);
+            let slope2 = grad[0] * grad[0] + grad[1] * grad[1];
+            out.push(Crossing { d, z: d.map(at), slope2, facet: u32::from(upper) });
+        }
+    }
+}
+
+/// Keeps the stretch of `d` on which `d * rate >= least`.
+fn clip(d: &mut [f64; 2], rate: f64, least: f64) {
+    if rate == 0.0 {
+        if least > 0.0 {
+            d[1] = f64::NEG_INFINITY;
+        }
+    } else if rate > 0.0 {
+        d[0] = d[0].max(least / rate);
+    } else {
+        d[1] = d[1].min(least / rate);
+    }
+}

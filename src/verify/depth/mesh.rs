@@ -1,0 +1,282 @@
+//! The facets of a mesh file in a grid.
+//!
+//! Facets are kept in the order of the cells of their centres, so that a line reads memory in order;
+//! each cell lists the facets that touch it in one flat array.
+
+use super::grid::Grid;
+use super::{Crossing, Line, Scratch, nm};
+
+/// A facet in plan view and its plane: z = z0 + grad · (p - corner 0).
+#[derive(Clone, Copy, Debug)]
+struct Facet {
+    corners: [[f64; 2]; 3],
+    z0: f64,
+    grad: [f64; 2],
+}
+
+/// Cells of the grid hold about this many facets each.
+const FACETS_PER_CELL: f64 = 1.0;
+
+/// Facets are entered in cells a little larger than they are, nm, so that rounding loses none.
+const RIM: f64 = 1.0;
+
+/// Collects the facets of a file.
+pub(in crate::verify) struct MeshBuilder {
+    facets: Vec<Facet>,
+    turn: [f64; 2],
+    thinnest: f64,
+    lo: [f64; 2],
+    hi: [f64; 2],
+    extent: f64,
+    /// Box of all corners in the file's own frame, x0 y0 x1 y1, mm.
+    pub(in crate::verify) box_mm: [f64; 4],
+}
+
+impl MeshBuilder {
+    /// For a part turned by `turn_rad`; facets not wider than `thinnest_nm` are left out.
+    pub(in crate::verify) fn new(turn_rad: f64, thinnest_nm: f64) -> Self {
+        let (sin, cos) = turn_rad.sin_cos();
+        Self {
+            facets: Vec::new(),
+            turn: [cos, sin],
+            thinnest: thinnest_nm,
+            lo: [f64::INFINITY; 2],
+            hi: [f64::NEG_INFINITY; 2],
+            extent: 0.0,
+            box_mm: [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY],
+        }
+    }
+
+    /// Adds a facet with corners in mm, part frame.
+    pub(in crate::verify) fn push(&mut self, corners_mm: [[f64; 3]; 3]) {
+        for [x, y, _] in corners_mm {
+            let b = &mut self.box_mm;
+            *b = [b[0].min(x), b[1].min(y), b[2].max(x), b[3].max(y)];
+        }
+        let [cos, sin] = self.turn;
+        let corners = corners_mm.map(|[x, y, _]| [nm(x * cos - y * sin), nm(x * sin + y * cos)]);
+        if altitude(&corners) <= self.thinnest {
+            return;
+        }
+        let [a, b, c] = corners;
+        let [za, zb, zc] = corners_mm.map(|p| nm(p[2]));
+        let (ux, uy, vx, vy) = (b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]);
+        let det = ux * vy - uy * vx;
+        let grad = [((zb - za) * vy - (zc - za) * uy) / det, ((zc - za) * ux - (zb - za) * vx) / det];
+        for k in 0..2 {
+            let (lo, hi) = (a[k].min(b[k]).min(c[k]), a[k].max(b[k]).max(c[k]));
+            self.lo[k] = self.lo[k].min(lo);
+            self.hi[k] = self.hi[k].max(hi);
+            self.extent += hi - lo;
+        }
+        self.facets.push(Facet { corners, z0: za, grad });
+    }
+
+    /// Sorts the facets into the grid.
+    pub(in crate::verify) fn finish(self) -> Mesh {
+        let Self { mut facets, lo, hi, extent, .. } = self;
+        let n = facets.len().max(1) as f64;
+        let (width, height) = if facets.is_empty() { (1.0, 1.0) } else { (hi[0] - lo[0], hi[1] - lo[1]) };
+        let mut size = (width * height * FACETS_PER_CELL / n).sqrt().max(extent / (2.0 * n)).max(1e3);
+        let mut grid = Grid { lo: [0.0; 2], size: 1.0, count: [1; 2] };
+        if !facets.is_empty() {
+            // Long slivers across the grid would fill the memory: the cells grow until they do not.
+            loop {
+                let count = [width, height].map(|e| ((e + 4.0 * RIM) / size) as usize + 1);
+                grid = Grid { lo: [lo[0] - 2.0 * RIM, lo[1] - 2.0 * RIM], size, count };
+                let cells = count[0].saturating_mul(count[1]) as f64;
+                if cells <= 4.0 * n + 64.0 && entries(&facets, &grid, 12 * facets.len() + 64) {
+                    break;
+                }
+                size *= 1.5;
+            }
+        }
+        sort_by_cell(&mut facets, &grid);
+        Mesh::enter(facets, grid)
+    }
+}
+
+/// Smallest height of a triangle, in its own unit.
+fn altitude([a, b, c]: &[[f64; 2]; 3]) -> f64 {
+    let area2 = ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs();
+    let edge = |p: &[f64; 2], q: &[f64; 2]| (q[0] - p[0]).hypot(q[1] - p[1]);
+    let longest = edge(a, b).max(edge(b, c)).max(edge(c, a));
+    if longest > 0.0 { area2 / longest } else { 0.0 }
+}
+
+/// Whether the facets make at most `most` entries in the grid.
+fn entries(facets: &[Facet], grid: &Grid, most: usize) -> bool {
+    let mut count = 0usize;
+    facets.iter().all(|f| {
+        f.rows(grid, |_, columns| count += columns.len());
+        count <= most
+    })
+}
+
+/// Orders the facets by the cell of their centre, in place.
+fn sort_by_cell(facets: &mut [Facet], grid: &Grid) {
+    let cell = |f: &Facet| {
+        let centre = |k: usize| (f.corners[0][k] + f.corners[1][k] + f.corners[2][k]) / 3.0;
+        grid.index(1, centre(1)) * grid.count[0] + grid.index(0, centre(0))
+    };
+    let mut next = vec![0u32; grid.count[0] * grid.count[1] + 1];
+    facets.iter().for_each(|f| next[cell(f) + 1] += 1);
+    for i in 1..next.len() {
+        next[i] += next[i - 1];
+    }
+    let mut target: Vec<u32> = Vec::with_capacity(facets.len());
+    for f in facets.iter() {
+        let slot = &mut next[cell(f)];
+        target.push(*slot);
+        *slot += 1;
+    }
+    for i in 0..facets.len() {
+        while target[i] as usize != i {
+            let t = target[i] as usize;
+            facets.swap(i, t);
+            target.swap(i, t);
+        }
+    }
+}
+
+impl Facet {
+    /// The cells that the facet touches: each row with its columns.
+    fn rows(&self, grid: &Grid, mut visit: impl FnMut(usize, std::ops::Range<usize>)) {
+        let [a, b, c] = self.corners;
+        let (y0, y1) = (a[1].min(b[1]).min(c[1]) - RIM, a[1].max(b[1]).max(c[1]) + RIM);
+        let (r0, r1) = (grid.index(1, y0), grid.index(1, y1));
+        for row in r0..=r1 {
+            let lo = if row == r0 { y0 } else { grid.lo[1] + row as f64 * grid.size - RIM };
+            let hi = if row == r1 { y1 } else { grid.lo[1] + (row + 1) as f64 * grid.size + RIM };
+            let [x0, x1] = self.x_range([lo, hi]);
+            if x0 <= x1 {
+                visit(row, grid.index(0, x0 - RIM)..grid.index(0, x1 + RIM) + 1);
+            }
+        }
+    }
+
+    /// Extent along x of the part between two values of y.
+    fn x_range(&self, [lo, hi]: [f64; 2]) -> [f64; 2] {
+        let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+        let mut add = |x: f64| range = [range[0].min(x), range[1].max(x)];
+        for i in 0..3 {
+            let (p, q) = (self.corners[i], self.corners[(i + 1) % 3]);
+            if (lo..=hi).contains(&p[1]) {
+                add(p[0]);
+            }
+            for y in [lo, hi] {
+                if (p[1] < y) != (q[1] < y) {
+                    add(p[0] + (q[0] - p[0]) * ((y - p[1]) / (q[1] - p[1])));
+                }
+            }
+        }
+        range
+    }
+
+    /// Where the line crosses the facet, if it does over some length.
+    #[inline]
+    fn cross(&self, line: &Line) -> Option<[f64; 2]> {
+        let (mut side, mut along) = ([0.0; 3], [0.0; 3]);
+        for (i, v) in self.corners.iter().enumerate() {
+            let (dx, dy) = (v[0] - line.start[0], v[1] - line.start[1]);
+            side[i] = line.dir[0] * dy - line.dir[1] * dx;
+            along[i] = line.dir[0] * dx + line.dir[1] * dy;
+        }
+        if side.iter().all(|&s| s > 0.0) || side.iter().all(|&s| s < 0.0) {
+            return None;
+        }
+        let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
+        for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+            let d = if side[i] == 0.0 {
+                along[i]
+            } else if side[j] != 0.0 && (side[i] < 0.0) != (side[j] < 0.0) {
+                along[i] + (along[j] - along[i]) * (side[i] / (side[i] - side[j]))
+            } else {
+                continue;
+            };
+            lo = lo.min(d);
+            hi = hi.max(d);
+        }
+        let (lo, hi) = (lo.max(0.0), hi.min(line.len));
+        (lo < hi).then_some([lo, hi])
+    }
+
+    #[inline]
+    fn z_at(&self, [x, y]: [f64; 2]) -> f64 {
+        self.z0 + self.grad[0] * (x - self.corners[0][0]) + self.grad[1] * (y - self.corners[0][1])
+    }
+}
+
+/// Facets and the grid that finds them.
+pub(in crate::verify) struct Mesh {
+    facets: Vec<Facet>,
+    grid: Grid,
+    /// Where the list of each cell begins; one more at the end.
+    first: Vec<u32>,
+    listed: Vec<u32>,
+}
+
+impl Mesh {
+    fn enter(facets: Vec<Facet>, grid: Grid) -> Self {
+        let cells = grid.count[0] * grid.count[1];
+        let mut first = vec![0u32; cells + 1];
+        for f in &facets {
+            f.rows(&grid, |row, columns| {
+                first[row * grid.count[0]..][columns].iter_mut().for_each(|n| *n += 1);
+            });
+        }
+        // Ends of the lists now, made starts by filling each list from its back.
+        let mut sum = 0;
+        for n in &mut first {
+            sum += *n;
+            *n = sum;
+        }
+        let mut listed = vec![0u32; sum as usize];
+        for (i, f) in facets.iter().enumerate().rev() {
+            f.rows(&grid, |row, columns| {
+                for slot in &mut first[row * grid.count[0]..][columns] {
+                    *slot -= 1;
+                    listed[*slot as usize] = i as u32;
+                }
+            });
+        }
+        Self { facets, grid, first, listed }
+    }
+
+    /// How many facets are kept.
+    #[cfg(test)]
+    pub(super) fn len(&self) -> usize {
+        self.facets.len()
+    }
+
+    pub(super) fn altitude(&self, facet: u32) -> f64 {
+        altitude(&self.facets[facet as usize].corners)
+    }
+
+    /// Cuts every facet under the line.
+    pub(super) fn crossings(&self, line: &Line, scratch: &mut Scratch) {
+        let Scratch { crossings, seen, query, .. } = scratch;
+        if seen.len() != self.facets.len() || *query == u32::MAX {
+            seen.clear();
+            seen.resize(self.facets.len(), 0);
+            *query = 0;
+        }
+        *query += 1;
+        self.grid.along(line, |column, row| {
+            let cell = row * self.grid.count[0] + column;
+            for &i in &self.listed[self.first[cell] as usize..self.first[cell + 1] as usize] {
+                let seen = &mut seen[i as usize];
+                if *seen == *query {
+                    continue;
+                }
+                *seen = *query;
+                let facet = &self.facets[i as usize];
+                if let Some(d) = facet.cross(line) {
+                    let z = d.map(|d| facet.z_at(line.at(d)));
+                    let slope2 = facet.grad[0] * facet.grad[0] + facet.grad[1] * facet.grad[1];
+                    crossings.push(Crossing { d, z, slope2, facet: i });
+                }
+            }
+        });
+    }
+}

@@ -1,0 +1,206 @@
+//! What the job itself says: machine, depth, pens, surface and texture, made anew from the job file.
+
+use std::path::{Path, PathBuf};
+
+use super::depth::{Map, MeshBuilder, Shape};
+use super::read::manifest::Manifest;
+use super::unusable;
+use crate::diag::Error;
+use crate::geom::NM_PER_MM;
+use crate::machine::Machine;
+use crate::program::Pen;
+use crate::spec::{AreaSpec, DepthRule, Format, Job, Level, Pattern, TextureSpec};
+use crate::surface::{self, Content};
+use crate::texture::{self, Texture};
+use crate::units::Length;
+
+/// Facets up to this width in plan view, nm, have no height of their own: rounding to the nanometre
+/// may have closed them.
+const THINNEST: f64 = 2.0;
+
+/// Where the job file and its inputs lie.
+pub(super) struct Inputs {
+    /// The job file.
+    pub(super) job: PathBuf,
+}
+
+impl Inputs {
+    pub(super) fn locate(folder: &Path, manifest: &Manifest, inputs_override: Option<&Path>) -> Self {
+        let named = Path::new(&manifest.job.file);
+        let job = match inputs_override {
+            Some(root) => root.join(named.file_name().unwrap_or(named.as_os_str())),
+            None => folder.join(named),
+        };
+        Self { job }
+    }
+    /// A path that is relative to the job file.
+    pub(super) fn resolve(&self, file: &str) -> PathBuf {
+        self.job.parent().unwrap_or(Path::new("")).join(file)
+    }
+}
+
+/// The numbers that the rules are held against.
+#[derive(Clone, Debug)]
+pub(super) struct Facts {
+    pub(super) machine: Machine,
+    pub(super) pdof: Length,
+    pub(super) depth_range: Length,
+    pub(super) level: Level,
+    pub(super) rule: DepthRule,
+    pub(super) max_incidence_rad: f64,
+    pub(super) min_mark_nm: f64,
+    pub(super) weld_nm: f64,
+    pub(super) turn_deg: f64,
+    /// Part origin in the table frame, nm, where the job states one.
+    pub(super) origin: Option<[Option<i64>; 3]>,
+    /// Pens of the job; None where the job could not be read.
+    pub(super) pens: Option<Vec<Pen>>,
+    /// Formats that the job asks for.
+    pub(super) formats: Vec<Format>,
+}
+
+impl Facts {
+    /// What the manifest says of the job, where the job itself cannot be had. Enough for the rules
+    /// that need no inputs.
+    pub(super) fn from_manifest(m: &Manifest) -> Self {
+        Self {
+            machine: m.machine.clone(),
+            pdof: Length::mm(m.focus.pdof_mm),
+            depth_range: Length::mm(m.focus.depth_range_mm),
+            level: m.focus.level,
+            rule: m.focus.rule,
+            max_incidence_rad: 0.0,
+            min_mark_nm: 0.0,
+            weld_nm: 0.0,
+            turn_deg: m.placement.turn_deg,
+            origin: None,
+            pens: None,
+            formats: Vec::new(),
+        }
+    }
+
+    fn from_job(job: &Job, machine: Machine) -> Self {
+        let file = &job.file;
+        let pens = file.pen.iter().map(|p| Pen {
+            name: p.name.clone(),
+            speed: p.speed,
+            power: p.power,
+            frequency: p.frequency,
+            passes: p.passes,
+        });
+        Self {
+            machine,
+            pdof: job.pdof(),
+            depth_range: job.depth_range(),
+            level: file.focus.level,
+            rule: file.focus.rule,
+            max_incidence_rad: file.limits.max_incidence.as_rad(),
+            min_mark_nm: file.partition.min_mark.as_mm() * NM_PER_MM,
+            weld_nm: file.surface.weld.as_mm() * NM_PER_MM,
+            turn_deg: file.placement.turn.as_deg(),
+            origin: file.placement.origin.map(|o| o.map(Length::as_nm)),
+            pens: Some(pens.collect()),
+            formats: file.emit.formats.clone(),
+        }
+    }
+
+    /// Largest distance of a mark from its focal plane, nm. A focal plane in the middle of the
+    /// interval is rounded to the stage increment; a mean one may stand anywhere in it.
+    pub(super) fn defocus_limit_nm(&self) -> f64 {
+        let range = self.depth_range_nm();
+        match self.level {
+            Level::Mid => range / 2.0 + self.machine.increment_nm() as f64 / 2.0,
+            Level::Mean => range,
+        }
+    }
+
+    /// Largest depth range of a block, nm.
+    pub(super) fn depth_range_nm(&self) -> f64 {
+        self.depth_range.as_mm() * NM_PER_MM
+    }
+}
+
+/// Reads the job file and its machine.
+pub(super) fn load(inputs: &Inputs) -> Result<(Job, Facts), Error> {
+    let job = Job::load(&inputs.job)?;
+    let spec = &job.file.machine;
+    let machine = match (&spec.profile, &spec.file) {
+        (Some(name), _) => Machine::built_in(name.get_ref())?,
+        (None, Some(file)) => Machine::load(&job.resolve(file.get_ref()))?,
+        (None, None) => return Err(unusable("machine-missing", "the job names no machine", &inputs.job)),
+    };
+    let facts = Facts::from_job(&job, machine);
+    Ok((job, facts))
+}
+
+/// Reads the surface file, turned as the job says, and its box x0 y0 x1 y1 in mm before the turn.
+pub(super) fn shape(job: &Job) -> Result<(Shape, [f64; 4]), Error> {
+    let path = job.resolve(job.file.surface.file.get_ref());
+    let turn = job.file.placement.turn.as_rad();
+    let mut builder = MeshBuilder::new(turn, THINNEST);
+    let content = surface::read(&path, &surface_options(job), &mut Vec::new(), &mut |f| builder.push(f))?;
+    let empty = || unusable("surface-empty", "the surface file holds no surface", &path);
+    match content {
+        Content::Facets(0) => Err(empty()),
+        Content::Facets(_) => {
+            let box_mm = builder.box_mm;
+            Ok((Shape::Mesh(builder.finish()), box_mm))
+        }
+        Content::Heightmap(map) => {
+            let box_mm = Map::box_mm(&map).ok_or_else(empty)?;
+            Ok((Shape::Map(Map::new(map, turn).ok_or_else(empty)?), box_mm))
+        }
+    }
+}
+
+/// Places the textures of the job.
+pub(super) fn texture(job: &Job, part_box_mm: [f64; 4]) -> Result<Texture, Error> {
+    let requests: Vec<_> =
+        job.file.texture.iter().enumerate().map(|(i, t)| texture_request(job, t, job.pen_of(i))).collect();
+    Texture::load(&requests, part_box_mm, job.file.placement.turn.as_rad(), &mut Vec::new())
+}
+
+// To be replaced by Job::surface_options and Job::texture_requests once they are in `spec`.
+
+fn surface_options(job: &Job) -> surface::Options {
+    let s = &job.file.surface;
+    surface::Options {
+        unit_mm: s.unit.map(|u| u.in_mm()),
+        heightmap: s.heightmap.as_ref().map(|h| surface::Scale {
+            pixel_mm: h.pixel.as_mm(),
+            z_mm: h.z.map(Length::as_mm),
+            values: h.values.as_ref().map(|v| *v.get_ref()),
+            nodata: h.nodata,
+            origin_mm: h.origin.map(Length::as_mm),
+        }),
+        max_edge_mm: s.max_edge.map(Length::as_mm),
+    }
+}
+
+fn texture_request(job: &Job, t: &TextureSpec, pen: usize) -> texture::Request {
+    let mm = |l: Option<Length>| l.map_or(0.0, Length::as_mm);
+    let kind = match (&t.pattern, &t.file) {
+        (Some(p), _) => match p.get_ref() {
+            Pattern::Hatch => {
+                texture::Kind::Hatch { pitch_mm: mm(t.pitch), direction_rad: t.direction.map_or(0.0, |d| d.as_rad()) }
+            }
+            Pattern::Hilbert => texture::Kind::Hilbert { order: t.order.as_ref().map_or(1, |o| *o.get_ref()) },
+            Pattern::Squares => texture::Kind::Squares { cell_mm: mm(t.cell), pitch_mm: mm(t.pitch) },
+            Pattern::Circles => texture::Kind::Circles { cell_mm: mm(t.cell), pitch_mm: mm(t.pitch) },
+        },
+        (None, file) => texture::Kind::Drawing {
+            path: job.resolve(file.as_ref().map_or(Path::new(""), |f| f.get_ref())),
+            size_mm: t.size.map(|s| s.map(Length::as_mm)),
+            origin_mm: t.origin.map(|o| o.map(Length::as_mm)),
+            turn_rad: t.turn.as_rad(),
+            tile: t.tile,
+        },
+    };
+    let area = match t.area.as_ref().map(|a| a.get_ref()) {
+        Some(AreaSpec::Named(_)) => texture::Area::Part,
+        Some(AreaSpec::Rectangle(r)) => texture::Area::Rectangle(r.map(Length::as_mm)),
+        None if t.pattern.is_some() => texture::Area::Part,
+        None => texture::Area::Unlimited,
+    };
+    texture::Request { kind, area, tolerance_mm: t.tolerance.as_mm(), pen: u16::try_from(pen).unwrap_or(u16::MAX) }
+}

@@ -1,0 +1,109 @@
+//! The independent proof: re-reads an emitted job folder and holds every rule against it.
+//!
+//! Consumes a job folder, and the job file and inputs that it names; promises a [`Proof`] with each
+//! rule, what was held against it and where it is broken. Files are read by readers of this room's own
+//! (`read`), heights are found on the surface file's own facets (`depth`), texture strokes are placed
+//! anew; nothing here calls what divided, cut, ordered or wrote the program.
+//!
+//! Every fault has one owner. The rules of geometry judge `program.txt`; `agreement` ties the drawings,
+//! the stage programs, the OVF and the manifest to it, number by number; `hash` ties bytes to the
+//! manifest. So a damaged drawing breaks agreement and leaves depth alone. `docs/verify.md` lists the
+//! rules with their tolerances and limits.
+//!
+//! Units: nm, integer in files and f64 under `depth`; mm and um only in the proof.
+
+mod depth;
+mod facts;
+mod proof;
+mod read;
+mod rules;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+pub use proof::{Lengths, Proof, Rule, Violation};
+
+use crate::diag::{Diag, Error, Place};
+use crate::geom::P2;
+use depth::Ground;
+use facts::{Facts, Inputs};
+use read::manifest::Manifest;
+use read::program::ProgramFile;
+use rules::Findings;
+
+/// The texture strokes as placed anew, by number.
+pub(crate) struct Drawing<'a> {
+    /// How many strokes there are.
+    len: usize,
+    /// Writes the points of a stroke into the cleared buffer and answers with its pen.
+    stroke: &'a dyn Fn(usize, &mut Vec<P2>) -> u16,
+    /// What a stroke comes from, for messages.
+    element: &'a dyn Fn(usize) -> String,
+}
+
+/// Verifies the job folder at `folder`. Job file and inputs are where the manifest says, or in
+/// `inputs_override`: a folder that holds the job file and, relative to it, its inputs.
+///
+/// # Errors
+/// `job-folder` and `manifest` where there is no readable manifest; faults of a job file or an input
+/// whose bytes are as when the job was compiled, yet cannot be read. Anything else that is wrong with
+/// the folder is a violation in the proof.
+pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Error> {
+    let manifest = read::manifest::read(folder)?;
+    let mut findings = Findings::new();
+    let inputs = Inputs::locate(folder, &manifest, inputs_override);
+    let unchanged = rules::hash::check(folder, &manifest, &inputs, &mut findings.hash);
+    let program = read_program(folder, &mut findings);
+    if !unchanged {
+        // The job cannot be made anew: what the folder says of itself can still be compared.
+        let facts = Facts::from_manifest(&manifest);
+        if let Some(program) = &program {
+            rules::without_inputs(folder, &manifest, program, &facts, &mut findings);
+        }
+        return Ok(findings.into_proof());
+    }
+    let (job, facts) = facts::load(&inputs)?;
+    let Some(program) = program else { return Ok(findings.into_proof()) };
+    let (shape, box_mm) = facts::shape(&job)?;
+    let ground = Ground::new(shape, facts.max_incidence_rad, facts.weld_nm);
+    let texture = facts::texture(&job, box_mm)?;
+    let drawing =
+        Drawing { len: texture.len(), stroke: &|i, out| texture.stroke(i, out), element: &|i| texture.element(i) };
+    check_folder(folder, &manifest, &program, &facts, &drawing, &ground, &mut findings);
+    Ok(findings.into_proof())
+}
+
+/// All rules but `hash`, on what was read and made anew.
+fn check_folder(
+    folder: &Path,
+    manifest: &Manifest,
+    program: &ProgramFile,
+    facts: &Facts,
+    drawing: &Drawing<'_>,
+    ground: &Ground,
+    findings: &mut Findings,
+) {
+    rules::without_inputs(folder, manifest, program, facts, findings);
+    rules::agreement::with_job(manifest, program, facts, &mut findings.agreement);
+    let marks = rules::marks::check(program, facts, ground, findings);
+    let pieces = rules::pieces::check(program, facts, drawing, ground, findings);
+    rules::summary::check(manifest, program, &marks, &pieces, findings);
+}
+
+/// Reads `program.txt`; one that cannot be read agrees with nothing.
+fn read_program(folder: &Path, findings: &mut Findings) -> Option<ProgramFile> {
+    match read::program::read(&folder.join("program.txt")) {
+        Ok(program) => Some(program),
+        Err(fault) => {
+            findings.agreement.ran = true;
+            findings.agreement.broken("", format!("program.txt:{}", fault.line), fault.message);
+            None
+        }
+    }
+}
+
+/// The error for inputs that cannot be used.
+fn unusable(code: &'static str, message: &str, path: &Path) -> Error {
+    Diag::input(code, message).at(Place::file(path.display().to_string())).into()
+}

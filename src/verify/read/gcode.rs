@@ -1,0 +1,209 @@
+//! Reader of the stage programs: LinuxCNC with its handshake, and the plain M0 variant.
+//!
+//! Consumes the text; promises one [`Statement`] per thing that the controller does, in order, with
+//! its line. Coordinates are exact nanometres. What it does not know becomes [`Step::Unknown`], so that
+//! the laser rule can refuse it: nothing is skipped that might move an axis or switch an output.
+
+use super::Fault;
+use super::number::nm_from_decimal;
+
+/// What one line asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::verify) enum Step {
+    /// The comment that begins a block, with the block's name.
+    Block(String),
+    /// Modal G words, in tenths: G61.1 is 611.
+    Modal(Vec<u32>),
+    /// A rapid move to the axis values given, nm.
+    Move([Option<i64>; 3]),
+    /// A wait, s.
+    Dwell(f64),
+    /// M64 P0: START on.
+    OutputOn,
+    /// M65 P0: START off, at once.
+    OutputOff,
+    /// M66 P0: waits for BUSY, high or low, at most so many seconds.
+    Wait { high: bool, seconds: f64 },
+    /// An `if` that asks whether the last wait ran out of time, with its o-number.
+    IfTimeout(u32),
+    /// Its end.
+    EndIf(u32),
+    /// M0: waits for the operator.
+    Pause,
+    /// M5: laser (spindle) off.
+    SpindleOff,
+    /// M2 or M30.
+    End,
+    /// Anything else.
+    Unknown(String),
+}
+
+/// A step and its line, from 1.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::verify) struct Statement {
+    /// Line, from 1.
+    pub(in crate::verify) line: usize,
+    /// What it asks for.
+    pub(in crate::verify) step: Step,
+}
+
+/// Reads a stage program.
+pub(in crate::verify) fn read(bytes: &[u8]) -> Result<Vec<Statement>, Fault> {
+    let text = std::str::from_utf8(bytes).map_err(|_| Fault::new(0, "the file is not text"))?;
+    if !text.ends_with('\n') {
+        return Err(Fault::new(text.lines().count(), "ends in the middle of a line"));
+    }
+    let mut out = Vec::new();
+    for (i, line) in text.lines().enumerate() {
+        let (code, comments) = split_comments(line).map_err(|m| Fault::new(i + 1, m))?;
+        let mut push = |step| out.push(Statement { line: i + 1, step });
+        for comment in comments {
+            if let Some(rest) = comment.trim().strip_prefix("BLOCK ") {
+                push(Step::Block(rest.split_whitespace().next().unwrap_or("").to_owned()));
+            }
+        }
+        let code = code.trim();
+        if !code.is_empty() && code != "%" {
+            push(step(code).unwrap_or_else(|| Step::Unknown(code.to_owned())));
+        }
+    }
+    Ok(out)
+}
+
+/// The code of a line without its comments, and the comments.
+fn split_comments(line: &str) -> Result<(String, Vec<&str>), &'static str> {
+    let (mut code, mut comments, mut rest) = (String::new(), Vec::new(), line);
+    while let Some(at) = rest.find(['(', ';']) {
+        code.push_str(&rest[..at]);
+        if rest[at..].starts_with(';') {
+            return Ok((code, comments));
+        }
+        let Some(end) = rest[at..].find(')') else { return Err("a comment does not end") };
+        comments.push(&rest[at + 1..at + end]);
+        rest = &rest[at + end + 1..];
+    }
+    code.push_str(rest);
+    Ok((code, comments))
+}
+
+fn step(code: &str) -> Option<Step> {
+    if code.starts_with(['o', 'O']) {
+        return o_word(code);
+    }
+    let words = words(code)?;
+    let &[(letter, number), ref rest @ ..] = words.as_slice() else { return None };
+    let rest: &[(char, &str)] = rest;
+    match (letter, number, rest) {
+        ('G', "4" | "04", [('P', seconds)]) => Some(Step::Dwell(positive(seconds)?)),
+        ('G', "0" | "00", [_, ..]) => moved(rest),
+        ('G', ..) if words.iter().all(|w| w.0 == 'G') => {
+            Some(Step::Modal(words.iter().map(|w| tenths(w.1)).collect::<Option<_>>()?))
+        }
+        ('M', "64", [('P', "0")]) => Some(Step::OutputOn),
+        ('M', "65", [('P', "0")]) => Some(Step::OutputOff),
+        ('M', "66", [('P', "0"), ('L', level @ ("3" | "4")), ('Q', seconds)]) => {
+            Some(Step::Wait { high: *level == "3", seconds: positive(seconds)? })
+        }
+        ('M', "0" | "00", []) => Some(Step::Pause),
+        ('M', "5" | "05", []) => Some(Step::SpindleOff),
+        ('M', "2" | "02" | "30", []) => Some(Step::End),
+        _ => None,
+    }
+}
+
+fn moved(words: &[(char, &str)]) -> Option<Step> {
+    let mut to = [None; 3];
+    for (letter, number) in words {
+        let axis = "XYZ".find(*letter)?;
+        if to[axis].is_some() {
+            return None;
+        }
+        to[axis] = Some(nm_from_decimal(number.as_bytes())?);
+    }
+    Some(Step::Move(to))
+}
+
+/// `o101 if [#5399 LT 0]` or `o101 endif`; other conditions are unknown.
+fn o_word(code: &str) -> Option<Step> {
+    let code = code[1..].trim_start();
+    let digits = code.find(|c: char| !c.is_ascii_digit())?;
+    let label: u32 = code[..digits].parse().ok()?;
+    let rest: String = code[digits..].split_whitespace().collect::<String>().to_ascii_uppercase();
+    match rest.as_str() {
+        "IF[#5399LT0]" => Some(Step::IfTimeout(label)),
+        "ENDIF" => Some(Step::EndIf(label)),
+        _ => None,
+    }
+}
+
+/// Letters and the numbers after them; letters in upper case.
+fn words(code: &str) -> Option<Vec<(char, &str)>> {
+    let mut out = Vec::new();
+    let mut rest = code.trim();
+    while let Some(letter) = rest.chars().next() {
+        if !letter.is_ascii_alphabetic() {
+            return None;
+        }
+        let number = rest[1..].trim_start();
+        let end = number.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '-' | '+'))).unwrap_or(number.len());
+        if end == 0 {
+            return None;
+        }
+        out.push((letter.to_ascii_uppercase(), &number[..end]));
+        rest = number[end..].trim_start();
+    }
+    Some(out)
+}
+
+fn positive(number: &str) -> Option<f64> {
+    number.parse().ok().filter(|s: &f64| s.is_finite() && *s >= 0.0)
+}
+
+fn tenths(number: &str) -> Option<u32> {
+    let (whole, tenth) = number.split_once('.').unwrap_or((number, "0"));
+    let tenth: u32 = if tenth.len() == 1 { tenth.parse().ok()? } else { return None };
+    whole.parse::<u32>().ok()?.checked_mul(10)?.checked_add(tenth)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn steps(text: &str) -> Vec<Step> {
+        read(text.as_bytes()).expect("text").into_iter().map(|s| s.step).collect()
+    }
+
+    #[test]
+    fn the_handshake_is_read_step_by_step() {
+        let text = "(terrace)\nG21 G90 G61.1\nM65 P0\n(BLOCK B0001 file=x)\nG0 Z5 ; lift\ng0 x10 Y-20.000001\nG4 P0.1\n\
+            M64 P0\nM66 P0 L3 Q5\no101 if [#5399 LT 0]\n(MSG, no BUSY)\nM2\no101 endif\nM30\n";
+        let expected = [
+            Step::Modal(vec![210, 900, 611]),
+            Step::OutputOff,
+            Step::Block("B0001".into()),
+            Step::Move([None, None, Some(5_000_000)]),
+            Step::Move([Some(10_000_000), Some(-20_000_001), None]),
+            Step::Dwell(0.1),
+            Step::OutputOn,
+            Step::Wait { high: true, seconds: 5.0 },
+            Step::IfTimeout(101),
+            Step::End,
+            Step::EndIf(101),
+            Step::End,
+        ];
+        assert_eq!(steps(text), expected);
+        assert_eq!(read(text.as_bytes()).expect("text")[2].line, 4);
+    }
+
+    #[test]
+    fn what_is_not_known_is_not_skipped() {
+        for line in
+            ["M62 P0", "G1 X5 F100", "G0 X1e3", "G0 X0.0000001", "M64 P1", "M66 P0 L3", "o1 while [1]", "X5", "é"]
+        {
+            assert_eq!(steps(&format!("{line}\n")), [Step::Unknown(line.into())], "{line}");
+        }
+        assert!(read(b"G0 X5").is_err(), "a cut line");
+        assert!(read(b"(open\n").is_err());
+        assert!(read(b"\xff\n").is_err());
+    }
+}

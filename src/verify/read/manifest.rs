@@ -1,0 +1,132 @@
+//! Reader of `manifest.json`: only what verification needs, in structs of its own.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use crate::diag::{self, Diag, Error, Place};
+use crate::machine::Machine;
+use crate::spec::{DepthRule, Level};
+
+/// Name of the manifest in a job folder.
+pub(in crate::verify) const NAME: &str = "manifest.json";
+
+/// Largest manifest that is read: some 600 bytes for each of a million blocks.
+const MAX_FILE: u64 = 1 << 30;
+
+/// The manifest of a job folder.
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct Manifest {
+    /// Version of its form.
+    pub(in crate::verify) schema: u32,
+    /// The job file, relative to the folder.
+    pub(in crate::verify) job: JobRef,
+    /// What the job reads, relative to the job file.
+    pub(in crate::verify) inputs: Vec<FileEntry>,
+    pub(in crate::verify) machine: Machine,
+    pub(in crate::verify) placement: Placement,
+    pub(in crate::verify) focus: Focus,
+    pub(in crate::verify) pens: Vec<PenEntry>,
+    pub(in crate::verify) blocks: Vec<BlockEntry>,
+    /// Every file of the folder but the manifest itself.
+    pub(in crate::verify) files: Vec<FileEntry>,
+    pub(in crate::verify) summary: Summary,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct JobRef {
+    pub(in crate::verify) file: String,
+    pub(in crate::verify) blake3: String,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct FileEntry {
+    pub(in crate::verify) file: String,
+    pub(in crate::verify) bytes: u64,
+    pub(in crate::verify) blake3: String,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct Placement {
+    pub(in crate::verify) origin_mm: [f64; 3],
+    pub(in crate::verify) turn_deg: f64,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct Focus {
+    pub(in crate::verify) pdof_mm: f64,
+    pub(in crate::verify) depth_range_mm: f64,
+    pub(in crate::verify) level: Level,
+    pub(in crate::verify) rule: DepthRule,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct PenEntry {
+    pub(in crate::verify) name: String,
+    pub(in crate::verify) passes: u32,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct BlockEntry {
+    pub(in crate::verify) id: String,
+    pub(in crate::verify) section: [u32; 2],
+    pub(in crate::verify) level: i32,
+    pub(in crate::verify) centre_mm: [f64; 2],
+    pub(in crate::verify) lpfl_mm: f64,
+    pub(in crate::verify) stage: [f64; 3],
+    pub(in crate::verify) z_lo_mm: f64,
+    pub(in crate::verify) z_hi_mm: f64,
+    #[serde(default)]
+    pub(in crate::verify) files: BlockFiles,
+    pub(in crate::verify) strokes: usize,
+    pub(in crate::verify) mark_mm: f64,
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+pub(in crate::verify) struct BlockFiles {
+    #[serde(default)]
+    pub(in crate::verify) dxf: Option<String>,
+}
+
+/// The figures that verification finds again on its own.
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct Summary {
+    pub(in crate::verify) stops: usize,
+    pub(in crate::verify) fragments: usize,
+    pub(in crate::verify) texture_mm: f64,
+    pub(in crate::verify) mark_mm: f64,
+    pub(in crate::verify) overlap_mm: f64,
+    pub(in crate::verify) skipped_mm: f64,
+    pub(in crate::verify) skipped_off_part_mm: f64,
+    pub(in crate::verify) skipped_hidden_mm: f64,
+    pub(in crate::verify) skipped_steep_mm: f64,
+    pub(in crate::verify) skipped_small_mm: f64,
+    pub(in crate::verify) worst_defocus_um: f64,
+}
+
+/// Reads the manifest of the job folder.
+///
+/// # Errors
+/// `job-folder` where there is none, `manifest` where it is no manifest of a known version.
+pub(in crate::verify) fn read(folder: &Path) -> Result<Manifest, Error> {
+    let path = folder.join(NAME);
+    let place = Place::file(path.display().to_string());
+    if !path.is_file() {
+        return Err(Diag::input("job-folder", format!("the folder holds no {NAME}"))
+            .at(Place::file(folder.display().to_string()))
+            .hint("name a job folder as `terrace compile` writes it")
+            .into());
+    }
+    let bytes = diag::read_file(&path, MAX_FILE)?;
+    let broken = |message: String| {
+        Diag::input("manifest", message)
+            .at(place.clone())
+            .hint("the folder is damaged or of another version: compile it again")
+    };
+    let manifest: Manifest =
+        serde_json::from_slice(&bytes).map_err(|e| broken(format!("the manifest cannot be read: {e}")))?;
+    if manifest.schema != 1 {
+        return Err(broken(format!("the manifest has schema {}, known is 1", manifest.schema)).into());
+    }
+    Ok(manifest)
+}

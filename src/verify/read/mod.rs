@@ -1,0 +1,26 @@
+//! Readers of the emitted files, written for verification alone: they share no code with the writers.
+//!
+//! Every reader checks its file as it goes, bounds what it allocates by the bytes there are, and
+//! answers a fault with its line or place, never with a panic.
+
+pub(super) mod dxf;
+pub(super) mod gcode;
+pub(super) mod manifest;
+pub(super) mod number;
+pub(super) mod ovf;
+pub(super) mod program;
+
+/// What is wrong with a text file, and in which line (from 1).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Fault {
+    /// Line, from 1.
+    pub(super) line: usize,
+    /// One sentence.
+    pub(super) message: String,
+}
+
+impl Fault {
+    pub(super) fn new(line: usize, message: impl Into<String>) -> Self {
+        Self { line, message: message.into() }
+    }
+}

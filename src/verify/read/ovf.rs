@@ -1,0 +1,205 @@
+//! Reader of OpenVectorFormat files, with message structs written from the field numbers.
+//!
+//! Consumes the bytes of the file; promises that the parts lie gap-free as the format asks (offset,
+//! vector blocks, shell and look-up table of each work plane, then job shell and job table) and that
+//! every offset and count was checked. Vector blocks are decoded one at a time.
+
+use std::collections::BTreeMap;
+
+use prost::Message;
+
+/// Bytes before the first work plane: magic and offset of the job table.
+const HEADER: usize = 12;
+
+#[derive(Clone, PartialEq, Message)]
+struct JobTable {
+    #[prost(int64, tag = "1")]
+    shell: i64,
+    #[prost(int64, repeated, tag = "2")]
+    planes: Vec<i64>,
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct PlaneTable {
+    #[prost(int64, tag = "1")]
+    shell: i64,
+    #[prost(int64, repeated, tag = "2")]
+    blocks: Vec<i64>,
+}
+
+/// Laser settings; only what a pen states.
+#[derive(Clone, PartialEq, Message)]
+pub(in crate::verify) struct MarkingParams {
+    #[prost(float, tag = "1")]
+    pub(in crate::verify) power_w: f32,
+    #[prost(float, tag = "2")]
+    pub(in crate::verify) speed_mm_s: f32,
+    #[prost(float, tag = "3")]
+    pub(in crate::verify) focus_shift_mm: f32,
+    #[prost(uint64, tag = "7")]
+    pub(in crate::verify) rate_hz: u64,
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct Job {
+    #[prost(btree_map = "int32, message", tag = "3")]
+    params: BTreeMap<i32, MarkingParams>,
+    #[prost(int32, tag = "6")]
+    planes: i32,
+}
+
+/// A work plane without its vector blocks.
+#[derive(Clone, PartialEq, Message)]
+pub(in crate::verify) struct WorkPlane {
+    #[prost(float, tag = "2")]
+    pub(in crate::verify) x_mm: f32,
+    #[prost(float, tag = "3")]
+    pub(in crate::verify) y_mm: f32,
+    #[prost(float, tag = "4")]
+    pub(in crate::verify) z_mm: f32,
+    #[prost(float, tag = "5")]
+    pub(in crate::verify) x_deg: f32,
+    #[prost(float, tag = "6")]
+    pub(in crate::verify) y_deg: f32,
+    #[prost(float, tag = "7")]
+    pub(in crate::verify) z_deg: f32,
+    #[prost(int32, tag = "8")]
+    pub(in crate::verify) blocks: i32,
+    #[prost(uint32, tag = "9")]
+    pub(in crate::verify) repeats: u32,
+    #[prost(int32, tag = "10")]
+    pub(in crate::verify) number: i32,
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct Points {
+    #[prost(float, repeated, tag = "1")]
+    xy: Vec<f32>,
+}
+
+#[derive(Clone, PartialEq, prost::Oneof)]
+enum Vectors {
+    #[prost(message, tag = "1")]
+    Sequence(Points),
+    #[prost(message, tag = "2")]
+    Hatches(Points),
+}
+
+#[derive(Clone, PartialEq, Message)]
+struct VectorBlock {
+    #[prost(oneof = "Vectors", tags = "1, 2")]
+    vectors: Option<Vectors>,
+    #[prost(int32, tag = "50")]
+    params: i32,
+    #[prost(uint64, tag = "54")]
+    repeats: u64,
+}
+
+/// One mark of a vector block.
+pub(in crate::verify) struct Mark<'a> {
+    /// x0 y0 x1 y1 ..., mm.
+    pub(in crate::verify) xy: &'a [f32],
+    /// Key of its marking parameters.
+    pub(in crate::verify) params: i32,
+    /// How often it is marked again.
+    pub(in crate::verify) repeats: u64,
+}
+
+/// A file whose frame was checked.
+pub(in crate::verify) struct OvfFile<'a> {
+    bytes: &'a [u8],
+    planes: Vec<i64>,
+    shell: usize,
+    /// Laser settings by key.
+    pub(in crate::verify) params: BTreeMap<i32, MarkingParams>,
+}
+
+impl<'a> OvfFile<'a> {
+    /// Reads header, job table and job shell.
+    pub(in crate::verify) fn open(bytes: &'a [u8]) -> Result<Self, String> {
+        if bytes.get(..4) != Some(&[0x4c, 0x56, 0x46, 0x21]) {
+            return Err("does not begin with the magic bytes of OVF".into());
+        }
+        let at = offset(bytes, 4)?;
+        let (table, end) = message::<JobTable>(bytes, at)?;
+        if end != bytes.len() {
+            return Err("the job table does not end with the file".into());
+        }
+        let shell = place(table.shell)?;
+        let (job, end) = message::<Job>(bytes, shell)?;
+        if end != at {
+            return Err("a gap lies between job shell and job table".into());
+        }
+        if usize::try_from(job.planes) != Ok(table.planes.len()) {
+            return Err(format!("the job shell says {} work planes, the table {}", job.planes, table.planes.len()));
+        }
+        if place(table.planes.first().copied().unwrap_or(table.shell))? != HEADER {
+            return Err("a gap lies after the header".into());
+        }
+        Ok(Self { bytes, planes: table.planes, shell, params: job.params })
+    }
+
+    /// How many work planes there are.
+    pub(in crate::verify) fn len(&self) -> usize {
+        self.planes.len()
+    }
+
+    /// Reads work plane `i` (below [`OvfFile::len`]); its marks go to `visit` in file order.
+    pub(in crate::verify) fn plane(&self, i: usize, mut visit: impl FnMut(Mark<'_>)) -> Result<WorkPlane, String> {
+        let start = place(self.planes[i])?;
+        let table_at = offset(self.bytes, start)?;
+        let (table, end) = message::<PlaneTable>(self.bytes, table_at)?;
+        let next = self.planes.get(i + 1).map_or(Ok(self.shell), |&n| place(n))?;
+        if end != next {
+            return Err(format!("a gap lies after work plane {i}"));
+        }
+        let mut at = start + 8;
+        for &block in &table.blocks {
+            if place(block)? != at {
+                return Err(format!("a vector block of work plane {i} is not where the table says"));
+            }
+            let (block, end) = message::<VectorBlock>(self.bytes, at)?;
+            at = end;
+            hand_over(&block, &mut visit)?;
+        }
+        if place(table.shell)? != at {
+            return Err(format!("the shell of work plane {i} is not where the table says"));
+        }
+        let (plane, end) = message::<WorkPlane>(self.bytes, at)?;
+        if end != table_at {
+            return Err(format!("a gap lies inside work plane {i}"));
+        }
+        if usize::try_from(plane.blocks) != Ok(table.blocks.len()) {
+            return Err(format!("work plane {i} says {} vector blocks, holds {}", plane.blocks, table.blocks.len()));
+        }
+        Ok(plane)
+    }
+}
+
+fn hand_over(block: &VectorBlock, visit: &mut impl FnMut(Mark<'_>)) -> Result<(), String> {
+    let mut mark = |xy| visit(Mark { xy, params: block.params, repeats: block.repeats });
+    match &block.vectors {
+        Some(Vectors::Sequence(p)) if p.xy.len() >= 4 && p.xy.len().is_multiple_of(2) => mark(&p.xy),
+        Some(Vectors::Hatches(p)) if p.xy.len().is_multiple_of(4) => p.xy.chunks_exact(4).for_each(mark),
+        Some(_) => return Err("a vector block has a broken number of coordinates".into()),
+        None => return Err("a vector block is neither hatches nor a line sequence".into()),
+    }
+    Ok(())
+}
+
+/// A length-delimited message at `at`, and where it ends.
+fn message<M: Message + Default>(bytes: &[u8], at: usize) -> Result<(M, usize), String> {
+    let mut rest = bytes.get(at..).ok_or("an offset lies beyond the file")?;
+    let message = M::decode_length_delimited(&mut rest).map_err(|e| format!("byte {at}: {e}"))?;
+    Ok((message, bytes.len() - rest.len()))
+}
+
+/// The i64 offset that is stored at `at`.
+fn offset(bytes: &[u8], at: usize) -> Result<usize, String> {
+    let stored = at.checked_add(8).and_then(|end| bytes.get(at..end)).ok_or("the file ends inside an offset")?;
+    place(i64::from_le_bytes(stored.try_into().map_err(|_| "the file ends inside an offset")?))
+}
+
+fn place(offset: i64) -> Result<usize, String> {
+    usize::try_from(offset).map_err(|_| format!("offset {offset} is negative"))
+}

@@ -1,0 +1,130 @@
+//! `agreement`: the manifest, the drawings and the OVF say what `program.txt` says. (The stage
+//! programs are compared in `stage`.) Numbers are compared as whole nanometres, those of OVF to one
+//! step of f32. One violation per file or block: the first difference.
+
+use std::path::Path;
+
+use super::planes;
+use crate::diag;
+use crate::geom::{P2, nm_from_mm};
+use crate::machine::Machine;
+use crate::program::{Block, Program};
+use crate::spec::Format;
+use crate::verify::facts::Facts;
+use crate::verify::proof::Rule;
+use crate::verify::read::dxf;
+use crate::verify::read::manifest::{BlockEntry, Manifest};
+use crate::verify::read::program::ProgramFile;
+
+/// Largest drawing of a block, and largest OVF, that is read.
+const MAX_FILE: u64 = 4 << 30;
+
+/// Relative difference at which two stated lengths or angles are still the same number.
+const SAME: f64 = 1e-12;
+
+/// Holds manifest, drawings and OVF against the program.
+pub(in crate::verify) fn check(folder: &Path, manifest: &Manifest, file: &ProgramFile, facts: &Facts, rule: &mut Rule) {
+    rule.ran = true;
+    let program = &file.program;
+    if manifest.placement.origin_mm.map(nm_from_mm) != file.origin.map(Some) {
+        rule.broken("", "manifest.json", "its placement is not the origin of program.txt");
+    }
+    let pens = manifest.pens.iter().map(|p| (p.name.as_str(), p.passes));
+    if !pens.eq(program.pens.iter().map(|p| (p.name.as_str(), p.passes))) {
+        rule.broken("", "manifest.json", "its pens are not those of program.txt");
+    }
+    if manifest.blocks.len() != program.blocks.len() {
+        let text = format!("lists {} blocks, program.txt has {}", manifest.blocks.len(), program.blocks.len());
+        rule.broken("", "manifest.json", text);
+    }
+    for (i, (id, block)) in file.ids.iter().zip(&program.blocks).enumerate() {
+        rule.checked += 1;
+        if *id != Program::block_id(i) {
+            rule.broken(id, "program.txt", format!("block {} of the order is named {id}", i + 1));
+        }
+        let entry = manifest.blocks.get(i);
+        if let Some(difference) = entry.and_then(|e| differs(e, id, block)) {
+            rule.broken(id, "manifest.json", format!("its {difference} is not that of program.txt"));
+        }
+        let drawing = entry.and_then(|e| e.files.dxf.clone());
+        if drawing.is_some() || facts.formats.contains(&Format::Dxf) {
+            let name = drawing.unwrap_or_else(|| format!("blocks/{id}.dxf"));
+            self::drawing(folder, &name, id, program, block, &facts.machine, rule);
+        }
+    }
+    let name = "job.ovf";
+    if facts.formats.contains(&Format::Ovf) || manifest.files.iter().any(|f| f.file == name) {
+        match diag::read_file(&folder.join(name), MAX_FILE) {
+            Ok(bytes) => planes::check(&bytes, name, file, &facts.machine, rule),
+            Err(e) => rule.broken("", name, e.diags().first().map_or("cannot be read", |d| &d.message)),
+        }
+    }
+}
+
+/// Holds manifest and program against the job file.
+pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts: &Facts, rule: &mut Rule) {
+    let near = |a: f64, b: f64| (a - b).abs() <= SAME * b.abs().max(1.0);
+    let f = &manifest.focus;
+    let mut hold = |holds: bool, text: &str| {
+        rule.checked += 1;
+        if !holds {
+            rule.broken("", "manifest.json", text);
+        }
+    };
+    hold(manifest.machine == facts.machine, "its machine is not the one of the job file");
+    hold(near(f.pdof_mm, facts.pdof.as_mm()), "its pdof is not the one of the job file");
+    hold(near(f.depth_range_mm, facts.depth_range.as_mm()), "its depth range is not the one of the job file");
+    hold(f.level == facts.level && f.rule == facts.rule, "its focus level or rule is not the one of the job file");
+    hold(near(manifest.placement.turn_deg, facts.turn_deg), "its turn is not the one of the job file");
+    hold(facts.origin.is_none_or(|o| o == file.origin.map(Some)), "its origin is not the one of the job file");
+    hold(facts.pens.as_ref().is_none_or(|p| *p == file.program.pens), "the pens are not those of the job file");
+}
+
+/// The first thing that differs between a block of the manifest and of the program.
+fn differs(e: &BlockEntry, id: &str, b: &Block) -> Option<&'static str> {
+    let nm = nm_from_mm;
+    let P2 { x, y } = b.stop.centre;
+    [
+        ("id", e.id == id),
+        ("section", e.section == b.stop.section),
+        ("level", e.level == b.stop.level),
+        ("centre", e.centre_mm.map(nm) == [Some(x), Some(y)]),
+        ("focus (lpfl)", nm(e.lpfl_mm) == Some(b.stop.focus)),
+        ("stage target", e.stage.map(nm) == b.stage.map(Some)),
+        ("depth interval", [nm(e.z_lo_mm), nm(e.z_hi_mm)] == [Some(b.z_lo), Some(b.z_hi)]),
+        ("number of strokes", e.strokes == b.strokes.len()),
+    ]
+    .into_iter()
+    .find_map(|(name, same)| (!same).then_some(name))
+}
+
+/// Compares a drawing with its block.
+fn drawing(folder: &Path, name: &str, id: &str, program: &Program, block: &Block, machine: &Machine, rule: &mut Rule) {
+    let bytes = match diag::read_file(&folder.join(name), MAX_FILE) {
+        Ok(bytes) => bytes,
+        Err(e) => return rule.broken(id, name, e.diags().first().map_or("cannot be read", |d| &d.message)),
+    };
+    let strokes = program.strokes_of(block);
+    let layers: Vec<String> = (1..=program.pens.len()).map(|n| format!("{id}_P{n}")).collect();
+    let (mut count, mut first) = (0, None);
+    let read = dxf::read(&bytes, &mut |layer, points| {
+        if let Some(stroke) = strokes.get(count) {
+            let wanted =
+                program.points_of(stroke).iter().map(|&p| machine.scanner.controller_from_field(p).map(i64::from));
+            if layer != layers[usize::from(stroke.pen)].as_bytes() {
+                first.get_or_insert((count, "lies on the layer of another pen"));
+            } else if !wanted.eq(points.iter().copied()) {
+                first.get_or_insert((count, "has other points"));
+            }
+        }
+        count += 1;
+    });
+    rule.checked += count as u64;
+    if let Err(fault) = read {
+        rule.broken(id, format!("{name}:{}", fault.line), fault.message);
+    } else if let Some((stroke, what)) = first {
+        rule.broken(id, name, format!("stroke {} {what} than in program.txt", stroke + 1));
+    } else if count != strokes.len() {
+        rule.broken(id, name, format!("holds {count} strokes, program.txt has {}", strokes.len()));
+    }
+}

@@ -1,0 +1,219 @@
+//! `laser`: the stage programs, run as a state machine. The output is known to be off in every move
+//! and at every end; each group of moves settles before START; both waits are there, each with its
+//! test for a timeout; nothing rounds corners or switches an output behind the moves.
+
+use super::stage::StageFile;
+use crate::machine::Machine;
+use crate::verify::proof::Rule;
+use crate::verify::read::gcode::{Statement, Step};
+
+/// G words, in tenths, that neither move nor change how moves are run: units, plane, offsets off,
+/// exact path, distance mode, feed mode. That units and distance mode are right is for `agreement`.
+const HARMLESS: [u32; 12] = [170, 200, 210, 400, 490, 540, 610, 611, 800, 900, 910, 940];
+
+/// A dwell may be shorter than the settling time by this, s: it is written in decimals.
+const DWELL_ROUNDING: f64 = 1e-6;
+
+/// Holds the rule.
+pub(super) fn check(stages: &[StageFile], machine: &Machine, rule: &mut Rule) {
+    rule.ran = true;
+    for stage in stages {
+        let settle = machine.stage.settle.as_s();
+        let run = Run { stage, rule, settle, block: "", off: false, settled: true, fired: true };
+        if stage.handshake { run.handshake() } else { run.operator() }
+    }
+}
+
+struct Run<'a> {
+    stage: &'a StageFile,
+    rule: &'a mut Rule,
+    settle: f64,
+    block: &'a str,
+    /// Whether the output is known to be off.
+    off: bool,
+    /// Whether the stage stands still since the last move.
+    settled: bool,
+    /// Whether the block has fired.
+    fired: bool,
+}
+
+impl<'a> Run<'a> {
+    fn broken(&mut self, line: usize, message: impl Into<String>) {
+        let place = self.stage.place(line);
+        self.rule.broken(self.block, place, message);
+    }
+
+    fn begin(&mut self, id: &'a str, line: usize) {
+        if !self.fired {
+            self.broken(line, "this block ends without its marks having been started");
+        }
+        (self.block, self.fired) = (id, false);
+    }
+
+    fn dwell(&mut self, seconds: f64, line: usize) {
+        if seconds < self.settle - DWELL_ROUNDING {
+            self.broken(line, format!("the dwell of {seconds} s is shorter than the settling time {} s", self.settle));
+        }
+        self.settled = true;
+    }
+
+    fn moves(&mut self, line: usize) {
+        if !self.off {
+            self.broken(line, "the stage moves while the laser output is not known to be off");
+        }
+        self.settled = false;
+    }
+
+    fn modal(&mut self, codes: &[u32], line: usize) {
+        for &code in codes.iter().filter(|c| !HARMLESS.contains(c)) {
+            let text = match code {
+                640 => "G64 lets the controller round corners".to_owned(),
+                _ => format!("G{} is not expected in a stage program", f64::from(code) / 10.0),
+            };
+            self.broken(line, text);
+        }
+    }
+
+    fn end(&mut self, line: usize) {
+        if !self.off {
+            self.broken(line, "the program ends while the laser output is not known to be off");
+        }
+    }
+
+    fn handshake(mut self) {
+        let statements = &self.stage.statements;
+        let mut i = 0;
+        let mut ended = false;
+        while let Some(Statement { line, step }) = statements.get(i) {
+            self.rule.checked += 1;
+            if ended && !matches!(step, Step::Block(_)) {
+                self.broken(*line, "something follows the end of the program");
+            }
+            i += 1;
+            match step {
+                Step::Block(id) => self.begin(id, *line),
+                Step::Modal(codes) => self.modal(codes, *line),
+                Step::Move(_) => self.moves(*line),
+                Step::Dwell(seconds) => self.dwell(*seconds, *line),
+                Step::OutputOff => self.off = true,
+                Step::OutputOn => i = self.fire(i, *line),
+                Step::End => {
+                    self.end(*line);
+                    ended = true;
+                }
+                other => self.broken(*line, format!("{} is not expected here", name(other))),
+            }
+        }
+        self.finish(ended);
+    }
+
+    /// START at statement `i - 1`: BUSY rises, START falls, BUSY falls. Answers where it goes on.
+    fn fire(&mut self, i: usize, line: usize) -> usize {
+        if !self.settled {
+            self.broken(line, "START comes without a dwell after the stage moved");
+        }
+        (self.off, self.fired) = (false, true);
+        let i = self.wait(i, true, line);
+        let i = match self.stage.statements.get(i) {
+            Some(Statement { step: Step::OutputOff, .. }) => {
+                self.off = true;
+                i + 1
+            }
+            _ => {
+                self.broken(line, "START is not taken back by M65 P0 once BUSY is there");
+                i
+            }
+        };
+        self.wait(i, false, line)
+    }
+
+    /// A wait for BUSY and the test that stops the program when it ran out of time.
+    fn wait(&mut self, i: usize, wanted: bool, line: usize) -> usize {
+        let level = if wanted { "high" } else { "low" };
+        let statements = &self.stage.statements;
+        match statements.get(i).map(|s| &s.step) {
+            Some(Step::Wait { high, .. }) if *high == wanted => {}
+            _ => {
+                self.broken(line, format!("the wait for BUSY {level} is missing after this START"));
+                return i;
+            }
+        }
+        let at = statements[i].line;
+        let Some(Step::IfTimeout(label)) = statements.get(i + 1).map(|s| &s.step) else {
+            self.broken(at, "this wait is not tested for a timeout");
+            return i + 1;
+        };
+        let (mut off, mut stops) = (self.off, false);
+        for (k, s) in statements.iter().enumerate().skip(i + 2) {
+            match &s.step {
+                Step::EndIf(end) if end == label => {
+                    if !stops {
+                        self.broken(at, "a timeout of this wait does not end the program with the output off");
+                    }
+                    return k + 1;
+                }
+                Step::OutputOff => off = true,
+                Step::End => stops |= off,
+                other => {
+                    self.broken(s.line, format!("{} is not expected in the branch for a timeout", name(other)));
+                    return k;
+                }
+            }
+        }
+        self.broken(at, "the branch for a timeout has no end");
+        statements.len()
+    }
+
+    fn operator(mut self) {
+        let mut ended = false;
+        for Statement { line, step } in &self.stage.statements {
+            self.rule.checked += 1;
+            if ended && !matches!(step, Step::Block(_)) {
+                self.broken(*line, "something follows the end of the program");
+            }
+            match step {
+                Step::Block(id) => self.begin(id, *line),
+                Step::Modal(codes) => self.modal(codes, *line),
+                Step::Move(_) => self.moves(*line),
+                Step::Dwell(seconds) => self.dwell(*seconds, *line),
+                Step::SpindleOff => self.off = true,
+                Step::Pause => self.fired = true,
+                Step::End => {
+                    self.end(*line);
+                    ended = true;
+                }
+                other => self.broken(*line, format!("{} is not expected here", name(other))),
+            }
+        }
+        self.finish(ended);
+    }
+
+    fn finish(mut self, ended: bool) {
+        let last = self.stage.statements.last().map_or(1, |s| s.line);
+        if !self.fired {
+            self.broken(last, "this block ends without its marks having been started");
+        }
+        if !ended {
+            self.broken(last, "the program does not end with M2 or M30");
+        }
+    }
+}
+
+/// What a step is called in messages.
+fn name(step: &Step) -> String {
+    match step {
+        Step::Block(_) => "a block".into(),
+        Step::Modal(_) => "a modal word".into(),
+        Step::Move(_) => "a move".into(),
+        Step::Dwell(_) => "a dwell".into(),
+        Step::OutputOn => "M64 P0".into(),
+        Step::OutputOff => "M65 P0".into(),
+        Step::Wait { .. } => "a wait (M66)".into(),
+        Step::IfTimeout(_) => "a test for a timeout".into(),
+        Step::EndIf(_) => "endif".into(),
+        Step::Pause => "M0".into(),
+        Step::SpindleOff => "M5".into(),
+        Step::End => "the end".into(),
+        Step::Unknown(text) => format!("{text:?}"),
+    }
+}

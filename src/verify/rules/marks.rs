@@ -1,0 +1,234 @@
+//! `field`, `depth` and `ground`: every mark, points between vertices included, against the field of
+//! the machine and against the surface file's own facets.
+//!
+//! Depth: a mark lies within the block's stated interval of heights, within the largest deviation from
+//! its focal plane, and the marks of a block within the depth range. Heights carry the tolerance
+//! [`Ground::z_tolerance`].
+
+use super::stretch::{Stretch, confirmed, note};
+use super::{Findings, part_place, part_place_nm};
+use crate::geom::P2;
+use crate::machine::Machine;
+use crate::program::{Block, Stroke};
+use crate::verify::depth::{Ground, Line, Piece, Scratch, Sheet, Slope};
+use crate::verify::facts::Facts;
+use crate::verify::proof::Rule;
+use crate::verify::read::program::ProgramFile;
+
+/// What the marks came to.
+#[derive(Default)]
+pub(in crate::verify) struct Marks {
+    /// Marked length of each block in mm, passes counted.
+    pub(super) block_mm: Vec<f64>,
+    /// Largest distance from a focal plane, nm.
+    pub(super) worst_defocus: f64,
+    /// How far it may be off, nm.
+    pub(super) worst_tolerance: f64,
+}
+
+/// Holds `field`: every point of every stroke.
+pub(in crate::verify) fn field(file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
+    rule.ran = true;
+    for (id, block) in file.ids.iter().zip(&file.program.blocks) {
+        for stroke in file.program.strokes_of(block) {
+            let points = file.program.points_of(stroke);
+            rule.checked += points.len() as u64;
+            if let Some(&[x, y]) = points.iter().find(|&&p| !machine.field_holds(p)) {
+                let c = block.stop.centre;
+                let place = part_place(P2::new(c.x + i64::from(x), c.y + i64::from(y)));
+                let [x, y] = [x, y].map(|v| f64::from(v) / crate::geom::NM_PER_MM);
+                rule.broken(id, place, format!("field point ({x}, {y}) mm lies outside the usable field"));
+            }
+        }
+    }
+}
+
+/// Holds `depth` and `ground`.
+pub(in crate::verify) fn check(file: &ProgramFile, facts: &Facts, ground: &Ground, findings: &mut Findings) -> Marks {
+    let Findings { depth, ground: solid, .. } = findings;
+    (depth.ran, solid.ran) = (true, true);
+    let mut search = Search {
+        file,
+        facts,
+        ground,
+        depth,
+        solid,
+        scratch: Scratch::default(),
+        lines: Vec::new(),
+        low: Vec::new(),
+        off: Vec::new(),
+    };
+    let mut out = Marks::default();
+    let mut slope2 = 0.0f64;
+    for (id, block) in file.ids.iter().zip(&file.program.blocks) {
+        let found = search.block(id, block);
+        out.block_mm.push(found.mark_mm);
+        if found.worst > out.worst_defocus {
+            (out.worst_defocus, out.worst_tolerance) = (found.worst, found.worst_tolerance);
+        }
+        slope2 = slope2.max(found.slope2);
+    }
+    findings.worst_defocus_um = out.worst_defocus / 1e3;
+    findings.worst_incidence_deg = slope2.sqrt().atan().to_degrees();
+    out
+}
+
+/// What the marks of one block came to; heights in nm.
+struct Found {
+    lo: f64,
+    hi: f64,
+    worst: f64,
+    worst_tolerance: f64,
+    slope2: f64,
+    mark_mm: f64,
+}
+
+impl Found {
+    fn add(&mut self, s: &Sheet, focus: f64, ground: &Ground) {
+        self.slope2 = self.slope2.max(s.slope2);
+        let (lo, hi) = (s.z[0].min(s.z[1]), s.z[0].max(s.z[1]));
+        let worst = (hi - focus).max(focus - lo);
+        if lo < self.lo || hi > self.hi || worst > self.worst {
+            // The range is found from heights that are certain, the deviation from those measured.
+            let tolerance = ground.z_tolerance(s.slope2);
+            self.lo = self.lo.min(lo + tolerance);
+            self.hi = self.hi.max(hi - tolerance);
+            if worst > self.worst {
+                (self.worst, self.worst_tolerance) = (worst, tolerance);
+            }
+        }
+    }
+}
+
+struct Search<'a> {
+    file: &'a ProgramFile,
+    facts: &'a Facts,
+    ground: &'a Ground,
+    depth: &'a mut Rule,
+    solid: &'a mut Rule,
+    scratch: Scratch,
+    /// The segments of the stroke at hand.
+    lines: Vec<Line>,
+    /// Where it is too high or low, and where nothing may be marked.
+    low: Vec<Stretch>,
+    off: Vec<Stretch>,
+}
+
+impl Search<'_> {
+    fn block(&mut self, id: &str, block: &Block) -> Found {
+        let focus = block.stop.focus as f64;
+        let limit = self.facts.defocus_limit_nm();
+        let allowed = [(block.z_lo as f64).max(focus - limit), (block.z_hi as f64).min(focus + limit)];
+        let mut found = Found {
+            lo: f64::INFINITY,
+            hi: f64::NEG_INFINITY,
+            worst: 0.0,
+            worst_tolerance: 0.0,
+            slope2: 0.0,
+            mark_mm: 0.0,
+        };
+        if block.z_lo < block.stop.z_lo || block.z_hi > block.stop.z_hi {
+            let text = "the stated interval of its marks is not inside the one that the stop accepts";
+            self.depth.broken(id, part_place(block.stop.centre), text);
+        }
+        for stroke in self.file.program.strokes_of(block) {
+            self.stroke(id, block, stroke, allowed, &mut found);
+        }
+        let range = self.facts.depth_range_nm();
+        if found.hi - found.lo > range + 1.0 {
+            let text = format!("its marks span {:.4} um, more than {:.4} um", (found.hi - found.lo) / 1e3, range / 1e3);
+            self.depth.broken(id, part_place(block.stop.centre), text);
+        }
+        found
+    }
+
+    fn stroke(&mut self, id: &str, block: &Block, stroke: &Stroke, allowed: [f64; 2], found: &mut Found) {
+        let c = block.stop.centre;
+        let part = |p: [i32; 2]| [(c.x + i64::from(p[0])) as f64, (c.y + i64::from(p[1])) as f64];
+        let points = self.file.program.points_of(stroke);
+        let (focus, ground) = (block.stop.focus as f64, self.ground);
+        self.lines.clear();
+        self.low.clear();
+        self.off.clear();
+        let mut length = 0.0;
+        for w in points.windows(2).filter(|w| w[0] != w[1]) {
+            let line = Line::new(part(w[0]), part(w[1]));
+            let segment = self.lines.len();
+            let (low, off) = (&mut self.low, &mut self.off);
+            let cut = ground.along(&line, &mut self.scratch, |p| match &p.sheet {
+                Some(s) if s.slope != Slope::Steep => {
+                    if is_beyond(s, allowed, ground) {
+                        note(low, segment, p.d, line.len);
+                    } else {
+                        found.add(s, focus, ground);
+                    }
+                }
+                _ => note(off, segment, p.d, line.len),
+            });
+            self.depth.checked += cut;
+            self.solid.checked += 1;
+            length += line.len;
+            self.lines.push(line);
+        }
+        found.mark_mm +=
+            length * f64::from(self.file.program.pens[usize::from(stroke.pen)].passes) / crate::geom::NM_PER_MM;
+        if !self.low.is_empty() {
+            self.report_depth(id, block, allowed, found);
+        }
+        if !self.off.is_empty() {
+            self.report_ground(id);
+        }
+    }
+
+    fn report_depth(&mut self, id: &str, block: &Block, allowed: [f64; 2], found: &mut Found) {
+        let (ground, lines) = (self.ground, &self.lines);
+        let bad =
+            |p: &Piece| p.sheet.as_ref().is_some_and(|s| s.slope != Slope::Steep && is_beyond(s, allowed, ground));
+        let runs = confirmed(&self.low, ground, &mut self.scratch, |i| lines[i], bad);
+        let focus = block.stop.focus as f64;
+        let mut worst: Option<([f64; 2], f64)> = None;
+        for s in runs.iter().flat_map(|r| &r.stretches) {
+            let part = lines[s.segment].part(s.d, 0.0);
+            ground.along(&part, &mut self.scratch, |p| {
+                let Some(sheet) = p.sheet.filter(|_| bad(&p)) else { return };
+                for (d, z) in p.d.into_iter().zip(sheet.z) {
+                    if worst.is_none_or(|(_, w)| (z - focus).abs() > (w - focus).abs()) {
+                        worst = Some((part.at(d), z));
+                    }
+                }
+            });
+        }
+        let Some((at, z)) = worst else { return };
+        if (z - focus).abs() > found.worst {
+            found.worst = (z - focus).abs();
+        }
+        let text = format!(
+            "a mark at z {:.6} mm lies {:.4} um from the focal plane at {:.6} mm; {:.6} to {:.6} mm is allowed",
+            z / 1e6,
+            (z - focus).abs() / 1e3,
+            focus / 1e6,
+            allowed[0] / 1e6,
+            allowed[1] / 1e6
+        );
+        self.depth.broken(id, part_place_nm(at), text);
+    }
+
+    fn report_ground(&mut self, id: &str) {
+        let lines = &self.lines;
+        let bad = |p: &Piece| p.sheet.as_ref().is_none_or(|s| s.slope == Slope::Steep);
+        let runs = confirmed(&self.off, self.ground, &mut self.scratch, |i| lines[i], bad);
+        let len: f64 = runs.iter().map(|r| r.len).sum();
+        if let Some(s) = runs.first().and_then(|r| r.stretches.first()) {
+            let text = format!("{:.6} mm of a mark lie off the part or beyond the incidence limit", len / 1e6);
+            self.solid.broken(id, part_place_nm(lines[s.segment].at(s.d[0])), text);
+        }
+    }
+}
+
+fn is_beyond(s: &Sheet, allowed: [f64; 2], ground: &Ground) -> bool {
+    let (lo, hi) = (s.z[0].min(s.z[1]), s.z[0].max(s.z[1]));
+    (lo < allowed[0] || hi > allowed[1]) && {
+        let tolerance = ground.z_tolerance(s.slope2);
+        lo < allowed[0] - tolerance || hi > allowed[1] + tolerance
+    }
+}

@@ -1,0 +1,123 @@
+//! The rules, each with its own file and its own entry in the proof.
+
+pub(super) mod agreement;
+pub(super) mod hash;
+pub(super) mod laser;
+pub(super) mod marks;
+pub(super) mod pieces;
+mod planes;
+mod stage;
+mod stretch;
+pub(super) mod summary;
+pub(super) mod travel;
+
+use std::path::Path;
+
+use super::facts::Facts;
+use super::proof::{Lengths, Proof, Rule};
+use super::read::manifest::Manifest;
+use super::read::program::ProgramFile;
+use crate::geom::{P2, mm_from_nm};
+
+/// The rules and figures while they are being found.
+pub(super) struct Findings {
+    pub(super) hash: Rule,
+    pub(super) agreement: Rule,
+    pub(super) depth: Rule,
+    pub(super) field: Rule,
+    pub(super) travel: Rule,
+    pub(super) laser: Rule,
+    pub(super) ground: Rule,
+    pub(super) source: Rule,
+    pub(super) once: Rule,
+    pub(super) coverage: Rule,
+    pub(super) summary: Rule,
+    pub(super) stops: usize,
+    pub(super) fragments: usize,
+    pub(super) lengths: Lengths,
+    pub(super) worst_defocus_um: f64,
+    pub(super) worst_incidence_deg: f64,
+}
+
+impl Findings {
+    pub(super) fn new() -> Self {
+        Self {
+            hash: Rule::new("hash", "every file is as listed, none is unlisted, and the inputs are unchanged"),
+            agreement: Rule::new("agreement", "program, drawings, stage programs, OVF and manifest say the same"),
+            depth: Rule::new("depth", "every mark lies within the depth of focus of its block"),
+            field: Rule::new("field", "every mark lies in the usable scan field"),
+            travel: Rule::new("travel", "every stage position is the block's, within travel and on the increment"),
+            laser: Rule::new("laser", "the laser is off in every stage move, which settles before the next mark"),
+            ground: Rule::new("ground", "no mark lies off the part or on a slope beyond the limit"),
+            source: Rule::new("source", "every mark is the piece of the texture that it claims to be"),
+            once: Rule::new("once", "nothing is marked twice in a pass"),
+            coverage: Rule::new("coverage", "all texture is marked where the part can be marked"),
+            summary: Rule::new("summary", "lengths and counts are as stated"),
+            stops: 0,
+            fragments: 0,
+            lengths: Lengths::default(),
+            worst_defocus_um: 0.0,
+            worst_incidence_deg: 0.0,
+        }
+    }
+
+    pub(super) fn into_proof(self) -> Proof {
+        let rules = vec![
+            self.hash,
+            self.agreement,
+            self.depth,
+            self.field,
+            self.travel,
+            self.laser,
+            self.ground,
+            self.source,
+            self.once,
+            self.coverage,
+            self.summary,
+        ];
+        Proof {
+            ok: rules.iter().all(|r| r.ran && r.violated == 0),
+            rules,
+            stops: self.stops,
+            fragments: self.fragments,
+            lengths: self.lengths,
+            worst_defocus_um: self.worst_defocus_um,
+            worst_incidence_deg: self.worst_incidence_deg,
+        }
+    }
+}
+
+/// The rules that need the folder alone.
+pub(super) fn without_inputs(
+    folder: &Path,
+    manifest: &Manifest,
+    program: &ProgramFile,
+    facts: &Facts,
+    findings: &mut Findings,
+) {
+    findings.stops = program.program.blocks.len();
+    findings.fragments = program.program.strokes.len();
+    let stages = stage::read(folder, manifest, facts, &mut findings.agreement);
+    agreement::check(folder, manifest, program, facts, &mut findings.agreement);
+    stage::agreement(&stages, program, &facts.machine, &mut findings.agreement);
+    travel::check(&stages, program, &facts.machine, &mut findings.travel);
+    laser::check(&stages, &facts.machine, &mut findings.laser);
+    marks::field(program, &facts.machine, &mut findings.field);
+}
+
+/// A point of the part as the place of a violation.
+fn part_place(p: P2) -> String {
+    let [x, y] = p.mm();
+    format!("part at ({x:.6}, {y:.6}) mm")
+}
+
+/// As [`part_place`], for a point in nm that lies between grid points.
+fn part_place_nm([x, y]: [f64; 2]) -> String {
+    format!("part at ({:.6}, {:.6}) mm", x / crate::geom::NM_PER_MM, y / crate::geom::NM_PER_MM)
+}
+
+/// A stage position in messages.
+fn stage_text(stage: [i64; 3]) -> String {
+    let [x, y, z] = stage.map(mm_from_nm);
+    format!("({x}, {y}, {z}) mm")
+}

@@ -1,0 +1,441 @@
+//! `source`, `once` and `coverage`: the marks as pieces of the texture's strokes.
+//!
+//! Each texture stroke is placed anew; the marks that claim to be its pieces are laid on it by their
+//! own points (a claim is only a hint: inner vertices must be the stroke's, bit for bit, and both ends
+//! lie on it to the nanometre). What two pieces share is marked twice; what none covers must lie where
+//! nothing can be marked. Memory: four bytes per mark, and one texture stroke at a time.
+
+use super::stretch::{Run, Stretch, confirmed, note};
+use super::{Findings, part_place, part_place_nm};
+use crate::geom::{NM_PER_MM, P2, orient};
+use crate::program::{Block, Stroke};
+use crate::verify::Drawing;
+use crate::verify::depth::{Ground, Line, Piece, Scratch, Slope};
+use crate::verify::facts::Facts;
+use crate::verify::proof::{Lengths, Rule};
+use crate::verify::read::program::ProgramFile;
+
+/// A cut point is a point of the stroke rounded to the grid: it lies this near, nm.
+const ON_STROKE: f64 = 1.0;
+
+/// Shares and gaps up to this, nm, are noise of the lengths along a stroke.
+const NOISE: f64 = 0.5;
+
+/// A mark that is not where it claims to be is laid on its stroke if that is this near, nm, so that
+/// one fault is not reported as three.
+const NEAR: f64 = 10_000.0;
+
+/// At most so many astray marks are looked for: the search is slow, and one is enough to refuse.
+const ASTRAY: usize = 1000;
+
+/// What the pieces came to.
+#[derive(Default)]
+pub(in crate::verify) struct Pieces {
+    pub(super) lengths: Lengths,
+    /// How far the division of what is skipped may be off, mm: ends of gaps, facets at the limit.
+    pub(super) doubt_mm: f64,
+}
+
+/// Holds the three rules.
+pub(in crate::verify) fn check(
+    file: &ProgramFile,
+    facts: &Facts,
+    drawing: &Drawing<'_>,
+    ground: &Ground,
+    findings: &mut Findings,
+) -> Pieces {
+    let Findings { source, once, coverage, .. } = findings;
+    (source.ran, once.ran, coverage.ran) = (true, true, true);
+    let mut order: Vec<u32> = (0..file.program.strokes.len() as u32).collect();
+    order.sort_unstable_by_key(|&i| (file.program.strokes[i as usize].source, i));
+    let mut cover = Cover {
+        file,
+        facts,
+        drawing,
+        ground,
+        source,
+        once,
+        coverage,
+        scratch: Scratch::default(),
+        points: Vec::new(),
+        along: Vec::new(),
+        spans: Vec::new(),
+        mark: Vec::new(),
+        astray: Vec::new(),
+        missing: Vec::new(),
+        out: Pieces::default(),
+    };
+    let beyond = order.partition_point(|&i| (file.program.strokes[i as usize].source as usize) < drawing.len);
+    for &i in &order[beyond..] {
+        cover.lost(i, "the texture has no such stroke");
+    }
+    let mut rest = &order[..beyond];
+    for wanted in 0..drawing.len {
+        let count = rest.iter().take_while(|&&i| file.program.strokes[i as usize].source as usize == wanted).count();
+        cover.stroke(wanted, &rest[..count]);
+        rest = &rest[count..];
+    }
+    cover.report_missing();
+    let out = cover.out;
+    findings.lengths = out.lengths;
+    out
+}
+
+/// A mark on its texture stroke: nm along it.
+#[derive(Clone, Copy)]
+struct Span {
+    from: f64,
+    to: f64,
+    mark: u32,
+}
+
+struct Cover<'a> {
+    file: &'a ProgramFile,
+    facts: &'a Facts,
+    drawing: &'a Drawing<'a>,
+    ground: &'a Ground,
+    source: &'a mut Rule,
+    once: &'a mut Rule,
+    coverage: &'a mut Rule,
+    scratch: Scratch,
+    /// The texture stroke at hand, and the length along it to each of its points.
+    points: Vec<P2>,
+    along: Vec<f64>,
+    spans: Vec<Span>,
+    /// The mark at hand in drawing direction, part frame.
+    mark: Vec<P2>,
+    /// Ends of marks that lie on no stroke that they claim.
+    astray: Vec<[P2; 2]>,
+    /// Unmarked stretches; they are reported once all astray marks are known.
+    missing: Vec<Missing>,
+    out: Pieces,
+}
+
+/// An unmarked stretch: the ends of its gap, and what to say of it.
+struct Missing {
+    ends: [[f64; 2]; 2],
+    block: Option<usize>,
+    place: String,
+    text: String,
+}
+
+impl Cover<'_> {
+    fn stroke(&mut self, number: usize, marks: &[u32]) {
+        let pen = (self.drawing.stroke)(number, &mut self.points);
+        if self.points.len() < 2 {
+            return marks.iter().for_each(|&i| self.lost(i, "the texture has no points there"));
+        }
+        self.along.clear();
+        let mut sum = 0.0;
+        self.along.push(0.0);
+        for w in self.points.windows(2) {
+            sum += w[0].distance(w[1]);
+            self.along.push(sum);
+        }
+        let passes = self.file.program.pens.get(usize::from(pen)).map_or(1.0, |p| f64::from(p.passes));
+        self.out.lengths.texture_mm += sum * passes / NM_PER_MM;
+        self.spans.clear();
+        for &i in marks {
+            self.place(i, number, pen, passes);
+        }
+        self.spans.sort_unstable_by(|a, b| a.from.total_cmp(&b.from).then(a.mark.cmp(&b.mark)));
+        let spans = std::mem::take(&mut self.spans);
+        let mut covered: Option<Span> = None;
+        for span in &spans {
+            let to = covered.map_or(0.0, |c| c.to);
+            self.once.checked += 1;
+            if span.from > to + NOISE {
+                self.gap(number, [to, span.from], passes, [covered, Some(*span)]);
+            } else if span.from < to - NOISE {
+                self.twice(*span, span.to.min(to) - span.from, passes);
+            }
+            if span.to > to {
+                covered = Some(*span);
+            }
+        }
+        let to = covered.map_or(0.0, |c| c.to);
+        if sum > to + NOISE {
+            self.gap(number, [to, sum], passes, [covered, None]);
+        }
+        self.coverage.checked += 1;
+        self.spans = spans;
+    }
+
+    /// Lays a mark on the stroke that it claims.
+    fn place(&mut self, i: u32, number: usize, pen: u16, passes: f64) {
+        self.source.checked += 1;
+        let stroke = self.file.program.strokes[i as usize];
+        let block = self.load(i, &stroke);
+        let length: f64 = self.mark.windows(2).map(|w| w[0].distance(w[1])).sum();
+        self.out.lengths.mark_mm += length * passes / NM_PER_MM;
+        let segment = stroke.segment as usize;
+        let fault = match self.fit(segment).or_else(|why| self.fit_beyond(segment).ok_or(why)) {
+            Ok([from, to]) => {
+                self.spans.push(Span { from, to, mark: i });
+                (stroke.pen != pen).then(|| "it is marked with another pen than it is drawn with".to_owned())
+            }
+            Err(why) => {
+                if let Some([from, to]) = self.search() {
+                    self.spans.push(Span { from, to, mark: i });
+                } else if self.astray.len() < ASTRAY {
+                    self.astray.extend(self.ends());
+                }
+                Some(why.to_owned())
+            }
+        };
+        if let Some(fault) = fault {
+            let text = format!("mark of {}, segment {segment}: {fault}", (self.drawing.element)(number));
+            let place = self.mark.first().map_or(String::new(), |&p| part_place(p));
+            self.source.broken(&self.file.ids[block], place, text);
+        }
+    }
+
+    /// Notes a mark that claims a stroke that is not there.
+    fn lost(&mut self, i: u32, why: &str) {
+        self.source.checked += 1;
+        let stroke = self.file.program.strokes[i as usize];
+        let block = self.load(i, &stroke);
+        let passes = f64::from(self.file.program.pens[usize::from(stroke.pen)].passes);
+        let length: f64 = self.mark.windows(2).map(|w| w[0].distance(w[1])).sum();
+        self.out.lengths.mark_mm += length * passes / NM_PER_MM;
+        if self.astray.len() < ASTRAY {
+            self.astray.extend(self.ends());
+        }
+        let place = self.mark.first().map_or(String::new(), |&p| part_place(p));
+        self.source.broken(&self.file.ids[block], place, format!("mark of stroke {}: {why}", stroke.source));
+    }
+
+    /// Fills [`Cover::mark`] and answers with the mark's block.
+    fn load(&mut self, i: u32, stroke: &Stroke) -> usize {
+        let program = &self.file.program;
+        let block = program.blocks.partition_point(|b| b.strokes.end <= i as usize);
+        let c = program.blocks[block].stop.centre;
+        let points = program.points_of(stroke).iter().map(|p| P2::new(c.x + i64::from(p[0]), c.y + i64::from(p[1])));
+        self.mark.clear();
+        self.mark.extend(points);
+        if stroke.reversed {
+            self.mark.reverse();
+        }
+        block
+    }
+
+    fn ends(&self) -> Option<[P2; 2]> {
+        Some([*self.mark.first()?, *self.mark.last()?])
+    }
+
+    /// Where the mark lies along the stroke, if it is the piece that begins on `segment`.
+    fn fit(&self, segment: usize) -> Result<[f64; 2], &'static str> {
+        let inner = &self.mark[1..self.mark.len() - 1];
+        let last = segment.saturating_add(inner.len());
+        if last.saturating_add(1) >= self.points.len() {
+            return Err("the stroke has no such segment");
+        }
+        if self.points[segment + 1..=last] != *inner {
+            return Err("its inner points are not the stroke's");
+        }
+        let from = self.on_segment(segment, self.mark[0]).ok_or("it does not begin on that segment")?;
+        let to = self.on_segment(last, self.mark[self.mark.len() - 1]).ok_or("it does not end on its last segment")?;
+        if from < to { Ok([from, to]) } else { Err("it runs against the direction that it claims") }
+    }
+
+    /// A cut point that was rounded onto the end of its segment is the beginning of the next.
+    fn fit_beyond(&self, segment: usize) -> Option<[f64; 2]> {
+        let next = segment.checked_add(1)?;
+        (self.points.get(next) == self.mark.first()).then(|| self.fit(next).ok()).flatten()
+    }
+
+    /// Length along the stroke of a point of segment `k`.
+    fn on_segment(&self, k: usize, p: P2) -> Option<f64> {
+        let (d, aside) = self.project(k, p);
+        let len = self.along[k + 1] - self.along[k];
+        let end = (-ON_STROKE..=len + ON_STROKE).contains(&d);
+        (end && aside <= ON_STROKE).then(|| self.along[k] + d.clamp(0.0, len))
+    }
+
+    /// Distance of `p` along and aside of segment `k`.
+    fn project(&self, k: usize, p: P2) -> (f64, f64) {
+        let (a, b) = (self.points[k], self.points[k + 1]);
+        let len = a.distance(b);
+        let dot = (b.x - a.x) as f64 * (p.x - a.x) as f64 + (b.y - a.y) as f64 * (p.y - a.y) as f64;
+        // The end itself, whatever the rounding of its length.
+        let d = if p == b { self.along[k + 1] - self.along[k] } else { dot / len };
+        (d, orient(a, b, p).abs() / len)
+    }
+
+    /// Lays a mark that is not what it claims on the stroke where its ends come nearest.
+    fn search(&self) -> Option<[f64; 2]> {
+        if self.astray.len() >= ASTRAY || self.source.violated >= ASTRAY as u64 {
+            return None;
+        }
+        let nearest = |p: P2| {
+            let mut best = (NEAR, None);
+            for k in 0..self.points.len() - 1 {
+                let (d, aside) = self.project(k, p);
+                let len = self.along[k + 1] - self.along[k];
+                let beyond = (-d).max(d - len).max(0.0);
+                if aside.hypot(beyond) < best.0 {
+                    best = (aside.hypot(beyond), Some(self.along[k] + d.clamp(0.0, len)));
+                }
+            }
+            best.1
+        };
+        let [a, b] = self.ends()?.map(nearest);
+        let (a, b) = (a?, b?);
+        Some([a.min(b), a.max(b)])
+    }
+
+    fn twice(&mut self, span: Span, shared: f64, passes: f64) {
+        if shared <= NOISE {
+            return;
+        }
+        self.out.lengths.overlap_mm += shared * passes / NM_PER_MM;
+        let text = format!("{:.6} mm of this mark are marked by another mark of the same pass", shared / NM_PER_MM);
+        let (block, place) = (self.block_of(span.mark), part_place_nm(self.at(span.from)));
+        self.once.broken(&self.file.ids[block], place, text);
+    }
+
+    fn block_of(&self, mark: u32) -> usize {
+        self.file.program.blocks.partition_point(|b| b.strokes.end <= mark as usize)
+    }
+
+    /// The segment that holds length `s` of the stroke, and how far along it.
+    fn locate(&self, s: f64) -> (usize, f64) {
+        let k = self.along.partition_point(|&a| a <= s).clamp(1, self.points.len() - 1) - 1;
+        (k, s - self.along[k])
+    }
+
+    fn at(&self, s: f64) -> [f64; 2] {
+        let (k, d) = self.locate(s);
+        self.line(k).at(d)
+    }
+
+    fn line(&self, k: usize) -> Line {
+        let [a, b] = [self.points[k], self.points[k + 1]].map(|p| [p.x as f64, p.y as f64]);
+        Line::new(a, b)
+    }
+
+    /// Judges an unmarked part of the stroke.
+    fn gap(&mut self, number: usize, [from, to]: [f64; 2], passes: f64, beside: [Option<Span>; 2]) {
+        let per_nm = passes / NM_PER_MM;
+        self.out.doubt_mm += 2.0 * self.ground.grain() * per_nm;
+        self.out.lengths.skipped_mm += (to - from) * per_nm;
+        let (mut off, mut steep, mut doubt, mut open) = (0.0, 0.0, 0.0, 0.0);
+        let mut list: Vec<Stretch> = Vec::new();
+        let mut scratch = std::mem::take(&mut self.scratch);
+        let (first, last) = (self.locate(from).0, self.locate(to).0);
+        for k in first..=last {
+            let line = self.line(k);
+            let d = [(from - self.along[k]).max(0.0), (to - self.along[k]).min(line.len)];
+            if d[1] <= d[0] {
+                continue;
+            }
+            self.ground.along(&line.part(d, 0.0), &mut scratch, |p| match p.sheet.map(|s| s.slope) {
+                None => off += p.len(),
+                Some(Slope::Steep) => steep += p.len(),
+                Some(Slope::Doubtful) => (steep, doubt) = (steep + p.len(), doubt + p.len()),
+                Some(Slope::Gentle) => {
+                    open += p.len();
+                    note(&mut list, k, p.d.map(|x| x + d[0]), line.len);
+                }
+            });
+        }
+        let gentle = |p: &Piece| p.sheet.is_some_and(|s| s.slope == Slope::Gentle);
+        let runs = if list.is_empty() {
+            Vec::new()
+        } else {
+            confirmed(&list, self.ground, &mut scratch, |k| self.line(k), gentle)
+        };
+        let small: f64 = runs.iter().map(|r| r.len).sum();
+        // What rounding may have put off the part counts as that; so does a cut through a wall.
+        let lengths = &mut self.out.lengths;
+        lengths.skipped_off_part_mm += (off + open - small) * per_nm;
+        lengths.skipped_steep_mm += steep * per_nm;
+        lengths.skipped_small_mm += small * per_nm;
+        self.out.doubt_mm += (doubt + open - small) * per_nm;
+        for run in &runs {
+            if !self.is_small(run, &mut scratch) {
+                self.missing(number, run, [from, to], beside);
+            }
+        }
+        self.scratch = scratch;
+    }
+
+    /// Whether the job lets so short a run go unmarked: shorter than `min_mark` between two cuts, or
+    /// cut again where its height leaves what a block accepts.
+    fn is_small(&self, run: &Run, scratch: &mut Scratch) -> bool {
+        let least = 2.0 * self.facts.min_mark_nm;
+        if run.len < least {
+            return true;
+        }
+        if least == 0.0 {
+            return false;
+        }
+        let start = run.stretches.first().map(|s| self.line(s.segment).at(s.d[0])).unwrap_or_default();
+        let reach = self.facts.machine.usable_field().map(|s| s as f64 / 2.0);
+        let near = |b: &&Block| {
+            let c = [b.stop.centre.x as f64, b.stop.centre.y as f64];
+            (0..2).all(|k| (start[k] - c[k]).abs() <= reach[k])
+        };
+        !self.file.program.blocks.iter().filter(near).any(|b| self.longest_inside(run, b, scratch) >= least)
+    }
+
+    /// The longest part of the run whose heights a block accepts.
+    fn longest_inside(&self, run: &Run, block: &Block, scratch: &mut Scratch) -> f64 {
+        let (lo, hi) = (block.stop.z_lo as f64, block.stop.z_hi as f64);
+        let (mut longest, mut length) = (0.0f64, 0.0);
+        for s in &run.stretches {
+            self.ground.along(&self.line(s.segment).part(s.d, 0.0), scratch, |p| {
+                let Some(sheet) = p.sheet else { return length = 0.0 };
+                let inside = share(sheet.z, [lo, hi]);
+                // A piece that leaves the interval ends the part; its share may begin another.
+                length = if inside == 1.0 { length + p.len() } else { inside * p.len() };
+                longest = longest.max(length);
+            });
+        }
+        longest
+    }
+
+    fn missing(&mut self, number: usize, run: &Run, gap: [f64; 2], beside: [Option<Span>; 2]) {
+        let Some(s) = run.stretches.first() else { return };
+        let missing = Missing {
+            ends: gap.map(|s| self.at(s)),
+            block: beside.into_iter().flatten().next().map(|s| self.block_of(s.mark)),
+            place: part_place_nm(self.line(s.segment).at(s.d[0])),
+            text: format!("{:.6} mm of {} are not marked", run.len / NM_PER_MM, (self.drawing.element)(number)),
+        };
+        if self.missing.len() < ASTRAY {
+            self.missing.push(missing);
+        } else {
+            self.report(&missing);
+        }
+    }
+
+    fn report(&mut self, m: &Missing) {
+        let id = m.block.map_or("", |b| self.file.ids[b].as_str());
+        self.coverage.broken(id, &m.place, &m.text);
+    }
+
+    /// Reports what is not marked, but for what a mark covers that claims another stroke: `source` has
+    /// said so already.
+    fn report_missing(&mut self) {
+        for m in std::mem::take(&mut self.missing) {
+            let is_end =
+                |p: &P2| m.ends.iter().any(|e| (p.x as f64 - e[0]).hypot(p.y as f64 - e[1]) <= 2.0 * ON_STROKE);
+            if !self.astray.iter().any(|ends| ends.iter().all(is_end)) {
+                self.report(&m);
+            }
+        }
+    }
+}
+
+/// How much of a stretch on which the height runs evenly between `z` lies within `[lo, hi]`, 0 to 1.
+fn share(z: [f64; 2], [lo, hi]: [f64; 2]) -> f64 {
+    let (a, b) = (z[0].min(z[1]), z[0].max(z[1]));
+    if a >= lo && b <= hi {
+        1.0
+    } else if a == b {
+        0.0
+    } else {
+        ((b.min(hi) - a.max(lo)) / (b - a)).clamp(0.0, 1.0)
+    }
+}

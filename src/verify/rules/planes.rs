@@ -1,0 +1,108 @@
+//! `agreement` of the OVF: one work plane per block, each mark to one step of f32.
+
+use crate::geom::mm_from_nm;
+use crate::machine::Machine;
+use crate::program::{Block, Program};
+use crate::verify::proof::Rule;
+use crate::verify::read::ovf::{Mark, OvfFile, WorkPlane};
+use crate::verify::read::program::ProgramFile;
+
+/// Compares the OVF with the program.
+pub(super) fn check(bytes: &[u8], name: &str, file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
+    let ovf = match OvfFile::open(bytes) {
+        Ok(ovf) => ovf,
+        Err(fault) => return rule.broken("", name, fault),
+    };
+    let program = &file.program;
+    if ovf.len() != program.blocks.len() {
+        rule.broken(
+            "",
+            name,
+            format!("holds {} work planes, program.txt has {} blocks", ovf.len(), program.blocks.len()),
+        );
+    }
+    for (i, pen) in program.pens.iter().enumerate() {
+        let found = i32::try_from(i + 1).ok().and_then(|key| ovf.params.get(&key));
+        let same = found.is_some_and(|p| {
+            step(p.power_w, pen.power.as_w(machine.laser.max_power))
+                && step(p.speed_mm_s, pen.speed.as_mm_s())
+                && p.rate_hz == (pen.frequency.as_khz() * 1e3).round() as u64
+                && p.focus_shift_mm == 0.0
+        });
+        if !same {
+            rule.broken("", name, format!("the settings of pen {:?} are not those of program.txt", pen.name));
+        }
+    }
+    for (i, (id, block)) in file.ids.iter().zip(&program.blocks).enumerate().take(ovf.len()) {
+        if let Err(fault) = plane(&ovf, i, program, block, machine, rule) {
+            rule.broken(id, name, fault);
+        }
+    }
+}
+
+fn plane(
+    ovf: &OvfFile<'_>,
+    i: usize,
+    program: &Program,
+    block: &Block,
+    machine: &Machine,
+    rule: &mut Rule,
+) -> Result<(), String> {
+    let strokes = program.strokes_of(block);
+    let (mut count, mut first) = (0, None);
+    let mut repeats = Vec::new();
+    let plane = ovf.plane(i, |mark| {
+        if let Some(stroke) = strokes.get(count) {
+            let points = program.points_of(stroke).iter().map(|&p| machine.scanner.controller_from_field(p));
+            if mark.params != i32::from(stroke.pen) + 1 {
+                first.get_or_insert((count, "has the settings of another pen"));
+            } else if !same_points(&mark, points) {
+                first.get_or_insert((count, "has other points"));
+            }
+            if repeats.last() != Some(&(stroke.pen, mark.repeats)) {
+                repeats.push((stroke.pen, mark.repeats));
+            }
+        }
+        count += 1;
+    })?;
+    rule.checked += count as u64;
+    if let Some((stroke, what)) = first {
+        return Err(format!("stroke {} {what} than in program.txt", stroke + 1));
+    }
+    if count != strokes.len() {
+        return Err(format!("holds {count} strokes, program.txt has {}", strokes.len()));
+    }
+    let passes = |repeats: u64| (u64::from(plane.repeats) + 1).checked_mul(repeats.checked_add(1)?);
+    for (pen, repeats) in repeats {
+        if passes(repeats) != Some(u64::from(program.pens[usize::from(pen)].passes)) {
+            return Err(format!("the passes of pen {} are not those of program.txt", pen + 1));
+        }
+    }
+    shell(&plane, i, block)
+}
+
+fn shell(plane: &WorkPlane, i: usize, block: &Block) -> Result<(), String> {
+    let at = [plane.x_mm, plane.y_mm, plane.z_mm];
+    if !at.iter().zip(block.stage).all(|(&mm, nm)| step(mm, mm_from_nm(nm))) {
+        return Err(format!("the work plane stands at {at:?} mm, program.txt says {}", super::stage_text(block.stage)));
+    }
+    if [plane.x_deg, plane.y_deg, plane.z_deg] != [0.0; 3] {
+        return Err("the work plane is tilted".into());
+    }
+    if usize::try_from(plane.number) != Ok(i) {
+        return Err(format!("work plane {i} is numbered {}", plane.number));
+    }
+    Ok(())
+}
+
+fn same_points(mark: &Mark<'_>, points: impl ExactSizeIterator<Item = [i32; 2]>) -> bool {
+    let nm = |v: i32| mm_from_nm(i64::from(v));
+    mark.xy.len() == 2 * points.len()
+        && mark.xy.chunks_exact(2).zip(points).all(|(found, [x, y])| step(found[0], nm(x)) && step(found[1], nm(y)))
+}
+
+/// Whether `found` is `mm` to one step of f32.
+fn step(found: f32, mm: f64) -> bool {
+    let wanted = mm as f32;
+    found >= wanted.next_down() && found <= wanted.next_up()
+}

@@ -1,0 +1,171 @@
+//! The stage programs as read, and the part of `agreement` that concerns them: blocks in the order of
+//! the program, each with its target, reached by a lift where the program asks for one.
+
+use std::path::Path;
+
+use super::stage_text;
+use crate::diag;
+use crate::geom::mm_from_nm;
+use crate::machine::Machine;
+use crate::spec::Format;
+use crate::verify::facts::Facts;
+use crate::verify::proof::Rule;
+use crate::verify::read::gcode::{self, Statement, Step};
+use crate::verify::read::manifest::Manifest;
+use crate::verify::read::program::ProgramFile;
+
+/// Largest stage program that is read.
+const MAX_FILE: u64 = 1 << 30;
+
+/// A stage program that could be read.
+pub(super) struct StageFile {
+    pub(super) name: &'static str,
+    /// Whether it fires by the handshake of LinuxCNC; otherwise an operator does.
+    pub(super) handshake: bool,
+    pub(super) statements: Vec<Statement>,
+}
+
+impl StageFile {
+    pub(super) fn place(&self, line: usize) -> String {
+        format!("{}:{line}", self.name)
+    }
+}
+
+/// Reads the stage programs that the job asks for or the manifest lists.
+pub(super) fn read(folder: &Path, manifest: &Manifest, facts: &Facts, rule: &mut Rule) -> Vec<StageFile> {
+    let mut out = Vec::new();
+    for (name, format, handshake) in [("stage.ngc", Format::Linuxcnc, true), ("stage_m0.nc", Format::Gcode, false)] {
+        if !facts.formats.contains(&format) && !manifest.files.iter().any(|f| f.file == name) {
+            continue;
+        }
+        match diag::read_file(&folder.join(name), MAX_FILE) {
+            Err(e) => rule.broken("", name, e.diags().first().map_or("cannot be read", |d| &d.message)),
+            Ok(bytes) => match gcode::read(&bytes) {
+                Err(fault) => rule.broken("", format!("{name}:{}", fault.line), fault.message),
+                Ok(statements) => out.push(StageFile { name, handshake, statements }),
+            },
+        }
+    }
+    out
+}
+
+/// One commanded move.
+pub(super) struct Moved<'a> {
+    /// Name of the block that it belongs to; empty before the first.
+    pub(super) block: &'a str,
+    pub(super) line: usize,
+    pub(super) to: [Option<i64>; 3],
+}
+
+/// Walks over the moves of a stage program.
+pub(super) struct Positions<'a> {
+    statements: std::slice::Iter<'a, Statement>,
+    block: &'a str,
+}
+
+impl<'a> Positions<'a> {
+    pub(super) fn of(statements: &'a [Statement]) -> Self {
+        Self { statements: statements.iter(), block: "" }
+    }
+}
+
+impl<'a> Iterator for Positions<'a> {
+    type Item = Moved<'a>;
+    fn next(&mut self) -> Option<Moved<'a>> {
+        for s in self.statements.by_ref() {
+            match &s.step {
+                Step::Block(id) => self.block = id,
+                Step::Move(to) => return Some(Moved { block: self.block, line: s.line, to: *to }),
+                _ => {}
+            }
+        }
+        None
+    }
+}
+
+/// Compares the stage programs with the program.
+pub(super) fn agreement(stages: &[StageFile], file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
+    for stage in stages {
+        units(stage, rule);
+        targets(stage, file, machine, rule);
+    }
+}
+
+/// Coordinates mean absolute mm only after G21 and G90.
+fn units(stage: &StageFile, rule: &mut Rule) {
+    let (mut metric, mut absolute) = (false, false);
+    for s in &stage.statements {
+        match &s.step {
+            Step::Modal(codes) => {
+                metric = (metric || codes.contains(&210)) && !codes.contains(&200);
+                absolute = (absolute || codes.contains(&900)) && !codes.contains(&910);
+            }
+            Step::Move(_) if !(metric && absolute) => {
+                return rule.broken("", stage.place(s.line), "a move without G21 and G90 is not in absolute mm");
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The target of a block is where the first group of moves after its comment ends.
+fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
+    let mut at: [Option<i64>; 3] = [None; 3];
+    let mut blocks = file.ids.iter().zip(&file.program.blocks);
+    let mut rest = stage.statements.iter().peekable();
+    while let Some(s) = rest.next() {
+        let id = match &s.step {
+            Step::Block(id) => id,
+            Step::Move(to) => {
+                apply(&mut at, *to);
+                continue;
+            }
+            _ => continue,
+        };
+        rule.checked += 1;
+        let Some((wanted, block)) = blocks.next() else {
+            return rule.broken(id, stage.place(s.line), "the program has no such block any more");
+        };
+        if id != wanted {
+            return rule.broken(
+                wanted,
+                stage.place(s.line),
+                format!("block {id} stands where the program has {wanted}"),
+            );
+        }
+        while rest.peek().is_some_and(|n| matches!(n.step, Step::OutputOff | Step::SpindleOff | Step::Modal(_))) {
+            rest.next();
+        }
+        let (mut first, mut before) = (None, at);
+        while let Some(Statement { step: Step::Move(to), .. }) = rest.peek().copied() {
+            if first.is_none() {
+                (first, before) = (Some(*to), at);
+            }
+            apply(&mut at, *to);
+            rest.next();
+        }
+        if at != block.stage.map(Some) {
+            let found = at.map(|v| v.map_or("unknown".to_owned(), |v| mm_from_nm(v).to_string())).join(", ");
+            let text = format!("the stage is sent to ({found}) mm, the program says {}", stage_text(block.stage));
+            rule.broken(id, stage.place(s.line), text);
+        }
+        if block.retract && !lifts(first, before[2], block.stage[2], machine.stage.z.sign()) {
+            rule.broken(id, stage.place(s.line), "the program asks for a lift on the way here, none is commanded");
+        }
+    }
+    if let Some((id, _)) = blocks.next() {
+        rule.broken(id, stage.name, "this block is missing");
+    }
+}
+
+fn apply(at: &mut [Option<i64>; 3], to: [Option<i64>; 3]) {
+    for k in 0..3 {
+        at[k] = to[k].or(at[k]);
+    }
+}
+
+/// Whether the first move of a group is of z alone and not below where it comes from or goes to.
+fn lifts(first: Option<[Option<i64>; 3]>, from: Option<i64>, to: i64, sign: i64) -> bool {
+    let Some([None, None, Some(z)]) = first else { return false };
+    sign * z >= sign * to && from.is_none_or(|from| sign * z >= sign * from)
+}

@@ -1,0 +1,107 @@
+//! Stretches of a polyline on which something is wrong, and whether it stays wrong when the line is
+//! moved sideways by as much as rounding can have moved an edge.
+//!
+//! A mark may lie exactly on a border or along the top of a wall: then the last nanometre decides what
+//! lies under it, and either side is right. A stretch counts only if it is wrong on the line itself and
+//! on both sides, over more than the grain of the ground.
+
+use crate::verify::depth::{Ground, Line, Piece, Scratch};
+
+/// A part of one segment of a polyline.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stretch {
+    pub(super) segment: usize,
+    /// nm along the segment.
+    pub(super) d: [f64; 2],
+    /// Whether it reaches the segment's end.
+    pub(super) to_end: bool,
+}
+
+impl Stretch {
+    pub(super) fn len(&self) -> f64 {
+        self.d[1] - self.d[0]
+    }
+}
+
+/// Stretches that follow each other without a gap.
+#[derive(Debug)]
+pub(super) struct Run {
+    pub(super) stretches: Vec<Stretch>,
+    pub(super) len: f64,
+}
+
+/// Gaps between stretches up to this, nm, are noise of f64.
+const TOUCH: f64 = 1e-2;
+
+/// Adds a stretch of segment `segment`, which is `whole` nm long, to the list.
+pub(super) fn note(list: &mut Vec<Stretch>, segment: usize, d: [f64; 2], whole: f64) {
+    let to_end = d[1] >= whole - TOUCH;
+    match list.last_mut() {
+        Some(last) if last.segment == segment && d[0] <= last.d[1] + TOUCH => {
+            last.d[1] = last.d[1].max(d[1]);
+            last.to_end = to_end;
+        }
+        _ => list.push(Stretch { segment, d, to_end }),
+    }
+}
+
+/// The runs, longer than the grain, that are `bad` wherever within its reach the line lies.
+pub(super) fn confirmed(
+    list: &[Stretch],
+    ground: &Ground,
+    scratch: &mut Scratch,
+    line: impl Fn(usize) -> Line,
+    bad: impl Fn(&Piece) -> bool,
+) -> Vec<Run> {
+    let grain = ground.grain();
+    let mut kept = Vec::new();
+    for run in runs(list).into_iter().filter(|r| r.len > grain) {
+        for s in run.stretches {
+            let line = line(s.segment);
+            let mut left = vec![s.d];
+            for side in [ground.reach(), -ground.reach()] {
+                let mut moved: Vec<Stretch> = Vec::new();
+                ground.along(&line.part(s.d, side), scratch, |p| {
+                    if bad(&p) {
+                        note(&mut moved, 0, p.d.map(|d| d + s.d[0]), line.len);
+                    }
+                });
+                left = common(&left, &moved);
+            }
+            left.into_iter().for_each(|d| note(&mut kept, s.segment, d, line.len));
+        }
+    }
+    runs(&kept).into_iter().filter(|r| r.len > grain).collect()
+}
+
+/// Joins stretches that follow each other.
+fn runs(list: &[Stretch]) -> Vec<Run> {
+    let mut out: Vec<Run> = Vec::new();
+    for &s in list {
+        if let Some(run) = out.last_mut()
+            && let Some(last) = run.stretches.last()
+            && last.to_end
+            && s.segment == last.segment + 1
+            && s.d[0] <= TOUCH
+        {
+            run.len += s.len();
+            run.stretches.push(s);
+        } else {
+            out.push(Run { stretches: vec![s], len: s.len() });
+        }
+    }
+    out
+}
+
+fn common(a: &[[f64; 2]], b: &[Stretch]) -> Vec<[f64; 2]> {
+    let mut out = Vec::new();
+    for x in a {
+        for y in b {
+            let d = [x[0].max(y.d[0]), x[1].min(y.d[1])];
+            if d[0] < d[1] {
+                out.push(d);
+            }
+        }
+    }
+    out
+}

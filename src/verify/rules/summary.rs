@@ -1,0 +1,68 @@
+//! `summary`: the manifest's figures are the ones found again. A figure that a broken rule has already
+//! spoilt is not reported a second time: what is skipped waits for `coverage`, overlaps for `once`.
+
+use super::Findings;
+use super::marks::Marks;
+use super::pieces::Pieces;
+use crate::verify::read::manifest::Manifest;
+use crate::verify::read::program::ProgramFile;
+
+/// Lengths agree to this, relative.
+const LENGTH: f64 = 1e-9;
+
+/// The worst defocus agrees to this and the tolerance of its height, nm.
+const DEFOCUS: f64 = 2.0;
+
+const PLACE: &str = "manifest.json";
+
+/// Holds the rule.
+pub(in crate::verify) fn check(
+    manifest: &Manifest,
+    file: &ProgramFile,
+    marks: &Marks,
+    pieces: &Pieces,
+    findings: &mut Findings,
+) {
+    let s = &manifest.summary;
+    let found = &pieces.lengths;
+    let sound = |r: &super::Rule| r.violated == 0;
+    let once = sound(&findings.once) && sound(&findings.source);
+    let covered = once && sound(&findings.coverage) && sound(&findings.ground);
+    let deep = sound(&findings.depth) && sound(&findings.ground);
+    let rule = &mut findings.summary;
+    rule.ran = true;
+    let mut hold = |id: &str, name: &str, stated: f64, found: f64, tolerance: f64| {
+        rule.checked += 1;
+        // Written so that a NaN is a violation too.
+        if !((stated - found).abs() <= tolerance) {
+            rule.broken(id, PLACE, format!("{name} is stated as {stated}, found is {found}"));
+        }
+    };
+    let tiny = LENGTH * found.texture_mm;
+    hold("", "stops", s.stops as f64, file.program.blocks.len() as f64, 0.0);
+    hold("", "fragments", s.fragments as f64, file.program.strokes.len() as f64, 0.0);
+    hold("", "texture_mm", s.texture_mm, found.texture_mm, tiny);
+    hold("", "mark_mm", s.mark_mm, found.mark_mm, tiny);
+    for ((entry, id), &mm) in manifest.blocks.iter().zip(&file.ids).zip(&marks.block_mm) {
+        hold(id, "mark_mm of the block", entry.mark_mm, mm, LENGTH * mm);
+    }
+    if once {
+        hold("", "overlap_mm", s.overlap_mm, found.overlap_mm, tiny);
+    }
+    if covered {
+        let parts = s.skipped_off_part_mm + s.skipped_hidden_mm + s.skipped_steep_mm + s.skipped_small_mm;
+        hold("", "mark_mm - overlap_mm + skipped_mm", s.mark_mm - s.overlap_mm + s.skipped_mm, s.texture_mm, tiny);
+        hold("", "skipped_mm", s.skipped_mm, found.skipped_mm, tiny);
+        hold("", "the sum of skipped parts", parts, s.skipped_mm, tiny);
+        // The part's border on the file's own facets is the compiled one to some nanometres at each end.
+        let doubt = tiny + pieces.doubt_mm;
+        let unseen = s.skipped_off_part_mm + s.skipped_hidden_mm;
+        hold("", "skipped_off_part_mm + skipped_hidden_mm", unseen, found.skipped_off_part_mm, doubt);
+        hold("", "skipped_steep_mm", s.skipped_steep_mm, found.skipped_steep_mm, doubt);
+        hold("", "skipped_small_mm", s.skipped_small_mm, found.skipped_small_mm, doubt);
+    }
+    if deep {
+        let tolerance = (DEFOCUS + marks.worst_tolerance) / 1e3;
+        hold("", "worst_defocus_um", s.worst_defocus_um, marks.worst_defocus / 1e3, tolerance);
+    }
+}

@@ -1,0 +1,56 @@
+//! `travel`: the stage stands where the block says, within its travel and on its increment, and so
+//! does every position that the stage programs command on the way.
+
+use std::collections::BTreeMap;
+
+use super::stage::{Positions, StageFile};
+use super::stage_text;
+use crate::geom::mm_from_nm;
+use crate::machine::Machine;
+use crate::program::Block;
+use crate::verify::proof::Rule;
+use crate::verify::read::program::ProgramFile;
+
+/// Holds the rule.
+pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
+    rule.ran = true;
+    for (id, block) in file.ids.iter().zip(&file.program.blocks) {
+        rule.checked += 1;
+        let (c, place) = (block.stop.centre, super::part_place(block.stop.centre));
+        let wanted = machine.stage_from_part([c.x, c.y, block.stop.focus], file.origin);
+        if block.stage != wanted {
+            let text =
+                format!("the stage stands at {}, the block is at {}", stage_text(block.stage), stage_text(wanted));
+            rule.broken(id, place, text);
+        } else if let Some(fault) = fault(machine, block.stage.map(Some)) {
+            rule.broken(id, place, fault);
+        }
+    }
+    let blocks: BTreeMap<&str, &Block> = file.ids.iter().map(String::as_str).zip(&file.program.blocks).collect();
+    for stage in stages {
+        for moved in Positions::of(&stage.statements) {
+            rule.checked += 1;
+            // The targets themselves were held above; a lift on the way is a position of its own.
+            let target = blocks.get(moved.block).map(|b| b.stage);
+            let to = [0, 1, 2].map(|k| moved.to[k].filter(|&v| target.is_none_or(|t| t[k] != v)));
+            if let Some(fault) = fault(machine, to) {
+                rule.broken(moved.block, stage.place(moved.line), fault);
+            }
+        }
+    }
+}
+
+fn fault(machine: &Machine, to: [Option<i64>; 3]) -> Option<String> {
+    for ((name, axis), value) in machine.axes().into_iter().zip(to) {
+        let Some(value) = value else { continue };
+        let [lo, hi] = axis.travel.map(|t| t.as_nm());
+        let mm = mm_from_nm(value);
+        if lo.is_none_or(|lo| value < lo) || hi.is_none_or(|hi| value > hi) {
+            return Some(format!("{name} is sent to {mm} mm, its travel is {} to {}", axis.travel[0], axis.travel[1]));
+        }
+        if value % machine.increment_nm().max(1) != 0 {
+            return Some(format!("{name} is sent to {mm} mm, no multiple of {}", machine.stage.increment));
+        }
+    }
+    None
+}

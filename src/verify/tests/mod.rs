@@ -1,0 +1,1 @@
+//! Rules on hand-made folders.
