@@ -22,9 +22,6 @@ mod sections;
 pub mod text;
 
 pub use sections::Sections;
-pub mod text;
-
-pub use sections::Sections;
 
 use std::ops::Range;
 
