@@ -200,6 +200,23 @@ fn real_clouds_are_covered_but_for_slivers_at_their_border() {
 }
 
 #[test]
+fn interlaced_height_maps_equal_plain_ones() {
+    let Some(folder) = data("textures") else { return };
+    let samples = |name: &str| match read_at(&folder.join(name), 1.0).result.expect(name) {
+        Content::Heightmap(map) => map.samples,
+        Content::Facets(_) => panic!("{name} is a height map"),
+    };
+    let plain = samples("pngsuite_basn0g16.png");
+    assert!(plain.len() == 32 * 32 && plain.iter().any(|&v| v > 40_000));
+    assert_eq!(samples("pngsuite_basi0g16.png"), plain);
+    assert_eq!(samples("pngsuite_oi9n0g16.png"), plain, "one IDAT for every byte");
+    for name in ["pngsuite_basn0g01.png", "pngsuite_basn3p04.png", "pngsuite_basn6a16.png", "pngsuite_basn4a08.png"] {
+        let e = read_at(&folder.join(name), 1.0).result.err().expect(name);
+        assert_eq!(e.diags()[0].code, "heightmap-samples", "{e}");
+    }
+}
+
+#[test]
 fn a_cloud_in_utm_metres_is_refused_by_its_size() {
     let Some(folder) = data("surfaces") else { return };
     let e = read_at(&folder.join("helens_cloud_utm.xyz"), 1000.0).result.err().expect("refused");

@@ -25,9 +25,9 @@ impl Extent {
     /// Grows the box to hold `p`.
     #[inline]
     pub(crate) fn add(&mut self, p: [f64; 3]) {
-        for k in 0..3 {
-            self.lo[k] = self.lo[k].min(p[k]);
-            self.hi[k] = self.hi[k].max(p[k]);
+        for ((lo, hi), v) in self.lo.iter_mut().zip(&mut self.hi).zip(p) {
+            *lo = lo.min(v);
+            *hi = hi.max(v);
         }
     }
 

@@ -90,36 +90,29 @@ pub fn read(
     notes: &mut Vec<Diag>,
     sink: &mut dyn FnMut([[f64; 3]; 3]),
 ) -> Result<Content, Error> {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let refuse = |code, text: String| Diag::input(code, text).at(lines::place(path));
     let unit = |kind: &str| match options.unit_mm {
         Some(unit) if unit > 0.0 && unit.is_finite() => Ok(unit),
-        Some(unit) => {
-            Err(Diag::input("surface-unit", format!("a unit of {unit} mm is no unit")).at(lines::place(path)))
-        }
-        None => Err(Diag::input("surface-unit", format!("{kind} carries no unit"))
-            .at(lines::place(path))
-            .hint("add unit = \"mm\" to [surface]")),
+        Some(unit) => Err(refuse("surface-unit", format!("a unit of {unit} mm is no unit"))),
+        None => Err(refuse("surface-unit", format!("{kind} carries no unit")).hint("add unit = \"mm\" to [surface]")),
     };
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     match extension.as_str() {
         "stl" => stl::read(path, unit("an STL file")?, notes, sink),
         "obj" => obj::read(path, unit("an OBJ file")?, notes, sink),
         "png" => match &options.heightmap {
             Some(scale) => heightmap::read(path, scale, notes),
-            None => Err(Diag::input("heightmap-scale", "a PNG image carries no scale")
-                .at(lines::place(path))
-                .hint("add [surface.heightmap] with pixel (distance of samples) and z (heights of the lowest and highest value)")
+            None => Err(refuse("heightmap-scale", "a PNG image carries no scale".into())
+                .hint("add [surface.heightmap] with pixel (distance of samples) and z (heights of two values)")
                 .into()),
         },
-        "xyz" | "csv" | "txt" | "asc" => {
-            points::read(path, unit("a point cloud")?, options.max_edge_mm, notes, sink)
+        "xyz" | "csv" | "txt" | "asc" => points::read(path, unit("a point cloud")?, options.max_edge_mm, notes, sink),
+        other => {
+            let what = if other.is_empty() { "no extension".into() } else { format!("the extension .{other}") };
+            Err(refuse("surface-format", format!("a surface file with {what} is not read"))
+                .hint("surfaces are read from .stl, .obj, .png (height map), and .xyz, .csv, .txt or .asc (points)")
+                .into())
         }
-        _ => Err(Diag::input("surface-format", match extension.as_str() {
-            "" => "a surface file with no extension is not read".into(),
-            other => format!("a surface file with the extension .{other} is not read"),
-        })
-            .at(lines::place(path))
-            .hint("surfaces are read from .stl, .obj, .png (height map), and .xyz, .csv, .txt or .asc (points)")
-            .into()),
     }
 }
 

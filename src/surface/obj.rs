@@ -14,8 +14,8 @@ use super::facets::Facets;
 use super::lines::{Lines, MAX_LINE, no_number, number, place, shown, words};
 use crate::diag::{Diag, Error, Place};
 
-/// Most corners of one polygon: ear cutting can take time by their square.
-const MAX_CORNERS: usize = 65_536;
+/// Most corners of one polygon: ear cutting can take time by their square (seconds at this number).
+const MAX_CORNERS: usize = 32_768;
 
 /// Keywords that say nothing about where the surface is.
 const PASSED_OVER: &[&[u8]] = &[b"vt", b"vn", b"g", b"o", b"s", b"l", b"p", b"usemtl", b"mtllib"];
