@@ -18,7 +18,10 @@
 
 #[cfg(test)]
 pub(crate) mod sample;
+mod sections;
 pub mod text;
+
+pub use sections::Sections;
 
 use std::ops::Range;
 
@@ -116,10 +119,6 @@ impl Program {
     /// The name of block `i` in files and messages.
     pub fn block_id(i: usize) -> String {
         format!("B{:04}", i + 1)
-    }
-    /// Where the drawing of block `i` lies in the job folder.
-    pub fn drawing_file(i: usize) -> String {
-        format!("blocks/{}.dxf", Self::block_id(i))
     }
     /// Marked length of a block in mm, every pass counted.
     pub fn mark_mm(&self, block: &Block) -> f64 {
