@@ -1,15 +1,19 @@
 #![doc = include_str!("lib.md")]
 
+pub mod batch;
 pub mod check;
+pub mod cli;
 pub mod compile;
 pub mod diag;
 pub mod emit;
+pub mod folder;
 pub mod geom;
 pub mod machine;
 pub mod map;
 pub mod motion;
 pub mod order;
 pub mod partition;
+pub mod preview;
 pub mod program;
 pub mod record;
 pub mod spec;

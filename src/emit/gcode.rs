@@ -113,8 +113,10 @@ impl Writer {
     /// A comment, on as many lines as it needs. What a controller could take for the comment's end or
     /// for a character it does not know becomes `_`.
     fn comment(&mut self, text: &str) {
-        let clean: String =
-            text.chars().map(|c| if matches!(c, ' '..='~') && !matches!(c, '(' | ')' | ';' | '%') { c } else { '_' }).collect();
+        let clean: String = text
+            .chars()
+            .map(|c| if matches!(c, ' '..='~') && !matches!(c, '(' | ')' | ';' | '%') { c } else { '_' })
+            .collect();
         let room = self.longest - "()".len();
         let mut rest = clean.trim();
         while !rest.is_empty() {
@@ -129,7 +131,7 @@ impl Writer {
     fn block(&mut self, program: &Program, i: usize) {
         let block = &program.blocks[i];
         let title = match self.drawings {
-            Drawings::Dxf => format!("BLOCK {} FILE {}", Program::block_id(i), Program::drawing_file(i)),
+            Drawings::Dxf => format!("BLOCK {} FILE {}", Program::block_id(i), super::dxf::file_name(i)),
             Drawings::Absent => format!("BLOCK {}", Program::block_id(i)),
         };
         self.comment(&title);
@@ -210,7 +212,8 @@ mod tests {
         assert!(body.starts_with(first), "{body}");
         let second = "(BLOCK B0002 FILE blocks/B0002.dxf)\nM65 P0\nG0 Z0.405000\nG4 P0.100\nM64 P0\n";
         assert!(body.contains(second), "a move of z alone");
-        let third = "(BLOCK B0003 FILE blocks/B0003.dxf)\nM65 P0\nG0 Z200.000000\nG0 X-41.000000 Y2.000000\nG0 Z0.405000\nG4";
+        let third =
+            "(BLOCK B0003 FILE blocks/B0003.dxf)\nM65 P0\nG0 Z200.000000\nG0 X-41.000000 Y2.000000\nG0 Z0.405000\nG4";
         assert!(body.contains(third), "lifted");
         assert!(body.contains("M66 P0 L4 Q131\n"), "twice 60.3 s and 10 s, rounded up");
         assert!(body.ends_with("o6 endif\nM65 P0\nG0 Z200.000000\nM65 P0\nM2\n"));

@@ -35,8 +35,12 @@ mod tests {
     use super::*;
 
     /// Limits under which acceleration binds before speed, and under which it never does.
-    const LIMITS: [(f64, f64, Option<f64>); 4] =
-        [(200.0, 1000.0, Some(20_000.0)), (50.0, 5000.0, Some(10_000.0)), (35.0, 100.0, Some(10_000.0)), (200.0, 1000.0, None)];
+    const LIMITS: [(f64, f64, Option<f64>); 4] = [
+        (200.0, 1000.0, Some(20_000.0)),
+        (50.0, 5000.0, Some(10_000.0)),
+        (35.0, 100.0, Some(10_000.0)),
+        (200.0, 1000.0, None),
+    ];
 
     #[test]
     fn time_grows_with_length_without_steps() {

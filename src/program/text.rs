@@ -321,7 +321,9 @@ mod tests {
     fn odd_or_lone_coordinates_are_no_stroke() {
         let start = "terrace program 1\norigin 0 0 0\npens 1\npen p | 1 mm/s | 5 W | 3 kHz | 1\nblocks 1\n\
                      block B0001 0 0 0 0 0 0 0 0 0 0 0 0 0 0 1\n";
-        for (stroke, good) in [("0 0 0 + 1 2 3 4", true), ("0 0 0 + 1 2 3", false), ("0 0 0 + 1 2", false), ("0 0 0 +", false)] {
+        for (stroke, good) in
+            [("0 0 0 + 1 2 3 4", true), ("0 0 0 + 1 2 3", false), ("0 0 0 + 1 2", false), ("0 0 0 +", false)]
+        {
             assert_eq!(parse("p", format!("{start}{stroke}\nend\n").as_bytes()).is_ok(), good, "{stroke}");
         }
     }

@@ -135,12 +135,8 @@ fn vector_block(
     }
     let points = Some(Points { xy_mm });
     let (line_sequence, hatches) = if first.len > 2 { (points, None) } else { (None, points) };
-    let meta_data = VectorBlockMetaData {
-        scan_distance_mm: scan,
-        jump_distance_mm: jump,
-        part_key: PART_KEY,
-        bounds: extent.mm(),
-    };
+    let meta_data =
+        VectorBlockMetaData { scan_distance_mm: scan, jump_distance_mm: jump, part_key: PART_KEY, bounds: extent.mm() };
     let block = VectorBlock {
         line_sequence,
         hatches,

@@ -1,0 +1,99 @@
+use std::path::Path;
+
+use super::*;
+use crate::program::sample;
+use crate::spec::SAMPLE_JOB;
+
+/// The facts of the sample program, given to `use_them`.
+pub(crate) fn with_sample<R>(use_them: impl FnOnce(&Facts<'_>) -> R) -> R {
+    let (program, origin) = sample::program();
+    let checked = Checked::unchecked(program, origin);
+    let machine = Machine::built_in("xyz-galvo-40").expect("profile");
+    let job = Job::parse(Path::new("hood.toml"), SAMPLE_JOB).expect("sample job");
+    let sections =
+        Sections { origin: crate::geom::P2::new(-20_000_000, -20_000_001), pitch: [40_000_000; 2], count: [2, 1] };
+    let files = [FileFact { file: "program.txt".into(), bytes: 7, blake3: "ab".into() }];
+    let summary = Summary {
+        stops: 3,
+        method: "contour".into(),
+        warnings: vec![serde_json::json!({"message": "steep places"})],
+        ..Summary::default()
+    };
+    use_them(&Facts {
+        job_file: "../hood.toml".into(),
+        job_blake3: "cd".into(),
+        inputs: vec![InputFact { role: "surface".into(), file: "hood.stl".into(), bytes: 3, blake3: "ef".into() }],
+        seed: 5,
+        job: &job,
+        machine: &machine,
+        checked: &checked,
+        sections: &sections,
+        depth_mm: 0.07,
+        block_times: &[1.5, 0.25, 0.125],
+        files: &files,
+        summary: &summary,
+    })
+}
+
+#[test]
+fn the_manifest_has_its_keys_in_order_and_exact_millimetres() {
+    let text = with_sample(|facts| String::from_utf8(manifest(facts)).expect("UTF-8"));
+    let keys: Vec<&str> = text.lines().filter(|l| l.starts_with("  \"")).filter_map(|l| l.split('"').nth(1)).collect();
+    assert_eq!(
+        keys,
+        [
+            "schema",
+            "terrace",
+            "job",
+            "inputs",
+            "seed",
+            "machine",
+            "placement",
+            "focus",
+            "sections",
+            "pens",
+            "blocks",
+            "files",
+            "summary"
+        ]
+    );
+    assert!(text.ends_with("}\n"));
+    let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(json["sections"]["origin_mm"], serde_json::json!([-20.0, -20.000001]));
+    assert_eq!(json["placement"]["origin_mm"], serde_json::json!([1.0, -2.0, 0.3]));
+    assert_eq!(json["pens"][1]["power"], "3.5 W");
+    assert_eq!(json["pens"][0]["power_w"], 8.4);
+    let block = &json["blocks"][2];
+    assert_eq!(block["id"], "B0003");
+    assert_eq!(block["stage"], serde_json::json!([-41.0, 2.0, 0.405]));
+    assert_eq!((&block["lpfl_mm"], &block["z_lo_mm"]), (&0.105.into(), &0.0701.into()));
+    assert_eq!(block["pens"], serde_json::json!(["fill", "edge (fine)"]));
+    assert_eq!(block["files"], serde_json::json!({"dxf": "blocks/B0003.dxf"}));
+    assert_eq!((&block["strokes"], &block["time_s"]), (&2.into(), &0.125.into()));
+    assert_eq!(json["focus"]["level"], "mid");
+    assert_eq!(json["job"]["file"], "../hood.toml");
+}
+
+#[test]
+fn the_table_has_a_line_per_block_and_quotes_what_parts_cells() {
+    let text = with_sample(|facts| String::from_utf8(runsheet_csv(facts)).expect("UTF-8"));
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines.len(), 4);
+    let third = "B0003,1,0,1,-41.000000,2.000000,0.405000,0.105000,blocks/B0003.dxf,2,250.000,";
+    assert!(lines[3].starts_with(third), "{}", lines[3]);
+    assert!(lines[3].ends_with(",0.125,fill; edge (fine)"), "{}", lines[3]);
+    assert!(lines.iter().all(|l| l.split(',').count() == 14));
+}
+
+#[test]
+fn the_sheet_tells_the_operator_what_the_files_do_not() {
+    let text = with_sample(|facts| String::from_utf8(runsheet_txt(facts)).expect("UTF-8"));
+    for needed in ["10 mm", "red-light", "not a safety system", "60 % = 8.4 W", "hood.toml", "WARNING    steep places"]
+    {
+        assert!(text.contains(needed), "{needed}\n{text}");
+    }
+    for i in 1..=3 {
+        assert_eq!(text.matches(&format!("\n  B000{i} ")).count(), 1);
+    }
+    assert!(text.lines().all(|l| l.len() <= 132), "fits on paper");
+}
