@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::check::{Checked, Limits};
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{NM_PER_MM, P2, mm_from_nm};
+use crate::geom::{Box2, NM_PER_MM, P2, mm_from_nm};
 use crate::machine::Machine;
 use crate::order::{self, clearance::Clearance};
 use crate::partition::{self, Lattice, Stops};
@@ -21,7 +21,7 @@ use crate::split::{Fragments, Splitter};
 use crate::surface::Surface;
 use crate::texture::Texture;
 use crate::trace::{Footprint, Tracer};
-use crate::{map, motion};
+use crate::{map, motion, preview};
 
 /// Stations of a compilation, in order, for progress displays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,12 +56,30 @@ pub struct Plan {
     pub map: map::Map,
     /// The figures; its warnings are those of the plan.
     pub summary: Summary,
+    /// The box of the texture, turned part frame.
+    pub texture: Box2,
     /// Time of every block: marks, jumps and delays, s.
     pub block_times: Vec<f64>,
     /// Largest depth range of a block as used, nm.
     pub depth: i64,
     /// What the user should know.
     pub warnings: Vec<Diag>,
+}
+
+impl Plan {
+    /// What the pictures are drawn from; `job` is the name they show.
+    pub fn layout<'a>(&'a self, job: &'a str) -> preview::Layout<'a> {
+        preview::Layout {
+            job,
+            checked: &self.checked,
+            machine: &self.machine,
+            sections: self.sections,
+            map: &self.map,
+            texture: self.texture,
+            block_s: &self.block_times,
+            summary: &self.summary,
+        }
+    }
 }
 
 /// What all candidates share.
@@ -177,6 +195,7 @@ pub fn plan(job: Job, progress: Progress<'_>) -> Result<Plan, Error> {
         checked,
         sections: ground.sections,
         map,
+        texture: texture.bounds(),
         summary,
         block_times: made.block_times,
         depth: ground.lattice.depth,

@@ -97,11 +97,12 @@ fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<FileFact, Error> {
 fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Error> {
     let make = |path: &Path| fs::create_dir(path).map_err(|e| failed("make the folder", path, &e));
     make(folder)?;
-    let Plan { job, machine, checked, sections, map, summary, block_times, .. } = plan;
+    let Plan { job, machine, checked, sections, summary, block_times, .. } = plan;
     let formats = &job.file.emit.formats;
     let has = |f: Format| formats.contains(&f);
     let part_name = file_name(job.file.surface.file.get_ref());
     let job_name = file_name(&job.path);
+    let drawings = if has(Format::Dxf) { emit::gcode::Drawings::Dxf } else { emit::gcode::Drawings::Absent };
     let mut files = Vec::new();
     files.push(put(folder, "program.txt", &program::text::write(checked.program(), checked.origin()))?);
     if has(Format::Dxf) {
@@ -113,17 +114,17 @@ fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Erro
         files.extend(blocks?);
     }
     if has(Format::Linuxcnc) {
-        files.push(put(folder, "stage.ngc", &emit::gcode::linuxcnc(checked, machine, block_times))?);
+        files.push(put(folder, "stage.ngc", &emit::gcode::linuxcnc(checked, machine, block_times, drawings))?);
     }
     if has(Format::Gcode) {
-        files.push(put(folder, "stage_m0.nc", &emit::gcode::m0(checked, machine))?);
+        files.push(put(folder, "stage_m0.nc", &emit::gcode::m0(checked, machine, drawings))?);
     }
     if has(Format::Ovf) {
         files.push(put(folder, "job.ovf", &emit::ovf::write(checked, machine, &job_name, &part_name))?);
     }
-    let layout = preview::Layout { checked, machine, sections, map, summary, job: &job_name };
+    let layout = plan.layout(&job_name);
     files.push(put(folder, "layout.svg", preview::layout_svg(&layout).as_bytes())?);
-    files.push(put(folder, "report.html", preview::report_html(&layout, block_times).as_bytes())?);
+    files.push(put(folder, "report.html", preview::report_html(&layout).as_bytes())?);
     let facts = record::Facts {
         job_file: relative(&job.path, target)?,
         job_blake3: blake3::hash(job.source.as_bytes()).to_hex().to_string(),
@@ -135,12 +136,11 @@ fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Erro
         sections,
         depth_mm: mm_from_nm(plan.depth),
         block_times,
-        files: &files,
+        files: &[],
         summary,
     };
-    let sheets = [("runsheet.csv", record::runsheet_csv(&facts)), ("runsheet.txt", record::runsheet_txt(&facts))];
-    let sheets = sheets.into_iter().map(|(name, bytes)| put(folder, name, &bytes)).collect::<Result<Vec<_>, _>>()?;
-    files.extend(sheets);
+    files.push(put(folder, "runsheet.csv", &record::runsheet_csv(&facts))?);
+    files.push(put(folder, "runsheet.txt", &record::runsheet_txt(&facts))?);
     files.sort_by(|a, b| a.file.cmp(&b.file));
     let facts = record::Facts { files: &files, ..facts };
     put(folder, MANIFEST, &record::manifest(&facts))?;

@@ -15,14 +15,10 @@ use crate::surface::{Cursor, Surface};
 /// The raster.
 #[derive(Clone, Debug)]
 pub struct Map {
-    /// Lower left corner, turned part frame, nm.
-    pub origin: P2,
-    /// Side of a cell, nm.
-    pub cell: i64,
-    /// Columns and rows.
-    pub count: [usize; 2],
-    /// Row by row from below: index of the block plus 1, or 0.
-    pub labels: Vec<u32>,
+    origin: P2,
+    cell: i64,
+    count: [usize; 2],
+    labels: Vec<u32>,
 }
 
 const CELL_NM: i64 = 250_000;
@@ -75,6 +71,43 @@ impl Map {
             },
         );
         map
+    }
+
+    /// A map of given labels, for tests of what is drawn from it.
+    #[cfg(test)]
+    pub(crate) fn of(origin: P2, cell: i64, count: [usize; 2], label: impl Fn(P2) -> u32) -> Self {
+        let mut map = Self { origin, cell, count, labels: vec![0; count[0] * count[1]] };
+        for i in 0..map.labels.len() {
+            map.labels[i] = label(map.centre((i % count[0]) as u32, (i / count[0]) as u32));
+        }
+        map
+    }
+
+    /// Side of a cell, nm.
+    pub fn cell(&self) -> i64 {
+        self.cell
+    }
+
+    /// Columns and rows.
+    pub fn size(&self) -> [u32; 2] {
+        self.count.map(|n| n as u32)
+    }
+
+    /// The centre of a cell.
+    pub fn centre(&self, column: u32, row: u32) -> P2 {
+        let at = |o: i64, i: u32| o + i64::from(i) * self.cell + self.cell / 2;
+        P2::new(at(self.origin.x, column), at(self.origin.y, row))
+    }
+
+    /// Row by row from below: index of the block that owns the cell plus 1, or 0 for none.
+    pub fn labels(&self) -> &[u32] {
+        &self.labels
+    }
+
+    /// The box of all cells.
+    pub fn bounds(&self) -> Box2 {
+        let hi = |o: i64, n: usize| o + n as i64 * self.cell;
+        Box2 { lo: self.origin, hi: P2::new(hi(self.origin.x, self.count[0]), hi(self.origin.y, self.count[1])) }
     }
 
     fn cell_of(&self, p: P2) -> [i64; 2] {

@@ -93,20 +93,13 @@ fn run(args: &Args) -> Result<u8, Error> {
             spinner.text("verifying");
             let proof = verify::verify(folder, inputs.as_deref())?;
             spinner.done();
-            print(&if args.json { show::json(&proof.to_json()) } else { proof.to_string() });
-            Ok(u8::from(!proof.ok()))
+            print(&if args.json { show::json(&proof.to_json()) } else { proof.to_text() });
+            Ok(u8::from(!proof.ok))
         }
         Command::Preview { job, output } => {
             let plan = planned(args, job)?;
             let name = job.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-            let svg = preview::layout_svg(&preview::Layout {
-                checked: &plan.checked,
-                machine: &plan.machine,
-                sections: &plan.sections,
-                map: &plan.map,
-                summary: &plan.summary,
-                job: &name,
-            });
+            let svg = preview::layout_svg(&plan.layout(&name));
             match output.as_deref() {
                 Some(o) if o == Path::new("-") => print(&svg),
                 given => {
