@@ -27,12 +27,7 @@ const MAX_CELLS: i64 = 16_000_000;
 impl Map {
     /// Samples the surface under the texture's box.
     pub fn new(program: &Program, sections: &Sections, surface: &Surface, area: Box2) -> Self {
-        let [w, h] = area.size();
-        let mut cell = CELL_NM;
-        while (w / cell + 1) * (h / cell + 1) > MAX_CELLS {
-            cell *= 2;
-        }
-        let count = [(w / cell + 1) as usize, (h / cell + 1) as usize];
+        let (cell, count) = cells(area, CELL_NM);
         // Blocks by section, by height.
         let mut by_section: FxHashMap<[u32; 2], Vec<(i64, i64, u32)>> = FxHashMap::default();
         for (i, block) in program.blocks.iter().enumerate() {
@@ -73,14 +68,18 @@ impl Map {
         map
     }
 
-    /// A map of given labels, for tests of what is drawn from it.
+    /// An empty map over `bounds`, for tests of what is drawn from one.
     #[cfg(test)]
-    pub(crate) fn of(origin: P2, cell: i64, count: [usize; 2], label: impl Fn(P2) -> u32) -> Self {
-        let mut map = Self { origin, cell, count, labels: vec![0; count[0] * count[1]] };
-        for i in 0..map.labels.len() {
-            map.labels[i] = label(map.centre((i % count[0]) as u32, (i / count[0]) as u32));
-        }
-        map
+    pub(crate) fn blank(bounds: Box2, cell: i64) -> Self {
+        let bounds = if bounds.is_empty() { Box2 { lo: P2::new(0, 0), hi: P2::new(0, 0) } } else { bounds };
+        let (cell, count) = cells(bounds, cell.max(1));
+        Self { origin: bounds.lo, cell, count, labels: vec![0; count[0] * count[1]] }
+    }
+
+    /// The labels, to be filled by a test.
+    #[cfg(test)]
+    pub(crate) fn labels_mut(&mut self) -> &mut [u32] {
+        &mut self.labels
     }
 
     /// Side of a cell, nm.
@@ -209,6 +208,15 @@ impl Map {
         }
         sides as f64 * self.cell as f64 / crate::geom::NM_PER_MM * std::f64::consts::FRAC_PI_4
     }
+}
+
+/// Side and number of the cells over a box: `cell`, doubled until they are not too many.
+fn cells(area: Box2, mut cell: i64) -> (i64, [usize; 2]) {
+    let [w, h] = area.size();
+    while (w / cell + 1).saturating_mul(h / cell + 1) > MAX_CELLS {
+        cell *= 2;
+    }
+    (cell, [(w / cell + 1) as usize, (h / cell + 1) as usize])
 }
 
 const NEAR: [(i64, i64); 9] = [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)];

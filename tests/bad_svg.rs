@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use proptest::prelude::*;
 use terrace::texture::{Area, Kind, Request, Texture};
 
 /// What must come of a file: strokes, or the code of the error; and the codes of the warnings.
@@ -121,7 +122,8 @@ fn made_up_nastiness_is_refused_or_bounded() {
     let dir = tempfile::tempdir().expect("a folder");
     let head = r#"<svg xmlns="http://www.w3.org/2000/svg" width="100mm" height="100mm" viewBox="0 0 100 100">"#;
     let deep_uses: String =
-        (0..2000).map(|i| format!(r##"<g id="d{i}"><use href="#d{}"/></g>"##, i + 1)).collect::<String>() + "<g id='d2000'/>";
+        (0..2000).map(|i| format!(r##"<g id="d{i}"><use href="#d{}"/></g>"##, i + 1)).collect::<String>()
+            + "<g id='d2000'/>";
     let rules: String = (0..20_000).map(|i| format!(".c{i} g{{fill:none}}")).collect();
     let attributes: String = (0..100_000).map(|i| format!(" a{i}=''")).collect();
     for (name, body, outcome) in [
@@ -130,12 +132,53 @@ fn made_up_nastiness_is_refused_or_bounded() {
         ("attributes", format!("<path{attributes}/>"), (Err("svg-large"), &[])),
         ("many_points", r#"<circle r="1e8" cx="0" cy="0" transform="scale(100)"/>"#.into(), (Err("texture-far"), &[])),
         ("nan", r#"<rect width="nan" height="1e999"/><path d="M0 0L9 9"/>"#.into(), (Ok(1), &["svg-path", "svg-dot"])),
-        ("flat", r#"<g transform="scale(0 1)"><path d="M0 0L9 9"/></g><path d="M0 0L9 9"/>"#.into(), (Ok(1), &["svg-transform"])),
+        (
+            "flat",
+            r#"<g transform="scale(0 1)"><path d="M0 0L9 9"/></g><path d="M0 0L9 9"/>"#.into(),
+            (Ok(1), &["svg-transform"]),
+        ),
         ("self_use", r##"<g id="a"><path d="M0 0L9 9"/><use href="#a"/></g>"##.into(), (Ok(1), &["svg-use"])),
         ("entity", "<text>&unknown;</text>".into(), (Err("svg-xml"), &[])),
     ] {
         let file = format!("{name}.svg");
         std::fs::write(dir.path().join(&file), format!("{head}{body}</svg>")).expect("written");
         check(dir.path(), &file, None, outcome);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..<_>::default() })]
+
+    #[test]
+    fn damaged_drawings_never_break_the_reader(
+        which in 0..3usize,
+        damage in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>()), 1..6),
+    ) {
+        const PLAIN: &str = r##"<svg xmlns="http://www.w3.org/2000/svg" xmlns:x="http://www.w3.org/1999/xlink" width="2in" height="1in" viewBox="0 0 200 100">
+            <style>.a{fill:#000} g>.b{fill:none;stroke:red!important}</style><defs><symbol id="s" viewBox="0 0 10 10">
+            <path d="M5 0A5 5 0 1 1 4.999 0ZM5 2.5a2.5 2.5 30 1 0 5 2q1 2 3 4t5 6c1-2 3-4.5e1 5 6s7 8 9 1z"/></symbol></defs>
+            <use x:href="#s" x="10%" y="65" width="20" height="20"/><g transform="rotate(15 60 75) scale(1.2)" class="b">
+            <use href="#s" x="40"/><svg x="1" width="50%" height="3em" viewBox="0 0 9 9"><rect rx="1" width="5" height="4"/></svg>
+            <polygon points="1,2 3-4 5.5.5"/><ellipse cx="9" rx="4" ry="3mm"/><line x2="9" style="stroke:blue"/></g></svg>"##;
+        const PIECES: [&str; 20] = ["<", ">", "\"", "/", "0", "-", "e9", "e-9", "9999", ".", "z", "A", "&", "%", "#", "<g>", "</g>", "nan", "\u{0}", ""];
+        let mut text = PLAIN.to_owned();
+        for (at, piece) in &damage {
+            let at = at.index(text.len());
+            if text.is_char_boundary(at) && text.is_char_boundary(at + 1) {
+                text.replace_range(at..at + which.min(1), PIECES[piece.index(PIECES.len())]);
+            }
+        }
+        let file = tempfile::Builder::new().suffix(".svg").tempfile().expect("a file");
+        std::fs::write(file.path(), text).expect("written");
+        let kind = Kind::Drawing { path: file.path().into(), size_mm: None, origin_mm: None, turn_rad: 0.3, tile: which == 2 };
+        let request = Request { kind, area: Area::Part, tolerance_mm: 1e-2, pen: 0 };
+        if let Ok(texture) = Texture::load(&[request], [0.0, 0.0, 30.0, 20.0], 0.1, &mut Vec::new()) {
+            let mut out = Vec::new();
+            for i in (0..texture.len()).take(1000) {
+                texture.stroke(i, &mut out);
+                prop_assert!(out.len() > 1 && out.windows(2).all(|w| w[0] != w[1]));
+                prop_assert!(out.iter().all(|&p| texture.bounds().holds(p)));
+            }
+        }
     }
 }

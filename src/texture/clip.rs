@@ -70,6 +70,11 @@ pub(super) fn is_inside(points: &[[f64; 2]], rect: [f64; 4]) -> bool {
     points.iter().all(|&p| holds(rect, p))
 }
 
+/// Moves points that miss the rectangle by noise onto its border.
+pub(super) fn snap(points: &mut [[f64; 2]], rect: [f64; 4]) {
+    points.iter_mut().for_each(|p| *p = onto(rect, *p));
+}
+
 fn holds([x0, y0, x1, y1]: [f64; 4], [x, y]: [f64; 2]) -> bool {
     x0 - SLACK <= x && x <= x1 + SLACK && y0 - SLACK <= y && y <= y1 + SLACK
 }
@@ -99,7 +104,8 @@ pub(super) fn clip(points: &[[f64; 2]], rect: [f64; 4], out: &mut Lines) {
 }
 
 fn pieces(segments: impl Iterator<Item = [[f64; 2]; 2]>, rect: [f64; 4], out: &mut Lines) {
-    for [a, b] in segments {
+    let snapped = |p: [f64; 2]| if holds(rect, p) { onto(rect, p) } else { p };
+    for [a, b] in segments.map(|s| s.map(snapped)) {
         let Some([t0, t1]) = inside(a, b, rect) else {
             end_piece(out);
             continue;
@@ -111,7 +117,7 @@ fn pieces(segments: impl Iterator<Item = [[f64; 2]; 2]>, rect: [f64; 4], out: &m
         if out.points.len() == out.tail() {
             out.points.push(at(t0));
         }
-        out.points.push(if t1 == 1.0 { onto(rect, b) } else { at(t1) });
+        out.points.push(if t1 == 1.0 { b } else { at(t1) });
         if t1 < 1.0 {
             end_piece(out);
         }
@@ -133,7 +139,7 @@ fn end_piece(out: &mut Lines) {
 fn inside(a: [f64; 2], b: [f64; 2], rect: [f64; 4]) -> Option<[f64; 2]> {
     let (mut t0, mut t1) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
-        let (lo, hi) = (rect[axis] - SLACK, rect[axis + 2] + SLACK);
+        let (lo, hi) = (rect[axis], rect[axis + 2]);
         let d = b[axis] - a[axis];
         if d == 0.0 {
             if a[axis] < lo || a[axis] > hi {

@@ -17,8 +17,11 @@ const MAX_LISTED: usize = 16_000_000;
 /// Most points that are looked at to cut border tiles.
 const MAX_CUTS: u64 = 1_000_000_000;
 
-/// Most tiles of one row or column.
-const MAX_TILES: f64 = 1e9;
+/// Most rows of tiles.
+const MAX_ROWS: f64 = 1e6;
+
+/// Farthest tile, counted from the origin.
+const MAX_TILE: f64 = 1e9;
 
 /// How page mm become part mm.
 #[derive(Clone, Copy, Debug)]
@@ -180,7 +183,7 @@ impl Drawing {
                 (touched.end - touched.start - (inside.end - inside.start)) as u64 * tiles.lines.points.len() as u64;
             let whole = (inside.end - inside.start) as u64;
             drawing.points += whole * tiles.lines.points.len() as u64;
-            if cuts > MAX_CUTS || tiles.listed.len() > MAX_LISTED || drawing.points > MAX_POINTS {
+            if cuts > MAX_CUTS || drawing.points > MAX_POINTS {
                 return Err(too_large(tiles.len, drawing.points.max(cuts)).at(Place::file(path)).into());
             }
             let listed = tiles.listed.len();
@@ -194,6 +197,9 @@ impl Drawing {
             }
             tiles.rows.push(Row { start: tiles.len, j, first: inside.start, inside: whole, listed, before });
             tiles.len += whole * tiles.lines.len() as u64 + (tiles.listed.len() - listed) as u64;
+            if tiles.listed.len() > MAX_LISTED {
+                return Err(too_large(tiles.len, drawing.points).at(Place::file(path)).into());
+            }
         }
         if tiles.len == 0 {
             return Err(outside(path).into());
@@ -207,6 +213,10 @@ impl Drawing {
         let tile = i32::try_from(i).expect("fewer than 2^31 tiles of a row");
         let mut pieces = Lines::default();
         for line in 0..tiles.lines.len() {
+            if tiles.listed.len() > MAX_LISTED {
+                // The caller refuses the texture; until then memory is kept.
+                return;
+            }
             pieces.clear();
             tiles.cut(line, i, j, &mut pieces);
             for piece in 0..pieces.len() {
@@ -335,8 +345,8 @@ impl Lattice {
     /// Rows of tiles that the area touches; None where there are too many.
     fn rows(&self) -> Option<Span> {
         let [lo, hi] = self.span(1);
-        (lo.abs().max(hi.abs()) < MAX_TILES && self.span(0).iter().all(|v| v.abs() < MAX_TILES))
-            .then(|| down(lo)..up(hi))
+        let is_near = [self.span(0), [lo, hi]].iter().flatten().all(|v| v.abs() < MAX_TILE);
+        (is_near && hi - lo < MAX_ROWS).then(|| down(lo)..up(hi))
     }
 
     /// Tiles of row `j` that the area touches, and among them those that lie wholly in it.

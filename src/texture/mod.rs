@@ -22,7 +22,7 @@ mod svg;
 
 use std::path::PathBuf;
 
-use crate::diag::{Diag, Error};
+use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, P2};
 use drawing::Drawing;
 use pattern::{Hatch, Hilbert, Loops};
@@ -41,7 +41,7 @@ pub enum Area {
     Part,
     /// x0, y0, x1, y1.
     Rectangle([f64; 4]),
-    /// No limit.
+    /// No limit; patterns fill the part's box.
     Unlimited,
 }
 
@@ -115,11 +115,11 @@ impl Texture {
     ) -> Result<Self, Error> {
         let turn = Turn::new(turn_rad);
         let mut texture = Self { parts: Vec::new(), len: 0, points: 0, bounds: Box2::EMPTY };
-        for request in requests {
-            let figures = Figures::place(request, part_box_mm, turn, notes)?;
+        for (k, request) in requests.iter().enumerate() {
+            let figures = Figures::place(request, part_box_mm, turn, notes).map_err(|e| numbered(&e, k))?;
             let (len, points) = (figures.len(), figures.points());
             if len == 0 {
-                return Err(empty().into());
+                return Err(numbered(&empty().into(), k));
             }
             texture.bounds = texture.bounds.union(figures.bounds());
             texture.parts.push(Part { figures, pen: request.pen, start: texture.len });
@@ -200,7 +200,9 @@ impl Figures {
             Area::Part | Area::Unlimited => part_box,
             Area::Rectangle(r) => r,
         };
-        place::check_area(area, turn)?;
+        if request.area != Area::Unlimited || !matches!(request.kind, Kind::Drawing { .. }) {
+            place::check_area(area, turn)?;
+        }
         let tolerance = request.tolerance_mm.max(place::NM);
         Ok(match &request.kind {
             Kind::Hatch { pitch_mm, direction_rad } => Self::Hatch(Hatch::new(area, *pitch_mm, *direction_rad, turn)?),
@@ -249,6 +251,15 @@ impl Figures {
             Self::Drawing(f) => f.bounds(),
         }
     }
+}
+
+/// The same error; what has no place says which texture it speaks of.
+fn numbered(e: &Error, k: usize) -> Error {
+    let mut diags = e.diags().to_vec();
+    for d in diags.iter_mut().filter(|d| d.place == Place::Nowhere) {
+        d.message = format!("texture {}: {}", k + 1, d.message);
+    }
+    Error::many(diags)
 }
 
 fn empty() -> Diag {

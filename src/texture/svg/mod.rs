@@ -13,7 +13,7 @@
 //! bounded: 64 MB unpacked, 256 levels, 2 million elements once uses are expanded, 20 million points.
 //!
 //! Everything is f64 from the text of the number to the page, and arcs are flattened as arcs: a reader
-//! in f32 that first makes Bézier curves of them misses a circle of 40 mm by up to 11 µm, and loses
+//! in f32 that first makes Bézier curves of them misses a circle of 40 mm radius by up to 11 µm, and loses
 //! drawings whose coordinates lie far from their origin.
 
 mod outline;
@@ -28,7 +28,7 @@ use std::path::Path;
 
 use roxmltree::{Document, ParsingOptions};
 
-use super::clip::{Lines, clip, is_inside};
+use super::clip::{Lines, clip, is_inside, snap};
 use crate::diag::{Diag, Error, Place};
 use page::Frame;
 use style::Style;
@@ -122,8 +122,12 @@ fn parse(
 }
 
 /// Cuts the lines at the border of the page, which is what a viewer shows.
-fn on_page(lines: Lines, name_of: Vec<u32>, names: Vec<String>, size: [f64; 2], mut tally: Tally) -> (Page, Tally) {
+fn on_page(mut lines: Lines, name_of: Vec<u32>, names: Vec<String>, size: [f64; 2], mut tally: Tally) -> (Page, Tally) {
     let rect = [0.0, 0.0, size[0], size[1]];
+    if is_inside(&lines.points, rect) {
+        snap(&mut lines.points, rect);
+        return (Page { size, lines, name_of, names }, tally);
+    }
     let mut page = Page { size, lines: Lines::default(), name_of: Vec::new(), names };
     let mut cut = u32::MAX;
     for (line, &name) in lines.iter().zip(&name_of) {

@@ -120,7 +120,9 @@ fn check(text: &str) -> Result<(), Box<Fault>> {
             }
             if tag.attributes > MAX_ATTRIBUTES {
                 let text = format!("an element has more than {MAX_ATTRIBUTES} attributes");
-                return Err(Fault { diag: Diag::input("svg-large", text).hint("save it as plain SVG"), at: open }.into());
+                return Err(
+                    Fault { diag: Diag::input("svg-large", text).hint("save it as plain SVG"), at: open }.into()
+                );
             }
             open + tag.len
         };

@@ -23,7 +23,7 @@ const XLINK: &str = "http://www.w3.org/1999/xlink";
 const MAX_VISITS: usize = 2_000_000;
 
 /// Most comparisons of an element with a rule of the style sheet.
-const MAX_MATCHES: usize = 20_000_000;
+const MAX_MATCHES: usize = 10_000_000;
 
 const SHAPES: [&str; 7] = ["rect", "circle", "ellipse", "line", "polyline", "polygon", "path"];
 
