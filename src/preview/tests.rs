@@ -6,9 +6,10 @@ use std::time::Instant;
 use proptest::prelude::*;
 
 use super::layout::LIMIT;
+use crate::map::Map;
 use super::outline::{Grid, area2, simplify, trace};
 use super::sample::Sample;
-use super::{ layout_svg, report_html};
+use super::{layout_svg, report_html};
 use crate::geom::{Box2, P2};
 
 fn map(columns: u32, labels: &[u32]) -> Map {
