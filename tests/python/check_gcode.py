@@ -26,7 +26,8 @@ def canonical(rs274, tool_table, path):
 
 def check_program(job, commands, name, start, off):
     place, at_start = [None, None, None], 0
-    is_off, settled, moved, dwells, moves = False, True, False, 0, 0
+    demand("PROGRAM_END()" in commands, f"{name}: the program has no end")
+    is_off, off_since_move, settled, dwells, moves = False, False, True, 0, 0
     for command in commands:
         if command.startswith("STRAIGHT_TRAVERSE"):
             target = [float(v) for v in re.findall(r"-?\d+\.\d+", command)[:3]]
@@ -34,12 +35,12 @@ def check_program(job, commands, name, start, off):
             if None not in place:
                 changed = [a != b for a, b in zip(place, target)]
                 demand(not (changed[2] and (changed[0] or changed[1])), f"{name}: {command} moves z with x or y")
-            place, settled, moved, moves = target, False, True, moves + 1
+            place, settled, off_since_move, moves = target, False, False, moves + 1
         elif command.startswith("DWELL"):
             demand(float(re.findall(r"\d+\.\d+", command)[0]) >= 0.05, f"{name}: {command} is too short")
             settled, dwells = True, dwells + 1
         elif command.startswith(off):
-            is_off = True
+            is_off = off_since_move = True
         elif command.startswith(start):
             demand(at_start < len(job.manifest["blocks"]), f"{name}: more starts than blocks")
             entry = job.manifest["blocks"][at_start]
@@ -53,8 +54,9 @@ def check_program(job, commands, name, start, off):
         elif command.startswith(("STRAIGHT_FEED", "ARC_FEED", "SPINDLE", "START_SPINDLE")):
             demand(False, f"{name}: {command} has no place in a stage program")
     demand(at_start == len(job.manifest["blocks"]), f"{name}: {at_start} starts, {len(job.manifest['blocks'])} blocks")
-    demand(is_off and moved, f"{name}: the output is not off at the end")
-    demand(commands[-1].startswith("PROGRAM_END"), f"{name}: ends with {commands[-1]}")
+    demand(is_off and off_since_move and moves > 0, f"{name}: the output is not off at the end")
+    after = [c for c in commands[commands.index("PROGRAM_END()") + 1 :] if c != "ON_RESET()"]
+    demand(not after, f"{name}: {after} after the end")
     demand(dwells == at_start, f"{name}: {dwells} dwells for {at_start} blocks")
     return f"{name}: {at_start} blocks, {moves} moves"
 
