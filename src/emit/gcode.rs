@@ -38,7 +38,7 @@ pub fn linuxcnc(checked: &Checked, machine: &Machine, marking_s: &[f64], drawing
     p.comment(&format!("machine: {}", machine.name));
     p.comment("digital output 0 is START to the scan card, digital input 0 is its BUSY");
     p.comment("BUSY must rise within 5 s of START and stay high for 20 ms or more, until the laser is off");
-    p.comment("output off before every move and at the end; a wait that times out ends the program");
+    p.comment("output off before every move and at the end, a wait that times out ends the program");
     p.comment("not a safety system: the laser needs its own interlock");
     p.line("G21 G90 G94 G17 G40 G49 G80 G61.1");
     p.line("M65 P0");

@@ -4,11 +4,18 @@ use super::*;
 use crate::program::sample;
 use crate::spec::SAMPLE_JOB;
 
+fn machine() -> Machine {
+    Machine::built_in("xyz-galvo-40").expect("profile")
+}
+
 /// The facts of the sample program, given to `use_them`.
-pub(crate) fn with_sample<R>(use_them: impl FnOnce(&Facts<'_>) -> R) -> R {
-    let (program, origin) = sample::program();
+fn with_sample<R>(use_them: impl FnOnce(&Facts<'_>) -> R) -> R {
+    with(sample::program(), &machine(), use_them)
+}
+
+fn with<R>((program, origin): (Program, [i64; 3]), machine: &Machine, use_them: impl FnOnce(&Facts<'_>) -> R) -> R {
+    let block_times = vec![0.125; program.blocks.len()];
     let checked = Checked::unchecked(program, origin);
-    let machine = Machine::built_in("xyz-galvo-40").expect("profile");
     let job = Job::parse(Path::new("hood.toml"), SAMPLE_JOB).expect("sample job");
     let sections =
         Sections { origin: crate::geom::P2::new(-20_000_000, -20_000_001), pitch: [40_000_000; 2], count: [2, 1] };
@@ -25,11 +32,11 @@ pub(crate) fn with_sample<R>(use_them: impl FnOnce(&Facts<'_>) -> R) -> R {
         inputs: vec![InputFact { role: "surface".into(), file: "hood.stl".into(), bytes: 3, blake3: "ef".into() }],
         seed: 5,
         job: &job,
-        machine: &machine,
+        machine,
         checked: &checked,
         sections: &sections,
         depth_mm: 0.07,
-        block_times: &[1.5, 0.25, 0.125],
+        block_times: &block_times,
         files: &files,
         summary: &summary,
     })
@@ -96,4 +103,55 @@ fn the_sheet_tells_the_operator_what_the_files_do_not() {
         assert_eq!(text.matches(&format!("\n  B000{i} ")).count(), 1);
     }
     assert!(text.lines().all(|l| l.len() <= 132), "fits on paper");
+}
+
+/// Writes three job folders for the scripts in tests/python, which need no compiler to try:
+/// `TERRACE_SAMPLES=/tmp/samples cargo test --lib -- --ignored folders_for_foreign_readers`.
+#[test]
+#[ignore = "writes folders to the place that TERRACE_SAMPLES names"]
+fn folders_for_foreign_readers() {
+    let place = std::env::var("TERRACE_SAMPLES").expect("TERRACE_SAMPLES names a folder");
+    let plain = machine();
+    let mut turned = machine();
+    turned.scanner.swap_xy = true;
+    turned.scanner.mirror_y = true;
+    turned.stage.x.carries = crate::machine::Carries::Head;
+    turned.stage.z.reversed = true;
+    turned.controller.max_line = 60;
+    let small = sample::program();
+    let jobs = [
+        ("small", &plain, small),
+        ("random", &plain, sample::random(150, &plain)),
+        ("turned", &turned, sample::random(80, &turned)),
+    ];
+    for (name, machine, program) in jobs {
+        with(program, machine, |facts| write_folder(&Path::new(&place).join(name), facts));
+    }
+}
+
+fn write_folder(folder: &Path, facts: &Facts<'_>) {
+    use crate::emit::{dxf, gcode, ovf};
+    let (checked, machine) = (facts.checked, facts.machine);
+    std::fs::create_dir_all(folder.join("blocks")).expect("folder");
+    let drawings = gcode::Drawings::Dxf;
+    let mut files = vec![
+        ("program.txt".to_owned(), crate::program::text::write(checked.program(), checked.origin())),
+        ("stage.ngc".to_owned(), gcode::linuxcnc(checked, machine, facts.block_times, drawings)),
+        ("stage_m0.nc".to_owned(), gcode::m0(checked, machine, drawings)),
+        ("job.ovf".to_owned(), ovf::write(checked, machine, "job", "part.stl")),
+        ("runsheet.txt".to_owned(), runsheet_txt(facts)),
+        ("runsheet.csv".to_owned(), runsheet_csv(facts)),
+    ];
+    files.extend((0..checked.program().blocks.len()).map(|i| (dxf::file_name(i), dxf::block(checked, machine, i))));
+    let list: Vec<FileFact> = files
+        .iter()
+        .map(|(file, bytes)| {
+            let blake3 = blake3::hash(bytes).to_hex().to_string();
+            FileFact { file: file.clone(), bytes: bytes.len() as u64, blake3 }
+        })
+        .collect();
+    files.push(("manifest.json".to_owned(), manifest(&Facts { files: &list, ..facts.clone() })));
+    for (file, bytes) in files {
+        std::fs::write(folder.join(file), bytes).expect("file");
+    }
 }
