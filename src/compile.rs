@@ -21,7 +21,7 @@ use crate::split::{Fragments, Splitter};
 use crate::surface::Surface;
 use crate::texture::Texture;
 use crate::trace::{Footprint, Tracer};
-use crate::{map, motion, preview};
+use crate::{map, motion};
 
 /// Stations of a compilation, in order, for progress displays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,22 +64,6 @@ pub struct Plan {
     pub depth: i64,
     /// What the user should know.
     pub warnings: Vec<Diag>,
-}
-
-impl Plan {
-    /// What the pictures are drawn from; `job` is the name they show.
-    pub fn layout<'a>(&'a self, job: &'a str) -> preview::Layout<'a> {
-        preview::Layout {
-            job,
-            checked: &self.checked,
-            machine: &self.machine,
-            sections: self.sections,
-            map: &self.map,
-            texture: self.texture,
-            block_s: &self.block_times,
-            summary: &self.summary,
-        }
-    }
 }
 
 /// What all candidates share.

@@ -39,6 +39,20 @@ fn failed(what: &str, path: &Path, e: &std::io::Error) -> Error {
     Diag::input("output-unwritable", format!("cannot {what}: {e}")).at(place(path)).hint("check space and permissions").into()
 }
 
+/// What the pictures of a plan are drawn from; `job` is the name they show.
+pub fn layout<'a>(plan: &'a Plan, job: &'a str) -> preview::Layout<'a> {
+    preview::Layout {
+        job,
+        checked: &plan.checked,
+        machine: &plan.machine,
+        sections: plan.sections,
+        map: &plan.map,
+        texture: plan.texture,
+        block_s: &plan.block_times,
+        summary: &plan.summary,
+    }
+}
+
 /// Finishes or undoes what a stopped run left beside `target`.
 ///
 /// # Errors
@@ -109,7 +123,7 @@ fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Erro
         make(&folder.join("blocks"))?;
         let blocks: Result<Vec<FileFact>, Error> = (0..checked.program().blocks.len())
             .into_par_iter()
-            .map(|i| put(folder, &emit::dxf::file_name(i), &emit::dxf::block(checked, machine, i)))
+            .map(|i| put(folder, &program::Program::drawing_file(i), &emit::dxf::block(checked, machine, i)))
             .collect();
         files.extend(blocks?);
     }
@@ -122,7 +136,7 @@ fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Erro
     if has(Format::Ovf) {
         files.push(put(folder, "job.ovf", &emit::ovf::write(checked, machine, &job_name, &part_name))?);
     }
-    let layout = plan.layout(&job_name);
+    let layout = layout(plan, &job_name);
     files.push(put(folder, "layout.svg", preview::layout_svg(&layout).as_bytes())?);
     files.push(put(folder, "report.html", preview::report_html(&layout).as_bytes())?);
     let facts = record::Facts {

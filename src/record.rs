@@ -157,7 +157,7 @@ pub struct Facts<'a> {
 impl Facts<'_> {
     /// The file of block `index`'s drawing, where drawings are written.
     fn drawing(&self, index: usize) -> Option<String> {
-        self.has(Format::Dxf).then(|| crate::emit::dxf::file_name(index))
+        self.has(Format::Dxf).then(|| Program::drawing_file(index))
     }
     fn has(&self, format: Format) -> bool {
         self.job.file.emit.formats.contains(&format)

@@ -99,7 +99,7 @@ fn run(args: &Args) -> Result<u8, Error> {
         Command::Preview { job, output } => {
             let plan = planned(args, job)?;
             let name = job.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-            let svg = preview::layout_svg(&plan.layout(&name));
+            let svg = preview::layout_svg(&folder::layout(&plan, &name));
             match output.as_deref() {
                 Some(o) if o == Path::new("-") => print(&svg),
                 given => {

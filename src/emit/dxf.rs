@@ -9,11 +9,6 @@ use crate::check::Checked;
 use crate::machine::Machine;
 use crate::program::Program;
 
-/// Where the drawing of block `index` lies in the job folder.
-pub fn file_name(index: usize) -> String {
-    format!("blocks/{}.dxf", Program::block_id(index))
-}
-
 /// The drawing of block `index`.
 ///
 /// # Panics

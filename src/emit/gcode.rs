@@ -131,7 +131,7 @@ impl Writer {
     fn block(&mut self, program: &Program, i: usize) {
         let block = &program.blocks[i];
         let title = match self.drawings {
-            Drawings::Dxf => format!("BLOCK {} FILE {}", Program::block_id(i), super::dxf::file_name(i)),
+            Drawings::Dxf => format!("BLOCK {} FILE {}", Program::block_id(i), Program::drawing_file(i)),
             Drawings::Absent => format!("BLOCK {}", Program::block_id(i)),
         };
         self.comment(&title);

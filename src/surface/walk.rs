@@ -79,6 +79,14 @@ impl Line {
         orient(self.a, self.b, v.p2())
     }
 
+    /// As [`Line::side`], zero also where `v` lies within a nanometre of the line: both were rounded to
+    /// the grid, so a stroke drawn along the border of a turned part lies on it to that.
+    #[inline]
+    fn side_snapped(&self, v: Vertex) -> f64 {
+        let o = self.side(v);
+        if o.abs() * self.half_nm <= 0.5 { 0.0 } else { o }
+    }
+
     /// As [`Line::side`], never zero.
     #[inline]
     fn side_shifted(&self, v: Vertex) -> f64 {
@@ -356,7 +364,7 @@ impl Surface {
     /// it has no length.
     fn closed(&self, line: &Line, f: u32, t_from: f64, t_to: f64) -> Option<Span> {
         let c = [0, 1, 2].map(|k| self.corner(f, k));
-        let sides = c.map(|(v, _)| line.side(v));
+        let sides = c.map(|(v, _)| line.side_snapped(v));
         let mut ends: [(f64, f64); 3] = [(0.0, 0.0); 3];
         let mut n = 0;
         for k in 0..3 {
