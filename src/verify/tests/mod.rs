@@ -309,6 +309,12 @@ fn a_listed_path_never_leads_out_of_the_folder() {
         let proof = made.verify(folder);
         assert_only("hash", &proof);
         assert!(proof.rule("hash").expect("hash").violations.iter().any(|v| v.message.contains("no path inside")));
+        made.write_manifest(folder);
+        let text = std::fs::read_to_string(&path)
+            .expect("text")
+            .replace("{\"dxf\":\"blocks/B0002.dxf\"}", "{\"dxf\":\"/dev/zero\"}");
+        std::fs::write(&path, text).expect("write");
+        assert_only("agreement", &made.verify(folder));
     });
 }
 
