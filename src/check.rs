@@ -1,7 +1,14 @@
 //! The gate before the emitters: a [`Checked`] program keeps the invariants P1 to P5 of
 //! [`crate::program`] and the limits of its machine. There is no other way to make one.
+//!
+//! Controllers clip, drop or truncate silently; here everything that breaks a limit is an error with
+//! block and place.
 
-use crate::program::Program;
+use crate::diag::{Diag, Error, Place};
+use crate::geom::{P2, mm_from_nm};
+use crate::machine::Machine;
+use crate::order::clearance::Clearance;
+use crate::program::{Block, Program};
 
 /// A program that may be emitted.
 #[derive(Debug)]
@@ -10,7 +17,53 @@ pub struct Checked {
     origin: [i64; 3],
 }
 
+/// What the program is checked against.
+pub struct Limits<'a> {
+    /// The machine.
+    pub machine: &'a Machine,
+    /// Position of the part frame's origin in the table frame, nm.
+    pub origin: [i64; 3],
+    /// Largest depth range of a block, nm.
+    pub depth: i64,
+    /// Tangent of the steepest slope that is marked: a nanometre in the plane is this much in height.
+    pub max_slope: f64,
+    /// The part's high places.
+    pub clearance: &'a Clearance,
+}
+
+/// Faults that are reported one by one; the rest is counted.
+const SHOWN: usize = 10;
+
 impl Checked {
+    /// Checks a program.
+    ///
+    /// # Errors
+    /// Every limit that is broken (`travel`, `field`, `clearance`, `strokes`), the first ten by name;
+    /// `program-invariant` where the fault is ours.
+    pub fn new(program: Program, limits: &Limits<'_>) -> Result<Self, Error> {
+        let mut faults = Vec::new();
+        if program.blocks.is_empty() {
+            faults.push(
+                Diag::limit("job-empty", "nothing would be marked: no texture lies on the part where it may be marked")
+                    .hint("check the texture's area and origin against the part's box (`terrace inspect`)"),
+            );
+        }
+        for (i, block) in program.blocks.iter().enumerate() {
+            let found = faults_of(&program, block, limits);
+            let place = || Place::Block(Program::block_id(i));
+            faults.extend(found.into_iter().map(|d| if d.place == Place::Nowhere { d.at(place()) } else { d }));
+        }
+        if faults.is_empty() {
+            return Ok(Self { program, origin: limits.origin });
+        }
+        let more = faults.len().saturating_sub(SHOWN);
+        faults.truncate(SHOWN);
+        if more > 0 {
+            faults.push(Diag::limit("more", format!("{more} more of this kind")));
+        }
+        Err(Error::many(faults))
+    }
+
     /// The program.
     pub fn program(&self) -> &Program {
         &self.program
@@ -24,4 +77,77 @@ impl Checked {
     pub(crate) fn unchecked(program: Program, origin: [i64; 3]) -> Self {
         Self { program, origin }
     }
+}
+
+fn faults_of(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag> {
+    let mut faults = invariants(program, block, limits);
+    let machine = limits.machine;
+    let stop = &block.stop;
+    for ((name, axis), &at) in machine.axes().into_iter().zip(&block.stage) {
+        let [lo, hi] = axis.travel.map(|t| t.as_nm().unwrap_or(0));
+        if !(lo..=hi).contains(&at) {
+            let text = format!(
+                "{name} would have to go to {} mm, travel is {} to {} mm",
+                mm_from_nm(at),
+                mm_from_nm(lo),
+                mm_from_nm(hi)
+            );
+            faults.push(Diag::limit("travel", text).hint(
+                "move the part with placement.origin, mark a smaller area, or use a machine with more travel",
+            ));
+        }
+    }
+    let lowest = limits.clearance.lowest_focus(stop.centre, stop.centre);
+    if stop.focus < lowest {
+        let text = format!(
+            "the head would come {} mm too near to a higher place of the part",
+            mm_from_nm(lowest - stop.focus)
+        );
+        let [x_mm, y_mm] = stop.centre.mm();
+        faults.push(
+            Diag::limit("clearance", text)
+                .at(Place::Part { x_mm, y_mm })
+                .hint("lens.working_distance, lens.diameter and stage.clearance of the machine decide this"),
+        );
+    }
+    let limit = machine.controller.max_strokes;
+    if limit > 0 && block.strokes.len() > limit {
+        let text = format!("the block has {} strokes, the controller takes {limit}", block.strokes.len());
+        faults.push(Diag::limit("strokes", text).hint("use smaller sections (partition.section)"));
+    }
+    faults
+}
+
+/// P1 to P5. What breaks here is our own fault, whatever the job says.
+fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag> {
+    let mut faults = Vec::new();
+    let mut broken = |what: String| faults.push(Diag::bug("program-invariant", what));
+    if block.strokes.is_empty() {
+        broken("P1: the block has no stroke".into());
+    }
+    for stroke in program.strokes_of(block) {
+        let points = program.points_of(stroke);
+        if points.len() < 2 || points.windows(2).any(|w| w[0] == w[1]) {
+            broken(format!("P1: a stroke of texture stroke {} has a segment without length", stroke.source));
+        }
+        if let Some(p) = points.iter().find(|&&p| !limits.machine.field_holds(p)) {
+            broken(format!("P2: {:?} nm lies outside of the usable field", p));
+        }
+        if usize::from(stroke.pen) >= program.pens.len() {
+            broken(format!("P5: there is no pen {}", stroke.pen));
+        }
+    }
+    // A cut point is rounded by up to a nanometre in the plane, which the slope turns into height.
+    let slack = 1 + limits.max_slope.ceil() as i64;
+    if block.z_hi - block.z_lo > limits.depth + slack {
+        let text = format!("P3: marks between {} and {} nm span more than {} nm", block.z_lo, block.z_hi, limits.depth);
+        broken(text);
+    }
+    let P2 { x, y } = block.stop.centre;
+    let at = limits.machine.stage_from_part([x, y, block.stop.focus], limits.origin);
+    let step = limits.machine.increment_nm();
+    if at != block.stage || at.iter().any(|v| v % step != 0) {
+        broken(format!("P4: stage target {:?} nm is not where the block lies, {at:?} nm, in steps of {step} nm", block.stage));
+    }
+    faults
 }

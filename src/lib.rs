@@ -1,14 +1,25 @@
 #![doc = include_str!("lib.md")]
 
+pub mod batch;
 pub mod check;
+pub mod cli;
+pub mod compile;
 pub mod diag;
+pub mod emit;
+pub mod folder;
 pub mod geom;
 pub mod machine;
+pub mod map;
+pub mod motion;
+pub mod order;
 pub mod partition;
+pub mod preview;
 pub mod program;
 pub mod record;
 pub mod spec;
+pub mod split;
 pub mod surface;
 pub mod texture;
+pub mod trace;
 pub mod units;
 pub mod verify;

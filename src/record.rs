@@ -1,6 +1,21 @@
 //! What is written down about a job: summary, manifest, run sheet.
+//!
+//! Consumes the checked program, its machine and job, and what the driver knows of times and files;
+//! renders bytes. Lengths are mm (heights and positions exact to the nanometre), times s. Nothing here
+//! depends on the clock, the computer or where the folder lies.
+
+mod manifest;
+mod runsheet;
+
+pub use manifest::manifest;
+pub use runsheet::{csv as runsheet_csv, txt as runsheet_txt};
 
 use serde::Serialize;
+
+use crate::check::Checked;
+use crate::machine::Machine;
+use crate::program::{Block, Pen, Program, Sections};
+use crate::spec::{Format, Job};
 
 /// Parts of the job time, s. They sum to the total.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -32,31 +47,132 @@ pub struct Candidate {
     pub time_s: Times,
 }
 
-/// The figures of a job; the keys are a promise, units are in the suffix.
+/// The figures of a job; the keys are a promise, units are in the suffix. Lengths are measured in the
+/// xy plane.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
+    /// Standstills of the stage, which are the blocks.
     pub stops: usize,
+    /// Connected parts of one level in one section (the article's count).
     pub sub_blocks: usize,
+    /// Method of partition that was kept.
     pub method: String,
+    /// No partition has fewer stops; None where no bound was computed.
     pub lower_bound_stops: Option<usize>,
+    /// Length of the texture, every pass counted.
     pub texture_mm: f64,
+    /// Length that is marked, every pass counted.
     pub mark_mm: f64,
+    /// Length that is marked twice on purpose, at seams.
     pub overlap_mm: f64,
+    /// Length that is not marked; the sum of the four that follow.
     pub skipped_mm: f64,
+    /// Not marked: beside the part or over a hole.
     pub skipped_off_part_mm: f64,
+    /// Not marked: below another sheet.
     pub skipped_hidden_mm: f64,
+    /// Not marked: steeper than the limit.
     pub skipped_steep_mm: f64,
+    /// Not marked: slivers below the stated length.
     pub skipped_small_mm: f64,
+    /// Pieces that the texture's strokes were cut into.
     pub fragments: usize,
+    /// Texture strokes that were cut.
     pub strokes_cut: usize,
+    /// Closed figures that stayed whole.
     pub figures_whole: usize,
+    /// Closed figures that were cut.
     pub figures_cut: usize,
+    /// Length of the borders between blocks.
     pub seam_mm: f64,
+    /// Jumps inside blocks, for one pass.
     pub jump_mm: f64,
+    /// Largest distance of a mark from its block's focal plane, as the job sets that plane.
     pub worst_defocus_um: f64,
+    /// The same with every focal plane at the mean height of its marks.
     pub worst_defocus_mean_um: f64,
+    /// Largest angle between the beam and the normal of a marked place.
     pub worst_incidence_deg: f64,
+    /// The job's time.
     pub time_s: Times,
+    /// What `auto` compared; empty where one method was asked for.
     pub candidates: Vec<Candidate>,
+    /// What the user should know, as objects with kind, code, message, place and hint.
     pub warnings: Vec<serde_json::Value>,
 }
+
+/// An input file of the job.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct InputFact {
+    /// What it is for: `surface`, `texture`, `machine`.
+    pub role: String,
+    /// Its path, relative to the job file.
+    pub file: String,
+    /// Its size.
+    pub bytes: u64,
+    /// BLAKE3 of its bytes, hex.
+    pub blake3: String,
+}
+
+/// A file of the job folder.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct FileFact {
+    /// Its path inside the folder.
+    pub file: String,
+    /// Its size.
+    pub bytes: u64,
+    /// BLAKE3 of its bytes, hex.
+    pub blake3: String,
+}
+
+/// Everything that manifest and run sheet tell.
+#[derive(Clone)]
+pub struct Facts<'a> {
+    /// Path from the job folder to the job file.
+    pub job_file: String,
+    /// BLAKE3 of the job file, hex.
+    pub job_blake3: String,
+    /// The other input files.
+    pub inputs: Vec<InputFact>,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// The job.
+    pub job: &'a Job,
+    /// Its machine.
+    pub machine: &'a Machine,
+    /// Its program.
+    pub checked: &'a Checked,
+    /// The grid of sections.
+    pub sections: &'a Sections,
+    /// Largest depth range of a block, as used.
+    pub depth_mm: f64,
+    /// Time of every block: marks, jumps and delays, s.
+    pub block_times: &'a [f64],
+    /// The files of the folder but the manifest.
+    pub files: &'a [FileFact],
+    /// The figures.
+    pub summary: &'a Summary,
+}
+
+impl Facts<'_> {
+    /// The file of block `index`'s drawing, where drawings are written.
+    fn drawing(&self, index: usize) -> Option<String> {
+        self.has(Format::Dxf).then(|| crate::emit::dxf::file_name(index))
+    }
+    fn has(&self, format: Format) -> bool {
+        self.job.file.emit.formats.contains(&format)
+    }
+    fn block_time_s(&self, index: usize) -> f64 {
+        self.block_times.get(index).copied().unwrap_or(0.0)
+    }
+}
+
+/// The pens of a block with their indices, in the order of the program's pens.
+fn pens_of<'a>(program: &'a Program, block: &Block) -> Vec<(usize, &'a Pen)> {
+    let mut used = vec![false; program.pens.len()];
+    program.strokes_of(block).iter().for_each(|s| used[usize::from(s.pen)] = true);
+    program.pens.iter().enumerate().filter(|(i, _)| used[*i]).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -120,6 +120,16 @@ pub fn length_mm(points: &[P2]) -> f64 {
     points.windows(2).map(|w| w[0].distance(w[1])).sum::<f64>() / NM_PER_MM
 }
 
+/// Cosine and sine of an angle, exact for multiples of 90 degrees.
+pub fn cos_sin(rad: f64) -> [f64; 2] {
+    let quarters = rad / std::f64::consts::FRAC_PI_2;
+    if (quarters - quarters.round()).abs() < 1e-12 {
+        return [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]][(quarters.round() as i64).rem_euclid(4) as usize];
+    }
+    let (s, c) = rad.sin_cos();
+    [c, s]
+}
+
 /// Floor of `a / b` for positive `b`, also for negative `a`.
 pub fn floor_div(a: i64, b: i64) -> i64 {
     a.div_euclid(b)

@@ -392,6 +392,15 @@ impl Machine {
         self.stage.increment.as_nm().unwrap_or(0)
     }
 
+    /// The z command (nm) at the end of travel that lies farthest from the part: where the stage programs
+    /// lift the head to before a move that could come too near, at their start and at their end.
+    pub fn retract_z(&self) -> i64 {
+        let [lowest, highest] = self.stage.z.travel.map(|end| end.as_nm().unwrap_or(0));
+        let grid = self.increment_nm().max(1);
+        // Rounded into the travel, onto the grid of commands.
+        if self.stage.z.sign() > 0 { highest - highest.rem_euclid(grid) } else { lowest + (-lowest).rem_euclid(grid) }
+    }
+
     /// The axis commands (nm) that bring the optical axis and the focal plane over the part point
     /// `p` (nm), the part lying at `origin` (nm) in the table frame.
     pub fn stage_from_part(&self, p: [i64; 3], origin: [i64; 3]) -> [i64; 3] {

@@ -16,7 +16,12 @@
 //! Centres, focus heights and depth intervals are turned part frame, integer nm. Stage targets are
 //! commanded axis values, integer nm.
 
+#[cfg(test)]
+pub(crate) mod sample;
+mod sections;
 pub mod text;
+
+pub use sections::Sections;
 
 use std::ops::Range;
 

@@ -1,1 +1,330 @@
 //! `program.txt`: the program as stable text, one line per block and per stroke, integers in nm.
+//!
+//! Lines end in `\n`; the numbers of pens, blocks and strokes stand before what they count. The layout is
+//! in `docs/formats.md`. [`parse`] gives back what [`write`] wrote, with `==`, for every program whose
+//! strokes and points lie block by block without gaps, which is how programs are made. It allocates by
+//! what the file holds, never by a number that the file states.
+
+use crate::diag::{Diag, Error, Place};
+use crate::geom::P2;
+use crate::program::{Block, Pen, Program, Stop, Stroke};
+
+const TITLE: &str = "terrace program 1";
+
+/// The text of a program on a part whose origin lies at `origin` (nm, table frame).
+pub fn write(program: &Program, origin: [i64; 3]) -> Vec<u8> {
+    // Room for coordinates of up to eight digits, so that the buffer rarely grows.
+    let room = 1024 + program.blocks.len() * 160 + program.strokes.len() * 20 + program.points.len() * 20;
+    let mut out = Text { bytes: Vec::with_capacity(room), digits: itoa::Buffer::new() };
+    out.text(TITLE);
+    out.text("\norigin");
+    out.numbers(origin);
+    out.text(&format!("\npens {}\n", program.pens.len()));
+    for Pen { name, speed, power, frequency, passes } in &program.pens {
+        out.text(&format!("pen {} | {speed} | {power} | {frequency} | {passes}\n", escaped(name)));
+    }
+    out.text(&format!("blocks {}\n", program.blocks.len()));
+    for (i, block) in program.blocks.iter().enumerate() {
+        out.block(&Program::block_id(i), block);
+        for stroke in program.strokes_of(block) {
+            out.stroke(stroke, program.points_of(stroke));
+        }
+    }
+    out.text("end\n");
+    out.bytes
+}
+
+/// The text as it grows.
+struct Text {
+    bytes: Vec<u8>,
+    digits: itoa::Buffer,
+}
+
+impl Text {
+    fn text(&mut self, text: &str) {
+        self.bytes.extend_from_slice(text.as_bytes());
+    }
+    /// Each number with a space before it.
+    fn numbers<const N: usize, I: itoa::Integer>(&mut self, numbers: [I; N]) {
+        for n in numbers {
+            self.bytes.push(b' ');
+            self.bytes.extend_from_slice(self.digits.format(n).as_bytes());
+        }
+    }
+    fn block(&mut self, id: &str, block: &Block) {
+        let Block { stop, stage, retract, z_lo, z_hi, strokes } = block;
+        self.text("block ");
+        self.text(id);
+        self.numbers(stop.section);
+        self.numbers([i64::from(stop.level), stop.centre.x, stop.centre.y, stop.focus, stop.z_lo, stop.z_hi]);
+        self.numbers(*stage);
+        self.numbers([i64::from(*retract), *z_lo, *z_hi]);
+        self.numbers([strokes.len()]);
+        self.bytes.push(b'\n');
+    }
+    fn stroke(&mut self, stroke: &Stroke, points: &[[i32; 2]]) {
+        self.bytes.extend_from_slice(self.digits.format(stroke.pen).as_bytes());
+        self.numbers([stroke.source, stroke.segment]);
+        self.text(if stroke.reversed { " -" } else { " +" });
+        for &point in points {
+            self.numbers(point);
+        }
+        self.bytes.push(b'\n');
+    }
+}
+
+/// A name on one line: backslash, line feed and carriage return as \\, \n, \r.
+fn escaped(name: &str) -> String {
+    name.replace('\\', "\\\\").replace('\n', "\\n").replace('\r', "\\r")
+}
+
+fn unescaped(text: &str) -> Option<String> {
+    let mut out = String::with_capacity(text.len());
+    let mut chars = text.chars();
+    while let Some(c) = chars.next() {
+        out.push(match c {
+            '\\' => match chars.next()? {
+                '\\' => '\\',
+                'n' => '\n',
+                'r' => '\r',
+                _ => return None,
+            },
+            other => other,
+        });
+    }
+    Some(out)
+}
+
+/// Reads a program text; `path` names it in messages.
+///
+/// # Errors
+/// `program-text` with the line: anything that [`write`] would not have written.
+pub fn parse(path: &str, bytes: &[u8]) -> Result<(Program, [i64; 3]), Error> {
+    let mut lines = Lines { rest: bytes, number: 0 };
+    read(&mut lines).map_err(|message| {
+        Diag::input("program-text", message)
+            .at(Place::line(path, lines.number))
+            .hint("program.txt is written by terrace and not to be edited; compile the job again")
+            .into()
+    })
+}
+
+fn read(lines: &mut Lines<'_>) -> Result<(Program, [i64; 3]), String> {
+    if lines.next()? != TITLE.as_bytes() {
+        return Err(format!("the first line is not {TITLE:?}"));
+    }
+    let mut fields = lines.fields("origin ")?;
+    let origin = [fields.number()?, fields.number()?, fields.number()?];
+    fields.end()?;
+    let mut program = Program::default();
+    for _ in 0..lines.count("pens ")? {
+        let line = std::str::from_utf8(lines.next()?).map_err(|_| "the line is not UTF-8 text")?;
+        program.pens.push(pen(line)?);
+    }
+    for i in 0..lines.count("blocks ")? {
+        let (mut block, strokes) = block(lines.fields("block ")?, i)?;
+        let start = program.strokes.len();
+        for _ in 0..strokes {
+            stroke(Fields(lines.next()?), &mut program)?;
+        }
+        block.strokes = start..program.strokes.len();
+        program.blocks.push(block);
+    }
+    if lines.next()? != b"end" {
+        return Err("the line is not \"end\"".into());
+    }
+    if lines.rest.is_empty() { Ok((program, origin)) } else { Err("something follows the end".into()) }
+}
+
+fn pen(line: &str) -> Result<Pen, String> {
+    let rest = line.strip_prefix("pen ").ok_or("the line does not start with \"pen\"")?;
+    let mut parts = rest.rsplitn(5, " | ");
+    let mut next = || parts.next().ok_or_else(|| "a pen has a name and four values, parted by \" | \"".to_owned());
+    let passes = next()?.parse().map_err(|_| "passes are not a number")?;
+    let frequency = next()?.parse()?;
+    let power = next()?.parse()?;
+    let speed = next()?.parse()?;
+    let name = unescaped(next()?).ok_or("the name has a stray backslash")?;
+    Ok(Pen { name, speed, power, frequency, passes })
+}
+
+/// A block without its strokes, and how many there are.
+fn block(mut f: Fields<'_>, index: usize) -> Result<(Block, usize), String> {
+    let id = Program::block_id(index);
+    if f.word()? != id.as_bytes() {
+        return Err(format!("this should be block {id}"));
+    }
+    let section = [f.number()?, f.number()?];
+    let level = f.number()?;
+    let centre = P2::new(f.number()?, f.number()?);
+    let stop = Stop { section, level, centre, focus: f.number()?, z_lo: f.number()?, z_hi: f.number()? };
+    let stage = [f.number()?, f.number()?, f.number()?];
+    let retract = match f.word()? {
+        b"0" => false,
+        b"1" => true,
+        _ => return Err("the retract mark is neither 0 nor 1".into()),
+    };
+    let (z_lo, z_hi) = (f.number()?, f.number()?);
+    let strokes = f.number()?;
+    f.end()?;
+    Ok((Block { stop, stage, retract, z_lo, z_hi, strokes: 0..0 }, strokes))
+}
+
+fn stroke(mut f: Fields<'_>, program: &mut Program) -> Result<(), String> {
+    let pen: u16 = f.number()?;
+    if usize::from(pen) >= program.pens.len() {
+        return Err(format!("there is no pen {pen}"));
+    }
+    let (source, segment) = (f.number()?, f.number()?);
+    let reversed = match f.word()? {
+        b"+" => false,
+        b"-" => true,
+        _ => return Err("the direction is neither + nor -".into()),
+    };
+    let first = program.points.len();
+    while !f.0.is_empty() {
+        program.points.push([f.number()?, f.number()?]);
+    }
+    let len = program.points.len() - first;
+    if len < 2 {
+        return Err(format!("a stroke has {len} points, not two or more"));
+    }
+    if u32::try_from(program.points.len()).is_err() {
+        return Err("there are 2^32 points or more".into());
+    }
+    program.strokes.push(Stroke { source, segment, reversed, pen, first: first as u32, len: len as u32 });
+    Ok(())
+}
+
+/// The lines not read yet; `number` is the one read last, from 1.
+struct Lines<'a> {
+    rest: &'a [u8],
+    number: usize,
+}
+
+impl<'a> Lines<'a> {
+    fn next(&mut self) -> Result<&'a [u8], String> {
+        self.number += 1;
+        let end = self.rest.iter().position(|&b| b == b'\n').ok_or("the text ends too early")?;
+        let line = &self.rest[..end];
+        self.rest = &self.rest[end + 1..];
+        Ok(line)
+    }
+    fn fields(&mut self, keyword: &str) -> Result<Fields<'a>, String> {
+        let rest = self.next()?.strip_prefix(keyword.as_bytes());
+        rest.map(Fields).ok_or_else(|| format!("the line does not start with {:?}", keyword.trim_end()))
+    }
+    fn count(&mut self, keyword: &str) -> Result<usize, String> {
+        let mut fields = self.fields(keyword)?;
+        let n = fields.number()?;
+        fields.end()?;
+        Ok(n)
+    }
+}
+
+/// The fields of a line not read yet, parted by single spaces.
+struct Fields<'a>(&'a [u8]);
+
+impl<'a> Fields<'a> {
+    fn word(&mut self) -> Result<&'a [u8], String> {
+        if self.0.is_empty() {
+            return Err("the line ends too early".into());
+        }
+        let end = self.0.iter().position(|&b| b == b' ').unwrap_or(self.0.len());
+        let word = &self.0[..end];
+        if end + 1 == self.0.len() {
+            return Err("the line ends in a space".into());
+        }
+        self.0 = self.0.get(end + 1..).unwrap_or(&[]);
+        Ok(word)
+    }
+    fn number<I: TryFrom<i64>>(&mut self) -> Result<I, String> {
+        let word = self.word()?;
+        integer(word)
+            .and_then(|n| I::try_from(n).ok())
+            .ok_or_else(|| format!("{:?} is not a whole number in range", String::from_utf8_lossy(word)))
+    }
+    fn end(&self) -> Result<(), String> {
+        if self.0.is_empty() { Ok(()) } else { Err("the line has more fields than it should".into()) }
+    }
+}
+
+/// Digits with or without a minus, as they are written: no leading zeros, no -0.
+fn integer(word: &[u8]) -> Option<i64> {
+    let (negative, digits) = match word {
+        [b'-', rest @ ..] => (true, rest),
+        all => (false, all),
+    };
+    if digits.is_empty() || digits.len() > 18 || (digits[0] == b'0' && word.len() > 1) {
+        return None;
+    }
+    let mut n = 0i64;
+    for &d in digits {
+        if !d.is_ascii_digit() {
+            return None;
+        }
+        n = n * 10 + i64::from(d - b'0');
+    }
+    Some(if negative { -n } else { n })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::program::sample;
+
+    #[test]
+    fn what_was_written_reads_back_equal() {
+        let (mut program, origin) = sample::program();
+        program.pens[0].name = "a | b\\ \n | 3 \r".into();
+        program.pens[0].speed = crate::units::Speed::mm_s(1.0 / 3.0);
+        program.blocks[1].stop.level = -3;
+        program.points[0] = [i32::MIN, i32::MAX];
+        let text = write(&program, origin);
+        assert_eq!(parse("program.txt", &text).expect("own text"), (program, origin));
+    }
+
+    #[test]
+    fn an_empty_program_reads_back_equal() {
+        let text = write(&Program::default(), [0, -1, 4_000_000_000]);
+        assert_eq!(parse("p", &text).expect("own text"), (Program::default(), [0, -1, 4_000_000_000]));
+    }
+
+    #[test]
+    fn every_cut_and_many_damages_are_refused_with_their_line() {
+        let (program, origin) = sample::program();
+        let text = write(&program, origin);
+        for end in 0..text.len() {
+            assert!(parse("p", &text[..end]).is_err(), "cut at {end}");
+        }
+        let text = String::from_utf8(text).expect("ASCII");
+        for (from, to, line) in [
+            ("program 1", "program 2", 1),
+            ("origin ", "origin  ", 2),
+            ("pens 2", "pens 99999999999", 6),
+            ("| 60 %", "| 60", 4),
+            ("blocks 3", "blocks 2", 12),
+            ("B0002", "B0003", 10),
+            ("0 3 7 - ", "2 3 7 - ", 8),
+            ("0 3 7 - ", "0 3 7 * ", 8),
+            ("0 3 7 - ", "0 3 4294967296 - ", 8),
+            ("end\n", "end\n\n", 15),
+        ] {
+            assert!(text.contains(from), "{from}");
+            let error = parse("p", text.replacen(from, to, 1).as_bytes()).expect_err(to);
+            let place = error.diags()[0].place.to_string();
+            assert_eq!(place, format!("p:{line}"), "{from} -> {to}: {error}");
+        }
+    }
+
+    #[test]
+    fn odd_or_lone_coordinates_are_no_stroke() {
+        let start = "terrace program 1\norigin 0 0 0\npens 1\npen p | 1 mm/s | 5 W | 3 kHz | 1\nblocks 1\n\
+                     block B0001 0 0 0 0 0 0 0 0 0 0 0 0 0 0 1\n";
+        for (stroke, good) in
+            [("0 0 0 + 1 2 3 4", true), ("0 0 0 + 1 2 3", false), ("0 0 0 + 1 2", false), ("0 0 0 +", false)]
+        {
+            assert_eq!(parse("p", format!("{start}{stroke}\nend\n").as_bytes()).is_ok(), good, "{stroke}");
+        }
+    }
+}

@@ -17,6 +17,8 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use crate::diag::{self, Diag, Error, Place};
+use crate::machine::Machine;
+use crate::{surface, texture};
 use crate::units::{Angle, Frequency, Length, Power, Speed, non_negative, positive, positive_option};
 
 /// Largest job file that is read.
@@ -501,6 +503,70 @@ impl Job {
     pub fn pen_of(&self, i: usize) -> usize {
         let named = self.file.texture[i].pen.as_ref();
         named.and_then(|n| self.file.pen.iter().position(|p| p.name == *n.get_ref())).unwrap_or(0)
+    }
+
+    /// How the surface file is to be read.
+    pub fn surface_options(&self) -> surface::Options {
+        let s = &self.file.surface;
+        surface::Options {
+            unit_mm: s.unit.map(FileUnit::in_mm),
+            heightmap: s.heightmap.as_ref().map(|h| surface::Scale {
+                pixel_mm: h.pixel.as_mm(),
+                z_mm: h.z.map(Length::as_mm),
+                values: h.values.as_ref().map(|v| *v.get_ref()),
+                nodata: h.nodata,
+                origin_mm: h.origin.map(Length::as_mm),
+            }),
+            max_edge_mm: s.max_edge.map(Length::as_mm),
+        }
+    }
+
+    /// What is to be marked.
+    pub fn texture_requests(&self) -> Vec<texture::Request> {
+        let mm = |l: &Option<Length>| l.map_or(0.0, Length::as_mm);
+        let request = |(i, t): (usize, &TextureSpec)| {
+            let kind = match t.pattern.as_ref().map(|p| *p.get_ref()) {
+                Some(Pattern::Hatch) => texture::Kind::Hatch {
+                    pitch_mm: mm(&t.pitch),
+                    direction_rad: t.direction.unwrap_or_default().as_rad(),
+                },
+                Some(Pattern::Hilbert) => {
+                    texture::Kind::Hilbert { order: t.order.as_ref().map_or(0, |o| *o.get_ref()) }
+                }
+                Some(Pattern::Squares) => texture::Kind::Squares { cell_mm: mm(&t.cell), pitch_mm: mm(&t.pitch) },
+                Some(Pattern::Circles) => texture::Kind::Circles { cell_mm: mm(&t.cell), pitch_mm: mm(&t.pitch) },
+                None => texture::Kind::Drawing {
+                    path: t.file.as_ref().map_or_else(PathBuf::new, |f| self.resolve(f.get_ref())),
+                    size_mm: t.size.map(|s| s.map(Length::as_mm)),
+                    origin_mm: t.origin.map(|o| o.map(Length::as_mm)),
+                    turn_rad: t.turn.as_rad(),
+                    tile: t.tile,
+                },
+            };
+            let area = match t.area.as_ref().map(Spanned::get_ref) {
+                Some(AreaSpec::Rectangle(r)) => texture::Area::Rectangle(r.map(Length::as_mm)),
+                Some(AreaSpec::Named(AreaName::Part)) => texture::Area::Part,
+                None if t.file.is_some() => texture::Area::Unlimited,
+                None => texture::Area::Part,
+            };
+            texture::Request { kind, area, tolerance_mm: t.tolerance.as_mm(), pen: self.pen_of(i) as u16 }
+        };
+        self.file.texture.iter().enumerate().map(request).collect()
+    }
+
+    /// The machine that the job names.
+    ///
+    /// # Errors
+    /// Faults of the machine file; `machine-unknown`, pointing at the name.
+    pub fn machine(&self) -> Result<Machine, Error> {
+        match (&self.file.machine.profile, &self.file.machine.file) {
+            (Some(name), _) => Machine::built_in(name.get_ref()).map_err(|e| {
+                let at = |d: &Diag| if d.code == "machine-unknown" { d.clone().at(self.place(name.span())) } else { d.clone() };
+                Error::many(e.diags().iter().map(at).collect())
+            }),
+            (None, Some(path)) => Machine::load(&self.resolve(path.get_ref())),
+            (None, None) => Err(Diag::bug("machine-missing", "a checked job names no machine").into()),
+        }
     }
 
     fn faults(&self) -> Vec<Diag> {

@@ -5,9 +5,26 @@
 //!
 //! Units: file readers hand over f64 mm in the part frame; the walk works in nm (x and y integers).
 
+mod bins;
+mod facets;
+mod grid;
+mod heightmap;
+mod lines;
+mod mesh;
+mod obj;
+mod points;
+mod stl;
+mod walk;
+
 use std::path::Path;
 
-use crate::diag::{Diag, Error};
+use bins::{Bins, Class};
+use grid::Grid;
+use mesh::{Mesh, Welder};
+pub use walk::{Cursor, Span};
+
+use crate::diag::{Diag, Error, Place};
+use crate::geom::{Box2, MAX_NM, NM_PER_MM, P2};
 
 /// How a surface file is to be read.
 #[derive(Clone, Debug, Default)]
@@ -73,6 +90,215 @@ pub fn read(
     notes: &mut Vec<Diag>,
     sink: &mut dyn FnMut([[f64; 3]; 3]),
 ) -> Result<Content, Error> {
-    let _ = (path, options, notes, sink);
-    todo!()
+    let refuse = |code, text: String| Diag::input(code, text).at(lines::place(path));
+    let unit = |kind: &str| match options.unit_mm {
+        Some(unit) if unit > 0.0 && unit.is_finite() => Ok(unit),
+        Some(unit) => Err(refuse("surface-unit", format!("a unit of {unit} mm is no unit"))),
+        None => Err(refuse("surface-unit", format!("{kind} carries no unit")).hint("add unit = \"mm\" to [surface]")),
+    };
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    match extension.as_str() {
+        "stl" => stl::read(path, unit("an STL file")?, notes, sink),
+        "obj" => obj::read(path, unit("an OBJ file")?, notes, sink),
+        "png" => match &options.heightmap {
+            Some(scale) => heightmap::read(path, scale, notes),
+            None => Err(refuse("heightmap-scale", "a PNG image carries no scale".into())
+                .hint("add [surface.heightmap] with pixel (distance of samples) and z (heights of two values)")
+                .into()),
+        },
+        "xyz" | "csv" | "txt" | "asc" => points::read(path, unit("a point cloud")?, options.max_edge_mm, notes, sink),
+        other => {
+            let what = if other.is_empty() { "no extension".into() } else { format!("the extension .{other}") };
+            Err(refuse("surface-format", format!("a surface file with {what} is not read"))
+                .hint("surfaces are read from .stl, .obj, .png (height map), and .xyz, .csv, .txt or .asc (points)")
+                .into())
+        }
+    }
+}
+
+/// The surface as the lens sees it, ready to be walked.
+#[derive(Debug)]
+pub struct Surface {
+    kind: Kind,
+    part_box_mm: [f64; 4],
+    facets: usize,
+}
+
+#[derive(Debug)]
+enum Kind {
+    Mesh(Mesh, Bins),
+    /// Classes of the bins: the cells with one ring of bins around them.
+    Grid(Grid, Vec<Class>),
+}
+
+impl Surface {
+    /// Reads a surface file and prepares it. `turn_rad` turns the part about its z axis; a turned
+    /// height map becomes a mesh, an unturned one stays a grid.
+    ///
+    /// # Errors
+    /// Faults of the file; `surface-zero-area`, `surface-edge-on`, `surface-large`.
+    pub fn load(
+        path: &Path,
+        options: &Options,
+        weld_mm: f64,
+        turn_rad: f64,
+        notes: &mut Vec<Diag>,
+    ) -> Result<Self, Error> {
+        let shown = path.display().to_string();
+        let turn = crate::geom::cos_sin(turn_rad);
+        let mut welder = Welder::new(turn, weld_mm);
+        let map = match read(path, options, notes, &mut |facet| welder.facet(facet))? {
+            Content::Facets(_) => return Self::from_welder(welder, &shown, notes),
+            Content::Heightmap(map) => map,
+        };
+        if [map.columns, map.rows].iter().any(|&n| n as f64 * map.pixel_mm * NM_PER_MM > f64::from(i32::MAX)) {
+            let d = Diag::input("surface-large", "the height map is larger than 2.1 m").at(Place::file(&shown));
+            return Err(d.hint("check surface.heightmap.pixel").into());
+        }
+        if turn != [1.0, 0.0] {
+            map.facets(&mut |facet| welder.facet(facet));
+            return Self::from_welder(welder, &shown, notes);
+        }
+        let (origin, pixel) = (map.origin_mm, map.pixel_mm);
+        let grid = Grid::new(map);
+        let Some([i0, j0, i1, j1]) = grid.node_box() else {
+            return Err(Diag::input("heightmap-empty", "every sample is nodata").at(Place::file(&shown)).into());
+        };
+        let at = |o: f64, i: usize| o + i as f64 * pixel;
+        let part_box_mm = [at(origin[0], i0), at(origin[1], j0), at(origin[0], i1), at(origin[1], j1)];
+        let facets = 2 * grid.cells()[0] * grid.cells()[1];
+        let class = grid.classes();
+        Ok(Self { kind: Kind::Grid(grid, class), part_box_mm, facets })
+    }
+
+    /// A surface of the given facets (mm), for tests and benches.
+    ///
+    /// # Errors
+    /// As [`Surface::load`].
+    pub fn from_facets(facets: impl IntoIterator<Item = [[f64; 3]; 3]>, notes: &mut Vec<Diag>) -> Result<Self, Error> {
+        let mut welder = Welder::new([1.0, 0.0], 0.0);
+        facets.into_iter().for_each(|f| welder.facet(f));
+        Self::from_welder(welder, "facets", notes)
+    }
+
+    fn from_welder(welder: Welder, shown: &str, notes: &mut Vec<Diag>) -> Result<Self, Error> {
+        let part_box_mm = welder.part_box_mm;
+        if part_box_mm.iter().any(|v| v.abs() * NM_PER_MM > MAX_NM as f64) {
+            let d = Diag::input("surface-large", "the part lies beyond 4 m of its origin").at(Place::file(shown));
+            return Err(d.hint("check surface.unit, or move the part to its origin").into());
+        }
+        let mesh = welder.finish(shown, notes)?;
+        let facets = mesh.facets.len();
+        let bins = Bins::new(&mesh);
+        Ok(Self { kind: Kind::Mesh(mesh, bins), part_box_mm, facets })
+    }
+
+    /// x0, y0, x1, y1 of the part as its file has it, mm, before any turn.
+    pub fn part_box_mm(&self) -> [f64; 4] {
+        self.part_box_mm
+    }
+
+    /// How many facets the lens may see.
+    pub fn facet_count(&self) -> usize {
+        self.facets
+    }
+
+    fn origin(&self) -> P2 {
+        match &self.kind {
+            Kind::Mesh(m, _) => m.origin,
+            Kind::Grid(g, _) => g.origin,
+        }
+    }
+
+    fn bin_count(&self, axis: usize) -> i64 {
+        match &self.kind {
+            Kind::Mesh(_, b) => b.count[axis] as i64,
+            Kind::Grid(g, _) => g.cells()[axis] as i64 + 2,
+        }
+    }
+
+    /// Local coordinate of the lower border of bin `i` along an axis, nm.
+    fn bin_line(&self, axis: usize, i: i64) -> i64 {
+        match &self.kind {
+            Kind::Mesh(_, b) => (if axis == 0 { b.lo.x } else { b.lo.y }) + i * b.size,
+            Kind::Grid(g, _) => g.line(i - 1),
+        }
+    }
+
+    /// The bin of a local coordinate along an axis, clamped to the grid.
+    fn bin_of(&self, axis: usize, v: i64) -> i64 {
+        match &self.kind {
+            Kind::Mesh(_, b) => (if axis == 0 { b.column(v) } else { b.row(v) }) as i64,
+            Kind::Grid(g, _) => (g.cell_of(v) + 1).clamp(0, self.bin_count(axis) - 1),
+        }
+    }
+
+    fn class(&self, bin: usize) -> Class {
+        match &self.kind {
+            Kind::Mesh(_, b) => b.class[bin],
+            Kind::Grid(_, class) => class[bin],
+        }
+    }
+
+    /// Appends the facets that may lie under bin `bin`, its border included.
+    fn bin_facets(&self, bin: usize, out: &mut Vec<u32>) {
+        match &self.kind {
+            Kind::Mesh(_, b) => out.extend_from_slice(b.facets(bin)),
+            Kind::Grid(g, _) => {
+                let columns = self.bin_count(0) as usize;
+                let (i, j) = ((bin % columns) as i64 - 1, (bin / columns) as i64 - 1);
+                for y in j - 1..=j + 1 {
+                    for x in i - 1..=i + 1 {
+                        out.extend((0..2).filter_map(|half| g.facet(x, y, half)));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Boxes over the part (nm, turned part frame) with the height of the highest point in each, nm,
+    /// rounded up: coarse, never too low.
+    pub fn tiles(&self) -> Vec<(Box2, i64)> {
+        const TILES: i64 = 64;
+        let (nx, ny) = (self.bin_count(0), self.bin_count(1));
+        let o = self.origin();
+        let size = [nx, ny].map(|n| (n as u64).div_ceil(TILES as u64).max(1) as i64);
+        let count = [(nx - 1) / size[0] + 1, (ny - 1) / size[1] + 1];
+        let mut tops = vec![f64::NEG_INFINITY; (count[0] * count[1]) as usize];
+        self.for_each_facet(|corners| {
+            let z = corners.iter().fold(f64::NEG_INFINITY, |z, v| z.max(v.z));
+            let range = |axis: usize, get: fn(&mesh::Vertex) -> i32| {
+                let lo = corners.iter().map(get).min().unwrap_or(0);
+                let hi = corners.iter().map(get).max().unwrap_or(0);
+                self.bin_of(axis, i64::from(lo) - 1) / size[axis]..=self.bin_of(axis, i64::from(hi) + 1) / size[axis]
+            };
+            for y in range(1, |v| v.y) {
+                for x in range(0, |v| v.x) {
+                    let top = &mut tops[(y * count[0] + x) as usize];
+                    *top = top.max(z);
+                }
+            }
+        });
+        let corner = |x: i64, y: i64| P2::new(self.bin_line(0, x.min(nx)) + o.x, self.bin_line(1, y.min(ny)) + o.y);
+        let cells = (0..count[1]).flat_map(|y| (0..count[0]).map(move |x| (x, y)));
+        cells
+            .zip(tops)
+            .filter(|(_, z)| z.is_finite())
+            .map(|((x, y), z)| {
+                let lo = corner(x * size[0], y * size[1]);
+                (Box2 { lo, hi: corner((x + 1) * size[0], (y + 1) * size[1]) }, z.ceil() as i64)
+            })
+            .collect()
+    }
+
+    /// Calls `f` with the corners (local coordinates) of every facet.
+    fn for_each_facet(&self, mut f: impl FnMut([mesh::Vertex; 3])) {
+        match &self.kind {
+            Kind::Mesh(m, _) => m.facets.iter().for_each(|c| f(c.map(|v| m.vertices[v as usize]))),
+            Kind::Grid(g, _) => {
+                let all = 0..self.facets as u32;
+                all.filter(|&i| g.exists(i)).for_each(|i| f([0, 1, 2].map(|k| g.corner(i, k).0)));
+            }
+        }
+    }
 }

@@ -1,0 +1,106 @@
+//! How results and progress look on a terminal.
+
+use std::path::Path;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::batch::Outcome;
+use crate::compile::Station;
+use crate::record::Summary;
+
+/// Pretty JSON with a line end.
+pub fn json(value: &serde_json::Value) -> String {
+    format!("{value:#}\n")
+}
+
+/// A spinner with the station at hand. indicatif hides it where stderr is no terminal.
+pub struct Spinner(ProgressBar);
+
+impl Spinner {
+    pub fn new(quiet: bool) -> Self {
+        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
+        bar.enable_steady_tick(Duration::from_millis(120));
+        Self(bar)
+    }
+    pub fn text(&self, text: &'static str) {
+        self.0.set_message(text);
+    }
+    pub fn station(&self, s: Station) {
+        self.text(match s {
+            Station::Read => "reading surface and texture",
+            Station::Footprint => "tracing the texture",
+            Station::Split => "cutting strokes",
+            Station::Order => "ordering",
+            Station::Write => "writing the job folder",
+        });
+    }
+    pub fn done(&self) {
+        self.0.finish_and_clear();
+    }
+}
+
+/// One bar for a whole batch.
+pub struct BatchView(ProgressBar);
+
+impl BatchView {
+    pub fn new(quiet: bool, jobs: usize) -> Self {
+        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(jobs as u64) };
+        if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} jobs, {elapsed}, left {eta}  {msg}") {
+            bar.set_style(style);
+        }
+        Self(bar)
+    }
+    pub fn done(&self, outcome: &Outcome) {
+        self.0.set_message(outcome.job.display().to_string());
+        self.0.inc(1);
+    }
+    pub fn finish(&self) {
+        self.0.finish_and_clear();
+    }
+}
+
+/// Hours, minutes, seconds.
+pub fn duration(s: f64) -> String {
+    let whole = s.round() as u64;
+    match (whole / 3600, whole / 60 % 60, whole % 60) {
+        (0, 0, _) => format!("{s:.1} s"),
+        (0, m, s) => format!("{m} min {s:02} s"),
+        (h, m, _) => format!("{h} h {m:02} min"),
+    }
+}
+
+/// The figures of a job as a person reads them.
+pub fn summary(s: &Summary, folder: Option<&Path>) -> String {
+    let t = &s.time_s;
+    let mut lines = vec![
+        format!("method         {}", s.method),
+        format!("stops          {} ({} sub-blocks)", s.stops, s.sub_blocks),
+        format!("marks          {:.3} mm in {} strokes, {} of the texture's strokes cut", s.mark_mm, s.fragments, s.strokes_cut),
+        format!("texture        {:.3} mm", s.texture_mm),
+        format!(
+            "not marked     {:.3} mm (off the part {:.3}, too steep {:.3}, too small {:.3})",
+            s.skipped_mm, s.skipped_off_part_mm, s.skipped_steep_mm, s.skipped_small_mm
+        ),
+        format!("worst defocus  {:.3} um (with the mean as focal plane: {:.3} um)", s.worst_defocus_um, s.worst_defocus_mean_um),
+        format!("worst slope    {:.2} deg", s.worst_incidence_deg),
+        format!(
+            "time           {} (stage {}, settling {}, marks {}, jumps {}, delays {})",
+            duration(t.total),
+            duration(t.stage),
+            duration(t.settle),
+            duration(t.mark),
+            duration(t.jump),
+            duration(t.delay)
+        ),
+    ];
+    for c in &s.candidates {
+        lines.push(format!("candidate      {:<8} {} stops, {} strokes, {}", c.method, c.stops, c.fragments, duration(c.time_s.total)));
+    }
+    if let Some(folder) = folder {
+        lines.push(format!("job folder     {}", folder.display()));
+        lines.push(format!("look first at  {}", folder.join("layout.svg").display()));
+        lines.push(format!("then run       terrace verify {}", folder.display()));
+    }
+    lines.join("\n") + "\n"
+}

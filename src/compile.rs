@@ -1,0 +1,578 @@
+//! The driver: the one place that knows the order of the passes, and where threads are used.
+//!
+//! [`plan`] reads the inputs and makes a checked program of them; `crate::folder` writes it. Work is
+//! cut into chunks whose number does not depend on the number of threads, and results are joined in
+//! the order of the chunks, so threads never change a byte.
+
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use crate::check::{Checked, Limits};
+use crate::diag::{Diag, Error, Place};
+use crate::geom::{Box2, NM_PER_MM, P2, mm_from_nm};
+use crate::machine::Machine;
+use crate::order::{self, clearance::Clearance};
+use crate::partition::{self, Lattice, Stops};
+use crate::program::{Block, Pen, Program, Sections, Stop, Stroke};
+use crate::record::{Candidate, Summary, Times};
+use crate::spec::{Job, Level, Method, Steep};
+use crate::split::{Fragments, Splitter};
+use crate::surface::Surface;
+use crate::texture::Texture;
+use crate::trace::{Footprint, Tracer};
+use crate::{map, motion, preview};
+
+/// Stations of a compilation, in order, for progress displays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Station {
+    /// Reading surface and texture.
+    Read,
+    /// Where the texture touches the surface.
+    Footprint,
+    /// Cutting strokes.
+    Split,
+    /// Ordering strokes and stops.
+    Order,
+    /// Writing the folder.
+    Write,
+}
+
+/// Told of every station as it begins.
+pub type Progress<'a> = &'a (dyn Fn(Station) + Sync);
+
+/// A job that was planned and checked, not yet written.
+#[derive(Debug)]
+pub struct Plan {
+    /// The job.
+    pub job: Job,
+    /// Its machine.
+    pub machine: Machine,
+    /// The program.
+    pub checked: Checked,
+    /// The grid of sections.
+    pub sections: Sections,
+    /// Which block owns which place of the part.
+    pub map: map::Map,
+    /// The figures; its warnings are those of the plan.
+    pub summary: Summary,
+    /// The box of the texture, turned part frame.
+    pub texture: Box2,
+    /// Time of every block: marks, jumps and delays, s.
+    pub block_times: Vec<f64>,
+    /// Largest depth range of a block as used, nm.
+    pub depth: i64,
+    /// What the user should know.
+    pub warnings: Vec<Diag>,
+}
+
+impl Plan {
+    /// What the pictures are drawn from; `job` is the name they show.
+    pub fn layout<'a>(&'a self, job: &'a str) -> preview::Layout<'a> {
+        preview::Layout {
+            job,
+            checked: &self.checked,
+            machine: &self.machine,
+            sections: self.sections,
+            map: &self.map,
+            texture: self.texture,
+            block_s: &self.block_times,
+            summary: &self.summary,
+        }
+    }
+}
+
+/// What all candidates share.
+struct Ground<'a> {
+    job: &'a Job,
+    machine: &'a Machine,
+    surface: &'a Surface,
+    texture: &'a Texture,
+    sections: Sections,
+    lattice: Lattice,
+    origin: [i64; 3],
+    max_slope: f64,
+    footprint: Footprint,
+    clearance: Clearance,
+    pens: Vec<Pen>,
+}
+
+/// What one method gives.
+struct Made {
+    method: Method,
+    program: Program,
+    times: Times,
+    block_times: Vec<f64>,
+    fragments: usize,
+    split: Fragments,
+    worst_defocus: i64,
+    worst_defocus_mean: i64,
+}
+
+/// Chunks that a texture is cut into.
+const CHUNKS: usize = 256;
+
+/// Reads the inputs of a job, divides, cuts, orders and checks.
+///
+/// # Errors
+/// Faults of the inputs; limits of the machine that the job breaks.
+pub fn plan(job: Job, progress: Progress<'_>) -> Result<Plan, Error> {
+    progress(Station::Read);
+    let mut warnings = Vec::new();
+    let machine = job.machine()?;
+    let turn = job.file.placement.turn.as_rad();
+    let path = job.resolve(job.file.surface.file.get_ref());
+    let weld = job.file.surface.weld.as_mm();
+    let surface = Surface::load(&path, &job.surface_options(), weld, turn, &mut warnings)?;
+    let texture = Texture::load(&job.texture_requests(), surface.part_box_mm(), turn, &mut warnings)?;
+
+    progress(Station::Footprint);
+    let ground = ground(&job, &machine, &surface, &texture)?;
+    let methods = match job.file.partition.method {
+        Method::Auto => vec![Method::Contour, Method::ZRange],
+        one => vec![one],
+    };
+    let mut candidates = Vec::new();
+    let mut best: Option<Made> = None;
+    for &method in &methods {
+        let made = make(&ground, method, progress)?;
+        candidates.push(Candidate {
+            method: method.name().into(),
+            stops: made.program.blocks.len(),
+            fragments: made.fragments,
+            time_s: made.times,
+        });
+        if best.as_ref().is_none_or(|b| made.times.total < b.times.total) {
+            best = Some(made);
+        }
+    }
+    let Some(made) = best else { return Err(Diag::bug("no-candidate", "no method was tried").into()) };
+    if methods.len() == 1 {
+        candidates.clear();
+    }
+    let limits = Limits {
+        machine: &machine,
+        origin: ground.origin,
+        depth: ground.lattice.depth,
+        max_slope: made.split.worst_slope2.sqrt(),
+        clearance: &ground.clearance,
+    };
+    let checked = Checked::new(made.program, &limits)?;
+    let map = map::Map::new(checked.program(), &ground.sections, &surface, texture.bounds());
+    let sub_blocks = map.sub_blocks(checked.program());
+    warn(&job, &made.split, &texture, made.worst_defocus, ground.lattice.depth, &mut warnings)?;
+    let program = checked.program();
+    let split = &made.split;
+    let passes = |pick: fn(&Program, &Block) -> f64| program.blocks.iter().map(|b| pick(program, b)).sum::<f64>();
+    let summary = Summary {
+        stops: program.blocks.len(),
+        sub_blocks,
+        method: made.method.name().into(),
+        lower_bound_stops: None,
+        texture_mm: split.texture_mm,
+        mark_mm: passes(Program::mark_mm),
+        overlap_mm: 0.0,
+        skipped_mm: split.skipped.off_part + split.skipped.steep + split.skipped.small,
+        skipped_off_part_mm: split.skipped.off_part,
+        skipped_hidden_mm: 0.0,
+        skipped_steep_mm: split.skipped.steep,
+        skipped_small_mm: split.skipped.small,
+        fragments: made.fragments,
+        strokes_cut: split.strokes_cut,
+        figures_whole: split.figures_whole,
+        figures_cut: split.figures_cut,
+        seam_mm: map.seam_mm(),
+        jump_mm: passes(Program::jump_mm),
+        worst_defocus_um: made.worst_defocus as f64 / 1000.0,
+        worst_defocus_mean_um: made.worst_defocus_mean as f64 / 1000.0,
+        worst_incidence_deg: split.worst_slope2.sqrt().atan().to_degrees(),
+        time_s: made.times,
+        candidates,
+        warnings: warnings.iter().map(Diag::to_json).collect(),
+    };
+    Ok(Plan {
+        machine: machine.clone(),
+        checked,
+        sections: ground.sections,
+        map,
+        texture: texture.bounds(),
+        summary,
+        block_times: made.block_times,
+        depth: ground.lattice.depth,
+        warnings,
+        job,
+    })
+}
+
+/// Sections, lattice and placement, and where the texture touches the part.
+fn ground<'a>(
+    job: &'a Job,
+    machine: &'a Machine,
+    surface: &'a Surface,
+    texture: &'a Texture,
+) -> Result<Ground<'a>, Error> {
+    let step = machine.increment_nm();
+    let field = machine.usable_field();
+    let wanted = job.file.partition.section.and_then(crate::units::Length::as_nm);
+    if let Some(w) = wanted
+        && field.iter().any(|&f| w > f)
+    {
+        let text = format!("partition.section {} mm is larger than the usable field", mm_from_nm(w));
+        let place = Place::file(job.path.display().to_string());
+        return Err(Diag::limit("section-large", text).at(place).hint("leave it out, or make it smaller").into());
+    }
+    let pitch = field.map(|f| wanted.unwrap_or(f).min(f) / (2 * step) * (2 * step));
+    if pitch.contains(&0) {
+        return Err(Diag::limit("section-small", "a section is smaller than the stage increment").into());
+    }
+    let area = texture.bounds();
+    let placed = job.file.placement.origin.map(|o| o.map(|l| l.as_nm().unwrap_or(0)));
+    let centre_of_travel = machine.axes().map(|(_, a)| {
+        let [lo, hi] = a.travel.map(|t| t.as_nm().unwrap_or(0));
+        a.sign() * ((lo + hi) / 2)
+    });
+    // Default: the centre of the texture at the centre of travel, shifted by less than an increment
+    // so that sections that start at the texture's corner have centres where the stage can stand.
+    let default_xy = |axis: usize, lo: i64, hi: i64| {
+        let origin = centre_of_travel[axis] - (lo + hi) / 2;
+        origin - (lo + pitch[axis] / 2 + origin).rem_euclid(step)
+    };
+    let mut origin =
+        placed.unwrap_or([default_xy(0, area.lo.x, area.hi.x), default_xy(1, area.lo.y, area.hi.y), 0]);
+    let sections = Sections::over(area, pitch, step, [origin[0], origin[1]]);
+    const MAX_SECTIONS: usize = 4_000_000;
+    if sections.count.iter().map(|&c| c as usize).product::<usize>() > MAX_SECTIONS {
+        let text = format!("the texture would need {} x {} sections", sections.count[0], sections.count[1]);
+        return Err(Diag::limit("sections-many", text).hint("use a larger field or a smaller area").into());
+    }
+    let max_slope = job.file.limits.max_incidence.as_rad().tan();
+    let footprint = footprint(surface, texture, &sections, max_slope);
+    let Some((lo, hi)) = footprint.range() else {
+        let place = Place::file(job.path.display().to_string());
+        return Err(Diag::limit("job-empty", "nothing would be marked: no texture lies on the part where it may be marked")
+            .at(place)
+            .hint("compare the texture's area and origin with the part's box (`terrace inspect`)")
+            .into());
+    };
+    if placed.is_none() {
+        let z0 = lo.floor() as i64;
+        origin[2] = centre_of_travel[2] - ((lo + hi) / 2.0) as i64;
+        origin[2] -= (z0 + origin[2]).rem_euclid(step);
+    }
+    let depth = job.depth_range().as_nm().unwrap_or(0);
+    let Some(lattice) = Lattice::new(depth, step, origin[2]) else {
+        let text = format!("a depth range of {} mm is below two stage increments", mm_from_nm(depth));
+        return Err(Diag::limit("depth-small", text).hint("enlarge focus.pdof, or state a finer stage.increment").into());
+    };
+    let pens = job.file.pen.iter().map(|p| Pen {
+        name: p.name.clone(),
+        speed: p.speed,
+        power: p.power,
+        frequency: p.frequency,
+        passes: p.passes,
+    });
+    Ok(Ground {
+        job,
+        machine,
+        surface,
+        texture,
+        sections,
+        lattice,
+        origin,
+        max_slope,
+        footprint,
+        clearance: Clearance::new(&surface.tiles(), machine),
+        pens: pens.collect(),
+    })
+}
+
+/// The chunks of a texture: ranges of stroke indices, their number independent of threads.
+fn chunks(texture: &Texture) -> Vec<std::ops::Range<usize>> {
+    let size = texture.len().div_ceil(CHUNKS).max(1);
+    (0..texture.len()).step_by(size).map(|i| i..(i + size).min(texture.len())).collect()
+}
+
+fn footprint(surface: &Surface, texture: &Texture, sections: &Sections, max_slope: f64) -> Footprint {
+    let empty = || Footprint::new(sections.len());
+    // Joining intervals gives the same intervals in any order, so this reduction may run as it likes.
+    chunks(texture)
+        .into_par_iter()
+        .fold(empty, |mut footprint, chunk| {
+            let mut tracer = Tracer::new(surface, sections, max_slope);
+            let mut points = Vec::new();
+            for i in chunk {
+                texture.stroke(i, &mut points);
+                footprint.add(&points, &mut tracer);
+            }
+            footprint
+        })
+        .reduce(empty, |mut a, b| {
+            a.merge(&b);
+            a
+        })
+}
+
+/// One method from stops to an ordered, timed program.
+fn make(ground: &Ground<'_>, method: Method, progress: Progress<'_>) -> Result<Made, Error> {
+    let way = match method {
+        Method::Contour => partition::Method::Contour,
+        Method::ZRange | Method::Auto => partition::Method::ZRange,
+    };
+    let stops = partition::divide(way, &ground.footprint, &ground.sections, &ground.lattice);
+    progress(Station::Split);
+    let min_mark = ground.job.file.partition.min_mark.as_mm() * NM_PER_MM;
+    let parts: Vec<Fragments> = chunks(ground.texture)
+        .into_par_iter()
+        .map(|chunk| {
+            let tracer = Tracer::new(ground.surface, &ground.sections, ground.max_slope);
+            let mut splitter = Splitter::new(tracer, &stops, min_mark);
+            let mut points = Vec::new();
+            for i in chunk {
+                let pen = ground.texture.stroke(i, &mut points);
+                splitter.stroke(i as u32, pen, &points);
+            }
+            splitter.finish()
+        })
+        .collect();
+    progress(Station::Order);
+    let built = build(ground, &stops, &parts);
+    let fragments = parts.iter().map(|p| p.list.len()).sum();
+    let split = parts.into_iter().fold(Fragments::default(), join);
+    let (times, block_times) = times(ground.machine, &built.program);
+    Ok(Made {
+        method,
+        times,
+        block_times,
+        fragments,
+        split,
+        worst_defocus: built.worst_defocus,
+        worst_defocus_mean: built.worst_defocus_mean,
+        program: built.program,
+    })
+}
+
+/// The figures of two runs of strokes together; fragments and points are let go.
+fn join(mut a: Fragments, b: Fragments) -> Fragments {
+    a.texture_mm += b.texture_mm;
+    a.skipped.off_part += b.skipped.off_part;
+    a.skipped.steep += b.skipped.steep;
+    a.skipped.small += b.skipped.small;
+    a.strokes_cut += b.strokes_cut;
+    a.figures_whole += b.figures_whole;
+    a.figures_cut += b.figures_cut;
+    a.steep_at = a.steep_at.or(b.steep_at);
+    a.worst_slope2 = a.worst_slope2.max(b.worst_slope2);
+    a
+}
+
+struct Built {
+    program: Program,
+    worst_defocus: i64,
+    worst_defocus_mean: i64,
+}
+
+/// Heights of one block's marks.
+#[derive(Clone, Copy)]
+struct Heights {
+    lo: f64,
+    hi: f64,
+    z_length: f64,
+    length: f64,
+}
+
+/// Gathers fragments by stop, orders stops and strokes, and lays the program out flat.
+fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> Built {
+    let n = stops.stops.len();
+    let mut starts = vec![0usize; n + 1];
+    let mut heights = vec![Heights { lo: f64::INFINITY, hi: f64::NEG_INFINITY, z_length: 0.0, length: 0.0 }; n];
+    for f in parts.iter().flat_map(|p| &p.list) {
+        starts[f.stop as usize + 1] += 1;
+        let h = &mut heights[f.stop as usize];
+        h.lo = h.lo.min(f.z[0]);
+        h.hi = h.hi.max(f.z[1]);
+        h.z_length += f.z_length;
+        h.length += f.length;
+    }
+    for i in 0..n {
+        starts[i + 1] += starts[i];
+    }
+    let mut members = vec![(0u32, 0u32); starts[n]];
+    let mut next = starts.clone();
+    for (part, fragments) in parts.iter().enumerate() {
+        for (i, f) in fragments.list.iter().enumerate() {
+            members[next[f.stop as usize]] = (part as u32, i as u32);
+            next[f.stop as usize] += 1;
+        }
+    }
+    let mut worst = [0i64; 2];
+    let used: Vec<usize> = (0..n).filter(|&i| starts[i + 1] > starts[i]).collect();
+    let placed: Vec<(Stop, [i64; 2])> = used
+        .iter()
+        .map(|&i| {
+            let h = &heights[i];
+            let z = [h.lo.round() as i64, h.hi.round() as i64];
+            let mut stop = stops.stops[i].clone();
+            let (focus, mean) = focus(ground, z, h.z_length / h.length);
+            stop.focus = focus;
+            let off = |at: i64| (z[1] - at).max(at - z[0]);
+            worst = [worst[0].max(off(focus)), worst[1].max(off(mean))];
+            (stop, z)
+        })
+        .collect();
+    let stop_list: Vec<Stop> = placed.iter().map(|p| p.0.clone()).collect();
+    let tour = order::stops::serpentine(&stop_list);
+    let point = |part: u32, f: &crate::split::Fragment, i: u32| parts[part as usize].points[(f.first + i) as usize];
+    let orders: Vec<Vec<(u32, bool)>> = tour
+        .par_iter()
+        .map(|&t| {
+            let members = &members[starts[used[t]]..starts[used[t] + 1]];
+            let ends: Vec<order::strokes::Ends> = members
+                .iter()
+                .map(|&(part, i)| {
+                    let f = &parts[part as usize].list[i as usize];
+                    [point(part, f, 0), point(part, f, f.len - 1)]
+                })
+                .collect();
+            order::strokes::order(&ends)
+        })
+        .collect();
+    let mut program = Program { pens: ground.pens.clone(), ..Program::default() };
+    program.strokes.reserve_exact(starts[n]);
+    program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
+    program.blocks.reserve_exact(tour.len());
+    for (&t, order) in tour.iter().zip(orders) {
+        let (stop, z) = &placed[t];
+        let first_stroke = program.strokes.len();
+        let members = &members[starts[used[t]]..starts[used[t] + 1]];
+        for (m, reversed) in order {
+            let (part, i) = members[m as usize];
+            let fragments = &parts[part as usize];
+            let f = &fragments.list[i as usize];
+            let first = program.points.len();
+            let points = &fragments.points[f.first as usize..(f.first + f.len) as usize];
+            if reversed {
+                program.points.extend(points.iter().rev());
+            } else {
+                program.points.extend_from_slice(points);
+            }
+            program.strokes.push(Stroke {
+                source: f.source,
+                segment: f.segment,
+                reversed,
+                pen: f.pen,
+                first: u32::try_from(first).expect("memory holds fewer than 2^32 points"),
+                len: f.len,
+            });
+        }
+        let P2 { x, y } = stop.centre;
+        let retract = program.blocks.last().is_some_and(|b| {
+            b.stop.centre != stop.centre && b.stop.focus < ground.clearance.lowest_focus(b.stop.centre, stop.centre)
+        });
+        program.blocks.push(Block {
+            stage: ground.machine.stage_from_part([x, y, stop.focus], ground.origin),
+            retract,
+            z_lo: z[0],
+            z_hi: z[1],
+            strokes: first_stroke..program.strokes.len(),
+            stop: stop.clone(),
+        });
+    }
+    Built { program, worst_defocus: worst[0], worst_defocus_mean: worst[1] }
+}
+
+/// The focal plane of a block whose marks lie between `z` and have the mean height `mean`, and the
+/// plane that the mean alone would give; both on the lattice.
+fn focus(ground: &Ground<'_>, z: [i64; 2], mean: f64) -> (i64, i64) {
+    let lattice = &ground.lattice;
+    let nearest = |at: f64| lattice.floor(at + lattice.step as f64 / 2.0);
+    let mean = nearest(mean);
+    if ground.job.file.focus.level == Level::Mean {
+        return (mean, mean);
+    }
+    // The middle, moved where rounding it to the lattice would cost more than half the depth range.
+    let mut mid = nearest((z[0] + z[1]) as f64 / 2.0);
+    if z[1] - mid > lattice.depth / 2 {
+        mid += lattice.step;
+    } else if mid - z[0] > lattice.depth / 2 {
+        mid -= lattice.step;
+    }
+    (mid, mean)
+}
+
+/// The job's time, and that of every block. The stage comes from the centre of its travel, lifted.
+fn times(machine: &Machine, program: &Program) -> (Times, Vec<f64>) {
+    let mut t = Times::default();
+    let centre = |axis: &crate::machine::Axis| axis.travel.iter().map(|t| t.as_nm().unwrap_or(0)).sum::<i64>() / 2;
+    let mut at = [centre(&machine.stage.x), centre(&machine.stage.y), machine.retract_z()];
+    let mut blocks = Vec::with_capacity(program.blocks.len());
+    for block in &program.blocks {
+        let retract = block.retract.then(|| machine.retract_z());
+        let moved = motion::stage_move(machine, at, block.stage, retract);
+        t.stage += moved.travel_s;
+        t.settle += moved.settle_s;
+        at = block.stage;
+        let marks = program.strokes_of(block).iter().map(|s| {
+            let pen = &program.pens[usize::from(s.pen)];
+            motion::Mark { points: program.points_of(s), speed: pen.speed, passes: pen.passes }
+        });
+        let m = motion::marking(machine, marks);
+        t.mark += m.mark_s;
+        t.jump += m.jump_s;
+        t.delay += m.delay_s;
+        blocks.push(m.total_s());
+    }
+    t.total = t.stage + t.settle + t.mark + t.jump + t.delay;
+    (t, blocks)
+}
+
+/// What the user must know, or must not go on with.
+fn warn(
+    job: &Job,
+    split: &Fragments,
+    texture: &Texture,
+    worst_defocus: i64,
+    depth: i64,
+    warnings: &mut Vec<Diag>,
+) -> Result<(), Error> {
+    let _ = texture;
+    let mm = |v: f64| format!("{v:.3} mm");
+    if split.skipped.steep > 0.0 {
+        let limit = job.file.limits.max_incidence.as_deg();
+        let text = format!("{} of texture lie on slopes above {limit:.1} deg and are not marked", mm(split.skipped.steep));
+        let place = split.steep_at.map_or(Place::Nowhere, |p| {
+            let [x_mm, y_mm] = p.mm();
+            Place::Part { x_mm, y_mm }
+        });
+        if job.file.limits.steep == Steep::Refuse {
+            return Err(Diag::limit("steep", text).at(place).hint("limits.steep = \"skip\" marks the rest").into());
+        }
+        warnings.push(Diag::warning("steep", text).at(place).hint("see limits.max_incidence"));
+    }
+    let incidence = split.worst_slope2.sqrt().atan().to_degrees();
+    if incidence > job.file.limits.warn_incidence.as_deg() {
+        let text = format!("the beam meets the surface at up to {incidence:.1} deg: marks are stretched and the dose falls");
+        warnings.push(Diag::warning("incidence", text).hint("see limits.warn_incidence"));
+    }
+    if split.skipped.off_part > 0.0 {
+        let text = format!("{} of texture lie off the part and are not marked", mm(split.skipped.off_part));
+        warnings.push(Diag::warning("off-part", text));
+    }
+    if split.skipped.small > 0.0 {
+        let text = format!("{} of texture are fragments below partition.min_mark", mm(split.skipped.small));
+        warnings.push(Diag::warning("small", text));
+    }
+    if worst_defocus > depth / 2 {
+        let text = format!(
+            "marks lie up to {:.1} um from the focal plane, more than half the depth range of {:.1} um",
+            worst_defocus as f64 / 1000.0,
+            depth as f64 / 1000.0
+        );
+        warnings.push(Diag::warning("defocus", text).hint("focus.level = \"mid\" keeps it at half the depth range"));
+    }
+    Ok(())
+}
+
+/// Folder of a job file's outputs: `hood.toml` makes `hood.job` beside it.
+pub fn default_output(job: &Path) -> std::path::PathBuf {
+    job.with_extension("job")
+}

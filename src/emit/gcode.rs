@@ -1,0 +1,284 @@
+//! The stage program: where the stage goes, block by block, and how it waits for the scan card.
+//!
+//! Two dialects of the same moves. [`linuxcnc`] hands over to the scan card by a digital output (START)
+//! and an input (BUSY) and never steps on after a timeout. [`m0`] stops at every block until the operator
+//! presses cycle start; it keeps to what GRBL and Mach read.
+//!
+//! Words are absolute axis commands in mm. Moves are x and y together, then z alone, never both at once;
+//! first of all, at the end, and where a block asks for it, z goes to the far end of its travel. The
+//! laser output is switched off at once (not with the next motion) before every group of moves and at
+//! the end, and a dwell follows every group: a motion queue otherwise lets the laser overlap the move.
+
+use crate::check::Checked;
+use crate::machine::Machine;
+use crate::program::Program;
+
+/// Shortest dwell after a move: a controller's last following error, whatever the machine file says.
+const LEAST_DWELL_MS: u64 = 50;
+
+/// Whether the drawings of the blocks lie in the job folder, to be named beside each block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Drawings {
+    /// One DXF file per block.
+    Dxf,
+    /// None.
+    Absent,
+}
+
+/// The program for LinuxCNC. `marking_s` is the estimated marking time of every block (marks, jumps and
+/// delays, s): the wait for its end is given twice that and 10 s.
+///
+/// # Panics
+/// If there is not one time per block.
+pub fn linuxcnc(checked: &Checked, machine: &Machine, marking_s: &[f64], drawings: Drawings) -> Vec<u8> {
+    let program = checked.program();
+    assert_eq!(marking_s.len(), program.blocks.len(), "one marking time per block");
+    let mut p = Writer::new(machine, machine.controller.max_line, "M65 P0", drawings);
+    p.comment("terrace: stage program for LinuxCNC, absolute, mm");
+    p.comment(&format!("machine: {}", machine.name));
+    p.comment("digital output 0 is START to the scan card, digital input 0 is its BUSY");
+    p.comment("BUSY must rise within 5 s of START and stay high for 20 ms or more, until the laser is off");
+    p.comment("output off before every move and at the end, a wait that times out ends the program");
+    p.comment("not a safety system: the laser needs its own interlock");
+    p.line("G21 G90 G94 G17 G40 G49 G80 G61.1");
+    p.line("M65 P0");
+    for (i, &time) in marking_s.iter().enumerate() {
+        let id = Program::block_id(i);
+        p.block(program, i);
+        p.line("M64 P0");
+        p.line("M66 P0 L3 Q5");
+        p.stop_on_timeout(2 * i + 1, &format!("no BUSY, block {id}"));
+        p.line("M65 P0");
+        p.line(&format!("M66 P0 L4 Q{}", (2.0 * time + 10.0).ceil()));
+        p.stop_on_timeout(2 * i + 2, &format!("still BUSY, block {id}"));
+    }
+    p.end();
+    p.line("M2");
+    p.out
+}
+
+/// The program that stops at every block for the operator (M0).
+pub fn m0(checked: &Checked, machine: &Machine, drawings: Drawings) -> Vec<u8> {
+    // GRBL's line buffer holds 80 characters at most, 70 on small boards.
+    let mut p = Writer::new(machine, machine.controller.max_line.min(70), "M5", drawings);
+    p.comment("terrace: stage program with stops, absolute, mm, dwell in s");
+    p.comment(&format!("machine: {}", machine.name));
+    p.comment("at every M0 mark the block named, wait for its end, then press cycle start");
+    p.comment("not a safety system: the laser needs its own interlock");
+    p.line("G21 G90 G94 G17 G40 G80");
+    p.line("M5");
+    for i in 0..checked.program().blocks.len() {
+        p.block(checked.program(), i);
+        p.line(&format!("M0 (mark {})", Program::block_id(i)));
+    }
+    p.end();
+    p.line("M2");
+    p.out
+}
+
+/// A stage program as it grows.
+struct Writer {
+    out: Vec<u8>,
+    /// Longest line, in characters.
+    longest: usize,
+    /// The line that switches the laser off at once.
+    off: &'static str,
+    drawings: Drawings,
+    retract_z: i64,
+    dwell: String,
+    /// Where the stage stands; None before the first move.
+    at: Option<[i64; 3]>,
+}
+
+impl Writer {
+    fn new(machine: &Machine, longest: usize, off: &'static str, drawings: Drawings) -> Self {
+        let ms = ((machine.stage.settle.as_s() * 1e3).ceil() as u64).max(LEAST_DWELL_MS);
+        Self {
+            out: Vec::new(),
+            longest,
+            off,
+            drawings,
+            retract_z: machine.retract_z(),
+            dwell: format!("G4 P{}.{:03}", ms / 1000, ms % 1000),
+            at: None,
+        }
+    }
+
+    fn line(&mut self, text: &str) {
+        debug_assert!(text.len() <= self.longest, "{text:?} is longer than {}", self.longest);
+        self.out.extend_from_slice(text.as_bytes());
+        self.out.push(b'\n');
+    }
+
+    /// A comment, on as many lines as it needs. What a controller could take for the comment's end or
+    /// for a character it does not know becomes `_`.
+    fn comment(&mut self, text: &str) {
+        let clean: String = text
+            .chars()
+            .map(|c| if matches!(c, ' '..='~') && !matches!(c, '(' | ')' | ';' | '%') { c } else { '_' })
+            .collect();
+        let room = self.longest - "()".len();
+        let mut rest = clean.trim();
+        while !rest.is_empty() {
+            let cut = if rest.len() <= room { rest.len() } else { rest[..room].rfind(' ').unwrap_or(room) };
+            let (now, later) = rest.split_at(cut);
+            self.line(&format!("({})", now.trim_end()));
+            rest = later.trim_start();
+        }
+    }
+
+    /// Title, moves and dwell of block `i`; the stage then stands still with the output off.
+    fn block(&mut self, program: &Program, i: usize) {
+        let block = &program.blocks[i];
+        let title = match self.drawings {
+            Drawings::Dxf => format!("BLOCK {} FILE {}", Program::block_id(i), super::dxf::file_name(i)),
+            Drawings::Absent => format!("BLOCK {}", Program::block_id(i)),
+        };
+        self.comment(&title);
+        self.line(self.off);
+        let [x, y, z] = block.stage;
+        // Nobody knows where the stage stands at the start, so the first move lifts as well.
+        if block.retract || self.at.is_none() {
+            self.lift();
+        }
+        if self.at.is_none_or(|at| [at[0], at[1]] != [x, y]) {
+            self.travel(&[('X', x), ('Y', y)]);
+        }
+        if self.at.is_none_or(|at| at[2] != z) {
+            self.travel(&[('Z', z)]);
+        }
+        self.at = Some(block.stage);
+        self.line(&self.dwell.clone());
+    }
+
+    fn lift(&mut self) {
+        if self.at.is_none_or(|at| at[2] != self.retract_z) {
+            self.travel(&[('Z', self.retract_z)]);
+        }
+        if let Some(at) = &mut self.at {
+            at[2] = self.retract_z;
+        }
+    }
+
+    fn travel(&mut self, words: &[(char, i64)]) {
+        self.out.extend_from_slice(b"G0");
+        for &(axis, nm) in words {
+            self.out.extend_from_slice(&[b' ', axis as u8]);
+            super::push_mm(&mut self.out, nm);
+        }
+        self.out.push(b'\n');
+    }
+
+    /// Ends the program if the wait before timed out; `number` is unique among such tests.
+    fn stop_on_timeout(&mut self, number: usize, what: &str) {
+        self.line(&format!("o{number} if [#5399 LT 0]"));
+        self.line(&format!("(MSG, {what})"));
+        self.line("M65 P0");
+        self.line("M2");
+        self.line(&format!("o{number} endif"));
+    }
+
+    fn end(&mut self) {
+        self.line(self.off);
+        self.lift();
+        self.line(self.off);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::program::sample;
+    use crate::units::Time;
+
+    fn sample() -> (Checked, Machine) {
+        let (program, origin) = sample::program();
+        (Checked::unchecked(program, origin), Machine::built_in("xyz-galvo-40").expect("profile"))
+    }
+
+    fn text(bytes: Vec<u8>) -> String {
+        String::from_utf8(bytes).expect("ASCII")
+    }
+
+    #[test]
+    fn the_handshake_program_is_as_written_down() {
+        let (checked, machine) = sample();
+        let text = text(linuxcnc(&checked, &machine, &[1.0, 0.5, 60.3], Drawings::Dxf));
+        let body = text.split_once("G61.1\n").expect("modes").1;
+        let first = "M65 P0\n(BLOCK B0001 FILE blocks/B0001.dxf)\nM65 P0\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\n\
+                     G0 Z0.335000\nG4 P0.100\nM64 P0\nM66 P0 L3 Q5\no1 if [#5399 LT 0]\n(MSG, no BUSY, block B0001)\n\
+                     M65 P0\nM2\no1 endif\nM65 P0\nM66 P0 L4 Q12\no2 if [#5399 LT 0]\n(MSG, still BUSY, block B0001)\n\
+                     M65 P0\nM2\no2 endif\n";
+        assert!(body.starts_with(first), "{body}");
+        let second = "(BLOCK B0002 FILE blocks/B0002.dxf)\nM65 P0\nG0 Z0.405000\nG4 P0.100\nM64 P0\n";
+        assert!(body.contains(second), "a move of z alone");
+        let third =
+            "(BLOCK B0003 FILE blocks/B0003.dxf)\nM65 P0\nG0 Z200.000000\nG0 X-41.000000 Y2.000000\nG0 Z0.405000\nG4";
+        assert!(body.contains(third), "lifted");
+        assert!(body.contains("M66 P0 L4 Q131\n"), "twice 60.3 s and 10 s, rounded up");
+        assert!(body.ends_with("o6 endif\nM65 P0\nG0 Z200.000000\nM65 P0\nM2\n"));
+    }
+
+    #[test]
+    fn the_output_is_off_before_every_move_and_a_dwell_comes_before_every_start() {
+        let (checked, machine) = sample();
+        for (text, off, on) in [
+            (text(linuxcnc(&checked, &machine, &[0.0; 3], Drawings::Absent)), "M65 P0", "M64 P0"),
+            (text(m0(&checked, &machine, Drawings::Dxf)), "M5", "M0"),
+        ] {
+            let (mut is_off, mut settled) = (false, false);
+            for line in text.lines() {
+                assert!(line.len() <= 255);
+                if line.starts_with(off) {
+                    is_off = true;
+                } else if line.starts_with(on) {
+                    assert!(settled, "{line}");
+                    is_off = false;
+                } else if line.starts_with("G0 ") {
+                    assert!(is_off, "{line}");
+                    assert!(!(line.contains('X') && line.contains('Z')), "{line}");
+                    settled = false;
+                } else if line.starts_with("G4 P") {
+                    settled = true;
+                }
+            }
+            assert!(is_off);
+            assert!(!text.contains(" FILE ") || off == "M5");
+        }
+    }
+
+    #[test]
+    fn lines_keep_to_the_controller_and_to_plain_characters() {
+        let (checked, mut machine) = sample();
+        machine.controller.max_line = 40;
+        machine.name = "Fräse (alt) ; ".repeat(12);
+        for bytes in [linuxcnc(&checked, &machine, &[1e5; 3], Drawings::Dxf), m0(&checked, &machine, Drawings::Dxf)] {
+            for line in text(bytes).lines() {
+                assert!(line.len() <= 40 && line.is_ascii(), "{line}");
+                assert_eq!(line.matches('(').count(), usize::from(line.contains(')')), "{line}");
+                let plain = line.starts_with('(') || !line.to_ascii_lowercase().contains('e') || line.contains("endif");
+                assert!(plain, "an exponent: {line}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_program_with_stops_uses_nothing_that_grbl_lacks() {
+        let (checked, machine) = sample();
+        let text = text(m0(&checked, &machine, Drawings::Dxf));
+        for word in ["G61", "G49", "M6", "#", "o1"] {
+            assert!(!text.lines().any(|l| !l.starts_with('(') && l.contains(word)), "{word}");
+        }
+        assert_eq!(text.matches("\nM0 (mark B").count(), 3);
+        assert!(text.lines().all(|l| l.len() <= 70));
+    }
+
+    #[test]
+    fn a_dwell_is_never_left_out() {
+        let (checked, mut machine) = sample();
+        machine.stage.settle = Time::s(0.0);
+        assert!(text(m0(&checked, &machine, Drawings::Absent)).contains("\nG4 P0.050\n"));
+        machine.stage.settle = Time::s(1.2501);
+        assert!(text(m0(&checked, &machine, Drawings::Absent)).contains("\nG4 P1.251\n"));
+    }
+}

@@ -1,0 +1,229 @@
+//! OpenVectorFormat: the whole job in one file whose model is ours. A work plane is a block: the axes
+//! move, stand still, and its vector blocks are marked.
+//!
+//! Positions of a work plane are the commanded axis values (mm); points are mm in controller coordinates
+//! from the optical axis. Both are single precision, as the format has it: 3.8 nm at 50 mm. Strokes keep
+//! their marking order: consecutive strokes of two points and one pen share a vector block of hatches, a
+//! longer stroke is a line sequence of its own. Pens are marking parameters with keys from 1.
+//!
+//! The format fixes no sign for what an axis moves, so `machine_type` says it: `x-part` is an axis that
+//! carries the part, `x-head` one that carries the head, `-reversed` one that counts against the frame.
+
+mod message;
+
+use prost::Message;
+
+use self::message::{
+    Bounds, Empty, Job, JobLut, JobMetaData, MarkingParams, Part, Patch, Points, VectorBlock, VectorBlockMetaData,
+    WorkPlane, WorkPlaneLut, WorkPlaneMetaData,
+};
+use crate::check::Checked;
+use crate::geom::mm_from_nm;
+use crate::machine::{Carries, Machine};
+use crate::program::{Program, Stroke};
+
+/// Most points in one vector block; readers load a vector block as a whole.
+const MOST_POINTS: usize = 1_000_000;
+
+/// Key of the only part in the map of parts.
+const PART_KEY: i32 = 1;
+
+/// The file. `job_name` and `source_name` name the job and the surface it is for.
+///
+/// # Panics
+/// If there are 2^31 blocks or more, which no program has.
+pub fn write(checked: &Checked, machine: &Machine, job_name: &str, source_name: &str) -> Vec<u8> {
+    let program = checked.program();
+    let mut file = File { bytes: b"LVF!".to_vec() };
+    let lut_place = file.reserve_offset();
+    let machine_type = machine_type(machine);
+    let mut planes = Vec::with_capacity(program.blocks.len());
+    let mut bounds = Extent::default();
+    for index in 0..program.blocks.len() {
+        planes.push(file.end());
+        bounds.add(&work_plane(&mut file, program, machine, index, &machine_type));
+    }
+    let shell = file.end();
+    file.message(&Job {
+        meta_data: Some(JobMetaData {
+            job_name: job_name.into(),
+            author: concat!("terrace ", env!("CARGO_PKG_VERSION")).into(),
+            description: "mm; positions are axis commands, points lie around the optical axis".into(),
+            bounds: bounds.mm(),
+        }),
+        marking_params: (1..).zip(program.pens.iter().map(|pen| marking_params(pen, machine))).collect(),
+        parts: [(PART_KEY, Part { name: source_name.into() })].into(),
+        num_work_planes: i32::try_from(planes.len()).expect("fewer than 2^31 blocks"),
+    });
+    let lut = file.end();
+    file.message(&JobLut { shell, work_planes: planes });
+    file.fill_offset(lut_place, lut);
+    file.bytes
+}
+
+/// Appends one work plane with its vector blocks and its table; answers with the extent of its points.
+fn work_plane(file: &mut File, program: &Program, machine: &Machine, index: usize, machine_type: &str) -> Extent {
+    let block = &program.blocks[index];
+    let lut_place = file.reserve_offset();
+    let mut extent = Extent::default();
+    let mut starts = Vec::new();
+    let mut strokes = program.strokes_of(block);
+    let mut at = [0, 0];
+    while let [first, ..] = strokes {
+        let (now, later) = strokes.split_at(run_length(strokes));
+        let (vectors, bounds) = vector_block(program, machine, first, now, &mut at);
+        starts.push(file.end());
+        file.message(&vectors);
+        extent.add(&bounds);
+        strokes = later;
+    }
+    let shell = file.end();
+    let [x, y, z] = block.stage.map(single_mm);
+    let centre = Patch { u_mm: single_mm(block.stop.centre.x), v_mm: single_mm(block.stop.centre.y) };
+    file.message(&WorkPlane {
+        x_pos_mm: x,
+        y_pos_mm: y,
+        z_pos_mm: z,
+        num_blocks: i32::try_from(starts.len()).expect("fewer than 2^31 strokes in a block"),
+        work_plane_number: i32::try_from(index).expect("fewer than 2^31 blocks"),
+        machine_type: machine_type.into(),
+        meta_data: Some(WorkPlaneMetaData {
+            scan_distance_mm: program.mark_mm(block),
+            jump_distance_mm: program.jump_mm(block),
+            patches: [(0, centre)].into(),
+            bounds: extent.mm(),
+        }),
+    });
+    let lut = file.end();
+    file.message(&WorkPlaneLut { shell, vector_blocks: starts });
+    file.fill_offset(lut_place, lut);
+    extent
+}
+
+/// How many of the strokes, from the first on, go into one vector block.
+fn run_length(strokes: &[Stroke]) -> usize {
+    let first = &strokes[0];
+    if first.len > 2 {
+        return 1;
+    }
+    let alike = strokes.iter().take(MOST_POINTS / 2).take_while(|s| s.pen == first.pen && s.len == 2);
+    alike.count()
+}
+
+/// One vector block; `at` is where the beam stands before and after it. Distances are those of one
+/// repeat.
+fn vector_block(
+    program: &Program,
+    machine: &Machine,
+    first: &Stroke,
+    strokes: &[Stroke],
+    at: &mut [i32; 2],
+) -> (VectorBlock, Extent) {
+    let mut extent = Extent::default();
+    let mut xy_mm = Vec::with_capacity(2 * strokes.iter().map(|s| s.len as usize).sum::<usize>());
+    let (mut scan, mut jump) = (0.0, 0.0);
+    for stroke in strokes {
+        let points = program.points_of(stroke);
+        jump += crate::program::stroke_mm(&[*at, points[0]]);
+        scan += crate::program::stroke_mm(points);
+        *at = points[points.len() - 1];
+        for &point in points {
+            let point = machine.scanner.controller_from_field(point);
+            extent.point(point);
+            xy_mm.extend(point.map(|nm| single_mm(i64::from(nm))));
+        }
+    }
+    let points = Some(Points { xy_mm });
+    let (line_sequence, hatches) = if first.len > 2 { (points, None) } else { (None, points) };
+    let meta_data =
+        VectorBlockMetaData { scan_distance_mm: scan, jump_distance_mm: jump, part_key: PART_KEY, bounds: extent.mm() };
+    let block = VectorBlock {
+        line_sequence,
+        hatches,
+        marking_params_key: i32::from(first.pen) + 1,
+        repeats: u64::from(program.pens[usize::from(first.pen)].passes.saturating_sub(1)),
+        meta_data: Some(meta_data),
+        micro_structuring: Some(Empty {}),
+    };
+    (block, extent)
+}
+
+fn marking_params(pen: &crate::program::Pen, machine: &Machine) -> MarkingParams {
+    let delays = &machine.delays;
+    MarkingParams {
+        laser_power_w: pen.power.as_w(machine.laser.max_power) as f32,
+        mark_speed_mm_s: pen.speed.as_mm_s() as f32,
+        jump_speed_mm_s: machine.scanner.jump_speed.as_mm_s() as f32,
+        repetition_rate_hz: (pen.frequency.as_khz() * 1e3).round() as u64,
+        jump_delay_us: delays.jump.as_us() as f32,
+        laser_off_delay_us: delays.laser_off.as_us() as f32,
+        laser_on_delay_us: delays.laser_on.as_us() as f32,
+        mark_delay_us: delays.mark.as_us() as f32,
+        polygon_delay_us: delays.polygon.as_us() as f32,
+        name: pen.name.clone(),
+    }
+}
+
+/// Who moves, and which way, so that a controller for another machine can refuse the file.
+fn machine_type(machine: &Machine) -> String {
+    let mut name = String::from("terrace/xyz-galvo2d");
+    for (axis, data) in machine.axes() {
+        let carries = match data.carries {
+            Carries::Part => "part",
+            Carries::Head => "head",
+        };
+        name += &format!("/{axis}-{carries}{}", if data.reversed { "-reversed" } else { "" });
+    }
+    name
+}
+
+fn single_mm(nm: i64) -> f32 {
+    mm_from_nm(nm) as f32
+}
+
+/// The file as it grows.
+struct File {
+    bytes: Vec<u8>,
+}
+
+impl File {
+    fn end(&self) -> i64 {
+        self.bytes.len() as i64
+    }
+    /// Leaves room for an offset that is known later.
+    fn reserve_offset(&mut self) -> usize {
+        let place = self.bytes.len();
+        self.bytes.extend_from_slice(&[0; 8]);
+        place
+    }
+    fn fill_offset(&mut self, place: usize, offset: i64) {
+        self.bytes[place..place + 8].copy_from_slice(&offset.to_le_bytes());
+    }
+    /// Appends a message after its length.
+    fn message(&mut self, message: &impl Message) {
+        message.encode_length_delimited(&mut self.bytes).expect("a Vec grows as needed");
+    }
+}
+
+/// Lowest and highest coordinates of points in nm; None of no points.
+#[derive(Clone, Copy, Default)]
+struct Extent(Option<[[i32; 2]; 2]>);
+
+impl Extent {
+    fn point(&mut self, p: [i32; 2]) {
+        let [lo, hi] = self.0.unwrap_or([p, p]);
+        self.0 = Some([[lo[0].min(p[0]), lo[1].min(p[1])], [hi[0].max(p[0]), hi[1].max(p[1])]]);
+    }
+    fn add(&mut self, other: &Self) {
+        for corner in other.0.into_iter().flatten() {
+            self.point(corner);
+        }
+    }
+    fn mm(&self) -> Option<Bounds> {
+        let [lo, hi] = self.0?.map(|corner| corner.map(|nm| single_mm(i64::from(nm))));
+        Some(Bounds { x_min: lo[0], y_min: lo[1], x_max: hi[0], y_max: hi[1] })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,202 @@
+//! The job folder: written whole or not at all.
+//!
+//! Files are written into a hidden folder beside the target, `.NAME.new`; when all are there the old
+//! target steps aside as `.NAME.old`, the new one takes its name, and the old one is removed. A run that
+//! was stopped anywhere leaves the old folder, or the new one, or one of the two hidden names, which
+//! the next run clears up first: [`recover`].
+
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+
+use rayon::prelude::*;
+
+use crate::compile::Plan;
+use crate::diag::{Diag, Error, Place};
+use crate::emit;
+use crate::geom::mm_from_nm;
+use crate::preview;
+use crate::program;
+use crate::record::{self, FileFact, InputFact};
+use crate::spec::{Format, Job};
+
+/// The name of the file that makes a folder a job folder; written last.
+pub const MANIFEST: &str = "manifest.json";
+
+/// The two hidden names beside a target.
+fn hidden(target: &Path) -> Result<[PathBuf; 2], Error> {
+    let Some(name) = target.file_name().and_then(|n| n.to_str()) else {
+        let d = Diag::input("output-name", "the output has no name of its own").at(place(target));
+        return Err(d.hint("name a folder, such as -o hood.job").into());
+    };
+    Ok(["new", "old"].map(|what| target.with_file_name(format!(".{name}.{what}"))))
+}
+
+fn place(path: &Path) -> Place {
+    Place::file(path.display().to_string())
+}
+
+fn failed(what: &str, path: &Path, e: &std::io::Error) -> Error {
+    Diag::input("output-unwritable", format!("cannot {what}: {e}")).at(place(path)).hint("check space and permissions").into()
+}
+
+/// Finishes or undoes what a stopped run left beside `target`.
+///
+/// # Errors
+/// Where the file system refuses.
+pub fn recover(target: &Path) -> Result<(), Error> {
+    let [new, old] = hidden(target)?;
+    if old.exists() {
+        if target.exists() {
+            fs::remove_dir_all(&old).map_err(|e| failed("remove the replaced folder", &old, &e))?;
+        } else {
+            fs::rename(&old, target).map_err(|e| failed("restore the old folder", &old, &e))?;
+        }
+    }
+    if new.exists() {
+        fs::remove_dir_all(&new).map_err(|e| failed("remove an unfinished folder", &new, &e))?;
+    }
+    Ok(())
+}
+
+/// Writes the folder of a plan and puts it in the place of `target`.
+///
+/// # Errors
+/// `output-not-a-job` where `target` exists and is no job folder; what the file system refuses.
+pub fn write(plan: &Plan, target: &Path, seed: u64) -> Result<(), Error> {
+    recover(target)?;
+    if target.exists() && !target.join(MANIFEST).is_file() {
+        let d = Diag::input("output-not-a-job", "the output exists and is not a job folder").at(place(target));
+        return Err(d.hint("name another folder with -o, or remove it yourself").into());
+    }
+    let [new, old] = hidden(target)?;
+    let parent = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    fs::create_dir_all(parent).map_err(|e| failed("make the folder", parent, &e))?;
+    let written = fill(plan, &new, target, seed);
+    if let Err(e) = written {
+        // What is left is removed by the next run too, should this fail.
+        let _ = fs::remove_dir_all(&new);
+        return Err(e);
+    }
+    if target.exists() {
+        fs::rename(target, &old).map_err(|e| failed("set the old folder aside", target, &e))?;
+    }
+    fs::rename(&new, target).map_err(|e| failed("put the new folder in place", target, &e))?;
+    if old.exists() {
+        fs::remove_dir_all(&old).map_err(|e| failed("remove the replaced folder", &old, &e))?;
+    }
+    Ok(())
+}
+
+/// Writes one file into the folder and says what was written.
+fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<FileFact, Error> {
+    let path = folder.join(name);
+    fs::write(&path, bytes).map_err(|e| failed("write the file", &path, &e))?;
+    Ok(FileFact { file: name.into(), bytes: bytes.len() as u64, blake3: blake3::hash(bytes).to_hex().to_string() })
+}
+
+fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Error> {
+    let make = |path: &Path| fs::create_dir(path).map_err(|e| failed("make the folder", path, &e));
+    make(folder)?;
+    let Plan { job, machine, checked, sections, summary, block_times, .. } = plan;
+    let formats = &job.file.emit.formats;
+    let has = |f: Format| formats.contains(&f);
+    let part_name = file_name(job.file.surface.file.get_ref());
+    let job_name = file_name(&job.path);
+    let drawings = if has(Format::Dxf) { emit::gcode::Drawings::Dxf } else { emit::gcode::Drawings::Absent };
+    let mut files = Vec::new();
+    files.push(put(folder, "program.txt", &program::text::write(checked.program(), checked.origin()))?);
+    if has(Format::Dxf) {
+        make(&folder.join("blocks"))?;
+        let blocks: Result<Vec<FileFact>, Error> = (0..checked.program().blocks.len())
+            .into_par_iter()
+            .map(|i| put(folder, &emit::dxf::file_name(i), &emit::dxf::block(checked, machine, i)))
+            .collect();
+        files.extend(blocks?);
+    }
+    if has(Format::Linuxcnc) {
+        files.push(put(folder, "stage.ngc", &emit::gcode::linuxcnc(checked, machine, block_times, drawings))?);
+    }
+    if has(Format::Gcode) {
+        files.push(put(folder, "stage_m0.nc", &emit::gcode::m0(checked, machine, drawings))?);
+    }
+    if has(Format::Ovf) {
+        files.push(put(folder, "job.ovf", &emit::ovf::write(checked, machine, &job_name, &part_name))?);
+    }
+    let layout = plan.layout(&job_name);
+    files.push(put(folder, "layout.svg", preview::layout_svg(&layout).as_bytes())?);
+    files.push(put(folder, "report.html", preview::report_html(&layout).as_bytes())?);
+    let facts = record::Facts {
+        job_file: relative(&job.path, target)?,
+        job_blake3: blake3::hash(job.source.as_bytes()).to_hex().to_string(),
+        inputs: inputs(job)?,
+        seed,
+        job,
+        machine,
+        checked,
+        sections,
+        depth_mm: mm_from_nm(plan.depth),
+        block_times,
+        files: &[],
+        summary,
+    };
+    files.push(put(folder, "runsheet.csv", &record::runsheet_csv(&facts))?);
+    files.push(put(folder, "runsheet.txt", &record::runsheet_txt(&facts))?);
+    files.sort_by(|a, b| a.file.cmp(&b.file));
+    let facts = record::Facts { files: &files, ..facts };
+    put(folder, MANIFEST, &record::manifest(&facts))?;
+    Ok(())
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
+}
+
+/// Every input file of a job but the job file itself, with its hash.
+///
+/// # Errors
+/// Where a file cannot be read.
+pub fn inputs(job: &Job) -> Result<Vec<InputFact>, Error> {
+    let mut list = vec![("surface", job.file.surface.file.get_ref().clone())];
+    for t in &job.file.texture {
+        list.extend(t.file.iter().map(|f| ("texture", f.get_ref().clone())));
+    }
+    list.extend(job.file.machine.file.iter().map(|f| ("machine", f.get_ref().clone())));
+    list.dedup();
+    list.into_iter()
+        .map(|(role, file)| {
+            let path = job.resolve(&file);
+            let mut hasher = blake3::Hasher::new();
+            let unreadable = |e| {
+                Error::from(Diag::input("file-unreadable", format!("cannot read the file: {e}")).at(place(&path)))
+            };
+            let opened = fs::File::open(&path).map_err(unreadable)?;
+            hasher.update_reader(opened).map_err(unreadable)?;
+            let bytes = hasher.count();
+            let shown = file.to_string_lossy().replace('\\', "/");
+            Ok(InputFact { role: role.into(), file: shown, bytes, blake3: hasher.finalize().to_hex().to_string() })
+        })
+        .collect()
+}
+
+/// `file` as seen from inside the folder `from` (which need not exist yet).
+fn relative(file: &Path, from: &Path) -> Result<String, Error> {
+    let whole = |p: &Path| -> Result<PathBuf, Error> {
+        let absolute = std::path::absolute(p).map_err(|e| failed("find the folder", p, &e))?;
+        let mut out = PathBuf::new();
+        for c in absolute.components() {
+            match c {
+                Component::ParentDir => {
+                    out.pop();
+                }
+                Component::CurDir => {}
+                other => out.push(other),
+            }
+        }
+        Ok(out)
+    };
+    let (file, from) = (whole(file)?, whole(from)?);
+    let common = file.components().zip(from.components()).take_while(|(a, b)| a == b).count();
+    let mut out = vec!["..".to_owned(); from.components().count() - common];
+    out.extend(file.components().skip(common).map(|c| c.as_os_str().to_string_lossy().into_owned()));
+    Ok(out.join("/"))
+}

@@ -1,0 +1,5 @@
+//! Order: of stops along the stage's way, of strokes within a block, and where the stage must lift.
+
+pub mod clearance;
+pub mod stops;
+pub mod strokes;

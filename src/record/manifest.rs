@@ -1,0 +1,172 @@
+//! `manifest.json`: what a job folder holds and how it came to be.
+
+use serde::{Serialize, Serializer};
+
+use super::{Facts, FileFact, InputFact, Summary, pens_of};
+use crate::geom::mm_from_nm;
+use crate::machine::Machine;
+use crate::program::{Pen, Program};
+use crate::spec::{DepthRule, Level};
+
+/// Version of the manifest's keys.
+const SCHEMA: u32 = 1;
+
+/// The manifest: JSON, keys in a fixed order, a line feed at the end.
+pub fn manifest(facts: &Facts<'_>) -> Vec<u8> {
+    let program = facts.checked.program();
+    let document = Document {
+        schema: SCHEMA,
+        terrace: env!("CARGO_PKG_VERSION"),
+        job: JobFile { file: &facts.job_file, blake3: &facts.job_blake3 },
+        inputs: &facts.inputs,
+        seed: facts.seed,
+        machine: facts.machine,
+        placement: Placement {
+            origin_mm: facts.checked.origin().map(mm_from_nm),
+            turn_deg: facts.job.file.placement.turn.as_deg(),
+        },
+        focus: Focus {
+            pdof_mm: facts.job.pdof().as_mm(),
+            depth_range_mm: facts.depth_mm,
+            level: facts.job.file.focus.level,
+            rule: facts.job.file.focus.rule,
+        },
+        sections: Sections {
+            origin_mm: facts.sections.origin.mm(),
+            pitch_mm: facts.sections.pitch.map(mm_from_nm),
+            columns: facts.sections.count[0],
+            rows: facts.sections.count[1],
+        },
+        pens: program.pens.iter().map(|pen| pen_entry(pen, facts.machine)).collect(),
+        blocks: Blocks(facts),
+        files: facts.files,
+        summary: facts.summary,
+    };
+    let mut out = Vec::with_capacity(4096 + 700 * program.blocks.len());
+    serde_json::to_writer_pretty(&mut out, &document).expect("a Vec takes every byte, and all keys are text");
+    out.push(b'\n');
+    out
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    schema: u32,
+    terrace: &'a str,
+    job: JobFile<'a>,
+    inputs: &'a [InputFact],
+    seed: u64,
+    machine: &'a Machine,
+    placement: Placement,
+    focus: Focus,
+    sections: Sections,
+    pens: Vec<PenEntry<'a>>,
+    blocks: Blocks<'a>,
+    files: &'a [FileFact],
+    summary: &'a Summary,
+}
+
+#[derive(Serialize)]
+struct JobFile<'a> {
+    file: &'a str,
+    blake3: &'a str,
+}
+
+#[derive(Serialize)]
+struct Placement {
+    origin_mm: [f64; 3],
+    turn_deg: f64,
+}
+
+#[derive(Serialize)]
+struct Focus {
+    pdof_mm: f64,
+    depth_range_mm: f64,
+    level: Level,
+    rule: DepthRule,
+}
+
+#[derive(Serialize)]
+struct Sections {
+    origin_mm: [f64; 2],
+    pitch_mm: [f64; 2],
+    columns: u32,
+    rows: u32,
+}
+
+#[derive(Serialize)]
+struct PenEntry<'a> {
+    name: &'a str,
+    speed_mm_s: f64,
+    power: String,
+    power_w: f64,
+    frequency_khz: f64,
+    passes: u32,
+}
+
+fn pen_entry<'a>(pen: &'a Pen, machine: &Machine) -> PenEntry<'a> {
+    PenEntry {
+        name: &pen.name,
+        speed_mm_s: pen.speed.as_mm_s(),
+        power: pen.power.to_string(),
+        power_w: pen.power.as_w(machine.laser.max_power),
+        frequency_khz: pen.frequency.as_khz(),
+        passes: pen.passes,
+    }
+}
+
+/// The list of blocks, made entry by entry while it is written.
+struct Blocks<'a>(&'a Facts<'a>);
+
+impl Serialize for Blocks<'_> {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        s.collect_seq((0..self.0.checked.program().blocks.len()).map(|i| block_entry(self.0, i)))
+    }
+}
+
+#[derive(Serialize)]
+struct BlockEntry<'a> {
+    id: String,
+    section: [u32; 2],
+    level: i32,
+    centre_mm: [f64; 2],
+    lpfl_mm: f64,
+    stage: [f64; 3],
+    tilt_deg: [f64; 2],
+    z_lo_mm: f64,
+    z_hi_mm: f64,
+    pens: Vec<&'a str>,
+    files: BlockFiles,
+    strokes: usize,
+    mark_mm: f64,
+    jump_mm: f64,
+    time_s: f64,
+}
+
+#[derive(Serialize)]
+struct BlockFiles {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    dxf: Option<String>,
+}
+
+fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
+    let program = facts.checked.program();
+    let block = &program.blocks[index];
+    BlockEntry {
+        id: Program::block_id(index),
+        section: block.stop.section,
+        level: block.stop.level,
+        centre_mm: block.stop.centre.mm(),
+        lpfl_mm: mm_from_nm(block.stop.focus),
+        stage: block.stage.map(mm_from_nm),
+        // No method tilts the part yet.
+        tilt_deg: [0.0; 2],
+        z_lo_mm: mm_from_nm(block.z_lo),
+        z_hi_mm: mm_from_nm(block.z_hi),
+        pens: pens_of(program, block).into_iter().map(|(_, pen)| pen.name.as_str()).collect(),
+        files: BlockFiles { dxf: facts.drawing(index) },
+        strokes: block.strokes.len(),
+        mark_mm: program.mark_mm(block),
+        jump_mm: program.jump_mm(block),
+        time_s: facts.block_time_s(index),
+    }
+}

@@ -1,0 +1,220 @@
+//! `runsheet.txt` and `runsheet.csv`: what the operator needs at the machine.
+
+use std::fmt::Write;
+
+use super::{Facts, pens_of};
+use crate::geom::mm_from_nm;
+use crate::program::{Block, Program};
+use crate::spec::Format;
+
+/// The blocks as a table for spreadsheets: comma separated, point as decimal mark.
+pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
+    let program = facts.checked.program();
+    let mut out = String::from(
+        "block,column,row,level,stage_x_mm,stage_y_mm,stage_z_mm,lpfl_mm,file,strokes,mark_mm,jump_mm,time_s,pens\n",
+    );
+    for (i, block) in program.blocks.iter().enumerate() {
+        let pens: Vec<&str> = pens_of(program, block).into_iter().map(|(_, pen)| pen.name.as_str()).collect();
+        let [column, row] = block.stop.section;
+        let [x, y, z] = block.stage.map(mm_from_nm);
+        let cells = [
+            Program::block_id(i),
+            column.to_string(),
+            row.to_string(),
+            block.stop.level.to_string(),
+            format!("{x:.6}"),
+            format!("{y:.6}"),
+            format!("{z:.6}"),
+            format!("{:.6}", mm_from_nm(block.stop.focus)),
+            facts.drawing(i).unwrap_or_default(),
+            block.strokes.len().to_string(),
+            format!("{:.3}", program.mark_mm(block)),
+            format!("{:.3}", program.jump_mm(block)),
+            format!("{:.3}", facts.block_time_s(i)),
+            cell(&pens.join("; ")),
+        ];
+        out += &cells.join(",");
+        out.push('\n');
+    }
+    out.into_bytes()
+}
+
+/// A cell whose text may hold what parts cells.
+fn cell(text: &str) -> String {
+    if text.contains(['"', ',', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
+}
+
+/// The sheet for the operator, plain text of fixed width.
+pub fn txt(facts: &Facts<'_>) -> Vec<u8> {
+    let mut out = String::new();
+    // Writing to a String cannot fail.
+    let _ = head(&mut out, facts)
+        .and_then(|()| pens(&mut out, facts))
+        .and_then(|()| steps(&mut out, facts))
+        .and_then(|()| blocks(&mut out, facts));
+    out.into_bytes()
+}
+
+fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
+    let s = facts.summary;
+    let t = &s.time_s;
+    let part = facts.job.file.surface.file.get_ref().display().to_string();
+    let [x, y, z] = facts.checked.origin().map(mm_from_nm);
+    let [w, h] = facts.machine.lens.field.map(|f| f.as_mm());
+    writeln!(out, "RUN SHEET")?;
+    writeln!(out)?;
+    writeln!(out, "job        {}", facts.job_file.replace('\\', "/"))?;
+    writeln!(out, "part       {}", part.replace('\\', "/"))?;
+    writeln!(out, "machine    {}", facts.machine.name)?;
+    writeln!(out, "field      {w} x {h} mm")?;
+    writeln!(out, "part zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table frame")?;
+    writeln!(out, "part turn  {} deg about z", facts.job.file.placement.turn.as_deg())?;
+    writeln!(out, "blocks     {} ({})", s.stops, s.method)?;
+    writeln!(out, "marks      {:.1} mm", s.mark_mm)?;
+    writeln!(out, "not marked {:.1} mm", s.skipped_mm)?;
+    writeln!(
+        out,
+        "defocus    {:.1} um at most (depth range of a block {:.1} um)",
+        s.worst_defocus_um,
+        facts.depth_mm * 1e3
+    )?;
+    writeln!(
+        out,
+        "time       {} (stage {}, settling {}, marks {}, jumps {}, delays {}), estimated",
+        clock(t.total),
+        clock(t.stage),
+        clock(t.settle),
+        clock(t.mark),
+        clock(t.jump),
+        clock(t.delay)
+    )?;
+    for warning in &s.warnings {
+        writeln!(out, "WARNING    {}", warning["message"].as_str().unwrap_or_default())?;
+    }
+    Ok(())
+}
+
+fn pens(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
+    writeln!(out, "\nPENS (drawings do not carry these values: set them in the marking software)")?;
+    writeln!(out, "  no  speed mm/s  power               frequency kHz  passes  name")?;
+    for (i, pen) in facts.checked.program().pens.iter().enumerate() {
+        let watts = pen.power.as_w(facts.machine.laser.max_power);
+        writeln!(
+            out,
+            "  {:>2}  {:>10}  {:<18}  {:>13}  {:>6}  {}",
+            i + 1,
+            pen.speed.as_mm_s(),
+            format!("{} = {} W", pen.power, (watts * 1e6).round() / 1e6),
+            pen.frequency.as_khz(),
+            pen.passes,
+            pen.name
+        )?;
+    }
+    Ok(())
+}
+
+/// What to do, in order; only what the files of this folder need.
+fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
+    writeln!(out, "\nBEFORE THE FIRST BLOCK")?;
+    writeln!(
+        out,
+        "  - All lengths are mm, at scale 1. Drawings of this kind carry no unit: choose mm on import, mark"
+    )?;
+    writeln!(out, "    a line of 10 mm on scrap and measure it.")?;
+    writeln!(
+        out,
+        "  - The zero of every drawing is the optical axis. Import it there: no centring, no fit to the field."
+    )?;
+    writeln!(
+        out,
+        "  - Put the part so that its zero and its turn are as above. Show the red-light frame of the first"
+    )?;
+    writeln!(out, "    and the last block on the part and compare it with layout.svg.")?;
+    writeln!(
+        out,
+        "  - Find the focus on the part at the first block: its Z below is where the spot must be smallest."
+    )?;
+    writeln!(out, "  - Run the stage program once without laser power.")?;
+    writeln!(out, "  - This program is not a safety system. Enclosure, interlock and eye protection are yours.")?;
+    writeln!(out, "\nHOW THE FILES GO TOGETHER")?;
+    if facts.has(Format::Linuxcnc) {
+        writeln!(
+            out,
+            "  - stage.ngc (LinuxCNC) goes to each block, settles, sets digital output 0 (START) and waits for"
+        )?;
+        writeln!(
+            out,
+            "    digital input 0 (BUSY) of the scan card to rise and to fall. BUSY must last 20 ms or more. If a"
+        )?;
+        writeln!(
+            out,
+            "    wait takes too long the program ends and does not step on: see what the laser does, then start"
+        )?;
+        writeln!(out, "    again at that block.")?;
+    }
+    if facts.has(Format::Gcode) {
+        writeln!(
+            out,
+            "  - stage_m0.nc goes to each block and stops (M0): mark the block, wait for its end, then press"
+        )?;
+        writeln!(out, "    cycle start. Never press it while the laser is on. Dwells are in seconds.")?;
+    }
+    if facts.has(Format::Dxf) {
+        writeln!(
+            out,
+            "  - blocks/B0001.dxf and so on hold one block each, to be marked when the stage stands at the place"
+        )?;
+        writeln!(
+            out,
+            "    of that block and nowhere else. Layer and colour number are the number of the pen. Switch off"
+        )?;
+        writeln!(out, "    sorting and joining of paths where order or direction matter.")?;
+    }
+    if facts.has(Format::Ovf) {
+        writeln!(out, "  - job.ovf holds the whole job, stage places and pens included: work plane 0 is block B0001.")?;
+    }
+    Ok(())
+}
+
+fn blocks(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
+    let program = facts.checked.program();
+    writeln!(
+        out,
+        "\nBLOCKS (X Y Z: commanded stage position, mm; LPFL: focal plane on the part, mm; time without the move)"
+    )?;
+    writeln!(
+        out,
+        "  {:<7} {:>9} {:>6} {:>11} {:>11} {:>11} {:>11} {:>8} {:>11} {:>9}  pens  file",
+        "block", "section", "level", "X", "Y", "Z", "LPFL", "strokes", "marks mm", "time s"
+    )?;
+    for (i, block) in program.blocks.iter().enumerate() {
+        block_line(out, facts, i, block)?;
+    }
+    Ok(())
+}
+
+fn block_line(out: &mut String, facts: &Facts<'_>, i: usize, block: &Block) -> std::fmt::Result {
+    let program = facts.checked.program();
+    let pens: Vec<String> = pens_of(program, block).into_iter().map(|(i, _)| (i + 1).to_string()).collect();
+    let [column, row] = block.stop.section;
+    let [x, y, z] = block.stage.map(mm_from_nm);
+    writeln!(
+        out,
+        "  {:<7} {:>9} {:>6} {x:>11.4} {y:>11.4} {z:>11.4} {:>11.4} {:>8} {:>11.1} {:>9.1}  {:<4}  {}",
+        Program::block_id(i),
+        format!("{column},{row}"),
+        block.stop.level,
+        mm_from_nm(block.stop.focus),
+        block.strokes.len(),
+        program.mark_mm(block),
+        facts.block_time_s(i),
+        pens.join(" "),
+        facts.drawing(i).unwrap_or_default(),
+    )
+}
+
+/// Seconds as h:mm:ss.
+fn clock(s: f64) -> String {
+    let whole = s.round() as u64;
+    format!("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60)
+}

@@ -1,0 +1,157 @@
+use std::path::Path;
+
+use super::*;
+use crate::program::sample;
+use crate::spec::SAMPLE_JOB;
+
+fn machine() -> Machine {
+    Machine::built_in("xyz-galvo-40").expect("profile")
+}
+
+/// The facts of the sample program, given to `use_them`.
+fn with_sample<R>(use_them: impl FnOnce(&Facts<'_>) -> R) -> R {
+    with(sample::program(), &machine(), use_them)
+}
+
+fn with<R>((program, origin): (Program, [i64; 3]), machine: &Machine, use_them: impl FnOnce(&Facts<'_>) -> R) -> R {
+    let block_times = vec![0.125; program.blocks.len()];
+    let checked = Checked::unchecked(program, origin);
+    let job = Job::parse(Path::new("hood.toml"), SAMPLE_JOB).expect("sample job");
+    let sections =
+        Sections { origin: crate::geom::P2::new(-20_000_000, -20_000_001), pitch: [40_000_000; 2], count: [2, 1] };
+    let files = [FileFact { file: "program.txt".into(), bytes: 7, blake3: "ab".into() }];
+    let summary = Summary {
+        stops: 3,
+        method: "contour".into(),
+        warnings: vec![serde_json::json!({"message": "steep places"})],
+        ..Summary::default()
+    };
+    use_them(&Facts {
+        job_file: "../hood.toml".into(),
+        job_blake3: "cd".into(),
+        inputs: vec![InputFact { role: "surface".into(), file: "hood.stl".into(), bytes: 3, blake3: "ef".into() }],
+        seed: 5,
+        job: &job,
+        machine,
+        checked: &checked,
+        sections: &sections,
+        depth_mm: 0.07,
+        block_times: &block_times,
+        files: &files,
+        summary: &summary,
+    })
+}
+
+#[test]
+fn the_manifest_has_its_keys_in_order_and_exact_millimetres() {
+    let text = with_sample(|facts| String::from_utf8(manifest(facts)).expect("UTF-8"));
+    let keys: Vec<&str> = text.lines().filter(|l| l.starts_with("  \"")).filter_map(|l| l.split('"').nth(1)).collect();
+    assert_eq!(
+        keys,
+        [
+            "schema",
+            "terrace",
+            "job",
+            "inputs",
+            "seed",
+            "machine",
+            "placement",
+            "focus",
+            "sections",
+            "pens",
+            "blocks",
+            "files",
+            "summary"
+        ]
+    );
+    assert!(text.ends_with("}\n"));
+    let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(json["sections"]["origin_mm"], serde_json::json!([-20.0, -20.000001]));
+    assert_eq!(json["placement"]["origin_mm"], serde_json::json!([1.0, -2.0, 0.3]));
+    assert_eq!(json["pens"][1]["power"], "3.5 W");
+    assert_eq!(json["pens"][0]["power_w"], 8.4);
+    let block = &json["blocks"][2];
+    assert_eq!(block["id"], "B0003");
+    assert_eq!(block["stage"], serde_json::json!([-41.0, 2.0, 0.405]));
+    assert_eq!((&block["lpfl_mm"], &block["z_lo_mm"]), (&0.105.into(), &0.0701.into()));
+    assert_eq!(block["pens"], serde_json::json!(["fill", "edge (fine)"]));
+    assert_eq!(block["files"], serde_json::json!({"dxf": "blocks/B0003.dxf"}));
+    assert_eq!((&block["strokes"], &block["time_s"]), (&2.into(), &0.125.into()));
+    assert_eq!(json["focus"]["level"], "mid");
+    assert_eq!(json["job"]["file"], "../hood.toml");
+}
+
+#[test]
+fn the_table_has_a_line_per_block_and_quotes_what_parts_cells() {
+    let text = with_sample(|facts| String::from_utf8(runsheet_csv(facts)).expect("UTF-8"));
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines.len(), 4);
+    let third = "B0003,1,0,1,-41.000000,2.000000,0.405000,0.105000,blocks/B0003.dxf,2,250.000,";
+    assert!(lines[3].starts_with(third), "{}", lines[3]);
+    assert!(lines[3].ends_with(",0.125,fill; edge (fine)"), "{}", lines[3]);
+    assert!(lines.iter().all(|l| l.split(',').count() == 14));
+}
+
+#[test]
+fn the_sheet_tells_the_operator_what_the_files_do_not() {
+    let text = with_sample(|facts| String::from_utf8(runsheet_txt(facts)).expect("UTF-8"));
+    for needed in ["10 mm", "red-light", "not a safety system", "60 % = 8.4 W", "hood.toml", "WARNING    steep places"]
+    {
+        assert!(text.contains(needed), "{needed}\n{text}");
+    }
+    for i in 1..=3 {
+        assert_eq!(text.matches(&format!("\n  B000{i} ")).count(), 1);
+    }
+    assert!(text.lines().all(|l| l.len() <= 132), "fits on paper");
+}
+
+/// Writes three job folders for the scripts in tests/python, which need no compiler to try:
+/// `TERRACE_SAMPLES=/tmp/samples cargo test --lib -- --ignored folders_for_foreign_readers`.
+#[test]
+#[ignore = "writes folders to the place that TERRACE_SAMPLES names"]
+fn folders_for_foreign_readers() {
+    let place = std::env::var("TERRACE_SAMPLES").expect("TERRACE_SAMPLES names a folder");
+    let plain = machine();
+    let mut turned = machine();
+    turned.scanner.swap_xy = true;
+    turned.scanner.mirror_y = true;
+    turned.stage.x.carries = crate::machine::Carries::Head;
+    turned.stage.z.reversed = true;
+    turned.controller.max_line = 60;
+    let small = sample::program();
+    let jobs = [
+        ("small", &plain, small),
+        ("random", &plain, sample::random(150, &plain)),
+        ("turned", &turned, sample::random(80, &turned)),
+    ];
+    for (name, machine, program) in jobs {
+        with(program, machine, |facts| write_folder(&Path::new(&place).join(name), facts));
+    }
+}
+
+fn write_folder(folder: &Path, facts: &Facts<'_>) {
+    use crate::emit::{dxf, gcode, ovf};
+    let (checked, machine) = (facts.checked, facts.machine);
+    std::fs::create_dir_all(folder.join("blocks")).expect("folder");
+    let drawings = gcode::Drawings::Dxf;
+    let mut files = vec![
+        ("program.txt".to_owned(), crate::program::text::write(checked.program(), checked.origin())),
+        ("stage.ngc".to_owned(), gcode::linuxcnc(checked, machine, facts.block_times, drawings)),
+        ("stage_m0.nc".to_owned(), gcode::m0(checked, machine, drawings)),
+        ("job.ovf".to_owned(), ovf::write(checked, machine, "job", "part.stl")),
+        ("runsheet.txt".to_owned(), runsheet_txt(facts)),
+        ("runsheet.csv".to_owned(), runsheet_csv(facts)),
+    ];
+    files.extend((0..checked.program().blocks.len()).map(|i| (dxf::file_name(i), dxf::block(checked, machine, i))));
+    let list: Vec<FileFact> = files
+        .iter()
+        .map(|(file, bytes)| {
+            let blake3 = blake3::hash(bytes).to_hex().to_string();
+            FileFact { file: file.clone(), bytes: bytes.len() as u64, blake3 }
+        })
+        .collect();
+    files.push(("manifest.json".to_owned(), manifest(&Facts { files: &list, ..facts.clone() })));
+    for (file, bytes) in files {
+        std::fs::write(folder.join(file), bytes).expect("file");
+    }
+}

@@ -1,0 +1,244 @@
+//! Strokes are traced and cut where they leave their block.
+//!
+//! Consumes texture strokes, a [`Tracer`] and the stops; promises fragments that, with what was
+//! skipped, tile every stroke: a cut point is computed once, rounded once to the nanometre grid and
+//! used by both sides, so mark + skipped = texture. A point on the border of two levels belongs to the
+//! upper one, a point on the border of two sections to the side the stroke goes to; a stroke along a
+//! border is marked once. A fragment whose points all round to one is none.
+
+use crate::geom::{NM_PER_MM, P2};
+use crate::partition::Stops;
+use crate::trace::{Piece, Skip, Tracer};
+
+/// A piece of one stroke that is marked in one block.
+#[derive(Clone, Copy, Debug)]
+pub struct Fragment {
+    /// Index of its stop.
+    pub stop: u32,
+    /// Stroke of the texture.
+    pub source: u32,
+    /// Segment of that stroke on which it begins.
+    pub segment: u32,
+    /// Pen.
+    pub pen: u16,
+    /// First point in [`Fragments::points`].
+    pub first: u32,
+    /// How many points.
+    pub len: u32,
+    /// Lowest and highest height, nm.
+    pub z: [f64; 2],
+    /// Integral of height over length, nm · nm.
+    pub z_length: f64,
+    /// Length, nm.
+    pub length: f64,
+}
+
+/// Lengths that were not marked, mm.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Skipped {
+    /// Off the part.
+    pub off_part: f64,
+    /// Steeper than the limit.
+    pub steep: f64,
+    /// Fragments below the shortest mark.
+    pub small: f64,
+}
+
+/// What became of a run of strokes.
+#[derive(Clone, Debug, Default)]
+pub struct Fragments {
+    /// In the order of the texture.
+    pub list: Vec<Fragment>,
+    /// Points of all fragments, field frame of their stops, nm.
+    pub points: Vec<[i32; 2]>,
+    /// Length of the strokes, mm.
+    pub texture_mm: f64,
+    /// What was not marked.
+    pub skipped: Skipped,
+    /// Strokes in more than one fragment.
+    pub strokes_cut: usize,
+    /// Closed strokes marked as one fragment.
+    pub figures_whole: usize,
+    /// Closed strokes that were cut or partly skipped.
+    pub figures_cut: usize,
+    /// A place that was too steep, if any was.
+    pub steep_at: Option<P2>,
+    /// Largest squared slope of the marks.
+    pub worst_slope2: f64,
+}
+
+/// The fragment being built.
+struct Open {
+    stop: usize,
+    segment: u32,
+    first: usize,
+    z: [f64; 2],
+    z_length: f64,
+}
+
+/// Cuts strokes between stops.
+pub struct Splitter<'a> {
+    tracer: Tracer<'a>,
+    stops: &'a Stops,
+    min_mark: f64,
+    out: Fragments,
+}
+
+impl<'a> Splitter<'a> {
+    /// Fragments shorter than `min_mark_nm` are skipped and counted.
+    pub fn new(tracer: Tracer<'a>, stops: &'a Stops, min_mark_nm: f64) -> Self {
+        Self { tracer, stops, min_mark: min_mark_nm, out: Fragments::default() }
+    }
+
+    /// What became of all strokes given so far.
+    pub fn finish(mut self) -> Fragments {
+        self.out.worst_slope2 = self.tracer.worst_slope2;
+        self.out
+    }
+
+    /// Cuts one stroke of the texture.
+    pub fn stroke(&mut self, source: u32, pen: u16, points: &[P2]) {
+        let Self { tracer, stops, min_mark, out } = self;
+        let before = out.list.len();
+        let skipped_before = out.skipped;
+        let mut cutter = Cutter { stops, out, open: None, source, pen, min_mark: *min_mark };
+        for (i, w) in points.windows(2).enumerate() {
+            let [a, b] = [w[0], w[1]];
+            cutter.out.texture_mm += a.distance(b) / NM_PER_MM;
+            tracer.segment(a, b, |piece| cutter.piece(i as u32, a, b, piece));
+            cutter.vertex(i as u32, b);
+        }
+        cutter.close(points[points.len() - 1]);
+        let parts = out.list.len() - before;
+        out.strokes_cut += usize::from(parts > 1);
+        if points[0] == points[points.len() - 1] {
+            if parts == 1 && out.skipped == skipped_before {
+                out.figures_whole += 1;
+            } else {
+                out.figures_cut += 1;
+            }
+        }
+    }
+}
+
+struct Cutter<'a> {
+    stops: &'a Stops,
+    out: &'a mut Fragments,
+    open: Option<Open>,
+    source: u32,
+    pen: u16,
+    min_mark: f64,
+}
+
+impl Cutter<'_> {
+    fn piece(&mut self, segment: u32, a: P2, b: P2, p: Piece) {
+        let section = match p.on {
+            Ok(section) => section,
+            Err(skip) => {
+                let (from, to) = (a.lerp(b, p.t0), a.lerp(b, p.t1));
+                self.close(from);
+                let length = from.distance(to) / NM_PER_MM;
+                match skip {
+                    Skip::OffPart => self.out.skipped.off_part += length,
+                    Skip::Steep => {
+                        self.out.skipped.steep += length;
+                        if length > 0.0 {
+                            self.out.steep_at.get_or_insert(from);
+                        }
+                    }
+                }
+                return;
+            }
+        };
+        let range = self.stops.of_section(section);
+        let list = &self.stops.stops;
+        let length = a.distance(b);
+        let rises = p.z1 >= p.z0;
+        let Some(mut stop) = self.stops.at(section, p.z0) else { return };
+        if !rises && stop > range.start && p.z0 <= list[stop].z_lo as f64 {
+            stop -= 1;
+        }
+        let (mut t, mut z) = (p.t0, p.z0);
+        loop {
+            // The height at which the piece leaves this stop, if it does.
+            let limit = if rises {
+                (stop + 1 < range.end).then(|| list[stop + 1].z_lo as f64).filter(|&l| p.z1 > l)
+            } else {
+                (stop > range.start).then(|| list[stop].z_lo as f64).filter(|&l| p.z1 < l)
+            };
+            let (t_end, z_end) = match limit {
+                Some(l) => (p.t0 + (p.t1 - p.t0) * ((l - p.z0) / (p.z1 - p.z0)), l),
+                None => (p.t1, p.z1),
+            };
+            self.mark(stop, segment, a.lerp(b, t), [z, z_end], (t_end - t).max(0.0) * length);
+            if limit.is_none() {
+                return;
+            }
+            (t, z) = (t_end, z_end);
+            stop = if rises { stop + 1 } else { stop - 1 };
+            self.close(a.lerp(b, t));
+        }
+    }
+
+    /// Goes on in `stop` from `from`, over heights `z` and a stretch of `length` nm.
+    fn mark(&mut self, stop: usize, segment: u32, from: P2, z: [f64; 2], length: f64) {
+        if self.open.as_ref().is_some_and(|o| o.stop != stop) {
+            self.close(from);
+        }
+        let open = self.open.get_or_insert_with(|| {
+            let first = self.out.points.len();
+            self.out.points.push(local(self.stops, stop, from));
+            Open { stop, segment, first, z: [f64::INFINITY, f64::NEG_INFINITY], z_length: 0.0 }
+        });
+        open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
+        open.z_length += (z[0] + z[1]) / 2.0 * length;
+    }
+
+    /// A vertex of the stroke inside the open fragment: the end of `segment`.
+    fn vertex(&mut self, segment: u32, p: P2) {
+        if let Some(open) = &mut self.open {
+            let p = local(self.stops, open.stop, p);
+            if self.out.points[self.out.points.len() - 1] != p {
+                self.out.points.push(p);
+            } else if self.out.points.len() == open.first + 1 {
+                // All there is of the fragment is this vertex: it begins on the next segment.
+                open.segment = segment + 1;
+                open.z = [f64::INFINITY, f64::NEG_INFINITY];
+                open.z_length = 0.0;
+            }
+        }
+    }
+
+    /// Ends the open fragment at `end`.
+    fn close(&mut self, end: P2) {
+        let Some(open) = self.open.take() else { return };
+        let p = local(self.stops, open.stop, end);
+        if self.out.points[self.out.points.len() - 1] != p {
+            self.out.points.push(p);
+        }
+        let points = &self.out.points[open.first..];
+        let length = crate::program::stroke_mm(points) * NM_PER_MM;
+        if points.len() < 2 || length < self.min_mark {
+            self.out.skipped.small += length / NM_PER_MM;
+            self.out.points.truncate(open.first);
+            return;
+        }
+        self.out.list.push(Fragment {
+            stop: open.stop as u32,
+            source: self.source,
+            segment: open.segment,
+            pen: self.pen,
+            first: open.first as u32,
+            len: points.len() as u32,
+            z: open.z,
+            z_length: open.z_length,
+            length,
+        });
+    }
+}
+
+/// A part point in the field frame of a stop. Sections are smaller than 2.1 m, so it fits.
+fn local(stops: &Stops, stop: usize, p: P2) -> [i32; 2] {
+    let c = stops.stops[stop].centre;
+    [(p.x - c.x) as i32, (p.y - c.y) as i32]
+}

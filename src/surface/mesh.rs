@@ -1,0 +1,391 @@
+//! One indexed triangle mesh, as the lens sees it.
+//!
+//! Consumes facets (mm), promises: vertices are on the nanometre grid in x and y, equal ones are one;
+//! facets have a projected area above zero and run counter-clockwise seen from the lens, whatever
+//! their winding in the file; facets are numbered along a Morton curve, so that neighbours on the
+//! part are neighbours in memory. Coordinates are local: part frame less [`Mesh::origin`].
+//!
+//! A half-edge `3 f + k` runs from corner k to corner k + 1 of facet f. It has a twin where exactly
+//! one other facet lies on its other side; everything else (border, fold, more than two facets) has
+//! none and counts as a rim for the walk.
+
+use rustc_hash::FxHashMap;
+
+use crate::diag::{Diag, Error};
+use crate::geom::{MAX_NM, NM_PER_MM, P2, orient};
+
+/// Says that there is no facet or half-edge.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// A vertex in local coordinates: x and y integer nm, z nm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Vertex {
+    pub x: i32,
+    pub y: i32,
+    pub z: f64,
+}
+
+impl Vertex {
+    pub fn p2(self) -> P2 {
+        P2::new(self.x.into(), self.y.into())
+    }
+}
+
+/// The mesh; see the module for what it promises.
+#[derive(Debug)]
+pub struct Mesh {
+    pub(crate) origin: P2,
+    pub(crate) vertices: Vec<Vertex>,
+    pub(crate) facets: Vec<[u32; 3]>,
+    pub(crate) twins: Vec<u32>,
+}
+
+/// Corners welded in one go.
+const BATCH: usize = 3 * 64;
+
+/// Gathers facets and welds their corners.
+pub(crate) struct Welder {
+    turn: [f64; 2],
+    weld_nm: i64,
+    points: Vec<(P2, f64)>,
+    facets: Vec<[u32; 3]>,
+    /// Open addressing, linear probing: index of a point or NONE.
+    table: Vec<u32>,
+    /// Only with a weld distance: points by cell of that size.
+    cells: FxHashMap<[i64; 3], Vec<u32>>,
+    degenerate: usize,
+    /// Corners that are not welded yet, three a facet.
+    waiting: Vec<(P2, f64)>,
+    touched: Vec<u32>,
+    /// Box of all corners before the turn, mm.
+    pub part_box_mm: [f64; 4],
+}
+
+impl Welder {
+    /// `turn` is the cosine and sine of the part's turn.
+    pub fn new(turn: [f64; 2], weld_mm: f64) -> Self {
+        Self {
+            turn,
+            weld_nm: (weld_mm * NM_PER_MM).round() as i64,
+            points: Vec::new(),
+            facets: Vec::new(),
+            table: vec![NONE; 1 << 12],
+            cells: FxHashMap::default(),
+            degenerate: 0,
+            waiting: Vec::with_capacity(BATCH),
+            touched: Vec::with_capacity(BATCH),
+            part_box_mm: [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY],
+        }
+    }
+
+    /// Takes one facet, corners in mm. Readers have refused what is not finite or beyond 4 m.
+    pub fn facet(&mut self, corners: [[f64; 3]; 3]) {
+        for [x, y, z] in corners {
+            let b = &mut self.part_box_mm;
+            *b = [b[0].min(x), b[1].min(y), b[2].max(x), b[3].max(y)];
+            let [c, s] = self.turn;
+            let (tx, ty) = (c * x - s * y, s * x + c * y);
+            let p = P2::new((tx * NM_PER_MM).round() as i64, (ty * NM_PER_MM).round() as i64);
+            self.waiting.push((p, z * NM_PER_MM));
+        }
+        if self.waiting.len() >= BATCH {
+            self.flush();
+        }
+    }
+
+    /// Welds the waiting corners. In a file without order every look-up misses the cache; touching a
+    /// batch of slots first, then their points, lets the misses overlap (2.5 times faster measured).
+    fn flush(&mut self) {
+        let mask = self.table.len() - 1;
+        let mut touched = 0;
+        let slots = self.waiting.iter().map(|&(p, z)| hash(p, z.round() as i64) as usize & mask);
+        self.touched.clear();
+        self.touched.extend(slots.map(|slot| self.table[slot]));
+        for &id in self.touched.iter().filter(|&&id| id != NONE) {
+            touched ^= self.points[id as usize].0.x;
+        }
+        std::hint::black_box(touched);
+        let waiting = std::mem::take(&mut self.waiting);
+        for corners in waiting.chunks_exact(3) {
+            let mut ids = [0; 3];
+            for (id, &(p, z)) in ids.iter_mut().zip(corners) {
+                *id = self.vertex(p, z);
+            }
+            if ids[0] == ids[1] || ids[1] == ids[2] || ids[2] == ids[0] {
+                self.degenerate += 1;
+            } else {
+                self.facets.push(ids);
+            }
+        }
+        self.waiting = waiting;
+        self.waiting.clear();
+    }
+
+    fn vertex(&mut self, p: P2, z: f64) -> u32 {
+        if self.weld_nm > 0 {
+            return self.vertex_near(p, z);
+        }
+        let zn = z.round() as i64;
+        let mask = self.table.len() - 1;
+        let mut slot = hash(p, zn) as usize & mask;
+        loop {
+            match self.table[slot] {
+                NONE => break,
+                id => {
+                    let (q, qz) = self.points[id as usize];
+                    if q == p && qz.round() as i64 == zn {
+                        return id;
+                    }
+                }
+            }
+            slot = (slot + 1) & mask;
+        }
+        let id = self.points.len() as u32;
+        self.points.push((p, z));
+        self.table[slot] = id;
+        if self.points.len() * 2 > self.table.len() {
+            self.grow();
+        }
+        id
+    }
+
+    fn grow(&mut self) {
+        let mask = self.table.len() * 2 - 1;
+        self.table.clear();
+        self.table.resize(mask + 1, NONE);
+        for (id, &(p, z)) in self.points.iter().enumerate() {
+            let mut slot = hash(p, z.round() as i64) as usize & mask;
+            while self.table[slot] != NONE {
+                slot = (slot + 1) & mask;
+            }
+            self.table[slot] = id as u32;
+        }
+    }
+
+    /// The first vertex within the weld distance, or a new one.
+    fn vertex_near(&mut self, p: P2, z: f64) -> u32 {
+        let w = self.weld_nm;
+        let zn = z.round() as i64;
+        let cell = [p.x.div_euclid(w), p.y.div_euclid(w), zn.div_euclid(w)];
+        let mut best: Option<u32> = None;
+        for dx in -1..=1 {
+            for dy in -1..=1 {
+                for dz in -1..=1 {
+                    for &id in self.cells.get(&[cell[0] + dx, cell[1] + dy, cell[2] + dz]).into_iter().flatten() {
+                        let (q, qz) = self.points[id as usize];
+                        let d2 = ((q.x - p.x) as f64).powi(2) + ((q.y - p.y) as f64).powi(2) + (qz - z).powi(2);
+                        if d2 <= (w as f64).powi(2) && best.is_none_or(|b| id < b) {
+                            best = Some(id);
+                        }
+                    }
+                }
+            }
+        }
+        best.unwrap_or_else(|| {
+            let id = self.points.len() as u32;
+            self.points.push((p, z));
+            self.cells.entry(cell).or_default().push(id);
+            id
+        })
+    }
+
+    /// The finished mesh. `path` names the file in messages.
+    ///
+    /// # Errors
+    /// `surface-zero-area` where all facets are points or lines, `surface-edge-on` where all stand
+    /// upright, `surface-large` beyond 4 m.
+    pub fn finish(mut self, path: &str, notes: &mut Vec<Diag>) -> Result<Mesh, Error> {
+        self.flush();
+        let place = || crate::diag::Place::file(path);
+        let Self { points, mut facets, table, degenerate, .. } = self;
+        drop(table);
+        let mut all = crate::geom::Box2::EMPTY;
+        points.iter().for_each(|&(p, _)| all.add(p));
+        if facets.is_empty() {
+            let text = format!("all {degenerate} facets have zero area");
+            return Err(Diag::input("surface-zero-area", text).at(place()).hint("export the surface again").into());
+        }
+        if all.size().iter().any(|&s| s > MAX_NM) {
+            return Err(Diag::input("surface-large", "the part is larger than 4 m")
+                .at(place())
+                .hint("check surface.unit")
+                .into());
+        }
+        let origin = P2::new((all.lo.x + all.hi.x) / 2, (all.lo.y + all.hi.y) / 2);
+        let local = |p: P2| (i32::try_from(p.x - origin.x), i32::try_from(p.y - origin.y));
+        let mut vertices = Vec::with_capacity(points.len());
+        for &(p, z) in &points {
+            let (Ok(x), Ok(y)) = local(p) else { unreachable!("the box is at most 4 m wide around its centre") };
+            vertices.push(Vertex { x, y, z });
+        }
+        drop(points);
+        let (flipped, upright, flat) = make_counter_clockwise(&vertices, &mut facets);
+        if facets.is_empty() {
+            let d = if flat == 0 {
+                Diag::input(
+                    "surface-edge-on",
+                    format!("all {upright} facets stand upright: nothing is visible from +z"),
+                )
+                .hint("turn the part in the file so that the textured side faces +z")
+            } else {
+                Diag::input("surface-zero-area", format!("all {} facets have zero area", degenerate + flat))
+                    .hint("export the surface again")
+            };
+            return Err(d.at(place()).into());
+        }
+        if flipped == facets.len() {
+            notes.push(
+                Diag::warning(
+                    "surface-upside-down",
+                    "every facet faces away from the lens; the surface is taken as seen from +z",
+                )
+                .at(place())
+                .hint("fine for an open sheet with reversed normals; check that +z is the textured side"),
+            );
+        }
+        if degenerate + flat > 0 {
+            let text = format!("{} facets without area are left out", degenerate + flat);
+            notes.push(Diag::warning("surface-degenerate", text).at(place()));
+        }
+        renumber(&mut vertices, &mut facets);
+        let twins = twins(vertices.len(), &facets);
+        Ok(Mesh { origin, vertices, facets, twins })
+    }
+}
+
+/// A 64-bit mix of the three coordinates.
+fn hash(p: P2, z: i64) -> u64 {
+    let mut h = (p.x as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    h = (h ^ (h >> 32) ^ p.y as u64).wrapping_mul(0xD6E8_FEB8_6659_FD93);
+    h = (h ^ (h >> 32) ^ z as u64).wrapping_mul(0xD6E8_FEB8_6659_FD93);
+    h ^ (h >> 32)
+}
+
+/// Drops facets whose projection has no area and turns the others counter-clockwise. Answers how many
+/// were turned, how many stood upright, how many had no area at all.
+fn make_counter_clockwise(vertices: &[Vertex], facets: &mut Vec<[u32; 3]>) -> (usize, usize, usize) {
+    let (mut flipped, mut upright, mut flat) = (0, 0, 0);
+    facets.retain_mut(|f| {
+        let [a, b, c] = f.map(|v| vertices[v as usize]);
+        let area = orient(a.p2(), b.p2(), c.p2());
+        if area < 0.0 {
+            f.swap(1, 2);
+            flipped += 1;
+        } else if area == 0.0 {
+            let (u, v) = ([b.x - a.x, b.y - a.y].map(f64::from), [c.x - a.x, c.y - a.y].map(f64::from));
+            let (uz, vz) = (b.z - a.z, c.z - a.z);
+            let cross = [u[1] * vz - uz * v[1], uz * v[0] - u[0] * vz];
+            if cross == [0.0, 0.0] {
+                flat += 1;
+            } else {
+                upright += 1;
+            }
+        }
+        area != 0.0
+    });
+    (flipped, upright, flat)
+}
+
+/// Renumbers facets along a Morton curve of their first corners' places, vertices by first use.
+fn renumber(vertices: &mut Vec<Vertex>, facets: &mut Vec<[u32; 3]>) {
+    let (mut lo, mut hi) = ([i32::MAX; 2], [i32::MIN; 2]);
+    for v in vertices.iter() {
+        lo = [lo[0].min(v.x), lo[1].min(v.y)];
+        hi = [hi[0].max(v.x), hi[1].max(v.y)];
+    }
+    let span = (0..2).map(|i| (i64::from(hi[i]) - i64::from(lo[i])).max(1)).max().unwrap_or(1) as f64;
+    let scale = 65535.0 / span;
+    let spread = |x: u32| {
+        let mut x = x & 0xFFFF;
+        for (shift, mask) in [(8, 0x00FF_00FF), (4, 0x0F0F_0F0F), (2, 0x3333_3333), (1, 0x5555_5555)] {
+            x = (x | (x << shift)) & mask;
+        }
+        x
+    };
+    let mut keys: Vec<(u32, u32)> = facets
+        .iter()
+        .enumerate()
+        .map(|(i, f)| {
+            let sum = |get: fn(&Vertex) -> i32, lo: i32| {
+                let s: i64 = f.iter().map(|&v| i64::from(get(&vertices[v as usize])) - i64::from(lo)).sum();
+                (s as f64 / 3.0 * scale) as u32
+            };
+            (spread(sum(|v| v.x, lo[0])) | spread(sum(|v| v.y, lo[1])) << 1, i as u32)
+        })
+        .collect();
+    radix_sort(&mut keys);
+    let mut number = vec![NONE; vertices.len()];
+    let mut next = Vec::with_capacity(vertices.len());
+    let sorted: Vec<[u32; 3]> = keys
+        .iter()
+        .map(|&(_, i)| {
+            facets[i as usize].map(|v| {
+                let n = &mut number[v as usize];
+                if *n == NONE {
+                    *n = next.len() as u32;
+                    next.push(vertices[v as usize]);
+                }
+                *n
+            })
+        })
+        .collect();
+    *facets = sorted;
+    *vertices = next;
+}
+
+/// Stable sort by key, 11 bits a pass.
+fn radix_sort(keys: &mut Vec<(u32, u32)>) {
+    let mut other = vec![(0, 0); keys.len()];
+    for shift in [0, 11, 22] {
+        let digit = |k: u32| (k >> shift) as usize & 0x7FF;
+        let mut starts = [0usize; 2049];
+        keys.iter().for_each(|&(k, _)| starts[digit(k) + 1] += 1);
+        for i in 0..2048 {
+            starts[i + 1] += starts[i];
+        }
+        for &k in keys.iter() {
+            let slot = &mut starts[digit(k.0)];
+            other[*slot] = k;
+            *slot += 1;
+        }
+        std::mem::swap(keys, &mut other);
+    }
+}
+
+/// The twin of every half-edge, by matching the half-edges of every vertex.
+fn twins(vertex_count: usize, facets: &[[u32; 3]]) -> Vec<u32> {
+    let ends = |he: usize| (facets[he / 3][he % 3], facets[he / 3][(he % 3 + 1) % 3]);
+    let count = facets.len() * 3;
+    let mut starts = vec![0u32; vertex_count + 1];
+    for he in 0..count {
+        let (a, b) = ends(he);
+        starts[a.min(b) as usize + 1] += 1;
+    }
+    for v in 0..vertex_count {
+        starts[v + 1] += starts[v];
+    }
+    let mut fill = starts.clone();
+    let mut edges = vec![(0u32, 0u32); count];
+    for he in 0..count {
+        let (a, b) = ends(he);
+        let slot = &mut fill[a.min(b) as usize];
+        edges[*slot as usize] = (a.max(b), he as u32);
+        *slot += 1;
+    }
+    drop(fill);
+    let mut twins = vec![NONE; count];
+    for v in 0..vertex_count {
+        let list = &mut edges[starts[v] as usize..starts[v + 1] as usize];
+        list.sort_unstable();
+        for same in list.chunk_by(|x, y| x.0 == y.0) {
+            // Proper: exactly two, running in opposite directions, so on opposite sides.
+            if let [(_, e), (_, f)] = *same
+                && ends(e as usize).0 != ends(f as usize).0
+            {
+                twins[e as usize] = f;
+                twins[f as usize] = e;
+            }
+        }
+    }
+    twins
+}

@@ -1,0 +1,536 @@
+//! Point clouds: XYZ and CSV text, meshed by Delaunay triangulation in plan.
+//!
+//! Consumes rows of three or more columns parted by blanks, tabs, commas or semicolons (one kind per
+//! file), `#` comments, and one row of names before the data; columns named x, y and z are found by
+//! name. Points are put on the nanometre grid in x and y first: the triangulation is exact, equal for
+//! any order of the points, and where several points share a place the highest counts.
+//!
+//! Triangles with a long edge in plan are holes, not surface. Needs about 0.2 kB per point.
+
+use std::path::Path;
+
+use spade::{DelaunayTriangulation, HasPosition, InsertionError, Point2, Triangulation};
+
+use super::Content;
+use super::facets::{Extent, Facets, check_unit, fits};
+use super::lines::{Lines, NoNumber, no_number, number, place, shown};
+use crate::diag::{Diag, Error, Place};
+use crate::geom::{Box2, P2, orient};
+
+/// Most points that are read (4 GB of triangulation).
+const MAX_POINTS: usize = 20_000_000;
+/// Longest edge in units of the median of the triangles' shortest edges, where the job states none.
+const EDGE_FACTOR: f64 = 8.0;
+
+/// Reads a point cloud; `unit_mm` is the length of its unit, `max_edge_mm` the longest edge in plan.
+pub(crate) fn read(
+    path: &Path,
+    unit_mm: f64,
+    max_edge_mm: Option<f64>,
+    notes: &mut Vec<Diag>,
+    sink: &mut dyn FnMut([[f64; 3]; 3]),
+) -> Result<Content, Error> {
+    let points = unique(path, rows(path, unit_mm, notes)?, notes);
+    let Some(third) = off_line(&points) else {
+        let text = format!("the {} points lie on one line in plan: that is no surface", points.len());
+        return Err(no_surface(path, text, "check which columns are x, y and z").into());
+    };
+    let mesh = delaunay(points, third)
+        .map_err(|e| Diag::bug("points-delaunay", format!("the triangulation refused a point: {e}")).at(place(path)))?;
+    let max_edge = max_edge_mm.unwrap_or_else(|| EDGE_FACTOR * median_short_edge(&mesh));
+    let mut facets = Facets::new(path, 1.0, sink);
+    for face in mesh.inner_faces() {
+        let corners = face.vertices().map(|v| v.data().mm());
+        if edges(&corners)[2] <= max_edge {
+            facets.push(corners);
+        }
+    }
+    let (all, left) = (mesh.num_inner_faces(), facets.count());
+    if left == 0 {
+        let text = format!("every triangle between the points has an edge longer than {max_edge:.6} mm");
+        return Err(no_surface(path, text, "raise max_edge in [surface]").into());
+    }
+    // Slivers along the border are always among them.
+    if max_edge_mm.is_none() && all - left > all / 10 {
+        let text = format!("{} of {all} triangles have an edge longer than {max_edge:.6} mm and are holes", all - left);
+        let d = Diag::warning("points-holes", text).at(place(path));
+        notes.push(d.hint("state max_edge in [surface] if the points are spaced more unevenly than 1 : 8"));
+    }
+    facets.finish(notes)
+}
+
+fn no_surface(path: &Path, text: String, hint: &str) -> Diag {
+    Diag::input("points-no-surface", text).at(place(path)).hint(hint)
+}
+
+/// A point on the grid in x and y, z in mm.
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    at: P2,
+    z: f64,
+}
+
+/// A point that the triangulation sees from the cloud's lower corner. Its coordinates are integers
+/// below 2^33: spade refuses only tiny fractions and huge numbers.
+struct Node {
+    point: Point,
+    corner: P2,
+}
+
+impl Node {
+    fn mm(&self) -> [f64; 3] {
+        let [x, y] = self.point.at.mm();
+        [x, y, self.point.z]
+    }
+}
+
+impl HasPosition for Node {
+    type Scalar = f64;
+    fn position(&self) -> Point2<f64> {
+        Point2::new((self.point.at.x - self.corner.x) as f64, (self.point.at.y - self.corner.y) as f64)
+    }
+}
+
+/// The first point that does not lie on the line of the first two.
+fn off_line(points: &[Point]) -> Option<usize> {
+    let (a, b) = (points.first()?.at, points.get(1)?.at);
+    points.iter().position(|p| orient(a, b, p.at) != 0.0)
+}
+
+/// The triangulation of points without duplicates, `third` off the line of the first two.
+///
+/// Points enter in rounds, each about twice as large as all before and filled at random, along a Hilbert
+/// curve within a round: as fast as loading in bulk, and for any cloud (bulk loading took minutes for
+/// 100,000 points along a parabola). A proper triangle enters first, since a line alone grows slowly.
+fn delaunay(mut points: Vec<Point>, third: usize) -> Result<DelaunayTriangulation<Node>, InsertionError> {
+    let box2 = points.iter().fold(Box2::EMPTY, |mut b, p| {
+        b.add(p.at);
+        b
+    });
+    let corner = box2.lo;
+    let cell = (box2.size()[0].max(box2.size()[1]) >> 16) + 1;
+    points.swap(2, third);
+    let mut order: Vec<(u32, u32, Point)> = Vec::with_capacity(points.len());
+    for (i, p) in points.into_iter().enumerate() {
+        let round = if i < 3 { 0 } else { 64 - scattered(i as u64).trailing_zeros() };
+        order.push((round, hilbert((p.at.x - corner.x) / cell, (p.at.y - corner.y) / cell), p));
+    }
+    order.sort_unstable_by_key(|&(round, along, p)| (round, along, p.at));
+    let mut mesh = DelaunayTriangulation::new();
+    let mut near = None;
+    for (_, _, point) in order {
+        let node = Node { point, corner };
+        near = Some(match near {
+            Some(hint) => mesh.insert_with_hint(node, hint)?,
+            None => mesh.insert(node)?,
+        });
+    }
+    Ok(mesh)
+}
+
+/// A number whose bits look random: the finaliser of splitmix64.
+fn scattered(i: u64) -> u64 {
+    let i = (i ^ (i >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let i = (i ^ (i >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    i ^ (i >> 31)
+}
+
+/// The place of a cell, both coordinates below 2^16, along the Hilbert curve through all cells.
+fn hilbert(mut x: i64, mut y: i64) -> u32 {
+    let mut along = 0;
+    for bit in (0..16).rev() {
+        let (right, up) = (x >> bit & 1, y >> bit & 1);
+        along = along << 2 | ((3 * right) ^ up) as u32;
+        if up == 0 {
+            if right == 1 {
+                (x, y) = (0xffff - x, 0xffff - y);
+            }
+            std::mem::swap(&mut x, &mut y);
+        }
+    }
+    along
+}
+
+/// The edges of a triangle in plan, the shortest first.
+fn edges(corners: &[[f64; 3]; 3]) -> [f64; 3] {
+    let length = |i: usize, j: usize| (corners[i][0] - corners[j][0]).hypot(corners[i][1] - corners[j][1]);
+    let mut e = [length(0, 1), length(1, 2), length(2, 0)];
+    e.sort_unstable_by(f64::total_cmp);
+    e
+}
+
+/// The median over all triangles of their shortest edge: the typical spacing, in mm.
+fn median_short_edge(mesh: &DelaunayTriangulation<Node>) -> f64 {
+    let mut short: Vec<f64> = mesh.inner_faces().map(|f| edges(&f.vertices().map(|v| v.data().mm()))[0]).collect();
+    let middle = short.len() / 2;
+    if short.is_empty() { 0.0 } else { *short.select_nth_unstable_by(middle, f64::total_cmp).1 }
+}
+
+/// Sorts the points and keeps the highest of those that share a place.
+fn unique(path: &Path, mut points: Vec<Point>, notes: &mut Vec<Diag>) -> Vec<Point> {
+    let all = points.len();
+    points.sort_unstable_by(|a, b| a.at.cmp(&b.at).then(b.z.total_cmp(&a.z)));
+    points.dedup_by(|next, kept| next.at == kept.at);
+    if points.len() < all {
+        let text = format!("{} points share x and y with a higher one and were left out", all - points.len());
+        let d = Diag::warning("points-duplicate", text).at(place(path));
+        notes.push(d.hint("the lens sees the highest; thin the cloud to be rid of this warning"));
+    }
+    points
+}
+
+/// The points of the file, in its order; those that are not finite are left out with a warning.
+fn rows(path: &Path, unit_mm: f64, notes: &mut Vec<Diag>) -> Result<Vec<Point>, Error> {
+    let mut lines = Lines::open(path, "a point cloud")?;
+    let mut layout: Option<Layout> = None;
+    let mut cloud = Cloud::new(unit_mm);
+    while lines.advance()? {
+        let line = lines.line().trim_ascii();
+        if line.is_empty() || line.starts_with(b"#") {
+            continue;
+        }
+        let known = match &layout {
+            Some(known) => known,
+            None => {
+                let (found, is_header) = Layout::of(line).map_err(|d| d.at(lines.place()))?;
+                let known = layout.insert(found);
+                if is_header {
+                    notes.extend(known.unnamed(line).map(|d| d.at(lines.place())));
+                    continue;
+                }
+                known
+            }
+        };
+        let row = known.row(line).map_err(|d| d.at(lines.place()))?;
+        cloud.add(row, || lines.place());
+        if cloud.points.len() > MAX_POINTS {
+            let d = Diag::input("points-too-many", format!("the file has more than {MAX_POINTS} points"));
+            return Err(d.at(lines.place()).hint("thin the cloud or read a part of it").into());
+        }
+    }
+    cloud.finish(path, notes)
+}
+
+/// The points so far, and those that cannot be used.
+struct Cloud {
+    unit_mm: f64,
+    points: Vec<Point>,
+    extent: Extent,
+    first_beyond: Option<Place>,
+    dropped: usize,
+    first_dropped: Option<Place>,
+}
+
+impl Cloud {
+    fn new(unit_mm: f64) -> Self {
+        let (points, extent) = (Vec::new(), Extent::EMPTY);
+        Self { unit_mm, points, extent, first_beyond: None, dropped: 0, first_dropped: None }
+    }
+
+    /// Adds a row in file units.
+    fn add(&mut self, row: [f64; 3], place: impl Fn() -> Place) {
+        if !row.iter().all(|v| v.is_finite()) {
+            self.dropped += 1;
+            self.first_dropped.get_or_insert_with(place);
+            return;
+        }
+        let p = row.map(|v| v * self.unit_mm);
+        self.extent.add(p);
+        match P2::from_mm(p[0], p[1]) {
+            // Beyond 4 m the box of the rest is still wanted, for the message.
+            Some(at) if fits(p[2]) => {
+                if self.first_beyond.is_none() {
+                    self.points.push(Point { at, z: p[2] });
+                }
+            }
+            _ => {
+                self.first_beyond.get_or_insert_with(place);
+            }
+        }
+    }
+
+    fn finish(self, path: &Path, notes: &mut Vec<Diag>) -> Result<Vec<Point>, Error> {
+        if let Some(place) = self.first_beyond {
+            return Err(self.extent.beyond(place, &check_unit(self.unit_mm)).into());
+        }
+        if let Some(place) = self.first_dropped {
+            let text = format!("{} points are not finite and were left out", self.dropped);
+            let d = Diag::warning("points-not-finite", text).at(place);
+            notes.push(d.hint("remove them from the file; where they were, neighbours are joined"));
+        }
+        if self.points.is_empty() {
+            let text = "the file holds no points".into();
+            return Err(no_surface(path, text, "export the cloud as rows of x y z").into());
+        }
+        Ok(self.points)
+    }
+}
+
+/// What parts the columns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Separator {
+    Blanks,
+    Byte(u8),
+}
+
+impl Separator {
+    fn of(line: &[u8]) -> Self {
+        // Tabs part columns only where every column is filled; else they are blanks like others.
+        let by_tabs = || line.split(|&b| b == b'\t').map(<[u8]>::trim_ascii);
+        if line.contains(&b';') {
+            Self::Byte(b';')
+        } else if by_tabs().count() > 2 && by_tabs().all(|f| !f.is_empty()) {
+            Self::Byte(b'\t')
+        } else if line.contains(&b',') {
+            Self::Byte(b',')
+        } else {
+            Self::Blanks
+        }
+    }
+}
+
+/// How the rows of a file are laid out, as its first row shows.
+struct Layout {
+    separator: Separator,
+    columns: usize,
+    /// Columns of x, y and z.
+    xyz: [usize; 3],
+}
+
+impl Layout {
+    /// The layout that the first row has, and whether that row is one of names.
+    fn of(line: &[u8]) -> Result<(Self, bool), Diag> {
+        let separator = Separator::of(line);
+        let fields: Vec<&[u8]> = fields(line, separator).collect();
+        if fields[0].eq_ignore_ascii_case(b"ncols") {
+            let d = Diag::input("points-columns", "this is a grid (ncols, nrows, ...), not a cloud of points");
+            return Err(d.hint("export it as a 16-bit PNG height map or as rows of x y z"));
+        }
+        if fields.len() < 3 {
+            let text = format!("a point has three numbers, this row has {} columns", fields.len());
+            return Err(Diag::input("points-columns", text).hint("export the cloud as rows of x y z"));
+        }
+        let is_name = |w: &[u8]| number(w) == Err(NoNumber::Text) && w.iter().any(u8::is_ascii_alphabetic);
+        let is_header = fields[..3].iter().all(|w| is_name(w));
+        let find = |name: &[u8]| fields.iter().position(|w| unquoted(w).eq_ignore_ascii_case(name));
+        let xyz = match (find(b"x"), find(b"y"), find(b"z")) {
+            (Some(x), Some(y), Some(z)) => [x, y, z],
+            _ => [0, 1, 2],
+        };
+        Ok((Self { separator, columns: fields.len(), xyz }, is_header))
+    }
+
+    /// A warning where a row of names does not say which columns are x, y and z.
+    fn unnamed(&self, header: &[u8]) -> Option<Diag> {
+        let names: Vec<String> = fields(header, self.separator).take(3).map(|w| shown(unquoted(w))).collect();
+        let is_named = self.xyz != [0, 1, 2] || names.iter().map(|n| n.to_ascii_lowercase()).eq(["x", "y", "z"]);
+        (!is_named).then(|| {
+            let text = format!("the columns {} are taken as x, y, z", names.join(", "));
+            Diag::warning("points-names", text).hint("name the columns x, y and z if that is wrong")
+        })
+    }
+
+    /// The point of a row in file units; what is not finite becomes NaN.
+    fn row(&self, line: &[u8]) -> Result<[f64; 3], Diag> {
+        let mut p = [0.0; 3];
+        let mut columns = 0;
+        for field in fields(line, self.separator) {
+            if let Some(k) = self.xyz.iter().position(|&c| c == columns) {
+                p[k] = match number(field) {
+                    Ok(v) => v,
+                    Err(NoNumber::NotFinite) => f64::NAN,
+                    Err(why) => return Err(self.no_number(field, why)),
+                };
+            }
+            columns += 1;
+        }
+        if columns == self.columns {
+            return Ok(p);
+        }
+        let text = format!("this row has {columns} columns, the first one has {}", self.columns);
+        Err(Diag::input("points-columns", text).hint("every row needs the same columns; the file may be cut short"))
+    }
+
+    /// Decimal commas between blanks, "0,5 1,0", leave "5 1" between two commas.
+    fn no_number(&self, field: &[u8], why: NoNumber) -> Diag {
+        let is_twice = self.separator == Separator::Byte(b',') && field.iter().any(u8::is_ascii_whitespace);
+        no_number(field, if is_twice { NoNumber::Comma } else { why }, Place::Nowhere)
+    }
+}
+
+/// The columns of a row.
+fn fields(line: &[u8], separator: Separator) -> impl Iterator<Item = &[u8]> {
+    line.split(move |&b| match separator {
+        Separator::Blanks => b.is_ascii_whitespace(),
+        Separator::Byte(s) => b == s,
+    })
+    .map(<[u8]>::trim_ascii)
+    .filter(move |f| separator != Separator::Blanks || !f.is_empty())
+}
+
+/// A name without its quotes.
+fn unquoted(word: &[u8]) -> &[u8] {
+    word.strip_prefix(b"\"").and_then(|w| w.strip_suffix(b"\"")).unwrap_or(word)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type Facet = [[f64; 3]; 3];
+
+    fn read_text(text: &str, max_edge_mm: Option<f64>) -> (Result<Content, Error>, Vec<Facet>, Vec<Diag>) {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("a.csv");
+        std::fs::write(&path, text).expect("written");
+        let (mut got, mut notes) = (vec![], vec![]);
+        let result = read(&path, 1.0, max_edge_mm, &mut notes, &mut |f| got.push(f));
+        (result, got, notes)
+    }
+
+    /// Area in plan, and whether all facets turn the same way.
+    fn area(facets: &[Facet]) -> f64 {
+        let one = |[a, b, c]: &Facet| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        assert!(facets.iter().all(|f| one(f) > 0.0), "no facet is turned or without area");
+        facets.iter().map(one).sum::<f64>() / 2.0
+    }
+
+    /// A jittered grid of 1 mm spacing, far from the origin; where `keep` says so.
+    fn grid(n: usize, keep: impl Fn(usize, usize) -> bool) -> Vec<[f64; 3]> {
+        let mut out = vec![];
+        for i in 0..n {
+            for j in 0..n {
+                let jitter = (i * 7919 + j * 104_729) % 97;
+                if keep(i, j) {
+                    out.push([1000.0 + i as f64, -2000.0 + j as f64, jitter as f64 * 1e-3]);
+                }
+            }
+        }
+        out
+    }
+
+    fn text_of(points: &[[f64; 3]]) -> String {
+        points.iter().map(|p| format!("{:?} {:?} {:?}\n", p[0], p[1], p[2])).collect()
+    }
+
+    #[test]
+    fn the_whole_cloud_is_covered_once_whatever_the_order_of_its_points() {
+        let mut points = grid(20, |_, _| true);
+        let (result, first, notes) = read_text(&text_of(&points), None);
+        assert!(matches!(result, Ok(Content::Facets(n)) if n == 2 * 19 * 19) && notes.is_empty());
+        assert!((area(&first) - 361.0).abs() < 1e-9);
+        for f in first.iter().flatten() {
+            assert!(points.contains(f), "corners are points of the file");
+        }
+        points.reverse();
+        points.rotate_left(133);
+        assert_eq!(read_text(&text_of(&points), None).1, first);
+    }
+
+    #[test]
+    fn the_curve_visits_every_cell_and_steps_to_neighbours() {
+        // The lowest 32 x 32 cells are the start of the curve.
+        let mut at: Vec<(u32, [i64; 2])> =
+            (0..1024).map(|i| [i % 32, i / 32]).map(|c| (hilbert(c[0], c[1]), c)).collect();
+        at.sort_unstable();
+        for (k, w) in at.windows(2).enumerate() {
+            assert_eq!((w[0].0 as usize, w[1].0 as usize), (k, k + 1));
+            assert_eq!((w[0].1[0] - w[1].1[0]).abs() + (w[0].1[1] - w[1].1[1]).abs(), 1);
+        }
+    }
+
+    #[test]
+    fn clouds_of_few_lines_take_no_longer_than_others() {
+        let line = |y: f64| (0..20_000).map(move |i| [i as f64 * 0.01, y * (i as f64 * 0.01).powi(2), 0.0]);
+        let mut stray: Vec<[f64; 3]> = line(0.0).collect();
+        stray.push([5.0, 1.0, 0.0]);
+        let start = std::time::Instant::now();
+        assert!(matches!(read_text(&text_of(&stray), Some(1e3)).0, Ok(Content::Facets(19_999))));
+        assert!(matches!(
+            read_text(&text_of(&line(1e-2).collect::<Vec<_>>()), Some(1e3)).0,
+            Ok(Content::Facets(19_998))
+        ));
+        assert!(start.elapsed().as_secs() < 2, "{:?}", start.elapsed());
+    }
+
+    #[test]
+    fn long_edges_are_holes() {
+        let hole = |i: usize, j: usize| !((6..=35).contains(&i) && (6..=35).contains(&j));
+        let text = text_of(&grid(42, hole));
+        let notes = read_text(&text, None).2;
+        assert_eq!(notes.len(), 0, "{notes:?}");
+        // A hole 31 mm wide at a spacing of 1 mm: open by default but for its corners, where edges of
+        // at most 8 mm cut off up to 16 mm² each; closed on demand.
+        let open = area(&read_text(&text, None).1);
+        assert!((720.0..=784.0).contains(&open), "{open} of 1681 mm² less 961");
+        assert!((area(&read_text(&text, Some(60.0)).1) - 1681.0).abs() < 1e-9);
+        let uneven = "0 0 0\n0.1 0 0\n0.2 0 0\n0 0.1 0\n0.1 0.1 0\n0.2 0.1 0\n0 5 0\n0.2 5 0\n";
+        assert_eq!(read_text(uneven, None).2[0].code, "points-holes");
+        assert_eq!(read_text(&text, Some(0.5)).0.err().expect("no facet").diags()[0].code, "points-no-surface");
+    }
+
+    #[test]
+    fn of_points_that_share_a_place_the_highest_counts() {
+        let (_, got, notes) = read_text("0 0 1\n5 0 2\n0 5 3\n0.0000001 0 7\n0 0 -1\n", None);
+        assert_eq!(got.len(), 1);
+        assert!(got[0].contains(&[0.0, 0.0, 7.0]), "{got:?}");
+        assert_eq!(notes[0].code, "points-duplicate");
+        assert!(notes[0].message.starts_with("2 points"), "{}", notes[0].message);
+    }
+
+    #[test]
+    fn separators_headers_and_extra_columns_are_understood() {
+        let want = [[1.5, 2.0, 3.0], [11.0, 2.0, 3.0], [1.0, 12.0, -4.0]];
+        for text in [
+            "1.5 2 3\n11 2 3\n1 12 -4\n",
+            "# made by hand\r\n\r\n1.5\t2  3\r\n11\t2\t3\r\n1\t12\t-4",
+            "x,y,z\n1.5, 2, 3\n11,2,3\n1,12,-4\n",
+            "Point ID\tX\tY\tZ\nP 1\t1.5\t2\t3\nP 2\t11\t2\t3\nP 3\t1\t12\t-4\n",
+            "1.5\t\t2\t\t3\n11\t2\t3\n1\t12\t-4",
+            "\"Z\";\"id\";\"X\";\"Y\"\n3;a;1.5;2\n3;b;11;2\n-4;c;1;12\n",
+            "1.5;2;3;\n11;2;3;\n1;12;-4;\n",
+        ] {
+            let (result, got, notes) = read_text(text, None);
+            assert!(matches!(result, Ok(Content::Facets(1))) && notes.is_empty(), "{text}: {notes:?}");
+            assert!(want.iter().all(|p| got[0].contains(p)), "{text}: {got:?}");
+        }
+        let (_, _, notes) = read_text("easting northing height\n1 2 3\n11 2 3\n1 12 -4\n", None);
+        assert_eq!(notes[0].code, "points-names");
+    }
+
+    #[test]
+    fn faults_are_named_by_line() {
+        for (text, code, say) in [
+            ("0 0 0\n1 0\n", "points-columns", ":2: this row has 2 columns, the first one has 3"),
+            ("3\nmolecule\nC 0 0 0\n", "points-columns", ":1: a point has three numbers, this row has 1"),
+            ("ncols 4\nnrows 4\n", "points-columns", ":1: this is a grid"),
+            ("0 0 0\n1 0 0\nfoo bar baz\n", "surface-number", ":3: \"foo\" is not a number"),
+            ("0,5;1;2\n", "surface-number", ":1: coordinate \"0,5\" has a decimal comma"),
+            ("0,5\t1\t2\n", "surface-number", ":1: coordinate \"0,5\" has a decimal comma"),
+            ("0,5 1,5 2,5\n", "surface-number", ":1: coordinate \"5 1\" has a decimal comma"),
+            ("0,,1\n", "surface-number", ":1: \"\" is not a number"),
+            (
+                "0 0 0\n9 0 0\n0 4e3 1\n0 5e6 7\n",
+                "surface-size",
+                ":4: the surface reaches from (0, 0, 0) to (9, 5.000e6, 7)",
+            ),
+            ("0 0 0\n9 0 0\n0 1 -1e300\n", "surface-size", ":3: "),
+            ("0 0 0\n1 2 0\n2 4 0\n3 6 1\n", "points-no-surface", "the 4 points lie on one line"),
+            ("0 0 0\n9 0 0\n0 0 7\n", "points-no-surface", "the 2 points lie on one line"),
+            ("# nothing\n", "points-no-surface", "no points"),
+            ("nan 0 0\n", "points-no-surface", "no points"),
+        ] {
+            let e = read_text(text, None).0.err().expect(text);
+            assert_eq!(e.diags()[0].code, code, "{e}");
+            assert!(e.to_string().contains(say) && !e.diags()[0].hint.is_empty(), "{e}");
+        }
+    }
+
+    #[test]
+    fn points_that_are_not_finite_are_left_out() {
+        let (result, _, notes) = read_text("0 0 0\n9 0 nan\n9 0 0\n0 9 0\n1e999 0 0\n", None);
+        assert!(matches!(result, Ok(Content::Facets(1))));
+        assert_eq!((notes[0].code, &notes[0].message[..8]), ("points-not-finite", "2 points"));
+        assert!(notes[0].place.to_string().ends_with(":2"));
+    }
+}

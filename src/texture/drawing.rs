@@ -1,0 +1,422 @@
+//! A drawing on the part: placed once, or repeated as tiles over an area.
+//!
+//! A single drawing is placed, cut at its area and held as points. Tiles form a lattice with the
+//! page's pitch that is turned with the page; strokes of tiles wholly inside the area are computed from
+//! their index, those of tiles on its border are listed one by one (16 bytes each) and cut on request.
+
+use super::clip::{Lines, clip, is_inside};
+use super::place::{SLACK, Turn, corners, cos_sin, far_in, is_near, push};
+use super::svg::Page;
+use super::{MAX_POINTS, too_large};
+use crate::diag::{Diag, Error, Place};
+use crate::geom::{Box2, P2, Strokes};
+
+/// Most strokes on the border of a tiled area.
+const MAX_LISTED: usize = 16_000_000;
+
+/// Most points that are looked at to cut border tiles.
+const MAX_CUTS: u64 = 1_000_000_000;
+
+/// Most rows of tiles.
+const MAX_ROWS: f64 = 1e6;
+
+/// Farthest tile, counted from the origin.
+const MAX_TILE: f64 = 1e9;
+
+/// How page mm become part mm.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placed {
+    size: [f64; 2],
+    origin: [f64; 2],
+    /// Cosine and sine of the page's turn about its lower left corner.
+    page: [f64; 2],
+    /// The part's turn.
+    turn: Turn,
+}
+
+impl Placed {
+    /// The page's lower left corner lies at `origin`; else in the lower left corner of the area; without
+    /// an area the page is centred on the part's box.
+    pub(super) fn new(
+        size: [f64; 2],
+        origin: Option<[f64; 2]>,
+        turn_rad: f64,
+        area: Option<[f64; 4]>,
+        part_box: [f64; 4],
+        turn: Turn,
+    ) -> Self {
+        let mut placed = Self { size, origin: [0.0; 2], page: cos_sin(turn_rad), turn };
+        placed.origin = origin.unwrap_or_else(|| match area {
+            Some([x0, y0, ..]) => [x0, y0],
+            None => {
+                let middle = placed.part([size[0] / 2.0, size[1] / 2.0]);
+                let [x0, y0, x1, y1] = part_box;
+                [(x0 + x1) / 2.0 - middle[0], (y0 + y1) / 2.0 - middle[1]]
+            }
+        });
+        placed
+    }
+
+    /// From the page to the part.
+    #[inline]
+    fn part(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let [c, s] = self.page;
+        [self.origin[0] + (c * x - s * y), self.origin[1] + (s * x + c * y)]
+    }
+
+    /// From the part to the page.
+    fn on_page(&self, p: [f64; 2]) -> [f64; 2] {
+        let [c, s] = self.page;
+        let [x, y] = [p[0] - self.origin[0], p[1] - self.origin[1]];
+        [c * x + s * y, c * y - s * x]
+    }
+
+    /// A point of the page in tile (i, j), on the part.
+    #[inline]
+    fn tile(&self, [x, y]: [f64; 2], i: i64, j: i64) -> [f64; 2] {
+        self.part([x + i as f64 * self.size[0], y + j as f64 * self.size[1]])
+    }
+}
+
+/// A placed drawing.
+#[derive(Debug)]
+pub(super) struct Drawing {
+    names: Vec<String>,
+    /// Per line of the page, or per stroke of a single drawing.
+    name_of: Vec<u32>,
+    layout: Layout,
+    bounds: Box2,
+    points: u64,
+}
+
+#[derive(Debug)]
+enum Layout {
+    Single(Strokes),
+    Tiled(Tiles),
+}
+
+#[derive(Debug)]
+struct Tiles {
+    placed: Placed,
+    area: [f64; 4],
+    lines: Lines,
+    rows: Vec<Row>,
+    listed: Vec<Listed>,
+    len: u64,
+}
+
+/// One row of tiles: listed strokes, tiles wholly inside, listed strokes.
+#[derive(Debug)]
+struct Row {
+    /// Index of its first stroke.
+    start: u64,
+    j: i64,
+    /// First tile wholly inside, and how many.
+    first: i64,
+    inside: u64,
+    /// Listed strokes before, from here, and how many; those after follow them.
+    listed: usize,
+    before: usize,
+}
+
+/// A stroke of a tile on the border: piece `piece` of a line.
+#[derive(Debug)]
+struct Listed {
+    tile: i32,
+    line: u32,
+    piece: u32,
+}
+
+impl Drawing {
+    /// A drawing placed once, cut at `area`.
+    pub(super) fn single(page: Page, placed: &Placed, area: Option<[f64; 4]>, path: &str) -> Result<Self, Error> {
+        let mut strokes = Strokes::default();
+        let mut name_of = Vec::new();
+        let (mut line, mut pieces) = (Vec::new(), Lines::default());
+        for (points, &name) in page.lines.iter().zip(&page.name_of) {
+            line.clear();
+            line.extend(points.iter().map(|&p| placed.part(p)));
+            pieces.clear();
+            match area {
+                Some(area) => clip(&line, area, &mut pieces),
+                None => pieces.push(&line),
+            }
+            for piece in pieces.iter() {
+                if piece.iter().any(|&p| !is_near(placed.turn.turned(p))) {
+                    return Err(far_in(path).into());
+                }
+                if strokes.push(piece.iter().map(|&p| placed.turn.nm(p))) {
+                    name_of.push(name);
+                }
+            }
+        }
+        if strokes.is_empty() {
+            return Err(outside(path).into());
+        }
+        let (bounds, points) = (strokes.bounds(), strokes.point_count() as u64);
+        Ok(Self { names: page.names, name_of, layout: Layout::Single(strokes), bounds, points })
+    }
+
+    /// A drawing repeated over `area`.
+    pub(super) fn tiled(page: Page, placed: &Placed, area: Option<[f64; 4]>, path: &str) -> Result<Self, Error> {
+        let Some(area) = area else {
+            return Err(Diag::input("texture-tile", "tiling needs an area to fill")
+                .at(Place::file(path))
+                .hint("add area = \"part\" or area = [x0, y0, x1, y1]")
+                .into());
+        };
+        let mut drawing = Self {
+            names: page.names,
+            name_of: page.name_of,
+            layout: Layout::Single(Strokes::default()),
+            bounds: Box2::EMPTY,
+            points: 0,
+        };
+        let mut tiles =
+            Tiles { placed: *placed, area, lines: page.lines, rows: Vec::new(), listed: Vec::new(), len: 0 };
+        let lattice = Lattice::new(placed, area);
+        let extremes = tiles.extremes();
+        let mut cuts = 0;
+        for j in lattice.rows().ok_or_else(|| Error::from(too_large(u64::MAX, u64::MAX).at(Place::file(path))))? {
+            let (touched, inside) = lattice.columns(j);
+            cuts +=
+                (touched.end - touched.start - (inside.end - inside.start)) as u64 * tiles.lines.points.len() as u64;
+            let whole = (inside.end - inside.start) as u64;
+            drawing.points += whole * tiles.lines.points.len() as u64;
+            if cuts > MAX_CUTS || drawing.points > MAX_POINTS {
+                return Err(too_large(tiles.len, drawing.points.max(cuts)).at(Place::file(path)).into());
+            }
+            let listed = tiles.listed.len();
+            (touched.start..inside.start).for_each(|i| drawing.list(&mut tiles, i, j));
+            let before = tiles.listed.len() - listed;
+            (inside.end..touched.end).for_each(|i| drawing.list(&mut tiles, i, j));
+            for i in [inside.start, inside.end - 1] {
+                if whole > 0 {
+                    extremes.iter().for_each(|&p| drawing.bounds.add(placed.turn.nm(placed.tile(p, i, j))));
+                }
+            }
+            tiles.rows.push(Row { start: tiles.len, j, first: inside.start, inside: whole, listed, before });
+            tiles.len += whole * tiles.lines.len() as u64 + (tiles.listed.len() - listed) as u64;
+            if tiles.listed.len() > MAX_LISTED {
+                return Err(too_large(tiles.len, drawing.points).at(Place::file(path)).into());
+            }
+        }
+        if tiles.len == 0 {
+            return Err(outside(path).into());
+        }
+        drawing.layout = Layout::Tiled(tiles);
+        Ok(drawing)
+    }
+
+    /// Lists what lies in the area of tile (i, j), which its border crosses.
+    fn list(&mut self, tiles: &mut Tiles, i: i64, j: i64) {
+        let tile = i32::try_from(i).expect("fewer than 2^31 tiles of a row");
+        let mut pieces = Lines::default();
+        for line in 0..tiles.lines.len() {
+            if tiles.listed.len() > MAX_LISTED {
+                // The caller refuses the texture; until then memory is kept.
+                return;
+            }
+            pieces.clear();
+            tiles.cut(line, i, j, &mut pieces);
+            for piece in 0..pieces.len() {
+                let line = u32::try_from(line).expect("fewer lines than points");
+                tiles.listed.push(Listed {
+                    tile,
+                    line,
+                    piece: u32::try_from(piece).expect("fewer pieces than points"),
+                });
+            }
+            self.points += pieces.points.len() as u64;
+            pieces.points.iter().for_each(|&p| self.bounds.add(tiles.placed.turn.nm(p)));
+        }
+    }
+
+    pub(super) fn len(&self) -> u64 {
+        match &self.layout {
+            Layout::Single(strokes) => strokes.len() as u64,
+            Layout::Tiled(tiles) => tiles.len,
+        }
+    }
+
+    pub(super) fn points(&self) -> u64 {
+        self.points
+    }
+
+    pub(super) fn bounds(&self) -> Box2 {
+        self.bounds
+    }
+
+    pub(super) fn stroke(&self, i: u64, out: &mut Vec<P2>) {
+        match &self.layout {
+            Layout::Single(strokes) => out.extend_from_slice(strokes.get(i as usize)),
+            Layout::Tiled(tiles) => tiles.stroke(i, out),
+        }
+    }
+
+    pub(super) fn element(&self, i: u64) -> String {
+        let name = |line: usize| &self.names[self.name_of[line] as usize];
+        match &self.layout {
+            Layout::Single(_) => name(i as usize).clone(),
+            Layout::Tiled(tiles) => {
+                let (i, j, line, _) = tiles.find(i);
+                format!("{}, tile ({i}, {j})", name(line))
+            }
+        }
+    }
+}
+
+impl Tiles {
+    fn stroke(&self, i: u64, out: &mut Vec<P2>) {
+        let (i, j, line, piece) = self.find(i);
+        let Some(piece) = piece else {
+            let nm = |&p: &[f64; 2]| self.placed.turn.nm(self.placed.tile(p, i, j));
+            return self.lines.get(line).iter().for_each(|p| push(out, nm(p)));
+        };
+        let mut pieces = Lines::default();
+        self.cut(line, i, j, &mut pieces);
+        pieces.get(piece as usize).iter().for_each(|&p| push(out, self.placed.turn.nm(p)));
+    }
+
+    /// Tile, line and piece of stroke `i`; no piece where the tile lies wholly inside.
+    fn find(&self, i: u64) -> (i64, i64, usize, Option<u32>) {
+        let row = &self.rows[self.rows.partition_point(|r| r.start <= i) - 1];
+        let (k, lines) = (i - row.start, self.lines.len() as u64);
+        let inside = row.inside * lines;
+        let before = row.before as u64;
+        if k >= before && k < before + inside {
+            let k = k - before;
+            return (row.first + (k / lines) as i64, row.j, (k % lines) as usize, None);
+        }
+        let at = row.listed + if k < before { k } else { k - inside } as usize;
+        let l = &self.listed[at];
+        (i64::from(l.tile), row.j, l.line as usize, Some(l.piece))
+    }
+
+    /// What lies in the area of a line of tile (i, j), in part mm.
+    fn cut(&self, line: usize, i: i64, j: i64, pieces: &mut Lines) {
+        let placed: Vec<_> = self.lines.get(line).iter().map(|&p| self.placed.tile(p, i, j)).collect();
+        clip(&placed, self.area, pieces);
+    }
+
+    /// The points of the page that can lie on the border of its strokes' box, in the turned frame.
+    fn extremes(&self) -> Vec<[f64; 2]> {
+        let seen = |p: &[f64; 2]| self.placed.turn.turned(self.placed.part(*p));
+        let mut bound = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+        for p in &self.lines.points {
+            let [x, y] = seen(p);
+            bound = [bound[0].min(x), bound[1].min(y), bound[2].max(x), bound[3].max(y)];
+        }
+        // Ten nanometres are far above the noise of f64 and far below any drawing.
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-5;
+        let is_extreme = |p: &[f64; 2]| {
+            let [x, y] = seen(p);
+            near(x, bound[0]) || near(y, bound[1]) || near(x, bound[2]) || near(y, bound[3])
+        };
+        self.lines.points.iter().copied().filter(is_extreme).collect()
+    }
+}
+
+fn outside(path: &str) -> Diag {
+    Diag::input("texture-empty", "nothing of the drawing lies in the texture's area")
+        .at(Place::file(path))
+        .hint("check origin, size and area of the texture")
+}
+
+/// The area as seen from the page: a convex quadrangle over a grid of unit tiles.
+struct Lattice {
+    corners: [[f64; 2]; 4],
+    area: [f64; 4],
+    placed: Placed,
+}
+
+type Span = std::ops::Range<i64>;
+
+impl Lattice {
+    fn new(placed: &Placed, area: [f64; 4]) -> Self {
+        let [w, h] = placed.size;
+        let corners = corners(area).map(|c| {
+            let [x, y] = placed.on_page(c);
+            [x / w, y / h]
+        });
+        Self { corners, area, placed: *placed }
+    }
+
+    /// Rows of tiles that the area touches; None where there are too many.
+    fn rows(&self) -> Option<Span> {
+        let [lo, hi] = self.span(1);
+        let is_near = [self.span(0), [lo, hi]].iter().flatten().all(|v| v.abs() < MAX_TILE);
+        (is_near && hi - lo < MAX_ROWS).then(|| down(lo)..up(hi))
+    }
+
+    /// Tiles of row `j` that the area touches, and among them those that lie wholly in it.
+    fn columns(&self, j: i64) -> (Span, Span) {
+        let (low, high) = (j as f64, (j + 1) as f64);
+        // The widest extent over the row is taken at its limits or at a corner between them.
+        let mut wide = [f64::INFINITY, f64::NEG_INFINITY];
+        let limits = [self.across(low), self.across(high)];
+        let within = self.corners.iter().filter(|c| low <= c[1] && c[1] <= high).map(|c| [c[0], c[0]]);
+        for [a, b] in limits.into_iter().flatten().chain(within) {
+            wide = [wide[0].min(a), wide[1].max(b)];
+        }
+        if wide[0] > wide[1] {
+            return (0..0, 0..0);
+        }
+        let touched = down(wide[0])..up(wide[1]).max(down(wide[0]));
+        let [Some(a), Some(b)] = limits else { return (touched.clone(), touched.end..touched.end) };
+        // By the limits first, then to the nanometre by the tiles themselves.
+        let mut first = touched.start.max(a[0].max(b[0]).floor() as i64 - 1);
+        let mut last = touched.end.min(a[1].min(b[1]).ceil() as i64 + 1);
+        while first < last && !self.is_whole(first, j) {
+            first += 1;
+        }
+        while first < last && !self.is_whole(last - 1, j) {
+            last -= 1;
+        }
+        let inside = if first < last { first..last } else { touched.end..touched.end };
+        (touched, inside)
+    }
+
+    fn is_whole(&self, i: i64, j: i64) -> bool {
+        let [w, h] = self.placed.size;
+        is_inside(&corners([0.0, 0.0, w, h]).map(|c| self.placed.tile(c, i, j)), self.area)
+    }
+
+    /// Extent of the area along the line y = `y`; None where it does not meet it.
+    fn across(&self, y: f64) -> Option<[f64; 2]> {
+        let [lo, hi] = self.span(1);
+        let slack = SLACK * y.abs().max(1.0);
+        if y < lo - slack || y > hi + slack {
+            return None;
+        }
+        let y = y.clamp(lo, hi);
+        let mut out = [f64::INFINITY, f64::NEG_INFINITY];
+        for k in 0..4 {
+            let (p, q) = (self.corners[k], self.corners[(k + 1) % 4]);
+            if (p[1] - y) * (q[1] - y) > 0.0 {
+                continue;
+            }
+            // A side along the line counts with both ends.
+            let ts = if p[1] == q[1] { [0.0, 1.0] } else { [(y - p[1]) / (q[1] - p[1]); 2] };
+            for t in ts {
+                let x = p[0] + t * (q[0] - p[0]);
+                out = [out[0].min(x), out[1].max(x)];
+            }
+        }
+        Some(out)
+    }
+
+    fn span(&self, axis: usize) -> [f64; 2] {
+        let values = self.corners.map(|c| c[axis]);
+        [values.into_iter().fold(f64::INFINITY, f64::min), values.into_iter().fold(f64::NEG_INFINITY, f64::max)]
+    }
+}
+
+/// Floor and ceiling that forgive the noise of a division.
+fn down(v: f64) -> i64 {
+    (v + SLACK * v.abs().max(1.0)).floor() as i64
+}
+
+fn up(v: f64) -> i64 {
+    (v - SLACK * v.abs().max(1.0)).ceil() as i64
+}

@@ -1,0 +1,126 @@
+//! From mm in the part frame to nanometres in the turned part frame, rounding once.
+
+use crate::diag::{Diag, Error, Place};
+use crate::geom::{MAX_NM, NM_PER_MM, P2};
+
+/// One nanometre in mm.
+pub(super) const NM: f64 = 1e-6;
+
+/// The least extent of a stroke, mm: points further apart than sqrt(2) nm stay apart when rounded.
+pub(super) const LEAST: f64 = 2.0 * NM;
+
+/// Counts that come out of a division are held to be exact when they miss an integer by this much.
+pub(super) const SLACK: f64 = 1e-9;
+
+/// Cosine and sine; exact for quarter turns.
+pub(super) fn cos_sin(rad: f64) -> [f64; 2] {
+    let quarters = rad / std::f64::consts::FRAC_PI_2;
+    // Degrees turned into radians miss a quarter turn by one ulp or so.
+    if (quarters - quarters.round()).abs() <= 4.0 * f64::EPSILON * quarters.abs().max(1.0) {
+        return match quarters.round().rem_euclid(4.0) as u8 {
+            0 => [1.0, 0.0],
+            1 => [0.0, 1.0],
+            2 => [-1.0, 0.0],
+            _ => [0.0, -1.0],
+        };
+    }
+    [rad.cos(), rad.sin()]
+}
+
+/// The turn of the part about the origin of its frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Turn {
+    cos: f64,
+    sin: f64,
+}
+
+impl Turn {
+    pub(super) fn new(rad: f64) -> Self {
+        let [cos, sin] = cos_sin(rad);
+        Self { cos, sin }
+    }
+
+    /// The point in the turned frame, mm.
+    #[inline]
+    pub(super) fn turned(self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [self.cos * x - self.sin * y, self.sin * x + self.cos * y]
+    }
+
+    /// The point in the turned frame on the nanometre grid. Callers hold it within 4 m.
+    #[inline]
+    pub(super) fn nm(self, p: [f64; 2]) -> P2 {
+        let [x, y] = self.turned(p);
+        P2::new((x * NM_PER_MM).round() as i64, (y * NM_PER_MM).round() as i64)
+    }
+}
+
+/// Whether the point is finite and within 4 m.
+pub(super) fn is_near([x, y]: [f64; 2]) -> bool {
+    let far = MAX_NM as f64 * NM;
+    x.abs() <= far && y.abs() <= far
+}
+
+pub(super) fn corners([x0, y0, x1, y1]: [f64; 4]) -> [[f64; 2]; 4] {
+    [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
+}
+
+/// Refuses areas that are empty, not finite or beyond 4 m.
+pub(super) fn check_area(area: [f64; 4], turn: Turn) -> Result<(), Error> {
+    if corners(area).into_iter().any(|c| !is_near(turn.turned(c))) {
+        return Err(far().into());
+    }
+    let (w, h) = (area[2] - area[0], area[3] - area[1]);
+    if w < LEAST || h < LEAST {
+        let text = format!("the texture's area measures {w} mm x {h} mm, which holds nothing");
+        return Err(Diag::input("texture-area", text)
+            .hint("write [x0, y0, x1, y1] with the lower left corner first")
+            .into());
+    }
+    Ok(())
+}
+
+pub(super) fn far() -> Diag {
+    Diag::input("texture-far", "the texture reaches beyond 4 m from the part's origin")
+        .hint("check units, size and origin of the texture")
+}
+
+/// As [`far`], for a drawing.
+pub(super) fn far_in(path: &str) -> Diag {
+    far().at(Place::file(path))
+}
+
+/// How many whole steps fit into a length.
+pub(super) fn steps(length: f64, step: f64) -> f64 {
+    (length / step * (1.0 + SLACK)).floor()
+}
+
+/// Appends a point unless it equals the last one.
+#[inline]
+pub(super) fn push(out: &mut Vec<P2>, p: P2) {
+    if out.last() != Some(&p) {
+        out.push(p);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn four_quarter_turns_give_the_original_nanometre() {
+        let quarter = Turn::new(90f64.to_radians());
+        for p in [[12.3456789, -0.0000004], [-399.9999995, 0.1], [0.0, 3999.999]] {
+            let mut q = p;
+            for _ in 0..4 {
+                q = quarter.turned(q);
+            }
+            assert_eq!(q, p);
+        }
+        for k in -9..9 {
+            let [c, s] = cos_sin((90.0 * f64::from(k)).to_radians());
+            assert_eq!(c.abs() + s.abs(), 1.0, "{k} quarter turns");
+        }
+        let [c, s] = cos_sin(1e-6);
+        assert!(c < 1.0 && s > 0.0, "a small turn stays one");
+    }
+}

@@ -1,0 +1,403 @@
+//! Outlines as polylines in page mm: curves are flattened after all scales, in f64, with a bound.
+//!
+//! A chord over the parameter step h of a curve with |B''| <= M misses it by at most M h² / 8. For a
+//! cubic M is 6 times its largest second difference of control points, for a quadratic twice the only
+//! one, for an elliptic arc its largest radius; so the number of even steps follows from the tolerance.
+
+use std::f64::consts::{FRAC_PI_4, TAU};
+
+use crate::texture::clip::{Lines, extent, is_closed};
+use crate::texture::place::LEAST;
+
+/// Most points of one drawing.
+pub(super) const MAX_POINTS: usize = 20_000_000;
+
+/// Largest coordinate before the page clips, mm: f64 still tells a tenth of a nanometre there.
+const MAX_MM: f64 = 1e9;
+
+type Point = [f64; 2];
+
+/// An affine map of the plane: x' = a x + c y + e, y' = b x + d y + f.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Map {
+    pub(super) a: f64,
+    pub(super) b: f64,
+    pub(super) c: f64,
+    pub(super) d: f64,
+    pub(super) e: f64,
+    pub(super) f: f64,
+}
+
+impl Map {
+    /// Scale, then shift.
+    pub(super) const fn scale(x: f64, y: f64, shift: Point) -> Self {
+        Self { a: x, b: 0.0, c: 0.0, d: y, e: shift[0], f: shift[1] }
+    }
+
+    pub(super) const fn shift(by: Point) -> Self {
+        Self::scale(1.0, 1.0, by)
+    }
+
+    /// First `o`, then this.
+    pub(super) fn after(self, o: Self) -> Self {
+        let [e, f] = self.at([o.e, o.f]);
+        Self {
+            a: self.a * o.a + self.c * o.b,
+            b: self.b * o.a + self.d * o.b,
+            c: self.a * o.c + self.c * o.d,
+            d: self.b * o.c + self.d * o.d,
+            e,
+            f,
+        }
+    }
+
+    pub(super) fn at(self, [x, y]: Point) -> Point {
+        [self.a * x + self.c * y + self.e, self.b * x + self.d * y + self.f]
+    }
+
+    /// Whether it keeps areas areas, and is finite.
+    pub(super) fn is_regular(self) -> bool {
+        let det = self.a * self.d - self.b * self.c;
+        det.is_finite() && det != 0.0 && self.e.is_finite() && self.f.is_finite()
+    }
+}
+
+/// What became of the subpaths of an element.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(super) struct Dropped {
+    /// Without extent.
+    pub(super) dots: bool,
+    /// Closed and thinner than the tolerance.
+    pub(super) hairlines: bool,
+}
+
+/// Why an outline cannot go on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Stop {
+    /// More than [`MAX_POINTS`].
+    Full,
+    /// Beyond [`MAX_MM`], or not finite.
+    Far,
+}
+
+/// Draws one element's subpaths into `lines`. Coordinates are those of the element.
+pub(super) struct Outline<'a> {
+    map: Map,
+    tolerance: f64,
+    lines: &'a mut Lines,
+    start: Point,
+    at: Point,
+    stop: Option<Stop>,
+    dropped: Dropped,
+}
+
+impl<'a> Outline<'a> {
+    pub(super) fn new(map: Map, tolerance: f64, lines: &'a mut Lines) -> Self {
+        Self { map, tolerance, lines, start: [0.0; 2], at: [0.0; 2], stop: None, dropped: Dropped::default() }
+    }
+
+    /// The last point.
+    pub(super) fn at(&self) -> Point {
+        self.at
+    }
+
+    pub(super) fn move_to(&mut self, p: Point) {
+        self.end_line();
+        (self.start, self.at) = (p, p);
+    }
+
+    pub(super) fn line_to(&mut self, p: Point) {
+        self.curve(1.0, p, |_| p);
+    }
+
+    pub(super) fn quad_to(&mut self, c: Point, p: Point) {
+        let (a, m) = (self.at, self.map);
+        let steps = self.steps(2.0 * bend(m, a, c, p), 1.0);
+        self.curve(steps, p, |t| {
+            let s = 1.0 - t;
+            [0, 1].map(|k| s * s * a[k] + 2.0 * s * t * c[k] + t * t * p[k])
+        });
+    }
+
+    pub(super) fn cubic_to(&mut self, c: Point, d: Point, p: Point) {
+        let (a, m) = (self.at, self.map);
+        let steps = self.steps(6.0 * bend(m, a, c, d).max(bend(m, c, d, p)), 1.0);
+        self.curve(steps, p, |t| {
+            let s = 1.0 - t;
+            [0, 1].map(|k| s * s * s * a[k] + 3.0 * s * t * (s * c[k] + t * d[k]) + t * t * t * p[k])
+        });
+    }
+
+    /// The elliptic arc of path data, by SVG 1.1 appendix F.6: `turn` is the angle of the first radius
+    /// in degrees.
+    pub(super) fn arc_to(&mut self, radii: [f64; 2], turn: f64, large: bool, sweep: bool, p: Point) {
+        let from = self.at;
+        let [mut rx, mut ry] = radii.map(f64::abs);
+        if from == p {
+            return;
+        }
+        if rx == 0.0 || ry == 0.0 {
+            return self.line_to(p);
+        }
+        let (sin, cos) = turn.to_radians().sin_cos();
+        let half = [(from[0] - p[0]) / 2.0, (from[1] - p[1]) / 2.0];
+        // The half chord in the frame of a unit circle.
+        let mut u = [(cos * half[0] + sin * half[1]) / rx, (cos * half[1] - sin * half[0]) / ry];
+        let reach = u[0].hypot(u[1]);
+        if reach > 1.0 {
+            // Radii that cannot span the chord grow until they do.
+            (rx, ry) = (rx * reach, ry * reach);
+            u = u.map(|v| v / reach);
+        }
+        let q = (u[0] * u[0] + u[1] * u[1]).min(1.0);
+        if q == 0.0 {
+            // So flat that it cannot be told from its chord.
+            return self.line_to(p);
+        }
+        let side = if large == sweep { -1.0 } else { 1.0 } * ((1.0 - q) / q).sqrt();
+        let centre = [side * u[1], -side * u[0]];
+        let a0 = (u[1] - centre[1]).atan2(u[0] - centre[0]);
+        // From the chord, not from two angles: their difference would be noise on flat arcs.
+        let minor = 2.0 * q.sqrt().asin();
+        let by = if large { TAU - minor } else { minor } * if sweep { 1.0 } else { -1.0 };
+        let mid = [(from[0] + p[0]) / 2.0, (from[1] + p[1]) / 2.0];
+        let axes = Map { a: cos * rx, b: sin * rx, c: -sin * ry, d: cos * ry, e: mid[0], f: mid[1] };
+        self.sweep(axes.after(Map::shift(centre)), a0, by, p);
+    }
+
+    /// A whole ellipse with axes along x and y, starting on +x, as one closed subpath.
+    pub(super) fn ellipse(&mut self, centre: Point, rx: f64, ry: f64) {
+        let start = [centre[0] + rx, centre[1]];
+        self.move_to(start);
+        self.sweep(Map::scale(rx, ry, centre), 0.0, TAU, start);
+        self.end_line();
+    }
+
+    /// Notes a figure that has no extent.
+    pub(super) fn dot(&mut self) {
+        self.dropped.dots = true;
+    }
+
+    pub(super) fn close(&mut self) {
+        if self.at != self.start {
+            self.line_to(self.start);
+        }
+        self.end_line();
+        self.at = self.start;
+    }
+
+    /// Ends the element: what was left out, or why it could not be drawn.
+    pub(super) fn end(mut self) -> Result<Dropped, Stop> {
+        self.end_line();
+        match self.stop {
+            Some(stop) => Err(stop),
+            None => Ok(self.dropped),
+        }
+    }
+
+    /// The image under `axes` of the unit circle's arc from angle `a0` over `by`; ends in `p`.
+    fn sweep(&mut self, axes: Map, a0: f64, by: f64, p: Point) {
+        let least = (by.abs() / FRAC_PI_4 - 1e-9).ceil().max(1.0);
+        let steps = self.steps(by * by * largest_radius(self.map.after(axes)), least);
+        self.curve(steps, p, |t| {
+            let (sin, cos) = (a0 + t * by).sin_cos();
+            axes.at([cos, sin])
+        });
+    }
+
+    /// Steps of a curve over parameters 0 to 1 whose second derivative is at most `m`.
+    fn steps(&self, m: f64, least: f64) -> f64 {
+        (m / (8.0 * self.tolerance)).sqrt().ceil().max(least)
+    }
+
+    /// Appends a curve from the last point to `p`.
+    fn curve(&mut self, steps: f64, p: Point, point: impl Fn(f64) -> Point) {
+        let from = self.at;
+        self.at = p;
+        if self.stop.is_some() {
+            return;
+        }
+        if self.lines.points.len() == self.lines.tail() {
+            self.put(from);
+        }
+        if !steps.is_finite() {
+            self.stop = Some(Stop::Far);
+            return;
+        }
+        if self.lines.points.len() as f64 + steps > MAX_POINTS as f64 {
+            self.stop = Some(Stop::Full);
+            return;
+        }
+        let n = steps as usize;
+        for k in 1..n {
+            self.put(point(k as f64 / steps));
+        }
+        self.put(p);
+    }
+
+    fn put(&mut self, p: Point) {
+        let p = self.map.at(p);
+        if p.iter().all(|v| v.abs() <= MAX_MM) {
+            self.lines.points.push(p);
+        } else {
+            self.stop = Some(Stop::Far);
+        }
+    }
+
+    /// Ends the subpath, keeping it if it can be marked.
+    fn end_line(&mut self) {
+        let tail = self.lines.tail();
+        let line = &self.lines.points[tail..];
+        if line.is_empty() {
+            return;
+        }
+        let [w, h] = extent(line);
+        if self.stop.is_none() && w.max(h) >= LEAST && !is_hairline(line, self.tolerance) {
+            return self.lines.finish();
+        }
+        *(if w.max(h) < LEAST { &mut self.dropped.dots } else { &mut self.dropped.hairlines }) = true;
+        self.lines.points.truncate(tail);
+    }
+}
+
+/// Whether a figure is closed and all its points lie between two lines nearer to each other than the
+/// tolerance: it would be marked as one line, twice.
+fn is_hairline(line: &[Point], tolerance: f64) -> bool {
+    if !is_closed(line) {
+        return false;
+    }
+    let [x, y] = line[0];
+    let away = |p: &Point| (p[0] - x).hypot(p[1] - y);
+    let far = line.iter().copied().fold(line[0], |far, p| if away(&p) > away(&far) { p } else { far });
+    let length = away(&far);
+    let sides = line.iter().map(|p| ((far[0] - x) * (p[1] - y) - (far[1] - y) * (p[0] - x)) / length);
+    let (lo, hi) = sides.fold((0.0_f64, 0.0_f64), |(lo, hi), s| (lo.min(s), hi.max(s)));
+    hi - lo < tolerance
+}
+
+/// Length of the second difference of three points after the map.
+fn bend(m: Map, p: Point, q: Point, r: Point) -> f64 {
+    let [x, y] = [0, 1].map(|k| p[k] - 2.0 * q[k] + r[k]);
+    (m.a * x + m.c * y).hypot(m.b * x + m.d * y)
+}
+
+/// The longest image of a unit vector: the map's larger singular value.
+fn largest_radius(m: Map) -> f64 {
+    let squares = (m.a * m.a + m.b * m.b + m.c * m.c + m.d * m.d) / 2.0;
+    let det = m.a * m.d - m.b * m.c;
+    (squares + (squares * squares - det * det).max(0.0).sqrt()).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn drawn(map: Map, tolerance: f64, draw: impl FnOnce(&mut Outline<'_>)) -> Lines {
+        let mut lines = Lines::default();
+        let mut outline = Outline::new(map, tolerance, &mut lines);
+        draw(&mut outline);
+        outline.end().expect("drawn");
+        lines
+    }
+
+    /// Largest distance of the curve from the polyline, sampled.
+    fn miss(line: &[Point], curve: impl Fn(f64) -> Point) -> f64 {
+        (0..=2000)
+            .map(|i| {
+                let p = curve(f64::from(i) / 2000.0);
+                let to = |w: &[Point]| {
+                    let d = [w[1][0] - w[0][0], w[1][1] - w[0][1]];
+                    let v = [p[0] - w[0][0], p[1] - w[0][1]];
+                    let t = ((d[0] * v[0] + d[1] * v[1]) / (d[0] * d[0] + d[1] * d[1])).clamp(0.0, 1.0);
+                    (v[0] - t * d[0]).hypot(v[1] - t * d[1])
+                };
+                line.windows(2).filter(|w| w[0] != w[1]).map(to).fold(f64::INFINITY, f64::min)
+            })
+            .fold(0.0, f64::max)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..<_>::default() })]
+
+        #[test]
+        fn curves_keep_their_tolerance_under_any_map(
+            c in prop::array::uniform8(-10.0..10.0_f64),
+            m in prop::array::uniform4(-3.0..3.0_f64),
+            tolerance in 0.0005..0.5_f64,
+        ) {
+            let map = Map { a: m[0], b: m[1], c: m[2], d: m[3], e: 1.0, f: -2.0 };
+            let p = [[c[0], c[1]], [c[2], c[3]], [c[4], c[5]], [c[6], c[7]]];
+            let cubic = |t: f64| { let s = 1.0 - t; map.at([0, 1].map(|k|
+                s.powi(3) * p[0][k] + 3.0 * s * s * t * p[1][k] + 3.0 * s * t * t * p[2][k] + t.powi(3) * p[3][k])) };
+            let lines = drawn(map, tolerance, |o| { o.move_to(p[0]); o.cubic_to(p[1], p[2], p[3]); });
+            prop_assume!(lines.len() == 1);
+            prop_assert!(miss(lines.get(0), cubic) <= tolerance * 1.000001);
+
+            let quad = |t: f64| { let s = 1.0 - t; map.at([0, 1].map(|k|
+                s * s * p[0][k] + 2.0 * s * t * p[1][k] + t * t * p[2][k])) };
+            let lines = drawn(map, tolerance, |o| { o.move_to(p[0]); o.quad_to(p[1], p[2]); });
+            prop_assume!(lines.len() == 1);
+            prop_assert!(miss(lines.get(0), quad) <= tolerance * 1.000001);
+
+            let (rx, ry) = (c[2].abs() + 0.5, c[3].abs() + 0.5);
+            let ellipse = |t: f64| { let (s, k) = (TAU * t).sin_cos(); map.at([c[0] + rx * k, c[1] + ry * s]) };
+            let lines = drawn(map, tolerance, |o| o.ellipse([c[0], c[1]], rx, ry));
+            prop_assume!(lines.len() == 1);
+            prop_assert!(lines.get(0).len() > 8 && is_closed(lines.get(0)));
+            prop_assert!(miss(lines.get(0), ellipse) <= tolerance * 1.000001);
+        }
+
+        #[test]
+        fn arcs_lie_on_their_ellipse_and_end_where_they_should(
+            c in prop::array::uniform6(-10.0..10.0_f64),
+            turn in 0.0..360.0_f64,
+            flags in 0..4,
+        ) {
+            let (from, to) = ([c[0], c[1]], [c[2], c[3]]);
+            let radii = [c[4].abs() + 12.0, c[5].abs() + 12.0];
+            let (large, sweep) = (flags & 1 == 1, flags & 2 == 2);
+            let id = Map::shift([0.0; 2]);
+            let lines = drawn(id, 1e-3, |o| { o.move_to(from); o.arc_to(radii, turn, large, sweep, to); });
+            prop_assume!(lines.len() == 1);
+            let line = lines.get(0);
+            prop_assert_eq!((line[0], line[line.len() - 1]), (from, to));
+            // In the frame of the ellipse the points have one distance from one centre.
+            let (s, k) = turn.to_radians().sin_cos();
+            let unit: Vec<Point> = line.iter()
+                .map(|p| [(k * p[0] + s * p[1]) / radii[0], (k * p[1] - s * p[0]) / radii[1]]).collect();
+            let n = unit.len();
+            prop_assume!(n > 2);
+            let turned: f64 = unit.windows(3).map(|w| {
+                let (a, b) = ([w[1][0] - w[0][0], w[1][1] - w[0][1]], [w[2][0] - w[1][0], w[2][1] - w[1][1]]);
+                (a[0] * b[1] - a[1] * b[0]).atan2(a[0] * b[0] + a[1] * b[1])
+            }).sum::<f64>() * (n - 1) as f64 / (n - 2) as f64;
+            prop_assert_eq!(turned > 0.0, sweep);
+            prop_assert_eq!(turned.abs() > std::f64::consts::PI, large, "turned {}", turned);
+            let chord = (unit[n - 1][0] - unit[0][0]).hypot(unit[n - 1][1] - unit[0][1]);
+            prop_assert!((chord - 2.0 * (turned.abs() / 2.0).sin()).abs() < 1e-6, "a chord of the unit circle");
+        }
+    }
+
+    #[test]
+    fn slivers_and_dots_are_told_from_figures() {
+        let id = Map::shift([0.0; 2]);
+        let figure = |points: &[Point]| {
+            let mut lines = Lines::default();
+            let mut o = Outline::new(id, 1e-3, &mut lines);
+            o.move_to(points[0]);
+            points[1..].iter().for_each(|&p| o.line_to(p));
+            o.close();
+            let dropped = o.end().expect("drawn");
+            (lines.len(), dropped.dots, dropped.hairlines)
+        };
+        assert_eq!(figure(&[[0.0, 0.0], [100.0, 0.0], [100.0, 1e-5], [0.0, 1e-5]]), (0, false, true));
+        assert_eq!(figure(&[[0.0, 0.0], [100.0, 0.0], [100.0, 2e-3], [0.0, 2e-3]]), (1, false, false));
+        assert_eq!(
+            figure(&[[0.0, 0.0], [10.0, 10.0], [10.0, 0.0], [0.0, 10.0]]),
+            (1, false, false),
+            "a figure of eight"
+        );
+        assert_eq!(figure(&[[1.0, 1.0], [1.0, 1.0]]), (0, true, false));
+    }
+}

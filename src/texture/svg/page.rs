@@ -1,0 +1,148 @@
+//! The page of a drawing: its physical size and the map from user units to page mm.
+
+use std::str::FromStr;
+
+use roxmltree::Node;
+use svgtypes::{Align, AspectRatio, Length, LengthUnit, ViewBox, ViewBoxError};
+
+use super::outline::Map;
+use crate::diag::Diag;
+use crate::geom::{MAX_NM, NM_PER_MM};
+
+/// CSS pixels in a millimetre.
+const PX_PER_MM: f64 = 96.0 / 25.4;
+
+/// Pixels of a length that needs no reference; em and ex as browsers have them without a font.
+pub(super) fn px(length: Length) -> Option<f64> {
+    let unit = match length.unit {
+        LengthUnit::None | LengthUnit::Px => 1.0,
+        LengthUnit::Mm => PX_PER_MM,
+        LengthUnit::Cm => 10.0 * PX_PER_MM,
+        LengthUnit::In => 96.0,
+        LengthUnit::Pt => 96.0 / 72.0,
+        LengthUnit::Pc => 16.0,
+        LengthUnit::Em => 16.0,
+        LengthUnit::Ex => 8.0,
+        LengthUnit::Percent => return None,
+    };
+    Some(length.number * unit)
+}
+
+/// Size and map of the page.
+pub(super) struct Frame {
+    /// mm.
+    pub(super) size: [f64; 2],
+    /// From user units (y down) to page mm (y up, origin in the lower left corner).
+    pub(super) map: Map,
+    /// The user units that percentages refer to.
+    pub(super) port: [f64; 2],
+    /// Whether the wanted size changes the proportions.
+    pub(super) is_stretched: bool,
+}
+
+impl Frame {
+    /// The page of a root element; a wanted size wins over the file's own.
+    pub(super) fn new(root: Node<'_, '_>, wanted: Option<[f64; 2]>) -> Result<Self, Box<Diag>> {
+        let view = view_box(root).map_err(|e| {
+            Diag::input("svg-viewbox", format!("the drawing's {e}"))
+                .hint("give the viewBox a positive width and height")
+        })?;
+        let sides = [side(root, "width")?, side(root, "height")?];
+        let viewport = viewport(sides, view).ok_or_else(|| Box::new(no_size()))?;
+        let is_physical =
+            sides.iter().all(|s| s.is_none_or(|(_, physical)| physical)) && sides.iter().any(Option::is_some);
+        let size = match wanted {
+            Some(size) => size,
+            None if is_physical => viewport.map(|px| px / PX_PER_MM),
+            None => return Err(no_size().into()),
+        };
+        if size.iter().any(|&s| !(s > 0.0 && s.is_finite())) {
+            let text = format!("a page of {} mm x {} mm is not possible", size[0], size[1]);
+            return Err(Diag::input("svg-size", text).hint(SIZE_HINT).into());
+        }
+        if size.iter().any(|&s| s * NM_PER_MM > MAX_NM as f64) {
+            let text = format!("the drawing's page measures {} mm x {} mm, more than 4 m", size[0], size[1]);
+            return Err(Diag::input("texture-far", text)
+                .hint("check the units of width and height, or give the texture a size")
+                .into());
+        }
+        let stretch = [size[0] / viewport[0], size[1] / viewport[1]];
+        let page = Map::scale(stretch[0], -stretch[1], [0.0, size[1]]);
+        let view_map = view.map_or(Map::shift([0.0; 2]), |v| view_map(v, viewport, aspect(root)));
+        Ok(Self {
+            size,
+            map: page.after(view_map),
+            port: view.map_or(viewport, |v| [v.w, v.h]),
+            is_stretched: (stretch[0] / stretch[1] - 1.0).abs() > 1e-3,
+        })
+    }
+}
+
+const SIZE_HINT: &str = "add size = [\"100 mm\", \"100 mm\"] to the texture";
+
+fn no_size() -> Diag {
+    Diag::input("svg-size", "the drawing has no physical size: its width and height are not in mm, cm, in, pt or pc")
+        .hint(SIZE_HINT)
+}
+
+/// The viewBox of an element, if it has one.
+pub(super) fn view_box(node: Node<'_, '_>) -> Result<Option<ViewBox>, ViewBoxError> {
+    let Some(text) = node.attribute("viewBox") else { return Ok(None) };
+    let view = ViewBox::from_str(text)?;
+    let all_finite = [view.x, view.y, view.w, view.h].iter().all(|v| v.is_finite());
+    if all_finite { Ok(Some(view)) } else { Err(ViewBoxError::InvalidNumber) }
+}
+
+pub(super) fn aspect(node: Node<'_, '_>) -> AspectRatio {
+    let text = node.attribute("preserveAspectRatio").unwrap_or_default();
+    AspectRatio::from_str(text).unwrap_or(AspectRatio { defer: false, align: Align::XMidYMid, slice: false })
+}
+
+/// A side of the root in px, and whether it is physical; None where it is left open.
+fn side(root: Node<'_, '_>, name: &str) -> Result<Option<(f64, bool)>, Box<Diag>> {
+    let Some(text) = root.attribute(name).filter(|t| t.trim() != "auto") else { return Ok(None) };
+    let fault = |what: &str| {
+        Box::new(Diag::input("svg-size", format!("the drawing's {name} {text:?} is {what}")).hint("write it as 100mm"))
+    };
+    let length = Length::from_str(text.trim()).map_err(|_| fault("not a length"))?;
+    let Some(px) = px(length) else { return Ok(None) };
+    if !(px > 0.0 && px.is_finite()) {
+        return Err(fault("not a positive length"));
+    }
+    let units = [LengthUnit::Mm, LengthUnit::Cm, LengthUnit::In, LengthUnit::Pt, LengthUnit::Pc];
+    Ok(Some((px, units.contains(&length.unit))))
+}
+
+/// Size of the root's viewport in px; an open side follows the other in the proportions of the viewBox.
+fn viewport(sides: [Option<(f64, bool)>; 2], view: Option<ViewBox>) -> Option<[f64; 2]> {
+    match (sides.map(|s| s.map(|(px, _)| px)), view) {
+        ([Some(w), Some(h)], _) => Some([w, h]),
+        ([Some(w), None], Some(v)) => Some([w, w * v.h / v.w]),
+        ([None, Some(h)], Some(v)) => Some([h * v.w / v.h, h]),
+        ([None, None], Some(v)) => Some([v.w, v.h]),
+        _ => None,
+    }
+}
+
+/// From the units of a viewBox to a viewport of the given size with its origin in the corner.
+pub(super) fn view_map(view: ViewBox, size: [f64; 2], aspect: AspectRatio) -> Map {
+    let mut scale = [size[0] / view.w, size[1] / view.h];
+    let [x, y] = match aspect.align {
+        Align::None => [0.0, 0.0],
+        Align::XMinYMin => [0.0, 0.0],
+        Align::XMidYMin => [0.5, 0.0],
+        Align::XMaxYMin => [1.0, 0.0],
+        Align::XMinYMid => [0.0, 0.5],
+        Align::XMidYMid => [0.5, 0.5],
+        Align::XMaxYMid => [1.0, 0.5],
+        Align::XMinYMax => [0.0, 1.0],
+        Align::XMidYMax => [0.5, 1.0],
+        Align::XMaxYMax => [1.0, 1.0],
+    };
+    if aspect.align != Align::None {
+        let s = if aspect.slice { scale[0].max(scale[1]) } else { scale[0].min(scale[1]) };
+        scale = [s, s];
+    }
+    let rest = [size[0] - view.w * scale[0], size[1] - view.h * scale[1]];
+    Map::scale(scale[0], scale[1], [x * rest[0] - view.x * scale[0], y * rest[1] - view.y * scale[1]])
+}

@@ -1,0 +1,180 @@
+//! From the bytes of a drawing to text that is safe to parse.
+//!
+//! Understands UTF-8, UTF-16 with a byte order mark, declared Latin-1, and gzip (svgz). Refuses what
+//! would only cost time or memory further on: large files, bombs, endless nesting, entities.
+
+use std::io::Read;
+use std::path::Path;
+
+use crate::diag::{self, Diag, Error, Place};
+
+/// Largest drawing file.
+const MAX_FILE: u64 = 256 << 20;
+
+/// Largest drawing after unpacking an svgz.
+const MAX_UNPACKED: u64 = 64 << 20;
+
+/// Deepest nesting of elements; drawings made by programs stay below 50.
+pub(super) const MAX_DEPTH: usize = 256;
+
+/// Most attributes of one element: the XML parser compares each with all others.
+const MAX_ATTRIBUTES: usize = 2000;
+
+/// Reads and checks the text of a drawing.
+pub(super) fn read(path: &Path) -> Result<String, Error> {
+    let place = Place::file(path.display().to_string());
+    let mut bytes = diag::read_file(path, MAX_FILE)?;
+    if bytes.starts_with(&[0x1f, 0x8b]) {
+        bytes = unpacked(&bytes).map_err(|d| d.at(place.clone()))?;
+    }
+    let text = decoded(bytes).map_err(|d| d.at(place))?;
+    check(&text).map_err(|f| {
+        let line = diag::line_and_column(&text, f.at).0;
+        f.diag.at(Place::line(path.display().to_string(), line))
+    })?;
+    Ok(text)
+}
+
+fn unpacked(bytes: &[u8]) -> Result<Vec<u8>, Box<Diag>> {
+    let mut out = Vec::new();
+    let mut unpacker = flate2::read::MultiGzDecoder::new(bytes).take(MAX_UNPACKED + 1);
+    unpacker.read_to_end(&mut out).map_err(|e| {
+        Diag::input("svg-gzip", format!("the compressed drawing is damaged: {e}")).hint("save it again, uncompressed")
+    })?;
+    if out.len() as u64 > MAX_UNPACKED {
+        let text = format!("the drawing unpacks to more than {} MB", MAX_UNPACKED >> 20);
+        return Err(Diag::input("svg-large", text).hint("save it uncompressed and simpler").into());
+    }
+    Ok(out)
+}
+
+fn decoded(bytes: Vec<u8>) -> Result<String, Box<Diag>> {
+    let fault = |what: &str| {
+        Diag::input("svg-encoding", format!("the drawing is not {what} text")).hint("save it as plain SVG in UTF-8")
+    };
+    let wide: Option<fn([u8; 2]) -> u16> = match bytes.as_slice() {
+        [0xff, 0xfe, ..] => Some(u16::from_le_bytes),
+        [0xfe, 0xff, ..] => Some(u16::from_be_bytes),
+        _ => None,
+    };
+    if let Some(unit) = wide {
+        let units = bytes[2..].chunks_exact(2).map(|c| unit([c[0], c[1]]));
+        return char::decode_utf16(units).collect::<Result<_, _>>().map_err(|_| fault("UTF-16").into());
+    }
+    match String::from_utf8(bytes) {
+        Ok(mut text) => {
+            if text.starts_with('\u{feff}') {
+                text.remove(0);
+            }
+            Ok(text)
+        }
+        Err(e) if is_declared_latin1(e.as_bytes()) => Ok(e.as_bytes().iter().map(|&b| char::from(b)).collect()),
+        Err(_) => Err(fault("UTF-8").into()),
+    }
+}
+
+fn is_declared_latin1(bytes: &[u8]) -> bool {
+    let head = String::from_utf8_lossy(&bytes[..bytes.len().min(200)]).to_ascii_lowercase();
+    let declaration = head.split("?>").next().unwrap_or_default();
+    declaration.starts_with("<?xml") && (declaration.contains("iso-8859-1") || declaration.contains("latin1"))
+}
+
+/// Whether the text declares entities, which may expand without bound or name other files.
+pub(super) fn has_entities(text: &str) -> bool {
+    text.contains("<!ENTITY")
+}
+
+/// A fault at a byte of the text.
+struct Fault {
+    diag: Diag,
+    at: usize,
+}
+
+/// Scans tags without building anything.
+fn check(text: &str) -> Result<(), Box<Fault>> {
+    if has_entities(text) {
+        let d = Diag::input("svg-dtd", "the drawing declares XML entities, which are not read")
+            .hint("save it as plain SVG, without a document type");
+        return Err(Fault { diag: d, at: text.find("<!ENTITY").unwrap_or_default() }.into());
+    }
+    let (mut depth, mut at) = (0usize, 0usize);
+    while let Some(open) = text[at..].find('<').map(|i| at + i) {
+        let rest = &text[open..];
+        let after = |end: &str| rest.find(end).map_or(text.len(), |i| open + i + end.len());
+        at = if rest.starts_with("<!--") {
+            after("-->")
+        } else if rest.starts_with("<![CDATA[") {
+            after("]]>")
+        } else if rest.starts_with("<?") {
+            after("?>")
+        } else {
+            let tag = tag(rest);
+            if rest.starts_with("</") {
+                depth = depth.saturating_sub(1);
+            } else if !rest.starts_with("<!") && !tag.is_empty {
+                depth += 1;
+            }
+            if depth > MAX_DEPTH {
+                let text = format!("the drawing nests elements deeper than {MAX_DEPTH}");
+                return Err(Fault { diag: Diag::input("svg-deep", text).hint("ungroup the drawing"), at: open }.into());
+            }
+            if tag.attributes > MAX_ATTRIBUTES {
+                let text = format!("an element has more than {MAX_ATTRIBUTES} attributes");
+                return Err(
+                    Fault { diag: Diag::input("svg-large", text).hint("save it as plain SVG"), at: open }.into()
+                );
+            }
+            open + tag.len
+        };
+    }
+    Ok(())
+}
+
+struct Tag {
+    len: usize,
+    attributes: usize,
+    /// Whether it closes itself.
+    is_empty: bool,
+}
+
+fn tag(rest: &str) -> Tag {
+    let (mut quote, mut attributes, bytes) = (None, 0, rest.as_bytes());
+    for (i, &b) in bytes.iter().enumerate() {
+        match (b, quote) {
+            (b'"' | b'\'', None) => quote = Some(b),
+            (b, Some(q)) if b == q => {
+                quote = None;
+                attributes += 1;
+            }
+            (b'>', None) => return Tag { len: i + 1, attributes, is_empty: bytes[i - 1] == b'/' },
+            _ => {}
+        }
+    }
+    Tag { len: rest.len(), attributes, is_empty: true }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_is_counted_over_what_looks_like_tags_but_is_none() {
+        let open = "<g a='>' b=\"/>\"><!-- <g><g> --><![CDATA[<g>]]><p/><p a='1'/>";
+        let nested = |n: usize| open.repeat(n) + &"</g>".repeat(n);
+        assert!(check(&nested(MAX_DEPTH)).is_ok());
+        assert!(check(&nested(MAX_DEPTH + 1)).is_err());
+        assert!(check(&"<g></g>".repeat(10 * MAX_DEPTH)).is_ok());
+    }
+
+    #[test]
+    fn encodings_give_the_same_text() {
+        let text = "<?xml version='1.0' encoding='ISO-8859-1'?><svg id='é'/>";
+        let latin1: Vec<u8> = text.chars().map(|c| c as u8).collect();
+        let utf16: Vec<u8> = std::iter::once(0xfeff).chain(text.encode_utf16()).flat_map(u16::to_be_bytes).collect();
+        let bom = [&[0xef, 0xbb, 0xbf], text.as_bytes()].concat();
+        for bytes in [latin1, utf16, bom, text.into()] {
+            assert_eq!(decoded(bytes).as_deref(), Ok(text));
+        }
+        assert!(decoded(b"<svg id='\xe9'/>".to_vec()).is_err(), "undeclared Latin-1");
+    }
+}

@@ -1,0 +1,184 @@
+//! Every malformed drawing of the shared data has one fixed outcome, in little time and memory.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use proptest::prelude::*;
+use terrace::texture::{Area, Kind, Request, Texture};
+
+/// What must come of a file: strokes, or the code of the error; and the codes of the warnings.
+type Outcome = (Result<usize, &'static str>, &'static [&'static str]);
+
+/// Files whose page has a physical size of its own, or must not need one to be refused.
+const AS_IS: [(&str, Outcome); 30] = [
+    ("svg_arc_extremes.svg", (Ok(1), &[])),
+    ("svg_billion_laughs.svg", (Err("svg-dtd"), &[])),
+    ("svg_deep_groups_100k.svg", (Err("svg-deep"), &[])),
+    ("svg_deep_transforms_5k.svg", (Err("svg-deep"), &[])),
+    ("svg_empty.svg", (Err("svg-size"), &[])),
+    ("svg_external_entity.svg", (Err("svg-dtd"), &[])),
+    ("svg_external_refs.svg", (Ok(1), &["svg-image", "svg-external"])),
+    ("svg_hairline_slivers.svg", (Err("texture-empty"), &["svg-hairline"])),
+    ("svg_huge_size.svg", (Err("texture-far"), &[])),
+    ("svg_huge_viewbox.svg", (Ok(1), &[])),
+    ("svg_latin1.svg", (Ok(1), &[])),
+    ("svg_negative_size.svg", (Err("svg-viewbox"), &[])),
+    ("svg_not_closed.svg", (Err("svg-xml"), &[])),
+    ("svg_only_text.svg", (Err("texture-empty"), &["svg-text"])),
+    ("svg_path_garbage.svg", (Ok(1), &["svg-path"])),
+    ("svg_pattern_self_ref.svg", (Ok(1), &["svg-pattern"])),
+    ("svg_pattern_tiny_tile.svg", (Ok(1), &["svg-pattern"])),
+    ("svg_quadratic_blowup.svg", (Err("svg-dtd"), &[])),
+    // 388 corners lie up to 2 mm beyond the page.
+    ("svg_self_intersecting_million.svg", (Ok(388), &["svg-overhang"])),
+    ("svg_use_bomb.svg", (Err("svg-large"), &[])),
+    ("svg_use_cycle.svg", (Err("texture-empty"), &["svg-use"])),
+    ("svg_utf16_bom.svg", (Ok(1), &[])),
+    ("svg_wrong_namespace.svg", (Err("svg-size"), &["svg-namespace"])),
+    ("svg_zero_viewbox.svg", (Err("svg-viewbox"), &[])),
+    ("svgz_bomb.svgz", (Err("svg-large"), &[])),
+    ("png_truncated.png", (Err("svg-encoding"), &[])),
+    ("stl_ascii_nan.stl", (Err("svg-xml"), &[])),
+    ("stl_empty_file.stl", (Err("svg-xml"), &[])),
+    ("3mf_xml_bomb.3mf", (Err("svg-encoding"), &[])),
+    ("no_such_file.svg", (Err("file-unreadable"), &[])),
+];
+
+/// The same with a size given.
+const SIZED: [(&str, Outcome); 4] = [
+    ("svg_empty.svg", (Err("texture-empty"), &[])),
+    ("svg_huge_size.svg", (Ok(1), &[])),
+    ("svg_negative_size.svg", (Err("svg-viewbox"), &[])),
+    ("svg_wrong_namespace.svg", (Ok(1), &["svg-namespace"])),
+];
+
+fn bad() -> Option<PathBuf> {
+    let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/bad");
+    if dir.is_dir() {
+        return Some(dir);
+    }
+    eprintln!("skipped: {} is absent", dir.display());
+    None
+}
+
+fn check(dir: &Path, name: &str, size_mm: Option<[f64; 2]>, (expected, warnings): Outcome) {
+    let path = dir.join(name);
+    let kind = Kind::Drawing { path, size_mm, origin_mm: None, turn_rad: 0.0, tile: false };
+    let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: 0 };
+    let (start, mut notes) = (Instant::now(), Vec::new());
+    let loaded = Texture::load(&[request], [0.0, 0.0, 100.0, 100.0], 0.0, &mut notes);
+    assert!(start.elapsed() < Duration::from_secs(5), "{name}: {:?}", start.elapsed());
+    let codes: Vec<_> = notes.iter().map(|n| n.code).collect();
+    match (&loaded, expected) {
+        (Ok(texture), Ok(n)) => {
+            assert_eq!(texture.len(), n, "{name}: strokes; {codes:?}");
+            let mut out = Vec::new();
+            for i in 0..texture.len() {
+                texture.stroke(i, &mut out);
+                assert!(out.len() > 1 && out.iter().all(|&p| texture.bounds().holds(p)), "{name}: stroke {i}");
+                assert!(out.windows(2).all(|w| w[0] != w[1]), "{name}: stroke {i}");
+            }
+        }
+        (Err(e), Err(code)) => {
+            assert_eq!(e.diags()[0].code, code, "{name}: {e}");
+            assert!(e.to_string().contains(name), "{name} is named: {e}");
+            let hinted = !e.diags()[0].hint.is_empty();
+            assert!(hinted, "{name}: a remedy: {e}");
+        }
+        (got, expected) => panic!("{name}: expected {expected:?}, got {:?}", got.as_ref().map(Texture::len)),
+    }
+    assert_eq!(codes, warnings, "{name}: {notes:#?}");
+}
+
+#[test]
+fn every_malformed_drawing_has_its_outcome() {
+    let Some(dir) = bad() else { return };
+    for (name, outcome) in AS_IS {
+        check(&dir, name, None, outcome);
+    }
+    for (name, outcome) in SIZED {
+        check(&dir, name, Some([100.0, 100.0]), outcome);
+    }
+    let known = |name: &str| AS_IS.iter().any(|(n, _)| *n == name);
+    for entry in std::fs::read_dir(&dir).expect("a folder").flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        assert!(!name.starts_with("svg") || known(&name), "{name} has no outcome in the table");
+    }
+}
+
+/// Peak memory is that of the process, so this holds for all files together.
+#[test]
+#[cfg(target_os = "linux")]
+fn memory_stays_bounded() {
+    every_malformed_drawing_has_its_outcome();
+    let status = std::fs::read_to_string("/proc/self/status").expect("linux");
+    let peak = status.lines().find_map(|l| l.strip_prefix("VmHWM:")).expect("VmHWM");
+    let kb: u64 = peak.trim().trim_end_matches(" kB").trim().parse().expect("a number");
+    assert!(kb < 512 << 10, "peak {kb} kB");
+}
+
+#[test]
+fn made_up_nastiness_is_refused_or_bounded() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let head = r#"<svg xmlns="http://www.w3.org/2000/svg" width="100mm" height="100mm" viewBox="0 0 100 100">"#;
+    let deep_uses: String =
+        (0..2000).map(|i| format!(r##"<g id="d{i}"><use href="#d{}"/></g>"##, i + 1)).collect::<String>()
+            + "<g id='d2000'/>";
+    let rules: String = (0..20_000).map(|i| format!(".c{i} g{{fill:none}}")).collect();
+    let attributes: String = (0..100_000).map(|i| format!(" a{i}=''")).collect();
+    for (name, body, outcome) in [
+        ("deep_uses", deep_uses, (Err("svg-deep"), &[][..])),
+        ("rules", format!("<style>{rules}</style>{}", "<g/>".repeat(20_000)), (Err("svg-large"), &[])),
+        ("attributes", format!("<path{attributes}/>"), (Err("svg-large"), &[])),
+        ("many_points", r#"<circle r="1e8" cx="0" cy="0" transform="scale(100)"/>"#.into(), (Err("texture-far"), &[])),
+        ("nan", r#"<rect width="nan" height="1e999"/><path d="M0 0L9 9"/>"#.into(), (Ok(1), &["svg-path", "svg-dot"])),
+        (
+            "flat",
+            r#"<g transform="scale(0 1)"><path d="M0 0L9 9"/></g><path d="M0 0L9 9"/>"#.into(),
+            (Ok(1), &["svg-transform"]),
+        ),
+        ("self_use", r##"<g id="a"><path d="M0 0L9 9"/><use href="#a"/></g>"##.into(), (Ok(1), &["svg-use"])),
+        ("entity", "<text>&unknown;</text>".into(), (Err("svg-xml"), &[])),
+    ] {
+        let file = format!("{name}.svg");
+        std::fs::write(dir.path().join(&file), format!("{head}{body}</svg>")).expect("written");
+        check(dir.path(), &file, None, outcome);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..<_>::default() })]
+
+    #[test]
+    fn damaged_drawings_never_break_the_reader(
+        which in 0..3usize,
+        damage in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>()), 1..6),
+    ) {
+        const PLAIN: &str = r##"<svg xmlns="http://www.w3.org/2000/svg" xmlns:x="http://www.w3.org/1999/xlink" width="2in" height="1in" viewBox="0 0 200 100">
+            <style>.a{fill:#000} g>.b{fill:none;stroke:red!important}</style><defs><symbol id="s" viewBox="0 0 10 10">
+            <path d="M5 0A5 5 0 1 1 4.999 0ZM5 2.5a2.5 2.5 30 1 0 5 2q1 2 3 4t5 6c1-2 3-4.5e1 5 6s7 8 9 1z"/></symbol></defs>
+            <use x:href="#s" x="10%" y="65" width="20" height="20"/><g transform="rotate(15 60 75) scale(1.2)" class="b">
+            <use href="#s" x="40"/><svg x="1" width="50%" height="3em" viewBox="0 0 9 9"><rect rx="1" width="5" height="4"/></svg>
+            <polygon points="1,2 3-4 5.5.5"/><ellipse cx="9" rx="4" ry="3mm"/><line x2="9" style="stroke:blue"/></g></svg>"##;
+        const PIECES: [&str; 20] = ["<", ">", "\"", "/", "0", "-", "e9", "e-9", "9999", ".", "z", "A", "&", "%", "#", "<g>", "</g>", "nan", "\u{0}", ""];
+        let mut text = PLAIN.to_owned();
+        for (at, piece) in &damage {
+            let at = at.index(text.len());
+            if text.is_char_boundary(at) && text.is_char_boundary(at + 1) {
+                text.replace_range(at..at + which.min(1), PIECES[piece.index(PIECES.len())]);
+            }
+        }
+        let file = tempfile::Builder::new().suffix(".svg").tempfile().expect("a file");
+        std::fs::write(file.path(), text).expect("written");
+        let kind = Kind::Drawing { path: file.path().into(), size_mm: None, origin_mm: None, turn_rad: 0.3, tile: which == 2 };
+        let request = Request { kind, area: Area::Part, tolerance_mm: 1e-2, pen: 0 };
+        if let Ok(texture) = Texture::load(&[request], [0.0, 0.0, 30.0, 20.0], 0.1, &mut Vec::new()) {
+            let mut out = Vec::new();
+            for i in (0..texture.len()).take(1000) {
+                texture.stroke(i, &mut out);
+                prop_assert!(out.len() > 1 && out.windows(2).all(|w| w[0] != w[1]));
+                prop_assert!(out.iter().all(|&p| texture.bounds().holds(p)));
+            }
+        }
+    }
+}

@@ -1,0 +1,108 @@
+"""What all checks share: reading program.txt and manifest.json of a job folder, and failing clearly.
+
+Nothing here comes from terrace's own code: program.txt and the manifest are read by their written form.
+"""
+
+import json
+import pathlib
+import re
+import struct
+import sys
+
+
+class Fault(Exception):
+    """A job folder that is not what it should be."""
+
+
+def demand(condition, message):
+    if not condition:
+        raise Fault(message)
+
+
+class Stroke:
+    __slots__ = ("pen", "source", "segment", "reversed", "points")
+
+
+class Block:
+    __slots__ = ("id", "section", "level", "centre", "focus", "accepts", "stage", "retract", "marks", "strokes")
+
+
+class Program:
+    """program.txt: pens as lists of five texts, blocks with strokes, all lengths integers in nm."""
+
+    def __init__(self, path):
+        lines = iter(pathlib.Path(path).read_text(encoding="utf-8").split("\n"))
+        demand(next(lines) == "terrace program 1", f"{path}: no program text")
+        self.origin = [int(n) for n in next(lines).removeprefix("origin ").split()]
+        self.pens = []
+        for _ in range(int(next(lines).removeprefix("pens "))):
+            self.pens.append(next(lines).removeprefix("pen ").rsplit(" | ", 4))
+        self.blocks = []
+        for _ in range(int(next(lines).removeprefix("blocks "))):
+            self.blocks.append(self._block(lines))
+        demand(list(lines) == ["end", ""], f"{path}: the end is missing")
+
+    @staticmethod
+    def _block(lines):
+        words = next(lines).split()
+        demand(words[0] == "block" and len(words) == 17, "program.txt: no block line")
+        numbers = [int(w) for w in words[2:]]
+        block = Block()
+        block.id = words[1]
+        block.section, block.level = numbers[0:2], numbers[2]
+        block.centre, block.focus, block.accepts = numbers[3:5], numbers[5], numbers[6:8]
+        block.stage, block.retract, block.marks = numbers[8:11], bool(numbers[11]), numbers[12:14]
+        block.strokes = []
+        for _ in range(numbers[14]):
+            words = next(lines).split()
+            stroke = Stroke()
+            stroke.pen, stroke.source, stroke.segment = (int(w) for w in words[:3])
+            stroke.reversed = words[3] == "-"
+            flat = [int(w) for w in words[4:]]
+            stroke.points = list(zip(flat[0::2], flat[1::2]))
+            block.strokes.append(stroke)
+        return block
+
+
+class Job:
+    def __init__(self, folder):
+        self.folder = pathlib.Path(folder)
+        self.manifest = json.loads((self.folder / "manifest.json").read_text(encoding="utf-8"))
+        self.program = Program(self.folder / "program.txt")
+        ids = [b["id"] for b in self.manifest["blocks"]]
+        demand(ids == [b.id for b in self.program.blocks], "manifest and program.txt list different blocks")
+        demand(len(ids) > 0, "the job has no block")
+
+    def controller(self, point):
+        """Controller coordinates of a field point, nm: swap first, then mirrors."""
+        scanner = self.manifest["machine"]["scanner"]
+        x, y = point
+        if scanner["swap_xy"]:
+            x, y = y, x
+        return (-x if scanner["mirror_x"] else x, -y if scanner["mirror_y"] else y)
+
+    def has(self, name):
+        return any(f["file"] == name for f in self.manifest["files"])
+
+
+def nm(text):
+    """Nanometres of a decimal number of mm with exactly six decimals."""
+    demand(re.fullmatch(r"-?\d+\.\d{6}", text), f"{text!r} is not a plain decimal with six digits")
+    value = int(text.replace(".", ""))
+    demand(value != 0 or not text.startswith("-"), "a zero has a sign")
+    return value
+
+
+def single(value):
+    """The nearest number of single precision."""
+    return struct.unpack("<f", struct.pack("<f", value))[0]
+
+
+def run(check, usage, count):
+    """Runs a check on the arguments of the command line; says 'ok: ...' or fails."""
+    if len(sys.argv) != count + 1:
+        sys.exit(f"usage: {pathlib.Path(sys.argv[0]).name} {usage}")
+    try:
+        print("ok: " + check(*sys.argv[1:]))
+    except (Fault, OSError, ValueError, KeyError, IndexError, StopIteration) as fault:
+        sys.exit(f"{pathlib.Path(sys.argv[0]).name}: {type(fault).__name__}: {fault}")

@@ -1,0 +1,75 @@
+#!/bin/sh
+# Installs the foreign readers that the tests check the job folders with, below .venv in the root of the
+# repository: Python packages (requirements.txt) and the G-code interpreter of Debian's linuxcnc-uspace,
+# unpacked without root. Running it again costs nothing. Ends with an error if anything is missing.
+set -eu
+
+root=$(cd "$(dirname "$0")/../.." && pwd)
+here="$root/tests/python"
+venv="$root/.venv"
+failed=0
+
+complain() {
+    printf '\n*** NOT INSTALLED: %s\n\n' "$1" >&2
+    failed=1
+}
+
+# --- Python packages
+stamp="$venv/requirements.stamp"
+if ! cmp -s "$here/requirements.txt" "$stamp"; then
+    if python3 -m venv "$venv" && "$venv/bin/pip" install --quiet --disable-pip-version-check -r "$here/requirements.txt"; then
+        cp "$here/requirements.txt" "$stamp"
+    else
+        complain "the Python packages of tests/python/requirements.txt (needs python3-venv and PyPI)"
+    fi
+fi
+
+# --- rs274, the interpreter of LinuxCNC
+cnc="$venv/linuxcnc"
+libraries="$cnc/root/usr/lib:$cnc/root/usr/lib/x86_64-linux-gnu"
+
+missing_libraries() {
+    LD_LIBRARY_PATH="$libraries" ldd "$cnc/root/usr/bin/rs274" | awk '/not found/ { print $1 }'
+}
+
+unpack() {
+    # Each package is downloaded once; the name tells which library it brings.
+    (cd "$cnc/deb" && apt-get download "$1" >/dev/null 2>"$cnc/apt.log") || { cat "$cnc/apt.log" >&2; return 1; }
+    dpkg -x "$cnc/deb/$1"_*.deb "$cnc/root"
+}
+
+install_rs274() {
+    mkdir -p "$cnc/deb" "$cnc/root"
+    unpack linuxcnc-uspace || { apt-get update >/dev/null 2>&1 || true; unpack linuxcnc-uspace; } || return 1
+    unpack libboost-python1.74.0 || return 1
+    for library in $(missing_libraries); do
+        case "$library" in
+            libpython3.11.so*) unpack libpython3.11 && unpack libpython3.11-minimal && unpack libpython3.11-stdlib ;;
+            libedit.so*) unpack libedit2 ;;
+            libbsd.so*) unpack libbsd0 ;;
+            libmd.so*) unpack libmd0 ;;
+            libtinfo.so*) unpack libtinfo6 ;;
+            *) printf 'no package is known for %s\n' "$library" >&2; return 1 ;;
+        esac || return 1
+    done
+    [ -z "$(missing_libraries)" ] || return 1
+    # A tool table of one tool: the interpreter stops without one.
+    echo 'T1 P1 D0 Z+0' >"$cnc/tool.tbl"
+    cat >"$cnc/rs274" <<SCRIPT
+#!/bin/sh
+LD_LIBRARY_PATH="$libraries" exec "$cnc/root/usr/bin/rs274" "\$@"
+SCRIPT
+    chmod +x "$cnc/rs274"
+}
+
+if [ ! -x "$cnc/rs274" ]; then
+    if [ ! -d "$venv" ]; then
+        mkdir -p "$venv"
+    fi
+    install_rs274 || complain "rs274 of linuxcnc-uspace (needs apt-get, dpkg and the packages of Debian 12)"
+fi
+
+if [ "$failed" = 0 ]; then
+    echo "foreign readers are installed in $venv"
+fi
+exit "$failed"

@@ -1,0 +1,140 @@
+//! What the integration tests share: running the program, job files, made surfaces.
+
+#![allow(dead_code, reason = "every test binary uses a part of it")]
+
+pub mod surfaces;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A new empty folder that goes when it is dropped.
+pub fn folder() -> TempDir {
+    tempfile::tempdir().expect("a writable temporary folder")
+}
+
+/// The data that is shared beside the repository; None, said aloud, where it is absent.
+pub fn shared() -> Option<PathBuf> {
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data"));
+    if path.is_dir() {
+        return Some(path.to_owned());
+    }
+    eprintln!("skipped: ../shared/data is absent");
+    None
+}
+
+/// Runs the program.
+pub fn terrace<I: AsRef<std::ffi::OsStr>>(args: impl IntoIterator<Item = I>) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_terrace")).args(args).output().expect("the program starts")
+}
+
+/// stderr and stdout as text, for messages.
+pub fn said(out: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&out.stderr), String::from_utf8_lossy(&out.stdout))
+}
+
+/// The keys of a job file; the rest has defaults.
+pub struct JobText {
+    pub surface: String,
+    pub textures: Vec<String>,
+    pub focus: String,
+    pub method: &'static str,
+    pub machine: String,
+    pub more: String,
+}
+
+impl JobText {
+    /// A job on the surface file at `path`, in mm.
+    pub fn on(path: &Path) -> Self {
+        Self {
+            surface: format!("file = {:?}\nunit = \"mm\"", path.display().to_string()),
+            textures: Vec::new(),
+            focus: "pdof = \"0.07 mm\"".into(),
+            method: "contour",
+            machine: "profile = \"xyz-galvo-40\"".into(),
+            more: String::new(),
+        }
+    }
+
+    /// The same with one more texture; `keys` are lines of the `[[texture]]` table.
+    pub fn texture(mut self, keys: &str) -> Self {
+        self.textures.push(keys.into());
+        self
+    }
+
+    /// The same with another method.
+    pub fn method(mut self, method: &'static str) -> Self {
+        self.method = method;
+        self
+    }
+
+    /// Writes the job file into `dir`.
+    pub fn write(&self, dir: &Path, name: &str) -> PathBuf {
+        let textures: String = self.textures.iter().map(|t| format!("[[texture]]\n{t}\n\n")).collect();
+        let text = format!(
+            "[surface]\n{}\n\n{textures}[focus]\n{}\n\n[partition]\nmethod = \"{}\"\n\n[machine]\n{}\n\n\
+             [[pen]]\nname = \"fill\"\nspeed = \"1000 mm/s\"\npower = \"60 %\"\nfrequency = \"60 kHz\"\n\n{}",
+            self.surface, self.focus, self.method, self.machine, self.more
+        );
+        let path = dir.join(name);
+        std::fs::write(&path, text).expect("a writable folder");
+        path
+    }
+}
+
+/// Compiles a job and answers with the summary; panics with what the program said where it fails.
+pub fn compile(job: &Path, folder: &Path) -> Value {
+    let args = [Path::new("compile"), job, Path::new("-o"), folder, Path::new("--json")];
+    let out = terrace(args);
+    assert!(out.status.success(), "{}: {}", job.display(), said(&out));
+    serde_json::from_slice(&out.stdout).expect("compile --json prints one JSON object")
+}
+
+/// Verifies a job folder and answers with the proof; panics where anything is found.
+pub fn verify(folder: &Path) -> Value {
+    let out = terrace([Path::new("verify"), folder, Path::new("--json")]);
+    let text = String::from_utf8_lossy(&out.stdout);
+    assert!(out.status.success(), "{}: {}", folder.display(), said(&out));
+    let proof: Value = serde_json::from_str(&text).expect("verify --json prints one JSON object");
+    assert_eq!(proof["ok"], true, "{text}");
+    proof
+}
+
+/// A number of a JSON object.
+pub fn number(v: &Value, key: &str) -> f64 {
+    v[key].as_f64().unwrap_or_else(|| panic!("{key} is a number in {v}"))
+}
+
+/// The balance of lengths, mark - overlap + skipped = texture, to 1e-9, in summary and proof.
+pub fn assert_balance(summary: &Value, proof: &Value) {
+    for v in [summary, proof] {
+        let texture = number(v, "texture_mm");
+        let sum = number(v, "mark_mm") - number(v, "overlap_mm") + number(v, "skipped_mm");
+        assert!((sum - texture).abs() <= 1e-9 * texture, "{sum} {texture}");
+    }
+    for key in ["texture_mm", "mark_mm", "skipped_mm"] {
+        let (a, b) = (number(summary, key), number(proof, key));
+        assert!((a - b).abs() <= 1e-9 * number(summary, "texture_mm"), "{key}: {a} as compiled, {b} as re-read");
+    }
+}
+
+/// Every file below a folder with its bytes, by name.
+pub fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut out = Vec::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(dir) = open.pop() {
+        for entry in std::fs::read_dir(&dir).expect("a readable folder") {
+            let path = entry.expect("a readable folder").path();
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                let name = path.strip_prefix(folder).expect("below the folder").display().to_string();
+                out.push((name, std::fs::read(&path).expect("a readable file")));
+            }
+        }
+    }
+    out.sort();
+    out
+}

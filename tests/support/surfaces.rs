@@ -1,0 +1,78 @@
+//! Made surfaces: closed forms as meshes without regular order.
+
+use std::path::Path;
+
+/// The dome of the counts: z = a (1 - (u² + v²) / 2) over [0, 450]², u and v from -1 to 1.
+pub fn dome(x: f64, y: f64) -> f64 {
+    let (u, v) = ((x - 225.0) / 225.0, (y - 225.0) / 225.0);
+    10.043874448175666 * (1.0 - (u * u + v * v) / 2.0)
+}
+
+/// A small generator of numbers, for noise and shuffling alike.
+pub struct Noise(u64);
+
+impl Noise {
+    pub fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(2) | 1)
+    }
+    pub fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+    /// Uniform in [-0.5, 0.5).
+    pub fn half(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+    }
+    pub fn shuffle<T>(&mut self, list: &mut [T]) {
+        for i in (1..list.len()).rev() {
+            list.swap(i, (self.next() % (i as u64 + 1)) as usize);
+        }
+    }
+}
+
+/// A mesh of `2 n²` facets over the box [x0, y0, x1, y1], inner nodes jittered, diagonals at random,
+/// facets shuffled and their corners rotated.
+pub fn mesh(n: usize, [x0, y0, x1, y1]: [f64; 4], z: impl Fn(f64, f64) -> f64) -> Vec<[[f64; 3]; 3]> {
+    let mut noise = Noise::new(7);
+    let (hx, hy) = ((x1 - x0) / n as f64, (y1 - y0) / n as f64);
+    let mut nodes = Vec::with_capacity((n + 1) * (n + 1));
+    for j in 0..=n {
+        for i in 0..=n {
+            let inner = i > 0 && i < n && j > 0 && j < n;
+            let (dx, dy) = if inner { (noise.half() * hx * 0.6, noise.half() * hy * 0.6) } else { (0.0, 0.0) };
+            let x = if i == n { x1 } else { x0 + i as f64 * hx + dx };
+            let y = if j == n { y1 } else { y0 + j as f64 * hy + dy };
+            // Files hold f32: take the height at the place that will be read.
+            let (x, y) = (f64::from(x as f32), f64::from(y as f32));
+            nodes.push([x, y, z(x, y)]);
+        }
+    }
+    let at = |i: usize, j: usize| nodes[j * (n + 1) + i];
+    let mut facets = Vec::with_capacity(2 * n * n);
+    for j in 0..n {
+        for i in 0..n {
+            let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+            let pair = if noise.next() % 2 == 0 { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
+            for mut f in pair {
+                f.rotate_left((noise.next() % 3) as usize);
+                facets.push(f);
+            }
+        }
+    }
+    noise.shuffle(&mut facets);
+    facets
+}
+
+/// Writes facets as binary STL.
+pub fn write_stl(path: &Path, facets: &[[[f64; 3]; 3]]) {
+    let mut out = vec![b' '; 80];
+    out.extend((facets.len() as u32).to_le_bytes());
+    for f in facets {
+        out.extend([0; 12]);
+        f.iter().flatten().for_each(|&v| out.extend((v as f32).to_le_bytes()));
+        out.extend([0; 2]);
+    }
+    std::fs::write(path, out).expect("a writable folder");
+}

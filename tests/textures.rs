@@ -1,0 +1,512 @@
+//! Textures as a job sees them: patterns, drawings, tiles, real files.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::path::{Path, PathBuf};
+
+use proptest::prelude::*;
+use terrace::diag::{Diag, Error};
+use terrace::geom::{Box2, P2, length_mm};
+use terrace::texture::{Area, Kind, Request, Texture};
+
+const PLATE: [f64; 4] = [0.0, 0.0, 450.0, 450.0];
+
+fn request(kind: Kind, area: Area) -> Request {
+    Request { kind, area, tolerance_mm: 1e-3, pen: 3 }
+}
+
+fn load(request: Request, part_box: [f64; 4], turn_rad: f64) -> Result<(Texture, Vec<Diag>), Error> {
+    let mut notes = Vec::new();
+    Texture::load(&[request], part_box, turn_rad, &mut notes).map(|t| (t, notes))
+}
+
+fn made(kind: Kind, area: [f64; 4]) -> Texture {
+    load(request(kind, Area::Rectangle(area)), PLATE, 0.0).expect("a texture").0
+}
+
+fn code(result: Result<(Texture, Vec<Diag>), Error>) -> &'static str {
+    result.expect_err("refused").diags()[0].code
+}
+
+/// All strokes, with the promises of the stream checked.
+fn strokes(t: &Texture) -> Vec<Vec<P2>> {
+    let (mut out, mut bounds) = (Vec::new(), Box2::EMPTY);
+    let all: Vec<_> = (0..t.len())
+        .map(|i| {
+            assert_eq!(t.stroke(i, &mut out), 3);
+            assert!(out.len() > 1 && out.windows(2).all(|w| w[0] != w[1]), "stroke {i}: {out:?}");
+            out.iter().for_each(|&p| bounds.add(p));
+            assert!(t.element(i).starts_with("texture 1, "));
+            out.clone()
+        })
+        .collect();
+    assert_eq!(t.bounds(), bounds);
+    all
+}
+
+fn total_mm(t: &Texture) -> f64 {
+    strokes(t).iter().map(|s| length_mm(s)).sum()
+}
+
+fn nm(mm: f64) -> i64 {
+    (mm * 1e6).round() as i64
+}
+
+#[test]
+fn hatch_holds_both_borders() {
+    let t = made(Kind::Hatch { pitch_mm: 0.1, direction_rad: 0.0 }, PLATE);
+    assert_eq!(t.len(), 4501);
+    for (k, s) in strokes(&t).iter().enumerate() {
+        let y = 100_000 * k as i64;
+        assert_eq!(s, &[P2::new(0, y), P2::new(450_000_000, y)]);
+    }
+    let t = made(Kind::Hatch { pitch_mm: 0.1, direction_rad: 90f64.to_radians() }, [-225.0, -225.0, 225.0, 225.0]);
+    assert_eq!(t.len(), 4501);
+    assert!(strokes(&t).iter().all(|s| s[0].x == s[1].x && s[0].y == -225_000_000 && s[1].y == 225_000_000));
+    let t = made(Kind::Hatch { pitch_mm: 0.7, direction_rad: 0.0 }, [0.0, 0.0, 1.0, 1.0]);
+    assert_eq!(strokes(&t).iter().map(|s| s[0].y).collect::<Vec<_>>(), [0, 700_000], "the upper border is not hit");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..<_>::default() })]
+
+    #[test]
+    fn hatch_covers_its_area_at_any_angle(
+        degrees in -360.0..360.0_f64, pitch in 0.05..5.0_f64, w in 1.0..60.0_f64, h in 1.0..60.0_f64,
+        turn in -PI..PI,
+    ) {
+        let area = [-7.3, 2.9, -7.3 + w, 2.9 + h];
+        let hatch = Kind::Hatch { pitch_mm: pitch, direction_rad: degrees.to_radians() };
+        let Ok((t, _)) = load(request(hatch, Area::Rectangle(area)), PLATE, turn) else {
+            // The line through the corner only touches it, and the next lies beyond the area.
+            prop_assert!(w.min(h) < 2.0 * pitch);
+            return Ok(());
+        };
+        // Lines of distance p have the area w h / p, but for half a line at each side.
+        let diagonal = w.hypot(h);
+        prop_assert!((total_mm(&t) - w * h / pitch).abs() <= 1.5 * diagonal, "{} of {}", total_mm(&t), w * h / pitch);
+        // Neighbours have the distance p (measured along the normal, in the turned frame).
+        let normal = [-(degrees.to_radians() + turn).sin(), (degrees.to_radians() + turn).cos()];
+        let away = |p: P2| normal[0] * p.mm()[0] + normal[1] * p.mm()[1];
+        for pair in strokes(&t).windows(2) {
+            prop_assert!((away(pair[1][0]) - away(pair[0][0]) - pitch).abs() < 5e-6);
+            prop_assert!((away(pair[0][1]) - away(pair[0][0])).abs() < 5e-6);
+        }
+    }
+
+    #[test]
+    fn four_quarter_turns_give_the_original(
+        kind in prop_oneof![
+            (0.3..2.0_f64, 0.0..PI).prop_map(|(p, d)| Kind::Hatch { pitch_mm: p, direction_rad: d }),
+            (1..6u32).prop_map(|order| Kind::Hilbert { order }),
+            (0.1..0.5_f64).prop_map(|c| Kind::Circles { cell_mm: c, pitch_mm: 0.7 }),
+            (0.1..0.5_f64).prop_map(|c| Kind::Squares { cell_mm: c, pitch_mm: 0.7 }),
+        ],
+        x in -50.0..50.0_f64,
+    ) {
+        let turned = |quarters: i32| {
+            let r = request(kind.clone(), Area::Rectangle([x, -3.1, x + 11.3, 8.3]));
+            strokes(&load(r, PLATE, f64::from(quarters) * FRAC_PI_2).expect("a texture").0)
+        };
+        let original = turned(0);
+        prop_assert_eq!(&turned(4), &original);
+        prop_assert_eq!(&turned(-4), &original);
+        let quarter = |p: &P2| P2::new(-p.y, p.x);
+        let by_hand: Vec<Vec<P2>> = original.iter().map(|s| s.iter().map(quarter).collect()).collect();
+        prop_assert_eq!(&turned(1), &by_hand);
+    }
+}
+
+#[test]
+fn hilbert_visits_every_point_once_by_unit_steps() {
+    for order in 1..=7 {
+        let n = 1i64 << order;
+        let area = [10.0, -5.0, 10.0 + 0.003 * (n - 1) as f64, -5.0 + 0.002 * (n - 1) as f64];
+        let t = made(Kind::Hilbert { order }, area);
+        assert_eq!((t.len(), t.points_estimate()), (1, 1 << (2 * order)));
+        let points = strokes(&t).remove(0);
+        let cells: Vec<_> = points
+            .iter()
+            .map(|p| ((p.x - 10_000_000) / 3000, (p.y + 5_000_000) / 2000, p.x % 1000, p.y % 1000))
+            .collect();
+        assert!(cells.windows(2).all(|w| (w[1].0 - w[0].0).abs() + (w[1].1 - w[0].1).abs() == 1));
+        assert!(cells.iter().all(|c| (0..n).contains(&c.0) && (0..n).contains(&c.1) && c.2 == 0 && c.3 == 0));
+        let distinct: std::collections::BTreeSet<_> = cells.iter().collect();
+        assert_eq!(distinct.len() as i64, n * n);
+        assert_eq!(t.bounds().hi, P2::new(nm(area[2]), nm(area[3])));
+    }
+    // The figure of physics.md: 40 / 255 mm.
+    let t = made(Kind::Hilbert { order: 8 }, [0.0, 0.0, 40.0, 40.0]);
+    assert!((total_mm(&t) - 65_535.0 * 40.0 / 255.0).abs() < 65_535.0 * 1e-6);
+    let small = request(Kind::Hilbert { order: 13 }, Area::Rectangle([0.0, 0.0, 0.01, 0.01]));
+    assert_eq!(code(load(small, PLATE, 0.0)), "texture-area");
+}
+
+#[test]
+fn loops_are_whole_closed_and_in_their_place() {
+    let t = made(Kind::Squares { cell_mm: 0.6, pitch_mm: 1.0 }, PLATE);
+    assert_eq!((t.len(), t.points_estimate()), (202_500, 5 * 202_500));
+    let all = strokes(&t);
+    assert_eq!(
+        all[0],
+        [[0.2, 0.2], [0.8, 0.2], [0.8, 0.8], [0.2, 0.8], [0.2, 0.2]].map(|[x, y]| P2::new(nm(x), nm(y)))
+    );
+    assert_eq!(all[450][0], P2::new(nm(449.2), nm(1.2)), "the second row runs back");
+    assert!(all.iter().all(|s| (length_mm(s) - 2.4).abs() < 1e-5));
+    assert_eq!(made(Kind::Squares { cell_mm: 1.0, pitch_mm: 1.0 }, [0.0, 0.0, 2.99, 1.5]).len(), 2, "whole cells only");
+
+    let t = made(Kind::Circles { cell_mm: 8.0, pitch_mm: 10.0 }, [0.0, 0.0, 20.0, 10.0]);
+    for (s, x) in strokes(&t).iter().zip([5.0, 15.0]) {
+        assert_eq!(s.first(), s.last());
+        let away = |[a, b]: [f64; 2]| (a - x).hypot(b - 5.0);
+        for w in s.windows(2) {
+            let middle = [0, 1].map(|k| (w[0].mm()[k] + w[1].mm()[k]) / 2.0);
+            assert!((away(w[0].mm()) - 4.0).abs() < 1e-6 && 4.0 - away(middle) <= 1e-3 + 1e-6);
+        }
+    }
+    let one = |kind| load(request(kind, Area::Rectangle([0.0, 0.0, 5.0, 5.0])), PLATE, 0.0);
+    assert_eq!(code(one(Kind::Squares { cell_mm: 6.0, pitch_mm: 6.0 })), "texture-empty");
+    assert_eq!(code(one(Kind::Squares { cell_mm: 2.0, pitch_mm: 1.0 })), "texture-cell");
+    assert_eq!(code(one(Kind::Circles { cell_mm: 1e-9, pitch_mm: 1.0 })), "texture-cell");
+    assert_eq!(code(one(Kind::Hatch { pitch_mm: 0.0, direction_rad: 0.0 })), "texture-pitch");
+    assert_eq!(code(one(Kind::Squares { cell_mm: 1e-5, pitch_mm: 1e-5 })), "texture-large");
+    let far = request(Kind::Hilbert { order: 3 }, Area::Rectangle([0.0, 0.0, 5000.0, 5.0]));
+    assert_eq!(code(load(far, PLATE, 0.0)), "texture-far");
+}
+
+/// A drawing of 30 mm x 20 mm in a temporary file.
+struct Sheet(tempfile::NamedTempFile);
+
+impl Sheet {
+    fn new(body: &str) -> Self {
+        let text = format!(
+            r#"<svg xmlns="http://www.w3.org/2000/svg" width="30mm" height="2cm" viewBox="0 0 60 40">{body}</svg>"#
+        );
+        let file = tempfile::Builder::new().suffix(".svg").tempfile().expect("a file");
+        std::fs::write(file.path(), text).expect("written");
+        Self(file)
+    }
+    fn kind(&self, origin_mm: Option<[f64; 2]>, turn_rad: f64, tile: bool) -> Kind {
+        Kind::Drawing { path: self.0.path().to_owned(), size_mm: None, origin_mm, turn_rad, tile }
+    }
+}
+
+fn mm(points: &[P2]) -> Vec<[f64; 2]> {
+    points.iter().map(|p| p.mm()).collect()
+}
+
+#[test]
+fn drawings_lie_where_they_are_placed() {
+    let sheet = Sheet::new(r#"<path d="M0 40L20 40L20 30Z"/><circle id="hole" cx="40" cy="20" r="8"/>"#);
+    let (t, notes) =
+        load(request(sheet.kind(Some([100.0, 7.0]), 0.0, false), Area::Unlimited), PLATE, 0.0).expect("drawn");
+    let all = strokes(&t);
+    assert!(notes.is_empty(), "{notes:?}");
+    assert_eq!(
+        mm(&all[0]),
+        [[100.0, 7.0], [110.0, 7.0], [110.0, 12.0], [100.0, 7.0]],
+        "y is flipped, 60 units are 30 mm"
+    );
+    assert_eq!((t.element(0), t.element(1)), ("texture 1, path 1".into(), "texture 1, hole".into()));
+    for p in mm(&all[1]) {
+        assert!(((p[0] - 120.0).hypot(p[1] - 17.0) - 4.0).abs() < 1e-6, "every vertex lies on the circle");
+    }
+    // Turned about the page's corner, then with the part about its origin.
+    let quarter = request(sheet.kind(Some([100.0, 7.0]), FRAC_PI_2, false), Area::Unlimited);
+    let (t, _) = load(quarter, PLATE, FRAC_PI_2).expect("drawn");
+    assert_eq!(mm(&strokes(&t)[0]), [[-7.0, 100.0], [-17.0, 100.0], [-17.0, 95.0], [-7.0, 100.0]]);
+    // Without an origin: in the corner of the area, or centred on the part.
+    let (t, _) = load(request(sheet.kind(None, 0.0, false), Area::Part), [5.0, 6.0, 450.0, 450.0], 0.0).expect("drawn");
+    assert_eq!(t.bounds().lo.mm(), [5.0, 6.0]);
+    let (t, _) = load(request(sheet.kind(None, PI, false), Area::Unlimited), PLATE, 0.0).expect("drawn");
+    assert_eq!(mm(&strokes(&t)[0])[0], [240.0, 235.0]);
+    // Cut at the area; out of it there is nothing.
+    let cut = request(sheet.kind(Some([0.0, 0.0]), 0.0, false), Area::Rectangle([0.0, 0.0, 20.0, 4.0]));
+    let (t, _) = load(cut, PLATE, 0.0).expect("drawn");
+    assert_eq!(mm(&strokes(&t)[0]), [[8.0, 4.0], [0.0, 0.0], [10.0, 0.0], [10.0, 4.0]], "one piece over the start");
+    let gone = request(sheet.kind(Some([500.0, 0.0]), 0.0, false), Area::Rectangle([0.0, 0.0, 20.0, 4.0]));
+    assert_eq!(code(load(gone, PLATE, 0.0)), "texture-empty");
+    let far = request(sheet.kind(Some([3990.0, 0.0]), 0.0, false), Area::Unlimited);
+    assert_eq!(code(load(far, PLATE, 0.0)), "texture-far");
+}
+
+#[test]
+fn what_is_not_marked_is_counted() {
+    let sheet = Sheet::new(
+        r##"<style>.no{display:none} @import url(x.css);</style><defs><path id="d" d="M1 1h5"/><linearGradient id="l"/></defs>
+        <g class="no"><path d="M1 1h9"/></g><path d="M1 1h9" visibility="hidden"/><path d="M1 1h9" fill="none"/>
+        <text>a</text><image href="data:,"/><use href="#d" x="3"/><use href="o.svg#a"/><use href="#gone"/>
+        <rect width="4" height="4" fill="url(#l)"/><path d="M1 1h9v1m3 3h0" clip-path="url(#c)" marker-end="url(#m)"/>
+        <path d="M1 1h9" stroke="red" fill="none" stroke-dasharray="1 2"/><path d="M50 20h20"/><path d="M1 1h9x"/>
+        <path d="M2 2h9" transform="turn(3)"/><rect width="9" height="0.0001"/><line x2="1em" y2="3"/>"##,
+    );
+    let (t, notes) = load(request(sheet.kind(None, 0.0, false), Area::Unlimited), PLATE, 0.0).expect("drawn");
+    let said: Vec<_> = notes.iter().map(|n| (n.code, n.message.split(' ').next().unwrap_or_default())).collect();
+    assert_eq!(
+        said,
+        [
+            ("svg-hidden", "3"),
+            ("svg-text", "1"),
+            ("svg-image", "1"),
+            ("svg-external", "2"),
+            ("svg-use", "1"),
+            ("svg-pattern", "1"),
+            ("svg-clip", "1"),
+            ("svg-marker", "1"),
+            ("svg-dash", "1"),
+            ("svg-path", "1"),
+            ("svg-transform", "1"),
+            ("svg-unit", "1"),
+            ("svg-dot", "1"),
+            ("svg-hairline", "1"),
+            ("svg-overhang", "1"),
+        ]
+    );
+    assert!(notes.iter().all(|n| !n.hint.is_empty() && n.place.to_string().contains("element")));
+    assert_eq!(t.len(), 8, "use, rect, path, dashed, overhanging, faulty, turned, line");
+}
+
+#[test]
+fn tiles_repeat_the_page_and_are_cut_at_the_area() {
+    // A cross and a closed square, so that whole tiles and cut ones can be told apart.
+    let sheet = Sheet::new(r#"<path d="M0 20H60M30 0V40"/><rect x="10" y="10" width="10" height="10"/>"#);
+    let tiled = |area, origin, turn| {
+        load(request(sheet.kind(origin, turn, true), Area::Rectangle(area)), PLATE, 0.0).expect("tiled").0
+    };
+    let t = tiled([10.0, 10.0, 100.0, 70.0], None, 0.0);
+    assert_eq!((t.len(), t.points_estimate()), (9 * 3, 9 * 9), "three by three whole tiles");
+    assert_eq!(mm(&strokes(&t)[3 * 4]), [[40.0, 40.0], [70.0, 40.0]], "row by row");
+    assert_eq!(t.element(13), "texture 1, path 1, tile (1, 1)");
+    // The lattice is anchored at the origin, also far away.
+    let shifted = tiled([10.0, 10.0, 100.0, 70.0], Some([10.0 - 300.0, 10.0 + 2000.0]), 0.0);
+    assert_eq!(strokes(&shifted), strokes(&t));
+    // Lines of the cross: one over the whole width every 20 mm, one over the whole height every 30 mm.
+    let (w, h) = (95.0, 47.0);
+    let t = tiled([0.0, 0.0, w, h], None, 0.0);
+    let (mut cross, mut squares) = (0.0, 0.0);
+    for (i, s) in strokes(&t).iter().enumerate() {
+        *(if t.element(i).contains("rect") { &mut squares } else { &mut cross }) += length_mm(s);
+    }
+    assert!((cross - (2.0 * w + 3.0 * h)).abs() < 1e-5, "{cross}: lines at y 10, 30 and x 15, 45, 75");
+    // Squares at x 5..10 + 30 i, y 10..15 + 20 j: columns 0, 1, 2 whole, the fourth cut at 95 = its left side.
+    assert!((squares - (2.0 * (3.0 * 20.0 + 5.0))).abs() < 1e-5, "{squares}");
+    assert_eq!(code(load(request(sheet.kind(None, 0.0, true), Area::Unlimited), PLATE, 0.0)), "texture-tile");
+    let tiny = Sheet::new(r#"<path d="M0 0L60 40"/>"#);
+    let Kind::Drawing { path, .. } = tiny.kind(None, 0.0, true) else { unreachable!() };
+    let kind = Kind::Drawing { path, size_mm: Some([3e-5, 2e-5]), origin_mm: None, turn_rad: 0.0, tile: true };
+    assert_eq!(code(load(request(kind, Area::Part), PLATE, 0.0)), "texture-large");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..<_>::default() })]
+
+    #[test]
+    fn turned_tiles_fill_the_area(degrees in 0.0..360.0_f64, turn in -PI..PI, w in 5.0..120.0_f64, h in 5.0..120.0_f64) {
+        let sheet = Sheet::new(r#"<path d="M0 20H60"/>"#);
+        let area = [-20.0, 33.0, -20.0 + w, 33.0 + h];
+        let kind = sheet.kind(Some([1.7, -4.1]), degrees.to_radians(), true);
+        let Ok((t, _)) = load(request(kind, Area::Rectangle(area)), PLATE, turn) else {
+            // No line meets the area: then it is narrower than their distance.
+            prop_assert!(w.min(h) < 20.0);
+            return Ok(());
+        };
+        // The tiles together are one hatch of 20 mm pitch.
+        let total = total_mm(&t);
+        let hatch: f64 = {
+            let (s, c) = degrees.to_radians().sin_cos();
+            let chord = |k: f64| {
+                let p = [1.7 - s * (10.0 + 20.0 * k), -4.1 + c * (10.0 + 20.0 * k)];
+                let span = |d: f64, p: f64, lo: f64, hi: f64| {
+                    let (a, b) = ((lo - p) / d, (hi - p) / d);
+                    [a.min(b), a.max(b)]
+                };
+                let (x, y) = (span(c, p[0], area[0], area[2]), span(s, p[1], area[1], area[3]));
+                (x[1].min(y[1]) - x[0].max(y[0])).max(0.0)
+            };
+            (-40..40).map(|k| chord(f64::from(k))).sum()
+        };
+        prop_assert!((total - hatch).abs() < 1e-4, "{total} of {hatch}");
+    }
+}
+
+#[test]
+fn text_of_a_job_with_several_textures_keeps_order_and_pens() {
+    let hatch = Request {
+        kind: Kind::Hatch { pitch_mm: 1.0, direction_rad: 0.0 },
+        area: Area::Part,
+        tolerance_mm: 1e-3,
+        pen: 1,
+    };
+    let curve = Request {
+        kind: Kind::Hilbert { order: 2 },
+        area: Area::Rectangle([20.0, 0.0, 30.0, 10.0]),
+        tolerance_mm: 1e-3,
+        pen: 0,
+    };
+    let t = Texture::load(&[hatch, curve], [0.0, 0.0, 10.0, 10.0], 0.0, &mut Vec::new()).expect("textures");
+    let mut out = Vec::new();
+    assert_eq!((t.len(), t.stroke(10, &mut out), t.stroke(11, &mut out)), (12, 1, 0));
+    assert_eq!(
+        (t.element(10).as_str(), t.element(11).as_str()),
+        ("texture 1, hatch line 11", "texture 2, hilbert curve")
+    );
+    assert_eq!((t.bounds().lo.mm(), t.bounds().hi.mm()), ([0.0, 0.0], [30.0, 10.0]));
+}
+
+fn real() -> Vec<PathBuf> {
+    let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/textures");
+    let Ok(entries) = std::fs::read_dir(&dir) else {
+        eprintln!("skipped: {} is absent", dir.display());
+        return Vec::new();
+    };
+    let mut files: Vec<_> =
+        entries.flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "svg")).collect();
+    files.sort();
+    files
+}
+
+fn real_request(path: &Path, size_mm: Option<[f64; 2]>) -> Request {
+    request(
+        Kind::Drawing { path: path.to_owned(), size_mm, origin_mm: None, turn_rad: 0.0, tile: false },
+        Area::Unlimited,
+    )
+}
+
+/// Length of what usvg, an independent reader, draws: f32, curves sampled finely, scaled to the page.
+fn length_by_usvg(path: &Path, size: [f64; 2]) -> Option<f64> {
+    let tree = usvg::Tree::from_data(&std::fs::read(path).ok()?, &usvg::Options::default()).ok()?;
+    let scale = [size[0] / f64::from(tree.size().width()), size[1] / f64::from(tree.size().height())];
+    let mut total = 0.0;
+    walk(tree.root(), &mut |p: &usvg::Path| {
+        let Some(data) = p.data().clone().transform(p.abs_transform()) else { return };
+        let at = |p: usvg::tiny_skia_path::Point| [f64::from(p.x) * scale[0], f64::from(p.y) * scale[1]];
+        let (mut last, mut start) = ([0.0; 2], [0.0; 2]);
+        let mut to = |last: &mut [f64; 2], p: [f64; 2]| {
+            total += (p[0] - last[0]).hypot(p[1] - last[1]);
+            *last = p;
+        };
+        use usvg::tiny_skia_path::PathSegment as S;
+        for s in data.segments() {
+            match s {
+                S::MoveTo(p) => (last, start) = (at(p), at(p)),
+                S::LineTo(p) => to(&mut last, at(p)),
+                S::Close => to(&mut last, start),
+                S::QuadTo(c, p) => {
+                    let (a, c, p) = (last, at(c), at(p));
+                    for i in 1..=64 {
+                        let (t, s) = (f64::from(i) / 64.0, 1.0 - f64::from(i) / 64.0);
+                        to(&mut last, [0, 1].map(|k| s * s * a[k] + 2.0 * s * t * c[k] + t * t * p[k]));
+                    }
+                }
+                S::CubicTo(c, d, p) => {
+                    let (a, c, d, p) = (last, at(c), at(d), at(p));
+                    for i in 1..=64 {
+                        let (t, s) = (f64::from(i) / 64.0, 1.0 - f64::from(i) / 64.0);
+                        let on = |k: usize| {
+                            s * s * s * a[k] + 3.0 * s * s * t * c[k] + 3.0 * s * t * t * d[k] + t * t * t * p[k]
+                        };
+                        to(&mut last, [0, 1].map(on));
+                    }
+                }
+            }
+        }
+    });
+    Some(total)
+}
+
+fn walk(group: &usvg::Group, visit: &mut dyn FnMut(&usvg::Path)) {
+    for node in group.children() {
+        match node {
+            usvg::Node::Group(g) => walk(g, visit),
+            usvg::Node::Path(p) if p.is_visible() => visit(p),
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn real_drawings_load_and_agree_with_another_reader() {
+    const SIZE: [f64; 2] = [100.0, 100.0];
+    // One stroke per line element; the map's countries have islands; 39 of the 990 contours are points.
+    const COUNTS: [(&str, usize); 4] = [
+        ("vpype_7k_lines.svg", 7000),
+        ("svgmaps_world.svg", 1533),
+        ("contours_jacksboro_40m.svg", 951),
+        ("vpype_bar_nodef_path_polylines.svg", 175),
+    ];
+    let mut compared = 0;
+    for path in real() {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let loaded = load(real_request(&path, Some(SIZE)), PLATE, 0.0);
+        let (t, notes) = loaded.unwrap_or_else(|e| panic!("{name}: {e}"));
+        let length = total_mm(&t);
+        assert!(length > 1.0 && length.is_finite(), "{name}: {length}");
+        let codes: Vec<_> = notes.iter().map(|n| n.code).filter(|&c| c != "svg-stretched").collect();
+        let by_usvg = length_by_usvg(&path, SIZE).unwrap_or_else(|| panic!("{name}: usvg"));
+        eprintln!(
+            "{name}: {} strokes, {} points, {length:.3} mm (usvg {by_usvg:.3}) {codes:?}",
+            t.len(),
+            t.points_estimate()
+        );
+        if let Some((_, n)) = COUNTS.iter().find(|(n, _)| *n == name) {
+            assert_eq!(t.len(), *n, "{name}: strokes");
+        }
+        if codes.iter().all(|c| !matches!(*c, "svg-overhang" | "svg-hairline")) {
+            assert!((length / by_usvg - 1.0).abs() < 1e-3, "{name}: {length} mm, by usvg {by_usvg} mm");
+            compared += 1;
+        }
+    }
+    assert!(compared == 0 || compared > 30, "{compared}");
+}
+
+#[test]
+fn real_drawings_keep_their_own_size_or_ask_for_one() {
+    for path in real() {
+        let text = std::fs::read_to_string(&path).expect("text");
+        let head = text.split_once("<svg").and_then(|(_, t)| t.split_once('>')).expect("a root").0;
+        let physical = ["mm\"", "cm\"", "in\""].iter().any(|unit| head.contains(unit));
+        match load(real_request(&path, None), PLATE, 0.0) {
+            Ok((t, _)) => assert!(physical && !t.is_empty(), "{}", path.display()),
+            Err(e) => {
+                assert!(!physical, "{e}");
+                assert_eq!((e.diags().len(), e.diags()[0].code), (1, "svg-size"));
+                assert!(e.diags()[0].hint.contains("size = ["));
+            }
+        }
+    }
+}
+
+#[test]
+fn real_tiles_cover_an_area_with_the_density_of_their_page() {
+    for path in real().into_iter().filter(|p| p.to_string_lossy().contains("made_")) {
+        let kind = |tile| Kind::Drawing {
+            path: path.clone(),
+            size_mm: Some([50.0, 50.0]),
+            origin_mm: None,
+            turn_rad: 0.0,
+            tile,
+        };
+        let one = total_mm(&load(request(kind(false), Area::Unlimited), PLATE, 0.0).expect("a page").0);
+        let nine = total_mm(
+            &load(request(kind(true), Area::Rectangle([0.0, 0.0, 150.0, 150.0])), PLATE, 0.0).expect("tiles").0,
+        );
+        assert!((nine / (9.0 * one) - 1.0).abs() < 1e-6, "{}: {nine} of 9 x {one}", path.display());
+        // Cut a quarter into the tiles on two sides and three quarters on the others: the same in sum.
+        let cut = request(
+            Kind::Drawing {
+                path: path.clone(),
+                size_mm: Some([50.0, 50.0]),
+                origin_mm: Some([-12.5, -12.5]),
+                turn_rad: 0.0,
+                tile: true,
+            },
+            Area::Rectangle([0.0, 0.0, 100.0, 100.0]),
+        );
+        let four = total_mm(&load(cut, PLATE, 0.0).expect("tiles").0);
+        // Lines on the cut are marked at both ends of it, so there may be a little more.
+        assert!(
+            four >= 4.0 * one * (1.0 - 1e-6) && four < 4.0 * one + 2.0 * 200.0,
+            "{}: {four} of 4 x {one}",
+            path.display()
+        );
+    }
+}
