@@ -9,9 +9,9 @@ use crate::diag::Error;
 use crate::geom::NM_PER_MM;
 use crate::machine::Machine;
 use crate::program::Pen;
-use crate::spec::{AreaSpec, DepthRule, Format, Job, Level, Pattern, TextureSpec};
+use crate::spec::{DepthRule, Format, Job, Level};
 use crate::surface::{self, Content};
-use crate::texture::{self, Texture};
+use crate::texture::Texture;
 use crate::units::Length;
 
 /// Facets up to this width in plan view, nm, have no height of their own: rounding to the nanometre
@@ -138,7 +138,7 @@ pub(super) fn shape(job: &Job) -> Result<(Shape, [f64; 4]), Error> {
     let path = job.resolve(job.file.surface.file.get_ref());
     let turn = job.file.placement.turn.as_rad();
     let mut builder = MeshBuilder::new(turn, THINNEST);
-    let content = surface::read(&path, &surface_options(job), &mut Vec::new(), &mut |f| builder.push(f))?;
+    let content = surface::read(&path, &job.surface_options(), &mut Vec::new(), &mut |f| builder.push(f))?;
     let empty = || unusable("surface-empty", "the surface file holds no surface", &path);
     match content {
         Content::Facets(0) => Err(empty()),
@@ -155,52 +155,5 @@ pub(super) fn shape(job: &Job) -> Result<(Shape, [f64; 4]), Error> {
 
 /// Places the textures of the job.
 pub(super) fn texture(job: &Job, part_box_mm: [f64; 4]) -> Result<Texture, Error> {
-    let requests: Vec<_> =
-        job.file.texture.iter().enumerate().map(|(i, t)| texture_request(job, t, job.pen_of(i))).collect();
-    Texture::load(&requests, part_box_mm, job.file.placement.turn.as_rad(), &mut Vec::new())
-}
-
-// To be replaced by Job::surface_options and Job::texture_requests once they are in `spec`.
-
-fn surface_options(job: &Job) -> surface::Options {
-    let s = &job.file.surface;
-    surface::Options {
-        unit_mm: s.unit.map(|u| u.in_mm()),
-        heightmap: s.heightmap.as_ref().map(|h| surface::Scale {
-            pixel_mm: h.pixel.as_mm(),
-            z_mm: h.z.map(Length::as_mm),
-            values: h.values.as_ref().map(|v| *v.get_ref()),
-            nodata: h.nodata,
-            origin_mm: h.origin.map(Length::as_mm),
-        }),
-        max_edge_mm: s.max_edge.map(Length::as_mm),
-    }
-}
-
-fn texture_request(job: &Job, t: &TextureSpec, pen: usize) -> texture::Request {
-    let mm = |l: Option<Length>| l.map_or(0.0, Length::as_mm);
-    let kind = match (&t.pattern, &t.file) {
-        (Some(p), _) => match p.get_ref() {
-            Pattern::Hatch => {
-                texture::Kind::Hatch { pitch_mm: mm(t.pitch), direction_rad: t.direction.map_or(0.0, |d| d.as_rad()) }
-            }
-            Pattern::Hilbert => texture::Kind::Hilbert { order: t.order.as_ref().map_or(1, |o| *o.get_ref()) },
-            Pattern::Squares => texture::Kind::Squares { cell_mm: mm(t.cell), pitch_mm: mm(t.pitch) },
-            Pattern::Circles => texture::Kind::Circles { cell_mm: mm(t.cell), pitch_mm: mm(t.pitch) },
-        },
-        (None, file) => texture::Kind::Drawing {
-            path: job.resolve(file.as_ref().map_or(Path::new(""), |f| f.get_ref())),
-            size_mm: t.size.map(|s| s.map(Length::as_mm)),
-            origin_mm: t.origin.map(|o| o.map(Length::as_mm)),
-            turn_rad: t.turn.as_rad(),
-            tile: t.tile,
-        },
-    };
-    let area = match t.area.as_ref().map(|a| a.get_ref()) {
-        Some(AreaSpec::Named(_)) => texture::Area::Part,
-        Some(AreaSpec::Rectangle(r)) => texture::Area::Rectangle(r.map(Length::as_mm)),
-        None if t.pattern.is_some() => texture::Area::Part,
-        None => texture::Area::Unlimited,
-    };
-    texture::Request { kind, area, tolerance_mm: t.tolerance.as_mm(), pen: u16::try_from(pen).unwrap_or(u16::MAX) }
+    Texture::load(&job.texture_requests(), part_box_mm, job.file.placement.turn.as_rad(), &mut Vec::new())
 }

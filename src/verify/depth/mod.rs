@@ -157,6 +157,11 @@ impl Ground {
         1.0 + self.weld + (ROUNDING + self.weld) * slope2.sqrt()
     }
 
+    /// [`Ground::z_tolerance`] on the steepest slope that is marked.
+    pub(super) fn z_tolerance_at_limit(&self) -> f64 {
+        self.z_tolerance(self.limit2)
+    }
+
     /// The pieces of `line` in order; returns how many crossings of facets were cut.
     pub(super) fn along(&self, line: &Line, scratch: &mut Scratch, mut visit: impl FnMut(Piece)) -> u64 {
         scratch.crossings.clear();

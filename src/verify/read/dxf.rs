@@ -173,7 +173,9 @@ mod tests {
         0\nVERTEX\n8\nB0001_P2\n10\n1.0\n20\n1.0\n0\nSEQEND\n8\nB0001_P2\n";
     const TAIL: &str = "0\nENDSEC\n0\nEOF\n";
 
-    fn strokes(text: &str) -> Result<Vec<(String, Vec<[i64; 2]>)>, Fault> {
+    type Drawn = (String, Vec<[i64; 2]>);
+
+    fn strokes(text: &str) -> Result<Vec<Drawn>, Fault> {
         let mut out = Vec::new();
         read(text.as_bytes(), &mut |layer, points| {
             out.push((String::from_utf8_lossy(layer).into_owned(), points.to_vec()));

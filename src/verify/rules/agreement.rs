@@ -4,6 +4,7 @@
 
 use std::path::Path;
 
+use super::hash::is_inside;
 use super::planes;
 use crate::diag;
 use crate::geom::{P2, nm_from_mm};
@@ -100,6 +101,9 @@ fn differs(e: &BlockEntry, id: &str, b: &Block) -> Option<&'static str> {
 
 /// Compares a drawing with its block.
 fn drawing(folder: &Path, name: &str, id: &str, program: &Program, block: &Block, machine: &Machine, rule: &mut Rule) {
+    if !is_inside(name) {
+        return rule.broken(id, "manifest.json", format!("{name:?} is no path inside the job folder"));
+    }
     let bytes = match diag::read_file(&folder.join(name), MAX_FILE) {
         Ok(bytes) => bytes,
         Err(e) => return rule.broken(id, name, e.diags().first().map_or("cannot be read", |d| &d.message)),

@@ -19,7 +19,7 @@ pub(in crate::verify) fn check(folder: &Path, manifest: &Manifest, inputs: &Inpu
     let mut listed = BTreeSet::new();
     for entry in &manifest.files {
         let path = Path::new(&entry.file);
-        if !path.components().all(|c| matches!(c, Component::Normal(_))) || entry.file.is_empty() {
+        if !is_inside(&entry.file) {
             rule.broken("", &entry.file, "is listed, but is no path inside the job folder");
             continue;
         }
@@ -46,6 +46,11 @@ pub(in crate::verify) fn check(folder: &Path, manifest: &Manifest, inputs: &Inpu
         rule.checked += 1;
     }
     rule.violated == before
+}
+
+/// Whether a path of the manifest stays inside the job folder.
+pub(super) fn is_inside(file: &str) -> bool {
+    !file.is_empty() && Path::new(file).components().all(|c| matches!(c, Component::Normal(_)))
 }
 
 fn missing_input(e: &io::Error) -> String {

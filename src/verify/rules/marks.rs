@@ -127,7 +127,8 @@ impl Search<'_> {
             slope2: 0.0,
             mark_mm: 0.0,
         };
-        if block.z_lo < block.stop.z_lo || block.z_hi > block.stop.z_hi {
+        let slack = self.ground.z_tolerance_at_limit();
+        if ((block.stop.z_lo - block.z_lo) as f64) > slack || ((block.z_hi - block.stop.z_hi) as f64) > slack {
             let text = "the stated interval of its marks is not inside the one that the stop accepts";
             self.depth.broken(id, part_place(block.stop.centre), text);
         }

@@ -111,7 +111,7 @@ struct Cover<'a> {
     out: Pieces,
 }
 
-/// An unmarked stretch: the ends of its gap, and what to say of it.
+/// An unmarked stretch: its ends, and what to say of it.
 struct Missing {
     ends: [[f64; 2]; 2],
     block: Option<usize>,
@@ -267,20 +267,21 @@ impl Cover<'_> {
         if self.astray.len() >= ASTRAY || self.source.violated >= ASTRAY as u64 {
             return None;
         }
-        let nearest = |p: P2| {
+        // Of equally near places the first for the beginning, the last for the end: closed figures.
+        let nearest = |p: P2, last: bool| {
             let mut best = (NEAR, None);
             for k in 0..self.points.len() - 1 {
                 let (d, aside) = self.project(k, p);
                 let len = self.along[k + 1] - self.along[k];
-                let beyond = (-d).max(d - len).max(0.0);
-                if aside.hypot(beyond) < best.0 {
-                    best = (aside.hypot(beyond), Some(self.along[k] + d.clamp(0.0, len)));
+                let away = aside.hypot((-d).max(d - len).max(0.0));
+                if away < best.0 || (last && away == best.0) {
+                    best = (away, Some(self.along[k] + d.clamp(0.0, len)));
                 }
             }
             best.1
         };
-        let [a, b] = self.ends()?.map(nearest);
-        let (a, b) = (a?, b?);
+        let [first, last] = self.ends()?;
+        let (a, b) = (nearest(first, false)?, nearest(last, true)?);
         Some([a.min(b), a.max(b)])
     }
 
@@ -354,7 +355,7 @@ impl Cover<'_> {
         self.out.doubt_mm += (doubt + open - small) * per_nm;
         for run in &runs {
             if !self.is_small(run, &mut scratch) {
-                self.missing(number, run, [from, to], beside);
+                self.missing(number, run, beside);
             }
         }
         self.scratch = scratch;
@@ -395,12 +396,13 @@ impl Cover<'_> {
         longest
     }
 
-    fn missing(&mut self, number: usize, run: &Run, gap: [f64; 2], beside: [Option<Span>; 2]) {
-        let Some(s) = run.stretches.first() else { return };
+    fn missing(&mut self, number: usize, run: &Run, beside: [Option<Span>; 2]) {
+        let (Some(s), Some(e)) = (run.stretches.first(), run.stretches.last()) else { return };
+        let ends = [self.line(s.segment).at(s.d[0]), self.line(e.segment).at(e.d[1])];
         let missing = Missing {
-            ends: gap.map(|s| self.at(s)),
+            ends,
             block: beside.into_iter().flatten().next().map(|s| self.block_of(s.mark)),
-            place: part_place_nm(self.line(s.segment).at(s.d[0])),
+            place: part_place_nm(ends[0]),
             text: format!("{:.6} mm of {} are not marked", run.len / NM_PER_MM, (self.drawing.element)(number)),
         };
         if self.missing.len() < ASTRAY {
@@ -418,9 +420,9 @@ impl Cover<'_> {
     /// Reports what is not marked, but for what a mark covers that claims another stroke: `source` has
     /// said so already.
     fn report_missing(&mut self) {
+        let grain = self.ground.grain();
         for m in std::mem::take(&mut self.missing) {
-            let is_end =
-                |p: &P2| m.ends.iter().any(|e| (p.x as f64 - e[0]).hypot(p.y as f64 - e[1]) <= 2.0 * ON_STROKE);
+            let is_end = |p: &P2| m.ends.iter().any(|e| (p.x as f64 - e[0]).hypot(p.y as f64 - e[1]) <= grain);
             if !self.astray.iter().any(|ends| ends.iter().all(is_end)) {
                 self.report(&m);
             }

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::stage_text;
 use crate::diag;
 use crate::geom::mm_from_nm;
-use crate::machine::Machine;
+use crate::machine::{Axis, Machine};
 use crate::spec::Format;
 use crate::verify::facts::Facts;
 use crate::verify::proof::Rule;
@@ -149,7 +149,7 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
             let text = format!("the stage is sent to ({found}) mm, the program says {}", stage_text(block.stage));
             rule.broken(id, stage.place(s.line), text);
         }
-        if block.retract && !lifts(first, before[2], block.stage[2], machine.stage.z.sign()) {
+        if block.retract && !lifts(first, before[2], block.stage[2], &machine.stage.z) {
             rule.broken(id, stage.place(s.line), "the program asks for a lift on the way here, none is commanded");
         }
     }
@@ -164,8 +164,12 @@ fn apply(at: &mut [Option<i64>; 3], to: [Option<i64>; 3]) {
     }
 }
 
-/// Whether the first move of a group is of z alone and not below where it comes from or goes to.
-fn lifts(first: Option<[Option<i64>; 3]>, from: Option<i64>, to: i64, sign: i64) -> bool {
-    let Some([None, None, Some(z)]) = first else { return false };
-    sign * z >= sign * to && from.is_none_or(|from| sign * z >= sign * from)
+/// Whether the first move of a group is of z alone and not below where it comes from or goes to; where
+/// the stage stands at the far end of z already, there is nothing to lift.
+fn lifts(first: Option<[Option<i64>; 3]>, from: Option<i64>, to: i64, z: &Axis) -> bool {
+    let (sign, ends) = (z.sign(), z.travel.map(|t| t.as_nm()));
+    if let Some([None, None, Some(z)]) = first {
+        return sign * z >= sign * to && from.is_none_or(|from| sign * z >= sign * from);
+    }
+    from.is_some() && from == (if sign > 0 { ends[1] } else { ends[0] })
 }

@@ -33,8 +33,8 @@ pub(in crate::verify) fn check(
     rule.ran = true;
     let mut hold = |id: &str, name: &str, stated: f64, found: f64, tolerance: f64| {
         rule.checked += 1;
-        // Written so that a NaN is a violation too.
-        if !((stated - found).abs() <= tolerance) {
+        let near = (stated - found).abs() <= tolerance; // never of a NaN
+        if !near {
             rule.broken(id, PLACE, format!("{name} is stated as {stated}, found is {found}"));
         }
     };

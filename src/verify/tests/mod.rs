@@ -1,1 +1,355 @@
-//! Rules on hand-made folders.
+//! Rules on folders made by hand: a sound one, and one mutant or more for each rule, changed in all
+//! files alike with lengths and hashes renewed, that this rule and no other reports.
+
+mod made;
+mod scale;
+mod writers;
+
+use std::path::Path;
+
+use made::{MM, Made, p};
+
+use super::Proof;
+
+/// Codes of the rules that are broken.
+fn broken(proof: &Proof) -> Vec<&'static str> {
+    proof.rules.iter().filter(|r| r.violated > 0).map(|r| r.code).collect()
+}
+
+fn assert_only(code: &str, proof: &Proof) {
+    assert_eq!(broken(proof), [code], "{}", proof.to_text());
+    assert!(!proof.ok);
+}
+
+/// Changes the job, renews its figures, and verifies it.
+fn mutant(change: impl FnOnce(&mut Made)) -> Proof {
+    let mut made = Made::new();
+    change(&mut made);
+    made.renew();
+    made.proof()
+}
+
+/// Changes a file of the written folder, renews the hashes, and verifies it.
+fn damaged(name: &str, change: impl FnOnce(String) -> String) -> Proof {
+    let made = Made::new();
+    in_folder(&made, |folder| {
+        let text = std::fs::read_to_string(folder.join(name)).expect("text");
+        let changed = change(text.clone());
+        assert_ne!(changed, text, "the damage does nothing");
+        std::fs::write(folder.join(name), changed).expect("write");
+        made.write_manifest(folder);
+        made.verify(folder)
+    })
+}
+
+fn in_folder<T>(made: &Made, run: impl FnOnce(&Path) -> T) -> T {
+    let dir = tempfile::tempdir().expect("folder");
+    let folder = dir.path().join("made.job");
+    made.write(&folder);
+    run(&folder)
+}
+
+#[test]
+fn a_sound_folder_is_proved_with_its_lengths() {
+    let proof = Made::new().proof();
+    assert!(proof.ok, "{}", proof.to_text());
+    assert!(proof.rules.iter().all(|r| r.checked > 0), "{}", proof.to_text());
+    assert_eq!((proof.stops, proof.fragments), (4, 37));
+    let l = proof.lengths;
+    assert!((l.texture_mm - (9.0 * 83.0 + 3.0 * 18.0)).abs() < 1e-9);
+    assert!((l.mark_mm - (9.0 * 80.0 + 54.0)).abs() < 1e-9 && l.overlap_mm == 0.0);
+    assert!((l.skipped_off_part_mm - 18.0).abs() < 1e-6 && (l.skipped_steep_mm - 9.0).abs() < 1e-6);
+    assert!((proof.worst_defocus_um - 200.0).abs() < 1e-6);
+    let json = proof.to_json();
+    assert_eq!((json["ok"].as_bool(), json["rules"][0]["code"].as_str()), (Some(true), Some("hash")));
+    assert!(proof.to_text().ends_with("verified\n"));
+}
+
+#[test]
+fn depth_owns_a_focal_plane_that_is_shifted() {
+    let proof = mutant(|m| m.blocks[1].stop.focus += 100_000);
+    assert_only("depth", &proof);
+    let rule = proof.rule("depth").expect("depth");
+    assert_eq!((rule.violated, rule.violations[0].block.as_str()), (9, "B0002"), "the loop stays in focus");
+    assert!((proof.worst_defocus_um - 300.0).abs() < 1e-6);
+    assert_only("depth", &mutant(|m| m.blocks[2].z[0] += 1_000));
+    assert!(mutant(|m| m.blocks[1].stop.focus += 0).ok);
+}
+
+#[test]
+fn depth_owns_a_block_whose_range_is_too_large() {
+    // Both halves of a section as one block around a mean focal plane.
+    let proof = mutant(|m| {
+        let other = m.blocks.remove(1);
+        let first = &mut m.blocks[0];
+        first.marks.extend(other.marks);
+        (first.stop.z_hi, first.z[1], first.stop.focus) = (other.stop.z_hi, other.z[1], other.stop.z_lo);
+        for (level, b) in m.blocks.iter_mut().enumerate() {
+            b.stop.level = level as i32;
+        }
+    });
+    assert_only("depth", &proof);
+}
+
+#[test]
+fn field_owns_marks_outside_the_field() {
+    let proof = mutant(|m| m.blocks[3].stop.centre.x -= 5 * MM);
+    assert_only("field", &proof);
+    assert_eq!(proof.rule("field").expect("field").violated, 9);
+}
+
+#[test]
+fn travel_owns_targets_beyond_it_or_off_the_increment() {
+    assert_only("travel", &mutant(|m| m.origin[0] += 500 * MM));
+    assert_only("travel", &mutant(|m| m.origin[1] += 50));
+    assert_only("travel", &damaged("stage.ngc", |t| t.replacen("G0 Z200\n", "G0 Z201\n", 1)));
+}
+
+#[test]
+fn once_owns_a_mark_that_is_there_twice() {
+    let proof = mutant(|m| {
+        let again = m.blocks[0].marks[4].clone();
+        m.blocks[0].marks.push(again);
+    });
+    assert_only("once", &proof);
+    assert!((proof.lengths.overlap_mm - 20.0).abs() < 1e-9);
+    // The loop again from another block that reaches it, and with a share of it only.
+    let proof = mutant(|m| {
+        let mut part = m.blocks[1].marks[9].clone();
+        part.points.truncate(2);
+        part.points[1] = p(27.0, 5.0);
+        m.blocks[1].marks.push(part);
+    });
+    assert_only("once", &proof);
+    assert!((proof.lengths.overlap_mm - 6.0).abs() < 1e-9, "three passes");
+}
+
+#[test]
+fn coverage_owns_what_is_not_marked() {
+    let proof = mutant(|m| drop(m.blocks[2].marks.remove(3)));
+    assert_only("coverage", &proof);
+    let violation = &proof.rule("coverage").expect("coverage").violations[0];
+    assert_eq!((violation.block.as_str(), violation.place.as_str()), ("B0002", "part at (40.000000, 8.000000) mm"));
+    // 12 nm between two blocks: more than rounding, less than anyone would see.
+    assert_only("coverage", &mutant(|m| m.blocks[0].marks[0].points[1].x -= 12));
+    // Stretches below min_mark may be skipped, but not longer ones.
+    let skip = |min_mark_nm| {
+        let mut made = Made::new();
+        made.facts.min_mark_nm = min_mark_nm;
+        made.blocks[0].marks[0].points[1].x -= 3_000;
+        made.renew();
+        for (key, by) in [("skipped_off_part_mm", -0.003), ("skipped_small_mm", 0.003)] {
+            let stated = made.summary[key].as_f64().expect("a number");
+            made.summary[key] = (stated + by).into();
+        }
+        made.proof()
+    };
+    assert!(skip(5_000.0).ok, "{}", skip(5_000.0).to_text());
+    assert_only("coverage", &skip(1_000.0));
+}
+
+#[test]
+fn ground_owns_marks_where_nothing_may_be_marked() {
+    let proof = mutant(|m| {
+        m.blocks[0].marks[0].points[0].x -= 20;
+    });
+    assert_eq!(broken(&proof), ["field", "ground"], "the part's edge is the field's, so both: {}", proof.to_text());
+    let proof = mutant(|m| {
+        for b in &mut m.blocks[2..] {
+            b.stop.centre.x += MM;
+        }
+        m.blocks[3].marks[0].points[1].x += 500_000;
+    });
+    assert!(broken(&proof).contains(&"ground"), "a mark on the steep strip");
+    // One or two nanometres beyond the border are rounding.
+    assert!(mutant(|m| m.strokes[8].1[0] = p(-0.5, 18.0)).ok);
+}
+
+#[test]
+fn source_owns_marks_that_are_not_the_texture() {
+    // Along the level lines of the ramp nothing but the place changes.
+    let aside = mutant(|m| m.blocks[0].marks[2].points.iter_mut().for_each(|p| p.y += 1_000));
+    assert_only("source", &aside);
+    assert_only("source", &mutant(|m| m.blocks[0].marks[2].reversed = true));
+    assert_only("source", &mutant(|m| m.blocks[0].marks[2].segment = 1));
+    assert_only("source", &mutant(|m| m.blocks[0].marks[2].source = 5));
+    assert_only("source", &mutant(|m| m.blocks[0].marks[2].source = 7_000));
+    assert_only("source", &mutant(|m| m.blocks[1].marks[9].points[2].x += 2));
+}
+
+#[test]
+fn agreement_owns_what_one_file_alone_says() {
+    let cases: [(&str, &str, &str); 12] = [
+        ("blocks/B0002.dxf", "-8.000000", "-8.000001"),
+        ("blocks/B0002.dxf", "B0002_P2", "B0002_P1"),
+        ("blocks/B0003.dxf", "0\r\nLINE", "0\r\nPOINT"),
+        ("blocks/B0001.dxf", "0\r\nEOF\r\n", ""),
+        ("stage.ngc", "Z0.600000", "Z0.600100"),
+        ("stage.ngc", "BLOCK B0003", "BLOCK B0004"),
+        ("stage.ngc", "G21 ", ""),
+        ("stage_m0.nc", "X20.000000", "X-20.000000"),
+        ("program.txt", "\nblocks 4\n", "\nblocks 3\n"),
+        ("program.txt", "1000 mm/s", "1001 mm/s"),
+        ("program.txt", "block B0002 0 0 1", "block B0002 0 0 2"),
+        ("program.txt", "\nend\n", "\n"),
+    ];
+    for (name, from, to) in cases {
+        let proof = damaged(name, |t| t.replacen(from, to, 1));
+        assert_eq!(broken(&proof), ["agreement"], "{name} {from:?}: {}", proof.to_text());
+    }
+}
+
+#[test]
+fn agreement_owns_every_byte_of_the_ovf_that_says_something() {
+    let made = Made::new();
+    in_folder(&made, |folder| {
+        let path = folder.join("job.ovf");
+        let sound = std::fs::read(&path).expect("bytes");
+        let mut silent = 0;
+        for at in (0..sound.len()).step_by(7) {
+            let mut bytes = sound.clone();
+            bytes[at] ^= 0x40;
+            std::fs::write(&path, &bytes).expect("write");
+            made.write_manifest(folder);
+            match broken(&made.verify(folder)).as_slice() {
+                ["agreement"] => {}
+                [] => silent += 1,
+                other => panic!("byte {at}: {other:?}"),
+            }
+        }
+        assert_eq!(silent, 0, "of {} bytes", sound.len());
+        for end in [0, 3, 11, 12, 40, sound.len() / 2, sound.len() - 1] {
+            std::fs::write(&path, &sound[..end]).expect("write");
+            made.write_manifest(folder);
+            assert_only("agreement", &made.verify(folder));
+        }
+    });
+}
+
+#[test]
+fn laser_owns_stage_programs_that_could_fire_in_a_move() {
+    let cases: [(&str, &str, &str); 14] = [
+        ("stage.ngc", "M64 P0\n", ""),
+        ("stage.ngc", "G4 P0.1\n", ""),
+        ("stage.ngc", "G4 P0.1\n", "G4 P0.05\n"),
+        ("stage.ngc", "endif\nM65 P0\nM66", "endif\nM66"),
+        ("stage.ngc", "M66 P0 L4 Q12\n", ""),
+        ("stage.ngc", "o2 if [#5399 LT 0]\n", ""),
+        ("stage.ngc", "(MSG, timeout)\nM65 P0\nM2\n", "(MSG, timeout)\nM2\n"),
+        ("stage.ngc", "(MSG, timeout)\nM65 P0\nM2\n", "(MSG, timeout)\nM65 P0\n"),
+        ("stage.ngc", "G21 G90", "G21 G64 G90"),
+        ("stage.ngc", "G94\nM65 P0\n", "G94\nM62 P0\n"),
+        ("stage.ngc", "G0 Z200\nM65 P0\nM2\n", "G0 Z200\nM64 P0\nM2\n"),
+        ("stage.ngc", "G0 Z200\nM65 P0\nM2\n", "G0 Z200\nM65 P0\n"),
+        ("stage_m0.nc", "M0\n", ""),
+        ("stage_m0.nc", "G94\nM5\n", "G94\nM3\n"),
+    ];
+    for (name, from, to) in cases {
+        let proof = damaged(name, |t| t.replacen(from, to, 1));
+        assert_eq!(broken(&proof), ["laser"], "{name} {from:?}: {}", proof.to_text());
+    }
+}
+
+#[test]
+fn summary_owns_figures_that_are_not_found_again() {
+    for key in ["stops", "fragments"] {
+        let mut made = Made::new();
+        made.summary[key] = 3.into();
+        assert_only("summary", &made.proof());
+    }
+    for key in [
+        "texture_mm",
+        "mark_mm",
+        "overlap_mm",
+        "skipped_mm",
+        "skipped_off_part_mm",
+        "skipped_hidden_mm",
+        "skipped_steep_mm",
+        "skipped_small_mm",
+        "worst_defocus_um",
+    ] {
+        let mut made = Made::new();
+        let stated = made.summary[key].as_f64().expect("a number");
+        made.summary[key] = (stated + 0.01).into();
+        assert_only("summary", &made.proof());
+    }
+}
+
+#[test]
+fn hash_owns_bytes_files_and_inputs() {
+    let made = Made::new();
+    let cases: [(&str, Option<&[u8]>); 4] =
+        [("layout.svg", Some(b"<svg>>")), ("layout.svg", None), ("blocks/note.txt", Some(b"")), ("extra", Some(b"x"))];
+    for (name, bytes) in cases {
+        in_folder(&made, |folder| {
+            match bytes {
+                Some(bytes) => std::fs::write(folder.join(name), bytes).expect("write"),
+                None => std::fs::remove_file(folder.join(name)).expect("remove"),
+            }
+            assert_only("hash", &made.verify(folder));
+        });
+    }
+    in_folder(&made, |folder| {
+        std::fs::write(folder.join("../part.stl"), b"another part").expect("write");
+        let proof = super::verify(folder, None).expect("a proof");
+        assert_only("hash", &proof);
+        assert!(!proof.rule("depth").expect("depth").ran && proof.rule("laser").expect("laser").ran);
+        let elsewhere = tempfile::tempdir().expect("folder");
+        assert_only("hash", &super::verify(folder, Some(elsewhere.path())).expect("a proof"));
+    });
+}
+
+#[test]
+fn a_listed_path_never_leads_out_of_the_folder() {
+    let made = Made::new();
+    in_folder(&made, |folder| {
+        let path = folder.join("manifest.json");
+        let text = std::fs::read_to_string(&path).expect("text").replace("\"layout.svg\"", "\"../job.toml\"");
+        std::fs::write(&path, text).expect("write");
+        let proof = made.verify(folder);
+        assert_only("hash", &proof);
+        assert!(proof.rule("hash").expect("hash").violations.iter().any(|v| v.message.contains("no path inside")));
+        made.write_manifest(folder);
+        let text = std::fs::read_to_string(&path)
+            .expect("text")
+            .replace("{\"dxf\":\"blocks/B0002.dxf\"}", "{\"dxf\":\"/dev/zero\"}");
+        std::fs::write(&path, text).expect("write");
+        assert_only("agreement", &made.verify(folder));
+    });
+}
+
+#[test]
+fn a_folder_without_a_sound_manifest_is_an_error_with_a_remedy() {
+    let made = Made::new();
+    let code = |folder: &Path| super::verify(folder, None).expect_err("no manifest").diags()[0].code;
+    in_folder(&made, |folder| {
+        let path = folder.join("manifest.json");
+        let sound = std::fs::read_to_string(&path).expect("text");
+        for text in [&sound[..sound.len() / 2], "", "{}", "[1e999]", &sound.replace("\"schema\":1", "\"schema\":2")] {
+            std::fs::write(&path, text).expect("write");
+            assert_eq!(code(folder), "manifest");
+        }
+        std::fs::remove_file(&path).expect("remove");
+        assert_eq!(code(folder), "job-folder");
+        assert_eq!(code(&folder.join("nowhere")), "job-folder");
+    });
+}
+
+#[test]
+fn no_byte_of_a_text_file_makes_it_panic() {
+    let made = Made::new();
+    in_folder(&made, |folder| {
+        for name in ["program.txt", "stage.ngc", "blocks/B0002.dxf"] {
+            let path = folder.join(name);
+            let sound = std::fs::read(&path).expect("bytes");
+            for (i, at) in (0..sound.len()).step_by(sound.len() / 150 + 1).enumerate() {
+                let mut bytes = sound.clone();
+                bytes[at] = b"9-. \n\xffGZ"[i % 8];
+                std::fs::write(&path, &bytes).expect("write");
+                let proof = made.verify(folder);
+                assert!(!proof.ok || bytes == sound);
+            }
+            std::fs::write(&path, &sound).expect("write");
+        }
+    });
+}

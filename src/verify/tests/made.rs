@@ -1,0 +1,263 @@
+//! A small job made by hand, and writers of its own for every file of a folder.
+//!
+//! The part is a ramp z = x / 50 over x 0 to 80, y 0 to 20 mm, with a steep strip (slope 5) from x 80 to
+//! 81. Nine lines along x run from -1 to 82 at y 2 to 18, and a square loop lies inside the second block.
+//! Four blocks of 20 mm each hold a depth range of 0.4 mm.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use crate::geom::{P2, mm_from_nm};
+use crate::machine::Machine;
+use crate::program::{Block, Pen, Program, Stop, Stroke};
+use crate::spec::{DepthRule, Format, Level};
+use crate::units::{Length, Power};
+use crate::verify::depth::{Ground, MeshBuilder, Shape};
+use crate::verify::facts::Facts;
+use crate::verify::read::manifest::Manifest;
+use crate::verify::{Drawing, Proof, check_folder, facts::Inputs, read, rules::Findings};
+
+pub(super) const MM: i64 = 1_000_000;
+
+/// A stroke of the program with its points in the part frame, in marking order.
+#[derive(Clone, Debug)]
+pub(super) struct Mark {
+    pub(super) source: u32,
+    pub(super) segment: u32,
+    pub(super) reversed: bool,
+    pub(super) pen: u16,
+    pub(super) points: Vec<P2>,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct MadeBlock {
+    pub(super) stop: Stop,
+    pub(super) z: [i64; 2],
+    pub(super) retract: bool,
+    pub(super) marks: Vec<Mark>,
+}
+
+/// The job: change it, write it, verify it.
+#[derive(Clone)]
+pub(super) struct Made {
+    pub(super) facts: Facts,
+    pub(super) origin: [i64; 3],
+    pub(super) strokes: Vec<(u16, Vec<P2>)>,
+    pub(super) blocks: Vec<MadeBlock>,
+    pub(super) summary: Value,
+    /// Facets, corners in mm.
+    pub(super) facets: Vec<[[f64; 3]; 3]>,
+}
+
+pub(super) fn p(x: f64, y: f64) -> P2 {
+    P2::from_mm(x, y).expect("a small number")
+}
+
+impl Made {
+    pub(super) fn new() -> Self {
+        let machine = Machine::built_in("xyz-galvo-40").expect("profile");
+        let pen = |name: &str, passes| Pen {
+            name: name.into(),
+            speed: "1000 mm/s".parse().expect("speed"),
+            power: Power::Percent(60.0),
+            frequency: "60 kHz".parse().expect("rate"),
+            passes,
+        };
+        let facts = Facts {
+            machine,
+            pdof: Length::mm(0.4),
+            depth_range: Length::mm(0.4),
+            level: Level::Mid,
+            rule: DepthRule::Range,
+            max_incidence_rad: 60f64.to_radians(),
+            min_mark_nm: 0.0,
+            weld_nm: 0.0,
+            turn_deg: 0.0,
+            origin: None,
+            pens: Some(vec![pen("fill", 1), pen("edge", 3)]),
+            formats: vec![Format::Dxf, Format::Linuxcnc, Format::Gcode, Format::Ovf],
+        };
+        let mut strokes: Vec<(u16, Vec<P2>)> =
+            (1..10).map(|i| (0, vec![p(-1.0, 2.0 * f64::from(i)), p(82.0, 2.0 * f64::from(i))])).collect();
+        strokes.push((1, vec![p(25.0, 5.0), p(30.0, 5.0), p(30.0, 9.0), p(25.0, 9.0), p(25.0, 5.0)]));
+        let blocks = (0..4).map(|k| block(k, &strokes)).collect();
+        let mut made =
+            Self { facts, origin: [-40 * MM, -10 * MM, 0], strokes, blocks, summary: json!({}), facets: ramp() };
+        made.renew();
+        made
+    }
+
+    /// Length of marks of a block in mm, passes counted.
+    fn mark_mm(&self, block: &MadeBlock) -> f64 {
+        let passes = |pen: u16| f64::from(self.facts.pens.as_ref().expect("pens")[usize::from(pen)].passes);
+        block.marks.iter().map(|m| crate::geom::length_mm(&m.points) * passes(m.pen)).sum()
+    }
+
+    /// States the figures anew after a change: what is not marked is claimed to be off the part.
+    pub(super) fn renew(&mut self) {
+        let passes = |pen: u16| f64::from(self.facts.pens.as_ref().expect("pens")[usize::from(pen)].passes);
+        let texture: f64 = self.strokes.iter().map(|(pen, s)| crate::geom::length_mm(s) * passes(*pen)).sum();
+        let mark: f64 = self.blocks.iter().map(|b| self.mark_mm(b)).sum();
+        let skipped = texture - mark;
+        self.summary = json!({
+            "stops": self.blocks.len(),
+            "fragments": self.blocks.iter().map(|b| b.marks.len()).sum::<usize>(),
+            "texture_mm": texture, "mark_mm": mark, "overlap_mm": 0.0, "skipped_mm": skipped,
+            "skipped_off_part_mm": skipped - 9.0, "skipped_hidden_mm": 0.0, "skipped_steep_mm": 9.0,
+            "skipped_small_mm": 0.0, "worst_defocus_um": 200.0, "other": "is not read",
+        });
+    }
+
+    fn stage(&self, b: &MadeBlock) -> [i64; 3] {
+        self.facts.machine.stage_from_part([b.stop.centre.x, b.stop.centre.y, b.stop.focus], self.origin)
+    }
+
+    pub(super) fn program(&self) -> Program {
+        let mut program = Program { pens: self.facts.pens.clone().expect("pens"), ..Program::default() };
+        for b in &self.blocks {
+            let start = program.strokes.len();
+            for m in &b.marks {
+                let first = program.points.len() as u32;
+                let local = |p: &P2| [(p.x - b.stop.centre.x) as i32, (p.y - b.stop.centre.y) as i32];
+                program.points.extend(m.points.iter().map(local));
+                let Mark { source, segment, reversed, pen, .. } = *m;
+                program.strokes.push(Stroke { source, segment, reversed, pen, first, len: m.points.len() as u32 });
+            }
+            let strokes = start..program.strokes.len();
+            let block = Block {
+                stop: b.stop.clone(),
+                stage: self.stage(b),
+                retract: b.retract,
+                z_lo: b.z[0],
+                z_hi: b.z[1],
+                strokes,
+            };
+            program.blocks.push(block);
+        }
+        program
+    }
+
+    /// Writes all files and the manifest.
+    pub(super) fn write(&self, folder: &Path) {
+        std::fs::create_dir_all(folder.join("blocks")).expect("folder");
+        let program = self.program();
+        let put = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("write");
+        put("program.txt", super::writers::program(&program, self.origin).as_bytes());
+        for (i, block) in program.blocks.iter().enumerate() {
+            let id = Program::block_id(i);
+            put(&format!("blocks/{id}.dxf"), super::writers::dxf(&program, block, &id, &self.facts.machine).as_bytes());
+        }
+        put("stage.ngc", super::writers::stage(&program, true).as_bytes());
+        put("stage_m0.nc", super::writers::stage(&program, false).as_bytes());
+        put("job.ovf", &super::writers::ovf(&program, &self.facts.machine));
+        put("layout.svg", b"<svg/>");
+        put("../job.toml", b"the job");
+        put("../part.stl", b"the part");
+        self.write_manifest(folder);
+    }
+
+    /// Writes the manifest with the hashes of the files as they are.
+    pub(super) fn write_manifest(&self, folder: &Path) {
+        let entry = |base: &Path, name: &str| {
+            let bytes = std::fs::read(base.join(name)).expect("written before");
+            json!({"file": name, "bytes": bytes.len(), "blake3": blake3::hash(&bytes).to_hex().to_string()})
+        };
+        let program = self.program();
+        let mut files: Vec<String> =
+            ["program.txt", "stage.ngc", "stage_m0.nc", "job.ovf", "layout.svg"].map(String::from).into();
+        files.extend((0..program.blocks.len()).map(|i| format!("blocks/{}.dxf", Program::block_id(i))));
+        let blocks: Vec<Value> = self.blocks.iter().zip(&program.blocks).enumerate().map(|(i, (m, b))| {
+            let id = Program::block_id(i);
+            json!({
+                "id": id, "section": b.stop.section, "level": b.stop.level, "centre_mm": b.stop.centre.mm(),
+                "lpfl_mm": mm_from_nm(b.stop.focus), "stage": b.stage.map(mm_from_nm), "z_lo_mm": mm_from_nm(b.z_lo),
+                "z_hi_mm": mm_from_nm(b.z_hi), "files": {"dxf": format!("blocks/{id}.dxf")},
+                "strokes": b.strokes.len(), "mark_mm": self.mark_mm(m), "jump_mm": 0.0,
+            })
+        }).collect();
+        let job = entry(folder.parent().expect("inside"), "job.toml");
+        let manifest = json!({
+            "schema": 1, "terrace": "0.1.0", "job": {"file": "../job.toml", "blake3": job["blake3"]},
+            "inputs": [entry(folder.parent().expect("inside"), "part.stl")], "machine": self.facts.machine,
+            "placement": {"origin_mm": self.origin.map(mm_from_nm), "turn_deg": 0.0},
+            "focus": {"pdof_mm": self.facts.pdof.as_mm(), "depth_range_mm": self.facts.depth_range.as_mm(), "level": "mid", "rule": "range"},
+            "sections": {}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
+            "blocks": blocks, "files": files.iter().map(|f| entry(folder, f)).collect::<Vec<_>>(), "summary": self.summary,
+        });
+        std::fs::write(folder.join("manifest.json"), manifest.to_string()).expect("write");
+    }
+
+    pub(super) fn ground(&self) -> Ground {
+        let mut builder = MeshBuilder::new(0.0, 2.0);
+        self.facets.iter().for_each(|&f| builder.push(f));
+        Ground::new(Shape::Mesh(builder.finish()), self.facts.max_incidence_rad, 0.0)
+    }
+
+    /// Verifies a folder against this job.
+    pub(super) fn verify(&self, folder: &Path) -> Proof {
+        let manifest: Manifest = read::manifest::read(folder).expect("a manifest");
+        let mut findings = Findings::new();
+        let inputs = Inputs::locate(folder, &manifest, None);
+        crate::verify::rules::hash::check(folder, &manifest, &inputs, &mut findings.hash);
+        let Some(program) = crate::verify::read_program(folder, &mut findings) else { return findings.into_proof() };
+        let drawing = Drawing {
+            len: self.strokes.len(),
+            stroke: &|i, out: &mut Vec<P2>| {
+                out.clear();
+                out.extend_from_slice(&self.strokes[i].1);
+                self.strokes[i].0
+            },
+            element: &|i| format!("stroke {i}"),
+        };
+        check_folder(folder, &manifest, &program, &self.facts, &drawing, &self.ground(), &mut findings);
+        findings.into_proof()
+    }
+
+    /// Writes the job into a fresh folder and verifies it.
+    pub(super) fn proof(&self) -> Proof {
+        let dir = tempfile::tempdir().expect("folder");
+        let folder = dir.path().join("made.job");
+        self.write(&folder);
+        self.verify(&folder)
+    }
+}
+
+/// The ramp and its steep strip.
+fn ramp() -> Vec<[[f64; 3]; 3]> {
+    let z = |x: f64| x / 50.0 + 4.98 * (x - 80.0).max(0.0);
+    let strips = (0..16).map(|i| (5.0 * f64::from(i), 5.0 * f64::from(i + 1))).chain([(80.0, 81.0)]);
+    let facets = strips.flat_map(|(a, b)| {
+        [[[a, 0.0, z(a)], [b, 0.0, z(b)], [b, 20.0, z(b)]], [[a, 20.0, z(a)], [a, 0.0, z(a)], [b, 20.0, z(b)]]]
+    });
+    facets.collect()
+}
+
+/// Block `k`: x from 20 k to 20 k + 20; lines alternate their direction.
+fn block(k: u32, strokes: &[(u16, Vec<P2>)]) -> MadeBlock {
+    let (x0, x1) = (20.0 * f64::from(k), 20.0 * f64::from(k + 1));
+    let lines = strokes[..9].iter().enumerate().map(|(i, (_, s))| {
+        let y = s[0].mm()[1];
+        let mut points = vec![p(x0, y), p(x1, y)];
+        let reversed = i % 2 == 1;
+        if reversed {
+            points.reverse();
+        }
+        Mark { source: i as u32, segment: 0, reversed, pen: 0, points }
+    });
+    let mut marks: Vec<Mark> = lines.collect();
+    if k == 1 {
+        marks.push(Mark { source: 9, segment: 0, reversed: false, pen: 1, points: strokes[9].1.clone() });
+    }
+    let lo = i64::from(k) * 400_000;
+    let section = k / 2;
+    let stop = Stop {
+        section: [section, 0],
+        level: k as i32,
+        centre: p(20.0 + 40.0 * f64::from(section), 10.0),
+        focus: lo + 200_000,
+        z_lo: lo,
+        z_hi: lo + 400_000,
+    };
+    MadeBlock { stop, z: [lo, lo + 400_000], retract: k == 2, marks }
+}
