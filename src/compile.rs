@@ -313,7 +313,7 @@ fn make(ground: &Ground<'_>, method: Method, progress: Progress<'_>) -> Result<M
             let mut points = Vec::new();
             for i in chunk {
                 let pen = ground.texture.stroke(i, &mut points);
-                splitter.stroke(i as u32, pen, &points);
+                splitter.stroke(i as u32, pen, ground.pens[usize::from(pen)].passes, &points);
             }
             splitter.finish()
         })

@@ -33,7 +33,7 @@ pub struct Fragment {
     pub length: f64,
 }
 
-/// Lengths that were not marked, mm.
+/// Lengths that were not marked, mm, every pass counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Skipped {
     /// Off the part.
@@ -51,7 +51,7 @@ pub struct Fragments {
     pub list: Vec<Fragment>,
     /// Points of all fragments, field frame of their stops, nm.
     pub points: Vec<[i32; 2]>,
-    /// Length of the strokes, mm.
+    /// Length of the strokes, mm, every pass counted.
     pub texture_mm: f64,
     /// What was not marked.
     pub skipped: Skipped,
@@ -96,15 +96,16 @@ impl<'a> Splitter<'a> {
         self.out
     }
 
-    /// Cuts one stroke of the texture.
-    pub fn stroke(&mut self, source: u32, pen: u16, points: &[P2]) {
+    /// Cuts one stroke of the texture, which its pen marks `passes` times.
+    pub fn stroke(&mut self, source: u32, pen: u16, passes: u32, points: &[P2]) {
         let Self { tracer, stops, min_mark, out } = self;
         let before = out.list.len();
         let skipped_before = out.skipped;
-        let mut cutter = Cutter { stops, out, open: None, source, pen, min_mark: *min_mark };
+        let passes = f64::from(passes);
+        let mut cutter = Cutter { stops, out, open: None, source, pen, passes, min_mark: *min_mark };
         for (i, w) in points.windows(2).enumerate() {
             let [a, b] = [w[0], w[1]];
-            cutter.out.texture_mm += a.distance(b) / NM_PER_MM;
+            cutter.out.texture_mm += passes * a.distance(b) / NM_PER_MM;
             tracer.segment(a, b, |piece| cutter.piece(i as u32, a, b, piece));
             cutter.vertex(i as u32, b);
         }
@@ -127,6 +128,7 @@ struct Cutter<'a> {
     open: Option<Open>,
     source: u32,
     pen: u16,
+    passes: f64,
     min_mark: f64,
 }
 
@@ -137,7 +139,7 @@ impl Cutter<'_> {
             Err(skip) => {
                 let (from, to) = (a.lerp(b, p.t0), a.lerp(b, p.t1));
                 self.close(from);
-                let length = from.distance(to) / NM_PER_MM;
+                let length = self.passes * from.distance(to) / NM_PER_MM;
                 match skip {
                     Skip::OffPart => self.out.skipped.off_part += length,
                     Skip::Steep => {
@@ -219,7 +221,7 @@ impl Cutter<'_> {
         let points = &self.out.points[open.first..];
         let length = crate::program::stroke_mm(points) * NM_PER_MM;
         if points.len() < 2 || length < self.min_mark {
-            self.out.skipped.small += length / NM_PER_MM;
+            self.out.skipped.small += self.passes * length / NM_PER_MM;
             self.out.points.truncate(open.first);
             return;
         }

@@ -155,37 +155,28 @@ fn greedy(ends: &[Ends]) -> Vec<(u32, bool)> {
     tour
 }
 
-/// The nearest ends of other strokes to every end, nearest first.
-fn neighbours(ends: &[Ends]) -> Vec<[u32; NEIGHBOURS]> {
-    let buckets = Buckets::new(ends);
-    let mut near: Vec<(f64, u32)> = Vec::new();
-    (0..ends.len() * 2)
-        .map(|end| {
-            let p = ends[end / 2][end % 2];
-            near.clear();
-            let kth = std::cell::Cell::new(f64::INFINITY);
-            buckets.rings(
-                p,
-                |items| {
-                    for &e in items {
-                        let d = distance(p, ends[e as usize / 2][e as usize % 2]);
-                        if e as usize / 2 != end / 2 && d <= kth.get() {
-                            let at = near.partition_point(|&(nd, ne)| (nd, ne) < (d, e));
-                            near.insert(at, (d, e));
-                            near.truncate(NEIGHBOURS);
-                            if near.len() == NEIGHBOURS {
-                                kth.set(near[NEIGHBOURS - 1].0);
-                            }
-                        }
+/// The nearest ends of other strokes to `end` that are nearer than `limit`, nearest first.
+fn nearer(buckets: &Buckets, ends: &[Ends], end: usize, limit: f64, near: &mut Vec<(f64, u32)>) {
+    let p = ends[end / 2][end % 2];
+    near.clear();
+    let reach = std::cell::Cell::new(limit);
+    buckets.rings(
+        p,
+        |items| {
+            for &e in items {
+                let d = distance(p, ends[e as usize / 2][e as usize % 2]);
+                if e as usize / 2 != end / 2 && d < reach.get() {
+                    let at = near.partition_point(|&(nd, ne)| (nd, ne) < (d, e));
+                    near.insert(at, (d, e));
+                    if near.len() > NEIGHBOURS {
+                        near.pop();
+                        reach.set(near[NEIGHBOURS - 1].0);
                     }
-                },
-                |reach| kth.get() <= reach,
-            );
-            let mut out = [u32::MAX; NEIGHBOURS];
-            near.iter().zip(&mut out).for_each(|(&(_, e), o)| *o = e);
-            out
-        })
-        .collect()
+                }
+            }
+        },
+        |seen| reach.get() <= seen,
+    );
 }
 
 /// The tour with what the moves need: where every stroke stands.
@@ -212,6 +203,12 @@ impl Tour<'_> {
         }
         let from = if i == 0 { [0, 0] } else { self.exit(i - 1) };
         distance(from, self.entry(i))
+    }
+    /// The jump that end 0 or 1 of a stroke is joined by.
+    fn jump_at(&self, stroke: usize, end: usize) -> f64 {
+        let i = self.place[stroke] as usize;
+        let is_exit = (end == 1) != self.list[i].1;
+        self.jump_into(i + usize::from(is_exit))
     }
     fn reverse(&mut self, i: usize, j: usize) {
         self.list[i..=j].reverse();
@@ -268,7 +265,8 @@ impl Tour<'_> {
 }
 
 fn improve(ends: &[Ends], list: &mut Vec<(u32, bool)>) {
-    let near = neighbours(ends);
+    let buckets = Buckets::new(ends);
+    let mut near = Vec::new();
     let mut place = vec![0; ends.len()];
     list.iter().enumerate().for_each(|(i, &(s, _))| place[s as usize] = i as u32);
     let mut tour = Tour { ends, list, place };
@@ -281,16 +279,14 @@ fn improve(ends: &[Ends], list: &mut Vec<(u32, bool)>) {
                 continue;
             }
             for end in 0..2 {
-                for &e in near[2 * stroke + end].iter().take_while(|&&e| e != u32::MAX) {
-                    let i = tour.place[stroke] as usize;
-                    let other = e as usize / 2;
-                    let j = tour.place[other] as usize;
-                    // The end is worth joining to a nearer one than it is joined to now, only.
-                    let is_exit = (end == 1) != tour.list[i].1;
-                    let jump = tour.jump_into(i + usize::from(is_exit));
-                    if distance(ends[stroke][end], ends[other][e as usize % 2]) >= jump - 0.5 {
+                // The end is worth joining to a nearer one than it is joined to now, only.
+                let jump = tour.jump_at(stroke, end);
+                nearer(&buckets, ends, 2 * stroke + end, jump - 0.5, &mut near);
+                for &(d, e) in &near {
+                    if d >= tour.jump_at(stroke, end) - 0.5 {
                         break;
                     }
+                    let (i, j) = (tour.place[stroke] as usize, tour.place[e as usize / 2] as usize);
                     let (lo, hi) = (i.min(j), i.max(j));
                     let better = tour.try_reverse(lo + 1, hi)
                         || tour.try_reverse(lo, hi - 1)

@@ -48,10 +48,8 @@ impl Bins {
         loop {
             let count = [(w / size + 1) as usize, (h / size + 1) as usize];
             let mut bins = Self { lo, size, count, class: Vec::new(), starts: Vec::new(), refs: Vec::new() };
-            let refs: u64 = mesh.facets.iter().map(|f| bins.range(&f.map(|v| mesh.vertices[v as usize])).area()).sum();
-            let wanted = mesh.facets.len() as u64 * MAX_REFS_PER_FACET + 64;
-            if refs <= wanted || count == [1, 1] {
-                bins.fill(mesh);
+            let limit = mesh.facets.len() as u64 * MAX_REFS_PER_FACET + 64;
+            if bins.fill(mesh, if count == [1, 1] { u64::MAX } else { limit }) {
                 bins.classify(mesh);
                 return bins;
             }
@@ -81,11 +79,18 @@ impl Bins {
         Range2 { x: [self.column(min(xs)), self.column(max(xs))], y: [self.row(min(ys)), self.row(max(ys))] }
     }
 
-    fn fill(&mut self, mesh: &Mesh) {
+    /// Lists the facets of every bin; gives up where that takes more than `limit` references.
+    fn fill(&mut self, mesh: &Mesh, limit: u64) -> bool {
         let corners = |f: &[u32; 3]| f.map(|v| mesh.vertices[v as usize]);
         let mut starts = vec![0u32; self.count[0] * self.count[1] + 1];
+        let mut total = 0;
         for f in &mesh.facets {
-            self.range(&corners(f)).for_each(self.count[0], |b| starts[b + 1] += 1);
+            let range = self.range(&corners(f));
+            total += range.area();
+            if total > limit {
+                return false;
+            }
+            range.for_each(self.count[0], |b| starts[b + 1] += 1);
         }
         for b in 0..starts.len() - 1 {
             starts[b + 1] += starts[b];
@@ -99,6 +104,7 @@ impl Bins {
             });
         }
         (self.starts, self.refs) = (starts, refs);
+        true
     }
 
     /// The facets whose padded box touches bin `b`.
