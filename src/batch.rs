@@ -12,7 +12,8 @@ use serde_json::{Value, json};
 use crate::compile;
 use crate::diag::{Diag, Error, Place};
 use crate::folder;
-use crate::spec::{self, Job};
+use crate::machine::Machine;
+use crate::spec::Job;
 
 /// One job of a batch.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -65,10 +66,12 @@ pub fn jobs(path: &Path, output: Option<&Path>) -> Result<Vec<Entry>, Error> {
     let place = || Place::file(path.display().to_string());
     let unreadable = |e: std::io::Error| Diag::input("batch-unreadable", format!("cannot read it: {e}")).at(place());
     let mut files = Vec::new();
+    // Machine files often lie beside the jobs that name them.
+    let is_machine = |file: &Path| Machine::load(file).is_ok();
     if path.is_dir() {
         for entry in std::fs::read_dir(path).map_err(unreadable)? {
             let file = entry.map_err(unreadable)?.path();
-            if file.extension().is_some_and(|e| e == "toml") && file.is_file() && !is_machine_file(&file) {
+            if file.extension().is_some_and(|e| e == "toml") && file.is_file() && !is_machine(&file) {
                 files.push(file);
             }
         }
@@ -103,13 +106,6 @@ pub fn jobs(path: &Path, output: Option<&Path>) -> Result<Vec<Entry>, Error> {
         }
     }
     Ok(entries)
-}
-
-/// Whether the file describes a machine: those often lie beside the jobs that name them.
-fn is_machine_file(path: &Path) -> bool {
-    let text = crate::diag::read_file(path, spec::MAX_FILE).ok().and_then(|bytes| String::from_utf8(bytes).ok());
-    let table = text.and_then(|text| text.parse::<toml::Table>().ok());
-    table.is_some_and(|t| t.contains_key("lens") && t.contains_key("stage") && !t.contains_key("surface"))
 }
 
 /// Compiles what has changed, as many jobs at a time as there are threads. `told` hears of every job

@@ -36,9 +36,8 @@ pub fn main() -> ExitCode {
     };
     // Without -j the number of threads is left to the system, and to RAYON_NUM_THREADS.
     if let Err(e) = rayon::ThreadPoolBuilder::new().num_threads(args.threads.unwrap_or(0)).build_global() {
-        return fail(
-            &Diag::input("threads", format!("cannot start the threads: {e}")).hint("ask for fewer with -j").into(),
-        );
+        let d = Diag::input("threads", format!("cannot start the threads: {e}")).hint("ask for fewer with -j");
+        return fail(&args, &d.into());
     }
     match std::panic::catch_unwind(|| run(&args)) {
         Ok(Ok(code)) => ExitCode::from(code),
@@ -136,6 +135,10 @@ fn compile(args: &Args, job: &Path, output: Option<&Path>) -> Result<(), Error> 
     folder::write(&plan, &target, args.seed)?;
     spinner.done();
     warn(args, &plan.warnings);
+    if job == Path::new("-") {
+        let d = Diag::warning("job-from-stdin", "the job came from standard input, and verify reads it again");
+        warn(args, &[d.hint(format!("keep it as {} in this folder", plan.job.path.display()))]);
+    }
     report(args, &plan, Some(&target))
 }
 
