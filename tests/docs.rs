@@ -186,6 +186,9 @@ fn rows(text: &str) -> BTreeMap<String, BTreeMap<String, String>> {
         if let Some(heading) = line.strip_prefix("## ") {
             let parts = heading.split('`').skip(1).step_by(2);
             names = parts.map(|p| p.trim_matches(['[', ']']).to_owned()).collect();
+            if heading == "The file itself" {
+                names.push(String::new());
+            }
         } else if let Some(key) = line.strip_prefix("| `").and_then(|l| l.split('`').next()) {
             for name in &names {
                 out.entry(name.clone()).or_default().insert(key.to_owned(), line.to_owned());
