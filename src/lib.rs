@@ -5,6 +5,7 @@ pub mod diag;
 pub mod geom;
 pub mod machine;
 pub mod partition;
+pub mod preview;
 pub mod program;
 pub mod record;
 pub mod spec;
