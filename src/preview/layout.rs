@@ -14,7 +14,7 @@ use std::fmt::Write;
 use svg::Node;
 use svg::node::element::Element;
 
-use super::outline::{self, Grid, Half, Outlines};
+use super::outline::{self, Grid, Half, Outlines, Ring};
 use super::{Layout, clean, colour, label, mm, plain};
 use super::{legend, stage};
 use crate::geom::{Box2, NM_PER_MM, P2, mm_from_nm};
@@ -28,6 +28,14 @@ pub(super) const LIMIT: usize = 5_000_000;
 pub(super) struct Detail {
     tolerance: f64,
     pub full: bool,
+}
+
+impl Detail {
+    /// Whether a ring of this area (twice, in cells) is drawn: a coarse drawing leaves out the specks
+    /// and holes below its tolerance, though never the largest ring of a block.
+    fn shows(self, area2: i64) -> bool {
+        self.tolerance <= 0.5 || area2 as f64 >= 2.0 * self.tolerance * self.tolerance
+    }
 }
 
 /// Tried in turn until the drawing fits.
@@ -242,7 +250,12 @@ fn blocks(job: &Layout<'_>, sheet: &Sheet, outlines: &Outlines, detail: Detail) 
     for (i, block) in job.blocks().iter().enumerate() {
         let own = rings.iter().take_while(|r| r.block as usize == i).count();
         let mut d = String::new();
-        for ring in &rings[..own] {
+        let area2 = |r: &Ring| outline::area2(outlines.corners_of(r).iter().map(|c| c.at)).abs();
+        let largest = (0..own).max_by_key(|&k| area2(&rings[k]));
+        for (k, ring) in rings[..own].iter().enumerate() {
+            if Some(k) != largest && !detail.shows(area2(ring)) {
+                continue;
+            }
             outline::simplify(outlines.corners_of(ring), detail.tolerance, &mut points);
             push_ring(&mut d, job, sheet, &points);
         }

@@ -270,3 +270,19 @@ fn a_map_is_bounded_whatever_is_asked() {
     assert!(map.labels().len() <= 4_000_000 && map.labels().len() > 3_000_000, "{}", map.labels().len());
     assert!(map.bounds().hi.x >= 4_000_000_000);
 }
+
+/// A map of nothing but specks, as no partition makes it: the drawing stays small, every block is there.
+#[test]
+fn specks_do_not_swell_the_drawing() {
+    let mut sample = Sample::of("specks", [100.0, 100.0], 0.07, 250_000, |x, y| x * 0.04 + y * 0.03);
+    let blocks = sample.checked.program().blocks.len() as u32;
+    let mut state = 1u32;
+    for label in sample.map.labels_mut() {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        *label = (state >> 12) % blocks + 1;
+    }
+    let whole = within(&sample.layout(), usize::MAX).len();
+    let svg = within(&sample.layout(), whole / 4);
+    assert!(svg.len() <= whole / 4, "{} bytes of {whole}", svg.len());
+    assert_eq!(svg.matches("id=\"block-").count(), blocks as usize);
+}
