@@ -1,0 +1,49 @@
+//! Height as colour: dark blue is low, light yellow is high.
+//!
+//! The anchors are evenly spaced in OKLCH lightness (0.40 to 0.92) and hue (295 to 100 degrees), so
+//! equal steps of height look equally large, and height can still be read in grey or with any
+//! colour-vision deficiency, because lightness alone carries it.
+
+/// Red, green, blue.
+pub(super) type Colour = [u8; 3];
+
+const ANCHORS: [Colour; 9] = [
+    [80, 46, 142],
+    [59, 79, 172],
+    [0, 112, 182],
+    [0, 141, 173],
+    [2, 167, 170],
+    [9, 194, 158],
+    [110, 213, 131],
+    [186, 224, 108],
+    [252, 231, 101],
+];
+
+/// The colour of `height` within `range`, in any one unit; the middle of the ramp where that is empty.
+pub(super) fn of_height(height: i64, range: [i64; 2]) -> Colour {
+    let span = range[1] - range[0];
+    let last = ANCHORS.len() as i64 - 1;
+    if span <= 0 {
+        return ANCHORS[ANCHORS.len() / 2];
+    }
+    let along = (height - range[0]).clamp(0, span) * last;
+    let below = (along / span).min(last - 1);
+    let part = along - below * span;
+    let (a, b) = (ANCHORS[below as usize], ANCHORS[below as usize + 1]);
+    std::array::from_fn(|i| ((i64::from(a[i]) * (span - part) + i64::from(b[i]) * part + span / 2) / span) as u8)
+}
+
+/// A shade darker, which tells a level from the next one up where the ramp alone hardly could.
+pub(super) fn shaded(colour: Colour) -> Colour {
+    colour.map(|c| (u16::from(c) * 9 / 10) as u8)
+}
+
+/// Whether text on this colour has to be white to be read.
+pub(super) fn is_dark(c: Colour) -> bool {
+    2 * u32::from(c[0]) + 5 * u32::from(c[1]) + u32::from(c[2]) < 8 * 101
+}
+
+/// `#rrggbb`.
+pub(super) fn hex([r, g, b]: Colour) -> String {
+    format!("#{r:02x}{g:02x}{b:02x}")
+}

@@ -1,0 +1,178 @@
+//! What a person looks at before a part is risked: `layout.svg` and `report.html`.
+//!
+//! Consumes a [`Checked`] program, its machine and its record, and a [`Map`]: a raster that says
+//! which block owns each small cell of the part. Promises text that is equal byte for byte for equal
+//! input, is well-formed, loads nothing from elsewhere and runs no script.
+//!
+//! Points of blocks are the turned part frame, nm; the drawing is in mm of that frame with y pointing
+//! up (written as -y, since SVG's y points down), so it measures true in a browser or in Inkscape.
+//!
+//! Limits: borders of blocks are traced from the map and are as exact as its cells: a drawn border
+//! lies within about one cell of the true one. The drawing is for eyes and rulers; what is machined is in
+//! the program.
+
+mod colour;
+mod label;
+mod layout;
+mod legend;
+mod outline;
+mod report;
+#[cfg(test)]
+mod sample;
+mod stage;
+#[cfg(test)]
+mod tests;
+
+pub use layout::layout_svg;
+pub use report::report_html;
+
+use crate::check::Checked;
+use crate::geom::{Box2, P2};
+use crate::machine::Machine;
+use crate::partition::Sections;
+use crate::program::Block;
+use crate::record::Summary;
+
+/// The most cells a map may have: 2,000 x 2,000, a drawing's worth.
+const MAX_CELLS: i64 = 4_000_000;
+
+/// Everything the pictures are made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Layout<'a> {
+    /// Name of the job, any text.
+    pub job: &'a str,
+    /// The program.
+    pub checked: &'a Checked,
+    /// The machine it was checked against.
+    pub machine: &'a Machine,
+    /// The grid of sections.
+    pub sections: Sections,
+    /// Which block lies where.
+    pub map: &'a Map,
+    /// The box of the texture as placed.
+    pub texture: Box2,
+    /// Time of each block in s, stage move included, in the order of the program.
+    pub block_s: &'a [f64],
+    /// The figures of the job.
+    pub summary: &'a Summary,
+}
+
+impl Layout<'_> {
+    fn blocks(&self) -> &[Block] {
+        &self.checked.program().blocks
+    }
+
+    fn block_s(&self, i: usize) -> f64 {
+        self.block_s.get(i).copied().unwrap_or(0.0)
+    }
+
+    /// Extents of the texture, nm; zeros without one.
+    fn texture_size(&self) -> [i64; 2] {
+        if self.texture.is_empty() { [0; 2] } else { self.texture.size() }
+    }
+
+    /// Lowest and highest value over the blocks, nm; zeros without a block.
+    fn range(&self, lo: impl Fn(&Block) -> i64, hi: impl Fn(&Block) -> i64) -> [i64; 2] {
+        let blocks = self.blocks();
+        [blocks.iter().map(lo).min().unwrap_or(0), blocks.iter().map(hi).max().unwrap_or(0)]
+    }
+}
+
+/// A raster of square cells over the turned part frame: which block owns the centre of each.
+#[derive(Clone, Debug)]
+pub struct Map {
+    origin: P2,
+    cell: i64,
+    columns: u32,
+    rows: u32,
+    labels: Vec<u32>,
+}
+
+impl Map {
+    /// A map of no blocks over `bounds`, with cells of `cell` nm or, where those would be more than
+    /// four million, of the smallest size that is not.
+    pub fn blank(bounds: Box2, cell: i64) -> Self {
+        let bounds = if bounds.is_empty() { Box2 { lo: P2::new(0, 0), hi: P2::new(0, 0) } } else { bounds };
+        let [w, h] = bounds.size();
+        let count = |cell: i64| [w / cell + 1, h / cell + 1];
+        let fits = |cell: i64| count(cell)[0].saturating_mul(count(cell)[1]) <= MAX_CELLS;
+        let mut cell = cell.max(1);
+        while !fits(cell) {
+            cell += cell / 8 + 1;
+        }
+        let [columns, rows] = count(cell).map(|n| n as u32);
+        Self { origin: bounds.lo, cell, columns, rows, labels: vec![0; columns as usize * rows as usize] }
+    }
+
+    /// Edge of a cell in nm.
+    pub fn cell(&self) -> i64 {
+        self.cell
+    }
+    /// Columns and rows.
+    pub fn size(&self) -> [u32; 2] {
+        [self.columns, self.rows]
+    }
+    /// The centre of a cell, rounded down to the nm.
+    pub fn centre(&self, column: u32, row: u32) -> P2 {
+        let at = |o: i64, i: u32| o + i64::from(i) * self.cell + self.cell / 2;
+        P2::new(at(self.origin.x, column), at(self.origin.y, row))
+    }
+    /// The labels, row by row from the lowest y: index of the owning block plus 1, or 0 for none.
+    /// Labels beyond the program's blocks count as none.
+    pub fn labels(&self) -> &[u32] {
+        &self.labels
+    }
+    /// The same, to be filled.
+    pub fn labels_mut(&mut self) -> &mut [u32] {
+        &mut self.labels
+    }
+    /// The box of all cells.
+    pub fn bounds(&self) -> Box2 {
+        let hi = P2::new(
+            self.origin.x + i64::from(self.columns) * self.cell,
+            self.origin.y + i64::from(self.rows) * self.cell,
+        );
+        Box2 { lo: self.origin, hi }
+    }
+}
+
+/// mm in text, `decimals` digits, without a negative zero.
+fn mm(nm: i64, decimals: usize) -> String {
+    plain(crate::geom::mm_from_nm(nm), decimals)
+}
+
+/// A number in text, `decimals` digits, without a negative zero.
+fn plain(v: f64, decimals: usize) -> String {
+    let text = format!("{v:.decimals$}");
+    let zero = text.bytes().all(|b| matches!(b, b'-' | b'0' | b'.'));
+    if zero { text.trim_start_matches('-').to_owned() } else { text }
+}
+
+/// A length for reading: mm below 10 m, m above.
+fn length_text(mm: f64) -> String {
+    if mm.abs() < 10_000.0 { format!("{} mm", plain(mm, 1)) } else { format!("{} m", plain(mm / 1000.0, 1)) }
+}
+
+/// A duration for reading: `4.2 s`, `12 min 5 s`, `3 h 12 min`.
+fn time_text(s: f64) -> String {
+    let whole = s.max(0.0).round() as u64;
+    match whole {
+        0..60 => format!("{} s", plain(s, 1)),
+        60..3600 => format!("{} min {} s", whole / 60, whole % 60),
+        _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
+    }
+}
+
+/// Text that XML can hold: control characters, which no escape makes legal, become spaces.
+fn clean(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') { ' ' } else { c }).collect()
+}
+
+/// `text` in at most `limit` characters.
+fn short(text: &str, limit: usize) -> String {
+    let text = clean(text);
+    if text.chars().count() <= limit {
+        return text;
+    }
+    text.chars().take(limit.saturating_sub(1)).chain(['…']).collect()
+}
