@@ -59,7 +59,7 @@ pub(super) fn within(job: &Layout<'_>, limit: usize) -> String {
     let grid = Grid::of(job.map, job.blocks().len());
     let sheet = Sheet::of(job);
     let outlines = outline::trace(&grid);
-    let spots = label::place(&grid, 2.6 * sheet.unit / mm_from_nm(job.map.cell));
+    let spots = label::place(&grid, 2.6 * sheet.unit / mm_from_nm(job.map.cell()));
     let mut text = String::new();
     for detail in DETAILS {
         text = draw(job, &sheet, &outlines, &spots, detail);
@@ -90,7 +90,7 @@ impl Sheet {
         let [w, h] = all.size().map(mm_from_nm);
         let unit = ((w * h).sqrt() / 100.0).max(w / 260.0).max(h / 400.0);
         // A coordinate keeps a twentieth of a cell: 0.01 mm at the usual cells of 0.25 mm.
-        let decimals = match job.map.cell {
+        let decimals = match job.map.cell() {
             200_000.. => 2,
             20_000.. => 3,
             _ => 4,
@@ -225,8 +225,8 @@ fn style_text(u: f64) -> String {
 
 /// Width of block borders: thin against the blocks, so that the narrowest bands stay coloured.
 fn border(job: &Layout<'_>, sheet: &Sheet) -> f64 {
-    let cells = job.map.labels.iter().filter(|&&l| l != 0).count() as f64;
-    let side = (cells / job.blocks().len().max(1) as f64).sqrt() * mm_from_nm(job.map.cell);
+    let cells = job.map.labels().iter().filter(|&&l| l != 0).count() as f64;
+    let side = (cells / job.blocks().len().max(1) as f64).sqrt() * mm_from_nm(job.map.cell());
     (side / 60.0).clamp(sheet.unit / 100.0, sheet.unit / 12.0)
 }
 
@@ -270,10 +270,10 @@ fn blocks(job: &Layout<'_>, sheet: &Sheet, outlines: &Outlines, detail: Detail) 
 
 /// Appends a closed ring in absolute start and relative steps.
 fn push_ring(d: &mut String, job: &Layout<'_>, sheet: &Sheet, points: &[Half]) {
-    let cell = job.map.cell as f64;
+    let cell = job.map.cell() as f64;
     // The grid has a rim of one cell, two halves.
     let at = |half: i32, origin: i64| origin as f64 + f64::from(half - 2) * cell / 2.0;
-    let step = |p: &Half| [sheet.step(at(p[0], job.map.origin.x)), -sheet.step(at(p[1], job.map.origin.y))];
+    let step = |p: &Half| [sheet.step(at(p[0], job.map.bounds().lo.x)), -sheet.step(at(p[1], job.map.bounds().lo.y))];
     let mut last = [0, 0];
     for (k, p) in points.iter().map(step).enumerate() {
         let [dx, dy] = [p[0] - last[0], p[1] - last[1]];
@@ -325,7 +325,7 @@ fn middle_of_marks(job: &Layout<'_>, block: &Block) -> [f64; 2] {
 
 /// Radius of the dot that stands for a block too small for the map.
 fn dot_radius(job: &Layout<'_>, sheet: &Sheet) -> f64 {
-    (sheet.unit * 0.12).max(mm_from_nm(job.map.cell))
+    (sheet.unit * 0.12).max(mm_from_nm(job.map.cell()))
 }
 
 fn dot(job: &Layout<'_>, sheet: &Sheet, block: &Block) -> Element {
@@ -410,8 +410,8 @@ fn numbers(job: &Layout<'_>, sheet: &Sheet, spots: &[label::Spot]) -> Element {
         &[("text-anchor", "middle"), ("fill", "#111"), ("pointer-events", "none")],
     );
     let range = job.range(|b| b.stop.focus, |b| b.stop.focus);
-    let cell = mm_from_nm(job.map.cell);
-    let [ox, oy] = job.map.origin.mm();
+    let cell = mm_from_nm(job.map.cell());
+    let [ox, oy] = job.map.bounds().lo.mm();
     for spot in spots {
         let Some(block) = job.blocks().get(spot.block as usize) else { continue };
         let font = spot.font * cell;

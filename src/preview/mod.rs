@@ -27,14 +27,13 @@ pub use layout::layout_svg;
 pub use report::report_html;
 
 use crate::check::Checked;
-use crate::geom::{Box2, P2};
+use crate::geom::Box2;
 use crate::machine::Machine;
-use crate::partition::Sections;
+use crate::map::Map;
+use crate::program::Sections;
 use crate::program::Block;
 use crate::record::Summary;
 
-/// The most cells a map may have: 2,000 x 2,000, a drawing's worth.
-const MAX_CELLS: i64 = 4_000_000;
 
 /// Everything the pictures are made of.
 #[derive(Clone, Copy, Debug)]
@@ -75,64 +74,6 @@ impl Layout<'_> {
     fn range(&self, lo: impl Fn(&Block) -> i64, hi: impl Fn(&Block) -> i64) -> [i64; 2] {
         let blocks = self.blocks();
         [blocks.iter().map(lo).min().unwrap_or(0), blocks.iter().map(hi).max().unwrap_or(0)]
-    }
-}
-
-/// A raster of square cells over the turned part frame: which block owns the centre of each.
-#[derive(Clone, Debug)]
-pub struct Map {
-    origin: P2,
-    cell: i64,
-    columns: u32,
-    rows: u32,
-    labels: Vec<u32>,
-}
-
-impl Map {
-    /// A map of no blocks over `bounds`, with cells of `cell` nm or, where those would be more than
-    /// four million, of the smallest size that is not.
-    pub fn blank(bounds: Box2, cell: i64) -> Self {
-        let bounds = if bounds.is_empty() { Box2 { lo: P2::new(0, 0), hi: P2::new(0, 0) } } else { bounds };
-        let [w, h] = bounds.size();
-        let count = |cell: i64| [w / cell + 1, h / cell + 1];
-        let fits = |cell: i64| count(cell)[0].saturating_mul(count(cell)[1]) <= MAX_CELLS;
-        let mut cell = cell.max(1);
-        while !fits(cell) {
-            cell += cell / 8 + 1;
-        }
-        let [columns, rows] = count(cell).map(|n| n as u32);
-        Self { origin: bounds.lo, cell, columns, rows, labels: vec![0; columns as usize * rows as usize] }
-    }
-
-    /// Edge of a cell in nm.
-    pub fn cell(&self) -> i64 {
-        self.cell
-    }
-    /// Columns and rows.
-    pub fn size(&self) -> [u32; 2] {
-        [self.columns, self.rows]
-    }
-    /// The centre of a cell, rounded down to the nm.
-    pub fn centre(&self, column: u32, row: u32) -> P2 {
-        let at = |o: i64, i: u32| o + i64::from(i) * self.cell + self.cell / 2;
-        P2::new(at(self.origin.x, column), at(self.origin.y, row))
-    }
-    /// The labels, row by row from the lowest y: index of the owning block plus 1, or 0 for none.
-    /// Labels beyond the program's blocks count as none.
-    pub fn labels(&self) -> &[u32] {
-        &self.labels
-    }
-    /// The same, to be filled.
-    pub fn labels_mut(&mut self) -> &mut [u32] {
-        &mut self.labels
-    }
-    /// The box of all cells.
-    pub fn bounds(&self) -> Box2 {
-        let hi = P2::new(
-            self.origin.x + i64::from(self.columns) * self.cell,
-            self.origin.y + i64::from(self.rows) * self.cell,
-        );
-        Box2 { lo: self.origin, hi }
     }
 }
 

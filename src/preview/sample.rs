@@ -6,7 +6,7 @@ use super::{Layout, Map};
 use crate::check::Checked;
 use crate::geom::{Box2, P2};
 use crate::machine::Machine;
-use crate::partition::Sections;
+use crate::program::Sections;
 use crate::program::{Block, Pen, Program, Stop, Stroke};
 use crate::record::{Candidate, Summary, Times};
 use crate::units::{Frequency, Power, Speed};

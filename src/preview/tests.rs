@@ -8,8 +8,9 @@ use proptest::prelude::*;
 use super::layout::{LIMIT, within};
 use super::outline::{Grid, area2, simplify, trace};
 use super::sample::Sample;
-use super::{Map, layout_svg, report_html};
+use super::{layout_svg, report_html};
 use crate::geom::{Box2, P2};
+use crate::map::Map;
 
 fn map(columns: u32, labels: &[u32]) -> Map {
     let rows = labels.len() as u32 / columns;
@@ -262,13 +263,6 @@ fn a_drawing_too_large_is_simplified_until_it_fits() {
         last = svg.len();
     }
     assert!(within(&sample.layout(), 0).len() <= last, "the coarsest where none fits");
-}
-
-#[test]
-fn a_map_is_bounded_whatever_is_asked() {
-    let map = Map::blank(Box2 { lo: P2::new(-4_000_000_000, 0), hi: P2::new(4_000_000_000, 4_000_000_000) }, 1);
-    assert!(map.labels().len() <= 4_000_000 && map.labels().len() > 3_000_000, "{}", map.labels().len());
-    assert!(map.bounds().hi.x >= 4_000_000_000);
 }
 
 /// A map of nothing but specks, as no partition makes it: the drawing stays small, every block is there.
