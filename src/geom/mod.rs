@@ -8,6 +8,8 @@ mod stroke;
 
 pub use stroke::Strokes;
 
+use nalgebra::Point3;
+
 /// Nanometres in a millimetre.
 pub const NM_PER_MM: f64 = 1e6;
 
@@ -118,6 +120,14 @@ pub fn orient(a: P2, b: P2, c: P2) -> f64 {
 /// Length in mm of a polyline given in nm.
 pub fn length_mm(points: &[P2]) -> f64 {
     points.windows(2).map(|w| w[0].distance(w[1])).sum::<f64>() / NM_PER_MM
+}
+
+/// Square of the slope (tangent of the angle to the horizontal) of the plane through three points that
+/// do not stand upright.
+pub fn slope2(corners: [Point3<f64>; 3]) -> f64 {
+    let [a, b, c] = corners;
+    let n = (b - a).cross(&(c - a));
+    n.xy().norm_squared() / (n.z * n.z)
 }
 
 /// Cosine and sine of an angle, exact for multiples of 90 degrees.

@@ -30,10 +30,9 @@ use crate::check::Checked;
 use crate::geom::Box2;
 use crate::machine::Machine;
 use crate::map::Map;
-use crate::program::Sections;
 use crate::program::Block;
+use crate::program::Sections;
 use crate::record::Summary;
-
 
 /// Everything the pictures are made of.
 #[derive(Clone, Copy, Debug)]

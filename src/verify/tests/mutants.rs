@@ -309,7 +309,9 @@ fn laser_every_way_to_leave_it_on() {
             replace(bytes, from, old, new);
             let text = String::from_utf8(std::mem::take(bytes)).expect("text");
             // A comment opened over the rest of its line is closed there.
-            let close = |l: &str| if l.matches('(').count() > l.matches(')').count() { format!("{l})\n") } else { format!("{l}\n") };
+            let close = |l: &str| {
+                if l.matches('(').count() > l.matches(')').count() { format!("{l})\n") } else { format!("{l}\n") }
+            };
             *bytes = text.lines().map(close).collect::<String>().into_bytes();
         });
         assert_only("laser", &proof);
