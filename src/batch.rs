@@ -97,7 +97,8 @@ pub fn jobs(path: &Path, output: Option<&Path>) -> Result<Vec<Entry>, Error> {
         .collect();
     for (i, e) in entries.iter().enumerate() {
         if let Some(other) = entries[..i].iter().find(|o| o.folder == e.folder) {
-            let text = format!("{} and {} would both write {}", other.job.display(), e.job.display(), e.folder.display());
+            let text =
+                format!("{} and {} would both write {}", other.job.display(), e.job.display(), e.folder.display());
             return Err(Diag::input("batch-clash", text).at(place()).hint("give the job files different names").into());
         }
     }
@@ -132,11 +133,7 @@ fn one(entry: &Entry, seed: u64) -> Result<State, Error> {
     }
     let plan = compile::plan(job, &|_| {})?;
     folder::write(&plan, &entry.folder, seed)?;
-    Ok(State::Compiled {
-        stops: plan.summary.stops,
-        time_s: plan.summary.time_s.total,
-        warnings: plan.warnings.len(),
-    })
+    Ok(State::Compiled { stops: plan.summary.stops, time_s: plan.summary.time_s.total, warnings: plan.warnings.len() })
 }
 
 /// Whether the folder was made from exactly this job, and is whole.
@@ -146,9 +143,10 @@ fn is_unchanged(job: &Job, folder: &Path, seed: u64) -> bool {
     let Ok(inputs) = folder::inputs(job) else { return false };
     let same_inputs = manifest["inputs"].as_array().is_some_and(|list| {
         list.len() == inputs.len()
-            && list.iter().zip(&inputs).all(|(have, want)| {
-                have["file"] == want.file.as_str() && have["blake3"] == want.blake3.as_str()
-            })
+            && list
+                .iter()
+                .zip(&inputs)
+                .all(|(have, want)| have["file"] == want.file.as_str() && have["blake3"] == want.blake3.as_str())
     });
     let whole = manifest["files"].as_array().is_some_and(|list| {
         list.iter().all(|f| {

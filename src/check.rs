@@ -92,9 +92,11 @@ fn faults_of(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag>
                 mm_from_nm(lo),
                 mm_from_nm(hi)
             );
-            faults.push(Diag::limit("travel", text).hint(
-                "move the part with placement.origin, mark a smaller area, or use a machine with more travel",
-            ));
+            faults.push(
+                Diag::limit("travel", text).hint(
+                    "move the part with placement.origin, mark a smaller area, or use a machine with more travel",
+                ),
+            );
         }
     }
     let lowest = limits.clearance.lowest_focus(stop.centre, stop.centre);
@@ -147,7 +149,10 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
     let at = limits.machine.stage_from_part([x, y, block.stop.focus], limits.origin);
     let step = limits.machine.increment_nm();
     if at != block.stage || at.iter().any(|v| v % step != 0) {
-        broken(format!("P4: stage target {:?} nm is not where the block lies, {at:?} nm, in steps of {step} nm", block.stage));
+        broken(format!(
+            "P4: stage target {:?} nm is not where the block lies, {at:?} nm, in steps of {step} nm",
+            block.stage
+        ));
     }
     faults
 }

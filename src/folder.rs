@@ -36,7 +36,10 @@ fn place(path: &Path) -> Place {
 }
 
 fn failed(what: &str, path: &Path, e: &std::io::Error) -> Error {
-    Diag::input("output-unwritable", format!("cannot {what}: {e}")).at(place(path)).hint("check space and permissions").into()
+    Diag::input("output-unwritable", format!("cannot {what}: {e}"))
+        .at(place(path))
+        .hint("check space and permissions")
+        .into()
 }
 
 /// What the pictures of a plan are drawn from; `job` is the name they show.
@@ -180,9 +183,8 @@ pub fn inputs(job: &Job) -> Result<Vec<InputFact>, Error> {
         .map(|(role, file)| {
             let path = job.resolve(&file);
             let mut hasher = blake3::Hasher::new();
-            let unreadable = |e| {
-                Error::from(Diag::input("file-unreadable", format!("cannot read the file: {e}")).at(place(&path)))
-            };
+            let unreadable =
+                |e| Error::from(Diag::input("file-unreadable", format!("cannot read the file: {e}")).at(place(&path)));
             let opened = fs::File::open(&path).map_err(unreadable)?;
             hasher.update_reader(opened).map_err(unreadable)?;
             let bytes = hasher.count();

@@ -149,5 +149,9 @@ fn folder(path: &Path) -> Result<Shown, Error> {
         s["time_s"]["total"],
         manifest["files"].as_array().map_or(0, Vec::len)
     );
-    Ok(Shown { text, json: json!({"kind": "folder", "summary": s, "machine": manifest["machine"]["name"]}), warnings: Vec::new() })
+    Ok(Shown {
+        text,
+        json: json!({"kind": "folder", "summary": s, "machine": manifest["machine"]["name"]}),
+        warnings: Vec::new(),
+    })
 }

@@ -189,7 +189,8 @@ fn init(folder: &Path, schema: bool) -> Result<u8, Error> {
         print(&format!("{}\n", spec::json_schema()));
         return Ok(0);
     }
-    let files = [("job.toml", spec::SAMPLE_JOB.as_bytes().to_vec()), (spec::SAMPLE_SURFACE_NAME, spec::sample_surface())];
+    let files =
+        [("job.toml", spec::SAMPLE_JOB.as_bytes().to_vec()), (spec::SAMPLE_SURFACE_NAME, spec::sample_surface())];
     for (name, _) in &files {
         let path = folder.join(name);
         if path.exists() {

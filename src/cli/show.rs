@@ -76,13 +76,19 @@ pub fn summary(s: &Summary, folder: Option<&Path>) -> String {
     let mut lines = vec![
         format!("method         {}", s.method),
         format!("stops          {} ({} sub-blocks)", s.stops, s.sub_blocks),
-        format!("marks          {:.3} mm in {} strokes, {} of the texture's strokes cut", s.mark_mm, s.fragments, s.strokes_cut),
+        format!(
+            "marks          {:.3} mm in {} strokes, {} of the texture's strokes cut",
+            s.mark_mm, s.fragments, s.strokes_cut
+        ),
         format!("texture        {:.3} mm", s.texture_mm),
         format!(
             "not marked     {:.3} mm (off the part {:.3}, too steep {:.3}, too small {:.3})",
             s.skipped_mm, s.skipped_off_part_mm, s.skipped_steep_mm, s.skipped_small_mm
         ),
-        format!("worst defocus  {:.3} um (with the mean as focal plane: {:.3} um)", s.worst_defocus_um, s.worst_defocus_mean_um),
+        format!(
+            "worst defocus  {:.3} um (with the mean as focal plane: {:.3} um)",
+            s.worst_defocus_um, s.worst_defocus_mean_um
+        ),
         format!("worst slope    {:.2} deg", s.worst_incidence_deg),
         format!(
             "time           {} (stage {}, settling {}, marks {}, jumps {}, delays {})",
@@ -95,7 +101,13 @@ pub fn summary(s: &Summary, folder: Option<&Path>) -> String {
         ),
     ];
     for c in &s.candidates {
-        lines.push(format!("candidate      {:<8} {} stops, {} strokes, {}", c.method, c.stops, c.fragments, duration(c.time_s.total)));
+        lines.push(format!(
+            "candidate      {:<8} {} stops, {} strokes, {}",
+            c.method,
+            c.stops,
+            c.fragments,
+            duration(c.time_s.total)
+        ));
     }
     if let Some(folder) = folder {
         lines.push(format!("job folder     {}", folder.display()));

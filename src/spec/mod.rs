@@ -18,8 +18,8 @@ use toml::Spanned;
 
 use crate::diag::{self, Diag, Error, Place};
 use crate::machine::Machine;
-use crate::{surface, texture};
 use crate::units::{Angle, Frequency, Length, Power, Speed, non_negative, positive, positive_option};
+use crate::{surface, texture};
 
 /// Largest job file that is read.
 const MAX_FILE: u64 = 4 << 20;
@@ -561,7 +561,9 @@ impl Job {
     pub fn machine(&self) -> Result<Machine, Error> {
         match (&self.file.machine.profile, &self.file.machine.file) {
             (Some(name), _) => Machine::built_in(name.get_ref()).map_err(|e| {
-                let at = |d: &Diag| if d.code == "machine-unknown" { d.clone().at(self.place(name.span())) } else { d.clone() };
+                let at = |d: &Diag| {
+                    if d.code == "machine-unknown" { d.clone().at(self.place(name.span())) } else { d.clone() }
+                };
                 Error::many(e.diags().iter().map(at).collect())
             }),
             (None, Some(path)) => Machine::load(&self.resolve(path.get_ref())),
