@@ -1,17 +1,18 @@
 //! Many jobs: each compiled on its own, unchanged ones skipped, a failing one harming no other.
 //!
 //! A job is unchanged when its folder's manifest names the same version, seed, job file and inputs by
-//! hash and every file it lists is there with its size. Outcomes stand in the order of the list.
+//! hash, and every file it lists is there with its size. Outcomes stand in the order of the list.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::compile;
 use crate::diag::{Diag, Error, Place};
 use crate::folder;
+use crate::machine::Machine;
 use crate::spec::Job;
 
 /// One job of a batch.
@@ -56,7 +57,7 @@ pub struct Outcome {
 #[derive(Debug)]
 pub struct Report(Vec<Outcome>);
 
-/// The jobs of a folder (`*.toml`, by name) or of a list file (one path a line, relative to it; `#`
+/// The jobs of a folder (`*.toml`, by name, machine files left out) or of a list file (one path a line, relative to it; `#`
 /// begins a comment).
 ///
 /// # Errors
@@ -65,10 +66,12 @@ pub fn jobs(path: &Path, output: Option<&Path>) -> Result<Vec<Entry>, Error> {
     let place = || Place::file(path.display().to_string());
     let unreadable = |e: std::io::Error| Diag::input("batch-unreadable", format!("cannot read it: {e}")).at(place());
     let mut files = Vec::new();
+    // Machine files often lie beside the jobs that name them.
+    let is_machine = |file: &Path| Machine::load(file).is_ok();
     if path.is_dir() {
         for entry in std::fs::read_dir(path).map_err(unreadable)? {
             let file = entry.map_err(unreadable)?.path();
-            if file.extension().is_some_and(|e| e == "toml") && file.is_file() {
+            if file.extension().is_some_and(|e| e == "toml") && file.is_file() && !is_machine(&file) {
                 files.push(file);
             }
         }
@@ -105,28 +108,40 @@ pub fn jobs(path: &Path, output: Option<&Path>) -> Result<Vec<Entry>, Error> {
     Ok(entries)
 }
 
-/// Compiles what has changed. `told` hears of every job as it ends.
+/// Compiles what has changed, as many jobs at a time as there are threads. `told` hears of every job
+/// as it ends.
 pub fn run(entries: &[Entry], seed: u64, told: &(dyn Fn(&Outcome) + Sync)) -> Report {
-    let outcomes = entries
-        .par_iter()
-        .map(|entry| {
-            // A panic is our own fault and is reported as such; the other jobs go on.
-            let caught = std::panic::catch_unwind(|| one(entry, seed));
-            let state = caught.unwrap_or_else(|_| Err(Diag::bug("panic", "an invariant of the program broke").into()));
-            let outcome = Outcome {
-                job: entry.job.clone(),
-                folder: entry.folder.clone(),
-                state: state.unwrap_or_else(State::Failed),
-            };
+    // Plain threads, not tasks of the pool: a thread of the pool that waits for the parts of one job
+    // would begin another one meanwhile, and the jobs in memory at a time would have no bound.
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut done = Vec::new();
+        loop {
+            let i = next.fetch_add(1, Ordering::Relaxed);
+            let Some(entry) = entries.get(i) else { return done };
+            let outcome = outcome(entry, seed);
             told(&outcome);
-            outcome
-        })
-        .collect();
-    Report(outcomes)
+            done.push((i, outcome));
+        }
+    };
+    let mut outcomes: Vec<(usize, Outcome)> = std::thread::scope(|scope| {
+        let threads = rayon::current_num_threads().min(entries.len());
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().flat_map(|w| w.join().expect("panics of a job are caught")).collect()
+    });
+    outcomes.sort_by_key(|(i, _)| *i);
+    Report(outcomes.into_iter().map(|(_, outcome)| outcome).collect())
+}
+
+fn outcome(entry: &Entry, seed: u64) -> Outcome {
+    // A panic is our own fault and is reported as such; the other jobs go on.
+    let caught = std::panic::catch_unwind(|| one(entry, seed));
+    let state = caught.unwrap_or_else(|_| Err(Diag::bug("panic", "an invariant of the program broke").into()));
+    Outcome { job: entry.job.clone(), folder: entry.folder.clone(), state: state.unwrap_or_else(State::Failed) }
 }
 
 fn one(entry: &Entry, seed: u64) -> Result<State, Error> {
-    folder::recover(&entry.folder)?;
+    folder::prepare(&entry.folder)?;
     let job = Job::load(&entry.job)?;
     if is_unchanged(&job, &entry.folder, seed) {
         return Ok(State::Unchanged);
@@ -141,6 +156,7 @@ fn is_unchanged(job: &Job, folder: &Path, seed: u64) -> bool {
     let Ok(bytes) = std::fs::read(folder.join(folder::MANIFEST)) else { return false };
     let Ok(manifest) = serde_json::from_slice::<Value>(&bytes) else { return false };
     let Ok(inputs) = folder::inputs(job) else { return false };
+    let same_place = folder::job_file_from(&job.path, folder).is_ok_and(|file| manifest["job"]["file"] == file);
     let same_inputs = manifest["inputs"].as_array().is_some_and(|list| {
         list.len() == inputs.len()
             && list
@@ -157,6 +173,7 @@ fn is_unchanged(job: &Job, folder: &Path, seed: u64) -> bool {
     manifest["terrace"] == env!("CARGO_PKG_VERSION")
         && manifest["seed"] == seed
         && manifest["job"]["blake3"] == blake3::hash(job.source.as_bytes()).to_hex().as_str()
+        && same_place
         && same_inputs
         && whole
 }

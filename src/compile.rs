@@ -101,14 +101,19 @@ const CHUNKS: usize = 256;
 /// # Errors
 /// Faults of the inputs; limits of the machine that the job breaks.
 pub fn plan(job: Job, progress: Progress<'_>) -> Result<Plan, Error> {
-    progress(Station::Read);
     let mut warnings = Vec::new();
+    // What was warned of before a fault often tells its cause.
+    planned(job, progress, &mut warnings).map_err(|e| e.after(warnings))
+}
+
+fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result<Plan, Error> {
+    progress(Station::Read);
     let machine = job.machine()?;
     let turn = job.file.placement.turn.as_rad();
     let path = job.resolve(job.file.surface.file.get_ref());
     let weld = job.file.surface.weld.as_mm();
-    let surface = Surface::load(&path, &job.surface_options(), weld, turn, &mut warnings)?;
-    let texture = Texture::load(&job.texture_requests(), surface.part_box_mm(), turn, &mut warnings)?;
+    let surface = Surface::load(&path, &job.surface_options(), weld, turn, warnings)?;
+    let texture = Texture::load(&job.texture_requests(), surface.part_box_mm(), turn, warnings)?;
 
     progress(Station::Footprint);
     let ground = ground(&job, &machine, &surface, &texture)?;
@@ -144,7 +149,7 @@ pub fn plan(job: Job, progress: Progress<'_>) -> Result<Plan, Error> {
     let checked = Checked::new(made.program, &limits)?;
     let map = map::Map::new(checked.program(), &ground.sections, &surface, texture.bounds());
     let sub_blocks = map.sub_blocks(checked.program());
-    warn(&job, &made.split, &texture, made.worst_defocus, ground.lattice.depth, &mut warnings)?;
+    warn(&job, &made.split, &texture, made.worst_defocus, ground.lattice.depth, warnings)?;
     let program = checked.program();
     let split = &made.split;
     let passes = |pick: fn(&Program, &Block) -> f64| program.blocks.iter().map(|b| pick(program, b)).sum::<f64>();
@@ -183,7 +188,7 @@ pub fn plan(job: Job, progress: Progress<'_>) -> Result<Plan, Error> {
         summary,
         block_times: made.block_times,
         depth: ground.lattice.depth,
-        warnings,
+        warnings: std::mem::take(warnings),
         job,
     })
 }

@@ -219,7 +219,13 @@ impl Error {
         assert!(!diags.is_empty(), "an error says at least one thing");
         Self(diags)
     }
-    /// What went wrong, in the order found.
+    /// The same error, with the warnings that came before it told after it.
+    #[must_use]
+    pub fn after(mut self, warnings: Vec<Diag>) -> Self {
+        self.0.extend(warnings);
+        self
+    }
+    /// What went wrong, in the order found; warnings that came before it at the end.
     pub fn diags(&self) -> &[Diag] {
         &self.0
     }

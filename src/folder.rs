@@ -1,12 +1,13 @@
-//! The job folder: written whole or not at all.
+//! The job folder: what it holds, and that it is written whole or not at all.
 //!
-//! Files are written into a hidden folder beside the target, `.NAME.new`; when all are there the old
-//! target steps aside as `.NAME.old`, the new one takes its name, and the old one is removed. A run that
-//! was stopped anywhere leaves the old folder, or the new one, or one of the two hidden names, which
-//! the next run clears up first: [`recover`].
+//! Files are written into a hidden folder beside the target, the manifest last; when all are there the
+//! folder takes the target's name (`target`). A job folder belongs to the program: replacing it removes
+//! everything in it.
+
+mod target;
 
 use std::fs;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
@@ -18,18 +19,10 @@ use crate::preview;
 use crate::program;
 use crate::record::{self, FileFact, InputFact};
 use crate::spec::{Format, Job};
+use target::{Target, resolved};
 
 /// The name of the file that makes a folder a job folder; written last.
 pub const MANIFEST: &str = "manifest.json";
-
-/// The two hidden names beside a target.
-fn hidden(target: &Path) -> Result<[PathBuf; 2], Error> {
-    let Some(name) = target.file_name().and_then(|n| n.to_str()) else {
-        let d = Diag::input("output-name", "the output has no name of its own").at(place(target));
-        return Err(d.hint("name a folder, such as -o hood.job").into());
-    };
-    Ok(["new", "old"].map(|what| target.with_file_name(format!(".{name}.{what}"))))
-}
 
 fn place(path: &Path) -> Place {
     Place::file(path.display().to_string())
@@ -38,7 +31,7 @@ fn place(path: &Path) -> Place {
 fn failed(what: &str, path: &Path, e: &std::io::Error) -> Error {
     Diag::input("output-unwritable", format!("cannot {what}: {e}"))
         .at(place(path))
-        .hint("check space and permissions")
+        .hint("check path, space and permissions")
         .into()
 }
 
@@ -56,52 +49,36 @@ pub fn layout<'a>(plan: &'a Plan, job: &'a str) -> preview::Layout<'a> {
     }
 }
 
-/// Finishes or undoes what a stopped run left beside `target`.
-///
-/// # Errors
-/// Where the file system refuses.
-pub fn recover(target: &Path) -> Result<(), Error> {
-    let [new, old] = hidden(target)?;
-    if old.exists() {
-        if target.exists() {
-            fs::remove_dir_all(&old).map_err(|e| failed("remove the replaced folder", &old, &e))?;
-        } else {
-            fs::rename(&old, target).map_err(|e| failed("restore the old folder", &old, &e))?;
-        }
-    }
-    if new.exists() {
-        fs::remove_dir_all(&new).map_err(|e| failed("remove an unfinished folder", &new, &e))?;
-    }
-    Ok(())
-}
-
-/// Writes the folder of a plan and puts it in the place of `target`.
+/// Finishes or undoes what a stopped run left beside `target`, and makes sure that a folder may be
+/// written there, before time is spent on a plan.
 ///
 /// # Errors
 /// `output-not-a-job` where `target` exists and is no job folder; what the file system refuses.
+pub fn prepare(target: &Path) -> Result<(), Error> {
+    let target = Target::find(target)?;
+    target.recover()?;
+    target.may_be_replaced(&[])
+}
+
+/// Writes the folder of a plan and puts it in the place of `target`. A run that writes there already is
+/// waited for.
+///
+/// # Errors
+/// As [`prepare`]; `output-holds-input` where the folder to be replaced holds an input of the job.
+/// Whatever fails, an older folder stands as it was.
 pub fn write(plan: &Plan, target: &Path, seed: u64) -> Result<(), Error> {
-    recover(target)?;
-    if target.exists() && !target.join(MANIFEST).is_file() {
-        let d = Diag::input("output-not-a-job", "the output exists and is not a job folder").at(place(target));
-        return Err(d.hint("name another folder with -o, or remove it yourself").into());
-    }
-    let [new, old] = hidden(target)?;
-    let parent = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let target = Target::find(target)?;
+    let parent = target.path.parent().unwrap_or(Path::new("/"));
     fs::create_dir_all(parent).map_err(|e| failed("make the folder", parent, &e))?;
-    let written = fill(plan, &new, target, seed);
-    if let Err(e) = written {
-        // What is left is removed by the next run too, should this fail.
-        let _ = fs::remove_dir_all(&new);
-        return Err(e);
+    let lock = target.lock()?;
+    target.tidy(&lock)?;
+    target.may_be_replaced(&input_paths(&plan.job))?;
+    let done = fill(plan, &target.new, &target.path, seed).and_then(|()| target.exchange(&lock));
+    if done.is_err() {
+        // What cannot be removed now, the next run removes.
+        let _ = fs::remove_dir_all(&target.new);
     }
-    if target.exists() {
-        fs::rename(target, &old).map_err(|e| failed("set the old folder aside", target, &e))?;
-    }
-    fs::rename(&new, target).map_err(|e| failed("put the new folder in place", target, &e))?;
-    if old.exists() {
-        fs::remove_dir_all(&old).map_err(|e| failed("remove the replaced folder", &old, &e))?;
-    }
-    Ok(())
+    done
 }
 
 /// Writes one file into the folder and says what was written.
@@ -143,7 +120,7 @@ fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Erro
     files.push(put(folder, "layout.svg", preview::layout_svg(&layout).as_bytes())?);
     files.push(put(folder, "report.html", preview::report_html(&layout).as_bytes())?);
     let facts = record::Facts {
-        job_file: relative(&job.path, target)?,
+        job_file: job_file_from(&job.path, target)?,
         job_blake3: blake3::hash(job.source.as_bytes()).to_hex().to_string(),
         inputs: inputs(job)?,
         seed,
@@ -194,23 +171,25 @@ pub fn inputs(job: &Job) -> Result<Vec<InputFact>, Error> {
         .collect()
 }
 
-/// `file` as seen from inside the folder `from` (which need not exist yet).
-fn relative(file: &Path, from: &Path) -> Result<String, Error> {
-    let whole = |p: &Path| -> Result<PathBuf, Error> {
-        let absolute = std::path::absolute(p).map_err(|e| failed("find the folder", p, &e))?;
-        let mut out = PathBuf::new();
-        for c in absolute.components() {
-            match c {
-                Component::ParentDir => {
-                    out.pop();
-                }
-                Component::CurDir => {}
-                other => out.push(other),
-            }
-        }
-        Ok(out)
-    };
-    let (file, from) = (whole(file)?, whole(from)?);
+/// The job file and every other input file of a job, as they can be opened.
+pub fn input_paths(job: &Job) -> Vec<PathBuf> {
+    let file = &job.file;
+    let named = std::iter::once(file.surface.file.get_ref())
+        .chain(file.texture.iter().filter_map(|t| t.file.as_ref().map(|f| f.get_ref())))
+        .chain(file.machine.file.iter().map(|f| f.get_ref()));
+    std::iter::once(job.path.clone()).chain(named.map(|f| job.resolve(f))).collect()
+}
+
+/// The job file as seen from inside the folder at `target`, which need not exist yet.
+///
+/// # Errors
+/// Where a folder on the way cannot be read.
+pub fn job_file_from(job: &Path, target: &Path) -> Result<String, Error> {
+    let real = |p: &Path| resolved(p).map_err(|e| failed("find the folder", p, &e));
+    let from = real(target)?;
+    // The job file may be a link: its inputs are relative to where it is named, not to where it leads.
+    let folder = job.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let file = real(folder)?.join(job.file_name().unwrap_or_default());
     let common = file.components().zip(from.components()).take_while(|(a, b)| a == b).count();
     let mut out = vec!["..".to_owned(); from.components().count() - common];
     out.extend(file.components().skip(common).map(|c| c.as_os_str().to_string_lossy().into_owned()));

@@ -54,7 +54,8 @@ pub enum Command {
     Compile {
         /// Job file, or - for standard input.
         job: PathBuf,
-        /// Folder to write; default: the job file's name with .job.
+        /// Folder to write; default: the job file's name with .job. A job folder that is there is
+        /// replaced, anything else is not.
         #[arg(short, long, value_name = "FOLDER")]
         output: Option<PathBuf>,
     },
@@ -70,7 +71,8 @@ pub enum Command {
     Preview {
         /// Job file, or - for standard input.
         job: PathBuf,
-        /// SVG file to write, or - for standard output; default: the job file's name with .svg.
+        /// SVG file to write, or - for standard output; default: the job file's name with .layout.svg,
+        /// standard output for a job from standard input.
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
     },

@@ -7,7 +7,7 @@ mod args;
 mod inspect;
 mod show;
 
-use std::io::{IsTerminal, Read, Write};
+use std::io::{ErrorKind, IsTerminal, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -15,9 +15,9 @@ use clap::{CommandFactory, Parser};
 
 use crate::batch;
 use crate::compile::{self, Plan, Station};
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{Diag, Error, Kind, Place};
 use crate::folder;
-use crate::machine::PROFILES;
+use crate::machine::{Machine, PROFILES};
 use crate::preview;
 use crate::spec::{self, Job};
 use crate::verify;
@@ -34,23 +34,23 @@ pub fn main() -> ExitCode {
             return ExitCode::from(code);
         }
     };
-    let pool = match rayon::ThreadPoolBuilder::new().num_threads(args.threads.unwrap_or(0)).build() {
-        Ok(pool) => pool,
-        Err(e) => return fail(&Diag::input("threads", format!("cannot start {:?} threads: {e}", args.threads)).into()),
-    };
-    let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| pool.install(|| run(&args))));
-    match done {
+    // Without -j the number of threads is left to the system, and to RAYON_NUM_THREADS.
+    if let Err(e) = rayon::ThreadPoolBuilder::new().num_threads(args.threads.unwrap_or(0)).build_global() {
+        let d = Diag::input("threads", format!("cannot start the threads: {e}")).hint("ask for fewer with -j");
+        return fail(&args, &d.into());
+    }
+    match std::panic::catch_unwind(|| run(&args)) {
         Ok(Ok(code)) => ExitCode::from(code),
-        Ok(Err(e)) => fail(&e),
-        Err(_) => fail(&Diag::bug("panic", "an invariant of the program broke (see above)").into()),
+        Ok(Err(e)) => fail(&args, &e),
+        Err(_) => fail(&args, &Diag::bug("panic", "an invariant of the program broke (see above)").into()),
     }
 }
 
-fn fail(e: &Error) -> ExitCode {
+fn fail(args: &Args, e: &Error) -> ExitCode {
+    let (warnings, faults): (Vec<Diag>, Vec<Diag>) = e.diags().iter().cloned().partition(|d| d.kind == Kind::Warning);
     let color = std::io::stderr().is_terminal();
-    for d in e.diags() {
-        eprintln_all(&d.render(color));
-    }
+    faults.iter().for_each(|d| eprintln_all(&d.render(color)));
+    warn(args, &warnings);
     ExitCode::from(e.exit_code())
 }
 
@@ -60,82 +60,50 @@ fn eprintln_all(text: &str) {
 }
 
 /// Writes to stdout; a reader that closed the pipe has had enough.
-fn print(text: &str) {
+fn print(text: &str) -> Result<(), Error> {
     let mut out = std::io::stdout().lock();
-    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(unwritable("write to standard output", Place::Nowhere, &e)),
+        _ => Ok(()),
+    }
+}
+
+fn unwritable(what: &str, place: Place, e: &std::io::Error) -> Error {
+    let d = Diag::input("output-unwritable", format!("cannot {what}: {e}"));
+    d.at(place).hint("check path, space and permissions").into()
 }
 
 fn run(args: &Args) -> Result<u8, Error> {
     match &args.command {
-        Command::Init { folder, schema } => init(folder, *schema),
+        Command::Init { folder, schema } => init(args, folder, *schema)?,
         Command::Check { job } => {
             let plan = planned(args, job)?;
-            report(args, &plan, None);
-            Ok(0)
+            report(args, &plan, None)?;
         }
-        Command::Compile { job, output } => {
-            let target = match output {
-                Some(o) => o.clone(),
-                None if job == Path::new("-") => PathBuf::from("stdin.job"),
-                None => compile::default_output(job),
-            };
-            let spinner = show::Spinner::new(args.quiet);
-            let plan = compile::plan(load(job)?, &|s| spinner.station(s))?;
-            spinner.station(Station::Write);
-            folder::write(&plan, &target, args.seed)?;
-            spinner.done();
-            warn(args, &plan.warnings);
-            report(args, &plan, Some(&target));
-            Ok(0)
-        }
+        Command::Compile { job, output } => compile(args, job, output.as_deref())?,
         Command::Verify { folder, inputs } => {
             let spinner = show::Spinner::new(args.quiet);
             spinner.text("verifying");
             let proof = verify::verify(folder, inputs.as_deref())?;
             spinner.done();
-            print(&if args.json { show::json(&proof.to_json()) } else { proof.to_text() });
-            Ok(u8::from(!proof.ok))
+            print(&if args.json { show::json(&proof.to_json()) } else { proof.to_text() })?;
+            return Ok(u8::from(!proof.ok));
         }
-        Command::Preview { job, output } => {
-            let plan = planned(args, job)?;
-            let name = job.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-            let svg = preview::layout_svg(&folder::layout(&plan, &name));
-            match output.as_deref() {
-                Some(o) if o == Path::new("-") => print(&svg),
-                given => {
-                    let path = given.map_or_else(|| job.with_extension("svg"), Path::to_owned);
-                    write_file(&path, svg.as_bytes())?;
-                    print(&format!("{}\n", path.display()));
-                }
-            }
-            Ok(0)
-        }
-        Command::Batch { jobs, output, report } => {
-            let list = batch::jobs(jobs, output.as_deref())?;
-            let view = show::BatchView::new(args.quiet, list.len());
-            let outcome = batch::run(&list, args.seed, &|done| view.done(done));
-            view.finish();
-            let text = if args.json { show::json(&outcome.to_json()) } else { outcome.to_string() };
-            if let Some(path) = report {
-                write_file(path, show::json(&outcome.to_json()).as_bytes())?;
-            }
-            print(&text);
-            Ok(outcome.exit_code())
-        }
+        Command::Preview { job, output } => preview(args, job, output.as_deref())?,
+        Command::Batch { jobs, output, report } => return batch(args, jobs, output.as_deref(), report.as_deref()),
         Command::Inspect { file, unit } => {
             let shown = inspect::inspect(file, *unit)?;
             warn(args, &shown.warnings);
-            print(&if args.json { show::json(&shown.json) } else { shown.text });
-            Ok(0)
+            print(&if args.json { show::json(&shown.json) } else { shown.text })?;
         }
-        Command::Machines { name } => machines(args, name.as_deref()),
+        Command::Machines { name } => machines(args, name.as_deref())?,
         Command::Completions { shell } => {
             let mut out = Vec::new();
             clap_complete::generate(*shell, &mut Args::command(), "terrace", &mut out);
-            print(&String::from_utf8_lossy(&out));
-            Ok(0)
+            print(&String::from_utf8_lossy(&out))?;
         }
     }
+    Ok(0)
 }
 
 /// Reads a job file, or standard input for `-`.
@@ -143,10 +111,64 @@ fn load(job: &Path) -> Result<Job, Error> {
     if job != Path::new("-") {
         return Job::load(job);
     }
-    let mut text = String::new();
-    let unreadable = |e: std::io::Error| Diag::input("file-unreadable", format!("cannot read standard input: {e}"));
-    std::io::stdin().lock().take(4 << 20).read_to_string(&mut text).map_err(unreadable)?;
+    let unreadable = |why: String| {
+        Diag::input("file-unreadable", format!("cannot read the job: {why}")).at(Place::file("standard input"))
+    };
+    let (mut text, limit) = (String::new(), spec::MAX_FILE);
+    std::io::stdin().lock().take(limit + 1).read_to_string(&mut text).map_err(|e| unreadable(e.to_string()))?;
+    if text.len() as u64 > limit {
+        return Err(unreadable(format!("it has more than {limit} bytes")).into());
+    }
     Job::parse(Path::new("stdin.toml"), &text)
+}
+
+fn compile(args: &Args, job: &Path, output: Option<&Path>) -> Result<(), Error> {
+    let target = match output {
+        Some(o) => o.to_owned(),
+        None if job == Path::new("-") => PathBuf::from("stdin.job"),
+        None => compile::default_output(job),
+    };
+    folder::prepare(&target)?;
+    let spinner = show::Spinner::new(args.quiet);
+    let plan = compile::plan(load(job)?, &|s| spinner.station(s))?;
+    spinner.station(Station::Write);
+    folder::write(&plan, &target, args.seed)?;
+    spinner.done();
+    warn(args, &plan.warnings);
+    if job == Path::new("-") {
+        let d = Diag::warning("job-from-stdin", "the job came from standard input, and verify reads it again");
+        warn(args, &[d.hint(format!("keep it as {} in this folder", plan.job.path.display()))]);
+    }
+    report(args, &plan, Some(&target))
+}
+
+fn preview(args: &Args, job: &Path, output: Option<&Path>) -> Result<(), Error> {
+    let plan = planned(args, job)?;
+    let name = plan.job.path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    let svg = preview::layout_svg(&folder::layout(&plan, &name));
+    let dash = Path::new("-");
+    let path = match output {
+        Some(o) if o == dash => return print(&svg),
+        None if job == dash => return print(&svg),
+        Some(o) => o.to_owned(),
+        None => job.with_extension("layout.svg"),
+    };
+    write_file(&path, svg.as_bytes(), &folder::input_paths(&plan.job))?;
+    wrote(args, &[path])
+}
+
+fn batch(args: &Args, jobs: &Path, output: Option<&Path>, report: Option<&Path>) -> Result<u8, Error> {
+    let list = batch::jobs(jobs, output)?;
+    let view = show::BatchView::new(args.quiet, list.len());
+    let outcome = batch::run(&list, args.seed, &|done| view.done(done));
+    view.finish();
+    let json = show::json(&outcome.to_json());
+    print(&if args.json { json.clone() } else { outcome.to_string() })?;
+    if let Some(path) = report {
+        let inputs: Vec<PathBuf> = list.into_iter().map(|e| e.job).chain([jobs.to_owned()]).collect();
+        write_file(path, json.as_bytes(), &inputs)?;
+    }
+    Ok(outcome.exit_code())
 }
 
 fn planned(args: &Args, job: &Path) -> Result<Plan, Error> {
@@ -167,68 +189,73 @@ fn warn(args: &Args, warnings: &[Diag]) {
     }
 }
 
-fn report(args: &Args, plan: &Plan, folder: Option<&Path>) {
+fn report(args: &Args, plan: &Plan, folder: Option<&Path>) -> Result<(), Error> {
     if args.json {
         let value = serde_json::to_value(&plan.summary).unwrap_or_default();
-        print(&show::json(&value));
+        print(&show::json(&value))
     } else {
-        print(&show::summary(&plan.summary, folder));
+        print(&show::summary(&plan.summary, folder))
     }
 }
 
-fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Error> {
-    std::fs::write(path, bytes).map_err(|e| {
-        Diag::input("output-unwritable", format!("cannot write the file: {e}"))
-            .at(Place::file(path.display().to_string()))
-            .into()
-    })
+/// Writes a result that is one file, never over one of the `inputs`.
+fn write_file(path: &Path, bytes: &[u8], inputs: &[PathBuf]) -> Result<(), Error> {
+    let place = || Place::file(path.display().to_string());
+    let real = |p: &Path| std::fs::canonicalize(p).ok();
+    if real(path).is_some_and(|to| inputs.iter().any(|i| real(i).as_ref() == Some(&to))) {
+        let d = Diag::input("output-is-input", "the output would overwrite an input").at(place());
+        return Err(d.hint("name another file").into());
+    }
+    std::fs::write(path, bytes).map_err(|e| unwritable("write the file", place(), &e))
 }
 
-fn init(folder: &Path, schema: bool) -> Result<u8, Error> {
+/// Says which files were written.
+fn wrote(args: &Args, files: &[PathBuf]) -> Result<(), Error> {
+    let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
+    print(&if args.json { show::json(&serde_json::json!({"files": names})) } else { names.join("\n") + "\n" })
+}
+
+fn init(args: &Args, folder: &Path, schema: bool) -> Result<(), Error> {
     if schema {
-        print(&format!("{}\n", spec::json_schema()));
-        return Ok(0);
+        return print(&format!("{}\n", spec::json_schema()));
     }
     let files =
         [("job.toml", spec::SAMPLE_JOB.as_bytes().to_vec()), (spec::SAMPLE_SURFACE_NAME, spec::sample_surface())];
-    for (name, _) in &files {
-        let path = folder.join(name);
-        if path.exists() {
+    let paths = files.each_ref().map(|(name, _)| folder.join(name));
+    for path in &paths {
+        if std::fs::symlink_metadata(path).is_ok() {
             let d = Diag::input("init-exists", "the file exists already").at(Place::file(path.display().to_string()));
             return Err(d.hint("name an empty folder: terrace init FOLDER").into());
         }
     }
-    std::fs::create_dir_all(folder).map_err(|e| {
-        Diag::input("output-unwritable", format!("cannot make the folder: {e}"))
-            .at(Place::file(folder.display().to_string()))
-    })?;
-    for (name, bytes) in &files {
-        let path = folder.join(name);
-        write_file(&path, bytes)?;
-        print(&format!("{}\n", path.display()));
+    std::fs::create_dir_all(folder)
+        .map_err(|e| unwritable("make the folder", Place::file(folder.display().to_string()), &e))?;
+    for (path, (_, bytes)) in paths.iter().zip(&files) {
+        write_file(path, bytes, &[])?;
     }
-    print(&format!("next: terrace compile {}\n", folder.join("job.toml").display()));
-    Ok(0)
+    wrote(args, &paths)?;
+    if !args.quiet {
+        eprintln_all(&format!("next: terrace compile {}", paths[0].display()));
+    }
+    Ok(())
 }
 
-fn machines(args: &Args, name: Option<&str>) -> Result<u8, Error> {
+fn machines(args: &Args, name: Option<&str>) -> Result<(), Error> {
     if let Some(name) = name {
-        let machine = crate::machine::Machine::built_in(name)?;
+        let machine = Machine::built_in(name)?;
         let text = PROFILES.iter().find(|(n, _)| *n == name).map_or("", |(_, t)| t);
         let value = serde_json::to_value(&machine).unwrap_or_default();
-        print(&if args.json { show::json(&value) } else { text.to_owned() });
-        return Ok(0);
+        return print(&if args.json { show::json(&value) } else { text.to_owned() });
     }
     if args.json {
         let names: Vec<&str> = PROFILES.iter().map(|(n, _)| *n).collect();
-        print(&show::json(&serde_json::json!(names)));
-        return Ok(0);
+        return print(&show::json(&serde_json::json!(names)));
     }
     for (name, _) in PROFILES {
-        let m = crate::machine::Machine::built_in(name)?;
+        let m = Machine::built_in(name)?;
         let [x, y] = m.lens.field.map(|f| f.as_mm());
         let travel = m.axes().map(|(_, a)| format!("{}", a.travel[1].as_mm() - a.travel[0].as_mm())).join(" x ");
-        print(&format!("{name:<18} field {x} x {y} mm, travel {travel} mm; {}\n", m.source));
+        print(&format!("{name:<18} field {x} x {y} mm, travel {travel} mm; {}\n", m.source))?;
     }
-    Ok(0)
+    Ok(())
 }

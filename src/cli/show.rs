@@ -40,6 +40,13 @@ impl Spinner {
     }
 }
 
+impl Drop for Spinner {
+    fn drop(&mut self) {
+        // Also where a fault ends the work: its message begins on a clean line.
+        self.done();
+    }
+}
+
 /// One bar for a whole batch.
 pub struct BatchView(ProgressBar);
 

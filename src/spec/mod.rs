@@ -22,7 +22,7 @@ use crate::units::{Angle, Frequency, Length, Power, Speed, non_negative, positiv
 use crate::{surface, texture};
 
 /// Largest job file that is read.
-const MAX_FILE: u64 = 4 << 20;
+pub const MAX_FILE: u64 = 4 << 20;
 
 /// A job file that was read and checked, with its text kept for messages.
 #[derive(Clone, Debug)]
