@@ -247,7 +247,9 @@ fn make(path: &Path) {
         Some("svg") => br#"<svg xmlns="http://www.w3.org/2000/svg" width="10mm" height="10mm" viewBox="0 0 10 10">
             <path d="M1 1 C 3 9 7 9 9 1 Z" stroke="black"/></svg>"#
             .to_vec(),
-        Some("xyz") => (0..900).map(|i| format!("{} {} {}\n", i % 30, i / 30, f64::from(i % 30) / 50.0)).collect::<String>().into(),
+        Some("xyz") => {
+            (0..900).map(|i| format!("{} {} {}\n", i % 30, i / 30, f64::from(i % 30) / 50.0)).collect::<String>().into()
+        }
         Some("png") => grey(60, 50),
         Some("toml") => terrace::machine::PROFILES[0].1.into(),
         other => panic!("no sample for {other:?}"),
@@ -273,7 +275,8 @@ fn whole_jobs_of_the_documents_compile() {
     for file in ["README.md", "docs/job-file.md", "docs/machine-file.md"] {
         for block in blocks(&text_of(file), "toml job") {
             let dir = tempfile::tempdir().expect("a folder");
-            let job = Job::parse(&dir.path().join("job.toml"), block).unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
+            let job =
+                Job::parse(&dir.path().join("job.toml"), block).unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
             make(&job.resolve(job.file.surface.file.get_ref()));
             for path in job.file.texture.iter().filter_map(|t| t.file.as_ref()) {
                 make(&job.resolve(path.get_ref()));
@@ -315,7 +318,8 @@ fn keys_exist(schema: &Value, at: &Value, example: &toml::Table, shown: &str) {
 
 #[test]
 fn parts_of_files_in_the_documents_have_keys_that_exist() {
-    for (file, schema) in [("docs/job-file.md", spec::json_schema()), ("docs/machine-file.md", machine::json_schema())] {
+    for (file, schema) in [("docs/job-file.md", spec::json_schema()), ("docs/machine-file.md", machine::json_schema())]
+    {
         let schema: Value = serde_json::from_str(&schema).expect("a schema is JSON");
         let text = text_of(file);
         let parts = blocks(&text, "toml");
