@@ -217,7 +217,8 @@ pub struct TextureSpec {
     /// Drawing: width and height that the whole page gets; required where the file has no physical size.
     #[serde(default)]
     pub size: Option<[Length; 2]>,
-    /// Drawing: part-frame position of the page's lower left corner; default: lower left of the area.
+    /// Drawing: part-frame position of the page's lower left corner; default: lower left of the area, or,
+    /// without an area, the page in the middle of the part.
     #[serde(default)]
     pub origin: Option<[Length; 2]>,
     /// Drawing: turn of the page about its lower left corner, counter-clockwise.
