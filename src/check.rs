@@ -48,6 +48,7 @@ impl Checked {
                     .hint("check the texture's area and origin against the part's box (`terrace inspect`)"),
             );
         }
+        faults.extend(pen_faults(&program, limits.machine));
         for (i, block) in program.blocks.iter().enumerate() {
             let found = faults_of(&program, block, limits);
             let place = || Place::Block(Program::block_id(i));
@@ -79,6 +80,24 @@ impl Checked {
     }
 }
 
+/// Pens that ask for more than scanner or laser can give.
+fn pen_faults(program: &Program, machine: &Machine) -> Vec<Diag> {
+    let mut faults = Vec::new();
+    for pen in &program.pens {
+        let (speed, most) = (pen.speed.as_mm_s(), machine.scanner.max_mark_speed.as_mm_s());
+        if speed > most {
+            let text = format!("pen {:?} marks at {speed} mm/s, the scanner at {most} mm/s at most", pen.name);
+            faults.push(Diag::limit("pen-speed", text).hint("see scanner.max_mark_speed of the machine"));
+        }
+        let (power, most) = (pen.power.as_w(machine.laser.max_power), machine.laser.max_power.as_w());
+        if power > most {
+            let text = format!("pen {:?} asks for {power} W, the laser gives {most} W at most", pen.name);
+            faults.push(Diag::limit("pen-power", text).hint("see laser.max_power of the machine"));
+        }
+    }
+    faults
+}
+
 fn faults_of(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag> {
     let mut faults = invariants(program, block, limits);
     let machine = limits.machine;
@@ -92,9 +111,11 @@ fn faults_of(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag>
                 mm_from_nm(lo),
                 mm_from_nm(hi)
             );
-            faults.push(Diag::limit("travel", text).hint(
-                "move the part with placement.origin, mark a smaller area, or use a machine with more travel",
-            ));
+            faults.push(
+                Diag::limit("travel", text).hint(
+                    "move the part with placement.origin, mark a smaller area, or use a machine with more travel",
+                ),
+            );
         }
     }
     let lowest = limits.clearance.lowest_focus(stop.centre, stop.centre);
@@ -147,7 +168,10 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
     let at = limits.machine.stage_from_part([x, y, block.stop.focus], limits.origin);
     let step = limits.machine.increment_nm();
     if at != block.stage || at.iter().any(|v| v % step != 0) {
-        broken(format!("P4: stage target {:?} nm is not where the block lies, {at:?} nm, in steps of {step} nm", block.stage));
+        broken(format!(
+            "P4: stage target {:?} nm is not where the block lies, {at:?} nm, in steps of {step} nm",
+            block.stage
+        ));
     }
     faults
 }

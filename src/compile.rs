@@ -226,8 +226,7 @@ fn ground<'a>(
         let origin = centre_of_travel[axis] - (lo + hi) / 2;
         origin - (lo + pitch[axis] / 2 + origin).rem_euclid(step)
     };
-    let mut origin =
-        placed.unwrap_or([default_xy(0, area.lo.x, area.hi.x), default_xy(1, area.lo.y, area.hi.y), 0]);
+    let mut origin = placed.unwrap_or([default_xy(0, area.lo.x, area.hi.x), default_xy(1, area.lo.y, area.hi.y), 0]);
     let sections = Sections::over(area, pitch, step, [origin[0], origin[1]]);
     const MAX_SECTIONS: usize = 4_000_000;
     if sections.count.iter().map(|&c| c as usize).product::<usize>() > MAX_SECTIONS {
@@ -238,10 +237,13 @@ fn ground<'a>(
     let footprint = footprint(surface, texture, &sections, max_slope);
     let Some((lo, hi)) = footprint.range() else {
         let place = Place::file(job.path.display().to_string());
-        return Err(Diag::limit("job-empty", "nothing would be marked: no texture lies on the part where it may be marked")
-            .at(place)
-            .hint("compare the texture's area and origin with the part's box (`terrace inspect`)")
-            .into());
+        return Err(Diag::limit(
+            "job-empty",
+            "nothing would be marked: no texture lies on the part where it may be marked",
+        )
+        .at(place)
+        .hint("compare the texture's area and origin with the part's box (`terrace inspect`)")
+        .into());
     };
     if placed.is_none() {
         let z0 = lo.floor() as i64;
@@ -251,7 +253,9 @@ fn ground<'a>(
     let depth = job.depth_range().as_nm().unwrap_or(0);
     let Some(lattice) = Lattice::new(depth, step, origin[2]) else {
         let text = format!("a depth range of {} mm is below two stage increments", mm_from_nm(depth));
-        return Err(Diag::limit("depth-small", text).hint("enlarge focus.pdof, or state a finer stage.increment").into());
+        return Err(Diag::limit("depth-small", text)
+            .hint("enlarge focus.pdof, or state a finer stage.increment")
+            .into());
     };
     let pens = job.file.pen.iter().map(|p| Pen {
         name: p.name.clone(),
@@ -527,7 +531,8 @@ fn warn(
     let mm = |v: f64| format!("{v:.3} mm");
     if split.skipped.steep > 0.0 {
         let limit = job.file.limits.max_incidence.as_deg();
-        let text = format!("{} of texture lie on slopes above {limit:.1} deg and are not marked", mm(split.skipped.steep));
+        let text =
+            format!("{} of texture lie on slopes above {limit:.1} deg and are not marked", mm(split.skipped.steep));
         let place = split.steep_at.map_or(Place::Nowhere, |p| {
             let [x_mm, y_mm] = p.mm();
             Place::Part { x_mm, y_mm }
@@ -539,7 +544,8 @@ fn warn(
     }
     let incidence = split.worst_slope2.sqrt().atan().to_degrees();
     if incidence > job.file.limits.warn_incidence.as_deg() {
-        let text = format!("the beam meets the surface at up to {incidence:.1} deg: marks are stretched and the dose falls");
+        let text =
+            format!("the beam meets the surface at up to {incidence:.1} deg: marks are stretched and the dose falls");
         warnings.push(Diag::warning("incidence", text).hint("see limits.warn_incidence"));
     }
     if split.skipped.off_part > 0.0 {

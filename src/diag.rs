@@ -31,15 +31,42 @@ pub enum Place {
     #[default]
     Nowhere,
     /// A file as a whole, or one of its lines (counted from 1).
-    File { path: String, line: Option<usize> },
+    File {
+        /// As the user named it.
+        path: String,
+        /// Counted from 1.
+        line: Option<usize>,
+    },
     /// A stretch of a text file that is shown with a caret.
-    Text { path: String, source: Arc<str>, span: Range<usize> },
+    Text {
+        /// As the user named it.
+        path: String,
+        /// The whole text.
+        source: Arc<str>,
+        /// Bytes of the text.
+        span: Range<usize>,
+    },
     /// A facet of a surface file, counted from 0 in file order.
-    Facet { path: String, facet: usize },
+    Facet {
+        /// As the user named it.
+        path: String,
+        /// Number of the facet.
+        facet: usize,
+    },
     /// An element of a drawing, by id or by its number.
-    Element { path: String, element: String },
+    Element {
+        /// As the user named it.
+        path: String,
+        /// Id or number of the element.
+        element: String,
+    },
     /// A point on the part, in mm in the part frame.
-    Part { x_mm: f64, y_mm: f64 },
+    Part {
+        /// x, mm.
+        x_mm: f64,
+        /// y, mm.
+        y_mm: f64,
+    },
     /// A block of the program, by id.
     Block(String),
 }

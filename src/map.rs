@@ -133,7 +133,8 @@ impl Map {
                     // A mark on a border may lie in a cell of the neighbour.
                     for (dx, dy) in NEAR {
                         if self.label(x + dx, y + dy) == i as u32 + 1 {
-                            let part = &mut touched[parts[(y + dy) as usize * self.count[0] + (x + dx) as usize] as usize];
+                            let part =
+                                &mut touched[parts[(y + dy) as usize * self.count[0] + (x + dx) as usize] as usize];
                             sub_blocks += usize::from(!*part);
                             *part = true;
                             any = true;

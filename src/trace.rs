@@ -95,7 +95,11 @@ impl<'a> Tracer<'a> {
                 let [column, row] = self.cuts[cut].1;
                 let section = (row * i64::from(self.sections.count[0]) + column) as u32;
                 let z = |t: f64| {
-                    if t >= span.t1 { span.z1 } else { span.z0 + (span.z1 - span.z0) * ((t - span.t0) / (span.t1 - span.t0)) }
+                    if t >= span.t1 {
+                        span.z1
+                    } else {
+                        span.z0 + (span.z1 - span.z0) * ((t - span.t0) / (span.t1 - span.t0))
+                    }
                 };
                 sink(Piece { t0: t, t1: end, z0: z(t), z1: z(end), on: Ok(section) });
                 if end >= span.t1 {
@@ -237,7 +241,8 @@ mod tests {
 
     #[test]
     fn pieces_tile_the_segment_and_lie_in_their_sections() {
-        let facets = [[[0.0, 0.0, 0.0], [9.0, 0.0, 0.9], [9.0, 9.0, 0.9]], [[0.0, 0.0, 0.0], [9.0, 9.0, 0.9], [0.0, 9.0, 0.0]]];
+        let facets =
+            [[[0.0, 0.0, 0.0], [9.0, 0.0, 0.9], [9.0, 9.0, 0.9]], [[0.0, 0.0, 0.0], [9.0, 9.0, 0.9], [0.0, 9.0, 0.0]]];
         let surface = Surface::from_facets(facets, &mut Vec::new()).expect("two facets");
         let mm = 1_000_000;
         let sections = Sections { origin: P2::new(0, 0), pitch: [2 * mm, 2 * mm], count: [5, 5] };

@@ -24,9 +24,8 @@ fn a_flat_plate_takes_one_block_a_field() {
         assert_balance(&summary, &verify(&out));
     }
     // 400 mm are ten fields of 40 mm, not eleven.
-    let job = JobText::on(&stl).texture(
-        "pattern = \"hatch\"\npitch = \"5 mm\"\narea = [\"0 mm\", \"0 mm\", \"400 mm\", \"400 mm\"]",
-    );
+    let job = JobText::on(&stl)
+        .texture("pattern = \"hatch\"\npitch = \"5 mm\"\narea = [\"0 mm\", \"0 mm\", \"400 mm\", \"400 mm\"]");
     let summary = compile(&job.write(dir.path(), "plate.toml"), &dir.path().join("b.job"));
     assert_eq!(summary["stops"], 100);
 }
@@ -95,7 +94,10 @@ fn heights_follow_plane_sphere_and_sine_to_the_chord_error() {
 
 /// Compiles a hatch and compares the blocks' heights and the cut points with the closed form.
 fn heights_agree(name: &str, job: &JobText, dir: &std::path::Path, z: fn(f64, f64) -> f64, tolerance: f64) {
-    let job = JobText { textures: vec!["pattern = \"hatch\"\npitch = \"0.7 mm\"\ndirection = \"30 deg\"".into()], ..clone(job) };
+    let job = JobText {
+        textures: vec!["pattern = \"hatch\"\npitch = \"0.7 mm\"\ndirection = \"30 deg\"".into()],
+        ..clone(job)
+    };
     let out = dir.join("form.job");
     let summary = compile(&job.write(dir, "form.toml"), &out);
     assert_balance(&summary, &verify(&out));

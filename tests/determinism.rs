@@ -50,7 +50,9 @@ fn moving_the_part_moves_the_stage_and_nothing_else() {
         let moved: Vec<_> = facets.iter().map(|f| f.map(|[x, y, z]| [round(x) + shift, round(y), z])).collect();
         write_stl(&stl, &moved);
         let out = dir.path().join(format!("{name}.job"));
-        let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.5 mm\"").write(dir.path(), &format!("{name}.toml"));
+        let job = JobText::on(&stl)
+            .texture("pattern = \"hatch\"\npitch = \"0.5 mm\"")
+            .write(dir.path(), &format!("{name}.toml"));
         (compile(&job, &out), std::fs::read_to_string(out.join("stage.ngc")).expect("stage.ngc"))
     };
     let (a, stage_a) = compiled(0.0, "a");
@@ -96,7 +98,8 @@ fn scaling_part_texture_machine_and_depth_together_keeps_the_counts() {
         let z = move |x: f64, y: f64| k * (0.02 * (x / k) + 0.3 * (y / k / 9.0).sin());
         write_stl(&stl, &mesh(60, [0.0, 0.0, 60.0 * k, 60.0 * k], z));
         let machine = String::from_utf8(terrace(["machines", "xyz-galvo-40"]).stdout).expect("text");
-        let machine = machine.replace("field = [\"40 mm\", \"40 mm\"]", &format!("field = [\"{0} mm\", \"{0} mm\"]", 40.0 * k));
+        let machine =
+            machine.replace("field = [\"40 mm\", \"40 mm\"]", &format!("field = [\"{0} mm\", \"{0} mm\"]", 40.0 * k));
         std::fs::write(dir.path().join("machine.txt"), machine).expect("a writable folder");
         let mut job = JobText::on(&stl).texture(&format!("pattern = \"hatch\"\npitch = \"{} mm\"", 0.5 * k));
         job.focus = format!("pdof = \"{} mm\"", 0.07 * k);

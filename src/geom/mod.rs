@@ -8,6 +8,8 @@ mod stroke;
 
 pub use stroke::Strokes;
 
+use nalgebra::Point3;
+
 /// Nanometres in a millimetre.
 pub const NM_PER_MM: f64 = 1e6;
 
@@ -120,6 +122,14 @@ pub fn length_mm(points: &[P2]) -> f64 {
     points.windows(2).map(|w| w[0].distance(w[1])).sum::<f64>() / NM_PER_MM
 }
 
+/// Square of the slope (tangent of the angle to the horizontal) of the plane through three points that
+/// do not stand upright.
+pub fn slope2(corners: [Point3<f64>; 3]) -> f64 {
+    let [a, b, c] = corners;
+    let n = (b - a).cross(&(c - a));
+    n.xy().norm_squared() / (n.z * n.z)
+}
+
 /// Cosine and sine of an angle, exact for multiples of 90 degrees.
 pub fn cos_sin(rad: f64) -> [f64; 2] {
     let quarters = rad / std::f64::consts::FRAC_PI_2;
@@ -145,7 +155,7 @@ mod tests {
         let b = P2::new(3_999_999_998, 3_999_999_999);
         // One nm beside the line of 11 m: the two products agree in their first 19 digits.
         for dy in -2..=2 {
-            let c = P2::new(0, 0 + dy);
+            let c = P2::new(0, dy);
             let exact = i128::from(b.x - a.x) * i128::from(c.y - a.y) - i128::from(b.y - a.y) * i128::from(c.x - a.x);
             assert_eq!(orient(a, b, c).partial_cmp(&0.0), Some(exact.cmp(&0)), "dy {dy}");
         }

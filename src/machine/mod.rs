@@ -421,6 +421,12 @@ impl Machine {
     }
 }
 
+/// The JSON schema of a machine file.
+pub fn json_schema() -> String {
+    let schema = schemars::schema_for!(Machine);
+    serde_json::to_string_pretty(&schema).expect("a schema is plain JSON")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

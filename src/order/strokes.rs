@@ -55,7 +55,8 @@ impl Buckets {
         let n = ends.len() as f64 * 2.0;
         let size = (span[0] * span[1] / n).sqrt().max(span[0].max(span[1]) / n).max(1.0);
         let count = span.map(|s| (s / size) as i64 + 1);
-        let mut b = Self { lo, size, count, starts: Vec::new(), free: Vec::new(), items: Vec::new(), place: Vec::new() };
+        let mut b =
+            Self { lo, size, count, starts: Vec::new(), free: Vec::new(), items: Vec::new(), place: Vec::new() };
         let cells = (count[0] * count[1]) as usize;
         let mut starts = vec![0u32; cells + 1];
         all().for_each(|&p| starts[b.cell(p) + 1] += 1);

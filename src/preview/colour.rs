@@ -40,7 +40,7 @@ pub(super) fn shaded(colour: Colour) -> Colour {
 
 /// Whether text on this colour has to be white to be read.
 pub(super) fn is_dark(c: Colour) -> bool {
-    2 * u32::from(c[0]) + 5 * u32::from(c[1]) + u32::from(c[2]) < 8 * 118
+    2 * u32::from(c[0]) + 5 * u32::from(c[1]) + u32::from(c[2]) < 8 * 101
 }
 
 /// `#rrggbb`.

@@ -1,24 +1,23 @@
 //! `layout.svg`: the blocks on the part, in mm, y up.
 //!
 //! Consumes a [`Layout`], promises the properties of [`super`]. Layers, bottom to top, each a group
-//! with an id and a name that Inkscape shows: blocks, sections, texture box, numbers, stage path,
-//! field of the first stop, axes and scale, legend.
+//! with an id and a name that Inkscape shows: texture box, blocks, sections, stage path, field of the
+//! first stop, axes and scale, numbers, legend.
 //!
 //! Size: at most [`LIMIT`] bytes wherever that can be had. A drawing that would be larger is made
 //! again with a coarser tolerance and, where that does not help, with short tooltips (see
-//! [`DETAILS`]); beyond some 15,000 blocks the coarsest drawing is taken whatever its size, about 250
-//! bytes a block.
+//! [`DETAILS`]). The coarsest takes about 220 bytes a block, so beyond some 20,000 blocks the file is
+//! larger than the limit.
 
 use std::fmt::Write;
 
 use svg::Node;
 use svg::node::element::Element;
 
-use super::legend;
-use super::outline::{self, Grid, Half, Outlines};
-use super::{Layout, clean, colour, label, mm, plain, short};
+use super::outline::{self, Grid, Half, Outlines, Ring};
+use super::{Layout, clean, colour, label, mm, plain};
+use super::{legend, stage};
 use crate::geom::{Box2, NM_PER_MM, P2, mm_from_nm};
-use crate::machine::FieldShape;
 use crate::program::{Block, Program};
 
 /// Bytes that a drawing should not exceed.
@@ -26,9 +25,17 @@ pub(super) const LIMIT: usize = 5_000_000;
 
 /// How much is drawn: tolerance of block borders in cells, and whether tooltips tell everything.
 #[derive(Clone, Copy)]
-struct Detail {
+pub(super) struct Detail {
     tolerance: f64,
-    full: bool,
+    pub full: bool,
+}
+
+impl Detail {
+    /// Whether a ring of this area (twice, in cells) is drawn: a coarse drawing leaves out the specks
+    /// and holes below its tolerance, though never the largest ring of a block.
+    fn shows(self, area2: i64) -> bool {
+        self.tolerance <= 0.5 || area2 as f64 >= 2.0 * self.tolerance * self.tolerance
+    }
 }
 
 /// Tried in turn until the drawing fits.
@@ -44,6 +51,11 @@ const DETAILS: [Detail; 7] = [
 
 /// The layout as the text of an SVG file.
 pub fn layout_svg(job: &Layout<'_>) -> String {
+    within(job, LIMIT)
+}
+
+/// The layout in at most `limit` bytes, or as few as there can be.
+pub(super) fn within(job: &Layout<'_>, limit: usize) -> String {
     let grid = Grid::of(job.map, job.blocks().len());
     let sheet = Sheet::of(job);
     let outlines = outline::trace(&grid);
@@ -51,7 +63,7 @@ pub fn layout_svg(job: &Layout<'_>) -> String {
     let mut text = String::new();
     for detail in DETAILS {
         text = draw(job, &sheet, &outlines, &spots, detail);
-        if text.len() <= LIMIT {
+        if text.len() <= limit {
             break;
         }
     }
@@ -76,7 +88,7 @@ impl Sheet {
         }
         job.blocks().iter().for_each(|b| all.add(b.stop.centre));
         let [w, h] = all.size().map(mm_from_nm);
-        let unit = ((w * h).sqrt() / 100.0).max(w.max(h) / 400.0);
+        let unit = ((w * h).sqrt() / 100.0).max(w / 260.0).max(h / 400.0);
         // A coordinate keeps a twentieth of a cell: 0.01 mm at the usual cells of 0.25 mm.
         let decimals = match job.map.cell() {
             200_000.. => 2,
@@ -101,7 +113,7 @@ fn grid_box(job: &Layout<'_>) -> Box2 {
 }
 
 /// The usable field at a block's stop.
-fn field_box(job: &Layout<'_>, block: &Block) -> Box2 {
+pub(super) fn field_box(job: &Layout<'_>, block: &Block) -> Box2 {
     let [w, h] = job.machine.usable_field();
     let c = block.stop.centre;
     Box2 { lo: P2::new(c.x - w / 2, c.y - h / 2), hi: P2::new(c.x + w / 2, c.y + h / 2) }
@@ -117,7 +129,7 @@ pub(super) fn el(name: &str, attributes: &[(&str, &str)]) -> Element {
 }
 
 /// A group that Inkscape shows as a layer.
-fn layer(id: &str, name: &str, attributes: &[(&str, &str)]) -> Element {
+pub(super) fn layer(id: &str, name: &str, attributes: &[(&str, &str)]) -> Element {
     let mut g = el("g", &[("id", id), ("inkscape:groupmode", "layer"), ("inkscape:label", name)]);
     attributes.iter().for_each(|&(k, v)| g.assign(k, v));
     g
@@ -146,28 +158,38 @@ pub(super) fn rectangle([x0, y0, x1, y1]: [f64; 4], attributes: &[(&str, &str)])
     r
 }
 
-fn titled(mut e: Element, title: String) -> Element {
+/// The element with a tooltip.
+pub(super) fn titled(mut e: Element, title: String) -> Element {
     let mut t = Element::new("title");
     t.append(svg::node::Text::new(title));
     e.append(t);
     e
 }
 
-fn sheet_box(b: Box2) -> [f64; 4] {
+pub(super) fn sheet_box(b: Box2) -> [f64; 4] {
     let ([x0, y0], [x1, y1]) = (b.lo.mm(), b.hi.mm());
     [x0, -y1, x1, -y0]
+}
+
+/// Words on the blocks, told from them by a white rim.
+pub(super) fn caption(at: [f64; 2], size: f64, fill: &str, words: &str) -> Element {
+    let mut t = text(at, size, "start", words);
+    t.assign("class", "halo");
+    t.assign("fill", fill);
+    t.assign("stroke-width", num(size * 0.2));
+    t
 }
 
 fn draw(job: &Layout<'_>, sheet: &Sheet, outlines: &Outlines, spots: &[label::Spot], detail: Detail) -> String {
     let u = sheet.unit;
     let mut layers = vec![
+        texture_box(job, sheet),
         blocks(job, sheet, outlines, detail),
         sections(job, sheet),
-        texture_box(job, sheet),
-        numbers(job, sheet, spots),
-        stage_path(job, sheet, detail),
-        first_field(job, sheet),
+        stage::path(job, sheet, detail),
+        stage::first_field(job, sheet),
         legend::measures(job, sheet),
+        numbers(job, sheet, spots),
     ];
     let (legend, bounds) = legend::draw(job, sheet);
     layers.push(legend);
@@ -195,9 +217,8 @@ fn draw(job: &Layout<'_>, sheet: &Sheet, outlines: &Outlines, spots: &[label::Sp
 fn style_text(u: f64) -> String {
     format!(
         "text{{font-family:Arial,\"Liberation Sans\",\"DejaVu Sans\",sans-serif;text-rendering:geometricPrecision}}\
-         .w{{fill:#fff}}.halo{{paint-order:stroke;stroke:#fff;stroke-width:{};stroke-linejoin:round}}\
+         .w{{fill:#fff}}.halo{{paint-order:stroke;stroke:#fff;stroke-linejoin:round}}\
          #layer-blocks :hover{{stroke-width:{}}}",
-        num(u * 0.5),
         num(u * 0.3)
     )
 }
@@ -229,7 +250,12 @@ fn blocks(job: &Layout<'_>, sheet: &Sheet, outlines: &Outlines, detail: Detail) 
     for (i, block) in job.blocks().iter().enumerate() {
         let own = rings.iter().take_while(|r| r.block as usize == i).count();
         let mut d = String::new();
-        for ring in &rings[..own] {
+        let area2 = |r: &Ring| outline::area2(outlines.corners_of(r).iter().map(|c| c.at)).abs();
+        let largest = (0..own).max_by_key(|&k| area2(&rings[k]));
+        for (k, ring) in rings[..own].iter().enumerate() {
+            if Some(k) != largest && !detail.shows(area2(ring)) {
+                continue;
+            }
             outline::simplify(outlines.corners_of(ring), detail.tolerance, &mut points);
             push_ring(&mut d, job, sheet, &points);
         }
@@ -365,8 +391,9 @@ fn sections(job: &Layout<'_>, sheet: &Sheet) -> Element {
     g
 }
 
+/// Under the blocks, so that its line never hides the narrow ones at the rim.
 fn texture_box(job: &Layout<'_>, sheet: &Sheet) -> Element {
-    let width = num(sheet.unit * 0.18);
+    let width = num(sheet.unit * 0.3);
     let mut g = layer("layer-texture", "Texture box", &[("pointer-events", "none")]);
     if !job.texture.is_empty() {
         let line = [("id", "texture-box"), ("fill", "none"), ("stroke", "#000"), ("stroke-width", width.as_str())];
@@ -407,124 +434,8 @@ fn numbers(job: &Layout<'_>, sheet: &Sheet, spots: &[label::Spot]) -> Element {
     for (i, block) in job.blocks().iter().enumerate() {
         if spots.binary_search_by_key(&i, |s| s.block as usize).is_err() {
             let [x, y] = middle_of_marks(job, block);
-            g.append(text([x + 1.3 * r, y - 1.3 * r], 2.0 * r, "start", &(i + 1).to_string()));
+            g.append(caption([x + 1.3 * r, y - 1.3 * r], 2.0 * r, "#111", &(i + 1).to_string()));
         }
     }
-    g
-}
-
-/// Colour of the stage path: far from every colour of the ramp, in hue and against its lightness.
-pub(super) const PATH: &str = "#d5186b";
-
-/// Where the stage stands, in machining order: stays at one place are one dot.
-fn stage_path(job: &Layout<'_>, sheet: &Sheet, detail: Detail) -> Element {
-    let u = sheet.unit;
-    let mut g = layer("layer-stage-path", "Stage path", &[("opacity", ".75")]);
-    let blocks = job.blocks();
-    let mut stays: Vec<(P2, std::ops::Range<usize>)> = Vec::new();
-    for (i, block) in blocks.iter().enumerate() {
-        match stays.last_mut() {
-            Some((at, range)) if *at == block.stop.centre => range.end = i + 1,
-            _ => stays.push((block.stop.centre, i..i + 1)),
-        }
-    }
-    let at = |p: P2| [mm_from_nm(p.x), -mm_from_nm(p.y)];
-    let (mut d, mut arrows) = (String::new(), String::new());
-    for (k, (p, _)) in stays.iter().enumerate() {
-        let [x, y] = at(*p);
-        let _ = write!(d, "{}{} {}", if k == 0 { 'M' } else { 'L' }, num(x), num(y));
-    }
-    for w in stays.windows(2) {
-        push_arrow(&mut arrows, at(w[0].0), at(w[1].0), u);
-    }
-    let width = num(u * 0.22);
-    g.append(el(
-        "path",
-        &[
-            ("id", "stage-line"),
-            ("fill", "none"),
-            ("stroke", PATH),
-            ("stroke-width", &width),
-            ("stroke-linejoin", "round"),
-            ("pointer-events", "none"),
-            ("d", &d),
-        ],
-    ));
-    g.append(el("path", &[("id", "stage-arrows"), ("fill", PATH), ("pointer-events", "none"), ("d", &arrows)]));
-    let mut stops = el("g", &[("id", "stage-stops"), ("fill", PATH)]);
-    for (k, (p, range)) in stays.iter().enumerate() {
-        let [x, y] = at(*p);
-        let dot = el("circle", &[("cx", &num(x)), ("cy", &num(y)), ("r", &num(u * 0.3))]);
-        let (first, last) = (Program::block_id(range.start), Program::block_id(range.end - 1));
-        let title = format!("position {} of {}: {} blocks, {first} to {last}", k + 1, stays.len(), range.len());
-        stops.append(if detail.full { titled(dot, title) } else { dot });
-    }
-    g.append(stops);
-    if let (Some((first, _)), Some((last, _))) = (stays.first(), stays.last()) {
-        ends(&mut g, at(*first), at(*last), u);
-    }
-    g
-}
-
-/// A triangle in the middle of a move, pointing along it.
-fn push_arrow(d: &mut String, a: [f64; 2], b: [f64; 2], u: f64) {
-    let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
-    let length = dx.hypot(dy);
-    let size = (length * 0.3).min(u * 1.3);
-    let [ex, ey] = [dx / length * size, dy / length * size];
-    let (x, y) = ((a[0] + b[0]) / 2.0 + ex / 2.0, (a[1] + b[1]) / 2.0 + ey / 2.0);
-    let [lx, ly] = [-ex - ey * 0.45, -ey + ex * 0.45];
-    let _ = write!(d, "M{} {}l{} {}l{} {}z", num(x), num(y), num(lx), num(ly), num(ey * 0.9), num(-ex * 0.9));
-}
-
-/// Start as a ring, end as a square, each with its word.
-fn ends(g: &mut Element, first: [f64; 2], last: [f64; 2], u: f64) {
-    let width = num(u * 0.3);
-    let line = [("fill", "#fff"), ("stroke", PATH), ("stroke-width", width.as_str())];
-    let half = u * 0.95;
-    let mut square = rectangle([last[0] - half, last[1] - half, last[0] + half, last[1] + half], &line);
-    square.assign("id", "stage-end");
-    g.append(square);
-    let mut ring = el("circle", &[("cx", &num(first[0])), ("cy", &num(first[1])), ("r", &num(u * 0.8))]);
-    line.iter().for_each(|&(k, v)| ring.assign(k, v));
-    ring.assign("id", "stage-start");
-    g.append(ring);
-    for (at, word, down) in [(first, "start", -0.9), (last, "end", 2.0)] {
-        let mut t = text([at[0] + u * 1.1, at[1] + u * down], u * 1.5, "start", word);
-        t.assign("class", "halo");
-        t.assign("fill", PATH);
-        g.append(t);
-    }
-}
-
-/// The usable field where the stage stands first.
-fn first_field(job: &Layout<'_>, sheet: &Sheet) -> Element {
-    let mut g = layer("layer-field", "Field of the first stop", &[("pointer-events", "none")]);
-    let Some(first) = job.blocks().first() else { return g };
-    let u = sheet.unit;
-    let width = num(u * 0.35);
-    let line = [("fill", "none"), ("stroke", "#fff"), ("stroke-width", width.as_str())];
-    let inner_width = num(u * 0.18);
-    let inner = [("fill", "none"), ("stroke", "#c2410c"), ("stroke-width", inner_width.as_str())];
-    let field = sheet_box(field_box(job, first));
-    g.append(rectangle(field, &line));
-    let mut frame = rectangle(field, &inner);
-    frame.assign("id", "field-frame");
-    g.append(frame);
-    let [w, h] = job.machine.usable_field();
-    let mut caption = format!("{} x {} mm field", num(mm_from_nm(w)), num(mm_from_nm(h)));
-    if job.machine.lens.shape == FieldShape::Circle {
-        let [fx, fy] = job.machine.lens.field.map(|f| f.as_mm() - 2.0 * job.machine.lens.margin.as_mm());
-        let [x, y] = first.stop.centre.mm();
-        let mut c = el("circle", &[("cx", &num(x)), ("cy", &num(-y)), ("r", &num(fx.min(fy) / 2.0))]);
-        inner.iter().for_each(|&(k, v)| c.assign(k, v));
-        g.append(c);
-        caption = format!("{} mm round field", num(fx.min(fy)));
-    }
-    let size = (u * 1.4).min((field[2] - field[0]) / short(&caption, 40).chars().count() as f64 * 1.7);
-    let mut t = text([field[0] + size * 0.5, field[1] + size * 1.25], size, "start", &caption);
-    t.assign("class", "halo");
-    t.assign("fill", "#c2410c");
-    g.append(t);
     g
 }

@@ -6,12 +6,13 @@
 use svg::Node;
 use svg::node::element::Element;
 
-use super::layout::{PATH, Sheet, el, num, rectangle, text};
+use super::layout::{Sheet, el, num, rectangle, text};
+use super::stage::{FIELD, PATH};
 use super::{Layout, colour, length_text, mm, plain, short, time_text};
 use crate::geom::mm_from_nm;
 
 /// Width of a column of the legend, in units of the sheet.
-const COLUMN: f64 = 34.0;
+const COLUMN: f64 = 36.0;
 /// Distance of two lines of text, and their font size.
 const LINE: f64 = 2.3;
 const FONT: f64 = 1.6;
@@ -48,9 +49,10 @@ pub(super) fn measures(job: &Layout<'_>, sheet: &Sheet) -> Element {
     g.append(text([x, y - arm - 0.6 * u], FONT * u, "middle", "y"));
     let zero = x0 <= 0.0 && 0.0 <= x1 && y0 <= 0.0 && 0.0 <= y1;
     if zero {
-        let arm = num(2.4 * u);
-        let cross = format!("M-{arm} 0H{arm}M0 -{arm}V{arm}");
-        let mut e = el("path", &[("id", "origin"), ("stroke", "#111"), ("stroke-width", &width), ("d", &cross)]);
+        let (gap, end, tick) = (1.4 * u, num(2.6 * u), num(0.12 * u));
+        let (near, far) = (num(gap), num(-gap));
+        let cross = format!("M-{end} 0H{far}M{near} 0H{end}M0 -{end}V{far}M0 {near}V{end}");
+        let mut e = el("path", &[("id", "origin"), ("stroke", "#111"), ("stroke-width", &tick), ("d", &cross)]);
         e.append(title("origin of the part frame"));
         g.append(e);
     }
@@ -193,12 +195,8 @@ fn ramp(pen: &mut Column<'_>, job: &Layout<'_>) {
         all.dedup();
         all.len()
     };
-    let note = [
-        format!("{levels} height{}", if levels == 1 { "" } else { "s" }),
-        "every other level".into(),
-        "a shade darker".into(),
-    ];
-    for (k, words) in note.iter().take(if flat { 1 } else { 3 }).enumerate() {
+    let note = [format!("{levels} heights"), "every other level".into(), "a shade darker".into()];
+    for (k, words) in note.iter().take(if flat { 0 } else { 3 }).enumerate() {
         let y = top + height / 2.0 + (k as f64 - 0.4) * LINE * u;
         pen.g.append(text([x + 17.0 * u, y], FONT * u, "start", words));
     }
@@ -248,10 +246,10 @@ fn key(pen: &mut Column<'_>, job: &Layout<'_>) {
     pen.put("how to read it", FONT, "bold");
     let rows: [(&str, &str, f64, &str); 5] = [
         ("#1a1a1a", "", 0.12, "split: border of two blocks"),
-        ("#000", "dash", 0.14, "section line; columns, rows at the rim"),
+        ("#000", "dash", 0.14, "section line (number at the rim)"),
         ("#000", "", 0.3, "box of the texture"),
-        ("#c2410c", "", 0.3, "field at the first stop"),
-        (PATH, "arrow", 0.3, "stage path: ring start, square end"),
+        (FIELD, "", 0.3, "field at the first stop"),
+        (PATH, "arrow", 0.3, "stage path from ring to square"),
     ];
     for (stroke, kind, width, words) in rows {
         let x = pen.at[0];
@@ -278,7 +276,7 @@ fn key(pen: &mut Column<'_>, job: &Layout<'_>) {
         }
     }
     if !job.blocks().is_empty() {
-        pen.line("number n: block B and n, in machining order");
+        pen.line("number n: block Bn, in order of work");
     }
     pen.line("rest the pointer on a block for its data");
 }

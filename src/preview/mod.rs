@@ -8,7 +8,7 @@
 //! up (written as -y, since SVG's y points down), so it measures true in a browser or in Inkscape.
 //!
 //! Limits: borders of blocks are traced from the map and are as exact as its cells: a drawn border
-//! lies within one cell of the true one. The drawing is for eyes and rulers; what is machined is in
+//! lies within about one cell of the true one. The drawing is for eyes and rulers; what is machined is in
 //! the program.
 
 mod colour;
@@ -19,6 +19,7 @@ mod outline;
 mod report;
 #[cfg(test)]
 mod sample;
+mod stage;
 #[cfg(test)]
 mod tests;
 
@@ -29,12 +30,9 @@ use crate::check::Checked;
 use crate::geom::Box2;
 use crate::machine::Machine;
 use crate::map::Map;
-use crate::program::Sections;
 use crate::program::Block;
+use crate::program::Sections;
 use crate::record::Summary;
-
-/// The most cells a map may have: 2,000 x 2,000, a drawing's worth.
-const MAX_CELLS: i64 = 4_000_000;
 
 /// Everything the pictures are made of.
 #[derive(Clone, Copy, Debug)]

@@ -1,7 +1,7 @@
 //! `program.txt`: the program as stable text, one line per block and per stroke, integers in nm.
 //!
 //! Lines end in `\n`; the numbers of pens, blocks and strokes stand before what they count. The layout is
-//! in `docs/formats.md`. [`parse`] gives back what [`write`] wrote, with `==`, for every program whose
+//! in `docs/formats.md`. [`parse`] gives back what [`write()`] wrote, with `==`, for every program whose
 //! strokes and points lie block by block without gaps, which is how programs are made. It allocates by
 //! what the file holds, never by a number that the file states.
 
@@ -98,7 +98,7 @@ fn unescaped(text: &str) -> Option<String> {
 /// Reads a program text; `path` names it in messages.
 ///
 /// # Errors
-/// `program-text` with the line: anything that [`write`] would not have written.
+/// `program-text` with the line: anything that [`write()`] would not have written.
 pub fn parse(path: &str, bytes: &[u8]) -> Result<(Program, [i64; 3]), Error> {
     let mut lines = Lines { rest: bytes, number: 0 };
     read(&mut lines).map_err(|message| {

@@ -142,7 +142,9 @@ fn write_folder(folder: &Path, facts: &Facts<'_>) {
         ("runsheet.txt".to_owned(), runsheet_txt(facts)),
         ("runsheet.csv".to_owned(), runsheet_csv(facts)),
     ];
-    files.extend((0..checked.program().blocks.len()).map(|i| (Program::drawing_file(i), dxf::block(checked, machine, i))));
+    files.extend(
+        (0..checked.program().blocks.len()).map(|i| (Program::drawing_file(i), dxf::block(checked, machine, i))),
+    );
     let list: Vec<FileFact> = files
         .iter()
         .map(|(file, bytes)| {

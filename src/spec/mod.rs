@@ -18,8 +18,8 @@ use toml::Spanned;
 
 use crate::diag::{self, Diag, Error, Place};
 use crate::machine::Machine;
-use crate::{surface, texture};
 use crate::units::{Angle, Frequency, Length, Power, Speed, non_negative, positive, positive_option};
+use crate::{surface, texture};
 
 /// Largest job file that is read.
 pub const MAX_FILE: u64 = 4 << 20;
@@ -217,7 +217,8 @@ pub struct TextureSpec {
     /// Drawing: width and height that the whole page gets; required where the file has no physical size.
     #[serde(default)]
     pub size: Option<[Length; 2]>,
-    /// Drawing: part-frame position of the page's lower left corner; default: lower left of the area.
+    /// Drawing: part-frame position of the page's lower left corner; default: lower left of the area, or,
+    /// without an area, the page in the middle of the part.
     #[serde(default)]
     pub origin: Option<[Length; 2]>,
     /// Drawing: turn of the page about its lower left corner, counter-clockwise.
@@ -561,7 +562,9 @@ impl Job {
     pub fn machine(&self) -> Result<Machine, Error> {
         match (&self.file.machine.profile, &self.file.machine.file) {
             (Some(name), _) => Machine::built_in(name.get_ref()).map_err(|e| {
-                let at = |d: &Diag| if d.code == "machine-unknown" { d.clone().at(self.place(name.span())) } else { d.clone() };
+                let at = |d: &Diag| {
+                    if d.code == "machine-unknown" { d.clone().at(self.place(name.span())) } else { d.clone() }
+                };
                 Error::many(e.diags().iter().map(at).collect())
             }),
             (None, Some(path)) => Machine::load(&self.resolve(path.get_ref())),

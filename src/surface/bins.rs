@@ -221,6 +221,14 @@ impl Range2 {
 /// holds every point, those on edges and vertices included.
 fn holds(mesh: &Mesh, f: u32, p: P2) -> bool {
     let c = mesh.facets[f as usize].map(|v| mesh.vertices[v as usize].p2());
+    // Most facets of a bin do not reach its centre; their box says so at once.
+    let beside = |get: fn(P2) -> i64| {
+        let (v, [a, b, c]) = (get(p), c.map(get));
+        v < a.min(b).min(c) || v > a.max(b).max(c)
+    };
+    if beside(|q| q.x) || beside(|q| q.y) {
+        return false;
+    }
     (0..3).all(|k| {
         let (a, b) = (c[k], c[(k + 1) % 3]);
         let o = orient(a, b, p);

@@ -72,7 +72,7 @@ impl Grid {
     fn nodes(&self, f: u32) -> [(usize, usize); 3] {
         let cell = f as usize / 2;
         let (i, j) = (cell % (self.columns - 1), cell / (self.columns - 1));
-        if f % 2 == 0 { [(i, j), (i + 1, j), (i + 1, j + 1)] } else { [(i, j), (i + 1, j + 1), (i, j + 1)] }
+        if f.is_multiple_of(2) { [(i, j), (i + 1, j), (i + 1, j + 1)] } else { [(i, j), (i + 1, j + 1), (i, j + 1)] }
     }
 
     /// Corner k of facet f and the vertex's number.

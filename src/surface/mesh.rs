@@ -219,6 +219,7 @@ impl Welder {
             vertices.push(Vertex { x, y, z });
         }
         drop(points);
+        renumber(&mut vertices, &mut facets);
         let (flipped, upright, flat) = make_counter_clockwise(&vertices, &mut facets);
         if facets.is_empty() {
             let d = if flat == 0 {
@@ -247,7 +248,6 @@ impl Welder {
             let text = format!("{} facets without area are left out", degenerate + flat);
             notes.push(Diag::warning("surface-degenerate", text).at(place()));
         }
-        renumber(&mut vertices, &mut facets);
         let twins = twins(vertices.len(), &facets);
         Ok(Mesh { origin, vertices, facets, twins })
     }
@@ -286,7 +286,9 @@ fn make_counter_clockwise(vertices: &[Vertex], facets: &mut Vec<[u32; 3]>) -> (u
     (flipped, upright, flat)
 }
 
-/// Renumbers facets along a Morton curve of their first corners' places, vertices by first use.
+/// Renumbers vertices along a Morton curve of their places, and facets by their first vertex. Comes
+/// before anything else that looks from facets to vertices: files without order miss the cache here
+/// once, and never again.
 fn renumber(vertices: &mut Vec<Vertex>, facets: &mut Vec<[u32; 3]>) {
     let (mut lo, mut hi) = ([i32::MAX; 2], [i32::MIN; 2]);
     for v in vertices.iter() {
@@ -295,42 +297,27 @@ fn renumber(vertices: &mut Vec<Vertex>, facets: &mut Vec<[u32; 3]>) {
     }
     let span = (0..2).map(|i| (i64::from(hi[i]) - i64::from(lo[i])).max(1)).max().unwrap_or(1) as f64;
     let scale = 65535.0 / span;
-    let spread = |x: u32| {
-        let mut x = x & 0xFFFF;
+    let spread = |v: i32, lo: i32| {
+        let mut x = ((i64::from(v) - i64::from(lo)) as f64 * scale) as u32;
         for (shift, mask) in [(8, 0x00FF_00FF), (4, 0x0F0F_0F0F), (2, 0x3333_3333), (1, 0x5555_5555)] {
             x = (x | (x << shift)) & mask;
         }
         x
     };
-    let mut keys: Vec<(u32, u32)> = facets
-        .iter()
-        .enumerate()
-        .map(|(i, f)| {
-            let sum = |get: fn(&Vertex) -> i32, lo: i32| {
-                let s: i64 = f.iter().map(|&v| i64::from(get(&vertices[v as usize])) - i64::from(lo)).sum();
-                (s as f64 / 3.0 * scale) as u32
-            };
-            (spread(sum(|v| v.x, lo[0])) | spread(sum(|v| v.y, lo[1])) << 1, i as u32)
-        })
-        .collect();
+    let places = vertices.iter().enumerate();
+    let mut keys: Vec<(u32, u32)> =
+        places.map(|(i, v)| (spread(v.x, lo[0]) | spread(v.y, lo[1]) << 1, i as u32)).collect();
     radix_sort(&mut keys);
-    let mut number = vec![NONE; vertices.len()];
-    let mut next = Vec::with_capacity(vertices.len());
-    let sorted: Vec<[u32; 3]> = keys
-        .iter()
-        .map(|&(_, i)| {
-            facets[i as usize].map(|v| {
-                let n = &mut number[v as usize];
-                if *n == NONE {
-                    *n = next.len() as u32;
-                    next.push(vertices[v as usize]);
-                }
-                *n
-            })
-        })
-        .collect();
-    *facets = sorted;
-    *vertices = next;
+    let mut number = vec![0; vertices.len()];
+    keys.iter().enumerate().for_each(|(new, &(_, old))| number[old as usize] = new as u32);
+    *vertices = keys.iter().map(|&(_, old)| vertices[old as usize]).collect();
+    keys.clear();
+    for (i, f) in facets.iter_mut().enumerate() {
+        *f = f.map(|v| number[v as usize]);
+        keys.push((f[0].min(f[1]).min(f[2]), i as u32));
+    }
+    radix_sort(&mut keys);
+    *facets = keys.iter().map(|&(_, i)| facets[i as usize]).collect();
 }
 
 /// Stable sort by key, 11 bits a pass.

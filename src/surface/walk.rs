@@ -16,7 +16,7 @@
 use super::bins::Class;
 use super::mesh::{NONE, Vertex};
 use super::{Kind, Surface};
-use crate::geom::{P2, orient};
+use crate::geom::{P2, orient, slope2};
 
 /// A stretch of a segment on one facet, or on none.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -133,16 +133,13 @@ struct BinSteps<'a> {
 
 impl<'a> BinSteps<'a> {
     fn new(surface: &'a Surface, line: &'a Line, t: f64, t_end: f64) -> Self {
-        let mut at = [0; 2];
-        for axis in 0..2 {
-            let a = if axis == 0 { line.a.x } else { line.a.y };
+        let at = [(0, line.a.x), (1, line.a.y)].map(|(axis, a)| {
             let v = if t == 0.0 { a } else { (a as f64 + t * line.d[axis]).floor() as i64 };
-            at[axis] = surface.bin_of(axis, v);
+            let bin = surface.bin_of(axis, v);
             // Moving down from a bin line, the segment lies in the bin below it.
-            if t == 0.0 && line.d[axis] < 0.0 && at[axis] > 0 && surface.bin_line(axis, at[axis]) == a {
-                at[axis] -= 1;
-            }
-        }
+            let below = t == 0.0 && line.d[axis] < 0.0 && bin > 0 && surface.bin_line(axis, bin) == a;
+            bin - i64::from(below)
+        });
         let mut steps = Self { surface, line, at, next: [f64::INFINITY; 2], t, t_end };
         (0..2).for_each(|axis| steps.aim(axis));
         steps
@@ -172,7 +169,7 @@ impl<'a> BinSteps<'a> {
         }
         self.t = self.next[axis].max(self.t);
         self.at[axis] += if self.line.d[axis] > 0.0 { 1 } else { -1 };
-        if self.at[axis] < 0 || self.at[axis] >= self.surface.bin_count(axis) as i64 {
+        if self.at[axis] < 0 || self.at[axis] >= self.surface.bin_count(axis) {
             return None;
         }
         self.aim(axis);
@@ -230,7 +227,7 @@ impl Surface {
         let mut t = [0.0, 1.0];
         for axis in 0..2 {
             let lo = self.bin_line(axis, 0);
-            let hi = self.bin_line(axis, self.bin_count(axis) as i64);
+            let hi = self.bin_line(axis, self.bin_count(axis));
             let (a, b) = if axis == 0 { (line.a.x, line.b.x) } else { (line.a.y, line.b.y) };
             if a.max(b) < lo || a.min(b) >= hi {
                 return None;
@@ -387,11 +384,10 @@ impl Surface {
 
     /// Square of the slope (tangent) of a facet.
     pub fn slope2(&self, f: u32) -> f64 {
-        let [a, b, c] = [0, 1, 2].map(|k| self.corner(f, k).0);
-        let d = |p: Vertex, q: Vertex| [f64::from(q.x) - f64::from(p.x), f64::from(q.y) - f64::from(p.y), q.z - p.z];
-        let (u, v) = (d(a, b), d(a, c));
-        let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-        (n[0] * n[0] + n[1] * n[1]) / (n[2] * n[2])
+        slope2([0, 1, 2].map(|k| {
+            let v = self.corner(f, k).0;
+            [f64::from(v.x), f64::from(v.y), v.z].into()
+        }))
     }
 
     /// Corner k of facet f and the number of the vertex.

@@ -49,15 +49,44 @@ pub enum Area {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Kind {
     /// Parallel lines.
-    Hatch { pitch_mm: f64, direction_rad: f64 },
+    Hatch {
+        /// Distance of lines.
+        pitch_mm: f64,
+        /// Direction of lines from +x, counter-clockwise.
+        direction_rad: f64,
+    },
     /// One Hilbert curve of 4^order points.
-    Hilbert { order: u32 },
+    Hilbert {
+        /// 4^order points.
+        order: u32,
+    },
     /// Square loops of side `cell_mm`.
-    Squares { cell_mm: f64, pitch_mm: f64 },
+    Squares {
+        /// Side.
+        cell_mm: f64,
+        /// Distance of centres.
+        pitch_mm: f64,
+    },
     /// Circles of diameter `cell_mm`.
-    Circles { cell_mm: f64, pitch_mm: f64 },
+    Circles {
+        /// Diameter.
+        cell_mm: f64,
+        /// Distance of centres.
+        pitch_mm: f64,
+    },
     /// An SVG drawing.
-    Drawing { path: PathBuf, size_mm: Option<[f64; 2]>, origin_mm: Option<[f64; 2]>, turn_rad: f64, tile: bool },
+    Drawing {
+        /// The file.
+        path: PathBuf,
+        /// Width and height of the whole page; None for those that the file states.
+        size_mm: Option<[f64; 2]>,
+        /// Lower left corner of the page; None for that of the area.
+        origin_mm: Option<[f64; 2]>,
+        /// Turn of the page about its lower left corner, counter-clockwise.
+        turn_rad: f64,
+        /// Whether the page is repeated over the area.
+        tile: bool,
+    },
 }
 
 /// One `[[texture]]` of a job.

@@ -2,6 +2,7 @@
 //! files alike with lengths and hashes renewed, that this rule and no other reports.
 
 mod made;
+mod mutants;
 mod scale;
 mod writers;
 

@@ -1,0 +1,40 @@
+# terrace: `make demo` shows what it does, `make test` proves it. Both set up what they need.
+CARGO ?= cargo
+DEMO := target/demo/hood.job
+
+.PHONY: demo test test-all check bench setup clean
+
+# Compiles leather on a car hood, verifies it, and says where everything lies.
+demo:
+	$(CARGO) build --release
+	target/release/terrace compile fixtures/hood.toml -o $(DEMO)
+	target/release/terrace verify $(DEMO)
+	@echo
+	@echo "pictures:  $(DEMO)/layout.svg (open it in a browser)  $(DEMO)/report.html"
+	@echo "programs:  $(DEMO)/stage.ngc  $(DEMO)/stage_m0.nc  $(DEMO)/blocks/*.dxf  $(DEMO)/job.ovf"
+	@echo "operator:  $(DEMO)/runsheet.txt"
+
+# All tests; installs the foreign readers first.
+test: setup
+	$(CARGO) test --release
+
+# The slow and the wide too.
+test-all: setup
+	$(CARGO) test --release -- --include-ignored
+
+# Formatting, lints, documentation.
+check:
+	$(CARGO) fmt --check
+	$(CARGO) clippy --release --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps --document-private-items
+
+# Speed and memory on three sizes; prints a table.
+bench:
+	$(CARGO) bench --bench job
+
+setup:
+	sh tests/python/setup.sh
+
+clean:
+	$(CARGO) clean
+	rm -rf .venv

@@ -1,0 +1,114 @@
+//! Speed and memory of the whole job, on three sizes: `make bench` prints the table.
+//!
+//! Every case runs in a process of its own, on one thread, from files in the page cache, and reports
+//! its CPU seconds (user and system) and its peak memory, as the kernel counts them.
+
+#[path = "../tests/support/surfaces.rs"]
+mod surfaces;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use surfaces::{dome, mesh, write_stl};
+use terrace::geom::P2;
+use terrace::spec::Job;
+use terrace::surface::{Cursor, Options, Surface};
+use terrace::{compile, folder, verify};
+
+fn main() {
+    let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
+    if let [case, stl] = &args[..] {
+        run(case, Path::new(stl));
+        return;
+    }
+    let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
+    println!("{:<34} {:>9} {:>9} {:>9}  ", "case, one thread", "CPU s", "wall s", "peak MB");
+    for (n, name) in [(500, "0.5M"), (1000, "2M"), (2000, "8M")] {
+        let stl = dir.join(format!("dome-{name}.stl"));
+        if !stl.exists() {
+            write_stl(&stl, &mesh(n, [0.0, 0.0, 450.0, 450.0], dome));
+        }
+        for case in ["load", "walk", "contour", "z-range", "auto", "squares", "verify"] {
+            let me = std::env::current_exe().expect("this program");
+            let out = Command::new(me).arg(case).arg(&stl).output().expect("this program starts");
+            assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+            print!("{:<34} {}", format!("{name} triangles, {case}"), String::from_utf8_lossy(&out.stdout));
+        }
+    }
+}
+
+/// Runs one case and prints what it took.
+fn run(case: &str, stl: &Path) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    let start = Instant::now();
+    let note = pool.install(|| match case {
+        "load" => format!("{} facets", load(stl).facet_count()),
+        "walk" => walk(&load(stl)),
+        "verify" => {
+            let proof = verify::verify(&stl.with_extension("contour.job"), None).unwrap_or_else(|e| panic!("{e}"));
+            assert!(proof.ok, "{}", proof.to_text());
+            format!("{} fragments proved", proof.fragments)
+        }
+        method => job(method, stl),
+    });
+    println!("{:>9.2} {:>9.2} {:>9.0}  {note}", cpu_s(), start.elapsed().as_secs_f64(), peak_mb());
+}
+
+fn load(stl: &Path) -> Surface {
+    let options = Options { unit_mm: Some(1.0), ..Options::default() };
+    Surface::load(stl, &options, 0.0, 0.0, &mut Vec::new()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Facets crossed in a second by the lines of a 0.1 mm hatch.
+fn walk(surface: &Surface) -> String {
+    let (mut cursor, mut spans) = (Cursor::default(), Vec::new());
+    let (mut crossed, mut sum) = (0usize, 0.0);
+    let start = Instant::now();
+    for i in 0..=4500 {
+        let y = i * 100_000;
+        surface.walk(P2::new(0, y), P2::new(450_000_000, y), &mut cursor, &mut spans);
+        crossed += spans.len();
+        sum += spans[spans.len() / 2].z0;
+    }
+    let rate = crossed as f64 / start.elapsed().as_secs_f64() / 1e6;
+    format!("{crossed} crossings, {rate:.1} M/s (check sum {sum:.0})")
+}
+
+/// Compiles to a folder on disk.
+fn job(case: &str, stl: &Path) -> String {
+    let (method, texture) = match case {
+        "squares" => ("z-range", "pattern = \"squares\"\npitch = \"1 mm\"\ncell = \"0.6 mm\""),
+        method => (method, "pattern = \"hatch\"\npitch = \"0.1 mm\""),
+    };
+    let name = stl.file_name().and_then(|n| n.to_str()).expect("a name");
+    let text = format!(
+        "[surface]\nfile = {name:?}\nunit = \"mm\"\n[[texture]]\n{texture}\n[focus]\npdof = \"0.07 mm\"\n[partition]\n\
+         method = \"{method}\"\n[machine]\nprofile = \"xyz-galvo-40\"\n[[pen]]\nname = \"a\"\nspeed = \"1000 mm/s\"\n\
+         power = \"60 %\"\nfrequency = \"60 kHz\"\n"
+    );
+    let path = stl.with_extension(format!("{case}.toml"));
+    std::fs::write(&path, &text).expect("a writable folder");
+    let job = Job::parse(&path, &text).unwrap_or_else(|e| panic!("{e}"));
+    let plan = compile::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+    folder::write(&plan, &stl.with_extension(format!("{case}.job")), 0).unwrap_or_else(|e| panic!("{e}"));
+    let s = &plan.summary;
+    let per_figure = s.jump_mm / s.fragments.max(1) as f64;
+    format!("{} stops, {} fragments, jumps {per_figure:.3} mm each", s.stops, s.fragments)
+}
+
+/// CPU seconds of this process so far.
+fn cpu_s() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").expect("Linux");
+    let fields: Vec<&str> = stat.rsplit(')').next().expect("fields").split_whitespace().collect();
+    // utime and stime, in ticks of 10 ms.
+    fields[11..13].iter().map(|f| f.parse::<f64>().expect("ticks") / 100.0).sum()
+}
+
+/// Peak resident memory, MB.
+fn peak_mb() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").expect("Linux");
+    let line = status.lines().find(|l| l.starts_with("VmHWM")).expect("a peak");
+    let kb: f64 = line.split_whitespace().nth(1).and_then(|w| w.parse().ok()).expect("kB");
+    kb / 1024.0
+}

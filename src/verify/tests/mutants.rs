@@ -1,0 +1,394 @@
+//! Rules on compiled jobs: real programs, damaged in all formats alike by the real emitters, lengths
+//! and hashes renewed, that one rule and no other reports.
+
+use std::path::{Path, PathBuf};
+
+use super::assert_only;
+use crate::check::Checked;
+use crate::compile::{self, Plan};
+use crate::folder;
+use crate::program::{Block, Program};
+use crate::spec::Job;
+use crate::verify::{Proof, verify};
+
+/// A compiled job in a folder of its own: a wavy sheet with a hole, hatched beyond its border, and
+/// squares with a pen of two passes.
+struct Bench {
+    dir: tempfile::TempDir,
+    plan: Plan,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let dir = tempfile::tempdir().expect("a writable temporary folder");
+        std::fs::write(dir.path().join("part.stl"), part()).expect("a writable folder");
+        let text = r#"
+            surface = { file = "part.stl", unit = "mm" }
+            focus = { pdof = "0.07 mm" }
+            partition = { method = "z-range" }
+            machine = { profile = "xyz-galvo-40" }
+            emit = { formats = ["dxf", "linuxcnc", "gcode", "ovf"] }
+            [[texture]]
+            pattern = "hatch"
+            pitch = "0.9 mm"
+            direction = "25 deg"
+            area = ["-3 mm", "-2 mm", "63 mm", "44 mm"]
+            [[texture]]
+            pattern = "squares"
+            pitch = "3 mm"
+            cell = "2 mm"
+            pen = "deep"
+            [[pen]]
+            name = "fine"
+            speed = "1000 mm/s"
+            power = "60 %"
+            frequency = "60 kHz"
+            [[pen]]
+            name = "deep"
+            speed = "500 mm/s"
+            power = "8 W"
+            frequency = "40 kHz"
+            passes = 2
+        "#;
+        let path = dir.path().join("job.toml");
+        std::fs::write(&path, text).expect("a writable folder");
+        let job = Job::load(&path).unwrap_or_else(|e| panic!("{e}"));
+        let plan = compile::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+        assert!(plan.summary.stops > 20 && plan.summary.skipped_off_part_mm > 10.0, "{:?}", plan.summary);
+        Self { dir, plan }
+    }
+
+    /// Changes the program, renews what follows from it, writes every format, and verifies.
+    fn mutant(mut self, change: impl FnOnce(&mut Program, &Plan)) -> Proof {
+        let mut program = self.plan.checked.program().clone();
+        change(&mut program, &self.plan);
+        assert_ne!(&program, self.plan.checked.program(), "the mutant is one");
+        let s = &mut self.plan.summary;
+        s.stops = program.blocks.len();
+        s.fragments = program.strokes.len();
+        s.mark_mm = program.blocks.iter().map(|b| program.mark_mm(b)).sum();
+        s.jump_mm = program.blocks.iter().map(|b| program.jump_mm(b)).sum();
+        let off = |b: &Block| (b.z_hi - b.stop.focus).max(b.stop.focus - b.z_lo);
+        s.worst_defocus_um = program.blocks.iter().map(off).max().unwrap_or(0) as f64 / 1000.0;
+        self.plan.block_times.resize(program.blocks.len(), 1.0);
+        let origin = self.plan.checked.origin();
+        self.plan.checked = Checked::unchecked(program, origin);
+        verified(&self.write())
+    }
+
+    fn write(&self) -> PathBuf {
+        let target = self.dir.path().join("job.job");
+        folder::write(&self.plan, &target, 0).unwrap_or_else(|e| panic!("{e}"));
+        target
+    }
+
+    /// Writes the sound folder, changes one of its files, renews its hash, and verifies.
+    fn damaged(&self, name: &str, change: impl FnOnce(&mut Vec<u8>)) -> Proof {
+        let target = self.write();
+        alter(&target, name, change);
+        renew_hash(&target, name);
+        verified(&target)
+    }
+}
+
+fn verified(folder: &Path) -> Proof {
+    verify(folder, None).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn alter(folder: &Path, name: &str, change: impl FnOnce(&mut Vec<u8>)) {
+    let path = folder.join(name);
+    let mut bytes = std::fs::read(&path).expect("a file of the folder");
+    let before = bytes.clone();
+    change(&mut bytes);
+    assert_ne!(before, bytes, "the damage is one");
+    std::fs::write(&path, bytes).expect("a writable folder");
+}
+
+/// Puts the present size and hash of a file into the manifest.
+fn renew_hash(folder: &Path, name: &str) {
+    if name == folder::MANIFEST {
+        return;
+    }
+    let bytes = std::fs::read(folder.join(name)).expect("a file of the folder");
+    alter_manifest(folder, |m| {
+        let entry = m["files"].as_array_mut().expect("files").iter_mut().find(|f| f["file"] == name).expect("listed");
+        entry["bytes"] = bytes.len().into();
+        entry["blake3"] = blake3::hash(&bytes).to_hex().as_str().into();
+    });
+}
+
+fn alter_manifest(folder: &Path, change: impl FnOnce(&mut serde_json::Value)) {
+    let path = folder.join(folder::MANIFEST);
+    let bytes = std::fs::read(&path).expect("a manifest");
+    let mut manifest = serde_json::from_slice(&bytes).expect("JSON");
+    change(&mut manifest);
+    std::fs::write(path, serde_json::to_vec(&manifest).expect("JSON")).expect("a writable folder");
+}
+
+/// Replaces the first occurrence after `from`.
+fn replace(bytes: &mut Vec<u8>, from: &str, old: &str, new: &str) {
+    let text = String::from_utf8(std::mem::take(bytes)).expect("text");
+    let start = text.find(from).unwrap_or_else(|| panic!("{from:?} is there"));
+    let (head, tail) = text.split_at(start);
+    *bytes = (head.to_owned() + &tail.replacen(old, new, 1)).into_bytes();
+}
+
+/// A wavy sheet of 60 x 42 mm with a hole, as binary STL.
+fn part() -> Vec<u8> {
+    let z = |x: f64, y: f64| 0.3 * (x / 11.0).sin() + 0.25 * (y / 8.0).cos() + 0.004 * x;
+    let (nx, ny) = (60u32, 42u32);
+    let mut facets = Vec::new();
+    for j in 0..ny {
+        for i in 0..nx {
+            if (20..24).contains(&i) && (17..20).contains(&j) {
+                continue;
+            }
+            let p = |i: u32, j: u32| [f64::from(i), f64::from(j), z(f64::from(i), f64::from(j))];
+            let (a, b, c, d) = (p(i, j), p(i + 1, j), p(i + 1, j + 1), p(i, j + 1));
+            facets.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    let mut out = vec![0; 80];
+    out.extend((facets.len() as u32).to_le_bytes());
+    for f in facets {
+        out.extend([0; 12]);
+        f.iter().flatten().for_each(|&v| out.extend((v as f32).to_le_bytes()));
+        out.extend([0; 2]);
+    }
+    out
+}
+
+/// Moves a block's stop and brings its commanded position along.
+fn place(block: &mut Block, plan: &Plan) {
+    let c = block.stop.centre;
+    block.stage = plan.machine.stage_from_part([c.x, c.y, block.stop.focus], plan.checked.origin());
+}
+
+/// Takes stroke `i` out of the program; its points stay behind, unused.
+fn remove(program: &mut Program, i: usize) {
+    program.strokes.remove(i);
+    for b in &mut program.blocks {
+        let shift = |at: usize| if at > i { at - 1 } else { at };
+        b.strokes = shift(b.strokes.start)..shift(b.strokes.end);
+    }
+}
+
+/// A stroke with a long first segment in a block with many.
+fn long_stroke(program: &Program) -> usize {
+    let long = |s: &crate::program::Stroke| crate::program::stroke_mm(&program.points_of(s)[..2]) > 1.0;
+    let block = program.blocks.iter().find(|b| b.strokes.len() > 5 && program.strokes_of(b).iter().any(long));
+    let block = block.expect("a block with a long stroke");
+    block.strokes.clone().find(|&i| long(&program.strokes[i])).expect("a long stroke")
+}
+
+#[test]
+fn the_compiled_job_is_proved() {
+    let bench = Bench::new();
+    let proof = verified(&bench.write());
+    assert!(proof.ok, "{}", proof.to_text());
+    assert!(proof.rules.iter().all(|r| r.ran && r.checked > 0), "{}", proof.to_text());
+}
+
+#[test]
+fn depth_a_focal_plane_too_high() {
+    let proof = Bench::new().mutant(|program, plan| {
+        program.blocks[7].stop.focus += 30_000;
+        place(&mut program.blocks[7], plan);
+    });
+    assert_only("depth", &proof);
+}
+
+#[test]
+fn depth_strokes_marked_at_the_level_above() {
+    // The strokes of one block move to the next block of the same section.
+    let proof = Bench::new().mutant(|program, _| {
+        let pairs = program.blocks.windows(2).enumerate();
+        let (i, _) = pairs.into_iter().find(|(_, w)| w[0].stop.section == w[1].stop.section).expect("levels");
+        let last = program.blocks[i].strokes.end - 1;
+        program.blocks[i].strokes.end = last;
+        program.blocks[i + 1].strokes.start = last;
+    });
+    assert_only("depth", &proof);
+}
+
+#[test]
+fn field_marks_beyond_the_field() {
+    let proof = Bench::new().mutant(|program, plan| {
+        let block = &mut program.blocks[3];
+        block.stop.centre.x += 35_000_000;
+        place(block, plan);
+        let strokes = block.strokes.clone();
+        for s in &program.strokes[strokes] {
+            for p in &mut program.points[s.first as usize..(s.first + s.len) as usize] {
+                p[0] -= 35_000_000;
+            }
+        }
+    });
+    assert_only("field", &proof);
+}
+
+#[test]
+fn once_a_stroke_marked_twice() {
+    let proof = Bench::new().mutant(|program, _| {
+        let i = long_stroke(program);
+        let copy = program.strokes[i];
+        program.strokes.insert(i, copy);
+        for b in &mut program.blocks {
+            let shift = |at: usize| if at > i { at + 1 } else { at };
+            b.strokes = shift(b.strokes.start)..shift(b.strokes.end);
+        }
+    });
+    assert_only("once", &proof);
+}
+
+#[test]
+fn coverage_a_stroke_forgotten() {
+    let proof = Bench::new().mutant(|program, _| remove(program, long_stroke(program)));
+    assert_only("coverage", &proof);
+}
+
+#[test]
+fn coverage_an_end_cut_short() {
+    let proof = Bench::new().mutant(|program, _| {
+        let s = program.strokes[long_stroke(program)];
+        let (a, b) = (program.points[s.first as usize], program.points[s.first as usize + 1]);
+        // The first point moves along its own segment, so that it still lies on the texture.
+        let at = |axis: usize| a[axis] + (f64::from(b[axis] - a[axis]) * 0.3).round() as i32;
+        program.points[s.first as usize] = [at(0), at(1)];
+    });
+    assert_only("coverage", &proof);
+}
+
+#[test]
+fn source_a_stroke_beside_the_texture() {
+    let proof = Bench::new().mutant(|program, _| {
+        // An inner corner of a square moves by 0.1 um.
+        let s = *program.strokes.iter().find(|s| s.len == 5).expect("a whole square");
+        program.points[s.first as usize + 2][1] += 100;
+    });
+    assert_only("source", &proof);
+}
+
+#[test]
+fn travel_a_part_beyond_the_stage() {
+    let mut bench = Bench::new();
+    let far = 240_000_000;
+    let mut program = bench.plan.checked.program().clone();
+    let origin = bench.plan.checked.origin();
+    let moved = [origin[0] + far, origin[1], origin[2]];
+    for b in &mut program.blocks {
+        let c = b.stop.centre;
+        b.stage = bench.plan.machine.stage_from_part([c.x, c.y, b.stop.focus], moved);
+    }
+    bench.plan.checked = Checked::unchecked(program, moved);
+    assert_only("travel", &verified(&bench.write()));
+}
+
+#[test]
+fn travel_a_stop_off_the_increment() {
+    let proof = Bench::new().mutant(|program, plan| {
+        let block = &mut program.blocks[5];
+        block.stop.focus += 30;
+        place(block, plan);
+    });
+    assert_only("travel", &proof);
+}
+
+#[test]
+fn laser_every_way_to_leave_it_on() {
+    let bench = Bench::new();
+    let ways: [(&str, &str, &str, &str); 5] = [
+        ("stage.ngc", "(BLOCK B0004", "G4 P", "(G4) (P"),
+        ("stage.ngc", "(BLOCK B0004", "M66 P0 L4", "(M66 P0 L4)"),
+        ("stage.ngc", "(BLOCK B0004", "M66 P0 L3", "(M66 P0 L3)"),
+        ("stage.ngc", "G21", "G61.1", "G64"),
+        ("stage_m0.nc", "BLOCK B0004", "M0", "(M0)"),
+    ];
+    for (name, from, old, new) in ways {
+        let proof = bench.damaged(name, |bytes| {
+            replace(bytes, from, old, new);
+            let text = String::from_utf8(std::mem::take(bytes)).expect("text");
+            // A comment opened over the rest of its line is closed there.
+            let close = |l: &str| {
+                if l.matches('(').count() > l.matches(')').count() { format!("{l})\n") } else { format!("{l}\n") }
+            };
+            *bytes = text.lines().map(close).collect::<String>().into_bytes();
+        });
+        assert_only("laser", &proof);
+    }
+    // Every switch-off between the marks of one block and the move to the next.
+    let proof = bench.damaged("stage.ngc", |bytes| {
+        let text = String::from_utf8(std::mem::take(bytes)).expect("text");
+        let start = text.find("(BLOCK B0004").expect("block 4");
+        let end = text.find("(BLOCK B0006").expect("block 6");
+        *bytes = (text[..start].to_owned() + &text[start..end].replace("M65 P0\n", "") + &text[end..]).into_bytes();
+    });
+    assert_only("laser", &proof);
+    let proof = bench.damaged("stage_m0.nc", |bytes| {
+        let text = String::from_utf8(std::mem::take(bytes)).expect("text");
+        *bytes = text.replace("M5\n", "").into_bytes();
+    });
+    assert_only("laser", &proof);
+}
+
+#[test]
+fn agreement_one_format_says_something_else() {
+    let bench = Bench::new();
+    // One digit of one coordinate of a drawing: 1 nm.
+    let proof = bench.damaged("blocks/B0005.dxf", |bytes| {
+        let text = String::from_utf8(std::mem::take(bytes)).expect("text");
+        let at = text.find("ENTITIES").expect("entities");
+        let digit = at + text[at..].find("\r\n 10\r\n").or_else(|| text[at..].find("\r\n10\r\n")).expect("an x") + 8;
+        let end = digit + text[digit..].find("\r\n").expect("a line") - 1;
+        let last = text.as_bytes()[end];
+        *bytes = text.into_bytes();
+        bytes[end] = if last == b'5' { b'6' } else { b'5' };
+    });
+    assert_only("agreement", &proof);
+    // A target of the stage program.
+    let proof = bench.damaged("stage.ngc", |bytes| {
+        let text = String::from_utf8(std::mem::take(bytes)).expect("text");
+        let at = text.find("(BLOCK B0007").expect("block 7");
+        let z = at + text[at..].find("G0 Z").expect("a z move") + 4;
+        let end = z + text[z..].find('\n').expect("a line") - 3;
+        *bytes = text.into_bytes();
+        bytes[end] = if bytes[end] == b'5' { b'6' } else { b'5' };
+    });
+    assert_only("agreement", &proof);
+    // A point of the OVF, by a few steps of its float.
+    let program = bench.plan.checked.program();
+    let p = program.points_of(&program.strokes[long_stroke(program)])[0].map(|v| (f64::from(v) / 1e6) as f32);
+    let have = [p[0].to_le_bytes(), p[1].to_le_bytes()].concat();
+    let proof = bench.damaged("job.ovf", |bytes| {
+        let at = bytes.windows(8).position(|w| w == have).expect("the point is there");
+        bytes[at] ^= 0x04;
+    });
+    assert_only("agreement", &proof);
+}
+
+#[test]
+fn hash_a_changed_a_missing_and_an_added_file() {
+    let bench = Bench::new();
+    let target = bench.write();
+    alter(&target, "layout.svg", |b| b.push(b' '));
+    assert_only("hash", &verified(&target));
+    let target = bench.write();
+    std::fs::write(target.join("extra.txt"), "x").expect("a writable folder");
+    assert_only("hash", &verified(&target));
+    let target = bench.write();
+    std::fs::remove_file(target.join("report.html")).expect("a file of ours");
+    assert_only("hash", &verified(&target));
+}
+
+#[test]
+fn summary_a_length_that_is_not_so() {
+    let bench = Bench::new();
+    for key in ["mark_mm", "texture_mm", "skipped_mm", "worst_defocus_um"] {
+        let target = bench.write();
+        alter_manifest(&target, |m| {
+            let v = m["summary"][key].as_f64().expect("a number");
+            m["summary"][key] = (v + 0.01).into();
+        });
+        assert_only("summary", &verified(&target));
+    }
+}

@@ -1,0 +1,372 @@
+//! The documents against the program: codes, keys, examples and links.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+use terrace::machine::{self, Machine};
+use terrace::spec::{self, Job};
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn text_of(file: &str) -> String {
+    std::fs::read_to_string(root().join(file)).unwrap_or_else(|e| panic!("{file}: {e}"))
+}
+
+/// The files below `folder` that end in `extension`, sorted.
+fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
+    let mut out = Vec::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(dir) = open.pop() {
+        for entry in std::fs::read_dir(dir).expect("readable") {
+            let path = entry.expect("readable").path();
+            if path.is_dir() {
+                open.push(path);
+            } else if path.extension().is_some_and(|e| e == extension) {
+                out.push(path);
+            }
+        }
+    }
+    out.sort();
+    out
+}
+
+// --- Codes
+
+/// The text literal that `rest` begins with, after blanks.
+fn literal(rest: &str) -> Option<&str> {
+    rest.trim_start().strip_prefix('"')?.split('"').next()
+}
+
+/// Code and kinds of every message that one source text can give; what passes its code on by a name
+/// stands in `helpers`, as text before the code and kind.
+fn codes_of(shown: &str, text: &str, out: &mut BTreeMap<String, BTreeSet<String>>) {
+    // A file, the text that stands before its codes, and their kind.
+    let helpers = [
+        ("src/surface/mod.rs", "refuse(", "input"),
+        ("src/verify/", "unusable(", "input"),
+        ("src/texture/svg/tally.rs", "Matter::", "warning"),
+    ];
+    let mut add = |code: &str, kind: &str| {
+        out.entry(code.to_owned()).or_default().insert(kind.to_owned());
+    };
+    for kind in ["warning", "input", "limit", "bug"] {
+        let call = format!("Diag::{kind}(");
+        for (at, _) in text.match_indices(&call) {
+            match literal(&text[at + call.len()..]) {
+                Some(code) => add(code, kind),
+                None => assert!(
+                    helpers.iter().any(|h| shown.contains(h.0)),
+                    "{shown} passes the code of a message by a name: tell this test how to find it"
+                ),
+            }
+        }
+    }
+    for (file, before, kind) in helpers {
+        for (at, _) in text.match_indices(before).filter(|_| shown.contains(file)) {
+            // A word and a comma may stand between, as in a table.
+            let rest = text[at + before.len()..].trim_start_matches(char::is_alphanumeric);
+            if let Some(code) = literal(rest.strip_prefix(',').unwrap_or(rest)) {
+                add(code, kind);
+            }
+        }
+    }
+}
+
+/// Code and kinds of every message in the source, its tests left out.
+fn codes_in_source() -> BTreeMap<String, BTreeSet<String>> {
+    let mut out = BTreeMap::new();
+    for path in files(&root().join("src"), "rs") {
+        let shown = path.display().to_string().replace('\\', "/");
+        if shown.contains("/tests/") || shown.ends_with("/tests.rs") {
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).expect("readable");
+        let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
+        codes_of(&shown, code, &mut out);
+    }
+    out
+}
+
+#[test]
+fn every_code_has_its_section_in_the_list_of_errors() {
+    let text = text_of("docs/errors.md");
+    let mut listed = BTreeMap::new();
+    for section in text.split("\n### ").skip(1) {
+        let (code, rest) = section.split_once('\n').expect("a heading has a text");
+        let kinds = rest.trim_start().strip_prefix('*').and_then(|r| r.split(".*").next());
+        let kinds = kinds.unwrap_or_else(|| panic!("{code} names no kind"));
+        let body = rest.split(".*").nth(1).unwrap_or_default();
+        assert!(body.trim().len() > 20, "{code} has no text");
+        let kinds: BTreeSet<String> = kinds.split(", ").map(str::to_owned).collect();
+        assert!(listed.insert(code.trim().to_owned(), kinds).is_none(), "{code} is listed twice");
+    }
+    let source = codes_in_source();
+    assert!(source.len() > 100 && source.contains_key("svg-text"), "codes are found: {}", source.len());
+    for (code, kinds) in &source {
+        let have = listed.get(code);
+        assert_eq!(have, Some(kinds), "docs/errors.md against the source (right): ### {code}");
+    }
+    for code in listed.keys() {
+        assert!(source.contains_key(code), "docs/errors.md lists {code}, which no source file gives");
+    }
+}
+
+#[test]
+fn codes_are_found_where_they_stand() {
+    let mut found = BTreeMap::new();
+    codes_of("src/a.rs", "Diag::limit(\n    \"a-b\", x); Diag::bug(\"c\", y)", &mut found);
+    codes_of("src/texture/svg/tally.rs", "(Matter::Text, \"svg-t\", 1), (\n Matter::Dot,\n \"svg-d\",", &mut found);
+    let codes: Vec<&str> = found.keys().map(String::as_str).collect();
+    assert_eq!(codes, ["a-b", "c", "svg-d", "svg-t"]);
+}
+
+// --- Keys
+
+/// The schema that `at` refers to: through references, lists and choices to an object with keys.
+fn object<'a>(schema: &'a Value, at: &'a Value) -> Option<&'a Value> {
+    if at.get("properties").is_some() {
+        return Some(at);
+    }
+    if let Some(name) = at["$ref"].as_str().and_then(|r| r.strip_prefix("#/$defs/")) {
+        return object(schema, &schema["$defs"][name]);
+    }
+    let choices = at["anyOf"].as_array().into_iter().flatten();
+    choices.chain(at.get("items")).find_map(|c| object(schema, c))
+}
+
+/// The words that a key may have as its value.
+fn words(schema: &Value, at: &Value, out: &mut BTreeSet<String>) {
+    if let Some(name) = at["$ref"].as_str().and_then(|r| r.strip_prefix("#/$defs/")) {
+        words(schema, &schema["$defs"][name], out);
+    }
+    out.extend(at["const"].as_str().map(str::to_owned));
+    out.extend(at["enum"].as_array().into_iter().flatten().filter_map(Value::as_str).map(str::to_owned));
+    for list in ["anyOf", "oneOf"] {
+        at[list].as_array().into_iter().flatten().for_each(|c| words(schema, c, out));
+    }
+    at.get("items").into_iter().for_each(|c| words(schema, c, out));
+}
+
+/// Every table of a file, by its dotted name ("" for the file itself): its keys that hold values, each
+/// with the words it may have.
+fn tables(schema: &Value) -> BTreeMap<String, BTreeMap<String, BTreeSet<String>>> {
+    let mut out = BTreeMap::new();
+    let mut open = vec![(String::new(), schema)];
+    while let Some((name, at)) = open.pop() {
+        let mut keys = BTreeMap::new();
+        for (key, value) in at["properties"].as_object().expect("an object has keys") {
+            // A pair that is written in one line is explained as a key.
+            match object(schema, value).filter(|_| key != "move") {
+                Some(inner) => {
+                    let dot = if name.is_empty() { "" } else { "." };
+                    open.push((format!("{name}{dot}{key}"), inner));
+                }
+                None => {
+                    let mut all = BTreeSet::new();
+                    words(schema, value, &mut all);
+                    keys.insert(key.clone(), all);
+                }
+            }
+        }
+        out.insert(name, keys);
+    }
+    out
+}
+
+/// The rows of a document's tables under headings like "## [surface]", which may name several tables:
+/// key and the whole row.
+fn rows(text: &str) -> BTreeMap<String, BTreeMap<String, String>> {
+    let mut out: BTreeMap<String, BTreeMap<String, String>> = BTreeMap::new();
+    let mut names: Vec<String> = Vec::new();
+    for line in text.lines() {
+        if let Some(heading) = line.strip_prefix("## ") {
+            let parts = heading.split('`').skip(1).step_by(2);
+            names = parts.map(|p| p.trim_matches(['[', ']']).to_owned()).collect();
+            if heading == "The file itself" {
+                names.push(String::new());
+            }
+        } else if let Some(key) = line.strip_prefix("| `").and_then(|l| l.split('`').next()) {
+            for name in &names {
+                out.entry(name.clone()).or_default().insert(key.to_owned(), line.to_owned());
+            }
+        }
+    }
+    out
+}
+
+fn every_key_has_a_row(file: &str, schema: &str) {
+    let text = text_of(file);
+    let rows = rows(&text);
+    let schema: Value = serde_json::from_str(schema).expect("a schema is JSON");
+    let tables = tables(&schema);
+    assert!(tables.len() > 5, "{file}: tables are found");
+    for (name, keys) in &tables {
+        let empty = BTreeMap::new();
+        let have = rows.get(name).unwrap_or(&empty);
+        for (key, words) in keys {
+            let row = have.get(key).unwrap_or_else(|| panic!("{file}: [{name}] has no row for {key}"));
+            for word in words {
+                assert!(row.contains(&format!("\"{word}\"")), "{file}: [{name}] {key} does not name {word:?}");
+            }
+        }
+        for key in have.keys() {
+            assert!(keys.contains_key(key), "{file}: [{name}] explains {key}, which does not exist");
+        }
+    }
+    for name in rows.keys() {
+        assert!(tables.contains_key(name), "{file} explains [{name}], which does not exist");
+    }
+}
+
+#[test]
+fn every_key_of_a_job_file_is_explained() {
+    every_key_has_a_row("docs/job-file.md", &spec::json_schema());
+}
+
+#[test]
+fn every_key_of_a_machine_file_is_explained() {
+    every_key_has_a_row("docs/machine-file.md", &machine::json_schema());
+}
+
+// --- Examples
+
+/// The code blocks of a document whose opening line is "```" and `kind`.
+fn blocks<'a>(text: &'a str, kind: &str) -> Vec<&'a str> {
+    let open = format!("\n```{kind}\n");
+    text.split(&open).skip(1).map(|b| b.split("\n```").next().unwrap_or_default()).collect()
+}
+
+/// Writes a small made file where a job expects one.
+fn make(path: &Path) {
+    let bytes = match path.extension().and_then(|e| e.to_str()) {
+        Some("stl") => spec::sample_surface(),
+        Some("svg") => br#"<svg xmlns="http://www.w3.org/2000/svg" width="10mm" height="10mm" viewBox="0 0 10 10">
+            <path d="M1 1 C 3 9 7 9 9 1 Z" stroke="black"/></svg>"#
+            .to_vec(),
+        Some("xyz") => {
+            (0..900).map(|i| format!("{} {} {}\n", i % 30, i / 30, f64::from(i % 30) / 50.0)).collect::<String>().into()
+        }
+        Some("png") => grey(60, 50),
+        Some("toml") => terrace::machine::PROFILES[0].1.into(),
+        other => panic!("no sample for {other:?}"),
+    };
+    std::fs::write(path, bytes).expect("written");
+}
+
+/// A slope of 16-bit samples.
+fn grey(width: u32, height: u32) -> Vec<u8> {
+    let mut out = Vec::new();
+    let mut encoder = png::Encoder::new(&mut out, width, height);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    let row: Vec<u8> = (0..width).flat_map(|x| (1 + 20 * x as u16).to_be_bytes()).collect();
+    let written = encoder.write_header().and_then(|mut w| w.write_image_data(&row.repeat(height as usize)));
+    written.expect("encoded");
+    out
+}
+
+#[test]
+fn whole_jobs_of_the_documents_compile() {
+    let mut count = 0;
+    for file in ["README.md", "docs/job-file.md", "docs/machine-file.md"] {
+        for block in blocks(&text_of(file), "toml job") {
+            let dir = tempfile::tempdir().expect("a folder");
+            let job =
+                Job::parse(&dir.path().join("job.toml"), block).unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
+            make(&job.resolve(job.file.surface.file.get_ref()));
+            for path in job.file.texture.iter().filter_map(|t| t.file.as_ref()) {
+                make(&job.resolve(path.get_ref()));
+            }
+            job.file.machine.file.iter().for_each(|m| make(&job.resolve(m.get_ref())));
+            let plan = terrace::compile::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
+            assert!(plan.summary.mark_mm > 0.0);
+            count += 1;
+        }
+    }
+    assert!(count >= 3, "whole jobs are found: {count}");
+}
+
+#[test]
+fn whole_machines_of_the_documents_load() {
+    let text = text_of("docs/machine-file.md");
+    let machines = blocks(&text, "toml machine");
+    assert!(!machines.is_empty());
+    for block in machines {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("machine.toml");
+        std::fs::write(&path, block).expect("written");
+        Machine::load(&path).unwrap_or_else(|e| panic!("{e}\n{block}"));
+    }
+}
+
+/// Every key of an example exists.
+fn keys_exist(schema: &Value, at: &Value, example: &toml::Table, shown: &str) {
+    for (key, value) in example {
+        let inner = &at["properties"][key];
+        assert!(!inner.is_null(), "an example has the key {key}, which does not exist:\n{shown}");
+        let list = value.as_array().cloned().unwrap_or_else(|| vec![value.clone()]);
+        for table in list.iter().filter_map(toml::Value::as_table) {
+            let inner = object(schema, inner).unwrap_or_else(|| panic!("{key} is no table:\n{shown}"));
+            keys_exist(schema, inner, table, shown);
+        }
+    }
+}
+
+#[test]
+fn parts_of_files_in_the_documents_have_keys_that_exist() {
+    for (file, schema) in [("docs/job-file.md", spec::json_schema()), ("docs/machine-file.md", machine::json_schema())]
+    {
+        let schema: Value = serde_json::from_str(&schema).expect("a schema is JSON");
+        let text = text_of(file);
+        let parts = blocks(&text, "toml");
+        assert!(!parts.is_empty(), "{file}");
+        for part in parts {
+            let example: toml::Table = part.parse().unwrap_or_else(|e| panic!("{file}: {e}\n{part}"));
+            keys_exist(&schema, &schema, &example, part);
+        }
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn commands_of_the_documents_run() {
+    let program = Path::new(env!("CARGO_BIN_EXE_terrace")).parent().expect("a folder");
+    let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap_or_default());
+    let mut count = 0;
+    for file in ["README.md", "docs/job-file.md", "docs/machine-file.md"] {
+        // The blocks of a file follow each other in one folder.
+        let script = blocks(&text_of(file), "sh run").join("\n");
+        let dir = tempfile::tempdir().expect("a folder");
+        let done = Command::new("sh").args(["-e", "-c", &script]).current_dir(dir.path()).env("PATH", &path).output();
+        let done = done.expect("sh starts");
+        let said = String::from_utf8_lossy(&done.stderr);
+        assert!(done.status.success(), "{file}: {}\n{said}\n{script}", done.status);
+        count += script.matches("terrace ").count();
+    }
+    assert!(count >= 6, "commands are found: {count}");
+}
+
+// --- Links
+
+#[test]
+fn links_between_the_documents_lead_somewhere() {
+    let mut documents = files(&root().join("docs"), "md");
+    documents.extend(["README.md", "CHANGELOG.md"].map(|f| root().join(f)));
+    let mut count = 0;
+    for document in documents {
+        let text = std::fs::read_to_string(&document).expect("readable");
+        for target in text.split("](").skip(1).filter_map(|t| t.split(')').next()) {
+            let file = target.split('#').next().unwrap_or_default();
+            if !target.contains("://") && !file.is_empty() {
+                let path = document.parent().expect("a folder").join(file);
+                assert!(path.exists(), "{} links to {target}, which is not there", document.display());
+                count += 1;
+            }
+        }
+    }
+    assert!(count > 10, "links are found: {count}");
+}
