@@ -574,3 +574,13 @@ fn a_place_that_cannot_be_written_is_named() {
     std::fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o755)).expect("set");
     assert_eq!(names(&closed), BTreeSet::new());
 }
+
+#[test]
+fn machine_files_have_a_schema() {
+    let out = terrace(["machines", "--schema"]);
+    assert!(out.status.success(), "{}", said(&out));
+    let schema: serde_json::Value = serde_json::from_slice(&out.stdout).expect("JSON");
+    for key in ["lens", "scanner", "stage", "laser", "delays", "controller"] {
+        assert!(schema["properties"][key].is_object(), "{key}");
+    }
+}
