@@ -577,7 +577,7 @@ fn a_place_that_cannot_be_written_is_named() {
 
 #[test]
 fn machine_files_have_a_schema() {
-    let out = terrace(["machines", "--schema"]);
+    let out = support::terrace(["machines", "--schema"]);
     assert!(out.status.success(), "{}", said(&out));
     let schema: serde_json::Value = serde_json::from_slice(&out.stdout).expect("JSON");
     for key in ["lens", "scanner", "stage", "laser", "delays", "controller"] {
