@@ -305,12 +305,25 @@ fn footprint(surface: &Surface, texture: &Texture, sections: &Sections, max_slop
         })
 }
 
+/// Refuses what would need more stops than anyone marks, before they are made.
+fn most_stops(ground: &Ground<'_>) -> Result<(), Error> {
+    const MAX_STOPS: f64 = 1e6;
+    let intervals = ground.footprint.heights.iter().flat_map(|h| h.intervals());
+    let levels: f64 = intervals.map(|(lo, hi)| (hi - lo) / ground.lattice.depth as f64).sum();
+    if levels <= MAX_STOPS {
+        return Ok(());
+    }
+    let text = format!("the texture would need more than {:.1} million stops", levels / 1e6);
+    Err(Diag::limit("stops-many", text).hint("check focus.pdof and its unit; or mark a smaller or flatter area").into())
+}
+
 /// One method from stops to an ordered, timed program.
 fn make(ground: &Ground<'_>, method: Method, progress: Progress<'_>) -> Result<Made, Error> {
     let way = match method {
         Method::Contour => partition::Method::Contour,
         Method::ZRange | Method::Auto => partition::Method::ZRange,
     };
+    most_stops(ground)?;
     let stops = partition::divide(way, &ground.footprint, &ground.sections, &ground.lattice);
     progress(Station::Split);
     let min_mark = ground.job.file.partition.min_mark.as_mm() * NM_PER_MM;

@@ -174,22 +174,30 @@ impl Bins {
             (1, _) => Class::Simple,
             (_, Some((top, _))) => {
                 // Several sheets: free only if the topmost one, gathered from facet to facet, lies
-                // wholly above all others here and is one sheet itself.
+                // wholly above all others here and is one sheet itself. Facets of a bin are sorted.
+                let mut of_sheet = vec![false; facets.len()];
+                let mut join = |f: u32, sheet: &mut Vec<u32>| {
+                    if let Ok(i) = facets.binary_search(&f)
+                        && !std::mem::replace(&mut of_sheet[i], true)
+                    {
+                        sheet.push(f);
+                    }
+                };
                 sheet.clear();
-                sheet.push(top);
+                join(top, sheet);
                 let mut next = 0;
                 while next < sheet.len() {
                     for k in 0..3 {
                         let twin = mesh.twins[sheet[next] as usize * 3 + k];
-                        if twin != NONE && facets.contains(&(twin / 3)) && !sheet.contains(&(twin / 3)) {
-                            sheet.push(twin / 3);
+                        if twin != NONE {
+                            join(twin / 3, sheet);
                         }
                     }
                     next += 1;
                 }
                 let z = |f: u32| mesh.facets[f as usize].map(|v| mesh.vertices[v as usize].z);
                 let lowest = sheet.iter().flat_map(|&f| z(f)).fold(f64::INFINITY, f64::min);
-                let others = facets.iter().filter(|f| !sheet.contains(f));
+                let others = facets.iter().zip(&of_sheet).filter(|(_, of)| !**of).map(|(f, _)| f);
                 let below = others.flat_map(|&f| z(f)).all(|z| z < lowest);
                 let single = sheet.iter().filter(|&&f| holds(mesh, f, centre)).count() == 1;
                 if below && single { Class::Simple } else { Class::Complex }

@@ -6,6 +6,8 @@
 //! Units: file readers hand over f64 mm in the part frame; the walk works in nm (x and y integers).
 
 mod bins;
+#[cfg(test)]
+mod brute;
 mod facets;
 mod grid;
 mod heightmap;
@@ -159,16 +161,20 @@ impl Surface {
             map.facets(&mut |facet| welder.facet(facet));
             return Self::from_welder(welder, &shown, notes);
         }
+        let empty = || Diag::input("heightmap-empty", "every sample is nodata").at(Place::file(&shown)).into();
+        Self::from_heightmap(map).ok_or_else(empty)
+    }
+
+    /// An unturned height map; None where every sample is a hole.
+    fn from_heightmap(map: Heightmap) -> Option<Self> {
         let (origin, pixel) = (map.origin_mm, map.pixel_mm);
         let grid = Grid::new(map);
-        let Some([i0, j0, i1, j1]) = grid.node_box() else {
-            return Err(Diag::input("heightmap-empty", "every sample is nodata").at(Place::file(&shown)).into());
-        };
+        let [i0, j0, i1, j1] = grid.node_box()?;
         let at = |o: f64, i: usize| o + i as f64 * pixel;
         let part_box_mm = [at(origin[0], i0), at(origin[1], j0), at(origin[0], i1), at(origin[1], j1)];
         let facets = 2 * grid.cells()[0] * grid.cells()[1];
         let class = grid.classes();
-        Ok(Self { kind: Kind::Grid(grid, class), part_box_mm, facets })
+        Some(Self { kind: Kind::Grid(grid, class), part_box_mm, facets })
     }
 
     /// A surface of the given facets (mm), for tests and benches.

@@ -51,8 +51,9 @@ pub(in crate::verify) fn check(
     }
     if covered {
         let parts = s.skipped_off_part_mm + s.skipped_hidden_mm + s.skipped_steep_mm + s.skipped_small_mm;
-        hold("", "mark_mm - overlap_mm + skipped_mm", s.mark_mm - s.overlap_mm + s.skipped_mm, s.texture_mm, tiny);
-        hold("", "skipped_mm", s.skipped_mm, found.skipped_mm, tiny);
+        let balance = s.mark_mm - s.overlap_mm + s.skipped_mm;
+        hold("", "mark_mm - overlap_mm + skipped_mm", balance, s.texture_mm, tiny + pieces.rounding_mm);
+        hold("", "skipped_mm", s.skipped_mm, found.skipped_mm, tiny + pieces.rounding_mm);
         hold("", "the sum of skipped parts", parts, s.skipped_mm, tiny);
         // The part's border on the file's own facets is the compiled one to some nanometres at each end.
         let doubt = tiny + pieces.doubt_mm;
