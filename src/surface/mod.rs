@@ -246,10 +246,11 @@ impl Surface {
         }
     }
 
-    /// Appends the facets that may lie under bin `bin`, its border included.
-    fn bin_facets(&self, bin: usize, out: &mut Vec<u32>) {
+    /// Appends the facets of bin `bin`, its border included, that may lie under the line between two
+    /// points.
+    fn bin_facets(&self, bin: usize, [from, to]: [P2; 2], out: &mut Vec<u32>) {
         match &self.kind {
-            Kind::Mesh(_, b) => out.extend_from_slice(b.facets(bin)),
+            Kind::Mesh(_, b) => b.facets_under(bin, from, to, out),
             Kind::Grid(g, _) => {
                 let columns = self.bin_count(0) as usize;
                 let (i, j) = ((bin % columns) as i64 - 1, (bin / columns) as i64 - 1);

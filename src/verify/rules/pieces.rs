@@ -344,6 +344,7 @@ impl Cover<'_> {
                     note(&mut list, k, p.d.map(|x| x + d[0]), line.len);
                 }
             });
+            doubt += self.border(&line, d, &mut scratch);
         }
         let gentle = |p: &Piece| p.sheet.is_some_and(|s| s.slope == Slope::Gentle);
         let runs = if list.is_empty() {
@@ -364,6 +365,21 @@ impl Cover<'_> {
             }
         }
         self.scratch = scratch;
+    }
+
+    /// How much of a stretch runs along a border between steep places and none, so that rounding decides
+    /// which of the two it is, nm.
+    fn border(&self, line: &Line, d: [f64; 2], scratch: &mut Scratch) -> f64 {
+        let reach = self.ground.reach();
+        let steep = [0.0, reach, -reach].map(|side| {
+            let mut steep = 0.0;
+            self.ground.along(&line.part(d, side), scratch, |p| {
+                let is_steep = p.sheet.as_ref().is_some_and(|s| s.slope != Slope::Gentle);
+                steep += if is_steep { p.len() } else { 0.0 };
+            });
+            steep
+        });
+        (steep[1] - steep[0]).abs() + (steep[2] - steep[0]).abs()
     }
 
     /// Whether the job lets so short a run go unmarked: shorter than `min_mark` between two cuts, or
