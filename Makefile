@@ -6,9 +6,8 @@ DEMO := target/demo/hood.job
 
 # Compiles leather on a car hood, verifies it, and says where everything lies.
 demo:
-	$(CARGO) build --release
-	target/release/terrace compile fixtures/hood.toml -o $(DEMO)
-	target/release/terrace verify $(DEMO)
+	$(CARGO) run --release --quiet -- compile fixtures/hood.toml -o $(DEMO)
+	$(CARGO) run --release --quiet -- verify $(DEMO)
 	@echo
 	@echo "pictures:  $(DEMO)/layout.svg (open it in a browser)  $(DEMO)/report.html"
 	@echo "programs:  $(DEMO)/stage.ngc  $(DEMO)/stage_m0.nc  $(DEMO)/blocks/*.dxf  $(DEMO)/job.ovf"
