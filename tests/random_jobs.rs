@@ -237,5 +237,5 @@ fn random_jobs_verify_or_are_refused() {
 #[test]
 #[ignore = "some minutes; run by make test-all"]
 fn random_jobs_verify_or_are_refused_at_length() {
-    trials(400..20_000);
+    trials(400..8_000);
 }

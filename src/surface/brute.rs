@@ -338,7 +338,7 @@ fn the_walk_sees_what_the_facets_say() {
 #[test]
 #[ignore = "some minutes; run by make test-all"]
 fn the_walk_sees_what_the_facets_say_at_length() {
-    trials(4_000..400_000);
+    trials(4_000..150_000);
 }
 
 /// A height map is walked as its own facets are, holes included.

@@ -49,6 +49,8 @@ pub(super) struct Facts {
     pub(super) rule: DepthRule,
     pub(super) max_incidence_rad: f64,
     pub(super) min_mark_nm: f64,
+    /// Pitch of the sections, at most the usable field, nm.
+    pub(super) section_nm: [f64; 2],
     pub(super) weld_nm: f64,
     pub(super) turn_deg: f64,
     /// Part origin in the table frame, nm, where the job states one.
@@ -64,6 +66,7 @@ impl Facts {
     /// that need no inputs.
     pub(super) fn from_manifest(m: &Manifest) -> Self {
         Self {
+            section_nm: m.machine.usable_field().map(|f| f as f64),
             machine: m.machine.clone(),
             pdof: Length::mm(m.focus.pdof_mm),
             depth_range: Length::mm(m.focus.depth_range_mm),
@@ -88,7 +91,11 @@ impl Facts {
             frequency: p.frequency,
             passes: p.passes,
         });
+        // Sections measure an even number of increments.
+        let grid = 2.0 * machine.increment_nm() as f64;
+        let section = file.partition.section.map_or(f64::INFINITY, |s| s.as_mm() * NM_PER_MM);
         Self {
+            section_nm: machine.usable_field().map(|f| (section.min(f as f64) / grid).floor() * grid),
             machine,
             pdof: job.pdof(),
             depth_range: job.depth_range(),

@@ -367,19 +367,21 @@ impl Cover<'_> {
         self.scratch = scratch;
     }
 
-    /// How much of a stretch runs along a border between steep places and none, so that rounding decides
-    /// which of the two it is, nm.
+    /// How much of a stretch runs along a border between gentle places, steep ones and none, so that
+    /// rounding decides which it is, nm.
     fn border(&self, line: &Line, d: [f64; 2], scratch: &mut Scratch) -> f64 {
         let reach = self.ground.reach();
-        let steep = [0.0, reach, -reach].map(|side| {
-            let mut steep = 0.0;
+        let [here, left, right] = [0.0, reach, -reach].map(|side| {
+            let mut found = [0.0; 2];
             self.ground.along(&line.part(d, side), scratch, |p| {
-                let is_steep = p.sheet.as_ref().is_some_and(|s| s.slope != Slope::Gentle);
-                steep += if is_steep { p.len() } else { 0.0 };
+                if let Some(s) = p.sheet {
+                    found[usize::from(s.slope == Slope::Gentle)] += p.len();
+                }
             });
-            steep
+            found
         });
-        (steep[1] - steep[0]).abs() + (steep[2] - steep[0]).abs()
+        let differs = |beside: [f64; 2]| (beside[0] - here[0]).abs() + (beside[1] - here[1]).abs();
+        differs(left) + differs(right)
     }
 
     /// Whether the job lets so short a run go unmarked: shorter than `min_mark` between two cuts, or
@@ -393,26 +395,38 @@ impl Cover<'_> {
             return false;
         }
         let start = run.stretches.first().map(|s| self.line(s.segment).at(s.d[0])).unwrap_or_default();
-        let reach = self.facts.machine.usable_field().map(|s| s as f64 / 2.0);
         let near = |b: &&Block| {
             let c = [b.stop.centre.x as f64, b.stop.centre.y as f64];
-            (0..2).all(|k| (start[k] - c[k]).abs() <= reach[k])
+            (0..2).all(|k| (start[k] - c[k]).abs() <= self.facts.section_nm[k] / 2.0 + run.len)
         };
         !self.file.program.blocks.iter().filter(near).any(|b| self.longest_inside(run, b, scratch) >= least)
     }
 
-    /// The longest part of the run whose heights a block accepts.
+    /// The longest part of the run in a block's section whose heights the block accepts.
     fn longest_inside(&self, run: &Run, block: &Block, scratch: &mut Scratch) -> f64 {
         let (lo, hi) = (block.stop.z_lo as f64, block.stop.z_hi as f64);
+        let centre = [block.stop.centre.x as f64, block.stop.centre.y as f64];
+        let half = self.facts.section_nm.map(|s| s / 2.0);
         let (mut longest, mut length) = (0.0f64, 0.0);
         for s in &run.stretches {
-            self.ground.along(&self.line(s.segment).part(s.d, 0.0), scratch, |p| {
+            let line = self.line(s.segment);
+            let Some(d) = line.inside(s.d, centre, half) else {
+                length = 0.0;
+                continue;
+            };
+            if d[0] > s.d[0] {
+                length = 0.0;
+            }
+            self.ground.along(&line.part(d, 0.0), scratch, |p| {
                 let Some(sheet) = p.sheet else { return length = 0.0 };
                 let inside = share(sheet.z, [lo, hi]);
                 // A piece that leaves the interval ends the part; its share may begin another.
                 length = if inside == 1.0 { length + p.len() } else { inside * p.len() };
                 longest = longest.max(length);
             });
+            if d[1] < s.d[1] {
+                length = 0.0;
+            }
         }
         longest
     }

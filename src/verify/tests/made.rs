@@ -72,6 +72,7 @@ impl Made {
             rule: DepthRule::Range,
             max_incidence_rad: 60f64.to_radians(),
             min_mark_nm: 0.0,
+            section_nm: [40e6; 2],
             weld_nm: 0.0,
             turn_deg: 0.0,
             origin: None,
