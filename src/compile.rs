@@ -293,11 +293,10 @@ fn chunks(texture: &Texture) -> Vec<std::ops::Range<usize>> {
 }
 
 fn footprint(surface: &Surface, texture: &Texture, sections: &Sections, max_slope: f64) -> Footprint {
-    let empty = || Footprint::new(sections.len());
     // Joining intervals gives the same intervals in any order, so this reduction may run as it likes.
     chunks(texture)
         .into_par_iter()
-        .fold(empty, |mut footprint, chunk| {
+        .fold(Footprint::default, |mut footprint, chunk| {
             let mut tracer = Tracer::new(surface, sections, max_slope);
             let mut points = Vec::new();
             for i in chunk {
@@ -306,10 +305,23 @@ fn footprint(surface: &Surface, texture: &Texture, sections: &Sections, max_slop
             }
             footprint
         })
-        .reduce(empty, |mut a, b| {
-            a.merge(&b);
+        .reduce(Footprint::default, |mut a, b| {
+            a.merge(b);
             a
         })
+        .joined()
+}
+
+/// Refuses what would need more stops than anyone marks, before they are made.
+fn most_stops(ground: &Ground<'_>) -> Result<(), Error> {
+    const MAX_STOPS: f64 = 1e6;
+    let intervals = (0..ground.sections.len()).flat_map(|i| ground.footprint.of_section(i));
+    let levels: f64 = intervals.map(|(lo, hi)| (hi - lo) / ground.lattice.depth as f64).sum();
+    if levels <= MAX_STOPS {
+        return Ok(());
+    }
+    let text = format!("the texture would need more than {:.1} million stops", levels / 1e6);
+    Err(Diag::limit("stops-many", text).hint("check focus.pdof and its unit; or mark a smaller or flatter area").into())
 }
 
 /// One method from stops to an ordered, timed program.
@@ -318,6 +330,7 @@ fn make(ground: &Ground<'_>, method: Method, progress: Progress<'_>) -> Result<M
         Method::Contour => partition::Method::Contour,
         Method::ZRange | Method::Auto => partition::Method::ZRange,
     };
+    most_stops(ground)?;
     let stops = partition::divide(way, &ground.footprint, &ground.sections, &ground.lattice);
     progress(Station::Split);
     let min_mark = ground.job.file.partition.min_mark.as_mm() * NM_PER_MM;

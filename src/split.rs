@@ -102,11 +102,12 @@ impl<'a> Splitter<'a> {
         let before = out.list.len();
         let skipped_before = out.skipped;
         let passes = f64::from(passes);
-        let mut cutter = Cutter { stops, out, open: None, source, pen, passes, min_mark: *min_mark };
+        let mut cutter = Cutter { stops, out, open: None, unmarked: None, source, pen, passes, min_mark: *min_mark };
         for (i, w) in points.windows(2).enumerate() {
             let [a, b] = [w[0], w[1]];
             cutter.out.texture_mm += passes * a.distance(b) / NM_PER_MM;
             tracer.segment(a, b, |piece| cutter.piece(i as u32, a, b, piece));
+            cutter.end_unmarked(b, [a, b]);
             cutter.vertex(i as u32, b);
         }
         cutter.close(points[points.len() - 1]);
@@ -126,6 +127,8 @@ struct Cutter<'a> {
     stops: &'a Stops,
     out: &'a mut Fragments,
     open: Option<Open>,
+    /// Why the stroke is not marked here, and since where on the segment.
+    unmarked: Option<(Skip, P2)>,
     source: u32,
     pen: u16,
     passes: f64,
@@ -137,21 +140,18 @@ impl Cutter<'_> {
         let section = match p.on {
             Ok(section) => section,
             Err(skip) => {
-                let (from, to) = (a.lerp(b, p.t0), a.lerp(b, p.t1));
-                self.close(from);
-                let length = self.passes * from.distance(to) / NM_PER_MM;
-                match skip {
-                    Skip::OffPart => self.out.skipped.off_part += length,
-                    Skip::Steep => {
-                        self.out.skipped.steep += length;
-                        if length > 0.0 {
-                            self.out.steep_at.get_or_insert(from);
-                        }
-                    }
+                if self.unmarked.is_none_or(|(why, _)| why != skip) {
+                    let from = a.lerp(b, p.t0);
+                    self.close(from);
+                    self.end_unmarked(from, [a, b]);
+                    self.unmarked = Some((skip, from));
                 }
                 return;
             }
         };
+        if self.unmarked.is_some() {
+            self.end_unmarked(a.lerp(b, p.t0), [a, b]);
+        }
         let range = self.stops.of_section(section);
         let list = &self.stops.stops;
         let length = a.distance(b);
@@ -179,6 +179,23 @@ impl Cutter<'_> {
             (t, z) = (t_end, z_end);
             stop = if rises { stop + 1 } else { stop - 1 };
             self.close(a.lerp(b, t));
+        }
+    }
+
+    /// Counts what was not marked up to `to`, as one stretch along the segment: its facets may be smaller
+    /// than the grid to which their borders would be rounded.
+    fn end_unmarked(&mut self, to: P2, [a, b]: [P2; 2]) {
+        let Some((skip, from)) = self.unmarked.take() else { return };
+        let dot = (b.x - a.x) as f64 * (to.x - from.x) as f64 + (b.y - a.y) as f64 * (to.y - from.y) as f64;
+        let length = self.passes * dot.max(0.0) / a.distance(b) / NM_PER_MM;
+        match skip {
+            Skip::OffPart => self.out.skipped.off_part += length,
+            Skip::Steep => {
+                self.out.skipped.steep += length;
+                if length > 0.0 {
+                    self.out.steep_at.get_or_insert(from);
+                }
+            }
         }
     }
 

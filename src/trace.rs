@@ -5,6 +5,10 @@
 //! not marked. Partition and split both look at the part through this one window, so what the first
 //! saw is what the second cuts. Units: nm; slopes as squared tangents.
 
+use std::collections::hash_map::Entry;
+
+use rustc_hash::FxHashMap;
+
 use crate::geom::P2;
 use crate::program::Sections;
 use crate::surface::{Cursor, Span, Surface};
@@ -141,49 +145,61 @@ impl<'a> Tracer<'a> {
 
 /// Disjoint, sorted intervals of height, nm.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Heights(Vec<(f64, f64)>);
+pub struct Heights {
+    list: Vec<(f64, f64)>,
+    /// Not joined yet: joined in one go, so that many separate intervals cost no more than sorting.
+    new: Vec<(f64, f64)>,
+}
 
 impl Heights {
-    /// Adds the interval between `a` and `b`, joining what it touches.
+    /// Adds the interval between `a` and `b`.
     pub fn add(&mut self, a: f64, b: f64) {
         let (lo, hi) = (a.min(b), a.max(b));
-        if let [(l, h)] = &mut self.0[..]
-            && lo <= *h
-            && hi >= *l
-        {
-            *l = l.min(lo);
-            *h = h.max(hi);
-            return;
+        let i = self.list.partition_point(|&(_, h)| h < lo);
+        let alone = self.new.is_empty() && self.list.len() == 1;
+        match self.list.get_mut(i) {
+            Some((l, h)) if *l <= lo && hi <= *h => return,
+            Some((l, h)) if alone && *l <= hi => {
+                return (*l, *h) = (l.min(lo), h.max(hi));
+            }
+            _ => self.new.push((lo, hi)),
         }
-        let first = self.0.partition_point(|&(_, h)| h < lo);
-        let last = self.0.partition_point(|&(l, _)| l <= hi);
-        if first < last {
-            let joined = (lo.min(self.0[first].0), hi.max(self.0[last - 1].1));
-            self.0.splice(first..last, [joined]);
-        } else {
-            self.0.insert(first, (lo, hi));
+        if self.new.len() > self.list.len() + 16 {
+            self.join();
         }
     }
 
-    /// The intervals, upwards.
+    /// Joins what was added, where it touches.
+    pub fn join(&mut self) {
+        if self.new.is_empty() {
+            return;
+        }
+        self.list.append(&mut self.new);
+        self.list.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        self.list.dedup_by(|next, last| {
+            let touches = next.0 <= last.1;
+            if touches {
+                last.1 = last.1.max(next.1);
+            }
+            touches
+        });
+    }
+
+    /// The intervals, upwards; joined.
     pub fn intervals(&self) -> &[(f64, f64)] {
-        &self.0
+        debug_assert!(self.new.is_empty());
+        &self.list
     }
 }
 
 /// Where the texture touches the surface: the heights of its marks in every section.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Footprint {
-    /// By section.
-    pub heights: Vec<Heights>,
+    /// By section; most sections of a large grid may hold nothing.
+    heights: FxHashMap<u32, Heights>,
 }
 
 impl Footprint {
-    /// Nothing yet, for `sections` sections.
-    pub fn new(sections: usize) -> Self {
-        Self { heights: vec![Heights::default(); sections] }
-    }
-
     /// Adds one traced stroke.
     pub fn add(&mut self, points: &[P2], tracer: &mut Tracer<'_>) {
         // Pieces of one section that follow each other make one interval each time the section or
@@ -192,7 +208,7 @@ impl Footprint {
         let heights = &mut self.heights;
         let mut close = |run: &mut Option<(u32, f64, f64)>| {
             if let Some((section, lo, hi)) = run.take() {
-                heights[section as usize].add(lo, hi);
+                heights.entry(section).or_default().add(lo, hi);
             }
         };
         for w in points.windows(2) {
@@ -211,15 +227,33 @@ impl Footprint {
     }
 
     /// Joins what another part of the texture found.
-    pub fn merge(&mut self, other: &Self) {
-        for (mine, theirs) in self.heights.iter_mut().zip(&other.heights) {
-            theirs.0.iter().for_each(|&(lo, hi)| mine.add(lo, hi));
+    pub fn merge(&mut self, other: Self) {
+        for (section, mut theirs) in other.heights {
+            match self.heights.entry(section) {
+                Entry::Vacant(mine) => _ = mine.insert(theirs),
+                Entry::Occupied(mine) => mine.into_mut().new.append(&mut {
+                    theirs.join();
+                    theirs.list
+                }),
+            }
         }
+    }
+
+    /// The same with all intervals joined, as the next functions need it.
+    #[must_use]
+    pub fn joined(mut self) -> Self {
+        self.heights.values_mut().for_each(Heights::join);
+        self
+    }
+
+    /// The intervals of a section, upwards.
+    pub fn of_section(&self, section: usize) -> &[(f64, f64)] {
+        self.heights.get(&(section as u32)).map_or(&[], Heights::intervals)
     }
 
     /// Lowest and highest mark, nm; None where nothing is marked.
     pub fn range(&self) -> Option<(f64, f64)> {
-        let all = self.heights.iter().flat_map(|h| h.0.iter());
+        let all = self.heights.values().flat_map(Heights::intervals);
         all.fold(None, |r: Option<(f64, f64)>, &(lo, hi)| Some(r.map_or((lo, hi), |(a, b)| (a.min(lo), b.max(hi)))))
     }
 }
@@ -234,8 +268,10 @@ mod tests {
         for (a, b) in [(5.0, 6.0), (1.0, 2.0), (9.0, 8.0), (2.0, 3.0)] {
             h.add(a, b);
         }
+        h.join();
         assert_eq!(h.intervals(), [(1.0, 3.0), (5.0, 6.0), (8.0, 9.0)]);
         h.add(2.5, 8.5);
+        h.join();
         assert_eq!(h.intervals(), [(1.0, 9.0)]);
     }
 

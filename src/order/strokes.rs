@@ -3,8 +3,8 @@
 //! First greedy: from where the beam is to the nearest free end of a stroke, flipping it where its far
 //! end is nearer; ends lie in a grid of buckets. Then improvement on neighbour lists until nothing is
 //! gained: 2-opt (a run of strokes is reversed, each of them flipped) and Or-opt (one stroke moves to
-//! another place, either way round). Distances are Euclidean in nm. Ties go to the lower index, so the
-//! order is a function of the strokes alone.
+//! another place, either way round). Distances are Euclidean in nm. Ties go to the lower index, and of
+//! ends on one point the first in its bucket is taken, so the order is a function of the strokes alone.
 
 /// A stroke's two ends in the field frame, nm.
 pub type Ends = [[i32; 2]; 2];
@@ -137,6 +137,10 @@ fn greedy(ends: &[Ends]) -> Vec<(u32, bool)> {
             at,
             |items| {
                 for &end in items {
+                    // Nothing is nearer; thousands of ends may lie on one point.
+                    if best.get().0 == 0.0 {
+                        return;
+                    }
                     let d = distance(at, ends[end as usize / 2][end as usize % 2]);
                     let (bd, be) = best.get();
                     if d < bd || d == bd && end < be {
@@ -160,6 +164,9 @@ fn greedy(ends: &[Ends]) -> Vec<(u32, bool)> {
 fn nearer(buckets: &Buckets, ends: &[Ends], end: usize, limit: f64, near: &mut Vec<(f64, u32)>) {
     let p = ends[end / 2][end % 2];
     near.clear();
+    if limit <= 0.0 {
+        return;
+    }
     let reach = std::cell::Cell::new(limit);
     buckets.rings(
         p,

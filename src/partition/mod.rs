@@ -74,11 +74,12 @@ pub fn divide(method: Method, footprint: &Footprint, sections: &Sections, lattic
     let z0 = lattice.floor(lowest);
     let mut stops = Vec::new();
     let mut starts = vec![0];
-    for (i, heights) in footprint.heights.iter().enumerate() {
+    for i in 0..sections.len() {
+        let heights = footprint.of_section(i);
         let centre: P2 = sections.centre(i);
         let levels = match method {
-            Method::Contour => contour::levels(heights.intervals(), z0, lattice),
-            Method::ZRange => zrange::levels(heights.intervals(), lattice),
+            Method::Contour => contour::levels(heights, z0, lattice),
+            Method::ZRange => zrange::levels(heights, lattice),
         };
         stops.extend(levels.into_iter().map(|(level, z_lo)| Stop {
             section: sections.cell(i),

@@ -272,7 +272,9 @@ fn make_counter_clockwise(vertices: &[Vertex], facets: &mut Vec<[u32; 3]>) -> (u
             f.swap(1, 2);
             flipped += 1;
         } else if area == 0.0 {
-            let (u, v) = ([b.x - a.x, b.y - a.y].map(f64::from), [c.x - a.x, c.y - a.y].map(f64::from));
+            // Corners may lie 4 m apart, beyond the range of i32.
+            let from_a = |p: Vertex| [f64::from(p.x) - f64::from(a.x), f64::from(p.y) - f64::from(a.y)];
+            let (u, v) = (from_a(b), from_a(c));
             let (uz, vz) = (b.z - a.z, c.z - a.z);
             let cross = [u[1] * vz - uz * v[1], uz * v[0] - u[0] * vz];
             if cross == [0.0, 0.0] {

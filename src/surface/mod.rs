@@ -6,6 +6,8 @@
 //! Units: file readers hand over f64 mm in the part frame; the walk works in nm (x and y integers).
 
 mod bins;
+#[cfg(test)]
+mod brute;
 mod facets;
 mod grid;
 mod heightmap;
@@ -159,16 +161,20 @@ impl Surface {
             map.facets(&mut |facet| welder.facet(facet));
             return Self::from_welder(welder, &shown, notes);
         }
+        let empty = || Diag::input("heightmap-empty", "every sample is nodata").at(Place::file(&shown)).into();
+        Self::from_heightmap(map).ok_or_else(empty)
+    }
+
+    /// An unturned height map; None where every sample is a hole.
+    fn from_heightmap(map: Heightmap) -> Option<Self> {
         let (origin, pixel) = (map.origin_mm, map.pixel_mm);
         let grid = Grid::new(map);
-        let Some([i0, j0, i1, j1]) = grid.node_box() else {
-            return Err(Diag::input("heightmap-empty", "every sample is nodata").at(Place::file(&shown)).into());
-        };
+        let [i0, j0, i1, j1] = grid.node_box()?;
         let at = |o: f64, i: usize| o + i as f64 * pixel;
         let part_box_mm = [at(origin[0], i0), at(origin[1], j0), at(origin[0], i1), at(origin[1], j1)];
         let facets = 2 * grid.cells()[0] * grid.cells()[1];
         let class = grid.classes();
-        Ok(Self { kind: Kind::Grid(grid, class), part_box_mm, facets })
+        Some(Self { kind: Kind::Grid(grid, class), part_box_mm, facets })
     }
 
     /// A surface of the given facets (mm), for tests and benches.
@@ -240,10 +246,11 @@ impl Surface {
         }
     }
 
-    /// Appends the facets that may lie under bin `bin`, its border included.
-    fn bin_facets(&self, bin: usize, out: &mut Vec<u32>) {
+    /// Appends the facets of bin `bin`, its border included, that may lie under the line between two
+    /// points.
+    fn bin_facets(&self, bin: usize, [from, to]: [P2; 2], out: &mut Vec<u32>) {
         match &self.kind {
-            Kind::Mesh(_, b) => out.extend_from_slice(b.facets(bin)),
+            Kind::Mesh(_, b) => b.facets_under(bin, from, to, out),
             Kind::Grid(g, _) => {
                 let columns = self.bin_count(0) as usize;
                 let (i, j) = ((bin % columns) as i64 - 1, (bin / columns) as i64 - 1);

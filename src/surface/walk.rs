@@ -268,7 +268,8 @@ impl Surface {
         }
         let mut best: Option<(f64, u32, Through)> = None;
         cursor.facets.clear();
-        self.bin_facets(bin, &mut cursor.facets);
+        let at = line.a.lerp(line.b, t);
+        self.bin_facets(bin, [at, at], &mut cursor.facets);
         for &f in &cursor.facets {
             if let Some(h) = self.through(line, f)
                 && h.t_in - t <= line.half_nm
@@ -339,8 +340,9 @@ impl Surface {
         cursor.last = None;
         cursor.facets.clear();
         let mut steps = BinSteps::new(self, line, t_from, t_to);
+        let ends = [t_from, t_to].map(|t| line.a.lerp(line.b, t));
         loop {
-            self.bin_facets(steps.bin(), &mut cursor.facets);
+            self.bin_facets(steps.bin(), ends, &mut cursor.facets);
             if steps.step().is_none() {
                 break;
             }

@@ -74,7 +74,11 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
     };
     hold(manifest.machine == facts.machine, "its machine is not the one of the job file");
     hold(near(f.pdof_mm, facts.pdof.as_mm()), "its pdof is not the one of the job file");
-    hold(near(f.depth_range_mm, facts.depth_range.as_mm()), "its depth range is not the one of the job file");
+    // The depth range is used rounded down to an even number of increments.
+    let used = nm_from_mm(f.depth_range_mm).zip(facts.depth_range.as_nm());
+    let lost = used.map_or(-1, |(used, asked)| asked - used);
+    let grain = 2 * facts.machine.increment_nm();
+    hold((0..grain).contains(&lost), "its depth range is not the one of the job file");
     hold(f.level == facts.level && f.rule == facts.rule, "its focus level or rule is not the one of the job file");
     hold(near(manifest.placement.turn_deg, facts.turn_deg), "its turn is not the one of the job file");
     hold(facts.origin.is_none_or(|o| o == file.origin.map(Some)), "its origin is not the one of the job file");

@@ -34,6 +34,9 @@ pub(in crate::verify) struct Pieces {
     pub(super) lengths: Lengths,
     /// How far the division of what is skipped may be off, mm: ends of gaps, facets at the limit.
     pub(super) doubt_mm: f64,
+    /// By how much marks are longer than the texture under them, since cut points lie on the grid beside
+    /// it, and what gaps may have lost to it.
+    pub(super) rounding_mm: f64,
 }
 
 /// Holds the three rules.
@@ -172,6 +175,7 @@ impl Cover<'_> {
         let fault = match self.fit(segment).or_else(|why| self.fit_beyond(segment).ok_or(why)) {
             Ok([from, to]) => {
                 self.spans.push(Span { from, to, mark: i });
+                self.out.rounding_mm += (length - (to - from)).abs() * passes / NM_PER_MM;
                 (stroke.pen != pen).then(|| "it is marked with another pen than it is drawn with".to_owned())
             }
             Err(why) => {
@@ -319,6 +323,7 @@ impl Cover<'_> {
     fn gap(&mut self, number: usize, [from, to]: [f64; 2], passes: f64, beside: [Option<Span>; 2]) {
         let per_nm = passes / NM_PER_MM;
         self.out.doubt_mm += 2.0 * self.ground.grain() * per_nm;
+        self.out.rounding_mm += NOISE * per_nm;
         self.out.lengths.skipped_mm += (to - from) * per_nm;
         let (mut off, mut steep, mut doubt, mut open) = (0.0, 0.0, 0.0, 0.0);
         let mut list: Vec<Stretch> = Vec::new();
@@ -339,6 +344,7 @@ impl Cover<'_> {
                     note(&mut list, k, p.d.map(|x| x + d[0]), line.len);
                 }
             });
+            doubt += self.border(&line, d, &mut scratch);
         }
         let gentle = |p: &Piece| p.sheet.is_some_and(|s| s.slope == Slope::Gentle);
         let runs = if list.is_empty() {
@@ -359,6 +365,21 @@ impl Cover<'_> {
             }
         }
         self.scratch = scratch;
+    }
+
+    /// How much of a stretch runs along a border between steep places and none, so that rounding decides
+    /// which of the two it is, nm.
+    fn border(&self, line: &Line, d: [f64; 2], scratch: &mut Scratch) -> f64 {
+        let reach = self.ground.reach();
+        let steep = [0.0, reach, -reach].map(|side| {
+            let mut steep = 0.0;
+            self.ground.along(&line.part(d, side), scratch, |p| {
+                let is_steep = p.sheet.as_ref().is_some_and(|s| s.slope != Slope::Gentle);
+                steep += if is_steep { p.len() } else { 0.0 };
+            });
+            steep
+        });
+        (steep[1] - steep[0]).abs() + (steep[2] - steep[0]).abs()
     }
 
     /// Whether the job lets so short a run go unmarked: shorter than `min_mark` between two cuts, or

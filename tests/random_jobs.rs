@@ -1,0 +1,241 @@
+//! Random small jobs: each is refused with a clear message or gives a folder that verifies. Nothing
+//! panics, and no invariant of the program breaks.
+
+mod support;
+
+use std::fmt::Write;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use rayon::prelude::*;
+use support::surfaces::{Noise, mesh, write_stl};
+use terrace::diag::{Error, Kind};
+use terrace::spec::Job;
+use terrace::{compile, folder, verify};
+
+fn below(noise: &mut Noise, n: u64) -> u64 {
+    (noise.next() >> 5) % n
+}
+
+fn pick<T: Copy>(noise: &mut Noise, list: &[T]) -> T {
+    list[below(noise, list.len() as u64) as usize]
+}
+
+/// From lo to hi.
+fn between(noise: &mut Noise, lo: f64, hi: f64) -> f64 {
+    lo + (noise.half() + 0.5) * (hi - lo)
+}
+
+fn chance(noise: &mut Noise, percent: u64) -> bool {
+    below(noise, 100) < percent
+}
+
+/// Sheets, flat or wavy or terraced or of noise, one over the other, shifted, turned over, with facets
+/// missing, doubled and moved.
+fn surface(noise: &mut Noise, size: f64) -> Vec<[[f64; 3]; 3]> {
+    let mut out = Vec::new();
+    for _ in 0..1 + below(noise, 3) {
+        let n = 1 + below(noise, 9) as usize;
+        let [x, y] = [0, 1].map(|_| between(noise, -0.4, 0.4) * size);
+        let [w, h] = [0, 1].map(|_| between(noise, 0.2, 1.0) * size);
+        let (tall, wave) = (size * pick(noise, &[0.0, 0.001, 0.02, 0.3]), size * between(noise, 0.05, 0.5));
+        let (kind, base) = (below(noise, 5), between(noise, -0.02, 0.02) * size * pick(noise, &[0.0, 1.0]));
+        let mut seed = Noise::new(noise.next());
+        let rough = std::cell::RefCell::new(&mut seed);
+        let z = |x: f64, y: f64| {
+            base + match kind {
+                0 => 0.0,
+                1 => tall * ((x / wave).sin() + (y / wave).cos()),
+                // Plateaus at whole levels.
+                2 => (x / size * 4.0).floor() * 0.07,
+                3 => tall * x / size,
+                _ => tall * rough.borrow_mut().half(),
+            }
+        };
+        out.extend(mesh(n, [x, y, x + w, y + h], z));
+    }
+    for i in 0..out.len() {
+        match below(noise, 60) {
+            0..6 => out[i].swap(0, 1),
+            6 => out.push(out[i]),
+            7 => out[i][1] = out[i][0],
+            8 => out[i][2][0] += between(noise, -0.01, 0.01) * size,
+            9 => out[i][2][2] += between(noise, -1e-5, 1e-5),
+            _ => {}
+        }
+    }
+    out
+}
+
+/// A texture table; an SVG is written beside the job.
+fn texture(noise: &mut Noise, dir: &Path, number: usize, size: f64, pens: usize) -> String {
+    let mut t = String::from("\n[[texture]]\n");
+    let line = |t: &mut String, key: &str, value: String| writeln!(t, "{key} = {value}").expect("text");
+    let mm = |v: f64| format!("\"{v:.6} mm\"");
+    let [x0, y0] = [0, 1].map(|_| between(noise, -0.7, 0.3) * size);
+    let [w, h] = [0, 1].map(|_| between(noise, 0.05, 0.9) * size);
+    let area = format!("[{}, {}, {}, {}]", mm(x0), mm(y0), mm(x0 + w), mm(y0 + h));
+    let area = if chance(noise, 40) { "\"part\"".to_owned() } else { area };
+    match below(noise, 6) {
+        0 | 1 => {
+            line(&mut t, "pattern", "\"hatch\"".into());
+            line(&mut t, "area", area);
+            line(&mut t, "pitch", mm(size / between(noise, 2.0, 60.0)));
+            let direction = pick(noise, &[0.0, 90.0, 45.0, -30.0, 180.0, 37.123]);
+            line(&mut t, "direction", format!("\"{direction} deg\""));
+        }
+        2 => {
+            line(&mut t, "pattern", "\"hilbert\"".into());
+            line(&mut t, "area", area);
+            line(&mut t, "order", (1 + below(noise, 5)).to_string());
+        }
+        3 => {
+            line(&mut t, "pattern", pick(noise, &["\"squares\"", "\"circles\""]).into());
+            line(&mut t, "area", area);
+            let pitch = size / between(noise, 2.0, 25.0);
+            line(&mut t, "pitch", mm(pitch));
+            line(&mut t, "cell", mm(pitch * between(noise, 0.1, 0.95)));
+        }
+        _ => {
+            let mut path = String::new();
+            for _ in 0..1 + below(noise, 12) {
+                let mut at = [0, 1].map(|_| between(noise, -10.0, 110.0));
+                write!(path, "M{} {} ", at[0], at[1]).expect("text");
+                for _ in 0..1 + below(noise, 9) {
+                    let step = pick(noise, &[0.0001, 0.01, 1.0, 60.0]);
+                    at = at.map(|v| (v + between(noise, -step, step)).clamp(-20.0, 120.0));
+                    write!(path, "{}{} {} ", pick(noise, &["L", "L", "T"]), at[0], at[1]).expect("text");
+                }
+                path += pick(noise, &["", "Z "]);
+            }
+            let svg = format!(
+                "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 100 100\"><path fill=\"none\" \
+                 stroke=\"black\" d=\"{path}\"/></svg>"
+            );
+            let name = format!("t{number}.svg");
+            std::fs::write(dir.join(&name), svg).expect("a writable folder");
+            line(&mut t, "file", format!("{name:?}"));
+            line(&mut t, "turn", format!("\"{} deg\"", pick(noise, &[0.0, 90.0, 12.5])));
+            let tile = chance(noise, 40);
+            let page = size * if tile { between(noise, 0.2, 1.0) } else { between(noise, 0.05, 2.0) };
+            line(&mut t, "size", format!("[{}, {}]", mm(page), mm(page)));
+            if tile || chance(noise, 50) {
+                line(&mut t, "area", area);
+            }
+            line(&mut t, "tile", tile.to_string());
+        }
+    }
+    line(&mut t, "pen", format!("\"p{}\"", below(noise, pens as u64)));
+    t
+}
+
+/// Writes a job with its machine, surface and textures into `dir`.
+fn job(noise: &mut Noise, dir: &Path) -> std::path::PathBuf {
+    let size = pick(noise, &[0.05, 1.0, 20.0, 20.0, 60.0, 300.0]);
+    write_stl(&dir.join("part.stl"), &surface(noise, size));
+    let increment = pick(noise, &[0.0001, 0.0001, 0.001, 0.01]);
+    let field = (size / between(noise, 0.5, 6.0)).max(0.02);
+    let machine =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/src/machine/profiles/xyz-galvo-40.toml"))
+            .expect("the profile")
+            .replace(
+                "[\"40 mm\", \"40 mm\"]",
+                &format!("[\"{field:.4} mm\", \"{:.4} mm\"]", field * between(noise, 0.5, 1.5)),
+            )
+            .replace("\"0.0001 mm\"", &format!("\"{increment} mm\""))
+            .replace("\"rectangle\"", pick(noise, &["\"rectangle\"", "\"rectangle\"", "\"circle\""]))
+            .replace("margin = \"0 mm\"", &format!("margin = \"{:.4} mm\"", field * pick(noise, &[0.0, 0.01, 0.1])))
+            .replace("carries = \"head\"", pick(noise, &["carries = \"head\"", "carries = \"part\""]));
+    std::fs::write(dir.join("machine.toml"), machine).expect("a writable folder");
+    let pens = 1 + below(noise, 2) as usize;
+    let mut text = String::from("[surface]\nfile = \"part.stl\"\nunit = \"mm\"\n");
+    if chance(noise, 10) {
+        text += "weld = \"1 um\"\n";
+    }
+    writeln!(text, "\n[placement]\nturn = \"{} deg\"", pick(noise, &[0.0, 0.0, 90.0, 33.3, -180.0])).expect("text");
+    if chance(noise, 20) {
+        let [x, y, z] = [0, 1, 2].map(|_| (between(noise, -40.0, 40.0) / increment).round() * increment);
+        writeln!(text, "origin = [\"{x:.4} mm\", \"{y:.4} mm\", \"{z:.4} mm\"]").expect("text");
+    }
+    for number in 0..1 + below(noise, 2) as usize {
+        text += &texture(noise, dir, number, size, pens);
+    }
+    let pdof = pick(noise, &[0.07, 0.0715, 0.3, 2.0, size / 30.0]).max(increment * 2.0).max(size / 400.0);
+    writeln!(
+        text,
+        "\n[focus]\npdof = \"{pdof:.6} mm\"\nlevel = \"{}\"\nrule = \"{}\"\n\n[partition]\nmethod = \"{}\"",
+        pick(noise, &["mid", "mid", "mean"]),
+        pick(noise, &["range", "range", "half"]),
+        pick(noise, &["auto", "contour", "z-range"])
+    )
+    .expect("text");
+    if chance(noise, 30) {
+        writeln!(text, "section = \"{:.6} mm\"", field * between(noise, 0.2, 0.9)).expect("text");
+    }
+    if chance(noise, 30) {
+        writeln!(text, "min_mark = \"{} um\"", pick(noise, &[0.001, 1.0, 50.0])).expect("text");
+    }
+    writeln!(text, "\n[limits]\nmax_incidence = \"{} deg\"", pick(noise, &[10, 60, 60, 85])).expect("text");
+    text += "\n[machine]\nfile = \"machine.toml\"\n";
+    for pen in 0..pens {
+        write!(
+            text,
+            "\n[[pen]]\nname = \"p{pen}\"\nspeed = \"1000 mm/s\"\npower = \"60 %\"\nfrequency = \"60 kHz\"\npasses = {}\n",
+            pick(noise, &[1, 1, 3])
+        )
+        .expect("text");
+    }
+    let path = dir.join("job.toml");
+    std::fs::write(&path, text).expect("a writable folder");
+    path
+}
+
+/// Compiles and verifies; Ok says whether the job was compiled.
+fn run(path: &Path) -> Result<bool, String> {
+    let out = path.with_extension("job");
+    let compiled =
+        Job::load(path).and_then(|job| compile::plan(job, &|_| ())).and_then(|plan| folder::write(&plan, &out, 0));
+    let say = |e: Error| e.diags().iter().map(|d| d.render(false)).collect::<String>();
+    if let Err(e) = compiled {
+        let bug = e.diags().iter().any(|d| d.kind == Kind::Bug);
+        return if bug { Err(say(e)) } else { Ok(false) };
+    }
+    let proof = verify::verify(&out, None).map_err(say)?;
+    if proof.ok { Ok(true) } else { Err(proof.to_text()) }
+}
+
+/// Runs the jobs of the seeds; faulty ones stay in the temporary folder, to be looked at.
+fn trials(seeds: std::ops::Range<u64>) {
+    let count = seeds.end - seeds.start;
+    let results: Vec<(bool, Option<String>)> = seeds
+        .into_par_iter()
+        .map(|seed| {
+            let dir = support::folder();
+            let mut noise = Noise::new(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(1));
+            (0..8).for_each(|_| _ = noise.next());
+            let path = job(&mut noise, dir.path());
+            let ended = catch_unwind(AssertUnwindSafe(|| run(&path))).unwrap_or_else(|_| Err("it panicked".into()));
+            match ended {
+                Ok(compiled) => (compiled, None),
+                Err(fault) => (true, Some(format!("seed {seed} in {}:\n{fault}", dir.keep().display()))),
+            }
+        })
+        .collect();
+    let compiled = results.iter().filter(|r| r.0).count();
+    let faults: Vec<&String> = results.iter().filter_map(|r| r.1.as_ref()).collect();
+    eprintln!("{compiled} of {count} jobs were compiled");
+    assert!(compiled as u64 * 2 > count, "only {compiled} of {count} jobs were compiled");
+    let shown: String = faults.iter().take(10).map(|f| format!("{f}\n")).collect();
+    assert!(faults.is_empty(), "{} of {count} jobs:\n{shown}", faults.len());
+}
+
+#[test]
+fn random_jobs_verify_or_are_refused() {
+    trials(0..400);
+}
+
+#[test]
+#[ignore = "some minutes; run by make test-all"]
+fn random_jobs_verify_or_are_refused_at_length() {
+    trials(400..20_000);
+}
