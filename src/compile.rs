@@ -4,20 +4,24 @@
 //! cut into chunks whose number does not depend on the number of threads, and results are joined in
 //! the order of the chunks, so threads never change a byte.
 
+mod build;
+
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
+use build::build;
+
 use crate::check::{Checked, Limits};
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{Box2, NM_PER_MM, P2, mm_from_nm};
+use crate::geom::{Box2, NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
-use crate::order::{self, clearance::Clearance};
-use crate::partition::{self, Lattice, Stops};
-use crate::program::{Block, Pen, Program, Sections, Stop, Stroke};
+use crate::order::clearance::Clearance;
+use crate::partition::{self, Lattice};
+use crate::program::{Block, Pen, Program, Sections};
 use crate::record::{Candidate, Summary, Times};
-use crate::spec::{Job, Level, Method, Steep};
+use crate::spec::{Job, Method, Steep};
 use crate::split::{Fragments, Splitter};
 use crate::surface::Surface;
 use crate::texture::Texture;
@@ -391,140 +395,6 @@ fn join(mut a: Fragments, b: Fragments) -> Fragments {
     a.steep_at = a.steep_at.or(b.steep_at);
     a.worst_slope2 = a.worst_slope2.max(b.worst_slope2);
     a
-}
-
-struct Built {
-    program: Program,
-    worst_defocus: i64,
-    worst_defocus_mean: i64,
-}
-
-/// Heights of one block's marks.
-#[derive(Clone, Copy)]
-struct Heights {
-    lo: f64,
-    hi: f64,
-    z_length: f64,
-    length: f64,
-}
-
-/// Gathers fragments by stop, orders stops and strokes, and lays the program out flat.
-fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> Built {
-    let n = stops.stops.len();
-    let mut starts = vec![0usize; n + 1];
-    let mut heights = vec![Heights { lo: f64::INFINITY, hi: f64::NEG_INFINITY, z_length: 0.0, length: 0.0 }; n];
-    for f in parts.iter().flat_map(|p| &p.list) {
-        starts[f.stop as usize + 1] += 1;
-        let h = &mut heights[f.stop as usize];
-        h.lo = h.lo.min(f.z[0]);
-        h.hi = h.hi.max(f.z[1]);
-        h.z_length += f.z_length;
-        h.length += f.length;
-    }
-    for i in 0..n {
-        starts[i + 1] += starts[i];
-    }
-    let mut members = vec![(0u32, 0u32); starts[n]];
-    let mut next = starts.clone();
-    for (part, fragments) in parts.iter().enumerate() {
-        for (i, f) in fragments.list.iter().enumerate() {
-            members[next[f.stop as usize]] = (part as u32, i as u32);
-            next[f.stop as usize] += 1;
-        }
-    }
-    let mut worst = [0i64; 2];
-    let used: Vec<usize> = (0..n).filter(|&i| starts[i + 1] > starts[i]).collect();
-    let placed: Vec<(Stop, [i64; 2])> = used
-        .iter()
-        .map(|&i| {
-            let h = &heights[i];
-            let z = [h.lo.round() as i64, h.hi.round() as i64];
-            let mut stop = stops.stops[i].clone();
-            let (focus, mean) = focus(ground, z, h.z_length / h.length);
-            stop.focus = focus;
-            let off = |at: i64| (z[1] - at).max(at - z[0]);
-            worst = [worst[0].max(off(focus)), worst[1].max(off(mean))];
-            (stop, z)
-        })
-        .collect();
-    let stop_list: Vec<Stop> = placed.iter().map(|p| p.0.clone()).collect();
-    let tour = order::stops::serpentine(&stop_list);
-    let point = |part: u32, f: &crate::split::Fragment, i: u32| parts[part as usize].points[(f.first + i) as usize];
-    let orders: Vec<Vec<(u32, bool)>> = tour
-        .par_iter()
-        .map(|&t| {
-            let members = &members[starts[used[t]]..starts[used[t] + 1]];
-            let ends: Vec<order::strokes::Ends> = members
-                .iter()
-                .map(|&(part, i)| {
-                    let f = &parts[part as usize].list[i as usize];
-                    [point(part, f, 0), point(part, f, f.len - 1)]
-                })
-                .collect();
-            order::strokes::order(&ends)
-        })
-        .collect();
-    let mut program = Program { pens: ground.pens.clone(), ..Program::default() };
-    program.strokes.reserve_exact(starts[n]);
-    program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
-    program.blocks.reserve_exact(tour.len());
-    for (&t, order) in tour.iter().zip(orders) {
-        let (stop, z) = &placed[t];
-        let first_stroke = program.strokes.len();
-        let members = &members[starts[used[t]]..starts[used[t] + 1]];
-        for (m, reversed) in order {
-            let (part, i) = members[m as usize];
-            let fragments = &parts[part as usize];
-            let f = &fragments.list[i as usize];
-            let first = program.points.len();
-            let points = &fragments.points[f.first as usize..(f.first + f.len) as usize];
-            if reversed {
-                program.points.extend(points.iter().rev());
-            } else {
-                program.points.extend_from_slice(points);
-            }
-            program.strokes.push(Stroke {
-                source: f.source,
-                segment: f.segment,
-                reversed,
-                pen: f.pen,
-                first: u32::try_from(first).expect("memory holds fewer than 2^32 points"),
-                len: f.len,
-            });
-        }
-        let P2 { x, y } = stop.centre;
-        let retract = program.blocks.last().is_some_and(|b| {
-            b.stop.centre != stop.centre && b.stop.focus < ground.clearance.lowest_focus(b.stop.centre, stop.centre)
-        });
-        program.blocks.push(Block {
-            stage: ground.machine.stage_from_part([x, y, stop.focus], ground.origin),
-            retract,
-            z_lo: z[0],
-            z_hi: z[1],
-            strokes: first_stroke..program.strokes.len(),
-            stop: stop.clone(),
-        });
-    }
-    Built { program, worst_defocus: worst[0], worst_defocus_mean: worst[1] }
-}
-
-/// The focal plane of a block whose marks lie between `z` and have the mean height `mean`, and the
-/// plane that the mean alone would give; both on the lattice.
-fn focus(ground: &Ground<'_>, z: [i64; 2], mean: f64) -> (i64, i64) {
-    let lattice = &ground.lattice;
-    let nearest = |at: f64| lattice.floor(at + lattice.step as f64 / 2.0);
-    let mean = nearest(mean);
-    if ground.job.file.focus.level == Level::Mean {
-        return (mean, mean);
-    }
-    // The middle, moved where rounding it to the lattice would cost more than half the depth range.
-    let mut mid = nearest((z[0] + z[1]) as f64 / 2.0);
-    if z[1] - mid > lattice.depth / 2 {
-        mid += lattice.step;
-    } else if mid - z[0] > lattice.depth / 2 {
-        mid -= lattice.step;
-    }
-    (mid, mean)
 }
 
 /// The job's time, and that of every block. The stage comes from the centre of its travel, lifted.

@@ -16,6 +16,7 @@ mod mesh;
 mod obj;
 mod points;
 mod stl;
+mod topmost;
 mod walk;
 
 use std::path::Path;
@@ -23,7 +24,8 @@ use std::path::Path;
 use bins::{Bins, Class};
 use grid::Grid;
 use mesh::{Mesh, Welder};
-pub use walk::{Cursor, Span};
+pub use topmost::Span;
+pub use walk::Cursor;
 
 use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, MAX_NM, NM_PER_MM, P2};
