@@ -6,9 +6,8 @@ DEMO := target/demo/hood.job
 
 # Compiles leather on a car hood, verifies it, and says where everything lies.
 demo:
-	$(CARGO) build --release
-	target/release/terrace compile fixtures/hood.toml -o $(DEMO)
-	target/release/terrace verify $(DEMO)
+	$(CARGO) run --release --quiet -- compile fixtures/hood.toml -o $(DEMO)
+	$(CARGO) run --release --quiet -- verify $(DEMO)
 	@echo
 	@echo "pictures:  $(DEMO)/layout.svg (open it in a browser)  $(DEMO)/report.html"
 	@echo "programs:  $(DEMO)/stage.ngc  $(DEMO)/stage_m0.nc  $(DEMO)/blocks/*.dxf  $(DEMO)/job.ovf"
@@ -26,7 +25,7 @@ test-all: setup
 check:
 	$(CARGO) fmt --check
 	$(CARGO) clippy --release --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps --document-private-items
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --no-deps --document-private-items
 
 # Speed and memory on three sizes; prints a table.
 bench:

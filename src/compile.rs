@@ -5,6 +5,7 @@
 //! the order of the chunks, so threads never change a byte.
 
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
@@ -93,8 +94,13 @@ struct Made {
     worst_defocus_mean: i64,
 }
 
-/// Chunks that a texture is cut into.
+/// Chunks that a texture is cut into at least, and the most strokes of one.
 const CHUNKS: usize = 256;
+const CHUNK: usize = 1 << 16;
+
+/// Most fragments and most points of a program, which is held in memory whole: some 8 GB.
+const MAX_FRAGMENTS: usize = 50_000_000;
+const MAX_POINTS: usize = 500_000_000;
 
 /// Reads the inputs of a job, divides, cuts, orders and checks.
 ///
@@ -149,7 +155,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let checked = Checked::new(made.program, &limits)?;
     let map = map::Map::new(checked.program(), &ground.sections, &surface, texture.bounds());
     let sub_blocks = map.sub_blocks(checked.program());
-    warn(&job, &made.split, &texture, made.worst_defocus, ground.lattice.depth, warnings)?;
+    warn(&job, &made.split, made.worst_defocus, ground.lattice.depth, warnings)?;
     let program = checked.program();
     let split = &made.split;
     let passes = |pick: fn(&Program, &Block) -> f64| program.blocks.iter().map(|b| pick(program, b)).sum::<f64>();
@@ -202,15 +208,16 @@ fn ground<'a>(
 ) -> Result<Ground<'a>, Error> {
     let step = machine.increment_nm();
     let field = machine.usable_field();
-    let wanted = job.file.partition.section.and_then(crate::units::Length::as_nm);
-    if let Some(w) = wanted
-        && field.iter().any(|&f| w > f)
+    let wanted = job.file.partition.section;
+    let section = wanted.map(|l| l.as_nm().unwrap_or(i64::MAX));
+    if let (Some(wanted), Some(s)) = (wanted, section)
+        && field.iter().any(|&f| s > f)
     {
-        let text = format!("partition.section {} mm is larger than the usable field", mm_from_nm(w));
+        let text = format!("partition.section {wanted} is larger than the usable field");
         let place = Place::file(job.path.display().to_string());
         return Err(Diag::limit("section-large", text).at(place).hint("leave it out, or make it smaller").into());
     }
-    let pitch = field.map(|f| wanted.unwrap_or(f).min(f) / (2 * step) * (2 * step));
+    let pitch = field.map(|f| section.unwrap_or(f) / (2 * step) * (2 * step));
     if pitch.contains(&0) {
         return Err(Diag::limit("section-small", "a section is smaller than the stage increment").into());
     }
@@ -281,7 +288,7 @@ fn ground<'a>(
 
 /// The chunks of a texture: ranges of stroke indices, their number independent of threads.
 fn chunks(texture: &Texture) -> Vec<std::ops::Range<usize>> {
-    let size = texture.len().div_ceil(CHUNKS).max(1);
+    let size = texture.len().div_ceil(CHUNKS).clamp(1, CHUNK);
     (0..texture.len()).step_by(size).map(|i| i..(i + size).min(texture.len())).collect()
 }
 
@@ -327,7 +334,8 @@ fn make(ground: &Ground<'_>, method: Method, progress: Progress<'_>) -> Result<M
     let stops = partition::divide(way, &ground.footprint, &ground.sections, &ground.lattice);
     progress(Station::Split);
     let min_mark = ground.job.file.partition.min_mark.as_mm() * NM_PER_MM;
-    let parts: Vec<Fragments> = chunks(ground.texture)
+    let (fragment_count, point_count) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let parts = chunks(ground.texture)
         .into_par_iter()
         .map(|chunk| {
             let tracer = Tracer::new(ground.surface, &ground.sections, ground.max_slope);
@@ -337,12 +345,17 @@ fn make(ground: &Ground<'_>, method: Method, progress: Progress<'_>) -> Result<M
                 let pen = ground.texture.stroke(i, &mut points);
                 splitter.stroke(i as u32, pen, ground.pens[usize::from(pen)].passes, &points);
             }
-            splitter.finish()
+            let part = splitter.finish();
+            // Counted while it grows: what is too large must be refused before it fills the memory.
+            let grown = |count: &AtomicUsize, by: usize| count.fetch_add(by, Relaxed) + by;
+            let fits = grown(&fragment_count, part.list.len()) <= MAX_FRAGMENTS
+                && grown(&point_count, part.points.len()) <= MAX_POINTS;
+            if fits { Ok(part) } else { Err(too_large(ground)) }
         })
-        .collect();
+        .collect::<Result<Vec<_>, _>>()?;
     progress(Station::Order);
     let built = build(ground, &stops, &parts);
-    let fragments = parts.iter().map(|p| p.list.len()).sum();
+    let fragments = fragment_count.into_inner();
     let split = parts.into_iter().fold(Fragments::default(), join);
     let (times, block_times) = times(ground.machine, &built.program);
     Ok(Made {
@@ -355,6 +368,15 @@ fn make(ground: &Ground<'_>, method: Method, progress: Progress<'_>) -> Result<M
         worst_defocus_mean: built.worst_defocus_mean,
         program: built.program,
     })
+}
+
+/// The program would not fit: said without a count, which would depend on the threads.
+fn too_large(ground: &Ground<'_>) -> Diag {
+    let text = format!(
+        "the texture's {} strokes become more than {MAX_FRAGMENTS} fragments or {MAX_POINTS} points",
+        ground.texture.len()
+    );
+    Diag::limit("program-large", text).hint("use a larger pitch or a smaller area, or mark the part in several jobs")
 }
 
 /// The figures of two runs of strokes together; fragments and points are let go.
@@ -532,15 +554,7 @@ fn times(machine: &Machine, program: &Program) -> (Times, Vec<f64>) {
 }
 
 /// What the user must know, or must not go on with.
-fn warn(
-    job: &Job,
-    split: &Fragments,
-    texture: &Texture,
-    worst_defocus: i64,
-    depth: i64,
-    warnings: &mut Vec<Diag>,
-) -> Result<(), Error> {
-    let _ = texture;
+fn warn(job: &Job, split: &Fragments, worst_defocus: i64, depth: i64, warnings: &mut Vec<Diag>) -> Result<(), Error> {
     let mm = |v: f64| format!("{v:.3} mm");
     if split.skipped.steep > 0.0 {
         let limit = job.file.limits.max_incidence.as_deg();

@@ -281,7 +281,12 @@ pub fn from_toml<T: DeserializeOwned>(path: &str, source: &Arc<str>) -> Result<T
             Some(span) => Place::Text { path: path.into(), source: source.clone(), span },
             None => Place::file(path),
         };
-        let mut d = Diag::input("toml", e.message().trim().to_owned()).at(place);
+        // Where a value's own message ends in a remedy, that is the hint.
+        let (fault, remedy) = e.message().trim().split_once("; ").unwrap_or((
+            e.message().trim(),
+            "docs/job-file.md and docs/machine-file.md list every key with its values",
+        ));
+        let mut d = Diag::input("toml", fault).at(place).hint(remedy);
         if e.message().contains("unknown field") || e.message().contains("unknown variant") {
             d.hint = "check the spelling against the names listed".into();
         } else if e.message().contains("missing field") {

@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use crate::check::Checked;
 use crate::machine::Machine;
-use crate::program::{Block, Pen, Program, Sections};
+use crate::program::{Block, Program, Sections};
 use crate::spec::{Format, Job};
 
 /// Parts of the job time, s. They sum to the total.
@@ -162,16 +162,14 @@ impl Facts<'_> {
     fn has(&self, format: Format) -> bool {
         self.job.file.emit.formats.contains(&format)
     }
+    /// Names of the pens of a block.
+    fn pen_names(&self, block: &Block) -> Vec<&str> {
+        let program = self.checked.program();
+        program.pens_of(block).into_iter().map(|pen| program.pens[pen].name.as_str()).collect()
+    }
     fn block_time_s(&self, index: usize) -> f64 {
         self.block_times.get(index).copied().unwrap_or(0.0)
     }
-}
-
-/// The pens of a block with their indices, in the order of the program's pens.
-fn pens_of<'a>(program: &'a Program, block: &Block) -> Vec<(usize, &'a Pen)> {
-    let mut used = vec![false; program.pens.len()];
-    program.strokes_of(block).iter().for_each(|s| used[usize::from(s.pen)] = true);
-    program.pens.iter().enumerate().filter(|(i, _)| used[*i]).collect()
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Quantities as people write them: `"0.07 mm"`, `"1000 mm/s"`, `"60 %"`.
 //!
-//! Every quantity is held in one base unit (mm, rad, s, mm/s, mm/s², mm/s³, kHz) and is built and
+//! Every quantity is held in one base unit (mm, deg, s, mm/s, mm/s², mm/s³, kHz) and is built and
 //! read by unit, so that no number changes meaning between the job file and a kernel. Text always
 //! carries a unit; a bare number is refused, because units are the commonest import fault of all.
 
@@ -84,9 +84,9 @@ quantity!(
     ["nm" => 1e-6, "um" => 1e-3, "µm" => 1e-3, "μm" => 1e-3, "mm" => 1.0, "cm" => 10.0, "m" => 1e3,
      "in" => 25.4, "inch" => 25.4]);
 quantity!(
-    /// An angle; base unit rad, written in degrees.
-    Angle, "angle", "rad", "10 deg",
-    ["rad" => 1.0, "deg" => std::f64::consts::PI / 180.0, "°" => std::f64::consts::PI / 180.0]);
+    /// An angle; base unit deg, so that what is written in degrees is shown as written.
+    Angle, "angle", "deg", "10 deg",
+    ["deg" => 1.0, "°" => 1.0, "rad" => 180.0 / std::f64::consts::PI]);
 quantity!(
     /// A duration; base unit s.
     Time, "time", "s", "0.1 s",
@@ -133,16 +133,16 @@ impl Length {
 
 impl Angle {
     /// An angle of `v` degrees.
-    pub fn deg(v: f64) -> Self {
-        Self(v.to_radians())
+    pub const fn deg(v: f64) -> Self {
+        Self(v)
     }
     /// The angle in rad.
     pub const fn as_rad(self) -> f64 {
-        self.0
+        self.0.to_radians()
     }
     /// The angle in degrees.
-    pub fn as_deg(self) -> f64 {
-        self.0.to_degrees()
+    pub const fn as_deg(self) -> f64 {
+        self.0
     }
 }
 
@@ -358,6 +358,8 @@ mod tests {
             assert!((l.as_mm() - mm).abs() < 1e-12, "{text}");
         }
         assert!(("90 deg".parse::<Angle>().expect("deg").as_rad() - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
+        let thirty: Angle = "30 deg".parse().expect("deg");
+        assert_eq!((thirty.as_deg(), thirty.to_string()), (30.0, "30 deg".to_owned()));
         assert_eq!("60 %".parse(), Ok(Power::Percent(60.0)));
         assert_eq!("8 W".parse(), Ok(Power::Absolute(Watts::w(8.0))));
     }

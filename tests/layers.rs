@@ -108,7 +108,7 @@ fn allowed() -> BTreeMap<&'static str, Vec<&'static str>> {
             ]),
         ),
         ("folder", on_ground(&["compile", "emit", "preview", "record", "spec"])),
-        ("batch", with(&["compile", "folder", "spec"])),
+        ("batch", with(&["compile", "folder", "machine", "spec"])),
     ])
 }
 

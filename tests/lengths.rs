@@ -7,18 +7,42 @@ use std::path::Path;
 use support::surfaces::{dome, mesh, write_stl};
 use support::{JobText, assert_balance, compile, folder, number, shared, verify};
 
+/// Compiles with two threads and with one, which must give the same bytes, and verifies.
 fn check(job: &JobText, dir: &Path, name: &str) -> serde_json::Value {
     let out = dir.join(format!("{name}.job"));
-    let summary = compile(&job.write(dir, &format!("{name}.toml")), &out);
+    let single = dir.join(format!("{name}-1.job"));
+    let file = job.write(dir, &format!("{name}.toml"));
+    let args = [Path::new("compile"), &file, Path::new("-o"), &single, Path::new("-j"), Path::new("1")];
+    let made = support::terrace(args);
+    assert!(made.status.success(), "{}", support::said(&made));
+    let summary = compile(&file, &out);
+    let (a, b) = (support::files(&out), support::files(&single));
+    assert_eq!(a.len(), b.len(), "{name}");
+    assert!(a.iter().zip(&b).all(|(a, b)| a == b), "{name}: the number of threads changes bytes");
     assert_balance(&summary, &verify(&out));
-    std::fs::remove_dir_all(&out).expect("a folder of ours");
+    for folder in [out, single] {
+        std::fs::remove_dir_all(folder).expect("a folder of ours");
+    }
     summary
 }
 
-/// A real drawing with thousands of curves; None where it is absent.
-fn drawing() -> Option<String> {
-    let path = shared()?.join("textures/hero_topography.svg");
-    Some(format!("file = {:?}", path.display().to_string()))
+/// Hatch, Hilbert curve, 202,500 square loops and, where it is at hand, a real drawing with thousands
+/// of curves, all over a square area [x0, y0, x1, y1] in mm.
+fn textures(area: [f64; 4], hatch_mm: f64) -> Vec<(&'static str, String)> {
+    let side = area[2] - area[0];
+    let place = format!("area = {:?}", area.map(|v| format!("{v} mm")));
+    let pitch = side / 450.0;
+    let mut out = vec![
+        ("hatch", format!("pattern = \"hatch\"\npitch = \"{hatch_mm} mm\"\ndirection = \"17 deg\"\n{place}")),
+        ("hilbert", format!("pattern = \"hilbert\"\norder = 10\n{place}")),
+        ("squares", format!("pattern = \"squares\"\npitch = \"{pitch} mm\"\ncell = \"{} mm\"\n{place}", 0.6 * pitch)),
+    ];
+    if let Some(data) = shared() {
+        let file = data.join("textures/hero_topography.svg").display().to_string();
+        let page = side / 3.0;
+        out.push(("svg", format!("file = {file:?}\nsize = [\"{page} mm\", \"{page} mm\"]\ntile = true\n{place}")));
+    }
+    out
 }
 
 #[test]
@@ -26,15 +50,7 @@ fn lengths_balance_on_the_dome() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");
     write_stl(&stl, &mesh(500, [0.0, 0.0, 450.0, 450.0], dome));
-    let mut textures = vec![
-        ("hatch", "pattern = \"hatch\"\npitch = \"0.5 mm\"\ndirection = \"17 deg\"".to_owned()),
-        ("hilbert", "pattern = \"hilbert\"\norder = 10".to_owned()),
-        ("squares", "pattern = \"squares\"\npitch = \"1 mm\"\ncell = \"0.6 mm\"".to_owned()),
-    ];
-    if let Some(file) = drawing() {
-        textures.push(("svg", format!("{file}\nsize = [\"100 mm\", \"100 mm\"]\ntile = true\narea = \"part\"")));
-    }
-    for (name, texture) in textures {
+    for (name, texture) in textures([0.0, 0.0, 450.0, 450.0], 0.5) {
         let summary = check(&JobText::on(&stl).texture(&texture).method("z-range"), dir.path(), name);
         assert_eq!(number(&summary, "skipped_mm"), 0.0, "{name}: the whole texture lies on the part");
         if name == "squares" {
@@ -49,27 +65,30 @@ fn lengths_balance_on_the_dome() {
 fn lengths_balance_on_a_real_panel() {
     let Some(data) = shared() else { return };
     let dir = folder();
-    let machine = dir.path().join("large.txt");
-    std::fs::write(&machine, large_machine()).expect("a writable folder");
-    let area = "area = [\"415 mm\", \"-225 mm\", \"865 mm\", \"225 mm\"]";
-    let mut job = JobText::on(&data.join("surfaces/hood_mm_bin.stl"));
-    job.machine = format!("file = {:?}", machine.display().to_string());
-    let hatch = |pitch: &str| format!("pattern = \"hatch\"\npitch = \"{pitch}\"\n{area}");
+    std::fs::write(dir.path().join("machine.txt"), large_machine()).expect("a writable folder");
+    let panel = |texture: &str| {
+        let mut job = JobText::on(&data.join("surfaces/hood_mm_bin.stl")).texture(texture);
+        job.machine = "file = \"machine.txt\"".into();
+        job
+    };
+    let area = [415.0, -225.0, 865.0, 225.0];
+    for (name, texture) in textures(area, 1.0) {
+        let summary = check(&panel(&texture), dir.path(), name);
+        assert_eq!(number(&summary, "skipped_mm"), 0.0, "{name}: the whole texture lies on the part");
+    }
     // A level must earn itself: lines 1 mm apart pass by the smallest corners of levels, so that fine
     // lines need a few stops more. Either way it is the part's count, 13,0xx.
-    job.textures = vec![hatch("1 mm")];
-    let coarse = number(&check(&job, dir.path(), "hatch"), "stops");
-    job.textures = vec![hatch("0.2 mm")];
-    let fine = number(&check(&job, dir.path(), "hatch"), "stops");
+    let stops = |pitch: &str| {
+        let place = format!("area = {:?}", area.map(|v| format!("{v} mm")));
+        let hatch = format!("pattern = \"hatch\"\npitch = \"{pitch}\"\n{place}");
+        number(&check(&panel(&hatch), dir.path(), "stops"), "stops")
+    };
+    let (coarse, fine) = (stops("1 mm"), stops("0.2 mm"));
     assert!((13_000.0..=32_000.0).contains(&fine), "{fine}");
     assert!(coarse <= fine && coarse > 0.99 * fine, "{coarse} {fine}");
-    if let Some(file) = drawing() {
-        let svg = format!("{file}\nsize = [\"150 mm\", \"150 mm\"]\ntile = true\n{area}");
-        check(&JobText { textures: vec![svg], method: "z-range", ..job }, dir.path(), "svg");
-    }
 }
 
-/// The article's machine with a stage of 500 x 500 x 400 mm.
+/// The article's machine, whose stage travels 500 x 500 x 400 mm, as a file.
 fn large_machine() -> String {
     let out = support::terrace(["machines", "xyz-galvo-40"]);
     assert!(out.status.success());
@@ -83,14 +102,21 @@ fn lengths_balance_on_undercuts() {
     let Some(data) = shared() else { return };
     let dir = folder();
     // The helmet and the knot are higher than the article's lens stands above its focus.
-    let machine = dir.path().join("machine.txt");
     let text = large_machine().replace("working_distance = \"150 mm\"", "working_distance = \"400 mm\"");
-    std::fs::write(&machine, text).expect("a writable folder");
-    for file in ["mouse_shell_undercut.stl", "helmet_shell_undercut.stl", "quadknot.obj"] {
-        let mut job = JobText::on(&data.join("surfaces").join(file)).texture("pattern = \"hatch\"\npitch = \"2 mm\"");
+    std::fs::write(dir.path().join("machine.txt"), text).expect("a writable folder");
+    let job = |file: &str, texture: &str| {
+        let mut job = JobText::on(&data.join("surfaces").join(file)).texture(texture);
         job.machine = "file = \"machine.txt\"".into();
         job.focus = "pdof = \"0.5 mm\"".into();
-        let summary = check(&job, dir.path(), "undercut");
+        job
+    };
+    for (name, texture) in textures([-40.5, -40.5, 40.5, 40.5], 0.5) {
+        let summary = check(&job("mouse_shell_undercut.stl", &texture), dir.path(), name);
+        assert!(number(&summary, "mark_mm") > 0.0 && number(&summary, "skipped_off_part_mm") > 0.0, "{name}");
+        assert!(number(&summary, "skipped_steep_mm") > 0.0, "{name}");
+    }
+    for file in ["helmet_shell_undercut.stl", "quadknot.obj"] {
+        let summary = check(&job(file, "pattern = \"hatch\"\npitch = \"2 mm\""), dir.path(), "hatch");
         assert!(number(&summary, "mark_mm") > 0.0 && number(&summary, "skipped_off_part_mm") > 0.0, "{file}");
         assert!(number(&summary, "skipped_steep_mm") > 0.0, "{file}");
     }

@@ -240,7 +240,8 @@ fn what_is_not_marked_is_counted() {
         <path d="M2 2h9" transform="turn(3)"/><rect width="9" height="0.0001"/><line x2="1em" y2="3"/>"##,
     );
     let (t, notes) = load(request(sheet.kind(None, 0.0, false), Area::Unlimited), PLATE, 0.0).expect("drawn");
-    let said: Vec<_> = notes.iter().map(|n| (n.code, n.message.split(' ').next().unwrap_or_default())).collect();
+    let said: Vec<_> =
+        notes.iter().map(|n| (n.code, n.message.rsplit(['(', ')']).nth(1).unwrap_or_default())).collect();
     assert_eq!(
         said,
         [

@@ -99,6 +99,9 @@ pub enum Command {
     Machines {
         /// Name of a built-in machine.
         name: Option<String>,
+        /// Print the JSON schema of machine files instead.
+        #[arg(long, conflicts_with = "name")]
+        schema: bool,
     },
     /// Print completions for a shell.
     Completions {

@@ -96,7 +96,8 @@ fn run(args: &Args) -> Result<u8, Error> {
             warn(args, &shown.warnings);
             print(&if args.json { show::json(&shown.json) } else { shown.text })?;
         }
-        Command::Machines { name } => machines(args, name.as_deref())?,
+        Command::Machines { schema: true, .. } => print(&format!("{}\n", crate::machine::json_schema()))?,
+        Command::Machines { name, .. } => machines(args, name.as_deref())?,
         Command::Completions { shell } => {
             let mut out = Vec::new();
             clap_complete::generate(*shell, &mut Args::command(), "terrace", &mut out);

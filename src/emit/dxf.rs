@@ -19,7 +19,7 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
     let strokes = program.strokes_of(block);
     let points: usize = strokes.iter().map(|s| s.len as usize).sum();
     let id = Program::block_id(index);
-    let pens = used_pens(program, index);
+    let pens = program.pens_of(block);
 
     let mut out = Vec::with_capacity(1024 + strokes.len() * 70 + points * 60);
     head(&mut out, &id, &pens);
@@ -33,15 +33,6 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
     }
     out.extend_from_slice(b"0\r\nENDSEC\r\n0\r\nEOF\r\n");
     out
-}
-
-/// Indices of the pens of a block, rising.
-fn used_pens(program: &Program, index: usize) -> Vec<usize> {
-    let mut used = vec![false; program.pens.len()];
-    for stroke in program.strokes_of(&program.blocks[index]) {
-        used[usize::from(stroke.pen)] = true;
-    }
-    (0..used.len()).filter(|&pen| used[pen]).collect()
 }
 
 /// Header, line type and layers, up to the first entity.

@@ -133,16 +133,17 @@ pub fn slope2(corners: [Point3<f64>; 3]) -> f64 {
 /// Cosine and sine of an angle, exact for multiples of 90 degrees.
 pub fn cos_sin(rad: f64) -> [f64; 2] {
     let quarters = rad / std::f64::consts::FRAC_PI_2;
-    if (quarters - quarters.round()).abs() < 1e-12 {
-        return [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]][(quarters.round() as i64).rem_euclid(4) as usize];
+    // Degrees turned into radians miss a quarter turn by one ulp or so.
+    if (quarters - quarters.round()).abs() <= 4.0 * f64::EPSILON * quarters.abs().max(1.0) {
+        return match quarters.round().rem_euclid(4.0) as u8 {
+            0 => [1.0, 0.0],
+            1 => [0.0, 1.0],
+            2 => [-1.0, 0.0],
+            _ => [0.0, -1.0],
+        };
     }
     let (s, c) = rad.sin_cos();
     [c, s]
-}
-
-/// Floor of `a / b` for positive `b`, also for negative `a`.
-pub fn floor_div(a: i64, b: i64) -> i64 {
-    a.div_euclid(b)
 }
 
 #[cfg(test)]

@@ -49,7 +49,7 @@ pub struct Layout<'a> {
     pub map: &'a Map,
     /// The box of the texture as placed.
     pub texture: Box2,
-    /// Time of each block in s, stage move included, in the order of the program.
+    /// Time of each block in s: marks, jumps and delays, in the order of the program.
     pub block_s: &'a [f64],
     /// The figures of the job.
     pub summary: &'a Summary,

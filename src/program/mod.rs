@@ -116,6 +116,12 @@ impl Program {
     pub fn points_of(&self, stroke: &Stroke) -> &[[i32; 2]] {
         &self.points[stroke.first as usize..(stroke.first + stroke.len) as usize]
     }
+    /// Indices of the pens of a block, rising.
+    pub(crate) fn pens_of(&self, block: &Block) -> Vec<usize> {
+        let mut used = vec![false; self.pens.len()];
+        self.strokes_of(block).iter().for_each(|s| used[usize::from(s.pen)] = true);
+        (0..used.len()).filter(|&pen| used[pen]).collect()
+    }
     /// The name of block `i` in files and messages.
     pub fn block_id(i: usize) -> String {
         format!("B{:04}", i + 1)

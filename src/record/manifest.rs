@@ -2,7 +2,7 @@
 
 use serde::{Serialize, Serializer};
 
-use super::{Facts, FileFact, InputFact, Summary, pens_of};
+use super::{Facts, FileFact, InputFact, Summary};
 use crate::geom::mm_from_nm;
 use crate::machine::Machine;
 use crate::program::{Pen, Program};
@@ -162,7 +162,7 @@ fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
         tilt_deg: [0.0; 2],
         z_lo_mm: mm_from_nm(block.z_lo),
         z_hi_mm: mm_from_nm(block.z_hi),
-        pens: pens_of(program, block).into_iter().map(|(_, pen)| pen.name.as_str()).collect(),
+        pens: facts.pen_names(block),
         files: BlockFiles { dxf: facts.drawing(index) },
         strokes: block.strokes.len(),
         mark_mm: program.mark_mm(block),

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Facts, pens_of};
+use super::Facts;
 use crate::geom::mm_from_nm;
 use crate::program::{Block, Program};
 use crate::spec::Format;
@@ -14,7 +14,6 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
         "block,column,row,level,stage_x_mm,stage_y_mm,stage_z_mm,lpfl_mm,file,strokes,mark_mm,jump_mm,time_s,pens\n",
     );
     for (i, block) in program.blocks.iter().enumerate() {
-        let pens: Vec<&str> = pens_of(program, block).into_iter().map(|(_, pen)| pen.name.as_str()).collect();
         let [column, row] = block.stop.section;
         let [x, y, z] = block.stage.map(mm_from_nm);
         let cells = [
@@ -31,7 +30,7 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
             format!("{:.3}", program.mark_mm(block)),
             format!("{:.3}", program.jump_mm(block)),
             format!("{:.3}", facts.block_time_s(i)),
-            cell(&pens.join("; ")),
+            cell(&facts.pen_names(block).join("; ")),
         ];
         out += &cells.join(",");
         out.push('\n');
@@ -195,7 +194,7 @@ fn blocks(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
 
 fn block_line(out: &mut String, facts: &Facts<'_>, i: usize, block: &Block) -> std::fmt::Result {
     let program = facts.checked.program();
-    let pens: Vec<String> = pens_of(program, block).into_iter().map(|(i, _)| (i + 1).to_string()).collect();
+    let pens: Vec<String> = program.pens_of(block).into_iter().map(|pen| (pen + 1).to_string()).collect();
     let [column, row] = block.stop.section;
     let [x, y, z] = block.stage.map(mm_from_nm);
     writeln!(

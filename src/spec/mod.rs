@@ -4,6 +4,7 @@
 //! what can be checked without opening other files. Faults point at the value. The types here are the
 //! authority for the JSON schema (`terrace init --schema`) and for `docs/job-file.md`.
 
+mod faults;
 mod sample;
 
 pub use sample::{SAMPLE_JOB, SAMPLE_SURFACE_NAME, sample_surface};
@@ -468,7 +469,7 @@ impl Job {
         let source: Arc<str> = text.into();
         let file: JobFile = diag::from_toml(&path.display().to_string(), &source)?;
         let job = Self { path: path.to_owned(), source, file };
-        let faults = job.faults();
+        let faults = faults::of(&job);
         if faults.is_empty() { Ok(job) } else { Err(Error::many(faults)) }
     }
 
@@ -569,195 +570,6 @@ impl Job {
             }),
             (None, Some(path)) => Machine::load(&self.resolve(path.get_ref())),
             (None, None) => Err(Diag::bug("machine-missing", "a checked job names no machine").into()),
-        }
-    }
-
-    fn faults(&self) -> Vec<Diag> {
-        let mut faults = Vec::new();
-        let file = &self.file;
-        let whole = Place::file(self.path.display().to_string());
-        let focus = &file.focus;
-        match (&focus.pdof, &focus.dof) {
-            (Some(p), Some(_)) => faults.push(
-                Diag::input("focus-both", "focus has both pdof and dof")
-                    .at(self.place(p.span()))
-                    .hint("keep one of them"),
-            ),
-            (None, None) => faults.push(
-                Diag::input("focus-missing", "focus has neither pdof nor dof")
-                    .at(whole.clone())
-                    .hint("add pdof = \"0.07 mm\", measured on your process; it is never derived from the optics"),
-            ),
-            (Some(v), None) | (None, Some(v)) => {
-                if !(1e-4..=1000.0).contains(&self.pdof().as_mm()) {
-                    faults.push(
-                        Diag::input("focus-range", format!("the depth of focus comes to {}", self.pdof()))
-                            .at(self.place(v.span()))
-                            .hint("it must lie between 0.1 um and 1000 mm"),
-                    );
-                }
-            }
-        }
-        if focus.factor.is_some_and(|f| !f.is_finite() || f <= 0.0) {
-            faults.push(Diag::input("focus-factor", "focus.factor must be above zero").at(whole.clone()));
-        }
-        if file.texture.is_empty() {
-            faults.push(Diag::input("texture-none", "the job has no [[texture]]").at(whole.clone()));
-        }
-        if file.pen.is_empty() {
-            faults.push(Diag::input("pen-none", "the job has no [[pen]]").at(whole.clone()));
-        }
-        for (i, pen) in file.pen.iter().enumerate() {
-            if file.pen[..i].iter().any(|p| p.name == pen.name) {
-                faults.push(Diag::input("pen-twice", format!("two pens are named {:?}", pen.name)).at(whole.clone()));
-            }
-            if !pen.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') || pen.name.is_empty() {
-                let text = format!("pen name {:?} holds something other than letters, digits, - and _", pen.name);
-                faults.push(Diag::input("pen-name", text).at(whole.clone()));
-            }
-            if !(1..=1000).contains(&pen.passes) {
-                let text = format!("pen {:?} has {} passes", pen.name, pen.passes);
-                faults.push(Diag::input("pen-passes", text).at(whole.clone()).hint("1 to 1000 are possible"));
-            }
-        }
-        for texture in &file.texture {
-            self.texture_faults(texture, &mut faults);
-        }
-        match (&file.machine.profile, &file.machine.file) {
-            (Some(p), Some(_)) => faults.push(
-                Diag::input("machine-both", "machine has both profile and file")
-                    .at(self.place(p.span()))
-                    .hint("keep one"),
-            ),
-            (None, None) => faults.push(
-                Diag::input("machine-missing", "machine has neither profile nor file")
-                    .at(whole.clone())
-                    .hint("add profile = \"xyz-galvo-40\"; `terrace machines` lists them"),
-            ),
-            _ => {}
-        }
-        if !(0.0..90.0).contains(&file.limits.max_incidence.as_deg()) {
-            faults.push(
-                Diag::input("limits-incidence", "limits.max_incidence is not between 0 and 90 deg").at(whole.clone()),
-            );
-        }
-        if file.emit.formats.is_empty() {
-            faults.push(
-                Diag::input("emit-none", "emit.formats is empty")
-                    .at(whole)
-                    .hint("name at least one format, such as \"dxf\""),
-            );
-        }
-        faults
-    }
-
-    fn texture_faults(&self, t: &TextureSpec, faults: &mut Vec<Diag>) {
-        let whole = Place::file(self.path.display().to_string());
-        if let Some(pen) = &t.pen
-            && !self.file.pen.iter().any(|p| p.name == *pen.get_ref())
-        {
-            let names: Vec<_> = self.file.pen.iter().map(|p| p.name.as_str()).collect();
-            faults.push(
-                Diag::input("pen-unknown", format!("there is no pen named {:?}", pen.get_ref()))
-                    .at(self.place(pen.span()))
-                    .hint(format!("pens of this job: {}", names.join(", "))),
-            );
-        }
-        if let Some(area) = &t.area
-            && let AreaSpec::Rectangle([x0, y0, x1, y1]) = area.get_ref()
-            && (x0 >= x1 || y0 >= y1)
-        {
-            faults.push(
-                Diag::input("texture-area", "the area is empty")
-                    .at(self.place(area.span()))
-                    .hint("write [x0, y0, x1, y1] with the lower left corner first"),
-            );
-        }
-        let (pattern, span) = match (&t.pattern, &t.file) {
-            (Some(p), None) => (*p.get_ref(), p.span()),
-            (None, Some(f)) => {
-                if t.tile && t.area.is_none() {
-                    faults.push(
-                        Diag::input("texture-tile", "tile = true needs an area to fill")
-                            .at(self.place(f.span()))
-                            .hint("add area = \"part\" or area = [x0, y0, x1, y1]"),
-                    );
-                }
-                for (name, given) in [
-                    ("pitch", t.pitch.is_some()),
-                    ("direction", t.direction.is_some()),
-                    ("order", t.order.is_some()),
-                    ("cell", t.cell.is_some()),
-                ] {
-                    if given {
-                        let text = format!("{name} means nothing for a drawing");
-                        faults.push(Diag::input("texture-key", text).at(self.place(f.span())));
-                    }
-                }
-                return;
-            }
-            (Some(p), Some(_)) => {
-                faults.push(
-                    Diag::input("texture-both", "the texture has both pattern and file")
-                        .at(self.place(p.span()))
-                        .hint("keep one"),
-                );
-                return;
-            }
-            (None, None) => {
-                faults.push(
-                    Diag::input("texture-empty", "a texture has neither pattern nor file")
-                        .at(whole)
-                        .hint("add pattern = \"hatch\" and pitch = \"0.1 mm\", or file = \"drawing.svg\""),
-                );
-                return;
-            }
-        };
-        let mut need = |name: &str, missing: bool| {
-            if missing {
-                let text = format!("this pattern needs {name}");
-                faults.push(Diag::input("texture-key", text).at(self.place(span.clone())).hint(format!("add {name}")));
-            }
-        };
-        match pattern {
-            Pattern::Hatch => need("pitch", t.pitch.is_none()),
-            Pattern::Hilbert => need("order", t.order.is_none()),
-            Pattern::Squares | Pattern::Circles => {
-                need("pitch", t.pitch.is_none());
-                need("cell", t.cell.is_none());
-            }
-        }
-        if let Some(order) = &t.order
-            && !(1..=13).contains(order.get_ref())
-        {
-            faults.push(
-                Diag::input("texture-order", format!("Hilbert order {} is not between 1 and 13", order.get_ref()))
-                    .at(self.place(order.span())),
-            );
-        }
-        if let (Some(cell), Some(pitch)) = (t.cell, t.pitch)
-            && cell > pitch
-        {
-            faults.push(
-                Diag::input(
-                    "texture-cell",
-                    format!("cell {cell} is larger than pitch {pitch}, so figures would overlap"),
-                )
-                .at(self.place(span.clone())),
-            );
-        }
-        for (name, given) in [
-            ("size", t.size.is_some()),
-            ("origin", t.origin.is_some()),
-            ("tile", t.tile),
-            ("turn", t.turn != Angle::default()),
-        ] {
-            if given {
-                let text = format!("{name} means nothing for a pattern");
-                faults.push(
-                    Diag::input("texture-key", text).at(self.place(span.clone())).hint("use area, pitch and direction"),
-                );
-            }
         }
     }
 }

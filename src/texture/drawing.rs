@@ -5,11 +5,11 @@
 //! their index, those of tiles on its border are listed one by one (16 bytes each) and cut on request.
 
 use super::clip::{Lines, clip, is_inside};
-use super::place::{SLACK, Turn, corners, cos_sin, far_in, is_near, push};
+use super::place::{SLACK, Turn, corners, far_in, is_near, push};
 use super::svg::Page;
 use super::{MAX_POINTS, too_large};
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{Box2, P2, Strokes};
+use crate::geom::{Box2, P2, Strokes, cos_sin};
 
 /// Most strokes on the border of a tiled area.
 const MAX_LISTED: usize = 16_000_000;

@@ -1,7 +1,7 @@
 //! From mm in the part frame to nanometres in the turned part frame, rounding once.
 
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{MAX_NM, NM_PER_MM, P2};
+use crate::geom::{MAX_NM, NM_PER_MM, P2, cos_sin};
 
 /// One nanometre in mm.
 pub(super) const NM: f64 = 1e-6;
@@ -11,21 +11,6 @@ pub(super) const LEAST: f64 = 2.0 * NM;
 
 /// Counts that come out of a division are held to be exact when they miss an integer by this much.
 pub(super) const SLACK: f64 = 1e-9;
-
-/// Cosine and sine; exact for quarter turns.
-pub(super) fn cos_sin(rad: f64) -> [f64; 2] {
-    let quarters = rad / std::f64::consts::FRAC_PI_2;
-    // Degrees turned into radians miss a quarter turn by one ulp or so.
-    if (quarters - quarters.round()).abs() <= 4.0 * f64::EPSILON * quarters.abs().max(1.0) {
-        return match quarters.round().rem_euclid(4.0) as u8 {
-            0 => [1.0, 0.0],
-            1 => [0.0, 1.0],
-            2 => [-1.0, 0.0],
-            _ => [0.0, -1.0],
-        };
-    }
-    [rad.cos(), rad.sin()]
-}
 
 /// The turn of the part about the origin of its frame.
 #[derive(Clone, Copy, Debug)]

@@ -16,6 +16,17 @@ complain() {
 
 # --- Python packages
 stamp="$venv/requirements.stamp"
+if ! python3 -c 'import ensurepip, venv' 2>/dev/null; then
+    # Debian keeps these apart from python3 itself.
+    install='apt-get install -y --no-install-recommends python3 python3-venv'
+    if [ "$(id -u)" = 0 ]; then
+        { apt-get update && $install; } >/dev/null 2>&1 || complain "python3-venv ($install)"
+    elif command -v sudo >/dev/null; then
+        { sudo -n apt-get update && sudo -n $install; } >/dev/null 2>&1 || complain "python3-venv (sudo $install)"
+    else
+        complain "python3-venv ($install)"
+    fi
+fi
 if ! cmp -s "$here/requirements.txt" "$stamp"; then
     if python3 -m venv "$venv" && "$venv/bin/pip" install --quiet --disable-pip-version-check -r "$here/requirements.txt"; then
         cp "$here/requirements.txt" "$stamp"

@@ -5,8 +5,8 @@
 //! that lies left of the direction, and runs along the direction.
 
 use crate::diag::{Diag, Error};
-use crate::geom::{Box2, P2};
-use crate::texture::place::{NM, Turn, corners, cos_sin, steps};
+use crate::geom::{Box2, P2, cos_sin};
+use crate::texture::place::{NM, Turn, corners, steps};
 use crate::texture::{MAX_STROKES, too_large};
 
 #[derive(Debug)]

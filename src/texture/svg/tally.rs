@@ -22,7 +22,7 @@ pub(super) enum Matter {
     Overhang,
 }
 
-/// Matter, code, sentence after the count, hint.
+/// Matter, code, sentence after "elements", hint.
 const MATTERS: [(Matter, &str, &str, &str); 15] = [
     (
         Matter::Hidden,
@@ -112,9 +112,8 @@ impl Tally {
     pub(super) fn warnings(self, path: &str) -> impl Iterator<Item = Diag> {
         self.0.into_iter().zip(MATTERS).filter_map(move |(met, (_, code, says, hint))| {
             let (n, element) = met?;
-            let elements = if n == 1 { "1 element".to_owned() } else { format!("{n} elements") };
             let place = Place::Element { path: path.to_owned(), element };
-            Some(Diag::warning(code, format!("{elements} {says}")).at(place).hint(hint))
+            Some(Diag::warning(code, format!("elements {says} ({n})")).at(place).hint(hint))
         })
     }
 }

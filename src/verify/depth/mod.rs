@@ -159,9 +159,10 @@ impl Ground {
         Self { shape, limit2: max_incidence_rad.tan().powi(2), weld: weld_nm.max(0.0) }
     }
 
-    /// How far, in nm, an edge of the compiled surface may lie from the file's: rounding and welding.
+    /// How far, in nm, a mark may lie beside an edge and still be taken as on it: the rounding of both to
+    /// the grid, the grid step within which the program takes a stroke as lying on a border, and welding.
     pub(super) fn reach(&self) -> f64 {
-        ROUNDING + 0.5 + self.weld
+        ROUNDING + 1.5 + self.weld
     }
 
     /// Lengths up to this, in nm, decide nothing: two edges, each off by [`Ground::reach`], that the line

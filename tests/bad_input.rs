@@ -1,0 +1,371 @@
+//! Bad input through the program: one outcome for every malformed file and job, in little time and
+//! memory, with a message that names file, place and remedy, and nothing written.
+//!
+//! The outcomes of the readers alone are fixed in `bad_surfaces.rs` and `bad_svg.rs`.
+
+mod support;
+
+use std::path::Path;
+use std::process::{Command, Output};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use support::{JobText, folder, said, shared, terrace, verify};
+
+/// What `terrace compile` comes to.
+enum Outcome {
+    /// Exit 2 with this code, at this place: the end of what is shown of it.
+    Refused(&'static str, &'static str),
+    /// Exit 1 with this code.
+    Limit(&'static str),
+    /// Compiled with these warnings, and verified.
+    Compiled(&'static [&'static str]),
+}
+use Outcome::{Compiled, Limit, Refused};
+
+const HATCH: &str = "pattern = \"hatch\"\npitch = \"0.5 mm\"";
+
+const SURFACES: &[(&str, Outcome)] = &[
+    ("stl_all_collinear.stl", Refused("surface-zero-area", ".stl")),
+    ("stl_all_degenerate_point.stl", Refused("surface-zero-area", ".stl")),
+    ("stl_vertical_only.stl", Refused("surface-edge-on", ".stl")),
+    ("stl_ascii_4_vertices.stl", Refused("stl-ascii", ".stl:7")),
+    ("stl_ascii_comma_decimals.stl", Refused("surface-number", ".stl:4")),
+    ("stl_ascii_multi_solid.stl", Compiled(&["off-part"])),
+    ("stl_ascii_nan.stl", Refused("surface-number", ".stl:5")),
+    ("stl_ascii_no_endsolid.stl", Compiled(&["stl-no-endsolid", "off-part"])),
+    ("stl_ascii_truncated.stl", Refused("stl-ascii", ".stl:6")),
+    // Strips of a hood, longer than the stage's travel: a small texture on them, see below.
+    ("stl_binary_starts_with_solid.stl", Compiled(&["incidence", "off-part"])),
+    ("stl_upside_down.stl", Compiled(&["surface-upside-down", "incidence", "off-part"])),
+    ("stl_count_too_big.stl", Refused("stl-truncated", ".stl")),
+    ("stl_count_too_small.stl", Refused("stl-trailing", ".stl")),
+    ("stl_count_zero.stl", Refused("surface-empty", ".stl")),
+    ("stl_empty_file.stl", Refused("surface-empty", ".stl")),
+    ("stl_header_only_40.stl", Refused("stl-truncated", ".stl")),
+    ("stl_huge_coord.stl", Refused("surface-size", ".stl, facet 7")),
+    ("stl_inf_vertices.stl", Refused("surface-number", ".stl, facet 7")),
+    ("stl_is_really_png.stl", Refused("surface-format", ".stl")),
+    // A part of a micrometre: no line of the texture meets it, and its unit is warned of.
+    ("stl_micro_units.stl", Limit("job-empty")),
+    ("stl_nan_vertices.stl", Refused("surface-number", ".stl, facet 7")),
+    ("stl_truncated_mid_facet.stl", Refused("stl-truncated", ".stl")),
+    ("stl_utf16.stl", Refused("surface-format", ".stl")),
+    ("obj_2gon.obj", Refused("obj-face", ".obj:3")),
+    ("obj_huge_ngon.obj", Compiled(&["surface-degenerate", "off-part"])),
+    ("obj_index_out_of_range.obj", Refused("obj-index", ".obj:4")),
+    ("obj_index_zero.obj", Refused("obj-index", ".obj:4")),
+    ("obj_mtllib_path_traversal.obj", Compiled(&["off-part"])),
+    ("obj_neg_out_of_range.obj", Refused("obj-index", ".obj:4")),
+    ("obj_no_faces.obj", Refused("surface-empty", ".obj")),
+    ("obj_overflow_float.obj", Refused("surface-number", ".obj:1")),
+    ("png_bad_idat_crc.png", Refused("png-damaged", ".png")),
+    ("png_bad_ihdr_crc.png", Refused("png-damaged", ".png")),
+    ("png_decompression_bomb.png", Refused("heightmap-size", ".png")),
+    // A plate without depth can be marked: it is warned of.
+    ("png_flat_black.png", Compiled(&["heightmap-flat"])),
+    ("png_huge_dims.png", Refused("heightmap-size", ".png")),
+    ("png_is_jpeg.png", Refused("surface-format", ".png")),
+    ("png_truncated.png", Refused("png-truncated", ".png")),
+    ("png_zero_dims.png", Refused("png-damaged", ".png")),
+    ("pngsuite_xcsn0g01.png", Refused("heightmap-samples", ".png")),
+    ("pngsuite_xdtn0g01.png", Refused("heightmap-samples", ".png")),
+    ("pngsuite_xhdn0g08.png", Refused("png-damaged", ".png")),
+    ("pngsuite_xlfn0g04.png", Refused("surface-format", ".png")),
+    ("xyz_all_one_line.xyz", Refused("points-no-surface", ".xyz")),
+    ("xyz_mixed_columns.xyz", Refused("points-columns", ".xyz:2")),
+    ("xyz_nan.xyz", Compiled(&["points-not-finite", "incidence"])),
+];
+
+/// Without a size in the job: a page that has none of its own is refused.
+const DRAWINGS: &[(&str, Outcome)] = &[
+    ("svg_arc_extremes.svg", Compiled(&[])),
+    ("svg_billion_laughs.svg", Refused("svg-dtd", ".svg:1")),
+    ("svg_deep_groups_100k.svg", Refused("svg-deep", ".svg:1")),
+    ("svg_deep_transforms_5k.svg", Refused("svg-deep", ".svg:1")),
+    ("svg_empty.svg", Refused("svg-size", ".svg")),
+    ("svg_external_entity.svg", Refused("svg-dtd", ".svg:1")),
+    ("svg_external_refs.svg", Compiled(&["svg-image", "svg-external"])),
+    ("svg_hairline_slivers.svg", Refused("texture-empty", ".svg")),
+    ("svg_huge_size.svg", Refused("texture-far", ".svg")),
+    ("svg_huge_viewbox.svg", Compiled(&[])),
+    ("svg_latin1.svg", Compiled(&[])),
+    ("svg_negative_size.svg", Refused("svg-viewbox", ".svg")),
+    ("svg_not_closed.svg", Refused("svg-xml", ".svg:1")),
+    ("svg_only_text.svg", Refused("texture-empty", ".svg")),
+    ("svg_path_garbage.svg", Compiled(&["svg-path"])),
+    ("svg_pattern_self_ref.svg", Compiled(&["svg-pattern"])),
+    ("svg_pattern_tiny_tile.svg", Compiled(&["svg-pattern"])),
+    ("svg_quadratic_blowup.svg", Refused("svg-dtd", ".svg:1")),
+    ("svg_self_intersecting_million.svg", Compiled(&["svg-overhang"])),
+    ("svg_use_bomb.svg", Refused("svg-large", ".svg")),
+    ("svg_use_cycle.svg", Refused("texture-empty", ".svg")),
+    ("svg_utf16_bom.svg", Compiled(&[])),
+    ("svg_wrong_namespace.svg", Refused("svg-size", ".svg")),
+    ("svg_zero_viewbox.svg", Refused("svg-viewbox", ".svg")),
+    ("svgz_bomb.svgz", Refused("svg-large", ".svgz")),
+];
+
+/// With `size = ["100 mm", "100 mm"]`.
+const SIZED: &[(&str, Outcome)] = &[
+    ("svg_empty.svg", Refused("texture-empty", ".svg")),
+    ("svg_huge_size.svg", Compiled(&[])),
+    ("svg_wrong_namespace.svg", Compiled(&["svg-namespace"])),
+];
+
+/// Compiles under a limit of 512 MB. The limit is one of address space, which is never less than the
+/// memory in use; where it strikes the program aborts, and that is no outcome of any table.
+fn compile(job: &Path, out: &Path) -> Output {
+    let args = [Path::new("compile"), job, Path::new("-o"), out, Path::new("--json"), Path::new("-j2")];
+    let start = Instant::now();
+    let done = if cfg!(target_os = "linux") {
+        let script = "ulimit -v 524288 && test $(ulimit -v) = 524288 && exec \"$0\" \"$@\"";
+        let mut shell = Command::new("sh");
+        // Else every thread reserves 64 MB of addresses that it does not use.
+        shell.env("MALLOC_ARENA_MAX", "1").args(["-c", script, env!("CARGO_BIN_EXE_terrace")]).args(args);
+        shell.output().expect("sh starts")
+    } else {
+        terrace(args)
+    };
+    assert!(start.elapsed() < Duration::from_secs(5), "{} took {:?}", job.display(), start.elapsed());
+    done
+}
+
+/// The names of everything in a folder, hidden ones included.
+fn names(dir: &Path) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(dir)
+        .expect("a readable folder")
+        .map(|e| e.expect("a readable folder").file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+/// Compiles a job and holds it against its outcome; `file` is what the message must name.
+fn check(job: &Path, file: &str, want: &Outcome) {
+    let dir = job.parent().expect("a folder");
+    let before = names(dir);
+    let out = dir.join("out.job");
+    let done = compile(job, &out);
+    let text = said(&done);
+    let code = match want {
+        Refused(code, _) | Limit(code) => *code,
+        Compiled(warnings) => {
+            assert_eq!(done.status.code(), Some(0), "{file}: {text}");
+            let summary: Value = serde_json::from_slice(&done.stdout).expect("one JSON object");
+            let found: Vec<_> = summary["warnings"]
+                .as_array()
+                .expect("a list")
+                .iter()
+                .map(|w| w["code"].as_str().expect("text"))
+                .collect();
+            assert_eq!(found, *warnings, "{file}: {text}");
+            verify(&out);
+            std::fs::remove_dir_all(&out).expect("removed");
+            return;
+        }
+    };
+    assert!(text.contains(&format!("error[{code}]: ")), "{file}: {code} expected, got {text}");
+    assert!(text.contains(" = help: "), "{file}: a remedy: {text}");
+    assert!(done.stdout.is_empty(), "{file}: {text}");
+    match want {
+        Refused(_, place) => {
+            assert_eq!(done.status.code(), Some(2), "{file}: {text}");
+            let at = text.lines().find(|l| l.trim_start().starts_with("--> ")).unwrap_or_default();
+            assert!(at.contains(file.trim_end_matches(place)) && at.ends_with(place), "{file}: its place: {text}");
+        }
+        _ => assert_eq!(done.status.code(), Some(1), "{file}: {text}"),
+    }
+    assert_eq!(names(dir), before, "{file}: nothing is written");
+}
+
+#[test]
+fn every_malformed_surface_has_its_outcome() {
+    let Some(data) = shared() else { return };
+    let dir = folder();
+    for (name, want) in SURFACES {
+        let path = data.join("bad").join(name);
+        let mut job = JobText::on(&path);
+        if name.starts_with("png") {
+            job.surface = format!(
+                "file = {:?}\n[surface.heightmap]\npixel = \"1 mm\"\nz = [\"0 mm\", \"1 mm\"]",
+                path.display().to_string()
+            );
+        }
+        let texture = match *name {
+            "stl_binary_starts_with_solid.stl" | "stl_upside_down.stl" => {
+                "pattern = \"hatch\"\npitch = \"1 mm\"\narea = [\"20 mm\", \"0 mm\", \"40 mm\", \"10 mm\"]"
+            }
+            _ => HATCH,
+        };
+        check(&job.texture(texture).write(dir.path(), "job.toml"), name, want);
+    }
+}
+
+/// A plate of 100 x 100 mm as OBJ.
+fn plate(dir: &Path) -> JobText {
+    let path = dir.join("plate.obj");
+    std::fs::write(&path, "v 0 0 0\nv 100 0 0\nv 100 100 0\nv 0 100 0\nf 1 2 3 4\n").expect("a writable folder");
+    JobText::on(&path)
+}
+
+#[test]
+fn every_malformed_drawing_has_its_outcome() {
+    let Some(data) = shared() else { return };
+    let dir = folder();
+    for (table, size) in [(DRAWINGS, ""), (SIZED, "\nsize = [\"100 mm\", \"100 mm\"]")] {
+        for (name, want) in table {
+            let texture = format!("file = {:?}{size}", data.join("bad").join(name).display().to_string());
+            check(&plate(dir.path()).texture(&texture).write(dir.path(), "job.toml"), name, want);
+        }
+    }
+}
+
+#[test]
+fn every_malformed_file_of_these_kinds_is_in_a_table() {
+    let Some(data) = shared() else { return };
+    let tables = || SURFACES.iter().chain(DRAWINGS).map(|(name, _)| *name);
+    for name in names(&data.join("bad")) {
+        let ours = ["stl_", "obj_", "png", "svg", "xyz_"].iter().any(|p| name.starts_with(p));
+        assert!(!ours || tables().any(|n| n == name), "{name} has no outcome");
+    }
+}
+
+#[test]
+fn a_warning_that_tells_the_cause_is_not_lost_with_the_error() {
+    let Some(data) = shared() else { return };
+    let dir = folder();
+    let tiny = JobText::on(&data.join("bad/stl_micro_units.stl")).texture(HATCH).write(dir.path(), "tiny.toml");
+    let text = said(&compile(&tiny, &dir.path().join("tiny.job")));
+    assert!(text.contains("error[job-empty]") && text.contains("warning[surface-tiny]"), "{text}");
+    let quiet = said(&terrace([Path::new("compile"), &tiny, Path::new("--quiet")]));
+    assert!(quiet.contains("error[job-empty]") && !quiet.contains("warning"), "{quiet}");
+}
+
+/// A job on the plate in which `from` is replaced by `to`.
+fn edited(dir: &Path, from: &str, to: &str) -> std::path::PathBuf {
+    let path = plate(dir).texture(&format!("{HATCH}\npen = \"fill\"")).write(dir, "job.toml");
+    let text = std::fs::read_to_string(&path).expect("readable");
+    assert!(text.contains(from), "{from:?} stands in the job");
+    std::fs::write(&path, text.replacen(from, to, 1)).expect("writable");
+    path
+}
+
+#[test]
+fn a_fault_of_the_job_file_is_shown_with_line_and_caret() {
+    let dir = folder();
+    for (from, to, code, line, caret) in [
+        ("0.07 mm", "0.07", "toml", "pdof = \"0.07\"", "^^^^^^"),
+        ("0.07 mm", "0,07 mm", "toml", "pdof = \"0,07 mm\"", "^^^^^^^^^"),
+        ("0.07 mm", "-0.07 mm", "focus-range", "pdof = \"-0.07 mm\"", "^^^^^^^^^^"),
+        ("0.07 mm", "0 mm", "focus-range", "pdof = \"0 mm\"", "^^^^^^"),
+        ("0.07 mm", "0.07 deg", "toml", "pdof = \"0.07 deg\"", "^^^^^^^^^^"),
+        ("0.5 mm", "0 mm", "toml", "pitch = \"0 mm\"", "^^^^^^"),
+        ("0.5 mm", "1e999 mm", "toml", "pitch = \"1e999 mm\"", "^^^^^^^^^^"),
+        ("pitch = ", "pich = ", "toml", "pich = \"0.5 mm\"", "^^^^"),
+        ("\"hatch\"", "\"hatchet\"", "toml", "pattern = \"hatchet\"", "^^^^^^^^^"),
+        ("pen = \"fill\"", "pen = \"deep\"", "pen-unknown", "pen = \"deep\"", "^^^^^^"),
+        ("xyz-galvo-40", "xyz-galvo-41", "machine-unknown", "profile = \"xyz-galvo-41\"", "^^^^^^^^^^^^^^"),
+        ("[focus]", "[focus", "toml", "[focus", "^"),
+    ] {
+        let job = edited(dir.path(), from, to);
+        let before = names(dir.path());
+        let done = compile(&job, &dir.path().join("out.job"));
+        let text = said(&done);
+        assert_eq!(done.status.code(), Some(2), "{to}: {text}");
+        assert!(text.contains(&format!("error[{code}]: ")) && text.contains("job.toml:"), "{to}: {text}");
+        let lines: Vec<&str> = text.lines().collect();
+        let at = lines.iter().position(|l| l.ends_with(line)).unwrap_or_else(|| panic!("{to}: the line: {text}"));
+        let marked = lines[at + 1].trim_start_matches([' ', '|']).trim_end();
+        assert_eq!(marked, caret, "{to}: {text}");
+        // The caret stands under the value.
+        let shown = lines[at + 1].find('^').map(|i| &lines[at][i..]).unwrap_or_default();
+        assert!(line.ends_with(shown) || line.contains(&shown[..caret.len().min(shown.len())]), "{to}: {text}");
+        assert!(text.contains(" = help: "), "{to}: a remedy: {text}");
+        assert_eq!(names(dir.path()), before, "{to}: nothing is written");
+    }
+}
+
+#[test]
+fn a_missing_table_or_file_is_named() {
+    let dir = folder();
+    for (from, to, code, say) in [
+        ("pdof = \"0.07 mm\"", "", "focus-missing", "pdof"),
+        ("unit = \"mm\"", "", "surface-unit", "plate.obj"),
+        ("[[pen]]", "[[pens]]", "toml", "pens"),
+        ("plate.obj", "absent.obj", "file-unreadable", "absent.obj"),
+        ("plate.obj", ".", "surface-format", "extension"),
+        ("profile = \"xyz-galvo-40\"", "file = \"absent.toml\"", "file-unreadable", "absent.toml"),
+        ("pattern = \"hatch\"\npitch = \"0.5 mm\"", "file = \"absent.svg\"", "file-unreadable", "absent.svg"),
+    ] {
+        let done = compile(&edited(dir.path(), from, to), &dir.path().join("out.job"));
+        let text = said(&done);
+        assert_eq!(done.status.code(), Some(2), "{to}: {text}");
+        assert!(text.contains(&format!("error[{code}]: ")) && text.contains(say), "{to}: {text}");
+        assert!(!dir.path().join("out.job").exists());
+    }
+    for bytes in [&b"\xff\xfe\x00"[..], b"", b"\x00\x00\x00\x00", &[b'['; 100_000]] {
+        let job = dir.path().join("noise.toml");
+        std::fs::write(&job, bytes).expect("writable");
+        let done = compile(&job, &dir.path().join("out.job"));
+        assert_eq!(done.status.code(), Some(2), "{}", said(&done));
+    }
+}
+
+#[test]
+fn a_faulty_machine_file_is_refused_with_its_place() {
+    let dir = folder();
+    let machine = String::from_utf8(terrace(["machines", "xyz-galvo-40"]).stdout).expect("text");
+    for (from, to, code) in [
+        ("field = [\"40 mm\", \"40 mm\"]", "field = [\"0 mm\", \"0 mm\"]", "machine-field"),
+        ("field = [\"40 mm\", \"40 mm\"]", "field = [\"-40 mm\", \"40 mm\"]", "machine-field"),
+        ("field = [\"40 mm\", \"40 mm\"]", "field = [\"40 mm\"]", "toml"),
+        ("travel = [\"-250 mm\", \"250 mm\"]", "travel = [\"250 mm\", \"-250 mm\"]", "machine-travel"),
+        ("jump_speed", "jumpspeed", "toml"),
+    ] {
+        assert!(machine.contains(from), "{from:?} stands in the profile");
+        std::fs::write(dir.path().join("ours.toml"), machine.replacen(from, to, 1)).expect("writable");
+        let job = edited(dir.path(), "profile = \"xyz-galvo-40\"", "file = \"ours.toml\"");
+        let done = compile(&job, &dir.path().join("out.job"));
+        let text = said(&done);
+        assert_eq!(done.status.code(), Some(2), "{to}: {text}");
+        assert!(text.contains(&format!("error[{code}]: ")) && text.contains("ours.toml"), "{to}: {text}");
+        assert!(!dir.path().join("out.job").exists());
+    }
+}
+
+#[test]
+fn a_limit_of_the_machine_that_the_job_breaks_exits_1_and_writes_nothing() {
+    let dir = folder();
+    let wide = |keys: &str| {
+        let path = dir.path().join("wide.obj");
+        std::fs::write(&path, "v 0 0 0\nv 900 0 0\nv 900 90 0\nv 0 90 0\nf 1 2 3 4\n").expect("writable");
+        JobText::on(&path).texture(keys)
+    };
+    // A tower 300 mm high beside the place that is marked.
+    let tower = dir.path().join("tower.obj");
+    let high = "v 0 0 0\nv 99 0 0\nv 99 99 0\nv 0 99 0\nv 40 0 0\nv 40 0 300\nv 60 0 300\nv 60 60 300\nv 40 60 300\n\
+                f 1 2 3 4\nf 6 7 8 9\n";
+    std::fs::write(&tower, high).expect("writable");
+    let jobs = [
+        ("travel", wide("pattern = \"hatch\"\npitch = \"5 mm\"")),
+        (
+            "clearance",
+            JobText::on(&tower)
+                .texture("pattern = \"hatch\"\npitch = \"5 mm\"\narea = [\"0 mm\", \"0 mm\", \"20 mm\", \"20 mm\"]"),
+        ),
+        // Nothing of the texture lies on the part: what it asks for cannot be done.
+        (
+            "job-empty",
+            plate(dir.path())
+                .texture("pattern = \"hatch\"\npitch = \"1 mm\"\narea = [\"200 mm\", \"0 mm\", \"220 mm\", \"20 mm\"]"),
+        ),
+    ];
+    for (code, job) in jobs {
+        check(&job.write(dir.path(), "job.toml"), code, &Limit(code));
+    }
+    let section = edited(dir.path(), "method = \"contour\"", "method = \"contour\"\nsection = \"41 mm\"");
+    check(&section, "section", &Limit("section-large"));
+    let shallow = edited(dir.path(), "0.07 mm", "0.1 um");
+    check(&shallow, "depth", &Limit("depth-small"));
+}

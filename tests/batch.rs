@@ -1,0 +1,324 @@
+//! Many jobs through the program: faults stay where they are, what is unchanged is skipped, and a run
+//! that was killed leaves nothing half done.
+
+mod support;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use support::surfaces::{Noise, mesh, write_stl};
+use support::{JobText, files, folder, said, terrace, verify};
+
+fn write(path: &Path, bytes: impl AsRef<[u8]>) {
+    std::fs::write(path, bytes).expect("a writable folder");
+}
+
+/// A height map of 40 x 30 samples.
+fn heightmap(path: &Path) {
+    let mut image = Vec::new();
+    let mut encoder = png::Encoder::new(&mut image, 40, 30);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    let samples: Vec<u8> = (0..1200u32).flat_map(|i| ((i % 40 * 900 + i / 40 * 500) as u16).to_be_bytes()).collect();
+    encoder.write_header().and_then(|mut w| w.write_image_data(&samples)).expect("encoded");
+    write(path, image);
+}
+
+fn drawing(path: &Path, radius: u32) {
+    write(
+        path,
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"30mm\" height=\"20mm\" viewBox=\"0 0 30 20\">\
+             <circle cx=\"15\" cy=\"10\" r=\"{radius}\"/><path d=\"M1 1 L29 19 M2 18 C10 0 20 0 28 18\"/></svg>"
+        ),
+    );
+}
+
+const HATCH: &str = "pattern = \"hatch\"\npitch = \"1 mm\"";
+const DRAWING: &str = "file = \"a.svg\"\norigin = [\"5 mm\", \"5 mm\"]";
+/// The jobs that fail, with the code of their error.
+const BROKEN: [(&str, &str); 3] = [("b07", "toml"), ("b11", "file-unreadable"), ("b15", "travel")];
+
+/// Twenty jobs in `dir`, three of them broken.
+fn twenty(dir: &Path) {
+    let path = |name: &str| dir.join(name);
+    write_stl(&path("panel.stl"), &mesh(20, [0.0, 0.0, 60.0, 50.0], |x, y| 0.01 * x + 0.2 * (y / 9.0).sin()));
+    write(&path("plate.obj"), "v 0 0 0\nv 70 0 0\nv 70 60 0\nv 0 60 0\nf 1 2 3 4\n");
+    write(&path("long.obj"), "v 0 0 0\nv 900 0 0\nv 900 9 0\nv 0 9 0\nf 1 2 3 4\n");
+    heightmap(&path("map.png"));
+    drawing(&path("a.svg"), 6);
+    drawing(&path("b.svg"), 4);
+    write(&path("ours.toml"), terrace(["machines", "xyz-galvo-100"]).stdout);
+    let panel = || JobText::on(Path::new("panel.stl"));
+    let plate = || JobText::on(Path::new("plate.obj"));
+    let map = || {
+        let mut job = JobText::on(Path::new("map.png"));
+        job.surface = "file = \"map.png\"\n[surface.heightmap]\npixel = \"1.5 mm\"\nz = [\"0 mm\", \"1 mm\"]".into();
+        job
+    };
+    let with = |mut job: JobText, focus: &str, machine: &str, more: &str| {
+        if !focus.is_empty() {
+            job.focus = focus.into();
+        }
+        if !machine.is_empty() {
+            job.machine = machine.into();
+        }
+        job.more = more.into();
+        job
+    };
+    let fine = "[[pen]]\nname = \"fine\"\nspeed = \"300 mm/s\"\npower = \"8 W\"\nfrequency = \"80 kHz\"\npasses = 2\n";
+    let jobs = [
+        panel().texture(HATCH),
+        panel().texture(&format!("{HATCH}\ndirection = \"30 deg\"")).method("z-range"),
+        panel().texture(&format!("{HATCH}\ndirection = \"90 deg\"")).method("auto"),
+        panel().texture("pattern = \"squares\"\npitch = \"3 mm\"\ncell = \"2 mm\""),
+        panel().texture("pattern = \"circles\"\npitch = \"4 mm\"\ncell = \"3 mm\""),
+        panel().texture("pattern = \"hilbert\"\norder = 5"),
+        panel().texture(HATCH), // b07, to be broken
+        plate().texture(DRAWING),
+        plate().texture("file = \"b.svg\"\narea = \"part\"\ntile = true"),
+        panel().texture("file = \"b.svg\"\norigin = [\"10 mm\", \"10 mm\"]\nsize = [\"40 mm\", \"30 mm\"]"),
+        JobText::on(Path::new("absent.stl")).texture(HATCH), // b11
+        map().texture(HATCH),
+        map().texture(DRAWING).method("z-range"),
+        with(panel().texture(HATCH).texture(&format!("{DRAWING}\npen = \"fine\"")), "", "", fine),
+        JobText::on(Path::new("long.obj")).texture(HATCH), // b15
+        with(panel().texture(HATCH), "", "", "[placement]\nturn = \"33 deg\"\n"),
+        with(panel().texture(HATCH), "", "", "[emit]\nformats = [\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\"]\n"),
+        with(panel().texture(HATCH), "pdof = \"0.1 mm\"\nrule = \"half\"", "", "[emit]\nformats = [\"ovf\"]\n"),
+        with(panel().texture(HATCH), "dof = \"0.06 mm\"\nfactor = 1.2\nlevel = \"mean\"", "", ""),
+        with(panel().texture(HATCH), "", "file = \"ours.toml\"", ""),
+    ];
+    for (i, job) in jobs.iter().enumerate() {
+        job.write(dir, &format!("b{:02}.toml", i + 1));
+    }
+    write(&path("b07.toml"), "[surface]\nfile = \"panel.stl\"\nunit = mm\n");
+}
+
+fn batch(jobs: &Path, out: &Path, more: &[&str]) -> Output {
+    let mut args = vec!["batch".into(), jobs.to_owned(), "-o".into(), out.to_owned()];
+    args.extend(more.iter().map(PathBuf::from));
+    terrace(args)
+}
+
+/// The jobs of a report in the given state, without their extension.
+fn in_state(report: &Value, state: &str) -> Vec<String> {
+    let jobs = report["jobs"].as_array().expect("a list");
+    let stem =
+        |j: &Value| Path::new(j["job"].as_str().expect("text")).file_stem().expect("a name").display().to_string();
+    jobs.iter().filter(|j| j["state"] == state).map(stem).collect()
+}
+
+/// Runs a batch with a report, which must say the same as `--json`.
+fn report(jobs: &Path, out: &Path) -> (Output, Value) {
+    let file = out.with_extension("json");
+    let done = batch(jobs, out, &["--json", "--report", file.to_str().expect("text")]);
+    let value: Value = serde_json::from_slice(&done.stdout).expect("one JSON object");
+    assert_eq!(value, serde_json::from_slice::<Value>(&std::fs::read(file).expect("the report")).expect("JSON"));
+    (done, value)
+}
+
+/// Hidden names in a folder.
+fn hidden(dir: &Path) -> Vec<PathBuf> {
+    let all = std::fs::read_dir(dir).into_iter().flatten().map(|e| e.expect("readable").path());
+    all.filter(|p| p.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'))).collect()
+}
+
+/// Panics where the folder lacks anything that its manifest lists.
+fn assert_whole(folder: &Path) {
+    let bytes = std::fs::read(folder.join("manifest.json")).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
+    let manifest: Value = serde_json::from_slice(&bytes).expect("a whole manifest");
+    for f in manifest["files"].as_array().expect("a list") {
+        let path = folder.join(f["file"].as_str().expect("text"));
+        let bytes = std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        assert_eq!(blake3::hash(&bytes).to_hex().as_str(), f["blake3"], "{}", path.display());
+    }
+}
+
+#[test]
+fn twenty_jobs_three_of_them_broken() {
+    let dir = folder();
+    let (jobs, out) = (dir.path().join("jobs"), dir.path().join("out"));
+    std::fs::create_dir(&jobs).expect("made");
+    twenty(&jobs);
+    let (done, first) = report(&jobs, &out);
+    assert_eq!(done.status.code(), Some(2), "{}", said(&done));
+    assert_eq!((&first["compiled"], &first["failed"], &first["exit_code"]), (&17.into(), &3.into(), &2.into()));
+    assert_eq!(first["jobs"].as_array().map(Vec::len), Some(20), "the machine file beside the jobs is none of them");
+    assert_eq!(in_state(&first, "failed"), BROKEN.map(|(name, _)| name));
+    for (name, code) in BROKEN {
+        let file = jobs.join(name).with_extension("toml").display().to_string();
+        let job = first["jobs"].as_array().expect("a list").iter().find(|j| j["job"] == *file).expect("listed");
+        let error = &job["errors"][0];
+        assert_eq!(error["code"], code, "{error}");
+        assert!(error["hint"] != "" && error["place"] != "" && error["message"] != "", "{error}");
+        assert_eq!(job["exit_code"], if code == "travel" { 1 } else { 2 });
+        assert!(!out.join(name).with_extension("job").exists());
+    }
+    let made = in_state(&first, "compiled");
+    let job_folder = |name: &str| out.join(name).with_extension("job");
+    made.iter().for_each(|name| _ = verify(&job_folder(name)));
+    assert_eq!(std::fs::read_dir(&out).expect("readable").count(), 17, "{:?}", hidden(&out));
+
+    // As text: one line a job, the errors below theirs, the sum at the end.
+    let text = batch(&jobs, &out, &[]);
+    let shown = String::from_utf8_lossy(&text.stdout).into_owned();
+    assert_eq!(text.status.code(), Some(2));
+    assert!(text.stderr.is_empty(), "{}", said(&text));
+    assert!(shown.ends_with("0 compiled, 17 unchanged, 3 failed\n") && shown.matches(": ").count() >= 3, "{shown}");
+    for (name, code) in BROKEN {
+        assert!(shown.contains(&format!("{name}.toml\n           error[{code}]")), "{shown}");
+    }
+
+    // Only what has changed is compiled again: a drawing, a job, a folder that lost a file.
+    let before = files(&out);
+    drawing(&jobs.join("a.svg"), 7);
+    let job = jobs.join("b06.toml");
+    let text = std::fs::read_to_string(&job).expect("readable").replace("order = 5", "order = 4");
+    write(&job, text);
+    std::fs::remove_file(job_folder("b05").join("blocks/B0001.dxf")).expect("removed");
+    let (_, second) = report(&jobs, &out);
+    assert_eq!(in_state(&second, "compiled"), ["b05", "b06", "b08", "b13", "b14"]);
+    assert_eq!(in_state(&second, "unchanged").len(), 12);
+    made.iter().for_each(|name| _ = verify(&job_folder(name)));
+    let same = |a: &[(String, Vec<u8>)], b: &[(String, Vec<u8>)], name: &str| {
+        let of =
+            |all: &[(String, Vec<u8>)]| all.iter().filter(|(f, _)| f.starts_with(name)).cloned().collect::<Vec<_>>();
+        of(a) == of(b)
+    };
+    let after = files(&out);
+    for name in &made {
+        let changed = ["b06", "b08", "b13", "b14"].contains(&name.as_str());
+        assert_eq!(same(&before, &after, name), !changed, "{name}");
+    }
+    // Another seed is another input, and so is another place of the folder.
+    let seeded = batch(&jobs, &out, &["--seed", "5"]);
+    assert!(said(&seeded).contains("17 compiled, 0 unchanged"), "{}", said(&seeded));
+    let deeper = dir.path().join("deeper/out");
+    std::fs::create_dir(dir.path().join("deeper")).expect("made");
+    std::fs::rename(&out, &deeper).expect("moved");
+    let moved = batch(&jobs, &deeper, &["--seed", "5"]);
+    assert!(said(&moved).contains("17 compiled, 0 unchanged"), "{}", said(&moved));
+}
+
+#[test]
+fn threads_change_no_byte_of_a_batch() {
+    let dir = folder();
+    let jobs = dir.path().join("jobs");
+    std::fs::create_dir(&jobs).expect("made");
+    twenty(&jobs);
+    let run = |threads: &str| {
+        let out = dir.path().join(threads);
+        let done = batch(&jobs, &out, &[&format!("-j{threads}")]);
+        assert!(said(&done).contains("17 compiled, 0 unchanged, 3 failed"), "{}", said(&done));
+        files(&out)
+    };
+    let (one, two) = (run("1"), run("2"));
+    assert_eq!(one.len(), two.len());
+    one.iter().zip(&two).for_each(|(a, b)| assert!(a == b, "{} differs", a.0));
+}
+
+#[test]
+fn a_list_file_names_jobs_one_a_line() {
+    let dir = folder();
+    let jobs = dir.path().join("jobs");
+    std::fs::create_dir(&jobs).expect("made");
+    twenty(&jobs);
+    let list = dir.path().join("list.txt");
+    write(&list, "# today\n\njobs/b01.toml  # the first\r\n  jobs/b08.toml\njobs/b99.toml\n");
+    let done = terrace([Path::new("batch"), &list]);
+    let text = said(&done);
+    assert_eq!(done.status.code(), Some(2), "{text}");
+    assert!(text.contains("2 compiled, 0 unchanged, 1 failed") && text.contains("b99.toml"), "{text}");
+    // Without -o a folder lies beside its job.
+    verify(&jobs.join("b01.job"));
+    verify(&jobs.join("b08.job"));
+    for (text, code) in
+        [("# none\n", "batch-empty"), ("a/x.toml\nb/x.toml\n", "batch-clash"), ("x.toml\nx.toml\n", "batch-clash")]
+    {
+        write(&list, text);
+        let done = batch(&list, &dir.path().join("out"), &[]);
+        assert_eq!(done.status.code(), Some(2));
+        assert!(said(&done).contains(code), "{}", said(&done));
+    }
+    let absent = terrace([Path::new("batch"), &dir.path().join("absent")]);
+    assert!(absent.status.code() == Some(2) && said(&absent).contains("file-unreadable"), "{}", said(&absent));
+    // A report never overwrites a job.
+    let job = jobs.join("b01.toml");
+    let before = std::fs::read(&job).expect("readable");
+    let over = batch(&jobs, &dir.path().join("out"), &["--report", job.to_str().expect("text")]);
+    assert!(over.status.code() == Some(2) && said(&over).contains("output-is-input"), "{}", said(&over));
+    assert_eq!(std::fs::read(&job).expect("readable"), before);
+}
+
+/// A few jobs of many small files, so that most of a run's time is the writing of folders.
+fn small_jobs(jobs: &Path) {
+    std::fs::create_dir(jobs).expect("made");
+    write_stl(&jobs.join("slope.stl"), &mesh(10, [0.0, 0.0, 60.0, 60.0], |x, y| 0.1 * x + 0.05 * y));
+    for i in 0..5 {
+        let keys = format!("pattern = \"hatch\"\npitch = \"5 mm\"\ndirection = \"{} deg\"", 20 * i);
+        JobText::on(Path::new("slope.stl")).texture(&keys).write(jobs, &format!("s{i}.toml"));
+    }
+}
+
+fn command(jobs: &Path, out: &Path, seed: u64) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_terrace"));
+    command.arg("batch").arg(jobs).arg("-o").arg(out).args(["-j2", "--seed", &seed.to_string()]);
+    command.stdout(Stdio::null()).stderr(Stdio::null());
+    command
+}
+
+#[test]
+fn a_killed_batch_leaves_nothing_half_and_ends_with_the_same_bytes() {
+    let dir = folder();
+    let (jobs, out) = (dir.path().join("jobs"), dir.path().join("out"));
+    small_jobs(&jobs);
+    // Another seed makes every job a changed one, so every round replaces all folders of the last.
+    let mut longest = Duration::ZERO;
+    let undisturbed = [1, 2].map(|seed| {
+        let calm = dir.path().join(format!("calm{seed}"));
+        let start = Instant::now();
+        assert!(command(&jobs, &calm, seed).status().expect("it runs").success());
+        longest = longest.max(start.elapsed());
+        files(&calm)
+    });
+    assert!(undisturbed[0].len() > 300, "{} files", undisturbed[0].len());
+    let (mut noise, mut interrupted) = (Noise::new(20), 0);
+    for round in 0..20 {
+        let seed = round % 2 + 1;
+        let mut child = command(&jobs, &out, seed).spawn().expect("it starts");
+        std::thread::sleep(longest.mul_f64((noise.half() + 0.5) * 0.95));
+        interrupted += usize::from(child.try_wait().expect("asked").is_none());
+        // SIGKILL: nothing of the program runs after it.
+        child.kill().expect("killed, or ended already");
+        child.wait().expect("ended");
+        for i in 0..5 {
+            let target = out.join(format!("s{i}.job"));
+            if target.exists() {
+                assert_whole(&target);
+            }
+        }
+        assert!(command(&jobs, &out, seed).status().expect("it runs").success());
+        assert_eq!(hidden(&out), Vec::<PathBuf>::new(), "round {round}");
+        let now = files(&out);
+        assert!(now == undisturbed[seed as usize - 1], "round {round} ends with other bytes");
+    }
+    assert!(interrupted >= 5, "only {interrupted} of 20 runs were still at work when they were killed");
+}
+
+#[test]
+fn two_batches_at_once_on_the_same_folders_do_no_harm() {
+    let dir = folder();
+    let (jobs, out) = (dir.path().join("jobs"), dir.path().join("out"));
+    small_jobs(&jobs);
+    for seed in 1..=4 {
+        let mut pair = [0, 1].map(|_| command(&jobs, &out, seed).spawn().expect("it starts"));
+        for child in &mut pair {
+            assert!(child.wait().expect("ended").success(), "seed {seed}");
+        }
+        assert_eq!(hidden(&out), Vec::<PathBuf>::new());
+        (0..5).for_each(|i| assert_whole(&out.join(format!("s{i}.job"))));
+    }
+}

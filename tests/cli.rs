@@ -1,0 +1,586 @@
+//! The program as its users meet it: commands, streams, exit codes, and what becomes of a folder that
+//! is there already.
+
+mod support;
+
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+use support::{JobText, files, folder, said, verify};
+use tempfile::TempDir;
+
+const HATCH: &str = "pattern = \"hatch\"\npitch = \"1 mm\"";
+const DRAWING: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"8mm\" height=\"8mm\" viewBox=\"0 0 8 8\">\
+                       <path d=\"M1 1 L7 7 L1 7 Z\"/></svg>";
+
+/// Runs the program in a folder, with a text on its standard input.
+fn run_with(dir: &Path, args: &[&str], input: &[u8]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_terrace"));
+    command.current_dir(dir).args(args).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("the program starts");
+    // A program that ends without reading closes the pipe: no fault here.
+    let _ = child.stdin.take().expect("a pipe").write_all(input);
+    child.wait_with_output().expect("it ends")
+}
+
+fn run(dir: &Path, args: &[&str]) -> Output {
+    run_with(dir, args, b"")
+}
+
+fn out(o: &Output) -> String {
+    String::from_utf8(o.stdout.clone()).expect("text")
+}
+
+fn err(o: &Output) -> String {
+    String::from_utf8(o.stderr.clone()).expect("text")
+}
+
+/// The output of a run that must succeed.
+fn done(dir: &Path, args: &[&str]) -> String {
+    let o = run(dir, args);
+    assert_eq!(o.status.code(), Some(0), "{args:?}: {}", said(&o));
+    out(&o)
+}
+
+/// Panics unless the run is refused with this exit code and error, and prints no result.
+fn refused(o: &Output, exit: i32, code: &str) {
+    assert_eq!(o.status.code(), Some(exit), "{}", said(o));
+    assert!(err(o).contains(&format!("error[{code}]: ")), "{code} expected: {}", said(o));
+    assert!(o.stdout.is_empty(), "{}", said(o));
+}
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|e| panic!("{e}: {text}"))
+}
+
+fn keys(v: &Value) -> BTreeSet<&str> {
+    v.as_object().expect("an object").keys().map(String::as_str).collect()
+}
+
+fn read(path: impl AsRef<Path>) -> String {
+    std::fs::read_to_string(path).expect("readable")
+}
+
+fn write(path: impl AsRef<Path>, text: impl AsRef<[u8]>) {
+    std::fs::write(path, text).expect("a writable folder");
+}
+
+/// A folder with a plate of 8 x 8 mm and a job `a.toml` on it that has nothing to warn of.
+fn workshop() -> TempDir {
+    let dir = folder();
+    write(dir.path().join("plate.obj"), "v 0 0 0\nv 8 0 0\nv 8 8 0\nv 0 8 0\nf 1 2 3 4\n");
+    JobText::on(Path::new("plate.obj")).texture(HATCH).write(dir.path(), "a.toml");
+    dir
+}
+
+/// The job with another pitch, and one that cannot be compiled.
+fn change(dir: &Path) {
+    write(dir.join("a.toml"), read(dir.join("a.toml")).replace("1 mm", "2 mm"));
+}
+fn spoil(dir: &Path) {
+    write(dir.join("a.toml"), read(dir.join("a.toml")).replace("plate.obj", "absent.obj"));
+}
+
+fn names(dir: &Path) -> BTreeSet<String> {
+    let all = std::fs::read_dir(dir).expect("readable");
+    all.map(|e| e.expect("readable").file_name().to_string_lossy().into_owned()).collect()
+}
+
+#[test]
+fn help_version_and_bad_use() {
+    let dir = folder();
+    let help = done(dir.path(), &["--help"]);
+    for command in [
+        "init",
+        "check",
+        "compile",
+        "verify",
+        "preview",
+        "batch",
+        "inspect",
+        "machines",
+        "completions",
+        "--json",
+        "--seed",
+    ] {
+        assert!(help.contains(command), "{command}: {help}");
+    }
+    assert_eq!(done(dir.path(), &["--version"]), concat!("terrace ", env!("CARGO_PKG_VERSION"), "\n"));
+    assert!(done(dir.path(), &["compile", "--help"]).contains("--output"));
+    for args in [
+        &[][..],
+        &["compile"],
+        &["burn", "a.toml"],
+        &["compile", "a.toml", "--fast"],
+        &["-j", "0", "machines"],
+        &["-j", "many", "machines"],
+        &["--seed", "-1", "machines"],
+        &["completions", "tcl"],
+        &["inspect", "x.stl", "--unit", "yard"],
+    ] {
+        let o = run(dir.path(), args);
+        assert_eq!((o.status.code(), o.stdout.is_empty()), (Some(2), true), "{args:?}: {}", said(&o));
+        assert!(!o.stderr.is_empty());
+    }
+}
+
+#[test]
+fn the_summary_has_the_promised_keys_and_stands_in_the_manifest() {
+    let dir = workshop();
+    let summary = json(&done(dir.path(), &["compile", "a.toml", "--json"]));
+    let promised = "stops sub_blocks method lower_bound_stops texture_mm mark_mm overlap_mm skipped_mm \
+                    skipped_off_part_mm skipped_hidden_mm skipped_steep_mm skipped_small_mm fragments strokes_cut \
+                    figures_whole figures_cut seam_mm jump_mm worst_defocus_um worst_defocus_mean_um \
+                    worst_incidence_deg time_s candidates warnings";
+    assert_eq!(keys(&summary), promised.split_whitespace().collect());
+    assert_eq!(keys(&summary["time_s"]), ["stage", "settle", "mark", "jump", "delay", "total"].into());
+    let parts: f64 = ["stage", "settle", "mark", "jump", "delay"]
+        .iter()
+        .map(|k| summary["time_s"][k].as_f64().expect("a number"))
+        .sum();
+    assert!((parts - summary["time_s"]["total"].as_f64().expect("a number")).abs() < 1e-9);
+    assert_eq!(json(&read(dir.path().join("a.job/manifest.json")))["summary"], summary);
+    // check says the same, and writes nothing.
+    let before = names(dir.path());
+    assert_eq!(json(&done(dir.path(), &["check", "a.toml", "--json"])), summary);
+    assert_eq!(names(dir.path()), before);
+    let proof = json(&done(dir.path(), &["verify", "a.job", "--json"]));
+    assert_eq!(proof["ok"], true);
+    for rule in proof["rules"].as_array().expect("a list") {
+        assert!(
+            rule["code"].is_string() && rule["checked"].as_u64() > Some(0) && rule["violations"].is_array(),
+            "{rule}"
+        );
+    }
+    for key in ["texture_mm", "mark_mm", "overlap_mm", "skipped_mm"] {
+        assert!(
+            (proof[key].as_f64().expect("a number") - summary[key].as_f64().expect("a number")).abs() < 1e-6,
+            "{key}"
+        );
+    }
+}
+
+#[test]
+fn results_go_to_stdout_and_messages_to_stderr_without_progress() {
+    let dir = workshop();
+    // Nothing to warn of: stderr, which is no terminal here, stays empty.
+    for args in [
+        &["compile", "a.toml"][..],
+        &["check", "a.toml"],
+        &["verify", "a.job"],
+        &["preview", "a.toml"],
+        &["batch", "."],
+    ] {
+        let o = run(dir.path(), args);
+        assert_eq!((o.status.code(), err(&o).as_str()), (Some(0), ""), "{args:?}");
+        assert!(!o.stdout.is_empty() && !out(&o).contains('\u{1b}'), "{args:?}");
+    }
+    let over = format!("{HATCH}\narea = [\"-2 mm\", \"0 mm\", \"8 mm\", \"8 mm\"]");
+    JobText::on(Path::new("plate.obj")).texture(&over).write(dir.path(), "over.toml");
+    let loud = run(dir.path(), &["check", "over.toml"]);
+    assert!(err(&loud).starts_with("warning[off-part]: ") && !out(&loud).contains("warning"), "{}", said(&loud));
+    let quiet = run(dir.path(), &["check", "over.toml", "--quiet"]);
+    assert_eq!((err(&quiet).as_str(), out(&quiet)), ("", out(&loud)));
+    // Quiet is for what is well: a fault is told.
+    refused(&run(dir.path(), &["check", "absent.toml", "-q"]), 2, "file-unreadable");
+}
+
+#[test]
+fn a_dash_stands_for_standard_input_and_output() {
+    let dir = workshop();
+    let job = read(dir.path().join("a.toml"));
+    let from_stdin = |args: &[&str]| run_with(dir.path(), args, job.as_bytes());
+    let summary = json(&done(dir.path(), &["check", "a.toml", "--json"]));
+    assert_eq!(json(&out(&from_stdin(&["check", "-", "--json"]))), summary);
+
+    let o = from_stdin(&["compile", "-", "--json"]);
+    assert_eq!(json(&out(&o)), summary, "{}", said(&o));
+    // verify reads the job again: it must be kept, and the message says so.
+    assert!(err(&o).contains("keep it as stdin.toml"), "{}", err(&o));
+    assert_eq!(run(dir.path(), &["verify", "stdin.job"]).status.code(), Some(1));
+    write(dir.path().join("stdin.toml"), &job);
+    verify(&dir.path().join("stdin.job"));
+
+    let svg = from_stdin(&["preview", "-", "-o", "-"]);
+    assert!(out(&svg).contains("<svg") && out(&svg).ends_with("</svg>\n"), "{}", said(&svg));
+    assert_eq!(out(&from_stdin(&["preview", "-"])), out(&svg), "from a pipe into a pipe");
+    assert_eq!(done(dir.path(), &["preview", "stdin.toml", "-o", "-"]), out(&svg));
+
+    for (text, code) in
+        [(&b"[surface"[..], "toml"), (b"\xff\xfe", "file-unreadable"), (&vec![b'#'; (4 << 20) + 1], "file-unreadable")]
+    {
+        refused(&run_with(dir.path(), &["check", "-"], text), 2, code);
+    }
+}
+
+#[test]
+fn preview_writes_a_drawing_and_never_over_an_input() {
+    let dir = workshop();
+    write(dir.path().join("a.svg"), DRAWING);
+    JobText::on(Path::new("plate.obj"))
+        .texture("file = \"a.svg\"\norigin = [\"0 mm\", \"0 mm\"]")
+        .write(dir.path(), "a.toml");
+    assert_eq!(done(dir.path(), &["preview", "a.toml"]), "a.layout.svg\n");
+    assert_eq!(
+        json(&done(dir.path(), &["preview", "a.toml", "--json", "-o", "b.svg"])),
+        serde_json::json!({"files": ["b.svg"]})
+    );
+    assert_eq!(read(dir.path().join("a.layout.svg")), read(dir.path().join("b.svg")));
+    for input in ["a.svg", "./a.toml", "plate.obj"] {
+        let before = read(dir.path().join(input));
+        refused(&run(dir.path(), &["preview", "a.toml", "-o", input]), 2, "output-is-input");
+        assert_eq!(read(dir.path().join(input)), before);
+    }
+    refused(&run(dir.path(), &["preview", "a.toml", "-o", "no/such/place.svg"]), 2, "output-unwritable");
+}
+
+#[test]
+fn init_writes_a_job_that_compiles_as_it_is_and_overwrites_nothing() {
+    let dir = folder();
+    assert_eq!(done(dir.path(), &["init", "new/shop"]).lines().count(), 2);
+    done(dir.path(), &["compile", "new/shop/job.toml", "--json"]);
+    verify(&dir.path().join("new/shop/job.job"));
+    let before = files(&dir.path().join("new"));
+    refused(&run(dir.path(), &["init", "new/shop"]), 2, "init-exists");
+    std::fs::remove_file(dir.path().join("new/shop/job.toml")).expect("removed");
+    refused(&run(dir.path(), &["init", "new/shop"]), 2, "init-exists");
+    assert_eq!(files(&dir.path().join("new")).len(), before.len() - 1, "neither file is written where one exists");
+    let listed = json(&done(dir.path(), &["init", "--json", "other"]));
+    assert_eq!(listed["files"].as_array().map(Vec::len), Some(2));
+    write(dir.path().join("file"), "");
+    refused(&run(dir.path(), &["init", "file"]), 2, "output-unwritable");
+
+    let schema = json(&done(dir.path(), &["init", "--schema"]));
+    let tables = keys(&schema["properties"]);
+    assert_eq!(
+        tables,
+        ["surface", "placement", "texture", "focus", "partition", "limits", "machine", "pen", "emit"].into()
+    );
+    let sample = read(dir.path().join("other/job.toml"));
+    for table in tables {
+        assert!(sample.contains(&format!("[{table}]")), "the sample shows [{table}]");
+    }
+}
+
+#[test]
+fn every_built_in_machine_is_listed_and_its_file_compiles() {
+    let dir = workshop();
+    let list = done(dir.path(), &["machines"]);
+    let names: Vec<&str> = list.lines().map(|l| l.split_whitespace().next().expect("a name")).collect();
+    assert_eq!(names, ["xyz-galvo-40", "xyz-galvo-100", "xyz-tilt-galvo-40", "xyz-zoom-40", "xyzac-galvo-10"]);
+    assert_eq!(json(&done(dir.path(), &["machines", "--json"])), serde_json::json!(names));
+    for name in names {
+        write(dir.path().join("machine.toml"), done(dir.path(), &["machines", name]));
+        assert_eq!(json(&done(dir.path(), &["machines", name, "--json"]))["name"], name);
+        let mut job = JobText::on(Path::new("plate.obj")).texture(HATCH);
+        job.machine = "file = \"machine.toml\"".into();
+        job.write(dir.path(), "by-file.toml");
+        job.machine = format!("profile = \"{name}\"");
+        job.write(dir.path(), "by-name.toml");
+        let by_file = done(dir.path(), &["compile", "by-file.toml", "--json"]);
+        assert_eq!(by_file, done(dir.path(), &["check", "by-name.toml", "--json"]), "{name}");
+        verify(&dir.path().join("by-file.job"));
+    }
+    refused(&run(dir.path(), &["machines", "laser-o-matic"]), 2, "machine-unknown");
+}
+
+#[test]
+fn completions_are_scripts_of_their_shell() {
+    let dir = folder();
+    for (shell, begins) in [("bash", "_terrace()"), ("zsh", "#compdef terrace"), ("fish", "function __fish_terrace")] {
+        let script = done(dir.path(), &["completions", shell]);
+        assert!(
+            script.contains(begins) && script.contains("machines") && script.contains("batch"),
+            "{shell}: {script}"
+        );
+        write(dir.path().join("script"), &script);
+        // Where the shell is at hand it reads the script without complaint.
+        if let Ok(o) = Command::new(shell).arg("-n").arg(dir.path().join("script")).output() {
+            assert!(o.status.success(), "{shell}: {}", said(&o));
+        }
+    }
+}
+
+#[test]
+fn inspect_tells_what_a_file_holds() {
+    let dir = workshop();
+    let at = dir.path();
+    done(at, &["compile", "a.toml", "--json"]);
+    write(at.join("a.svg"), DRAWING);
+    write(at.join("unsized.svg"), DRAWING.replace("width=\"8mm\" height=\"8mm\" ", ""));
+    let facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 2 0 0\nvertex 0 3 1\nendloop\nendfacet\n";
+    write(at.join("a.stl"), format!("solid a\n{facet}endsolid a\n"));
+    let mut image = Vec::new();
+    let mut encoder = png::Encoder::new(&mut image, 3, 2);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    encoder
+        .write_header()
+        .and_then(|mut w| w.write_image_data(&[0, 7, 0, 9, 1, 0, 0, 7, 0, 7, 0, 7]))
+        .expect("encoded");
+    write(at.join("a.png"), image);
+    let shown = |args: &[&str]| json(&done(at, &[&["inspect", "--json"], args].concat()));
+    let stl = shown(&["a.stl"]);
+    assert_eq!((&stl["kind"], &stl["facets"]), (&"surface".into(), &1.into()));
+    assert_eq!(stl["hi_mm"], serde_json::json!([2.0, 3.0, 1.0]));
+    assert!((shown(&["a.stl", "--unit", "in"])["hi_mm"][0].as_f64().expect("a number") - 50.8).abs() < 1e-9);
+    let svg = shown(&["a.svg"]);
+    let length = 12.0 + 72f64.sqrt();
+    assert_eq!((&svg["kind"], &svg["strokes"], &svg["physical_size"]), (&"drawing".into(), &1.into(), &true.into()));
+    assert!((svg["length_mm"].as_f64().expect("a number") - length).abs() < 1e-5, "{svg}");
+    assert_eq!(shown(&["unsized.svg"])["physical_size"], false);
+    let png = shown(&["a.png"]);
+    assert_eq!((&png["kind"], &png["columns"], &png["rows"]), (&"heightmap".into(), &3.into(), &2.into()));
+    assert_eq!(png["values"], serde_json::json!([7, 256]));
+    let job = shown(&["a.toml"]);
+    assert_eq!((&job["kind"], &job["pdof_mm"], &job["machine"]), (&"job".into(), &0.07.into(), &"xyz-galvo-40".into()));
+    let made = shown(&["a.job"]);
+    assert_eq!((&made["kind"], &made["summary"]["stops"]), (&"folder".into(), &1.into()));
+    for (file, say) in [
+        ("a.stl", "2.0000 x 3.0000 x 1.0000 mm"),
+        ("a.svg", "1 strokes (1 closed)"),
+        ("a.png", "3 x 2 samples, values 7 to 256"),
+        ("a.toml", "0.07 mm"),
+        ("a.job", "stops    1\n"),
+    ] {
+        let text = done(at, &["inspect", file]);
+        assert!(text.contains(say), "{file}: {text}");
+    }
+    std::fs::create_dir(at.join("empty")).expect("made");
+    for file in ["absent.stl", "absent", "empty"] {
+        assert_eq!(run(at, &["inspect", file]).status.code(), Some(2), "{file}");
+    }
+}
+
+#[test]
+fn a_reader_that_has_had_enough_is_no_fault_and_a_full_disk_is() {
+    let dir = workshop();
+    for args in [
+        &["init", "--schema"][..],
+        &["preview", "a.toml", "-o", "-"],
+        &["completions", "bash"],
+        &["--help"],
+        &["machines"],
+    ] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_terrace"));
+        let mut child = command
+            .current_dir(dir.path())
+            .args(args)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("it starts");
+        drop(child.stdout.take());
+        let o = child.wait_with_output().expect("it ends");
+        assert_eq!((o.status.code(), err(&o).as_str()), (Some(0), ""), "{args:?}");
+    }
+    let Ok(full) = std::fs::OpenOptions::new().write(true).open("/dev/full") else { return };
+    let o = Command::new(env!("CARGO_BIN_EXE_terrace"))
+        .args(["init", "--schema"])
+        .stdout(full)
+        .stderr(Stdio::piped())
+        .output()
+        .expect("it runs");
+    refused(&o, 2, "output-unwritable");
+}
+
+#[test]
+fn a_damaged_folder_is_not_verified_and_something_else_is_bad_use() {
+    let dir = workshop();
+    done(dir.path(), &["compile", "a.toml"]);
+    let drawing = dir.path().join("a.job/blocks/B0001.dxf");
+    let whole = std::fs::read(&drawing).expect("readable");
+    write(&drawing, &whole[..whole.len() - 10]);
+    let o = run(dir.path(), &["verify", "a.job"]);
+    assert_eq!((o.status.code(), err(&o).as_str()), (Some(1), ""));
+    assert!(out(&o).ends_with("NOT verified\n") && out(&o).contains("B0001.dxf"), "{}", out(&o));
+    assert_eq!(json(&out(&run(dir.path(), &["verify", "a.job", "--json"])))["ok"], false);
+    write(&drawing, &whole);
+    assert!(done(dir.path(), &["verify", "a.job/"]).ends_with("\nverified\n"));
+    // The inputs have moved.
+    std::fs::create_dir(dir.path().join("moved")).expect("made");
+    for file in ["a.toml", "plate.obj"] {
+        std::fs::rename(dir.path().join(file), dir.path().join("moved").join(file)).expect("moved");
+    }
+    assert_eq!(run(dir.path(), &["verify", "a.job"]).status.code(), Some(1));
+    done(dir.path(), &["verify", "a.job", "--inputs", "moved"]);
+    for what in [".", "absent", "moved/a.toml"] {
+        refused(&run(dir.path(), &["verify", what]), 2, "job-folder");
+    }
+    write(dir.path().join("a.job/manifest.json"), "{");
+    refused(&run(dir.path(), &["verify", "a.job"]), 2, "manifest");
+}
+
+#[test]
+fn a_folder_is_replaced_whole_or_kept() {
+    let dir = workshop();
+    let target = dir.path().join("a.job");
+    done(dir.path(), &["compile", "a.toml"]);
+    let before = files(&target);
+    write(target.join("stray.txt"), "of an older version");
+    done(dir.path(), &["compile", "a.toml", "-o", "a.job/"]);
+    assert_eq!(files(&target), before, "nothing of the old folder stays");
+    change(dir.path());
+    done(dir.path(), &["compile", "a.toml", "-o", "./a.job"]);
+    let after = files(&target);
+    assert_ne!(before, after);
+    spoil(dir.path());
+    refused(&run(dir.path(), &["compile", "a.toml"]), 2, "file-unreadable");
+    assert_eq!(files(&target), after, "the old folder is kept where compiling fails");
+    assert_eq!(names(dir.path()), ["a.job", "a.toml", "plate.obj"].map(String::from).into());
+}
+
+#[test]
+fn what_is_not_a_job_folder_is_never_replaced() {
+    let dir = workshop();
+    let at = dir.path();
+    std::fs::create_dir(at.join("photos")).expect("made");
+    write(at.join("photos/part.jpg"), "light");
+    // A manifest.json of another program.
+    std::fs::create_dir(at.join("site")).expect("made");
+    write(at.join("site/manifest.json"), "{\"name\": \"shop\", \"icons\": []}");
+    write(at.join("notes.txt"), "words");
+    let before = files(at);
+    for target in ["photos", "photos/", "site", "notes.txt", "a.toml", "plate.obj"] {
+        refused(&run(at, &["compile", "a.toml", "-o", target]), 2, "output-not-a-job");
+    }
+    for target in [".", "..", "/"] {
+        refused(&run(at, &["compile", "a.toml", "-o", target]), 2, "output-name");
+    }
+    refused(&run(at, &["compile", "a.toml", "-o", "notes.txt/x.job"]), 2, "output-unwritable");
+    assert_eq!(files(at), before);
+    // A job that lives inside the folder it would replace.
+    done(at, &["compile", "a.toml", "-o", "new/deep/a.job", "--json"]);
+    verify(&at.join("new/deep/a.job"));
+    for file in ["a.toml", "plate.obj"] {
+        std::fs::copy(at.join(file), at.join("new/deep/a.job").join(file)).expect("copied");
+    }
+    let before = files(at);
+    refused(&run(at, &["compile", "new/deep/a.job/a.toml", "-o", "new/deep/a.job"]), 2, "output-holds-input");
+    assert_eq!(files(at), before);
+}
+
+#[test]
+#[cfg(unix)]
+fn links_are_followed_and_stay() {
+    use std::os::unix::fs::symlink;
+    let dir = workshop();
+    let at = dir.path();
+    std::fs::create_dir_all(at.join("disk/jobs")).expect("made");
+    done(at, &["compile", "a.toml", "-o", "disk/jobs/real.job"]);
+    symlink("disk/jobs/real.job", at.join("link.job")).expect("linked");
+    symlink("disk/jobs", at.join("jobs")).expect("linked");
+    change(at);
+    done(at, &["compile", "a.toml", "-o", "link.job"]);
+    done(at, &["compile", "a.toml", "-o", "jobs/other.job/"]);
+    assert!(std::fs::symlink_metadata(at.join("link.job")).expect("there").is_symlink());
+    // The manifest names the job file as it is seen from where the folder really lies.
+    for folder in ["link.job", "disk/jobs/real.job", "jobs/other.job", "disk/jobs/other.job"] {
+        verify(&at.join(folder));
+    }
+    assert_eq!(names(&at.join("disk/jobs")), ["real.job", "other.job"].map(String::from).into());
+    symlink("nowhere", at.join("lost.job")).expect("linked");
+    refused(&run(at, &["compile", "a.toml", "-o", "lost.job"]), 2, "output-unwritable");
+    assert!(std::fs::symlink_metadata(at.join("lost.job")).expect("there").is_symlink());
+    // A job file that is a link: its inputs lie beside the link.
+    std::fs::rename(at.join("a.toml"), at.join("disk/kept.toml")).expect("moved");
+    symlink("disk/kept.toml", at.join("a.toml")).expect("linked");
+    done(at, &["compile", "a.toml"]);
+    verify(&at.join("a.job"));
+}
+
+/// The states in which a killed run can leave the neighbourhood of a target, and what the next run
+/// makes of them, even one that fails.
+#[test]
+fn an_interrupted_exchange_is_finished_or_undone() {
+    let dir = workshop();
+    let at = |name: &str| -> PathBuf { dir.path().join(name) };
+    let clean = || assert!(names(dir.path()).iter().all(|n| !n.starts_with('.')), "{:?}", names(dir.path()));
+    let compile = || run(dir.path(), &["compile", "a.toml"]).status.code();
+    assert_eq!(compile(), Some(0));
+    let first = files(&at("a.job"));
+    let job = read(at("a.toml"));
+    spoil(dir.path());
+
+    // Between the two renames: the old folder comes back.
+    std::fs::rename(at("a.job"), at(".a.job.old")).expect("moved");
+    std::fs::create_dir(at(".a.job.new")).expect("made");
+    write(at(".a.job.new/program.txt"), "half");
+    write(at(".a.job.lock"), "");
+    assert_eq!(compile(), Some(2));
+    assert_eq!(files(&at("a.job")), first);
+    clean();
+
+    // After the second rename: the old one goes.
+    std::fs::create_dir(at(".a.job.old")).expect("made");
+    write(at(".a.job.old/manifest.json"), read(at("a.job/manifest.json")));
+    assert_eq!(compile(), Some(2));
+    assert_eq!(files(&at("a.job")), first);
+    clean();
+
+    // While the old one was being removed, and then someone took the new one away: no half folder.
+    std::fs::rename(at("a.job"), at(".a.job.old")).expect("moved");
+    std::fs::remove_file(at(".a.job.old/manifest.json")).expect("removed");
+    assert_eq!(compile(), Some(2));
+    assert!(!at("a.job").exists());
+    clean();
+
+    // While the first folder was being written.
+    std::fs::create_dir_all(at(".a.job.new/blocks")).expect("made");
+    write(at("a.toml"), job);
+    assert_eq!(compile(), Some(0));
+    assert_eq!(files(&at("a.job")), first);
+    clean();
+}
+
+#[test]
+fn a_second_run_on_the_same_target_waits_for_the_first() {
+    let dir = workshop();
+    let lock = std::fs::File::create(dir.path().join(".a.job.lock")).expect("made");
+    lock.lock().expect("locked");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_terrace"))
+        .current_dir(dir.path())
+        .args(["compile", "a.toml"])
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("it starts");
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    assert!(child.try_wait().expect("asked").is_none(), "it waits");
+    assert!(!dir.path().join("a.job").exists());
+    drop(lock);
+    assert!(child.wait().expect("ended").success());
+    verify(&dir.path().join("a.job"));
+    assert!(!dir.path().join(".a.job.lock").exists());
+}
+
+#[test]
+#[cfg(unix)]
+fn a_place_that_cannot_be_written_is_named() {
+    use std::os::unix::fs::PermissionsExt;
+    let dir = workshop();
+    let closed = dir.path().join("closed");
+    std::fs::create_dir(&closed).expect("made");
+    std::fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o555)).expect("set");
+    if std::fs::write(closed.join("probe"), "").is_ok() {
+        eprintln!("skipped: this user may write everywhere");
+        return;
+    }
+    let o = run(dir.path(), &["compile", "a.toml", "-o", "closed/a.job"]);
+    refused(&o, 2, "output-unwritable");
+    assert!(err(&o).contains("closed"), "{}", err(&o));
+    std::fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o755)).expect("set");
+    assert_eq!(names(&closed), BTreeSet::new());
+}
+
+#[test]
+fn machine_files_have_a_schema() {
+    let out = support::terrace(["machines", "--schema"]);
+    assert!(out.status.success(), "{}", said(&out));
+    let schema: serde_json::Value = serde_json::from_slice(&out.stdout).expect("JSON");
+    for key in ["lens", "scanner", "stage", "laser", "delays", "controller"] {
+        assert!(schema["properties"][key].is_object(), "{key}");
+    }
+}
