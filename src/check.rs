@@ -1,4 +1,4 @@
-//! The gate before the emitters: a [`Checked`] program keeps the invariants P1 to P5 of
+//! The gate before the emitters: a [`Checked`] program keeps the invariants P1 to P6 of
 //! [`crate::program`] and the limits of its machine. There is no other way to make one.
 //!
 //! Controllers clip, drop or truncate silently; here everything that breaks a limit is an error with
@@ -139,7 +139,7 @@ fn faults_of(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag>
     faults
 }
 
-/// P1 to P5. What breaks here is our own fault, whatever the job says.
+/// P1 to P6. What breaks here is our own fault, whatever the job says.
 fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag> {
     let mut faults = Vec::new();
     let mut broken = |what: String| faults.push(Diag::bug("program-invariant", what));
@@ -164,9 +164,15 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
         let text = format!("P3: marks between {} and {} nm span more than {} nm", block.z_lo, block.z_hi, limits.depth);
         broken(text);
     }
+    let step = limits.machine.increment_nm();
+    if block.stop.focus < block.z_lo - step || block.stop.focus > block.z_hi + step {
+        broken(format!(
+            "P6: the focal plane {} nm lies outside of the marks, {} to {} nm",
+            block.stop.focus, block.z_lo, block.z_hi
+        ));
+    }
     let P2 { x, y } = block.stop.centre;
     let at = limits.machine.stage_from_part([x, y, block.stop.focus], limits.origin);
-    let step = limits.machine.increment_nm();
     if at != block.stage || at.iter().any(|v| v % step != 0) {
         broken(format!(
             "P4: stage target {:?} nm is not where the block lies, {at:?} nm, in steps of {step} nm",

@@ -157,7 +157,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         clearance: &ground.clearance,
     };
     let checked = Checked::new(made.program, &limits)?;
-    let map = map::Map::new(checked.program(), &ground.sections, &surface, texture.bounds());
+    let mut map = map::Map::new(checked.program(), &ground.sections, &surface, texture.bounds());
     let sub_blocks = map.sub_blocks(checked.program());
     warn(&job, &made.split, made.worst_defocus, ground.lattice.depth, warnings)?;
     let program = checked.program();

@@ -119,8 +119,9 @@ impl Map {
     }
 
     /// Sub-blocks in the article's sense: connected parts (8 neighbours) of one level in one section
-    /// that hold texture. A block without a cell of its own counts as one.
-    pub fn sub_blocks(&self, program: &Program) -> usize {
+    /// that hold texture. A block without a cell of its own counts as one. Parts without texture lose their
+    /// label: nothing is machined there.
+    pub fn sub_blocks(&mut self, program: &Program) -> usize {
         let parts = self.components();
         let mut touched = vec![false; parts.iter().max().map_or(0, |&m| m as usize + 1)];
         let mut sub_blocks = 0;
@@ -144,6 +145,11 @@ impl Map {
                 }
             }
             sub_blocks += usize::from(!any);
+        }
+        for (label, &part) in self.labels.iter_mut().zip(&parts) {
+            if !touched[part as usize] {
+                *label = 0;
+            }
         }
         sub_blocks
     }

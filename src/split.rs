@@ -29,7 +29,7 @@ pub struct Fragment {
     pub z: [f64; 2],
     /// Integral of height over length, nm · nm.
     pub z_length: f64,
-    /// Length, nm.
+    /// Length along the stroke before its ends were rounded, nm.
     pub length: f64,
 }
 
@@ -74,6 +74,9 @@ struct Open {
     first: usize,
     z: [f64; 2],
     z_length: f64,
+    /// The exact length that `z_length` was summed over: that of the rounded points would not do, because
+    /// every nanometre counts with the whole height.
+    length: f64,
 }
 
 /// Cuts strokes between stops.
@@ -207,10 +210,11 @@ impl Cutter<'_> {
         let open = self.open.get_or_insert_with(|| {
             let first = self.out.points.len();
             self.out.points.push(local(self.stops, stop, from));
-            Open { stop, segment, first, z: [f64::INFINITY, f64::NEG_INFINITY], z_length: 0.0 }
+            Open { stop, segment, first, z: [f64::INFINITY, f64::NEG_INFINITY], z_length: 0.0, length: 0.0 }
         });
         open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
         open.z_length += (z[0] + z[1]) / 2.0 * length;
+        open.length += length;
     }
 
     /// A vertex of the stroke inside the open fragment: the end of `segment`.
@@ -224,6 +228,7 @@ impl Cutter<'_> {
                 open.segment = segment + 1;
                 open.z = [f64::INFINITY, f64::NEG_INFINITY];
                 open.z_length = 0.0;
+                open.length = 0.0;
             }
         }
     }
@@ -251,7 +256,7 @@ impl Cutter<'_> {
             len: points.len() as u32,
             z: open.z,
             z_length: open.z_length,
-            length,
+            length: open.length,
         });
     }
 }

@@ -145,6 +145,21 @@ fn write_height_map(path: &std::path::Path, n: usize, pixel: f64, value: impl Fn
 }
 
 #[test]
+fn the_mean_of_a_steep_part_far_above_its_origin_lies_among_its_marks() {
+    let dir = folder();
+    let stl = dir.path().join("steep.stl");
+    let tan = 50f64.to_radians().tan();
+    write_stl(&stl, &mesh(12, [0.0, 0.0, 3.0, 3.0], |x, _| 2000.0 + x * tan));
+    let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.3 mm\"\ndirection = \"40 deg\"");
+    job.focus = "pdof = \"0.02 mm\"\nlevel = \"mean\"".into();
+    let out = dir.path().join("steep.job");
+    let summary = compile(&job.write(dir.path(), "steep.toml"), &out);
+    let worst = number(&summary, "worst_defocus_um");
+    assert!(worst <= 20.2, "{worst}");
+    assert_balance(&summary, &verify(&out));
+}
+
+#[test]
 fn the_dome_of_the_counts_needs_the_counted_stops() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");

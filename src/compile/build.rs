@@ -60,7 +60,8 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
             let h = &heights[i];
             let z = [h.lo.round() as i64, h.hi.round() as i64];
             let mut stop = stops.stops[i].clone();
-            let (focus, mean) = focus(ground, z, h.z_length / h.length);
+            let mean = if h.length > 0.0 { (h.z_length / h.length).clamp(h.lo, h.hi) } else { (h.lo + h.hi) / 2.0 };
+            let (focus, mean) = focus(ground, z, mean);
             stop.focus = focus;
             let off = |at: i64| (z[1] - at).max(at - z[0]);
             worst = [worst[0].max(off(focus)), worst[1].max(off(mean))];

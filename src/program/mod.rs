@@ -9,7 +9,8 @@
 //! - P3 the marks of a block lie within its depth interval, whose height is at most the depth range;
 //! - P4 stage targets lie on multiples of the stage increment, inside travel, and say the same place
 //!   as the block's centre and focus;
-//! - P5 every pen exists; every stroke names the texture stroke and the segment it begins on.
+//! - P5 every pen exists; every stroke names the texture stroke and the segment it begins on;
+//! - P6 the focal plane of a block lies among its marks, to a stage increment.
 //!
 //! # Units and frames
 //! Points are field frame (origin on the optical axis, x and y as the turned part's), integer nm.

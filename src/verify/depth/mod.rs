@@ -165,10 +165,10 @@ impl Ground {
         ROUNDING + 1.5 + self.weld
     }
 
-    /// Lengths up to this, in nm, decide nothing: two edges, each off by [`Ground::reach`], that the line
+    /// Lengths up to this, in nm, decide nothing: two edges, each off by rounding and welding, that the line
     /// crosses at 30 degrees.
     pub(super) fn grain(&self) -> f64 {
-        4.0 * self.reach()
+        4.0 * (ROUNDING + 0.5 + self.weld)
     }
 
     /// How far, in nm, a height may differ from the compiled one on a slope.
