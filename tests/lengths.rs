@@ -76,16 +76,21 @@ fn lengths_balance_on_a_real_panel() {
         let summary = check(&panel(&texture), dir.path(), name);
         assert_eq!(number(&summary, "skipped_mm"), 0.0, "{name}: the whole texture lies on the part");
     }
-    // A level must earn itself: lines 1 mm apart pass by the smallest corners of levels, so that fine
-    // lines need a few stops more. Either way it is the part's count, 13,0xx.
-    let stops = |pitch: &str| {
-        let place = format!("area = {:?}", area.map(|v| format!("{v} mm")));
-        let hatch = format!("pattern = \"hatch\"\npitch = \"{pitch}\"\n{place}");
-        number(&check(&panel(&hatch), dir.path(), "stops"), "stops")
+    // The counts of this patch: the whole field of 40 mm, and a rim of 2 mm left unused.
+    let place = format!("area = {:?}", area.map(|v| format!("{v} mm")));
+    let stops = |machine: String| {
+        std::fs::write(dir.path().join("machine.txt"), machine).expect("a writable folder");
+        let hatch = format!("pattern = \"hatch\"\npitch = \"1 mm\"\n{place}");
+        let contour = number(&check(&panel(&hatch), dir.path(), "contour"), "stops");
+        let z_range = number(&check(&panel(&hatch).method("z-range"), dir.path(), "z-range"), "stops");
+        // Levels of the whole part cut each section's heights at most once more than needed.
+        assert!(z_range <= contour && contour <= z_range + 169.0, "{z_range} {contour}");
+        contour
     };
-    let (coarse, fine) = (stops("1 mm"), stops("0.2 mm"));
-    assert!((13_000.0..=32_000.0).contains(&fine), "{fine}");
-    assert!(coarse <= fine && coarse > 0.99 * fine, "{coarse} {fine}");
+    let whole = stops(large_machine());
+    assert!((12_800.0..=32_000.0).contains(&whole), "{whole}");
+    let rim = stops(large_machine().replace("margin = \"0 mm\"", "margin = \"2 mm\""));
+    assert!((13_000.0..=32_000.0).contains(&rim), "{rim}");
 }
 
 /// The article's machine, whose stage travels 500 x 500 x 400 mm, as a file.
