@@ -18,7 +18,7 @@ use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
 use crate::order::clearance::Clearance;
-use crate::partition::{self, Lattice};
+use crate::partition::{self, Lattice, Stops};
 use crate::program::{Block, Pen, Program, Sections};
 use crate::record::{Candidate, Summary, Times};
 use crate::spec::{Job, Method, Steep};
@@ -102,7 +102,7 @@ struct Made {
 const CHUNKS: usize = 256;
 const CHUNK: usize = 1 << 16;
 
-/// Most fragments and most points of a program, which is held in memory whole: some 8 GB.
+/// Most fragments and most points of all candidates, which are held in memory whole: some 8 GB.
 const MAX_FRAGMENTS: usize = 50_000_000;
 const MAX_POINTS: usize = 500_000_000;
 
@@ -131,10 +131,18 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         Method::Auto => vec![Method::Contour, Method::ZRange],
         one => vec![one],
     };
+    most_stops(&ground)?;
+    let stops: Vec<Stops> = methods
+        .iter()
+        .map(|&method| partition::divide(way(method), &ground.footprint, &ground.sections, &ground.lattice))
+        .collect();
+    progress(Station::Split);
+    let parts = cut(&ground, &stops)?;
+    progress(Station::Order);
     let mut candidates = Vec::new();
     let mut best: Option<Made> = None;
-    for &method in &methods {
-        let made = make(&ground, method, progress)?;
+    for ((&method, stops), parts) in methods.iter().zip(&stops).zip(parts) {
+        let made = make(&ground, method, stops, parts);
         candidates.push(Candidate {
             method: method.name().into(),
             stops: made.program.blocks.len(),
@@ -328,41 +336,53 @@ fn most_stops(ground: &Ground<'_>) -> Result<(), Error> {
     Err(Diag::limit("stops-many", text).hint("check focus.pdof and its unit; or mark a smaller or flatter area").into())
 }
 
-/// One method from stops to an ordered, timed program.
-fn make(ground: &Ground<'_>, method: Method, progress: Progress<'_>) -> Result<Made, Error> {
-    let way = match method {
+/// How a method divides.
+fn way(method: Method) -> partition::Method {
+    match method {
         Method::Contour => partition::Method::Contour,
         Method::ZRange | Method::Auto => partition::Method::ZRange,
-    };
-    most_stops(ground)?;
-    let stops = partition::divide(way, &ground.footprint, &ground.sections, &ground.lattice);
-    progress(Station::Split);
+    }
+}
+
+/// Cuts all strokes between the stops of every candidate, in one walk; by candidate, in chunks.
+fn cut(ground: &Ground<'_>, candidates: &[Stops]) -> Result<Vec<Vec<Fragments>>, Error> {
     let min_mark = ground.job.file.partition.min_mark.as_mm() * NM_PER_MM;
     let (fragment_count, point_count) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let parts = chunks(ground.texture)
+    let chunks = chunks(ground.texture)
         .into_par_iter()
         .map(|chunk| {
             let tracer = Tracer::new(ground.surface, &ground.sections, ground.max_slope);
-            let mut splitter = Splitter::new(tracer, &stops, min_mark);
+            let mut splitter = Splitter::new(tracer, candidates, min_mark);
             let mut points = Vec::new();
             for i in chunk {
                 let pen = ground.texture.stroke(i, &mut points);
                 splitter.stroke(i as u32, pen, ground.pens[usize::from(pen)].passes, &points);
             }
-            let part = splitter.finish();
+            let parts: Vec<Fragments> = splitter.finish().collect();
             // Counted while it grows: what is too large must be refused before it fills the memory.
-            let grown = |count: &AtomicUsize, by: usize| count.fetch_add(by, Relaxed) + by;
-            let fits = grown(&fragment_count, part.list.len()) <= MAX_FRAGMENTS
-                && grown(&point_count, part.points.len()) <= MAX_POINTS;
-            if fits { Ok(part) } else { Err(too_large(ground)) }
+            let grown = |count: &AtomicUsize, of: fn(&Fragments) -> usize| {
+                let by = parts.iter().map(of).sum();
+                count.fetch_add(by, Relaxed) + by
+            };
+            let fits = grown(&fragment_count, |p| p.list.len()) <= MAX_FRAGMENTS
+                && grown(&point_count, |p| p.points.len()) <= MAX_POINTS;
+            if fits { Ok(parts) } else { Err(too_large(ground)) }
         })
         .collect::<Result<Vec<_>, _>>()?;
-    progress(Station::Order);
-    let built = build(ground, &stops, &parts);
-    let fragments = fragment_count.into_inner();
+    let mut by_candidate: Vec<Vec<Fragments>> = candidates.iter().map(|_| Vec::with_capacity(chunks.len())).collect();
+    for chunk in chunks {
+        chunk.into_iter().zip(&mut by_candidate).for_each(|(part, parts)| parts.push(part));
+    }
+    Ok(by_candidate)
+}
+
+/// One candidate, ordered and timed.
+fn make(ground: &Ground<'_>, method: Method, stops: &Stops, parts: Vec<Fragments>) -> Made {
+    let built = build(ground, stops, &parts);
+    let fragments = parts.iter().map(|p| p.list.len()).sum();
     let split = parts.into_iter().fold(Fragments::default(), join);
     let (times, block_times) = times(ground.machine, &built.program);
-    Ok(Made {
+    Made {
         method,
         times,
         block_times,
@@ -371,7 +391,7 @@ fn make(ground: &Ground<'_>, method: Method, progress: Progress<'_>) -> Result<M
         worst_defocus: built.worst_defocus,
         worst_defocus_mean: built.worst_defocus_mean,
         program: built.program,
-    })
+    }
 }
 
 /// The program would not fit: said without a count, which would depend on the threads.

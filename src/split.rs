@@ -79,66 +79,78 @@ struct Open {
     length: f64,
 }
 
-/// Cuts strokes between stops.
+/// Cuts strokes between the stops of several candidates, over one walk.
 pub struct Splitter<'a> {
     tracer: Tracer<'a>,
-    stops: &'a Stops,
-    min_mark: f64,
-    out: Fragments,
+    cutters: Vec<Cutter<'a>>,
 }
 
 impl<'a> Splitter<'a> {
     /// Fragments shorter than `min_mark_nm` are skipped and counted.
-    pub fn new(tracer: Tracer<'a>, stops: &'a Stops, min_mark_nm: f64) -> Self {
-        Self { tracer, stops, min_mark: min_mark_nm, out: Fragments::default() }
+    pub fn new(tracer: Tracer<'a>, candidates: &'a [Stops], min_mark_nm: f64) -> Self {
+        Self { tracer, cutters: candidates.iter().map(|stops| Cutter::new(stops, min_mark_nm)).collect() }
     }
 
-    /// What became of all strokes given so far.
-    pub fn finish(mut self) -> Fragments {
-        self.out.worst_slope2 = self.tracer.worst_slope2;
-        self.out
+    /// What became of all strokes given so far, by candidate.
+    pub fn finish(self) -> impl Iterator<Item = Fragments> {
+        let worst_slope2 = self.tracer.worst_slope2;
+        self.cutters.into_iter().map(move |c| Fragments { worst_slope2, ..c.out })
     }
 
     /// Cuts one stroke of the texture, which its pen marks `passes` times.
     pub fn stroke(&mut self, source: u32, pen: u16, passes: u32, points: &[P2]) {
-        let Self { tracer, stops, min_mark, out } = self;
-        let before = out.list.len();
-        let skipped_before = out.skipped;
-        let passes = f64::from(passes);
-        let mut cutter = Cutter { stops, out, open: None, unmarked: None, source, pen, passes, min_mark: *min_mark };
+        let Self { tracer, cutters } = self;
+        cutters.iter_mut().for_each(|c| c.begin(source, pen, passes));
         for (i, w) in points.windows(2).enumerate() {
             let [a, b] = [w[0], w[1]];
-            cutter.out.texture_mm += passes * a.distance(b) / NM_PER_MM;
-            tracer.segment(a, b, |piece| cutter.piece(i as u32, a, b, piece));
-            cutter.end_unmarked(b, [a, b]);
-            cutter.vertex(i as u32, b);
+            tracer.segment(a, b, |piece| cutters.iter_mut().for_each(|c| c.piece(i as u32, a, b, piece)));
+            cutters.iter_mut().for_each(|c| c.vertex(i as u32, a, b));
         }
-        cutter.close(points[points.len() - 1]);
-        let parts = out.list.len() - before;
-        out.strokes_cut += usize::from(parts > 1);
-        if points[0] == points[points.len() - 1] {
-            if parts == 1 && out.skipped == skipped_before {
-                out.figures_whole += 1;
-            } else {
-                out.figures_cut += 1;
-            }
-        }
+        cutters.iter_mut().for_each(|c| c.end(points));
     }
 }
 
+/// Cuts strokes between the stops of one candidate.
 struct Cutter<'a> {
     stops: &'a Stops,
-    out: &'a mut Fragments,
+    min_mark: f64,
+    out: Fragments,
     open: Option<Open>,
     /// Why the stroke is not marked here, and since where on the segment.
     unmarked: Option<(Skip, P2)>,
     source: u32,
     pen: u16,
     passes: f64,
-    min_mark: f64,
+    /// Fragments and skipped lengths before the stroke.
+    before: (usize, Skipped),
 }
 
-impl Cutter<'_> {
+impl<'a> Cutter<'a> {
+    fn new(stops: &'a Stops, min_mark: f64) -> Self {
+        let out = Fragments::default();
+        let before = (0, out.skipped);
+        Self { stops, min_mark, out, open: None, unmarked: None, source: 0, pen: 0, passes: 1.0, before }
+    }
+
+    fn begin(&mut self, source: u32, pen: u16, passes: u32) {
+        (self.source, self.pen, self.passes) = (source, pen, f64::from(passes));
+        self.before = (self.out.list.len(), self.out.skipped);
+    }
+
+    fn end(&mut self, points: &[P2]) {
+        self.close(points[points.len() - 1]);
+        let out = &mut self.out;
+        let parts = out.list.len() - self.before.0;
+        out.strokes_cut += usize::from(parts > 1);
+        if points[0] == points[points.len() - 1] {
+            if parts == 1 && out.skipped == self.before.1 {
+                out.figures_whole += 1;
+            } else {
+                out.figures_cut += 1;
+            }
+        }
+    }
+
     fn piece(&mut self, segment: u32, a: P2, b: P2, p: Piece) {
         let section = match p.on {
             Ok(section) => section,
@@ -159,7 +171,13 @@ impl Cutter<'_> {
         let list = &self.stops.stops;
         let length = a.distance(b);
         let rises = p.z1 >= p.z0;
-        let Some(mut stop) = self.stops.at(section, p.z0) else { return };
+        // Most pieces go on where the last one ended.
+        let accepts = |stop: usize| {
+            (stop == range.start || list[stop].z_lo as f64 <= p.z0)
+                && (stop + 1 == range.end || p.z0 < list[stop + 1].z_lo as f64)
+        };
+        let same = self.open.as_ref().map(|o| o.stop).filter(|&stop| range.contains(&stop) && accepts(stop));
+        let Some(mut stop) = same.or_else(|| self.stops.at(section, p.z0)) else { return };
         if !rises && stop > range.start && p.z0 <= list[stop].z_lo as f64 {
             stop -= 1;
         }
@@ -217,10 +235,12 @@ impl Cutter<'_> {
         open.length += length;
     }
 
-    /// A vertex of the stroke inside the open fragment: the end of `segment`.
-    fn vertex(&mut self, segment: u32, p: P2) {
+    /// The end b of `segment` from a: a vertex of the open fragment.
+    fn vertex(&mut self, segment: u32, a: P2, b: P2) {
+        self.out.texture_mm += self.passes * a.distance(b) / NM_PER_MM;
+        self.end_unmarked(b, [a, b]);
         if let Some(open) = &mut self.open {
-            let p = local(self.stops, open.stop, p);
+            let p = local(self.stops, open.stop, b);
             if self.out.points[self.out.points.len() - 1] != p {
                 self.out.points.push(p);
             } else if self.out.points.len() == open.first + 1 {
