@@ -44,7 +44,7 @@ impl P2 {
     }
     /// The grid point nearest to the point at parameter `t` (0 to 1) of the segment from `self` to `o`.
     pub fn lerp(self, o: Self, t: f64) -> Self {
-        let at = |a: i64, b: i64| a + ((b - a) as f64 * t).round() as i64;
+        let at = |a: i64, b: i64| a + nearest((b - a) as f64 * t);
         Self { x: at(self.x, o.x), y: at(self.y, o.y) }
     }
 }
@@ -88,6 +88,13 @@ impl Box2 {
     pub fn size(&self) -> [i64; 2] {
         [self.hi.x - self.lo.x, self.hi.y - self.lo.y]
     }
+}
+
+/// The whole number nearest to `v`, halves away from zero, without the call that `f64::round` is on
+/// plain x86-64. Beyond 2^52, and for the largest number below a half, it may be off by one.
+#[inline]
+pub(crate) fn nearest(v: f64) -> i64 {
+    (v + 0.5f64.copysign(v)) as i64
 }
 
 /// Nearest nanometre to `mm`; None where that is not finite or beyond [`MAX_NM`].

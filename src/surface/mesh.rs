@@ -12,7 +12,7 @@
 use rustc_hash::FxHashMap;
 
 use crate::diag::{Diag, Error};
-use crate::geom::{MAX_NM, NM_PER_MM, P2, orient};
+use crate::geom::{MAX_NM, NM_PER_MM, P2, nearest, orient};
 
 /// Says that there is no facet or half-edge.
 pub(crate) const NONE: u32 = u32::MAX;
@@ -85,7 +85,7 @@ impl Welder {
             *b = [b[0].min(x), b[1].min(y), b[2].max(x), b[3].max(y)];
             let [c, s] = self.turn;
             let (tx, ty) = (c * x - s * y, s * x + c * y);
-            let p = P2::new((tx * NM_PER_MM).round() as i64, (ty * NM_PER_MM).round() as i64);
+            let p = P2::new(nearest(tx * NM_PER_MM), nearest(ty * NM_PER_MM));
             self.waiting.push((p, z * NM_PER_MM));
         }
         if self.waiting.len() >= BATCH {
@@ -98,7 +98,7 @@ impl Welder {
     fn flush(&mut self) {
         let mask = self.table.len() - 1;
         let mut touched = 0;
-        let slots = self.waiting.iter().map(|&(p, z)| hash(p, z.round() as i64) as usize & mask);
+        let slots = self.waiting.iter().map(|&(p, z)| hash(p, nearest(z)) as usize & mask);
         self.touched.clear();
         self.touched.extend(slots.map(|slot| self.table[slot]));
         for &id in self.touched.iter().filter(|&&id| id != NONE) {
@@ -125,7 +125,7 @@ impl Welder {
         if self.weld_nm > 0 {
             return self.vertex_near(p, z);
         }
-        let zn = z.round() as i64;
+        let zn = nearest(z);
         let mask = self.table.len() - 1;
         let mut slot = hash(p, zn) as usize & mask;
         loop {
@@ -133,7 +133,7 @@ impl Welder {
                 NONE => break,
                 id => {
                     let (q, qz) = self.points[id as usize];
-                    if q == p && qz.round() as i64 == zn {
+                    if q == p && nearest(qz) == zn {
                         return id;
                     }
                 }
@@ -154,7 +154,7 @@ impl Welder {
         self.table.clear();
         self.table.resize(mask + 1, NONE);
         for (id, &(p, z)) in self.points.iter().enumerate() {
-            let mut slot = hash(p, z.round() as i64) as usize & mask;
+            let mut slot = hash(p, nearest(z)) as usize & mask;
             while self.table[slot] != NONE {
                 slot = (slot + 1) & mask;
             }
@@ -165,7 +165,7 @@ impl Welder {
     /// The first vertex within the weld distance, or a new one.
     fn vertex_near(&mut self, p: P2, z: f64) -> u32 {
         let w = self.weld_nm;
-        let zn = z.round() as i64;
+        let zn = nearest(z);
         let cell = [p.x.div_euclid(w), p.y.div_euclid(w), zn.div_euclid(w)];
         let mut best: Option<u32> = None;
         for dx in -1..=1 {
