@@ -45,6 +45,10 @@ pub(super) fn note(list: &mut Vec<Stretch>, segment: usize, d: [f64; 2], whole: 
     }
 }
 
+/// Parallels on each side of a line that stand for all within its reach: one alone, at the full reach,
+/// would step over the strip between the line and the tip of a notch.
+const STEPS: u32 = 4;
+
 /// The runs, longer than the grain, that are `bad` wherever within its reach the line lies.
 pub(super) fn confirmed(
     list: &[Stretch],
@@ -59,7 +63,11 @@ pub(super) fn confirmed(
         for s in run.stretches {
             let line = line(s.segment);
             let mut left = vec![s.d];
-            for side in [ground.reach(), -ground.reach()] {
+            let steps = (1..=STEPS).map(|i| ground.reach() * f64::from(i) / f64::from(STEPS));
+            for side in steps.flat_map(|d| [d, -d]) {
+                if left.is_empty() {
+                    break;
+                }
                 let mut moved: Vec<Stretch> = Vec::new();
                 ground.along(&line.part(s.d, side), scratch, |p| {
                     if bad(&p) {
