@@ -80,6 +80,9 @@ impl Checked {
     }
 }
 
+/// A pen below this speed, mm/s, is a slip of units: a metre would take it a day.
+const SLOWEST_MM_S: f64 = 0.01;
+
 /// Pens that ask for more than scanner or laser can give.
 fn pen_faults(program: &Program, machine: &Machine) -> Vec<Diag> {
     let mut faults = Vec::new();
@@ -88,6 +91,10 @@ fn pen_faults(program: &Program, machine: &Machine) -> Vec<Diag> {
         if speed > most {
             let text = format!("pen {:?} marks at {speed} mm/s, the scanner at {most} mm/s at most", pen.name);
             faults.push(Diag::limit("pen-speed", text).hint("see scanner.max_mark_speed of the machine"));
+        }
+        if speed < SLOWEST_MM_S {
+            let text = format!("pen {:?} marks at {speed} mm/s, slower than {SLOWEST_MM_S} mm/s", pen.name);
+            faults.push(Diag::limit("pen-speed", text).hint("check the unit of the pen's speed"));
         }
         let (power, most) = (pen.power.as_w(machine.laser.max_power), machine.laser.max_power.as_w());
         if power > most {

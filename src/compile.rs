@@ -445,7 +445,7 @@ fn times(machine: &Machine, program: &Program) -> (Times, Vec<f64>) {
 
 /// What the user must know, or must not go on with.
 fn warn(job: &Job, split: &Fragments, worst_defocus: i64, depth: i64, warnings: &mut Vec<Diag>) -> Result<(), Error> {
-    let mm = |v: f64| format!("{v:.3} mm");
+    let mm = |v: f64| if v < 0.001 { format!("{:.3} um", v * 1000.0) } else { format!("{v:.3} mm") };
     if split.skipped.steep > 0.0 {
         let limit = job.file.limits.max_incidence.as_deg();
         let text =

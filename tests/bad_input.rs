@@ -368,4 +368,10 @@ fn a_limit_of_the_machine_that_the_job_breaks_exits_1_and_writes_nothing() {
     check(&section, "section", &Limit("section-large"));
     let shallow = edited(dir.path(), "0.07 mm", "0.1 um");
     check(&shallow, "depth", &Limit("depth-small"));
+    for speed in ["1e-300 mm/s", "0.0099 mm/s", "900 m/s"] {
+        let pen = edited(dir.path(), "1000 mm/s", speed);
+        check(&pen, speed, &Limit("pen-speed"));
+    }
+    let pen = edited(dir.path(), "60 %", "60 kW");
+    check(&pen, "power", &Limit("pen-power"));
 }
