@@ -356,7 +356,8 @@ impl Surface {
             (ends.iter().min_by(|p, q| p.0.total_cmp(&q.0))?, ends.iter().max_by(|p, q| p.0.total_cmp(&q.0))?);
         let (t0, t1) = (lo.0.max(t_from), hi.0.min(t_to));
         let z = |t: f64| interpolate(t, lo.0, lo.1, hi.0, hi.1);
-        (t0 < t1).then(|| Span { t0, t1, z0: z(t0), z1: z(t1), facet: f })
+        // A facet that the line meets in one point alone may seem to have a length by rounding.
+        (t1 - t0 > line.half_nm * 1e-3).then(|| Span { t0, t1, z0: z(t0), z1: z(t1), facet: f })
     }
 
     /// Square of the slope (tangent) of a facet.
