@@ -25,7 +25,7 @@ use crate::spec::{Job, Method, Steep};
 use crate::split::{Fragments, Splitter};
 use crate::surface::Surface;
 use crate::texture::Texture;
-use crate::trace::{Footprint, Tracer};
+use crate::trace::{Footprint, GridTracer, Tracer};
 use crate::{map, motion};
 
 /// Stations of a compilation, in order, for progress displays.
@@ -309,7 +309,7 @@ fn footprint(surface: &Surface, texture: &Texture, sections: &Sections, max_slop
     chunks(texture)
         .into_par_iter()
         .fold(Footprint::default, |mut footprint, chunk| {
-            let mut tracer = Tracer::new(surface, sections, max_slope);
+            let mut tracer = GridTracer::new(Tracer::new(surface, max_slope), sections);
             let mut points = Vec::new();
             for i in chunk {
                 texture.stroke(i, &mut points);
@@ -351,7 +351,7 @@ fn cut(ground: &Ground<'_>, candidates: &[Stops]) -> Result<Vec<Vec<Fragments>>,
     let chunks = chunks(ground.texture)
         .into_par_iter()
         .map(|chunk| {
-            let tracer = Tracer::new(ground.surface, &ground.sections, ground.max_slope);
+            let tracer = Tracer::new(ground.surface, ground.max_slope);
             let mut splitter = Splitter::new(tracer, candidates, min_mark);
             let mut points = Vec::new();
             for i in chunk {

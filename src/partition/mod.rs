@@ -1,14 +1,15 @@
-//! Where the stage stands: in every section the levels that the texture needs.
+//! Where the stage stands: boxes that together hold all texture.
 //!
-//! A method chooses, for every section, the lower ends of its levels; each level accepts the depth
-//! range D above its lower end. That is the whole interface: methods differ in nothing else. Levels lie
-//! on the lattice of the stage increment and D is a whole even number of increments, so that the
-//! middle of every level is a place where the stage can stand.
+//! A stop accepts a point of the part that lies in its window, the plane rectangle around its centre,
+//! and in its interval of height; borders belong to it. A method chooses the stops; that is the whole
+//! interface, methods differ in nothing else. Levels lie on the lattice of the stage increment and D is
+//! a whole even number of increments, so that the middle of every level is a place where the stage can
+//! stand.
 
 mod contour;
 mod zrange;
 
-use crate::geom::P2;
+use crate::geom::{Box2, P2};
 use crate::program::{Sections, Stop};
 use crate::trace::Footprint;
 
@@ -45,26 +46,84 @@ impl Lattice {
     }
 }
 
-/// Stops by section.
+/// The stops of a method, all with windows of one size and intervals of one height.
 #[derive(Clone, Debug)]
 pub struct Stops {
-    /// All stops, section by section, upwards in each.
+    /// In the order in which the method gave them.
     pub stops: Vec<Stop>,
-    /// First stop of every section, and the number of stops.
+    /// Half the window along x and y, nm.
+    half: [i64; 2],
+    /// Height of the intervals, nm.
+    depth: i64,
+    /// Cells of the size of a window: the stops whose windows touch a cell, by `z_lo`.
+    lo: P2,
+    count: [i64; 2],
     starts: Vec<u32>,
+    lists: Vec<(i64, u32)>,
 }
 
 impl Stops {
-    /// The stops of section `i`, as indices.
-    pub fn of_section(&self, i: u32) -> std::ops::Range<usize> {
-        self.starts[i as usize] as usize..self.starts[i as usize + 1] as usize
+    /// `window` is even, as is the pitch of the sections.
+    pub fn new(stops: Vec<Stop>, window: [i64; 2], depth: i64) -> Self {
+        let half = window.map(|w| w / 2);
+        let mut area = Box2::EMPTY;
+        stops.iter().for_each(|s| area.add(s.centre));
+        if stops.is_empty() {
+            area.add(P2::new(0, 0));
+        }
+        // Shifted by half a cell: the windows of a grid of sections touch four cells then, not nine.
+        let lo = P2::new(area.lo.x - window[0], area.lo.y - window[1]);
+        let size = area.size();
+        let count = [0, 1].map(|axis| size[axis] / window[axis] + 3);
+        let mut it =
+            Self { stops, half, depth, lo, count, starts: vec![0; (count[0] * count[1]) as usize + 1], lists: vec![] };
+        for i in 0..it.stops.len() {
+            it.cells(i).for_each(|cell| it.starts[cell + 1] += 1);
+        }
+        for cell in 1..it.starts.len() {
+            it.starts[cell] += it.starts[cell - 1];
+        }
+        let mut next = it.starts.clone();
+        it.lists = vec![(0, 0); it.starts[it.starts.len() - 1] as usize];
+        for i in 0..it.stops.len() {
+            let z_lo = it.stops[i].z_lo;
+            for cell in it.cells(i) {
+                it.lists[next[cell] as usize] = (z_lo, i as u32);
+                next[cell] += 1;
+            }
+        }
+        for cell in 1..it.starts.len() {
+            it.lists[it.starts[cell - 1] as usize..it.starts[cell] as usize].sort_unstable();
+        }
+        it
     }
 
-    /// The stop of section `i` that accepts height `z`: half-open upwards, the topmost closed.
-    pub fn at(&self, i: u32, z: f64) -> Option<usize> {
-        let range = self.of_section(i);
-        let above = self.stops[range.clone()].partition_point(|s| s.z_lo as f64 <= z);
-        (!range.is_empty()).then(|| range.start + above.saturating_sub(1))
+    /// The cells that the window of stop `i` touches.
+    fn cells(&self, i: usize) -> impl Iterator<Item = usize> + use<> {
+        let (c, lo, half, columns) = (self.stops[i].centre, self.lo, self.half, self.count[0]);
+        let cell = |axis: usize, v: i64, lo: i64| (v - lo).div_euclid(2 * half[axis]);
+        let x = cell(0, c.x - half[0], lo.x)..=cell(0, c.x + half[0], lo.x);
+        let y = cell(1, c.y - half[1], lo.y)..=cell(1, c.y + half[1], lo.y);
+        y.flat_map(move |row| x.clone().map(move |column| (row * columns + column) as usize))
+    }
+
+    /// The stops that may accept a point near (x, y, z), nm: their intervals, widened by `slack`, hold z.
+    pub fn near(&self, [x, y, z]: [f64; 3], slack: f64) -> impl Iterator<Item = u32> {
+        let cell = |v: f64, lo: i64, half: i64| ((v - lo as f64) / (2 * half) as f64).floor() as i64;
+        let (column, row) = (cell(x, self.lo.x, self.half[0]), cell(y, self.lo.y, self.half[1]));
+        let inside = (0..self.count[0]).contains(&column) && (0..self.count[1]).contains(&row);
+        let i = if inside { (row * self.count[0] + column) as usize } else { 0 };
+        let list = if inside { &self.lists[self.starts[i] as usize..self.starts[i + 1] as usize] } else { &[] };
+        let from = list.partition_point(|&(z_lo, _)| ((z_lo + self.depth) as f64) < z - slack);
+        list[from..].iter().take_while(move |&&(z_lo, _)| z_lo as f64 <= z + slack).map(|&(_, i)| i)
+    }
+
+    /// Lower and upper corner of the window of stop `i`, nm.
+    #[inline]
+    pub fn window(&self, i: u32) -> [[f64; 2]; 2] {
+        let c = self.stops[i as usize].centre;
+        let [hx, hy] = self.half;
+        [[(c.x - hx) as f64, (c.y - hy) as f64], [(c.x + hx) as f64, (c.y + hy) as f64]]
     }
 }
 
@@ -73,7 +132,6 @@ pub fn divide(method: Method, footprint: &Footprint, sections: &Sections, lattic
     let lowest = footprint.range().map_or(0.0, |r| r.0);
     let z0 = lattice.floor(lowest);
     let mut stops = Vec::new();
-    let mut starts = vec![0];
     for i in 0..sections.len() {
         let heights = footprint.of_section(i);
         let centre: P2 = sections.centre(i);
@@ -89,9 +147,8 @@ pub fn divide(method: Method, footprint: &Footprint, sections: &Sections, lattic
             z_lo,
             z_hi: z_lo + lattice.depth,
         }));
-        starts.push(stops.len() as u32);
     }
-    Stops { stops, starts }
+    Stops::new(stops, sections.pitch, lattice.depth)
 }
 
 #[cfg(test)]
