@@ -6,6 +6,8 @@
 //! middle of every level is a place where the stage can stand.
 
 mod contour;
+pub mod items;
+pub mod window;
 mod zrange;
 
 use crate::geom::P2;
