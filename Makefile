@@ -30,6 +30,7 @@ check:
 # Speed and memory on three sizes; prints a table.
 bench:
 	$(CARGO) bench --bench job
+	$(CARGO) bench --bench partition
 
 setup:
 	sh tests/python/setup.sh

@@ -7,6 +7,8 @@
 //! stand.
 
 mod contour;
+pub mod items;
+pub mod window;
 mod zrange;
 
 use crate::geom::{Box2, P2};
