@@ -18,14 +18,14 @@ use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
 use crate::order::clearance::Clearance;
-use crate::partition::{self, Lattice, Stops};
+use crate::partition::{self, Fine, Lattice, Stops};
 use crate::program::{Block, Pen, Program, Sections};
 use crate::record::{Candidate, Summary, Times};
 use crate::spec::{Job, Method, Steep};
 use crate::split::{Fragments, Splitter};
 use crate::surface::Surface;
 use crate::texture::Texture;
-use crate::trace::{Footprint, GridTracer, Tracer};
+use crate::trace::{Cells, Footprint, GridTracer, Tracer};
 use crate::{map, motion};
 
 /// Stations of a compilation, in order, for progress displays.
@@ -128,14 +128,16 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     progress(Station::Footprint);
     let ground = ground(&job, &machine, &surface, &texture)?;
     let methods = match job.file.partition.method {
-        Method::Auto => vec![Method::Contour, Method::ZRange],
+        Method::Auto => vec![Method::Contour, Method::ZRange, Method::Window],
         one => vec![one],
     };
     most_stops(&ground)?;
-    let stops: Vec<Stops> = methods
-        .iter()
-        .map(|&method| partition::divide(way(method), &ground.footprint, &ground.sections, &ground.lattice))
-        .collect();
+    let (methods, stops): (Vec<Method>, Vec<Stops>) =
+        methods.iter().filter_map(|&method| Some((method, divide(&ground, method)?))).unzip();
+    if stops.is_empty() {
+        let text = "the texture's box is too wide for free windows of this field";
+        return Err(Diag::limit("window-wide", text).hint("use partition.method = \"z-range\"").into());
+    }
     progress(Station::Split);
     let parts = cut(&ground, &stops)?;
     progress(Station::Order);
@@ -336,12 +338,38 @@ fn most_stops(ground: &Ground<'_>) -> Result<(), Error> {
     Err(Diag::limit("stops-many", text).hint("check focus.pdof and its unit; or mark a smaller or flatter area").into())
 }
 
-/// How a method divides.
-fn way(method: Method) -> partition::Method {
-    match method {
-        Method::Contour => partition::Method::Contour,
-        Method::ZRange | Method::Auto => partition::Method::ZRange,
-    }
+/// The stops of a method; None where it cannot be used on this job.
+fn divide(ground: &Ground<'_>, method: Method) -> Option<Stops> {
+    let Ground { footprint, sections, lattice, .. } = ground;
+    Some(match method {
+        Method::Contour => partition::divide(partition::Method::Contour, footprint, sections, lattice),
+        Method::ZRange | Method::Auto => partition::divide(partition::Method::ZRange, footprint, sections, lattice),
+        Method::Window => {
+            let (lowest, _) = footprint.range()?;
+            let fine = Fine::over(sections, lattice, lowest)?;
+            partition::free(cells(ground, &fine), &fine, sections, lattice)
+        }
+    })
+}
+
+/// The texture in the cells of a fine grid.
+fn cells(ground: &Ground<'_>, fine: &Fine) -> Cells {
+    // A set is the same in whatever order it is joined.
+    chunks(ground.texture)
+        .into_par_iter()
+        .fold(Cells::default, |mut cells, chunk| {
+            let mut tracer = GridTracer::new(Tracer::new(ground.surface, ground.max_slope), &fine.grid);
+            let mut points = Vec::new();
+            for i in chunk {
+                ground.texture.stroke(i, &mut points);
+                cells.add(&points, &mut tracer, &fine.slabs);
+            }
+            cells
+        })
+        .reduce(Cells::default, |mut a, b| {
+            a.merge(b);
+            a
+        })
 }
 
 /// Cuts all strokes between the stops of every candidate, in one walk; by candidate, in chunks.

@@ -369,7 +369,7 @@ impl Cells {
     }
 
     /// Column, row and slab of every box, by row, column and slab.
-    pub fn list(mut self) -> impl ExactSizeIterator<Item = [i64; 3]> {
+    pub fn list(mut self) -> impl ExactSizeIterator<Item = [i64; 3]> + Clone {
         self.tidy();
         self.keys.into_iter().map(|key| {
             let bits = |shift: u32, count: u32| (key >> shift & ((1 << count) - 1)) as i64;

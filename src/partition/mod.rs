@@ -13,7 +13,7 @@ mod zrange;
 
 use crate::geom::{Box2, P2};
 use crate::program::{Sections, Stop};
-use crate::trace::Footprint;
+use crate::trace::{Cells, Footprint, Slabs};
 
 /// Methods that divide a grid of sections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -149,6 +149,79 @@ pub fn divide(method: Method, footprint: &Footprint, sections: &Sections, lattic
             z_lo,
             z_hi: z_lo + lattice.depth,
         }));
+    }
+    Stops::new(stops, sections.pitch, lattice.depth)
+}
+
+/// The fine grid and the slabs in which windows see the texture.
+#[derive(Clone, Copy, Debug)]
+pub struct Fine {
+    /// Cells of a width of which a window measures a whole number; corners where windows may begin.
+    pub grid: Sections,
+    /// Heights.
+    pub slabs: Slabs,
+}
+
+impl Fine {
+    /// Cells along a window, unless the texture's box would need too many.
+    const ALONG: i64 = 80;
+    const FEWEST: i64 = 10;
+    const MOST: i64 = 1 << 22;
+    /// Windows are placed with 32-bit coordinates.
+    const WIDEST: i64 = 1 << 31;
+
+    /// For a texture within the sections, its lowest mark at `lowest`; None where the box is too wide for
+    /// windows of this size.
+    pub fn over(sections: &Sections, lattice: &Lattice, lowest: f64) -> Option<Self> {
+        let size = [0, 1].map(|k| sections.pitch[k] * i64::from(sections.count[k]));
+        let mut along = Self::ALONG;
+        let width = |along: i64| sections.pitch.map(|p| (p / along / lattice.step).max(1) * lattice.step);
+        let cells = |along: i64| (size[0] / width(along)[0]).saturating_mul(size[1] / width(along)[1]);
+        while along > Self::FEWEST && cells(along) > Self::MOST {
+            along /= 2;
+        }
+        let pitch = width(along);
+        let count = [0, 1].map(|k| size[k] / pitch[k] + 1);
+        let fits = count.iter().all(|&c| c <= Cells::MOST) && cells(along) <= Self::MOST;
+        (fits && size.iter().all(|&s| s < Self::WIDEST)).then(|| Self {
+            grid: Sections { origin: sections.origin, pitch, count: count.map(|c| c as u32) },
+            slabs: Slabs { z0: lattice.floor(lowest), depth: lattice.depth, step: lattice.step },
+        })
+    }
+}
+
+/// Windows and levels placed freely.
+pub fn free(cells: Cells, fine: &Fine, sections: &Sections, lattice: &Lattice) -> Stops {
+    let Fine { grid, slabs } = fine;
+    // Coordinates from the middle of the box reach less far.
+    let middle = [0, 1].map(|k| i64::from(grid.count[k]) / 2 * grid.pitch[k]);
+    let list = cells.list();
+    let level = |k: i64| slabs.border(k) - slabs.z0;
+    let top = list.clone().map(|[.., slab]| level(slab + 1)).max().unwrap_or(0);
+    let middle = [middle[0], middle[1], top / 2 / lattice.step * lattice.step];
+    let items: Vec<items::Item> = list
+        .map(|[column, row, slab]| {
+            let lo = [column * grid.pitch[0], row * grid.pitch[1], level(slab)];
+            let hi = [lo[0] + grid.pitch[0], lo[1] + grid.pitch[1], level(slab + 1)];
+            let near = |v: [i64; 3]| [0, 1, 2].map(|k| (v[k] - middle[k]) as i32);
+            items::Item { lo: near(lo), hi: near(hi) }
+        })
+        .collect();
+    let [w, h] = sections.pitch;
+    let size = [w, h, lattice.depth].map(|v| v as i32);
+    let mut stops: Vec<Stop> = window::cover(&items, size, [lattice.step as i32; 3])
+        .into_iter()
+        .map(|corner| {
+            let [x, y, z] = [0, 1, 2].map(|k| i64::from(corner[k]) + middle[k]);
+            let centre = P2::new(grid.origin.x + x + w / 2, grid.origin.y + y + h / 2);
+            let section = [(0, centre.x), (1, centre.y)].map(|(axis, v)| sections.along(axis, v, 0) as u32);
+            let z_lo = slabs.z0 + z;
+            Stop { section, level: 0, centre, focus: z_lo + lattice.depth / 2, z_lo, z_hi: z_lo + lattice.depth }
+        })
+        .collect();
+    stops.sort_by_key(|s| ([s.section[1], s.section[0]], s.z_lo, s.centre.y, s.centre.x));
+    for i in 1..stops.len() {
+        stops[i].level = if stops[i].section == stops[i - 1].section { stops[i - 1].level + 1 } else { 0 };
     }
     Stops::new(stops, sections.pitch, lattice.depth)
 }

@@ -294,6 +294,8 @@ pub enum Method {
     Contour,
     /// A grid of sections, in each the fewest levels that cover the texture's depths.
     ZRange,
+    /// Windows of the field and levels placed freely, as few as can be found.
+    Window,
     /// Every method that the machine can run; the one with the least job time is kept.
     #[default]
     Auto,
@@ -305,6 +307,7 @@ impl Method {
         match self {
             Self::Contour => "contour",
             Self::ZRange => "z-range",
+            Self::Window => "window",
             Self::Auto => "auto",
         }
     }
