@@ -10,7 +10,7 @@
 
 use crate::geom::{NM_PER_MM, P2};
 use crate::partition::Stops;
-use crate::trace::{Piece, Skip, Tracer};
+use crate::trace::{Keep, Piece, Skip, Tracer};
 
 /// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
 const EPS: f64 = 1e-3;
@@ -69,6 +69,8 @@ pub struct Fragments {
     pub figures_whole: usize,
     /// Closed strokes that were cut or partly skipped.
     pub figures_cut: usize,
+    /// Strokes that were to stay whole and were cut between blocks.
+    pub not_kept: usize,
     /// A place that was too steep, if any was.
     pub steep_at: Option<P2>,
     /// Largest squared slope of the marks.
@@ -113,9 +115,10 @@ struct Segment {
 }
 
 impl<'a> Splitter<'a> {
-    /// Fragments shorter than `min_mark_nm` are skipped and counted.
-    pub fn new(tracer: Tracer<'a>, candidates: &'a [Stops], min_mark_nm: f64) -> Self {
-        let cutters = candidates.iter().map(|stops| Cutter::new(stops, min_mark_nm)).collect();
+    /// Fragments shorter than `min_mark_nm` are skipped and counted. What `keep` wants whole stays whole
+    /// where a stop holds it, as every stroke does; cuts of it are counted.
+    pub fn new(tracer: Tracer<'a>, candidates: &'a [Stops], min_mark_nm: f64, keep: Keep) -> Self {
+        let cutters = candidates.iter().map(|stops| Cutter::new(stops, min_mark_nm, keep)).collect();
         Self { tracer, cutters, run: Run::default() }
     }
 
@@ -148,6 +151,7 @@ impl<'a> Splitter<'a> {
 struct Cutter<'a> {
     stops: &'a Stops,
     min_mark: f64,
+    keep: Keep,
     out: Fragments,
     open: Option<Open>,
     /// Why the stroke is not marked here, and since where on the segment.
@@ -162,12 +166,13 @@ struct Cutter<'a> {
 }
 
 impl<'a> Cutter<'a> {
-    fn new(stops: &'a Stops, min_mark: f64) -> Self {
+    fn new(stops: &'a Stops, min_mark: f64, keep: Keep) -> Self {
         let out = Fragments::default();
         let before = (0, out.skipped);
         Self {
             stops,
             min_mark,
+            keep,
             out,
             open: None,
             unmarked: None,
@@ -189,6 +194,9 @@ impl<'a> Cutter<'a> {
         let out = &mut self.out;
         let parts = out.list.len() - self.before.0;
         out.strokes_cut += usize::from(parts > 1);
+        if parts > 1 && self.keep.bounds(points).is_some() {
+            out.not_kept += 1;
+        }
         if points[0] == points[points.len() - 1] {
             if parts == 1 && out.skipped == self.before.1 {
                 out.figures_whole += 1;
