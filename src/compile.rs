@@ -22,7 +22,7 @@ use crate::partition::{self, Fine, Lattice, Stops};
 use crate::program::{Block, Pen, Program, Sections};
 use crate::record::{Candidate, Summary, Times};
 use crate::spec::{Job, Method, Objective, Pattern, Steep, TextureSpec};
-use crate::split::{Fragments, Splitter};
+use crate::split::{Fragments, Seam, Splitter};
 use crate::surface::Surface;
 use crate::texture::Texture;
 use crate::trace::{Cells, Footprint, GridTracer, Keep, Tracer};
@@ -242,12 +242,18 @@ fn ground<'a>(
     let area = texture.bounds();
     let keep = Keep(job.file.partition.keep_whole.as_nm().unwrap_or(i64::MAX).min(field[0]).min(field[1]));
     let even = |v: i64| v / (2 * step) * (2 * step);
-    let mut pitch = field.map(|f| even(section.unwrap_or(f)));
+    let zone = job.file.partition.zone.as_nm().unwrap_or(i64::MAX);
+    if field.iter().any(|&f| zone >= f / 2) {
+        let text = "partition.zone is half the usable field or more";
+        let place = Place::file(job.path.display().to_string());
+        return Err(Diag::limit("zone-large", text).at(place).hint("make it smaller; 0.2 mm is usual").into());
+    }
+    let mut pitch = field.map(|f| even(section.unwrap_or(f - zone)));
     if pitch.contains(&0) {
         return Err(Diag::limit("section-small", "a section is smaller than the stage increment").into());
     }
-    // What is to stay whole may reach beyond its section, as far as the field does.
-    let window = if keep.0 > 0 { field.map(even) } else { pitch };
+    // What is to stay whole, or is cut at random, may reach beyond its section as far as the field does.
+    let window = if keep.0 > 0 || zone > 0 { field.map(even) } else { pitch };
     if keep.0 > 0 && section.is_none() {
         pitch = in_step(job, area, pitch, step);
     }
@@ -418,12 +424,13 @@ fn cells(ground: &Ground<'_>, fine: &Fine) -> Cells {
 /// Cuts all strokes between the stops of every candidate, in one walk; by candidate, in chunks.
 fn cut(ground: &Ground<'_>, candidates: &[Stops]) -> Result<Vec<Vec<Fragments>>, Error> {
     let min_mark = ground.job.file.partition.min_mark.as_mm() * NM_PER_MM;
+    let seam = Seam { zone: ground.job.file.partition.zone.as_mm() * NM_PER_MM, seed: ground.job.seed };
     let (fragment_count, point_count) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let chunks = chunks(ground.texture)
         .into_par_iter()
         .map(|chunk| {
             let tracer = Tracer::new(ground.surface, ground.max_slope);
-            let mut splitter = Splitter::new(tracer, candidates, min_mark, ground.keep);
+            let mut splitter = Splitter::new(tracer, candidates, min_mark, ground.keep, seam);
             let mut points = Vec::new();
             for i in chunk {
                 let pen = ground.texture.stroke(i, &mut points);

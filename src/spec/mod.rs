@@ -36,6 +36,8 @@ pub struct Job {
     pub source: Arc<str>,
     /// What it says.
     pub file: JobFile,
+    /// Seed of everything that is random; not in the file.
+    pub seed: u64,
 }
 
 /// The keys of a job file.
@@ -336,6 +338,10 @@ pub struct PartitionSpec {
     /// stop can hold them; default: none.
     #[serde(default, deserialize_with = "non_negative")]
     pub keep_whole: Length,
+    /// Strokes are cut at a random place within this length before the border of a stop, where both stops
+    /// accept it, so that cuts do not line up; default: none, all cuts lie on the border.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub zone: Length,
     /// How far levels reach over each other up and down, so that a rough surface does not change the stop
     /// at every ripple. It is taken from the depth range. Default: from the surface's roughness.
     #[serde(default, deserialize_with = "non_negative_option")]
@@ -496,7 +502,7 @@ impl Job {
     pub fn parse(path: &Path, text: &str) -> Result<Self, Error> {
         let source: Arc<str> = text.into();
         let file: JobFile = diag::from_toml(&path.display().to_string(), &source)?;
-        let job = Self { path: path.to_owned(), source, file };
+        let job = Self { path: path.to_owned(), source, file, seed: 0 };
         let faults = faults::of(&job);
         if faults.is_empty() { Ok(job) } else { Err(Error::many(faults)) }
     }
