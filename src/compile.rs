@@ -18,14 +18,14 @@ use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
 use crate::order::clearance::Clearance;
-use crate::partition::{self, Lattice, Stops};
+use crate::partition::{self, Fine, Lattice, Stops};
 use crate::program::{Block, Pen, Program, Sections};
 use crate::record::{Candidate, Summary, Times};
-use crate::spec::{Job, Method, Steep};
+use crate::spec::{Job, Method, Objective, Pattern, Steep, TextureSpec};
 use crate::split::{Fragments, Splitter};
 use crate::surface::Surface;
 use crate::texture::Texture;
-use crate::trace::{Footprint, Tracer};
+use crate::trace::{Cells, Footprint, GridTracer, Keep, Tracer};
 use crate::{map, motion};
 
 /// Stations of a compilation, in order, for progress displays.
@@ -78,9 +78,12 @@ struct Ground<'a> {
     surface: &'a Surface,
     texture: &'a Texture,
     sections: Sections,
+    /// Window of a stop, at least the pitch of the sections, nm.
+    window: [i64; 2],
     lattice: Lattice,
     origin: [i64; 3],
     max_slope: f64,
+    keep: Keep,
     footprint: Footprint,
     clearance: Clearance,
     pens: Vec<Pen>,
@@ -128,14 +131,16 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     progress(Station::Footprint);
     let ground = ground(&job, &machine, &surface, &texture)?;
     let methods = match job.file.partition.method {
-        Method::Auto => vec![Method::Contour, Method::ZRange],
+        Method::Auto => vec![Method::Contour, Method::ZRange, Method::Window],
         one => vec![one],
     };
     most_stops(&ground)?;
-    let stops: Vec<Stops> = methods
-        .iter()
-        .map(|&method| partition::divide(way(method), &ground.footprint, &ground.sections, &ground.lattice))
-        .collect();
+    let (methods, stops): (Vec<Method>, Vec<Stops>) =
+        methods.iter().filter_map(|&method| Some((method, divide(&ground, method)?))).unzip();
+    if stops.is_empty() {
+        let text = "the texture's box is too wide for free windows of this field";
+        return Err(Diag::limit("window-wide", text).hint("use partition.method = \"z-range\"").into());
+    }
     progress(Station::Split);
     let parts = cut(&ground, &stops)?;
     progress(Station::Order);
@@ -149,7 +154,11 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
             fragments: made.fragments,
             time_s: made.times,
         });
-        if best.as_ref().is_none_or(|b| made.times.total < b.times.total) {
+        let measure = |m: &Made| match job.file.partition.objective {
+            Objective::Time => (m.times.total, 0.0),
+            Objective::Stops => (m.program.blocks.len() as f64, m.times.total),
+        };
+        if best.as_ref().is_none_or(|b| measure(&made) < measure(b)) {
             best = Some(made);
         }
     }
@@ -168,6 +177,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let mut map = map::Map::new(checked.program(), &ground.sections, &surface, texture.bounds());
     let sub_blocks = map.sub_blocks(checked.program());
     warn(&job, &made.split, made.worst_defocus, ground.lattice.depth, warnings)?;
+    warnings.extend(not_kept(&ground, made.method, &made.split));
     let program = checked.program();
     let split = &made.split;
     let passes = |pick: fn(&Program, &Block) -> f64| program.blocks.iter().map(|b| pick(program, b)).sum::<f64>();
@@ -229,11 +239,18 @@ fn ground<'a>(
         let place = Place::file(job.path.display().to_string());
         return Err(Diag::limit("section-large", text).at(place).hint("leave it out, or make it smaller").into());
     }
-    let pitch = field.map(|f| section.unwrap_or(f) / (2 * step) * (2 * step));
+    let area = texture.bounds();
+    let keep = Keep(job.file.partition.keep_whole.as_nm().unwrap_or(i64::MAX).min(field[0]).min(field[1]));
+    let even = |v: i64| v / (2 * step) * (2 * step);
+    let mut pitch = field.map(|f| even(section.unwrap_or(f)));
     if pitch.contains(&0) {
         return Err(Diag::limit("section-small", "a section is smaller than the stage increment").into());
     }
-    let area = texture.bounds();
+    // What is to stay whole may reach beyond its section, as far as the field does.
+    let window = if keep.0 > 0 { field.map(even) } else { pitch };
+    if keep.0 > 0 && section.is_none() {
+        pitch = in_step(job, area, pitch, step);
+    }
     let placed = job.file.placement.origin.map(|o| o.map(|l| l.as_nm().unwrap_or(0)));
     let centre_of_travel = machine.axes().map(|(_, a)| {
         let [lo, hi] = a.travel.map(|t| t.as_nm().unwrap_or(0));
@@ -253,7 +270,7 @@ fn ground<'a>(
         return Err(Diag::limit("sections-many", text).hint("use a larger field or a smaller area").into());
     }
     let max_slope = job.file.limits.max_incidence.as_rad().tan();
-    let footprint = footprint(surface, texture, &sections, max_slope);
+    let footprint = footprint(surface, texture, &sections, max_slope, keep, window.map(|w| w / 2));
     let Some((lo, hi)) = footprint.range() else {
         let place = Place::file(job.path.display().to_string());
         return Err(Diag::limit(
@@ -276,6 +293,8 @@ fn ground<'a>(
             .hint("enlarge focus.pdof, or state a finer stage.increment")
             .into());
     };
+    let hysteresis = job.file.partition.hysteresis.map_or_else(|| footprint.roughness(), |h| h.as_mm() * NM_PER_MM);
+    let lattice = lattice.with_hysteresis(hysteresis);
     let pens = job.file.pen.iter().map(|p| Pen {
         name: p.name.clone(),
         speed: p.speed,
@@ -289,12 +308,29 @@ fn ground<'a>(
         surface,
         texture,
         sections,
+        window,
         lattice,
         origin,
         max_slope,
+        keep,
         footprint,
         clearance: Clearance::new(&surface.tiles(), machine),
         pens: pens.collect(),
+    })
+}
+
+/// The pitch of sections made a multiple of the pitch of figures that are to stay whole, so that none lies
+/// across a border, where that needs no more sections.
+fn in_step(job: &Job, area: Box2, pitch: [i64; 2], step: i64) -> [i64; 2] {
+    let figures =
+        |t: &&TextureSpec| matches!(t.pattern.as_ref().map(|p| p.get_ref()), Some(Pattern::Squares | Pattern::Circles));
+    let Some(own) = job.file.texture.iter().find(figures).and_then(|t| t.pitch?.as_nm()) else { return pitch };
+    let size = area.size();
+    [0, 1].map(|k| {
+        let stepped = pitch[k] / own * own;
+        let count = |pitch: i64| (size[k] + pitch - 1) / pitch;
+        let fits = stepped > 0 && stepped % (2 * step) == 0 && count(stepped) == count(pitch[k]);
+        if fits { stepped } else { pitch[k] }
     })
 }
 
@@ -304,16 +340,23 @@ fn chunks(texture: &Texture) -> Vec<std::ops::Range<usize>> {
     (0..texture.len()).step_by(size).map(|i| i..(i + size).min(texture.len())).collect()
 }
 
-fn footprint(surface: &Surface, texture: &Texture, sections: &Sections, max_slope: f64) -> Footprint {
+fn footprint(
+    surface: &Surface,
+    texture: &Texture,
+    sections: &Sections,
+    max_slope: f64,
+    keep: Keep,
+    half: [i64; 2],
+) -> Footprint {
     // Joining intervals gives the same intervals in any order, so this reduction may run as it likes.
     chunks(texture)
         .into_par_iter()
         .fold(Footprint::default, |mut footprint, chunk| {
-            let mut tracer = Tracer::new(surface, sections, max_slope);
+            let mut tracer = GridTracer::new(Tracer::new(surface, max_slope), sections);
             let mut points = Vec::new();
             for i in chunk {
                 texture.stroke(i, &mut points);
-                footprint.add(&points, &mut tracer);
+                footprint.add(&points, &mut tracer, keep, half);
             }
             footprint
         })
@@ -336,12 +379,40 @@ fn most_stops(ground: &Ground<'_>) -> Result<(), Error> {
     Err(Diag::limit("stops-many", text).hint("check focus.pdof and its unit; or mark a smaller or flatter area").into())
 }
 
-/// How a method divides.
-fn way(method: Method) -> partition::Method {
-    match method {
-        Method::Contour => partition::Method::Contour,
-        Method::ZRange | Method::Auto => partition::Method::ZRange,
-    }
+/// The stops of a method; None where it cannot be used on this job.
+fn divide(ground: &Ground<'_>, method: Method) -> Option<Stops> {
+    let Ground { footprint, sections, window, lattice, .. } = ground;
+    Some(match method {
+        Method::Contour => partition::divide(partition::Method::Contour, footprint, sections, *window, lattice),
+        Method::ZRange | Method::Auto => {
+            partition::divide(partition::Method::ZRange, footprint, sections, *window, lattice)
+        }
+        Method::Window => {
+            let (lowest, _) = footprint.range()?;
+            let fine = Fine::over(sections, *window, lattice, lowest)?;
+            partition::free(cells(ground, &fine), &fine, sections, *window, lattice)
+        }
+    })
+}
+
+/// The texture in the cells of a fine grid.
+fn cells(ground: &Ground<'_>, fine: &Fine) -> Cells {
+    // A set is the same in whatever order it is joined.
+    chunks(ground.texture)
+        .into_par_iter()
+        .fold(Cells::default, |mut cells, chunk| {
+            let mut tracer = GridTracer::new(Tracer::new(ground.surface, ground.max_slope), &fine.grid);
+            let mut points = Vec::new();
+            for i in chunk {
+                ground.texture.stroke(i, &mut points);
+                cells.add(&points, &mut tracer, &fine.slabs, ground.keep);
+            }
+            cells
+        })
+        .reduce(Cells::default, |mut a, b| {
+            a.merge(b);
+            a
+        })
 }
 
 /// Cuts all strokes between the stops of every candidate, in one walk; by candidate, in chunks.
@@ -351,8 +422,8 @@ fn cut(ground: &Ground<'_>, candidates: &[Stops]) -> Result<Vec<Vec<Fragments>>,
     let chunks = chunks(ground.texture)
         .into_par_iter()
         .map(|chunk| {
-            let tracer = Tracer::new(ground.surface, &ground.sections, ground.max_slope);
-            let mut splitter = Splitter::new(tracer, candidates, min_mark);
+            let tracer = Tracer::new(ground.surface, ground.max_slope);
+            let mut splitter = Splitter::new(tracer, candidates, min_mark, ground.keep);
             let mut points = Vec::new();
             for i in chunk {
                 let pen = ground.texture.stroke(i, &mut points);
@@ -412,6 +483,7 @@ fn join(mut a: Fragments, b: Fragments) -> Fragments {
     a.strokes_cut += b.strokes_cut;
     a.figures_whole += b.figures_whole;
     a.figures_cut += b.figures_cut;
+    a.not_kept += b.not_kept;
     a.steep_at = a.steep_at.or(b.steep_at);
     a.worst_slope2 = a.worst_slope2.max(b.worst_slope2);
     a
@@ -482,6 +554,32 @@ fn warn(job: &Job, split: &Fragments, worst_defocus: i64, depth: i64, warnings: 
         warnings.push(Diag::warning("defocus", text).hint("focus.level = \"mid\" keeps it at half the depth range"));
     }
     Ok(())
+}
+
+/// What was to stay whole and does not, and why.
+fn not_kept(ground: &Ground<'_>, method: Method, split: &Fragments) -> Option<Diag> {
+    if split.not_kept == 0 {
+        return None;
+    }
+    let [broken, astride] = ground.footprint.not_whole();
+    let figures = (0..ground.sections.len()).flat_map(|i| ground.footprint.figures_of(i));
+    let deep = figures.filter(|&&(lo, hi)| !ground.lattice.holds(lo, hi)).count();
+    let mut why = format!("{deep} are deeper than a stop");
+    if broken > 0 {
+        why += &format!(", {broken} lie at a rim or a steep place");
+    }
+    if astride > 0 && method != Method::Window {
+        why += &format!(", {astride} lie across a border of sections");
+    }
+    if method == Method::Contour {
+        why += ", the others across a level";
+    }
+    let text = format!("{} figures that partition.keep_whole wants whole are cut: {why}", split.not_kept);
+    let hint = match method {
+        Method::Contour => "method \"z-range\" or \"window\" keeps more of them",
+        _ => "smaller figures or a larger focus.pdof keep more of them",
+    };
+    Some(Diag::warning("figures-cut", text).hint(hint))
 }
 
 /// Folder of a job file's outputs: `hood.toml` makes `hood.job` beside it.

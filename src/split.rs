@@ -2,13 +2,21 @@
 //!
 //! Consumes texture strokes, a [`Tracer`] and the stops; promises fragments that, with what was
 //! skipped, tile every stroke: a cut point is computed once, rounded once to the nanometre grid and
-//! used by both sides, so mark + skipped = texture. A point on the border of two levels belongs to the
-//! upper one, a point on the border of two sections to the side the stroke goes to; a stroke along a
-//! border is marked once. A fragment whose points all round to one is none.
+//! used by both sides, so mark + skipped = texture. A fragment stays in its stop as long as the stop
+//! accepts it; then, of the stops that accept what follows, the one that will be left last goes on, which
+//! gives the fewest cuts. Of several that are left at the same place the last of the list goes on, so
+//! that in a grid the upper level and the upper section have what lies on their borders. A fragment whose
+//! points all round to one is none.
 
 use crate::geom::{NM_PER_MM, P2};
 use crate::partition::Stops;
-use crate::trace::{Piece, Skip, Tracer};
+use crate::trace::{Keep, Piece, Skip, Tracer};
+
+/// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
+const EPS: f64 = 1e-3;
+
+/// Pieces that are looked ahead over at most.
+const RUN: usize = 1 << 14;
 
 /// A piece of one stroke that is marked in one block.
 #[derive(Clone, Copy, Debug)]
@@ -61,6 +69,8 @@ pub struct Fragments {
     pub figures_whole: usize,
     /// Closed strokes that were cut or partly skipped.
     pub figures_cut: usize,
+    /// Strokes that were to stay whole and were cut between blocks.
+    pub not_kept: usize,
     /// A place that was too steep, if any was.
     pub steep_at: Option<P2>,
     /// Largest squared slope of the marks.
@@ -83,12 +93,33 @@ struct Open {
 pub struct Splitter<'a> {
     tracer: Tracer<'a>,
     cutters: Vec<Cutter<'a>>,
+    run: Run,
+}
+
+/// Some segments of one stroke, traced: as far as cutters look ahead.
+#[derive(Default)]
+struct Run {
+    pieces: Vec<Piece>,
+    segments: Vec<Segment>,
+}
+
+/// One segment of a run.
+#[derive(Clone, Copy)]
+struct Segment {
+    index: u32,
+    a: P2,
+    b: P2,
+    /// Its first piece and the end of its pieces.
+    first: usize,
+    end: usize,
 }
 
 impl<'a> Splitter<'a> {
-    /// Fragments shorter than `min_mark_nm` are skipped and counted.
-    pub fn new(tracer: Tracer<'a>, candidates: &'a [Stops], min_mark_nm: f64) -> Self {
-        Self { tracer, cutters: candidates.iter().map(|stops| Cutter::new(stops, min_mark_nm)).collect() }
+    /// Fragments shorter than `min_mark_nm` are skipped and counted. What `keep` wants whole stays whole
+    /// where a stop holds it, as every stroke does; cuts of it are counted.
+    pub fn new(tracer: Tracer<'a>, candidates: &'a [Stops], min_mark_nm: f64, keep: Keep) -> Self {
+        let cutters = candidates.iter().map(|stops| Cutter::new(stops, min_mark_nm, keep)).collect();
+        Self { tracer, cutters, run: Run::default() }
     }
 
     /// What became of all strokes given so far, by candidate.
@@ -99,12 +130,18 @@ impl<'a> Splitter<'a> {
 
     /// Cuts one stroke of the texture, which its pen marks `passes` times.
     pub fn stroke(&mut self, source: u32, pen: u16, passes: u32, points: &[P2]) {
-        let Self { tracer, cutters } = self;
+        let Self { tracer, cutters, run } = self;
         cutters.iter_mut().for_each(|c| c.begin(source, pen, passes));
+        let last = points.len() - 2;
         for (i, w) in points.windows(2).enumerate() {
-            let [a, b] = [w[0], w[1]];
-            tracer.segment(a, b, |piece| cutters.iter_mut().for_each(|c| c.piece(i as u32, a, b, piece)));
-            cutters.iter_mut().for_each(|c| c.vertex(i as u32, a, b));
+            let (a, b, first) = (w[0], w[1], run.pieces.len());
+            tracer.segment(a, b, |piece| run.pieces.push(piece));
+            run.segments.push(Segment { index: i as u32, a, b, first, end: run.pieces.len() });
+            if i == last || run.pieces.len() >= RUN {
+                cutters.iter_mut().for_each(|c| c.run(run));
+                run.pieces.clear();
+                run.segments.clear();
+            }
         }
         cutters.iter_mut().for_each(|c| c.end(points));
     }
@@ -114,6 +151,7 @@ impl<'a> Splitter<'a> {
 struct Cutter<'a> {
     stops: &'a Stops,
     min_mark: f64,
+    keep: Keep,
     out: Fragments,
     open: Option<Open>,
     /// Why the stroke is not marked here, and since where on the segment.
@@ -123,13 +161,27 @@ struct Cutter<'a> {
     passes: f64,
     /// Fragments and skipped lengths before the stroke.
     before: (usize, Skipped),
+    /// Stops that accept a point; scratch space.
+    accepting: Vec<u32>,
 }
 
 impl<'a> Cutter<'a> {
-    fn new(stops: &'a Stops, min_mark: f64) -> Self {
+    fn new(stops: &'a Stops, min_mark: f64, keep: Keep) -> Self {
         let out = Fragments::default();
         let before = (0, out.skipped);
-        Self { stops, min_mark, out, open: None, unmarked: None, source: 0, pen: 0, passes: 1.0, before }
+        Self {
+            stops,
+            min_mark,
+            keep,
+            out,
+            open: None,
+            unmarked: None,
+            source: 0,
+            pen: 0,
+            passes: 1.0,
+            before,
+            accepting: Vec::new(),
+        }
     }
 
     fn begin(&mut self, source: u32, pen: u16, passes: u32) {
@@ -142,6 +194,9 @@ impl<'a> Cutter<'a> {
         let out = &mut self.out;
         let parts = out.list.len() - self.before.0;
         out.strokes_cut += usize::from(parts > 1);
+        if parts > 1 && self.keep.bounds(points).is_some() {
+            out.not_kept += 1;
+        }
         if points[0] == points[points.len() - 1] {
             if parts == 1 && out.skipped == self.before.1 {
                 out.figures_whole += 1;
@@ -151,55 +206,132 @@ impl<'a> Cutter<'a> {
         }
     }
 
-    fn piece(&mut self, segment: u32, a: P2, b: P2, p: Piece) {
-        let section = match p.on {
-            Ok(section) => section,
-            Err(skip) => {
-                if self.unmarked.is_none_or(|(why, _)| why != skip) {
-                    let from = a.lerp(b, p.t0);
-                    self.close(from);
-                    self.end_unmarked(from, [a, b]);
-                    self.unmarked = Some((skip, from));
+    fn run(&mut self, run: &Run) {
+        for (k, s) in run.segments.iter().enumerate() {
+            // The stop of the open fragment, and where on the segment its window ends.
+            let mut stop = self.open.as_ref().map(|o| (o.stop as u32, self.window_end(o.stop as u32, s)));
+            for i in s.first..s.end {
+                let p = &run.pieces[i];
+                if let Some(skip) = p.skip {
+                    self.skip(skip, s, p.t0);
+                    stop = None;
+                    continue;
                 }
-                return;
+                if self.unmarked.is_some() {
+                    self.end_unmarked(s.a.lerp(s.b, p.t0), [s.a, s.b]);
+                }
+                let mut t = p.t0;
+                while t < p.t1 {
+                    let chosen = stop.is_none();
+                    let (at, end) = stop.take().unwrap_or_else(|| self.choose(run, k, i, t));
+                    let mut exit = self.exit(at, end, p, t);
+                    if chosen && exit <= t {
+                        // Rounding left a gap between two stops: bridged by a nanometre.
+                        exit = (t + 1.0 / s.a.distance(s.b)).min(p.t1);
+                    }
+                    if exit > t {
+                        self.mark(at as usize, s, [t, exit], p);
+                        t = exit;
+                    }
+                    if exit >= p.t1 {
+                        stop = Some((at, end));
+                    }
+                }
+            }
+            self.vertex(s.index, s.a, s.b);
+        }
+    }
+
+    /// Where on a segment that begins in the window of `stop` it leaves it.
+    #[inline]
+    fn window_end(&self, stop: u32, s: &Segment) -> f64 {
+        let [lo, hi] = self.stops.window(stop);
+        let (x, y) = (s.b.x - s.a.x, s.b.y - s.a.y);
+        let end = |d: i64, a: i64, lo: f64, hi: f64| match d {
+            0 => f64::INFINITY,
+            1.. => (hi - a as f64) / d as f64,
+            _ => (lo - a as f64) / d as f64,
+        };
+        end(x, s.a.x, lo[0], hi[0]).min(end(y, s.a.y, lo[1], hi[1]))
+    }
+
+    /// Where a piece leaves `stop`, from t on; its end or beyond if it stays.
+    #[inline]
+    fn exit(&self, stop: u32, window_end: f64, p: &Piece, t: f64) -> f64 {
+        let stop = &self.stops.stops[stop as usize];
+        let (lo, hi) = (stop.z_lo as f64, stop.z_hi as f64);
+        let limit = if p.z1 > hi + EPS {
+            hi
+        } else if p.z1 < lo - EPS {
+            lo
+        } else {
+            return window_end.min(p.t1).max(t);
+        };
+        let z_end = if p.z0 == p.z1 { t } else { p.t0 + (p.t1 - p.t0) * ((limit - p.z0) / (p.z1 - p.z0)) };
+        window_end.min(z_end).clamp(t, p.t1)
+    }
+
+    /// Of the stops that accept what follows after `t` on piece `i` of segment `k`, the one that is left
+    /// last; and where on the segment its window ends.
+    fn choose(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (u32, f64) {
+        let (s, p) = (&run.segments[k], &run.pieces[i]);
+        let at = [s.a.x as f64 + t * (s.b.x - s.a.x) as f64, s.a.y as f64 + t * (s.b.y - s.a.y) as f64, p.z(t)];
+        let mut accepting = std::mem::take(&mut self.accepting);
+        accepting.clear();
+        accepting.extend(self.stops.near(at, EPS).filter(|&stop| {
+            let [lo, hi] = self.stops.window(stop);
+            let holds = (0..2).all(|axis| lo[axis] - EPS <= at[axis] && at[axis] <= hi[axis] + EPS);
+            holds && self.exit(stop, self.window_end(stop, s), p, t) > t
+        }));
+        let best = match accepting[..] {
+            [] => self.nearest(at),
+            [one] => one,
+            _ => {
+                let left = |&stop: &u32| (self.left(stop, run, k, i, t), stop);
+                let later = |a: &((usize, f64), u32), b: &((usize, f64), u32)| {
+                    a.0.0.cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)).then(a.1.cmp(&b.1))
+                };
+                accepting.iter().map(left).max_by(later).map_or(accepting[0], |l| l.1)
             }
         };
-        if self.unmarked.is_some() {
-            self.end_unmarked(a.lerp(b, p.t0), [a, b]);
-        }
-        let range = self.stops.of_section(section);
-        let list = &self.stops.stops;
-        let length = a.distance(b);
-        let rises = p.z1 >= p.z0;
-        // Most pieces go on where the last one ended.
-        let accepts = |stop: usize| {
-            (stop == range.start || list[stop].z_lo as f64 <= p.z0)
-                && (stop + 1 == range.end || p.z0 < list[stop + 1].z_lo as f64)
-        };
-        let same = self.open.as_ref().map(|o| o.stop).filter(|&stop| range.contains(&stop) && accepts(stop));
-        let Some(mut stop) = same.or_else(|| self.stops.at(section, p.z0)) else { return };
-        if !rises && stop > range.start && p.z0 <= list[stop].z_lo as f64 {
-            stop -= 1;
-        }
-        let (mut t, mut z) = (p.t0, p.z0);
-        loop {
-            // The height at which the piece leaves this stop, if it does.
-            let limit = if rises {
-                (stop + 1 < range.end).then(|| list[stop + 1].z_lo as f64).filter(|&l| p.z1 > l)
-            } else {
-                (stop > range.start).then(|| list[stop].z_lo as f64).filter(|&l| p.z1 < l)
-            };
-            let (t_end, z_end) = match limit {
-                Some(l) => (p.t0 + (p.t1 - p.t0) * ((l - p.z0) / (p.z1 - p.z0)), l),
-                None => (p.t1, p.z1),
-            };
-            self.mark(stop, segment, a.lerp(b, t), [z, z_end], (t_end - t).max(0.0) * length);
-            if limit.is_none() {
-                return;
+        self.accepting = accepting;
+        (best, self.window_end(best, s))
+    }
+
+    /// Where the stroke leaves a stop that accepts it at `t`: piece and parameter.
+    fn left(&self, stop: u32, run: &Run, k: usize, i: usize, t: f64) -> (usize, f64) {
+        let mut t = t;
+        for s in &run.segments[k..] {
+            let end = self.window_end(stop, s);
+            for (j, p) in run.pieces[..s.end].iter().enumerate().skip(i.max(s.first)) {
+                let t = std::mem::replace(&mut t, 0.0).max(p.t0);
+                let exit = self.exit(stop, end, p, t);
+                if p.skip.is_some() || exit < p.t1 {
+                    return (j, if p.skip.is_some() { p.t0 } else { exit });
+                }
             }
-            (t, z) = (t_end, z_end);
-            stop = if rises { stop + 1 } else { stop - 1 };
-            self.close(a.lerp(b, t));
+        }
+        (run.pieces.len(), 0.0)
+    }
+
+    /// The stop that comes nearest to accepting a point: methods cover all that was traced, up to rounding.
+    fn nearest(&self, at: [f64; 3]) -> u32 {
+        let beyond = |&stop: &u32| {
+            let ([lo, hi], s) = (self.stops.window(stop), &self.stops.stops[stop as usize]);
+            let out = |v: f64, lo: f64, hi: f64| (lo - v).max(v - hi).max(0.0);
+            out(at[0], lo[0], hi[0]).max(out(at[1], lo[1], hi[1])).max(out(at[2], s.z_lo as f64, s.z_hi as f64))
+        };
+        let near = self.stops.near(at, 2.0).min_by(|a, b| beyond(a).total_cmp(&beyond(b)).then(a.cmp(b)));
+        near.unwrap_or(0)
+    }
+
+    /// The stroke is not marked from `t` of a segment on.
+    fn skip(&mut self, skip: Skip, s: &Segment, t: f64) {
+        if self.unmarked.is_none_or(|(why, _)| why != skip) {
+            let from = s.a.lerp(s.b, t);
+            self.close(from);
+            self.end_unmarked(from, [s.a, s.b]);
+            self.unmarked = Some((skip, from));
         }
     }
 
@@ -220,16 +352,17 @@ impl<'a> Cutter<'a> {
         }
     }
 
-    /// Goes on in `stop` from `from`, over heights `z` and a stretch of `length` nm.
-    fn mark(&mut self, stop: usize, segment: u32, from: P2, z: [f64; 2], length: f64) {
+    /// Goes on in `stop` over a stretch of a piece.
+    fn mark(&mut self, stop: usize, s: &Segment, t: [f64; 2], p: &Piece) {
         if self.open.as_ref().is_some_and(|o| o.stop != stop) {
-            self.close(from);
+            self.close(s.a.lerp(s.b, t[0]));
         }
         let open = self.open.get_or_insert_with(|| {
             let first = self.out.points.len();
-            self.out.points.push(local(self.stops, stop, from));
-            Open { stop, segment, first, z: [f64::INFINITY, f64::NEG_INFINITY], z_length: 0.0, length: 0.0 }
+            self.out.points.push(local(self.stops, stop, s.a.lerp(s.b, t[0])));
+            Open { stop, segment: s.index, first, z: [f64::INFINITY, f64::NEG_INFINITY], z_length: 0.0, length: 0.0 }
         });
+        let (z, length) = ([p.z(t[0]), p.z(t[1])], (t[1] - t[0]) * s.a.distance(s.b));
         open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
         open.z_length += (z[0] + z[1]) / 2.0 * length;
         open.length += length;

@@ -19,7 +19,9 @@ use toml::Spanned;
 
 use crate::diag::{self, Diag, Error, Place};
 use crate::machine::Machine;
-use crate::units::{Angle, Frequency, Length, Power, Speed, non_negative, positive, positive_option};
+use crate::units::{
+    Angle, Frequency, Length, Power, Speed, non_negative, non_negative_option, positive, positive_option,
+};
 use crate::{surface, texture};
 
 /// Largest job file that is read.
@@ -294,6 +296,8 @@ pub enum Method {
     Contour,
     /// A grid of sections, in each the fewest levels that cover the texture's depths.
     ZRange,
+    /// Windows of the field and levels placed freely, as few as can be found.
+    Window,
     /// Every method that the machine can run; the one with the least job time is kept.
     #[default]
     Auto,
@@ -305,6 +309,7 @@ impl Method {
         match self {
             Self::Contour => "contour",
             Self::ZRange => "z-range",
+            Self::Window => "window",
             Self::Auto => "auto",
         }
     }
@@ -324,6 +329,29 @@ pub struct PartitionSpec {
     /// Fragments shorter than this are skipped and counted; default: none.
     #[serde(default, deserialize_with = "non_negative")]
     pub min_mark: Length,
+    /// What `auto` makes least.
+    #[serde(default)]
+    pub objective: Objective,
+    /// Closed figures and strokes no larger than this along x and y are marked in one piece wherever a
+    /// stop can hold them; default: none.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub keep_whole: Length,
+    /// How far levels reach over each other up and down, so that a rough surface does not change the stop
+    /// at every ripple. It is taken from the depth range. Default: from the surface's roughness.
+    #[serde(default, deserialize_with = "non_negative_option")]
+    #[schemars(with = "Option<Length>")]
+    pub hysteresis: Option<Length>,
+}
+
+/// What the best of several candidates has least of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Objective {
+    /// Estimated job time.
+    #[default]
+    Time,
+    /// Stops; of equal numbers the least time.
+    Stops,
 }
 
 /// What happens to texture on slopes beyond `max_incidence`.
