@@ -7,7 +7,7 @@ fn main() {
     let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
     for s in SURFACES.iter().filter(|s| args.is_empty() || args.iter().any(|a| a == s.0)) {
         let start = cpu_s();
-        let items = items(s.1);
+        let items = if std::env::var("TALL").is_ok() { squares(s.1) } else { items(s.1) };
         let made = cpu_s();
         let corners = window::cover(&items, [40_000_000, 40_000_000, 70_000], [100; 3]);
         println!(
@@ -75,6 +75,30 @@ fn items(z: Surface) -> Vec<Item> {
                 }
                 (x0, z0) = (x, end);
             }
+        }
+    }
+    out
+}
+
+/// Squares of 1 mm at a pitch of 1.5 mm, those that are not taller than D.
+fn squares(z: Surface) -> Vec<Item> {
+    let mut out = Vec::new();
+    for (i, j) in (0..90_000).map(|n| (n % 300, n / 300)) {
+        let (x, y) = (f64::from(i) * 1.5, f64::from(j) * 1.5);
+        let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
+        for t in (0..=40).map(|k| f64::from(k) / 40.0) {
+            for (a, b) in [(t, 0.0), (t, 1.0), (0.0, t), (1.0, t)] {
+                let h = z(x + a, y + b) * 1e6;
+                (lo, hi) = (lo.min(h), hi.max(h));
+            }
+        }
+        let nm = |v: f64| v.round() as i32;
+        let item = Item {
+            lo: [nm(x * 1e6), nm(y * 1e6), nm(lo)],
+            hi: [nm(x * 1e6) + 1_000_000, nm(y * 1e6) + 1_000_000, nm(hi)],
+        };
+        if item.hi[2] - item.lo[2] <= 69_900 {
+            out.push(item);
         }
     }
     out
