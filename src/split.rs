@@ -25,6 +25,8 @@ pub struct Fragment {
     pub first: u32,
     /// How many points.
     pub len: u32,
+    /// Whether it is the whole of a closed stroke, which may be marked from any of its vertices.
+    pub is_figure: bool,
     /// Lowest and highest height, nm.
     pub z: [f64; 2],
     /// Integral of height over length, nm · nm.
@@ -145,6 +147,7 @@ impl<'a> Cutter<'a> {
         if points[0] == points[points.len() - 1] {
             if parts == 1 && out.skipped == self.before.1 {
                 out.figures_whole += 1;
+                out.list.iter_mut().next_back().into_iter().for_each(|f| f.is_figure = f.len as usize == points.len());
             } else {
                 out.figures_cut += 1;
             }
@@ -274,6 +277,7 @@ impl<'a> Cutter<'a> {
             pen: self.pen,
             first: open.first as u32,
             len: points.len() as u32,
+            is_figure: false,
             z: open.z,
             z_length: open.z_length,
             length: open.length,

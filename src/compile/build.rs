@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::Ground;
 use crate::geom::P2;
+use crate::order::strokes::{Path, Visit};
 use crate::order;
 use crate::partition::Stops;
 use crate::program::{Block, Program, Stop, Stroke};
@@ -70,19 +71,19 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
         .collect();
     let stop_list: Vec<Stop> = placed.iter().map(|p| p.0.clone()).collect();
     let tour = order::stops::serpentine(&stop_list);
-    let point = |part: u32, f: &Fragment, i: u32| parts[part as usize].points[(f.first + i) as usize];
-    let orders: Vec<Vec<(u32, bool)>> = tour
+    let points = |(part, i): (u32, u32)| {
+        let (fragments, f) = (&parts[part as usize], &parts[part as usize].list[i as usize]);
+        &fragments.points[f.first as usize..(f.first + f.len) as usize]
+    };
+    let orders: Vec<Vec<Visit>> = tour
         .par_iter()
         .map(|&t| {
             let members = &members[starts[used[t]]..starts[used[t] + 1]];
-            let ends: Vec<order::strokes::Ends> = members
-                .iter()
-                .map(|&(part, i)| {
-                    let f = &parts[part as usize].list[i as usize];
-                    [point(part, f, 0), point(part, f, f.len - 1)]
-                })
-                .collect();
-            order::strokes::order(&ends)
+            let path = |&m: &(u32, u32)| Path {
+                points: points(m),
+                is_closed: parts[m.0 as usize].list[m.1 as usize].is_figure,
+            };
+            order::strokes::order(&members.iter().map(path).collect::<Vec<_>>())
         })
         .collect();
     let mut program = Program { pens: ground.pens.clone(), ..Program::default() };
@@ -93,20 +94,21 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
         let (stop, z) = &placed[t];
         let first_stroke = program.strokes.len();
         let members = &members[starts[used[t]]..starts[used[t] + 1]];
-        for (m, reversed) in order {
-            let (part, i) = members[m as usize];
-            let fragments = &parts[part as usize];
-            let f = &fragments.list[i as usize];
+        for Visit { stroke, start, reversed } in order {
+            let member = members[stroke as usize];
+            let f = &parts[member.0 as usize].list[member.1 as usize];
             let first = program.points.len();
-            let points = &fragments.points[f.first as usize..(f.first + f.len) as usize];
+            let points = points(member);
             if reversed {
                 program.points.extend(points.iter().rev());
             } else {
-                program.points.extend_from_slice(points);
+                // A closed stroke is turned so that it begins and ends at its start.
+                program.points.extend_from_slice(&points[start as usize..]);
+                program.points.extend_from_slice(&points[1..][..start as usize]);
             }
             program.strokes.push(Stroke {
                 source: f.source,
-                segment: f.segment,
+                segment: f.segment + start,
                 reversed,
                 pen: f.pen,
                 first: u32::try_from(first).expect("memory holds fewer than 2^32 points"),

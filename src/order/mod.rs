@@ -3,3 +3,5 @@
 pub mod clearance;
 pub mod stops;
 pub mod strokes;
+mod tour;
+mod tree;
