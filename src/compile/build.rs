@@ -4,13 +4,13 @@
 use rayon::prelude::*;
 
 use super::Ground;
-use crate::geom::P2;
-use crate::order::strokes::{Path, Visit};
+use crate::geom::{Box2, P2};
 use crate::order;
+use crate::order::strokes::{Path, Visit};
 use crate::partition::Stops;
 use crate::program::{Block, Program, Stop, Stroke};
 use crate::spec::Level;
-use crate::split::{Fragment, Fragments};
+use crate::split::Fragments;
 
 /// A program in order, and how far its marks lie from their focal planes at most, nm.
 pub(super) struct Built {
@@ -69,8 +69,7 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
             (stop, z)
         })
         .collect();
-    let stop_list: Vec<Stop> = placed.iter().map(|p| p.0.clone()).collect();
-    let tour = order::stops::serpentine(&stop_list);
+    let tour = tour(ground, &placed);
     let points = |(part, i): (u32, u32)| {
         let (fragments, f) = (&parts[part as usize], &parts[part as usize].list[i as usize]);
         &fragments.points[f.first as usize..(f.first + f.len) as usize]
@@ -116,9 +115,7 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
             });
         }
         let P2 { x, y } = stop.centre;
-        let retract = program.blocks.last().is_some_and(|b| {
-            b.stop.centre != stop.centre && b.stop.focus < ground.clearance.lowest_focus(b.stop.centre, stop.centre)
-        });
+        let retract = program.blocks.last().is_some_and(|b| lifts(ground, &b.stop, stop));
         program.blocks.push(Block {
             stage: ground.machine.stage_from_part([x, y, stop.focus], ground.origin),
             retract,
@@ -129,6 +126,29 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
         });
     }
     Built { program, worst_defocus: worst[0], worst_defocus_mean: worst[1] }
+}
+
+/// The order in which the stage visits the stops.
+fn tour(ground: &Ground<'_>, placed: &[(Stop, [i64; 2])]) -> Vec<usize> {
+    let Ground { machine, origin, clearance, .. } = ground;
+    let targets: Vec<[i64; 3]> =
+        placed.iter().map(|(s, _)| machine.stage_from_part([s.centre.x, s.centre.y, s.focus], *origin)).collect();
+    let lifts = |a: usize, b: usize| lifts(ground, &placed[a].0, &placed[b].0);
+    // Most parts are so flat that the head never needs to lift.
+    let mut area = Box2::EMPTY;
+    placed.iter().for_each(|(s, _)| area.add(s.centre));
+    let lowest = clearance.lowest_focus(area.lo, area.hi);
+    let stage = order::stops::Stage {
+        machine,
+        from: super::start(machine),
+        lifts: placed.iter().any(|(s, _)| s.focus < lowest).then_some(&lifts),
+    };
+    order::stops::tour(&targets, &stage, order::stops::Climb::Free, order::stops::EFFORT)
+}
+
+/// Whether the stage must lift between two stops.
+fn lifts(ground: &Ground<'_>, a: &Stop, b: &Stop) -> bool {
+    a.centre != b.centre && a.focus < ground.clearance.lowest_focus(a.centre, b.centre)
 }
 
 /// The focal plane of a block whose marks lie between `z` and have the mean height `mean`, and the

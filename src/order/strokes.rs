@@ -36,6 +36,8 @@ pub struct Visit {
 const LONGEST: usize = 1000;
 /// Ends looked at around each end.
 const NEIGHBOURS: usize = 6;
+/// Rounds of choosing ends and of moves.
+const ROUNDS: usize = 3;
 /// A gain below this, nm, is rounding.
 const LEAST: f64 = 0.5;
 /// Most vertices of a closed stroke that the search knows.
@@ -55,8 +57,10 @@ pub fn order(paths: &[Path<'_>]) -> Vec<Visit> {
     let mut tour = Tour::new(ports, seq, LONGEST, LEAST, cost, |port, limit, found| {
         nearer(&known, &tree, port, limit, found);
     });
-    tour.settle();
-    tour.improve();
+    for _ in 0..ROUNDS {
+        tour.settle();
+        tour.improve();
+    }
     tour.settle();
     let mut visits: Vec<Visit> = tour.into_seq()[1..]
         .iter()
@@ -249,15 +253,75 @@ mod tests {
     }
 
     #[test]
-    fn tmp_measure() {
-        for seed in 1..5 {
-        let s = squares(40, 40, seed);
-        let p = paths(&s);
-        let t = std::time::Instant::now();
-        let mut v = order(&p);
-        for _ in 0..20 { v = order(&p); }
-        let el = t.elapsed().as_secs_f64() / 21.0;
-        println!("{:.4} mm a figure, {:.0} figures/s", jumps(&p, &v) / 1600.0 / 1e6, 1600.0 / el);
+    fn every_stroke_is_marked_once() {
+        for n in [0, 1, 2, 3, 50, 500] {
+            let strokes = random(n, n as u64 + 1);
+            let mut seen: Vec<u32> = order(&paths(&strokes)).iter().map(|v| v.stroke).collect();
+            seen.sort_unstable();
+            assert_eq!(seen, (0..n as u32).collect::<Vec<_>>());
         }
+    }
+
+    #[test]
+    fn a_field_of_squares_needs_three_quarters_of_a_pitch_each() {
+        for seed in 1..6 {
+            let strokes = squares(40, 40, seed);
+            let paths = paths(&strokes);
+            let visits = order(&paths);
+            let each = jumps(&paths, &visits) / 1600.0 / 1e6;
+            assert!(each <= 0.75, "seed {seed}: {each} mm");
+            assert!(visits.iter().any(|v| v.start > 0) && visits.iter().all(|v| !v.reversed && v.start < 4));
+        }
+    }
+
+    #[test]
+    fn shuffled_hatch_becomes_a_serpentine() {
+        let strokes: Vec<_> = (0..100).map(|i| vec![[-500_000, i * 1000], [500_000, i * 1000]]).collect();
+        let strokes = shuffled(strokes, 3);
+        let paths = paths(&strokes);
+        let visits = order(&paths);
+        let steps: Vec<f64> = visits
+            .windows(2)
+            .map(|w| {
+                let [[x0, y0], [x1, y1]] = [ends(&paths, &w[0])[1], ends(&paths, &w[1])[0]];
+                f64::from(x1 - x0).hypot(f64::from(y1 - y0))
+            })
+            .collect();
+        assert!(steps.iter().all(|&s| s <= 1000.0), "{steps:?}");
+        assert!(visits.iter().all(|v| v.start == 0));
+    }
+
+    #[test]
+    fn a_closed_stroke_begins_where_the_beam_comes_from() {
+        // A ring of 200 corners whose nearest to the field's centre is none of the outermost.
+        let corner = |i: i32| {
+            let turn = f64::from(i % 200) / 200.0 * std::f64::consts::TAU;
+            [9_000_000 + (2e6 * turn.cos()) as i32, 4_000_000 + (2e6 * turn.sin()) as i32]
+        };
+        let ring: Vec<[i32; 2]> = (0..=200).map(corner).collect();
+        let visits = order(&[Path { points: &ring, is_closed: true }]);
+        let away = |p: [i32; 2]| f64::from(p[0]).hypot(f64::from(p[1]));
+        let nearest = ring.iter().map(|&p| away(p)).fold(f64::INFINITY, f64::min);
+        assert_eq!(away(ring[visits[0].start as usize]), nearest);
+        // As a piece of something longer it has two ends that happen to meet.
+        let visits = order(&[Path { points: &ring, is_closed: false }]);
+        assert_eq!(visits, [Visit { stroke: 0, start: 0, reversed: false }]);
+    }
+
+    #[test]
+    fn a_crowd_and_two_outliers_are_ordered_as_well_as_the_crowd() {
+        let dash = |i: i32| vec![[i % 50 * 2000, i / 50 * 2000], [i % 50 * 2000 + 500, i / 50 * 2000]];
+        let mut strokes = shuffled((0..2500).map(dash).collect(), 8);
+        let alone = jumps(&paths(&strokes), &order(&paths(&strokes)));
+        strokes.extend([vec![[-20_000_000, -20_000_000], [20_000_000, 20_000_000]], vec![[-20_000_000, 1], [1, -1]]]);
+        let both = jumps(&paths(&strokes), &order(&paths(&strokes)));
+        // The outliers cost the way to and fro, and the crowd no more than before.
+        assert!(both - alone < 80e6, "{alone} {both}");
+    }
+
+    #[test]
+    fn identical_strokes_are_all_kept() {
+        let strokes = vec![vec![[5, 5], [5, 5]]; 40];
+        assert_eq!(order(&paths(&strokes)).len(), 40);
     }
 }

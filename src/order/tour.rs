@@ -108,6 +108,19 @@ struct Move {
     entry: u32,
 }
 
+impl Move {
+    /// Takes another move if it gains more: `gain` less what it costs, which is not asked for in vain.
+    #[inline]
+    fn offer(&mut self, gain: f64, [a, b, gap]: [usize; 3], turned: bool, entry: u32, costs: impl Fn() -> f64) {
+        if gain > self.gain {
+            let gain = gain - costs();
+            if gain > self.gain {
+                *self = Self { gain, a, b, gap, turned, entry };
+            }
+        }
+    }
+}
+
 /// What was done to the sequence, so that it can be undone.
 enum Step {
     Reverse(usize, usize),
@@ -126,6 +139,8 @@ pub(super) struct Tour<'a, C, N> {
     near: N,
     /// Entry port at every place.
     seq: Vec<u32>,
+    /// Cost from every place to the next; nothing from the last.
+    edges: Vec<f64>,
     /// Place of every item.
     place: Vec<u32>,
     /// Most places that one move changes.
@@ -140,12 +155,14 @@ pub(super) struct Tour<'a, C, N> {
     journal: Option<Vec<Step>>,
 }
 
-impl<'a, C: Fn(u32, u32) -> f64, N: FnMut(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a, C, N> {
+impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a, C, N> {
     pub(super) fn new(ports: &'a Ports, seq: Vec<u32>, longest: usize, least: f64, cost: C, near: N) -> Self {
         let mut place = vec![0; seq.len()];
         seq.iter().zip(0..).for_each(|(&port, at)| place[ports.item(port)] = at);
-        let queued = vec![false; seq.len()];
-        Self {
+        let mut tour = Self {
+            edges: vec![0.0; seq.len()],
+            queue: seq.iter().map(|&port| ports.item(port) as u32).collect(),
+            queued: vec![true; seq.len()],
             ports,
             cost,
             near,
@@ -153,11 +170,11 @@ impl<'a, C: Fn(u32, u32) -> f64, N: FnMut(u32, f64, &mut Vec<(f64, u32)>)> Tour<
             place,
             longest,
             least,
-            queue: Default::default(),
-            queued,
             found: Vec::new(),
             journal: None,
-        }
+        };
+        (0..tour.seq.len()).for_each(|at| tour.measure(at));
+        tour
     }
 
     /// Entry ports in the order of the path, the start first.
@@ -175,20 +192,13 @@ impl<'a, C: Fn(u32, u32) -> f64, N: FnMut(u32, f64, &mut Vec<(f64, u32)>)> Tour<
     fn link(&self, from: u32, to: u32) -> f64 {
         if to == NONE { 0.0 } else { (self.cost)(from, to) }
     }
-    /// Cost from place `at` to the next.
-    fn edge(&self, at: usize) -> f64 {
-        self.link(self.exit(at), self.entry(at + 1))
-    }
-    /// Cost of the whole path.
-    pub(super) fn total(&self) -> f64 {
-        (0..self.seq.len()).map(|at| self.edge(at)).sum()
+    /// Sets the cost from place `at` to the next.
+    fn measure(&mut self, at: usize) {
+        self.edges[at] = self.link(self.exit(at), self.entry(at + 1));
     }
 
-    /// Makes moves that gain until there are none.
+    /// Makes moves that gain until there are none, around all that is new or changed.
     pub(super) fn improve(&mut self) {
-        for at in 0..self.seq.len() {
-            self.stale(at);
-        }
         self.work(MOST_MOVES * self.seq.len());
     }
 
@@ -222,116 +232,115 @@ impl<'a, C: Fn(u32, u32) -> f64, N: FnMut(u32, f64, &mut Vec<(f64, u32)>)> Tour<
     fn best_move(&mut self, i: usize) -> Option<Move> {
         let mut best = Move { gain: self.least, a: 0, b: 0, gap: 0, turned: false, entry: NONE };
         let mut found = std::mem::take(&mut self.found);
-        let after = self.edge(i);
+        let after = self.edges[i];
         if after > self.least {
-            let port = self.exit(i);
-            (self.near)(port, after, &mut found);
+            (self.near)(self.exit(i), after, &mut found);
+            let runs = self.runs(i, [1, 0]);
             for &(d, q) in &found {
-                self.after(i, after, q, d, &mut best);
+                self.after(i, q, d, &runs, &mut best);
             }
         }
-        let before = if i == 0 { 0.0 } else { self.edge(i - 1) };
+        let before = if i == 0 { 0.0 } else { self.edges[i - 1] };
         if before > self.least {
-            let port = self.entry(i);
-            (self.near)(port, before, &mut found);
+            (self.near)(self.entry(i), before, &mut found);
+            let runs = self.runs(i, [0, 1]);
             for &(d, q) in &found {
-                self.before(i, before, q, d, &mut best);
+                self.before(i, q, d, &runs, &mut best);
             }
         }
         self.found = found;
         (best.b > 0).then_some(best)
     }
 
-    /// What leaving item `j` out gains.
-    fn gap_gain(&self, j: usize) -> f64 {
-        self.edge(j - 1) + self.edge(j) - self.link(self.exit(j - 1), self.entry(j + 1))
+    /// What taking out the runs of up to [`RUN`] items at place `i` gains that end or begin there.
+    fn runs(&self, i: usize, [down, up]: [usize; 2]) -> [f64; RUN] {
+        let mut gains = [f64::NEG_INFINITY; RUN];
+        for (k, gain) in gains.iter_mut().enumerate() {
+            let (a, b) = (i.saturating_sub(down * k), i + up * k);
+            if a > 0 && i - a == down * k && b < self.seq.len() {
+                *gain = self.edges[a - 1] + self.edges[b] - self.link(self.exit(a - 1), self.entry(b + 1));
+            }
+        }
+        gains
     }
 
-    /// Moves after which the exit of place `i` is joined to port `q`, `d` away; it leaves by a link that
-    /// costs `out` now.
-    fn after(&self, i: usize, out: f64, q: u32, d: f64, best: &mut Move) {
+    /// Moves after which the exit of place `i` is joined to port `q`, `d` away. `runs` is what taking out
+    /// the runs that end with i gains.
+    fn after(&self, i: usize, q: u32, d: f64, runs: &[f64; RUN], best: &mut Move) {
         let j = self.place[self.ports.item(q)] as usize;
         if i.abs_diff(j) > self.longest {
             return;
         }
-        let mut offer = |gain: f64, [a, b]: [usize; 2], gap: usize, turned: bool, entry: u32| {
-            if gain > best.gain {
-                *best = Move { gain, a, b, gap, turned, entry };
-            }
-        };
-        let next = self.entry(i + 1);
-        let leaves_by_q = self.exit(j) == q;
+        let [enters_by_q, leaves_by_q] = [self.entry(j) == q, self.exit(j) == q];
         if leaves_by_q {
             let [lo, hi] = [i.min(j), i.max(j)];
-            let gain = self.edge(lo) + self.edge(hi) - d - self.link(self.entry(lo + 1), self.entry(hi + 1));
-            offer(gain, [lo + 1, hi], lo, true, NONE);
+            best.offer(self.edges[lo] + self.edges[hi] - d, [lo + 1, hi, lo], true, NONE, || {
+                self.link(self.entry(lo + 1), self.entry(hi + 1))
+            });
         }
         // Item j comes after i.
         let exit = self.ports.other(q);
+        let out = self.edges[i] - d;
         if j == i + 1 {
-            let gain = out + self.edge(j) - d - self.link(exit, self.entry(j + 1));
-            return offer(gain, [j, j], i, false, q);
+            let gain = out + self.edges[j];
+            return best.offer(gain, [j, j, i], false, q, || self.link(exit, self.entry(j + 1)));
         }
-        offer(self.gap_gain(j) + out - d - self.link(exit, next), [j, j], i, false, q);
+        best.offer(self.edges[j - 1] + self.edges[j] + out, [j, j, i], false, q, || {
+            self.link(self.exit(j - 1), self.entry(j + 1)) + self.link(exit, self.entry(i + 1))
+        });
         // A run that ends with i goes before or after j.
-        let enters_by_q = self.entry(j) == q;
-        for a in (i.saturating_sub(RUN - 1).max(1)..=i).rev() {
-            if (a..=i).contains(&j) || a - 1 == j {
+        for (k, gain) in runs.iter().enumerate().take_while(|&(k, _)| k < i) {
+            let a = i - k;
+            if a == j || a == j + 1 {
                 return;
             }
-            let first = self.entry(a);
-            let gain = self.edge(a - 1) + out - self.link(self.exit(a - 1), next) - d;
             if enters_by_q {
-                let gain = gain + self.edge(j - 1) - self.link(self.exit(j - 1), first);
-                offer(gain, [a, i], j - 1, false, NONE);
+                let gain = gain + self.edges[j - 1] - d;
+                best.offer(gain, [a, i, j - 1], false, NONE, || self.link(self.exit(j - 1), self.entry(a)));
             }
             if leaves_by_q {
-                let gain = gain + self.edge(j) - self.link(first, self.entry(j + 1));
-                offer(gain, [a, i], j, true, NONE);
+                let gain = gain + self.edges[j] - d;
+                best.offer(gain, [a, i, j], true, NONE, || self.link(self.entry(a), self.entry(j + 1)));
             }
         }
     }
 
-    /// The same for the entry of place `i`, whose link from the place before costs `out` now.
-    fn before(&self, i: usize, out: f64, q: u32, d: f64, best: &mut Move) {
+    /// The same for the entry of place `i` and the runs that begin there.
+    fn before(&self, i: usize, q: u32, d: f64, runs: &[f64; RUN], best: &mut Move) {
         let j = self.place[self.ports.item(q)] as usize;
         if i.abs_diff(j) > self.longest {
             return;
         }
-        let mut offer = |gain: f64, [a, b]: [usize; 2], gap: usize, turned: bool, entry: u32| {
-            if gain > best.gain {
-                *best = Move { gain, a, b, gap, turned, entry };
-            }
-        };
-        let last = self.exit(i - 1);
-        let enters_by_q = self.entry(j) == q;
+        let [enters_by_q, leaves_by_q] = [self.entry(j) == q, self.exit(j) == q];
         if enters_by_q {
             let [lo, hi] = [i.min(j), i.max(j)];
-            let gain = self.edge(lo - 1) + self.edge(hi - 1) - d - self.link(self.exit(lo - 1), self.exit(hi - 1));
-            offer(gain, [lo, hi - 1], lo - 1, true, NONE);
+            best.offer(self.edges[lo - 1] + self.edges[hi - 1] - d, [lo, hi - 1, lo - 1], true, NONE, || {
+                self.link(self.exit(lo - 1), self.exit(hi - 1))
+            });
         }
         // Item j comes before i.
         let entry = self.ports.other(q);
+        let out = self.edges[i - 1] - d;
         if j == i - 1 {
-            let gain = out + self.edge(j - 1) - d - self.link(self.exit(j - 1), entry);
-            return offer(gain, [j, j], j - 1, false, entry);
+            let gain = out + self.edges[j - 1];
+            return best.offer(gain, [j, j, j - 1], false, entry, || self.link(self.exit(j - 1), entry));
         }
-        offer(self.gap_gain(j) + out - d - self.link(last, entry), [j, j], i - 1, false, entry);
+        best.offer(self.edges[j - 1] + self.edges[j] + out, [j, j, i - 1], false, entry, || {
+            self.link(self.exit(j - 1), self.entry(j + 1)) + self.link(self.exit(i - 1), entry)
+        });
         // A run that begins with i goes before or after j.
-        let leaves_by_q = self.exit(j) == q;
-        for b in i..(i + RUN).min(self.seq.len()) {
-            if (i..=b).contains(&j) || b + 1 == j {
+        for (k, gain) in runs.iter().enumerate().take_while(|&(k, _)| i + k < self.seq.len()) {
+            let b = i + k;
+            if b == j || b + 1 == j {
                 return;
             }
-            let exit = self.exit(b);
-            let gain = self.edge(b) + out - self.link(last, self.entry(b + 1)) - d;
             if leaves_by_q {
-                let gain = gain + self.edge(j) - self.link(exit, self.entry(j + 1));
-                offer(gain, [i, b], j, false, NONE);
+                let gain = gain + self.edges[j] - d;
+                best.offer(gain, [i, b, j], false, NONE, || self.link(self.exit(b), self.entry(j + 1)));
             }
             if enters_by_q {
-                let gain = gain + self.edge(j - 1) - self.link(self.exit(j - 1), exit);
-                offer(gain, [i, b], j - 1, true, NONE);
+                let gain = gain + self.edges[j - 1] - d;
+                best.offer(gain, [i, b, j - 1], true, NONE, || self.link(self.exit(j - 1), self.exit(b)));
             }
         }
     }
@@ -341,7 +350,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: FnMut(u32, f64, &mut Vec<(f64, u32)>)> Tour<
             self.stale(at);
         }
         if m.entry != NONE {
-            let old = std::mem::replace(&mut self.seq[m.a], m.entry);
+            let old = self.enter(m.a, m.entry);
             self.journal.iter_mut().for_each(|j| j.push(Step::Port(m.a, old)));
         }
         if m.turned {
@@ -354,6 +363,14 @@ impl<'a, C: Fn(u32, u32) -> f64, N: FnMut(u32, f64, &mut Vec<(f64, u32)>)> Tour<
         }
     }
 
+    /// Lets place `at` be entered by another port; answers with the port before.
+    fn enter(&mut self, at: usize, port: u32) -> u32 {
+        let old = std::mem::replace(&mut self.seq[at], port);
+        self.measure(at - 1);
+        self.measure(at);
+        old
+    }
+
     /// Reverses places `lo..=hi` and turns every item there.
     fn reverse(&mut self, lo: usize, hi: usize) {
         self.journal.iter_mut().for_each(|j| j.push(Step::Reverse(lo, hi)));
@@ -364,6 +381,9 @@ impl<'a, C: Fn(u32, u32) -> f64, N: FnMut(u32, f64, &mut Vec<(f64, u32)>)> Tour<
             *port = ports.other(*port);
             place[ports.item(*port)] = at;
         }
+        self.edges[lo..hi].reverse();
+        self.measure(lo - 1);
+        self.measure(hi);
     }
 
     fn rotate(&mut self, lo: usize, hi: usize, by: usize) {
@@ -371,6 +391,10 @@ impl<'a, C: Fn(u32, u32) -> f64, N: FnMut(u32, f64, &mut Vec<(f64, u32)>)> Tour<
         self.seq[lo..=hi].rotate_left(by);
         let Self { ports, seq, place, .. } = self;
         seq[lo..=hi].iter().zip(lo as u32..).for_each(|(&port, at)| place[ports.item(port)] = at);
+        self.edges[lo..=hi].rotate_left(by);
+        self.measure(lo - 1);
+        self.measure(hi - by);
+        self.measure(hi);
     }
 
     /// Chooses the ports of all items at once so that the path is shortest in its present order.
@@ -398,7 +422,9 @@ impl<'a, C: Fn(u32, u32) -> f64, N: FnMut(u32, f64, &mut Vec<(f64, u32)>)> Tour<
         let end = last.iter().copied().reduce(|a, b| if b.0 < a.0 { b } else { a });
         let Some((_, mut port)) = end else { return };
         for at in (1..n).rev() {
-            self.seq[at] = port;
+            if self.enter(at, port) != port {
+                [at - 1, at, at + 1].into_iter().for_each(|at| self.stale(at));
+            }
             port = from[port as usize];
         }
     }
@@ -432,7 +458,9 @@ impl<'a, C: Fn(u32, u32) -> f64, N: FnMut(u32, f64, &mut Vec<(f64, u32)>)> Tour<
                 match step {
                     Step::Reverse(lo, hi) => self.reverse(lo, hi),
                     Step::Rotate(lo, hi, by) => self.rotate(lo, hi, hi + 1 - lo - by),
-                    Step::Port(at, port) => self.seq[at] = port,
+                    Step::Port(at, port) => {
+                        self.enter(at, port);
+                    }
                 }
             }
         }
@@ -441,11 +469,11 @@ impl<'a, C: Fn(u32, u32) -> f64, N: FnMut(u32, f64, &mut Vec<(f64, u32)>)> Tour<
 
     /// Runs `a..b` and `b..c` change places; what it costs.
     fn swap(&mut self, a: usize, b: usize, c: usize) -> f64 {
-        let old = self.edge(a - 1) + self.edge(b - 1) + self.edge(c - 1);
+        let ends = |tour: &Self, middle: usize| tour.edges[a - 1] + tour.edges[middle - 1] + tour.edges[c - 1];
+        let old = ends(self, b);
         [a - 1, a, b - 1, b, c - 1, c].into_iter().for_each(|at| self.stale(at));
         self.rotate(a, c - 1, b - a);
-        let middle = a + c - b;
-        self.edge(a - 1) + self.edge(middle - 1) + self.edge(c - 1) - old
+        ends(self, a + c - b) - old
     }
 }
 
@@ -460,5 +488,92 @@ impl Random {
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         (((z ^ (z >> 31)) >> 32) as usize * n) >> 32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Places of the ports of stops and of open and closed strokes, mixed.
+    fn mixed(n: usize, mut seed: u64) -> (Ports, Vec<[f64; 2]>) {
+        let mut ports = Ports::with_capacity(n + 1, 4 * n);
+        ports.closed(1);
+        for i in 0..n {
+            if i % 3 == 0 { ports.open() } else { ports.closed(i % 3 * 2) }
+        }
+        let mut next = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (seed >> 40) as f64
+        };
+        let at = (0..ports.item.len()).map(|_| [next(), next()]).collect();
+        (ports, at)
+    }
+
+    fn square([x, y]: [f64; 2]) -> f64 {
+        x * x + y * y
+    }
+
+    fn distance(at: &[[f64; 2]], a: u32, b: u32) -> f64 {
+        let (a, b) = (at[a as usize], at[b as usize]);
+        square([a[0] - b[0], a[1] - b[1]]).sqrt()
+    }
+
+    fn length(ports: &Ports, at: &[[f64; 2]], seq: &[u32]) -> f64 {
+        seq.windows(2).map(|w| distance(at, ports.other(w[0]), w[1])).sum()
+    }
+
+    #[test]
+    fn every_change_keeps_the_books_and_pays() {
+        for seed in 1..6 {
+            let (ports, at) = mixed(120, seed);
+            let mut tree = Tree::new(&at[1..]);
+            let first = greedy(&ports, &mut tree, &at, square);
+            let cost = |a: u32, b: u32| distance(&at, a, b);
+            let near = |port: u32, limit: f64, found: &mut Vec<(f64, u32)>| {
+                found.clear();
+                let others = (1..at.len() as u32).filter(|&p| ports.item(p) != ports.item(port));
+                found.extend(others.map(|p| (cost(port, p), p)).filter(|f| f.0 < limit));
+                found.sort_by(|a, b| a.0.total_cmp(&b.0));
+                found.truncate(8);
+            };
+            let mut before = length(&ports, &at, &first);
+            let greedy = before;
+            let mut tour = Tour::new(&ports, first, 1000, 1e-6, cost, near);
+            for step in 0..4 {
+                match step {
+                    1 => tour.improve(),
+                    2 => tour.perturb(200, 1),
+                    _ => tour.settle(),
+                }
+                let after = length(&ports, &at, &tour.seq);
+                assert!(after <= before + 1e-3, "step {step} with seed {seed}: {before} {after}");
+                assert!((tour.edges.iter().sum::<f64>() - after).abs() < 1e-3, "step {step} with seed {seed}");
+                let mut seen = vec![false; ports.items()];
+                for (at, &port) in tour.seq.iter().enumerate() {
+                    assert_eq!(tour.place[ports.item(port)] as usize, at);
+                    assert!(!std::mem::replace(&mut seen[ports.item(port)], true));
+                }
+                assert_eq!((tour.seq[0], tour.seq.len()), (0, ports.items()));
+                before = after;
+            }
+            assert!(before < 0.9 * greedy, "seed {seed}: {greedy} {before}");
+        }
+    }
+
+    #[test]
+    fn settling_finds_the_best_ports_of_all() {
+        let (ports, at) = mixed(6, 4);
+        let seq: Vec<u32> = (0..ports.items()).map(|i| ports.of(i).start).collect();
+        let cost = |a: u32, b: u32| distance(&at, a, b);
+        let mut tour = Tour::new(&ports, seq, 10, 0.0, cost, |_, _, found| found.clear());
+        tour.settle();
+        let mut all = vec![vec![0]];
+        for item in 1..ports.items() {
+            let longer = |seq: &Vec<u32>| ports.of(item).map(|port| [&seq[..], &[port]].concat()).collect::<Vec<_>>();
+            all = all.iter().flat_map(longer).collect();
+        }
+        let best = all.iter().map(|seq| length(&ports, &at, seq)).fold(f64::INFINITY, f64::min);
+        assert!(all.len() > 100 && (length(&ports, &at, &tour.into_seq()) - best).abs() < 1e-6);
     }
 }
