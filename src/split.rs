@@ -147,7 +147,8 @@ impl<'a> Cutter<'a> {
         if points[0] == points[points.len() - 1] {
             if parts == 1 && out.skipped == self.before.1 {
                 out.figures_whole += 1;
-                out.list.iter_mut().next_back().into_iter().for_each(|f| f.is_figure = f.len as usize == points.len());
+                let last = out.list.last_mut();
+                last.into_iter().for_each(|f| f.is_figure = f.len as usize == points.len());
             } else {
                 out.figures_cut += 1;
             }

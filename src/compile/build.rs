@@ -6,10 +6,11 @@ use rayon::prelude::*;
 use super::Ground;
 use crate::geom::{Box2, P2};
 use crate::order;
+use crate::order::stops::Climb;
 use crate::order::strokes::{Path, Visit};
 use crate::partition::Stops;
 use crate::program::{Block, Program, Stop, Stroke};
-use crate::spec::Level;
+use crate::spec::{Level, StopOrder, StrokeOrder};
 use crate::split::Fragments;
 
 /// A program in order, and how far its marks lie from their focal planes at most, nm.
@@ -69,31 +70,30 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
             (stop, z)
         })
         .collect();
-    let tour = tour(ground, &placed);
     let points = |(part, i): (u32, u32)| {
         let (fragments, f) = (&parts[part as usize], &parts[part as usize].list[i as usize]);
         &fragments.points[f.first as usize..(f.first + f.len) as usize]
     };
-    let orders: Vec<Vec<Visit>> = tour
-        .par_iter()
-        .map(|&t| {
-            let members = &members[starts[used[t]]..starts[used[t] + 1]];
-            let path = |&m: &(u32, u32)| Path {
-                points: points(m),
-                is_closed: parts[m.0 as usize].list[m.1 as usize].is_figure,
-            };
-            order::strokes::order(&members.iter().map(path).collect::<Vec<_>>())
-        })
-        .collect();
+    let in_order = |&stop: &usize| {
+        let members = &members[starts[stop]..starts[stop + 1]];
+        let path =
+            |&m: &(u32, u32)| Path { points: points(m), is_closed: parts[m.0 as usize].list[m.1 as usize].is_figure };
+        match ground.job.file.order.strokes {
+            StrokeOrder::Shortest => order::strokes::order(&members.iter().map(path).collect::<Vec<_>>()),
+            StrokeOrder::Drawing => order::strokes::as_drawn(members.len()),
+        }
+    };
+    let (tour, orders): (_, Vec<Vec<Visit>>) =
+        rayon::join(|| tour(ground, &placed), || used.par_iter().map(in_order).collect());
     let mut program = Program { pens: ground.pens.clone(), ..Program::default() };
     program.strokes.reserve_exact(starts[n]);
     program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
     program.blocks.reserve_exact(tour.len());
-    for (&t, order) in tour.iter().zip(orders) {
+    for &t in &tour {
         let (stop, z) = &placed[t];
         let first_stroke = program.strokes.len();
         let members = &members[starts[used[t]]..starts[used[t] + 1]];
-        for Visit { stroke, start, reversed } in order {
+        for &Visit { stroke, start, reversed } in &orders[t] {
             let member = members[stroke as usize];
             let f = &parts[member.0 as usize].list[member.1 as usize];
             let first = program.points.len();
@@ -143,7 +143,12 @@ fn tour(ground: &Ground<'_>, placed: &[(Stop, [i64; 2])]) -> Vec<usize> {
         from: super::start(machine),
         lifts: placed.iter().any(|(s, _)| s.focus < lowest).then_some(&lifts),
     };
-    order::stops::tour(&targets, &stage, order::stops::Climb::Free, order::stops::EFFORT)
+    let climb = match ground.job.file.order.stops {
+        StopOrder::Time => Climb::Free,
+        StopOrder::ZUp => Climb::Up,
+        StopOrder::ZDown => Climb::Down,
+    };
+    order::stops::tour(&targets, &stage, climb, order::stops::EFFORT)
 }
 
 /// Whether the stage must lift between two stops.

@@ -43,6 +43,11 @@ const LEAST: f64 = 0.5;
 /// Most vertices of a closed stroke that the search knows.
 const CORNERS: usize = 8;
 
+/// Strokes in the order and direction in which they were drawn.
+pub fn as_drawn(strokes: usize) -> Vec<Visit> {
+    (0..strokes as u32).map(|stroke| Visit { stroke, start: 0, reversed: false }).collect()
+}
+
 /// The order in which strokes are marked, the beam starting in the centre of the field.
 pub fn order(paths: &[Path<'_>]) -> Vec<Visit> {
     let known = Known::new(paths);
