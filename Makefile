@@ -27,9 +27,10 @@ check:
 	$(CARGO) clippy --release --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --no-deps --document-private-items
 
-# Speed and memory on three sizes; prints a table.
+# Speed and memory on three sizes, speed and quality of orders; prints tables.
 bench:
 	$(CARGO) bench --bench job
+	$(CARGO) bench --bench order
 
 setup:
 	sh tests/python/setup.sh

@@ -130,6 +130,9 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
 
 /// The order in which the stage visits the stops.
 fn tour(ground: &Ground<'_>, placed: &[(Stop, [i64; 2])]) -> Vec<usize> {
+    if placed.is_empty() {
+        return Vec::new();
+    }
     let Ground { machine, origin, clearance, .. } = ground;
     let targets: Vec<[i64; 3]> =
         placed.iter().map(|(s, _)| machine.stage_from_part([s.centre.x, s.centre.y, s.focus], *origin)).collect();
