@@ -496,11 +496,16 @@ fn join(mut a: Fragments, b: Fragments) -> Fragments {
     a
 }
 
-/// The job's time, and that of every block. The stage comes from the centre of its travel, lifted.
+/// Where the stage comes from: the centre of its travel, lifted.
+fn start(machine: &Machine) -> [i64; 3] {
+    let centre = |axis: &crate::machine::Axis| axis.travel.iter().map(|t| t.as_nm().unwrap_or(0)).sum::<i64>() / 2;
+    [centre(&machine.stage.x), centre(&machine.stage.y), machine.retract_z()]
+}
+
+/// The job's time, and that of every block.
 fn times(machine: &Machine, program: &Program) -> (Times, Vec<f64>) {
     let mut t = Times::default();
-    let centre = |axis: &crate::machine::Axis| axis.travel.iter().map(|t| t.as_nm().unwrap_or(0)).sum::<i64>() / 2;
-    let mut at = [centre(&machine.stage.x), centre(&machine.stage.y), machine.retract_z()];
+    let mut at = start(machine);
     let mut blocks = Vec::with_capacity(program.blocks.len());
     for block in &program.blocks {
         let retract = block.retract.then(|| machine.retract_z());

@@ -33,6 +33,8 @@ pub struct Fragment {
     pub first: u32,
     /// How many points.
     pub len: u32,
+    /// Whether it is the whole of a closed stroke, which may be marked from any of its vertices.
+    pub is_figure: bool,
     /// Lowest and highest height, nm.
     pub z: [f64; 2],
     /// Integral of height over length, nm · nm.
@@ -226,6 +228,8 @@ impl<'a> Cutter<'a> {
         if points[0] == points[points.len() - 1] {
             if parts == 1 && out.skipped == self.before.1 {
                 out.figures_whole += 1;
+                let last = out.list.last_mut();
+                last.into_iter().for_each(|f| f.is_figure = f.len as usize == points.len());
             } else {
                 out.figures_cut += 1;
             }
@@ -520,6 +524,7 @@ impl<'a> Cutter<'a> {
             pen: self.pen,
             first: open.first as u32,
             len: points.len() as u32,
+            is_figure: false,
             z: open.z,
             z_length: open.z_length,
             length: open.length,

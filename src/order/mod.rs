@@ -1,5 +1,8 @@
 //! Order: of stops along the stage's way, of strokes within a block, and where the stage must lift.
 
 pub mod clearance;
+mod clock;
 pub mod stops;
 pub mod strokes;
+mod tour;
+mod tree;

@@ -56,6 +56,9 @@ pub struct JobFile {
     /// How the surface is divided.
     #[serde(default)]
     pub partition: PartitionSpec,
+    /// In which order stops and strokes are marked.
+    #[serde(default)]
+    pub order: OrderSpec,
     /// What is skipped or warned of.
     #[serde(default)]
     pub limits: LimitsSpec,
@@ -358,6 +361,42 @@ pub enum Objective {
     Time,
     /// Stops; of equal numbers the least time.
     Stops,
+}
+
+/// In which order the stage visits the stops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum StopOrder {
+    /// The one with the least time of stage moves that is found.
+    #[default]
+    Time,
+    /// The same, but no focal plane lies lower than the one before.
+    ZUp,
+    /// The same, but no focal plane lies higher than the one before.
+    ZDown,
+}
+
+/// In which order the strokes of a block are marked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum StrokeOrder {
+    /// With short jumps: either way round, closed figures from any of their vertices.
+    #[default]
+    Shortest,
+    /// As they were drawn: in that order and direction.
+    Drawing,
+}
+
+/// `[order]`.
+#[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OrderSpec {
+    /// Order of the stops.
+    #[serde(default)]
+    pub stops: StopOrder,
+    /// Order of the strokes within a block.
+    #[serde(default)]
+    pub strokes: StrokeOrder,
 }
 
 /// What happens to texture on slopes beyond `max_incidence`.
