@@ -130,13 +130,19 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
 
     progress(Station::Footprint);
     let ground = ground(&job, &machine, &surface, &texture)?;
+    most_stops(&ground)?;
     let methods = match job.file.partition.method {
         Method::Auto => vec![Method::Contour, Method::ZRange, Method::Window],
         one => vec![one],
     };
-    most_stops(&ground)?;
-    let (methods, stops): (Vec<Method>, Vec<Stops>) =
-        methods.iter().filter_map(|&method| Some((method, divide(&ground, method)?))).unzip();
+    let (mut tried, mut stops) = (Vec::new(), Vec::new());
+    for method in methods {
+        let hopeless = method == Method::Window && stops.last().is_some_and(|grid| windows_cannot_win(&ground, grid));
+        if let Some(found) = (!hopeless).then(|| divide(&ground, method)).flatten() {
+            tried.push(method);
+            stops.push(found);
+        }
+    }
     if stops.is_empty() {
         let text = "the texture's box is too wide for free windows of this field";
         return Err(Diag::limit("window-wide", text).hint("use partition.method = \"z-range\"").into());
@@ -146,7 +152,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     progress(Station::Order);
     let mut candidates = Vec::new();
     let mut best: Option<Made> = None;
-    for ((&method, stops), parts) in methods.iter().zip(&stops).zip(parts) {
+    for ((&method, stops), parts) in tried.iter().zip(&stops).zip(parts) {
         let made = make(&ground, method, stops, parts);
         candidates.push(Candidate {
             method: method.name().into(),
@@ -163,7 +169,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         }
     }
     let Some(made) = best else { return Err(Diag::bug("no-candidate", "no method was tried").into()) };
-    if methods.len() == 1 {
+    if tried.len() == 1 {
         candidates.clear();
     }
     let limits = Limits {
@@ -399,6 +405,24 @@ fn divide(ground: &Ground<'_>, method: Method) -> Option<Stops> {
             partition::free(cells(ground, &fine), &fine, sections, *window, lattice)
         }
     })
+}
+
+/// Whether `auto` may leave free windows out, whose search takes seconds: even with six tenths of the stops
+/// of the grid, fewer than they need on any surface with a dense texture, they would lose, because nearly
+/// all moves of a grid are moves of z alone.
+fn windows_cannot_win(ground: &Ground<'_>, grid: &Stops) -> bool {
+    if ground.job.file.partition.objective == Objective::Stops {
+        return false;
+    }
+    let [w, h] = ground.window;
+    let time = |to: [i64; 3]| {
+        let moved = motion::stage_move(ground.machine, [0; 3], to, None);
+        moved.travel_s + moved.settle_s
+    };
+    let (xy, z) = (time([w, h, 0]), time([0, 0, ground.lattice.depth]));
+    let sections = (0..ground.sections.len()).filter(|&i| ground.footprint.is_used(i)).count() as f64;
+    let stops = grid.stops.len() as f64;
+    0.6 * stops * time([w / 2, h / 2, 0]) > sections * xy + (stops - sections) * z
 }
 
 /// The texture in the cells of a fine grid.

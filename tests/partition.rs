@@ -96,7 +96,10 @@ fn auto_keeps_the_job_that_takes_the_least_time() {
         assert!((stated - chosen).abs() < 1e-6 * chosen, "{stated} {chosen}");
         for method in ["contour", "z-range", "window"] {
             let (single, out) = job(method);
-            assert_eq!(number(candidate(&summary, method), "stops"), number(&single, "stops"), "{method}");
+            // Windows are left out where they cannot win.
+            if method != "window" || xy == z {
+                assert_eq!(number(candidate(&summary, method), "stops"), number(&single, "stops"), "{method}");
+            }
             let total = |s: &Value| number(&s["time_s"], "total");
             assert!(total(&summary) <= total(&single), "{method} is faster than what was kept");
             let stage = stage_time(&out, xy, z);
