@@ -11,8 +11,10 @@ fn frame(columns: usize, rows: usize, cell: i64) -> Frame {
     Frame { origin: P2::new(0, 0), cell, count: [columns, rows] }
 }
 
-/// A program of blocks: centre and depth interval in nm, strokes in the part frame.
-fn program(blocks: &[(P2, [i64; 2], Vec<Vec<P2>>)]) -> Program {
+/// A block: centre and depth interval in nm, strokes in the part frame.
+type Made = (P2, [i64; 2], Vec<Vec<P2>>);
+
+fn program(blocks: &[Made]) -> Program {
     let mut program = Program::default();
     for (centre, [z_lo, z_hi], strokes) in blocks {
         let start = program.strokes.len();
@@ -192,7 +194,7 @@ fn gaps_close_up_to_the_reach_and_nothing_else_does() {
     let mut labels = vec![0; frame.cells()];
     let lines: Vec<usize> = (2..=18).step_by(4).chain([50]).collect();
     lines.iter().for_each(|y| labels[y * 40 + 5..y * 40 + 30].fill(1));
-    let shown = close::gaps(&frame, &labels, 20);
+    let shown = close::gaps(&frame, &labels, 4, 20);
     for (i, shown) in shown.iter().enumerate() {
         let (x, y) = (i % 40, i / 40);
         assert_eq!(*shown, (5..30).contains(&x) && ((2..=18).contains(&y) || y == 50), "{x} {y}");
@@ -200,9 +202,17 @@ fn gaps_close_up_to_the_reach_and_nothing_else_does() {
     // Dots: between four of them too.
     labels.fill(0);
     (0..100).for_each(|k| labels[(5 + k / 10 * 4) * 40 + 2 + k % 10 * 3] = 1);
-    let shown = close::gaps(&frame, &labels, 20);
+    let shown = close::gaps(&frame, &labels, 4, 20);
     assert_eq!(shown.iter().filter(|s| **s).count(), 28 * 37);
-    assert!(close::gaps(&frame, &vec![0; frame.cells()], 20).iter().all(|s| !s));
+    // Most gaps too wide: sparse figures are closed as far as they are small.
+    labels.fill(0);
+    for (x, y) in [(2, 5), (35, 5), (2, 35), (35, 35)] {
+        labels[y * 40 + x] = 1;
+        labels[y * 40 + x + 3] = 1;
+    }
+    let shown = close::gaps(&frame, &labels, 4, 20);
+    assert_eq!(shown.iter().filter(|s| **s).count(), 16);
+    assert!(close::gaps(&frame, &vec![0; frame.cells()], 4, 20).iter().all(|s| !s));
 }
 
 /// Two levels on a slope along x, 1 mm hatch along x, texture in the lower half only.
@@ -286,7 +296,7 @@ fn with_free_windows_a_place_belongs_to_its_marks() {
         };
         stops.iter().enumerate().filter(move |(_, s)| fits(s)).map(|(i, _)| i).collect::<Vec<_>>()
     };
-    let mut blocks: Vec<_> = stops.iter().map(|&(c, lo)| (c, [lo, lo + 100_000], Vec::new())).collect();
+    let mut blocks: Vec<Made> = stops.iter().map(|&(c, lo)| (c, [lo, lo + 100_000], Vec::new())).collect();
     // The owner of every cell under a line; lines 0.5 mm apart, pieces of 4 mm, cut between cells.
     let mut owner = vec![0u32; 400 * 400];
     for (line, piece) in (0..200i64).flat_map(|l| (0..25i64).map(move |k| (l, k))) {
