@@ -180,8 +180,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         clearance: &ground.clearance,
     };
     let checked = Checked::new(made.program, &limits)?;
-    let mut map = map::Map::new(checked.program(), &ground.sections, &surface, texture.bounds());
-    let sub_blocks = map.sub_blocks(checked.program());
+    let map = map::Map::new(checked.program(), &ground.sections, &machine, &surface, texture.bounds());
     warn(&job, &made.split, made.worst_defocus, ground.lattice.depth, warnings)?;
     warnings.extend(not_kept(&ground, made.method, &made.split));
     let program = checked.program();
@@ -189,7 +188,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let passes = |pick: fn(&Program, &Block) -> f64| program.blocks.iter().map(|b| pick(program, b)).sum::<f64>();
     let summary = Summary {
         stops: program.blocks.len(),
-        sub_blocks,
+        sub_blocks: map.sub_blocks(),
         method: made.method.name().into(),
         lower_bound_stops: None,
         texture_mm: split.texture_mm,
