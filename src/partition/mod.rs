@@ -6,6 +6,7 @@
 //! a whole even number of increments, so that the middle of every level is a place where the stage can
 //! stand.
 
+pub mod bound;
 mod contour;
 pub mod items;
 pub mod window;
