@@ -12,7 +12,7 @@
 //! lies half a pitch inside the area's box. Where directions differ, lines end on the border, and beside it
 //! up to one pitch stays free.
 //!
-//! Strokes are counted cell by cell, in each along the normal that lies left of the lines. Units: nm as
+//! Lines shorter than 12 um, in corners, are left out. Strokes are counted cell by cell, in each along the normal that lies left of the lines. Units: nm as
 //! f64 in the turned part frame, rounded once.
 
 use crate::diag::Error;
@@ -20,8 +20,9 @@ use crate::geom::{Box2, NM_PER_MM, P2, cos_sin};
 use crate::texture::place::{NM, Turn, corners};
 use crate::texture::{MAX_STROKES, too_large};
 
-/// Shortest line, nm: its ends stay apart when they are rounded.
-const SHORTEST: f64 = 2.0;
+/// Shortest line, nm. A hundredth of a degree off an axis its ends still are 2 nm apart in x and in y, so
+/// that rounding leaves no line on a border that it does not run along. Shorter ones are corners.
+const SHORTEST: f64 = 12_000.0;
 
 /// The direction of the lines in every cell of a grid, turned part frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -213,7 +214,7 @@ impl Contour {
             return Err(too_large(lines, 2 * lines).into());
         }
         let (mut first, mut last) = (lo as i64, hi as i64);
-        // Lines through a corner have no length; only the outermost can be that short.
+        // Lines get shorter towards a corner, so only the outermost can be too short.
         while first <= last && self.line(lattice, first).is_none() {
             first += 1;
         }
@@ -251,7 +252,7 @@ impl Contour {
         points
     }
 
-    /// The ends of line `k` of a cell; None where it has no length there.
+    /// The ends of line `k` of a cell; None where it is too short.
     fn line(&self, lattice: &Lattice, k: i64) -> Option<[P2; 2]> {
         let (d, n) = (lattice.direction, lattice.normal());
         let offset = k as f64 * self.pitch;
