@@ -313,3 +313,70 @@ fn area(outline: &[[f64; 2]]) -> f64 {
     let cross = |a: [f64; 2], b: [f64; 2]| (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
     sides(outline).map(|(a, b)| cross(a, b)).sum::<f64>() / 2.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::texture::{self, Kind, Request};
+
+    const MM: i64 = 1_000_000;
+
+    /// Verdicts on the lines of 50 x 40 mm in sections of 20 mm, after a change to the list of lines.
+    fn faults(hundredths: [u16; 6], change: impl FnOnce(&mut Vec<[P2; 2]>)) -> Vec<String> {
+        let kind = Kind::Contour { pitch_mm: 1.0 };
+        let area = texture::Area::Rectangle([0.0, 0.0, 50.0, 40.0]);
+        let request = Request { kind, area, tolerance_mm: 0.001, pen: 0 };
+        let mut texture = Texture::load(&[request], [0.0; 4], 0.2, &mut Vec::new()).expect("an area");
+        let Sections { origin, pitch, count } = Sections::over(texture.bounds(), [20 * MM, 30 * MM], 100, [0, 0]);
+        assert_eq!(count, [3, 2]);
+        let directions = Directions { origin, pitch, count, hundredths: hundredths.to_vec() };
+        texture.fill(directions.clone()).expect("lines");
+        let mut points = Vec::new();
+        let lines = (0..texture.len()).map(|i| {
+            texture.stroke(i, &mut points);
+            [points[0], points[1]]
+        });
+        let mut lines: Vec<[P2; 2]> = lines.collect();
+        change(&mut lines);
+        let (_, contour) = texture.contours().next().expect("one");
+        let area = Area { corners: contour.corners(), pitch: contour.pitch(), strokes: 0..lines.len() };
+        let mut rule = Rule::new("fill", "");
+        let mut found = Lines::new(&area, &directions, &mut rule);
+        lines.iter().for_each(|l| found.add(l));
+        found.finish();
+        rule.violations.into_iter().map(|v| v.message).collect()
+    }
+
+    #[test]
+    fn damaged_lines_are_found() {
+        let any = [1234, 9000, 0, 4500, 17_999, 6001];
+        assert_eq!(faults(any, |_| ()), Vec::<String>::new());
+        let one = |part: &str, change: fn(&mut Vec<[P2; 2]>)| {
+            let found = faults(any, change);
+            assert!(found.iter().any(|f| f.contains(part)), "{part}: {found:?}");
+        };
+        one("not a pitch apart", |l| _ = l.remove(8));
+        one("not a pitch apart", |l| l.insert(8, l[8]));
+        one("not a pitch apart", |l| l[8].iter_mut().for_each(|p| (p.x, p.y) = (p.x - 3, p.y + 14)));
+        one("room for another", |l| _ = l.drain(..2));
+        one("end on the border", |l| l[8][1] = l[8][0].lerp(l[8][1], 0.9));
+        one("end on the border", |l| l[8][1] = l[8][0].lerp(l[8][1], 1.1));
+        one("in the direction", |l| l[8][1].y += 5);
+        one("holds no line", |l| l.truncate(l.len() / 2));
+        one("follow each other", |l| {
+            let first = l[8];
+            l.push(first);
+        });
+    }
+
+    #[test]
+    fn shares_of_the_area_are_measured() {
+        let square = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]];
+        let cell = Box2 { lo: P2::new(5, -5), hi: P2::new(20, 4) };
+        let cut = outline(&square, cell);
+        assert_eq!(area(&cut), 20.0);
+        assert_eq!(depth(&cut, [7.0, 1.0]), 1.0);
+        assert!(depth(&cut, [4.0, 1.0]) < 0.0);
+        assert!(outline(&square, Box2 { lo: P2::new(11, 0), hi: P2::new(20, 4) }).is_empty());
+    }
+}
