@@ -15,6 +15,7 @@ use build::build;
 
 use crate::check::{Checked, Limits};
 use crate::diag::{Diag, Error, Place};
+use crate::fill;
 use crate::geom::{Box2, NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
 use crate::order::clearance::Clearance;
@@ -63,6 +64,9 @@ pub struct Plan {
     pub summary: Summary,
     /// The box of the texture, turned part frame.
     pub texture: Box2,
+    /// Direction of what is filled along contours, by section, in hundredths of a degree; empty where
+    /// nothing is.
+    pub directions: Vec<u16>,
     /// Time of every block: marks, jumps and delays, s.
     pub block_times: Vec<f64>,
     /// Largest depth range of a block as used, nm.
@@ -126,10 +130,10 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let path = job.resolve(job.file.surface.file.get_ref());
     let weld = job.file.surface.weld.as_mm();
     let surface = Surface::load(&path, &job.surface_options(), weld, turn, warnings)?;
-    let texture = Texture::load(&job.texture_requests(), surface.part_box_mm(), turn, warnings)?;
+    let mut texture = Texture::load(&job.texture_requests(), surface.part_box_mm(), turn, warnings)?;
 
     progress(Station::Footprint);
-    let ground = ground(&job, &machine, &surface, &texture)?;
+    let ground = ground(&job, &machine, &surface, &mut texture)?;
     most_stops(&ground)?;
     let methods = match job.file.partition.method {
         Method::Auto => vec![Method::Contour, Method::ZRange, Method::Window],
@@ -180,7 +184,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         clearance: &ground.clearance,
     };
     let checked = Checked::new(made.program, &limits)?;
-    let map = map::Map::new(checked.program(), &ground.sections, &machine, &surface, texture.bounds());
+    let map = map::Map::new(checked.program(), &ground.sections, &machine, &surface, ground.texture.bounds());
     warn(&job, &made.split, made.worst_defocus, ground.lattice.depth, warnings)?;
     warnings.extend(not_kept(&ground, made.method, &made.split));
     let program = checked.program();
@@ -217,7 +221,8 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         checked,
         sections: ground.sections,
         map,
-        texture: texture.bounds(),
+        texture: ground.texture.bounds(),
+        directions: ground.texture.directions().map_or_else(Vec::new, |d| d.hundredths.clone()),
         summary,
         block_times: made.block_times,
         depth: ground.lattice.depth,
@@ -231,7 +236,7 @@ fn ground<'a>(
     job: &'a Job,
     machine: &'a Machine,
     surface: &'a Surface,
-    texture: &'a Texture,
+    texture: &'a mut Texture,
 ) -> Result<Ground<'a>, Error> {
     let step = machine.increment_nm();
     let field = machine.usable_field();
@@ -281,6 +286,8 @@ fn ground<'a>(
         return Err(Diag::limit("sections-many", text).hint("use a larger field or a smaller area").into());
     }
     let max_slope = job.file.limits.max_incidence.as_rad().tan();
+    fill::along_contours(texture, surface, &sections, max_slope, job.depth_range())?;
+    let texture = &*texture;
     let footprint = footprint(surface, texture, &sections, max_slope, keep, window.map(|w| w / 2));
     let Some((lo, hi)) = footprint.range() else {
         let place = Place::file(job.path.display().to_string());

@@ -4,9 +4,11 @@
 //! what can be checked without opening other files. Faults point at the value. The types here are the
 //! authority for the JSON schema (`terrace init --schema`) and for `docs/job-file.md`.
 
+mod direction;
 mod faults;
 mod sample;
 
+pub use direction::Direction;
 pub use sample::{SAMPLE_JOB, SAMPLE_SURFACE_NAME, sample_surface};
 
 use std::ops::Range;
@@ -212,9 +214,10 @@ pub struct TextureSpec {
     /// Hatch: distance of lines. Squares and circles: distance of centres.
     #[serde(default, deserialize_with = "positive_option")]
     pub pitch: Option<Length>,
-    /// Hatch: direction of the lines from +x, counter-clockwise.
+    /// Hatch: direction of the lines from +x, counter-clockwise; or `"contour"`: in every section along
+    /// the level lines of the part.
     #[serde(default)]
-    pub direction: Option<Angle>,
+    pub direction: Option<Direction>,
     /// Hilbert: 4^order points.
     #[serde(default)]
     #[schemars(with = "Option<u32>")]
@@ -601,9 +604,9 @@ impl Job {
         let mm = |l: &Option<Length>| l.map_or(0.0, Length::as_mm);
         let request = |(i, t): (usize, &TextureSpec)| {
             let kind = match t.pattern.as_ref().map(|p| *p.get_ref()) {
-                Some(Pattern::Hatch) => texture::Kind::Hatch {
-                    pitch_mm: mm(&t.pitch),
-                    direction_rad: t.direction.unwrap_or_default().as_rad(),
+                Some(Pattern::Hatch) => match t.direction.unwrap_or(Direction::Angle(Angle::default())) {
+                    Direction::Angle(a) => texture::Kind::Hatch { pitch_mm: mm(&t.pitch), direction_rad: a.as_rad() },
+                    Direction::Contour => texture::Kind::Contour { pitch_mm: mm(&t.pitch) },
                 },
                 Some(Pattern::Hilbert) => {
                     texture::Kind::Hilbert { order: t.order.as_ref().map_or(0, |o| *o.get_ref()) }
