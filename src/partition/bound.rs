@@ -108,3 +108,6 @@ fn heaviest(piece: &Item, near: &[(Item, u32)], size: [i32; 3], axes: &[usize]) 
     }
     best
 }
+
+#[cfg(test)]
+mod tests;

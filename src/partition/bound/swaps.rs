@@ -22,7 +22,7 @@ pub(super) fn certify(mut pieces: Vec<Item>, size: [i32; 3]) -> Certificate {
         chance ^= chance << 13;
         chance ^= chance >> 7;
         chance ^= chance << 17;
-        (u128::from(chance) * pieces.len() as u128 >> 64) as usize
+        ((u128::from(chance) * pieces.len() as u128) >> 64) as usize
     });
     for n in in_order.chain(by_chance) {
         let piece = &pieces[n];

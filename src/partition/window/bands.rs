@@ -74,12 +74,12 @@ impl Ribbon {
             best: Vec::new(),
             corners: Vec::new(),
         };
-        for k in 0..2 {
+        for (k, size) in size.into_iter().take(2).enumerate() {
             let lo = items.iter().map(|i| i.lo[k]).min().unwrap_or(0);
             let hi = items.iter().map(|i| i.lo[k]).max().unwrap_or(0);
             // At most four million bins.
             ribbon.origin[k] = lo;
-            ribbon.bin[k] = (size[k] / 32).max((hi - lo) / 2000).max(1);
+            ribbon.bin[k] = (size / 32).max((hi - lo) / 2000).max(1);
             ribbon.shape[k] = ((hi - lo) / ribbon.bin[k]) as usize + 1;
         }
         ribbon.first = vec![NONE; ribbon.shape[0] * ribbon.shape[1]];
