@@ -136,11 +136,11 @@ fn tour(ground: &Ground<'_>, placed: &[(Stop, [i64; 2])]) -> Vec<usize> {
     let Ground { machine, origin, clearance, .. } = ground;
     let targets: Vec<[i64; 3]> =
         placed.iter().map(|(s, _)| machine.stage_from_part([s.centre.x, s.centre.y, s.focus], *origin)).collect();
-    let lifts = |a: usize, b: usize| lifts(ground, &placed[a].0, &placed[b].0);
     // Most parts are so flat that the head never needs to lift.
     let mut area = Box2::EMPTY;
     placed.iter().for_each(|(s, _)| area.add(s.centre));
     let lowest = clearance.lowest_focus(area.lo, area.hi);
+    let lifts = |a: usize, b: usize| placed[a].0.focus < lowest && lifts(ground, &placed[a].0, &placed[b].0);
     let stage = order::stops::Stage {
         machine,
         from: super::start(machine),

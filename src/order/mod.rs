@@ -2,6 +2,7 @@
 
 pub mod clearance;
 mod clock;
+mod ports;
 pub mod stops;
 pub mod strokes;
 mod tour;

@@ -13,7 +13,8 @@
 //! are toured one level after another.
 
 use super::clock::Clock;
-use super::tour::{self, Ports, Tour};
+use super::ports::{Ports, greedy};
+use super::tour::Tour;
 use super::tree::Tree;
 use crate::machine::Machine;
 use crate::motion;
@@ -103,7 +104,7 @@ fn path(stops: &[[i64; 3]], stage: &Stage<'_>, some: Vec<usize>, effort: usize) 
     let far = |gap: [f64; 3]| clock.over(gap) + TIE * gap.iter().map(|v| v * v).sum::<f64>().sqrt();
     let of_ports = |seq: &[u32]| seq[1..].iter().map(|&port| some[port as usize - 1]).collect::<Vec<usize>>();
     let mut starts = strips(&at);
-    starts.push(tour::greedy(&ports, &mut tree, &at, far));
+    starts.push(greedy(&ports, &mut tree, &at, far));
     tree.fill();
     let timed = |seq: &Vec<u32>| time(stops, stage, &of_ports(seq));
     let Some(start) = starts.into_iter().min_by(|a, b| timed(a).total_cmp(&timed(b))) else { return some };

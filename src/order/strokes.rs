@@ -9,7 +9,8 @@
 //! Of closed strokes with more than eight vertices the search knows the outermost eight; the last step looks
 //! at all. A move changes at most a thousand places. Strokes of all pens are ordered together.
 
-use super::tour::{self, Ports, Tour};
+use super::ports::{Ports, greedy};
+use super::tour::Tour;
 use super::tree::Tree;
 
 /// A stroke as far as its order needs it.
@@ -53,7 +54,7 @@ pub fn order(paths: &[Path<'_>]) -> Vec<Visit> {
     let known = Known::new(paths);
     let Known { ports, at, vertex } = &known;
     let mut tree = Tree::new(&at[1..]);
-    let seq = tour::greedy(ports, &mut tree, at, square);
+    let seq = greedy(ports, &mut tree, at, square);
     tree.fill();
     let cost = |a: u32, b: u32| {
         let (a, b) = (at[a as usize], at[b as usize]);
@@ -62,11 +63,13 @@ pub fn order(paths: &[Path<'_>]) -> Vec<Visit> {
     let mut tour = Tour::new(ports, seq, LONGEST, LEAST, cost, |port, limit, found| {
         nearer(&known, &tree, port, limit, found);
     });
-    for _ in 0..ROUNDS {
-        tour.settle();
-        tour.improve();
-    }
     tour.settle();
+    for _ in 0..ROUNDS {
+        if !tour.improve() {
+            break;
+        }
+        tour.settle();
+    }
     let mut visits: Vec<Visit> = tour.into_seq()[1..]
         .iter()
         .map(|&port| {

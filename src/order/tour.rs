@@ -1,16 +1,11 @@
 //! A path through items, made shorter by moves on neighbour lists.
 //!
-//! An *item* is what is visited once: a stop, or a stroke. It is entered at one of its *ports* and left at
-//! the port that belongs to it: a stop has one port, an open stroke two (entered at one end, left at the
-//! other), a closed stroke one for every vertex at which it may begin. Item 0 is where the path starts; it
-//! ends anywhere. Costs run between ports and must be the same both ways.
-//!
-//! Moves are 2-opt (a run of items is reversed, each of them turned) and Or-opt (a run of up to three goes
+//! Items, ports and costs are those of the `ports` module. Moves are 2-opt (a run of items is reversed, each of them turned) and Or-opt (a run of up to three goes
 //! to another place, either way round, or one item enters by another port). [`Tour::improve`] makes
 //! them while any gains; [`Tour::settle`] then chooses all ports at once, by dynamic programming;
 //! [`Tour::perturb`] changes the tour at random and takes back what did not pay.
 
-use super::tree::Tree;
+use super::ports::Ports;
 
 /// No port: beyond the end of the path.
 const NONE: u32 = u32::MAX;
@@ -23,79 +18,6 @@ const MOST_MOVES: usize = 50;
 
 /// Places around a random change.
 const KICK: usize = 50;
-
-/// The ports of all items.
-#[derive(Default)]
-pub(super) struct Ports {
-    /// Item of every port.
-    item: Vec<u32>,
-    /// Where one leaves who entered at a port.
-    other: Vec<u32>,
-    /// First port of every item, and the number of ports.
-    first: Vec<u32>,
-}
-
-impl Ports {
-    pub(super) fn with_capacity(items: usize, ports: usize) -> Self {
-        let mut first = Vec::with_capacity(items + 1);
-        first.push(0);
-        Self { item: Vec::with_capacity(ports), other: Vec::with_capacity(ports), first }
-    }
-    /// An item with two ports, entered at one and left at the other.
-    pub(super) fn open(&mut self) {
-        let port = self.item.len() as u32;
-        self.other.extend([port + 1, port]);
-        self.end(2);
-    }
-    /// An item that is left where it was entered, at any of so many ports.
-    pub(super) fn closed(&mut self, count: usize) {
-        let port = self.item.len() as u32;
-        self.other.extend(port..port + count as u32);
-        self.end(count);
-    }
-    fn end(&mut self, count: usize) {
-        let item = self.items() as u32;
-        self.item.extend(std::iter::repeat_n(item, count));
-        self.first.push(self.item.len() as u32);
-    }
-    pub(super) fn items(&self) -> usize {
-        self.first.len() - 1
-    }
-    pub(super) fn item(&self, port: u32) -> usize {
-        self.item[port as usize] as usize
-    }
-    pub(super) fn of(&self, item: usize) -> std::ops::Range<u32> {
-        self.first[item]..self.first[item + 1]
-    }
-    fn other(&self, port: u32) -> u32 {
-        self.other[port as usize]
-    }
-}
-
-/// The path that always goes to the nearest item, as entry ports. `tree` holds all ports but port 0, by
-/// number less one, and `at` is where they are; `far` is the distance, as [`Tree::around`] takes it.
-pub(super) fn greedy<const D: usize>(
-    ports: &Ports,
-    tree: &mut Tree<D>,
-    at: &[[f64; D]],
-    far: impl Fn([f64; D]) -> f64,
-) -> Vec<u32> {
-    let mut seq = Vec::with_capacity(ports.items());
-    seq.push(0);
-    let (mut from, mut near) = (at[0], None);
-    while seq.len() < ports.items() {
-        let mut next = 0;
-        tree.around(from, near, f64::INFINITY, &far, |d, number| {
-            next = number + 1;
-            d
-        });
-        ports.of(ports.item(next)).for_each(|port| tree.take(port - 1));
-        seq.push(next);
-        let exit = ports.other(next);
-        (from, near) = (at[exit as usize], Some(exit - 1));
-    }
-    seq
-}
 
 /// Run `a..=b` goes between places `gap` and `gap + 1`, turned or not, and enters by `entry`.
 #[derive(Clone, Copy)]
@@ -197,9 +119,9 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         self.edges[at] = self.link(self.exit(at), self.entry(at + 1));
     }
 
-    /// Makes moves that gain until there are none, around all that is new or changed.
-    pub(super) fn improve(&mut self) {
-        self.work(MOST_MOVES * self.seq.len());
+    /// Makes moves that gain until there are none, around all that is new or changed; whether there were any.
+    pub(super) fn improve(&mut self) -> bool {
+        self.work(MOST_MOVES * self.seq.len()) > 0.0
     }
 
     fn stale(&mut self, at: usize) {
@@ -235,7 +157,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         let after = self.edges[i];
         if after > self.least {
             (self.near)(self.exit(i), after, &mut found);
-            let runs = self.runs(i, [1, 0]);
+            let runs = if found.is_empty() { [0.0; RUN] } else { self.runs(i, [1, 0]) };
             for &(d, q) in &found {
                 self.after(i, q, d, &runs, &mut best);
             }
@@ -243,7 +165,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         let before = if i == 0 { 0.0 } else { self.edges[i - 1] };
         if before > self.least {
             (self.near)(self.entry(i), before, &mut found);
-            let runs = self.runs(i, [0, 1]);
+            let runs = if found.is_empty() { [0.0; RUN] } else { self.runs(i, [0, 1]) };
             for &(d, q) in &found {
                 self.before(i, q, d, &runs, &mut best);
             }
@@ -401,7 +323,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
     pub(super) fn settle(&mut self) {
         let n = self.seq.len();
         // Least cost of the path that ends with entering each port of each place, and the port before.
-        let mut from = vec![0u32; self.ports.item.len()];
+        let mut from = vec![0u32; self.ports.count()];
         let mut last = vec![(0.0, self.seq[0])];
         let mut next = Vec::new();
         for at in 1..n {
@@ -494,6 +416,8 @@ impl Random {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::order::ports::greedy;
+    use crate::order::tree::Tree;
 
     /// Places of the ports of stops and of open and closed strokes, mixed.
     fn mixed(n: usize, mut seed: u64) -> (Ports, Vec<[f64; 2]>) {
@@ -506,7 +430,7 @@ mod tests {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
             (seed >> 40) as f64
         };
-        let at = (0..ports.item.len()).map(|_| [next(), next()]).collect();
+        let at = (0..ports.count()).map(|_| [next(), next()]).collect();
         (ports, at)
     }
 
@@ -542,7 +466,7 @@ mod tests {
             let mut tour = Tour::new(&ports, first, 1000, 1e-6, cost, near);
             for step in 0..4 {
                 match step {
-                    1 => tour.improve(),
+                    1 => assert!(tour.improve()),
                     2 => tour.perturb(200, 1),
                     _ => tour.settle(),
                 }

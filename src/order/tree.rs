@@ -155,7 +155,12 @@ impl<const D: usize> Tree<D> {
             return;
         }
         let children = [2 * node + 1, 2 * node + 2];
-        let reach = children.map(|c| if self.free[c] > 0 { self.reach(c, from, far) } else { f64::INFINITY });
+        let mut reach = [f64::INFINITY; 2];
+        for (reach, &c) in reach.iter_mut().zip(&children) {
+            if self.free[c] > 0 {
+                *reach = self.reach(c, from, far);
+            }
+        }
         let nearer = usize::from(reach[1] < reach[0]);
         for c in [nearer, 1 - nearer] {
             if reach[c] < *limit {
