@@ -1,5 +1,7 @@
 //! Made surfaces: closed forms as meshes without regular order.
 
+#![allow(dead_code, reason = "every test and bench uses a part of it")]
+
 use std::path::Path;
 
 /// The dome of the counts: z = a (1 - (u² + v²) / 2) over [0, 450]², u and v from -1 to 1.
@@ -77,9 +79,12 @@ pub fn write_stl(path: &Path, facets: &[[[f64; 3]; 3]]) {
     std::fs::write(path, out).expect("a writable folder");
 }
 
+/// Height over (x, y), mm.
+pub type Height = fn(f64, f64) -> f64;
+
 /// The five surfaces of the counts over [0, 450]², by name; amplitudes are those for which the article's
 /// way needs some 3,553 sub-blocks.
-pub const FIVE: [(&str, fn(f64, f64) -> f64); 5] =
+pub const FIVE: [(&str, Height); 5] =
     [("dome", dome), ("saddle", saddle), ("cyl", cyl), ("wave", wave), ("wing", wing)];
 
 fn uv(x: f64, y: f64) -> (f64, f64) {
