@@ -297,6 +297,10 @@ impl<'a> Cutter<'a> {
     fn exit(&self, stop: u32, window_end: f64, p: &Piece, t: f64) -> f64 {
         let stop = &self.stops.stops[stop as usize];
         let (lo, hi) = (stop.z_lo as f64, stop.z_hi as f64);
+        // At the edge of a sheet the height jumps from one piece to the next.
+        if t == p.t0 && (p.z0 > hi + EPS || p.z0 < lo - EPS) {
+            return t;
+        }
         let limit = if p.z1 > hi + EPS {
             hi
         } else if p.z1 < lo - EPS {
@@ -358,6 +362,11 @@ impl<'a> Cutter<'a> {
         loop {
             let s = &run.segments[run.segments.partition_point(|s| s.end <= j)];
             let p = &run.pieces[j];
+            // At the edge of a sheet the height jumps from one piece to the next.
+            let z = p.z(to);
+            if z > at.z_hi as f64 + EPS || z < at.z_lo as f64 - EPS {
+                return ((j, to), length);
+            }
             let d = [(s.b.x - s.a.x) as f64, (s.b.y - s.a.y) as f64];
             let a = [s.a.x as f64, s.a.y as f64];
             let limit = |v: f64, d: f64, lo: f64, hi: f64| match d {

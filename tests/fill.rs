@@ -85,7 +85,7 @@ fn at_the_borders_of_sections_nothing_is_left_out_and_nothing_is_there_twice() {
         let mut directions = Vec::new();
         let (strokes, grid) = filled(area, pitch, 0.0, 15, || {
             let any = (noise.next() % 18_000) as u16;
-            directions.push(if any % 4 == 0 { 9000 * (any / 4 % 2) } else { any });
+            directions.push(if any.is_multiple_of(4) { 9000 * (any / 4 % 2) } else { any });
             directions[directions.len() - 1]
         });
         let mut by_section = vec![Vec::new(); grid.len()];
@@ -98,7 +98,7 @@ fn at_the_borders_of_sections_nothing_is_left_out_and_nothing_is_there_twice() {
         // Places all over the area and as many beside borders: no mark is farther than a pitch.
         for _ in 0..20_000 {
             let mut p = [0, 1].map(|k| area[k] + (noise.half() + 0.5) * (area[k + 2] - area[k]));
-            if noise.next() % 2 == 0 {
+            if noise.next().is_multiple_of(2) {
                 let border = [grid.line(0, 1), grid.line(0, 2), grid.line(0, 3)][(noise.next() % 3) as usize];
                 p[0] = border as f64 / 1e6 + noise.half() * pitch;
             }

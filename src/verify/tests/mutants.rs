@@ -175,7 +175,10 @@ fn remove(program: &mut Program, i: usize) {
 
 /// A stroke with a long first segment in a block with many.
 fn long_stroke(program: &Program) -> usize {
-    let long = |s: &crate::program::Stroke| crate::program::stroke_mm(&program.points_of(s)[..2]) > 1.0;
+    let long = |s: &crate::program::Stroke| {
+        let points = program.points_of(s);
+        points.first() != points.last() && crate::program::stroke_mm(&points[..2]) > 1.0
+    };
     let block = program.blocks.iter().find(|b| b.strokes.len() > 5 && program.strokes_of(b).iter().any(long));
     let block = block.expect("a block with a long stroke");
     block.strokes.clone().find(|&i| long(&program.strokes[i])).expect("a long stroke")
