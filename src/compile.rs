@@ -15,6 +15,7 @@ use build::build;
 
 use crate::check::{Checked, Limits};
 use crate::diag::{Diag, Error, Place};
+use crate::fill;
 use crate::geom::{Box2, NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
 use crate::order::clearance::Clearance;
@@ -22,7 +23,7 @@ use crate::partition::{self, Fine, Lattice, Stops};
 use crate::program::{Block, Pen, Program, Sections};
 use crate::record::{Candidate, Summary, Times};
 use crate::spec::{Job, Method, Objective, Pattern, Steep, TextureSpec};
-use crate::split::{Fragments, Splitter};
+use crate::split::{Fragments, Seam, Splitter};
 use crate::surface::Surface;
 use crate::texture::Texture;
 use crate::trace::{Cells, Footprint, GridTracer, Keep, Tracer};
@@ -63,6 +64,9 @@ pub struct Plan {
     pub summary: Summary,
     /// The box of the texture, turned part frame.
     pub texture: Box2,
+    /// Direction of what is filled along contours, by section, in hundredths of a degree; empty where
+    /// nothing is.
+    pub directions: Vec<u16>,
     /// Time of every block: marks, jumps and delays, s.
     pub block_times: Vec<f64>,
     /// Largest depth range of a block as used, nm.
@@ -126,17 +130,23 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let path = job.resolve(job.file.surface.file.get_ref());
     let weld = job.file.surface.weld.as_mm();
     let surface = Surface::load(&path, &job.surface_options(), weld, turn, warnings)?;
-    let texture = Texture::load(&job.texture_requests(), surface.part_box_mm(), turn, warnings)?;
+    let mut texture = Texture::load(&job.texture_requests(), surface.part_box_mm(), turn, warnings)?;
 
     progress(Station::Footprint);
-    let ground = ground(&job, &machine, &surface, &texture)?;
+    let ground = ground(&job, &machine, &surface, &mut texture)?;
+    most_stops(&ground)?;
     let methods = match job.file.partition.method {
         Method::Auto => vec![Method::Contour, Method::ZRange, Method::Window],
         one => vec![one],
     };
-    most_stops(&ground)?;
-    let (methods, stops): (Vec<Method>, Vec<Stops>) =
-        methods.iter().filter_map(|&method| Some((method, divide(&ground, method)?))).unzip();
+    let (mut tried, mut stops) = (Vec::new(), Vec::new());
+    for method in methods {
+        let hopeless = method == Method::Window && stops.last().is_some_and(|grid| windows_cannot_win(&ground, grid));
+        if let Some(found) = (!hopeless).then(|| divide(&ground, method)).flatten() {
+            tried.push(method);
+            stops.push(found);
+        }
+    }
     if stops.is_empty() {
         let text = "the texture's box is too wide for free windows of this field";
         return Err(Diag::limit("window-wide", text).hint("use partition.method = \"z-range\"").into());
@@ -146,7 +156,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     progress(Station::Order);
     let mut candidates = Vec::new();
     let mut best: Option<Made> = None;
-    for ((&method, stops), parts) in methods.iter().zip(&stops).zip(parts) {
+    for ((&method, stops), parts) in tried.iter().zip(&stops).zip(parts) {
         let made = make(&ground, method, stops, parts);
         candidates.push(Candidate {
             method: method.name().into(),
@@ -163,7 +173,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         }
     }
     let Some(made) = best else { return Err(Diag::bug("no-candidate", "no method was tried").into()) };
-    if methods.len() == 1 {
+    if tried.len() == 1 {
         candidates.clear();
     }
     let limits = Limits {
@@ -174,8 +184,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         clearance: &ground.clearance,
     };
     let checked = Checked::new(made.program, &limits)?;
-    let mut map = map::Map::new(checked.program(), &ground.sections, &surface, texture.bounds());
-    let sub_blocks = map.sub_blocks(checked.program());
+    let map = map::Map::new(checked.program(), &ground.sections, &machine, &surface, ground.texture.bounds());
     warn(&job, &made.split, made.worst_defocus, ground.lattice.depth, warnings)?;
     warnings.extend(not_kept(&ground, made.method, &made.split));
     let program = checked.program();
@@ -183,7 +192,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let passes = |pick: fn(&Program, &Block) -> f64| program.blocks.iter().map(|b| pick(program, b)).sum::<f64>();
     let summary = Summary {
         stops: program.blocks.len(),
-        sub_blocks,
+        sub_blocks: map.sub_blocks(),
         method: made.method.name().into(),
         lower_bound_stops: None,
         texture_mm: split.texture_mm,
@@ -212,7 +221,8 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         checked,
         sections: ground.sections,
         map,
-        texture: texture.bounds(),
+        texture: ground.texture.bounds(),
+        directions: ground.texture.directions().map_or_else(Vec::new, |d| d.hundredths.clone()),
         summary,
         block_times: made.block_times,
         depth: ground.lattice.depth,
@@ -226,7 +236,7 @@ fn ground<'a>(
     job: &'a Job,
     machine: &'a Machine,
     surface: &'a Surface,
-    texture: &'a Texture,
+    texture: &'a mut Texture,
 ) -> Result<Ground<'a>, Error> {
     let step = machine.increment_nm();
     let field = machine.usable_field();
@@ -242,12 +252,18 @@ fn ground<'a>(
     let area = texture.bounds();
     let keep = Keep(job.file.partition.keep_whole.as_nm().unwrap_or(i64::MAX).min(field[0]).min(field[1]));
     let even = |v: i64| v / (2 * step) * (2 * step);
-    let mut pitch = field.map(|f| even(section.unwrap_or(f)));
+    let zone = job.file.partition.zone.as_nm().unwrap_or(i64::MAX);
+    if field.iter().any(|&f| zone >= f / 2) {
+        let text = "partition.zone is half the usable field or more";
+        let place = Place::file(job.path.display().to_string());
+        return Err(Diag::limit("zone-large", text).at(place).hint("make it smaller; 0.2 mm is usual").into());
+    }
+    let mut pitch = field.map(|f| even(section.unwrap_or(f - zone)));
     if pitch.contains(&0) {
         return Err(Diag::limit("section-small", "a section is smaller than the stage increment").into());
     }
-    // What is to stay whole may reach beyond its section, as far as the field does.
-    let window = if keep.0 > 0 { field.map(even) } else { pitch };
+    // What is to stay whole, or is cut at random, may reach beyond its section as far as the field does.
+    let window = if keep.0 > 0 || zone > 0 { field.map(even) } else { pitch };
     if keep.0 > 0 && section.is_none() {
         pitch = in_step(job, area, pitch, step);
     }
@@ -270,6 +286,8 @@ fn ground<'a>(
         return Err(Diag::limit("sections-many", text).hint("use a larger field or a smaller area").into());
     }
     let max_slope = job.file.limits.max_incidence.as_rad().tan();
+    fill::along_contours(texture, surface, &sections, max_slope, job.depth_range())?;
+    let texture = &*texture;
     let footprint = footprint(surface, texture, &sections, max_slope, keep, window.map(|w| w / 2));
     let Some((lo, hi)) = footprint.range() else {
         let place = Place::file(job.path.display().to_string());
@@ -395,6 +413,24 @@ fn divide(ground: &Ground<'_>, method: Method) -> Option<Stops> {
     })
 }
 
+/// Whether `auto` may leave free windows out, whose search takes seconds: even with six tenths of the stops
+/// of the grid, fewer than they need on any surface with a dense texture, they would lose, because nearly
+/// all moves of a grid are moves of z alone.
+fn windows_cannot_win(ground: &Ground<'_>, grid: &Stops) -> bool {
+    if ground.job.file.partition.objective == Objective::Stops {
+        return false;
+    }
+    let [w, h] = ground.window;
+    let time = |to: [i64; 3]| {
+        let moved = motion::stage_move(ground.machine, [0; 3], to, None);
+        moved.travel_s + moved.settle_s
+    };
+    let (xy, z) = (time([w, h, 0]), time([0, 0, ground.lattice.depth]));
+    let sections = (0..ground.sections.len()).filter(|&i| ground.footprint.is_used(i)).count() as f64;
+    let stops = grid.stops.len() as f64;
+    0.6 * stops * time([w / 2, h / 2, 0]) > sections * xy + (stops - sections) * z
+}
+
 /// The texture in the cells of a fine grid.
 fn cells(ground: &Ground<'_>, fine: &Fine) -> Cells {
     // A set is the same in whatever order it is joined.
@@ -418,12 +454,13 @@ fn cells(ground: &Ground<'_>, fine: &Fine) -> Cells {
 /// Cuts all strokes between the stops of every candidate, in one walk; by candidate, in chunks.
 fn cut(ground: &Ground<'_>, candidates: &[Stops]) -> Result<Vec<Vec<Fragments>>, Error> {
     let min_mark = ground.job.file.partition.min_mark.as_mm() * NM_PER_MM;
+    let seam = Seam { zone: ground.job.file.partition.zone.as_mm() * NM_PER_MM, seed: ground.job.seed };
     let (fragment_count, point_count) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let chunks = chunks(ground.texture)
         .into_par_iter()
         .map(|chunk| {
             let tracer = Tracer::new(ground.surface, ground.max_slope);
-            let mut splitter = Splitter::new(tracer, candidates, min_mark, ground.keep);
+            let mut splitter = Splitter::new(tracer, candidates, min_mark, ground.keep, seam);
             let mut points = Vec::new();
             for i in chunk {
                 let pen = ground.texture.stroke(i, &mut points);
@@ -489,11 +526,16 @@ fn join(mut a: Fragments, b: Fragments) -> Fragments {
     a
 }
 
-/// The job's time, and that of every block. The stage comes from the centre of its travel, lifted.
+/// Where the stage comes from: the centre of its travel, lifted.
+fn start(machine: &Machine) -> [i64; 3] {
+    let centre = |axis: &crate::machine::Axis| axis.travel.iter().map(|t| t.as_nm().unwrap_or(0)).sum::<i64>() / 2;
+    [centre(&machine.stage.x), centre(&machine.stage.y), machine.retract_z()]
+}
+
+/// The job's time, and that of every block.
 fn times(machine: &Machine, program: &Program) -> (Times, Vec<f64>) {
     let mut t = Times::default();
-    let centre = |axis: &crate::machine::Axis| axis.travel.iter().map(|t| t.as_nm().unwrap_or(0)).sum::<i64>() / 2;
-    let mut at = [centre(&machine.stage.x), centre(&machine.stage.y), machine.retract_z()];
+    let mut at = start(machine);
     let mut blocks = Vec::with_capacity(program.blocks.len());
     for block in &program.blocks {
         let retract = block.retract.then(|| machine.retract_z());

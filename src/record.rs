@@ -144,6 +144,9 @@ pub struct Facts<'a> {
     pub checked: &'a Checked,
     /// The grid of sections.
     pub sections: &'a Sections,
+    /// Direction of what is filled along contours, by section, in hundredths of a degree; empty where
+    /// nothing is.
+    pub directions: &'a [u16],
     /// Largest depth range of a block, as used.
     pub depth_mm: f64,
     /// Time of every block: marks, jumps and delays, s.
@@ -169,6 +172,17 @@ impl Facts<'_> {
     }
     fn block_time_s(&self, index: usize) -> f64 {
         self.block_times.get(index).copied().unwrap_or(0.0)
+    }
+}
+
+/// A duration for reading: `4.2 s`, `12 min 5 s`, `3 h 12 min`.
+pub fn duration(s: f64) -> String {
+    let whole = s.max(0.0).round() as u64;
+    match whole {
+        // What would be rounded to 60.0 s is a minute.
+        _ if s < 59.95 => format!("{:.1} s", s.max(0.0)),
+        ..3600 => format!("{} min {} s", whole / 60, whole % 60),
+        _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
     }
 }
 

@@ -300,7 +300,8 @@ fn number_and_unit<'a>(text: &'a str, what: &str, example: &str) -> Result<(f64,
     Ok((value, unit.trim()))
 }
 
-fn quantity_from_text<'de, D, T>(d: D, what: &'static str, example: &'static str) -> Result<T, D::Error>
+/// Reads a quantity, or what else can be read from text.
+pub(crate) fn quantity_from_text<'de, D, T>(d: D, what: &'static str, example: &'static str) -> Result<T, D::Error>
 where
     D: Deserializer<'de>,
     T: FromStr<Err = String>,

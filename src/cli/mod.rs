@@ -131,7 +131,7 @@ fn compile(args: &Args, job: &Path, output: Option<&Path>, choice: Choice) -> Re
     };
     folder::prepare(&target)?;
     let spinner = show::Spinner::new(args.quiet);
-    let plan = compile::plan(chosen(job, choice)?, &|s| spinner.station(s))?;
+    let plan = compile::plan(chosen(args, job, choice)?, &|s| spinner.station(s))?;
     spinner.station(Station::Write);
     folder::write(&plan, &target, args.seed)?;
     spinner.done();
@@ -173,8 +173,9 @@ fn batch(args: &Args, jobs: &Path, output: Option<&Path>, report: Option<&Path>)
 }
 
 /// Reads a job, and sets what was chosen on the command line.
-fn chosen(job: &Path, choice: Choice) -> Result<Job, Error> {
+fn chosen(args: &Args, job: &Path, choice: Choice) -> Result<Job, Error> {
     let mut job = load(job)?;
+    job.seed = args.seed;
     if let Some(objective) = choice.objective {
         job.file.partition.objective = objective;
     }
@@ -183,7 +184,7 @@ fn chosen(job: &Path, choice: Choice) -> Result<Job, Error> {
 
 fn planned(args: &Args, job: &Path, choice: Choice) -> Result<Plan, Error> {
     let spinner = show::Spinner::new(args.quiet);
-    let plan = compile::plan(chosen(job, choice)?, &|s| spinner.station(s))?;
+    let plan = compile::plan(chosen(args, job, choice)?, &|s| spinner.station(s))?;
     spinner.done();
     warn(args, &plan.warnings);
     Ok(plan)

@@ -34,6 +34,7 @@ fn with<R>((program, origin): (Program, [i64; 3]), machine: &Machine, use_them: 
         job: &job,
         machine,
         checked: &checked,
+        directions: &[],
         sections: &sections,
         depth_mm: 0.07,
         block_times: &block_times,
@@ -103,4 +104,11 @@ fn the_sheet_tells_the_operator_what_the_files_do_not() {
         assert_eq!(text.matches(&format!("\n  B000{i} ")).count(), 1);
     }
     assert!(text.lines().all(|l| l.len() <= 132), "fits on paper");
+}
+
+#[test]
+fn durations_are_read_as_they_are_said() {
+    let said = [0.0, 4.24, 59.94, 59.96, 725.2, 3599.6, 11_520.0].map(duration);
+    assert_eq!(said, ["0.0 s", "4.2 s", "59.9 s", "1 min 0 s", "12 min 5 s", "1 h 0 min", "3 h 12 min"]);
+    assert_eq!(duration(-1.0), "0.0 s");
 }

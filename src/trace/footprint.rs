@@ -221,6 +221,11 @@ impl Footprint {
         self.sections.get(&(section as u32)).map_or(&[], |s| &s.figures)
     }
 
+    /// Whether anything is marked in a section.
+    pub fn is_used(&self, section: usize) -> bool {
+        self.sections.contains_key(&(section as u32))
+    }
+
     /// Strokes that were to stay whole: those that a rim or a steep place breaks, those that lie across a
     /// border of sections.
     pub fn not_whole(&self) -> [usize; 2] {

@@ -11,7 +11,7 @@ use crate::program::{Block, Program};
 use crate::spec::Job;
 use crate::verify::{Proof, verify};
 
-/// A compiled job in a folder of its own: a wavy sheet with a hole, hatched beyond its border, and
+/// A compiled job in a folder of its own: a wavy sheet with a hole, hatched along contours beyond its border, and
 /// squares with a pen of two passes.
 struct Bench {
     dir: tempfile::TempDir,
@@ -31,7 +31,7 @@ impl Bench {
             [[texture]]
             pattern = "hatch"
             pitch = "0.9 mm"
-            direction = "25 deg"
+            direction = "contour"
             area = ["-3 mm", "-2 mm", "63 mm", "44 mm"]
             [[texture]]
             pattern = "squares"
@@ -270,6 +270,16 @@ fn source_a_stroke_beside_the_texture() {
 }
 
 #[test]
+fn source_a_figure_that_begins_at_another_vertex() {
+    let proof = Bench::new().mutant(|program, _| {
+        // The squares of a block begin where the beam comes from, not where they were drawn from.
+        let turned = program.strokes.iter_mut().find(|s| s.len == 5 && s.segment > 0 && !s.reversed);
+        turned.expect("a whole square").segment -= 1;
+    });
+    assert_only("source", &proof);
+}
+
+#[test]
 fn travel_a_part_beyond_the_stage() {
     let mut bench = Bench::new();
     let far = 240_000_000;
@@ -391,4 +401,33 @@ fn summary_a_length_that_is_not_so() {
         });
         assert_only("summary", &verified(&target));
     }
+}
+
+/// Changes what the manifest says of its sections, and verifies.
+fn refilled(change: impl FnOnce(&mut serde_json::Value)) -> Proof {
+    let bench = Bench::new();
+    let target = bench.write();
+    alter_manifest(&target, |m| change(&mut m["sections"]));
+    verified(&target)
+}
+
+#[test]
+fn fill_sections_and_directions_that_are_not_the_jobs() {
+    assert_only("fill", &refilled(|s| s["columns"] = 7.into()));
+    assert_only("fill", &refilled(|s| s["origin_mm"][0] = 0.5.into()));
+    assert_only("fill", &refilled(|s| s["pitch_mm"][1] = 21.0.into()));
+    assert_only("fill", &refilled(|s| s["pitch_mm"][0] = 10.0.into()));
+    assert_only("fill", &refilled(|s| s["pitch_mm"] = serde_json::json!([0.0, -1.0])));
+    assert_only("fill", &refilled(|s| _ = s["direction_deg"].as_array_mut().expect("directions").pop()));
+    assert_only("fill", &refilled(|s| _ = s.as_object_mut().expect("sections").remove("direction_deg")));
+    for wrong in [180.0, -1.0, 12.345, 1e300] {
+        assert_only("fill", &refilled(|s| s["direction_deg"][1] = wrong.into()));
+    }
+    // A sound hatch, but not the one that is marked.
+    let proof = refilled(|s| {
+        let deg = s["direction_deg"][1].as_f64().expect("a direction");
+        s["direction_deg"][1] = ((deg * 100.0 + 1.0).round() % 18_000.0 / 100.0).into();
+    });
+    let broken = super::broken(&proof);
+    assert!(broken.contains(&"source") && !broken.contains(&"fill"), "{}", proof.to_text());
 }
