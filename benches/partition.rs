@@ -11,7 +11,7 @@ mod surfaces;
 use std::process::Command;
 
 use surfaces::FIVE;
-use terrace::partition::bound::{Certificate, lower_bound, lower_bound_whole, row_pitch};
+use terrace::partition::bound::{Certificate, lower_bound, lower_bound_whole, row_heights};
 use terrace::partition::items::Item;
 use terrace::partition::window;
 
@@ -71,28 +71,29 @@ fn bound(case: &str, z: impl Fn(f64, f64) -> f64, items: &[Item]) -> (Certificat
         let start = cpu_s();
         return (lower_bound_whole(items, SIZE), cpu_s() - start);
     }
-    let pitch = row_pitch(SIZE[2]);
     let mut points: Vec<[i32; 3]> = Vec::new();
-    for i in lines(&z, f64::from(pitch)) {
-        // The ends of a piece at the border of a slab.
-        let height = |x: i32| z(f64::from(x) / MM, f64::from(i.lo[1]) / MM).round() as i32;
-        for p in [i.lo[0], i.hi[0]].map(|x| [x, i.lo[1], height(x)]) {
-            if (p[2] + pitch / 2).rem_euclid(pitch).abs_diff(pitch / 2) <= 3 && points.last() != Some(&p) {
-                points.push(p);
-            }
+    for (y, x0, x1) in pieces() {
+        let (z0, z1) = (z(x0, y), z(x1, y));
+        let heights = row_heights(SIZE[2], z0.min(z1).ceil() as i32, z0.max(z1).floor() as i32);
+        for x in heights.map(|h| crossing(|x| z(x, y), x0, x1, f64::from(h))) {
+            points.push([x * MM, y * MM, z(x, y)].map(|v| v.round() as i32));
         }
     }
     let start = cpu_s();
     (lower_bound(&points, SIZE), cpu_s() - start)
 }
 
-/// Lines along x, cut into cells and slabs.
+/// Lines along x, cut into cells: y and the ends along x, mm.
+fn pieces() -> impl Iterator<Item = (f64, f64, f64)> {
+    let at = |n: i32| f64::from(n) * CELL;
+    (0..=900).flat_map(move |row| (0..900).map(move |column| (at(row), at(column), at(column + 1))))
+}
+
+/// Pieces of lines, cut into slabs.
 fn lines(z: impl Fn(f64, f64) -> f64, slab: f64) -> Vec<Item> {
     let mut out = Vec::new();
-    for (row, column) in (0..=900).flat_map(|row| (0..900).map(move |column| (row, column))) {
-        let y = f64::from(row) * CELL;
+    for (y, mut x0, x1) in pieces() {
         let at = |x: f64| z(x, y);
-        let (mut x0, x1) = (f64::from(column) * CELL, f64::from(column + 1) * CELL);
         let (mut z0, z1) = (at(x0), at(x1));
         loop {
             let up = z1 > z0;

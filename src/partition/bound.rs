@@ -14,7 +14,7 @@ mod weights;
 
 use super::items::Item;
 
-pub use rows::row_pitch;
+pub use rows::row_heights;
 
 /// Weighted pieces of which no stop holds more than one whole.
 #[derive(Clone, Debug)]
@@ -58,8 +58,8 @@ impl Certificate {
     }
 }
 
-/// A bound from points of marks. Points at heights that are multiples of [`row_pitch`] (to a few nm) are
-/// worth most; take them where strokes cross those heights.
+/// A bound from points of marks, nm from a common origin within 2^30 nm. Points at [`row_heights`] (to
+/// 3 nm) are worth most: take them where strokes cross those heights.
 pub fn lower_bound(points: &[[i32; 3]], size: [i32; 3]) -> Certificate {
     let by_rows = rows::certify(points, size);
     // Where no rows can be made of the points, any will do.

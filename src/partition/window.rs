@@ -28,20 +28,7 @@ pub fn cover(items: &[Item], size: [i32; 3], step: [i32; 3]) -> Vec<[i32; 3]> {
     let index = Index::new(items.iter().map(|i| i.on_lattice(size, step)).collect(), room);
     let mut held = Held::new(&index, room, &first(&index, room));
     improve::run(&mut held);
-    corners(held.boxes(), step)
-}
-
-/// As [`cover`], but with as few different places in the plane as a grid of windows needs, each with
-/// its fewest levels: for stages that move along z in a fraction of the time of a move in x or y.
-pub fn columns(items: &[Item], size: [i32; 3], step: [i32; 3]) -> Vec<[i32; 3]> {
-    let room = [0, 1, 2].map(|k| size[k] / step[k]);
-    let index = Index::new(items.iter().map(|i| i.on_lattice(size, step)).collect(), room);
-    corners(&grid::sweep(&index, room), step)
-}
-
-/// Corners of the lattice in nm, sorted.
-fn corners(boxes: &[[i32; 3]], step: [i32; 3]) -> Vec<[i32; 3]> {
-    let mut corners: Vec<[i32; 3]> = boxes.iter().map(|b| [0, 1, 2].map(|k| b[k] * step[k])).collect();
+    let mut corners: Vec<[i32; 3]> = held.boxes().iter().map(|b| [0, 1, 2].map(|k| b[k] * step[k])).collect();
     corners.sort_unstable_by_key(|&[x, y, z]| (z, y, x));
     corners
 }

@@ -17,15 +17,22 @@ const TRIED: i32 = 3;
 /// Directions in which a line is divided, and from whose first points one walks along it.
 const WAYS: [[i64; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, -1], [1, -1], [-1, 1]];
 
-/// Heights at whole multiples of this make the best points for a stop of that depth range, nm: eight
-/// multiples further up is just out of reach.
-pub fn row_pitch(depth: i32) -> i32 {
+/// Heights from `lo` to `hi` (nm, from the common origin) at which points are worth most for stops of
+/// that depth range.
+pub fn row_heights(depth: i32, lo: i32, hi: i32) -> impl Iterator<Item = i32> {
+    let pitch = pitch_of(depth);
+    let first = -(-lo).div_euclid(pitch);
+    (first..=hi.div_euclid(pitch)).filter(|k| k.rem_euclid(CLASSES) < TRIED).map(move |k| k * pitch)
+}
+
+/// Distance of rows: eight rows further up is just out of reach.
+fn pitch_of(depth: i32) -> i32 {
     depth / CLASSES + 2
 }
 
 /// The best of a few choices of rows.
 pub(super) fn certify(points: &[[i32; 3]], size: [i32; 3]) -> Certificate {
-    let fine = row_pitch(size[2]);
+    let fine = pitch_of(size[2]);
     // Where points lie at any height, rows need some thickness.
     let coarse = fine + size[2] / 100;
     let (a, b) = (divide(points, size, fine, 0), divide(points, size, coarse, 0));

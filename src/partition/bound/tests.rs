@@ -21,12 +21,11 @@ fn point(p: [i32; 3]) -> Item {
 
 /// Points where lines along x, 1 mm apart, cross the heights of rows on the dome of the counts.
 fn dome() -> Vec<[i32; 3]> {
-    let (a, pitch) = (10.043874448175666, row_pitch(SIZE[2]));
+    let a = 10.043874448175666;
     let mut points = Vec::new();
     for y in 0..=450 {
         let v = (f64::from(y) - 225.0) / 225.0;
-        for k in 0..=(a * 1e6) as i32 / pitch {
-            let z = k * pitch;
+        for z in row_heights(SIZE[2], 0, (a * 1e6) as i32) {
             let square = 2.0 * (1.0 - f64::from(z) / 1e6 / a) - v * v;
             if (0.0..=1.0).contains(&square) {
                 let u = square.sqrt();
@@ -80,6 +79,16 @@ fn no_cover_has_fewer() {
             assert!(certificate.stops() <= stops, "{} of {stops}", certificate.stops());
             assert_eq!(certificate.stops() > 0, !items.is_empty());
         }
+    }
+}
+
+#[test]
+fn heights_of_rows_lie_where_asked() {
+    let all: Vec<i32> = row_heights(70_000, -500_000, 500_000).collect();
+    assert!(all.windows(2).all(|w| w[0] < w[1]) && all.contains(&0));
+    for (lo, hi) in [(-1, 1), (0, 0), (1, 8_000), (-70_020, 70_020), (-500_000, -400_000)] {
+        let want: Vec<i32> = all.iter().copied().filter(|h| (lo..=hi).contains(h)).collect();
+        assert_eq!(row_heights(70_000, lo, hi).collect::<Vec<_>>(), want, "{lo} to {hi}");
     }
 }
 
