@@ -44,6 +44,7 @@ pub fn layout<'a>(plan: &'a Plan, job: &'a str) -> preview::Layout<'a> {
         sections: plan.sections,
         map: &plan.map,
         texture: plan.texture,
+        turn_rad: plan.job.file.placement.turn.as_rad(),
         block_s: &plan.block_times,
         summary: &plan.summary,
     }

@@ -10,7 +10,7 @@
 
 use crate::geom::{NM_PER_MM, P2};
 use crate::partition::Stops;
-use crate::trace::{Piece, Skip, Tracer};
+use crate::trace::{Keep, Piece, Skip, Tracer};
 
 /// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
 const EPS: f64 = 1e-3;
@@ -33,6 +33,8 @@ pub struct Fragment {
     pub first: u32,
     /// How many points.
     pub len: u32,
+    /// Whether it is the whole of a closed stroke, which may be marked from any of its vertices.
+    pub is_figure: bool,
     /// Lowest and highest height, nm.
     pub z: [f64; 2],
     /// Integral of height over length, nm · nm.
@@ -69,6 +71,8 @@ pub struct Fragments {
     pub figures_whole: usize,
     /// Closed strokes that were cut or partly skipped.
     pub figures_cut: usize,
+    /// Strokes that were to stay whole and were cut between blocks.
+    pub not_kept: usize,
     /// A place that was too steep, if any was.
     pub steep_at: Option<P2>,
     /// Largest squared slope of the marks.
@@ -113,9 +117,10 @@ struct Segment {
 }
 
 impl<'a> Splitter<'a> {
-    /// Fragments shorter than `min_mark_nm` are skipped and counted.
-    pub fn new(tracer: Tracer<'a>, candidates: &'a [Stops], min_mark_nm: f64) -> Self {
-        let cutters = candidates.iter().map(|stops| Cutter::new(stops, min_mark_nm)).collect();
+    /// Fragments shorter than `min_mark_nm` are skipped and counted. What `keep` wants whole stays whole
+    /// where a stop holds it, as every stroke does; cuts of it are counted.
+    pub fn new(tracer: Tracer<'a>, candidates: &'a [Stops], min_mark_nm: f64, keep: Keep, seam: Seam) -> Self {
+        let cutters = candidates.iter().map(|stops| Cutter::new(stops, min_mark_nm, keep, seam)).collect();
         Self { tracer, cutters, run: Run::default() }
     }
 
@@ -148,6 +153,7 @@ impl<'a> Splitter<'a> {
 struct Cutter<'a> {
     stops: &'a Stops,
     min_mark: f64,
+    keep: Keep,
     out: Fragments,
     open: Option<Open>,
     /// Why the stroke is not marked here, and since where on the segment.
@@ -159,15 +165,40 @@ struct Cutter<'a> {
     before: (usize, Skipped),
     /// Stops that accept a point; scratch space.
     accepting: Vec<u32>,
+    seam: Seam,
+    /// Where the open fragment is to be cut although its stop would go on, and the stop that goes on.
+    cut: Option<(usize, f64, u32)>,
+}
+
+/// Where strokes are cut between two stops that both accept a stretch of them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Seam {
+    /// The cut lies at random within the last of this length that both accept, nm; 0 for the very end.
+    pub zone: f64,
+    /// Seed of the random places.
+    pub seed: u64,
+}
+
+impl Seam {
+    /// A number from 0 to 1 that depends on the seed and on which cut of which stroke it is.
+    fn random(self, source: u32, cut: usize) -> f64 {
+        // The finaliser of SplitMix64.
+        let mut h = self.seed ^ u64::from(source).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (cut as u64) << 32;
+        for (shift, factor) in [(30, 0xBF58_476D_1CE4_E5B9u64), (27, 0x94D0_49BB_1331_11EB)] {
+            h = (h ^ (h >> shift)).wrapping_mul(factor);
+        }
+        ((h ^ (h >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
 }
 
 impl<'a> Cutter<'a> {
-    fn new(stops: &'a Stops, min_mark: f64) -> Self {
+    fn new(stops: &'a Stops, min_mark: f64, keep: Keep, seam: Seam) -> Self {
         let out = Fragments::default();
         let before = (0, out.skipped);
         Self {
             stops,
             min_mark,
+            keep,
             out,
             open: None,
             unmarked: None,
@@ -176,6 +207,8 @@ impl<'a> Cutter<'a> {
             passes: 1.0,
             before,
             accepting: Vec::new(),
+            seam,
+            cut: None,
         }
     }
 
@@ -189,9 +222,14 @@ impl<'a> Cutter<'a> {
         let out = &mut self.out;
         let parts = out.list.len() - self.before.0;
         out.strokes_cut += usize::from(parts > 1);
+        if parts > 1 && self.keep.bounds(points).is_some() {
+            out.not_kept += 1;
+        }
         if points[0] == points[points.len() - 1] {
             if parts == 1 && out.skipped == self.before.1 {
                 out.figures_whole += 1;
+                let last = out.list.last_mut();
+                last.into_iter().for_each(|f| f.is_figure = f.len as usize == points.len());
             } else {
                 out.figures_cut += 1;
             }
@@ -200,6 +238,10 @@ impl<'a> Cutter<'a> {
 
     fn run(&mut self, run: &Run) {
         for (k, s) in run.segments.iter().enumerate() {
+            // A cut is planned within the run, by the number of a piece.
+            if k == 0 {
+                self.cut = None;
+            }
             // The stop of the open fragment, and where on the segment its window ends.
             let mut stop = self.open.as_ref().map(|o| (o.stop as u32, self.window_end(o.stop as u32, s)));
             for i in s.first..s.end {
@@ -215,8 +257,11 @@ impl<'a> Cutter<'a> {
                 let mut t = p.t0;
                 while t < p.t1 {
                     let chosen = stop.is_none();
-                    let (at, end) = stop.take().unwrap_or_else(|| self.choose(run, k, i, t));
+                    let (at, end) = stop.take().unwrap_or_else(|| self.go_on(run, k, i, t));
                     let mut exit = self.exit(at, end, p, t);
+                    if let Some((_, cut, _)) = self.cut.filter(|c| c.0 == i) {
+                        exit = exit.min(cut.max(t));
+                    }
                     if chosen && exit <= t {
                         // Rounding left a gap between two stops: bridged by a nanometre.
                         exit = (t + 1.0 / s.a.distance(s.b)).min(p.t1);
@@ -261,6 +306,86 @@ impl<'a> Cutter<'a> {
         };
         let z_end = if p.z0 == p.z1 { t } else { p.t0 + (p.t1 - p.t0) * ((limit - p.z0) / (p.z1 - p.z0)) };
         window_end.min(z_end).clamp(t, p.t1)
+    }
+
+    /// The stop that goes on after `t` on piece `i` of segment `k`, and where its window ends; plans the
+    /// place of the next cut if that is free.
+    fn go_on(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (u32, f64) {
+        let planned = self.cut.take().filter(|&(piece, at, _)| piece == i && at <= t).map(|(.., next)| next);
+        let (s, p) = (&run.segments[k], &run.pieces[i]);
+        let ends = planned.map(|next| (next, self.window_end(next, s)));
+        let (stop, end) =
+            ends.filter(|&(n, end)| self.exit(n, end, p, t) > t).unwrap_or_else(|| self.choose(run, k, i, t));
+        if self.seam.zone > 0.0 {
+            self.cut = self.plan(stop, run, k, i, t);
+        }
+        (stop, end)
+    }
+
+    /// A random place to leave `stop`, which goes on from `t` on piece `i` of segment `k`: in the zone before
+    /// the place where it must be left, as far as the stop that follows accepts it too.
+    fn plan(&mut self, stop: u32, run: &Run, k: usize, i: usize, t: f64) -> Option<(usize, f64, u32)> {
+        let (j, exit) = self.left(stop, run, k, i, t);
+        let p = run.pieces.get(j).filter(|p| p.skip.is_none())?;
+        // A stop that is left at once, at the end of a piece, is left on the next.
+        if exit >= p.t1 {
+            return None;
+        }
+        let last = run.segments.partition_point(|s| s.end <= j);
+        let (next, _) = self.choose(run, last, j, exit);
+        let cuts = self.out.list.len() - self.before.0;
+        let mut back = self.seam.zone * self.seam.random(self.source, cuts);
+        // The zone may be shorter than asked for: the cut then lies at the same share of what there is.
+        let whole = self.accepted_before(next, run, (j, exit), (i, t), self.seam.zone).1;
+        back *= whole / self.seam.zone;
+        let ((piece, at), _) = self.accepted_before(next, run, (j, exit), (i, t), back);
+        let begin = piece == i && (at - t) * run.segments[k].a.distance(run.segments[k].b) < 2.0;
+        (!begin).then_some((piece, at, next))
+    }
+
+    /// Goes back from one place of a stroke to another as long as `stop` accepts it, at most `most` nm;
+    /// answers where that ends and how far it is.
+    fn accepted_before(
+        &self,
+        stop: u32,
+        run: &Run,
+        (mut j, mut to): (usize, f64),
+        (first, from): (usize, f64),
+        most: f64,
+    ) -> ((usize, f64), f64) {
+        let ([lo, hi], at) = (self.stops.window(stop), &self.stops.stops[stop as usize]);
+        let mut length = 0.0;
+        loop {
+            let s = &run.segments[run.segments.partition_point(|s| s.end <= j)];
+            let p = &run.pieces[j];
+            let d = [(s.b.x - s.a.x) as f64, (s.b.y - s.a.y) as f64];
+            let a = [s.a.x as f64, s.a.y as f64];
+            let limit = |v: f64, d: f64, lo: f64, hi: f64| match d {
+                0.0 => f64::NEG_INFINITY,
+                d => ((if d > 0.0 { lo } else { hi }) - v) / d,
+            };
+            let mut begin = (0..2).map(|axis| limit(a[axis], d[axis], lo[axis], hi[axis])).fold(p.t0, f64::max);
+            if p.z0 > at.z_hi as f64 || p.z0 < at.z_lo as f64 {
+                let z = if p.z0 > at.z_hi as f64 { at.z_hi } else { at.z_lo } as f64;
+                let share = if p.z1 == p.z0 { 1.0 } else { (z - p.z0) / (p.z1 - p.z0) };
+                begin = begin.max(p.t0 + (p.t1 - p.t0) * share);
+            }
+            if j == first {
+                begin = begin.max(from);
+            }
+            let begin = begin.min(to);
+            let scale = s.a.distance(s.b);
+            if length + (to - begin) * scale >= most {
+                return ((j, (to - (most - length) / scale).max(begin)), most);
+            }
+            length += (to - begin) * scale;
+            let goes_on = begin <= p.t0 && j > first && run.pieces[j - 1].skip.is_none();
+            if !goes_on {
+                return ((j, begin), length);
+            }
+            j -= 1;
+            to = run.pieces[j].t1;
+        }
     }
 
     /// Of the stops that accept what follows after `t` on piece `i` of segment `k`, the one that is left
@@ -399,6 +524,7 @@ impl<'a> Cutter<'a> {
             pen: self.pen,
             first: open.first as u32,
             len: points.len() as u32,
+            is_figure: false,
             z: open.z,
             z_length: open.z_length,
             length: open.length,

@@ -348,6 +348,13 @@ pub(crate) fn non_negative<'de, D: Deserializer<'de>, Q: Quantity + Deserialize<
     if q.base() >= 0.0 { Ok(q) } else { Err(de::Error::custom("must not be negative")) }
 }
 
+/// As [`non_negative`], for a field that may be absent.
+pub(crate) fn non_negative_option<'de, D: Deserializer<'de>, Q: Quantity + Deserialize<'de>>(
+    d: D,
+) -> Result<Option<Q>, D::Error> {
+    non_negative(d).map(Some)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -257,7 +257,7 @@ fn init_writes_a_job_that_compiles_as_it_is_and_overwrites_nothing() {
     let tables = keys(&schema["properties"]);
     assert_eq!(
         tables,
-        ["surface", "placement", "texture", "focus", "partition", "limits", "machine", "pen", "emit"].into()
+        ["surface", "placement", "texture", "focus", "partition", "order", "limits", "machine", "pen", "emit"].into()
     );
     let sample = read(dir.path().join("other/job.toml"));
     for table in tables {

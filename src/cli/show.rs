@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::batch::Outcome;
 use crate::compile::Station;
-use crate::record::Summary;
+use crate::record::{Summary, duration};
 
 /// Pretty JSON with a line end.
 pub fn json(value: &serde_json::Value) -> String {
@@ -64,16 +64,6 @@ impl BatchView {
     }
     pub fn finish(&self) {
         self.0.finish_and_clear();
-    }
-}
-
-/// Hours, minutes, seconds.
-pub fn duration(s: f64) -> String {
-    let whole = s.round() as u64;
-    match (whole / 3600, whole / 60 % 60, whole % 60) {
-        (0, 0, _) => format!("{s:.1} s"),
-        (0, m, s) => format!("{m} min {s:02} s"),
-        (h, m, _) => format!("{h} h {m:02} min"),
     }
 }
 

@@ -96,7 +96,7 @@ impl Index {
 
     /// The tiles along axis k that meet [lo, hi].
     fn tiles(&self, k: usize, lo: i32, hi: i32) -> Range<usize> {
-        let at = |v: i32| ((i64::from(v) - i64::from(self.origin[k])).div_euclid(i64::from(self.tile[k])));
+        let at = |v: i32| (i64::from(v) - i64::from(self.origin[k])).div_euclid(i64::from(self.tile[k]));
         let first = at(lo).max(0);
         let last = at(hi).min(self.shape[k] as i64 - 1);
         if first > last { 0..0 } else { first as usize..last as usize + 1 }

@@ -6,6 +6,7 @@
 //! a whole even number of increments, so that the middle of every level is a place where the stage can
 //! stand.
 
+pub mod bound;
 mod contour;
 pub mod items;
 pub mod window;
@@ -33,14 +34,30 @@ pub struct Lattice {
     pub step: i64,
     /// Part heights z with (z + offset) a multiple of the step lie on the lattice.
     pub offset: i64,
+    /// By how much levels reach over each other at most on each side, nm; a whole number of steps.
+    pub hysteresis: i64,
 }
 
 impl Lattice {
     /// `depth` is rounded down to the lattice; None where nothing is left of it.
     pub fn new(depth: i64, step: i64, offset: i64) -> Option<Self> {
         let depth = depth / (2 * step) * (2 * step);
-        (depth > 0).then_some(Self { depth, step, offset })
+        (depth > 0).then_some(Self { depth, step, offset, hysteresis: 0 })
     }
+
+    /// With levels that overlap, so that a height that swings about a border need not change the stop
+    /// each time. Rounded to the lattice; at most a quarter of the depth range.
+    #[must_use]
+    pub fn with_hysteresis(mut self, nm: f64) -> Self {
+        self.hysteresis = (nm.min(self.depth as f64 / 4.0) / self.step as f64).round() as i64 * self.step;
+        self
+    }
+
+    /// Whether one level on the lattice holds heights from `lo` to `hi`.
+    pub fn holds(&self, lo: f64, hi: f64) -> bool {
+        (self.floor(lo) + self.depth) as f64 >= hi
+    }
+
     /// The highest lattice point not above `z`.
     pub fn floor(&self, z: f64) -> i64 {
         let z = z.floor() as i64;
@@ -129,17 +146,28 @@ impl Stops {
     }
 }
 
-/// Chooses the stops for a footprint.
-pub fn divide(method: Method, footprint: &Footprint, sections: &Sections, lattice: &Lattice) -> Stops {
+/// Chooses the stops for a footprint. `window` is at least the pitch of the sections.
+pub fn divide(
+    method: Method,
+    footprint: &Footprint,
+    sections: &Sections,
+    window: [i64; 2],
+    lattice: &Lattice,
+) -> Stops {
     let lowest = footprint.range().map_or(0.0, |r| r.0);
     let z0 = lattice.floor(lowest);
     let mut stops = Vec::new();
     for i in 0..sections.len() {
-        let heights = footprint.of_section(i);
+        let (heights, figures) = (footprint.of_section(i), footprint.figures_of(i));
         let centre: P2 = sections.centre(i);
+        // What no level can hold is cut, in every method.
+        let (whole, deep): (Vec<_>, Vec<_>) =
+            figures.iter().partition(|&&(lo, hi)| method == Method::ZRange && lattice.holds(lo, hi));
+        let joined = (!deep.is_empty()).then(|| join(heights, deep));
+        let heights = joined.as_deref().unwrap_or(heights);
         let levels = match method {
             Method::Contour => contour::levels(heights, z0, lattice),
-            Method::ZRange => zrange::levels(heights, lattice),
+            Method::ZRange => zrange::levels(heights, &whole, lattice),
         };
         stops.extend(levels.into_iter().map(|(level, z_lo)| Stop {
             section: sections.cell(i),
@@ -150,7 +178,21 @@ pub fn divide(method: Method, footprint: &Footprint, sections: &Sections, lattic
             z_hi: z_lo + lattice.depth,
         }));
     }
-    Stops::new(stops, sections.pitch, lattice.depth)
+    Stops::new(stops, window, lattice.depth)
+}
+
+/// Intervals joined where they touch, upwards.
+fn join(heights: &[(f64, f64)], mut more: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    more.extend_from_slice(heights);
+    more.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    more.dedup_by(|next, last| {
+        let touches = next.0 <= last.1;
+        if touches {
+            last.1 = last.1.max(next.1);
+        }
+        touches
+    });
+    more
 }
 
 /// The fine grid and the slabs in which windows see the texture.
@@ -172,10 +214,10 @@ impl Fine {
 
     /// For a texture within the sections, its lowest mark at `lowest`; None where the box is too wide for
     /// windows of this size.
-    pub fn over(sections: &Sections, lattice: &Lattice, lowest: f64) -> Option<Self> {
+    pub fn over(sections: &Sections, window: [i64; 2], lattice: &Lattice, lowest: f64) -> Option<Self> {
         let size = [0, 1].map(|k| sections.pitch[k] * i64::from(sections.count[k]));
         let mut along = Self::ALONG;
-        let width = |along: i64| sections.pitch.map(|p| (p / along / lattice.step).max(1) * lattice.step);
+        let width = |along: i64| window.map(|p| (p / along / lattice.step).max(1) * lattice.step);
         let cells = |along: i64| (size[0] / width(along)[0]).saturating_mul(size[1] / width(along)[1]);
         while along > Self::FEWEST && cells(along) > Self::MOST {
             along /= 2;
@@ -185,29 +227,42 @@ impl Fine {
         let fits = count.iter().all(|&c| c <= Cells::MOST) && cells(along) <= Self::MOST;
         (fits && size.iter().all(|&s| s < Self::WIDEST)).then(|| Self {
             grid: Sections { origin: sections.origin, pitch, count: count.map(|c| c as u32) },
-            slabs: Slabs { z0: lattice.floor(lowest), depth: lattice.depth, step: lattice.step },
+            slabs: Slabs {
+                z0: lattice.floor(lowest),
+                depth: lattice.depth,
+                hysteresis: lattice.hysteresis,
+                step: lattice.step,
+            },
         })
     }
 }
 
 /// Windows and levels placed freely.
-pub fn free(cells: Cells, fine: &Fine, sections: &Sections, lattice: &Lattice) -> Stops {
+pub fn free(mut cells: Cells, fine: &Fine, sections: &Sections, window: [i64; 2], lattice: &Lattice) -> Stops {
     let Fine { grid, slabs } = fine;
     // Coordinates from the middle of the box reach less far.
     let middle = [0, 1].map(|k| i64::from(grid.count[k]) / 2 * grid.pitch[k]);
+    let figures = cells.take_figures();
     let list = cells.list();
     let level = |k: i64| slabs.border(k) - slabs.z0;
-    let top = list.clone().map(|[.., slab]| level(slab + 1)).max().unwrap_or(0);
+    let highest = list.clone().map(|[.., slab]| level(slab + 1)).chain(figures.iter().map(|f| f[1][2] - slabs.z0));
+    let top = highest.max().unwrap_or(0);
     let middle = [middle[0], middle[1], top / 2 / lattice.step * lattice.step];
+    let item = |lo: [i64; 3], hi: [i64; 3]| {
+        let near = |v: [i64; 3]| [0, 1, 2].map(|k| (v[k] - middle[k]) as i32);
+        items::Item { lo: near(lo), hi: near(hi) }
+    };
+    let zero = [grid.origin.x, grid.origin.y, slabs.z0];
+    let local = |v: [i64; 3]| [0, 1, 2].map(|k| v[k] - zero[k]);
     let items: Vec<items::Item> = list
         .map(|[column, row, slab]| {
-            let lo = [column * grid.pitch[0], row * grid.pitch[1], level(slab)];
-            let hi = [lo[0] + grid.pitch[0], lo[1] + grid.pitch[1], level(slab + 1)];
-            let near = |v: [i64; 3]| [0, 1, 2].map(|k| (v[k] - middle[k]) as i32);
-            items::Item { lo: near(lo), hi: near(hi) }
+            let lo = [column * grid.pitch[0], row * grid.pitch[1], level(slab) - slabs.hysteresis];
+            let hi = [lo[0] + grid.pitch[0], lo[1] + grid.pitch[1], level(slab + 1) + slabs.hysteresis];
+            item(lo, hi)
         })
+        .chain(figures.iter().map(|&[lo, hi]| item(local(lo), local(hi))))
         .collect();
-    let [w, h] = sections.pitch;
+    let [w, h] = window;
     let size = [w, h, lattice.depth].map(|v| v as i32);
     let mut stops: Vec<Stop> = window::cover(&items, size, [lattice.step as i32; 3])
         .into_iter()
@@ -223,14 +278,14 @@ pub fn free(cells: Cells, fine: &Fine, sections: &Sections, lattice: &Lattice) -
     for i in 1..stops.len() {
         stops[i].level = if stops[i].section == stops[i - 1].section { stops[i - 1].level + 1 } else { 0 };
     }
-    Stops::new(stops, sections.pitch, lattice.depth)
+    Stops::new(stops, window, lattice.depth)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const LATTICE: Lattice = Lattice { depth: 70_000, step: 100, offset: 0 };
+    const LATTICE: Lattice = Lattice { depth: 70_000, step: 100, offset: 0, hysteresis: 0 };
 
     #[test]
     fn contour_takes_every_level_that_is_touched() {
@@ -242,11 +297,45 @@ mod tests {
 
     #[test]
     fn z_range_takes_the_fewest() {
-        let count = |h: &[(f64, f64)]| zrange::levels(h, &LATTICE).len();
+        let count = |h: &[(f64, f64)]| zrange::levels(h, &[], &LATTICE).len();
         assert_eq!(count(&[(35_000.0, 104_900.0)]), 1);
         assert_eq!(count(&[(35_000.0, 105_100.0)]), 2);
         assert_eq!(count(&[(0.0, 10_000.0), (500_000.0, 540_000.0)]), 2, "no level where nothing is");
         assert_eq!(count(&[(0.0, 10_000.0), (60_000.0, 69_000.0)]), 1);
+    }
+
+    #[test]
+    fn a_figure_lies_in_one_level_and_the_levels_are_fewest() {
+        let levels = |heights: &[(f64, f64)], figures: &[(f64, f64)], h: f64| {
+            zrange::levels(heights, figures, &LATTICE.with_hysteresis(h))
+        };
+        // Two figures that overlap and do not fit one level; a third fits the second's.
+        let figures = [(0.0, 60_000.0), (30_000.0, 95_000.0), (40_000.0, 96_000.0)];
+        assert_eq!(levels(&[], &figures, 0.0), [(0, 0), (1, 30_000)]);
+        // Heights fill what is between.
+        assert_eq!(levels(&[(0.0, 150_000.0)], &figures, 0.0), [(0, 0), (1, 30_000), (2, 100_000)]);
+        // Random figures: every one is held, and no point set of lower ends could be smaller (each level
+        // begins at the lowest end of a figure that no level below holds).
+        let mut seed = 9u64;
+        let mut random = |n: u64| {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((seed >> 33) % n) as f64
+        };
+        let mut figures: Vec<(f64, f64)> = (0..500)
+            .map(|_| {
+                let lo = random(2_000_000);
+                (lo, lo + random(69_900))
+            })
+            .collect();
+        figures.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let out = levels(&[], &figures, 0.0);
+        let holds = |l: &(i32, i64), f: &(f64, f64)| l.1 as f64 <= f.0 && f.1 <= (l.1 + 70_000) as f64;
+        assert!(figures.iter().all(|f| out.iter().any(|l| holds(l, f))));
+        for (i, level) in out.iter().enumerate() {
+            assert!(figures.iter().any(|f| LATTICE.floor(f.0) == level.1 && !out[..i].iter().any(|l| holds(l, f))));
+        }
+        // Hysteresis: neighbours reach over each other by twice as much.
+        assert_eq!(levels(&[(0.0, 150_000.0)], &[], 5000.0), [(0, 0), (1, 60_000), (2, 120_000)]);
     }
 
     #[test]

@@ -7,6 +7,12 @@
 /// Red, green, blue.
 pub(super) type Colour = [u8; 3];
 
+/// Colour of the stage path: far from every colour of the ramp, in hue and against its lightness.
+pub(super) const PATH: &str = "#d5186b";
+
+/// Colour of the field frame.
+pub(super) const FIELD: &str = "#c2410c";
+
 const ANCHORS: [Colour; 9] = [
     [80, 46, 142],
     [59, 79, 172],

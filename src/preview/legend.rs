@@ -6,10 +6,11 @@
 use svg::Node;
 use svg::node::element::Element;
 
-use super::layout::{Sheet, el, num, rectangle, text};
-use super::stage::{FIELD, PATH};
-use super::{Layout, colour, length_text, mm, plain, short, time_text};
+use super::colour::{self, FIELD, PATH};
+use super::sheet::{Sheet, el, num, rectangle, text};
+use super::{Layout, length_text, mm, plain, short};
 use crate::geom::mm_from_nm;
+use crate::record::duration;
 
 /// Width of a column of the legend, in units of the sheet.
 const COLUMN: f64 = 36.0;
@@ -57,8 +58,13 @@ pub(super) fn measures(job: &Layout<'_>, sheet: &Sheet) -> Element {
         g.append(e);
     }
     scale_bar(&mut g, sheet);
-    let [w, h] = job.texture_size().map(|v| mm(v, 2));
-    let note = format!("texture {w} x {h} mm, part frame{}", if zero { ", + is its origin" } else { "" });
+    let frame = sheet.frame.as_ref();
+    let [w, h] = frame.map_or([0.0; 2], |f| f.size).map(|v| plain(v, 2));
+    let what = match frame.filter(|f| f.turned) {
+        Some(_) => format!("marks {w} x {h} mm, turned by {} deg", num(job.turn_rad.to_degrees())),
+        None => format!("texture {w} x {h} mm"),
+    };
+    let note = format!("{what}, part frame{}", if zero { ", + is its origin" } else { "" });
     g.append(text([x0 + 5.0 * u, y1 + 6.5 * u], FONT * u, "start", &note));
     g
 }
@@ -97,7 +103,7 @@ pub(super) fn draw(job: &Layout<'_>, sheet: &Sheet) -> (Element, [f64; 4]) {
     let mut bounds = [left, y0, x1, foot];
     for card in [heading, ramp, times, key] {
         let mut pen = Column { g: &mut g, u, at };
-        card(&mut pen, job);
+        card(&mut pen, job, sheet);
         bounds[2] = bounds[2].max(at[0] + COLUMN * u);
         bounds[3] = bounds[3].max(pen.at[1]);
         if below {
@@ -137,7 +143,7 @@ impl Column<'_> {
     }
 }
 
-fn heading(pen: &mut Column<'_>, job: &Layout<'_>) {
+fn heading(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
     let s = job.summary;
     let name = short(job.job, 60);
     let font = (2.4 * 24.0 / name.chars().count().max(1) as f64).clamp(1.0, 2.4);
@@ -147,9 +153,13 @@ fn heading(pen: &mut Column<'_>, job: &Layout<'_>) {
     pen.pair("method", &short(&s.method, 24));
     let bound = s.lower_bound_stops.map(|n| format!(" (at least {n})")).unwrap_or_default();
     pen.pair("stops", &format!("{}{bound}", job.blocks().len()));
-    let [columns, rows] = job.sections.count;
-    let [w, h] = job.sections.pitch.map(|v| num(mm_from_nm(v)));
-    pen.pair("sections", &format!("{columns} x {rows} of {w} x {h} mm"));
+    let size = |nm: [i64; 2]| nm.map(|v| num(mm_from_nm(v))).join(" x ");
+    if sheet.gridded {
+        let [columns, rows] = job.sections.count;
+        pen.pair("sections", &format!("{columns} x {rows} of {} mm", size(job.sections.pitch)));
+    } else {
+        pen.pair("windows, placed freely", &format!("{} mm", size(job.machine.usable_field())));
+    }
     let [lo, hi] = job.range(|b| b.z_lo, |b| b.z_hi);
     pen.pair("marks from z to z, mm", &format!("{} to {}", mm(lo, 3), mm(hi, 3)));
     pen.pair("worst defocus", &format!("{} um", plain(s.worst_defocus_um, 1)));
@@ -161,7 +171,7 @@ fn heading(pen: &mut Column<'_>, job: &Layout<'_>) {
 }
 
 /// The colours with the heights they stand for.
-fn ramp(pen: &mut Column<'_>, job: &Layout<'_>) {
+fn ramp(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
     let u = pen.u;
     pen.put("focus height (LPFL), mm", FONT, "bold");
     let range = job.range(|b| b.stop.focus, |b| b.stop.focus);
@@ -195,7 +205,8 @@ fn ramp(pen: &mut Column<'_>, job: &Layout<'_>) {
         all.dedup();
         all.len()
     };
-    let note = [format!("{levels} heights"), "every other level".into(), "a shade darker".into()];
+    let other = if sheet.gridded { "every other level" } else { "every other block" };
+    let note = [format!("{levels} heights"), other.into(), "a shade darker".into()];
     for (k, words) in note.iter().take(if flat { 0 } else { 3 }).enumerate() {
         let y = top + height / 2.0 + (k as f64 - 0.4) * LINE * u;
         pen.g.append(text([x + 17.0 * u, y], FONT * u, "start", words));
@@ -213,11 +224,11 @@ pub(super) fn seconds(job: &Layout<'_>) -> [f64; 5] {
     [t.mark, t.jump, t.delay, t.stage, t.settle]
 }
 
-fn times(pen: &mut Column<'_>, job: &Layout<'_>) {
+fn times(pen: &mut Column<'_>, job: &Layout<'_>, _: &Sheet) {
     let u = pen.u;
     let total = job.summary.time_s.total;
     pen.put("estimated time", FONT, "bold");
-    pen.g.append(text([pen.at[0] + COLUMN * u, pen.at[1]], FONT * u, "end", &time_text(total)));
+    pen.g.append(text([pen.at[0] + COLUMN * u, pen.at[1]], FONT * u, "end", &duration(total)));
     let sum: f64 = seconds(job).iter().sum();
     let (mut x, y) = (pen.at[0], pen.at[1] + u);
     for ((_, fill), s) in PARTS.iter().zip(seconds(job)) {
@@ -236,22 +247,23 @@ fn times(pen: &mut Column<'_>, job: &Layout<'_>) {
         let y = pen.at[1];
         pen.g.append(rectangle([x, y - 1.2 * u, x + 1.3 * u, y + 0.1 * u], &[("fill", *fill)]));
         let share = if sum > 0.0 { 100.0 * s / sum } else { 0.0 };
-        let words = format!("{}, {} %", time_text(s), plain(share, 0));
+        let words = format!("{}, {} %", duration(s), plain(share, 0));
         pen.g.append(text([x + COLUMN * u, y], FONT * u, "end", &words));
     }
 }
 
-fn key(pen: &mut Column<'_>, job: &Layout<'_>) {
+fn key(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
     let u = pen.u;
     pen.put("how to read it", FONT, "bold");
+    let turned = sheet.frame.as_ref().is_some_and(|f| f.turned);
     let rows: [(&str, &str, f64, &str); 5] = [
         ("#1a1a1a", "", 0.12, "split: border of two blocks"),
         ("#000", "dash", 0.14, "section line (number at the rim)"),
-        ("#000", "", 0.3, "box of the texture"),
+        ("#000", "", 0.3, if turned { "box of the marks, turned" } else { "box of the texture" }),
         (FIELD, "", 0.3, "field at the first stop"),
         (PATH, "arrow", 0.3, "stage path from ring to square"),
     ];
-    for (stroke, kind, width, words) in rows {
+    for (stroke, kind, width, words) in rows.into_iter().filter(|row| sheet.gridded || row.1 != "dash") {
         let x = pen.at[0];
         pen.at[0] = x + 5.5 * u;
         pen.line(words);
@@ -278,5 +290,9 @@ fn key(pen: &mut Column<'_>, job: &Layout<'_>) {
     if !job.blocks().is_empty() {
         pen.line("number n: block Bn, in order of work");
     }
-    pen.line("rest the pointer on a block for its data");
+    pen.line(if sheet.gridded {
+        "rest the pointer on a block for its data"
+    } else {
+        "rest the pointer on a block: data, window"
+    });
 }

@@ -11,6 +11,7 @@
 //! lies within about one cell of the true one. The drawing is for eyes and rulers; what is machined is in
 //! the program.
 
+mod blocks;
 mod colour;
 mod label;
 mod layout;
@@ -19,6 +20,7 @@ mod outline;
 mod report;
 #[cfg(test)]
 mod sample;
+mod sheet;
 mod stage;
 #[cfg(test)]
 mod tests;
@@ -49,6 +51,8 @@ pub struct Layout<'a> {
     pub map: &'a Map,
     /// The box of the texture as placed.
     pub texture: Box2,
+    /// By how much the part is turned against its file, rad.
+    pub turn_rad: f64,
     /// Time of each block in s: marks, jumps and delays, in the order of the program.
     pub block_s: &'a [f64],
     /// The figures of the job.
@@ -58,6 +62,11 @@ pub struct Layout<'a> {
 impl Layout<'_> {
     fn blocks(&self) -> &[Block] {
         &self.checked.program().blocks
+    }
+
+    /// Whether the stops stand on the grid of sections; else their windows lie freely.
+    fn is_gridded(&self) -> bool {
+        crate::map::is_gridded(self.checked.program(), &self.sections)
     }
 
     fn block_s(&self, i: usize) -> f64 {
@@ -91,16 +100,6 @@ fn plain(v: f64, decimals: usize) -> String {
 /// A length for reading: mm below 10 m, m above.
 fn length_text(mm: f64) -> String {
     if mm.abs() < 10_000.0 { format!("{} mm", plain(mm, 1)) } else { format!("{} m", plain(mm / 1000.0, 1)) }
-}
-
-/// A duration for reading: `4.2 s`, `12 min 5 s`, `3 h 12 min`.
-fn time_text(s: f64) -> String {
-    let whole = s.max(0.0).round() as u64;
-    match whole {
-        0..60 => format!("{} s", plain(s, 1)),
-        60..3600 => format!("{} min {} s", whole / 60, whole % 60),
-        _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
-    }
 }
 
 /// Text that XML can hold: control characters, which no escape makes legal, become spaces.

@@ -6,8 +6,9 @@
 use std::fmt::Write;
 
 use super::legend::{PARTS, seconds};
-use super::{Layout, clean, length_text, mm, plain, time_text};
+use super::{Layout, clean, length_text, mm, plain};
 use crate::program::{Block, Program};
+use crate::record::duration;
 
 const STYLE: &str = "body{font:14px/1.45 Arial,\"Liberation Sans\",sans-serif;margin:2em auto;max-width:76em;padding:0 1em;color:#1a1a1a}\
 h1{font-size:1.6em;margin-bottom:.2em}h2{font-size:1.15em;margin:1.8em 0 .5em}\
@@ -29,7 +30,7 @@ pub fn report_html(job: &Layout<'_>) -> String {
          <a href=\"layout.svg\">Block layout (layout.svg)</a></p>\n",
         escape(&job.machine.name),
         job.blocks().len(),
-        time_text(job.summary.time_s.total),
+        duration(job.summary.time_s.total),
     );
     warnings(&mut h, job);
     h.push_str("<div class=\"row\">\n<div>\n");
@@ -67,6 +68,7 @@ fn warnings(h: &mut String, job: &Layout<'_>) {
 fn figures(h: &mut String, job: &Layout<'_>) {
     let s = job.summary;
     let [columns, rows] = job.sections.count;
+    let sections = if job.is_gridded() { format!("{columns} x {rows}") } else { "none, windows lie freely".into() };
     let [z_lo, z_hi] = job.range(|b| b.z_lo, |b| b.z_hi);
     let [w, d] = job.texture_size().map(|v| mm(v, 3));
     let [fx, fy] = job.machine.usable_field().map(|v| mm(v, 3));
@@ -75,7 +77,7 @@ fn figures(h: &mut String, job: &Layout<'_>) {
         ("Stops", job.blocks().len().to_string()),
         ("Lower bound of stops", s.lower_bound_stops.map_or("not known".into(), |n| n.to_string())),
         ("Sub-blocks", s.sub_blocks.to_string()),
-        ("Sections, columns x rows", format!("{columns} x {rows}")),
+        ("Sections, columns x rows", sections),
         ("Usable field", format!("{fx} x {fy} mm")),
         ("Texture box", format!("{w} x {d} mm")),
         ("Height of marks", format!("{} to {} mm", mm(z_lo, 4), mm(z_hi, 4))),
@@ -124,7 +126,7 @@ fn times(h: &mut String, job: &Layout<'_>) {
             "<tr><td><svg width=\"12\" height=\"12\"><rect width=\"12\" height=\"12\" fill=\"{fill}\"/></svg> {name}</td>\
              <td>{}</td><td>{}</td><td>{} %</td></tr>",
             plain(s, 2),
-            time_text(s),
+            duration(s),
             plain(100.0 * share(s), 1)
         );
     }
@@ -133,7 +135,7 @@ fn times(h: &mut String, job: &Layout<'_>) {
         h,
         "<tr><th>total</th><th>{}</th><th>{}</th><th></th></tr>\n</table>",
         plain(total, 2),
-        time_text(total)
+        duration(total)
     );
 }
 
@@ -145,7 +147,7 @@ fn candidates(h: &mut String, job: &Layout<'_>) {
         "<h2>Methods compared</h2>\n<table>\n<tr><th>method</th><th>stops</th><th>strokes</th><th>time</th></tr>\n",
     );
     for c in &job.summary.candidates {
-        let (method, time) = (escape(&c.method), time_text(c.time_s.total));
+        let (method, time) = (escape(&c.method), duration(c.time_s.total));
         let _ = writeln!(h, "<tr><td>{method}</td><td>{}</td><td>{}</td><td>{time}</td></tr>", c.stops, c.fragments);
     }
     h.push_str("</table>\n");
@@ -244,20 +246,26 @@ fn pens(h: &mut String, job: &Layout<'_>) {
 
 fn blocks(h: &mut String, job: &Layout<'_>) {
     let program = job.checked.program();
-    h.push_str(
-        "<h2>Blocks in machining order</h2>\n<p>Heights in the part frame, stage targets as commanded; mm, s.</p>\n\
-         <table id=\"blocks\">\n<tr><th>block</th><th>section</th><th>level</th><th>focus (LPFL)</th><th>stage x</th>\
+    let gridded = job.is_gridded();
+    let [first, second] = if gridded { ["section", "level"] } else { ["window x", "window y"] };
+    let _ = write!(
+        h,
+        "<h2>Blocks in machining order</h2>\n<p>Heights{} in the part frame, stage targets as commanded; mm, s.</p>\n\
+         <table id=\"blocks\">\n<tr><th>block</th><th>{first}</th><th>{second}</th><th>focus (LPFL)</th><th>stage x</th>\
          <th>stage y</th><th>stage z</th><th>strokes</th><th>mark</th><th>jump</th><th>time</th></tr>\n",
+        if gridded { "" } else { " and centres of windows" },
     );
     for (i, b) in job.blocks().iter().enumerate() {
         let [x, y, z] = b.stage.map(|v| mm(v, 4));
+        let [first, second] = if gridded {
+            [format!("{},{}", b.stop.section[0], b.stop.section[1]), b.stop.level.to_string()]
+        } else {
+            [mm(b.stop.centre.x, 3), mm(b.stop.centre.y, 3)]
+        };
         let _ = writeln!(
             h,
-            "<tr><td>{}<td>{},{}<td>{}<td>{}<td>{x}<td>{y}<td>{z}<td>{}<td>{}<td>{}<td>{}",
+            "<tr><td>{}<td>{first}<td>{second}<td>{}<td>{x}<td>{y}<td>{z}<td>{}<td>{}<td>{}<td>{}",
             Program::block_id(i),
-            b.stop.section[0],
-            b.stop.section[1],
-            b.stop.level,
             mm(b.stop.focus, 4),
             b.strokes.len(),
             plain(program.mark_mm(b), 2),

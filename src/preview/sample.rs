@@ -9,6 +9,7 @@ use crate::machine::Machine;
 use crate::program::Sections;
 use crate::program::{Block, Pen, Program, Stop, Stroke};
 use crate::record::{Candidate, Summary, Times};
+use crate::surface::Surface;
 use crate::units::{Frequency, Power, Speed};
 
 pub(super) struct Sample {
@@ -18,6 +19,7 @@ pub(super) struct Sample {
     pub sections: Sections,
     pub map: Map,
     pub texture: Box2,
+    pub turn_rad: f64,
     pub block_s: Vec<f64>,
     pub summary: Summary,
 }
@@ -31,6 +33,7 @@ impl Sample {
             sections: self.sections,
             map: &self.map,
             texture: self.texture,
+            turn_rad: self.turn_rad,
             block_s: &self.block_s,
             summary: &self.summary,
         }
@@ -91,15 +94,122 @@ impl Sample {
             sections,
             map,
             texture,
+            turn_rad: 0.0,
             block_s,
             summary,
         }
     }
 
+    /// The same surface under a 1 mm hatch, covered by windows that lie freely: each begins at the highest
+    /// mark left and is the best of nine around it; lines stay in a window as long as they can.
+    pub(super) fn windows(name: &str, size: [f64; 2], depth: f64, z: impl Fn(f64, f64) -> f64) -> Self {
+        let mut sample = Self::of(name, size, depth, 4_000_000, &z);
+        let half = [size[0] / 2.0, size[1] / 2.0];
+        let field = sample.machine.usable_field().map(|v| v as f64 / 2e6);
+        // Marks every 0.5 mm along lines 1 mm apart.
+        let count = [size[0] as usize * 2, size[1] as usize];
+        let place = |i: usize| [(i % count[0]) as f64 * 0.5 + 0.25 - half[0], (i / count[0]) as f64 + 0.5 - half[1]];
+        let heights: Vec<f64> = (0..count[0] * count[1]).map(|i| z(place(i)[0], place(i)[1])).collect();
+        let holds = |w: &[f64; 3], i: usize| {
+            let [x, y] = place(i);
+            (x - w[0]).abs() <= field[0] && (y - w[1]).abs() <= field[1] && (w[2]..=w[2] + depth).contains(&heights[i])
+        };
+        let inside = |w: [f64; 3]| {
+            let of = |k: usize, step: f64| {
+                let at = |v: f64| ((v + half[k]) / step).clamp(0.0, count[k] as f64) as usize;
+                at(w[k] - field[k])..(at(w[k] + field[k]) + 1).min(count[k])
+            };
+            let columns = of(0, 0.5);
+            of(1, 1.0).flat_map(move |y| columns.clone().map(move |x| y * count[0] + x)).filter(move |&i| holds(&w, i))
+        };
+        let mut order: Vec<usize> = (0..heights.len()).collect();
+        order.sort_by(|&a, &b| heights[b].total_cmp(&heights[a]).then(a.cmp(&b)));
+        let (mut windows, mut covered) = (Vec::new(), vec![false; heights.len()]);
+        let mut of_mark: Vec<Vec<u32>> = vec![Vec::new(); heights.len()];
+        for &top in &order {
+            if covered[top] {
+                continue;
+            }
+            let around = (0..9).map(|k| {
+                let [x, y] = place(top);
+                let off = |k: i32, f: f64| f64::from(k - 1) * f * 0.999;
+                [x + off(k % 3, field[0]), y + off(k / 3, field[1]), heights[top] - 0.9999 * depth]
+            });
+            let best = around.max_by_key(|&w| inside(w).filter(|&i| !covered[i]).count()).expect("nine");
+            for i in inside(best) {
+                covered[i] = true;
+                of_mark[i].push(windows.len() as u32);
+            }
+            windows.push(best);
+        }
+        sample.set_windows(&windows, depth, &of_mark, count, &place);
+        let mesh = mesh(size, &z);
+        sample.map = Map::new(sample.checked.program(), &sample.sections, &sample.machine, &mesh, sample.texture);
+        sample
+    }
+
+    /// Replaces the program: windows in a tour from neighbour to neighbour, marks in runs.
+    fn set_windows(
+        &mut self,
+        windows: &[[f64; 3]],
+        depth: f64,
+        of_mark: &[Vec<u32>],
+        count: [usize; 2],
+        place: &impl Fn(usize) -> [f64; 2],
+    ) {
+        let mut runs: Vec<Vec<[usize; 2]>> = vec![Vec::new(); windows.len()];
+        for line in 0..count[1] {
+            let (mut i, end) = (line * count[0], (line + 1) * count[0]);
+            while i < end {
+                let last = |w: u32| (i..end).take_while(|&k| of_mark[k].contains(&w)).count();
+                let (length, w) = of_mark[i].iter().map(|&w| (last(w), w)).max().expect("covered");
+                runs[w as usize].push([i, (i + length).min(end - 1)]);
+                i += length;
+            }
+        }
+        let mut left: Vec<usize> = (0..windows.len()).filter(|&w| !runs[w].is_empty()).collect();
+        let mut program = Program { pens: vec![pen()], ..Program::default() };
+        let mut at = [-1e4; 2];
+        while !left.is_empty() {
+            let away = |w: usize| (windows[w][0] - at[0]).hypot(windows[w][1] - at[1]);
+            let k = (0..left.len()).min_by(|&a, &b| away(left[a]).total_cmp(&away(left[b]))).expect("some left");
+            let w = left.swap_remove(k);
+            let [x, y, z] = windows[w];
+            at = [x, y];
+            let nm = |mm: f64| (mm * 1e6).round() as i64;
+            let centre = P2::new(nm(x), nm(y));
+            let (z_lo, z_hi) = (nm(z), nm(z + depth));
+            let start = program.strokes.len();
+            for run in runs[w].iter().filter(|r| r[1] > r[0]) {
+                let first = program.points.len() as u32;
+                for p in run.map(|i| place(i)) {
+                    program.points.push([(nm(p[0]) - centre.x) as i32, (nm(p[1]) - centre.y) as i32]);
+                }
+                program.strokes.push(Stroke { source: 0, segment: 0, reversed: false, pen: 0, first, len: 2 });
+            }
+            let focus = (z_lo + z_hi) / 2;
+            program.blocks.push(Block {
+                stop: Stop { section: [0; 2], level: 0, centre, focus, z_lo, z_hi },
+                stage: self.machine.stage_from_part([centre.x, centre.y, focus], [0; 3]),
+                retract: false,
+                z_lo,
+                z_hi,
+                strokes: start..program.strokes.len(),
+            });
+        }
+        self.block_s = vec![1.7; program.blocks.len()];
+        self.summary = Summary { method: "window".into(), ..summary(&program) };
+        self.checked = Checked::unchecked(program, [0; 3]);
+    }
+
     /// The dome of a radome: z = a (1 - (u² + v²) / 2), about 3,500 blocks.
     pub(super) fn dome() -> Self {
-        let z = |x: f64, y: f64| 10.043_874 * (1.0 - ((x / 225.0).powi(2) + (y / 225.0).powi(2)) / 2.0);
-        Self::of("radome dome 450", [450.0, 450.0], 0.07, 250_000, z)
+        Self::of("radome dome 450", [450.0, 450.0], 0.07, 250_000, dome)
+    }
+
+    /// The same with windows that lie freely.
+    pub(super) fn dome_of_windows() -> Self {
+        Self::windows("radome dome 450, free windows", [450.0, 450.0], 0.07, dome)
     }
 
     /// A rippled plate with few blocks, some in several pieces.
@@ -120,6 +230,25 @@ impl Sample {
         self.checked = Checked::unchecked(program, [0; 3]);
         self
     }
+}
+
+fn dome(x: f64, y: f64) -> f64 {
+    10.043_874 * (1.0 - ((x / 225.0).powi(2) + (y / 225.0).powi(2)) / 2.0)
+}
+
+/// The surface `z` as a mesh over a box centred at 0.
+fn mesh(size: [f64; 2], z: &impl Fn(f64, f64) -> f64) -> Surface {
+    let n = 100;
+    let node = |i: usize, j: usize| {
+        let [x, y] = [size[0] * (i as f64 / n as f64 - 0.5), size[1] * (j as f64 / n as f64 - 0.5)];
+        [x, y, z(x, y)]
+    };
+    let facets = (0..n * n).flat_map(|k| {
+        let (i, j) = (k % n, k / n);
+        let [a, b, c, d] = [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)];
+        [[a, b, c], [a, c, d]]
+    });
+    Surface::from_facets(facets, &mut Vec::new()).expect("facets")
 }
 
 fn pen() -> Pen {

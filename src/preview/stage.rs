@@ -7,65 +7,86 @@ use svg::Node;
 use svg::node::element::Element;
 
 use super::Layout;
-use super::layout::{Detail, Sheet, caption, el, field_box, layer, num, rectangle, sheet_box, titled};
+use super::colour::{FIELD, PATH};
+use super::sheet::{Detail, Sheet, caption, el, field_box, layer, num, rectangle, sheet_box, titled};
 use crate::geom::{P2, mm_from_nm};
 use crate::machine::FieldShape;
 use crate::program::Program;
 
-/// Colour of the stage path: far from every colour of the ramp, in hue and against its lightness.
-pub(super) const PATH: &str = "#d5186b";
-
-/// Colour of the field frame.
-pub(super) const FIELD: &str = "#c2410c";
+/// Share of the sheet that the line of the path covers at most: a path from window to window, with a move
+/// for every block, becomes a hairline instead of a hairball.
+const COVER: f64 = 0.03;
 
 /// Where the stage stands, in machining order: stays at one place are one dot.
 pub(super) fn path(job: &Layout<'_>, sheet: &Sheet, detail: Detail) -> Element {
     let u = sheet.unit;
     let mut g = layer("layer-stage-path", "Stage path", &[("opacity", ".7")]);
-    let blocks = job.blocks();
     let mut stays: Vec<(P2, std::ops::Range<usize>)> = Vec::new();
-    for (i, block) in blocks.iter().enumerate() {
+    for (i, block) in job.blocks().iter().enumerate() {
         match stays.last_mut() {
             Some((at, range)) if *at == block.stop.centre => range.end = i + 1,
             _ => stays.push((block.stop.centre, i..i + 1)),
         }
     }
     let at = |p: P2| [mm_from_nm(p.x), -mm_from_nm(p.y)];
-    let (mut d, mut arrows) = (String::new(), String::new());
+    let mut d = String::new();
     for (k, (p, _)) in stays.iter().enumerate() {
         let [x, y] = at(*p);
         let _ = write!(d, "{}{} {}", if k == 0 { 'M' } else { 'L' }, num(x), num(y));
     }
-    for w in stays.windows(2) {
-        push_arrow(&mut arrows, at(w[0].0), at(w[1].0), u);
-    }
-    let width = num(u * 0.22);
+    let length: f64 = stays.windows(2).map(|w| mm_from_nm(w[0].0.distance(w[1].0) as i64)).sum();
+    let [x0, y0, x1, y1] = sheet.view;
+    let full = u * 0.22;
+    let width = (COVER * (x1 - x0) * (y1 - y0) / length.max(u)).clamp(full / 8.0, full);
+    let is_thin = width < full / 2.0;
+    let line = num(width);
     g.append(el(
         "path",
         &[
             ("id", "stage-line"),
             ("fill", "none"),
             ("stroke", PATH),
-            ("stroke-width", &width),
+            ("stroke-width", &line),
             ("stroke-linejoin", "round"),
             ("pointer-events", "none"),
             ("d", &d),
         ],
     ));
-    g.append(el("path", &[("id", "stage-arrows"), ("fill", PATH), ("pointer-events", "none"), ("d", &arrows)]));
-    let mut stops = el("g", &[("id", "stage-stops"), ("fill", PATH)]);
-    for (k, (p, range)) in stays.iter().enumerate() {
-        let [x, y] = at(*p);
-        let dot = el("circle", &[("cx", &num(x)), ("cy", &num(y)), ("r", &num(u * 0.3))]);
-        let (first, last) = (Program::block_id(range.start), Program::block_id(range.end - 1));
-        let title = format!("position {} of {}: {} blocks, {first} to {last}", k + 1, stays.len(), range.len());
-        stops.append(if detail.full { titled(dot, title) } else { dot });
+    // An arrow on every move, or on moves far enough from each other.
+    let (apart, mut since) = (if is_thin { length / ARROWS } else { 0.0 }, f64::INFINITY);
+    let mut arrows = String::new();
+    for w in stays.windows(2) {
+        let move_mm = mm_from_nm(w[0].0.distance(w[1].0) as i64);
+        since += move_mm;
+        if since >= apart && (!is_thin || move_mm >= u) {
+            push_arrow(&mut arrows, at(w[0].0), at(w[1].0), u);
+            since = 0.0;
+        }
     }
-    g.append(stops);
+    g.append(el("path", &[("id", "stage-arrows"), ("fill", PATH), ("pointer-events", "none"), ("d", &arrows)]));
+    if !is_thin {
+        g.append(dots(&stays, u, detail));
+    }
     if let (Some((first, _)), Some((last, _))) = (stays.first(), stays.last()) {
         ends(&mut g, at(*first), at(*last), u);
     }
     g
+}
+
+/// Arrows on a path that is drawn thin.
+const ARROWS: f64 = 100.0;
+
+/// The places where the stage stands, each telling its blocks.
+fn dots(stays: &[(P2, std::ops::Range<usize>)], u: f64, detail: Detail) -> Element {
+    let mut stops = el("g", &[("id", "stage-stops"), ("fill", PATH)]);
+    for (k, (p, range)) in stays.iter().enumerate() {
+        let [x, y] = p.mm();
+        let dot = el("circle", &[("cx", &num(x)), ("cy", &num(-y)), ("r", &num(u * 0.3))]);
+        let (first, last) = (Program::block_id(range.start), Program::block_id(range.end - 1));
+        let title = format!("position {} of {}: {} blocks, {first} to {last}", k + 1, stays.len(), range.len());
+        stops.append(if detail.full { titled(dot, title) } else { dot });
+    }
+    stops
 }
 
 /// A triangle in the middle of a move, pointing along it.

@@ -280,3 +280,92 @@ fn specks_do_not_swell_the_drawing() {
     assert!(svg.len() <= whole / 4, "{} bytes of {whole}", svg.len());
     assert_eq!(svg.matches("id=\"block-").count(), blocks as usize);
 }
+
+#[test]
+fn windows_that_lie_freely_fit_the_budget_and_show_every_block() {
+    let sample = Sample::dome_of_windows();
+    let program = sample.checked.program();
+    let blocks = program.blocks.len();
+    assert!((3_000..4_000).contains(&blocks), "{blocks} blocks");
+    let svg = layout_svg(&sample.layout());
+    assert!(svg.len() < LIMIT, "{} bytes", svg.len());
+    let found = ids(&svg);
+    assert!((0..blocks).all(|i| found.contains(&format!("block-B{:04}", i + 1))));
+    assert!(!found.contains("layer-sections") && found.contains("window"));
+
+    let document = roxmltree::Document::parse(&svg).expect("well-formed");
+    let by_id = |id: &str| document.descendants().find(|n| n.attribute("id") == Some(id)).expect("an element");
+    // Every block has its window, around its centre; nothing of the layer is seen without a pointer.
+    let windows = by_id("layer-windows");
+    assert_eq!(windows.attribute("visibility"), Some("hidden"));
+    let groups: Vec<_> = windows.children().filter(|n| n.tag_name().name() == "g").collect();
+    assert_eq!(groups.len(), blocks);
+    for (i, (g, block)) in groups.iter().zip(&program.blocks).enumerate() {
+        let uses: Vec<_> = g.children().filter(|n| n.tag_name().name() == "use").collect();
+        assert_eq!(uses[0].attribute("href"), Some(format!("#block-B{:04}", i + 1).as_str()));
+        assert_eq!(uses[1].attribute("href"), Some("#window"));
+        let at = |k: &str| uses[1].attribute(k).and_then(|v| v.parse::<f64>().ok()).expect("a place");
+        let [x, y] = block.stop.centre.mm();
+        assert!((at("x") - x).abs() <= 5e-4 && (at("y") + y).abs() <= 5e-4);
+        let title = g.children().find(|n| n.tag_name().name() == "title").and_then(|n| n.text()).expect("a tooltip");
+        assert!(title.starts_with(&format!("B{:04}: window at x ", i + 1)), "{title}");
+    }
+    // The path goes through the centres, thin enough to see what lies under it.
+    let line = by_id("stage-line");
+    assert_eq!(line.attribute("d").expect("a path").matches(['M', 'L']).count(), blocks);
+    let width: f64 = line.attribute("stroke-width").and_then(|w| w.parse().ok()).expect("a width");
+    assert!(width < 0.5, "{width} mm");
+    assert!(!found.contains("stage-stops"));
+    let numbers = by_id("layer-numbers").children().filter_map(|n| n.text());
+    assert_eq!(numbers.filter(|t| !t.trim().is_empty()).collect::<BTreeSet<_>>().len(), blocks);
+
+    let html = report_html(&sample.layout());
+    assert!(html.contains("<th>window x</th>") && html.contains("windows lie freely"));
+    assert_eq!(html.matches("<tr><td>B").count(), blocks);
+}
+
+#[test]
+fn stops_on_the_grid_show_sections_and_no_windows() {
+    let sample = Sample::ripple();
+    let svg = layout_svg(&sample.layout());
+    let found = ids(&svg);
+    assert!(found.contains("layer-sections") && !found.contains("layer-windows"));
+    assert!(report_html(&sample.layout()).contains("<th>section</th>"));
+}
+
+/// On a turned part the frame is turned with it, around the marks.
+#[test]
+fn the_frame_of_a_turned_part_is_turned() {
+    let mut sample = Sample::windows("slope", [60.0, 40.0], 0.1, |x, y| 0.01 * x + 0.004 * y);
+    let frame = |sample: &Sample| -> Vec<[f64; 2]> {
+        let svg = layout_svg(&sample.layout());
+        let document = roxmltree::Document::parse(&svg).expect("well-formed");
+        let path = document.descendants().find(|n| n.attribute("id") == Some("texture-box")).expect("a frame");
+        let d = path.attribute("d").expect("a path").trim_matches(['M', 'z']);
+        let number = |v: &str| v.parse::<f64>().expect("a number");
+        d.split('L').map(|p| p.split_once(' ').expect("two")).map(|(x, y)| [number(x), number(y)]).collect()
+    };
+    assert_eq!(frame(&sample), [[-30.0, 20.0], [30.0, 20.0], [30.0, -20.0], [-30.0, -20.0]]);
+    // The marks reach from -29.75 to 29.75 and from -19.5 to 19.5; turned by 30 degrees about the origin.
+    let (sin, cos) = 30f64.to_radians().sin_cos();
+    let mut program = sample.checked.program().clone();
+    for block in &mut program.blocks {
+        let [x, y] = block.stop.centre.mm();
+        let turned = |x: f64, y: f64| P2::from_mm(x * cos - y * sin, x * sin + y * cos).expect("a length");
+        block.stop.centre = turned(x, y);
+        for stroke in &program.strokes[block.strokes.clone()] {
+            for p in &mut program.points[stroke.first as usize..(stroke.first + stroke.len) as usize] {
+                let at = turned(f64::from(p[0]) / 1e6, f64::from(p[1]) / 1e6);
+                *p = [at.x as i32, at.y as i32];
+            }
+        }
+    }
+    sample.checked = crate::check::Checked::unchecked(program, [0; 3]);
+    sample.turn_rad = 30f64.to_radians();
+    let want = [[-29.75, -19.5], [29.75, -19.5], [29.75, 19.5], [-29.75, 19.5]];
+    for ([x, y], [u, v]) in frame(&sample).into_iter().zip(want) {
+        let (u, v) = (u * cos - v * sin, -(u * sin + v * cos));
+        assert!((x - u).abs() < 2e-3 && (y - v).abs() < 2e-3, "{x} {y}, {u} {v}");
+    }
+    assert!(layout_svg(&sample.layout()).contains("marks 59.50 x 39.00 mm, turned by 30 deg"));
+}

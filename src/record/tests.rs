@@ -105,3 +105,10 @@ fn the_sheet_tells_the_operator_what_the_files_do_not() {
     }
     assert!(text.lines().all(|l| l.len() <= 132), "fits on paper");
 }
+
+#[test]
+fn durations_are_read_as_they_are_said() {
+    let said = [0.0, 4.24, 59.94, 59.96, 725.2, 3599.6, 11_520.0].map(duration);
+    assert_eq!(said, ["0.0 s", "4.2 s", "59.9 s", "1 min 0 s", "12 min 5 s", "1 h 0 min", "3 h 12 min"]);
+    assert_eq!(duration(-1.0), "0.0 s");
+}

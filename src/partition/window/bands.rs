@@ -6,46 +6,27 @@
 //! a direction, and lets the window grow over all pieces that still fit, in the same order. In a wide
 //! band, where the surface is flat, the same rule lays out rows of full windows.
 
+use super::grid::slices;
 use crate::partition::items::{Index, Item};
 
 /// Orders of a sweep: the weights of x and y. Each is tried forwards and backwards.
-const WAYS: [[i64; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
+pub(super) const WAYS: [[i64; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
 
 /// Lower corners of boxes that hold every piece of `index` named in `upwards`, which is sorted by the
-/// pieces' lower ends. The first band begins `below` under the lowest piece.
-pub(super) fn sweep(index: &Index, upwards: &[u32], size: [i32; 3], below: i32, ribbon: &mut Ribbon) -> Vec<[i32; 3]> {
-    let items = index.items();
+/// pieces' lower ends. The first band begins `below` under the lowest piece; `ways` orders are tried.
+pub(super) fn sweep(
+    index: &Index,
+    upwards: &[u32],
+    size: [i32; 3],
+    below: i32,
+    ways: usize,
+    ribbon: &mut Ribbon,
+) -> Vec<[i32; 3]> {
     let mut corners = Vec::new();
-    let mut from = 0;
-    let mut z = upwards.first().map_or(0, |&i| items[i as usize].lo[2] - below);
-    // Pieces that begin in an earlier band and end above it.
-    let mut left: Vec<u32> = Vec::new();
-    let mut band: Vec<u32> = Vec::new();
-    loop {
-        band.clear();
-        let top = z + size[2];
-        left.retain(|&i| {
-            let fits = items[i as usize].hi[2] <= top;
-            if fits {
-                band.push(i);
-            }
-            !fits
-        });
-        while let Some(&i) = upwards.get(from).filter(|&&i| items[i as usize].lo[2] <= top) {
-            if items[i as usize].hi[2] <= top {
-                band.push(i);
-            } else {
-                left.push(i);
-            }
-            from += 1;
-        }
-        ribbon.cover(items, &band, [size[0], size[1]], |c| corners.push([c[0], c[1], z]));
-        let next = left.iter().chain(upwards.get(from)).map(|&i| items[i as usize].lo[2]).min();
-        match next {
-            Some(next) => z = next,
-            None => return corners,
-        }
-    }
+    slices(index.items(), upwards, 2, size[2], below, |z, band| {
+        ribbon.cover(index.items(), band, [size[0], size[1]], &WAYS[..ways], |c| corners.push([c[0], c[1], z]));
+    });
+    corners
 }
 
 /// Covers the pieces of one band; holds the memory for it.
@@ -93,12 +74,12 @@ impl Ribbon {
             best: Vec::new(),
             corners: Vec::new(),
         };
-        for k in 0..2 {
+        for (k, size) in size.into_iter().take(2).enumerate() {
             let lo = items.iter().map(|i| i.lo[k]).min().unwrap_or(0);
             let hi = items.iter().map(|i| i.lo[k]).max().unwrap_or(0);
             // At most four million bins.
             ribbon.origin[k] = lo;
-            ribbon.bin[k] = (size[k] / 32).max((hi - lo) / 2000).max(1);
+            ribbon.bin[k] = (size / 32).max((hi - lo) / 2000).max(1);
             ribbon.shape[k] = ((hi - lo) / ribbon.bin[k]) as usize + 1;
         }
         ribbon.first = vec![NONE; ribbon.shape[0] * ribbon.shape[1]];
@@ -111,7 +92,7 @@ impl Ribbon {
     }
 
     /// Calls `f` with the lower corner of every window, part by part.
-    fn cover(&mut self, items: &[Item], band: &[u32], size: [i32; 2], mut f: impl FnMut([i32; 2])) {
+    fn cover(&mut self, items: &[Item], band: &[u32], size: [i32; 2], ways: &[[i64; 2]], mut f: impl FnMut([i32; 2])) {
         self.next.clear();
         for (n, &i) in band.iter().enumerate() {
             let bin = self.bin_of(&items[i as usize]);
@@ -122,7 +103,7 @@ impl Ribbon {
             let bin = self.bin_of(&items[i as usize]);
             if self.first[bin] != NONE {
                 self.take_part(bin, band);
-                self.cover_part(items, size);
+                self.cover_part(items, size, ways);
                 self.best.iter().for_each(|&c| f(c));
             }
         }
@@ -151,9 +132,9 @@ impl Ribbon {
     }
 
     /// The fewest windows that a sweep finds for `part`, to `best`.
-    fn cover_part(&mut self, items: &[Item], size: [i32; 2]) {
+    fn cover_part(&mut self, items: &[Item], size: [i32; 2], ways: &[[i64; 2]]) {
         self.best.clear();
-        for way in WAYS {
+        for &way in ways {
             let reach = way[0].abs() * i64::from(size[0]) + way[1].abs() * i64::from(size[1]);
             self.order.clear();
             self.order.extend(self.part.iter().map(|&i| {

@@ -127,6 +127,36 @@ fn once_owns_a_mark_that_is_there_twice() {
 }
 
 #[test]
+fn a_closed_figure_may_begin_at_any_vertex_that_it_names() {
+    let turned = |by: usize, segment: u32, reversed: bool| {
+        mutant(|m| {
+            let mark = &mut m.blocks[1].marks[9];
+            let n = mark.points.len() - 1;
+            mark.points = (0..=n).map(|i| mark.points[(i + by) % n]).collect();
+            (mark.segment, mark.reversed) = (segment, reversed);
+            if reversed {
+                mark.points.reverse();
+            }
+        })
+    };
+    for by in 0..4 {
+        for reversed in [false, true] {
+            let proof = turned(by, by as u32, reversed);
+            assert!(proof.ok, "{by}: {}", proof.to_text());
+            assert!((proof.lengths.mark_mm - (9.0 * 80.0 + 54.0)).abs() < 1e-9);
+            assert_only("source", &turned(by, (by as u32 + 1) % 4, reversed));
+        }
+    }
+    // Turned over its seam without closing, a mark is no piece of the stroke.
+    let proof = mutant(|m| {
+        let mark = &mut m.blocks[1].marks[9];
+        mark.points = [2, 3, 0, 1].map(|i| mark.points[i]).to_vec();
+        mark.segment = 2;
+    });
+    assert!(broken(&proof).contains(&"source"), "{}", proof.to_text());
+}
+
+#[test]
 fn coverage_owns_what_is_not_marked() {
     let proof = mutant(|m| drop(m.blocks[2].marks.remove(3)));
     assert_only("coverage", &proof);

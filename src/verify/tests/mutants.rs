@@ -270,6 +270,16 @@ fn source_a_stroke_beside_the_texture() {
 }
 
 #[test]
+fn source_a_figure_that_begins_at_another_vertex() {
+    let proof = Bench::new().mutant(|program, _| {
+        // The squares of a block begin where the beam comes from, not where they were drawn from.
+        let turned = program.strokes.iter_mut().find(|s| s.len == 5 && s.segment > 0 && !s.reversed);
+        turned.expect("a whole square").segment -= 1;
+    });
+    assert_only("source", &proof);
+}
+
+#[test]
 fn travel_a_part_beyond_the_stage() {
     let mut bench = Bench::new();
     let far = 240_000_000;

@@ -1,0 +1,119 @@
+//! Labels grow from the cells under marks over those without.
+//!
+//! Ring by ring, in each ring first over the sides of cells, then over their corners: every cell goes
+//! to a label that is nearest among those that may have it. What comes first in a ring depends on the order
+//! of the cells alone.
+
+use rayon::prelude::*;
+
+use super::Frame;
+use crate::geom::P2;
+use crate::surface::{Cursor, Surface};
+
+/// Heights of the surface at the centres of the cells of some rows.
+pub(super) struct Heights(Vec<i32>);
+
+/// Heights are held in steps of 4 nm: far below any level, and 8 m fit 32 bits.
+const STEP_NM: f64 = 4.0;
+const NONE: i32 = i32::MIN;
+
+impl Heights {
+    /// Walks the surface along the rows that are not `dense`.
+    pub(super) fn under(surface: &Surface, frame: &Frame, dense: &[bool]) -> Self {
+        let columns = frame.count[0];
+        let mut heights = vec![NONE; frame.cells()];
+        heights.par_chunks_mut(columns).enumerate().filter(|(row, _)| !dense[*row]).for_each_init(
+            || (Cursor::default(), Vec::new()),
+            |(cursor, spans), (row, heights)| {
+                let b = frame.centre_of((row + 1) * columns - 1);
+                let a = P2::new(frame.origin.x, b.y);
+                surface.walk(a, b, cursor, spans);
+                let mut span = 0;
+                for (column, height) in heights.iter_mut().enumerate() {
+                    let x = column as i64 * frame.cell + frame.cell / 2;
+                    let t = x as f64 / (b.x - a.x) as f64;
+                    while spans[span].t1 < t {
+                        span += 1;
+                    }
+                    let s = &spans[span];
+                    if s.facet().is_some() {
+                        let z = s.z0 + (s.z1 - s.z0) * ((t - s.t0) / (s.t1 - s.t0));
+                        *height = (z / STEP_NM) as i32;
+                    }
+                }
+            },
+        );
+        Self(heights)
+    }
+
+    /// The height at a cell's centre, nm; None where there is no surface, or its row is dense.
+    #[inline]
+    pub(super) fn at(&self, cell: usize) -> Option<i64> {
+        Some(self.0[cell]).filter(|&h| h != NONE).map(|h| i64::from(h) * STEP_NM as i64)
+    }
+}
+
+/// The rows that have marks in every cell, as have the rows beside them.
+pub(super) fn dense(frame: &Frame, ink: &[u32]) -> Vec<bool> {
+    let is_whole = |row: &[u32]| row.iter().all(|&label| label != 0);
+    let whole: Vec<bool> = ink.chunks_exact(frame.count[0]).map(is_whole).collect();
+    let near = |y: usize| y.saturating_sub(1)..(y + 2).min(whole.len());
+    (0..whole.len()).map(|y| whole[near(y)].iter().all(|&w| w)).collect()
+}
+
+/// Gives cells without label that of a neighbour, as long as there is one that may have the cell:
+/// `may(cell, label)`.
+pub(super) fn grow(frame: &Frame, labels: &mut [u32], may: impl Fn(usize, u32) -> bool) {
+    let (mut front, mut next) = (rim(frame, labels), Vec::new());
+    while !front.is_empty() {
+        for steps in [SIDES, CORNERS] {
+            for &i in &front {
+                let label = labels[i as usize];
+                beside(frame, i, steps, |n| {
+                    if labels[n] == 0 && may(n, label) {
+                        labels[n] = label;
+                        next.push(n as u32);
+                    }
+                });
+            }
+        }
+        std::mem::swap(&mut front, &mut next);
+        next.clear();
+    }
+}
+
+type Steps = [[i32; 2]; 4];
+const SIDES: Steps = [[-1, 0], [1, 0], [0, -1], [0, 1]];
+const CORNERS: Steps = [[-1, -1], [1, -1], [-1, 1], [1, 1]];
+
+/// Hands the cells beside cell `i` to `take`.
+#[inline]
+fn beside(frame: &Frame, i: u32, steps: Steps, mut take: impl FnMut(usize)) {
+    let [columns, rows] = frame.count.map(|n| n as u32);
+    let (x, y) = (i % columns, i / columns);
+    for [dx, dy] in steps {
+        let (x, y) = (x.wrapping_add_signed(dx), y.wrapping_add_signed(dy));
+        if x < columns && y < rows {
+            take((y * columns + x) as usize);
+        }
+    }
+}
+
+/// The cells with label that have one without beside them, rising.
+fn rim(frame: &Frame, labels: &[u32]) -> Vec<u32> {
+    let [columns, rows] = frame.count;
+    let row = |y: usize| &labels[y * columns..(y + 1) * columns];
+    let mut rim = Vec::new();
+    // Whether a column holds a cell without label in the row at hand or those beside it.
+    let mut open = vec![false; columns + 2];
+    for y in 0..rows {
+        open.fill(false);
+        for near in y.saturating_sub(1)..(y + 2).min(rows) {
+            open[1..=columns].iter_mut().zip(row(near)).for_each(|(open, &label)| *open |= label == 0);
+        }
+        let at = open.windows(3).zip(row(y)).enumerate();
+        let at = at.filter(|(_, (open, label))| (open[0] | open[1] | open[2]) && **label != 0);
+        rim.extend(at.map(|(x, _)| (y * columns + x) as u32));
+    }
+    rim
+}
