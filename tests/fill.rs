@@ -145,7 +145,7 @@ fn sections_of_one_direction_are_one_hatch() {
         let crossing = |p: &P2| {
             let off = |axis: usize, v: i64| {
                 let from = (v - grid.line(axis, 0)).rem_euclid(grid.pitch[axis]);
-                from.min(grid.pitch[axis] - from) < 12_000
+                from.min(grid.pitch[axis] - from) < 10
             };
             off(0, p.x) && off(1, p.y)
         };

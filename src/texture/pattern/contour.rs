@@ -12,17 +12,14 @@
 //! lies half a pitch inside the area's box. Where directions differ, lines end on the border, and beside it
 //! up to one pitch stays free.
 //!
-//! Lines shorter than 12 um, in corners, are left out. Strokes are counted cell by cell, in each along the normal that lies left of the lines. Units: nm as
+//! Left out are lines in corners whose ends are less than 2 nm apart in x or in y: rounding could lay them
+//! along a border. Those are some nm long, and 12 um a hundredth of a degree off an axis. Strokes are counted cell by cell, in each along the normal that lies left of the lines. Units: nm as
 //! f64 in the turned part frame, rounded once.
 
 use crate::diag::Error;
 use crate::geom::{Box2, NM_PER_MM, P2, cos_sin};
 use crate::texture::place::{NM, Turn, corners};
 use crate::texture::{MAX_STROKES, too_large};
-
-/// Shortest line, nm. A hundredth of a degree off an axis its ends still are 2 nm apart in x and in y, so
-/// that rounding leaves no line on a border that it does not run along. Shorter ones are corners.
-const SHORTEST: f64 = 12_000.0;
 
 /// The direction of the lines in every cell of a grid, turned part frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -86,6 +83,12 @@ struct Lattice {
 impl Lattice {
     fn normal(&self) -> [f64; 2] {
         [-self.direction[1], self.direction[0]]
+    }
+
+    /// Shortest line: its ends are 2 nm apart in x and in y, unless it runs along an axis.
+    fn shortest(&self) -> f64 {
+        let along = self.direction.map(f64::abs).into_iter().filter(|&v| v > 0.0);
+        2.0 / along.fold(1.0, f64::min)
     }
 
     /// Distance of a point from line 0, along the normal.
@@ -287,7 +290,7 @@ impl Contour {
             let [x, y] = [0, 1].map(|a| (p[a] + t * d[a]).round() as i64);
             P2::new(x.clamp(clamp_lo.x, clamp_hi.x), y.clamp(clamp_lo.y, clamp_hi.y))
         };
-        (t1 - t0 >= SHORTEST).then(|| [end(t0), end(t1)])
+        (t1 - t0 >= lattice.shortest()).then(|| [end(t0), end(t1)])
     }
 }
 

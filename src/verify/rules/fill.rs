@@ -22,8 +22,8 @@ const PLACE: &str = "manifest.json";
 /// twice as much.
 const ROUNDED: f64 = 1.0;
 
-/// In corners, lines shorter than this are left out.
-const SHORT: f64 = 12_000.0;
+/// In corners, lines are left out whose ends are nearer than this in x or in y.
+const SHORT: f64 = 2.0;
 
 /// An area that is filled along contours.
 struct Area {
@@ -111,6 +111,8 @@ struct Run {
     section: usize,
     outline: Vec<[f64; 2]>,
     direction: [f64; 2],
+    /// Length of the shortest line.
+    short: f64,
     /// Distances of the first and the last line so far from the section's centre, across.
     first: f64,
     last: f64,
@@ -130,8 +132,11 @@ impl<'a> Lines<'a> {
         self.rule.checked += 1;
         let &[a, b] = points else { return self.rule.broken("", "texture", "a line has more than two points") };
         let (dx, dy) = (b.x - a.x, b.y - a.y);
-        let [column, row] =
-            [self.grid.along(0, (a.x + b.x).div_euclid(2), dx), self.grid.along(1, (a.y + b.y).div_euclid(2), dy)];
+        // The section of its middle, rounded towards where it comes from.
+        let along = |axis: usize, sum: i64, d: i64| {
+            self.grid.along(axis, if d < 0 { -(-sum).div_euclid(2) } else { sum.div_euclid(2) }, d)
+        };
+        let [column, row] = [along(0, a.x + b.x, dx), along(1, a.y + b.y, dy)];
         let section = (row * i64::from(self.grid.count[0]) + column) as usize;
         if self.run.as_ref().is_none_or(|run| run.section != section) {
             self.end_section();
@@ -177,7 +182,8 @@ impl Run {
     fn new(area: &Area, grid: &Sections, section: usize, hundredths: u16) -> Self {
         let outline = outline(&area.corners, grid.area(section));
         let direction = Directions::cos_sin(hundredths);
-        Self { section, outline, direction, first: 0.0, last: 0.0, count: 0, length: 0.0 }
+        let short = SHORT / direction.map(f64::abs).into_iter().filter(|&v| v > 0.0).fold(1.0, f64::min);
+        Self { section, outline, direction, short, first: 0.0, last: 0.0, count: 0, length: 0.0 }
     }
 
     /// Place of a point across the lines, seen from `centre`.
@@ -216,22 +222,23 @@ impl Run {
         // Chords of a convex outline rise to one highest and fall: sums of them at a distance of one pitch
         // differ from the area by one pitch times the longest at most, and by what is left out in corners.
         let longest = self.reach_along();
-        let slack = pitch * (longest + 2.0 * SHORT + 2.0 * ROUNDED * self.count as f64);
+        let slack = pitch * (longest + 2.0 * self.short + 2.0 * ROUNDED * self.count as f64);
         let off = (self.length * pitch - area(&self.outline)).abs();
         (off > slack).then_some("the lines of a section do not come to its area")
     }
 
     /// Between which places across the lines a line of the section is long enough.
     fn reach(&self, centre: P2) -> Option<[f64; 2]> {
+        let short = self.short;
         let mut places: Vec<f64> = self.outline.iter().map(|&p| self.across(p, centre)).collect();
         places.sort_unstable_by(f64::total_cmp);
         let chords: Vec<(f64, f64)> = places.iter().map(|&o| (o, self.chord(o, centre))).collect();
         // Where the chord between two corners passes the shortest line.
         let passing = |w: &[(f64, f64)]| {
             let ((o0, c0), (o1, c1)) = (w[0], w[1]);
-            ((c0 < SHORT) != (c1 < SHORT)).then(|| o0 + (o1 - o0) * (SHORT - c0) / (c1 - c0))
+            ((c0 < short) != (c1 < short)).then(|| o0 + (o1 - o0) * (short - c0) / (c1 - c0))
         };
-        let long = chords.iter().filter(|c| c.1 >= SHORT).map(|c| c.0);
+        let long = chords.iter().filter(|c| c.1 >= short).map(|c| c.0);
         let all = long.chain(chords.windows(2).filter_map(passing));
         all.fold(None, |r: Option<[f64; 2]>, o| Some(r.map_or([o, o], |[lo, hi]| [lo.min(o), hi.max(o)])))
     }
