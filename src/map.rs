@@ -5,17 +5,17 @@
 //!
 //! The map is made of the marks, because where windows of stops overlap, the marks alone tell whose a
 //! place is:
-//! 1. *Ink.* Every stroke of every block is followed from cell to cell ([`ink`]). A cell belongs to the
+//! 1. *Ink.* Every stroke of every block is followed from cell to cell (`ink`). A cell belongs to the
 //!    block with the longest marks in it; among equals to the first.
 //! 2. *Growth.* From there the labels grow over the other cells, ring by ring, but only where the block's
 //!    stop accepts the surface at the cell's centre: in its window (the section where stops stand on
-//!    the grid of sections, else the field) and in its depth interval ([`grow`]). Inked cells whose centre
+//!    the grid of sections, else the field) and in its depth interval (`grow`). Inked cells whose centre
 //!    their block does not accept, which lie on a border, take part as cells without marks. So all cells
 //!    are judged at their centres, as the article counts, lines of one level are connected however far
 //!    from each other they lie, and the number of sub-blocks, which is taken here, does not depend on
 //!    the pitch. Rows among rows full of marks need no growth and stay as inked.
 //! 3. *Closing.* Labels stay on cells with marks and on cells in a gap between two marks, along x or along
-//!    y, of at most the reach ([`close`]); the others are taken back. A dense hatch becomes a closed area
+//!    y, of at most the reach (`close`); the others are taken back. A dense hatch becomes a closed area
 //!    up to its outermost lines, a place without texture stays empty. Cells in gaps that no block
 //!    accepts, such as levels that fall between two lines, go to the nearest label.
 //!

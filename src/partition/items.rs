@@ -2,7 +2,7 @@
 //! holds.
 //!
 //! Everything is an exact integer and every box is closed. Inside the search lengths are counted in
-//! steps of the lattice on which the boxes' lower corners lie, see [`Item::on_lattice`].
+//! steps of the lattice on which the boxes' lower corners lie, see `Item::on_lattice`.
 
 use std::ops::Range;
 
