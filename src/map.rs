@@ -5,23 +5,23 @@
 //!
 //! The map is made of the marks, because where windows of stops overlap, the marks alone tell whose a
 //! place is:
-//! 1. *Ink.* Every stroke of every block is followed from cell to cell ([`ink`]). A cell belongs to the
+//! 1. *Ink.* Every stroke of every block is followed from cell to cell (`ink`). A cell belongs to the
 //!    block with the longest marks in it; among equals to the first.
 //! 2. *Growth.* From there the labels grow over the other cells, ring by ring, but only where the block's
 //!    stop accepts the surface at the cell's centre: in its window (the section where stops stand on
-//!    the grid of sections, else the field) and in its depth interval ([`grow`]). Inked cells whose centre
+//!    the grid of sections, else the field) and in its depth interval (`grow`). Inked cells whose centre
 //!    their block does not accept, which lie on a border, take part as cells without marks. So all cells
 //!    are judged at their centres, as the article counts, lines of one level are connected however far
 //!    from each other they lie, and the number of sub-blocks, which is taken here, does not depend on
 //!    the pitch. Rows among rows full of marks need no growth and stay as inked.
 //! 3. *Closing.* Labels stay on cells with marks and on cells in a gap between two marks, along x or along
-//!    y, of at most the reach ([`close`]); the others are taken back. A dense hatch becomes a closed area
+//!    y, of at most the reach (`close`); the others are taken back. A dense hatch becomes a closed area
 //!    up to its outermost lines, a place without texture stays empty. Cells in gaps that no block
 //!    accepts, such as levels that fall between two lines, go to the nearest label.
 //!
 //! The reach is 1.5 times the distance of marks that three of four gaps of the texture do not exceed,
-//! at most an eighth of the field. Where three of four gaps reach beyond an eighth of the field, the
-//! texture is a sparse drawing, and the reach is 1 mm.
+//! at most an eighth of the field. Where more than one of four gaps is wider than that eighth, the texture
+//! is a sparse drawing, and the reach is 1 mm.
 //!
 //! Memory is at most 20 bytes a cell while the map is made, 4 bytes afterwards.
 
