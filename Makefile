@@ -27,9 +27,11 @@ check:
 	$(CARGO) clippy --release --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --no-deps --document-private-items
 
-# Speed and memory on three sizes; prints a table.
+# Speed and memory on three sizes, stops against their lower bounds, quality of orders; prints tables.
 bench:
 	$(CARGO) bench --bench job
+	$(CARGO) bench --bench partition
+	$(CARGO) bench --bench order
 
 setup:
 	sh tests/python/setup.sh

@@ -142,7 +142,8 @@ fn outcome(entry: &Entry, seed: u64) -> Outcome {
 
 fn one(entry: &Entry, seed: u64) -> Result<State, Error> {
     folder::prepare(&entry.folder)?;
-    let job = Job::load(&entry.job)?;
+    let mut job = Job::load(&entry.job)?;
+    job.seed = seed;
     if is_unchanged(&job, &entry.folder, seed) {
         return Ok(State::Unchanged);
     }

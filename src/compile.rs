@@ -15,17 +15,18 @@ use build::build;
 
 use crate::check::{Checked, Limits};
 use crate::diag::{Diag, Error, Place};
+use crate::fill;
 use crate::geom::{Box2, NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
 use crate::order::clearance::Clearance;
-use crate::partition::{self, Lattice, Stops};
+use crate::partition::{self, Fine, Lattice, Stops};
 use crate::program::{Block, Pen, Program, Sections};
 use crate::record::{Candidate, Summary, Times};
-use crate::spec::{Job, Method, Steep};
-use crate::split::{Fragments, Splitter};
+use crate::spec::{Job, Method, Objective, Pattern, Steep, TextureSpec};
+use crate::split::{Fragments, Seam, Splitter};
 use crate::surface::Surface;
 use crate::texture::Texture;
-use crate::trace::{Footprint, Tracer};
+use crate::trace::{Cells, Footprint, GridTracer, Keep, Tracer};
 use crate::{map, motion};
 
 /// Stations of a compilation, in order, for progress displays.
@@ -63,6 +64,9 @@ pub struct Plan {
     pub summary: Summary,
     /// The box of the texture, turned part frame.
     pub texture: Box2,
+    /// Direction of what is filled along contours, by section, in hundredths of a degree; empty where
+    /// nothing is.
+    pub directions: Vec<u16>,
     /// Time of every block: marks, jumps and delays, s.
     pub block_times: Vec<f64>,
     /// Largest depth range of a block as used, nm.
@@ -78,9 +82,12 @@ struct Ground<'a> {
     surface: &'a Surface,
     texture: &'a Texture,
     sections: Sections,
+    /// Window of a stop, at least the pitch of the sections, nm.
+    window: [i64; 2],
     lattice: Lattice,
     origin: [i64; 3],
     max_slope: f64,
+    keep: Keep,
     footprint: Footprint,
     clearance: Clearance,
     pens: Vec<Pen>,
@@ -123,25 +130,33 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let path = job.resolve(job.file.surface.file.get_ref());
     let weld = job.file.surface.weld.as_mm();
     let surface = Surface::load(&path, &job.surface_options(), weld, turn, warnings)?;
-    let texture = Texture::load(&job.texture_requests(), surface.part_box_mm(), turn, warnings)?;
+    let mut texture = Texture::load(&job.texture_requests(), surface.part_box_mm(), turn, warnings)?;
 
     progress(Station::Footprint);
-    let ground = ground(&job, &machine, &surface, &texture)?;
+    let ground = ground(&job, &machine, &surface, &mut texture)?;
+    most_stops(&ground)?;
     let methods = match job.file.partition.method {
-        Method::Auto => vec![Method::Contour, Method::ZRange],
+        Method::Auto => vec![Method::Contour, Method::ZRange, Method::Window],
         one => vec![one],
     };
-    most_stops(&ground)?;
-    let stops: Vec<Stops> = methods
-        .iter()
-        .map(|&method| partition::divide(way(method), &ground.footprint, &ground.sections, &ground.lattice))
-        .collect();
+    let (mut tried, mut stops) = (Vec::new(), Vec::new());
+    for method in methods {
+        let hopeless = method == Method::Window && stops.last().is_some_and(|grid| windows_cannot_win(&ground, grid));
+        if let Some(found) = (!hopeless).then(|| divide(&ground, method)).flatten() {
+            tried.push(method);
+            stops.push(found);
+        }
+    }
+    if stops.is_empty() {
+        let text = "the texture's box is too wide for free windows of this field";
+        return Err(Diag::limit("window-wide", text).hint("use partition.method = \"z-range\"").into());
+    }
     progress(Station::Split);
     let parts = cut(&ground, &stops)?;
     progress(Station::Order);
     let mut candidates = Vec::new();
     let mut best: Option<Made> = None;
-    for ((&method, stops), parts) in methods.iter().zip(&stops).zip(parts) {
+    for ((&method, stops), parts) in tried.iter().zip(&stops).zip(parts) {
         let made = make(&ground, method, stops, parts);
         candidates.push(Candidate {
             method: method.name().into(),
@@ -149,12 +164,16 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
             fragments: made.fragments,
             time_s: made.times,
         });
-        if best.as_ref().is_none_or(|b| made.times.total < b.times.total) {
+        let measure = |m: &Made| match job.file.partition.objective {
+            Objective::Time => (m.times.total, 0.0),
+            Objective::Stops => (m.program.blocks.len() as f64, m.times.total),
+        };
+        if best.as_ref().is_none_or(|b| measure(&made) < measure(b)) {
             best = Some(made);
         }
     }
     let Some(made) = best else { return Err(Diag::bug("no-candidate", "no method was tried").into()) };
-    if methods.len() == 1 {
+    if tried.len() == 1 {
         candidates.clear();
     }
     let limits = Limits {
@@ -165,8 +184,9 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         clearance: &ground.clearance,
     };
     let checked = Checked::new(made.program, &limits)?;
-    let map = map::Map::new(checked.program(), &ground.sections, &machine, &surface, texture.bounds());
+    let map = map::Map::new(checked.program(), &ground.sections, &machine, &surface, ground.texture.bounds());
     warn(&job, &made.split, made.worst_defocus, ground.lattice.depth, warnings)?;
+    warnings.extend(not_kept(&ground, made.method, &made.split));
     let program = checked.program();
     let split = &made.split;
     let passes = |pick: fn(&Program, &Block) -> f64| program.blocks.iter().map(|b| pick(program, b)).sum::<f64>();
@@ -201,7 +221,8 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         checked,
         sections: ground.sections,
         map,
-        texture: texture.bounds(),
+        texture: ground.texture.bounds(),
+        directions: ground.texture.directions().map_or_else(Vec::new, |d| d.hundredths.clone()),
         summary,
         block_times: made.block_times,
         depth: ground.lattice.depth,
@@ -215,7 +236,7 @@ fn ground<'a>(
     job: &'a Job,
     machine: &'a Machine,
     surface: &'a Surface,
-    texture: &'a Texture,
+    texture: &'a mut Texture,
 ) -> Result<Ground<'a>, Error> {
     let step = machine.increment_nm();
     let field = machine.usable_field();
@@ -228,11 +249,24 @@ fn ground<'a>(
         let place = Place::file(job.path.display().to_string());
         return Err(Diag::limit("section-large", text).at(place).hint("leave it out, or make it smaller").into());
     }
-    let pitch = field.map(|f| section.unwrap_or(f) / (2 * step) * (2 * step));
+    let area = texture.bounds();
+    let keep = Keep(job.file.partition.keep_whole.as_nm().unwrap_or(i64::MAX).min(field[0]).min(field[1]));
+    let even = |v: i64| v / (2 * step) * (2 * step);
+    let zone = job.file.partition.zone.as_nm().unwrap_or(i64::MAX);
+    if field.iter().any(|&f| zone >= f / 2) {
+        let text = "partition.zone is half the usable field or more";
+        let place = Place::file(job.path.display().to_string());
+        return Err(Diag::limit("zone-large", text).at(place).hint("make it smaller; 0.2 mm is usual").into());
+    }
+    let mut pitch = field.map(|f| even(section.unwrap_or(f - zone)));
     if pitch.contains(&0) {
         return Err(Diag::limit("section-small", "a section is smaller than the stage increment").into());
     }
-    let area = texture.bounds();
+    // What is to stay whole, or is cut at random, may reach beyond its section as far as the field does.
+    let window = if keep.0 > 0 || zone > 0 { field.map(even) } else { pitch };
+    if keep.0 > 0 && section.is_none() {
+        pitch = in_step(job, area, pitch, step);
+    }
     let placed = job.file.placement.origin.map(|o| o.map(|l| l.as_nm().unwrap_or(0)));
     let centre_of_travel = machine.axes().map(|(_, a)| {
         let [lo, hi] = a.travel.map(|t| t.as_nm().unwrap_or(0));
@@ -252,7 +286,9 @@ fn ground<'a>(
         return Err(Diag::limit("sections-many", text).hint("use a larger field or a smaller area").into());
     }
     let max_slope = job.file.limits.max_incidence.as_rad().tan();
-    let footprint = footprint(surface, texture, &sections, max_slope);
+    fill::along_contours(texture, surface, &sections, max_slope, job.depth_range())?;
+    let texture = &*texture;
+    let footprint = footprint(surface, texture, &sections, max_slope, keep, window.map(|w| w / 2));
     let Some((lo, hi)) = footprint.range() else {
         let place = Place::file(job.path.display().to_string());
         return Err(Diag::limit(
@@ -275,6 +311,8 @@ fn ground<'a>(
             .hint("enlarge focus.pdof, or state a finer stage.increment")
             .into());
     };
+    let hysteresis = job.file.partition.hysteresis.map_or_else(|| footprint.roughness(), |h| h.as_mm() * NM_PER_MM);
+    let lattice = lattice.with_hysteresis(hysteresis);
     let pens = job.file.pen.iter().map(|p| Pen {
         name: p.name.clone(),
         speed: p.speed,
@@ -288,12 +326,29 @@ fn ground<'a>(
         surface,
         texture,
         sections,
+        window,
         lattice,
         origin,
         max_slope,
+        keep,
         footprint,
         clearance: Clearance::new(&surface.tiles(), machine),
         pens: pens.collect(),
+    })
+}
+
+/// The pitch of sections made a multiple of the pitch of figures that are to stay whole, so that none lies
+/// across a border, where that needs no more sections.
+fn in_step(job: &Job, area: Box2, pitch: [i64; 2], step: i64) -> [i64; 2] {
+    let figures =
+        |t: &&TextureSpec| matches!(t.pattern.as_ref().map(|p| p.get_ref()), Some(Pattern::Squares | Pattern::Circles));
+    let Some(own) = job.file.texture.iter().find(figures).and_then(|t| t.pitch?.as_nm()) else { return pitch };
+    let size = area.size();
+    [0, 1].map(|k| {
+        let stepped = pitch[k] / own * own;
+        let count = |pitch: i64| (size[k] + pitch - 1) / pitch;
+        let fits = stepped > 0 && stepped % (2 * step) == 0 && count(stepped) == count(pitch[k]);
+        if fits { stepped } else { pitch[k] }
     })
 }
 
@@ -303,16 +358,23 @@ fn chunks(texture: &Texture) -> Vec<std::ops::Range<usize>> {
     (0..texture.len()).step_by(size).map(|i| i..(i + size).min(texture.len())).collect()
 }
 
-fn footprint(surface: &Surface, texture: &Texture, sections: &Sections, max_slope: f64) -> Footprint {
+fn footprint(
+    surface: &Surface,
+    texture: &Texture,
+    sections: &Sections,
+    max_slope: f64,
+    keep: Keep,
+    half: [i64; 2],
+) -> Footprint {
     // Joining intervals gives the same intervals in any order, so this reduction may run as it likes.
     chunks(texture)
         .into_par_iter()
         .fold(Footprint::default, |mut footprint, chunk| {
-            let mut tracer = Tracer::new(surface, sections, max_slope);
+            let mut tracer = GridTracer::new(Tracer::new(surface, max_slope), sections);
             let mut points = Vec::new();
             for i in chunk {
                 texture.stroke(i, &mut points);
-                footprint.add(&points, &mut tracer);
+                footprint.add(&points, &mut tracer, keep, half);
             }
             footprint
         })
@@ -335,23 +397,70 @@ fn most_stops(ground: &Ground<'_>) -> Result<(), Error> {
     Err(Diag::limit("stops-many", text).hint("check focus.pdof and its unit; or mark a smaller or flatter area").into())
 }
 
-/// How a method divides.
-fn way(method: Method) -> partition::Method {
-    match method {
-        Method::Contour => partition::Method::Contour,
-        Method::ZRange | Method::Auto => partition::Method::ZRange,
+/// The stops of a method; None where it cannot be used on this job.
+fn divide(ground: &Ground<'_>, method: Method) -> Option<Stops> {
+    let Ground { footprint, sections, window, lattice, .. } = ground;
+    Some(match method {
+        Method::Contour => partition::divide(partition::Method::Contour, footprint, sections, *window, lattice),
+        Method::ZRange | Method::Auto => {
+            partition::divide(partition::Method::ZRange, footprint, sections, *window, lattice)
+        }
+        Method::Window => {
+            let (lowest, _) = footprint.range()?;
+            let fine = Fine::over(sections, *window, lattice, lowest)?;
+            partition::free(cells(ground, &fine), &fine, sections, *window, lattice)
+        }
+    })
+}
+
+/// Whether `auto` may leave free windows out, whose search takes seconds: even with six tenths of the stops
+/// of the grid, fewer than they need on any surface with a dense texture, they would lose, because nearly
+/// all moves of a grid are moves of z alone.
+fn windows_cannot_win(ground: &Ground<'_>, grid: &Stops) -> bool {
+    if ground.job.file.partition.objective == Objective::Stops {
+        return false;
     }
+    let [w, h] = ground.window;
+    let time = |to: [i64; 3]| {
+        let moved = motion::stage_move(ground.machine, [0; 3], to, None);
+        moved.travel_s + moved.settle_s
+    };
+    let (xy, z) = (time([w, h, 0]), time([0, 0, ground.lattice.depth]));
+    let sections = (0..ground.sections.len()).filter(|&i| ground.footprint.is_used(i)).count() as f64;
+    let stops = grid.stops.len() as f64;
+    0.6 * stops * time([w / 2, h / 2, 0]) > sections * xy + (stops - sections) * z
+}
+
+/// The texture in the cells of a fine grid.
+fn cells(ground: &Ground<'_>, fine: &Fine) -> Cells {
+    // A set is the same in whatever order it is joined.
+    chunks(ground.texture)
+        .into_par_iter()
+        .fold(Cells::default, |mut cells, chunk| {
+            let mut tracer = GridTracer::new(Tracer::new(ground.surface, ground.max_slope), &fine.grid);
+            let mut points = Vec::new();
+            for i in chunk {
+                ground.texture.stroke(i, &mut points);
+                cells.add(&points, &mut tracer, &fine.slabs, ground.keep);
+            }
+            cells
+        })
+        .reduce(Cells::default, |mut a, b| {
+            a.merge(b);
+            a
+        })
 }
 
 /// Cuts all strokes between the stops of every candidate, in one walk; by candidate, in chunks.
 fn cut(ground: &Ground<'_>, candidates: &[Stops]) -> Result<Vec<Vec<Fragments>>, Error> {
     let min_mark = ground.job.file.partition.min_mark.as_mm() * NM_PER_MM;
+    let seam = Seam { zone: ground.job.file.partition.zone.as_mm() * NM_PER_MM, seed: ground.job.seed };
     let (fragment_count, point_count) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let chunks = chunks(ground.texture)
         .into_par_iter()
         .map(|chunk| {
-            let tracer = Tracer::new(ground.surface, &ground.sections, ground.max_slope);
-            let mut splitter = Splitter::new(tracer, candidates, min_mark);
+            let tracer = Tracer::new(ground.surface, ground.max_slope);
+            let mut splitter = Splitter::new(tracer, candidates, min_mark, ground.keep, seam);
             let mut points = Vec::new();
             for i in chunk {
                 let pen = ground.texture.stroke(i, &mut points);
@@ -411,16 +520,22 @@ fn join(mut a: Fragments, b: Fragments) -> Fragments {
     a.strokes_cut += b.strokes_cut;
     a.figures_whole += b.figures_whole;
     a.figures_cut += b.figures_cut;
+    a.not_kept += b.not_kept;
     a.steep_at = a.steep_at.or(b.steep_at);
     a.worst_slope2 = a.worst_slope2.max(b.worst_slope2);
     a
 }
 
-/// The job's time, and that of every block. The stage comes from the centre of its travel, lifted.
+/// Where the stage comes from: the centre of its travel, lifted.
+fn start(machine: &Machine) -> [i64; 3] {
+    let centre = |axis: &crate::machine::Axis| axis.travel.iter().map(|t| t.as_nm().unwrap_or(0)).sum::<i64>() / 2;
+    [centre(&machine.stage.x), centre(&machine.stage.y), machine.retract_z()]
+}
+
+/// The job's time, and that of every block.
 fn times(machine: &Machine, program: &Program) -> (Times, Vec<f64>) {
     let mut t = Times::default();
-    let centre = |axis: &crate::machine::Axis| axis.travel.iter().map(|t| t.as_nm().unwrap_or(0)).sum::<i64>() / 2;
-    let mut at = [centre(&machine.stage.x), centre(&machine.stage.y), machine.retract_z()];
+    let mut at = start(machine);
     let mut blocks = Vec::with_capacity(program.blocks.len());
     for block in &program.blocks {
         let retract = block.retract.then(|| machine.retract_z());
@@ -481,6 +596,32 @@ fn warn(job: &Job, split: &Fragments, worst_defocus: i64, depth: i64, warnings: 
         warnings.push(Diag::warning("defocus", text).hint("focus.level = \"mid\" keeps it at half the depth range"));
     }
     Ok(())
+}
+
+/// What was to stay whole and does not, and why.
+fn not_kept(ground: &Ground<'_>, method: Method, split: &Fragments) -> Option<Diag> {
+    if split.not_kept == 0 {
+        return None;
+    }
+    let [broken, astride] = ground.footprint.not_whole();
+    let figures = (0..ground.sections.len()).flat_map(|i| ground.footprint.figures_of(i));
+    let deep = figures.filter(|&&(lo, hi)| !ground.lattice.holds(lo, hi)).count();
+    let mut why = format!("{deep} are deeper than a stop");
+    if broken > 0 {
+        why += &format!(", {broken} lie at a rim or a steep place");
+    }
+    if astride > 0 && method != Method::Window {
+        why += &format!(", {astride} lie across a border of sections");
+    }
+    if method == Method::Contour {
+        why += ", the others across a level";
+    }
+    let text = format!("{} figures that partition.keep_whole wants whole are cut: {why}", split.not_kept);
+    let hint = match method {
+        Method::Contour => "method \"z-range\" or \"window\" keeps more of them",
+        _ => "smaller figures or a larger focus.pdof keep more of them",
+    };
+    Some(Diag::warning("figures-cut", text).hint(hint))
 }
 
 /// Folder of a job file's outputs: `hood.toml` makes `hood.job` beside it.

@@ -92,7 +92,7 @@ fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<FileFact, Error> {
 fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Error> {
     let make = |path: &Path| fs::create_dir(path).map_err(|e| failed("make the folder", path, &e));
     make(folder)?;
-    let Plan { job, machine, checked, sections, summary, block_times, .. } = plan;
+    let Plan { job, machine, checked, sections, directions, summary, block_times, .. } = plan;
     let formats = &job.file.emit.formats;
     let has = |f: Format| formats.contains(&f);
     let part_name = file_name(job.file.surface.file.get_ref());
@@ -129,6 +129,7 @@ fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Erro
         machine,
         checked,
         sections,
+        directions,
         depth_mm: mm_from_nm(plan.depth),
         block_times,
         files: &[],

@@ -6,6 +6,7 @@ pub mod cli;
 pub mod compile;
 pub mod diag;
 pub mod emit;
+pub mod fill;
 pub mod folder;
 pub mod geom;
 pub mod machine;

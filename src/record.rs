@@ -144,6 +144,9 @@ pub struct Facts<'a> {
     pub checked: &'a Checked,
     /// The grid of sections.
     pub sections: &'a Sections,
+    /// Direction of what is filled along contours, by section, in hundredths of a degree; empty where
+    /// nothing is.
+    pub directions: &'a [u16],
     /// Largest depth range of a block, as used.
     pub depth_mm: f64,
     /// Time of every block: marks, jumps and delays, s.

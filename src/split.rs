@@ -2,13 +2,21 @@
 //!
 //! Consumes texture strokes, a [`Tracer`] and the stops; promises fragments that, with what was
 //! skipped, tile every stroke: a cut point is computed once, rounded once to the nanometre grid and
-//! used by both sides, so mark + skipped = texture. A point on the border of two levels belongs to the
-//! upper one, a point on the border of two sections to the side the stroke goes to; a stroke along a
-//! border is marked once. A fragment whose points all round to one is none.
+//! used by both sides, so mark + skipped = texture. A fragment stays in its stop as long as the stop
+//! accepts it; then, of the stops that accept what follows, the one that will be left last goes on, which
+//! gives the fewest cuts. Of several that are left at the same place the last of the list goes on, so
+//! that in a grid the upper level and the upper section have what lies on their borders. A fragment whose
+//! points all round to one is none.
 
 use crate::geom::{NM_PER_MM, P2};
 use crate::partition::Stops;
-use crate::trace::{Piece, Skip, Tracer};
+use crate::trace::{Keep, Piece, Skip, Tracer};
+
+/// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
+const EPS: f64 = 1e-3;
+
+/// Pieces that are looked ahead over at most.
+const RUN: usize = 1 << 14;
 
 /// A piece of one stroke that is marked in one block.
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +33,8 @@ pub struct Fragment {
     pub first: u32,
     /// How many points.
     pub len: u32,
+    /// Whether it is the whole of a closed stroke, which may be marked from any of its vertices.
+    pub is_figure: bool,
     /// Lowest and highest height, nm.
     pub z: [f64; 2],
     /// Integral of height over length, nm · nm.
@@ -61,6 +71,8 @@ pub struct Fragments {
     pub figures_whole: usize,
     /// Closed strokes that were cut or partly skipped.
     pub figures_cut: usize,
+    /// Strokes that were to stay whole and were cut between blocks.
+    pub not_kept: usize,
     /// A place that was too steep, if any was.
     pub steep_at: Option<P2>,
     /// Largest squared slope of the marks.
@@ -83,12 +95,33 @@ struct Open {
 pub struct Splitter<'a> {
     tracer: Tracer<'a>,
     cutters: Vec<Cutter<'a>>,
+    run: Run,
+}
+
+/// Some segments of one stroke, traced: as far as cutters look ahead.
+#[derive(Default)]
+struct Run {
+    pieces: Vec<Piece>,
+    segments: Vec<Segment>,
+}
+
+/// One segment of a run.
+#[derive(Clone, Copy)]
+struct Segment {
+    index: u32,
+    a: P2,
+    b: P2,
+    /// Its first piece and the end of its pieces.
+    first: usize,
+    end: usize,
 }
 
 impl<'a> Splitter<'a> {
-    /// Fragments shorter than `min_mark_nm` are skipped and counted.
-    pub fn new(tracer: Tracer<'a>, candidates: &'a [Stops], min_mark_nm: f64) -> Self {
-        Self { tracer, cutters: candidates.iter().map(|stops| Cutter::new(stops, min_mark_nm)).collect() }
+    /// Fragments shorter than `min_mark_nm` are skipped and counted. What `keep` wants whole stays whole
+    /// where a stop holds it, as every stroke does; cuts of it are counted.
+    pub fn new(tracer: Tracer<'a>, candidates: &'a [Stops], min_mark_nm: f64, keep: Keep, seam: Seam) -> Self {
+        let cutters = candidates.iter().map(|stops| Cutter::new(stops, min_mark_nm, keep, seam)).collect();
+        Self { tracer, cutters, run: Run::default() }
     }
 
     /// What became of all strokes given so far, by candidate.
@@ -99,12 +132,18 @@ impl<'a> Splitter<'a> {
 
     /// Cuts one stroke of the texture, which its pen marks `passes` times.
     pub fn stroke(&mut self, source: u32, pen: u16, passes: u32, points: &[P2]) {
-        let Self { tracer, cutters } = self;
+        let Self { tracer, cutters, run } = self;
         cutters.iter_mut().for_each(|c| c.begin(source, pen, passes));
+        let last = points.len() - 2;
         for (i, w) in points.windows(2).enumerate() {
-            let [a, b] = [w[0], w[1]];
-            tracer.segment(a, b, |piece| cutters.iter_mut().for_each(|c| c.piece(i as u32, a, b, piece)));
-            cutters.iter_mut().for_each(|c| c.vertex(i as u32, a, b));
+            let (a, b, first) = (w[0], w[1], run.pieces.len());
+            tracer.segment(a, b, |piece| run.pieces.push(piece));
+            run.segments.push(Segment { index: i as u32, a, b, first, end: run.pieces.len() });
+            if i == last || run.pieces.len() >= RUN {
+                cutters.iter_mut().for_each(|c| c.run(run));
+                run.pieces.clear();
+                run.segments.clear();
+            }
         }
         cutters.iter_mut().for_each(|c| c.end(points));
     }
@@ -114,6 +153,7 @@ impl<'a> Splitter<'a> {
 struct Cutter<'a> {
     stops: &'a Stops,
     min_mark: f64,
+    keep: Keep,
     out: Fragments,
     open: Option<Open>,
     /// Why the stroke is not marked here, and since where on the segment.
@@ -123,13 +163,53 @@ struct Cutter<'a> {
     passes: f64,
     /// Fragments and skipped lengths before the stroke.
     before: (usize, Skipped),
+    /// Stops that accept a point; scratch space.
+    accepting: Vec<u32>,
+    seam: Seam,
+    /// Where the open fragment is to be cut although its stop would go on, and the stop that goes on.
+    cut: Option<(usize, f64, u32)>,
+}
+
+/// Where strokes are cut between two stops that both accept a stretch of them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Seam {
+    /// The cut lies at random within the last of this length that both accept, nm; 0 for the very end.
+    pub zone: f64,
+    /// Seed of the random places.
+    pub seed: u64,
+}
+
+impl Seam {
+    /// A number from 0 to 1 that depends on the seed and on which cut of which stroke it is.
+    fn random(self, source: u32, cut: usize) -> f64 {
+        // The finaliser of SplitMix64.
+        let mut h = self.seed ^ u64::from(source).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (cut as u64) << 32;
+        for (shift, factor) in [(30, 0xBF58_476D_1CE4_E5B9u64), (27, 0x94D0_49BB_1331_11EB)] {
+            h = (h ^ (h >> shift)).wrapping_mul(factor);
+        }
+        ((h ^ (h >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
 }
 
 impl<'a> Cutter<'a> {
-    fn new(stops: &'a Stops, min_mark: f64) -> Self {
+    fn new(stops: &'a Stops, min_mark: f64, keep: Keep, seam: Seam) -> Self {
         let out = Fragments::default();
         let before = (0, out.skipped);
-        Self { stops, min_mark, out, open: None, unmarked: None, source: 0, pen: 0, passes: 1.0, before }
+        Self {
+            stops,
+            min_mark,
+            keep,
+            out,
+            open: None,
+            unmarked: None,
+            source: 0,
+            pen: 0,
+            passes: 1.0,
+            before,
+            accepting: Vec::new(),
+            seam,
+            cut: None,
+        }
     }
 
     fn begin(&mut self, source: u32, pen: u16, passes: u32) {
@@ -142,64 +222,242 @@ impl<'a> Cutter<'a> {
         let out = &mut self.out;
         let parts = out.list.len() - self.before.0;
         out.strokes_cut += usize::from(parts > 1);
+        if parts > 1 && self.keep.bounds(points).is_some() {
+            out.not_kept += 1;
+        }
         if points[0] == points[points.len() - 1] {
             if parts == 1 && out.skipped == self.before.1 {
                 out.figures_whole += 1;
+                let last = out.list.last_mut();
+                last.into_iter().for_each(|f| f.is_figure = f.len as usize == points.len());
             } else {
                 out.figures_cut += 1;
             }
         }
     }
 
-    fn piece(&mut self, segment: u32, a: P2, b: P2, p: Piece) {
-        let section = match p.on {
-            Ok(section) => section,
-            Err(skip) => {
-                if self.unmarked.is_none_or(|(why, _)| why != skip) {
-                    let from = a.lerp(b, p.t0);
-                    self.close(from);
-                    self.end_unmarked(from, [a, b]);
-                    self.unmarked = Some((skip, from));
+    fn run(&mut self, run: &Run) {
+        for (k, s) in run.segments.iter().enumerate() {
+            // A cut is planned within the run, by the number of a piece.
+            if k == 0 {
+                self.cut = None;
+            }
+            // The stop of the open fragment, and where on the segment its window ends.
+            let mut stop = self.open.as_ref().map(|o| (o.stop as u32, self.window_end(o.stop as u32, s)));
+            for i in s.first..s.end {
+                let p = &run.pieces[i];
+                if let Some(skip) = p.skip {
+                    self.skip(skip, s, p.t0);
+                    stop = None;
+                    continue;
                 }
-                return;
+                if self.unmarked.is_some() {
+                    self.end_unmarked(s.a.lerp(s.b, p.t0), [s.a, s.b]);
+                }
+                let mut t = p.t0;
+                while t < p.t1 {
+                    let chosen = stop.is_none();
+                    let (at, end) = stop.take().unwrap_or_else(|| self.go_on(run, k, i, t));
+                    let mut exit = self.exit(at, end, p, t);
+                    if let Some((_, cut, _)) = self.cut.filter(|c| c.0 == i) {
+                        exit = exit.min(cut.max(t));
+                    }
+                    if chosen && exit <= t {
+                        // Rounding left a gap between two stops: bridged by a nanometre.
+                        exit = (t + 1.0 / s.a.distance(s.b)).min(p.t1);
+                    }
+                    if exit > t {
+                        self.mark(at as usize, s, [t, exit], p);
+                        t = exit;
+                    }
+                    if exit >= p.t1 {
+                        stop = Some((at, end));
+                    }
+                }
             }
-        };
-        if self.unmarked.is_some() {
-            self.end_unmarked(a.lerp(b, p.t0), [a, b]);
+            self.vertex(s.index, s.a, s.b);
         }
-        let range = self.stops.of_section(section);
-        let list = &self.stops.stops;
-        let length = a.distance(b);
-        let rises = p.z1 >= p.z0;
-        // Most pieces go on where the last one ended.
-        let accepts = |stop: usize| {
-            (stop == range.start || list[stop].z_lo as f64 <= p.z0)
-                && (stop + 1 == range.end || p.z0 < list[stop + 1].z_lo as f64)
+    }
+
+    /// Where on a segment that begins in the window of `stop` it leaves it.
+    #[inline]
+    fn window_end(&self, stop: u32, s: &Segment) -> f64 {
+        let [lo, hi] = self.stops.window(stop);
+        let (x, y) = (s.b.x - s.a.x, s.b.y - s.a.y);
+        let end = |d: i64, a: i64, lo: f64, hi: f64| match d {
+            0 => f64::INFINITY,
+            1.. => (hi - a as f64) / d as f64,
+            _ => (lo - a as f64) / d as f64,
         };
-        let same = self.open.as_ref().map(|o| o.stop).filter(|&stop| range.contains(&stop) && accepts(stop));
-        let Some(mut stop) = same.or_else(|| self.stops.at(section, p.z0)) else { return };
-        if !rises && stop > range.start && p.z0 <= list[stop].z_lo as f64 {
-            stop -= 1;
+        end(x, s.a.x, lo[0], hi[0]).min(end(y, s.a.y, lo[1], hi[1]))
+    }
+
+    /// Where a piece leaves `stop`, from t on; its end or beyond if it stays.
+    #[inline]
+    fn exit(&self, stop: u32, window_end: f64, p: &Piece, t: f64) -> f64 {
+        let stop = &self.stops.stops[stop as usize];
+        let (lo, hi) = (stop.z_lo as f64, stop.z_hi as f64);
+        // At the edge of a sheet the height jumps from one piece to the next.
+        if t == p.t0 && (p.z0 > hi + EPS || p.z0 < lo - EPS) {
+            return t;
         }
-        let (mut t, mut z) = (p.t0, p.z0);
+        let limit = if p.z1 > hi + EPS {
+            hi
+        } else if p.z1 < lo - EPS {
+            lo
+        } else {
+            return window_end.min(p.t1).max(t);
+        };
+        let z_end = if p.z0 == p.z1 { t } else { p.t0 + (p.t1 - p.t0) * ((limit - p.z0) / (p.z1 - p.z0)) };
+        window_end.min(z_end).clamp(t, p.t1)
+    }
+
+    /// The stop that goes on after `t` on piece `i` of segment `k`, and where its window ends; plans the
+    /// place of the next cut if that is free.
+    fn go_on(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (u32, f64) {
+        let planned = self.cut.take().filter(|&(piece, at, _)| piece == i && at <= t).map(|(.., next)| next);
+        let (s, p) = (&run.segments[k], &run.pieces[i]);
+        let ends = planned.map(|next| (next, self.window_end(next, s)));
+        let (stop, end) =
+            ends.filter(|&(n, end)| self.exit(n, end, p, t) > t).unwrap_or_else(|| self.choose(run, k, i, t));
+        if self.seam.zone > 0.0 {
+            self.cut = self.plan(stop, run, k, i, t);
+        }
+        (stop, end)
+    }
+
+    /// A random place to leave `stop`, which goes on from `t` on piece `i` of segment `k`: in the zone before
+    /// the place where it must be left, as far as the stop that follows accepts it too.
+    fn plan(&mut self, stop: u32, run: &Run, k: usize, i: usize, t: f64) -> Option<(usize, f64, u32)> {
+        let (j, exit) = self.left(stop, run, k, i, t);
+        let p = run.pieces.get(j).filter(|p| p.skip.is_none())?;
+        // A stop that is left at once, at the end of a piece, is left on the next.
+        if exit >= p.t1 {
+            return None;
+        }
+        let last = run.segments.partition_point(|s| s.end <= j);
+        let (next, _) = self.choose(run, last, j, exit);
+        let cuts = self.out.list.len() - self.before.0;
+        let mut back = self.seam.zone * self.seam.random(self.source, cuts);
+        // The zone may be shorter than asked for: the cut then lies at the same share of what there is.
+        let whole = self.accepted_before(next, run, (j, exit), (i, t), self.seam.zone).1;
+        back *= whole / self.seam.zone;
+        let ((piece, at), _) = self.accepted_before(next, run, (j, exit), (i, t), back);
+        let begin = piece == i && (at - t) * run.segments[k].a.distance(run.segments[k].b) < 2.0;
+        (!begin).then_some((piece, at, next))
+    }
+
+    /// Goes back from one place of a stroke to another as long as `stop` accepts it, at most `most` nm;
+    /// answers where that ends and how far it is.
+    fn accepted_before(
+        &self,
+        stop: u32,
+        run: &Run,
+        (mut j, mut to): (usize, f64),
+        (first, from): (usize, f64),
+        most: f64,
+    ) -> ((usize, f64), f64) {
+        let ([lo, hi], at) = (self.stops.window(stop), &self.stops.stops[stop as usize]);
+        let mut length = 0.0;
         loop {
-            // The height at which the piece leaves this stop, if it does.
-            let limit = if rises {
-                (stop + 1 < range.end).then(|| list[stop + 1].z_lo as f64).filter(|&l| p.z1 > l)
-            } else {
-                (stop > range.start).then(|| list[stop].z_lo as f64).filter(|&l| p.z1 < l)
-            };
-            let (t_end, z_end) = match limit {
-                Some(l) => (p.t0 + (p.t1 - p.t0) * ((l - p.z0) / (p.z1 - p.z0)), l),
-                None => (p.t1, p.z1),
-            };
-            self.mark(stop, segment, a.lerp(b, t), [z, z_end], (t_end - t).max(0.0) * length);
-            if limit.is_none() {
-                return;
+            let s = &run.segments[run.segments.partition_point(|s| s.end <= j)];
+            let p = &run.pieces[j];
+            // At the edge of a sheet the height jumps from one piece to the next.
+            let z = p.z(to);
+            if z > at.z_hi as f64 + EPS || z < at.z_lo as f64 - EPS {
+                return ((j, to), length);
             }
-            (t, z) = (t_end, z_end);
-            stop = if rises { stop + 1 } else { stop - 1 };
-            self.close(a.lerp(b, t));
+            let d = [(s.b.x - s.a.x) as f64, (s.b.y - s.a.y) as f64];
+            let a = [s.a.x as f64, s.a.y as f64];
+            let limit = |v: f64, d: f64, lo: f64, hi: f64| match d {
+                0.0 => f64::NEG_INFINITY,
+                d => ((if d > 0.0 { lo } else { hi }) - v) / d,
+            };
+            let mut begin = (0..2).map(|axis| limit(a[axis], d[axis], lo[axis], hi[axis])).fold(p.t0, f64::max);
+            if p.z0 > at.z_hi as f64 || p.z0 < at.z_lo as f64 {
+                let z = if p.z0 > at.z_hi as f64 { at.z_hi } else { at.z_lo } as f64;
+                let share = if p.z1 == p.z0 { 1.0 } else { (z - p.z0) / (p.z1 - p.z0) };
+                begin = begin.max(p.t0 + (p.t1 - p.t0) * share);
+            }
+            if j == first {
+                begin = begin.max(from);
+            }
+            let begin = begin.min(to);
+            let scale = s.a.distance(s.b);
+            if length + (to - begin) * scale >= most {
+                return ((j, (to - (most - length) / scale).max(begin)), most);
+            }
+            length += (to - begin) * scale;
+            let goes_on = begin <= p.t0 && j > first && run.pieces[j - 1].skip.is_none();
+            if !goes_on {
+                return ((j, begin), length);
+            }
+            j -= 1;
+            to = run.pieces[j].t1;
+        }
+    }
+
+    /// Of the stops that accept what follows after `t` on piece `i` of segment `k`, the one that is left
+    /// last; and where on the segment its window ends.
+    fn choose(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (u32, f64) {
+        let (s, p) = (&run.segments[k], &run.pieces[i]);
+        let at = [s.a.x as f64 + t * (s.b.x - s.a.x) as f64, s.a.y as f64 + t * (s.b.y - s.a.y) as f64, p.z(t)];
+        let mut accepting = std::mem::take(&mut self.accepting);
+        accepting.clear();
+        accepting.extend(self.stops.near(at, EPS).filter(|&stop| {
+            let [lo, hi] = self.stops.window(stop);
+            let holds = (0..2).all(|axis| lo[axis] - EPS <= at[axis] && at[axis] <= hi[axis] + EPS);
+            holds && self.exit(stop, self.window_end(stop, s), p, t) > t
+        }));
+        let best = match accepting[..] {
+            [] => self.nearest(at),
+            [one] => one,
+            _ => {
+                let left = |&stop: &u32| (self.left(stop, run, k, i, t), stop);
+                let later = |a: &((usize, f64), u32), b: &((usize, f64), u32)| {
+                    a.0.0.cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)).then(a.1.cmp(&b.1))
+                };
+                accepting.iter().map(left).max_by(later).map_or(accepting[0], |l| l.1)
+            }
+        };
+        self.accepting = accepting;
+        (best, self.window_end(best, s))
+    }
+
+    /// Where the stroke leaves a stop that accepts it at `t`: piece and parameter.
+    fn left(&self, stop: u32, run: &Run, k: usize, i: usize, t: f64) -> (usize, f64) {
+        let mut t = t;
+        for s in &run.segments[k..] {
+            let end = self.window_end(stop, s);
+            for (j, p) in run.pieces[..s.end].iter().enumerate().skip(i.max(s.first)) {
+                let t = std::mem::replace(&mut t, 0.0).max(p.t0);
+                let exit = self.exit(stop, end, p, t);
+                if p.skip.is_some() || exit < p.t1 {
+                    return (j, if p.skip.is_some() { p.t0 } else { exit });
+                }
+            }
+        }
+        (run.pieces.len(), 0.0)
+    }
+
+    /// The stop that comes nearest to accepting a point: methods cover all that was traced, up to rounding.
+    fn nearest(&self, at: [f64; 3]) -> u32 {
+        let beyond = |&stop: &u32| {
+            let ([lo, hi], s) = (self.stops.window(stop), &self.stops.stops[stop as usize]);
+            let out = |v: f64, lo: f64, hi: f64| (lo - v).max(v - hi).max(0.0);
+            out(at[0], lo[0], hi[0]).max(out(at[1], lo[1], hi[1])).max(out(at[2], s.z_lo as f64, s.z_hi as f64))
+        };
+        let near = self.stops.near(at, 2.0).min_by(|a, b| beyond(a).total_cmp(&beyond(b)).then(a.cmp(b)));
+        near.unwrap_or(0)
+    }
+
+    /// The stroke is not marked from `t` of a segment on.
+    fn skip(&mut self, skip: Skip, s: &Segment, t: f64) {
+        if self.unmarked.is_none_or(|(why, _)| why != skip) {
+            let from = s.a.lerp(s.b, t);
+            self.close(from);
+            self.end_unmarked(from, [s.a, s.b]);
+            self.unmarked = Some((skip, from));
         }
     }
 
@@ -220,16 +478,17 @@ impl<'a> Cutter<'a> {
         }
     }
 
-    /// Goes on in `stop` from `from`, over heights `z` and a stretch of `length` nm.
-    fn mark(&mut self, stop: usize, segment: u32, from: P2, z: [f64; 2], length: f64) {
+    /// Goes on in `stop` over a stretch of a piece.
+    fn mark(&mut self, stop: usize, s: &Segment, t: [f64; 2], p: &Piece) {
         if self.open.as_ref().is_some_and(|o| o.stop != stop) {
-            self.close(from);
+            self.close(s.a.lerp(s.b, t[0]));
         }
         let open = self.open.get_or_insert_with(|| {
             let first = self.out.points.len();
-            self.out.points.push(local(self.stops, stop, from));
-            Open { stop, segment, first, z: [f64::INFINITY, f64::NEG_INFINITY], z_length: 0.0, length: 0.0 }
+            self.out.points.push(local(self.stops, stop, s.a.lerp(s.b, t[0])));
+            Open { stop, segment: s.index, first, z: [f64::INFINITY, f64::NEG_INFINITY], z_length: 0.0, length: 0.0 }
         });
+        let (z, length) = ([p.z(t[0]), p.z(t[1])], (t[1] - t[0]) * s.a.distance(s.b));
         open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
         open.z_length += (z[0] + z[1]) / 2.0 * length;
         open.length += length;
@@ -274,6 +533,7 @@ impl<'a> Cutter<'a> {
             pen: self.pen,
             first: open.first as u32,
             len: points.len() as u32,
+            is_figure: false,
             z: open.z,
             z_length: open.z_length,
             length: open.length,

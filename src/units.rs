@@ -300,7 +300,8 @@ fn number_and_unit<'a>(text: &'a str, what: &str, example: &str) -> Result<(f64,
     Ok((value, unit.trim()))
 }
 
-fn quantity_from_text<'de, D, T>(d: D, what: &'static str, example: &'static str) -> Result<T, D::Error>
+/// Reads a quantity, or what else can be read from text.
+pub(crate) fn quantity_from_text<'de, D, T>(d: D, what: &'static str, example: &'static str) -> Result<T, D::Error>
 where
     D: Deserializer<'de>,
     T: FromStr<Err = String>,
@@ -345,6 +346,13 @@ pub(crate) fn positive_option<'de, D: Deserializer<'de>, Q: Quantity + Deseriali
 pub(crate) fn non_negative<'de, D: Deserializer<'de>, Q: Quantity + Deserialize<'de>>(d: D) -> Result<Q, D::Error> {
     let q = Q::deserialize(d)?;
     if q.base() >= 0.0 { Ok(q) } else { Err(de::Error::custom("must not be negative")) }
+}
+
+/// As [`non_negative`], for a field that may be absent.
+pub(crate) fn non_negative_option<'de, D: Deserializer<'de>, Q: Quantity + Deserialize<'de>>(
+    d: D,
+) -> Result<Option<Q>, D::Error> {
+    non_negative(d).map(Some)
 }
 
 #[cfg(test)]

@@ -128,6 +128,7 @@ fn clone(job: &JobText) -> JobText {
         textures: job.textures.clone(),
         focus: job.focus.clone(),
         method: job.method,
+        partition: job.partition.clone(),
         machine: job.machine.clone(),
         more: job.more.clone(),
     }

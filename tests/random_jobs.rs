@@ -81,8 +81,9 @@ fn texture(noise: &mut Noise, dir: &Path, number: usize, size: f64, pens: usize)
             line(&mut t, "pattern", "\"hatch\"".into());
             line(&mut t, "area", area);
             line(&mut t, "pitch", mm(size / between(noise, 2.0, 60.0)));
-            let direction = pick(noise, &[0.0, 90.0, 45.0, -30.0, 180.0, 37.123]);
-            line(&mut t, "direction", format!("\"{direction} deg\""));
+            let direction =
+                pick(noise, &["0 deg", "90 deg", "45 deg", "-30 deg", "180 deg", "37.123 deg", "contour", "contour"]);
+            line(&mut t, "direction", format!("{direction:?}"));
         }
         2 => {
             line(&mut t, "pattern", "\"hilbert\"".into());

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
-use crate::spec::FileUnit;
+use crate::spec::{FileUnit, Objective};
 
 /// Compiles a texture on a freeform part into a stepped 3+2 job, and proves it.
 #[derive(Debug, Parser)]
@@ -49,6 +49,8 @@ pub enum Command {
     Check {
         /// Job file, or - for standard input.
         job: PathBuf,
+        #[command(flatten)]
+        choice: Choice,
     },
     /// Compile a job into a job folder.
     Compile {
@@ -58,6 +60,8 @@ pub enum Command {
         /// replaced, anything else is not.
         #[arg(short, long, value_name = "FOLDER")]
         output: Option<PathBuf>,
+        #[command(flatten)]
+        choice: Choice,
     },
     /// Read a job folder back and prove that every mark lies once, in focus and inside the field.
     Verify {
@@ -75,6 +79,8 @@ pub enum Command {
         /// standard output for a job from standard input.
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
+        #[command(flatten)]
+        choice: Choice,
     },
     /// Compile many jobs; unchanged ones are skipped, a failing one harms no other.
     Batch {
@@ -108,6 +114,22 @@ pub enum Command {
         /// The shell.
         shell: clap_complete::Shell,
     },
+}
+
+/// What goes before the job file's own keys.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub struct Choice {
+    /// What the best of several methods has least of: time or stops.
+    #[arg(long, value_parser = objective)]
+    pub objective: Option<Objective>,
+}
+
+fn objective(text: &str) -> Result<Objective, String> {
+    match text {
+        "time" => Ok(Objective::Time),
+        "stops" => Ok(Objective::Stops),
+        _ => Err("give time or stops".into()),
+    }
 }
 
 fn unit(text: &str) -> Result<FileUnit, String> {

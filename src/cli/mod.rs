@@ -21,7 +21,7 @@ use crate::machine::{Machine, PROFILES};
 use crate::preview;
 use crate::spec::{self, Job};
 use crate::verify;
-use args::{Args, Command};
+use args::{Args, Choice, Command};
 
 /// Parses the command line, runs it, and answers with the exit code.
 pub fn main() -> ExitCode {
@@ -76,11 +76,11 @@ fn unwritable(what: &str, place: Place, e: &std::io::Error) -> Error {
 fn run(args: &Args) -> Result<u8, Error> {
     match &args.command {
         Command::Init { folder, schema } => init(args, folder, *schema)?,
-        Command::Check { job } => {
-            let plan = planned(args, job)?;
+        Command::Check { job, choice } => {
+            let plan = planned(args, job, *choice)?;
             report(args, &plan, None)?;
         }
-        Command::Compile { job, output } => compile(args, job, output.as_deref())?,
+        Command::Compile { job, output, choice } => compile(args, job, output.as_deref(), *choice)?,
         Command::Verify { folder, inputs } => {
             let spinner = show::Spinner::new(args.quiet);
             spinner.text("verifying");
@@ -89,7 +89,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             print(&if args.json { show::json(&proof.to_json()) } else { proof.to_text() })?;
             return Ok(u8::from(!proof.ok));
         }
-        Command::Preview { job, output } => preview(args, job, output.as_deref())?,
+        Command::Preview { job, output, choice } => preview(args, job, output.as_deref(), *choice)?,
         Command::Batch { jobs, output, report } => return batch(args, jobs, output.as_deref(), report.as_deref()),
         Command::Inspect { file, unit } => {
             let shown = inspect::inspect(file, *unit)?;
@@ -123,7 +123,7 @@ fn load(job: &Path) -> Result<Job, Error> {
     Job::parse(Path::new("stdin.toml"), &text)
 }
 
-fn compile(args: &Args, job: &Path, output: Option<&Path>) -> Result<(), Error> {
+fn compile(args: &Args, job: &Path, output: Option<&Path>, choice: Choice) -> Result<(), Error> {
     let target = match output {
         Some(o) => o.to_owned(),
         None if job == Path::new("-") => PathBuf::from("stdin.job"),
@@ -131,7 +131,7 @@ fn compile(args: &Args, job: &Path, output: Option<&Path>) -> Result<(), Error> 
     };
     folder::prepare(&target)?;
     let spinner = show::Spinner::new(args.quiet);
-    let plan = compile::plan(load(job)?, &|s| spinner.station(s))?;
+    let plan = compile::plan(chosen(args, job, choice)?, &|s| spinner.station(s))?;
     spinner.station(Station::Write);
     folder::write(&plan, &target, args.seed)?;
     spinner.done();
@@ -143,8 +143,8 @@ fn compile(args: &Args, job: &Path, output: Option<&Path>) -> Result<(), Error> 
     report(args, &plan, Some(&target))
 }
 
-fn preview(args: &Args, job: &Path, output: Option<&Path>) -> Result<(), Error> {
-    let plan = planned(args, job)?;
+fn preview(args: &Args, job: &Path, output: Option<&Path>, choice: Choice) -> Result<(), Error> {
+    let plan = planned(args, job, choice)?;
     let name = plan.job.path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let svg = preview::layout_svg(&folder::layout(&plan, &name));
     let dash = Path::new("-");
@@ -172,9 +172,19 @@ fn batch(args: &Args, jobs: &Path, output: Option<&Path>, report: Option<&Path>)
     Ok(outcome.exit_code())
 }
 
-fn planned(args: &Args, job: &Path) -> Result<Plan, Error> {
+/// Reads a job, and sets what was chosen on the command line.
+fn chosen(args: &Args, job: &Path, choice: Choice) -> Result<Job, Error> {
+    let mut job = load(job)?;
+    job.seed = args.seed;
+    if let Some(objective) = choice.objective {
+        job.file.partition.objective = objective;
+    }
+    Ok(job)
+}
+
+fn planned(args: &Args, job: &Path, choice: Choice) -> Result<Plan, Error> {
     let spinner = show::Spinner::new(args.quiet);
-    let plan = compile::plan(load(job)?, &|s| spinner.station(s))?;
+    let plan = compile::plan(chosen(args, job, choice)?, &|s| spinner.station(s))?;
     spinner.done();
     warn(args, &plan.warnings);
     Ok(plan)

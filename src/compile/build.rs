@@ -4,12 +4,14 @@
 use rayon::prelude::*;
 
 use super::Ground;
-use crate::geom::P2;
+use crate::geom::{Box2, P2};
 use crate::order;
+use crate::order::stops::Climb;
+use crate::order::strokes::{Path, Visit};
 use crate::partition::Stops;
 use crate::program::{Block, Program, Stop, Stroke};
-use crate::spec::Level;
-use crate::split::{Fragment, Fragments};
+use crate::spec::{Level, StopOrder, StrokeOrder};
+use crate::split::Fragments;
 
 /// A program in order, and how far its marks lie from their focal planes at most, nm.
 pub(super) struct Built {
@@ -68,45 +70,44 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
             (stop, z)
         })
         .collect();
-    let stop_list: Vec<Stop> = placed.iter().map(|p| p.0.clone()).collect();
-    let tour = order::stops::serpentine(&stop_list);
-    let point = |part: u32, f: &Fragment, i: u32| parts[part as usize].points[(f.first + i) as usize];
-    let orders: Vec<Vec<(u32, bool)>> = tour
-        .par_iter()
-        .map(|&t| {
-            let members = &members[starts[used[t]]..starts[used[t] + 1]];
-            let ends: Vec<order::strokes::Ends> = members
-                .iter()
-                .map(|&(part, i)| {
-                    let f = &parts[part as usize].list[i as usize];
-                    [point(part, f, 0), point(part, f, f.len - 1)]
-                })
-                .collect();
-            order::strokes::order(&ends)
-        })
-        .collect();
+    let points = |(part, i): (u32, u32)| {
+        let (fragments, f) = (&parts[part as usize], &parts[part as usize].list[i as usize]);
+        &fragments.points[f.first as usize..(f.first + f.len) as usize]
+    };
+    let in_order = |&stop: &usize| {
+        let members = &members[starts[stop]..starts[stop + 1]];
+        let path =
+            |&m: &(u32, u32)| Path { points: points(m), is_closed: parts[m.0 as usize].list[m.1 as usize].is_figure };
+        match ground.job.file.order.strokes {
+            StrokeOrder::Shortest => order::strokes::order(&members.iter().map(path).collect::<Vec<_>>()),
+            StrokeOrder::Drawing => order::strokes::as_drawn(members.len()),
+        }
+    };
+    let (tour, orders): (_, Vec<Vec<Visit>>) =
+        rayon::join(|| tour(ground, &placed), || used.par_iter().map(in_order).collect());
     let mut program = Program { pens: ground.pens.clone(), ..Program::default() };
     program.strokes.reserve_exact(starts[n]);
     program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
     program.blocks.reserve_exact(tour.len());
-    for (&t, order) in tour.iter().zip(orders) {
+    for &t in &tour {
         let (stop, z) = &placed[t];
         let first_stroke = program.strokes.len();
         let members = &members[starts[used[t]]..starts[used[t] + 1]];
-        for (m, reversed) in order {
-            let (part, i) = members[m as usize];
-            let fragments = &parts[part as usize];
-            let f = &fragments.list[i as usize];
+        for &Visit { stroke, start, reversed } in &orders[t] {
+            let member = members[stroke as usize];
+            let f = &parts[member.0 as usize].list[member.1 as usize];
             let first = program.points.len();
-            let points = &fragments.points[f.first as usize..(f.first + f.len) as usize];
+            let points = points(member);
             if reversed {
                 program.points.extend(points.iter().rev());
             } else {
-                program.points.extend_from_slice(points);
+                // A closed stroke is turned so that it begins and ends at its start.
+                program.points.extend_from_slice(&points[start as usize..]);
+                program.points.extend_from_slice(&points[1..][..start as usize]);
             }
             program.strokes.push(Stroke {
                 source: f.source,
-                segment: f.segment,
+                segment: f.segment + start,
                 reversed,
                 pen: f.pen,
                 first: u32::try_from(first).expect("memory holds fewer than 2^32 points"),
@@ -114,9 +115,7 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
             });
         }
         let P2 { x, y } = stop.centre;
-        let retract = program.blocks.last().is_some_and(|b| {
-            b.stop.centre != stop.centre && b.stop.focus < ground.clearance.lowest_focus(b.stop.centre, stop.centre)
-        });
+        let retract = program.blocks.last().is_some_and(|b| lifts(ground, &b.stop, stop));
         program.blocks.push(Block {
             stage: ground.machine.stage_from_part([x, y, stop.focus], ground.origin),
             retract,
@@ -127,6 +126,37 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
         });
     }
     Built { program, worst_defocus: worst[0], worst_defocus_mean: worst[1] }
+}
+
+/// The order in which the stage visits the stops.
+fn tour(ground: &Ground<'_>, placed: &[(Stop, [i64; 2])]) -> Vec<usize> {
+    if placed.is_empty() {
+        return Vec::new();
+    }
+    let Ground { machine, origin, clearance, .. } = ground;
+    let targets: Vec<[i64; 3]> =
+        placed.iter().map(|(s, _)| machine.stage_from_part([s.centre.x, s.centre.y, s.focus], *origin)).collect();
+    // Most parts are so flat that the head never needs to lift.
+    let mut area = Box2::EMPTY;
+    placed.iter().for_each(|(s, _)| area.add(s.centre));
+    let lowest = clearance.lowest_focus(area.lo, area.hi);
+    let lifts = |a: usize, b: usize| placed[a].0.focus < lowest && lifts(ground, &placed[a].0, &placed[b].0);
+    let stage = order::stops::Stage {
+        machine,
+        from: super::start(machine),
+        lifts: placed.iter().any(|(s, _)| s.focus < lowest).then_some(&lifts),
+    };
+    let climb = match ground.job.file.order.stops {
+        StopOrder::Time => Climb::Free,
+        StopOrder::ZUp => Climb::Up,
+        StopOrder::ZDown => Climb::Down,
+    };
+    order::stops::tour(&targets, &stage, climb, order::stops::EFFORT)
+}
+
+/// Whether the stage must lift between two stops.
+fn lifts(ground: &Ground<'_>, a: &Stop, b: &Stop) -> bool {
+    a.centre != b.centre && a.focus < ground.clearance.lowest_focus(a.centre, b.centre)
 }
 
 /// The focal plane of a block whose marks lie between `z` and have the mean height `mean`, and the

@@ -1,52 +1,407 @@
-//! The tour of the stage: section by section in a serpentine, levels alternately up and down.
+//! The tour of the stage, judged by the time that its moves take.
 //!
-//! Nearly all moves are then moves of z alone, which cost a fraction of an xy move. In every section
-//! the tour starts at the end of its levels that is nearer to where the stage stands.
+//! Consumes commanded positions (nm) and the machine; promises an order that takes no longer than the
+//! best of the plain ones: serpentines by columns and by rows with levels alternately up and down, and
+//! always going to the nearest stop. The best of these is improved by the moves of the `tour` module with
+//! the times of `crate::motion`, then by random changes that are kept where they pay. So stops over one
+//! place come one after another where moves of z alone are cheap, and short moves are what counts where
+//! they are not. Everything follows from the stops alone: the random numbers have a fixed seed.
+//!
+//! # Limits
+//! The search takes a move to cost the same both ways; where the stage must lift one way only it takes the
+//! mean. The result is judged by the true times. With levels in one direction only, the stops of one level
+//! are toured one level after another.
 
-use crate::program::Stop;
+use super::clock::Clock;
+use super::ports::{Ports, greedy};
+use super::tour::Tour;
+use super::tree::Tree;
+use crate::machine::Machine;
+use crate::motion;
 
-/// The order in which stops are visited, as indices into `stops`, which are given section by section
-/// and upwards in each.
-pub fn serpentine(stops: &[Stop]) -> Vec<usize> {
-    let mut first = 0;
-    let mut sections = Vec::new();
-    for s in stops.chunk_by(|a, b| a.section == b.section) {
-        sections.push((first, s));
-        first += s.len();
+/// In which order levels may be visited.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Climb {
+    /// In any.
+    Free,
+    /// No focal plane lower than the one before.
+    Up,
+    /// No focal plane higher than the one before.
+    Down,
+}
+
+/// What the moves of the stage cost.
+#[derive(Clone, Copy)]
+pub struct Stage<'a> {
+    /// The machine.
+    pub machine: &'a Machine,
+    /// Commanded position from which the stage comes to the first stop, nm.
+    pub from: [i64; 3],
+    /// Whether the stage must lift on its way between two stops, given by index; None where it never must.
+    pub lifts: Option<&'a dyn Fn(usize, usize) -> bool>,
+}
+
+/// Random changes for every stop, as the driver asks for them.
+pub const EFFORT: usize = 8;
+
+/// Most random changes of one tour for one unit of effort: beyond, they would take minutes.
+const MOST_KICKS: usize = 5000;
+
+/// Stops around each stop that moves look at: the nearest, and the nearest over other places.
+const NEIGHBOURS: usize = 5;
+
+/// A gain below this, s, is rounding.
+const LEAST: f64 = 1e-9;
+
+/// Of stops at equal cost the one that is nearer in space is the neighbour: s for every nm.
+const TIE: f64 = 1e-12;
+
+/// The order in which the stage visits the positions `stops` (commanded, nm), as indices. `effort` is how
+/// many random changes are tried for every stop; the time this takes grows with it.
+pub fn tour(stops: &[[i64; 3]], stage: &Stage<'_>, climb: Climb, effort: usize) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..stops.len()).collect();
+    if climb == Climb::Free {
+        return path(stops, stage, order, effort);
     }
-    sections.sort_by_key(|(_, s)| {
-        let [column, row] = s[0].section.map(i64::from);
-        (row, if row % 2 == 0 { column } else { -column })
+    let up = if climb == Climb::Up { 1 } else { -1 };
+    let height = |i: usize| up * stage.machine.stage.z.sign() * stops[i][2];
+    order.sort_by_key(|&i| height(i));
+    let mut out: Vec<usize> = Vec::with_capacity(stops.len());
+    for level in order.chunk_by(|&a, &b| height(a) == height(b)) {
+        let from = out.last().map_or(stage.from, |&last| stops[last]);
+        out.extend(path(stops, &Stage { from, ..*stage }, level.to_vec(), effort));
+    }
+    out
+}
+
+/// Time of the moves in an order, from where the stage comes from to the last stop, s.
+pub fn time(stops: &[[i64; 3]], stage: &Stage<'_>, order: &[usize]) -> f64 {
+    let first = order.first().map_or(0.0, |&i| cost(stage.machine, stage.from, stops[i]));
+    first + order.windows(2).map(|w| step(stops, stage, w[0], w[1])).sum::<f64>()
+}
+
+fn cost(machine: &Machine, from: [i64; 3], to: [i64; 3]) -> f64 {
+    motion::stage_move(machine, from, to, None).total_s()
+}
+
+/// Time from stop `a` to stop `b`.
+fn step(stops: &[[i64; 3]], stage: &Stage<'_>, a: usize, b: usize) -> f64 {
+    let lift = stage.lifts.filter(|lifts| lifts(a, b)).map(|_| stage.machine.retract_z());
+    motion::stage_move(stage.machine, stops[a], stops[b], lift).total_s()
+}
+
+/// The tour of some of the stops.
+fn path(stops: &[[i64; 3]], stage: &Stage<'_>, some: Vec<usize>, effort: usize) -> Vec<usize> {
+    if some.len() < 2 {
+        return some;
+    }
+    let mut ports = Ports::with_capacity(some.len() + 1, some.len() + 1);
+    (0..=some.len()).for_each(|_| ports.closed(1));
+    let at: Vec<[f64; 3]> =
+        std::iter::once(stage.from).chain(some.iter().map(|&i| stops[i])).map(|p| p.map(|v| v as f64)).collect();
+    let mut tree = Tree::new(&at[1..]);
+    let clock = Clock::new(stage.machine);
+    let far = |gap: [f64; 3]| clock.over(gap) + TIE * gap.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let of_ports = |seq: &[u32]| seq[1..].iter().map(|&port| some[port as usize - 1]).collect::<Vec<usize>>();
+    let mut starts = strips(&at);
+    starts.push(greedy(&ports, &mut tree, &at, far));
+    tree.fill();
+    let timed = |seq: &Vec<u32>| time(stops, stage, &of_ports(seq));
+    let Some(start) = starts.into_iter().min_by(|a, b| timed(a).total_cmp(&timed(b))) else { return some };
+
+    let both_ways = |a: u32, b: u32| {
+        let [from, to] = [a, b].map(|port| at[port as usize]);
+        let Some(lifts) = stage.lifts.filter(|_| a > 0 && b > 0) else { return clock.between(from, to) };
+        let [i, j] = [a, b].map(|port| some[port as usize - 1]);
+        let way = |is_lifted, from, to| if is_lifted { clock.lifted(from, to) } else { clock.between(from, to) };
+        0.5 * (way(lifts(i, j), from, to) + way(lifts(j, i), to, from))
+    };
+    let lists = neighbours(&tree, &at, far, both_ways);
+    // A move changes the whole tour, but where that would be long.
+    let longest = (100_000_000 / some.len()).max(1000);
+    let mut tour = Tour::new(&ports, start.clone(), longest, LEAST, both_ways, |port, limit, found| {
+        found.clear();
+        found.extend(lists[port as usize].iter().take_while(|f| f.0 < limit));
     });
-    let mut order = Vec::with_capacity(stops.len());
-    let mut z: Option<i64> = None;
-    for (first, s) in sections {
-        let down = z.is_some_and(|z| (s[s.len() - 1].focus - z).abs() < (s[0].focus - z).abs());
-        if down {
-            order.extend((first..first + s.len()).rev());
-            z = Some(s[0].focus);
-        } else {
-            order.extend(first..first + s.len());
-            z = Some(s[s.len() - 1].focus);
+    tour.improve();
+    tour.perturb(effort * some.len().min(MOST_KICKS), 1);
+    let better = tour.into_seq();
+    of_ports(if timed(&better) < timed(&start) { &better } else { &start })
+}
+
+/// Serpentines over all but place 0, where they start: bands along x or y, in them column by column, each
+/// from the end that is nearer. Bands are as narrow as the distinct places, or hold several of them.
+fn strips(at: &[[f64; 3]]) -> Vec<Vec<u32>> {
+    let mut out = Vec::new();
+    for axis in [0, 1] {
+        // Across the bands, along them, and up.
+        let key = |port: &u32| {
+            let p = at[*port as usize];
+            [p[1 - axis], p[axis], p[2]]
+        };
+        let by = |parts: [usize; 3]| {
+            move |a: &u32, b: &u32| {
+                let (a, b) = (key(a), key(b));
+                parts.into_iter().map(|k| a[k].total_cmp(&b[k])).find(|o| o.is_ne()).unwrap_or(a[0].total_cmp(&b[0]))
+            }
+        };
+        let mut ports: Vec<u32> = (1..at.len() as u32).collect();
+        ports.sort_by(by([0, 1, 2]));
+        let columns = ports.chunk_by(|a, b| key(a)[..2] == key(b)[..2]).count() as f64;
+        let span = |k: usize| {
+            let values = || ports.iter().map(|p| key(p)[k]);
+            values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
+        };
+        // Bands in which neighbours along and across are about as far apart.
+        let even = (span(0) * span(1) / columns).sqrt();
+        for width in [0.0, 0.5 * even, even, 1.5 * even, 2.0 * even] {
+            out.push(strip(&ports, width, key, by([1, 0, 2]), at[0][2]));
         }
     }
-    order
+    out
+}
+
+/// One serpentine through `ports`, which stand band by band; `along` sorts a band.
+fn strip(
+    ports: &[u32],
+    width: f64,
+    key: impl Fn(&u32) -> [f64; 3],
+    along: impl Fn(&u32, &u32) -> std::cmp::Ordering,
+    mut z: f64,
+) -> Vec<u32> {
+    let mut seq = vec![0];
+    let mut rest = ports;
+    let mut forward = true;
+    while let Some(first) = rest.first() {
+        let end = key(first)[0] + width;
+        let (band, more) = rest.split_at(rest.partition_point(|p| key(p)[0] <= end));
+        let mut band = band.to_vec();
+        band.sort_by(&along);
+        let mut columns: Vec<&[u32]> = band.chunk_by(|a, b| key(a)[..2] == key(b)[..2]).collect();
+        if !forward {
+            columns.reverse();
+        }
+        for column in columns {
+            let [low, high] = [column[0], column[column.len() - 1]].map(|p| key(&p)[2]);
+            if (high - z).abs() < (low - z).abs() {
+                seq.extend(column.iter().rev());
+                z = low;
+            } else {
+                seq.extend(column);
+                z = high;
+            }
+        }
+        (rest, forward) = (more, !forward);
+    }
+    seq
+}
+
+/// The neighbours of every port: the nearest stops, and the nearest that are not over the same place.
+/// With their costs, cheapest first.
+fn neighbours(
+    tree: &Tree<3>,
+    at: &[[f64; 3]],
+    far: impl Fn([f64; 3]) -> f64,
+    cost: impl Fn(u32, u32) -> f64,
+) -> Vec<Vec<(f64, u32)>> {
+    let nearest = |port: usize, elsewhere: bool, found: &mut Vec<(f64, u32)>| {
+        found.clear();
+        let mut limit = f64::INFINITY;
+        let start = (port as u32).checked_sub(1);
+        tree.around(at[port], start, limit, &far, |d, number| {
+            let other = number as usize + 1;
+            if other != port && !(elsewhere && at[port][..2] == at[other][..2]) {
+                let place = found.partition_point(|f| f.0 <= d);
+                found.insert(place, (d, other as u32));
+                if found.len() > NEIGHBOURS {
+                    found.pop();
+                    limit = found[NEIGHBOURS - 1].0;
+                }
+            }
+            limit
+        });
+    };
+    let (mut near, mut beside) = (Vec::new(), Vec::new());
+    let list = |port: usize| {
+        nearest(port, false, &mut near);
+        nearest(port, true, &mut beside);
+        near.extend(beside.iter().filter(|&&(_, p)| at[p as usize][..2] != at[port][..2]));
+        near.iter_mut().for_each(|f| f.0 = cost(port as u32, f.1));
+        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        near.dedup();
+        near.clone()
+    };
+    (0..at.len()).map(list).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::P2;
+    use crate::machine::MoveTimes;
+    use crate::units::Time;
+
+    const MM: i64 = 1_000_000;
+
+    fn machine(times: Option<[f64; 2]>) -> Machine {
+        let mut machine = Machine::built_in("xyz-galvo-40").expect("profile");
+        machine.stage.move_times = times.map(|[xy, z]| MoveTimes { xy: Time::s(xy), z: Time::s(z) });
+        machine
+    }
+
+    fn stage(machine: &Machine) -> Stage<'_> {
+        Stage { machine, from: [0, 0, machine.retract_z()], lifts: None }
+    }
+
+    /// Stops at random places under a dome.
+    fn dome(n: usize) -> Vec<[i64; 3]> {
+        let mut seed = n as u64;
+        let mut next = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((seed >> 33) % 400_000) as i64 - 200_000
+        };
+        let stop = |_| {
+            let [x, y, z] = [next(), next(), next() / 100];
+            let sag = (x * x + y * y) as f64 / 1e4;
+            [x * 1000, y * 1000, z * 1000 - sag as i64]
+        };
+        (0..n).map(stop).collect()
+    }
+
+    /// Levels over a grid of sections, in the order of the sections.
+    fn grid(columns: i64, rows: i64, levels: i64) -> Vec<[i64; 3]> {
+        let stop = |i: i64| {
+            let (section, level) = (i / levels, i % levels);
+            let (x, y) = (section % columns, section / columns);
+            [x * 40 * MM, y * 40 * MM, (level + (3 * x + 5 * y) % 7) * 70_000]
+        };
+        (0..columns * rows * levels).map(stop).collect()
+    }
+
+    fn assert_is_tour(order: &[usize], n: usize) {
+        let mut seen = order.to_vec();
+        seen.sort_unstable();
+        assert_eq!(seen, (0..n).collect::<Vec<_>>());
+    }
+
+    /// Row by row to and fro, levels alternately up and down.
+    fn serpentine(columns: usize, rows: usize, levels: usize) -> Vec<usize> {
+        let mut order = Vec::new();
+        for section in 0..columns * rows {
+            let (row, along) = (section / columns, section % columns);
+            let column = if row % 2 == 0 { along } else { columns - 1 - along };
+            let first = (row * columns + column) * levels;
+            let up = (first..first + levels).collect::<Vec<_>>();
+            if section % 2 == 0 { order.extend(up.iter().rev()) } else { order.extend(up) }
+        }
+        order
+    }
 
     #[test]
-    fn sections_run_to_and_fro_and_levels_up_and_down() {
-        let mut stops = Vec::new();
-        for (column, row) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            for level in 0..3i32 {
-                let z = i64::from(level) * 70_000;
-                stops.push(Stop { section: [column, row], level, centre: P2::new(0, 0), focus: z, z_lo: z, z_hi: z });
+    fn no_tour_takes_longer_than_the_serpentine() {
+        let stops = grid(6, 5, 8);
+        for times in [None, Some([3.7, 0.3]), Some([1.0, 1.0])] {
+            let machine = machine(times);
+            let stage = stage(&machine);
+            let order = tour(&stops, &stage, Climb::Free, EFFORT);
+            assert_is_tour(&order, stops.len());
+            let (have, plain) = (time(&stops, &stage, &order), time(&stops, &stage, &serpentine(6, 5, 8)));
+            assert!(have <= plain, "{times:?}: {have} {plain}");
+        }
+    }
+
+    #[test]
+    fn stops_over_one_place_follow_each_other_where_z_is_cheap() {
+        let stops = grid(6, 5, 8);
+        let machine = machine(Some([3.7, 0.3]));
+        let order = tour(&stops, &stage(&machine), Climb::Free, EFFORT);
+        let moved = order.windows(2).filter(|w| stops[w[0]][..2] != stops[w[1]][..2]).count();
+        assert_eq!(moved, 6 * 5 - 1);
+        // The stage comes from above the first.
+        assert!((time(&stops, &stage(&machine), &order) - (29.0 * 3.7 + 211.0 * 0.3)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn scattered_stops_are_toured_better_than_from_nearest_to_nearest() {
+        let stops = dome(600);
+        let machine = machine(None);
+        let stage = stage(&machine);
+        let (plain, good) = (tour(&stops, &stage, Climb::Free, 0), tour(&stops, &stage, Climb::Free, EFFORT));
+        assert_is_tour(&good, stops.len());
+        let (plain, good) = (time(&stops, &stage, &plain), time(&stops, &stage, &good));
+        let mut nearest: Vec<usize> = (0..stops.len()).collect();
+        for i in 0..stops.len() {
+            let from = if i == 0 { stage.from } else { stops[nearest[i - 1]] };
+            let far = |&k: &usize| cost(&machine, from, stops[nearest[k]]);
+            let next = (i..stops.len()).min_by(|a, b| far(a).total_cmp(&far(b))).expect("some are left");
+            nearest.swap(i, next);
+        }
+        let nearest = time(&stops, &stage, &nearest);
+        assert!(good <= plain && plain < nearest && good < 0.97 * nearest, "{nearest} {plain} {good}");
+        assert_eq!(tour(&stops, &stage, Climb::Free, EFFORT), tour(&stops, &stage, Climb::Free, EFFORT));
+    }
+
+    #[test]
+    fn nine_stops_are_toured_as_well_as_by_trying_all_orders() {
+        let stops = dome(9);
+        for times in [None, Some([2.0, 0.5])] {
+            let machine = machine(times);
+            let stage = stage(&machine);
+            let have = time(&stops, &stage, &tour(&stops, &stage, Climb::Free, 100));
+            let mut best = f64::INFINITY;
+            let mut order: Vec<usize> = (0..9).collect();
+            permutations(&mut order, 0, &mut |order| best = best.min(time(&stops, &stage, order)));
+            assert!(have <= best + 1e-9, "{times:?}: {have} {best}");
+        }
+    }
+
+    fn permutations(order: &mut Vec<usize>, fixed: usize, f: &mut impl FnMut(&[usize])) {
+        if fixed == order.len() {
+            return f(order);
+        }
+        for i in fixed..order.len() {
+            order.swap(fixed, i);
+            permutations(order, fixed + 1, f);
+            order.swap(fixed, i);
+        }
+    }
+
+    #[test]
+    fn levels_run_one_way_where_that_is_asked() {
+        let stops = grid(5, 4, 3);
+        for head in [true, false] {
+            let mut machine = machine(None);
+            machine.stage.z.carries = if head { crate::machine::Carries::Head } else { crate::machine::Carries::Part };
+            let stage = stage(&machine);
+            let sign = machine.stage.z.sign();
+            for (climb, way) in [(Climb::Up, 1), (Climb::Down, -1)] {
+                let order = tour(&stops, &stage, climb, EFFORT);
+                assert_is_tour(&order, stops.len());
+                assert!(order.windows(2).all(|w| way * sign * (stops[w[1]][2] - stops[w[0]][2]) >= 0));
+                let plain = time(&stops, &stage, &tour(&stops, &stage, Climb::Free, EFFORT));
+                assert!(plain < time(&stops, &stage, &order));
             }
         }
-        assert_eq!(serpentine(&stops), [0, 1, 2, 5, 4, 3, 9, 10, 11, 8, 7, 6]);
+    }
+
+    #[test]
+    fn lifts_are_gone_around() {
+        // Two rows; whoever changes row must lift, but at the end of the rows.
+        let stops: Vec<[i64; 3]> = (0..40).map(|i| [i % 20 * 10 * MM, i / 20 * 10 * MM, 0]).collect();
+        let lifts = |a: usize, b: usize| a / 20 != b / 20 && (a % 20 != 19 || b % 20 != 19);
+        let machine = machine(None);
+        let free = Stage { from: [0, 0, 0], ..stage(&machine) };
+        let stage = Stage { lifts: Some(&lifts), ..free };
+        let order = tour(&stops, &stage, Climb::Free, 50);
+        assert!(order.windows(2).all(|w| !lifts(w[0], w[1])), "{order:?}");
+        assert_eq!(time(&stops, &stage, &order), time(&stops, &free, &order));
+    }
+
+    #[test]
+    fn few_stops_are_toured_too() {
+        let machine = machine(None);
+        for n in 0..8 {
+            let stops = vec![[5, 5, 5]; n];
+            assert_is_tour(&tour(&stops, &stage(&machine), Climb::Free, EFFORT), n);
+        }
     }
 }

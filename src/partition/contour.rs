@@ -1,17 +1,19 @@
-//! The article's way: level k is [z0 + k D, z0 + (k + 1) D) over the whole part.
+//! The article's way: level k is [z0 + k D, z0 + (k + 1) D) over the whole part; with hysteresis h the
+//! levels lie D - 2 h apart and overlap.
 
 use super::Lattice;
 
-/// The levels that the heights of one section touch: number and lower end, upwards. A height that
-/// ends exactly where a level begins, from below, does not touch it.
+/// The levels that the heights of one section need: number and lower end, upwards. A height that ends
+/// exactly where a level begins, from below, does not need it.
 pub(super) fn levels(heights: &[(f64, f64)], z0: i64, lattice: &Lattice) -> Vec<(i32, i64)> {
     let mut out: Vec<(i32, i64)> = Vec::new();
+    let apart = lattice.depth - 2 * lattice.hysteresis;
     for &(lo, hi) in heights {
-        let first = ((lo - z0 as f64) / lattice.depth as f64).floor() as i64;
-        let last = (((hi - z0 as f64) / lattice.depth as f64).ceil() as i64 - 1).max(first);
+        let first = ((lo - z0 as f64) / apart as f64).floor() as i64;
+        let last = (((hi - (z0 + lattice.depth) as f64) / apart as f64).ceil() as i64).max(first);
         for k in first..=last {
             if out.last().is_none_or(|&(have, _)| i64::from(have) < k) {
-                out.push((k as i32, z0 + k * lattice.depth));
+                out.push((k as i32, z0 + k * apart));
             }
         }
     }

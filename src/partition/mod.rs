@@ -1,16 +1,20 @@
-//! Where the stage stands: in every section the levels that the texture needs.
+//! Where the stage stands: boxes that together hold all texture.
 //!
-//! A method chooses, for every section, the lower ends of its levels; each level accepts the depth
-//! range D above its lower end. That is the whole interface: methods differ in nothing else. Levels lie
-//! on the lattice of the stage increment and D is a whole even number of increments, so that the
-//! middle of every level is a place where the stage can stand.
+//! A stop accepts a point of the part that lies in its window, the plane rectangle around its centre,
+//! and in its interval of height; borders belong to it. A method chooses the stops; that is the whole
+//! interface, methods differ in nothing else. Levels lie on the lattice of the stage increment and D is
+//! a whole even number of increments, so that the middle of every level is a place where the stage can
+//! stand.
 
+pub mod bound;
 mod contour;
+pub mod items;
+pub mod window;
 mod zrange;
 
-use crate::geom::P2;
+use crate::geom::{Box2, P2};
 use crate::program::{Sections, Stop};
-use crate::trace::Footprint;
+use crate::trace::{Cells, Footprint, Slabs};
 
 /// Methods that divide a grid of sections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,14 +34,30 @@ pub struct Lattice {
     pub step: i64,
     /// Part heights z with (z + offset) a multiple of the step lie on the lattice.
     pub offset: i64,
+    /// By how much levels reach over each other at most on each side, nm; a whole number of steps.
+    pub hysteresis: i64,
 }
 
 impl Lattice {
     /// `depth` is rounded down to the lattice; None where nothing is left of it.
     pub fn new(depth: i64, step: i64, offset: i64) -> Option<Self> {
         let depth = depth / (2 * step) * (2 * step);
-        (depth > 0).then_some(Self { depth, step, offset })
+        (depth > 0).then_some(Self { depth, step, offset, hysteresis: 0 })
     }
+
+    /// With levels that overlap, so that a height that swings about a border need not change the stop
+    /// each time. Rounded to the lattice; at most a quarter of the depth range.
+    #[must_use]
+    pub fn with_hysteresis(mut self, nm: f64) -> Self {
+        self.hysteresis = (nm.min(self.depth as f64 / 4.0) / self.step as f64).round() as i64 * self.step;
+        self
+    }
+
+    /// Whether one level on the lattice holds heights from `lo` to `hi`.
+    pub fn holds(&self, lo: f64, hi: f64) -> bool {
+        (self.floor(lo) + self.depth) as f64 >= hi
+    }
+
     /// The highest lattice point not above `z`.
     pub fn floor(&self, z: f64) -> i64 {
         let z = z.floor() as i64;
@@ -45,41 +65,109 @@ impl Lattice {
     }
 }
 
-/// Stops by section.
+/// The stops of a method, all with windows of one size and intervals of one height.
 #[derive(Clone, Debug)]
 pub struct Stops {
-    /// All stops, section by section, upwards in each.
+    /// In the order in which the method gave them.
     pub stops: Vec<Stop>,
-    /// First stop of every section, and the number of stops.
+    /// Half the window along x and y, nm.
+    half: [i64; 2],
+    /// Height of the intervals, nm.
+    depth: i64,
+    /// Cells of the size of a window: the stops whose windows touch a cell, by `z_lo`.
+    lo: P2,
+    count: [i64; 2],
     starts: Vec<u32>,
+    lists: Vec<(i64, u32)>,
 }
 
 impl Stops {
-    /// The stops of section `i`, as indices.
-    pub fn of_section(&self, i: u32) -> std::ops::Range<usize> {
-        self.starts[i as usize] as usize..self.starts[i as usize + 1] as usize
+    /// `window` is even, as is the pitch of the sections.
+    pub fn new(stops: Vec<Stop>, window: [i64; 2], depth: i64) -> Self {
+        let half = window.map(|w| w / 2);
+        let mut area = Box2::EMPTY;
+        stops.iter().for_each(|s| area.add(s.centre));
+        if stops.is_empty() {
+            area.add(P2::new(0, 0));
+        }
+        // Shifted by half a cell: the windows of a grid of sections touch four cells then, not nine.
+        let lo = P2::new(area.lo.x - window[0], area.lo.y - window[1]);
+        let size = area.size();
+        let count = [0, 1].map(|axis| size[axis] / window[axis] + 3);
+        let mut it =
+            Self { stops, half, depth, lo, count, starts: vec![0; (count[0] * count[1]) as usize + 1], lists: vec![] };
+        for i in 0..it.stops.len() {
+            it.cells(i).for_each(|cell| it.starts[cell + 1] += 1);
+        }
+        for cell in 1..it.starts.len() {
+            it.starts[cell] += it.starts[cell - 1];
+        }
+        let mut next = it.starts.clone();
+        it.lists = vec![(0, 0); it.starts[it.starts.len() - 1] as usize];
+        for i in 0..it.stops.len() {
+            let z_lo = it.stops[i].z_lo;
+            for cell in it.cells(i) {
+                it.lists[next[cell] as usize] = (z_lo, i as u32);
+                next[cell] += 1;
+            }
+        }
+        for cell in 1..it.starts.len() {
+            it.lists[it.starts[cell - 1] as usize..it.starts[cell] as usize].sort_unstable();
+        }
+        it
     }
 
-    /// The stop of section `i` that accepts height `z`: half-open upwards, the topmost closed.
-    pub fn at(&self, i: u32, z: f64) -> Option<usize> {
-        let range = self.of_section(i);
-        let above = self.stops[range.clone()].partition_point(|s| s.z_lo as f64 <= z);
-        (!range.is_empty()).then(|| range.start + above.saturating_sub(1))
+    /// The cells that the window of stop `i` touches.
+    fn cells(&self, i: usize) -> impl Iterator<Item = usize> + use<> {
+        let (c, lo, half, columns) = (self.stops[i].centre, self.lo, self.half, self.count[0]);
+        let cell = |axis: usize, v: i64, lo: i64| (v - lo).div_euclid(2 * half[axis]);
+        let x = cell(0, c.x - half[0], lo.x)..=cell(0, c.x + half[0], lo.x);
+        let y = cell(1, c.y - half[1], lo.y)..=cell(1, c.y + half[1], lo.y);
+        y.flat_map(move |row| x.clone().map(move |column| (row * columns + column) as usize))
+    }
+
+    /// The stops that may accept a point near (x, y, z), nm: their intervals, widened by `slack`, hold z.
+    pub fn near(&self, [x, y, z]: [f64; 3], slack: f64) -> impl Iterator<Item = u32> {
+        let cell = |v: f64, lo: i64, half: i64| ((v - lo as f64) / (2 * half) as f64).floor() as i64;
+        let (column, row) = (cell(x, self.lo.x, self.half[0]), cell(y, self.lo.y, self.half[1]));
+        let inside = (0..self.count[0]).contains(&column) && (0..self.count[1]).contains(&row);
+        let i = if inside { (row * self.count[0] + column) as usize } else { 0 };
+        let list = if inside { &self.lists[self.starts[i] as usize..self.starts[i + 1] as usize] } else { &[] };
+        let from = list.partition_point(|&(z_lo, _)| ((z_lo + self.depth) as f64) < z - slack);
+        list[from..].iter().take_while(move |&&(z_lo, _)| z_lo as f64 <= z + slack).map(|&(_, i)| i)
+    }
+
+    /// Lower and upper corner of the window of stop `i`, nm.
+    #[inline]
+    pub fn window(&self, i: u32) -> [[f64; 2]; 2] {
+        let c = self.stops[i as usize].centre;
+        let [hx, hy] = self.half;
+        [[(c.x - hx) as f64, (c.y - hy) as f64], [(c.x + hx) as f64, (c.y + hy) as f64]]
     }
 }
 
-/// Chooses the stops for a footprint.
-pub fn divide(method: Method, footprint: &Footprint, sections: &Sections, lattice: &Lattice) -> Stops {
+/// Chooses the stops for a footprint. `window` is at least the pitch of the sections.
+pub fn divide(
+    method: Method,
+    footprint: &Footprint,
+    sections: &Sections,
+    window: [i64; 2],
+    lattice: &Lattice,
+) -> Stops {
     let lowest = footprint.range().map_or(0.0, |r| r.0);
     let z0 = lattice.floor(lowest);
     let mut stops = Vec::new();
-    let mut starts = vec![0];
     for i in 0..sections.len() {
-        let heights = footprint.of_section(i);
+        let (heights, figures) = (footprint.of_section(i), footprint.figures_of(i));
         let centre: P2 = sections.centre(i);
+        // What no level can hold is cut, in every method.
+        let (whole, deep): (Vec<_>, Vec<_>) =
+            figures.iter().partition(|&&(lo, hi)| method == Method::ZRange && lattice.holds(lo, hi));
+        let joined = (!deep.is_empty()).then(|| join(heights, deep));
+        let heights = joined.as_deref().unwrap_or(heights);
         let levels = match method {
             Method::Contour => contour::levels(heights, z0, lattice),
-            Method::ZRange => zrange::levels(heights, lattice),
+            Method::ZRange => zrange::levels(heights, &whole, lattice),
         };
         stops.extend(levels.into_iter().map(|(level, z_lo)| Stop {
             section: sections.cell(i),
@@ -89,16 +177,115 @@ pub fn divide(method: Method, footprint: &Footprint, sections: &Sections, lattic
             z_lo,
             z_hi: z_lo + lattice.depth,
         }));
-        starts.push(stops.len() as u32);
     }
-    Stops { stops, starts }
+    Stops::new(stops, window, lattice.depth)
+}
+
+/// Intervals joined where they touch, upwards.
+fn join(heights: &[(f64, f64)], mut more: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    more.extend_from_slice(heights);
+    more.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    more.dedup_by(|next, last| {
+        let touches = next.0 <= last.1;
+        if touches {
+            last.1 = last.1.max(next.1);
+        }
+        touches
+    });
+    more
+}
+
+/// The fine grid and the slabs in which windows see the texture.
+#[derive(Clone, Copy, Debug)]
+pub struct Fine {
+    /// Cells of a width of which a window measures a whole number; corners where windows may begin.
+    pub grid: Sections,
+    /// Heights.
+    pub slabs: Slabs,
+}
+
+impl Fine {
+    /// Cells along a window, unless the texture's box would need too many.
+    const ALONG: i64 = 80;
+    const FEWEST: i64 = 10;
+    const MOST: i64 = 1 << 22;
+    /// Windows are placed with 32-bit coordinates.
+    const WIDEST: i64 = 1 << 31;
+
+    /// For a texture within the sections, its lowest mark at `lowest`; None where the box is too wide for
+    /// windows of this size.
+    pub fn over(sections: &Sections, window: [i64; 2], lattice: &Lattice, lowest: f64) -> Option<Self> {
+        let size = [0, 1].map(|k| sections.pitch[k] * i64::from(sections.count[k]));
+        let mut along = Self::ALONG;
+        let width = |along: i64| window.map(|p| (p / along / lattice.step).max(1) * lattice.step);
+        let cells = |along: i64| (size[0] / width(along)[0]).saturating_mul(size[1] / width(along)[1]);
+        while along > Self::FEWEST && cells(along) > Self::MOST {
+            along /= 2;
+        }
+        let pitch = width(along);
+        let count = [0, 1].map(|k| size[k] / pitch[k] + 1);
+        let fits = count.iter().all(|&c| c <= Cells::MOST) && cells(along) <= Self::MOST;
+        (fits && size.iter().all(|&s| s < Self::WIDEST)).then(|| Self {
+            grid: Sections { origin: sections.origin, pitch, count: count.map(|c| c as u32) },
+            slabs: Slabs {
+                z0: lattice.floor(lowest),
+                depth: lattice.depth,
+                hysteresis: lattice.hysteresis,
+                step: lattice.step,
+            },
+        })
+    }
+}
+
+/// Windows and levels placed freely.
+pub fn free(mut cells: Cells, fine: &Fine, sections: &Sections, window: [i64; 2], lattice: &Lattice) -> Stops {
+    let Fine { grid, slabs } = fine;
+    // Coordinates from the middle of the box reach less far.
+    let middle = [0, 1].map(|k| i64::from(grid.count[k]) / 2 * grid.pitch[k]);
+    let figures = cells.take_figures();
+    let list = cells.list();
+    let level = |k: i64| slabs.border(k) - slabs.z0;
+    let highest = list.clone().map(|[.., slab]| level(slab + 1)).chain(figures.iter().map(|f| f[1][2] - slabs.z0));
+    let top = highest.max().unwrap_or(0);
+    let middle = [middle[0], middle[1], top / 2 / lattice.step * lattice.step];
+    let item = |lo: [i64; 3], hi: [i64; 3]| {
+        let near = |v: [i64; 3]| [0, 1, 2].map(|k| (v[k] - middle[k]) as i32);
+        items::Item { lo: near(lo), hi: near(hi) }
+    };
+    let zero = [grid.origin.x, grid.origin.y, slabs.z0];
+    let local = |v: [i64; 3]| [0, 1, 2].map(|k| v[k] - zero[k]);
+    let items: Vec<items::Item> = list
+        .map(|[column, row, slab]| {
+            let lo = [column * grid.pitch[0], row * grid.pitch[1], level(slab) - slabs.hysteresis];
+            let hi = [lo[0] + grid.pitch[0], lo[1] + grid.pitch[1], level(slab + 1) + slabs.hysteresis];
+            item(lo, hi)
+        })
+        .chain(figures.iter().map(|&[lo, hi]| item(local(lo), local(hi))))
+        .collect();
+    let [w, h] = window;
+    let size = [w, h, lattice.depth].map(|v| v as i32);
+    let mut stops: Vec<Stop> = window::cover(&items, size, [lattice.step as i32; 3])
+        .into_iter()
+        .map(|corner| {
+            let [x, y, z] = [0, 1, 2].map(|k| i64::from(corner[k]) + middle[k]);
+            let centre = P2::new(grid.origin.x + x + w / 2, grid.origin.y + y + h / 2);
+            let section = [(0, centre.x), (1, centre.y)].map(|(axis, v)| sections.along(axis, v, 0) as u32);
+            let z_lo = slabs.z0 + z;
+            Stop { section, level: 0, centre, focus: z_lo + lattice.depth / 2, z_lo, z_hi: z_lo + lattice.depth }
+        })
+        .collect();
+    stops.sort_by_key(|s| ([s.section[1], s.section[0]], s.z_lo, s.centre.y, s.centre.x));
+    for i in 1..stops.len() {
+        stops[i].level = if stops[i].section == stops[i - 1].section { stops[i - 1].level + 1 } else { 0 };
+    }
+    Stops::new(stops, window, lattice.depth)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const LATTICE: Lattice = Lattice { depth: 70_000, step: 100, offset: 0 };
+    const LATTICE: Lattice = Lattice { depth: 70_000, step: 100, offset: 0, hysteresis: 0 };
 
     #[test]
     fn contour_takes_every_level_that_is_touched() {
@@ -110,11 +297,45 @@ mod tests {
 
     #[test]
     fn z_range_takes_the_fewest() {
-        let count = |h: &[(f64, f64)]| zrange::levels(h, &LATTICE).len();
+        let count = |h: &[(f64, f64)]| zrange::levels(h, &[], &LATTICE).len();
         assert_eq!(count(&[(35_000.0, 104_900.0)]), 1);
         assert_eq!(count(&[(35_000.0, 105_100.0)]), 2);
         assert_eq!(count(&[(0.0, 10_000.0), (500_000.0, 540_000.0)]), 2, "no level where nothing is");
         assert_eq!(count(&[(0.0, 10_000.0), (60_000.0, 69_000.0)]), 1);
+    }
+
+    #[test]
+    fn a_figure_lies_in_one_level_and_the_levels_are_fewest() {
+        let levels = |heights: &[(f64, f64)], figures: &[(f64, f64)], h: f64| {
+            zrange::levels(heights, figures, &LATTICE.with_hysteresis(h))
+        };
+        // Two figures that overlap and do not fit one level; a third fits the second's.
+        let figures = [(0.0, 60_000.0), (30_000.0, 95_000.0), (40_000.0, 96_000.0)];
+        assert_eq!(levels(&[], &figures, 0.0), [(0, 0), (1, 30_000)]);
+        // Heights fill what is between.
+        assert_eq!(levels(&[(0.0, 150_000.0)], &figures, 0.0), [(0, 0), (1, 30_000), (2, 100_000)]);
+        // Random figures: every one is held, and no point set of lower ends could be smaller (each level
+        // begins at the lowest end of a figure that no level below holds).
+        let mut seed = 9u64;
+        let mut random = |n: u64| {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((seed >> 33) % n) as f64
+        };
+        let mut figures: Vec<(f64, f64)> = (0..500)
+            .map(|_| {
+                let lo = random(2_000_000);
+                (lo, lo + random(69_900))
+            })
+            .collect();
+        figures.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let out = levels(&[], &figures, 0.0);
+        let holds = |l: &(i32, i64), f: &(f64, f64)| l.1 as f64 <= f.0 && f.1 <= (l.1 + 70_000) as f64;
+        assert!(figures.iter().all(|f| out.iter().any(|l| holds(l, f))));
+        for (i, level) in out.iter().enumerate() {
+            assert!(figures.iter().any(|f| LATTICE.floor(f.0) == level.1 && !out[..i].iter().any(|l| holds(l, f))));
+        }
+        // Hysteresis: neighbours reach over each other by twice as much.
+        assert_eq!(levels(&[(0.0, 150_000.0)], &[], 5000.0), [(0, 0), (1, 60_000), (2, 120_000)]);
     }
 
     #[test]

@@ -1,20 +1,37 @@
 //! In each section the fewest levels: interval stabbing of the heights by one sweep upwards, each level
-//! starting at the lowest height that is not covered yet. Optimal for a fixed grid of sections.
+//! starting at the lowest height that is not covered yet. Optimal for a fixed grid of sections. Heights of
+//! strokes that may be cut are covered by levels together, less the hysteresis; a figure that is to stay
+//! whole is covered by one.
 
 use super::Lattice;
 
-/// Number and lower end of every level, upwards.
-pub(super) fn levels(heights: &[(f64, f64)], lattice: &Lattice) -> Vec<(i32, i64)> {
+/// Number and lower end of every level, upwards. Both lists are sorted by their lower ends; a figure that
+/// no level can hold is taken as heights.
+pub(super) fn levels(heights: &[(f64, f64)], figures: &[(f64, f64)], lattice: &Lattice) -> Vec<(i32, i64)> {
     let mut out: Vec<(i32, i64)> = Vec::new();
-    let mut covered = i64::MIN;
-    for &(lo, hi) in heights {
-        while out.is_empty() || hi > covered as f64 {
-            // The part of the interval that is not covered begins at its own start or where the
-            // last level ends.
-            let start = if lo > covered as f64 { lattice.floor(lo).max(covered) } else { covered };
-            out.push((out.len() as i32, start));
-            covered = start + lattice.depth;
+    let (mut h, mut f) = (0, 0);
+    let mut waiting: Vec<(f64, f64)> = Vec::new();
+    let mut end = i64::MIN;
+    loop {
+        // What the last level holds is done with.
+        while heights.get(h).is_some_and(|&(_, hi)| hi <= end as f64) {
+            h += 1;
         }
+        waiting.retain(|&(_, hi)| hi > end as f64);
+        while let Some(&figure) = figures.get(f).filter(|&&(lo, _)| lo < end as f64) {
+            if figure.1 > end as f64 {
+                waiting.push(figure);
+            }
+            f += 1;
+        }
+        let height =
+            heights.get(h).map(|&(lo, _)| if lo > end as f64 { lo } else { (end - 2 * lattice.hysteresis) as f64 });
+        let whole = waiting.first().or_else(|| figures.get(f)).map(|&(lo, _)| lo);
+        let Some(lowest) = [height, whole].into_iter().flatten().min_by(f64::total_cmp) else { return out };
+        // The next level begins where it must, but never before a height that has a level already.
+        let floor = lattice.floor(lowest);
+        let start = if whole == Some(lowest) { floor } else { floor.max(end.saturating_sub(2 * lattice.hysteresis)) };
+        out.push((out.len() as i32, start));
+        end = start + lattice.depth;
     }
-    out
 }

@@ -182,7 +182,7 @@ impl Sample {
             let start = program.strokes.len();
             for run in runs[w].iter().filter(|r| r[1] > r[0]) {
                 let first = program.points.len() as u32;
-                for p in run.map(place) {
+                for p in run.map(&place) {
                     program.points.push([(nm(p[0]) - centre.x) as i32, (nm(p[1]) - centre.y) as i32]);
                 }
                 program.strokes.push(Stroke { source: 0, segment: 0, reversed: false, pen: 0, first, len: 2 });

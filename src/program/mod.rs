@@ -83,7 +83,9 @@ pub struct Block {
 pub struct Stroke {
     /// Which stroke of the texture it is a piece of.
     pub source: u32,
-    /// Segment of that stroke on which the piece's end with the smaller parameter lies.
+    /// Segment of that stroke on which the piece's end with the smaller parameter lies. A whole closed
+    /// figure may begin at any of its vertices: then it is the segment that begins there, and the points
+    /// run on over the point where the figure was drawn from.
     pub segment: u32,
     /// Whether it is marked against the direction in which the texture was drawn.
     pub reversed: bool,

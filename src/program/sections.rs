@@ -48,6 +48,13 @@ impl Sections {
         )
     }
 
+    /// What section `i` covers, borders included.
+    pub fn area(&self, i: usize) -> Box2 {
+        let [column, row] = self.cell(i).map(i64::from);
+        let lo = P2::new(self.line(0, column), self.line(1, row));
+        Box2 { lo, hi: P2::new(self.line(0, column + 1), self.line(1, row + 1)) }
+    }
+
     /// Column and row of section `i`.
     pub fn cell(&self, i: usize) -> [u32; 2] {
         [(i % self.count[0] as usize) as u32, (i / self.count[0] as usize) as u32]

@@ -36,6 +36,7 @@ pub fn manifest(facts: &Facts<'_>) -> Vec<u8> {
             pitch_mm: facts.sections.pitch.map(mm_from_nm),
             columns: facts.sections.count[0],
             rows: facts.sections.count[1],
+            direction_deg: facts.directions.iter().map(|&d| f64::from(d) / 100.0).collect(),
         },
         pens: program.pens.iter().map(|pen| pen_entry(pen, facts.machine)).collect(),
         blocks: Blocks(facts),
@@ -91,6 +92,9 @@ struct Sections {
     pitch_mm: [f64; 2],
     columns: u32,
     rows: u32,
+    /// Of what is filled along contours, row by row; left out where nothing is.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    direction_deg: Vec<f64>,
 }
 
 #[derive(Serialize)]

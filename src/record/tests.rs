@@ -34,6 +34,7 @@ fn with<R>((program, origin): (Program, [i64; 3]), machine: &Machine, use_them: 
         job: &job,
         machine,
         checked: &checked,
+        directions: &[],
         sections: &sections,
         depth_mm: 0.07,
         block_times: &block_times,

@@ -4,9 +4,11 @@
 //! what can be checked without opening other files. Faults point at the value. The types here are the
 //! authority for the JSON schema (`terrace init --schema`) and for `docs/job-file.md`.
 
+mod direction;
 mod faults;
 mod sample;
 
+pub use direction::Direction;
 pub use sample::{SAMPLE_JOB, SAMPLE_SURFACE_NAME, sample_surface};
 
 use std::ops::Range;
@@ -19,7 +21,9 @@ use toml::Spanned;
 
 use crate::diag::{self, Diag, Error, Place};
 use crate::machine::Machine;
-use crate::units::{Angle, Frequency, Length, Power, Speed, non_negative, positive, positive_option};
+use crate::units::{
+    Angle, Frequency, Length, Power, Speed, non_negative, non_negative_option, positive, positive_option,
+};
 use crate::{surface, texture};
 
 /// Largest job file that is read.
@@ -34,6 +38,8 @@ pub struct Job {
     pub source: Arc<str>,
     /// What it says.
     pub file: JobFile,
+    /// Seed of everything that is random; not in the file.
+    pub seed: u64,
 }
 
 /// The keys of a job file.
@@ -52,6 +58,9 @@ pub struct JobFile {
     /// How the surface is divided.
     #[serde(default)]
     pub partition: PartitionSpec,
+    /// In which order stops and strokes are marked.
+    #[serde(default)]
+    pub order: OrderSpec,
     /// What is skipped or warned of.
     #[serde(default)]
     pub limits: LimitsSpec,
@@ -205,9 +214,10 @@ pub struct TextureSpec {
     /// Hatch: distance of lines. Squares and circles: distance of centres.
     #[serde(default, deserialize_with = "positive_option")]
     pub pitch: Option<Length>,
-    /// Hatch: direction of the lines from +x, counter-clockwise.
+    /// Hatch: direction of the lines from +x, counter-clockwise; or `"contour"`: in every section along
+    /// the level lines of the part.
     #[serde(default)]
-    pub direction: Option<Angle>,
+    pub direction: Option<Direction>,
     /// Hilbert: 4^order points.
     #[serde(default)]
     #[schemars(with = "Option<u32>")]
@@ -294,6 +304,8 @@ pub enum Method {
     Contour,
     /// A grid of sections, in each the fewest levels that cover the texture's depths.
     ZRange,
+    /// Windows of the field and levels placed freely, as few as can be found.
+    Window,
     /// Every method that the machine can run; the one with the least job time is kept.
     #[default]
     Auto,
@@ -305,6 +317,7 @@ impl Method {
         match self {
             Self::Contour => "contour",
             Self::ZRange => "z-range",
+            Self::Window => "window",
             Self::Auto => "auto",
         }
     }
@@ -324,6 +337,69 @@ pub struct PartitionSpec {
     /// Fragments shorter than this are skipped and counted; default: none.
     #[serde(default, deserialize_with = "non_negative")]
     pub min_mark: Length,
+    /// What `auto` makes least.
+    #[serde(default)]
+    pub objective: Objective,
+    /// Closed figures and strokes no larger than this along x and y are marked in one piece wherever a
+    /// stop can hold them; default: none.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub keep_whole: Length,
+    /// Strokes are cut at a random place within this length before the border of a stop, where both stops
+    /// accept it, so that cuts do not line up; default: none, all cuts lie on the border.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub zone: Length,
+    /// How far levels reach over each other up and down, so that a rough surface does not change the stop
+    /// at every ripple. It is taken from the depth range. Default: from the surface's roughness.
+    #[serde(default, deserialize_with = "non_negative_option")]
+    #[schemars(with = "Option<Length>")]
+    pub hysteresis: Option<Length>,
+}
+
+/// What the best of several candidates has least of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Objective {
+    /// Estimated job time.
+    #[default]
+    Time,
+    /// Stops; of equal numbers the least time.
+    Stops,
+}
+
+/// In which order the stage visits the stops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum StopOrder {
+    /// The one with the least time of stage moves that is found.
+    #[default]
+    Time,
+    /// The same, but no focal plane lies lower than the one before.
+    ZUp,
+    /// The same, but no focal plane lies higher than the one before.
+    ZDown,
+}
+
+/// In which order the strokes of a block are marked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum StrokeOrder {
+    /// With short jumps: either way round, closed figures from any of their vertices.
+    #[default]
+    Shortest,
+    /// As they were drawn: in that order and direction.
+    Drawing,
+}
+
+/// `[order]`.
+#[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OrderSpec {
+    /// Order of the stops.
+    #[serde(default)]
+    pub stops: StopOrder,
+    /// Order of the strokes within a block.
+    #[serde(default)]
+    pub strokes: StrokeOrder,
 }
 
 /// What happens to texture on slopes beyond `max_incidence`.
@@ -468,7 +544,7 @@ impl Job {
     pub fn parse(path: &Path, text: &str) -> Result<Self, Error> {
         let source: Arc<str> = text.into();
         let file: JobFile = diag::from_toml(&path.display().to_string(), &source)?;
-        let job = Self { path: path.to_owned(), source, file };
+        let job = Self { path: path.to_owned(), source, file, seed: 0 };
         let faults = faults::of(&job);
         if faults.is_empty() { Ok(job) } else { Err(Error::many(faults)) }
     }
@@ -528,9 +604,9 @@ impl Job {
         let mm = |l: &Option<Length>| l.map_or(0.0, Length::as_mm);
         let request = |(i, t): (usize, &TextureSpec)| {
             let kind = match t.pattern.as_ref().map(|p| *p.get_ref()) {
-                Some(Pattern::Hatch) => texture::Kind::Hatch {
-                    pitch_mm: mm(&t.pitch),
-                    direction_rad: t.direction.unwrap_or_default().as_rad(),
+                Some(Pattern::Hatch) => match t.direction.unwrap_or(Direction::Angle(Angle::default())) {
+                    Direction::Angle(a) => texture::Kind::Hatch { pitch_mm: mm(&t.pitch), direction_rad: a.as_rad() },
+                    Direction::Contour => texture::Kind::Contour { pitch_mm: mm(&t.pitch) },
                 },
                 Some(Pattern::Hilbert) => {
                     texture::Kind::Hilbert { order: t.order.as_ref().map_or(0, |o| *o.get_ref()) }

@@ -5,7 +5,8 @@
 //! neighbours differ, closed figures end on the point they start with, nothing is NaN or beyond 4 m,
 //! and stroke `i` is the same whenever and wherever it is asked for. Strokes of patterns and of tiles
 //! that lie wholly inside their area are computed from their index, so a texture of 10^8 points takes
-//! no memory.
+//! no memory. An area that is to be filled along contours ([`Contour`]) has a box and no strokes until
+//! [`Texture::fill`] is told the direction of its lines, cell by cell.
 //!
 //! All geometry is f64 in mm until one rounding per point: a pattern or a drawing is placed in the part
 //! frame, turned with the part about the frame's origin, and then rounded to the nanometre. Quarter
@@ -20,11 +21,13 @@ mod pattern;
 mod place;
 mod svg;
 
+use std::ops::Range;
 use std::path::PathBuf;
 
 use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, P2};
 use drawing::Drawing;
+pub use pattern::{Contour, Directions};
 use pattern::{Hatch, Hilbert, Loops};
 use place::Turn;
 
@@ -54,6 +57,11 @@ pub enum Kind {
         pitch_mm: f64,
         /// Direction of lines from +x, counter-clockwise.
         direction_rad: f64,
+    },
+    /// Parallel lines along the level lines of the part, their direction told later.
+    Contour {
+        /// Distance of lines.
+        pitch_mm: f64,
     },
     /// One Hilbert curve of 4^order points.
     Hilbert {
@@ -106,6 +114,7 @@ pub struct Request {
 #[derive(Debug)]
 enum Figures {
     Hatch(Hatch),
+    Contour(Contour),
     Hilbert(Hilbert),
     Loops(Loops),
     Drawing(Box<Drawing>),
@@ -126,6 +135,8 @@ pub struct Texture {
     len: u64,
     points: u64,
     bounds: Box2,
+    /// Those that areas were filled by.
+    directions: Option<Directions>,
 }
 
 impl Texture {
@@ -143,22 +154,58 @@ impl Texture {
         notes: &mut Vec<Diag>,
     ) -> Result<Self, Error> {
         let turn = Turn::new(turn_rad);
-        let mut texture = Self { parts: Vec::new(), len: 0, points: 0, bounds: Box2::EMPTY };
+        let mut texture = Self { parts: Vec::new(), len: 0, points: 0, bounds: Box2::EMPTY, directions: None };
         for (k, request) in requests.iter().enumerate() {
             let figures = Figures::place(request, part_box_mm, turn, notes).map_err(|e| numbered(&e, k))?;
-            let (len, points) = (figures.len(), figures.points());
-            if len == 0 {
-                return Err(numbered(&empty().into(), k));
-            }
             texture.bounds = texture.bounds.union(figures.bounds());
-            texture.parts.push(Part { figures, pen: request.pen, start: texture.len });
-            texture.len += len;
-            texture.points += points;
-            if texture.len > MAX_STROKES || texture.points > MAX_POINTS {
-                return Err(too_large(texture.len, texture.points).into());
+            texture.parts.push(Part { figures, pen: request.pen, start: 0 });
+            texture.count(k)?;
+        }
+        if texture.parts.is_empty() { Err(empty().into()) } else { Ok(texture) }
+    }
+
+    /// Fills the areas that wait for it with lines. The grid of `directions` covers [`Texture::bounds`].
+    ///
+    /// # Errors
+    /// `texture-empty`, `texture-large`.
+    pub fn fill(&mut self, directions: Directions) -> Result<(), Error> {
+        for (k, part) in self.parts.iter_mut().enumerate() {
+            if let Figures::Contour(area) = &mut part.figures {
+                area.fill(&directions).map_err(|e| numbered(&e, k))?;
             }
         }
-        if texture.len == 0 { Err(empty().into()) } else { Ok(texture) }
+        self.directions = Some(directions);
+        (self.len, self.points) = (0, 0);
+        (0..self.parts.len()).try_for_each(|k| self.count(k))
+    }
+
+    /// Puts the strokes of part `k` after those of the parts before it.
+    fn count(&mut self, k: usize) -> Result<(), Error> {
+        let part = &mut self.parts[k];
+        let waits = matches!(part.figures, Figures::Contour(_)) && self.directions.is_none();
+        part.start = self.len;
+        self.len += part.figures.len();
+        self.points += part.figures.points();
+        if self.len == part.start && !waits {
+            return Err(numbered(&empty().into(), k));
+        }
+        if self.len > MAX_STROKES || self.points > MAX_POINTS {
+            return Err(too_large(self.len, self.points).into());
+        }
+        Ok(())
+    }
+
+    /// The areas that are filled along contours, each with the indices of its strokes.
+    pub fn contours(&self) -> impl Iterator<Item = (Range<usize>, &Contour)> {
+        self.parts.iter().filter_map(|p| match &p.figures {
+            Figures::Contour(f) => Some((p.start as usize..(p.start + f.len()) as usize, f)),
+            _ => None,
+        })
+    }
+
+    /// The directions that areas were filled by; None where none was.
+    pub fn directions(&self) -> Option<&Directions> {
+        self.directions.as_ref()
     }
 
     /// How many strokes there are.
@@ -192,6 +239,7 @@ impl Texture {
         let part = &self.parts[k];
         match &part.figures {
             Figures::Hatch(f) => f.stroke(i, out),
+            Figures::Contour(f) => f.stroke(i, out),
             Figures::Hilbert(f) => f.stroke(out),
             Figures::Loops(f) => f.stroke(i, out),
             Figures::Drawing(f) => f.stroke(i, out),
@@ -207,6 +255,7 @@ impl Texture {
         let (k, i) = self.find(i);
         let what = match &self.parts[k].figures {
             Figures::Hatch(f) => f.element(i),
+            Figures::Contour(f) => f.element(i),
             Figures::Hilbert(_) => "hilbert curve".to_owned(),
             Figures::Loops(f) => f.element(i),
             Figures::Drawing(f) => f.element(i),
@@ -235,6 +284,7 @@ impl Figures {
         let tolerance = request.tolerance_mm.max(place::NM);
         Ok(match &request.kind {
             Kind::Hatch { pitch_mm, direction_rad } => Self::Hatch(Hatch::new(area, *pitch_mm, *direction_rad, turn)?),
+            Kind::Contour { pitch_mm } => Self::Contour(Contour::new(area, *pitch_mm, turn)?),
             Kind::Hilbert { order } => Self::Hilbert(Hilbert::new(area, *order, turn)?),
             Kind::Squares { cell_mm, pitch_mm } => Self::Loops(Loops::squares(area, *cell_mm, *pitch_mm, turn)?),
             Kind::Circles { cell_mm, pitch_mm } => {
@@ -257,6 +307,7 @@ impl Figures {
     fn len(&self) -> u64 {
         match self {
             Self::Hatch(f) => f.len(),
+            Self::Contour(f) => f.len(),
             Self::Hilbert(_) => 1,
             Self::Loops(f) => f.len(),
             Self::Drawing(f) => f.len(),
@@ -266,6 +317,7 @@ impl Figures {
     fn points(&self) -> u64 {
         match self {
             Self::Hatch(f) => 2 * f.len(),
+            Self::Contour(f) => 2 * f.len(),
             Self::Hilbert(f) => f.points(),
             Self::Loops(f) => f.points(),
             Self::Drawing(f) => f.points(),
@@ -275,6 +327,7 @@ impl Figures {
     fn bounds(&self) -> Box2 {
         match self {
             Self::Hatch(f) => f.bounds(),
+            Self::Contour(f) => f.bounds(),
             Self::Hilbert(f) => f.bounds(),
             Self::Loops(f) => f.bounds(),
             Self::Drawing(f) => f.bounds(),

@@ -67,7 +67,12 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
     let Some(program) = program else { return Ok(findings.into_proof()) };
     let (shape, box_mm) = facts::shape(&job)?;
     let ground = Ground::new(shape, facts.max_incidence_rad, facts.weld_nm);
-    let texture = facts::texture(&job, box_mm)?;
+    let mut texture = facts::texture(&job, box_mm)?;
+    if !rules::fill::check(&manifest, &facts, &mut texture, &mut findings.fill) {
+        // Without its lines the texture is not known.
+        rules::without_inputs(folder, &manifest, &program, &facts, &mut findings);
+        return Ok(findings.into_proof());
+    }
     let drawing =
         Drawing { len: texture.len(), stroke: &|i, out| texture.stroke(i, out), element: &|i| texture.element(i) };
     check_folder(folder, &manifest, &program, &facts, &drawing, &ground, &mut findings);

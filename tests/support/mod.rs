@@ -41,6 +41,7 @@ pub struct JobText {
     pub textures: Vec<String>,
     pub focus: String,
     pub method: &'static str,
+    pub partition: String,
     pub machine: String,
     pub more: String,
 }
@@ -53,6 +54,7 @@ impl JobText {
             textures: Vec::new(),
             focus: "pdof = \"0.07 mm\"".into(),
             method: "contour",
+            partition: String::new(),
             machine: "profile = \"xyz-galvo-40\"".into(),
             more: String::new(),
         }
@@ -70,13 +72,19 @@ impl JobText {
         self
     }
 
+    /// The same with more keys of `[partition]`.
+    pub fn partition(mut self, keys: &str) -> Self {
+        self.partition = keys.into();
+        self
+    }
+
     /// Writes the job file into `dir`.
     pub fn write(&self, dir: &Path, name: &str) -> PathBuf {
         let textures: String = self.textures.iter().map(|t| format!("[[texture]]\n{t}\n\n")).collect();
         let text = format!(
-            "[surface]\n{}\n\n{textures}[focus]\n{}\n\n[partition]\nmethod = \"{}\"\n\n[machine]\n{}\n\n\
+            "[surface]\n{}\n\n{textures}[focus]\n{}\n\n[partition]\nmethod = \"{}\"\n{}\n\n[machine]\n{}\n\n\
              [[pen]]\nname = \"fill\"\nspeed = \"1000 mm/s\"\npower = \"60 %\"\nfrequency = \"60 kHz\"\n\n{}",
-            self.surface, self.focus, self.method, self.machine, self.more
+            self.surface, self.focus, self.method, self.partition, self.machine, self.more
         );
         let path = dir.join(name);
         std::fs::write(&path, text).expect("a writable folder");

@@ -1,5 +1,7 @@
 //! Made surfaces: closed forms as meshes without regular order.
 
+#![allow(dead_code, reason = "every test and bench uses a part of it")]
+
 use std::path::Path;
 
 /// The dome of the counts: z = a (1 - (u² + v²) / 2) over [0, 450]², u and v from -1 to 1.
@@ -75,4 +77,39 @@ pub fn write_stl(path: &Path, facets: &[[[f64; 3]; 3]]) {
         out.extend([0; 2]);
     }
     std::fs::write(path, out).expect("a writable folder");
+}
+
+/// Height over (x, y), mm.
+pub type Height = fn(f64, f64) -> f64;
+
+/// The five surfaces of the counts over [0, 450]², by name; amplitudes are those for which the article's
+/// way needs some 3,553 sub-blocks.
+pub const FIVE: [(&str, Height); 5] =
+    [("dome", dome), ("saddle", saddle), ("cyl", cyl), ("wave", wave), ("wing", wing)];
+
+fn uv(x: f64, y: f64) -> (f64, f64) {
+    ((x - 225.0) / 225.0, (y - 225.0) / 225.0)
+}
+
+pub fn saddle(x: f64, y: f64) -> f64 {
+    let (u, v) = uv(x, y);
+    10.023601109413828 * (u * u - v * v) / 2.0
+}
+
+pub fn cyl(x: f64, y: f64) -> f64 {
+    let (u, _) = uv(x, y);
+    10.06464501554584 * (1.0 - u * u)
+}
+
+pub fn wave(x: f64, y: f64) -> f64 {
+    let turn = std::f64::consts::TAU;
+    5.119498597136223 / 2.0 * (turn * x / 300.0 + 0.4).sin() * (turn * y / 260.0).cos()
+}
+
+pub fn wing(x: f64, y: f64) -> f64 {
+    let (s, t) = (x / 450.0, y / 450.0);
+    25.672613179115896
+        * (0.9 * (s.max(0.0) + 0.02).sqrt() - 0.75 * s - 0.35 * s * s
+            + 0.25 * t * s
+            + 0.12 * (std::f64::consts::PI * t).sin())
 }

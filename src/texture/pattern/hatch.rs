@@ -20,12 +20,17 @@ pub(in crate::texture) struct Hatch {
     turn: Turn,
 }
 
+/// The error for a pitch that lines cannot have.
+pub(super) fn bad_pitch(pitch: f64) -> Error {
+    Diag::input("texture-pitch", format!("a hatch pitch of {pitch} mm is not possible"))
+        .hint("use a pitch of at least 1 nm")
+        .into()
+}
+
 impl Hatch {
     pub(in crate::texture) fn new(area: [f64; 4], pitch: f64, direction: f64, turn: Turn) -> Result<Self, Error> {
         if !(pitch >= NM && pitch.is_finite() && direction.is_finite()) {
-            return Err(Diag::input("texture-pitch", format!("a hatch pitch of {pitch} mm is not possible"))
-                .hint("use a pitch of at least 1 nm")
-                .into());
+            return Err(bad_pitch(pitch));
         }
         let direction = cos_sin(direction);
         let mut hatch = Self { area, direction, pitch, first: 0, count: 0, turn };

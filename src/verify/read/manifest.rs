@@ -26,6 +26,8 @@ pub(in crate::verify) struct Manifest {
     pub(in crate::verify) machine: Machine,
     pub(in crate::verify) placement: Placement,
     pub(in crate::verify) focus: Focus,
+    #[serde(default)]
+    pub(in crate::verify) sections: Sections,
     pub(in crate::verify) pens: Vec<PenEntry>,
     pub(in crate::verify) blocks: Vec<BlockEntry>,
     /// Every file of the folder but the manifest itself.
@@ -58,6 +60,17 @@ pub(in crate::verify) struct Focus {
     pub(in crate::verify) depth_range_mm: f64,
     pub(in crate::verify) level: Level,
     pub(in crate::verify) rule: DepthRule,
+}
+
+/// The grid of sections, read for what is filled along contours.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default)]
+pub(in crate::verify) struct Sections {
+    pub(in crate::verify) origin_mm: [f64; 2],
+    pub(in crate::verify) pitch_mm: [f64; 2],
+    pub(in crate::verify) columns: u32,
+    pub(in crate::verify) rows: u32,
+    pub(in crate::verify) direction_deg: Vec<f64>,
 }
 
 #[derive(Clone, Debug, Deserialize)]

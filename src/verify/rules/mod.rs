@@ -1,6 +1,7 @@
 //! The rules, each with its own file and its own entry in the proof.
 
 pub(super) mod agreement;
+pub(super) mod fill;
 pub(super) mod hash;
 pub(super) mod laser;
 pub(super) mod marks;
@@ -28,6 +29,7 @@ pub(super) struct Findings {
     pub(super) travel: Rule,
     pub(super) laser: Rule,
     pub(super) ground: Rule,
+    pub(super) fill: Rule,
     pub(super) source: Rule,
     pub(super) once: Rule,
     pub(super) coverage: Rule,
@@ -49,6 +51,7 @@ impl Findings {
             travel: Rule::new("travel", "every stage position is the block's, within travel and on the increment"),
             laser: Rule::new("laser", "the laser is off in every stage move, which settles before the next mark"),
             ground: Rule::new("ground", "no mark lies off the part or on a slope beyond the limit"),
+            fill: Rule::new("fill", "lines along contours keep their pitch and fill the job's sections"),
             source: Rule::new("source", "every mark is the piece of the texture that it claims to be"),
             once: Rule::new("once", "nothing is marked twice in a pass"),
             coverage: Rule::new("coverage", "all texture is marked where the part can be marked"),
@@ -70,6 +73,7 @@ impl Findings {
             self.travel,
             self.laser,
             self.ground,
+            self.fill,
             self.source,
             self.once,
             self.coverage,

@@ -2,7 +2,7 @@
 //!
 //! Each texture stroke is placed anew; the marks that claim to be its pieces are laid on it by their
 //! own points (a claim is only a hint: inner vertices must be the stroke's, bit for bit, and both ends
-//! lie on it to the nanometre). What two pieces share is marked twice; what none covers must lie where
+//! lie on it to the nanometre; a whole closed figure may begin at any of its vertices). What two pieces share is marked twice; what none covers must lie where
 //! nothing can be marked. Memory: four bytes per mark, and one texture stroke at a time.
 
 use super::stretch::{Run, Stretch, confirmed, note};
@@ -172,7 +172,7 @@ impl Cover<'_> {
         let length: f64 = self.mark.windows(2).map(|w| w[0].distance(w[1])).sum();
         self.out.lengths.mark_mm += length * passes / NM_PER_MM;
         let segment = stroke.segment as usize;
-        let fault = match self.fit(segment).or_else(|why| self.fit_beyond(segment).ok_or(why)) {
+        let fault = match self.fit(segment).or_else(|why| self.fit_otherwise(segment).ok_or(why)) {
             Ok([from, to]) => {
                 self.spans.push(Span { from, to, mark: i });
                 self.out.rounding_mm += (length - (to - from)).abs() * passes / NM_PER_MM;
@@ -242,6 +242,24 @@ impl Cover<'_> {
         if from < to { Ok([from, to]) } else { Err("it runs against the direction that it claims") }
     }
 
+    fn fit_otherwise(&self, segment: usize) -> Option<[f64; 2]> {
+        self.fit_beyond(segment).or_else(|| self.fit_around(segment))
+    }
+
+    /// A whole closed figure may begin where `segment` does and run on over the point where it was drawn
+    /// from.
+    fn fit_around(&self, segment: usize) -> Option<[f64; 2]> {
+        let (drawn, around) = (self.points.get(segment..)?, self.points.get(1..=segment)?);
+        let is_turned = self.is_whole() && drawn.iter().chain(around).eq(&self.mark);
+        is_turned.then(|| [0.0, self.along[self.points.len() - 1]])
+    }
+
+    /// Whether stroke and mark are closed and have equally many points.
+    fn is_whole(&self) -> bool {
+        let is_closed = |points: &[P2]| points.first() == points.last();
+        self.points.len() == self.mark.len() && is_closed(&self.points) && is_closed(&self.mark)
+    }
+
     /// A cut point that was rounded onto the end of its segment is the beginning of the next.
     fn fit_beyond(&self, segment: usize) -> Option<[f64; 2]> {
         let next = segment.checked_add(1)?;
@@ -286,6 +304,9 @@ impl Cover<'_> {
         };
         let [first, last] = self.ends()?;
         let (a, b) = (nearest(first, false)?, nearest(last, true)?);
+        if self.is_whole() {
+            return Some([0.0, self.along[self.points.len() - 1]]);
+        }
         Some([a.min(b), a.max(b)])
     }
 

@@ -199,6 +199,7 @@ impl Made {
     pub(super) fn verify(&self, folder: &Path) -> Proof {
         let manifest: Manifest = read::manifest::read(folder).expect("a manifest");
         let mut findings = Findings::new();
+        findings.fill.ran = true;
         let inputs = Inputs::locate(folder, &manifest, None);
         crate::verify::rules::hash::check(folder, &manifest, &inputs, &mut findings.hash);
         let Some(program) = crate::verify::read_program(folder, &mut findings) else { return findings.into_proof() };

@@ -11,7 +11,7 @@ use crate::program::{Block, Program};
 use crate::spec::Job;
 use crate::verify::{Proof, verify};
 
-/// A compiled job in a folder of its own: a wavy sheet with a hole, hatched beyond its border, and
+/// A compiled job in a folder of its own: a wavy sheet with a hole, hatched along contours beyond its border, and
 /// squares with a pen of two passes.
 struct Bench {
     dir: tempfile::TempDir,
@@ -31,7 +31,7 @@ impl Bench {
             [[texture]]
             pattern = "hatch"
             pitch = "0.9 mm"
-            direction = "25 deg"
+            direction = "contour"
             area = ["-3 mm", "-2 mm", "63 mm", "44 mm"]
             [[texture]]
             pattern = "squares"
@@ -175,7 +175,10 @@ fn remove(program: &mut Program, i: usize) {
 
 /// A stroke with a long first segment in a block with many.
 fn long_stroke(program: &Program) -> usize {
-    let long = |s: &crate::program::Stroke| crate::program::stroke_mm(&program.points_of(s)[..2]) > 1.0;
+    let long = |s: &crate::program::Stroke| {
+        let points = program.points_of(s);
+        points.first() != points.last() && crate::program::stroke_mm(&points[..2]) > 1.0
+    };
     let block = program.blocks.iter().find(|b| b.strokes.len() > 5 && program.strokes_of(b).iter().any(long));
     let block = block.expect("a block with a long stroke");
     block.strokes.clone().find(|&i| long(&program.strokes[i])).expect("a long stroke")
@@ -265,6 +268,16 @@ fn source_a_stroke_beside_the_texture() {
         // An inner corner of a square moves by 0.1 um.
         let s = *program.strokes.iter().find(|s| s.len == 5).expect("a whole square");
         program.points[s.first as usize + 2][1] += 100;
+    });
+    assert_only("source", &proof);
+}
+
+#[test]
+fn source_a_figure_that_begins_at_another_vertex() {
+    let proof = Bench::new().mutant(|program, _| {
+        // The squares of a block begin where the beam comes from, not where they were drawn from.
+        let turned = program.strokes.iter_mut().find(|s| s.len == 5 && s.segment > 0 && !s.reversed);
+        turned.expect("a whole square").segment -= 1;
     });
     assert_only("source", &proof);
 }
@@ -391,4 +404,33 @@ fn summary_a_length_that_is_not_so() {
         });
         assert_only("summary", &verified(&target));
     }
+}
+
+/// Changes what the manifest says of its sections, and verifies.
+fn refilled(change: impl FnOnce(&mut serde_json::Value)) -> Proof {
+    let bench = Bench::new();
+    let target = bench.write();
+    alter_manifest(&target, |m| change(&mut m["sections"]));
+    verified(&target)
+}
+
+#[test]
+fn fill_sections_and_directions_that_are_not_the_jobs() {
+    assert_only("fill", &refilled(|s| s["columns"] = 7.into()));
+    assert_only("fill", &refilled(|s| s["origin_mm"][0] = 0.5.into()));
+    assert_only("fill", &refilled(|s| s["pitch_mm"][1] = 21.0.into()));
+    assert_only("fill", &refilled(|s| s["pitch_mm"][0] = 10.0.into()));
+    assert_only("fill", &refilled(|s| s["pitch_mm"] = serde_json::json!([0.0, -1.0])));
+    assert_only("fill", &refilled(|s| _ = s["direction_deg"].as_array_mut().expect("directions").pop()));
+    assert_only("fill", &refilled(|s| _ = s.as_object_mut().expect("sections").remove("direction_deg")));
+    for wrong in [180.0, -1.0, 12.345, 1e300] {
+        assert_only("fill", &refilled(|s| s["direction_deg"][1] = wrong.into()));
+    }
+    // A sound hatch, but not the one that is marked.
+    let proof = refilled(|s| {
+        let deg = s["direction_deg"][1].as_f64().expect("a direction");
+        s["direction_deg"][1] = ((deg * 100.0 + 1.0).round() % 18_000.0 / 100.0).into();
+    });
+    let broken = super::broken(&proof);
+    assert!(broken.contains(&"source") && !broken.contains(&"fill"), "{}", proof.to_text());
 }

@@ -1,0 +1,131 @@
+//! Times of stage moves for the search, which asks for millions of them: read off tables.
+//!
+//! They are those of [`motion::stage_move`], to one part in 5000; results are judged by that itself.
+//! Positions are commands in nm, as `f64`.
+
+use crate::machine::{Machine, MoveTimes};
+use crate::motion;
+
+/// Times of a machine's stage.
+pub(super) enum Clock {
+    /// Measured times.
+    Fixed(MoveTimes),
+    /// Profiles of the axes, the settling after every move, and the command that z is lifted to.
+    Profiles { axes: [Leg; 3], settle_s: f64, top: f64 },
+}
+
+impl Clock {
+    pub(super) fn new(machine: &Machine) -> Self {
+        if let Some(times) = machine.stage.move_times {
+            return Self::Fixed(times);
+        }
+        let axes = [0, 1, 2].map(|axis| {
+            Leg::new(|nm| {
+                let mut to = [0; 3];
+                to[axis] = nm;
+                motion::stage_move(machine, [0; 3], to, None).travel_s
+            })
+        });
+        Self::Profiles { axes, settle_s: machine.stage.settle.as_s(), top: machine.retract_z() as f64 }
+    }
+
+    /// Time of a move over these distances, none negative, without a lift.
+    pub(super) fn over(&self, gap: [f64; 3]) -> f64 {
+        if gap == [0.0; 3] {
+            return 0.0;
+        }
+        match self {
+            Self::Fixed(times) => if gap[0] > 0.0 || gap[1] > 0.0 { times.xy } else { times.z }.as_s(),
+            Self::Profiles { axes: [x, y, z], settle_s, .. } => {
+                x.at(gap[0]).max(y.at(gap[1])) + z.at(gap[2]) + settle_s
+            }
+        }
+    }
+
+    /// Time of a move.
+    pub(super) fn between(&self, a: [f64; 3], b: [f64; 3]) -> f64 {
+        self.over(gap(a, b))
+    }
+
+    /// Time of a move with a lift on the way.
+    pub(super) fn lifted(&self, a: [f64; 3], b: [f64; 3]) -> f64 {
+        match self {
+            Self::Fixed(times) => times.xy.as_s() + times.z.as_s(),
+            Self::Profiles { axes: [.., z], top, .. } => {
+                let [x, y, _] = gap(a, b);
+                self.over([x, y, (top - a[2]).abs()]) + z.at((top - b[2]).abs())
+            }
+        }
+    }
+}
+
+fn gap(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|k| (a[k] - b[k]).abs())
+}
+
+/// Times of one axis from rest to rest, by distance.
+pub(super) struct Leg(Vec<f64>);
+
+/// Bits of a distance below those that find its place in the table: 64 points in every octave.
+const BELOW: u32 = 52 - 6;
+
+/// Octaves of the table, in nm: up to 17 m, twice the longest move.
+const OCTAVES: u64 = 34;
+
+impl Leg {
+    fn new(time: impl Fn(i64) -> f64) -> Self {
+        let base = 1f64.to_bits();
+        // Points of the table are rounded to whole nm; so are those that stand close together at its beginning.
+        let points = (0..=OCTAVES << (52 - BELOW)).map(|k| f64::from_bits(base + (k << BELOW)));
+        Self(points.map(|x| between(x - 1.0, &time)).collect())
+    }
+
+    fn at(&self, nm: f64) -> f64 {
+        let bits = (nm + 1.0).to_bits() - 1f64.to_bits();
+        let at = ((bits >> BELOW) as usize).min(self.0.len() - 2);
+        let share = (bits & ((1 << BELOW) - 1)) as f64 / (1u64 << BELOW) as f64;
+        self.0[at] + (self.0[at + 1] - self.0[at]) * share
+    }
+}
+
+/// Time at a distance between whole nm.
+fn between(nm: f64, time: impl Fn(i64) -> f64) -> f64 {
+    let [lo, hi] = [nm.floor(), nm.ceil()].map(|v| time(v as i64));
+    lo + (hi - lo) * nm.fract()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::machine::PROFILES;
+    use crate::units::Time;
+
+    #[test]
+    fn the_clock_tells_the_times_of_the_stage() {
+        let mut seed = 3u64;
+        let mut next = |bits: u32| {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            // Of all sizes, from 0 upwards.
+            ((seed >> 33) as i64 & ((1 << bits) - 1)) >> ((seed >> 20) % 29)
+        };
+        for (name, _) in PROFILES {
+            for times in [None, Some(MoveTimes { xy: Time::s(3.7), z: Time::s(0.3) })] {
+                let mut machine = Machine::built_in(name).expect("profile");
+                machine.stage.move_times = times.or(machine.stage.move_times);
+                let clock = Clock::new(&machine);
+                for i in 0..3000 {
+                    let a = [next(28), next(28), next(26)];
+                    let b = if i % 3 == 0 { [a[0], a[1], next(26)] } else { [next(28), next(28), next(26)] };
+                    let at = [a, b].map(|p| p.map(|v| v as f64));
+                    let close =
+                        |t: f64, want: f64| assert!((t - want).abs() <= 2e-4 * want, "{name} {a:?} {b:?}: {t} {want}");
+                    close(clock.between(at[0], at[1]), motion::stage_move(&machine, a, b, None).total_s());
+                    if a[..2] != b[..2] {
+                        let top = Some(machine.retract_z());
+                        close(clock.lifted(at[0], at[1]), motion::stage_move(&machine, a, b, top).total_s());
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! Fewer boxes: takes a few neighbours out and holds what they alone held with as few others.
+//!
+//! A step that needs as many boxes as before is kept too: so the waste wanders until it meets other
+//! waste. The number of steps follows from the number of boxes and from what the last steps gained,
+//! never from a clock.
+
+use super::held::{Dice, Held};
+use super::squeeze::Squeeze;
+use crate::partition::items::Item;
+
+/// Rounds at most; a round has as many steps as there are boxes.
+const ROUNDS: usize = 16;
+/// Boxes taken out in one step.
+const TAKEN: std::ops::RangeInclusive<u32> = 3..=9;
+/// Orders tried in one step.
+const TRIES: usize = 2;
+
+/// Improves until a round gains less than one box in two thousand.
+pub(super) fn run(held: &mut Held<'_>) {
+    let mut dice = Dice::new();
+    let pays = |before: usize, after: usize| before - after > before / 2000;
+    let mut squeeze = Squeeze::new(held.index.items().len());
+    for _ in 0..ROUNDS {
+        let before = held.boxes().len();
+        squeeze.round(held, &mut dice);
+        if !pays(before, held.boxes().len()) {
+            break;
+        }
+    }
+    let mut rebuild = Rebuild::default();
+    for _ in 0..ROUNDS {
+        let before = held.boxes().len();
+        for _ in 0..before {
+            rebuild.step(held, &mut dice);
+        }
+        if !pays(before, held.boxes().len()) {
+            break;
+        }
+    }
+}
+
+/// The memory of a step.
+#[derive(Default)]
+struct Rebuild {
+    /// Boxes near the first, with their distance.
+    near: Vec<(i64, u32)>,
+    /// Boxes that are taken out.
+    out: Vec<u32>,
+    /// Pieces that no box holds.
+    bare: Vec<u32>,
+    keys: Vec<f32>,
+    starts: Vec<u32>,
+    /// The bare pieces in the order of a sweep.
+    order: Vec<Item>,
+    corners: Vec<[i32; 3]>,
+}
+
+impl Rebuild {
+    fn step(&mut self, held: &mut Held<'_>, dice: &mut Dice) {
+        let count = held.boxes().len() as u32;
+        if count == 0 {
+            return;
+        }
+        self.choose(held, dice.below(count), dice);
+        self.bare.clear();
+        for &b in &self.out {
+            held.take(b, &mut self.bare);
+        }
+        let found = self.bare.is_empty() || (0..TRIES).any(|_| self.sweep(held, dice));
+        if self.bare.is_empty() {
+            self.corners.clear();
+        }
+        if !found {
+            self.out.iter().for_each(|&b| held.put(b));
+            return;
+        }
+        for (&b, &corner) in self.out.iter().zip(&self.corners) {
+            held.refill(b, corner);
+            held.put(b);
+        }
+        let gone = &mut self.out[self.corners.len()..];
+        gone.sort_unstable();
+        gone.iter().rev().for_each(|&b| held.forget(b));
+    }
+
+    /// Chooses box `first` and some boxes near it.
+    fn choose(&mut self, held: &Held<'_>, first: u32, dice: &mut Dice) {
+        let (c, size) = (held.corner(first), held.size);
+        let reach = size.map(|s| s + s / 8);
+        self.near.clear();
+        let near = &mut self.near;
+        // How much nearer a box beside is than one above.
+        let steep = i64::from(1 + dice.below(10));
+        held.near([0, 1, 2].map(|k| c[k] - reach[k]), [0, 1, 2].map(|k| c[k] + reach[k]), |b, o| {
+            let [x, y, z] = [0, 1, 2].map(|k| i64::from((o[k] - c[k]).abs()) * 1000 / i64::from(size[k]));
+            if b != first {
+                near.push((x + y + steep * z, b));
+            }
+        });
+        let noise = 1 + dice.below(1000);
+        for entry in &mut self.near {
+            entry.0 += i64::from(dice.below(noise));
+        }
+        let taken = (TAKEN.start() - 1 + dice.below(TAKEN.end() - TAKEN.start() + 1)) as usize;
+        if taken < self.near.len() {
+            self.near.select_nth_unstable(taken);
+            self.near.truncate(taken);
+        }
+        self.near.sort_unstable();
+        self.out.clear();
+        self.out.push(first);
+        self.out.extend(self.near.iter().map(|&(_, b)| b));
+    }
+
+    /// Holds the bare pieces with at most as many boxes as were taken out, by a sweep in a direction
+    /// of chance: every box starts at the first piece left and grows over all that still fit.
+    fn sweep(&mut self, held: &Held<'_>, dice: &mut Dice) -> bool {
+        self.sort(held, dice);
+        self.corners.clear();
+        let size = held.size;
+        while let Some(&Item { mut lo, mut hi }) = self.order.first() {
+            if self.corners.len() == self.out.len() {
+                return false;
+            }
+            self.order.retain(|i| {
+                let l = [0, 1, 2].map(|k| lo[k].min(i.lo[k]));
+                let h = [0, 1, 2].map(|k| hi[k].max(i.hi[k]));
+                let fits = (0..3).all(|k| h[k] - l[k] <= size[k]);
+                if fits {
+                    (lo, hi) = (l, h);
+                }
+                !fits
+            });
+            self.corners.push(lo);
+        }
+        true
+    }
+
+    /// Lays the bare pieces out along a direction of chance. Bins are order enough, and much faster.
+    fn sort(&mut self, held: &Held<'_>, dice: &mut Dice) {
+        let items = held.index.items();
+        let way = held.size.map(|s| (dice.below(2001) as f32 - 1000.0) / s as f32);
+        let base = items[self.bare[0] as usize].lo;
+        self.keys.clear();
+        self.keys.extend(self.bare.iter().map(|&i| {
+            let lo = items[i as usize].lo;
+            (0..3).map(|k| way[k] * (lo[k] - base[k]) as f32).sum::<f32>()
+        }));
+        let (min, max) = self.keys.iter().fold((f32::MAX, f32::MIN), |(a, b), &k| (a.min(k), b.max(k)));
+        let bins = self.bare.len().next_power_of_two().clamp(64, 2048);
+        let scale = if max > min { (bins - 1) as f32 / (max - min) } else { 0.0 };
+        let bin = |key: f32| ((key - min) * scale) as usize;
+        self.starts.clear();
+        self.starts.resize(bins + 1, 0);
+        for &key in &self.keys {
+            self.starts[bin(key) + 1] += 1;
+        }
+        for b in 0..bins {
+            self.starts[b + 1] += self.starts[b];
+        }
+        self.order.resize(self.bare.len(), Item { lo: [0; 3], hi: [0; 3] });
+        for (&key, &i) in self.keys.iter().zip(&self.bare) {
+            let at = &mut self.starts[bin(key)];
+            self.order[*at as usize] = items[i as usize];
+            *at += 1;
+        }
+    }
+}

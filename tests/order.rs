@@ -1,0 +1,84 @@
+//! `[order]`: what the job file asks for is what the program does, and every order is proved.
+
+use std::path::Path;
+
+use terrace::program::Program;
+use terrace::spec::{self, Job};
+use terrace::{compile, folder, verify};
+
+/// Compiles the sample part with squares and hatch and these lines of the job file; proves the folder.
+fn program(order: &str, machine: &str) -> (Program, f64, f64) {
+    let dir = tempfile::tempdir().expect("a folder");
+    let put = |name: &str, bytes: &[u8]| std::fs::write(dir.path().join(name), bytes).expect("written");
+    put(spec::SAMPLE_SURFACE_NAME, &spec::sample_surface());
+    let profile = terrace::machine::PROFILES[0].1.replace("[stage]\n", &format!("[stage]\n{machine}\n"));
+    put("machine.toml", profile.as_bytes());
+    let text = format!(
+        r#"
+        surface = {{ file = "{}", unit = "mm" }}
+        focus = {{ pdof = "0.2 mm" }}
+        partition = {{ method = "z-range", section = "20 mm" }}
+        machine = {{ file = "machine.toml" }}
+        emit = {{ formats = ["dxf", "ovf"] }}
+        order = {{ {order} }}
+        texture = [
+            {{ pattern = "squares", pitch = "2 mm", cell = "1.2 mm" }},
+            {{ pattern = "hatch", pitch = "3 mm", direction = "20 deg" }},
+        ]
+        pen = [{{ name = "a", speed = "1000 mm/s", power = "60 %", frequency = "60 kHz" }}]
+    "#,
+        spec::SAMPLE_SURFACE_NAME
+    );
+    put("job.toml", text.as_bytes());
+    let job = Job::load(Path::new(&dir.path().join("job.toml"))).unwrap_or_else(|e| panic!("{e}"));
+    let plan = compile::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+    let target = dir.path().join("job.job");
+    folder::write(&plan, &target, 0).unwrap_or_else(|e| panic!("{e}"));
+    let proof = verify::verify(&target, None).unwrap_or_else(|e| panic!("{e}"));
+    assert!(proof.ok, "{order}: {}", proof.to_text());
+    (plan.checked.program().clone(), plan.summary.time_s.stage + plan.summary.time_s.settle, plan.summary.jump_mm)
+}
+
+#[test]
+fn focal_planes_rise_or_fall_where_that_is_asked() {
+    let heights = |order: &str| {
+        let (program, time, _) = program(order, "");
+        (program.blocks.iter().map(|b| b.stop.focus).collect::<Vec<_>>(), time)
+    };
+    let (free, least) = heights("stops = \"time\"");
+    let (up, up_time) = heights("stops = \"z-up\"");
+    let (down, down_time) = heights("stops = \"z-down\"");
+    assert!(up.is_sorted() && down.iter().rev().is_sorted() && !free.is_sorted(), "{up:?} {down:?}");
+    assert!(up.len() > 10 && up.len() == free.len());
+    assert!(least < up_time && least < down_time, "{least} {up_time} {down_time}");
+}
+
+#[test]
+fn sections_are_left_once_where_moves_of_z_are_cheap() {
+    let (program, time, _) = program("", "move = { xy = \"3.7 s\", z = \"0.3 s\" }");
+    let places: Vec<_> = program.blocks.iter().map(|b| b.stop.centre).collect();
+    let mut distinct = places.clone();
+    distinct.sort();
+    distinct.dedup();
+    let moves = places.windows(2).filter(|w| w[0] != w[1]).count();
+    assert_eq!(moves, distinct.len() - 1);
+    let rest = places.len() - distinct.len();
+    // The stage comes from the centre of its travel, which may lie over a section.
+    let whole = distinct.len() as f64 * 3.7 + rest as f64 * 0.3;
+    assert!((whole - time).abs() < 1e-9 || (whole - 3.4 - time).abs() < 1e-9, "{whole} {time}");
+}
+
+#[test]
+fn strokes_keep_the_order_of_the_drawing_or_get_short_jumps() {
+    let (drawn, _, far) = program("strokes = \"drawing\"", "");
+    for block in &drawn.blocks {
+        let strokes = drawn.strokes_of(block);
+        assert!(strokes.is_sorted_by_key(|s| (s.source, s.segment)) && strokes.iter().all(|s| !s.reversed));
+    }
+    let (short, _, near) = program("strokes = \"shortest\"", "");
+    assert!(near < 0.7 * far, "{near} {far}");
+    assert_eq!(short.strokes.len(), drawn.strokes.len());
+    // Some closed figures begin elsewhere than they were drawn from.
+    let is_closed = |s: &&terrace::program::Stroke| s.len == 5 && short.points_of(s)[0] == short.points_of(s)[4];
+    assert!(short.strokes.iter().filter(is_closed).any(|s| s.segment > 0));
+}

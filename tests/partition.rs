@@ -1,0 +1,237 @@
+//! Fewer stops, less time, whole figures, rough surfaces: what the methods of partition promise.
+
+mod support;
+
+use std::path::Path;
+
+use serde_json::Value;
+use support::surfaces::{FIVE, Noise, dome, mesh, write_stl};
+use support::{JobText, assert_balance, compile, folder, number, verify};
+
+/// A candidate of `auto`.
+fn candidate<'a>(summary: &'a Value, method: &str) -> &'a Value {
+    let list = summary["candidates"].as_array().expect("candidates");
+    list.iter().find(|c| c["method"] == method).unwrap_or_else(|| panic!("no {method}: {summary}"))
+}
+
+fn mean(values: &[f64]) -> f64 {
+    (values.iter().map(|v| v.ln()).sum::<f64>() / values.len() as f64).exp()
+}
+
+/// A smooth hatch over the five surfaces, by every method; the fewest stops are kept.
+#[test]
+fn free_windows_need_the_fewest_stops() {
+    let dir = folder();
+    let mut four = Vec::new();
+    let mut ratios = Vec::new();
+    for (name, z) in FIVE {
+        let stl = dir.path().join(format!("{name}.stl"));
+        write_stl(&stl, &mesh(500, [0.0, 0.0, 450.0, 450.0], z));
+        let job = JobText::on(&stl)
+            .texture("pattern = \"hatch\"\npitch = \"0.5 mm\"")
+            .method("auto")
+            .partition("objective = \"stops\"");
+        let out = dir.path().join(format!("{name}.job"));
+        let summary = compile(&job.write(dir.path(), "job.toml"), &out);
+        let stops = |method: &str| number(candidate(&summary, method), "stops");
+        let (contour, z_range, window) = (stops("contour"), stops("z-range"), stops("window"));
+        eprintln!("{name}: contour {contour}, z-range {z_range}, window {window}");
+        assert!(window <= z_range && z_range <= contour, "{name}");
+        assert_eq!(number(&summary, "stops"), window, "{name}: the fewest are kept");
+        if name != "cyl" {
+            four.push(window);
+            ratios.push(window / contour);
+        }
+        assert_balance(&summary, &verify(&out));
+        std::fs::remove_dir_all(out).expect("a folder of ours");
+    }
+    assert!(mean(&four) <= 2545.0, "{}", mean(&four));
+    assert!(mean(&ratios) <= 0.72, "{}", mean(&ratios));
+}
+
+/// The machine of the article with measured times of its moves.
+fn timed(dir: &Path, xy: &str, z: &str) -> String {
+    let out = support::terrace(["machines", "xyz-galvo-40"]);
+    let text = String::from_utf8(out.stdout).expect("text");
+    let moves = format!("[stage]\nmove = {{ xy = \"{xy}\", z = \"{z}\" }}\n");
+    let timed = text.replacen("[stage]\n", &moves, 1);
+    assert_ne!(text, timed);
+    let name = "timed.txt";
+    std::fs::write(dir.join(name), timed).expect("a writable folder");
+    format!("file = {name:?}")
+}
+
+/// Stage time of a written program, from the targets in it: a first move of x and y, then every move by
+/// its kind.
+fn stage_time(folder: &Path, xy: f64, z: f64) -> f64 {
+    let text = std::fs::read(folder.join("manifest.json")).expect("a manifest");
+    let manifest: Value = serde_json::from_slice(&text).expect("JSON");
+    let at: Vec<[f64; 3]> = manifest["blocks"]
+        .as_array()
+        .expect("blocks")
+        .iter()
+        .map(|b| [0, 1, 2].map(|k| b["stage"][k].as_f64().expect("a number")))
+        .collect();
+    let moves = at.windows(2).map(|w| if w[0][..2] == w[1][..2] { z } else { xy });
+    xy + moves.sum::<f64>()
+}
+
+#[test]
+fn auto_keeps_the_job_that_takes_the_least_time() {
+    let dir = folder();
+    let stl = dir.path().join("dome.stl");
+    write_stl(&stl, &mesh(500, [0.0, 0.0, 450.0, 450.0], dome));
+    for (xy, z, most_minutes) in [(3.7, 0.3, 25.8), (1.0, 1.0, 44.5)] {
+        let job = |method| {
+            let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.5 mm\"").method(method);
+            job.machine = timed(dir.path(), &format!("{xy} s"), &format!("{z} s"));
+            let out = dir.path().join(format!("{method}.job"));
+            let summary = compile(&job.write(dir.path(), "job.toml"), &out);
+            (summary, out)
+        };
+        let (summary, out) = job("auto");
+        let chosen = stage_time(&out, xy, z);
+        assert!(chosen / 60.0 <= most_minutes, "{} min with {xy} and {z} s", chosen / 60.0);
+        let stated = number(&summary["time_s"], "stage") + number(&summary["time_s"], "settle");
+        assert!((stated - chosen).abs() < 1e-6 * chosen, "{stated} {chosen}");
+        for method in ["contour", "z-range", "window"] {
+            let (single, out) = job(method);
+            // Windows are left out where they cannot win.
+            if method != "window" || xy == z {
+                assert_eq!(number(candidate(&summary, method), "stops"), number(&single, "stops"), "{method}");
+            }
+            let total = |s: &Value| number(&s["time_s"], "total");
+            assert!(total(&summary) <= total(&single), "{method} is faster than what was kept");
+            let stage = stage_time(&out, xy, z);
+            let marks = ["mark", "jump", "delay"].map(|k| number(&single["time_s"], k)).iter().sum::<f64>();
+            assert!((stage + marks - total(&single)).abs() < 1e-6 * stage, "{method}: {stage} {marks}");
+        }
+    }
+}
+
+/// A height map of a part of the dome with white noise of `noise` um at 0.05 mm; answers its job.
+fn rough(dir: &Path, noise: f64) -> JobText {
+    const N: u32 = 1201;
+    let at = |i: u32| 60.0 + f64::from(i) * 0.05;
+    let (lo, hi) = (dome(60.0, 60.0) - 0.05, dome(120.0, 120.0) + 0.05);
+    let mut random = Noise::new(7);
+    // Twelve numbers of even density have a deviation of 1.
+    let mut normal = || (0..12).map(|_| random.half()).sum::<f64>();
+    let mut samples = Vec::with_capacity((N * N * 2) as usize);
+    for row in (0..N).rev() {
+        for column in 0..N {
+            let z = dome(at(column), at(row)) + noise * 1e-3 * normal();
+            samples.extend_from_slice(&(((z - lo) / (hi - lo) * 65535.0).round() as u16).to_be_bytes());
+        }
+    }
+    let file = std::fs::File::create(dir.join("rough.png")).expect("a writable folder");
+    let mut png = png::Encoder::new(file, N, N);
+    png.set_color(png::ColorType::Grayscale);
+    png.set_depth(png::BitDepth::Sixteen);
+    png.write_header().and_then(|mut w| w.write_image_data(&samples)).expect("a picture");
+    let mut job =
+        JobText::on(Path::new("rough.png")).texture("pattern = \"hatch\"\npitch = \"0.1 mm\"").method("z-range");
+    job.surface =
+        format!("file = \"rough.png\"\n[surface.heightmap]\npixel = \"0.05 mm\"\nz = [\"{lo} mm\", \"{hi} mm\"]");
+    job
+}
+
+#[test]
+fn a_rough_surface_does_not_shred_strokes() {
+    let dir = folder();
+    let run = |job: &JobText| {
+        let out = dir.path().join("job.job");
+        let summary = compile(&job.write(dir.path(), "job.toml"), &out);
+        assert_balance(&summary, &verify(&out));
+        assert!(number(&summary, "worst_defocus_um") <= 35.0, "the depth rule is kept");
+        (number(&summary, "stops"), number(&summary, "fragments"))
+    };
+    let (stops, fragments) = run(&rough(dir.path(), 0.0));
+    let none = run(&rough(dir.path(), 0.0).partition("hysteresis = \"0 mm\""));
+    assert_eq!((stops, fragments), none, "a smooth surface needs no hysteresis");
+    let (rough_stops, rough_fragments) = run(&rough(dir.path(), 3.0));
+    assert!(rough_fragments <= 1.22 * fragments, "{rough_fragments} {fragments}");
+    assert!(rough_stops <= 1.2 * stops, "{rough_stops} {stops}");
+    let (_, shredded) = run(&rough(dir.path(), 3.0).partition("hysteresis = \"0 mm\""));
+    assert!(shredded >= 2.4 * fragments, "{shredded} {fragments}");
+}
+
+#[test]
+fn figures_stay_whole_wherever_a_stop_can_hold_them() {
+    let dir = folder();
+    let stl = dir.path().join("dome.stl");
+    write_stl(&stl, &mesh(500, [0.0, 0.0, 450.0, 450.0], dome));
+    let squares = "pattern = \"squares\"\npitch = \"1.5 mm\"\ncell = \"1 mm\"";
+    let run = |method, keep: &str| {
+        let mut job = JobText::on(&stl).texture(squares).method(method).partition(keep);
+        // A stage whose increment is far below the depth range: what fits is then a question of depth alone.
+        let machine = support::terrace(["machines", "xyz-galvo-40"]);
+        let text = String::from_utf8(machine.stdout).expect("text").replace("\"0.0001 mm\"", "\"0.00001 mm\"");
+        std::fs::write(dir.path().join("fine.txt"), text).expect("a writable folder");
+        job.machine = "file = \"fine.txt\"".into();
+        let out = dir.path().join("job.job");
+        let summary = compile(&job.write(dir.path(), "job.toml"), &out);
+        assert_balance(&summary, &verify(&out));
+        assert_eq!(number(&summary, "figures_whole") + number(&summary, "figures_cut"), 90_000.0);
+        summary
+    };
+    let cut = run("z-range", "");
+    assert!(number(&cut, "figures_whole") < 40_000.0, "{cut}");
+    for (method, most) in [("z-range", 11_600.0), ("window", 10_680.0)] {
+        let kept = run(method, "keep_whole = \"1 mm\"");
+        let whole = number(&kept, "figures_whole");
+        eprintln!("{method}: {whole} whole in {} stops", kept["stops"]);
+        assert!((whole - 81_680.0).abs() <= 60.0, "{method}: {whole}");
+        assert!(number(&kept, "stops") <= most, "{method}: {}", kept["stops"]);
+        let warning = &kept["warnings"].as_array().expect("warnings")[0];
+        assert_eq!(warning["code"], "figures-cut", "{warning}");
+    }
+}
+
+/// Places along x at which the lines of a hatch are cut, from program.txt: ends that are no ends of lines.
+fn cuts(folder: &Path, from: f64, to: f64) -> Vec<f64> {
+    let text = std::fs::read_to_string(folder.join("program.txt")).expect("program.txt");
+    let mut centre = 0.0;
+    let mut found = Vec::new();
+    for line in text.lines() {
+        let words: Vec<&str> = line.split(' ').collect();
+        let mm = |i: usize| words[i].parse::<f64>().expect("nm") / 1e6;
+        if words[0] == "block" {
+            centre = mm(5);
+        } else if words.len() == 8 && ["+", "-"].contains(&words[3]) {
+            found.extend([mm(4), mm(6)].map(|x| centre + x).into_iter().filter(|x| x - from > 1e-6 && to - x > 1e-6));
+        }
+    }
+    found.sort_by(f64::total_cmp);
+    found
+}
+
+#[test]
+fn cuts_lie_at_seeded_random_places_of_the_zone() {
+    let dir = folder();
+    let stl = dir.path().join("plate.stl");
+    write_stl(&stl, &mesh(9, [0.0, 0.0, 75.0, 30.0], |x, y| 0.0002 * x + 0.0001 * y));
+    let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.5 mm\"").partition("zone = \"2 mm\"");
+    let file = job.write(dir.path(), "job.toml");
+    let run = |seed: &str| {
+        let out = dir.path().join(format!("{seed}.job"));
+        let args = ["compile", "--json", "--seed", seed, "-o"].map(Path::new);
+        let done = support::terrace(args.into_iter().chain([out.as_path(), file.as_path()]));
+        assert!(done.status.success(), "{}", support::said(&done));
+        let summary = serde_json::from_slice(&done.stdout).expect("JSON");
+        assert_balance(&summary, &verify(&out));
+        cuts(&out, 0.0, 75.0)
+    };
+    let (a, b) = (run("1"), run("2"));
+    // 61 lines, each cut once; both sides end on the same nanometre.
+    assert_eq!(a.len(), 122);
+    assert!(a.chunks(2).all(|w| w[0] == w[1]));
+    // Windows of 40 mm around sections of 38 mm share 37 to 39 mm.
+    assert!(a.iter().all(|x| (36.99..=39.01).contains(x)), "{a:?}");
+    let places: Vec<f64> = a.iter().step_by(2).copied().collect();
+    let middle = places.iter().sum::<f64>() / 61.0;
+    assert!((middle - 38.0).abs() < 0.25, "{middle}");
+    assert!(places.windows(2).all(|w| w[1] > w[0]), "no two at the same place");
+    assert_ne!(a, b, "another seed, other places");
+    assert_eq!(a, run("1"));
+}
