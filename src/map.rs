@@ -20,8 +20,8 @@
 //!    accepts, such as levels that fall between two lines, go to the nearest label.
 //!
 //! The reach is 1.5 times the distance of marks that three of four gaps of the texture do not exceed,
-//! at most an eighth of the field. Where three of four gaps reach beyond an eighth of the field, the
-//! texture is a sparse drawing, and the reach is 1 mm.
+//! at most an eighth of the field. Where more than one of four gaps is wider than that eighth, the texture
+//! is a sparse drawing, and the reach is 1 mm.
 //!
 //! Memory is at most 20 bytes a cell while the map is made, 4 bytes afterwards.
 
