@@ -599,7 +599,10 @@ impl<'a> Cutter<'a> {
 
     /// Goes on in `stop` over a stretch of a piece.
     fn mark(&mut self, stop: usize, s: &Segment, t: [f64; 2], p: &Piece) {
-        if self.open.as_ref().is_some_and(|o| o.stop != stop) {
+        // On a turned part the two sides of a wall lie apart in the field.
+        let jump = (p.z(t[0]) - self.z).abs();
+        let jumps = self.stops.turn(stop as u32).is_some_and(|turn| jump * turn.lean() > CHORD / 2.0);
+        if self.open.as_ref().is_some_and(|o| o.stop != stop || jumps) {
             self.close(s.a.lerp(s.b, t[0]));
         }
         let z = [p.z(t[0]), p.z(t[1])];
@@ -610,8 +613,17 @@ impl<'a> Cutter<'a> {
             self.out.points.push(self.local(stop, last, z[0]));
             let bend = ends.map_or_else(Bend::default, |e| Bend::start([e[0][0], e[0][1]]));
             let range = [f64::INFINITY, f64::NEG_INFINITY];
-            self.open =
-                Some(Open { stop, segment: s.index, first, z: range, z_length: 0.0, length: 0.0, last, drawn: 0.0, bend });
+            self.open = Some(Open {
+                stop,
+                segment: s.index,
+                first,
+                z: range,
+                z_length: 0.0,
+                length: 0.0,
+                last,
+                drawn: 0.0,
+                bend,
+            });
         }
         self.z = z[1];
         let (centre, Some(open)) = (self.stops.stops[stop].centre, &mut self.open) else { return };

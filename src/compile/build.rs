@@ -163,8 +163,7 @@ fn climb(ground: &Ground<'_>) -> Climb {
 /// The tour of tilted stops: levels of one place and tilt follow each other, alternately up and down, since
 /// every other move turns the part.
 fn turned_tour(ground: &Ground<'_>, targets: &[[i64; 3]], placed: &[(Stop, [i64; 2])]) -> Vec<usize> {
-    let stage =
-        order::stops::Stage { machine: ground.machine, from: super::start(ground.machine), lifts: None };
+    let stage = order::stops::Stage { machine: ground.machine, from: super::start(ground.machine), lifts: None };
     if climb(ground) != Climb::Free {
         return order::stops::tour(targets, &stage, climb(ground), order::stops::EFFORT);
     }

@@ -39,6 +39,12 @@ impl Turn {
         self.rotation.tr_mul(&(Vector3::from(p) - self.shift)).into()
     }
 
+    /// The sine of the angle by which the part is tilted.
+    #[inline]
+    pub fn lean(&self) -> f64 {
+        self.rotation[(2, 0)].hypot(self.rotation[(2, 1)])
+    }
+
     /// The direction in the part that comes to point along z, to the lens; of length 1.
     pub fn up(&self) -> [f64; 3] {
         self.rotation.row(2).transpose().into()
@@ -53,7 +59,8 @@ mod tests {
     fn turns_are_right_handed_keep_the_pivot_and_can_be_undone() {
         let pivot = [1e6, -2e6, 3e6];
         let quarter = std::f64::consts::FRAC_PI_2;
-        let near = |a: [f64; 3], b: [f64; 3]| assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6), "{a:?} {b:?}");
+        let near =
+            |a: [f64; 3], b: [f64; 3]| assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6), "{a:?} {b:?}");
         let turn = Turn::about([0.0; 3], [(0, quarter)]);
         near(turn.apply([0.0, 1.0, 0.0]), [0.0, 0.0, 1.0]);
         near(turn.up(), [0.0, 1.0, 0.0]);

@@ -43,13 +43,7 @@ pub fn stage_move(machine: &Machine, from: [i64; 3], to: [i64; 3], retract_z: Op
 }
 
 /// As [`stage_move`], the tilt axes taking `tilt_s` for their turn, which runs together with x and y.
-pub fn tilting_move(
-    machine: &Machine,
-    from: [i64; 3],
-    to: [i64; 3],
-    retract_z: Option<i64>,
-    tilt_s: f64,
-) -> StageMove {
+pub fn tilting_move(machine: &Machine, from: [i64; 3], to: [i64; 3], retract_z: Option<i64>, tilt_s: f64) -> StageMove {
     let stage = &machine.stage;
     let plane = from[0] != to[0] || from[1] != to[1] || tilt_s > 0.0;
     let lift = retract_z.filter(|&z| z != from[2]);

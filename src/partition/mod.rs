@@ -108,8 +108,16 @@ impl Stops {
         let lo = P2::new(area.lo.x - window[0], area.lo.y - window[1]);
         let size = area.size();
         let count = [0, 1].map(|axis| size[axis] / window[axis] + 3);
-        let mut it =
-            Self { stops, half, depth, turns, lo, count, starts: vec![0; (count[0] * count[1]) as usize + 1], lists: vec![] };
+        let mut it = Self {
+            stops,
+            half,
+            depth,
+            turns,
+            lo,
+            count,
+            starts: vec![0; (count[0] * count[1]) as usize + 1],
+            lists: vec![],
+        };
         for i in 0..it.stops.len() {
             it.cells(i).for_each(|cell| it.starts[cell + 1] += 1);
         }
@@ -310,7 +318,15 @@ pub fn free(mut cells: Cells, fine: &Fine, sections: &Sections, window: [i64; 2]
             let centre = P2::new(grid.origin.x + x + w / 2, grid.origin.y + y + h / 2);
             let section = [(0, centre.x), (1, centre.y)].map(|(axis, v)| sections.along(axis, v, 0) as u32);
             let z_lo = slabs.z0 + z;
-            Stop { section, level: 0, tilt: [0; 2], centre, focus: z_lo + lattice.depth / 2, z_lo, z_hi: z_lo + lattice.depth }
+            Stop {
+                section,
+                level: 0,
+                tilt: [0; 2],
+                centre,
+                focus: z_lo + lattice.depth / 2,
+                z_lo,
+                z_hi: z_lo + lattice.depth,
+            }
         })
         .collect();
     stops.sort_by_key(|s| ([s.section[1], s.section[0]], s.z_lo, s.centre.y, s.centre.x));

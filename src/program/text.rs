@@ -56,7 +56,16 @@ impl Text {
         self.text("block ");
         self.text(id);
         self.numbers(stop.section);
-        self.numbers([i64::from(stop.level), stop.tilt[0], stop.tilt[1], stop.centre.x, stop.centre.y, stop.focus, stop.z_lo, stop.z_hi]);
+        self.numbers([
+            i64::from(stop.level),
+            stop.tilt[0],
+            stop.tilt[1],
+            stop.centre.x,
+            stop.centre.y,
+            stop.focus,
+            stop.z_lo,
+            stop.z_hi,
+        ]);
         self.numbers(*stage);
         self.numbers([i64::from(*retract), *z_lo, *z_hi]);
         self.numbers([strokes.len()]);

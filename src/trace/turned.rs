@@ -80,7 +80,8 @@ impl Turned {
             let middle = [(0, bounds.lo.x + bounds.hi.x), (1, bounds.lo.y + bounds.hi.y)];
             let i = facing_of(middle.map(|(axis, sum)| facings.grid.along(axis, sum / 2, 0)));
             let facing = &facings.list[i];
-            let (mut z, mut beside, mut hidden, mut slope2) = ([f64::INFINITY, f64::NEG_INFINITY], false, false, 0.0f64);
+            let (mut z, mut beside, mut hidden, mut slope2) =
+                ([f64::INFINITY, f64::NEG_INFINITY], false, false, 0.0f64);
             tracer.gap = false;
             for w in points.windows(2) {
                 let mut list = std::mem::take(&mut tracer.small);
