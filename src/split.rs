@@ -7,6 +7,12 @@
 //! gives the fewest cuts. Of several that are left at the same place the last of the list goes on, so
 //! that in a grid the upper level and the upper section have what lies on their borders. A fragment whose
 //! points all round to one is none.
+//!
+//! Where an overlap is wanted, the fragment that goes on after a cut begins that much before it, as far as
+//! its own stop accepts the stroke there: no mark leaves what its stop accepts. It reaches over at most half
+//! of what the fragment before it has for itself, so that nothing is marked three times; and never over the
+//! point where a closed figure was drawn from. What is shared is counted, cuts with less than was asked for
+//! too: mark - overlap + skipped = texture.
 
 use crate::geom::{NM_PER_MM, P2};
 use crate::partition::Stops;
@@ -14,6 +20,12 @@ use crate::trace::{Keep, Piece, Skip, Tracer};
 
 /// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
 const EPS: f64 = 1e-3;
+
+/// An overlap that lacks no more than this, nm, is there in full: its ends are rounded.
+const SHORT: f64 = 2.0;
+
+/// Shorter overlaps, nm, are none, unless a shorter one was asked for.
+const LEAST_OVERLAP: f64 = 1_000.0;
 
 /// Pieces that are looked ahead over at most.
 const RUN: usize = 1 << 14;
@@ -63,8 +75,14 @@ pub struct Fragments {
     pub points: Vec<[i32; 2]>,
     /// Length of the strokes, mm, every pass counted.
     pub texture_mm: f64,
+    /// Length that is marked twice where two fragments overlap, mm, every pass counted.
+    pub overlap_mm: f64,
     /// What was not marked.
     pub skipped: Skipped,
+    /// Cuts between two blocks that were to overlap.
+    pub cuts: usize,
+    /// Those of them that do not in full.
+    pub short: usize,
     /// Strokes in more than one fragment.
     pub strokes_cut: usize,
     /// Closed strokes marked as one fragment.
@@ -89,6 +107,8 @@ struct Open {
     /// The exact length that `z_length` was summed over: that of the rounded points would not do, because
     /// every nanometre counts with the whole height.
     length: f64,
+    /// How much of it the fragment before has marked too, nm.
+    shared: f64,
 }
 
 /// Cuts strokes between the stops of several candidates, over one walk.
@@ -175,6 +195,8 @@ struct Cutter<'a> {
 pub struct Seam {
     /// The cut lies at random within the last of this length that both accept, nm; 0 for the very end.
     pub zone: f64,
+    /// So much before the cut both mark, nm; 0 for none. Not together with a zone.
+    pub overlap: f64,
     /// Seed of the random places.
     pub seed: u64,
 }
@@ -267,6 +289,9 @@ impl<'a> Cutter<'a> {
                         exit = (t + 1.0 / s.a.distance(s.b)).min(p.t1);
                     }
                     if exit > t {
+                        if self.seam.overlap > 0.0 && self.open.as_ref().is_some_and(|o| o.stop != at as usize) {
+                            self.share(at, run, i, t);
+                        }
                         self.mark(at as usize, s, [t, exit], p);
                         t = exit;
                     }
@@ -397,6 +422,41 @@ impl<'a> Cutter<'a> {
         }
     }
 
+    /// Ends the open fragment at `t` of piece `i`, and has `stop`, which goes on there, begin before it.
+    fn share(&mut self, stop: u32, run: &Run, i: usize, t: f64) {
+        let segment = |piece: usize| &run.segments[run.segments.partition_point(|s| s.end <= piece)];
+        let own = self.open.as_ref().map_or(0.0, |o| o.length - o.shared);
+        let s = segment(i);
+        let cut = s.a.lerp(s.b, t);
+        // What was too short to be marked cannot be marked twice.
+        if !self.close(cut) {
+            return;
+        }
+        let wanted = self.seam.overlap;
+        let ((first, from), length) = self.accepted_before(stop, run, (i, t), (0, 0.0), wanted.min(own / 2.0));
+        self.out.cuts += 1;
+        self.out.short += usize::from(length < wanted - SHORT);
+        if length < LEAST_OVERLAP.min(wanted / 2.0) {
+            return;
+        }
+        for j in first..=i {
+            let (s, p) = (segment(j), &run.pieces[j]);
+            let part = [if j == first { from } else { p.t0 }, if j == i { t } else { p.t1 }];
+            if part[0] < part[1] {
+                self.mark(stop as usize, s, part, p);
+            }
+            if j < i && j + 1 == s.end {
+                self.corner(s.index, s.b);
+            }
+        }
+        let end = local(self.stops, stop as usize, cut);
+        if let Some(open) = &mut self.open {
+            let points = &self.out.points[open.first..];
+            let last = points[points.len() - 1];
+            open.shared = (crate::program::stroke_mm(points) + crate::program::stroke_mm(&[last, end])) * NM_PER_MM;
+        }
+    }
+
     /// Of the stops that accept what follows after `t` on piece `i` of segment `k`, the one that is left
     /// last; and where on the segment its window ends.
     fn choose(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (u32, f64) {
@@ -486,7 +546,8 @@ impl<'a> Cutter<'a> {
         let open = self.open.get_or_insert_with(|| {
             let first = self.out.points.len();
             self.out.points.push(local(self.stops, stop, s.a.lerp(s.b, t[0])));
-            Open { stop, segment: s.index, first, z: [f64::INFINITY, f64::NEG_INFINITY], z_length: 0.0, length: 0.0 }
+            let z = [f64::INFINITY, f64::NEG_INFINITY];
+            Open { stop, segment: s.index, first, z, z_length: 0.0, length: 0.0, shared: 0.0 }
         });
         let (z, length) = ([p.z(t[0]), p.z(t[1])], (t[1] - t[0]) * s.a.distance(s.b));
         open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
@@ -498,6 +559,11 @@ impl<'a> Cutter<'a> {
     fn vertex(&mut self, segment: u32, a: P2, b: P2) {
         self.out.texture_mm += self.passes * a.distance(b) / NM_PER_MM;
         self.end_unmarked(b, [a, b]);
+        self.corner(segment, b);
+    }
+
+    /// The open fragment turns at the end b of `segment`.
+    fn corner(&mut self, segment: u32, b: P2) {
         if let Some(open) = &mut self.open {
             let p = local(self.stops, open.stop, b);
             if self.out.points[self.out.points.len() - 1] != p {
@@ -512,9 +578,9 @@ impl<'a> Cutter<'a> {
         }
     }
 
-    /// Ends the open fragment at `end`.
-    fn close(&mut self, end: P2) {
-        let Some(open) = self.open.take() else { return };
+    /// Ends the open fragment at `end`; answers whether it is long enough to be marked.
+    fn close(&mut self, end: P2) -> bool {
+        let Some(open) = self.open.take() else { return false };
         let p = local(self.stops, open.stop, end);
         if self.out.points[self.out.points.len() - 1] != p {
             self.out.points.push(p);
@@ -522,10 +588,11 @@ impl<'a> Cutter<'a> {
         let points = &self.out.points[open.first..];
         let length = crate::program::stroke_mm(points) * NM_PER_MM;
         if points.len() < 2 || length < self.min_mark {
-            self.out.skipped.small += self.passes * length / NM_PER_MM;
+            self.out.skipped.small += self.passes * (length - open.shared) / NM_PER_MM;
             self.out.points.truncate(open.first);
-            return;
+            return false;
         }
+        self.out.overlap_mm += self.passes * open.shared / NM_PER_MM;
         self.out.list.push(Fragment {
             stop: open.stop as u32,
             source: self.source,
@@ -538,6 +605,7 @@ impl<'a> Cutter<'a> {
             z_length: open.z_length,
             length: open.length,
         });
+        true
     }
 }
 
