@@ -202,6 +202,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let map = map::Map::new(checked.program(), &ground.sections, &machine, &surface, ground.texture.bounds());
     warn(&job, &made.split, made.worst_defocus, ground.lattice.depth, warnings)?;
     warnings.extend(not_kept(&ground, made.method, &made.split));
+    warnings.extend(short_overlaps(&made.split));
     let program = checked.program();
     let split = &made.split;
     let passes = |pick: fn(&Program, &Block) -> f64| program.blocks.iter().map(|b| pick(program, b)).sum::<f64>();
@@ -212,7 +213,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         lower_bound_stops: None,
         texture_mm: split.texture_mm,
         mark_mm: split.mark_mm,
-        overlap_mm: 0.0,
+        overlap_mm: split.overlap_mm,
         skipped_mm: split.skipped.off_part + split.skipped.steep + split.skipped.small,
         skipped_off_part_mm: split.skipped.off_part,
         skipped_hidden_mm: 0.0,
@@ -273,12 +274,16 @@ fn ground<'a>(
         let place = Place::file(job.path.display().to_string());
         return Err(Diag::limit("zone-large", text).at(place).hint("make it smaller; 0.2 mm is usual").into());
     }
-    let mut pitch = field.map(|f| even(section.unwrap_or(f - zone)));
+    let overlap = overlap(job, field, section)?;
+    // Windows reach over each other by a little more than the overlap, so that rounding takes nothing of it.
+    let reach = if overlap > 0 { even(overlap) + 2 * step } else { 0 };
+    let mut pitch = field.map(|f| even(section.unwrap_or(f - zone - reach)));
     if pitch.contains(&0) {
         return Err(Diag::limit("section-small", "a section is smaller than the stage increment").into());
     }
     // What is to stay whole, or is cut at random, may reach beyond its section as far as the field does.
-    let window = if keep.0 > 0 || zone > 0 { field.map(even) } else { pitch };
+    let wide = keep.0 > 0 || zone > 0;
+    let window = if wide { field.map(even) } else { [0, 1].map(|k| (pitch[k] + reach).min(even(field[k]))) };
     if keep.0 > 0 && section.is_none() {
         pitch = in_step(job, area, pitch, step);
     }
@@ -327,7 +332,10 @@ fn ground<'a>(
             .into());
     };
     let hysteresis = job.file.partition.hysteresis.map_or_else(|| footprint.roughness(), |h| h.as_mm() * NM_PER_MM);
-    let lattice = lattice.with_hysteresis(hysteresis);
+    // A stretch as long as the overlap, on the steepest slope that matters, lies in two levels.
+    let half_climb = overlap as f64 / 2.0 * footprint.slope();
+    let lattice = lattice.with_hysteresis(hysteresis.max(half_climb));
+    let footprint = if overlap > 0 { footprint.widened(half_climb.min(lattice.depth as f64 / 4.0)) } else { footprint };
     let pens = job.file.pen.iter().map(|p| Pen {
         name: p.name.clone(),
         speed: p.speed,
@@ -350,6 +358,25 @@ fn ground<'a>(
         clearance: Clearance::new(&surface.tiles(), machine),
         pens: pens.collect(),
     })
+}
+
+/// By how much strokes are marked twice at seams, nm. `field` and `section` are the sizes of those.
+fn overlap(job: &Job, field: [i64; 2], section: Option<i64>) -> Result<i64, Error> {
+    let partition = &job.file.partition;
+    let overlap = partition.overlap.as_nm().unwrap_or(i64::MAX);
+    let place = || Place::file(job.path.display().to_string());
+    if field.iter().any(|&f| overlap >= f / 4) {
+        let text = "partition.overlap is a quarter of the usable field or more";
+        return Err(Diag::limit("overlap-large", text).at(place()).hint("make it smaller; 0.05 mm is usual").into());
+    }
+    if let Some(s) = section
+        && overlap > 0
+        && field.iter().any(|&f| s + overlap > f)
+    {
+        let text = "partition.section and partition.overlap together are larger than the usable field";
+        return Err(Diag::limit("overlap-large", text).at(place()).hint("make the sections smaller by it").into());
+    }
+    Ok(overlap)
 }
 
 /// The pitch of sections made a multiple of the pitch of figures that are to stay whole, so that none lies
@@ -424,7 +451,8 @@ fn divide(ground: &Ground<'_>, method: Method) -> Option<Stops> {
         Method::Window => {
             let (lowest, _) = footprint.range()?;
             let fine = Fine::over(sections, *window, lattice, lowest)?;
-            partition::free(cells(ground, &fine), &fine, sections, *window, lattice)
+            let overlap = ground.job.file.partition.overlap.as_nm().unwrap_or(0);
+            partition::free(cells(ground, &fine), &fine, sections, *window, lattice, overlap)
         }
     })
 }
@@ -470,7 +498,9 @@ fn cells(ground: &Ground<'_>, fine: &Fine) -> Cells {
 /// Cuts all strokes between the stops of every candidate, in one walk; by candidate, in chunks.
 fn cut(ground: &Ground<'_>, candidates: &[Stops]) -> Result<Vec<Vec<Fragments>>, Error> {
     let min_mark = ground.job.file.partition.min_mark.as_mm() * NM_PER_MM;
-    let seam = Seam { zone: ground.job.file.partition.zone.as_mm() * NM_PER_MM, seed: ground.job.seed };
+    let partition = &ground.job.file.partition;
+    let [zone, overlap] = [partition.zone, partition.overlap].map(|l| l.as_mm() * NM_PER_MM);
+    let seam = Seam { zone, overlap, seed: ground.job.seed };
     let (fragment_count, point_count) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let chunks = chunks(ground.texture)
         .into_par_iter()
@@ -531,6 +561,9 @@ fn too_large(ground: &Ground<'_>) -> Diag {
 fn join(mut a: Fragments, b: Fragments) -> Fragments {
     a.texture_mm += b.texture_mm;
     a.mark_mm += b.mark_mm;
+    a.overlap_mm += b.overlap_mm;
+    a.cuts += b.cuts;
+    a.short += b.short;
     a.skipped.off_part += b.skipped.off_part;
     a.skipped.steep += b.skipped.steep;
     a.skipped.small += b.skipped.small;
@@ -641,6 +674,14 @@ fn not_kept(ground: &Ground<'_>, method: Method, split: &Fragments) -> Option<Di
         _ => "smaller figures or a larger focus.pdof keep more of them",
     };
     Some(Diag::warning("figures-cut", text).hint(hint))
+}
+
+/// Cuts that were to overlap and do not in full.
+fn short_overlaps(split: &Fragments) -> Option<Diag> {
+    let Fragments { cuts, short, .. } = *split;
+    let text = format!("{short} of {cuts} cuts overlap by less than partition.overlap: no two stops accept all of it");
+    let hint = "a larger partition.hysteresis or focus.pdof helps on slopes; a shorter overlap everywhere";
+    (short > 0).then(|| Diag::warning("overlap-short", text).hint(hint))
 }
 
 /// Folder of a job file's outputs: `hood.toml` makes `hood.job` beside it.

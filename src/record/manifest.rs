@@ -38,6 +38,10 @@ pub fn manifest(facts: &Facts<'_>) -> Vec<u8> {
             rows: facts.sections.count[1],
             direction_deg: facts.directions.iter().map(|&d| f64::from(d) / 100.0).collect(),
         },
+        seams: Seams {
+            zone_mm: facts.job.file.partition.zone.as_mm(),
+            overlap_mm: facts.job.file.partition.overlap.as_mm(),
+        },
         pens: program.pens.iter().map(|pen| pen_entry(pen, facts.machine)).collect(),
         blocks: Blocks(facts),
         files: facts.files,
@@ -60,6 +64,7 @@ struct Document<'a> {
     placement: Placement,
     focus: Focus,
     sections: Sections,
+    seams: Seams,
     pens: Vec<PenEntry<'a>>,
     blocks: Blocks<'a>,
     files: &'a [FileFact],
@@ -95,6 +100,12 @@ struct Sections {
     /// Of what is filled along contours, row by row; left out where nothing is.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     direction_deg: Vec<f64>,
+}
+
+#[derive(Serialize)]
+struct Seams {
+    zone_mm: f64,
+    overlap_mm: f64,
 }
 
 #[derive(Serialize)]

@@ -59,6 +59,7 @@ fn the_manifest_has_its_keys_in_order_and_exact_millimetres() {
             "placement",
             "focus",
             "sections",
+            "seams",
             "pens",
             "blocks",
             "files",

@@ -61,6 +61,13 @@ pub(super) fn of(job: &Job) -> Vec<Diag> {
     for texture in &file.texture {
         of_texture(job, texture, &mut faults);
     }
+    if file.partition.zone.as_mm() > 0.0 && file.partition.overlap.as_mm() > 0.0 {
+        faults.push(
+            Diag::input("seam-both", "partition has both zone and overlap")
+                .at(whole.clone())
+                .hint("keep one of them: seams are either spread or marked twice"),
+        );
+    }
     match (&file.machine.profile, &file.machine.file) {
         (Some(p), Some(_)) => faults.push(
             Diag::input("machine-both", "machine has both profile and file").at(job.place(p.span())).hint("keep one"),

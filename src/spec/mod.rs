@@ -351,6 +351,10 @@ pub struct PartitionSpec {
     /// accept it, so that cuts do not line up; default: none, all cuts lie on the border.
     #[serde(default, deserialize_with = "non_negative")]
     pub zone: Length,
+    /// Strokes that are cut between two stops are marked by both over this length before the cut, as far as
+    /// both accept it; default: none. Not together with `zone`.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub overlap: Length,
     /// How far levels reach over each other up and down, so that a rough surface does not change the stop
     /// at every ripple. It is taken from the depth range. Default: from the surface's roughness.
     #[serde(default, deserialize_with = "non_negative_option")]

@@ -49,6 +49,8 @@ pub(super) struct Facts {
     pub(super) rule: DepthRule,
     pub(super) max_incidence_rad: f64,
     pub(super) min_mark_nm: f64,
+    /// What two blocks may both mark at a cut, nm.
+    pub(super) overlap_nm: f64,
     /// Pitch of the sections, at most the usable field, nm.
     pub(super) section_nm: [f64; 2],
     pub(super) weld_nm: f64,
@@ -74,6 +76,7 @@ impl Facts {
             rule: m.focus.rule,
             max_incidence_rad: 0.0,
             min_mark_nm: 0.0,
+            overlap_nm: m.seams.overlap_mm * NM_PER_MM,
             weld_nm: 0.0,
             turn_deg: m.placement.turn_deg,
             origin: None,
@@ -103,6 +106,7 @@ impl Facts {
             rule: file.focus.rule,
             max_incidence_rad: file.limits.max_incidence.as_rad(),
             min_mark_nm: file.partition.min_mark.as_mm() * NM_PER_MM,
+            overlap_nm: file.partition.overlap.as_mm() * NM_PER_MM,
             weld_nm: file.surface.weld.as_mm() * NM_PER_MM,
             turn_deg: file.placement.turn.as_deg(),
             origin: file.placement.origin.map(|o| o.map(Length::as_nm)),

@@ -28,6 +28,8 @@ pub(in crate::verify) struct Manifest {
     pub(in crate::verify) focus: Focus,
     #[serde(default)]
     pub(in crate::verify) sections: Sections,
+    #[serde(default)]
+    pub(in crate::verify) seams: Seams,
     pub(in crate::verify) pens: Vec<PenEntry>,
     pub(in crate::verify) blocks: Vec<BlockEntry>,
     /// Every file of the folder but the manifest itself.
@@ -71,6 +73,12 @@ pub(in crate::verify) struct Sections {
     pub(in crate::verify) columns: u32,
     pub(in crate::verify) rows: u32,
     pub(in crate::verify) direction_deg: Vec<f64>,
+}
+
+/// How cuts between blocks are made.
+#[derive(Clone, Debug, Default, Deserialize)]
+pub(in crate::verify) struct Seams {
+    pub(in crate::verify) overlap_mm: f64,
 }
 
 #[derive(Clone, Debug, Deserialize)]

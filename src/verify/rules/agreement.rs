@@ -7,7 +7,7 @@ use std::path::Path;
 use super::hash::is_inside;
 use super::planes;
 use crate::diag;
-use crate::geom::{P2, nm_from_mm};
+use crate::geom::{NM_PER_MM, P2, nm_from_mm};
 use crate::machine::Machine;
 use crate::program::{Block, Program};
 use crate::spec::Format;
@@ -80,6 +80,7 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
     let grain = 2 * facts.machine.increment_nm();
     hold((0..grain).contains(&lost), "its depth range is not the one of the job file");
     hold(f.level == facts.level && f.rule == facts.rule, "its focus level or rule is not the one of the job file");
+    hold(near(manifest.seams.overlap_mm, facts.overlap_nm / NM_PER_MM), "its overlap is not the one of the job file");
     hold(near(manifest.placement.turn_deg, facts.turn_deg), "its turn is not the one of the job file");
     hold(facts.origin.is_none_or(|o| o == file.origin.map(Some)), "its origin is not the one of the job file");
     hold(facts.pens.as_ref().is_none_or(|p| *p == file.program.pens), "the pens are not those of the job file");

@@ -2,7 +2,8 @@
 //!
 //! Each texture stroke is placed anew; the marks that claim to be its pieces are laid on it by their
 //! own points (a claim is only a hint: inner vertices must be the stroke's, bit for bit, and both ends
-//! lie on it to the nanometre; a whole closed figure may begin at any of its vertices). What two pieces share is marked twice; what none covers must lie where
+//! lie on it to the nanometre; a whole closed figure may begin at any of its vertices). What two pieces share is marked twice, which is
+//! allowed at a cut between two blocks over the length that the job declares; what none covers must lie where
 //! nothing can be marked. Memory: four bytes per mark, and one texture stroke at a time.
 
 use super::stretch::{Run, Stretch, confirmed, note};
@@ -24,6 +25,8 @@ const NOISE: f64 = 0.5;
 /// A point of a mark on a tilted part is found in the drawing by its height: it lies this near to its stroke,
 /// and two of them that are one cut point this near to each other, nm.
 const TURNED: f64 = 10.0;
+/// By how much an overlap may be longer than declared, nm: both its ends are rounded.
+const ROUNDED: f64 = 2.0;
 
 /// A mark that is not where it claims to be is laid on its stroke if that is this near, nm, so that
 /// one fault is not reported as three.
@@ -159,15 +162,19 @@ impl Cover<'_> {
         }
         self.spans.sort_unstable_by(|a, b| a.from.total_cmp(&b.from).then(a.mark.cmp(&b.mark)));
         let spans = std::mem::take(&mut self.spans);
+        // The mark that reaches furthest, and how far the others do.
         let mut covered: Option<Span> = None;
+        let mut before = 0.0f64;
         for span in &spans {
             let to = covered.map_or(0.0, |c| c.to);
             self.once.checked += 1;
             if span.from > to + self.noise {
                 self.gap(number, [to, span.from], passes, [covered, Some(*span)]);
             } else if span.from < to - self.noise {
-                self.twice(*span, span.to.min(to) - span.from, passes);
+                let declared = covered.is_some_and(|last| before <= span.from && self.is_overlap(&last, span));
+                self.twice(*span, span.to.min(to) - span.from, passes, declared);
             }
+            before = before.max(span.to.min(to));
             if span.to > to {
                 covered = Some(*span);
             }
@@ -386,11 +393,27 @@ impl Cover<'_> {
         Some([a.min(b), a.max(b)])
     }
 
-    fn twice(&mut self, span: Span, shared: f64, passes: f64) {
+    /// Whether what two marks share is an overlap as the job declares it: at most so long, the end of one block's
+    /// mark and the beginning of another's.
+    fn is_overlap(&self, last: &Span, next: &Span) -> bool {
+        let follows = last.from + self.noise < next.from && last.to + self.noise < next.to;
+        let overlap = self.facts.overlap_nm;
+        let fits = overlap > 0.0 && last.to - next.from <= overlap + ROUNDED.max(self.noise);
+        follows && fits && self.block_of(last.mark) != self.block_of(next.mark)
+    }
+
+    fn twice(&mut self, span: Span, shared: f64, passes: f64, declared: bool) {
         if shared <= self.noise {
             return;
         }
         self.out.lengths.overlap_mm += shared * passes / NM_PER_MM;
+        // Both ends lie up to 0.7 nm beside the stroke.
+        let is_straight = self.locate(span.from).0 == self.locate(span.from + shared).0;
+        let longer = if is_straight { (1.0 / shared).min(NOISE) } else { NOISE };
+        self.out.rounding_mm += longer * passes / NM_PER_MM;
+        if declared {
+            return;
+        }
         let text = format!("{:.6} mm of this mark are marked by another mark of the same pass", shared / NM_PER_MM);
         let (block, place) = (self.block_of(span.mark), part_place_nm(self.at(span.from)));
         self.once.broken(&self.file.ids[block], place, text);

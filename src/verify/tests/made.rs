@@ -72,6 +72,7 @@ impl Made {
             rule: DepthRule::Range,
             max_incidence_rad: 60f64.to_radians(),
             min_mark_nm: 0.0,
+            overlap_nm: 0.0,
             section_nm: [40e6; 2],
             weld_nm: 0.0,
             turn_deg: 0.0,
@@ -172,6 +173,7 @@ impl Made {
             let id = Program::block_id(i);
             json!({
                 "id": id, "section": b.stop.section, "level": b.stop.level, "centre_mm": b.stop.centre.mm(),
+                "tilt_deg": b.stop.tilt.map(|v| v as f64 / 1e6),
                 "lpfl_mm": mm_from_nm(b.stop.focus), "stage": b.stage.map(mm_from_nm), "z_lo_mm": mm_from_nm(b.z_lo),
                 "z_hi_mm": mm_from_nm(b.z_hi), "files": {"dxf": format!("blocks/{id}.dxf")},
                 "strokes": b.strokes.len(), "mark_mm": self.mark_mm(m), "jump_mm": 0.0,
@@ -183,7 +185,7 @@ impl Made {
             "inputs": [entry(folder.parent().expect("inside"), "part.stl")], "machine": self.facts.machine,
             "placement": {"origin_mm": self.origin.map(mm_from_nm), "turn_deg": 0.0},
             "focus": {"pdof_mm": self.facts.pdof.as_mm(), "depth_range_mm": self.facts.depth_range.as_mm(), "level": "mid", "rule": "range"},
-            "sections": {}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
+            "sections": {}, "seams": {"zone_mm": 0.0, "overlap_mm": self.facts.overlap_nm / 1e6}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
             "blocks": blocks, "files": files.iter().map(|f| entry(folder, f)).collect::<Vec<_>>(), "summary": self.summary,
         });
         std::fs::write(folder.join("manifest.json"), manifest.to_string()).expect("write");

@@ -20,6 +20,11 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
+        Self::with("")
+    }
+
+    /// The same with more keys of `[partition]`.
+    fn with(keys: &str) -> Self {
         let dir = tempfile::tempdir().expect("a writable temporary folder");
         std::fs::write(dir.path().join("part.stl"), part()).expect("a writable folder");
         let text = r#"
@@ -51,6 +56,8 @@ impl Bench {
             passes = 2
         "#;
         let path = dir.path().join("job.toml");
+        let text =
+            text.replacen("\"z-range\"", &format!("\"z-range\"{}{keys}", if keys.is_empty() { "" } else { ", " }), 1);
         std::fs::write(&path, text).expect("a writable folder");
         let job = Job::load(&path).unwrap_or_else(|e| panic!("{e}"));
         let plan = compile::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
@@ -242,6 +249,53 @@ fn once_a_stroke_marked_twice() {
         }
     });
     assert_only("once", &proof);
+}
+
+#[test]
+fn once_an_overlap_that_is_longer_or_elsewhere_than_declared() {
+    // Moves the inner end of a cut stroke by `by` nm along its segment, outwards.
+    fn stretched(by: f64) -> impl Fn(&mut Program, &Plan) {
+        move |program, _| {
+            let is_long =
+                |s: &crate::program::Stroke| s.len == 2 && crate::program::stroke_mm(program.points_of(s)) > 1.0;
+            let mut ends = std::collections::BTreeMap::<u32, Vec<usize>>::new();
+            let long = program.strokes.iter().enumerate().filter(|(_, s)| is_long(s));
+            long.for_each(|(i, s)| ends.entry(s.source).or_default().push(i));
+            // The second of two pieces along the drawing reaches further back.
+            let pair = ends.values().find(|v| v.len() > 1).expect("a cut line");
+            let from = |&i: &usize| {
+                let (s, b) = (&program.strokes[i], program.blocks.partition_point(|b| b.strokes.end <= i));
+                let c = program.blocks[b].stop.centre;
+                let at = |p: [i32; 2]| (c.x + i64::from(p[0]), c.y + i64::from(p[1]));
+                let points = program.points_of(s);
+                at(if s.reversed { points[points.len() - 1] } else { points[0] })
+            };
+            let first = pair.iter().copied().min_by_key(|i| from(i)).expect("two");
+            let second = pair.iter().copied().filter(|&i| i != first).min_by_key(|i| from(i)).expect("two");
+            let s = program.strokes[second];
+            let (head, tail) = if s.reversed { (s.first + s.len - 1, s.first) } else { (s.first, s.first + s.len - 1) };
+            let (a, b) = (program.points[head as usize], program.points[tail as usize]);
+            let length = crate::program::stroke_mm(&[a, b]) * 1e6;
+            for axis in 0..2 {
+                program.points[head as usize][axis] -= (f64::from(b[axis] - a[axis]) / length * by).round() as i32;
+            }
+        }
+    }
+    let bench = Bench::with("overlap = \"0.05 mm\"");
+    assert!(bench.plan.summary.overlap_mm > 1.0, "{:?}", bench.plan.summary);
+    let proof = verified(&bench.write());
+    assert!(proof.ok, "{}", proof.to_text());
+    let broken = |proof: &Proof| super::broken(proof).contains(&"once");
+    let proof = bench.mutant(stretched(1_000.0));
+    assert!(broken(&proof), "{}", proof.to_text());
+    // Without a declared overlap none is allowed.
+    let mut bench = Bench::with("overlap = \"0.05 mm\"");
+    bench.plan.job.file.partition.overlap = crate::units::Length::mm(0.0);
+    let path = bench.dir.path().join("job.toml");
+    alter(bench.dir.path(), "job.toml", |b| replace(b, "overlap", "0.05", "0.00"));
+    bench.plan.job = Job::load(&path).unwrap_or_else(|e| panic!("{e}"));
+    let proof = verified(&bench.write());
+    assert!(broken(&proof), "{}", proof.to_text());
 }
 
 #[test]
