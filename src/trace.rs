@@ -4,13 +4,15 @@
 //! stroke: the height of each is linear, or it says why it is not marked. Partition and split both
 //! look at the part through this one window, so what the first saw is what the second cuts. What
 //! partition sees is the [`Footprint`], the heights of the marks in every section, and the [`Cells`],
-//! the texture as small boxes. Units: nm; slopes as squared tangents.
+//! the texture as small boxes; lower bounds see the [`Marks`], points of it. Units: nm; slopes as squared tangents.
 
 mod cells;
 mod footprint;
+mod marks;
 
 pub use cells::{Cells, Figure, Slabs};
 pub use footprint::Footprint;
+pub use marks::{Marks, Rows, Sampling};
 
 use crate::geom::{Box2, P2};
 use crate::program::Sections;
@@ -157,8 +159,8 @@ impl<'a> GridTracer<'a> {
     }
 
     /// Traces a whole stroke; answers its lowest and highest mark, and whether nothing of it is skipped.
-    /// [`GridTracer::replay`] gives its pieces.
-    fn small_stroke(&mut self, points: &[P2]) -> ([f64; 2], bool) {
+    /// [`GridTracer::replay`] gives its pieces; `also` sees them with their segments.
+    fn small_stroke(&mut self, points: &[P2], mut also: impl FnMut(&Piece, P2, P2)) -> ([f64; 2], bool) {
         let mut list = std::mem::take(&mut self.small);
         list.clear();
         self.gap = false;
@@ -166,6 +168,7 @@ impl<'a> GridTracer<'a> {
         for w in points.windows(2) {
             self.segment(w[0], w[1], |p, cell| {
                 z = [z[0].min(p.z0).min(p.z1), z[1].max(p.z0).max(p.z1)];
+                also(&p, w[0], w[1]);
                 list.push((p, cell));
             });
         }
