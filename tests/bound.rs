@@ -152,15 +152,21 @@ fn figures_that_stay_whole_count_as_one_piece() {
 fn certificates_of_real_parts_hold() {
     let Some(data) = shared() else { return };
     let dir = folder();
-    for (file, area) in [("hood_mm_bin.stl", None), ("mirror_freeform.stl", None), ("helens_relief_small.stl", None)] {
+    for (file, [x0, y0, x1, y1]) in [
+        ("hood_mm_bin.stl", [500, -75, 650, 75]),
+        ("mirror_freeform.stl", [-100, 60, 100, 180]),
+        ("helens_relief_small.stl", [40, -160, 140, -40]),
+    ] {
         let path = data.join("surfaces").join(file);
         if !path.is_file() {
             eprintln!("skipped: {file} is absent");
             continue;
         }
-        let area: &str = area.unwrap_or("");
-        let mut job =
-            JobText::on(&path).texture(&format!("pattern = \"hatch\"\npitch = \"1 mm\"\n{area}")).method("z-range");
+        let hatch = format!(
+            "pattern = \"hatch\"\npitch = \"1 mm\"\narea = [\"{x0} mm\", \"{y0} mm\", \"{x1} mm\", \"{y1} mm\"]"
+        );
+        let mut job = JobText::on(&path).texture(&hatch).method("z-range");
+        job.focus = "pdof = \"0.2 mm\"".into();
         job.more = "[limits]\nmax_incidence = \"60 deg\"\nsteep = \"skip\"".into();
         assert_sound(file, &plan(dir.path(), &job));
     }
