@@ -58,7 +58,10 @@ fn fill(weights: &mut Weights, points: &[[i32; 3]], size: [i32; 3], pitch: i32) 
     for (n, p) in (points.len() as u32..).zip(others) {
         let piece = Item { lo: p, hi: p };
         let mut is_free = true;
-        weights.fitting(&piece, |_| std::mem::take(&mut is_free) && false);
+        weights.fitting(&piece, |_| {
+            is_free = false;
+            false
+        });
         if is_free {
             weights.add(&piece, n, WHOLE);
         }
