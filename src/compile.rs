@@ -6,6 +6,7 @@
 
 mod bound;
 mod build;
+mod tilt;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
@@ -28,7 +29,7 @@ use crate::spec::{Job, Method, Objective, Pattern, Steep, TextureSpec};
 use crate::split::{Fragments, Seam, Splitter};
 use crate::surface::Surface;
 use crate::texture::Texture;
-use crate::trace::{Cells, Footprint, GridTracer, Keep, Marks, Sampling, Tracer};
+use crate::trace::{Cells, Footprint, GridTracer, Keep, Samples, Sampling, Tracer};
 use crate::{map, motion};
 
 /// Stations of a compilation, in order, for progress displays.
@@ -94,7 +95,7 @@ struct Ground<'a> {
     keep: Keep,
     footprint: Footprint,
     /// Points of marks for the lower bound.
-    marks: Option<Marks>,
+    marks: Option<Samples>,
     clearance: Clearance,
     pens: Vec<Pen>,
 }
@@ -142,14 +143,27 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let mut ground = ground(&job, &machine, &surface, &mut texture)?;
     most_stops(&ground)?;
     let methods = match job.file.partition.method {
-        Method::Auto => vec![Method::Contour, Method::ZRange, Method::Window],
+        Method::Auto => {
+            let tilt = machine.tilt.is_some().then_some(Method::Tilt);
+            [Method::Contour, Method::ZRange, Method::Window].into_iter().chain(tilt).collect()
+        }
+        Method::Tilt if machine.tilt.is_none() => {
+            let text = "partition.method = \"tilt\" needs a machine with a tilt table";
+            let place = Place::file(job.path.display().to_string());
+            let hint = "describe the table under [tilt] in the machine file, or use another method";
+            return Err(Diag::limit("tilt-missing", text).at(place).hint(hint).into());
+        }
         one => vec![one],
     };
     let (mut tried, mut stops) = (Vec::new(), Vec::new());
     for method in methods {
         let hopeless = method == Method::Window && stops.last().is_some_and(|grid| windows_cannot_win(&ground, grid));
-        if let Some(found) = (!hopeless).then(|| divide(&ground, method)).flatten() {
-            tried.push(method);
+        if method == Method::Tilt {
+            let (found, slope2) = tilt::divide(&ground);
+            tried.push((method, Some(slope2)));
+            stops.push(found);
+        } else if let Some(found) = (!hopeless).then(|| divide(&ground, method)).flatten() {
+            tried.push((method, None));
             stops.push(found);
         }
     }
@@ -162,8 +176,9 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     progress(Station::Order);
     let mut candidates = Vec::new();
     let mut best: Option<Made> = None;
-    for ((&method, stops), parts) in tried.iter().zip(&stops).zip(parts) {
-        let made = make(&ground, method, stops, parts);
+    for ((&(method, slope2), stops), parts) in tried.iter().zip(&stops).zip(parts) {
+        let mut made = make(&ground, method, stops, parts);
+        made.split.worst_slope2 = slope2.unwrap_or(made.split.worst_slope2);
         candidates.push(Candidate {
             method: method.name().into(),
             stops: made.program.blocks.len(),
@@ -204,7 +219,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         method: made.method.name().into(),
         lower_bound_stops: bound.as_ref().map(Certificate::stops),
         texture_mm: split.texture_mm,
-        mark_mm: passes(Program::mark_mm),
+        mark_mm: split.mark_mm,
         overlap_mm: 0.0,
         skipped_mm: split.skipped.off_part + split.skipped.steep + split.skipped.small,
         skipped_off_part_mm: split.skipped.off_part,
@@ -377,10 +392,10 @@ fn footprint(
     keep: Keep,
     half: [i64; 2],
     sampling: Option<Sampling>,
-) -> (Footprint, Option<Marks>) {
+) -> (Footprint, Option<Samples>) {
     // Joining intervals gives the same intervals in any order, and thinned marks are the same too, so this
     // reduction may run as it likes.
-    let none = || (Footprint::default(), sampling.map(Marks::new));
+    let none = || (Footprint::default(), sampling.map(Samples::new));
     let (footprint, marks) = chunks(texture)
         .into_par_iter()
         .fold(none, |(mut footprint, mut marks), chunk| {
@@ -421,6 +436,7 @@ fn divide(ground: &Ground<'_>, method: Method) -> Option<Stops> {
         Method::ZRange | Method::Auto => {
             partition::divide(partition::Method::ZRange, footprint, sections, *window, lattice)
         }
+        Method::Tilt => tilt::divide(ground).0,
         Method::Window => {
             let (lowest, _) = footprint.range()?;
             let fine = Fine::over(sections, *window, lattice, lowest)?;
@@ -530,6 +546,7 @@ fn too_large(ground: &Ground<'_>) -> Diag {
 /// The figures of two runs of strokes together; fragments and points are let go.
 fn join(mut a: Fragments, b: Fragments) -> Fragments {
     a.texture_mm += b.texture_mm;
+    a.mark_mm += b.mark_mm;
     a.skipped.off_part += b.skipped.off_part;
     a.skipped.steep += b.skipped.steep;
     a.skipped.small += b.skipped.small;
@@ -551,11 +568,13 @@ fn start(machine: &Machine) -> [i64; 3] {
 /// The job's time, and that of every block.
 fn times(machine: &Machine, program: &Program) -> (Times, Vec<f64>) {
     let mut t = Times::default();
-    let mut at = start(machine);
+    let (mut at, mut tilt) = (start(machine), [0; 2]);
     let mut blocks = Vec::with_capacity(program.blocks.len());
     for block in &program.blocks {
         let retract = block.retract.then(|| machine.retract_z());
-        let moved = motion::stage_move(machine, at, block.stage, retract);
+        let turning = machine.tilt_time_s(tilt, block.stop.tilt);
+        let moved = motion::tilting_move(machine, at, block.stage, retract, turning);
+        tilt = block.stop.tilt;
         t.stage += moved.travel_s;
         t.settle += moved.settle_s;
         at = block.stage;

@@ -4,15 +4,19 @@
 //! stroke: the height of each is linear, or it says why it is not marked. Partition and split both
 //! look at the part through this one window, so what the first saw is what the second cuts. What
 //! partition sees is the [`Footprint`], the heights of the marks in every section, and the [`Cells`],
-//! the texture as small boxes; lower bounds see the [`Marks`], points of it. Units: nm; slopes as squared tangents.
+//! the texture as small boxes; lower bounds see the [`Samples`], points of it. Units: nm; slopes as squared tangents.
 
 mod cells;
 mod footprint;
 mod marks;
+mod samples;
+mod turned;
 
 pub use cells::{Cells, Figure, Slabs};
 pub use footprint::Footprint;
-pub use marks::{Marks, Rows, Sampling};
+pub use marks::Marks;
+pub use samples::{Rows, Samples, Sampling};
+pub use turned::{Facing, Facings, InFacing, Turned};
 
 use crate::geom::{Box2, P2};
 use crate::program::Sections;
@@ -40,6 +44,8 @@ pub struct Piece {
     pub z1: f64,
     /// Why the piece is not marked, if it is not.
     pub skip: Option<Skip>,
+    /// Facet under it; without meaning off the part.
+    facet: u32,
 }
 
 impl Piece {
@@ -61,6 +67,8 @@ pub struct Tracer<'a> {
     surface: &'a Surface,
     max_slope2: f64,
     cursor: Cursor,
+    /// Where the last beam was followed.
+    beam: Cursor,
     spans: Vec<Span>,
     /// Largest squared slope of what was marked so far.
     pub worst_slope2: f64,
@@ -73,6 +81,7 @@ impl<'a> Tracer<'a> {
             surface,
             max_slope2: max_slope * max_slope,
             cursor: Cursor::default(),
+            beam: Cursor::default(),
             spans: Vec::new(),
             worst_slope2: 0.0,
         }
@@ -94,7 +103,8 @@ impl<'a> Tracer<'a> {
                     }
                 }
             };
-            sink(Piece { t0: span.t0, t1: span.t1, z0: span.z0, z1: span.z1, skip });
+            let facet = span.facet().unwrap_or_default();
+            sink(Piece { t0: span.t0, t1: span.t1, z0: span.z0, z1: span.z1, skip, facet });
         }
     }
 }
@@ -149,7 +159,7 @@ impl<'a> GridTracer<'a> {
                     Some(&(at, _)) if at < p.t1 => at,
                     _ => p.t1,
                 };
-                sink(Piece { t0: t, t1: end, z0: p.z(t), z1: p.z(end), skip: None }, cuts[cut].1);
+                sink(Piece { t0: t, t1: end, z0: p.z(t), z1: p.z(end), ..p }, cuts[cut].1);
                 if end >= p.t1 {
                     break;
                 }

@@ -12,7 +12,7 @@ use crate::partition::bound::{self, Certificate};
 use crate::partition::items::Item;
 use crate::spec::{Job, Method};
 use crate::texture::Texture;
-use crate::trace::{Marks, Sampling};
+use crate::trace::{Samples, Sampling};
 
 /// What rounding may do to a box, nm.
 const ROUNDING: i64 = 4;
@@ -59,7 +59,11 @@ fn every(texture: &Texture, cell: i64) -> usize {
 }
 
 /// The bound for what `method` made.
-pub(super) fn certificate(ground: &Ground<'_>, marks: Option<Marks>, method: Method) -> Option<Certificate> {
+pub(super) fn certificate(ground: &Ground<'_>, marks: Option<Samples>, method: Method) -> Option<Certificate> {
+    // Tilted stops hold more than upright boxes.
+    if method == Method::Tilt {
+        return None;
+    }
     let (mut marks, size) = (marks?, size(ground.job, ground.machine)?);
     let by_points = bound::lower_bound(&marks.points(), size);
     // `contour` cuts figures at its levels.

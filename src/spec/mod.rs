@@ -306,6 +306,8 @@ pub enum Method {
     ZRange,
     /// Windows of the field and levels placed freely, as few as can be found.
     Window,
+    /// Sections each at a tilt of its own, levels along the tilted beam; for machines with a tilt table.
+    Tilt,
     /// Every method that the machine can run; the one with the least job time is kept.
     #[default]
     Auto,
@@ -318,6 +320,7 @@ impl Method {
             Self::Contour => "contour",
             Self::ZRange => "z-range",
             Self::Window => "window",
+            Self::Tilt => "tilt",
             Self::Auto => "auto",
         }
     }

@@ -4,7 +4,7 @@ use std::collections::hash_map::Entry;
 
 use rustc_hash::FxHashMap;
 
-use super::{GridTracer, Keep, Marks, Piece};
+use super::{GridTracer, Keep, Piece, Samples};
 use crate::geom::P2;
 
 /// Disjoint, sorted intervals of height, nm.
@@ -31,6 +31,12 @@ impl Heights {
         if self.new.len() > self.list.len() + 16 {
             self.join();
         }
+    }
+
+    /// Adds all intervals of another list.
+    pub(super) fn append(&mut self, other: &mut Self) {
+        other.join();
+        self.new.append(&mut other.list);
     }
 
     /// Joins what was added, where it touches.
@@ -136,7 +142,7 @@ impl Footprint {
         tracer: &mut GridTracer<'_>,
         keep: Keep,
         half: [i64; 2],
-        mut marks: Option<&mut Marks>,
+        mut marks: Option<&mut Samples>,
     ) {
         let columns = i64::from(tracer.grid.count[0]);
         let index = |[column, row]: [i64; 2]| (row * columns + column) as u32;
@@ -201,8 +207,7 @@ impl Footprint {
                 Entry::Vacant(mine) => _ = mine.insert(theirs),
                 Entry::Occupied(mine) => {
                     let mine = mine.into_mut();
-                    theirs.heights.join();
-                    mine.heights.new.append(&mut theirs.heights.list);
+                    mine.heights.append(&mut theirs.heights);
                     mine.figures.append(&mut theirs.figures);
                 }
             }

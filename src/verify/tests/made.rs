@@ -256,6 +256,7 @@ fn block(k: u32, strokes: &[(u16, Vec<P2>)]) -> MadeBlock {
     let stop = Stop {
         section: [section, 0],
         level: k as i32,
+        tilt: [0; 2],
         centre: p(20.0 + 40.0 * f64::from(section), 10.0),
         focus: lo + 200_000,
         z_lo: lo,
