@@ -76,6 +76,7 @@ fn figures(h: &mut String, job: &Layout<'_>) {
         ("Method", escape(&s.method)),
         ("Stops", job.blocks().len().to_string()),
         ("Lower bound of stops", s.lower_bound_stops.map_or("not known".into(), |n| n.to_string())),
+        ("Stops over their lower bound", s.over_bound().map_or("not known".into(), |r| plain(r, 3))),
         ("Sub-blocks", s.sub_blocks.to_string()),
         ("Sections, columns x rows", sections),
         ("Usable field", format!("{fx} x {fy} mm")),
