@@ -115,8 +115,10 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
             });
         }
         let P2 { x, y } = stop.centre;
-        let retract = program.blocks.last().is_some_and(|b| lifts(ground, &b.stop, stop));
+        let last = program.blocks.last().map(|b| &b.stop).or(ground.place.before.as_ref());
+        let retract = last.is_some_and(|last| lifts(ground, last, stop));
         program.blocks.push(Block {
+            pass: ground.place.number,
             stage: ground.machine.stage_from_part([x, y, stop.focus], ground.origin),
             retract,
             z_lo: z[0],
@@ -139,11 +141,11 @@ fn tour(ground: &Ground<'_>, placed: &[(Stop, [i64; 2])]) -> Vec<usize> {
     // Most parts are so flat that the head never needs to lift.
     let mut area = Box2::EMPTY;
     placed.iter().for_each(|(s, _)| area.add(s.centre));
-    let lowest = clearance.lowest_focus(area.lo, area.hi);
+    let lowest = clearance.lowest_focus(area.lo, area.hi) + ground.place.lowered;
     let lifts = |a: usize, b: usize| placed[a].0.focus < lowest && lifts(ground, &placed[a].0, &placed[b].0);
     let stage = order::stops::Stage {
         machine,
-        from: super::start(machine),
+        from: ground.place.from,
         lifts: placed.iter().any(|(s, _)| s.focus < lowest).then_some(&lifts),
     };
     let climb = match ground.job.file.order.stops {
@@ -156,7 +158,7 @@ fn tour(ground: &Ground<'_>, placed: &[(Stop, [i64; 2])]) -> Vec<usize> {
 
 /// Whether the stage must lift between two stops.
 fn lifts(ground: &Ground<'_>, a: &Stop, b: &Stop) -> bool {
-    a.centre != b.centre && a.focus < ground.clearance.lowest_focus(a.centre, b.centre)
+    a.centre != b.centre && a.focus - ground.place.lowered < ground.clearance.lowest_focus(a.centre, b.centre)
 }
 
 /// The focal plane of a block whose marks lie between `z` and have the mean height `mean`, and the
