@@ -33,12 +33,14 @@ use read::manifest::Manifest;
 use read::program::ProgramFile;
 use rules::Findings;
 
+/// Writes the points of a stroke into the cleared buffer and answers with its pen.
+type Stroke<'a> = dyn Fn(usize, &mut Vec<P2>) -> u16 + 'a;
+
 /// The texture strokes of one pass as placed anew, by number.
 pub(crate) struct Drawing<'a> {
     /// How many strokes there are.
     len: usize,
-    /// Writes the points of a stroke into the cleared buffer and answers with its pen.
-    stroke: Box<dyn Fn(usize, &mut Vec<P2>) -> u16 + 'a>,
+    stroke: Box<Stroke<'a>>,
     /// What a stroke comes from, for messages.
     element: Box<dyn Fn(usize) -> String + 'a>,
 }
