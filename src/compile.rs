@@ -6,6 +6,7 @@
 
 mod bound;
 mod build;
+mod passes;
 mod tilt;
 
 use std::path::Path;
@@ -13,19 +14,22 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
+pub use passes::Pass;
+
 use build::build;
+use passes::Place as PassPlace;
 
 use crate::check::{Checked, Limits};
 use crate::diag::{Diag, Error, Place};
 use crate::fill;
-use crate::geom::{Box2, NM_PER_MM, mm_from_nm};
+use crate::geom::{Box2, NM_PER_MM, P2, mm_from_nm};
 use crate::machine::Machine;
 use crate::order::clearance::Clearance;
 use crate::partition::bound::Certificate;
 use crate::partition::{self, Fine, Lattice, Stops};
 use crate::program::{Block, Pen, Program, Sections};
 use crate::record::{Candidate, Summary, Times};
-use crate::spec::{Job, Method, Objective, Pattern, Steep, TextureSpec};
+use crate::spec::{Job, Method, Objective, Steep};
 use crate::split::{Fragments, Seam, Splitter};
 use crate::surface::Surface;
 use crate::texture::Texture;
@@ -67,6 +71,8 @@ pub struct Plan {
     pub summary: Summary,
     /// The box of the texture, turned part frame.
     pub texture: Box2,
+    /// The passes after the first, whose sections, map and texture are the ones above.
+    pub more: Vec<Pass>,
     /// Direction of what is filled along contours, by section, in hundredths of a degree; empty where
     /// nothing is.
     pub directions: Vec<u16>,
@@ -90,7 +96,9 @@ struct Ground<'a> {
     /// Window of a stop, at least the pitch of the sections, nm.
     window: [i64; 2],
     lattice: Lattice,
+    /// Where the part's origin lies, nm; lowered with the surface in later passes.
     origin: [i64; 3],
+    place: PassPlace,
     max_slope: f64,
     keep: Keep,
     footprint: Footprint,
@@ -137,10 +145,11 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let path = job.resolve(job.file.surface.file.get_ref());
     let weld = job.file.surface.weld.as_mm();
     let surface = Surface::load(&path, &job.surface_options(), weld, turn, warnings)?;
-    let mut texture = Texture::load(&job.texture_requests(), surface.part_box_mm(), turn, warnings)?;
+    let mut texture = Texture::load(&job.texture_requests(0), surface.part_box_mm(), turn, warnings)?;
 
     progress(Station::Footprint);
-    let mut ground = ground(&job, &machine, &surface, &mut texture)?;
+    let first = PassPlace::first(&machine);
+    let mut ground = ground(&job, &machine, &surface, &mut texture, first)?;
     most_stops(&ground)?;
     let methods = match job.file.partition.method {
         Method::Auto => {
@@ -197,6 +206,9 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     if tried.len() == 1 {
         candidates.clear();
     }
+    let map = map::Map::new(&made.program, &ground.sections, &machine, &surface, ground.texture.bounds());
+    let not_kept = not_kept(&ground, made.method, &made.split);
+    let (made, more) = passes::further(&ground, made)?;
     let limits = Limits {
         machine: &machine,
         origin: ground.origin,
@@ -205,9 +217,8 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         clearance: &ground.clearance,
     };
     let checked = Checked::new(made.program, &limits)?;
-    let map = map::Map::new(checked.program(), &ground.sections, &machine, &surface, ground.texture.bounds());
     warn(&job, &made.split, made.worst_defocus, ground.lattice.depth, warnings)?;
-    warnings.extend(not_kept(&ground, made.method, &made.split));
+    warnings.extend(not_kept);
     warnings.extend(short_overlaps(&made.split));
     let marks = ground.marks.take();
     let bound = bound::certificate(&ground, marks, made.method);
@@ -216,7 +227,8 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let passes = |pick: fn(&Program, &Block) -> f64| program.blocks.iter().map(|b| pick(program, b)).sum::<f64>();
     let summary = Summary {
         stops: program.blocks.len(),
-        sub_blocks: map.sub_blocks(),
+        passes: job.file.passes.count(),
+        sub_blocks: map.sub_blocks() + more.iter().map(|p| p.map.sub_blocks()).sum::<usize>(),
         method: made.method.name().into(),
         lower_bound_stops: bound.as_ref().map(Certificate::stops),
         texture_mm: split.texture_mm,
@@ -231,7 +243,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         strokes_cut: split.strokes_cut,
         figures_whole: split.figures_whole,
         figures_cut: split.figures_cut,
-        seam_mm: map.seam_mm(),
+        seam_mm: map.seam_mm() + more.iter().map(|p| p.map.seam_mm()).sum::<f64>(),
         jump_mm: passes(Program::jump_mm),
         worst_defocus_um: made.worst_defocus as f64 / 1000.0,
         worst_defocus_mean_um: made.worst_defocus_mean as f64 / 1000.0,
@@ -246,6 +258,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         sections: ground.sections,
         map,
         texture: ground.texture.bounds(),
+        more,
         directions: ground.texture.directions().map_or_else(Vec::new, |d| d.hundredths.clone()),
         summary,
         block_times: made.block_times,
@@ -262,6 +275,7 @@ fn ground<'a>(
     machine: &'a Machine,
     surface: &'a Surface,
     texture: &'a mut Texture,
+    place: PassPlace,
 ) -> Result<Ground<'a>, Error> {
     let step = machine.increment_nm();
     let field = machine.usable_field();
@@ -296,7 +310,7 @@ fn ground<'a>(
     if keep.0 > 0 && section.is_none() {
         pitch = in_step(job, area, pitch, step);
     }
-    let placed = job.file.placement.origin.map(|o| o.map(|l| l.as_nm().unwrap_or(0)));
+    let placed = place.origin.or(job.file.placement.origin.map(|o| o.map(|l| l.as_nm().unwrap_or(0))));
     let centre_of_travel = machine.axes().map(|(_, a)| {
         let [lo, hi] = a.travel.map(|t| t.as_nm().unwrap_or(0));
         a.sign() * ((lo + hi) / 2)
@@ -308,7 +322,9 @@ fn ground<'a>(
         origin - (lo + pitch[axis] / 2 + origin).rem_euclid(step)
     };
     let mut origin = placed.unwrap_or([default_xy(0, area.lo.x, area.hi.x), default_xy(1, area.lo.y, area.hi.y), 0]);
-    let sections = Sections::over(area, pitch, step, [origin[0], origin[1]]);
+    let [dx, dy] = job.file.passes.shift_nm(place.number, pitch, job.figure_pitch_nm().unwrap_or(1));
+    let over = Box2 { lo: P2::new(area.lo.x - dx, area.lo.y - dy), hi: area.hi };
+    let sections = Sections::over(over, pitch, step, [origin[0], origin[1]]);
     const MAX_SECTIONS: usize = 4_000_000;
     if sections.count.iter().map(|&c| c as usize).product::<usize>() > MAX_SECTIONS {
         let text = format!("the texture would need {} x {} sections", sections.count[0], sections.count[1]);
@@ -346,6 +362,7 @@ fn ground<'a>(
     let half_climb = overlap as f64 / 2.0 * footprint.slope();
     let lattice = lattice.with_hysteresis(hysteresis.max(half_climb));
     let footprint = if overlap > 0 { footprint.widened(half_climb.min(lattice.depth as f64 / 4.0)) } else { footprint };
+    let footprint = footprint.deepened(job.file.passes.level_shift_nm(place.number, lattice.depth));
     let pens = job.file.pen.iter().map(|p| Pen {
         name: p.name.clone(),
         speed: p.speed,
@@ -362,6 +379,7 @@ fn ground<'a>(
         window,
         lattice,
         origin,
+        place,
         max_slope,
         keep,
         footprint,
@@ -393,9 +411,7 @@ fn overlap(job: &Job, field: [i64; 2], section: Option<i64>) -> Result<i64, Erro
 /// The pitch of sections made a multiple of the pitch of figures that are to stay whole, so that none lies
 /// across a border, where that needs no more sections.
 fn in_step(job: &Job, area: Box2, pitch: [i64; 2], step: i64) -> [i64; 2] {
-    let figures =
-        |t: &&TextureSpec| matches!(t.pattern.as_ref().map(|p| p.get_ref()), Some(Pattern::Squares | Pattern::Circles));
-    let Some(own) = job.file.texture.iter().find(figures).and_then(|t| t.pitch?.as_nm()) else { return pitch };
+    let Some(own) = job.figure_pitch_nm() else { return pitch };
     let size = area.size();
     [0, 1].map(|k| {
         let stepped = pitch[k] / own * own;
@@ -468,7 +484,9 @@ fn divide(ground: &Ground<'_>, method: Method) -> Option<Stops> {
             let (lowest, _) = footprint.range()?;
             let fine = Fine::over(sections, *window, lattice, lowest)?;
             let overlap = ground.job.file.partition.overlap.as_nm().unwrap_or(0);
-            partition::free(cells(ground, &fine), &fine, sections, *window, lattice, overlap)
+            // Other passes begin in other corners.
+            let flips = [1, 2, 1].map(|bit| ground.place.number & bit != 0);
+            partition::free(cells(ground, &fine), &fine, sections, *window, lattice, overlap, flips)
         }
     })
 }
@@ -551,7 +569,7 @@ fn make(ground: &Ground<'_>, method: Method, stops: &Stops, parts: Vec<Fragments
     let built = build(ground, stops, &parts);
     let fragments = parts.iter().map(|p| p.list.len()).sum();
     let split = parts.into_iter().fold(Fragments::default(), join);
-    let (times, block_times) = times(ground.machine, &built.program);
+    let (times, block_times) = times(ground, &built.program);
     Made {
         method,
         times,
@@ -599,9 +617,10 @@ fn start(machine: &Machine) -> [i64; 3] {
 }
 
 /// The job's time, and that of every block.
-fn times(machine: &Machine, program: &Program) -> (Times, Vec<f64>) {
+fn times(ground: &Ground<'_>, program: &Program) -> (Times, Vec<f64>) {
+    let machine = ground.machine;
     let mut t = Times::default();
-    let (mut at, mut tilt) = (start(machine), [0; 2]);
+    let (mut at, mut tilt) = (ground.place.from, ground.place.before.as_ref().map_or([0; 2], |s| s.tilt));
     let mut blocks = Vec::with_capacity(program.blocks.len());
     for block in &program.blocks {
         let retract = block.retract.then(|| machine.retract_z());

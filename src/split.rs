@@ -539,6 +539,16 @@ impl<'a> Cutter<'a> {
         }
     }
 
+    /// Keeps those stops, if there are any, that accept as much before `t` of piece `i` as is to be shared.
+    fn overlapping(&self, stops: &mut Vec<u32>, run: &Run, i: usize, t: f64) {
+        let Some(open) = &self.open else { return };
+        let wanted = self.seam.overlap.min((open.length - open.shared) / 2.0);
+        let is_full = |&stop: &u32| self.accepted_before(stop, run, (i, t), (0, 0.0), wanted).1 >= wanted - SHORT;
+        if stops.iter().any(is_full) {
+            stops.retain(is_full);
+        }
+    }
+
     /// Ends the open fragment at `t` of piece `i`, and has `stop`, which goes on there, begin before it.
     fn share(&mut self, stop: u32, run: &Run, i: usize, t: f64) {
         let segment = |piece: usize| &run.segments[run.segments.partition_point(|s| s.end <= piece)];
@@ -583,6 +593,9 @@ impl<'a> Cutter<'a> {
             let holds = (0..2).all(|axis| lo[axis] - EPS <= at[axis] && at[axis] <= hi[axis] + EPS);
             holds && self.exit(stop, self.window_end(stop, s), s, p, t) > t
         }));
+        if self.seam.overlap > 0.0 && accepting.len() > 1 {
+            self.overlapping(&mut accepting, run, i, t);
+        }
         let best = match accepting[..] {
             [] => self.nearest(at),
             [one] => one,

@@ -285,7 +285,8 @@ impl Fine {
     }
 }
 
-/// Windows and levels placed freely. What a stop holds it accepts as far as `overlap` nm around it.
+/// Windows and levels placed freely. What a stop holds it accepts as far as `overlap` nm around it. With other
+/// `flips` the search begins in another corner, and the borders of windows lie elsewhere.
 pub fn free(
     mut cells: Cells,
     fine: &Fine,
@@ -293,6 +294,7 @@ pub fn free(
     window: [i64; 2],
     lattice: &Lattice,
     overlap: i64,
+    flips: [bool; 3],
 ) -> Stops {
     let Fine { grid, slabs } = fine;
     // Coordinates from the middle of the box reach less far.
@@ -305,7 +307,11 @@ pub fn free(
     let middle = [middle[0], middle[1], top / 2 / lattice.step * lattice.step];
     let item = |lo: [i64; 3], hi: [i64; 3]| {
         let near = |v: [i64; 3]| [0, 1, 2].map(|k| (v[k] - middle[k]) as i32);
-        items::Item { lo: near(lo), hi: near(hi) }
+        let (mut lo, mut hi) = (near(lo), near(hi));
+        for k in (0..3).filter(|&k| flips[k]) {
+            (lo[k], hi[k]) = (-hi[k], -lo[k]);
+        }
+        items::Item { lo, hi }
     };
     let zero = [grid.origin.x, grid.origin.y, slabs.z0];
     let local = |v: [i64; 3]| [0, 1, 2].map(|k| v[k] - zero[k]);
@@ -322,7 +328,8 @@ pub fn free(
     let mut stops: Vec<Stop> = window::cover(&items, size, [lattice.step as i32; 3])
         .into_iter()
         .map(|corner| {
-            let [x, y, z] = [0, 1, 2].map(|k| i64::from(corner[k]) + middle[k]);
+            let at = |k: usize| if flips[k] { -corner[k] - size[k] } else { corner[k] };
+            let [x, y, z] = [0, 1, 2].map(|k| i64::from(at(k)) + middle[k]);
             let centre = P2::new(grid.origin.x + x + w / 2, grid.origin.y + y + h / 2);
             let section = [(0, centre.x), (1, centre.y)].map(|(axis, v)| sections.along(axis, v, 0) as u32);
             let z_lo = slabs.z0 + z;

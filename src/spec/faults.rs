@@ -7,6 +7,9 @@ use crate::units::Angle;
 /// Most pens of a job: no controller holds more, and marks count them in 16 bits.
 const MAX_PENS: usize = 1000;
 
+/// Most passes of a job.
+const MAX_PASSES: u32 = 100;
+
 /// Every fault, in the order of the file's sections.
 pub(super) fn of(job: &Job) -> Vec<Diag> {
     let mut faults = Vec::new();
@@ -82,6 +85,22 @@ pub(super) fn of(job: &Job) -> Vec<Diag> {
     if !(0.0..90.0).contains(&file.limits.max_incidence.as_deg()) {
         faults.push(
             Diag::input("limits-incidence", "limits.max_incidence is not between 0 and 90 deg").at(whole.clone()),
+        );
+    }
+    let passes = &file.passes;
+    if !(1..=MAX_PASSES).contains(&passes.count()) {
+        faults.push(
+            Diag::input("passes-count", format!("the job has {} passes", passes.count()))
+                .at(job.place(passes.count.span()))
+                .hint(format!("1 to {MAX_PASSES} are possible; pen.passes repeats strokes within a block")),
+        );
+    }
+    if passes.lower > job.depth_range() {
+        let text = format!("passes.lower {} is more than the depth range {}", passes.lower, job.depth_range());
+        faults.push(
+            Diag::input("passes-lower", text)
+                .at(whole.clone())
+                .hint("it is what one pass removes, such as \"8 um\"; check its unit"),
         );
     }
     if file.placement.origin.is_some_and(|o| o.iter().any(|l| l.as_nm().is_none())) {

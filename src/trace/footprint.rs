@@ -280,6 +280,15 @@ impl Footprint {
         self
     }
 
+    /// The same with the lowest interval of every section reaching `by` nm further down, so that levels begin there.
+    #[must_use]
+    pub fn deepened(mut self, by: f64) -> Self {
+        for lowest in self.sections.values_mut().filter_map(|s| s.heights.list.first_mut()) {
+            lowest.0 -= by;
+        }
+        self
+    }
+
     /// The intervals of a section, upwards; strokes that are to stay whole are not among them.
     pub fn of_section(&self, section: usize) -> &[(f64, f64)] {
         self.sections.get(&(section as u32)).map_or(&[], |s| s.heights.intervals())

@@ -4,7 +4,7 @@
 //! own points (a claim is only a hint: inner vertices must be the stroke's, bit for bit, and both ends
 //! lie on it to the nanometre; a whole closed figure may begin at any of its vertices). What two pieces share is marked twice, which is
 //! allowed at a cut between two blocks over the length that the job declares; what none covers must lie where
-//! nothing can be marked. Memory: four bytes per mark, and one texture stroke at a time.
+//! nothing can be marked. Every pass is a job of its own. Memory: four bytes per mark, and one texture stroke at a time.
 
 use super::stretch::{Run, Stretch, confirmed, note};
 use super::{Findings, part_place, part_place_nm};
@@ -52,19 +52,18 @@ pub(in crate::verify) struct Pieces {
 pub(in crate::verify) fn check(
     file: &ProgramFile,
     facts: &Facts,
-    drawing: &Drawing<'_>,
+    drawings: &[Drawing<'_>],
     ground: &Ground,
     drawn: &[P2],
     findings: &mut Findings,
 ) -> Pieces {
     let Findings { source, once, coverage, .. } = findings;
     (source.ran, once.ran, coverage.ran) = (true, true, true);
-    let mut order: Vec<u32> = (0..file.program.strokes.len() as u32).collect();
-    order.sort_unstable_by_key(|&i| (file.program.strokes[i as usize].source, i));
+    let Some(first) = drawings.first() else { return Pieces::default() };
     let mut cover = Cover {
         file,
         facts,
-        drawing,
+        drawing: first,
         ground,
         drawn,
         is_turned: false,
@@ -81,20 +80,24 @@ pub(in crate::verify) fn check(
         missing: Vec::new(),
         out: Pieces::default(),
     };
-    let beyond = order.partition_point(|&i| (file.program.strokes[i as usize].source as usize) < drawing.len);
-    for &i in &order[beyond..] {
-        cover.lost(i, "the texture has no such stroke");
+    for (pass, drawing) in (0..).zip(drawings) {
+        cover.drawing = drawing;
+        cover.pass(&strokes_of(file, |p| p == pass));
     }
-    let mut rest = &order[..beyond];
-    for wanted in 0..drawing.len {
-        let count = rest.iter().take_while(|&&i| file.program.strokes[i as usize].source as usize == wanted).count();
-        cover.stroke(wanted, &rest[..count]);
-        rest = &rest[count..];
+    for i in strokes_of(file, |p| p as usize >= drawings.len()) {
+        cover.lost(i, "the job has no such pass");
     }
-    cover.report_missing();
     let out = cover.out;
     findings.lengths = out.lengths;
     out
+}
+
+/// The marks of some passes by the stroke that they claim.
+fn strokes_of(file: &ProgramFile, wanted: impl Fn(u32) -> bool) -> Vec<u32> {
+    let blocks = file.program.blocks.iter().filter(|b| wanted(b.pass));
+    let mut order: Vec<u32> = blocks.flat_map(|b| b.strokes.clone()).map(|i| i as u32).collect();
+    order.sort_unstable_by_key(|&i| (file.program.strokes[i as usize].source, i));
+    order
 }
 
 /// A mark on its texture stroke: nm along it.
@@ -142,6 +145,24 @@ struct Missing {
 }
 
 impl Cover<'_> {
+    /// The marks of one pass, by the stroke that they claim.
+    fn pass(&mut self, order: &[u32]) {
+        let file = self.file;
+        let source = |i: u32| file.program.strokes[i as usize].source as usize;
+        let beyond = order.partition_point(|&i| source(i) < self.drawing.len);
+        for &i in &order[beyond..] {
+            self.lost(i, "the texture has no such stroke");
+        }
+        let mut rest = &order[..beyond];
+        for wanted in 0..self.drawing.len {
+            let count = rest.iter().take_while(|&&i| source(i) == wanted).count();
+            self.stroke(wanted, &rest[..count]);
+            rest = &rest[count..];
+        }
+        self.report_missing();
+        self.astray.clear();
+    }
+
     fn stroke(&mut self, number: usize, marks: &[u32]) {
         let pen = (self.drawing.stroke)(number, &mut self.points);
         if self.points.len() < 2 {
@@ -519,7 +540,13 @@ impl Cover<'_> {
             let c = [b.stop.centre.x as f64, b.stop.centre.y as f64];
             (0..2).all(|k| (start[k] - c[k]).abs() <= self.facts.section_nm[k] / 2.0 + run.len)
         };
-        !self.file.program.blocks.iter().filter(near).any(|b| self.longest_inside(run, b, scratch) >= least)
+        !self
+            .file
+            .program
+            .blocks
+            .iter()
+            .filter(near)
+            .any(|b| self.longest_inside(run, &self.facts.raised(b), scratch) >= least)
     }
 
     /// The longest part of the run in a block's section whose heights the block accepts.

@@ -20,11 +20,15 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        Self::with("")
+        Self::with("", "")
     }
 
-    /// The same with more keys of `[partition]`.
-    fn with(keys: &str) -> Self {
+    /// The same with more keys of `[partition]`, and more tables.
+    fn with(keys: &str, tables: &str) -> Self {
+        Self::of("contour", keys, tables)
+    }
+
+    fn of(direction: &str, keys: &str, tables: &str) -> Self {
         let dir = tempfile::tempdir().expect("a writable temporary folder");
         std::fs::write(dir.path().join("part.stl"), part()).expect("a writable folder");
         let text = r#"
@@ -56,13 +60,20 @@ impl Bench {
             passes = 2
         "#;
         let path = dir.path().join("job.toml");
-        let text =
-            text.replacen("\"z-range\"", &format!("\"z-range\"{}{keys}", if keys.is_empty() { "" } else { ", " }), 1);
+        let keys = if keys.is_empty() { String::new() } else { format!(", {keys}") };
+        let text = text.replacen("\"z-range\"", &format!("\"z-range\"{keys}"), 1);
+        let text = text.replacen("\"contour\"", &format!("{direction:?}"), 1);
+        let text = text.replacen("machine =", &format!("{tables}\n            machine ="), 1);
         std::fs::write(&path, text).expect("a writable folder");
         let job = Job::load(&path).unwrap_or_else(|e| panic!("{e}"));
         let plan = compile::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
         assert!(plan.summary.stops > 20 && plan.summary.skipped_off_part_mm > 10.0, "{:?}", plan.summary);
         Self { dir, plan }
+    }
+
+    /// The same with lines along x, and more tables.
+    fn hatched(tables: &str) -> Self {
+        Self::of("0 deg", "", tables)
     }
 
     /// Changes the program, renews what follows from it, writes every format, and verifies.
@@ -281,7 +292,7 @@ fn once_an_overlap_that_is_longer_or_elsewhere_than_declared() {
             }
         }
     }
-    let bench = Bench::with("overlap = \"0.05 mm\"");
+    let bench = Bench::with("overlap = \"0.05 mm\"", "");
     assert!(bench.plan.summary.overlap_mm > 1.0, "{:?}", bench.plan.summary);
     let proof = verified(&bench.write());
     assert!(proof.ok, "{}", proof.to_text());
@@ -289,13 +300,109 @@ fn once_an_overlap_that_is_longer_or_elsewhere_than_declared() {
     let proof = bench.mutant(stretched(1_000.0));
     assert!(broken(&proof), "{}", proof.to_text());
     // Without a declared overlap none is allowed.
-    let mut bench = Bench::with("overlap = \"0.05 mm\"");
+    let mut bench = Bench::with("overlap = \"0.05 mm\"", "");
     bench.plan.job.file.partition.overlap = crate::units::Length::mm(0.0);
     let path = bench.dir.path().join("job.toml");
     alter(bench.dir.path(), "job.toml", |b| replace(b, "overlap", "0.05", "0.00"));
     bench.plan.job = Job::load(&path).unwrap_or_else(|e| panic!("{e}"));
     let proof = verified(&bench.write());
     assert!(broken(&proof), "{}", proof.to_text());
+}
+
+/// Three passes of the same job.
+fn three() -> Bench {
+    Bench::with("", "passes = { count = 3, rotate = \"67 deg\", lower = \"8 um\" }")
+}
+
+fn range_of(program: &Program, pass: u32) -> std::ops::Range<usize> {
+    let first = program.blocks.iter().position(|b| b.pass == pass).expect("a pass");
+    first..first + program.blocks.iter().filter(|b| b.pass == pass).count()
+}
+
+#[test]
+fn three_passes_are_proved() {
+    let bench = three();
+    let proof = verified(&bench.write());
+    assert!(proof.ok, "{}", proof.to_text());
+    assert!((proof.lengths.texture_mm / verified(&Bench::new().write()).lengths.texture_mm - 3.0).abs() < 0.05);
+}
+
+#[test]
+fn coverage_a_pass_left_out() {
+    let mut bench = Bench::hatched("passes = { count = 3, rotate = \"67 deg\" }");
+    bench.plan.more.pop();
+    let proof = bench.mutant(|program, _| {
+        let gone = range_of(program, 2);
+        program.strokes.truncate(program.blocks[gone.start].strokes.start);
+        program.blocks.truncate(gone.start);
+    });
+    assert_only("coverage", &proof);
+}
+
+#[test]
+fn depth_a_pass_that_is_not_lowered() {
+    let proof = three().mutant(|program, plan| {
+        for i in range_of(program, 1) {
+            let b = &mut program.blocks[i];
+            for z in [&mut b.stop.focus, &mut b.stop.z_lo, &mut b.stop.z_hi, &mut b.z_lo, &mut b.z_hi] {
+                *z += 8_000;
+            }
+            place(b, plan);
+        }
+    });
+    assert_only("depth", &proof);
+}
+
+#[test]
+fn source_a_pass_of_another_angle() {
+    // Straight lines: those along contours do not turn.
+    let mut bench = Bench::hatched("passes = { count = 2, rotate = \"67 deg\" }");
+    assert!(verified(&bench.write()).ok);
+    alter(bench.dir.path(), "job.toml", |b| replace(b, "passes", "67 deg", "66.9 deg"));
+    bench.plan.job = Job::load(&bench.dir.path().join("job.toml")).unwrap_or_else(|e| panic!("{e}"));
+    let proof = verified(&bench.write());
+    let broken = super::broken(&proof);
+    assert!(broken.contains(&"source") && !broken.contains(&"agreement"), "{}", proof.to_text());
+}
+
+#[test]
+fn a_block_in_another_pass_is_found() {
+    // The last of the first pass, as if it belonged to the second.
+    let proof = three().mutant(|program, _| {
+        let last = range_of(program, 0).end - 1;
+        program.blocks[last].pass = 1;
+    });
+    let broken = super::broken(&proof);
+    assert!(broken.contains(&"coverage") && broken.contains(&"depth"), "{}", proof.to_text());
+    // The first of the second at the end of the first.
+    let proof = three().mutant(|program, _| {
+        let end = range_of(program, 0).end;
+        program.blocks[end - 1].pass = 1;
+        program.blocks[end].pass = 0;
+    });
+    assert!(super::broken(&proof).contains(&"agreement"), "{}", proof.to_text());
+    // A pass that the job does not have.
+    let proof = three().mutant(|program, _| {
+        let last = program.blocks.len() - 1;
+        program.blocks[last].pass = 3;
+    });
+    assert!(super::broken(&proof).contains(&"source"), "{}", proof.to_text());
+}
+
+#[test]
+fn agreement_passes_that_the_manifest_states_otherwise() {
+    let bench = three();
+    for (key, value) in [("lowered_mm", 0.009), ("turn_deg", 66.0)] {
+        let target = bench.write();
+        alter_manifest(&target, |m| m["passes"][1][key] = value.into());
+        assert_only("agreement", &verified(&target));
+    }
+    let target = bench.write();
+    alter_manifest(&target, |m| m["blocks"][0]["pass"] = 2.into());
+    assert_only("agreement", &verified(&target));
+    let target = bench.write();
+    alter_manifest(&target, |m| _ = m["passes"][1].as_object_mut().expect("a pass").remove("sections"));
+    assert_only("fill", &verified(&target));
 }
 
 #[test]
