@@ -6,6 +6,7 @@
 
 mod bound;
 mod build;
+mod dose;
 mod tilt;
 
 use std::path::Path;
@@ -24,8 +25,8 @@ use crate::order::clearance::Clearance;
 use crate::partition::bound::Certificate;
 use crate::partition::{self, Fine, Lattice, Stops};
 use crate::program::{Block, Pen, Program, Sections};
-use crate::record::{Candidate, Summary, Times};
-use crate::spec::{Job, Method, Objective, Pattern, Steep, TextureSpec};
+use crate::record::{Candidate, Slope, Summary, Times};
+use crate::spec::{Format, Job, Method, Objective, Pattern, Steep, TextureSpec};
 use crate::split::{Fragments, Seam, Splitter};
 use crate::surface::Surface;
 use crate::texture::Texture;
@@ -72,6 +73,8 @@ pub struct Plan {
     pub directions: Vec<u16>,
     /// Time of every block: marks, jumps and delays, s.
     pub block_times: Vec<f64>,
+    /// Slope under the marks of every block; None where the part is tilted.
+    pub slopes: Vec<Option<Slope>>,
     /// Largest depth range of a block as used, nm.
     pub depth: i64,
     /// Why no partition has fewer stops than the summary's lower bound; None where none is known.
@@ -106,6 +109,7 @@ struct Made {
     program: Program,
     times: Times,
     block_times: Vec<f64>,
+    slopes: Vec<Option<Slope>>,
     fragments: usize,
     split: Fragments,
     worst_defocus: i64,
@@ -144,7 +148,8 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     most_stops(&ground)?;
     let methods = match job.file.partition.method {
         Method::Auto => {
-            let tilt = machine.tilt.is_some().then_some(Method::Tilt);
+            // The cosines of dose are those of the upright part.
+            let tilt = (machine.tilt.is_some() && job.file.dose.is_none()).then_some(Method::Tilt);
             [Method::Contour, Method::ZRange, Method::Window].into_iter().chain(tilt).collect()
         }
         Method::Tilt if machine.tilt.is_none() => {
@@ -152,6 +157,14 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
             let place = Place::file(job.path.display().to_string());
             let hint = "describe the table under [tilt] in the machine file, or use another method";
             return Err(Diag::limit("tilt-missing", text).at(place).hint(hint).into());
+        }
+        Method::Tilt if job.file.dose.is_some() => {
+            let text = "dose.compensate is not known for tilted blocks";
+            let place = Place::file(job.path.display().to_string());
+            return Err(Diag::limit("dose-tilt", text)
+                .at(place)
+                .hint("leave out [dose], or use another method")
+                .into());
         }
         one => vec![one],
     };
@@ -207,6 +220,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let checked = Checked::new(made.program, &limits)?;
     let map = map::Map::new(checked.program(), &ground.sections, &machine, &surface, ground.texture.bounds());
     warn(&job, &made.split, made.worst_defocus, ground.lattice.depth, warnings)?;
+    warnings.extend(not_carried(&job, checked.program()));
     warnings.extend(not_kept(&ground, made.method, &made.split));
     let marks = ground.marks.take();
     let bound = bound::certificate(&ground, marks, made.method);
@@ -248,6 +262,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         directions: ground.texture.directions().map_or_else(Vec::new, |d| d.hundredths.clone()),
         summary,
         block_times: made.block_times,
+        slopes: made.slopes,
         depth: ground.lattice.depth,
         bound,
         warnings: std::mem::take(warnings),
@@ -526,6 +541,7 @@ fn make(ground: &Ground<'_>, method: Method, stops: &Stops, parts: Vec<Fragments
         method,
         times,
         block_times,
+        slopes: built.slopes,
         fragments,
         split,
         worst_defocus: built.worst_defocus,
@@ -631,6 +647,16 @@ fn warn(job: &Job, split: &Fragments, worst_defocus: i64, depth: i64, warnings: 
         warnings.push(Diag::warning("defocus", text).hint("focus.level = \"mid\" keeps it at half the depth range"));
     }
     Ok(())
+}
+
+/// Pens that make up for the slope, and no file that tells the marking software so.
+fn not_carried(job: &Job, program: &Program) -> Option<Diag> {
+    let formats = &job.file.emit.formats;
+    let carried = formats.iter().any(|f| matches!(f, Format::Dxf | Format::Ovf));
+    (program.pens.len() > job.file.pen.len() && !carried).then(|| {
+        let text = "none of emit.formats carries pens: the dose is not made up for";
+        Diag::warning("dose-lost", text).hint("add \"ovf\", or \"dxf\" and set each layer's pen from the run sheet")
+    })
 }
 
 /// What was to stay whole and does not, and why.

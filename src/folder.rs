@@ -46,6 +46,8 @@ pub fn layout<'a>(plan: &'a Plan, job: &'a str) -> preview::Layout<'a> {
         texture: plan.texture,
         turn_rad: plan.job.file.placement.turn.as_rad(),
         block_s: &plan.block_times,
+        slopes: &plan.slopes,
+        shade: preview::Shade::Height,
         summary: &plan.summary,
     }
 }
@@ -92,7 +94,7 @@ fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<FileFact, Error> {
 fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Error> {
     let make = |path: &Path| fs::create_dir(path).map_err(|e| failed("make the folder", path, &e));
     make(folder)?;
-    let Plan { job, machine, checked, sections, directions, summary, block_times, .. } = plan;
+    let Plan { job, machine, checked, sections, directions, summary, block_times, slopes, .. } = plan;
     let formats = &job.file.emit.formats;
     let has = |f: Format| formats.contains(&f);
     let part_name = file_name(job.file.surface.file.get_ref());
@@ -119,6 +121,8 @@ fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Erro
     }
     let layout = layout(plan, &job_name);
     files.push(put(folder, "layout.svg", preview::layout_svg(&layout).as_bytes())?);
+    let by_slope = preview::Layout { shade: preview::Shade::Incidence, ..layout };
+    files.push(put(folder, "slope.svg", preview::layout_svg(&by_slope).as_bytes())?);
     files.push(put(folder, "report.html", preview::report_html(&layout).as_bytes())?);
     let facts = record::Facts {
         job_file: job_file_from(&job.path, target)?,
@@ -132,6 +136,7 @@ fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Erro
         directions,
         depth_mm: mm_from_nm(plan.depth),
         block_times,
+        slopes,
         files: &[],
         summary,
     };

@@ -40,6 +40,10 @@ pub struct Fragment {
     pub z: [f64; 2],
     /// Integral of height over length, nm · nm.
     pub z_length: f64,
+    /// Integral of the cosine of the slope over length, nm.
+    pub cos_length: f64,
+    /// Largest squared slope.
+    pub slope2: f64,
     /// Length along the stroke before its ends were rounded, nm.
     pub length: f64,
 }
@@ -89,6 +93,8 @@ struct Open {
     first: usize,
     z: [f64; 2],
     z_length: f64,
+    cos_length: f64,
+    slope2: f64,
     /// The exact length that `z_length` was summed over: that of the rounded points would not do, because
     /// every nanometre counts with the whole height.
     length: f64,
@@ -619,6 +625,8 @@ impl<'a> Cutter<'a> {
                 first,
                 z: range,
                 z_length: 0.0,
+                cos_length: 0.0,
+                slope2: 0.0,
                 length: 0.0,
                 last,
                 drawn: 0.0,
@@ -636,6 +644,8 @@ impl<'a> Cutter<'a> {
         }
         let length = (t[1] - t[0]) * s.a.distance(s.b);
         open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
+        open.cos_length += length / (1.0 + p.slope2).sqrt();
+        open.slope2 = open.slope2.max(p.slope2);
         open.z_length += (z[0] + z[1]) / 2.0 * length;
         open.length += length;
     }
@@ -659,6 +669,7 @@ impl<'a> Cutter<'a> {
                 open.segment = segment + 1;
                 open.z = [f64::INFINITY, f64::NEG_INFINITY];
                 open.z_length = 0.0;
+                (open.cos_length, open.slope2) = (0.0, 0.0);
                 open.length = 0.0;
             }
         }
@@ -689,6 +700,8 @@ impl<'a> Cutter<'a> {
             is_figure: false,
             z: open.z,
             z_length: open.z_length,
+            cos_length: open.cos_length,
+            slope2: open.slope2,
             length: open.length,
         });
     }

@@ -20,6 +20,11 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
+        Self::with("")
+    }
+
+    /// The same with more tables in its job file.
+    fn with(more: &str) -> Self {
         let dir = tempfile::tempdir().expect("a writable temporary folder");
         std::fs::write(dir.path().join("part.stl"), part()).expect("a writable folder");
         let text = r#"
@@ -50,6 +55,7 @@ impl Bench {
             frequency = "40 kHz"
             passes = 2
         "#;
+        let text = format!("{text}\n{more}");
         let path = dir.path().join("job.toml");
         std::fs::write(&path, text).expect("a writable folder");
         let job = Job::load(&path).unwrap_or_else(|e| panic!("{e}"));
@@ -182,6 +188,49 @@ fn long_stroke(program: &Program) -> usize {
     let block = program.blocks.iter().find(|b| b.strokes.len() > 5 && program.strokes_of(b).iter().any(long));
     let block = block.expect("a block with a long stroke");
     block.strokes.clone().find(|&i| long(&program.strokes[i])).expect("a long stroke")
+}
+
+#[test]
+fn dose_owns_a_pen_of_another_slope() {
+    let bench = || Bench::with("[dose]\ncompensate = \"speed\"\nstep = 0.002");
+    let sound = bench();
+    assert!(sound.plan.checked.program().pens.len() > 4, "{:?}", sound.plan.checked.program().pens);
+    let proof = verified(&sound.write());
+    assert!(proof.ok, "{proof:?}");
+    let made = |program: &Program| {
+        let of = |pen: u16| program.pens[usize::from(pen)].name.starts_with("fine x0.99");
+        (0..program.strokes.len()).find(|&i| of(program.strokes[i].pen)).expect("a gentle slope")
+    };
+    let steep = |program: &Program| {
+        let slowest =
+            |&a: &usize, &b: &usize| program.pens[a].speed.as_mm_s().total_cmp(&program.pens[b].speed.as_mm_s());
+        (2..program.pens.len()).filter(|&p| program.pens[p].name.starts_with("fine x")).min_by(slowest).expect("a pen")
+            as u16
+    };
+    let proof = bench().mutant(|program, _| {
+        let (i, pen) = (made(program), steep(program));
+        program.strokes[i].pen = pen;
+    });
+    assert_only(&proof, "dose");
+    // The job's own pen where the slope asks for another.
+    let proof = bench().mutant(|program, _| {
+        let pen = steep(program);
+        let i = (0..program.strokes.len()).find(|&i| program.strokes[i].pen == pen).expect("one");
+        program.strokes[i].pen = 0;
+    });
+    assert_only(&proof, "dose");
+    // A pen that says one factor and has another.
+    let proof = bench().mutant(|program, _| program.pens[2].speed = crate::units::Speed::mm_s(123.0));
+    assert_only(&proof, "agreement");
+    // A pen of another pen of the job.
+    let proof = bench().mutant(|program, _| {
+        let i = made(program);
+        let name = program.pens[usize::from(program.strokes[i].pen)].name.replace("fine", "deep");
+        let other = program.pens.iter().position(|p| p.name == name);
+        let deep = program.pens.iter().position(|p| p.name.starts_with("deep x")).expect("a pen");
+        program.strokes[i].pen = other.unwrap_or(deep) as u16;
+    });
+    assert!(!proof.ok && proof.rules.iter().any(|r| r.code == "source" && r.violated > 0), "{proof:?}");
 }
 
 #[test]
