@@ -6,6 +6,7 @@
 
 mod bound;
 mod build;
+mod dose;
 mod passes;
 mod tilt;
 
@@ -28,8 +29,8 @@ use crate::order::clearance::Clearance;
 use crate::partition::bound::Certificate;
 use crate::partition::{self, Fine, Lattice, Stops};
 use crate::program::{Block, Pen, Program, Sections};
-use crate::record::{Candidate, Summary, Times};
-use crate::spec::{Job, Method, Objective, Steep};
+use crate::record::{Candidate, Slope, Summary, Times};
+use crate::spec::{Format, Job, Method, Objective, Steep};
 use crate::split::{Fragments, Seam, Splitter};
 use crate::surface::Surface;
 use crate::texture::Texture;
@@ -78,6 +79,8 @@ pub struct Plan {
     pub directions: Vec<u16>,
     /// Time of every block: marks, jumps and delays, s.
     pub block_times: Vec<f64>,
+    /// Slope under the marks of every block; None where the part is tilted.
+    pub slopes: Vec<Option<Slope>>,
     /// Largest depth range of a block as used, nm.
     pub depth: i64,
     /// Why no partition has fewer stops than the summary's lower bound; None where none is known.
@@ -114,6 +117,7 @@ struct Made {
     program: Program,
     times: Times,
     block_times: Vec<f64>,
+    slopes: Vec<Option<Slope>>,
     fragments: usize,
     split: Fragments,
     worst_defocus: i64,
@@ -153,7 +157,8 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     most_stops(&ground)?;
     let methods = match job.file.partition.method {
         Method::Auto => {
-            let tilt = machine.tilt.is_some().then_some(Method::Tilt);
+            // The cosines of dose are those of the upright part.
+            let tilt = (machine.tilt.is_some() && job.file.dose.is_none()).then_some(Method::Tilt);
             [Method::Contour, Method::ZRange, Method::Window].into_iter().chain(tilt).collect()
         }
         Method::Tilt if machine.tilt.is_none() => {
@@ -162,17 +167,21 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
             let hint = "describe the table under [tilt] in the machine file, or use another method";
             return Err(Diag::limit("tilt-missing", text).at(place).hint(hint).into());
         }
+        Method::Tilt if job.file.dose.is_some() => {
+            let text = "dose.compensate is not known for tilted blocks";
+            let place = Place::file(job.path.display().to_string());
+            return Err(Diag::limit("dose-tilt", text)
+                .at(place)
+                .hint("leave out [dose], or use another method")
+                .into());
+        }
         one => vec![one],
     };
     let (mut tried, mut stops) = (Vec::new(), Vec::new());
     for method in methods {
         let hopeless = method == Method::Window && stops.last().is_some_and(|grid| windows_cannot_win(&ground, grid));
-        if method == Method::Tilt {
-            let (found, slope2) = tilt::divide(&ground);
-            tried.push((method, Some(slope2)));
-            stops.push(found);
-        } else if let Some(found) = (!hopeless).then(|| divide(&ground, method)).flatten() {
-            tried.push((method, None));
+        if let Some(found) = (!hopeless).then(|| divide(&ground, method)).flatten() {
+            tried.push(method);
             stops.push(found);
         }
     }
@@ -185,9 +194,8 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     progress(Station::Order);
     let mut candidates = Vec::new();
     let mut best: Option<Made> = None;
-    for ((&(method, slope2), stops), parts) in tried.iter().zip(&stops).zip(parts) {
-        let mut made = make(&ground, method, stops, parts);
-        made.split.worst_slope2 = slope2.unwrap_or(made.split.worst_slope2);
+    for ((&method, stops), parts) in tried.iter().zip(&stops).zip(parts) {
+        let made = make(&ground, method, stops, parts);
         candidates.push(Candidate {
             method: method.name().into(),
             stops: made.program.blocks.len(),
@@ -218,6 +226,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     };
     let checked = Checked::new(made.program, &limits)?;
     warn(&job, &made.split, made.worst_defocus, ground.lattice.depth, warnings)?;
+    warnings.extend(not_carried(&job, checked.program()));
     warnings.extend(not_kept);
     warnings.extend(short_overlaps(&made.split));
     let marks = ground.marks.take();
@@ -262,6 +271,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         directions: ground.texture.directions().map_or_else(Vec::new, |d| d.hundredths.clone()),
         summary,
         block_times: made.block_times,
+        slopes: made.slopes,
         depth: ground.lattice.depth,
         bound,
         warnings: std::mem::take(warnings),
@@ -479,7 +489,7 @@ fn divide(ground: &Ground<'_>, method: Method) -> Option<Stops> {
         Method::ZRange | Method::Auto => {
             partition::divide(partition::Method::ZRange, footprint, sections, *window, lattice)
         }
-        Method::Tilt => tilt::divide(ground).0,
+        Method::Tilt => tilt::divide(ground),
         Method::Window => {
             let (lowest, _) = footprint.range()?;
             let fine = Fine::over(sections, *window, lattice, lowest)?;
@@ -574,6 +584,7 @@ fn make(ground: &Ground<'_>, method: Method, stops: &Stops, parts: Vec<Fragments
         method,
         times,
         block_times,
+        slopes: built.slopes,
         fragments,
         split,
         worst_defocus: built.worst_defocus,
@@ -683,6 +694,16 @@ fn warn(job: &Job, split: &Fragments, worst_defocus: i64, depth: i64, warnings: 
         warnings.push(Diag::warning("defocus", text).hint("focus.level = \"mid\" keeps it at half the depth range"));
     }
     Ok(())
+}
+
+/// Pens that make up for the slope, and no file that tells the marking software so.
+fn not_carried(job: &Job, program: &Program) -> Option<Diag> {
+    let formats = &job.file.emit.formats;
+    let carried = formats.iter().any(|f| matches!(f, Format::Dxf | Format::Ovf));
+    (program.pens.len() > job.file.pen.len() && !carried).then(|| {
+        let text = "none of emit.formats carries pens: the dose is not made up for";
+        Diag::warning("dose-lost", text).hint("add \"ovf\", or \"dxf\" and set each layer's pen from the run sheet")
+    })
 }
 
 /// What was to stay whole and does not, and why.

@@ -48,6 +48,8 @@ pub fn layout<'a>(plan: &'a Plan, job: &'a str) -> preview::Layout<'a> {
         texture: plan.texture,
         turn_rad: plan.job.file.placement.turn.as_rad(),
         block_s: &plan.block_times,
+        slopes: &plan.slopes,
+        shade: preview::Shade::Height,
         summary: &plan.summary,
     }
 }
@@ -105,7 +107,7 @@ fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<FileFact, Error> {
 fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Error> {
     let make = |path: &Path| fs::create_dir(path).map_err(|e| failed("make the folder", path, &e));
     make(folder)?;
-    let Plan { job, machine, checked, sections, directions, summary, block_times, .. } = plan;
+    let Plan { job, machine, checked, sections, directions, summary, block_times, slopes, .. } = plan;
     let formats = &job.file.emit.formats;
     let has = |f: Format| formats.contains(&f);
     let part_name = file_name(job.file.surface.file.get_ref());
@@ -136,6 +138,8 @@ fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Erro
         let name = preview::pass_file(k as u32 + 1);
         files.push(put(folder, &name, preview::layout_svg(&layout_of(plan, pass, &job_name)).as_bytes())?);
     }
+    let by_slope = preview::Layout { shade: preview::Shade::Incidence, ..layout.clone() };
+    files.push(put(folder, "slope.svg", preview::layout_svg(&by_slope).as_bytes())?);
     files.push(put(folder, "report.html", preview::report_html(&layout).as_bytes())?);
     let facts = record::Facts {
         job_file: job_file_from(&job.path, target)?,
@@ -150,6 +154,7 @@ fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Erro
         more: plan.more.iter().map(|p| (&p.sections, p.directions.as_slice())).collect(),
         depth_mm: mm_from_nm(plan.depth),
         block_times,
+        slopes,
         files: &[],
         summary,
     };

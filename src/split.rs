@@ -17,6 +17,7 @@
 use crate::geom::{NM_PER_MM, P2, Turn, nearest};
 use crate::partition::Stops;
 use crate::program::CHORD;
+use crate::surface::Surface;
 use crate::trace::{Keep, Piece, Skip, Tracer};
 
 /// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
@@ -52,6 +53,10 @@ pub struct Fragment {
     pub z: [f64; 2],
     /// Integral of height over length, nm · nm.
     pub z_length: f64,
+    /// Integral of the cosine of the slope over length, nm.
+    pub cos_length: f64,
+    /// Largest squared slope.
+    pub slope2: f64,
     /// Length along the stroke before its ends were rounded, nm.
     pub length: f64,
 }
@@ -107,6 +112,8 @@ struct Open {
     first: usize,
     z: [f64; 2],
     z_length: f64,
+    cos_length: f64,
+    slope2: f64,
     /// The exact length that `z_length` was summed over: that of the rounded points would not do, because
     /// every nanometre counts with the whole height.
     length: f64,
@@ -207,14 +214,20 @@ impl<'a> Splitter<'a> {
     /// Fragments shorter than `min_mark_nm` are skipped and counted. What `keep` wants whole stays whole
     /// where a stop holds it, as every stroke does; cuts of it are counted.
     pub fn new(tracer: Tracer<'a>, candidates: &'a [Stops], min_mark_nm: f64, keep: Keep, seam: Seam) -> Self {
-        let cutters = candidates.iter().map(|stops| Cutter::new(stops, min_mark_nm, keep, seam)).collect();
+        let cutters =
+            candidates.iter().map(|stops| Cutter::new(tracer.surface(), stops, min_mark_nm, keep, seam)).collect();
         Self { tracer, cutters, run: Run::default() }
     }
 
     /// What became of all strokes given so far, by candidate.
     pub fn finish(self) -> impl Iterator<Item = Fragments> {
-        let worst_slope2 = self.tracer.worst_slope2;
-        self.cutters.into_iter().map(move |c| Fragments { worst_slope2, ..c.out })
+        let worst = self.tracer.worst_slope2;
+        self.cutters.into_iter().map(move |c| {
+            // On a turned part the beam meets the surface at other angles than the drawing does.
+            let turned = c.out.list.iter().map(|f| f.slope2).fold(0.0, f64::max);
+            let worst_slope2 = if c.stops.turn(0).is_some() { turned } else { worst };
+            Fragments { worst_slope2, ..c.out }
+        })
     }
 
     /// Cuts one stroke of the texture, which its pen marks `passes` times.
@@ -238,6 +251,7 @@ impl<'a> Splitter<'a> {
 
 /// Cuts strokes between the stops of one candidate.
 struct Cutter<'a> {
+    surface: &'a Surface,
     stops: &'a Stops,
     min_mark: f64,
     keep: Keep,
@@ -283,10 +297,11 @@ impl Seam {
 }
 
 impl<'a> Cutter<'a> {
-    fn new(stops: &'a Stops, min_mark: f64, keep: Keep, seam: Seam) -> Self {
+    fn new(surface: &'a Surface, stops: &'a Stops, min_mark: f64, keep: Keep, seam: Seam) -> Self {
         let out = Fragments::default();
         let before = (0, out.skipped);
         Self {
+            surface,
             stops,
             min_mark,
             keep,
@@ -686,6 +701,8 @@ impl<'a> Cutter<'a> {
                 first,
                 z: range,
                 z_length: 0.0,
+                cos_length: 0.0,
+                slope2: 0.0,
                 length: 0.0,
                 last,
                 drawn: 0.0,
@@ -694,6 +711,8 @@ impl<'a> Cutter<'a> {
             });
         }
         self.z = z[1];
+        let normal = || self.surface.normal(p.facet);
+        let slope2 = self.stops.turn(stop as u32).map_or(p.slope2, |turn| turn.slope2(normal()));
         let (centre, Some(open)) = (self.stops.stops[stop].centre, &mut self.open) else { return };
         let z = ends.map_or(z, |e| e.map(|e| e[2]));
         if let Some([x, y]) = ends.and_then(|e| open.bend.go([e[1][0], e[1][1]])) {
@@ -704,6 +723,8 @@ impl<'a> Cutter<'a> {
         }
         let length = (t[1] - t[0]) * s.a.distance(s.b);
         open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
+        open.cos_length += length / (1.0 + slope2).sqrt();
+        open.slope2 = open.slope2.max(slope2);
         open.z_length += (z[0] + z[1]) / 2.0 * length;
         open.length += length;
     }
@@ -732,6 +753,7 @@ impl<'a> Cutter<'a> {
                 open.segment = segment + 1;
                 open.z = [f64::INFINITY, f64::NEG_INFINITY];
                 open.z_length = 0.0;
+                (open.cos_length, open.slope2) = (0.0, 0.0);
                 open.length = 0.0;
             }
         }
@@ -763,6 +785,8 @@ impl<'a> Cutter<'a> {
             is_figure: false,
             z: open.z,
             z_length: open.z_length,
+            cos_length: open.cos_length,
+            slope2: open.slope2,
             length: open.length,
         });
         true

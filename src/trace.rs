@@ -44,8 +44,10 @@ pub struct Piece {
     pub z1: f64,
     /// Why the piece is not marked, if it is not.
     pub skip: Option<Skip>,
+    /// Squared slope of the facet under it; without meaning off the part.
+    pub slope2: f64,
     /// Facet under it; without meaning off the part.
-    facet: u32,
+    pub facet: u32,
 }
 
 impl Piece {
@@ -87,14 +89,19 @@ impl<'a> Tracer<'a> {
         }
     }
 
+    /// The surface that strokes are traced over.
+    pub fn surface(&self) -> &'a Surface {
+        self.surface
+    }
+
     /// Hands the pieces of the segment from `a` to `b` (a ≠ b) to `sink` in order.
     pub fn segment(&mut self, a: P2, b: P2, mut sink: impl FnMut(Piece)) {
         self.surface.walk(a, b, &mut self.cursor, &mut self.spans);
         for span in &self.spans {
+            let slope2 = span.facet().map_or(0.0, |f| self.surface.slope2(f));
             let skip = match span.facet() {
                 None => Some(Skip::OffPart),
-                Some(f) => {
-                    let slope2 = self.surface.slope2(f);
+                Some(_) => {
                     if slope2 > self.max_slope2 {
                         Some(Skip::Steep)
                     } else {
@@ -104,7 +111,7 @@ impl<'a> Tracer<'a> {
                 }
             };
             let facet = span.facet().unwrap_or_default();
-            sink(Piece { t0: span.t0, t1: span.t1, z0: span.z0, z1: span.z1, skip, facet });
+            sink(Piece { t0: span.t0, t1: span.t1, z0: span.z0, z1: span.z1, skip, slope2, facet });
         }
     }
 }

@@ -3,13 +3,14 @@
 
 use rayon::prelude::*;
 
-use super::Ground;
+use super::{Ground, dose};
 use crate::geom::{Box2, P2};
 use crate::order;
 use crate::order::stops::Climb;
 use crate::order::strokes::{Path, Visit};
 use crate::partition::Stops;
 use crate::program::{Block, Program, Stop, Stroke};
+use crate::record::Slope;
 use crate::spec::{Level, StopOrder, StrokeOrder};
 use crate::split::Fragments;
 
@@ -19,6 +20,8 @@ pub(super) struct Built {
     pub(super) worst_defocus: i64,
     /// The same with the mean height as focal plane.
     pub(super) worst_defocus_mean: i64,
+    /// Slope under the marks of every block; None where the part is tilted.
+    pub(super) slopes: Vec<Option<Slope>>,
 }
 
 /// Heights of one block's marks.
@@ -33,6 +36,8 @@ struct Heights {
 /// Gathers fragments by stop, orders stops and strokes, and lays the program out flat.
 pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> Built {
     let n = stops.stops.len();
+    let pens = dose::Pens::new(ground, parts.iter().flat_map(|p| &p.list));
+    let mut slopes = vec![Slope::default(); n];
     let mut starts = vec![0usize; n + 1];
     let mut heights = vec![Heights { lo: f64::INFINITY, hi: f64::NEG_INFINITY, z_length: 0.0, length: 0.0 }; n];
     for f in parts.iter().flat_map(|p| &p.list) {
@@ -42,6 +47,7 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
         h.hi = h.hi.max(f.z[1]);
         h.z_length += f.z_length;
         h.length += f.length;
+        slopes[f.stop as usize].add(f.length, dose::mean_cos(f), f.slope2, pens.gain(f));
     }
     for i in 0..n {
         starts[i + 1] += starts[i];
@@ -85,7 +91,9 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
     };
     let (tour, orders): (_, Vec<Vec<Visit>>) =
         rayon::join(|| tour(ground, &placed), || used.par_iter().map(in_order).collect());
-    let mut program = Program { pens: ground.pens.clone(), ..Program::default() };
+    let mut program = Program { pens: pens.list.clone(), ..Program::default() };
+    let upright = |&t: &usize| (placed[t].0.tilt == [0; 2]).then_some(slopes[used[t]]);
+    let slopes = tour.iter().map(upright).collect();
     program.strokes.reserve_exact(starts[n]);
     program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
     program.blocks.reserve_exact(tour.len());
@@ -109,7 +117,7 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
                 source: f.source,
                 segment: f.segment + start,
                 reversed,
-                pen: f.pen,
+                pen: pens.of(f),
                 first: u32::try_from(first).expect("memory holds fewer than 2^32 points"),
                 len: f.len,
             });
@@ -127,7 +135,7 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
             stop: stop.clone(),
         });
     }
-    Built { program, worst_defocus: worst[0], worst_defocus_mean: worst[1] }
+    Built { program, worst_defocus: worst[0], worst_defocus_mean: worst[1], slopes }
 }
 
 /// The order in which the stage visits the stops.

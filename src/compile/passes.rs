@@ -128,8 +128,21 @@ fn joined(mut a: Made, b: Made, lowered: i64) -> Made {
 fn append(program: &mut Program, next: Program, lowered: i64) {
     let (strokes, points) = (program.strokes.len(), program.points.len() as u32);
     program.points.extend(next.points);
+    // Pens that make up for the slope differ from pass to pass.
+    let pens: Vec<u16> = next
+        .pens
+        .into_iter()
+        .map(|pen| {
+            let known = program.pens.iter().position(|p| *p == pen);
+            known.unwrap_or_else(|| {
+                program.pens.push(pen);
+                program.pens.len() - 1
+            }) as u16
+        })
+        .collect();
     program.strokes.extend(next.strokes.into_iter().map(|mut s| {
         s.first += points;
+        s.pen = pens[usize::from(s.pen)];
         s
     }));
     program.blocks.extend(next.blocks.into_iter().map(|mut b| {

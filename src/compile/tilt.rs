@@ -8,8 +8,8 @@ use crate::geom::Box2;
 use crate::partition::{Stops, tilt};
 use crate::trace::{Facings, GridTracer, Marks, Tracer, Turned};
 
-/// The stops, and the square of the tangent of the largest angle between beam and surface.
-pub(super) fn divide(ground: &Ground<'_>) -> (Stops, f64) {
+/// The stops.
+pub(super) fn divide(ground: &Ground<'_>) -> Stops {
     let tilted = tilt::Ground {
         machine: ground.machine,
         origin: ground.origin,
@@ -46,8 +46,7 @@ pub(super) fn divide(ground: &Ground<'_>) -> (Stops, f64) {
             .filter(|&i| (held.0[i].is_hidden || held.0[i].is_beside) && facings.list[i].tilt != [0; 2])
             .collect();
         if bad.is_empty() {
-            let worst = held.0.iter().map(|h| h.worst_slope2).fold(0.0, f64::max);
-            return (tilted.stops(&facings, &held, &ground.sections), worst);
+            return tilted.stops(&facings, &held, &ground.sections);
         }
         bad.into_iter().for_each(|i| tilted.set_upright(&mut facings, i));
     }

@@ -45,6 +45,13 @@ impl Turn {
         self.rotation[(2, 0)].hypot(self.rotation[(2, 1)])
     }
 
+    /// Square of the tangent of the angle between the beam and the normal of a surface (of length 1, part
+    /// frame); infinite where it looks away.
+    pub fn slope2(&self, normal: [f64; 3]) -> f64 {
+        let cos: f64 = normal.iter().zip(self.up()).map(|(n, u)| n * u).sum();
+        if cos > 0.0 { (1.0 / (cos * cos) - 1.0).max(0.0) } else { f64::INFINITY }
+    }
+
     /// The direction in the part that comes to point along z, to the lens; of length 1.
     pub fn up(&self) -> [f64; 3] {
         self.rotation.row(2).transpose().into()

@@ -6,7 +6,7 @@ use svg::node::element::Element;
 
 use super::outline::{self, Half, Outlines, Ring};
 use super::sheet::{Detail, Sheet, caption, el, field_box, layer, num, rectangle, sheet_box, titled};
-use super::{Layout, colour, label, mm, plain};
+use super::{Layout, Shade, colour, label, mm, plain};
 use crate::geom::{P2, mm_from_nm};
 use crate::program::Block;
 
@@ -17,16 +17,16 @@ fn border(job: &Layout<'_>, sheet: &Sheet) -> f64 {
     (side / 60.0).clamp(sheet.unit / 100.0, sheet.unit / 12.0)
 }
 
-/// The colours of the blocks: focus height on the ramp; every other level or, where windows lie freely
+/// The colours of the blocks: focus height or incidence on the ramp; with heights every other level or, where windows lie freely
 /// and their levels are not numbered by height, every other block a shade darker.
 fn fills(job: &Layout<'_>, sheet: &Sheet) -> Vec<colour::Colour> {
-    let range = job.range(|b| b.stop.focus, |b| b.stop.focus);
+    let range = job.shades();
     let is_odd = |i: usize, block: &Block| {
         if sheet.gridded { block.stop.level.rem_euclid(2) == 1 } else { i % 2 == 1 }
     };
     let fill = |(i, block): (usize, &Block)| {
-        let c = colour::of_height(block.stop.focus, range);
-        if is_odd(i, block) { colour::shaded(c) } else { c }
+        let c = colour::of_height(job.shade_of(i), range);
+        if job.shade == Shade::Height && is_odd(i, block) { colour::shaded(c) } else { c }
     };
     job.blocks().iter().enumerate().map(fill).collect()
 }

@@ -8,7 +8,7 @@ use svg::node::element::Element;
 
 use super::colour::{self, FIELD, PATH};
 use super::sheet::{Sheet, el, num, rectangle, text};
-use super::{Layout, length_text, mm, plain, short};
+use super::{Layout, Shade, length_text, mm, plain, short};
 use crate::geom::mm_from_nm;
 use crate::record::duration;
 
@@ -177,8 +177,9 @@ fn heading(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
 /// The colours with the heights they stand for.
 fn ramp(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
     let u = pen.u;
-    pen.put("focus height (LPFL), mm", FONT, "bold");
-    let range = job.range(|b| b.stop.focus, |b| b.stop.focus);
+    let is_height = job.shade == Shade::Height;
+    pen.put(if is_height { "focus height (LPFL), mm" } else { "mean incidence of the beam, deg" }, FONT, "bold");
+    let range = job.shades();
     let [x, top] = [pen.at[0], pen.at[1] + 1.6 * u];
     let flat = range[0] == range[1];
     let height = if flat { 3.0 * u } else { RAMP * u };
@@ -211,7 +212,7 @@ fn ramp(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
     };
     let other = if sheet.gridded { "every other level" } else { "every other block" };
     let note = [format!("{levels} heights"), other.into(), "a shade darker".into()];
-    for (k, words) in note.iter().take(if flat { 0 } else { 3 }).enumerate() {
+    for (k, words) in note.iter().take(if flat || !is_height { 0 } else { 3 }).enumerate() {
         let y = top + height / 2.0 + (k as f64 - 0.4) * LINE * u;
         pen.g.append(text([x + 17.0 * u, y], FONT * u, "start", words));
     }

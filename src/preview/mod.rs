@@ -35,7 +35,7 @@ use crate::geom::Box2;
 use crate::machine::Machine;
 use crate::map::Map;
 use crate::program::{Block, Program, Sections};
-use crate::record::Summary;
+use crate::record::{Slope, Summary};
 
 /// Everything the pictures are made of.
 #[derive(Clone, Debug)]
@@ -60,8 +60,21 @@ pub struct Layout<'a> {
     pub turn_rad: f64,
     /// Time of each block in s: marks, jumps and delays, in the order of the program.
     pub block_s: &'a [f64],
+    /// Slope under the marks of each block, where it is known.
+    pub slopes: &'a [Option<Slope>],
+    /// What the colours of blocks stand for.
+    pub shade: Shade,
     /// The figures of the job.
     pub summary: &'a Summary,
+}
+
+/// What the colours of blocks stand for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shade {
+    /// The height of the focal plane.
+    Height,
+    /// The angle between beam and surface normal.
+    Incidence,
 }
 
 impl Layout<'_> {
@@ -86,6 +99,24 @@ impl Layout<'_> {
 
     fn block_s(&self, i: usize) -> f64 {
         self.block_s.get(self.blocks.start + i).copied().unwrap_or(0.0)
+    }
+
+    fn slope(&self, i: usize) -> Option<Slope> {
+        self.slopes.get(i).copied().flatten()
+    }
+
+    /// What the colour of a block stands for: nm, or millionths of a degree.
+    fn shade_of(&self, i: usize) -> i64 {
+        match self.shade {
+            Shade::Height => self.blocks()[i].stop.focus,
+            Shade::Incidence => self.slope(i).map_or(0, |s| (s.incidence_deg()[0] * 1e6).round() as i64),
+        }
+    }
+
+    /// Least and greatest of it, zeros without a block.
+    fn shades(&self) -> [i64; 2] {
+        let all = || (0..self.blocks().len()).map(|i| self.shade_of(i));
+        [all().min().unwrap_or(0), all().max().unwrap_or(0)]
     }
 
     /// Extents of the texture, nm; zeros without one.

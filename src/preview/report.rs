@@ -8,7 +8,7 @@ use std::fmt::Write;
 use super::legend::{PARTS, seconds};
 use super::{Layout, clean, length_text, mm, pass_file, plain};
 use crate::program::{Block, Program};
-use crate::record::duration;
+use crate::record::{Slope, duration};
 
 const STYLE: &str = "body{font:14px/1.45 Arial,\"Liberation Sans\",sans-serif;margin:2em auto;max-width:76em;padding:0 1em;color:#1a1a1a}\
 h1{font-size:1.6em;margin-bottom:.2em}h2{font-size:1.15em;margin:1.8em 0 .5em}\
@@ -29,7 +29,7 @@ pub fn report_html(job: &Layout<'_>) -> String {
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width\"/>\n<title>{name}: job report</title>\n\
          <style>{STYLE}</style>\n</head>\n<body>\n<h1>{name}</h1>\n<p>Machine {}. {} stops, {} in all. \
-         <a href=\"layout.svg\">Block layout (layout.svg)</a>{}</p>\n",
+         <a href=\"layout.svg\">Block layout (layout.svg)</a>, <a href=\"slope.svg\">the same by slope (slope.svg)</a>{}</p>\n",
         escape(&job.machine.name),
         job.blocks().len(),
         duration(job.summary.time_s.total),
@@ -45,6 +45,7 @@ pub fn report_html(job: &Layout<'_>) -> String {
     h.push_str("</div>\n</div>\n");
     candidates(&mut h, job);
     defocus(&mut h, job);
+    slopes(&mut h, job);
     pens(&mut h, job);
     blocks(&mut h, job, is_gridded);
     h.push_str("</body>\n</html>\n");
@@ -193,6 +194,27 @@ fn defocus(h: &mut String, job: &Layout<'_>) {
     h.push_str("</div>\n");
 }
 
+/// Slope effects over all blocks.
+fn slopes(h: &mut String, job: &Layout<'_>) {
+    let all: Vec<Slope> = (0..job.blocks().len()).filter_map(|i| job.slope(i)).collect();
+    if all.is_empty() {
+        return;
+    }
+    h.push_str(
+        "<h2>Slope under the marks</h2>\n<p>Dose: 1 as on a level surface with the job's own pens.</p>\n<table>\n\
+         <tr><th></th><th>mean of the blocks</th><th>worst mark</th></tr>\n",
+    );
+    let row = |h: &mut String, name: &str, of: fn(&Slope) -> [f64; 2], worse: fn(f64, f64) -> f64| {
+        let mean = all.iter().map(|s| of(s)[0]).sum::<f64>() / all.len() as f64;
+        let worst = all.iter().map(|s| of(s)[1]).reduce(worse).unwrap_or(mean);
+        let _ = writeln!(h, "<tr><td>{name}</td><td>{}</td><td>{}</td></tr>", plain(mean, 4), plain(worst, 4));
+    };
+    row(h, "incidence, deg", Slope::incidence_deg, f64::max);
+    row(h, "stretch uphill", Slope::stretch, f64::max);
+    row(h, "dose", Slope::dose, f64::min);
+    h.push_str("</table>\n");
+}
+
 /// Bars of the histogram.
 const BINS: usize = 24;
 
@@ -258,7 +280,7 @@ fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
         h,
         "<h2>Blocks in machining order</h2>\n<p>Heights{} in the part frame, stage targets as commanded; mm, s.</p>\n\
          <table id=\"blocks\">\n<tr><th>block</th><th>{first}</th><th>{second}</th><th>focus (LPFL)</th><th>stage x</th>\
-         <th>stage y</th><th>stage z</th><th>strokes</th><th>mark</th><th>jump</th><th>time</th></tr>\n",
+         <th>stage y</th><th>stage z</th><th>incidence</th><th>dose</th><th>strokes</th><th>mark</th><th>jump</th><th>time</th></tr>\n",
         if gridded { "" } else { " and centres of windows" },
     );
     let mut pass = 0;
@@ -273,9 +295,12 @@ fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
         } else {
             [mm(b.stop.centre.x, 3), mm(b.stop.centre.y, 3)]
         };
+        let slope = job.slope(i);
+        let angle = slope.map_or(String::new(), |s| plain(s.incidence_deg()[0], 2));
+        let dose = slope.map_or(String::new(), |s| plain(s.dose()[0], 3));
         let _ = writeln!(
             h,
-            "<tr><td>{}<td>{first}<td>{second}<td>{}<td>{x}<td>{y}<td>{z}<td>{}<td>{}<td>{}<td>{}",
+            "<tr><td>{}<td>{first}<td>{second}<td>{}<td>{x}<td>{y}<td>{z}<td>{angle}<td>{dose}<td>{}<td>{}<td>{}<td>{}",
             Program::block_id(i),
             mm(b.stop.focus, 4),
             b.strokes.len(),

@@ -37,6 +37,8 @@ impl Sample {
             texture: self.texture,
             turn_rad: self.turn_rad,
             block_s: &self.block_s,
+            slopes: &[],
+            shade: super::Shade::Height,
             summary: &self.summary,
         }
     }

@@ -186,6 +186,16 @@ struct BlockEntry<'a> {
     mark_mm: f64,
     jump_mm: f64,
     time_s: f64,
+    #[serde(flatten)]
+    slope: Option<SlopeEntry>,
+}
+
+/// Means and worst.
+#[derive(Serialize)]
+struct SlopeEntry {
+    incidence_deg: [f64; 2],
+    stretch: [f64; 2],
+    dose: [f64; 2],
 }
 
 #[derive(Serialize)]
@@ -214,5 +224,10 @@ fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
         mark_mm: program.mark_mm(block),
         jump_mm: program.jump_mm(block),
         time_s: facts.block_time_s(index),
+        slope: facts.slopes.get(index).copied().flatten().map(|s| SlopeEntry {
+            incidence_deg: s.incidence_deg(),
+            stretch: s.stretch(),
+            dose: s.dose(),
+        }),
     }
 }

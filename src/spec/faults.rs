@@ -103,6 +103,14 @@ pub(super) fn of(job: &Job) -> Vec<Diag> {
                 .hint("it is what one pass removes, such as \"8 um\"; check its unit"),
         );
     }
+    if let Some(dose) = &file.dose {
+        if !(1.01..=10.0).contains(&dose.cap) {
+            faults.push(Diag::input("dose-cap", "dose.cap is not between 1.01 and 10").at(whole.clone()));
+        }
+        if !(0.001..=0.2).contains(&dose.step) {
+            faults.push(Diag::input("dose-step", "dose.step is not between 0.001 and 0.2").at(whole.clone()));
+        }
+    }
     if file.placement.origin.is_some_and(|o| o.iter().any(|l| l.as_nm().is_none())) {
         faults.push(
             Diag::input("placement-far", "placement.origin is beyond 4 m")

@@ -45,8 +45,6 @@ pub struct InFacing {
     pub is_hidden: bool,
     /// Whether a mark lies beside the window.
     pub is_beside: bool,
-    /// Square of the tangent of the largest angle between the beam and the surface.
-    pub worst_slope2: f64,
 }
 
 impl InFacing {
@@ -80,8 +78,7 @@ impl Turned {
             let middle = [(0, bounds.lo.x + bounds.hi.x), (1, bounds.lo.y + bounds.hi.y)];
             let i = facing_of(middle.map(|(axis, sum)| facings.grid.along(axis, sum / 2, 0)));
             let facing = &facings.list[i];
-            let (mut z, mut beside, mut hidden, mut slope2) =
-                ([f64::INFINITY, f64::NEG_INFINITY], false, false, 0.0f64);
+            let (mut z, mut beside, mut hidden) = ([f64::INFINITY, f64::NEG_INFINITY], false, false);
             tracer.gap = false;
             for w in points.windows(2) {
                 let mut list = std::mem::take(&mut tracer.small);
@@ -92,14 +89,12 @@ impl Turned {
                     z = [z[0].min(ends.lo()), z[1].max(ends.hi())];
                     beside |= ends.is_beside(facing, facings.half);
                     hidden |= tracer.tracer.hides(p, w, facing);
-                    slope2 = slope2.max(tracer.tracer.beam_slope2(p, facing));
                 }
                 tracer.small = list;
             }
             if !tracer.gap && !beside {
                 let here = &mut self.0[i];
-                here.is_hidden |= hidden || slope2 > tracer.tracer.max_slope2;
-                here.worst_slope2 = here.worst_slope2.max(slope2);
+                here.is_hidden |= hidden;
                 return here.figures.push((z[0], z[1]));
             }
         }
@@ -114,10 +109,7 @@ impl Turned {
                 let ends = Ends::of(p, w, facing);
                 let here = &mut self.0[i];
                 here.is_beside |= ends.is_beside(facing, facings.half);
-                let slope2 = tracer.tracer.beam_slope2(p, facing);
-                here.worst_slope2 = here.worst_slope2.max(slope2);
-                here.is_hidden =
-                    here.is_hidden || slope2 > tracer.tracer.max_slope2 || tracer.tracer.hides(p, w, facing);
+                here.is_hidden = here.is_hidden || tracer.tracer.hides(p, w, facing);
                 match &mut run {
                     Some((at, lo, hi)) if *at == i && ends.lo() <= *hi && ends.hi() >= *lo => {
                         *lo = lo.min(ends.lo());
@@ -144,7 +136,6 @@ impl Turned {
             mine.figures.append(&mut theirs.figures);
             mine.is_hidden |= theirs.is_hidden;
             mine.is_beside |= theirs.is_beside;
-            mine.worst_slope2 = mine.worst_slope2.max(theirs.worst_slope2);
         }
     }
 
@@ -185,14 +176,12 @@ fn at(w: &[P2], t: f64, z: f64) -> [f64; 3] {
 }
 
 impl super::Tracer<'_> {
-    /// Square of the tangent of the angle between the beam and the surface under a piece.
-    fn beam_slope2(&self, p: &Piece, facing: &Facing) -> f64 {
-        let cos: f64 = self.surface.normal(p.facet).iter().zip(facing.turn.up()).map(|(n, u)| n * u).sum();
-        if cos > 0.0 { (1.0 / (cos * cos) - 1.0).max(0.0) } else { f64::INFINITY }
-    }
-
-    /// Whether the part hides some of a piece of the segment `w` from the turned beam.
+    /// Whether the part hides some of a piece of the segment `w` from the turned beam, or the beam meets it at
+    /// too large an angle.
     fn hides(&mut self, p: &Piece, w: &[P2], facing: &Facing) -> bool {
+        if facing.turn.slope2(self.surface.normal(p.facet)) > self.max_slope2 {
+            return true;
+        }
         let [x, y, z] = facing.turn.up();
         let lean = [x / z, y / z];
         let flat = lean[0].hypot(lean[1]);

@@ -9,7 +9,7 @@ use crate::diag::Error;
 use crate::geom::NM_PER_MM;
 use crate::machine::Machine;
 use crate::program::{Block, Pen};
-use crate::spec::{DepthRule, Format, Job, Level, PassesSpec};
+use crate::spec::{DepthRule, DoseSpec, Format, Job, Level, PassesSpec};
 use crate::surface::{self, Content};
 use crate::texture::Texture;
 use crate::units::Length;
@@ -63,6 +63,8 @@ pub(super) struct Facts {
     pub(super) origin: Option<[Option<i64>; 3]>,
     /// Pens of the job; None where the job could not be read.
     pub(super) pens: Option<Vec<Pen>>,
+    /// How pens make up for the slope, if they do.
+    pub(super) dose: Option<DoseSpec>,
     /// Formats that the job asks for.
     pub(super) formats: Vec<Format>,
 }
@@ -87,6 +89,7 @@ impl Facts {
             turn_deg: m.placement.turn_deg,
             origin: None,
             pens: None,
+            dose: None,
             formats: Vec::new(),
         }
     }
@@ -119,6 +122,7 @@ impl Facts {
             turn_deg: file.placement.turn.as_deg(),
             origin: file.placement.origin.map(|o| o.map(Length::as_nm)),
             pens: Some(pens.collect()),
+            dose: file.dose,
             formats: file.emit.formats.clone(),
         }
     }

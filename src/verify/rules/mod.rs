@@ -1,6 +1,7 @@
 //! The rules, each with its own file and its own entry in the proof.
 
 pub(super) mod agreement;
+pub(super) mod dose;
 pub(super) mod fill;
 pub(super) mod hash;
 pub(super) mod laser;
@@ -30,6 +31,7 @@ pub(super) struct Findings {
     pub(super) travel: Rule,
     pub(super) laser: Rule,
     pub(super) ground: Rule,
+    pub(super) dose: Rule,
     pub(super) fill: Rule,
     pub(super) source: Rule,
     pub(super) once: Rule,
@@ -52,6 +54,7 @@ impl Findings {
             travel: Rule::new("travel", "every stage position is the block's, within travel and on the increment"),
             laser: Rule::new("laser", "the laser is off in every stage move, which settles before the next mark"),
             ground: Rule::new("ground", "no mark lies off the part or on a slope beyond the limit"),
+            dose: Rule::new("dose", "pens make up for the slope under their marks as the job asks"),
             fill: Rule::new("fill", "lines along contours keep their pitch and fill the job's sections"),
             source: Rule::new("source", "every mark is the piece of the texture that it claims to be"),
             once: Rule::new("once", "nothing is marked twice in a pass but declared overlaps"),
@@ -74,6 +77,7 @@ impl Findings {
             self.travel,
             self.laser,
             self.ground,
+            self.dose,
             self.fill,
             self.source,
             self.once,

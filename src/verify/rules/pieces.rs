@@ -227,7 +227,11 @@ impl Cover<'_> {
             Ok([from, to]) => {
                 self.spans.push(Span { from, to, mark: i });
                 self.out.rounding_mm += (length - (to - from)).abs() * passes / NM_PER_MM;
-                (stroke.pen != pen).then(|| "it is marked with another pen than it is drawn with".to_owned())
+                let is_own = stroke.pen == pen || {
+                    let made = super::dose::origin(&self.file.program.pens, usize::from(stroke.pen), self.facts);
+                    made.is_some_and(|(own, _)| own == usize::from(pen))
+                };
+                (!is_own).then(|| "it is marked with another pen than it is drawn with".to_owned())
             }
             Err(why) => {
                 if let Some([from, to]) = self.search() {

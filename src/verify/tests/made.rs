@@ -81,6 +81,7 @@ impl Made {
             turn_deg: 0.0,
             origin: None,
             pens: Some(vec![pen("fill", 1), pen("edge", 3)]),
+            dose: None,
             formats: vec![Format::Dxf, Format::Linuxcnc, Format::Gcode, Format::Ovf],
         };
         let mut strokes: Vec<(u16, Vec<P2>)> =

@@ -203,6 +203,49 @@ fn long_stroke(program: &Program) -> usize {
 }
 
 #[test]
+fn dose_owns_a_pen_of_another_slope() {
+    let bench = || Bench::with("", "dose = { compensate = \"speed\", step = 0.002 }");
+    let sound = bench();
+    assert!(sound.plan.checked.program().pens.len() > 4, "{:?}", sound.plan.checked.program().pens);
+    let proof = verified(&sound.write());
+    assert!(proof.ok, "{proof:?}");
+    let made = |program: &Program| {
+        let of = |pen: u16| program.pens[usize::from(pen)].name.starts_with("fine x0.99");
+        (0..program.strokes.len()).find(|&i| of(program.strokes[i].pen)).expect("a gentle slope")
+    };
+    let steep = |program: &Program| {
+        let slowest =
+            |&a: &usize, &b: &usize| program.pens[a].speed.as_mm_s().total_cmp(&program.pens[b].speed.as_mm_s());
+        (2..program.pens.len()).filter(|&p| program.pens[p].name.starts_with("fine x")).min_by(slowest).expect("a pen")
+            as u16
+    };
+    let proof = bench().mutant(|program, _| {
+        let (i, pen) = (made(program), steep(program));
+        program.strokes[i].pen = pen;
+    });
+    assert_only("dose", &proof);
+    // The job's own pen where the slope asks for another.
+    let proof = bench().mutant(|program, _| {
+        let pen = steep(program);
+        let i = (0..program.strokes.len()).find(|&i| program.strokes[i].pen == pen).expect("one");
+        program.strokes[i].pen = 0;
+    });
+    assert_only("dose", &proof);
+    // A pen that says one factor and has another.
+    let proof = bench().mutant(|program, _| program.pens[2].speed = crate::units::Speed::mm_s(123.0));
+    assert_only("agreement", &proof);
+    // A pen of another pen of the job.
+    let proof = bench().mutant(|program, _| {
+        let i = made(program);
+        let name = program.pens[usize::from(program.strokes[i].pen)].name.replace("fine", "deep");
+        let other = program.pens.iter().position(|p| p.name == name);
+        let deep = program.pens.iter().position(|p| p.name.starts_with("deep x")).expect("a pen");
+        program.strokes[i].pen = other.unwrap_or(deep) as u16;
+    });
+    assert!(!proof.ok && proof.rules.iter().any(|r| r.code == "source" && r.violated > 0), "{proof:?}");
+}
+
+#[test]
 fn the_compiled_job_is_proved() {
     let bench = Bench::new();
     let proof = verified(&bench.write());

@@ -1,0 +1,136 @@
+//! What slope does to marks: incidence, stretch and dose, and pens that make up for it.
+
+mod support;
+
+use std::path::Path;
+
+use serde_json::Value;
+use support::surfaces::{mesh, write_stl};
+use support::{JobText, assert_balance, compile, folder, number, said, terrace, verify};
+
+/// A job on a plate that rises by `deg` along x.
+fn ramp(dir: &Path, deg: f64, more: &str) -> JobText {
+    let stl = dir.join("ramp.stl");
+    let tan = deg.to_radians().tan();
+    write_stl(&stl, &mesh(20, [0.0, 0.0, 30.0, 20.0], |x, _| x * tan));
+    let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.5 mm\"").method("z-range");
+    job.focus = "pdof = \"2 mm\"".into();
+    job.more = more.into();
+    job
+}
+
+fn manifest(folder: &Path) -> Value {
+    let bytes = std::fs::read(folder.join("manifest.json")).expect("a manifest");
+    serde_json::from_slice(&bytes).expect("JSON")
+}
+
+fn near(value: &Value, want: f64, tolerance: f64) -> bool {
+    value.as_f64().is_some_and(|v| (v - want).abs() <= tolerance)
+}
+
+#[test]
+fn blocks_say_their_incidence_stretch_and_dose() {
+    let dir = folder();
+    for deg in [0.0, 12.0, 30.0] {
+        let out = dir.path().join("job.job");
+        compile(&ramp(dir.path(), deg, "").write(dir.path(), "job.toml"), &out);
+        let cos = f64::to_radians(deg).cos();
+        for b in manifest(&out)["blocks"].as_array().expect("blocks") {
+            // Vertices in f32 turn facets a little.
+            for k in 0..2 {
+                assert!(near(&b["incidence_deg"][k], deg, 0.02), "{b}");
+                assert!(near(&b["stretch"][k], 1.0 / cos, 1e-4), "{b}");
+                assert!(near(&b["dose"][k], cos, 1e-4), "{b}");
+            }
+        }
+        let text = |name: &str| std::fs::read_to_string(out.join(name)).expect("text");
+        assert!(text("slope.svg").contains("mean incidence of the beam, deg"));
+        assert!(!text("layout.svg").contains("mean incidence"));
+        assert!(text("report.html").contains("Slope under the marks"));
+    }
+}
+
+#[test]
+fn pens_make_up_for_the_slope() {
+    let dir = folder();
+    let plain = compile(&ramp(dir.path(), 30.0, "").write(dir.path(), "job.toml"), &dir.path().join("plain.job"));
+    for (what, factor, name) in [("speed", 0.87, "fill x0.87"), ("power", 1.15, "fill x1.15")] {
+        let out = dir.path().join(format!("{what}.job"));
+        let job = ramp(dir.path(), 30.0, &format!("[dose]\ncompensate = \"{what}\""));
+        let summary = compile(&job.write(dir.path(), "job.toml"), &out);
+        assert_balance(&summary, &verify(&out));
+        let m = manifest(&out);
+        let pens = m["pens"].as_array().expect("pens");
+        assert_eq!(pens.len(), 2, "{pens:?}");
+        assert_eq!(pens[1]["name"], name);
+        assert!(m["blocks"].as_array().expect("blocks").iter().all(|b| b["pens"] == serde_json::json!([name])));
+        let [speed, power] = [number(&pens[1], "speed_mm_s"), number(&pens[1], "power_w")];
+        let [own_speed, own_power] = [number(&pens[0], "speed_mm_s"), number(&pens[0], "power_w")];
+        let mark = |s: &Value| number(&s["time_s"], "mark");
+        let slower = if what == "speed" { factor } else { 1.0 };
+        assert!((speed - own_speed * slower).abs() < 1e-9 && (power - own_power * factor / slower).abs() < 1e-9);
+        assert!((mark(&summary) * slower - mark(&plain)).abs() < 1e-6 * mark(&plain), "marks take longer");
+        let dose = if what == "speed" { 0.75f64.sqrt() / factor } else { 0.75f64.sqrt() * factor };
+        assert!(m["blocks"].as_array().expect("blocks").iter().all(|b| near(&b["dose"][0], dose, 1e-4)));
+        // Every target that carries pens carries it.
+        let drawing = std::fs::read_to_string(out.join("blocks/B0001.dxf")).expect("a drawing");
+        assert!(drawing.contains("B0001_P2") && !drawing.contains("B0001_P1"), "its own layer");
+        assert!(std::fs::read_to_string(out.join("runsheet.txt")).expect("a sheet").contains(name));
+    }
+}
+
+#[test]
+fn factors_stop_at_the_cap_and_what_no_laser_gives_is_refused() {
+    let dir = folder();
+    let out = dir.path().join("job.job");
+    let job = ramp(dir.path(), 50.0, "[dose]\ncompensate = \"power\"\ncap = 1.2\nstep = 0.05");
+    compile(&job.write(dir.path(), "job.toml"), &out);
+    verify(&out);
+    assert_eq!(manifest(&out)["pens"][1]["name"], "fill x1.2");
+    // 60 % times 1.75 is more than there is.
+    let job = ramp(dir.path(), 55.0, "[dose]\ncompensate = \"power\"\ncap = 2").write(dir.path(), "job.toml");
+    let done = terrace([Path::new("compile"), &job, Path::new("-o"), &out]);
+    assert_eq!(done.status.code(), Some(1), "{}", said(&done));
+    assert!(said(&done).contains("pen-power"), "{}", said(&done));
+    // Nowhere to say it.
+    let more = "[dose]\ncompensate = \"speed\"\n[emit]\nformats = [\"linuxcnc\"]";
+    let summary = compile(&ramp(dir.path(), 30.0, more).write(dir.path(), "job.toml"), &out);
+    let codes: Vec<&str> =
+        summary["warnings"].as_array().expect("list").iter().filter_map(|w| w["code"].as_str()).collect();
+    assert!(codes.contains(&"dose-lost"), "{codes:?}");
+}
+
+#[test]
+fn a_curved_part_gets_several_pens_and_is_proved() {
+    let dir = folder();
+    let stl = dir.path().join("part.stl");
+    write_stl(&stl, &mesh(60, [0.0, 0.0, 60.0, 40.0], |x, y| 3.0 * (x / 12.0).sin() + 2.0 * (y / 9.0).cos()));
+    for what in ["speed", "power"] {
+        let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.5 mm\"").method("window");
+        job.more = format!("[dose]\ncompensate = \"{what}\"\nstep = 0.005");
+        let out = dir.path().join("job.job");
+        let summary = compile(&job.write(dir.path(), "job.toml"), &out);
+        let proof = verify(&out);
+        assert_balance(&summary, &proof);
+        assert!(manifest(&out)["pens"].as_array().expect("pens").len() > 10);
+        let rule = proof["rules"].as_array().expect("rules").iter().find(|r| r["code"] == "dose").expect("a rule");
+        assert_eq!(rule["checked"], summary["fragments"]);
+    }
+}
+
+#[test]
+fn nonsense_is_refused() {
+    let dir = folder();
+    for (keys, code) in [
+        ("compensate = \"speed\"\ncap = 1", "dose-cap"),
+        ("compensate = \"speed\"\ncap = nan", "dose-cap"),
+        ("compensate = \"power\"\nstep = 0", "dose-step"),
+        ("compensate = \"both\"", "toml"),
+        ("cap = 1.5", "toml"),
+    ] {
+        let job = ramp(dir.path(), 10.0, &format!("[dose]\n{keys}")).write(dir.path(), "job.toml");
+        let done = terrace([Path::new("check"), &job]);
+        assert_eq!(done.status.code(), Some(2), "{keys}: {}", said(&done));
+        assert!(said(&done).contains(&format!("[{code}]")), "{keys}: {}", said(&done));
+    }
+}
