@@ -128,7 +128,12 @@ fn faults_of(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag>
             );
         }
     }
-    let lowest = limits.clearance.lowest_focus(stop.centre, stop.centre);
+    let lowest = if stop.tilt == [0; 2] {
+        limits.clearance.lowest_focus(stop.centre, stop.centre)
+    } else {
+        let turn = machine.turn(stop.tilt, limits.origin);
+        limits.clearance.lowest_focus_turned(&turn, stop.centre)
+    };
     if stop.focus < lowest {
         let text = format!(
             "the head would come {} mm too near to a higher place of the part",
@@ -183,6 +188,10 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
     }
     let P2 { x, y } = block.stop.centre;
     let at = limits.machine.stage_from_part([x, y, block.stop.focus], limits.origin);
+    let axes = limits.machine.tilt.as_ref().map(|t| &t.axes);
+    if !axes.map_or(block.stop.tilt == [0; 2], |axes| (0..2).all(|k| axes[k].takes(block.stop.tilt[k]))) {
+        broken(format!("P4: no tilt axes go to {:?} millionths of a degree", block.stop.tilt));
+    }
     if at != block.stage || at.iter().any(|v| v % step != 0) {
         broken(format!(
             "P4: stage target {:?} nm is not where the block lies, {at:?} nm, in steps of {step} nm",

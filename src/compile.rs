@@ -6,6 +6,7 @@
 
 mod build;
 mod passes;
+mod tilt;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
@@ -145,14 +146,33 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let ground = ground(&job, &machine, &surface, &mut texture, first)?;
     most_stops(&ground)?;
     let methods = match job.file.partition.method {
-        Method::Auto => vec![Method::Contour, Method::ZRange, Method::Window],
+        Method::Auto => {
+            let tilt = (machine.tilt.is_some() && !job.file.passes.sinks()).then_some(Method::Tilt);
+            [Method::Contour, Method::ZRange, Method::Window].into_iter().chain(tilt).collect()
+        }
+        Method::Tilt if machine.tilt.is_none() => {
+            let text = "partition.method = \"tilt\" needs a machine with a tilt table";
+            let place = Place::file(job.path.display().to_string());
+            let hint = "describe the table under [tilt] in the machine file, or use another method";
+            return Err(Diag::limit("tilt-missing", text).at(place).hint(hint).into());
+        }
+        Method::Tilt if job.file.passes.sinks() => {
+            let text = "passes.lower cannot be followed by tilted blocks, whose focal planes lie aslant";
+            let place = Place::file(job.path.display().to_string());
+            let hint = "leave passes.lower out, or use another method";
+            return Err(Diag::limit("tilt-lower", text).at(place).hint(hint).into());
+        }
         one => vec![one],
     };
     let (mut tried, mut stops) = (Vec::new(), Vec::new());
     for method in methods {
         let hopeless = method == Method::Window && stops.last().is_some_and(|grid| windows_cannot_win(&ground, grid));
-        if let Some(found) = (!hopeless).then(|| divide(&ground, method)).flatten() {
-            tried.push(method);
+        if method == Method::Tilt {
+            let (found, slope2) = tilt::divide(&ground);
+            tried.push((method, Some(slope2)));
+            stops.push(found);
+        } else if let Some(found) = (!hopeless).then(|| divide(&ground, method)).flatten() {
+            tried.push((method, None));
             stops.push(found);
         }
     }
@@ -165,8 +185,9 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     progress(Station::Order);
     let mut candidates = Vec::new();
     let mut best: Option<Made> = None;
-    for ((&method, stops), parts) in tried.iter().zip(&stops).zip(parts) {
-        let made = make(&ground, method, stops, parts);
+    for ((&(method, slope2), stops), parts) in tried.iter().zip(&stops).zip(parts) {
+        let mut made = make(&ground, method, stops, parts);
+        made.split.worst_slope2 = slope2.unwrap_or(made.split.worst_slope2);
         candidates.push(Candidate {
             method: method.name().into(),
             stops: made.program.blocks.len(),
@@ -209,7 +230,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         method: made.method.name().into(),
         lower_bound_stops: None,
         texture_mm: split.texture_mm,
-        mark_mm: passes(Program::mark_mm),
+        mark_mm: split.mark_mm,
         overlap_mm: split.overlap_mm,
         skipped_mm: split.skipped.off_part + split.skipped.steep + split.skipped.small,
         skipped_off_part_mm: split.skipped.off_part,
@@ -448,6 +469,7 @@ fn divide(ground: &Ground<'_>, method: Method) -> Option<Stops> {
         Method::ZRange | Method::Auto => {
             partition::divide(partition::Method::ZRange, footprint, sections, *window, lattice)
         }
+        Method::Tilt => tilt::divide(ground).0,
         Method::Window => {
             let (lowest, _) = footprint.range()?;
             let fine = Fine::over(sections, *window, lattice, lowest)?;
@@ -562,6 +584,7 @@ fn too_large(ground: &Ground<'_>) -> Diag {
 /// The figures of two runs of strokes together; fragments and points are let go.
 fn join(mut a: Fragments, b: Fragments) -> Fragments {
     a.texture_mm += b.texture_mm;
+    a.mark_mm += b.mark_mm;
     a.overlap_mm += b.overlap_mm;
     a.cuts += b.cuts;
     a.short += b.short;
@@ -588,10 +611,13 @@ fn times(ground: &Ground<'_>, program: &Program) -> (Times, Vec<f64>) {
     let machine = ground.machine;
     let mut t = Times::default();
     let mut at = ground.place.from;
+    let mut tilt = ground.place.before.as_ref().map_or([0; 2], |s| s.tilt);
     let mut blocks = Vec::with_capacity(program.blocks.len());
     for block in &program.blocks {
         let retract = block.retract.then(|| machine.retract_z());
-        let moved = motion::stage_move(machine, at, block.stage, retract);
+        let turning = machine.tilt_time_s(tilt, block.stop.tilt);
+        let moved = motion::tilting_move(machine, at, block.stage, retract, turning);
+        tilt = block.stop.tilt;
         t.stage += moved.travel_s;
         t.settle += moved.settle_s;
         at = block.stage;

@@ -14,8 +14,9 @@
 //! point where a closed figure was drawn from. What is shared is counted, cuts with less than was asked for
 //! too: mark - overlap + skipped = texture.
 
-use crate::geom::{NM_PER_MM, P2};
+use crate::geom::{NM_PER_MM, P2, Turn, nearest};
 use crate::partition::Stops;
+use crate::program::CHORD;
 use crate::trace::{Keep, Piece, Skip, Tracer};
 
 /// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
@@ -75,6 +76,8 @@ pub struct Fragments {
     pub points: Vec<[i32; 2]>,
     /// Length of the strokes, mm, every pass counted.
     pub texture_mm: f64,
+    /// Length of what is marked of them, in the plane of the drawing, mm, every pass counted.
+    pub mark_mm: f64,
     /// Length that is marked twice where two fragments overlap, mm, every pass counted.
     pub overlap_mm: f64,
     /// What was not marked.
@@ -107,8 +110,63 @@ struct Open {
     /// The exact length that `z_length` was summed over: that of the rounded points would not do, because
     /// every nanometre counts with the whole height.
     length: f64,
+    /// The last of its points in the drawing, and the length of the line through all of them, nm.
+    last: P2,
+    drawn: f64,
+    /// On a turned part: the line since its last point.
+    bend: Bend,
     /// How much of it the fragment before has marked too, nm.
     shared: f64,
+}
+
+/// A line in the field that bends with the surface, followed from its last point: the directions in which it may
+/// go on straight and pass all places since then within [`CHORD`].
+#[derive(Clone, Copy, Default)]
+struct Bend {
+    from: [f64; 2],
+    /// The last place; None where there is none since the last point.
+    at: Option<[f64; 2]>,
+    /// Unit vector in which directions are measured, and their least and greatest tangent.
+    along: [f64; 2],
+    open: [f64; 2],
+}
+
+impl Bend {
+    /// Goes on from a point of the program.
+    fn start(from: [f64; 2]) -> Self {
+        Self { from, at: None, along: [0.0; 2], open: [0.0; 2] }
+    }
+
+    /// Goes on to `to`; answers the place at which a point must be set, if one must.
+    fn go(&mut self, to: [f64; 2]) -> Option<[f64; 2]> {
+        let corner = self.at.filter(|_| !self.reaches(to));
+        if let Some(corner) = corner {
+            *self = Self::start(corner);
+        }
+        let d = [to[0] - self.from[0], to[1] - self.from[1]];
+        let length = d[0].hypot(d[1]);
+        if self.at.is_none() {
+            self.along = [d[0] / length, d[1] / length];
+            self.open = [f64::NEG_INFINITY, f64::INFINITY];
+        }
+        // Nearer than the tolerance nothing is a direction.
+        let (x, y) = self.local(d);
+        if x > CHORD {
+            self.open = [self.open[0].max((y - CHORD) / x), self.open[1].min((y + CHORD) / x)];
+        }
+        self.at = Some(to);
+        corner
+    }
+
+    fn reaches(&self, to: [f64; 2]) -> bool {
+        let (x, y) = self.local([to[0] - self.from[0], to[1] - self.from[1]]);
+        x > 0.0 && (self.open[0]..=self.open[1]).contains(&(y / x))
+    }
+
+    fn local(&self, d: [f64; 2]) -> (f64, f64) {
+        let [x, y] = self.along;
+        (d[0] * x + d[1] * y, d[1] * x - d[0] * y)
+    }
 }
 
 /// Cuts strokes between the stops of several candidates, over one walk.
@@ -134,6 +192,15 @@ struct Segment {
     /// Its first piece and the end of its pieces.
     first: usize,
     end: usize,
+}
+
+impl Segment {
+    /// The place at `t`, over which the surface is `z` high.
+    #[inline]
+    fn at(&self, t: f64, z: f64) -> [f64; 3] {
+        let [a, b] = [self.a, self.b];
+        [a.x as f64 + t * (b.x - a.x) as f64, a.y as f64 + t * (b.y - a.y) as f64, z]
+    }
 }
 
 impl<'a> Splitter<'a> {
@@ -176,6 +243,8 @@ struct Cutter<'a> {
     keep: Keep,
     out: Fragments,
     open: Option<Open>,
+    /// Height of the surface at the end of the last stretch that was marked.
+    z: f64,
     /// Why the stroke is not marked here, and since where on the segment.
     unmarked: Option<(Skip, P2)>,
     source: u32,
@@ -223,6 +292,7 @@ impl<'a> Cutter<'a> {
             keep,
             out,
             open: None,
+            z: 0.0,
             unmarked: None,
             source: 0,
             pen: 0,
@@ -280,7 +350,7 @@ impl<'a> Cutter<'a> {
                 while t < p.t1 {
                     let chosen = stop.is_none();
                     let (at, end) = stop.take().unwrap_or_else(|| self.go_on(run, k, i, t));
-                    let mut exit = self.exit(at, end, p, t);
+                    let mut exit = self.exit(at, end, s, p, t);
                     if let Some((_, cut, _)) = self.cut.filter(|c| c.0 == i) {
                         exit = exit.min(cut.max(t));
                     }
@@ -304,9 +374,13 @@ impl<'a> Cutter<'a> {
         }
     }
 
-    /// Where on a segment that begins in the window of `stop` it leaves it.
+    /// Where on a segment that begins in the window of `stop` it leaves it; on a turned part every piece
+    /// tells for itself.
     #[inline]
     fn window_end(&self, stop: u32, s: &Segment) -> f64 {
+        if self.stops.turn(stop).is_some() {
+            return f64::INFINITY;
+        }
         let [lo, hi] = self.stops.window(stop);
         let (x, y) = (s.b.x - s.a.x, s.b.y - s.a.y);
         let end = |d: i64, a: i64, lo: f64, hi: f64| match d {
@@ -319,7 +393,10 @@ impl<'a> Cutter<'a> {
 
     /// Where a piece leaves `stop`, from t on; its end or beyond if it stays.
     #[inline]
-    fn exit(&self, stop: u32, window_end: f64, p: &Piece, t: f64) -> f64 {
+    fn exit(&self, stop: u32, window_end: f64, s: &Segment, p: &Piece, t: f64) -> f64 {
+        if let Some(turn) = self.stops.turn(stop) {
+            return self.turned_exit(stop, turn, s, p, t);
+        }
         let stop = &self.stops.stops[stop as usize];
         let (lo, hi) = (stop.z_lo as f64, stop.z_hi as f64);
         // At the edge of a sheet the height jumps from one piece to the next.
@@ -337,6 +414,49 @@ impl<'a> Cutter<'a> {
         window_end.min(z_end).clamp(t, p.t1)
     }
 
+    /// As [`Cutter::exit`] for a turned part, on which a piece is straight in space.
+    fn turned_exit(&self, stop: u32, turn: &Turn, s: &Segment, p: &Piece, t: f64) -> f64 {
+        let [a, b] = [(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| turn.apply(s.at(t, z)));
+        let [lo, hi] = self.bounds(stop);
+        let share = (t - p.t0) / (p.t1 - p.t0);
+        let mut exit = p.t1;
+        for k in 0..3 {
+            let now = a[k] + (b[k] - a[k]) * share;
+            if now > hi[k] + EPS || now < lo[k] - EPS {
+                return t;
+            }
+            let limit = if b[k] > hi[k] + EPS {
+                hi[k]
+            } else if b[k] < lo[k] - EPS {
+                lo[k]
+            } else {
+                continue;
+            };
+            exit = exit.min(p.t0 + (p.t1 - p.t0) * ((limit - a[k]) / (b[k] - a[k])));
+        }
+        exit.clamp(t, p.t1)
+    }
+
+    /// Lower and upper corner of what `stop` accepts, on the turned part where there is a turn.
+    fn bounds(&self, stop: u32) -> [[f64; 3]; 2] {
+        let ([lo, hi], at) = (self.stops.window(stop), &self.stops.stops[stop as usize]);
+        [[lo[0], lo[1], at.z_lo as f64], [hi[0], hi[1], at.z_hi as f64]]
+    }
+
+    /// A point as `stop` sees it.
+    fn seen(&self, stop: u32, p: [f64; 3]) -> [f64; 3] {
+        self.stops.turn(stop).map_or(p, |turn| turn.apply(p))
+    }
+
+    /// A point of the drawing, over which the surface is `z` high, in the field frame of a stop. Sections are
+    /// smaller than 2.1 m, so it fits.
+    fn local(&self, stop: usize, p: P2, z: f64) -> [i32; 2] {
+        let c = self.stops.stops[stop].centre;
+        let Some(turn) = self.stops.turn(stop as u32) else { return [(p.x - c.x) as i32, (p.y - c.y) as i32] };
+        let [x, y, _] = turn.apply([p.x as f64, p.y as f64, z]);
+        [nearest(x - c.x as f64) as i32, nearest(y - c.y as f64) as i32]
+    }
+
     /// The stop that goes on after `t` on piece `i` of segment `k`, and where its window ends; plans the
     /// place of the next cut if that is free.
     fn go_on(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (u32, f64) {
@@ -344,7 +464,7 @@ impl<'a> Cutter<'a> {
         let (s, p) = (&run.segments[k], &run.pieces[i]);
         let ends = planned.map(|next| (next, self.window_end(next, s)));
         let (stop, end) =
-            ends.filter(|&(n, end)| self.exit(n, end, p, t) > t).unwrap_or_else(|| self.choose(run, k, i, t));
+            ends.filter(|&(n, end)| self.exit(n, end, s, p, t) > t).unwrap_or_else(|| self.choose(run, k, i, t));
         if self.seam.zone > 0.0 {
             self.cut = self.plan(stop, run, k, i, t);
         }
@@ -382,27 +502,24 @@ impl<'a> Cutter<'a> {
         (first, from): (usize, f64),
         most: f64,
     ) -> ((usize, f64), f64) {
-        let ([lo, hi], at) = (self.stops.window(stop), &self.stops.stops[stop as usize]);
+        let ([lo, hi], lean) = (self.bounds(stop), self.stops.turn(stop).map_or(0.0, Turn::lean));
         let mut length = 0.0;
         loop {
             let s = &run.segments[run.segments.partition_point(|s| s.end <= j)];
             let p = &run.pieces[j];
-            // At the edge of a sheet the height jumps from one piece to the next.
-            let z = p.z(to);
-            if z > at.z_hi as f64 + EPS || z < at.z_lo as f64 - EPS {
-                return ((j, to), length);
-            }
-            let d = [(s.b.x - s.a.x) as f64, (s.b.y - s.a.y) as f64];
-            let a = [s.a.x as f64, s.a.y as f64];
-            let limit = |v: f64, d: f64, lo: f64, hi: f64| match d {
-                0.0 => f64::NEG_INFINITY,
-                d => ((if d > 0.0 { lo } else { hi }) - v) / d,
-            };
-            let mut begin = (0..2).map(|axis| limit(a[axis], d[axis], lo[axis], hi[axis])).fold(p.t0, f64::max);
-            if p.z0 > at.z_hi as f64 || p.z0 < at.z_lo as f64 {
-                let z = if p.z0 > at.z_hi as f64 { at.z_hi } else { at.z_lo } as f64;
-                let share = if p.z1 == p.z0 { 1.0 } else { (z - p.z0) / (p.z1 - p.z0) };
-                begin = begin.max(p.t0 + (p.t1 - p.t0) * share);
+            let [a, b] = [(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| self.seen(stop, s.at(t, z)));
+            let mut begin = p.t0;
+            for k in 0..3 {
+                // At the edge of a sheet the height jumps from one piece to the next.
+                let now = a[k] + (b[k] - a[k]) * ((to - p.t0) / (p.t1 - p.t0));
+                if now > hi[k] + EPS || now < lo[k] - EPS {
+                    return ((j, to), length);
+                }
+                let limit = a[k].clamp(lo[k], hi[k]);
+                if limit != a[k] {
+                    let share = if b[k] == a[k] { 1.0 } else { (limit - a[k]) / (b[k] - a[k]) };
+                    begin = begin.max(p.t0 + (p.t1 - p.t0) * share);
+                }
             }
             if j == first {
                 begin = begin.max(from);
@@ -414,7 +531,7 @@ impl<'a> Cutter<'a> {
             }
             length += (to - begin) * scale;
             let goes_on = begin <= p.t0 && j > first && run.pieces[j - 1].skip.is_none();
-            if !goes_on {
+            if !goes_on || (run.pieces[j - 1].z1 - p.z0).abs() * lean > CHORD / 2.0 {
                 return ((j, begin), length);
             }
             j -= 1;
@@ -459,11 +576,8 @@ impl<'a> Cutter<'a> {
                 self.corner(s.index, s.b);
             }
         }
-        let end = local(self.stops, stop as usize, cut);
         if let Some(open) = &mut self.open {
-            let points = &self.out.points[open.first..];
-            let last = points[points.len() - 1];
-            open.shared = (crate::program::stroke_mm(points) + crate::program::stroke_mm(&[last, end])) * NM_PER_MM;
+            open.shared = open.drawn + open.last.distance(cut);
         }
     }
 
@@ -471,13 +585,13 @@ impl<'a> Cutter<'a> {
     /// last; and where on the segment its window ends.
     fn choose(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (u32, f64) {
         let (s, p) = (&run.segments[k], &run.pieces[i]);
-        let at = [s.a.x as f64 + t * (s.b.x - s.a.x) as f64, s.a.y as f64 + t * (s.b.y - s.a.y) as f64, p.z(t)];
+        let at = s.at(t, p.z(t));
         let mut accepting = std::mem::take(&mut self.accepting);
         accepting.clear();
         accepting.extend(self.stops.near(at, EPS).filter(|&stop| {
-            let [lo, hi] = self.stops.window(stop);
+            let ([lo, hi], at) = (self.bounds(stop), self.seen(stop, at));
             let holds = (0..2).all(|axis| lo[axis] - EPS <= at[axis] && at[axis] <= hi[axis] + EPS);
-            holds && self.exit(stop, self.window_end(stop, s), p, t) > t
+            holds && self.exit(stop, self.window_end(stop, s), s, p, t) > t
         }));
         if self.seam.overlap > 0.0 && accepting.len() > 1 {
             self.overlapping(&mut accepting, run, i, t);
@@ -504,7 +618,7 @@ impl<'a> Cutter<'a> {
             let end = self.window_end(stop, s);
             for (j, p) in run.pieces[..s.end].iter().enumerate().skip(i.max(s.first)) {
                 let t = std::mem::replace(&mut t, 0.0).max(p.t0);
-                let exit = self.exit(stop, end, p, t);
+                let exit = self.exit(stop, end, s, p, t);
                 if p.skip.is_some() || exit < p.t1 {
                     return (j, if p.skip.is_some() { p.t0 } else { exit });
                 }
@@ -516,9 +630,8 @@ impl<'a> Cutter<'a> {
     /// The stop that comes nearest to accepting a point: methods cover all that was traced, up to rounding.
     fn nearest(&self, at: [f64; 3]) -> u32 {
         let beyond = |&stop: &u32| {
-            let ([lo, hi], s) = (self.stops.window(stop), &self.stops.stops[stop as usize]);
-            let out = |v: f64, lo: f64, hi: f64| (lo - v).max(v - hi).max(0.0);
-            out(at[0], lo[0], hi[0]).max(out(at[1], lo[1], hi[1])).max(out(at[2], s.z_lo as f64, s.z_hi as f64))
+            let ([lo, hi], at) = (self.bounds(stop), self.seen(stop, at));
+            (0..3).map(|k| (lo[k] - at[k]).max(at[k] - hi[k])).fold(0.0, f64::max)
         };
         let near = self.stops.near(at, 2.0).min_by(|a, b| beyond(a).total_cmp(&beyond(b)).then(a.cmp(b)));
         near.unwrap_or(0)
@@ -553,16 +666,43 @@ impl<'a> Cutter<'a> {
 
     /// Goes on in `stop` over a stretch of a piece.
     fn mark(&mut self, stop: usize, s: &Segment, t: [f64; 2], p: &Piece) {
-        if self.open.as_ref().is_some_and(|o| o.stop != stop) {
+        // On a turned part the two sides of a wall lie apart in the field.
+        let jump = (p.z(t[0]) - self.z).abs();
+        let jumps = self.stops.turn(stop as u32).is_some_and(|turn| jump * turn.lean() > CHORD / 2.0);
+        if self.open.as_ref().is_some_and(|o| o.stop != stop || jumps) {
             self.close(s.a.lerp(s.b, t[0]));
         }
-        let open = self.open.get_or_insert_with(|| {
+        let z = [p.z(t[0]), p.z(t[1])];
+        let ends = self.stops.turn(stop as u32).map(|turn| [0, 1].map(|k| turn.apply(s.at(t[k], z[k]))));
+        if self.open.is_none() {
             let first = self.out.points.len();
-            self.out.points.push(local(self.stops, stop, s.a.lerp(s.b, t[0])));
-            let z = [f64::INFINITY, f64::NEG_INFINITY];
-            Open { stop, segment: s.index, first, z, z_length: 0.0, length: 0.0, shared: 0.0 }
-        });
-        let (z, length) = ([p.z(t[0]), p.z(t[1])], (t[1] - t[0]) * s.a.distance(s.b));
+            let last = s.a.lerp(s.b, t[0]);
+            self.out.points.push(self.local(stop, last, z[0]));
+            let bend = ends.map_or_else(Bend::default, |e| Bend::start([e[0][0], e[0][1]]));
+            let range = [f64::INFINITY, f64::NEG_INFINITY];
+            self.open = Some(Open {
+                stop,
+                segment: s.index,
+                first,
+                z: range,
+                z_length: 0.0,
+                length: 0.0,
+                last,
+                drawn: 0.0,
+                bend,
+                shared: 0.0,
+            });
+        }
+        self.z = z[1];
+        let (centre, Some(open)) = (self.stops.stops[stop].centre, &mut self.open) else { return };
+        let z = ends.map_or(z, |e| e.map(|e| e[2]));
+        if let Some([x, y]) = ends.and_then(|e| open.bend.go([e[1][0], e[1][1]])) {
+            let p = [nearest(x - centre.x as f64) as i32, nearest(y - centre.y as f64) as i32];
+            if self.out.points[self.out.points.len() - 1] != p {
+                self.out.points.push(p);
+            }
+        }
+        let length = (t[1] - t[0]) * s.a.distance(s.b);
         open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
         open.z_length += (z[0] + z[1]) / 2.0 * length;
         open.length += length;
@@ -577,8 +717,14 @@ impl<'a> Cutter<'a> {
 
     /// The open fragment turns at the end b of `segment`.
     fn corner(&mut self, segment: u32, b: P2) {
+        let Some(p) = self.open.as_ref().map(|open| self.local(open.stop, b, self.z)) else { return };
         if let Some(open) = &mut self.open {
-            let p = local(self.stops, open.stop, b);
+            open.drawn += open.last.distance(b);
+            open.last = b;
+            open.bend = self.stops.turn(open.stop as u32).map_or_else(Bend::default, |turn| {
+                let [x, y, _] = turn.apply([b.x as f64, b.y as f64, self.z]);
+                Bend::start([x, y])
+            });
             if self.out.points[self.out.points.len() - 1] != p {
                 self.out.points.push(p);
             } else if self.out.points.len() == open.first + 1 {
@@ -594,17 +740,18 @@ impl<'a> Cutter<'a> {
     /// Ends the open fragment at `end`; answers whether it is long enough to be marked.
     fn close(&mut self, end: P2) -> bool {
         let Some(open) = self.open.take() else { return false };
-        let p = local(self.stops, open.stop, end);
+        let p = self.local(open.stop, end, self.z);
         if self.out.points[self.out.points.len() - 1] != p {
             self.out.points.push(p);
         }
         let points = &self.out.points[open.first..];
-        let length = crate::program::stroke_mm(points) * NM_PER_MM;
+        let length = open.drawn + open.last.distance(end);
         if points.len() < 2 || length < self.min_mark {
             self.out.skipped.small += self.passes * (length - open.shared) / NM_PER_MM;
             self.out.points.truncate(open.first);
             return false;
         }
+        self.out.mark_mm += self.passes * length / NM_PER_MM;
         self.out.overlap_mm += self.passes * open.shared / NM_PER_MM;
         self.out.list.push(Fragment {
             stop: open.stop as u32,
@@ -620,10 +767,4 @@ impl<'a> Cutter<'a> {
         });
         true
     }
-}
-
-/// A part point in the field frame of a stop. Sections are smaller than 2.1 m, so it fits.
-fn local(stops: &Stops, stop: usize, p: P2) -> [i32; 2] {
-    let c = stops.stops[stop].centre;
-    [(p.x - c.x) as i32, (p.y - c.y) as i32]
 }

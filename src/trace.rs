@@ -8,9 +8,13 @@
 
 mod cells;
 mod footprint;
+mod marks;
+mod turned;
 
 pub use cells::{Cells, Figure, Slabs};
 pub use footprint::Footprint;
+pub use marks::Marks;
+pub use turned::{Facing, Facings, InFacing, Turned};
 
 use crate::geom::{Box2, P2};
 use crate::program::Sections;
@@ -38,6 +42,8 @@ pub struct Piece {
     pub z1: f64,
     /// Why the piece is not marked, if it is not.
     pub skip: Option<Skip>,
+    /// Facet under it; without meaning off the part.
+    facet: u32,
 }
 
 impl Piece {
@@ -59,6 +65,8 @@ pub struct Tracer<'a> {
     surface: &'a Surface,
     max_slope2: f64,
     cursor: Cursor,
+    /// Where the last beam was followed.
+    beam: Cursor,
     spans: Vec<Span>,
     /// Largest squared slope of what was marked so far.
     pub worst_slope2: f64,
@@ -71,6 +79,7 @@ impl<'a> Tracer<'a> {
             surface,
             max_slope2: max_slope * max_slope,
             cursor: Cursor::default(),
+            beam: Cursor::default(),
             spans: Vec::new(),
             worst_slope2: 0.0,
         }
@@ -92,7 +101,8 @@ impl<'a> Tracer<'a> {
                     }
                 }
             };
-            sink(Piece { t0: span.t0, t1: span.t1, z0: span.z0, z1: span.z1, skip });
+            let facet = span.facet().unwrap_or_default();
+            sink(Piece { t0: span.t0, t1: span.t1, z0: span.z0, z1: span.z1, skip, facet });
         }
     }
 }
@@ -147,7 +157,7 @@ impl<'a> GridTracer<'a> {
                     Some(&(at, _)) if at < p.t1 => at,
                     _ => p.t1,
                 };
-                sink(Piece { t0: t, t1: end, z0: p.z(t), z1: p.z(end), skip: None }, cuts[cut].1);
+                sink(Piece { t0: t, t1: end, z0: p.z(t), z1: p.z(end), ..p }, cuts[cut].1);
                 if end >= p.t1 {
                     break;
                 }

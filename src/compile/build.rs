@@ -142,23 +142,71 @@ fn tour(ground: &Ground<'_>, placed: &[(Stop, [i64; 2])]) -> Vec<usize> {
     let mut area = Box2::EMPTY;
     placed.iter().for_each(|(s, _)| area.add(s.centre));
     let lowest = clearance.lowest_focus(area.lo, area.hi) + ground.place.lowered;
+    if placed.iter().any(|(s, _)| s.tilt != [0; 2]) {
+        return turned_tour(ground, &targets, placed);
+    }
     let lifts = |a: usize, b: usize| placed[a].0.focus < lowest && lifts(ground, &placed[a].0, &placed[b].0);
     let stage = order::stops::Stage {
         machine,
         from: ground.place.from,
         lifts: placed.iter().any(|(s, _)| s.focus < lowest).then_some(&lifts),
     };
-    let climb = match ground.job.file.order.stops {
+    order::stops::tour(&targets, &stage, climb(ground), order::stops::EFFORT)
+}
+
+fn climb(ground: &Ground<'_>) -> Climb {
+    match ground.job.file.order.stops {
         StopOrder::Time => Climb::Free,
         StopOrder::ZUp => Climb::Up,
         StopOrder::ZDown => Climb::Down,
-    };
-    order::stops::tour(&targets, &stage, climb, order::stops::EFFORT)
+    }
+}
+
+/// The tour of tilted stops: levels of one place and tilt follow each other, alternately up and down, since
+/// every other move turns the part.
+fn turned_tour(ground: &Ground<'_>, targets: &[[i64; 3]], placed: &[(Stop, [i64; 2])]) -> Vec<usize> {
+    let stage = order::stops::Stage { machine: ground.machine, from: ground.place.from, lifts: None };
+    if climb(ground) != Climb::Free {
+        return order::stops::tour(targets, &stage, climb(ground), order::stops::EFFORT);
+    }
+    let mut columns: Vec<usize> = (0..placed.len()).collect();
+    let key = |i: usize| (placed[i].0.centre, placed[i].0.tilt);
+    columns.sort_by_key(|&i| (key(i), targets[i][2]));
+    let columns: Vec<&[usize]> = columns.chunk_by(|&a, &b| key(a) == key(b)).collect();
+    let middle: Vec<[i64; 3]> = columns.iter().map(|c| targets[c[c.len() / 2]]).collect();
+    let mut z = stage.from[2];
+    let mut order = Vec::with_capacity(placed.len());
+    for c in order::stops::tour(&middle, &stage, Climb::Free, order::stops::EFFORT) {
+        let column = columns[c];
+        let [low, high] = [column[0], column[column.len() - 1]].map(|i| targets[i][2]);
+        if (high - z).abs() < (low - z).abs() {
+            order.extend(column.iter().rev());
+            z = low;
+        } else {
+            order.extend(column);
+            z = high;
+        }
+    }
+    order
 }
 
 /// Whether the stage must lift between two stops.
 fn lifts(ground: &Ground<'_>, a: &Stop, b: &Stop) -> bool {
-    a.centre != b.centre && a.focus - ground.place.lowered < ground.clearance.lowest_focus(a.centre, b.centre)
+    if a.tilt == b.tilt {
+        return a.centre != b.centre && a.focus - ground.place.lowered < lowest_over(ground, a, b);
+    }
+    let turn = |u: i64, v: i64| ground.machine.turn([u, v], ground.origin);
+    let [[a0, a1], [b0, b1]] = [a.tilt, b.tilt];
+    a.focus < ground.clearance.lowest_swing([turn(a0, a1), turn(b0, a1), turn(a0, b1), turn(b0, b1)])
+}
+
+/// The lowest focal plane at which the stage may go straight from one stop to another of the same tilt.
+fn lowest_over(ground: &Ground<'_>, a: &Stop, b: &Stop) -> i64 {
+    if a.tilt == [0; 2] {
+        return ground.clearance.lowest_focus(a.centre, b.centre);
+    }
+    let turn = ground.machine.turn(a.tilt, ground.origin);
+    ground.clearance.lowest_swing([turn; 4])
 }
 
 /// The focal plane of a block whose marks lie between `z` and have the mean height `mean`, and the

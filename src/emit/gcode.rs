@@ -4,7 +4,7 @@
 //! and an input (BUSY) and never steps on after a timeout. [`m0`] stops at every block until the operator
 //! presses cycle start; it keeps to what GRBL and Mach read.
 //!
-//! Words are absolute axis commands in mm. Moves are x and y together, then z alone, never both at once;
+//! Words are absolute axis commands in mm and degrees. Moves are x and y and the tilt axes together, then z alone, never both at once;
 //! first of all, at the end, and where a block asks for it, z goes to the far end of its travel. The
 //! laser output is switched off at once (not with the next motion) before every group of moves and at
 //! the end, and a dwell follows every group: a motion queue otherwise lets the laser overlap the move.
@@ -88,6 +88,9 @@ struct Writer {
     dwell: String,
     /// Where the stage stands; None before the first move.
     at: Option<[i64; 3]>,
+    /// Letters of the tilt axes and where they stand; nothing where there is no tilt table.
+    letters: Option<[char; 2]>,
+    tilt: Option<[i64; 2]>,
 }
 
 impl Writer {
@@ -101,6 +104,8 @@ impl Writer {
             retract_z: machine.retract_z(),
             dwell: format!("G4 P{}.{:03}", ms / 1000, ms % 1000),
             at: None,
+            letters: machine.tilt.as_ref().map(|t| t.axes.each_ref().map(|a| a.letter.char())),
+            tilt: None,
         }
     }
 
@@ -145,8 +150,14 @@ impl Writer {
         if block.retract || self.at.is_none() {
             self.lift();
         }
-        if self.at.is_none_or(|at| [at[0], at[1]] != [x, y]) {
-            self.travel(&[('X', x), ('Y', y)]);
+        let tilt = self.letters.filter(|_| self.tilt != Some(block.stop.tilt)).map(|l| (l, block.stop.tilt));
+        self.tilt = Some(block.stop.tilt);
+        let moves = self.at.is_none_or(|at| [at[0], at[1]] != [x, y]);
+        match tilt {
+            // Degrees have six decimals as well.
+            Some(([a, b], [u, v])) => self.travel(&[('X', x), ('Y', y), (a, u), (b, v)]),
+            None if moves => self.travel(&[('X', x), ('Y', y)]),
+            None => {}
         }
         if self.at.is_none_or(|at| at[2] != z) {
             self.travel(&[('Z', z)]);

@@ -5,8 +5,10 @@
 //! is read or written, and z stays `f64` until a mark is made of it.
 
 mod stroke;
+mod turn;
 
 pub use stroke::Strokes;
+pub use turn::Turn;
 
 use nalgebra::Point3;
 

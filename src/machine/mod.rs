@@ -8,12 +8,17 @@
 //! stands over its origin. The part lies in it shifted by the placement origin. An axis that moves the
 //! head by +1 mm moves the optical axis by +1 mm over the part; one that moves the part, by -1 mm.
 
+mod tilt;
+
 use std::path::Path;
 use std::sync::Arc;
+
+pub use tilt::{Letter, RotaryAxis, Tilt};
 
 use serde::{Deserialize, Serialize};
 
 use crate::diag::{self, Diag, Error, Place};
+use crate::geom::Turn;
 use crate::units::{Acceleration, Jerk, Length, Speed, Time, Watts, non_negative, positive, positive_option};
 
 /// A machine file. Every value is as written; [`Machine::load`] has checked it.
@@ -262,29 +267,6 @@ pub struct Zoom {
     pub settle: Time,
 }
 
-/// A two-axis tilt table under the part.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Tilt {
-    /// Point that both axes pass through, in the table frame.
-    pub pivot: [Length; 3],
-    /// The axes in the order in which they turn the part, the one nearest to the part last.
-    pub axes: [RotaryAxis; 2],
-}
-
-/// One rotary axis.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct RotaryAxis {
-    /// Letter of the axis: A about x, B about y, C about z.
-    pub letter: String,
-    /// Lowest and highest angle.
-    pub travel: [crate::units::Angle; 2],
-    /// Time of a move, settling included.
-    #[serde(deserialize_with = "non_negative")]
-    pub move_time: Time,
-}
-
 /// The built-in profiles: name and text.
 pub const PROFILES: [(&str, &str); 5] = [
     ("xyz-galvo-40", include_str!("profiles/xyz-galvo-40.toml")),
@@ -352,6 +334,7 @@ impl Machine {
         if !(1..=1_000_000).contains(&self.increment_nm()) {
             faults.push(Diag::input("machine-increment", "stage.increment is not between 1 nm and 1 mm"));
         }
+        faults.extend(self.tilt.iter().flat_map(Tilt::faults));
         if self.controller.max_line < 40 {
             faults.push(Diag::input("machine-line", "controller.max_line is below 40 characters"));
         }
@@ -409,6 +392,18 @@ impl Machine {
             out[i] = axis.sign() * (p[i] + origin[i]);
         }
         out
+    }
+
+    /// How commanded angles (millionths of a degree) turn a part whose origin lies at `origin` (nm); none
+    /// where the machine has no tilt table.
+    pub fn turn(&self, tilt: [i64; 2], origin: [i64; 3]) -> Turn {
+        self.tilt.as_ref().map_or_else(Turn::none, |table| table.turn(tilt, origin))
+    }
+
+    /// Time in which the tilt axes go from one pair of commands to another, s.
+    pub fn tilt_time_s(&self, from: [i64; 2], to: [i64; 2]) -> f64 {
+        let axes = self.tilt.iter().flat_map(|table| &table.axes).zip(from.iter().zip(to));
+        axes.filter(|(_, (from, to))| *from != to).map(|(axis, _)| axis.move_time.as_s()).fold(0.0, f64::max)
     }
 
     /// The part point (nm) under the axis commands `stage`: the inverse of [`Machine::stage_from_part`].

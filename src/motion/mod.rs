@@ -39,16 +39,21 @@ impl StageMove {
 /// Measured times of the machine file replace the profiles: `xy` for any move that changes x or y, `z`
 /// for one of z alone, and one `z` more for a retract. They hold the settling already.
 pub fn stage_move(machine: &Machine, from: [i64; 3], to: [i64; 3], retract_z: Option<i64>) -> StageMove {
+    tilting_move(machine, from, to, retract_z, 0.0)
+}
+
+/// As [`stage_move`], the tilt axes taking `tilt_s` for their turn, which runs together with x and y.
+pub fn tilting_move(machine: &Machine, from: [i64; 3], to: [i64; 3], retract_z: Option<i64>, tilt_s: f64) -> StageMove {
     let stage = &machine.stage;
-    let plane = from[0] != to[0] || from[1] != to[1];
+    let plane = from[0] != to[0] || from[1] != to[1] || tilt_s > 0.0;
     let lift = retract_z.filter(|&z| z != from[2]);
     if !plane && from[2] == to[2] && lift.is_none() {
         return StageMove::default();
     }
     if let Some(times) = stage.move_times {
-        let base = if plane { times.xy } else { times.z };
+        let base = if plane { times.xy.as_s().max(tilt_s) } else { times.z.as_s() };
         let lifted = if lift.is_some() && plane { times.z.as_s() } else { 0.0 };
-        return StageMove { travel_s: base.as_s() + lifted, settle_s: 0.0 };
+        return StageMove { travel_s: base + lifted, settle_s: 0.0 };
     }
     let leg = |axis: &Axis, from: i64, to: i64| {
         let jerk = axis.jerk.map(|j| j.as_mm_s3());
@@ -56,7 +61,7 @@ pub fn stage_move(machine: &Machine, from: [i64; 3], to: [i64; 3], retract_z: Op
     };
     let top = retract_z.unwrap_or(from[2]);
     let lifted = leg(&stage.z, from[2], top);
-    let across = leg(&stage.x, from[0], to[0]).max(leg(&stage.y, from[1], to[1]));
+    let across = leg(&stage.x, from[0], to[0]).max(leg(&stage.y, from[1], to[1])).max(tilt_s);
     let focused = leg(&stage.z, top, to[2]);
     StageMove { travel_s: lifted + across + focused, settle_s: stage.settle.as_s() }
 }

@@ -7,13 +7,13 @@ use parry2d::bounding_volume::Aabb;
 use parry2d::math::Vec2;
 use parry2d::partitioning::{Bvh, BvhBuildStrategy};
 
-use crate::geom::{Box2, P2, mm_from_nm};
+use crate::geom::{Box2, P2, Turn, mm_from_nm};
 use crate::machine::Machine;
 
 /// The part's height by tiles.
 pub struct Clearance {
     bvh: Bvh,
-    tops: Vec<i64>,
+    tiles: Vec<(Box2, i64)>,
     radius: i64,
     gap: i64,
 }
@@ -25,7 +25,7 @@ impl Clearance {
         let boxes: Vec<Aabb> = tiles.iter().map(|(b, _)| aabb(*b)).collect();
         Self {
             bvh: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes),
-            tops: tiles.iter().map(|t| t.1).collect(),
+            tiles: tiles.to_vec(),
             radius: nm(machine.lens.diameter) / 2,
             gap: nm(machine.lens.working_distance) - nm(machine.stage.clearance),
         }
@@ -40,9 +40,45 @@ impl Clearance {
             path.add(P2::new(p.x + self.radius, p.y + self.radius));
         }
         let path = aabb(path);
-        let top = self.bvh.intersect_aabb(&path).map(|i| self.tops[i as usize]).max();
+        let top = self.bvh.intersect_aabb(&path).map(|i| self.tiles[i as usize].1).max();
         top.map_or(i64::MIN, |t| t - self.gap)
     }
+
+    /// As [`Clearance::lowest_focus`] for a standstill over `at` of the part as turned.
+    pub fn lowest_focus_turned(&self, turn: &Turn, at: P2) -> i64 {
+        let near = |b: &Box2| {
+            let beyond = |v: i64, lo: i64, hi: i64| (lo - v).max(v - hi).max(0);
+            beyond(at.x, b.lo.x, b.hi.x) <= self.radius && beyond(at.y, b.lo.y, b.hi.y) <= self.radius
+        };
+        let tops = self.tiles.iter().map(|tile| turned(tile, turn)).filter(|(b, _)| near(b));
+        tops.map(|(_, top)| top).max().map_or(i64::MIN, |t| t - self.gap)
+    }
+
+    /// The lowest focal plane at which the head may stay anywhere while two tilt axes go from one pair of
+    /// angles to another, each in its own time. `turns` are those of all four pairs of their angles. Between
+    /// them a place rises above the highest of the four by less than they lie apart.
+    pub fn lowest_swing(&self, turns: [Turn; 4]) -> i64 {
+        let top = turns.iter().flat_map(|turn| self.tiles.iter().map(|tile| turned(tile, turn).1)).max();
+        let lift = |(b, top): &(Box2, i64)| {
+            let p = [(b.lo.x + b.hi.x) as f64 / 2.0, (b.lo.y + b.hi.y) as f64 / 2.0, *top as f64];
+            let at = turns.map(|turn| turn.apply(p));
+            let apart = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
+            at.iter().flat_map(|&a| at.map(|b| apart(a, b))).fold(0.0, f64::max)
+        };
+        let lift = self.tiles.iter().map(lift).fold(0.0, f64::max).ceil() as i64;
+        top.map_or(i64::MIN, |t| t + lift - self.gap)
+    }
+}
+
+/// The box of a tile and its highest point as turned.
+fn turned((b, top): &(Box2, i64), turn: &Turn) -> (Box2, i64) {
+    let (mut area, mut highest) = (Box2::EMPTY, i64::MIN);
+    for [x, y] in [[b.lo.x, b.lo.y], [b.hi.x, b.lo.y], [b.lo.x, b.hi.y], [b.hi.x, b.hi.y]] {
+        let [x, y, z] = turn.apply([x as f64, y as f64, *top as f64]).map(|v| v.ceil() as i64);
+        area.add(P2::new(x, y));
+        highest = highest.max(z);
+    }
+    (area, highest)
 }
 
 fn aabb(b: Box2) -> Aabb {

@@ -9,10 +9,11 @@
 pub mod bound;
 mod contour;
 pub mod items;
+pub mod tilt;
 pub mod window;
 mod zrange;
 
-use crate::geom::{Box2, P2};
+use crate::geom::{Box2, P2, Turn};
 use crate::program::{Sections, Stop};
 use crate::trace::{Cells, Footprint, Slabs};
 
@@ -66,7 +67,8 @@ impl Lattice {
     }
 }
 
-/// The stops of a method, all with windows of one size and intervals of one height.
+/// The stops of a method, all with windows of one size and intervals of one height. Where the machine tilts
+/// the part, each has the turn of the part, and its window and interval are those of the turned part.
 #[derive(Clone, Debug)]
 pub struct Stops {
     /// In the order in which the method gave them.
@@ -75,6 +77,8 @@ pub struct Stops {
     half: [i64; 2],
     /// Height of the intervals, nm.
     depth: i64,
+    /// By stop; empty where nothing is tilted.
+    turns: Vec<Turn>,
     /// Cells of the size of a window: the stops whose windows touch a cell, by `z_lo`.
     lo: P2,
     count: [i64; 2],
@@ -85,9 +89,19 @@ pub struct Stops {
 impl Stops {
     /// `window` is even, as is the pitch of the sections.
     pub fn new(stops: Vec<Stop>, window: [i64; 2], depth: i64) -> Self {
+        Self::turned(stops, Vec::new(), window, depth)
+    }
+
+    /// With the turn of the part at every stop, or none where nothing is tilted.
+    pub fn turned(stops: Vec<Stop>, turns: Vec<Turn>, window: [i64; 2], depth: i64) -> Self {
         let half = window.map(|w| w / 2);
         let mut area = Box2::EMPTY;
-        stops.iter().for_each(|s| area.add(s.centre));
+        if turns.is_empty() {
+            stops.iter().for_each(|s| area.add(s.centre));
+        }
+        for (s, turn) in stops.iter().zip(&turns) {
+            area = area.union(footprint(s, turn, half));
+        }
         if stops.is_empty() {
             area.add(P2::new(0, 0));
         }
@@ -95,8 +109,16 @@ impl Stops {
         let lo = P2::new(area.lo.x - window[0], area.lo.y - window[1]);
         let size = area.size();
         let count = [0, 1].map(|axis| size[axis] / window[axis] + 3);
-        let mut it =
-            Self { stops, half, depth, lo, count, starts: vec![0; (count[0] * count[1]) as usize + 1], lists: vec![] };
+        let mut it = Self {
+            stops,
+            half,
+            depth,
+            turns,
+            lo,
+            count,
+            starts: vec![0; (count[0] * count[1]) as usize + 1],
+            lists: vec![],
+        };
         for i in 0..it.stops.len() {
             it.cells(i).for_each(|cell| it.starts[cell + 1] += 1);
         }
@@ -121,9 +143,11 @@ impl Stops {
     /// The cells that the window of stop `i` touches.
     fn cells(&self, i: usize) -> impl Iterator<Item = usize> + use<> {
         let (c, lo, half, columns) = (self.stops[i].centre, self.lo, self.half, self.count[0]);
+        let flat = Box2 { lo: P2::new(c.x - half[0], c.y - half[1]), hi: P2::new(c.x + half[0], c.y + half[1]) };
+        let area = self.turns.get(i).map_or(flat, |turn| footprint(&self.stops[i], turn, half));
         let cell = |axis: usize, v: i64, lo: i64| (v - lo).div_euclid(2 * half[axis]);
-        let x = cell(0, c.x - half[0], lo.x)..=cell(0, c.x + half[0], lo.x);
-        let y = cell(1, c.y - half[1], lo.y)..=cell(1, c.y + half[1], lo.y);
+        let x = cell(0, area.lo.x, lo.x)..=cell(0, area.hi.x, lo.x);
+        let y = cell(1, area.lo.y, lo.y)..=cell(1, area.hi.y, lo.y);
         y.flat_map(move |row| x.clone().map(move |column| (row * columns + column) as usize))
     }
 
@@ -134,8 +158,17 @@ impl Stops {
         let inside = (0..self.count[0]).contains(&column) && (0..self.count[1]).contains(&row);
         let i = if inside { (row * self.count[0] + column) as usize } else { 0 };
         let list = if inside { &self.lists[self.starts[i] as usize..self.starts[i + 1] as usize] } else { &[] };
-        let from = list.partition_point(|&(z_lo, _)| ((z_lo + self.depth) as f64) < z - slack);
-        list[from..].iter().take_while(move |&&(z_lo, _)| z_lo as f64 <= z + slack).map(|&(_, i)| i)
+        // Heights of the turned part say nothing of those of the part.
+        let (lowest, highest) =
+            if self.turns.is_empty() { (z - slack, z + slack) } else { (f64::NEG_INFINITY, f64::INFINITY) };
+        let from = list.partition_point(|&(z_lo, _)| ((z_lo + self.depth) as f64) < lowest);
+        list[from..].iter().take_while(move |&&(z_lo, _)| z_lo as f64 <= highest).map(|&(_, i)| i)
+    }
+
+    /// How the part is turned at stop `i`; None where nothing is tilted.
+    #[inline]
+    pub fn turn(&self, i: u32) -> Option<&Turn> {
+        self.turns.get(i as usize)
     }
 
     /// Lower and upper corner of the window of stop `i`, nm.
@@ -145,6 +178,19 @@ impl Stops {
         let [hx, hy] = self.half;
         [[(c.x - hx) as f64, (c.y - hy) as f64], [(c.x + hx) as f64, (c.y + hy) as f64]]
     }
+}
+
+/// The box of the part that a turned stop may accept.
+fn footprint(stop: &Stop, turn: &Turn, half: [i64; 2]) -> Box2 {
+    let mut area = Box2::EMPTY;
+    for corner in 0..8 {
+        let side = |bit: usize, c: i64, half: i64| (if corner >> bit & 1 == 0 { c - half } else { c + half }) as f64;
+        let z = if corner & 4 == 0 { stop.z_lo } else { stop.z_hi } as f64;
+        let [x, y, _] = turn.back([side(0, stop.centre.x, half[0]), side(1, stop.centre.y, half[1]), z]);
+        area.add(P2::new(x.floor() as i64, y.floor() as i64));
+        area.add(P2::new(x.ceil() as i64, y.ceil() as i64));
+    }
+    area
 }
 
 /// Chooses the stops for a footprint. `window` is at least the pitch of the sections.
@@ -173,6 +219,7 @@ pub fn divide(
         stops.extend(levels.into_iter().map(|(level, z_lo)| Stop {
             section: sections.cell(i),
             level,
+            tilt: [0; 2],
             centre,
             focus: z_lo + lattice.depth / 2,
             z_lo,
@@ -286,7 +333,15 @@ pub fn free(
             let centre = P2::new(grid.origin.x + x + w / 2, grid.origin.y + y + h / 2);
             let section = [(0, centre.x), (1, centre.y)].map(|(axis, v)| sections.along(axis, v, 0) as u32);
             let z_lo = slabs.z0 + z;
-            Stop { section, level: 0, centre, focus: z_lo + lattice.depth / 2, z_lo, z_hi: z_lo + lattice.depth }
+            Stop {
+                section,
+                level: 0,
+                tilt: [0; 2],
+                centre,
+                focus: z_lo + lattice.depth / 2,
+                z_lo,
+                z_hi: z_lo + lattice.depth,
+            }
         })
         .collect();
     stops.sort_by_key(|s| ([s.section[1], s.section[0]], s.z_lo, s.centre.y, s.centre.x));

@@ -13,11 +13,15 @@
 //! - P6 the focal plane of a block lies among its marks, to a stage increment;
 //! - P7 passes follow each other.
 //!
+//! - P7 where the part is tilted, a stroke of the texture is marked along a line of the field that runs
+//!   within [`CHORD`] of the projected one.
+//!
 //! # Units and frames
 //! Heights of pass k are those of the surface as the passes before have left it: lowered k times.
 //! Points are field frame (origin on the optical axis, x and y as the turned part's), integer nm.
 //! Centres, focus heights and depth intervals are turned part frame, integer nm. Stage targets are
-//! commanded axis values, integer nm.
+//! commanded axis values, integer nm. At a stop with a tilt the part is the tilted one: centres and
+//! heights are those of the part as the table has turned it, in the frame that it had before.
 
 #[cfg(test)]
 pub(crate) mod sample;
@@ -30,6 +34,10 @@ use std::ops::Range;
 
 use crate::geom::{NM_PER_MM, P2};
 use crate::units::{Frequency, Power, Speed};
+
+/// How far a stroke on a tilted part may run beside the exact projection of its line, nm: between two points
+/// of the program, where the projection bends with the surface.
+pub const CHORD: f64 = 100.0;
 
 /// A laser setting of the program.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,6 +61,8 @@ pub struct Stop {
     pub section: [u32; 2],
     /// Number of the level in the section's or part's list of levels, upwards.
     pub level: i32,
+    /// Commanded angles of the tilt axes, millionths of a degree; zeros where there are none.
+    pub tilt: [i64; 2],
     /// Part-frame point under the optical axis.
     pub centre: P2,
     /// Height of the focal plane (LPFL) in the part frame.

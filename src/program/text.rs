@@ -61,7 +61,16 @@ impl Text {
         self.text("block ");
         self.text(id);
         self.numbers(stop.section);
-        self.numbers([i64::from(stop.level), stop.centre.x, stop.centre.y, stop.focus, stop.z_lo, stop.z_hi]);
+        self.numbers([
+            i64::from(stop.level),
+            stop.tilt[0],
+            stop.tilt[1],
+            stop.centre.x,
+            stop.centre.y,
+            stop.focus,
+            stop.z_lo,
+            stop.z_hi,
+        ]);
         self.numbers(*stage);
         self.numbers([i64::from(*retract), *z_lo, *z_hi]);
         self.numbers([strokes.len()]);
@@ -168,8 +177,9 @@ fn block(mut f: Fields<'_>, index: usize) -> Result<(Block, usize), String> {
     }
     let section = [f.number()?, f.number()?];
     let level = f.number()?;
+    let tilt = [f.number()?, f.number()?];
     let centre = P2::new(f.number()?, f.number()?);
-    let stop = Stop { section, level, centre, focus: f.number()?, z_lo: f.number()?, z_hi: f.number()? };
+    let stop = Stop { section, level, tilt, centre, focus: f.number()?, z_lo: f.number()?, z_hi: f.number()? };
     let stage = [f.number()?, f.number()?, f.number()?];
     let retract = match f.word()? {
         b"0" => false,
@@ -337,7 +347,7 @@ mod tests {
     #[test]
     fn odd_or_lone_coordinates_are_no_stroke() {
         let start = "terrace program 1\norigin 0 0 0\npens 1\npen p | 1 mm/s | 5 W | 3 kHz | 1\nblocks 1\n\
-                     block B0001 0 0 0 0 0 0 0 0 0 0 0 0 0 0 1\n";
+                     block B0001 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 1\n";
         for (stroke, good) in
             [("0 0 0 + 1 2 3 4", true), ("0 0 0 + 1 2 3", false), ("0 0 0 + 1 2", false), ("0 0 0 +", false)]
         {

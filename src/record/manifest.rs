@@ -205,8 +205,7 @@ fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
         centre_mm: block.stop.centre.mm(),
         lpfl_mm: mm_from_nm(block.stop.focus),
         stage: block.stage.map(mm_from_nm),
-        // No method tilts the part yet.
-        tilt_deg: [0.0; 2],
+        tilt_deg: block.stop.tilt.map(|v| v as f64 / 1e6),
         z_lo_mm: mm_from_nm(block.z_lo),
         z_hi_mm: mm_from_nm(block.z_hi),
         pens: facts.pen_names(block),

@@ -309,6 +309,8 @@ pub enum Method {
     ZRange,
     /// Windows of the field and levels placed freely, as few as can be found.
     Window,
+    /// Sections each at a tilt of its own, levels along the tilted beam; for machines with a tilt table.
+    Tilt,
     /// Every method that the machine can run; the one with the least job time is kept.
     #[default]
     Auto,
@@ -321,6 +323,7 @@ impl Method {
             Self::Contour => "contour",
             Self::ZRange => "z-range",
             Self::Window => "window",
+            Self::Tilt => "tilt",
             Self::Auto => "auto",
         }
     }
@@ -447,6 +450,10 @@ impl PassesSpec {
     /// How many passes there are.
     pub fn count(&self) -> u32 {
         *self.count.get_ref()
+    }
+    /// Whether focal planes sink from pass to pass.
+    pub fn sinks(&self) -> bool {
+        self.count() > 1 && self.lower.as_mm() > 0.0
     }
     /// What part of a repeated length pass `k` is shifted by, from 0 to 1.
     pub fn share(k: u32) -> f64 {

@@ -265,6 +265,18 @@ impl Surface {
         }
     }
 
+    /// Whether the part is one plain sheet everywhere in a box (nm, turned part frame): no rim, no second sheet.
+    pub fn is_plain(&self, lo: P2, hi: P2) -> bool {
+        let o = self.origin();
+        let bins = |axis: usize, lo: i64, hi: i64| {
+            let [first, last] = [self.bin_line(axis, 0), self.bin_line(axis, self.bin_count(axis))];
+            (first <= lo && hi < last).then(|| self.bin_of(axis, lo)..=self.bin_of(axis, hi))
+        };
+        let Some((xs, ys)) = bins(0, lo.x - o.x, hi.x - o.x).zip(bins(1, lo.y - o.y, hi.y - o.y)) else { return false };
+        let columns = self.bin_count(0);
+        ys.into_iter().all(|y| xs.clone().all(|x| self.class((y * columns + x) as usize) == Class::Simple))
+    }
+
     /// Boxes over the part (nm, turned part frame) with the height of the highest point in each, nm,
     /// rounded up: coarse, never too low.
     pub fn tiles(&self) -> Vec<(Box2, i64)> {

@@ -368,6 +368,16 @@ impl Surface {
         }))
     }
 
+    /// The direction in which a facet looks, upwards, of length 1.
+    pub fn normal(&self, f: u32) -> [f64; 3] {
+        let [a, b, c] = [0, 1, 2].map(|k| {
+            let v = self.corner(f, k).0;
+            nalgebra::Vector3::new(f64::from(v.x), f64::from(v.y), v.z)
+        });
+        let n = (b - a).cross(&(c - a));
+        (n * n.z.signum() / n.norm()).into()
+    }
+
     /// Corner k of facet f and the number of the vertex.
     #[inline]
     fn corner(&self, f: u32, k: usize) -> (Vertex, u32) {

@@ -33,6 +33,12 @@ impl Heights {
         }
     }
 
+    /// Adds all intervals of another list.
+    pub(super) fn append(&mut self, other: &mut Self) {
+        other.join();
+        self.new.append(&mut other.list);
+    }
+
     /// Joins what was added, where it touches.
     pub fn join(&mut self) {
         if self.new.is_empty() {
@@ -229,8 +235,7 @@ impl Footprint {
                 Entry::Vacant(mine) => _ = mine.insert(theirs),
                 Entry::Occupied(mine) => {
                     let mine = mine.into_mut();
-                    theirs.heights.join();
-                    mine.heights.new.append(&mut theirs.heights.list);
+                    mine.heights.append(&mut theirs.heights);
                     mine.figures.append(&mut theirs.figures);
                 }
             }

@@ -108,7 +108,7 @@ fn check_folder(
     rules::without_inputs(folder, manifest, program, facts, findings);
     rules::agreement::with_job(manifest, program, facts, &mut findings.agreement);
     let marks = rules::marks::check(program, facts, ground, findings);
-    let pieces = rules::pieces::check(program, facts, drawings, ground, findings);
+    let pieces = rules::pieces::check(program, facts, drawings, ground, &marks.drawn, findings);
     rules::summary::check(manifest, program, &marks, &pieces, findings);
 }
 

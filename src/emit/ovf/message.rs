@@ -81,6 +81,12 @@ pub(super) struct WorkPlane {
     pub y_pos_mm: f32,
     #[prost(float, tag = "4")]
     pub z_pos_mm: f32,
+    #[prost(float, tag = "5")]
+    pub x_rot_deg: f32,
+    #[prost(float, tag = "6")]
+    pub y_rot_deg: f32,
+    #[prost(float, tag = "7")]
+    pub z_rot_deg: f32,
     #[prost(int32, tag = "8")]
     pub num_blocks: i32,
     #[prost(int32, tag = "10")]

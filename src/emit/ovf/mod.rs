@@ -80,10 +80,18 @@ fn work_plane(file: &mut File, program: &Program, machine: &Machine, index: usiz
     let shell = file.end();
     let [x, y, z] = block.stage.map(single_mm);
     let centre = Patch { u_mm: single_mm(block.stop.centre.x), v_mm: single_mm(block.stop.centre.y) };
+    let mut rotation = [0.0; 3];
+    for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt) {
+        rotation[axis.letter as usize] = (command as f64 / 1e6) as f32;
+    }
+    let [x_rot_deg, y_rot_deg, z_rot_deg] = rotation;
     file.message(&WorkPlane {
         x_pos_mm: x,
         y_pos_mm: y,
         z_pos_mm: z,
+        x_rot_deg,
+        y_rot_deg,
+        z_rot_deg,
         num_blocks: i32::try_from(starts.len()).expect("fewer than 2^31 strokes in a block"),
         work_plane_number: i32::try_from(index).expect("fewer than 2^31 blocks"),
         machine_type: machine_type.into(),

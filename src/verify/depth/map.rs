@@ -41,6 +41,37 @@ impl Map {
         self.grid.size * std::f64::consts::FRAC_1_SQRT_2
     }
 
+    pub(super) fn heights(&self) -> [f64; 2] {
+        let solid = self.map.samples.iter().filter(|&&v| Some(v) != self.map.nodata);
+        let z = solid.map(|&v| nm(self.map.z_mm[0] + f64::from(v) * self.map.z_mm[1]));
+        z.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], z| [lo.min(z), hi.max(z)])
+    }
+
+    /// Hands the corners of all triangles that touch a box of the turned part, and some around, to `sink`.
+    pub(super) fn facets_in(&self, [x0, y0, x1, y1]: [f64; 4], sink: &mut dyn FnMut([[f64; 3]; 3])) {
+        let [cos, sin] = self.turn;
+        let corners = [[x0, y0], [x1, y0], [x0, y1], [x1, y1]].map(|[x, y]| [x * cos + y * sin, y * cos - x * sin]);
+        let range = |k: usize| {
+            let v = corners.map(|c| c[k]);
+            let end = |v: f64| self.grid.index(k, v);
+            end(v.iter().fold(f64::INFINITY, |a, &b| a.min(b)))
+                ..end(v.iter().fold(f64::NEG_INFINITY, |a, &b| a.max(b))) + 1
+        };
+        let node = |column: usize, row: usize| {
+            let value = self.map.samples[row * self.map.columns + column];
+            let at = |k: usize, i: usize| self.grid.lo[k] + i as f64 * self.grid.size;
+            let (x, y, z) = (at(0, column), at(1, row), nm(self.map.z_mm[0] + f64::from(value) * self.map.z_mm[1]));
+            (Some(value) != self.map.nodata).then_some([x * cos - y * sin, x * sin + y * cos, z])
+        };
+        for row in range(1) {
+            for column in range(0) {
+                let (Some(a), Some(d)) = (node(column, row), node(column + 1, row + 1)) else { continue };
+                node(column + 1, row).into_iter().for_each(|b| sink([a, b, d]));
+                node(column, row + 1).into_iter().for_each(|c| sink([a, d, c]));
+            }
+        }
+    }
+
     /// Cuts both triangles of every cell under the line.
     pub(super) fn crossings(&self, line: &Line, out: &mut Vec<Crossing>) {
         let [cos, sin] = self.turn;
@@ -77,7 +108,7 @@ impl Map {
         if d[0] < d[1] {
             let at = |d: f64| z00 + grad[0] * (d * line.dir[0] - lo[0]) + grad[1] * (d * line.dir[1] - lo[1]);
             let slope2 = grad[0] * grad[0] + grad[1] * grad[1];
-            out.push(Crossing { d, z: d.map(at), slope2, facet: u32::from(upper) });
+            out.push(Crossing { d, z: d.map(at), slope2, drawn2: slope2, facet: u32::from(upper) });
         }
     }
 }

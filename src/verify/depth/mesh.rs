@@ -4,7 +4,7 @@
 //! each cell lists the facets that touch it in one flat array.
 
 use super::grid::Grid;
-use super::{Crossing, Line, Scratch, nm};
+use super::{Crossing, Line, Scratch, Turn, nm};
 
 /// A facet in plan view and its plane: z = z0 + grad · (p - corner 0).
 #[derive(Clone, Copy, Debug)]
@@ -12,6 +12,8 @@ struct Facet {
     corners: [[f64; 2]; 3],
     z0: f64,
     grad: [f64; 2],
+    /// Square of the slope in the frame of the drawing.
+    drawn2: f64,
 }
 
 /// Cells of the grid hold about this many facets each.
@@ -23,6 +25,8 @@ const RIM: f64 = 1.0;
 /// Collects the facets of a file.
 pub(in crate::verify) struct MeshBuilder {
     facets: Vec<Facet>,
+    /// Corners of what stands upright, nm: it has no height of its own, but a turned part may show it.
+    walls: Vec<[[f64; 3]; 3]>,
     turn: [f64; 2],
     thinnest: f64,
     lo: [f64; 2],
@@ -38,6 +42,7 @@ impl MeshBuilder {
         let (sin, cos) = turn_rad.sin_cos();
         Self {
             facets: Vec::new(),
+            walls: Vec::new(),
             turn: [cos, sin],
             thinnest: thinnest_nm,
             lo: [f64::INFINITY; 2],
@@ -54,12 +59,27 @@ impl MeshBuilder {
             *b = [b[0].min(x), b[1].min(y), b[2].max(x), b[3].max(y)];
         }
         let [cos, sin] = self.turn;
-        let corners = corners_mm.map(|[x, y, _]| [nm(x * cos - y * sin), nm(x * sin + y * cos)]);
+        let corners = corners_mm.map(|[x, y, z]| [nm(x * cos - y * sin), nm(x * sin + y * cos), nm(z)]);
+        self.add(corners, None);
+    }
+
+    /// Adds a facet with corners in nm as a turned part shows it; `turn` turns it.
+    pub(super) fn push_turned(&mut self, corners: [[f64; 3]; 3], turn: &Turn) {
+        let [a, b, c] = corners;
+        let [u, v] = [b, c].map(|p| [0, 1, 2].map(|k| p[k] - a[k]));
+        let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        let drawn2 = (normal[0].powi(2) + normal[1].powi(2)) / normal[2].powi(2);
+        self.add(corners.map(|p| turn.apply(p)), Some(drawn2));
+    }
+
+    fn add(&mut self, solid: [[f64; 3]; 3], drawn2: Option<f64>) {
+        let corners = solid.map(|[x, y, _]| [x, y]);
         if altitude(&corners) <= self.thinnest {
+            self.walls.push(solid);
             return;
         }
         let [a, b, c] = corners;
-        let [za, zb, zc] = corners_mm.map(|p| nm(p[2]));
+        let [za, zb, zc] = solid.map(|p| p[2]);
         let (ux, uy, vx, vy) = (b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]);
         let det = ux * vy - uy * vx;
         let grad = [((zb - za) * vy - (zc - za) * uy) / det, ((zc - za) * ux - (zb - za) * vx) / det];
@@ -69,12 +89,13 @@ impl MeshBuilder {
             self.hi[k] = self.hi[k].max(hi);
             self.extent += hi - lo;
         }
-        self.facets.push(Facet { corners, z0: za, grad });
+        let drawn2 = drawn2.unwrap_or(grad[0] * grad[0] + grad[1] * grad[1]);
+        self.facets.push(Facet { corners, z0: za, grad, drawn2 });
     }
 
     /// Sorts the facets into the grid.
     pub(in crate::verify) fn finish(self) -> Mesh {
-        let Self { mut facets, lo, hi, extent, .. } = self;
+        let Self { mut facets, walls, lo, hi, extent, .. } = self;
         let n = facets.len().max(1) as f64;
         let (width, height) = if facets.is_empty() { (1.0, 1.0) } else { (hi[0] - lo[0], hi[1] - lo[1]) };
         let mut size = (width * height * FACETS_PER_CELL / n).sqrt().max(extent / (2.0 * n)).max(1e3);
@@ -92,7 +113,7 @@ impl MeshBuilder {
             }
         }
         sort_by_cell(&mut facets, &grid);
-        Mesh::enter(facets, grid)
+        Mesh { walls, ..Mesh::enter(facets, grid) }
     }
 }
 
@@ -214,6 +235,7 @@ pub(in crate::verify) struct Mesh {
     /// Where the list of each cell begins; one more at the end.
     first: Vec<u32>,
     listed: Vec<u32>,
+    walls: Vec<[[f64; 3]; 3]>,
 }
 
 impl Mesh {
@@ -240,7 +262,40 @@ impl Mesh {
                 }
             });
         }
-        Self { facets, grid, first, listed }
+        Self { facets, grid, first, listed, walls: Vec::new() }
+    }
+
+    pub(super) fn heights(&self) -> [f64; 2] {
+        let z = self.facets.iter().flat_map(|f| f.corners.map(|c| f.z_at(c)));
+        let z = z.chain(self.walls.iter().flatten().map(|p| p[2]));
+        z.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], z| [lo.min(z), hi.max(z)])
+    }
+
+    /// Hands the corners of all facets that touch a box to `sink`, walls among them.
+    pub(super) fn facets_in(&self, area: [f64; 4], sink: &mut dyn FnMut([[f64; 3]; 3])) {
+        let touches = |corners: &[[f64; 3]; 3]| {
+            let range = |k: usize| {
+                let v = corners.map(|c| c[k]);
+                [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])]
+            };
+            let ([x0, x1], [y0, y1]) = (range(0), range(1));
+            x0 <= area[2] && area[0] <= x1 && y0 <= area[3] && area[1] <= y1
+        };
+        let [columns, rows] = [0, 1].map(|k| self.grid.index(k, area[k])..self.grid.index(k, area[k + 2]) + 1);
+        let cells = rows.flat_map(|row| columns.clone().map(move |column| row * self.grid.count[0] + column));
+        let mut found: Vec<u32> = cells
+            .flat_map(|cell| &self.listed[self.first[cell] as usize..self.first[cell + 1] as usize])
+            .copied()
+            .collect();
+        found.sort_unstable();
+        found.dedup();
+        for f in found.into_iter().map(|i| &self.facets[i as usize]) {
+            let corners = f.corners.map(|[x, y]| [x, y, f.z_at([x, y])]);
+            if touches(&corners) {
+                sink(corners);
+            }
+        }
+        self.walls.iter().filter(|w| touches(w)).for_each(|w| sink(*w));
     }
 
     /// How many facets are kept.
@@ -274,7 +329,7 @@ impl Mesh {
                 if let Some(d) = facet.cross(line) {
                     let z = d.map(|d| facet.z_at(line.at(d)));
                     let slope2 = facet.grad[0] * facet.grad[0] + facet.grad[1] * facet.grad[1];
-                    crossings.push(Crossing { d, z, slope2, facet: i });
+                    crossings.push(Crossing { d, z, slope2, drawn2: facet.drawn2, facet: i });
                 }
             }
         });

@@ -13,11 +13,14 @@ mod grid;
 mod map;
 mod mesh;
 mod sweep;
+mod turn;
 
 pub(super) use map::Map;
 pub(super) use mesh::{Mesh, MeshBuilder};
+pub(super) use turn::Turn;
 
 use crate::geom::NM_PER_MM;
+use crate::program::CHORD;
 
 /// Rounding of the mesh's vertices and of the cut points moves an edge by at most this, nm.
 const ROUNDING: f64 = 1.5;
@@ -110,6 +113,8 @@ struct Crossing {
     d: [f64; 2],
     z: [f64; 2],
     slope2: f64,
+    /// Square of the slope in the frame of the drawing, where the part is turned; else the same.
+    drawn2: f64,
     facet: u32,
 }
 
@@ -144,25 +149,56 @@ pub(super) enum Shape {
     Map(Map),
 }
 
+impl Shape {
+    /// Lowest and highest place, nm.
+    fn heights(&self) -> [f64; 2] {
+        match self {
+            Self::Mesh(mesh) => mesh.heights(),
+            Self::Map(map) => map.heights(),
+        }
+    }
+
+    /// Hands the corners (nm) of all facets that touch a box of the plane to `sink`.
+    fn facets_in(&self, area: [f64; 4], sink: &mut dyn FnMut([[f64; 3]; 3])) {
+        match self {
+            Self::Mesh(mesh) => mesh.facets_in(area, sink),
+            Self::Map(map) => map.facets_in(area, sink),
+        }
+    }
+}
+
 /// The surface with the limits by which pieces are judged.
 pub(super) struct Ground {
     shape: Shape,
     /// Slope beyond which nothing is marked.
     limit2: f64,
     weld: f64,
+    /// How far a mark may run beside its line, nm: on a tilted part.
+    beside: f64,
 }
 
 impl Ground {
     /// The ground of a job: `max_incidence_rad` is below a right angle, `weld_nm` is the distance
     /// below which the job lets vertices become one.
     pub(super) fn new(shape: Shape, max_incidence_rad: f64, weld_nm: f64) -> Self {
-        Self { shape, limit2: max_incidence_rad.tan().powi(2), weld: weld_nm.max(0.0) }
+        Self { shape, limit2: max_incidence_rad.tan().powi(2), weld: weld_nm.max(0.0), beside: 0.0 }
+    }
+
+    /// The ground as a turned part shows it, under and around the box [x0, y0, x1, y1] of the part, nm.
+    pub(super) fn turned(&self, turn: &Turn, [x0, y0, x1, y1]: [f64; 4]) -> Self {
+        // What hides a place from a leaning beam lies beside it by as much as it is higher.
+        let [lowest, highest] = self.shape.heights();
+        let around = (highest - lowest) * turn.lean() / (1.0 - turn.lean().powi(2)).max(1e-6).sqrt() + 1e5;
+        let mut builder = MeshBuilder::new(0.0, 2.0);
+        let area = [x0 - around, y0 - around, x1 + around, y1 + around];
+        self.shape.facets_in(area, &mut |corners| builder.push_turned(corners, turn));
+        Self { shape: Shape::Mesh(builder.finish()), limit2: self.limit2, weld: self.weld, beside: CHORD }
     }
 
     /// How far, in nm, a mark may lie beside an edge and still be taken as on it: the rounding of both to
     /// the grid, the grid step within which the program takes a stroke as lying on a border, and welding.
     pub(super) fn reach(&self) -> f64 {
-        ROUNDING + 1.5 + self.weld
+        ROUNDING + 1.5 + self.weld + self.beside
     }
 
     /// Lengths up to this, in nm, decide nothing: two edges, each off by rounding and welding, that the line
@@ -198,14 +234,15 @@ impl Ground {
 
     /// Judges a facet's slope; near the limit by how far the rounding of its vertices may turn it.
     fn slope(&self, c: &Crossing) -> Slope {
-        if c.slope2 < 0.25 * self.limit2 {
+        let steepest2 = c.slope2.max(c.drawn2);
+        if steepest2 < 0.25 * self.limit2 {
             return Slope::Gentle;
         }
         let altitude = match &self.shape {
             Shape::Mesh(mesh) => mesh.altitude(c.facet),
             Shape::Map(map) => map.altitude(),
         };
-        let (slope, limit) = (c.slope2.sqrt(), self.limit2.sqrt());
+        let (slope, limit) = (steepest2.sqrt(), self.limit2.sqrt());
         let doubt = 4.0 * (ROUNDING + self.weld) / altitude * (1.0 + slope) + 1e-9 * limit;
         if slope <= limit - doubt {
             Slope::Gentle

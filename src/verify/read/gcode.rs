@@ -14,8 +14,8 @@ pub(in crate::verify) enum Step {
     Block(String),
     /// Modal G words, in tenths: G61.1 is 611.
     Modal(Vec<u32>),
-    /// A rapid move to the axis values given, nm.
-    Move([Option<i64>; 3]),
+    /// A rapid move to the axis values given: x, y and z in nm, a, b and c in millionths of a degree.
+    Move([Option<i64>; 6]),
     /// A wait, s.
     Dwell(f64),
     /// M64 P0: START on.
@@ -112,9 +112,9 @@ fn step(code: &str) -> Option<Step> {
 }
 
 fn moved(words: &[(char, &str)]) -> Option<Step> {
-    let mut to = [None; 3];
+    let mut to = [None; 6];
     for (letter, number) in words {
-        let axis = "XYZ".find(*letter)?;
+        let axis = "XYZABC".find(*letter)?;
         if to[axis].is_some() {
             return None;
         }
@@ -175,14 +175,14 @@ mod tests {
 
     #[test]
     fn the_handshake_is_read_step_by_step() {
-        let text = "(terrace)\nG21 G90 G61.1\nM65 P0\n(BLOCK B0001 file=x)\nG0 Z5 ; lift\ng0 x10 Y-20.000001\nG4 P0.1\n\
+        let text = "(terrace)\nG21 G90 G61.1\nM65 P0\n(BLOCK B0001 file=x)\nG0 Z5 ; lift\ng0 x10 Y-20.000001 B-1.5\nG4 P0.1\n\
             M64 P0\nM66 P0 L3 Q5\no101 if [#5399 LT 0]\n(MSG, no BUSY)\nM2\no101 endif\nM30\n";
         let expected = [
             Step::Modal(vec![210, 900, 611]),
             Step::OutputOff,
             Step::Block("B0001".into()),
-            Step::Move([None, None, Some(5_000_000)]),
-            Step::Move([Some(10_000_000), Some(-20_000_001), None]),
+            Step::Move([None, None, Some(5_000_000), None, None, None]),
+            Step::Move([Some(10_000_000), Some(-20_000_001), None, None, Some(-1_500_000), None]),
             Step::Dwell(0.1),
             Step::OutputOn,
             Step::Wait { high: true, seconds: 5.0 },

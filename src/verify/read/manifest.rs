@@ -107,6 +107,7 @@ pub(in crate::verify) struct BlockEntry {
     pub(in crate::verify) centre_mm: [f64; 2],
     pub(in crate::verify) lpfl_mm: f64,
     pub(in crate::verify) stage: [f64; 3],
+    pub(in crate::verify) tilt_deg: [f64; 2],
     pub(in crate::verify) z_lo_mm: f64,
     pub(in crate::verify) z_hi_mm: f64,
     #[serde(default)]

@@ -16,6 +16,9 @@ use crate::program::{Block, Pen, Program, Stop, Stroke};
 /// Largest block-local coordinate, nm: below i32 so that a mirrored one fits too.
 const MAX_LOCAL: i64 = 2_000_000_000;
 
+/// Largest angle of a tilt axis, millionths of a degree.
+const MAX_TURN: i64 = 360_000_000;
+
 /// Longest line, in bytes: a stroke of some ten million points.
 const MAX_LINE: u64 = 1 << 28;
 
@@ -176,9 +179,10 @@ fn block(w: &mut Words<'_>) -> Option<(String, Block, u32)> {
     let id = std::str::from_utf8(w.next()?).ok()?.to_owned();
     let section = [w.count()?, w.count()?];
     let level = i32::try_from(w.int()?).ok()?;
+    let tilt = [w.within(MAX_TURN)?, w.within(MAX_TURN)?];
     let centre = P2::new(w.nm()?, w.nm()?);
     let (focus, z_lo, z_hi) = (w.nm()?, w.nm()?, w.nm()?);
-    let stop = Stop { section, level, centre, focus, z_lo, z_hi };
+    let stop = Stop { section, level, tilt, centre, focus, z_lo, z_hi };
     let stage = [w.nm()?, w.nm()?, w.nm()?];
     let retract = match w.next()? {
         b"0" => false,
@@ -215,7 +219,7 @@ mod tests {
     use super::*;
 
     const TEXT: &str = "terrace program 1\norigin 1 -2 3\npens 1\npen fill | 1000 mm/s | 60 % | 60 kHz | 2\nblocks 1\npass 3\n\
-        block B0001 0 1 -2 10 20 30 25 35 -11 -18 33 1 28 31 2\n0 7 3 + 0 0 5 5\n0 8 0 - 1 1 2 2 3 -3\nend\n";
+        block B0001 0 1 -2 0 -5 10 20 30 25 35 -11 -18 33 1 28 31 2\n0 7 3 + 0 0 5 5\n0 8 0 - 1 1 2 2 3 -3\nend\n";
 
     #[test]
     fn a_program_is_read_as_written() {
@@ -226,6 +230,7 @@ mod tests {
         let b = &p.blocks[0];
         assert_eq!(b.pass, 2);
         assert_eq!((b.stop.section, b.stop.level, b.stop.centre), ([0, 1], -2, P2::new(10, 20)));
+        assert_eq!(b.stop.tilt, [0, -5]);
         assert_eq!((b.stop.focus, b.stop.z_lo, b.stop.z_hi, b.z_lo, b.z_hi), (30, 25, 35, 28, 31));
         assert_eq!((b.stage, b.retract, b.strokes.clone()), ([-11, -18, 33], true, 0..2));
         assert_eq!(p.points_of(&p.strokes[1]), [[1, 1], [2, 2], [3, -3]]);

@@ -107,6 +107,7 @@ fn differs(e: &BlockEntry, id: &str, b: &Block) -> Option<&'static str> {
         ("level", e.level == b.stop.level),
         ("centre", e.centre_mm.map(nm) == [Some(x), Some(y)]),
         ("focus (lpfl)", nm(e.lpfl_mm) == Some(b.stop.focus)),
+        ("tilt", e.tilt_deg.map(nm) == b.stop.tilt.map(Some)),
         ("stage target", e.stage.map(nm) == b.stage.map(Some)),
         ("depth interval", [nm(e.z_lo_mm), nm(e.z_hi_mm)] == [Some(b.z_lo), Some(b.z_hi)]),
         ("number of strokes", e.strokes == b.strokes.len()),

@@ -6,6 +6,7 @@
 //! [`Ground::z_tolerance`].
 
 use super::stretch::{Stretch, confirmed, note};
+use super::turned::Turned;
 use super::{Findings, part_place, part_place_nm};
 use crate::geom::P2;
 use crate::machine::Machine;
@@ -24,6 +25,9 @@ pub(in crate::verify) struct Marks {
     pub(super) worst_defocus: f64,
     /// How far it may be off, nm.
     pub(super) worst_tolerance: f64,
+    /// Where the points of the program lie in the drawing, as far as their part is turned; empty where
+    /// nothing is.
+    pub(in crate::verify) drawn: Vec<P2>,
 }
 
 /// Holds `field`: every point of every stroke.
@@ -45,7 +49,7 @@ pub(in crate::verify) fn field(file: &ProgramFile, machine: &Machine, rule: &mut
 
 /// Holds `depth` and `ground`.
 pub(in crate::verify) fn check(file: &ProgramFile, facts: &Facts, ground: &Ground, findings: &mut Findings) -> Marks {
-    let Findings { depth, ground: solid, .. } = findings;
+    let Findings { depth, ground: solid, source, .. } = findings;
     (depth.ran, solid.ran) = (true, true);
     let mut search = Search {
         file,
@@ -60,8 +64,17 @@ pub(in crate::verify) fn check(file: &ProgramFile, facts: &Facts, ground: &Groun
     };
     let mut out = Marks::default();
     let mut slope2 = 0.0f64;
+    let mut turned: Option<Turned> = None;
     for (id, block) in file.ids.iter().zip(&file.program.blocks) {
-        let found = search.block(id, block);
+        let found = if Turned::of(file, block, facts, ground, &mut turned)
+            && let Some(here) = &turned
+        {
+            out.drawn.resize(file.program.points.len(), P2::default());
+            here.draw(id, file, block, &mut out.drawn, source);
+            search.on(&here.ground).block(id, block)
+        } else {
+            search.block(id, block)
+        };
         out.block_mm.push(found.mark_mm);
         if found.worst > out.worst_defocus {
             (out.worst_defocus, out.worst_tolerance) = (found.worst, found.worst_tolerance);
@@ -115,6 +128,13 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
+    /// The same search on another ground.
+    fn on<'b>(&'b mut self, ground: &'b Ground) -> Search<'b> {
+        let Self { file, facts, depth, solid, .. } = self;
+        let (lines, low, off) = (Vec::new(), Vec::new(), Vec::new());
+        Search { file, facts, ground, depth, solid, scratch: Scratch::default(), lines, low, off }
+    }
+
     fn block(&mut self, id: &str, block: &Block) -> Found {
         // Heights are compared on the surface as the file has it.
         let block = &self.facts.raised(block);

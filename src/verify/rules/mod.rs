@@ -11,6 +11,7 @@ mod stage;
 mod stretch;
 pub(super) mod summary;
 pub(super) mod travel;
+mod turned;
 
 use std::path::Path;
 

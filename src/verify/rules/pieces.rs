@@ -22,6 +22,9 @@ const ON_STROKE: f64 = 1.0;
 /// Shares and gaps up to this, nm, are noise of the lengths along a stroke.
 const NOISE: f64 = 0.5;
 
+/// A point of a mark on a tilted part is found in the drawing by its height: it lies this near to its stroke,
+/// and two of them that are one cut point this near to each other, nm.
+const TURNED: f64 = 10.0;
 /// By how much an overlap may be longer than declared, nm: both its ends are rounded.
 const ROUNDED: f64 = 2.0;
 
@@ -41,6 +44,8 @@ pub(in crate::verify) struct Pieces {
     /// By how much marks are longer than the texture under them, since cut points lie on the grid beside
     /// it, and what gaps may have lost to it.
     pub(super) rounding_mm: f64,
+    /// Marks on tilted parts: the ends of each are known to some nanometres.
+    pub(super) turned: u64,
 }
 
 /// Holds the three rules.
@@ -49,6 +54,7 @@ pub(in crate::verify) fn check(
     facts: &Facts,
     drawings: &[Drawing<'_>],
     ground: &Ground,
+    drawn: &[P2],
     findings: &mut Findings,
 ) -> Pieces {
     let Findings { source, once, coverage, .. } = findings;
@@ -59,6 +65,9 @@ pub(in crate::verify) fn check(
         facts,
         drawing: first,
         ground,
+        drawn,
+        is_turned: false,
+        noise: if drawn.is_empty() { NOISE } else { 2.0 * TURNED },
         source,
         once,
         coverage,
@@ -104,6 +113,12 @@ struct Cover<'a> {
     facts: &'a Facts,
     drawing: &'a Drawing<'a>,
     ground: &'a Ground,
+    /// Points of tilted blocks in the drawing; empty where nothing is tilted.
+    drawn: &'a [P2],
+    /// Whether the mark at hand is one of these.
+    is_turned: bool,
+    /// Shares and gaps up to this count as none, nm.
+    noise: f64,
     source: &'a mut Rule,
     once: &'a mut Rule,
     coverage: &'a mut Rule,
@@ -174,9 +189,9 @@ impl Cover<'_> {
         for span in &spans {
             let to = covered.map_or(0.0, |c| c.to);
             self.once.checked += 1;
-            if span.from > to + NOISE {
+            if span.from > to + self.noise {
                 self.gap(number, [to, span.from], passes, [covered, Some(*span)]);
-            } else if span.from < to - NOISE {
+            } else if span.from < to - self.noise {
                 let declared = covered.is_some_and(|last| before <= span.from && self.is_overlap(&last, span));
                 self.twice(*span, span.to.min(to) - span.from, passes, declared);
             }
@@ -186,7 +201,7 @@ impl Cover<'_> {
             }
         }
         let to = covered.map_or(0.0, |c| c.to);
-        if sum > to + NOISE {
+        if sum > to + self.noise {
             self.gap(number, [to, sum], passes, [covered, None]);
         }
         self.coverage.checked += 1;
@@ -199,9 +214,16 @@ impl Cover<'_> {
         let stroke = self.file.program.strokes[i as usize];
         let block = self.load(i, &stroke);
         let length: f64 = self.mark.windows(2).map(|w| w[0].distance(w[1])).sum();
-        self.out.lengths.mark_mm += length * passes / NM_PER_MM;
         let segment = stroke.segment as usize;
-        let fault = match self.fit(segment).or_else(|why| self.fit_otherwise(segment).ok_or(why)) {
+        let fit = match self.is_turned {
+            true => self.fit_turned(segment),
+            false => self.fit(segment).or_else(|why| self.fit_otherwise(segment).ok_or(why)),
+        };
+        // On a tilted part lengths are those along the stroke.
+        let length = fit.ok().filter(|_| self.is_turned).map_or(length, |[from, to]| to - from);
+        self.out.lengths.mark_mm += length * passes / NM_PER_MM;
+        self.out.turned += u64::from(self.is_turned);
+        let fault = match fit {
             Ok([from, to]) => {
                 self.spans.push(Span { from, to, mark: i });
                 self.out.rounding_mm += (length - (to - from)).abs() * passes / NM_PER_MM;
@@ -242,10 +264,16 @@ impl Cover<'_> {
     fn load(&mut self, i: u32, stroke: &Stroke) -> usize {
         let program = &self.file.program;
         let block = program.blocks.partition_point(|b| b.strokes.end <= i as usize);
-        let c = program.blocks[block].stop.centre;
+        let stop = &program.blocks[block].stop;
+        let c = stop.centre;
+        self.is_turned = stop.tilt != [0; 2] && !self.drawn.is_empty();
         let points = program.points_of(stroke).iter().map(|p| P2::new(c.x + i64::from(p[0]), c.y + i64::from(p[1])));
         self.mark.clear();
-        self.mark.extend(points);
+        if self.is_turned {
+            self.mark.extend_from_slice(&self.drawn[stroke.first as usize..(stroke.first + stroke.len) as usize]);
+        } else {
+            self.mark.extend(points);
+        }
         if stroke.reversed {
             self.mark.reverse();
         }
@@ -269,6 +297,53 @@ impl Cover<'_> {
         let from = self.on_segment(segment, self.mark[0]).ok_or("it does not begin on that segment")?;
         let to = self.on_segment(last, self.mark[self.mark.len() - 1]).ok_or("it does not end on its last segment")?;
         if from < to { Ok([from, to]) } else { Err("it runs against the direction that it claims") }
+    }
+
+    /// As [`Cover::fit`] for a mark on a tilted part: all its points lie on the stroke one after another, every
+    /// vertex of the stroke among them.
+    fn fit_turned(&self, segment: usize) -> Result<[f64; 2], &'static str> {
+        if segment + 1 >= self.points.len() {
+            return Err("the stroke has no such segment");
+        }
+        let near = |p: P2, k: usize| self.points.get(k).is_some_and(|&v| v.distance(p) <= TURNED);
+        if self.is_closed_whole(segment) {
+            return Ok([0.0, self.along[self.points.len() - 1]]);
+        }
+        // A cut point may have been rounded onto the end of its segment.
+        let mut k = segment + usize::from(near(self.mark[0], segment + 1) && self.points.len() > segment + 2);
+        let from = self.beside(k, self.mark[0]).ok_or("it does not begin on that segment")?;
+        let mut at = from;
+        for (i, &p) in self.mark.iter().enumerate().skip(1) {
+            let Some(to) = self.beside(k, p) else {
+                return Err("its points are not on the stroke");
+            };
+            if to < at - TURNED {
+                return Err("it runs against the direction that it claims");
+            }
+            at = to;
+            if near(p, k + 1) && i + 1 < self.mark.len() && k + 2 < self.points.len() {
+                k += 1;
+            }
+        }
+        if from < at { Ok([from, at]) } else { Err("it runs against the direction that it claims") }
+    }
+
+    /// Whether the mark is a whole closed figure that begins at the vertex where `segment` does.
+    fn is_closed_whole(&self, segment: usize) -> bool {
+        let n = self.points.len();
+        let same = |i: usize| {
+            let k = if segment + i < n { segment + i } else { segment + i + 1 - n };
+            self.points[k].distance(self.mark[i]) <= TURNED
+        };
+        n == self.mark.len() && segment > 0 && self.points[0] == self.points[n - 1] && (0..n).all(same)
+    }
+
+    /// Length along the stroke of a point that lies beside segment `k` by no more than [`TURNED`].
+    fn beside(&self, k: usize, p: P2) -> Option<f64> {
+        let (d, aside) = self.project(k, p);
+        let len = self.along[k + 1] - self.along[k];
+        let on = (-TURNED..=len + TURNED).contains(&d) && aside <= TURNED;
+        on.then(|| self.along[k] + d.clamp(0.0, len))
     }
 
     fn fit_otherwise(&self, segment: usize) -> Option<[f64; 2]> {
@@ -342,14 +417,14 @@ impl Cover<'_> {
     /// Whether what two marks share is an overlap as the job declares it: at most so long, the end of one block's
     /// mark and the beginning of another's.
     fn is_overlap(&self, last: &Span, next: &Span) -> bool {
-        let follows = last.from + NOISE < next.from && last.to + NOISE < next.to;
+        let follows = last.from + self.noise < next.from && last.to + self.noise < next.to;
         let overlap = self.facts.overlap_nm;
-        let fits = overlap > 0.0 && last.to - next.from <= overlap + ROUNDED;
+        let fits = overlap > 0.0 && last.to - next.from <= overlap + ROUNDED.max(self.noise);
         follows && fits && self.block_of(last.mark) != self.block_of(next.mark)
     }
 
     fn twice(&mut self, span: Span, shared: f64, passes: f64, declared: bool) {
-        if shared <= NOISE {
+        if shared <= self.noise {
             return;
         }
         self.out.lengths.overlap_mm += shared * passes / NM_PER_MM;

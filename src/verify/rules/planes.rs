@@ -78,16 +78,21 @@ fn plane(
             return Err(format!("the passes of pen {} are not those of program.txt", pen + 1));
         }
     }
-    shell(&plane, i, block)
+    shell(&plane, i, block, machine)
 }
 
-fn shell(plane: &WorkPlane, i: usize, block: &Block) -> Result<(), String> {
+fn shell(plane: &WorkPlane, i: usize, block: &Block, machine: &Machine) -> Result<(), String> {
     let at = [plane.x_mm, plane.y_mm, plane.z_mm];
     if !at.iter().zip(block.stage).all(|(&mm, nm)| step(mm, mm_from_nm(nm))) {
         return Err(format!("the work plane stands at {at:?} mm, program.txt says {}", super::stage_text(block.stage)));
     }
-    if [plane.x_deg, plane.y_deg, plane.z_deg] != [0.0; 3] {
-        return Err("the work plane is tilted".into());
+    let mut tilt = [0.0; 3];
+    for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt) {
+        tilt[axis.letter as usize] = command as f64 / 1e6;
+    }
+    let turned = [plane.x_deg, plane.y_deg, plane.z_deg];
+    if !turned.iter().zip(tilt).all(|(&found, wanted)| step(found, wanted) || found == wanted as f32) {
+        return Err(format!("the work plane is turned by {turned:?} deg, program.txt says {tilt:?}"));
     }
     if usize::try_from(plane.number) != Ok(i) {
         return Err(format!("work plane {i} is numbered {}", plane.number));

@@ -54,7 +54,8 @@ pub(super) struct Moved<'a> {
     /// Name of the block that it belongs to; empty before the first.
     pub(super) block: &'a str,
     pub(super) line: usize,
-    pub(super) to: [Option<i64>; 3],
+    /// x, y, z, a, b, c.
+    pub(super) to: [Option<i64>; 6],
 }
 
 /// Walks over the moves of a stage program.
@@ -110,7 +111,7 @@ fn units(stage: &StageFile, rule: &mut Rule) {
 
 /// The target of a block is where the first group of moves after its comment ends.
 fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
-    let mut at: [Option<i64>; 3] = [None; 3];
+    let mut at: [Option<i64>; 6] = [None; 6];
     let mut blocks = file.ids.iter().zip(&file.program.blocks);
     let mut rest = stage.statements.iter().peekable();
     while let Some(s) = rest.next() {
@@ -144,8 +145,15 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
             apply(&mut at, *to);
             rest.next();
         }
-        if at != block.stage.map(Some) {
-            let found = at.map(|v| v.map_or("unknown".to_owned(), |v| mm_from_nm(v).to_string())).join(", ");
+        let [x, y, z, rotary @ ..] = at;
+        for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt) {
+            if rotary[axis.letter as usize] != Some(command) {
+                let text = format!("axis {} is not sent to the block's tilt", axis.letter.char());
+                rule.broken(id, stage.place(s.line), text);
+            }
+        }
+        if [x, y, z] != block.stage.map(Some) {
+            let found = [x, y, z].map(|v| v.map_or("unknown".to_owned(), |v| mm_from_nm(v).to_string())).join(", ");
             let text = format!("the stage is sent to ({found}) mm, the program says {}", stage_text(block.stage));
             rule.broken(id, stage.place(s.line), text);
         }
@@ -158,17 +166,17 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
     }
 }
 
-fn apply(at: &mut [Option<i64>; 3], to: [Option<i64>; 3]) {
-    for k in 0..3 {
+fn apply(at: &mut [Option<i64>; 6], to: [Option<i64>; 6]) {
+    for k in 0..6 {
         at[k] = to[k].or(at[k]);
     }
 }
 
 /// Whether the first move of a group is of z alone and not below where it comes from or goes to; where
 /// the stage stands at the far end of z already, there is nothing to lift.
-fn lifts(first: Option<[Option<i64>; 3]>, from: Option<i64>, to: i64, z: &Axis) -> bool {
+fn lifts(first: Option<[Option<i64>; 6]>, from: Option<i64>, to: i64, z: &Axis) -> bool {
     let (sign, ends) = (z.sign(), z.travel.map(|t| t.as_nm()));
-    if let Some([None, None, Some(z)]) = first {
+    if let Some([None, None, Some(z), None, None, None]) = first {
         return sign * z >= sign * to && from.is_none_or(|from| sign * z >= sign * from);
     }
     from.is_some() && from == (if sign > 0 { ends[1] } else { ends[0] })

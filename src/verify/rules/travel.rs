@@ -22,7 +22,7 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
             let text =
                 format!("the stage stands at {}, the block is at {}", stage_text(block.stage), stage_text(wanted));
             rule.broken(id, place, text);
-        } else if let Some(fault) = fault(machine, block.stage.map(Some)) {
+        } else if let Some(fault) = fault(machine, block.stage.map(Some)).or_else(|| tilt_fault(machine, block)) {
             rule.broken(id, place, fault);
         }
     }
@@ -38,6 +38,22 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
             }
         }
     }
+}
+
+/// What is wrong with the commands of the tilt axes.
+fn tilt_fault(machine: &Machine, block: &Block) -> Option<String> {
+    let Some(table) = &machine.tilt else {
+        return (block.stop.tilt != [0; 2]).then(|| "the block is tilted, the machine has no tilt table".into());
+    };
+    let wrong = table.axes.iter().zip(block.stop.tilt).find(|(axis, command)| !axis.takes(*command));
+    wrong.map(|(axis, command)| {
+        let (letter, [lo, hi]) = (axis.letter.char(), axis.travel);
+        format!(
+            "{letter} is sent to {} deg, its travel is {lo} to {hi} in steps of {}",
+            command as f64 / 1e6,
+            axis.increment
+        )
+    })
 }
 
 fn fault(machine: &Machine, to: [Option<i64>; 3]) -> Option<String> {

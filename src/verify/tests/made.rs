@@ -177,6 +177,7 @@ impl Made {
             let id = Program::block_id(i);
             json!({
                 "id": id, "pass": b.pass + 1, "section": b.stop.section, "level": b.stop.level, "centre_mm": b.stop.centre.mm(),
+                "tilt_deg": b.stop.tilt.map(|v| v as f64 / 1e6),
                 "lpfl_mm": mm_from_nm(b.stop.focus), "stage": b.stage.map(mm_from_nm), "z_lo_mm": mm_from_nm(b.z_lo),
                 "z_hi_mm": mm_from_nm(b.z_hi), "files": {"dxf": format!("blocks/{id}.dxf")},
                 "strokes": b.strokes.len(), "mark_mm": self.mark_mm(m), "jump_mm": 0.0,
@@ -261,6 +262,7 @@ fn block(k: u32, strokes: &[(u16, Vec<P2>)]) -> MadeBlock {
     let stop = Stop {
         section: [section, 0],
         level: k as i32,
+        tilt: [0; 2],
         centre: p(20.0 + 40.0 * f64::from(section), 10.0),
         focus: lo + 200_000,
         z_lo: lo,

@@ -57,6 +57,7 @@ fn block(column: u32, row: u32) -> MadeBlock {
     let stop = Stop {
         section: [column, row],
         level: 0,
+        tilt: [0; 2],
         centre: P2::new(lo(column) + 20 * MM, lo(row) + 20 * MM),
         focus: 0,
         z_lo: -45 * MM,

@@ -1,0 +1,55 @@
+//! Marks that stand for all others: in each cell of a grid the lowest and the highest end of a piece.
+
+use rustc_hash::FxHashMap;
+
+use super::GridTracer;
+use crate::geom::P2;
+
+/// Points of marks in space, nm: at most two for every cell.
+#[derive(Clone, Debug, Default)]
+pub struct Marks {
+    cells: FxHashMap<u32, [[f64; 3]; 2]>,
+}
+
+impl Marks {
+    /// Adds one stroke, traced over the grid.
+    pub fn add(&mut self, points: &[P2], tracer: &mut GridTracer<'_>) {
+        let columns = i64::from(tracer.grid.count[0]);
+        for w in points.windows(2) {
+            let (a, b) = (w[0], w[1]);
+            tracer.segment(a, b, |p, [column, row]| {
+                for (t, z) in [(p.t0, p.z0), (p.t1, p.z1)] {
+                    let [x, y] = [(a.x, b.x), (a.y, b.y)].map(|(a, b)| a as f64 + t * (b - a) as f64);
+                    self.point((row * columns + column) as u32, [x, y, z]);
+                }
+            });
+        }
+    }
+
+    fn point(&mut self, cell: u32, p: [f64; 3]) {
+        // Of equally high points always the same, whatever the order in which they come.
+        let key = |p: &[f64; 3]| [p[2], p[0], p[1]];
+        let below = |a: &[f64; 3], b: &[f64; 3]| key(a).partial_cmp(&key(b)).is_some_and(|o| o.is_lt());
+        let [lo, hi] = self.cells.entry(cell).or_insert([p; 2]);
+        if below(&p, lo) {
+            *lo = p;
+        }
+        if below(hi, &p) {
+            *hi = p;
+        }
+    }
+
+    /// Joins what another part of the texture found.
+    pub fn merge(&mut self, other: Self) {
+        for (cell, points) in other.cells {
+            points.into_iter().for_each(|p| self.point(cell, p));
+        }
+    }
+
+    /// The points, by cell.
+    pub fn list(self) -> Vec<[f64; 3]> {
+        let mut cells: Vec<(u32, [[f64; 3]; 2])> = self.cells.into_iter().collect();
+        cells.sort_unstable_by_key(|c| c.0);
+        cells.into_iter().flat_map(|(_, points)| points).collect()
+    }
+}

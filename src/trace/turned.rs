@@ -1,0 +1,234 @@
+//! The heights of the texture on a part that is turned for each place by itself.
+//!
+//! Heights are those of the turned part. What a turned beam does not reach is found here as well: where the
+//! part is one plain sheet within reach, nothing can stand in the beam's way; elsewhere the beam is followed
+//! from points of the marks close to each other.
+
+use super::footprint::Heights;
+use super::{GridTracer, Keep, Piece};
+use crate::geom::{P2, Turn};
+use crate::program::Sections;
+
+/// A place that is marked at one turn of the part.
+#[derive(Clone, Debug)]
+pub struct Facing {
+    /// Commands of the tilt axes, millionths of a degree.
+    pub tilt: [i64; 2],
+    /// What they make of the part.
+    pub turn: Turn,
+    /// The point of the turned part under the optical axis, where the stage can stand.
+    pub centre: P2,
+    /// The part's highest place that could stand in the way of the beam, nm.
+    pub top: f64,
+}
+
+/// Which place of the plane is marked at which turn.
+#[derive(Clone, Debug)]
+pub struct Facings {
+    /// The places are made of cells of this grid.
+    pub grid: Sections,
+    /// Index of a cell's facing.
+    pub of_cell: Vec<u32>,
+    /// All facings.
+    pub list: Vec<Facing>,
+    /// Half the window of a stop, nm.
+    pub half: [i64; 2],
+}
+
+/// What one facing must hold.
+#[derive(Clone, Debug, Default)]
+pub struct InFacing {
+    heights: Heights,
+    /// Lowest and highest mark of every stroke that is to stay whole.
+    pub figures: Vec<(f64, f64)>,
+    /// Whether the part hides a mark from the turned beam, or the beam meets one beyond the limit.
+    pub is_hidden: bool,
+    /// Whether a mark lies beside the window.
+    pub is_beside: bool,
+    /// Square of the tangent of the largest angle between the beam and the surface.
+    pub worst_slope2: f64,
+}
+
+impl InFacing {
+    /// The intervals of height, upwards, of what may be cut.
+    pub fn heights(&self) -> &[(f64, f64)] {
+        self.heights.intervals()
+    }
+}
+
+/// What all facings must hold.
+#[derive(Clone, Debug)]
+pub struct Turned(pub Vec<InFacing>);
+
+/// Distance of the points of a mark from which the beam is followed, nm.
+const SPACING: f64 = 50_000.0;
+
+/// A beam counts as hidden if the part rises above it by more than this, nm.
+const GRAZE: f64 = 20.0;
+
+impl Turned {
+    /// Nothing in any of `count` facings.
+    pub fn new(count: usize) -> Self {
+        Self(vec![InFacing::default(); count])
+    }
+
+    /// Adds one stroke, traced over the grid of the facings.
+    pub fn add(&mut self, points: &[P2], tracer: &mut GridTracer<'_>, facings: &Facings, keep: Keep) {
+        let columns = i64::from(facings.grid.count[0]);
+        let facing_of = |[column, row]: [i64; 2]| facings.of_cell[(row * columns + column) as usize] as usize;
+        if let Some(bounds) = keep.bounds(points) {
+            let middle = [(0, bounds.lo.x + bounds.hi.x), (1, bounds.lo.y + bounds.hi.y)];
+            let i = facing_of(middle.map(|(axis, sum)| facings.grid.along(axis, sum / 2, 0)));
+            let facing = &facings.list[i];
+            let (mut z, mut beside, mut hidden, mut slope2) =
+                ([f64::INFINITY, f64::NEG_INFINITY], false, false, 0.0f64);
+            tracer.gap = false;
+            for w in points.windows(2) {
+                let mut list = std::mem::take(&mut tracer.small);
+                list.clear();
+                tracer.segment(w[0], w[1], |p, cell| list.push((p, cell)));
+                for (p, _) in &list {
+                    let ends = Ends::of(p, w, facing);
+                    z = [z[0].min(ends.lo()), z[1].max(ends.hi())];
+                    beside |= ends.is_beside(facing, facings.half);
+                    hidden |= tracer.tracer.hides(p, w, facing);
+                    slope2 = slope2.max(tracer.tracer.beam_slope2(p, facing));
+                }
+                tracer.small = list;
+            }
+            if !tracer.gap && !beside {
+                let here = &mut self.0[i];
+                here.is_hidden |= hidden || slope2 > tracer.tracer.max_slope2;
+                here.worst_slope2 = here.worst_slope2.max(slope2);
+                return here.figures.push((z[0], z[1]));
+            }
+        }
+        for w in points.windows(2) {
+            let mut list = std::mem::take(&mut tracer.small);
+            list.clear();
+            tracer.segment(w[0], w[1], |p, cell| list.push((p, cell)));
+            let mut run: Option<(usize, f64, f64)> = None;
+            for (p, cell) in &list {
+                let i = facing_of(*cell);
+                let facing = &facings.list[i];
+                let ends = Ends::of(p, w, facing);
+                let here = &mut self.0[i];
+                here.is_beside |= ends.is_beside(facing, facings.half);
+                let slope2 = tracer.tracer.beam_slope2(p, facing);
+                here.worst_slope2 = here.worst_slope2.max(slope2);
+                here.is_hidden =
+                    here.is_hidden || slope2 > tracer.tracer.max_slope2 || tracer.tracer.hides(p, w, facing);
+                match &mut run {
+                    Some((at, lo, hi)) if *at == i && ends.lo() <= *hi && ends.hi() >= *lo => {
+                        *lo = lo.min(ends.lo());
+                        *hi = hi.max(ends.hi());
+                    }
+                    run => {
+                        if let Some((i, lo, hi)) = run.replace((i, ends.lo(), ends.hi())) {
+                            self.0[i].heights.add(lo, hi);
+                        }
+                    }
+                }
+            }
+            if let Some((i, lo, hi)) = run {
+                self.0[i].heights.add(lo, hi);
+            }
+            tracer.small = list;
+        }
+    }
+
+    /// Joins what another part of the texture found.
+    pub fn merge(&mut self, other: Self) {
+        for (mine, mut theirs) in self.0.iter_mut().zip(other.0) {
+            mine.heights.append(&mut theirs.heights);
+            mine.figures.append(&mut theirs.figures);
+            mine.is_hidden |= theirs.is_hidden;
+            mine.is_beside |= theirs.is_beside;
+            mine.worst_slope2 = mine.worst_slope2.max(theirs.worst_slope2);
+        }
+    }
+
+    /// The same with all intervals joined and sorted, as [`InFacing::heights`] needs it.
+    #[must_use]
+    pub fn joined(mut self) -> Self {
+        for f in &mut self.0 {
+            f.heights.join();
+            f.figures.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        }
+        self
+    }
+}
+
+/// Both ends of a piece on the turned part.
+struct Ends([[f64; 3]; 2]);
+
+impl Ends {
+    fn of(p: &Piece, w: &[P2], facing: &Facing) -> Self {
+        Self([(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| facing.turn.apply(at(w, t, z))))
+    }
+    fn lo(&self) -> f64 {
+        self.0[0][2].min(self.0[1][2])
+    }
+    fn hi(&self) -> f64 {
+        self.0[0][2].max(self.0[1][2])
+    }
+    fn is_beside(&self, facing: &Facing, half: [i64; 2]) -> bool {
+        let c = [facing.centre.x, facing.centre.y];
+        self.0.iter().any(|p| (0..2).any(|k| (p[k] - c[k] as f64).abs() > half[k] as f64))
+    }
+}
+
+/// A point of the segment `w`.
+fn at(w: &[P2], t: f64, z: f64) -> [f64; 3] {
+    let [a, b] = [w[0], w[1]];
+    [a.x as f64 + t * (b.x - a.x) as f64, a.y as f64 + t * (b.y - a.y) as f64, z]
+}
+
+impl super::Tracer<'_> {
+    /// Square of the tangent of the angle between the beam and the surface under a piece.
+    fn beam_slope2(&self, p: &Piece, facing: &Facing) -> f64 {
+        let cos: f64 = self.surface.normal(p.facet).iter().zip(facing.turn.up()).map(|(n, u)| n * u).sum();
+        if cos > 0.0 { (1.0 / (cos * cos) - 1.0).max(0.0) } else { f64::INFINITY }
+    }
+
+    /// Whether the part hides some of a piece of the segment `w` from the turned beam.
+    fn hides(&mut self, p: &Piece, w: &[P2], facing: &Facing) -> bool {
+        let [x, y, z] = facing.turn.up();
+        let lean = [x / z, y / z];
+        let flat = lean[0].hypot(lean[1]);
+        let lowest = p.z0.min(p.z1);
+        let reach = (facing.top - lowest).max(0.0) * flat;
+        if reach < GRAZE {
+            return false;
+        }
+        let (a, b) = (w[0].lerp(w[1], p.t0), w[0].lerp(w[1], p.t1));
+        let r = reach.ceil() as i64 + 2;
+        let lo = P2::new(a.x.min(b.x) - r, a.y.min(b.y) - r);
+        if self.surface.is_plain(lo, P2::new(a.x.max(b.x) + r, a.y.max(b.y) + r)) {
+            return false;
+        }
+        let count = (a.distance(b) / SPACING).ceil().max(2.0) as i64;
+        (0..=count).any(|i| {
+            // Just inside of the ends, which may lie at the foot of a wall.
+            let t = p.t0 + (p.t1 - p.t0) * ((i as f64 + 1e-3) / (count as f64 + 2e-3)).min(1.0 - 1e-6);
+            self.is_hidden(at(w, t, p.z(t)), lean, facing.top)
+        })
+    }
+
+    /// Whether the part rises above the beam that comes to `p` from where it leans, below the height `top`.
+    fn is_hidden(&mut self, [x, y, z]: [f64; 3], lean: [f64; 2], top: f64) -> bool {
+        let from = P2::new(x.round() as i64, y.round() as i64);
+        let [dx, dy] = lean.map(|l| (l * (top - z + GRAZE)).round() as i64);
+        let to = P2::new(from.x + dx, from.y + dy);
+        if to == from {
+            return false;
+        }
+        let rise = top - z + GRAZE;
+        self.surface.walk(from, to, &mut self.beam, &mut self.spans);
+        self.spans.iter().filter(|s| s.facet().is_some()).any(|s| {
+            // The rounding of the start is worth as much as the surface rises over a nanometre.
+            let slack = |at: f64, t: f64| at > z + t * rise + GRAZE;
+            slack(s.z0, s.t0) || slack(s.z1, s.t1)
+        })
+    }
+}

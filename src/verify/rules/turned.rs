@@ -1,0 +1,138 @@
+//! Blocks of a tilted part: their own ground, and where their marks lie in the drawing.
+//!
+//! The texture is fixed on the part by projection along its z axis, while a tilted block marks along its
+//! own beam. So the beam is followed down to the turned part's topmost sheet, and the point found there is
+//! looked up in the drawing. A mark that the part hides from the beam comes out on what hides it, and so
+//! beside its stroke.
+
+use super::part_place_nm;
+use crate::geom::P2;
+use crate::program::{Block, CHORD};
+use crate::verify::depth::{Ground, Line, Scratch, Turn};
+use crate::verify::facts::Facts;
+use crate::verify::proof::Rule;
+use crate::verify::read::program::ProgramFile;
+
+/// The ground of one tilt under a box of the part, nm.
+pub(super) struct Turned {
+    tilt: [i64; 2],
+    area: [f64; 4],
+    pub(super) turn: Turn,
+    pub(super) ground: Ground,
+}
+
+/// Room around a block that its ground is made for, nm: blocks of the same tilt need no other.
+const SPARE: f64 = 1e6;
+
+/// What rounding of the field and the heights moves a mark by, nm.
+const ROUNDING: f64 = 5.0;
+
+/// Pieces up to this, nm, do not tell on which side of a wall a point lies.
+const SHORT: f64 = 10.0;
+
+impl Turned {
+    /// The ground of a tilted block, by `last` where that serves; None where the block is not tilted.
+    pub(super) fn of(file: &ProgramFile, block: &Block, facts: &Facts, flat: &Ground, last: &mut Option<Self>) -> bool {
+        let (tilt, Some(table)) = (block.stop.tilt, &facts.machine.tilt) else { return false };
+        if tilt == [0; 2] {
+            return false;
+        }
+        let turn = Turn::of(table, tilt, file.origin);
+        let [x0, y0, x1, y1] = area(file, block, &turn);
+        let serves =
+            |t: &Self| t.tilt == tilt && t.area[0] <= x0 && t.area[1] <= y0 && x1 <= t.area[2] && y1 <= t.area[3];
+        if !last.as_ref().is_some_and(serves) {
+            let area = [x0 - SPARE, y0 - SPARE, x1 + SPARE, y1 + SPARE];
+            *last = Some(Self { tilt, area, turn, ground: flat.turned(&turn, area) });
+        }
+        true
+    }
+
+    /// Finds where the points of a block's strokes lie in the drawing; between them a mark must run straight
+    /// there as well.
+    pub(super) fn draw(&self, id: &str, file: &ProgramFile, block: &Block, drawn: &mut [P2], source: &mut Rule) {
+        let mut scratch = Scratch::default();
+        let (mut found, mut ends) = (Vec::new(), Vec::new());
+        for stroke in file.program.strokes_of(block) {
+            let points = file.program.points_of(stroke);
+            let field = |p: [i32; 2]| {
+                [(block.stop.centre.x + i64::from(p[0])) as f64, (block.stop.centre.y + i64::from(p[1])) as f64]
+            };
+            found.clear();
+            let mut astray: Option<([f64; 2], f64)> = None;
+            for w in points.windows(2) {
+                let line = Line::new(field(w[0]), field(w[1]));
+                self.ends(&line, &mut scratch, &mut ends);
+                let (Some(&first), Some(&last)) = (ends.first(), ends.last()) else {
+                    // Off the part, which the rule `ground` says.
+                    let [x, y] = field(w[0]);
+                    let [x, y, _] = self.turn.back([x, y, block.stop.focus as f64]);
+                    found.push([x, y]);
+                    continue;
+                };
+                if found.is_empty() {
+                    found.push(first);
+                }
+                found.push(last);
+                let chord = Line::new(first, last);
+                for &[x, y] in &ends {
+                    let aside = (chord.dir[0] * (y - chord.start[1]) - chord.dir[1] * (x - chord.start[0])).abs();
+                    if aside > astray.map_or(1.1 * CHORD + ROUNDING, |a| a.1) {
+                        astray = Some(([x, y], aside));
+                    }
+                }
+            }
+            for (slot, p) in drawn[stroke.first as usize..].iter_mut().zip(&found) {
+                *slot = P2::new(p[0].round() as i64, p[1].round() as i64);
+            }
+            source.checked += 1;
+            if let Some((at, aside)) = astray {
+                let text =
+                    format!("a mark on the tilted part runs {:.4} um beside the line between its points", aside / 1e3);
+                source.broken(id, part_place_nm(at), text);
+            }
+        }
+    }
+}
+
+impl Turned {
+    /// The ends of the pieces under a line of the turned part, in the drawing. A line along the rim may run
+    /// beside it by as much as a mark may run beside its stroke: then the part next to it tells the heights.
+    fn ends(&self, line: &Line, scratch: &mut Scratch, ends: &mut Vec<[f64; 2]>) {
+        for side in [0.0, CHORD, -CHORD] {
+            let mut covered = 0.0;
+            ends.clear();
+            self.ground.along(&line.part([0.0, line.len], 1.1 * side), scratch, |p| {
+                let (Some(sheet), long) = (p.sheet, p.len() > SHORT) else { return };
+                covered += p.len();
+                if long || ends.is_empty() {
+                    for (d, z) in p.d.into_iter().zip(sheet.z) {
+                        let [x, y] = line.at(d);
+                        let [x, y, _] = self.turn.back([x, y, z]);
+                        ends.push([x, y]);
+                    }
+                }
+            });
+            if covered >= line.len - SHORT {
+                return;
+            }
+        }
+    }
+}
+
+/// The box of the part under a block's marks, as x0, y0, x1, y1 in nm.
+fn area(file: &ProgramFile, block: &Block, turn: &Turn) -> [f64; 4] {
+    let mut area = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+    let points = file.program.strokes_of(block).iter().flat_map(|s| file.program.points_of(s));
+    let (lo, hi) = points.fold(([i32::MAX; 2], [i32::MIN; 2]), |(lo, hi), p| {
+        ([lo[0].min(p[0]), lo[1].min(p[1])], [hi[0].max(p[0]), hi[1].max(p[1])])
+    });
+    for [u, v] in [[lo[0], lo[1]], [hi[0], lo[1]], [lo[0], hi[1]], [hi[0], hi[1]]] {
+        for z in [block.stop.z_lo, block.stop.z_hi] {
+            let at = [block.stop.centre.x + i64::from(u), block.stop.centre.y + i64::from(v), z];
+            let [x, y, _] = turn.back(at.map(|v| v as f64));
+            area = [area[0].min(x), area[1].min(y), area[2].max(x), area[3].max(y)];
+        }
+    }
+    area
+}
