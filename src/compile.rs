@@ -4,6 +4,7 @@
 //! cut into chunks whose number does not depend on the number of threads, and results are joined in
 //! the order of the chunks, so threads never change a byte.
 
+mod bound;
 mod build;
 mod passes;
 mod tilt;
@@ -24,6 +25,7 @@ use crate::fill;
 use crate::geom::{Box2, NM_PER_MM, P2, mm_from_nm};
 use crate::machine::Machine;
 use crate::order::clearance::Clearance;
+use crate::partition::bound::Certificate;
 use crate::partition::{self, Fine, Lattice, Stops};
 use crate::program::{Block, Pen, Program, Sections};
 use crate::record::{Candidate, Summary, Times};
@@ -31,7 +33,7 @@ use crate::spec::{Job, Method, Objective, Steep};
 use crate::split::{Fragments, Seam, Splitter};
 use crate::surface::Surface;
 use crate::texture::Texture;
-use crate::trace::{Cells, Footprint, GridTracer, Keep, Tracer};
+use crate::trace::{Cells, Footprint, GridTracer, Keep, Samples, Sampling, Tracer};
 use crate::{map, motion};
 
 /// Stations of a compilation, in order, for progress displays.
@@ -78,6 +80,8 @@ pub struct Plan {
     pub block_times: Vec<f64>,
     /// Largest depth range of a block as used, nm.
     pub depth: i64,
+    /// Why no partition of the first pass has fewer stops than its lower bound; None where none is known.
+    pub bound: Option<Certificate>,
     /// What the user should know.
     pub warnings: Vec<Diag>,
 }
@@ -98,6 +102,8 @@ struct Ground<'a> {
     max_slope: f64,
     keep: Keep,
     footprint: Footprint,
+    /// Points of marks for the lower bound.
+    marks: Option<Samples>,
     clearance: Clearance,
     pens: Vec<Pen>,
 }
@@ -143,7 +149,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
 
     progress(Station::Footprint);
     let first = PassPlace::first(&machine);
-    let ground = ground(&job, &machine, &surface, &mut texture, first)?;
+    let mut ground = ground(&job, &machine, &surface, &mut texture, first)?;
     most_stops(&ground)?;
     let methods = match job.file.partition.method {
         Method::Auto => {
@@ -220,6 +226,8 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     warn(&job, &made.split, made.worst_defocus, ground.lattice.depth, warnings)?;
     warnings.extend(not_kept);
     warnings.extend(short_overlaps(&made.split));
+    let marks = ground.marks.take();
+    let bound = bound::certificate(&ground, marks, made.method);
     let program = checked.program();
     let split = &made.split;
     let passes = |pick: fn(&Program, &Block) -> f64| program.blocks.iter().map(|b| pick(program, b)).sum::<f64>();
@@ -228,7 +236,10 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         passes: job.file.passes.count(),
         sub_blocks: map.sub_blocks() + more.iter().map(|p| p.map.sub_blocks()).sum::<usize>(),
         method: made.method.name().into(),
-        lower_bound_stops: None,
+        lower_bound_stops: more
+            .iter()
+            .map(|p| p.bound)
+            .fold(bound.as_ref().map(Certificate::stops), |sum, of_pass| Some(sum? + of_pass?)),
         texture_mm: split.texture_mm,
         mark_mm: split.mark_mm,
         overlap_mm: split.overlap_mm,
@@ -261,6 +272,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         summary,
         block_times: made.block_times,
         depth: ground.lattice.depth,
+        bound,
         warnings: std::mem::take(warnings),
         job,
     })
@@ -330,7 +342,8 @@ fn ground<'a>(
     let max_slope = job.file.limits.max_incidence.as_rad().tan();
     fill::along_contours(texture, surface, &sections, max_slope, job.depth_range())?;
     let texture = &*texture;
-    let footprint = footprint(surface, texture, &sections, max_slope, keep, window.map(|w| w / 2));
+    let sampling = bound::sampling(job, machine, texture);
+    let (footprint, marks) = footprint(surface, texture, &sections, max_slope, keep, window.map(|w| w / 2), sampling);
     let Some((lo, hi)) = footprint.range() else {
         let place = Place::file(job.path.display().to_string());
         return Err(Diag::limit(
@@ -379,6 +392,7 @@ fn ground<'a>(
         max_slope,
         keep,
         footprint,
+        marks,
         clearance: Clearance::new(&surface.tiles(), machine),
         pens: pens.collect(),
     })
@@ -429,24 +443,29 @@ fn footprint(
     max_slope: f64,
     keep: Keep,
     half: [i64; 2],
-) -> Footprint {
-    // Joining intervals gives the same intervals in any order, so this reduction may run as it likes.
-    chunks(texture)
+    sampling: Option<Sampling>,
+) -> (Footprint, Option<Samples>) {
+    // Joining intervals gives the same intervals in any order, and thinned marks are the same too, so this
+    // reduction may run as it likes.
+    let none = || (Footprint::default(), sampling.map(Samples::new));
+    let (footprint, marks) = chunks(texture)
         .into_par_iter()
-        .fold(Footprint::default, |mut footprint, chunk| {
+        .fold(none, |(mut footprint, mut marks), chunk| {
             let mut tracer = GridTracer::new(Tracer::new(surface, max_slope), sections);
             let mut points = Vec::new();
             for i in chunk {
                 texture.stroke(i, &mut points);
-                footprint.add(&points, &mut tracer, keep, half);
+                marks.iter_mut().for_each(|m| m.begin(i));
+                footprint.add(&points, &mut tracer, keep, half, marks.as_mut());
             }
-            footprint
+            (footprint, marks)
         })
-        .reduce(Footprint::default, |mut a, b| {
-            a.merge(b);
-            a
-        })
-        .joined()
+        .reduce(none, |(mut footprint, mut marks), (other, more)| {
+            footprint.merge(other);
+            marks.iter_mut().zip(more).for_each(|(m, more)| m.merge(more));
+            (footprint, marks)
+        });
+    (footprint.joined(), marks)
 }
 
 /// Refuses what would need more stops than anyone marks, before they are made.

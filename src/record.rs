@@ -103,6 +103,13 @@ pub struct Summary {
     pub warnings: Vec<serde_json::Value>,
 }
 
+impl Summary {
+    /// How many stops there are for each that is needed at least.
+    pub fn over_bound(&self) -> Option<f64> {
+        self.lower_bound_stops.filter(|&n| n > 0).map(|n| self.stops as f64 / n as f64)
+    }
+}
+
 /// An input file of the job.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct InputFact {

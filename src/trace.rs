@@ -4,16 +4,18 @@
 //! stroke: the height of each is linear, or it says why it is not marked. Partition and split both
 //! look at the part through this one window, so what the first saw is what the second cuts. What
 //! partition sees is the [`Footprint`], the heights of the marks in every section, and the [`Cells`],
-//! the texture as small boxes. Units: nm; slopes as squared tangents.
+//! the texture as small boxes; lower bounds see the [`Samples`], points of it. Units: nm; slopes as squared tangents.
 
 mod cells;
 mod footprint;
 mod marks;
+mod samples;
 mod turned;
 
 pub use cells::{Cells, Figure, Slabs};
 pub use footprint::Footprint;
 pub use marks::Marks;
+pub use samples::{Rows, Samples, Sampling};
 pub use turned::{Facing, Facings, InFacing, Turned};
 
 use crate::geom::{Box2, P2};
@@ -167,8 +169,8 @@ impl<'a> GridTracer<'a> {
     }
 
     /// Traces a whole stroke; answers its lowest and highest mark, and whether nothing of it is skipped.
-    /// [`GridTracer::replay`] gives its pieces.
-    fn small_stroke(&mut self, points: &[P2]) -> ([f64; 2], bool) {
+    /// [`GridTracer::replay`] gives its pieces; `also` sees them with their segments.
+    fn small_stroke(&mut self, points: &[P2], mut also: impl FnMut(&Piece, P2, P2)) -> ([f64; 2], bool) {
         let mut list = std::mem::take(&mut self.small);
         list.clear();
         self.gap = false;
@@ -176,6 +178,7 @@ impl<'a> GridTracer<'a> {
         for w in points.windows(2) {
             self.segment(w[0], w[1], |p, cell| {
                 z = [z[0].min(p.z0).min(p.z1), z[1].max(p.z0).max(p.z1)];
+                also(&p, w[0], w[1]);
                 list.push((p, cell));
             });
         }

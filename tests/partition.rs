@@ -24,6 +24,7 @@ fn free_windows_need_the_fewest_stops() {
     let dir = folder();
     let mut four = Vec::new();
     let mut ratios = Vec::new();
+    let mut over_bound = Vec::new();
     for (name, z) in FIVE {
         let stl = dir.path().join(format!("{name}.stl"));
         write_stl(&stl, &mesh(500, [0.0, 0.0, 450.0, 450.0], z));
@@ -35,7 +36,10 @@ fn free_windows_need_the_fewest_stops() {
         let summary = compile(&job.write(dir.path(), "job.toml"), &out);
         let stops = |method: &str| number(candidate(&summary, method), "stops");
         let (contour, z_range, window) = (stops("contour"), stops("z-range"), stops("window"));
-        eprintln!("{name}: contour {contour}, z-range {z_range}, window {window}");
+        let least = number(&summary, "lower_bound_stops");
+        eprintln!("{name}: contour {contour}, z-range {z_range}, window {window}, at least {least}");
+        assert!(least <= window, "{name}");
+        over_bound.push(window / least);
         assert!(window <= z_range && z_range <= contour, "{name}");
         assert_eq!(number(&summary, "stops"), window, "{name}: the fewest are kept");
         if name != "cyl" {
@@ -47,6 +51,8 @@ fn free_windows_need_the_fewest_stops() {
     }
     assert!(mean(&four) <= 2545.0, "{}", mean(&four));
     assert!(mean(&ratios) <= 0.72, "{}", mean(&ratios));
+    eprintln!("window over its lower bound: {:.3}", mean(&over_bound));
+    assert!(mean(&over_bound) <= 1.21, "{}", mean(&over_bound));
 }
 
 /// The machine of the article with measured times of its moves.

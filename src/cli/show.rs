@@ -67,12 +67,18 @@ impl BatchView {
     }
 }
 
+/// How many stops any partition needs, and how near the job comes.
+fn at_least(s: &Summary) -> String {
+    let ratio = s.lower_bound_stops.zip(s.over_bound());
+    ratio.map_or(String::new(), |(n, ratio)| format!(", at least {n} (x {ratio:.3})"))
+}
+
 /// The figures of a job as a person reads them.
 pub fn summary(s: &Summary, folder: Option<&Path>) -> String {
     let t = &s.time_s;
     let mut lines = vec![
         format!("method         {}", s.method),
-        format!("stops          {} ({} sub-blocks)", s.stops, s.sub_blocks),
+        format!("stops          {} ({} sub-blocks){}", s.stops, s.sub_blocks, at_least(s)),
         format!(
             "marks          {:.3} mm in {} strokes, {} of the texture's strokes cut",
             s.mark_mm, s.fragments, s.strokes_cut

@@ -14,7 +14,7 @@ mod weights;
 
 use super::items::Item;
 
-pub use rows::row_heights;
+pub use rows::{row_heights, rows};
 
 /// Weighted pieces of which no stop holds more than one whole.
 #[derive(Clone, Debug)]
@@ -62,12 +62,17 @@ impl Certificate {
 /// 3 nm) are worth most: take them where strokes cross those heights.
 pub fn lower_bound(points: &[[i32; 3]], size: [i32; 3]) -> Certificate {
     let by_rows = rows::certify(points, size);
-    // Where no rows can be made of the points, any will do.
+    if by_rows.stops() > ENOUGH {
+        return by_rows;
+    }
+    // Where few rows can be made of the points, any will do.
     let some = points.iter().step_by(points.len().div_ceil(SAMPLE).max(1));
     let by_swaps = swaps::certify(some.map(|&p| Item { lo: p, hi: p }).collect(), size);
     if by_swaps.stops() > by_rows.stops() { by_swaps } else { by_rows }
 }
 
+/// Above so many stops rows are better than what chance finds.
+const ENOUGH: usize = 500;
 /// Points that are tried at most where they form no rows.
 const SAMPLE: usize = 20_000;
 

@@ -82,6 +82,7 @@ fn figures(h: &mut String, job: &Layout<'_>, is_gridded: bool) {
         ("Passes", job.passes.to_string()),
         ("Stops", job.blocks().len().to_string()),
         ("Lower bound of stops", s.lower_bound_stops.map_or("not known".into(), |n| n.to_string())),
+        ("Stops over their lower bound", s.over_bound().map_or("not known".into(), |r| plain(r, 3))),
         ("Sub-blocks", s.sub_blocks.to_string()),
         ("Sections, columns x rows", sections),
         ("Usable field", format!("{fx} x {fy} mm")),

@@ -88,7 +88,7 @@ impl Cells {
             }
         };
         if let Some(bounds) = keep.bounds(points) {
-            let (z, whole) = tracer.small_stroke(points);
+            let (z, whole) = tracer.small_stroke(points, |_, _, _| ());
             let (lo, hi) = (z[0].floor() as i64, z[1].ceil() as i64);
             if whole && slabs.holds(lo, hi) {
                 let P2 { x, y } = bounds.hi;

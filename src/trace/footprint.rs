@@ -4,7 +4,7 @@ use std::collections::hash_map::Entry;
 
 use rustc_hash::FxHashMap;
 
-use super::{GridTracer, Keep, Piece};
+use super::{GridTracer, Keep, Piece, Samples};
 use crate::geom::P2;
 
 /// Disjoint, sorted intervals of height, nm.
@@ -172,8 +172,15 @@ pub struct Footprint {
 
 impl Footprint {
     /// Adds one stroke, traced over the grid of sections. What is to stay whole must lie within `half` of
-    /// a section's centre along x and y.
-    pub fn add(&mut self, points: &[P2], tracer: &mut GridTracer<'_>, keep: Keep, half: [i64; 2]) {
+    /// a section's centre along x and y. `marks` takes what it wants of it.
+    pub fn add(
+        &mut self,
+        points: &[P2],
+        tracer: &mut GridTracer<'_>,
+        keep: Keep,
+        half: [i64; 2],
+        mut marks: Option<&mut Samples>,
+    ) {
         let columns = i64::from(tracer.grid.count[0]);
         let index = |[column, row]: [i64; 2]| (row * columns + column) as u32;
         let Self { sections, ripple, climb, .. } = self;
@@ -200,7 +207,9 @@ impl Footprint {
             }
         };
         if let Some(bounds) = keep.bounds(points) {
-            let (z, whole) = tracer.small_stroke(points);
+            let (z, whole) = tracer.small_stroke(points, |p, a, b| {
+                marks.iter_mut().for_each(|m| m.add(p, a, b));
+            });
             let middle = [(0, bounds.lo.x + bounds.hi.x), (1, bounds.lo.y + bounds.hi.y)];
             let cell = middle.map(|(axis, sum)| tracer.grid.along(axis, sum / 2, 0));
             let centre = tracer.grid.centre(index(cell) as usize);
@@ -210,6 +219,7 @@ impl Footprint {
                 && bounds.hi.y <= centre.y + half[1];
             if whole && inside {
                 sections.entry(index(cell)).or_default().figures.push((z[0], z[1]));
+                marks.iter_mut().for_each(|m| m.figure(&bounds, z));
                 return;
             }
             self.astride += usize::from(whole);
@@ -220,6 +230,7 @@ impl Footprint {
                 let length = w[0].distance(w[1]);
                 tracer.segment(w[0], w[1], |p, cell| {
                     climb.add(p.z1 - p.z0, (p.t1 - p.t0) * length);
+                    marks.iter_mut().for_each(|m| m.add(&p, w[0], w[1]));
                     add(p, cell);
                 });
             }

@@ -7,22 +7,26 @@
 use super::super::items::Item;
 use super::Certificate;
 use super::weights::Weights;
+use crate::trace::Rows;
 
 /// Weight of a point that stands alone; also the number of laps around a closed line.
 const WHOLE: u32 = 8;
 /// Rows that could be chosen in the depth of a stop.
 const CLASSES: i32 = 8;
 /// Of these, how many are tried.
-const TRIED: i32 = 3;
+const TRIED: i32 = 2;
 /// Directions in which a line is divided, and from whose first points one walks along it.
-const WAYS: [[i64; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, -1], [1, -1], [-1, 1]];
+const WAYS: [[i64; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
 
 /// Heights from `lo` to `hi` (nm, from the common origin) at which points are worth most for stops of
 /// that depth range.
 pub fn row_heights(depth: i32, lo: i32, hi: i32) -> impl Iterator<Item = i32> {
-    let pitch = pitch_of(depth);
-    let first = -(-lo).div_euclid(pitch);
-    (first..=hi.div_euclid(pitch)).filter(|k| k.rem_euclid(CLASSES) < TRIED).map(move |k| k * pitch)
+    rows(depth).heights(lo, hi)
+}
+
+/// The same heights for whoever collects points of marks.
+pub fn rows(depth: i32) -> Rows {
+    Rows { pitch: pitch_of(depth), group: CLASSES, used: TRIED }
 }
 
 /// Distance of rows: eight rows further up is just out of reach.
@@ -39,14 +43,39 @@ pub(super) fn certify(points: &[[i32; 3]], size: [i32; 3]) -> Certificate {
     let pitch = if a.sum() >= b.sum() { fine } else { coarse };
     let first = if a.sum() >= b.sum() { a } else { b };
     let others = (1..TRIED).map(|class| divide(points, size, pitch, class));
-    let best = others.fold(first, |best, w| if w.sum() > best.sum() { w } else { best });
+    let mut best = others.fold(first, |best, w| if w.sum() > best.sum() { w } else { best });
+    fill(&mut best, points, size, pitch);
     best.certificate()
+}
+
+/// Adds points that lie at no row, column by column, wherever there is room for a whole: flat places cross
+/// no row.
+fn fill(weights: &mut Weights, points: &[[i32; 3]], size: [i32; 3], pitch: i32) {
+    let tolerance = tolerance(size, pitch);
+    let off_rows = |p: &[i32; 3]| ((p[2] + pitch / 2).rem_euclid(pitch) - pitch / 2).abs() > tolerance;
+    let mut others: Vec<[i32; 3]> = points.iter().copied().filter(off_rows).collect();
+    others.sort_unstable();
+    for (n, p) in (points.len() as u32..).zip(others) {
+        let piece = Item { lo: p, hi: p };
+        let mut is_free = true;
+        weights.fitting(&piece, |_| {
+            is_free = false;
+            false
+        });
+        if is_free {
+            weights.add(&piece, n, WHOLE);
+        }
+    }
+}
+
+/// How far a point may lie from its row: eight rows less both tolerances are more than a stop holds.
+fn tolerance(size: [i32; 3], pitch: i32) -> i32 {
+    (CLASSES * pitch - size[2] - 1) / 2
 }
 
 /// Sets points in every eighth row of `pitch`, from row `class` on.
 fn divide(points: &[[i32; 3]], size: [i32; 3], pitch: i32, class: i32) -> Weights {
-    // Eight rows less both tolerances are more than a stop holds.
-    let tolerance = (CLASSES * pitch - size[2] - 1) / 2;
+    let tolerance = tolerance(size, pitch);
     let row = |p: &[i32; 3]| (p[2] + pitch / 2).div_euclid(pitch);
     let mut chosen: Vec<(i32, Item)> = points
         .iter()
@@ -55,7 +84,8 @@ fn divide(points: &[[i32; 3]], size: [i32; 3], pitch: i32, class: i32) -> Weight
         .collect();
     chosen.sort_unstable();
     chosen.dedup();
-    let end = |k: usize, pick: fn(i32, i32) -> i32| chosen.iter().map(|p| p.1.lo[k]).reduce(pick).unwrap_or(0);
+    // Whatever is added later lies in the same box.
+    let end = |k: usize, pick: fn(i32, i32) -> i32| points.iter().map(|p| p[k]).reduce(pick).unwrap_or(0);
     let mut weights = Weights::new([0, 1].map(|k| end(k, i32::min)), [0, 1].map(|k| end(k, i32::max)), size, WHOLE);
     let mut number = 0;
     for row in chosen.chunk_by(|a, b| a.0 == b.0) {

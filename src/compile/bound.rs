@@ -1,0 +1,82 @@
+//! How few stops a job needs at least: what is taken of its marks, and the certificate.
+//!
+//! The bound holds for all upright stops that the machine can take, whatever the method: for closed boxes
+//! of the usable field by the depth range. Points of marks are rounded to the nanometre, as are cuts, so
+//! boxes are taken a few nm larger than they are. Where `keep_whole` asks for whole figures and the method
+//! keeps them, figures that a stop holds count as one piece.
+
+use super::Ground;
+use crate::geom::P2;
+use crate::machine::Machine;
+use crate::partition::bound::{self, Certificate};
+use crate::partition::items::Item;
+use crate::spec::{Job, Method};
+use crate::texture::Texture;
+use crate::trace::{Samples, Sampling};
+
+/// What rounding may do to a box, nm.
+const ROUNDING: i64 = 4;
+
+/// Cells along a window; no window holds both ends of so many.
+const CELLS: i64 = 64;
+
+/// What a stop of the machine holds at most, nm; None where it is out of reach of 32 bits.
+fn size(job: &Job, machine: &Machine) -> Option<[i32; 3]> {
+    let [x, y] = machine.usable_field();
+    let size = [x, y, job.depth_range().as_nm()?].map(|v| i32::try_from(v + ROUNDING));
+    let [Ok(x), Ok(y), Ok(z)] = size else { return None };
+    [x, y, z].iter().all(|&v| v < 1 << 30).then_some([x, y, z])
+}
+
+/// What is taken of the marks; None where no bound is to be had: slivers that may be left out need no
+/// stop.
+pub(super) fn sampling(job: &Job, machine: &Machine, texture: &Texture) -> Option<Sampling> {
+    let size = size(job, machine)?;
+    if job.file.partition.min_mark.as_mm() > 0.0 {
+        return None;
+    }
+    let area = texture.bounds();
+    let cell = i64::from(size[0].min(size[1])) / CELLS + 1;
+    let origin = P2::new((area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2);
+    Some(Sampling { rows: bound::rows(size[2]), cell, origin, every: every(texture, cell) })
+}
+
+/// Strokes may be so dense that every few of them leave marks in every cell: how few. The density is
+/// estimated from some of them.
+fn every(texture: &Texture, cell: i64) -> usize {
+    const SOME: usize = 500;
+    let step = texture.len().div_ceil(SOME).max(1);
+    let mut points = Vec::new();
+    let mut length = 0.0;
+    for i in (0..texture.len()).step_by(step) {
+        texture.stroke(i, &mut points);
+        length += points.windows(2).map(|w| w[0].distance(w[1])).sum::<f64>();
+    }
+    let [w, h] = texture.bounds().size().map(|v| v as f64);
+    let pitch = w * h / (length * step as f64);
+    // Every hundredth stroke at most: density may differ from place to place.
+    if pitch > 0.0 { ((cell as f64 / pitch) as usize).clamp(1, 100) } else { 1 }
+}
+
+/// The bound for what `method` made.
+pub(super) fn certificate(ground: &Ground<'_>, marks: Option<Samples>, method: Method) -> Option<Certificate> {
+    // Tilted stops hold more than upright boxes.
+    if method == Method::Tilt {
+        return None;
+    }
+    let (mut marks, size) = (marks?, size(ground.job, ground.machine)?);
+    let by_points = bound::lower_bound(&marks.points(), size);
+    // `contour` cuts figures at its levels.
+    if ground.keep.0 == 0 || method == Method::Contour {
+        return Some(by_points);
+    }
+    let held = |f: &[[i32; 3]; 2]| ground.lattice.holds(f64::from(f[0][2]), f64::from(f[1][2]));
+    let mut figures: Vec<Item> = marks.figures().into_iter().filter(held).map(|[lo, hi]| Item { lo, hi }).collect();
+    let most = figures.len().div_ceil(MOST_FIGURES).max(1);
+    figures = figures.into_iter().step_by(most).collect();
+    let by_figures = bound::lower_bound_whole(&figures, size);
+    Some(if by_figures.stops() > by_points.stops() { by_figures } else { by_points })
+}
+
+/// Figures that are looked at, at most: the search takes seconds for more.
+const MOST_FIGURES: usize = 200_000;

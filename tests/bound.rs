@@ -1,0 +1,196 @@
+//! The lower bound of the stops: its certificate re-checked with arithmetic of its own, against the marks of
+//! the program and the stops of every method.
+
+mod support;
+
+use std::path::Path;
+
+use support::surfaces::{FIVE, cyl, dome, mesh, saddle, wave, write_stl};
+use support::{JobText, folder, shared};
+use terrace::compile::{self, Plan};
+use terrace::partition::bound::Certificate;
+use terrace::spec::Job;
+
+const MM: f64 = 1e6;
+
+fn plan(dir: &Path, job: &JobText) -> Plan {
+    let path = job.write(dir, "job.toml");
+    Job::load(&path).and_then(|job| compile::plan(job, &|_| {})).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// The most weight in any closed box of `size`. A box can be pushed up along every axis until a lower end of
+/// a piece that it holds stops it.
+fn heaviest(certificate: &Certificate, size: [i64; 3]) -> u64 {
+    let pieces: Vec<([i64; 3], [i64; 3], u64)> =
+        certificate.pieces.iter().map(|(i, w)| (i.lo.map(i64::from), i.hi.map(i64::from), u64::from(*w))).collect();
+    let mut most = 0;
+    for (lowest, _, _) in &pieces {
+        let z = lowest[2];
+        let near: Vec<_> = pieces
+            .iter()
+            .filter(|(lo, hi, _)| lo[2] >= z && hi[2] <= z + size[2])
+            .filter(|(lo, hi, _)| (0..2).all(|k| (hi[k] - lowest[k]).max(lowest[k] - lo[k]) <= size[k]))
+            .collect();
+        for x in near.iter().map(|n| n.0[0]).filter(|&x| x <= lowest[0]) {
+            for y in near.iter().map(|n| n.0[1]).filter(|&y| y <= lowest[1]) {
+                let corner = [x, y];
+                let inside = near
+                    .iter()
+                    .filter(|(lo, hi, _)| (0..2).all(|k| lo[k] >= corner[k] && hi[k] <= corner[k] + size[k]));
+                most = most.max(inside.map(|n| n.2).sum());
+            }
+        }
+    }
+    most
+}
+
+/// Checks the certificate of a plan: no box of the field by the depth range holds more than a whole, and every
+/// piece is a mark, or a whole figure, of the program.
+fn assert_sound(name: &str, plan: &Plan) -> Certificate {
+    let certificate = plan.bound.clone().unwrap_or_else(|| panic!("{name}: no bound"));
+    let [w, h] = plan.machine.usable_field();
+    let box_of_a_stop = [w, h, plan.job.depth_range().as_nm().expect("a depth range")];
+    assert!((0..3).all(|k| i64::from(certificate.size[k]) >= box_of_a_stop[k]), "{name}");
+    let whole = u64::from(certificate.whole);
+    assert!(heaviest(&certificate, box_of_a_stop) <= whole, "{name}: a box holds more than a whole");
+    let sum: u64 = certificate.pieces.iter().map(|p| u64::from(p.1)).sum();
+    assert_eq!(certificate.stops() as u64, sum.div_ceil(whole), "{name}");
+    assert_eq!(plan.summary.lower_bound_stops, Some(certificate.stops()), "{name}");
+    let stops = plan.summary.stops;
+    eprintln!("{name}: {} stops, at least {}", stops, certificate.stops());
+    assert!(certificate.stops() <= stops, "{name}: {} of {stops}", certificate.stops());
+    for c in &plan.summary.candidates {
+        assert!(certificate.stops() <= c.stops, "{name}, {}: {} of {}", c.method, certificate.stops(), c.stops);
+    }
+    assert_marks(name, plan, &certificate);
+    certificate
+}
+
+/// Every piece lies on a stroke of a block that holds its height.
+fn assert_marks(name: &str, plan: &Plan, certificate: &Certificate) {
+    let program = plan.checked.program();
+    let middle = [(plan.texture.lo.x + plan.texture.hi.x) / 2, (plan.texture.lo.y + plan.texture.hi.y) / 2];
+    for (piece, _) in &certificate.pieces {
+        let lo = [i64::from(piece.lo[0]) + middle[0], i64::from(piece.lo[1]) + middle[1]];
+        let hi = [i64::from(piece.hi[0]) + middle[0], i64::from(piece.hi[1]) + middle[1]];
+        let [z_lo, z_hi] = [i64::from(piece.lo[2]), i64::from(piece.hi[2])];
+        let found = program.blocks.iter().any(|b| {
+            let c = [b.stop.centre.x, b.stop.centre.y];
+            let reach = plan.machine.usable_field().map(|f| f / 2 + 2);
+            if b.z_lo > z_lo + 2 || b.z_hi < z_hi - 2 || (0..2).any(|k| (lo[k] - c[k]).abs() > reach[k]) {
+                return false;
+            }
+            program.strokes_of(b).iter().any(|s| {
+                let points = program.points_of(s);
+                let at = |p: &[i32; 2]| [0, 1].map(|k| (i64::from(p[k]) + c[k]) as f64);
+                if lo == hi {
+                    return points.windows(2).any(|w| {
+                        let (a, b, p) = (at(&w[0]), at(&w[1]), lo.map(|v| v as f64));
+                        let d = [b[0] - a[0], b[1] - a[1]];
+                        let v = [p[0] - a[0], p[1] - a[1]];
+                        let t = ((v[0] * d[0] + v[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])).clamp(0.0, 1.0);
+                        (v[0] - t * d[0]).hypot(v[1] - t * d[1]) <= 3.0
+                    });
+                }
+                let ends = |k: usize, pick: fn(f64, f64) -> f64| points.iter().map(|p| at(p)[k]).reduce(pick);
+                (0..2).all(|k| ends(k, f64::min) == Some(lo[k] as f64) && ends(k, f64::max) == Some(hi[k] as f64))
+            })
+        });
+        assert!(found, "{name}: {lo:?} {hi:?} at {z_lo} to {z_hi} is no mark");
+    }
+}
+
+#[test]
+fn certificates_of_made_surfaces_hold() {
+    let dir = folder();
+    let stl = dir.path().join("part.stl");
+    for (name, z) in FIVE {
+        write_stl(&stl, &mesh(100, [0.0, 0.0, 450.0, 450.0], z));
+        // The cylinder's hatch runs along its rulings, at one height each.
+        let turned = if name == "cyl" { "direction = \"90 deg\"\n" } else { "" };
+        let hatch = format!(
+            "pattern = \"hatch\"\npitch = \"2 mm\"\n{turned}area = [\"40 mm\", \"60 mm\", \"240 mm\", \"220 mm\"]"
+        );
+        let job = JobText::on(&stl).texture(&hatch).method("auto").partition("objective = \"stops\"");
+        let plan = plan(dir.path(), &job);
+        assert_eq!(plan.summary.candidates.len(), 3, "{name}");
+        let certificate = assert_sound(name, &plan);
+        let ratio = plan.summary.stops as f64 / certificate.stops() as f64;
+        assert!(ratio < 1.35, "{name}: {ratio}");
+        for (piece, _) in &certificate.pieces {
+            let [x, y] = [piece.lo[0], piece.lo[1]].map(|v| f64::from(v) / MM);
+            let off = f64::from(piece.lo[2]) - z(x + 140.0, y + 140.0) * MM;
+            assert!(off.abs() < 20e3, "{name}: {piece:?} is {off} nm off the surface");
+        }
+        // A box that is a little larger than the one for which the points were set holds two of them.
+        let [w, h, d] = certificate.size.map(i64::from);
+        assert!(heaviest(&certificate, [w + w / 10, h + h / 10, d + d / 10]) > u64::from(certificate.whole));
+    }
+}
+
+#[test]
+fn figures_that_stay_whole_count_as_one_piece() {
+    let dir = folder();
+    let stl = dir.path().join("part.stl");
+    for (name, z) in [("dome", dome as fn(f64, f64) -> f64), ("saddle", saddle), ("wave", wave)] {
+        write_stl(&stl, &mesh(100, [0.0, 0.0, 450.0, 450.0], z));
+        let squares = "pattern = \"squares\"\npitch = \"1.5 mm\"\ncell = \"1 mm\"\n\
+                       area = [\"20 mm\", \"20 mm\", \"110 mm\", \"80 mm\"]";
+        let bound = |method, keep: &str| {
+            let plan = plan(dir.path(), &JobText::on(&stl).texture(squares).method(method).partition(keep));
+            assert_sound(&format!("{name}, {method}, {keep}"), &plan).stops()
+        };
+        let cut = bound("window", "");
+        let whole = bound("window", "keep_whole = \"1 mm\"");
+        assert!(whole > cut, "{name}: {whole} {cut}");
+        assert_eq!(bound("z-range", "keep_whole = \"1 mm\""), whole);
+        assert_eq!(bound("contour", "keep_whole = \"1 mm\""), cut, "levels of the whole part cut figures");
+    }
+}
+
+#[test]
+fn certificates_of_real_parts_hold() {
+    let Some(data) = shared() else { return };
+    let dir = folder();
+    for (file, [x0, y0, x1, y1]) in [
+        ("hood_mm_bin.stl", [500, -75, 650, 75]),
+        ("mirror_freeform.stl", [-100, 60, 100, 180]),
+        ("helens_relief_small.stl", [40, -160, 140, -40]),
+    ] {
+        let path = data.join("surfaces").join(file);
+        if !path.is_file() {
+            eprintln!("skipped: {file} is absent");
+            continue;
+        }
+        let hatch = format!(
+            "pattern = \"hatch\"\npitch = \"1 mm\"\narea = [\"{x0} mm\", \"{y0} mm\", \"{x1} mm\", \"{y1} mm\"]"
+        );
+        let mut job = JobText::on(&path).texture(&hatch).method("z-range");
+        job.focus = "pdof = \"0.2 mm\"".into();
+        job.more = "[limits]\nmax_incidence = \"60 deg\"\nsteep = \"skip\"".into();
+        assert_sound(file, &plan(dir.path(), &job));
+    }
+}
+
+#[test]
+fn a_flat_plate_needs_a_stop_for_every_field() {
+    let dir = folder();
+    let stl = dir.path().join("plate.stl");
+    for z in [0.0, 3.1] {
+        write_stl(&stl, &mesh(7, [0.0, 0.0, 450.0, 450.0], |_, _| z));
+        let plan = plan(dir.path(), &JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.5 mm\""));
+        assert_eq!(assert_sound("plate", &plan).stops(), 144);
+        assert_eq!(plan.summary.stops, 144);
+    }
+}
+
+#[test]
+fn no_bound_is_stated_where_slivers_may_be_left_out() {
+    let dir = folder();
+    let stl = dir.path().join("part.stl");
+    write_stl(&stl, &mesh(20, [0.0, 0.0, 50.0, 50.0], cyl));
+    let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"1 mm\"");
+    assert!(plan(dir.path(), &job).bound.is_some());
+    let plan = plan(dir.path(), &job.partition("min_mark = \"0.1 mm\""));
+    assert!(plan.bound.is_none() && plan.summary.lower_bound_stops.is_none());
+}
