@@ -629,8 +629,7 @@ fn start(machine: &Machine) -> [i64; 3] {
 fn times(ground: &Ground<'_>, program: &Program) -> (Times, Vec<f64>) {
     let machine = ground.machine;
     let mut t = Times::default();
-    let mut at = ground.place.from;
-    let mut tilt = ground.place.before.as_ref().map_or([0; 2], |s| s.tilt);
+    let (mut at, mut tilt) = (ground.place.from, ground.place.before.as_ref().map_or([0; 2], |s| s.tilt));
     let mut blocks = Vec::with_capacity(program.blocks.len());
     for block in &program.blocks {
         let retract = block.retract.then(|| machine.retract_z());

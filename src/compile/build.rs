@@ -197,7 +197,8 @@ fn lifts(ground: &Ground<'_>, a: &Stop, b: &Stop) -> bool {
     }
     let turn = |u: i64, v: i64| ground.machine.turn([u, v], ground.origin);
     let [[a0, a1], [b0, b1]] = [a.tilt, b.tilt];
-    a.focus < ground.clearance.lowest_swing([turn(a0, a1), turn(b0, a1), turn(a0, b1), turn(b0, b1)])
+    a.focus - ground.place.lowered
+        < ground.clearance.lowest_swing([turn(a0, a1), turn(b0, a1), turn(a0, b1), turn(b0, b1)])
 }
 
 /// The lowest focal plane at which the stage may go straight from one stop to another of the same tilt.
