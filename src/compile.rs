@@ -79,11 +79,11 @@ pub struct Plan {
     pub directions: Vec<u16>,
     /// Time of every block: marks, jumps and delays, s.
     pub block_times: Vec<f64>,
-    /// Slope under the marks of every block; None where the part is tilted.
-    pub slopes: Vec<Option<Slope>>,
+    /// Slope under the marks of every block, against the beam.
+    pub slopes: Vec<Slope>,
     /// Largest depth range of a block as used, nm.
     pub depth: i64,
-    /// Why no partition has fewer stops than the summary's lower bound; None where none is known.
+    /// Why no partition of the first pass has fewer stops than its lower bound; None where none is known.
     pub bound: Option<Certificate>,
     /// What the user should know.
     pub warnings: Vec<Diag>,
@@ -117,7 +117,7 @@ struct Made {
     program: Program,
     times: Times,
     block_times: Vec<f64>,
-    slopes: Vec<Option<Slope>>,
+    slopes: Vec<Slope>,
     fragments: usize,
     split: Fragments,
     worst_defocus: i64,
@@ -157,8 +157,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     most_stops(&ground)?;
     let methods = match job.file.partition.method {
         Method::Auto => {
-            // The cosines of dose are those of the upright part.
-            let tilt = (machine.tilt.is_some() && job.file.dose.is_none()).then_some(Method::Tilt);
+            let tilt = machine.tilt.is_some().then_some(Method::Tilt);
             [Method::Contour, Method::ZRange, Method::Window].into_iter().chain(tilt).collect()
         }
         Method::Tilt if machine.tilt.is_none() => {
@@ -166,14 +165,6 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
             let place = Place::file(job.path.display().to_string());
             let hint = "describe the table under [tilt] in the machine file, or use another method";
             return Err(Diag::limit("tilt-missing", text).at(place).hint(hint).into());
-        }
-        Method::Tilt if job.file.dose.is_some() => {
-            let text = "dose.compensate is not known for tilted blocks";
-            let place = Place::file(job.path.display().to_string());
-            return Err(Diag::limit("dose-tilt", text)
-                .at(place)
-                .hint("leave out [dose], or use another method")
-                .into());
         }
         one => vec![one],
     };
@@ -239,7 +230,10 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         passes: job.file.passes.count(),
         sub_blocks: map.sub_blocks() + more.iter().map(|p| p.map.sub_blocks()).sum::<usize>(),
         method: made.method.name().into(),
-        lower_bound_stops: bound.as_ref().map(Certificate::stops),
+        lower_bound_stops: more
+            .iter()
+            .map(|p| p.bound)
+            .fold(bound.as_ref().map(Certificate::stops), |sum, of_pass| Some(sum? + of_pass?)),
         texture_mm: split.texture_mm,
         mark_mm: split.mark_mm,
         overlap_mm: split.overlap_mm,

@@ -210,8 +210,8 @@ pub struct Facts<'a> {
     pub depth_mm: f64,
     /// Time of every block: marks, jumps and delays, s.
     pub block_times: &'a [f64],
-    /// Slope under the marks of every block; None where the part is tilted.
-    pub slopes: &'a [Option<Slope>],
+    /// Slope under the marks of every block, against the beam.
+    pub slopes: &'a [Slope],
     /// The files of the folder but the manifest.
     pub files: &'a [FileFact],
     /// The figures.

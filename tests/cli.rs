@@ -131,7 +131,7 @@ fn help_version_and_bad_use() {
 fn the_summary_has_the_promised_keys_and_stands_in_the_manifest() {
     let dir = workshop();
     let summary = json(&done(dir.path(), &["compile", "a.toml", "--json"]));
-    let promised = "stops sub_blocks method lower_bound_stops texture_mm mark_mm overlap_mm skipped_mm \
+    let promised = "stops passes sub_blocks method lower_bound_stops texture_mm mark_mm overlap_mm skipped_mm \
                     skipped_off_part_mm skipped_hidden_mm skipped_steep_mm skipped_small_mm fragments strokes_cut \
                     figures_whole figures_cut seam_mm jump_mm worst_defocus_um worst_defocus_mean_um \
                     worst_incidence_deg time_s candidates warnings";
@@ -256,7 +256,20 @@ fn init_writes_a_job_that_compiles_as_it_is_and_overwrites_nothing() {
     let tables = keys(&schema["properties"]);
     assert_eq!(
         tables,
-        ["surface", "placement", "texture", "focus", "partition", "order", "limits", "machine", "pen", "emit"].into()
+        [
+            "surface",
+            "placement",
+            "texture",
+            "focus",
+            "partition",
+            "order",
+            "passes",
+            "limits",
+            "machine",
+            "pen",
+            "emit"
+        ]
+        .into()
     );
     let sample = read(dir.path().join("other/job.toml"));
     for table in tables {

@@ -203,7 +203,7 @@ fn cuts(folder: &Path, from: f64, to: f64) -> Vec<f64> {
         let words: Vec<&str> = line.split(' ').collect();
         let mm = |i: usize| words[i].parse::<f64>().expect("nm") / 1e6;
         if words[0] == "block" {
-            centre = mm(5);
+            centre = mm(7);
         } else if words.len() == 8 && ["+", "-"].contains(&words[3]) {
             found.extend([mm(4), mm(6)].map(|x| centre + x).into_iter().filter(|x| x - from > 1e-6 && to - x > 1e-6));
         }

@@ -21,7 +21,7 @@ pub(super) struct Built {
     /// The same with the mean height as focal plane.
     pub(super) worst_defocus_mean: i64,
     /// Slope under the marks of every block; None where the part is tilted.
-    pub(super) slopes: Vec<Option<Slope>>,
+    pub(super) slopes: Vec<Slope>,
 }
 
 /// Heights of one block's marks.
@@ -92,8 +92,7 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
     let (tour, orders): (_, Vec<Vec<Visit>>) =
         rayon::join(|| tour(ground, &placed), || used.par_iter().map(in_order).collect());
     let mut program = Program { pens: pens.list.clone(), ..Program::default() };
-    let upright = |&t: &usize| (placed[t].0.tilt == [0; 2]).then_some(slopes[used[t]]);
-    let slopes = tour.iter().map(upright).collect();
+    let slopes = tour.iter().map(|&t| slopes[used[t]]).collect();
     program.strokes.reserve_exact(starts[n]);
     program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
     program.blocks.reserve_exact(tour.len());
@@ -173,7 +172,7 @@ fn climb(ground: &Ground<'_>) -> Climb {
 /// The tour of tilted stops: levels of one place and tilt follow each other, alternately up and down, since
 /// every other move turns the part.
 fn turned_tour(ground: &Ground<'_>, targets: &[[i64; 3]], placed: &[(Stop, [i64; 2])]) -> Vec<usize> {
-    let stage = order::stops::Stage { machine: ground.machine, from: super::start(ground.machine), lifts: None };
+    let stage = order::stops::Stage { machine: ground.machine, from: ground.place.from, lifts: None };
     if climb(ground) != Climb::Free {
         return order::stops::tour(targets, &stage, climb(ground), order::stops::EFFORT);
     }

@@ -28,6 +28,8 @@ pub struct Pass {
     pub map: Map,
     /// The box of its texture.
     pub texture: Box2,
+    /// No partition of it has fewer stops; None where no bound is known.
+    pub bound: Option<usize>,
     /// Its blocks in the program.
     pub blocks: Range<usize>,
 }
@@ -80,13 +82,15 @@ pub(super) fn further(first: &Ground<'_>, mut made: Made) -> Result<(Made, Vec<P
         // The first pass has given the warnings.
         let mut texture = Texture::load(&requests, surface.part_box_mm(), turn, &mut Vec::new())?;
         let place = Place::after(first, &made, number);
-        let ground = super::ground(job, machine, surface, &mut texture, place)?;
+        let mut ground = super::ground(job, machine, surface, &mut texture, place)?;
         super::most_stops(&ground)?;
         let Some(stops) = super::divide(&ground, made.method) else {
             return Err(Diag::bug("no-candidate", "a pass cannot be divided as the first was").into());
         };
         let parts = super::cut(&ground, std::slice::from_ref(&stops))?.pop().unwrap_or_default();
         let next = super::make(&ground, made.method, &stops, parts);
+        let marks = ground.marks.take();
+        let bound = super::bound::certificate(&ground, marks, made.method).map(|c| c.stops());
         let bounds = ground.texture.bounds();
         let map = Map::new(&next.program, &ground.sections, machine, surface, bounds);
         let begin = made.program.blocks.len();
@@ -99,7 +103,8 @@ pub(super) fn further(first: &Ground<'_>, mut made: Made) -> Result<(Made, Vec<P
         let directions = ground.texture.directions().map_or_else(Vec::new, |d| d.hundredths.clone());
         let sections = ground.sections;
         made = joined(made, next, lowered);
-        more.push(Pass { sections, directions, map, texture: bounds, blocks: begin..made.program.blocks.len() });
+        let blocks = begin..made.program.blocks.len();
+        more.push(Pass { sections, directions, map, texture: bounds, bound, blocks });
     }
     Ok((made, more))
 }

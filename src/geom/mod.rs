@@ -139,6 +139,13 @@ pub fn slope2(corners: [Point3<f64>; 3]) -> f64 {
     n.xy().norm_squared() / (n.z * n.z)
 }
 
+/// The normal of the plane through three points that do not stand upright: upwards, of length 1.
+pub fn normal(corners: [Point3<f64>; 3]) -> [f64; 3] {
+    let [a, b, c] = corners;
+    let n = (b - a).cross(&(c - a)).normalize();
+    (n * n.z.signum()).into()
+}
+
 /// Cosine and sine of an angle, exact for multiples of 90 degrees.
 pub fn cos_sin(rad: f64) -> [f64; 2] {
     let quarters = rad / std::f64::consts::FRAC_PI_2;

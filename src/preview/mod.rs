@@ -61,7 +61,7 @@ pub struct Layout<'a> {
     /// Time of each block in s: marks, jumps and delays, in the order of the program.
     pub block_s: &'a [f64],
     /// Slope under the marks of each block, where it is known.
-    pub slopes: &'a [Option<Slope>],
+    pub slopes: &'a [Slope],
     /// What the colours of blocks stand for.
     pub shade: Shade,
     /// The figures of the job.
@@ -102,7 +102,7 @@ impl Layout<'_> {
     }
 
     fn slope(&self, i: usize) -> Option<Slope> {
-        self.slopes.get(i).copied().flatten()
+        self.slopes.get(i).copied()
     }
 
     /// What the colour of a block stands for: nm, or millionths of a degree.

@@ -224,7 +224,7 @@ fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
         mark_mm: program.mark_mm(block),
         jump_mm: program.jump_mm(block),
         time_s: facts.block_time_s(index),
-        slope: facts.slopes.get(index).copied().flatten().map(|s| SlopeEntry {
+        slope: facts.slopes.get(index).copied().map(|s| SlopeEntry {
             incidence_deg: s.incidence_deg(),
             stretch: s.stretch(),
             dose: s.dose(),

@@ -17,7 +17,7 @@ use super::bins::Class;
 use super::mesh::{NONE, Vertex};
 use super::topmost::{Sheets, Span, interpolate, push_gap, push_on, seal};
 use super::{Kind, Surface};
-use crate::geom::{P2, orient, slope2};
+use crate::geom::{P2, normal, orient, slope2};
 
 /// Where the last segment ended, so that the next one starts there; and the walk's scratch space.
 #[derive(Debug, Default)]
@@ -370,12 +370,10 @@ impl Surface {
 
     /// The direction in which a facet looks, upwards, of length 1.
     pub fn normal(&self, f: u32) -> [f64; 3] {
-        let [a, b, c] = [0, 1, 2].map(|k| {
+        normal([0, 1, 2].map(|k| {
             let v = self.corner(f, k).0;
-            nalgebra::Vector3::new(f64::from(v.x), f64::from(v.y), v.z)
-        });
-        let n = (b - a).cross(&(c - a));
-        (n * n.z.signum() / n.norm()).into()
+            [f64::from(v.x), f64::from(v.y), v.z].into()
+        }))
     }
 
     /// Corner k of facet f and the number of the vertex.
