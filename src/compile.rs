@@ -79,6 +79,8 @@ pub struct Plan {
     pub directions: Vec<u16>,
     /// Time of every block: marks, jumps and delays, s.
     pub block_times: Vec<f64>,
+    /// The blocks of the program as they lie over the part.
+    pub drawn: Vec<Block>,
     /// Slope under the marks of every block, against the beam.
     pub slopes: Vec<Slope>,
     /// Largest depth range of a block as used, nm.
@@ -205,7 +207,8 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     if tried.len() == 1 {
         candidates.clear();
     }
-    let map = map::Map::new(&made.program, &ground.sections, &machine, &surface, ground.texture.bounds());
+    let map =
+        map::Map::new(&made.program, &ground.sections, &machine, ground.origin, &surface, ground.texture.bounds());
     let not_kept = not_kept(&ground, made.method, &made.split);
     let (made, more) = passes::further(&ground, made)?;
     let limits = Limits {
@@ -257,6 +260,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     };
     Ok(Plan {
         machine: machine.clone(),
+        drawn: checked.program().drawn(&machine, ground.origin),
         checked,
         sections: ground.sections,
         map,

@@ -48,6 +48,7 @@ pub fn layout<'a>(plan: &'a Plan, job: &'a str) -> preview::Layout<'a> {
         texture: plan.texture,
         turn_rad: plan.job.file.placement.turn.as_rad(),
         block_s: &plan.block_times,
+        drawn: &plan.drawn,
         slopes: &plan.slopes,
         shade: preview::Shade::Height,
         summary: &plan.summary,

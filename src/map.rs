@@ -32,7 +32,7 @@ mod measure;
 #[cfg(test)]
 mod tests;
 
-use crate::geom::{Box2, P2};
+use crate::geom::{Box2, P2, Turn};
 use crate::machine::Machine;
 use crate::program::{Block, Program, Sections};
 use crate::surface::Surface;
@@ -64,38 +64,54 @@ pub fn is_gridded(blocks: &[Block], sections: &Sections) -> bool {
 
 /// What a block's stop accepts.
 struct Accepts {
+    /// How the part is turned, if it is: window and heights are then those of the turned part.
+    turn: Option<Turn>,
     window: Box2,
     z: [i64; 2],
 }
 
 impl Accepts {
     /// `window` is the full size of the stop's window.
-    fn of(block: &Block, window: [i64; 2]) -> Self {
+    fn of(block: &Block, turn: Option<Turn>, window: [i64; 2]) -> Self {
         let (c, [w, h]) = (block.stop.centre, window);
         let window = Box2 { lo: P2::new(c.x - w / 2, c.y - h / 2), hi: P2::new(c.x + w / 2, c.y + h / 2) };
-        Self { window, z: [block.stop.z_lo, block.stop.z_hi] }
+        Self { turn, window, z: [block.stop.z_lo, block.stop.z_hi] }
     }
 
-    fn at_height(&self, z: i64) -> bool {
-        self.z[0] <= z && z <= self.z[1]
+    fn accepts(&self, mut p: P2, mut z: i64) -> bool {
+        if let Some(turn) = self.turn {
+            let [x, y, up] = turn.apply([p.x, p.y, z].map(|v| v as f64)).map(|v| v.round() as i64);
+            (p, z) = (P2::new(x, y), up);
+        }
+        self.z[0] <= z && z <= self.z[1] && self.window.holds(p)
     }
 }
 
 impl Map {
     /// The map of a program of one pass on the surface under the texture's box.
-    pub fn new(program: &Program, sections: &Sections, machine: &Machine, surface: &Surface, area: Box2) -> Self {
+    pub fn new(
+        program: &Program,
+        sections: &Sections,
+        machine: &Machine,
+        origin: [i64; 3],
+        surface: &Surface,
+        area: Box2,
+    ) -> Self {
         let frame = Frame::over(area, CELL_NM);
+        let tilted = |b: &Block| (b.stop.tilt != [0; 2]).then(|| machine.turn(b.stop.tilt, origin));
+        let turns: Vec<Option<Turn>> = program.blocks.iter().map(tilted).collect();
         let field = machine.usable_field();
-        let ink = ink::ink(program, &frame);
+        let ink = ink::ink(program, &turns, &frame);
         let [least, widest] = [SPARSE_GAP_NM, field[0].min(field[1]) / WIDEST_GAP].map(|nm| (nm / frame.cell) as usize);
         let shown = close::gaps(&frame, &ink, least, widest);
         let dense = grow::dense(&frame, &ink);
         let heights = grow::Heights::under(surface, &frame, &dense);
         let window = if is_gridded(&program.blocks, sections) { sections.pitch } else { field };
-        let stops: Vec<Accepts> = program.blocks.iter().map(|b| Accepts::of(b, window)).collect();
+        let stops: Vec<Accepts> =
+            program.blocks.iter().zip(&turns).map(|(b, turn)| Accepts::of(b, *turn, window)).collect();
         let may = |cell: usize, label: u32| {
             let stop = &stops[label as usize - 1];
-            heights.at(cell).is_some_and(|z| stop.at_height(z)) && stop.window.holds(frame.centre_of(cell))
+            heights.at(cell).is_some_and(|z| stop.accepts(frame.centre_of(cell), z))
         };
         let mut labels = ink.clone();
         for (y, row) in labels.chunks_exact_mut(frame.count[0]).enumerate().filter(|(y, _)| !dense[*y]) {

@@ -92,7 +92,7 @@ pub(super) fn further(first: &Ground<'_>, mut made: Made) -> Result<(Made, Vec<P
         let marks = ground.marks.take();
         let bound = super::bound::certificate(&ground, marks, made.method).map(|c| c.stops());
         let bounds = ground.texture.bounds();
-        let map = Map::new(&next.program, &ground.sections, machine, surface, bounds);
+        let map = Map::new(&next.program, &ground.sections, machine, ground.origin, surface, bounds);
         let begin = made.program.blocks.len();
         let (fragments, points) =
             (made.fragments + next.fragments, made.program.points.len() + next.program.points.len());

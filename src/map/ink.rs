@@ -9,6 +9,7 @@
 use std::ops::Range;
 
 use super::Frame;
+use crate::geom::Turn;
 use crate::program::{Block, Program};
 
 /// A block needs more than this length in a cell, nm: a corner that is clipped by rounding is none.
@@ -16,17 +17,17 @@ const LEAST_NM: f32 = 1.0;
 
 /// Index of the block with the longest marks plus 1 for every cell, 0 where there are none; among
 /// equals the first.
-pub(super) fn ink(program: &Program, frame: &Frame) -> Vec<u32> {
+pub(super) fn ink(program: &Program, turns: &[Option<Turn>], frame: &Frame) -> Vec<u32> {
     let mut labels = vec![0u32; frame.cells()];
     let mut longest = vec![LEAST_NM; frame.cells()];
     // Lengths of the block at hand, over the rows that it touches.
     let (mut own, mut touched) = (Vec::<f32>::new(), Vec::<u32>::new());
-    for (i, block) in program.blocks.iter().enumerate() {
-        let Some(rows) = rows_of(program, block, frame) else { continue };
+    for (i, (block, turn)) in program.blocks.iter().zip(turns).enumerate() {
+        let Some(rows) = rows_of(program, block, turn, frame) else { continue };
         let first = rows.start * frame.count[0];
         own.resize(own.len().max(rows.len() * frame.count[0]), 0.0);
         for stroke in program.strokes_of(block) {
-            let mut points = program.points_of(stroke).iter().map(|p| local(block, p, frame));
+            let mut points = program.points_of(stroke).iter().map(|p| local(block, turn, p, frame));
             let Some(mut a) = points.next() else { continue };
             for b in points {
                 pass(a, b, frame, |cell, length| {
@@ -49,20 +50,27 @@ pub(super) fn ink(program: &Program, frame: &Frame) -> Vec<u32> {
     labels
 }
 
-/// A point of a block from the frame's origin, nm.
-fn local(block: &Block, p: &[i32; 2], frame: &Frame) -> [i64; 2] {
+/// A point of a block from the frame's origin, nm; of a turned part where the beam meets the focal plane, which
+/// is next to the surface.
+fn local(block: &Block, turn: &Option<Turn>, p: &[i32; 2], frame: &Frame) -> [i64; 2] {
     let (c, o) = (block.stop.centre, frame.origin);
-    [c.x - o.x + i64::from(p[0]), c.y - o.y + i64::from(p[1])]
+    let at = [c.x + i64::from(p[0]), c.y + i64::from(p[1])];
+    let [x, y] = turn.map_or(at, |turn| {
+        let [x, y, _] = turn.back([at[0], at[1], block.stop.focus].map(|v| v as f64));
+        [x.round() as i64, y.round() as i64]
+    });
+    [x - o.x, y - o.y]
 }
 
 /// The rows that hold a block's points.
-fn rows_of(program: &Program, block: &Block, frame: &Frame) -> Option<Range<usize>> {
+fn rows_of(program: &Program, block: &Block, turn: &Option<Turn>, frame: &Frame) -> Option<Range<usize>> {
     let points = program.strokes_of(block).iter().flat_map(|s| program.points_of(s));
-    let (lo, hi) = points.fold((i32::MAX, i32::MIN), |(lo, hi), p| (lo.min(p[1]), hi.max(p[1])));
+    let y = points.map(|p| local(block, turn, p, frame)[1]);
+    let (lo, hi) = y.fold((i64::MAX, i64::MIN), |(lo, hi), y| (lo.min(y), hi.max(y)));
     if lo > hi {
         return None;
     }
-    let row = |y: i32, off: i64| (local(block, &[0, y], frame)[1] - off).div_euclid(frame.cell);
+    let row = |y: i64, off: i64| (y - off).div_euclid(frame.cell);
     // Borders included: which row a point on a border belongs to depends on where its stroke goes.
     Some(index(row(lo, 1), frame.count[1])..index(row(hi, 0), frame.count[1]) + 1)
 }

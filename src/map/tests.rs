@@ -227,7 +227,7 @@ fn a_level_without_marks_is_not_painted_and_lines_of_one_level_are_one_part() {
     let upper = ys.iter().map(|&y| vec![nm(cut(y), y), nm(40.0, y)]).collect();
     let centre = P2::new(20 * MM, 20 * MM);
     let program = program(&[(centre, [0, 200_000], lower), (centre, [200_000, 900_000], upper)]);
-    let map = Map::new(&program, &sections(1, 1), &machine(), &surface, area(40, 40));
+    let map = Map::new(&program, &sections(1, 1), &machine(), [0; 3], &surface, area(40, 40));
     assert_eq!(map.size(), [160, 160]);
     assert_eq!(map.sub_blocks(), 2);
     for row in 0..160 {
@@ -263,7 +263,7 @@ fn a_valley_holds_two_parts_of_a_level() {
         (centre, [0, 200_000], rows(&[[10.0, 30.0]])),
         (centre, [200_000, 400_000], rows(&[[0.0, 10.0], [30.0, 40.0]])),
     ]);
-    let map = Map::new(&program, &sections(1, 1), &machine(), &surface, area(40, 40));
+    let map = Map::new(&program, &sections(1, 1), &machine(), [0; 3], &surface, area(40, 40));
     assert_eq!(map.sub_blocks(), 3);
 }
 
@@ -314,7 +314,7 @@ fn with_free_windows_a_place_belongs_to_its_marks() {
     let program = program(&blocks);
     let grid = Sections { origin: P2::new(0, 0), pitch: [40 * MM; 2], count: [3, 3] };
     assert!(!is_gridded(&program.blocks, &grid));
-    let map = Map::new(&program, &grid, &machine(), &surface, area(100, 100));
+    let map = Map::new(&program, &grid, &machine(), [0; 3], &surface, area(100, 100));
     let place = |label: u32| blocks.get((label as usize).wrapping_sub(1)).map(|b| b.0);
     let (mut same, mut marked) = (0, 0);
     for (i, &own) in owner.iter().enumerate().filter(|(_, own)| **own != 0) {
@@ -328,6 +328,6 @@ fn with_free_windows_a_place_belongs_to_its_marks() {
         let c = place(label).expect("a block");
         assert!((p.x - c.x).abs() <= half + 2 * MM && (p.y - c.y).abs() <= half + 2 * MM, "{p:?} of {c:?}");
     }
-    let again = Map::new(&program, &grid, &machine(), &surface, area(100, 100));
+    let again = Map::new(&program, &grid, &machine(), [0; 3], &surface, area(100, 100));
     assert_eq!(map.labels(), again.labels());
 }

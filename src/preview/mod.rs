@@ -60,6 +60,8 @@ pub struct Layout<'a> {
     pub turn_rad: f64,
     /// Time of each block in s: marks, jumps and delays, in the order of the program.
     pub block_s: &'a [f64],
+    /// The blocks as they lie over the part.
+    pub drawn: &'a [Block],
     /// Slope under the marks of each block, where it is known.
     pub slopes: &'a [Slope],
     /// What the colours of blocks stand for.
@@ -79,7 +81,7 @@ pub enum Shade {
 
 impl Layout<'_> {
     fn blocks(&self) -> &[Block] {
-        &self.checked.program().blocks[self.blocks.clone()]
+        &self.drawn[self.blocks.clone()]
     }
 
     /// The name of the block with that number in [`Layout::blocks`].

@@ -37,6 +37,7 @@ impl Sample {
             texture: self.texture,
             turn_rad: self.turn_rad,
             block_s: &self.block_s,
+            drawn: &self.checked.program().blocks,
             slopes: &[],
             shade: super::Shade::Height,
             summary: &self.summary,
@@ -148,7 +149,8 @@ impl Sample {
         }
         sample.set_windows(&windows, depth, &of_mark, count, &place);
         let mesh = mesh(size, &z);
-        sample.map = Map::new(sample.checked.program(), &sample.sections, &sample.machine, &mesh, sample.texture);
+        sample.map =
+            Map::new(sample.checked.program(), &sample.sections, &sample.machine, [0; 3], &mesh, sample.texture);
         sample
     }
 
