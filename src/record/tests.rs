@@ -38,6 +38,7 @@ fn with<R>((program, origin): (Program, [i64; 3]), machine: &Machine, use_them: 
         sections: &sections,
         depth_mm: 0.07,
         block_times: &block_times,
+        slopes: &[],
         files: &files,
         summary: &summary,
     })
