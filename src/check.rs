@@ -1,4 +1,4 @@
-//! The gate before the emitters: a [`Checked`] program keeps the invariants P1 to P6 of
+//! The gate before the emitters: a [`Checked`] program keeps the invariants P1 to P7 of
 //! [`crate::program`] and the limits of its machine. There is no other way to make one.
 //!
 //! Controllers clip, drop or truncate silently; here everything that breaks a limit is an error with
@@ -49,6 +49,9 @@ impl Checked {
             );
         }
         faults.extend(pen_faults(&program, limits.machine));
+        if program.blocks.windows(2).any(|w| w[0].pass > w[1].pass) {
+            faults.push(Diag::bug("program-invariant", "P7: a block of an earlier pass stands after a later one"));
+        }
         for (i, block) in program.blocks.iter().enumerate() {
             let found = faults_of(&program, block, limits);
             let place = || Place::Block(Program::block_id(i));

@@ -7,6 +7,7 @@
 mod bound;
 mod build;
 mod dose;
+mod passes;
 mod tilt;
 
 use std::path::Path;
@@ -14,19 +15,22 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
+pub use passes::Pass;
+
 use build::build;
+use passes::Place as PassPlace;
 
 use crate::check::{Checked, Limits};
 use crate::diag::{Diag, Error, Place};
 use crate::fill;
-use crate::geom::{Box2, NM_PER_MM, mm_from_nm};
+use crate::geom::{Box2, NM_PER_MM, P2, mm_from_nm};
 use crate::machine::Machine;
 use crate::order::clearance::Clearance;
 use crate::partition::bound::Certificate;
 use crate::partition::{self, Fine, Lattice, Stops};
 use crate::program::{Block, Pen, Program, Sections};
 use crate::record::{Candidate, Slope, Summary, Times};
-use crate::spec::{Format, Job, Method, Objective, Pattern, Steep, TextureSpec};
+use crate::spec::{Format, Job, Method, Objective, Steep};
 use crate::split::{Fragments, Seam, Splitter};
 use crate::surface::Surface;
 use crate::texture::Texture;
@@ -68,6 +72,8 @@ pub struct Plan {
     pub summary: Summary,
     /// The box of the texture, turned part frame.
     pub texture: Box2,
+    /// The passes after the first, whose sections, map and texture are the ones above.
+    pub more: Vec<Pass>,
     /// Direction of what is filled along contours, by section, in hundredths of a degree; empty where
     /// nothing is.
     pub directions: Vec<u16>,
@@ -93,7 +99,9 @@ struct Ground<'a> {
     /// Window of a stop, at least the pitch of the sections, nm.
     window: [i64; 2],
     lattice: Lattice,
+    /// Where the part's origin lies, nm; lowered with the surface in later passes.
     origin: [i64; 3],
+    place: PassPlace,
     max_slope: f64,
     keep: Keep,
     footprint: Footprint,
@@ -141,10 +149,11 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let path = job.resolve(job.file.surface.file.get_ref());
     let weld = job.file.surface.weld.as_mm();
     let surface = Surface::load(&path, &job.surface_options(), weld, turn, warnings)?;
-    let mut texture = Texture::load(&job.texture_requests(), surface.part_box_mm(), turn, warnings)?;
+    let mut texture = Texture::load(&job.texture_requests(0), surface.part_box_mm(), turn, warnings)?;
 
     progress(Station::Footprint);
-    let mut ground = ground(&job, &machine, &surface, &mut texture)?;
+    let first = PassPlace::first(&machine);
+    let mut ground = ground(&job, &machine, &surface, &mut texture, first)?;
     most_stops(&ground)?;
     let methods = match job.file.partition.method {
         Method::Auto => {
@@ -210,6 +219,9 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     if tried.len() == 1 {
         candidates.clear();
     }
+    let map = map::Map::new(&made.program, &ground.sections, &machine, &surface, ground.texture.bounds());
+    let not_kept = not_kept(&ground, made.method, &made.split);
+    let (made, more) = passes::further(&ground, made)?;
     let limits = Limits {
         machine: &machine,
         origin: ground.origin,
@@ -218,10 +230,10 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         clearance: &ground.clearance,
     };
     let checked = Checked::new(made.program, &limits)?;
-    let map = map::Map::new(checked.program(), &ground.sections, &machine, &surface, ground.texture.bounds());
     warn(&job, &made.split, made.worst_defocus, ground.lattice.depth, warnings)?;
     warnings.extend(not_carried(&job, checked.program()));
-    warnings.extend(not_kept(&ground, made.method, &made.split));
+    warnings.extend(not_kept);
+    warnings.extend(short_overlaps(&made.split));
     let marks = ground.marks.take();
     let bound = bound::certificate(&ground, marks, made.method);
     let program = checked.program();
@@ -229,12 +241,13 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let passes = |pick: fn(&Program, &Block) -> f64| program.blocks.iter().map(|b| pick(program, b)).sum::<f64>();
     let summary = Summary {
         stops: program.blocks.len(),
-        sub_blocks: map.sub_blocks(),
+        passes: job.file.passes.count(),
+        sub_blocks: map.sub_blocks() + more.iter().map(|p| p.map.sub_blocks()).sum::<usize>(),
         method: made.method.name().into(),
         lower_bound_stops: bound.as_ref().map(Certificate::stops),
         texture_mm: split.texture_mm,
         mark_mm: split.mark_mm,
-        overlap_mm: 0.0,
+        overlap_mm: split.overlap_mm,
         skipped_mm: split.skipped.off_part + split.skipped.steep + split.skipped.small,
         skipped_off_part_mm: split.skipped.off_part,
         skipped_hidden_mm: 0.0,
@@ -244,7 +257,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         strokes_cut: split.strokes_cut,
         figures_whole: split.figures_whole,
         figures_cut: split.figures_cut,
-        seam_mm: map.seam_mm(),
+        seam_mm: map.seam_mm() + more.iter().map(|p| p.map.seam_mm()).sum::<f64>(),
         jump_mm: passes(Program::jump_mm),
         worst_defocus_um: made.worst_defocus as f64 / 1000.0,
         worst_defocus_mean_um: made.worst_defocus_mean as f64 / 1000.0,
@@ -259,6 +272,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
         sections: ground.sections,
         map,
         texture: ground.texture.bounds(),
+        more,
         directions: ground.texture.directions().map_or_else(Vec::new, |d| d.hundredths.clone()),
         summary,
         block_times: made.block_times,
@@ -276,6 +290,7 @@ fn ground<'a>(
     machine: &'a Machine,
     surface: &'a Surface,
     texture: &'a mut Texture,
+    place: PassPlace,
 ) -> Result<Ground<'a>, Error> {
     let step = machine.increment_nm();
     let field = machine.usable_field();
@@ -297,16 +312,20 @@ fn ground<'a>(
         let place = Place::file(job.path.display().to_string());
         return Err(Diag::limit("zone-large", text).at(place).hint("make it smaller; 0.2 mm is usual").into());
     }
-    let mut pitch = field.map(|f| even(section.unwrap_or(f - zone)));
+    let overlap = overlap(job, field, section)?;
+    // Windows reach over each other by a little more than the overlap, so that rounding takes nothing of it.
+    let reach = if overlap > 0 { even(overlap) + 2 * step } else { 0 };
+    let mut pitch = field.map(|f| even(section.unwrap_or(f - zone - reach)));
     if pitch.contains(&0) {
         return Err(Diag::limit("section-small", "a section is smaller than the stage increment").into());
     }
     // What is to stay whole, or is cut at random, may reach beyond its section as far as the field does.
-    let window = if keep.0 > 0 || zone > 0 { field.map(even) } else { pitch };
+    let wide = keep.0 > 0 || zone > 0;
+    let window = if wide { field.map(even) } else { [0, 1].map(|k| (pitch[k] + reach).min(even(field[k]))) };
     if keep.0 > 0 && section.is_none() {
         pitch = in_step(job, area, pitch, step);
     }
-    let placed = job.file.placement.origin.map(|o| o.map(|l| l.as_nm().unwrap_or(0)));
+    let placed = place.origin.or(job.file.placement.origin.map(|o| o.map(|l| l.as_nm().unwrap_or(0))));
     let centre_of_travel = machine.axes().map(|(_, a)| {
         let [lo, hi] = a.travel.map(|t| t.as_nm().unwrap_or(0));
         a.sign() * ((lo + hi) / 2)
@@ -318,7 +337,9 @@ fn ground<'a>(
         origin - (lo + pitch[axis] / 2 + origin).rem_euclid(step)
     };
     let mut origin = placed.unwrap_or([default_xy(0, area.lo.x, area.hi.x), default_xy(1, area.lo.y, area.hi.y), 0]);
-    let sections = Sections::over(area, pitch, step, [origin[0], origin[1]]);
+    let [dx, dy] = job.file.passes.shift_nm(place.number, pitch, job.figure_pitch_nm().unwrap_or(1));
+    let over = Box2 { lo: P2::new(area.lo.x - dx, area.lo.y - dy), hi: area.hi };
+    let sections = Sections::over(over, pitch, step, [origin[0], origin[1]]);
     const MAX_SECTIONS: usize = 4_000_000;
     if sections.count.iter().map(|&c| c as usize).product::<usize>() > MAX_SECTIONS {
         let text = format!("the texture would need {} x {} sections", sections.count[0], sections.count[1]);
@@ -352,7 +373,11 @@ fn ground<'a>(
             .into());
     };
     let hysteresis = job.file.partition.hysteresis.map_or_else(|| footprint.roughness(), |h| h.as_mm() * NM_PER_MM);
-    let lattice = lattice.with_hysteresis(hysteresis);
+    // A stretch as long as the overlap, on the steepest slope that matters, lies in two levels.
+    let half_climb = overlap as f64 / 2.0 * footprint.slope();
+    let lattice = lattice.with_hysteresis(hysteresis.max(half_climb));
+    let footprint = if overlap > 0 { footprint.widened(half_climb.min(lattice.depth as f64 / 4.0)) } else { footprint };
+    let footprint = footprint.deepened(job.file.passes.level_shift_nm(place.number, lattice.depth));
     let pens = job.file.pen.iter().map(|p| Pen {
         name: p.name.clone(),
         speed: p.speed,
@@ -369,6 +394,7 @@ fn ground<'a>(
         window,
         lattice,
         origin,
+        place,
         max_slope,
         keep,
         footprint,
@@ -378,12 +404,29 @@ fn ground<'a>(
     })
 }
 
+/// By how much strokes are marked twice at seams, nm. `field` and `section` are the sizes of those.
+fn overlap(job: &Job, field: [i64; 2], section: Option<i64>) -> Result<i64, Error> {
+    let partition = &job.file.partition;
+    let overlap = partition.overlap.as_nm().unwrap_or(i64::MAX);
+    let place = || Place::file(job.path.display().to_string());
+    if field.iter().any(|&f| overlap >= f / 4) {
+        let text = "partition.overlap is a quarter of the usable field or more";
+        return Err(Diag::limit("overlap-large", text).at(place()).hint("make it smaller; 0.05 mm is usual").into());
+    }
+    if let Some(s) = section
+        && overlap > 0
+        && field.iter().any(|&f| s + overlap > f)
+    {
+        let text = "partition.section and partition.overlap together are larger than the usable field";
+        return Err(Diag::limit("overlap-large", text).at(place()).hint("make the sections smaller by it").into());
+    }
+    Ok(overlap)
+}
+
 /// The pitch of sections made a multiple of the pitch of figures that are to stay whole, so that none lies
 /// across a border, where that needs no more sections.
 fn in_step(job: &Job, area: Box2, pitch: [i64; 2], step: i64) -> [i64; 2] {
-    let figures =
-        |t: &&TextureSpec| matches!(t.pattern.as_ref().map(|p| p.get_ref()), Some(Pattern::Squares | Pattern::Circles));
-    let Some(own) = job.file.texture.iter().find(figures).and_then(|t| t.pitch?.as_nm()) else { return pitch };
+    let Some(own) = job.figure_pitch_nm() else { return pitch };
     let size = area.size();
     [0, 1].map(|k| {
         let stepped = pitch[k] / own * own;
@@ -455,7 +498,10 @@ fn divide(ground: &Ground<'_>, method: Method) -> Option<Stops> {
         Method::Window => {
             let (lowest, _) = footprint.range()?;
             let fine = Fine::over(sections, *window, lattice, lowest)?;
-            partition::free(cells(ground, &fine), &fine, sections, *window, lattice)
+            let overlap = ground.job.file.partition.overlap.as_nm().unwrap_or(0);
+            // Other passes begin in other corners.
+            let flips = [1, 2, 1].map(|bit| ground.place.number & bit != 0);
+            partition::free(cells(ground, &fine), &fine, sections, *window, lattice, overlap, flips)
         }
     })
 }
@@ -501,7 +547,9 @@ fn cells(ground: &Ground<'_>, fine: &Fine) -> Cells {
 /// Cuts all strokes between the stops of every candidate, in one walk; by candidate, in chunks.
 fn cut(ground: &Ground<'_>, candidates: &[Stops]) -> Result<Vec<Vec<Fragments>>, Error> {
     let min_mark = ground.job.file.partition.min_mark.as_mm() * NM_PER_MM;
-    let seam = Seam { zone: ground.job.file.partition.zone.as_mm() * NM_PER_MM, seed: ground.job.seed };
+    let partition = &ground.job.file.partition;
+    let [zone, overlap] = [partition.zone, partition.overlap].map(|l| l.as_mm() * NM_PER_MM);
+    let seam = Seam { zone, overlap, seed: ground.job.seed };
     let (fragment_count, point_count) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let chunks = chunks(ground.texture)
         .into_par_iter()
@@ -536,7 +584,7 @@ fn make(ground: &Ground<'_>, method: Method, stops: &Stops, parts: Vec<Fragments
     let built = build(ground, stops, &parts);
     let fragments = parts.iter().map(|p| p.list.len()).sum();
     let split = parts.into_iter().fold(Fragments::default(), join);
-    let (times, block_times) = times(ground.machine, &built.program);
+    let (times, block_times) = times(ground, &built.program);
     Made {
         method,
         times,
@@ -563,6 +611,9 @@ fn too_large(ground: &Ground<'_>) -> Diag {
 fn join(mut a: Fragments, b: Fragments) -> Fragments {
     a.texture_mm += b.texture_mm;
     a.mark_mm += b.mark_mm;
+    a.overlap_mm += b.overlap_mm;
+    a.cuts += b.cuts;
+    a.short += b.short;
     a.skipped.off_part += b.skipped.off_part;
     a.skipped.steep += b.skipped.steep;
     a.skipped.small += b.skipped.small;
@@ -582,9 +633,10 @@ fn start(machine: &Machine) -> [i64; 3] {
 }
 
 /// The job's time, and that of every block.
-fn times(machine: &Machine, program: &Program) -> (Times, Vec<f64>) {
+fn times(ground: &Ground<'_>, program: &Program) -> (Times, Vec<f64>) {
+    let machine = ground.machine;
     let mut t = Times::default();
-    let (mut at, mut tilt) = (start(machine), [0; 2]);
+    let (mut at, mut tilt) = (ground.place.from, ground.place.before.as_ref().map_or([0; 2], |s| s.tilt));
     let mut blocks = Vec::with_capacity(program.blocks.len());
     for block in &program.blocks {
         let retract = block.retract.then(|| machine.retract_z());
@@ -683,6 +735,14 @@ fn not_kept(ground: &Ground<'_>, method: Method, split: &Fragments) -> Option<Di
         _ => "smaller figures or a larger focus.pdof keep more of them",
     };
     Some(Diag::warning("figures-cut", text).hint(hint))
+}
+
+/// Cuts that were to overlap and do not in full.
+fn short_overlaps(split: &Fragments) -> Option<Diag> {
+    let Fragments { cuts, short, .. } = *split;
+    let text = format!("{short} of {cuts} cuts overlap by less than partition.overlap: no two stops accept all of it");
+    let hint = "a larger partition.hysteresis or focus.pdof helps on slopes; a shorter overlap everywhere";
+    (short > 0).then(|| Diag::warning("overlap-short", text).hint(hint))
 }
 
 /// Folder of a job file's outputs: `hood.toml` makes `hood.job` beside it.

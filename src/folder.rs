@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use crate::compile::Plan;
+use crate::compile::{Pass, Plan};
 use crate::diag::{Diag, Error, Place};
 use crate::emit;
 use crate::geom::mm_from_nm;
@@ -40,6 +40,8 @@ pub fn layout<'a>(plan: &'a Plan, job: &'a str) -> preview::Layout<'a> {
     preview::Layout {
         job,
         checked: &plan.checked,
+        blocks: 0..plan.more.first().map_or(plan.checked.program().blocks.len(), |p| p.blocks.start),
+        passes: plan.summary.passes,
         machine: &plan.machine,
         sections: plan.sections,
         map: &plan.map,
@@ -49,6 +51,17 @@ pub fn layout<'a>(plan: &'a Plan, job: &'a str) -> preview::Layout<'a> {
         slopes: &plan.slopes,
         shade: preview::Shade::Height,
         summary: &plan.summary,
+    }
+}
+
+/// The same of a pass after the first.
+fn layout_of<'a>(plan: &'a Plan, pass: &'a Pass, job: &'a str) -> preview::Layout<'a> {
+    preview::Layout {
+        sections: pass.sections,
+        map: &pass.map,
+        texture: pass.texture,
+        blocks: pass.blocks.clone(),
+        ..layout(plan, job)
     }
 }
 
@@ -121,8 +134,12 @@ fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Erro
     }
     let layout = layout(plan, &job_name);
     files.push(put(folder, "layout.svg", preview::layout_svg(&layout).as_bytes())?);
-    let by_slope = preview::Layout { shade: preview::Shade::Incidence, ..layout };
+    let by_slope = preview::Layout { shade: preview::Shade::Incidence, ..layout.clone() };
     files.push(put(folder, "slope.svg", preview::layout_svg(&by_slope).as_bytes())?);
+    for (k, pass) in plan.more.iter().enumerate() {
+        let name = preview::pass_file(k as u32 + 1);
+        files.push(put(folder, &name, preview::layout_svg(&layout_of(plan, pass, &job_name)).as_bytes())?);
+    }
     files.push(put(folder, "report.html", preview::report_html(&layout).as_bytes())?);
     let facts = record::Facts {
         job_file: job_file_from(&job.path, target)?,
@@ -134,6 +151,7 @@ fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Erro
         checked,
         sections,
         directions,
+        more: plan.more.iter().map(|p| (&p.sections, p.directions.as_slice())).collect(),
         depth_mm: mm_from_nm(plan.depth),
         block_times,
         slopes,

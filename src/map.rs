@@ -52,14 +52,14 @@ const MAX_CELLS: i64 = 16_000_000;
 const WIDEST_GAP: i64 = 8;
 const SPARSE_GAP_NM: i64 = 1_000_000;
 
-/// Whether the stops of a program stand on the centres of sections.
-pub fn is_gridded(program: &Program, sections: &Sections) -> bool {
+/// Whether the stops of blocks stand on the centres of sections.
+pub fn is_gridded(blocks: &[Block], sections: &Sections) -> bool {
     let on = |v: i64, k: usize, origin: i64| {
         let from = v - origin - sections.pitch[k] / 2;
         from.rem_euclid(sections.pitch[k]) == 0
             && (0..i64::from(sections.count[k])).contains(&(from / sections.pitch[k]))
     };
-    program.blocks.iter().map(|b| b.stop.centre).all(|c| on(c.x, 0, sections.origin.x) && on(c.y, 1, sections.origin.y))
+    blocks.iter().map(|b| b.stop.centre).all(|c| on(c.x, 0, sections.origin.x) && on(c.y, 1, sections.origin.y))
 }
 
 /// What a block's stop accepts.
@@ -82,7 +82,7 @@ impl Accepts {
 }
 
 impl Map {
-    /// The map of a program on the surface under the texture's box.
+    /// The map of a program of one pass on the surface under the texture's box.
     pub fn new(program: &Program, sections: &Sections, machine: &Machine, surface: &Surface, area: Box2) -> Self {
         let frame = Frame::over(area, CELL_NM);
         let field = machine.usable_field();
@@ -91,7 +91,7 @@ impl Map {
         let shown = close::gaps(&frame, &ink, least, widest);
         let dense = grow::dense(&frame, &ink);
         let heights = grow::Heights::under(surface, &frame, &dense);
-        let window = if is_gridded(program, sections) { sections.pitch } else { field };
+        let window = if is_gridded(&program.blocks, sections) { sections.pitch } else { field };
         let stops: Vec<Accepts> = program.blocks.iter().map(|b| Accepts::of(b, window)).collect();
         let may = |cell: usize, label: u32| {
             let stop = &stops[label as usize - 1];

@@ -53,6 +53,8 @@ pub struct Candidate {
 pub struct Summary {
     /// Standstills of the stage, which are the blocks.
     pub stops: usize,
+    /// How often the texture is gone over, each time with stops of its own.
+    pub passes: u32,
     /// Connected parts of one level in one section (the article's count).
     pub sub_blocks: usize,
     /// Method of partition that was kept.
@@ -202,6 +204,8 @@ pub struct Facts<'a> {
     /// Direction of what is filled along contours, by section, in hundredths of a degree; empty where
     /// nothing is.
     pub directions: &'a [u16],
+    /// The same two of every pass after the first.
+    pub more: Vec<(&'a Sections, &'a [u16])>,
     /// Largest depth range of a block, as used.
     pub depth_mm: f64,
     /// Time of every block: marks, jumps and delays, s.

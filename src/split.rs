@@ -7,6 +7,12 @@
 //! gives the fewest cuts. Of several that are left at the same place the last of the list goes on, so
 //! that in a grid the upper level and the upper section have what lies on their borders. A fragment whose
 //! points all round to one is none.
+//!
+//! Where an overlap is wanted, the fragment that goes on after a cut begins that much before it, as far as
+//! its own stop accepts the stroke there: no mark leaves what its stop accepts. It reaches over at most half
+//! of what the fragment before it has for itself, so that nothing is marked three times; and never over the
+//! point where a closed figure was drawn from. What is shared is counted, cuts with less than was asked for
+//! too: mark - overlap + skipped = texture.
 
 use crate::geom::{NM_PER_MM, P2, Turn, nearest};
 use crate::partition::Stops;
@@ -15,6 +21,12 @@ use crate::trace::{Keep, Piece, Skip, Tracer};
 
 /// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
 const EPS: f64 = 1e-3;
+
+/// An overlap that lacks no more than this, nm, is there in full: its ends are rounded.
+const SHORT: f64 = 2.0;
+
+/// Shorter overlaps, nm, are none, unless a shorter one was asked for.
+const LEAST_OVERLAP: f64 = 1_000.0;
 
 /// Pieces that are looked ahead over at most.
 const RUN: usize = 1 << 14;
@@ -70,8 +82,14 @@ pub struct Fragments {
     pub texture_mm: f64,
     /// Length of what is marked of them, in the plane of the drawing, mm, every pass counted.
     pub mark_mm: f64,
+    /// Length that is marked twice where two fragments overlap, mm, every pass counted.
+    pub overlap_mm: f64,
     /// What was not marked.
     pub skipped: Skipped,
+    /// Cuts between two blocks that were to overlap.
+    pub cuts: usize,
+    /// Those of them that do not in full.
+    pub short: usize,
     /// Strokes in more than one fragment.
     pub strokes_cut: usize,
     /// Closed strokes marked as one fragment.
@@ -103,6 +121,8 @@ struct Open {
     drawn: f64,
     /// On a turned part: the line since its last point.
     bend: Bend,
+    /// How much of it the fragment before has marked too, nm.
+    shared: f64,
 }
 
 /// A line in the field that bends with the surface, followed from its last point: the directions in which it may
@@ -250,6 +270,8 @@ struct Cutter<'a> {
 pub struct Seam {
     /// The cut lies at random within the last of this length that both accept, nm; 0 for the very end.
     pub zone: f64,
+    /// So much before the cut both mark, nm; 0 for none. Not together with a zone.
+    pub overlap: f64,
     /// Seed of the random places.
     pub seed: u64,
 }
@@ -343,6 +365,9 @@ impl<'a> Cutter<'a> {
                         exit = (t + 1.0 / s.a.distance(s.b)).min(p.t1);
                     }
                     if exit > t {
+                        if self.seam.overlap > 0.0 && self.open.as_ref().is_some_and(|o| o.stop != at as usize) {
+                            self.share(at, run, i, t);
+                        }
                         self.mark(at as usize, s, [t, exit], p);
                         t = exit;
                     }
@@ -483,27 +508,24 @@ impl<'a> Cutter<'a> {
         (first, from): (usize, f64),
         most: f64,
     ) -> ((usize, f64), f64) {
-        let ([lo, hi], at) = (self.stops.window(stop), &self.stops.stops[stop as usize]);
+        let ([lo, hi], lean) = (self.bounds(stop), self.stops.turn(stop).map_or(0.0, Turn::lean));
         let mut length = 0.0;
         loop {
             let s = &run.segments[run.segments.partition_point(|s| s.end <= j)];
             let p = &run.pieces[j];
-            // At the edge of a sheet the height jumps from one piece to the next.
-            let z = p.z(to);
-            if z > at.z_hi as f64 + EPS || z < at.z_lo as f64 - EPS {
-                return ((j, to), length);
-            }
-            let d = [(s.b.x - s.a.x) as f64, (s.b.y - s.a.y) as f64];
-            let a = [s.a.x as f64, s.a.y as f64];
-            let limit = |v: f64, d: f64, lo: f64, hi: f64| match d {
-                0.0 => f64::NEG_INFINITY,
-                d => ((if d > 0.0 { lo } else { hi }) - v) / d,
-            };
-            let mut begin = (0..2).map(|axis| limit(a[axis], d[axis], lo[axis], hi[axis])).fold(p.t0, f64::max);
-            if p.z0 > at.z_hi as f64 || p.z0 < at.z_lo as f64 {
-                let z = if p.z0 > at.z_hi as f64 { at.z_hi } else { at.z_lo } as f64;
-                let share = if p.z1 == p.z0 { 1.0 } else { (z - p.z0) / (p.z1 - p.z0) };
-                begin = begin.max(p.t0 + (p.t1 - p.t0) * share);
+            let [a, b] = [(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| self.seen(stop, s.at(t, z)));
+            let mut begin = p.t0;
+            for k in 0..3 {
+                // At the edge of a sheet the height jumps from one piece to the next.
+                let now = a[k] + (b[k] - a[k]) * ((to - p.t0) / (p.t1 - p.t0));
+                if now > hi[k] + EPS || now < lo[k] - EPS {
+                    return ((j, to), length);
+                }
+                let limit = a[k].clamp(lo[k], hi[k]);
+                if limit != a[k] {
+                    let share = if b[k] == a[k] { 1.0 } else { (limit - a[k]) / (b[k] - a[k]) };
+                    begin = begin.max(p.t0 + (p.t1 - p.t0) * share);
+                }
             }
             if j == first {
                 begin = begin.max(from);
@@ -515,11 +537,53 @@ impl<'a> Cutter<'a> {
             }
             length += (to - begin) * scale;
             let goes_on = begin <= p.t0 && j > first && run.pieces[j - 1].skip.is_none();
-            if !goes_on {
+            if !goes_on || (run.pieces[j - 1].z1 - p.z0).abs() * lean > CHORD / 2.0 {
                 return ((j, begin), length);
             }
             j -= 1;
             to = run.pieces[j].t1;
+        }
+    }
+
+    /// Keeps those stops, if there are any, that accept as much before `t` of piece `i` as is to be shared.
+    fn overlapping(&self, stops: &mut Vec<u32>, run: &Run, i: usize, t: f64) {
+        let Some(open) = &self.open else { return };
+        let wanted = self.seam.overlap.min((open.length - open.shared) / 2.0);
+        let is_full = |&stop: &u32| self.accepted_before(stop, run, (i, t), (0, 0.0), wanted).1 >= wanted - SHORT;
+        if stops.iter().any(is_full) {
+            stops.retain(is_full);
+        }
+    }
+
+    /// Ends the open fragment at `t` of piece `i`, and has `stop`, which goes on there, begin before it.
+    fn share(&mut self, stop: u32, run: &Run, i: usize, t: f64) {
+        let segment = |piece: usize| &run.segments[run.segments.partition_point(|s| s.end <= piece)];
+        let own = self.open.as_ref().map_or(0.0, |o| o.length - o.shared);
+        let s = segment(i);
+        let cut = s.a.lerp(s.b, t);
+        // What was too short to be marked cannot be marked twice.
+        if !self.close(cut) {
+            return;
+        }
+        let wanted = self.seam.overlap;
+        let ((first, from), length) = self.accepted_before(stop, run, (i, t), (0, 0.0), wanted.min(own / 2.0));
+        self.out.cuts += 1;
+        self.out.short += usize::from(length < wanted - SHORT);
+        if length < LEAST_OVERLAP.min(wanted / 2.0) {
+            return;
+        }
+        for j in first..=i {
+            let (s, p) = (segment(j), &run.pieces[j]);
+            let part = [if j == first { from } else { p.t0 }, if j == i { t } else { p.t1 }];
+            if part[0] < part[1] {
+                self.mark(stop as usize, s, part, p);
+            }
+            if j < i && j + 1 == s.end {
+                self.corner(s.index, s.b);
+            }
+        }
+        if let Some(open) = &mut self.open {
+            open.shared = open.drawn + open.last.distance(cut);
         }
     }
 
@@ -535,6 +599,9 @@ impl<'a> Cutter<'a> {
             let holds = (0..2).all(|axis| lo[axis] - EPS <= at[axis] && at[axis] <= hi[axis] + EPS);
             holds && self.exit(stop, self.window_end(stop, s), s, p, t) > t
         }));
+        if self.seam.overlap > 0.0 && accepting.len() > 1 {
+            self.overlapping(&mut accepting, run, i, t);
+        }
         let best = match accepting[..] {
             [] => self.nearest(at),
             [one] => one,
@@ -631,6 +698,7 @@ impl<'a> Cutter<'a> {
                 last,
                 drawn: 0.0,
                 bend,
+                shared: 0.0,
             });
         }
         self.z = z[1];
@@ -654,6 +722,11 @@ impl<'a> Cutter<'a> {
     fn vertex(&mut self, segment: u32, a: P2, b: P2) {
         self.out.texture_mm += self.passes * a.distance(b) / NM_PER_MM;
         self.end_unmarked(b, [a, b]);
+        self.corner(segment, b);
+    }
+
+    /// The open fragment turns at the end b of `segment`.
+    fn corner(&mut self, segment: u32, b: P2) {
         let Some(p) = self.open.as_ref().map(|open| self.local(open.stop, b, self.z)) else { return };
         if let Some(open) = &mut self.open {
             open.drawn += open.last.distance(b);
@@ -675,9 +748,9 @@ impl<'a> Cutter<'a> {
         }
     }
 
-    /// Ends the open fragment at `end`.
-    fn close(&mut self, end: P2) {
-        let Some(open) = self.open.take() else { return };
+    /// Ends the open fragment at `end`; answers whether it is long enough to be marked.
+    fn close(&mut self, end: P2) -> bool {
+        let Some(open) = self.open.take() else { return false };
         let p = self.local(open.stop, end, self.z);
         if self.out.points[self.out.points.len() - 1] != p {
             self.out.points.push(p);
@@ -685,11 +758,12 @@ impl<'a> Cutter<'a> {
         let points = &self.out.points[open.first..];
         let length = open.drawn + open.last.distance(end);
         if points.len() < 2 || length < self.min_mark {
-            self.out.skipped.small += self.passes * length / NM_PER_MM;
+            self.out.skipped.small += self.passes * (length - open.shared) / NM_PER_MM;
             self.out.points.truncate(open.first);
-            return;
+            return false;
         }
         self.out.mark_mm += self.passes * length / NM_PER_MM;
+        self.out.overlap_mm += self.passes * open.shared / NM_PER_MM;
         self.out.list.push(Fragment {
             stop: open.stop as u32,
             source: self.source,
@@ -704,5 +778,6 @@ impl<'a> Cutter<'a> {
             slope2: open.slope2,
             length: open.length,
         });
+        true
     }
 }

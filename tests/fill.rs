@@ -49,7 +49,7 @@ fn filled(
     side_mm: i64,
     mut direction: impl FnMut() -> u16,
 ) -> (Vec<[P2; 2]>, Sections) {
-    let kind = Kind::Contour { pitch_mm };
+    let kind = Kind::Contour { pitch_mm, phase: 0.0 };
     let request = Request { kind, area: Area::Rectangle(area), tolerance_mm: 1e-3, pen: 0 };
     let mut texture = Texture::load(&[request], area, turn_deg.to_radians(), &mut Vec::new()).expect("an area");
     assert_eq!(texture.len(), 0, "an area holds no line until it is filled");

@@ -241,3 +241,83 @@ fn cuts_lie_at_seeded_random_places_of_the_zone() {
     assert_ne!(a, b, "another seed, other places");
     assert_eq!(a, run("1"));
 }
+
+/// Strokes of the texture that a program marks pieces of.
+fn sources(folder: &Path) -> usize {
+    let text = std::fs::read_to_string(folder.join("program.txt")).expect("program.txt");
+    let words = text.lines().map(|l| l.split(' ').collect::<Vec<_>>());
+    let strokes = words.filter(|w| w.len() >= 8 && ["+", "-"].contains(&w[3]));
+    strokes.map(|w| w[1].to_owned()).collect::<std::collections::BTreeSet<_>>().len()
+}
+
+/// Every way to cut between two stops: at borders of sections, at levels, along free windows.
+#[test]
+fn seams_overlap_by_what_the_job_declares() {
+    let dir = folder();
+    let stl = dir.path().join("dome.stl");
+    write_stl(&stl, &mesh(300, [0.0, 0.0, 450.0, 450.0], dome));
+    for method in ["contour", "z-range", "window"] {
+        let run = |overlap: &str| {
+            let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.5 mm\"\ndirection = \"30 deg\"");
+            let job = job.method(method).partition(&format!("overlap = {overlap:?}"));
+            let out = dir.path().join("job.job");
+            let summary = compile(&job.write(dir.path(), "job.toml"), &out);
+            let proof = verify(&out);
+            assert_balance(&summary, &proof);
+            let [stated, found] = [&summary, &proof].map(|v| number(v, "overlap_mm"));
+            assert!((stated - found).abs() <= 1e-9 * number(&summary, "texture_mm"), "{method}: {stated} {found}");
+            (summary, sources(&out))
+        };
+        let ((butt, _), (summary, strokes)) = (run("0 mm"), run("0.05 mm"));
+        assert_eq!(number(&butt, "overlap_mm"), 0.0);
+        // Nothing is skipped on the dome: every fragment but the first of a stroke follows a cut.
+        let cuts = number(&summary, "fragments") - strokes as f64;
+        let share = number(&summary, "overlap_mm") / (0.05 * cuts);
+        eprintln!("{method}: {} stops, {} with overlaps, {share} of them", butt["stops"], summary["stops"]);
+        assert!((0.995..=1.0 + 1e-6).contains(&share), "{method}: {share}");
+        let warning = &summary["warnings"][0];
+        assert_eq!(warning["code"], "overlap-short", "{warning}");
+        let text = warning["message"].as_str().expect("text");
+        let words: Vec<f64> = text.split(' ').filter_map(|w| w.parse().ok()).collect();
+        assert!(words[1] == cuts && words[0] <= 0.005 * cuts, "{text}");
+        assert!(number(&summary, "stops") <= 1.1 * number(&butt, "stops"), "{method}");
+        // What is marked twice is no seam of its own.
+        let lengths = [&butt, &summary].map(|s| number(s, "seam_mm") / number(s, "stops"));
+        assert!((lengths[0] / lengths[1] - 1.0).abs() < 0.03, "{method}: {lengths:?}");
+    }
+}
+
+#[test]
+fn both_sides_of_a_seam_mark_the_overlap() {
+    let dir = folder();
+    let stl = dir.path().join("plate.stl");
+    write_stl(&stl, &mesh(9, [0.0, 0.0, 75.0, 30.0], |x, y| 0.0002 * x + 0.0001 * y));
+    let run = |keys: &str| {
+        let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.5 mm\"").partition(keys);
+        let file = job.write(dir.path(), "job.toml");
+        let out = dir.path().join("job.job");
+        let args = ["compile", "--json", "-o"].map(Path::new);
+        (support::terrace(args.into_iter().chain([out.as_path(), file.as_path()])), out)
+    };
+    let (done, out) = run("overlap = \"0.05 mm\"");
+    assert!(done.status.success(), "{}", support::said(&done));
+    let summary: Value = serde_json::from_slice(&done.stdout).expect("JSON");
+    assert_eq!(summary["warnings"], serde_json::json!([]));
+    assert_balance(&summary, &verify(&out));
+    let places = cuts(&out, 0.0, 75.0);
+    assert_eq!(places.len(), 122);
+    let (from, to) = (places[0], places[121]);
+    assert!((to - from - 0.05).abs() < 1e-9 && places.iter().all(|&x| x == from || x == to), "{from} {to}");
+    assert!((number(&summary, "overlap_mm") - 61.0 * 0.05).abs() < 1e-9);
+    // Too much of it, and a zone at the same time, are refused.
+    for (keys, code) in [
+        ("overlap = \"10 mm\"", "overlap-large"),
+        ("overlap = \"1 mm\"\nsection = \"39.5 mm\"", "overlap-large"),
+        ("overlap = \"1 mm\"\nzone = \"1 mm\"", "seam-both"),
+        ("overlap = \"1\"", "toml"),
+        ("overlap = \"-1 mm\"", "toml"),
+    ] {
+        let (done, _) = run(keys);
+        assert!(!done.status.success() && support::said(&done).contains(code), "{}", support::said(&done));
+    }
+}

@@ -176,7 +176,20 @@ fn job(noise: &mut Noise, dir: &Path) -> std::path::PathBuf {
     if chance(noise, 30) {
         writeln!(text, "min_mark = \"{} um\"", pick(noise, &[0.001, 1.0, 50.0])).expect("text");
     }
+    match below(noise, 4) {
+        0 => writeln!(text, "zone = \"{:.6} mm\"", field * between(noise, 0.001, 0.3)).expect("text"),
+        1 => writeln!(text, "overlap = \"{:.6} mm\"", field * between(noise, 0.001, 0.1)).expect("text"),
+        _ => {}
+    }
     writeln!(text, "\n[limits]\nmax_incidence = \"{} deg\"", pick(noise, &[10, 60, 60, 85])).expect("text");
+    if chance(noise, 20) {
+        let lower = if chance(noise, 50) { pdof * between(noise, 0.0, 0.9) } else { 0.0 };
+        writeln!(text, "\n[passes]\ncount = {}\nlower = \"{lower:.6} mm\"", 2 + below(noise, 2)).expect("text");
+        writeln!(text, "rotate = \"{} deg\"", pick(noise, &["0", "67", "90", "-12.5"])).expect("text");
+        if chance(noise, 40) {
+            writeln!(text, "shift = \"{:.6} mm\"", field * pick(noise, &[0.0, 0.31, 3.7])).expect("text");
+        }
+    }
     text += "\n[machine]\nfile = \"machine.toml\"\n";
     for pen in 0..pens {
         write!(

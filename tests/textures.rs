@@ -168,6 +168,8 @@ fn loops_are_whole_closed_and_in_their_place() {
     assert_eq!(code(one(Kind::Squares { cell_mm: 2.0, pitch_mm: 1.0 })), "texture-cell");
     assert_eq!(code(one(Kind::Circles { cell_mm: 1e-9, pitch_mm: 1.0 })), "texture-cell");
     assert_eq!(code(one(Kind::Hatch { pitch_mm: 0.0, direction_rad: 0.0 })), "texture-pitch");
+    // The line through the lower left corner runs away from the area, the next misses it.
+    assert_eq!(code(one(Kind::Hatch { pitch_mm: 20.0, direction_rad: -0.5 })), "texture-empty");
     assert_eq!(code(one(Kind::Squares { cell_mm: 1e-5, pitch_mm: 1e-5 })), "texture-large");
     let far = request(Kind::Hilbert { order: 3 }, Area::Rectangle([0.0, 0.0, 5000.0, 5.0]));
     assert_eq!(code(load(far, PLATE, 0.0)), "texture-far");

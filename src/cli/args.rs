@@ -71,7 +71,7 @@ pub enum Command {
         #[arg(long, value_name = "FOLDER")]
         inputs: Option<PathBuf>,
     },
-    /// Draw the layout of the blocks alone.
+    /// Draw the layout of the blocks alone; of several passes, of the first.
     Preview {
         /// Job file, or - for standard input.
         job: PathBuf,

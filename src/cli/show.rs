@@ -103,6 +103,9 @@ pub fn summary(s: &Summary, folder: Option<&Path>) -> String {
             duration(t.delay)
         ),
     ];
+    if s.passes > 1 {
+        lines.insert(1, format!("passes         {}", s.passes));
+    }
     for c in &s.candidates {
         lines.push(format!(
             "candidate      {:<8} {} stops, {} strokes, {}",

@@ -123,8 +123,10 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
             });
         }
         let P2 { x, y } = stop.centre;
-        let retract = program.blocks.last().is_some_and(|b| lifts(ground, &b.stop, stop));
+        let last = program.blocks.last().map(|b| &b.stop).or(ground.place.before.as_ref());
+        let retract = last.is_some_and(|last| lifts(ground, last, stop));
         program.blocks.push(Block {
+            pass: ground.place.number,
             stage: ground.machine.stage_from_part([x, y, stop.focus], ground.origin),
             retract,
             z_lo: z[0],
@@ -147,14 +149,14 @@ fn tour(ground: &Ground<'_>, placed: &[(Stop, [i64; 2])]) -> Vec<usize> {
     // Most parts are so flat that the head never needs to lift.
     let mut area = Box2::EMPTY;
     placed.iter().for_each(|(s, _)| area.add(s.centre));
-    let lowest = clearance.lowest_focus(area.lo, area.hi);
+    let lowest = clearance.lowest_focus(area.lo, area.hi) + ground.place.lowered;
     if placed.iter().any(|(s, _)| s.tilt != [0; 2]) {
         return turned_tour(ground, &targets, placed);
     }
     let lifts = |a: usize, b: usize| placed[a].0.focus < lowest && lifts(ground, &placed[a].0, &placed[b].0);
     let stage = order::stops::Stage {
         machine,
-        from: super::start(machine),
+        from: ground.place.from,
         lifts: placed.iter().any(|(s, _)| s.focus < lowest).then_some(&lifts),
     };
     order::stops::tour(&targets, &stage, climb(ground), order::stops::EFFORT)
@@ -199,11 +201,12 @@ fn turned_tour(ground: &Ground<'_>, targets: &[[i64; 3]], placed: &[(Stop, [i64;
 /// Whether the stage must lift between two stops.
 fn lifts(ground: &Ground<'_>, a: &Stop, b: &Stop) -> bool {
     if a.tilt == b.tilt {
-        return a.centre != b.centre && a.focus < lowest_over(ground, a, b);
+        return a.centre != b.centre && a.focus - ground.place.lowered < lowest_over(ground, a, b);
     }
     let turn = |u: i64, v: i64| ground.machine.turn([u, v], ground.origin);
     let [[a0, a1], [b0, b1]] = [a.tilt, b.tilt];
-    a.focus < ground.clearance.lowest_swing([turn(a0, a1), turn(b0, a1), turn(a0, b1), turn(b0, b1)])
+    a.focus - ground.place.lowered
+        < ground.clearance.lowest_swing([turn(a0, a1), turn(b0, a1), turn(a0, b1), turn(b0, b1)])
 }
 
 /// The lowest focal plane at which the stage may go straight from one stop to another of the same tilt.

@@ -13,7 +13,8 @@ pub(super) fn divide(ground: &Ground<'_>) -> (Stops, f64) {
     let tilted = tilt::Ground {
         machine: ground.machine,
         origin: ground.origin,
-        area: ground.texture.bounds(),
+        // Sections of later passes begin elsewhere.
+        area: Box2 { lo: ground.sections.origin, hi: ground.texture.bounds().hi },
         window: ground.window.map(|w| w / 2 * 2),
         lattice: ground.lattice,
     };

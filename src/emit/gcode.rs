@@ -135,6 +135,10 @@ impl Writer {
     /// Title, moves and dwell of block `i`; the stage then stands still with the output off.
     fn block(&mut self, program: &Program, i: usize) {
         let block = &program.blocks[i];
+        let before = i.checked_sub(1).map_or(0, |i| program.blocks[i].pass);
+        if block.pass != before {
+            self.comment(&format!("PASS {}", block.pass + 1));
+        }
         let title = match self.drawings {
             Drawings::Dxf => format!("BLOCK {} FILE {}", Program::block_id(i), Program::drawing_file(i)),
             Drawings::Absent => format!("BLOCK {}", Program::block_id(i)),

@@ -26,6 +26,7 @@ fn program(blocks: &[Made]) -> Program {
         }
         let (z_lo, z_hi, focus) = (*z_lo, *z_hi, (z_lo + z_hi) / 2);
         program.blocks.push(Block {
+            pass: 0,
             stop: Stop { section: [0; 2], level: 0, tilt: [0; 2], centre: *centre, focus, z_lo, z_hi },
             stage: [0; 3],
             retract: false,
@@ -270,9 +271,9 @@ fn a_valley_holds_two_parts_of_a_level() {
 fn stops_on_centres_of_sections_are_gridded() {
     let at = |x: i64, y: i64| program(&[(P2::new(x * MM, y * MM), [0, 1], Vec::new())]);
     let grid = sections(3, 2);
-    assert!(is_gridded(&at(20, 20), &grid) && is_gridded(&at(100, 60), &grid));
+    assert!(is_gridded(&at(20, 20).blocks, &grid) && is_gridded(&at(100, 60).blocks, &grid));
     for (x, y) in [(21, 20), (20, 40), (140, 20), (-20, 20), (20, 100)] {
-        assert!(!is_gridded(&at(x, y), &grid), "{x} {y}");
+        assert!(!is_gridded(&at(x, y).blocks, &grid), "{x} {y}");
     }
 }
 
@@ -312,7 +313,7 @@ fn with_free_windows_a_place_belongs_to_its_marks() {
     blocks.retain(|b| !b.2.is_empty());
     let program = program(&blocks);
     let grid = Sections { origin: P2::new(0, 0), pitch: [40 * MM; 2], count: [3, 3] };
-    assert!(!is_gridded(&program, &grid));
+    assert!(!is_gridded(&program.blocks, &grid));
     let map = Map::new(&program, &grid, &machine(), &surface, area(100, 100));
     let place = |label: u32| blocks.get((label as usize).wrapping_sub(1)).map(|b| b.0);
     let (mut same, mut marked) = (0, 0);

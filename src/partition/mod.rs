@@ -50,7 +50,8 @@ impl Lattice {
     /// each time. Rounded to the lattice; at most a quarter of the depth range.
     #[must_use]
     pub fn with_hysteresis(mut self, nm: f64) -> Self {
-        self.hysteresis = (nm.min(self.depth as f64 / 4.0) / self.step as f64).round() as i64 * self.step;
+        let most = self.depth / 4 / self.step;
+        self.hysteresis = ((nm / self.step as f64).round() as i64).min(most) * self.step;
         self
     }
 
@@ -284,8 +285,17 @@ impl Fine {
     }
 }
 
-/// Windows and levels placed freely.
-pub fn free(mut cells: Cells, fine: &Fine, sections: &Sections, window: [i64; 2], lattice: &Lattice) -> Stops {
+/// Windows and levels placed freely. What a stop holds it accepts as far as `overlap` nm around it. With other
+/// `flips` the search begins in another corner, and the borders of windows lie elsewhere.
+pub fn free(
+    mut cells: Cells,
+    fine: &Fine,
+    sections: &Sections,
+    window: [i64; 2],
+    lattice: &Lattice,
+    overlap: i64,
+    flips: [bool; 3],
+) -> Stops {
     let Fine { grid, slabs } = fine;
     // Coordinates from the middle of the box reach less far.
     let middle = [0, 1].map(|k| i64::from(grid.count[k]) / 2 * grid.pitch[k]);
@@ -297,15 +307,19 @@ pub fn free(mut cells: Cells, fine: &Fine, sections: &Sections, window: [i64; 2]
     let middle = [middle[0], middle[1], top / 2 / lattice.step * lattice.step];
     let item = |lo: [i64; 3], hi: [i64; 3]| {
         let near = |v: [i64; 3]| [0, 1, 2].map(|k| (v[k] - middle[k]) as i32);
-        items::Item { lo: near(lo), hi: near(hi) }
+        let (mut lo, mut hi) = (near(lo), near(hi));
+        for k in (0..3).filter(|&k| flips[k]) {
+            (lo[k], hi[k]) = (-hi[k], -lo[k]);
+        }
+        items::Item { lo, hi }
     };
     let zero = [grid.origin.x, grid.origin.y, slabs.z0];
     let local = |v: [i64; 3]| [0, 1, 2].map(|k| v[k] - zero[k]);
     let items: Vec<items::Item> = list
         .map(|[column, row, slab]| {
-            let lo = [column * grid.pitch[0], row * grid.pitch[1], level(slab) - slabs.hysteresis];
-            let hi = [lo[0] + grid.pitch[0], lo[1] + grid.pitch[1], level(slab + 1) + slabs.hysteresis];
-            item(lo, hi)
+            let [x, y] = [column * grid.pitch[0], row * grid.pitch[1]];
+            let hi = [x + grid.pitch[0] + overlap, y + grid.pitch[1] + overlap, level(slab + 1) + slabs.hysteresis];
+            item([x - overlap, y - overlap, level(slab) - slabs.hysteresis], hi)
         })
         .chain(figures.iter().map(|&[lo, hi]| item(local(lo), local(hi))))
         .collect();
@@ -314,7 +328,8 @@ pub fn free(mut cells: Cells, fine: &Fine, sections: &Sections, window: [i64; 2]
     let mut stops: Vec<Stop> = window::cover(&items, size, [lattice.step as i32; 3])
         .into_iter()
         .map(|corner| {
-            let [x, y, z] = [0, 1, 2].map(|k| i64::from(corner[k]) + middle[k]);
+            let at = |k: usize| if flips[k] { -corner[k] - size[k] } else { corner[k] };
+            let [x, y, z] = [0, 1, 2].map(|k| i64::from(at(k)) + middle[k]);
             let centre = P2::new(grid.origin.x + x + w / 2, grid.origin.y + y + h / 2);
             let section = [(0, centre.x), (1, centre.y)].map(|(axis, v)| sections.along(axis, v, 0) as u32);
             let z_lo = slabs.z0 + z;
@@ -398,5 +413,7 @@ mod tests {
         assert_eq!(Lattice::new(70_000, 100, 0).map(|l| l.depth), Some(70_000));
         assert_eq!(Lattice::new(70_500, 1000, 0).map(|l| l.depth), Some(70_000));
         assert_eq!(Lattice::new(1_500, 1000, 0), None);
+        let hysteresis = |depth| Lattice::new(depth, 1000, 0).map(|l| l.with_hysteresis(1e9).hysteresis);
+        assert_eq!([2_000, 4_000, 70_000].map(hysteresis), [Some(0), Some(1_000), Some(17_000)], "at most a quarter");
     }
 }

@@ -8,7 +8,7 @@ use super::outline::{self, Half, Outlines, Ring};
 use super::sheet::{Detail, Sheet, caption, el, field_box, layer, num, rectangle, sheet_box, titled};
 use super::{Layout, Shade, colour, label, mm, plain};
 use crate::geom::{P2, mm_from_nm};
-use crate::program::{Block, Program};
+use crate::program::Block;
 
 /// Width of block borders: thin against the blocks, so that the narrowest bands stay coloured.
 fn border(job: &Layout<'_>, sheet: &Sheet) -> f64 {
@@ -56,7 +56,7 @@ pub(super) fn regions(job: &Layout<'_>, sheet: &Sheet, outlines: &Outlines, deta
         }
         rings = &rings[own..];
         let mut e = if own > 0 { el("path", &[("d", &d)]) } else { dot(job, sheet, block) };
-        e.assign("id", format!("block-{}", Program::block_id(i)));
+        e.assign("id", format!("block-{}", job.id(i)));
         e.assign("fill", colour::hex(fills[i]));
         g.append(if sheet.gridded { titled(e, tooltip(job, sheet, i, block, detail)) } else { e });
     }
@@ -95,7 +95,7 @@ pub(super) fn windows(job: &Layout<'_>, sheet: &Sheet, detail: Detail) -> Elemen
     for (i, block) in job.blocks().iter().enumerate() {
         let [x, y] = block.stop.centre.mm();
         let mut pair = Element::new("g");
-        pair.append(el("use", &[("href", &format!("#block-{}", Program::block_id(i)))]));
+        pair.append(el("use", &[("href", &format!("#block-{}", job.id(i)))]));
         pair.append(el("use", &[("href", "#window"), ("x", &num(x)), ("y", &num(-y))]));
         g.append(titled(pair, tooltip(job, sheet, i, block, detail)));
     }
@@ -170,7 +170,7 @@ fn dot(job: &Layout<'_>, sheet: &Sheet, block: &Block) -> Element {
 
 /// What a pointer resting on a block shows.
 fn tooltip(job: &Layout<'_>, sheet: &Sheet, i: usize, block: &Block, detail: Detail) -> String {
-    let (id, s) = (Program::block_id(i), &block.stop);
+    let (id, s) = (job.id(i), &block.stop);
     if !detail.full {
         return format!("{id} z {}", mm(s.focus, 3));
     }
@@ -218,7 +218,7 @@ pub(super) fn numbers(job: &Layout<'_>, sheet: &Sheet, spots: &[label::Spot]) ->
         if colour::is_dark(fill) {
             t.assign("class", "w");
         }
-        t.append(svg::node::Text::new((spot.block + 1).to_string()));
+        t.append(svg::node::Text::new((job.blocks.start + spot.block as usize + 1).to_string()));
         g.append(t);
     }
     // Dots are numbered beside them; the spots are sorted by block.
@@ -226,7 +226,7 @@ pub(super) fn numbers(job: &Layout<'_>, sheet: &Sheet, spots: &[label::Spot]) ->
     for (i, block) in job.blocks().iter().enumerate() {
         if spots.binary_search_by_key(&i, |s| s.block as usize).is_err() {
             let [x, y] = middle_of_marks(job, block);
-            g.append(caption([x + 1.3 * r, y - 1.3 * r], 2.0 * r, "#111", &(i + 1).to_string()));
+            g.append(caption([x + 1.3 * r, y - 1.3 * r], 2.0 * r, "#111", &(job.blocks.start + i + 1).to_string()));
         }
     }
     g

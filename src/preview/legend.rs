@@ -150,6 +150,10 @@ fn heading(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
     pen.put(&name, font, "bold");
     pen.line(&short(&format!("machine {}", job.machine.name), CHARACTERS));
     pen.at[1] += 0.6 * pen.u;
+    if job.passes > 1 {
+        let pass = job.blocks().first().map_or(1, |b| b.pass + 1);
+        pen.pair("pass (lengths and times: of all)", &format!("{pass} of {}", job.passes));
+    }
     pen.pair("method", &short(&s.method, 24));
     let bound = s.lower_bound_stops.map(|n| format!(" (at least {n})")).unwrap_or_default();
     pen.pair("stops", &format!("{}{bound}", job.blocks().len()));

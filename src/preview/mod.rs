@@ -28,21 +28,26 @@ mod tests;
 pub use layout::layout_svg;
 pub use report::report_html;
 
+use std::ops::Range;
+
 use crate::check::Checked;
 use crate::geom::Box2;
 use crate::machine::Machine;
 use crate::map::Map;
-use crate::program::Block;
-use crate::program::Sections;
+use crate::program::{Block, Program, Sections};
 use crate::record::{Slope, Summary};
 
 /// Everything the pictures are made of.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Layout<'a> {
     /// Name of the job, any text.
     pub job: &'a str,
     /// The program.
     pub checked: &'a Checked,
+    /// The blocks of the first pass, or of the one that is drawn.
+    pub blocks: Range<usize>,
+    /// How many passes there are.
+    pub passes: u32,
     /// The machine it was checked against.
     pub machine: &'a Machine,
     /// The grid of sections.
@@ -74,20 +79,30 @@ pub enum Shade {
 
 impl Layout<'_> {
     fn blocks(&self) -> &[Block] {
-        &self.checked.program().blocks
+        &self.checked.program().blocks[self.blocks.clone()]
+    }
+
+    /// The name of the block with that number in [`Layout::blocks`].
+    fn id(&self, i: usize) -> String {
+        Program::block_id(self.blocks.start + i)
+    }
+
+    /// The same with the blocks of all passes.
+    fn whole(&self) -> Self {
+        Self { blocks: 0..self.checked.program().blocks.len(), ..self.clone() }
     }
 
     /// Whether the stops stand on the grid of sections; else their windows lie freely.
     fn is_gridded(&self) -> bool {
-        crate::map::is_gridded(self.checked.program(), &self.sections)
+        crate::map::is_gridded(self.blocks(), &self.sections)
     }
 
     fn block_s(&self, i: usize) -> f64 {
-        self.block_s.get(i).copied().unwrap_or(0.0)
+        self.block_s.get(self.blocks.start + i).copied().unwrap_or(0.0)
     }
 
     fn slope(&self, i: usize) -> Option<Slope> {
-        self.slopes.get(i).copied().flatten()
+        self.slopes.get(self.blocks.start + i).copied().flatten()
     }
 
     /// What the colour of a block stands for: nm, or millionths of a degree.
@@ -114,6 +129,11 @@ impl Layout<'_> {
         let blocks = self.blocks();
         [blocks.iter().map(lo).min().unwrap_or(0), blocks.iter().map(hi).max().unwrap_or(0)]
     }
+}
+
+/// Name of the drawing of a pass after the first, `k` from 1.
+pub fn pass_file(k: u32) -> String {
+    format!("layout-pass{}.svg", k + 1)
 }
 
 /// mm in text, `decimals` digits, without a negative zero.

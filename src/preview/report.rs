@@ -6,7 +6,7 @@
 use std::fmt::Write;
 
 use super::legend::{PARTS, seconds};
-use super::{Layout, clean, length_text, mm, plain};
+use super::{Layout, clean, length_text, mm, pass_file, plain};
 use crate::program::{Block, Program};
 use crate::record::{Slope, duration};
 
@@ -20,6 +20,8 @@ td{font-variant-numeric:tabular-nums}#blocks th{position:sticky;top:0}.row{displ
 
 /// The report as the text of an HTML file.
 pub fn report_html(job: &Layout<'_>) -> String {
+    let is_gridded = job.is_gridded();
+    let job = &job.whole();
     let name = escape(job.job);
     let mut h = String::with_capacity(16_000 + 200 * job.blocks().len());
     let _ = write!(
@@ -27,14 +29,17 @@ pub fn report_html(job: &Layout<'_>) -> String {
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width\"/>\n<title>{name}: job report</title>\n\
          <style>{STYLE}</style>\n</head>\n<body>\n<h1>{name}</h1>\n<p>Machine {}. {} stops, {} in all. \
-         <a href=\"layout.svg\">Block layout (layout.svg)</a>, <a href=\"slope.svg\">the same by slope (slope.svg)</a></p>\n",
+         <a href=\"layout.svg\">Block layout (layout.svg)</a>{}, <a href=\"slope.svg\">the same by slope (slope.svg)</a></p>\n",
         escape(&job.machine.name),
         job.blocks().len(),
         duration(job.summary.time_s.total),
+        (1..job.passes)
+            .map(|k| format!(", <a href=\"{0}\">of pass {1} ({0})</a>", pass_file(k), k + 1))
+            .collect::<String>(),
     );
     warnings(&mut h, job);
     h.push_str("<div class=\"row\">\n<div>\n");
-    figures(&mut h, job);
+    figures(&mut h, job, is_gridded);
     h.push_str("</div>\n<div>\n");
     times(&mut h, job);
     h.push_str("</div>\n</div>\n");
@@ -42,7 +47,7 @@ pub fn report_html(job: &Layout<'_>) -> String {
     defocus(&mut h, job);
     slopes(&mut h, job);
     pens(&mut h, job);
-    blocks(&mut h, job);
+    blocks(&mut h, job, is_gridded);
     h.push_str("</body>\n</html>\n");
     h
 }
@@ -66,15 +71,16 @@ fn warnings(h: &mut String, job: &Layout<'_>) {
     }
 }
 
-fn figures(h: &mut String, job: &Layout<'_>) {
+fn figures(h: &mut String, job: &Layout<'_>, is_gridded: bool) {
     let s = job.summary;
     let [columns, rows] = job.sections.count;
-    let sections = if job.is_gridded() { format!("{columns} x {rows}") } else { "none, windows lie freely".into() };
+    let sections = if is_gridded { format!("{columns} x {rows}") } else { "none, windows lie freely".into() };
     let [z_lo, z_hi] = job.range(|b| b.z_lo, |b| b.z_hi);
     let [w, d] = job.texture_size().map(|v| mm(v, 3));
     let [fx, fy] = job.machine.usable_field().map(|v| mm(v, 3));
     let rows = [
         ("Method", escape(&s.method)),
+        ("Passes", job.passes.to_string()),
         ("Stops", job.blocks().len().to_string()),
         ("Lower bound of stops", s.lower_bound_stops.map_or("not known".into(), |n| n.to_string())),
         ("Stops over their lower bound", s.over_bound().map_or("not known".into(), |r| plain(r, 3))),
@@ -267,9 +273,8 @@ fn pens(h: &mut String, job: &Layout<'_>) {
     h.push_str("</table>\n");
 }
 
-fn blocks(h: &mut String, job: &Layout<'_>) {
+fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
     let program = job.checked.program();
-    let gridded = job.is_gridded();
     let [first, second] = if gridded { ["section", "level"] } else { ["window x", "window y"] };
     let _ = write!(
         h,
@@ -278,7 +283,12 @@ fn blocks(h: &mut String, job: &Layout<'_>) {
          <th>stage y</th><th>stage z</th><th>incidence</th><th>dose</th><th>strokes</th><th>mark</th><th>jump</th><th>time</th></tr>\n",
         if gridded { "" } else { " and centres of windows" },
     );
+    let mut pass = 0;
     for (i, b) in job.blocks().iter().enumerate() {
+        if b.pass != pass {
+            pass = b.pass;
+            let _ = writeln!(h, "<tr><th colspan=\"13\">pass {}</th></tr>", pass + 1);
+        }
         let [x, y, z] = b.stage.map(|v| mm(v, 4));
         let [first, second] = if gridded {
             [format!("{},{}", b.stop.section[0], b.stop.section[1]), b.stop.level.to_string()]

@@ -59,7 +59,7 @@ impl Frame {
         let mut add = |p: [f64; 2]| (lo, hi) = ([0, 1].map(|k| lo[k].min(p[k])), [0, 1].map(|k| hi[k].max(p[k])));
         let program = job.checked.program();
         if turned {
-            for block in &program.blocks {
+            for block in job.blocks() {
                 let c = block.stop.centre;
                 for p in program.strokes_of(block).iter().flat_map(|s| program.points_of(s)) {
                     add(turn(P2::new(c.x + i64::from(p[0]), c.y + i64::from(p[1])).mm(), -sin));

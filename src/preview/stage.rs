@@ -11,7 +11,6 @@ use super::colour::{FIELD, PATH};
 use super::sheet::{Detail, Sheet, caption, el, field_box, layer, num, rectangle, sheet_box, titled};
 use crate::geom::{P2, mm_from_nm};
 use crate::machine::FieldShape;
-use crate::program::Program;
 
 /// Share of the sheet that the line of the path covers at most: a path from window to window, with a move
 /// for every block, becomes a hairline instead of a hairball.
@@ -65,7 +64,7 @@ pub(super) fn path(job: &Layout<'_>, sheet: &Sheet, detail: Detail) -> Element {
     }
     g.append(el("path", &[("id", "stage-arrows"), ("fill", PATH), ("pointer-events", "none"), ("d", &arrows)]));
     if !is_thin {
-        g.append(dots(&stays, u, detail));
+        g.append(dots(job, &stays, u, detail));
     }
     if let (Some((first, _)), Some((last, _))) = (stays.first(), stays.last()) {
         ends(&mut g, at(*first), at(*last), u);
@@ -77,12 +76,12 @@ pub(super) fn path(job: &Layout<'_>, sheet: &Sheet, detail: Detail) -> Element {
 const ARROWS: f64 = 100.0;
 
 /// The places where the stage stands, each telling its blocks.
-fn dots(stays: &[(P2, std::ops::Range<usize>)], u: f64, detail: Detail) -> Element {
+fn dots(job: &Layout<'_>, stays: &[(P2, std::ops::Range<usize>)], u: f64, detail: Detail) -> Element {
     let mut stops = el("g", &[("id", "stage-stops"), ("fill", PATH)]);
     for (k, (p, range)) in stays.iter().enumerate() {
         let [x, y] = p.mm();
         let dot = el("circle", &[("cx", &num(x)), ("cy", &num(-y)), ("r", &num(u * 0.3))]);
-        let (first, last) = (Program::block_id(range.start), Program::block_id(range.end - 1));
+        let (first, last) = (job.id(range.start), job.id(range.end - 1));
         let title = format!("position {} of {}: {} blocks, {first} to {last}", k + 1, stays.len(), range.len());
         stops.append(if detail.full { titled(dot, title) } else { dot });
     }

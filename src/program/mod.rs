@@ -10,12 +10,14 @@
 //! - P4 stage targets lie on multiples of the stage increment, inside travel, and say the same place
 //!   as the block's centre and focus;
 //! - P5 every pen exists; every stroke names the texture stroke and the segment it begins on;
-//! - P6 the focal plane of a block lies among its marks, to a stage increment.
+//! - P6 the focal plane of a block lies among its marks, to a stage increment;
+//! - P7 passes follow each other.
 //!
 //! - P7 where the part is tilted, a stroke of the texture is marked along a line of the field that runs
 //!   within [`CHORD`] of the projected one.
 //!
 //! # Units and frames
+//! Heights of pass k are those of the surface as the passes before have left it: lowered k times.
 //! Points are field frame (origin on the optical axis, x and y as the turned part's), integer nm.
 //! Centres, focus heights and depth intervals are turned part frame, integer nm. Stage targets are
 //! commanded axis values, integer nm. At a stop with a tilt the part is the tilted one: centres and
@@ -74,6 +76,8 @@ pub struct Stop {
 /// One stop and its strokes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Block {
+    /// The pass that it belongs to, from 0; passes follow each other.
+    pub pass: u32,
     /// Where the stage stands.
     pub stop: Stop,
     /// Commanded axis values x, y, z.

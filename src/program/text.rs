@@ -24,7 +24,12 @@ pub fn write(program: &Program, origin: [i64; 3]) -> Vec<u8> {
         out.text(&format!("pen {} | {speed} | {power} | {frequency} | {passes}\n", escaped(name)));
     }
     out.text(&format!("blocks {}\n", program.blocks.len()));
+    let mut pass = 0;
     for (i, block) in program.blocks.iter().enumerate() {
+        if block.pass != pass {
+            pass = block.pass;
+            out.text(&format!("pass {}\n", pass + 1));
+        }
         out.block(&Program::block_id(i), block);
         for stroke in program.strokes_of(block) {
             out.stroke(stroke, program.points_of(stroke));
@@ -52,7 +57,7 @@ impl Text {
         }
     }
     fn block(&mut self, id: &str, block: &Block) {
-        let Block { stop, stage, retract, z_lo, z_hi, strokes } = block;
+        let Block { pass: _, stop, stage, retract, z_lo, z_hi, strokes } = block;
         self.text("block ");
         self.text(id);
         self.numbers(stop.section);
@@ -130,8 +135,15 @@ fn read(lines: &mut Lines<'_>) -> Result<(Program, [i64; 3]), String> {
         let line = std::str::from_utf8(lines.next()?).map_err(|_| "the line is not UTF-8 text")?;
         program.pens.push(pen(line)?);
     }
+    let mut pass = 0;
     for i in 0..lines.count("blocks ")? {
+        if lines.rest.starts_with(b"pass ") {
+            let number = u32::try_from(lines.count("pass ")?).map_err(|_| "there is no such pass")?;
+            let changed = number.checked_sub(1).filter(|&n| n != pass);
+            pass = changed.ok_or("no other pass begins here")?;
+        }
         let (mut block, strokes) = block(lines.fields("block ")?, i)?;
+        block.pass = pass;
         let start = program.strokes.len();
         for _ in 0..strokes {
             stroke(Fields(lines.next()?), &mut program)?;
@@ -177,7 +189,7 @@ fn block(mut f: Fields<'_>, index: usize) -> Result<(Block, usize), String> {
     let (z_lo, z_hi) = (f.number()?, f.number()?);
     let strokes = f.number()?;
     f.end()?;
-    Ok((Block { stop, stage, retract, z_lo, z_hi, strokes: 0..0 }, strokes))
+    Ok((Block { pass: 0, stop, stage, retract, z_lo, z_hi, strokes: 0..0 }, strokes))
 }
 
 fn stroke(mut f: Fields<'_>, program: &mut Program) -> Result<(), String> {
@@ -289,6 +301,7 @@ mod tests {
         program.pens[0].name = "a | b\\ \n | 3 \r".into();
         program.pens[0].speed = crate::units::Speed::mm_s(1.0 / 3.0);
         program.blocks[1].stop.level = -3;
+        (program.blocks[1].pass, program.blocks[2].pass) = (1, 4);
         program.points[0] = [i32::MIN, i32::MAX];
         let text = write(&program, origin);
         assert_eq!(parse("program.txt", &text).expect("own text"), (program, origin));
@@ -302,7 +315,8 @@ mod tests {
 
     #[test]
     fn every_cut_and_many_damages_are_refused_with_their_line() {
-        let (program, origin) = sample::program();
+        let (mut program, origin) = sample::program();
+        program.blocks[2].pass = 1;
         let text = write(&program, origin);
         for end in 0..text.len() {
             assert!(parse("p", &text[..end]).is_err(), "cut at {end}");
@@ -318,7 +332,10 @@ mod tests {
             ("0 3 7 - ", "2 3 7 - ", 8),
             ("0 3 7 - ", "0 3 7 * ", 8),
             ("0 3 7 - ", "0 3 4294967296 - ", 8),
-            ("end\n", "end\n\n", 15),
+            ("pass 2", "pass 1", 12),
+            ("pass 2", "pass 0", 12),
+            ("pass 2", "pass 4294967296", 12),
+            ("end\n", "end\n\n", 16),
         ] {
             assert!(text.contains(from), "{from}");
             let error = parse("p", text.replacen(from, to, 1).as_bytes()).expect_err(to);

@@ -5,7 +5,7 @@ use serde::{Serialize, Serializer};
 use super::{Facts, FileFact, InputFact, Summary};
 use crate::geom::mm_from_nm;
 use crate::machine::Machine;
-use crate::program::{Pen, Program};
+use crate::program::{self, Pen, Program};
 use crate::spec::{DepthRule, Level};
 
 /// Version of the manifest's keys.
@@ -31,13 +31,12 @@ pub fn manifest(facts: &Facts<'_>) -> Vec<u8> {
             level: facts.job.file.focus.level,
             rule: facts.job.file.focus.rule,
         },
-        sections: Sections {
-            origin_mm: facts.sections.origin.mm(),
-            pitch_mm: facts.sections.pitch.map(mm_from_nm),
-            columns: facts.sections.count[0],
-            rows: facts.sections.count[1],
-            direction_deg: facts.directions.iter().map(|&d| f64::from(d) / 100.0).collect(),
+        sections: Sections::new(facts.sections, facts.directions),
+        seams: Seams {
+            zone_mm: facts.job.file.partition.zone.as_mm(),
+            overlap_mm: facts.job.file.partition.overlap.as_mm(),
         },
+        passes: passes(facts),
         pens: program.pens.iter().map(|pen| pen_entry(pen, facts.machine)).collect(),
         blocks: Blocks(facts),
         files: facts.files,
@@ -60,6 +59,8 @@ struct Document<'a> {
     placement: Placement,
     focus: Focus,
     sections: Sections,
+    seams: Seams,
+    passes: Vec<PassEntry>,
     pens: Vec<PenEntry<'a>>,
     blocks: Blocks<'a>,
     files: &'a [FileFact],
@@ -97,6 +98,46 @@ struct Sections {
     direction_deg: Vec<f64>,
 }
 
+impl Sections {
+    fn new(grid: &program::Sections, directions: &[u16]) -> Self {
+        Self {
+            origin_mm: grid.origin.mm(),
+            pitch_mm: grid.pitch.map(mm_from_nm),
+            columns: grid.count[0],
+            rows: grid.count[1],
+            direction_deg: directions.iter().map(|&d| f64::from(d) / 100.0).collect(),
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct PassEntry {
+    turn_deg: f64,
+    lowered_mm: f64,
+    /// Of every pass but the first, whose sections stand above.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sections: Option<Sections>,
+}
+
+fn passes(facts: &Facts<'_>) -> Vec<PassEntry> {
+    let spec = &facts.job.file.passes;
+    let entry = |k: u32| PassEntry {
+        turn_deg: f64::from(k) * spec.rotate.as_deg(),
+        lowered_mm: mm_from_nm(spec.lowered_nm(k)),
+        sections: facts
+            .more
+            .get((k as usize).wrapping_sub(1))
+            .map(|(grid, directions)| Sections::new(grid, directions)),
+    };
+    (0..spec.count()).map(entry).collect()
+}
+
+#[derive(Serialize)]
+struct Seams {
+    zone_mm: f64,
+    overlap_mm: f64,
+}
+
 #[derive(Serialize)]
 struct PenEntry<'a> {
     name: &'a str,
@@ -130,6 +171,7 @@ impl Serialize for Blocks<'_> {
 #[derive(Serialize)]
 struct BlockEntry<'a> {
     id: String,
+    pass: u32,
     section: [u32; 2],
     level: i32,
     centre_mm: [f64; 2],
@@ -167,6 +209,7 @@ fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
     let block = &program.blocks[index];
     BlockEntry {
         id: Program::block_id(index),
+        pass: block.pass + 1,
         section: block.stop.section,
         level: block.stop.level,
         centre_mm: block.stop.centre.mm(),

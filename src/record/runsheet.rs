@@ -11,7 +11,7 @@ use crate::spec::Format;
 pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
     let program = facts.checked.program();
     let mut out = String::from(
-        "block,column,row,level,stage_x_mm,stage_y_mm,stage_z_mm,lpfl_mm,file,strokes,mark_mm,jump_mm,time_s,pens\n",
+        "block,column,row,level,stage_x_mm,stage_y_mm,stage_z_mm,lpfl_mm,file,strokes,mark_mm,jump_mm,time_s,pens,pass\n",
     );
     for (i, block) in program.blocks.iter().enumerate() {
         let [column, row] = block.stop.section;
@@ -31,6 +31,7 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
             format!("{:.3}", program.jump_mm(block)),
             format!("{:.3}", facts.block_time_s(i)),
             cell(&facts.pen_names(block).join("; ")),
+            (block.pass + 1).to_string(),
         ];
         out += &cells.join(",");
         out.push('\n');
@@ -69,6 +70,10 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     writeln!(out, "part zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table frame")?;
     writeln!(out, "part turn  {} deg about z", facts.job.file.placement.turn.as_deg())?;
     writeln!(out, "blocks     {} ({})", s.stops, s.method)?;
+    if s.passes > 1 {
+        let spec = &facts.job.file.passes;
+        writeln!(out, "passes     {}, each {} lower, hatches turned by {}", s.passes, spec.lower, spec.rotate)?;
+    }
     writeln!(out, "marks      {:.1} mm", s.mark_mm)?;
     writeln!(out, "not marked {:.1} mm", s.skipped_mm)?;
     writeln!(
@@ -186,7 +191,12 @@ fn blocks(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         "  {:<7} {:>9} {:>6} {:>11} {:>11} {:>11} {:>11} {:>8} {:>11} {:>9}  pens  file",
         "block", "section", "level", "X", "Y", "Z", "LPFL", "strokes", "marks mm", "time s"
     )?;
+    let mut pass = 0;
     for (i, block) in program.blocks.iter().enumerate() {
+        if block.pass != pass {
+            pass = block.pass;
+            writeln!(out, "  PASS {}", pass + 1)?;
+        }
         block_line(out, facts, i, block)?;
     }
     Ok(())

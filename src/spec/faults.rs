@@ -7,6 +7,9 @@ use crate::units::Angle;
 /// Most pens of a job: no controller holds more, and marks count them in 16 bits.
 const MAX_PENS: usize = 1000;
 
+/// Most passes of a job.
+const MAX_PASSES: u32 = 100;
+
 /// Every fault, in the order of the file's sections.
 pub(super) fn of(job: &Job) -> Vec<Diag> {
     let mut faults = Vec::new();
@@ -61,6 +64,13 @@ pub(super) fn of(job: &Job) -> Vec<Diag> {
     for texture in &file.texture {
         of_texture(job, texture, &mut faults);
     }
+    if file.partition.zone.as_mm() > 0.0 && file.partition.overlap.as_mm() > 0.0 {
+        faults.push(
+            Diag::input("seam-both", "partition has both zone and overlap")
+                .at(whole.clone())
+                .hint("keep one of them: seams are either spread or marked twice"),
+        );
+    }
     match (&file.machine.profile, &file.machine.file) {
         (Some(p), Some(_)) => faults.push(
             Diag::input("machine-both", "machine has both profile and file").at(job.place(p.span())).hint("keep one"),
@@ -84,6 +94,26 @@ pub(super) fn of(job: &Job) -> Vec<Diag> {
         if !(0.001..=0.2).contains(&dose.step) {
             faults.push(Diag::input("dose-step", "dose.step is not between 0.001 and 0.2").at(whole.clone()));
         }
+        if file.passes.count() > 1 {
+            let text = "dose.compensate is not known for jobs of several passes";
+            faults.push(Diag::input("dose-passes", text).at(whole.clone()).hint("leave out [dose], or use pen.passes"));
+        }
+    }
+    let passes = &file.passes;
+    if !(1..=MAX_PASSES).contains(&passes.count()) {
+        faults.push(
+            Diag::input("passes-count", format!("the job has {} passes", passes.count()))
+                .at(job.place(passes.count.span()))
+                .hint(format!("1 to {MAX_PASSES} are possible; pen.passes repeats strokes within a block")),
+        );
+    }
+    if passes.lower > job.depth_range() {
+        let text = format!("passes.lower {} is more than the depth range {}", passes.lower, job.depth_range());
+        faults.push(
+            Diag::input("passes-lower", text)
+                .at(whole.clone())
+                .hint("it is what one pass removes, such as \"8 um\"; check its unit"),
+        );
     }
     if file.placement.origin.is_some_and(|o| o.iter().any(|l| l.as_nm().is_none())) {
         faults.push(

@@ -61,6 +61,9 @@ pub struct JobFile {
     /// In which order stops and strokes are marked.
     #[serde(default)]
     pub order: OrderSpec,
+    /// How often the part is gone over.
+    #[serde(default)]
+    pub passes: PassesSpec,
     /// What is skipped or warned of.
     #[serde(default)]
     pub limits: LimitsSpec,
@@ -354,6 +357,10 @@ pub struct PartitionSpec {
     /// accept it, so that cuts do not line up; default: none, all cuts lie on the border.
     #[serde(default, deserialize_with = "non_negative")]
     pub zone: Length,
+    /// Strokes that are cut between two stops are marked by both over this length before the cut, as far as
+    /// both accept it; default: none. Not together with `zone`.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub overlap: Length,
     /// How far levels reach over each other up and down, so that a rough surface does not change the stop
     /// at every ripple. It is taken from the depth range. Default: from the surface's roughness.
     #[serde(default, deserialize_with = "non_negative_option")]
@@ -438,6 +445,69 @@ fn default_cap() -> f64 {
 
 fn default_step() -> f64 {
     0.01
+}
+
+/// `[passes]`: the whole texture again, each time with stops of its own.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PassesSpec {
+    /// How many there are, 1 to 100.
+    #[serde(default = "default_count")]
+    #[schemars(with = "u32")]
+    pub count: Spanned<u32>,
+    /// By how much straight hatches turn from pass to pass, counter-clockwise.
+    #[serde(default)]
+    pub rotate: Angle,
+    /// By how much focal planes sink from pass to pass, because the one before has removed so much.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub lower: Length,
+    /// By how much the grid of sections moves along x and y from pass to pass, so that seams do not lie on
+    /// each other; default: the golden part of a section. With "0 mm" levels do not move either.
+    #[serde(default, deserialize_with = "non_negative_option")]
+    #[schemars(with = "Option<Length>")]
+    pub shift: Option<Length>,
+}
+
+fn default_count() -> Spanned<u32> {
+    Spanned::new(0..0, 1)
+}
+
+impl Default for PassesSpec {
+    fn default() -> Self {
+        Self { count: default_count(), rotate: Angle::default(), lower: Length::default(), shift: None }
+    }
+}
+
+impl PassesSpec {
+    /// The golden section: its multiples fill an interval evenly, however many there are.
+    const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+    /// How many passes there are.
+    pub fn count(&self) -> u32 {
+        *self.count.get_ref()
+    }
+    /// What part of a repeated length pass `k` is shifted by, from 0 to 1.
+    pub fn share(k: u32) -> f64 {
+        (f64::from(k) * Self::GOLDEN).fract()
+    }
+    /// By how much the grid of sections lies lower along x and y in pass `k` than in the first, less than the
+    /// sections' `pitch` and a multiple of `grain`, nm.
+    pub fn shift_nm(&self, k: u32, pitch: [i64; 2], grain: i64) -> [i64; 2] {
+        let shift = |pitch: i64| match self.shift.map(|s| s.as_nm().unwrap_or(0)) {
+            Some(shift) => (i128::from(shift) * i128::from(k) % i128::from(pitch.max(1))) as i64,
+            None => (pitch as f64 * Self::share(k)) as i64,
+        };
+        pitch.map(|pitch| shift(pitch) / grain * grain)
+    }
+    /// By how much levels lie lower in pass `k` than in the first, nm.
+    pub fn level_shift_nm(&self, k: u32, depth: i64) -> f64 {
+        let stays = self.shift.is_some_and(|s| s.as_mm() == 0.0);
+        if stays { 0.0 } else { depth as f64 * Self::share(k) }
+    }
+    /// By how much the surface is lower in pass `k` than in the first, nm.
+    pub fn lowered_nm(&self, k: u32) -> i64 {
+        self.lower.as_nm().unwrap_or(i64::MAX).saturating_mul(i64::from(k))
+    }
 }
 
 /// What happens to texture on slopes beyond `max_incidence`.
@@ -637,14 +707,30 @@ impl Job {
         }
     }
 
-    /// What is to be marked.
-    pub fn texture_requests(&self) -> Vec<texture::Request> {
+    /// Distance of squares or circles, with whose rows sections keep step where they are to stay whole, nm.
+    pub fn figure_pitch_nm(&self) -> Option<i64> {
+        let figures = |t: &&TextureSpec| {
+            matches!(t.pattern.as_ref().map(|p| p.get_ref()), Some(Pattern::Squares | Pattern::Circles))
+        };
+        let keeps = self.file.partition.keep_whole.as_mm() > 0.0;
+        let own = || self.file.texture.iter().find(figures).and_then(|t| t.pitch?.as_nm());
+        keeps.then(own).flatten()
+    }
+
+    /// What is to be marked in pass `k`, from 0. Straight hatches turn, lines along contours move by a part of
+    /// their pitch; all else stays.
+    pub fn texture_requests(&self, k: u32) -> Vec<texture::Request> {
+        let turned = f64::from(k) * self.file.passes.rotate.as_rad();
         let mm = |l: &Option<Length>| l.map_or(0.0, Length::as_mm);
         let request = |(i, t): (usize, &TextureSpec)| {
             let kind = match t.pattern.as_ref().map(|p| *p.get_ref()) {
                 Some(Pattern::Hatch) => match t.direction.unwrap_or(Direction::Angle(Angle::default())) {
-                    Direction::Angle(a) => texture::Kind::Hatch { pitch_mm: mm(&t.pitch), direction_rad: a.as_rad() },
-                    Direction::Contour => texture::Kind::Contour { pitch_mm: mm(&t.pitch) },
+                    Direction::Angle(a) => {
+                        texture::Kind::Hatch { pitch_mm: mm(&t.pitch), direction_rad: a.as_rad() + turned }
+                    }
+                    Direction::Contour => {
+                        texture::Kind::Contour { pitch_mm: mm(&t.pitch), phase: PassesSpec::share(k) }
+                    }
                 },
                 Some(Pattern::Hilbert) => {
                     texture::Kind::Hilbert { order: t.order.as_ref().map_or(0, |o| *o.get_ref()) }

@@ -62,6 +62,8 @@ pub enum Kind {
     Contour {
         /// Distance of lines.
         pitch_mm: f64,
+        /// By which part of their distance all lines are moved, 0 to 1.
+        phase: f64,
     },
     /// One Hilbert curve of 4^order points.
     Hilbert {
@@ -284,7 +286,7 @@ impl Figures {
         let tolerance = request.tolerance_mm.max(place::NM);
         Ok(match &request.kind {
             Kind::Hatch { pitch_mm, direction_rad } => Self::Hatch(Hatch::new(area, *pitch_mm, *direction_rad, turn)?),
-            Kind::Contour { pitch_mm } => Self::Contour(Contour::new(area, *pitch_mm, turn)?),
+            Kind::Contour { pitch_mm, phase } => Self::Contour(Contour::new(area, *pitch_mm, *phase, turn)?),
             Kind::Hilbert { order } => Self::Hilbert(Hilbert::new(area, *order, turn)?),
             Kind::Squares { cell_mm, pitch_mm } => Self::Loops(Loops::squares(area, *cell_mm, *pitch_mm, turn)?),
             Kind::Circles { cell_mm, pitch_mm } => {

@@ -94,6 +94,42 @@ impl Ripple {
     }
 }
 
+/// Height that strokes climb or fall by slope along them: as cuts between levels are spread over slopes.
+#[derive(Clone, Debug)]
+struct Climb {
+    /// By slope in steps of 1 / [`Climb::PER_UNIT`], the steepest together, nm.
+    by_slope: [u64; Self::STEPS],
+}
+
+impl Default for Climb {
+    fn default() -> Self {
+        Self { by_slope: [0; Self::STEPS] }
+    }
+}
+
+impl Climb {
+    const STEPS: usize = 256;
+    const PER_UNIT: f64 = 64.0;
+
+    /// Adds a stretch that is `length` nm long and climbs `height` nm.
+    fn add(&mut self, height: f64, length: f64) {
+        let height = height.abs();
+        let step = (height / length * Self::PER_UNIT) as usize;
+        self.by_slope[step.min(Self::STEPS - 1)] += height as u64;
+    }
+
+    /// The slope that `share` of all climbing does not exceed.
+    fn slope(&self, share: f64) -> f64 {
+        let all: u64 = self.by_slope.iter().sum();
+        let mut sum = 0;
+        let step = self.by_slope.iter().position(|climb| {
+            sum += climb;
+            sum as f64 >= share * all as f64
+        });
+        if all == 0 { 0.0 } else { step.map_or(0.0, |step| (step + 1) as f64 / Self::PER_UNIT) }
+    }
+}
+
 /// Follows the height along one stroke from turn to turn.
 #[derive(Default)]
 struct Turns {
@@ -128,6 +164,7 @@ pub struct Footprint {
     /// By section; most sections of a large grid may hold nothing.
     sections: FxHashMap<u32, InSection>,
     ripple: Ripple,
+    climb: Climb,
     /// Strokes that were to stay whole, but for a place where nothing is marked, or a border of sections.
     broken: usize,
     astride: usize,
@@ -146,7 +183,7 @@ impl Footprint {
     ) {
         let columns = i64::from(tracer.grid.count[0]);
         let index = |[column, row]: [i64; 2]| (row * columns + column) as u32;
-        let Self { sections, ripple, .. } = self;
+        let Self { sections, ripple, climb, .. } = self;
         // Pieces of one section that follow each other make one interval each time the section or
         // the sheet changes.
         let mut run: Option<([i64; 2], f64, f64)> = None;
@@ -190,7 +227,9 @@ impl Footprint {
             tracer.replay(add);
         } else {
             for w in points.windows(2) {
+                let length = w[0].distance(w[1]);
                 tracer.segment(w[0], w[1], |p, cell| {
+                    climb.add(p.z1 - p.z0, (p.t1 - p.t0) * length);
                     marks.iter_mut().for_each(|m| m.add(&p, w[0], w[1]));
                     add(p, cell);
                 });
@@ -215,6 +254,7 @@ impl Footprint {
         self.ripple.count += other.ripple.count;
         self.ripple.sum += other.ripple.sum;
         self.ripple.all += other.ripple.all;
+        self.climb.by_slope.iter_mut().zip(other.climb.by_slope).for_each(|(mine, theirs)| *mine += theirs);
         self.broken += other.broken;
         self.astride += other.astride;
     }
@@ -225,6 +265,26 @@ impl Footprint {
         for s in self.sections.values_mut() {
             s.heights.join();
             s.figures.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        }
+        self
+    }
+
+    /// The same with every interval reaching `by` nm further up and down.
+    #[must_use]
+    pub fn widened(mut self, by: f64) -> Self {
+        for s in self.sections.values_mut() {
+            s.heights.new = std::mem::take(&mut s.heights.list);
+            s.heights.new.iter_mut().for_each(|(lo, hi)| (*lo, *hi) = (*lo - by, *hi + by));
+            s.heights.join();
+        }
+        self
+    }
+
+    /// The same with the lowest interval of every section reaching `by` nm further down, so that levels begin there.
+    #[must_use]
+    pub fn deepened(mut self, by: f64) -> Self {
+        for lowest in self.sections.values_mut().filter_map(|s| s.heights.list.first_mut()) {
+            lowest.0 -= by;
         }
         self
     }
@@ -254,6 +314,12 @@ impl Footprint {
     pub fn range(&self) -> Option<(f64, f64)> {
         let all = self.sections.values().flat_map(|s| s.heights.intervals().iter().chain(&s.figures));
         all.fold(None, |r: Option<(f64, f64)>, &(lo, hi)| Some(r.map_or((lo, hi), |(a, b)| (a.min(lo), b.max(hi)))))
+    }
+
+    /// The slope along strokes, as a tangent, that 99 of 100 cuts between levels do not exceed, wherever levels
+    /// begin. Strokes that are to stay whole do not count.
+    pub fn slope(&self) -> f64 {
+        self.climb.slope(0.99)
     }
 
     /// The hysteresis that keeps the surface's roughness from shredding strokes, nm: nine tenths of the mean

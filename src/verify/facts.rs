@@ -8,8 +8,8 @@ use super::unusable;
 use crate::diag::Error;
 use crate::geom::NM_PER_MM;
 use crate::machine::Machine;
-use crate::program::Pen;
-use crate::spec::{DepthRule, DoseSpec, Format, Job, Level};
+use crate::program::{Block, Pen};
+use crate::spec::{DepthRule, DoseSpec, Format, Job, Level, PassesSpec};
 use crate::surface::{self, Content};
 use crate::texture::Texture;
 use crate::units::Length;
@@ -49,6 +49,12 @@ pub(super) struct Facts {
     pub(super) rule: DepthRule,
     pub(super) max_incidence_rad: f64,
     pub(super) min_mark_nm: f64,
+    /// What two blocks may both mark at a cut, nm.
+    pub(super) overlap_nm: f64,
+    /// How often, how turned, how lowered, how shifted.
+    pub(super) passes: PassesSpec,
+    /// Distance of figures that are to stay whole, nm.
+    pub(super) figure_pitch_nm: Option<i64>,
     /// Pitch of the sections, at most the usable field, nm.
     pub(super) section_nm: [f64; 2],
     pub(super) weld_nm: f64,
@@ -76,6 +82,9 @@ impl Facts {
             rule: m.focus.rule,
             max_incidence_rad: 0.0,
             min_mark_nm: 0.0,
+            overlap_nm: m.seams.overlap_mm * NM_PER_MM,
+            passes: PassesSpec::default(),
+            figure_pitch_nm: None,
             weld_nm: 0.0,
             turn_deg: m.placement.turn_deg,
             origin: None,
@@ -106,6 +115,9 @@ impl Facts {
             rule: file.focus.rule,
             max_incidence_rad: file.limits.max_incidence.as_rad(),
             min_mark_nm: file.partition.min_mark.as_mm() * NM_PER_MM,
+            overlap_nm: file.partition.overlap.as_mm() * NM_PER_MM,
+            passes: file.passes.clone(),
+            figure_pitch_nm: job.figure_pitch_nm(),
             weld_nm: file.surface.weld.as_mm() * NM_PER_MM,
             turn_deg: file.placement.turn.as_deg(),
             origin: file.placement.origin.map(|o| o.map(Length::as_nm)),
@@ -113,6 +125,22 @@ impl Facts {
             dose: file.dose,
             formats: file.emit.formats.clone(),
         }
+    }
+
+    /// By how much the grid of sections of pass `k` lies lower than that of the first, nm.
+    pub(super) fn shift(&self, k: u32, pitch: [i64; 2]) -> [i64; 2] {
+        self.passes.shift_nm(k, pitch, self.figure_pitch_nm.unwrap_or(1))
+    }
+
+    /// A block with its heights on the surface before it was lowered.
+    pub(super) fn raised(&self, block: &Block) -> Block {
+        let by = self.passes.lowered_nm(block.pass);
+        let mut block = block.clone();
+        let stop = &mut block.stop;
+        for z in [&mut stop.focus, &mut stop.z_lo, &mut stop.z_hi, &mut block.z_lo, &mut block.z_hi] {
+            *z = z.saturating_add(by);
+        }
+        block
     }
 
     /// Largest distance of a mark from its focal plane, nm. A focal plane in the middle of the
@@ -164,7 +192,7 @@ pub(super) fn shape(job: &Job) -> Result<(Shape, [f64; 4]), Error> {
     }
 }
 
-/// Places the textures of the job.
-pub(super) fn texture(job: &Job, part_box_mm: [f64; 4]) -> Result<Texture, Error> {
-    Texture::load(&job.texture_requests(), part_box_mm, job.file.placement.turn.as_rad(), &mut Vec::new())
+/// Places the textures of pass `k` of the job.
+pub(super) fn texture(job: &Job, k: u32, part_box_mm: [f64; 4]) -> Result<Texture, Error> {
+    Texture::load(&job.texture_requests(k), part_box_mm, job.file.placement.turn.as_rad(), &mut Vec::new())
 }

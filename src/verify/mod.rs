@@ -26,20 +26,33 @@ pub use proof::{Lengths, Proof, Rule, Violation};
 
 use crate::diag::{Diag, Error, Place};
 use crate::geom::P2;
+use crate::texture::Texture;
 use depth::Ground;
 use facts::{Facts, Inputs};
 use read::manifest::Manifest;
 use read::program::ProgramFile;
 use rules::Findings;
 
-/// The texture strokes as placed anew, by number.
+/// Writes the points of a stroke into the cleared buffer and answers with its pen.
+type Stroke<'a> = dyn Fn(usize, &mut Vec<P2>) -> u16 + 'a;
+
+/// The texture strokes of one pass as placed anew, by number.
 pub(crate) struct Drawing<'a> {
     /// How many strokes there are.
     len: usize,
-    /// Writes the points of a stroke into the cleared buffer and answers with its pen.
-    stroke: &'a dyn Fn(usize, &mut Vec<P2>) -> u16,
+    stroke: Box<Stroke<'a>>,
     /// What a stroke comes from, for messages.
-    element: &'a dyn Fn(usize) -> String,
+    element: Box<dyn Fn(usize) -> String + 'a>,
+}
+
+impl<'a> Drawing<'a> {
+    fn of(texture: &'a Texture) -> Self {
+        Self {
+            len: texture.len(),
+            stroke: Box::new(|i, out| texture.stroke(i, out)),
+            element: Box::new(|i| texture.element(i)),
+        }
+    }
 }
 
 /// Verifies the job folder at `folder`. Job file and inputs are where the manifest says, or in
@@ -67,15 +80,18 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
     let Some(program) = program else { return Ok(findings.into_proof()) };
     let (shape, box_mm) = facts::shape(&job)?;
     let ground = Ground::new(shape, facts.max_incidence_rad, facts.weld_nm);
-    let mut texture = facts::texture(&job, box_mm)?;
-    if !rules::fill::check(&manifest, &facts, &mut texture, &mut findings.fill) {
-        // Without its lines the texture is not known.
-        rules::without_inputs(folder, &manifest, &program, &facts, &mut findings);
-        return Ok(findings.into_proof());
+    let mut textures = Vec::new();
+    for pass in 0..facts.passes.count() {
+        let mut texture = facts::texture(&job, pass, box_mm)?;
+        if !rules::fill::check(&manifest, &facts, pass, &mut texture, &mut findings.fill) {
+            // Without its lines the texture is not known.
+            rules::without_inputs(folder, &manifest, &program, &facts, &mut findings);
+            return Ok(findings.into_proof());
+        }
+        textures.push(texture);
     }
-    let drawing =
-        Drawing { len: texture.len(), stroke: &|i, out| texture.stroke(i, out), element: &|i| texture.element(i) };
-    check_folder(folder, &manifest, &program, &facts, &drawing, &ground, &mut findings);
+    let drawings: Vec<Drawing<'_>> = textures.iter().map(Drawing::of).collect();
+    check_folder(folder, &manifest, &program, &facts, &drawings, &ground, &mut findings);
     Ok(findings.into_proof())
 }
 
@@ -85,7 +101,7 @@ fn check_folder(
     manifest: &Manifest,
     program: &ProgramFile,
     facts: &Facts,
-    drawing: &Drawing<'_>,
+    drawings: &[Drawing<'_>],
     ground: &Ground,
     findings: &mut Findings,
 ) {
@@ -93,7 +109,7 @@ fn check_folder(
     rules::agreement::with_job(manifest, program, facts, &mut findings.agreement);
     let marks = rules::marks::check(program, facts, ground, findings);
     rules::dose::check(program, facts, ground, findings);
-    let pieces = rules::pieces::check(program, facts, drawing, ground, &marks.drawn, findings);
+    let pieces = rules::pieces::check(program, facts, drawings, ground, &marks.drawn, findings);
     rules::summary::check(manifest, program, &marks, &pieces, findings);
 }
 

@@ -9,7 +9,7 @@
 //! A lattice goes on from the cell below, or from the one on the left where its lines rather run
 //! upwards: in the middle of the border they share, lines of both are a pitch apart. Cells of one
 //! direction so share one lattice, and an even slope is hatched as if there were no cells; the first
-//! lies half a pitch inside the area's box. Where directions differ, lines end on the border, and beside it
+//! lies half a pitch inside the area's box, and a stated part of a pitch further. Where directions differ, lines end on the border, and beside it
 //! up to one pitch stays free.
 //!
 //! Left out are lines in corners whose ends are less than 2 nm apart in x or in y: rounding could lay them
@@ -62,6 +62,8 @@ pub struct Contour {
     corners: [[f64; 2]; 4],
     bounds: Box2,
     pitch: f64,
+    /// Distance of the first line from the lower left corner of the box, nm.
+    begin: f64,
     lattices: Vec<Lattice>,
 }
 
@@ -98,7 +100,7 @@ impl Lattice {
 }
 
 impl Contour {
-    pub(in crate::texture) fn new(area_mm: [f64; 4], pitch_mm: f64, turn: Turn) -> Result<Self, Error> {
+    pub(in crate::texture) fn new(area_mm: [f64; 4], pitch_mm: f64, phase: f64, turn: Turn) -> Result<Self, Error> {
         if !(pitch_mm >= NM && pitch_mm.is_finite()) {
             return Err(super::hatch::bad_pitch(pitch_mm));
         }
@@ -110,6 +112,7 @@ impl Contour {
             corners: corners(area_mm).map(|c| turn.turned(c).map(|v| v * NM_PER_MM)),
             bounds,
             pitch: pitch_mm * NM_PER_MM,
+            begin: pitch_mm * NM_PER_MM * (0.5 + phase),
             lattices: Vec::new(),
         })
     }
@@ -186,7 +189,7 @@ impl Contour {
         let normal = lattice.normal();
         let shifted =
             |p: P2, by: f64| P2::new(p.x + (by * normal[0]).round() as i64, p.y + (by * normal[1]).round() as i64);
-        let Some(before) = before else { return shifted(self.bounds.lo, self.pitch / 2.0) };
+        let Some(before) = before else { return shifted(self.bounds.lo, self.begin) };
         if before.direction == lattice.direction {
             return before.anchor;
         }

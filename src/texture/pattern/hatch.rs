@@ -73,6 +73,9 @@ impl Hatch {
     pub(in crate::texture) fn bounds(&self) -> Box2 {
         let last = self.first + self.count - 1;
         let mut bounds = Box2::EMPTY;
+        if self.count == 0 {
+            return bounds;
+        }
         for corner in corners(self.area) {
             let k = (self.height(corner) / self.pitch).round() as i64;
             for k in k - 1..=k + 1 {

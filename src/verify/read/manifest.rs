@@ -28,6 +28,10 @@ pub(in crate::verify) struct Manifest {
     pub(in crate::verify) focus: Focus,
     #[serde(default)]
     pub(in crate::verify) sections: Sections,
+    #[serde(default)]
+    pub(in crate::verify) seams: Seams,
+    #[serde(default)]
+    pub(in crate::verify) passes: Vec<PassEntry>,
     pub(in crate::verify) pens: Vec<PenEntry>,
     pub(in crate::verify) blocks: Vec<BlockEntry>,
     /// Every file of the folder but the manifest itself.
@@ -73,6 +77,21 @@ pub(in crate::verify) struct Sections {
     pub(in crate::verify) direction_deg: Vec<f64>,
 }
 
+/// How cuts between blocks are made.
+#[derive(Clone, Debug, Default, Deserialize)]
+pub(in crate::verify) struct Seams {
+    pub(in crate::verify) overlap_mm: f64,
+}
+
+/// One pass.
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct PassEntry {
+    pub(in crate::verify) turn_deg: f64,
+    pub(in crate::verify) lowered_mm: f64,
+    #[serde(default)]
+    pub(in crate::verify) sections: Option<Sections>,
+}
+
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct PenEntry {
     pub(in crate::verify) name: String,
@@ -82,6 +101,7 @@ pub(in crate::verify) struct PenEntry {
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct BlockEntry {
     pub(in crate::verify) id: String,
+    pub(in crate::verify) pass: u32,
     pub(in crate::verify) section: [u32; 2],
     pub(in crate::verify) level: i32,
     pub(in crate::verify) centre_mm: [f64; 2],

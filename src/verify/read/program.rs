@@ -57,8 +57,13 @@ pub(in crate::verify) fn parse(input: impl BufRead) -> Result<ProgramFile, Fault
     }
     let blocks = lines.keyed(b"blocks", |w| w.count())?;
     let mut ids = Vec::new();
+    let mut pass = 0;
     for _ in 0..blocks {
+        if lines.begins_with(b'p')? {
+            pass = lines.keyed(b"pass", |w| w.count()?.checked_sub(1))?;
+        }
         let (id, mut block, strokes) = lines.keyed(b"block", block)?;
+        block.pass = pass;
         block.strokes = program.strokes.len()..program.strokes.len();
         for _ in 0..strokes {
             let text = lines.next()?;
@@ -111,6 +116,12 @@ impl<R: BufRead> Lines<R> {
             Some(value) if words.next().is_none() => Ok(value),
             _ => Err(self.fault(format!("is not a sound \"{}\" line", String::from_utf8_lossy(key)))),
         }
+    }
+
+    /// Whether the next line begins with a byte.
+    fn begins_with(&mut self, first: u8) -> Result<bool, Fault> {
+        let rest = self.input.fill_buf().map_err(|e| Fault::new(self.line, format!("cannot be read: {e}")))?;
+        Ok(rest.first() == Some(&first))
     }
 
     fn at_end(&mut self) -> Result<bool, Fault> {
@@ -178,7 +189,7 @@ fn block(w: &mut Words<'_>) -> Option<(String, Block, u32)> {
         b"1" => true,
         _ => return None,
     };
-    let block = Block { stop, stage, retract, z_lo: w.nm()?, z_hi: w.nm()?, strokes: 0..0 };
+    let block = Block { pass: 0, stop, stage, retract, z_lo: w.nm()?, z_hi: w.nm()?, strokes: 0..0 };
     Some((id, block, w.count()?))
 }
 
@@ -207,7 +218,7 @@ fn stroke(w: &mut Words<'_>, program: &mut Program) -> Option<()> {
 mod tests {
     use super::*;
 
-    const TEXT: &str = "terrace program 1\norigin 1 -2 3\npens 1\npen fill | 1000 mm/s | 60 % | 60 kHz | 2\nblocks 1\n\
+    const TEXT: &str = "terrace program 1\norigin 1 -2 3\npens 1\npen fill | 1000 mm/s | 60 % | 60 kHz | 2\nblocks 1\npass 3\n\
         block B0001 0 1 -2 0 -5 10 20 30 25 35 -11 -18 33 1 28 31 2\n0 7 3 + 0 0 5 5\n0 8 0 - 1 1 2 2 3 -3\nend\n";
 
     #[test]
@@ -217,6 +228,7 @@ mod tests {
         let p = &file.program;
         assert_eq!((p.pens[0].name.as_str(), p.pens[0].passes), ("fill", 2));
         let b = &p.blocks[0];
+        assert_eq!(b.pass, 2);
         assert_eq!((b.stop.section, b.stop.level, b.stop.centre), ([0, 1], -2, P2::new(10, 20)));
         assert_eq!(b.stop.tilt, [0, -5]);
         assert_eq!((b.stop.focus, b.stop.z_lo, b.stop.z_hi, b.z_lo, b.z_hi), (30, 25, 35, 28, 31));
@@ -235,14 +247,16 @@ mod tests {
             ("origin 1", "origin x", 2),
             ("pens 1", "pens 99999999999", 3),
             ("60 %", "60", 4),
-            ("blocks 1", "blocks 4000000000", 9),
-            ("block B0001 0", "block B0001 -1", 6),
-            ("30 25", "99999999999999999999 25", 6),
-            ("5 5\n", "5 2147483648\n", 7),
-            ("5 5\n", "5\n", 7),
-            ("0 7", "1 7", 7),
-            ("8 0 -", "8 0 *", 8),
-            ("end\n", "end\nmore\n", 9),
+            ("blocks 1", "blocks 4000000000", 10),
+            ("pass 3", "pass 0", 6),
+            ("pass 3", "past 3", 6),
+            ("block B0001 0", "block B0001 -1", 7),
+            ("30 25", "99999999999999999999 25", 7),
+            ("5 5\n", "5 2147483648\n", 8),
+            ("5 5\n", "5\n", 8),
+            ("0 7", "1 7", 8),
+            ("8 0 -", "8 0 *", 9),
+            ("end\n", "end\nmore\n", 10),
         ] {
             let fault = parse(TEXT.replace(from, to).as_bytes()).expect_err(to);
             assert_eq!(fault.line, line, "{from} -> {to}: {}", fault.message);

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::hash::is_inside;
 use super::planes;
 use crate::diag;
-use crate::geom::{P2, nm_from_mm};
+use crate::geom::{NM_PER_MM, P2, nm_from_mm};
 use crate::machine::Machine;
 use crate::program::{Block, Program};
 use crate::spec::Format;
@@ -42,6 +42,9 @@ pub(in crate::verify) fn check(folder: &Path, manifest: &Manifest, file: &Progra
         rule.checked += 1;
         if *id != Program::block_id(i) {
             rule.broken(id, "program.txt", format!("block {} of the order is named {id}", i + 1));
+        }
+        if i > 0 && block.pass < program.blocks[i - 1].pass {
+            rule.broken(id, "program.txt", "a block of an earlier pass stands after a later one");
         }
         let entry = manifest.blocks.get(i);
         if let Some(difference) = entry.and_then(|e| differs(e, id, block)) {
@@ -80,6 +83,14 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
     let grain = 2 * facts.machine.increment_nm();
     hold((0..grain).contains(&lost), "its depth range is not the one of the job file");
     hold(f.level == facts.level && f.rule == facts.rule, "its focus level or rule is not the one of the job file");
+    hold(near(manifest.seams.overlap_mm, facts.overlap_nm / NM_PER_MM), "its overlap is not the one of the job file");
+    let passes = &facts.passes;
+    let declared = manifest.passes.iter().zip(0..).map(|(p, k)| {
+        let turn = f64::from(k) * passes.rotate.as_deg();
+        near(p.turn_deg, turn) && nm_from_mm(p.lowered_mm) == Some(passes.lowered_nm(k))
+    });
+    let all = manifest.passes.len() == passes.count() as usize;
+    hold(all && declared.into_iter().all(|same| same), "its passes are not those of the job file");
     hold(near(manifest.placement.turn_deg, facts.turn_deg), "its turn is not the one of the job file");
     hold(facts.origin.is_none_or(|o| o == file.origin.map(Some)), "its origin is not the one of the job file");
     let pens = &file.program.pens;
@@ -94,6 +105,7 @@ fn differs(e: &BlockEntry, id: &str, b: &Block) -> Option<&'static str> {
     let P2 { x, y } = b.stop.centre;
     [
         ("id", e.id == id),
+        ("pass", e.pass.checked_sub(1) == Some(b.pass)),
         ("section", e.section == b.stop.section),
         ("level", e.level == b.stop.level),
         ("centre", e.centre_mm.map(nm) == [Some(x), Some(y)]),

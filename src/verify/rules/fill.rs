@@ -33,13 +33,19 @@ struct Area {
 }
 
 /// Lays the lines that the manifest speaks of and holds the rule; answers whether they could be laid.
-pub(in crate::verify) fn check(manifest: &Manifest, facts: &Facts, texture: &mut Texture, rule: &mut Rule) -> bool {
+pub(in crate::verify) fn check(
+    manifest: &Manifest,
+    facts: &Facts,
+    pass: u32,
+    texture: &mut Texture,
+    rule: &mut Rule,
+) -> bool {
     rule.ran = true;
     if texture.contours().next().is_none() {
         return true;
     }
     rule.checked += 1;
-    let directions = match directions(manifest, facts, texture.bounds()) {
+    let directions = match directions(manifest, facts, pass, texture.bounds()) {
         Ok(directions) => directions,
         Err(fault) => {
             rule.broken("", PLACE, fault);
@@ -64,8 +70,12 @@ pub(in crate::verify) fn check(manifest: &Manifest, facts: &Facts, texture: &mut
 }
 
 /// The directions that the manifest states, for the grid of sections that the job has.
-fn directions(manifest: &Manifest, facts: &Facts, bounds: Box2) -> Result<Directions, &'static str> {
-    let stated = &manifest.sections;
+fn directions(manifest: &Manifest, facts: &Facts, pass: u32, bounds: Box2) -> Result<Directions, &'static str> {
+    let stated = match pass {
+        0 => Some(&manifest.sections),
+        _ => manifest.passes.get(pass as usize).and_then(|p| p.sections.as_ref()),
+    };
+    let stated = stated.ok_or("it does not state the sections of a pass")?;
     let step = facts.machine.increment_nm();
     let [x, y] = stated.pitch_mm.map(|v| nm_from_mm(v).unwrap_or(0));
     let is_pitch = |v: i64, most: f64| v > 0 && v as f64 <= most && v % (2 * step) == 0;
@@ -75,6 +85,8 @@ fn directions(manifest: &Manifest, facts: &Facts, bounds: Box2) -> Result<Direct
     let [Some(ox), Some(oy), _] = manifest.placement.origin_mm.map(nm_from_mm) else {
         return Err("its placement is beyond 4 m");
     };
+    let [dx, dy] = facts.shift(pass, [x, y]);
+    let bounds = Box2 { lo: P2::new(bounds.lo.x - dx, bounds.lo.y - dy), hi: bounds.hi };
     let grid = Sections::over(bounds, [x, y], step, [ox, oy]);
     let origin = stated.origin_mm.map(nm_from_mm);
     if origin != [Some(grid.origin.x), Some(grid.origin.y)] || [stated.columns, stated.rows] != grid.count {
@@ -330,7 +342,7 @@ mod tests {
 
     /// Verdicts on the lines of 50 x 40 mm in sections of 20 mm, after a change to the list of lines.
     fn faults(hundredths: [u16; 6], change: impl FnOnce(&mut Vec<[P2; 2]>)) -> Vec<String> {
-        let kind = Kind::Contour { pitch_mm: 1.0 };
+        let kind = Kind::Contour { pitch_mm: 1.0, phase: 0.0 };
         let area = texture::Area::Rectangle([0.0, 0.0, 50.0, 40.0]);
         let request = Request { kind, area, tolerance_mm: 0.001, pen: 0 };
         let mut texture = Texture::load(&[request], [0.0; 4], 0.2, &mut Vec::new()).expect("an area");

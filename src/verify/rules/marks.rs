@@ -136,6 +136,8 @@ impl Search<'_> {
     }
 
     fn block(&mut self, id: &str, block: &Block) -> Found {
+        // Heights are compared on the surface as the file has it.
+        let block = &self.facts.raised(block);
         let focus = block.stop.focus as f64;
         let limit = self.facts.defocus_limit_nm();
         let allowed = [(block.z_lo as f64).max(focus - limit), (block.z_hi as f64).min(focus + limit)];
@@ -223,13 +225,15 @@ impl Search<'_> {
         if (z - focus).abs() > found.worst {
             found.worst = (z - focus).abs();
         }
+        let [z, focus, lo, hi] =
+            [z, focus, allowed[0], allowed[1]].map(|z| z - self.facts.passes.lowered_nm(block.pass) as f64);
         let text = format!(
             "a mark at z {:.6} mm lies {:.4} um from the focal plane at {:.6} mm; {:.6} to {:.6} mm is allowed",
             z / 1e6,
             (z - focus).abs() / 1e3,
             focus / 1e6,
-            allowed[0] / 1e6,
-            allowed[1] / 1e6
+            lo / 1e6,
+            hi / 1e6
         );
         self.depth.broken(id, part_place_nm(at), text);
     }

@@ -57,7 +57,7 @@ impl Findings {
             dose: Rule::new("dose", "pens make up for the slope under their marks as the job asks"),
             fill: Rule::new("fill", "lines along contours keep their pitch and fill the job's sections"),
             source: Rule::new("source", "every mark is the piece of the texture that it claims to be"),
-            once: Rule::new("once", "nothing is marked twice in a pass"),
+            once: Rule::new("once", "nothing is marked twice in a pass but declared overlaps"),
             coverage: Rule::new("coverage", "all texture is marked where the part can be marked"),
             summary: Rule::new("summary", "lengths and counts are as stated"),
             stops: 0,

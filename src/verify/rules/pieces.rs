@@ -2,8 +2,9 @@
 //!
 //! Each texture stroke is placed anew; the marks that claim to be its pieces are laid on it by their
 //! own points (a claim is only a hint: inner vertices must be the stroke's, bit for bit, and both ends
-//! lie on it to the nanometre; a whole closed figure may begin at any of its vertices). What two pieces share is marked twice; what none covers must lie where
-//! nothing can be marked. Memory: four bytes per mark, and one texture stroke at a time.
+//! lie on it to the nanometre; a whole closed figure may begin at any of its vertices). What two pieces share is marked twice, which is
+//! allowed at a cut between two blocks over the length that the job declares; what none covers must lie where
+//! nothing can be marked. Every pass is a job of its own. Memory: four bytes per mark, and one texture stroke at a time.
 
 use super::stretch::{Run, Stretch, confirmed, note};
 use super::{Findings, part_place, part_place_nm};
@@ -24,6 +25,8 @@ const NOISE: f64 = 0.5;
 /// A point of a mark on a tilted part is found in the drawing by its height: it lies this near to its stroke,
 /// and two of them that are one cut point this near to each other, nm.
 const TURNED: f64 = 10.0;
+/// By how much an overlap may be longer than declared, nm: both its ends are rounded.
+const ROUNDED: f64 = 2.0;
 
 /// A mark that is not where it claims to be is laid on its stroke if that is this near, nm, so that
 /// one fault is not reported as three.
@@ -49,19 +52,18 @@ pub(in crate::verify) struct Pieces {
 pub(in crate::verify) fn check(
     file: &ProgramFile,
     facts: &Facts,
-    drawing: &Drawing<'_>,
+    drawings: &[Drawing<'_>],
     ground: &Ground,
     drawn: &[P2],
     findings: &mut Findings,
 ) -> Pieces {
     let Findings { source, once, coverage, .. } = findings;
     (source.ran, once.ran, coverage.ran) = (true, true, true);
-    let mut order: Vec<u32> = (0..file.program.strokes.len() as u32).collect();
-    order.sort_unstable_by_key(|&i| (file.program.strokes[i as usize].source, i));
+    let Some(first) = drawings.first() else { return Pieces::default() };
     let mut cover = Cover {
         file,
         facts,
-        drawing,
+        drawing: first,
         ground,
         drawn,
         is_turned: false,
@@ -78,20 +80,24 @@ pub(in crate::verify) fn check(
         missing: Vec::new(),
         out: Pieces::default(),
     };
-    let beyond = order.partition_point(|&i| (file.program.strokes[i as usize].source as usize) < drawing.len);
-    for &i in &order[beyond..] {
-        cover.lost(i, "the texture has no such stroke");
+    for (pass, drawing) in (0..).zip(drawings) {
+        cover.drawing = drawing;
+        cover.pass(&strokes_of(file, |p| p == pass));
     }
-    let mut rest = &order[..beyond];
-    for wanted in 0..drawing.len {
-        let count = rest.iter().take_while(|&&i| file.program.strokes[i as usize].source as usize == wanted).count();
-        cover.stroke(wanted, &rest[..count]);
-        rest = &rest[count..];
+    for i in strokes_of(file, |p| p as usize >= drawings.len()) {
+        cover.lost(i, "the job has no such pass");
     }
-    cover.report_missing();
     let out = cover.out;
     findings.lengths = out.lengths;
     out
+}
+
+/// The marks of some passes by the stroke that they claim.
+fn strokes_of(file: &ProgramFile, wanted: impl Fn(u32) -> bool) -> Vec<u32> {
+    let blocks = file.program.blocks.iter().filter(|b| wanted(b.pass));
+    let mut order: Vec<u32> = blocks.flat_map(|b| b.strokes.clone()).map(|i| i as u32).collect();
+    order.sort_unstable_by_key(|&i| (file.program.strokes[i as usize].source, i));
+    order
 }
 
 /// A mark on its texture stroke: nm along it.
@@ -139,6 +145,24 @@ struct Missing {
 }
 
 impl Cover<'_> {
+    /// The marks of one pass, by the stroke that they claim.
+    fn pass(&mut self, order: &[u32]) {
+        let file = self.file;
+        let source = |i: u32| file.program.strokes[i as usize].source as usize;
+        let beyond = order.partition_point(|&i| source(i) < self.drawing.len);
+        for &i in &order[beyond..] {
+            self.lost(i, "the texture has no such stroke");
+        }
+        let mut rest = &order[..beyond];
+        for wanted in 0..self.drawing.len {
+            let count = rest.iter().take_while(|&&i| source(i) == wanted).count();
+            self.stroke(wanted, &rest[..count]);
+            rest = &rest[count..];
+        }
+        self.report_missing();
+        self.astray.clear();
+    }
+
     fn stroke(&mut self, number: usize, marks: &[u32]) {
         let pen = (self.drawing.stroke)(number, &mut self.points);
         if self.points.len() < 2 {
@@ -159,15 +183,19 @@ impl Cover<'_> {
         }
         self.spans.sort_unstable_by(|a, b| a.from.total_cmp(&b.from).then(a.mark.cmp(&b.mark)));
         let spans = std::mem::take(&mut self.spans);
+        // The mark that reaches furthest, and how far the others do.
         let mut covered: Option<Span> = None;
+        let mut before = 0.0f64;
         for span in &spans {
             let to = covered.map_or(0.0, |c| c.to);
             self.once.checked += 1;
             if span.from > to + self.noise {
                 self.gap(number, [to, span.from], passes, [covered, Some(*span)]);
             } else if span.from < to - self.noise {
-                self.twice(*span, span.to.min(to) - span.from, passes);
+                let declared = covered.is_some_and(|last| before <= span.from && self.is_overlap(&last, span));
+                self.twice(*span, span.to.min(to) - span.from, passes, declared);
             }
+            before = before.max(span.to.min(to));
             if span.to > to {
                 covered = Some(*span);
             }
@@ -390,11 +418,27 @@ impl Cover<'_> {
         Some([a.min(b), a.max(b)])
     }
 
-    fn twice(&mut self, span: Span, shared: f64, passes: f64) {
+    /// Whether what two marks share is an overlap as the job declares it: at most so long, the end of one block's
+    /// mark and the beginning of another's.
+    fn is_overlap(&self, last: &Span, next: &Span) -> bool {
+        let follows = last.from + self.noise < next.from && last.to + self.noise < next.to;
+        let overlap = self.facts.overlap_nm;
+        let fits = overlap > 0.0 && last.to - next.from <= overlap + ROUNDED.max(self.noise);
+        follows && fits && self.block_of(last.mark) != self.block_of(next.mark)
+    }
+
+    fn twice(&mut self, span: Span, shared: f64, passes: f64, declared: bool) {
         if shared <= self.noise {
             return;
         }
         self.out.lengths.overlap_mm += shared * passes / NM_PER_MM;
+        // Both ends lie up to 0.7 nm beside the stroke.
+        let is_straight = self.locate(span.from).0 == self.locate(span.from + shared).0;
+        let longer = if is_straight { (1.0 / shared).min(NOISE) } else { NOISE };
+        self.out.rounding_mm += longer * passes / NM_PER_MM;
+        if declared {
+            return;
+        }
         let text = format!("{:.6} mm of this mark are marked by another mark of the same pass", shared / NM_PER_MM);
         let (block, place) = (self.block_of(span.mark), part_place_nm(self.at(span.from)));
         self.once.broken(&self.file.ids[block], place, text);
@@ -500,7 +544,13 @@ impl Cover<'_> {
             let c = [b.stop.centre.x as f64, b.stop.centre.y as f64];
             (0..2).all(|k| (start[k] - c[k]).abs() <= self.facts.section_nm[k] / 2.0 + run.len)
         };
-        !self.file.program.blocks.iter().filter(near).any(|b| self.longest_inside(run, b, scratch) >= least)
+        !self
+            .file
+            .program
+            .blocks
+            .iter()
+            .filter(near)
+            .any(|b| self.longest_inside(run, &self.facts.raised(b), scratch) >= least)
     }
 
     /// The longest part of the run in a block's section whose heights the block accepts.

@@ -50,7 +50,7 @@ pub(in crate::verify) fn check(
         hold(id, "mark_mm of the block", entry.mark_mm, mm, LENGTH * mm);
     }
     if once {
-        hold("", "overlap_mm", s.overlap_mm, found.overlap_mm, tiny);
+        hold("", "overlap_mm", s.overlap_mm, found.overlap_mm, tiny + pieces.rounding_mm);
     }
     if covered {
         let parts = s.skipped_off_part_mm + s.skipped_hidden_mm + s.skipped_steep_mm + s.skipped_small_mm;

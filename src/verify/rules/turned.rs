@@ -16,6 +16,7 @@ use crate::verify::read::program::ProgramFile;
 /// The ground of one tilt under a box of the part, nm.
 pub(super) struct Turned {
     tilt: [i64; 2],
+    pass: u32,
     area: [f64; 4],
     pub(super) turn: Turn,
     pub(super) ground: Ground,
@@ -37,13 +38,21 @@ impl Turned {
         if tilt == [0; 2] {
             return false;
         }
-        let turn = Turn::of(table, tilt, file.origin);
+        // Later passes lie on a surface that has sunk along the part's own z.
+        let [x, y, z] = file.origin;
+        let turn = Turn::of(table, tilt, [x, y, z.saturating_sub(facts.passes.lowered_nm(block.pass))]);
+        let block = &facts.raised(block);
         let [x0, y0, x1, y1] = area(file, block, &turn);
-        let serves =
-            |t: &Self| t.tilt == tilt && t.area[0] <= x0 && t.area[1] <= y0 && x1 <= t.area[2] && y1 <= t.area[3];
+        let serves = |t: &Self| {
+            (t.tilt, t.pass) == (tilt, block.pass)
+                && t.area[0] <= x0
+                && t.area[1] <= y0
+                && x1 <= t.area[2]
+                && y1 <= t.area[3]
+        };
         if !last.as_ref().is_some_and(serves) {
             let area = [x0 - SPARE, y0 - SPARE, x1 + SPARE, y1 + SPARE];
-            *last = Some(Self { tilt, area, turn, ground: flat.turned(&turn, area) });
+            *last = Some(Self { tilt, pass: block.pass, area, turn, ground: flat.turned(&turn, area) });
         }
         true
     }

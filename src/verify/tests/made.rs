@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use crate::geom::{P2, mm_from_nm};
 use crate::machine::Machine;
 use crate::program::{Block, Pen, Program, Stop, Stroke};
-use crate::spec::{DepthRule, Format, Level};
+use crate::spec::{DepthRule, Format, Level, PassesSpec};
 use crate::units::{Length, Power};
 use crate::verify::depth::{Ground, MeshBuilder, Shape};
 use crate::verify::facts::Facts;
@@ -32,6 +32,7 @@ pub(super) struct Mark {
 
 #[derive(Clone, Debug)]
 pub(super) struct MadeBlock {
+    pub(super) pass: u32,
     pub(super) stop: Stop,
     pub(super) z: [i64; 2],
     pub(super) retract: bool,
@@ -72,6 +73,9 @@ impl Made {
             rule: DepthRule::Range,
             max_incidence_rad: 60f64.to_radians(),
             min_mark_nm: 0.0,
+            overlap_nm: 0.0,
+            passes: PassesSpec::default(),
+            figure_pitch_nm: None,
             section_nm: [40e6; 2],
             weld_nm: 0.0,
             turn_deg: 0.0,
@@ -128,6 +132,7 @@ impl Made {
             }
             let strokes = start..program.strokes.len();
             let block = Block {
+                pass: b.pass,
                 stop: b.stop.clone(),
                 stage: self.stage(b),
                 retract: b.retract,
@@ -172,7 +177,8 @@ impl Made {
         let blocks: Vec<Value> = self.blocks.iter().zip(&program.blocks).enumerate().map(|(i, (m, b))| {
             let id = Program::block_id(i);
             json!({
-                "id": id, "section": b.stop.section, "level": b.stop.level, "centre_mm": b.stop.centre.mm(),
+                "id": id, "pass": b.pass + 1, "section": b.stop.section, "level": b.stop.level, "centre_mm": b.stop.centre.mm(),
+                "tilt_deg": b.stop.tilt.map(|v| v as f64 / 1e6),
                 "lpfl_mm": mm_from_nm(b.stop.focus), "stage": b.stage.map(mm_from_nm), "z_lo_mm": mm_from_nm(b.z_lo),
                 "z_hi_mm": mm_from_nm(b.z_hi), "files": {"dxf": format!("blocks/{id}.dxf")},
                 "strokes": b.strokes.len(), "mark_mm": self.mark_mm(m), "jump_mm": 0.0,
@@ -184,7 +190,7 @@ impl Made {
             "inputs": [entry(folder.parent().expect("inside"), "part.stl")], "machine": self.facts.machine,
             "placement": {"origin_mm": self.origin.map(mm_from_nm), "turn_deg": 0.0},
             "focus": {"pdof_mm": self.facts.pdof.as_mm(), "depth_range_mm": self.facts.depth_range.as_mm(), "level": "mid", "rule": "range"},
-            "sections": {}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
+            "sections": {}, "passes": [{"turn_deg": 0.0, "lowered_mm": 0.0}], "seams": {"zone_mm": 0.0, "overlap_mm": self.facts.overlap_nm / 1e6}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
             "blocks": blocks, "files": files.iter().map(|f| entry(folder, f)).collect::<Vec<_>>(), "summary": self.summary,
         });
         std::fs::write(folder.join("manifest.json"), manifest.to_string()).expect("write");
@@ -206,14 +212,14 @@ impl Made {
         let Some(program) = crate::verify::read_program(folder, &mut findings) else { return findings.into_proof() };
         let drawing = Drawing {
             len: self.strokes.len(),
-            stroke: &|i, out: &mut Vec<P2>| {
+            stroke: Box::new(|i, out: &mut Vec<P2>| {
                 out.clear();
                 out.extend_from_slice(&self.strokes[i].1);
                 self.strokes[i].0
-            },
-            element: &|i| format!("stroke {i}"),
+            }),
+            element: Box::new(|i| format!("stroke {i}")),
         };
-        check_folder(folder, &manifest, &program, &self.facts, &drawing, &self.ground(), &mut findings);
+        check_folder(folder, &manifest, &program, &self.facts, &[drawing], &self.ground(), &mut findings);
         findings.into_proof()
     }
 
@@ -263,5 +269,5 @@ fn block(k: u32, strokes: &[(u16, Vec<P2>)]) -> MadeBlock {
         z_lo: lo,
         z_hi: lo + 400_000,
     };
-    MadeBlock { stop, z: [lo, lo + 400_000], retract: k == 2, marks }
+    MadeBlock { pass: 0, stop, z: [lo, lo + 400_000], retract: k == 2, marks }
 }

@@ -8,9 +8,10 @@ mod writers;
 
 use std::path::Path;
 
-use made::{MM, Made, p};
+use made::{MM, Made, MadeBlock, p};
 
 use super::Proof;
+use crate::units::Length;
 
 /// Codes of the rules that are broken.
 fn broken(proof: &Proof) -> Vec<&'static str> {
@@ -124,6 +125,59 @@ fn once_owns_a_mark_that_is_there_twice() {
     });
     assert_only("once", &proof);
     assert!((proof.lengths.overlap_mm - 6.0).abs() < 1e-9, "three passes");
+}
+
+#[test]
+fn once_allows_overlaps_as_declared_and_no_others() {
+    // Line 0 goes on in block 1 from 20 mm; both may reach over that cut. Level 1 begins at 0.4 mm height there.
+    let overlapping = |declared: f64, by: i64, change: &dyn Fn(&mut Made)| {
+        let mut made = Made::new();
+        made.facts.overlap_nm = declared;
+        let MadeBlock { stop, z, marks, .. } = &mut made.blocks[1];
+        marks[0].points[0].x -= by;
+        let low = by / 50;
+        (stop.z_lo, z[0]) = (stop.z_lo - low, z[0] - low);
+        (stop.z_hi, stop.focus) = (stop.z_hi, stop.focus);
+        made.facts.depth_range = Length::mm(0.41);
+        made.facts.pdof = made.facts.depth_range;
+        change(&mut made);
+        made.renew();
+        made.summary["overlap_mm"] = (by as f64 / 1e6).into();
+        made.summary["worst_defocus_um"] = (200.0 + low as f64 / 1e3).into();
+        for key in ["skipped_mm", "skipped_off_part_mm"] {
+            let stated = made.summary[key].as_f64().expect("a number");
+            made.summary[key] = (stated + by as f64 / 1e6).into();
+        }
+        made.proof()
+    };
+    let none = |_: &mut Made| {};
+    let proof = overlapping(50_000.0, 50_000, &none);
+    assert!(proof.ok, "{}", proof.to_text());
+    assert!((proof.lengths.overlap_mm - 0.05).abs() < 1e-9);
+    assert!(overlapping(50_000.0, 30_000, &none).ok, "a shorter one is counted too");
+    assert_only("once", &overlapping(50_000.0, 50_010, &none));
+    assert_only("once", &overlapping(0.0, 50_000, &none));
+    // A piece in the middle of a mark, from another block and no longer than an overlap.
+    let proof = overlapping(50_000.0, 30_000, &|m| {
+        let mut again = m.blocks[0].marks[4].clone();
+        again.points = vec![p(19.93, 10.0), p(19.96, 10.0)];
+        m.blocks[1].marks.push(again);
+        (m.blocks[1].stop.z_lo, m.blocks[1].z[0]) = (398_600, 398_600);
+    });
+    assert!(broken(&proof).contains(&"once"), "{}", proof.to_text());
+    // A third mark over the same place: line 0 again, from where the overlap begins to its end.
+    let proof = overlapping(50_000.0, 50_000, &|m| {
+        let again = m.blocks[1].marks[0].clone();
+        m.blocks[1].marks.push(again);
+    });
+    assert!(broken(&proof).contains(&"once"), "{}", proof.to_text());
+    // What the manifest declares is what the job does.
+    let mut made = Made::new();
+    made.facts.overlap_nm = 50_000.0;
+    made.renew();
+    let mut other = made.clone();
+    other.facts.overlap_nm = 0.0;
+    in_folder(&made, |folder| assert_only("agreement", &other.verify(folder)));
 }
 
 #[test]

@@ -20,11 +20,16 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        Self::with("", 1.0)
+        Self::with("", "")
     }
 
-    /// The same with more tables in its job file, and a sheet that is `steep` times as high.
-    fn with(more: &str, steep: f64) -> Self {
+    /// The same with more keys of `[partition]`, and more tables.
+    fn with(keys: &str, tables: &str) -> Self {
+        Self::of("contour", keys, tables, 1.0)
+    }
+
+    /// The same on a sheet that is `steep` times as high.
+    fn of(direction: &str, keys: &str, tables: &str, steep: f64) -> Self {
         let dir = tempfile::tempdir().expect("a writable temporary folder");
         std::fs::write(dir.path().join("part.stl"), part(steep)).expect("a writable folder");
         let text = r#"
@@ -55,13 +60,21 @@ impl Bench {
             frequency = "40 kHz"
             passes = 2
         "#;
-        let text = format!("{text}\n{more}");
         let path = dir.path().join("job.toml");
+        let keys = if keys.is_empty() { String::new() } else { format!(", {keys}") };
+        let text = text.replacen("\"z-range\"", &format!("\"z-range\"{keys}"), 1);
+        let text = text.replacen("\"contour\"", &format!("{direction:?}"), 1);
+        let text = text.replacen("machine =", &format!("{tables}\n            machine ="), 1);
         std::fs::write(&path, text).expect("a writable folder");
         let job = Job::load(&path).unwrap_or_else(|e| panic!("{e}"));
         let plan = compile::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
         assert!(plan.summary.stops > 20 && plan.summary.skipped_off_part_mm > 10.0, "{:?}", plan.summary);
         Self { dir, plan }
+    }
+
+    /// The same with lines along x, and more tables.
+    fn hatched(tables: &str) -> Self {
+        Self::of("0 deg", "", tables, 1.0)
     }
 
     /// Changes the program, renews what follows from it, writes every format, and verifies.
@@ -192,7 +205,7 @@ fn long_stroke(program: &Program) -> usize {
 
 #[test]
 fn dose_owns_a_pen_of_another_slope() {
-    let bench = || Bench::with("[dose]\ncompensate = \"speed\"\nstep = 0.002", 6.0);
+    let bench = || Bench::of("contour", "", "dose = { compensate = \"speed\", step = 0.002 }", 6.0);
     let sound = bench();
     assert!(sound.plan.checked.program().pens.len() > 4, "{:?}", sound.plan.checked.program().pens);
     let proof = verified(&sound.write());
@@ -291,6 +304,149 @@ fn once_a_stroke_marked_twice() {
         }
     });
     assert_only("once", &proof);
+}
+
+#[test]
+fn once_an_overlap_that_is_longer_or_elsewhere_than_declared() {
+    // Moves the inner end of a cut stroke by `by` nm along its segment, outwards.
+    fn stretched(by: f64) -> impl Fn(&mut Program, &Plan) {
+        move |program, _| {
+            let is_long =
+                |s: &crate::program::Stroke| s.len == 2 && crate::program::stroke_mm(program.points_of(s)) > 1.0;
+            let mut ends = std::collections::BTreeMap::<u32, Vec<usize>>::new();
+            let long = program.strokes.iter().enumerate().filter(|(_, s)| is_long(s));
+            long.for_each(|(i, s)| ends.entry(s.source).or_default().push(i));
+            // The second of two pieces along the drawing reaches further back.
+            let pair = ends.values().find(|v| v.len() > 1).expect("a cut line");
+            let from = |&i: &usize| {
+                let (s, b) = (&program.strokes[i], program.blocks.partition_point(|b| b.strokes.end <= i));
+                let c = program.blocks[b].stop.centre;
+                let at = |p: [i32; 2]| (c.x + i64::from(p[0]), c.y + i64::from(p[1]));
+                let points = program.points_of(s);
+                at(if s.reversed { points[points.len() - 1] } else { points[0] })
+            };
+            let first = pair.iter().copied().min_by_key(|i| from(i)).expect("two");
+            let second = pair.iter().copied().filter(|&i| i != first).min_by_key(|i| from(i)).expect("two");
+            let s = program.strokes[second];
+            let (head, tail) = if s.reversed { (s.first + s.len - 1, s.first) } else { (s.first, s.first + s.len - 1) };
+            let (a, b) = (program.points[head as usize], program.points[tail as usize]);
+            let length = crate::program::stroke_mm(&[a, b]) * 1e6;
+            for axis in 0..2 {
+                program.points[head as usize][axis] -= (f64::from(b[axis] - a[axis]) / length * by).round() as i32;
+            }
+        }
+    }
+    let bench = Bench::with("overlap = \"0.05 mm\"", "");
+    assert!(bench.plan.summary.overlap_mm > 1.0, "{:?}", bench.plan.summary);
+    let proof = verified(&bench.write());
+    assert!(proof.ok, "{}", proof.to_text());
+    let broken = |proof: &Proof| super::broken(proof).contains(&"once");
+    let proof = bench.mutant(stretched(1_000.0));
+    assert!(broken(&proof), "{}", proof.to_text());
+    // Without a declared overlap none is allowed.
+    let mut bench = Bench::with("overlap = \"0.05 mm\"", "");
+    bench.plan.job.file.partition.overlap = crate::units::Length::mm(0.0);
+    let path = bench.dir.path().join("job.toml");
+    alter(bench.dir.path(), "job.toml", |b| replace(b, "overlap", "0.05", "0.00"));
+    bench.plan.job = Job::load(&path).unwrap_or_else(|e| panic!("{e}"));
+    let proof = verified(&bench.write());
+    assert!(broken(&proof), "{}", proof.to_text());
+}
+
+/// Three passes of the same job.
+fn three() -> Bench {
+    Bench::with("", "passes = { count = 3, rotate = \"67 deg\", lower = \"8 um\" }")
+}
+
+fn range_of(program: &Program, pass: u32) -> std::ops::Range<usize> {
+    let first = program.blocks.iter().position(|b| b.pass == pass).expect("a pass");
+    first..first + program.blocks.iter().filter(|b| b.pass == pass).count()
+}
+
+#[test]
+fn three_passes_are_proved() {
+    let bench = three();
+    let proof = verified(&bench.write());
+    assert!(proof.ok, "{}", proof.to_text());
+    assert!((proof.lengths.texture_mm / verified(&Bench::new().write()).lengths.texture_mm - 3.0).abs() < 0.05);
+}
+
+#[test]
+fn coverage_a_pass_left_out() {
+    let mut bench = Bench::hatched("passes = { count = 3, rotate = \"67 deg\" }");
+    bench.plan.more.pop();
+    let proof = bench.mutant(|program, _| {
+        let gone = range_of(program, 2);
+        program.strokes.truncate(program.blocks[gone.start].strokes.start);
+        program.blocks.truncate(gone.start);
+    });
+    assert_only("coverage", &proof);
+}
+
+#[test]
+fn depth_a_pass_that_is_not_lowered() {
+    let proof = three().mutant(|program, plan| {
+        for i in range_of(program, 1) {
+            let b = &mut program.blocks[i];
+            for z in [&mut b.stop.focus, &mut b.stop.z_lo, &mut b.stop.z_hi, &mut b.z_lo, &mut b.z_hi] {
+                *z += 8_000;
+            }
+            place(b, plan);
+        }
+    });
+    assert_only("depth", &proof);
+}
+
+#[test]
+fn source_a_pass_of_another_angle() {
+    // Straight lines: those along contours do not turn.
+    let mut bench = Bench::hatched("passes = { count = 2, rotate = \"67 deg\" }");
+    assert!(verified(&bench.write()).ok);
+    alter(bench.dir.path(), "job.toml", |b| replace(b, "passes", "67 deg", "66.9 deg"));
+    bench.plan.job = Job::load(&bench.dir.path().join("job.toml")).unwrap_or_else(|e| panic!("{e}"));
+    let proof = verified(&bench.write());
+    let broken = super::broken(&proof);
+    assert!(broken.contains(&"source") && !broken.contains(&"agreement"), "{}", proof.to_text());
+}
+
+#[test]
+fn a_block_in_another_pass_is_found() {
+    // The last of the first pass, as if it belonged to the second.
+    let proof = three().mutant(|program, _| {
+        let last = range_of(program, 0).end - 1;
+        program.blocks[last].pass = 1;
+    });
+    let broken = super::broken(&proof);
+    assert!(broken.contains(&"coverage") && broken.contains(&"depth"), "{}", proof.to_text());
+    // The first of the second at the end of the first.
+    let proof = three().mutant(|program, _| {
+        let end = range_of(program, 0).end;
+        program.blocks[end - 1].pass = 1;
+        program.blocks[end].pass = 0;
+    });
+    assert!(super::broken(&proof).contains(&"agreement"), "{}", proof.to_text());
+    // A pass that the job does not have.
+    let proof = three().mutant(|program, _| {
+        let last = program.blocks.len() - 1;
+        program.blocks[last].pass = 3;
+    });
+    assert!(super::broken(&proof).contains(&"source"), "{}", proof.to_text());
+}
+
+#[test]
+fn agreement_passes_that_the_manifest_states_otherwise() {
+    let bench = three();
+    for (key, value) in [("lowered_mm", 0.009), ("turn_deg", 66.0)] {
+        let target = bench.write();
+        alter_manifest(&target, |m| m["passes"][1][key] = value.into());
+        assert_only("agreement", &verified(&target));
+    }
+    let target = bench.write();
+    alter_manifest(&target, |m| m["blocks"][0]["pass"] = 2.into());
+    assert_only("agreement", &verified(&target));
+    let target = bench.write();
+    alter_manifest(&target, |m| _ = m["passes"][1].as_object_mut().expect("a pass").remove("sections"));
+    assert_only("fill", &verified(&target));
 }
 
 #[test]

@@ -63,7 +63,7 @@ fn block(column: u32, row: u32) -> MadeBlock {
         z_lo: -45 * MM,
         z_hi: 45 * MM,
     };
-    MadeBlock { stop, z: [-41 * MM, 41 * MM], retract: false, marks: marks.collect() }
+    MadeBlock { pass: 0, stop, z: [-41 * MM, 41 * MM], retract: false, marks: marks.collect() }
 }
 
 #[test]

@@ -18,6 +18,8 @@ pub(super) fn program(program: &Program, o: [i64; 3]) -> String {
             i64::from(s.section[0]),
             i64::from(s.section[1]),
             i64::from(s.level),
+            s.tilt[0],
+            s.tilt[1],
             s.centre.x,
             s.centre.y,
             s.focus,

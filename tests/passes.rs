@@ -1,0 +1,166 @@
+//! Several passes: each a job of its own, on the surface that the one before has left.
+
+mod support;
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+use support::surfaces::{dome, mesh, write_stl};
+use support::{JobText, assert_balance, compile, files, folder, number, verify};
+
+const PASSES: &str = "[passes]\ncount = 3\nrotate = \"67 deg\"\nlower = \"8 um\"\n";
+
+/// A hatch on a part of the dome.
+fn job(dir: &Path, method: &'static str, direction: &str, passes: &str) -> PathBuf {
+    let stl = dir.join("dome.stl");
+    if !stl.exists() {
+        write_stl(&stl, &mesh(120, [100.0, 60.0, 220.0, 160.0], dome));
+    }
+    let hatch = format!("pattern = \"hatch\"\npitch = \"0.7 mm\"\ndirection = \"{direction}\"");
+    let mut job = JobText::on(&stl).texture(&hatch).method(method);
+    job.more = passes.into();
+    job.write(dir, "job.toml")
+}
+
+fn manifest(folder: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(folder.join("manifest.json")).expect("a manifest")).expect("JSON")
+}
+
+/// Blocks of the manifest by pass.
+fn blocks(manifest: &Value, pass: u64) -> Vec<&Value> {
+    manifest["blocks"].as_array().expect("blocks").iter().filter(|b| b["pass"] == pass).collect()
+}
+
+#[test]
+fn passes_turn_sink_and_shift_and_are_proved() {
+    let dir = folder();
+    for (method, direction) in
+        [("contour", "0 deg"), ("z-range", "20 deg"), ("window", "0 deg"), ("auto", "90 deg"), ("z-range", "contour")]
+    {
+        let out = dir.path().join("job.job");
+        let one = compile(&job(dir.path(), method, direction, ""), &out);
+        let summary = compile(&job(dir.path(), method, direction, PASSES), &out);
+        let proof = verify(&out);
+        assert_balance(&summary, &proof);
+        assert_eq!((&one["passes"], &summary["passes"]), (&1.into(), &3.into()));
+        // Lines of every direction fill the same area, but for half a pitch at the rim.
+        let ratio = number(&summary, "texture_mm") / number(&one, "texture_mm");
+        assert!((ratio - 3.0).abs() < 0.03, "{method}: {ratio}");
+        let m = manifest(&out);
+        let mut at = 0;
+        for pass in 1..=3 {
+            let of = blocks(&m, pass);
+            assert!(of.len() > 10, "{method}");
+            // Passes follow each other.
+            assert_eq!(of[0]["id"], format!("B{:04}", at + 1));
+            at += of.len();
+        }
+        assert_eq!(at as f64, number(&summary, "stops"));
+        let csv = std::fs::read_to_string(out.join("runsheet.csv")).expect("a run sheet");
+        assert_eq!(csv.lines().filter(|l| l.ends_with(",2")).count(), blocks(&m, 2).len());
+        assert!(out.join("layout-pass3.svg").is_file() && !out.join("layout-pass4.svg").exists());
+        let text = std::fs::read_to_string(out.join("program.txt")).expect("program.txt");
+        assert_eq!(text.lines().filter(|l| l.starts_with("pass ")).collect::<Vec<_>>(), ["pass 2", "pass 3"]);
+    }
+}
+
+#[test]
+fn seams_of_passes_do_not_lie_on_each_other() {
+    let dir = folder();
+    let out = dir.path().join("job.job");
+    let lines = |m: &Value, pass: usize, axis: usize| {
+        let s = if pass == 0 { &m["sections"] } else { &m["passes"][pass]["sections"] };
+        let [o, p] = ["origin_mm", "pitch_mm"].map(|k| s[k][axis].as_f64().expect("a number"));
+        (o / p).rem_euclid(1.0)
+    };
+    let apart = |a: f64, b: f64| (a - b).abs().min(1.0 - (a - b).abs());
+    let sinking = "[passes]\ncount = 3\nlower = \"8 um\"\n";
+    compile(&job(dir.path(), "contour", "0 deg", sinking), &out);
+    verify(&out);
+    let m = manifest(&out);
+    let top = |pass| blocks(&m, pass).iter().map(|b| number(b, "z_hi_mm")).fold(f64::MIN, f64::max);
+    for pass in 2..=3 {
+        assert!((top(1) - top(pass) - 0.008 * (pass - 1) as f64).abs() < 1e-9, "the same lines, so much lower");
+    }
+    for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+        for axis in 0..2 {
+            let d = apart(lines(&m, a, axis), lines(&m, b, axis));
+            assert!(d > 0.2, "borders of passes {a} and {b} lie {d} of a section apart");
+        }
+        // Levels: lower ends of the intervals, on the surface as it was, as parts of the depth range.
+        let level = |pass: usize| {
+            let text = std::fs::read_to_string(out.join("program.txt")).expect("program.txt");
+            let mut now = 0;
+            let found = text.lines().find_map(|l| {
+                now = l.strip_prefix("pass ").map_or(now, |n| n.parse::<usize>().expect("a number") - 1);
+                (now == pass && l.starts_with("block ")).then(|| l.split(' ').nth(8).expect("z_lo").to_owned())
+            });
+            let lowered = 8_000.0 * pass as f64;
+            ((found.expect("a block").parse::<f64>().expect("nm") + lowered) / 70_000.0).rem_euclid(1.0)
+        };
+        let d = apart(level(a), level(b));
+        assert!(d > 0.2, "levels of passes {a} and {b} lie {d} of the depth range apart");
+    }
+    compile(&job(dir.path(), "contour", "0 deg", &format!("{PASSES}shift = \"10 mm\"\n")), &out);
+    let m = manifest(&out);
+    for pass in 1..3 {
+        let d = apart(lines(&m, pass, 0), lines(&m, 0, 0)) * 40.0;
+        assert!((d - 10.0 * pass as f64).abs() < 0.001, "{d}");
+    }
+    compile(&job(dir.path(), "contour", "0 deg", "[passes]\ncount = 2\nshift = \"0 mm\"\n"), &out);
+    let m = manifest(&out);
+    // The same twice, once there and once back.
+    let stops = |pass| {
+        let mut at: Vec<String> = blocks(&m, pass).iter().map(|b| format!("{} {}", b["stage"], b["mark_mm"])).collect();
+        at.sort();
+        at
+    };
+    assert_eq!(stops(1), stops(2));
+}
+
+#[test]
+fn several_passes_give_the_same_bytes_on_any_number_of_threads() {
+    let dir = folder();
+    let file = job(dir.path(), "auto", "contour", PASSES);
+    let run = |threads: &str| {
+        let out = dir.path().join("job.job");
+        let args = ["compile", "--threads", threads, "-o"].map(Path::new);
+        let done = support::terrace(args.into_iter().chain([out.as_path(), file.as_path()]));
+        assert!(done.status.success(), "{}", support::said(&done));
+        files(&out)
+    };
+    let (one, two) = (run("1"), run("2"));
+    assert!(one.iter().zip(&two).all(|(a, b)| a == b) && one.len() == two.len());
+}
+
+#[test]
+fn the_stage_goes_on_from_where_the_pass_before_ended() {
+    let dir = folder();
+    let out = dir.path().join("job.job");
+    compile(&job(dir.path(), "z-range", "0 deg", "[passes]\ncount = 2\nshift = \"0 mm\"\n"), &out);
+    let m = manifest(&out);
+    let (last, first) = (blocks(&m, 1).pop().expect("a block").clone(), blocks(&m, 2)[0].clone());
+    let away = |k: usize| (last["stage"][k].as_f64().expect("mm") - first["stage"][k].as_f64().expect("mm")).abs();
+    assert!(away(0) < 1e-9 && away(1) < 1e-9, "{last} {first}");
+}
+
+#[test]
+fn passes_that_cannot_be_are_refused_with_place_and_hint() {
+    let dir = folder();
+    for (passes, code, says) in [
+        ("count = 0", "passes-count", "job.toml:"),
+        ("count = 101", "passes-count", "1 to 100"),
+        ("count = -1", "toml", "job.toml:"),
+        ("count = 2\nlower = \"0.1 mm\"", "passes-lower", "what one pass removes"),
+        ("count = 2\nlower = \"-1 um\"", "toml", "job.toml:"),
+        ("count = 2\nlower = 8", "toml", "job.toml:"),
+        ("count = 2\nrotate = \"67 mm\"", "toml", "job.toml:"),
+        ("count = 2\nshift = \"-1 mm\"", "toml", "job.toml:"),
+        ("number = 2", "toml", "job.toml:"),
+    ] {
+        let file = job(dir.path(), "contour", "0 deg", &format!("[passes]\n{passes}\n"));
+        let done = support::terrace([Path::new("compile"), file.as_path()]);
+        let said = support::said(&done);
+        assert!(!done.status.success() && said.contains(code) && said.contains(says), "{passes}: {said}");
+    }
+}
