@@ -79,8 +79,6 @@ pub struct Plan {
     pub directions: Vec<u16>,
     /// Time of every block: marks, jumps and delays, s.
     pub block_times: Vec<f64>,
-    /// The blocks of the program as they lie over the part.
-    pub drawn: Vec<Block>,
     /// Slope under the marks of every block, against the beam.
     pub slopes: Vec<Slope>,
     /// Largest depth range of a block as used, nm.
@@ -260,7 +258,6 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     };
     Ok(Plan {
         machine: machine.clone(),
-        drawn: checked.program().drawn(&machine, ground.origin),
         checked,
         sections: ground.sections,
         map,

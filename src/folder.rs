@@ -48,7 +48,7 @@ pub fn layout<'a>(plan: &'a Plan, job: &'a str) -> preview::Layout<'a> {
         texture: plan.texture,
         turn_rad: plan.job.file.placement.turn.as_rad(),
         block_s: &plan.block_times,
-        drawn: &plan.drawn,
+        drawn: plan.checked.program().drawn(&plan.machine, plan.checked.origin()),
         slopes: &plan.slopes,
         shade: preview::Shade::Height,
         summary: &plan.summary,
@@ -135,12 +135,12 @@ fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Erro
     }
     let layout = layout(plan, &job_name);
     files.push(put(folder, "layout.svg", preview::layout_svg(&layout).as_bytes())?);
+    let by_slope = preview::Layout { shade: preview::Shade::Incidence, ..layout.clone() };
+    files.push(put(folder, "slope.svg", preview::layout_svg(&by_slope).as_bytes())?);
     for (k, pass) in plan.more.iter().enumerate() {
         let name = preview::pass_file(k as u32 + 1);
         files.push(put(folder, &name, preview::layout_svg(&layout_of(plan, pass, &job_name)).as_bytes())?);
     }
-    let by_slope = preview::Layout { shade: preview::Shade::Incidence, ..layout.clone() };
-    files.push(put(folder, "slope.svg", preview::layout_svg(&by_slope).as_bytes())?);
     files.push(put(folder, "report.html", preview::report_html(&layout).as_bytes())?);
     let facts = record::Facts {
         job_file: job_file_from(&job.path, target)?,

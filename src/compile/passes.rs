@@ -123,6 +123,7 @@ fn joined(mut a: Made, b: Made, lowered: i64) -> Made {
         total: sum(s.total, t.total),
     };
     a.block_times.extend(b.block_times);
+    a.slopes.extend(b.slopes);
     a.fragments += b.fragments;
     a.split = super::join(a.split, b.split);
     a.worst_defocus = a.worst_defocus.max(b.worst_defocus);

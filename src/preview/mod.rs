@@ -61,7 +61,7 @@ pub struct Layout<'a> {
     /// Time of each block in s: marks, jumps and delays, in the order of the program.
     pub block_s: &'a [f64],
     /// The blocks as they lie over the part.
-    pub drawn: &'a [Block],
+    pub drawn: Vec<Block>,
     /// Slope under the marks of each block, where it is known.
     pub slopes: &'a [Slope],
     /// What the colours of blocks stand for.
@@ -104,7 +104,7 @@ impl Layout<'_> {
     }
 
     fn slope(&self, i: usize) -> Option<Slope> {
-        self.slopes.get(i).copied()
+        self.slopes.get(self.blocks.start + i).copied()
     }
 
     /// What the colour of a block stands for: nm, or millionths of a degree.

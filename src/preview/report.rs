@@ -29,7 +29,7 @@ pub fn report_html(job: &Layout<'_>) -> String {
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width\"/>\n<title>{name}: job report</title>\n\
          <style>{STYLE}</style>\n</head>\n<body>\n<h1>{name}</h1>\n<p>Machine {}. {} stops, {} in all. \
-         <a href=\"layout.svg\">Block layout (layout.svg)</a>, <a href=\"slope.svg\">the same by slope (slope.svg)</a>{}</p>\n",
+         <a href=\"layout.svg\">Block layout (layout.svg)</a>{}, <a href=\"slope.svg\">the same by slope (slope.svg)</a></p>\n",
         escape(&job.machine.name),
         job.blocks().len(),
         duration(job.summary.time_s.total),
@@ -287,7 +287,7 @@ fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
     for (i, b) in job.blocks().iter().enumerate() {
         if b.pass != pass {
             pass = b.pass;
-            let _ = writeln!(h, "<tr><th colspan=\"11\">pass {}</th></tr>", pass + 1);
+            let _ = writeln!(h, "<tr><th colspan=\"13\">pass {}</th></tr>", pass + 1);
         }
         let [x, y, z] = b.stage.map(|v| mm(v, 4));
         let [first, second] = if gridded {

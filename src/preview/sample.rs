@@ -37,7 +37,7 @@ impl Sample {
             texture: self.texture,
             turn_rad: self.turn_rad,
             block_s: &self.block_s,
-            drawn: &self.checked.program().blocks,
+            drawn: self.checked.program().blocks.clone(),
             slopes: &[],
             shade: super::Shade::Height,
             summary: &self.summary,

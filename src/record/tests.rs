@@ -36,10 +36,10 @@ fn with<R>((program, origin): (Program, [i64; 3]), machine: &Machine, use_them: 
         checked: &checked,
         directions: &[],
         more: Vec::new(),
-        slopes: &[],
         sections: &sections,
         depth_mm: 0.07,
         block_times: &block_times,
+        slopes: &[],
         files: &files,
         summary: &summary,
     })

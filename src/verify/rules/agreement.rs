@@ -94,7 +94,7 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
     hold(near(manifest.placement.turn_deg, facts.turn_deg), "its turn is not the one of the job file");
     hold(facts.origin.is_none_or(|o| o == file.origin.map(Some)), "its origin is not the one of the job file");
     let pens = &file.program.pens;
-    let is_made = (0..pens.len()).all(|pen| super::dose::origin(pens, pen, facts).is_some());
+    let is_made = (0..pens.len()).all(|pen| super::dose::is_made(pens, pen, facts));
     let own = facts.pens.as_ref();
     hold(own.is_none_or(|p| pens.starts_with(p) && is_made), "the pens are not those of the job file");
 }

@@ -18,33 +18,42 @@ const NEAR: f64 = 0.002;
 /// Marks shorter than this, nm, lie where they are rounded to.
 const SHORTEST: f64 = 1000.0;
 
-/// The job's pen of which a pen is made, and its factor; the pen itself and 1 where it is the job's. None for a
-/// pen that cannot have been made.
+/// The job's pen of which a pen says that it is made, and its factor; the pen itself and 1 where it is the
+/// job's. None for a pen that says neither.
 pub(super) fn origin(pens: &[Pen], pen: usize, facts: &Facts) -> Option<(usize, f64)> {
     let own = facts.pens.as_ref().map_or(pens.len(), Vec::len);
     if pen < own {
         return Some((pen, 1.0));
     }
-    let (dose, made) = (facts.dose?, pens.get(pen)?);
-    let (name, factor) = made.name.rsplit_once(" x")?;
-    let factor: f64 = factor.parse().ok()?;
-    let base = pens[..own].iter().position(|p| p.name == name)?;
-    let b = &pens[base];
+    let _asked = facts.dose?;
+    let (name, factor) = pens.get(pen)?.name.rsplit_once(" x")?;
+    let base = pens[..own.min(pens.len())].iter().position(|p| p.name == name)?;
+    Some((base, factor.parse().ok()?))
+}
+
+/// Whether a pen is what it says.
+pub(super) fn is_made(pens: &[Pen], pen: usize, facts: &Facts) -> bool {
+    let Some((base, factor)) = origin(pens, pen, facts) else { return false };
+    let (made, base) = (&pens[pen], &pens[base]);
     let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * b.abs();
     let watts = |p: &Pen| p.power.as_w(facts.machine.laser.max_power);
-    let [speed, power] = if dose.compensate == Compensate::Speed { [factor, 1.0] } else { [1.0, factor] };
-    let is_made = near(made.speed.as_mm_s(), b.speed.as_mm_s() * speed)
-        && near(watts(made), watts(b) * power)
-        && made.frequency == b.frequency
-        && made.passes == b.passes;
-    is_made.then_some((base, factor))
+    let by_speed = facts.dose.is_none_or(|d| d.compensate == Compensate::Speed);
+    let [speed, power] = if by_speed { [factor, 1.0] } else { [1.0, factor] };
+    near(made.speed.as_mm_s(), base.speed.as_mm_s() * speed)
+        && near(watts(made), watts(base) * power)
+        && made.frequency == base.frequency
+        && made.passes == base.passes
 }
 
 /// Holds `dose`.
 pub(in crate::verify) fn check(file: &ProgramFile, facts: &Facts, ground: &Ground, findings: &mut Findings) {
     let rule = &mut findings.dose;
     rule.ran = true;
-    let Some(dose) = facts.dose else { return };
+    let Some(dose) = facts.dose else {
+        // Nothing is asked for: pens are the job's own, which `agreement` holds.
+        rule.checked = file.program.strokes.len() as u64;
+        return;
+    };
     let pens = &file.program.pens;
     let factors: Vec<Option<f64>> = (0..pens.len()).map(|p| origin(pens, p, facts).map(|o| o.1)).collect();
     let mut scratch = Scratch::default();

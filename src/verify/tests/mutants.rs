@@ -25,12 +25,13 @@ impl Bench {
 
     /// The same with more keys of `[partition]`, and more tables.
     fn with(keys: &str, tables: &str) -> Self {
-        Self::of("contour", keys, tables)
+        Self::of("contour", keys, tables, 1.0)
     }
 
-    fn of(direction: &str, keys: &str, tables: &str) -> Self {
+    /// The same on a sheet that is `steep` times as high.
+    fn of(direction: &str, keys: &str, tables: &str, steep: f64) -> Self {
         let dir = tempfile::tempdir().expect("a writable temporary folder");
-        std::fs::write(dir.path().join("part.stl"), part()).expect("a writable folder");
+        std::fs::write(dir.path().join("part.stl"), part(steep)).expect("a writable folder");
         let text = r#"
             surface = { file = "part.stl", unit = "mm" }
             focus = { pdof = "0.07 mm" }
@@ -73,7 +74,7 @@ impl Bench {
 
     /// The same with lines along x, and more tables.
     fn hatched(tables: &str) -> Self {
-        Self::of("0 deg", "", tables)
+        Self::of("0 deg", "", tables, 1.0)
     }
 
     /// Changes the program, renews what follows from it, writes every format, and verifies.
@@ -152,8 +153,8 @@ fn replace(bytes: &mut Vec<u8>, from: &str, old: &str, new: &str) {
 }
 
 /// A wavy sheet of 60 x 42 mm with a hole, as binary STL.
-fn part() -> Vec<u8> {
-    let z = |x: f64, y: f64| 0.3 * (x / 11.0).sin() + 0.25 * (y / 8.0).cos() + 0.004 * x;
+fn part(steep: f64) -> Vec<u8> {
+    let z = |x: f64, y: f64| steep * (0.3 * (x / 11.0).sin() + 0.25 * (y / 8.0).cos() + 0.004 * x);
     let (nx, ny) = (60u32, 42u32);
     let mut facets = Vec::new();
     for j in 0..ny {
@@ -204,7 +205,7 @@ fn long_stroke(program: &Program) -> usize {
 
 #[test]
 fn dose_owns_a_pen_of_another_slope() {
-    let bench = || Bench::with("", "dose = { compensate = \"speed\", step = 0.002 }");
+    let bench = || Bench::of("contour", "", "dose = { compensate = \"speed\", step = 0.002 }", 6.0);
     let sound = bench();
     assert!(sound.plan.checked.program().pens.len() > 4, "{:?}", sound.plan.checked.program().pens);
     let proof = verified(&sound.write());
