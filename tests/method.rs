@@ -105,6 +105,7 @@ fn cell(summary: &Value) -> String {
 
 fn thousands(n: f64) -> String {
     let digits = format!("{n:.0}");
-    let parts: Vec<&str> = digits.as_bytes().rchunks(3).rev().map(|c| std::str::from_utf8(c).expect("digits")).collect();
+    let parts: Vec<&str> =
+        digits.as_bytes().rchunks(3).rev().map(|c| std::str::from_utf8(c).expect("digits")).collect();
     parts.join(",")
 }

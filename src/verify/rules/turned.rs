@@ -71,7 +71,7 @@ impl Turned {
             let mut astray: Option<([f64; 2], f64)> = None;
             for w in points.windows(2) {
                 let line = Line::new(field(w[0]), field(w[1]));
-                self.ends(&line, &mut scratch, &mut ends);
+                let aside = self.ends(&line, &mut scratch, &mut ends);
                 let (Some(&first), Some(&last)) = (ends.first(), ends.last()) else {
                     // Off the part, which the rule `ground` says.
                     let [x, y] = field(w[0]);
@@ -83,12 +83,8 @@ impl Turned {
                     found.push(first);
                 }
                 found.push(last);
-                let chord = Line::new(first, last);
-                for &[x, y] in &ends {
-                    let aside = (chord.dir[0] * (y - chord.start[1]) - chord.dir[1] * (x - chord.start[0])).abs();
-                    if aside > astray.map_or(1.1 * CHORD + ROUNDING, |a| a.1) {
-                        astray = Some(([x, y], aside));
-                    }
+                if aside.1 > astray.map_or(1.1 * CHORD + ROUNDING, |a| a.1) {
+                    astray = Some(aside);
                 }
             }
             for (slot, p) in drawn[stroke.first as usize..].iter_mut().zip(&found) {
@@ -105,9 +101,11 @@ impl Turned {
 }
 
 impl Turned {
-    /// The ends of the pieces under a line of the turned part, in the drawing. A line along the rim may run
-    /// beside it by as much as a mark may run beside its stroke: then the part next to it tells the heights.
-    fn ends(&self, line: &Line, scratch: &mut Scratch, ends: &mut Vec<[f64; 2]>) {
+    /// The ends of the pieces under a line of the turned part, in the drawing, and which of them lies farthest
+    /// beside the line between the first and the last, by how much. A line along the rim or the top of a wall
+    /// may run beside it by as much as a mark may run beside its stroke: then the part next to it tells the heights.
+    fn ends(&self, line: &Line, scratch: &mut Scratch, ends: &mut Vec<[f64; 2]>) -> ([f64; 2], f64) {
+        let mut aside = ([0.0; 2], 0.0);
         for side in [0.0, CHORD, -CHORD] {
             let mut covered = 0.0;
             ends.clear();
@@ -122,11 +120,21 @@ impl Turned {
                     }
                 }
             });
-            if covered >= line.len - SHORT {
-                return;
+            aside = farthest(ends);
+            if covered >= line.len - SHORT && aside.1 <= 1.1 * CHORD + ROUNDING {
+                break;
             }
         }
+        aside
     }
+}
+
+/// Which point lies farthest beside the line from the first to the last, and by how much.
+fn farthest(points: &[[f64; 2]]) -> ([f64; 2], f64) {
+    let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return ([0.0; 2], 0.0) };
+    let chord = Line::new(first, last);
+    let aside = |&[x, y]: &[f64; 2]| (chord.dir[0] * (y - chord.start[1]) - chord.dir[1] * (x - chord.start[0])).abs();
+    points.iter().map(|p| (*p, aside(p))).fold((first, 0.0), |worst, p| if p.1 > worst.1 { p } else { worst })
 }
 
 /// The box of the part under a block's marks, as x0, y0, x1, y1 in nm.
