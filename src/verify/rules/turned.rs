@@ -71,7 +71,7 @@ impl Turned {
             let mut astray: Option<([f64; 2], f64)> = None;
             for w in points.windows(2) {
                 let line = Line::new(field(w[0]), field(w[1]));
-                let aside = self.ends(&line, &mut scratch, &mut ends);
+                let aside = self.ends(&line, found.last().copied(), &mut scratch, &mut ends);
                 let (Some(&first), Some(&last)) = (ends.first(), ends.last()) else {
                     // Off the part, which the rule `ground` says.
                     let [x, y] = field(w[0]);
@@ -104,9 +104,18 @@ impl Turned {
     /// The ends of the pieces under a line of the turned part, in the drawing, and which of them lies farthest
     /// beside the line between the first and the last, by how much. A line along the rim or the top of a wall
     /// may run beside it by as much as a mark may run beside its stroke: then the part next to it tells the heights.
-    fn ends(&self, line: &Line, scratch: &mut Scratch, ends: &mut Vec<[f64; 2]>) -> ([f64; 2], f64) {
+    /// A mark goes on where it was, at `after`.
+    fn ends(
+        &self,
+        line: &Line,
+        after: Option<[f64; 2]>,
+        scratch: &mut Scratch,
+        ends: &mut Vec<[f64; 2]>,
+    ) -> ([f64; 2], f64) {
+        const MOST: f64 = 1.1 * CHORD + ROUNDING;
         let mut aside = ([0.0; 2], 0.0);
-        for side in [0.0, CHORD, -CHORD] {
+        // Where no side fits, the line itself tells.
+        for side in [0.0, CHORD, -CHORD, 0.0] {
             let mut covered = 0.0;
             ends.clear();
             self.ground.along(&line.part([0.0, line.len], 1.1 * side), scratch, |p| {
@@ -121,7 +130,8 @@ impl Turned {
                 }
             });
             aside = farthest(ends);
-            if covered >= line.len - SHORT && aside.1 <= 1.1 * CHORD + ROUNDING {
+            let goes_on = after.zip(ends.first()).is_none_or(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]) <= MOST);
+            if covered >= line.len - SHORT && aside.1 <= MOST && goes_on {
                 break;
             }
         }
