@@ -31,6 +31,10 @@ const ROUNDING: f64 = 5.0;
 /// How far a mark may run beside the line between its points, nm.
 const BESIDE: f64 = 1.1 * CHORD + ROUNDING;
 
+/// Where the ground is looked at for a mark, nm beside it: a little, where it lies on an edge to the nanometre, and
+/// as far as it may run beside its stroke.
+const SIDES: [f64; 5] = [0.0, 5.0, -5.0, CHORD, -CHORD];
+
 /// Pieces up to this, nm, do not tell on which side of a wall a point lies.
 const SHORT: f64 = 10.0;
 
@@ -73,7 +77,13 @@ impl Turned {
             let mut astray: Option<([f64; 2], f64)> = None;
             // A mark along the top of a wall: the side on which it begins must be one from which it can go on. Where
             // no side fits, the line itself tells.
-            for sides in [[0.0, CHORD, -CHORD], [CHORD, 0.0, -CHORD], [-CHORD, 0.0, CHORD], [0.0; 3]] {
+            for begin in 0..=SIDES.len() {
+                let mut sides = SIDES;
+                if begin < SIDES.len() {
+                    sides.rotate_left(begin)
+                } else {
+                    sides = [0.0; 5]
+                }
                 found.clear();
                 astray = None;
                 let mut fits = true;
@@ -123,7 +133,7 @@ impl Turned {
         &self,
         line: &Line,
         after: Option<[f64; 2]>,
-        sides: [f64; 3],
+        sides: [f64; 5],
         scratch: &mut Scratch,
         ends: &mut Vec<[f64; 2]>,
     ) -> (([f64; 2], f64), bool) {
