@@ -30,6 +30,29 @@ impl Bench {
 
     /// The same on a sheet that is `steep` times as high.
     fn of(direction: &str, keys: &str, tables: &str, steep: f64) -> Self {
+        let keys = if keys.is_empty() { String::new() } else { format!(", {keys}") };
+        let bench = Self::edited(steep, |text| {
+            let text = text.replacen("\"z-range\"", &format!("\"z-range\"{keys}"), 1);
+            let text = text.replacen("\"contour\"", &format!("{direction:?}"), 1);
+            text.replacen("machine =", &format!("{tables}\n            machine ="), 1)
+        });
+        assert!(bench.plan.summary.stops > 20, "{:?}", bench.plan.summary);
+        bench
+    }
+
+    /// The same on a machine with a tilt table, by the method that uses it.
+    fn tilted(tables: &str) -> Self {
+        let bench = Self::edited(1.0, |text| {
+            let text = text.replacen("\"z-range\"", "\"tilt\"", 1).replacen("xyz-galvo-40", "xyz-tilt-galvo-40", 1);
+            text.replacen("machine =", &format!("{tables}\n            machine ="), 1)
+        });
+        let tilts = bench.plan.checked.program().blocks.iter().filter(|b| b.stop.tilt != [0; 2]).count();
+        assert!(tilts > 3, "{:?}", bench.plan.summary);
+        bench
+    }
+
+    /// The job with its text edited.
+    fn edited(steep: f64, edit: impl FnOnce(&str) -> String) -> Self {
         let dir = tempfile::tempdir().expect("a writable temporary folder");
         std::fs::write(dir.path().join("part.stl"), part(steep)).expect("a writable folder");
         let text = r#"
@@ -61,14 +84,10 @@ impl Bench {
             passes = 2
         "#;
         let path = dir.path().join("job.toml");
-        let keys = if keys.is_empty() { String::new() } else { format!(", {keys}") };
-        let text = text.replacen("\"z-range\"", &format!("\"z-range\"{keys}"), 1);
-        let text = text.replacen("\"contour\"", &format!("{direction:?}"), 1);
-        let text = text.replacen("machine =", &format!("{tables}\n            machine ="), 1);
-        std::fs::write(&path, text).expect("a writable folder");
+        std::fs::write(&path, edit(text)).expect("a writable folder");
         let job = Job::load(&path).unwrap_or_else(|e| panic!("{e}"));
         let plan = compile::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
-        assert!(plan.summary.stops > 20 && plan.summary.skipped_off_part_mm > 10.0, "{:?}", plan.summary);
+        assert!(plan.summary.skipped_off_part_mm > 10.0, "{:?}", plan.summary);
         Self { dir, plan }
     }
 
@@ -85,7 +104,9 @@ impl Bench {
         let s = &mut self.plan.summary;
         s.stops = program.blocks.len();
         s.fragments = program.strokes.len();
-        s.mark_mm = program.blocks.iter().map(|b| program.mark_mm(b)).sum();
+        if program.blocks.iter().all(|b| b.stop.tilt == [0; 2]) {
+            s.mark_mm = program.blocks.iter().map(|b| program.mark_mm(b)).sum();
+        }
         s.jump_mm = program.blocks.iter().map(|b| program.jump_mm(b)).sum();
         let off = |b: &Block| (b.z_hi - b.stop.focus).max(b.stop.focus - b.z_lo);
         s.worst_defocus_um = program.blocks.iter().map(off).max().unwrap_or(0) as f64 / 1000.0;
@@ -638,4 +659,75 @@ fn fill_sections_and_directions_that_are_not_the_jobs() {
     });
     let broken = super::broken(&proof);
     assert!(broken.contains(&"source") && !broken.contains(&"fill"), "{}", proof.to_text());
+}
+
+#[test]
+fn tilted_blocks_are_proved_and_every_damage_to_them_is_found() {
+    let sound = Bench::tilted("");
+    let proof = verified(&sound.write());
+    assert!(proof.ok, "{}", proof.to_text());
+    let tilted = |program: &Program| {
+        (0..program.blocks.len()).find(|&i| program.blocks[i].stop.tilt != [0; 2]).expect("a tilted block")
+    };
+    let found = |code: &str, proof: &Proof| {
+        assert!(proof.rule(code).is_some_and(|r| r.violated > 0), "{code}: {}", proof.to_text());
+    };
+    // Another tilt, said alike in all files: the marks come to lie elsewhere.
+    let proof = Bench::tilted("").mutant(|program, _| {
+        let i = tilted(program);
+        program.blocks[i].stop.tilt[0] += 10_000;
+    });
+    found("source", &proof);
+    assert!(proof.rule("agreement").is_some_and(|r| r.violated == 0), "{}", proof.to_text());
+    // A point a micrometre beside the line.
+    let proof = Bench::tilted("").mutant(|program, _| {
+        let i = tilted(program);
+        let stroke = program.strokes[program.blocks[i].strokes.start];
+        let p = &mut program.points[stroke.first as usize];
+        *p = [p[0] + 1000, p[1] + 700];
+    });
+    found("source", &proof);
+    // The focal plane too high, the stage with it.
+    let proof = Bench::tilted("").mutant(|program, plan| {
+        let i = tilted(program);
+        let block = &mut program.blocks[i];
+        block.stop.focus += 60_000;
+        let c = block.stop.centre;
+        block.stage = plan.machine.stage_from_part([c.x, c.y, block.stop.focus], plan.checked.origin());
+    });
+    found("depth", &proof);
+    // Beyond the travel of the table, and between its increments.
+    for by in [360_000_000, 1] {
+        let proof = Bench::tilted("").mutant(|program, _| {
+            let i = tilted(program);
+            program.blocks[i].stop.tilt[1] = (program.blocks[i].stop.tilt[1] + by).min(359_999_900);
+        });
+        found("travel", &proof);
+    }
+    // A mark left out.
+    let proof = Bench::tilted("").mutant(|program, _| {
+        let i = tilted(program);
+        let longest = |&s: &usize| (program.strokes[s].len, s);
+        let s = program.blocks[i].strokes.clone().max_by_key(longest).expect("a stroke");
+        program.strokes.remove(s);
+        for (k, b) in program.blocks.iter_mut().enumerate().skip(i) {
+            b.strokes = b.strokes.start - usize::from(k > i)..b.strokes.end - 1;
+        }
+    });
+    found("coverage", &proof);
+    // The commands of a tilt axis in the stage program, and in the OVF's place in the manifest.
+    let proof = sound.damaged("stage.ngc", |bytes| {
+        let text = String::from_utf8(bytes.clone()).expect("ASCII");
+        let at = text.find(" A-").or_else(|| text.find(" A")).expect("a tilt");
+        bytes.splice(at + 2..at + 2, *b"1").for_each(drop);
+    });
+    assert!(!proof.ok, "{}", proof.to_text());
+}
+
+#[test]
+fn tilted_blocks_in_passes_with_dose_are_proved() {
+    let more = "passes = { count = 2, lower = \"8 um\", rotate = \"30 deg\" }\n            \
+        dose = { compensate = \"speed\", step = 0.001 }";
+    let proof = verified(&Bench::tilted(more).write());
+    assert!(proof.ok, "{}", proof.to_text());
 }
