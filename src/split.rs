@@ -431,25 +431,26 @@ impl<'a> Cutter<'a> {
 
     /// As [`Cutter::exit`] for a turned part, on which a piece is straight in space.
     fn turned_exit(&self, stop: u32, turn: &Turn, s: &Segment, p: &Piece, t: f64) -> f64 {
-        let [a, b] = [(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| turn.apply(s.at(t, z)));
-        let [lo, hi] = self.bounds(stop);
         let share = (t - p.t0) / (p.t1 - p.t0);
         let mut exit = p.t1;
-        for k in 0..3 {
-            let now = a[k] + (b[k] - a[k]) * share;
-            if now > hi[k] + EPS || now < lo[k] - EPS {
-                return t;
+        let mut inside = |a: f64, b: f64, lo: f64, hi: f64| {
+            let now = a + (b - a) * share;
+            let limit = b.clamp(lo - EPS, hi + EPS);
+            if limit != b {
+                let limit = b.clamp(lo, hi);
+                exit = exit.min(p.t0 + (p.t1 - p.t0) * ((limit - a) / (b - a)));
             }
-            let limit = if b[k] > hi[k] + EPS {
-                hi[k]
-            } else if b[k] < lo[k] - EPS {
-                lo[k]
-            } else {
-                continue;
-            };
-            exit = exit.min(p.t0 + (p.t1 - p.t0) * ((limit - a[k]) / (b[k] - a[k])));
+            lo - EPS <= now && now <= hi + EPS
+        };
+        let ends = [(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| s.at(t, z));
+        let [a, b] = ends.map(|p| turn.apply(p));
+        let [lo, hi] = self.bounds(stop);
+        let mut is_inside = (0..3).all(|k| inside(a[k], b[k], lo[k], hi[k]));
+        if let Some(area) = self.stops.area(stop) {
+            let ([a, b], [lo, hi]) = (ends, [area.lo, area.hi].map(|p| [p.x as f64, p.y as f64]));
+            is_inside = is_inside && (0..2).all(|k| inside(a[k], b[k], lo[k], hi[k]));
         }
-        exit.clamp(t, p.t1)
+        if is_inside { exit.clamp(t, p.t1) } else { t }
     }
 
     /// Lower and upper corner of what `stop` accepts, on the turned part where there is a turn.
@@ -524,6 +525,10 @@ impl<'a> Cutter<'a> {
             let p = &run.pieces[j];
             let [a, b] = [(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| self.seen(stop, s.at(t, z)));
             let mut begin = p.t0;
+            // What is kept to an area is not followed beyond.
+            if self.stops.area(stop).is_some() {
+                return ((j, to), length);
+            }
             for k in 0..3 {
                 // At the edge of a sheet the height jumps from one piece to the next.
                 let now = a[k] + (b[k] - a[k]) * ((to - p.t0) / (p.t1 - p.t0));
