@@ -48,7 +48,7 @@ pub fn layout<'a>(plan: &'a Plan, job: &'a str) -> preview::Layout<'a> {
         texture: plan.texture,
         turn_rad: plan.job.file.placement.turn.as_rad(),
         block_s: &plan.block_times,
-        drawn: plan.checked.program().drawn(&plan.machine, plan.checked.origin()),
+        drawn: preview::drawn(&plan.checked, &plan.machine),
         slopes: &plan.slopes,
         shade: preview::Shade::Height,
         summary: &plan.summary,

@@ -17,8 +17,7 @@
 use crate::geom::{NM_PER_MM, P2, Turn, nearest};
 use crate::partition::Stops;
 use crate::program::CHORD;
-use crate::surface::Surface;
-use crate::trace::{Keep, Piece, Skip, Tracer};
+use crate::trace::{Keep, Normals, Piece, Skip, Tracer};
 
 /// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
 const EPS: f64 = 1e-3;
@@ -215,7 +214,7 @@ impl<'a> Splitter<'a> {
     /// where a stop holds it, as every stroke does; cuts of it are counted.
     pub fn new(tracer: Tracer<'a>, candidates: &'a [Stops], min_mark_nm: f64, keep: Keep, seam: Seam) -> Self {
         let cutters =
-            candidates.iter().map(|stops| Cutter::new(tracer.surface(), stops, min_mark_nm, keep, seam)).collect();
+            candidates.iter().map(|stops| Cutter::new(tracer.normals(), stops, min_mark_nm, keep, seam)).collect();
         Self { tracer, cutters, run: Run::default() }
     }
 
@@ -251,7 +250,7 @@ impl<'a> Splitter<'a> {
 
 /// Cuts strokes between the stops of one candidate.
 struct Cutter<'a> {
-    surface: &'a Surface,
+    normals: Normals<'a>,
     stops: &'a Stops,
     min_mark: f64,
     keep: Keep,
@@ -297,11 +296,11 @@ impl Seam {
 }
 
 impl<'a> Cutter<'a> {
-    fn new(surface: &'a Surface, stops: &'a Stops, min_mark: f64, keep: Keep, seam: Seam) -> Self {
+    fn new(normals: Normals<'a>, stops: &'a Stops, min_mark: f64, keep: Keep, seam: Seam) -> Self {
         let out = Fragments::default();
         let before = (0, out.skipped);
         Self {
-            surface,
+            normals,
             stops,
             min_mark,
             keep,
@@ -716,7 +715,7 @@ impl<'a> Cutter<'a> {
             });
         }
         self.z = z[1];
-        let normal = || self.surface.normal(p.facet);
+        let normal = || self.normals.under(p);
         let slope2 = self.stops.turn(stop as u32).map_or(p.slope2, |turn| turn.slope2(normal()));
         let (centre, Some(open)) = (self.stops.stops[stop].centre, &mut self.open) else { return };
         let z = ends.map_or(z, |e| e.map(|e| e[2]));
