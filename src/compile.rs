@@ -7,6 +7,7 @@
 mod bound;
 mod build;
 mod dose;
+pub mod orient;
 mod passes;
 mod tilt;
 
