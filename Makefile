@@ -2,7 +2,7 @@
 CARGO ?= cargo
 DEMO := target/demo/hood.job
 
-.PHONY: demo test test-all check bench setup clean
+.PHONY: demo test test-all check bench method-table method-pictures setup clean
 
 # Compiles leather on a car hood, verifies it, and says where everything lies.
 demo:
@@ -32,6 +32,16 @@ bench:
 	$(CARGO) bench --bench job
 	$(CARGO) bench --bench partition
 	$(CARGO) bench --bench order
+
+# The table of docs/method.md: every method on real parts of ../shared, each result verified; some minutes.
+method-table:
+	METHOD_TABLE=docs/method.md $(CARGO) test --release --test method -- --ignored --nocapture
+
+# The pictures of docs/method.md.
+method-pictures:
+	$(CARGO) build --release --quiet
+	for m in contour window tilt; do sed "s/\"contour\"/\"$$m\"/" fixtures/method.toml | \
+		(cd fixtures && $(CARGO) run --release --quiet -- preview - -o ../docs/method-$$m.svg); done
 
 setup:
 	sh tests/python/setup.sh

@@ -202,9 +202,9 @@ impl Ground {
     }
 
     /// Lengths up to this, in nm, decide nothing: two edges, each off by rounding and welding, that the line
-    /// crosses at 30 degrees.
+    /// crosses at 30 degrees, and beside which a mark on a tilted part may run.
     pub(super) fn grain(&self) -> f64 {
-        4.0 * (ROUNDING + 0.5 + self.weld)
+        4.0 * (ROUNDING + 0.5 + self.weld + self.beside)
     }
 
     /// How far, in nm, a height may differ from the compiled one on a slope.

@@ -5,7 +5,7 @@
 //! its focal plane, and the marks of a block within the depth range. Heights carry the tolerance
 //! [`Ground::z_tolerance`].
 
-use super::stretch::{Stretch, confirmed, note};
+use super::stretch::{Parts, Stretch, confirmed, note, whole};
 use super::turned::Turned;
 use super::{Findings, part_place, part_place_nm};
 use crate::geom::P2;
@@ -180,10 +180,12 @@ impl Search<'_> {
             let (low, off) = (&mut self.low, &mut self.off);
             let cut = ground.along(&line, &mut self.scratch, |p| match &p.sheet {
                 Some(s) if s.slope != Slope::Steep => {
-                    if is_beyond(s, allowed, ground) {
-                        note(low, segment, p.d, line.len);
-                    } else {
+                    let parts = beyond(&p, s, allowed, ground);
+                    if parts.iter().all(|d| d[0] >= d[1]) {
                         found.add(s, focus, ground);
+                    }
+                    for d in parts.into_iter().filter(|d| d[0] < d[1]) {
+                        note(low, segment, d, line.len);
                     }
                 }
                 _ => note(off, segment, p.d, line.len),
@@ -205,15 +207,17 @@ impl Search<'_> {
 
     fn report_depth(&mut self, id: &str, block: &Block, allowed: [f64; 2], found: &mut Found) {
         let (ground, lines) = (self.ground, &self.lines);
-        let bad =
-            |p: &Piece| p.sheet.as_ref().is_some_and(|s| s.slope != Slope::Steep && is_beyond(s, allowed, ground));
+        let bad = |p: &Piece| {
+            let sheet = p.sheet.as_ref().filter(|s| s.slope != Slope::Steep);
+            sheet.map_or([[0.0; 2]; 2], |s| beyond(p, s, allowed, ground))
+        };
         let runs = confirmed(&self.low, ground, &mut self.scratch, |i| lines[i], bad);
         let focus = block.stop.focus as f64;
         let mut worst: Option<([f64; 2], f64)> = None;
         for s in runs.iter().flat_map(|r| &r.stretches) {
             let part = lines[s.segment].part(s.d, 0.0);
             ground.along(&part, &mut self.scratch, |p| {
-                let Some(sheet) = p.sheet.filter(|_| bad(&p)) else { return };
+                let Some(sheet) = p.sheet.filter(|_| bad(&p).iter().any(|d| d[0] < d[1])) else { return };
                 for (d, z) in p.d.into_iter().zip(sheet.z) {
                     if worst.is_none_or(|(_, w)| (z - focus).abs() > (w - focus).abs()) {
                         worst = Some((part.at(d), z));
@@ -240,7 +244,7 @@ impl Search<'_> {
 
     fn report_ground(&mut self, id: &str) {
         let lines = &self.lines;
-        let bad = |p: &Piece| p.sheet.as_ref().is_none_or(|s| s.slope == Slope::Steep);
+        let bad = |p: &Piece| whole(p, p.sheet.as_ref().is_none_or(|s| s.slope == Slope::Steep));
         let runs = confirmed(&self.off, self.ground, &mut self.scratch, |i| lines[i], bad);
         let len: f64 = runs.iter().map(|r| r.len).sum();
         if let Some(s) = runs.first().and_then(|r| r.stretches.first()) {
@@ -250,10 +254,19 @@ impl Search<'_> {
     }
 }
 
-fn is_beyond(s: &Sheet, allowed: [f64; 2], ground: &Ground) -> bool {
-    let (lo, hi) = (s.z[0].min(s.z[1]), s.z[0].max(s.z[1]));
-    (lo < allowed[0] || hi > allowed[1]) && {
-        let tolerance = ground.z_tolerance(s.slope2);
-        lo < allowed[0] - tolerance || hi > allowed[1] + tolerance
+/// Where a piece lies too low or too high.
+fn beyond(p: &Piece, s: &Sheet, allowed: [f64; 2], ground: &Ground) -> Parts {
+    let [z0, z1] = s.z;
+    if z0.min(z1) >= allowed[0] && z0.max(z1) <= allowed[1] {
+        return [[0.0; 2]; 2];
     }
+    let tolerance = ground.z_tolerance(s.slope2);
+    let (lowest, highest) = (allowed[0] - tolerance, allowed[1] + tolerance);
+    // Up the piece: too low as far as `from`, too high beyond `to`, as shares of it.
+    let (bottom, top) = (z0.min(z1), z0.max(z1));
+    let share = |z: f64| ((z - bottom) / (top - bottom).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    let from = if bottom < lowest { share(lowest) } else { 0.0 };
+    let to = if top > highest { share(highest) } else { 1.0 };
+    let part = |a: f64, b: f64| if a < b { [a, b].map(|share| p.d[0] + share * p.len()) } else { [0.0; 2] };
+    if z0 <= z1 { [part(0.0, from), part(to, 1.0)] } else { [part(0.0, 1.0 - to), part(1.0 - from, 1.0)] }
 }

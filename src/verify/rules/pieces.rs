@@ -6,7 +6,7 @@
 //! allowed at a cut between two blocks over the length that the job declares; what none covers must lie where
 //! nothing can be marked. Every pass is a job of its own. Memory: four bytes per mark, and one texture stroke at a time.
 
-use super::stretch::{Run, Stretch, confirmed, note};
+use super::stretch::{Run, Stretch, confirmed, note, whole};
 use super::{Findings, part_place, part_place_nm};
 use crate::geom::{NM_PER_MM, P2, orient};
 use crate::program::{Block, Stroke};
@@ -491,7 +491,7 @@ impl Cover<'_> {
             });
             doubt += self.border(&line, d, &mut scratch);
         }
-        let gentle = |p: &Piece| p.sheet.is_some_and(|s| s.slope == Slope::Gentle);
+        let gentle = |p: &Piece| whole(p, p.sheet.is_some_and(|s| s.slope == Slope::Gentle));
         let runs = if list.is_empty() {
             Vec::new()
         } else {

@@ -49,13 +49,21 @@ pub(super) fn note(list: &mut Vec<Stretch>, segment: usize, d: [f64; 2], whole: 
 /// would step over the strip between the line and the tip of a notch.
 const STEPS: u32 = 4;
 
+/// The parts of a piece on which something is wrong, in order, nm along its line; empty ones say nothing.
+pub(super) type Parts = [[f64; 2]; 2];
+
+/// All of a piece or nothing of it.
+pub(super) fn whole(p: &Piece, is_wrong: bool) -> Parts {
+    [if is_wrong { p.d } else { [0.0; 2] }, [0.0; 2]]
+}
+
 /// The runs, longer than the grain, that are `bad` wherever within its reach the line lies.
 pub(super) fn confirmed(
     list: &[Stretch],
     ground: &Ground,
     scratch: &mut Scratch,
     line: impl Fn(usize) -> Line,
-    bad: impl Fn(&Piece) -> bool,
+    bad: impl Fn(&Piece) -> Parts,
 ) -> Vec<Run> {
     let grain = ground.grain();
     let mut kept = Vec::new();
@@ -70,8 +78,8 @@ pub(super) fn confirmed(
                 }
                 let mut moved: Vec<Stretch> = Vec::new();
                 ground.along(&line.part(s.d, side), scratch, |p| {
-                    if bad(&p) {
-                        note(&mut moved, 0, p.d.map(|d| d + s.d[0]), line.len);
+                    for d in bad(&p).into_iter().filter(|d| d[0] < d[1]) {
+                        note(&mut moved, 0, d.map(|d| d + s.d[0]), line.len);
                     }
                 });
                 left = common(&left, &moved);

@@ -28,6 +28,9 @@ const SPARE: f64 = 1e6;
 /// What rounding of the field and the heights moves a mark by, nm.
 const ROUNDING: f64 = 5.0;
 
+/// How far a mark may run beside the line between its points, nm.
+const BESIDE: f64 = 1.1 * CHORD + ROUNDING;
+
 /// Pieces up to this, nm, do not tell on which side of a wall a point lies.
 const SHORT: f64 = 10.0;
 
@@ -67,28 +70,35 @@ impl Turned {
             let field = |p: [i32; 2]| {
                 [(block.stop.centre.x + i64::from(p[0])) as f64, (block.stop.centre.y + i64::from(p[1])) as f64]
             };
-            found.clear();
             let mut astray: Option<([f64; 2], f64)> = None;
-            for w in points.windows(2) {
-                let line = Line::new(field(w[0]), field(w[1]));
-                self.ends(&line, &mut scratch, &mut ends);
-                let (Some(&first), Some(&last)) = (ends.first(), ends.last()) else {
-                    // Off the part, which the rule `ground` says.
-                    let [x, y] = field(w[0]);
-                    let [x, y, _] = self.turn.back([x, y, block.stop.focus as f64]);
-                    found.push([x, y]);
-                    continue;
-                };
-                if found.is_empty() {
-                    found.push(first);
-                }
-                found.push(last);
-                let chord = Line::new(first, last);
-                for &[x, y] in &ends {
-                    let aside = (chord.dir[0] * (y - chord.start[1]) - chord.dir[1] * (x - chord.start[0])).abs();
-                    if aside > astray.map_or(1.1 * CHORD + ROUNDING, |a| a.1) {
-                        astray = Some(([x, y], aside));
+            // A mark along the top of a wall: the side on which it begins must be one from which it can go on. Where
+            // no side fits, the line itself tells.
+            for sides in [[0.0, CHORD, -CHORD], [CHORD, 0.0, -CHORD], [-CHORD, 0.0, CHORD], [0.0; 3]] {
+                found.clear();
+                astray = None;
+                let mut fits = true;
+                for w in points.windows(2) {
+                    let line = Line::new(field(w[0]), field(w[1]));
+                    let after = found.last().copied();
+                    let (aside, is_fit) = self.ends(&line, after, sides, &mut scratch, &mut ends);
+                    fits &= is_fit;
+                    let (Some(&first), Some(&last)) = (ends.first(), ends.last()) else {
+                        // Off the part, which the rule `ground` says.
+                        let [x, y] = field(w[0]);
+                        let [x, y, _] = self.turn.back([x, y, block.stop.focus as f64]);
+                        found.push([x, y]);
+                        continue;
+                    };
+                    if found.is_empty() {
+                        found.push(first);
                     }
+                    found.push(last);
+                    if aside.1 > astray.map_or(BESIDE, |a| a.1) {
+                        astray = Some(aside);
+                    }
+                }
+                if fits {
+                    break;
                 }
             }
             for (slot, p) in drawn[stroke.first as usize..].iter_mut().zip(&found) {
@@ -105,10 +115,20 @@ impl Turned {
 }
 
 impl Turned {
-    /// The ends of the pieces under a line of the turned part, in the drawing. A line along the rim may run
-    /// beside it by as much as a mark may run beside its stroke: then the part next to it tells the heights.
-    fn ends(&self, line: &Line, scratch: &mut Scratch, ends: &mut Vec<[f64; 2]>) {
-        for side in [0.0, CHORD, -CHORD] {
+    /// The ends of the pieces under a line of the turned part, in the drawing, and which of them lies farthest
+    /// beside the line between the first and the last, by how much. A line along the rim or the top of a wall
+    /// may run beside it by as much as a mark may run beside its stroke: then the part next to it tells the heights.
+    /// A mark goes on where it was, at `after`. Answers too whether one of the sides fits.
+    fn ends(
+        &self,
+        line: &Line,
+        after: Option<[f64; 2]>,
+        sides: [f64; 3],
+        scratch: &mut Scratch,
+        ends: &mut Vec<[f64; 2]>,
+    ) -> (([f64; 2], f64), bool) {
+        let mut aside = ([0.0; 2], 0.0);
+        for side in sides {
             let mut covered = 0.0;
             ends.clear();
             self.ground.along(&line.part([0.0, line.len], 1.1 * side), scratch, |p| {
@@ -122,11 +142,22 @@ impl Turned {
                     }
                 }
             });
-            if covered >= line.len - SHORT {
-                return;
+            aside = farthest(ends);
+            let goes_on = after.zip(ends.first()).is_none_or(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]) <= BESIDE);
+            if covered >= line.len - SHORT && aside.1 <= BESIDE && goes_on {
+                return (aside, true);
             }
         }
+        (aside, false)
     }
+}
+
+/// Which point lies farthest beside the line from the first to the last, and by how much.
+fn farthest(points: &[[f64; 2]]) -> ([f64; 2], f64) {
+    let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return ([0.0; 2], 0.0) };
+    let chord = Line::new(first, last);
+    let aside = |&[x, y]: &[f64; 2]| (chord.dir[0] * (y - chord.start[1]) - chord.dir[1] * (x - chord.start[0])).abs();
+    points.iter().map(|p| (*p, aside(p))).fold((first, 0.0), |worst, p| if p.1 > worst.1 { p } else { worst })
 }
 
 /// The box of the part under a block's marks, as x0, y0, x1, y1 in nm.
