@@ -63,6 +63,7 @@ fn the_manifest_has_its_keys_in_order_and_exact_millimetres() {
             "sections",
             "seams",
             "passes",
+            "setups",
             "pens",
             "blocks",
             "files",
