@@ -459,7 +459,7 @@ fn agreement_passes_that_the_manifest_states_otherwise() {
 /// The same job marked in three set-ups, though one would do.
 fn placed() -> Bench {
     let tables = "setups = { columns = 3, registration = [[\"0 mm\", \"0 mm\"], [\"60 mm\", \"0 mm\"]] }";
-    Bench::written("0 deg", "", tables, 1.0, "[\"dxf\", \"linuxcnc\", \"gcode\"]")
+    Bench::written("0 deg", "section = \"15 mm\"", tables, 1.0, "[\"dxf\", \"linuxcnc\", \"gcode\"]")
 }
 
 fn first_of(program: &Program, setup: u32) -> usize {
