@@ -115,7 +115,7 @@ fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Erro
     let job_name = file_name(&job.path);
     let drawings = if has(Format::Dxf) { emit::gcode::Drawings::Dxf } else { emit::gcode::Drawings::Absent };
     let mut files = Vec::new();
-    files.push(put(folder, "program.txt", &program::text::write(checked.program(), checked.origin()))?);
+    files.push(put(folder, "program.txt", &program::text::write(checked.program(), checked.origins()))?);
     if has(Format::Dxf) {
         make(&folder.join("blocks"))?;
         let blocks: Result<Vec<FileFact>, Error> = (0..checked.program().blocks.len())

@@ -11,9 +11,8 @@
 //!   as the block's centre and focus;
 //! - P5 every pen exists; every stroke names the texture stroke and the segment it begins on;
 //! - P6 the focal plane of a block lies among its marks, to a stage increment;
-//! - P7 passes follow each other.
-//!
-//! - P7 where the part is tilted, a stroke of the texture is marked along a line of the field that runs
+//! - P7 passes follow each other, and within each the set-ups;
+//! - P8 where the part is tilted, a stroke of the texture is marked along a line of the field that runs
 //!   within [`CHORD`] of the projected one.
 //!
 //! # Units and frames
@@ -78,6 +77,8 @@ pub struct Stop {
 pub struct Block {
     /// The pass that it belongs to, from 0; passes follow each other.
     pub pass: u32,
+    /// How the part lies meanwhile, from 0; set-ups follow each other within a pass.
+    pub setup: u32,
     /// Where the stage stands.
     pub stop: Stop,
     /// Commanded axis values x, y, z.
