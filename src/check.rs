@@ -14,15 +14,17 @@ use crate::program::{Block, Program};
 #[derive(Debug)]
 pub struct Checked {
     program: Program,
-    origin: [i64; 3],
+    origins: Vec<[i64; 3]>,
 }
 
 /// What the program is checked against.
 pub struct Limits<'a> {
     /// The machine.
     pub machine: &'a Machine,
-    /// Position of the part frame's origin in the table frame, nm.
-    pub origin: [i64; 3],
+    /// Positions of the part frame's origin in the table frame, nm, by set-up.
+    pub origins: &'a [[i64; 3]],
+    /// What helps where a stop lies beyond travel.
+    pub travel_hint: String,
     /// Largest depth range of a block, nm.
     pub depth: i64,
     /// Tangent of the steepest slope that is marked: a nanometre in the plane is this much in height.
@@ -52,13 +54,21 @@ impl Checked {
         if program.blocks.windows(2).any(|w| w[0].pass > w[1].pass) {
             faults.push(Diag::bug("program-invariant", "P7: a block of an earlier pass stands after a later one"));
         }
+        let mut runs: Vec<(u32, u32)> = program.blocks.iter().map(|b| (b.pass, b.setup)).collect();
+        runs.dedup();
+        runs.sort_unstable();
+        let is_known = |&(_, setup): &(u32, u32)| (setup as usize) < limits.origins.len();
+        if !runs.iter().all(is_known) || runs.windows(2).any(|w| w[0] == w[1]) {
+            faults.push(Diag::bug("program-invariant", "P7: the blocks of a set-up do not follow each other"));
+            return Err(Error::many(faults));
+        }
         for (i, block) in program.blocks.iter().enumerate() {
             let found = faults_of(&program, block, limits);
             let place = || Place::Block(Program::block_id(i));
             faults.extend(found.into_iter().map(|d| if d.place == Place::Nowhere { d.at(place()) } else { d }));
         }
         if faults.is_empty() {
-            return Ok(Self { program, origin: limits.origin });
+            return Ok(Self { program, origins: limits.origins.to_vec() });
         }
         let more = faults.len().saturating_sub(SHOWN);
         faults.truncate(SHOWN);
@@ -72,14 +82,23 @@ impl Checked {
     pub fn program(&self) -> &Program {
         &self.program
     }
-    /// Position of the part frame's origin in the table frame, nm.
+    /// Position of the part frame's origin in the table frame, nm, in the first set-up.
     pub fn origin(&self) -> [i64; 3] {
-        self.origin
+        self.origins.first().copied().unwrap_or_default()
+    }
+    /// The same by set-up.
+    pub fn origins(&self) -> &[[i64; 3]] {
+        &self.origins
     }
     /// For tests of the emitters and mutants of the verifier: a program that nobody checked.
     #[cfg(test)]
     pub(crate) fn unchecked(program: Program, origin: [i64; 3]) -> Self {
-        Self { program, origin }
+        Self { program, origins: vec![origin] }
+    }
+    /// The same in several set-ups.
+    #[cfg(test)]
+    pub(crate) fn unchecked_setups(program: Program, origins: Vec<[i64; 3]>) -> Self {
+        Self { program, origins }
     }
 }
 
@@ -121,17 +140,13 @@ fn faults_of(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag>
                 mm_from_nm(lo),
                 mm_from_nm(hi)
             );
-            faults.push(
-                Diag::limit("travel", text).hint(
-                    "move the part with placement.origin, mark a smaller area, or use a machine with more travel",
-                ),
-            );
+            faults.push(Diag::limit("travel", text).hint(limits.travel_hint.clone()));
         }
     }
     let lowest = if stop.tilt == [0; 2] {
         limits.clearance.lowest_focus(stop.centre, stop.centre)
     } else {
-        let turn = machine.turn(stop.tilt, limits.origin);
+        let turn = machine.turn(stop.tilt, limits.origins[block.setup as usize]);
         limits.clearance.lowest_focus_turned(&turn, stop.centre)
     };
     if stop.focus < lowest {
@@ -187,7 +202,7 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
         ));
     }
     let P2 { x, y } = block.stop.centre;
-    let at = limits.machine.stage_from_part([x, y, block.stop.focus], limits.origin);
+    let at = limits.machine.stage_from_part([x, y, block.stop.focus], limits.origins[block.setup as usize]);
     let axes = limits.machine.tilt.as_ref().map(|t| &t.axes);
     if !axes.map_or(block.stop.tilt == [0; 2], |axes| (0..2).all(|k| axes[k].takes(block.stop.tilt[k]))) {
         broken(format!("P4: no tilt axes go to {:?} millionths of a degree", block.stop.tilt));

@@ -7,7 +7,9 @@
 mod bound;
 mod build;
 mod dose;
+pub mod orient;
 mod passes;
+mod setups;
 mod tilt;
 
 use std::path::Path;
@@ -19,6 +21,7 @@ pub use passes::Pass;
 
 use build::build;
 use passes::Place as PassPlace;
+use setups::Setups;
 
 use crate::check::{Checked, Limits};
 use crate::diag::{Diag, Error, Place};
@@ -115,6 +118,8 @@ struct Ground<'a> {
 struct Made {
     method: Method,
     program: Program,
+    /// Blocks number its cells until `setups::numbered`.
+    setups: Setups,
     times: Times,
     block_times: Vec<f64>,
     slopes: Vec<Slope>,
@@ -157,7 +162,8 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     most_stops(&ground)?;
     let methods = match job.file.partition.method {
         Method::Auto => {
-            let tilt = machine.tilt.is_some().then_some(Method::Tilt);
+            let may_tilt = machine.tilt.is_some() && job.file.setups.is_none();
+            let tilt = may_tilt.then_some(Method::Tilt);
             [Method::Contour, Method::ZRange, Method::Window].into_iter().chain(tilt).collect()
         }
         Method::Tilt if machine.tilt.is_none() => {
@@ -208,15 +214,18 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let map =
         map::Map::new(&made.program, &ground.sections, &machine, ground.origin, &surface, ground.texture.bounds());
     let not_kept = not_kept(&ground, made.method, &made.split);
-    let (made, more) = passes::further(&ground, made)?;
+    let (mut made, more) = passes::further(&ground, made)?;
+    let origins = setups::numbered(&ground, &mut made);
     let limits = Limits {
         machine: &machine,
-        origin: ground.origin,
+        origins: &origins,
+        travel_hint: made.setups.hint(&job),
         depth: ground.lattice.depth,
         max_slope: made.split.worst_slope2.sqrt(),
         clearance: &ground.clearance,
     };
     let checked = Checked::new(made.program, &limits)?;
+    setups::registered(&job, &machine, &origins)?;
     warn(&job, &made.split, made.worst_defocus, ground.lattice.depth, warnings)?;
     warnings.extend(not_carried(&job, checked.program()));
     warnings.extend(not_kept);
@@ -229,6 +238,7 @@ fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result
     let summary = Summary {
         stops: program.blocks.len(),
         passes: job.file.passes.count(),
+        setups: origins.len(),
         sub_blocks: map.sub_blocks() + more.iter().map(|p| p.map.sub_blocks()).sum::<usize>(),
         method: made.method.name().into(),
         lower_bound_stops: more
@@ -585,6 +595,7 @@ fn make(ground: &Ground<'_>, method: Method, stops: &Stops, parts: Vec<Fragments
         worst_defocus: built.worst_defocus,
         worst_defocus_mean: built.worst_defocus_mean,
         program: built.program,
+        setups: built.setups,
     }
 }
 
@@ -626,7 +637,7 @@ fn start(machine: &Machine) -> [i64; 3] {
 fn times(ground: &Ground<'_>, program: &Program) -> (Times, Vec<f64>) {
     let machine = ground.machine;
     let mut t = Times::default();
-    let (mut at, mut tilt) = (ground.place.from, ground.place.before.as_ref().map_or([0; 2], |s| s.tilt));
+    let (mut at, mut tilt) = (ground.place.from, ground.place.before.as_ref().map_or([0; 2], |(stop, _)| stop.tilt));
     let mut blocks = Vec::with_capacity(program.blocks.len());
     for block in &program.blocks {
         let retract = block.retract.then(|| machine.retract_z());

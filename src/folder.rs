@@ -48,7 +48,7 @@ pub fn layout<'a>(plan: &'a Plan, job: &'a str) -> preview::Layout<'a> {
         texture: plan.texture,
         turn_rad: plan.job.file.placement.turn.as_rad(),
         block_s: &plan.block_times,
-        drawn: plan.checked.program().drawn(&plan.machine, plan.checked.origin()),
+        drawn: preview::drawn(&plan.checked, &plan.machine),
         slopes: &plan.slopes,
         shade: preview::Shade::Height,
         summary: &plan.summary,
@@ -115,7 +115,7 @@ fn fill(plan: &Plan, folder: &Path, target: &Path, seed: u64) -> Result<(), Erro
     let job_name = file_name(&job.path);
     let drawings = if has(Format::Dxf) { emit::gcode::Drawings::Dxf } else { emit::gcode::Drawings::Absent };
     let mut files = Vec::new();
-    files.push(put(folder, "program.txt", &program::text::write(checked.program(), checked.origin()))?);
+    files.push(put(folder, "program.txt", &program::text::write(checked.program(), checked.origins()))?);
     if has(Format::Dxf) {
         make(&folder.join("blocks"))?;
         let blocks: Result<Vec<FileFact>, Error> = (0..checked.program().blocks.len())

@@ -6,9 +6,11 @@
 
 mod manifest;
 mod runsheet;
+mod setups;
 
 pub use manifest::manifest;
 pub use runsheet::{csv as runsheet_csv, txt as runsheet_txt};
+pub use setups::{Registered, registration};
 
 use serde::Serialize;
 
@@ -55,6 +57,8 @@ pub struct Summary {
     pub stops: usize,
     /// How often the texture is gone over, each time with stops of its own.
     pub passes: u32,
+    /// How often the part is placed on the table, where it is beyond the stage travel.
+    pub setups: usize,
     /// Connected parts of one level in one section (the article's count).
     pub sub_blocks: usize,
     /// Method of partition that was kept.

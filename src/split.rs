@@ -17,8 +17,7 @@
 use crate::geom::{NM_PER_MM, P2, Turn, nearest};
 use crate::partition::Stops;
 use crate::program::CHORD;
-use crate::surface::Surface;
-use crate::trace::{Keep, Piece, Skip, Tracer};
+use crate::trace::{Keep, Normals, Piece, Skip, Tracer};
 
 /// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
 const EPS: f64 = 1e-3;
@@ -215,7 +214,7 @@ impl<'a> Splitter<'a> {
     /// where a stop holds it, as every stroke does; cuts of it are counted.
     pub fn new(tracer: Tracer<'a>, candidates: &'a [Stops], min_mark_nm: f64, keep: Keep, seam: Seam) -> Self {
         let cutters =
-            candidates.iter().map(|stops| Cutter::new(tracer.surface(), stops, min_mark_nm, keep, seam)).collect();
+            candidates.iter().map(|stops| Cutter::new(tracer.normals(), stops, min_mark_nm, keep, seam)).collect();
         Self { tracer, cutters, run: Run::default() }
     }
 
@@ -251,7 +250,7 @@ impl<'a> Splitter<'a> {
 
 /// Cuts strokes between the stops of one candidate.
 struct Cutter<'a> {
-    surface: &'a Surface,
+    normals: Normals<'a>,
     stops: &'a Stops,
     min_mark: f64,
     keep: Keep,
@@ -297,11 +296,11 @@ impl Seam {
 }
 
 impl<'a> Cutter<'a> {
-    fn new(surface: &'a Surface, stops: &'a Stops, min_mark: f64, keep: Keep, seam: Seam) -> Self {
+    fn new(normals: Normals<'a>, stops: &'a Stops, min_mark: f64, keep: Keep, seam: Seam) -> Self {
         let out = Fragments::default();
         let before = (0, out.skipped);
         Self {
-            surface,
+            normals,
             stops,
             min_mark,
             keep,
@@ -431,25 +430,26 @@ impl<'a> Cutter<'a> {
 
     /// As [`Cutter::exit`] for a turned part, on which a piece is straight in space.
     fn turned_exit(&self, stop: u32, turn: &Turn, s: &Segment, p: &Piece, t: f64) -> f64 {
-        let [a, b] = [(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| turn.apply(s.at(t, z)));
-        let [lo, hi] = self.bounds(stop);
         let share = (t - p.t0) / (p.t1 - p.t0);
         let mut exit = p.t1;
-        for k in 0..3 {
-            let now = a[k] + (b[k] - a[k]) * share;
-            if now > hi[k] + EPS || now < lo[k] - EPS {
-                return t;
+        let mut inside = |a: f64, b: f64, lo: f64, hi: f64| {
+            let now = a + (b - a) * share;
+            let limit = b.clamp(lo - EPS, hi + EPS);
+            if limit != b {
+                let limit = b.clamp(lo, hi);
+                exit = exit.min(p.t0 + (p.t1 - p.t0) * ((limit - a) / (b - a)));
             }
-            let limit = if b[k] > hi[k] + EPS {
-                hi[k]
-            } else if b[k] < lo[k] - EPS {
-                lo[k]
-            } else {
-                continue;
-            };
-            exit = exit.min(p.t0 + (p.t1 - p.t0) * ((limit - a[k]) / (b[k] - a[k])));
+            lo - EPS <= now && now <= hi + EPS
+        };
+        let ends = [(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| s.at(t, z));
+        let [a, b] = ends.map(|p| turn.apply(p));
+        let [lo, hi] = self.bounds(stop);
+        let mut is_inside = (0..3).all(|k| inside(a[k], b[k], lo[k], hi[k]));
+        if let Some(area) = self.stops.area(stop) {
+            let ([a, b], [lo, hi]) = (ends, [area.lo, area.hi].map(|p| [p.x as f64, p.y as f64]));
+            is_inside = is_inside && (0..2).all(|k| inside(a[k], b[k], lo[k], hi[k]));
         }
-        exit.clamp(t, p.t1)
+        if is_inside { exit.clamp(t, p.t1) } else { t }
     }
 
     /// Lower and upper corner of what `stop` accepts, on the turned part where there is a turn.
@@ -524,6 +524,10 @@ impl<'a> Cutter<'a> {
             let p = &run.pieces[j];
             let [a, b] = [(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| self.seen(stop, s.at(t, z)));
             let mut begin = p.t0;
+            // What is kept to an area is not followed beyond.
+            if self.stops.area(stop).is_some() {
+                return ((j, to), length);
+            }
             for k in 0..3 {
                 // At the edge of a sheet the height jumps from one piece to the next.
                 let now = a[k] + (b[k] - a[k]) * ((to - p.t0) / (p.t1 - p.t0));
@@ -711,7 +715,7 @@ impl<'a> Cutter<'a> {
             });
         }
         self.z = z[1];
-        let normal = || self.surface.normal(p.facet);
+        let normal = || self.normals.under(p);
         let slope2 = self.stops.turn(stop as u32).map_or(p.slope2, |turn| turn.slope2(normal()));
         let (centre, Some(open)) = (self.stops.stops[stop].centre, &mut self.open) else { return };
         let z = ends.map_or(z, |e| e.map(|e| e[2]));

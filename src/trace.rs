@@ -47,7 +47,7 @@ pub struct Piece {
     /// Squared slope of the facet under it; without meaning off the part.
     pub slope2: f64,
     /// Facet under it; without meaning off the part.
-    pub facet: u32,
+    facet: u32,
 }
 
 impl Piece {
@@ -61,6 +61,17 @@ impl Piece {
         } else {
             self.z0 + (self.z1 - self.z0) * ((t - self.t0) / (self.t1 - self.t0))
         }
+    }
+}
+
+/// Where the surface looks under the pieces of a tracer.
+#[derive(Clone, Copy)]
+pub struct Normals<'a>(&'a Surface);
+
+impl Normals<'_> {
+    /// Of a piece on the part: upwards, of length 1.
+    pub fn under(&self, p: &Piece) -> [f64; 3] {
+        self.0.normal(p.facet)
     }
 }
 
@@ -89,9 +100,9 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// The surface that strokes are traced over.
-    pub fn surface(&self) -> &'a Surface {
-        self.surface
+    /// Where the surface under pieces looks.
+    pub fn normals(&self) -> Normals<'a> {
+        Normals(self.surface)
     }
 
     /// Hands the pieces of the segment from `a` to `b` (a ≠ b) to `sink` in order.

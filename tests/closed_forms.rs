@@ -108,8 +108,8 @@ fn heights_agree(name: &str, job: &JobText, dir: &std::path::Path, z: fn(f64, f6
         let words: Vec<&str> = line.split(' ').collect();
         let mm = |w: &str| w.parse::<f64>().expect("nm") / 1e6;
         if words[0] == "block" {
-            centre = [mm(words[5]), mm(words[6])];
-            marks = [mm(words[14]), mm(words[15])];
+            centre = [mm(words[7]), mm(words[8])];
+            marks = [mm(words[16]), mm(words[17])];
         } else if words.get(3).is_some_and(|w| *w == "+" || *w == "-") {
             for p in words[4..].chunks(2) {
                 let want = z(centre[0] + mm(p[0]), centre[1] + mm(p[1]));

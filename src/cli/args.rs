@@ -82,6 +82,12 @@ pub enum Command {
         #[command(flatten)]
         choice: Choice,
     },
+    /// Say how the part should lean on a plain stage, in one or two set-ups, so that stage moves take the
+    /// least time: a table of estimates, nothing is written.
+    Orient {
+        /// Job file, or - for standard input.
+        job: PathBuf,
+    },
     /// Compile many jobs; unchanged ones are skipped, a failing one harms no other.
     Batch {
         /// Folder of job files (*.toml), or a list file with one job file a line.

@@ -5,6 +5,7 @@
 
 mod args;
 mod inspect;
+mod orient;
 mod show;
 
 use std::io::{ErrorKind, IsTerminal, Read, Write};
@@ -90,6 +91,10 @@ fn run(args: &Args) -> Result<u8, Error> {
             return Ok(u8::from(!proof.ok));
         }
         Command::Preview { job, output, choice } => preview(args, job, output.as_deref(), *choice)?,
+        Command::Orient { job } => {
+            let found = compile::orient::orient(&load(job)?)?;
+            print(&if args.json { show::json(&orient::json(&found)) } else { orient::text(&found) })?;
+        }
         Command::Batch { jobs, output, report } => return batch(args, jobs, output.as_deref(), report.as_deref()),
         Command::Inspect { file, unit } => {
             let shown = inspect::inspect(file, *unit)?;

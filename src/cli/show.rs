@@ -103,6 +103,9 @@ pub fn summary(s: &Summary, folder: Option<&Path>) -> String {
             duration(t.delay)
         ),
     ];
+    if s.setups > 1 {
+        lines.insert(1, format!("set-ups        {}", s.setups));
+    }
     if s.passes > 1 {
         lines.insert(1, format!("passes         {}", s.passes));
     }

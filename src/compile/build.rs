@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 
-use super::{Ground, dose};
+use super::{Ground, Setups, dose};
 use crate::geom::{Box2, P2};
 use crate::order;
 use crate::order::stops::Climb;
@@ -17,6 +17,7 @@ use crate::split::Fragments;
 /// A program in order, and how far its marks lie from their focal planes at most, nm.
 pub(super) struct Built {
     pub(super) program: Program,
+    pub(super) setups: Setups,
     pub(super) worst_defocus: i64,
     /// The same with the mean height as focal plane.
     pub(super) worst_defocus_mean: i64,
@@ -76,6 +77,13 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
             (stop, z)
         })
         .collect();
+    let centres: Vec<P2> = placed.iter().map(|(s, _)| s.centre).collect();
+    let setups = ground.place.setups.clone().unwrap_or_else(|| Setups::of(ground, &centres));
+    let cells: Vec<usize> = centres.iter().map(|&c| setups.cell(c)).collect();
+    let target = |((s, _), &cell): (&(Stop, [i64; 2]), &usize)| {
+        ground.machine.stage_from_part([s.centre.x, s.centre.y, s.focus], setups.origin(cell, ground.origin))
+    };
+    let targets: Vec<[i64; 3]> = placed.iter().zip(&cells).map(target).collect();
     let points = |(part, i): (u32, u32)| {
         let (fragments, f) = (&parts[part as usize], &parts[part as usize].list[i as usize]);
         &fragments.points[f.first as usize..(f.first + f.len) as usize]
@@ -90,7 +98,7 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
         }
     };
     let (tour, orders): (_, Vec<Vec<Visit>>) =
-        rayon::join(|| tour(ground, &placed), || used.par_iter().map(in_order).collect());
+        rayon::join(|| tours(ground, &placed, &targets, &cells), || used.par_iter().map(in_order).collect());
     let mut program = Program { pens: pens.list.clone(), ..Program::default() };
     let slopes = tour.iter().map(|&t| slopes[used[t]]).collect();
     program.strokes.reserve_exact(starts[n]);
@@ -121,12 +129,14 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
                 len: f.len,
             });
         }
-        let P2 { x, y } = stop.centre;
-        let last = program.blocks.last().map(|b| &b.stop).or(ground.place.before.as_ref());
-        let retract = last.is_some_and(|last| lifts(ground, last, stop));
+        let setup = cells[t] as u32;
+        let before = ground.place.before.as_ref().map(|(stop, setup)| (stop, *setup));
+        let last = program.blocks.last().map(|b| (&b.stop, b.setup)).or(before);
+        let retract = last.is_some_and(|(last, before)| before != setup || lifts(ground, last, stop));
         program.blocks.push(Block {
             pass: ground.place.number,
-            stage: ground.machine.stage_from_part([x, y, stop.focus], ground.origin),
+            setup,
+            stage: targets[t],
             retract,
             z_lo: z[0],
             z_hi: z[1],
@@ -134,31 +144,49 @@ pub(super) fn build(ground: &Ground<'_>, stops: &Stops, parts: &[Fragments]) -> 
             stop: stop.clone(),
         });
     }
-    Built { program, worst_defocus: worst[0], worst_defocus_mean: worst[1], slopes }
+    Built { program, setups, worst_defocus: worst[0], worst_defocus_mean: worst[1], slopes }
 }
 
-/// The order in which the stage visits the stops.
-fn tour(ground: &Ground<'_>, placed: &[(Stop, [i64; 2])]) -> Vec<usize> {
+/// The order in which the stage visits the stops: set-up after set-up, backwards in every other pass.
+fn tours(ground: &Ground<'_>, placed: &[(Stop, [i64; 2])], targets: &[[i64; 3]], cells: &[usize]) -> Vec<usize> {
+    let mut used = cells.to_vec();
+    used.sort_unstable();
+    used.dedup();
+    if used.len() <= 1 {
+        return tour(ground, placed, targets, ground.place.from);
+    }
+    if ground.place.number % 2 == 1 {
+        used.reverse();
+    }
+    let mut from = ground.place.from;
+    let mut order = Vec::with_capacity(placed.len());
+    for cell in used {
+        let members: Vec<usize> = (0..placed.len()).filter(|&i| cells[i] == cell).collect();
+        let stops: Vec<_> = members.iter().map(|&i| placed[i].clone()).collect();
+        let at: Vec<[i64; 3]> = members.iter().map(|&i| targets[i]).collect();
+        order.extend(tour(ground, &stops, &at, from).into_iter().map(|i| members[i]));
+        from = order.last().map_or(from, |&i| [targets[i][0], targets[i][1], ground.machine.retract_z()]);
+    }
+    order
+}
+
+/// The order in which the stage visits stops of one set-up.
+fn tour(ground: &Ground<'_>, placed: &[(Stop, [i64; 2])], targets: &[[i64; 3]], from: [i64; 3]) -> Vec<usize> {
     if placed.is_empty() {
         return Vec::new();
     }
-    let Ground { machine, origin, clearance, .. } = ground;
-    let targets: Vec<[i64; 3]> =
-        placed.iter().map(|(s, _)| machine.stage_from_part([s.centre.x, s.centre.y, s.focus], *origin)).collect();
+    let Ground { machine, clearance, .. } = ground;
     // Most parts are so flat that the head never needs to lift.
     let mut area = Box2::EMPTY;
     placed.iter().for_each(|(s, _)| area.add(s.centre));
     let lowest = clearance.lowest_focus(area.lo, area.hi) + ground.place.lowered;
     if placed.iter().any(|(s, _)| s.tilt != [0; 2]) {
-        return turned_tour(ground, &targets, placed);
+        return turned_tour(ground, targets, placed);
     }
     let lifts = |a: usize, b: usize| placed[a].0.focus < lowest && lifts(ground, &placed[a].0, &placed[b].0);
-    let stage = order::stops::Stage {
-        machine,
-        from: ground.place.from,
-        lifts: placed.iter().any(|(s, _)| s.focus < lowest).then_some(&lifts),
-    };
-    order::stops::tour(&targets, &stage, climb(ground), order::stops::EFFORT)
+    let stage =
+        order::stops::Stage { machine, from, lifts: placed.iter().any(|(s, _)| s.focus < lowest).then_some(&lifts) };
+    order::stops::tour(targets, &stage, climb(ground), order::stops::EFFORT)
 }
 
 fn climb(ground: &Ground<'_>) -> Climb {

@@ -8,7 +8,7 @@
 
 use std::ops::Range;
 
-use super::{Ground, MAX_FRAGMENTS, MAX_POINTS, Made};
+use super::{Ground, MAX_FRAGMENTS, MAX_POINTS, Made, Setups};
 use crate::diag::{Diag, Error};
 use crate::geom::Box2;
 use crate::machine::Machine;
@@ -44,13 +44,15 @@ pub(super) struct Place {
     pub(super) origin: Option<[i64; 3]>,
     /// Where the stage stands, nm.
     pub(super) from: [i64; 3],
-    /// The stop where it stands, in heights of the surface as it was.
-    pub(super) before: Option<Stop>,
+    /// The stop where it stands, in heights of the surface as it was, and the cell of its set-up.
+    pub(super) before: Option<(Stop, u32)>,
+    /// The set-ups of the first pass; None where they are still to be found.
+    pub(super) setups: Option<Setups>,
 }
 
 impl Place {
     pub(super) fn first(machine: &Machine) -> Self {
-        Self { number: 0, lowered: 0, origin: None, from: super::start(machine), before: None }
+        Self { number: 0, lowered: 0, origin: None, from: super::start(machine), before: None, setups: None }
     }
 
     /// The place of pass `number`, after what has been made.
@@ -64,7 +66,8 @@ impl Place {
             lowered,
             origin: Some([x, y, z - lowered]),
             from: last.map_or(first.place.from, |b| b.stage),
-            before: last.map(|b| raised(&b.stop)),
+            before: last.map(|b| (raised(&b.stop), b.setup)),
+            setups: Some(made.setups.clone()),
         }
     }
 }

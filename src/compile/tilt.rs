@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::{Ground, chunks};
-use crate::geom::Box2;
+use crate::geom::{Box2, P2};
 use crate::partition::{Stops, tilt};
 use crate::trace::{Facings, GridTracer, Marks, Tracer, Turned};
 
@@ -18,7 +18,7 @@ pub(super) fn divide(ground: &Ground<'_>) -> Stops {
         window: ground.window.map(|w| w / 2 * 2),
         lattice: ground.lattice,
     };
-    let samples = samples(ground, &tilted);
+    let (samples, worst_slope2) = samples(ground, &tilted);
     let mut facings = tilted.plan(&samples);
     let tiles = ground.surface.tiles();
     let top = |area: Box2| {
@@ -27,35 +27,54 @@ pub(super) fn divide(ground: &Ground<'_>) -> Stops {
     };
     let highest = tiles.iter().map(|t| t.1).max().unwrap_or(0) as f64;
     let lowest = samples.iter().map(|p| p[2]).fold(f64::INFINITY, f64::min);
-    let mut areas = vec![Box2::EMPTY; facings.list.len()];
-    for (cell, &facing) in facings.of_cell.iter().enumerate() {
-        let area = &mut areas[facing as usize];
-        *area = area.union(facings.grid.area(cell));
-    }
-    for (facing, area) in facings.list.iter_mut().zip(areas) {
+    let steepest = worst_slope2.sqrt().atan();
+    for k in 0..facings.list.len() {
+        let half = facings.half;
+        let facing = &mut facings.list[k];
         // What could hide the lowest mark is no farther away than this.
         let [x, y, z] = facing.turn.up();
         let reach = ((highest - lowest) * x.hypot(y) / z).ceil() as i64 + 1;
-        let [mut lo, mut hi] = [area.lo, area.hi];
-        (lo.x, lo.y, hi.x, hi.y) = (lo.x - reach, lo.y - reach, hi.x + reach, hi.y + reach);
-        facing.top = top(Box2 { lo, hi });
+        let grown =
+            |b: Box2, x: i64, y: i64| Box2 { lo: P2::new(b.lo.x - x, b.lo.y - y), hi: P2::new(b.hi.x + x, b.hi.y + y) };
+        // The window reaches beyond the area by no more than this.
+        let [w, h] = facing.area.size();
+        let window = grown(facing.area, (half[0] - w / 2).max(0) + SPARE, (half[1] - h / 2).max(0) + SPARE);
+        let around = grown(window, reach, reach);
+        facing.top = top(around);
+        let is_clear = ground.surface.is_plain(around.lo, around.hi) && steepest + z.acos() <= ground.max_slope.atan();
+        if is_clear || facing.tilt == [0; 2] {
+            continue;
+        }
+        let cell = |axis: usize, p: P2| facings.grid.along(axis, if axis == 0 { p.x } else { p.y }, 0);
+        for row in cell(1, window.lo)..=cell(1, window.hi) {
+            for column in cell(0, window.lo)..=cell(0, window.hi) {
+                facings.doubtful[(row * i64::from(facings.grid.count[0]) + column) as usize].push(k as u32);
+            }
+        }
     }
     loop {
         let held = held(ground, &facings);
-        let bad: Vec<usize> = (0..facings.list.len())
-            .filter(|&i| (held.0[i].is_hidden || held.0[i].is_beside) && facings.list[i].tilt != [0; 2])
-            .collect();
-        if bad.is_empty() {
+        let mut is_sound = true;
+        for (facing, held) in facings.list.iter_mut().zip(&held.0) {
+            facing.is_wide = facing.is_wide && !held.is_shaded;
+            if (held.is_hidden || held.is_beside) && facing.tilt != [0; 2] {
+                tilted.set_upright(facing);
+                is_sound = false;
+            }
+        }
+        if is_sound {
             return tilted.stops(&facings, &held, &ground.sections);
         }
-        bad.into_iter().for_each(|i| tilted.set_upright(&mut facings, i));
     }
 }
 
-/// Sample points of the marks.
-fn samples(ground: &Ground<'_>, tilted: &tilt::Ground<'_>) -> Vec<[f64; 3]> {
+/// Room for the curvature of the part beside a window, nm.
+const SPARE: i64 = 1_000_000;
+
+/// Sample points of the marks, and their largest squared slope.
+fn samples(ground: &Ground<'_>, tilted: &tilt::Ground<'_>) -> (Vec<[f64; 3]>, f64) {
     let grid = tilted.samples();
-    chunks(ground.texture)
+    let marks = chunks(ground.texture)
         .into_par_iter()
         .fold(Marks::default, |mut marks, chunk| {
             let mut tracer = GridTracer::new(Tracer::new(ground.surface, ground.max_slope), &grid);
@@ -69,8 +88,9 @@ fn samples(ground: &Ground<'_>, tilted: &tilt::Ground<'_>) -> Vec<[f64; 3]> {
         .reduce(Marks::default, |mut a, b| {
             a.merge(b);
             a
-        })
-        .list()
+        });
+    let worst_slope2 = marks.worst_slope2;
+    (marks.list(), worst_slope2)
 }
 
 /// What every facing must hold.

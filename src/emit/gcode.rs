@@ -5,7 +5,7 @@
 //! presses cycle start; it keeps to what GRBL and Mach read.
 //!
 //! Words are absolute axis commands in mm and degrees. Moves are x and y and the tilt axes together, then z alone, never both at once;
-//! first of all, at the end, and where a block asks for it, z goes to the far end of its travel. The
+//! first of all, at the end, before a set-up and where a block asks for it, z goes to the far end of its travel. The
 //! laser output is switched off at once (not with the next motion) before every group of moves and at
 //! the end, and a dwell follows every group: a motion queue otherwise lets the laser overlap the move.
 
@@ -44,7 +44,7 @@ pub fn linuxcnc(checked: &Checked, machine: &Machine, marking_s: &[f64], drawing
     p.line("M65 P0");
     for (i, &time) in marking_s.iter().enumerate() {
         let id = Program::block_id(i);
-        p.block(program, i);
+        p.block(checked, i);
         p.line("M64 P0");
         p.line("M66 P0 L3 Q5");
         p.stop_on_timeout(2 * i + 1, &format!("no BUSY, block {id}"));
@@ -68,7 +68,7 @@ pub fn m0(checked: &Checked, machine: &Machine, drawings: Drawings) -> Vec<u8> {
     p.line("G21 G90 G94 G17 G40 G80");
     p.line("M5");
     for i in 0..checked.program().blocks.len() {
-        p.block(checked.program(), i);
+        p.block(checked, i);
         p.line(&format!("M0 (mark {})", Program::block_id(i)));
     }
     p.end();
@@ -133,11 +133,16 @@ impl Writer {
     }
 
     /// Title, moves and dwell of block `i`; the stage then stands still with the output off.
-    fn block(&mut self, program: &Program, i: usize) {
+    fn block(&mut self, checked: &Checked, i: usize) {
+        let program = checked.program();
         let block = &program.blocks[i];
-        let before = i.checked_sub(1).map_or(0, |i| program.blocks[i].pass);
-        if block.pass != before {
+        let before = i.checked_sub(1).map(|i| &program.blocks[i]);
+        if block.pass != before.map_or(0, |b| b.pass) {
             self.comment(&format!("PASS {}", block.pass + 1));
+        }
+        let setups = checked.origins().len();
+        if setups > 1 && before.is_none_or(|b| b.setup != block.setup) {
+            self.setup(block.setup + 1, setups);
         }
         let title = match self.drawings {
             Drawings::Dxf => format!("BLOCK {} FILE {}", Program::block_id(i), Program::drawing_file(i)),
@@ -164,6 +169,16 @@ impl Writer {
         }
         self.at = Some(block.stage);
         self.line(&self.dwell.clone());
+    }
+
+    /// The stop before a set-up, lifted and with the output off: the part is moved by hand, and maybe the axes.
+    fn setup(&mut self, number: u32, count: usize) {
+        self.comment(&format!("SETUP {number} OF {count}"));
+        self.line(self.off);
+        self.lift();
+        self.line(&format!("(MSG, set-up {number} of {count})"));
+        self.line("M0");
+        (self.at, self.tilt) = (None, None);
     }
 
     fn lift(&mut self) {
@@ -286,6 +301,25 @@ mod tests {
         }
         assert_eq!(text.matches("\nM0 (mark B").count(), 3);
         assert!(text.lines().all(|l| l.len() <= 70));
+    }
+
+    #[test]
+    fn every_set_up_begins_lifted_with_a_stop_after_which_all_axes_are_sent_anew() {
+        let (mut program, origin) = sample::program();
+        program.blocks[1].setup = 1;
+        program.blocks[2].setup = 1;
+        let machine = Machine::built_in("xyz-galvo-40").expect("profile");
+        let checked = Checked::unchecked_setups(program, vec![origin, origin]);
+        for (text, off) in [
+            (text(linuxcnc(&checked, &machine, &[0.0; 3], Drawings::Absent)), "M65 P0"),
+            (text(m0(&checked, &machine, Drawings::Absent)), "M5"),
+        ] {
+            let stop = |n: u32| format!("(SETUP {n} OF 2)\n{off}\nG0 Z200.000000\n(MSG, set-up {n} of 2)\nM0\n");
+            let first = stop(1) + &format!("(BLOCK B0001)\n{off}\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\nG0 Z0.33");
+            let second = stop(2) + &format!("(BLOCK B0002)\n{off}\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\nG0 Z0.40");
+            assert!(text.contains(&first) && text.contains(&second), "{text}");
+            assert_eq!(text.matches("(SETUP ").count(), 2);
+        }
     }
 
     #[test]

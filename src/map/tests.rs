@@ -27,6 +27,7 @@ fn program(blocks: &[Made]) -> Program {
         let (z_lo, z_hi, focus) = (*z_lo, *z_hi, (z_lo + z_hi) / 2);
         program.blocks.push(Block {
             pass: 0,
+            setup: 0,
             stop: Stop { section: [0; 2], level: 0, tilt: [0; 2], centre: *centre, focus, z_lo, z_hi },
             stage: [0; 3],
             retract: false,

@@ -79,6 +79,8 @@ pub struct Stops {
     depth: i64,
     /// By stop; empty where nothing is tilted.
     turns: Vec<Turn>,
+    /// By stop, what it is kept to of the plane of the drawing, if it is.
+    areas: Vec<Option<Box2>>,
     /// Cells of the size of a window: the stops whose windows touch a cell, by `z_lo`.
     lo: P2,
     count: [i64; 2],
@@ -89,11 +91,12 @@ pub struct Stops {
 impl Stops {
     /// `window` is even, as is the pitch of the sections.
     pub fn new(stops: Vec<Stop>, window: [i64; 2], depth: i64) -> Self {
-        Self::turned(stops, Vec::new(), window, depth)
+        Self::turned(stops, Vec::new(), Vec::new(), window, depth)
     }
 
-    /// With the turn of the part at every stop, or none where nothing is tilted.
-    pub fn turned(stops: Vec<Stop>, turns: Vec<Turn>, window: [i64; 2], depth: i64) -> Self {
+    /// With the turn of the part at every stop, or none where nothing is tilted, and what of the drawing a stop
+    /// is kept to.
+    pub fn turned(stops: Vec<Stop>, turns: Vec<Turn>, areas: Vec<Option<Box2>>, window: [i64; 2], depth: i64) -> Self {
         let half = window.map(|w| w / 2);
         let mut area = Box2::EMPTY;
         if turns.is_empty() {
@@ -114,6 +117,7 @@ impl Stops {
             half,
             depth,
             turns,
+            areas,
             lo,
             count,
             starts: vec![0; (count[0] * count[1]) as usize + 1],
@@ -163,6 +167,12 @@ impl Stops {
             if self.turns.is_empty() { (z - slack, z + slack) } else { (f64::NEG_INFINITY, f64::INFINITY) };
         let from = list.partition_point(|&(z_lo, _)| ((z_lo + self.depth) as f64) < lowest);
         list[from..].iter().take_while(move |&&(z_lo, _)| z_lo as f64 <= highest).map(|&(_, i)| i)
+    }
+
+    /// What of the drawing stop `i` is kept to, if it is.
+    #[inline]
+    pub fn area(&self, i: u32) -> Option<Box2> {
+        self.areas.get(i as usize).copied().flatten()
     }
 
     /// How the part is turned at stop `i`; None where nothing is tilted.

@@ -85,8 +85,8 @@ impl Ground<'_> {
         };
         let mut points: Vec<(i64, [f64; 3])> = samples.iter().map(|p| (section(p), *p)).collect();
         points.sort_by_key(|p| p.0);
-        let mut facings =
-            Facings { of_cell: vec![0; grid.len()], list: Vec::new(), half: self.window.map(|w| w / 2), grid };
+        let (of_cell, doubtful) = (vec![0; grid.len()], vec![Vec::new(); grid.len()]);
+        let mut facings = Facings { of_cell, list: Vec::new(), half: self.window.map(|w| w / 2), doubtful, grid };
         let mut stops = 0;
         let mut rest = &mut points[..];
         for i in 0..columns * i64::from(grid.count[1]) / PARTS {
@@ -164,7 +164,7 @@ impl Ground<'_> {
             return (flat, upright);
         }
         let centre = [0, 1].map(|k| self.stand(k, (window[0][k] + window[1][k]) / 2.0));
-        (tilted, Facing { tilt, turn, centre: P2::new(centre[0], centre[1]), top: f64::INFINITY })
+        (tilted, Facing { tilt, turn, centre: P2::new(centre[0], centre[1]), area, top: f64::INFINITY, is_wide: true })
     }
 
     /// The facing of a rectangle without a tilt.
@@ -172,7 +172,7 @@ impl Ground<'_> {
         let centre = [(area.lo.x, area.hi.x), (area.lo.y, area.hi.y)];
         let [x, y] = [0, 1].map(|k| self.stand(k, (centre[k].0 + centre[k].1) as f64 / 2.0));
         let turn = self.machine.turn([0; 2], self.origin);
-        Facing { tilt: [0; 2], turn, centre: P2::new(x, y), top: f64::INFINITY }
+        Facing { tilt: [0; 2], turn, centre: P2::new(x, y), area, top: f64::INFINITY, is_wide: true }
     }
 
     /// The nearest place along x or y where the stage can stand.
@@ -182,18 +182,14 @@ impl Ground<'_> {
     }
 
     /// Makes a facing upright: what its tilt cannot do is done without.
-    pub fn set_upright(&self, facings: &mut Facings, i: usize) {
-        let mut area = Box2::EMPTY;
-        for cell in (0..facings.of_cell.len()).filter(|&c| facings.of_cell[c] as usize == i) {
-            area = area.union(facings.grid.area(cell));
-        }
-        facings.list[i] = self.upright(area);
+    pub fn set_upright(&self, facing: &mut Facing) {
+        *facing = self.upright(facing.area);
     }
 
     /// The stops: for every facing the fewest levels that hold what lies in it.
     pub fn stops(&self, facings: &Facings, held: &Turned, sections: &Sections) -> Stops {
         let lattice = &self.lattice;
-        let (mut stops, mut turns) = (Vec::new(), Vec::new());
+        let (mut stops, mut turns, mut areas) = (Vec::new(), Vec::new(), Vec::new());
         for (facing, held) in facings.list.iter().zip(&held.0) {
             let (whole, deep): (Vec<_>, Vec<_>) = held.figures.iter().partition(|&&(lo, hi)| lattice.holds(lo, hi));
             let heights = super::join(held.heights(), deep);
@@ -204,9 +200,10 @@ impl Ground<'_> {
                 let (focus, z_hi) = (z_lo + lattice.depth / 2, z_lo + lattice.depth);
                 stops.push(Stop { section, level, tilt: facing.tilt, centre: facing.centre, focus, z_lo, z_hi });
                 turns.push(facing.turn);
+                areas.push((!facing.is_wide).then_some(facing.area));
             }
         }
-        Stops::turned(stops, turns, self.window, lattice.depth)
+        Stops::turned(stops, turns, areas, self.window, lattice.depth)
     }
 }
 

@@ -154,6 +154,9 @@ fn heading(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
         let pass = job.blocks().first().map_or(1, |b| b.pass + 1);
         pen.pair("pass (lengths and times: of all)", &format!("{pass} of {}", job.passes));
     }
+    if s.setups > 1 {
+        pen.pair("set-ups, see the run sheet", &s.setups.to_string());
+    }
     pen.pair("method", &short(&s.method, 24));
     let bound = s.lower_bound_stops.map(|n| format!(" (at least {n})")).unwrap_or_default();
     pen.pair("stops", &format!("{}{bound}", job.blocks().len()));

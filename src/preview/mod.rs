@@ -31,7 +31,7 @@ pub use report::report_html;
 use std::ops::Range;
 
 use crate::check::Checked;
-use crate::geom::Box2;
+use crate::geom::{Box2, P2};
 use crate::machine::Machine;
 use crate::map::Map;
 use crate::program::{Block, Program, Sections};
@@ -131,6 +131,27 @@ impl Layout<'_> {
         let blocks = self.blocks();
         [blocks.iter().map(lo).min().unwrap_or(0), blocks.iter().map(hi).max().unwrap_or(0)]
     }
+}
+
+/// The blocks as they lie over the part: those that are tilted with the place where the optical axis meets
+/// the focal plane, in the frame of the part that is not turned, for pictures.
+pub fn drawn(checked: &Checked, machine: &Machine) -> Vec<Block> {
+    let over = |block: &Block| {
+        let mut block = block.clone();
+        let stop = &mut block.stop;
+        if stop.tilt != [0; 2] {
+            let turn = machine.turn(stop.tilt, checked.origin());
+            let at = turn.back([stop.centre.x, stop.centre.y, stop.focus].map(|v| v as f64));
+            let [x, y, z] = at.map(|v| v.round() as i64);
+            let by = z - stop.focus;
+            stop.centre = P2::new(x, y);
+            for v in [&mut stop.focus, &mut stop.z_lo, &mut stop.z_hi, &mut block.z_lo, &mut block.z_hi] {
+                *v += by;
+            }
+        }
+        block
+    };
+    checked.program().blocks.iter().map(over).collect()
 }
 
 /// Name of the drawing of a pass after the first, `k` from 1.

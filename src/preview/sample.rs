@@ -196,6 +196,7 @@ impl Sample {
             let focus = (z_lo + z_hi) / 2;
             program.blocks.push(Block {
                 pass: 0,
+                setup: 0,
                 stop: Stop { section: [0; 2], level: 0, tilt: [0; 2], centre, focus, z_lo, z_hi },
                 stage: self.machine.stage_from_part([centre.x, centre.y, focus], [0; 3]),
                 retract: false,
@@ -279,6 +280,7 @@ fn push_block(program: &mut Program, grid: Sections, section: [u32; 2], level: i
     }
     program.blocks.push(Block {
         pass: 0,
+        setup: 0,
         stop: Stop { section, level, tilt: [0; 2], centre, focus: z[1], z_lo: z[0], z_hi: z[2] },
         stage: machine.stage_from_part([centre.x, centre.y, z[1]], [0; 3]),
         retract: false,

@@ -11,9 +11,8 @@
 //!   as the block's centre and focus;
 //! - P5 every pen exists; every stroke names the texture stroke and the segment it begins on;
 //! - P6 the focal plane of a block lies among its marks, to a stage increment;
-//! - P7 passes follow each other.
-//!
-//! - P7 where the part is tilted, a stroke of the texture is marked along a line of the field that runs
+//! - P7 passes follow each other, and within each the set-ups;
+//! - P8 where the part is tilted, a stroke of the texture is marked along a line of the field that runs
 //!   within [`CHORD`] of the projected one.
 //!
 //! # Units and frames
@@ -33,7 +32,6 @@ pub use sections::Sections;
 use std::ops::Range;
 
 use crate::geom::{NM_PER_MM, P2};
-use crate::machine::Machine;
 use crate::units::{Frequency, Power, Speed};
 
 /// How far a stroke on a tilted part may run beside the exact projection of its line, nm: between two points
@@ -79,6 +77,8 @@ pub struct Stop {
 pub struct Block {
     /// The pass that it belongs to, from 0; passes follow each other.
     pub pass: u32,
+    /// How the part lies meanwhile, from 0; set-ups follow each other within a pass.
+    pub setup: u32,
     /// Where the stage stands.
     pub stop: Stop,
     /// Commanded axis values x, y, z.
@@ -139,26 +139,6 @@ impl Program {
         let mut used = vec![false; self.pens.len()];
         self.strokes_of(block).iter().for_each(|s| used[usize::from(s.pen)] = true);
         (0..used.len()).filter(|&pen| used[pen]).collect()
-    }
-    /// The blocks as they lie over the part: those that are tilted with the place where the optical axis meets
-    /// the focal plane, in the frame of the part that is not turned, for pictures.
-    pub fn drawn(&self, machine: &Machine, origin: [i64; 3]) -> Vec<Block> {
-        let over = |block: &Block| {
-            let mut block = block.clone();
-            let stop = &mut block.stop;
-            if stop.tilt != [0; 2] {
-                let turn = machine.turn(stop.tilt, origin);
-                let at = turn.back([stop.centre.x, stop.centre.y, stop.focus].map(|v| v as f64));
-                let [x, y, z] = at.map(|v| v.round() as i64);
-                let by = z - stop.focus;
-                stop.centre = P2::new(x, y);
-                for v in [&mut stop.focus, &mut stop.z_lo, &mut stop.z_hi, &mut block.z_lo, &mut block.z_hi] {
-                    *v += by;
-                }
-            }
-            block
-        };
-        self.blocks.iter().map(over).collect()
     }
     /// The name of block `i` in files and messages.
     pub fn block_id(i: usize) -> String {

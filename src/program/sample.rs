@@ -48,6 +48,7 @@ pub fn program() -> (Program, [i64; 3]) {
         let (z_lo, z_hi) = (focus - 35_000, focus + 35_000);
         program.blocks.push(Block {
             pass: 0,
+            setup: 0,
             stop: Stop { section, level, tilt: [0; 2], centre: P2::new(x, y), focus, z_lo, z_hi },
             stage: machine.stage_from_part(at, origin),
             retract,

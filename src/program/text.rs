@@ -11,24 +11,30 @@ use crate::program::{Block, Pen, Program, Stop, Stroke};
 
 const TITLE: &str = "terrace program 1";
 
-/// The text of a program on a part whose origin lies at `origin` (nm, table frame).
-pub fn write(program: &Program, origin: [i64; 3]) -> Vec<u8> {
+/// The text of a program on a part whose origin lies at one of `origins` (nm, table frame) in every set-up.
+pub fn write(program: &Program, origins: &[[i64; 3]]) -> Vec<u8> {
     // Room for coordinates of up to eight digits, so that the buffer rarely grows.
     let room = 1024 + program.blocks.len() * 160 + program.strokes.len() * 20 + program.points.len() * 20;
     let mut out = Text { bytes: Vec::with_capacity(room), digits: itoa::Buffer::new() };
     out.text(TITLE);
-    out.text("\norigin");
-    out.numbers(origin);
+    for &origin in origins {
+        out.text("\norigin");
+        out.numbers(origin);
+    }
     out.text(&format!("\npens {}\n", program.pens.len()));
     for Pen { name, speed, power, frequency, passes } in &program.pens {
         out.text(&format!("pen {} | {speed} | {power} | {frequency} | {passes}\n", escaped(name)));
     }
     out.text(&format!("blocks {}\n", program.blocks.len()));
-    let mut pass = 0;
+    let (mut pass, mut setup) = (0, 0);
     for (i, block) in program.blocks.iter().enumerate() {
         if block.pass != pass {
             pass = block.pass;
             out.text(&format!("pass {}\n", pass + 1));
+        }
+        if block.setup != setup {
+            setup = block.setup;
+            out.text(&format!("setup {}\n", setup + 1));
         }
         out.block(&Program::block_id(i), block);
         for stroke in program.strokes_of(block) {
@@ -57,7 +63,7 @@ impl Text {
         }
     }
     fn block(&mut self, id: &str, block: &Block) {
-        let Block { pass: _, stop, stage, retract, z_lo, z_hi, strokes } = block;
+        let Block { pass: _, setup: _, stop, stage, retract, z_lo, z_hi, strokes } = block;
         self.text("block ");
         self.text(id);
         self.numbers(stop.section);
@@ -113,7 +119,7 @@ fn unescaped(text: &str) -> Option<String> {
 ///
 /// # Errors
 /// `program-text` with the line: anything that [`write()`] would not have written.
-pub fn parse(path: &str, bytes: &[u8]) -> Result<(Program, [i64; 3]), Error> {
+pub fn parse(path: &str, bytes: &[u8]) -> Result<(Program, Vec<[i64; 3]>), Error> {
     let mut lines = Lines { rest: bytes, number: 0 };
     read(&mut lines).map_err(|message| {
         Diag::input("program-text", message)
@@ -123,27 +129,35 @@ pub fn parse(path: &str, bytes: &[u8]) -> Result<(Program, [i64; 3]), Error> {
     })
 }
 
-fn read(lines: &mut Lines<'_>) -> Result<(Program, [i64; 3]), String> {
+fn read(lines: &mut Lines<'_>) -> Result<(Program, Vec<[i64; 3]>), String> {
     if lines.next()? != TITLE.as_bytes() {
         return Err(format!("the first line is not {TITLE:?}"));
     }
-    let mut fields = lines.fields("origin ")?;
-    let origin = [fields.number()?, fields.number()?, fields.number()?];
-    fields.end()?;
+    let mut origins = Vec::new();
+    while origins.is_empty() || lines.rest.starts_with(b"origin ") {
+        let mut fields = lines.fields("origin ")?;
+        origins.push([fields.number()?, fields.number()?, fields.number()?]);
+        fields.end()?;
+    }
     let mut program = Program::default();
     for _ in 0..lines.count("pens ")? {
         let line = std::str::from_utf8(lines.next()?).map_err(|_| "the line is not UTF-8 text")?;
         program.pens.push(pen(line)?);
     }
-    let mut pass = 0;
+    let (mut pass, mut setup) = (0, 0);
     for i in 0..lines.count("blocks ")? {
         if lines.rest.starts_with(b"pass ") {
             let number = u32::try_from(lines.count("pass ")?).map_err(|_| "there is no such pass")?;
             let changed = number.checked_sub(1).filter(|&n| n != pass);
             pass = changed.ok_or("no other pass begins here")?;
         }
+        if lines.rest.starts_with(b"setup ") {
+            let number = lines.count("setup ")?;
+            let changed = number.checked_sub(1).filter(|&n| n < origins.len() && n != setup as usize);
+            setup = changed.ok_or("no other set-up begins here")? as u32;
+        }
         let (mut block, strokes) = block(lines.fields("block ")?, i)?;
-        block.pass = pass;
+        (block.pass, block.setup) = (pass, setup);
         let start = program.strokes.len();
         for _ in 0..strokes {
             stroke(Fields(lines.next()?), &mut program)?;
@@ -154,7 +168,7 @@ fn read(lines: &mut Lines<'_>) -> Result<(Program, [i64; 3]), String> {
     if lines.next()? != b"end" {
         return Err("the line is not \"end\"".into());
     }
-    if lines.rest.is_empty() { Ok((program, origin)) } else { Err("something follows the end".into()) }
+    if lines.rest.is_empty() { Ok((program, origins)) } else { Err("something follows the end".into()) }
 }
 
 fn pen(line: &str) -> Result<Pen, String> {
@@ -189,7 +203,7 @@ fn block(mut f: Fields<'_>, index: usize) -> Result<(Block, usize), String> {
     let (z_lo, z_hi) = (f.number()?, f.number()?);
     let strokes = f.number()?;
     f.end()?;
-    Ok((Block { pass: 0, stop, stage, retract, z_lo, z_hi, strokes: 0..0 }, strokes))
+    Ok((Block { pass: 0, setup: 0, stop, stage, retract, z_lo, z_hi, strokes: 0..0 }, strokes))
 }
 
 fn stroke(mut f: Fields<'_>, program: &mut Program) -> Result<(), String> {
@@ -303,21 +317,25 @@ mod tests {
         program.blocks[1].stop.level = -3;
         (program.blocks[1].pass, program.blocks[2].pass) = (1, 4);
         program.points[0] = [i32::MIN, i32::MAX];
-        let text = write(&program, origin);
-        assert_eq!(parse("program.txt", &text).expect("own text"), (program, origin));
+        (program.blocks[1].setup, program.blocks[2].setup) = (1, 0);
+        let origins = vec![origin, [1, 2, 3]];
+        let text = write(&program, &origins);
+        assert_eq!(parse("program.txt", &text).expect("own text"), (program, origins));
     }
 
     #[test]
     fn an_empty_program_reads_back_equal() {
-        let text = write(&Program::default(), [0, -1, 4_000_000_000]);
-        assert_eq!(parse("p", &text).expect("own text"), (Program::default(), [0, -1, 4_000_000_000]));
+        let text = write(&Program::default(), &[[0, -1, 4_000_000_000]]);
+        assert_eq!(parse("p", &text).expect("own text"), (Program::default(), vec![[0, -1, 4_000_000_000]]));
     }
 
     #[test]
     fn every_cut_and_many_damages_are_refused_with_their_line() {
         let (mut program, origin) = sample::program();
         program.blocks[2].pass = 1;
-        let text = write(&program, origin);
+        program.blocks[1].setup = 1;
+        program.blocks[2].setup = 1;
+        let text = write(&program, &[origin, origin]);
         for end in 0..text.len() {
             assert!(parse("p", &text[..end]).is_err(), "cut at {end}");
         }
@@ -325,17 +343,20 @@ mod tests {
         for (from, to, line) in [
             ("program 1", "program 2", 1),
             ("origin ", "origin  ", 2),
-            ("pens 2", "pens 99999999999", 6),
-            ("| 60 %", "| 60", 4),
-            ("blocks 3", "blocks 2", 12),
-            ("B0002", "B0003", 10),
-            ("0 3 7 - ", "2 3 7 - ", 8),
-            ("0 3 7 - ", "0 3 7 * ", 8),
-            ("0 3 7 - ", "0 3 4294967296 - ", 8),
-            ("pass 2", "pass 1", 12),
-            ("pass 2", "pass 0", 12),
-            ("pass 2", "pass 4294967296", 12),
-            ("end\n", "end\n\n", 16),
+            ("pens 2", "pens 99999999999", 7),
+            ("| 60 %", "| 60", 5),
+            ("blocks 3", "blocks 2", 14),
+            ("setup 2", "setup 1", 11),
+            ("setup 2", "setup 3", 11),
+            ("setup 2", "setup 0", 11),
+            ("B0002", "B0003", 12),
+            ("0 3 7 - ", "2 3 7 - ", 9),
+            ("0 3 7 - ", "0 3 7 * ", 9),
+            ("0 3 7 - ", "0 3 4294967296 - ", 9),
+            ("pass 2", "pass 1", 14),
+            ("pass 2", "pass 0", 14),
+            ("pass 2", "pass 4294967296", 14),
+            ("end\n", "end\n\n", 18),
         ] {
             assert!(text.contains(from), "{from}");
             let error = parse("p", text.replacen(from, to, 1).as_bytes()).expect_err(to);

@@ -2,7 +2,7 @@
 
 use serde::{Serialize, Serializer};
 
-use super::{Facts, FileFact, InputFact, Summary};
+use super::{Facts, FileFact, InputFact, Summary, registration};
 use crate::geom::mm_from_nm;
 use crate::machine::Machine;
 use crate::program::{self, Pen, Program};
@@ -37,6 +37,7 @@ pub fn manifest(facts: &Facts<'_>) -> Vec<u8> {
             overlap_mm: facts.job.file.partition.overlap.as_mm(),
         },
         passes: passes(facts),
+        setups: setups(facts),
         pens: program.pens.iter().map(|pen| pen_entry(pen, facts.machine)).collect(),
         blocks: Blocks(facts),
         files: facts.files,
@@ -61,6 +62,7 @@ struct Document<'a> {
     sections: Sections,
     seams: Seams,
     passes: Vec<PassEntry>,
+    setups: Vec<SetupEntry>,
     pens: Vec<PenEntry<'a>>,
     blocks: Blocks<'a>,
     files: &'a [FileFact],
@@ -133,6 +135,29 @@ fn passes(facts: &Facts<'_>) -> Vec<PassEntry> {
 }
 
 #[derive(Serialize)]
+struct SetupEntry {
+    origin_mm: [f64; 3],
+    registration: Vec<RegistrationEntry>,
+}
+
+#[derive(Serialize)]
+struct RegistrationEntry {
+    point_mm: [f64; 2],
+    stage: [f64; 2],
+}
+
+fn setups(facts: &Facts<'_>) -> Vec<SetupEntry> {
+    let entry = |&origin: &[i64; 3]| SetupEntry {
+        origin_mm: origin.map(mm_from_nm),
+        registration: registration(facts.job, facts.machine, origin)
+            .into_iter()
+            .map(|r| RegistrationEntry { point_mm: r.point_mm, stage: r.at.map(mm_from_nm) })
+            .collect(),
+    };
+    facts.checked.origins().iter().map(entry).collect()
+}
+
+#[derive(Serialize)]
 struct Seams {
     zone_mm: f64,
     overlap_mm: f64,
@@ -172,6 +197,7 @@ impl Serialize for Blocks<'_> {
 struct BlockEntry<'a> {
     id: String,
     pass: u32,
+    setup: u32,
     section: [u32; 2],
     level: i32,
     centre_mm: [f64; 2],
@@ -210,6 +236,7 @@ fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
     BlockEntry {
         id: Program::block_id(index),
         pass: block.pass + 1,
+        setup: block.setup + 1,
         section: block.stop.section,
         level: block.stop.level,
         centre_mm: block.stop.centre.mm(),

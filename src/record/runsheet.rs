@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::Facts;
+use super::{Facts, registration};
 use crate::geom::mm_from_nm;
 use crate::program::{Block, Program};
 use crate::spec::Format;
@@ -11,7 +11,7 @@ use crate::spec::Format;
 pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
     let program = facts.checked.program();
     let mut out = String::from(
-        "block,column,row,level,stage_x_mm,stage_y_mm,stage_z_mm,lpfl_mm,file,strokes,mark_mm,jump_mm,time_s,pens,pass\n",
+        "block,column,row,level,stage_x_mm,stage_y_mm,stage_z_mm,lpfl_mm,file,strokes,mark_mm,jump_mm,time_s,pens,pass,setup\n",
     );
     for (i, block) in program.blocks.iter().enumerate() {
         let [column, row] = block.stop.section;
@@ -32,6 +32,7 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
             format!("{:.3}", facts.block_time_s(i)),
             cell(&facts.pen_names(block).join("; ")),
             (block.pass + 1).to_string(),
+            (block.setup + 1).to_string(),
         ];
         out += &cells.join(",");
         out.push('\n');
@@ -51,6 +52,7 @@ pub fn txt(facts: &Facts<'_>) -> Vec<u8> {
     let _ = head(&mut out, facts)
         .and_then(|()| pens(&mut out, facts))
         .and_then(|()| steps(&mut out, facts))
+        .and_then(|()| setups(&mut out, facts))
         .and_then(|()| blocks(&mut out, facts));
     out.into_bytes()
 }
@@ -67,7 +69,10 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     writeln!(out, "part       {}", part.replace('\\', "/"))?;
     writeln!(out, "machine    {}", facts.machine.name)?;
     writeln!(out, "field      {w} x {h} mm")?;
-    writeln!(out, "part zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table frame")?;
+    match facts.checked.origins().len() {
+        1 => writeln!(out, "part zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table frame")?,
+        n => writeln!(out, "part zero  {n} set-ups, each with its own: see SET-UPS")?,
+    }
     writeln!(out, "part turn  {} deg about z", facts.job.file.placement.turn.as_deg())?;
     writeln!(out, "blocks     {} ({})", s.stops, s.method)?;
     if s.passes > 1 {
@@ -180,6 +185,49 @@ fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     Ok(())
 }
 
+/// Where the part lies in each set-up, and how to find that.
+fn setups(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
+    let origins = facts.checked.origins();
+    if facts.job.file.setups.is_none() {
+        return Ok(());
+    }
+    writeln!(
+        out,
+        "\nSET-UPS (part zero: in the table frame; stage X Y: commanded position with the point under the beam; mm)"
+    )?;
+    if origins.len() > 1 {
+        writeln!(
+            out,
+            "  - The stage programs stop before each (M0), lifted and with the output off. Move the part so that its"
+        )?;
+        writeln!(
+            out,
+            "    zero is as below. With the pilot laser find each point at its stage X Y; they must all agree."
+        )?;
+        writeln!(
+            out,
+            "  - Clamp the part at the same height and turn every time, and check the focus at the first block."
+        )?;
+    }
+    for (i, &origin) in origins.iter().enumerate() {
+        let [x, y, z] = origin.map(mm_from_nm);
+        let blocks = runs(facts.checked.program(), i as u32);
+        writeln!(out, "  SET-UP {} OF {}  part zero X{x:.4} Y{y:.4} Z{z:.4}  blocks {blocks}", i + 1, origins.len())?;
+        for found in registration(facts.job, facts.machine, origin) {
+            let ([px, py], [x, y]) = (found.point_mm, found.at.map(mm_from_nm));
+            writeln!(out, "    point {px:>9.4} {py:>9.4} of the part: stage X{x:.4} Y{y:.4}")?;
+        }
+    }
+    Ok(())
+}
+
+/// The blocks of a set-up, as runs.
+fn runs(program: &Program, setup: u32) -> String {
+    let mine: Vec<usize> = (0..program.blocks.len()).filter(|&i| program.blocks[i].setup == setup).collect();
+    let run = |run: &[usize]| format!("{} to {}", Program::block_id(run[0]), Program::block_id(run[run.len() - 1]));
+    mine.chunk_by(|a, b| a + 1 == *b).map(run).collect::<Vec<_>>().join(", ")
+}
+
 fn blocks(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     let program = facts.checked.program();
     writeln!(
@@ -191,11 +239,15 @@ fn blocks(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         "  {:<7} {:>9} {:>6} {:>11} {:>11} {:>11} {:>11} {:>8} {:>11} {:>9}  pens  file",
         "block", "section", "level", "X", "Y", "Z", "LPFL", "strokes", "marks mm", "time s"
     )?;
-    let mut pass = 0;
+    let (mut pass, mut setup) = (0, None);
     for (i, block) in program.blocks.iter().enumerate() {
         if block.pass != pass {
             pass = block.pass;
             writeln!(out, "  PASS {}", pass + 1)?;
+        }
+        if facts.checked.origins().len() > 1 && setup != Some(block.setup) {
+            setup = Some(block.setup);
+            writeln!(out, "  SET-UP {}", block.setup + 1)?;
         }
         block_line(out, facts, i, block)?;
     }

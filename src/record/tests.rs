@@ -63,6 +63,7 @@ fn the_manifest_has_its_keys_in_order_and_exact_millimetres() {
             "sections",
             "seams",
             "passes",
+            "setups",
             "pens",
             "blocks",
             "files",
@@ -93,8 +94,8 @@ fn the_table_has_a_line_per_block_and_quotes_what_parts_cells() {
     assert_eq!(lines.len(), 4);
     let third = "B0003,1,0,1,-41.000000,2.000000,0.405000,0.105000,blocks/B0003.dxf,2,250.000,";
     assert!(lines[3].starts_with(third), "{}", lines[3]);
-    assert!(lines[3].ends_with(",0.125,fill; edge (fine),1"), "{}", lines[3]);
-    assert!(lines.iter().all(|l| l.split(',').count() == 15));
+    assert!(lines[3].ends_with(",0.125,fill; edge (fine),1,1"), "{}", lines[3]);
+    assert!(lines.iter().all(|l| l.split(',').count() == 16));
 }
 
 #[test]

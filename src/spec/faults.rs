@@ -1,6 +1,6 @@
 //! What can be wrong with a job file that reads as one: found without opening any other file.
 
-use super::{AreaSpec, Job, Pattern, TextureSpec};
+use super::{AreaSpec, Format, Job, Method, Parts, Pattern, SetupsSpec, TextureSpec};
 use crate::diag::{Diag, Place};
 use crate::units::Angle;
 
@@ -9,6 +9,9 @@ const MAX_PENS: usize = 1000;
 
 /// Most passes of a job.
 const MAX_PASSES: u32 = 100;
+
+/// Most columns and most rows of set-ups.
+pub const MAX_PARTS: u32 = 100;
 
 /// Every fault, in the order of the file's sections.
 pub(super) fn of(job: &Job) -> Vec<Diag> {
@@ -103,6 +106,9 @@ pub(super) fn of(job: &Job) -> Vec<Diag> {
                 .hint("it is what one pass removes, such as \"8 um\"; check its unit"),
         );
     }
+    if let Some(setups) = &file.setups {
+        of_setups(job, setups, &mut faults);
+    }
     if let Some(dose) = &file.dose {
         if !(1.01..=10.0).contains(&dose.cap) {
             faults.push(Diag::input("dose-cap", "dose.cap is not between 1.01 and 10").at(whole.clone()));
@@ -126,6 +132,51 @@ pub(super) fn of(job: &Job) -> Vec<Diag> {
         );
     }
     faults
+}
+
+fn of_setups(job: &Job, setups: &SetupsSpec, faults: &mut Vec<Diag>) {
+    let whole = || Place::file(job.path.display().to_string());
+    for (name, parts) in [("columns", setups.columns), ("rows", setups.rows)] {
+        if matches!(parts, Parts::Number(n) if !(1..=MAX_PARTS).contains(&n)) {
+            let text = format!("setups.{name} is not between 1 and {MAX_PARTS}");
+            faults.push(Diag::input("setups-count", text).at(whole()).hint("\"auto\" takes the fewest"));
+        }
+    }
+    let points = &setups.registration;
+    let fault = if points.iter().flatten().any(|l| l.as_nm().is_none()) {
+        Some("a point of setups.registration is beyond 4 m")
+    } else if points.len() < 2 {
+        Some("setups.registration has fewer than two points")
+    } else if (1..points.len()).any(|i| points[..i].contains(&points[i])) {
+        Some("two points of setups.registration are the same")
+    } else {
+        None
+    };
+    if let Some(text) = fault {
+        let hint = "name tooling holes or corners, x and y in the part's own frame; every set-up must reach two";
+        faults.push(Diag::input("setups-registration", text).at(whole()).hint(hint));
+    }
+    if job.file.placement.origin.is_some() {
+        faults.push(
+            Diag::input("setups-origin", "the job has both setups and placement.origin")
+                .at(whole())
+                .hint("leave the origin out: each set-up has its own, in the run sheet"),
+        );
+    }
+    if job.file.partition.method == Method::Tilt {
+        faults.push(
+            Diag::input("setups-tilt", "a part in several set-ups cannot be tilted")
+                .at(whole())
+                .hint("use another partition.method, or leave [setups] out"),
+        );
+    }
+    if job.file.emit.formats.contains(&Format::Ovf) {
+        faults.push(
+            Diag::input("setups-ovf", "\"ovf\" has no stop between set-ups, at which the part could be moved")
+                .at(whole())
+                .hint("leave it out: emit.formats = [\"dxf\", \"linuxcnc\"]"),
+        );
+    }
 }
 
 fn of_texture(job: &Job, t: &TextureSpec, faults: &mut Vec<Diag>) {

@@ -9,6 +9,7 @@ mod faults;
 mod sample;
 
 pub use direction::Direction;
+pub use faults::MAX_PARTS;
 pub use sample::{SAMPLE_JOB, SAMPLE_SURFACE_NAME, sample_surface};
 
 use std::ops::Range;
@@ -64,6 +65,9 @@ pub struct JobFile {
     /// How often the part is gone over.
     #[serde(default)]
     pub passes: PassesSpec,
+    /// Set-ups of a part beyond the stage travel; default: one.
+    #[serde(default)]
+    pub setups: Option<SetupsSpec>,
     /// What is skipped or warned of.
     #[serde(default)]
     pub limits: LimitsSpec,
@@ -476,6 +480,45 @@ impl PassesSpec {
     pub fn lowered_nm(&self, k: u32) -> i64 {
         self.lower.as_nm().unwrap_or(i64::MAX).saturating_mul(i64::from(k))
     }
+}
+
+/// `[setups]`: a part beyond the stage travel is moved on the table and marked from several places.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SetupsSpec {
+    /// Into how many columns the stops are parted along x.
+    #[serde(default)]
+    pub columns: Parts,
+    /// Into how many rows along y.
+    #[serde(default)]
+    pub rows: Parts,
+    /// Points of the part's own frame that the operator finds with the pilot laser, x and y; every set-up
+    /// must reach two.
+    pub registration: Vec<[Length; 2]>,
+}
+
+/// How many columns or rows of set-ups there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged, expecting = "a number of set-ups, or \"auto\"")]
+pub enum Parts {
+    /// `"auto"`.
+    Named(PartsName),
+    /// So many.
+    Number(u32),
+}
+
+impl Default for Parts {
+    fn default() -> Self {
+        Self::Named(PartsName::Auto)
+    }
+}
+
+/// Numbers with a name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum PartsName {
+    /// The fewest that the travel allows.
+    Auto,
 }
 
 /// What of a pen makes up for the slope.

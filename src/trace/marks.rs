@@ -9,6 +9,8 @@ use crate::geom::P2;
 #[derive(Clone, Debug, Default)]
 pub struct Marks {
     cells: FxHashMap<u32, [[f64; 3]; 2]>,
+    /// Largest squared slope of the marks.
+    pub worst_slope2: f64,
 }
 
 impl Marks {
@@ -24,6 +26,7 @@ impl Marks {
                 }
             });
         }
+        self.worst_slope2 = self.worst_slope2.max(tracer.tracer.worst_slope2);
     }
 
     fn point(&mut self, cell: u32, p: [f64; 3]) {
@@ -41,6 +44,7 @@ impl Marks {
 
     /// Joins what another part of the texture found.
     pub fn merge(&mut self, other: Self) {
+        self.worst_slope2 = self.worst_slope2.max(other.worst_slope2);
         for (cell, points) in other.cells {
             points.into_iter().for_each(|p| self.point(cell, p));
         }

@@ -6,7 +6,7 @@
 
 use super::footprint::Heights;
 use super::{GridTracer, Keep, Piece};
-use crate::geom::{P2, Turn};
+use crate::geom::{Box2, P2, Turn};
 use crate::program::Sections;
 
 /// A place that is marked at one turn of the part.
@@ -18,8 +18,12 @@ pub struct Facing {
     pub turn: Turn,
     /// The point of the turned part under the optical axis, where the stage can stand.
     pub centre: P2,
+    /// What of the plane it is made for.
+    pub area: Box2,
     /// The part's highest place that could stand in the way of the beam, nm.
     pub top: f64,
+    /// Whether its stops may mark their windows beyond the area: nothing there is hidden from them.
+    pub is_wide: bool,
 }
 
 /// Which place of the plane is marked at which turn.
@@ -33,6 +37,8 @@ pub struct Facings {
     pub list: Vec<Facing>,
     /// Half the window of a stop, nm.
     pub half: [i64; 2],
+    /// By cell, the facings of other cells whose windows reach here and may find something hidden.
+    pub doubtful: Vec<Vec<u32>>,
 }
 
 /// What one facing must hold.
@@ -43,6 +49,8 @@ pub struct InFacing {
     pub figures: Vec<(f64, f64)>,
     /// Whether the part hides a mark from the turned beam, or the beam meets one beyond the limit.
     pub is_hidden: bool,
+    /// The same of a mark that lies in the window beyond the area.
+    pub is_shaded: bool,
     /// Whether a mark lies beside the window.
     pub is_beside: bool,
 }
@@ -73,7 +81,8 @@ impl Turned {
     /// Adds one stroke, traced over the grid of the facings.
     pub fn add(&mut self, points: &[P2], tracer: &mut GridTracer<'_>, facings: &Facings, keep: Keep) {
         let columns = i64::from(facings.grid.count[0]);
-        let facing_of = |[column, row]: [i64; 2]| facings.of_cell[(row * columns + column) as usize] as usize;
+        let index = |[column, row]: [i64; 2]| (row * columns + column) as usize;
+        let facing_of = |cell| facings.of_cell[index(cell)] as usize;
         if let Some(bounds) = keep.bounds(points) {
             let middle = [(0, bounds.lo.x + bounds.hi.x), (1, bounds.lo.y + bounds.hi.y)];
             let i = facing_of(middle.map(|(axis, sum)| facings.grid.along(axis, sum / 2, 0)));
@@ -84,7 +93,8 @@ impl Turned {
                 let mut list = std::mem::take(&mut tracer.small);
                 list.clear();
                 tracer.segment(w[0], w[1], |p, cell| list.push((p, cell)));
-                for (p, _) in &list {
+                for (p, cell) in &list {
+                    self.shade(p, w, tracer, facings, index(*cell));
                     let ends = Ends::of(p, w, facing);
                     z = [z[0].min(ends.lo()), z[1].max(ends.hi())];
                     beside |= ends.is_beside(facing, facings.half);
@@ -104,6 +114,7 @@ impl Turned {
             tracer.segment(w[0], w[1], |p, cell| list.push((p, cell)));
             let mut run: Option<(usize, f64, f64)> = None;
             for (p, cell) in &list {
+                self.shade(p, w, tracer, facings, index(*cell));
                 let i = facing_of(*cell);
                 let facing = &facings.list[i];
                 let ends = Ends::of(p, w, facing);
@@ -129,12 +140,24 @@ impl Turned {
         }
     }
 
+    /// Notes the facings of other places that would find a piece hidden in their windows.
+    fn shade(&mut self, p: &Piece, w: &[P2], tracer: &mut GridTracer<'_>, facings: &Facings, cell: usize) {
+        for &k in &facings.doubtful[cell] {
+            let (facing, here) = (&facings.list[k as usize], &mut self.0[k as usize]);
+            if facings.of_cell[cell] != k && !here.is_shaded && facing.is_wide {
+                here.is_shaded =
+                    !Ends::of(p, w, facing).is_beyond(facing, facings.half) && tracer.tracer.hides(p, w, facing);
+            }
+        }
+    }
+
     /// Joins what another part of the texture found.
     pub fn merge(&mut self, other: Self) {
         for (mine, mut theirs) in self.0.iter_mut().zip(other.0) {
             mine.heights.append(&mut theirs.heights);
             mine.figures.append(&mut theirs.figures);
             mine.is_hidden |= theirs.is_hidden;
+            mine.is_shaded |= theirs.is_shaded;
             mine.is_beside |= theirs.is_beside;
         }
     }
@@ -162,6 +185,12 @@ impl Ends {
     }
     fn hi(&self) -> f64 {
         self.0[0][2].max(self.0[1][2])
+    }
+    /// Whether both lie beside the window on one side.
+    fn is_beyond(&self, facing: &Facing, half: [i64; 2]) -> bool {
+        let c = [facing.centre.x, facing.centre.y];
+        let off = |k: usize, end: usize| self.0[end][k] - c[k] as f64;
+        (0..2).any(|k| off(k, 0).min(off(k, 1)) > half[k] as f64 || off(k, 0).max(off(k, 1)) < -half[k] as f64)
     }
     fn is_beside(&self, facing: &Facing, half: [i64; 2]) -> bool {
         let c = [facing.centre.x, facing.centre.y];

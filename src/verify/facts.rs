@@ -9,7 +9,7 @@ use crate::diag::Error;
 use crate::geom::NM_PER_MM;
 use crate::machine::Machine;
 use crate::program::{Block, Pen};
-use crate::spec::{DepthRule, DoseSpec, Format, Job, Level, PassesSpec};
+use crate::spec::{DepthRule, DoseSpec, Format, Job, Level, PassesSpec, SetupsSpec};
 use crate::surface::{self, Content};
 use crate::texture::Texture;
 use crate::units::Length;
@@ -53,6 +53,8 @@ pub(super) struct Facts {
     pub(super) overlap_nm: f64,
     /// How often, how turned, how lowered, how shifted.
     pub(super) passes: PassesSpec,
+    /// Set-ups and their registration points.
+    pub(super) setups: Option<SetupsSpec>,
     /// Distance of figures that are to stay whole, nm.
     pub(super) figure_pitch_nm: Option<i64>,
     /// Pitch of the sections, at most the usable field, nm.
@@ -84,6 +86,7 @@ impl Facts {
             min_mark_nm: 0.0,
             overlap_nm: m.seams.overlap_mm * NM_PER_MM,
             passes: PassesSpec::default(),
+            setups: None,
             figure_pitch_nm: None,
             weld_nm: 0.0,
             turn_deg: m.placement.turn_deg,
@@ -117,6 +120,7 @@ impl Facts {
             min_mark_nm: file.partition.min_mark.as_mm() * NM_PER_MM,
             overlap_nm: file.partition.overlap.as_mm() * NM_PER_MM,
             passes: file.passes.clone(),
+            setups: file.setups.clone(),
             figure_pitch_nm: job.figure_pitch_nm(),
             weld_nm: file.surface.weld.as_mm() * NM_PER_MM,
             turn_deg: file.placement.turn.as_deg(),

@@ -12,6 +12,8 @@ use super::number::nm_from_decimal;
 pub(in crate::verify) enum Step {
     /// The comment that begins a block, with the block's name.
     Block(String),
+    /// The comment that begins a set-up, with its number.
+    Setup(u32),
     /// Modal G words, in tenths: G61.1 is 611.
     Modal(Vec<u32>),
     /// A rapid move to the axis values given: x, y and z in nm, a, b and c in millionths of a degree.
@@ -60,6 +62,9 @@ pub(in crate::verify) fn read(bytes: &[u8]) -> Result<Vec<Statement>, Fault> {
         for comment in comments {
             if let Some(rest) = comment.trim().strip_prefix("BLOCK ") {
                 push(Step::Block(rest.split_whitespace().next().unwrap_or("").to_owned()));
+            } else if let Some(rest) = comment.trim().strip_prefix("SETUP ") {
+                let number = rest.split_whitespace().next().and_then(|n| n.parse().ok());
+                push(number.map_or_else(|| Step::Unknown(comment.to_owned()), Step::Setup));
             }
         }
         let code = code.trim();
@@ -193,6 +198,12 @@ mod tests {
         ];
         assert_eq!(steps(text), expected);
         assert_eq!(read(text.as_bytes()).expect("text")[2].line, 4);
+    }
+
+    #[test]
+    fn a_set_up_is_read_by_its_number() {
+        assert_eq!(steps("(SETUP 2 OF 3)\nM0\n"), [Step::Setup(2), Step::Pause]);
+        assert_eq!(steps("(SETUP two)\n"), [Step::Unknown("SETUP two".into())]);
     }
 
     #[test]

@@ -32,6 +32,8 @@ pub(in crate::verify) struct Manifest {
     pub(in crate::verify) seams: Seams,
     #[serde(default)]
     pub(in crate::verify) passes: Vec<PassEntry>,
+    #[serde(default)]
+    pub(in crate::verify) setups: Vec<SetupEntry>,
     pub(in crate::verify) pens: Vec<PenEntry>,
     pub(in crate::verify) blocks: Vec<BlockEntry>,
     /// Every file of the folder but the manifest itself.
@@ -92,6 +94,20 @@ pub(in crate::verify) struct PassEntry {
     pub(in crate::verify) sections: Option<Sections>,
 }
 
+/// One set-up.
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct SetupEntry {
+    pub(in crate::verify) origin_mm: [f64; 3],
+    pub(in crate::verify) registration: Vec<RegistrationEntry>,
+}
+
+/// A point of the part, and the x and y commanded to find it.
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct RegistrationEntry {
+    pub(in crate::verify) point_mm: [f64; 2],
+    pub(in crate::verify) stage: [f64; 2],
+}
+
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct PenEntry {
     pub(in crate::verify) name: String,
@@ -102,6 +118,7 @@ pub(in crate::verify) struct PenEntry {
 pub(in crate::verify) struct BlockEntry {
     pub(in crate::verify) id: String,
     pub(in crate::verify) pass: u32,
+    pub(in crate::verify) setup: u32,
     pub(in crate::verify) section: [u32; 2],
     pub(in crate::verify) level: i32,
     pub(in crate::verify) centre_mm: [f64; 2],
@@ -126,6 +143,7 @@ pub(in crate::verify) struct BlockFiles {
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct Summary {
     pub(in crate::verify) stops: usize,
+    pub(in crate::verify) setups: usize,
     pub(in crate::verify) fragments: usize,
     pub(in crate::verify) texture_mm: f64,
     pub(in crate::verify) mark_mm: f64,

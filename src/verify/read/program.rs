@@ -25,12 +25,19 @@ const MAX_LINE: u64 = 1 << 28;
 /// What `program.txt` says.
 #[derive(Debug)]
 pub(in crate::verify) struct ProgramFile {
-    /// Part-frame origin in the table frame, nm.
-    pub(in crate::verify) origin: [i64; 3],
+    /// Part-frame origins in the table frame, nm, by set-up; at least one.
+    pub(in crate::verify) origins: Vec<[i64; 3]>,
     /// Blocks, strokes, points, pens.
     pub(in crate::verify) program: Program,
     /// Names of the blocks.
     pub(in crate::verify) ids: Vec<String>,
+}
+
+impl ProgramFile {
+    /// Where the part lies while a block is marked, nm.
+    pub(in crate::verify) fn origin(&self, block: &Block) -> [i64; 3] {
+        self.origins[block.setup as usize]
+    }
 }
 
 /// Reads the file at `path`.
@@ -45,7 +52,10 @@ pub(in crate::verify) fn parse(input: impl BufRead) -> Result<ProgramFile, Fault
     if lines.next()? != b"terrace program 1" {
         return Err(lines.fault("does not begin with \"terrace program 1\""));
     }
-    let origin = lines.keyed(b"origin", |w| Some([w.nm()?, w.nm()?, w.nm()?]))?;
+    let mut origins = Vec::new();
+    while origins.is_empty() || lines.begins_with(b'o')? {
+        origins.push(lines.keyed(b"origin", |w| Some([w.nm()?, w.nm()?, w.nm()?]))?);
+    }
     let pens = lines.keyed(b"pens", |w| w.count())?;
     let mut program = Program::default();
     for _ in 0..pens {
@@ -57,13 +67,17 @@ pub(in crate::verify) fn parse(input: impl BufRead) -> Result<ProgramFile, Fault
     }
     let blocks = lines.keyed(b"blocks", |w| w.count())?;
     let mut ids = Vec::new();
-    let mut pass = 0;
+    let (mut pass, mut setup) = (0, 0);
     for _ in 0..blocks {
         if lines.begins_with(b'p')? {
             pass = lines.keyed(b"pass", |w| w.count()?.checked_sub(1))?;
         }
+        if lines.begins_with(b's')? {
+            let is_known = |n: &u32| (*n as usize) < origins.len();
+            setup = lines.keyed(b"setup", |w| w.count()?.checked_sub(1).filter(is_known))?;
+        }
         let (id, mut block, strokes) = lines.keyed(b"block", block)?;
-        block.pass = pass;
+        (block.pass, block.setup) = (pass, setup);
         block.strokes = program.strokes.len()..program.strokes.len();
         for _ in 0..strokes {
             let text = lines.next()?;
@@ -81,7 +95,7 @@ pub(in crate::verify) fn parse(input: impl BufRead) -> Result<ProgramFile, Fault
     if !lines.at_end()? {
         return Err(lines.fault("something follows the end"));
     }
-    Ok(ProgramFile { origin, program, ids })
+    Ok(ProgramFile { origins, program, ids })
 }
 
 /// Lines of the file, one at a time in a reused buffer.
@@ -189,7 +203,7 @@ fn block(w: &mut Words<'_>) -> Option<(String, Block, u32)> {
         b"1" => true,
         _ => return None,
     };
-    let block = Block { pass: 0, stop, stage, retract, z_lo: w.nm()?, z_hi: w.nm()?, strokes: 0..0 };
+    let block = Block { pass: 0, setup: 0, stop, stage, retract, z_lo: w.nm()?, z_hi: w.nm()?, strokes: 0..0 };
     Some((id, block, w.count()?))
 }
 
@@ -218,17 +232,17 @@ fn stroke(w: &mut Words<'_>, program: &mut Program) -> Option<()> {
 mod tests {
     use super::*;
 
-    const TEXT: &str = "terrace program 1\norigin 1 -2 3\npens 1\npen fill | 1000 mm/s | 60 % | 60 kHz | 2\nblocks 1\npass 3\n\
+    const TEXT: &str = "terrace program 1\norigin 1 -2 3\norigin 4 5 6\npens 1\npen fill | 1000 mm/s | 60 % | 60 kHz | 2\nblocks 1\npass 3\nsetup 2\n\
         block B0001 0 1 -2 0 -5 10 20 30 25 35 -11 -18 33 1 28 31 2\n0 7 3 + 0 0 5 5\n0 8 0 - 1 1 2 2 3 -3\nend\n";
 
     #[test]
     fn a_program_is_read_as_written() {
         let file = parse(TEXT.as_bytes()).expect("sound");
-        assert_eq!((file.origin, file.ids.as_slice()), ([1, -2, 3], &["B0001".to_owned()][..]));
+        assert_eq!((file.origins, file.ids.as_slice()), (vec![[1, -2, 3], [4, 5, 6]], &["B0001".to_owned()][..]));
         let p = &file.program;
         assert_eq!((p.pens[0].name.as_str(), p.pens[0].passes), ("fill", 2));
         let b = &p.blocks[0];
-        assert_eq!(b.pass, 2);
+        assert_eq!((b.pass, b.setup), (2, 1));
         assert_eq!((b.stop.section, b.stop.level, b.stop.centre), ([0, 1], -2, P2::new(10, 20)));
         assert_eq!(b.stop.tilt, [0, -5]);
         assert_eq!((b.stop.focus, b.stop.z_lo, b.stop.z_hi, b.z_lo, b.z_hi), (30, 25, 35, 28, 31));
@@ -245,18 +259,21 @@ mod tests {
         for (from, to, line) in [
             ("program 1", "program 2", 1),
             ("origin 1", "origin x", 2),
-            ("pens 1", "pens 99999999999", 3),
-            ("60 %", "60", 4),
-            ("blocks 1", "blocks 4000000000", 10),
-            ("pass 3", "pass 0", 6),
-            ("pass 3", "past 3", 6),
-            ("block B0001 0", "block B0001 -1", 7),
-            ("30 25", "99999999999999999999 25", 7),
-            ("5 5\n", "5 2147483648\n", 8),
-            ("5 5\n", "5\n", 8),
-            ("0 7", "1 7", 8),
-            ("8 0 -", "8 0 *", 9),
-            ("end\n", "end\nmore\n", 10),
+            ("origin 4", "other 4", 3),
+            ("pens 1", "pens 99999999999", 4),
+            ("60 %", "60", 5),
+            ("blocks 1", "blocks 4000000000", 12),
+            ("pass 3", "pass 0", 7),
+            ("pass 3", "past 3", 7),
+            ("setup 2", "setup 3", 8),
+            ("setup 2", "setup 0", 8),
+            ("block B0001 0", "block B0001 -1", 9),
+            ("30 25", "99999999999999999999 25", 9),
+            ("5 5\n", "5 2147483648\n", 10),
+            ("5 5\n", "5\n", 10),
+            ("0 7", "1 7", 10),
+            ("8 0 -", "8 0 *", 11),
+            ("end\n", "end\nmore\n", 12),
         ] {
             let fault = parse(TEXT.replace(from, to).as_bytes()).expect_err(to);
             assert_eq!(fault.line, line, "{from} -> {to}: {}", fault.message);

@@ -2,10 +2,11 @@
 //! programs are compared in `stage`.) Numbers are compared as whole nanometres, those of OVF to one
 //! step of f32. One violation per file or block: the first difference.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::hash::is_inside;
-use super::planes;
+use super::{planes, setups};
 use crate::diag;
 use crate::geom::{NM_PER_MM, P2, nm_from_mm};
 use crate::machine::Machine;
@@ -27,9 +28,13 @@ const SAME: f64 = 1e-12;
 pub(in crate::verify) fn check(folder: &Path, manifest: &Manifest, file: &ProgramFile, facts: &Facts, rule: &mut Rule) {
     rule.ran = true;
     let program = &file.program;
-    if manifest.placement.origin_mm.map(nm_from_mm) != file.origin.map(Some) {
+    if manifest.placement.origin_mm.map(nm_from_mm) != file.origins[0].map(Some) {
         rule.broken("", "manifest.json", "its placement is not the origin of program.txt");
     }
+    if !manifest.setups.iter().map(|s| s.origin_mm.map(nm_from_mm)).eq(file.origins.iter().map(|o| o.map(Some))) {
+        rule.broken("", "manifest.json", "its set-ups are not those of program.txt");
+    }
+    let mut begun = BTreeSet::new();
     let pens = manifest.pens.iter().map(|p| (p.name.as_str(), p.passes));
     if !pens.eq(program.pens.iter().map(|p| (p.name.as_str(), p.passes))) {
         rule.broken("", "manifest.json", "its pens are not those of program.txt");
@@ -45,6 +50,10 @@ pub(in crate::verify) fn check(folder: &Path, manifest: &Manifest, file: &Progra
         }
         if i > 0 && block.pass < program.blocks[i - 1].pass {
             rule.broken(id, "program.txt", "a block of an earlier pass stands after a later one");
+        }
+        let place = |b: &Block| (b.pass, b.setup);
+        if (i == 0 || place(block) != place(&program.blocks[i - 1])) && !begun.insert(place(block)) {
+            rule.broken(id, "program.txt", "the blocks of its set-up do not follow each other");
         }
         let entry = manifest.blocks.get(i);
         if let Some(difference) = entry.and_then(|e| differs(e, id, block)) {
@@ -91,8 +100,9 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
     });
     let all = manifest.passes.len() == passes.count() as usize;
     hold(all && declared.into_iter().all(|same| same), "its passes are not those of the job file");
+    hold(setups::are_the_jobs(manifest, file, facts), "its set-ups are not those that the job asks for");
     hold(near(manifest.placement.turn_deg, facts.turn_deg), "its turn is not the one of the job file");
-    hold(facts.origin.is_none_or(|o| o == file.origin.map(Some)), "its origin is not the one of the job file");
+    hold(facts.origin.is_none_or(|o| o == file.origins[0].map(Some)), "its origin is not the one of the job file");
     let pens = &file.program.pens;
     let is_made = (0..pens.len()).all(|pen| super::dose::is_made(pens, pen, facts));
     let own = facts.pens.as_ref();
@@ -106,6 +116,7 @@ fn differs(e: &BlockEntry, id: &str, b: &Block) -> Option<&'static str> {
     [
         ("id", e.id == id),
         ("pass", e.pass.checked_sub(1) == Some(b.pass)),
+        ("set-up", e.setup.checked_sub(1) == Some(b.setup)),
         ("section", e.section == b.stop.section),
         ("level", e.level == b.stop.level),
         ("centre", e.centre_mm.map(nm) == [Some(x), Some(y)]),

@@ -19,9 +19,19 @@ pub(super) fn check(stages: &[StageFile], machine: &Machine, rule: &mut Rule) {
     rule.ran = true;
     for stage in stages {
         let settle = machine.stage.settle.as_s();
-        let run = Run { stage, rule, settle, block: "", off: false, settled: true, fired: true };
+        let run = Run { stage, rule, settle, block: "", off: false, settled: true, fired: true, part: Part::Lies };
         if stage.handshake { run.handshake() } else { run.operator() }
     }
+}
+
+/// Whether the part lies as the blocks need it.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Part {
+    Lies,
+    /// A set-up has begun, the stop at which the part is moved is still to come.
+    Moves,
+    /// The stop has come, the set-up's first block is still to come.
+    Moved,
 }
 
 struct Run<'a> {
@@ -35,6 +45,7 @@ struct Run<'a> {
     settled: bool,
     /// Whether the block has fired.
     fired: bool,
+    part: Part,
 }
 
 impl<'a> Run<'a> {
@@ -47,7 +58,29 @@ impl<'a> Run<'a> {
         if !self.fired {
             self.broken(line, "this block ends without its marks having been started");
         }
-        (self.block, self.fired) = (id, false);
+        if self.part == Part::Moves {
+            self.broken(line, "the set-up begins without a stop (M0) at which the part is moved");
+        }
+        (self.block, self.fired, self.part) = (id, false, Part::Lies);
+    }
+
+    fn setup(&mut self, line: usize) {
+        if !self.fired {
+            self.broken(line, "a set-up begins before the marks of the block have been started");
+        }
+        self.part = Part::Moves;
+    }
+
+    /// The stop at which the part is moved; answers whether it is one.
+    fn is_moved(&mut self, line: usize) -> bool {
+        if self.part == Part::Lies {
+            return false;
+        }
+        if !self.off {
+            self.broken(line, "the part is moved while the laser output is not known to be off");
+        }
+        self.part = Part::Moved;
+        true
     }
 
     fn dwell(&mut self, seconds: f64, line: usize) {
@@ -92,6 +125,8 @@ impl<'a> Run<'a> {
             i += 1;
             match step {
                 Step::Block(id) => self.begin(id, *line),
+                Step::Setup(_) => self.setup(*line),
+                Step::Pause if self.is_moved(*line) => {}
                 Step::Modal(codes) => self.modal(codes, *line),
                 Step::Move(_) => self.moves(*line),
                 Step::Dwell(seconds) => self.dwell(*seconds, *line),
@@ -111,6 +146,9 @@ impl<'a> Run<'a> {
     fn fire(&mut self, i: usize, line: usize) -> usize {
         if !self.settled {
             self.broken(line, "START comes without a dwell after the stage moved");
+        }
+        if self.part != Part::Lies {
+            self.broken(line, "START comes while the part is moved to its next set-up");
         }
         (self.off, self.fired) = (false, true);
         let i = self.wait(i, true, line);
@@ -173,6 +211,8 @@ impl<'a> Run<'a> {
             }
             match step {
                 Step::Block(id) => self.begin(id, *line),
+                Step::Setup(_) => self.setup(*line),
+                Step::Pause if self.is_moved(*line) => {}
                 Step::Modal(codes) => self.modal(codes, *line),
                 Step::Move(_) => self.moves(*line),
                 Step::Dwell(seconds) => self.dwell(*seconds, *line),
@@ -203,6 +243,7 @@ impl<'a> Run<'a> {
 fn name(step: &Step) -> String {
     match step {
         Step::Block(_) => "a block".into(),
+        Step::Setup(_) => "a set-up".into(),
         Step::Modal(_) => "a modal word".into(),
         Step::Move(_) => "a move".into(),
         Step::Dwell(_) => "a dwell".into(),

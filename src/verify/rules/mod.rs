@@ -8,6 +8,7 @@ pub(super) mod laser;
 pub(super) mod marks;
 pub(super) mod pieces;
 mod planes;
+mod setups;
 mod stage;
 mod stretch;
 pub(super) mod summary;

@@ -533,7 +533,8 @@ impl Cover<'_> {
     /// cut again where its height leaves what a block accepts.
     fn is_small(&self, run: &Run, scratch: &mut Scratch) -> bool {
         let least = 2.0 * self.facts.min_mark_nm;
-        if run.len < least {
+        // What tilted blocks would accept is not looked into.
+        if run.len < if self.drawn.is_empty() { least } else { 2.0 * least } {
             return true;
         }
         if least == 0.0 {

@@ -113,12 +113,26 @@ fn units(stage: &StageFile, rule: &mut Rule) {
 fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
     let mut at: [Option<i64>; 6] = [None; 6];
     let mut blocks = file.ids.iter().zip(&file.program.blocks);
+    // The set-up that begins before the next block, and the one that was marked last.
+    let (mut begins, mut setup) = (None, None);
     let mut rest = stage.statements.iter().peekable();
     while let Some(s) = rest.next() {
         let id = match &s.step {
             Step::Block(id) => id,
             Step::Move(to) => {
                 apply(&mut at, *to);
+                continue;
+            }
+            Step::Setup(number) => {
+                begins = Some(*number);
+                continue;
+            }
+            Step::Pause if begins.is_some() => {
+                if at[2] != Some(machine.retract_z()) {
+                    rule.broken("", stage.place(s.line), "the stage is not lifted while the part is moved");
+                }
+                // Whoever moves the part may move the axes too.
+                at = [None; 6];
                 continue;
             }
             _ => continue,
@@ -133,6 +147,11 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
                 stage.place(s.line),
                 format!("block {id} stands where the program has {wanted}"),
             );
+        }
+        let is_next = file.origins.len() > 1 && setup != Some(block.setup);
+        setup = Some(block.setup);
+        if begins.take() != is_next.then_some(block.setup + 1) {
+            rule.broken(id, stage.place(s.line), "it does not begin a set-up here as in program.txt");
         }
         while rest.peek().is_some_and(|n| matches!(n.step, Step::OutputOff | Step::SpindleOff | Step::Modal(_))) {
             rest.next();

@@ -41,6 +41,7 @@ pub(in crate::verify) fn check(
     };
     let tiny = LENGTH * found.texture_mm;
     hold("", "stops", s.stops as f64, file.program.blocks.len() as f64, 0.0);
+    hold("", "setups", s.setups as f64, file.origins.len() as f64, 0.0);
     hold("", "fragments", s.fragments as f64, file.program.strokes.len() as f64, 0.0);
     hold("", "texture_mm", s.texture_mm, found.texture_mm, tiny);
     // Errors of the ends of marks on tilted parts are independent of each other.

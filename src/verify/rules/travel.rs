@@ -17,13 +17,21 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
     for (id, block) in file.ids.iter().zip(&file.program.blocks) {
         rule.checked += 1;
         let (c, place) = (block.stop.centre, super::part_place(block.stop.centre));
-        let wanted = machine.stage_from_part([c.x, c.y, block.stop.focus], file.origin);
+        let wanted = machine.stage_from_part([c.x, c.y, block.stop.focus], file.origin(block));
         if block.stage != wanted {
             let text =
                 format!("the stage stands at {}, the block is at {}", stage_text(block.stage), stage_text(wanted));
             rule.broken(id, place, text);
         } else if let Some(fault) = fault(machine, block.stage.map(Some)).or_else(|| tilt_fault(machine, block)) {
             rule.broken(id, place, fault);
+        }
+    }
+    for (i, origin) in file.origins.iter().enumerate() {
+        rule.checked += 1;
+        let by = [0, 1, 2].map(|k| origin[k] - file.origins[0][k]);
+        if by[2] != 0 || by.iter().any(|v| v % machine.increment_nm().max(1) != 0) {
+            let text = format!("set-up {} is not moved by whole increments in x and y alone", i + 1);
+            rule.broken("", "program.txt", text);
         }
     }
     let blocks: BTreeMap<&str, &Block> = file.ids.iter().map(String::as_str).zip(&file.program.blocks).collect();

@@ -46,7 +46,7 @@ impl Turned {
             return false;
         }
         // Later passes lie on a surface that has sunk along the part's own z.
-        let [x, y, z] = file.origin;
+        let [x, y, z] = file.origin(block);
         let turn = Turn::of(table, tilt, [x, y, z.saturating_sub(facts.passes.lowered_nm(block.pass))]);
         let block = &facts.raised(block);
         let [x0, y0, x1, y1] = area(file, block, &turn);

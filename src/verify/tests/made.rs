@@ -75,6 +75,7 @@ impl Made {
             min_mark_nm: 0.0,
             overlap_nm: 0.0,
             passes: PassesSpec::default(),
+            setups: None,
             figure_pitch_nm: None,
             section_nm: [40e6; 2],
             weld_nm: 0.0,
@@ -107,7 +108,7 @@ impl Made {
         let mark: f64 = self.blocks.iter().map(|b| self.mark_mm(b)).sum();
         let skipped = texture - mark;
         self.summary = json!({
-            "stops": self.blocks.len(),
+            "stops": self.blocks.len(), "setups": 1,
             "fragments": self.blocks.iter().map(|b| b.marks.len()).sum::<usize>(),
             "texture_mm": texture, "mark_mm": mark, "overlap_mm": 0.0, "skipped_mm": skipped,
             "skipped_off_part_mm": skipped - 9.0, "skipped_hidden_mm": 0.0, "skipped_steep_mm": 9.0,
@@ -133,6 +134,7 @@ impl Made {
             let strokes = start..program.strokes.len();
             let block = Block {
                 pass: b.pass,
+                setup: 0,
                 stop: b.stop.clone(),
                 stage: self.stage(b),
                 retract: b.retract,
@@ -177,7 +179,7 @@ impl Made {
         let blocks: Vec<Value> = self.blocks.iter().zip(&program.blocks).enumerate().map(|(i, (m, b))| {
             let id = Program::block_id(i);
             json!({
-                "id": id, "pass": b.pass + 1, "section": b.stop.section, "level": b.stop.level, "centre_mm": b.stop.centre.mm(),
+                "id": id, "pass": b.pass + 1, "setup": b.setup + 1, "section": b.stop.section, "level": b.stop.level, "centre_mm": b.stop.centre.mm(),
                 "tilt_deg": b.stop.tilt.map(|v| v as f64 / 1e6),
                 "lpfl_mm": mm_from_nm(b.stop.focus), "stage": b.stage.map(mm_from_nm), "z_lo_mm": mm_from_nm(b.z_lo),
                 "z_hi_mm": mm_from_nm(b.z_hi), "files": {"dxf": format!("blocks/{id}.dxf")},
@@ -190,7 +192,7 @@ impl Made {
             "inputs": [entry(folder.parent().expect("inside"), "part.stl")], "machine": self.facts.machine,
             "placement": {"origin_mm": self.origin.map(mm_from_nm), "turn_deg": 0.0},
             "focus": {"pdof_mm": self.facts.pdof.as_mm(), "depth_range_mm": self.facts.depth_range.as_mm(), "level": "mid", "rule": "range"},
-            "sections": {}, "passes": [{"turn_deg": 0.0, "lowered_mm": 0.0}], "seams": {"zone_mm": 0.0, "overlap_mm": self.facts.overlap_nm / 1e6}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
+            "sections": {}, "passes": [{"turn_deg": 0.0, "lowered_mm": 0.0}], "setups": [{"origin_mm": self.origin.map(mm_from_nm), "registration": []}], "seams": {"zone_mm": 0.0, "overlap_mm": self.facts.overlap_nm / 1e6}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
             "blocks": blocks, "files": files.iter().map(|f| entry(folder, f)).collect::<Vec<_>>(), "summary": self.summary,
         });
         std::fs::write(folder.join("manifest.json"), manifest.to_string()).expect("write");

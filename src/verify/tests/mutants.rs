@@ -30,6 +30,35 @@ impl Bench {
 
     /// The same on a sheet that is `steep` times as high.
     fn of(direction: &str, keys: &str, tables: &str, steep: f64) -> Self {
+        Self::written(direction, keys, tables, steep, "[\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\"]")
+    }
+
+    /// The same with other formats.
+    fn written(direction: &str, keys: &str, tables: &str, steep: f64, formats: &str) -> Self {
+        let keys = if keys.is_empty() { String::new() } else { format!(", {keys}") };
+        let bench = Self::edited(steep, |text| {
+            let text = text.replacen("\"z-range\"", &format!("\"z-range\"{keys}"), 1);
+            let text = text.replacen("\"contour\"", &format!("{direction:?}"), 1);
+            let text = text.replacen("[\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\"]", formats, 1);
+            text.replacen("machine =", &format!("{tables}\n            machine ="), 1)
+        });
+        assert!(bench.plan.summary.stops > 20, "{:?}", bench.plan.summary);
+        bench
+    }
+
+    /// The same on a machine with a tilt table, by the method that uses it.
+    fn tilted(tables: &str) -> Self {
+        let bench = Self::edited(1.0, |text| {
+            let text = text.replacen("\"z-range\"", "\"tilt\"", 1).replacen("xyz-galvo-40", "xyz-tilt-galvo-40", 1);
+            text.replacen("machine =", &format!("{tables}\n            machine ="), 1)
+        });
+        let tilts = bench.plan.checked.program().blocks.iter().filter(|b| b.stop.tilt != [0; 2]).count();
+        assert!(tilts > 3, "{:?}", bench.plan.summary);
+        bench
+    }
+
+    /// The job with its text edited.
+    fn edited(steep: f64, edit: impl FnOnce(&str) -> String) -> Self {
         let dir = tempfile::tempdir().expect("a writable temporary folder");
         std::fs::write(dir.path().join("part.stl"), part(steep)).expect("a writable folder");
         let text = r#"
@@ -61,14 +90,10 @@ impl Bench {
             passes = 2
         "#;
         let path = dir.path().join("job.toml");
-        let keys = if keys.is_empty() { String::new() } else { format!(", {keys}") };
-        let text = text.replacen("\"z-range\"", &format!("\"z-range\"{keys}"), 1);
-        let text = text.replacen("\"contour\"", &format!("{direction:?}"), 1);
-        let text = text.replacen("machine =", &format!("{tables}\n            machine ="), 1);
-        std::fs::write(&path, text).expect("a writable folder");
+        std::fs::write(&path, edit(text)).expect("a writable folder");
         let job = Job::load(&path).unwrap_or_else(|e| panic!("{e}"));
         let plan = compile::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
-        assert!(plan.summary.stops > 20 && plan.summary.skipped_off_part_mm > 10.0, "{:?}", plan.summary);
+        assert!(plan.summary.skipped_off_part_mm > 10.0, "{:?}", plan.summary);
         Self { dir, plan }
     }
 
@@ -85,13 +110,15 @@ impl Bench {
         let s = &mut self.plan.summary;
         s.stops = program.blocks.len();
         s.fragments = program.strokes.len();
-        s.mark_mm = program.blocks.iter().map(|b| program.mark_mm(b)).sum();
+        if program.blocks.iter().all(|b| b.stop.tilt == [0; 2]) {
+            s.mark_mm = program.blocks.iter().map(|b| program.mark_mm(b)).sum();
+        }
         s.jump_mm = program.blocks.iter().map(|b| program.jump_mm(b)).sum();
         let off = |b: &Block| (b.z_hi - b.stop.focus).max(b.stop.focus - b.z_lo);
         s.worst_defocus_um = program.blocks.iter().map(off).max().unwrap_or(0) as f64 / 1000.0;
         self.plan.block_times.resize(program.blocks.len(), 1.0);
-        let origin = self.plan.checked.origin();
-        self.plan.checked = Checked::unchecked(program, origin);
+        let origins = self.plan.checked.origins().to_vec();
+        self.plan.checked = Checked::unchecked_setups(program, origins);
         verified(&self.write())
     }
 
@@ -180,7 +207,8 @@ fn part(steep: f64) -> Vec<u8> {
 /// Moves a block's stop and brings its commanded position along.
 fn place(block: &mut Block, plan: &Plan) {
     let c = block.stop.centre;
-    block.stage = plan.machine.stage_from_part([c.x, c.y, block.stop.focus], plan.checked.origin());
+    block.stage =
+        plan.machine.stage_from_part([c.x, c.y, block.stop.focus], plan.checked.origins()[block.setup as usize]);
 }
 
 /// Takes stroke `i` out of the program; its points stay behind, unused.
@@ -449,6 +477,115 @@ fn agreement_passes_that_the_manifest_states_otherwise() {
     assert_only("fill", &verified(&target));
 }
 
+/// The same job marked in three set-ups, though one would do.
+fn placed() -> Bench {
+    let tables = "setups = { columns = 3, registration = [[\"0 mm\", \"0 mm\"], [\"60 mm\", \"0 mm\"]] }";
+    Bench::written("0 deg", "section = \"15 mm\"", tables, 1.0, "[\"dxf\", \"linuxcnc\", \"gcode\"]")
+}
+
+fn first_of(program: &Program, setup: u32) -> usize {
+    program.blocks.iter().position(|b| b.setup == setup).expect("a set-up")
+}
+
+#[test]
+fn set_ups_are_proved() {
+    let bench = placed();
+    assert_eq!(bench.plan.checked.origins().len(), 3);
+    let proof = verified(&bench.write());
+    assert!(proof.ok, "{}", proof.to_text());
+}
+
+#[test]
+fn travel_a_block_in_another_set_up() {
+    // It is sent to where it would lie in its own.
+    let proof = placed().mutant(|program, _| {
+        let first = first_of(program, 1);
+        program.blocks[first].setup = 0;
+    });
+    assert_only("travel", &proof);
+    // A block of the first set-up after those of the second, where it is over its place.
+    let proof = placed().mutant(|program, plan| {
+        let last = first_of(program, 2) - 1;
+        program.blocks[last].setup = 0;
+        place(&mut program.blocks[last], plan);
+    });
+    assert_only("agreement", &proof);
+}
+
+#[test]
+fn travel_an_origin_of_a_set_up_that_is_another() {
+    for by in [[100, 0, 0], [0, 1_000_000, 0], [0, 0, 100]] {
+        let mut bench = placed();
+        let mut origins = bench.plan.checked.origins().to_vec();
+        (0..3).for_each(|k| origins[1][k] += by[k]);
+        bench.plan.checked = Checked::unchecked_setups(bench.plan.checked.program().clone(), origins);
+        assert_only("travel", &verified(&bench.write()));
+    }
+    // All agree, but at another height, or off the increment.
+    for by in [[0, 0, 100], [50, 0, 0]] {
+        let mut bench = placed();
+        let mut origins = bench.plan.checked.origins().to_vec();
+        (0..3).for_each(|k| origins[1][k] += by[k]);
+        let mut program = bench.plan.checked.program().clone();
+        bench.plan.checked = Checked::unchecked_setups(program.clone(), origins);
+        program.blocks.iter_mut().filter(|b| b.setup == 1).for_each(|b| place(b, &bench.plan));
+        let origins = bench.plan.checked.origins().to_vec();
+        bench.plan.checked = Checked::unchecked_setups(program, origins);
+        assert_only("travel", &verified(&bench.write()));
+    }
+}
+
+#[test]
+fn laser_a_set_up_without_its_stop() {
+    let bench = placed();
+    for name in ["stage.ngc", "stage_m0.nc"] {
+        let proof = bench.damaged(name, |bytes| replace(bytes, "(SETUP 2", "\nM0\n", "\n"));
+        assert!(super::broken(&proof).contains(&"laser"), "{}", proof.to_text());
+        // Without a trace of it.
+        let proof = bench.damaged(name, |bytes| {
+            let text = String::from_utf8(std::mem::take(bytes)).expect("text");
+            let (from, to) =
+                (text.find("(SETUP 3").expect("a set-up"), text.find("set-up 3 of 3)\nM0\n").expect("its stop"));
+            *bytes = (text[..from].to_owned() + &text[to + "set-up 3 of 3)\nM0\n".len()..]).into_bytes();
+        });
+        assert_only("agreement", &proof);
+        // Not lifted.
+        let proof = bench.damaged(name, |bytes| replace(bytes, "(SETUP 2", "G0 Z200.000000\n(MSG", "(MSG"));
+        assert_only("agreement", &proof);
+        // Another set-up's number.
+        let proof = bench.damaged(name, |bytes| replace(bytes, "(SETUP 2", "(SETUP 2", "(SETUP 3"));
+        assert_only("agreement", &proof);
+    }
+    // START before the part lies.
+    let proof = bench.damaged("stage.ngc", |bytes| {
+        let text = String::from_utf8(std::mem::take(bytes)).expect("text");
+        let (stop, start) = (text.find("(SETUP 2").expect("a set-up"), text.find("M64 P0").expect("a start"));
+        let end = start + text[start..].find("o2 endif\n").expect("its end") + "o2 endif\n".len();
+        let fires = text[start..end].replace("o1 ", "o9001 ").replace("o2 ", "o9002 ");
+        let at = stop + text[stop..].find("M65 P0\n").expect("output off") + "M65 P0\n".len();
+        *bytes = (text[..at].to_owned() + &fires + &text[at..]).into_bytes();
+    });
+    assert_only("laser", &proof);
+}
+
+#[test]
+fn agreement_registration_that_is_stated_otherwise() {
+    let bench = placed();
+    for change in [
+        (|m: &mut serde_json::Value| m["setups"][1]["registration"][0]["stage"][0] = 1.0.into())
+            as fn(&mut serde_json::Value),
+        |m| m["setups"][1]["registration"][0]["point_mm"][1] = 1.0.into(),
+        |m| _ = m["setups"][2]["registration"].as_array_mut().expect("points").pop(),
+        |m| m["setups"][0]["origin_mm"][0] = 7.0.into(),
+        |m| m["blocks"][0]["setup"] = 2.into(),
+        |m| _ = m["setups"].as_array_mut().expect("set-ups").pop(),
+    ] {
+        let target = bench.write();
+        alter_manifest(&target, change);
+        assert_only("agreement", &verified(&target));
+    }
+}
+
 #[test]
 fn coverage_a_stroke_forgotten() {
     let proof = Bench::new().mutant(|program, _| remove(program, long_stroke(program)));
@@ -638,4 +775,75 @@ fn fill_sections_and_directions_that_are_not_the_jobs() {
     });
     let broken = super::broken(&proof);
     assert!(broken.contains(&"source") && !broken.contains(&"fill"), "{}", proof.to_text());
+}
+
+#[test]
+fn tilted_blocks_are_proved_and_every_damage_to_them_is_found() {
+    let sound = Bench::tilted("");
+    let proof = verified(&sound.write());
+    assert!(proof.ok, "{}", proof.to_text());
+    let tilted = |program: &Program| {
+        (0..program.blocks.len()).find(|&i| program.blocks[i].stop.tilt != [0; 2]).expect("a tilted block")
+    };
+    let found = |code: &str, proof: &Proof| {
+        assert!(proof.rule(code).is_some_and(|r| r.violated > 0), "{code}: {}", proof.to_text());
+    };
+    // Another tilt, said alike in all files: the marks come to lie elsewhere.
+    let proof = Bench::tilted("").mutant(|program, _| {
+        let i = tilted(program);
+        program.blocks[i].stop.tilt[0] += 10_000;
+    });
+    found("source", &proof);
+    assert!(proof.rule("agreement").is_some_and(|r| r.violated == 0), "{}", proof.to_text());
+    // A point a micrometre beside the line.
+    let proof = Bench::tilted("").mutant(|program, _| {
+        let i = tilted(program);
+        let stroke = program.strokes[program.blocks[i].strokes.start];
+        let p = &mut program.points[stroke.first as usize];
+        *p = [p[0] + 1000, p[1] + 700];
+    });
+    found("source", &proof);
+    // The focal plane too high, the stage with it.
+    let proof = Bench::tilted("").mutant(|program, plan| {
+        let i = tilted(program);
+        let block = &mut program.blocks[i];
+        block.stop.focus += 60_000;
+        let c = block.stop.centre;
+        block.stage = plan.machine.stage_from_part([c.x, c.y, block.stop.focus], plan.checked.origin());
+    });
+    found("depth", &proof);
+    // Beyond the travel of the table, and between its increments.
+    for by in [360_000_000, 1] {
+        let proof = Bench::tilted("").mutant(|program, _| {
+            let i = tilted(program);
+            program.blocks[i].stop.tilt[1] = (program.blocks[i].stop.tilt[1] + by).min(359_999_900);
+        });
+        found("travel", &proof);
+    }
+    // A mark left out.
+    let proof = Bench::tilted("").mutant(|program, _| {
+        let i = tilted(program);
+        let longest = |&s: &usize| (program.strokes[s].len, s);
+        let s = program.blocks[i].strokes.clone().max_by_key(longest).expect("a stroke");
+        program.strokes.remove(s);
+        for (k, b) in program.blocks.iter_mut().enumerate().skip(i) {
+            b.strokes = b.strokes.start - usize::from(k > i)..b.strokes.end - 1;
+        }
+    });
+    found("coverage", &proof);
+    // The commands of a tilt axis in the stage program, and in the OVF's place in the manifest.
+    let proof = sound.damaged("stage.ngc", |bytes| {
+        let text = String::from_utf8(bytes.clone()).expect("ASCII");
+        let at = text.find(" A-").or_else(|| text.find(" A")).expect("a tilt");
+        bytes.splice(at + 2..at + 2, *b"1").for_each(drop);
+    });
+    assert!(!proof.ok, "{}", proof.to_text());
+}
+
+#[test]
+fn tilted_blocks_in_passes_with_dose_are_proved() {
+    let more = "passes = { count = 2, lower = \"8 um\", rotate = \"30 deg\" }\n            \
+        dose = { compensate = \"speed\", step = 0.001 }";
+    let proof = verified(&Bench::tilted(more).write());
+    assert!(proof.ok, "{}", proof.to_text());
 }

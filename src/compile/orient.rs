@@ -1,0 +1,185 @@
+//! How a part should lie on a plain stage: the fixture angle that needs the least stage time.
+//!
+//! Consumes a job; promises a table of set-ups: the part as it lies, leaning as a whole, and in two set-ups,
+//! each leaning on its own. Stops and times are estimates from sample points of the marks
+//! ([`crate::trace::Marks`]): sections of the usable field over the part as it leans, in each the levels that
+//! its heights need, the moves timed by `crate::motion`. Angles are searched on a coarse grid, then halved.
+//!
+//! # Limits
+//! The points sampled are those that the lens sees of the part as it lies. What a lean hides, and texture that
+//! it makes too steep, is not looked for; the job compiled with the part so turned tells.
+
+use rayon::prelude::*;
+
+use super::{chunks, ground, passes};
+use crate::diag::Error;
+use crate::geom::{Box2, P2, Turn};
+use crate::motion;
+use crate::spec::Job;
+use crate::surface::Surface;
+use crate::texture::Texture;
+use crate::trace::{GridTracer, Marks, Tracer};
+
+/// One way to set the part up.
+#[derive(Clone, Debug)]
+pub struct Orientation {
+    /// What it is.
+    pub name: &'static str,
+    /// Every set-up: what of the part it marks, and how the part leans.
+    pub set_ups: Vec<SetUp>,
+}
+
+/// One set-up of the part.
+#[derive(Clone, Copy, Debug)]
+pub struct SetUp {
+    /// What of the texture's box is marked in it, nm.
+    pub area: Box2,
+    /// By how much the part is turned about x, and before that about y, degrees, right-handed.
+    pub lean_deg: [f64; 2],
+    /// Estimated stops.
+    pub stops: u64,
+    /// Estimated time of stage moves and settling, s.
+    pub stage_s: f64,
+}
+
+impl Orientation {
+    /// Stops of all set-ups.
+    pub fn stops(&self) -> u64 {
+        self.set_ups.iter().map(|s| s.stops).sum()
+    }
+    /// Stage time of all set-ups, s; without the time to set the part up.
+    pub fn stage_s(&self) -> f64 {
+        self.set_ups.iter().map(|s| s.stage_s).sum()
+    }
+}
+
+/// Steepest lean that is tried, and the first and last step of the search, degrees.
+const STEEPEST: f64 = 20.0;
+const FIRST: f64 = 2.5;
+const LAST: f64 = 0.02;
+
+/// The ways to set the part up, as it lies first, then by stage time.
+///
+/// # Errors
+/// As [`super::plan`].
+pub fn orient(job: &Job) -> Result<Vec<Orientation>, Error> {
+    let machine = job.machine()?;
+    let mut warnings = Vec::new();
+    let turn = job.file.placement.turn.as_rad();
+    let path = job.resolve(job.file.surface.file.get_ref());
+    let weld = job.file.surface.weld.as_mm();
+    let surface = Surface::load(&path, &job.surface_options(), weld, turn, &mut warnings)?;
+    let mut texture = Texture::load(&job.texture_requests(0), surface.part_box_mm(), turn, &mut warnings)?;
+    let ground = ground(job, &machine, &surface, &mut texture, passes::Place::first(&machine))?;
+    let area = ground.texture.bounds();
+    let pitch = ground.window.map(|w| (w / 20).max(2));
+    let grid = crate::program::Sections {
+        origin: area.lo,
+        pitch,
+        count: [0, 1].map(|k| (area.size()[k] / pitch[k] + 1) as u32),
+    };
+    let marks = chunks(ground.texture)
+        .into_par_iter()
+        .fold(Marks::default, |mut marks, chunk| {
+            let mut tracer = GridTracer::new(Tracer::new(ground.surface, ground.max_slope), &grid);
+            let mut points = Vec::new();
+            for i in chunk {
+                ground.texture.stroke(i, &mut points);
+                marks.add(&points, &mut tracer);
+            }
+            marks
+        })
+        .reduce(Marks::default, |mut a, b| {
+            a.merge(b);
+            a
+        })
+        .list();
+    let moved = |to: [i64; 3]| motion::stage_move(&machine, [0; 3], to, None).total_s();
+    let scale = Scale {
+        window: ground.window.map(|w| w as f64),
+        depth: ground.lattice.depth as f64,
+        xy_s: moved([ground.window[0], 0, 0]),
+        z_s: moved([0, 0, ground.lattice.depth]),
+    };
+    let whole = |points: &[[f64; 3]], area: Box2| -> [SetUp; 2] {
+        let set_up = |lean_deg: [f64; 2]| {
+            let (stops, stage_s) = scale.estimate(points, lean_deg);
+            SetUp { area, lean_deg, stops, stage_s }
+        };
+        [set_up([0.0; 2]), set_up(scale.search(points))]
+    };
+    let [flat, leaning] = whole(&marks, area);
+    let mut out = vec![Orientation { name: "as it lies", set_ups: vec![flat] }];
+    out.push(Orientation { name: "leaning", set_ups: vec![leaning] });
+    for (axis, name) in [(0, "two set-ups, left and right"), (1, "two set-ups, front and back")] {
+        let middle = P2::new((area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2);
+        let border = if axis == 0 { middle.x } else { middle.y };
+        let (low, high): (Vec<_>, Vec<_>) = marks.iter().partition(|p| p[axis] < border as f64);
+        let (mut low_area, mut high_area) = (area, area);
+        if axis == 0 {
+            (low_area.hi.x, high_area.lo.x) = (border, border);
+        } else {
+            (low_area.hi.y, high_area.lo.y) = (border, border);
+        }
+        let set_ups = vec![whole(&low, low_area)[1], whole(&high, high_area)[1]];
+        out.push(Orientation { name, set_ups });
+    }
+    out[1..].sort_by(|a, b| a.stage_s().total_cmp(&b.stage_s()));
+    Ok(out)
+}
+
+/// What sections and moves measure.
+struct Scale {
+    window: [f64; 2],
+    depth: f64,
+    xy_s: f64,
+    z_s: f64,
+}
+
+impl Scale {
+    /// Stops and stage time of points on a part that leans.
+    fn estimate(&self, points: &[[f64; 3]], [about_x, about_y]: [f64; 2]) -> (u64, f64) {
+        let turn = Turn::about([0.0; 3], [(0, about_x.to_radians()), (1, about_y.to_radians())]);
+        let turned: Vec<[f64; 3]> = points.iter().map(|&p| turn.apply(p)).collect();
+        let lowest = |k: usize| turned.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min);
+        let lo = [lowest(0), lowest(1)];
+        let section = |p: &[f64; 3]| [0, 1].map(|k| ((p[k] - lo[k]) / self.window[k]) as usize);
+        let columns = turned.iter().map(|p| section(p)[0]).max().map_or(1, |c| c + 1);
+        let rows = turned.iter().map(|p| section(p)[1]).max().map_or(1, |r| r + 1);
+        let mut heights = vec![[f64::INFINITY, f64::NEG_INFINITY]; columns * rows];
+        for p in &turned {
+            let [column, row] = section(p);
+            let [lo, hi] = &mut heights[row * columns + column];
+            (*lo, *hi) = (lo.min(p[2]), hi.max(p[2]));
+        }
+        let used = heights.iter().filter(|h| h[0] <= h[1]);
+        let levels = used.map(|[lo, hi]| ((hi - lo) / self.depth).ceil().max(1.0) as u64);
+        let (sections, stops) = levels.fold((0u64, 0u64), |(n, sum), levels| (n + 1, sum + levels));
+        (stops, sections as f64 * self.xy_s + (stops - sections) as f64 * self.z_s)
+    }
+
+    /// The lean with the least stage time; of equal ones the flattest.
+    fn search(&self, points: &[[f64; 3]]) -> [f64; 2] {
+        let measure = |lean: [f64; 2]| (self.estimate(points, lean).1, lean[0].hypot(lean[1]));
+        let steps = (STEEPEST / FIRST) as i32;
+        let coarse: Vec<[f64; 2]> = (-steps..=steps)
+            .flat_map(|i| (-steps..=steps).map(move |j| [f64::from(i) * FIRST, f64::from(j) * FIRST]))
+            .collect();
+        // Measured in any order, compared in one.
+        let least = |leans: Vec<[f64; 2]>| {
+            let measured: Vec<_> = leans.into_par_iter().map(|lean| (measure(lean), lean)).collect();
+            measured.into_iter().min_by(|a, b| a.0.0.total_cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)))
+        };
+        let Some((mut best, mut at)) = least(coarse) else { return [0.0; 2] };
+        let mut step = FIRST / 2.0;
+        while step > LAST {
+            let around = [-1.0, 0.0, 1.0].map(|i| [-1.0, 0.0, 1.0].map(|j| [at[0] + i * step, at[1] + j * step]));
+            match least(around.concat()) {
+                Some((better, lean)) if better < best => (best, at) = (better, lean),
+                _ => step /= 2.0,
+            }
+        }
+        // Angles that can be set.
+        at.map(|a| (a * 100.0).round() / 100.0)
+    }
+}

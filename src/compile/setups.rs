@@ -1,0 +1,171 @@
+//! Set-ups of a part beyond the stage travel.
+//!
+//! The box of the stops' centres is parted into equal cells. A stop belongs to the cell that its centre
+//! lies in, stops of later passes beside the box to the nearest. In the set-up of a cell the part lies so that the cell's centre is
+//! at the centre of travel, moved by whole increments from where the part would lie alone: stops then stay
+//! where the stage can stand. Stops, cuts and what is marked are those of the whole part. Cells without
+//! stops are no set-ups. Later passes keep the cells of the first, of which every other goes backwards, so
+//! that the part stays where it is from one pass to the next.
+
+use super::{Ground, Made};
+use crate::diag::{Diag, Error};
+use crate::geom::{P2, mm_from_nm};
+use crate::machine::Machine;
+use crate::record;
+use crate::spec::{Job, MAX_PARTS, Parts};
+
+/// The cells, and where the part lies in each.
+#[derive(Clone, Debug)]
+pub(super) struct Setups {
+    /// Along x and along y.
+    axes: [Cells; 2],
+    /// The fewest columns and rows whose stops lie in travel.
+    needed: [u32; 2],
+}
+
+/// The cells along one axis.
+#[derive(Clone, Debug)]
+struct Cells {
+    lo: i64,
+    size: i64,
+    /// By how much the part is moved in each, nm.
+    shift: Vec<i64>,
+}
+
+impl Cells {
+    /// `count` cells whose centres come to `middle`, by multiples of `step`, on a part that lies at `origin`.
+    fn new(lo: i64, size: i64, count: u32, [origin, middle, step]: [i64; 3]) -> Self {
+        let centre = |i: u32| lo + size * i64::from(2 * i + 1) / i64::from(2 * count);
+        let shift = (0..count).map(|i| (middle - centre(i) - origin).div_euclid(step) * step).collect();
+        Self { lo, size, shift }
+    }
+
+    fn of(&self, v: i64) -> usize {
+        let n = self.shift.len() as i64;
+        ((v - self.lo) * n / self.size.max(1)).clamp(0, n - 1) as usize
+    }
+
+    /// Borders of the cells.
+    fn borders(&self) -> impl Iterator<Item = i64> {
+        let n = self.shift.len() as i64;
+        (1..n).map(move |i| self.lo + self.size * i / n)
+    }
+}
+
+impl Setups {
+    /// Those of the job, for stops with these centres.
+    pub(super) fn of(ground: &Ground<'_>, centres: &[P2]) -> Self {
+        let spec = &ground.job.file.setups;
+        let made = [0, 1].map(|k| {
+            let at: Vec<i64> = centres.iter().map(|c| if k == 0 { c.x } else { c.y }).collect();
+            let lo = at.iter().copied().min().unwrap_or(0);
+            let hi = at.iter().copied().max().unwrap_or(0);
+            let [from, to] = range(ground.machine, k);
+            let place = [ground.origin[k], from + (to - from) / 2, ground.machine.increment_nm()];
+            let cells = |n: u32| Cells::new(lo, hi - lo, n, place);
+            let ends = moved(ground, k);
+            let fits = |cells: &Cells| {
+                let holds = |&v: &i64| (from..=to).contains(&(v + ground.origin[k] + cells.shift[cells.of(v)]));
+                // Stops of passes whose sections are moved lie anywhere in a cell.
+                let between = || cells.borders().flat_map(|b| [b - 1, b]).all(|v| holds(&v));
+                at.iter().all(holds) && (ends.is_empty() || ends.iter().all(holds) && between())
+            };
+            let needed = (1..MAX_PARTS).find(|&n| fits(&cells(n))).unwrap_or(MAX_PARTS);
+            let asked = spec.as_ref().map(|s| if k == 0 { s.columns } else { s.rows });
+            let cells = match asked {
+                // The part lies where the job says.
+                None => Cells { lo, size: hi - lo, shift: vec![0] },
+                Some(Parts::Named(_)) => cells(needed),
+                Some(Parts::Number(n)) => cells(n),
+            };
+            (cells, needed)
+        });
+        let [(x, columns), (y, rows)] = made;
+        Self { axes: [x, y], needed: [columns, rows] }
+    }
+
+    /// The cell of a stop.
+    pub(super) fn cell(&self, centre: P2) -> usize {
+        let [x, y] = &self.axes;
+        y.of(centre.y) * x.shift.len() + x.of(centre.x)
+    }
+
+    /// Where the part's origin lies in a cell, which is at `base` without set-ups.
+    pub(super) fn origin(&self, cell: usize, [x, y, z]: [i64; 3]) -> [i64; 3] {
+        let [columns, rows] = &self.axes;
+        let n = columns.shift.len();
+        [x + columns.shift[cell % n], y + rows.shift[cell / n], z]
+    }
+
+    /// What helps where a stop lies beyond travel.
+    pub(super) fn hint(&self, job: &Job) -> String {
+        let [columns, rows] = self.needed;
+        let would_do = format!("{columns} x {rows} set-ups (columns x rows) would do");
+        match &job.file.setups {
+            Some(_) => format!("{would_do}; or mark a smaller area"),
+            None => {
+                let several = if columns * rows > 1 { format!(", [setups]: {would_do}") } else { String::new() };
+                "move the part with placement.origin, mark a smaller area, or use a machine with more travel".to_owned()
+                    + &several
+            }
+        }
+    }
+}
+
+/// What an axis reaches in the table frame, nm.
+fn range(machine: &Machine, k: usize) -> [i64; 2] {
+    let (_, axis) = machine.axes()[k];
+    let [lo, hi] = axis.travel.map(|t| t.as_nm().unwrap_or(0));
+    if axis.sign() > 0 { [lo, hi] } else { [-hi, -lo] }
+}
+
+/// The lowest and highest centres of sections of the passes that move them.
+fn moved(ground: &Ground<'_>, k: usize) -> Vec<i64> {
+    let (passes, pitch, area) = (&ground.job.file.passes, ground.sections.pitch, ground.texture.bounds());
+    let (lo, hi) = if k == 0 { (area.lo.x, area.hi.x) } else { (area.lo.y, area.hi.y) };
+    let grain = ground.job.figure_pitch_nm().unwrap_or(1);
+    let shifts = (1..passes.count()).map(|pass| passes.shift_nm(pass, pitch, grain)[k]);
+    let ends = |by: i64| {
+        let first = lo - by + pitch[k] / 2;
+        [first, first + (hi - lo + by) / pitch[k] * pitch[k]]
+    };
+    shifts.filter(|&by| by != 0).flat_map(ends).collect()
+}
+
+/// Numbers the set-ups that have stops, and answers with their origins.
+pub(super) fn numbered(ground: &Ground<'_>, made: &mut Made) -> Vec<[i64; 3]> {
+    let blocks = &mut made.program.blocks;
+    let mut used: Vec<u32> = blocks.iter().map(|b| b.setup).collect();
+    used.sort_unstable();
+    used.dedup();
+    for block in blocks {
+        block.setup = used.partition_point(|&cell| cell < block.setup) as u32;
+    }
+    used.into_iter().map(|cell| made.setups.origin(cell as usize, ground.origin)).collect()
+}
+
+/// Holds every set-up to two registration points.
+///
+/// # Errors
+/// `registration` with the set-up and what it reaches.
+pub(super) fn registered(job: &Job, machine: &Machine, origins: &[[i64; 3]]) -> Result<(), Error> {
+    if job.file.setups.is_none() {
+        return Ok(());
+    }
+    let mut faults = Vec::new();
+    for (i, &origin) in origins.iter().enumerate() {
+        let found = record::registration(job, machine, origin).len();
+        if found < 2 {
+            let text =
+                format!("set-up {} of {} reaches {found} registration points, two are needed", i + 1, origins.len());
+            let [x, y] = [0, 1].map(|k| range(machine, k).map(|v| mm_from_nm(v - origin[k])));
+            let turned = if job.file.placement.turn.as_rad() == 0.0 { "" } else { ", as it is turned" };
+            let hint = format!(
+                "it reaches x {} to {} mm and y {} to {} mm of the part{turned}: name points there in setups.registration",
+                x[0], x[1], y[0], y[1]
+            );
+            faults.push(Diag::limit("registration", text).hint(hint));
+        }
+    }
+    if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
+}

@@ -1,0 +1,162 @@
+//! Tilted stops: few on smooth parts, figures whole, hidden places left to the upright beam, every folder
+//! verified.
+
+mod support;
+
+use std::path::Path;
+
+use serde_json::Value;
+use support::surfaces::{FIVE, dome, mesh, write_stl};
+use support::{JobText, assert_balance, compile, folder, number, verify};
+
+const MACHINE: &str = "profile = \"xyz-tilt-galvo-40\"";
+
+/// A job by method `tilt` on a machine with a tilt table.
+fn tilted(part: &Path, texture: &str) -> JobText {
+    let mut job = JobText::on(part).texture(texture).method("tilt");
+    job.machine = MACHINE.into();
+    job
+}
+
+/// Compiles, verifies, and holds the lengths of the summary against each other; answers the summary.
+fn proved(job: &JobText, dir: &Path) -> Value {
+    let out = dir.join("tilted.job");
+    let summary = compile(&job.write(dir, "job.toml"), &out);
+    let proof = verify(&out);
+    assert_eq!(proof["stops"], summary["stops"]);
+    // Lengths that are read again from tilted blocks are known to some picometres a mark.
+    assert_balance(&summary, &summary);
+    let (read, stated) = (number(&proof, "mark_mm"), number(&summary, "mark_mm"));
+    assert!((read - stated).abs() <= 1e-8 * stated, "{read} {stated}");
+    summary
+}
+
+#[test]
+fn smooth_parts_need_few_tilted_stops() {
+    let dir = folder();
+    for (name, z) in FIVE {
+        let stl = dir.path().join(format!("{name}.stl"));
+        write_stl(&stl, &mesh(500, [0.0, 0.0, 450.0, 450.0], z));
+        let summary = proved(&tilted(&stl, "pattern = \"hatch\"\npitch = \"0.5 mm\""), dir.path());
+        let stops = number(&summary, "stops");
+        eprintln!("{name}: {stops} tilted stops");
+        assert!(stops <= if name == "wave" { 1044.0 } else { 426.0 }, "{name}: {stops}");
+        assert_eq!(summary["lower_bound_stops"], Value::Null, "the bound speaks of upright stops");
+        std::fs::remove_file(stl).expect("a file of ours");
+    }
+}
+
+#[test]
+fn tilted_stops_keep_figures_whole() {
+    let dir = folder();
+    let stl = dir.path().join("dome.stl");
+    write_stl(&stl, &mesh(500, [0.0, 0.0, 450.0, 450.0], dome));
+    let squares = "pattern = \"squares\"\npitch = \"1.5 mm\"\ncell = \"1 mm\"";
+    let summary = proved(&tilted(&stl, squares).partition("keep_whole = \"1.5 mm\""), dir.path());
+    let (whole, cut) = (number(&summary, "figures_whole"), number(&summary, "figures_cut"));
+    assert_eq!(whole + cut, 90_000.0);
+    assert!(whole >= 0.99 * 90_000.0, "{whole}");
+    assert!(number(&summary, "stops") <= 600.0, "{summary}");
+}
+
+/// The machine with another tilt table.
+fn table(dir: &Path, axes: [(&str, bool); 2], travel: f64) -> String {
+    let out = support::terrace(["machines", "xyz-tilt-galvo-40"]);
+    let text = String::from_utf8(out.stdout).expect("text");
+    let (head, _) = text.split_once("[tilt]").expect("a tilt table");
+    let mut text = format!("{head}[tilt]\npivot = [\"30 mm\", \"-20 mm\", \"-150 mm\"]\n");
+    for (letter, reversed) in axes {
+        text += &format!(
+            "[[tilt.axes]]\nletter = {letter:?}\nreversed = {reversed}\ntravel = [\"-{travel} deg\", \"{travel} deg\"]\n\
+             move_time = \"1 s\"\nincrement = \"0.001 deg\"\n"
+        );
+    }
+    std::fs::write(dir.join("table.txt"), text).expect("a writable folder");
+    "file = \"table.txt\"".into()
+}
+
+#[test]
+fn every_kind_of_table_is_proved() {
+    let dir = folder();
+    let stl = dir.path().join("dome.stl");
+    write_stl(&stl, &mesh(150, [0.0, 0.0, 140.0, 120.0], |x, y| dome(3.0 * x, 3.0 * y)));
+    let job = |machine: String| {
+        let mut job = tilted(&stl, "pattern = \"hatch\"\npitch = \"0.7 mm\"\ndirection = \"20 deg\"");
+        job.machine = machine;
+        job
+    };
+    let upright = number(&proved(&job(MACHINE.into()).method("z-range"), dir.path()), "stops");
+    for (axes, travel) in [
+        ([("A", false), ("B", true)], 30.0),
+        ([("B", true), ("A", false)], 30.0),
+        ([("A", true), ("C", false)], 180.0),
+        ([("B", false), ("C", true)], 180.0),
+        // A table that tilts by too little for the rim of the part.
+        ([("A", false), ("B", false)], 1.0),
+    ] {
+        let summary = proved(&job(table(dir.path(), axes, travel)), dir.path());
+        let stops = number(&summary, "stops");
+        eprintln!("{axes:?} {travel}: {stops} of {upright}");
+        assert!(stops < upright, "{axes:?}: {stops} of {upright}");
+    }
+}
+
+#[test]
+fn what_a_boss_hides_from_a_tilted_beam_is_marked_upright() {
+    let dir = folder();
+    let stl = dir.path().join("boss.stl");
+    // A curved slope with upright-walled bosses on it, whose shadows would fall across several lines.
+    let floor = |x: f64, y: f64| 0.12 * x + 0.0004 * (x - 60.0) * (x - 60.0) + 0.03 * y;
+    let mut facets = mesh(120, [0.0, 0.0, 120.0, 80.0], floor);
+    for [x, y] in [[30.0, 20.0], [80.0, 50.0]] {
+        let top = floor(x, y) + 12.0;
+        let corner = |k: usize, z: f64| [x + [0.0, 9.0, 9.0, 0.0][k], y + [0.0, 0.0, 9.0, 9.0][k], z];
+        facets.push([corner(0, top), corner(1, top), corner(2, top)]);
+        facets.push([corner(0, top), corner(2, top), corner(3, top)]);
+        for k in 0..4 {
+            let next = (k + 1) % 4;
+            facets.push([corner(k, top - 14.0), corner(next, top - 14.0), corner(next, top)]);
+            facets.push([corner(k, top - 14.0), corner(next, top), corner(k, top)]);
+        }
+    }
+    write_stl(&stl, &facets);
+    let hatch = "pattern = \"hatch\"\npitch = \"0.2 mm\"";
+    let tilt = proved(&tilted(&stl, hatch), dir.path());
+    let upright = proved(&tilted(&stl, hatch).method("z-range"), dir.path());
+    assert!(number(&tilt, "stops") < number(&upright, "stops"), "{tilt} {upright}");
+}
+
+#[test]
+fn auto_takes_the_tilt_where_it_is_fastest_and_threads_change_nothing() {
+    let dir = folder();
+    let stl = dir.path().join("dome.stl");
+    write_stl(&stl, &mesh(150, [0.0, 0.0, 140.0, 120.0], |x, y| dome(3.0 * x, 3.0 * y)));
+    let job = tilted(&stl, "pattern = \"hatch\"\npitch = \"0.5 mm\"").method("auto");
+    let summary = proved(&job, dir.path());
+    let time = |c: &Value| number(&c["time_s"], "total");
+    let candidates = summary["candidates"].as_array().expect("candidates");
+    let least = candidates.iter().map(time).fold(f64::INFINITY, f64::min);
+    assert!(candidates.iter().any(|c| c["method"] == "tilt"), "{summary}");
+    assert_eq!(time(&summary), least);
+    let file = tilted(&stl, "pattern = \"hatch\"\npitch = \"0.5 mm\"").write(dir.path(), "threads.toml");
+    let written = ["1", "2"].map(|threads| {
+        let out = dir.path().join(format!("threads-{threads}.job"));
+        let done =
+            support::terrace(["compile", "-j", threads, "-o", &out.display().to_string(), &file.display().to_string()]);
+        assert!(done.status.success(), "{}", support::said(&done));
+        support::files(&out)
+    });
+    assert_eq!(written[0], written[1]);
+}
+
+#[test]
+fn a_plain_stage_cannot_tilt() {
+    let dir = folder();
+    let stl = dir.path().join("dome.stl");
+    write_stl(&stl, &mesh(20, [0.0, 0.0, 60.0, 60.0], dome));
+    let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"1 mm\"").method("tilt");
+    let file = job.write(dir.path(), "job.toml");
+    let out = support::terrace(["check", &file.display().to_string()]);
+    assert_eq!(out.status.code(), Some(1));
+    assert!(support::said(&out).contains("tilt-missing"), "{}", support::said(&out));
+}
