@@ -501,7 +501,10 @@ fn divide(ground: &Ground<'_>, method: Method) -> Option<Stops> {
             let overlap = ground.job.file.partition.overlap.as_nm().unwrap_or(0);
             // Other passes begin in other corners.
             let flips = [1, 2, 1].map(|bit| ground.place.number & bit != 0);
-            partition::free(cells(ground, &fine), &fine, sections, *window, lattice, overlap, flips)
+            let free = partition::free(cells(ground, &fine), &fine, sections, *window, lattice, overlap, flips);
+            // Where fields fit the texture exactly, their grid can be the better choice of windows.
+            let grid = partition::divide(partition::Method::ZRange, footprint, sections, *window, lattice);
+            if ground.keep.0 == 0 && grid.stops.len() < free.stops.len() { grid } else { free }
         }
     })
 }

@@ -133,7 +133,7 @@ fn the_summary_has_the_promised_keys_and_stands_in_the_manifest() {
     let summary = json(&done(dir.path(), &["compile", "a.toml", "--json"]));
     let promised = "stops passes sub_blocks method lower_bound_stops texture_mm mark_mm overlap_mm skipped_mm \
                     skipped_off_part_mm skipped_hidden_mm skipped_steep_mm skipped_small_mm fragments strokes_cut \
-                    figures_whole figures_cut seam_mm jump_mm worst_defocus_um worst_defocus_mean_um \
+                    figures_whole figures_cut seam_mm setups jump_mm worst_defocus_um worst_defocus_mean_um \
                     worst_incidence_deg time_s candidates warnings";
     assert_eq!(keys(&summary), promised.split_whitespace().collect());
     assert_eq!(keys(&summary["time_s"]), ["stage", "settle", "mark", "jump", "delay", "total"].into());
@@ -259,6 +259,8 @@ fn init_writes_a_job_that_compiles_as_it_is_and_overwrites_nothing() {
         [
             "surface",
             "placement",
+            "setups",
+            "dose",
             "texture",
             "focus",
             "partition",
