@@ -24,7 +24,7 @@ class Stroke:
 
 
 class Block:
-    __slots__ = ("id", "section", "level", "centre", "focus", "accepts", "stage", "retract", "marks", "strokes")
+    __slots__ = ("id", "section", "level", "tilt", "centre", "focus", "accepts", "stage", "retract", "marks", "strokes")
 
 
 class Program:
@@ -33,9 +33,11 @@ class Program:
     def __init__(self, path):
         lines = iter(pathlib.Path(path).read_text(encoding="utf-8").split("\n"))
         demand(next(lines) == "terrace program 1", f"{path}: no program text")
-        self.origin = [int(n) for n in next(lines).removeprefix("origin ").split()]
+        self.origins = []
+        while (line := next(lines)).startswith("origin "):
+            self.origins.append([int(n) for n in line.removeprefix("origin ").split()])
         self.pens = []
-        for _ in range(int(next(lines).removeprefix("pens "))):
+        for _ in range(int(line.removeprefix("pens "))):
             self.pens.append(next(lines).removeprefix("pen ").rsplit(" | ", 4))
         self.blocks = []
         for _ in range(int(next(lines).removeprefix("blocks "))):
@@ -44,16 +46,18 @@ class Program:
 
     @staticmethod
     def _block(lines):
-        words = next(lines).split()
-        demand(words[0] == "block" and len(words) == 17, "program.txt: no block line")
+        # The pass and the set-up are said where they change.
+        while (words := next(lines).split())[0] in ("pass", "setup"):
+            pass
+        demand(words[0] == "block" and len(words) == 19, "program.txt: no block line")
         numbers = [int(w) for w in words[2:]]
         block = Block()
         block.id = words[1]
-        block.section, block.level = numbers[0:2], numbers[2]
-        block.centre, block.focus, block.accepts = numbers[3:5], numbers[5], numbers[6:8]
-        block.stage, block.retract, block.marks = numbers[8:11], bool(numbers[11]), numbers[12:14]
+        block.section, block.level, block.tilt = numbers[0:2], numbers[2], numbers[3:5]
+        block.centre, block.focus, block.accepts = numbers[5:7], numbers[7], numbers[8:10]
+        block.stage, block.retract, block.marks = numbers[10:13], bool(numbers[13]), numbers[14:16]
         block.strokes = []
-        for _ in range(numbers[14]):
+        for _ in range(numbers[16]):
             words = next(lines).split()
             stroke = Stroke()
             stroke.pen, stroke.source, stroke.segment = (int(w) for w in words[:3])
