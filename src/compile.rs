@@ -6,22 +6,25 @@
 
 mod bound;
 mod build;
+mod cut;
 mod dose;
 pub mod orient;
 mod passes;
 mod setups;
 mod tilt;
+mod walk;
+mod warnings;
 
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
-
-use rayon::prelude::*;
 
 pub use passes::Pass;
 
 use build::build;
+use cut::{cut, join};
 use passes::Place as PassPlace;
 use setups::Setups;
+use walk::Walk;
+use warnings::{not_carried, not_kept, short_overlaps, warn};
 
 use crate::check::{Checked, Limits};
 use crate::diag::{Diag, Error, Place};
@@ -33,11 +36,11 @@ use crate::partition::bound::Certificate;
 use crate::partition::{self, Fine, Lattice, Stops};
 use crate::program::{Block, Pen, Program, Sections};
 use crate::record::{Candidate, Slope, Summary, Times};
-use crate::spec::{Format, Job, Method, Objective, Steep};
-use crate::split::{Fragments, Seam, Splitter};
+use crate::spec::{Job, Method, Objective};
+use crate::split::Fragments;
 use crate::surface::Surface;
 use crate::texture::Texture;
-use crate::trace::{Cells, Footprint, GridTracer, Keep, Samples, Sampling, Tracer};
+use crate::trace::{Footprint, Keep, Samples};
 use crate::{map, motion};
 
 /// Stations of a compilation, in order, for progress displays.
@@ -114,6 +117,12 @@ struct Ground<'a> {
     pens: Vec<Pen>,
 }
 
+impl<'a> Ground<'a> {
+    fn walk(&self) -> Walk<'a> {
+        Walk { surface: self.surface, texture: self.texture, max_slope: self.max_slope }
+    }
+}
+
 /// What one method gives.
 struct Made {
     method: Method,
@@ -128,14 +137,6 @@ struct Made {
     worst_defocus: i64,
     worst_defocus_mean: i64,
 }
-
-/// Chunks that a texture is cut into at least, and the most strokes of one.
-const CHUNKS: usize = 256;
-const CHUNK: usize = 1 << 16;
-
-/// Most fragments and most points of all candidates, which are held in memory whole: some 8 GB.
-const MAX_FRAGMENTS: usize = 50_000_000;
-const MAX_POINTS: usize = 500_000_000;
 
 /// Reads the inputs of a job, divides, cuts, orders and checks.
 ///
@@ -348,8 +349,9 @@ fn ground<'a>(
     let max_slope = job.file.limits.max_incidence.as_rad().tan();
     fill::along_contours(texture, surface, &sections, max_slope, job.depth_range())?;
     let texture = &*texture;
+    let walk = Walk { surface, texture, max_slope };
     let sampling = bound::sampling(job, machine, texture);
-    let (footprint, marks) = footprint(surface, texture, &sections, max_slope, keep, window.map(|w| w / 2), sampling);
+    let (footprint, marks) = walk.footprint(&sections, keep, window.map(|w| w / 2), sampling);
     let Some((lo, hi)) = footprint.range() else {
         let place = Place::file(job.path.display().to_string());
         return Err(Diag::limit(
@@ -436,44 +438,6 @@ fn in_step(job: &Job, area: Box2, pitch: [i64; 2], step: i64) -> [i64; 2] {
     })
 }
 
-/// The chunks of a texture: ranges of stroke indices, their number independent of threads.
-fn chunks(texture: &Texture) -> Vec<std::ops::Range<usize>> {
-    let size = texture.len().div_ceil(CHUNKS).clamp(1, CHUNK);
-    (0..texture.len()).step_by(size).map(|i| i..(i + size).min(texture.len())).collect()
-}
-
-fn footprint(
-    surface: &Surface,
-    texture: &Texture,
-    sections: &Sections,
-    max_slope: f64,
-    keep: Keep,
-    half: [i64; 2],
-    sampling: Option<Sampling>,
-) -> (Footprint, Option<Samples>) {
-    // Joining intervals gives the same intervals in any order, and thinned marks are the same too, so this
-    // reduction may run as it likes.
-    let none = || (Footprint::default(), sampling.map(Samples::new));
-    let (footprint, marks) = chunks(texture)
-        .into_par_iter()
-        .fold(none, |(mut footprint, mut marks), chunk| {
-            let mut tracer = GridTracer::new(Tracer::new(surface, max_slope), sections);
-            let mut points = Vec::new();
-            for i in chunk {
-                texture.stroke(i, &mut points);
-                marks.iter_mut().for_each(|m| m.begin(i));
-                footprint.add(&points, &mut tracer, keep, half, marks.as_mut());
-            }
-            (footprint, marks)
-        })
-        .reduce(none, |(mut footprint, mut marks), (other, more)| {
-            footprint.merge(other);
-            marks.iter_mut().zip(more).for_each(|(m, more)| m.merge(more));
-            (footprint, marks)
-        });
-    (footprint.joined(), marks)
-}
-
 /// Refuses what would need more stops than anyone marks, before they are made.
 fn most_stops(ground: &Ground<'_>) -> Result<(), Error> {
     const MAX_STOPS: f64 = 1e6;
@@ -501,7 +465,15 @@ fn divide(ground: &Ground<'_>, method: Method) -> Option<Stops> {
             let overlap = ground.job.file.partition.overlap.as_nm().unwrap_or(0);
             // Other passes begin in other corners.
             let flips = [1, 2, 1].map(|bit| ground.place.number & bit != 0);
-            let free = partition::free(cells(ground, &fine), &fine, sections, *window, lattice, overlap, flips);
+            let free = partition::free(
+                ground.walk().cells(&fine, ground.keep),
+                &fine,
+                sections,
+                *window,
+                lattice,
+                overlap,
+                flips,
+            );
             // Where fields fit the texture exactly, their grid can be the better choice of windows.
             let grid = partition::divide(partition::Method::ZRange, footprint, sections, *window, lattice);
             if ground.keep.0 == 0 && grid.stops.len() < free.stops.len() { grid } else { free }
@@ -527,61 +499,6 @@ fn windows_cannot_win(ground: &Ground<'_>, grid: &Stops) -> bool {
     0.6 * stops * time([w / 2, h / 2, 0]) > sections * xy + (stops - sections) * z
 }
 
-/// The texture in the cells of a fine grid.
-fn cells(ground: &Ground<'_>, fine: &Fine) -> Cells {
-    // A set is the same in whatever order it is joined.
-    chunks(ground.texture)
-        .into_par_iter()
-        .fold(Cells::default, |mut cells, chunk| {
-            let mut tracer = GridTracer::new(Tracer::new(ground.surface, ground.max_slope), &fine.grid);
-            let mut points = Vec::new();
-            for i in chunk {
-                ground.texture.stroke(i, &mut points);
-                cells.add(&points, &mut tracer, &fine.slabs, ground.keep);
-            }
-            cells
-        })
-        .reduce(Cells::default, |mut a, b| {
-            a.merge(b);
-            a
-        })
-}
-
-/// Cuts all strokes between the stops of every candidate, in one walk; by candidate, in chunks.
-fn cut(ground: &Ground<'_>, candidates: &[Stops]) -> Result<Vec<Vec<Fragments>>, Error> {
-    let min_mark = ground.job.file.partition.min_mark.as_mm() * NM_PER_MM;
-    let partition = &ground.job.file.partition;
-    let [zone, overlap] = [partition.zone, partition.overlap].map(|l| l.as_mm() * NM_PER_MM);
-    let seam = Seam { zone, overlap, seed: ground.job.seed };
-    let (fragment_count, point_count) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let chunks = chunks(ground.texture)
-        .into_par_iter()
-        .map(|chunk| {
-            let tracer = Tracer::new(ground.surface, ground.max_slope);
-            let mut splitter = Splitter::new(tracer, candidates, min_mark, ground.keep, seam);
-            let mut points = Vec::new();
-            for i in chunk {
-                let pen = ground.texture.stroke(i, &mut points);
-                splitter.stroke(i as u32, pen, ground.pens[usize::from(pen)].passes, &points);
-            }
-            let parts: Vec<Fragments> = splitter.finish().collect();
-            // Counted while it grows: what is too large must be refused before it fills the memory.
-            let grown = |count: &AtomicUsize, of: fn(&Fragments) -> usize| {
-                let by = parts.iter().map(of).sum();
-                count.fetch_add(by, Relaxed) + by
-            };
-            let fits = grown(&fragment_count, |p| p.list.len()) <= MAX_FRAGMENTS
-                && grown(&point_count, |p| p.points.len()) <= MAX_POINTS;
-            if fits { Ok(parts) } else { Err(too_large(ground)) }
-        })
-        .collect::<Result<Vec<_>, _>>()?;
-    let mut by_candidate: Vec<Vec<Fragments>> = candidates.iter().map(|_| Vec::with_capacity(chunks.len())).collect();
-    for chunk in chunks {
-        chunk.into_iter().zip(&mut by_candidate).for_each(|(part, parts)| parts.push(part));
-    }
-    Ok(by_candidate)
-}
-
 /// One candidate, ordered and timed.
 fn make(ground: &Ground<'_>, method: Method, stops: &Stops, parts: Vec<Fragments>) -> Made {
     let built = build(ground, stops, &parts);
@@ -600,34 +517,6 @@ fn make(ground: &Ground<'_>, method: Method, stops: &Stops, parts: Vec<Fragments
         program: built.program,
         setups: built.setups,
     }
-}
-
-/// The program would not fit: said without a count, which would depend on the threads.
-fn too_large(ground: &Ground<'_>) -> Diag {
-    let text = format!(
-        "the texture's {} strokes become more than {MAX_FRAGMENTS} fragments or {MAX_POINTS} points",
-        ground.texture.len()
-    );
-    Diag::limit("program-large", text).hint("use a larger pitch or a smaller area, or mark the part in several jobs")
-}
-
-/// The figures of two runs of strokes together; fragments and points are let go.
-fn join(mut a: Fragments, b: Fragments) -> Fragments {
-    a.texture_mm += b.texture_mm;
-    a.mark_mm += b.mark_mm;
-    a.overlap_mm += b.overlap_mm;
-    a.cuts += b.cuts;
-    a.short += b.short;
-    a.skipped.off_part += b.skipped.off_part;
-    a.skipped.steep += b.skipped.steep;
-    a.skipped.small += b.skipped.small;
-    a.strokes_cut += b.strokes_cut;
-    a.figures_whole += b.figures_whole;
-    a.figures_cut += b.figures_cut;
-    a.not_kept += b.not_kept;
-    a.steep_at = a.steep_at.or(b.steep_at);
-    a.worst_slope2 = a.worst_slope2.max(b.worst_slope2);
-    a
 }
 
 /// Where the stage comes from: the centre of its travel, lifted.
@@ -662,91 +551,6 @@ fn times(ground: &Ground<'_>, program: &Program) -> (Times, Vec<f64>) {
     }
     t.total = t.stage + t.settle + t.mark + t.jump + t.delay;
     (t, blocks)
-}
-
-/// What the user must know, or must not go on with.
-fn warn(job: &Job, split: &Fragments, worst_defocus: i64, depth: i64, warnings: &mut Vec<Diag>) -> Result<(), Error> {
-    let mm = |v: f64| if v < 0.001 { format!("{:.3} um", v * 1000.0) } else { format!("{v:.3} mm") };
-    if split.skipped.steep > 0.0 {
-        let limit = job.file.limits.max_incidence.as_deg();
-        let text =
-            format!("{} of texture lie on slopes above {limit:.1} deg and are not marked", mm(split.skipped.steep));
-        let place = split.steep_at.map_or(Place::Nowhere, |p| {
-            let [x_mm, y_mm] = p.mm();
-            Place::Part { x_mm, y_mm }
-        });
-        if job.file.limits.steep == Steep::Refuse {
-            return Err(Diag::limit("steep", text).at(place).hint("limits.steep = \"skip\" marks the rest").into());
-        }
-        warnings.push(Diag::warning("steep", text).at(place).hint("see limits.max_incidence"));
-    }
-    let incidence = split.worst_slope2.sqrt().atan().to_degrees();
-    if incidence > job.file.limits.warn_incidence.as_deg() {
-        let text =
-            format!("the beam meets the surface at up to {incidence:.1} deg: marks are stretched and the dose falls");
-        warnings.push(Diag::warning("incidence", text).hint("see limits.warn_incidence"));
-    }
-    if split.skipped.off_part > 0.0 {
-        let text = format!("{} of texture lie off the part and are not marked", mm(split.skipped.off_part));
-        warnings.push(Diag::warning("off-part", text));
-    }
-    if split.skipped.small > 0.0 {
-        let text = format!("{} of texture are fragments below partition.min_mark", mm(split.skipped.small));
-        warnings.push(Diag::warning("small", text));
-    }
-    if worst_defocus > depth / 2 {
-        let text = format!(
-            "marks lie up to {:.1} um from the focal plane, more than half the depth range of {:.1} um",
-            worst_defocus as f64 / 1000.0,
-            depth as f64 / 1000.0
-        );
-        warnings.push(Diag::warning("defocus", text).hint("focus.level = \"mid\" keeps it at half the depth range"));
-    }
-    Ok(())
-}
-
-/// Pens that make up for the slope, and no file that tells the marking software so.
-fn not_carried(job: &Job, program: &Program) -> Option<Diag> {
-    let formats = &job.file.emit.formats;
-    let carried = formats.iter().any(|f| matches!(f, Format::Dxf | Format::Ovf));
-    (program.pens.len() > job.file.pen.len() && !carried).then(|| {
-        let text = "none of emit.formats carries pens: the dose is not made up for";
-        Diag::warning("dose-lost", text).hint("add \"ovf\", or \"dxf\" and set each layer's pen from the run sheet")
-    })
-}
-
-/// What was to stay whole and does not, and why.
-fn not_kept(ground: &Ground<'_>, method: Method, split: &Fragments) -> Option<Diag> {
-    if split.not_kept == 0 {
-        return None;
-    }
-    let [broken, astride] = ground.footprint.not_whole();
-    let figures = (0..ground.sections.len()).flat_map(|i| ground.footprint.figures_of(i));
-    let deep = figures.filter(|&&(lo, hi)| !ground.lattice.holds(lo, hi)).count();
-    let mut why = format!("{deep} are deeper than a stop");
-    if broken > 0 {
-        why += &format!(", {broken} lie at a rim or a steep place");
-    }
-    if astride > 0 && method != Method::Window {
-        why += &format!(", {astride} lie across a border of sections");
-    }
-    if method == Method::Contour {
-        why += ", the others across a level";
-    }
-    let text = format!("{} figures that partition.keep_whole wants whole are cut: {why}", split.not_kept);
-    let hint = match method {
-        Method::Contour => "method \"z-range\" or \"window\" keeps more of them",
-        _ => "smaller figures or a larger focus.pdof keep more of them",
-    };
-    Some(Diag::warning("figures-cut", text).hint(hint))
-}
-
-/// Cuts that were to overlap and do not in full.
-fn short_overlaps(split: &Fragments) -> Option<Diag> {
-    let Fragments { cuts, short, .. } = *split;
-    let text = format!("{short} of {cuts} cuts overlap by less than partition.overlap: no two stops accept all of it");
-    let hint = "a larger partition.hysteresis or focus.pdof helps on slopes; a shorter overlap everywhere";
-    (short > 0).then(|| Diag::warning("overlap-short", text).hint(hint))
 }
 
 /// Folder of a job file's outputs: `hood.toml` makes `hood.job` beside it.

@@ -14,6 +14,13 @@
 //! point where a closed figure was drawn from. What is shared is counted, cuts with less than was asked for
 //! too: mark - overlap + skipped = texture.
 
+mod bend;
+mod seam;
+
+pub use seam::Seam;
+
+use bend::Bend;
+
 use crate::geom::{NM_PER_MM, P2, Turn, nearest};
 use crate::partition::Stops;
 use crate::program::CHORD;
@@ -21,12 +28,6 @@ use crate::trace::{Keep, Normals, Piece, Skip, Tracer};
 
 /// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
 const EPS: f64 = 1e-3;
-
-/// An overlap that lacks no more than this, nm, is there in full: its ends are rounded.
-const SHORT: f64 = 2.0;
-
-/// Shorter overlaps, nm, are none, unless a shorter one was asked for.
-const LEAST_OVERLAP: f64 = 1_000.0;
 
 /// Pieces that are looked ahead over at most.
 const RUN: usize = 1 << 14;
@@ -125,56 +126,6 @@ struct Open {
     shared: f64,
 }
 
-/// A line in the field that bends with the surface, followed from its last point: the directions in which it may
-/// go on straight and pass all places since then within [`CHORD`].
-#[derive(Clone, Copy, Default)]
-struct Bend {
-    from: [f64; 2],
-    /// The last place; None where there is none since the last point.
-    at: Option<[f64; 2]>,
-    /// Unit vector in which directions are measured, and their least and greatest tangent.
-    along: [f64; 2],
-    open: [f64; 2],
-}
-
-impl Bend {
-    /// Goes on from a point of the program.
-    fn start(from: [f64; 2]) -> Self {
-        Self { from, at: None, along: [0.0; 2], open: [0.0; 2] }
-    }
-
-    /// Goes on to `to`; answers the place at which a point must be set, if one must.
-    fn go(&mut self, to: [f64; 2]) -> Option<[f64; 2]> {
-        let corner = self.at.filter(|_| !self.reaches(to));
-        if let Some(corner) = corner {
-            *self = Self::start(corner);
-        }
-        let d = [to[0] - self.from[0], to[1] - self.from[1]];
-        let length = d[0].hypot(d[1]);
-        if self.at.is_none() {
-            self.along = [d[0] / length, d[1] / length];
-            self.open = [f64::NEG_INFINITY, f64::INFINITY];
-        }
-        // Nearer than the tolerance nothing is a direction.
-        let (x, y) = self.local(d);
-        if x > CHORD {
-            self.open = [self.open[0].max((y - CHORD) / x), self.open[1].min((y + CHORD) / x)];
-        }
-        self.at = Some(to);
-        corner
-    }
-
-    fn reaches(&self, to: [f64; 2]) -> bool {
-        let (x, y) = self.local([to[0] - self.from[0], to[1] - self.from[1]]);
-        x > 0.0 && (self.open[0]..=self.open[1]).contains(&(y / x))
-    }
-
-    fn local(&self, d: [f64; 2]) -> (f64, f64) {
-        let [x, y] = self.along;
-        (d[0] * x + d[1] * y, d[1] * x - d[0] * y)
-    }
-}
-
 /// Cuts strokes between the stops of several candidates, over one walk.
 pub struct Splitter<'a> {
     tracer: Tracer<'a>,
@@ -270,29 +221,6 @@ struct Cutter<'a> {
     seam: Seam,
     /// Where the open fragment is to be cut although its stop would go on, and the stop that goes on.
     cut: Option<(usize, f64, u32)>,
-}
-
-/// Where strokes are cut between two stops that both accept a stretch of them.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Seam {
-    /// The cut lies at random within the last of this length that both accept, nm; 0 for the very end.
-    pub zone: f64,
-    /// So much before the cut both mark, nm; 0 for none. Not together with a zone.
-    pub overlap: f64,
-    /// Seed of the random places.
-    pub seed: u64,
-}
-
-impl Seam {
-    /// A number from 0 to 1 that depends on the seed and on which cut of which stroke it is.
-    fn random(self, source: u32, cut: usize) -> f64 {
-        // The finaliser of SplitMix64.
-        let mut h = self.seed ^ u64::from(source).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (cut as u64) << 32;
-        for (shift, factor) in [(30, 0xBF58_476D_1CE4_E5B9u64), (27, 0x94D0_49BB_1331_11EB)] {
-            h = (h ^ (h >> shift)).wrapping_mul(factor);
-        }
-        ((h ^ (h >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
 }
 
 impl<'a> Cutter<'a> {
@@ -484,120 +412,6 @@ impl<'a> Cutter<'a> {
             self.cut = self.plan(stop, run, k, i, t);
         }
         (stop, end)
-    }
-
-    /// A random place to leave `stop`, which goes on from `t` on piece `i` of segment `k`: in the zone before
-    /// the place where it must be left, as far as the stop that follows accepts it too.
-    fn plan(&mut self, stop: u32, run: &Run, k: usize, i: usize, t: f64) -> Option<(usize, f64, u32)> {
-        let (j, exit) = self.left(stop, run, k, i, t);
-        let p = run.pieces.get(j).filter(|p| p.skip.is_none())?;
-        // A stop that is left at once, at the end of a piece, is left on the next.
-        if exit >= p.t1 {
-            return None;
-        }
-        let last = run.segments.partition_point(|s| s.end <= j);
-        let (next, _) = self.choose(run, last, j, exit);
-        let cuts = self.out.list.len() - self.before.0;
-        let mut back = self.seam.zone * self.seam.random(self.source, cuts);
-        // The zone may be shorter than asked for: the cut then lies at the same share of what there is.
-        let whole = self.accepted_before(next, run, (j, exit), (i, t), self.seam.zone).1;
-        back *= whole / self.seam.zone;
-        let ((piece, at), _) = self.accepted_before(next, run, (j, exit), (i, t), back);
-        let begin = piece == i && (at - t) * run.segments[k].a.distance(run.segments[k].b) < 2.0;
-        (!begin).then_some((piece, at, next))
-    }
-
-    /// Goes back from one place of a stroke to another as long as `stop` accepts it, at most `most` nm;
-    /// answers where that ends and how far it is.
-    fn accepted_before(
-        &self,
-        stop: u32,
-        run: &Run,
-        (mut j, mut to): (usize, f64),
-        (first, from): (usize, f64),
-        most: f64,
-    ) -> ((usize, f64), f64) {
-        let ([lo, hi], lean) = (self.bounds(stop), self.stops.turn(stop).map_or(0.0, Turn::lean));
-        let mut length = 0.0;
-        loop {
-            let s = &run.segments[run.segments.partition_point(|s| s.end <= j)];
-            let p = &run.pieces[j];
-            let [a, b] = [(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| self.seen(stop, s.at(t, z)));
-            let mut begin = p.t0;
-            // What is kept to an area is not followed beyond.
-            if self.stops.area(stop).is_some() {
-                return ((j, to), length);
-            }
-            for k in 0..3 {
-                // At the edge of a sheet the height jumps from one piece to the next.
-                let now = a[k] + (b[k] - a[k]) * ((to - p.t0) / (p.t1 - p.t0));
-                if now > hi[k] + EPS || now < lo[k] - EPS {
-                    return ((j, to), length);
-                }
-                let limit = a[k].clamp(lo[k], hi[k]);
-                if limit != a[k] {
-                    let share = if b[k] == a[k] { 1.0 } else { (limit - a[k]) / (b[k] - a[k]) };
-                    begin = begin.max(p.t0 + (p.t1 - p.t0) * share);
-                }
-            }
-            if j == first {
-                begin = begin.max(from);
-            }
-            let begin = begin.min(to);
-            let scale = s.a.distance(s.b);
-            if length + (to - begin) * scale >= most {
-                return ((j, (to - (most - length) / scale).max(begin)), most);
-            }
-            length += (to - begin) * scale;
-            let goes_on = begin <= p.t0 && j > first && run.pieces[j - 1].skip.is_none();
-            if !goes_on || (run.pieces[j - 1].z1 - p.z0).abs() * lean > CHORD / 2.0 {
-                return ((j, begin), length);
-            }
-            j -= 1;
-            to = run.pieces[j].t1;
-        }
-    }
-
-    /// Keeps those stops, if there are any, that accept as much before `t` of piece `i` as is to be shared.
-    fn overlapping(&self, stops: &mut Vec<u32>, run: &Run, i: usize, t: f64) {
-        let Some(open) = &self.open else { return };
-        let wanted = self.seam.overlap.min((open.length - open.shared) / 2.0);
-        let is_full = |&stop: &u32| self.accepted_before(stop, run, (i, t), (0, 0.0), wanted).1 >= wanted - SHORT;
-        if stops.iter().any(is_full) {
-            stops.retain(is_full);
-        }
-    }
-
-    /// Ends the open fragment at `t` of piece `i`, and has `stop`, which goes on there, begin before it.
-    fn share(&mut self, stop: u32, run: &Run, i: usize, t: f64) {
-        let segment = |piece: usize| &run.segments[run.segments.partition_point(|s| s.end <= piece)];
-        let own = self.open.as_ref().map_or(0.0, |o| o.length - o.shared);
-        let s = segment(i);
-        let cut = s.a.lerp(s.b, t);
-        // What was too short to be marked cannot be marked twice.
-        if !self.close(cut) {
-            return;
-        }
-        let wanted = self.seam.overlap;
-        let ((first, from), length) = self.accepted_before(stop, run, (i, t), (0, 0.0), wanted.min(own / 2.0));
-        self.out.cuts += 1;
-        self.out.short += usize::from(length < wanted - SHORT);
-        if length < LEAST_OVERLAP.min(wanted / 2.0) {
-            return;
-        }
-        for j in first..=i {
-            let (s, p) = (segment(j), &run.pieces[j]);
-            let part = [if j == first { from } else { p.t0 }, if j == i { t } else { p.t1 }];
-            if part[0] < part[1] {
-                self.mark(stop as usize, s, part, p);
-            }
-            if j < i && j + 1 == s.end {
-                self.corner(s.index, s.b);
-            }
-        }
-        if let Some(open) = &mut self.open {
-            open.shared = open.drawn + open.last.distance(cut);
-        }
     }
 
     /// Of the stops that accept what follows after `t` on piece `i` of segment `k`, the one that is left

@@ -4,26 +4,18 @@ mod support;
 
 use std::path::Path;
 
+use serde_json::Value;
 use support::surfaces::{dome, mesh, write_stl};
-use support::{JobText, assert_balance, compile, folder, number, shared, verify};
+use support::{JobText, assert_balance, folder, number, shared, verify};
 
-/// Compiles with two threads and with one, which must give the same bytes, and verifies.
-fn check(job: &JobText, dir: &Path, name: &str) -> serde_json::Value {
-    let out = dir.join(format!("{name}.job"));
-    let single = dir.join(format!("{name}-1.job"));
-    let file = job.write(dir, &format!("{name}.toml"));
-    let args = [Path::new("compile"), &file, Path::new("-o"), &single, Path::new("-j"), Path::new("1")];
-    let made = support::terrace(args);
-    assert!(made.status.success(), "{}", support::said(&made));
-    let summary = compile(&file, &out);
-    let (a, b) = (support::files(&out), support::files(&single));
-    assert_eq!(a.len(), b.len(), "{name}");
-    assert!(a.iter().zip(&b).all(|(a, b)| a == b), "{name}: the number of threads changes bytes");
-    assert_balance(&summary, &verify(&out));
-    for folder in [out, single] {
-        std::fs::remove_dir_all(folder).expect("a folder of ours");
-    }
-    summary
+/// Compiles with one thread and with two, which must give the same bytes, and verifies; answers the summary.
+fn check(job: &JobText, dir: &Path, name: &str) -> Value {
+    let out = support::same_on_any_threads(&job.write(dir, &format!("{name}.toml")), dir);
+    let text = std::fs::read(out.join("manifest.json")).expect("a manifest");
+    let manifest: Value = serde_json::from_slice(&text).expect("JSON");
+    assert_balance(&manifest["summary"], &verify(&out));
+    std::fs::remove_dir_all(out).expect("a folder of ours");
+    manifest["summary"].clone()
 }
 
 /// Hatch, Hilbert curve, 202,500 square loops and, where it is at hand, a real drawing with thousands

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 use support::surfaces::{dome, mesh, write_stl};
-use support::{JobText, assert_balance, compile, files, folder, number, verify};
+use support::{JobText, assert_balance, compile, folder, number, verify};
 
 const PASSES: &str = "[passes]\ncount = 3\nrotate = \"67 deg\"\nlower = \"8 um\"\n";
 
@@ -122,15 +122,7 @@ fn seams_of_passes_do_not_lie_on_each_other() {
 fn several_passes_give_the_same_bytes_on_any_number_of_threads() {
     let dir = folder();
     let file = job(dir.path(), "auto", "contour", PASSES);
-    let run = |threads: &str| {
-        let out = dir.path().join("job.job");
-        let args = ["compile", "--threads", threads, "-o"].map(Path::new);
-        let done = support::terrace(args.into_iter().chain([out.as_path(), file.as_path()]));
-        assert!(done.status.success(), "{}", support::said(&done));
-        files(&out)
-    };
-    let (one, two) = (run("1"), run("2"));
-    assert!(one.iter().zip(&two).all(|(a, b)| a == b) && one.len() == two.len());
+    support::same_on_any_threads(&file, dir.path());
 }
 
 #[test]

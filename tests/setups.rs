@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 use support::surfaces::{mesh, write_stl};
-use support::{JobText, assert_balance, compile, files, folder, number, verify};
+use support::{JobText, assert_balance, compile, folder, number, verify};
 
 /// Tooling holes along two edges of the part, every 300 mm.
 const HOLES: &str = "registration = [[\"12 mm\", \"30 mm\"], [\"300 mm\", \"30 mm\"], [\"600 mm\", \"30 mm\"], \
@@ -150,15 +150,7 @@ fn passes_go_through_the_set_ups_there_and_back() {
 fn set_ups_give_the_same_bytes_on_any_number_of_threads() {
     let dir = folder();
     let file = job(dir.path(), "auto", &setups(""));
-    let run = |threads: &str| {
-        let out = dir.path().join("job.job");
-        let args = ["compile", "--threads", threads, "-o"].map(Path::new);
-        let done = support::terrace(args.into_iter().chain([out.as_path(), file.as_path()]));
-        assert!(done.status.success(), "{}", support::said(&done));
-        files(&out)
-    };
-    let (one, two) = (run("1"), run("2"));
-    assert!(one.iter().zip(&two).all(|(a, b)| a == b) && one.len() == two.len());
+    support::same_on_any_threads(&file, dir.path());
 }
 
 #[test]

@@ -139,14 +139,7 @@ fn auto_takes_the_tilt_where_it_is_fastest_and_threads_change_nothing() {
     assert!(candidates.iter().any(|c| c["method"] == "tilt"), "{summary}");
     assert_eq!(time(&summary), least);
     let file = tilted(&stl, "pattern = \"hatch\"\npitch = \"0.5 mm\"").write(dir.path(), "threads.toml");
-    let written = ["1", "2"].map(|threads| {
-        let out = dir.path().join(format!("threads-{threads}.job"));
-        let done =
-            support::terrace(["compile", "-j", threads, "-o", &out.display().to_string(), &file.display().to_string()]);
-        assert!(done.status.success(), "{}", support::said(&done));
-        support::files(&out)
-    });
-    assert_eq!(written[0], written[1]);
+    support::same_on_any_threads(&file, dir.path());
 }
 
 #[test]

@@ -11,14 +11,13 @@
 
 use rayon::prelude::*;
 
-use super::{chunks, ground, passes};
+use super::{ground, passes};
 use crate::diag::Error;
 use crate::geom::{Box2, P2, Turn};
 use crate::motion;
 use crate::spec::Job;
 use crate::surface::Surface;
 use crate::texture::Texture;
-use crate::trace::{GridTracer, Marks, Tracer};
 
 /// One way to set the part up.
 #[derive(Clone, Debug)]
@@ -78,22 +77,7 @@ pub fn orient(job: &Job) -> Result<Vec<Orientation>, Error> {
         pitch,
         count: [0, 1].map(|k| (area.size()[k] / pitch[k] + 1) as u32),
     };
-    let marks = chunks(ground.texture)
-        .into_par_iter()
-        .fold(Marks::default, |mut marks, chunk| {
-            let mut tracer = GridTracer::new(Tracer::new(ground.surface, ground.max_slope), &grid);
-            let mut points = Vec::new();
-            for i in chunk {
-                ground.texture.stroke(i, &mut points);
-                marks.add(&points, &mut tracer);
-            }
-            marks
-        })
-        .reduce(Marks::default, |mut a, b| {
-            a.merge(b);
-            a
-        })
-        .list();
+    let marks = ground.walk().marks(&grid).list();
     let moved = |to: [i64; 3]| motion::stage_move(&machine, [0; 3], to, None).total_s();
     let scale = Scale {
         window: ground.window.map(|w| w as f64),

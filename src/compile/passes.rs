@@ -8,7 +8,8 @@
 
 use std::ops::Range;
 
-use super::{Ground, MAX_FRAGMENTS, MAX_POINTS, Made, Setups};
+use super::cut::{MAX_FRAGMENTS, MAX_POINTS, too_large};
+use super::{Ground, Made, Setups};
 use crate::diag::{Diag, Error};
 use crate::geom::Box2;
 use crate::machine::Machine;
@@ -100,7 +101,7 @@ pub(super) fn further(first: &Ground<'_>, mut made: Made) -> Result<(Made, Vec<P
         let (fragments, points) =
             (made.fragments + next.fragments, made.program.points.len() + next.program.points.len());
         if fragments > MAX_FRAGMENTS || points > MAX_POINTS {
-            return Err(super::too_large(first).into());
+            return Err(too_large(first).into());
         }
         let lowered = ground.place.lowered;
         let directions = ground.texture.directions().map_or_else(Vec::new, |d| d.hundredths.clone());

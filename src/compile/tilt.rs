@@ -1,12 +1,9 @@
 //! The stops of a machine that tilts the part: sections and tilts by sample points of the marks, then what
 //! each must hold by all of them.
 
-use rayon::prelude::*;
-
-use super::{Ground, chunks};
+use super::Ground;
 use crate::geom::{Box2, P2};
 use crate::partition::{Stops, tilt};
-use crate::trace::{Facings, GridTracer, Marks, Tracer, Turned};
 
 /// The stops.
 pub(super) fn divide(ground: &Ground<'_>) -> Stops {
@@ -18,7 +15,9 @@ pub(super) fn divide(ground: &Ground<'_>) -> Stops {
         window: ground.window.map(|w| w / 2 * 2),
         lattice: ground.lattice,
     };
-    let (samples, worst_slope2) = samples(ground, &tilted);
+    let marks = ground.walk().marks(&tilted.samples());
+    let steepest = marks.worst_slope2.sqrt().atan();
+    let samples = marks.list();
     let mut facings = tilted.plan(&samples);
     let tiles = ground.surface.tiles();
     let top = |area: Box2| {
@@ -27,7 +26,6 @@ pub(super) fn divide(ground: &Ground<'_>) -> Stops {
     };
     let highest = tiles.iter().map(|t| t.1).max().unwrap_or(0) as f64;
     let lowest = samples.iter().map(|p| p[2]).fold(f64::INFINITY, f64::min);
-    let steepest = worst_slope2.sqrt().atan();
     for k in 0..facings.list.len() {
         let half = facings.half;
         let facing = &mut facings.list[k];
@@ -53,7 +51,7 @@ pub(super) fn divide(ground: &Ground<'_>) -> Stops {
         }
     }
     loop {
-        let held = held(ground, &facings);
+        let held = ground.walk().held(&facings, ground.keep);
         let mut is_sound = true;
         for (facing, held) in facings.list.iter_mut().zip(&held.0) {
             facing.is_wide = facing.is_wide && !held.is_shaded;
@@ -70,46 +68,3 @@ pub(super) fn divide(ground: &Ground<'_>) -> Stops {
 
 /// Room for the curvature of the part beside a window, nm.
 const SPARE: i64 = 1_000_000;
-
-/// Sample points of the marks, and their largest squared slope.
-fn samples(ground: &Ground<'_>, tilted: &tilt::Ground<'_>) -> (Vec<[f64; 3]>, f64) {
-    let grid = tilted.samples();
-    let marks = chunks(ground.texture)
-        .into_par_iter()
-        .fold(Marks::default, |mut marks, chunk| {
-            let mut tracer = GridTracer::new(Tracer::new(ground.surface, ground.max_slope), &grid);
-            let mut points = Vec::new();
-            for i in chunk {
-                ground.texture.stroke(i, &mut points);
-                marks.add(&points, &mut tracer);
-            }
-            marks
-        })
-        .reduce(Marks::default, |mut a, b| {
-            a.merge(b);
-            a
-        });
-    let worst_slope2 = marks.worst_slope2;
-    (marks.list(), worst_slope2)
-}
-
-/// What every facing must hold.
-fn held(ground: &Ground<'_>, facings: &Facings) -> Turned {
-    let none = || Turned::new(facings.list.len());
-    chunks(ground.texture)
-        .into_par_iter()
-        .fold(none, |mut held, chunk| {
-            let mut tracer = GridTracer::new(Tracer::new(ground.surface, ground.max_slope), &facings.grid);
-            let mut points = Vec::new();
-            for i in chunk {
-                ground.texture.stroke(i, &mut points);
-                held.add(&points, &mut tracer, facings, ground.keep);
-            }
-            held
-        })
-        .reduce(none, |mut a, b| {
-            a.merge(b);
-            a
-        })
-        .joined()
-}

@@ -67,4 +67,4 @@ fn bands(index: &Index, upwards: &[u32], size: [i32; 3]) -> Vec<[i32; 3]> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(in crate::partition) mod tests;

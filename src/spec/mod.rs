@@ -5,8 +5,11 @@
 //! authority for the JSON schema (`terrace init --schema`) and for `docs/job-file.md`.
 
 mod direction;
+mod dose;
 mod faults;
+mod passes;
 mod sample;
+mod setups;
 
 pub use direction::Direction;
 pub use faults::MAX_PARTS;
@@ -19,6 +22,10 @@ use std::sync::Arc;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
+
+pub use dose::{Compensate, DoseSpec};
+pub use passes::PassesSpec;
+pub use setups::{Parts, PartsName, SetupsSpec};
 
 use crate::diag::{self, Diag, Error, Place};
 use crate::machine::Machine;
@@ -417,140 +424,6 @@ pub struct OrderSpec {
     /// Order of the strokes within a block.
     #[serde(default)]
     pub strokes: StrokeOrder,
-}
-
-/// `[passes]`: the whole texture again, each time with stops of its own.
-#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PassesSpec {
-    /// How many there are, 1 to 100.
-    #[serde(default = "default_count")]
-    #[schemars(with = "u32")]
-    pub count: Spanned<u32>,
-    /// By how much straight hatches turn from pass to pass, counter-clockwise.
-    #[serde(default)]
-    pub rotate: Angle,
-    /// By how much focal planes sink from pass to pass, because the one before has removed so much.
-    #[serde(default, deserialize_with = "non_negative")]
-    pub lower: Length,
-    /// By how much the grid of sections moves along x and y from pass to pass, so that seams do not lie on
-    /// each other; default: the golden part of a section. With "0 mm" levels do not move either.
-    #[serde(default, deserialize_with = "non_negative_option")]
-    #[schemars(with = "Option<Length>")]
-    pub shift: Option<Length>,
-}
-
-fn default_count() -> Spanned<u32> {
-    Spanned::new(0..0, 1)
-}
-
-impl Default for PassesSpec {
-    fn default() -> Self {
-        Self { count: default_count(), rotate: Angle::default(), lower: Length::default(), shift: None }
-    }
-}
-
-impl PassesSpec {
-    /// The golden section: its multiples fill an interval evenly, however many there are.
-    const GOLDEN: f64 = 0.618_033_988_749_894_9;
-
-    /// How many passes there are.
-    pub fn count(&self) -> u32 {
-        *self.count.get_ref()
-    }
-    /// What part of a repeated length pass `k` is shifted by, from 0 to 1.
-    pub fn share(k: u32) -> f64 {
-        (f64::from(k) * Self::GOLDEN).fract()
-    }
-    /// By how much the grid of sections lies lower along x and y in pass `k` than in the first, less than the
-    /// sections' `pitch` and a multiple of `grain`, nm.
-    pub fn shift_nm(&self, k: u32, pitch: [i64; 2], grain: i64) -> [i64; 2] {
-        let shift = |pitch: i64| match self.shift.map(|s| s.as_nm().unwrap_or(0)) {
-            Some(shift) => (i128::from(shift) * i128::from(k) % i128::from(pitch.max(1))) as i64,
-            None => (pitch as f64 * Self::share(k)) as i64,
-        };
-        pitch.map(|pitch| shift(pitch) / grain * grain)
-    }
-    /// By how much levels lie lower in pass `k` than in the first, nm.
-    pub fn level_shift_nm(&self, k: u32, depth: i64) -> f64 {
-        let stays = self.shift.is_some_and(|s| s.as_mm() == 0.0);
-        if stays { 0.0 } else { depth as f64 * Self::share(k) }
-    }
-    /// By how much the surface is lower in pass `k` than in the first, nm.
-    pub fn lowered_nm(&self, k: u32) -> i64 {
-        self.lower.as_nm().unwrap_or(i64::MAX).saturating_mul(i64::from(k))
-    }
-}
-
-/// `[setups]`: a part beyond the stage travel is moved on the table and marked from several places.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SetupsSpec {
-    /// Into how many columns the stops are parted along x.
-    #[serde(default)]
-    pub columns: Parts,
-    /// Into how many rows along y.
-    #[serde(default)]
-    pub rows: Parts,
-    /// Points of the part's own frame that the operator finds with the pilot laser, x and y; every set-up
-    /// must reach two.
-    pub registration: Vec<[Length; 2]>,
-}
-
-/// How many columns or rows of set-ups there are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(untagged, expecting = "a number of set-ups, or \"auto\"")]
-pub enum Parts {
-    /// `"auto"`.
-    Named(PartsName),
-    /// So many.
-    Number(u32),
-}
-
-impl Default for Parts {
-    fn default() -> Self {
-        Self::Named(PartsName::Auto)
-    }
-}
-
-/// Numbers with a name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum PartsName {
-    /// The fewest that the travel allows.
-    Auto,
-}
-
-/// What of a pen makes up for the slope.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Compensate {
-    /// Marks are slower by the cosine of the slope.
-    Speed,
-    /// Power is higher by one over the cosine.
-    Power,
-}
-
-/// `[dose]`.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DoseSpec {
-    /// What is changed.
-    pub compensate: Compensate,
-    /// By how much at most: 1.5 is a speed of two thirds, or half as much power again.
-    #[serde(default = "default_cap")]
-    pub cap: f64,
-    /// Factors are multiples of this.
-    #[serde(default = "default_step")]
-    pub step: f64,
-}
-
-fn default_cap() -> f64 {
-    1.5
-}
-
-fn default_step() -> f64 {
-    0.01
 }
 
 /// What happens to texture on slopes beyond `max_incidence`.

@@ -146,3 +146,21 @@ pub fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
     out.sort();
     out
 }
+
+/// Compiles a job on one thread and on two, which must give the same bytes; answers one of the folders.
+pub fn same_on_any_threads(job: &Path, dir: &Path) -> PathBuf {
+    let run = |threads: &str| {
+        let out = dir.join(format!("threads-{threads}.job"));
+        let args = ["compile", "-j", threads, "-o"].map(Path::new);
+        let done = terrace(args.into_iter().chain([out.as_path(), job]));
+        assert!(done.status.success(), "{}: {}", job.display(), said(&done));
+        out
+    };
+    let (one, two) = (run("1"), run("2"));
+    let (a, b) = (files(&one), files(&two));
+    assert!(!a.is_empty() && a.len() == b.len(), "{}", job.display());
+    let differs = a.iter().zip(&b).find(|(a, b)| a != b);
+    assert!(differs.is_none(), "{}: the number of threads changes {}", job.display(), differs.map_or("", |d| &d.0.0));
+    std::fs::remove_dir_all(one).expect("a folder of ours");
+    two
+}

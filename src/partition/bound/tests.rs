@@ -1,19 +1,8 @@
 use super::*;
-use crate::partition::window::cover;
+use crate::partition::window::{cover, tests::noise};
 
 const MM: i32 = 1_000_000;
 const SIZE: [i32; 3] = [40 * MM, 40 * MM, 70_000];
-
-/// Numbers of chance.
-fn noise(seed: u64) -> impl FnMut(i32) -> i32 {
-    let mut x = seed * 2 + 1;
-    move |n| {
-        x ^= x << 13;
-        x ^= x >> 7;
-        x ^= x << 17;
-        ((x >> 33) % n as u64) as i32
-    }
-}
 
 fn point(p: [i32; 3]) -> Item {
     Item { lo: p, hi: p }

@@ -1,7 +1,7 @@
 use super::*;
 
 /// Numbers of chance.
-fn noise(seed: u64) -> impl FnMut(i32) -> i32 {
+pub(in crate::partition) fn noise(seed: u64) -> impl FnMut(i32) -> i32 {
     let mut x = seed * 2 + 1;
     move |n| {
         x ^= x << 13;

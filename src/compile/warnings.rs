@@ -1,0 +1,98 @@
+//! What the user must know of a plan, or must not go on with.
+
+use super::Ground;
+use crate::diag::{Diag, Error, Place};
+use crate::program::Program;
+use crate::spec::{Format, Job, Method, Steep};
+use crate::split::Fragments;
+
+/// What the user must know, or must not go on with.
+pub(super) fn warn(
+    job: &Job,
+    split: &Fragments,
+    worst_defocus: i64,
+    depth: i64,
+    warnings: &mut Vec<Diag>,
+) -> Result<(), Error> {
+    let mm = |v: f64| if v < 0.001 { format!("{:.3} um", v * 1000.0) } else { format!("{v:.3} mm") };
+    if split.skipped.steep > 0.0 {
+        let limit = job.file.limits.max_incidence.as_deg();
+        let text =
+            format!("{} of texture lie on slopes above {limit:.1} deg and are not marked", mm(split.skipped.steep));
+        let place = split.steep_at.map_or(Place::Nowhere, |p| {
+            let [x_mm, y_mm] = p.mm();
+            Place::Part { x_mm, y_mm }
+        });
+        if job.file.limits.steep == Steep::Refuse {
+            return Err(Diag::limit("steep", text).at(place).hint("limits.steep = \"skip\" marks the rest").into());
+        }
+        warnings.push(Diag::warning("steep", text).at(place).hint("see limits.max_incidence"));
+    }
+    let incidence = split.worst_slope2.sqrt().atan().to_degrees();
+    if incidence > job.file.limits.warn_incidence.as_deg() {
+        let text =
+            format!("the beam meets the surface at up to {incidence:.1} deg: marks are stretched and the dose falls");
+        warnings.push(Diag::warning("incidence", text).hint("see limits.warn_incidence"));
+    }
+    if split.skipped.off_part > 0.0 {
+        let text = format!("{} of texture lie off the part and are not marked", mm(split.skipped.off_part));
+        warnings.push(Diag::warning("off-part", text));
+    }
+    if split.skipped.small > 0.0 {
+        let text = format!("{} of texture are fragments below partition.min_mark", mm(split.skipped.small));
+        warnings.push(Diag::warning("small", text));
+    }
+    if worst_defocus > depth / 2 {
+        let text = format!(
+            "marks lie up to {:.1} um from the focal plane, more than half the depth range of {:.1} um",
+            worst_defocus as f64 / 1000.0,
+            depth as f64 / 1000.0
+        );
+        warnings.push(Diag::warning("defocus", text).hint("focus.level = \"mid\" keeps it at half the depth range"));
+    }
+    Ok(())
+}
+
+/// Pens that make up for the slope, and no file that tells the marking software so.
+pub(super) fn not_carried(job: &Job, program: &Program) -> Option<Diag> {
+    let formats = &job.file.emit.formats;
+    let carried = formats.iter().any(|f| matches!(f, Format::Dxf | Format::Ovf));
+    (program.pens.len() > job.file.pen.len() && !carried).then(|| {
+        let text = "none of emit.formats carries pens: the dose is not made up for";
+        Diag::warning("dose-lost", text).hint("add \"ovf\", or \"dxf\" and set each layer's pen from the run sheet")
+    })
+}
+
+/// What was to stay whole and does not, and why.
+pub(super) fn not_kept(ground: &Ground<'_>, method: Method, split: &Fragments) -> Option<Diag> {
+    if split.not_kept == 0 {
+        return None;
+    }
+    let [broken, astride] = ground.footprint.not_whole();
+    let figures = (0..ground.sections.len()).flat_map(|i| ground.footprint.figures_of(i));
+    let deep = figures.filter(|&&(lo, hi)| !ground.lattice.holds(lo, hi)).count();
+    let mut why = format!("{deep} are deeper than a stop");
+    if broken > 0 {
+        why += &format!(", {broken} lie at a rim or a steep place");
+    }
+    if astride > 0 && method != Method::Window {
+        why += &format!(", {astride} lie across a border of sections");
+    }
+    if method == Method::Contour {
+        why += ", the others across a level";
+    }
+    let text = format!("{} figures that partition.keep_whole wants whole are cut: {why}", split.not_kept);
+    let hint = match method {
+        Method::Contour => "method \"z-range\" or \"window\" keeps more of them",
+        _ => "smaller figures or a larger focus.pdof keep more of them",
+    };
+    Some(Diag::warning("figures-cut", text).hint(hint))
+}
+
+/// Cuts that were to overlap and do not in full.
+pub(super) fn short_overlaps(split: &Fragments) -> Option<Diag> {
+    let Fragments { cuts, short, .. } = *split;
+    let text = format!("{short} of {cuts} cuts overlap by less than partition.overlap: no two stops accept all of it");
+    let hint = "a larger partition.hysteresis or focus.pdof helps on slopes; a shorter overlap everywhere";
+    (short > 0).then(|| Diag::warning("overlap-short", text).hint(hint))
+}
