@@ -7,6 +7,7 @@ pub mod compile;
 pub mod diag;
 pub mod emit;
 pub mod fill;
+pub mod fly;
 pub mod folder;
 pub mod geom;
 pub mod machine;

@@ -89,6 +89,7 @@ fn allowed() -> BTreeMap<&'static str, Vec<&'static str>> {
         ("order", on_ground(&[])),
         ("check", on_ground(&["order"])),
         ("map", on_ground(&["surface"])),
+        ("fly", on_ground(&["surface", "texture", "trace"])),
         ("emit", on_ground(&["check"])),
         ("record", on_ground(&["check", "spec"])),
         ("preview", on_ground(&["check", "record", "map"])),
