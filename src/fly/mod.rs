@@ -11,6 +11,7 @@
 //! stage synchronised. Where their print was damaged, the equations here are restored and tested as such.
 
 pub mod chain;
+pub mod motion;
 pub mod path;
 pub mod relief;
 pub mod spread;
