@@ -14,4 +14,6 @@ pub mod chain;
 pub mod motion;
 pub mod path;
 pub mod relief;
+pub mod schedule;
 pub mod spread;
+pub mod sync;
