@@ -11,3 +11,6 @@
 //! stage synchronised. Where their print was damaged, the equations here are restored and tested as such.
 
 pub mod chain;
+pub mod decompose;
+pub mod kinematics;
+pub mod stops;
