@@ -11,9 +11,12 @@
 //! stage synchronised. Where their print was damaged, the equations here are restored and tested as such.
 
 pub mod chain;
+pub mod decompose;
+pub mod kinematics;
 pub mod motion;
 pub mod path;
 pub mod relief;
 pub mod schedule;
 pub mod spread;
+pub mod stops;
 pub mod sync;
