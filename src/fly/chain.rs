@@ -55,19 +55,16 @@ impl Band {
     fn solve(&self, x: &mut [f64]) {
         let (w, stride) = (self.width, self.width + 1);
         let n = x.len();
+        let row = |i: usize| &self.entries[i * stride..(i + 1) * stride];
         for i in 0..n {
-            let mut sum = x[i];
-            for j in i.saturating_sub(w)..i {
-                sum -= self.entries[i * stride + (i - j)] * x[j];
-            }
-            x[i] = sum / self.entries[i * stride];
+            let reach = w.min(i);
+            let known: f64 = (1..=reach).map(|k| row(i)[k] * x[i - k]).sum();
+            x[i] = (x[i] - known) / row(i)[0];
         }
         for i in (0..n).rev() {
-            let mut sum = x[i];
-            for j in i + 1..=(i + w).min(n - 1) {
-                sum -= self.entries[j * stride + (j - i)] * x[j];
-            }
-            x[i] = sum / self.entries[i * stride];
+            let reach = w.min(n - 1 - i);
+            let known: f64 = (1..=reach).map(|k| row(i + k)[k] * x[i + k]).sum();
+            x[i] = (x[i] - known) / row(i)[0];
         }
     }
 }

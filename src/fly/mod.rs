@@ -13,4 +13,10 @@
 pub mod chain;
 pub mod decompose;
 pub mod kinematics;
+pub mod motion;
+pub mod path;
+pub mod relief;
+pub mod schedule;
+pub mod spread;
 pub mod stops;
+pub mod sync;

@@ -1,0 +1,176 @@
+//! The path of the beam over the part: strokes in the order of a program, and the jumps between them.
+//!
+//! Consumes a program, whose blocks are read one after the other, and the part; promises nodes so close that
+//! straight lines between them stand for the path, with every vertex of a stroke among them. Units: mm; the
+//! frame is the part's. Under marks the height is the part's own, along jumps the relief's.
+
+use super::relief::Relief;
+use crate::geom::{NM_PER_MM, P2, mm_from_nm};
+use crate::program::Program;
+use crate::surface::Surface;
+use crate::trace::Tracer;
+
+/// Turns sharper than this are corners, at which an axis that follows the path stops; between gentler ones
+/// the path is a curve, rad.
+pub const CORNER: f64 = 0.26;
+
+/// What the path does at a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Node {
+    /// Goes straight on.
+    Between,
+    /// Turns a little, as a curve does that is drawn with straight lines.
+    Vertex,
+    /// Turns sharply.
+    Corner,
+    /// A stroke begins or ends.
+    End,
+}
+
+/// A path of marks and jumps; index 0 is where it begins.
+#[derive(Clone, Debug, Default)]
+pub struct Path {
+    /// Where each node lies.
+    pub at: Vec<[f64; 3]>,
+    /// Pen of the stretch that ends at each node; None for a jump.
+    pub pen: Vec<Option<u16>>,
+    /// What the path does at each node.
+    pub node: Vec<Node>,
+    /// Stroke of the program that each node belongs to, the one just marked or jumped to.
+    pub stroke: Vec<u32>,
+}
+
+impl Path {
+    /// The path of a program's strokes, with nodes no farther apart than `spacing` mm.
+    pub fn of(program: &Program, surface: &Surface, relief: &Relief, spacing: f64) -> Self {
+        let mut path = Self::default();
+        let mut tracer = Tracer::new(surface, f64::INFINITY);
+        let mut from: Option<P2> = None;
+        for block in &program.blocks {
+            let centre = block.stop.centre;
+            for (number, stroke) in block.strokes.clone().zip(program.strokes_of(block)) {
+                let points = program.points_of(stroke);
+                let part = |p: [i32; 2]| P2::new(centre.x + i64::from(p[0]), centre.y + i64::from(p[1]));
+                let first = part(points[0]);
+                match from {
+                    Some(from) if from != first => path.jump(from, first, relief, spacing, number as u32),
+                    Some(_) => {}
+                    None => {
+                        let [x, y] = first.mm();
+                        path.node([x, y, relief.at([x, y]).z], None, number as u32);
+                    }
+                }
+                let mut direction = None;
+                for w in points.windows(2) {
+                    let (a, b) = (part(w[0]), part(w[1]));
+                    path.turn(match direction {
+                        None => Node::End,
+                        Some(d) if angle(d, heading(a, b)) > CORNER => Node::Corner,
+                        Some(_) => Node::Vertex,
+                    });
+                    path.mark(&mut tracer, a, b, spacing, Some(stroke.pen), number as u32);
+                    direction = Some(heading(a, b));
+                }
+                path.turn(Node::End);
+                from = points.last().map(|&p| part(p));
+            }
+        }
+        path
+    }
+
+    /// How many nodes there are.
+    pub fn len(&self) -> usize {
+        self.at.len()
+    }
+
+    /// Whether nothing is marked.
+    pub fn is_empty(&self) -> bool {
+        self.at.is_empty()
+    }
+
+    /// Length of the path seen from the lens up to each node.
+    pub fn distances(&self) -> Vec<f64> {
+        let mut sum = 0.0;
+        let steps = self.at.windows(2).map(|w| {
+            sum += (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]);
+            sum
+        });
+        std::iter::once(0.0).chain(steps).take(self.len()).collect()
+    }
+
+    /// Half of the marked length on either side of each node: how much its figures count.
+    pub fn weights(&self) -> Vec<f64> {
+        let mut out = vec![0.0; self.len()];
+        for (i, w) in self.at.windows(2).enumerate() {
+            if self.pen[i + 1].is_some() {
+                let half = (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]) / 2.0;
+                out[i] += half;
+                out[i + 1] += half;
+            }
+        }
+        out
+    }
+
+    fn node(&mut self, at: [f64; 3], pen: Option<u16>, stroke: u32) {
+        self.at.push(at);
+        self.pen.push(pen);
+        self.node.push(Node::Between);
+        self.stroke.push(stroke);
+    }
+
+    /// What the path does at the node it has come to.
+    fn turn(&mut self, node: Node) {
+        if let Some(last) = self.node.last_mut() {
+            *last = node.max(*last);
+        }
+    }
+
+    fn jump(&mut self, a: P2, b: P2, relief: &Relief, spacing: f64, stroke: u32) {
+        let count = pieces(a, b, spacing);
+        let ([ax, ay], [bx, by]) = (a.mm(), b.mm());
+        for i in 1..=count {
+            let t = i as f64 / count as f64;
+            let xy = [ax + t * (bx - ax), ay + t * (by - ay)];
+            self.node([xy[0], xy[1], relief.at(xy).z], None, stroke);
+        }
+    }
+
+    fn mark(&mut self, tracer: &mut Tracer<'_>, a: P2, b: P2, spacing: f64, pen: Option<u16>, stroke: u32) {
+        let count = pieces(a, b, spacing);
+        let ([ax, ay], [bx, by]) = (a.mm(), b.mm());
+        let mut next = 1;
+        let mut height = self.at.last().map_or(0.0, |p| p[2]);
+        tracer.segment(a, b, |p| {
+            // A mark that rounding has put a nanometre off the part keeps the height that it had.
+            height = if p.skip.is_none() { p.z1 / NM_PER_MM } else { height };
+            if next == 1 && p.t0 == 0.0 && p.skip.is_none() && self.pen.last().is_some_and(Option::is_none) {
+                // The stroke begins at the part's own height.
+                if let Some(last) = self.at.last_mut() {
+                    last[2] = p.z0 / NM_PER_MM;
+                }
+            }
+            while next <= count && next as f64 <= p.t1 * count as f64 {
+                let t = next as f64 / count as f64;
+                let z = if p.skip.is_none() { p.z(t) / NM_PER_MM } else { height };
+                self.node([ax + t * (bx - ax), ay + t * (by - ay), z], pen, stroke);
+                next += 1;
+            }
+        });
+        if next <= count {
+            self.node([bx, by, height], pen, stroke);
+        }
+    }
+}
+
+fn pieces(a: P2, b: P2, spacing: f64) -> usize {
+    ((a.distance(b) / NM_PER_MM / spacing).ceil() as usize).max(1)
+}
+
+fn heading(a: P2, b: P2) -> [f64; 2] {
+    [mm_from_nm(b.x - a.x), mm_from_nm(b.y - a.y)]
+}
+
+/// Angle between two directions.
+fn angle(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] * b[1] - a[1] * b[0]).abs().atan2(a[0] * b[0] + a[1] * b[1])
+}
