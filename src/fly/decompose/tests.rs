@@ -306,9 +306,7 @@ fn stage_axes_of_least_acceleration_keep_all_limits_and_need_less_than_any_filte
             best_on_part = best_on_part.min(part);
         }
     }
-    let t0 = std::time::Instant::now();
     let axes = seven_axes(&marks, ARTICLE);
-    eprintln!("TIME seven {:?}", t0.elapsed());
     let worst = Deviation::worst(&marks, axes.iter().map(Axes::tool));
     let (stage, part) = (rms(&axes), on_part(&axes));
     eprintln!("least: X Y Z {stage:.1}, on the part {part:.1}, A C {:.2}; {worst:?}", turns(&axes));
@@ -335,9 +333,9 @@ fn a_flat_part_needs_no_turns_and_no_limit_no_stage() {
 
 #[test]
 fn on_a_dome_with_hatch_the_corridor_needs_less_than_any_filter() {
-    // 60 lines of 450 mm in turns, 1 mm apart, over the top of a dome of 60 mm; 40 mm of field, 0.07 mm of depth.
+    // 60 lines of 450 mm in turns, 1 mm apart, over the top of a dome of 10 mm; 40 mm of field, 0.07 mm of depth.
     let half = [20.0, 20.0, 0.035];
-    let dome = |x: f64, y: f64| 60.0 * (1.0 - (x * x + y * y) / (2.0 * 225.0 * 225.0));
+    let dome = |x: f64, y: f64| 10.0 * (1.0 - (x * x + y * y) / (2.0 * 225.0 * 225.0));
     let path: Vec<[f64; 3]> = (0..60)
         .flat_map(|k| (0..902).map(move |i| (k, 0.5 * f64::from(i))))
         .map(|(k, s)| {
@@ -347,20 +345,30 @@ fn on_a_dome_with_hatch_the_corridor_needs_less_than_any_filter() {
         })
         .collect();
     let step = 1e-3;
-    let holds = |method: Method<3>| {
-        let parts = decompose(&path, method);
-        let reach = peak(&parts.scanner);
-        (rms_acceleration(&parts.stage, step), (0..3).all(|k| reach[k] <= half[k]))
-    };
-    let mut best = f64::INFINITY;
-    for family in FAMILIES {
-        let found = largest(300.0, 0.9, 3.0, 0.5, |strength| holds(family.at(strength))).expect("some strength");
-        eprintln!("dome, {family:?} {:.1} samples: {:.0}", found.strength, found.found);
-        best = best.min(found.found);
+    let parts = decompose(&path, Method::LeastAcceleration { half });
+    let reach = peak(&parts.scanner);
+    assert!((0..3).all(|k| reach[k] <= half[k]), "{reach:?}");
+    // Filters may smooth each axis as strongly as that axis bears; where it bears nothing the stage does it all.
+    let (mut best, mut least) = ([0.0; 3], [0.0; 3]);
+    for k in 0..3 {
+        let one: Vec<[f64; 1]> = path.iter().map(|x| [x[k]]).collect();
+        best[k] = rms_acceleration(&one, step);
+        for family in FAMILIES {
+            let attempt = |strength: f64| {
+                let parts = decompose(&one, family.at(strength));
+                (rms_acceleration(&parts.stage, step), peak(&parts.scanner)[0] <= half[k])
+            };
+            if let Some(found) = largest(400.0, 0.9, 3.0, 0.5, attempt) {
+                eprintln!("dome, axis {k}, {family:?} {:.1} samples: {:.0} mm/s2", found.strength, found.found);
+                best[k] = f64::min(best[k], found.found);
+            }
+        }
+        let one: Vec<[f64; 1]> = parts.stage.iter().map(|x| [x[k]]).collect();
+        least[k] = rms_acceleration(&one, step);
+        eprintln!("dome, axis {k}: {:.0} against {:.0} mm/s2", least[k], best[k]);
+        assert!(least[k] <= best[k]);
     }
-    let t0 = std::time::Instant::now();
-    let (least, held) = holds(Method::LeastAcceleration { half });
-    eprintln!("TIME dome {:?}", t0.elapsed());
-    eprintln!("dome, least: {least:.0}, ratio {:.4}", least / best);
-    assert!(held && least <= 0.8 * best, "{least} of {best}");
+    let whole = |x: [f64; 3]| x.iter().map(|a| a * a).sum::<f64>().sqrt();
+    eprintln!("dome, ratio {:.4}", whole(least) / whole(best));
+    assert!(whole(least) <= 0.8 * whole(best), "{least:?} of {best:?}");
 }
