@@ -358,7 +358,7 @@ fn on_a_dome_with_hatch_the_corridor_needs_less_than_any_filter() {
                 let parts = decompose(&one, family.at(strength));
                 (rms_acceleration(&parts.stage, step), peak(&parts.scanner)[0] <= half[k])
             };
-            if let Some(found) = largest(400.0, 0.9, 3.0, 0.5, attempt) {
+            if let Some(found) = largest(1500.0, 0.9, 3.0, 0.5, attempt) {
                 eprintln!("dome, axis {k}, {family:?} {:.1} samples: {:.0} mm/s2", found.strength, found.found);
                 best[k] = f64::min(best[k], found.found);
             }
