@@ -112,7 +112,7 @@ fn the_jump_alone_tells_the_samples() {
 fn raster() -> Vec<[f64; 2]> {
     let line = |k: u32, s: f64| {
         let along = s.min(100.0);
-        [if k % 2 == 0 { along } else { 100.0 - along }, f64::from(k) + (s - 100.0).max(0.0)]
+        [if k.is_multiple_of(2) { along } else { 100.0 - along }, f64::from(k) + (s - 100.0).max(0.0)]
     };
     (0..21).flat_map(|k| (0..1010).map(move |i| line(k, 0.1 * f64::from(i)))).collect()
 }
