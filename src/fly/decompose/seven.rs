@@ -47,7 +47,7 @@ const INSIDE: f64 = 1.0 - 1e-9;
 ///   and Y have a disc (a polygon of 16 sides within it) and Z an interval.
 ///
 /// Every limit is kept exactly; the least of all axes together it need not be. Cost goes with the number of marks.
-/// Normals must point up and tilt together with the angle by less than a quarter turn.
+/// Normals must point up. The machine must let A pass through 0 to both sides.
 pub fn seven_axes(marks: &[Pose], limits: Limits) -> Vec<Axes> {
     let angle = limits.angle * INSIDE;
     let c = turntable(marks, angle);
@@ -111,6 +111,9 @@ fn swivel(marks: &[Pose], c: &[f64], angle: f64) -> Vec<f64> {
 fn in_field(seen: &[[f64; 3]], field: f64) -> Vec<f64> {
     let start: Vec<f64> = seen.iter().flat_map(|q| [q[0], q[1]]).collect();
     let inner = field * (PI / SIDES as f64).cos();
+    if inner <= 0.0 {
+        return start;
+    }
     let rows: Vec<Row<2>> = (0..seen.len())
         .flat_map(|i| {
             (0..SIDES / 2).map(move |s| {

@@ -112,7 +112,7 @@ fn the_jump_alone_tells_the_samples() {
 fn raster() -> Vec<[f64; 2]> {
     let line = |k: u32, s: f64| {
         let along = s.min(100.0);
-        [if k % 2 == 0 { along } else { 100.0 - along }, f64::from(k) + (s - 100.0).max(0.0)]
+        [if k.is_multiple_of(2) { along } else { 100.0 - along }, f64::from(k) + (s - 100.0).max(0.0)]
     };
     (0..21).flat_map(|k| (0..1010).map(move |i| line(k, 0.1 * f64::from(i)))).collect()
 }
@@ -285,7 +285,8 @@ fn stage_axes_of_least_acceleration_keep_all_limits_and_need_less_than_any_filte
     let step = 1e-3;
     let rms = |axes: &[Axes]| rms_acceleration(&axes.iter().map(|x| x.xyz).collect::<Vec<_>>(), step);
     let turns = |axes: &[Axes]| rms_acceleration(&axes.iter().map(|x| [x.a, x.c]).collect::<Vec<_>>(), step);
-    let mut best = f64::INFINITY;
+    let on_part = |axes: &[Axes]| rms_acceleration(&axes.iter().map(|x| x.tool().p).collect::<Vec<_>>(), step);
+    let (mut best, mut best_on_part) = (f64::INFINITY, f64::INFINITY);
     for family in FAMILIES {
         let attempt = |mm: f64| {
             let tools = part.poses(&stage(&plan, family.at(mm / part.pitch())));
@@ -295,13 +296,79 @@ fn stage_axes_of_least_acceleration_keep_all_limits_and_need_less_than_any_filte
         let found = largest(100.0, 0.95, 1.0, 0.05, attempt).expect("some strength holds");
         for branches in [Branches::Only(Branch::Positive), Branches::Quickest { a: 0.36, c: 3.0 }] {
             let axes = follow(&found.found, branches);
-            eprintln!("{family:?} {} mm {branches:?}: rms {} turns {}", found.strength, rms(&axes), turns(&axes));
-            best = best.min(rms(&axes));
+            let (stage, part) = (rms(&axes), on_part(&axes));
+            let mm = found.strength;
+            eprintln!(
+                "{family:?} {mm:.2} mm {branches:?}: X Y Z {stage:.1}, on the part {part:.1}, A C {:.2}",
+                turns(&axes)
+            );
+            best = best.min(stage);
+            best_on_part = best_on_part.min(part);
         }
     }
     let axes = seven_axes(&marks, ARTICLE);
     let worst = Deviation::worst(&marks, axes.iter().map(Axes::tool));
-    eprintln!("least: rms {} turns {} {worst:?}; ratio {}", rms(&axes), turns(&axes), rms(&axes) / best);
+    let (stage, part) = (rms(&axes), on_part(&axes));
+    eprintln!("least: X Y Z {stage:.1}, on the part {part:.1}, A C {:.2}; {worst:?}", turns(&axes));
+    eprintln!("ratios {:.4} and {:.4}", stage / best, part / best_on_part);
     assert!(ARTICLE.hold(worst), "{worst:?}");
-    assert!(rms(&axes) <= 0.8 * best, "{} of {best}", rms(&axes));
+    assert!(stage <= 0.8 * best, "{stage} of {best}");
+    // Nor is it the turntable alone that whirls less.
+    assert!(part <= 0.8 * best_on_part, "{part} of {best_on_part}");
+}
+
+#[test]
+fn a_flat_part_needs_no_turns_and_no_limit_no_stage() {
+    let plan: Vec<[f64; 2]> = wandering();
+    let flat = on_surface(&plan, |_, _| (3.0, 0.0, 0.0));
+    let axes = seven_axes(&flat, ARTICLE);
+    assert!(axes.iter().all(|x| x.a.abs() < 0.18 && x.c == axes[0].c));
+    assert!(ARTICLE.hold(Deviation::worst(&flat, axes.iter().map(Axes::tool))));
+    let tight = Limits { focus: 0.0, angle: 0.0, field: 0.0 };
+    let bent = on_surface(&plan, |x, y| (0.001 * x * y, 0.001 * y, 0.001 * x));
+    let worst = Deviation::worst(&bent, seven_axes(&bent, tight).iter().map(Axes::tool));
+    assert!(worst.focus < 1e-9 && worst.angle < 1e-7 && worst.lateral < 1e-9, "{worst:?}");
+    assert!(seven_axes(&[], ARTICLE).is_empty() && seven_axes(&bent[..1], ARTICLE).len() == 1);
+}
+
+#[test]
+fn on_a_dome_with_hatch_the_corridor_needs_less_than_any_filter() {
+    // 60 lines of 450 mm in turns, 1 mm apart, over the top of a dome of 10 mm; 40 mm of field, 0.07 mm of depth.
+    let half = [20.0, 20.0, 0.035];
+    let dome = |x: f64, y: f64| 10.0 * (1.0 - (x * x + y * y) / (2.0 * 225.0 * 225.0));
+    let path: Vec<[f64; 3]> = (0..60)
+        .flat_map(|k| (0..902).map(move |i| (k, 0.5 * f64::from(i))))
+        .map(|(k, s)| {
+            let x = (s.min(450.0) - 225.0) * if k % 2 == 0 { 1.0 } else { -1.0 };
+            let y = f64::from(k) - 30.0 + (s - 450.0).max(0.0);
+            [x, y, dome(x, y)]
+        })
+        .collect();
+    let step = 1e-3;
+    let parts = decompose(&path, Method::LeastAcceleration { half });
+    let reach = peak(&parts.scanner);
+    assert!((0..3).all(|k| reach[k] <= half[k]), "{reach:?}");
+    // Filters may smooth each axis as strongly as that axis bears; where it bears nothing the stage does it all.
+    let (mut best, mut least) = ([0.0; 3], [0.0; 3]);
+    for k in 0..3 {
+        let one: Vec<[f64; 1]> = path.iter().map(|x| [x[k]]).collect();
+        best[k] = rms_acceleration(&one, step);
+        for family in FAMILIES {
+            let attempt = |strength: f64| {
+                let parts = decompose(&one, family.at(strength));
+                (rms_acceleration(&parts.stage, step), peak(&parts.scanner)[0] <= half[k])
+            };
+            if let Some(found) = largest(1500.0, 0.9, 3.0, 0.5, attempt) {
+                eprintln!("dome, axis {k}, {family:?} {:.1} samples: {:.0} mm/s2", found.strength, found.found);
+                best[k] = f64::min(best[k], found.found);
+            }
+        }
+        let one: Vec<[f64; 1]> = parts.stage.iter().map(|x| [x[k]]).collect();
+        least[k] = rms_acceleration(&one, step);
+        eprintln!("dome, axis {k}: {:.0} against {:.0} mm/s2", least[k], best[k]);
+        assert!(least[k] <= best[k]);
+    }
+    let whole = |x: [f64; 3]| x.iter().map(|a| a * a).sum::<f64>().sqrt();
+    eprintln!("dome, ratio {:.4}", whole(least) / whole(best));
+    assert!(whole(least) <= 0.8 * whole(best), "{least:?} of {best:?}");
 }
