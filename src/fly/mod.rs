@@ -11,3 +11,4 @@
 //! stage synchronised. Where their print was damaged, the equations here are restored and tested as such.
 
 pub mod chain;
+pub mod pace;
