@@ -60,7 +60,8 @@ impl Course {
     /// Lays the nodes `first..=last` out.
     pub fn lay(path: &Path, limits: &[Limit], options: &Options, first: usize, last: usize, bends: &[f64]) -> Self {
         let axes = limits.len();
-        let (x, segment) = cells(&path.s[first..=last], options, first);
+        let s = &path.s[first..=last];
+        let (x, segment) = cells(s, options, first, fine(path, limits, options, first, last, bends));
         let borders = x.len();
         let mut out = Self {
             axes,
@@ -183,13 +184,36 @@ impl Course {
     }
 }
 
+/// Fine cells that a run needs: at least as many as the options say, and so many that the way from rest to full
+/// acceleration holds three. Where jerk is so large that this would be many, it costs next to no time.
+fn fine(path: &Path, limits: &[Limit], options: &Options, first: usize, last: usize, bends: &[f64]) -> f64 {
+    let k = limits.len();
+    let mut ramp = f64::INFINITY;
+    for (node, end) in [(first, 0.0), (last - 1, 1.0)] {
+        let width = path.s[node + 1] - path.s[node];
+        let (mut acceleration, mut jerk) = (f64::INFINITY, f64::INFINITY);
+        for (a, l) in limits.iter().enumerate() {
+            let ends = [path.positions[node * k + a], path.positions[(node + 1) * k + a]];
+            let from = (node - first) * k + a;
+            let bent = [bends[from], bends.get(from + k).copied().unwrap_or(0.0)];
+            let slope = spline(ends, bent, width, end * width)[1].abs();
+            acceleration = acceleration.min(l.acceleration / slope);
+            jerk = jerk.min(l.jerk.map_or(f64::INFINITY, |j| j / slope));
+        }
+        ramp = ramp.min(if jerk.is_finite() { acceleration.powi(3) / (6.0 * jerk * jerk) } else { f64::INFINITY });
+    }
+    let least = options.least_cells.max(4) as f64;
+    let want = 3.0 * (0.5 * (path.s[last] - path.s[first]) / ramp).cbrt();
+    want.clamp(least, 8.0 * least)
+}
+
 /// Borders of cells and the segments they lie in. Cells are as long as the segments are over `refine`, and
-/// besides no longer than c x^(2/3) at x from the nearer stop, with c so that a run has `least_cells`: where even jerk
-/// starts from rest these take equal times.
-fn cells(s: &[f64], options: &Options, first: usize) -> (Vec<f64>, Vec<u32>) {
+/// besides no longer than c x^(2/3) at x from the nearer stop, with c so that a run has `fine` × `refine` of
+/// these: where even jerk starts from rest they take equal times.
+fn cells(s: &[f64], options: &Options, first: usize, fine: f64) -> (Vec<f64>, Vec<u32>) {
     let refine = options.refine.max(1) as f64;
     let length = s[s.len() - 1] - s[0];
-    let half = 0.5 * refine * options.least_cells.max(4) as f64;
+    let half = 0.5 * refine * fine;
     // Count of the fine cells up to x, its two halves mirrored.
     let count = |x: f64| {
         let part = |x: f64| half * (x / (0.5 * length)).max(0.0).cbrt();

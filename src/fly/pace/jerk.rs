@@ -11,8 +11,12 @@ use crate::fly::chain::{Band, Row, minimise};
 
 /// Borders in a window.
 const WINDOW: usize = 512;
-/// Shares of a limit from which a constraint is part of the program, tried one after the other.
-const NEAR: [f64; 3] = [0.5, 0.1, -2.0];
+/// Share of a limit from which a constraint is part of the program.
+const NEAR: f64 = 0.5;
+/// Share from which one that was left out goes in.
+const BROKEN: f64 = 0.9;
+/// A share that every constraint has.
+const ALL: f64 = -4.0;
 /// Least share of itself that b may fall to in a round.
 const LEAST: f64 = 0.05;
 /// Accuracy of a program, relative to the time.
@@ -119,7 +123,7 @@ pub(super) fn smooth(course: &Course, b: &mut Vec<f64>, options: &Options) -> us
         let start: Vec<f64> = b.iter().map(|b| b * room).collect();
         let mut found = start.clone();
         let shift = if round % 2 == 0 { 0 } else { WINDOW / 2 };
-        let solve = |(at, part): (usize, &mut [f64])| window(course, &caps, &start, at, part);
+        let solve = |(at, part): (usize, &mut [f64])| window(course, &caps, &start, at, part, round == 0);
         windows(&mut found, shift).into_par_iter().for_each(solve);
         let time = course.times(&found)[n];
         if time < best {
@@ -181,25 +185,21 @@ struct Window<'a> {
 }
 
 /// Solves one window's program and leaves its answer in `part`.
-fn window(course: &Course, caps: &[f64], start: &[f64], at: usize, part: &mut [f64]) {
+fn window(course: &Course, caps: &[f64], start: &[f64], at: usize, part: &mut [f64], all: bool) {
     let window = Window { course, caps, start, at, until: at + part.len() };
     let whole: f64 = window.cells().map(|c| course.time(c, [start[c], start[c + 1]])).sum();
-    for near in NEAR {
-        let rows = window.rows(near);
+    let ones = vec![1.0; part.len()];
+    let mut last: Option<Vec<f64>> = None;
+    for near in [NEAR, NEAR, ALL] {
+        let near = if all { ALL } else { near };
+        let rows = window.rows(near, last.as_deref());
         let measure = |x: &[f64], g: &mut [f64], m: &mut Band| window.measure(whole, x, g, m);
-        let found = minimise(vec![1.0; part.len()], 1, &rows, measure, ACCURACY);
-        #[cfg(test)]
-        eprintln!(
-            "  at {at} n {} near {near} rows {} keeps {} time {}",
-            part.len(),
-            rows.len(),
-            window.keeps(&found),
-            window.cells().map(|c| course.time(c, [window.b(&found, c), window.b(&found, c + 1)])).sum::<f64>() / whole
-        );
+        let found = minimise(ones.clone(), 1, &rows, measure, ACCURACY);
         if window.keeps(&found) {
             part.iter_mut().zip(&found).for_each(|(p, x)| *p *= x);
             return;
         }
+        last = Some(found);
     }
 }
 
@@ -242,19 +242,23 @@ impl Window<'_> {
         }
     }
 
-    /// The constraints that reach `near` of their limit at the start.
-    fn rows(&self, near: f64) -> Vec<Row<3>> {
+    /// The constraints that reach `near` of their limit at the start, or were nearly or wholly broken by a
+    /// program's answer `last`.
+    fn rows(&self, near: f64, last: Option<&[f64]>) -> Vec<Row<3>> {
         let (course, s) = (self.course, self.start);
         let mut rows = Vec::with_capacity(8 * (self.until - self.at));
         for i in self.at..self.until {
             rows.push(Row { at: i - self.at, a: [1.0, 0.0, 0.0], lo: LEAST, hi: self.caps[i] / s[i] });
         }
         for cell in self.cells() {
-            let thirds = if course.is_end(cell) { 1..3 } else { 0..3 };
+            // At rest itself an end cell needs no constraint.
+            let rests = |border| course.is_end(cell) && border;
+            let thirds = usize::from(rests(cell == 0))..3 - usize::from(rests(cell > 0));
             for (axis, third) in (0..course.axes).flat_map(|a| thirds.clone().map(move |t| (a, t))) {
                 let c = course.acceleration(cell, third, axis);
                 let c = [c[0] * s[cell], c[1] * s[cell + 1], 0.0];
-                if (c[0] + c[1]).abs() >= near {
+                let lately = last.map_or(0.0, |x| (c[0] * self.share(x, cell) + c[1] * self.share(x, cell + 1)).abs());
+                if (c[0] + c[1]).abs() >= near || lately > BROKEN {
                     self.push(cell, c, -1.0, 1.0, &mut rows);
                 }
             }
@@ -262,11 +266,14 @@ impl Window<'_> {
         for i in self.borders() {
             let b = [s[i - 1], s[i], s[i + 1]];
             let (time, slope) = time_around(course, i, b);
+            let x = last.map(|x| [self.share(x, i - 1), self.share(x, i), self.share(x, i + 1)]);
+            let since = x.map_or(1.0, |x| time_around(course, i, [b[0] * x[0], b[1] * x[1], b[2] * x[2]]).0 / time);
             for axis in (0..course.axes).filter(|&a| course.ramp[a] > 0.0) {
                 let c = change(course, i, axis);
                 let c = [c[0] * b[0], c[1] * b[1], c[2] * b[2]].map(|c| c / time);
+                let lately = x.map_or(0.0, |x| (c[0] * x[0] + c[1] * x[1] + c[2] * x[2]) / since);
                 for sign in [1.0, -1.0] {
-                    if sign * (c[0] + c[1] + c[2]) >= near {
+                    if sign * (c[0] + c[1] + c[2]) >= near || sign * lately > BROKEN {
                         // The time is of degree -1/2 in b, so its tangent is 3/2 time + slope * b.
                         let bent = [0, 1, 2].map(|k| sign * c[k] - slope[k] * b[k] / time);
                         self.push(i - 1, bent, f64::NEG_INFINITY, 1.5, &mut rows);
