@@ -235,6 +235,11 @@ fn run(path: &Path, limits: &[Limit], options: &Options, first: usize, last: usi
     if let Some(solved) = straight::solve(path, limits, first, last, bends) {
         return solved;
     }
+    general(path, limits, options, first, last, bends)
+}
+
+/// Solves any run on cells.
+fn general(path: &Path, limits: &[Limit], options: &Options, first: usize, last: usize, bends: &[f64]) -> Solved {
     let course = Course::lay(path, limits, options, first, last, bends);
     let mut b = reach::greatest(&course);
     let without_jerk_s = course.times(&b).last().copied().unwrap_or(0.0);

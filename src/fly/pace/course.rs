@@ -224,7 +224,13 @@ fn cells(s: &[f64], options: &Options, first: usize, fine: f64) -> (Vec<f64>, Ve
         let (from, to) = (w[0] - s[0], w[1] - s[0]);
         let measure = |x: f64| count(x) - count(from) + refine * (x - from) / (to - from);
         let n = measure(to).round().max(1.0);
+        // Far from the stops the fine cells no longer show.
+        let is_even = measure(to) < 1.02 * refine;
         for j in 1..n as usize {
+            if is_even {
+                x.push(from + (to - from) * j as f64 / n);
+                continue;
+            }
             let want = measure(to) * j as f64 / n;
             let (mut lo, mut hi) = (from, to);
             for _ in 0..50 {

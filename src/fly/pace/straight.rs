@@ -127,7 +127,12 @@ pub(super) fn solve(path: &Path, limits: &[Limit], first: usize, last: usize, be
     if !(one_cap && is_straight(path, limits, first, last, bends, v)) {
         return None;
     }
-    Some(lay(path, &Curve::new(length, v, along.acceleration, along.jerk), first, last))
+    let curve = Curve::new(length, v, along.acceleration, along.jerk);
+    let mut solved = lay(path, &curve, first, last);
+    // Where it has an even jerk at all, that is the limit.
+    let jerk = if curve.jerk.is_finite() { 1.0 } else { 0.0 };
+    solved.report.ratio = Ratio { speed: curve.peak / v, acceleration: curve.acceleration / along.acceleration, jerk };
+    Some(solved)
 }
 
 /// Whether no axis is bent so much that it would show at speed `v`.
@@ -176,18 +181,14 @@ fn lay(path: &Path, curve: &Curve, first: usize, last: usize) -> Solved {
     out.time.push(curve.total());
     out.rate.push(0.0);
     out.segment.push(last as u32 - 1);
-    // One axis at least is at its limit in each part that the curve has.
-    let jerk = if curve.jerk.is_finite() { 1.0 } else { 0.0 };
-    let ratio = Ratio { speed: 1.0, acceleration: 1.0, jerk };
     out.report = Report {
         total_s: curve.total(),
         without_jerk_s: curve.total(),
         runs: 1,
         straight: 1,
         cells: out.x.len() - 1,
-        rounds: 0,
-        ratio,
         stretch: 1.0,
+        ..Report::default()
     };
     out
 }
