@@ -20,7 +20,7 @@ const ALL: f64 = -4.0;
 /// Least share of itself that b may fall to in a round.
 const LEAST: f64 = 0.05;
 /// Accuracy of a program, relative to the time.
-const ACCURACY: f64 = 1e-5;
+const ACCURACY: f64 = 1e-4;
 
 /// Acceleration of an axis over its limit, where the time to the next reference begins or ends, as factors of
 /// b at both borders: the middle of a cell, or the moving end of a cell that borders on rest.

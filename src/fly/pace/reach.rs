@@ -2,6 +2,9 @@
 
 use super::course::Course;
 
+/// Share of a limit that rounding may add.
+const SLACK: f64 = 1e-9;
+
 /// A half-plane p x + r y ≤ 1, normalised.
 type Half = [f64; 2];
 
@@ -20,8 +23,11 @@ pub(super) fn greatest(course: &Course) -> Vec<f64> {
     for cell in 0..n - 1 {
         halves(course, cell, &mut rows);
         let x = b[cell];
-        let room = rows.iter().filter(|h| h[1] > 0.0).map(|h| (1.0 - h[0] * x).max(0.0) / h[1]);
-        b[cell + 1] = room.fold(b[cell + 1], f64::min);
+        // Where an axis turns round, a factor of y is next to nothing: rounding must not decide then.
+        let room = rows.iter().filter(|h| h[1] > 0.0).map(|h| (1.0 + SLACK - h[0] * x).max(0.0) / h[1]);
+        let need = rows.iter().filter(|h| h[1] < 0.0).map(|h| (h[0] * x - 1.0 - SLACK) / -h[1]);
+        let (most, least) = (room.fold(b[cell + 1], f64::min), need.fold(0.0, f64::max));
+        b[cell + 1] = most.max(least.min(b[cell + 1]));
     }
     b
 }
