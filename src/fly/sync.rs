@@ -140,7 +140,7 @@ fn step(total_s: f64) -> f64 {
 
 /// Samples of the averages that are tried: every odd number at first, then in steps of a tenth.
 fn ladder(longest: usize) -> Vec<usize> {
-    let next = |p: &usize| Some((p + 2).max(p * 11 / 10 | 1)).filter(|p| *p <= longest);
+    let next = |p: &usize| Some((p + 2).max((p * 11 / 10) | 1)).filter(|p| *p <= longest);
     std::iter::successors(Some(1), next).collect()
 }
 
