@@ -19,6 +19,7 @@ pub mod path;
 pub mod relief;
 pub mod schedule;
 pub mod servo;
+pub mod seven;
 pub mod spread;
 pub mod stops;
 pub mod sync;
