@@ -8,6 +8,7 @@ use super::clean;
 use super::plot::Plot;
 use crate::record::Table;
 
+/// The look of every page.
 const STYLE: &str = "body{font:14px/1.45 Arial,\"Liberation Sans\",sans-serif;margin:2em auto;max-width:76em;padding:0 1em;color:#1a1a1a}\
 h1{font-size:1.6em;margin-bottom:.2em}h2{font-size:1.15em;margin:1.8em 0 .5em}\
 table{border-collapse:collapse}th,td{padding:.15em .7em;text-align:right;border-bottom:1px solid #ddd;white-space:nowrap}\
@@ -18,8 +19,8 @@ td{font-variant-numeric:tabular-nums}#blocks th{position:sticky;top:0}.row{displ
 
 /// What a page of tables and charts adds to it.
 const MORE: &str = "html{background:#fff;color-scheme:light}p{max-width:50em}.wide{overflow-x:auto;margin:.8em 0 1.2em}\
-.wide svg{display:block;width:100%;max-width:60em;min-width:44em;height:auto}\
-caption{text-align:left;font-weight:600;padding:.3em 0}th{vertical-align:bottom}th small{font-weight:400;color:#555}\
+.wide svg{display:block;width:100%;max-width:960px;min-width:50em;height:auto}\
+caption{text-align:left;font-weight:600;padding:.3em 0}th{vertical-align:bottom;white-space:normal}th small{font-weight:400;color:#555}\
 td:not(:first-child).l{max-width:28em;min-width:10em}\
 @media(max-width:40em){body{margin:1em auto;font-size:15px}}@media print{.wide{overflow:visible;break-inside:avoid}.wide svg{min-width:0}}";
 

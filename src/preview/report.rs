@@ -18,10 +18,10 @@ pub fn report_html(job: &Layout<'_>) -> String {
     let job = &job.whole();
     let mut h = String::with_capacity(16_000 + 200 * job.blocks().len());
     h += &page::open(&format!("{}: job report", job.job), job.job, "");
-    let _ = write!(
+    let _ = writeln!(
         h,
         "<p>Machine {}. {} stops, {} in all. \
-         <a href=\"layout.svg\">Block layout (layout.svg)</a>{}, <a href=\"slope.svg\">the same by slope (slope.svg)</a></p>\n",
+         <a href=\"layout.svg\">Block layout (layout.svg)</a>{}, <a href=\"slope.svg\">the same by slope (slope.svg)</a></p>",
         escape(&job.machine.name),
         job.blocks().len(),
         duration(job.summary.time_s.total),

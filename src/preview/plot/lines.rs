@@ -83,7 +83,7 @@ impl<'a> Drawing<'a> {
         let left = ys.iter().map(|y| y.widest(SMALL)).fold(24.0, f64::max) + MARGIN + 8.0;
         let wide = |limit: &Limit, unit: &str| words::width(&label(limit, unit), SMALL).min(LABEL) + 18.0;
         let beside = chart.panels.iter().flat_map(|p| p.limits.iter().map(move |l| wide(l, &p.y.unit)));
-        let mut right = WIDTH - MARGIN - beside.fold(12.0, f64::max);
+        let mut right = WIDTH - MARGIN - beside.fold(20.0, f64::max);
         let values = x_range(chart);
         let x = Ruler::new(&chart.x, values, Ends::AtValues, foot([left, right]));
         for limit in chart.limits.iter().filter(|l| is_shown(l.value, chart.x.is_log)) {

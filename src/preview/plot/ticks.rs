@@ -113,7 +113,8 @@ impl Ruler {
             Self { lo, hi, is_log: false, ticks, title: title.clone() }
         };
         let most = if room.is_level { 10 } else { 6 };
-        (2..=most).rev().map(of).find(|r| r.has_room(room)).unwrap_or_else(|| of(2).thinned(room))
+        let inside = |most: u32| of(most).inside(room);
+        (2..=most).rev().map(inside).find(|r| r.has_room(room)).unwrap_or_else(|| of(2).thinned(room))
     }
 
     fn log(axis: &Axis, [lo, hi]: [f64; 2], ends: Ends, room: Room) -> Self {
@@ -136,8 +137,7 @@ impl Ruler {
         };
         let [fine, middle, coarse] = [&[1, 2, 5][..], &[1, 3], &[1]];
         let tried = [(fine, 1), (middle, 1), (coarse, 1), (coarse, 2), (coarse, 5), (coarse, 10), (coarse, 25)];
-        let fits = |r: &Self| r.has_room(room) && r.labels().count() >= 2;
-        let found = tried.into_iter().map(of).find(fits);
+        let found = tried.into_iter().map(|t| of(t).inside(room)).find(|r| r.has_room(room));
         // Within less than a decade the ticks are those of an even axis.
         found.unwrap_or_else(|| {
             let mut even = Self::linear(axis, [lo, hi], Ends::AtValues, room);
@@ -161,28 +161,36 @@ impl Ruler {
         [at - half, at + half]
     }
 
-    fn has_room(&self, room: Room) -> bool {
-        let mut end = -room.beyond[0];
-        self.labels().all(|tick| {
-            let [from, to] = self.reach(tick, room);
-            let fits = from >= end && to <= room.length + room.beyond[1];
-            end = to;
-            fits
-        })
-    }
-
-    /// Without the labels that have no room beside those before them.
-    fn thinned(mut self, room: Room) -> Self {
-        let mut end = -room.beyond[0];
+    /// Without the labels that reach too far beyond the ends.
+    fn inside(mut self, room: Room) -> Self {
         for k in 0..self.ticks.len() {
             let [from, to] = self.reach(&self.ticks[k], room);
-            if from < end || to > room.length + room.beyond[1] {
+            if from < -room.beyond[0] || to > room.length + room.beyond[1] {
                 self.ticks[k].label.clear();
-            } else if !self.ticks[k].label.is_empty() {
-                end = to;
             }
         }
         self
+    }
+
+    /// Whether there are labels enough to read the axis by, and none meets the next.
+    fn has_room(&self, room: Room) -> bool {
+        let reaches: Vec<[f64; 2]> = self.labels().map(|tick| self.reach(tick, room)).collect();
+        reaches.len() >= 2 && reaches.windows(2).all(|pair| pair[0][1] <= pair[1][0])
+    }
+
+    /// Without the labels that have no room beside those before them.
+    fn thinned(self, room: Room) -> Self {
+        let mut thin = self.inside(room);
+        let mut end = f64::NEG_INFINITY;
+        for k in 0..thin.ticks.len() {
+            let [from, to] = thin.reach(&thin.ticks[k], room);
+            if from < end {
+                thin.ticks[k].label.clear();
+            } else if !thin.ticks[k].label.is_empty() {
+                end = to;
+            }
+        }
+        thin
     }
 
     /// Width of the widest label.
