@@ -13,8 +13,8 @@ use crate::record::duration;
 /// Height of a bar, and from one to the next.
 const HIGH: f64 = 24.0;
 const PITCH: f64 = 36.0;
-/// Widest name and widest total.
-const NAME: f64 = 320.0;
+/// Widest line of a name and widest total.
+const NAME: f64 = 210.0;
 const TOTAL: f64 = 160.0;
 
 impl Bars {
@@ -27,9 +27,10 @@ impl Bars {
         canvas.legend(&entries);
         let totals: Vec<Option<f64>> = self.rows.iter().map(|(_, parts)| total(parts)).collect();
         let most = totals.iter().flatten().copied().fold(0.0, f64::max);
-        let names = self.rows.iter().map(|(name, _)| words::width(name, FONT).min(NAME)).fold(0.0, f64::max);
+        let names: Vec<Vec<String>> = self.rows.iter().map(|(name, _)| two_lines(name)).collect();
+        let widest = names.iter().flatten().map(|line| words::width(line, FONT)).fold(0.0, f64::max);
         let ends = totals.iter().map(|&t| words::bold_width(&self.said(t), FONT).min(TOTAL)).fold(20.0, f64::max);
-        let (left, right) = (MARGIN + names + 10.0, WIDTH - MARGIN - ends - 10.0);
+        let (left, right) = (MARGIN + widest + 10.0, WIDTH - MARGIN - ends - 10.0);
         let (axis, unit) = self.axis(most);
         let range = Some([0.0, if most > 0.0 { most / unit } else { 1.0 }]);
         let x = Ruler::new(&axis, range, Ends::AtValues, foot([left, right]));
@@ -37,9 +38,12 @@ impl Bars {
         let rect = [left, top, right, top + PITCH * self.rows.len() as f64];
         canvas.frame(rect, &x, None, true);
         let scale = if most > 0.0 { (right - left) / most } else { 0.0 };
-        for (k, ((name, parts), total)) in self.rows.iter().zip(&totals).enumerate() {
+        for (k, ((_, parts), total)) in self.rows.iter().zip(&totals).enumerate() {
             let middle = top + PITCH * (k as f64 + 0.5);
-            canvas.words([left - 8.0, middle], FONT, "end", name, NAME);
+            for (n, line) in names[k].iter().enumerate() {
+                let y = middle + 15.0 * (n as f64 - (names[k].len() - 1) as f64 / 2.0);
+                canvas.words([left - 8.0, y], FONT, "end", line, NAME);
+            }
             let mut at = left;
             for (part, &v) in parts.iter().enumerate().filter(|(_, v)| is_shown(**v, true)) {
                 let colour = colours.get(part).copied().unwrap_or(colour::SPARE);
@@ -51,7 +55,7 @@ impl Bars {
                 [at + 8.0, middle + 0.36 * FONT],
                 FONT,
                 "start",
-                &words::fitted(&self.said(*total), FONT, TOTAL / 1.12),
+                &words::fitted(&self.said(*total), FONT, TOTAL / words::BOLD),
             );
             t.assign("font-weight", "bold");
             canvas.push(t);
@@ -96,6 +100,16 @@ impl Bars {
         };
         (Axis::new(&self.value.name, unit), s)
     }
+}
+
+/// A name in at most two lines.
+fn two_lines(name: &str) -> Vec<String> {
+    let mut lines = words::lines(name, FONT, NAME);
+    if lines.len() > 2 {
+        let rest = lines.split_off(1).join(" ");
+        lines.push(words::fitted(&rest, FONT, NAME));
+    }
+    lines
 }
 
 /// Length of a bar; None where it has no parts.

@@ -43,7 +43,7 @@ pub struct Canvas {
 impl Canvas {
     pub fn new(title: &str) -> Self {
         let mut canvas = Self { title: title.to_owned(), parts: Vec::new(), at: MARGIN };
-        for line in words::bold_lines(title, TITLE, WIDTH - 2.0 * MARGIN) {
+        for line in words::lines(title, TITLE, (WIDTH - 2.0 * MARGIN) / words::BOLD) {
             canvas.at += 1.2 * TITLE;
             let mut t = text([MARGIN, canvas.at - 0.3 * TITLE], TITLE, "start", &line);
             t.assign("font-weight", "bold");

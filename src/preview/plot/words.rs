@@ -3,6 +3,9 @@
 //! Nothing here knows the face that a viewer takes. Widths are those of DejaVu Sans, the widest of the faces
 //! that charts name, rounded up by class of character; in Arial the same words are a tenth narrower.
 
+/// How much wider bold text is.
+pub const BOLD: f64 = 1.12;
+
 /// Width of a text in a size of font.
 pub fn width(text: &str, font: f64) -> f64 {
     text.chars().map(em).sum::<f64>() * font
@@ -10,7 +13,7 @@ pub fn width(text: &str, font: f64) -> f64 {
 
 /// Width of a text in bold.
 pub fn bold_width(text: &str, font: f64) -> f64 {
-    1.12 * width(text, font)
+    BOLD * width(text, font)
 }
 
 /// Width of a character, in sizes of the font.
@@ -46,13 +49,13 @@ pub fn fitted(text: &str, font: f64, limit: f64) -> String {
     out + "…"
 }
 
-/// The text in bold as lines of at most a width, broken at spaces; a longer word is cut.
-pub fn bold_lines(text: &str, font: f64, limit: f64) -> Vec<String> {
+/// The text as lines of at most a width, broken at spaces; a longer word is cut.
+pub fn lines(text: &str, font: f64, limit: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
-        let word = fitted(word, font, limit / 1.12);
+        let word = fitted(word, font, limit);
         match lines.last_mut() {
-            Some(line) if bold_width(&format!("{line} {word}"), font) <= limit => {
+            Some(line) if width(&format!("{line} {word}"), font) <= limit => {
                 line.push(' ');
                 line.push_str(&word);
             }
