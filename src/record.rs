@@ -7,10 +7,13 @@
 mod manifest;
 mod runsheet;
 mod setups;
+mod table;
 
 pub use manifest::manifest;
 pub use runsheet::{csv as runsheet_csv, txt as runsheet_txt};
 pub use setups::{Registered, registration};
+pub(crate) use table::plain;
+pub use table::{Cell, Column, Kind, TERMINAL, Table};
 
 use serde::Serialize;
 
