@@ -96,6 +96,10 @@ pub struct Sync {
     pub stage: Vec<[f64; 3]>,
     /// Time between these, slowed.
     pub step_s: f64,
+    /// Where the beam is at the same times, and whether it marks.
+    pub beam: Vec<[f64; 3]>,
+    /// See `beam`.
+    pub on: Vec<bool>,
     /// Root of the mean squared acceleration of the stage, mm/s².
     pub rms_acceleration: f64,
     /// All axes, timed, at the nodes of the path and at even steps.
@@ -116,7 +120,7 @@ pub fn synchronise(path: &Path, schedule: &Schedule, machine: &Machine, room: Ro
         let out = Sync { samples, slower, stage, step_s: even.step_s * slower, ..Sync::default() };
         let over = out.over(path, schedule, room);
         if over.iter().all(|&o| o <= 0.0) {
-            return out.timed(path, schedule, &even);
+            return out.timed(path, schedule, even);
         }
         for (half, over) in tight.half_field.iter_mut().zip(over) {
             *half = (*half - 1.05 * over).max(0.1 * *half);
@@ -126,7 +130,7 @@ pub fn synchronise(path: &Path, schedule: &Schedule, machine: &Machine, room: Ro
     // The stage that follows every sample leaves nothing to the scanner.
     let slower = (0..3).map(|axis| Peaks::of(&even.at, axis, even.step_s).slowed(&limits[axis])).fold(1.0, f64::max);
     let out = Sync { samples: [1, 1], slower, stage: even.at.clone(), step_s: even.step_s * slower, ..Sync::default() };
-    out.timed(path, schedule, &even)
+    out.timed(path, schedule, even)
 }
 
 /// How often the field is made tighter.
@@ -215,6 +219,11 @@ impl Sync {
         [0, 1, 2].map(|c| a[c] + t * (b[c] - a[c]))
     }
 
+    /// Where the stage is when the beam comes to each node of its path.
+    pub fn nodes(&self, schedule: &Schedule) -> Vec<[f64; 3]> {
+        schedule.arrive.iter().map(|&t| self.stage_at(t * self.slower)).collect()
+    }
+
     /// By how much the beam leaves the field along x and y at the nodes of its path, and marks the focus.
     fn over(&self, path: &Path, schedule: &Schedule, room: Room) -> [f64; 3] {
         let half = [room.half_field[0], room.half_field[1], room.focus];
@@ -234,7 +243,7 @@ impl Sync {
     }
 
     /// The motion of all axes: at the nodes of the path, and where the stage's own samples lie.
-    fn timed(mut self, path: &Path, schedule: &Schedule, even: &Samples) -> Self {
+    fn timed(mut self, path: &Path, schedule: &Schedule, even: Samples) -> Self {
         self.rms_acceleration = rms_acceleration(&self.stage, self.step_s);
         let mut motion = Motion::default();
         let mut sample = 0;
@@ -256,6 +265,7 @@ impl Sync {
             }
         }
         self.motion = motion;
+        (self.beam, self.on) = (even.at, even.on);
         self
     }
 }
