@@ -47,7 +47,8 @@ pub(super) fn write(c: &Comparison, folder: &Path) -> Result<(), Error> {
         let d = Diag::input("output-not-a-comparison", "the output exists and is not a comparison").at(place());
         return Err(d.hint("name another folder with -o, or remove it yourself").into());
     }
-    let failed = |what: &'static str| move |e: std::io::Error| unwritable(what, Place::file(folder.display().to_string()), &e);
+    let failed =
+        |what: &'static str| move |e: std::io::Error| unwritable(what, Place::file(folder.display().to_string()), &e);
     let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let new = tempfile::Builder::new().prefix(".compare").tempdir_in(parent).map_err(failed("make a folder"))?;
     let put = |name: &str, text: String| std::fs::write(new.path().join(name), text).map_err(failed("write a file"));

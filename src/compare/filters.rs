@@ -27,13 +27,10 @@ pub struct Filter {
     pub time_s: f64,
 }
 
-/// Samples of the path: enough to compare by.
-const SAMPLES: f64 = 60_000.0;
-
 /// All decompositions of one path.
-pub(super) fn filters(path: &Path, schedule: &Schedule, machine: &Machine, room: Room) -> Vec<Filter> {
+pub(super) fn filters(path: &Path, schedule: &Schedule, machine: &Machine, room: Room, step_s: f64) -> Vec<Filter> {
     let total = schedule.total_s();
-    let even = schedule.samples(path, (total / SAMPLES).max(1e-3));
+    let even = schedule.samples(path, step_s);
     let limits = Peaks::limits(machine);
     let families: [(&'static str, Option<Family>); 5] = [
         ("moving average", Some(Family::MovingAverage)),

@@ -1,5 +1,7 @@
 //! The systems that mark on the fly.
 
+use rayon::prelude::*;
+
 use super::filters::{Filter, filters};
 use super::{Curves, Figures, Ground, Split, System, path_of, reason, virtual_plan};
 use crate::compile::Plan;
@@ -14,12 +16,18 @@ use crate::fly::sync::{Follow, Room, Sync, synchronise};
 use crate::geom::mm_from_nm;
 use crate::machine::{Letter, Machine};
 use crate::motion::stage_move;
+use crate::program::Pen;
 use crate::units::Length;
 
 /// Servos where the machine states none: a stage of 20 Hz and a scanner of 1 kHz, well damped.
 const STAGE_HZ: f64 = 20.0;
 const SCANNER_HZ: f64 = 1000.0;
 const DAMPING: f64 = 0.7;
+/// Samples of a synchronised path, and of one that is only tried.
+const SAMPLES: usize = 150_000;
+const COARSE: usize = 30_000;
+/// Samples to compare decompositions by.
+const FILTERED: usize = 40_000;
 /// Nodes of the seven-axis path whose axes are drawn.
 const DRAWN: usize = 2000;
 
@@ -43,46 +51,40 @@ impl<'a> Follower<'a> {
     /// The figures of a system.
     pub(super) fn system(&self, system: System, curves: &mut Curves) -> Result<Figures, String> {
         match system {
-            System::SyncStrips => self.strips(Follow::Average),
-            System::SyncSmooth => self.strips(Follow::LeastAcceleration),
+            System::SyncSmooth => {
+                let (figures, turn_s) =
+                    self.synchronised(self.whole, &self.path, Follow::LeastAcceleration, &mut Vec::new());
+                let notes = vec![format!("waits {:.0} ms after every stroke", turn_s * 1000.0)];
+                Ok(Figures { notes, ..figures })
+            }
             System::SyncBands => self.bands(),
             System::Seven => self.turning(Tools::Gaussian, curves),
             System::SevenSmooth => self.turning(Tools::LeastAcceleration, curves),
             System::Five => self.turning(Tools::OnTheMark, curves),
-            _ => {
-                let (figures, sync) = self.synchronised(self.whole, &self.path, Follow::Average);
-                let drawn = |f: fn([f64; 3]) -> [f64; 2]| self.path.at.iter().take(DRAWN).map(|&p| f(p)).collect();
-                let until =
-                    sync.motion.stroke.iter().take_while(|&&s| s <= self.path.stroke[self.path.len().min(DRAWN) - 1]);
-                let stage = sync.motion.axes.iter().take(until.count()).map(|a| [a[0], a[1]]).collect();
-                curves.paths = vec![("beam", drawn(|p| [p[0], p[1]])), ("stage", stage)];
-                Ok(figures)
-            }
+            _ => Ok(self.synchronised(self.whole, &self.path, Follow::Average, &mut curves.paths).0),
         }
     }
 
     /// Decompositions of the strokes in their order.
     pub(super) fn filters(&self) -> Vec<Filter> {
         let program = self.whole.checked.program();
-        let schedule = Schedule::of(&self.path, self.ground.machine, &program.pens);
-        filters(&self.path, &schedule, self.ground.machine, self.room())
-    }
-
-    fn strips(&self, follow: Follow) -> Result<Figures, String> {
-        let (ground, [w, _]) = (self.ground, self.room().half_field.map(|h| 2.0 * h));
-        // Half of the field for the strip: the other half lets the stage turn before the beam does.
-        let plan = virtual_plan(ground.job, ground.machine, Some([w / 2.0, 2_000.0]), None).map_err(|e| reason(&e))?;
-        let path = path_of(ground, &plan);
-        let (figures, _) = self.synchronised(&plan, &path, follow);
-        let notes = vec!["the texture cut into strips half as wide as the field".into()];
-        Ok(Figures { seam_mm: plan.summary.seam_mm, notes, ..figures })
+        let (schedule, step_s) = Schedule::sampled(&self.path, self.ground.machine, &program.pens, 0.0, FILTERED);
+        filters(&self.path, &schedule, self.ground.machine, self.room(), step_s)
     }
 
     /// One block of a virtual plan, synchronised as a whole.
-    fn synchronised(&self, plan: &Plan, path: &Path, follow: Follow) -> (Figures, Sync) {
+    fn synchronised(
+        &self,
+        plan: &Plan,
+        path: &Path,
+        follow: Follow,
+        curves: &mut Vec<(&'static str, Vec<[f64; 2]>)>,
+    ) -> (Figures, f64) {
         let (ground, machine) = (self.ground, self.ground.machine);
-        let schedule = Schedule::of(path, machine, &plan.checked.program().pens);
-        let sync = synchronise(path, &schedule, machine, self.room(), follow);
+        let pens = &plan.checked.program().pens;
+        let turn_s = self.best_turn(path, pens, follow);
+        let (schedule, step_s) = Schedule::sampled(path, machine, pens, turn_s, SAMPLES);
+        let sync = synchronise(path, &schedule, machine, self.room(), follow, step_s);
         let first = path.at.first().copied().unwrap_or_default();
         let start = first.map(|v| (v * 1e6) as i64);
         let approach = stage_move(machine, [0, 0, 0], start, None);
@@ -96,7 +98,31 @@ impl<'a> Follower<'a> {
             delay: schedule.delay_s * slow,
         };
         let figures = Figures { time, stops: 1, speed: 100.0 / slow, ..self.upright(ground, path, &schedule, &sync) };
-        (figures, sync)
+        let drawn = path.len().min(DRAWN);
+        let until = schedule.arrive[drawn - 1] * slow;
+        let stage = sync.stage.iter().take((until / sync.step_s) as usize + 1);
+        *curves = vec![
+            ("beam", path.at.iter().take(drawn).map(|p| [p[0], p[1]]).collect()),
+            ("stage", stage.map(|p| [p[0], p[1]]).collect()),
+        ];
+        (figures, turn_s)
+    }
+
+    /// How long the beam should wait after every stroke for the whole to be over soonest, s. The article waits
+    /// for nothing; the path of least acceleration may turn the stage then.
+    fn best_turn(&self, path: &Path, pens: &[Pen], follow: Follow) -> f64 {
+        const TRIED: [f64; 6] = [0.0, 0.02, 0.05, 0.1, 0.2, 0.4];
+        if follow == Follow::Average {
+            return 0.0;
+        }
+        let machine = self.ground.machine;
+        let total = |turn_s: f64| {
+            let (schedule, step_s) = Schedule::sampled(path, machine, pens, turn_s, COARSE);
+            schedule.total_s() * synchronise(path, &schedule, machine, self.room(), follow, step_s).slower
+        };
+        let totals: Vec<f64> = TRIED.par_iter().map(|&t| total(t)).collect();
+        let best = (0..TRIED.len()).fold(0, |best, i| if totals[i] < totals[best] { i } else { best });
+        TRIED[best]
     }
 
     /// What marks get from a synchronised motion.
@@ -134,7 +160,7 @@ impl<'a> Follower<'a> {
     fn bands(&self) -> Result<Figures, String> {
         let ground = self.ground;
         let depth = Some(Length::mm(2.0 * ground.limits.focus));
-        let plan = virtual_plan(ground.job, ground.machine, None, depth).map_err(|e| reason(&e))?;
+        let plan = virtual_plan(ground.job, ground.machine, depth).map_err(|e| reason(&e))?;
         let program = plan.checked.program();
         let spacing = self.room().half_field.iter().fold(f64::INFINITY, |a, &b| a.min(b)) / 20.0;
         let mut all = Figures { speed: 100.0, ..Figures::default() };
@@ -145,8 +171,8 @@ impl<'a> Follower<'a> {
             let plane = mm_from_nm(block.stop.focus);
             let heights: Vec<f64> = path.at.iter().map(|p| p[2]).collect();
             path.at.iter_mut().for_each(|p| p[2] = plane);
-            let schedule = Schedule::of(&path, ground.machine, &program.pens);
-            let sync = synchronise(&path, &schedule, ground.machine, self.room(), Follow::Average);
+            let (schedule, step_s) = Schedule::sampled(&path, ground.machine, &program.pens, 0.0, COARSE);
+            let sync = synchronise(&path, &schedule, ground.machine, self.room(), Follow::Average, step_s);
             path.at.iter_mut().zip(heights).for_each(|(p, z)| p[2] = z);
             let figures = self.upright(ground, &path, &schedule, &sync);
             let first = path.at[0].map(|v| (v * 1e6) as i64);
@@ -265,10 +291,7 @@ impl<'a> Follower<'a> {
         for (i, w) in times.windows(2).enumerate() {
             *(if self.path.pen[i + 1].is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
         }
-        let asked: f64 = {
-            let schedule = Schedule::of(&self.path, machine, &self.whole.checked.program().pens);
-            schedule.mark_s
-        };
+        let asked: f64 = { Schedule::of(&self.path, machine, &self.whole.checked.program().pens, 0.0, 0.0).mark_s };
         let (stage, beam, marks, step_s) = sampled(&made.timed, &self.path);
         let (lag, error) = self.trailing(&stage, &beam, step_s, &marks);
         Figures {
@@ -289,7 +312,7 @@ impl<'a> Follower<'a> {
 
 /// Stage and beam in machine coordinates at even steps of time, and where it marks.
 fn sampled(timed: &Timed, path: &Path) -> (Vec<[f64; 3]>, Vec<[f64; 3]>, Vec<f64>, f64) {
-    const SAMPLES: usize = 300_000;
+    const SAMPLES: usize = 150_000;
     let total = timed.total_s();
     let count = ((total / 1e-3).ceil() as usize).clamp(1, SAMPLES);
     let step_s = total / count as f64;

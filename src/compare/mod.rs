@@ -46,11 +46,9 @@ pub enum System {
     Tilt,
     /// Scanner and stage synchronised, strokes in their order, stage by moving average.
     Sync,
-    /// The same, the texture cut into strips as wide as the field.
-    SyncStrips,
     /// The same, the texture cut into bands of depth over the whole part; z steps between them.
     SyncBands,
-    /// The same, strips, stage by least acceleration.
+    /// Scanner and stage synchronised, stage by least acceleration, with time to turn after every stroke.
     SyncSmooth,
     /// Seven axes, Gaussian decomposition.
     Seven,
@@ -62,7 +60,7 @@ pub enum System {
 
 impl System {
     /// All of them, in the order of the table.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 12] = [
         Self::Flat,
         Self::Contour,
         Self::ZRange,
@@ -70,7 +68,6 @@ impl System {
         Self::Zoom,
         Self::Tilt,
         Self::Sync,
-        Self::SyncStrips,
         Self::SyncBands,
         Self::SyncSmooth,
         Self::Seven,
@@ -88,7 +85,6 @@ impl System {
             Self::Zoom => "zoom",
             Self::Tilt => "tilt",
             Self::Sync => "sync",
-            Self::SyncStrips => "sync-strips",
             Self::SyncBands => "sync-bands",
             Self::SyncSmooth => "sync-smooth",
             Self::Seven => "7-axis",
@@ -226,7 +222,7 @@ pub fn compare(job: &Job, systems: &[System], progress: &(dyn Fn(&'static str) +
     let surface = Surface::load(&path, &job.surface_options(), job.file.surface.weld.as_mm(), turn, &mut warnings)?;
     progress("reading");
     // One field over everything: the strokes in their order, and where they lie.
-    let whole = virtual_plan(job, &machine, None, None)?;
+    let whole = virtual_plan(job, &machine, None)?;
     let size = whole.texture.size().map(mm_from_nm);
     let relief = Relief::over(&surface, whole.texture, 0.05).ok_or_else(|| {
         Diag::limit("compare-relief", "the texture lies nowhere on the part")
@@ -262,21 +258,21 @@ pub fn compare(job: &Job, systems: &[System], progress: &(dyn Fn(&'static str) +
         };
         out.rows.push(Row { system, figures });
     }
-    if systems.iter().any(|s| matches!(s, System::Sync | System::SyncStrips | System::SyncSmooth)) {
+    if systems.iter().any(|s| matches!(s, System::Sync | System::SyncSmooth)) {
         progress("decompositions");
         out.filters = fly.filters();
     }
     Ok(out)
 }
 
-/// Plans a job as if the field were larger and the focus deeper: by strips, by bands, or all in one.
-fn virtual_plan(job: &Job, machine: &Machine, field: Option<[f64; 2]>, depth: Option<Length>) -> Result<Plan, Error> {
+/// Plans a job as if the field held everything, in bands of depth or all in one.
+fn virtual_plan(job: &Job, machine: &Machine, depth: Option<Length>) -> Result<Plan, Error> {
     // Larger than any part that can be read, and still in range of block coordinates.
     const EVERYTHING: f64 = 2_000.0;
     let mut machine = machine.clone();
     machine.lens.shape = crate::machine::FieldShape::Rectangle;
     machine.lens.margin = Length::mm(0.0);
-    machine.lens.field = field.unwrap_or([EVERYTHING; 2]).map(Length::mm);
+    machine.lens.field = [Length::mm(EVERYTHING); 2];
     machine.lens.working_distance = Length::mm(10.0 * EVERYTHING);
     machine.controller.max_strokes = 0;
     for axis in [&mut machine.stage.x, &mut machine.stage.y, &mut machine.stage.z] {
