@@ -71,13 +71,13 @@ pub struct Options {
     pub refine: usize,
     /// Cells that a run has at least, times `refine`.
     pub least_cells: usize,
-    /// How near to the least time, relative.
-    pub accuracy: f64,
+    /// Gain of time, relative, for which no more steps are made.
+    pub gain: f64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { refine: 1, least_cells: 16, accuracy: 1e-3 }
+        Self { refine: 1, least_cells: 16, gain: 1e-3 }
     }
 }
 

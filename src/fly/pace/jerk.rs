@@ -10,9 +10,9 @@ use rayon::prelude::*;
 
 use super::{Options, course::Course, descent::Stretch};
 
-/// Unknown borders in a window.
-const WINDOW: usize = 2048;
-/// Unknown borders to each side of a seam between two windows.
+/// Unknown borders in a window, times the options' `refine`.
+const WINDOW: usize = 1024;
+/// Unknown borders to each side of a seam between two windows, as many times.
 const SEAM: usize = 256;
 /// Share of b without jerk limits from which a window begins, and which may break them.
 const FAST: f64 = 0.5;
@@ -116,17 +116,17 @@ pub(super) fn smooth(course: &Course, b: &mut [f64], options: &Options) -> usize
     slow_down(course, b);
     let mut steps = 0;
     // Seams lie between windows; the second round's windows lie about them.
-    let windows = windows(n);
-    let seams = windows.windows(2).map(|w| w[0].end.saturating_sub(SEAM)..(w[1].start + SEAM).min(n)).collect();
-    for round in [windows, seams] {
-        let solved: Vec<Option<(usize, Vec<f64>)>> = round
-            .par_iter()
-            .map(|range| {
-                let mut stretch = Stretch::new(course, &caps, b, range.clone());
-                let quick = from_held(course, &fast, b, range);
-                [&quick, &b[range.clone()]].into_iter().find_map(|start| stretch.descend(start, options.accuracy))
-            })
-            .collect();
+    let refine = options.refine.clamp(1, 8);
+    let seam = SEAM * refine;
+    let windows = windows(n, WINDOW * refine);
+    let seams = windows.windows(2).map(|w| w[0].end.saturating_sub(seam)..(w[1].start + seam).min(n)).collect();
+    for (round, is_seam) in [(windows, false), (seams, true)] {
+        let solve = |range: &Range<usize>| {
+            let mut stretch = Stretch::new(course, &caps, b, range.clone());
+            let begin = if is_seam { across(&fast, b, range) } else { from_held(course, &fast, b, range) };
+            [&begin, &b[range.clone()]].into_iter().find_map(|start| stretch.descend(start, options.gain))
+        };
+        let solved: Vec<Option<(usize, Vec<f64>)>> = round.par_iter().map(solve).collect();
         for (range, found) in round.into_iter().zip(solved) {
             if let Some((count, found)) = found {
                 b[range].copy_from_slice(&found);
@@ -138,12 +138,12 @@ pub(super) fn smooth(course: &Course, b: &mut [f64], options: &Options) -> usize
 }
 
 /// The unknown borders in windows; two are held between any two of these.
-fn windows(end: usize) -> Vec<Range<usize>> {
+fn windows(end: usize, width: usize) -> Vec<Range<usize>> {
     let mut out = Vec::new();
     let mut at = 1;
     while at < end {
         // A last one that would be short joins the one before.
-        let until = if at + WINDOW + WINDOW / 4 >= end { end } else { at + WINDOW };
+        let until = if at + width + width / 2 >= end { end } else { at + width };
         out.push(at..until);
         at = until + 2;
     }
@@ -175,6 +175,13 @@ fn from_held(course: &Course, fast: &[f64], b: &[f64], range: &Range<usize>) -> 
         if b[ends[k]] > 0.0 { b[ends[k]] + rise[k] * x.powf(4.0 / 3.0) } else { f64::INFINITY }
     };
     range.clone().map(|i| fast[i].min(reached(i, 0)).min(reached(i, 1))).collect()
+}
+
+/// A motion to begin a window about a seam with: `fast` in the middle, what was found at the ends.
+fn across(fast: &[f64], b: &[f64], range: &Range<usize>) -> Vec<f64> {
+    let half = 0.5 * range.len() as f64;
+    let share = |i: usize| (2.0 - 2.0 * ((i - range.start) as f64 + 0.5 - half).abs() / half).clamp(0.0, 1.0);
+    range.clone().map(|i| b[i].powf(1.0 - share(i)) * fast[i].powf(share(i))).collect()
 }
 
 /// Slows a motion down evenly until it keeps all limits, with some room.
