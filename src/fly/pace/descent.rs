@@ -101,8 +101,8 @@ impl Sums {
 }
 
 impl<'a> Stretch<'a> {
-    /// Some borders of `b` as unknowns, which all lie between the run's ends.
-    pub fn new(course: &'a Course, caps: &[f64], b: &[f64], free: Range<usize>) -> Self {
+    /// Some borders of `b` as unknowns, which all lie between the run's ends and are no larger than `most`.
+    pub fn new(course: &'a Course, most: &[f64], b: &[f64], free: Range<usize>) -> Self {
         let Range { start: at, end: until } = free;
         let origin = at.saturating_sub(2);
         let end = (until + 2).min(b.len());
@@ -124,27 +124,36 @@ impl<'a> Stretch<'a> {
             rest: vec![0.0; n],
             target: vec![0.0; n],
         };
+        let mut rows = Vec::with_capacity(3 * course.axes);
         for cell in at - 1..until {
-            let caps = if cell + 1 < until { Some([0.0, caps[cell + 1].recip(), 0.0]) } else { None };
+            rows.clear();
             let accelerations = (0..course.axes).flat_map(|axis| (0..3).map(move |third| (axis, third)));
-            let rows = accelerations.map(|(axis, third)| {
+            rows.extend(accelerations.map(|(axis, third)| {
                 let [l, r] = course.acceleration(cell, third, axis);
                 [l, r, 0.0]
-            });
-            out.pack(cell, false, rows.chain(caps));
+            }));
+            leave_out(&mut rows, [most[cell], most[cell + 1], 0.0], 1.0);
+            if cell + 1 < until {
+                rows.push([0.0, most[cell + 1].recip(), 0.0]);
+            }
+            out.pack(cell, false, &rows);
         }
         for i in (at - 1).max(1)..(until + 1).min(course.cells()) {
+            rows.clear();
             let limited = (0..course.axes).filter(|&a| course.ramp[a] > 0.0);
-            out.pack(i - 1, true, limited.map(|axis| jerk::change(course, i, axis)));
+            rows.extend(limited.map(|axis| jerk::change(course, i, axis)));
+            let most = [most[i - 1], most[i], most[i + 1]];
+            leave_out(&mut rows, most, jerk::time_around(course, i, most).0);
+            out.pack(i - 1, true, &rows);
         }
         out
     }
 
     /// Puts constraints over the borders from `from` on into packs.
-    fn pack(&mut self, from: usize, is_jerk: bool, rows: impl Iterator<Item = [f64; 3]>) {
+    fn pack(&mut self, from: usize, is_jerk: bool, rows: &[[f64; 3]]) {
         let at = (from - self.origin) as u32;
         let mut lane = LANES;
-        for row in rows.filter(|r| *r != [0.0; 3]) {
+        for row in rows {
             if lane == LANES {
                 let empty = [[0.0; LANES]; 2];
                 self.packs.push(Pack {
@@ -169,6 +178,7 @@ impl<'a> Stretch<'a> {
     pub fn descend(&mut self, start: &[f64], accuracy: f64) -> Option<(usize, Vec<f64>)> {
         self.b[self.free.clone()].copy_from_slice(start);
         let count = (2 * LANES * self.packs.len()) as f64;
+        let mut excess = f64::INFINITY;
         for round in 0..STEPS {
             self.measure();
             let total: f64 = self.gradient.iter().map(|g| g.abs()).sum();
@@ -176,7 +186,7 @@ impl<'a> Stretch<'a> {
                 self.first_multipliers(total / count);
             }
             let gap = self.assemble();
-            let excess = self.packs.iter().map(|p| p.excess / p.bound(&self.bounds).value).fold(0.0, f64::max);
+            excess = self.packs.iter().map(|p| p.excess / p.bound(&self.bounds).value).fold(0.0, f64::max);
             let unbalanced: f64 = self.rest[self.free.clone()].iter().map(|r| r.abs()).sum();
             // The time is of degree -1/2 in b: it is twice the sum.
             if gap.max(unbalanced) <= 2.0 * accuracy * total && excess <= EXCESS {
@@ -200,11 +210,11 @@ impl<'a> Stretch<'a> {
             let fall = self.step[self.free.clone()].iter().fold(0.0f64, |m, s| m.max(-s));
             let primal = primal.min((1.0 - KEPT) / fall.max(1.0 - KEPT));
             if !(primal > 1e-9 && self.step.iter().all(|s| s.is_finite())) {
-                return None;
+                break;
             }
             self.go(primal, dual);
         }
-        None
+        (excess <= EXCESS).then(|| (STEPS, self.b[self.free.clone()].to_vec()))
     }
 
     /// Time's gradient and its second derivatives by shares of b, and the bounds of the jerk's packs.
@@ -378,6 +388,24 @@ impl<'a> Stretch<'a> {
             (before, last) = (last, self.matrix[i]);
         }
     }
+}
+
+/// Leaves out what another constraint implies for all b up to `most`, where the bound is at least `least`: a
+/// multiple of it by less than 1, and a rest that is small.
+fn leave_out(rows: &mut Vec<[f64; 3]>, most: [f64; 3], least: f64) {
+    let weigh = |row: &[f64; 3]| [0, 1, 2].map(|k| row[k] * most[k]);
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let size = |row: &[f64; 3]| dot(weigh(row), weigh(row));
+    let Some(at) = (0..rows.len()).max_by(|&a, &b| size(&rows[a]).total_cmp(&size(&rows[b]))) else { return };
+    rows.swap(0, at);
+    let (first, length) = (weigh(&rows[0]), size(&rows[0]));
+    let mut is_first = true;
+    rows.retain(|row| {
+        let row = weigh(row);
+        let share = dot(row, first) / length;
+        let rest: f64 = (0..3).map(|k| (row[k] - share * first[k]).abs()).sum();
+        std::mem::take(&mut is_first) || share.abs() + rest / least > 1.0 + EXCESS
+    });
 }
 
 /// Solves with the factor, in place.

@@ -111,6 +111,7 @@ pub(super) fn smooth(course: &Course, b: &mut [f64], options: &Options) -> usize
     for (border, cell) in [(1, 0), (n - 1, n - 1)] {
         caps[border] = caps[border].min(end_cap(course, cell));
     }
+    let most: Vec<f64> = b.iter().zip(&caps).map(|(b, cap)| b.min(*cap)).collect();
     round_off(course, &caps, b);
     let fast: Vec<f64> = b.iter().map(|b| FAST * b).collect();
     slow_down(course, b);
@@ -122,7 +123,7 @@ pub(super) fn smooth(course: &Course, b: &mut [f64], options: &Options) -> usize
     let seams = windows.windows(2).map(|w| w[0].end.saturating_sub(seam)..(w[1].start + seam).min(n)).collect();
     for (round, is_seam) in [(windows, false), (seams, true)] {
         let solve = |range: &Range<usize>| {
-            let mut stretch = Stretch::new(course, &caps, b, range.clone());
+            let mut stretch = Stretch::new(course, &most, b, range.clone());
             let begin = if is_seam { across(&fast, b, range) } else { from_held(course, &fast, b, range) };
             [&begin, &b[range.clone()]].into_iter().find_map(|start| stretch.descend(start, options.gain))
         };
