@@ -34,6 +34,7 @@ use rayon::prelude::*;
 
 use crate::diag::{Diag, Error};
 use course::Course;
+use reach::Reach;
 
 /// Most axes.
 pub const AXES: usize = 7;
@@ -239,11 +240,11 @@ fn run(path: &Path, limits: &[Limit], options: &Options, first: usize, last: usi
 /// Solves any run on cells.
 fn general(path: &Path, limits: &[Limit], options: &Options, first: usize, last: usize, bends: &[f64]) -> Solved {
     let course = Course::lay(path, limits, options, first, last, bends);
-    let mut b = reach::greatest(&course);
+    let Reach { most, greatest: mut b } = reach::reach(&course);
     let without_jerk_s = course.times(&b).last().copied().unwrap_or(0.0);
     let mut steps = 0;
     if course.has_jerk() {
-        steps = jerk::smooth(&course, &mut b, options);
+        steps = jerk::smooth(&course, most, &mut b, options);
     }
     let mut ratio = course.ratio(&b);
     let mut stretch = ratio.slow_down();

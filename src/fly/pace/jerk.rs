@@ -103,16 +103,14 @@ fn end_cap(course: &Course, cell: usize) -> f64 {
     (4.5 * course.width(cell).powi(2) / factor).powf(2.0 / 3.0)
 }
 
-/// Lowers b from what speed and acceleration allow to what jerk allows too. Says how many steps the longest stretch
-/// took.
-pub(super) fn smooth(course: &Course, b: &mut [f64], options: &Options) -> usize {
+/// Lowers b from what speed and acceleration allow, at the most `most`, to what jerk allows too. Says how many
+/// steps the longest stretch took.
+pub(super) fn smooth(course: &Course, mut most: Vec<f64>, b: &mut [f64], options: &Options) -> usize {
     let n = course.cells();
-    let mut caps = course.cap.clone();
     for (border, cell) in [(1, 0), (n - 1, n - 1)] {
-        caps[border] = caps[border].min(end_cap(course, cell));
+        most[border] = most[border].min(end_cap(course, cell));
     }
-    let most: Vec<f64> = b.iter().zip(&caps).map(|(b, cap)| b.min(*cap)).collect();
-    round_off(course, &caps, b);
+    round_off(course, &most, b);
     let fast: Vec<f64> = b.iter().map(|b| FAST * b).collect();
     slow_down(course, b);
     let mut steps = 0;
