@@ -1,7 +1,5 @@
 //! The systems that mark on the fly.
 
-use rayon::prelude::*;
-
 use super::filters::{Filter, filters};
 use super::{Curves, Figures, Ground, Split, System, path_of, reason, virtual_plan};
 use crate::compile::Plan;
@@ -12,18 +10,17 @@ use crate::fly::schedule::Schedule;
 use crate::fly::servo::{Protection, Servo, Synthesis};
 use crate::fly::seven::{Seven, Tools, axis_limits, ladder, seven};
 use crate::fly::spread::Spread;
-use crate::fly::sync::{Follow, Room, Sync, synchronise};
+use crate::fly::sync::{Room, Sync, synchronise};
 use crate::geom::mm_from_nm;
 use crate::machine::{Letter, Machine};
 use crate::motion::stage_move;
-use crate::program::Pen;
 use crate::units::Length;
 
 /// Servos where the machine states none: a stage of 20 Hz and a scanner of 1 kHz, well damped.
 const STAGE_HZ: f64 = 20.0;
 const SCANNER_HZ: f64 = 1000.0;
 const DAMPING: f64 = 0.7;
-/// Samples of a synchronised path, and of one that is only tried.
+/// Samples of a synchronised path, and of one band of it.
 const SAMPLES: usize = 150_000;
 const COARSE: usize = 30_000;
 /// Samples to compare decompositions by.
@@ -51,40 +48,27 @@ impl<'a> Follower<'a> {
     /// The figures of a system.
     pub(super) fn system(&self, system: System, curves: &mut Curves) -> Result<Figures, String> {
         match system {
-            System::SyncSmooth => {
-                let (figures, turn_s) =
-                    self.synchronised(self.whole, &self.path, Follow::LeastAcceleration, &mut Vec::new());
-                let notes = vec![format!("waits {:.0} ms after every stroke", turn_s * 1000.0)];
-                Ok(Figures { notes, ..figures })
-            }
             System::SyncBands => self.bands(),
             System::Seven => self.turning(Tools::Gaussian, curves),
             System::SevenSmooth => self.turning(Tools::LeastAcceleration, curves),
             System::Five => self.turning(Tools::OnTheMark, curves),
-            _ => Ok(self.synchronised(self.whole, &self.path, Follow::Average, &mut curves.paths).0),
+            _ => Ok(self.synchronised(&mut curves.paths)),
         }
     }
 
     /// Decompositions of the strokes in their order.
     pub(super) fn filters(&self) -> Vec<Filter> {
         let program = self.whole.checked.program();
-        let (schedule, step_s) = Schedule::sampled(&self.path, self.ground.machine, &program.pens, 0.0, FILTERED);
+        let (schedule, step_s) = Schedule::sampled(&self.path, self.ground.machine, &program.pens, FILTERED);
         filters(&self.path, &schedule, self.ground.machine, self.room(), step_s)
     }
 
-    /// One block of a virtual plan, synchronised as a whole.
-    fn synchronised(
-        &self,
-        plan: &Plan,
-        path: &Path,
-        follow: Follow,
-        curves: &mut Vec<(&'static str, Vec<[f64; 2]>)>,
-    ) -> (Figures, f64) {
-        let (ground, machine) = (self.ground, self.ground.machine);
-        let pens = &plan.checked.program().pens;
-        let turn_s = self.best_turn(path, pens, follow);
-        let (schedule, step_s) = Schedule::sampled(path, machine, pens, turn_s, SAMPLES);
-        let sync = synchronise(path, &schedule, machine, self.room(), follow, step_s);
+    /// The strokes in their order, synchronised as a whole.
+    fn synchronised(&self, curves: &mut Vec<(&'static str, Vec<[f64; 2]>)>) -> Figures {
+        let (ground, machine, path) = (self.ground, self.ground.machine, &self.path);
+        let pens = &self.whole.checked.program().pens;
+        let (schedule, step_s) = Schedule::sampled(path, machine, pens, SAMPLES);
+        let sync = synchronise(path, &schedule, machine, self.room(), step_s);
         let first = path.at.first().copied().unwrap_or_default();
         let start = first.map(|v| (v * 1e6) as i64);
         let approach = stage_move(machine, [0, 0, 0], start, None);
@@ -105,24 +89,7 @@ impl<'a> Follower<'a> {
             ("beam", path.at.iter().take(drawn).map(|p| [p[0], p[1]]).collect()),
             ("stage", stage.map(|p| [p[0], p[1]]).collect()),
         ];
-        (figures, turn_s)
-    }
-
-    /// How long the beam should wait after every stroke for the whole to be over soonest, s. The article waits
-    /// for nothing; the path of least acceleration may turn the stage then.
-    fn best_turn(&self, path: &Path, pens: &[Pen], follow: Follow) -> f64 {
-        const TRIED: [f64; 6] = [0.0, 0.02, 0.05, 0.1, 0.2, 0.4];
-        if follow == Follow::Average {
-            return 0.0;
-        }
-        let machine = self.ground.machine;
-        let total = |turn_s: f64| {
-            let (schedule, step_s) = Schedule::sampled(path, machine, pens, turn_s, COARSE);
-            schedule.total_s() * synchronise(path, &schedule, machine, self.room(), follow, step_s).slower
-        };
-        let totals: Vec<f64> = TRIED.par_iter().map(|&t| total(t)).collect();
-        let best = (0..TRIED.len()).fold(0, |best, i| if totals[i] < totals[best] { i } else { best });
-        TRIED[best]
+        figures
     }
 
     /// What marks get from a synchronised motion.
@@ -171,8 +138,8 @@ impl<'a> Follower<'a> {
             let plane = mm_from_nm(block.stop.focus);
             let heights: Vec<f64> = path.at.iter().map(|p| p[2]).collect();
             path.at.iter_mut().for_each(|p| p[2] = plane);
-            let (schedule, step_s) = Schedule::sampled(&path, ground.machine, &program.pens, 0.0, COARSE);
-            let sync = synchronise(&path, &schedule, ground.machine, self.room(), Follow::Average, step_s);
+            let (schedule, step_s) = Schedule::sampled(&path, ground.machine, &program.pens, COARSE);
+            let sync = synchronise(&path, &schedule, ground.machine, self.room(), step_s);
             path.at.iter_mut().zip(heights).for_each(|(p, z)| p[2] = z);
             let figures = self.upright(ground, &path, &schedule, &sync);
             let first = path.at[0].map(|v| (v * 1e6) as i64);
@@ -291,7 +258,7 @@ impl<'a> Follower<'a> {
         for (i, w) in times.windows(2).enumerate() {
             *(if self.path.pen[i + 1].is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
         }
-        let asked: f64 = { Schedule::of(&self.path, machine, &self.whole.checked.program().pens, 0.0, 0.0).mark_s };
+        let asked: f64 = { Schedule::of(&self.path, machine, &self.whole.checked.program().pens, 0.0).mark_s };
         let (stage, beam, marks, step_s) = sampled(&made.timed, &self.path);
         let (lag, error) = self.trailing(&stage, &beam, step_s, &marks);
         Figures {

@@ -48,8 +48,6 @@ pub enum System {
     Sync,
     /// The same, the texture cut into bands of depth over the whole part; z steps between them.
     SyncBands,
-    /// Scanner and stage synchronised, stage by least acceleration, with time to turn after every stroke.
-    SyncSmooth,
     /// Seven axes, Gaussian decomposition.
     Seven,
     /// Seven axes, decomposition of least acceleration.
@@ -60,7 +58,7 @@ pub enum System {
 
 impl System {
     /// All of them, in the order of the table.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 11] = [
         Self::Flat,
         Self::Contour,
         Self::ZRange,
@@ -69,7 +67,6 @@ impl System {
         Self::Tilt,
         Self::Sync,
         Self::SyncBands,
-        Self::SyncSmooth,
         Self::Seven,
         Self::SevenSmooth,
         Self::Five,
@@ -86,7 +83,6 @@ impl System {
             Self::Tilt => "tilt",
             Self::Sync => "sync",
             Self::SyncBands => "sync-bands",
-            Self::SyncSmooth => "sync-smooth",
             Self::Seven => "7-axis",
             Self::SevenSmooth => "7-axis-smooth",
             Self::Five => "5-axis",
@@ -258,7 +254,7 @@ pub fn compare(job: &Job, systems: &[System], progress: &(dyn Fn(&'static str) +
         };
         out.rows.push(Row { system, figures });
     }
-    if systems.iter().any(|s| matches!(s, System::Sync | System::SyncSmooth)) {
+    if systems.contains(&System::Sync) {
         progress("decompositions");
         out.filters = fly.filters();
     }

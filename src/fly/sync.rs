@@ -11,7 +11,7 @@
 
 use rayon::prelude::*;
 
-use super::decompose::{Method, rms_acceleration, stage, within};
+use super::decompose::{Method, rms_acceleration, stage};
 use super::motion::Motion;
 use super::path::Path;
 use super::schedule::{Samples, Schedule};
@@ -74,15 +74,6 @@ impl Peaks {
     }
 }
 
-/// How the stage's path is found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Follow {
-    /// Moving averages (the article).
-    Average,
-    /// The path of least acceleration within field and focus.
-    LeastAcceleration,
-}
-
 /// What the scanner and the focus allow, mm: half of the field, and how far a mark may be out of focus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Room {
@@ -95,7 +86,7 @@ pub struct Room {
 /// A path shared out between stage and scanner.
 #[derive(Clone, Debug, Default)]
 pub struct Sync {
-    /// Samples of the averages of x and y together, and of z; 0 where the path is that of least acceleration.
+    /// Samples of the averages of x and y together, and of z.
     pub samples: [usize; 2],
     /// How much slower than the pens ask for everything runs, 1 or more.
     pub slower: f64,
@@ -114,23 +105,13 @@ pub struct Sync {
 }
 
 /// Shares a scheduled path out, in even steps of `step_s` or a little less.
-pub fn synchronise(
-    path: &Path,
-    schedule: &Schedule,
-    machine: &Machine,
-    room: Room,
-    follow: Follow,
-    step_s: f64,
-) -> Sync {
+pub fn synchronise(path: &Path, schedule: &Schedule, machine: &Machine, room: Room, step_s: f64) -> Sync {
     let limits = Peaks::limits(machine);
     let even = schedule.samples(path, step_s);
     let mut tight = room;
     // Corners lie between samples: where one of them leaves the field, the samples get less of it.
     for _ in 0..TIGHTER {
-        let (stage, samples, slower) = match follow {
-            Follow::Average => averaged(&even, &limits, tight),
-            Follow::LeastAcceleration => least_acceleration(&even, &limits, tight),
-        };
+        let (stage, samples, slower) = averaged(&even, &limits, tight);
         let out = Sync { samples, slower, stage, step_s: even.step_s * slower, ..Sync::default() };
         let over = out.over(path, schedule, room);
         if over.iter().all(|&o| o <= 0.0) {
@@ -265,31 +246,6 @@ fn averaged(even: &Samples, limits: &[Peaks; 3], room: Room) -> (Vec<[f64; 3]>, 
         .run(|made| (0..made.len()).all(|i| !even.on[i] || far(made, 2, i) <= room.focus));
     path.iter_mut().zip(z).for_each(|(p, z)| p[2] = z[2]);
     (path, [p, p_z], slower.max(slower_z))
-}
-
-fn least_acceleration(even: &Samples, limits: &[Peaks; 3], room: Room) -> (Vec<[f64; 3]>, [usize; 2], f64) {
-    let half = [room.half_field[0], room.half_field[1], room.focus];
-    // The field holds always, the focus where the beam is on.
-    let along = [0, 1, 2].into_par_iter().map(|k| {
-        let start: Vec<f64> = even.at.iter().map(|p| p[k]).collect();
-        let free = |i: usize| k == 2 && !even.on[i];
-        let end = |(i, x): (usize, &f64)| {
-            if free(i) { [f64::NEG_INFINITY, f64::INFINITY] } else { [x - half[k], x + half[k]] }
-        };
-        let ends: Vec<[f64; 2]> = start.iter().enumerate().map(end).collect();
-        within(start, &ends)
-    });
-    let along: Vec<Vec<f64>> = along.collect();
-    let path: Vec<[f64; 3]> = (0..even.at.len()).map(|i| [0, 1, 2].map(|k| along[k][i])).collect();
-    let slower = |path: &[[f64; 3]], limits: &[Peaks; 3]| {
-        (0..3).map(|k| Peaks::of(path, k, even.step_s).slowed(&limits[k])).fold(1.0, f64::max)
-    };
-    // Where the corridor bends the path its acceleration has kinks: the stage takes its time over them.
-    let without = limits.map(|l| Peaks { jerk: f64::INFINITY, ..l });
-    let samples = (build_up(limits, &[0, 1, 2]) / (slower(&path, &without) * even.step_s)).ceil() as usize;
-    let path = ramped(path, samples.min(even.at.len()));
-    let slower = slower(&path, limits);
-    (path, [0, 0], slower)
 }
 
 impl Sync {
