@@ -11,7 +11,10 @@
 //! stage synchronised. Where their print was damaged, the equations here are restored and tested as such.
 
 pub mod chain;
+pub mod check;
+pub mod measure;
 pub mod motion;
 pub mod path;
+pub mod program;
 pub mod relief;
 pub mod spread;
