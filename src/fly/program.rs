@@ -9,8 +9,9 @@
 //! # How far a mark lies from where the motion has it
 //! Between two nodes of the motion a mark is meant to run straight in the part. Where axes turn it bows: such
 //! a move is cut until it bows by at most [`BOW`]. Samples that lie within [`NEAR`] (turning axes: [`NEAR_TURN`])
-//! of the line between those around them, at their time, are left out. With the rounding of U and V that is at
-//! most BOW + sqrt 2 (2 NEAR + 1 nm) + the lever of NEAR_TURN: 39 nm, and 35 nm more a metre from the pivot.
+//! of the line between those around them, at their time, are left out; a corner may be cut by 1 nm. With the rounding
+//! of U and V that is at most BOW + sqrt 2 (2 NEAR + 1 nm) + 1 nm: 37 nm, and for every metre from the pivot 70 nm
+//! more, of two axes NEAR_TURN each.
 //!
 //! # Limits
 //! Every stroke is marked once, in one pass and one set-up.
@@ -31,6 +32,8 @@ pub const BOW: f64 = 20.0;
 pub const NEAR: i64 = 5;
 /// The same of a turning axis, millionths of a degree.
 pub const NEAR_TURN: i64 = 2;
+/// How far a corner of the motion may be cut because times are rounded, mm.
+const CUT: f64 = 1e-6;
 /// How often a move between two nodes may be halved.
 const HALVINGS: u32 = 10;
 
@@ -184,6 +187,11 @@ fn is_sound(motion: &Motion, strokes: &program::Program) -> Result<(), Error> {
     Ok(())
 }
 
+fn lerp(a: [f64; 3], b: [f64; 3], share: f64) -> [f64; 3] {
+    let share = share.clamp(0.0, 1.0);
+    std::array::from_fn(|k| a[k] + share * (b[k] - a[k]))
+}
+
 /// The program while it grows.
 struct Maker<'a> {
     motion: &'a Motion,
@@ -241,12 +249,33 @@ impl Maker<'_> {
             let us = ((t0 + share * (t1 - t0) - self.motion.time[0]) * 1e6).round() as i64;
             // A sample needs a time of its own; what waits for one is caught up by the next.
             let us = us.max(*last + 1);
-            let spot = std::array::from_fn(|k| from[k] + share * (to[k] - from[k]));
+            let time = self.motion.time[0] + us as f64 * 1e-6;
+            let spot = if k < count { lerp(from, to, (time - t0) / (t1 - t0)) } else { self.end(i, time, from, to) };
             let to = self.commanded(us, spot)?;
             self.moves.push(Move { us, to, mark });
             *last = us;
         }
         Ok(())
+    }
+
+    /// Where the spot is at node `i`, asked for at a time that was rounded. On a straight run the spot keeps its
+    /// pace and is where it is at that time; at a corner and where the pen changes it is at the node.
+    fn end(&self, i: usize, time: f64, from: [f64; 3], at: [f64; 3]) -> [f64; 3] {
+        let m = self.motion;
+        let same = m.pen.get(i + 1).is_some_and(|&pen| pen == m.pen[i] && m.stroke[i + 1] == m.stroke[i]);
+        if !same {
+            return at;
+        }
+        let next = self.spot(i + 1);
+        let after = time > m.time[i];
+        let (t0, t1) = if after { (m.time[i], m.time[i + 1]) } else { (m.time[i - 1], m.time[i]) };
+        let spot = if after { lerp(at, next, (time - t0) / (t1 - t0)) } else { lerp(from, at, (time - t0) / (t1 - t0)) };
+        let [way, on, off] = [[from, at], [at, next], [at, spot]].map(|[a, b]| [0, 1, 2].map(|k| b[k] - a[k]));
+        let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let cross = [way[1] * on[2] - way[2] * on[1], way[2] * on[0] - way[0] * on[2], way[0] * on[1] - way[1] * on[0]];
+        let cut = norm(off) * norm(cross) / (norm(way) * norm(on));
+        // Never of a NaN: where the spot rests.
+        if cut < CUT { spot } else { at }
     }
 
     /// How often the move to node `i` is halved until no part of it bows too far.

@@ -84,13 +84,13 @@ fn dwell(us: i64) -> String {
     String::from_utf8(text).expect("digits")
 }
 
-/// Appends 60e6 / us, moves per minute, to ten digits.
+/// Appends 60e6 / us, moves per minute, to twelve digits.
 fn push_inverse(out: &mut Vec<u8>, us: i64) {
     let value = 60e6 / us as f64;
     let whole = value.max(1.0).log10() as usize + 1;
     // Below 1 the zeros after the point do not count.
     let zeros = if value < 1.0 { (-value.log10()) as usize } else { 0 };
-    let decimals = (10 + zeros).saturating_sub(if value < 1.0 { 0 } else { whole });
+    let decimals = (12 + zeros).saturating_sub(if value < 1.0 { 0 } else { whole });
     let text = format!("{value:.decimals$}");
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
     out.extend_from_slice(text.as_bytes());
@@ -109,7 +109,7 @@ mod tests {
             let text = String::from_utf8(text).expect("digits");
             let back = 60e6 / text.parse::<f64>().expect("a number");
             assert!((back - us as f64).abs() < 0.3 && text.len() <= 20, "{us}: {text}");
-            assert!((back / us as f64 - 1.0).abs() < 1e-9, "{us}: {text}");
+            assert!((back / us as f64 - 1.0).abs() < 1e-10, "{us}: {text}");
             us = us * 11 / 9 + 1;
         }
     }
