@@ -174,7 +174,9 @@ fn travel(program: &Program, machine: &Machine) -> Vec<Diag> {
         if beyond(to[k]) > 0 {
             let [v, lo, hi] = [to[k], lo, hi].map(mm_from_nm);
             let text = format!("{name} would have to go to {v} {unit} {}, travel is {lo} to {hi} {unit}", at(us));
-            faults.push(Diag::limit("travel", text).hint("move the part (placement.origin), or see the machine's travel"));
+            faults.push(
+                Diag::limit("travel", text).hint("move the part (placement.origin), or see the machine's travel"),
+            );
         }
     }
     faults
@@ -183,11 +185,13 @@ fn travel(program: &Program, machine: &Machine) -> Vec<Diag> {
 fn field(program: &Program, machine: &Machine) -> Result<Option<Diag>, Error> {
     let field = program.fields(machine)?;
     let mut samples = std::iter::once((0, &program.start)).chain(program.moves.iter().map(|m| (m.us, &m.to)));
-    let outside = |at: [i64; 2]| at.map(i32::try_from).iter().any(Result::is_err) || !machine.field_holds(at.map(|v| v as i32));
+    let outside =
+        |at: [i64; 2]| at.map(i32::try_from).iter().any(Result::is_err) || !machine.field_holds(at.map(|v| v as i32));
     Ok(samples.find(|(_, to)| outside(field(to))).map(|(us, to)| {
         let [u, v] = field(to).map(mm_from_nm);
         let [w, h] = machine.usable_field().map(mm_from_nm);
-        let text = format!("the scanner would have to reach ({u}, {v}) mm {}, the usable field is {w} x {h} mm", at(us));
+        let text =
+            format!("the scanner would have to reach ({u}, {v}) mm {}, the usable field is {w} x {h} mm", at(us));
         Diag::limit("fly-field", text).hint("let the stage follow more closely, or mark more slowly")
     }))
 }
@@ -197,7 +201,10 @@ fn dynamics(peaks: &[Peaks; AXES], program: &Program, limits: &Limits<'_>) -> Ve
     let mut faults = Vec::new();
     let mut hold = |code: &str, name: char, what: &str, peak: Peak, limit: f64, unit: &str| {
         if peak.size > limit * (1.0 + OVER) {
-            let text = format!("{name} would need {what} of {:.4} {unit} at {:.6} s, its limit is {limit}", peak.size, peak.at_s);
+            let text = format!(
+                "{name} would need {what} of {:.4} {unit} at {:.6} s, its limit is {limit}",
+                peak.size, peak.at_s
+            );
             let hint = "mark more slowly, or let the stage follow less closely";
             let diag = match code {
                 "speed" => Diag::limit("fly-speed", text),
@@ -240,7 +247,8 @@ fn scanner(program: &Program, machine: &Machine) -> Option<Diag> {
         let (way, limit) = (u.hypot(v), if to.mark.is_some() { mark } else { jump });
         is_fast(way, to.us - us, limit).then(|| {
             let speed = way / (to.us - us) as f64 * 1e6;
-            let text = format!("the scanner would have to run at {speed:.4} mm/s {}, its limit is {limit} mm/s", at(us));
+            let text =
+                format!("the scanner would have to run at {speed:.4} mm/s {}, its limit is {limit} mm/s", at(us));
             Diag::limit("fly-speed", text).hint("see scanner.jump_speed and scanner.max_mark_speed of the machine")
         })
     })

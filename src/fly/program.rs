@@ -32,6 +32,8 @@ pub const BOW: f64 = 20.0;
 pub const NEAR: i64 = 5;
 /// The same of a turning axis, millionths of a degree.
 pub const NEAR_TURN: i64 = 2;
+/// The stage stands where it would move slower than this, nm/us: 0.12 mm/min.
+const CREEP: f64 = 2e-3;
 /// How far a corner of the motion may be cut because times are rounded, mm.
 const CUT: f64 = 1e-6;
 /// How often a move between two nodes may be halved.
@@ -133,6 +135,9 @@ impl Program {
             maker.stretch(i, mark, &mut last)?;
         }
         program.moves = merge::merged(program.start, maker.moves);
+        if kind == Kind::Xyzuv {
+            hold(&mut program, &maker.frame);
+        }
         Ok(program)
     }
 
@@ -160,6 +165,23 @@ impl Program {
     pub fn steps(&self) -> impl Iterator<Item = (i64, &[i64; AXES], &Move)> {
         let before = std::iter::once((0, &self.start)).chain(self.moves.iter().map(|m| (m.us, &m.to)));
         before.zip(&self.moves).map(|((us, from), m)| (us, from, m))
+    }
+}
+
+/// Lets the stage stand in moves in which it would creep, and the scanner make up for it: LinuxCNC takes the time of
+/// a move from X, Y and Z wherever they move, and none slower than 0.1 mm/min.
+fn hold(program: &mut Program, frame: &Frame) {
+    let (mut from, mut us) = (program.start, 0);
+    for m in &mut program.moves {
+        let way: f64 = (0..3).map(|k| ((m.to[k] - from[k]) as f64).powi(2)).sum::<f64>().sqrt();
+        if way > 0.0 && way < CREEP * (m.us - us) as f64 {
+            let held = frame.held(&m.to, &from);
+            // A mark must move; where only the stage did, it goes on creeping.
+            if m.mark.is_none() || held != from {
+                m.to = held;
+            }
+        }
+        (from, us) = (m.to, m.us);
     }
 }
 
@@ -269,7 +291,8 @@ impl Maker<'_> {
         let next = self.spot(i + 1);
         let after = time > m.time[i];
         let (t0, t1) = if after { (m.time[i], m.time[i + 1]) } else { (m.time[i - 1], m.time[i]) };
-        let spot = if after { lerp(at, next, (time - t0) / (t1 - t0)) } else { lerp(from, at, (time - t0) / (t1 - t0)) };
+        let spot =
+            if after { lerp(at, next, (time - t0) / (t1 - t0)) } else { lerp(from, at, (time - t0) / (t1 - t0)) };
         let [way, on, off] = [[from, at], [at, next], [at, spot]].map(|[a, b]| [0, 1, 2].map(|k| b[k] - a[k]));
         let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
         let cross = [way[1] * on[2] - way[2] * on[1], way[2] * on[0] - way[0] * on[2], way[0] * on[1] - way[1] * on[0]];

@@ -94,6 +94,18 @@ impl Frame {
         [[0, 1, 2].map(|k| p[k] - self.origin[k]), q]
     }
 
+    /// A sample with the stage where another has it; U and V make up for X and Y.
+    pub(super) fn held(&self, to: &[i64; AXES], stage: &[i64; AXES]) -> [i64; AXES] {
+        let mut out = *to;
+        out[..3].copy_from_slice(&stage[..3]);
+        let [dx, dy] = [0, 1].map(|k| self.signs[k] as i64 * (to[k] - stage[k]));
+        let s = &self.scanner;
+        let [du, dv] = if s.swap_xy { [dy, dx] } else { [dx, dy] };
+        out[5] += if s.mirror_x { -du } else { du };
+        out[6] += if s.mirror_y { -dv } else { dv };
+        out
+    }
+
     /// The field point of a sample, nm.
     pub(super) fn field(&self, at: &[i64; AXES]) -> [i64; 2] {
         let s = &self.scanner;

@@ -93,7 +93,7 @@ fn wide_steps_are_cut_where_they_bow_and_straight_runs_are_joined() {
     let wide = Program::of(&turning(0.02), &strokes(), &machine, [0; 3], Kind::Xyzacuv).expect("a program");
     assert!(wide.moves.len() > 1000, "{}", wide.moves.len());
     let straight = motion((0..400).map(|i| {
-        let t = f64::from(i) * 1e-3 / 3.0;
+        let t = f64::from(i) * 1e-3;
         (t, [30.0 * t, 0.0, 1.0, 0.0, 0.0, 70.0 * t, 0.0])
     }));
     let machine = Machine::built_in("xyz-galvo-40").expect("profile");
@@ -102,7 +102,7 @@ fn wide_steps_are_cut_where_they_bow_and_straight_runs_are_joined() {
     assert_eq!(program.moves.len(), 2 * 399usize.div_ceil(8), "{:?}", program.moves.len());
     let mark = program.moves[1].mark.expect("a mark");
     assert_eq!((mark.pen, mark.source, mark.piece), (1, 7, 0));
-    assert_eq!(program.total_s(), 0.133);
+    assert_eq!(program.total_s(), 0.399);
 }
 
 #[test]
@@ -144,9 +144,32 @@ fn what_is_no_motion_is_refused() {
         |m| m.axes[3][0] = 4001.0,
         |m| m.axes[3][4] = 0.1,
         |m| m.stroke[4] = 1,
-        |m| drop(m.pen.pop()),
+        |m| m.pen.truncate(19),
     ];
     for change in changes {
         assert_eq!(refused(change, Kind::Xyzuv), Some("fly-motion"));
     }
+}
+
+#[test]
+fn a_stage_that_would_creep_stands_and_the_scanner_makes_up_for_it() {
+    let mut machine = Machine::built_in("xyz-galvo-40").expect("profile");
+    machine.scanner.swap_xy = true;
+    machine.scanner.mirror_y = true;
+    // 1 um/s, and the scanner to and fro.
+    let motion = motion((0..2000).map(|i| {
+        let t = f64::from(i) * 1e-3;
+        (t, [1e-3 * t, -5e-4 * t, 0.0, 0.0, 0.0, (90.0 * t).sin(), (70.0 * t).cos()])
+    }));
+    let program = Program::of(&motion, &strokes(), &machine, [0; 3], Kind::Xyzuv).expect("a program");
+    let spot = program.spots(&machine).expect("axes");
+    for (us, from, to) in program.steps() {
+        let way: f64 = (0..3).map(|k| ((to.to[k] - from[k]) as f64).powi(2)).sum::<f64>().sqrt();
+        assert!(way == 0.0 || way >= CREEP * (to.us - us) as f64, "{to:?}");
+        let t = to.us as f64 * 1e-6;
+        let meant = [1e-3 * t + (90.0 * t).sin(), -5e-4 * t + (70.0 * t).cos()];
+        let is = spot(&to.to).0;
+        assert!((0..2).all(|k| (is[k] - meant[k]).abs() < 2e-6), "{is:?} {meant:?}");
+    }
+    assert!(program.steps().any(|(_, from, to)| from[0] != to.to[0]));
 }

@@ -33,8 +33,7 @@ pub(super) fn read(folder: &Path, manifest: &Manifest, rule: &mut Rule) -> Vec<(
                 continue;
             }
         };
-        let course =
-            if name == "fly.ngc" { linuxcnc::read(&bytes) } else { pmac::read(&bytes, &manifest.axes) };
+        let course = if name == "fly.ngc" { linuxcnc::read(&bytes) } else { pmac::read(&bytes, &manifest.axes) };
         match course {
             Ok(course) => out.push((name, course)),
             Err(fault) => rule.broken("", format!("{name}:{}", fault.line), fault.message),

@@ -52,13 +52,7 @@ impl Chain {
             _ => return None,
         };
         let s = &machine.scanner;
-        Some(Self {
-            stage,
-            origin: origin.map(|v| v as f64),
-            turns,
-            swap: s.swap_xy,
-            mirror: [s.mirror_x, s.mirror_y],
-        })
+        Some(Self { stage, origin: origin.map(|v| v as f64), turns, swap: s.swap_xy, mirror: [s.mirror_x, s.mirror_y] })
     }
 
     /// Whether beams lean.

@@ -87,7 +87,8 @@ impl<'a> Looker<'a> {
             let place = || format!("{place}:{}", step.line);
             let [start, end] = [a, b].map(|to| self.chain.beam(to));
             let way = (0..3).map(|k| (end.at[k] - start.at[k]).powi(2)).sum::<f64>().sqrt();
-            let count = if self.chain.leans() { ((way / APART) as usize + 1).max(4) } else { (way / APART) as usize + 2 };
+            let count =
+                if self.chain.leans() { ((way / APART) as usize + 1).max(4) } else { (way / APART) as usize + 2 };
             for k in usize::from(i > 0)..=count {
                 let share = k as f64 / count as f64;
                 let beam = self.chain.beam(std::array::from_fn(|k| a[k] + share * (b[k] - a[k])));

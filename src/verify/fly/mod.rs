@@ -110,8 +110,7 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Pr
         }
     }
     let origin = manifest.placement.origin_mm.map(|v| nm_from_mm(v).unwrap_or_default());
-    let (Some((name, course)), Some(chain)) =
-        (programs.first(), Chain::of(&manifest.machine, origin, &manifest.axes))
+    let (Some((name, course)), Some(chain)) = (programs.first(), Chain::of(&manifest.machine, origin, &manifest.axes))
     else {
         findings.agreement.broken("", "manifest.json", "the machine has not the axes that are named");
         return Ok(findings.into_proof());

@@ -35,6 +35,8 @@ pub(super) struct Sort {
     pub(super) width: f64,
     /// Distance of the path's nodes, mm.
     pub(super) spacing: f64,
+    /// Step of the relief, mm: wide enough that facets do not show in the normals.
+    pub(super) relief: f64,
 }
 
 /// A gentle dome, hatched.
@@ -49,6 +51,7 @@ pub(super) const DOME: Sort = Sort {
     speed: [50.0, 70.0],
     width: 0.12,
     spacing: 0.1,
+    relief: 0.1,
 };
 
 /// A bowl on a slope, which never lies level, on seven axes.
@@ -62,12 +65,13 @@ pub(super) const BOWL: Sort = Sort {
     speed: [15.0, 15.0],
     width: 0.4,
     spacing: 0.05,
+    relief: 1.0,
 };
 
 /// A job with its motion.
 pub(super) struct Bench {
     dir: tempfile::TempDir,
-    pub(super) sort: Sort,
+    sort: Sort,
     pub(super) job: Job,
     pub(super) machine: Machine,
     pub(super) motion: Motion,
@@ -94,16 +98,15 @@ impl Bench {
         let job = Job::load(&path).unwrap_or_else(|e| panic!("{e}"));
         let plan = compile::plan(job.clone(), &|_| {}).unwrap_or_else(|e| panic!("{e}"));
         let machine = plan.machine.clone();
-        let surface =
-            Surface::load(&dir.path().join("part.stl"), &job.surface_options(), 0.0, 0.0, &mut Vec::new())
-                .unwrap_or_else(|e| panic!("{e}"));
-        let relief = Relief::over(&surface, plan.texture, 0.1).expect("a part");
+        let surface = Surface::load(&dir.path().join("part.stl"), &job.surface_options(), 0.0, 0.0, &mut Vec::new())
+            .unwrap_or_else(|e| panic!("{e}"));
+        let relief = Relief::over(&surface, plan.texture, sort.relief).expect("a part");
         let stepped = plan.checked.program();
         let path = path::Path::of(stepped, &surface, &relief, sort.spacing);
         let speeds: Vec<f64> = stepped.pens.iter().map(|p| p.speed.as_mm_s()).collect();
         let motion = motion(&path, &relief, &sort, &speeds);
-        let program = Program::of(&motion, stepped, &machine, plan.checked.origin(), sort.kind)
-            .unwrap_or_else(|e| panic!("{e}"));
+        let program =
+            Program::of(&motion, stepped, &machine, plan.checked.origin(), sort.kind).unwrap_or_else(|e| panic!("{e}"));
         Self { dir, sort, job, machine, motion, program }
     }
 
@@ -138,7 +141,12 @@ impl Bench {
 
     /// Changes a file of the folder, renews its hash, and verifies.
     pub(super) fn damaged(&self, name: &str, change: impl FnOnce(&str) -> String) -> Proof {
-        let folder = self.written(self.checked());
+        self.damaged_of(self.checked(), name, change)
+    }
+
+    /// The same with another program.
+    pub(super) fn damaged_of(&self, checked: Checked, name: &str, change: impl FnOnce(&str) -> String) -> Proof {
+        let folder = self.written(checked);
         let text = std::fs::read_to_string(folder.join(name)).expect("text");
         let changed = change(&text);
         assert_ne!(changed, text, "the damage does nothing");
