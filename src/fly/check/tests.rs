@@ -70,8 +70,6 @@ fn every_limit_is_held() {
             m.to[0] -= x;
             m.to[5] -= x;
         }
-        let end = p.moves[100].to;
-        p.moves[100].to = end;
     };
     // 0.5 mm at 40 rad/s: 800 mm/s2 and 32,000 mm/s3; at 50 rad/s 1250 mm/s2.
     assert_eq!(codes(|p, _| swing(p, 0.5, 40.0)), ["fly-jerk"]);

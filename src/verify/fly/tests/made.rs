@@ -71,7 +71,6 @@ pub(super) const BOWL: Sort = Sort {
 /// A job with its motion.
 pub(super) struct Bench {
     dir: tempfile::TempDir,
-    sort: Sort,
     pub(super) job: Job,
     pub(super) machine: Machine,
     pub(super) motion: Motion,
@@ -107,7 +106,7 @@ impl Bench {
         let motion = motion(&path, &relief, &sort, &speeds);
         let program =
             Program::of(&motion, stepped, &machine, plan.checked.origin(), sort.kind).unwrap_or_else(|e| panic!("{e}"));
-        Self { dir, sort, job, machine, motion, program }
+        Self { dir, job, machine, motion, program }
     }
 
     pub(super) fn checked(&self) -> Checked {
@@ -248,8 +247,8 @@ fn motion(path: &path::Path, relief: &Relief, sort: &Sort, speeds: &[f64]) -> Mo
     for i in 0..leads {
         node(lead * i as f64 / leads as f64, path.at[0], None, path.stroke[0]);
     }
-    for i in 0..path.len() {
-        node(time[i], path.at[i], path.pen[i], path.stroke[i]);
+    for (i, &t) in time.iter().enumerate() {
+        node(t, path.at[i], path.pen[i], path.stroke[i]);
     }
     let last = path.len() - 1;
     for i in 1..=leads {

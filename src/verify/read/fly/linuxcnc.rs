@@ -87,8 +87,10 @@ fn statement(words: &[(char, &str)], run: &mut Runner, modes: &mut Modes) -> Opt
                 match (letter, number) {
                     ('G', "21") => modes.metric = true,
                     ('G', "90") => modes.absolute = true,
-                    ('G', "93") => modes.inverse = true,
-                    ('G', "94") => modes.inverse = false,
+                    ('G', mode @ ("93" | "94")) => {
+                        modes.inverse = mode == "93";
+                        run.timed = modes.inverse;
+                    }
                     ('G', "17" | "40" | "49" | "80") => {}
                     _ => return None,
                 }

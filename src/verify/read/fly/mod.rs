@@ -80,6 +80,8 @@ struct Runner {
     power: Option<f64>,
     /// The mark of the last step.
     last: Option<Claim>,
+    /// Whether the approach is over, so that a dwell is a rest of the program.
+    timed: bool,
 }
 
 impl Runner {
@@ -124,8 +126,8 @@ impl Runner {
         if self.laser != Some(false) || self.waiting.is_some() {
             self.fault("a rest with the laser not known to be off");
         }
-        // What comes before the first timed move is the approach; one of no time ends the motion.
-        if us > 0 && !self.course.steps.is_empty() {
+        // One of no time ends the motion.
+        if us > 0 && self.timed {
             self.step(us, [None; AXES], 0);
         }
     }

@@ -61,7 +61,7 @@ fn statement(line: &str, run: &mut Runner, modes: &mut Modes) -> Option<()> {
             } else if let Some(ms) = line.strip_prefix("dwell") {
                 run.rest(scaled(ms, 3)?, true);
             } else if let Some(rest) = line.strip_prefix("rapid") {
-                modes.linear = false;
+                (modes.linear, run.timed) = (false, false);
                 run.rapid(places(rest, modes)?);
             } else if let Some(times) = line.strip_prefix("linear TA") {
                 let (blend, curve) = times.split_once(" TS")?;
@@ -69,7 +69,7 @@ fn statement(line: &str, run: &mut Runner, modes: &mut Modes) -> Option<()> {
                 if scaled(curve, 3)? != 0 {
                     return None;
                 }
-                modes.linear = true;
+                (modes.linear, run.timed) = (true, true);
             } else {
                 let (time, rest) = line.strip_prefix("TM")?.split_once(' ')?;
                 let us = scaled(time, 3)?;
