@@ -18,10 +18,12 @@ use terrace::partition::window;
 const MM: f64 = 1e6;
 const SIZE: [i32; 3] = [40_000_000, 40_000_000, 70_000];
 const STEP: [i32; 3] = [100; 3];
-/// Width of a cell and distance of the lines, mm.
-const CELL: f64 = 0.5;
-/// Height of a slab, nm: a seventh of the depth range, on the lattice.
-const SLAB: f64 = 10_000.0;
+/// Width of a cell and distance of the lines, mm, and height of a slab, nm: a seventh of the depth range, on
+/// the lattice.
+const CELL: [f64; 2] = [0.5, 10_000.0];
+/// The same for four times as few cells, and for four times as many.
+const COARSE: [f64; 2] = [1.0, 20_000.0];
+const FINE: [f64; 2] = [0.25, 5_000.0];
 
 type Surface = fn(f64, f64) -> f64;
 
@@ -33,8 +35,9 @@ fn main() {
     }
     let head = ["case", "pieces", "stops", "at least", "ratio", "cover s", "bound s", "peak MB"];
     println!("{}", head.map(|h| format!("{h:>9}")).join(""));
-    for case in ["cells", "lines", "squares"] {
-        for (name, _) in FIVE {
+    let scales = ["coarse", "cells", "fine"].map(|case| (case, &FIVE[..1]));
+    for (case, surfaces) in scales.into_iter().chain(["cells", "lines", "squares"].map(|case| (case, &FIVE[..]))) {
+        for (name, _) in surfaces {
             let me = std::env::current_exe().expect("this program");
             let out = Command::new(me).args([case, name]).output().expect("this program starts");
             assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
@@ -48,8 +51,10 @@ fn run(case: &str, z: Surface) {
     let z = |x: f64, y: f64| z(x, y) * MM;
     let items = match case {
         "squares" => squares(z),
-        "lines" => lines(z, SLAB),
-        _ => cells(&lines(z, SLAB)),
+        "lines" => lines(z, CELL),
+        "coarse" => cells(&lines(z, COARSE), COARSE),
+        "fine" => cells(&lines(z, FINE), FINE),
+        _ => cells(&lines(z, CELL), CELL),
     };
     let start = cpu_s();
     let corners = window::cover(&items, SIZE, STEP);
@@ -72,7 +77,7 @@ fn bound(case: &str, z: impl Fn(f64, f64) -> f64, items: &[Item]) -> (Certificat
         return (lower_bound_whole(items, SIZE), cpu_s() - start);
     }
     let mut points: Vec<[i32; 3]> = Vec::new();
-    for (y, x0, x1) in pieces() {
+    for (y, x0, x1) in pieces(CELL[0]) {
         let (z0, z1) = (z(x0, y), z(x1, y));
         let heights = row_heights(SIZE[2], z0.min(z1).ceil() as i32, z0.max(z1).floor() as i32);
         for x in heights.map(|h| crossing(|x| z(x, y), x0, x1, f64::from(h))) {
@@ -84,15 +89,16 @@ fn bound(case: &str, z: impl Fn(f64, f64) -> f64, items: &[Item]) -> (Certificat
 }
 
 /// Lines along x, cut into cells: y and the ends along x, mm.
-fn pieces() -> impl Iterator<Item = (f64, f64, f64)> {
-    let at = |n: i32| f64::from(n) * CELL;
-    (0..=900).flat_map(move |row| (0..900).map(move |column| (at(row), at(column), at(column + 1))))
+fn pieces(cell: f64) -> impl Iterator<Item = (f64, f64, f64)> {
+    let at = move |n: i32| f64::from(n) * cell;
+    let count = (450.0 / cell) as i32;
+    (0..=count).flat_map(move |row| (0..count).map(move |column| (at(row), at(column), at(column + 1))))
 }
 
 /// Pieces of lines, cut into slabs.
-fn lines(z: impl Fn(f64, f64) -> f64, slab: f64) -> Vec<Item> {
+fn lines(z: impl Fn(f64, f64) -> f64, [cell, slab]: [f64; 2]) -> Vec<Item> {
     let mut out = Vec::new();
-    for (y, mut x0, x1) in pieces() {
+    for (y, mut x0, x1) in pieces(cell) {
         let at = |x: f64| z(x, y);
         let (mut z0, z1) = (at(x0), at(x1));
         loop {
@@ -125,9 +131,9 @@ fn crossing(at: impl Fn(f64) -> f64, mut a: f64, mut b: f64, z: f64) -> f64 {
 }
 
 /// Full cells and slabs around pieces of lines.
-fn cells(lines: &[Item]) -> Vec<Item> {
+fn cells(lines: &[Item], [cell, slab]: [f64; 2]) -> Vec<Item> {
     let full = |i: &Item| {
-        let size = [CELL * MM, CELL * MM, SLAB];
+        let size = [cell * MM, cell * MM, slab];
         let lo = [0, 1, 2].map(|k| (f64::from(i.lo[k] + i.hi[k]) / 2.0 / size[k]).floor() as i32 * size[k] as i32);
         Item { lo, hi: [0, 1, 2].map(|k| lo[k] + size[k] as i32) }
     };

@@ -8,11 +8,14 @@ mod fly;
 mod manifest;
 mod runsheet;
 mod setups;
+mod table;
 
 pub use fly::{Deviations, FlyFacts, fly_manifest, fly_summary};
 pub use manifest::manifest;
 pub use runsheet::{csv as runsheet_csv, txt as runsheet_txt};
 pub use setups::{Registered, registration};
+pub(crate) use table::plain;
+pub use table::{Cell, Column, Kind, TERMINAL, Table};
 
 use serde::Serialize;
 

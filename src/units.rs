@@ -1,6 +1,6 @@
 //! Quantities as people write them: `"0.07 mm"`, `"1000 mm/s"`, `"60 %"`.
 //!
-//! Every quantity is held in one base unit (mm, deg, s, mm/s, mm/s², mm/s³, kHz) and is built and
+//! Every quantity is held in one base unit (mm, deg, s, mm/s, mm/s², mm/s³, deg/s and so on, kHz) and is built and
 //! read by unit, so that no number changes meaning between the job file and a kernel. Text always
 //! carries a unit; a bare number is refused, because units are the commonest import fault of all.
 
@@ -104,6 +104,20 @@ quantity!(
     Jerk, "jerk", "mm/s3", "20000 mm/s3",
     ["mm/s3" => 1.0, "mm/s³" => 1.0, "m/s3" => 1e3, "m/s³" => 1e3]);
 quantity!(
+    /// A speed of turning; base unit deg/s.
+    AngularSpeed, "speed of turning", "deg/s", "20 deg/s",
+    ["deg/s" => 1.0, "°/s" => 1.0, "rad/s" => 180.0 / std::f64::consts::PI]);
+quantity!(
+    /// An acceleration of turning; base unit deg/s².
+    AngularAcceleration, "acceleration of turning", "deg/s2", "100 deg/s2",
+    ["deg/s2" => 1.0, "deg/s²" => 1.0, "rad/s2" => 180.0 / std::f64::consts::PI,
+     "rad/s²" => 180.0 / std::f64::consts::PI]);
+quantity!(
+    /// A jerk of turning; base unit deg/s³.
+    AngularJerk, "jerk of turning", "deg/s3", "1000 deg/s3",
+    ["deg/s3" => 1.0, "deg/s³" => 1.0, "rad/s3" => 180.0 / std::f64::consts::PI,
+     "rad/s³" => 180.0 / std::f64::consts::PI]);
+quantity!(
     /// A repetition rate; base unit kHz.
     Frequency, "frequency", "kHz", "60 kHz",
     ["Hz" => 1e-3, "kHz" => 1.0, "MHz" => 1e3]);
@@ -187,6 +201,27 @@ impl Jerk {
     /// The jerk in mm/s³.
     pub const fn as_mm_s3(self) -> f64 {
         self.0
+    }
+}
+
+impl AngularSpeed {
+    /// The speed in rad/s.
+    pub const fn as_rad_s(self) -> f64 {
+        self.0.to_radians()
+    }
+}
+
+impl AngularAcceleration {
+    /// The acceleration in rad/s².
+    pub const fn as_rad_s2(self) -> f64 {
+        self.0.to_radians()
+    }
+}
+
+impl AngularJerk {
+    /// The jerk in rad/s³.
+    pub const fn as_rad_s3(self) -> f64 {
+        self.0.to_radians()
     }
 }
 

@@ -150,7 +150,7 @@ fn the_verifier_shares_readers_and_types_alone() {
 #[test]
 fn every_dependency_has_its_door() {
     // Crate, and the rooms or files that may name it.
-    let doors: [(&str, &[&str]); 13] = [
+    let doors: [(&str, &[&str]); 14] = [
         ("nalgebra", &["src/geom"]),
         ("spade", &["src/surface/points"]),
         ("parry2d", &["src/order/clearance"]),
@@ -161,6 +161,7 @@ fn every_dependency_has_its_door() {
         ("indicatif", &["src/cli"]),
         ("roxmltree", &["src/texture/svg"]),
         ("svgtypes", &["src/texture/svg"]),
+        ("rustfft", &["src/fly/decompose"]),
         ("png", &["src/surface/heightmap"]),
         ("prost", &["src/emit/ovf", "src/verify/read/ovf"]),
         ("toml", &["src/diag", "src/spec"]),

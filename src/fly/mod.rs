@@ -12,9 +12,17 @@
 
 pub mod chain;
 pub mod check;
+pub mod decompose;
+pub mod kinematics;
 pub mod measure;
 pub mod motion;
+pub mod pace;
 pub mod path;
 pub mod program;
 pub mod relief;
+pub mod schedule;
+pub mod servo;
+pub mod seven;
 pub mod spread;
+pub mod stops;
+pub mod sync;

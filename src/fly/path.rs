@@ -14,6 +14,19 @@ use crate::trace::Tracer;
 /// the path is a curve, rad.
 pub const CORNER: f64 = 0.26;
 
+/// What the path does at a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Node {
+    /// Goes straight on.
+    Between,
+    /// Turns a little, as a curve does that is drawn with straight lines.
+    Vertex,
+    /// Turns sharply.
+    Corner,
+    /// A stroke begins or ends.
+    End,
+}
+
 /// A path of marks and jumps; index 0 is where it begins.
 #[derive(Clone, Debug, Default)]
 pub struct Path {
@@ -21,8 +34,8 @@ pub struct Path {
     pub at: Vec<[f64; 3]>,
     /// Pen of the stretch that ends at each node; None for a jump.
     pub pen: Vec<Option<u16>>,
-    /// Whether the path turns sharply at each node, or a stroke begins or ends there.
-    pub corner: Vec<bool>,
+    /// What the path does at each node.
+    pub node: Vec<Node>,
     /// Stroke of the program that each node belongs to, the one just marked or jumped to.
     pub stroke: Vec<u32>,
 }
@@ -50,16 +63,15 @@ impl Path {
                 let mut direction = None;
                 for w in points.windows(2) {
                     let (a, b) = (part(w[0]), part(w[1]));
-                    let turned = direction.is_none_or(|d| angle(d, heading(a, b)) > CORNER);
-                    if let Some(c) = path.corner.last_mut() {
-                        *c |= turned;
-                    }
+                    path.turn(match direction {
+                        None => Node::End,
+                        Some(d) if angle(d, heading(a, b)) > CORNER => Node::Corner,
+                        Some(_) => Node::Vertex,
+                    });
                     path.mark(&mut tracer, a, b, spacing, Some(stroke.pen), number as u32);
                     direction = Some(heading(a, b));
                 }
-                if let Some(c) = path.corner.last_mut() {
-                    *c = true;
-                }
+                path.turn(Node::End);
                 from = points.last().map(|&p| part(p));
             }
         }
@@ -102,8 +114,15 @@ impl Path {
     fn node(&mut self, at: [f64; 3], pen: Option<u16>, stroke: u32) {
         self.at.push(at);
         self.pen.push(pen);
-        self.corner.push(false);
+        self.node.push(Node::Between);
         self.stroke.push(stroke);
+    }
+
+    /// What the path does at the node it has come to.
+    fn turn(&mut self, node: Node) {
+        if let Some(last) = self.node.last_mut() {
+            *last = node.max(*last);
+        }
     }
 
     fn jump(&mut self, a: P2, b: P2, relief: &Relief, spacing: f64, stroke: u32) {

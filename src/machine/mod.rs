@@ -19,7 +19,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::diag::{self, Diag, Error, Place};
 use crate::geom::Turn;
-use crate::units::{Acceleration, Jerk, Length, Speed, Time, Watts, non_negative, positive, positive_option};
+use crate::units::{
+    Acceleration, Frequency, Jerk, Length, Speed, Time, Watts, non_negative, positive, positive_option,
+};
 
 /// A machine file. Every value is as written; [`Machine::load`] has checked it.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
@@ -96,6 +98,15 @@ pub struct Scanner {
     /// Largest mark speed.
     #[serde(deserialize_with = "positive")]
     pub max_mark_speed: Speed,
+    /// Top acceleration of the spot along x and along y, for marking while the stage moves.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub acceleration: Option<Acceleration>,
+    /// Top jerk, for the same; without it the acceleration steps.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub jerk: Option<Jerk>,
+    /// How the spot follows its command.
+    #[serde(default)]
+    pub servo: Option<Servo>,
     /// Whether the controller's x is the field's y and the other way round.
     #[serde(default)]
     pub swap_xy: bool,
@@ -113,6 +124,17 @@ impl Scanner {
         let [x, y] = if self.swap_xy { [y, x] } else { [x, y] };
         [if self.mirror_x { -x } else { x }, if self.mirror_y { -y } else { y }]
     }
+}
+
+/// How an axis follows its command: as a damped oscillator of second order.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Servo {
+    /// Natural frequency.
+    #[serde(deserialize_with = "positive")]
+    pub frequency: Frequency,
+    /// Damping ratio; 1 is critical.
+    pub damping: f64,
 }
 
 /// What an axis moves when it moves.
@@ -185,6 +207,12 @@ pub struct Stage {
     /// Waiting time after a move before the laser may fire.
     #[serde(default, deserialize_with = "non_negative")]
     pub settle: Time,
+    /// How truly the stage stands after a move, for the error of stitching.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub accuracy: Option<Length>,
+    /// How the stage follows its command.
+    #[serde(default)]
+    pub servo: Option<Servo>,
     /// Smallest gap between the lens and the part in any move.
     #[serde(deserialize_with = "positive")]
     pub clearance: Length,
@@ -333,6 +361,12 @@ impl Machine {
         }
         if !(1..=1_000_000).contains(&self.increment_nm()) {
             faults.push(Diag::input("machine-increment", "stage.increment is not between 1 nm and 1 mm"));
+        }
+        for (name, servo) in [("stage", self.stage.servo), ("scanner", self.scanner.servo)] {
+            if servo.is_some_and(|s| !(0.01..=10.0).contains(&s.damping)) {
+                let text = format!("{name}.servo.damping is not between 0.01 and 10");
+                faults.push(Diag::input("machine-servo", text).hint("0.7 is usual"));
+            }
         }
         faults.extend(self.tilt.iter().flat_map(Tilt::faults));
         if self.controller.max_line < 40 {

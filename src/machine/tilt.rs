@@ -7,7 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::diag::Diag;
 use crate::geom::{NM_PER_MM, Turn};
-use crate::units::{Angle, Length, Time, non_negative, positive};
+use crate::units::{
+    Angle, AngularAcceleration, AngularJerk, AngularSpeed, Length, Time, non_negative, positive, positive_option,
+};
 
 /// A two-axis tilt table under the part.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
@@ -36,6 +38,15 @@ pub struct RotaryAxis {
     /// Time of a move, settling included.
     #[serde(deserialize_with = "non_negative")]
     pub move_time: Time,
+    /// Top speed, for marking while the axis turns.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub speed: Option<AngularSpeed>,
+    /// Top acceleration, for the same.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub acceleration: Option<AngularAcceleration>,
+    /// Top jerk, for the same; without it the acceleration steps.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub jerk: Option<AngularJerk>,
 }
 
 fn default_increment() -> Angle {
@@ -153,6 +164,9 @@ mod tests {
             travel: [Angle::deg(-180.0), Angle::deg(180.0)],
             increment: Angle::deg(1e-6),
             move_time: Time::s(1.0),
+            speed: None,
+            acceleration: None,
+            jerk: None,
         };
         Tilt { pivot: [Length::mm(1.0), Length::mm(2.0), Length::mm(-100.0)], axes: letters.map(axis) }
     }

@@ -53,3 +53,30 @@ pub(super) fn is_dark(c: Colour) -> bool {
 pub(super) fn hex([r, g, b]: Colour) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
+
+/// Series of a chart. Within each four, lightness steps by 10 of 100 or more, so grey tells them apart.
+pub(super) const SERIES: [Colour; 8] = [
+    [29, 78, 137],
+    [224, 130, 20],
+    [213, 24, 107],
+    [17, 17, 17],
+    [63, 160, 216],
+    [72, 28, 110],
+    [18, 128, 96],
+    [122, 74, 30],
+];
+
+/// Parts of a bar, apart in hue and lightness from their neighbours; the first five are those of the job time.
+pub(super) const FILLS: [Colour; 8] = [
+    [29, 78, 137],
+    [127, 178, 214],
+    [201, 201, 201],
+    [213, 24, 107],
+    [242, 163, 194],
+    [224, 130, 20],
+    [18, 128, 96],
+    [91, 42, 134],
+];
+
+/// Of what has no colour of its own.
+pub(super) const SPARE: Colour = [120, 120, 120];

@@ -16,7 +16,7 @@ use svg::Node;
 use svg::node::element::Element;
 
 use super::outline::{self, Grid, Outlines};
-use super::sheet::{Detail, Sheet, el, grid_box, layer, num, rectangle, sheet_box, text, titled};
+use super::sheet::{Detail, FONTS, Sheet, el, grid_box, layer, num, rectangle, sheet_box, text, titled};
 use super::{Layout, blocks, clean, label, legend, stage};
 use crate::geom::mm_from_nm;
 
@@ -91,7 +91,7 @@ fn draw(job: &Layout<'_>, sheet: &Sheet, outlines: &Outlines, spots: &[label::Sp
 
 fn style_text(u: f64) -> String {
     format!(
-        "text{{font-family:Arial,\"Liberation Sans\",\"DejaVu Sans\",sans-serif;text-rendering:geometricPrecision}}\
+        "text{{font-family:{FONTS};text-rendering:geometricPrecision}}\
          .w{{fill:#fff}}.halo{{paint-order:stroke;stroke:#fff;stroke-linejoin:round}}\
          #layer-blocks :hover{{stroke-width:{}}}#layer-windows g:hover{{visibility:visible}}",
         num(u * 0.3)

@@ -6,7 +6,7 @@
 use svg::Node;
 use svg::node::element::Element;
 
-use super::colour::{self, FIELD, PATH};
+use super::colour::{self, Colour, FIELD, FILLS, PATH, hex};
 use super::sheet::{Sheet, el, num, rectangle, text};
 use super::{Layout, Shade, length_text, mm, plain, short};
 use crate::geom::mm_from_nm;
@@ -191,7 +191,7 @@ fn ramp(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
     for k in 0..=16 {
         let offset = num(f64::from(k) / 16.0);
         let c = if flat { colour::of_height(0, [0, 0]) } else { colour::of_height(k.into(), [0, 16]) };
-        gradient.append(el("stop", &[("offset", &offset), ("stop-color", &colour::hex(c))]));
+        gradient.append(el("stop", &[("offset", &offset), ("stop-color", &hex(c))]));
     }
     let mut defs = Element::new("defs");
     defs.append(gradient);
@@ -223,8 +223,8 @@ fn ramp(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
 }
 
 /// The parts of the job time as a bar and as lines.
-pub(super) const PARTS: [(&str, &str); 5] =
-    [("mark", "#1d4e89"), ("jump", "#7fb2d6"), ("delay", "#c9c9c9"), ("stage", "#d5186b"), ("settle", "#f2a3c2")];
+pub(super) const PARTS: [(&str, Colour); 5] =
+    [("mark", FILLS[0]), ("jump", FILLS[1]), ("delay", FILLS[2]), ("stage", FILLS[3]), ("settle", FILLS[4])];
 
 /// Seconds of each of [`PARTS`].
 pub(super) fn seconds(job: &Layout<'_>) -> [f64; 5] {
@@ -242,7 +242,7 @@ fn times(pen: &mut Column<'_>, job: &Layout<'_>, _: &Sheet) {
     for ((_, fill), s) in PARTS.iter().zip(seconds(job)) {
         let width = if sum > 0.0 { COLUMN * u * s / sum } else { 0.0 };
         if width > 0.0 {
-            pen.g.append(rectangle([x, y, x + width, y + 1.6 * u], &[("fill", *fill)]));
+            pen.g.append(rectangle([x, y, x + width, y + 1.6 * u], &[("fill", &hex(*fill))]));
         }
         x += width;
     }
@@ -253,7 +253,7 @@ fn times(pen: &mut Column<'_>, job: &Layout<'_>, _: &Sheet) {
         pen.line(name);
         pen.at[0] = x;
         let y = pen.at[1];
-        pen.g.append(rectangle([x, y - 1.2 * u, x + 1.3 * u, y + 0.1 * u], &[("fill", *fill)]));
+        pen.g.append(rectangle([x, y - 1.2 * u, x + 1.3 * u, y + 0.1 * u], &[("fill", &hex(*fill))]));
         let share = if sum > 0.0 { 100.0 * s / sum } else { 0.0 };
         let words = format!("{}, {} %", duration(s), plain(share, 0));
         pen.g.append(text([x + COLUMN * u, y], FONT * u, "end", &words));

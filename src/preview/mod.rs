@@ -17,6 +17,8 @@ mod label;
 mod layout;
 mod legend;
 mod outline;
+pub mod page;
+pub mod plot;
 mod report;
 #[cfg(test)]
 mod sample;
@@ -35,7 +37,7 @@ use crate::geom::{Box2, P2};
 use crate::machine::Machine;
 use crate::map::Map;
 use crate::program::{Block, Program, Sections};
-use crate::record::{Slope, Summary};
+use crate::record::{Slope, Summary, plain};
 
 /// Everything the pictures are made of.
 #[derive(Clone, Debug)]
@@ -162,13 +164,6 @@ pub fn pass_file(k: u32) -> String {
 /// mm in text, `decimals` digits, without a negative zero.
 fn mm(nm: i64, decimals: usize) -> String {
     plain(crate::geom::mm_from_nm(nm), decimals)
-}
-
-/// A number in text, `decimals` digits, without a negative zero.
-fn plain(v: f64, decimals: usize) -> String {
-    let text = format!("{v:.decimals$}");
-    let zero = text.bytes().all(|b| matches!(b, b'-' | b'0' | b'.'));
-    if zero { text.trim_start_matches('-').to_owned() } else { text }
 }
 
 /// A length for reading: mm below 10 m, m above.

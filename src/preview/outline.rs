@@ -256,24 +256,7 @@ impl Scratch {
         if backwards {
             points.reverse();
         }
-        self.keep.clear();
-        self.keep.resize(points.len(), false);
-        self.spans.push((0, points.len() - 1));
-        while let Some((lo, hi)) = self.spans.pop() {
-            self.keep[lo] = true;
-            self.keep[hi] = true;
-            let mut worst = (self.limit * self.limit, 0);
-            for i in lo + 1..hi {
-                let d = distance2(points[i], points[lo], points[hi]);
-                if d > worst.0 {
-                    worst = (d, i);
-                }
-            }
-            if worst.1 > 0 {
-                self.spans.push((lo, worst.1));
-                self.spans.push((worst.1, hi));
-            }
-        }
+        thin(points, self.limit, &mut self.keep, &mut self.spans);
         let mut kept: Vec<Half> = points.iter().zip(&self.keep).filter(|&(_, &k)| k).map(|(&p, _)| p).collect();
         if backwards {
             kept.reverse();
@@ -284,9 +267,38 @@ impl Scratch {
     }
 }
 
+/// Which points of a line, ends included, are kept so that none of the others lies further than `limit` from
+/// it (Douglas-Peucker without recursion). `spans` is room to work in.
+pub(super) fn thin<T: Copy + Into<f64>>(
+    points: &[[T; 2]],
+    limit: f64,
+    keep: &mut Vec<bool>,
+    spans: &mut Vec<(usize, usize)>,
+) {
+    keep.clear();
+    keep.resize(points.len(), false);
+    spans.extend(points.len().checked_sub(1).map(|last| (0, last)));
+    while let Some((lo, hi)) = spans.pop() {
+        keep[lo] = true;
+        keep[hi] = true;
+        let mut worst = (limit * limit, 0);
+        for i in lo + 1..hi {
+            let d = distance2(points[i], points[lo], points[hi]);
+            if d > worst.0 {
+                worst = (d, i);
+            }
+        }
+        if worst.1 > 0 {
+            spans.push((lo, worst.1));
+            spans.push((worst.1, hi));
+        }
+    }
+}
+
 /// Square of the distance from `p` to the segment from `a` to `b`.
-fn distance2(p: Half, a: Half, b: Half) -> f64 {
-    let d = |u: Half, v: Half| [f64::from(v[0] - u[0]), f64::from(v[1] - u[1])];
+fn distance2<T: Copy + Into<f64>>(p: [T; 2], a: [T; 2], b: [T; 2]) -> f64 {
+    let [p, a, b] = [p, a, b].map(|p| p.map(Into::into));
+    let d = |u: [f64; 2], v: [f64; 2]| [v[0] - u[0], v[1] - u[1]];
     let (ab, ap) = (d(a, b), d(a, p));
     let len2 = ab[0] * ab[0] + ab[1] * ab[1];
     let t = if len2 > 0.0 { ((ap[0] * ab[0] + ap[1] * ab[1]) / len2).clamp(0.0, 1.0) } else { 0.0 };

@@ -5,31 +5,23 @@
 
 use std::fmt::Write;
 
+use super::colour::hex;
 use super::legend::{PARTS, seconds};
-use super::{Layout, clean, length_text, mm, pass_file, plain};
+use super::page::{self, escape};
+use super::{Layout, length_text, mm, pass_file, plain};
 use crate::program::{Block, Program};
 use crate::record::{Slope, duration};
-
-const STYLE: &str = "body{font:14px/1.45 Arial,\"Liberation Sans\",sans-serif;margin:2em auto;max-width:76em;padding:0 1em;color:#1a1a1a}\
-h1{font-size:1.6em;margin-bottom:.2em}h2{font-size:1.15em;margin:1.8em 0 .5em}\
-table{border-collapse:collapse}th,td{padding:.15em .7em;text-align:right;border-bottom:1px solid #ddd;white-space:nowrap}\
-th{background:#f3f3f3;font-weight:600}td:first-child,th:first-child,.l{text-align:left}.l{white-space:normal}\
-td{font-variant-numeric:tabular-nums}#blocks th{position:sticky;top:0}.row{display:flex;flex-wrap:wrap;gap:0 3em}\
-.warn{border-left:4px solid #c2410c;padding:.2em .8em;margin:.5em 0;background:#fdf3ee}.warn small{color:#555}\
-@media print{body{max-width:none;font-size:10px}#blocks th{position:static}}";
 
 /// The report as the text of an HTML file.
 pub fn report_html(job: &Layout<'_>) -> String {
     let is_gridded = job.is_gridded();
     let job = &job.whole();
-    let name = escape(job.job);
     let mut h = String::with_capacity(16_000 + 200 * job.blocks().len());
-    let _ = write!(
+    h += &page::open(&format!("{}: job report", job.job), job.job, "");
+    let _ = writeln!(
         h,
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
-         <meta name=\"viewport\" content=\"width=device-width\"/>\n<title>{name}: job report</title>\n\
-         <style>{STYLE}</style>\n</head>\n<body>\n<h1>{name}</h1>\n<p>Machine {}. {} stops, {} in all. \
-         <a href=\"layout.svg\">Block layout (layout.svg)</a>{}, <a href=\"slope.svg\">the same by slope (slope.svg)</a></p>\n",
+        "<p>Machine {}. {} stops, {} in all. \
+         <a href=\"layout.svg\">Block layout (layout.svg)</a>{}, <a href=\"slope.svg\">the same by slope (slope.svg)</a></p>",
         escape(&job.machine.name),
         job.blocks().len(),
         duration(job.summary.time_s.total),
@@ -50,10 +42,6 @@ pub fn report_html(job: &Layout<'_>) -> String {
     blocks(&mut h, job, is_gridded);
     h.push_str("</body>\n</html>\n");
     h
-}
-
-fn escape(text: &str) -> String {
-    clean(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 fn warnings(h: &mut String, job: &Layout<'_>) {
@@ -122,6 +110,7 @@ fn times(h: &mut String, job: &Layout<'_>) {
     h.push_str("<h2>Estimated time</h2>\n<svg width=\"420\" height=\"24\" role=\"img\" aria-label=\"time split\">");
     let mut x = 0.0;
     for ((name, fill), s) in PARTS.iter().zip(parts) {
+        let fill = hex(*fill);
         let w = 420.0 * share(s);
         let (at, width) = (plain(x, 2), plain(w, 2));
         let _ =
@@ -130,6 +119,7 @@ fn times(h: &mut String, job: &Layout<'_>) {
     }
     h.push_str("</svg>\n<table>\n<tr><th>part</th><th>s</th><th>time</th><th>share</th></tr>\n");
     for ((name, fill), s) in PARTS.iter().zip(parts) {
+        let fill = hex(*fill);
         let _ = writeln!(
             h,
             "<tr><td><svg width=\"12\" height=\"12\"><rect width=\"12\" height=\"12\" fill=\"{fill}\"/></svg> {name}</td>\

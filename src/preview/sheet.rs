@@ -8,6 +8,9 @@ use super::{Layout, clean, plain};
 use crate::geom::{Box2, NM_PER_MM, P2, cos_sin, mm_from_nm};
 use crate::program::Block;
 
+/// Faces of all text, the most usual first.
+pub(super) const FONTS: &str = "Arial,\"Liberation Sans\",\"DejaVu Sans\",sans-serif";
+
 /// How much is drawn.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Detail {

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use super::table::csv_cell;
 use super::{Facts, registration};
 use crate::geom::mm_from_nm;
 use crate::program::{Block, Program};
@@ -30,7 +31,7 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
             format!("{:.3}", program.mark_mm(block)),
             format!("{:.3}", program.jump_mm(block)),
             format!("{:.3}", facts.block_time_s(i)),
-            cell(&facts.pen_names(block).join("; ")),
+            csv_cell(&facts.pen_names(block).join("; ")),
             (block.pass + 1).to_string(),
             (block.setup + 1).to_string(),
         ];
@@ -38,11 +39,6 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
         out.push('\n');
     }
     out.into_bytes()
-}
-
-/// A cell whose text may hold what parts cells.
-fn cell(text: &str) -> String {
-    if text.contains(['"', ',', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
 }
 
 /// The sheet for the operator, plain text of fixed width.

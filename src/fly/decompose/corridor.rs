@@ -1,0 +1,77 @@
+//! Paths of least acceleration inside a corridor.
+
+use crate::fly::chain::{Band, Row, minimise};
+
+/// How near to the least the sum of squares is taken, as a share of what the corridor's walls push.
+const NEAR: f64 = 1e-6;
+
+/// The path of least summed squared second differences that stays within `half` of `path`, per coordinate.
+pub(super) fn least_acceleration<const N: usize>(path: &[[f64; N]], half: [f64; N]) -> Vec<[f64; N]> {
+    let mut out = path.to_vec();
+    for k in 0..N {
+        let along: Vec<f64> = path.iter().map(|x| x[k]).collect();
+        let ends: Vec<[f64; 2]> = along.iter().map(|x| [x - half[k], x + half[k]]).collect();
+        for (x, found) in out.iter_mut().zip(within(along, &ends)) {
+            x[k] = found;
+        }
+    }
+    out
+}
+
+/// The same between two ends of their own for every sample (infinite ones do not bind), from a start strictly
+/// between them; a sample that does not start so stays free.
+pub(super) fn within(start: Vec<f64>, ends: &[[f64; 2]]) -> Vec<f64> {
+    let rows: Vec<Row<1>> = start
+        .iter()
+        .zip(ends)
+        .enumerate()
+        .map(|(at, (x, [lo, hi]))| Row { at, a: [1.0], lo: lo - x, hi: hi - x })
+        .collect();
+    // Moves are some part of a usual corridor's width; where all are open, of a radian.
+    let finite = |[lo, hi]: &[f64; 2]| Some(hi - lo).filter(|w| w.is_finite());
+    let (sum, count) = ends.iter().filter_map(finite).fold((0.0, 0), |(s, n), w| (s + w, n + 1));
+    let usual = if count == 0 { 1.0 } else { 0.5 * sum / f64::from(count) };
+    let moved = least_from::<1, 1>(&start, rows, usual);
+    // Rounding of the sum must not pass an end.
+    start.iter().zip(moved).zip(ends).map(|((x, d), [lo, hi])| (x + d).max(*lo).min(*hi)).collect()
+}
+
+/// How unknowns move from `start` for the least sum of squared second differences under rows that speak of
+/// the move, which is of the size of `usual`. `L` coordinates lie one after the other in each sample.
+///
+/// The move is the unknown, not the place: tolerances are taken from the size of the unknowns, and where the part lies
+/// must not matter. It is counted from -`usual`, so that it does not begin at nothing.
+pub(super) fn least_from<const L: usize, const W: usize>(start: &[f64], mut rows: Vec<Row<W>>, usual: f64) -> Vec<f64> {
+    let bend: Vec<f64> = (2 * L..start.len()).map(|i| second(start, i, L)).collect();
+    let begin: f64 = bend.iter().map(|d| d * d).sum();
+    if begin == 0.0 || start.len() < 3 * L {
+        return vec![0.0; start.len()];
+    }
+    // The measure begins at a number that is large against the 1 in the tolerance.
+    let weight = 1e6 / begin;
+    let measure = |x: &[f64], gradient: &mut [f64], matrix: &mut Band| {
+        for i in 2 * L..x.len() {
+            let d = weight * (bend[i - 2 * L] + second(x, i, L));
+            let of = [(i - 2 * L, 1.0), (i - L, -2.0), (i, 1.0)];
+            for (m, (j, a)) in of.into_iter().enumerate() {
+                gradient[j] += a * d;
+                for (k, b) in of.into_iter().take(m + 1) {
+                    matrix.add(j, k, weight * a * b);
+                }
+            }
+        }
+    };
+    for row in &mut rows {
+        let shift: f64 = row.a.iter().map(|a| a * usual).sum();
+        row.lo += shift;
+        row.hi += shift;
+    }
+    let mut moved = minimise(vec![usual; start.len()], 2 * L, &rows, measure, NEAR);
+    moved.iter_mut().for_each(|x| *x -= usual);
+    moved
+}
+
+#[inline]
+fn second(x: &[f64], i: usize, stride: usize) -> f64 {
+    (x[i - 2 * stride] - x[i - stride]) + (x[i] - x[i - stride])
+}

@@ -1,0 +1,46 @@
+//! The Gaussian filter.
+
+use super::at_or_end;
+
+/// Weights reach this many standard deviations out.
+const REACH: f64 = 4.0;
+
+/// Means under the weights of a normal distribution of `sigma` samples, ends repeated.
+pub(super) fn gaussian<const N: usize>(path: &[[f64; N]], sigma: f64) -> Vec<[f64; N]> {
+    if !(sigma > 0.0 && sigma.is_finite()) {
+        return path.to_vec();
+    }
+    let reach = (REACH * sigma + 0.5).floor() as usize;
+    let mut weights: Vec<f64> = (0..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp()).collect();
+    let sum = weights[0] + 2.0 * weights[1..].iter().sum::<f64>();
+    weights.iter_mut().for_each(|w| *w /= sum);
+    let longer = lengthened(path, reach, |i| *at_or_end(path, i));
+    symmetric(&longer, &weights)
+}
+
+/// The path with `by` samples more at both ends.
+pub(super) fn lengthened<const N: usize>(
+    path: &[[f64; N]],
+    by: usize,
+    sample: impl Fn(isize) -> [f64; N],
+) -> Vec<[f64; N]> {
+    (-(by as isize)..(path.len() + by) as isize).map(sample).collect()
+}
+
+/// Sums under weights that are the same to both sides, of a path lengthened by as many samples as there are weights
+/// beside the middle one.
+pub(super) fn symmetric<const N: usize>(longer: &[[f64; N]], weights: &[f64]) -> Vec<[f64; N]> {
+    let reach = weights.len() - 1;
+    longer
+        .windows(2 * reach + 1)
+        .map(|w| {
+            // Small weights first.
+            let mut sum = [0.0; N];
+            for (i, weight) in weights.iter().enumerate().skip(1).rev() {
+                let (left, right) = (&w[reach - i], &w[reach + i]);
+                (0..N).for_each(|k| sum[k] += weight * (left[k] + right[k]));
+            }
+            std::array::from_fn(|k| sum[k] + weights[0] * w[reach][k])
+        })
+        .collect()
+}

@@ -1,0 +1,193 @@
+//! Seven axes on the fly: the stage of X, Y, Z, A and C follows a smoothed path with its normal, the scanner's
+//! U and V make up the difference.
+//!
+//! Consumes the beam's path over the part and the machine's limits; promises axis values at the nodes of the
+//! path that keep focus, beam angle and field wherever it can be done, and the least time under the limits of all
+//! seven axes. Where the path turns sharply all axes stop: the spot cannot turn otherwise. Units: mm, s, rad.
+//!
+//! # Source
+//! Ma et al. (2025): Gaussian smoothing in arc length, as strong as focal offset, beam angle and displacement
+//! allow, searched from 30,000 um down by 0.95; here then by bisection up to the limit.
+
+use rayon::prelude::*;
+
+use super::decompose::{Family, Limits, largest, seven_axes, stage};
+use super::kinematics::{Axes, Branches, Deviation, Pose, follow};
+use super::motion::AXES;
+use super::pace::{self, Limit, Timed};
+use super::path::{Node, Path};
+use super::relief::Relief;
+use crate::diag::Error;
+use crate::machine::{Letter, Machine};
+use crate::program::Pen;
+
+/// How the tool's path is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tools {
+    /// Gaussian smoothing (the article).
+    Gaussian,
+    /// Least acceleration of the axes within the limits.
+    LeastAcceleration,
+    /// On the mark itself: five axes, the scanner rests.
+    OnTheMark,
+}
+
+/// A path shared out between five stage axes and the scanner.
+#[derive(Clone, Debug)]
+pub struct Seven {
+    /// Standard deviation of the smoothing, mm of path; None where nothing is smoothed.
+    pub sigma: Option<f64>,
+    /// Stage axes at the nodes of the path.
+    pub axes: Vec<Axes>,
+    /// Deviation of each node from its tool.
+    pub deviation: Vec<Deviation>,
+    /// Their motion: X, Y, Z, A, C, U, V.
+    pub timed: Timed,
+}
+
+/// Limits of the seven axes; None where the machine does not state them.
+pub fn axis_limits(machine: &Machine) -> Option<[Limit; AXES]> {
+    let linear = machine.axes().map(|(_, axis)| Limit {
+        speed: axis.speed.as_mm_s(),
+        acceleration: axis.acceleration.as_mm_s2(),
+        jerk: axis.jerk.map(|j| j.as_mm_s3()),
+    });
+    let table = machine.tilt.as_ref()?;
+    let rotary = |letter: Letter| {
+        let axis = table.axes.iter().find(|a| a.letter == letter)?;
+        let (speed, acceleration) = (axis.speed?.as_rad_s(), axis.acceleration?.as_rad_s2());
+        Some(Limit { speed, acceleration, jerk: axis.jerk.map(|j| j.as_rad_s3()) })
+    };
+    let spot = Limit {
+        speed: machine.scanner.jump_speed.as_mm_s(),
+        acceleration: machine.scanner.acceleration?.as_mm_s2(),
+        jerk: machine.scanner.jerk.map(|j| j.as_mm_s3()),
+    };
+    let [x, y, z] = linear;
+    Some([x, y, z, rotary(Letter::A)?, rotary(Letter::C)?, spot, spot])
+}
+
+/// Shares a path out and times it.
+///
+/// # Errors
+/// Those of [`pace::time_optimal`], which are faults of the program.
+pub fn seven(
+    path: &Path,
+    relief: &Relief,
+    pens: &[Pen],
+    machine: &Machine,
+    axis_limits: &[Limit; AXES],
+    limits: Limits,
+    tools: Tools,
+) -> Result<Seven, Error> {
+    let s = path.distances();
+    let marks: Vec<Pose> = path.at.iter().map(|&p| Pose { p, n: relief.at([p[0], p[1]]).normal() }).collect();
+    let speeds = Branches::Quickest { a: axis_limits[3].speed, c: axis_limits[4].speed };
+    let (sigma, axes) = match tools {
+        Tools::OnTheMark => (None, follow(&marks, speeds)),
+        Tools::LeastAcceleration => (None, seven_axes(&marks, limits)),
+        Tools::Gaussian => {
+            let even = Even::of(path, &s);
+            let weights = path.weights();
+            let sigma = even.largest_sigma(path, &marks, &weights, relief, &s, limits);
+            (Some(sigma), follow(&even.tools(sigma, relief, &s), speeds))
+        }
+    };
+    let deviation: Vec<Deviation> = marks.iter().zip(&axes).map(|(m, a)| Deviation::of(m, &a.tool())).collect();
+    let timed = time(path, &s, &axes, pens, machine, axis_limits)?;
+    Ok(Seven { sigma, axes, deviation, timed })
+}
+
+/// The least time of all axes along the path.
+fn time(
+    path: &Path,
+    s: &[f64],
+    axes: &[Axes],
+    pens: &[Pen],
+    machine: &Machine,
+    limits: &[Limit; AXES],
+) -> Result<Timed, Error> {
+    let positions: Vec<f64> = axes
+        .iter()
+        .zip(&path.at)
+        .flat_map(|(a, &p)| {
+            let [u, v, _] = a.sees(p);
+            let [x, y, z] = a.xyz;
+            [x, y, z, a.a, a.c, u, v]
+        })
+        .collect();
+    let jump = machine.scanner.jump_speed.as_mm_s();
+    let speed = |pen: &Option<u16>| pen.map_or(jump, |p| pens[usize::from(p)].speed.as_mm_s());
+    let caps: Vec<f64> = path.pen[1..].iter().map(speed).collect();
+    let stops: Vec<usize> = (0..path.len()).filter(|&i| matches!(path.node[i], Node::Corner | Node::End)).collect();
+    let path = pace::Path { positions: &positions, s, caps: &caps, stops: &stops };
+    pace::time_optimal(&path, limits, &pace::Options { gain: 5e-3, ..pace::Options::default() })
+}
+
+/// The plan of a path at even steps of its length.
+struct Even {
+    plan: Vec<[f64; 2]>,
+    step: f64,
+}
+
+impl Even {
+    fn of(path: &Path, s: &[f64]) -> Self {
+        let total = s.last().copied().unwrap_or_default();
+        let count = path.len().max(2);
+        let step = total / (count - 1) as f64;
+        let mut i = 0;
+        let plan = (0..count)
+            .map(|k| {
+                let at = k as f64 * step;
+                while i + 2 < s.len() && s[i + 1] <= at {
+                    i += 1;
+                }
+                let t = ((at - s[i]) / (s[i + 1] - s[i])).clamp(0.0, 1.0);
+                [0, 1].map(|c| path.at[i][c] + t * (path.at[i + 1][c] - path.at[i][c]))
+            })
+            .collect();
+        Self { plan, step }
+    }
+
+    /// The tool at every node of the path for a standard deviation in mm.
+    fn tools(&self, sigma: f64, relief: &Relief, s: &[f64]) -> Vec<Pose> {
+        let smooth = stage(&self.plan, Family::Gaussian.at(sigma / self.step));
+        let last = smooth.len() - 2;
+        s.par_iter()
+            .with_min_len(4096)
+            .map(|&s| {
+                let at = s / self.step;
+                let i = (at as usize).min(last);
+                let t = at - i as f64;
+                let xy = [0, 1].map(|c| smooth[i][c] + t * (smooth[i + 1][c] - smooth[i][c]));
+                let h = relief.at(xy);
+                Pose { p: [xy[0], xy[1], h.z], n: h.normal() }
+            })
+            .collect()
+    }
+
+    /// The article's ladder, then bisection to a thousandth.
+    fn largest_sigma(
+        &self,
+        path: &Path,
+        marks: &[Pose],
+        weights: &[f64],
+        relief: &Relief,
+        s: &[f64],
+        limits: Limits,
+    ) -> f64 {
+        const START: f64 = 30.0;
+        const FACTOR: f64 = 0.95;
+        debug_assert_eq!(path.len(), marks.len());
+        let attempt = |sigma: f64| {
+            let tools = self.tools(sigma, relief, s);
+            let holds = marks.iter().zip(&tools).zip(weights).all(|((mark, tool), &w)| {
+                let d = Deviation::of(mark, tool);
+                // Focus and angle matter where it is marked, the field everywhere.
+                d.lateral <= limits.field && (w == 0.0 || limits.hold(d))
+            });
+            ((), holds)
+        };
+        largest(START, FACTOR, self.step / 4.0, 1e-3 * self.step, attempt).map_or(0.0, |r| r.strength)
+    }
+}
