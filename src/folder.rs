@@ -20,7 +20,7 @@ use crate::preview;
 use crate::program;
 use crate::record::{self, FileFact, InputFact};
 use crate::spec::{Format, Job};
-pub use fly::{FlyPlan, marks_on_the_fly, write_fly};
+pub use fly::{summary_of_fly, write_fly};
 use target::{Target, resolved};
 
 /// The name of the file that makes a folder a job folder; written last.

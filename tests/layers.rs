@@ -102,6 +102,7 @@ fn allowed() -> BTreeMap<&'static str, Vec<&'static str>> {
                 "texture",
                 "trace",
                 "fill",
+                "fly",
                 "partition",
                 "split",
                 "order",

@@ -3,7 +3,7 @@
 //!
 //! Held are: times that rise, pens that there are, marks that move; travel of X, Y, Z, A and C, the field of U
 //! and V, the speed of every axis, acceleration and jerk of X, Y and Z (what is measured: [`super::measure`]),
-//! of A and C where limits are given; the speed of marks on the part; the longest line. Moves are straight, so
+//! of A and C where the machine file states them; the speed of marks on the part; the longest line. Moves are straight, so
 //! what holds at their ends holds between them.
 //!
 //! Speeds, accelerations and jerks may be [`OVER`] above their limit: a motion that is solved on a grid keeps
@@ -24,26 +24,6 @@ pub const OVER: f64 = 0.01;
 const SHOWN: usize = 10;
 /// Servo period for which the error of switching the laser is stated, s: LinuxCNC's usual one.
 pub const SERVO_S: f64 = 1e-3;
-
-/// Limits of a turning axis, degrees.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Turning {
-    /// Per s.
-    pub speed: f64,
-    /// Per s2.
-    pub acceleration: f64,
-    /// Per s3; None where it may step.
-    pub jerk: Option<f64>,
-}
-
-/// What a program is checked against.
-#[derive(Clone, Copy)]
-pub struct Limits<'a> {
-    /// The machine.
-    pub machine: &'a Machine,
-    /// Of A and C; None where they are not known.
-    pub turning: [Option<Turning>; 2],
-}
 
 /// What a program comes to.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -86,17 +66,17 @@ impl Checked {
     /// # Errors
     /// Every limit that is broken (`travel`, `fly-field`, `fly-speed`, `fly-acceleration`, `fly-jerk`,
     /// `fly-mark-speed`, `fly-line`, `job-empty`), of each axis the worst; `fly-invariant` where the fault is ours.
-    pub fn new(program: Program, limits: &Limits<'_>) -> Result<Self, Error> {
+    pub fn new(program: Program, machine: &Machine) -> Result<Self, Error> {
         let mut faults = invariants(&program);
-        faults.extend(pen_faults(&program.pens, limits.machine));
+        faults.extend(pen_faults(&program.pens, machine));
         if faults.is_empty() {
-            let figures = figures(&program, limits.machine)?;
-            faults.extend(travel(&program, limits.machine));
-            faults.extend(field(&program, limits.machine)?);
-            faults.extend(dynamics(&figures.peaks, &program, limits));
-            faults.extend(scanner(&program, limits.machine));
-            faults.extend(mark_speed(&program, limits.machine)?);
-            faults.extend(lines(&program, limits.machine));
+            let figures = figures(&program, machine)?;
+            faults.extend(travel(&program, machine));
+            faults.extend(field(&program, machine)?);
+            faults.extend(dynamics(&figures.peaks, &program, machine));
+            faults.extend(scanner(&program, machine));
+            faults.extend(mark_speed(&program, machine)?);
+            faults.extend(lines(&program, machine));
             if faults.is_empty() {
                 return Ok(Self { program, figures });
             }
@@ -197,7 +177,7 @@ fn field(program: &Program, machine: &Machine) -> Result<Option<Diag>, Error> {
 }
 
 /// Speed, acceleration and jerk of the stage and of turning axes.
-fn dynamics(peaks: &[Peaks; AXES], program: &Program, limits: &Limits<'_>) -> Vec<Diag> {
+fn dynamics(peaks: &[Peaks; AXES], program: &Program, machine: &Machine) -> Vec<Diag> {
     let mut faults = Vec::new();
     let mut hold = |code: &str, name: char, what: &str, peak: Peak, limit: f64, unit: &str| {
         if peak.size > limit * (1.0 + OVER) {
@@ -214,7 +194,7 @@ fn dynamics(peaks: &[Peaks; AXES], program: &Program, limits: &Limits<'_>) -> Ve
             faults.push(diag.hint(hint));
         }
     };
-    for (k, (_, axis)) in limits.machine.axes().into_iter().enumerate() {
+    for (k, (_, axis)) in machine.axes().into_iter().enumerate() {
         let name = ['X', 'Y', 'Z'][k];
         hold("speed", name, "a speed", peaks[k].speed, axis.speed.as_mm_s(), "mm/s");
         hold("acceleration", name, "an acceleration", peaks[k].acceleration, axis.acceleration.as_mm_s2(), "mm/s2");
@@ -222,13 +202,17 @@ fn dynamics(peaks: &[Peaks; AXES], program: &Program, limits: &Limits<'_>) -> Ve
             hold("jerk", name, "a jerk", peaks[k].jerk, jerk.as_mm_s3(), "mm/s3");
         }
     }
-    let turns = if program.kind == Kind::Xyzacuv { 2 } else { 0 };
-    for (k, turning) in limits.turning.iter().enumerate().take(turns) {
-        let (Some(t), name, p) = (turning, ['A', 'C'][k], &peaks[3 + k]) else { continue };
-        hold("speed", name, "a speed", p.speed, t.speed, "deg/s");
-        hold("acceleration", name, "an acceleration", p.acceleration, t.acceleration, "deg/s2");
-        if let Some(jerk) = t.jerk {
-            hold("jerk", name, "a jerk", p.jerk, jerk, "deg/s3");
+    let table = machine.tilt.iter().filter(|_| program.kind == Kind::Xyzacuv);
+    for (k, axis) in table.flat_map(|t| &t.axes).enumerate() {
+        let (name, p) = (axis.letter.char(), &peaks[3 + k]);
+        if let Some(speed) = axis.speed {
+            hold("speed", name, "a speed", p.speed, speed.as_rad_s().to_degrees(), "deg/s");
+        }
+        if let Some(limit) = axis.acceleration {
+            hold("acceleration", name, "an acceleration", p.acceleration, limit.as_rad_s2().to_degrees(), "deg/s2");
+        }
+        if let Some(jerk) = axis.jerk {
+            hold("jerk", name, "a jerk", p.jerk, jerk.as_rad_s3().to_degrees(), "deg/s3");
         }
     }
     faults

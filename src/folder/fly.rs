@@ -4,87 +4,39 @@ use std::fs;
 use std::path::Path;
 
 use super::{MANIFEST, exchange, failed, inputs, job_file_from, put};
-use crate::diag::{Diag, Error, Place};
+use crate::compile::FlyPlan;
+use crate::diag::Error;
 use crate::emit::fly as emit;
-use crate::fly::check::{Checked, Turning};
 use crate::fly::program::Kind;
-use crate::machine::Machine;
-use crate::record::{Deviations, FlyFacts, fly_manifest, fly_summary};
-use crate::spec::{Direction, Job};
+use crate::record::{FlyFacts, fly_manifest, fly_summary};
 
-/// An on-the-fly job that was planned and checked, not yet written.
-#[derive(Clone, Debug)]
-pub struct FlyPlan {
-    /// The job.
-    pub job: Job,
-    /// Its machine.
-    pub machine: Machine,
-    /// The program.
-    pub checked: Checked,
-    /// Limits of A and C that it was checked against.
-    pub turning: [Option<Turning>; 2],
-    /// How far marks lie from the best, as planned.
-    pub deviations: Deviations,
-    /// What the user should know.
-    pub warnings: Vec<Diag>,
-}
-
-impl FlyPlan {
-    fn facts(&self) -> FlyFacts<'_> {
-        let figures = self.checked.figures();
-        FlyFacts {
-            job_file: String::new(),
-            job_blake3: blake3::hash(self.job.source.as_bytes()).to_hex().to_string(),
-            inputs: Vec::new(),
-            seed: self.job.seed,
-            job: &self.job,
-            machine: &self.machine,
-            checked: &self.checked,
-            turning: self.turning,
-            deviations: self.deviations,
-            warnings: &self.warnings,
-            blend_mm: emit::blend_us(figures) as f64 * 1e-6 * figures.corner_mm_s / 8.0,
-            files: &[],
-        }
-    }
-
-    /// The figures, as the manifest has them and `compile --json` prints them.
-    pub fn summary(&self) -> serde_json::Value {
-        fly_summary(&self.facts())
+fn facts(plan: &FlyPlan) -> FlyFacts<'_> {
+    let figures = plan.checked.figures();
+    FlyFacts {
+        job_file: String::new(),
+        job_blake3: blake3::hash(plan.job.source.as_bytes()).to_hex().to_string(),
+        inputs: Vec::new(),
+        seed: plan.job.seed,
+        job: &plan.job,
+        machine: &plan.machine,
+        checked: &plan.checked,
+        deviations: plan.deviations,
+        warnings: &plan.warnings,
+        blend_mm: emit::blend_us(figures) as f64 * 1e-6 * figures.corner_mm_s / 8.0,
+        files: &[],
     }
 }
 
-/// Whether a job asks for nothing that on-the-fly programs cannot do; to be asked before it is planned.
-///
-/// # Errors
-/// `fly-job` with what is asked for.
-pub fn marks_on_the_fly(job: &Job) -> Result<(), Error> {
-    let file = &job.file;
-    let asked = [
-        (file.passes.count() > 1, "several passes (passes.count)"),
-        (file.setups.is_some(), "set-ups ([setups])"),
-        (file.dose.is_some(), "pens that make up for the slope ([dose])"),
-        (file.pen.iter().any(|p| p.passes > 1), "pens of several passes (pen.passes)"),
-        (
-            file.texture.iter().any(|t| matches!(t.direction, Some(Direction::Contour))),
-            "areas filled along contours (direction = \"contour\")",
-        ),
-    ];
-    let faults = asked.into_iter().filter(|a| a.0).map(|(_, what)| {
-        Diag::limit("fly-job", format!("on-the-fly programs cannot do {what}"))
-            .at(Place::file(job.path.display().to_string()))
-            .hint("leave it out, or compile a stepped job")
-    });
-    let faults: Vec<Diag> = faults.collect();
-    if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
+/// The figures of a plan, as the manifest has them and `compile --json` prints them.
+pub fn summary_of_fly(plan: &FlyPlan) -> serde_json::Value {
+    fly_summary(&facts(plan))
 }
 
 /// Writes the folder of an on-the-fly plan and puts it in the place of `target`, whole or not at all.
 ///
 /// # Errors
-/// As [`super::write`]; `fly-job` where the job asks for what on-the-fly programs cannot do.
+/// As [`super::write`].
 pub fn write_fly(plan: &FlyPlan, target: &Path, seed: u64) -> Result<(), Error> {
-    marks_on_the_fly(&plan.job)?;
     exchange(&plan.job, target, &|new, path| fill(plan, new, path, seed))
 }
 
@@ -101,7 +53,7 @@ fn fill(plan: &FlyPlan, folder: &Path, target: &Path, seed: u64) -> Result<(), E
         inputs: inputs(job)?,
         seed,
         files: &files,
-        ..plan.facts()
+        ..facts(plan)
     };
     put(folder, MANIFEST, &fly_manifest(&facts))?;
     Ok(())

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::{FileFact, InputFact};
 use crate::diag::Diag;
-use crate::fly::check::{Checked, Figures, SERVO_S, Turning};
+use crate::fly::check::{Checked, Figures, SERVO_S};
 use crate::fly::measure::Peaks;
 use crate::geom::mm_from_nm;
 use crate::machine::Machine;
@@ -41,8 +41,6 @@ pub struct FlyFacts<'a> {
     pub machine: &'a Machine,
     /// Its program.
     pub checked: &'a Checked,
-    /// Limits of A and C that the program was checked against.
-    pub turning: [Option<Turning>; 2],
     /// As planned.
     pub deviations: Deviations,
     /// What the user should know.
@@ -72,7 +70,6 @@ pub fn fly_manifest(facts: &FlyFacts<'_>) -> Vec<u8> {
         "limits": {
             "fod_um": facts.job.depth_range().as_mm() * 500.0,
             "bia_deg": facts.job.file.limits.max_incidence.as_deg(),
-            "turning": facts.turning.map(|t| t.map(turning)),
         },
         "pens": program.pens.iter().map(|p| pen(p, facts.machine)).collect::<Vec<_>>(),
         "files": facts.files,
@@ -116,10 +113,6 @@ pub fn fly_summary(facts: &FlyFacts<'_>) -> Value {
 
 fn axis(p: &Peaks) -> Value {
     json!({ "speed": p.speed.size, "acceleration": p.acceleration.size, "jerk": p.jerk.size })
-}
-
-fn turning(t: Turning) -> Value {
-    json!({ "speed_deg_s": t.speed, "acceleration_deg_s2": t.acceleration, "jerk_deg_s3": t.jerk })
 }
 
 fn pen(pen: &Pen, machine: &Machine) -> Value {

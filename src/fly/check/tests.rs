@@ -31,16 +31,14 @@ fn program() -> Program {
 fn codes(change: impl FnOnce(&mut Program, &mut Machine)) -> Vec<&'static str> {
     let (mut program, mut machine) = (program(), machine());
     change(&mut program, &mut machine);
-    let turn = Turning { speed: 10.0, acceleration: 100.0, jerk: Some(1000.0) };
-    let limits = Limits { machine: &machine, turning: [Some(turn); 2] };
-    Checked::new(program, &limits).map_or_else(|e| e.diags().iter().map(|d| d.code).collect(), |_| Vec::new())
+    Checked::new(program, &machine).map_or_else(|e| e.diags().iter().map(|d| d.code).collect(), |_| Vec::new())
 }
 
 #[test]
 fn a_sound_program_passes_with_its_figures() {
     assert_eq!(codes(|_, _| {}), Vec::<&str>::new());
     let machine = machine();
-    let checked = Checked::new(program(), &Limits { machine: &machine, turning: [None; 2] }).expect("sound");
+    let checked = Checked::new(program(), &machine).expect("sound");
     let f = checked.figures();
     assert_eq!((f.time_s, f.marks, f.shortest_us), (0.11, 1, 1000));
     assert!((f.mark_s - 0.1).abs() < 1e-12 && (f.mark_mm - 10.0).abs() < 1e-9 && (f.jump_mm - 10.0).abs() < 1e-9);
@@ -55,25 +53,25 @@ fn every_limit_is_held() {
     assert_eq!(codes(|p, _| all(p, 0, |_| 0)), Vec::<&str>::new());
     assert!(codes(|p, _| (p.start[1], p.moves.iter_mut().for_each(|m| m.to[1] = 300_000_000)).1).contains(&"travel"));
     assert_eq!(codes(|p, _| (p.moves[100].to[6], p.moves[100].us) = (25_000_000, 210_000)), ["fly-field"]);
-    // 300 mm/s on x at once, which U makes up for.
+    // A stage that runs at once, which U makes up for.
     let stage = |p: &mut Program, speed: i64| {
         for m in &mut p.moves {
             m.to[0] = -speed * m.us;
             m.to[5] -= speed * m.us;
         }
     };
-    assert_eq!(codes(|p, _| stage(p, 90)), Vec::<&str>::new(), "samples of one speed have no acceleration");
-    assert_eq!(codes(|p, _| stage(p, 205)), ["fly-speed", "fly-field"].into_iter().rev().collect::<Vec<_>>());
-    let swing = |p: &mut Program, amplitude: f64, rate: f64| {
-        for m in &mut p.moves {
-            let x = (amplitude * (rate * m.us as f64 * 1e-6).sin() * 1e6) as i64;
+    assert_eq!(codes(|p, _| stage(p, 205)), ["fly-field", "fly-speed", "fly-acceleration", "fly-jerk"]);
+    // From rest to rest in 0.1 s: 15,791 times its size of acceleration, and of jerk 1.36 million times.
+    let swing = |p: &mut Program, size: f64| {
+        for m in &mut p.moves[..100] {
+            let x = (size * (1.0 - (62.831_853e-6 * m.us as f64).cos()).powi(2) * 1e6) as i64;
             m.to[0] -= x;
             m.to[5] -= x;
         }
     };
-    // 0.5 mm at 40 rad/s: 800 mm/s2 and 32,000 mm/s3; at 50 rad/s 1250 mm/s2.
-    assert_eq!(codes(|p, _| swing(p, 0.5, 40.0)), ["fly-jerk"]);
-    assert_eq!(codes(|p, _| swing(p, 0.5, 50.0)), ["fly-acceleration", "fly-jerk"]);
+    assert_eq!(codes(|p, _| swing(p, 0.01)), Vec::<&str>::new());
+    assert_eq!(codes(|p, _| swing(p, 0.02)), ["fly-jerk"]);
+    assert_eq!(codes(|p, _| swing(p, 0.07)), ["fly-acceleration", "fly-jerk"]);
     assert_eq!(codes(|p, _| p.pens[0].speed = Speed::mm_s(90.0)), ["fly-mark-speed"]);
     assert_eq!(codes(|p, _| p.moves[100].us = 101_000), ["fly-speed"], "a jump of 10 m/s");
     assert_eq!(codes(|_, m| m.controller.max_line = 40), ["fly-line"]);
@@ -86,22 +84,23 @@ fn every_limit_is_held() {
 
 #[test]
 fn turning_axes_have_limits_of_their_own() {
-    let turned = |rate: f64, size: f64| {
+    let turned = |size: f64| {
         let mut machine = Machine::built_in("xyzac-galvo-10").expect("profile");
         machine.scanner.max_mark_speed = Speed::mm_s(1e6);
+        let axis = &mut machine.tilt.as_mut().expect("a table").axes[1];
+        (axis.speed, axis.acceleration) = ("0.2 rad/s".parse().ok(), "20 rad/s2".parse().ok());
         let mut p = program();
         p.kind = Kind::Xyzacuv;
         p.pens[0].speed = Speed::mm_s(1e4);
-        p.moves.truncate(40);
         for m in &mut p.moves {
-            m.to[4] = (size * (rate * m.us as f64 * 1e-6).sin() * 1e6) as i64;
+            m.to[5] /= 10;
         }
-        let turn = Turning { speed: 10.0, acceleration: 100.0, jerk: Some(1e5) };
-        let checked = Checked::new(p, &Limits { machine: &machine, turning: [Some(turn); 2] });
-        checked.map_or_else(|e| e.diags().iter().map(|d| d.code).collect(), |_| Vec::new())
+        for m in &mut p.moves[..100] {
+            m.to[4] = (size * (1.0 - (62.831_853e-6 * m.us as f64).cos()).powi(2) * 1e6) as i64;
+        }
+        Checked::new(p, &machine).map_or_else(|e| e.diags().iter().map(|d| d.code).collect(), |_| Vec::new())
     };
-    assert_eq!(turned(40.0, 0.05), Vec::<&str>::new());
-    assert_eq!(turned(40.0, 0.1), ["fly-acceleration"]);
-    assert_eq!(turned(4.0, 3.0), ["fly-speed"]);
-    assert_eq!(turned(1.0, 400.0), ["fly-speed"]);
+    // 163 and 15,791 times its size of speed and acceleration: limits are 11.5 and 1146 degrees.
+    assert_eq!(turned(0.06), Vec::<&str>::new());
+    assert_eq!(turned(0.08), ["fly-speed", "fly-acceleration"]);
 }

@@ -9,7 +9,6 @@ use super::chain::Chain;
 use crate::machine::Machine;
 use crate::program::Pen;
 use crate::verify::proof::Rule;
-use crate::verify::read::fly::manifest::Turning;
 use crate::verify::read::fly::{AXES, Course};
 
 const OVER: f64 = 1.01;
@@ -25,7 +24,7 @@ struct Limit {
     jerk: f64,
 }
 
-fn all(machine: &Machine, turning: &[Option<Turning>], leans: bool) -> Vec<Limit> {
+fn all(machine: &Machine, leans: bool) -> Vec<Limit> {
     let linear = [(0, 'X', &machine.stage.x), (1, 'Y', &machine.stage.y), (2, 'Z', &machine.stage.z)];
     let mut out: Vec<Limit> = linear
         .into_iter()
@@ -39,30 +38,21 @@ fn all(machine: &Machine, turning: &[Option<Turning>], leans: bool) -> Vec<Limit
         })
         .collect();
     for (k, axis) in machine.tilt.iter().filter(|_| leans).flat_map(|t| &t.axes).enumerate() {
-        let own = turning.get(k).copied().flatten();
         out.push(Limit {
             name: axis.letter.char(),
             axis: 3 + k,
             travel: axis.travel.map(|t| t.as_deg()),
-            speed: own.map_or(f64::INFINITY, |t| t.speed_deg_s),
-            acceleration: own.map_or(f64::INFINITY, |t| t.acceleration_deg_s2),
-            jerk: own.and_then(|t| t.jerk_deg_s3).unwrap_or(f64::INFINITY),
+            speed: axis.speed.map_or(f64::INFINITY, |v| v.as_rad_s().to_degrees()),
+            acceleration: axis.acceleration.map_or(f64::INFINITY, |v| v.as_rad_s2().to_degrees()),
+            jerk: axis.jerk.map_or(f64::INFINITY, |v| v.as_rad_s3().to_degrees()),
         });
     }
     out
 }
 
 /// Holds the rule.
-pub(super) fn check(
-    course: &Course,
-    name: &str,
-    chain: &Chain,
-    machine: &Machine,
-    turning: &[Option<Turning>],
-    pens: &[Pen],
-    rule: &mut Rule,
-) {
-    let limits = all(machine, turning, chain.leans());
+pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machine, pens: &[Pen], rule: &mut Rule) {
+    let limits = all(machine, chain.leans());
     for (line, to) in &course.rapids {
         for limit in &limits {
             rule.checked += 1;
@@ -129,24 +119,24 @@ fn curved(course: &Course, name: &str, limit: &Limit, rule: &mut Rule) {
         if most.is_infinite() {
             continue;
         }
-        let mut taken: Vec<(f64, f64)> = vec![(0.0, course.start[limit.axis] as f64 / 1e6)];
+        // The program begins and ends at rest.
+        let rest = |k: i64| (-(k * apart) as f64 / 1e6, course.start[limit.axis] as f64 / 1e6);
+        let mut taken: Vec<(f64, f64)> = (0..=order as i64).rev().map(rest).collect();
+        let end = course.steps.last().map(|s| (s.us, s.to[limit.axis], s.line));
+        let after = end.into_iter().flat_map(|(us, to, line)| (1..=3).map(move |k| (us + k * apart, to, line)));
         let mut last = 0;
         let mut worst = (most * OVER, 0);
-        for step in &course.steps {
-            if step.us - last < apart {
+        for (us, to, line) in course.steps.iter().map(|s| (s.us, s.to[limit.axis], s.line)).chain(after) {
+            if us - last < apart {
                 continue;
             }
-            last = step.us;
-            taken.push((step.us as f64 / 1e6, step.to[limit.axis] as f64 / 1e6));
-            if taken.len() > order + 1 {
-                taken.remove(0);
-            }
-            if taken.len() == order + 1 {
-                rule.checked += 1;
-                let size = newton(&taken);
-                if size > worst.0 {
-                    worst = (size, step.line);
-                }
+            last = us;
+            taken.push((us as f64 / 1e6, to as f64 / 1e6));
+            taken.remove(0);
+            rule.checked += 1;
+            let size = newton(&taken);
+            if size > worst.0 {
+                worst = (size, line);
             }
         }
         if worst.1 > 0 {

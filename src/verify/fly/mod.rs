@@ -134,7 +134,7 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Pr
 
 fn held(name: &str, course: &Course, chain: &Chain, manifest: &Manifest, pens: &[Pen], findings: &mut Findings) {
     findings.limits.ran = true;
-    limits::check(course, name, chain, &manifest.machine, &manifest.limits.turning, pens, &mut findings.limits);
+    limits::check(course, name, chain, &manifest.machine, pens, &mut findings.limits);
 }
 
 /// The rules of geometry.

@@ -4,12 +4,13 @@
 use std::path::{Path, PathBuf};
 
 use crate::compile;
-use crate::fly::check::{Checked, Limits};
+use crate::compile::FlyPlan;
+use crate::fly::check::Checked;
 use crate::fly::motion::Motion;
 use crate::fly::path;
 use crate::fly::program::{Kind, Program};
 use crate::fly::relief::Relief;
-use crate::folder::{FlyPlan, write_fly};
+use crate::folder::write_fly;
 use crate::machine::Machine;
 use crate::record::Deviations;
 use crate::spec::Job;
@@ -110,8 +111,7 @@ impl Bench {
     }
 
     pub(super) fn checked(&self) -> Checked {
-        let limits = Limits { machine: &self.machine, turning: [None; 2] };
-        Checked::new(self.program.clone(), &limits).unwrap_or_else(|e| panic!("{e}"))
+        Checked::new(self.program.clone(), &self.machine).unwrap_or_else(|e| panic!("{e}"))
     }
 
     /// Writes a program into a folder and answers with its path.
@@ -120,7 +120,6 @@ impl Bench {
             job: self.job.clone(),
             machine: self.machine.clone(),
             checked,
-            turning: [None; 2],
             deviations: Deviations::default(),
             warnings: Vec::new(),
         };

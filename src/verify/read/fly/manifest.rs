@@ -21,24 +21,9 @@ pub(in crate::verify) struct Manifest {
     pub(in crate::verify) placement: Placement,
     /// XYZUV or XYZACUV.
     pub(in crate::verify) axes: String,
-    pub(in crate::verify) limits: Limits,
     pub(in crate::verify) pens: Vec<PenEntry>,
     pub(in crate::verify) files: Vec<FileEntry>,
     pub(in crate::verify) summary: Summary,
-}
-
-/// Limits that are not in the machine: of A and C.
-#[derive(Clone, Debug, Deserialize)]
-pub(in crate::verify) struct Limits {
-    pub(in crate::verify) turning: Vec<Option<Turning>>,
-}
-
-/// Degrees per s, s2 and s3.
-#[derive(Clone, Copy, Debug, Deserialize)]
-pub(in crate::verify) struct Turning {
-    pub(in crate::verify) speed_deg_s: f64,
-    pub(in crate::verify) acceleration_deg_s2: f64,
-    pub(in crate::verify) jerk_deg_s3: Option<f64>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
