@@ -31,7 +31,7 @@ pub fn linuxcnc(checked: &Checked, machine: &Machine) -> Vec<u8> {
     comment(&mut out, "terrace: on-the-fly program for LinuxCNC, X Y Z stage and U V scanner, absolute, mm");
     head(checked, machine).iter().for_each(|text| comment(&mut out, text));
     comment(&mut out, "digital output 0 is the laser, analogue output 0 its power in percent");
-    comment(&mut out, "corners are rounded by 0.0002 mm at most; times hold where the limits of the axes allow them");
+    comment(&mut out, "corners are rounded by 0.0002 mm at most, times hold where the limits of the axes allow them");
     line(&mut out, "G21 G90 G94 G17 G40 G49 G80");
     line(&mut out, "G64 P0.0002 Q0");
     line(&mut out, "M65 P0");

@@ -96,7 +96,7 @@ fn head(checked: &Checked, machine: &Machine) -> Vec<String> {
             i + 1,
             pen.name,
             pen.speed.as_mm_s(),
-            pen.power,
+            pen.power.to_string().replace('%', "percent"),
             pen.frequency.as_khz()
         ));
     }

@@ -49,7 +49,7 @@ fn the_program_for_linuxcnc_is_as_written_down() {
                   (MARK 6 PEN 2)\nM67 E0 Q12.500\nM62 P0\nG1 X0.000000 V0.133000 F59940.0599401\n\
                   M65 P0\nM68 E0 Q0\nG94\nG0 Z200.000000\nM65 P0\nM2\n";
     assert_eq!(body, wanted);
-    assert!(text.contains("(pen 1: fill _a_, 100 mm/s, 60 % at 60 kHz)\n"), "{text}");
+    assert!(text.contains("(pen 1: fill _a_, 100 mm/s, 60 percent at 60 kHz)\n"), "{text}");
     assert!(text.contains("(LASER ERROR 0.50"), "500 mm/s for 1 ms: {text}");
 }
 
@@ -60,7 +60,7 @@ fn the_program_for_pmac_is_as_written_down() {
     let body = text.split_once("open prog 1\n").expect("a program").1;
     let wanted = "M1=0\nabs\nrapid Z200.000000\n\
                   rapid X0.000000 Y0.000000 A-1.500000 C0.250000 U0.000000 V0.000000\nrapid Z-5.000000\ndwell100\n\
-                  linear TA0.001 TS0\nTM10 X-0.500000 U0.000001\n// MARK 4 PEN 1\nM2==60.000\nM1==1\n\
+                  linear TA0.002 TS0\nTM10 X-0.500000 U0.000001\n// MARK 4 PEN 1\nM2==60.000\nM1==1\n\
                   TM10 U1.000001\n// MARK 5 PEN 1\nTM0.333 V0.033000\nM1==0\ndwell9.667\n\
                   // MARK 6 PEN 2\nM2==12.500\nM1==1\nTM1.001 X0.000000 V0.133000\n\
                   M1==0\ndwell0\nM1=0\nM2=0\nrapid Z200.000000\nM1=0\nclose\n";

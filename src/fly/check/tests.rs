@@ -89,6 +89,7 @@ fn turning_axes_have_limits_of_their_own() {
         machine.scanner.max_mark_speed = Speed::mm_s(1e6);
         let axis = &mut machine.tilt.as_mut().expect("a table").axes[1];
         (axis.speed, axis.acceleration) = ("0.2 rad/s".parse().ok(), "20 rad/s2".parse().ok());
+        axis.jerk = None;
         let mut p = program();
         p.kind = Kind::Xyzacuv;
         p.pens[0].speed = Speed::mm_s(1e4);
