@@ -32,8 +32,8 @@ fn proved(dir: &Path, job: &str) -> [serde_json::Value; 2] {
     let proof = terrace(&["verify", "--json", &out]);
     assert!(proof.status.success(), "{}", said(&terrace(&["verify", &out])));
     let json = |o: &std::process::Output| serde_json::from_slice(&o.stdout).expect("JSON");
-    let found = [json(&made), json(&proof)];
-    eprintln!("{profile}", profile = found[0]);
+    let found: [serde_json::Value; 2] = [json(&made), json(&proof)];
+    eprintln!("{}", found[0]);
     eprintln!("{} um, {} um", found[1]["worst_position_um"], found[1]["worst_defocus_um"]);
     found
 }
