@@ -14,7 +14,7 @@ fn main() {
     let galvo = Limit { speed: 1000.0, acceleration: 20_000.0, jerk: Some(2e7) };
     let limits = [stage, stage, stage, turn, turn, galvo, galvo];
     let free = limits.map(|l| Limit { jerk: None, ..l });
-    let head = ["path", "nodes", "cells", "time s", "no jerk s", "rounds", "worst", "stretch", "cpu s", "cells/s"];
+    let head = ["path", "nodes", "cells", "time s", "no jerk s", "steps", "worst", "stretch", "cpu s", "cells/s"];
     println!("{}", head.map(|h| format!("{h:>10}")).join(""));
     for (name, every, nodes, limits) in [
         ("no jerk", 0, 200_000, &free),
@@ -49,7 +49,7 @@ fn row(name: &str, every: usize, nodes: usize, refine: usize, limits: &[Limit]) 
         r.cells,
         r.total_s,
         r.without_jerk_s,
-        r.rounds,
+        r.steps,
         r.stretch,
         r.cells as f64 / cpu
     );

@@ -145,14 +145,22 @@ struct Made {
 /// # Errors
 /// Faults of the inputs; limits of the machine that the job breaks.
 pub fn plan(job: Job, progress: Progress<'_>) -> Result<Plan, Error> {
-    let mut warnings = Vec::new();
-    // What was warned of before a fault often tells its cause.
-    planned(job, progress, &mut warnings).map_err(|e| e.after(warnings))
+    let machine = job.machine()?;
+    plan_for(job, machine, progress)
 }
 
-fn planned(job: Job, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result<Plan, Error> {
+/// As [`plan`], for another machine than the job names.
+///
+/// # Errors
+/// As [`plan`].
+pub fn plan_for(job: Job, machine: Machine, progress: Progress<'_>) -> Result<Plan, Error> {
+    let mut warnings = Vec::new();
+    // What was warned of before a fault often tells its cause.
+    planned(job, machine, progress, &mut warnings).map_err(|e| e.after(warnings))
+}
+
+fn planned(job: Job, machine: Machine, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result<Plan, Error> {
     progress(Station::Read);
-    let machine = job.machine()?;
     let turn = job.file.placement.turn.as_rad();
     let path = job.resolve(job.file.surface.file.get_ref());
     let weld = job.file.surface.weld.as_mm();

@@ -111,6 +111,7 @@ fn allowed() -> BTreeMap<&'static str, Vec<&'static str>> {
                 "record",
             ]),
         ),
+        ("compare", on_ground(&["compile", "spec", "surface", "texture", "trace", "fly", "record", "preview"])),
         ("folder", on_ground(&["compile", "emit", "fly", "preview", "record", "spec"])),
         ("batch", with(&["compile", "folder", "machine", "spec"])),
     ])

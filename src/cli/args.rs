@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
+use crate::compare::System;
 use crate::spec::{FileUnit, Objective};
 
 /// Compiles a texture on a freeform part into a stepped 3+2 job, and proves it.
@@ -99,6 +100,18 @@ pub enum Command {
     Orient {
         /// Job file, or - for standard input.
         job: PathBuf,
+    },
+    /// Mark the same part in every way there is, on paper: stepped by each method, flat, with a zoom optic, tilted,
+    /// scanner and stage synchronised, five and seven axes; times, deviations and seams side by side.
+    Compare {
+        /// Job file, or - for standard input.
+        job: PathBuf,
+        /// Systems, separated by commas; default: all.
+        #[arg(long, value_delimiter = ',', value_name = "NAMES", value_parser = super::compare::system)]
+        systems: Vec<System>,
+        /// Folder to write tables and pictures to.
+        #[arg(short, long, value_name = "FOLDER")]
+        output: Option<PathBuf>,
     },
     /// Compile many jobs; unchanged ones are skipped, a failing one harms no other.
     Batch {

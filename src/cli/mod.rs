@@ -4,6 +4,7 @@
 //! refused by checks or verification, 2 bad use or input, 3 internal.
 
 mod args;
+mod compare;
 mod inspect;
 mod orient;
 mod show;
@@ -94,6 +95,19 @@ fn run(args: &Args) -> Result<u8, Error> {
         Command::Orient { job } => {
             let found = compile::orient::orient(&load(job)?)?;
             print(&if args.json { show::json(&orient::json(&found)) } else { orient::text(&found) })?;
+        }
+        Command::Compare { job, systems, output } => {
+            let spinner = show::Spinner::new(args.quiet);
+            let mut job = load(job)?;
+            job.seed = args.seed;
+            let asked = if systems.is_empty() { &crate::compare::System::ALL[..] } else { systems };
+            let found = crate::compare::compare(&job, asked, &|name| spinner.text(name))?;
+            spinner.done();
+            warn(args, &found.warnings);
+            if let Some(folder) = output {
+                compare::write(&found, folder)?;
+            }
+            print(&if args.json { show::json(&compare::json(&found)) } else { compare::text(&found) })?;
         }
         Command::Batch { jobs, output, report } => return batch(args, jobs, output.as_deref(), report.as_deref()),
         Command::Inspect { file, unit } => {

@@ -27,6 +27,8 @@ use super::Plan;
 
 /// Nodes of the path along half of the field.
 const NODES: f64 = 100.0;
+/// Most even samples of the path.
+const SAMPLES: usize = 300_000;
 /// What of field and focus is left to the rounding of samples, mm.
 const SPARE: f64 = 1e-3;
 /// Finest step of the relief, mm.
@@ -107,9 +109,9 @@ pub fn fly(plan: Plan) -> Result<FlyPlan, Error> {
             (turning(&path, &found), Kind::Xyzacuv, deviations)
         }
         None => {
-            let schedule = Schedule::of(&path, &machine, &strokes.pens);
+            let (schedule, step_s) = Schedule::sampled(&path, &machine, &strokes.pens, 0.0, SAMPLES);
             let room = Room { half_field: half_field.map(|h| h - SPARE), focus };
-            let found = synchronise(&path, &schedule, &machine, room, Follow::Average);
+            let found = synchronise(&path, &schedule, &machine, room, Follow::Average, step_s);
             if found.slower > 1.0 + 1e-9 {
                 warnings.push(slower(&job, found.slower));
             }

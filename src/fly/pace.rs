@@ -15,18 +15,17 @@
 //!    constraints of two neighbours leave (Pham and Pham, IEEE Trans. Robotics 34 (2018) 645: TOPP-RA).
 //! 2. Jerk (`jerk`): acceleration from the middle of a cell to that of the next changes by a linear form of
 //!    three neighbours of b, and the time between is convex in b, so its tangent bounds it from below: a linear
-//!    constraint that is never too lax. Each round solves a convex program by `chain`; time falls from round to
-//!    round.
+//!    constraint that is never too lax. An interior point method (`descent`) takes new tangents at every step.
 //!
 //! A run whose axes are all linear in s with one cap is solved in closed form (`straight`).
 //!
 //! # Limits
-//! Jerk limits are slow to solve: some 1,500 cells a second of CPU on seven axes, most of it in the first rounds, which
-//! begin far too slow. With jerk limits the acceleration still steps at the borders of cells: the jerk that is limited is its
+//! With jerk limits the acceleration still steps at the borders of cells: the jerk that is limited is its
 //! change from middle to middle over the time between. The search is convex step by step and not as a whole, so its
 //! answer is a local least. Curves come from the spline, which cuts corners that are not named as stops.
 
 mod course;
+mod descent;
 mod jerk;
 mod reach;
 mod straight;
@@ -35,6 +34,7 @@ use rayon::prelude::*;
 
 use crate::diag::{Diag, Error};
 use course::Course;
+use reach::Reach;
 
 /// Most axes.
 pub const AXES: usize = 7;
@@ -72,15 +72,13 @@ pub struct Options {
     pub refine: usize,
     /// Cells that a run has at least, times `refine`.
     pub least_cells: usize,
-    /// Relative gain of a round below which no more are made.
+    /// Gain of time, relative, for which no more steps are made.
     pub gain: f64,
-    /// Most rounds.
-    pub rounds: usize,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { refine: 1, least_cells: 16, gain: 1e-3, rounds: 40 }
+        Self { refine: 1, least_cells: 16, gain: 1e-3 }
     }
 }
 
@@ -124,8 +122,8 @@ pub struct Report {
     pub straight: usize,
     /// Cells.
     pub cells: usize,
-    /// Most rounds of any run.
-    pub rounds: usize,
+    /// Most steps of descent of any window.
+    pub steps: usize,
     /// Of the final motion.
     pub ratio: Ratio,
     /// Largest factor by which a run's time was stretched to keep limits between borders of cells.
@@ -242,11 +240,11 @@ fn run(path: &Path, limits: &[Limit], options: &Options, first: usize, last: usi
 /// Solves any run on cells.
 fn general(path: &Path, limits: &[Limit], options: &Options, first: usize, last: usize, bends: &[f64]) -> Solved {
     let course = Course::lay(path, limits, options, first, last, bends);
-    let mut b = reach::greatest(&course);
+    let Reach { most, greatest: mut b } = reach::reach(&course);
     let without_jerk_s = course.times(&b).last().copied().unwrap_or(0.0);
-    let mut rounds = 0;
+    let mut steps = 0;
     if course.has_jerk() {
-        rounds = jerk::smooth(&course, &mut b, options);
+        steps = jerk::smooth(&course, most, &mut b, options);
     }
     let mut ratio = course.ratio(&b);
     let mut stretch = ratio.slow_down();
@@ -263,7 +261,7 @@ fn general(path: &Path, limits: &[Limit], options: &Options, first: usize, last:
         runs: 1,
         straight: 0,
         cells: b.len() - 1,
-        rounds,
+        steps,
         ratio,
         stretch,
     };
@@ -306,7 +304,7 @@ fn join(path: &Path, axes: usize, bends: Vec<f64>, runs: &[Solved]) -> Timed {
         all.runs += 1;
         all.straight += one.straight;
         all.cells += one.cells;
-        all.rounds = all.rounds.max(one.rounds);
+        all.steps = all.steps.max(one.steps);
         all.ratio = all.ratio.worst(one.ratio);
         all.stretch = all.stretch.max(one.stretch);
     }

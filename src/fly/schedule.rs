@@ -35,8 +35,9 @@ pub struct Samples {
 }
 
 impl Schedule {
-    /// The times of a path.
-    pub fn of(path: &Path, machine: &Machine, pens: &[Pen]) -> Self {
+    /// The times of a path. After every stroke the beam waits for `turn_s` more, in which the stage may turn, and
+    /// at every end for `step_s` at least, so that even samples as far apart see the end itself.
+    pub fn of(path: &Path, machine: &Machine, pens: &[Pen], turn_s: f64, step_s: f64) -> Self {
         let mut out = Self::default();
         let delays = &machine.delays;
         let [jump, mark, corner] = [delays.jump, delays.mark, delays.polygon].map(|t| t.as_s());
@@ -60,13 +61,21 @@ impl Schedule {
                 Node::Between => 0.0,
                 Node::Vertex | Node::Corner => corner,
                 // The end of a mark, the begin of one, or both.
-                Node::End => here.map_or(0.0, |_| mark) + next.map_or(0.0, |_| jump),
+                Node::End => (here.map_or(0.0, |_| mark + turn_s) + next.map_or(0.0, |_| jump)).max(1.001 * step_s),
             };
             out.delay_s += wait;
             now += wait;
             out.leave.push(now);
         }
         out
+    }
+
+    /// The same with steps of a quarter of a millisecond, or what keeps a long path at `most` samples; and the
+    /// steps.
+    pub fn sampled(path: &Path, machine: &Machine, pens: &[Pen], turn_s: f64, most: usize) -> (Self, f64) {
+        const FINEST: f64 = 2.5e-4;
+        let step_s = (Self::of(path, machine, pens, turn_s, 0.0).total_s() / most as f64).max(FINEST);
+        (Self::of(path, machine, pens, turn_s, step_s), step_s)
     }
 
     /// Time of the whole path, s.
@@ -89,7 +98,8 @@ impl Schedule {
             let t = if moving { (now - self.leave[i]) / (self.arrive[i + 1] - self.leave[i]) } else { 0.0 };
             let (a, b) = (path.at[i], path.at[(i + 1).min(path.len() - 1)]);
             out.at.push([0, 1, 2].map(|c| a[c] + t * (b[c] - a[c])));
-            out.on.push(if moving { path.pen[i + 1].is_some() } else { path.pen[i].is_some() });
+            let waits = path.node[i] == Node::End;
+            out.on.push(if moving { path.pen[i + 1].is_some() } else { !waits && path.pen[i].is_some() });
         }
         out
     }

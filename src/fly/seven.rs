@@ -11,7 +11,7 @@
 
 use rayon::prelude::*;
 
-use super::decompose::{Family, Limits, largest, seven_axes, stage};
+use super::decompose::{self, Family, Limits, Rung, largest, seven_axes, stage};
 use super::kinematics::{Axes, Branches, Deviation, Pose, follow};
 use super::motion::AXES;
 use super::pace::{self, Limit, Timed};
@@ -124,6 +124,30 @@ fn time(
     pace::time_optimal(&path, limits, &pace::Options { gain: 5e-3, ..pace::Options::default() })
 }
 
+/// Where the ladder starts, mm, and what each rung is of the one before.
+const START: f64 = 30.0;
+const FACTOR: f64 = 0.95;
+
+/// The rungs of the article's ladder on this path, to the first that holds: sigma in um, and the worst
+/// deviations there.
+pub fn ladder(path: &Path, relief: &Relief, limits: Limits) -> Vec<Rung<Deviation>> {
+    let (s, weights) = (path.distances(), path.weights());
+    let marks: Vec<Pose> = path.at.iter().map(|&p| Pose { p, n: relief.at([p[0], p[1]]).normal() }).collect();
+    let even = Even::of(path, &s);
+    decompose::ladder(START * 1000.0, FACTOR, even.step * 250.0, |sigma| {
+        let worst = worst(&even.tools(sigma / 1000.0, relief, &s), &marks, &weights);
+        (worst, limits.hold(worst))
+    })
+}
+
+/// The worst deviations: of focus and angle where it is marked, of the field everywhere.
+fn worst(tools: &[Pose], marks: &[Pose], weights: &[f64]) -> Deviation {
+    marks.iter().zip(tools).zip(weights).fold(Deviation::default(), |worst, ((mark, tool), &w)| {
+        let d = Deviation::of(mark, tool);
+        worst.max(if w > 0.0 { d } else { Deviation { lateral: d.lateral, ..Deviation::default() } })
+    })
+}
+
 /// The plan of a path at even steps of its length.
 struct Even {
     plan: Vec<[f64; 2]>,
@@ -176,18 +200,11 @@ impl Even {
         s: &[f64],
         limits: Limits,
     ) -> f64 {
-        const START: f64 = 30.0;
-        const FACTOR: f64 = 0.95;
-        debug_assert_eq!(path.len(), marks.len());
         let attempt = |sigma: f64| {
-            let tools = self.tools(sigma, relief, s);
-            let holds = marks.iter().zip(&tools).zip(weights).all(|((mark, tool), &w)| {
-                let d = Deviation::of(mark, tool);
-                // Focus and angle matter where it is marked, the field everywhere.
-                d.lateral <= limits.field && (w == 0.0 || limits.hold(d))
-            });
-            ((), holds)
+            let worst = worst(&self.tools(sigma, relief, s), marks, weights);
+            ((), limits.hold(worst))
         };
+        debug_assert_eq!(path.len(), marks.len());
         largest(START, FACTOR, self.step / 4.0, 1e-3 * self.step, attempt).map_or(0.0, |r| r.strength)
     }
 }

@@ -11,7 +11,7 @@
 
 use rayon::prelude::*;
 
-use super::decompose::{Method, rms_acceleration, stage};
+use super::decompose::{Method, rms_acceleration, stage, within};
 use super::motion::Motion;
 use super::path::Path;
 use super::schedule::{Samples, Schedule};
@@ -50,14 +50,21 @@ impl Peaks {
 
     /// Of one coordinate of positions at even steps, by their differences.
     pub fn of(positions: &[[f64; 3]], axis: usize, step_s: f64) -> Self {
-        let x = |i: usize| positions[i][axis];
-        let n = positions.len();
-        let most = |range: std::ops::Range<usize>, f: &dyn Fn(usize) -> f64| range.map(f).fold(0.0, f64::max);
-        Self {
-            speed: most(1..n, &|i| (x(i) - x(i - 1)).abs()) / step_s,
-            acceleration: most(2..n, &|i| (x(i) - 2.0 * x(i - 1) + x(i - 2)).abs()) / step_s.powi(2),
-            jerk: most(3..n, &|i| (x(i) - 3.0 * (x(i - 1) - x(i - 2)) - x(i - 3)).abs()) / step_s.powi(3),
+        let (mut most, mut last) = ([0.0f64; 3], [0.0; 2]);
+        for (i, w) in positions.windows(2).enumerate() {
+            let speed = w[1][axis] - w[0][axis];
+            let (acceleration, jerk) = (speed - last[0], speed - last[0] - last[1]);
+            most[0] = most[0].max(speed.abs());
+            // It begins at rest where it begins to be seen.
+            if i > 0 {
+                most[1] = most[1].max(acceleration.abs());
+            }
+            if i > 1 {
+                most[2] = most[2].max(jerk.abs());
+            }
+            last = [speed, acceleration];
         }
+        Self { speed: most[0] / step_s, acceleration: most[1] / step_s.powi(2), jerk: most[2] / step_s.powi(3) }
     }
 
     /// How much slower the motion must run to keep `limits`; 1 where it keeps them.
@@ -96,16 +103,27 @@ pub struct Sync {
     pub stage: Vec<[f64; 3]>,
     /// Time between these, slowed.
     pub step_s: f64,
+    /// Where the beam is at the same times, and whether it marks.
+    pub beam: Vec<[f64; 3]>,
+    /// See `beam`.
+    pub on: Vec<bool>,
     /// Root of the mean squared acceleration of the stage, mm/s².
     pub rms_acceleration: f64,
     /// All axes, timed, at the nodes of the path and at even steps.
     pub motion: Motion,
 }
 
-/// Shares a scheduled path out.
-pub fn synchronise(path: &Path, schedule: &Schedule, machine: &Machine, room: Room, follow: Follow) -> Sync {
+/// Shares a scheduled path out, in even steps of `step_s` or a little less.
+pub fn synchronise(
+    path: &Path,
+    schedule: &Schedule,
+    machine: &Machine,
+    room: Room,
+    follow: Follow,
+    step_s: f64,
+) -> Sync {
     let limits = Peaks::limits(machine);
-    let even = schedule.samples(path, step(schedule.total_s()));
+    let even = schedule.samples(path, step_s);
     let mut tight = room;
     // Corners lie between samples: where one of them leaves the field, the samples get less of it.
     for _ in 0..TIGHTER {
@@ -116,7 +134,7 @@ pub fn synchronise(path: &Path, schedule: &Schedule, machine: &Machine, room: Ro
         let out = Sync { samples, slower, stage, step_s: even.step_s * slower, ..Sync::default() };
         let over = out.over(path, schedule, room);
         if over.iter().all(|&o| o <= 0.0) {
-            return out.timed(path, schedule, &even);
+            return out.timed(path, schedule, even);
         }
         for (half, over) in tight.half_field.iter_mut().zip(over) {
             *half = (*half - 1.05 * over).max(0.1 * *half);
@@ -126,82 +144,151 @@ pub fn synchronise(path: &Path, schedule: &Schedule, machine: &Machine, room: Ro
     // The stage that follows every sample leaves nothing to the scanner.
     let slower = (0..3).map(|axis| Peaks::of(&even.at, axis, even.step_s).slowed(&limits[axis])).fold(1.0, f64::max);
     let out = Sync { samples: [1, 1], slower, stage: even.at.clone(), step_s: even.step_s * slower, ..Sync::default() };
-    out.timed(path, schedule, &even)
+    out.timed(path, schedule, even)
 }
 
 /// How often the field is made tighter.
 const TIGHTER: usize = 6;
 
-/// A millisecond as in the article, or what keeps a long path at some hundred thousand samples.
-fn step(total_s: f64) -> f64 {
-    const SAMPLES: f64 = 300_000.0;
-    (total_s / SAMPLES).max(1e-3)
-}
-
-/// Samples of the averages that are tried: every odd number at first, then in steps of a tenth.
+/// Samples of the averages that are tried: every odd number at first, then in steps of four tenths.
 fn ladder(longest: usize) -> Vec<usize> {
-    let next = |p: &usize| Some((p + 2).max((p * 11 / 10) | 1)).filter(|p| *p <= longest);
+    let next = |p: &usize| Some((p + 2).max((p * 7 / 5) | 1)).filter(|p| *p <= longest);
     std::iter::successors(Some(1), next).collect()
 }
 
-/// The shortest average with which the stage keeps up at full speed; where there is none, the one with which
-/// least has to be slowed down. `fits` tells whether what is left for the others is little enough.
-fn shortest(
-    even: &Samples,
-    axes: &[usize],
-    limits: &[Peaks; 3],
-    slow_enough: f64,
-    fits: impl Fn(&[[f64; 3]]) -> bool + std::marker::Sync,
-) -> (usize, f64, Vec<[f64; 3]>) {
-    // A second average as long as the stage takes to build its acceleration up makes that a ramp.
-    let ramp = |axis: usize| (limits[axis].acceleration / limits[axis].jerk / even.step_s).ceil() as usize;
-    let ramp = axes.iter().map(|&k| ramp(k)).max().unwrap_or(0).min(even.at.len());
-    let make = |samples: usize| {
-        let once = stage(&even.at, Method::MovingAverage { samples });
-        if ramp > 1 { stage(&once, Method::MovingAverage { samples: ramp }) } else { once }
-    };
-    let tries = ladder(2 * even.at.len() + 1);
-    let mut best = (1, f64::INFINITY);
-    // Some at a time, in order: the first that is good enough ends the search, on any number of threads.
-    for some in tries.chunks(8) {
-        let found: Vec<Option<f64>> = some
-            .par_iter()
-            .map(|&samples| {
-                let made = make(samples);
-                let slowed = |&k: &usize| Peaks::of(&made, k, even.step_s).slowed(&limits[k]);
-                fits(&made).then(|| axes.iter().map(slowed).fold(1.0, f64::max))
-            })
-            .collect();
-        for (&samples, slower) in some.iter().zip(found).filter_map(|(p, f)| Some((p, f?))) {
-            if slower < best.1 {
-                best = (samples, slower);
+/// The time in which the slowest of some axes builds its acceleration up; 0 where it may step.
+fn build_up(limits: &[Peaks; 3], axes: &[usize]) -> f64 {
+    axes.iter().map(|&k| limits[k].acceleration / limits[k].jerk).fold(0.0, f64::max)
+}
+
+/// A path averaged twice more: a step of speed becomes a ramp of acceleration, and a step of place, as a quick
+/// jump is, one of speed.
+fn ramped(path: Vec<[f64; 3]>, samples: usize) -> Vec<[f64; 3]> {
+    if samples < 2 {
+        return path;
+    }
+    stage(&stage(&path, Method::MovingAverage { samples }), Method::MovingAverage { samples })
+}
+
+/// One search for an average.
+struct Search<'a> {
+    even: &'a Samples,
+    /// Which coordinates are averaged together.
+    axes: &'a [usize],
+    limits: &'a [Peaks; 3],
+    /// What is slow enough.
+    enough: f64,
+}
+
+impl Search<'_> {
+    fn make(&self, samples: usize, ramp: usize) -> Vec<[f64; 3]> {
+        ramped(stage(&self.even.at, Method::MovingAverage { samples }), ramp)
+    }
+
+    /// The shortest average with which the stage keeps up at full speed; where there is none, the one with
+    /// which least has to be slowed down. `fits` tells whether what is left for the others is little enough.
+    ///
+    /// Further averages, as long as the stage takes to build its acceleration up, make that a ramp. Slowed down,
+    /// that is fewer samples: they are found in a few rounds, and shortened where they alone are too much.
+    fn run(&self, fits: impl Fn(&[[f64; 3]]) -> bool + std::marker::Sync) -> (usize, f64, Vec<[f64; 3]>) {
+        const ROUNDS: usize = 3;
+        let build_up = build_up(self.limits, self.axes);
+        let without = self.limits.map(|l| Peaks { jerk: f64::INFINITY, ..l });
+        let (mut samples, mut slower) = self.best(1, &without, &fits);
+        let mut ramp = 1;
+        if build_up > 0.0 {
+            let mut wanted = (build_up / (slower * self.even.step_s)).ceil() as usize;
+            let mut best: Option<(usize, f64, usize)> = None;
+            for _ in 0..ROUNDS {
+                wanted = wanted.clamp(1, self.even.at.len());
+                let (p, slow) = self.best(wanted, self.limits, &fits);
+                if slow.is_finite() && best.is_none_or(|b| slow < b.1) {
+                    best = Some((p, slow, wanted));
+                }
+                let next = if slow.is_finite() { build_up / (slow * self.even.step_s) } else { wanted as f64 / 4.0 };
+                if next.ceil() as usize == wanted {
+                    break;
+                }
+                wanted = next.ceil() as usize;
             }
-            if best.1 <= slow_enough {
-                return (best.0, best.1, make(best.0));
+            (samples, slower, ramp) = best.unwrap_or_else(|| {
+                let (p, slow) = self.best(1, self.limits, &fits);
+                (p, slow, 1)
+            });
+        }
+        (samples, slower, self.make(samples, ramp))
+    }
+
+    fn best(
+        &self,
+        ramp: usize,
+        limits: &[Peaks; 3],
+        fits: &(impl Fn(&[[f64; 3]]) -> bool + std::marker::Sync),
+    ) -> (usize, f64) {
+        // Some at a time, in order: what ends the search does not depend on the number of threads.
+        const SOME: usize = 8;
+        let mut best = (1, f64::INFINITY);
+        for some in ladder(2 * self.even.at.len() + 1).chunks(SOME) {
+            let found: Vec<Option<f64>> = some
+                .par_iter()
+                .map(|&samples| {
+                    let made = self.make(samples, ramp);
+                    let slowed = |&k: &usize| Peaks::of(&made, k, self.even.step_s).slowed(&limits[k]);
+                    fits(&made).then(|| self.axes.iter().map(slowed).fold(1.0, f64::max))
+                })
+                .collect();
+            let misses = found.iter().all(Option::is_none);
+            for (&samples, slower) in some.iter().zip(found).filter_map(|(p, f)| Some((p, f?))) {
+                if slower < best.1 {
+                    best = (samples, slower);
+                }
+                if best.1 <= self.enough {
+                    return best;
+                }
+            }
+            // Far beyond what fits nothing will fit again that slows less.
+            if misses && (best.1.is_finite() || some[0] > self.even.at.len() / 2) {
+                break;
             }
         }
+        best
     }
-    (best.0, best.1, make(best.0))
 }
 
 fn averaged(even: &Samples, limits: &[Peaks; 3], room: Room) -> (Vec<[f64; 3]>, [usize; 2], f64) {
     let far = |made: &[[f64; 3]], k: usize, i: usize| (even.at[i][k] - made[i][k]).abs();
-    let (p, slower, mut path) = shortest(even, &[0, 1], limits, 1.0, |made| {
+    let (p, slower, mut path) = Search { even, axes: &[0, 1], limits, enough: 1.0 }.run(|made| {
         (0..made.len()).all(|i| far(made, 0, i) <= room.half_field[0] && far(made, 1, i) <= room.half_field[1])
     });
     // What x and y are slowed down to is slow enough for z.
-    let (p_z, slower_z, z) = shortest(even, &[2], limits, slower, |made| {
-        (0..made.len()).all(|i| !even.on[i] || far(made, 2, i) <= room.focus)
-    });
+    let (p_z, slower_z, z) = Search { even, axes: &[2], limits, enough: slower }
+        .run(|made| (0..made.len()).all(|i| !even.on[i] || far(made, 2, i) <= room.focus));
     path.iter_mut().zip(z).for_each(|(p, z)| p[2] = z[2]);
     (path, [p, p_z], slower.max(slower_z))
 }
 
 fn least_acceleration(even: &Samples, limits: &[Peaks; 3], room: Room) -> (Vec<[f64; 3]>, [usize; 2], f64) {
     let half = [room.half_field[0], room.half_field[1], room.focus];
-    let path = stage(&even.at, Method::LeastAcceleration { half });
-    let slowed = |k: usize| Peaks::of(&path, k, even.step_s).slowed(&limits[k]);
-    let slower = (0..3).map(slowed).fold(1.0, f64::max);
+    // The field holds always, the focus where the beam is on.
+    let along = [0, 1, 2].into_par_iter().map(|k| {
+        let start: Vec<f64> = even.at.iter().map(|p| p[k]).collect();
+        let free = |i: usize| k == 2 && !even.on[i];
+        let end = |(i, x): (usize, &f64)| {
+            if free(i) { [f64::NEG_INFINITY, f64::INFINITY] } else { [x - half[k], x + half[k]] }
+        };
+        let ends: Vec<[f64; 2]> = start.iter().enumerate().map(end).collect();
+        within(start, &ends)
+    });
+    let along: Vec<Vec<f64>> = along.collect();
+    let path: Vec<[f64; 3]> = (0..even.at.len()).map(|i| [0, 1, 2].map(|k| along[k][i])).collect();
+    let slower = |path: &[[f64; 3]], limits: &[Peaks; 3]| {
+        (0..3).map(|k| Peaks::of(path, k, even.step_s).slowed(&limits[k])).fold(1.0, f64::max)
+    };
+    // Where the corridor bends the path its acceleration has kinks: the stage takes its time over them.
+    let without = limits.map(|l| Peaks { jerk: f64::INFINITY, ..l });
+    let samples = (build_up(limits, &[0, 1, 2]) / (slower(&path, &without) * even.step_s)).ceil() as usize;
+    let path = ramped(path, samples.min(even.at.len()));
+    let slower = slower(&path, limits);
     (path, [0, 0], slower)
 }
 
@@ -213,6 +300,11 @@ impl Sync {
         let i = (at as usize).min(last.saturating_sub(1));
         let (a, b, t) = (self.stage[i], self.stage[(i + 1).min(last)], at - i as f64);
         [0, 1, 2].map(|c| a[c] + t * (b[c] - a[c]))
+    }
+
+    /// Where the stage is when the beam comes to each node of its path.
+    pub fn nodes(&self, schedule: &Schedule) -> Vec<[f64; 3]> {
+        schedule.arrive.iter().map(|&t| self.stage_at(t * self.slower)).collect()
     }
 
     /// By how much the beam leaves the field along x and y at the nodes of its path, and marks the focus.
@@ -234,7 +326,7 @@ impl Sync {
     }
 
     /// The motion of all axes: at the nodes of the path, and where the stage's own samples lie.
-    fn timed(mut self, path: &Path, schedule: &Schedule, even: &Samples) -> Self {
+    fn timed(mut self, path: &Path, schedule: &Schedule, even: Samples) -> Self {
         self.rms_acceleration = rms_acceleration(&self.stage, self.step_s);
         let mut motion = Motion::default();
         let mut sample = 0;
@@ -256,6 +348,7 @@ impl Sync {
             }
         }
         self.motion = motion;
+        (self.beam, self.on) = (even.at, even.on);
         self
     }
 }

@@ -601,6 +601,22 @@ impl Job {
         }
     }
 
+    /// The same job with this method, in one pass and one set-up, without dose compensation; with a depth range of
+    /// its own where one is given. For comparing ways of marking.
+    pub fn plain(&self, method: Method, depth: Option<Length>) -> Self {
+        let mut job = self.clone();
+        job.file.partition.method = method;
+        job.file.passes = PassesSpec::default();
+        job.file.setups = None;
+        job.file.dose = None;
+        if let Some(depth) = depth {
+            job.file.focus.rule = DepthRule::Range;
+            job.file.focus.pdof = Some(Spanned::new(0..0, depth));
+            job.file.partition = PartitionSpec { method, ..PartitionSpec::default() };
+        }
+        job
+    }
+
     /// Index of the pen of texture `i`.
     pub fn pen_of(&self, i: usize) -> usize {
         let named = self.file.texture[i].pen.as_ref();

@@ -1,26 +1,21 @@
-//! Jerk limits: rounds of convex programs, each from the motion that the last one found.
+//! Jerk limits: what they are on a course, and the descent of b to where they hold.
 //!
-//! A round cuts the run into windows that are solved on their own, with two borders held between them so that
-//! no constraint sees two windows; the next round's windows lie half a width further. Only constraints that
-//! are near their limit go into a program. Should others be broken by its answer, more go in.
+//! A long run is cut into windows that are solved on their own (`descent`), with two borders held between them
+//! so that no constraint sees two windows. These are held at a motion that is slowed down until it keeps all
+//! limits; windows about the seams then do away with what that cost.
+
+use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{Options, course::Course};
-use crate::fly::chain::{Band, Row, minimise};
+use super::{Options, course::Course, descent::Stretch};
 
-/// Borders in a window.
-const WINDOW: usize = 512;
-/// Share of a limit from which a constraint is part of the program.
-const NEAR: f64 = 0.5;
-/// Share from which one that was left out goes in.
-const BROKEN: f64 = 0.9;
-/// A share that every constraint has.
-const ALL: f64 = -4.0;
-/// Least share of itself that b may fall to in a round.
-const LEAST: f64 = 0.05;
-/// Accuracy of a program, relative to the time.
-const ACCURACY: f64 = 1e-4;
+/// Unknown borders in a window, times the options' `refine`.
+const WINDOW: usize = 1024;
+/// Unknown borders to each side of a seam between two windows, as many times.
+const SEAM: usize = 256;
+/// Share of b without jerk limits from which a window begins, and which may break them.
+const FAST: f64 = 0.5;
 
 /// Acceleration of an axis over its limit, where the time to the next reference begins or ends, as factors of
 /// b at both borders: the middle of a cell, or the moving end of a cell that borders on rest.
@@ -52,14 +47,14 @@ fn half_time(course: &Course, cell: usize, own: f64, other: f64) -> [f64; 3] {
 }
 
 /// Time from reference to reference around border `i`, and its derivatives by b there and beside it.
-fn time_around(course: &Course, i: usize, b: [f64; 3]) -> (f64, [f64; 3]) {
+pub(super) fn time_around(course: &Course, i: usize, b: [f64; 3]) -> (f64, [f64; 3]) {
     let left = half_time(course, i - 1, b[1], b[0]);
     let right = half_time(course, i, b[1], b[2]);
     (left[0] + right[0], [left[2], left[1] + right[1], right[2]])
 }
 
 /// Change of acceleration around a border in units of what the jerk limit allows in one second.
-fn change(course: &Course, i: usize, axis: usize) -> [f64; 3] {
+pub(super) fn change(course: &Course, i: usize, axis: usize) -> [f64; 3] {
     let (l, r) = (reference(course, i - 1, axis), reference(course, i, axis));
     [-l[0], r[0] - l[1], r[1]].map(|c| c * course.ramp[axis])
 }
@@ -108,61 +103,54 @@ fn end_cap(course: &Course, cell: usize) -> f64 {
     (4.5 * course.width(cell).powi(2) / factor).powf(2.0 / 3.0)
 }
 
-/// Lowers b from what speed and acceleration allow to what jerk allows too. Says how many rounds it took.
-pub(super) fn smooth(course: &Course, b: &mut Vec<f64>, options: &Options) -> usize {
+/// Lowers b from what speed and acceleration allow, at the most `most`, to what jerk allows too. Says how many
+/// steps the longest stretch took.
+pub(super) fn smooth(course: &Course, mut most: Vec<f64>, b: &mut [f64], options: &Options) -> usize {
     let n = course.cells();
-    let mut caps = course.cap.clone();
     for (border, cell) in [(1, 0), (n - 1, n - 1)] {
-        caps[border] = caps[border].min(end_cap(course, cell));
+        most[border] = most[border].min(end_cap(course, cell));
     }
-    begin(course, &caps, b);
-    let mut best = course.times(b)[n];
-    for round in 0..options.rounds {
-        // A little room for the program to begin in; less from round to round.
-        let room = 1.0 - 0.02 * 0.7f64.powi(round as i32).max(0.02);
-        let start: Vec<f64> = b.iter().map(|b| b * room).collect();
-        let mut found = start.clone();
-        let shift = if round % 2 == 0 { 0 } else { WINDOW / 2 };
-        let solve = |(at, part): (usize, &mut [f64])| window(course, &caps, &start, at, part, round == 0);
-        windows(&mut found, shift).into_par_iter().for_each(solve);
-        let time = course.times(&found)[n];
-        if time < best {
-            *b = found;
-        }
-        let gain = (best - time) / best;
-        best = best.min(time);
-        if gain < options.gain && round > 1 {
-            return round + 1;
+    round_off(course, &most, b);
+    let fast: Vec<f64> = b.iter().map(|b| FAST * b).collect();
+    slow_down(course, b);
+    let mut steps = 0;
+    // Seams lie between windows; the second round's windows lie about them.
+    let refine = options.refine.clamp(1, 8);
+    let seam = SEAM * refine;
+    let windows = windows(n, WINDOW * refine);
+    let seams = windows.windows(2).map(|w| w[0].end.saturating_sub(seam)..(w[1].start + seam).min(n)).collect();
+    for (round, is_seam) in [(windows, false), (seams, true)] {
+        let solve = |range: &Range<usize>| {
+            let mut stretch = Stretch::new(course, &most, b, range.clone());
+            let begin = if is_seam { across(&fast, b, range) } else { from_held(course, &fast, b, range) };
+            [&begin, &b[range.clone()]].into_iter().find_map(|start| stretch.descend(start, options.gain))
+        };
+        let solved: Vec<Option<(usize, Vec<f64>)>> = round.par_iter().map(solve).collect();
+        for (range, found) in round.into_iter().zip(solved) {
+            if let Some((count, found)) = found {
+                b[range].copy_from_slice(&found);
+                steps = steps.max(count);
+            }
         }
     }
-    options.rounds
+    steps
 }
 
-/// Stretches of unknowns with where they begin; two borders are held between any two.
-fn windows(b: &mut [f64], shift: usize) -> Vec<(usize, &mut [f64])> {
-    let end = b.len() - 1;
+/// The unknown borders in windows; two are held between any two of these.
+fn windows(end: usize, width: usize) -> Vec<Range<usize>> {
     let mut out = Vec::new();
-    let (_, mut rest) = b.split_at_mut(1);
     let mut at = 1;
-    let mut until = if shift > 0 { shift } else { WINDOW };
     while at < end {
-        // A last stretch that would be short joins the one before.
-        if until + WINDOW / 4 >= end {
-            until = end;
-        }
-        let (part, tail) = rest.split_at_mut(until - at);
-        out.push((at, part));
-        let held = 2.min(tail.len());
-        rest = tail.split_at_mut(held).1;
-        at = until + held;
-        until = at + WINDOW;
+        // A last one that would be short joins the one before.
+        let until = if at + width + width / 2 >= end { end } else { at + width };
+        out.push(at..until);
+        at = until + 2;
     }
     out
 }
 
-/// A motion that keeps the jerk limits: what the other limits allow, rounded off towards the stops, then
-/// slowed down evenly until it does.
-fn begin(course: &Course, caps: &[f64], b: &mut [f64]) {
+/// Rounds off towards the stops what the other limits allow.
+fn round_off(course: &Course, caps: &[f64], b: &mut [f64]) {
     let n = course.cells();
     let (first, last) = (caps[1] / course.width(0).powf(4.0 / 3.0), caps[n - 1] / course.width(n - 1).powf(4.0 / 3.0));
     let length = course.x[n];
@@ -170,158 +158,34 @@ fn begin(course: &Course, caps: &[f64], b: &mut [f64]) {
         let rise = |c: f64, x: f64| 1.0 / (c * x.powf(4.0 / 3.0));
         b[i] = 1.0 / (1.0 / b[i] + rise(first, course.x[i]) + rise(last, length - course.x[i]));
     }
+}
+
+/// A motion to begin a window with: `fast`, but near what is held beside it no faster than even jerk reaches from
+/// there.
+fn from_held(course: &Course, fast: &[f64], b: &[f64], range: &Range<usize>) -> Vec<f64> {
+    let ends = [range.start - 1, range.end];
+    // From rest with even jerk j: t³ = 6 x / j and ds/dt = j t² / 2.
+    let rise = ends.map(|i| {
+        let slowest = (0..course.axes).map(|a| course.shape(2 * i, a).0.abs() * course.ramp[a]).fold(0.0, f64::max);
+        0.25 * 6f64.powf(4.0 / 3.0) * slowest.powf(-2.0 / 3.0)
+    });
+    let reached = |i: usize, k: usize| {
+        let x = (course.x[i] - course.x[ends[k]]).abs();
+        if b[ends[k]] > 0.0 { b[ends[k]] + rise[k] * x.powf(4.0 / 3.0) } else { f64::INFINITY }
+    };
+    range.clone().map(|i| fast[i].min(reached(i, 0)).min(reached(i, 1))).collect()
+}
+
+/// A motion to begin a window about a seam with: `fast` in the middle, what was found at the ends.
+fn across(fast: &[f64], b: &[f64], range: &Range<usize>) -> Vec<f64> {
+    let half = 0.5 * range.len() as f64;
+    let share = |i: usize| (2.0 - 2.0 * ((i - range.start) as f64 + 0.5 - half).abs() / half).clamp(0.0, 1.0);
+    range.clone().map(|i| b[i].powf(1.0 - share(i)) * fast[i].powf(share(i))).collect()
+}
+
+/// Slows a motion down evenly until it keeps all limits, with some room.
+fn slow_down(course: &Course, b: &mut [f64]) {
     let most = course.ratio(b);
-    let slower = most.jerk.powf(2.0 / 3.0).max(most.acceleration).max(1.0).recip();
+    let slower = 0.9 / most.jerk.powf(2.0 / 3.0).max(most.acceleration).max(most.speed.powi(2)).max(1.0);
     b.iter_mut().for_each(|b| *b *= slower);
-}
-
-/// Where a window lies: its unknowns are b at the borders `at..until`, as shares of `start`.
-struct Window<'a> {
-    course: &'a Course,
-    caps: &'a [f64],
-    start: &'a [f64],
-    at: usize,
-    until: usize,
-}
-
-/// Solves one window's program and leaves its answer in `part`.
-fn window(course: &Course, caps: &[f64], start: &[f64], at: usize, part: &mut [f64], all: bool) {
-    let window = Window { course, caps, start, at, until: at + part.len() };
-    let whole: f64 = window.cells().map(|c| course.time(c, [start[c], start[c + 1]])).sum();
-    let ones = vec![1.0; part.len()];
-    let mut last: Option<Vec<f64>> = None;
-    for near in [NEAR, NEAR, ALL] {
-        let near = if all { ALL } else { near };
-        let rows = window.rows(near, last.as_deref());
-        let measure = |x: &[f64], g: &mut [f64], m: &mut Band| window.measure(whole, x, g, m);
-        let found = minimise(ones.clone(), 1, &rows, measure, ACCURACY);
-        if window.keeps(&found) {
-            part.iter_mut().zip(&found).for_each(|(p, x)| *p *= x);
-            return;
-        }
-        last = Some(found);
-    }
-}
-
-impl Window<'_> {
-    /// Cells that border on an unknown.
-    fn cells(&self) -> std::ops::Range<usize> {
-        self.at - 1..self.until
-    }
-
-    /// Borders whose jerk depends on an unknown.
-    fn borders(&self) -> std::ops::Range<usize> {
-        (self.at - 1).max(1)..(self.until + 1).min(self.course.cells())
-    }
-
-    /// The share at a border.
-    #[inline]
-    fn share(&self, x: &[f64], border: usize) -> f64 {
-        if (self.at..self.until).contains(&border) { x[border - self.at] } else { 1.0 }
-    }
-
-    /// b at a border.
-    #[inline]
-    fn b(&self, x: &[f64], border: usize) -> f64 {
-        self.share(x, border) * self.start[border]
-    }
-
-    /// Adds Σ c x over the shares from border `from` on to the rows, if an unknown is among them.
-    fn push(&self, from: usize, c: [f64; 3], lo: f64, hi: f64, rows: &mut Vec<Row<3>>) {
-        let mut row = Row { at: from.max(self.at) - self.at, a: [0.0; 3], lo, hi };
-        for (border, c) in (from..).zip(c) {
-            if (self.at..self.until).contains(&border) {
-                row.a[border - self.at - row.at] = c;
-            } else {
-                row.lo -= c;
-                row.hi -= c;
-            }
-        }
-        if row.a != [0.0; 3] {
-            rows.push(row);
-        }
-    }
-
-    /// The constraints that reach `near` of their limit at the start, or were nearly or wholly broken by a
-    /// program's answer `last`.
-    fn rows(&self, near: f64, last: Option<&[f64]>) -> Vec<Row<3>> {
-        let (course, s) = (self.course, self.start);
-        let mut rows = Vec::with_capacity(8 * (self.until - self.at));
-        for i in self.at..self.until {
-            rows.push(Row { at: i - self.at, a: [1.0, 0.0, 0.0], lo: LEAST, hi: self.caps[i] / s[i] });
-        }
-        for cell in self.cells() {
-            // At rest itself an end cell needs no constraint.
-            let rests = |border| course.is_end(cell) && border;
-            let thirds = usize::from(rests(cell == 0))..3 - usize::from(rests(cell > 0));
-            for (axis, third) in (0..course.axes).flat_map(|a| thirds.clone().map(move |t| (a, t))) {
-                let c = course.acceleration(cell, third, axis);
-                let c = [c[0] * s[cell], c[1] * s[cell + 1], 0.0];
-                let lately = last.map_or(0.0, |x| (c[0] * self.share(x, cell) + c[1] * self.share(x, cell + 1)).abs());
-                if (c[0] + c[1]).abs() >= near || lately > BROKEN {
-                    self.push(cell, c, -1.0, 1.0, &mut rows);
-                }
-            }
-        }
-        for i in self.borders() {
-            let b = [s[i - 1], s[i], s[i + 1]];
-            let (time, slope) = time_around(course, i, b);
-            let x = last.map(|x| [self.share(x, i - 1), self.share(x, i), self.share(x, i + 1)]);
-            let since = x.map_or(1.0, |x| time_around(course, i, [b[0] * x[0], b[1] * x[1], b[2] * x[2]]).0 / time);
-            for axis in (0..course.axes).filter(|&a| course.ramp[a] > 0.0) {
-                let c = change(course, i, axis);
-                let c = [c[0] * b[0], c[1] * b[1], c[2] * b[2]].map(|c| c / time);
-                let lately = x.map_or(0.0, |x| (c[0] * x[0] + c[1] * x[1] + c[2] * x[2]) / since);
-                for sign in [1.0, -1.0] {
-                    if sign * (c[0] + c[1] + c[2]) >= near || sign * lately > BROKEN {
-                        // The time is of degree -1/2 in b, so its tangent is 3/2 time + slope * b.
-                        let bent = [0, 1, 2].map(|k| sign * c[k] - slope[k] * b[k] / time);
-                        self.push(i - 1, bent, f64::NEG_INFINITY, 1.5, &mut rows);
-                    }
-                }
-            }
-        }
-        rows
-    }
-
-    /// The time of the window's cells over `whole`, with its derivatives.
-    fn measure(&self, whole: f64, x: &[f64], gradient: &mut [f64], matrix: &mut Band) {
-        for cell in self.cells() {
-            let ends = [cell, cell + 1];
-            let b = ends.map(|i| self.b(x, i));
-            let h = self.course.width(cell) / whole;
-            // φ = c / (√l + √r) and its derivatives by the shares.
-            let c = if self.course.is_end(cell) { 1.5 * h } else { h };
-            let root = b.map(f64::sqrt);
-            let sum = root[0] + root[1];
-            let (two, three) = (c / (sum * sum), c / (sum * sum * sum));
-            let known = ends.map(|i| (self.at..self.until).contains(&i));
-            for k in (0..2).filter(|&k| known[k]) {
-                let (i, s) = (ends[k] - self.at, self.start[ends[k]]);
-                gradient[i] -= s * two / root[k];
-                matrix.add(i, i, s * s * (three / b[k] + 0.5 * two / (b[k] * root[k])));
-            }
-            if known[0] && known[1] {
-                let s = self.start[ends[0]] * self.start[ends[1]];
-                let i = ends[1] - self.at;
-                matrix.add(i, i - 1, s * three / (root[0] * root[1]));
-            }
-        }
-    }
-
-    /// Whether the shares keep all limits.
-    fn keeps(&self, x: &[f64]) -> bool {
-        let course = self.course;
-        let most = 1.0 + 1e-9;
-        let capped = (self.at..self.until).all(|i| self.b(x, i) <= self.caps[i] * most);
-        capped
-            && self.cells().all(|cell| {
-                let b = [cell, cell + 1].map(|i| self.b(x, i));
-                (0..course.axes).flat_map(|a| [(a, 0), (a, 1), (a, 2)]).all(|(axis, third)| {
-                    let c = course.acceleration(cell, third, axis);
-                    (c[0] * b[0] + c[1] * b[1]).abs() <= most
-                })
-            })
-            && self.borders().all(|i| ratio_at(course, i, [i - 1, i, i + 1].map(|j| self.b(x, j))) <= most)
-    }
 }

@@ -8,28 +8,39 @@ const SLACK: f64 = 1e-9;
 /// A half-plane p x + r y ≤ 1, normalised.
 type Half = [f64; 2];
 
-/// The greatest b at the borders of a run's cells that a backward and a forward pass leave.
-pub(super) fn greatest(course: &Course) -> Vec<f64> {
+/// What speed and acceleration leave of b at the borders of a run's cells.
+pub(super) struct Reach {
+    /// What no motion exceeds.
+    pub most: Vec<f64>,
+    /// A motion: from the start on the greatest b that is left from border to border.
+    pub greatest: Vec<f64>,
+}
+
+/// By a pass backward and one forward.
+pub(super) fn reach(course: &Course) -> Reach {
     let n = course.cells();
     let mut rows: Vec<Half> = Vec::with_capacity(6 * course.axes);
     // Backward: from how much can the next be reached, and so on to the end at rest?
-    let mut b = course.cap.clone();
-    (b[0], b[n]) = (0.0, 0.0);
+    let mut most = course.cap.clone();
+    (most[0], most[n]) = (0.0, 0.0);
     for cell in (1..n).rev() {
         halves(course, cell, &mut rows);
-        b[cell] = widest(&rows, b[cell], b[cell + 1]);
+        most[cell] = widest(&rows, most[cell], most[cell + 1]);
     }
-    // Forward: the most of that.
+    // Forward: the most of that, from a motion and from any.
+    let mut b = most.clone();
     for cell in 0..n - 1 {
         halves(course, cell, &mut rows);
         let x = b[cell];
         // Where an axis turns round, a factor of y is next to nothing: rounding must not decide then.
         let room = rows.iter().filter(|h| h[1] > 0.0).map(|h| (1.0 + SLACK - h[0] * x).max(0.0) / h[1]);
         let need = rows.iter().filter(|h| h[1] < 0.0).map(|h| (h[0] * x - 1.0 - SLACK) / -h[1]);
-        let (most, least) = (room.fold(b[cell + 1], f64::min), need.fold(0.0, f64::max));
-        b[cell + 1] = most.max(least.min(b[cell + 1]));
+        let (room, need) = (room.fold(b[cell + 1], f64::min), need.fold(0.0, f64::max));
+        b[cell + 1] = room.max(need.min(b[cell + 1]));
+        rows.iter_mut().for_each(|h| h.swap(0, 1));
+        most[cell + 1] = widest(&rows, most[cell + 1], most[cell]).max(b[cell + 1]);
     }
-    b
+    Reach { most, greatest: b }
 }
 
 /// Acceleration limits in a cell.

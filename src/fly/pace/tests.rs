@@ -2,7 +2,7 @@ use super::*;
 use crate::motion::rest_to_rest;
 
 const STAGE: Limit = Limit { speed: 35.0, acceleration: 100.0, jerk: Some(10_000.0) };
-const FINE: Options = Options { refine: 4, least_cells: 16, gain: 1e-3, rounds: 40 };
+const FINE: Options = Options { refine: 4, least_cells: 16, gain: 1e-3 };
 
 /// A path of its own.
 struct Owned {

@@ -1,0 +1,84 @@
+//! `terrace compare`: tables to the terminal, tables and pictures to a folder.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::{show, unwritable};
+use crate::compare::{Comparison, System, decompositions, page, plots, systems};
+use crate::diag::{Diag, Error, Place};
+use crate::record::TERMINAL;
+
+/// What may be asked for with `--systems`.
+pub(super) fn system(name: &str) -> Result<System, String> {
+    System::ALL.into_iter().find(|s| s.name() == name).ok_or_else(|| {
+        let names: Vec<&str> = System::ALL.into_iter().map(System::name).collect();
+        format!("known systems: {}", names.join(", "))
+    })
+}
+
+/// The tables for people.
+pub(super) fn text(c: &Comparison) -> String {
+    let filters = decompositions(c).map_or_else(String::new, |t| format!("\n{}", t.text(TERMINAL)));
+    format!("{}{filters}", systems(c).text(TERMINAL))
+}
+
+/// The tables for machines.
+pub(super) fn json(c: &Comparison) -> Value {
+    json!({
+        "job": c.job,
+        "machine": c.machine,
+        "limits": {
+            "fod_um": c.limits.focus * 1000.0,
+            "bia_deg": c.limits.angle.to_degrees(),
+            "displacement_mm": c.limits.field,
+        },
+        "systems": systems(c),
+        "decompositions": decompositions(c),
+    })
+}
+
+/// Writes everything to a folder of its own, whole or not at all.
+pub(super) fn write(c: &Comparison, folder: &Path) -> Result<(), Error> {
+    let place = || Place::file(folder.display().to_string());
+    const PAGE: &str = "compare.html";
+    let exists = std::fs::symlink_metadata(folder).is_ok();
+    if exists && !folder.join(PAGE).is_file() {
+        let d = Diag::input("output-not-a-comparison", "the output exists and is not a comparison").at(place());
+        return Err(d.hint("name another folder with -o, or remove it yourself").into());
+    }
+    let failed =
+        |what: &'static str| move |e: std::io::Error| unwritable(what, Place::file(folder.display().to_string()), &e);
+    let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let new = tempfile::Builder::new().prefix(".compare").tempdir_in(parent).map_err(failed("make a folder"))?;
+    let put = |name: &str, text: String| std::fs::write(new.path().join(name), text).map_err(failed("write a file"));
+    put("compare.json", show::json(&json(c)))?;
+    put(PAGE, page(c))?;
+    for (name, table) in [("systems", Some(systems(c))), ("decompositions", decompositions(c))] {
+        let Some(table) = table else { continue };
+        put(&format!("{name}.txt"), table.text(TERMINAL))?;
+        put(&format!("{name}.csv"), table.csv())?;
+        put(&format!("{name}.md"), table.markdown())?;
+    }
+    for (name, plot) in plots(c) {
+        put(&format!("{name}.svg"), plot.file())?;
+    }
+    if exists {
+        std::fs::remove_dir_all(folder).map_err(failed("replace the old comparison"))?;
+    }
+    // What is renamed is no longer temporary, and may be read by others as the parent's files may.
+    let made = new.keep();
+    std::fs::rename(&made, folder).map_err(failed("put the comparison in place"))?;
+    open_to_others(folder);
+    Ok(())
+}
+
+/// A temporary folder is its maker's alone; a result is not.
+#[cfg(unix)]
+fn open_to_others(folder: &Path) {
+    use std::os::unix::fs::PermissionsExt;
+    let _ = std::fs::set_permissions(folder, std::fs::Permissions::from_mode(0o755));
+}
+
+#[cfg(not(unix))]
+fn open_to_others(_: &Path) {}

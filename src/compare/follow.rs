@@ -1,0 +1,367 @@
+//! The systems that mark on the fly.
+
+use rayon::prelude::*;
+
+use super::filters::{Filter, filters};
+use super::{Curves, Figures, Ground, Split, System, path_of, reason, virtual_plan};
+use crate::compile::Plan;
+use crate::fly::kinematics::Deviation;
+use crate::fly::pace::{State, Timed};
+use crate::fly::path::Path;
+use crate::fly::schedule::Schedule;
+use crate::fly::servo::{Protection, Servo, Synthesis};
+use crate::fly::seven::{Seven, Tools, axis_limits, ladder, seven};
+use crate::fly::spread::Spread;
+use crate::fly::sync::{Follow, Room, Sync, synchronise};
+use crate::geom::mm_from_nm;
+use crate::machine::{Letter, Machine};
+use crate::motion::stage_move;
+use crate::program::Pen;
+use crate::units::Length;
+
+/// Servos where the machine states none: a stage of 20 Hz and a scanner of 1 kHz, well damped.
+const STAGE_HZ: f64 = 20.0;
+const SCANNER_HZ: f64 = 1000.0;
+const DAMPING: f64 = 0.7;
+/// Samples of a synchronised path, and of one that is only tried.
+const SAMPLES: usize = 150_000;
+const COARSE: usize = 30_000;
+/// Samples to compare decompositions by.
+const FILTERED: usize = 40_000;
+/// Nodes of the seven-axis path whose axes are drawn.
+const DRAWN: usize = 2000;
+
+/// What the systems on the fly share.
+pub(super) struct Follower<'a> {
+    ground: &'a Ground<'a>,
+    whole: &'a Plan,
+    path: Path,
+}
+
+impl<'a> Follower<'a> {
+    pub(super) fn new(ground: &'a Ground<'a>, whole: &'a Plan) -> Self {
+        Self { ground, whole, path: path_of(ground, whole) }
+    }
+
+    fn room(&self) -> Room {
+        let half_field = self.ground.machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+        Room { half_field, focus: self.ground.limits.focus }
+    }
+
+    /// The figures of a system.
+    pub(super) fn system(&self, system: System, curves: &mut Curves) -> Result<Figures, String> {
+        match system {
+            System::SyncSmooth => {
+                let (figures, turn_s) =
+                    self.synchronised(self.whole, &self.path, Follow::LeastAcceleration, &mut Vec::new());
+                let notes = vec![format!("waits {:.0} ms after every stroke", turn_s * 1000.0)];
+                Ok(Figures { notes, ..figures })
+            }
+            System::SyncBands => self.bands(),
+            System::Seven => self.turning(Tools::Gaussian, curves),
+            System::SevenSmooth => self.turning(Tools::LeastAcceleration, curves),
+            System::Five => self.turning(Tools::OnTheMark, curves),
+            _ => Ok(self.synchronised(self.whole, &self.path, Follow::Average, &mut curves.paths).0),
+        }
+    }
+
+    /// Decompositions of the strokes in their order.
+    pub(super) fn filters(&self) -> Vec<Filter> {
+        let program = self.whole.checked.program();
+        let (schedule, step_s) = Schedule::sampled(&self.path, self.ground.machine, &program.pens, 0.0, FILTERED);
+        filters(&self.path, &schedule, self.ground.machine, self.room(), step_s)
+    }
+
+    /// One block of a virtual plan, synchronised as a whole.
+    fn synchronised(
+        &self,
+        plan: &Plan,
+        path: &Path,
+        follow: Follow,
+        curves: &mut Vec<(&'static str, Vec<[f64; 2]>)>,
+    ) -> (Figures, f64) {
+        let (ground, machine) = (self.ground, self.ground.machine);
+        let pens = &plan.checked.program().pens;
+        let turn_s = self.best_turn(path, pens, follow);
+        let (schedule, step_s) = Schedule::sampled(path, machine, pens, turn_s, SAMPLES);
+        let sync = synchronise(path, &schedule, machine, self.room(), follow, step_s);
+        let first = path.at.first().copied().unwrap_or_default();
+        let start = first.map(|v| (v * 1e6) as i64);
+        let approach = stage_move(machine, [0, 0, 0], start, None);
+        let slow = sync.slower;
+        let time = Split {
+            stage: approach.travel_s,
+            settle: approach.settle_s,
+            zoom: 0.0,
+            mark: schedule.mark_s * slow,
+            jump: schedule.jump_s * slow,
+            delay: schedule.delay_s * slow,
+        };
+        let figures = Figures { time, stops: 1, speed: 100.0 / slow, ..self.upright(ground, path, &schedule, &sync) };
+        let drawn = path.len().min(DRAWN);
+        let until = schedule.arrive[drawn - 1] * slow;
+        let stage = sync.stage.iter().take((until / sync.step_s) as usize + 1);
+        *curves = vec![
+            ("beam", path.at.iter().take(drawn).map(|p| [p[0], p[1]]).collect()),
+            ("stage", stage.map(|p| [p[0], p[1]]).collect()),
+        ];
+        (figures, turn_s)
+    }
+
+    /// How long the beam should wait after every stroke for the whole to be over soonest, s. The article waits
+    /// for nothing; the path of least acceleration may turn the stage then.
+    fn best_turn(&self, path: &Path, pens: &[Pen], follow: Follow) -> f64 {
+        const TRIED: [f64; 6] = [0.0, 0.02, 0.05, 0.1, 0.2, 0.4];
+        if follow == Follow::Average {
+            return 0.0;
+        }
+        let machine = self.ground.machine;
+        let total = |turn_s: f64| {
+            let (schedule, step_s) = Schedule::sampled(path, machine, pens, turn_s, COARSE);
+            schedule.total_s() * synchronise(path, &schedule, machine, self.room(), follow, step_s).slower
+        };
+        let totals: Vec<f64> = TRIED.par_iter().map(|&t| total(t)).collect();
+        let best = (0..TRIED.len()).fold(0, |best, i| if totals[i] < totals[best] { i } else { best });
+        TRIED[best]
+    }
+
+    /// What marks get from a synchronised motion.
+    fn upright(&self, ground: &Ground<'_>, path: &Path, schedule: &Schedule, sync: &Sync) -> Figures {
+        let weights = path.weights();
+        let nodes = sync.nodes(schedule);
+        let mut inside = 0.0;
+        let rows: Vec<[f64; 4]> = (0..path.len())
+            .map(|i| {
+                let (p, s) = (path.at[i], nodes[i]);
+                let normal = ground.relief.at([p[0], p[1]]).normal();
+                let row = [p[2] - s[2], normal[2].acos(), (p[0] - s[0]).hypot(p[1] - s[1]), weights[i]];
+                if row[0].abs() <= ground.limits.focus + 1e-6 && row[1] <= ground.limits.angle {
+                    inside += row[3];
+                }
+                row
+            })
+            .collect();
+        let spread = |k: usize, scale: f64| Spread::of(rows.iter().map(|r| (r[k] * scale, r[3])));
+        let marks: Vec<f64> = sync.on.iter().map(|&on| f64::from(u8::from(on))).collect();
+        let (lag, error) = self.trailing(&sync.stage, &sync.beam, sync.step_s, &marks);
+        Figures {
+            focus_um: spread(0, 1000.0),
+            incidence_deg: spread(1, 1f64.to_degrees()),
+            displacement_mm: spread(2, 1.0),
+            within: 100.0 * inside / weights.iter().sum::<f64>(),
+            stage_lag_um: Some(lag),
+            spot_error_um: Some(error),
+            stage_travel_mm: travel(sync.stage.iter().copied()),
+            ..Figures::default()
+        }
+    }
+
+    /// Bands of depth over the whole part: within each x and y follow, z rests.
+    fn bands(&self) -> Result<Figures, String> {
+        let ground = self.ground;
+        let depth = Some(Length::mm(2.0 * ground.limits.focus));
+        let plan = virtual_plan(ground.job, ground.machine, depth).map_err(|e| reason(&e))?;
+        let program = plan.checked.program();
+        let spacing = self.room().half_field.iter().fold(f64::INFINITY, |a, &b| a.min(b)) / 20.0;
+        let mut all = Figures { speed: 100.0, ..Figures::default() };
+        let (mut parts, mut weight, mut before): (Vec<(Figures, f64)>, f64, Option<[i64; 3]>) = (Vec::new(), 0.0, None);
+        for block in &program.blocks {
+            let band = crate::program::Program { blocks: vec![block.clone()], ..program.clone() };
+            let mut path = Path::of(&band, ground.surface, &ground.relief, spacing);
+            let plane = mm_from_nm(block.stop.focus);
+            let heights: Vec<f64> = path.at.iter().map(|p| p[2]).collect();
+            path.at.iter_mut().for_each(|p| p[2] = plane);
+            let (schedule, step_s) = Schedule::sampled(&path, ground.machine, &program.pens, 0.0, COARSE);
+            let sync = synchronise(&path, &schedule, ground.machine, self.room(), Follow::Average, step_s);
+            path.at.iter_mut().zip(heights).for_each(|(p, z)| p[2] = z);
+            let figures = self.upright(ground, &path, &schedule, &sync);
+            let first = path.at[0].map(|v| (v * 1e6) as i64);
+            let to = [first[0], first[1], block.stop.focus];
+            let moved = before.map(|from| stage_move(ground.machine, from, to, None)).unwrap_or_default();
+            let last = path.at[path.len() - 1].map(|v| (v * 1e6) as i64);
+            before = Some([last[0], last[1], block.stop.focus]);
+            all.time.stage += moved.travel_s;
+            all.time.settle += moved.settle_s;
+            all.time.mark += schedule.mark_s * sync.slower;
+            all.time.jump += schedule.jump_s * sync.slower;
+            all.time.delay += schedule.delay_s * sync.slower;
+            all.speed = all.speed.min(100.0 / sync.slower);
+            all.stage_travel_mm += figures.stage_travel_mm;
+            let length: f64 = path.weights().iter().sum();
+            weight += length;
+            parts.push((figures, length));
+        }
+        let joined = |pick: &dyn Fn(&Figures) -> Spread| {
+            let worst = parts.iter().map(|(f, _)| pick(f).worst).fold(0.0, f64::max);
+            let mean = parts.iter().map(|(f, l)| pick(f).mean * l).sum::<f64>() / weight;
+            let of = |q: &dyn Fn(Spread) -> f64| parts.iter().map(|(f, l)| q(pick(f)) * l).sum::<f64>() / weight;
+            Spread { mean, median: of(&|s| s.median), p95: of(&|s| s.p95), worst }
+        };
+        Ok(Figures {
+            stops: program.blocks.len(),
+            focus_um: joined(&|f| f.focus_um),
+            incidence_deg: joined(&|f| f.incidence_deg),
+            displacement_mm: joined(&|f| f.displacement_mm),
+            stage_lag_um: Some(joined(&|f| f.stage_lag_um.unwrap_or_default())),
+            spot_error_um: Some(joined(&|f| f.spot_error_um.unwrap_or_default())),
+            within: parts.iter().map(|(f, l)| f.within * l).sum::<f64>() / weight,
+            seam_mm: plan.summary.seam_mm,
+            notes: vec!["speed of the slowest band; medians are means of those of the bands".into()],
+            ..all
+        })
+    }
+
+    /// How far the stage trails its command in x and y, and how far the spot is off, um.
+    fn trailing(&self, stage: &[[f64; 3]], beam: &[[f64; 3]], step_s: f64, marks: &[f64]) -> (Spread, Spread) {
+        let machine = self.ground.machine;
+        let servo = |stated: Option<crate::machine::Servo>, hz: f64| {
+            let (hz, damping) = stated.map_or((hz, DAMPING), |s| (s.frequency.as_khz() * 1000.0, s.damping));
+            Servo::new(hz, damping)
+        };
+        let made =
+            servo(machine.stage.servo, STAGE_HZ).and_then(|s| Ok((s, servo(machine.scanner.servo, SCANNER_HZ)?)));
+        let Ok((carrier, scanner)) = made else { return Default::default() };
+        let half = self.room().half_field;
+        let [x, y] = [0, 1].map(|k| {
+            let command: Vec<f64> = stage.iter().map(|p| p[k]).collect();
+            let rest: Vec<f64> = beam.iter().zip(stage).map(|(b, s)| b[k] - s[k]).collect();
+            let both = Synthesis { stage: carrier, scanner, half_field: half[k], feed: Some(Protection::Saturate) };
+            let reached = both.follow(&command, &rest, step_s, &[]);
+            let lag: Vec<f64> = reached.stage.iter().zip(&command).map(|(a, c)| a - c).collect();
+            (lag, reached.error)
+        });
+        let both =
+            |a: &[f64], b: &[f64]| Spread::of(a.iter().zip(b).zip(marks).map(|((a, b), &w)| (1000.0 * a.hypot(*b), w)));
+        (both(&x.0, &y.0), both(&x.1, &y.1))
+    }
+
+    /// Five stage axes, with or without the scanner.
+    fn turning(&self, tools: Tools, curves: &mut Curves) -> Result<Figures, String> {
+        let ground = self.ground;
+        let mut notes = Vec::new();
+        let mut machine = ground.machine.clone();
+        let stated = |m: &Machine| axis_limits(m).filter(|_| has_a_and_c(m));
+        if stated(&machine).is_none() {
+            machine = Machine::built_in("xyzac-galvo-10").map_err(|e| reason(&e))?;
+            notes.push("on the machine xyzac-galvo-10".to_owned());
+        }
+        let Some(limits) = stated(&machine) else { return Err("no limits of A and C are known".into()) };
+        let field = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+        let room = crate::fly::decompose::Limits { field: field[0].min(field[1]), ..ground.limits };
+        let pens = &self.whole.checked.program().pens;
+        let made = seven(&self.path, &ground.relief, pens, &machine, &limits, room, tools).map_err(|e| reason(&e))?;
+        if tools == Tools::Gaussian {
+            curves.ladder = ladder(&self.path, &ground.relief, room);
+            self.draw(&made, curves);
+            notes.push(format!("sigma {:.0} um", made.sigma.unwrap_or_default() * 1000.0));
+        }
+        notes.extend(beyond(&machine, &made));
+        Ok(Figures { notes, ..self.turned(&machine, &made, room) })
+    }
+
+    fn draw(&self, made: &Seven, curves: &mut Curves) {
+        let path = &self.path;
+        let way = path.distances();
+        let times = made.timed.node_times();
+        let nodes = made.axes.iter().zip(&path.at).zip(times).take(DRAWN);
+        curves.axes = nodes
+            .map(|((a, &p), t)| {
+                let ([x, y, z], [u, v, _]) = (a.xyz, a.sees(p));
+                (t, [x, y, z, a.a.to_degrees(), a.c.to_degrees(), u, v])
+            })
+            .collect();
+        let deviations = made.deviation.iter().zip(&way).zip(&path.pen);
+        curves.along = deviations
+            .filter(|(_, pen)| pen.is_some())
+            .map(|((d, &w), _)| [w, d.focus * 1000.0, d.angle.to_degrees(), d.lateral])
+            .collect();
+    }
+
+    /// Figures of a turning system.
+    fn turned(&self, machine: &Machine, made: &Seven, limits: crate::fly::decompose::Limits) -> Figures {
+        let weights = self.path.weights();
+        let spread =
+            |pick: fn(&Deviation) -> f64| Spread::of(made.deviation.iter().map(pick).zip(weights.iter().copied()));
+        let slack =
+            |d: &Deviation| Deviation { focus: d.focus - 1e-6, angle: d.angle - 1e-9, lateral: d.lateral - 1e-6 };
+        let inside: f64 =
+            made.deviation.iter().zip(&weights).filter(|(d, _)| limits.hold(slack(d))).map(|(_, w)| w).sum();
+        let mut time = Split::default();
+        let times: Vec<f64> = made.timed.node_times().collect();
+        for (i, w) in times.windows(2).enumerate() {
+            *(if self.path.pen[i + 1].is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
+        }
+        let asked: f64 = { Schedule::of(&self.path, machine, &self.whole.checked.program().pens, 0.0, 0.0).mark_s };
+        let (stage, beam, marks, step_s) = sampled(&made.timed, &self.path);
+        let (lag, error) = self.trailing(&stage, &beam, step_s, &marks);
+        Figures {
+            time,
+            stops: 1,
+            focus_um: spread(|d| d.focus * 1000.0),
+            incidence_deg: spread(|d| d.angle.to_degrees()),
+            displacement_mm: spread(|d| d.lateral),
+            within: 100.0 * inside / weights.iter().sum::<f64>(),
+            stage_lag_um: Some(lag),
+            spot_error_um: Some(error),
+            stage_travel_mm: travel(made.axes.iter().map(|a| a.xyz)),
+            speed: 100.0 * asked / time.mark,
+            ..Figures::default()
+        }
+    }
+}
+
+/// Stage and beam in machine coordinates at even steps of time, and where it marks.
+fn sampled(timed: &Timed, path: &Path) -> (Vec<[f64; 3]>, Vec<[f64; 3]>, Vec<f64>, f64) {
+    const SAMPLES: usize = 150_000;
+    let total = timed.total_s();
+    let count = ((total / 1e-3).ceil() as usize).clamp(1, SAMPLES);
+    let step_s = total / count as f64;
+    let nodes: Vec<f64> = timed.node_times().collect();
+    let (mut hint, mut state, mut node) = (0, State::default(), 0);
+    let (mut stage, mut beam, mut marks) = (Vec::new(), Vec::new(), Vec::new());
+    for k in 0..=count {
+        let now = k as f64 * step_s;
+        while node + 1 < nodes.len() && nodes[node + 1] <= now {
+            node += 1;
+        }
+        timed.at(now, &mut hint, &mut state);
+        let p = &state.position;
+        stage.push([p[0], p[1], p[2]]);
+        beam.push([p[0] + p[5], p[1] + p[6], p[2]]);
+        marks.push(f64::from(u8::from(path.pen.get(node + 1).copied().flatten().is_some())));
+    }
+    (stage, beam, marks, step_s)
+}
+
+fn has_a_and_c(machine: &Machine) -> bool {
+    let letters = |t: &crate::machine::Tilt| t.axes.each_ref().map(|a| a.letter);
+    machine.tilt.as_ref().is_some_and(|t| letters(t) == [Letter::A, Letter::C])
+}
+
+/// What is said where the machine's travel is too short for the motion.
+fn beyond(machine: &Machine, made: &Seven) -> Option<String> {
+    let names: Vec<String> = machine
+        .axes()
+        .into_iter()
+        .enumerate()
+        .filter_map(|(k, (name, axis))| {
+            let values = made.axes.iter().map(|a| a.xyz[k]);
+            let (lo, hi) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
+            let travel = axis.travel[1].as_mm() - axis.travel[0].as_mm();
+            (hi - lo > travel).then(|| format!("{name} needs {:.0} mm of travel", hi - lo))
+        })
+        .collect();
+    (!names.is_empty()).then(|| names.join(", "))
+}
+
+fn travel(points: impl Iterator<Item = [f64; 3]>) -> f64 {
+    let mut last: Option<[f64; 3]> = None;
+    let mut sum = 0.0;
+    for p in points {
+        if let Some(l) = last {
+            sum += (0..3).map(|k| (p[k] - l[k]).powi(2)).sum::<f64>().sqrt();
+        }
+        last = Some(p);
+    }
+    sum
+}

@@ -1,0 +1,295 @@
+//! The same part and texture marked in every way there is, side by side: stepping in all its variants, zoom
+//! optics, tilting, scanner and stage synchronised, five and seven axes on the fly.
+//!
+//! Consumes a job; promises for every system its time split in parts, its stops, how far marks lie out of focus
+//! and out of the beam's angle, and which share of them keeps the job's limits. Stepped systems are compiled as
+//! jobs are; the others are decomposed and timed by [`crate::fly`]. A system that the job's machine is not is
+//! given what it lacks from a built-in profile, and says so.
+//!
+//! The limits are the job's for all: focal offset up to half the depth range, beam angle up to
+//! `limits.warn_incidence`, the machine's field. Units: mm, s, deg, um as names say.
+
+mod filters;
+mod follow;
+mod report;
+mod stepped;
+
+pub use filters::Filter;
+pub use report::{decompositions, page, plots, systems};
+
+use crate::compile::{Plan, Station, plan_for};
+use crate::diag::{Diag, Error};
+use crate::fly::decompose::{Limits, Rung};
+use crate::fly::path::Path;
+use crate::fly::relief::Relief;
+use crate::fly::spread::Spread;
+use crate::geom::{NM_PER_MM, mm_from_nm};
+use crate::machine::Machine;
+use crate::spec::{Job, Method};
+use crate::surface::Surface;
+use crate::units::Length;
+
+/// A way of marking a part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum System {
+    /// Fields side by side, one focal plane each.
+    Flat,
+    /// Stepped, by the article's levels.
+    Contour,
+    /// Stepped, fewest levels in each section.
+    ZRange,
+    /// Stepped, free windows.
+    Window,
+    /// Stepped, levels changed by a zoom optic in the head.
+    Zoom,
+    /// Stepped, the part tilted at each stop.
+    Tilt,
+    /// Scanner and stage synchronised, strokes in their order, stage by moving average.
+    Sync,
+    /// The same, the texture cut into bands of depth over the whole part; z steps between them.
+    SyncBands,
+    /// Scanner and stage synchronised, stage by least acceleration, with time to turn after every stroke.
+    SyncSmooth,
+    /// Seven axes, Gaussian decomposition.
+    Seven,
+    /// Seven axes, decomposition of least acceleration.
+    SevenSmooth,
+    /// Five axes, the scanner at rest.
+    Five,
+}
+
+impl System {
+    /// All of them, in the order of the table.
+    pub const ALL: [Self; 12] = [
+        Self::Flat,
+        Self::Contour,
+        Self::ZRange,
+        Self::Window,
+        Self::Zoom,
+        Self::Tilt,
+        Self::Sync,
+        Self::SyncBands,
+        Self::SyncSmooth,
+        Self::Seven,
+        Self::SevenSmooth,
+        Self::Five,
+    ];
+
+    /// Its name on the command line and in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Flat => "flat",
+            Self::Contour => "contour",
+            Self::ZRange => "z-range",
+            Self::Window => "window",
+            Self::Zoom => "zoom",
+            Self::Tilt => "tilt",
+            Self::Sync => "sync",
+            Self::SyncBands => "sync-bands",
+            Self::SyncSmooth => "sync-smooth",
+            Self::Seven => "7-axis",
+            Self::SevenSmooth => "7-axis-smooth",
+            Self::Five => "5-axis",
+        }
+    }
+}
+
+/// Parts of a job's time, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Split {
+    /// Stage moves without marking.
+    pub stage: f64,
+    /// Settling after them.
+    pub settle: f64,
+    /// Moves of a zoom optic and their settling.
+    pub zoom: f64,
+    /// Beam on.
+    pub mark: f64,
+    /// Jumps.
+    pub jump: f64,
+    /// Scanner and laser delays.
+    pub delay: f64,
+}
+
+impl Split {
+    /// The parts with their names.
+    pub fn parts(&self) -> [(&'static str, f64); 6] {
+        let Self { stage, settle, zoom, mark, jump, delay } = *self;
+        [("stage", stage), ("settle", settle), ("zoom", zoom), ("mark", mark), ("jump", jump), ("delay", delay)]
+    }
+
+    /// Their sum.
+    pub fn total(&self) -> f64 {
+        self.parts().iter().map(|p| p.1).sum()
+    }
+}
+
+/// Figures of one system.
+#[derive(Clone, Debug, Default)]
+pub struct Figures {
+    /// Time in its parts.
+    pub time: Split,
+    /// Standstills of the stage between marks.
+    pub stops: usize,
+    /// Focal offset, um.
+    pub focus_um: Spread,
+    /// Beam incidence, deg.
+    pub incidence_deg: Spread,
+    /// Distance of the spot from the optical axis, mm.
+    pub displacement_mm: Spread,
+    /// How far the stage trails its command while it marks, um; None where it stands.
+    pub stage_lag_um: Option<Spread>,
+    /// How far the spot is off its place after the scanner has taken up the stage's lag, um.
+    pub spot_error_um: Option<Spread>,
+    /// Share of the marked length within all limits, percent.
+    pub within: f64,
+    /// Length of seams.
+    pub seam_mm: f64,
+    /// Error of stitching at seams, um, where the machine states how truly its stage stands.
+    pub stitch_um: Option<f64>,
+    /// Way of the stage, X, Y and Z together.
+    pub stage_travel_mm: f64,
+    /// Mark speed as a share of the pen's, percent.
+    pub speed: f64,
+    /// What the figures take for granted or leave out.
+    pub notes: Vec<String>,
+}
+
+/// One row of the comparison.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// The system.
+    pub system: System,
+    /// Its figures, or why it does not apply.
+    pub figures: Result<Figures, String>,
+}
+
+/// What is drawn beside the table.
+#[derive(Clone, Debug, Default)]
+pub struct Curves {
+    /// Rungs of the seven-axis ladder: sigma in um, with the worst deviation found there.
+    pub ladder: Vec<Rung<crate::fly::kinematics::Deviation>>,
+    /// Time and axis values of the first nodes of the seven-axis path.
+    pub axes: Vec<(f64, [f64; 7])>,
+    /// Along that path: way in mm, focal offset in um, beam angle in deg, displacement in mm.
+    pub along: Vec<[f64; 4]>,
+    /// Beam and stage as seen from the lens, synchronised.
+    pub paths: Vec<(&'static str, Vec<[f64; 2]>)>,
+}
+
+/// A whole comparison.
+#[derive(Debug)]
+pub struct Comparison {
+    /// The job's name.
+    pub job: String,
+    /// Its machine's name.
+    pub machine: String,
+    /// The limits of all systems.
+    pub limits: Limits,
+    /// Systems in the order asked for.
+    pub rows: Vec<Row>,
+    /// Decompositions of the same path for scanner and stage; empty where no such system was asked for.
+    pub filters: Vec<Filter>,
+    /// For pictures.
+    pub curves: Curves,
+    /// What the user should know.
+    pub warnings: Vec<Diag>,
+}
+
+/// What all systems share.
+struct Ground<'a> {
+    job: &'a Job,
+    machine: &'a Machine,
+    surface: &'a Surface,
+    relief: Relief,
+    limits: Limits,
+    /// Size of the texture's box, mm.
+    size: [f64; 2],
+}
+
+/// How far apart nodes of a path may lie: this part of the field, or of the texture where that is smaller.
+const NODES: f64 = 40.0;
+
+/// Compares the systems.
+///
+/// # Errors
+/// Those of the job itself; a system that cannot do it says so in its row.
+pub fn compare(job: &Job, systems: &[System], progress: &(dyn Fn(&'static str) + Sync)) -> Result<Comparison, Error> {
+    let machine = job.machine()?;
+    let mut warnings = Vec::new();
+    let path = job.resolve(job.file.surface.file.get_ref());
+    let turn = job.file.placement.turn.as_rad();
+    let surface = Surface::load(&path, &job.surface_options(), job.file.surface.weld.as_mm(), turn, &mut warnings)?;
+    progress("reading");
+    // One field over everything: the strokes in their order, and where they lie.
+    let whole = virtual_plan(job, &machine, None)?;
+    let size = whole.texture.size().map(mm_from_nm);
+    let relief = Relief::over(&surface, whole.texture, 0.05).ok_or_else(|| {
+        Diag::limit("compare-relief", "the texture lies nowhere on the part")
+            .hint("compare its area with the part's box")
+    })?;
+    let half = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+    let limits = Limits {
+        focus: job.depth_range().as_mm() / 2.0,
+        angle: job.file.limits.warn_incidence.as_rad(),
+        field: half[0].min(half[1]),
+    };
+    let ground = Ground { job, machine: &machine, surface: &surface, relief, limits, size };
+    let mut out = Comparison {
+        job: job.path.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+        machine: machine.name.clone(),
+        limits,
+        rows: Vec::new(),
+        filters: Vec::new(),
+        curves: Curves::default(),
+        warnings,
+    };
+    let fly = follow::Follower::new(&ground, &whole);
+    for &system in systems {
+        progress(system.name());
+        let figures = match system {
+            System::Flat => stepped::flat(&ground),
+            System::Contour => stepped::by(&ground, Method::Contour),
+            System::ZRange => stepped::by(&ground, Method::ZRange),
+            System::Window => stepped::by(&ground, Method::Window),
+            System::Zoom => stepped::zoom(&ground),
+            System::Tilt => stepped::tilt(&ground),
+            _ => fly.system(system, &mut out.curves),
+        };
+        out.rows.push(Row { system, figures });
+    }
+    if systems.iter().any(|s| matches!(s, System::Sync | System::SyncSmooth)) {
+        progress("decompositions");
+        out.filters = fly.filters();
+    }
+    Ok(out)
+}
+
+/// Plans a job as if the field held everything, in bands of depth or all in one.
+fn virtual_plan(job: &Job, machine: &Machine, depth: Option<Length>) -> Result<Plan, Error> {
+    // Larger than any part that can be read, and still in range of block coordinates.
+    const EVERYTHING: f64 = 2_000.0;
+    let mut machine = machine.clone();
+    machine.lens.shape = crate::machine::FieldShape::Rectangle;
+    machine.lens.margin = Length::mm(0.0);
+    machine.lens.field = [Length::mm(EVERYTHING); 2];
+    machine.lens.working_distance = Length::mm(10.0 * EVERYTHING);
+    machine.controller.max_strokes = 0;
+    for axis in [&mut machine.stage.x, &mut machine.stage.y, &mut machine.stage.z] {
+        axis.travel = [Length::mm(-2.0 * EVERYTHING), Length::mm(2.0 * EVERYTHING)];
+    }
+    let depth = depth.unwrap_or(Length::mm(EVERYTHING));
+    plan_for(job.plain(Method::ZRange, Some(depth)), machine, &|_: Station| {})
+}
+
+/// Says an error in one line of a table.
+fn reason(e: &Error) -> String {
+    e.diags().first().map_or_else(|| e.to_string(), |d| d.message.clone())
+}
+
+/// The path of a plan over the part.
+fn path_of(ground: &Ground<'_>, plan: &Plan) -> Path {
+    let field = ground.machine.usable_field().map(|f| f as f64 / NM_PER_MM);
+    let spacing = field[0].min(field[1]).min(ground.size[0].max(ground.size[1])) / NODES;
+    Path::of(plan.checked.program(), ground.surface, &ground.relief, spacing)
+}

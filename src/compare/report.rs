@@ -1,0 +1,183 @@
+//! The comparison as tables, charts and a page.
+
+use super::{Comparison, Figures};
+use crate::preview::page::{Item, page_html};
+use crate::preview::plot::{Axis, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
+use crate::record::{Cell, Column, Table};
+
+/// The table of systems.
+pub fn systems(c: &Comparison) -> Table {
+    let columns = vec![
+        Column::text("system"),
+        Column::time("total"),
+        Column::time("stage"),
+        Column::time("settle"),
+        Column::time("zoom"),
+        Column::time("mark"),
+        Column::time("jump"),
+        Column::time("delay"),
+        Column::count("stops"),
+        Column::number("speed", "%", 1),
+        Column::number("worst FOD", "um", 1),
+        Column::number("FOD of 95 %", "um", 1),
+        Column::number("mean FOD", "um", 1),
+        Column::number("worst BIA", "deg", 2),
+        Column::number("mean BIA", "deg", 2),
+        Column::number("worst displacement", "mm", 2),
+        Column::number("worst stage lag", "um", 1),
+        Column::number("worst spot error", "um", 1),
+        Column::number("spot error of 95 %", "um", 1),
+        Column::number("seam", "mm", 0),
+        Column::number("stitch", "um", 1),
+        Column::share("within limits"),
+        Column::number("stage way", "m", 1),
+        Column::text("note"),
+    ];
+    let width = columns.len();
+    let mut table = Table::new("Systems", columns);
+    for row in &c.rows {
+        let mut cells: Vec<Cell> = vec![row.system.name().into()];
+        match &row.figures {
+            Ok(f) => cells.extend(figures(f)),
+            Err(why) => {
+                cells.extend((0..width - 2).map(|_| None::<f64>.into()));
+                cells.push(format!("does not apply: {why}").as_str().into());
+            }
+        }
+        table.push(cells);
+    }
+    table
+}
+
+fn figures(f: &Figures) -> Vec<Cell> {
+    let t = &f.time;
+    let mut cells: Vec<Cell> = vec![t.total().into()];
+    cells.extend(t.parts().map(|(_, s)| Cell::from(s)));
+    cells.push(f.stops.into());
+    cells.extend(
+        [
+            f.speed,
+            f.focus_um.worst,
+            f.focus_um.p95,
+            f.focus_um.mean,
+            f.incidence_deg.worst,
+            f.incidence_deg.mean,
+            f.displacement_mm.worst,
+        ]
+        .map(Cell::from),
+    );
+    cells.extend(
+        [f.stage_lag_um.map(|s| s.worst), f.spot_error_um.map(|s| s.worst), f.spot_error_um.map(|s| s.p95)]
+            .map(Cell::from),
+    );
+    cells.extend([f.seam_mm.into(), f.stitch_um.into(), f.within.into(), (f.stage_travel_mm / 1000.0).into()]);
+    cells.push(f.notes.join("; ").as_str().into());
+    cells
+}
+
+/// The table of decompositions for scanner and stage; None where none was made.
+pub fn decompositions(c: &Comparison) -> Option<Table> {
+    if c.filters.is_empty() {
+        return None;
+    }
+    let mut table = Table::new(
+        "Decompositions of the strokes in their order",
+        vec![
+            Column::text("decomposition"),
+            Column::number("strength in plan", "ms", 1),
+            Column::number("strength in height", "ms", 1),
+            Column::number("scanner in x", "mm", 2),
+            Column::number("scanner in y", "mm", 2),
+            Column::number("worst FOD", "um", 1),
+            Column::number("rms stage acceleration", "mm/s2", 1),
+            Column::number("peak stage acceleration", "mm/s2", 1),
+            Column::time("time"),
+        ],
+    );
+    for f in &c.filters {
+        table.row([
+            f.name.into(),
+            f.strength_ms.map(|s| s[0]).into(),
+            f.strength_ms.map(|s| s[1]).into(),
+            f.reach_mm[0].into(),
+            f.reach_mm[1].into(),
+            f.focus_um.into(),
+            f.rms_acceleration.into(),
+            f.peak_acceleration.into(),
+            f.time_s.into(),
+        ]);
+    }
+    Some(table)
+}
+
+/// The charts, each with the name of its file.
+pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
+    let applied: Vec<(&str, &Figures)> =
+        c.rows.iter().filter_map(|r| Some((r.system.name(), r.figures.as_ref().ok()?))).collect();
+    let parts = Figures::default().time.parts().map(|(name, _)| name.to_owned()).to_vec();
+    let rows = applied.iter().map(|(n, f)| ((*n).to_owned(), f.time.parts().map(|p| p.1).to_vec())).collect();
+    let mut out = vec![("times", Bars { title: "Time".into(), value: Axis::new("time", "s"), parts, rows }.draw())];
+    let panel = |y: Axis, series: Vec<Series>, limits: Vec<Limit>| Panel { y, series, limits };
+    let [focus, angle, field] =
+        [c.limits.focus * 1000.0, c.limits.angle.to_degrees(), c.limits.field].map(|v| vec![Limit::new("limit", v)]);
+    if !c.curves.ladder.is_empty() {
+        let rungs = |pick: &dyn Fn(&crate::fly::kinematics::Deviation) -> f64| {
+            let points = c.curves.ladder.iter().map(|r| [r.strength, pick(&r.found)]).collect();
+            vec![Series::new("worst of all marks", points).marked()]
+        };
+        let panels = vec![
+            panel(Axis::new("FOD", "um"), rungs(&|d| d.focus * 1000.0), focus.clone()),
+            panel(Axis::new("BIA", "deg"), rungs(&|d| d.angle.to_degrees()), angle.clone()),
+            panel(Axis::new("displacement", "mm"), rungs(&|d| d.lateral), Vec::new()),
+        ];
+        let title = "Seven axes: how strongly the path may be smoothed".into();
+        out.push(("ladder", LineChart { title, x: Axis::new("sigma", "um"), panels, limits: Vec::new() }.draw()));
+    }
+    if !c.curves.axes.is_empty() {
+        let names = [("X", "mm"), ("Y", "mm"), ("Z", "mm"), ("A", "deg"), ("C", "deg"), ("U", "mm"), ("V", "mm")];
+        let panels = names
+            .iter()
+            .enumerate()
+            .map(|(k, (name, unit))| {
+                let points = c.curves.axes.iter().map(|(t, a)| [*t, a[k]]).collect();
+                panel(Axis::new(name, unit), vec![Series::new("", points)], Vec::new())
+            })
+            .collect();
+        let title = format!("Seven axes: motion of the first {} points", c.curves.axes.len());
+        out.push(("axes", LineChart { title, x: Axis::new("time", "s"), panels, limits: Vec::new() }.draw()));
+    }
+    if !c.curves.along.is_empty() {
+        let column = |k: usize| vec![Series::new("", c.curves.along.iter().map(|r| [r[0], r[k]]).collect())];
+        let panels = vec![
+            panel(Axis::new("FOD", "um"), column(1), focus),
+            panel(Axis::new("BIA", "deg"), column(2), angle),
+            panel(Axis::new("displacement", "mm"), column(3), field),
+        ];
+        let title = "Seven axes: deviations along the path".into();
+        out.push(("along", LineChart { title, x: Axis::new("way", "mm"), panels, limits: Vec::new() }.draw()));
+    }
+    if !c.curves.paths.is_empty() {
+        let series = c.curves.paths.iter().map(|(name, points)| Series::new(name, points.clone())).collect();
+        let title = "Scanner and stage synchronised: the first of the path".into();
+        out.push(("paths", Paths { title, x: "x".into(), y: "y".into(), unit: "mm".into(), series }.draw()));
+    }
+    out
+}
+
+/// All in one page.
+pub fn page(c: &Comparison) -> String {
+    let (table, filters, plots) = (systems(c), decompositions(c), plots(c));
+    let intro = format!(
+        "Job {} on machine {}. Limits of all systems: focal offset (FOD) {:.1} um, beam incidence (BIA) {:.1} deg, \
+         displacement of the spot {:.1} mm.",
+        c.job,
+        c.machine,
+        c.limits.focus * 1000.0,
+        c.limits.angle.to_degrees(),
+        c.limits.field
+    );
+    let mut items = vec![Item::Text(&intro), Item::Table(&table)];
+    items.extend(filters.as_ref().map(Item::Table));
+    items.extend(plots.iter().map(|(_, p)| Item::Plot(p)));
+    page_html(&format!("{}: ways of marking it", c.job), &items)
+}
