@@ -8,7 +8,7 @@ use crate::diag::{Diag, Error, Place};
 use crate::geom::{P2, mm_from_nm};
 use crate::machine::Machine;
 use crate::order::clearance::Clearance;
-use crate::program::{Block, Program};
+use crate::program::{Block, Pen, Program};
 
 /// A program that may be emitted.
 #[derive(Debug)]
@@ -50,7 +50,7 @@ impl Checked {
                     .hint("check the texture's area and origin against the part's box (`terrace inspect`)"),
             );
         }
-        faults.extend(pen_faults(&program, limits.machine));
+        faults.extend(pen_faults(&program.pens, limits.machine));
         if program.blocks.windows(2).any(|w| w[0].pass > w[1].pass) {
             faults.push(Diag::bug("program-invariant", "P7: a block of an earlier pass stands after a later one"));
         }
@@ -106,9 +106,9 @@ impl Checked {
 const SLOWEST_MM_S: f64 = 0.01;
 
 /// Pens that ask for more than scanner or laser can give.
-fn pen_faults(program: &Program, machine: &Machine) -> Vec<Diag> {
+pub(crate) fn pen_faults(pens: &[Pen], machine: &Machine) -> Vec<Diag> {
     let mut faults = Vec::new();
-    for pen in &program.pens {
+    for pen in pens {
         let (speed, most) = (pen.speed.as_mm_s(), machine.scanner.max_mark_speed.as_mm_s());
         if speed > most {
             let text = format!("pen {:?} marks at {speed} mm/s, the scanner at {most} mm/s at most", pen.name);

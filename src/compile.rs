@@ -8,6 +8,7 @@ mod bound;
 mod build;
 mod cut;
 mod dose;
+mod fly;
 pub mod orient;
 mod passes;
 mod setups;
@@ -17,6 +18,7 @@ mod warnings;
 
 use std::path::Path;
 
+pub use fly::{FlyPlan, fly, marks_on_the_fly};
 pub use passes::Pass;
 
 use build::build;

@@ -4,6 +4,7 @@
 //! folder takes the target's name (`target`). A job folder belongs to the program: replacing it removes
 //! everything in it.
 
+mod fly;
 mod target;
 
 use std::fs;
@@ -19,6 +20,7 @@ use crate::preview;
 use crate::program;
 use crate::record::{self, FileFact, InputFact};
 use crate::spec::{Format, Job};
+pub use fly::{summary_of_fly, write_fly};
 use target::{Target, resolved};
 
 /// The name of the file that makes a folder a job folder; written last.
@@ -84,13 +86,18 @@ pub fn prepare(target: &Path) -> Result<(), Error> {
 /// As [`prepare`]; `output-holds-input` where the folder to be replaced holds an input of the job.
 /// Whatever fails, an older folder stands as it was.
 pub fn write(plan: &Plan, target: &Path, seed: u64) -> Result<(), Error> {
+    exchange(&plan.job, target, &|new, path| fill(plan, new, path, seed))
+}
+
+/// Lets `fill` make a folder (its first argument) and puts it in the place of `target` (its second).
+fn exchange(job: &Job, target: &Path, fill: &dyn Fn(&Path, &Path) -> Result<(), Error>) -> Result<(), Error> {
     let target = Target::find(target)?;
     let parent = target.path.parent().unwrap_or(Path::new("/"));
     fs::create_dir_all(parent).map_err(|e| failed("make the folder", parent, &e))?;
     let lock = target.lock()?;
     target.tidy(&lock)?;
-    target.may_be_replaced(&input_paths(&plan.job))?;
-    let done = fill(plan, &target.new, &target.path, seed).and_then(|()| target.exchange(&lock));
+    target.may_be_replaced(&input_paths(job))?;
+    let done = fill(&target.new, &target.path).and_then(|()| target.exchange(&lock));
     if done.is_err() {
         // What cannot be removed now, the next run removes.
         let _ = fs::remove_dir_all(&target.new);

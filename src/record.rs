@@ -4,11 +4,13 @@
 //! renders bytes. Lengths are mm (heights and positions exact to the nanometre), times s. Nothing here
 //! depends on the clock, the computer or where the folder lies.
 
+mod fly;
 mod manifest;
 mod runsheet;
 mod setups;
 mod table;
 
+pub use fly::{Deviations, FlyFacts, fly_manifest, fly_summary};
 pub use manifest::manifest;
 pub use runsheet::{csv as runsheet_csv, txt as runsheet_txt};
 pub use setups::{Registered, registration};

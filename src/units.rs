@@ -362,19 +362,19 @@ where
 
 /// For `#[serde(deserialize_with)]`: a quantity that must be greater than zero.
 pub(crate) fn positive<'de, D: Deserializer<'de>, Q: Quantity + Deserialize<'de>>(d: D) -> Result<Q, D::Error> {
-    let q = Q::deserialize(d)?;
-    if q.base() > 0.0 {
-        Ok(q)
-    } else {
-        Err(de::Error::custom(format!("must be greater than zero, such as {:?}", Q::EXAMPLE)))
-    }
+    above_zero(Q::deserialize(d)?)
+}
+
+fn above_zero<E: de::Error, Q: Quantity>(q: Q) -> Result<Q, E> {
+    if q.base() > 0.0 { Ok(q) } else { Err(E::custom(format!("must be greater than zero, such as {:?}", Q::EXAMPLE))) }
 }
 
 /// As [`positive`], for a field that may be absent.
 pub(crate) fn positive_option<'de, D: Deserializer<'de>, Q: Quantity + Deserialize<'de>>(
     d: D,
 ) -> Result<Option<Q>, D::Error> {
-    positive(d).map(Some)
+    // JSON writes what is absent as null.
+    Option::<Q>::deserialize(d)?.map(above_zero).transpose()
 }
 
 /// For `#[serde(deserialize_with)]`: a quantity that must not be negative.
@@ -387,7 +387,8 @@ pub(crate) fn non_negative<'de, D: Deserializer<'de>, Q: Quantity + Deserialize<
 pub(crate) fn non_negative_option<'de, D: Deserializer<'de>, Q: Quantity + Deserialize<'de>>(
     d: D,
 ) -> Result<Option<Q>, D::Error> {
-    non_negative(d).map(Some)
+    let q = Option::<Q>::deserialize(d)?;
+    if q.is_none_or(|q| q.base() >= 0.0) { Ok(q) } else { Err(de::Error::custom("must not be negative")) }
 }
 
 #[cfg(test)]

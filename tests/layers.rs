@@ -89,9 +89,9 @@ fn allowed() -> BTreeMap<&'static str, Vec<&'static str>> {
         ("order", on_ground(&[])),
         ("check", on_ground(&["order"])),
         ("map", on_ground(&["surface"])),
-        ("fly", on_ground(&["surface", "texture", "trace"])),
-        ("emit", on_ground(&["check"])),
-        ("record", on_ground(&["check", "spec"])),
+        ("fly", on_ground(&["surface", "texture", "trace", "check"])),
+        ("emit", on_ground(&["check", "fly"])),
+        ("record", on_ground(&["check", "spec", "fly"])),
         ("preview", on_ground(&["check", "record", "map"])),
         ("verify", with(&["spec", "surface", "texture", "machine", "program"])),
         (
@@ -102,6 +102,7 @@ fn allowed() -> BTreeMap<&'static str, Vec<&'static str>> {
                 "texture",
                 "trace",
                 "fill",
+                "fly",
                 "partition",
                 "split",
                 "order",
@@ -111,7 +112,7 @@ fn allowed() -> BTreeMap<&'static str, Vec<&'static str>> {
             ]),
         ),
         ("compare", on_ground(&["compile", "spec", "surface", "texture", "trace", "fly", "record", "preview"])),
-        ("folder", on_ground(&["compile", "emit", "preview", "record", "spec"])),
+        ("folder", on_ground(&["compile", "emit", "fly", "preview", "record", "spec"])),
         ("batch", with(&["compile", "folder", "machine", "spec"])),
     ])
 }

@@ -34,6 +34,15 @@ fn threads(text: &str) -> Result<usize, String> {
     }
 }
 
+/// How a part is marked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Mode {
+    /// Stop by stop.
+    Stepped,
+    /// While the stage moves.
+    OnTheFly,
+}
+
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -61,6 +70,9 @@ pub enum Command {
         /// replaced, anything else is not.
         #[arg(short, long, value_name = "FOLDER")]
         output: Option<PathBuf>,
+        /// How the part is marked: stop by stop, or while the stage moves.
+        #[arg(long, value_enum, default_value_t = Mode::Stepped)]
+        mode: Mode,
         #[command(flatten)]
         choice: Choice,
     },

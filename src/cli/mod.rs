@@ -23,7 +23,7 @@ use crate::machine::{Machine, PROFILES};
 use crate::preview;
 use crate::spec::{self, Job};
 use crate::verify;
-use args::{Args, Choice, Command};
+use args::{Args, Choice, Command, Mode};
 
 /// Parses the command line, runs it, and answers with the exit code.
 pub fn main() -> ExitCode {
@@ -82,7 +82,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             let plan = planned(args, job, *choice)?;
             report(args, &plan, None)?;
         }
-        Command::Compile { job, output, choice } => compile(args, job, output.as_deref(), *choice)?,
+        Command::Compile { job, output, mode, choice } => compile(args, job, output.as_deref(), *mode, *choice)?,
         Command::Verify { folder, inputs } => {
             let spinner = show::Spinner::new(args.quiet);
             spinner.text("verifying");
@@ -142,7 +142,7 @@ fn load(job: &Path) -> Result<Job, Error> {
     Job::parse(Path::new("stdin.toml"), &text)
 }
 
-fn compile(args: &Args, job: &Path, output: Option<&Path>, choice: Choice) -> Result<(), Error> {
+fn compile(args: &Args, job: &Path, output: Option<&Path>, mode: Mode, choice: Choice) -> Result<(), Error> {
     let target = match output {
         Some(o) => o.to_owned(),
         None if job == Path::new("-") => PathBuf::from("stdin.job"),
@@ -150,7 +150,18 @@ fn compile(args: &Args, job: &Path, output: Option<&Path>, choice: Choice) -> Re
     };
     folder::prepare(&target)?;
     let spinner = show::Spinner::new(args.quiet);
-    let plan = compile::plan(chosen(args, job, choice)?, &|s| spinner.station(s))?;
+    let asked = chosen(args, job, choice)?;
+    if mode == Mode::OnTheFly {
+        compile::marks_on_the_fly(&asked)?;
+        let plan = compile::fly(compile::plan(asked, &|s| spinner.station(s))?)?;
+        spinner.station(Station::Write);
+        folder::write_fly(&plan, &target, args.seed)?;
+        spinner.done();
+        warn(args, &plan.warnings);
+        let summary = folder::summary_of_fly(&plan);
+        return print(&if args.json { show::json(&summary) } else { show::fly(&summary, &target) });
+    }
+    let plan = compile::plan(asked, &|s| spinner.station(s))?;
     spinner.station(Station::Write);
     folder::write(&plan, &target, args.seed)?;
     spinner.done();

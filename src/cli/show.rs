@@ -125,3 +125,22 @@ pub fn summary(s: &Summary, folder: Option<&Path>) -> String {
     }
     lines.join("\n") + "\n"
 }
+
+/// The figures of an on-the-fly job, for people.
+pub fn fly(s: &serde_json::Value, folder: &Path) -> String {
+    let number = |key: &str| s[key].as_f64().unwrap_or_default();
+    let lines = [
+        format!("marks          {} in {} moves, {:.3} mm", s["marks"], s["moves"], number("mark_mm")),
+        format!("time           {:.3} s, {:.3} s of it with the laser on", number("time_s"), number("mark_s")),
+        format!("worst focus    {:.1} um, angle {:.2} deg", number("worst_fod_um"), number("worst_bia_deg")),
+        format!("in the field   up to {:.3} mm from its centre", number("worst_displacement_mm")),
+        format!(
+            "laser          up to {:.4} mm early: {:.1} mm/s x {} s",
+            number("laser_error_mm"),
+            number("mark_speed_mm_s"),
+            number("servo_period_s")
+        ),
+        format!("folder         {}", folder.display()),
+    ];
+    lines.join("\n") + "\n"
+}

@@ -9,6 +9,7 @@
 //! What each file holds is written down in `docs/formats.md`.
 
 pub mod dxf;
+pub mod fly;
 pub mod gcode;
 pub mod ovf;
 

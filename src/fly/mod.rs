@@ -11,11 +11,14 @@
 //! stage synchronised. Where their print was damaged, the equations here are restored and tested as such.
 
 pub mod chain;
+pub mod check;
 pub mod decompose;
 pub mod kinematics;
+pub mod measure;
 pub mod motion;
 pub mod pace;
 pub mod path;
+pub mod program;
 pub mod relief;
 pub mod schedule;
 pub mod servo;

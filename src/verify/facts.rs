@@ -25,8 +25,8 @@ pub(super) struct Inputs {
 }
 
 impl Inputs {
-    pub(super) fn locate(folder: &Path, manifest: &Manifest, inputs_override: Option<&Path>) -> Self {
-        let named = Path::new(&manifest.job.file);
+    pub(super) fn locate(folder: &Path, job_file: &str, inputs_override: Option<&Path>) -> Self {
+        let named = Path::new(job_file);
         let job = match inputs_override {
             Some(root) => root.join(named.file_name().unwrap_or(named.as_os_str())),
             None => folder.join(named),

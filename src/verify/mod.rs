@@ -14,6 +14,7 @@
 
 mod depth;
 mod facts;
+mod fly;
 mod proof;
 mod read;
 mod rules;
@@ -63,10 +64,13 @@ impl<'a> Drawing<'a> {
 /// whose bytes are as when the job was compiled, yet cannot be read. Anything else that is wrong with
 /// the folder is a violation in the proof.
 pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Error> {
+    if read::fly::manifest::is_one(folder) {
+        return fly::verify(folder, inputs_override);
+    }
     let manifest = read::manifest::read(folder)?;
     let mut findings = Findings::new();
-    let inputs = Inputs::locate(folder, &manifest, inputs_override);
-    let unchanged = rules::hash::check(folder, &manifest, &inputs, &mut findings.hash);
+    let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
+    let unchanged = rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.hash);
     let program = read_program(folder, &mut findings);
     if !unchanged {
         // The job cannot be made anew: what the folder says of itself can still be compared.

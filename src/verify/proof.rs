@@ -86,6 +86,9 @@ pub struct Proof {
     pub worst_defocus_um: f64,
     /// Steepest facet under a mark, degrees.
     pub worst_incidence_deg: f64,
+    /// Largest distance of an on-the-fly mark from the texture, um; None of stepped jobs, whose marks are the
+    /// texture's to the nanometre.
+    pub worst_position_um: Option<f64>,
 }
 
 impl Proof {
@@ -97,7 +100,7 @@ impl Proof {
     /// The proof as the JSON object that `verify --json` prints.
     pub fn to_json(&self) -> Value {
         let l = &self.lengths;
-        json!({
+        let mut proof = json!({
             "ok": self.ok,
             "rules": self.rules.iter().map(rule_json).collect::<Vec<_>>(),
             "stops": self.stops,
@@ -111,7 +114,11 @@ impl Proof {
             "skipped_small_mm": l.skipped_small_mm,
             "worst_defocus_um": self.worst_defocus_um,
             "worst_incidence_deg": self.worst_incidence_deg,
-        })
+        });
+        if let Some(position) = self.worst_position_um {
+            proof["worst_position_um"] = position.into();
+        }
+        proof
     }
 
     /// The proof as text for people.
@@ -151,6 +158,9 @@ impl Proof {
             self.worst_incidence_deg,
         )
         .expect("text grows");
+        if let Some(position) = self.worst_position_um {
+            writeln!(out, "worst position {position:.4} um").expect("text grows");
+        }
         out.push_str(if self.ok { "verified\n" } else { "NOT verified\n" });
         out
     }

@@ -108,7 +108,9 @@ impl Map {
         if d[0] < d[1] {
             let at = |d: f64| z00 + grad[0] * (d * line.dir[0] - lo[0]) + grad[1] * (d * line.dir[1] - lo[1]);
             let slope2 = grad[0] * grad[0] + grad[1] * grad[1];
-            out.push(Crossing { d, z: d.map(at), slope2, drawn2: slope2, facet: u32::from(upper) });
+            let ([cos, sin], [gx, gy]) = (self.turn, grad);
+            let grad = [cos * gx - sin * gy, sin * gx + cos * gy];
+            out.push(Crossing { d, z: d.map(at), slope2, grad, drawn2: slope2, facet: u32::from(upper) });
         }
     }
 }

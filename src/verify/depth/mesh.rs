@@ -329,7 +329,7 @@ impl Mesh {
                 if let Some(d) = facet.cross(line) {
                     let z = d.map(|d| facet.z_at(line.at(d)));
                     let slope2 = facet.grad[0] * facet.grad[0] + facet.grad[1] * facet.grad[1];
-                    crossings.push(Crossing { d, z, slope2, drawn2: facet.drawn2, facet: i });
+                    crossings.push(Crossing { d, z, slope2, grad: facet.grad, drawn2: facet.drawn2, facet: i });
                 }
             }
         });

@@ -45,6 +45,8 @@ pub(super) struct Sheet {
     pub(super) slope2: f64,
     /// The slope next to the limit.
     pub(super) slope: Slope,
+    /// How much z rises for 1 along x and y.
+    pub(super) grad: [f64; 2],
 }
 
 /// A piece of a line: from `d[0]` to `d[1]` nm along it. Pieces come in order and leave nothing out.
@@ -113,6 +115,7 @@ struct Crossing {
     d: [f64; 2],
     z: [f64; 2],
     slope2: f64,
+    grad: [f64; 2],
     /// Square of the slope in the frame of the drawing, where the part is turned; else the same.
     drawn2: f64,
     facet: u32,
@@ -195,6 +198,11 @@ impl Ground {
         Self { shape: Shape::Mesh(builder.finish()), limit2: self.limit2, weld: self.weld, beside: CHORD }
     }
 
+    /// Lowest and highest place, nm.
+    pub(super) fn heights(&self) -> [f64; 2] {
+        self.shape.heights()
+    }
+
     /// How far, in nm, a mark may lie beside an edge and still be taken as on it: the rounding of both to
     /// the grid, the grid step within which the program takes a stroke as lying on a border, and welding.
     pub(super) fn reach(&self) -> f64 {
@@ -226,7 +234,7 @@ impl Ground {
         }
         let Scratch { crossings, active, .. } = scratch;
         sweep::pieces(crossings, active, line.len, |d, top| {
-            let sheet = top.map(|(c, z)| Sheet { z, slope2: c.slope2, slope: self.slope(c) });
+            let sheet = top.map(|(c, z)| Sheet { z, slope2: c.slope2, slope: self.slope(c), grad: c.grad });
             visit(Piece { d, sheet });
         });
         crossings.len() as u64

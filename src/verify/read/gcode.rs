@@ -76,7 +76,7 @@ pub(in crate::verify) fn read(bytes: &[u8]) -> Result<Vec<Statement>, Fault> {
 }
 
 /// The code of a line without its comments, and the comments.
-fn split_comments(line: &str) -> Result<(String, Vec<&str>), &'static str> {
+pub(super) fn split_comments(line: &str) -> Result<(String, Vec<&str>), &'static str> {
     let (mut code, mut comments, mut rest) = (String::new(), Vec::new(), line);
     while let Some(at) = rest.find(['(', ';']) {
         code.push_str(&rest[..at]);
@@ -142,7 +142,7 @@ fn o_word(code: &str) -> Option<Step> {
 }
 
 /// Letters and the numbers after them; letters in upper case.
-fn words(code: &str) -> Option<Vec<(char, &str)>> {
+pub(super) fn words(code: &str) -> Option<Vec<(char, &str)>> {
     let mut out = Vec::new();
     let mut rest = code.trim();
     while let Some(letter) = rest.chars().next() {

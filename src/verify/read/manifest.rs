@@ -7,6 +7,7 @@ use serde::Deserialize;
 use crate::diag::{self, Diag, Error, Place};
 use crate::machine::Machine;
 use crate::spec::{DepthRule, Level};
+use crate::verify::rules::hash::Listed;
 
 /// Name of the manifest in a job folder.
 pub(in crate::verify) const NAME: &str = "manifest.json";
@@ -154,6 +155,13 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) skipped_steep_mm: f64,
     pub(in crate::verify) skipped_small_mm: f64,
     pub(in crate::verify) worst_defocus_um: f64,
+}
+
+impl Manifest {
+    /// The files that it lists.
+    pub(in crate::verify) fn listed(&self) -> Listed<'_> {
+        Listed { job: &self.job, inputs: &self.inputs, files: &self.files }
+    }
 }
 
 /// Reads the manifest of the job folder.

@@ -4,6 +4,7 @@
 //! answers a fault with its line or place, never with a panic.
 
 pub(super) mod dxf;
+pub(super) mod fly;
 pub(super) mod gcode;
 pub(super) mod manifest;
 pub(super) mod number;

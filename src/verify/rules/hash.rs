@@ -8,16 +8,23 @@ use std::path::{Component, Path};
 
 use crate::verify::facts::Inputs;
 use crate::verify::proof::Rule;
-use crate::verify::read::manifest::{self, FileEntry, Manifest};
+use crate::verify::read::manifest::{self, FileEntry, JobRef};
 
 /// Folders inside the job folder are looked into this deep; terrace writes one level.
 const DEEPEST: usize = 8;
 
+/// What a manifest lists.
+pub(in crate::verify) struct Listed<'a> {
+    pub(in crate::verify) job: &'a JobRef,
+    pub(in crate::verify) inputs: &'a [FileEntry],
+    pub(in crate::verify) files: &'a [FileEntry],
+}
+
 /// Holds the rule; answers whether job file and inputs are unchanged.
-pub(in crate::verify) fn check(folder: &Path, manifest: &Manifest, inputs: &Inputs, rule: &mut Rule) -> bool {
+pub(in crate::verify) fn check(folder: &Path, manifest: &Listed<'_>, inputs: &Inputs, rule: &mut Rule) -> bool {
     rule.ran = true;
     let mut listed = BTreeSet::new();
-    for entry in &manifest.files {
+    for entry in manifest.files {
         let path = Path::new(&entry.file);
         if !is_inside(&entry.file) {
             rule.broken("", &entry.file, "is listed, but is no path inside the job folder");
@@ -37,7 +44,7 @@ pub(in crate::verify) fn check(folder: &Path, manifest: &Manifest, inputs: &Inpu
         Err(e) => rule.broken("", &job.file, missing_input(&e)),
     }
     rule.checked += 1;
-    for entry in &manifest.inputs {
+    for entry in manifest.inputs {
         match hash_of(&inputs.resolve(&entry.file)) {
             Ok(found) if found == (entry.blake3.clone(), entry.bytes) => {}
             Ok(_) => rule.broken("", &entry.file, "this input has changed since the job was compiled"),

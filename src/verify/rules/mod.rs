@@ -93,6 +93,7 @@ impl Findings {
             lengths: self.lengths,
             worst_defocus_um: self.worst_defocus_um,
             worst_incidence_deg: self.worst_incidence_deg,
+            worst_position_um: None,
         }
     }
 }

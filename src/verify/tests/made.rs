@@ -209,8 +209,8 @@ impl Made {
         let manifest: Manifest = read::manifest::read(folder).expect("a manifest");
         let mut findings = Findings::new();
         findings.fill.ran = true;
-        let inputs = Inputs::locate(folder, &manifest, None);
-        crate::verify::rules::hash::check(folder, &manifest, &inputs, &mut findings.hash);
+        let inputs = Inputs::locate(folder, &manifest.job.file, None);
+        crate::verify::rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.hash);
         let Some(program) = crate::verify::read_program(folder, &mut findings) else { return findings.into_proof() };
         let drawing = Drawing {
             len: self.strokes.len(),

@@ -1,0 +1,241 @@
+//! A job that is marked on the fly: the strokes of a plan in their order, shared out between stage and scanner.
+//!
+//! Consumes a plan, of which the order of strokes counts; promises a checked on-the-fly program. Machines whose
+//! swivel and turntable state their speeds mark with seven axes, all others with five: the stage follows a moving
+//! average, the scanner is the rest. The order is the plan's, block by block, so a plan with few blocks marks
+//! with few jumps.
+
+use crate::diag::{Diag, Error, Place};
+use crate::fly::check::Checked;
+use crate::fly::decompose::Limits;
+use crate::fly::kinematics::Deviation;
+use crate::fly::motion::{AXES, Motion};
+use crate::fly::pace::State;
+use crate::fly::path::Path;
+use crate::fly::program::{Kind, Program};
+use crate::fly::relief::Relief;
+use crate::fly::schedule::Schedule;
+use crate::fly::seven::{Seven, Tools, axis_limits, seven};
+use crate::fly::sync::{Follow, Room, Sync, synchronise};
+use crate::geom::mm_from_nm;
+use crate::machine::Machine;
+use crate::record::Deviations;
+use crate::spec::{Direction, Job};
+use crate::surface::Surface;
+
+use super::Plan;
+
+/// Nodes of the path along half of the field.
+const NODES: f64 = 100.0;
+/// Most even samples of the path.
+const SAMPLES: usize = 300_000;
+/// What of field and focus is left to the rounding of samples, mm.
+const SPARE: f64 = 1e-3;
+/// Finest step of the relief, mm.
+const FINEST: f64 = 0.05;
+/// Share of the limits that leading in and out takes.
+const LEAD: f64 = 0.8;
+
+/// An on-the-fly job that was planned and checked, not yet written.
+#[derive(Clone, Debug)]
+pub struct FlyPlan {
+    /// The job.
+    pub job: Job,
+    /// Its machine.
+    pub machine: Machine,
+    /// The program.
+    pub checked: Checked,
+    /// How far marks lie from the best, as planned.
+    pub deviations: Deviations,
+    /// What the user should know.
+    pub warnings: Vec<Diag>,
+}
+
+/// Whether a job asks for nothing that on-the-fly programs cannot do; to be asked before it is planned.
+///
+/// # Errors
+/// `fly-job` with what is asked for.
+pub fn marks_on_the_fly(job: &Job) -> Result<(), Error> {
+    let file = &job.file;
+    let asked = [
+        (file.passes.count() > 1, "several passes (passes.count)"),
+        (file.setups.is_some(), "set-ups ([setups])"),
+        (file.dose.is_some(), "pens that make up for the slope ([dose])"),
+        (file.pen.iter().any(|p| p.passes > 1), "pens of several passes (pen.passes)"),
+        (
+            file.texture.iter().any(|t| matches!(t.direction, Some(Direction::Contour))),
+            "areas filled along contours (direction = \"contour\")",
+        ),
+    ];
+    let faults = asked.into_iter().filter(|a| a.0).map(|(_, what)| {
+        Diag::limit("fly-job", format!("on-the-fly programs cannot do {what}"))
+            .at(Place::file(job.path.display().to_string()))
+            .hint("leave it out, or compile a stepped job")
+    });
+    let faults: Vec<Diag> = faults.collect();
+    if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
+}
+
+/// Makes an on-the-fly program of a plan.
+///
+/// # Errors
+/// `fly-job`; limits of the machine that the motion breaks.
+pub fn fly(plan: Plan) -> Result<FlyPlan, Error> {
+    let Plan { job, machine, checked, texture, mut warnings, .. } = plan;
+    marks_on_the_fly(&job)?;
+    let strokes = checked.program();
+    let turn = job.file.placement.turn.as_rad();
+    let path = job.resolve(job.file.surface.file.get_ref());
+    let weld = job.file.surface.weld.as_mm();
+    let surface = Surface::load(&path, &job.surface_options(), weld, turn, &mut Vec::new())?;
+    let Some(relief) = Relief::over(&surface, texture, FINEST) else {
+        let hint = "compare its area with the part's box";
+        return Err(Diag::limit("job-empty", "the texture lies nowhere on the part").hint(hint).into());
+    };
+    let half_field = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+    let [width, height] = texture.size().map(mm_from_nm);
+    let spacing = half_field[0].min(half_field[1]).min(width.max(height) / 2.0) / NODES;
+    let path = Path::of(strokes, &surface, &relief, spacing);
+    let focus = job.depth_range().as_mm() / 2.0 - SPARE;
+    let (motion, kind, deviations) = match axis_limits(&machine) {
+        Some(limits) => {
+            // The usable rectangle lies inside of a round field.
+            let room = half_field[0].min(half_field[1]) - SPARE;
+            let angle = job.file.limits.max_incidence.as_rad();
+            let wanted = Limits { focus, angle, field: room };
+            let found = seven(&path, &relief, &strokes.pens, &machine, &limits, wanted, Tools::Gaussian)?;
+            let worst = found.deviation.iter().fold(Deviation::default(), |w, &d| w.max(d));
+            let deviations = Deviations { worst_fod_um: worst.focus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
+            (turning(&path, &found), Kind::Xyzacuv, deviations)
+        }
+        None => {
+            let (schedule, step_s) = Schedule::sampled(&path, &machine, &strokes.pens, 0.0, SAMPLES);
+            let room = Room { half_field: half_field.map(|h| h - SPARE), focus };
+            let found = synchronise(&path, &schedule, &machine, room, Follow::Average, step_s);
+            if found.slower > 1.0 + 1e-9 {
+                warnings.push(slower(&job, found.slower));
+            }
+            let deviations = upright(&found, &relief);
+            (led(&found, &machine), Kind::Xyzuv, deviations)
+        }
+    };
+    let program = Program::of(&motion, strokes, &machine, checked.origin(), kind)?;
+    let checked = Checked::new(program, &machine)?;
+    Ok(FlyPlan { job, machine, checked, deviations, warnings })
+}
+
+fn slower(job: &Job, slower: f64) -> Diag {
+    let text = format!("the stage cannot follow: all is marked at {:.1} % of the pens' speeds", 100.0 / slower);
+    Diag::warning("fly-slow", text)
+        .at(Place::file(job.path.display().to_string()))
+        .hint("the dose rises as the speed falls; set slower pens, or mark a stepped job")
+}
+
+/// Worst focal offset and angle of upright beams.
+fn upright(sync: &Sync, relief: &Relief) -> Deviations {
+    let mut out = Deviations::default();
+    let motion = &sync.motion;
+    for (_, axes) in motion.axes.iter().enumerate().filter(|&(i, _)| motion.pen[i].is_some()) {
+        let at = [axes[0] + axes[5], axes[1] + axes[6]];
+        let height = relief.at(at);
+        out.worst_fod_um = out.worst_fod_um.max((height.z - axes[2]).abs() * 1e3);
+        out.worst_bia_deg = out.worst_bia_deg.max(height.normal()[2].acos().to_degrees());
+    }
+    out
+}
+
+/// The motion of seven axes at the nodes of the path and the borders of the cells it was timed by; the spot runs
+/// straight from node to node.
+fn turning(path: &Path, found: &Seven) -> Motion {
+    let s = path.distances();
+    let mut motion = Motion::default();
+    let (mut hint, mut state, mut node) = (0, State::default(), 0);
+    for (time, at, _) in found.timed.borders() {
+        while node + 2 < s.len() && s[node + 1] <= at {
+            node += 1;
+        }
+        found.timed.at(time, &mut hint, &mut state);
+        let length = s[node + 1] - s[node];
+        let share = if length > 0.0 { ((at - s[node]) / length).clamp(0.0, 1.0) } else { 1.0 };
+        let [p, q] = [path.at[node], path.at[node + 1]];
+        let spot = std::array::from_fn(|k| p[k] + share * (q[k] - p[k]));
+        let mut axes: [f64; AXES] = std::array::from_fn(|k| state.position[k]);
+        let tool = crate::fly::kinematics::Axes { xyz: [axes[0], axes[1], axes[2]], a: axes[3], c: axes[4] };
+        let [u, v, _] = tool.sees(spot);
+        (axes[5], axes[6]) = (u, v);
+        // The stretch that ends here is that of the node behind, at the node itself too.
+        let behind = if share > 0.0 { node + 1 } else { node };
+        motion.time.push(time);
+        motion.axes.push(axes);
+        motion.pen.push(path.pen[behind]);
+        motion.stroke.push(path.stroke[behind]);
+    }
+    motion
+}
+
+/// The synchronised motion with the stage led in from rest and out to rest; the scanner stands meanwhile.
+fn led(sync: &Sync, machine: &Machine) -> Motion {
+    let mut motion = sync.motion.clone();
+    let n = sync.stage.len();
+    if n < 3 || motion.time.is_empty() {
+        return motion;
+    }
+    let h = sync.step_s;
+    // Speed and acceleration at an end, from three samples, in the direction away from it.
+    let end = |i: [usize; 3]| {
+        let [a, b, c] = i.map(|i| sync.stage[i]);
+        [0, 1, 2].map(|k| [(4.0 * b[k] - 3.0 * a[k] - c[k]) / (2.0 * h), (a[k] - 2.0 * b[k] + c[k]) / (h * h)])
+    };
+    let (first, last) = (motion.axes[0], motion.axes[motion.axes.len() - 1]);
+    let into = lead(end([0, 1, 2]), machine);
+    let out = lead(end([n - 1, n - 2, n - 3]), machine);
+    let moved = |at: [f64; AXES], by: [f64; 3]| std::array::from_fn(|k| at[k] + if k < 3 { by[k] } else { 0.0 });
+    let begin = into.last().map_or(0.0, |l| l.0);
+    motion.time.iter_mut().for_each(|t| *t += begin);
+    let total = motion.total_s();
+    let stroke = [motion.stroke[0], motion.stroke[motion.stroke.len() - 1]];
+    let count = into.len();
+    motion.time.splice(0..0, into.iter().rev().map(|l| begin - l.0));
+    motion.axes.splice(0..0, into.iter().rev().map(|l| moved(first, l.1)));
+    motion.pen.splice(0..0, vec![None; count]);
+    motion.stroke.splice(0..0, vec![stroke[0]; count]);
+    for (t, by) in out {
+        motion.time.push(total + t);
+        motion.axes.push(moved(last, by));
+        motion.pen.push(None);
+        motion.stroke.push(stroke[1]);
+    }
+    motion
+}
+
+/// Times before an end and how far the stage is then from where it is at that end: back from its speed and
+/// acceleration to rest. The speed falls as a cubic, whose acceleration and jerk keep to the limits.
+fn lead(state: [[f64; 2]; 3], machine: &Machine) -> Vec<(f64, [f64; 3])> {
+    let mut time = 0.02;
+    let fits = |time: f64| {
+        machine.axes().iter().zip(state).all(|((_, axis), [v, a])| {
+            let (v, a) = (v.abs(), a.abs());
+            let jerk = (6.0 * v / time + 4.0 * a) / time;
+            let most = axis.jerk.map_or(f64::INFINITY, |j| j.as_mm_s3());
+            1.5 * v / time + a <= (axis.acceleration.as_mm_s2() * LEAD).max(1.02 * a) && jerk <= LEAD * most
+        })
+    };
+    while !fits(time) && time < 60.0 {
+        time *= 1.25;
+    }
+    let count = (time / 1e-3).ceil() as usize;
+    (1..=count)
+        .map(|i| {
+            let t = i as f64 / count as f64;
+            let s = 1.0 - t;
+            // The integral, from s to 1, of the cubic in s that is 0 with slope 0 at 0, and v with a's slope at 1.
+            let by = state.map(|[v, a]| {
+                let slope = a * time;
+                let (c3, c2) = (slope - 2.0 * v, 3.0 * v - slope);
+                let whole = |s: f64| s * s * s * (c2 / 3.0 + s * c3 / 4.0);
+                -(whole(1.0) - whole(s)) * time
+            });
+            (t * time, by)
+        })
+        .collect()
+}

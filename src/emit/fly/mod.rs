@@ -1,0 +1,114 @@
+//! On-the-fly programs: one line a move, its time in the line, the laser switched with the motion.
+//!
+//! Consumes a checked [`fly::Program`](crate::fly::program::Program); promises programs whose samples read back
+//! to the nanometre, the millionth of a degree and the microsecond. Words are absolute; an axis that stays has
+//! none. A comment `MARK s PEN p` stands before every piece of a stroke: stroke of the texture from 0, pen from 1.
+//!
+//! The stage goes to the start like that of a stepped program: z lifted, x and y with all that turns and scans,
+//! then z alone. At the end it lifts again. The laser is off in all of this, and in every rest.
+
+mod linuxcnc;
+mod pmac;
+
+pub use linuxcnc::linuxcnc;
+pub use pmac::{blend_us, pmac};
+
+use crate::fly::check::{Checked, Figures, SERVO_S};
+use crate::fly::motion::AXES;
+use crate::fly::program::Kind;
+use crate::machine::Machine;
+
+/// How far a controller that blends moves may round a corner of a mark, mm.
+pub const BLEND_MM: f64 = 2e-4;
+
+/// Letters of all axes of a sample.
+const LETTERS: [u8; AXES] = *b"XYZACUV";
+
+/// Where the axes stand.
+struct At {
+    to: [i64; AXES],
+    kind: Kind,
+}
+
+impl At {
+    /// Appends a word, after a blank, for each of these axes that moves to `to`; answers whether any does.
+    fn words(&mut self, out: &mut Vec<u8>, to: &[i64; AXES]) -> bool {
+        let mut moves = false;
+        for &k in self.kind.axes() {
+            if to[k] != self.to[k] {
+                word(out, k, to[k]);
+                moves = true;
+            }
+        }
+        self.to = *to;
+        moves
+    }
+}
+
+/// Appends a blank, the letter of an axis and where it goes; degrees have six decimals as well.
+fn word(out: &mut Vec<u8>, axis: usize, to: i64) {
+    out.extend_from_slice(&[b' ', LETTERS[axis]]);
+    super::push_mm(out, to);
+}
+
+/// The lines that go to the start, z apart: lift, all others, down. `rapid` begins each.
+fn approach(out: &mut Vec<u8>, checked: &Checked, machine: &Machine, rapid: &str) {
+    let program = checked.program();
+    let begin = |out: &mut Vec<u8>| out.extend_from_slice(rapid.as_bytes());
+    begin(out);
+    word(out, 2, machine.retract_z());
+    out.push(b'\n');
+    begin(out);
+    for &k in program.kind.axes().iter().filter(|&&k| k != 2) {
+        word(out, k, program.start[k]);
+    }
+    out.push(b'\n');
+    begin(out);
+    word(out, 2, program.start[2]);
+    out.push(b'\n');
+}
+
+/// Appends microseconds as a decimal of so many whole ones, without zeros at its end: of ms with 1000.
+fn push_time(out: &mut Vec<u8>, us: i64, unit: i64) {
+    let digits = unit.ilog10() as usize;
+    let text = format!("{}.{:0digits$}", us / unit, us % unit);
+    out.extend_from_slice(text.trim_end_matches('0').trim_end_matches('.').as_bytes());
+}
+
+/// Power of a pen in percent of the laser's, three decimals.
+fn percent(checked: &Checked, machine: &Machine, pen: u16) -> String {
+    let full = machine.laser.max_power;
+    format!("{:.3}", checked.program().pens[usize::from(pen)].power.as_w(full) / full.as_w() * 100.0)
+}
+
+/// What stands at the head of every program.
+fn head(checked: &Checked, machine: &Machine) -> Vec<String> {
+    let Figures { time_s, marks, laser_error_mm, mark_speed, .. } = checked.figures();
+    let mut lines = vec![
+        format!("machine: {}", machine.name),
+        format!("{} moves, {marks} marks, {time_s:.3} s", checked.program().moves.len()),
+        format!("laser switched up to one servo period of {} ms early: {mark_speed:.1} mm/s x period", SERVO_S * 1e3),
+        format!("LASER ERROR {laser_error_mm:.6} mm"),
+    ];
+    for (i, pen) in checked.program().pens.iter().enumerate() {
+        lines.push(format!(
+            "pen {}: {}, {} mm/s, {} at {} kHz",
+            i + 1,
+            pen.name,
+            pen.speed.as_mm_s(),
+            pen.power.to_string().replace('%', "percent"),
+            pen.frequency.as_khz()
+        ));
+    }
+    lines.push("not a safety system: the laser needs its own interlock".into());
+    lines
+}
+
+/// A text as a comment may hold it: what a controller could take for its end becomes `_`.
+fn clean(text: &str, longest: usize) -> String {
+    let plain = |c: char| if matches!(c, ' '..='~') && !"();%".contains(c) { c } else { '_' };
+    text.chars().map(plain).take(longest).collect()
+}
+
+#[cfg(test)]
+mod tests;
