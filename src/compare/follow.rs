@@ -259,8 +259,8 @@ impl<'a> Follower<'a> {
             *(if self.path.pen[i + 1].is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
         }
         let asked: f64 = { Schedule::of(&self.path, machine, &self.whole.checked.program().pens, 0.0).mark_s };
-        let (stage, beam, marks, step_s) = sampled(&made.timed, &self.path);
-        let (lag, error) = self.trailing(&stage, &beam, step_s, &marks);
+        let even = sampled(&made.timed, &self.path);
+        let (lag, error) = self.trailing(&even.stage, &even.beam, even.step_s, &even.marks);
         Figures {
             time,
             stops: 1,
@@ -277,15 +277,24 @@ impl<'a> Follower<'a> {
     }
 }
 
-/// Stage and beam in machine coordinates at even steps of time, and where it marks.
-fn sampled(timed: &Timed, path: &Path) -> (Vec<[f64; 3]>, Vec<[f64; 3]>, Vec<f64>, f64) {
+/// A turning motion at even steps of time, in machine coordinates.
+#[derive(Default)]
+struct Sampled {
+    stage: Vec<[f64; 3]>,
+    beam: Vec<[f64; 3]>,
+    /// 1 where it marks, else 0.
+    marks: Vec<f64>,
+    step_s: f64,
+}
+
+fn sampled(timed: &Timed, path: &Path) -> Sampled {
     const SAMPLES: usize = 150_000;
     let total = timed.total_s();
     let count = ((total / 1e-3).ceil() as usize).clamp(1, SAMPLES);
     let step_s = total / count as f64;
     let nodes: Vec<f64> = timed.node_times().collect();
     let (mut hint, mut state, mut node) = (0, State::default(), 0);
-    let (mut stage, mut beam, mut marks) = (Vec::new(), Vec::new(), Vec::new());
+    let mut out = Sampled { step_s, ..Sampled::default() };
     for k in 0..=count {
         let now = k as f64 * step_s;
         while node + 1 < nodes.len() && nodes[node + 1] <= now {
@@ -293,11 +302,11 @@ fn sampled(timed: &Timed, path: &Path) -> (Vec<[f64; 3]>, Vec<[f64; 3]>, Vec<f64
         }
         timed.at(now, &mut hint, &mut state);
         let p = &state.position;
-        stage.push([p[0], p[1], p[2]]);
-        beam.push([p[0] + p[5], p[1] + p[6], p[2]]);
-        marks.push(f64::from(u8::from(path.pen.get(node + 1).copied().flatten().is_some())));
+        out.stage.push([p[0], p[1], p[2]]);
+        out.beam.push([p[0] + p[5], p[1] + p[6], p[2]]);
+        out.marks.push(f64::from(u8::from(path.pen.get(node + 1).copied().flatten().is_some())));
     }
-    (stage, beam, marks, step_s)
+    out
 }
 
 fn has_a_and_c(machine: &Machine) -> bool {

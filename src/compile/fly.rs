@@ -16,7 +16,7 @@ use crate::fly::program::{Kind, Program};
 use crate::fly::relief::Relief;
 use crate::fly::schedule::Schedule;
 use crate::fly::seven::{Seven, Tools, axis_limits, seven};
-use crate::fly::sync::{Follow, Room, Sync, synchronise};
+use crate::fly::sync::{Room, Sync, synchronise};
 use crate::geom::mm_from_nm;
 use crate::machine::Machine;
 use crate::record::Deviations;
@@ -109,9 +109,9 @@ pub fn fly(plan: Plan) -> Result<FlyPlan, Error> {
             (turning(&path, &found), Kind::Xyzacuv, deviations)
         }
         None => {
-            let (schedule, step_s) = Schedule::sampled(&path, &machine, &strokes.pens, 0.0, SAMPLES);
+            let (schedule, step_s) = Schedule::sampled(&path, &machine, &strokes.pens, SAMPLES);
             let room = Room { half_field: half_field.map(|h| h - SPARE), focus };
-            let found = synchronise(&path, &schedule, &machine, room, Follow::Average, step_s);
+            let found = synchronise(&path, &schedule, &machine, room, step_s);
             if found.slower > 1.0 + 1e-9 {
                 warnings.push(slower(&job, found.slower));
             }

@@ -319,3 +319,30 @@ fn push(motion: &mut Motion, time: f64, stage: [f64; 3], at: [f64; 3], pen: Opti
     motion.pen.push(pen);
     motion.stroke.push(stroke);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_times_of_the_article() {
+        let (stops, move_s, process_s) = (8, 3.71, 38.27);
+        let (stepped, synchronised) = (step_scan_s(stops, move_s, process_s), synchronised_s(move_s, process_s));
+        assert!((stepped - 67.95).abs() < 1e-9 && (synchronised - 41.98).abs() < 1e-9);
+        let saved = 100.0 * (stepped - synchronised) / stepped;
+        assert_eq!(format!("{saved:.2}"), "38.22");
+    }
+
+    #[test]
+    fn peaks_are_those_of_a_parabola_and_slow_down_by_their_own_powers() {
+        let step_s = 0.01;
+        let at: Vec<[f64; 3]> = (0..200).map(|i| f64::from(i) * step_s).map(|t| [3.0 * t * t, -5.0 * t, 0.0]).collect();
+        let [x, y, z] = [0, 1, 2].map(|axis| Peaks::of(&at, axis, step_s));
+        assert!((x.acceleration - 6.0).abs() < 1e-6 && x.jerk < 1e-3 && (x.speed - 6.0 * 1.985).abs() < 1e-6);
+        assert!((y.speed - 5.0).abs() < 1e-9 && y.acceleration < 1e-6);
+        assert_eq!(z, Peaks { speed: 0.0, acceleration: 0.0, jerk: 0.0 });
+        let limits = Peaks { speed: 1e9, acceleration: 1.5, jerk: f64::INFINITY };
+        assert!((x.slowed(&limits) - 2.0).abs() < 1e-6, "half the speed is a quarter of the acceleration");
+        assert_eq!(y.slowed(&limits), 1.0);
+    }
+}

@@ -1,0 +1,106 @@
+//! `terrace compare`: every system in one table, within the limits where it promises them, the same on any
+//! number of threads.
+
+mod support;
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+use support::surfaces::{mesh, write_stl};
+use support::{JobText, folder, number, said, terrace};
+
+/// A bulge of a millimetre under hatch and squares.
+fn job(dir: &Path) -> PathBuf {
+    let stl = dir.join("bulge.stl");
+    write_stl(&stl, &mesh(80, [0.0, 0.0, 60.0, 50.0], |x, y| (x / 20.0).sin() * (y / 17.0).cos()));
+    JobText::on(&stl)
+        .texture("pattern = \"hatch\"\npitch = \"2 mm\"")
+        .texture("pattern = \"squares\"\npitch = \"10 mm\"\ncell = \"4 mm\"")
+        .write(dir, "bulge.toml")
+}
+
+fn compared(args: &[&str], job: &Path) -> Value {
+    let all = [Path::new("compare"), job].into_iter().chain(args.iter().map(Path::new));
+    let out = terrace(all.chain([Path::new("--json")]));
+    assert!(out.status.success(), "{}", said(&out));
+    serde_json::from_slice(&out.stdout).expect("JSON")
+}
+
+#[test]
+fn every_system_is_timed_and_keeps_what_it_promises() {
+    let dir = folder();
+    let job = job(dir.path());
+    let found = compared(&["-j", "1"], &job);
+    assert_eq!(found, compared(&["-j", "2"], &job), "threads change nothing");
+    let limits = &found["limits"];
+    let systems = found["systems"].as_array().expect("systems");
+    let of = |name: &str| systems.iter().find(|s| s["system"] == name).unwrap_or_else(|| panic!("no {name}"));
+    assert_eq!(systems.len(), 11);
+    for s in systems {
+        let parts = ["stage_s", "settle_s", "zoom_s", "mark_s", "jump_s", "delay_s"].map(|k| number(s, k));
+        let total = number(s, "total_s");
+        assert!((parts.iter().sum::<f64>() - total).abs() < 1e-9 * total && total > 0.0, "{s}");
+        if s["system"] == "flat" {
+            continue;
+        }
+        assert!(number(s, "worst_fod_um") <= number(limits, "fod_um") + 0.01, "{s}");
+        assert!(number(s, "within_limits_percent") > 99.9, "{s}");
+    }
+    // Flat tiling is quick and out of focus.
+    assert!(number(of("flat"), "worst_fod_um") > 200.0 && number(of("flat"), "within_limits_percent") < 50.0);
+    assert!(number(of("flat"), "total_s") < number(of("contour"), "total_s"));
+    assert!(number(of("z-range"), "stops") <= number(of("contour"), "stops"));
+    // A zoom optic moves the stage once a field.
+    assert_eq!(number(of("zoom"), "stops"), number(of("flat"), "stops"));
+    assert!(number(of("zoom"), "total_s") < number(of("z-range"), "total_s"));
+    // Where five axes follow the mark itself nothing is off; smoothing lets it be off and saves time.
+    assert_eq!(number(of("5-axis"), "worst_fod_um"), 0.0);
+    assert!(number(of("7-axis-smooth"), "total_s") < number(of("5-axis"), "total_s"));
+    assert!(number(of("sync"), "worst_displacement_mm") <= 20.0 * std::f64::consts::SQRT_2);
+    // Decompositions share one path: the one of least acceleration has the least.
+    let filters = found["decompositions"].as_array().expect("decompositions");
+    let rms = |f: &Value| number(f, "rms_stage_acceleration_mm_s2");
+    let least = filters.iter().find(|f| f["decomposition"] == "least acceleration").expect("the last");
+    assert!(filters.len() == 5 && filters.iter().all(|f| rms(least) <= rms(f)), "{filters:?}");
+}
+
+#[test]
+fn tables_and_pictures_go_to_a_folder_of_their_own() {
+    let dir = folder();
+    let job = job(dir.path());
+    let out = dir.path().join("out");
+    let args = ["--systems", "flat,contour,sync,7-axis", "-o", out.to_str().expect("UTF-8")];
+    compared(&args, &job);
+    for file in ["compare.html", "compare.json", "systems.csv", "systems.md", "systems.txt", "decompositions.csv"] {
+        assert!(out.join(file).is_file(), "{file}");
+    }
+    for file in ["times", "ladder", "axes", "along", "paths"] {
+        let svg = std::fs::read_to_string(out.join(format!("{file}.svg"))).expect("a chart");
+        is_whole(&svg);
+    }
+    let csv = std::fs::read_to_string(out.join("systems.csv")).expect("a table");
+    assert_eq!(csv.lines().count(), 5, "{csv}");
+    // A comparison is replaced, anything else is not.
+    compared(&args, &job);
+    let other = dir.path().join("mine");
+    std::fs::create_dir(&other).expect("a folder");
+    std::fs::write(other.join("letter.txt"), "keep").expect("a file");
+    let refused =
+        terrace([Path::new("compare"), &job, Path::new("--systems"), Path::new("flat"), Path::new("-o"), &other]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(said(&refused).contains("output-not-a-comparison") && other.join("letter.txt").is_file());
+}
+
+/// Well-formed, as far as brackets tell.
+fn is_whole(svg: &str) {
+    assert!(svg.starts_with("<svg") || svg.starts_with("<?xml"), "{}", &svg[..40.min(svg.len())]);
+    assert_eq!(svg.matches("<svg").count(), svg.matches("</svg>").count());
+}
+
+#[test]
+fn unknown_systems_are_named_with_the_known_ones() {
+    let dir = folder();
+    let out = terrace([Path::new("compare"), &job(dir.path()), Path::new("--systems"), Path::new("flat,9-axis")]);
+    assert_eq!(out.status.code(), Some(2));
+    assert!(said(&out).contains("7-axis-smooth"), "{}", said(&out));
+}
