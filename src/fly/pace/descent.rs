@@ -22,6 +22,8 @@ const NEAR: f64 = 0.99;
 const ROOM: f64 = 0.3;
 /// Excess over a limit that an answer may have, relative.
 const EXCESS: f64 = 1e-4;
+/// Least products aimed at, as a multiple of what of the gradient is not balanced: less ends in worse minima.
+const UNBALANCED: f64 = 3.0;
 /// Share of itself that b keeps in a step.
 const KEPT: f64 = 0.1;
 
@@ -83,8 +85,7 @@ pub(super) struct Stretch<'a> {
 /// Sums over a pass.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
-    /// Slack × multiplier, and its parts after a step: by the slack's change, the multiplier's and both.
-    gap: f64,
+    /// What a step adds to slack × multiplier: by the slack's change, the multiplier's and both.
     by_slack: f64,
     by_multiplier: f64,
     by_both: f64,
@@ -201,7 +202,7 @@ impl<'a> Stretch<'a> {
             let [primal, dual] = sums.reach(1.0);
             let after = gap + primal * sums.by_slack + dual * sums.by_multiplier + primal * dual * sums.by_both;
             // Products must not fall faster than the gradient is balanced, or a bent measure runs into a corner.
-            let centre = ((after / gap).clamp(0.0, 1.0).powi(3) * gap).max(unbalanced) / count;
+            let centre = ((after / gap).clamp(0.0, 1.0).powi(3) * gap).max(UNBALANCED * unbalanced) / count;
             for i in self.free.clone() {
                 self.step[i] = centre * self.pull[i][0] - self.pull[i][1] + self.target[i];
             }
@@ -440,17 +441,12 @@ impl View {
         let near = &b[at..at + 3];
         let bound = pack.bound(bounds);
         let mut factors = pack.factors;
-        let mut slack = [[0.0; LANES]; 2];
-        for k in 0..3 {
-            for l in 0..LANES {
-                factors[k][l] *= near[k];
-            }
+        for (lanes, b) in factors.iter_mut().zip(near) {
+            lanes.iter_mut().for_each(|c| *c *= b);
         }
-        for l in 0..LANES {
-            let along = factors[0][l] + factors[1][l] + factors[2][l];
-            slack[0][l] = bound.value + pack.excess - along;
-            slack[1][l] = bound.value + pack.excess + along;
-        }
+        let along: Lanes = std::array::from_fn(|l| factors[0][l] + factors[1][l] + factors[2][l]);
+        let value = bound.value + pack.excess;
+        let slack = [along.map(|u| value - u), along.map(|u| value + u)];
         Self { factors, slope: bound.slope, excess: pack.excess, slack }
     }
 
@@ -458,13 +454,9 @@ impl View {
     #[inline]
     fn change(&self, step: &[f64]) -> [Lanes; 2] {
         let lift = self.slope[0] * step[0] + self.slope[1] * step[1] + self.slope[2] * step[2] - self.excess;
-        let mut out = [[0.0; LANES]; 2];
-        for l in 0..LANES {
-            let along = self.factors[0][l] * step[0] + self.factors[1][l] * step[1] + self.factors[2][l] * step[2];
-            out[0][l] = lift - along;
-            out[1][l] = lift + along;
-        }
-        out
+        let c = &self.factors;
+        let along: Lanes = std::array::from_fn(|l| c[0][l] * step[0] + c[1][l] * step[1] + c[2][l] * step[2]);
+        [along.map(|u| lift - u), along.map(|u| lift + u)]
     }
 }
 

@@ -15,7 +15,7 @@ const WINDOW: usize = 1024;
 /// Unknown borders to each side of a seam between two windows, as many times.
 const SEAM: usize = 256;
 /// Share of b without jerk limits from which a window begins, and which may break them.
-const FAST: f64 = 0.5;
+const FAST: f64 = 0.25;
 
 /// Acceleration of an axis over its limit, where the time to the next reference begins or ends, as factors of
 /// b at both borders: the middle of a cell, or the moving end of a cell that borders on rest.
@@ -154,9 +154,9 @@ fn round_off(course: &Course, caps: &[f64], b: &mut [f64]) {
     let n = course.cells();
     let (first, last) = (caps[1] / course.width(0).powf(4.0 / 3.0), caps[n - 1] / course.width(n - 1).powf(4.0 / 3.0));
     let length = course.x[n];
-    for i in 1..n {
-        let rise = |c: f64, x: f64| 1.0 / (c * x.powf(4.0 / 3.0));
-        b[i] = 1.0 / (1.0 / b[i] + rise(first, course.x[i]) + rise(last, length - course.x[i]));
+    let rise = |c: f64, x: f64| 1.0 / (c * x.powf(4.0 / 3.0));
+    for (b, &x) in b.iter_mut().zip(&course.x).take(n).skip(1) {
+        *b = 1.0 / (1.0 / *b + rise(first, x) + rise(last, length - x));
     }
 }
 

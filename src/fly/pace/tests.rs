@@ -109,11 +109,11 @@ fn motion_keeps_every_limit_when_it_is_sampled() {
         }
         if let Some(l) = &last {
             assert!(state.s >= l.s);
-            for a in 0..3 {
+            for (a, limit) in limits.iter().enumerate() {
                 // Positions and velocities belong together.
                 let moved = (state.position[a] - l.position[a]) / dt;
                 let mean = 0.5 * (state.velocity[a] + l.velocity[a]);
-                assert!((moved - mean).abs() < 0.1 * dt * limits[a].acceleration, "axis {a} at {}", state.s);
+                assert!((moved - mean).abs() < 0.1 * dt * limit.acceleration, "axis {a} at {}", state.s);
             }
         }
         last = Some(state.clone());
