@@ -54,7 +54,7 @@ fn every_system_is_timed_and_keeps_what_it_promises() {
     assert_eq!(number(of("zoom"), "stops"), number(of("flat"), "stops"));
     assert!(number(of("zoom"), "total_s") < number(of("z-range"), "total_s"));
     // Where five axes follow the mark itself nothing is off; smoothing lets it be off and saves time.
-    assert_eq!(number(of("5-axis"), "worst_fod_um"), 0.0);
+    assert!(number(of("5-axis"), "worst_fod_um") < 1e-6);
     assert!(number(of("7-axis-smooth"), "total_s") < number(of("5-axis"), "total_s"));
     assert!(number(of("sync"), "worst_displacement_mm") <= 20.0 * std::f64::consts::SQRT_2);
     // Decompositions share one path: the one of least acceleration has the least.

@@ -160,7 +160,7 @@ fn tables(schema: &Value) -> BTreeMap<String, BTreeMap<String, BTreeSet<String>>
         let mut keys = BTreeMap::new();
         for (key, value) in at["properties"].as_object().expect("an object has keys") {
             // A pair that is written in one line is explained as a key.
-            match object(schema, value).filter(|_| key != "move") {
+            match object(schema, value).filter(|_| !["move", "servo"].contains(&key.as_str())) {
                 Some(inner) => {
                     let dot = if name.is_empty() { "" } else { "." };
                     open.push((format!("{name}{dot}{key}"), inner));
