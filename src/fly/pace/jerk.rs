@@ -14,8 +14,8 @@ use super::{Options, course::Course, descent::Stretch};
 const WINDOW: usize = 1024;
 /// Unknown borders to each side of a seam between two windows, as many times.
 const SEAM: usize = 256;
-/// Share of b without jerk limits from which a window begins, and which may break them.
-const FAST: f64 = 0.25;
+/// Shares of b without jerk limits from which a window begins, and which may break them.
+const FAST: [f64; 2] = [0.25, 0.5];
 
 /// Acceleration of an axis over its limit, where the time to the next reference begins or ends, as factors of
 /// b at both borders: the middle of a cell, or the moving end of a cell that borders on rest.
@@ -111,7 +111,7 @@ pub(super) fn smooth(course: &Course, mut most: Vec<f64>, b: &mut [f64], options
         most[border] = most[border].min(end_cap(course, cell));
     }
     round_off(course, &most, b);
-    let fast: Vec<f64> = b.iter().map(|b| FAST * b).collect();
+    let fast = FAST.map(|share| b.iter().map(|b| share * b).collect::<Vec<f64>>());
     slow_down(course, b);
     let mut steps = 0;
     // Seams lie between windows; the second round's windows lie about them.
@@ -122,8 +122,10 @@ pub(super) fn smooth(course: &Course, mut most: Vec<f64>, b: &mut [f64], options
     for (round, is_seam) in [(windows, false), (seams, true)] {
         let solve = |range: &Range<usize>| {
             let mut stretch = Stretch::new(course, &most, b, range.clone());
-            let begin = if is_seam { across(&fast, b, range) } else { from_held(course, &fast, b, range) };
-            [&begin, &b[range.clone()]].into_iter().find_map(|start| stretch.descend(start, options.gain))
+            // Where one beginning does not settle, another does.
+            let begin = |fast: &[f64]| if is_seam { across(fast, b, range) } else { from_held(course, fast, b, range) };
+            let quick = fast.iter().map(|fast| begin(fast));
+            quick.chain([b[range.clone()].to_vec()]).find_map(|start| stretch.descend(&start, options.gain))
         };
         let solved: Vec<Option<(usize, Vec<f64>)>> = round.par_iter().map(solve).collect();
         for (range, found) in round.into_iter().zip(solved) {
