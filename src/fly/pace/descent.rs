@@ -15,7 +15,7 @@ use super::jerk;
 /// Constraints that are computed together.
 const LANES: usize = 4;
 /// Most steps.
-const STEPS: usize = 60;
+const STEPS: usize = 100;
 /// Share of the way to the nearest constraint that a step may go.
 const NEAR: f64 = 0.99;
 /// Slack that the start gets, as a share of what it could be.

@@ -2,7 +2,7 @@
 //!
 //! A long run is cut into windows that are solved on their own (`descent`), with two borders held between them
 //! so that no constraint sees two windows. These are held at a motion that is slowed down until it keeps all
-//! limits; windows about the seams then do away with what that cost.
+//! limits; in a second round windows that lie half a width further do away with what that cost.
 
 use std::ops::Range;
 
@@ -12,10 +12,12 @@ use super::{Options, course::Course, descent::Stretch};
 
 /// Unknown borders in a window, times the options' `refine`.
 const WINDOW: usize = 1024;
-/// Unknown borders to each side of a seam between two windows, as many times.
+/// Accuracy of a first round, where there is a second.
+const LOOSE: f64 = 0.02;
+/// Borders to each side of a seam between two windows that begin anew, as many times.
 const SEAM: usize = 256;
-/// Share of b without jerk limits from which a window begins, and which may break them.
-const FAST: f64 = 0.25;
+/// Shares of b without jerk limits from which a window begins, and which may break them.
+const FAST: [f64; 2] = [0.25, 0.5];
 
 /// Acceleration of an axis over its limit, where the time to the next reference begins or ends, as factors of
 /// b at both borders: the middle of a cell, or the moving end of a cell that borders on rest.
@@ -111,19 +113,29 @@ pub(super) fn smooth(course: &Course, mut most: Vec<f64>, b: &mut [f64], options
         most[border] = most[border].min(end_cap(course, cell));
     }
     round_off(course, &most, b);
-    let fast: Vec<f64> = b.iter().map(|b| FAST * b).collect();
+    let fast = FAST.map(|share| b.iter().map(|b| share * b).collect::<Vec<f64>>());
     slow_down(course, b);
     let mut steps = 0;
-    // Seams lie between windows; the second round's windows lie about them.
     let refine = options.refine.clamp(1, 8);
-    let seam = SEAM * refine;
-    let windows = windows(n, WINDOW * refine);
-    let seams = windows.windows(2).map(|w| w[0].end.saturating_sub(seam)..(w[1].start + seam).min(n)).collect();
-    for (round, is_seam) in [(windows, false), (seams, true)] {
+    let (width, reach) = (WINDOW * refine, SEAM * refine);
+    let (windows, shifted) = (windows(n, width, width), windows(n, width / 2, width));
+    let seams: Vec<usize> = windows.windows(2).map(|w| w[0].end).collect();
+    // What is held in the second round must not lean on its limits, or next to nothing fits between.
+    let rounds = if seams.is_empty() {
+        vec![(windows, options.gain, false)]
+    } else {
+        vec![(windows, LOOSE.max(options.gain), false), (shifted, options.gain, true)]
+    };
+    for (round, gain, again) in rounds {
         let solve = |range: &Range<usize>| {
             let mut stretch = Stretch::new(course, &most, b, range.clone());
-            let begin = if is_seam { across(&fast, b, range) } else { from_held(course, &fast, b, range) };
-            [&begin, &b[range.clone()]].into_iter().find_map(|start| stretch.descend(start, options.gain))
+            // Where one beginning does not settle, another does.
+            let begin = |fast: &[f64]| match again {
+                false => from_held(course, fast, b, range),
+                true => across(fast, b, range, &seams, reach as f64),
+            };
+            let quick = fast.iter().map(|fast| begin(fast));
+            quick.chain([b[range.clone()].to_vec()]).find_map(|start| stretch.descend(&start, gain))
         };
         let solved: Vec<Option<(usize, Vec<f64>)>> = round.par_iter().map(solve).collect();
         for (range, found) in round.into_iter().zip(solved) {
@@ -137,10 +149,11 @@ pub(super) fn smooth(course: &Course, mut most: Vec<f64>, b: &mut [f64], options
 }
 
 /// The unknown borders in windows; two are held between any two of these.
-fn windows(end: usize, width: usize) -> Vec<Range<usize>> {
+fn windows(end: usize, first: usize, width: usize) -> Vec<Range<usize>> {
     let mut out = Vec::new();
     let mut at = 1;
     while at < end {
+        let width = if at == 1 { first } else { width };
         // A last one that would be short joins the one before.
         let until = if at + width + width / 2 >= end { end } else { at + width };
         out.push(at..until);
@@ -176,10 +189,13 @@ fn from_held(course: &Course, fast: &[f64], b: &[f64], range: &Range<usize>) -> 
     range.clone().map(|i| fast[i].min(reached(i, 0)).min(reached(i, 1))).collect()
 }
 
-/// A motion to begin a window about a seam with: `fast` in the middle, what was found at the ends.
-fn across(fast: &[f64], b: &[f64], range: &Range<usize>) -> Vec<f64> {
-    let half = 0.5 * range.len() as f64;
-    let share = |i: usize| (2.0 - 2.0 * ((i - range.start) as f64 + 0.5 - half).abs() / half).clamp(0.0, 1.0);
+/// A motion to begin a window with once more: what was found, but `fast` about the seams.
+fn across(fast: &[f64], b: &[f64], range: &Range<usize>, seams: &[usize], reach: f64) -> Vec<f64> {
+    let inside: Vec<usize> = seams.iter().copied().filter(|s| range.contains(s)).collect();
+    let share = |i: usize| {
+        let near = inside.iter().map(|&s| s.abs_diff(i)).min().map_or(f64::INFINITY, |d| d as f64);
+        (2.0 - 2.0 * near / reach).clamp(0.0, 1.0)
+    };
     range.clone().map(|i| b[i].powf(1.0 - share(i)) * fast[i].powf(share(i))).collect()
 }
 

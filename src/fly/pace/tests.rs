@@ -167,6 +167,16 @@ fn caps_hold_on_their_segments() {
 }
 
 #[test]
+fn windows_leave_no_mark_where_they_meet() {
+    // One window against several: what lies ahead by more than a stop's way changes nothing.
+    let rates = |nodes| -> Vec<f64> { Owned::wave(nodes).timed(&three(), &Options::default()).node_rates().collect() };
+    let (one, several) = (rates(1400), rates(4000));
+    for (i, (several, one)) in several.iter().zip(&one).take(1300).enumerate() {
+        assert!(close(*several, *one, 0.02), "node {i}: {several} {one}");
+    }
+}
+
+#[test]
 fn threads_change_no_bit() {
     let mut wave = Owned::wave(1500);
     wave.stops = vec![1200, 1210, 1300];
