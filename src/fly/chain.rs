@@ -69,7 +69,7 @@ impl Band {
     }
 }
 
-/// A constraint over `W` unknowns in a row: `lo` ≤ Σ a[k] x[at + k] ≤ `hi`; an end that is not finite does
+/// A constraint over `W` unknowns in a row: `lo` ≤ `Σ a[k] x[at + k]` ≤ `hi`; an end that is not finite does
 /// not bind.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<const W: usize> {
