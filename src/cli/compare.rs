@@ -5,7 +5,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::{show, unwritable};
-use crate::compare::{Comparison, System, decompositions, page, plots, systems};
+use crate::compare::{Comparison, System, convergence, decompositions, page, plots, systems};
 use crate::diag::{Diag, Error, Place};
 use crate::record::TERMINAL;
 
@@ -19,8 +19,8 @@ pub(super) fn system(name: &str) -> Result<System, String> {
 
 /// The tables for people.
 pub(super) fn text(c: &Comparison) -> String {
-    let filters = decompositions(c).map_or_else(String::new, |t| format!("\n{}", t.text(TERMINAL)));
-    format!("{}{filters}", systems(c).text(TERMINAL))
+    let tables = [Some(systems(c)), decompositions(c), convergence(c)].into_iter().flatten();
+    tables.map(|t| t.text(TERMINAL)).collect::<Vec<_>>().join("\n")
 }
 
 /// The tables for machines.
@@ -35,6 +35,7 @@ pub(super) fn json(c: &Comparison) -> Value {
         },
         "systems": systems(c),
         "decompositions": decompositions(c),
+        "convergence": convergence(c),
     })
 }
 
@@ -54,7 +55,9 @@ pub(super) fn write(c: &Comparison, folder: &Path) -> Result<(), Error> {
     let put = |name: &str, text: String| std::fs::write(new.path().join(name), text).map_err(failed("write a file"));
     put("compare.json", show::json(&json(c)))?;
     put(PAGE, page(c))?;
-    for (name, table) in [("systems", Some(systems(c))), ("decompositions", decompositions(c))] {
+    let tables =
+        [("systems", Some(systems(c))), ("decompositions", decompositions(c)), ("convergence", convergence(c))];
+    for (name, table) in tables {
         let Some(table) = table else { continue };
         put(&format!("{name}.txt"), table.text(TERMINAL))?;
         put(&format!("{name}.csv"), table.csv())?;

@@ -3,6 +3,7 @@
 use super::filters::{Filter, filters};
 use super::{Curves, Figures, Ground, Split, System, path_of, reason, virtual_plan};
 use crate::compile::Plan;
+use crate::fly::decompose::Limits;
 use crate::fly::kinematics::Deviation;
 use crate::fly::pace::{State, Timed};
 use crate::fly::path::Path;
@@ -25,6 +26,8 @@ const SAMPLES: usize = 150_000;
 const COARSE: usize = 30_000;
 /// Samples to compare decompositions by.
 const FILTERED: usize = 40_000;
+/// Length of path on which the time of the seven axes is shown to converge, mm.
+const SHOWN: f64 = 20_000.0;
 /// Nodes of the seven-axis path whose axes are drawn.
 const DRAWN: usize = 2000;
 
@@ -213,12 +216,14 @@ impl<'a> Follower<'a> {
             notes.push("on the machine xyzac-galvo-10".to_owned());
         }
         let Some(limits) = stated(&machine) else { return Err("no limits of A and C are known".into()) };
-        let field = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
-        let room = crate::fly::decompose::Limits { field: field[0].min(field[1]), ..ground.limits };
+        let room = Limits { field: reach(&machine), ..ground.limits };
         let pens = &self.whole.checked.program().pens;
         let made = seven(&self.path, &ground.relief, pens, &machine, &limits, room, tools).map_err(|e| reason(&e))?;
         if tools == Tools::Gaussian {
             curves.ladder = ladder(&self.path, &ground.relief, room);
+            curves.seven = Some(room);
+            curves.convergence =
+                made.convergence(&self.path, pens, &machine, &limits, SHOWN).map_err(|e| reason(&e))?;
             self.draw(&made, curves);
             notes.push(format!("sigma {:.0} um", made.sigma.unwrap_or_default() * 1000.0));
         }
@@ -245,7 +250,7 @@ impl<'a> Follower<'a> {
     }
 
     /// Figures of a turning system.
-    fn turned(&self, machine: &Machine, made: &Seven, limits: crate::fly::decompose::Limits) -> Figures {
+    fn turned(&self, machine: &Machine, made: &Seven, limits: Limits) -> Figures {
         let weights = self.path.weights();
         let spread =
             |pick: fn(&Deviation) -> f64| Spread::of(made.deviation.iter().map(pick).zip(weights.iter().copied()));
@@ -307,6 +312,12 @@ fn sampled(timed: &Timed, path: &Path) -> Sampled {
         out.marks.push(f64::from(u8::from(path.pen.get(node + 1).copied().flatten().is_some())));
     }
     out
+}
+
+/// How far the spot may be from the optical axis in any direction.
+fn reach(machine: &Machine) -> f64 {
+    let [x, y] = machine.lens.field.map(|f| f.as_mm() / 2.0 - machine.lens.margin.as_mm());
+    x.min(y)
 }
 
 fn has_a_and_c(machine: &Machine) -> bool {

@@ -15,7 +15,7 @@ mod report;
 mod stepped;
 
 pub use filters::Filter;
-pub use report::{decompositions, page, plots, systems};
+pub use report::{convergence, decompositions, page, plots, systems};
 
 use crate::compile::{Plan, Station, plan_for};
 use crate::diag::{Diag, Error};
@@ -169,6 +169,10 @@ pub struct Curves {
     pub axes: Vec<(f64, [f64; 7])>,
     /// Along that path: way in mm, focal offset in um, beam angle in deg, displacement in mm.
     pub along: Vec<[f64; 4]>,
+    /// Limits of the seven axes, whose machine may be another.
+    pub seven: Option<Limits>,
+    /// Cells and least time, s, of the first 20 m of the seven-axis path on finer and finer grids.
+    pub convergence: Vec<[f64; 2]>,
     /// Beam and stage as seen from the lens, synchronised.
     pub paths: Vec<(&'static str, Vec<[f64; 2]>)>,
 }

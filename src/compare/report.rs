@@ -110,6 +110,18 @@ pub fn decompositions(c: &Comparison) -> Option<Table> {
     Some(table)
 }
 
+/// How the least time of seven axes converges on finer grids; None where they were not asked for.
+pub fn convergence(c: &Comparison) -> Option<Table> {
+    let finest = c.curves.convergence.last()?[1];
+    let columns =
+        vec![Column::count("cells"), Column::number("least time", "s", 3), Column::number("beside the finest", "%", 3)];
+    let mut table = Table::new("Seven axes: least time of the first 20 m of path on finer grids", columns);
+    for &[cells, time] in &c.curves.convergence {
+        table.row([(cells as usize).into(), time.into(), (100.0 * (time / finest - 1.0)).into()]);
+    }
+    Some(table)
+}
+
 /// The charts, each with the name of its file.
 pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
     let applied: Vec<(&str, &Figures)> =
@@ -118,8 +130,9 @@ pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
     let rows = applied.iter().map(|(n, f)| ((*n).to_owned(), f.time.parts().map(|p| p.1).to_vec())).collect();
     let mut out = vec![("times", Bars { title: "Time".into(), value: Axis::new("time", "s"), parts, rows }.draw())];
     let panel = |y: Axis, series: Vec<Series>, limits: Vec<Limit>| Panel { y, series, limits };
+    let limits = c.curves.seven.unwrap_or(c.limits);
     let [focus, angle, field] =
-        [c.limits.focus * 1000.0, c.limits.angle.to_degrees(), c.limits.field].map(|v| vec![Limit::new("limit", v)]);
+        [limits.focus * 1000.0, limits.angle.to_degrees(), limits.field].map(|v| vec![Limit::new("limit", v)]);
     if !c.curves.ladder.is_empty() {
         let rungs = |pick: &dyn Fn(&crate::fly::kinematics::Deviation) -> f64| {
             let points = c.curves.ladder.iter().map(|r| [r.strength, pick(&r.found)]).collect();
@@ -128,7 +141,7 @@ pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
         let panels = vec![
             panel(Axis::new("FOD", "um"), rungs(&|d| d.focus * 1000.0), focus.clone()),
             panel(Axis::new("BIA", "deg"), rungs(&|d| d.angle.to_degrees()), angle.clone()),
-            panel(Axis::new("displacement", "mm"), rungs(&|d| d.lateral), Vec::new()),
+            panel(Axis::new("displacement", "mm"), rungs(&|d| d.lateral), field.clone()),
         ];
         let title = "Seven axes: how strongly the path may be smoothed".into();
         out.push(("ladder", LineChart { title, x: Axis::new("sigma", "um"), panels, limits: Vec::new() }.draw()));
@@ -166,7 +179,7 @@ pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
 
 /// All in one page.
 pub fn page(c: &Comparison) -> String {
-    let (table, filters, plots) = (systems(c), decompositions(c), plots(c));
+    let (table, filters, grids, plots) = (systems(c), decompositions(c), convergence(c), plots(c));
     let intro = format!(
         "Job {} on machine {}. Limits of all systems: focal offset (FOD) {:.1} um, beam incidence (BIA) {:.1} deg, \
          displacement of the spot {:.1} mm.",
@@ -178,6 +191,7 @@ pub fn page(c: &Comparison) -> String {
     );
     let mut items = vec![Item::Text(&intro), Item::Table(&table)];
     items.extend(filters.as_ref().map(Item::Table));
+    items.extend(grids.as_ref().map(Item::Table));
     items.extend(plots.iter().map(|(_, p)| Item::Plot(p)));
     page_html(&format!("{}: ways of marking it", c.job), &items)
 }

@@ -94,11 +94,36 @@ pub fn seven(
         }
     };
     let deviation: Vec<Deviation> = marks.iter().zip(&axes).map(|(m, a)| Deviation::of(m, &a.tool())).collect();
-    let timed = time(path, &s, &axes, pens, machine, axis_limits)?;
+    let timed = time(path, &s, &axes, pens, machine, axis_limits, 1)?;
     Ok(Seven { sigma, axes, deviation, timed })
 }
 
-/// The least time of all axes along the path.
+impl Seven {
+    /// Cells and least times, s, of the first `length` mm of the path on grids that are 1, 2 and 4 times as fine.
+    ///
+    /// # Errors
+    /// As [`seven`].
+    pub fn convergence(
+        &self,
+        path: &Path,
+        pens: &[Pen],
+        machine: &Machine,
+        limits: &[Limit; AXES],
+        length: f64,
+    ) -> Result<Vec<[f64; 2]>, Error> {
+        let mut s = path.distances();
+        s.truncate(s.partition_point(|&s| s <= length).max(2).min(s.len()));
+        [1, 2, 4]
+            .into_iter()
+            .map(|refine| {
+                let timed = time(path, &s, &self.axes, pens, machine, limits, refine)?;
+                Ok([timed.report().cells as f64, timed.total_s()])
+            })
+            .collect()
+    }
+}
+
+/// The least time of all axes along the nodes of the path that `s` holds, on a grid `refine` times as fine.
 fn time(
     path: &Path,
     s: &[f64],
@@ -106,7 +131,9 @@ fn time(
     pens: &[Pen],
     machine: &Machine,
     limits: &[Limit; AXES],
+    refine: usize,
 ) -> Result<Timed, Error> {
+    let axes = &axes[..s.len()];
     let positions: Vec<f64> = axes
         .iter()
         .zip(&path.at)
@@ -118,10 +145,10 @@ fn time(
         .collect();
     let jump = machine.scanner.jump_speed.as_mm_s();
     let speed = |pen: &Option<u16>| pen.map_or(jump, |p| pens[usize::from(p)].speed.as_mm_s());
-    let caps: Vec<f64> = path.pen[1..].iter().map(speed).collect();
-    let stops: Vec<usize> = (0..path.len()).filter(|&i| matches!(path.node[i], Node::Corner | Node::End)).collect();
+    let caps: Vec<f64> = path.pen[1..s.len()].iter().map(speed).collect();
+    let stops: Vec<usize> = (0..s.len()).filter(|&i| matches!(path.node[i], Node::Corner | Node::End)).collect();
     let path = pace::Path { positions: &positions, s, caps: &caps, stops: &stops };
-    pace::time_optimal(&path, limits, &pace::Options { gain: 5e-3, ..pace::Options::default() })
+    pace::time_optimal(&path, limits, &pace::Options { refine, gain: 5e-3, ..pace::Options::default() })
 }
 
 /// Where the ladder starts, mm, and what each rung is of the one before.
