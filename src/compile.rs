@@ -18,7 +18,7 @@ mod warnings;
 
 use std::path::Path;
 
-pub use fly::{FlyPlan, fly, marks_on_the_fly};
+pub use fly::{FlyPlan, fly};
 pub use passes::Pass;
 
 use build::build;
@@ -32,7 +32,7 @@ use crate::check::{Checked, Limits};
 use crate::diag::{Diag, Error, Place};
 use crate::fill;
 use crate::geom::{Box2, NM_PER_MM, P2, mm_from_nm};
-use crate::machine::Machine;
+use crate::machine::{FieldShape, Machine};
 use crate::order::clearance::Clearance;
 use crate::partition::bound::Certificate;
 use crate::partition::{self, Fine, Lattice, Stops};
@@ -43,6 +43,7 @@ use crate::split::Fragments;
 use crate::surface::Surface;
 use crate::texture::Texture;
 use crate::trace::{Footprint, Keep, Samples};
+use crate::units::Length;
 use crate::{map, motion};
 
 /// Stations of a compilation, in order, for progress displays.
@@ -157,6 +158,29 @@ pub fn plan_for(job: Job, machine: Machine, progress: Progress<'_>) -> Result<Pl
     let mut warnings = Vec::new();
     // What was warned of before a fault often tells its cause.
     planned(job, machine, progress, &mut warnings).map_err(|e| e.after(warnings))
+}
+
+/// Plans a job as if the field held the whole part: one block for all, or one for every band of `depth`. What
+/// on-the-fly machines go by: the strokes and their order.
+///
+/// # Errors
+/// As [`plan`].
+pub fn plan_whole(job: &Job, machine: &Machine, depth: Option<Length>) -> Result<Plan, Error> {
+    // Larger than any part that can be read, and still in range of block coordinates.
+    const EVERYTHING: f64 = 2_000.0;
+    let mut wide = machine.clone();
+    wide.lens.shape = FieldShape::Rectangle;
+    wide.lens.margin = Length::mm(0.0);
+    wide.lens.field = [Length::mm(EVERYTHING); 2];
+    wide.lens.working_distance = Length::mm(10.0 * EVERYTHING);
+    wide.controller.max_strokes = 0;
+    for axis in [&mut wide.stage.x, &mut wide.stage.y, &mut wide.stage.z] {
+        // About the same centre, by which the part is placed.
+        let centre = (axis.travel[0].as_mm() + axis.travel[1].as_mm()) / 2.0;
+        axis.travel = [-EVERYTHING, EVERYTHING].map(|end| Length::mm(centre + end));
+    }
+    let depth = depth.unwrap_or(Length::mm(EVERYTHING));
+    plan_for(job.plain(Method::ZRange, Some(depth)), wide, &|_| {})
 }
 
 fn planned(job: Job, machine: Machine, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result<Plan, Error> {

@@ -152,8 +152,7 @@ fn compile(args: &Args, job: &Path, output: Option<&Path>, mode: Mode, choice: C
     let spinner = show::Spinner::new(args.quiet);
     let asked = chosen(args, job, choice)?;
     if mode == Mode::OnTheFly {
-        compile::marks_on_the_fly(&asked)?;
-        let plan = compile::fly(compile::plan(asked, &|s| spinner.station(s))?)?;
+        let plan = compile::fly(asked)?;
         spinner.station(Station::Write);
         folder::write_fly(&plan, &target, args.seed)?;
         spinner.done();

@@ -1,8 +1,8 @@
 //! The systems that mark on the fly.
 
 use super::filters::{Filter, filters};
-use super::{Curves, Figures, Ground, Split, System, path_of, reason, virtual_plan};
-use crate::compile::Plan;
+use super::{Curves, Figures, Ground, Split, System, path_of, reason};
+use crate::compile::{Plan, plan_whole};
 use crate::fly::decompose::Limits;
 use crate::fly::kinematics::Deviation;
 use crate::fly::pace::{State, Timed};
@@ -130,14 +130,13 @@ impl<'a> Follower<'a> {
     fn bands(&self) -> Result<Figures, String> {
         let ground = self.ground;
         let depth = Some(Length::mm(2.0 * ground.limits.focus));
-        let plan = virtual_plan(ground.job, ground.machine, depth).map_err(|e| reason(&e))?;
+        let plan = plan_whole(ground.job, ground.machine, depth).map_err(|e| reason(&e))?;
         let program = plan.checked.program();
         let spacing = self.room().half_field.iter().fold(f64::INFINITY, |a, &b| a.min(b)) / 20.0;
         let mut all = Figures { speed: 100.0, ..Figures::default() };
         let (mut parts, mut weight, mut before): (Vec<(Figures, f64)>, f64, Option<[i64; 3]>) = (Vec::new(), 0.0, None);
-        for block in &program.blocks {
-            let band = crate::program::Program { blocks: vec![block.clone()], ..program.clone() };
-            let mut path = Path::of(&band, ground.surface, &ground.relief, spacing);
+        for (i, block) in program.blocks.iter().enumerate() {
+            let mut path = Path::of(program, i..i + 1, ground.surface, &ground.relief, spacing);
             let plane = mm_from_nm(block.stop.focus);
             let heights: Vec<f64> = path.at.iter().map(|p| p[2]).collect();
             path.at.iter_mut().for_each(|p| p[2] = plane);

@@ -17,7 +17,7 @@ mod stepped;
 pub use filters::Filter;
 pub use report::{convergence, decompositions, page, plots, systems};
 
-use crate::compile::{Plan, Station, plan_for};
+use crate::compile::{Plan, plan_whole};
 use crate::diag::{Diag, Error};
 use crate::fly::decompose::{Limits, Rung};
 use crate::fly::path::Path;
@@ -27,7 +27,6 @@ use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
 use crate::spec::{Job, Method};
 use crate::surface::Surface;
-use crate::units::Length;
 
 /// A way of marking a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -222,7 +221,7 @@ pub fn compare(job: &Job, systems: &[System], progress: &(dyn Fn(&'static str) +
     let surface = Surface::load(&path, &job.surface_options(), job.file.surface.weld.as_mm(), turn, &mut warnings)?;
     progress("reading");
     // One field over everything: the strokes in their order, and where they lie.
-    let whole = virtual_plan(job, &machine, None)?;
+    let whole = plan_whole(job, &machine, None)?;
     let size = whole.texture.size().map(mm_from_nm);
     let relief = Relief::over(&surface, whole.texture, 0.05).ok_or_else(|| {
         Diag::limit("compare-relief", "the texture lies nowhere on the part")
@@ -265,23 +264,6 @@ pub fn compare(job: &Job, systems: &[System], progress: &(dyn Fn(&'static str) +
     Ok(out)
 }
 
-/// Plans a job as if the field held everything, in bands of depth or all in one.
-fn virtual_plan(job: &Job, machine: &Machine, depth: Option<Length>) -> Result<Plan, Error> {
-    // Larger than any part that can be read, and still in range of block coordinates.
-    const EVERYTHING: f64 = 2_000.0;
-    let mut machine = machine.clone();
-    machine.lens.shape = crate::machine::FieldShape::Rectangle;
-    machine.lens.margin = Length::mm(0.0);
-    machine.lens.field = [Length::mm(EVERYTHING); 2];
-    machine.lens.working_distance = Length::mm(10.0 * EVERYTHING);
-    machine.controller.max_strokes = 0;
-    for axis in [&mut machine.stage.x, &mut machine.stage.y, &mut machine.stage.z] {
-        axis.travel = [Length::mm(-2.0 * EVERYTHING), Length::mm(2.0 * EVERYTHING)];
-    }
-    let depth = depth.unwrap_or(Length::mm(EVERYTHING));
-    plan_for(job.plain(Method::ZRange, Some(depth)), machine, &|_: Station| {})
-}
-
 /// Says an error in one line of a table.
 fn reason(e: &Error) -> String {
     e.diags().first().map_or_else(|| e.to_string(), |d| d.message.clone())
@@ -291,5 +273,6 @@ fn reason(e: &Error) -> String {
 fn path_of(ground: &Ground<'_>, plan: &Plan) -> Path {
     let field = ground.machine.usable_field().map(|f| f as f64 / NM_PER_MM);
     let spacing = field[0].min(field[1]).min(ground.size[0].max(ground.size[1])) / NODES;
-    Path::of(plan.checked.program(), ground.surface, &ground.relief, spacing)
+    let program = plan.checked.program();
+    Path::of(program, 0..program.blocks.len(), ground.surface, &ground.relief, spacing)
 }

@@ -1,12 +1,11 @@
 //! A job that is marked on the fly: the strokes of a plan in their order, shared out between stage and scanner.
 //!
-//! Consumes a plan, of which the order of strokes counts; promises a checked on-the-fly program. Machines whose
+//! Consumes a job, planned as one block of which the order of strokes counts; promises a checked on-the-fly program. Machines whose
 //! swivel and turntable state their speeds mark with seven axes, all others with five: the stage follows a moving
-//! average, the scanner is the rest. The order is the plan's, block by block, so a plan with few blocks marks
-//! with few jumps.
+//! average, the scanner is the rest.
 
 use crate::diag::{Diag, Error, Place};
-use crate::fly::check::Checked;
+use crate::fly::check::{self, Checked};
 use crate::fly::decompose::Limits;
 use crate::fly::kinematics::Deviation;
 use crate::fly::motion::{AXES, Motion};
@@ -23,7 +22,7 @@ use crate::record::Deviations;
 use crate::spec::{Direction, Job};
 use crate::surface::Surface;
 
-use super::Plan;
+use super::{Plan, plan_whole};
 
 /// Nodes of the path along half of the field.
 const NODES: f64 = 100.0;
@@ -33,6 +32,8 @@ const SAMPLES: usize = 300_000;
 const SPARE: f64 = 1e-3;
 /// Finest step of the relief, mm.
 const FINEST: f64 = 0.05;
+/// How often a motion is stretched to keep the limits of its axes.
+const STRETCHES: usize = 4;
 /// Share of the limits that leading in and out takes.
 const LEAD: f64 = 0.8;
 
@@ -51,11 +52,8 @@ pub struct FlyPlan {
     pub warnings: Vec<Diag>,
 }
 
-/// Whether a job asks for nothing that on-the-fly programs cannot do; to be asked before it is planned.
-///
-/// # Errors
-/// `fly-job` with what is asked for.
-pub fn marks_on_the_fly(job: &Job) -> Result<(), Error> {
+/// Whether a job asks for nothing that on-the-fly programs cannot do.
+fn marks_on_the_fly(job: &Job) -> Result<(), Error> {
     let file = &job.file;
     let asked = [
         (file.passes.count() > 1, "several passes (passes.count)"),
@@ -76,13 +74,14 @@ pub fn marks_on_the_fly(job: &Job) -> Result<(), Error> {
     if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
 }
 
-/// Makes an on-the-fly program of a plan.
+/// Makes an on-the-fly program of a job.
 ///
 /// # Errors
 /// `fly-job`; limits of the machine that the motion breaks.
-pub fn fly(plan: Plan) -> Result<FlyPlan, Error> {
-    let Plan { job, machine, checked, texture, mut warnings, .. } = plan;
+pub fn fly(job: Job) -> Result<FlyPlan, Error> {
     marks_on_the_fly(&job)?;
+    let machine = job.machine()?;
+    let Plan { checked, texture, mut warnings, .. } = plan_whole(&job, &machine, None)?;
     let strokes = checked.program();
     let turn = job.file.placement.turn.as_rad();
     let path = job.resolve(job.file.surface.file.get_ref());
@@ -95,9 +94,9 @@ pub fn fly(plan: Plan) -> Result<FlyPlan, Error> {
     let half_field = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
     let [width, height] = texture.size().map(mm_from_nm);
     let spacing = half_field[0].min(half_field[1]).min(width.max(height) / 2.0) / NODES;
-    let path = Path::of(strokes, &surface, &relief, spacing);
+    let path = Path::of(strokes, 0..strokes.blocks.len(), &surface, &relief, spacing);
     let focus = job.depth_range().as_mm() / 2.0 - SPARE;
-    let (motion, kind, deviations) = match axis_limits(&machine) {
+    let (mut motion, kind, deviations) = match axis_limits(&machine) {
         Some(limits) => {
             // The usable rectangle lies inside of a round field.
             let room = half_field[0].min(half_field[1]) - SPARE;
@@ -119,7 +118,16 @@ pub fn fly(plan: Plan) -> Result<FlyPlan, Error> {
             (led(&found, &machine), Kind::Xyzuv, deviations)
         }
     };
-    let program = Program::of(&motion, strokes, &machine, checked.origin(), kind)?;
+    let mut program = Program::of(&motion, strokes, &machine, checked.origin(), kind)?;
+    // Between its nodes a motion is straight, and bends at them more than the smooth one it stands for.
+    for _ in 0..STRETCHES {
+        let slow = check::slower(&program, &machine);
+        if slow <= 1.0 {
+            break;
+        }
+        motion.time.iter_mut().for_each(|t| *t *= 1.001 * slow);
+        program = Program::of(&motion, strokes, &machine, checked.origin(), kind)?;
+    }
     let checked = Checked::new(program, &machine)?;
     Ok(FlyPlan { job, machine, checked, deviations, warnings })
 }

@@ -176,43 +176,65 @@ fn field(program: &Program, machine: &Machine) -> Result<Option<Diag>, Error> {
     }))
 }
 
+/// One axis whose motion has limits.
+struct Limited {
+    /// Its place among the axes.
+    axis: usize,
+    name: char,
+    unit: &'static str,
+    /// Of speed, acceleration and jerk, where the machine states them.
+    most: [Option<f64>; 3],
+}
+
+/// The limits of the stage and of turning axes.
+fn limited(program: &Program, machine: &Machine) -> Vec<Limited> {
+    let stage = machine.axes().into_iter().enumerate().map(|(axis, (_, a))| Limited {
+        axis,
+        name: ['X', 'Y', 'Z'][axis],
+        unit: "mm",
+        most: [Some(a.speed.as_mm_s()), Some(a.acceleration.as_mm_s2()), a.jerk.map(|j| j.as_mm_s3())],
+    });
+    let table = machine.tilt.iter().filter(|_| program.kind == Kind::Xyzacuv);
+    let table = table.flat_map(|t| &t.axes).enumerate().map(|(k, a)| Limited {
+        axis: 3 + k,
+        name: a.letter.char(),
+        unit: "deg",
+        most: [
+            a.speed.map(|v| v.as_rad_s().to_degrees()),
+            a.acceleration.map(|v| v.as_rad_s2().to_degrees()),
+            a.jerk.map(|v| v.as_rad_s3().to_degrees()),
+        ],
+    });
+    stage.chain(table).collect()
+}
+
+/// How much slower all of a program must run for its axes to keep speed, acceleration and jerk; 1 where they do.
+pub fn slower(program: &Program, machine: &Machine) -> f64 {
+    let peaks = measure::peaks(program);
+    let of = |l: &Limited| {
+        let p = &peaks[l.axis];
+        let over = |k: usize, peak: Peak| l.most[k].map_or(0.0, |most| peak.size / (most * (1.0 + OVER)));
+        over(0, p.speed).max(over(1, p.acceleration).sqrt()).max(over(2, p.jerk).cbrt())
+    };
+    limited(program, machine).iter().map(of).fold(1.0, f64::max)
+}
+
 /// Speed, acceleration and jerk of the stage and of turning axes.
 fn dynamics(peaks: &[Peaks; AXES], program: &Program, machine: &Machine) -> Vec<Diag> {
     let mut faults = Vec::new();
-    let mut hold = |code: &str, name: char, what: &str, peak: Peak, limit: f64, unit: &str| {
-        if peak.size > limit * (1.0 + OVER) {
-            let text = format!(
-                "{name} would need {what} of {:.4} {unit} at {:.6} s, its limit is {limit}",
-                peak.size, peak.at_s
-            );
-            let hint = "mark more slowly, or let the stage follow less closely";
-            let diag = match code {
-                "speed" => Diag::limit("fly-speed", text),
-                "acceleration" => Diag::limit("fly-acceleration", text),
+    for Limited { axis, name, unit, most } in limited(program, machine) {
+        let p = &peaks[axis];
+        for (k, peak) in [p.speed, p.acceleration, p.jerk].into_iter().enumerate() {
+            let Some(limit) = most[k].filter(|limit| peak.size > limit * (1.0 + OVER)) else { continue };
+            let (what, per) = [("a speed", "s"), ("an acceleration", "s2"), ("a jerk", "s3")][k];
+            let (size, at) = (peak.size, peak.at_s);
+            let text = format!("{name} would need {what} of {size:.4} {unit}/{per} at {at:.6} s, its limit is {limit}");
+            let diag = match k {
+                0 => Diag::limit("fly-speed", text),
+                1 => Diag::limit("fly-acceleration", text),
                 _ => Diag::limit("fly-jerk", text),
             };
-            faults.push(diag.hint(hint));
-        }
-    };
-    for (k, (_, axis)) in machine.axes().into_iter().enumerate() {
-        let name = ['X', 'Y', 'Z'][k];
-        hold("speed", name, "a speed", peaks[k].speed, axis.speed.as_mm_s(), "mm/s");
-        hold("acceleration", name, "an acceleration", peaks[k].acceleration, axis.acceleration.as_mm_s2(), "mm/s2");
-        if let Some(jerk) = axis.jerk {
-            hold("jerk", name, "a jerk", peaks[k].jerk, jerk.as_mm_s3(), "mm/s3");
-        }
-    }
-    let table = machine.tilt.iter().filter(|_| program.kind == Kind::Xyzacuv);
-    for (k, axis) in table.flat_map(|t| &t.axes).enumerate() {
-        let (name, p) = (axis.letter.char(), &peaks[3 + k]);
-        if let Some(speed) = axis.speed {
-            hold("speed", name, "a speed", p.speed, speed.as_rad_s().to_degrees(), "deg/s");
-        }
-        if let Some(limit) = axis.acceleration {
-            hold("acceleration", name, "an acceleration", p.acceleration, limit.as_rad_s2().to_degrees(), "deg/s2");
-        }
-        if let Some(jerk) = axis.jerk {
-            hold("jerk", name, "a jerk", p.jerk, jerk.as_rad_s3().to_degrees(), "deg/s3");
+            faults.push(diag.hint("mark more slowly, or let the stage follow less closely"));
         }
     }
     faults

@@ -41,12 +41,18 @@ pub struct Path {
 }
 
 impl Path {
-    /// The path of a program's strokes, with nodes no farther apart than `spacing` mm.
-    pub fn of(program: &Program, surface: &Surface, relief: &Relief, spacing: f64) -> Self {
+    /// The path of the strokes of some blocks of a program, with nodes no farther apart than `spacing` mm.
+    pub fn of(
+        program: &Program,
+        blocks: std::ops::Range<usize>,
+        surface: &Surface,
+        relief: &Relief,
+        spacing: f64,
+    ) -> Self {
         let mut path = Self::default();
         let mut tracer = Tracer::new(surface, f64::INFINITY);
         let mut from: Option<P2> = None;
-        for block in &program.blocks {
+        for block in &program.blocks[blocks] {
             let centre = block.stop.centre;
             for (number, stroke) in block.strokes.clone().zip(program.strokes_of(block)) {
                 let points = program.points_of(stroke);

@@ -102,7 +102,7 @@ impl Bench {
             .unwrap_or_else(|e| panic!("{e}"));
         let relief = Relief::over(&surface, plan.texture, sort.relief).expect("a part");
         let stepped = plan.checked.program();
-        let path = path::Path::of(stepped, &surface, &relief, sort.spacing);
+        let path = path::Path::of(stepped, 0..stepped.blocks.len(), &surface, &relief, sort.spacing);
         let speeds: Vec<f64> = stepped.pens.iter().map(|p| p.speed.as_mm_s()).collect();
         let motion = motion(&path, &relief, &sort, &speeds);
         let program =
