@@ -70,12 +70,7 @@ impl Checked {
         if faults.is_empty() {
             return Ok(Self { program, origins: limits.origins.to_vec() });
         }
-        let more = faults.len().saturating_sub(SHOWN);
-        faults.truncate(SHOWN);
-        if more > 0 {
-            faults.push(Diag::limit("more", format!("{more} more of this kind")));
-        }
-        Err(Error::many(faults))
+        Err(refused(faults))
     }
 
     /// The program.
@@ -100,6 +95,16 @@ impl Checked {
     pub(crate) fn unchecked_setups(program: Program, origins: Vec<[i64; 3]>) -> Self {
         Self { program, origins }
     }
+}
+
+/// The first of the limits that a program breaks, and how many more there are.
+pub(crate) fn refused(mut faults: Vec<Diag>) -> Error {
+    let more = faults.len().saturating_sub(SHOWN);
+    faults.truncate(SHOWN);
+    if more > 0 {
+        faults.push(Diag::limit("more", format!("{more} more of this kind")));
+    }
+    Error::many(faults)
 }
 
 /// A pen below this speed, mm/s, is a slip of units: a metre would take it a day.

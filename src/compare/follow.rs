@@ -1,18 +1,17 @@
 //! The systems that mark on the fly.
 
 use super::filters::{Filter, filters};
-use super::{Curves, Figures, Ground, Split, System, path_of, reason};
+use super::{Curves, Figures, Ground, Split, System, marked, path_of, reason, upright};
 use crate::compile::{Plan, plan_whole};
 use crate::fly::decompose::Limits;
-use crate::fly::kinematics::Deviation;
 use crate::fly::pace::{State, Timed};
 use crate::fly::path::Path;
 use crate::fly::schedule::Schedule;
 use crate::fly::servo::{Protection, Servo, Synthesis};
-use crate::fly::seven::{Seven, Tools, axis_limits, ladder, seven};
+use crate::fly::seven::{Seven, Tools, axis_limits, seven};
 use crate::fly::spread::Spread;
 use crate::fly::sync::{Room, Sync, synchronise};
-use crate::geom::mm_from_nm;
+use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::machine::{Letter, Machine};
 use crate::motion::stage_move;
 use crate::units::Length;
@@ -55,7 +54,7 @@ impl<'a> Follower<'a> {
             System::Seven => self.turning(Tools::Gaussian, curves),
             System::SevenSmooth => self.turning(Tools::LeastAcceleration, curves),
             System::Five => self.turning(Tools::OnTheMark, curves),
-            _ => Ok(self.synchronised(&mut curves.paths)),
+            _ => self.synchronised(&mut curves.paths),
         }
     }
 
@@ -67,14 +66,15 @@ impl<'a> Follower<'a> {
     }
 
     /// The strokes in their order, synchronised as a whole.
-    fn synchronised(&self, curves: &mut Vec<(&'static str, Vec<[f64; 2]>)>) -> Figures {
-        let (ground, machine, path) = (self.ground, self.ground.machine, &self.path);
+    fn synchronised(&self, curves: &mut Vec<(&'static str, Vec<[f64; 2]>)>) -> Result<Figures, String> {
+        let (machine, path) = (self.ground.machine, &self.path);
         let pens = &self.whole.checked.program().pens;
         let (schedule, step_s) = Schedule::sampled(path, machine, pens, SAMPLES);
         let sync = synchronise(path, &schedule, machine, self.room(), step_s);
-        let first = path.at.first().copied().unwrap_or_default();
-        let start = first.map(|v| (v * 1e6) as i64);
-        let approach = stage_move(machine, [0, 0, 0], start, None);
+        // The texture's middle lies where the stage rests.
+        let (area, first) = (self.whole.texture, nm(path.at[0]));
+        let middle = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, first[2]];
+        let approach = stage_move(machine, middle, first, None);
         let slow = sync.slower;
         let time = Split {
             stage: approach.travel_s,
@@ -84,7 +84,7 @@ impl<'a> Follower<'a> {
             jump: schedule.jump_s * slow,
             delay: schedule.delay_s * slow,
         };
-        let figures = Figures { time, stops: 1, speed: 100.0 / slow, ..self.upright(ground, path, &schedule, &sync) };
+        let figures = Figures { time, stops: 1, speed: 100.0 / slow, ..self.followed(path, &schedule, &sync)? };
         let drawn = path.len().min(DRAWN);
         let until = schedule.arrive[drawn - 1] * slow;
         let stage = sync.stage.iter().take((until / sync.step_s) as usize + 1);
@@ -92,38 +92,20 @@ impl<'a> Follower<'a> {
             ("beam", path.at.iter().take(drawn).map(|p| [p[0], p[1]]).collect()),
             ("stage", stage.map(|p| [p[0], p[1]]).collect()),
         ];
-        figures
+        Ok(figures)
     }
 
     /// What marks get from a synchronised motion.
-    fn upright(&self, ground: &Ground<'_>, path: &Path, schedule: &Schedule, sync: &Sync) -> Figures {
-        let weights = path.weights();
+    fn followed(&self, path: &Path, schedule: &Schedule, sync: &Sync) -> Result<Figures, String> {
         let nodes = sync.nodes(schedule);
-        let mut inside = 0.0;
-        let rows: Vec<[f64; 4]> = (0..path.len())
-            .map(|i| {
-                let (p, s) = (path.at[i], nodes[i]);
-                let normal = ground.relief.at([p[0], p[1]]).normal();
-                let row = [p[2] - s[2], normal[2].acos(), (p[0] - s[0]).hypot(p[1] - s[1]), weights[i]];
-                if row[0].abs() <= ground.limits.focus + 1e-6 && row[1] <= ground.limits.angle {
-                    inside += row[3];
-                }
-                row
-            })
-            .collect();
-        let spread = |k: usize, scale: f64| Spread::of(rows.iter().map(|r| (r[k] * scale, r[3])));
         let marks: Vec<f64> = sync.on.iter().map(|&on| f64::from(u8::from(on))).collect();
-        let (lag, error) = self.trailing(&sync.stage, &sync.beam, sync.step_s, &marks);
-        Figures {
-            focus_um: spread(0, 1000.0),
-            incidence_deg: spread(1, 1f64.to_degrees()),
-            displacement_mm: spread(2, 1.0),
-            within: 100.0 * inside / weights.iter().sum::<f64>(),
+        let (lag, error) = trailing(self.ground.machine, &sync.stage, &sync.beam, sync.step_s, &marks)?;
+        Ok(Figures {
             stage_lag_um: Some(lag),
             spot_error_um: Some(error),
             stage_travel_mm: travel(sync.stage.iter().copied()),
-            ..Figures::default()
-        }
+            ..upright(self.ground, path, |i| nodes[i])
+        })
     }
 
     /// Bands of depth over the whole part: within each x and y follow, z rests.
@@ -143,11 +125,10 @@ impl<'a> Follower<'a> {
             let (schedule, step_s) = Schedule::sampled(&path, ground.machine, &program.pens, COARSE);
             let sync = synchronise(&path, &schedule, ground.machine, self.room(), step_s);
             path.at.iter_mut().zip(heights).for_each(|(p, z)| p[2] = z);
-            let figures = self.upright(ground, &path, &schedule, &sync);
-            let first = path.at[0].map(|v| (v * 1e6) as i64);
+            let figures = self.followed(&path, &schedule, &sync)?;
+            let (first, last) = (nm(path.at[0]), nm(path.at[path.len() - 1]));
             let to = [first[0], first[1], block.stop.focus];
             let moved = before.map(|from| stage_move(ground.machine, from, to, None)).unwrap_or_default();
-            let last = path.at[path.len() - 1].map(|v| (v * 1e6) as i64);
             before = Some([last[0], last[1], block.stop.focus]);
             all.time.stage += moved.travel_s;
             all.time.settle += moved.settle_s;
@@ -180,30 +161,6 @@ impl<'a> Follower<'a> {
         })
     }
 
-    /// How far the stage trails its command in x and y, and how far the spot is off, um.
-    fn trailing(&self, stage: &[[f64; 3]], beam: &[[f64; 3]], step_s: f64, marks: &[f64]) -> (Spread, Spread) {
-        let machine = self.ground.machine;
-        let servo = |stated: Option<crate::machine::Servo>, hz: f64| {
-            let (hz, damping) = stated.map_or((hz, DAMPING), |s| (s.frequency.as_khz() * 1000.0, s.damping));
-            Servo::new(hz, damping)
-        };
-        let made =
-            servo(machine.stage.servo, STAGE_HZ).and_then(|s| Ok((s, servo(machine.scanner.servo, SCANNER_HZ)?)));
-        let Ok((carrier, scanner)) = made else { return Default::default() };
-        let half = self.room().half_field;
-        let [x, y] = [0, 1].map(|k| {
-            let command: Vec<f64> = stage.iter().map(|p| p[k]).collect();
-            let rest: Vec<f64> = beam.iter().zip(stage).map(|(b, s)| b[k] - s[k]).collect();
-            let both = Synthesis { stage: carrier, scanner, half_field: half[k], feed: Some(Protection::Saturate) };
-            let reached = both.follow(&command, &rest, step_s, &[]);
-            let lag: Vec<f64> = reached.stage.iter().zip(&command).map(|(a, c)| a - c).collect();
-            (lag, reached.error)
-        });
-        let both =
-            |a: &[f64], b: &[f64]| Spread::of(a.iter().zip(b).zip(marks).map(|((a, b), &w)| (1000.0 * a.hypot(*b), w)));
-        (both(&x.0, &y.0), both(&x.1, &y.1))
-    }
-
     /// Five stage axes, with or without the scanner.
     fn turning(&self, tools: Tools, curves: &mut Curves) -> Result<Figures, String> {
         let ground = self.ground;
@@ -219,7 +176,7 @@ impl<'a> Follower<'a> {
         let pens = &self.whole.checked.program().pens;
         let made = seven(&self.path, &ground.relief, pens, &machine, &limits, room, tools).map_err(|e| reason(&e))?;
         if tools == Tools::Gaussian {
-            curves.ladder = ladder(&self.path, &ground.relief, room);
+            curves.ladder.clone_from(&made.ladder);
             curves.seven = Some(room);
             curves.convergence =
                 made.convergence(&self.path, pens, &machine, &limits, SHOWN).map_err(|e| reason(&e))?;
@@ -227,7 +184,7 @@ impl<'a> Follower<'a> {
             notes.push(format!("sigma {:.0} um", made.sigma.unwrap_or_default() * 1000.0));
         }
         notes.extend(beyond(&machine, &made));
-        Ok(Figures { notes, ..self.turned(&machine, &made, room) })
+        Ok(Figures { notes, ..self.turned(&machine, &made, room)? })
     }
 
     fn draw(&self, made: &Seven, curves: &mut Curves) {
@@ -249,36 +206,52 @@ impl<'a> Follower<'a> {
     }
 
     /// Figures of a turning system.
-    fn turned(&self, machine: &Machine, made: &Seven, limits: Limits) -> Figures {
-        let weights = self.path.weights();
-        let spread =
-            |pick: fn(&Deviation) -> f64| Spread::of(made.deviation.iter().map(pick).zip(weights.iter().copied()));
-        let slack =
-            |d: &Deviation| Deviation { focus: d.focus - 1e-6, angle: d.angle - 1e-9, lateral: d.lateral - 1e-6 };
-        let inside: f64 =
-            made.deviation.iter().zip(&weights).filter(|(d, _)| limits.hold(slack(d))).map(|(_, w)| w).sum();
+    fn turned(&self, machine: &Machine, made: &Seven, limits: Limits) -> Result<Figures, String> {
         let mut time = Split::default();
         let times: Vec<f64> = made.timed.node_times().collect();
         for (i, w) in times.windows(2).enumerate() {
             *(if self.path.pen[i + 1].is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
         }
-        let asked: f64 = { Schedule::of(&self.path, machine, &self.whole.checked.program().pens, 0.0).mark_s };
+        let asked = Schedule::of(&self.path, machine, &self.whole.checked.program().pens, 0.0).mark_s;
         let even = sampled(&made.timed, &self.path);
-        let (lag, error) = self.trailing(&even.stage, &even.beam, even.step_s, &even.marks);
-        Figures {
+        let (lag, error) = trailing(machine, &even.stage, &even.beam, even.step_s, &even.marks)?;
+        Ok(Figures {
             time,
             stops: 1,
-            focus_um: spread(|d| d.focus * 1000.0),
-            incidence_deg: spread(|d| d.angle.to_degrees()),
-            displacement_mm: spread(|d| d.lateral),
-            within: 100.0 * inside / weights.iter().sum::<f64>(),
             stage_lag_um: Some(lag),
             spot_error_um: Some(error),
             stage_travel_mm: travel(made.axes.iter().map(|a| a.xyz)),
             speed: 100.0 * asked / time.mark,
-            ..Figures::default()
-        }
+            ..marked(&made.deviation, &self.path.weights(), limits)
+        })
     }
+}
+
+/// How far the stage trails its command in x and y, and how far the spot is off, um.
+fn trailing(
+    machine: &Machine,
+    stage: &[[f64; 3]],
+    beam: &[[f64; 3]],
+    step_s: f64,
+    marks: &[f64],
+) -> Result<(Spread, Spread), String> {
+    let servo = |stated: Option<crate::machine::Servo>, hz: f64| {
+        let (hz, damping) = stated.map_or((hz, DAMPING), |s| (s.frequency.as_khz() * 1000.0, s.damping));
+        Servo::new(hz, damping).map_err(|e| reason(&e))
+    };
+    let (carrier, scanner) = (servo(machine.stage.servo, STAGE_HZ)?, servo(machine.scanner.servo, SCANNER_HZ)?);
+    let half = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+    let [x, y] = [0, 1].map(|k| {
+        let command: Vec<f64> = stage.iter().map(|p| p[k]).collect();
+        let rest: Vec<f64> = beam.iter().zip(stage).map(|(b, s)| b[k] - s[k]).collect();
+        let both = Synthesis { stage: carrier, scanner, half_field: half[k], feed: Some(Protection::Saturate) };
+        let reached = both.follow(&command, &rest, step_s, &[]);
+        let lag: Vec<f64> = reached.stage.iter().zip(&command).map(|(a, c)| a - c).collect();
+        (lag, reached.error)
+    });
+    let both =
+        |a: &[f64], b: &[f64]| Spread::of(a.iter().zip(b).zip(marks).map(|((a, b), &w)| (1000.0 * a.hypot(*b), w)));
+    Ok((both(&x.0, &y.0), both(&x.1, &y.1)))
 }
 
 /// A turning motion at even steps of time, in machine coordinates.
@@ -338,6 +311,10 @@ fn beyond(machine: &Machine, made: &Seven) -> Option<String> {
         })
         .collect();
     (!names.is_empty()).then(|| names.join(", "))
+}
+
+fn nm(p: [f64; 3]) -> [i64; 3] {
+    p.map(|v| (v * NM_PER_MM).round() as i64)
 }
 
 fn travel(points: impl Iterator<Item = [f64; 3]>) -> f64 {

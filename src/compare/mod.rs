@@ -17,11 +17,15 @@ mod stepped;
 pub use filters::Filter;
 pub use report::{convergence, decompositions, page, plots, systems};
 
+use std::cell::OnceCell;
+
 use crate::compile::{Plan, plan_whole};
 use crate::diag::{Diag, Error};
-use crate::fly::decompose::{Limits, Rung};
+use crate::fly::decompose::Limits;
+use crate::fly::kinematics::Deviation;
 use crate::fly::path::Path;
 use crate::fly::relief::Relief;
+use crate::fly::seven::Ladder;
 use crate::fly::spread::Spread;
 use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
@@ -162,8 +166,8 @@ pub struct Row {
 /// What is drawn beside the table.
 #[derive(Clone, Debug, Default)]
 pub struct Curves {
-    /// Rungs of the seven-axis ladder: sigma in um, with the worst deviation found there.
-    pub ladder: Vec<Rung<crate::fly::kinematics::Deviation>>,
+    /// Rungs of the seven-axis ladder.
+    pub ladder: Ladder,
     /// Time and axis values of the first nodes of the seven-axis path.
     pub axes: Vec<(f64, [f64; 7])>,
     /// Along that path: way in mm, focal offset in um, beam angle in deg, displacement in mm.
@@ -204,6 +208,15 @@ struct Ground<'a> {
     limits: Limits,
     /// Size of the texture's box, mm.
     size: [f64; 2],
+    /// The job by the method that most systems go by, planned once.
+    z_range: OnceCell<Result<Plan, String>>,
+}
+
+impl Ground<'_> {
+    fn z_range(&self) -> Result<&Plan, String> {
+        let plan = || stepped::planned(self.job, self.machine.clone(), Method::ZRange);
+        self.z_range.get_or_init(plan).as_ref().map_err(Clone::clone)
+    }
 }
 
 /// How far apart nodes of a path may lie: this part of the field, or of the texture where that is smaller.
@@ -231,9 +244,10 @@ pub fn compare(job: &Job, systems: &[System], progress: &(dyn Fn(&'static str) +
     let limits = Limits {
         focus: job.depth_range().as_mm() / 2.0,
         angle: job.file.limits.warn_incidence.as_rad(),
-        field: half[0].min(half[1]),
+        // The corners of the field are the scanner's too.
+        field: half[0].hypot(half[1]),
     };
-    let ground = Ground { job, machine: &machine, surface: &surface, relief, limits, size };
+    let ground = Ground { job, machine: &machine, surface: &surface, relief, limits, size, z_range: OnceCell::new() };
     let mut out = Comparison {
         job: job.path.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
         machine: machine.name.clone(),
@@ -249,7 +263,7 @@ pub fn compare(job: &Job, systems: &[System], progress: &(dyn Fn(&'static str) +
         let figures = match system {
             System::Flat => stepped::flat(&ground),
             System::Contour => stepped::by(&ground, Method::Contour),
-            System::ZRange => stepped::by(&ground, Method::ZRange),
+            System::ZRange => stepped::z_range(&ground),
             System::Window => stepped::by(&ground, Method::Window),
             System::Zoom => stepped::zoom(&ground),
             System::Tilt => stepped::tilt(&ground),
@@ -262,6 +276,34 @@ pub fn compare(job: &Job, systems: &[System], progress: &(dyn Fn(&'static str) +
         out.filters = fly.filters();
     }
     Ok(out)
+}
+
+/// How far the marks of a path lie from what their beams would like best: focus, incidence, displacement, and
+/// the share within limits. Nodes weigh as much as is marked beside them.
+fn marked(deviations: &[Deviation], weights: &[f64], limits: Limits) -> Figures {
+    let spread = |pick: fn(&Deviation) -> f64| Spread::of(deviations.iter().map(pick).zip(weights.iter().copied()));
+    // A nanometre, and as little of an angle, for rounding.
+    let less = |d: &Deviation| Deviation { focus: d.focus - 1e-6, angle: d.angle - 1e-9, lateral: d.lateral - 1e-6 };
+    let inside = deviations.iter().zip(weights).filter(|(d, _)| limits.hold(less(d))).map(|(_, w)| w).sum::<f64>();
+    Figures {
+        focus_um: spread(|d| d.focus * 1000.0),
+        incidence_deg: spread(|d| d.angle.to_degrees()),
+        displacement_mm: spread(|d| d.lateral),
+        within: 100.0 * inside / weights.iter().sum::<f64>(),
+        ..Figures::default()
+    }
+}
+
+/// Of the nodes of a path under upright beams; `beam` tells where that of a node stands: x, y and the plane of
+/// focus.
+fn upright(ground: &Ground<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3]) -> Figures {
+    let deviation = |i: usize| {
+        let (p, b) = (path.at[i], beam(i));
+        let angle = ground.relief.at([p[0], p[1]]).normal()[2].acos();
+        Deviation { focus: (p[2] - b[2]).abs(), angle, lateral: (p[0] - b[0]).hypot(p[1] - b[1]) }
+    };
+    let deviations: Vec<Deviation> = (0..path.len()).map(deviation).collect();
+    marked(&deviations, &path.weights(), ground.limits)
 }
 
 /// Says an error in one line of a table.

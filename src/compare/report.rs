@@ -135,7 +135,7 @@ pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
         [limits.focus * 1000.0, limits.angle.to_degrees(), limits.field].map(|v| vec![Limit::new("limit", v)]);
     if !c.curves.ladder.is_empty() {
         let rungs = |pick: &dyn Fn(&crate::fly::kinematics::Deviation) -> f64| {
-            let points = c.curves.ladder.iter().map(|r| [r.strength, pick(&r.found)]).collect();
+            let points = c.curves.ladder.iter().map(|r| [r.strength * 1000.0, pick(&r.found)]).collect();
             vec![Series::new("worst of all marks", points).marked()]
         };
         let panels = vec![

@@ -1,6 +1,6 @@
 //! The stepped systems: each is compiled as a job is, and its marks are measured where they lie.
 
-use super::{Figures, Ground, Split, path_of, reason};
+use super::{Figures, Ground, Split, path_of, reason, upright};
 use crate::compile::{Plan, plan_for};
 use crate::fly::spread::Spread;
 use crate::geom::mm_from_nm;
@@ -8,7 +8,7 @@ use crate::machine::Machine;
 use crate::motion;
 use crate::program::{Block, Program};
 use crate::record::Times;
-use crate::spec::Method;
+use crate::spec::{Job, Method};
 use crate::units::Length;
 
 /// Planes of focus so far apart that every field has one.
@@ -24,25 +24,32 @@ pub(super) fn flat(ground: &Ground<'_>) -> Result<Figures, String> {
     Ok(measured(ground, &plan))
 }
 
+/// A job by a method on a machine.
+pub(super) fn planned(job: &Job, machine: Machine, method: Method) -> Result<Plan, String> {
+    plan_for(job.plain(method, None), machine, &|_| {}).map_err(|e| reason(&e))
+}
+
 /// Stepped by a method.
 pub(super) fn by(ground: &Ground<'_>, method: Method) -> Result<Figures, String> {
-    let job = ground.job.plain(method, None);
-    let plan = plan_for(job, ground.machine.clone(), &|_| {}).map_err(|e| reason(&e))?;
-    Ok(measured(ground, &plan))
+    Ok(measured(ground, &planned(ground.job, ground.machine.clone(), method)?))
+}
+
+/// Stepped, fewest levels in each section.
+pub(super) fn z_range(ground: &Ground<'_>) -> Result<Figures, String> {
+    Ok(measured(ground, ground.z_range()?))
 }
 
 /// Levels changed by a zoom optic; the stage moves for a new section, or where the zoom's range ends.
 pub(super) fn zoom(ground: &Ground<'_>) -> Result<Figures, String> {
-    let mut machine = ground.machine.clone();
-    let mut notes = Vec::new();
-    if machine.zoom.is_none() {
-        machine.zoom = Machine::built_in("xyz-zoom-40").ok().and_then(|m| m.zoom);
+    let machine = ground.machine;
+    let (mut zoom, mut notes) = (machine.zoom.clone(), Vec::new());
+    if zoom.is_none() {
+        zoom = Machine::built_in("xyz-zoom-40").ok().and_then(|m| m.zoom);
         notes.push("zoom optic of xyz-zoom-40 added".into());
     }
-    let Some(zoom) = machine.zoom.clone() else { return Err("no zoom optic".into()) };
-    let job = ground.job.plain(Method::ZRange, None);
-    let plan = plan_for(job, machine.clone(), &|_| {}).map_err(|e| reason(&e))?;
-    let mut figures = measured(ground, &plan);
+    let Some(zoom) = zoom else { return Err("no zoom optic".into()) };
+    let plan = ground.z_range()?;
+    let mut figures = measured(ground, plan);
     let range = zoom.range.as_nm().unwrap_or(i64::MAX);
     let blocks = &plan.checked.program().blocks;
     let (mut at, mut planes) = (blocks[0].stage, [i64::MAX, i64::MIN]);
@@ -62,7 +69,7 @@ pub(super) fn zoom(ground: &Ground<'_>) -> Result<Figures, String> {
             planes = [stop.focus; 2];
             if i > 0 {
                 let lift = block.retract.then(|| machine.retract_z());
-                let moved = motion::stage_move(&machine, at, block.stage, lift);
+                let moved = motion::stage_move(machine, at, block.stage, lift);
                 time.stage += moved.travel_s;
                 time.settle += moved.settle_s;
                 figures.stops += 1;
@@ -85,7 +92,7 @@ pub(super) fn tilt(ground: &Ground<'_>) -> Result<Figures, String> {
         machine.tilt = Machine::built_in("xyz-tilt-galvo-40").ok().and_then(|m| m.tilt);
         notes.push("tilt table of xyz-tilt-galvo-40 added".into());
     }
-    let plan = plan_for(ground.job.plain(Method::Tilt, None), machine, &|_| {}).map_err(|e| reason(&e))?;
+    let plan = planned(ground.job, machine, Method::Tilt)?;
     let program = plan.checked.program();
     let off = |b: &Block| mm_from_nm((b.z_hi - b.stop.focus).max(b.stop.focus - b.z_lo)) * 1000.0;
     let rows: Vec<[f64; 3]> = program
@@ -130,29 +137,13 @@ fn measured(ground: &Ground<'_>, plan: &Plan) -> Figures {
     let program = plan.checked.program();
     let owner = owners(program);
     let path = path_of(ground, plan);
-    let weights = path.weights();
-    let mut inside = 0.0;
-    let rows: Vec<[f64; 4]> = (0..path.len())
-        .map(|i| {
-            let (p, stop) = (path.at[i], &program.blocks[owner[path.stroke[i] as usize] as usize].stop);
-            let [x, y] = stop.centre.mm();
-            let normal = ground.relief.at([p[0], p[1]]).normal();
-            let row = [p[2] - mm_from_nm(stop.focus), normal[2].acos(), (p[0] - x).hypot(p[1] - y), weights[i]];
-            // A micrometre for nodes that lie between what was split.
-            if row[0].abs() <= ground.limits.focus + 1e-6 && row[1] <= ground.limits.angle {
-                inside += row[3];
-            }
-            row
-        })
-        .collect();
-    let spread = |k: usize, scale: f64| Spread::of(rows.iter().map(|r| (r[k] * scale, r[3])));
-    Figures {
-        focus_um: spread(0, 1000.0),
-        incidence_deg: spread(1, 1f64.to_degrees()),
-        displacement_mm: spread(2, 1.0),
-        within: 100.0 * inside / weights.iter().sum::<f64>(),
-        ..stepping(ground, plan)
-    }
+    let beam = |i: usize| {
+        let stop = &program.blocks[owner[path.stroke[i] as usize] as usize].stop;
+        let [x, y] = stop.centre.mm();
+        [x, y, mm_from_nm(stop.focus)]
+    };
+    let Figures { focus_um, incidence_deg, displacement_mm, within, .. } = upright(ground, &path, beam);
+    Figures { focus_um, incidence_deg, displacement_mm, within, ..stepping(ground, plan) }
 }
 
 /// The block of every stroke.

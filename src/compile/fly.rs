@@ -100,7 +100,7 @@ pub fn fly(job: Job) -> Result<FlyPlan, Error> {
         Some(limits) => {
             // The usable rectangle lies inside of a round field.
             let room = half_field[0].min(half_field[1]) - SPARE;
-            let angle = job.file.limits.max_incidence.as_rad();
+            let angle = job.file.limits.warn_incidence.as_rad();
             let wanted = Limits { focus, angle, field: room };
             let found = seven(&path, &relief, &strokes.pens, &machine, &limits, wanted, Tools::Gaussian)?;
             let worst = found.deviation.iter().fold(Deviation::default(), |w, &d| w.max(d));

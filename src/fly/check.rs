@@ -13,15 +13,13 @@
 use super::measure::{self, Peak, Peaks};
 use super::motion::AXES;
 use super::program::{Kind, Program};
-use crate::check::pen_faults;
+use crate::check::{pen_faults, refused};
 use crate::diag::{Diag, Error};
 use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
 
 /// Share of a limit that may be exceeded.
 pub const OVER: f64 = 0.01;
-/// Faults that are reported one by one; the rest is counted.
-const SHOWN: usize = 10;
 /// Servo period for which the error of switching the laser is stated, s: LinuxCNC's usual one.
 pub const SERVO_S: f64 = 1e-3;
 
@@ -81,12 +79,7 @@ impl Checked {
                 return Ok(Self { program, figures });
             }
         }
-        let more = faults.len().saturating_sub(SHOWN);
-        faults.truncate(SHOWN);
-        if more > 0 {
-            faults.push(Diag::limit("more", format!("{more} more of this kind")));
-        }
-        Err(Error::many(faults))
+        Err(refused(faults))
     }
 
     /// The program.

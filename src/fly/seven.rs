@@ -11,7 +11,7 @@
 
 use rayon::prelude::*;
 
-use super::decompose::{self, Family, Limits, Rung, largest, seven_axes, stage};
+use super::decompose::{Family, Limits, Rung, ladder, refine, seven_axes, stage};
 use super::kinematics::{Axes, Branches, Deviation, Pose, follow};
 use super::motion::AXES;
 use super::pace::{self, Limit, Timed};
@@ -32,9 +32,14 @@ pub enum Tools {
     OnTheMark,
 }
 
+/// Rungs of the article's ladder: sigma in mm, and the worst deviations there.
+pub type Ladder = Vec<Rung<Deviation>>;
+
 /// A path shared out between five stage axes and the scanner.
 #[derive(Clone, Debug)]
 pub struct Seven {
+    /// The strengths of smoothing that were tried, to the first that holds.
+    pub ladder: Ladder,
     /// Standard deviation of the smoothing, mm of path; None where nothing is smoothed.
     pub sigma: Option<f64>,
     /// Stage axes at the nodes of the path.
@@ -83,19 +88,19 @@ pub fn seven(
     let s = path.distances();
     let marks: Vec<Pose> = path.at.iter().map(|&p| Pose { p, n: relief.at([p[0], p[1]]).normal() }).collect();
     let speeds = Branches::Quickest { a: axis_limits[3].speed, c: axis_limits[4].speed };
-    let (sigma, axes) = match tools {
+    let (smoothed, axes) = match tools {
         Tools::OnTheMark => (None, follow(&marks, speeds)),
         Tools::LeastAcceleration => (None, seven_axes(&marks, limits)),
         Tools::Gaussian => {
             let even = Even::of(path, &s);
-            let weights = path.weights();
-            let sigma = even.largest_sigma(path, &marks, &weights, relief, &s, limits);
-            (Some(sigma), follow(&even.tools(sigma, relief, &s), speeds))
+            let (rungs, sigma) = even.smoothing(&marks, &path.weights(), relief, &s, limits);
+            (Some((rungs, sigma)), follow(&even.tools(sigma, relief, &s), speeds))
         }
     };
     let deviation: Vec<Deviation> = marks.iter().zip(&axes).map(|(m, a)| Deviation::of(m, &a.tool())).collect();
     let timed = time(path, &s, &axes, pens, machine, axis_limits, 1)?;
-    Ok(Seven { sigma, axes, deviation, timed })
+    let (ladder, sigma) = smoothed.map_or((Vec::new(), None), |(ladder, sigma)| (ladder, Some(sigma)));
+    Ok(Seven { ladder, sigma, axes, deviation, timed })
 }
 
 impl Seven {
@@ -155,18 +160,6 @@ fn time(
 const START: f64 = 30.0;
 const FACTOR: f64 = 0.95;
 
-/// The rungs of the article's ladder on this path, to the first that holds: sigma in um, and the worst
-/// deviations there.
-pub fn ladder(path: &Path, relief: &Relief, limits: Limits) -> Vec<Rung<Deviation>> {
-    let (s, weights) = (path.distances(), path.weights());
-    let marks: Vec<Pose> = path.at.iter().map(|&p| Pose { p, n: relief.at([p[0], p[1]]).normal() }).collect();
-    let even = Even::of(path, &s);
-    decompose::ladder(START * 1000.0, FACTOR, even.step * 250.0, |sigma| {
-        let worst = worst(&even.tools(sigma / 1000.0, relief, &s), &marks, &weights);
-        (worst, limits.hold(worst))
-    })
-}
-
 /// The worst deviations: of focus and angle where it is marked, of the field everywhere.
 fn worst(tools: &[Pose], marks: &[Pose], weights: &[f64]) -> Deviation {
     marks.iter().zip(tools).zip(weights).fold(Deviation::default(), |worst, ((mark, tool), &w)| {
@@ -217,21 +210,17 @@ impl Even {
             .collect()
     }
 
-    /// The article's ladder, then bisection to a thousandth.
-    fn largest_sigma(
-        &self,
-        path: &Path,
-        marks: &[Pose],
-        weights: &[f64],
-        relief: &Relief,
-        s: &[f64],
-        limits: Limits,
-    ) -> f64 {
+    /// The article's ladder, sigma in mm and the worst deviations there; and the largest sigma that holds, by
+    /// bisection above its last rung, 0 where none does.
+    fn smoothing(&self, marks: &[Pose], weights: &[f64], relief: &Relief, s: &[f64], limits: Limits) -> (Ladder, f64) {
         let attempt = |sigma: f64| {
             let worst = worst(&self.tools(sigma, relief, s), marks, weights);
-            ((), limits.hold(worst))
+            (worst, limits.hold(worst))
         };
-        debug_assert_eq!(path.len(), marks.len());
-        largest(START, FACTOR, self.step / 4.0, 1e-3 * self.step, attempt).map_or(0.0, |r| r.strength)
+        let rungs = ladder(START, FACTOR, self.step / 4.0, attempt);
+        let held = rungs.last().filter(|r| r.holds).map_or(0.0, |r| r.strength);
+        let failed = rungs.iter().rev().nth(1).filter(|_| held > 0.0).map(|r| r.strength);
+        let finer = failed.and_then(|failed| refine(held, failed, 1e-3 * self.step, attempt));
+        (rungs, finer.map_or(held, |r| r.strength))
     }
 }

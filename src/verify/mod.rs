@@ -64,10 +64,10 @@ impl<'a> Drawing<'a> {
 /// whose bytes are as when the job was compiled, yet cannot be read. Anything else that is wrong with
 /// the folder is a violation in the proof.
 pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Error> {
-    if read::fly::manifest::is_one(folder) {
+    if read::manifest::is_on_the_fly(folder) {
         return fly::verify(folder, inputs_override);
     }
-    let manifest = read::manifest::read(folder)?;
+    let manifest: read::manifest::Manifest = read::manifest::read(folder)?;
     let mut findings = Findings::new();
     let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
     let unchanged = rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.hash);

@@ -9,7 +9,7 @@
 //! M65 at once, before every rest, at the start and at the end, because M63 waits for a move that may
 //! never come. Its power is analogue output 0 in percent (M67, with the next move).
 
-use super::{At, approach, clean, head, percent, push_time, word};
+use super::{At, Pieces, approach, clean, head, percent, push_time, settle, word};
 use crate::fly::check::Checked;
 use crate::machine::Machine;
 
@@ -36,22 +36,17 @@ pub fn linuxcnc(checked: &Checked, machine: &Machine) -> Vec<u8> {
     line(&mut out, "G64 P0.0002 Q0");
     line(&mut out, "M65 P0");
     approach(&mut out, checked, machine, "G0");
-    let settle = ((machine.stage.settle.as_s() * 1e6).ceil() as i64).max(50_000);
-    line(&mut out, &dwell(settle));
+    line(&mut out, &dwell(settle(machine)));
     line(&mut out, "G93");
     let mut at = At { to: program.start, kind: program.kind };
-    let (mut laser, mut piece, mut power) = (false, None, None);
+    let (mut laser, mut pieces) = (false, Pieces::default());
     for (us, from, to) in program.steps() {
-        if to.mark != piece
-            && let Some(mark) = to.mark
-        {
-            comment(&mut out, &format!("MARK {} PEN {}", mark.source, mark.pen + 1));
-            if power != Some(mark.pen) {
-                line(&mut out, &format!("M67 E0 Q{}", percent(checked, machine, mark.pen)));
-                power = Some(mark.pen);
+        if let Some((text, pen)) = pieces.begin(to.mark) {
+            comment(&mut out, &text);
+            if let Some(pen) = pen {
+                line(&mut out, &format!("M67 E0 Q{}", percent(checked, machine, pen)));
             }
         }
-        piece = to.mark;
         if *from == to.to {
             // A rest is no move: what waits for one would not come.
             line(&mut out, "M65 P0");

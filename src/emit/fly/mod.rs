@@ -15,7 +15,7 @@ pub use pmac::{blend_us, pmac};
 
 use crate::fly::check::{Checked, Figures, SERVO_S};
 use crate::fly::motion::AXES;
-use crate::fly::program::Kind;
+use crate::fly::program::{Kind, Mark};
 use crate::machine::Machine;
 
 /// How far a controller that blends moves may round a corner of a mark, mm.
@@ -73,6 +73,30 @@ fn push_time(out: &mut Vec<u8>, us: i64, unit: i64) {
     let digits = unit.ilog10() as usize;
     let text = format!("{}.{:0digits$}", us / unit, us % unit);
     out.extend_from_slice(text.trim_end_matches('0').trim_end_matches('.').as_bytes());
+}
+
+/// Which piece of a stroke is being marked, and with which pen.
+#[derive(Default)]
+struct Pieces {
+    piece: Option<Mark>,
+    pen: Option<u16>,
+}
+
+impl Pieces {
+    /// Where a piece begins with this move: its comment, and its pen where that is another than before.
+    fn begin(&mut self, mark: Option<Mark>) -> Option<(String, Option<u16>)> {
+        let new = mark.filter(|_| mark != self.piece);
+        self.piece = mark;
+        let new = new?;
+        let pen = (self.pen != Some(new.pen)).then_some(new.pen);
+        self.pen = Some(new.pen);
+        Some((format!("MARK {} PEN {}", new.source, new.pen + 1), pen))
+    }
+}
+
+/// How long the stage rests before the first mark, us.
+fn settle(machine: &Machine) -> i64 {
+    ((machine.stage.settle.as_s() * 1e6).ceil() as i64).max(50_000)
 }
 
 /// Power of a pen in percent of the laser's, three decimals.

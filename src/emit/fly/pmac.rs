@@ -11,7 +11,7 @@
 //! A DWELL waits for the motion before it. The coordinate system has its axes defined in mm and degrees, and no
 //! look-ahead or limit that stretches times.
 
-use super::{At, BLEND_MM, approach, clean, head, percent, push_time, word};
+use super::{At, BLEND_MM, Pieces, approach, clean, head, percent, push_time, settle, word};
 use crate::fly::check::{Checked, Figures};
 use crate::machine::Machine;
 
@@ -43,25 +43,20 @@ pub fn pmac(checked: &Checked, machine: &Machine) -> Vec<u8> {
     line(&mut out, "M1=0");
     line(&mut out, "abs");
     approach(&mut out, checked, machine, "rapid");
-    let settle = ((machine.stage.settle.as_s() * 1e6).ceil() as i64).max(50_000);
-    line(&mut out, &dwell(settle));
+    line(&mut out, &dwell(settle(machine)));
     let mut modes = b"linear TA".to_vec();
     push_time(&mut modes, blend, 1000);
     modes.extend_from_slice(b" TS0\n");
     out.extend_from_slice(&modes);
     let mut at = At { to: program.start, kind: program.kind };
-    let (mut laser, mut piece, mut power) = (false, None, None);
+    let (mut laser, mut pieces) = (false, Pieces::default());
     for (us, from, to) in program.steps() {
-        if to.mark != piece
-            && let Some(mark) = to.mark
-        {
-            comment(&mut out, &format!("MARK {} PEN {}", mark.source, mark.pen + 1));
-            if power != Some(mark.pen) {
-                line(&mut out, &format!("M2=={}", percent(checked, machine, mark.pen)));
-                power = Some(mark.pen);
+        if let Some((text, pen)) = pieces.begin(to.mark) {
+            comment(&mut out, &text);
+            if let Some(pen) = pen {
+                line(&mut out, &format!("M2=={}", percent(checked, machine, pen)));
             }
         }
-        piece = to.mark;
         if laser != to.mark.is_some() {
             laser = to.mark.is_some();
             line(&mut out, if laser { "M1==1" } else { "M1==0" });

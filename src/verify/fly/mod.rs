@@ -23,8 +23,9 @@ use track::Stroke;
 use super::depth::{Ground, Scratch};
 use super::facts::{self, Facts, Inputs};
 use super::proof::{Lengths, Proof, Rule};
-use super::read::fly::manifest::{self, Manifest};
+use super::read::fly::manifest::Manifest;
 use super::read::fly::{AXES, Course, Step};
+use super::read::manifest;
 use super::rules::hash::{self, Listed};
 use crate::diag::Error;
 use crate::geom::{P2, nm_from_mm};
@@ -95,7 +96,7 @@ impl Findings {
 
 /// Verifies an on-the-fly job folder.
 pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Error> {
-    let manifest = manifest::read(folder)?;
+    let manifest: Manifest = manifest::read(folder)?;
     let mut findings = Findings::new();
     let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
     let listed = Listed { job: &manifest.job, inputs: &manifest.inputs, files: &manifest.files };

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 
 use crate::diag::{self, Diag, Error, Place};
 use crate::machine::Machine;
@@ -18,8 +19,6 @@ const MAX_FILE: u64 = 1 << 30;
 /// The manifest of a job folder.
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct Manifest {
-    /// Version of its form.
-    pub(in crate::verify) schema: u32,
     /// The job file, relative to the folder.
     pub(in crate::verify) job: JobRef,
     /// What the job reads, relative to the job file.
@@ -164,13 +163,27 @@ impl Manifest {
     }
 }
 
-/// Reads the manifest of the job folder.
+/// What every manifest tells first.
+#[derive(Deserialize)]
+struct Head {
+    schema: u32,
+    #[serde(default)]
+    mode: Option<String>,
+}
+
+/// Whether the folder holds an on-the-fly job.
+pub(in crate::verify) fn is_on_the_fly(folder: &Path) -> bool {
+    let bytes = diag::read_file(&folder.join(NAME), MAX_FILE).ok();
+    let head = bytes.and_then(|b| serde_json::from_slice::<Head>(&b).ok());
+    head.is_some_and(|h| h.mode.as_deref() == Some("on-the-fly"))
+}
+
+/// Reads the manifest of the job folder, of either mode.
 ///
 /// # Errors
 /// `job-folder` where there is none, `manifest` where it is no manifest of a known version.
-pub(in crate::verify) fn read(folder: &Path) -> Result<Manifest, Error> {
+pub(in crate::verify) fn read<M: DeserializeOwned>(folder: &Path) -> Result<M, Error> {
     let path = folder.join(NAME);
-    let place = Place::file(path.display().to_string());
     if !path.is_file() {
         return Err(Diag::input("job-folder", format!("the folder holds no {NAME}"))
             .at(Place::file(folder.display().to_string()))
@@ -180,13 +193,13 @@ pub(in crate::verify) fn read(folder: &Path) -> Result<Manifest, Error> {
     let bytes = diag::read_file(&path, MAX_FILE)?;
     let broken = |message: String| {
         Diag::input("manifest", message)
-            .at(place.clone())
+            .at(Place::file(path.display().to_string()))
             .hint("the folder is damaged or of another version: compile it again")
     };
-    let manifest: Manifest =
-        serde_json::from_slice(&bytes).map_err(|e| broken(format!("the manifest cannot be read: {e}")))?;
-    if manifest.schema != 1 {
-        return Err(broken(format!("the manifest has schema {}, known is 1", manifest.schema)).into());
+    let unreadable = |e: serde_json::Error| broken(format!("the manifest cannot be read: {e}"));
+    let head: Head = serde_json::from_slice(&bytes).map_err(unreadable)?;
+    if head.schema != 1 {
+        return Err(broken(format!("the manifest has schema {}, known is 1", head.schema)).into());
     }
-    Ok(manifest)
+    Ok(serde_json::from_slice(&bytes).map_err(unreadable)?)
 }
