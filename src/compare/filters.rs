@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::fly::decompose::{Family, Method, largest, peak, rms_acceleration, stage};
+use crate::fly::decompose::{Family, Method, largest, peak, rms_acceleration, stage, within};
 use crate::fly::path::Path;
 use crate::fly::schedule::{Samples, Schedule};
 use crate::fly::sync::{Peaks, Room};
@@ -44,10 +44,7 @@ pub(super) fn filters(path: &Path, schedule: &Schedule, machine: &Machine, room:
         .map(|(name, family)| {
             let (made, strength) = match family {
                 Some(family) => filtered(&even, family, room),
-                None => {
-                    let half = [room.half_field[0], room.half_field[1], room.focus];
-                    (stage(&even.at, Method::LeastAcceleration { half }), None)
-                }
+                None => (least(&even, room), None),
             };
             let left: Vec<[f64; 2]> = even.at.iter().zip(&made).map(|(b, s)| [b[0] - s[0], b[1] - s[1]]).collect();
             let off =
@@ -68,6 +65,19 @@ pub(super) fn filters(path: &Path, schedule: &Schedule, machine: &Machine, room:
         .collect()
 }
 
+/// The stage of least acceleration; in height it is bound where it is marked, as filters are.
+fn least(even: &Samples, room: Room) -> Vec<[f64; 3]> {
+    let plan: Vec<[f64; 2]> = even.at.iter().map(|p| [p[0], p[1]]).collect();
+    let plan = stage(&plan, Method::LeastAcceleration { half: room.half_field });
+    let ends = |(p, &on): (&[f64; 3], &bool)| {
+        let far = if on { room.focus } else { f64::INFINITY };
+        [p[2] - far, p[2] + far]
+    };
+    let ends: Vec<[f64; 2]> = even.at.iter().zip(&even.on).map(ends).collect();
+    let z = within(even.at.iter().map(|p| p[2]).collect(), &ends);
+    plan.into_iter().zip(z).map(|([x, y], z)| [x, y, z]).collect()
+}
+
 /// A filter in plan and in height, each as strong as it may be; strengths in samples.
 fn filtered(even: &Samples, family: Family, room: Room) -> (Vec<[f64; 3]>, Option<[f64; 2]>) {
     let plan: Vec<[f64; 2]> = even.at.iter().map(|p| [p[0], p[1]]).collect();
@@ -75,7 +85,7 @@ fn filtered(even: &Samples, family: Family, room: Room) -> (Vec<[f64; 3]>, Optio
     // Longer than the whole path nothing changes any more; half a thousandth of it is a start that is too strong
     // where the scanner has anything to do.
     let start = (even.at.len() as f64 / 4.0).min(4000.0);
-    let within = |strength: f64| {
+    let fits = |strength: f64| {
         let made = stage(&plan, family.at(strength));
         let holds = plan.iter().zip(&made).all(|(p, s)| (0..2).all(|k| (p[k] - s[k]).abs() <= room.half_field[k]));
         (made, holds)
@@ -86,7 +96,7 @@ fn filtered(even: &Samples, family: Family, room: Room) -> (Vec<[f64; 3]>, Optio
             height.iter().zip(&made).zip(&even.on).all(|((p, s), &on)| !on || (p[0] - s[0]).abs() <= room.focus);
         (made, holds)
     };
-    let xy = largest(start, 0.8, 1.0, 0.5, within);
+    let xy = largest(start, 0.8, 1.0, 0.5, fits);
     let z = largest(start, 0.8, 1.0, 0.5, focused);
     let strength = [xy.as_ref().map_or(0.0, |r| r.strength), z.as_ref().map_or(0.0, |r| r.strength)];
     let (xy, z) = (xy.map_or(plan, |r| r.found), z.map_or(height, |r| r.found));

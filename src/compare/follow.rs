@@ -4,13 +4,13 @@ use super::filters::{Filter, filters};
 use super::{Curves, Figures, Ground, Split, System, marked, path_of, reason, upright};
 use crate::compile::{Plan, plan_whole};
 use crate::fly::decompose::Limits;
-use crate::fly::pace::{State, Timed};
+use crate::fly::pace::{self, State};
 use crate::fly::path::Path;
 use crate::fly::schedule::Schedule;
 use crate::fly::servo::{Protection, Servo, Synthesis};
 use crate::fly::seven::{Seven, Tools, axis_limits, seven};
 use crate::fly::spread::Spread;
-use crate::fly::sync::{Room, Sync, synchronise};
+use crate::fly::sync::{Room, Sync, Timed, quickest, synchronise};
 use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::machine::{Letter, Machine};
 use crate::motion::stage_move;
@@ -21,7 +21,7 @@ const STAGE_HZ: f64 = 20.0;
 const SCANNER_HZ: f64 = 1000.0;
 const DAMPING: f64 = 0.7;
 /// Samples of a synchronised path, and of one band of it.
-const SAMPLES: usize = 150_000;
+const SAMPLES: usize = 300_000;
 const COARSE: usize = 30_000;
 /// Samples to compare decompositions by.
 const FILTERED: usize = 40_000;
@@ -67,26 +67,30 @@ impl<'a> Follower<'a> {
 
     /// The strokes in their order, synchronised as a whole.
     fn synchronised(&self, curves: &mut Vec<(&'static str, Vec<[f64; 2]>)>) -> Result<Figures, String> {
-        let (machine, path) = (self.ground.machine, &self.path);
+        let machine = self.ground.machine;
         let pens = &self.whole.checked.program().pens;
-        let (schedule, step_s) = Schedule::sampled(path, machine, pens, SAMPLES);
-        let sync = synchronise(path, &schedule, machine, self.room(), step_s);
+        let Timed { run_s, path, schedule, sync } = quickest(&self.path, machine, pens, self.room(), SAMPLES);
         // The texture's middle lies where the stage rests.
         let (area, first) = (self.whole.texture, nm(path.at[0]));
         let middle = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, first[2]];
         let approach = stage_move(machine, middle, first, None);
         let slow = sync.slower;
         let time = Split {
-            stage: approach.travel_s,
+            stage: approach.travel_s + 2.0 * sync.lead_s,
             settle: approach.settle_s,
             zoom: 0.0,
             mark: schedule.mark_s * slow,
             jump: schedule.jump_s * slow,
             delay: schedule.delay_s * slow,
         };
-        let figures = Figures { time, stops: 1, speed: 100.0 / slow, ..self.followed(path, &schedule, &sync)? };
+        let notes = if run_s > 0.0 {
+            vec![format!("runs dark for {:.0} ms beside every mark", 1e3 * run_s * slow)]
+        } else {
+            vec![]
+        };
+        let figures = Figures { time, stops: 1, speed: 100.0 / slow, notes, ..self.followed(&path, &schedule, &sync)? };
         let drawn = path.len().min(DRAWN);
-        let until = schedule.arrive[drawn - 1] * slow;
+        let until = sync.lead_s + schedule.arrive[drawn - 1] * slow;
         let stage = sync.stage.iter().take((until / sync.step_s) as usize + 1);
         *curves = vec![
             ("beam", path.at.iter().take(drawn).map(|p| [p[0], p[1]]).collect()),
@@ -130,7 +134,7 @@ impl<'a> Follower<'a> {
             let to = [first[0], first[1], block.stop.focus];
             let moved = before.map(|from| stage_move(ground.machine, from, to, None)).unwrap_or_default();
             before = Some([last[0], last[1], block.stop.focus]);
-            all.time.stage += moved.travel_s;
+            all.time.stage += moved.travel_s + 2.0 * sync.lead_s;
             all.time.settle += moved.settle_s;
             all.time.mark += schedule.mark_s * sync.slower;
             all.time.jump += schedule.jump_s * sync.slower;
@@ -264,7 +268,7 @@ struct Sampled {
     step_s: f64,
 }
 
-fn sampled(timed: &Timed, path: &Path) -> Sampled {
+fn sampled(timed: &pace::Timed, path: &Path) -> Sampled {
     const SAMPLES: usize = 150_000;
     let total = timed.total_s();
     let count = ((total / 1e-3).ceil() as usize).clamp(1, SAMPLES);

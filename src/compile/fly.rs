@@ -13,9 +13,8 @@ use crate::fly::pace::State;
 use crate::fly::path::Path;
 use crate::fly::program::{Kind, Program};
 use crate::fly::relief::Relief;
-use crate::fly::schedule::Schedule;
 use crate::fly::seven::{Seven, Tools, axis_limits, seven};
-use crate::fly::sync::{Room, Sync, synchronise};
+use crate::fly::sync::{Room, Sync, quickest};
 use crate::geom::mm_from_nm;
 use crate::machine::Machine;
 use crate::record::Deviations;
@@ -34,8 +33,6 @@ const SPARE: f64 = 1e-3;
 const FINEST: f64 = 0.05;
 /// How often a motion is stretched to keep the limits of its axes.
 const STRETCHES: usize = 4;
-/// Share of the limits that leading in and out takes.
-const LEAD: f64 = 0.8;
 
 /// An on-the-fly job that was planned and checked, not yet written.
 #[derive(Clone, Debug)]
@@ -108,14 +105,13 @@ pub fn fly(job: Job) -> Result<FlyPlan, Error> {
             (turning(&path, &found), Kind::Xyzacuv, deviations)
         }
         None => {
-            let (schedule, step_s) = Schedule::sampled(&path, &machine, &strokes.pens, SAMPLES);
             let room = Room { half_field: half_field.map(|h| h - SPARE), focus };
-            let found = synchronise(&path, &schedule, &machine, room, step_s);
+            let found = quickest(&path, &machine, &strokes.pens, room, SAMPLES).sync;
             if found.slower > 1.0 + 1e-9 {
                 warnings.push(slower(&job, found.slower));
             }
             let deviations = upright(&found, &relief);
-            (led(&found, &machine), Kind::Xyzuv, deviations)
+            (found.motion, Kind::Xyzuv, deviations)
         }
     };
     let mut program = Program::of(&motion, strokes, &machine, checked.origin(), kind)?;
@@ -179,71 +175,4 @@ fn turning(path: &Path, found: &Seven) -> Motion {
         motion.stroke.push(path.stroke[behind]);
     }
     motion
-}
-
-/// The synchronised motion with the stage led in from rest and out to rest; the scanner stands meanwhile.
-fn led(sync: &Sync, machine: &Machine) -> Motion {
-    let mut motion = sync.motion.clone();
-    let n = sync.stage.len();
-    if n < 3 || motion.time.is_empty() {
-        return motion;
-    }
-    let h = sync.step_s;
-    // Speed and acceleration at an end, from three samples, in the direction away from it.
-    let end = |i: [usize; 3]| {
-        let [a, b, c] = i.map(|i| sync.stage[i]);
-        [0, 1, 2].map(|k| [(4.0 * b[k] - 3.0 * a[k] - c[k]) / (2.0 * h), (a[k] - 2.0 * b[k] + c[k]) / (h * h)])
-    };
-    let (first, last) = (motion.axes[0], motion.axes[motion.axes.len() - 1]);
-    let into = lead(end([0, 1, 2]), machine);
-    let out = lead(end([n - 1, n - 2, n - 3]), machine);
-    let moved = |at: [f64; AXES], by: [f64; 3]| std::array::from_fn(|k| at[k] + if k < 3 { by[k] } else { 0.0 });
-    let begin = into.last().map_or(0.0, |l| l.0);
-    motion.time.iter_mut().for_each(|t| *t += begin);
-    let total = motion.total_s();
-    let stroke = [motion.stroke[0], motion.stroke[motion.stroke.len() - 1]];
-    let count = into.len();
-    motion.time.splice(0..0, into.iter().rev().map(|l| begin - l.0));
-    motion.axes.splice(0..0, into.iter().rev().map(|l| moved(first, l.1)));
-    motion.pen.splice(0..0, vec![None; count]);
-    motion.stroke.splice(0..0, vec![stroke[0]; count]);
-    for (t, by) in out {
-        motion.time.push(total + t);
-        motion.axes.push(moved(last, by));
-        motion.pen.push(None);
-        motion.stroke.push(stroke[1]);
-    }
-    motion
-}
-
-/// Times before an end and how far the stage is then from where it is at that end: back from its speed and
-/// acceleration to rest. The speed falls as a cubic, whose acceleration and jerk keep to the limits.
-fn lead(state: [[f64; 2]; 3], machine: &Machine) -> Vec<(f64, [f64; 3])> {
-    let mut time = 0.02;
-    let fits = |time: f64| {
-        machine.axes().iter().zip(state).all(|((_, axis), [v, a])| {
-            let (v, a) = (v.abs(), a.abs());
-            let jerk = (6.0 * v / time + 4.0 * a) / time;
-            let most = axis.jerk.map_or(f64::INFINITY, |j| j.as_mm_s3());
-            1.5 * v / time + a <= (axis.acceleration.as_mm_s2() * LEAD).max(1.02 * a) && jerk <= LEAD * most
-        })
-    };
-    while !fits(time) && time < 60.0 {
-        time *= 1.25;
-    }
-    let count = (time / 1e-3).ceil() as usize;
-    (1..=count)
-        .map(|i| {
-            let t = i as f64 / count as f64;
-            let s = 1.0 - t;
-            // The integral, from s to 1, of the cubic in s that is 0 with slope 0 at 0, and v with a's slope at 1.
-            let by = state.map(|[v, a]| {
-                let slope = a * time;
-                let (c3, c2) = (slope - 2.0 * v, 3.0 * v - slope);
-                let whole = |s: f64| s * s * s * (c2 / 3.0 + s * c3 / 4.0);
-                -(whole(1.0) - whole(s)) * time
-            });
-            (t * time, by)
-        })
-        .collect()
 }

@@ -6,7 +6,7 @@
 
 use super::relief::Relief;
 use crate::geom::{NM_PER_MM, P2, mm_from_nm};
-use crate::program::Program;
+use crate::program::{Pen, Program};
 use crate::surface::Surface;
 use crate::trace::Tracer;
 
@@ -38,6 +38,8 @@ pub struct Path {
     pub node: Vec<Node>,
     /// Stroke of the program that each node belongs to, the one just marked or jumped to.
     pub stroke: Vec<u32>,
+    /// Pen whose speed the dark stretch that ends at each node keeps: it runs out of a mark or into one.
+    pub run: Vec<Option<u16>>,
 }
 
 impl Path {
@@ -117,11 +119,82 @@ impl Path {
         out
     }
 
+    /// The same marks with dark runs of `time_s` at the pen's speed, straight on at every end and straight towards
+    /// every begin, and jumps between them: the stage turns while nothing is marked. Between two marks on one line
+    /// that leave no room for that the path runs on.
+    pub fn run_out(&self, time_s: f64, pens: &[Pen]) -> Self {
+        let mut out = Self::default();
+        // The way that is run beside a pen's mark, in the direction of the stretch between two nodes of it.
+        let run = |from: usize, to: usize, pen: u16| {
+            let (a, b) = (self.at[from], self.at[to]);
+            let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+            let share = if length > 0.0 { time_s * pens[usize::from(pen)].speed.as_mm_s() / length } else { 0.0 };
+            [0, 1, 2].map(|k| share * (b[k] - a[k]))
+        };
+        let mut ended: Option<([f64; 3], [f64; 3], u16)> = None;
+        for i in 0..self.len() {
+            let begins = self.pen.get(i + 1).copied().flatten().filter(|_| self.node[i] == Node::End);
+            if let Some(pen) = self.pen[i] {
+                out.node(self.at[i], Some(pen), self.stroke[i]);
+                if self.node[i] == Node::End {
+                    ended = Some((self.at[i], run(self.along(i, false), i, pen), pen));
+                } else if let Some(node) = out.node.last_mut() {
+                    *node = self.node[i];
+                }
+            }
+            if let Some(pen) = begins {
+                let (at, stroke, before) =
+                    (self.at[i], self.stroke[i + 1], out.stroke.last().copied().unwrap_or_default());
+                let into = run(i, self.along(i, true), pen);
+                if !ended.is_some_and(|(from, way, _)| on_one_line(from, way, at, into)) {
+                    if let Some((from, way, pen)) = ended {
+                        out.dark([0, 1, 2].map(|k| from[k] + way[k]), Some(pen), before);
+                    }
+                    out.node([0, 1, 2].map(|k| at[k] - into[k]), None, stroke);
+                }
+                if out.at.last() != Some(&at) {
+                    out.dark(at, Some(pen), stroke);
+                }
+            }
+        }
+        if let Some((from, way, pen)) = ended {
+            out.dark([0, 1, 2].map(|k| from[k] + way[k]), Some(pen), self.stroke[self.len() - 1]);
+        }
+        out
+    }
+
+    /// The nearest node of the same mark after one, or before it, that tells the direction there.
+    fn along(&self, i: usize, after: bool) -> usize {
+        const ENOUGH: f64 = 0.1;
+        let next = |j: usize| {
+            let (next, pen) = if after { (j + 1, self.pen.get(j + 1)) } else { (j.wrapping_sub(1), self.pen.get(j)) };
+            pen.copied().flatten().map(|_| next)
+        };
+        let mut found = i;
+        while let Some(j) = next(found) {
+            let (a, b) = (self.at[i], self.at[j]);
+            found = j;
+            if (b[0] - a[0]).hypot(b[1] - a[1]) >= ENOUGH || self.node[j] != Node::Between {
+                break;
+            }
+        }
+        found
+    }
+
     fn node(&mut self, at: [f64; 3], pen: Option<u16>, stroke: u32) {
         self.at.push(at);
         self.pen.push(pen);
         self.node.push(Node::Between);
         self.stroke.push(stroke);
+        self.run.push(None);
+    }
+
+    /// A node that is run to at a pen's speed.
+    fn dark(&mut self, at: [f64; 3], pen: Option<u16>, stroke: u32) {
+        self.node(at, None, stroke);
+        if let Some(run) = self.run.last_mut() {
+            *run = pen;
+        }
     }
 
     /// What the path does at the node it has come to.
@@ -166,6 +239,16 @@ impl Path {
             self.node([bx, by, height], pen, stroke);
         }
     }
+}
+
+/// Whether a mark that ends at `from` and one that begins at `to` lie on one line, nearer than what is run beside
+/// both, `out` and `into`.
+fn on_one_line(from: [f64; 3], out: [f64; 3], to: [f64; 3], into: [f64; 3]) -> bool {
+    const STRAIGHT: f64 = 1e-3;
+    let gap = [to[0] - from[0], to[1] - from[1]];
+    let ([a, b], [c, d]) = ([out[0], out[1]], [into[0], into[1]]);
+    let far = gap[0].hypot(gap[1]);
+    angle([a, b], [c, d]) < STRAIGHT && far < a.hypot(b) + c.hypot(d) && (far == 0.0 || angle([a, b], gap) < STRAIGHT)
 }
 
 fn pieces(a: P2, b: P2, spacing: f64) -> usize {

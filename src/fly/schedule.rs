@@ -50,7 +50,10 @@ impl Schedule {
                 let length = (b[0] - a[0]).hypot(b[1] - a[1]);
                 let (speed, sum) = match here {
                     Some(pen) => (pens[usize::from(pen)].speed.as_mm_s(), &mut out.mark_s),
-                    None => (jump_speed, &mut out.jump_s),
+                    None => {
+                        let run = path.run[i].map(|pen| pens[usize::from(pen)].speed.as_mm_s());
+                        (run.unwrap_or(jump_speed), &mut out.jump_s)
+                    }
                 };
                 *sum += length / speed;
                 now += length / speed;

@@ -14,8 +14,9 @@ use rayon::prelude::*;
 use super::decompose::{Method, rms_acceleration, stage};
 use super::motion::Motion;
 use super::path::Path;
-use super::schedule::{Samples, Schedule};
+use super::schedule::Schedule;
 use crate::machine::Machine;
+use crate::program::Pen;
 
 /// Time of a job that steps through `stops` and processes between moves (eq. 8).
 pub fn step_scan_s(stops: usize, move_s: f64, process_s: f64) -> f64 {
@@ -49,7 +50,7 @@ impl Peaks {
     }
 
     /// Of one coordinate of positions at even steps, by their differences.
-    pub fn of(positions: &[[f64; 3]], axis: usize, step_s: f64) -> Self {
+    pub fn of<const N: usize>(positions: &[[f64; N]], axis: usize, step_s: f64) -> Self {
         let (mut most, mut last) = ([0.0f64; 3], [0.0; 2]);
         for (i, w) in positions.windows(2).enumerate() {
             let speed = w[1][axis] - w[0][axis];
@@ -90,7 +91,9 @@ pub struct Sync {
     pub samples: [usize; 2],
     /// How much slower than the pens ask for everything runs, 1 or more.
     pub slower: f64,
-    /// Where the stage is at even steps.
+    /// How long the stage moves before the beam does, and after it, s.
+    pub lead_s: f64,
+    /// Where the stage is at even steps, from rest to rest.
     pub stage: Vec<[f64; 3]>,
     /// Time between these, slowed.
     pub step_s: f64,
@@ -104,32 +107,150 @@ pub struct Sync {
     pub motion: Motion,
 }
 
+/// A path, when the beam is where on it, and its motion.
+pub struct Timed {
+    /// With the dark runs that were found best, s of each at the pens' speeds.
+    pub run_s: f64,
+    /// See `run_s`.
+    pub path: Path,
+    /// Times at the pens' speeds.
+    pub schedule: Schedule,
+    /// The motion.
+    pub sync: Sync,
+}
+
+/// Shares a path out with dark runs beside its marks as long as makes the whole quickest, none among them, in at
+/// most `most` samples.
+pub fn quickest(path: &Path, machine: &Machine, pens: &[Pen], room: Room, most: usize) -> Timed {
+    let made = |run_s: f64, most: usize| {
+        let path = if run_s > 0.0 { path.run_out(run_s, pens) } else { path.clone() };
+        let (schedule, step_s) = Schedule::sampled(&path, machine, pens, most);
+        let sync = synchronise(&path, &schedule, machine, room, step_s);
+        Timed { run_s, path, schedule, sync }
+    };
+    let total = |t: &Timed| t.schedule.total_s() * t.sync.slower + 2.0 * t.sync.lead_s;
+    let plain = made(0.0, most);
+    // Where the pens' speeds are kept no turn can be a better one.
+    if plain.sync.slower <= 1.0 {
+        return plain;
+    }
+    // The scanner's own delays must fit into a run.
+    let least = machine.delays.jump.as_s().max(machine.delays.mark.as_s()).max(SHORTEST);
+    let mut best = (0.0, total(&plain));
+    let mut worse = 0;
+    for run_s in std::iter::successors(Some(least), |r| Some(1.6 * r)).take_while(|&r| r <= LONGEST) {
+        let time = total(&made(run_s, most.min(TRIED)));
+        worse = if time < best.1 { 0 } else { worse + 1 };
+        if time < best.1 {
+            best = (run_s, time);
+        }
+        if best.0 > 0.0 && worse >= 3 {
+            break;
+        }
+    }
+    let found = made(best.0, most);
+    if total(&found) < total(&plain) { found } else { plain }
+}
+
+/// Shortest and longest dark runs that are tried, s at the pens' speeds, and samples they are tried with.
+const SHORTEST: f64 = 5e-4;
+const LONGEST: f64 = 1.0;
+const TRIED: usize = 100_000;
+/// Samples that averages in plan are looked for with.
+const COARSE: usize = 50_000;
+
 /// Shares a scheduled path out, in even steps of `step_s` or a little less.
 pub fn synchronise(path: &Path, schedule: &Schedule, machine: &Machine, room: Room, step_s: f64) -> Sync {
     let limits = Peaks::limits(machine);
     let even = schedule.samples(path, step_s);
-    let mut tight = room;
-    // Corners lie between samples: where one of them leaves the field, the samples get less of it.
-    for _ in 0..TIGHTER {
-        let (stage, samples, slower) = averaged(&even, &limits, tight);
-        let out = Sync { samples, slower, stage, step_s: even.step_s * slower, ..Sync::default() };
-        let over = out.over(path, schedule, room);
-        if over.iter().all(|&o| o <= 0.0) {
-            return out.timed(path, schedule, even);
-        }
-        for (half, over) in tight.half_field.iter_mut().zip(over) {
-            *half = (*half - 1.05 * over).max(0.1 * *half);
-        }
-        tight.focus = (tight.focus - 1.05 * over[2]).max(0.1 * tight.focus);
+    let nodes = Nodes::of(path, schedule, even.step_s);
+    let half = [room.half_field[0], room.half_field[1], room.focus];
+    // The field is wide: its averages are looked for on fewer samples, and shortened where all of them say so.
+    let plan: Vec<[f64; 2]> = even.at.iter().map(|p| [p[0], p[1]]).collect();
+    let every = (plan.len() / COARSE).max(1);
+    let few: Vec<[f64; 2]> = plan.iter().copied().step_by(every).collect();
+    let inside = |made: &[[f64; 2]], path: &[[f64; 2]], every: usize| {
+        made.iter().zip(path).all(|(m, p)| (0..2).all(|k| (p[k] - m[k]).abs() <= half[k]))
+            && nodes.all(false, |at, p| {
+                let m = between(made, at / every as f64);
+                (0..2).all(|k| (p[k] - m[k]).abs() <= half[k] * (1.0 + 1e-9))
+            })
+    };
+    let fits = |made: &[[f64; 2]]| inside(made, &few, every);
+    let limits_xy = [limits[0], limits[1]];
+    let search = Search { path: &few, step_s: even.step_s * every as f64, limits: limits_xy, enough: 1.0, fits };
+    let mut xy = search.run();
+    (xy.samples, xy.ramp) = ((xy.samples - 1) * every + 1, (xy.ramp - 1) * every + 1);
+    let fits = |c: &Choice| inside(&ramped(&plan, c.reach(), c.samples, c.ramp)[c.reach()..], &plan, 1);
+    while xy.samples > 1 && !fits(&xy) {
+        (xy.samples, xy.ramp) = (xy.samples * 19 / 20, (xy.ramp * 19 / 20).max(1));
     }
-    // The stage that follows every sample leaves nothing to the scanner.
-    let slower = (0..3).map(|axis| Peaks::of(&even.at, axis, even.step_s).slowed(&limits[axis])).fold(1.0, f64::max);
-    let out = Sync { samples: [1, 1], slower, stage: even.at.clone(), step_s: even.step_s * slower, ..Sync::default() };
-    out.timed(path, schedule, even)
+    xy.slower = slowed(&ramped(&plan, xy.reach(), xy.samples, xy.ramp), even.step_s, &limits_xy);
+
+    let height: Vec<[f64; 1]> = even.at.iter().map(|p| [p[2]]).collect();
+    let focused = |made: &[[f64; 1]]| {
+        (0..made.len()).all(|i| !even.on[i] || (height[i][0] - made[i][0]).abs() <= half[2])
+            && nodes.all(true, |at, p| (p[2] - between(made, at)[0]).abs() <= half[2] * (1.0 + 1e-9))
+    };
+    // What x and y are slowed down to is slow enough for z.
+    let search = Search { path: &height, step_s: even.step_s, limits: [limits[2]], enough: xy.slower, fits: focused };
+    let z = search.run();
+    let lead = xy.reach().max(z.reach());
+    let (stage_xy, stage_z) = (ramped(&plan, lead, xy.samples, xy.ramp), ramped(&height, lead, z.samples, z.ramp));
+    let slower = xy.slower.max(slowed(&stage_z, even.step_s, &[limits[2]]));
+    let step_s = even.step_s * slower;
+    let out = Sync {
+        samples: [xy.samples, z.samples],
+        slower,
+        lead_s: lead as f64 * step_s,
+        stage: stage_xy.iter().zip(&stage_z).map(|(&[x, y], &[z])| [x, y, z]).collect(),
+        step_s,
+        beam: held(&even.at, lead),
+        on: [vec![false; lead], even.on, vec![false; lead]].concat(),
+        ..Sync::default()
+    };
+    out.timed(path, schedule)
 }
 
-/// How often the field is made tighter.
-const TIGHTER: usize = 6;
+/// When the beam comes to the nodes of its path and leaves them, in samples.
+struct Nodes<'a> {
+    path: &'a Path,
+    times: Vec<[f64; 2]>,
+}
+
+impl<'a> Nodes<'a> {
+    fn of(path: &'a Path, schedule: &Schedule, step_s: f64) -> Self {
+        let times = schedule.arrive.iter().zip(&schedule.leave).map(|(a, l)| [a / step_s, l / step_s]).collect();
+        Self { path, times }
+    }
+
+    /// Whether all nodes hold, or all of marks.
+    fn all(&self, marks: bool, holds: impl Fn(f64, &[f64; 3]) -> bool) -> bool {
+        let lit = |i: usize| self.path.pen.get(i).copied().flatten().is_some();
+        self.times.iter().enumerate().all(|(i, [arrive, leave])| {
+            // A mark ends as the beam comes and begins as it goes.
+            let come = !marks || lit(i);
+            let go = !marks || lit(i + 1);
+            let at = &self.path.at[i];
+            (!come || holds(*arrive, at)) && (!go || (come && arrive == leave) || holds(*leave, at))
+        })
+    }
+}
+
+/// A value between samples.
+#[inline]
+fn between<const N: usize>(made: &[[f64; N]], at: f64) -> [f64; N] {
+    let last = made.len() - 1;
+    let at = at.clamp(0.0, last as f64);
+    let i = (at as usize).min(last.saturating_sub(1));
+    let (a, b, t) = (made[i], made[(i + 1).min(last)], at - i as f64);
+    std::array::from_fn(|k| a[k] + t * (b[k] - a[k]))
+}
+
+/// How much slower than asked some axes follow their positions.
+fn slowed<const N: usize>(made: &[[f64; N]], step_s: f64, limits: &[Peaks; N]) -> f64 {
+    (0..N).map(|k| Peaks::of(made, k, step_s).slowed(&limits[k])).fold(1.0, f64::max)
+}
 
 /// Samples of the averages that are tried: every odd number at first, then in steps of four tenths.
 fn ladder(longest: usize) -> Vec<usize> {
@@ -137,174 +258,154 @@ fn ladder(longest: usize) -> Vec<usize> {
     std::iter::successors(Some(1), next).collect()
 }
 
-/// The time in which the slowest of some axes builds its acceleration up; 0 where it may step.
-fn build_up(limits: &[Peaks; 3], axes: &[usize]) -> f64 {
-    axes.iter().map(|&k| limits[k].acceleration / limits[k].jerk).fold(0.0, f64::max)
-}
-
-/// A path averaged twice more: a step of speed becomes a ramp of acceleration, and a step of place, as a quick
-/// jump is, one of speed.
-fn ramped(path: Vec<[f64; 3]>, samples: usize) -> Vec<[f64; 3]> {
-    if samples < 2 {
-        return path;
+/// A path that rests for `lead` samples at both ends, averaged, and twice more: a step of speed becomes a ramp of
+/// acceleration, and a step of place, as a quick jump is, one of speed. It begins and ends at rest where `lead` is
+/// [`Choice::reach`] or more.
+fn ramped<const N: usize>(path: &[[f64; N]], lead: usize, samples: usize, ramp: usize) -> Vec<[f64; N]> {
+    let once = stage(&held(path, lead), Method::MovingAverage { samples });
+    if ramp < 2 {
+        return once;
     }
-    stage(&stage(&path, Method::MovingAverage { samples }), Method::MovingAverage { samples })
+    let twice = Method::MovingAverage { samples: ramp };
+    stage(&stage(&once, twice), twice)
 }
 
-/// One search for an average.
-struct Search<'a> {
-    even: &'a Samples,
-    /// Which coordinates are averaged together.
-    axes: &'a [usize],
-    limits: &'a [Peaks; 3],
+/// Both ends repeated.
+fn held<T: Copy>(list: &[T], by: usize) -> Vec<T> {
+    let [first, last] = [list[0], list[list.len() - 1]].map(|end| std::iter::repeat_n(end, by));
+    first.chain(list.iter().copied()).chain(last).collect()
+}
+
+/// An average and its ramp in samples, and how much slower than asked the stage follows it.
+#[derive(Clone, Copy, Debug)]
+struct Choice {
+    samples: usize,
+    ramp: usize,
+    slower: f64,
+}
+
+impl Choice {
+    /// Samples to each side that a sample of the stage depends on.
+    fn reach(&self) -> usize {
+        self.samples / 2 + 2 * (self.ramp / 2)
+    }
+}
+
+/// A search for the average of some coordinates together.
+struct Search<'a, const N: usize, F> {
+    path: &'a [[f64; N]],
+    step_s: f64,
+    limits: [Peaks; N],
     /// What is slow enough.
     enough: f64,
+    /// Whether what is left for the others is little enough.
+    fits: F,
 }
 
-impl Search<'_> {
-    fn make(&self, samples: usize, ramp: usize) -> Vec<[f64; 3]> {
-        ramped(stage(&self.even.at, Method::MovingAverage { samples }), ramp)
+impl<const N: usize, F: Fn(&[[f64; N]]) -> bool + std::marker::Sync> Search<'_, N, F> {
+    /// What comes of an average and a ramp, if it fits.
+    fn attempt(&self, samples: usize, ramp: usize) -> Option<Choice> {
+        let choice = Choice { samples, ramp, slower: f64::INFINITY };
+        let lead = choice.reach();
+        let made = ramped(self.path, lead, samples, ramp);
+        let fits = (self.fits)(&made[lead..made.len() - lead]);
+        fits.then(|| Choice { slower: slowed(&made, self.step_s, &self.limits), ..choice })
     }
 
     /// The shortest average with which the stage keeps up at full speed; where there is none, the one with
-    /// which least has to be slowed down. `fits` tells whether what is left for the others is little enough.
+    /// which least has to be slowed down.
     ///
-    /// Further averages, as long as the stage takes to build its acceleration up, make that a ramp. Slowed down,
-    /// that is fewer samples: they are found in a few rounds, and shortened where they alone are too much.
-    fn run(&self, fits: impl Fn(&[[f64; 3]]) -> bool + std::marker::Sync) -> (usize, f64, Vec<[f64; 3]>) {
-        const ROUNDS: usize = 3;
-        let build_up = build_up(self.limits, self.axes);
-        let without = self.limits.map(|l| Peaks { jerk: f64::INFINITY, ..l });
-        let (mut samples, mut slower) = self.best(1, &without, &fits);
-        let mut ramp = 1;
-        if build_up > 0.0 {
-            let mut wanted = (build_up / (slower * self.even.step_s)).ceil() as usize;
-            let mut best: Option<(usize, f64, usize)> = None;
-            for _ in 0..ROUNDS {
-                wanted = wanted.clamp(1, self.even.at.len());
-                let (p, slow) = self.best(wanted, self.limits, &fits);
-                if slow.is_finite() && best.is_none_or(|b| slow < b.1) {
-                    best = Some((p, slow, wanted));
-                }
-                let next = if slow.is_finite() { build_up / (slow * self.even.step_s) } else { wanted as f64 / 4.0 };
-                if next.ceil() as usize == wanted {
-                    break;
-                }
-                wanted = next.ceil() as usize;
-            }
-            (samples, slower, ramp) = best.unwrap_or_else(|| {
-                let (p, slow) = self.best(1, self.limits, &fits);
-                (p, slow, 1)
-            });
-        }
-        (samples, slower, self.make(samples, ramp))
-    }
-
-    fn best(
-        &self,
-        ramp: usize,
-        limits: &[Peaks; 3],
-        fits: &(impl Fn(&[[f64; 3]]) -> bool + std::marker::Sync),
-    ) -> (usize, f64) {
+    /// Axes that may step their acceleration need no ramp. Of the others every ramp is tried that is no longer
+    /// than the average, and the best pair is then made better by steps to its neighbours.
+    fn run(&self) -> Choice {
         // Some at a time, in order: what ends the search does not depend on the number of threads.
         const SOME: usize = 8;
-        let mut best = (1, f64::INFINITY);
-        for some in ladder(2 * self.even.at.len() + 1).chunks(SOME) {
-            let found: Vec<Option<f64>> = some
-                .par_iter()
-                .map(|&samples| {
-                    let made = self.make(samples, ramp);
-                    let slowed = |&k: &usize| Peaks::of(&made, k, self.even.step_s).slowed(&limits[k]);
-                    fits(&made).then(|| self.axes.iter().map(slowed).fold(1.0, f64::max))
-                })
-                .collect();
+        let jerks = self.limits.iter().any(|l| l.jerk.is_finite());
+        let mut best = Choice { samples: 1, ramp: 1, slower: f64::INFINITY };
+        for some in ladder(2 * self.path.len() + 1).chunks(SOME) {
+            let of = |&samples: &usize| {
+                let ramps = ladder(if jerks { samples } else { 1 });
+                let tried = ramps.into_iter().map_while(|ramp| self.attempt(samples, ramp));
+                tried.min_by(|a, b| a.slower.total_cmp(&b.slower))
+            };
+            let found: Vec<Option<Choice>> = some.par_iter().map(of).collect();
             let misses = found.iter().all(Option::is_none);
-            for (&samples, slower) in some.iter().zip(found).filter_map(|(p, f)| Some((p, f?))) {
-                if slower < best.1 {
-                    best = (samples, slower);
+            for choice in found.into_iter().flatten() {
+                if choice.slower < best.slower {
+                    best = choice;
                 }
-                if best.1 <= self.enough {
+                if best.slower <= self.enough {
                     return best;
                 }
             }
             // Far beyond what fits nothing will fit again that slows less.
-            if misses && (best.1.is_finite() || some[0] > self.even.at.len() / 2) {
+            if misses && (best.slower.is_finite() || some[0] > self.path.len() / 2) {
                 break;
+            }
+        }
+        self.polished(best)
+    }
+
+    /// Steps to neighbours, smaller and smaller ones, while that is quicker.
+    fn polished(&self, mut best: Choice) -> Choice {
+        for share in [0.2, 0.1, 0.05] {
+            let by = |n: usize| (((n as f64 * share) as usize) & !1).max(2);
+            loop {
+                let (p, r) = (by(best.samples), by(best.ramp));
+                let longer = |n: usize, by: usize| [Some(n + by), n.checked_sub(by).filter(|n| *n > 0)];
+                let mut near: Vec<(usize, usize)> = Vec::new();
+                near.extend(longer(best.samples, p).into_iter().flatten().map(|p| (p, best.ramp)));
+                near.extend(longer(best.ramp, r).into_iter().flatten().map(|r| (best.samples, r)));
+                let found: Vec<Option<Choice>> = near.par_iter().map(|&(p, r)| self.attempt(p, r)).collect();
+                let next = found.into_iter().flatten().min_by(|a, b| a.slower.total_cmp(&b.slower));
+                // Gains of a thousandth are not worth a step.
+                match next.filter(|n| n.slower < 0.999 * best.slower) {
+                    Some(next) => best = next,
+                    None => break,
+                }
+                if best.slower <= self.enough {
+                    return best;
+                }
             }
         }
         best
     }
 }
 
-fn averaged(even: &Samples, limits: &[Peaks; 3], room: Room) -> (Vec<[f64; 3]>, [usize; 2], f64) {
-    let far = |made: &[[f64; 3]], k: usize, i: usize| (even.at[i][k] - made[i][k]).abs();
-    let (p, slower, mut path) = Search { even, axes: &[0, 1], limits, enough: 1.0 }.run(|made| {
-        (0..made.len()).all(|i| far(made, 0, i) <= room.half_field[0] && far(made, 1, i) <= room.half_field[1])
-    });
-    // What x and y are slowed down to is slow enough for z.
-    let (p_z, slower_z, z) = Search { even, axes: &[2], limits, enough: slower }
-        .run(|made| (0..made.len()).all(|i| !even.on[i] || far(made, 2, i) <= room.focus));
-    path.iter_mut().zip(z).for_each(|(p, z)| p[2] = z[2]);
-    (path, [p, p_z], slower.max(slower_z))
-}
-
 impl Sync {
     /// Where the stage is at a time: straight between its samples.
     fn stage_at(&self, time: f64) -> [f64; 3] {
-        let last = self.stage.len() - 1;
-        let at = (time / self.step_s).clamp(0.0, last as f64);
-        let i = (at as usize).min(last.saturating_sub(1));
-        let (a, b, t) = (self.stage[i], self.stage[(i + 1).min(last)], at - i as f64);
-        [0, 1, 2].map(|c| a[c] + t * (b[c] - a[c]))
+        between(&self.stage, time / self.step_s)
     }
 
     /// Where the stage is when the beam comes to each node of its path.
     pub fn nodes(&self, schedule: &Schedule) -> Vec<[f64; 3]> {
-        schedule.arrive.iter().map(|&t| self.stage_at(t * self.slower)).collect()
-    }
-
-    /// By how much the beam leaves the field along x and y at the nodes of its path, and marks the focus.
-    fn over(&self, path: &Path, schedule: &Schedule, room: Room) -> [f64; 3] {
-        let half = [room.half_field[0], room.half_field[1], room.focus];
-        let mut over = [0.0; 3];
-        for i in 0..path.len() {
-            for time in [schedule.arrive[i], schedule.leave[i]] {
-                let at = self.stage_at(time * self.slower);
-                for k in 0..3 {
-                    let marks = path.pen[i].is_some() || path.pen.get(i + 1).is_some_and(Option::is_some);
-                    if k < 2 || marks {
-                        over[k] = f64::max(over[k], (path.at[i][k] - at[k]).abs() - half[k] * (1.0 + 1e-9));
-                    }
-                }
-            }
-        }
-        over
+        schedule.arrive.iter().map(|&t| self.stage_at(self.lead_s + t * self.slower)).collect()
     }
 
     /// The motion of all axes: at the nodes of the path, and where the stage's own samples lie.
-    fn timed(mut self, path: &Path, schedule: &Schedule, even: Samples) -> Self {
+    fn timed(mut self, path: &Path, schedule: &Schedule) -> Self {
         self.rms_acceleration = rms_acceleration(&self.stage, self.step_s);
         let mut motion = Motion::default();
         let mut sample = 0;
+        let mut until = |time: f64, pen: Option<u16>, stroke: u32, motion: &mut Motion| {
+            while sample < self.stage.len() && sample as f64 * self.step_s < time {
+                push(motion, sample as f64 * self.step_s, self.stage[sample], self.beam[sample], pen, stroke);
+                sample += 1;
+            }
+        };
         for i in 0..path.len() {
-            let mut until = |self_: &Self, time: f64, pen: Option<u16>, motion: &mut Motion| {
-                while sample < self_.stage.len() && sample as f64 * self_.step_s < time {
-                    let at = even.at[sample];
-                    push(motion, sample as f64 * self_.step_s, self_.stage[sample], at, pen, path.stroke[i]);
-                    sample += 1;
-                }
-            };
-            let waits = schedule.leave[i] > schedule.arrive[i];
-            let (come, go) = (schedule.arrive[i] * self.slower, schedule.leave[i] * self.slower);
-            until(&self, come, path.pen[i], &mut motion);
-            push(&mut motion, come, self.stage_at(come), path.at[i], path.pen[i], path.stroke[i]);
-            if waits {
-                until(&self, go, None, &mut motion);
-                push(&mut motion, go, self.stage_at(go), path.at[i], None, path.stroke[i]);
+            let (pen, stroke) = (path.pen[i], path.stroke[i]);
+            let [come, go] = [schedule.arrive[i], schedule.leave[i]].map(|t| self.lead_s + t * self.slower);
+            until(come, pen, stroke, &mut motion);
+            push(&mut motion, come, self.stage_at(come), path.at[i], pen, stroke);
+            if go > come {
+                until(go, None, stroke, &mut motion);
+                push(&mut motion, go, self.stage_at(go), path.at[i], None, stroke);
             }
         }
+        until(f64::INFINITY, None, path.stroke[path.len() - 1], &mut motion);
         self.motion = motion;
-        (self.beam, self.on) = (even.at, even.on);
         self
     }
 }

@@ -18,9 +18,9 @@ pub(super) fn least_acceleration<const N: usize>(path: &[[f64; N]], half: [f64; 
     out
 }
 
-/// The same between two ends of their own for every sample (infinite ones do not bind), from a start strictly
-/// between them; a sample that does not start so stays free.
-pub(super) fn within(start: Vec<f64>, ends: &[[f64; 2]]) -> Vec<f64> {
+/// The values of least summed squared second differences between two ends of their own for every sample (infinite
+/// ones do not bind), from a start strictly between them; a sample that does not start so stays free.
+pub fn within(start: Vec<f64>, ends: &[[f64; 2]]) -> Vec<f64> {
     let rows: Vec<Row<1>> = start
         .iter()
         .zip(ends)
