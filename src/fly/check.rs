@@ -36,7 +36,7 @@ pub struct Figures {
     pub mark_mm: f64,
     /// The same with it off, mm.
     pub jump_mm: f64,
-    /// Fastest mark on the part, mm/s.
+    /// Fastest mark across its beam, mm/s.
     pub mark_speed: f64,
     /// Largest distance of a mark from the centre of the field, mm.
     pub displacement_mm: f64,
@@ -253,12 +253,12 @@ fn scanner(program: &Program, machine: &Machine) -> Option<Diag> {
     })
 }
 
-/// Speed of marks on the part against that of their pens.
+/// Speed of marks, across their beams, against that of their pens.
 fn mark_speed(program: &Program, machine: &Machine) -> Result<Option<Diag>, Error> {
     let spot = program.spots(machine)?;
     Ok(program.steps().find_map(|(us, from, to)| {
         let pen = &program.pens[usize::from(to.mark?.pen)];
-        let way = distance(spot(from).0, spot(&to.to).0);
+        let way = spot(from).way(&spot(&to.to));
         is_fast(way, to.us - us, pen.speed.as_mm_s()).then(|| {
             let speed = way / (to.us - us) as f64 * 1e6;
             let wanted = pen.speed.as_mm_s();
@@ -285,10 +285,6 @@ fn lines(program: &Program, machine: &Machine) -> Option<Diag> {
     })
 }
 
-fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1]).hypot(a[2] - b[2])
-}
-
 /// By how much the spot's velocity steps at most between two speeds of the axes; `lever` is its distance, mm, from
 /// where axes turn.
 fn corner(before: [f64; AXES], after: [f64; AXES], lever: f64) -> f64 {
@@ -305,8 +301,8 @@ fn figures(program: &Program, machine: &Machine) -> Result<Figures, Error> {
     let (mut piece, mut before, mut was_on) = (None, [0.0; AXES], false);
     for (us, from, to) in program.steps() {
         let s = (to.us - us) as f64 * 1e-6;
-        let ((p, _), (q, lever)) = (spot(from), spot(&to.to));
-        let way = distance(p, q);
+        let (p, q) = (spot(from), spot(&to.to));
+        let way = p.way(&q);
         let on = to.mark.is_some();
         if on {
             (out.mark_s, out.mark_mm) = (out.mark_s + s, out.mark_mm + way);
@@ -323,13 +319,13 @@ fn figures(program: &Program, machine: &Machine) -> Result<Figures, Error> {
         piece = mark;
         let speed: [f64; AXES] = std::array::from_fn(|k| mm_from_nm(to.to[k] - from[k]) / s);
         if on || was_on {
-            out.corner_mm_s = out.corner_mm_s.max(corner(before, speed, lever));
+            out.corner_mm_s = out.corner_mm_s.max(corner(before, speed, q.lever));
         }
         (before, was_on) = (speed, on);
     }
     if was_on {
         // The last mark ends in a stop.
-        let lever = program.moves.last().map_or(0.0, |m| spot(&m.to).1);
+        let lever = program.moves.last().map_or(0.0, |m| spot(&m.to).lever);
         out.corner_mm_s = out.corner_mm_s.max(corner(before, [0.0; AXES], lever));
     }
     out.laser_error_mm = out.mark_speed * SERVO_S;

@@ -24,7 +24,7 @@ use crate::diag::{Diag, Error};
 use crate::geom::MAX_NM;
 use crate::machine::Machine;
 use crate::program::{self, Pen};
-use frame::Frame;
+use frame::{Frame, Spot};
 
 /// How far a move may bow beside its line in the part where axes turn, nm.
 pub const BOW: f64 = 20.0;
@@ -141,13 +141,10 @@ impl Program {
         Ok(program)
     }
 
-    /// Where the beam of a sample meets the focal plane, part frame, mm; and how far that is from where axes turn.
-    pub(super) fn spots(&self, machine: &Machine) -> Result<impl Fn(&[i64; AXES]) -> ([f64; 3], f64), Error> {
+    /// Where the beam of a sample meets the focal plane.
+    pub(super) fn spots(&self, machine: &Machine) -> Result<impl Fn(&[i64; AXES]) -> Spot, Error> {
         let frame = Frame::new(machine, self.origin, self.kind)?;
-        Ok(move |at: &[i64; AXES]| {
-            let [part, [x, y, z]] = frame.spot(at);
-            (part, x.hypot(y).hypot(z))
-        })
+        Ok(move |at: &[i64; AXES]| frame.spot(at))
     }
 
     /// The point of the field of a sample, nm.

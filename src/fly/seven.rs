@@ -149,8 +149,14 @@ fn time(
         })
         .collect();
     let jump = machine.scanner.jump_speed.as_mm_s();
-    let speed = |pen: &Option<u16>| pen.map_or(jump, |p| pens[usize::from(p)].speed.as_mm_s());
-    let caps: Vec<f64> = path.pen[1..s.len()].iter().map(speed).collect();
+    // The beam stands nearly upright on the part: a pen's speed is one along the part, s is seen from the lens.
+    let caps: Vec<f64> = (1..s.len())
+        .map(|i| {
+            let Some(pen) = path.pen[i] else { return jump };
+            let (plan, rise) = (s[i] - s[i - 1], path.at[i][2] - path.at[i - 1][2]);
+            pens[usize::from(pen)].speed.as_mm_s() * plan / plan.hypot(rise)
+        })
+        .collect();
     let stops: Vec<usize> = (0..s.len()).filter(|&i| matches!(path.node[i], Node::Corner | Node::End)).collect();
     let path = pace::Path { positions: &positions, s, caps: &caps, stops: &stops };
     pace::time_optimal(&path, limits, &pace::Options { refine, gain: 5e-3, ..pace::Options::default() })

@@ -156,6 +156,8 @@ pub fn quickest(path: &Path, machine: &Machine, pens: &[Pen], room: Room, most: 
 const SHORTEST: f64 = 5e-4;
 const LONGEST: f64 = 1.0;
 const TRIED: usize = 100_000;
+/// A sample nearer to a node than this is left out of a motion, s: programs count in microseconds.
+const BESIDE: f64 = 5e-6;
 /// Samples that averages in plan are looked for with.
 const COARSE: usize = 50_000;
 
@@ -390,7 +392,11 @@ impl Sync {
         let mut sample = 0;
         let mut until = |time: f64, pen: Option<u16>, stroke: u32, motion: &mut Motion| {
             while sample < self.stage.len() && sample as f64 * self.step_s < time {
-                push(motion, sample as f64 * self.step_s, self.stage[sample], self.beam[sample], pen, stroke);
+                let now = sample as f64 * self.step_s;
+                // Beside a node a sample tells nothing.
+                if time - now > BESIDE && now - motion.time.last().copied().unwrap_or(f64::NEG_INFINITY) > BESIDE {
+                    push(motion, now, self.stage[sample], self.beam[sample], pen, stroke);
+                }
                 sample += 1;
             }
         };

@@ -20,6 +20,25 @@ pub(super) struct Frame {
     scanner: Scanner,
 }
 
+/// Where a beam meets its focal plane.
+pub(in crate::fly) struct Spot {
+    /// In the part frame, mm.
+    pub part: [f64; 3],
+    /// Against the beam, part frame.
+    pub up: [f64; 3],
+    /// How far it is from where axes turn, mm.
+    pub lever: f64,
+}
+
+impl Spot {
+    /// How far the beam moves across itself to another, mm: the way that the pens' speeds are of.
+    pub fn way(&self, to: &Self) -> f64 {
+        let d = [0, 1, 2].map(|k| to.part[k] - self.part[k]);
+        let along: f64 = (0..3).map(|k| d[k] * self.up[k]).sum();
+        (0..3).map(|k| (d[k] - along * self.up[k]).powi(2)).sum::<f64>().sqrt()
+    }
+}
+
 impl Frame {
     pub(super) fn new(machine: &Machine, origin: [i64; 3], kind: Kind) -> Result<Self, Error> {
         let stage = machine.axes().map(|(_, axis)| axis.sign() as f64);
@@ -80,9 +99,8 @@ impl Frame {
         out
     }
 
-    /// Where the beam of a sample meets the focal plane: in the part frame, and from the pivot in the table
-    /// frame; mm.
-    pub(super) fn spot(&self, at: &[i64; AXES]) -> [[f64; 3]; 2] {
+    /// Where the beam of a sample meets the focal plane.
+    pub(super) fn spot(&self, at: &[i64; AXES]) -> Spot {
         let mm = |k: usize| mm_from_nm(at[k]);
         let s = &self.scanner;
         let (u, v) = (if s.mirror_x { -mm(5) } else { mm(5) }, if s.mirror_y { -mm(6) } else { mm(6) });
@@ -90,8 +108,9 @@ impl Frame {
         let table = [self.signs[0] * mm(0) + u, self.signs[1] * mm(1) + v, self.signs[2] * mm(2)];
         let q = [0, 1, 2].map(|k| table[k] - self.pivot[k]);
         let [a, c] = [3, 4].map(|k| (self.signs[k] * mm(k)).to_radians());
-        let p = if self.turns() { turned_back(a, c, q) } else { q };
-        [[0, 1, 2].map(|k| p[k] - self.origin[k]), q]
+        let up = [0.0, 0.0, 1.0];
+        let (p, up) = if self.turns() { (turned_back(a, c, q), turned_back(a, c, up)) } else { (q, up) };
+        Spot { part: [0, 1, 2].map(|k| p[k] - self.origin[k]), up, lever: q[0].hypot(q[1]).hypot(q[2]) }
     }
 
     /// A sample with the stage where another has it; U and V make up for X and Y.

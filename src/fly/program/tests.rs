@@ -168,7 +168,7 @@ fn a_stage_that_would_creep_stands_and_the_scanner_makes_up_for_it() {
         assert!(way == 0.0 || way >= CREEP * (to.us - us) as f64, "{to:?}");
         let t = to.us as f64 * 1e-6;
         let meant = [1e-3 * t + (90.0 * t).sin(), -5e-4 * t + (70.0 * t).cos()];
-        let is = spot(&to.to).0;
+        let is = spot(&to.to).part;
         assert!((0..2).all(|k| (is[k] - meant[k]).abs() < 2e-6), "{is:?} {meant:?}");
     }
     assert!(program.steps().any(|(_, from, to)| from[0] != to.to[0]));

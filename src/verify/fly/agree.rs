@@ -103,15 +103,15 @@ pub(super) fn with_job(manifest: &Manifest, facts: &Facts, course: &Course, rule
 pub(super) fn summary(manifest: &Manifest, course: &Course, chain: &Chain, rule: &mut Rule) {
     rule.ran = true;
     let s = &manifest.summary;
-    let (mut on_us, mut away, mut fastest) = (0, 0.0f64, 0.0f64);
+    let (mut on_us, mut away, mut fastest, mut mark_nm) = (0, 0.0f64, 0.0f64, 0.0);
     for (us, from, step) in course.legs().filter(|(_, _, s)| s.mark.is_some()) {
         on_us += step.us - us;
         let [a, b] = [from, &step.to].map(|to| to.map(|v| v as f64));
         for field in [a, b].map(|to| chain.field(to)) {
             away = away.max(field[0].hypot(field[1]));
         }
-        let [a, b] = [a, b].map(|to| chain.beam(to).at);
-        let way = (a[0] - b[0]).hypot(a[1] - b[1]).hypot(a[2] - b[2]);
+        let way = chain.beam(a).way(&chain.beam(b));
+        mark_nm += way;
         fastest = fastest.max(way / (step.us - us) as f64);
     }
     let mut hold = |name: &str, stated: f64, found: f64, tolerance: f64| {
@@ -126,6 +126,7 @@ pub(super) fn summary(manifest: &Manifest, course: &Course, chain: &Chain, rule:
     let total = course.steps.last().map_or(0.0, |l| l.us as f64 / 1e6);
     hold("time_s", s.time_s, total, SAME * total);
     hold("mark_s", s.mark_s, on_us as f64 / 1e6, SAME * total);
+    hold("mark_mm", s.mark_mm, mark_nm / 1e6, SAME * mark_nm / 1e6);
     hold("worst_displacement_mm", s.worst_displacement_mm, away / 1e6, 1e-5);
     // nm in us are mm in s; the switch may come a servo period of 1 ms too early.
     hold("laser_error_mm", s.laser_error_mm, fastest * 1e-3, 1e-6 + 1e-4 * fastest * 1e-3);

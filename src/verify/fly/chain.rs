@@ -13,6 +13,15 @@ pub(super) struct Beam {
     pub(super) up: [f64; 3],
 }
 
+impl Beam {
+    /// How far it moves across itself to where another meets its focal plane, nm.
+    pub(super) fn way(&self, to: &Self) -> f64 {
+        let (d, up) = ([0, 1, 2].map(|k| to.at[k] - self.at[k]), self.up);
+        let [x, y, z] = [d[1] * up[2] - d[2] * up[1], d[2] * up[0] - d[0] * up[2], d[0] * up[1] - d[1] * up[0]];
+        x.hypot(y).hypot(z)
+    }
+}
+
 /// A machine's axes under a placement.
 pub(super) struct Chain {
     /// +1 where a positive command moves the beam in + over the part.

@@ -97,8 +97,9 @@ pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machin
         }
         let pen = step.mark.and_then(|m| pens.get(usize::from(m.pen.wrapping_sub(1))));
         if let Some(pen) = pen {
-            let (a, b) = (chain.beam(float(from)).at, chain.beam(float(&step.to)).at);
-            let way = ((a[0] - b[0]).hypot(a[1] - b[1]).hypot(a[2] - b[2]) - 2.0) * 1e-6;
+            // Across the beam: that is what a pen's speed is of.
+            let (a, b) = (chain.beam(float(from)), chain.beam(float(&step.to)));
+            let way = (a.way(&b) - 2.0) * 1e-6;
             if way > pen.speed.as_mm_s() * OVER * (s + 1e-6) {
                 broken(format!("a mark runs at {:.4} mm/s, its pen at {} mm/s", way / s, pen.speed.as_mm_s()));
             }

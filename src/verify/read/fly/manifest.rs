@@ -33,6 +33,7 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) marks: usize,
     pub(in crate::verify) time_s: f64,
     pub(in crate::verify) mark_s: f64,
+    pub(in crate::verify) mark_mm: f64,
     pub(in crate::verify) worst_displacement_mm: f64,
     pub(in crate::verify) laser_error_mm: f64,
 }
