@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::fly::decompose::{Family, Method, largest, peak, rms_acceleration, stage, within};
+use crate::fly::decompose::{Family, largest, paced, peak, rms_acceleration, stage, within};
 use crate::fly::path::Path;
 use crate::fly::schedule::{Samples, Schedule};
 use crate::fly::sync::{Peaks, Room};
@@ -27,59 +27,80 @@ pub struct Filter {
     pub time_s: f64,
 }
 
-/// All decompositions of one path.
+/// All decompositions of one path; the last is that of least acceleration which is no slower than any filter.
 pub(super) fn filters(path: &Path, schedule: &Schedule, machine: &Machine, room: Room, step_s: f64) -> Vec<Filter> {
-    let total = schedule.total_s();
     let even = schedule.samples(path, step_s);
-    let limits = Peaks::limits(machine);
-    let families: [(&'static str, Option<Family>); 5] = [
-        ("moving average", Some(Family::MovingAverage)),
-        ("Gaussian", Some(Family::Gaussian)),
-        ("Savitzky-Golay", Some(Family::SavitzkyGolay { order: 3 })),
-        ("low-pass", Some(Family::LowPass)),
-        ("least acceleration", None),
+    let limits = Peaks::limits(machine).map(|l| Peaks { jerk: f64::INFINITY, ..l });
+    let slower =
+        |made: &[[f64; 3]]| (0..3).map(|k| Peaks::of(made, k, even.step_s).slowed(&limits[k])).fold(1.0, f64::max);
+    let described = |name: &'static str, made: &[[f64; 3]], strength: Option<[f64; 2]>| {
+        let left: Vec<[f64; 2]> = even.at.iter().zip(made).map(|(b, s)| [b[0] - s[0], b[1] - s[1]]).collect();
+        let marks = even.at.iter().zip(made).zip(&even.on).filter(|(_, on)| **on);
+        Filter {
+            name,
+            strength_ms: strength.map(|s| s.map(|v| v * even.step_s * 1000.0)),
+            reach_mm: peak(&left),
+            focus_um: 1000.0 * marks.map(|((b, s), _)| (b[2] - s[2]).abs()).fold(0.0, f64::max),
+            rms_acceleration: rms_acceleration(made, even.step_s),
+            peak_acceleration: (0..3).map(|k| Peaks::of(made, k, even.step_s).acceleration).fold(0.0, f64::max),
+            time_s: schedule.total_s() * slower(made),
+        }
+    };
+    let families: [(&'static str, Family); 4] = [
+        ("moving average", Family::MovingAverage),
+        ("Gaussian", Family::Gaussian),
+        ("Savitzky-Golay", Family::SavitzkyGolay { order: 3 }),
+        ("low-pass", Family::LowPass),
     ];
-    families
-        .into_par_iter()
-        .map(|(name, family)| {
-            let (made, strength) = match family {
-                Some(family) => filtered(&even, family, room),
-                None => (least(&even, room), None),
-            };
-            let left: Vec<[f64; 2]> = even.at.iter().zip(&made).map(|(b, s)| [b[0] - s[0], b[1] - s[1]]).collect();
-            let off =
-                even.at.iter().zip(&made).zip(&even.on).filter(|(_, on)| **on).map(|((b, s), _)| (b[2] - s[2]).abs());
-            let peaks = [0, 1, 2].map(|k| Peaks::of(&made, k, even.step_s));
-            let slower =
-                (0..3).map(|k| peaks[k].slowed(&Peaks { jerk: f64::INFINITY, ..limits[k] })).fold(1.0, f64::max);
-            Filter {
-                name,
-                strength_ms: strength.map(|s| s.map(|v| v * even.step_s * 1000.0)),
-                reach_mm: peak(&left),
-                focus_um: 1000.0 * off.fold(0.0, f64::max),
-                rms_acceleration: rms_acceleration(&made, even.step_s),
-                peak_acceleration: peaks.iter().map(|p| p.acceleration).fold(0.0, f64::max),
-                time_s: total * slower,
-            }
-        })
-        .collect()
+    let (made, least): (Vec<_>, _) = rayon::join(
+        || families.into_par_iter().map(|(_, family)| filtered(&even, family, room)).collect(),
+        || least(&even, room),
+    );
+    let mut out: Vec<Filter> = families
+        .iter()
+        .zip(&made)
+        .map(|((name, _), (made, strength))| described(name, made, Some(*strength)))
+        .collect();
+    out.push(described("least acceleration", &least, None));
+    let quickest = made.iter().map(|m| &m.0).min_by(|a, b| slower(a).total_cmp(&slower(b)));
+    if let Some(start) = quickest.filter(|q| slower(q) < slower(&least)) {
+        let no_slower = no_slower(&even, room, start, limits, slower(start));
+        out.push(described("the same, no slower", &no_slower, None));
+    }
+    out
 }
 
-/// The stage of least acceleration; in height it is bound where it is marked, as filters are.
+/// Between what ends a stage may be along an axis: in plan the scanner's field, in height the focus where it is
+/// marked.
+fn ends(even: &Samples, room: Room, axis: usize) -> Vec<[f64; 2]> {
+    let half = [room.half_field[0], room.half_field[1], room.focus][axis];
+    let far = |on: bool| if on || axis < 2 { half } else { f64::INFINITY };
+    even.at.iter().zip(&even.on).map(|(p, &on)| [p[axis] - far(on), p[axis] + far(on)]).collect()
+}
+
+fn joined(axes: [Vec<f64>; 3]) -> Vec<[f64; 3]> {
+    let [x, y, z] = axes;
+    x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect()
+}
+
+/// The stage of least acceleration.
 fn least(even: &Samples, room: Room) -> Vec<[f64; 3]> {
-    let plan: Vec<[f64; 2]> = even.at.iter().map(|p| [p[0], p[1]]).collect();
-    let plan = stage(&plan, Method::LeastAcceleration { half: room.half_field });
-    let ends = |(p, &on): (&[f64; 3], &bool)| {
-        let far = if on { room.focus } else { f64::INFINITY };
-        [p[2] - far, p[2] + far]
-    };
-    let ends: Vec<[f64; 2]> = even.at.iter().zip(&even.on).map(ends).collect();
-    let z = within(even.at.iter().map(|p| p[2]).collect(), &ends);
-    plan.into_iter().zip(z).map(|([x, y], z)| [x, y, z]).collect()
+    joined([0, 1, 2].map(|k| within(even.at.iter().map(|p| p[k]).collect(), &ends(even, room, k))))
+}
+
+/// The same within what a stage of a filter needs, or the axes can do when all is `slower`.
+fn no_slower(even: &Samples, room: Room, start: &[[f64; 3]], limits: [Peaks; 3], slower: f64) -> Vec<[f64; 3]> {
+    // A start must keep the limits strictly.
+    const INSIDE: f64 = 1.001;
+    let h = even.step_s;
+    joined([0, 1, 2].map(|k| {
+        let most = [limits[k].speed * slower * h, limits[k].acceleration * (slower * h).powi(2)].map(|m| m * INSIDE);
+        paced(&start.iter().map(|p| p[k]).collect::<Vec<_>>(), &ends(even, room, k), most)
+    }))
 }
 
 /// A filter in plan and in height, each as strong as it may be; strengths in samples.
-fn filtered(even: &Samples, family: Family, room: Room) -> (Vec<[f64; 3]>, Option<[f64; 2]>) {
+fn filtered(even: &Samples, family: Family, room: Room) -> (Vec<[f64; 3]>, [f64; 2]) {
     let plan: Vec<[f64; 2]> = even.at.iter().map(|p| [p[0], p[1]]).collect();
     let height: Vec<[f64; 1]> = even.at.iter().map(|p| [p[2]]).collect();
     // Longer than the whole path nothing changes any more; half a thousandth of it is a start that is too strong
@@ -100,5 +121,5 @@ fn filtered(even: &Samples, family: Family, room: Room) -> (Vec<[f64; 3]>, Optio
     let z = largest(start, 0.8, 1.0, 0.5, focused);
     let strength = [xy.as_ref().map_or(0.0, |r| r.strength), z.as_ref().map_or(0.0, |r| r.strength)];
     let (xy, z) = (xy.map_or(plan, |r| r.found), z.map_or(height, |r| r.found));
-    (xy.into_iter().zip(z).map(|([x, y], [z])| [x, y, z]).collect(), Some(strength))
+    (xy.into_iter().zip(z).map(|([x, y], [z])| [x, y, z]).collect(), strength)
 }

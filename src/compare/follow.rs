@@ -1,5 +1,7 @@
 //! The systems that mark on the fly.
 
+use std::cell::Cell;
+
 use super::filters::{Filter, filters};
 use super::{Curves, Figures, Ground, Split, System, marked, path_of, reason, upright};
 use crate::compile::{Plan, plan_whole};
@@ -35,11 +37,13 @@ pub(super) struct Follower<'a> {
     ground: &'a Ground<'a>,
     whole: &'a Plan,
     path: Path,
+    /// How long the synchronised path runs dark beside its marks, s at the pens' speeds.
+    run_s: Cell<f64>,
 }
 
 impl<'a> Follower<'a> {
     pub(super) fn new(ground: &'a Ground<'a>, whole: &'a Plan) -> Self {
-        Self { ground, whole, path: path_of(ground, whole) }
+        Self { ground, whole, path: path_of(ground, whole), run_s: Cell::new(0.0) }
     }
 
     fn room(&self) -> Room {
@@ -58,11 +62,12 @@ impl<'a> Follower<'a> {
         }
     }
 
-    /// Decompositions of the strokes in their order.
+    /// Decompositions of the path that was synchronised.
     pub(super) fn filters(&self) -> Vec<Filter> {
-        let program = self.whole.checked.program();
-        let (schedule, step_s) = Schedule::sampled(&self.path, self.ground.machine, &program.pens, FILTERED);
-        filters(&self.path, &schedule, self.ground.machine, self.room(), step_s)
+        let pens = &self.whole.checked.program().pens;
+        let path = self.path.run_out(self.run_s.get(), pens);
+        let (schedule, step_s) = Schedule::sampled(&path, self.ground.machine, pens, FILTERED);
+        filters(&path, &schedule, self.ground.machine, self.room(), step_s)
     }
 
     /// The strokes in their order, synchronised as a whole.
@@ -83,6 +88,7 @@ impl<'a> Follower<'a> {
             jump: schedule.jump_s * slow,
             delay: schedule.delay_s * slow,
         };
+        self.run_s.set(run_s);
         let notes = if run_s > 0.0 {
             vec![format!("runs dark for {:.0} ms beside every mark", 1e3 * run_s * slow)]
         } else {

@@ -121,8 +121,11 @@ impl Path {
 
     /// The same marks with dark runs of `time_s` at the pen's speed, straight on at every end and straight towards
     /// every begin, and jumps between them: the stage turns while nothing is marked. Between two marks on one line
-    /// that leave no room for that the path runs on.
+    /// that leave no room for that the path runs on. Of no time, the path as it is.
     pub fn run_out(&self, time_s: f64, pens: &[Pen]) -> Self {
+        if time_s <= 0.0 {
+            return self.clone();
+        }
         let mut out = Self::default();
         // The way that is run beside a pen's mark, in the direction of the stretch between two nodes of it.
         let run = |from: usize, to: usize, pen: u16| {

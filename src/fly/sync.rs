@@ -123,7 +123,7 @@ pub struct Timed {
 /// most `most` samples.
 pub fn quickest(path: &Path, machine: &Machine, pens: &[Pen], room: Room, most: usize) -> Timed {
     let made = |run_s: f64, most: usize| {
-        let path = if run_s > 0.0 { path.run_out(run_s, pens) } else { path.clone() };
+        let path = path.run_out(run_s, pens);
         let (schedule, step_s) = Schedule::sampled(&path, machine, pens, most);
         let sync = synchronise(&path, &schedule, machine, room, step_s);
         Timed { run_s, path, schedule, sync }

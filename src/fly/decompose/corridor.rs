@@ -21,18 +21,40 @@ pub(super) fn least_acceleration<const N: usize>(path: &[[f64; N]], half: [f64; 
 /// The values of least summed squared second differences between two ends of their own for every sample (infinite
 /// ones do not bind), from a start strictly between them; a sample that does not start so stays free.
 pub fn within(start: Vec<f64>, ends: &[[f64; 2]]) -> Vec<f64> {
-    let rows: Vec<Row<1>> = start
-        .iter()
-        .zip(ends)
-        .enumerate()
-        .map(|(at, (x, [lo, hi]))| Row { at, a: [1.0], lo: lo - x, hi: hi - x })
-        .collect();
-    // Moves are some part of a usual corridor's width; where all are open, of a radian.
+    let rows =
+        start.iter().zip(ends).enumerate().map(|(at, (x, [lo, hi]))| Row { at, a: [1.0], lo: lo - x, hi: hi - x });
+    let moved = least_from::<1, 1>(&start, rows.collect(), usual(ends));
+    clamped(&start, &moved, ends)
+}
+
+/// The same where first and second differences must not be larger than `most`, those of the start included.
+pub fn paced(start: &[f64], ends: &[[f64; 2]], most: [f64; 2]) -> Vec<f64> {
+    let [first, second] = most;
+    let mut rows: Vec<Row<3>> = Vec::with_capacity(3 * start.len());
+    for (at, (x, [lo, hi])) in start.iter().zip(ends).enumerate() {
+        rows.push(Row { at, a: [1.0, 0.0, 0.0], lo: lo - x, hi: hi - x });
+        if let Some(y) = start.get(at + 1) {
+            let own = y - x;
+            rows.push(Row { at, a: [-1.0, 1.0, 0.0], lo: -first - own, hi: first - own });
+            if let Some(z) = start.get(at + 2) {
+                let own = (z - y) - own;
+                rows.push(Row { at, a: [1.0, -2.0, 1.0], lo: -second - own, hi: second - own });
+            }
+        }
+    }
+    let moved = least_from::<1, 3>(start, rows, usual(ends));
+    clamped(start, &moved, ends)
+}
+
+/// Size of moves: some part of a usual corridor's width; where all are open, of a radian.
+fn usual(ends: &[[f64; 2]]) -> f64 {
     let finite = |[lo, hi]: &[f64; 2]| Some(hi - lo).filter(|w| w.is_finite());
     let (sum, count) = ends.iter().filter_map(finite).fold((0.0, 0), |(s, n), w| (s + w, n + 1));
-    let usual = if count == 0 { 1.0 } else { 0.5 * sum / f64::from(count) };
-    let moved = least_from::<1, 1>(&start, rows, usual);
-    // Rounding of the sum must not pass an end.
+    if count == 0 { 1.0 } else { 0.5 * sum / f64::from(count) }
+}
+
+/// The moved start; rounding of the sum must not pass an end.
+fn clamped(start: &[f64], moved: &[f64], ends: &[[f64; 2]]) -> Vec<f64> {
     start.iter().zip(moved).zip(ends).map(|((x, d), [lo, hi])| (x + d).max(*lo).min(*hi)).collect()
 }
 
