@@ -25,6 +25,8 @@ const DAMPING: f64 = 0.7;
 /// Samples of a synchronised path, and of one band of it.
 const SAMPLES: usize = 300_000;
 const COARSE: usize = 30_000;
+/// How far apart nodes of a path of turning axes may be, mm.
+const STEP: f64 = 0.5;
 /// Samples to compare decompositions by.
 const FILTERED: usize = 40_000;
 /// Length of path on which the time of the seven axes is shown to converge, mm.
@@ -37,13 +39,17 @@ pub(super) struct Follower<'a> {
     ground: &'a Ground<'a>,
     whole: &'a Plan,
     path: Path,
+    /// The same with no more nodes than turning axes need.
+    thin: Path,
     /// How long the synchronised path runs dark beside its marks, s at the pens' speeds.
     run_s: Cell<f64>,
 }
 
 impl<'a> Follower<'a> {
     pub(super) fn new(ground: &'a Ground<'a>, whole: &'a Plan) -> Self {
-        Self { ground, whole, path: path_of(ground, whole), run_s: Cell::new(0.0) }
+        let path = path_of(ground, whole);
+        let thin = path.evened(STEP);
+        Self { ground, whole, path, thin, run_s: Cell::new(0.0) }
     }
 
     fn room(&self) -> Room {
@@ -184,12 +190,12 @@ impl<'a> Follower<'a> {
         let Some(limits) = stated(&machine) else { return Err("no limits of A and C are known".into()) };
         let room = Limits { field: reach(&machine), ..ground.limits };
         let pens = &self.whole.checked.program().pens;
-        let made = seven(&self.path, &ground.relief, pens, &machine, &limits, room, tools).map_err(|e| reason(&e))?;
+        let made = seven(&self.thin, &ground.relief, pens, &machine, &limits, room, tools).map_err(|e| reason(&e))?;
         if tools == Tools::Gaussian {
             curves.ladder.clone_from(&made.ladder);
             curves.seven = Some(room);
             curves.convergence =
-                made.convergence(&self.path, pens, &machine, &limits, SHOWN).map_err(|e| reason(&e))?;
+                made.convergence(&self.thin, pens, &machine, &limits, SHOWN).map_err(|e| reason(&e))?;
             self.draw(&made, curves);
             notes.push(format!("sigma {:.0} um", made.sigma.unwrap_or_default() * 1000.0));
         }
@@ -198,7 +204,7 @@ impl<'a> Follower<'a> {
     }
 
     fn draw(&self, made: &Seven, curves: &mut Curves) {
-        let path = &self.path;
+        let path = &self.thin;
         let way = path.distances();
         let times = made.timed.node_times();
         let nodes = made.axes.iter().zip(&path.at).zip(times).take(DRAWN);
@@ -220,10 +226,10 @@ impl<'a> Follower<'a> {
         let mut time = Split::default();
         let times: Vec<f64> = made.timed.node_times().collect();
         for (i, w) in times.windows(2).enumerate() {
-            *(if self.path.pen[i + 1].is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
+            *(if self.thin.pen[i + 1].is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
         }
-        let asked = Schedule::of(&self.path, machine, &self.whole.checked.program().pens, 0.0).mark_s;
-        let even = sampled(&made.timed, &self.path);
+        let asked = Schedule::of(&self.thin, machine, &self.whole.checked.program().pens, 0.0).mark_s;
+        let even = sampled(&made.timed, &self.thin);
         let (lag, error) = trailing(machine, &even.stage, &even.beam, even.step_s, &even.marks)?;
         Ok(Figures {
             time,
@@ -232,7 +238,7 @@ impl<'a> Follower<'a> {
             spot_error_um: Some(error),
             stage_travel_mm: travel(made.axes.iter().map(|a| a.xyz)),
             speed: 100.0 * asked / time.mark,
-            ..marked(&made.deviation, &self.path.weights(), limits)
+            ..marked(&made.deviation, &self.thin.weights(), limits)
         })
     }
 }

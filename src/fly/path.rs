@@ -86,6 +86,50 @@ impl Path {
         path
     }
 
+    /// The same with no more nodes than a smooth path needs: between two corners or ends as many as are `step` mm
+    /// apart, or as keep every turn gentle, evenly spread; fewer where there were fewer.
+    pub fn evened(&self, step: f64) -> Self {
+        let mut out = Self::default();
+        let keep = |out: &mut Self, i: usize| {
+            out.node(self.at[i], self.pen[i], self.stroke[i]);
+            let last = out.len() - 1;
+            (out.node[last], out.run[last]) = (self.node[i], self.run[i]);
+        };
+        if !self.is_empty() {
+            keep(&mut out, 0);
+        }
+        let (way, mut from) = (self.distances(), 0);
+        for to in 1..self.len() {
+            let of = |i: usize| self.pen.get(i).map(|pen| (*pen, self.stroke[i]));
+            let goes_on = of(to) == of(to + 1);
+            if goes_on && !matches!(self.node[to], Node::Corner | Node::End) {
+                continue;
+            }
+            let heading = |i: usize| [0, 1].map(|k| self.at[i + 1][k] - self.at[i][k]);
+            let turns: f64 = (from + 1..to).map(|i| angle(heading(i - 1), heading(i))).sum();
+            let length = way[to] - way[from];
+            let count = (length / step).max(turns / CORNER).ceil() as usize;
+            let mut i = from;
+            let all = to - from;
+            for n in 1..count.min(all) {
+                if count >= all {
+                    keep(&mut out, from + n);
+                    continue;
+                }
+                let at = way[from] + length * n as f64 / count as f64;
+                while way[i + 1] < at {
+                    i += 1;
+                }
+                let share = (at - way[i]) / (way[i + 1] - way[i]);
+                let spot = [0, 1, 2].map(|k| self.at[i][k] + share * (self.at[i + 1][k] - self.at[i][k]));
+                out.node(spot, self.pen[to], self.stroke[to]);
+            }
+            keep(&mut out, to);
+            from = to;
+        }
+        out
+    }
+
     /// How many nodes there are.
     pub fn len(&self) -> usize {
         self.at.len()
