@@ -85,7 +85,7 @@ fn joined(axes: [Vec<f64>; 3]) -> Vec<[f64; 3]> {
 
 /// The stage of least acceleration.
 fn least(even: &Samples, room: Room) -> Vec<[f64; 3]> {
-    joined([0, 1, 2].map(|k| within(even.at.iter().map(|p| p[k]).collect(), &ends(even, room, k))))
+    joined([0, 1, 2].map(|k| within(even.at.iter().map(|p| p[k]).collect(), &[], &ends(even, room, k))))
 }
 
 /// The same within what a stage of a filter needs, or the axes can do when all is `slower`.

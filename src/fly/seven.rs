@@ -90,7 +90,10 @@ pub fn seven(
     let speeds = Branches::Quickest { a: axis_limits[3].speed, c: axis_limits[4].speed };
     let (smoothed, axes) = match tools {
         Tools::OnTheMark => (None, follow(&marks, speeds)),
-        Tools::LeastAcceleration => (None, seven_axes(&marks, limits)),
+        Tools::LeastAcceleration => {
+            let steps: Vec<f64> = s.windows(2).map(|w| w[1] - w[0]).collect();
+            (None, seven_axes(&marks, &steps, limits))
+        }
         Tools::Gaussian => {
             let even = Even::of(path, &s);
             let (rungs, sigma) = even.smoothing(&marks, &path.weights(), relief, &s, limits);

@@ -11,7 +11,7 @@ pub(super) fn least_acceleration<const N: usize>(path: &[[f64; N]], half: [f64; 
     for k in 0..N {
         let along: Vec<f64> = path.iter().map(|x| x[k]).collect();
         let ends: Vec<[f64; 2]> = along.iter().map(|x| [x - half[k], x + half[k]]).collect();
-        for (x, found) in out.iter_mut().zip(within(along, &ends)) {
+        for (x, found) in out.iter_mut().zip(within(along, &[], &ends)) {
             x[k] = found;
         }
     }
@@ -20,10 +20,12 @@ pub(super) fn least_acceleration<const N: usize>(path: &[[f64; N]], half: [f64; 
 
 /// The values of least summed squared second differences between two ends of their own for every sample (infinite
 /// ones do not bind), from a start strictly between them; a sample that does not start so stays free.
-pub fn within(start: Vec<f64>, ends: &[[f64; 2]]) -> Vec<f64> {
+///
+/// `steps` are the lengths from sample to sample, none where they are even: then second differences are divided ones.
+pub fn within(start: Vec<f64>, steps: &[f64], ends: &[[f64; 2]]) -> Vec<f64> {
     let rows =
         start.iter().zip(ends).enumerate().map(|(at, (x, [lo, hi]))| Row { at, a: [1.0], lo: lo - x, hi: hi - x });
-    let moved = least_from::<1, 1>(&start, rows.collect(), usual(ends));
+    let moved = least_from::<1, 1>(&start, steps, rows.collect(), usual(ends));
     clamped(&start, &moved, ends)
 }
 
@@ -42,7 +44,7 @@ pub fn paced(start: &[f64], ends: &[[f64; 2]], most: [f64; 2]) -> Vec<f64> {
             }
         }
     }
-    let moved = least_from::<1, 3>(start, rows, usual(ends));
+    let moved = least_from::<1, 3>(start, &[], rows, usual(ends));
     clamped(start, &moved, ends)
 }
 
@@ -59,12 +61,23 @@ fn clamped(start: &[f64], moved: &[f64], ends: &[[f64; 2]]) -> Vec<f64> {
 }
 
 /// How unknowns move from `start` for the least sum of squared second differences under rows that speak of
-/// the move, which is of the size of `usual`. `L` coordinates lie one after the other in each sample.
+/// the move, which is of the size of `usual`. `L` coordinates lie one after the other in each sample; `steps` as in
+/// [`within`].
 ///
 /// The move is the unknown, not the place: tolerances are taken from the size of the unknowns, and where the part lies
 /// must not matter. It is counted from -`usual`, so that it does not begin at nothing.
-pub(super) fn least_from<const L: usize, const W: usize>(start: &[f64], mut rows: Vec<Row<W>>, usual: f64) -> Vec<f64> {
-    let bend: Vec<f64> = (2 * L..start.len()).map(|i| second(start, i, L)).collect();
+pub(super) fn least_from<const L: usize, const W: usize>(
+    start: &[f64],
+    steps: &[f64],
+    mut rows: Vec<Row<W>>,
+    usual: f64,
+) -> Vec<f64> {
+    let seconds = seconds(start.len() / L, steps);
+    let second = |x: &[f64], i: usize| {
+        let [a, _, c] = seconds[i / L - 2];
+        a * (x[i - 2 * L] - x[i - L]) + c * (x[i] - x[i - L])
+    };
+    let bend: Vec<f64> = (2 * L..start.len()).map(|i| second(start, i)).collect();
     let begin: f64 = bend.iter().map(|d| d * d).sum();
     if begin == 0.0 || start.len() < 3 * L {
         return vec![0.0; start.len()];
@@ -73,8 +86,9 @@ pub(super) fn least_from<const L: usize, const W: usize>(start: &[f64], mut rows
     let weight = 1e6 / begin;
     let measure = |x: &[f64], gradient: &mut [f64], matrix: &mut Band| {
         for i in 2 * L..x.len() {
-            let d = weight * (bend[i - 2 * L] + second(x, i, L));
-            let of = [(i - 2 * L, 1.0), (i - L, -2.0), (i, 1.0)];
+            let d = weight * (bend[i - 2 * L] + second(x, i));
+            let [a, b, c] = seconds[i / L - 2];
+            let of = [(i - 2 * L, a), (i - L, b), (i, c)];
             for (m, (j, a)) in of.into_iter().enumerate() {
                 gradient[j] += a * d;
                 for (k, b) in of.into_iter().take(m + 1) {
@@ -93,7 +107,23 @@ pub(super) fn least_from<const L: usize, const W: usize>(start: &[f64], mut rows
     moved
 }
 
-#[inline]
-fn second(x: &[f64], i: usize, stride: usize) -> f64 {
-    (x[i - 2 * stride] - x[i - stride]) + (x[i] - x[i - stride])
+/// Factors of three neighbours in the divided second difference around each sample but the ends, times the root of
+/// how much of the way it stands for; steps count in their mean.
+fn seconds(count: usize, steps: &[f64]) -> Vec<[f64; 3]> {
+    // Nearer samples would make their factors enormous, and tell nothing.
+    const LEAST: f64 = 0.05;
+    let even = count.saturating_sub(2);
+    if steps.is_empty() {
+        return vec![[1.0, -2.0, 1.0]; even];
+    }
+    let mean = steps.iter().sum::<f64>() / steps.len() as f64;
+    steps
+        .windows(2)
+        .map(|w| {
+            let [g, h] = [w[0], w[1]].map(|s| (s / mean).max(LEAST));
+            let share = (0.5 * (g + h)).sqrt();
+            let [a, c] = [2.0 / (g * (g + h)), 2.0 / (h * (g + h))].map(|f| f * share);
+            [a, -(a + c), c]
+        })
+        .collect()
 }

@@ -47,22 +47,22 @@ const INSIDE: f64 = 1.0 - 1e-9;
 ///   and Y have a disc (a polygon of 16 sides within it) and Z an interval.
 ///
 /// Every limit is kept exactly; the least of all axes together it need not be. Cost goes with the number of marks.
-/// Normals must point up. The machine must let A pass through 0 to both sides.
-pub fn seven_axes(marks: &[Pose], limits: Limits) -> Vec<Axes> {
+/// Normals must point up. `steps` are the lengths of path from mark to mark, none where they are even. The machine must let A pass through 0 to both sides.
+pub fn seven_axes(marks: &[Pose], steps: &[f64], limits: Limits) -> Vec<Axes> {
     let angle = limits.angle * INSIDE;
-    let c = turntable(marks, angle);
-    let a = swivel(marks, &c, angle);
+    let c = turntable(marks, steps, angle);
+    let a = swivel(marks, steps, &c, angle);
     let seen: Vec<[f64; 3]> = marks.iter().zip(&a).zip(&c).map(|((m, &a), &c)| turned(a, c, m.p)).collect();
-    let plan = in_field(&seen, limits.field * INSIDE);
+    let plan = in_field(&seen, steps, limits.field * INSIDE);
     let heights: Vec<f64> = seen.iter().map(|q| q[2]).collect();
     let focus = limits.focus * INSIDE;
     let ends: Vec<[f64; 2]> = heights.iter().map(|z| [z - focus, z + focus]).collect();
-    let z = within(heights, &ends);
+    let z = within(heights, steps, &ends);
     (0..marks.len()).map(|i| Axes { xyz: [plan[2 * i], plan[2 * i + 1], z[i]], a: a[i], c: c[i] }).collect()
 }
 
 /// C along the path.
-fn turntable(marks: &[Pose], angle: f64) -> Vec<f64> {
+fn turntable(marks: &[Pose], steps: &[f64], angle: f64) -> Vec<f64> {
     let reach = FOR_C * angle.sin();
     // The C of each mark that needs one, with how far it may be off, and between them straight lines.
     let mut start = vec![0.0; marks.len()];
@@ -88,11 +88,11 @@ fn turntable(marks: &[Pose], angle: f64) -> Vec<f64> {
         let at = start[l];
         start[l..].fill(at);
     }
-    within(start, &ends)
+    within(start, steps, &ends)
 }
 
 /// A along the path, for its C.
-fn swivel(marks: &[Pose], c: &[f64], angle: f64) -> Vec<f64> {
+fn swivel(marks: &[Pose], steps: &[f64], c: &[f64], angle: f64) -> Vec<f64> {
     let (start, ends) = marks
         .iter()
         .zip(c)
@@ -104,11 +104,11 @@ fn swivel(marks: &[Pose], c: &[f64], angle: f64) -> Vec<f64> {
             (own, [own - off, own + off])
         })
         .unzip::<_, _, Vec<_>, Vec<_>>();
-    within(start, &ends)
+    within(start, steps, &ends)
 }
 
 /// X and Y along the path, one after the other, within `field` of the marks in the turned frame.
-fn in_field(seen: &[[f64; 3]], field: f64) -> Vec<f64> {
+fn in_field(seen: &[[f64; 3]], steps: &[f64], field: f64) -> Vec<f64> {
     let start: Vec<f64> = seen.iter().flat_map(|q| [q[0], q[1]]).collect();
     let inner = field * (PI / SIDES as f64).cos();
     if inner <= 0.0 {
@@ -122,6 +122,6 @@ fn in_field(seen: &[[f64; 3]], field: f64) -> Vec<f64> {
             })
         })
         .collect();
-    let moved = least_from::<2, 2>(&start, rows, inner);
+    let moved = least_from::<2, 2>(&start, steps, rows, inner);
     start.iter().zip(moved).map(|(x, d)| x + d).collect()
 }

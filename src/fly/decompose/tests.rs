@@ -310,7 +310,7 @@ fn stage_axes_of_least_acceleration_keep_all_limits_and_need_less_than_any_filte
             best_on_part = best_on_part.min(part);
         }
     }
-    let axes = seven_axes(&marks, ARTICLE);
+    let axes = seven_axes(&marks, &[], ARTICLE);
     let worst = Deviation::worst(&marks, axes.iter().map(Axes::tool));
     let (stage, part) = (rms(&axes), on_part(&axes));
     eprintln!("least: X Y Z {stage:.1}, on the part {part:.1}, A C {:.2}; {worst:?}", turns(&axes));
@@ -349,14 +349,14 @@ fn least_time(plan: &[[f64; 2]], marks: &[Pose], axes: &[Axes]) -> f64 {
 fn a_flat_part_needs_no_turns_and_no_limit_no_stage() {
     let plan: Vec<[f64; 2]> = wandering();
     let flat = on_surface(&plan, |_, _| (3.0, 0.0, 0.0));
-    let axes = seven_axes(&flat, ARTICLE);
+    let axes = seven_axes(&flat, &[], ARTICLE);
     assert!(axes.iter().all(|x| x.a.abs() < 0.18 && x.c == axes[0].c));
     assert!(ARTICLE.hold(Deviation::worst(&flat, axes.iter().map(Axes::tool))));
     let tight = Limits { focus: 0.0, angle: 0.0, field: 0.0 };
     let bent = on_surface(&plan, |x, y| (0.001 * x * y, 0.001 * y, 0.001 * x));
-    let worst = Deviation::worst(&bent, seven_axes(&bent, tight).iter().map(Axes::tool));
+    let worst = Deviation::worst(&bent, seven_axes(&bent, &[], tight).iter().map(Axes::tool));
     assert!(worst.focus < 1e-9 && worst.angle < 1e-7 && worst.lateral < 1e-9, "{worst:?}");
-    assert!(seven_axes(&[], ARTICLE).is_empty() && seven_axes(&bent[..1], ARTICLE).len() == 1);
+    assert!(seven_axes(&[], &[], ARTICLE).is_empty() && seven_axes(&bent[..1], &[], ARTICLE).len() == 1);
 }
 
 #[test]
@@ -420,7 +420,7 @@ fn a_paced_corridor_keeps_speed_and_acceleration_and_is_the_corridor_where_they_
     let rms = |x: &[f64]| rms_acceleration(&x.iter().map(|x| [*x]).collect::<Vec<_>>(), 1.0);
     let most = [peaks(&start).speed, peaks(&start).acceleration].map(|p| 1.001 * p);
     let paced = paced(&start, &ends, most);
-    let free = within(path.clone(), &ends);
+    let free = within(path.clone(), &[], &ends);
     let found = peaks(&paced);
     assert!(found.speed <= most[0] && found.acceleration <= most[1], "{found:?} {most:?}");
     assert!(paced.iter().zip(&ends).all(|(x, [lo, hi])| (*lo..=*hi).contains(x)));
