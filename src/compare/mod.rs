@@ -219,6 +219,8 @@ impl Ground<'_> {
     }
 }
 
+/// Share of the focal offset within which the relief under turning axes is smoothed.
+const SMOOTH: f64 = 0.1;
 /// How far apart nodes of a path may lie: this part of the field, or of the texture where that is smaller.
 const NODES: f64 = 40.0;
 
@@ -236,7 +238,8 @@ pub fn compare(job: &Job, systems: &[System], progress: &(dyn Fn(&'static str) +
     // One field over everything: the strokes in their order, and where they lie.
     let whole = plan_whole(job, &machine, None)?;
     let size = whole.texture.size().map(mm_from_nm);
-    let relief = Relief::over(&surface, whole.texture, 0.05).ok_or_else(|| {
+    let near = SMOOTH * job.depth_range().as_mm() / 2.0;
+    let relief = Relief::over(&surface, whole.texture, 0.05, near).ok_or_else(|| {
         Diag::limit("compare-relief", "the texture lies nowhere on the part")
             .hint("compare its area with the part's box")
     })?;

@@ -29,6 +29,8 @@ const NODES: f64 = 100.0;
 const SAMPLES: usize = 300_000;
 /// What of field and focus is left to the rounding of samples, mm.
 const SPARE: f64 = 1e-3;
+/// Share of the focal offset within which the relief is smoothed.
+const SMOOTH: f64 = 0.1;
 /// Finest step of the relief, mm.
 const FINEST: f64 = 0.05;
 /// How often a motion is stretched to keep the limits of its axes.
@@ -84,7 +86,7 @@ pub fn fly(job: Job) -> Result<FlyPlan, Error> {
     let path = job.resolve(job.file.surface.file.get_ref());
     let weld = job.file.surface.weld.as_mm();
     let surface = Surface::load(&path, &job.surface_options(), weld, turn, &mut Vec::new())?;
-    let Some(relief) = Relief::over(&surface, texture, FINEST) else {
+    let Some(relief) = Relief::over(&surface, texture, FINEST, SMOOTH * job.depth_range().as_mm() / 2.0) else {
         let hint = "compare its area with the part's box";
         return Err(Diag::limit("job-empty", "the texture lies nowhere on the part").hint(hint).into());
     };

@@ -9,6 +9,8 @@
 //! Holes and the outside are filled by continuing the part, so that jumps across them have heights; a cliff
 //! is smeared over four steps.
 
+use rayon::prelude::*;
+
 use crate::geom::{Box2, NM_PER_MM, P2, mm_from_nm};
 use crate::surface::Surface;
 use crate::trace::Tracer;
@@ -46,9 +48,9 @@ const STEPS: f64 = 1024.0;
 const RINGS: usize = 3;
 
 impl Relief {
-    /// The relief of a part over `area`, no finer than `finest` mm; None where no node of the grid lies on
-    /// the part.
-    pub fn over(surface: &Surface, area: Box2, finest: f64) -> Option<Self> {
+    /// The relief of a part over `area`, no finer than `finest` mm, its nodes as smooth as can be within `near` mm of
+    /// the part; None where no node of the grid lies on the part.
+    pub fn over(surface: &Surface, area: Box2, finest: f64, near: f64) -> Option<Self> {
         let size = area.size().map(mm_from_nm);
         let step = (size[0].max(size[1]) / STEPS).max(finest);
         let origin = area.lo.mm().map(|v| v - RINGS as f64 * step);
@@ -70,7 +72,13 @@ impl Relief {
                 }
             });
         }
-        fill(&mut heights, count).then_some(Self { origin, step, count, heights })
+        if !fill(&mut heights, count) {
+            return None;
+        }
+        if near > 0.0 {
+            smooth(&mut heights, count[0], near);
+        }
+        Some(Self { origin, step, count, heights })
     }
 
     /// Distance of the grid's nodes.
@@ -110,6 +118,43 @@ fn weights(t: f64) -> [f64; 4] {
 fn slopes(t: f64) -> [f64; 4] {
     let s = 1.0 - t;
     [-s * s / 2.0, t * (3.0 * t - 4.0) / 2.0, -s * (3.0 * s - 4.0) / 2.0, t * t / 2.0]
+}
+
+/// Smooths nodes again and again, and holds them within `near` of where they were; the last rounds take away what
+/// that has bent.
+fn smooth(heights: &mut [f64], columns: usize, near: f64) {
+    const ROUNDS: usize = 64;
+    const LAST: usize = 4;
+    let first = heights.to_vec();
+    let mut across = heights.to_vec();
+    for round in 0..ROUNDS + LAST {
+        let hold = if round < ROUNDS { near } else { f64::INFINITY };
+        across.par_chunks_exact_mut(columns).zip(heights.par_chunks_exact(columns)).for_each(|(to, from)| {
+            to.iter_mut().enumerate().for_each(|(i, z)| *z = blurred(i, columns, |i| from[i]));
+        });
+        let rows = first.len() / columns;
+        heights.par_chunks_exact_mut(columns).enumerate().for_each(|(row, to)| {
+            for (i, z) in to.iter_mut().enumerate() {
+                let was = first[row * columns + i];
+                *z = blurred(row, rows, |r| across[r * columns + i]).clamp(was - hold, was + hold);
+            }
+        });
+    }
+}
+
+/// The binomial mean of five neighbours in a line; beyond its ends the line goes on as if turned about them.
+#[inline]
+fn blurred(i: usize, count: usize, line: impl Fn(usize) -> f64) -> f64 {
+    let last = count - 1;
+    if (2..count.saturating_sub(2)).contains(&i) {
+        return (line(i - 2) + line(i + 2) + 4.0 * (line(i - 1) + line(i + 1)) + 6.0 * line(i)) / 16.0;
+    }
+    let at = |by: isize| match i.wrapping_add_signed(by) {
+        k if k <= last => line(k),
+        k if k > isize::MAX as usize => 2.0 * line(0) - line(k.wrapping_neg().min(last)),
+        k => 2.0 * line(last) - line((2 * last).saturating_sub(k)),
+    };
+    (at(-2) + at(2) + 4.0 * (at(-1) + at(1)) + 6.0 * at(0)) / 16.0
 }
 
 /// Fills unknown nodes ring by ring from known ones; false where none is known.
@@ -178,7 +223,8 @@ mod tests {
 
     #[test]
     fn a_plane_is_met_up_to_its_rim_and_beyond() {
-        let relief = Relief::over(&surface(40, 50.0, |x, y| 0.2 * x - 0.1 * y), area(0.0, 50.0), 0.0).expect("part");
+        let relief =
+            Relief::over(&surface(40, 50.0, |x, y| 0.2 * x - 0.1 * y), area(0.0, 50.0), 0.0, 1e-3).expect("part");
         for p in [[0.0, 0.0], [50.0, 50.0], [50.0, 0.02], [25.3, 11.7], [0.0, 33.0]] {
             let h = relief.at(p);
             assert!((h.z - 0.2 * p[0] + 0.1 * p[1]).abs() < 1e-6, "{p:?}: {h:?}");
@@ -189,7 +235,7 @@ mod tests {
     #[test]
     fn a_dome_is_smooth_across_facets_and_its_slopes_are_those_of_the_heights() {
         let z = |x: f64, y: f64| 10.0 - ((x - 25.0).powi(2) + (y - 25.0).powi(2)) / 100.0;
-        let relief = Relief::over(&surface(200, 50.0, z), area(0.0, 50.0), 0.1).expect("part");
+        let relief = Relief::over(&surface(200, 50.0, z), area(0.0, 50.0), 0.1, 0.0).expect("part");
         let mut before = relief.at([10.0, 20.03]);
         let h = 0.01;
         for i in 1..2000 {
@@ -214,7 +260,7 @@ mod tests {
             }
         }
         let surface = Surface::from_facets(facets, &mut Vec::new()).expect("facets");
-        let relief = Relief::over(&surface, area(0.0, 50.0), 0.1).expect("part");
+        let relief = Relief::over(&surface, area(0.0, 50.0), 0.1, 0.0).expect("part");
         assert!((relief.at([25.0, 25.0]).z - 3.0).abs() < 1e-9);
     }
 }

@@ -100,7 +100,7 @@ impl Bench {
         let machine = plan.machine.clone();
         let surface = Surface::load(&dir.path().join("part.stl"), &job.surface_options(), 0.0, 0.0, &mut Vec::new())
             .unwrap_or_else(|e| panic!("{e}"));
-        let relief = Relief::over(&surface, plan.texture, sort.relief).expect("a part");
+        let relief = Relief::over(&surface, plan.texture, sort.relief, 0.0).expect("a part");
         let stepped = plan.checked.program();
         let path = path::Path::of(stepped, 0..stepped.blocks.len(), &surface, &relief, sort.spacing);
         let speeds: Vec<f64> = stepped.pens.iter().map(|p| p.speed.as_mm_s()).collect();
