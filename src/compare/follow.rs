@@ -1,8 +1,6 @@
 //! The systems that mark on the fly.
 
-use std::cell::Cell;
-
-use super::filters::{Filter, filters};
+use super::filters::filters;
 use super::{Curves, Figures, Ground, Split, System, marked, path_of, reason, upright};
 use crate::compile::{Plan, plan_whole};
 use crate::fly::decompose::Limits;
@@ -41,15 +39,13 @@ pub(super) struct Follower<'a> {
     path: Path,
     /// The same with no more nodes than turning axes need.
     thin: Path,
-    /// How long the synchronised path runs dark beside its marks, s at the pens' speeds.
-    run_s: Cell<f64>,
 }
 
 impl<'a> Follower<'a> {
     pub(super) fn new(ground: &'a Ground<'a>, whole: &'a Plan) -> Self {
         let path = path_of(ground, whole);
         let thin = path.evened(STEP);
-        Self { ground, whole, path, thin, run_s: Cell::new(0.0) }
+        Self { ground, whole, path, thin }
     }
 
     fn room(&self) -> Room {
@@ -57,27 +53,27 @@ impl<'a> Follower<'a> {
         Room { half_field, focus: self.ground.limits.focus }
     }
 
-    /// The figures of a system.
-    pub(super) fn system(&self, system: System, curves: &mut Curves) -> Result<Figures, String> {
-        match system {
-            System::SyncBands => self.bands(),
-            System::Seven => self.turning(Tools::Gaussian, curves),
-            System::SevenSmooth => self.turning(Tools::LeastAcceleration, curves),
-            System::Five => self.turning(Tools::OnTheMark, curves),
-            _ => self.synchronised(&mut curves.paths),
-        }
-    }
-
-    /// Decompositions of the path that was synchronised.
-    pub(super) fn filters(&self) -> Vec<Filter> {
-        let pens = &self.whole.checked.program().pens;
-        let path = self.path.run_out(self.run_s.get(), pens);
-        let (schedule, step_s) = Schedule::sampled(&path, self.ground.machine, pens, FILTERED);
-        filters(&path, &schedule, self.ground.machine, self.room(), step_s)
+    /// The figures of a system and what it has to show; None of one that steps.
+    pub(super) fn system(
+        &self,
+        system: System,
+        progress: &(dyn Fn(&'static str) + std::marker::Sync),
+    ) -> Option<(Result<Figures, String>, Curves)> {
+        let mut curves = Curves::default();
+        let by: &dyn Fn(&mut Curves) -> Result<Figures, String> = match system {
+            System::Sync => &|c| self.synchronised(c),
+            System::SyncBands => &|_| self.bands(),
+            System::Seven => &|c| self.turning(Tools::Gaussian, c),
+            System::SevenSmooth => &|c| self.turning(Tools::LeastAcceleration, c),
+            System::Five => &|c| self.turning(Tools::OnTheMark, c),
+            _ => return None,
+        };
+        progress(system.name());
+        Some((by(&mut curves), curves))
     }
 
     /// The strokes in their order, synchronised as a whole.
-    fn synchronised(&self, curves: &mut Vec<(&'static str, Vec<[f64; 2]>)>) -> Result<Figures, String> {
+    fn synchronised(&self, curves: &mut Curves) -> Result<Figures, String> {
         let machine = self.ground.machine;
         let pens = &self.whole.checked.program().pens;
         let Timed { run_s, path, schedule, sync } = quickest(&self.path, machine, pens, self.room(), SAMPLES);
@@ -94,7 +90,6 @@ impl<'a> Follower<'a> {
             jump: schedule.jump_s * slow,
             delay: schedule.delay_s * slow,
         };
-        self.run_s.set(run_s);
         let notes = if run_s > 0.0 {
             vec![format!("runs dark for {:.0} ms beside every mark", 1e3 * run_s * slow)]
         } else {
@@ -104,10 +99,12 @@ impl<'a> Follower<'a> {
         let drawn = path.len().min(DRAWN);
         let until = sync.lead_s + schedule.arrive[drawn - 1] * slow;
         let stage = sync.stage.iter().take((until / sync.step_s) as usize + 1);
-        *curves = vec![
+        curves.paths = vec![
             ("beam", path.at.iter().take(drawn).map(|p| [p[0], p[1]]).collect()),
             ("stage", stage.map(|p| [p[0], p[1]]).collect()),
         ];
+        let (schedule, step_s) = Schedule::sampled(&path, machine, pens, FILTERED);
+        curves.filters = filters(&path, &schedule, machine, self.room(), step_s);
         Ok(figures)
     }
 

@@ -17,7 +17,9 @@ mod stepped;
 pub use filters::Filter;
 pub use report::{convergence, decompositions, page, plots, systems};
 
-use std::cell::OnceCell;
+use std::sync::OnceLock;
+
+use rayon::prelude::*;
 
 use crate::compile::{Plan, plan_whole};
 use crate::diag::{Diag, Error};
@@ -163,9 +165,11 @@ pub struct Row {
     pub figures: Result<Figures, String>,
 }
 
-/// What is drawn beside the table.
+/// What is drawn and told beside the table.
 #[derive(Clone, Debug, Default)]
 pub struct Curves {
+    /// Decompositions of the same path for scanner and stage; empty where no such system was asked for.
+    pub filters: Vec<Filter>,
     /// Rungs of the seven-axis ladder.
     pub ladder: Ladder,
     /// Time and axis values of the first nodes of the seven-axis path.
@@ -180,6 +184,18 @@ pub struct Curves {
     pub paths: Vec<(&'static str, Vec<[f64; 2]>)>,
 }
 
+impl Curves {
+    /// Takes what another system has to show.
+    fn add(&mut self, other: Self) {
+        if other.seven.is_some() {
+            let (filters, paths) = (std::mem::take(&mut self.filters), std::mem::take(&mut self.paths));
+            *self = Self { filters, paths, ..other };
+        } else if !other.paths.is_empty() {
+            (self.filters, self.paths) = (other.filters, other.paths);
+        }
+    }
+}
+
 /// A whole comparison.
 #[derive(Debug)]
 pub struct Comparison {
@@ -191,9 +207,7 @@ pub struct Comparison {
     pub limits: Limits,
     /// Systems in the order asked for.
     pub rows: Vec<Row>,
-    /// Decompositions of the same path for scanner and stage; empty where no such system was asked for.
-    pub filters: Vec<Filter>,
-    /// For pictures.
+    /// For pictures and more tables.
     pub curves: Curves,
     /// What the user should know.
     pub warnings: Vec<Diag>,
@@ -209,7 +223,7 @@ struct Ground<'a> {
     /// Size of the texture's box, mm.
     size: [f64; 2],
     /// The job by the method that most systems go by, planned once.
-    z_range: OnceCell<Result<Plan, String>>,
+    z_range: OnceLock<Result<Plan, String>>,
 }
 
 impl Ground<'_> {
@@ -250,35 +264,35 @@ pub fn compare(job: &Job, systems: &[System], progress: &(dyn Fn(&'static str) +
         // The corners of the field are the scanner's too.
         field: half[0].hypot(half[1]),
     };
-    let ground = Ground { job, machine: &machine, surface: &surface, relief, limits, size, z_range: OnceCell::new() };
-    let mut out = Comparison {
-        job: job.path.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
-        machine: machine.name.clone(),
-        limits,
-        rows: Vec::new(),
-        filters: Vec::new(),
-        curves: Curves::default(),
-        warnings,
-    };
-    let fly = follow::Follower::new(&ground, &whole);
-    for &system in systems {
-        progress(system.name());
-        let figures = match system {
-            System::Flat => stepped::flat(&ground),
-            System::Contour => stepped::by(&ground, Method::Contour),
-            System::ZRange => stepped::z_range(&ground),
-            System::Window => stepped::by(&ground, Method::Window),
-            System::Zoom => stepped::zoom(&ground),
-            System::Tilt => stepped::tilt(&ground),
-            _ => fly.system(system, &mut out.curves),
+    let ground = Ground { job, machine: &machine, surface: &surface, relief, limits, size, z_range: OnceLock::new() };
+    let stepped = |system: &System| {
+        let by: &dyn Fn() -> Result<Figures, String> = match system {
+            System::Flat => &|| stepped::flat(&ground),
+            System::Contour => &|| stepped::by(&ground, Method::Contour),
+            System::ZRange => &|| stepped::z_range(&ground),
+            System::Window => &|| stepped::by(&ground, Method::Window),
+            System::Zoom => &|| stepped::zoom(&ground),
+            System::Tilt => &|| stepped::tilt(&ground),
+            _ => return None,
         };
-        out.rows.push(Row { system, figures });
+        progress(system.name());
+        Some(by())
+    };
+    let follower = follow::Follower::new(&ground, &whole);
+    let follow = |system: &System| follower.system(*system, progress);
+    // Stepped systems one after the other beside the rest, each of which goes by itself: some use one thread alone.
+    let (stopped, followed) = rayon::join(
+        || systems.iter().map(stepped).collect::<Vec<_>>(),
+        || systems.par_iter().with_max_len(1).map(follow).collect::<Vec<_>>(),
+    );
+    let (mut rows, mut curves) = (Vec::new(), Curves::default());
+    for ((&system, stopped), followed) in systems.iter().zip(stopped).zip(followed) {
+        let (followed, more) = followed.unzip();
+        curves.add(more.unwrap_or_default());
+        rows.extend(stopped.or(followed).map(|figures| Row { system, figures }));
     }
-    if systems.contains(&System::Sync) {
-        progress("decompositions");
-        out.filters = fly.filters();
-    }
-    Ok(out)
+    let job_name = job.path.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    Ok(Comparison { job: job_name, machine: machine.name.clone(), limits, rows, curves, warnings })
 }
 
 /// How far the marks of a path lie from what their beams would like best: focus, incidence, displacement, and

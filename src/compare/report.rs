@@ -77,7 +77,7 @@ fn figures(f: &Figures) -> Vec<Cell> {
 
 /// The table of decompositions for scanner and stage; None where none was made.
 pub fn decompositions(c: &Comparison) -> Option<Table> {
-    if c.filters.is_empty() {
+    if c.curves.filters.is_empty() {
         return None;
     }
     let mut table = Table::new(
@@ -94,7 +94,7 @@ pub fn decompositions(c: &Comparison) -> Option<Table> {
             Column::time("time"),
         ],
     );
-    for f in &c.filters {
+    for f in &c.curves.filters {
         table.row([
             f.name.into(),
             f.strength_ms.map(|s| s[0]).into(),

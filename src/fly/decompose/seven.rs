@@ -53,11 +53,13 @@ pub fn seven_axes(marks: &[Pose], steps: &[f64], limits: Limits) -> Vec<Axes> {
     let c = turntable(marks, steps, angle);
     let a = swivel(marks, steps, &c, angle);
     let seen: Vec<[f64; 3]> = marks.iter().zip(&a).zip(&c).map(|((m, &a), &c)| turned(a, c, m.p)).collect();
-    let plan = in_field(&seen, steps, limits.field * INSIDE);
-    let heights: Vec<f64> = seen.iter().map(|q| q[2]).collect();
-    let focus = limits.focus * INSIDE;
-    let ends: Vec<[f64; 2]> = heights.iter().map(|z| [z - focus, z + focus]).collect();
-    let z = within(heights, steps, &ends);
+    let in_focus = || {
+        let heights: Vec<f64> = seen.iter().map(|q| q[2]).collect();
+        let focus = limits.focus * INSIDE;
+        let ends: Vec<[f64; 2]> = heights.iter().map(|z| [z - focus, z + focus]).collect();
+        within(heights, steps, &ends)
+    };
+    let (plan, z) = rayon::join(|| in_field(&seen, steps, limits.field * INSIDE), in_focus);
     (0..marks.len()).map(|i| Axes { xyz: [plan[2 * i], plan[2 * i + 1], z[i]], a: a[i], c: c[i] }).collect()
 }
 
