@@ -2,9 +2,11 @@
 //!
 //! Marks run at their pen's speed, jumps at the scanner's; the beam waits at ends and corners as the machine's
 //! delays say. As in [`crate::motion::marking`] the scanner is taken as always at speed: what it loses at
-//! starts, ends and corners is what the delays stand for. Units: mm, s.
+//! starts, ends and corners is what the delays stand for. A jump that is longer than half of the field is the
+//! stage's to carry: it runs no faster than the quickest pen, or the stage. Units: mm, s.
 
 use super::path::{Node, Path};
+use crate::geom::mm_from_nm;
 use crate::machine::Machine;
 use crate::program::Pen;
 
@@ -34,6 +36,22 @@ pub struct Samples {
     pub step_s: f64,
 }
 
+/// Whether the stretch that ends at each node belongs to a jump that is longer than half of the field.
+fn carried(path: &Path, machine: &Machine) -> Vec<bool> {
+    let half = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+    let mut out = vec![false; path.len()];
+    let mut i = 1;
+    while i < path.len() {
+        let end = (i..path.len()).find(|&j| path.pen[j].is_some() || path.run[j].is_some()).unwrap_or(path.len());
+        if end > i {
+            let (a, b) = (path.at[i - 1], path.at[end - 1]);
+            out[i..end].fill((0..2).any(|k| (b[k] - a[k]).abs() > half[k]));
+        }
+        i = end + 1;
+    }
+    out
+}
+
 impl Schedule {
     /// The times of a path. At every end the beam waits for `step_s` at least, so that even samples as far apart
     /// see the end itself.
@@ -42,6 +60,10 @@ impl Schedule {
         let delays = &machine.delays;
         let [jump, mark, corner] = [delays.jump, delays.mark, delays.polygon].map(|t| t.as_s());
         let jump_speed = machine.scanner.jump_speed.as_mm_s();
+        let carried = carried(path, machine);
+        let fastest = pens.iter().map(|p| p.speed.as_mm_s()).fold(0.0, f64::max);
+        let stage = machine.stage.x.speed.as_mm_s().min(machine.stage.y.speed.as_mm_s());
+        let carry_speed = fastest.max(stage).min(jump_speed);
         let mut now = 0.0;
         for i in 0..path.len() {
             let here = path.pen[i];
@@ -52,7 +74,8 @@ impl Schedule {
                     Some(pen) => (pens[usize::from(pen)].speed.as_mm_s(), &mut out.mark_s),
                     None => {
                         let run = path.run[i].map(|pen| pens[usize::from(pen)].speed.as_mm_s());
-                        (run.unwrap_or(jump_speed), &mut out.jump_s)
+                        let jump = if carried[i] { carry_speed } else { jump_speed };
+                        (run.unwrap_or(jump), &mut out.jump_s)
                     }
                 };
                 *sum += length / speed;

@@ -89,6 +89,8 @@ pub struct Room {
 pub struct Sync {
     /// Samples of the averages of x and y together, and of z.
     pub samples: [usize; 2],
+    /// All marks are in focus; without, they are as near to it as the samples allow.
+    pub fits: bool,
     /// How much slower than the pens ask for everything runs, 1 or more.
     pub slower: f64,
     /// How long the stage moves before the beam does, and after it, s.
@@ -122,47 +124,80 @@ pub struct Timed {
 /// Shares a path out with dark runs beside its marks as long as makes the whole quickest, none among them, in at
 /// most `most` samples.
 pub fn quickest(path: &Path, machine: &Machine, pens: &[Pen], room: Room, most: usize) -> Timed {
-    let made = |run_s: f64, most: usize| {
+    let run = |run_s: f64, most: usize| {
         let path = path.run_out(run_s, pens);
         let (schedule, step_s) = Schedule::sampled(&path, machine, pens, most);
+        (path, schedule, step_s)
+    };
+    let total = |schedule: &Schedule, sync: &Sync| schedule.total_s() * sync.slower + 2.0 * sync.lead_s;
+    let made = |run_s: f64| {
+        let (path, schedule, step_s) = run(run_s, most);
         let sync = synchronise(&path, &schedule, machine, room, step_s);
         Timed { run_s, path, schedule, sync }
     };
-    let total = |t: &Timed| t.schedule.total_s() * t.sync.slower + 2.0 * t.sync.lead_s;
-    let plain = made(0.0, most);
+    let plain = made(0.0);
     // Where the pens' speeds are kept no turn can be a better one.
     if plain.sync.slower <= 1.0 {
         return plain;
     }
+    let attempt = |run_s: f64| {
+        let (path, schedule, step_s) = run(run_s, most.min(TRIED));
+        let sync = shared(&path, &schedule, machine, room, step_s);
+        if sync.fits { total(&schedule, &sync) } else { f64::INFINITY }
+    };
     // The scanner's own delays must fit into a run.
     let least = machine.delays.jump.as_s().max(machine.delays.mark.as_s()).max(SHORTEST);
-    let mut best = (0.0, total(&plain));
-    let mut worse = 0;
-    for run_s in std::iter::successors(Some(least), |r| Some(1.6 * r)).take_while(|&r| r <= LONGEST) {
-        let time = total(&made(run_s, most.min(TRIED)));
-        worse = if time < best.1 { 0 } else { worse + 1 };
+    let mut best = (0.0, total(&plain.schedule, &plain.sync));
+    for run_s in std::iter::successors(Some(least), |r| Some(4.0 * r)).take_while(|&r| r <= LONGEST) {
+        let time = attempt(run_s);
         if time < best.1 {
             best = (run_s, time);
         }
-        if best.0 > 0.0 && worse >= 3 {
-            break;
+    }
+    for share in [2.0, 1.4] {
+        let middle = best.0;
+        for run_s in [middle / share, middle * share].into_iter().filter(|&r| r >= least) {
+            let time = attempt(run_s);
+            if time < best.1 {
+                best = (run_s, time);
+            }
         }
     }
-    let found = made(best.0, most);
-    if total(&found) < total(&plain) { found } else { plain }
+    if best.0 == 0.0 {
+        return plain;
+    }
+    let found = made(best.0);
+    let better =
+        found.sync.fits >= plain.sync.fits && total(&found.schedule, &found.sync) < total(&plain.schedule, &plain.sync);
+    if better { found } else { plain }
 }
 
 /// Shortest and longest dark runs that are tried, s at the pens' speeds, and samples they are tried with.
 const SHORTEST: f64 = 5e-4;
-const LONGEST: f64 = 1.0;
+const LONGEST: f64 = 0.6;
 const TRIED: usize = 100_000;
+/// How much finer than asked a path may be sampled.
+const FINER: usize = 8;
 /// A sample nearer to a node than this is left out of a motion, s: programs count in microseconds.
 const BESIDE: f64 = 5e-6;
 /// Samples that averages in plan are looked for with.
 const COARSE: usize = 50_000;
 
-/// Shares a scheduled path out, in even steps of `step_s` or a little less.
+/// Shares a scheduled path out, in even steps of `step_s` or less: marks that turn sharply on a slope are in focus
+/// only if the stage is told of it in time.
 pub fn synchronise(path: &Path, schedule: &Schedule, machine: &Machine, room: Room, step_s: f64) -> Sync {
+    let finer = std::iter::successors(Some(1), |f| Some(2 * f)).take_while(|&f| f <= FINER);
+    let mut made = finer.map(|finer| shared(path, schedule, machine, room, step_s / finer as f64));
+    let mut found = made.next();
+    while found.as_ref().is_some_and(|f| !f.fits) {
+        let Some(next) = made.next() else { break };
+        found = Some(next);
+    }
+    found.unwrap_or_default()
+}
+
+/// Shares a scheduled path out, in even steps of `step_s` or a little less.
+fn shared(path: &Path, schedule: &Schedule, machine: &Machine, room: Room, step_s: f64) -> Sync {
     let limits = Peaks::limits(machine);
     let even = schedule.samples(path, step_s);
     let nodes = Nodes::of(path, schedule, even.step_s);
@@ -203,6 +238,7 @@ pub fn synchronise(path: &Path, schedule: &Schedule, machine: &Machine, room: Ro
     let step_s = even.step_s * slower;
     let out = Sync {
         samples: [xy.samples, z.samples],
+        fits: z.slower.is_finite(),
         slower,
         lead_s: lead as f64 * step_s,
         stage: stage_xy.iter().zip(&stage_z).map(|(&[x, y], &[z])| [x, y, z]).collect(),
