@@ -110,7 +110,7 @@ impl<'a> Follower<'a> {
 
     /// What marks get from a synchronised motion.
     fn followed(&self, path: &Path, schedule: &Schedule, sync: &Sync) -> Result<Figures, String> {
-        let nodes = sync.nodes(schedule);
+        let nodes = sync.nodes(path, schedule);
         let marks: Vec<f64> = sync.on.iter().map(|&on| f64::from(u8::from(on))).collect();
         let (lag, error) = trailing(self.ground.machine, &sync.stage, &sync.beam, sync.step_s, &marks)?;
         Ok(Figures {

@@ -91,6 +91,8 @@ pub struct Sync {
     pub samples: [usize; 2],
     /// All marks are in focus; without, they are as near to it as the samples allow.
     pub fits: bool,
+    /// It is z that is too slow for more.
+    pub z_is_slowest: bool,
     /// How much slower than the pens ask for everything runs, 1 or more.
     pub slower: f64,
     /// How long the stage moves before the beam does, and after it, s.
@@ -177,23 +179,27 @@ const SHORTEST: f64 = 5e-4;
 const LONGEST: f64 = 0.6;
 const TRIED: usize = 100_000;
 /// How much finer than asked a path may be sampled.
-const FINER: usize = 8;
+const FINER: [f64; 2] = [3.0, 8.0];
 /// A sample nearer to a node than this is left out of a motion, s: programs count in microseconds.
 const BESIDE: f64 = 5e-6;
 /// Samples that averages in plan are looked for with.
 const COARSE: usize = 50_000;
 
-/// Shares a scheduled path out, in even steps of `step_s` or less: marks that turn sharply on a slope are in focus
-/// only if the stage is told of it in time.
+/// Shares a scheduled path out, in even steps of `step_s` or less: where marks turn sharply on a slope the average
+/// of z is so short that its samples must lie closer.
 pub fn synchronise(path: &Path, schedule: &Schedule, machine: &Machine, room: Room, step_s: f64) -> Sync {
-    let finer = std::iter::successors(Some(1), |f| Some(2 * f)).take_while(|&f| f <= FINER);
-    let mut made = finer.map(|finer| shared(path, schedule, machine, room, step_s / finer as f64));
-    let mut found = made.next();
-    while found.as_ref().is_some_and(|f| !f.fits) {
-        let Some(next) = made.next() else { break };
-        found = Some(next);
+    const ENOUGH: usize = 7;
+    let mut best = shared(path, schedule, machine, room, step_s);
+    for finer in FINER {
+        if best.fits && (best.samples[1] >= ENOUGH || best.slower <= 1.0 || !best.z_is_slowest) {
+            break;
+        }
+        let next = shared(path, schedule, machine, room, step_s / finer);
+        if next.fits && (!best.fits || next.slower < best.slower) {
+            best = next;
+        }
     }
-    found.unwrap_or_default()
+    best
 }
 
 /// Shares a scheduled path out, in even steps of `step_s` or a little less.
@@ -239,6 +245,7 @@ fn shared(path: &Path, schedule: &Schedule, machine: &Machine, room: Room, step_
     let out = Sync {
         samples: [xy.samples, z.samples],
         fits: z.slower.is_finite(),
+        z_is_slowest: slower > xy.slower,
         slower,
         lead_s: lead as f64 * step_s,
         stage: stage_xy.iter().zip(&stage_z).map(|(&[x, y], &[z])| [x, y, z]).collect(),
@@ -416,9 +423,11 @@ impl Sync {
         between(&self.stage, time / self.step_s)
     }
 
-    /// Where the stage is when the beam comes to each node of its path.
-    pub fn nodes(&self, schedule: &Schedule) -> Vec<[f64; 3]> {
-        schedule.arrive.iter().map(|&t| self.stage_at(self.lead_s + t * self.slower)).collect()
+    /// Where the stage is when the beam comes to each node of its path, or leaves it where a mark begins.
+    pub fn nodes(&self, path: &Path, schedule: &Schedule) -> Vec<[f64; 3]> {
+        let times = schedule.arrive.iter().zip(&schedule.leave).zip(&path.pen);
+        let time = times.map(|((arrive, leave), pen)| if pen.is_some() { arrive } else { leave });
+        time.map(|t| self.stage_at(self.lead_s + t * self.slower)).collect()
     }
 
     /// The motion of all axes: at the nodes of the path, and where the stage's own samples lie.
