@@ -1,9 +1,12 @@
 //! The systems that mark on the fly.
 
+use rayon::prelude::*;
+
 use super::filters::filters;
 use super::{Curves, Figures, Ground, Split, System, marked, path_of, reason, upright};
 use crate::compile::{Plan, plan_whole};
 use crate::fly::decompose::Limits;
+use crate::fly::kinematics::Deviation;
 use crate::fly::pace::{self, State};
 use crate::fly::path::Path;
 use crate::fly::schedule::Schedule;
@@ -14,6 +17,7 @@ use crate::fly::sync::{Room, Sync, Timed, quickest, synchronise};
 use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::machine::{Letter, Machine};
 use crate::motion::stage_move;
+use crate::program::Block;
 use crate::units::Length;
 
 /// Servos where the machine states none: a stage of 20 Hz and a scanner of 1 kHz, well damped.
@@ -95,7 +99,13 @@ impl<'a> Follower<'a> {
         } else {
             vec![]
         };
-        let figures = Figures { time, stops: 1, speed: 100.0 / slow, notes, ..self.followed(&path, &schedule, &sync)? };
+        let figures = Figures {
+            time,
+            stops: 1,
+            speed: 100.0 / slow,
+            notes,
+            ..self.followed(&path, &schedule, &sync)?.figures(self.ground.limits)
+        };
         let drawn = path.len().min(DRAWN);
         let until = sync.lead_s + schedule.arrive[drawn - 1] * slow;
         let stage = sync.stage.iter().take((until / sync.step_s) as usize + 1);
@@ -109,16 +119,12 @@ impl<'a> Follower<'a> {
     }
 
     /// What marks get from a synchronised motion.
-    fn followed(&self, path: &Path, schedule: &Schedule, sync: &Sync) -> Result<Figures, String> {
+    fn followed(&self, path: &Path, schedule: &Schedule, sync: &Sync) -> Result<Followed, String> {
         let nodes = sync.nodes(path, schedule);
-        let marks: Vec<f64> = sync.on.iter().map(|&on| f64::from(u8::from(on))).collect();
-        let (lag, error) = trailing(self.ground.machine, &sync.stage, &sync.beam, sync.step_s, &marks)?;
-        Ok(Figures {
-            stage_lag_um: Some(lag),
-            spot_error_um: Some(error),
-            stage_travel_mm: travel(sync.stage.iter().copied()),
-            ..upright(self.ground, path, |i| nodes[i])
-        })
+        let marks: Vec<f64> = sync.on.iter().map(|&on| f64::from(u8::from(on)) * sync.step_s).collect();
+        let trail = trailing(self.ground.machine, &sync.stage, &sync.beam, sync.step_s, &marks)?;
+        let deviations = upright(self.ground, path, |i| nodes[i]);
+        Ok(Followed { deviations, weights: path.weights(), trail, travel: travel(sync.stage.iter().copied()) })
     }
 
     /// Bands of depth over the whole part: within each x and y follow, z rests.
@@ -128,9 +134,7 @@ impl<'a> Follower<'a> {
         let plan = plan_whole(ground.job, ground.machine, depth).map_err(|e| reason(&e))?;
         let program = plan.checked.program();
         let spacing = self.room().half_field.iter().fold(f64::INFINITY, |a, &b| a.min(b)) / 20.0;
-        let mut all = Figures { speed: 100.0, ..Figures::default() };
-        let (mut parts, mut weight, mut before): (Vec<(Figures, f64)>, f64, Option<[i64; 3]>) = (Vec::new(), 0.0, None);
-        for (i, block) in program.blocks.iter().enumerate() {
+        let band = |(i, block): (usize, &Block)| {
             let mut path = Path::of(program, i..i + 1, ground.surface, &ground.relief, spacing);
             let plane = mm_from_nm(block.stop.focus);
             let heights: Vec<f64> = path.at.iter().map(|p| p[2]).collect();
@@ -138,39 +142,36 @@ impl<'a> Follower<'a> {
             let (schedule, step_s) = Schedule::sampled(&path, ground.machine, &program.pens, COARSE);
             let sync = synchronise(&path, &schedule, ground.machine, self.room(), step_s);
             path.at.iter_mut().zip(heights).for_each(|(p, z)| p[2] = z);
-            let figures = self.followed(&path, &schedule, &sync)?;
-            let (first, last) = (nm(path.at[0]), nm(path.at[path.len() - 1]));
-            let to = [first[0], first[1], block.stop.focus];
-            let moved = before.map(|from| stage_move(ground.machine, from, to, None)).unwrap_or_default();
-            before = Some([last[0], last[1], block.stop.focus]);
-            all.time.stage += moved.travel_s + 2.0 * sync.lead_s;
-            all.time.settle += moved.settle_s;
-            all.time.mark += schedule.mark_s * sync.slower;
-            all.time.jump += schedule.jump_s * sync.slower;
-            all.time.delay += schedule.delay_s * sync.slower;
-            all.speed = all.speed.min(100.0 / sync.slower);
-            all.stage_travel_mm += figures.stage_travel_mm;
-            let length: f64 = path.weights().iter().sum();
-            weight += length;
-            parts.push((figures, length));
-        }
-        let joined = |pick: &dyn Fn(&Figures) -> Spread| {
-            let worst = parts.iter().map(|(f, _)| pick(f).worst).fold(0.0, f64::max);
-            let mean = parts.iter().map(|(f, l)| pick(f).mean * l).sum::<f64>() / weight;
-            let of = |q: &dyn Fn(Spread) -> f64| parts.iter().map(|(f, l)| q(pick(f)) * l).sum::<f64>() / weight;
-            Spread { mean, median: of(&|s| s.median), p95: of(&|s| s.p95), worst }
+            let slow = sync.slower;
+            let time = Split {
+                stage: 2.0 * sync.lead_s,
+                mark: schedule.mark_s * slow,
+                jump: schedule.jump_s * slow,
+                delay: schedule.delay_s * slow,
+                ..Split::default()
+            };
+            let ends = [path.at[0], path.at[path.len() - 1]].map(nm).map(|[x, y, _]| [x, y, block.stop.focus]);
+            Ok((self.followed(&path, &schedule, &sync)?, time, slow, ends))
         };
+        let bands = program.blocks.par_iter().enumerate().map(band).collect::<Result<Vec<_>, String>>()?;
+        let (mut all, mut time, mut slowest) = (Followed::default(), Split::default(), 1.0f64);
+        let mut before: Option<[i64; 3]> = None;
+        for (followed, own, slow, [first, last]) in bands {
+            let moved = before.map(|from| stage_move(ground.machine, from, first, None)).unwrap_or_default();
+            before = Some(last);
+            time.stage += own.stage + moved.travel_s;
+            time.settle += moved.settle_s;
+            (time.mark, time.jump, time.delay) = (time.mark + own.mark, time.jump + own.jump, time.delay + own.delay);
+            slowest = slowest.max(slow);
+            all.extend(followed);
+        }
         Ok(Figures {
+            time,
             stops: program.blocks.len(),
-            focus_um: joined(&|f| f.focus_um),
-            incidence_deg: joined(&|f| f.incidence_deg),
-            displacement_mm: joined(&|f| f.displacement_mm),
-            stage_lag_um: Some(joined(&|f| f.stage_lag_um.unwrap_or_default())),
-            spot_error_um: Some(joined(&|f| f.spot_error_um.unwrap_or_default())),
-            within: parts.iter().map(|(f, l)| f.within * l).sum::<f64>() / weight,
+            speed: 100.0 / slowest,
             seam_mm: plan.summary.seam_mm,
-            notes: vec!["speed of the slowest band; medians are means of those of the bands".into()],
-            ..all
+            notes: vec!["speed of the slowest band".into()],
+            ..all.figures(ground.limits)
         })
     }
 
@@ -227,27 +228,53 @@ impl<'a> Follower<'a> {
         }
         let asked = Schedule::of(&self.thin, machine, &self.whole.checked.program().pens, 0.0).mark_s;
         let even = sampled(&made.timed, &self.thin);
-        let (lag, error) = trailing(machine, &even.stage, &even.beam, even.step_s, &even.marks)?;
-        Ok(Figures {
-            time,
-            stops: 1,
-            stage_lag_um: Some(lag),
-            spot_error_um: Some(error),
-            stage_travel_mm: travel(made.axes.iter().map(|a| a.xyz)),
-            speed: 100.0 * asked / time.mark,
-            ..marked(&made.deviation, &self.thin.weights(), limits)
-        })
+        let trail = trailing(machine, &even.stage, &even.beam, even.step_s, &even.marks)?;
+        let travel = travel(made.axes.iter().map(|a| a.xyz));
+        let followed = Followed { deviations: made.deviation.clone(), weights: self.thin.weights(), trail, travel };
+        Ok(Figures { time, stops: 1, speed: 100.0 * asked / time.mark, ..followed.figures(limits) })
     }
 }
 
-/// How far the stage trails its command in x and y, and how far the spot is off, um.
+/// What marks get from a motion.
+#[derive(Default)]
+struct Followed {
+    deviations: Vec<Deviation>,
+    weights: Vec<f64>,
+    trail: Vec<Trail>,
+    /// Way of the stage, mm.
+    travel: f64,
+}
+
+/// At a sample, um: how far the stage trails its command, how far the spot is off; and what the sample weighs.
+type Trail = [f64; 3];
+
+impl Followed {
+    fn extend(&mut self, other: Self) {
+        self.deviations.extend(other.deviations);
+        self.weights.extend(other.weights);
+        self.trail.extend(other.trail);
+        self.travel += other.travel;
+    }
+
+    fn figures(&self, limits: Limits) -> Figures {
+        let trail = |k: usize| Spread::of(self.trail.iter().map(|t| (t[k], t[2])));
+        Figures {
+            stage_lag_um: Some(trail(0)),
+            spot_error_um: Some(trail(1)),
+            stage_travel_mm: self.travel,
+            ..marked(&self.deviations, &self.weights, limits)
+        }
+    }
+}
+
+/// How far the stage trails its command in x and y, and how far the spot is off, at the samples that weigh anything.
 fn trailing(
     machine: &Machine,
     stage: &[[f64; 3]],
     beam: &[[f64; 3]],
     step_s: f64,
     marks: &[f64],
-) -> Result<(Spread, Spread), String> {
+) -> Result<Vec<Trail>, String> {
     let servo = |stated: Option<crate::machine::Servo>, hz: f64| {
         let (hz, damping) = stated.map_or((hz, DAMPING), |s| (s.frequency.as_khz() * 1000.0, s.damping));
         Servo::new(hz, damping).map_err(|e| reason(&e))
@@ -262,9 +289,9 @@ fn trailing(
         let lag: Vec<f64> = reached.stage.iter().zip(&command).map(|(a, c)| a - c).collect();
         (lag, reached.error)
     });
-    let both =
-        |a: &[f64], b: &[f64]| Spread::of(a.iter().zip(b).zip(marks).map(|((a, b), &w)| (1000.0 * a.hypot(*b), w)));
-    Ok((both(&x.0, &y.0), both(&x.1, &y.1)))
+    let um = |a: f64, b: f64| 1000.0 * a.hypot(b);
+    let at = |i: usize| [um(x.0[i], y.0[i]), um(x.1[i], y.1[i]), marks[i]];
+    Ok((0..marks.len()).filter(|&i| marks[i] > 0.0).map(at).collect())
 }
 
 /// A turning motion at even steps of time, in machine coordinates.

@@ -313,14 +313,13 @@ fn marked(deviations: &[Deviation], weights: &[f64], limits: Limits) -> Figures 
 
 /// Of the nodes of a path under upright beams; `beam` tells where that of a node stands: x, y and the plane of
 /// focus.
-fn upright(ground: &Ground<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3]) -> Figures {
+fn upright(ground: &Ground<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3]) -> Vec<Deviation> {
     let deviation = |i: usize| {
         let (p, b) = (path.at[i], beam(i));
         let angle = ground.relief.at([p[0], p[1]]).normal()[2].acos();
         Deviation { focus: (p[2] - b[2]).abs(), angle, lateral: (p[0] - b[0]).hypot(p[1] - b[1]) }
     };
-    let deviations: Vec<Deviation> = (0..path.len()).map(deviation).collect();
-    marked(&deviations, &path.weights(), ground.limits)
+    (0..path.len()).map(deviation).collect()
 }
 
 /// Says an error in one line of a table.

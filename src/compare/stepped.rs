@@ -1,6 +1,6 @@
 //! The stepped systems: each is compiled as a job is, and its marks are measured where they lie.
 
-use super::{Figures, Ground, Split, path_of, reason, upright};
+use super::{Figures, Ground, Split, marked, path_of, reason, upright};
 use crate::compile::{Plan, plan_for};
 use crate::fly::spread::Spread;
 use crate::geom::mm_from_nm;
@@ -142,7 +142,9 @@ fn measured(ground: &Ground<'_>, plan: &Plan) -> Figures {
         let [x, y] = stop.centre.mm();
         [x, y, mm_from_nm(stop.focus)]
     };
-    let Figures { focus_um, incidence_deg, displacement_mm, within, .. } = upright(ground, &path, beam);
+    let deviations = upright(ground, &path, beam);
+    let Figures { focus_um, incidence_deg, displacement_mm, within, .. } =
+        marked(&deviations, &path.weights(), ground.limits);
     Figures { focus_um, incidence_deg, displacement_mm, within, ..stepping(ground, plan) }
 }
 
