@@ -28,7 +28,7 @@ const DAMPING: f64 = 0.7;
 const SAMPLES: usize = 300_000;
 const COARSE: usize = 30_000;
 /// How far apart nodes of a path of turning axes may be, mm.
-const STEP: f64 = 0.5;
+const STEP: f64 = 1.0;
 /// Samples to compare decompositions by.
 const FILTERED: usize = 40_000;
 /// Length of path on which the time of the seven axes is shown to converge, mm.
