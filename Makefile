@@ -27,11 +27,13 @@ check:
 	$(CARGO) clippy --release --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --no-deps --document-private-items
 
-# Speed and memory on three sizes, stops against their lower bounds, quality of orders; prints tables.
+# Speed and memory on three sizes, stops against their lower bounds, quality of orders, on the fly; prints tables.
 bench:
 	$(CARGO) bench --bench job
 	$(CARGO) bench --bench partition
 	$(CARGO) bench --bench order
+	$(CARGO) bench --bench fly
+	$(CARGO) bench --bench compare
 
 # The table of docs/method.md: every method on real parts of ../shared, each result verified; some minutes.
 method-table:

@@ -310,3 +310,92 @@ fn heading(a: P2, b: P2) -> [f64; 2] {
 fn angle(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] * b[1] - a[1] * b[0]).abs().atan2(a[0] * b[0] + a[1] * b[1])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::{Frequency, Power, Speed};
+
+    fn pens() -> Vec<Pen> {
+        vec![Pen {
+            name: "a".into(),
+            speed: Speed::mm_s(100.0),
+            power: Power::Percent(50.0),
+            frequency: Frequency::khz(60.0),
+            passes: 1,
+        }]
+    }
+
+    /// Marks through points, joined by jumps.
+    fn path(marks: &[&[[f64; 3]]]) -> Path {
+        let mut out = Path::default();
+        for (stroke, mark) in marks.iter().enumerate() {
+            if out.at.last() != Some(&mark[0]) {
+                out.node(mark[0], None, stroke as u32);
+            }
+            out.turn(Node::End);
+            for &p in &mark[1..] {
+                out.node(p, Some(0), stroke as u32);
+            }
+            out.turn(Node::End);
+        }
+        out
+    }
+
+    fn lit(path: &Path) -> Vec<[[f64; 3]; 2]> {
+        (1..path.len()).filter(|&i| path.pen[i].is_some()).map(|i| [path.at[i - 1], path.at[i]]).collect()
+    }
+
+    #[test]
+    fn runs_lie_straight_before_and_behind_every_mark() {
+        // Two lines there and back on a slope of 0.1, and a third that goes on where the second ends.
+        let path = path(&[
+            &[[0.0, 0.0, 0.0], [10.0, 0.0, 1.0], [20.0, 0.0, 2.0]],
+            &[[20.0, 1.0, 2.0], [0.0, 1.0, 0.0]],
+            &[[0.0, 1.0, 0.0], [-5.0, 1.0, -0.5]],
+        ]);
+        let out = path.run_out(0.02, &pens());
+        // The marks are the same.
+        assert_eq!(lit(&out), lit(&path));
+        let dark: Vec<[f64; 3]> = (0..out.len()).filter(|&i| out.pen[i].is_none()).map(|i| out.at[i]).collect();
+        let near = |a: &[f64; 3], b: &[f64; 3]| (0..3).all(|k| (a[k] - b[k]).abs() < 1e-12);
+        let want = [
+            [-2.0, 0.0, -0.2],
+            [0.0, 0.0, 0.0],
+            [22.0, 0.0, 2.2],
+            [22.0, 1.0, 2.2],
+            [20.0, 1.0, 2.0],
+            [-7.0, 1.0, -0.7],
+        ];
+        assert!(dark.len() == want.len() && dark.iter().zip(&want).all(|(a, b)| near(a, b)), "{dark:?}");
+        // All but the jump and the first node run at the pen's speed.
+        let jumps = (0..out.len()).filter(|&i| out.pen[i].is_none() && out.run[i].is_none()).count();
+        assert_eq!(jumps, 2);
+        assert_eq!(path.run_out(0.0, &pens()).at, path.at);
+        assert!(Path::default().run_out(0.02, &pens()).is_empty());
+    }
+
+    #[test]
+    fn even_nodes_keep_corners_ends_and_round_shapes() {
+        let circle: Vec<[f64; 3]> =
+            (0..=720).map(|i| f64::from(i).to_radians() / 2.0).map(|t| [10.0 * t.cos(), 10.0 * t.sin(), 0.0]).collect();
+        let mut path = path(&[&circle, &[circle[720], [10.0, -3.0, 0.0], [13.0, -3.0, 0.0]]]);
+        path.node[721] = Node::Corner;
+        for i in 1..720 {
+            path.node[i] = Node::Vertex;
+        }
+        let out = path.evened(1.0);
+        assert!(out.at.contains(&[10.0, -3.0, 0.0]) && out.at.last() == Some(&[13.0, -3.0, 0.0]), "{:?}", out.at);
+        let on: Vec<f64> = out.at.iter().take(63).map(|p| p[0].hypot(p[1])).collect();
+        assert!(on.iter().all(|r| (r - 10.0).abs() < 1e-3), "{on:?}");
+        let lengths = |p: &Path| p.distances().last().copied().unwrap_or_default();
+        assert!((lengths(&out) / lengths(&path) - 1.0).abs() < 1e-3 && out.len() == 66, "{}", out.len());
+        // A small circle keeps its turns gentle, few nodes stay as they are.
+        let small: Vec<[f64; 3]> = circle.iter().map(|p| p.map(|v| v / 100.0)).collect();
+        let small = self::path(&[&small]).evened(1.0);
+        assert!(small.len() >= 24, "{}", small.len());
+        let line = self::path(&[&[[0.0; 3], [0.3, 0.0, 0.0], [9.0, 0.0, 0.0]]]);
+        assert_eq!(line.evened(1.0).at, line.at);
+        assert!(Path::default().evened(1.0).is_empty());
+    }
+}

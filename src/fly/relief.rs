@@ -250,6 +250,27 @@ mod tests {
     }
 
     #[test]
+    fn smoothing_takes_the_facets_away_and_stays_near() {
+        // Facets of a millimetre on a sphere of 5 m.
+        let z = |x: f64, y: f64| -((x - 25.0).powi(2) + (y - 25.0).powi(2)) / 10_000.0;
+        let part = surface(50, 50.0, z);
+        let rough = |near: f64| {
+            let relief = Relief::over(&part, area(0.0, 50.0), 0.1, near).expect("part");
+            let slope = |i: i32| relief.at([15.0 + 0.05 * f64::from(i), 20.03]).slope[0];
+            let off = (0..400).map(|i| (relief.at([15.0 + 0.05 * f64::from(i), 20.03]).z, 15.0 + 0.05 * f64::from(i)));
+            let off = off.map(|(h, x)| (h - z(x, 20.03)).abs()).fold(0.0, f64::max);
+            // The slope of the sphere falls by the same everywhere.
+            let steps = (0..399).map(|i| ((slope(i + 1) - slope(i)) + 0.05 / 5000.0).abs());
+            (steps.fold(0.0, f64::max), off)
+        };
+        let ((facets, near), (smooth, far)) = (rough(0.0), rough(2e-3));
+        assert!(smooth < 0.1 * facets, "{smooth} of {facets}");
+        assert!(near < 1e-3 && far < 2.5e-3, "{near} {far}");
+        // Held to nothing, nothing moves but by the last rounds.
+        assert!(rough(1e-9).0 < facets && rough(1e-9).1 < 1e-3);
+    }
+
+    #[test]
     fn holes_are_bridged() {
         let mut facets = Vec::new();
         for (i, j) in (0..50).flat_map(|j| (0..50).map(move |i| (f64::from(i), f64::from(j)))) {

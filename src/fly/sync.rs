@@ -475,6 +475,8 @@ fn push(motion: &mut Motion, time: f64, stage: [f64; 3], at: [f64; 3], pen: Opti
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fly::path::Node;
+    use crate::units::{Frequency, Power, Speed};
 
     #[test]
     fn the_times_of_the_article() {
@@ -483,6 +485,83 @@ mod tests {
         assert!((stepped - 67.95).abs() < 1e-9 && (synchronised - 41.98).abs() < 1e-9);
         let saved = 100.0 * (stepped - synchronised) / stepped;
         assert_eq!(format!("{saved:.2}"), "38.22");
+    }
+
+    /// `count` lines of `length` mm there and back, a millimetre apart, up and down a slope of 0.1.
+    fn lines(count: u32, length: f64) -> Path {
+        let mut path = Path::default();
+        for line in 0..count {
+            let ends = [0.0, length].map(|x| [x, f64::from(line), 0.1 * x]);
+            let [a, b] = if line % 2 == 0 { ends } else { [ends[1], ends[0]] };
+            for (at, pen) in [(a, None), (b, Some(0))] {
+                path.at.push(at);
+                path.pen.push(pen);
+                path.node.push(Node::End);
+                path.stroke.push(line);
+                path.run.push(None);
+            }
+        }
+        path
+    }
+
+    fn pens(speed: f64) -> Vec<Pen> {
+        let frequency = Frequency::khz(60.0);
+        vec![Pen { name: "a".into(), speed: Speed::mm_s(speed), power: Power::Percent(50.0), frequency, passes: 1 }]
+    }
+
+    const ROOM: Room = Room { half_field: [20.0, 20.0], focus: 0.035 };
+
+    #[test]
+    fn the_stage_goes_from_rest_to_rest_within_its_limits_and_marks_stay_in_field_and_focus() {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        let (path, pens) = (lines(9, 200.0), pens(1000.0));
+        let Timed { run_s, path, schedule, sync } = quickest(&path, &machine, &pens, ROOM, 100_000);
+        assert!(run_s > 0.0 && sync.fits && sync.slower > 1.0, "{run_s} {}", sync.slower);
+        let limits = Peaks::limits(&machine);
+        for (k, limit) in limits.iter().enumerate() {
+            let peaks = Peaks::of(&sync.stage, k, sync.step_s);
+            assert!(peaks.slowed(limit) < 1.0 + 1e-9, "{k}: {peaks:?}");
+            let (n, first, last) = (sync.stage.len(), sync.stage[0][k], sync.stage[sync.stage.len() - 1][k]);
+            assert!((sync.stage[1][k] - first).abs() < 1e-6 && (sync.stage[n - 2][k] - last).abs() < 1e-6);
+        }
+        for (i, at) in sync.nodes(&path, &schedule).iter().enumerate() {
+            let p = path.at[i];
+            assert!((0..2).all(|k| (p[k] - at[k]).abs() <= ROOM.half_field[k] * (1.0 + 1e-6)), "{i}");
+            let lit = path.pen[i].is_some() || path.pen.get(i + 1).copied().flatten().is_some();
+            assert!(!lit || (p[2] - at[2]).abs() <= ROOM.focus * (1.0 + 1e-6), "{i}: {p:?} {at:?}");
+        }
+        // The motion is that of the stage, and every mark runs at its speed, slowed alike.
+        let motion = &sync.motion;
+        let marks = (1..motion.time.len()).filter(|&i| motion.pen[i].is_some());
+        for i in marks {
+            let spot = |i: usize| [0, 1].map(|k| motion.axes[i][k] + motion.axes[i][5 + k]);
+            let (a, b) = (spot(i - 1), spot(i));
+            let speed = (b[0] - a[0]).hypot(b[1] - a[1]) / (motion.time[i] - motion.time[i - 1]);
+            assert!((speed * sync.slower / 1000.0 - 1.0).abs() < 1e-6, "{speed}");
+        }
+    }
+
+    #[test]
+    fn dark_runs_let_slopes_be_marked_faster_and_flat_parts_go_without() {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        let total = |t: &Timed| t.schedule.total_s() * t.sync.slower;
+        let (path, fast) = (lines(5, 200.0), pens(1000.0));
+        let (schedule, step_s) = Schedule::sampled(&path, &machine, &fast, 100_000);
+        let plain = synchronise(&path, &schedule, &machine, ROOM, step_s);
+        let found = quickest(&path, &machine, &fast, ROOM, 100_000);
+        assert!(total(&found) < 0.7 * schedule.total_s() * plain.slower, "{} {}", total(&found), plain.slower);
+        // What lies within the field needs no stage: the pens' speed is kept.
+        let small = quickest(&lines(5, 0.3), &machine, &pens(100.0), ROOM, 100_000);
+        assert!(small.run_s == 0.0 && small.sync.slower == 1.0, "{}", small.sync.slower);
+    }
+
+    #[test]
+    fn one_mark_alone_is_a_path_too() {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        for length in [1e-6, 0.01, 300.0] {
+            let found = quickest(&lines(1, length), &machine, &pens(1000.0), ROOM, 1000);
+            assert!(found.sync.slower.is_finite() && found.sync.stage.iter().flatten().all(|v| v.is_finite()));
+        }
     }
 
     #[test]

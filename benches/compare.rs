@@ -1,0 +1,79 @@
+//! How long `terrace compare` takes with all systems on two threads, and how the time of seven axes converges: `cargo
+//! bench --bench compare` prints the table. One thread must make the same figures.
+//!
+//! The dome is made, half a million triangles under a hatch of 1 mm; the hood and the drawing on it are read from
+//! beside the repository and left out where they are absent.
+
+#[path = "../tests/support/surfaces.rs"]
+mod surfaces;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use surfaces::{dome, mesh, write_stl};
+
+fn main() {
+    let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
+    let stl = dir.join("dome-0.5M.stl");
+    if !stl.exists() {
+        write_stl(&stl, &mesh(500, [0.0, 0.0, 450.0, 450.0], dome));
+    }
+    println!("{:<34}{:>9}{:>9}{:>9}  least time of 20 m beside the finest grid", "case", "wall s", "CPU s", "1 = 2");
+    row("dome, hatch of 1 mm", &job(&dir, "dome", &stl, "pattern = \"hatch\"\npitch = \"1 mm\""));
+    let data = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data"));
+    let (hood, drawing) = (data.join("surfaces/hood_mm_bin.stl"), data.join("textures/hero_topography.svg"));
+    if !hood.is_file() || !drawing.is_file() {
+        println!("left out: ../shared/data is absent");
+        return;
+    }
+    let texture = format!(
+        "file = {:?}\nsize = [\"100 mm\", \"100 mm\"]\ntile = true\n\
+         area = [\"415 mm\", \"-225 mm\", \"865 mm\", \"225 mm\"]",
+        drawing.display().to_string()
+    );
+    row("450 mm of a hood, drawing", &job(&dir, "hood", &hood, &texture));
+}
+
+fn job(dir: &Path, name: &str, stl: &Path, texture: &str) -> PathBuf {
+    let text = format!(
+        "[surface]\nfile = {:?}\nunit = \"mm\"\n[[texture]]\n{texture}\n[focus]\npdof = \"0.07 mm\"\n[partition]\n\
+         method = \"auto\"\n[machine]\nprofile = \"xyz-galvo-40\"\n[[pen]]\nname = \"a\"\nspeed = \"1000 mm/s\"\n\
+         power = \"60 %\"\nfrequency = \"60 kHz\"\n",
+        stl.display().to_string()
+    );
+    let path = dir.join(format!("compare-{name}.toml"));
+    std::fs::write(&path, text).expect("a writable folder");
+    path
+}
+
+/// Compares on two threads and on one, and prints what it took.
+fn row(name: &str, job: &Path) {
+    let (first, wall, cpu) = compared(job, "2");
+    let (again, ..) = compared(job, "1");
+    let json: serde_json::Value = serde_json::from_slice(&first).expect("JSON");
+    let grids = json["convergence"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let off: Vec<String> =
+        grids.iter().filter_map(|g| g["beside_the_finest_percent"].as_f64()).map(|p| format!("{p:.2} %")).collect();
+    println!("{name:<34}{wall:>9.1}{cpu:>9.1}{:>9}  {}", first == again, off.join(", "));
+}
+
+/// The comparison as JSON, and the seconds that it took, by the clock and of the processor.
+fn compared(job: &Path, threads: &str) -> (Vec<u8>, f64, f64) {
+    let (begin, before) = (Instant::now(), children_cpu_s());
+    let out = Command::new(env!("CARGO_BIN_EXE_terrace"))
+        .args(["compare", "--json", "-j", threads])
+        .arg(job)
+        .output()
+        .expect("the program starts");
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    (out.stdout, begin.elapsed().as_secs_f64(), children_cpu_s() - before)
+}
+
+/// CPU seconds of the processes that this one has waited for.
+fn children_cpu_s() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").expect("Linux");
+    let fields: Vec<&str> = stat.rsplit(')').next().expect("fields").split_whitespace().collect();
+    // cutime and cstime, in ticks of 10 ms.
+    fields[13..15].iter().map(|f| f.parse::<f64>().expect("ticks") / 100.0).sum()
+}
