@@ -13,7 +13,7 @@ use crate::fly::schedule::Schedule;
 use crate::fly::servo::{Protection, Servo, Synthesis};
 use crate::fly::seven::{Seven, Tools, axis_limits, seven};
 use crate::fly::spread::Spread;
-use crate::fly::sync::{Room, Sync, Timed, quickest, synchronise};
+use crate::fly::sync::{Room, Sync, Timed, ends, quickest, synchronise};
 use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::machine::{Letter, Machine};
 use crate::motion::stage_move;
@@ -47,7 +47,7 @@ pub(super) struct Follower<'a> {
 
 impl<'a> Follower<'a> {
     pub(super) fn new(ground: &'a Ground<'a>, whole: &'a Plan) -> Self {
-        let path = path_of(ground, whole);
+        let path = path_of(ground, whole, 0..whole.checked.program().blocks.len());
         let thin = path.evened(STEP);
         Self { ground, whole, path, thin }
     }
@@ -80,7 +80,12 @@ impl<'a> Follower<'a> {
     fn synchronised(&self, curves: &mut Curves) -> Result<Figures, String> {
         let machine = self.ground.machine;
         let pens = &self.whole.checked.program().pens;
-        let Timed { run_s, path, schedule, sync } = quickest(&self.path, machine, pens, self.room(), SAMPLES);
+        // Where the part lies is the machine's affair: its travel must be long enough.
+        let fits = |ends: [[f64; 2]; 3]| {
+            let axes = machine.axes();
+            axes.iter().zip(ends).all(|((_, a), [lo, hi])| hi - lo <= a.travel[1].as_mm() - a.travel[0].as_mm())
+        };
+        let Timed { run_s, path, schedule, sync } = quickest(&self.path, machine, pens, self.room(), SAMPLES, &fits);
         // The texture's middle lies where the stage rests.
         let (area, first) = (self.whole.texture, nm(path.at[0]));
         let middle = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, first[2]];
@@ -89,16 +94,16 @@ impl<'a> Follower<'a> {
         let time = Split {
             stage: approach.travel_s + 2.0 * sync.lead_s,
             settle: approach.settle_s,
-            zoom: 0.0,
-            mark: schedule.mark_s * slow,
-            jump: schedule.jump_s * slow,
-            delay: schedule.delay_s * slow,
+            ..Split::of(&schedule, slow)
         };
-        let notes = if run_s > 0.0 {
-            vec![format!("runs dark for {:.0} ms beside every mark", 1e3 * run_s * slow)]
-        } else {
-            vec![]
-        };
+        let mut notes = Vec::new();
+        if run_s > 0.0 {
+            notes.push(format!("runs dark for {:.0} ms beside every mark", 1e3 * run_s * slow));
+        }
+        if !sync.fits {
+            notes.push("some marks turn or rise too sharply to be followed in focus".into());
+        }
+        notes.extend(beyond(machine, sync.stage.iter().copied()));
         let figures = Figures {
             time,
             stops: 1,
@@ -133,25 +138,17 @@ impl<'a> Follower<'a> {
         let depth = Some(Length::mm(2.0 * ground.limits.focus));
         let plan = plan_whole(ground.job, ground.machine, depth).map_err(|e| reason(&e))?;
         let program = plan.checked.program();
-        let spacing = self.room().half_field.iter().fold(f64::INFINITY, |a, &b| a.min(b)) / 20.0;
         let band = |(i, block): (usize, &Block)| {
-            let mut path = Path::of(program, i..i + 1, ground.surface, &ground.relief, spacing);
+            let mut path = path_of(ground, &plan, i..i + 1);
             let plane = mm_from_nm(block.stop.focus);
             let heights: Vec<f64> = path.at.iter().map(|p| p[2]).collect();
             path.at.iter_mut().for_each(|p| p[2] = plane);
             let (schedule, step_s) = Schedule::sampled(&path, ground.machine, &program.pens, COARSE);
             let sync = synchronise(&path, &schedule, ground.machine, self.room(), step_s);
             path.at.iter_mut().zip(heights).for_each(|(p, z)| p[2] = z);
-            let slow = sync.slower;
-            let time = Split {
-                stage: 2.0 * sync.lead_s,
-                mark: schedule.mark_s * slow,
-                jump: schedule.jump_s * slow,
-                delay: schedule.delay_s * slow,
-                ..Split::default()
-            };
+            let time = Split { stage: 2.0 * sync.lead_s, ..Split::of(&schedule, sync.slower) };
             let ends = [path.at[0], path.at[path.len() - 1]].map(nm).map(|[x, y, _]| [x, y, block.stop.focus]);
-            Ok((self.followed(&path, &schedule, &sync)?, time, slow, ends))
+            Ok((self.followed(&path, &schedule, &sync)?, time, sync.slower, ends))
         };
         let bands = program.blocks.par_iter().enumerate().map(band).collect::<Result<Vec<_>, String>>()?;
         let (mut all, mut time, mut slowest) = (Followed::default(), Split::default(), 1.0f64);
@@ -197,7 +194,7 @@ impl<'a> Follower<'a> {
             self.draw(&made, curves);
             notes.push(format!("sigma {:.0} um", made.sigma.unwrap_or_default() * 1000.0));
         }
-        notes.extend(beyond(&machine, &made));
+        notes.extend(beyond(&machine, made.axes.iter().map(|a| a.xyz)));
         Ok(Figures { notes, ..self.turned(&machine, &made, room)? })
     }
 
@@ -338,14 +335,12 @@ fn has_a_and_c(machine: &Machine) -> bool {
 }
 
 /// What is said where the machine's travel is too short for the motion.
-fn beyond(machine: &Machine, made: &Seven) -> Option<String> {
+fn beyond(machine: &Machine, stage: impl Iterator<Item = [f64; 3]>) -> Option<String> {
     let names: Vec<String> = machine
         .axes()
         .into_iter()
-        .enumerate()
-        .filter_map(|(k, (name, axis))| {
-            let values = made.axes.iter().map(|a| a.xyz[k]);
-            let (lo, hi) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
+        .zip(ends(stage))
+        .filter_map(|((name, axis), [lo, hi])| {
             let travel = axis.travel[1].as_mm() - axis.travel[0].as_mm();
             (hi - lo > travel).then(|| format!("{name} needs {:.0} mm of travel", hi - lo))
         })

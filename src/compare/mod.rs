@@ -17,6 +17,7 @@ mod stepped;
 pub use filters::Filter;
 pub use report::{convergence, decompositions, page, plots, systems};
 
+use std::ops::Range;
 use std::sync::OnceLock;
 
 use rayon::prelude::*;
@@ -27,6 +28,7 @@ use crate::fly::decompose::Limits;
 use crate::fly::kinematics::Deviation;
 use crate::fly::path::Path;
 use crate::fly::relief::Relief;
+use crate::fly::schedule::Schedule;
 use crate::fly::seven::Ladder;
 use crate::fly::spread::Spread;
 use crate::geom::{NM_PER_MM, mm_from_nm};
@@ -113,6 +115,12 @@ pub struct Split {
 }
 
 impl Split {
+    /// Of a motion that runs `slower` than its schedule.
+    fn of(schedule: &Schedule, slower: f64) -> Self {
+        let [mark, jump, delay] = [schedule.mark_s, schedule.jump_s, schedule.delay_s].map(|t| t * slower);
+        Self { mark, jump, delay, ..Self::default() }
+    }
+
     /// The parts with their names.
     pub fn parts(&self) -> [(&'static str, f64); 6] {
         let Self { stage, settle, zoom, mark, jump, delay } = *self;
@@ -233,8 +241,6 @@ impl Ground<'_> {
     }
 }
 
-/// Share of the focal offset within which the relief under turning axes is smoothed.
-const SMOOTH: f64 = 0.1;
 /// How far apart nodes of a path may lie: this part of the field, or of the texture where that is smaller.
 const NODES: f64 = 40.0;
 
@@ -252,8 +258,7 @@ pub fn compare(job: &Job, systems: &[System], progress: &(dyn Fn(&'static str) +
     // One field over everything: the strokes in their order, and where they lie.
     let whole = plan_whole(job, &machine, None)?;
     let size = whole.texture.size().map(mm_from_nm);
-    let near = SMOOTH * job.depth_range().as_mm() / 2.0;
-    let relief = Relief::over(&surface, whole.texture, 0.05, near).ok_or_else(|| {
+    let relief = Relief::followed(&surface, whole.texture, job.depth_range().as_mm() / 2.0).ok_or_else(|| {
         Diag::limit("compare-relief", "the texture lies nowhere on the part")
             .hint("compare its area with the part's box")
     })?;
@@ -327,10 +332,9 @@ fn reason(e: &Error) -> String {
     e.diags().first().map_or_else(|| e.to_string(), |d| d.message.clone())
 }
 
-/// The path of a plan over the part.
-fn path_of(ground: &Ground<'_>, plan: &Plan) -> Path {
+/// The path of some blocks of a plan over the part.
+fn path_of(ground: &Ground<'_>, plan: &Plan, blocks: Range<usize>) -> Path {
     let field = ground.machine.usable_field().map(|f| f as f64 / NM_PER_MM);
     let spacing = field[0].min(field[1]).min(ground.size[0].max(ground.size[1])) / NODES;
-    let program = plan.checked.program();
-    Path::of(program, 0..program.blocks.len(), ground.surface, &ground.relief, spacing)
+    Path::of(plan.checked.program(), blocks, ground.surface, &ground.relief, spacing)
 }

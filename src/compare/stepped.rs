@@ -136,7 +136,7 @@ fn stepping(ground: &Ground<'_>, plan: &Plan) -> Figures {
 fn measured(ground: &Ground<'_>, plan: &Plan) -> Figures {
     let program = plan.checked.program();
     let owner = owners(program);
-    let path = path_of(ground, plan);
+    let path = path_of(ground, plan, 0..program.blocks.len());
     let beam = |i: usize| {
         let stop = &program.blocks[owner[path.stroke[i] as usize] as usize].stop;
         let [x, y] = stop.centre.mm();

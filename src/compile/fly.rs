@@ -13,8 +13,9 @@ use crate::fly::pace::State;
 use crate::fly::path::Path;
 use crate::fly::program::{Kind, Program};
 use crate::fly::relief::Relief;
+use crate::fly::schedule::Schedule;
 use crate::fly::seven::{Seven, Tools, axis_limits, seven};
-use crate::fly::sync::{Room, Sync, quickest};
+use crate::fly::sync::{Room, Timed, quickest};
 use crate::geom::mm_from_nm;
 use crate::machine::Machine;
 use crate::record::Deviations;
@@ -25,14 +26,10 @@ use super::{Plan, plan_whole};
 
 /// Nodes of the path along half of the field.
 const NODES: f64 = 100.0;
-/// Most even samples of the path.
+/// Even samples of the path, where z needs no more.
 const SAMPLES: usize = 300_000;
 /// What of field and focus is left to the rounding of samples, mm.
 const SPARE: f64 = 1e-3;
-/// Share of the focal offset within which the relief is smoothed.
-const SMOOTH: f64 = 0.1;
-/// Finest step of the relief, mm.
-const FINEST: f64 = 0.05;
 /// How often a motion is stretched to keep the limits of its axes.
 const STRETCHES: usize = 4;
 
@@ -86,7 +83,7 @@ pub fn fly(job: Job) -> Result<FlyPlan, Error> {
     let path = job.resolve(job.file.surface.file.get_ref());
     let weld = job.file.surface.weld.as_mm();
     let surface = Surface::load(&path, &job.surface_options(), weld, turn, &mut Vec::new())?;
-    let Some(relief) = Relief::over(&surface, texture, FINEST, SMOOTH * job.depth_range().as_mm() / 2.0) else {
+    let Some(relief) = Relief::followed(&surface, texture, job.depth_range().as_mm() / 2.0) else {
         let hint = "compare its area with the part's box";
         return Err(Diag::limit("job-empty", "the texture lies nowhere on the part").hint(hint).into());
     };
@@ -108,12 +105,19 @@ pub fn fly(job: Job) -> Result<FlyPlan, Error> {
         }
         None => {
             let room = Room { half_field: half_field.map(|h| h - SPARE), focus };
-            let found = quickest(&path, &machine, &strokes.pens, room, SAMPLES).sync;
-            if found.slower > 1.0 + 1e-9 {
-                warnings.push(slower(&job, found.slower));
+            let origin = checked.origin().map(mm_from_nm);
+            let travels = |ends: [[f64; 2]; 3]| {
+                machine.axes().iter().zip(ends).zip(origin).all(|(((_, axis), ends), o)| {
+                    let [lo, hi] = axis.travel.map(|t| t.as_mm());
+                    ends.iter().all(|v| (lo..=hi).contains(&(axis.sign() as f64 * (v + o))))
+                })
+            };
+            let found = quickest(&path, &machine, &strokes.pens, room, SAMPLES, &travels);
+            if !found.sync.fits {
+                return Err(too_sharp(&job));
             }
             let deviations = upright(&found, &relief);
-            (found.motion, Kind::Xyzuv, deviations)
+            (found.sync.motion(&found.path, &found.schedule), Kind::Xyzuv, deviations)
         }
     };
     let mut program = Program::of(&motion, strokes, &machine, checked.origin(), kind)?;
@@ -126,26 +130,38 @@ pub fn fly(job: Job) -> Result<FlyPlan, Error> {
         motion.time.iter_mut().for_each(|t| *t *= 1.001 * slow);
         program = Program::of(&motion, strokes, &machine, checked.origin(), kind)?;
     }
+    let asked = Schedule::of(&path, &machine, &strokes.pens, 0.0).mark_s;
     let checked = Checked::new(program, &machine)?;
+    let slow = checked.figures().mark_s / asked;
+    if slow > 1.001 {
+        warnings.push(slower(&job, slow));
+    }
     Ok(FlyPlan { job, machine, checked, deviations, warnings })
 }
 
 fn slower(job: &Job, slower: f64) -> Diag {
-    let text = format!("the stage cannot follow: all is marked at {:.1} % of the pens' speeds", 100.0 / slower);
+    let text = format!("the axes cannot follow: marks run at {:.1} % of the pens' speeds", 100.0 / slower);
     Diag::warning("fly-slow", text)
         .at(Place::file(job.path.display().to_string()))
         .hint("the dose rises as the speed falls; set slower pens, or mark a stepped job")
 }
 
-/// Worst focal offset and angle of upright beams.
-fn upright(sync: &Sync, relief: &Relief) -> Deviations {
+fn too_sharp(job: &Job) -> Error {
+    let text = "some marks turn or rise too sharply for the stage to keep them in focus at any speed";
+    Diag::limit("fly-focus", text)
+        .at(Place::file(job.path.display().to_string()))
+        .hint("widen focus.pdof, or compile a stepped job")
+        .into()
+}
+
+/// Worst focal offset and angle of upright beams at the nodes of their marks.
+fn upright(found: &Timed, relief: &Relief) -> Deviations {
     let mut out = Deviations::default();
-    let motion = &sync.motion;
-    for (_, axes) in motion.axes.iter().enumerate().filter(|&(i, _)| motion.pen[i].is_some()) {
-        let at = [axes[0] + axes[5], axes[1] + axes[6]];
-        let height = relief.at(at);
-        out.worst_fod_um = out.worst_fod_um.max((height.z - axes[2]).abs() * 1e3);
-        out.worst_bia_deg = out.worst_bia_deg.max(height.normal()[2].acos().to_degrees());
+    let (path, stage) = (&found.path, found.sync.nodes(&found.path, &found.schedule));
+    let lit = |i: usize| path.pen[i].is_some() || path.pen.get(i + 1).copied().flatten().is_some();
+    for (at, stage) in (0..path.len()).filter(|&i| lit(i)).map(|i| (path.at[i], stage[i])) {
+        out.worst_fod_um = out.worst_fod_um.max((at[2] - stage[2]).abs() * 1e3);
+        out.worst_bia_deg = out.worst_bia_deg.max(relief.at([at[0], at[1]]).normal()[2].acos().to_degrees());
     }
     out
 }

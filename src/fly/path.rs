@@ -3,6 +3,9 @@
 //! Consumes a program, whose blocks are read one after the other, and the part; promises nodes so close that
 //! straight lines between them stand for the path, with every vertex of a stroke among them. Units: mm; the
 //! frame is the part's. Under marks the height is the part's own, along jumps the relief's.
+//!
+//! [`Path::run_out`] puts dark runs beside the marks, which go on as the marks do, and one straight jump between
+//! two runs; [`Path::evened`] leaves vertices of gentle turns out.
 
 use super::relief::Relief;
 use crate::geom::{NM_PER_MM, P2, mm_from_nm};
@@ -86,8 +89,8 @@ impl Path {
         path
     }
 
-    /// The same with no more nodes than a smooth path needs: between two corners or ends as many as are `step` mm
-    /// apart, or as keep every turn gentle, evenly spread; fewer where there were fewer.
+    /// The same with no more nodes than a smooth path needs: between two corners or ends one for every
+    /// `step` mm of way and every turn of a corner's angle, evenly spread over both; no more than there were.
     pub fn evened(&self, step: f64) -> Self {
         let mut out = Self::default();
         let keep = |out: &mut Self, i: usize| {
@@ -105,22 +108,24 @@ impl Path {
             if goes_on && !matches!(self.node[to], Node::Corner | Node::End) {
                 continue;
             }
+            // Nodes go where there is way, and where there are turns.
             let heading = |i: usize| [0, 1].map(|k| self.at[i + 1][k] - self.at[i][k]);
-            let turns: f64 = (from + 1..to).map(|i| angle(heading(i - 1), heading(i))).sum();
-            let length = way[to] - way[from];
-            let count = (length / step).max(turns / CORNER).ceil() as usize;
-            let mut i = from;
-            let all = to - from;
-            for n in 1..count.min(all) {
-                if count >= all {
+            let turn = |i: usize| if i > from && i < to { angle(heading(i - 1), heading(i)) } else { 0.0 };
+            let weight = |i: usize| (way[i + 1] - way[i]) / step + (turn(i) + turn(i + 1)) / (2.0 * CORNER);
+            let all: f64 = (from..to).map(weight).sum();
+            let count = all.ceil() as usize;
+            let (mut i, mut before) = (from, 0.0);
+            for n in 1..count.min(to - from) {
+                if count >= to - from {
                     keep(&mut out, from + n);
                     continue;
                 }
-                let at = way[from] + length * n as f64 / count as f64;
-                while way[i + 1] < at {
+                let at = all * n as f64 / count as f64;
+                while i + 1 < to && before + weight(i) < at {
+                    before += weight(i);
                     i += 1;
                 }
-                let share = (at - way[i]) / (way[i + 1] - way[i]);
+                let share = ((at - before) / weight(i)).clamp(0.0, 1.0);
                 let spot = [0, 1, 2].map(|k| self.at[i][k] + share * (self.at[i + 1][k] - self.at[i][k]));
                 out.node(spot, self.pen[to], self.stroke[to]);
             }
@@ -295,7 +300,12 @@ fn on_one_line(from: [f64; 3], out: [f64; 3], to: [f64; 3], into: [f64; 3]) -> b
     let gap = [to[0] - from[0], to[1] - from[1]];
     let ([a, b], [c, d]) = ([out[0], out[1]], [into[0], into[1]]);
     let far = gap[0].hypot(gap[1]);
-    angle([a, b], [c, d]) < STRAIGHT && far < a.hypot(b) + c.hypot(d) && (far == 0.0 || angle([a, b], gap) < STRAIGHT)
+    let (l, m) = (a.hypot(b), c.hypot(d));
+    // Another pen's speed is another length.
+    (l - m).abs() <= STRAIGHT * l
+        && angle([a, b], [c, d]) < STRAIGHT
+        && far < l + m
+        && (far == 0.0 || angle([a, b], gap) < STRAIGHT)
 }
 
 fn pieces(a: P2, b: P2, spacing: f64) -> usize {
@@ -372,6 +382,12 @@ mod tests {
         let jumps = (0..out.len()).filter(|&i| out.pen[i].is_none() && out.run[i].is_none()).count();
         assert_eq!(jumps, 2);
         assert_eq!(path.run_out(0.0, &pens()).at, path.at);
+        // A second, slower pen on the same line ends the run.
+        let mut two = self::path(&[&[[0.0; 3], [5.0, 0.0, 0.0]], &[[5.0, 0.0, 0.0], [9.0, 0.0, 0.0]]]);
+        assert_eq!(two.run_out(0.02, &pens()).len(), 5);
+        two.pen[2] = Some(1);
+        let slow = Pen { speed: Speed::mm_s(20.0), ..pens()[0].clone() };
+        assert_eq!(two.run_out(0.02, &[pens()[0].clone(), slow]).len(), 8);
         assert!(Path::default().run_out(0.02, &pens()).is_empty());
     }
 
@@ -394,6 +410,16 @@ mod tests {
         let small: Vec<[f64; 3]> = circle.iter().map(|p| p.map(|v| v / 100.0)).collect();
         let small = self::path(&[&small]).evened(1.0);
         assert!(small.len() >= 24, "{}", small.len());
+        // A hairpin between long legs too.
+        let bend = (1..16).map(|i| (f64::from(i) * 11.25).to_radians()).map(|t| [0.2 * t.sin(), -0.2 * t.cos(), 0.0]);
+        let leg = |y: f64, back: bool| (0..50).map(move |i| [-f64::from(if back { i } else { 50 - i }), y, 0.0]);
+        let hairpin: Vec<[f64; 3]> =
+            leg(-0.2, false).chain([[0.0, -0.2, 0.0]]).chain(bend).chain(leg(0.2, true)).collect();
+        let mut hairpin = self::path(&[&hairpin]);
+        (1..hairpin.len() - 1).for_each(|i| hairpin.node[i] = Node::Vertex);
+        let out = hairpin.evened(1.5);
+        let round = out.at.iter().filter(|p| p[0] > 0.0).count();
+        assert!(out.len() < hairpin.len() && round >= 11, "{round} of {}", out.len());
         let line = self::path(&[&[[0.0; 3], [0.3, 0.0, 0.0], [9.0, 0.0, 0.0]]]);
         assert_eq!(line.evened(1.0).at, line.at);
         assert!(Path::default().evened(1.0).is_empty());

@@ -47,9 +47,19 @@ const STEPS: f64 = 1024.0;
 /// Rings of nodes around the area.
 const RINGS: usize = 3;
 
+/// Finest step of the grid for axes that follow a part, mm, and the share of the focal offset that smoothing may use.
+const FINEST: f64 = 0.05;
+const SHARE: f64 = 0.1;
+
 impl Relief {
-    /// The relief of a part over `area`, no finer than `finest` mm, its nodes as smooth as can be within `near` mm of
-    /// the part; None where no node of the grid lies on the part.
+    /// The relief for axes that follow a part over `area`, where marks may be `focus` mm out of focus; None as
+    /// [`Self::over`].
+    pub fn followed(surface: &Surface, area: Box2, focus: f64) -> Option<Self> {
+        Self::over(surface, area, FINEST, SHARE * focus)
+    }
+
+    /// The relief of a part over `area`, no finer than `finest` mm, its nodes as smooth as can be within twice `near` mm
+    /// of the part; None where no node of the grid lies on the part.
     pub fn over(surface: &Surface, area: Box2, finest: f64, near: f64) -> Option<Self> {
         let size = area.size().map(mm_from_nm);
         let step = (size[0].max(size[1]) / STEPS).max(finest);
@@ -121,14 +131,14 @@ fn slopes(t: f64) -> [f64; 4] {
 }
 
 /// Smooths nodes again and again, and holds them within `near` of where they were; the last rounds take away what
-/// that has bent.
+/// that has bent, and may go twice as far.
 fn smooth(heights: &mut [f64], columns: usize, near: f64) {
     const ROUNDS: usize = 64;
     const LAST: usize = 4;
     let first = heights.to_vec();
     let mut across = heights.to_vec();
     for round in 0..ROUNDS + LAST {
-        let hold = if round < ROUNDS { near } else { f64::INFINITY };
+        let hold = if round < ROUNDS { near } else { 2.0 * near };
         across.par_chunks_exact_mut(columns).zip(heights.par_chunks_exact(columns)).for_each(|(to, from)| {
             to.iter_mut().enumerate().for_each(|(i, z)| *z = blurred(i, columns, |i| from[i]));
         });

@@ -11,7 +11,7 @@
 
 use rayon::prelude::*;
 
-use super::decompose::{Method, rms_acceleration, stage};
+use super::decompose::{Method, stage};
 use super::motion::Motion;
 use super::path::Path;
 use super::schedule::Schedule;
@@ -105,10 +105,6 @@ pub struct Sync {
     pub beam: Vec<[f64; 3]>,
     /// See `beam`.
     pub on: Vec<bool>,
-    /// Root of the mean squared acceleration of the stage, mm/s².
-    pub rms_acceleration: f64,
-    /// All axes, timed, at the nodes of the path and at even steps.
-    pub motion: Motion,
 }
 
 /// A path, when the beam is where on it, and its motion.
@@ -123,9 +119,18 @@ pub struct Timed {
     pub sync: Sync,
 }
 
-/// Shares a path out with dark runs beside its marks as long as makes the whole quickest, none among them, in at
-/// most `most` samples.
-pub fn quickest(path: &Path, machine: &Machine, pens: &[Pen], room: Room, most: usize) -> Timed {
+/// Shares a path out with dark runs beside its marks as long as makes the whole quickest, none among them, from
+/// `most` samples on, and up to eight times as many where z needs them.
+///
+/// `travels` tells whether the stage can go between some ends of X, Y and Z: runs that it cannot make are not taken.
+pub fn quickest(
+    path: &Path,
+    machine: &Machine,
+    pens: &[Pen],
+    room: Room,
+    most: usize,
+    travels: &dyn Fn([[f64; 2]; 3]) -> bool,
+) -> Timed {
     let run = |run_s: f64, most: usize| {
         let path = path.run_out(run_s, pens);
         let (schedule, step_s) = Schedule::sampled(&path, machine, pens, most);
@@ -145,11 +150,12 @@ pub fn quickest(path: &Path, machine: &Machine, pens: &[Pen], room: Room, most: 
     let attempt = |run_s: f64| {
         let (path, schedule, step_s) = run(run_s, most.min(TRIED));
         let sync = shared(&path, &schedule, machine, room, step_s);
-        if sync.fits { total(&schedule, &sync) } else { f64::INFINITY }
+        if sync.fits && travels(ends(sync.stage.iter().copied())) { total(&schedule, &sync) } else { f64::INFINITY }
     };
     // The scanner's own delays must fit into a run.
     let least = machine.delays.jump.as_s().max(machine.delays.mark.as_s()).max(SHORTEST);
-    let mut best = (0.0, total(&plain.schedule, &plain.sync));
+    let time = if plain.sync.fits { total(&plain.schedule, &plain.sync) } else { f64::INFINITY };
+    let mut best = (0.0, time);
     for run_s in std::iter::successors(Some(least), |r| Some(4.0 * r)).take_while(|&r| r <= LONGEST) {
         let time = attempt(run_s);
         if time < best.1 {
@@ -172,6 +178,12 @@ pub fn quickest(path: &Path, machine: &Machine, pens: &[Pen], room: Room, most: 
     let better =
         found.sync.fits >= plain.sync.fits && total(&found.schedule, &found.sync) < total(&plain.schedule, &plain.sync);
     if better { found } else { plain }
+}
+
+/// Least and largest of each coordinate.
+pub fn ends(stage: impl IntoIterator<Item = [f64; 3]>) -> [[f64; 2]; 3] {
+    let none = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
+    stage.into_iter().fold(none, |ends, p| [0, 1, 2].map(|k| [ends[k][0].min(p[k]), ends[k][1].max(p[k])]))
 }
 
 /// Shortest and longest dark runs that are tried, s at the pens' speeds, and samples they are tried with.
@@ -223,12 +235,19 @@ fn shared(path: &Path, schedule: &Schedule, machine: &Machine, room: Room, step_
     let limits_xy = [limits[0], limits[1]];
     let search = Search { path: &few, step_s: even.step_s * every as f64, limits: limits_xy, enough: 1.0, fits };
     let mut xy = search.run();
-    (xy.samples, xy.ramp) = ((xy.samples - 1) * every + 1, (xy.ramp - 1) * every + 1);
+    let coarse = xy.slower;
+    (xy.samples, xy.ramp) = ((xy.samples * every) | 1, (xy.ramp * every) | 1);
     let fits = |c: &Choice| inside(&ramped(&plan, c.reach(), c.samples, c.ramp)[c.reach()..], &plan, 1);
     while xy.samples > 1 && !fits(&xy) {
         (xy.samples, xy.ramp) = (xy.samples * 19 / 20, (xy.ramp * 19 / 20).max(1));
     }
     xy.slower = slowed(&ramped(&plan, xy.reach(), xy.samples, xy.ramp), even.step_s, &limits_xy);
+    // All samples may see sharper turns than few.
+    if xy.slower > 1.02 * coarse {
+        let fits = |made: &[[f64; 2]]| inside(made, &plan, 1);
+        let search = Search { path: &plan, step_s: even.step_s, limits: limits_xy, enough: coarse, fits };
+        xy = search.polished(xy);
+    }
 
     let height: Vec<[f64; 1]> = even.at.iter().map(|p| [p[2]]).collect();
     let focused = |made: &[[f64; 1]]| {
@@ -242,7 +261,7 @@ fn shared(path: &Path, schedule: &Schedule, machine: &Machine, room: Room, step_
     let (stage_xy, stage_z) = (ramped(&plan, lead, xy.samples, xy.ramp), ramped(&height, lead, z.samples, z.ramp));
     let slower = xy.slower.max(slowed(&stage_z, even.step_s, &[limits[2]]));
     let step_s = even.step_s * slower;
-    let out = Sync {
+    Sync {
         samples: [xy.samples, z.samples],
         fits: z.slower.is_finite(),
         z_is_slowest: slower > xy.slower,
@@ -252,9 +271,7 @@ fn shared(path: &Path, schedule: &Schedule, machine: &Machine, room: Room, step_
         step_s,
         beam: held(&even.at, lead),
         on: [vec![false; lead], even.on, vec![false; lead]].concat(),
-        ..Sync::default()
-    };
-    out.timed(path, schedule)
+    }
 }
 
 /// When the beam comes to the nodes of its path and leaves them, in samples.
@@ -431,8 +448,7 @@ impl Sync {
     }
 
     /// The motion of all axes: at the nodes of the path, and where the stage's own samples lie.
-    fn timed(mut self, path: &Path, schedule: &Schedule) -> Self {
-        self.rms_acceleration = rms_acceleration(&self.stage, self.step_s);
+    pub fn motion(&self, path: &Path, schedule: &Schedule) -> Motion {
         let mut motion = Motion::default();
         let mut sample = 0;
         let mut until = |time: f64, pen: Option<u16>, stroke: u32, motion: &mut Motion| {
@@ -456,8 +472,7 @@ impl Sync {
             }
         }
         until(f64::INFINITY, None, path.stroke[path.len() - 1], &mut motion);
-        self.motion = motion;
-        self
+        motion
     }
 }
 
@@ -515,7 +530,7 @@ mod tests {
     fn the_stage_goes_from_rest_to_rest_within_its_limits_and_marks_stay_in_field_and_focus() {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         let (path, pens) = (lines(9, 200.0), pens(1000.0));
-        let Timed { run_s, path, schedule, sync } = quickest(&path, &machine, &pens, ROOM, 100_000);
+        let Timed { run_s, path, schedule, sync } = quickest(&path, &machine, &pens, ROOM, 100_000, &|_| true);
         assert!(run_s > 0.0 && sync.fits && sync.slower > 1.0, "{run_s} {}", sync.slower);
         let limits = Peaks::limits(&machine);
         for (k, limit) in limits.iter().enumerate() {
@@ -531,7 +546,7 @@ mod tests {
             assert!(!lit || (p[2] - at[2]).abs() <= ROOM.focus * (1.0 + 1e-6), "{i}: {p:?} {at:?}");
         }
         // The motion is that of the stage, and every mark runs at its speed, slowed alike.
-        let motion = &sync.motion;
+        let motion = sync.motion(&path, &schedule);
         let marks = (1..motion.time.len()).filter(|&i| motion.pen[i].is_some());
         for i in marks {
             let spot = |i: usize| [0, 1].map(|k| motion.axes[i][k] + motion.axes[i][5 + k]);
@@ -548,10 +563,10 @@ mod tests {
         let (path, fast) = (lines(5, 200.0), pens(1000.0));
         let (schedule, step_s) = Schedule::sampled(&path, &machine, &fast, 100_000);
         let plain = synchronise(&path, &schedule, &machine, ROOM, step_s);
-        let found = quickest(&path, &machine, &fast, ROOM, 100_000);
+        let found = quickest(&path, &machine, &fast, ROOM, 100_000, &|_| true);
         assert!(total(&found) < 0.7 * schedule.total_s() * plain.slower, "{} {}", total(&found), plain.slower);
         // What lies within the field needs no stage: the pens' speed is kept.
-        let small = quickest(&lines(5, 0.3), &machine, &pens(100.0), ROOM, 100_000);
+        let small = quickest(&lines(5, 0.3), &machine, &pens(100.0), ROOM, 100_000, &|_| true);
         assert!(small.run_s == 0.0 && small.sync.slower == 1.0, "{}", small.sync.slower);
     }
 
@@ -559,7 +574,7 @@ mod tests {
     fn one_mark_alone_is_a_path_too() {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         for length in [1e-6, 0.01, 300.0] {
-            let found = quickest(&lines(1, length), &machine, &pens(1000.0), ROOM, 1000);
+            let found = quickest(&lines(1, length), &machine, &pens(1000.0), ROOM, 1000, &|_| true);
             assert!(found.sync.slower.is_finite() && found.sync.stage.iter().flatten().all(|v| v.is_finite()));
         }
     }
