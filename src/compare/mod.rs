@@ -31,8 +31,10 @@ use crate::fly::relief::Relief;
 use crate::fly::schedule::Schedule;
 use crate::fly::seven::Ladder;
 use crate::fly::spread::Spread;
+use crate::fly::sync::{step_scan_s, synchronised_s};
 use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
+use crate::motion::stage_move;
 use crate::spec::{Job, Method};
 use crate::surface::Surface;
 
@@ -138,6 +140,9 @@ impl Split {
 pub struct Figures {
     /// Time in its parts.
     pub time: Split,
+    /// What the model of Cui et al. says, eq. 8 for what steps and eq. 9 for what is synchronised, every move as long
+    /// as that of a field, s.
+    pub model_s: Option<f64>,
     /// Standstills of the stage between marks.
     pub stops: usize,
     /// Focal offset, um.
@@ -295,6 +300,18 @@ pub fn compare(job: &Job, systems: &[System], progress: &(dyn Fn(&'static str) +
         let (followed, more) = followed.unzip();
         curves.add(more.unwrap_or_default());
         rows.extend(stopped.or(followed).map(|figures| Row { system, figures }));
+    }
+    // A move by the width of the field.
+    let across = stage_move(&machine, [0; 3], [machine.usable_field()[0], 0, 0], None);
+    let move_s = across.travel_s + across.settle_s;
+    for Row { system, figures } in &mut rows {
+        let Ok(f) = figures else { continue };
+        let process_s = f.time.zoom + f.time.mark + f.time.jump + f.time.delay;
+        f.model_s = match system {
+            System::Seven | System::SevenSmooth | System::Five | System::SyncBands => None,
+            System::Sync => Some(synchronised_s(move_s, process_s * f.speed / 100.0)),
+            _ => Some(step_scan_s(f.stops, move_s, process_s)),
+        };
     }
     let job_name = job.path.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     Ok(Comparison { job: job_name, machine: machine.name.clone(), limits, rows, curves, warnings })

@@ -10,6 +10,7 @@ pub fn systems(c: &Comparison) -> Table {
     let columns = vec![
         Column::text("system"),
         Column::time("total"),
+        Column::time("model"),
         Column::time("stage"),
         Column::time("settle"),
         Column::time("zoom"),
@@ -51,7 +52,7 @@ pub fn systems(c: &Comparison) -> Table {
 
 fn figures(f: &Figures) -> Vec<Cell> {
     let t = &f.time;
-    let mut cells: Vec<Cell> = vec![t.total().into()];
+    let mut cells: Vec<Cell> = vec![t.total().into(), f.model_s.into()];
     cells.extend(t.parts().map(|(_, s)| Cell::from(s)));
     cells.push(f.stops.into());
     cells.extend(

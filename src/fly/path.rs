@@ -405,7 +405,7 @@ mod tests {
         let on: Vec<f64> = out.at.iter().take(63).map(|p| p[0].hypot(p[1])).collect();
         assert!(on.iter().all(|r| (r - 10.0).abs() < 1e-3), "{on:?}");
         let lengths = |p: &Path| p.distances().last().copied().unwrap_or_default();
-        assert!((lengths(&out) / lengths(&path) - 1.0).abs() < 1e-3 && out.len() == 66, "{}", out.len());
+        assert!((lengths(&out) / lengths(&path) - 1.0).abs() < 1e-3 && out.len() < 95, "{}", out.len());
         // A small circle keeps its turns gentle, few nodes stay as they are.
         let small: Vec<[f64; 3]> = circle.iter().map(|p| p.map(|v| v / 100.0)).collect();
         let small = self::path(&[&small]).evened(1.0);

@@ -2,12 +2,13 @@
 //!
 //! Facets have edges, and an axis that followed them would jerk at every one. The relief is a bicubic
 //! B-spline over heights sampled on a square grid: twice continuously differentiable. It smooths over about
-//! two steps of the grid; how far it lies from the part under a mark is part of that mark's focal offset.
-//! Units: mm.
+//! two steps of the grid; how far it lies from the part under a mark is part of that mark's focal offset. Within
+//! a distance that may be chosen its nodes are smoothed further: a normal that jumps by a thousandth of a radian
+//! from facet to facet turns a nearly level tool about its axis by degrees. Units: mm.
 //!
 //! # Limits
 //! Holes and the outside are filled by continuing the part, so that jumps across them have heights; a cliff
-//! is smeared over four steps.
+//! is smeared over four steps, and over a dozen where nodes are smoothed.
 
 use rayon::prelude::*;
 
@@ -58,8 +59,8 @@ impl Relief {
         Self::over(surface, area, FINEST, SHARE * focus)
     }
 
-    /// The relief of a part over `area`, no finer than `finest` mm, its nodes as smooth as can be within twice `near` mm
-    /// of the part; None where no node of the grid lies on the part.
+    /// The relief of a part over `area`, no finer than `finest` mm, its nodes smoothed as far as they stay about `near` mm
+    /// from the part; None where no node of the grid lies on the part.
     pub fn over(surface: &Surface, area: Box2, finest: f64, near: f64) -> Option<Self> {
         let size = area.size().map(mm_from_nm);
         let step = (size[0].max(size[1]) / STEPS).max(finest);
@@ -131,14 +132,14 @@ fn slopes(t: f64) -> [f64; 4] {
 }
 
 /// Smooths nodes again and again, and holds them within `near` of where they were; the last rounds take away what
-/// that has bent, and may go twice as far.
+/// that has bent. Beside sharp edges these go farther than `near`.
 fn smooth(heights: &mut [f64], columns: usize, near: f64) {
     const ROUNDS: usize = 64;
     const LAST: usize = 4;
     let first = heights.to_vec();
     let mut across = heights.to_vec();
     for round in 0..ROUNDS + LAST {
-        let hold = if round < ROUNDS { near } else { 2.0 * near };
+        let hold = if round < ROUNDS { near } else { f64::INFINITY };
         across.par_chunks_exact_mut(columns).zip(heights.par_chunks_exact(columns)).for_each(|(to, from)| {
             to.iter_mut().enumerate().for_each(|(i, z)| *z = blurred(i, columns, |i| from[i]));
         });

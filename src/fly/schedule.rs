@@ -65,7 +65,7 @@ impl Schedule {
         let stage = machine.stage.x.speed.as_mm_s().min(machine.stage.y.speed.as_mm_s());
         let carry_speed = fastest.max(stage).min(jump_speed);
         let mut now = 0.0;
-        for i in 0..path.len() {
+        for (i, carried) in carried.into_iter().enumerate() {
             let here = path.pen[i];
             if i > 0 {
                 let (a, b) = (path.at[i - 1], path.at[i]);
@@ -74,7 +74,7 @@ impl Schedule {
                     Some(pen) => (pens[usize::from(pen)].speed.as_mm_s(), &mut out.mark_s),
                     None => {
                         let run = path.run[i].map(|pen| pens[usize::from(pen)].speed.as_mm_s());
-                        let jump = if carried[i] { carry_speed } else { jump_speed };
+                        let jump = if carried { carry_speed } else { jump_speed };
                         (run.unwrap_or(jump), &mut out.jump_s)
                     }
                 };

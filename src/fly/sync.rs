@@ -3,11 +3,14 @@
 //! Consumes a scheduled path and the machine; promises a stage path that keeps the speed, acceleration and
 //! jerk of X, Y and Z, a scanner path that stays in its field, and a focus that stays in its depth. Where the
 //! machine cannot do that at the pens' speeds, the whole path is slowed down evenly, so that every mark still
-//! gets one speed; the share of the speed that is left is part of the answer. Units: mm, s.
+//! gets one speed; the share of the speed that is left is part of the answer. The stage goes from rest to rest.
+//! Where no motion of z keeps all marks in focus the answer says so. Units: mm, s.
+//!
+//! [`quickest`] may let the beam run on in the dark beside every mark, so that it turns where focus is free.
 //!
 //! # Sources
 //! Cui et al. (2021): eq. 1 to 4 the decomposition, eq. 8 and 9 the times. Their average makes the acceleration
-//! step; where the machine states a jerk a second, shorter average makes it a ramp.
+//! step; where the machine states a jerk two more averages make it a ramp. Dark runs are ours.
 
 use rayon::prelude::*;
 
