@@ -64,6 +64,21 @@ fn every_system_is_timed_and_keeps_what_it_promises() {
     assert!(filters.len() >= 5 && filters.iter().all(|f| rms(least) <= rms(f)), "{filters:?}");
 }
 
+#[test]
+fn what_the_scanner_makes_up_for_is_an_option() {
+    let dir = folder();
+    let job = job(dir.path());
+    let error = |name: &str| {
+        let found = compared(&["--systems", "sync", "--protection", name], &job);
+        number(&found["systems"][0], "worst_spot_error_um")
+    };
+    // Eq. 5 stops feeding the error where its sum has grown: the spot is then off by what the stage misses.
+    let [saturate, off, accumulated] = ["saturate", "off", "accumulated"].map(error);
+    assert!(saturate > 0.0 && off > 0.0 && accumulated >= 0.99 * off, "{saturate} {off} {accumulated}");
+    let out = terrace([Path::new("compare"), &job, Path::new("--protection"), Path::new("none")]);
+    assert!(out.status.code() == Some(2) && said(&out).contains("accumulated"), "{}", said(&out));
+}
+
 /// Every system applies and keeps the limits; the time of seven axes converges; least acceleration is least.
 fn holds(found: &Value) {
     let (limits, systems) = (&found["limits"], found["systems"].as_array().expect("systems"));

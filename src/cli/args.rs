@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand};
 
 use crate::compare::System;
+use crate::fly::servo::Protection;
 use crate::spec::{FileUnit, Objective};
 
 /// Compiles a texture on a freeform part into a stepped 3+2 job, and proves it.
@@ -109,6 +110,10 @@ pub enum Command {
         /// Systems, separated by commas; default: all.
         #[arg(long, value_delimiter = ',', value_name = "NAMES", value_parser = super::compare::system)]
         systems: Vec<System>,
+        /// What keeps the scanner in its field while it makes up for the stage's following error: saturate,
+        /// accumulated (eq. 5 of Cui et al., which does not), or off.
+        #[arg(long, default_value = "saturate", value_name = "NAME", value_parser = super::compare::protection)]
+        protection: Protection,
         /// Folder to write tables and pictures to.
         #[arg(short, long, value_name = "FOLDER")]
         output: Option<PathBuf>,

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::{show, unwritable};
 use crate::compare::{Comparison, System, convergence, decompositions, page, plots, systems};
 use crate::diag::{Diag, Error, Place};
+use crate::fly::servo::Protection;
 use crate::record::TERMINAL;
 
 /// What may be asked for with `--systems`.
@@ -15,6 +16,16 @@ pub(super) fn system(name: &str) -> Result<System, String> {
         let names: Vec<&str> = System::ALL.into_iter().map(System::name).collect();
         format!("known systems: {}", names.join(", "))
     })
+}
+
+/// What may be asked for with `--protection`.
+pub(super) fn protection(name: &str) -> Result<Protection, String> {
+    match name {
+        "saturate" => Ok(Protection::Saturate),
+        "accumulated" => Ok(Protection::ACCUMULATED),
+        "off" => Ok(Protection::Off),
+        _ => Err("known protections: saturate, accumulated, off".into()),
+    }
 }
 
 /// The tables for people.

@@ -96,12 +96,12 @@ fn run(args: &Args) -> Result<u8, Error> {
             let found = compile::orient::orient(&load(job)?)?;
             print(&if args.json { show::json(&orient::json(&found)) } else { orient::text(&found) })?;
         }
-        Command::Compare { job, systems, output } => {
+        Command::Compare { job, systems, protection, output } => {
             let spinner = show::Spinner::new(args.quiet);
             let mut job = load(job)?;
             job.seed = args.seed;
             let asked = if systems.is_empty() { &crate::compare::System::ALL[..] } else { systems };
-            let found = crate::compare::compare(&job, asked, &|name| spinner.text(name))?;
+            let found = crate::compare::compare(&job, asked, *protection, &|name| spinner.text(name))?;
             spinner.done();
             warn(args, &found.warnings);
             if let Some(folder) = output {

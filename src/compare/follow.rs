@@ -10,7 +10,7 @@ use crate::fly::kinematics::Deviation;
 use crate::fly::pace::{self, State};
 use crate::fly::path::Path;
 use crate::fly::schedule::Schedule;
-use crate::fly::servo::{Protection, Servo, Synthesis};
+use crate::fly::servo::{Servo, Synthesis};
 use crate::fly::seven::{Seven, Tools, axis_limits, seven};
 use crate::fly::spread::Spread;
 use crate::fly::sync::{Room, Sync, Timed, ends, quickest, synchronise};
@@ -127,7 +127,7 @@ impl<'a> Follower<'a> {
     fn followed(&self, path: &Path, schedule: &Schedule, sync: &Sync) -> Result<Followed, String> {
         let nodes = sync.nodes(path, schedule);
         let marks: Vec<f64> = sync.on.iter().map(|&on| f64::from(u8::from(on)) * sync.step_s).collect();
-        let trail = trailing(self.ground.machine, &sync.stage, &sync.beam, sync.step_s, &marks)?;
+        let trail = self.trailing(self.ground.machine, &sync.stage, &sync.beam, sync.step_s, &marks)?;
         let deviations = upright(self.ground, path, |i| nodes[i]);
         Ok(Followed { deviations, weights: path.weights(), trail, travel: travel(sync.stage.iter().copied()) })
     }
@@ -225,10 +225,38 @@ impl<'a> Follower<'a> {
         }
         let asked = Schedule::of(&self.thin, machine, &self.whole.checked.program().pens, 0.0).mark_s;
         let even = sampled(&made.timed, &self.thin);
-        let trail = trailing(machine, &even.stage, &even.beam, even.step_s, &even.marks)?;
+        let trail = self.trailing(machine, &even.stage, &even.beam, even.step_s, &even.marks)?;
         let travel = travel(made.axes.iter().map(|a| a.xyz));
         let followed = Followed { deviations: made.deviation.clone(), weights: self.thin.weights(), trail, travel };
         Ok(Figures { time, stops: 1, speed: 100.0 * asked / time.mark, ..followed.figures(limits) })
+    }
+
+    /// How far the stage trails its command in x and y, and how far the spot is off, at the samples that weigh anything.
+    fn trailing(
+        &self,
+        machine: &Machine,
+        stage: &[[f64; 3]],
+        beam: &[[f64; 3]],
+        step_s: f64,
+        marks: &[f64],
+    ) -> Result<Vec<Trail>, String> {
+        let servo = |stated: Option<crate::machine::Servo>, hz: f64| {
+            let (hz, damping) = stated.map_or((hz, DAMPING), |s| (s.frequency.as_khz() * 1000.0, s.damping));
+            Servo::new(hz, damping).map_err(|e| reason(&e))
+        };
+        let (carrier, scanner) = (servo(machine.stage.servo, STAGE_HZ)?, servo(machine.scanner.servo, SCANNER_HZ)?);
+        let half = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+        let [x, y] = [0, 1].map(|k| {
+            let command: Vec<f64> = stage.iter().map(|p| p[k]).collect();
+            let rest: Vec<f64> = beam.iter().zip(stage).map(|(b, s)| b[k] - s[k]).collect();
+            let both = Synthesis { stage: carrier, scanner, half_field: half[k], feed: Some(self.ground.protection) };
+            let reached = both.follow(&command, &rest, step_s, &[]);
+            let lag: Vec<f64> = reached.stage.iter().zip(&command).map(|(a, c)| a - c).collect();
+            (lag, reached.error)
+        });
+        let um = |a: f64, b: f64| 1000.0 * a.hypot(b);
+        let at = |i: usize| [um(x.0[i], y.0[i]), um(x.1[i], y.1[i]), marks[i]];
+        Ok((0..marks.len()).filter(|&i| marks[i] > 0.0).map(at).collect())
     }
 }
 
@@ -262,33 +290,6 @@ impl Followed {
             ..marked(&self.deviations, &self.weights, limits)
         }
     }
-}
-
-/// How far the stage trails its command in x and y, and how far the spot is off, at the samples that weigh anything.
-fn trailing(
-    machine: &Machine,
-    stage: &[[f64; 3]],
-    beam: &[[f64; 3]],
-    step_s: f64,
-    marks: &[f64],
-) -> Result<Vec<Trail>, String> {
-    let servo = |stated: Option<crate::machine::Servo>, hz: f64| {
-        let (hz, damping) = stated.map_or((hz, DAMPING), |s| (s.frequency.as_khz() * 1000.0, s.damping));
-        Servo::new(hz, damping).map_err(|e| reason(&e))
-    };
-    let (carrier, scanner) = (servo(machine.stage.servo, STAGE_HZ)?, servo(machine.scanner.servo, SCANNER_HZ)?);
-    let half = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
-    let [x, y] = [0, 1].map(|k| {
-        let command: Vec<f64> = stage.iter().map(|p| p[k]).collect();
-        let rest: Vec<f64> = beam.iter().zip(stage).map(|(b, s)| b[k] - s[k]).collect();
-        let both = Synthesis { stage: carrier, scanner, half_field: half[k], feed: Some(Protection::Saturate) };
-        let reached = both.follow(&command, &rest, step_s, &[]);
-        let lag: Vec<f64> = reached.stage.iter().zip(&command).map(|(a, c)| a - c).collect();
-        (lag, reached.error)
-    });
-    let um = |a: f64, b: f64| 1000.0 * a.hypot(b);
-    let at = |i: usize| [um(x.0[i], y.0[i]), um(x.1[i], y.1[i]), marks[i]];
-    Ok((0..marks.len()).filter(|&i| marks[i] > 0.0).map(at).collect())
 }
 
 /// A turning motion at even steps of time, in machine coordinates.

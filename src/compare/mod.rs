@@ -29,6 +29,7 @@ use crate::fly::kinematics::Deviation;
 use crate::fly::path::Path;
 use crate::fly::relief::Relief;
 use crate::fly::schedule::Schedule;
+use crate::fly::servo::Protection;
 use crate::fly::seven::Ladder;
 use crate::fly::spread::Spread;
 use crate::fly::sync::{step_scan_s, synchronised_s};
@@ -235,6 +236,8 @@ struct Ground<'a> {
     limits: Limits,
     /// Size of the texture's box, mm.
     size: [f64; 2],
+    /// Of the scanner, while it makes up for what the stage misses.
+    protection: Protection,
     /// The job by the method that most systems go by, planned once.
     z_range: OnceLock<Result<Plan, String>>,
 }
@@ -253,7 +256,12 @@ const NODES: f64 = 40.0;
 ///
 /// # Errors
 /// Those of the job itself; a system that cannot do it says so in its row.
-pub fn compare(job: &Job, systems: &[System], progress: &(dyn Fn(&'static str) + Sync)) -> Result<Comparison, Error> {
+pub fn compare(
+    job: &Job,
+    systems: &[System],
+    protection: Protection,
+    progress: &(dyn Fn(&'static str) + Sync),
+) -> Result<Comparison, Error> {
     let machine = job.machine()?;
     let mut warnings = Vec::new();
     let path = job.resolve(job.file.surface.file.get_ref());
@@ -274,7 +282,16 @@ pub fn compare(job: &Job, systems: &[System], progress: &(dyn Fn(&'static str) +
         // The corners of the field are the scanner's too.
         field: half[0].hypot(half[1]),
     };
-    let ground = Ground { job, machine: &machine, surface: &surface, relief, limits, size, z_range: OnceLock::new() };
+    let ground = Ground {
+        job,
+        machine: &machine,
+        surface: &surface,
+        relief,
+        limits,
+        size,
+        protection,
+        z_range: OnceLock::new(),
+    };
     let stepped = |system: &System| {
         let by: &dyn Fn() -> Result<Figures, String> = match system {
             System::Flat => &|| stepped::flat(&ground),

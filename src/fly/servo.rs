@@ -107,6 +107,12 @@ pub enum Protection {
     Off,
 }
 
+impl Protection {
+    /// Eq. 5 as it is printed, with the sign of the error, and a limit that trips within seconds of an error of some
+    /// millimetres.
+    pub const ACCUMULATED: Self = Self::Accumulated { sum: Sum::Signed, limit: 0.02 };
+}
+
 /// What eq. 5 sums up over time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sum {
