@@ -11,7 +11,7 @@ use crate::fly::pace::{self, State};
 use crate::fly::path::Path;
 use crate::fly::schedule::Schedule;
 use crate::fly::servo::{Servo, Synthesis};
-use crate::fly::seven::{Seven, Tools, axis_limits, seven};
+use crate::fly::seven::{Seven, Tools, axis_limits, seen, seven};
 use crate::fly::spread::Spread;
 use crate::fly::sync::{Room, Sync, Timed, ends, quickest, synchronise};
 use crate::geom::{NM_PER_MM, mm_from_nm};
@@ -178,14 +178,21 @@ impl<'a> Follower<'a> {
         let mut notes = Vec::new();
         let mut machine = ground.machine.clone();
         let stated = |m: &Machine| axis_limits(m).filter(|_| has_a_and_c(m));
-        if stated(&machine).is_none() {
+        // On another machine the middle of the texture lies where its axes meet.
+        let area = self.whole.texture;
+        let mut pivot = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, 0].map(mm_from_nm);
+        if let Some(table) = stated(&machine).and(machine.tilt.as_ref()) {
+            let origin = self.whole.checked.origin().map(mm_from_nm);
+            pivot = [0, 1, 2].map(|k| table.pivot[k].as_mm() - origin[k]);
+        } else {
             machine = Machine::built_in("xyzac-galvo-10").map_err(|e| reason(&e))?;
             notes.push("on the machine xyzac-galvo-10".to_owned());
         }
         let Some(limits) = stated(&machine) else { return Err("no limits of A and C are known".into()) };
         let room = Limits { field: reach(&machine), ..ground.limits };
         let pens = &self.whole.checked.program().pens;
-        let made = seven(&self.thin, &ground.relief, pens, &machine, &limits, room, tools).map_err(|e| reason(&e))?;
+        let made =
+            seven(&self.thin, &ground.relief, pens, &machine, &limits, room, pivot, tools).map_err(|e| reason(&e))?;
         if tools == Tools::Gaussian {
             curves.ladder.clone_from(&made.ladder);
             curves.seven = Some(room);
@@ -205,7 +212,7 @@ impl<'a> Follower<'a> {
         let nodes = made.axes.iter().zip(&path.at).zip(times).take(DRAWN);
         curves.axes = nodes
             .map(|((a, &p), t)| {
-                let ([x, y, z], [u, v, _]) = (a.xyz, a.sees(p));
+                let ([x, y, z], [u, v, _]) = (a.xyz, a.sees(seen(made.pivot, p)));
                 (t, [x, y, z, a.a.to_degrees(), a.c.to_degrees(), u, v])
             })
             .collect();

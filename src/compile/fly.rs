@@ -7,14 +7,14 @@
 use crate::diag::{Diag, Error, Place};
 use crate::fly::check::{self, Checked};
 use crate::fly::decompose::Limits;
-use crate::fly::kinematics::Deviation;
+use crate::fly::kinematics::{Deviation, turned};
 use crate::fly::motion::{AXES, Motion};
 use crate::fly::pace::State;
 use crate::fly::path::Path;
 use crate::fly::program::{Kind, Program};
 use crate::fly::relief::Relief;
 use crate::fly::schedule::Schedule;
-use crate::fly::seven::{Seven, Tools, axis_limits, seven};
+use crate::fly::seven::{Seven, Tools, axis_limits, seen, seven};
 use crate::fly::sync::{Room, Timed, quickest};
 use crate::geom::mm_from_nm;
 use crate::machine::Machine;
@@ -98,7 +98,10 @@ pub fn fly(job: Job) -> Result<FlyPlan, Error> {
             let room = half_field[0].min(half_field[1]) - SPARE;
             let angle = job.file.limits.warn_incidence.as_rad();
             let wanted = Limits { focus, angle, field: room };
-            let found = seven(&path, &relief, &strokes.pens, &machine, &limits, wanted, Tools::Gaussian)?;
+            let origin = checked.origin().map(mm_from_nm);
+            let table = machine.tilt.as_ref().map_or([0.0; 3], |t| t.pivot.map(|p| p.as_mm()));
+            let pivot = [0, 1, 2].map(|k| table[k] - origin[k]);
+            let found = seven(&path, &relief, &strokes.pens, &machine, &limits, wanted, pivot, Tools::Gaussian)?;
             let worst = found.deviation.iter().fold(Deviation::default(), |w, &d| w.max(d));
             let deviations = Deviations { worst_fod_um: worst.focus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
             (turning(&path, &found), Kind::Xyzacuv, deviations)
@@ -183,8 +186,11 @@ fn turning(path: &Path, found: &Seven) -> Motion {
         let spot = std::array::from_fn(|k| p[k] + share * (q[k] - p[k]));
         let mut axes: [f64; AXES] = std::array::from_fn(|k| state.position[k]);
         let tool = crate::fly::kinematics::Axes { xyz: [axes[0], axes[1], axes[2]], a: axes[3], c: axes[4] };
-        let [u, v, _] = tool.sees(spot);
+        let [u, v, _] = tool.sees(seen(found.pivot, spot));
         (axes[5], axes[6]) = (u, v);
+        // A motion is seen from the part's own origin.
+        let shift = turned(axes[3], axes[4], found.pivot);
+        (0..3).for_each(|k| axes[k] += shift[k]);
         // The stretch that ends here is that of the node behind, at the node itself too.
         let behind = if share > 0.0 { node + 1 } else { node };
         motion.time.push(time);

@@ -42,7 +42,9 @@ pub struct Seven {
     pub ladder: Ladder,
     /// Standard deviation of the smoothing, mm of path; None where nothing is smoothed.
     pub sigma: Option<f64>,
-    /// Stage axes at the nodes of the path.
+    /// The point of the part about which A and C turn.
+    pub pivot: [f64; 3],
+    /// Stage axes at the nodes of the path, seen from that point.
     pub axes: Vec<Axes>,
     /// Deviation of each node from its tool.
     pub deviation: Vec<Deviation>,
@@ -72,7 +74,9 @@ pub fn axis_limits(machine: &Machine) -> Option<[Limit; AXES]> {
     Some([x, y, z, rotary(Letter::A)?, rotary(Letter::C)?, spot, spot])
 }
 
-/// Shares a path out and times it.
+#[allow(clippy::too_many_arguments, reason = "a path on a part, on a machine, within limits")]
+/// Shares a path out and times it. A and C turn about the point `pivot` of the part: how far marks lie from it decides
+/// how X, Y and Z must go along.
 ///
 /// # Errors
 /// Those of [`pace::time_optimal`], which are faults of the program.
@@ -83,27 +87,41 @@ pub fn seven(
     machine: &Machine,
     axis_limits: &[Limit; AXES],
     limits: Limits,
+    pivot: [f64; 3],
     tools: Tools,
 ) -> Result<Seven, Error> {
     let s = path.distances();
-    let marks: Vec<Pose> = path.at.iter().map(|&p| Pose { p, n: relief.at([p[0], p[1]]).normal() }).collect();
+    let mut marks: Vec<Pose> = path.at.iter().map(|&p| Pose { p, n: relief.at([p[0], p[1]]).normal() }).collect();
+    let smoothed = (tools == Tools::Gaussian).then(|| {
+        let even = Even::of(path, &s);
+        let (rungs, sigma) = even.smoothing(&marks, &path.weights(), relief, &s, limits);
+        (rungs, sigma, from(pivot, even.tools(sigma, relief, &s)))
+    });
+    marks = from(pivot, marks);
     let speeds = Branches::Quickest { a: axis_limits[3].speed, c: axis_limits[4].speed };
-    let (smoothed, axes) = match tools {
-        Tools::OnTheMark => (None, follow(&marks, speeds)),
-        Tools::LeastAcceleration => {
+    let axes = match (&smoothed, tools) {
+        (Some((.., tools)), _) => follow(tools, speeds),
+        (None, Tools::LeastAcceleration) => {
             let steps: Vec<f64> = s.windows(2).map(|w| w[1] - w[0]).collect();
-            (None, seven_axes(&marks, &steps, limits))
+            seven_axes(&marks, &steps, limits)
         }
-        Tools::Gaussian => {
-            let even = Even::of(path, &s);
-            let (rungs, sigma) = even.smoothing(&marks, &path.weights(), relief, &s, limits);
-            (Some((rungs, sigma)), follow(&even.tools(sigma, relief, &s), speeds))
-        }
+        (None, _) => follow(&marks, speeds),
     };
     let deviation: Vec<Deviation> = marks.iter().zip(&axes).map(|(m, a)| Deviation::of(m, &a.tool())).collect();
-    let timed = time(path, &s, &axes, pens, machine, axis_limits, 1)?;
-    let (ladder, sigma) = smoothed.map_or((Vec::new(), None), |(ladder, sigma)| (ladder, Some(sigma)));
-    Ok(Seven { ladder, sigma, axes, deviation, timed })
+    let timed = time(path, &s, &axes, pivot, pens, machine, axis_limits, 1)?;
+    let (ladder, sigma) = smoothed.map_or((Vec::new(), None), |(ladder, sigma, _)| (ladder, Some(sigma)));
+    Ok(Seven { ladder, sigma, pivot, axes, deviation, timed })
+}
+
+/// Poses seen from a point.
+fn from(pivot: [f64; 3], mut poses: Vec<Pose>) -> Vec<Pose> {
+    poses.iter_mut().for_each(|pose| pose.p = seen(pivot, pose.p));
+    poses
+}
+
+/// A point of the part seen from another.
+pub fn seen(pivot: [f64; 3], p: [f64; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|k| p[k] - pivot[k])
 }
 
 impl Seven {
@@ -124,18 +142,20 @@ impl Seven {
         [1, 2, 4]
             .into_iter()
             .map(|refine| {
-                let timed = time(path, &s, &self.axes, pens, machine, limits, refine)?;
+                let timed = time(path, &s, &self.axes, self.pivot, pens, machine, limits, refine)?;
                 Ok([timed.report().cells as f64, timed.total_s()])
             })
             .collect()
     }
 }
 
+#[allow(clippy::too_many_arguments, reason = "a path, its axes and what bounds them")]
 /// The least time of all axes along the nodes of the path that `s` holds, on a grid `refine` times as fine.
 fn time(
     path: &Path,
     s: &[f64],
     axes: &[Axes],
+    pivot: [f64; 3],
     pens: &[Pen],
     machine: &Machine,
     limits: &[Limit; AXES],
@@ -146,7 +166,7 @@ fn time(
         .iter()
         .zip(&path.at)
         .flat_map(|(a, &p)| {
-            let [u, v, _] = a.sees(p);
+            let [u, v, _] = a.sees(seen(pivot, p));
             let [x, y, z] = a.xyz;
             [x, y, z, a.a, a.c, u, v]
         })
