@@ -72,6 +72,17 @@ fn seven_axes_are_compiled_and_proved() {
 }
 
 #[test]
+fn the_turntable_may_turn_over_its_pole_far_from_the_origin_of_the_file() {
+    let dir = folder();
+    // The top of a dome in the middle of the marks, 360 mm from the file's origin: C turns by half a turn there.
+    let dome = |x: f64, y: f64| -((x - 300.0).powi(2) + (y - 200.0).powi(2)) / 500.0;
+    write_stl(&dir.path().join("part.stl"), &mesh(60, [292.0, 196.0, 308.0, 204.0], dome));
+    let job = job(dir.path(), "xyzac-galvo-10", "0.1 mm", "100 mm/s", "2 mm", "");
+    let [_, proof] = proved(dir.path(), &job);
+    assert!(proof["worst_position_um"].as_f64().is_some_and(|p| p < 1.0), "{proof}");
+}
+
+#[test]
 fn what_on_the_fly_programs_cannot_do_is_refused() {
     let dir = folder();
     write_stl(&dir.path().join("part.stl"), &mesh(4, [0.0, 0.0, 8.0, 6.0], |_, _| 0.0));

@@ -227,7 +227,7 @@ impl Maker<'_> {
         frame::turned_back(a, c, [x + u, y + v, z])
     }
 
-    /// Positions of the motion at a time, s.
+    /// Positions of the motion at a time, s, X, Y and Z in the table frame: that is where axes run straight.
     fn at(&mut self, time: f64) -> [f64; AXES] {
         let (t, axes) = (&self.motion.time, &self.motion.axes);
         while self.hint + 2 < t.len() && t[self.hint + 1] < time {
@@ -239,7 +239,7 @@ impl Maker<'_> {
         let next = (self.hint + 1).min(t.len() - 1);
         let share = if t[next] > t[self.hint] { (time - t[self.hint]) / (t[next] - t[self.hint]) } else { 1.0 };
         let share = share.clamp(0.0, 1.0);
-        let [a, b] = [&axes[self.hint], &axes[next]];
+        let [a, b] = [self.hint, next].map(|node| self.frame.placed(&axes[node]));
         std::array::from_fn(|k| a[k] + share * (b[k] - a[k]))
     }
 

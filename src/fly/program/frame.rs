@@ -71,7 +71,14 @@ impl Frame {
         std::array::from_fn(|k| q[k] + shift[k] + self.pivot[k])
     }
 
-    /// Commands of all axes at a position of the stage, with U and V such that the beam passes through `spot`.
+    /// Axes of a motion with X, Y and Z in the table frame.
+    pub(super) fn placed(&self, axes: &[f64; AXES]) -> [f64; AXES] {
+        let [x, y, z, a, c, u, v] = *axes;
+        let [x, y, z] = self.table(a, c, [x, y, z]);
+        [x, y, z, a, c, u, v]
+    }
+
+    /// Commands of all axes at a position of the stage in the table frame, with U and V such that the beam passes through `spot`.
     /// What rounding takes from the stage the scanner adds.
     pub(super) fn commanded(&self, axes: &[f64; AXES], spot: [f64; 3]) -> [f64; AXES] {
         let [x, y, z, a, c, ..] = *axes;
@@ -84,9 +91,8 @@ impl Frame {
                 *held = self.signs[3 + k] * (command * 1e-6).to_radians();
             }
         }
-        let stage = self.table(a, c, [x, y, z]);
-        for k in 0..3 {
-            out[k] = (self.signs[k] * stage[k] * NM_PER_MM).round();
+        for (k, v) in [x, y, z].into_iter().enumerate() {
+            out[k] = (self.signs[k] * v * NM_PER_MM).round();
         }
         let mark = self.table(a_held, c_held, turned(a_held, c_held, spot));
         let field = [0, 1].map(|k| mark[k] - self.signs[k] * out[k] / NM_PER_MM);
