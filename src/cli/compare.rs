@@ -50,17 +50,52 @@ pub(super) fn json(c: &Comparison) -> Value {
     })
 }
 
+/// What tells a comparison's folder.
+const PAGE: &str = "compare.html";
+/// What it holds: these, each in some of the formats.
+const FILES: [&str; 9] =
+    ["compare", "systems", "decompositions", "convergence", "times", "ladder", "axes", "along", "paths"];
+const FORMATS: [&str; 6] = ["html", "json", "txt", "csv", "md", "svg"];
+
+fn is_ours(name: &Path) -> bool {
+    let part = |part: Option<&std::ffi::OsStr>, list: &[&str]| part.is_some_and(|p| list.iter().any(|l| p == *l));
+    part(name.file_stem(), &FILES) && part(name.extension(), &FORMATS)
+}
+
+/// Whether something stands at `folder`.
+///
+/// # Errors
+/// It is no comparison, or holds something else too.
+pub(super) fn replaces(folder: &Path) -> Result<bool, Error> {
+    let refused = |text: &str, hint: &str| -> Result<bool, Error> {
+        let place = Place::file(folder.display().to_string());
+        Err(Diag::input("output-not-a-comparison", text).at(place).hint(hint).into())
+    };
+    if std::fs::symlink_metadata(folder).is_err() {
+        return Ok(false);
+    }
+    if !folder.join(PAGE).is_file() {
+        let text = "the output exists and is not a comparison";
+        return refused(text, "name another folder with -o, or remove it yourself");
+    }
+    for entry in std::fs::read_dir(folder).map_err(failed(folder, "list the old comparison"))? {
+        let name = entry.map_err(failed(folder, "list the old comparison"))?.file_name();
+        if !is_ours(Path::new(&name)) {
+            let text = format!("the output holds {}, which is no part of a comparison", name.display());
+            return refused(&text, "move it away, or name another folder with -o");
+        }
+    }
+    Ok(true)
+}
+
+fn failed(folder: &Path, what: &'static str) -> impl Fn(std::io::Error) -> Error {
+    move |e| unwritable(what, Place::file(folder.display().to_string()), &e)
+}
+
 /// Writes everything to a folder of its own, whole or not at all.
 pub(super) fn write(c: &Comparison, folder: &Path) -> Result<(), Error> {
-    let place = || Place::file(folder.display().to_string());
-    const PAGE: &str = "compare.html";
-    let exists = std::fs::symlink_metadata(folder).is_ok();
-    if exists && !folder.join(PAGE).is_file() {
-        let d = Diag::input("output-not-a-comparison", "the output exists and is not a comparison").at(place());
-        return Err(d.hint("name another folder with -o, or remove it yourself").into());
-    }
-    let failed =
-        |what: &'static str| move |e: std::io::Error| unwritable(what, Place::file(folder.display().to_string()), &e);
+    let exists = replaces(folder)?;
+    let failed = |what| failed(folder, what);
     let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let new = tempfile::Builder::new().prefix(".compare").tempdir_in(parent).map_err(failed("make a folder"))?;
     let put = |name: &str, text: String| std::fs::write(new.path().join(name), text).map_err(failed("write a file"));

@@ -97,6 +97,9 @@ fn run(args: &Args) -> Result<u8, Error> {
             print(&if args.json { show::json(&orient::json(&found)) } else { orient::text(&found) })?;
         }
         Command::Compare { job, systems, protection, output } => {
+            if let Some(folder) = output {
+                compare::replaces(folder)?;
+            }
             let spinner = show::Spinner::new(args.quiet);
             let mut job = load(job)?;
             job.seed = args.seed;

@@ -27,7 +27,8 @@ pub struct Filter {
     pub time_s: f64,
 }
 
-/// All decompositions of one path; the last is that of least acceleration which is no slower than any filter.
+/// All decompositions of one path, that of least acceleration after the filters; where a filter is quicker, the one of
+/// least acceleration that takes no more time than it comes last.
 pub(super) fn filters(path: &Path, schedule: &Schedule, machine: &Machine, room: Room, step_s: f64) -> Vec<Filter> {
     let even = schedule.samples(path, step_s);
     let limits = Peaks::limits(machine).map(|l| Peaks { jerk: f64::INFINITY, ..l });

@@ -11,11 +11,11 @@ use crate::fly::pace::{self, State};
 use crate::fly::path::Path;
 use crate::fly::schedule::Schedule;
 use crate::fly::servo::{Servo, Synthesis};
-use crate::fly::seven::{Seven, Tools, axis_limits, seen, seven};
+use crate::fly::seven::{Rig, Seven, Tools, seven};
 use crate::fly::spread::Spread;
 use crate::fly::sync::{Room, Sync, Timed, ends, quickest, synchronise};
 use crate::geom::{NM_PER_MM, mm_from_nm};
-use crate::machine::{Letter, Machine};
+use crate::machine::Machine;
 use crate::motion::stage_move;
 use crate::program::Block;
 use crate::units::Length;
@@ -81,10 +81,7 @@ impl<'a> Follower<'a> {
         let machine = self.ground.machine;
         let pens = &self.whole.checked.program().pens;
         // Where the part lies is the machine's affair: its travel must be long enough.
-        let fits = |ends: [[f64; 2]; 3]| {
-            let axes = machine.axes();
-            axes.iter().zip(ends).all(|((_, a), [lo, hi])| hi - lo <= a.travel[1].as_mm() - a.travel[0].as_mm())
-        };
+        let fits = |ends: [[f64; 2]; 3]| beyond(machine, ends).is_none();
         let Timed { run_s, path, schedule, sync } = quickest(&self.path, machine, pens, self.room(), SAMPLES, &fits);
         // The texture's middle lies where the stage rests.
         let (area, first) = (self.whole.texture, nm(path.at[0]));
@@ -103,7 +100,7 @@ impl<'a> Follower<'a> {
         if !sync.fits {
             notes.push("some marks turn or rise too sharply to be followed in focus".into());
         }
-        notes.extend(beyond(machine, sync.stage.iter().copied()));
+        notes.extend(beyond(machine, ends(sync.stage.iter().copied())));
         let figures = Figures {
             time,
             stops: 1,
@@ -176,43 +173,40 @@ impl<'a> Follower<'a> {
     fn turning(&self, tools: Tools, curves: &mut Curves) -> Result<Figures, String> {
         let ground = self.ground;
         let mut notes = Vec::new();
-        let mut machine = ground.machine.clone();
-        let stated = |m: &Machine| axis_limits(m).filter(|_| has_a_and_c(m));
-        // On another machine the middle of the texture lies where its axes meet.
-        let area = self.whole.texture;
-        let mut pivot = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, 0].map(mm_from_nm);
-        if let Some(table) = stated(&machine).and(machine.tilt.as_ref()) {
-            let origin = self.whole.checked.origin().map(mm_from_nm);
-            pivot = [0, 1, 2].map(|k| table.pivot[k].as_mm() - origin[k]);
-        } else {
-            machine = Machine::built_in("xyzac-galvo-10").map_err(|e| reason(&e))?;
-            notes.push("on the machine xyzac-galvo-10".to_owned());
-        }
-        let Some(limits) = stated(&machine) else { return Err("no limits of A and C are known".into()) };
-        let room = Limits { field: reach(&machine), ..ground.limits };
         let pens = &self.whole.checked.program().pens;
-        let made =
-            seven(&self.thin, &ground.relief, pens, &machine, &limits, room, pivot, tools).map_err(|e| reason(&e))?;
+        let other = Machine::built_in("xyzac-galvo-10").map_err(|e| reason(&e))?;
+        let own = Rig::of(ground.machine, pens, self.whole.checked.origin().map(mm_from_nm));
+        let rig = match own {
+            Some(rig) => rig,
+            None => {
+                notes.push("on the machine xyzac-galvo-10".to_owned());
+                let rig = Rig::of(&other, pens, [0.0; 3]).ok_or("no limits of A and C are known")?;
+                // The middle of the texture lies where its axes meet.
+                let area = self.whole.texture;
+                Rig { pivot: [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, 0].map(mm_from_nm), ..rig }
+            }
+        };
+        let room = Limits { field: reach(rig.machine), ..ground.limits };
+        let made = seven(&self.thin, &ground.relief, &rig, room, tools).map_err(|e| reason(&e))?;
         if tools == Tools::Gaussian {
             curves.ladder.clone_from(&made.ladder);
             curves.seven = Some(room);
-            curves.convergence =
-                made.convergence(&self.thin, pens, &machine, &limits, SHOWN).map_err(|e| reason(&e))?;
-            self.draw(&made, curves);
+            curves.convergence = made.convergence(&self.thin, &rig, SHOWN).map_err(|e| reason(&e))?;
+            self.draw(&rig, &made, curves);
             notes.push(format!("sigma {:.0} um", made.sigma.unwrap_or_default() * 1000.0));
         }
-        notes.extend(beyond(&machine, made.axes.iter().map(|a| a.xyz)));
-        Ok(Figures { notes, ..self.turned(&machine, &made, room)? })
+        notes.extend(beyond(rig.machine, ends(made.axes.iter().map(|a| a.xyz))));
+        Ok(Figures { notes, ..self.turned(rig.machine, made, room)? })
     }
 
-    fn draw(&self, made: &Seven, curves: &mut Curves) {
+    fn draw(&self, rig: &Rig<'_>, made: &Seven, curves: &mut Curves) {
         let path = &self.thin;
         let way = path.distances();
         let times = made.timed.node_times();
         let nodes = made.axes.iter().zip(&path.at).zip(times).take(DRAWN);
         curves.axes = nodes
             .map(|((a, &p), t)| {
-                let ([x, y, z], [u, v, _]) = (a.xyz, a.sees(seen(made.pivot, p)));
+                let ([x, y, z], [u, v, _]) = (a.xyz, a.sees(rig.sees(p)));
                 (t, [x, y, z, a.a.to_degrees(), a.c.to_degrees(), u, v])
             })
             .collect();
@@ -224,7 +218,7 @@ impl<'a> Follower<'a> {
     }
 
     /// Figures of a turning system.
-    fn turned(&self, machine: &Machine, made: &Seven, limits: Limits) -> Result<Figures, String> {
+    fn turned(&self, machine: &Machine, made: Seven, limits: Limits) -> Result<Figures, String> {
         let mut time = Split::default();
         let times: Vec<f64> = made.timed.node_times().collect();
         for (i, w) in times.windows(2).enumerate() {
@@ -234,11 +228,12 @@ impl<'a> Follower<'a> {
         let even = sampled(&made.timed, &self.thin);
         let trail = self.trailing(machine, &even.stage, &even.beam, even.step_s, &even.marks)?;
         let travel = travel(made.axes.iter().map(|a| a.xyz));
-        let followed = Followed { deviations: made.deviation.clone(), weights: self.thin.weights(), trail, travel };
+        let followed = Followed { deviations: made.deviation, weights: self.thin.weights(), trail, travel };
         Ok(Figures { time, stops: 1, speed: 100.0 * asked / time.mark, ..followed.figures(limits) })
     }
 
-    /// How far the stage trails its command in x and y, and how far the spot is off, at the samples that weigh anything.
+    /// How far the stage trails its command in x and y, and how far the spot is off, at the samples that weigh
+    /// anything.
     fn trailing(
         &self,
         machine: &Machine,
@@ -337,17 +332,12 @@ fn reach(machine: &Machine) -> f64 {
     x.min(y)
 }
 
-fn has_a_and_c(machine: &Machine) -> bool {
-    let letters = |t: &crate::machine::Tilt| t.axes.each_ref().map(|a| a.letter);
-    machine.tilt.as_ref().is_some_and(|t| letters(t) == [Letter::A, Letter::C])
-}
-
-/// What is said where the machine's travel is too short for the motion.
-fn beyond(machine: &Machine, stage: impl Iterator<Item = [f64; 3]>) -> Option<String> {
+/// What is said where the machine's travel is too short for a motion between some ends.
+fn beyond(machine: &Machine, ends: [[f64; 2]; 3]) -> Option<String> {
     let names: Vec<String> = machine
         .axes()
         .into_iter()
-        .zip(ends(stage))
+        .zip(ends)
         .filter_map(|((name, axis), [lo, hi])| {
             let travel = axis.travel[1].as_mm() - axis.travel[0].as_mm();
             (hi - lo > travel).then(|| format!("{name} needs {:.0} mm of travel", hi - lo))

@@ -1,8 +1,8 @@
 //! A job that is marked on the fly: the strokes of a plan in their order, shared out between stage and scanner.
 //!
-//! Consumes a job, planned as one block of which the order of strokes counts; promises a checked on-the-fly program. Machines whose
-//! swivel and turntable state their speeds mark with seven axes, all others with five: the stage follows a moving
-//! average, the scanner is the rest.
+//! Consumes a job, planned as one block of which the order of strokes counts; promises a checked on-the-fly program.
+//! Machines whose swivel and turntable state their speeds mark with seven axes, all others with five: the stage
+//! follows a moving average, the scanner is the rest.
 
 use crate::diag::{Diag, Error, Place};
 use crate::fly::check::{self, Checked};
@@ -14,7 +14,7 @@ use crate::fly::path::Path;
 use crate::fly::program::{Kind, Program};
 use crate::fly::relief::Relief;
 use crate::fly::schedule::Schedule;
-use crate::fly::seven::{Seven, Tools, axis_limits, seen, seven};
+use crate::fly::seven::{Rig, Seven, Tools, seven};
 use crate::fly::sync::{Room, Timed, quickest};
 use crate::geom::mm_from_nm;
 use crate::machine::Machine;
@@ -92,23 +92,20 @@ pub fn fly(job: Job) -> Result<FlyPlan, Error> {
     let spacing = half_field[0].min(half_field[1]).min(width.max(height) / 2.0) / NODES;
     let path = Path::of(strokes, 0..strokes.blocks.len(), &surface, &relief, spacing);
     let focus = job.depth_range().as_mm() / 2.0 - SPARE;
-    let (mut motion, kind, deviations) = match axis_limits(&machine) {
-        Some(limits) => {
+    let origin = checked.origin().map(mm_from_nm);
+    let (mut motion, kind, deviations) = match Rig::of(&machine, &strokes.pens, origin) {
+        Some(rig) => {
             // The usable rectangle lies inside of a round field.
             let room = half_field[0].min(half_field[1]) - SPARE;
             let angle = job.file.limits.warn_incidence.as_rad();
             let wanted = Limits { focus, angle, field: room };
-            let origin = checked.origin().map(mm_from_nm);
-            let table = machine.tilt.as_ref().map_or([0.0; 3], |t| t.pivot.map(|p| p.as_mm()));
-            let pivot = [0, 1, 2].map(|k| table[k] - origin[k]);
-            let found = seven(&path, &relief, &strokes.pens, &machine, &limits, wanted, pivot, Tools::Gaussian)?;
+            let found = seven(&path, &relief, &rig, wanted, Tools::Gaussian)?;
             let worst = found.deviation.iter().fold(Deviation::default(), |w, &d| w.max(d));
             let deviations = Deviations { worst_fod_um: worst.focus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
-            (turning(&path, &found), Kind::Xyzacuv, deviations)
+            (turning(&path, &rig, &found), Kind::Xyzacuv, deviations)
         }
         None => {
             let room = Room { half_field: half_field.map(|h| h - SPARE), focus };
-            let origin = checked.origin().map(mm_from_nm);
             let travels = |ends: [[f64; 2]; 3]| {
                 machine.axes().iter().zip(ends).zip(origin).all(|(((_, axis), ends), o)| {
                     let [lo, hi] = axis.travel.map(|t| t.as_mm());
@@ -171,7 +168,7 @@ fn upright(found: &Timed, relief: &Relief) -> Deviations {
 
 /// The motion of seven axes at the nodes of the path and the borders of the cells it was timed by; the spot runs
 /// straight from node to node.
-fn turning(path: &Path, found: &Seven) -> Motion {
+fn turning(path: &Path, rig: &Rig<'_>, found: &Seven) -> Motion {
     let s = path.distances();
     let mut motion = Motion::default();
     let (mut hint, mut state, mut node) = (0, State::default(), 0);
@@ -186,10 +183,10 @@ fn turning(path: &Path, found: &Seven) -> Motion {
         let spot = std::array::from_fn(|k| p[k] + share * (q[k] - p[k]));
         let mut axes: [f64; AXES] = std::array::from_fn(|k| state.position[k]);
         let tool = crate::fly::kinematics::Axes { xyz: [axes[0], axes[1], axes[2]], a: axes[3], c: axes[4] };
-        let [u, v, _] = tool.sees(seen(found.pivot, spot));
+        let [u, v, _] = tool.sees(rig.sees(spot));
         (axes[5], axes[6]) = (u, v);
         // A motion is seen from the part's own origin.
-        let shift = turned(axes[3], axes[4], found.pivot);
+        let shift = turned(axes[3], axes[4], rig.pivot);
         (0..3).for_each(|k| axes[k] += shift[k]);
         // The stretch that ends here is that of the node behind, at the node itself too.
         let behind = if share > 0.0 { node + 1 } else { node };

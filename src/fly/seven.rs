@@ -42,9 +42,7 @@ pub struct Seven {
     pub ladder: Ladder,
     /// Standard deviation of the smoothing, mm of path; None where nothing is smoothed.
     pub sigma: Option<f64>,
-    /// The point of the part about which A and C turn.
-    pub pivot: [f64; 3],
-    /// Stage axes at the nodes of the path, seen from that point.
+    /// Stage axes at the nodes of the path, seen from the rig's pivot.
     pub axes: Vec<Axes>,
     /// Deviation of each node from its tool.
     pub deviation: Vec<Deviation>,
@@ -52,53 +50,93 @@ pub struct Seven {
     pub timed: Timed,
 }
 
-/// Limits of the seven axes; None where the machine does not state them.
-pub fn axis_limits(machine: &Machine) -> Option<[Limit; AXES]> {
-    let linear = machine.axes().map(|(_, axis)| Limit {
-        speed: axis.speed.as_mm_s(),
-        acceleration: axis.acceleration.as_mm_s2(),
-        jerk: axis.jerk.map(|j| j.as_mm_s3()),
-    });
-    let table = machine.tilt.as_ref()?;
-    let rotary = |letter: Letter| {
-        let axis = table.axes.iter().find(|a| a.letter == letter)?;
-        let (speed, acceleration) = (axis.speed?.as_rad_s(), axis.acceleration?.as_rad_s2());
-        Some(Limit { speed, acceleration, jerk: axis.jerk.map(|j| j.as_rad_s3()) })
-    };
-    let spot = Limit {
-        speed: machine.scanner.jump_speed.as_mm_s(),
-        acceleration: machine.scanner.acceleration?.as_mm_s2(),
-        jerk: machine.scanner.jerk.map(|j| j.as_mm_s3()),
-    };
-    let [x, y, z] = linear;
-    Some([x, y, z, rotary(Letter::A)?, rotary(Letter::C)?, spot, spot])
+/// A machine of seven axes under a part.
+#[derive(Clone, Debug)]
+pub struct Rig<'a> {
+    /// The machine.
+    pub machine: &'a Machine,
+    /// The job's pens.
+    pub pens: &'a [Pen],
+    /// What X, Y, Z, A, C, U and V can do.
+    pub limits: [Limit; AXES],
+    /// The point of the part about which A and C turn: how far marks lie from it decides how X, Y and Z must go along.
+    pub pivot: [f64; 3],
 }
 
-#[allow(clippy::too_many_arguments, reason = "a path on a part, on a machine, within limits")]
-/// Shares a path out and times it. A and C turn about the point `pivot` of the part: how far marks lie from it decides
-/// how X, Y and Z must go along.
+impl<'a> Rig<'a> {
+    /// Of a part whose origin lies at `origin` in the machine; None where the machine is not one of a swivel A under a
+    /// turntable C that states what all its axes can do.
+    pub fn of(machine: &'a Machine, pens: &'a [Pen], origin: [f64; 3]) -> Option<Self> {
+        let linear = machine.axes().map(|(_, axis)| Limit {
+            speed: axis.speed.as_mm_s(),
+            acceleration: axis.acceleration.as_mm_s2(),
+            jerk: axis.jerk.map(|j| j.as_mm_s3()),
+        });
+        let table = machine.tilt.as_ref()?;
+        if table.axes.each_ref().map(|axis| axis.letter) != [Letter::A, Letter::C] {
+            return None;
+        }
+        let [a, c] = table.axes.each_ref().map(|axis| {
+            let (speed, acceleration) = (axis.speed?.as_rad_s(), axis.acceleration?.as_rad_s2());
+            Some(Limit { speed, acceleration, jerk: axis.jerk.map(|j| j.as_rad_s3()) })
+        });
+        let spot = Limit {
+            speed: machine.scanner.jump_speed.as_mm_s(),
+            acceleration: machine.scanner.acceleration?.as_mm_s2(),
+            jerk: machine.scanner.jerk.map(|j| j.as_mm_s3()),
+        };
+        let [x, y, z] = linear;
+        let pivot = [0, 1, 2].map(|k| table.pivot[k].as_mm() - origin[k]);
+        Some(Self { machine, pens, limits: [x, y, z, a?, c?, spot, spot], pivot })
+    }
+
+    /// A point of the part seen from the pivot.
+    pub fn sees(&self, p: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|k| p[k] - self.pivot[k])
+    }
+
+    fn all(&self, mut poses: Vec<Pose>) -> Vec<Pose> {
+        poses.iter_mut().for_each(|pose| pose.p = self.sees(pose.p));
+        poses
+    }
+
+    /// The least time of all axes along the nodes of the path that `s` holds, on a grid `refine` times as fine.
+    fn time(&self, path: &Path, s: &[f64], axes: &[Axes], refine: usize) -> Result<Timed, Error> {
+        let axes = &axes[..s.len()];
+        let position = |(a, &p): (&Axes, &[f64; 3])| {
+            let [u, v, _] = a.sees(self.sees(p));
+            let [x, y, z] = a.xyz;
+            [x, y, z, a.a, a.c, u, v]
+        };
+        let positions: Vec<f64> = axes.iter().zip(&path.at).flat_map(position).collect();
+        let jump = self.machine.scanner.jump_speed.as_mm_s();
+        // The beam stands nearly upright on the part: a pen's speed is one along the part, s is seen from the lens.
+        let cap = |i: usize| {
+            let Some(pen) = path.pen[i] else { return jump };
+            let (plan, rise) = (s[i] - s[i - 1], path.at[i][2] - path.at[i - 1][2]);
+            self.pens[usize::from(pen)].speed.as_mm_s() * plan / plan.hypot(rise)
+        };
+        let caps: Vec<f64> = (1..s.len()).map(cap).collect();
+        let stops: Vec<usize> = (0..s.len()).filter(|&i| matches!(path.node[i], Node::Corner | Node::End)).collect();
+        let path = pace::Path { positions: &positions, s, caps: &caps, stops: &stops };
+        pace::time_optimal(&path, &self.limits, &pace::Options { refine, gain: 5e-3, ..pace::Options::default() })
+    }
+}
+
+/// Shares a path out between the axes of a rig and times it.
 ///
 /// # Errors
 /// Those of [`pace::time_optimal`], which are faults of the program.
-pub fn seven(
-    path: &Path,
-    relief: &Relief,
-    pens: &[Pen],
-    machine: &Machine,
-    axis_limits: &[Limit; AXES],
-    limits: Limits,
-    pivot: [f64; 3],
-    tools: Tools,
-) -> Result<Seven, Error> {
+pub fn seven(path: &Path, relief: &Relief, rig: &Rig<'_>, limits: Limits, tools: Tools) -> Result<Seven, Error> {
     let s = path.distances();
-    let mut marks: Vec<Pose> = path.at.iter().map(|&p| Pose { p, n: relief.at([p[0], p[1]]).normal() }).collect();
+    let marks: Vec<Pose> = path.at.iter().map(|&p| Pose { p, n: relief.at([p[0], p[1]]).normal() }).collect();
     let smoothed = (tools == Tools::Gaussian).then(|| {
         let even = Even::of(path, &s);
         let (rungs, sigma) = even.smoothing(&marks, &path.weights(), relief, &s, limits);
-        (rungs, sigma, from(pivot, even.tools(sigma, relief, &s)))
+        (rungs, sigma, rig.all(even.tools(sigma, relief, &s)))
     });
-    marks = from(pivot, marks);
-    let speeds = Branches::Quickest { a: axis_limits[3].speed, c: axis_limits[4].speed };
+    let marks = rig.all(marks);
+    let speeds = Branches::Quickest { a: rig.limits[3].speed, c: rig.limits[4].speed };
     let axes = match (&smoothed, tools) {
         (Some((.., tools)), _) => follow(tools, speeds),
         (None, Tools::LeastAcceleration) => {
@@ -108,20 +146,9 @@ pub fn seven(
         (None, _) => follow(&marks, speeds),
     };
     let deviation: Vec<Deviation> = marks.iter().zip(&axes).map(|(m, a)| Deviation::of(m, &a.tool())).collect();
-    let timed = time(path, &s, &axes, pivot, pens, machine, axis_limits, 1)?;
+    let timed = rig.time(path, &s, &axes, 1)?;
     let (ladder, sigma) = smoothed.map_or((Vec::new(), None), |(ladder, sigma, _)| (ladder, Some(sigma)));
-    Ok(Seven { ladder, sigma, pivot, axes, deviation, timed })
-}
-
-/// Poses seen from a point.
-fn from(pivot: [f64; 3], mut poses: Vec<Pose>) -> Vec<Pose> {
-    poses.iter_mut().for_each(|pose| pose.p = seen(pivot, pose.p));
-    poses
-}
-
-/// A point of the part seen from another.
-pub fn seen(pivot: [f64; 3], p: [f64; 3]) -> [f64; 3] {
-    [0, 1, 2].map(|k| p[k] - pivot[k])
+    Ok(Seven { ladder, sigma, axes, deviation, timed })
 }
 
 impl Seven {
@@ -129,60 +156,15 @@ impl Seven {
     ///
     /// # Errors
     /// As [`seven`].
-    pub fn convergence(
-        &self,
-        path: &Path,
-        pens: &[Pen],
-        machine: &Machine,
-        limits: &[Limit; AXES],
-        length: f64,
-    ) -> Result<Vec<[f64; 2]>, Error> {
+    pub fn convergence(&self, path: &Path, rig: &Rig<'_>, length: f64) -> Result<Vec<[f64; 2]>, Error> {
         let mut s = path.distances();
         s.truncate(s.partition_point(|&s| s <= length).max(2).min(s.len()));
-        [1, 2, 4]
-            .into_iter()
-            .map(|refine| {
-                let timed = time(path, &s, &self.axes, self.pivot, pens, machine, limits, refine)?;
-                Ok([timed.report().cells as f64, timed.total_s()])
-            })
-            .collect()
+        let on = |refine| {
+            let timed = rig.time(path, &s, &self.axes, refine)?;
+            Ok([timed.report().cells as f64, timed.total_s()])
+        };
+        [1, 2, 4].into_iter().map(on).collect()
     }
-}
-
-#[allow(clippy::too_many_arguments, reason = "a path, its axes and what bounds them")]
-/// The least time of all axes along the nodes of the path that `s` holds, on a grid `refine` times as fine.
-fn time(
-    path: &Path,
-    s: &[f64],
-    axes: &[Axes],
-    pivot: [f64; 3],
-    pens: &[Pen],
-    machine: &Machine,
-    limits: &[Limit; AXES],
-    refine: usize,
-) -> Result<Timed, Error> {
-    let axes = &axes[..s.len()];
-    let positions: Vec<f64> = axes
-        .iter()
-        .zip(&path.at)
-        .flat_map(|(a, &p)| {
-            let [u, v, _] = a.sees(seen(pivot, p));
-            let [x, y, z] = a.xyz;
-            [x, y, z, a.a, a.c, u, v]
-        })
-        .collect();
-    let jump = machine.scanner.jump_speed.as_mm_s();
-    // The beam stands nearly upright on the part: a pen's speed is one along the part, s is seen from the lens.
-    let caps: Vec<f64> = (1..s.len())
-        .map(|i| {
-            let Some(pen) = path.pen[i] else { return jump };
-            let (plan, rise) = (s[i] - s[i - 1], path.at[i][2] - path.at[i - 1][2]);
-            pens[usize::from(pen)].speed.as_mm_s() * plan / plan.hypot(rise)
-        })
-        .collect();
-    let stops: Vec<usize> = (0..s.len()).filter(|&i| matches!(path.node[i], Node::Corner | Node::End)).collect();
-    let path = pace::Path { positions: &positions, s, caps: &caps, stops: &stops };
-    pace::time_optimal(&path, limits, &pace::Options { refine, gain: 5e-3, ..pace::Options::default() })
 }
 
 /// Where the ladder starts, mm, and what each rung is of the one before.

@@ -139,7 +139,10 @@ pub fn quickest(
         let (schedule, step_s) = Schedule::sampled(&path, machine, pens, most);
         (path, schedule, step_s)
     };
-    let total = |schedule: &Schedule, sync: &Sync| schedule.total_s() * sync.slower + 2.0 * sync.lead_s;
+    let total = |schedule: &Schedule, sync: &Sync| {
+        let usable = sync.fits && travels(ends(sync.stage.iter().copied()));
+        if usable { schedule.total_s() * sync.slower + 2.0 * sync.lead_s } else { f64::INFINITY }
+    };
     let made = |run_s: f64| {
         let (path, schedule, step_s) = run(run_s, most);
         let sync = synchronise(&path, &schedule, machine, room, step_s);
@@ -150,37 +153,26 @@ pub fn quickest(
     if plain.sync.slower <= 1.0 {
         return plain;
     }
-    let attempt = |run_s: f64| {
+    let plain_s = total(&plain.schedule, &plain.sync);
+    let quicker = |best: (f64, f64), run_s: f64| {
         let (path, schedule, step_s) = run(run_s, most.min(TRIED));
         let sync = shared(&path, &schedule, machine, room, step_s);
-        if sync.fits && travels(ends(sync.stage.iter().copied())) { total(&schedule, &sync) } else { f64::INFINITY }
+        let time = total(&schedule, &sync);
+        if time < best.1 { (run_s, time) } else { best }
     };
     // The scanner's own delays must fit into a run.
     let least = machine.delays.jump.as_s().max(machine.delays.mark.as_s()).max(SHORTEST);
-    let time = if plain.sync.fits { total(&plain.schedule, &plain.sync) } else { f64::INFINITY };
-    let mut best = (0.0, time);
-    for run_s in std::iter::successors(Some(least), |r| Some(4.0 * r)).take_while(|&r| r <= LONGEST) {
-        let time = attempt(run_s);
-        if time < best.1 {
-            best = (run_s, time);
-        }
-    }
+    let runs = std::iter::successors(Some(least), |r| Some(4.0 * r)).take_while(|&r| r <= LONGEST);
+    let mut best = runs.fold((0.0, plain_s), quicker);
     for share in [2.0, 1.4] {
-        let middle = best.0;
-        for run_s in [middle / share, middle * share].into_iter().filter(|&r| r >= least) {
-            let time = attempt(run_s);
-            if time < best.1 {
-                best = (run_s, time);
-            }
-        }
+        let near = [best.0 / share, best.0 * share].into_iter().filter(|&r| r >= least);
+        best = near.fold(best, quicker);
     }
     if best.0 == 0.0 {
         return plain;
     }
     let found = made(best.0);
-    let better =
-        found.sync.fits >= plain.sync.fits && total(&found.schedule, &found.sync) < total(&plain.schedule, &plain.sync);
-    if better { found } else { plain }
+    if total(&found.schedule, &found.sync) < plain_s { found } else { plain }
 }
 
 /// Least and largest of each coordinate.

@@ -78,8 +78,8 @@ impl Frame {
         [x, y, z, a, c, u, v]
     }
 
-    /// Commands of all axes at a position of the stage in the table frame, with U and V such that the beam passes through `spot`.
-    /// What rounding takes from the stage the scanner adds.
+    /// Commands of all axes at a position of the stage in the table frame, with U and V such that the beam passes
+    /// through `spot`. What rounding takes from the stage the scanner adds.
     pub(super) fn commanded(&self, axes: &[f64; AXES], spot: [f64; 3]) -> [f64; AXES] {
         let [x, y, z, a, c, ..] = *axes;
         let mut out = [0.0; AXES];
