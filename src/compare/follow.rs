@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::filters::filters;
-use super::{Curves, Figures, Ground, Split, System, marked, path_of, reason, upright};
+use super::{Curves, Figures, Ground, Split, System, marked, path_of, reason};
 use crate::compile::{Plan, plan_whole};
 use crate::fly::decompose::Limits;
 use crate::fly::kinematics::Deviation;
@@ -47,7 +47,7 @@ pub(super) struct Follower<'a> {
 
 impl<'a> Follower<'a> {
     pub(super) fn new(ground: &'a Ground<'a>, whole: &'a Plan) -> Self {
-        let path = path_of(ground, whole, 0..whole.checked.program().blocks.len());
+        let path = path_of(ground, whole.checked.program(), 0..whole.checked.program().blocks.len());
         let thin = path.evened(STEP);
         Self { ground, whole, path, thin }
     }
@@ -136,7 +136,7 @@ impl<'a> Follower<'a> {
         let plan = plan_whole(ground.job, ground.machine, depth).map_err(|e| reason(&e))?;
         let program = plan.checked.program();
         let band = |(i, block): (usize, &Block)| {
-            let mut path = path_of(ground, &plan, i..i + 1);
+            let mut path = path_of(ground, program, i..i + 1);
             let plane = mm_from_nm(block.stop.focus);
             let heights: Vec<f64> = path.at.iter().map(|p| p[2]).collect();
             path.at.iter_mut().for_each(|p| p[2] = plane);
@@ -324,6 +324,17 @@ fn sampled(timed: &pace::Timed, path: &Path) -> Sampled {
         out.marks.push(f64::from(u8::from(path.pen.get(node + 1).copied().flatten().is_some())));
     }
     out
+}
+
+/// Of the nodes of a path under upright beams; `beam` tells where that of a node stands: x, y and the plane of
+/// focus.
+fn upright(ground: &Ground<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3]) -> Vec<Deviation> {
+    let deviation = |i: usize| {
+        let (p, b) = (path.at[i], beam(i));
+        let angle = ground.relief.at([p[0], p[1]]).normal()[2].acos();
+        Deviation { focus: (p[2] - b[2]).abs(), angle, lateral: (p[0] - b[0]).hypot(p[1] - b[1]) }
+    };
+    (0..path.len()).map(deviation).collect()
 }
 
 /// How far the spot may be from the optical axis in any direction.

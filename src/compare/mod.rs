@@ -36,6 +36,7 @@ use crate::fly::sync::{step_scan_s, synchronised_s};
 use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
 use crate::motion::stage_move;
+use crate::program::Program;
 use crate::spec::{Job, Method};
 use crate::surface::Surface;
 
@@ -350,25 +351,14 @@ fn marked(deviations: &[Deviation], weights: &[f64], limits: Limits) -> Figures 
     }
 }
 
-/// Of the nodes of a path under upright beams; `beam` tells where that of a node stands: x, y and the plane of
-/// focus.
-fn upright(ground: &Ground<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3]) -> Vec<Deviation> {
-    let deviation = |i: usize| {
-        let (p, b) = (path.at[i], beam(i));
-        let angle = ground.relief.at([p[0], p[1]]).normal()[2].acos();
-        Deviation { focus: (p[2] - b[2]).abs(), angle, lateral: (p[0] - b[0]).hypot(p[1] - b[1]) }
-    };
-    (0..path.len()).map(deviation).collect()
-}
-
 /// Says an error in one line of a table.
 fn reason(e: &Error) -> String {
     e.diags().first().map_or_else(|| e.to_string(), |d| d.message.clone())
 }
 
-/// The path of some blocks of a plan over the part.
-fn path_of(ground: &Ground<'_>, plan: &Plan, blocks: Range<usize>) -> Path {
+/// The path of some blocks of a program over the part.
+fn path_of(ground: &Ground<'_>, program: &Program, blocks: Range<usize>) -> Path {
     let field = ground.machine.usable_field().map(|f| f as f64 / NM_PER_MM);
     let spacing = field[0].min(field[1]).min(ground.size[0].max(ground.size[1])) / NODES;
-    Path::of(plan.checked.program(), blocks, ground.surface, &ground.relief, spacing)
+    Path::of(program, blocks, ground.surface, &ground.relief, spacing)
 }

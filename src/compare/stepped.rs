@@ -1,12 +1,15 @@
 //! The stepped systems: each is compiled as a job is, and its marks are measured where they lie.
 
-use super::{Figures, Ground, Split, marked, path_of, reason, upright};
+use std::borrow::Cow;
+
+use super::{Figures, Ground, Split, marked, path_of, reason};
 use crate::compile::{Plan, plan_for};
-use crate::fly::spread::Spread;
-use crate::geom::mm_from_nm;
+use crate::fly::kinematics::Deviation;
+use crate::fly::relief::Relief;
+use crate::geom::{NM_PER_MM, P2, Turn, mm_from_nm};
 use crate::machine::Machine;
 use crate::motion;
-use crate::program::{Block, Program};
+use crate::program::Program;
 use crate::record::Times;
 use crate::spec::{Job, Method};
 use crate::units::Length;
@@ -87,37 +90,17 @@ pub(super) fn zoom(ground: &Ground<'_>) -> Result<Figures, String> {
 /// The part tilted at every stop.
 pub(super) fn tilt(ground: &Ground<'_>) -> Result<Figures, String> {
     let mut machine = ground.machine.clone();
-    let mut notes = vec!["focus and incidence by the worst of each block".into()];
+    let mut notes = Vec::new();
     if machine.tilt.is_none() {
         machine.tilt = Machine::built_in("xyz-tilt-galvo-40").ok().and_then(|m| m.tilt);
         notes.push("tilt table of xyz-tilt-galvo-40 added".into());
     }
     let plan = planned(ground.job, machine, Method::Tilt)?;
-    let program = plan.checked.program();
-    let off = |b: &Block| mm_from_nm((b.z_hi - b.stop.focus).max(b.stop.focus - b.z_lo)) * 1000.0;
-    let rows: Vec<[f64; 3]> = program
-        .blocks
-        .iter()
-        .zip(&plan.slopes)
-        .map(|(b, slope)| [program.mark_mm(b), off(b), slope.incidence_deg()[1]])
-        .collect();
-    let reach = program.blocks.iter().flat_map(|b| program.strokes_of(b)).flat_map(|s| program.points_of(s));
-    let reach = reach.map(|p| f64::from(p[0]).hypot(f64::from(p[1])) / 1e6);
-    let inside =
-        |r: &&[f64; 3]| r[1] <= ground.limits.focus * 1000.0 + 1e-3 && r[2] <= ground.limits.angle.to_degrees();
-    let all: f64 = rows.iter().map(|r| r[0]).sum();
-    Ok(Figures {
-        focus_um: Spread::of(rows.iter().map(|r| (r[1], r[0]))),
-        incidence_deg: Spread::of(rows.iter().map(|r| (r[2], r[0]))),
-        displacement_mm: Spread::of(reach.map(|r| (r, 1.0))),
-        within: 100.0 * rows.iter().filter(inside).map(|r| r[0]).sum::<f64>() / all,
-        notes,
-        ..stepping(ground, &plan)
-    })
+    Ok(Figures { notes, ..measured(ground, &plan) })
 }
 
-/// Time, stops and ways of a stepped plan.
-fn stepping(ground: &Ground<'_>, plan: &Plan) -> Figures {
+/// What marks get, with time, stops and ways of a stepped plan.
+fn stepping(marks: Figures, ground: &Ground<'_>, plan: &Plan) -> Figures {
     let program = plan.checked.program();
     let Times { stage, settle, mark, jump, delay, .. } = plan.summary.time_s;
     Figures {
@@ -128,24 +111,64 @@ fn stepping(ground: &Ground<'_>, plan: &Plan) -> Figures {
         stitch_um: ground.machine.stage.accuracy.map(|a| a.as_mm() * 1000.0 * std::f64::consts::SQRT_2),
         stage_travel_mm: program.blocks.windows(2).map(|w| way(w[0].stage, w[1].stage)).sum(),
         speed: 100.0,
-        ..Figures::default()
+        ..marks
     }
 }
 
-/// The figures of a stepped plan whose part lies untilted.
+/// The figures of a stepped plan, by the nodes of its marks on the part.
 fn measured(ground: &Ground<'_>, plan: &Plan) -> Figures {
-    let program = plan.checked.program();
-    let owner = owners(program);
-    let path = path_of(ground, plan, 0..program.blocks.len());
-    let beam = |i: usize| {
-        let stop = &program.blocks[owner[path.stroke[i] as usize] as usize].stop;
-        let [x, y] = stop.centre.mm();
-        [x, y, mm_from_nm(stop.focus)]
+    let mut program = Cow::Borrowed(plan.checked.program());
+    let turns: Vec<Turn> =
+        program.blocks.iter().map(|b| plan.machine.turn(b.stop.tilt, plan.checked.origin())).collect();
+    if turns.iter().any(|turn| turn.lean() > 0.0) {
+        seen_from_above(program.to_mut(), &turns, &ground.relief);
+    }
+    let owner = owners(&program);
+    let path = path_of(ground, &program, 0..program.blocks.len());
+    let blocks = &plan.checked.program().blocks;
+    let deviation = |i: usize| {
+        let block = owner[path.stroke[i] as usize] as usize;
+        let (stop, turn, [x, y, z]) = (&blocks[block].stop, &turns[block], path.at[i]);
+        let p = turn.apply([x, y, z].map(|v| v * NM_PER_MM)).map(|v| v / NM_PER_MM);
+        let centre = stop.centre.mm();
+        Deviation {
+            focus: (p[2] - mm_from_nm(stop.focus)).abs(),
+            angle: turn.slope2(ground.relief.at([x, y]).normal()).sqrt().atan(),
+            lateral: (p[0] - centre[0]).hypot(p[1] - centre[1]),
+        }
     };
-    let deviations = upright(ground, &path, beam);
-    let Figures { focus_um, incidence_deg, displacement_mm, within, .. } =
-        marked(&deviations, &path.weights(), ground.limits);
-    Figures { focus_um, incidence_deg, displacement_mm, within, ..stepping(ground, plan) }
+    let deviations: Vec<Deviation> = (0..path.len()).map(deviation).collect();
+    stepping(marked(&deviations, &path.weights(), ground.limits), ground, plan)
+}
+
+/// Puts centres and points of all blocks where they lie on the untilted part, seen along z.
+fn seen_from_above(program: &mut Program, turns: &[Turn], relief: &Relief) {
+    let Program { blocks, strokes, points, .. } = program;
+    for (block, turn) in blocks.iter_mut().zip(turns) {
+        let (centre, focus, up) = (block.stop.centre, block.stop.focus, turn.up());
+        let [lo, hi] = [block.z_lo, block.z_hi].map(|z| mm_from_nm(z - focus));
+        // Where the beam through a point of the focal plane meets the part, at no other height than the block's marks.
+        let met = |[x, y]: [i32; 2]| {
+            let point = [centre.x + i64::from(x), centre.y + i64::from(y), focus];
+            let from = turn.back(point.map(|v| v as f64)).map(|v| v / NM_PER_MM);
+            let (mut way, mut p) = (0.0f64, from);
+            for _ in 0..4 {
+                let h = relief.at([p[0], p[1]]);
+                let closing = up[2] - h.slope[0] * up[0] - h.slope[1] * up[1];
+                way = (way + (h.z - p[2]) / closing).clamp(lo, hi);
+                p = [0, 1, 2].map(|k| from[k] + way * up[k]);
+            }
+            P2::new((p[0] * NM_PER_MM).round() as i64, (p[1] * NM_PER_MM).round() as i64)
+        };
+        let middle = met([0; 2]);
+        for stroke in &strokes[block.strokes.clone()] {
+            for point in &mut points[stroke.first as usize..(stroke.first + stroke.len) as usize] {
+                let p = met(*point);
+                *point = [(p.x - middle.x) as i32, (p.y - middle.y) as i32];
+            }
+        }
+        block.stop.centre = middle;
+    }
 }
 
 /// The block of every stroke.

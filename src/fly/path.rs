@@ -2,7 +2,8 @@
 //!
 //! Consumes a program, whose blocks are read one after the other, and the part; promises nodes so close that
 //! straight lines between them stand for the path, with every vertex of a stroke among them. Units: mm; the
-//! frame is the part's. Under marks the height is the part's own, along jumps the relief's.
+//! frame is the part's. Under marks the height is the part's own, along jumps the relief's. Where rounding has put a
+//! mark beside the part its height goes on from the nearest that is known, as the relief does.
 //!
 //! [`Path::run_out`] puts dark runs beside the marks, which go on as the marks do, and one straight jump between
 //! two runs; [`Path::evened`] leaves vertices of gentle turns out.
@@ -79,7 +80,7 @@ impl Path {
                         Some(d) if angle(d, heading(a, b)) > CORNER => Node::Corner,
                         Some(_) => Node::Vertex,
                     });
-                    path.mark(&mut tracer, a, b, spacing, Some(stroke.pen), number as u32);
+                    path.mark((&mut tracer, relief), a, b, spacing, stroke.pen, number as u32);
                     direction = Some(heading(a, b));
                 }
                 path.turn(Node::End);
@@ -266,15 +267,26 @@ impl Path {
         }
     }
 
-    fn mark(&mut self, tracer: &mut Tracer<'_>, a: P2, b: P2, spacing: f64, pen: Option<u16>, stroke: u32) {
+    fn mark(
+        &mut self,
+        (tracer, relief): (&mut Tracer<'_>, &Relief),
+        a: P2,
+        b: P2,
+        spacing: f64,
+        pen: u16,
+        stroke: u32,
+    ) {
         let count = pieces(a, b, spacing);
         let ([ax, ay], [bx, by]) = (a.mm(), b.mm());
+        let at = |t: f64| [ax + t * (bx - ax), ay + t * (by - ay)];
         let mut next = 1;
-        let mut height = self.at.last().map_or(0.0, |p| p[2]);
+        // Where the part was last seen, and how high.
+        let [x, y, z] = self.at.last().copied().unwrap_or_default();
+        let mut seen = ([x, y], z);
+        let beside = |xy: [f64; 2], seen: ([f64; 2], f64)| relief.at(xy).z - relief.at(seen.0).z + seen.1;
         tracer.segment(a, b, |p| {
-            // A mark that rounding has put a nanometre off the part keeps the height that it had.
-            height = if p.skip.is_none() { p.z1 / NM_PER_MM } else { height };
-            if next == 1 && p.t0 == 0.0 && p.skip.is_none() && self.pen.last().is_some_and(Option::is_none) {
+            let on_part = p.skip.is_none();
+            if next == 1 && p.t0 == 0.0 && on_part && self.pen.last().is_some_and(Option::is_none) {
                 // The stroke begins at the part's own height.
                 if let Some(last) = self.at.last_mut() {
                     last[2] = p.z0 / NM_PER_MM;
@@ -282,13 +294,17 @@ impl Path {
             }
             while next <= count && next as f64 <= p.t1 * count as f64 {
                 let t = next as f64 / count as f64;
-                let z = if p.skip.is_none() { p.z(t) / NM_PER_MM } else { height };
-                self.node([ax + t * (bx - ax), ay + t * (by - ay), z], pen, stroke);
+                let [x, y] = at(t);
+                let z = if on_part { p.z(t) / NM_PER_MM } else { beside([x, y], seen) };
+                self.node([x, y, z], Some(pen), stroke);
                 next += 1;
+            }
+            if on_part {
+                seen = (at(p.t1), p.z1 / NM_PER_MM);
             }
         });
         if next <= count {
-            self.node([bx, by, height], pen, stroke);
+            self.node([bx, by, beside([bx, by], seen)], Some(pen), stroke);
         }
     }
 }
