@@ -43,7 +43,9 @@ fn every_system_is_timed_and_keeps_what_it_promises() {
         if s["system"] == "flat" {
             continue;
         }
-        assert!(number(s, "worst_fod_um") <= number(limits, "fod_um") + 0.01, "{s}");
+        // Strokes on a tilted part run up to 100 nm beside the line that they stand for.
+        let beside = if s["system"] == "tilt" { 0.05 } else { 0.01 };
+        assert!(number(s, "worst_fod_um") <= number(limits, "fod_um") + beside, "{s}");
         assert!(number(s, "within_limits_percent") > 99.9, "{s}");
     }
     // Flat tiling is quick and out of focus.
@@ -57,6 +59,9 @@ fn every_system_is_timed_and_keeps_what_it_promises() {
     assert!(number(of("5-axis"), "worst_fod_um") < 1e-6);
     assert!(number(of("7-axis-smooth"), "total_s") < number(of("5-axis"), "total_s"));
     assert!(number(of("sync"), "worst_displacement_mm") <= 20.0 * std::f64::consts::SQRT_2);
+    // The scanner takes up what the stage trails by; where it rests nothing does.
+    let spot = |name: &str| number(of(name), "worst_spot_error_um");
+    assert!(spot("7-axis") < 0.1 * spot("5-axis"), "{} {}", spot("7-axis"), spot("5-axis"));
     // Decompositions share one path: the one of least acceleration has the least.
     let filters = found["decompositions"].as_array().expect("decompositions");
     let rms = |f: &Value| number(f, "rms_stage_acceleration_mm_s2");
@@ -65,12 +70,31 @@ fn every_system_is_timed_and_keeps_what_it_promises() {
 }
 
 #[test]
+fn a_zoom_optic_goes_as_far_as_its_range() {
+    let dir = folder();
+    let stl = dir.path().join("slope.stl");
+    // 20 mm of height in one field, an optic of 10 mm.
+    write_stl(&stl, &mesh(20, [0.0, 0.0, 40.0, 10.0], |x, _| 0.5 * x));
+    let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"2 mm\"").write(dir.path(), "slope.toml");
+    let found = compared(&["--systems", "z-range,zoom"], &job);
+    let of = |i: usize, key: &str| number(&found["systems"][i], key);
+    assert_eq!(of(1, "stops"), 2.0);
+    // Levels are 0.07 mm apart; the optic runs at 500 mm/s and settles for 5 ms.
+    let want = (of(0, "stops") - 2.0) * (0.005 + 0.07 / 500.0);
+    assert!((of(1, "zoom_s") - want).abs() < 1e-4, "{want} {}", of(1, "zoom_s"));
+}
+
+#[test]
 fn what_the_scanner_makes_up_for_is_an_option() {
     let dir = folder();
     let job = job(dir.path());
     let error = |name: &str| {
         let found = compared(&["--systems", "sync", "--protection", name], &job);
-        ["worst_spot_error_um", "worst_stage_lag_um"].map(|key| number(&found["systems"][0], key))
+        let spread = |figure: &str| {
+            let rows = found["deviations"].as_array().expect("deviations");
+            number(rows.iter().find(|r| r["figure"] == figure).expect("a row"), "worst")
+        };
+        [spread("spot error"), spread("stage lag")]
     };
     let [saturate, off, accumulated] = ["saturate", "off", "accumulated"].map(error);
     // The field is wide enough here for all that the stage misses: nothing is clipped.
@@ -86,7 +110,9 @@ fn holds(found: &Value) {
     let (limits, systems) = (&found["limits"], found["systems"].as_array().expect("systems"));
     assert_eq!(systems.len(), 11);
     for s in systems.iter().filter(|s| s["system"] != "flat") {
-        assert!(number(s, "worst_fod_um") <= number(limits, "fod_um") + 0.01, "{s}");
+        // Strokes on a tilted part run up to 100 nm beside the line that they stand for.
+        let beside = if s["system"] == "tilt" { 0.05 } else { 0.01 };
+        assert!(number(s, "worst_fod_um") <= number(limits, "fod_um") + beside, "{s}");
         assert!(number(s, "within_limits_percent") > 99.9, "{s}");
     }
     let grids = found["convergence"].as_array().expect("grids");
@@ -96,9 +122,19 @@ fn holds(found: &Value) {
     let (four, least) = filters.split_at(4);
     let best = |key: &str| four.iter().map(|f| number(f, key)).fold(f64::INFINITY, f64::min);
     let (rms, time) = ("rms_stage_acceleration_mm_s2", "time_s");
-    assert!(number(&least[0], rms) <= 0.8 * best(rms), "{filters:?}");
-    // The last is no slower than any, but for what its start must stand off.
-    assert!(number(least.last().expect("one"), time) <= 1.0011 * best(time), "{filters:?}");
+    // That, or the one that takes no more time than the best filter (but for what its start must stand off), keeps both.
+    let (smoothest, last) = (best(rms), least.last().expect("one"));
+    let filter = four.iter().find(|f| number(f, rms) == smoothest).expect("the best");
+    assert!(number(last, rms) <= 0.8 * smoothest && number(last, time) <= 1.0011 * number(filter, time), "{filters:?}");
+    // Every filter for seven axes keeps the limits, and so does least acceleration.
+    let seven = found["seven_axis_decompositions"].as_array().expect("decompositions");
+    assert_eq!(seven.len(), 5);
+    for s in seven {
+        let inside = |key: &str, limit: &str| number(s, key) <= number(limits, limit) * (1.0 + 1e-6);
+        assert!(
+            inside("worst_fod_um", "fod_um") && inside("worst_bia_deg", "bia_deg") && number(s, "least_time_s") > 0.0
+        );
+    }
 }
 
 #[test]
@@ -111,7 +147,6 @@ fn a_dome_under_hatch_is_marked_in_every_way() {
 }
 
 #[test]
-#[ignore = "a minute; run by make test-all"]
 fn a_drawing_on_a_hood_is_marked_in_every_way() {
     let Some(data) = shared() else { return };
     let (hood, drawing) = (data.join("surfaces/hood_mm_bin.stl"), data.join("textures/hero_topography.svg"));

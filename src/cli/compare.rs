@@ -5,7 +5,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::{show, unwritable};
-use crate::compare::{Comparison, System, convergence, decompositions, page, plots, systems};
+use crate::compare::{Comparison, System, page, plots, tables};
 use crate::diag::{Diag, Error, Place};
 use crate::fly::servo::Protection;
 use crate::record::TERMINAL;
@@ -30,13 +30,12 @@ pub(super) fn protection(name: &str) -> Result<Protection, String> {
 
 /// The tables for people.
 pub(super) fn text(c: &Comparison) -> String {
-    let tables = [Some(systems(c)), decompositions(c), convergence(c)].into_iter().flatten();
-    tables.map(|t| t.text(TERMINAL)).collect::<Vec<_>>().join("\n")
+    tables(c).iter().map(|(_, t)| t.text(TERMINAL)).collect::<Vec<_>>().join("\n")
 }
 
 /// The tables for machines.
 pub(super) fn json(c: &Comparison) -> Value {
-    json!({
+    let mut out = json!({
         "job": c.job,
         "machine": c.machine,
         "limits": {
@@ -44,17 +43,29 @@ pub(super) fn json(c: &Comparison) -> Value {
             "bia_deg": c.limits.angle.to_degrees(),
             "displacement_mm": c.limits.field,
         },
-        "systems": systems(c),
-        "decompositions": decompositions(c),
-        "convergence": convergence(c),
-    })
+    });
+    for (name, table) in tables(c) {
+        out[name.replace('-', "_")] = json!(table);
+    }
+    out
 }
 
 /// What tells a comparison's folder.
 const PAGE: &str = "compare.html";
 /// What it holds: these, each in some of the formats.
-const FILES: [&str; 9] =
-    ["compare", "systems", "decompositions", "convergence", "times", "ladder", "axes", "along", "paths"];
+const FILES: [&str; 11] = [
+    "compare",
+    "systems",
+    "deviations",
+    "decompositions",
+    "seven-axis-decompositions",
+    "convergence",
+    "times",
+    "ladder",
+    "axes",
+    "along",
+    "paths",
+];
 const FORMATS: [&str; 6] = ["html", "json", "txt", "csv", "md", "svg"];
 
 fn is_ours(name: &Path) -> bool {
@@ -101,10 +112,7 @@ pub(super) fn write(c: &Comparison, folder: &Path) -> Result<(), Error> {
     let put = |name: &str, text: String| std::fs::write(new.path().join(name), text).map_err(failed("write a file"));
     put("compare.json", show::json(&json(c)))?;
     put(PAGE, page(c))?;
-    let tables =
-        [("systems", Some(systems(c))), ("decompositions", decompositions(c)), ("convergence", convergence(c))];
-    for (name, table) in tables {
-        let Some(table) = table else { continue };
+    for (name, table) in tables(c) {
         put(&format!("{name}.txt"), table.text(TERMINAL))?;
         put(&format!("{name}.csv"), table.csv())?;
         put(&format!("{name}.md"), table.markdown())?;

@@ -27,8 +27,16 @@ pub struct Filter {
     pub time_s: f64,
 }
 
-/// All decompositions of one path, that of least acceleration after the filters; where a filter is quicker, the one of
-/// least acceleration that takes no more time than it comes last.
+/// The filters that are compared.
+pub(super) const FAMILIES: [(&str, Family); 4] = [
+    ("moving average", Family::MovingAverage),
+    ("Gaussian", Family::Gaussian),
+    ("Savitzky-Golay", Family::SavitzkyGolay { order: 3 }),
+    ("low-pass", Family::LowPass),
+];
+
+/// All decompositions of one path, that of least acceleration after the filters; where the best filter, of least
+/// acceleration among them, is quicker, the one that takes no more time than it comes last.
 pub(super) fn filters(path: &Path, schedule: &Schedule, machine: &Machine, room: Room, step_s: f64) -> Vec<Filter> {
     let even = schedule.samples(path, step_s);
     let limits = Peaks::limits(machine).map(|l| Peaks { jerk: f64::INFINITY, ..l });
@@ -47,24 +55,19 @@ pub(super) fn filters(path: &Path, schedule: &Schedule, machine: &Machine, room:
             time_s: schedule.total_s() * slower(made),
         }
     };
-    let families: [(&'static str, Family); 4] = [
-        ("moving average", Family::MovingAverage),
-        ("Gaussian", Family::Gaussian),
-        ("Savitzky-Golay", Family::SavitzkyGolay { order: 3 }),
-        ("low-pass", Family::LowPass),
-    ];
     let (made, least): (Vec<_>, _) = rayon::join(
-        || families.into_par_iter().map(|(_, family)| filtered(&even, family, room)).collect(),
+        || FAMILIES.into_par_iter().map(|(_, family)| filtered(&even, family, room)).collect(),
         || least(&even, room),
     );
-    let mut out: Vec<Filter> = families
+    let mut out: Vec<Filter> = FAMILIES
         .iter()
         .zip(&made)
         .map(|((name, _), (made, strength))| described(name, made, Some(*strength)))
         .collect();
     out.push(described("least acceleration", &least, None));
-    let quickest = made.iter().map(|m| &m.0).min_by(|a, b| slower(a).total_cmp(&slower(b)));
-    if let Some(start) = quickest.filter(|q| slower(q) < slower(&least)) {
+    let rms = |made: &[[f64; 3]]| rms_acceleration(made, even.step_s);
+    let best = made.iter().map(|m| &m.0).min_by(|a, b| rms(a).total_cmp(&rms(b)));
+    if let Some(start) = best.filter(|best| slower(best) < slower(&least)) {
         let no_slower = no_slower(&even, room, start, limits, slower(start));
         out.push(described("the same, no slower", &no_slower, None));
     }

@@ -2,35 +2,33 @@
 
 use rayon::prelude::*;
 
-use super::filters::filters;
+use super::filters::{FAMILIES, filters};
 use super::{Curves, Figures, Ground, Split, System, marked, path_of, reason};
 use crate::compile::{Plan, plan_whole};
-use crate::fly::decompose::Limits;
-use crate::fly::kinematics::Deviation;
+use crate::fly::decompose::{Family, Limits, choose_average};
+use crate::fly::kinematics::{Axes, Deviation};
+use crate::fly::motion::AXES;
 use crate::fly::pace::{self, State};
 use crate::fly::path::Path;
 use crate::fly::schedule::Schedule;
-use crate::fly::servo::{Servo, Synthesis};
-use crate::fly::seven::{Rig, Seven, Tools, seven};
+use crate::fly::servo::{Axis, Protection, Scanner, Servo};
+use crate::fly::seven::{Rig, Seven, Shared, Tools, seven, shared};
 use crate::fly::spread::Spread;
-use crate::fly::sync::{Room, Sync, Timed, ends, quickest, synchronise};
+use crate::fly::stops::stop_at_every_point;
+use crate::fly::sync::{Room, Sync, Timed, Turn, ends, quickest, step_scan_s, synchronise, synchronised_s};
 use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
 use crate::motion::stage_move;
 use crate::program::Block;
 use crate::units::Length;
 
-/// Servos where the machine states none: a stage of 20 Hz and a scanner of 1 kHz, well damped.
-const STAGE_HZ: f64 = 20.0;
-const SCANNER_HZ: f64 = 1000.0;
-const DAMPING: f64 = 0.7;
 /// Samples of a synchronised path, and of one band of it.
 const SAMPLES: usize = 300_000;
 const COARSE: usize = 30_000;
 /// How far apart nodes of a path of turning axes may be, mm.
 const STEP: f64 = 1.0;
 /// Samples to compare decompositions by.
-const FILTERED: usize = 40_000;
+const FILTERED: usize = 20_000;
 /// Length of path on which the time of the seven axes is shown to converge, mm.
 const SHOWN: f64 = 20_000.0;
 /// Nodes of the seven-axis path whose axes are drawn.
@@ -43,18 +41,20 @@ pub(super) struct Follower<'a> {
     path: Path,
     /// The same with no more nodes than turning axes need.
     thin: Path,
+    /// Its time at the pens' speeds, s.
+    process_s: f64,
 }
 
 impl<'a> Follower<'a> {
     pub(super) fn new(ground: &'a Ground<'a>, whole: &'a Plan) -> Self {
         let path = path_of(ground, whole.checked.program(), 0..whole.checked.program().blocks.len());
         let thin = path.evened(STEP);
-        Self { ground, whole, path, thin }
+        let process_s = Schedule::of(&path, ground.machine, &whole.checked.program().pens, 0.0).total_s();
+        Self { ground, whole, path, thin, process_s }
     }
 
-    fn room(&self) -> Room {
-        let half_field = self.ground.machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
-        Room { half_field, focus: self.ground.limits.focus }
+    fn room(&self) -> Result<Room, String> {
+        Room::of(self.ground.machine, self.ground.limits.focus).map_err(|e| reason(&e))
     }
 
     /// The figures of a system and what it has to show; None of one that steps.
@@ -79,10 +79,10 @@ impl<'a> Follower<'a> {
     /// The strokes in their order, synchronised as a whole.
     fn synchronised(&self, curves: &mut Curves) -> Result<Figures, String> {
         let machine = self.ground.machine;
-        let pens = &self.whole.checked.program().pens;
+        let (pens, room) = (&self.whole.checked.program().pens, self.room()?);
         // Where the part lies is the machine's affair: its travel must be long enough.
         let fits = |ends: [[f64; 2]; 3]| beyond(machine, ends).is_none();
-        let Timed { run_s, path, schedule, sync } = quickest(&self.path, machine, pens, self.room(), SAMPLES, &fits);
+        let Timed { turn, path, schedule, sync } = quickest(&self.path, machine, pens, room, SAMPLES, &fits);
         // The texture's middle lies where the stage rests.
         let (area, first) = (self.whole.texture, nm(path.at[0]));
         let middle = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, first[2]];
@@ -94,15 +94,21 @@ impl<'a> Follower<'a> {
             ..Split::of(&schedule, slow)
         };
         let mut notes = Vec::new();
-        if run_s > 0.0 {
-            notes.push(format!("runs dark for {:.0} ms beside every mark", 1e3 * run_s * slow));
+        match turn {
+            Turn::Run(s) => notes.push(format!("runs dark for {:.0} ms beside every mark", 1e3 * s * slow)),
+            Turn::Wait(s) if s > 0.0 => notes.push(format!("waits for {:.0} ms at every end", 1e3 * s * slow)),
+            Turn::Wait(_) => {}
         }
+        let shares = [0, 1].map(|k| 1e3 * sync.samples[k] as f64 * sync.step_s);
+        notes.push(format!("averages of {:.0} ms in plan, {:.1} ms in height", shares[0], shares[1]));
+        notes.push(self.by_the_article(room)?);
         if !sync.fits {
             notes.push("some marks turn or rise too sharply to be followed in focus".into());
         }
         notes.extend(beyond(machine, ends(sync.stage.iter().copied())));
         let figures = Figures {
             time,
+            model_s: Some(synchronised_s(self.ground.move_s, self.process_s)),
             stops: 1,
             speed: 100.0 / slow,
             notes,
@@ -115,16 +121,47 @@ impl<'a> Follower<'a> {
             ("beam", path.at.iter().take(drawn).map(|p| [p[0], p[1]]).collect()),
             ("stage", stage.map(|p| [p[0], p[1]]).collect()),
         ];
-        let (schedule, step_s) = Schedule::sampled(&path, machine, pens, FILTERED);
-        curves.filters = filters(&path, &schedule, machine, self.room(), step_s);
+        let step_s = sync.step_s / slow;
+        let piece = path.middle(FILTERED as f64 * step_s / schedule.total_s());
+        let schedule = Schedule::of(&piece, machine, pens, turn.wait_s());
+        curves.filters = filters(&piece, &schedule, machine, room, step_s);
         Ok(figures)
+    }
+
+    /// What the article's rule (eq. 4) makes of the path at the pens' speeds.
+    fn by_the_article(&self, room: Room) -> Result<String, String> {
+        const SAMPLES: usize = 50_000;
+        let machine = self.ground.machine;
+        let schedule = Schedule::of(&self.path, machine, &self.whole.checked.program().pens, 0.0);
+        let even = schedule.samples(&self.path, (schedule.total_s() / SAMPLES as f64).max(1e-3));
+        let plan: Vec<[f64; 2]> = even.at.iter().map(|p| [p[0], p[1]]).collect();
+        let most = machine.stage.x.acceleration.as_mm_s2().min(machine.stage.y.acceleration.as_mm_s2());
+        let chosen = choose_average(&plan, even.step_s, most, room.half_field);
+        let said = |samples: usize| format!("p = {samples} of {:.1} ms", 1e3 * even.step_s);
+        Ok(match chosen {
+            Ok(average) => format!("eq. 4: {}", said(average.samples)),
+            Err(off) => format!(
+                "eq. 4: infeasible, {} takes the scanner {:.0} mm out along {}, its field ends at {:.1} mm; at {:.0} % of \
+                 the speed it would fit",
+                said(off.average.samples),
+                off.average.reach[off.axis],
+                ["x", "y"][off.axis],
+                off.half_field,
+                100.0 * off.speed_share
+            ),
+        })
     }
 
     /// What marks get from a synchronised motion.
     fn followed(&self, path: &Path, schedule: &Schedule, sync: &Sync) -> Result<Followed, String> {
         let nodes = sync.nodes(path, schedule);
-        let marks: Vec<f64> = sync.on.iter().map(|&on| f64::from(u8::from(on)) * sync.step_s).collect();
-        let trail = self.trailing(self.ground.machine, &sync.stage, &sync.beam, sync.step_s, &marks)?;
+        let half = self.ground.machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+        let samples = sync.stage.iter().zip(&sync.beam).zip(&sync.on).map(|((&xyz, b), &on)| Sample {
+            axes: Axes { xyz, a: 0.0, c: 0.0 },
+            spot: [b[0] - xyz[0], b[1] - xyz[1]],
+            on,
+        });
+        let trail = trailing(self.ground.machine, half, Some(self.ground.protection), samples, sync.step_s)?;
         let deviations = upright(self.ground, path, |i| nodes[i]);
         Ok(Followed { deviations, weights: path.weights(), trail, travel: travel(sync.stage.iter().copied()) })
     }
@@ -134,33 +171,35 @@ impl<'a> Follower<'a> {
         let ground = self.ground;
         let depth = Some(Length::mm(2.0 * ground.limits.focus));
         let plan = plan_whole(ground.job, ground.machine, depth).map_err(|e| reason(&e))?;
-        let program = plan.checked.program();
+        let (program, room) = (plan.checked.program(), self.room()?);
         let band = |(i, block): (usize, &Block)| {
             let mut path = path_of(ground, program, i..i + 1);
             let plane = mm_from_nm(block.stop.focus);
             let heights: Vec<f64> = path.at.iter().map(|p| p[2]).collect();
             path.at.iter_mut().for_each(|p| p[2] = plane);
-            let (schedule, step_s) = Schedule::sampled(&path, ground.machine, &program.pens, COARSE);
-            let sync = synchronise(&path, &schedule, ground.machine, self.room(), step_s);
+            let schedule = Schedule::of(&path, ground.machine, &program.pens, 0.0);
+            let sync = synchronise(&path, &schedule, ground.machine, room, schedule.step_s(COARSE));
             path.at.iter_mut().zip(heights).for_each(|(p, z)| p[2] = z);
             let time = Split { stage: 2.0 * sync.lead_s, ..Split::of(&schedule, sync.slower) };
             let ends = [path.at[0], path.at[path.len() - 1]].map(nm).map(|[x, y, _]| [x, y, block.stop.focus]);
-            Ok((self.followed(&path, &schedule, &sync)?, time, sync.slower, ends))
+            Ok((self.followed(&path, &schedule, &sync)?, time, sync.slower, schedule.total_s(), ends))
         };
         let bands = program.blocks.par_iter().enumerate().map(band).collect::<Result<Vec<_>, String>>()?;
-        let (mut all, mut time, mut slowest) = (Followed::default(), Split::default(), 1.0f64);
+        let (mut all, mut time, mut slowest, mut process_s) = (Followed::default(), Split::default(), 1.0f64, 0.0);
         let mut before: Option<[i64; 3]> = None;
-        for (followed, own, slow, [first, last]) in bands {
+        for (followed, own, slow, own_s, [first, last]) in bands {
             let moved = before.map(|from| stage_move(ground.machine, from, first, None)).unwrap_or_default();
             before = Some(last);
             time.stage += own.stage + moved.travel_s;
             time.settle += moved.settle_s;
             (time.mark, time.jump, time.delay) = (time.mark + own.mark, time.jump + own.jump, time.delay + own.delay);
             slowest = slowest.max(slow);
+            process_s += own_s;
             all.extend(followed);
         }
         Ok(Figures {
             time,
+            model_s: Some(step_scan_s(program.blocks.len(), ground.move_s, process_s)),
             stops: program.blocks.len(),
             speed: 100.0 / slowest,
             seam_mm: plan.summary.seam_mm,
@@ -186,17 +225,37 @@ impl<'a> Follower<'a> {
                 Rig { pivot: [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, 0].map(mm_from_nm), ..rig }
             }
         };
-        let room = Limits { field: reach(rig.machine), ..ground.limits };
+        let room = Limits { field: rig.room().map_err(|e| reason(&e))?, ..ground.limits };
         let made = seven(&self.thin, &ground.relief, &rig, room, tools).map_err(|e| reason(&e))?;
         if tools == Tools::Gaussian {
             curves.ladder.clone_from(&made.ladder);
             curves.seven = Some(room);
             curves.convergence = made.convergence(&self.thin, &rig, SHOWN).map_err(|e| reason(&e))?;
             self.draw(&rig, &made, curves);
+            curves.shared = self.shared(&rig, room)?;
             notes.push(format!("sigma {:.0} um", made.sigma.unwrap_or_default() * 1000.0));
         }
         notes.extend(beyond(rig.machine, ends(made.axes.iter().map(|a| a.xyz))));
-        Ok(Figures { notes, ..self.turned(rig.machine, made, room)? })
+        notes.extend(turns_beyond(rig.machine, &made.axes));
+        let nodes: Vec<[f64; AXES]> =
+            made.axes.iter().zip(&self.thin.at).map(|(axes, &p)| rig.values(axes, p)).collect();
+        let model_s = Some(stop_at_every_point(&nodes, &rig.limits).total_s);
+        Ok(Figures { notes, model_s, ..self.turned(rig.machine, made, tools, room)? })
+    }
+
+    /// Every decomposition of the first of the path.
+    fn shared(&self, rig: &Rig<'_>, room: Limits) -> Result<Vec<(&'static str, Shared)>, String> {
+        let count = self.thin.distances().partition_point(|&s| s <= SHOWN).max(2).min(self.thin.len());
+        let first = self.thin.piece(0..count);
+        let families = FAMILIES.map(|(name, family)| (name, Some(family)));
+        let all: Vec<(&'static str, Option<Family>)> =
+            families.into_iter().chain([("least acceleration", None)]).collect();
+        all.into_par_iter()
+            .map(|(name, family)| {
+                let found = shared(&first, &self.ground.relief, rig, room, family).map_err(|e| reason(&e))?;
+                Ok((name, found))
+            })
+            .collect()
     }
 
     fn draw(&self, rig: &Rig<'_>, made: &Seven, curves: &mut Curves) {
@@ -206,8 +265,8 @@ impl<'a> Follower<'a> {
         let nodes = made.axes.iter().zip(&path.at).zip(times).take(DRAWN);
         curves.axes = nodes
             .map(|((a, &p), t)| {
-                let ([x, y, z], [u, v, _]) = (a.xyz, a.sees(rig.sees(p)));
-                (t, [x, y, z, a.a.to_degrees(), a.c.to_degrees(), u, v])
+                let [x, y, z, a, c, u, v] = rig.values(a, p);
+                (t, [x, y, z, a.to_degrees(), c.to_degrees(), u, v])
             })
             .collect();
         let deviations = made.deviation.iter().zip(&way).zip(&path.pen);
@@ -218,48 +277,53 @@ impl<'a> Follower<'a> {
     }
 
     /// Figures of a turning system.
-    fn turned(&self, machine: &Machine, made: Seven, limits: Limits) -> Result<Figures, String> {
+    fn turned(&self, machine: &Machine, made: Seven, tools: Tools, limits: Limits) -> Result<Figures, String> {
         let mut time = Split::default();
         let times: Vec<f64> = made.timed.node_times().collect();
         for (i, w) in times.windows(2).enumerate() {
             *(if self.thin.pen[i + 1].is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
         }
         let asked = Schedule::of(&self.thin, machine, &self.whole.checked.program().pens, 0.0).mark_s;
-        let even = sampled(&made.timed, &self.thin);
-        let trail = self.trailing(machine, &even.stage, &even.beam, even.step_s, &even.marks)?;
+        // Where the scanner rests it does not make up for the stage either.
+        let feed = (tools != Tools::OnTheMark).then_some(self.ground.protection);
+        let (samples, step_s) = sampled(&made.timed, &self.thin);
+        let trail = trailing(machine, [machine.field_reach(); 2], feed, samples, step_s)?;
         let travel = travel(made.axes.iter().map(|a| a.xyz));
         let followed = Followed { deviations: made.deviation, weights: self.thin.weights(), trail, travel };
         Ok(Figures { time, stops: 1, speed: 100.0 * asked / time.mark, ..followed.figures(limits) })
     }
+}
 
-    /// How far the stage trails its command in x and y, and how far the spot is off, at the samples that weigh
-    /// anything.
-    fn trailing(
-        &self,
-        machine: &Machine,
-        stage: &[[f64; 3]],
-        beam: &[[f64; 3]],
-        step_s: f64,
-        marks: &[f64],
-    ) -> Result<Vec<Trail>, String> {
-        let servo = |stated: Option<crate::machine::Servo>, hz: f64| {
-            let (hz, damping) = stated.map_or((hz, DAMPING), |s| (s.frequency.as_khz() * 1000.0, s.damping));
-            Servo::new(hz, damping).map_err(|e| reason(&e))
-        };
-        let (carrier, scanner) = (servo(machine.stage.servo, STAGE_HZ)?, servo(machine.scanner.servo, SCANNER_HZ)?);
-        let half = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
-        let [x, y] = [0, 1].map(|k| {
-            let command: Vec<f64> = stage.iter().map(|p| p[k]).collect();
-            let rest: Vec<f64> = beam.iter().zip(stage).map(|(b, s)| b[k] - s[k]).collect();
-            let both = Synthesis { stage: carrier, scanner, half_field: half[k], feed: Some(self.ground.protection) };
-            let reached = both.follow(&command, &rest, step_s, &[]);
-            let lag: Vec<f64> = reached.stage.iter().zip(&command).map(|(a, c)| a - c).collect();
-            (lag, reached.error)
-        });
-        let um = |a: f64, b: f64| 1000.0 * a.hypot(b);
-        let at = |i: usize| [um(x.0[i], y.0[i]), um(x.1[i], y.1[i]), marks[i]];
-        Ok((0..marks.len()).filter(|&i| marks[i] > 0.0).map(at).collect())
+/// How far the axes of a stage trail their commands, each after its own servo, and how far the spot is off, at the
+/// samples that mark. `half` is half of the field, `feed` how the scanner makes up for the stage.
+fn trailing(
+    machine: &Machine,
+    half: [f64; 2],
+    feed: Option<Protection>,
+    samples: impl Iterator<Item = Sample>,
+    step_s: f64,
+) -> Result<Vec<Trail>, String> {
+    let stage = Servo::of_stage(machine).map_err(|e| reason(&e))?;
+    let mirror = Servo::of_scanner(machine).map_err(|e| reason(&e))?;
+    let mut samples = samples.peekable();
+    let Some(&Sample { axes: Axes { xyz: [x, y, z], a, c }, spot, .. }) = samples.peek() else { return Ok(Vec::new()) };
+    let mut carriers = [x, y, z, a, c].map(|at| Axis::new(stage, step_s, at));
+    let mut mirrors = [0, 1].map(|k| Scanner::new(mirror, half[k], feed, step_s, spot[k]));
+    let mut out = Vec::new();
+    for Sample { axes, spot, on } in samples {
+        let [x, y, z] = axes.xyz;
+        let commands = [x, y, z, axes.a, axes.c];
+        let [x, y, z, a, c] = std::array::from_fn(|k| carriers[k].step(commands[k]));
+        // Where the axes that are late see what is to be marked.
+        let seen = Axes { xyz: [x, y, z], a, c }.sees(axes.spot(spot[0], spot[1]).p);
+        let missed = [0, 1].map(|k| seen[k] - spot[k]);
+        let off = [0, 1].map(|k| mirrors[k].step(spot[k], missed[k]));
+        if on {
+            let [lag, error, focus] = [missed[0].hypot(missed[1]), off[0].hypot(off[1]), seen[2]].map(|v| 1000.0 * v);
+            out.push([lag, error, focus, step_s]);
+        }
     }
+    Ok(out)
 }
 
 /// What marks get from a motion.
@@ -272,8 +336,9 @@ struct Followed {
     travel: f64,
 }
 
-/// At a sample, um: how far the stage trails its command, how far the spot is off; and what the sample weighs.
-type Trail = [f64; 3];
+/// At a sample that marks, um: how far the stage trails its command across the beam, how far the spot is off, and how
+/// far the stage trails along the beam; and the time that the sample stands for, s.
+type Trail = [f64; 4];
 
 impl Followed {
     fn extend(&mut self, other: Self) {
@@ -284,46 +349,43 @@ impl Followed {
     }
 
     fn figures(&self, limits: Limits) -> Figures {
-        let trail = |k: usize| Spread::of(self.trail.iter().map(|t| (t[k], t[2])));
+        let trail = |k: usize| Spread::of(self.trail.iter().map(|t| (t[k], t[3])));
         Figures {
             stage_lag_um: Some(trail(0)),
             spot_error_um: Some(trail(1)),
+            focus_lag_um: Some(trail(2)),
             stage_travel_mm: self.travel,
             ..marked(&self.deviations, &self.weights, limits)
         }
     }
 }
 
-/// A turning motion at even steps of time, in machine coordinates.
-#[derive(Default)]
-struct Sampled {
-    stage: Vec<[f64; 3]>,
-    beam: Vec<[f64; 3]>,
-    /// 1 where it marks, else 0.
-    marks: Vec<f64>,
-    step_s: f64,
+/// A motion at an instant: the stage, where the spot is in the field, and whether it marks.
+struct Sample {
+    axes: Axes,
+    spot: [f64; 2],
+    on: bool,
 }
 
-fn sampled(timed: &pace::Timed, path: &Path) -> Sampled {
-    const SAMPLES: usize = 150_000;
+/// A turning motion at even steps of time, and the steps, s.
+fn sampled(timed: &pace::Timed, path: &Path) -> (impl Iterator<Item = Sample>, f64) {
+    const MOST: usize = 500_000;
     let total = timed.total_s();
-    let count = ((total / 1e-3).ceil() as usize).clamp(1, SAMPLES);
+    let count = ((total / 1e-3).ceil() as usize).clamp(1, MOST);
     let step_s = total / count as f64;
-    let nodes: Vec<f64> = timed.node_times().collect();
+    let mut nodes = timed.node_times().skip(1).peekable();
     let (mut hint, mut state, mut node) = (0, State::default(), 0);
-    let mut out = Sampled { step_s, ..Sampled::default() };
-    for k in 0..=count {
+    let samples = (0..=count).map(move |k| {
         let now = k as f64 * step_s;
-        while node + 1 < nodes.len() && nodes[node + 1] <= now {
+        while nodes.next_if(|&t| t <= now).is_some() {
             node += 1;
         }
         timed.at(now, &mut hint, &mut state);
-        let p = &state.position;
-        out.stage.push([p[0], p[1], p[2]]);
-        out.beam.push([p[0] + p[5], p[1] + p[6], p[2]]);
-        out.marks.push(f64::from(u8::from(path.pen.get(node + 1).copied().flatten().is_some())));
-    }
-    out
+        let [x, y, z, a, c, u, v] = std::array::from_fn(|k| state.position[k]);
+        let on = path.pen.get(node + 1).copied().flatten().is_some();
+        Sample { axes: Axes { xyz: [x, y, z], a, c }, spot: [u, v], on }
+    });
+    (samples, step_s)
 }
 
 /// Of the nodes of a path under upright beams; `beam` tells where that of a node stands: x, y and the plane of
@@ -337,12 +399,6 @@ fn upright(ground: &Ground<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3]) -
     (0..path.len()).map(deviation).collect()
 }
 
-/// How far the spot may be from the optical axis in any direction.
-fn reach(machine: &Machine) -> f64 {
-    let [x, y] = machine.lens.field.map(|f| f.as_mm() / 2.0 - machine.lens.margin.as_mm());
-    x.min(y)
-}
-
 /// What is said where the machine's travel is too short for a motion between some ends.
 fn beyond(machine: &Machine, ends: [[f64; 2]; 3]) -> Option<String> {
     let names: Vec<String> = machine
@@ -354,6 +410,21 @@ fn beyond(machine: &Machine, ends: [[f64; 2]; 3]) -> Option<String> {
             (hi - lo > travel).then(|| format!("{name} needs {:.0} mm of travel", hi - lo))
         })
         .collect();
+    (!names.is_empty()).then(|| names.join(", "))
+}
+
+/// The same of axes that turn.
+fn turns_beyond(machine: &Machine, axes: &[Axes]) -> Option<String> {
+    let table = machine.tilt.as_ref()?;
+    let picks: [fn(&Axes) -> f64; 2] = [|axes| axes.a, |axes| axes.c];
+    let names = table.axes.iter().zip(picks).filter_map(|(axis, pick)| {
+        let none = [f64::INFINITY, f64::NEG_INFINITY];
+        let [lo, hi] = axes.iter().map(pick).fold(none, |[lo, hi], v| [lo.min(v), hi.max(v)]);
+        let needs = (hi - lo).to_degrees();
+        let travel = axis.travel[1].as_deg() - axis.travel[0].as_deg();
+        (needs > travel).then(|| format!("{} needs {needs:.0} deg of travel", axis.letter.char()))
+    });
+    let names: Vec<String> = names.collect();
     (!names.is_empty()).then(|| names.join(", "))
 }
 

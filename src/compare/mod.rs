@@ -15,12 +15,10 @@ mod report;
 mod stepped;
 
 pub use filters::Filter;
-pub use report::{convergence, decompositions, page, plots, systems};
+pub use report::{page, plots, tables};
 
 use std::ops::Range;
 use std::sync::OnceLock;
-
-use rayon::prelude::*;
 
 use crate::compile::{Plan, plan_whole};
 use crate::diag::{Diag, Error};
@@ -30,9 +28,8 @@ use crate::fly::path::Path;
 use crate::fly::relief::Relief;
 use crate::fly::schedule::Schedule;
 use crate::fly::servo::Protection;
-use crate::fly::seven::Ladder;
+use crate::fly::seven::{Ladder, Shared};
 use crate::fly::spread::Spread;
-use crate::fly::sync::{step_scan_s, synchronised_s};
 use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
 use crate::motion::stage_move;
@@ -142,8 +139,8 @@ impl Split {
 pub struct Figures {
     /// Time in its parts.
     pub time: Split,
-    /// What the model of Cui et al. says, eq. 8 for what steps and eq. 9 for what is synchronised, every move as long
-    /// as that of a field, s.
+    /// What a simple model says, s: eq. 8 of Cui et al. for what steps and eq. 9 for what is synchronised, every move
+    /// as long as that of a field; for turning axes a stop at every node of the path.
     pub model_s: Option<f64>,
     /// Standstills of the stage between marks.
     pub stops: usize,
@@ -157,6 +154,10 @@ pub struct Figures {
     pub stage_lag_um: Option<Spread>,
     /// How far the spot is off its place after the scanner has taken up the stage's lag, um.
     pub spot_error_um: Option<Spread>,
+    /// How far the stage is out of focus because it trails, um.
+    pub focus_lag_um: Option<Spread>,
+    /// Length of the marks, seen along z, mm.
+    pub marked_mm: f64,
     /// Share of the marked length within all limits, percent.
     pub within: f64,
     /// Length of seams.
@@ -185,6 +186,8 @@ pub struct Row {
 pub struct Curves {
     /// Decompositions of the same path for scanner and stage; empty where no such system was asked for.
     pub filters: Vec<Filter>,
+    /// Decompositions for seven axes of the path's first 20 m, with their names; as above.
+    pub shared: Vec<(&'static str, Shared)>,
     /// Rungs of the seven-axis ladder.
     pub ladder: Ladder,
     /// Time and axis values of the first nodes of the seven-axis path.
@@ -239,6 +242,8 @@ struct Ground<'a> {
     size: [f64; 2],
     /// Of the scanner, while it makes up for what the stage misses.
     protection: Protection,
+    /// Time of a stage move by the width of the field, s.
+    move_s: f64,
     /// The job by the method that most systems go by, planned once.
     z_range: OnceLock<Result<Plan, String>>,
 }
@@ -264,10 +269,9 @@ pub fn compare(
     progress: &(dyn Fn(&'static str) + Sync),
 ) -> Result<Comparison, Error> {
     let machine = job.machine()?;
-    let mut warnings = Vec::new();
     let path = job.resolve(job.file.surface.file.get_ref());
     let turn = job.file.placement.turn.as_rad();
-    let surface = Surface::load(&path, &job.surface_options(), job.file.surface.weld.as_mm(), turn, &mut warnings)?;
+    let surface = Surface::load(&path, &job.surface_options(), job.file.surface.weld.as_mm(), turn, &mut Vec::new())?;
     progress("reading");
     // One field over everything: the strokes in their order, and where they lie.
     let whole = plan_whole(job, &machine, None)?;
@@ -283,6 +287,7 @@ pub fn compare(
         // The corners of the field are the scanner's too.
         field: half[0].hypot(half[1]),
     };
+    let across = stage_move(&machine, [0; 3], [machine.usable_field()[0], 0, 0], None);
     let ground = Ground {
         job,
         machine: &machine,
@@ -291,6 +296,7 @@ pub fn compare(
         limits,
         size,
         protection,
+        move_s: across.travel_s + across.settle_s,
         z_range: OnceLock::new(),
     };
     let stepped = |system: &System| {
@@ -307,31 +313,30 @@ pub fn compare(
         Some(by())
     };
     let follower = follow::Follower::new(&ground, &whole);
-    let follow = |system: &System| follower.system(*system, progress);
-    // Stepped systems one after the other beside the rest, each of which goes by itself: some use one thread alone.
-    let (stopped, followed) = rayon::join(
-        || systems.iter().map(stepped).collect::<Vec<_>>(),
-        || systems.par_iter().with_max_len(1).map(follow).collect::<Vec<_>>(),
-    );
+    let follow = &|system: &System| follower.system(*system, progress);
+    // Stepped systems one after the other, since they share a plan, beside the rest, each of which goes by itself. What
+    // takes long on one thread goes first.
+    let followed: Vec<OnceLock<_>> = systems.iter().map(|_| OnceLock::new()).collect();
+    let mut stopped = Vec::new();
+    rayon::scope_fifo(|scope| {
+        let spawn = |wanted: System| {
+            for (system, slot) in systems.iter().zip(&followed).filter(|(system, _)| **system == wanted) {
+                scope.spawn_fifo(move |_| drop(slot.set(follow(system))));
+            }
+        };
+        let stopped = &mut stopped;
+        spawn(System::SevenSmooth);
+        scope.spawn_fifo(|_| *stopped = systems.iter().map(stepped).collect());
+        [System::Sync, System::Seven, System::SyncBands, System::Five].into_iter().for_each(spawn);
+    });
     let (mut rows, mut curves) = (Vec::new(), Curves::default());
     for ((&system, stopped), followed) in systems.iter().zip(stopped).zip(followed) {
-        let (followed, more) = followed.unzip();
+        let (followed, more) = followed.into_inner().flatten().unzip();
         curves.add(more.unwrap_or_default());
         rows.extend(stopped.or(followed).map(|figures| Row { system, figures }));
     }
-    // A move by the width of the field.
-    let across = stage_move(&machine, [0; 3], [machine.usable_field()[0], 0, 0], None);
-    let move_s = across.travel_s + across.settle_s;
-    for Row { system, figures } in &mut rows {
-        let Ok(f) = figures else { continue };
-        let process_s = f.time.zoom + f.time.mark + f.time.jump + f.time.delay;
-        f.model_s = match system {
-            System::Seven | System::SevenSmooth | System::Five | System::SyncBands => None,
-            System::Sync => Some(synchronised_s(move_s, process_s * f.speed / 100.0)),
-            _ => Some(step_scan_s(f.stops, move_s, process_s)),
-        };
-    }
     let job_name = job.path.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    let warnings = whole.warnings.clone();
     Ok(Comparison { job: job_name, machine: machine.name.clone(), limits, rows, curves, warnings })
 }
 
@@ -342,11 +347,13 @@ fn marked(deviations: &[Deviation], weights: &[f64], limits: Limits) -> Figures 
     // A nanometre, and as little of an angle, for rounding.
     let less = |d: &Deviation| Deviation { focus: d.focus - 1e-6, angle: d.angle - 1e-9, lateral: d.lateral - 1e-6 };
     let inside = deviations.iter().zip(weights).filter(|(d, _)| limits.hold(less(d))).map(|(_, w)| w).sum::<f64>();
+    let marked_mm = weights.iter().sum::<f64>();
     Figures {
+        marked_mm,
         focus_um: spread(|d| d.focus * 1000.0),
         incidence_deg: spread(|d| d.angle.to_degrees()),
         displacement_mm: spread(|d| d.lateral),
-        within: 100.0 * inside / weights.iter().sum::<f64>(),
+        within: 100.0 * inside / marked_mm,
         ..Figures::default()
     }
 }

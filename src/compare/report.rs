@@ -5,8 +5,8 @@ use crate::preview::page::{Item, page_html};
 use crate::preview::plot::{Axis, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
 use crate::record::{Cell, Column, Table};
 
-/// The table of systems.
-pub fn systems(c: &Comparison) -> Table {
+/// The table of systems: times, and the worst of everything.
+fn systems(c: &Comparison) -> Table {
     let columns = vec![
         Column::text("system"),
         Column::time("total"),
@@ -19,18 +19,14 @@ pub fn systems(c: &Comparison) -> Table {
         Column::time("delay"),
         Column::count("stops"),
         Column::number("speed", "%", 1),
+        Column::number("marked", "m", 2),
         Column::number("worst FOD", "um", 1),
-        Column::number("FOD of 95 %", "um", 1),
-        Column::number("mean FOD", "um", 1),
         Column::number("worst BIA", "deg", 2),
-        Column::number("mean BIA", "deg", 2),
         Column::number("worst displacement", "mm", 2),
-        Column::number("worst stage lag", "um", 1),
         Column::number("worst spot error", "um", 1),
-        Column::number("spot error of 95 %", "um", 1),
+        Column::share("within limits"),
         Column::number("seam", "mm", 0),
         Column::number("stitch", "um", 1),
-        Column::share("within limits"),
         Column::number("stage way", "m", 1),
         Column::text("note"),
     ];
@@ -54,35 +50,46 @@ fn figures(f: &Figures) -> Vec<Cell> {
     let t = &f.time;
     let mut cells: Vec<Cell> = vec![t.total().into(), f.model_s.into()];
     cells.extend(t.parts().map(|(_, s)| Cell::from(s)));
-    cells.push(f.stops.into());
-    cells.extend(
-        [
-            f.speed,
-            f.focus_um.worst,
-            f.focus_um.p95,
-            f.focus_um.mean,
-            f.incidence_deg.worst,
-            f.incidence_deg.mean,
-            f.displacement_mm.worst,
-        ]
-        .map(Cell::from),
-    );
-    cells.extend(
-        [f.stage_lag_um.map(|s| s.worst), f.spot_error_um.map(|s| s.worst), f.spot_error_um.map(|s| s.p95)]
-            .map(Cell::from),
-    );
-    cells.extend([f.seam_mm.into(), f.stitch_um.into(), f.within.into(), (f.stage_travel_mm / 1000.0).into()]);
+    cells.extend([f.stops.into(), f.speed.into(), (f.marked_mm / 1000.0).into()]);
+    cells.extend([f.focus_um.worst, f.incidence_deg.worst, f.displacement_mm.worst].map(Cell::from));
+    cells.extend([f.spot_error_um.map(|s| s.worst).into(), f.within.into()]);
+    cells.extend([f.seam_mm.into(), f.stitch_um.into(), (f.stage_travel_mm / 1000.0).into()]);
     cells.push(f.notes.join("; ").as_str().into());
     cells
 }
 
+/// How each figure of each system is spread over the marks; None where no system applies.
+fn deviations(c: &Comparison) -> Option<Table> {
+    let mut columns = vec![Column::text("system"), Column::text("figure"), Column::text("unit")];
+    columns.extend(["mean", "median", "of 95 %", "worst"].map(|name| Column::number(name, "", 3)));
+    let mut table = Table::new("How deviations are spread over the marks", columns);
+    let mut any = false;
+    for (system, f) in c.rows.iter().filter_map(|r| Some((r.system, r.figures.as_ref().ok()?))) {
+        let spreads = [
+            ("FOD", "um", Some(f.focus_um)),
+            ("BIA", "deg", Some(f.incidence_deg)),
+            ("displacement", "mm", Some(f.displacement_mm)),
+            ("stage lag", "um", f.stage_lag_um),
+            ("focus lag", "um", f.focus_lag_um),
+            ("spot error", "um", f.spot_error_um),
+        ];
+        for (name, unit, spread) in spreads {
+            let Some(s) = spread else { continue };
+            let figures = [s.mean, s.median, s.p95, s.worst].map(Cell::from);
+            table.push([system.name().into(), name.into(), unit.into()].into_iter().chain(figures).collect());
+            any = true;
+        }
+    }
+    any.then_some(table)
+}
+
 /// The table of decompositions for scanner and stage; None where none was made.
-pub fn decompositions(c: &Comparison) -> Option<Table> {
+fn decompositions(c: &Comparison) -> Option<Table> {
     if c.curves.filters.is_empty() {
         return None;
     }
     let mut table = Table::new(
-        "Decompositions of the strokes in their order",
+        "Decompositions for scanner and stage, the middle of the path",
         vec![
             Column::text("decomposition"),
             Column::number("strength in plan", "ms", 1),
@@ -111,8 +118,51 @@ pub fn decompositions(c: &Comparison) -> Option<Table> {
     Some(table)
 }
 
+/// The table of decompositions for seven axes; None where none was made.
+fn shared(c: &Comparison) -> Option<Table> {
+    if c.curves.shared.is_empty() {
+        return None;
+    }
+    let mut table = Table::new(
+        "Decompositions for seven axes, the first 20 m of path",
+        vec![
+            Column::text("decomposition"),
+            Column::number("strength", "mm", 3),
+            Column::number("worst FOD", "um", 1),
+            Column::number("worst BIA", "deg", 2),
+            Column::number("worst displacement", "mm", 2),
+            Column::number("rms stage acceleration", "mm/s2", 1),
+            Column::time("least time"),
+        ],
+    );
+    for (name, s) in &c.curves.shared {
+        table.row([
+            (*name).into(),
+            s.strength.into(),
+            (s.worst.focus * 1000.0).into(),
+            s.worst.angle.to_degrees().into(),
+            s.worst.lateral.into(),
+            s.rms_acceleration.into(),
+            s.time_s.into(),
+        ]);
+    }
+    Some(table)
+}
+
+/// All tables, each with the name of its file.
+pub fn tables(c: &Comparison) -> Vec<(&'static str, Table)> {
+    let all = [
+        ("systems", Some(systems(c))),
+        ("deviations", deviations(c)),
+        ("decompositions", decompositions(c)),
+        ("seven-axis-decompositions", shared(c)),
+        ("convergence", convergence(c)),
+    ];
+    all.into_iter().filter_map(|(name, table)| Some((name, table?))).collect()
+}
+
 /// How the least time of seven axes converges on finer grids; None where they were not asked for.
-pub fn convergence(c: &Comparison) -> Option<Table> {
+fn convergence(c: &Comparison) -> Option<Table> {
     let finest = c.curves.convergence.last()?[1];
     let columns =
         vec![Column::count("cells"), Column::number("least time", "s", 3), Column::number("beside the finest", "%", 3)];
@@ -180,7 +230,7 @@ pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
 
 /// All in one page.
 pub fn page(c: &Comparison) -> String {
-    let (table, filters, grids, plots) = (systems(c), decompositions(c), convergence(c), plots(c));
+    let (tables, plots) = (tables(c), plots(c));
     let intro = format!(
         "Job {} on machine {}. Limits of all systems: focal offset (FOD) {:.1} um, beam incidence (BIA) {:.1} deg, \
          displacement of the spot {:.1} mm.",
@@ -190,9 +240,8 @@ pub fn page(c: &Comparison) -> String {
         c.limits.angle.to_degrees(),
         c.limits.field
     );
-    let mut items = vec![Item::Text(&intro), Item::Table(&table)];
-    items.extend(filters.as_ref().map(Item::Table));
-    items.extend(grids.as_ref().map(Item::Table));
+    let mut items = vec![Item::Text(&intro)];
+    items.extend(tables.iter().map(|(_, t)| Item::Table(t)));
     items.extend(plots.iter().map(|(_, p)| Item::Plot(p)));
     page_html(&format!("{}: ways of marking it", c.job), &items)
 }

@@ -6,7 +6,8 @@ use super::{Figures, Ground, Split, marked, path_of, reason};
 use crate::compile::{Plan, plan_for};
 use crate::fly::kinematics::Deviation;
 use crate::fly::relief::Relief;
-use crate::geom::{NM_PER_MM, P2, Turn, mm_from_nm};
+use crate::fly::sync::step_scan_s;
+use crate::geom::{Box2, NM_PER_MM, P2, Turn, mm_from_nm};
 use crate::machine::Machine;
 use crate::motion;
 use crate::program::Program;
@@ -82,6 +83,7 @@ pub(super) fn zoom(ground: &Ground<'_>) -> Result<Figures, String> {
         }
         focus = stop.focus;
     }
+    figures.model_s = Some(step_scan_s(figures.stops, ground.move_s, time.zoom + time.mark + time.jump + time.delay));
     figures.time = time;
     figures.notes.extend(notes);
     Ok(figures)
@@ -103,9 +105,11 @@ pub(super) fn tilt(ground: &Ground<'_>) -> Result<Figures, String> {
 fn stepping(marks: Figures, ground: &Ground<'_>, plan: &Plan) -> Figures {
     let program = plan.checked.program();
     let Times { stage, settle, mark, jump, delay, .. } = plan.summary.time_s;
+    let stops = program.blocks.len();
     Figures {
         time: Split { stage, settle, zoom: 0.0, mark, jump, delay },
-        stops: program.blocks.len(),
+        model_s: Some(step_scan_s(stops, ground.move_s, mark + jump + delay)),
+        stops,
         seam_mm: plan.summary.seam_mm,
         // Two stops stand off by this much each, and independently.
         stitch_um: ground.machine.stage.accuracy.map(|a| a.as_mm() * 1000.0 * std::f64::consts::SQRT_2),
@@ -121,7 +125,7 @@ fn measured(ground: &Ground<'_>, plan: &Plan) -> Figures {
     let turns: Vec<Turn> =
         program.blocks.iter().map(|b| plan.machine.turn(b.stop.tilt, plan.checked.origin())).collect();
     if turns.iter().any(|turn| turn.lean() > 0.0) {
-        seen_from_above(program.to_mut(), &turns, &ground.relief);
+        seen_from_above(program.to_mut(), &turns, &ground.relief, plan.texture);
     }
     let owner = owners(&program);
     let path = path_of(ground, &program, 0..program.blocks.len());
@@ -141,8 +145,9 @@ fn measured(ground: &Ground<'_>, plan: &Plan) -> Figures {
     stepping(marked(&deviations, &path.weights(), ground.limits), ground, plan)
 }
 
-/// Puts centres and points of all blocks where they lie on the untilted part, seen along z.
-fn seen_from_above(program: &mut Program, turns: &[Turn], relief: &Relief) {
+/// Puts centres and points of all blocks where they lie on the untilted part, seen along z; points in the box of the
+/// texture.
+fn seen_from_above(program: &mut Program, turns: &[Turn], relief: &Relief, texture: Box2) {
     let Program { blocks, strokes, points, .. } = program;
     for (block, turn) in blocks.iter_mut().zip(turns) {
         let (centre, focus, up) = (block.stop.centre, block.stop.focus, turn.up());
@@ -164,6 +169,8 @@ fn seen_from_above(program: &mut Program, turns: &[Turn], relief: &Relief) {
         for stroke in &strokes[block.strokes.clone()] {
             for point in &mut points[stroke.first as usize..(stroke.first + stroke.len) as usize] {
                 let p = met(*point);
+                // Rounding must put nothing beside an edge of the part.
+                let p = P2::new(p.x.clamp(texture.lo.x, texture.hi.x), p.y.clamp(texture.lo.y, texture.hi.y));
                 *point = [(p.x - middle.x) as i32, (p.y - middle.y) as i32];
             }
         }

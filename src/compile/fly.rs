@@ -95,17 +95,18 @@ pub fn fly(job: Job) -> Result<FlyPlan, Error> {
     let origin = checked.origin().map(mm_from_nm);
     let (mut motion, kind, deviations) = match Rig::of(&machine, &strokes.pens, origin) {
         Some(rig) => {
-            // The usable rectangle lies inside of a round field.
-            let room = half_field[0].min(half_field[1]) - SPARE;
+            let room = rig.room()? - SPARE;
             let angle = job.file.limits.warn_incidence.as_rad();
             let wanted = Limits { focus, angle, field: room };
             let found = seven(&path, &relief, &rig, wanted, Tools::Gaussian)?;
-            let worst = found.deviation.iter().fold(Deviation::default(), |w, &d| w.max(d));
+            let marks = found.deviation.iter().zip(path.weights()).filter(|(_, w)| *w > 0.0);
+            let worst = marks.fold(Deviation::default(), |worst, (&d, _)| worst.max(d));
             let deviations = Deviations { worst_fod_um: worst.focus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
             (turning(&path, &rig, &found), Kind::Xyzacuv, deviations)
         }
         None => {
-            let room = Room { half_field: half_field.map(|h| h - SPARE), focus };
+            let room = Room::of(&machine, focus)?;
+            let room = Room { half_field: room.half_field.map(|h| h - SPARE), ..room };
             let travels = |ends: [[f64; 2]; 3]| {
                 machine.axes().iter().zip(ends).zip(origin).all(|(((_, axis), ends), o)| {
                     let [lo, hi] = axis.travel.map(|t| t.as_mm());

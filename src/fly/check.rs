@@ -3,8 +3,8 @@
 //!
 //! Held are: times that rise, pens that there are, marks that move; travel of X, Y, Z, A and C, the field of U
 //! and V, the speed of every axis, acceleration and jerk of X, Y and Z (what is measured: [`super::measure`]),
-//! of A and C where the machine file states them; the speed of marks on the part; the longest line. Moves are straight, so
-//! what holds at their ends holds between them.
+//! of A, C, U and V where the machine file states them; the speed of marks on the part; the longest line. Moves are
+//! straight, so what holds at their ends holds between them.
 //!
 //! Speeds, accelerations and jerks may be [`OVER`] above their limit: a motion that is solved on a grid keeps
 //! its limits between the nodes only nearly. Moves may be a microsecond shorter than meant, which is allowed
@@ -179,7 +179,7 @@ struct Limited {
     most: [Option<f64>; 3],
 }
 
-/// The limits of the stage and of turning axes.
+/// The limits of the stage, of turning axes and of the scanner.
 fn limited(program: &Program, machine: &Machine) -> Vec<Limited> {
     let stage = machine.axes().into_iter().enumerate().map(|(axis, (_, a))| Limited {
         axis,
@@ -198,7 +198,11 @@ fn limited(program: &Program, machine: &Machine) -> Vec<Limited> {
             a.jerk.map(|v| v.as_rad_s3().to_degrees()),
         ],
     });
-    stage.chain(table).collect()
+    let scanner = &machine.scanner;
+    // How fast it may be depends on whether it marks.
+    let most = [None, scanner.acceleration.map(|a| a.as_mm_s2()), scanner.jerk.map(|j| j.as_mm_s3())];
+    let mirrors = [(5, 'U'), (6, 'V')].map(|(axis, name)| Limited { axis, name, unit: "mm", most });
+    stage.chain(table).chain(mirrors).collect()
 }
 
 /// How much slower all of a program must run for its axes to keep speed, acceleration and jerk; 1 where they do.
@@ -212,7 +216,7 @@ pub fn slower(program: &Program, machine: &Machine) -> f64 {
     limited(program, machine).iter().map(of).fold(1.0, f64::max)
 }
 
-/// Speed, acceleration and jerk of the stage and of turning axes.
+/// Speed, acceleration and jerk of the stage, of turning axes and of the scanner.
 fn dynamics(peaks: &[Peaks; AXES], program: &Program, machine: &Machine) -> Vec<Diag> {
     let mut faults = Vec::new();
     for Limited { axis, name, unit, most } in limited(program, machine) {

@@ -28,7 +28,7 @@ mod seven;
 mod strength;
 
 pub use average::{Average, Infeasible, choose_average, samples_for_jump};
-pub use corridor::{paced, within};
+pub use corridor::{paced, rms_bend, within};
 pub use seven::{Limits, on_surface, seven_axes};
 pub use strength::{Family, Rung, ladder, largest, refine};
 

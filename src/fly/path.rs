@@ -136,6 +136,37 @@ impl Path {
         out
     }
 
+    /// A share of its nodes, from the middle, that begins where a mark begins and ends where one ends, if one does.
+    pub fn middle(&self, share: f64) -> Self {
+        let count = ((self.len() as f64 * share.clamp(0.0, 1.0)).ceil() as usize).max(2).min(self.len());
+        let first = (self.len() - count) / 2;
+        let marks = |i: usize| self.pen.get(i).copied().flatten().is_some();
+        let runs = |i: usize| self.run.get(i).copied().flatten().is_some();
+        // A mark goes with its runs, where it has any: these have no ends of their own.
+        let goes = |i: usize| marks(i) || runs(i);
+        let is_end = |i: usize| self.node[i] == Node::End;
+        let begins = |i: &usize| goes(i + 1) && (is_end(*i) || !goes(*i));
+        let ends = |i: &usize| goes(*i) && (is_end(*i) || !goes(i + 1));
+        let from = (first..self.len()).find(begins).unwrap_or(first);
+        let to = (from + 1..self.len()).find(|i| *i + 1 >= from + count && ends(i)).unwrap_or(self.len() - 1);
+        self.piece(from..to + 1)
+    }
+
+    /// Some of its nodes, as a path of their own.
+    pub fn piece(&self, range: std::ops::Range<usize>) -> Self {
+        let mut out = Self {
+            at: self.at[range.clone()].to_vec(),
+            pen: self.pen[range.clone()].to_vec(),
+            node: self.node[range.clone()].to_vec(),
+            stroke: self.stroke[range.clone()].to_vec(),
+            run: self.run[range].to_vec(),
+        };
+        if let (Some(pen), Some(first), Some(run)) = (out.pen.first_mut(), out.node.first_mut(), out.run.first_mut()) {
+            (*pen, *first, *run) = (None, Node::End, None);
+        }
+        out
+    }
+
     /// How many nodes there are.
     pub fn len(&self) -> usize {
         self.at.len()
@@ -405,6 +436,32 @@ mod tests {
         let slow = Pen { speed: Speed::mm_s(20.0), ..pens()[0].clone() };
         assert_eq!(two.run_out(0.02, &[pens()[0].clone(), slow]).len(), 8);
         assert!(Path::default().run_out(0.02, &pens()).is_empty());
+    }
+
+    #[test]
+    fn the_middle_begins_and_ends_with_whole_marks() {
+        let lines: Vec<[[f64; 3]; 3]> =
+            (0..20).map(f64::from).map(|y| [[0.0, y, 0.0], [5.0, y, 0.0], [10.0, y, 0.0]]).collect();
+        let all = path(&lines.iter().map(|l| &l[..]).collect::<Vec<_>>());
+        let is_whole = |p: &Path| {
+            let (first, last) = (p.at[0], p.at[p.len() - 1]);
+            let lit = lit(p);
+            assert_eq!(p.pen[0], None);
+            assert!(
+                lit.len().is_multiple_of(2) && lit.iter().flatten().all(|p| (5.0..15.0).contains(&p[1])),
+                "{lit:?}"
+            );
+            (first, last)
+        };
+        let (first, last) = is_whole(&all.middle(0.2));
+        assert!(first[0] == 0.0 && last[0] == 10.0, "{first:?} {last:?}");
+        // With the runs of its marks.
+        let (first, last) = is_whole(&all.run_out(0.02, &pens()).middle(0.2));
+        assert!(first[0] == -2.0 && last[0] == 12.0, "{first:?} {last:?}");
+        assert_eq!(all.middle(1.0).at, all.at);
+        // One mark alone is cut anywhere.
+        let one: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+        assert!(path(&[&one]).middle(0.1).len() >= 10);
     }
 
     #[test]

@@ -53,9 +53,8 @@ fn carried(path: &Path, machine: &Machine) -> Vec<bool> {
 }
 
 impl Schedule {
-    /// The times of a path. At every end the beam waits for `step_s` at least, so that even samples as far apart
-    /// see the end itself.
-    pub fn of(path: &Path, machine: &Machine, pens: &[Pen], step_s: f64) -> Self {
+    /// The times of a path on which the beam waits at every end for `wait_s` at least.
+    pub fn of(path: &Path, machine: &Machine, pens: &[Pen], wait_s: f64) -> Self {
         let mut out = Self::default();
         let delays = &machine.delays;
         let [jump, mark, corner] = [delays.jump, delays.mark, delays.polygon].map(|t| t.as_s());
@@ -87,7 +86,7 @@ impl Schedule {
                 Node::Between => 0.0,
                 Node::Vertex | Node::Corner => corner,
                 // The end of a mark, the begin of one, or both.
-                Node::End => (here.map_or(0.0, |_| mark) + next.map_or(0.0, |_| jump)).max(1.001 * step_s),
+                Node::End => (here.map_or(0.0, |_| mark) + next.map_or(0.0, |_| jump)).max(wait_s),
             };
             out.delay_s += wait;
             now += wait;
@@ -96,12 +95,10 @@ impl Schedule {
         out
     }
 
-    /// The same with steps of a quarter of a millisecond, or what keeps a long path at `most` samples; and the
-    /// steps.
-    pub fn sampled(path: &Path, machine: &Machine, pens: &[Pen], most: usize) -> (Self, f64) {
+    /// Steps of a quarter of a millisecond, or what keeps a long path at `most` samples.
+    pub fn step_s(&self, most: usize) -> f64 {
         const FINEST: f64 = 2.5e-4;
-        let step_s = (Self::of(path, machine, pens, 0.0).total_s() / most as f64).max(FINEST);
-        (Self::of(path, machine, pens, step_s), step_s)
+        (self.total_s() / most as f64).max(FINEST)
     }
 
     /// Time of the whole path, s.

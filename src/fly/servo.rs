@@ -4,7 +4,7 @@
 //! model at any step. Units: s, Hz, and whatever unit a position has (mm or rad).
 //!
 //! # Model
-//! An axis answers its command as ωn² / (s² + 2 ζ ωn s + ωn²). [`Synthesis`] is the error synthesis of Cui et al.
+//! An axis answers its command as ωn² / (s² + 2 ζ ωn s + ωn²). [`Scanner`] is the error synthesis of Cui et al.
 //! (2021): the stage's following error is added to the scanner's command.
 //!
 //! # Limits
@@ -12,6 +12,7 @@
 //! told the stage's error without delay.
 
 use crate::diag::{Diag, Error};
+use crate::machine::{self, Machine};
 
 /// A second-order axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,6 +34,36 @@ impl Servo {
         Err(Diag::bug("fly-servo", "a servo's natural frequency or damping is not positive".to_owned()).into())
     }
 
+    /// Of every axis of a machine's stage: as its file states it, else of 20 Hz, well damped.
+    ///
+    /// # Errors
+    /// As [`Servo::new`].
+    pub fn of_stage(machine: &Machine) -> Result<Self, Error> {
+        Self::stated(machine.stage.servo, 20.0)
+    }
+
+    /// Of its scanner, else of 1 kHz.
+    ///
+    /// # Errors
+    /// As [`Servo::new`].
+    pub fn of_scanner(machine: &Machine) -> Result<Self, Error> {
+        Self::stated(machine.scanner.servo, 1000.0)
+    }
+
+    /// What a stage trails its command by at top speed along x and y, mm: what of the scanner's field is left to making
+    /// up for it.
+    ///
+    /// # Errors
+    /// As [`Servo::new`].
+    pub fn trails(machine: &Machine) -> Result<[f64; 2], Error> {
+        let servo = Self::of_stage(machine)?;
+        Ok([&machine.stage.x, &machine.stage.y].map(|axis| servo.lag(axis.speed.as_mm_s())))
+    }
+
+    fn stated(servo: Option<machine::Servo>, hz: f64) -> Result<Self, Error> {
+        servo.map_or_else(|| Self::new(hz, 0.7), |s| Self::new(s.frequency.as_khz() * 1000.0, s.damping))
+    }
+
     /// How far the position stays behind a command that moves at `speed`, once settled: 2 ζ v / ωn.
     pub fn lag(&self, speed: f64) -> f64 {
         2.0 * self.damping * speed / self.omega
@@ -48,7 +79,7 @@ impl Servo {
 
 /// An axis under way.
 #[derive(Clone, Copy, Debug)]
-struct Axis {
+pub struct Axis {
     /// How a deviation of position and speed from the settled ramp decays over a step.
     decay: [[f64; 2]; 2],
     lag_per_speed: f64,
@@ -59,7 +90,8 @@ struct Axis {
 }
 
 impl Axis {
-    fn new(servo: Servo, dt: f64, at: f64) -> Self {
+    /// At rest at `at`; steps are `dt` s apart.
+    pub fn new(servo: Servo, dt: f64, at: f64) -> Self {
         let (w, z) = (servo.omega, servo.damping);
         let rest = 1.0 - z * z;
         let root = w * rest.abs().sqrt();
@@ -78,7 +110,7 @@ impl Axis {
     }
 
     /// Goes on to the next sample; the first sample after `new` should be where it stands.
-    fn step(&mut self, command: f64) -> f64 {
+    pub fn step(&mut self, command: f64) -> f64 {
         // The settled answer to a ramp is the ramp, late.
         let slope = (command - self.command) / self.dt;
         let lag = self.lag_per_speed * slope;
@@ -124,63 +156,43 @@ pub enum Sum {
     Residual,
 }
 
-/// One direction of a stage and the scanner that it carries.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Synthesis {
-    /// The stage's axis.
-    pub stage: Servo,
-    /// The scanner's axis.
-    pub scanner: Servo,
+/// One direction of a scanner that makes up for what the stage under it misses.
+#[derive(Clone, Copy, Debug)]
+pub struct Scanner {
+    mirror: Axis,
     /// Half of the scanner's field, mm.
-    pub half_field: f64,
-    /// Whether and how the stage's error is fed to the scanner.
-    pub feed: Option<Protection>,
+    half_field: f64,
+    /// Whether and how the stage's error is fed to it.
+    feed: Option<Protection>,
+    sum: f64,
+    residual: f64,
 }
 
-/// Positions that were reached.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Reached {
-    /// Of the stage, the disturbance included.
-    pub stage: Vec<f64>,
-    /// Of the scanner.
-    pub scanner: Vec<f64>,
-    /// Commanded sum less reached sum.
-    pub error: Vec<f64>,
-}
+impl Scanner {
+    /// At rest at `at`; `mirror` is its servo, steps are `dt` s apart.
+    pub fn new(mirror: Servo, half_field: f64, feed: Option<Protection>, dt: f64, at: f64) -> Self {
+        Self { mirror: Axis::new(mirror, dt, at), half_field, feed, sum: 0.0, residual: 0.0 }
+    }
 
-impl Synthesis {
-    /// Follows the commands of stage and scanner, sampled alike, `dt` s apart, for as long as both last.
-    /// `disturbance` is added to the stage's position; past its end it is 0.
-    pub fn follow(&self, stage: &[f64], scanner: &[f64], dt: f64, disturbance: &[f64]) -> Reached {
-        let mut out = Reached::default();
-        let (Some(&s0), Some(&g0)) = (stage.first(), scanner.first()) else { return out };
-        let (mut carrier, mut mirror) = (Axis::new(self.stage, dt, s0), Axis::new(self.scanner, dt, g0));
-        let (mut sum, mut residual) = (0.0f64, 0.0);
-        let disturbance = disturbance.iter().copied().chain(std::iter::repeat(0.0));
-        for ((&s, &g), d) in stage.iter().zip(scanner).zip(disturbance) {
-            let at = carrier.step(s) + d;
-            let missed = s - at;
-            let command = match self.feed {
-                None => g,
-                Some(Protection::Off) => g + missed,
-                Some(Protection::Saturate) => (g + missed).clamp(-self.half_field.abs(), self.half_field.abs()),
-                Some(Protection::Accumulated { sum: of, limit }) => {
-                    sum += dt
-                        * match of {
-                            Sum::Signed => missed,
-                            Sum::Absolute => missed.abs(),
-                            Sum::Residual => residual,
-                        };
-                    if sum.abs() <= limit { g + missed } else { g }
-                }
-            };
-            let mirrored = mirror.step(command);
-            residual = s + g - at - mirrored;
-            out.stage.push(at);
-            out.scanner.push(mirrored);
-            out.error.push(residual);
-        }
-        out
+    /// Goes on to the next sample: where it should be as planned, and what the stage misses there; how far the spot
+    /// is then off.
+    pub fn step(&mut self, planned: f64, missed: f64) -> f64 {
+        let command = match self.feed {
+            None => planned,
+            Some(Protection::Off) => planned + missed,
+            Some(Protection::Saturate) => (planned + missed).clamp(-self.half_field, self.half_field),
+            Some(Protection::Accumulated { sum: of, limit }) => {
+                self.sum += self.mirror.dt
+                    * match of {
+                        Sum::Signed => missed,
+                        Sum::Absolute => missed.abs(),
+                        Sum::Residual => self.residual,
+                    };
+                if self.sum.abs() <= limit { planned + missed } else { planned }
+            }
+        };
+        self.residual = planned + missed - self.mirror.step(command);
+        self.residual
     }
 }
 
@@ -257,19 +269,23 @@ mod tests {
 
     const DT: f64 = 1e-4;
 
-    /// A stage that swings at up to 100 mm/s under a small tremor, while the scanner swings too.
-    fn swing(feed: Option<Protection>, jolt: f64) -> (Reached, f64) {
-        let pair = Synthesis { stage: servo(20.0, 0.7), scanner: servo(1000.0, 0.7), half_field: 5.0, feed };
-        let time = |i: usize| DT * i as f64;
-        let stage: Vec<f64> = (0..40_000).map(|i| 100.0 / TAU * (TAU * time(i)).sin()).collect();
-        let scanner: Vec<f64> = (0..40_000).map(|i| 2.0 * (TAU * 2.0 * time(i)).sin()).collect();
-        let tremor: Vec<f64> = (0..40_000)
-            .map(|i| 0.02 * (TAU * 8.0 * time(i)).sin() + if (5000..7000).contains(&i) { jolt } else { 0.0 })
-            .collect();
-        let reached = pair.follow(&stage, &scanner, DT, &tremor);
-        let late = &reached.error[10_000..];
-        let rms = (late.iter().map(|e| e * e).sum::<f64>() / late.len() as f64).sqrt();
-        (reached, rms)
+    /// What a scanner of a field of 5 mm to a side makes of a stage that swings at up to 100 mm/s under a small tremor,
+    /// while it swings too: where it goes at most, how far the spot is off.
+    fn swing(feed: Option<Protection>, jolt: f64) -> (f64, f64) {
+        let mut carrier = Axis::new(servo(20.0, 0.7), DT, 0.0);
+        let mut scanner = Scanner::new(servo(1000.0, 0.7), 5.0, feed, DT, 0.0);
+        let (mut most, mut squares) = (0.0f64, 0.0);
+        for i in 0..40_000 {
+            let time = DT * f64::from(i);
+            let stage = 100.0 / TAU * (TAU * time).sin();
+            let planned = 2.0 * (TAU * 2.0 * time).sin();
+            let jolt = if (5000..7000).contains(&i) { jolt } else { 0.0 };
+            let missed = stage - (carrier.step(stage) + 0.02 * (TAU * 8.0 * time).sin() + jolt);
+            let off = scanner.step(planned, missed);
+            most = most.max((planned + missed - off).abs());
+            squares += if i < 10_000 { 0.0 } else { off * off };
+        }
+        (most, (squares / 30_000.0).sqrt())
     }
 
     #[test]
@@ -282,15 +298,14 @@ mod tests {
 
     #[test]
     fn only_clipping_keeps_the_scanner_in_its_field_and_lets_it_recover() {
-        let most = |r: &Reached| r.scanner.iter().fold(0.0f64, |m, s| m.max(s.abs()));
-        let (clipped, rms) = swing(Some(Protection::Saturate), 5.0);
+        let (most, rms) = swing(Some(Protection::Saturate), 5.0);
         let overshoot = 1.0 + (-PI * 0.7 / (1.0f64 - 0.49).sqrt()).exp();
-        assert!(most(&clipped) <= 5.0 * overshoot && most(&clipped) > 5.0 - 1e-6, "{}", most(&clipped));
+        assert!(most <= 5.0 * overshoot && most > 5.0 - 1e-6, "{most}");
         assert!(rms < 0.05, "{rms}");
-        assert!(most(&swing(Some(Protection::Off), 5.0).0) > 5.5);
+        assert!(swing(Some(Protection::Off), 5.0).0 > 5.5);
         let eq5 = |sum| Some(Protection::Accumulated { sum, limit: 0.02 });
         // What is left never adds up to the limit, so nothing is held back.
-        assert!(most(&swing(eq5(Sum::Residual), 5.0).0) > 5.5);
+        assert!(swing(eq5(Sum::Residual), 5.0).0 > 5.5);
         // The sum of sizes passes the limit in the lag of the start, and stays there.
         let (_, given_up) = swing(eq5(Sum::Absolute), 5.0);
         assert!((given_up - swing(None, 5.0).1).abs() < 1e-9, "{given_up}");

@@ -9,14 +9,17 @@
 //! Ma et al. (2025): Gaussian smoothing in arc length, as strong as focal offset, beam angle and displacement
 //! allow, searched from 30,000 um down by 0.95; here then by bisection up to the limit.
 
+use std::f64::consts::TAU;
+
 use rayon::prelude::*;
 
-use super::decompose::{Family, Limits, Rung, ladder, refine, seven_axes, stage};
-use super::kinematics::{Axes, Branches, Deviation, Pose, follow};
+use super::decompose::{Family, Limits, Rung, ladder, refine, rms_bend, seven_axes, stage};
+use super::kinematics::{Axes, Branches, Deviation, Pose, follow, turned};
 use super::motion::AXES;
 use super::pace::{self, Limit, Timed};
 use super::path::{Node, Path};
 use super::relief::Relief;
+use super::servo::Servo;
 use crate::diag::Error;
 use crate::machine::{Letter, Machine};
 use crate::program::Pen;
@@ -90,6 +93,16 @@ impl<'a> Rig<'a> {
         Some(Self { machine, pens, limits: [x, y, z, a?, c?, spot, spot], pivot })
     }
 
+    /// How far the spot may be from the optical axis: the field in any direction, less what X and Y trail by at top
+    /// speed, but half of it at least.
+    ///
+    /// # Errors
+    /// As [`Servo::new`].
+    pub fn room(&self) -> Result<f64, Error> {
+        let (reach, [x, y]) = (self.machine.field_reach(), Servo::trails(self.machine)?);
+        Ok(reach - x.max(y).min(reach / 2.0))
+    }
+
     /// A point of the part seen from the pivot.
     pub fn sees(&self, p: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|k| p[k] - self.pivot[k])
@@ -100,15 +113,55 @@ impl<'a> Rig<'a> {
         poses
     }
 
+    fn branches(&self) -> Branches {
+        Branches::Quickest { a: self.limits[3].speed, c: self.limits[4].speed }
+    }
+
+    /// Turns C back by whole turns in the dark before a mark that would leave its travel, as far as it can, so that it
+    /// need not soon again. A mark that needs more than all of the travel is left as it is.
+    fn unwind(&self, path: &Path, axes: &mut [Axes]) {
+        let Some(table) = &self.machine.tilt else { return };
+        let [lo, hi] = table.axes[1].travel.map(|t| t.as_rad());
+        let marks = |i: usize| path.pen.get(i).copied().flatten().is_some();
+        let (mut turns, mut last, mut at) = (0.0, None, 0);
+        while at < axes.len() {
+            let end = (at + 1..axes.len()).find(|&i| !marks(i)).unwrap_or(axes.len());
+            if !marks(at + 1) {
+                at += 1;
+                continue;
+            }
+            let none = [f64::INFINITY, f64::NEG_INFINITY];
+            let needs = axes[at..end].iter().fold(none, |e, a| [e[0].min(a.c), e[1].max(a.c)]);
+            let [fewest, most] = [((lo - needs[0]) / TAU).ceil(), ((hi - needs[1]) / TAU).floor()];
+            let mut next: f64 = turns;
+            if fewest <= most && !(fewest..=most).contains(&turns) {
+                next = if turns > most { fewest } else { most };
+            }
+            let from = last.map_or(0, |l: usize| l + 1);
+            for (k, axes) in axes[from..at].iter_mut().enumerate() {
+                let share = last.map_or(1.0, |l| (from + k - l) as f64 / (at - l) as f64);
+                let tool = axes.tool();
+                axes.c += TAU * (turns + share * (next - turns));
+                axes.xyz = turned(axes.a, axes.c, tool.p);
+            }
+            axes[at..end].iter_mut().for_each(|a| a.c += TAU * next);
+            (turns, last, at) = (next, Some(end - 1), end);
+        }
+        let from = last.map_or(0, |l| l + 1);
+        axes[from..].iter_mut().for_each(|a| a.c += TAU * turns);
+    }
+
+    /// Axis values at a node of the path: X, Y, Z, A, C, U, V.
+    pub fn values(&self, axes: &Axes, p: [f64; 3]) -> [f64; AXES] {
+        let [u, v, _] = axes.sees(self.sees(p));
+        let [x, y, z] = axes.xyz;
+        [x, y, z, axes.a, axes.c, u, v]
+    }
+
     /// The least time of all axes along the nodes of the path that `s` holds, on a grid `refine` times as fine.
     fn time(&self, path: &Path, s: &[f64], axes: &[Axes], refine: usize) -> Result<Timed, Error> {
         let axes = &axes[..s.len()];
-        let position = |(a, &p): (&Axes, &[f64; 3])| {
-            let [u, v, _] = a.sees(self.sees(p));
-            let [x, y, z] = a.xyz;
-            [x, y, z, a.a, a.c, u, v]
-        };
-        let positions: Vec<f64> = axes.iter().zip(&path.at).flat_map(position).collect();
+        let positions: Vec<f64> = axes.iter().zip(&path.at).flat_map(|(a, &p)| self.values(a, p)).collect();
         let jump = self.machine.scanner.jump_speed.as_mm_s();
         // The beam stands nearly upright on the part: a pen's speed is one along the part, s is seen from the lens.
         let cap = |i: usize| {
@@ -129,22 +182,19 @@ impl<'a> Rig<'a> {
 /// Those of [`pace::time_optimal`], which are faults of the program.
 pub fn seven(path: &Path, relief: &Relief, rig: &Rig<'_>, limits: Limits, tools: Tools) -> Result<Seven, Error> {
     let s = path.distances();
-    let marks: Vec<Pose> = path.at.iter().map(|&p| Pose { p, n: relief.at([p[0], p[1]]).normal() }).collect();
+    let marks = marks(path, relief);
     let smoothed = (tools == Tools::Gaussian).then(|| {
         let even = Even::of(path, &s);
-        let (rungs, sigma) = even.smoothing(&marks, &path.weights(), relief, &s, limits);
-        (rungs, sigma, rig.all(even.tools(sigma, relief, &s)))
+        let (rungs, sigma) = even.smoothing(Family::Gaussian, &marks, &path.weights(), relief, &s, limits);
+        (rungs, sigma, rig.all(even.tools(Family::Gaussian, sigma, relief, &s)))
     });
     let marks = rig.all(marks);
-    let speeds = Branches::Quickest { a: rig.limits[3].speed, c: rig.limits[4].speed };
-    let axes = match (&smoothed, tools) {
-        (Some((.., tools)), _) => follow(tools, speeds),
-        (None, Tools::LeastAcceleration) => {
-            let steps: Vec<f64> = s.windows(2).map(|w| w[1] - w[0]).collect();
-            seven_axes(&marks, &steps, limits)
-        }
-        (None, _) => follow(&marks, speeds),
+    let mut axes = match (&smoothed, tools) {
+        (Some((.., tools)), _) => follow(tools, rig.branches()),
+        (None, Tools::LeastAcceleration) => seven_axes(&marks, &steps(&s), limits),
+        (None, _) => follow(&marks, rig.branches()),
     };
+    rig.unwind(path, &mut axes);
     let deviation: Vec<Deviation> = marks.iter().zip(&axes).map(|(m, a)| Deviation::of(m, &a.tool())).collect();
     let timed = rig.time(path, &s, &axes, 1)?;
     let (ladder, sigma) = smoothed.map_or((Vec::new(), None), |(ladder, sigma, _)| (ladder, Some(sigma)));
@@ -167,8 +217,66 @@ impl Seven {
     }
 }
 
-/// Where the ladder starts, mm, and what each rung is of the one before.
+/// What a decomposition makes of a path for seven axes, as strong as the limits allow.
+#[derive(Clone, Debug)]
+pub struct Shared {
+    /// Its strength, mm of path; None where there is none to choose.
+    pub strength: Option<f64>,
+    /// Worst deviations.
+    pub worst: Deviation,
+    /// Root of the mean squared acceleration of X, Y and Z at the first pen's speed, mm/s².
+    pub rms_acceleration: f64,
+    /// Least time, s.
+    pub time_s: f64,
+}
+
+/// Shares a path out by a family of filters, or by least acceleration where none is given.
+///
+/// # Errors
+/// As [`seven`].
+pub fn shared(
+    path: &Path,
+    relief: &Relief,
+    rig: &Rig<'_>,
+    limits: Limits,
+    family: Option<Family>,
+) -> Result<Shared, Error> {
+    let s = path.distances();
+    let marks = marks(path, relief);
+    let even = Even::of(path, &s);
+    let found = family.map(|family| {
+        let strength = even.smoothing(family, &marks, &path.weights(), relief, &s, limits).1;
+        (strength, rig.all(even.tools(family, strength, relief, &s)))
+    });
+    let marks = rig.all(marks);
+    let axes = match &found {
+        Some((_, tools)) => follow(tools, rig.branches()),
+        None => seven_axes(&marks, &steps(&s), limits),
+    };
+    let tools: Vec<Pose> = axes.iter().map(Axes::tool).collect();
+    let xyz: Vec<[f64; 3]> = axes.iter().map(|a| a.xyz).collect();
+    let speed = rig.pens.first().map_or(0.0, |pen| pen.speed.as_mm_s());
+    Ok(Shared {
+        strength: found.map(|f| f.0),
+        worst: worst(&tools, &marks, &path.weights()),
+        rms_acceleration: rms_bend(&xyz, &steps(&s)) * speed * speed,
+        time_s: rig.time(path, &s, &axes, 1)?.total_s(),
+    })
+}
+
+/// The marks of a path, and its jumps, on the relief.
+fn marks(path: &Path, relief: &Relief) -> Vec<Pose> {
+    path.at.iter().map(|&p| Pose { p, n: relief.at([p[0], p[1]]).normal() }).collect()
+}
+
+fn steps(s: &[f64]) -> Vec<f64> {
+    s.windows(2).map(|w| w[1] - w[0]).collect()
+}
+
+/// Where the article's ladder starts, mm, and what each rung is of the one before. Other filters have longer
+/// windows for as much smoothing.
 const START: f64 = 30.0;
+const LONGER: f64 = 10.0;
 const FACTOR: f64 = 0.95;
 
 /// The worst deviations: of focus and angle where it is marked, of the field everywhere.
@@ -204,9 +312,9 @@ impl Even {
         Self { plan, step }
     }
 
-    /// The tool at every node of the path for a standard deviation in mm.
-    fn tools(&self, sigma: f64, relief: &Relief, s: &[f64]) -> Vec<Pose> {
-        let smooth = stage(&self.plan, Family::Gaussian.at(sigma / self.step));
+    /// The tool at every node of the path for a strength in mm.
+    fn tools(&self, family: Family, strength: f64, relief: &Relief, s: &[f64]) -> Vec<Pose> {
+        let smooth = stage(&self.plan, family.at(strength / self.step));
         let last = smooth.len() - 2;
         s.par_iter()
             .with_min_len(4096)
@@ -221,14 +329,23 @@ impl Even {
             .collect()
     }
 
-    /// The article's ladder, sigma in mm and the worst deviations there; and the largest sigma that holds, by
+    /// The article's ladder, strengths in mm and the worst deviations there; and the largest strength that holds, by
     /// bisection above its last rung, 0 where none does.
-    fn smoothing(&self, marks: &[Pose], weights: &[f64], relief: &Relief, s: &[f64], limits: Limits) -> (Ladder, f64) {
-        let attempt = |sigma: f64| {
-            let worst = worst(&self.tools(sigma, relief, s), marks, weights);
+    fn smoothing(
+        &self,
+        family: Family,
+        marks: &[Pose],
+        weights: &[f64],
+        relief: &Relief,
+        s: &[f64],
+        limits: Limits,
+    ) -> (Ladder, f64) {
+        let attempt = |strength: f64| {
+            let worst = worst(&self.tools(family, strength, relief, s), marks, weights);
             (worst, limits.hold(worst))
         };
-        let rungs = ladder(START, FACTOR, self.step / 4.0, attempt);
+        let start = if family == Family::Gaussian { START } else { LONGER * START };
+        let rungs = ladder(start, FACTOR, self.step / 4.0, attempt);
         let held = rungs.last().filter(|r| r.holds).map_or(0.0, |r| r.strength);
         let failed = rungs.iter().rev().nth(1).filter(|_| held > 0.0).map(|r| r.strength);
         let finer = failed.and_then(|failed| refine(held, failed, 1e-3 * self.step, attempt));

@@ -3,18 +3,8 @@
 //! Consumes positions and limits of axes; promises the time when each segment takes as long as its slowest axis, from
 //! rest to rest. Units: mm or rad, s; the limits of an axis in the units of its positions.
 
+use super::pace::Limit;
 use crate::motion::rest_to_rest;
-
-/// Limits of one axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AxisLimits {
-    /// Largest speed.
-    pub speed: f64,
-    /// Largest acceleration.
-    pub acceleration: f64,
-    /// Largest jerk; without one the acceleration steps.
-    pub jerk: Option<f64>,
-}
 
 /// How long a path takes, and because of which axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +16,7 @@ pub struct StopTimes<const N: usize> {
 }
 
 /// The time with a stop at every point, every segment as slow as its slowest axis.
-pub fn stop_at_every_point<const N: usize>(positions: &[[f64; N]], limits: &[AxisLimits; N]) -> StopTimes<N> {
+pub fn stop_at_every_point<const N: usize>(positions: &[[f64; N]], limits: &[Limit; N]) -> StopTimes<N> {
     let mut out = StopTimes { total_s: 0.0, slowest: [0; N] };
     for pair in positions.windows(2) {
         let mut longest = 0.0;
@@ -54,7 +44,7 @@ mod tests {
 
     #[test]
     fn the_slowest_axis_sets_the_time_of_a_segment() {
-        let limits = [1.0, 2.0].map(|a| AxisLimits { speed: 10.0, acceleration: a, jerk: None });
+        let limits = [1.0, 2.0].map(|a| Limit { speed: 10.0, acceleration: a, jerk: None });
         let path = [[0.0, 0.0], [4.0, 4.0], [4.0, 4.5], [4.0, 4.5]];
         let got = stop_at_every_point(&path, &limits);
         assert!((got.total_s - (4.0 + 1.0)).abs() < 1e-12, "{got:?}");
@@ -96,7 +86,7 @@ mod tests {
         {
             let limit = |k: usize| {
                 let [speed, acceleration, jerk] = printed[k];
-                AxisLimits { speed, acceleration, jerk: factor.map(|f| f * jerk) }
+                Limit { speed, acceleration, jerk: factor.map(|f| f * jerk) }
             };
             let stored = &times["A>=0"][name];
             let near = |seconds: f64, key: &str| {

@@ -6,11 +6,12 @@
 //! gets one speed; the share of the speed that is left is part of the answer. The stage goes from rest to rest.
 //! Where no motion of z keeps all marks in focus the answer says so. Units: mm, s.
 //!
-//! [`quickest`] may let the beam run on in the dark beside every mark, so that it turns where focus is free.
+//! [`quickest`] may let the beam run on in the dark beside every mark, or wait at its ends, so that the stage turns
+//! where focus is free.
 //!
 //! # Sources
 //! Cui et al. (2021): eq. 1 to 4 the decomposition, eq. 8 and 9 the times. Their average makes the acceleration
-//! step; where the machine states a jerk two more averages make it a ramp. Dark runs are ours.
+//! step; where the machine states a jerk two more averages make it a ramp. Dark runs and longer waits are ours.
 
 use rayon::prelude::*;
 
@@ -18,6 +19,9 @@ use super::decompose::{Method, stage};
 use super::motion::Motion;
 use super::path::Path;
 use super::schedule::Schedule;
+use super::servo::Servo;
+use crate::diag::Error;
+use crate::geom::mm_from_nm;
 use crate::machine::Machine;
 use crate::program::Pen;
 
@@ -87,6 +91,19 @@ pub struct Room {
     pub focus: f64,
 }
 
+impl Room {
+    /// What a machine leaves: of its field less what its stage trails its command by at top speed, but half of it at
+    /// least, since that is the scanner's to take up too.
+    ///
+    /// # Errors
+    /// As [`Servo::new`].
+    pub fn of(machine: &Machine, focus: f64) -> Result<Self, Error> {
+        let [x, y] = Servo::trails(machine)?;
+        let [w, h] = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+        Ok(Self { half_field: [w - x.min(w / 2.0), h - y.min(h / 2.0)], focus })
+    }
+}
+
 /// A path shared out between stage and scanner.
 #[derive(Clone, Debug, Default)]
 pub struct Sync {
@@ -110,11 +127,39 @@ pub struct Sync {
     pub on: Vec<bool>,
 }
 
+/// What the dark beam does at the ends of marks while the stage turns, s at the pens' speeds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Turn {
+    /// It runs on for so long, and as long towards the next mark.
+    Run(f64),
+    /// It waits for so long at least.
+    Wait(f64),
+}
+
+impl Turn {
+    fn s(self) -> f64 {
+        let (Self::Run(s) | Self::Wait(s)) = self;
+        s
+    }
+
+    /// How long the beam waits at ends at least.
+    pub fn wait_s(self) -> f64 {
+        if let Self::Wait(s) = self { s } else { 0.0 }
+    }
+
+    fn times(self, by: f64) -> Self {
+        match self {
+            Self::Run(s) => Self::Run(by * s),
+            Self::Wait(s) => Self::Wait(by * s),
+        }
+    }
+}
+
 /// A path, when the beam is where on it, and its motion.
 pub struct Timed {
-    /// With the dark runs that were found best, s of each at the pens' speeds.
-    pub run_s: f64,
-    /// See `run_s`.
+    /// What was found best.
+    pub turn: Turn,
+    /// With the runs of that.
     pub path: Path,
     /// Times at the pens' speeds.
     pub schedule: Schedule,
@@ -122,8 +167,8 @@ pub struct Timed {
     pub sync: Sync,
 }
 
-/// Shares a path out with dark runs beside its marks as long as makes the whole quickest, none among them, from
-/// `most` samples on, and up to eight times as many where z needs them.
+/// Shares a path out with the dark turns beside its marks that make the whole quickest, none among them, from `most`
+/// samples on, and up to eight times as many where z needs them.
 ///
 /// `travels` tells whether the stage can go between some ends of X, Y and Z: runs that it cannot make are not taken.
 pub fn quickest(
@@ -134,45 +179,52 @@ pub fn quickest(
     most: usize,
     travels: &dyn Fn([[f64; 2]; 3]) -> bool,
 ) -> Timed {
-    let run = |run_s: f64, most: usize| {
-        let path = path.run_out(run_s, pens);
-        let (schedule, step_s) = Schedule::sampled(&path, machine, pens, most);
-        (path, schedule, step_s)
+    let turned = |path: &Path, turn: Turn| {
+        let path = if let Turn::Run(run_s) = turn { path.run_out(run_s, pens) } else { path.clone() };
+        let schedule = Schedule::of(&path, machine, pens, turn.wait_s());
+        (path, schedule)
     };
     let total = |schedule: &Schedule, sync: &Sync| {
         let usable = sync.fits && travels(ends(sync.stage.iter().copied()));
         if usable { schedule.total_s() * sync.slower + 2.0 * sync.lead_s } else { f64::INFINITY }
     };
-    let made = |run_s: f64| {
-        let (path, schedule, step_s) = run(run_s, most);
-        let sync = synchronise(&path, &schedule, machine, room, step_s);
-        Timed { run_s, path, schedule, sync }
-    };
-    let plain = made(0.0);
+    let plain = Turn::Wait(0.0);
+    let (own, schedule) = turned(path, plain);
+    let sync = synchronise(&own, &schedule, machine, room, schedule.step_s(most));
+    let mut best = Timed { turn: plain, path: own, schedule, sync };
     // Where the pens' speeds are kept no turn can be a better one.
-    if plain.sync.slower <= 1.0 {
-        return plain;
+    if best.sync.slower <= 1.0 {
+        return best;
     }
-    let plain_s = total(&plain.schedule, &plain.sync);
-    let quicker = |best: (f64, f64), run_s: f64| {
-        let (path, schedule, step_s) = run(run_s, most.min(TRIED));
-        let sync = shared(&path, &schedule, machine, room, step_s);
-        let time = total(&schedule, &sync);
-        if time < best.1 { (run_s, time) } else { best }
+    // Turns are tried on the middle of the path, in steps as fine as it needs without them.
+    let step_s = best.sync.step_s / best.sync.slower;
+    let piece = path.middle(TRIED as f64 * step_s / best.schedule.total_s());
+    let time = |turn: Turn| {
+        let (path, schedule) = turned(&piece, turn);
+        total(&schedule, &shared(&path, &schedule, machine, room, step_s))
     };
     // The scanner's own delays must fit into a run.
     let least = machine.delays.jump.as_s().max(machine.delays.mark.as_s()).max(SHORTEST);
-    let runs = std::iter::successors(Some(least), |r| Some(4.0 * r)).take_while(|&r| r <= LONGEST);
-    let mut best = runs.fold((0.0, plain_s), quicker);
+    let times = || std::iter::successors(Some(least), |t| Some(4.0 * t)).take_while(|&t| t <= LONGEST);
+    let mut tried: Vec<(f64, Turn)> = Vec::new();
+    tried.extend(times().map(Turn::Run).chain(times().map(Turn::Wait)).map(|turn| (time(turn), turn)));
     for share in [2.0, 1.4] {
-        let near = [best.0 / share, best.0 * share].into_iter().filter(|&r| r >= least);
-        best = near.fold(best, quicker);
+        let Some(&(_, middle)) = tried.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        let near = [1.0 / share, share].map(|by| middle.times(by)).into_iter().filter(|t| t.s() >= least);
+        tried.extend(near.map(|turn| (time(turn), turn)).collect::<Vec<_>>());
     }
-    if best.0 == 0.0 {
-        return plain;
+    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // What is best there may not be possible everywhere.
+    let before = total(&best.schedule, &best.sync);
+    for (_, turn) in tried.into_iter().filter(|t| t.0.is_finite()).take(SERIOUS) {
+        let (path, schedule) = turned(path, turn);
+        let sync = shared(&path, &schedule, machine, room, step_s);
+        if total(&schedule, &sync) < before {
+            best = Timed { turn, path, schedule, sync };
+            break;
+        }
     }
-    let found = made(best.0);
-    if total(&found.schedule, &found.sync) < plain_s { found } else { plain }
+    best
 }
 
 /// Least and largest of each coordinate.
@@ -181,10 +233,12 @@ pub fn ends(stage: impl IntoIterator<Item = [f64; 3]>) -> [[f64; 2]; 3] {
     stage.into_iter().fold(none, |ends, p| [0, 1, 2].map(|k| [ends[k][0].min(p[k]), ends[k][1].max(p[k])]))
 }
 
-/// Shortest and longest dark runs that are tried, s at the pens' speeds, and samples they are tried with.
+/// Shortest and longest dark turns that are tried, s at the pens' speeds, and samples they are tried with.
 const SHORTEST: f64 = 5e-4;
 const LONGEST: f64 = 0.6;
-const TRIED: usize = 100_000;
+const TRIED: usize = 50_000;
+/// How many of the best turns are tried on the whole path.
+const SERIOUS: usize = 3;
 /// How much finer than asked a path may be sampled.
 const FINER: [f64; 2] = [3.0, 8.0];
 /// A sample nearer to a node than this is left out of a motion, s: programs count in microseconds.
@@ -525,8 +579,8 @@ mod tests {
     fn the_stage_goes_from_rest_to_rest_within_its_limits_and_marks_stay_in_field_and_focus() {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         let (path, pens) = (lines(9, 200.0), pens(1000.0));
-        let Timed { run_s, path, schedule, sync } = quickest(&path, &machine, &pens, ROOM, 100_000, &|_| true);
-        assert!(run_s > 0.0 && sync.fits && sync.slower > 1.0, "{run_s} {}", sync.slower);
+        let Timed { turn, path, schedule, sync } = quickest(&path, &machine, &pens, ROOM, 100_000, &|_| true);
+        assert!(turn.s() > 0.0 && sync.fits && sync.slower > 1.0, "{turn:?} {}", sync.slower);
         let limits = Peaks::limits(&machine);
         for (k, limit) in limits.iter().enumerate() {
             let peaks = Peaks::of(&sync.stage, k, sync.step_s);
@@ -556,13 +610,13 @@ mod tests {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         let total = |t: &Timed| t.schedule.total_s() * t.sync.slower;
         let (path, fast) = (lines(5, 200.0), pens(1000.0));
-        let (schedule, step_s) = Schedule::sampled(&path, &machine, &fast, 100_000);
-        let plain = synchronise(&path, &schedule, &machine, ROOM, step_s);
+        let schedule = Schedule::of(&path, &machine, &fast, 0.0);
+        let plain = synchronise(&path, &schedule, &machine, ROOM, schedule.step_s(100_000));
         let found = quickest(&path, &machine, &fast, ROOM, 100_000, &|_| true);
         assert!(total(&found) < 0.7 * schedule.total_s() * plain.slower, "{} {}", total(&found), plain.slower);
         // What lies within the field needs no stage: the pens' speed is kept.
         let small = quickest(&lines(5, 0.3), &machine, &pens(100.0), ROOM, 100_000, &|_| true);
-        assert!(small.run_s == 0.0 && small.sync.slower == 1.0, "{}", small.sync.slower);
+        assert!(small.turn == Turn::Wait(0.0) && small.sync.slower == 1.0, "{}", small.sync.slower);
     }
 
     #[test]

@@ -393,6 +393,12 @@ impl Machine {
         size.map(|s| ((s * crate::geom::NM_PER_MM + 1e-3).floor() as i64).max(0) / 2 * 2)
     }
 
+    /// How far from the optical axis a point may be marked in any direction, mm.
+    pub fn field_reach(&self) -> f64 {
+        let [x, y] = self.lens.field.map(|f| f.as_mm() / 2.0 - self.lens.margin.as_mm());
+        x.min(y)
+    }
+
     /// Whether a field point (nm, from the optical axis) may be marked.
     pub fn field_holds(&self, [x, y]: [i32; 2]) -> bool {
         let m = self.lens.margin.as_mm();

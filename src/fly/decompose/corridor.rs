@@ -107,6 +107,18 @@ pub(super) fn least_from<const L: usize, const W: usize>(
     moved
 }
 
+/// Root of the mean squared second derivative of positions by the way along them, whose steps need not be even; those
+/// under a twentieth of the mean count as that much.
+pub fn rms_bend<const N: usize>(positions: &[[f64; N]], steps: &[f64]) -> f64 {
+    let mean = steps.iter().sum::<f64>() / steps.len().max(1) as f64;
+    let (mut sum, mut way) = (0.0, 0.0);
+    for ((p, [a, b, c]), w) in positions.windows(3).zip(seconds(positions.len(), steps)).zip(steps.windows(2)) {
+        sum += (0..N).map(|k| (a * p[0][k] + b * p[1][k] + c * p[2][k]).powi(2)).sum::<f64>();
+        way += 0.5 * (w[0] + w[1]) / mean;
+    }
+    if way > 0.0 { (sum / way).sqrt() / (mean * mean) } else { 0.0 }
+}
+
 /// Factors of three neighbours in the divided second difference around each sample but the ends, times the root of
 /// how much of the way it stands for; steps count in their mean.
 fn seconds(count: usize, steps: &[f64]) -> Vec<[f64; 3]> {

@@ -1,8 +1,8 @@
 //! `limits`: axes and marks keep their limits at every sample.
 //!
 //! Travel and field hold between samples too, since moves are straight. Speeds are those of moves; accelerations
-//! and jerks of the stage's axes are taken from samples at least 5 and 10 ms apart, as a polynomial through three
-//! or four of them has them: any motion through these has as much somewhere. 1 in 100 over a limit is let pass,
+//! and jerks of all axes are taken from samples at least 5 and 10 ms apart, as a polynomial through three or four
+//! of them has them: any motion through these has as much somewhere. 1 in 100 over a limit is let pass,
 //! and what whole nanometres and microseconds may have put there.
 
 use super::chain::Chain;
@@ -47,6 +47,16 @@ fn all(machine: &Machine, leans: bool) -> Vec<Limit> {
             jerk: axis.jerk.map_or(f64::INFINITY, |v| v.as_rad_s3().to_degrees()),
         });
     }
+    // Where U and V may go is the field's to say, and how fast is looked at below, by marks and jumps.
+    let scanner = &machine.scanner;
+    out.extend([(5, 'U'), (6, 'V')].map(|(axis, name)| Limit {
+        name,
+        axis,
+        travel: [f64::NEG_INFINITY, f64::INFINITY],
+        speed: f64::INFINITY,
+        acceleration: scanner.acceleration.map_or(f64::INFINITY, |a| a.as_mm_s2()),
+        jerk: scanner.jerk.map_or(f64::INFINITY, |j| j.as_mm_s3()),
+    }));
     out
 }
 

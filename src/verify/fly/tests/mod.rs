@@ -183,6 +183,14 @@ fn limits_own_travel_field_and_pace() {
             }
         }),
     );
+    // A scanner of limits of its own is asked for too much in the dark.
+    let proof = Bench::new(BOWL).mutant(|p| {
+        let from = mark(p, 4).end;
+        let dark = p.moves[from..].iter().take_while(|m| m.mark.is_none()).count();
+        p.moves[from..from + dark - 1].iter_mut().for_each(|m| m.to[5] += 1_000_000);
+    });
+    assert_only("limits", &proof);
+    assert!(proof.to_text().contains("U accelerates"), "{}", proof.to_text());
 }
 
 #[test]
