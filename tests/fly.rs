@@ -161,20 +161,33 @@ fn the_turntable_may_turn_over_its_pole_far_from_the_origin_of_the_file() {
 
 #[test]
 fn the_turntable_turns_back_in_the_dark_where_rings_would_wind_it_up() {
+    // Jumps of a millimetre and of a twentieth; travel that lies to one side, whichever way the axis counts.
+    rings(1.0, ["-360 deg", "360 deg"], false);
+    rings(0.05, ["-350 deg", "90 deg"], false);
+    rings(0.05, ["-90 deg", "350 deg"], true);
+}
+
+fn rings(pitch: f64, travel: [&str; 2], reversed: bool) {
     let dir = folder();
     // Five rings about the pole, all the same way round: more turns than the travel of C holds.
     let dome = |x: f64, y: f64| -(x * x + y * y) / 400.0;
     write_stl(&dir.path().join("part.stl"), &mesh(80, [-20.0, -20.0, 20.0, 20.0], dome));
-    let rings: String = (0..5).map(|i| format!("<circle cx=\"18\" cy=\"18\" r=\"{}\"/>", 13 + i)).collect();
+    let rings: String =
+        (0..5).map(|i| format!("<circle cx=\"18\" cy=\"18\" r=\"{}\"/>", 13.0 + pitch * f64::from(i))).collect();
     let svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"36mm\" height=\"36mm\" viewBox=\"0 0 36 36\">\
          <g fill=\"none\" stroke=\"black\">{rings}</g></svg>"
     );
     std::fs::write(dir.path().join("rings.svg"), svg).expect("a file");
     let text = "surface = { file = \"part.stl\", unit = \"mm\" }\nfocus = { pdof = \"0.1 mm\" }\n\
-                machine = { profile = \"xyzac-galvo-10\" }\n[[texture]]\nfile = \"rings.svg\"\n\
+                machine = { file = \"machine.toml\" }\n[[texture]]\nfile = \"rings.svg\"\n\
                 origin = [\"-18 mm\", \"-18 mm\"]\n\
                 [[pen]]\nname = \"fine\"\nspeed = \"100 mm/s\"\npower = \"60 %\"\nfrequency = \"60 kHz\"\n";
+    let machine = said(&terrace(&["machines", "xyzac-galvo-10"]));
+    let own = format!("travel = [{:?}, {:?}]\nreversed = {reversed}", travel[0], travel[1]);
+    let machine = machine.replace("travel = [\"-360 deg\", \"360 deg\"]", &own);
+    assert!(machine.contains(&own), "{machine}");
+    std::fs::write(dir.path().join("machine.toml"), machine).expect("a file");
     let job = dir.path().join("job.toml");
     std::fs::write(&job, text).expect("a file");
     let [_, proof] = proved(dir.path(), &job.display().to_string());
@@ -184,7 +197,8 @@ fn the_turntable_turns_back_in_the_dark_where_rings_would_wind_it_up() {
     let [lo, hi] = c.iter().fold([0.0f64, 0.0f64], |[lo, hi], &c| [lo.min(c), hi.max(c)]);
     // Five rings and four turns back.
     let way: f64 = c.windows(2).map(|w| (w[1] - w[0]).abs()).sum();
-    assert!(lo >= -360.0 && hi <= 360.0 && way > 8.5 * 360.0, "{lo} {hi} {way}");
+    let [from, to] = travel.map(|t| t.trim_end_matches(" deg").parse::<f64>().expect("degrees"));
+    assert!(lo >= from && hi <= to && way > 8.5 * 360.0, "{lo} {hi} {way}");
 }
 
 #[test]

@@ -52,25 +52,16 @@ pub(super) fn json(c: &Comparison) -> Value {
 
 /// What tells a comparison's folder.
 const PAGE: &str = "compare.html";
-/// What it holds: these, each in some of the formats.
-const FILES: [&str; 11] = [
-    "compare",
-    "systems",
-    "deviations",
-    "decompositions",
-    "seven-axis-decompositions",
-    "convergence",
-    "times",
-    "ladder",
-    "axes",
-    "along",
-    "paths",
+/// What it holds: tables, charts, and what has both.
+const FILES: [(&[&str], &[&str]); 3] = [
+    (&["compare"], &["html", "json"]),
+    (&["systems", "deviations", "decompositions", "seven-axis-decompositions", "convergence"], &["txt", "csv", "md"]),
+    (&["times", "ladder", "axes", "along", "paths"], &["svg"]),
 ];
-const FORMATS: [&str; 6] = ["html", "json", "txt", "csv", "md", "svg"];
 
 fn is_ours(name: &Path) -> bool {
     let part = |part: Option<&std::ffi::OsStr>, list: &[&str]| part.is_some_and(|p| list.iter().any(|l| p == *l));
-    part(name.file_stem(), &FILES) && part(name.extension(), &FORMATS)
+    FILES.iter().any(|(stems, formats)| part(name.file_stem(), stems) && part(name.extension(), formats))
 }
 
 /// Whether something stands at `folder`.
@@ -90,8 +81,10 @@ pub(super) fn replaces(folder: &Path) -> Result<bool, Error> {
         return refused(text, "name another folder with -o, or remove it yourself");
     }
     for entry in std::fs::read_dir(folder).map_err(failed(folder, "list the old comparison"))? {
-        let name = entry.map_err(failed(folder, "list the old comparison"))?.file_name();
-        if !is_ours(Path::new(&name)) {
+        let entry = entry.map_err(failed(folder, "list the old comparison"))?;
+        let is_file = entry.file_type().map_err(failed(folder, "list the old comparison"))?.is_file();
+        let name = entry.file_name();
+        if !is_file || !is_ours(Path::new(&name)) {
             let text = format!("the output holds {}, which is no part of a comparison", name.display());
             return refused(&text, "move it away, or name another folder with -o");
         }

@@ -161,7 +161,7 @@ impl<'a> Follower<'a> {
             spot: [b[0] - xyz[0], b[1] - xyz[1]],
             on,
         });
-        let trail = trailing(self.ground.machine, half, Some(self.ground.protection), samples, sync.step_s)?;
+        let trail = trailing(self.ground.machine, &|_| half, Some(self.ground.protection), samples, sync.step_s)?;
         let deviations = upright(self.ground, path, |i| nodes[i]);
         Ok(Followed { deviations, weights: path.weights(), trail, travel: travel(sync.stage.iter().copied()) })
     }
@@ -230,7 +230,7 @@ impl<'a> Follower<'a> {
         if tools == Tools::Gaussian {
             curves.ladder.clone_from(&made.ladder);
             curves.seven = Some(room);
-            curves.convergence = made.convergence(&self.thin, &rig, SHOWN).map_err(|e| reason(&e))?;
+            curves.convergence = made.convergence(&rig, SHOWN).map_err(|e| reason(&e))?;
             self.draw(&rig, &made, curves);
             curves.shared = self.shared(&rig, room)?;
             notes.push(format!("sigma {:.0} um", made.sigma.unwrap_or_default() * 1000.0));
@@ -238,7 +238,7 @@ impl<'a> Follower<'a> {
         notes.extend(beyond(rig.machine, ends(made.axes.iter().map(|a| a.xyz))));
         notes.extend(turns_beyond(rig.machine, &made.axes));
         let nodes: Vec<[f64; AXES]> =
-            made.axes.iter().zip(&self.thin.at).map(|(axes, &p)| rig.values(axes, p)).collect();
+            made.axes.iter().zip(&made.path.at).map(|(axes, &p)| rig.values(axes, p)).collect();
         let model_s = Some(stop_at_every_point(&nodes, &rig.limits).total_s);
         Ok(Figures { notes, model_s, ..self.turned(rig.machine, made, tools, room)? })
     }
@@ -259,7 +259,7 @@ impl<'a> Follower<'a> {
     }
 
     fn draw(&self, rig: &Rig<'_>, made: &Seven, curves: &mut Curves) {
-        let path = &self.thin;
+        let path = &made.path;
         let way = path.distances();
         let times = made.timed.node_times();
         let nodes = made.axes.iter().zip(&path.at).zip(times).take(DRAWN);
@@ -281,24 +281,27 @@ impl<'a> Follower<'a> {
         let mut time = Split::default();
         let times: Vec<f64> = made.timed.node_times().collect();
         for (i, w) in times.windows(2).enumerate() {
-            *(if self.thin.pen[i + 1].is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
+            *(if made.path.pen[i + 1].is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
         }
         let asked = Schedule::of(&self.thin, machine, &self.whole.checked.program().pens, 0.0).mark_s;
         // Where the scanner rests it does not make up for the stage either.
         let feed = (tools != Tools::OnTheMark).then_some(self.ground.protection);
-        let (samples, step_s) = sampled(&made.timed, &self.thin);
-        let trail = trailing(machine, [machine.field_reach(); 2], feed, samples, step_s)?;
+        let (samples, step_s) = sampled(&made.timed, &made.path);
+        // Of a round field what is too far out comes back towards its centre.
+        let reach = machine.field_reach();
+        let half = |[u, v]: [f64; 2]| [u, v].map(|c| c.abs() * (reach / u.hypot(v).max(reach)));
+        let trail = trailing(machine, &half, feed, samples, step_s)?;
         let travel = travel(made.axes.iter().map(|a| a.xyz));
-        let followed = Followed { deviations: made.deviation, weights: self.thin.weights(), trail, travel };
+        let followed = Followed { deviations: made.deviation, weights: made.path.weights(), trail, travel };
         Ok(Figures { time, stops: 1, speed: 100.0 * asked / time.mark, ..followed.figures(limits) })
     }
 }
 
 /// How far the axes of a stage trail their commands, each after its own servo, and how far the spot is off, at the
-/// samples that mark. `half` is half of the field, `feed` how the scanner makes up for the stage.
+/// samples that mark. `half` is half of the field for a command, `feed` how the scanner makes up for the stage.
 fn trailing(
     machine: &Machine,
-    half: [f64; 2],
+    half: &dyn Fn([f64; 2]) -> [f64; 2],
     feed: Option<Protection>,
     samples: impl Iterator<Item = Sample>,
     step_s: f64,
@@ -308,7 +311,7 @@ fn trailing(
     let mut samples = samples.peekable();
     let Some(&Sample { axes: Axes { xyz: [x, y, z], a, c }, spot, .. }) = samples.peek() else { return Ok(Vec::new()) };
     let mut carriers = [x, y, z, a, c].map(|at| Axis::new(stage, step_s, at));
-    let mut mirrors = [0, 1].map(|k| Scanner::new(mirror, half[k], feed, step_s, spot[k]));
+    let mut mirrors = [0, 1].map(|k| Scanner::new(mirror, feed, step_s, spot[k]));
     let mut out = Vec::new();
     for Sample { axes, spot, on } in samples {
         let [x, y, z] = axes.xyz;
@@ -317,7 +320,8 @@ fn trailing(
         // Where the axes that are late see what is to be marked.
         let seen = Axes { xyz: [x, y, z], a, c }.sees(axes.spot(spot[0], spot[1]).p);
         let missed = [0, 1].map(|k| seen[k] - spot[k]);
-        let off = [0, 1].map(|k| mirrors[k].step(spot[k], missed[k]));
+        let half = half([0, 1].map(|k| spot[k] + missed[k]));
+        let off = [0, 1].map(|k| mirrors[k].step(spot[k], missed[k], half[k]));
         if on {
             let [lag, error, focus] = [missed[0].hypot(missed[1]), off[0].hypot(off[1]), seen[2]].map(|v| 1000.0 * v);
             out.push([lag, error, focus, step_s]);

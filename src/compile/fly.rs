@@ -99,10 +99,10 @@ pub fn fly(job: Job) -> Result<FlyPlan, Error> {
             let angle = job.file.limits.warn_incidence.as_rad();
             let wanted = Limits { focus, angle, field: room };
             let found = seven(&path, &relief, &rig, wanted, Tools::Gaussian)?;
-            let marks = found.deviation.iter().zip(path.weights()).filter(|(_, w)| *w > 0.0);
+            let marks = found.deviation.iter().zip(found.path.weights()).filter(|(_, w)| *w > 0.0);
             let worst = marks.fold(Deviation::default(), |worst, (&d, _)| worst.max(d));
             let deviations = Deviations { worst_fod_um: worst.focus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
-            (turning(&path, &rig, &found), Kind::Xyzacuv, deviations)
+            (turning(&rig, &found), Kind::Xyzacuv, deviations)
         }
         None => {
             let room = Room::of(&machine, focus)?;
@@ -169,7 +169,8 @@ fn upright(found: &Timed, relief: &Relief) -> Deviations {
 
 /// The motion of seven axes at the nodes of the path and the borders of the cells it was timed by; the spot runs
 /// straight from node to node.
-fn turning(path: &Path, rig: &Rig<'_>, found: &Seven) -> Motion {
+fn turning(rig: &Rig<'_>, found: &Seven) -> Motion {
+    let path = &found.path;
     let s = path.distances();
     let mut motion = Motion::default();
     let (mut hint, mut state, mut node) = (0, State::default(), 0);

@@ -3,7 +3,7 @@
 //!
 //! Held are: times that rise, pens that there are, marks that move; travel of X, Y, Z, A and C, the field of U
 //! and V, the speed of every axis, acceleration and jerk of X, Y and Z (what is measured: [`super::measure`]),
-//! of A, C, U and V where the machine file states them; the speed of marks on the part; the longest line. Moves are
+//! of A and C, and of U and V beside these, where the machine file states them; the speed of marks on the part; the longest line. Moves are
 //! straight, so what holds at their ends holds between them.
 //!
 //! Speeds, accelerations and jerks may be [`OVER`] above their limit: a motion that is solved on a grid keeps
@@ -201,7 +201,9 @@ fn limited(program: &Program, machine: &Machine) -> Vec<Limited> {
     let scanner = &machine.scanner;
     // How fast it may be depends on whether it marks.
     let most = [None, scanner.acceleration.map(|a| a.as_mm_s2()), scanner.jerk.map(|j| j.as_mm_s3())];
-    let mirrors = [(5, 'U'), (6, 'V')].map(|(axis, name)| Limited { axis, name, unit: "mm", most });
+    // With five axes its delays stand for what it loses at ends and corners, as in stepped jobs.
+    let mirrors = [(5, 'U'), (6, 'V')].into_iter().filter(|_| program.kind == Kind::Xyzacuv);
+    let mirrors = mirrors.map(|(axis, name)| Limited { axis, name, unit: "mm", most });
     stage.chain(table).chain(mirrors).collect()
 }
 

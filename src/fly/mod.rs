@@ -26,3 +26,4 @@ pub mod seven;
 pub mod spread;
 pub mod stops;
 pub mod sync;
+pub mod unwind;

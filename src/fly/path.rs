@@ -136,9 +136,13 @@ impl Path {
         out
     }
 
-    /// A share of its nodes, from the middle, that begins where a mark begins and ends where one ends, if one does.
+    /// A share of its nodes, from the middle, that begins where a mark begins and ends where one ends, where marks are
+    /// not too long for that.
     pub fn middle(&self, share: f64) -> Self {
         let count = ((self.len() as f64 * share.clamp(0.0, 1.0)).ceil() as usize).max(2).min(self.len());
+        if self.is_empty() {
+            return Self::default();
+        }
         let first = (self.len() - count) / 2;
         let marks = |i: usize| self.pen.get(i).copied().flatten().is_some();
         let runs = |i: usize| self.run.get(i).copied().flatten().is_some();
@@ -147,9 +151,10 @@ impl Path {
         let is_end = |i: usize| self.node[i] == Node::End;
         let begins = |i: &usize| goes(i + 1) && (is_end(*i) || !goes(*i));
         let ends = |i: &usize| goes(*i) && (is_end(*i) || !goes(i + 1));
-        let from = (first..self.len()).find(begins).unwrap_or(first);
-        let to = (from + 1..self.len()).find(|i| *i + 1 >= from + count && ends(i)).unwrap_or(self.len() - 1);
-        self.piece(from..to + 1)
+        let from = (first..first + count).find(begins).unwrap_or(first);
+        let enough = (from + count).min(self.len());
+        let to = (enough..(from + 2 * count).min(self.len() + 1)).find(|to| ends(&(to - 1))).unwrap_or(enough);
+        self.piece(from..to)
     }
 
     /// Some of its nodes, as a path of their own.
@@ -461,7 +466,8 @@ mod tests {
         assert_eq!(all.middle(1.0).at, all.at);
         // One mark alone is cut anywhere.
         let one: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i), 0.0, 0.0]).collect();
-        assert!(path(&[&one]).middle(0.1).len() >= 10);
+        assert_eq!(path(&[&one]).middle(0.1).len(), 10);
+        assert!(Path::default().middle(0.5).is_empty());
     }
 
     #[test]

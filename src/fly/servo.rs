@@ -160,8 +160,6 @@ pub enum Sum {
 #[derive(Clone, Copy, Debug)]
 pub struct Scanner {
     mirror: Axis,
-    /// Half of the scanner's field, mm.
-    half_field: f64,
     /// Whether and how the stage's error is fed to it.
     feed: Option<Protection>,
     sum: f64,
@@ -170,17 +168,17 @@ pub struct Scanner {
 
 impl Scanner {
     /// At rest at `at`; `mirror` is its servo, steps are `dt` s apart.
-    pub fn new(mirror: Servo, half_field: f64, feed: Option<Protection>, dt: f64, at: f64) -> Self {
-        Self { mirror: Axis::new(mirror, dt, at), half_field, feed, sum: 0.0, residual: 0.0 }
+    pub fn new(mirror: Servo, feed: Option<Protection>, dt: f64, at: f64) -> Self {
+        Self { mirror: Axis::new(mirror, dt, at), feed, sum: 0.0, residual: 0.0 }
     }
 
-    /// Goes on to the next sample: where it should be as planned, and what the stage misses there; how far the spot
-    /// is then off.
-    pub fn step(&mut self, planned: f64, missed: f64) -> f64 {
+    /// Goes on to the next sample: where it should be as planned, what the stage misses there, and half of the field;
+    /// how far the spot is then off.
+    pub fn step(&mut self, planned: f64, missed: f64, half_field: f64) -> f64 {
         let command = match self.feed {
             None => planned,
             Some(Protection::Off) => planned + missed,
-            Some(Protection::Saturate) => (planned + missed).clamp(-self.half_field, self.half_field),
+            Some(Protection::Saturate) => (planned + missed).clamp(-half_field, half_field),
             Some(Protection::Accumulated { sum: of, limit }) => {
                 self.sum += self.mirror.dt
                     * match of {
@@ -273,7 +271,7 @@ mod tests {
     /// while it swings too: where it goes at most, how far the spot is off.
     fn swing(feed: Option<Protection>, jolt: f64) -> (f64, f64) {
         let mut carrier = Axis::new(servo(20.0, 0.7), DT, 0.0);
-        let mut scanner = Scanner::new(servo(1000.0, 0.7), 5.0, feed, DT, 0.0);
+        let mut scanner = Scanner::new(servo(1000.0, 0.7), feed, DT, 0.0);
         let (mut most, mut squares) = (0.0f64, 0.0);
         for i in 0..40_000 {
             let time = DT * f64::from(i);
@@ -281,7 +279,7 @@ mod tests {
             let planned = 2.0 * (TAU * 2.0 * time).sin();
             let jolt = if (5000..7000).contains(&i) { jolt } else { 0.0 };
             let missed = stage - (carrier.step(stage) + 0.02 * (TAU * 8.0 * time).sin() + jolt);
-            let off = scanner.step(planned, missed);
+            let off = scanner.step(planned, missed, 5.0);
             most = most.max((planned + missed - off).abs());
             squares += if i < 10_000 { 0.0 } else { off * off };
         }

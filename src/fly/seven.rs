@@ -9,17 +9,16 @@
 //! Ma et al. (2025): Gaussian smoothing in arc length, as strong as focal offset, beam angle and displacement
 //! allow, searched from 30,000 um down by 0.95; here then by bisection up to the limit.
 
-use std::f64::consts::TAU;
-
 use rayon::prelude::*;
 
 use super::decompose::{Family, Limits, Rung, ladder, refine, rms_bend, seven_axes, stage};
-use super::kinematics::{Axes, Branches, Deviation, Pose, follow, turned};
+use super::kinematics::{Axes, Branches, Deviation, Pose, follow};
 use super::motion::AXES;
 use super::pace::{self, Limit, Timed};
 use super::path::{Node, Path};
 use super::relief::Relief;
 use super::servo::Servo;
+use super::unwind::unwound;
 use crate::diag::Error;
 use crate::machine::{Letter, Machine};
 use crate::program::Pen;
@@ -45,7 +44,9 @@ pub struct Seven {
     pub ladder: Ladder,
     /// Standard deviation of the smoothing, mm of path; None where nothing is smoothed.
     pub sigma: Option<f64>,
-    /// Stage axes at the nodes of the path, seen from the rig's pivot.
+    /// The path, with the nodes that C needs to turn back.
+    pub path: Path,
+    /// Stage axes at its nodes, seen from the rig's pivot.
     pub axes: Vec<Axes>,
     /// Deviation of each node from its tool.
     pub deviation: Vec<Deviation>,
@@ -62,6 +63,8 @@ pub struct Rig<'a> {
     pub pens: &'a [Pen],
     /// What X, Y, Z, A, C, U and V can do.
     pub limits: [Limit; AXES],
+    /// Travel of C as the motion counts it.
+    pub c_travel: [f64; 2],
     /// The point of the part about which A and C turn: how far marks lie from it decides how X, Y and Z must go along.
     pub pivot: [f64; 3],
 }
@@ -90,17 +93,21 @@ impl<'a> Rig<'a> {
         };
         let [x, y, z] = linear;
         let pivot = [0, 1, 2].map(|k| table.pivot[k].as_mm() - origin[k]);
-        Some(Self { machine, pens, limits: [x, y, z, a?, c?, spot, spot], pivot })
+        // A positive command turns the part right-handed; a positive C of the motion turns it the other way.
+        let turntable = &table.axes[1];
+        let [lo, hi] = turntable.travel.map(|t| t.as_rad());
+        let c_travel = if turntable.reversed { [lo, hi] } else { [-hi, -lo] };
+        Some(Self { machine, pens, limits: [x, y, z, a?, c?, spot, spot], c_travel, pivot })
     }
 
-    /// How far the spot may be from the optical axis: the field in any direction, less what X and Y trail by at top
-    /// speed, but half of it at least.
+    /// How far the spot may be from the optical axis: the field in any direction, less what X and Y trail by when both
+    /// run at top speed, but half of it at least.
     ///
     /// # Errors
     /// As [`Servo::new`].
     pub fn room(&self) -> Result<f64, Error> {
         let (reach, [x, y]) = (self.machine.field_reach(), Servo::trails(self.machine)?);
-        Ok(reach - x.max(y).min(reach / 2.0))
+        Ok(reach - x.hypot(y).min(reach / 2.0))
     }
 
     /// A point of the part seen from the pivot.
@@ -117,38 +124,9 @@ impl<'a> Rig<'a> {
         Branches::Quickest { a: self.limits[3].speed, c: self.limits[4].speed }
     }
 
-    /// Turns C back by whole turns in the dark before a mark that would leave its travel, as far as it can, so that it
-    /// need not soon again. A mark that needs more than all of the travel is left as it is.
-    fn unwind(&self, path: &Path, axes: &mut [Axes]) {
-        let Some(table) = &self.machine.tilt else { return };
-        let [lo, hi] = table.axes[1].travel.map(|t| t.as_rad());
-        let marks = |i: usize| path.pen.get(i).copied().flatten().is_some();
-        let (mut turns, mut last, mut at) = (0.0, None, 0);
-        while at < axes.len() {
-            let end = (at + 1..axes.len()).find(|&i| !marks(i)).unwrap_or(axes.len());
-            if !marks(at + 1) {
-                at += 1;
-                continue;
-            }
-            let none = [f64::INFINITY, f64::NEG_INFINITY];
-            let needs = axes[at..end].iter().fold(none, |e, a| [e[0].min(a.c), e[1].max(a.c)]);
-            let [fewest, most] = [((lo - needs[0]) / TAU).ceil(), ((hi - needs[1]) / TAU).floor()];
-            let mut next: f64 = turns;
-            if fewest <= most && !(fewest..=most).contains(&turns) {
-                next = if turns > most { fewest } else { most };
-            }
-            let from = last.map_or(0, |l: usize| l + 1);
-            for (k, axes) in axes[from..at].iter_mut().enumerate() {
-                let share = last.map_or(1.0, |l| (from + k - l) as f64 / (at - l) as f64);
-                let tool = axes.tool();
-                axes.c += TAU * (turns + share * (next - turns));
-                axes.xyz = turned(axes.a, axes.c, tool.p);
-            }
-            axes[at..end].iter_mut().for_each(|a| a.c += TAU * next);
-            (turns, last, at) = (next, Some(end - 1), end);
-        }
-        let from = last.map_or(0, |l| l + 1);
-        axes[from..].iter_mut().for_each(|a| a.c += TAU * turns);
+    /// The path with its axes, where C turns back in time.
+    fn unwound(&self, path: &Path, axes: &[Axes]) -> (Path, Vec<Axes>) {
+        unwound(path, axes, self.c_travel)
     }
 
     /// Axis values at a node of the path: X, Y, Z, A, C, U, V.
@@ -189,16 +167,18 @@ pub fn seven(path: &Path, relief: &Relief, rig: &Rig<'_>, limits: Limits, tools:
         (rungs, sigma, rig.all(even.tools(Family::Gaussian, sigma, relief, &s)))
     });
     let marks = rig.all(marks);
-    let mut axes = match (&smoothed, tools) {
+    let axes = match (&smoothed, tools) {
         (Some((.., tools)), _) => follow(tools, rig.branches()),
         (None, Tools::LeastAcceleration) => seven_axes(&marks, &steps(&s), limits),
         (None, _) => follow(&marks, rig.branches()),
     };
-    rig.unwind(path, &mut axes);
+    let (path, axes) = rig.unwound(path, &axes);
+    let s = path.distances();
+    let marks = rig.all(self::marks(&path, relief));
     let deviation: Vec<Deviation> = marks.iter().zip(&axes).map(|(m, a)| Deviation::of(m, &a.tool())).collect();
-    let timed = rig.time(path, &s, &axes, 1)?;
+    let timed = rig.time(&path, &s, &axes, 1)?;
     let (ladder, sigma) = smoothed.map_or((Vec::new(), None), |(ladder, sigma, _)| (ladder, Some(sigma)));
-    Ok(Seven { ladder, sigma, axes, deviation, timed })
+    Ok(Seven { ladder, sigma, path, axes, deviation, timed })
 }
 
 impl Seven {
@@ -206,11 +186,11 @@ impl Seven {
     ///
     /// # Errors
     /// As [`seven`].
-    pub fn convergence(&self, path: &Path, rig: &Rig<'_>, length: f64) -> Result<Vec<[f64; 2]>, Error> {
-        let mut s = path.distances();
+    pub fn convergence(&self, rig: &Rig<'_>, length: f64) -> Result<Vec<[f64; 2]>, Error> {
+        let mut s = self.path.distances();
         s.truncate(s.partition_point(|&s| s <= length).max(2).min(s.len()));
         let on = |refine| {
-            let timed = rig.time(path, &s, &self.axes, refine)?;
+            let timed = rig.time(&self.path, &s, &self.axes, refine)?;
             Ok([timed.report().cells as f64, timed.total_s()])
         };
         [1, 2, 4].into_iter().map(on).collect()
@@ -253,6 +233,9 @@ pub fn shared(
         Some((_, tools)) => follow(tools, rig.branches()),
         None => seven_axes(&marks, &steps(&s), limits),
     };
+    let (path, axes) = rig.unwound(path, &axes);
+    let s = path.distances();
+    let marks = rig.all(self::marks(&path, relief));
     let tools: Vec<Pose> = axes.iter().map(Axes::tool).collect();
     let xyz: Vec<[f64; 3]> = axes.iter().map(|a| a.xyz).collect();
     let speed = rig.pens.first().map_or(0.0, |pen| pen.speed.as_mm_s());
@@ -260,7 +243,7 @@ pub fn shared(
         strength: found.map(|f| f.0),
         worst: worst(&tools, &marks, &path.weights()),
         rms_acceleration: rms_bend(&xyz, &steps(&s)) * speed * speed,
-        time_s: rig.time(path, &s, &axes, 1)?.total_s(),
+        time_s: rig.time(&path, &s, &axes, 1)?.total_s(),
     })
 }
 

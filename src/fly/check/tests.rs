@@ -74,9 +74,6 @@ fn every_limit_is_held() {
     assert_eq!(codes(|p, _| swing(p, 0.07)), ["fly-acceleration", "fly-jerk"]);
     assert_eq!(codes(|p, _| p.pens[0].speed = Speed::mm_s(90.0)), ["fly-mark-speed"]);
     assert_eq!(codes(|p, _| p.moves[100].us = 101_000), ["fly-speed"], "a jump of 10 m/s");
-    // From 100 mm/s on to 1000 mm/s back at once.
-    assert_eq!(codes(|_, m| m.scanner.acceleration = "20000 mm/s2".parse().ok()), ["fly-acceleration"]);
-    assert_eq!(codes(|_, m| m.scanner.jerk = "1000000 mm/s3".parse().ok()), ["fly-jerk"]);
     assert_eq!(codes(|_, m| m.controller.max_line = 40), ["fly-line"]);
     assert_eq!(codes(|p, _| p.pens[0].power = Power::Absolute(crate::units::Watts::w(20.0))), ["pen-power"]);
     assert_eq!(codes(|p, _| p.moves.iter_mut().for_each(|m| m.mark = None)), ["job-empty"]);
@@ -87,10 +84,11 @@ fn every_limit_is_held() {
 
 #[test]
 fn turning_axes_have_limits_of_their_own() {
-    let turned = |size: f64| {
+    let turned = |size: f64, scanner: Option<&str>| {
         let mut machine = Machine::built_in("xyzac-galvo-10").expect("profile");
+        let most = scanner.and_then(|a| a.parse().ok());
         let scanner = &mut machine.scanner;
-        (scanner.max_mark_speed, scanner.acceleration, scanner.jerk) = (Speed::mm_s(1e6), None, None);
+        (scanner.max_mark_speed, scanner.acceleration, scanner.jerk) = (Speed::mm_s(1e6), most, None);
         let axis = &mut machine.tilt.as_mut().expect("a table").axes[1];
         (axis.speed, axis.acceleration) = ("0.2 rad/s".parse().ok(), "20 rad/s2".parse().ok());
         axis.jerk = None;
@@ -106,6 +104,9 @@ fn turning_axes_have_limits_of_their_own() {
         Checked::new(p, &machine).map_or_else(|e| e.diags().iter().map(|d| d.code).collect(), |_| Vec::new())
     };
     // 163 and 15,791 times its size of speed and acceleration: limits are 11.5 and 1146 degrees.
-    assert_eq!(turned(0.06), Vec::<&str>::new());
-    assert_eq!(turned(0.08), ["fly-speed", "fly-acceleration"]);
+    assert_eq!(turned(0.06, None), Vec::<&str>::new());
+    assert_eq!(turned(0.08, None), ["fly-speed", "fly-acceleration"]);
+    // U goes on at 10 mm/s and back at 100 mm/s at once.
+    assert_eq!(turned(0.06, Some("10000 mm/s2")), ["fly-acceleration"]);
+    assert_eq!(turned(0.06, Some("100000 mm/s2")), Vec::<&str>::new());
 }

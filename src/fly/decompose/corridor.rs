@@ -114,16 +114,18 @@ pub fn rms_bend<const N: usize>(positions: &[[f64; N]], steps: &[f64]) -> f64 {
     let (mut sum, mut way) = (0.0, 0.0);
     for ((p, [a, b, c]), w) in positions.windows(3).zip(seconds(positions.len(), steps)).zip(steps.windows(2)) {
         sum += (0..N).map(|k| (a * p[0][k] + b * p[1][k] + c * p[2][k]).powi(2)).sum::<f64>();
-        way += 0.5 * (w[0] + w[1]) / mean;
+        way += 0.5 * w.iter().map(|s| (s / mean).max(LEAST)).sum::<f64>();
     }
     if way > 0.0 { (sum / way).sqrt() / (mean * mean) } else { 0.0 }
 }
 
+/// Steps shorter than this share of their mean count as that: nearer samples would make their factors enormous, and
+/// tell nothing.
+const LEAST: f64 = 0.05;
+
 /// Factors of three neighbours in the divided second difference around each sample but the ends, times the root of
 /// how much of the way it stands for; steps count in their mean.
 fn seconds(count: usize, steps: &[f64]) -> Vec<[f64; 3]> {
-    // Nearer samples would make their factors enormous, and tell nothing.
-    const LEAST: f64 = 0.05;
     let even = count.saturating_sub(2);
     if steps.is_empty() {
         return vec![[1.0, -2.0, 1.0]; even];

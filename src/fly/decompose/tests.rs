@@ -435,3 +435,11 @@ fn a_paced_corridor_keeps_speed_and_acceleration_and_is_the_corridor_where_they_
     let open = super::paced(&start, &ends, [f64::INFINITY; 2]);
     assert!((rms(&open) / rms(&free) - 1.0).abs() < 1e-3, "{} {}", rms(&open), rms(&free));
 }
+
+#[test]
+fn the_bend_of_a_parabola_is_the_same_on_uneven_nodes() {
+    let s: Vec<f64> = (0..400).map(|i| f64::from(i) * 0.1 + 0.03 * f64::from(i % 3)).collect();
+    let steps: Vec<f64> = s.windows(2).map(|w| w[1] - w[0]).collect();
+    let at: Vec<[f64; 2]> = s.iter().map(|s| [1.5 * s * s, 7.0 - 2.0 * s * s]).collect();
+    assert!((rms_bend(&at, &steps) - 5.0).abs() < 1e-6, "{}", rms_bend(&at, &steps));
+}

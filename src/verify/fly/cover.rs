@@ -1,5 +1,7 @@
 //! `once`, `coverage`: what marks share of a stroke, and what they leave.
 
+use std::collections::BTreeMap;
+
 use super::track::{Stroke, Trace};
 use crate::verify::depth::{Ground, Line, Scratch, Slope};
 use crate::verify::facts::Facts;
@@ -16,21 +18,61 @@ pub(super) struct Cover {
     pub(super) to: f64,
 }
 
-/// Adds what a mark covers, of a closed stroke in two pieces where it runs over its seam.
-pub(super) fn add(stroke: u32, line: &Stroke, trace: &Trace, out: &mut Vec<Cover>) {
+/// What a mark covers, of a closed stroke in two pieces where it runs over its seam.
+pub(super) fn of(stroke: u32, line: &Stroke, trace: &Trace) -> Vec<Cover> {
     let (from, to) = (trace.from.min(trace.to), trace.from.max(trace.to));
     let length = line.len();
     if !line.is_closed() {
-        out.push(Cover { stroke, from: from.max(0.0), to: to.min(length) });
-        return;
+        return vec![Cover { stroke, from: from.max(0.0) + 0.0, to: to.min(length) }];
     }
     let (first, last) = ((from / length).floor() as i64, (to / length).ceil() as i64);
-    for turn in first..last {
-        let shift = turn as f64 * length;
-        let (from, to) = ((from - shift).max(0.0), (to - shift).min(length));
-        if to > from {
-            out.push(Cover { stroke, from, to });
+    let turns = (first..last).map(|turn| turn as f64 * length);
+    turns
+        .map(|shift| Cover { stroke, from: (from - shift).max(0.0) + 0.0, to: (to - shift).min(length) })
+        .filter(|cover| cover.to > cover.from)
+        .collect()
+}
+
+/// What marks cover. Where a stroke runs back over itself a mark may lie in more than one place: it is given the one
+/// of which the least is covered when all marks that have but one place are.
+#[derive(Default)]
+pub(super) struct Covers {
+    sure: Vec<Cover>,
+    /// Of each mark its places, of each place its pieces.
+    open: Vec<Vec<Vec<Cover>>>,
+}
+
+impl Covers {
+    /// Adds a mark by the places where it may lie.
+    pub(super) fn add(&mut self, mut places: Vec<Vec<Cover>>) {
+        match places.len() {
+            0 => {}
+            1 => self.sure.append(&mut places[0]),
+            _ => self.open.push(places),
         }
+    }
+
+    /// All, by strokes and places.
+    pub(super) fn sorted(self) -> Vec<Cover> {
+        // By where they begin; places are not negative (nor -0), and so their bits are in the order of their values.
+        let key = |c: &Cover| (c.stroke, c.from.to_bits(), c.to.to_bits());
+        let mut taken: BTreeMap<(u32, u64, u64), Cover> = self.sure.iter().map(|c| (key(c), *c)).collect();
+        let mut out = self.sure;
+        for places in self.open {
+            let shared = |c: &Cover, taken: &BTreeMap<(u32, u64, u64), Cover>| {
+                let before = taken.range((c.stroke, 0, 0)..(c.stroke, c.to.to_bits(), 0)).rev();
+                let beside = before.map(|(_, t)| t).take_while(|t| t.to > c.from);
+                beside.map(|t| t.to.min(c.to) - t.from.max(c.from)).sum::<f64>()
+            };
+            let cost = |place: &Vec<Cover>| place.iter().map(|c| shared(c, &taken)).sum::<f64>();
+            let Some(best) = places.into_iter().map(|p| (cost(&p), p)).min_by(|a, b| a.0.total_cmp(&b.0)) else {
+                continue;
+            };
+            taken.extend(best.1.iter().map(|c| (key(c), *c)));
+            out.extend(best.1);
+        }
+        out.sort_by_key(key);
+        out
     }
 }
 

@@ -49,7 +49,9 @@ fn all(machine: &Machine, leans: bool) -> Vec<Limit> {
     }
     // Where U and V may go is the field's to say, and how fast is looked at below, by marks and jumps.
     let scanner = &machine.scanner;
-    out.extend([(5, 'U'), (6, 'V')].map(|(axis, name)| Limit {
+    // With five axes the scanner's delays stand for what it loses at ends and corners, as in stepped jobs.
+    let mirrors = [(5, 'U'), (6, 'V')].into_iter().filter(|_| leans);
+    out.extend(mirrors.map(|(axis, name)| Limit {
         name,
         axis,
         travel: [f64::NEG_INFINITY, f64::INFINITY],

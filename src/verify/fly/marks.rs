@@ -72,14 +72,15 @@ impl<'a> Looker<'a> {
         Self { chain, ground, heights, wanted, scratch, feet: Vec::new(), worst: Worst::default() }
     }
 
-    /// Looks at one mark: its moves, each with where it begins, and the stroke that it claims.
+    /// Looks at one mark: its moves, each with where it begins, and the stroke that it claims. All places on the stroke
+    /// that it may be, the best first.
     pub(super) fn mark(
         &mut self,
         place: &str,
         legs: &[([i64; AXES], Step)],
         stroke: &Stroke,
         rules: &mut Rules<'_>,
-    ) -> Option<Trace> {
+    ) -> Vec<Trace> {
         self.feet.clear();
         let mut off_part = false;
         for (i, (from, step)) in legs.iter().enumerate() {
@@ -113,7 +114,8 @@ impl<'a> Looker<'a> {
                 self.upright(&start, &end, &place, rules);
             }
         }
-        let trace = stroke.follow(&self.feet, STRAY)?;
+        let traces = stroke.follow(&self.feet, STRAY);
+        let Some(trace) = traces.first() else { return traces };
         rules.position.checked += self.feet.len() as u64;
         self.worst.stray = self.worst.stray.max(trace.worst);
         let first = legs.first().map_or(0, |l| l.1.line);
@@ -122,7 +124,7 @@ impl<'a> Looker<'a> {
             let text = format!("a mark lies {:.4} um beside its stroke at ({x:.6}, {y:.6}) mm", trace.worst / 1e3);
             rules.position.broken("", format!("{place}:{first}"), text);
         }
-        Some(trace)
+        traces
     }
 
     /// Holds focal offset and angle of a foot.

@@ -16,7 +16,7 @@ mod track;
 use std::path::Path;
 
 use chain::Chain;
-use cover::{Cover, Holder};
+use cover::{Covers, Holder};
 use marks::{Looker, Rules, Wanted, Worst};
 use track::Stroke;
 
@@ -154,7 +154,7 @@ fn check_marks(
     }
     let wanted = Wanted { defocus: facts.defocus_limit_nm(), lean: facts.max_incidence_rad };
     let mut looker = Looker::new(chain, ground, wanted);
-    let mut covers: Vec<Cover> = Vec::new();
+    let mut covers = Covers::default();
     let mut points: Vec<P2> = Vec::new();
     let mut kept: Option<(u32, u16, Stroke)> = None;
     let mut legs: Vec<([i64; AXES], Step)> = Vec::new();
@@ -180,19 +180,18 @@ fn check_marks(
             position.broken("", place(), format!("is marked with pen {}, drawn with pen {}", claim.pen, pen + 1));
         }
         let mut rules = Rules { position: &mut *position, focus: &mut *focus, ground: &mut *bare };
-        if let Some(trace) = looker.mark(name, &legs, stroke, &mut rules) {
-            if trace.back > marks::STRAY {
-                once.broken("", place(), format!("a mark runs back over {:.6} mm", trace.back / 1e6));
-            }
-            // What lies elsewhere covers nothing.
-            if trace.worst <= marks::STRAY {
-                cover::add(claim.stroke, stroke, &trace, &mut covers);
-            }
+        let traces = looker.mark(name, &legs, stroke, &mut rules);
+        let back = traces.first().map_or(0.0, |t| t.back);
+        if back > marks::STRAY {
+            once.broken("", place(), format!("a mark runs back over {:.6} mm", back / 1e6));
         }
+        // What lies elsewhere covers nothing.
+        let places = traces.iter().filter(|t| t.worst <= marks::STRAY).map(|t| cover::of(claim.stroke, stroke, t));
+        covers.add(places.collect());
         legs.clear();
     }
     findings.worst = looker.worst;
-    covers.sort_by(|a, b| a.stroke.cmp(&b.stroke).then(a.from.total_cmp(&b.from)).then(a.to.total_cmp(&b.to)));
+    let covers = covers.sorted();
     let mut holder = Holder { ground, facts, scratch: Scratch::default(), lengths: Lengths::default() };
     let mut rest = covers.as_slice();
     for i in 0..texture.len() {

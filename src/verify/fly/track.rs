@@ -109,9 +109,10 @@ impl Stroke {
     }
 
     /// Follows the feet of a mark; `limit` is how far it may stray. A stroke that crosses or meets itself is
-    /// tried from all its places near the first foot.
-    pub(super) fn follow(&self, feet: &[[f64; 2]], limit: f64) -> Option<Trace> {
-        let first = *feet.first()?;
+    /// tried from all its places near the first foot, both ways. The best first, then others that are within the
+    /// limit: a stroke that runs back over itself has more than one place for a mark.
+    pub(super) fn follow(&self, feet: &[[f64; 2]], limit: f64) -> Vec<Trace> {
+        let Some(&first) = feet.first() else { return Vec::new() };
         let mut starts: Vec<(f64, f64)> = Vec::new();
         let mut nearest: Option<(f64, f64)> = None;
         for i in 0..self.points.len() - 1 {
@@ -131,20 +132,25 @@ impl Stroke {
         if starts.is_empty() {
             starts.extend(nearest);
         }
-        let mut best: Option<Trace> = None;
+        let cost = |t: &Trace| t.worst.max(t.back);
+        let mut out: Vec<Trace> = Vec::new();
         for start in starts {
-            let trace = self.followed(feet, start);
-            let cost = |t: &Trace| t.worst.max(t.back);
-            if best.as_ref().is_none_or(|b| cost(&trace) < cost(b)) {
-                best = Some(trace);
-            }
+            let trace = self.followed(feet, start, None);
+            let other = self.followed(feet, start, Some(trace.to <= trace.from));
+            out.extend([trace, other]);
         }
-        best
+        out.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
+        let mut kept = 0;
+        out.retain(|t| {
+            kept += 1;
+            kept == 1 || cost(t) <= limit
+        });
+        out
     }
 
-    fn followed(&self, feet: &[[f64; 2]], (from, off): (f64, f64)) -> Trace {
+    /// From a place on, one way or the one that is nearer.
+    fn followed(&self, feet: &[[f64; 2]], (from, off): (f64, f64), mut forward: Option<bool>) -> Trace {
         let mut trace = Trace { from, to: from, worst: off, at: feet[0], back: 0.0 };
-        let mut forward: Option<bool> = None;
         for pair in feet.windows(2) {
             let (before, foot) = (pair[0], pair[1]);
             let reach = 1.5 * distance(before, foot) + SPARE;
@@ -221,24 +227,39 @@ mod tests {
         // A loop that crosses itself at (100, 100).
         let s = stroke(&[[0, 100], [200, 100], [200, 200], [100, 200], [100, 0]]);
         let along = feet(&[[100.0, 150.0], [100.0, 100.0], [100.0, 50.0]]);
-        let t = s.follow(&along, 1000.0).expect("a trace");
+        let t = s.follow(&along, 1000.0)[0];
         assert_eq!((t.from, t.to, t.worst, t.back), (450_000.0, 550_000.0, 0.0, 0.0));
-        let t = s.follow(&feet(&[[100.0, 100.0], [0.0, 100.2]]), 1000.0).expect("a trace");
+        let t = s.follow(&feet(&[[100.0, 100.0], [0.0, 100.2]]), 1000.0)[0];
         assert_eq!((t.from, t.to), (100_000.0, 0.0));
         assert!((t.worst - 200.0).abs() < 1e-9);
         // A cut corner is seen, though both ends lie on the stroke.
-        let t = s.follow(&feet(&[[195.0, 100.0], [200.0, 105.0]]), 1000.0).expect("a trace");
+        let t = s.follow(&feet(&[[195.0, 100.0], [200.0, 105.0]]), 1000.0)[0];
         assert!((t.worst - 5000.0 / 2f64.sqrt()).abs() < 1.0, "{t:?}");
         let square = stroke(&[[0, 0], [100, 0], [100, 100], [0, 100], [0, 0]]);
         let round = feet(&[[0.0, 50.0], [0.0, 0.0], [100.0, 0.0], [100.0, 100.0], [0.0, 100.0], [0.0, 50.0]]);
-        let t = square.follow(&round, 1000.0).expect("a trace");
+        let t = square.follow(&round, 1000.0)[0];
         assert!(((t.to - t.from).abs() - 400_000.0).abs() < 1.0 && t.worst < 1.0, "{t:?}");
+    }
+
+    #[test]
+    fn a_stroke_that_runs_back_over_itself_has_two_places_for_a_mark() {
+        let s = stroke(&[[0, 0], [1000, 0], [0, 0]]);
+        let places = |feet: &[[f64; 2]]| {
+            let mut found: Vec<[f64; 2]> = s.follow(feet, 1000.0).iter().map(|t| [t.from, t.to]).collect();
+            found.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+            found
+        };
+        let middle = places(&feet(&[[300.0, 0.0], [350.0, 0.0], [400.0, 0.0]]));
+        assert_eq!(middle, [[300_000.0, 400_000.0], [1_700_000.0, 1_600_000.0]]);
+        // From where it turns, one way or the other.
+        let turn = places(&feet(&[[1000.0, 0.0], [900.0, 0.0]]));
+        assert_eq!(turn, [[1_000_000.0, 900_000.0], [1_000_000.0, 1_100_000.0]]);
     }
 
     #[test]
     fn a_mark_that_turns_back_is_seen() {
         let s = stroke(&[[0, 0], [1000, 0]]);
-        let t = s.follow(&feet(&[[100.0, 0.0], [300.0, 0.0], [250.0, 0.0], [400.0, 0.0]]), 1000.0).expect("a trace");
+        let t = s.follow(&feet(&[[100.0, 0.0], [300.0, 0.0], [250.0, 0.0], [400.0, 0.0]]), 1000.0)[0];
         assert!((t.back - 50_000.0).abs() < 1.0 && (t.to - 400_000.0).abs() < 1.0, "{t:?}");
     }
 }
