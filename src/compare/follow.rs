@@ -12,7 +12,7 @@ use crate::fly::pace::{self, State};
 use crate::fly::path::Path;
 use crate::fly::schedule::Schedule;
 use crate::fly::servo::{Axis, Protection, Scanner, Servo};
-use crate::fly::seven::{Rig, Seven, Shared, Tools, seven, shared};
+use crate::fly::seven::{Rig, Seven, Shared, Tools, seven};
 use crate::fly::spread::Spread;
 use crate::fly::stops::stop_at_every_point;
 use crate::fly::sync::{Room, Sync, Timed, Turn, ends, quickest, step_scan_s, synchronise, synchronised_s};
@@ -67,7 +67,7 @@ impl<'a> Follower<'a> {
         let by: &dyn Fn(&mut Curves) -> Result<Figures, String> = match system {
             System::Sync => &|c| self.synchronised(c),
             System::SyncBands => &|_| self.bands(),
-            System::Seven => &|c| self.turning(Tools::Gaussian, c),
+            System::Seven => &|c| self.turning(Tools::Filtered(Family::Gaussian), c),
             System::SevenSmooth => &|c| self.turning(Tools::LeastAcceleration, c),
             System::Five => &|c| self.turning(Tools::OnTheMark, c),
             _ => return None,
@@ -227,13 +227,13 @@ impl<'a> Follower<'a> {
         };
         let room = Limits { field: rig.room().map_err(|e| reason(&e))?, ..ground.limits };
         let made = seven(&self.thin, &ground.relief, &rig, room, tools).map_err(|e| reason(&e))?;
-        if tools == Tools::Gaussian {
+        if tools == Tools::Filtered(Family::Gaussian) {
             curves.ladder.clone_from(&made.ladder);
             curves.seven = Some(room);
             curves.convergence = made.convergence(&rig, SHOWN).map_err(|e| reason(&e))?;
             self.draw(&rig, &made, curves);
             curves.shared = self.shared(&rig, room)?;
-            notes.push(format!("sigma {:.0} um", made.sigma.unwrap_or_default() * 1000.0));
+            notes.push(format!("sigma {:.0} um", made.strength.unwrap_or_default() * 1000.0));
         }
         notes.extend(beyond(rig.machine, ends(made.axes.iter().map(|a| a.xyz))));
         notes.extend(turns_beyond(rig.machine, &made.axes));
@@ -247,15 +247,13 @@ impl<'a> Follower<'a> {
     fn shared(&self, rig: &Rig<'_>, room: Limits) -> Result<Vec<(&'static str, Shared)>, String> {
         let count = self.thin.distances().partition_point(|&s| s <= SHOWN).max(2).min(self.thin.len());
         let first = self.thin.piece(0..count);
-        let families = FAMILIES.map(|(name, family)| (name, Some(family)));
-        let all: Vec<(&'static str, Option<Family>)> =
-            families.into_iter().chain([("least acceleration", None)]).collect();
-        all.into_par_iter()
-            .map(|(name, family)| {
-                let found = shared(&first, &self.ground.relief, rig, room, family).map_err(|e| reason(&e))?;
-                Ok((name, found))
-            })
-            .collect()
+        let mut all = FAMILIES.map(|(name, family)| (name, Tools::Filtered(family))).to_vec();
+        all.push(("least acceleration", Tools::LeastAcceleration));
+        let of = |(name, tools)| {
+            let made = seven(&first, &self.ground.relief, rig, room, tools).map_err(|e| reason(&e))?;
+            Ok((name, made.shared(rig)))
+        };
+        all.into_par_iter().map(of).collect()
     }
 
     fn draw(&self, rig: &Rig<'_>, made: &Seven, curves: &mut Curves) {

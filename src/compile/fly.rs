@@ -6,8 +6,8 @@
 
 use crate::diag::{Diag, Error, Place};
 use crate::fly::check::{self, Checked};
-use crate::fly::decompose::Limits;
-use crate::fly::kinematics::{Deviation, turned};
+use crate::fly::decompose::{Family, Limits};
+use crate::fly::kinematics::turned;
 use crate::fly::motion::{AXES, Motion};
 use crate::fly::pace::State;
 use crate::fly::path::Path;
@@ -98,9 +98,8 @@ pub fn fly(job: Job) -> Result<FlyPlan, Error> {
             let room = rig.room()? - SPARE;
             let angle = job.file.limits.warn_incidence.as_rad();
             let wanted = Limits { focus, angle, field: room };
-            let found = seven(&path, &relief, &rig, wanted, Tools::Gaussian)?;
-            let marks = found.deviation.iter().zip(found.path.weights()).filter(|(_, w)| *w > 0.0);
-            let worst = marks.fold(Deviation::default(), |worst, (&d, _)| worst.max(d));
+            let found = seven(&path, &relief, &rig, wanted, Tools::Filtered(Family::Gaussian))?;
+            let worst = found.worst();
             let deviations = Deviations { worst_fod_um: worst.focus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
             (turning(&rig, &found), Kind::Xyzacuv, deviations)
         }

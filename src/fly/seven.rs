@@ -26,8 +26,8 @@ use crate::program::Pen;
 /// How the tool's path is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tools {
-    /// Gaussian smoothing (the article).
-    Gaussian,
+    /// Smoothed as strongly as the limits allow; by the Gaussian in the article.
+    Filtered(Family),
     /// Least acceleration of the axes within the limits.
     LeastAcceleration,
     /// On the mark itself: five axes, the scanner rests.
@@ -42,8 +42,8 @@ pub type Ladder = Vec<Rung<Deviation>>;
 pub struct Seven {
     /// The strengths of smoothing that were tried, to the first that holds.
     pub ladder: Ladder,
-    /// Standard deviation of the smoothing, mm of path; None where nothing is smoothed.
-    pub sigma: Option<f64>,
+    /// The one that was taken, mm of path (of the Gaussian sigma); None where nothing is smoothed.
+    pub strength: Option<f64>,
     /// The path, with the nodes that C needs to turn back.
     pub path: Path,
     /// Stage axes at its nodes, seen from the rig's pivot.
@@ -124,11 +124,6 @@ impl<'a> Rig<'a> {
         Branches::Quickest { a: self.limits[3].speed, c: self.limits[4].speed }
     }
 
-    /// The path with its axes, where C turns back in time.
-    fn unwound(&self, path: &Path, axes: &[Axes]) -> (Path, Vec<Axes>) {
-        unwound(path, axes, self.c_travel)
-    }
-
     /// Axis values at a node of the path: X, Y, Z, A, C, U, V.
     pub fn values(&self, axes: &Axes, p: [f64; 3]) -> [f64; AXES] {
         let [u, v, _] = axes.sees(self.sees(p));
@@ -161,24 +156,25 @@ impl<'a> Rig<'a> {
 pub fn seven(path: &Path, relief: &Relief, rig: &Rig<'_>, limits: Limits, tools: Tools) -> Result<Seven, Error> {
     let s = path.distances();
     let marks = marks(path, relief);
-    let smoothed = (tools == Tools::Gaussian).then(|| {
+    let filtered = |family: Family| {
         let even = Even::of(path, &s);
-        let (rungs, sigma) = even.smoothing(Family::Gaussian, &marks, &path.weights(), relief, &s, limits);
-        (rungs, sigma, rig.all(even.tools(Family::Gaussian, sigma, relief, &s)))
-    });
+        let (rungs, strength) = even.smoothing(family, &marks, &path.weights(), relief, &s, limits);
+        (rungs, Some(strength), rig.all(even.tools(family, strength, relief, &s)))
+    };
+    let filtered = if let Tools::Filtered(family) = tools { Some(filtered(family)) } else { None };
     let marks = rig.all(marks);
-    let axes = match (&smoothed, tools) {
+    let axes = match (&filtered, tools) {
         (Some((.., tools)), _) => follow(tools, rig.branches()),
         (None, Tools::LeastAcceleration) => seven_axes(&marks, &steps(&s), limits),
         (None, _) => follow(&marks, rig.branches()),
     };
-    let (path, axes) = rig.unwound(path, &axes);
+    let (path, axes) = unwound(path, &axes, rig.c_travel);
     let s = path.distances();
     let marks = rig.all(self::marks(&path, relief));
     let deviation: Vec<Deviation> = marks.iter().zip(&axes).map(|(m, a)| Deviation::of(m, &a.tool())).collect();
     let timed = rig.time(&path, &s, &axes, 1)?;
-    let (ladder, sigma) = smoothed.map_or((Vec::new(), None), |(ladder, sigma, _)| (ladder, Some(sigma)));
-    Ok(Seven { ladder, sigma, path, axes, deviation, timed })
+    let (ladder, strength, _) = filtered.unwrap_or_default();
+    Ok(Seven { ladder, strength, path, axes, deviation, timed })
 }
 
 impl Seven {
@@ -210,41 +206,24 @@ pub struct Shared {
     pub time_s: f64,
 }
 
-/// Shares a path out by a family of filters, or by least acceleration where none is given.
-///
-/// # Errors
-/// As [`seven`].
-pub fn shared(
-    path: &Path,
-    relief: &Relief,
-    rig: &Rig<'_>,
-    limits: Limits,
-    family: Option<Family>,
-) -> Result<Shared, Error> {
-    let s = path.distances();
-    let marks = marks(path, relief);
-    let even = Even::of(path, &s);
-    let found = family.map(|family| {
-        let strength = even.smoothing(family, &marks, &path.weights(), relief, &s, limits).1;
-        (strength, rig.all(even.tools(family, strength, relief, &s)))
-    });
-    let marks = rig.all(marks);
-    let axes = match &found {
-        Some((_, tools)) => follow(tools, rig.branches()),
-        None => seven_axes(&marks, &steps(&s), limits),
-    };
-    let (path, axes) = rig.unwound(path, &axes);
-    let s = path.distances();
-    let marks = rig.all(self::marks(&path, relief));
-    let tools: Vec<Pose> = axes.iter().map(Axes::tool).collect();
-    let xyz: Vec<[f64; 3]> = axes.iter().map(|a| a.xyz).collect();
-    let speed = rig.pens.first().map_or(0.0, |pen| pen.speed.as_mm_s());
-    Ok(Shared {
-        strength: found.map(|f| f.0),
-        worst: worst(&tools, &marks, &path.weights()),
-        rms_acceleration: rms_bend(&xyz, &steps(&s)) * speed * speed,
-        time_s: rig.time(&path, &s, &axes, 1)?.total_s(),
-    })
+impl Seven {
+    /// Worst deviations of its marks.
+    pub fn worst(&self) -> Deviation {
+        let marks = self.deviation.iter().zip(self.path.weights()).filter(|(_, w)| *w > 0.0);
+        marks.fold(Deviation::default(), |worst, (&d, _)| worst.max(d))
+    }
+
+    /// Its figures for the table of decompositions.
+    pub fn shared(&self, rig: &Rig<'_>) -> Shared {
+        let xyz: Vec<[f64; 3]> = self.axes.iter().map(|a| a.xyz).collect();
+        let speed = rig.pens.first().map_or(0.0, |pen| pen.speed.as_mm_s());
+        Shared {
+            strength: self.strength,
+            worst: self.worst(),
+            rms_acceleration: rms_bend(&xyz, &steps(&self.path.distances())) * speed * speed,
+            time_s: self.timed.total_s(),
+        }
+    }
 }
 
 /// The marks of a path, and its jumps, on the relief.
