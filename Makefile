@@ -37,7 +37,7 @@ bench:
 
 # The table of docs/method.md: every method on real parts of ../shared, each result verified; some minutes.
 method-table:
-	METHOD_TABLE=docs/method.md $(CARGO) test --release --test method -- --ignored --nocapture
+	METHOD_TABLE=docs/method.md $(CARGO) test --release --test it method:: -- --ignored --nocapture
 
 # The pictures of docs/method.md.
 method-pictures:

@@ -4,7 +4,7 @@
 //! The dome is made, half a million triangles under a hatch of 1 mm; the hood and the drawing on it are read from
 //! beside the repository and left out where they are absent.
 
-#[path = "../tests/support/surfaces.rs"]
+#[path = "../tests/it/support/surfaces.rs"]
 mod surfaces;
 
 use std::path::{Path, PathBuf};

@@ -3,7 +3,7 @@
 //! Every case runs in a process of its own, on one thread, from files in the page cache, and reports
 //! its CPU seconds (user and system) and its peak memory, as the kernel counts them.
 
-#[path = "../tests/support/surfaces.rs"]
+#[path = "../tests/it/support/surfaces.rs"]
 mod surfaces;
 
 use std::path::{Path, PathBuf};

@@ -5,7 +5,7 @@
 //! peak memory, as the kernel counts them. Cells are what the compiler sees of a 0.5 mm hatch; lines are
 //! its exact pieces; squares are figures of 1 mm at a pitch of 1.5 mm that stay whole.
 
-#[path = "../tests/support/surfaces.rs"]
+#[path = "../tests/it/support/surfaces.rs"]
 mod surfaces;
 
 use std::process::Command;

@@ -1,15 +1,13 @@
 //! Many jobs through the program: faults stay where they are, what is unchanged is skipped, and a run
 //! that was killed leaves nothing half done.
 
-mod support;
-
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::support::surfaces::{Noise, mesh, write_stl};
+use crate::support::{JobText, files, folder, said, terrace, verify};
 use serde_json::Value;
-use support::surfaces::{Noise, mesh, write_stl};
-use support::{JobText, files, folder, said, terrace, verify};
 
 fn write(path: &Path, bytes: impl AsRef<[u8]>) {
     std::fs::write(path, bytes).expect("a writable folder");

@@ -1,12 +1,10 @@
 //! Parts beyond the stage travel: one job in several set-ups, each with its own place of the part.
 
-mod support;
-
 use std::path::{Path, PathBuf};
 
+use crate::support::surfaces::{mesh, write_stl};
+use crate::support::{JobText, assert_balance, compile, folder, number, verify};
 use serde_json::Value;
-use support::surfaces::{mesh, write_stl};
-use support::{JobText, assert_balance, compile, folder, number, verify};
 
 /// Tooling holes along two edges of the part, every 300 mm.
 const HOLES: &str = "registration = [[\"12 mm\", \"30 mm\"], [\"300 mm\", \"30 mm\"], [\"600 mm\", \"30 mm\"], \
@@ -44,9 +42,9 @@ fn order(manifest: &Value) -> Vec<u64> {
 
 fn refused(dir: &Path, method: &'static str, more: &str) -> String {
     let file = job(dir, method, more);
-    let done = support::terrace([Path::new("compile"), file.as_path()]);
+    let done = crate::support::terrace([Path::new("compile"), file.as_path()]);
     assert!(!done.status.success(), "{more}");
-    support::said(&done)
+    crate::support::said(&done)
 }
 
 #[test]
@@ -150,7 +148,7 @@ fn passes_go_through_the_set_ups_there_and_back() {
 fn set_ups_give_the_same_bytes_on_any_number_of_threads() {
     let dir = folder();
     let file = job(dir.path(), "auto", &setups(""));
-    support::same_on_any_threads(&file, dir.path());
+    crate::support::same_on_any_threads(&file, dir.path());
 }
 
 #[test]
@@ -210,6 +208,10 @@ fn a_format_without_stops_is_refused() {
     let file = job(dir.path(), "z-range", &setups(""));
     let text = std::fs::read_to_string(&file).expect("a job file").replace("\"gcode\"]", "\"ovf\"]");
     std::fs::write(&file, text).expect("a writable folder");
-    let done = support::terrace([Path::new("compile"), file.as_path()]);
-    assert!(!done.status.success() && support::said(&done).contains("[setups-ovf]"), "{}", support::said(&done));
+    let done = crate::support::terrace([Path::new("compile"), file.as_path()]);
+    assert!(
+        !done.status.success() && crate::support::said(&done).contains("[setups-ovf]"),
+        "{}",
+        crate::support::said(&done)
+    );
 }

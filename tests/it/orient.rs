@@ -1,16 +1,14 @@
 //! `terrace orient`: the lean that it finds is one, and its estimates are near what a compiled job needs.
 
-mod support;
-
 use std::path::Path;
 
+use crate::support::surfaces::{mesh, write_stl};
+use crate::support::{JobText, compile, folder, number};
 use serde_json::Value;
-use support::surfaces::{mesh, write_stl};
-use support::{JobText, compile, folder, number};
 
 fn orientations(job: &Path) -> Vec<Value> {
-    let out = support::terrace([Path::new("orient"), job, Path::new("--json")]);
-    assert!(out.status.success(), "{}", support::said(&out));
+    let out = crate::support::terrace([Path::new("orient"), job, Path::new("--json")]);
+    assert!(out.status.success(), "{}", crate::support::said(&out));
     let found: Value = serde_json::from_slice(&out.stdout).expect("JSON");
     found["orientations"].as_array().expect("a list").clone()
 }

@@ -1,13 +1,11 @@
 //! Tilted stops: few on smooth parts, figures whole, hidden places left to the upright beam, every folder
 //! verified.
 
-mod support;
-
 use std::path::Path;
 
+use crate::support::surfaces::{FIVE, dome, mesh, write_stl};
+use crate::support::{JobText, assert_balance, compile, folder, number, verify};
 use serde_json::Value;
-use support::surfaces::{FIVE, dome, mesh, write_stl};
-use support::{JobText, assert_balance, compile, folder, number, verify};
 
 const MACHINE: &str = "profile = \"xyz-tilt-galvo-40\"";
 
@@ -61,7 +59,7 @@ fn tilted_stops_keep_figures_whole() {
 
 /// The machine with another tilt table.
 fn table(dir: &Path, axes: [(&str, bool); 2], travel: f64) -> String {
-    let out = support::terrace(["machines", "xyz-tilt-galvo-40"]);
+    let out = crate::support::terrace(["machines", "xyz-tilt-galvo-40"]);
     let text = String::from_utf8(out.stdout).expect("text");
     let (head, _) = text.split_once("[tilt]").expect("a tilt table");
     let mut text = format!("{head}[tilt]\npivot = [\"30 mm\", \"-20 mm\", \"-150 mm\"]\n");
@@ -139,7 +137,7 @@ fn auto_takes_the_tilt_where_it_is_fastest_and_threads_change_nothing() {
     assert!(candidates.iter().any(|c| c["method"] == "tilt"), "{summary}");
     assert_eq!(time(&summary), least);
     let file = tilted(&stl, "pattern = \"hatch\"\npitch = \"0.5 mm\"").write(dir.path(), "threads.toml");
-    support::same_on_any_threads(&file, dir.path());
+    crate::support::same_on_any_threads(&file, dir.path());
 }
 
 #[test]
@@ -149,7 +147,7 @@ fn a_plain_stage_cannot_tilt() {
     write_stl(&stl, &mesh(20, [0.0, 0.0, 60.0, 60.0], dome));
     let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"1 mm\"").method("tilt");
     let file = job.write(dir.path(), "job.toml");
-    let out = support::terrace(["check", &file.display().to_string()]);
+    let out = crate::support::terrace(["check", &file.display().to_string()]);
     assert_eq!(out.status.code(), Some(1));
-    assert!(support::said(&out).contains("tilt-missing"), "{}", support::said(&out));
+    assert!(crate::support::said(&out).contains("tilt-missing"), "{}", crate::support::said(&out));
 }

@@ -1,13 +1,11 @@
 //! `terrace compare`: every system in one table, within the limits where it promises them, the same on any
 //! number of threads.
 
-mod support;
-
 use std::path::{Path, PathBuf};
 
+use crate::support::surfaces::{dome, mesh, write_stl};
+use crate::support::{JobText, folder, number, said, shared, terrace};
 use serde_json::Value;
-use support::surfaces::{dome, mesh, write_stl};
-use support::{JobText, folder, number, said, shared, terrace};
 
 /// A bulge of a millimetre under hatch and squares.
 fn job(dir: &Path) -> PathBuf {

@@ -1,12 +1,10 @@
 //! On-the-fly jobs by the program itself: compiled, read back, proved.
 
-mod support;
-
 use std::path::Path;
 use std::process::Command;
 
-use support::surfaces::{dome, mesh, write_stl};
-use support::{folder, said, shared};
+use crate::support::surfaces::{dome, mesh, write_stl};
+use crate::support::{folder, said, shared};
 
 fn terrace(arguments: &[&str]) -> std::process::Output {
     Command::new(env!("CARGO_BIN_EXE_terrace")).args(arguments).output().expect("terrace runs")

@@ -1,15 +1,13 @@
 //! The program as its users meet it: commands, streams, exit codes, and what becomes of a folder that
 //! is there already.
 
-mod support;
-
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use crate::support::{JobText, files, folder, said, verify};
 use serde_json::Value;
-use support::{JobText, files, folder, said, verify};
 use tempfile::TempDir;
 
 const HATCH: &str = "pattern = \"hatch\"\npitch = \"1 mm\"";
@@ -591,7 +589,7 @@ fn a_place_that_cannot_be_written_is_named() {
 
 #[test]
 fn machine_files_have_a_schema() {
-    let out = support::terrace(["machines", "--schema"]);
+    let out = crate::support::terrace(["machines", "--schema"]);
     assert!(out.status.success(), "{}", said(&out));
     let schema: serde_json::Value = serde_json::from_slice(&out.stdout).expect("JSON");
     for key in ["lens", "scanner", "stage", "laser", "delays", "controller"] {

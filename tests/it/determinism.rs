@@ -1,12 +1,10 @@
 //! Same input, same bytes: on any number of threads, in a second run, and in a known way when the
 //! input is moved.
 
-mod support;
-
 use std::path::Path;
 
-use support::surfaces::{dome, mesh, write_stl};
-use support::{JobText, compile, files, folder, number, said, terrace};
+use crate::support::surfaces::{dome, mesh, write_stl};
+use crate::support::{JobText, compile, files, folder, number, said, terrace};
 
 fn job(dir: &Path, method: &'static str) -> std::path::PathBuf {
     let stl = dir.join("dome.stl");
@@ -79,7 +77,7 @@ fn turning_the_part_by_a_quarter_keeps_every_length() {
         job.more = format!("[placement]\nturn = \"{turn} deg\"\n");
         let out = dir.path().join(format!("{turn}.job"));
         let summary = compile(&job.write(dir.path(), &format!("{turn}.toml")), &out);
-        support::assert_balance(&summary, &support::verify(&out));
+        crate::support::assert_balance(&summary, &crate::support::verify(&out));
         summary
     };
     let straight = run(0);

@@ -1,12 +1,10 @@
 //! What slope does to marks: incidence, stretch and dose, and pens that make up for it.
 
-mod support;
-
 use std::path::Path;
 
+use crate::support::surfaces::{mesh, write_stl};
+use crate::support::{JobText, assert_balance, compile, folder, number, said, terrace, verify};
 use serde_json::Value;
-use support::surfaces::{mesh, write_stl};
-use support::{JobText, assert_balance, compile, folder, number, said, terrace, verify};
 
 /// A job on a plate that rises by `deg` along x.
 fn ramp(dir: &Path, deg: f64, more: &str) -> JobText {

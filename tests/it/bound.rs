@@ -1,12 +1,10 @@
 //! The lower bound of the stops: its certificate re-checked with arithmetic of its own, against the marks of
 //! the program and the stops of every method.
 
-mod support;
-
 use std::path::Path;
 
-use support::surfaces::{FIVE, cyl, dome, mesh, saddle, wave, write_stl};
-use support::{JobText, folder, shared};
+use crate::support::surfaces::{FIVE, cyl, dome, mesh, saddle, wave, write_stl};
+use crate::support::{JobText, folder, shared};
 use terrace::compile::{self, Plan};
 use terrace::partition::bound::Certificate;
 use terrace::spec::Job;

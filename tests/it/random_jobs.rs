@@ -1,14 +1,12 @@
 //! Random small jobs: each is refused with a clear message or gives a folder that verifies. Nothing
 //! panics, and no invariant of the program breaks.
 
-mod support;
-
 use std::fmt::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
+use crate::support::surfaces::{Noise, mesh, write_stl};
 use rayon::prelude::*;
-use support::surfaces::{Noise, mesh, write_stl};
 use terrace::diag::{Error, Kind};
 use terrace::spec::Job;
 use terrace::{compile, folder, verify};
@@ -224,7 +222,7 @@ fn trials(seeds: std::ops::Range<u64>) {
     let results: Vec<(bool, Option<String>)> = seeds
         .into_par_iter()
         .map(|seed| {
-            let dir = support::folder();
+            let dir = crate::support::folder();
             let mut noise = Noise::new(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(1));
             (0..8).for_each(|_| _ = noise.next());
             let path = job(&mut noise, dir.path());

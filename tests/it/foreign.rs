@@ -3,13 +3,11 @@
 //! `tests/python/setup.sh` installs them (`make test` runs it). Without them these tests say so and
 //! pass, but fail where CI is set.
 
-mod support;
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use support::surfaces::{dome, mesh, write_stl};
-use support::{JobText, compile, folder, said};
+use crate::support::surfaces::{dome, mesh, write_stl};
+use crate::support::{JobText, compile, folder, said};
 
 /// The folder of the foreign readers; None, said aloud, where they are not installed.
 fn readers() -> Option<PathBuf> {
@@ -57,7 +55,7 @@ fn foreign_readers_read_what_was_written() {
 
 #[test]
 fn foreign_readers_read_a_real_panel() {
-    let (Some(venv), Some(data)) = (readers(), support::shared()) else { return };
+    let (Some(venv), Some(data)) = (readers(), crate::support::shared()) else { return };
     let dir = folder();
     let svg = data.join("textures/contours_jacksboro_40m.svg");
     let job = JobText::on(&data.join("surfaces/mirror_freeform.stl"))

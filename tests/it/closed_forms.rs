@@ -1,9 +1,7 @@
 //! Surfaces with a closed form: counts, straight bands, heights.
 
-mod support;
-
-use support::surfaces::{dome, mesh, write_stl};
-use support::{JobText, assert_balance, compile, folder, number, verify};
+use crate::support::surfaces::{dome, mesh, write_stl};
+use crate::support::{JobText, assert_balance, compile, folder, number, verify};
 
 /// The manifest of a job folder.
 fn manifest(folder: &std::path::Path) -> serde_json::Value {

@@ -3,14 +3,12 @@
 //!
 //! The outcomes of the readers alone are fixed in `bad_surfaces.rs` and `bad_svg.rs`.
 
-mod support;
-
 use std::path::Path;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
+use crate::support::{JobText, folder, said, shared, terrace, verify};
 use serde_json::Value;
-use support::{JobText, folder, said, shared, terrace, verify};
 
 /// What `terrace compile` comes to.
 enum Outcome {

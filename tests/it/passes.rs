@@ -1,12 +1,10 @@
 //! Several passes: each a job of its own, on the surface that the one before has left.
 
-mod support;
-
 use std::path::{Path, PathBuf};
 
+use crate::support::surfaces::{dome, mesh, write_stl};
+use crate::support::{JobText, assert_balance, compile, folder, number, verify};
 use serde_json::Value;
-use support::surfaces::{dome, mesh, write_stl};
-use support::{JobText, assert_balance, compile, folder, number, verify};
 
 const PASSES: &str = "[passes]\ncount = 3\nrotate = \"67 deg\"\nlower = \"8 um\"\n";
 
@@ -122,7 +120,7 @@ fn seams_of_passes_do_not_lie_on_each_other() {
 fn several_passes_give_the_same_bytes_on_any_number_of_threads() {
     let dir = folder();
     let file = job(dir.path(), "auto", "contour", PASSES);
-    support::same_on_any_threads(&file, dir.path());
+    crate::support::same_on_any_threads(&file, dir.path());
 }
 
 #[test]
@@ -151,8 +149,8 @@ fn passes_that_cannot_be_are_refused_with_place_and_hint() {
         ("number = 2", "toml", "job.toml:"),
     ] {
         let file = job(dir.path(), "contour", "0 deg", &format!("[passes]\n{passes}\n"));
-        let done = support::terrace([Path::new("compile"), file.as_path()]);
-        let said = support::said(&done);
+        let done = crate::support::terrace([Path::new("compile"), file.as_path()]);
+        let said = crate::support::said(&done);
         assert!(!done.status.success() && said.contains(code) && said.contains(says), "{passes}: {said}");
     }
 }
@@ -169,10 +167,10 @@ fn tilted_passes_do_not_sink() {
         let out = dir.path().join("job.job");
         let file = job.write(dir.path(), "job.toml");
         let args = ["compile", "--json", "-o"].map(Path::new);
-        (support::terrace(args.into_iter().chain([out.as_path(), file.as_path()])), out)
+        (crate::support::terrace(args.into_iter().chain([out.as_path(), file.as_path()])), out)
     };
     let (done, out) = run("tilt", PASSES);
-    assert!(done.status.success(), "{}", support::said(&done));
+    assert!(done.status.success(), "{}", crate::support::said(&done));
     let summary: Value = serde_json::from_slice(&done.stdout).expect("JSON");
     // Lengths of tilted blocks are re-read from turned points, to some picometres a mark.
     assert_balance(&summary, &summary);

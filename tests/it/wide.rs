@@ -1,18 +1,16 @@
 //! The wide matrix: every surface and every drawing that lies beside the repository, compiled and
 //! verified; and inputs that would be slow if anything were quadratic.
 
-mod support;
-
 use std::fmt::Write;
 use std::path::Path;
 use std::time::Instant;
 
-use support::surfaces::write_stl;
-use support::{JobText, assert_balance, compile, folder, shared, verify};
+use crate::support::surfaces::write_stl;
+use crate::support::{JobText, assert_balance, compile, folder, shared, verify};
 
 /// A machine with a square field of `field` mm, and room for every part.
 fn machine(dir: &Path, field: f64) -> String {
-    let profile = include_str!("../src/machine/profiles/xyz-galvo-40.toml");
+    let profile = include_str!("../../src/machine/profiles/xyz-galvo-40.toml");
     let text = profile
         .replace("[\"40 mm\", \"40 mm\"]", &format!("[\"{field} mm\", \"{field} mm\"]"))
         .replace("\"-250 mm\", \"250 mm\"", "\"-3000 mm\", \"3000 mm\"")
@@ -97,7 +95,7 @@ fn every_drawing_compiles_and_verifies_on_a_curved_surface() {
     let dir = folder();
     let stl = dir.path().join("bump.stl");
     let z = |x: f64, y: f64| 3.0 * (x / 18.0).sin() * (y / 21.0).cos();
-    write_stl(&stl, &support::surfaces::mesh(60, [0.0, 0.0, 100.0, 100.0], z));
+    write_stl(&stl, &crate::support::surfaces::mesh(60, [0.0, 0.0, 100.0, 100.0], z));
     let mut names: Vec<_> = std::fs::read_dir(data.join("textures"))
         .expect("a readable folder")
         .map(|e| e.expect("a readable folder").path())
@@ -155,7 +153,7 @@ fn nothing_is_quadratic() {
     trap("fans", &[fan(10_000, 0.0), fan(10_000, 5.0)].concat(), "pattern = \"hatch\"\npitch = \"1 mm\"", None);
     // Tiny facets on a huge one.
     let mut tiny = plate(400.0, 0.0);
-    for f in support::surfaces::mesh(150, [200.0, 200.0, 201.0, 201.0], |x, _| 0.01 + 1e-3 * (x * 9.0).sin()) {
+    for f in crate::support::surfaces::mesh(150, [200.0, 200.0, 201.0, 201.0], |x, _| 0.01 + 1e-3 * (x * 9.0).sin()) {
         tiny.push(f);
     }
     let there = "area = [\"199.5 mm\", \"199.5 mm\", \"201.5 mm\", \"201.5 mm\"]";

@@ -1,12 +1,10 @@
 //! Fewer stops, less time, whole figures, rough surfaces: what the methods of partition promise.
 
-mod support;
-
 use std::path::Path;
 
+use crate::support::surfaces::{FIVE, Noise, dome, mesh, write_stl};
+use crate::support::{JobText, assert_balance, compile, folder, number, verify};
 use serde_json::Value;
-use support::surfaces::{FIVE, Noise, dome, mesh, write_stl};
-use support::{JobText, assert_balance, compile, folder, number, verify};
 
 /// A candidate of `auto`.
 fn candidate<'a>(summary: &'a Value, method: &str) -> &'a Value {
@@ -57,7 +55,7 @@ fn free_windows_need_the_fewest_stops() {
 
 /// The machine of the article with measured times of its moves.
 fn timed(dir: &Path, xy: &str, z: &str) -> String {
-    let out = support::terrace(["machines", "xyz-galvo-40"]);
+    let out = crate::support::terrace(["machines", "xyz-galvo-40"]);
     let text = String::from_utf8(out.stdout).expect("text");
     let moves = format!("[stage]\nmove = {{ xy = \"{xy}\", z = \"{z}\" }}\n");
     let timed = text.replacen("[stage]\n", &moves, 1);
@@ -199,7 +197,7 @@ fn figures_stay_whole_wherever_a_stop_can_hold_them() {
     let run = |method, keep: &str| {
         let mut job = JobText::on(&stl).texture(squares).method(method).partition(keep);
         // A stage whose increment is far below the depth range: what fits is then a question of depth alone.
-        let machine = support::terrace(["machines", "xyz-galvo-40"]);
+        let machine = crate::support::terrace(["machines", "xyz-galvo-40"]);
         let text = String::from_utf8(machine.stdout).expect("text").replace("\"0.0001 mm\"", "\"0.00001 mm\"");
         std::fs::write(dir.path().join("fine.txt"), text).expect("a writable folder");
         job.machine = "file = \"fine.txt\"".into();
@@ -250,8 +248,8 @@ fn cuts_lie_at_seeded_random_places_of_the_zone() {
     let run = |seed: &str| {
         let out = dir.path().join(format!("{seed}.job"));
         let args = ["compile", "--json", "--seed", seed, "-o"].map(Path::new);
-        let done = support::terrace(args.into_iter().chain([out.as_path(), file.as_path()]));
-        assert!(done.status.success(), "{}", support::said(&done));
+        let done = crate::support::terrace(args.into_iter().chain([out.as_path(), file.as_path()]));
+        assert!(done.status.success(), "{}", crate::support::said(&done));
         let summary = serde_json::from_slice(&done.stdout).expect("JSON");
         assert_balance(&summary, &verify(&out));
         cuts(&out, 0.0, 75.0)
@@ -325,10 +323,10 @@ fn both_sides_of_a_seam_mark_the_overlap() {
         let file = job.write(dir.path(), "job.toml");
         let out = dir.path().join("job.job");
         let args = ["compile", "--json", "-o"].map(Path::new);
-        (support::terrace(args.into_iter().chain([out.as_path(), file.as_path()])), out)
+        (crate::support::terrace(args.into_iter().chain([out.as_path(), file.as_path()])), out)
     };
     let (done, out) = run("overlap = \"0.05 mm\"");
-    assert!(done.status.success(), "{}", support::said(&done));
+    assert!(done.status.success(), "{}", crate::support::said(&done));
     let summary: Value = serde_json::from_slice(&done.stdout).expect("JSON");
     assert_eq!(summary["warnings"], serde_json::json!([]));
     assert_balance(&summary, &verify(&out));
@@ -346,6 +344,10 @@ fn both_sides_of_a_seam_mark_the_overlap() {
         ("overlap = \"-1 mm\"", "toml"),
     ] {
         let (done, _) = run(keys);
-        assert!(!done.status.success() && support::said(&done).contains(code), "{}", support::said(&done));
+        assert!(
+            !done.status.success() && crate::support::said(&done).contains(code),
+            "{}",
+            crate::support::said(&done)
+        );
     }
 }

@@ -1,12 +1,10 @@
 //! `direction = "contour"`: hatch along the level lines in each section.
 
-mod support;
-
 use std::collections::HashMap;
 use std::path::Path;
 
-use support::surfaces::{FIVE, Noise, mesh, write_stl};
-use support::{JobText, assert_balance, compile, files, folder, number, said, terrace, verify};
+use crate::support::surfaces::{FIVE, Noise, mesh, write_stl};
+use crate::support::{JobText, assert_balance, compile, files, folder, number, said, terrace, verify};
 use terrace::geom::{P2, length_mm};
 use terrace::program::Sections;
 use terrace::texture::{Area, Directions, Kind, Request, Texture};

@@ -1,16 +1,14 @@
 //! Nothing is lost and nothing is marked twice: mark - overlap + skipped = texture, to 1e-9.
 
-mod support;
-
 use std::path::Path;
 
+use crate::support::surfaces::{dome, mesh, write_stl};
+use crate::support::{JobText, assert_balance, folder, number, shared, verify};
 use serde_json::Value;
-use support::surfaces::{dome, mesh, write_stl};
-use support::{JobText, assert_balance, folder, number, shared, verify};
 
 /// Compiles with one thread and with two, which must give the same bytes, and verifies; answers the summary.
 fn check(job: &JobText, dir: &Path, name: &str) -> Value {
-    let out = support::same_on_any_threads(&job.write(dir, &format!("{name}.toml")), dir);
+    let out = crate::support::same_on_any_threads(&job.write(dir, &format!("{name}.toml")), dir);
     let text = std::fs::read(out.join("manifest.json")).expect("a manifest");
     let manifest: Value = serde_json::from_slice(&text).expect("JSON");
     assert_balance(&manifest["summary"], &verify(&out));
@@ -87,7 +85,7 @@ fn lengths_balance_on_a_real_panel() {
 
 /// The article's machine, whose stage travels 500 x 500 x 400 mm, as a file.
 fn large_machine() -> String {
-    let out = support::terrace(["machines", "xyz-galvo-40"]);
+    let out = crate::support::terrace(["machines", "xyz-galvo-40"]);
     assert!(out.status.success());
     let text = String::from_utf8(out.stdout).expect("text");
     assert!(text.contains("travel = [\"-250 mm\", \"250 mm\"]") && text.contains("travel = [\"-200 mm\", \"200 mm\"]"));

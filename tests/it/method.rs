@@ -1,12 +1,10 @@
 //! The table of docs/method.md, made anew: what every method needs on real parts. `make method-table` writes it
 //! into the document; every job folder is verified on the way.
 
-mod support;
-
 use std::path::Path;
 
+use crate::support::{JobText, compile, folder, number, said, shared, terrace};
 use serde_json::Value;
-use support::{JobText, compile, folder, number, said, shared, terrace};
 
 /// A surface file, what the table calls it, and the area that is marked; None for all of the part.
 const PARTS: [(&str, &str, Option<[i32; 4]>); 5] = [

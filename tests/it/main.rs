@@ -1,0 +1,32 @@
+//! The integration tests: the program is run on made and real input. README.md of the folder above says
+//! which rule is tested where.
+
+mod support;
+
+mod bad_input;
+mod bad_surfaces;
+mod bad_svg;
+mod batch;
+mod bound;
+mod cli;
+mod closed_forms;
+mod compare;
+mod determinism;
+mod docs;
+mod dose;
+mod fill;
+mod fly;
+mod foreign;
+mod golden;
+mod layers;
+mod lengths;
+mod method;
+mod order;
+mod orient;
+mod partition;
+mod passes;
+mod random_jobs;
+mod setups;
+mod textures;
+mod tilt;
+mod wide;
