@@ -1,7 +1,7 @@
 //! Many jobs: each compiled on its own, unchanged ones skipped, a failing one harming no other.
 //!
-//! A job is unchanged when its folder's manifest names the same version, seed, job file and inputs by
-//! hash, and every file it lists is there with its size. Outcomes stand in the order of the list.
+//! A job is unchanged when its folder's manifest names the same version, mode, seed, objective, job file and
+//! inputs by hash, and every file it lists is there with its size. Outcomes stand in the order of the list.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -9,19 +9,21 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde_json::{Value, json};
 
-use crate::compile;
 use crate::diag::{Diag, Error, Place};
 use crate::folder;
+use crate::job::{Job, Overrides};
 use crate::machine::Machine;
-use crate::spec::Job;
+use crate::plan::{self, Plan};
 
 /// One job of a batch.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub struct Entry {
     /// Job file.
-    pub job: PathBuf,
+    pub path: PathBuf,
     /// Its folder.
     pub folder: PathBuf,
+    /// The job, or what is wrong with its file.
+    job: Result<Job, Error>,
 }
 
 /// What became of a job.
@@ -29,8 +31,8 @@ pub struct Entry {
 pub enum State {
     /// Compiled: stops, job time in s, warnings.
     Compiled {
-        /// Number of stops.
-        stops: usize,
+        /// Number of stops; None of on-the-fly jobs.
+        stops: Option<usize>,
         /// Job time, s.
         time_s: f64,
         /// Number of warnings.
@@ -57,25 +59,27 @@ pub struct Outcome {
 #[derive(Debug)]
 pub struct Report(Vec<Outcome>);
 
-/// The jobs of a folder (`*.toml`, by name, machine files left out) or of a list file (one path a line, relative to it; `#`
-/// begins a comment).
+/// The jobs of a folder (`*.toml`, by name, machine files left out), of a list file (one path a line, relative to
+/// it; `#` begins a comment), or one job file (`*.toml`).
 ///
 /// # Errors
 /// Where neither can be read, nothing is listed, or two jobs would write one folder.
-pub fn jobs(path: &Path, output: Option<&Path>) -> Result<Vec<Entry>, Error> {
+pub fn jobs(path: &Path, output: Option<&Path>, overrides: &Overrides) -> Result<Vec<Entry>, Error> {
     let place = || Place::file(path.display().to_string());
     let unreadable = |e: std::io::Error| Diag::input("batch-unreadable", format!("cannot read it: {e}")).at(place());
+    let is_toml = |file: &Path| file.extension().is_some_and(|e| e == "toml");
     let mut files = Vec::new();
-    // Machine files often lie beside the jobs that name them.
-    let is_machine = |file: &Path| Machine::load(file).is_ok();
-    if path.is_dir() {
+    let is_folder = path.is_dir();
+    if is_folder {
         for entry in std::fs::read_dir(path).map_err(unreadable)? {
             let file = entry.map_err(unreadable)?.path();
-            if file.extension().is_some_and(|e| e == "toml") && file.is_file() && !is_machine(&file) {
+            if is_toml(&file) && file.is_file() {
                 files.push(file);
             }
         }
         files.sort();
+    } else if is_toml(path) {
+        files.push(path.to_owned());
     } else {
         let text = String::from_utf8(crate::diag::read_file(path, 16 << 20)?)
             .map_err(|_| Diag::input("batch-utf8", "the list is not UTF-8 text").at(place()))?;
@@ -83,25 +87,29 @@ pub fn jobs(path: &Path, output: Option<&Path>) -> Result<Vec<Entry>, Error> {
         let lines = text.lines().map(|l| l.split('#').next().unwrap_or("").trim()).filter(|l| !l.is_empty());
         files.extend(lines.map(|l| base.join(l)));
     }
-    if files.is_empty() {
+    let entry = |path: PathBuf| {
+        let job = Job::load(&path, overrides);
+        // Machine files often lie beside the jobs that name them.
+        if is_folder && job.is_err() && Machine::load(&path).is_ok() {
+            return None;
+        }
+        let mode = job.as_ref().map_or(overrides.mode.unwrap_or_default(), |job| job.mode);
+        let beside = plan::default_output(&path, mode);
+        let folder = match (output, beside.file_name()) {
+            (Some(o), Some(name)) => o.join(name),
+            _ => beside,
+        };
+        Some(Entry { path, folder, job })
+    };
+    let entries: Vec<Entry> = files.into_iter().filter_map(entry).collect();
+    if entries.is_empty() {
         let d = Diag::input("batch-empty", "there is no job").at(place());
         return Err(d.hint("a folder needs *.toml files, a list one job file a line").into());
     }
-    let entries: Vec<Entry> = files
-        .into_iter()
-        .map(|job| {
-            let beside = compile::default_output(&job);
-            let folder = match (output, beside.file_name()) {
-                (Some(o), Some(name)) => o.join(name),
-                _ => beside,
-            };
-            Entry { job, folder }
-        })
-        .collect();
     for (i, e) in entries.iter().enumerate() {
         if let Some(other) = entries[..i].iter().find(|o| o.folder == e.folder) {
             let text =
-                format!("{} and {} would both write {}", other.job.display(), e.job.display(), e.folder.display());
+                format!("{} and {} would both write {}", other.path.display(), e.path.display(), e.folder.display());
             return Err(Diag::input("batch-clash", text).at(place()).hint("give the job files different names").into());
         }
     }
@@ -110,7 +118,7 @@ pub fn jobs(path: &Path, output: Option<&Path>) -> Result<Vec<Entry>, Error> {
 
 /// Compiles what has changed, as many jobs at a time as there are threads. `told` hears of every job
 /// as it ends.
-pub fn run(entries: &[Entry], seed: u64, told: &(dyn Fn(&Outcome) + Sync)) -> Report {
+pub fn run(entries: &[Entry], told: &(dyn Fn(&Outcome) + Sync)) -> Report {
     // Plain threads, not tasks of the pool: a thread of the pool that waits for the parts of one job
     // would begin another one meanwhile, and the jobs in memory at a time would have no bound.
     let next = AtomicUsize::new(0);
@@ -119,7 +127,7 @@ pub fn run(entries: &[Entry], seed: u64, told: &(dyn Fn(&Outcome) + Sync)) -> Re
         loop {
             let i = next.fetch_add(1, Ordering::Relaxed);
             let Some(entry) = entries.get(i) else { return done };
-            let outcome = outcome(entry, seed);
+            let outcome = outcome(entry);
             told(&outcome);
             done.push((i, outcome));
         }
@@ -133,50 +141,26 @@ pub fn run(entries: &[Entry], seed: u64, told: &(dyn Fn(&Outcome) + Sync)) -> Re
     Report(outcomes.into_iter().map(|(_, outcome)| outcome).collect())
 }
 
-fn outcome(entry: &Entry, seed: u64) -> Outcome {
+fn outcome(entry: &Entry) -> Outcome {
     // A panic is our own fault and is reported as such; the other jobs go on.
-    let caught = std::panic::catch_unwind(|| one(entry, seed));
+    let caught = std::panic::catch_unwind(|| one(entry));
     let state = caught.unwrap_or_else(|_| Err(Diag::bug("panic", "an invariant of the program broke").into()));
-    Outcome { job: entry.job.clone(), folder: entry.folder.clone(), state: state.unwrap_or_else(State::Failed) }
+    Outcome { job: entry.path.clone(), folder: entry.folder.clone(), state: state.unwrap_or_else(State::Failed) }
 }
 
-fn one(entry: &Entry, seed: u64) -> Result<State, Error> {
-    folder::prepare(&entry.folder)?;
-    let mut job = Job::load(&entry.job)?;
-    job.seed = seed;
-    if is_unchanged(&job, &entry.folder, seed) {
+fn one(entry: &Entry) -> Result<State, Error> {
+    let job = entry.job.clone()?;
+    folder::prepare(&entry.folder, job.mode)?;
+    if folder::is_unchanged(&job, &entry.folder) {
         return Ok(State::Unchanged);
     }
-    let plan = compile::plan(job, &|_| {})?;
-    folder::write(&plan, &entry.folder, seed)?;
-    Ok(State::Compiled { stops: plan.summary.stops, time_s: plan.summary.time_s.total, warnings: plan.warnings.len() })
-}
-
-/// Whether the folder was made from exactly this job, and is whole.
-fn is_unchanged(job: &Job, folder: &Path, seed: u64) -> bool {
-    let Ok(bytes) = std::fs::read(folder.join(folder::MANIFEST)) else { return false };
-    let Ok(manifest) = serde_json::from_slice::<Value>(&bytes) else { return false };
-    let Ok(inputs) = folder::inputs(job) else { return false };
-    let same_place = folder::job_file_from(&job.path, folder).is_ok_and(|file| manifest["job"]["file"] == file);
-    let same_inputs = manifest["inputs"].as_array().is_some_and(|list| {
-        list.len() == inputs.len()
-            && list
-                .iter()
-                .zip(&inputs)
-                .all(|(have, want)| have["file"] == want.file.as_str() && have["blake3"] == want.blake3.as_str())
-    });
-    let whole = manifest["files"].as_array().is_some_and(|list| {
-        list.iter().all(|f| {
-            let size = f["file"].as_str().and_then(|name| std::fs::metadata(folder.join(name)).ok()).map(|m| m.len());
-            size.is_some() && size == f["bytes"].as_u64()
-        })
-    });
-    manifest["terrace"] == env!("CARGO_PKG_VERSION")
-        && manifest["seed"] == seed
-        && manifest["job"]["blake3"] == blake3::hash(job.source.as_bytes()).to_hex().as_str()
-        && same_place
-        && same_inputs
-        && whole
+    let plan = plan::plan(job, &|_| {})?;
+    folder::write(&plan, &entry.folder)?;
+    let (stops, time_s) = match &plan {
+        Plan::Stepped(plan) => (Some(plan.summary.stops), plan.summary.time_s.total),
+        Plan::OnTheFly(plan) => (None, plan.summary.time_s),
+    };
+    Ok(State::Compiled { stops, time_s, warnings: plan.warnings().len() })
 }
 
 impl Report {
@@ -233,7 +217,9 @@ impl fmt::Display for Report {
         for o in &self.0 {
             match &o.state {
                 State::Compiled { stops, time_s, warnings } => {
-                    write!(f, "compiled   {}  {stops} stops, {:.1} min", o.job.display(), time_s / 60.0)?;
+                    write!(f, "compiled   {}  ", o.job.display())?;
+                    stops.iter().try_for_each(|n| write!(f, "{n} stops, "))?;
+                    write!(f, "{:.1} min", time_s / 60.0)?;
                     writeln!(f, "{}", if *warnings > 0 { format!(", {warnings} warnings") } else { String::new() })?;
                 }
                 State::Unchanged => writeln!(f, "unchanged  {}", o.job.display())?,

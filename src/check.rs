@@ -137,7 +137,7 @@ fn faults_of(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag>
     let machine = limits.machine;
     let stop = &block.stop;
     for ((name, axis), &at) in machine.axes().into_iter().zip(&block.stage) {
-        let [lo, hi] = axis.travel.map(|t| t.as_nm().unwrap_or(0));
+        let [lo, hi] = axis.travel_nm();
         if !(lo..=hi).contains(&at) {
             let text = format!(
                 "{name} would have to go to {} mm, travel is {} to {} mm",

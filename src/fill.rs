@@ -20,28 +20,27 @@ use crate::program::Sections;
 use crate::surface::Surface;
 use crate::texture::{Contour, Directions, Texture};
 use crate::trace::Tracer;
-use crate::units::Length;
 
 /// Most places along one side of the raster.
 const PLACES: f64 = 16.0;
 
-/// Fills the areas of `texture` that wait for it; where there is none, nothing happens. `max_slope` is the
-/// tangent of the steepest slope that is marked, `depth` the depth range of a stop.
+/// The texture with its areas filled that wait for it; as it is where there is none. `max_slope` is the
+/// tangent of the steepest slope that is marked, `depth` the depth range of a stop, nm.
 ///
 /// # Errors
 /// Those of [`Texture::fill`].
 pub fn along_contours(
-    texture: &mut Texture,
+    mut texture: Texture,
     surface: &Surface,
     sections: &Sections,
     max_slope: f64,
-    depth: Length,
-) -> Result<(), Error> {
+    depth: i64,
+) -> Result<Texture, Error> {
     if texture.contours().next().is_none() {
-        return Ok(());
+        return Ok(texture);
     }
-    let depth = depth.as_nm().unwrap_or(i64::MAX).max(1) as f64;
-    let filled = &*texture;
+    let depth = depth.max(1) as f64;
+    let filled = &texture;
     let hundredths = (0..sections.len()).into_par_iter().map(|i| {
         let mut section = Section::default();
         let mut tracer = Tracer::new(surface, max_slope);
@@ -49,7 +48,8 @@ pub fn along_contours(
         section.best()
     });
     let hundredths = hundredths.collect();
-    texture.fill(Directions { origin: sections.origin, pitch: sections.pitch, count: sections.count, hundredths })
+    texture.fill(Directions { origin: sections.origin, pitch: sections.pitch, count: sections.count, hundredths })?;
+    Ok(texture)
 }
 
 /// What decides the direction in one section.

@@ -33,7 +33,6 @@ mod measure;
 mod tests;
 
 use crate::geom::{Box2, P2, Turn};
-use crate::machine::Machine;
 use crate::program::{Block, Program, Sections};
 use crate::surface::Surface;
 
@@ -92,23 +91,20 @@ impl Map {
     pub fn new(
         program: &Program,
         sections: &Sections,
-        machine: &Machine,
-        origin: [i64; 3],
+        turns: &[Option<Turn>],
+        field: [i64; 2],
         surface: &Surface,
         area: Box2,
     ) -> Self {
         let frame = Frame::over(area, CELL_NM);
-        let tilted = |b: &Block| (b.stop.tilt != [0; 2]).then(|| machine.turn(b.stop.tilt, origin));
-        let turns: Vec<Option<Turn>> = program.blocks.iter().map(tilted).collect();
-        let field = machine.usable_field();
-        let ink = ink::ink(program, &turns, &frame);
+        let ink = ink::ink(program, turns, &frame);
         let [least, widest] = [SPARSE_GAP_NM, field[0].min(field[1]) / WIDEST_GAP].map(|nm| (nm / frame.cell) as usize);
         let shown = close::gaps(&frame, &ink, least, widest);
         let dense = grow::dense(&frame, &ink);
         let heights = grow::Heights::under(surface, &frame, &dense);
         let window = if is_gridded(&program.blocks, sections) { sections.pitch } else { field };
         let stops: Vec<Accepts> =
-            program.blocks.iter().zip(&turns).map(|(b, turn)| Accepts::of(b, *turn, window)).collect();
+            program.blocks.iter().zip(turns).map(|(b, turn)| Accepts::of(b, *turn, window)).collect();
         let may = |cell: usize, label: u32| {
             let stop = &stops[label as usize - 1];
             heights.at(cell).is_some_and(|z| stop.accepts(frame.centre_of(cell), z))

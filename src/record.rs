@@ -5,27 +5,30 @@
 //! depends on the clock, the computer or where the folder lies.
 
 mod fly;
+mod head;
 mod manifest;
 mod runsheet;
 mod setups;
 mod table;
 
-pub use fly::{Deviations, FlyFacts, fly_manifest, fly_summary};
+pub use fly::{AxisPeaks, Deviations, FlyFacts, FlySummary, fly_manifest};
+pub use head::{AnySummary, FileFact, Found, Head, InputFact, JobRef, MANIFEST, read};
 pub use manifest::manifest;
 pub use runsheet::{csv as runsheet_csv, txt as runsheet_txt};
 pub use setups::{Registered, registration};
 pub(crate) use table::plain;
 pub use table::{Cell, Column, Kind, TERMINAL, Table};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::check::Checked;
+use crate::emit;
+use crate::job::Job;
 use crate::machine::Machine;
 use crate::program::{Block, Program, Sections};
-use crate::spec::{Format, Job};
 
 /// Parts of the job time, s. They sum to the total.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Times {
     /// Stage moves.
     pub stage: f64,
@@ -42,7 +45,7 @@ pub struct Times {
 }
 
 /// One candidate of `auto`.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Candidate {
     /// Method.
     pub method: String,
@@ -56,7 +59,7 @@ pub struct Candidate {
 
 /// The figures of a job; the keys are a promise, units are in the suffix. Lengths are measured in the
 /// xy plane.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// Standstills of the stage, which are the blocks.
     pub stops: usize,
@@ -76,12 +79,10 @@ pub struct Summary {
     pub mark_mm: f64,
     /// Length that is marked twice on purpose, at seams.
     pub overlap_mm: f64,
-    /// Length that is not marked; the sum of the four that follow.
+    /// Length that is not marked; the sum of the three that follow.
     pub skipped_mm: f64,
     /// Not marked: beside the part or over a hole.
     pub skipped_off_part_mm: f64,
-    /// Not marked: below another sheet.
-    pub skipped_hidden_mm: f64,
     /// Not marked: steeper than the limit.
     pub skipped_steep_mm: f64,
     /// Not marked: slivers below the stated length.
@@ -167,73 +168,34 @@ impl Slope {
     }
 }
 
-/// An input file of the job.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct InputFact {
-    /// What it is for: `surface`, `texture`, `machine`.
-    pub role: String,
-    /// Its path, relative to the job file.
-    pub file: String,
-    /// Its size.
-    pub bytes: u64,
-    /// BLAKE3 of its bytes, hex.
-    pub blake3: String,
-}
-
-/// A file of the job folder.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct FileFact {
-    /// Its path inside the folder.
-    pub file: String,
-    /// Its size.
-    pub bytes: u64,
-    /// BLAKE3 of its bytes, hex.
-    pub blake3: String,
-}
-
 /// Everything that manifest and run sheet tell.
 #[derive(Clone)]
 pub struct Facts<'a> {
     /// Path from the job folder to the job file.
-    pub job_file: String,
-    /// BLAKE3 of the job file, hex.
-    pub job_blake3: String,
-    /// The other input files.
-    pub inputs: Vec<InputFact>,
-    /// Seed of everything random.
-    pub seed: u64,
+    pub job_file: &'a str,
     /// The job.
     pub job: &'a Job,
     /// Its machine.
     pub machine: &'a Machine,
     /// Its program.
     pub checked: &'a Checked,
-    /// The grid of sections.
-    pub sections: &'a Sections,
-    /// Direction of what is filled along contours, by section, in hundredths of a degree; empty where
-    /// nothing is.
-    pub directions: &'a [u16],
-    /// The same two of every pass after the first.
-    pub more: Vec<(&'a Sections, &'a [u16])>,
+    /// Of every pass its grid of sections and the direction of what is filled along contours, by section, in
+    /// hundredths of a degree, empty where nothing is.
+    pub passes: Vec<(&'a Sections, &'a [u16])>,
     /// Largest depth range of a block, as used.
     pub depth_mm: f64,
     /// Time of every block: marks, jumps and delays, s.
     pub block_times: &'a [f64],
     /// Slope under the marks of every block, against the beam.
     pub slopes: &'a [Slope],
-    /// The files of the folder but the manifest.
-    pub files: &'a [FileFact],
     /// The figures.
     pub summary: &'a Summary,
 }
 
 impl Facts<'_> {
-    /// The file of block `index`'s drawing, where drawings are written.
-    fn drawing(&self, index: usize) -> Option<String> {
-        self.has(Format::Dxf).then(|| Program::drawing_file(index))
-    }
-    fn has(&self, format: Format) -> bool {
-        self.job.file.emit.formats.contains(&format)
+    /// The file of block `index`, where blocks have files of their own.
+    fn block_file(&self, index: usize) -> Option<String> {
+        emit::block_file(&self.job.formats).map(|ending| Program::block_file(index, ending))
     }
     /// Names of the pens of a block.
     fn pen_names(&self, block: &Block) -> Vec<&str> {

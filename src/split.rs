@@ -33,7 +33,7 @@ const EPS: f64 = 1e-3;
 const RUN: usize = 1 << 14;
 
 /// A piece of one stroke that is marked in one block.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Fragment {
     /// Index of its stop.
     pub stop: u32,
@@ -163,7 +163,7 @@ impl Segment {
 impl<'a> Splitter<'a> {
     /// Fragments shorter than `min_mark_nm` are skipped and counted. What `keep` wants whole stays whole
     /// where a stop holds it, as every stroke does; cuts of it are counted.
-    pub fn new(tracer: Tracer<'a>, candidates: &'a [Stops], min_mark_nm: f64, keep: Keep, seam: Seam) -> Self {
+    pub fn new(tracer: Tracer<'a>, candidates: &[&'a Stops], min_mark_nm: f64, keep: Keep, seam: Seam) -> Self {
         let cutters =
             candidates.iter().map(|stops| Cutter::new(tracer.normals(), stops, min_mark_nm, keep, seam)).collect();
         Self { tracer, cutters, run: Run::default() }

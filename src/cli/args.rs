@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 
 use crate::compare::System;
 use crate::fly::servo::Protection;
-use crate::spec::{FileUnit, Objective};
+use crate::job::{FileUnit, Mode, Objective};
 
 /// Compiles a texture on a freeform part into a stepped 3+2 job, and proves it.
 #[derive(Debug, Parser)]
@@ -35,15 +36,6 @@ fn threads(text: &str) -> Result<usize, String> {
     }
 }
 
-/// How a part is marked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Mode {
-    /// Stop by stop.
-    Stepped,
-    /// While the stage moves.
-    OnTheFly,
-}
-
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -67,13 +59,10 @@ pub enum Command {
     Compile {
         /// Job file, or - for standard input.
         job: PathBuf,
-        /// Folder to write; default: the job file's name with .job. A job folder that is there is
-        /// replaced, anything else is not.
+        /// Folder to write; default: the job file's name with .job, with .fly.job for an on-the-fly job. A job
+        /// folder of the same mode that is there is replaced, anything else is not.
         #[arg(short, long, value_name = "FOLDER")]
         output: Option<PathBuf>,
-        /// How the part is marked: stop by stop, or while the stage moves.
-        #[arg(long, value_enum, default_value_t = Mode::Stepped)]
-        mode: Mode,
         #[command(flatten)]
         choice: Choice,
     },
@@ -108,11 +97,11 @@ pub enum Command {
         /// Job file, or - for standard input.
         job: PathBuf,
         /// Systems, separated by commas; default: all.
-        #[arg(long, value_delimiter = ',', value_name = "NAMES", value_parser = super::compare::system)]
+        #[arg(long, value_delimiter = ',', value_name = "NAMES", value_parser = one_of(&System::ALL, System::name))]
         systems: Vec<System>,
-        /// What keeps the scanner in its field while it makes up for the stage's following error: saturate,
-        /// accumulated (eq. 5 of Cui et al., which does not), or off.
-        #[arg(long, default_value = "saturate", value_name = "NAME", value_parser = super::compare::protection)]
+        /// What keeps the scanner in its field while it compensates the stage's following error (accumulated: eq. 5
+        /// of Cui et al., which does not).
+        #[arg(long, default_value = "saturate", value_name = "NAME", value_parser = one_of(&Protection::ALL, Protection::name))]
         protection: Protection,
         /// Folder to write tables and pictures to.
         #[arg(short, long, value_name = "FOLDER")]
@@ -120,7 +109,7 @@ pub enum Command {
     },
     /// Compile many jobs; unchanged ones are skipped, a failing one harms no other.
     Batch {
-        /// Folder of job files (*.toml), or a list file with one job file a line.
+        /// Folder of job files (*.toml), a list file with one job file a line, or one job file (*.toml).
         jobs: PathBuf,
         /// Folder for the job folders; default: beside each job file.
         #[arg(short, long, value_name = "FOLDER")]
@@ -128,13 +117,15 @@ pub enum Command {
         /// Write the report as JSON to this file too.
         #[arg(long, value_name = "FILE")]
         report: Option<PathBuf>,
+        #[command(flatten)]
+        choice: Choice,
     },
     /// Say what a surface, a drawing, a job file or a job folder holds.
     Inspect {
         /// The file or folder.
         file: PathBuf,
         /// Unit of a surface file that carries none.
-        #[arg(long, value_parser = unit)]
+        #[arg(long, value_parser = one_of(&FileUnit::ALL, FileUnit::name))]
         unit: Option<FileUnit>,
     },
     /// List the built-in machines, or print one as a file to start from.
@@ -152,29 +143,23 @@ pub enum Command {
     },
 }
 
-/// What goes before the job file's own keys.
-#[derive(Clone, Copy, Debug, clap::Args)]
+/// What is set over the job file's own keys.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct Choice {
-    /// What the best of several methods has least of: time or stops.
-    #[arg(long, value_parser = objective)]
+    /// How the part is marked; overrides the job file's mode.
+    #[arg(long, value_parser = one_of(&[Mode::Stepped, Mode::OnTheFly], Mode::name))]
+    pub mode: Option<Mode>,
+    /// What the best of several methods has least of; overrides partition.objective.
+    #[arg(long, value_parser = one_of(&[Objective::Time, Objective::Stops], Objective::name))]
     pub objective: Option<Objective>,
 }
 
-fn objective(text: &str) -> Result<Objective, String> {
-    match text {
-        "time" => Ok(Objective::Time),
-        "stops" => Ok(Objective::Stops),
-        _ => Err("give time or stops".into()),
-    }
-}
-
-fn unit(text: &str) -> Result<FileUnit, String> {
-    match text {
-        "mm" => Ok(FileUnit::Millimetre),
-        "cm" => Ok(FileUnit::Centimetre),
-        "m" => Ok(FileUnit::Metre),
-        "in" => Ok(FileUnit::Inch),
-        "um" => Ok(FileUnit::Micrometre),
-        _ => Err("known units: mm, cm, m, in, um".into()),
-    }
+/// A value of a closed set by its name, with all names in help and completions.
+fn one_of<T: Copy + Send + Sync + 'static>(
+    all: &'static [T],
+    name: fn(T) -> &'static str,
+) -> impl clap::builder::TypedValueParser<Value = T> {
+    let names = all.iter().map(|&value| name(value));
+    PossibleValuesParser::new(names)
+        .map(move |typed| all.iter().copied().find(|&value| name(value) == typed).expect("one of the names"))
 }

@@ -5,28 +5,9 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::{show, unwritable};
-use crate::compare::{Comparison, System, page, plots, tables};
+use crate::compare::{Comparison, page, plots, tables};
 use crate::diag::{Diag, Error, Place};
-use crate::fly::servo::Protection;
 use crate::record::TERMINAL;
-
-/// What may be asked for with `--systems`.
-pub(super) fn system(name: &str) -> Result<System, String> {
-    System::ALL.into_iter().find(|s| s.name() == name).ok_or_else(|| {
-        let names: Vec<&str> = System::ALL.into_iter().map(System::name).collect();
-        format!("known systems: {}", names.join(", "))
-    })
-}
-
-/// What may be asked for with `--protection`.
-pub(super) fn protection(name: &str) -> Result<Protection, String> {
-    match name {
-        "saturate" => Ok(Protection::Saturate),
-        "accumulated" => Ok(Protection::ACCUMULATED),
-        "off" => Ok(Protection::Off),
-        _ => Err("known protections: saturate, accumulated, off".into()),
-    }
-}
 
 /// The tables for people.
 pub(super) fn text(c: &Comparison) -> String {

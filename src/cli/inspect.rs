@@ -4,9 +4,10 @@ use std::path::Path;
 
 use serde_json::json;
 
-use crate::diag::{Diag, Error, Place};
-use crate::folder::MANIFEST;
-use crate::spec::{FileUnit, Job};
+use crate::diag::{Diag, Error};
+use crate::geom::mm_from_nm;
+use crate::job::{FileUnit, Job, Overrides};
+use crate::record::{self, AnySummary, duration};
 use crate::surface::{self, Content};
 use crate::texture::{Area, Kind, Request, Texture};
 
@@ -117,41 +118,39 @@ fn drawing(path: &Path) -> Result<Shown, Error> {
 }
 
 fn job(path: &Path) -> Result<Shown, Error> {
-    let job = Job::load(path)?;
+    let job = Job::load(path, &Overrides::default())?;
     let machine = job.machine()?;
-    let surface = job.resolve(job.file.surface.file.get_ref());
+    let surface = job.surface_path();
+    let pdof_mm = mm_from_nm(job.focus.pdof);
     let text = format!(
-        "job file\nsurface   {}\ntextures  {}\npdof      {}\nmachine   {}\nmethod    {}\n",
+        "job file\nmode      {}\nsurface   {}\ntextures  {}\npdof      {pdof_mm} mm\nmachine   {}\nmethod    {}\n",
+        job.mode.name(),
         surface.display(),
-        job.file.texture.len(),
-        job.pdof(),
+        job.textures.len(),
         machine.name,
-        job.file.partition.method.name()
+        job.partition.method.name()
     );
-    let json = json!({"kind": "job", "surface": surface.display().to_string(), "textures": job.file.texture.len(),
-        "pdof_mm": job.pdof().as_mm(), "machine": machine.name, "method": job.file.partition.method.name()});
+    let json = json!({"kind": "job", "mode": job.mode.name(), "surface": surface.display().to_string(),
+        "textures": job.textures.len(), "pdof_mm": pdof_mm, "machine": machine.name,
+        "method": job.partition.method.name()});
     Ok(Shown { text, json, warnings: Vec::new() })
 }
 
 fn folder(path: &Path) -> Result<Shown, Error> {
-    let file = path.join(MANIFEST);
-    let place = || Place::file(file.display().to_string());
-    let bytes = crate::diag::read_file(&file, 1 << 30)?;
-    let manifest: serde_json::Value = serde_json::from_slice(&bytes)
-        .map_err(|e| Diag::input("manifest", format!("this is not a manifest: {e}")).at(place()))?;
-    let s = &manifest["summary"];
+    let found = record::read(path)?;
+    let (figures, time_s, mark_mm) = match &found.summary {
+        AnySummary::Stepped(s) => (format!("stops    {}", s.stops), s.time_s.total, s.mark_mm),
+        AnySummary::OnTheFly(s) => (format!("moves    {}", s.moves), s.time_s, s.mark_mm),
+    };
     let text = format!(
-        "job folder made by terrace {}\nmachine  {}\nstops    {}\nmarks    {} mm\ntime     {} s\nfiles    {}\n",
-        manifest["terrace"].as_str().unwrap_or("?"),
-        manifest["machine"]["name"].as_str().unwrap_or("?"),
-        s["stops"],
-        s["mark_mm"],
-        s["time_s"]["total"],
-        manifest["files"].as_array().map_or(0, Vec::len)
+        "job folder made by terrace {}\nmode     {}\nmachine  {}\n{figures}\nmarks    {mark_mm:.3} mm\ntime     {}\nfiles    {}\n",
+        found.head.terrace,
+        found.head.mode.name(),
+        found.machine,
+        duration(time_s),
+        found.head.files.len()
     );
-    Ok(Shown {
-        text,
-        json: json!({"kind": "folder", "summary": s, "machine": manifest["machine"]["name"]}),
-        warnings: Vec::new(),
-    })
+    let json = json!({"kind": "folder", "mode": found.head.mode.name(), "summary": found.summary.to_json(),
+        "machine": found.machine});
+    Ok(Shown { text, json, warnings: Vec::new() })
 }

@@ -9,21 +9,21 @@ mod inspect;
 mod orient;
 mod show;
 
-use std::io::{ErrorKind, IsTerminal, Read, Write};
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
 
 use crate::batch;
-use crate::compile::{self, Plan, Station};
 use crate::diag::{Diag, Error, Kind, Place};
 use crate::folder;
+use crate::job::{self, Job, Mode, Overrides};
 use crate::machine::{Machine, PROFILES};
-use crate::preview;
-use crate::spec::{self, Job};
+use crate::plan::{self, Plan, Station};
+use crate::record::AnySummary;
 use crate::verify;
-use args::{Args, Choice, Command, Mode};
+use args::{Args, Choice, Command};
 
 /// Parses the command line, runs it, and answers with the exit code.
 pub fn main() -> ExitCode {
@@ -79,10 +79,10 @@ fn run(args: &Args) -> Result<u8, Error> {
     match &args.command {
         Command::Init { folder, schema } => init(args, folder, *schema)?,
         Command::Check { job, choice } => {
-            let plan = planned(args, job, *choice)?;
+            let plan = planned(args, job, choice)?;
             report(args, &plan, None)?;
         }
-        Command::Compile { job, output, mode, choice } => compile(args, job, output.as_deref(), *mode, *choice)?,
+        Command::Compile { job, output, choice } => compile(args, job, output.as_deref(), choice)?,
         Command::Verify { folder, inputs } => {
             let spinner = show::Spinner::new(args.quiet);
             spinner.text("verifying");
@@ -91,9 +91,9 @@ fn run(args: &Args) -> Result<u8, Error> {
             print(&if args.json { show::json(&proof.to_json()) } else { proof.to_text() })?;
             return Ok(u8::from(!proof.ok));
         }
-        Command::Preview { job, output, choice } => preview(args, job, output.as_deref(), *choice)?,
+        Command::Preview { job, output, choice } => preview(args, job, output.as_deref(), choice)?,
         Command::Orient { job } => {
-            let found = compile::orient::orient(&load(job)?)?;
+            let found = plan::orient::orient(&load(args, job, &Choice::default())?)?;
             print(&if args.json { show::json(&orient::json(&found)) } else { orient::text(&found) })?;
         }
         Command::Compare { job, systems, protection, output } => {
@@ -101,8 +101,7 @@ fn run(args: &Args) -> Result<u8, Error> {
                 compare::replaces(folder)?;
             }
             let spinner = show::Spinner::new(args.quiet);
-            let mut job = load(job)?;
-            job.seed = args.seed;
+            let job = load(args, job, &Choice { mode: Some(Mode::Stepped), ..Choice::default() })?;
             let asked = if systems.is_empty() { &crate::compare::System::ALL[..] } else { systems };
             let found = crate::compare::compare(&job, asked, *protection, &|name| spinner.text(name))?;
             spinner.done();
@@ -112,7 +111,9 @@ fn run(args: &Args) -> Result<u8, Error> {
             }
             print(&if args.json { show::json(&compare::json(&found)) } else { compare::text(&found) })?;
         }
-        Command::Batch { jobs, output, report } => return batch(args, jobs, output.as_deref(), report.as_deref()),
+        Command::Batch { jobs, output, report, choice } => {
+            return batch(args, jobs, output.as_deref(), report.as_deref(), choice);
+        }
         Command::Inspect { file, unit } => {
             let shown = inspect::inspect(file, *unit)?;
             warn(args, &shown.warnings);
@@ -129,96 +130,82 @@ fn run(args: &Args) -> Result<u8, Error> {
     Ok(0)
 }
 
-/// Reads a job file, or standard input for `-`.
-fn load(job: &Path) -> Result<Job, Error> {
-    if job != Path::new("-") {
-        return Job::load(job);
-    }
-    let unreadable = |why: String| {
-        Diag::input("file-unreadable", format!("cannot read the job: {why}")).at(Place::file("standard input"))
-    };
-    let (mut text, limit) = (String::new(), spec::MAX_FILE);
-    std::io::stdin().lock().take(limit + 1).read_to_string(&mut text).map_err(|e| unreadable(e.to_string()))?;
-    if text.len() as u64 > limit {
-        return Err(unreadable(format!("it has more than {limit} bytes")).into());
-    }
-    Job::parse(Path::new("stdin.toml"), &text)
+/// What the command line sets, over the job file's keys.
+fn overrides(args: &Args, choice: &Choice) -> Overrides {
+    Overrides { mode: choice.mode, objective: choice.objective, seed: args.seed }
 }
 
-fn compile(args: &Args, job: &Path, output: Option<&Path>, mode: Mode, choice: Choice) -> Result<(), Error> {
-    let target = match output {
-        Some(o) => o.to_owned(),
-        None if job == Path::new("-") => PathBuf::from("stdin.job"),
-        None => compile::default_output(job),
-    };
-    folder::prepare(&target)?;
-    let spinner = show::Spinner::new(args.quiet);
-    let asked = chosen(args, job, choice)?;
-    if mode == Mode::OnTheFly {
-        let plan = compile::fly(asked)?;
-        spinner.station(Station::Write);
-        folder::write_fly(&plan, &target, args.seed)?;
-        spinner.done();
-        warn(args, &plan.warnings);
-        let summary = folder::summary_of_fly(&plan);
-        return print(&if args.json { show::json(&summary) } else { show::fly(&summary, &target) });
+/// Reads a job file, or standard input for `-`.
+fn load(args: &Args, path: &Path, choice: &Choice) -> Result<Job, Error> {
+    let overrides = overrides(args, choice);
+    if path != Path::new("-") {
+        return Job::load(path, &overrides);
     }
-    let plan = compile::plan(asked, &|s| spinner.station(s))?;
+    let text = job::read_text(Path::new("standard input"), &mut std::io::stdin().lock())?;
+    Job::parse(Path::new("stdin.toml"), &text, &overrides)
+}
+
+fn compile(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> Result<(), Error> {
+    let job = load(args, path, choice)?;
+    let target = output.map_or_else(|| plan::default_output(&job.path, job.mode), Path::to_owned);
+    folder::prepare(&target, job.mode)?;
+    let spinner = show::Spinner::new(args.quiet);
+    let plan = plan::plan(job, &|s| spinner.station(s))?;
     spinner.station(Station::Write);
-    folder::write(&plan, &target, args.seed)?;
+    folder::write(&plan, &target)?;
     spinner.done();
-    warn(args, &plan.warnings);
-    if job == Path::new("-") {
+    warn(args, plan.warnings());
+    if path == Path::new("-") {
         let d = Diag::warning("job-from-stdin", "the job came from standard input, and verify reads it again");
-        warn(args, &[d.hint(format!("keep it as {} in this folder", plan.job.path.display()))]);
+        warn(args, &[d.hint(format!("keep it as {} in this folder", plan.job().path.display()))]);
     }
     report(args, &plan, Some(&target))
 }
 
-fn preview(args: &Args, job: &Path, output: Option<&Path>, choice: Choice) -> Result<(), Error> {
-    let plan = planned(args, job, choice)?;
-    let name = plan.job.path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-    let svg = preview::layout_svg(&folder::layout(&plan, &name));
-    let dash = Path::new("-");
-    let path = match output {
-        Some(o) if o == dash => return print(&svg),
-        None if job == dash => return print(&svg),
-        Some(o) => o.to_owned(),
-        None => job.with_extension("layout.svg"),
+fn preview(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> Result<(), Error> {
+    let job = load(args, path, choice)?;
+    if job.mode == Mode::OnTheFly {
+        let d = Diag::input("preview-mode", "an on-the-fly job has no blocks to draw").at(job.place_of("mode"));
+        return Err(d.hint("--mode stepped draws the blocks of the same job as a stepped one").into());
+    }
+    let Plan::Stepped(plan) = planned_of(args, job)? else {
+        return Err(Diag::bug("preview-mode", "a stepped job was planned in another mode").into());
     };
-    write_file(&path, svg.as_bytes(), &folder::input_paths(&plan.job))?;
-    wrote(args, &[path])
+    let svg = folder::layout_svg(&plan);
+    let dash = Path::new("-");
+    let file = match output {
+        Some(o) if o == dash => return print(&svg),
+        None if path == dash => return print(&svg),
+        Some(o) => o.to_owned(),
+        None => path.with_extension("layout.svg"),
+    };
+    write_file(&file, svg.as_bytes(), &folder::input_paths(&plan.job))?;
+    wrote(args, &[file])
 }
 
-fn batch(args: &Args, jobs: &Path, output: Option<&Path>, report: Option<&Path>) -> Result<u8, Error> {
-    let list = batch::jobs(jobs, output)?;
+fn batch(args: &Args, jobs: &Path, output: Option<&Path>, report: Option<&Path>, choice: &Choice) -> Result<u8, Error> {
+    let list = batch::jobs(jobs, output, &overrides(args, choice))?;
     let view = show::BatchView::new(args.quiet, list.len());
-    let outcome = batch::run(&list, args.seed, &|done| view.done(done));
+    let outcome = batch::run(&list, &|done| view.done(done));
     view.finish();
     let json = show::json(&outcome.to_json());
     print(&if args.json { json.clone() } else { outcome.to_string() })?;
     if let Some(path) = report {
-        let inputs: Vec<PathBuf> = list.into_iter().map(|e| e.job).chain([jobs.to_owned()]).collect();
+        let inputs: Vec<PathBuf> = list.into_iter().map(|e| e.path).chain([jobs.to_owned()]).collect();
         write_file(path, json.as_bytes(), &inputs)?;
     }
     Ok(outcome.exit_code())
 }
 
-/// Reads a job, and sets what was chosen on the command line.
-fn chosen(args: &Args, job: &Path, choice: Choice) -> Result<Job, Error> {
-    let mut job = load(job)?;
-    job.seed = args.seed;
-    if let Some(objective) = choice.objective {
-        job.file.partition.objective = objective;
-    }
-    Ok(job)
+fn planned(args: &Args, path: &Path, choice: &Choice) -> Result<Plan, Error> {
+    planned_of(args, load(args, path, choice)?)
 }
 
-fn planned(args: &Args, job: &Path, choice: Choice) -> Result<Plan, Error> {
+fn planned_of(args: &Args, job: Job) -> Result<Plan, Error> {
     let spinner = show::Spinner::new(args.quiet);
-    let plan = compile::plan(chosen(args, job, choice)?, &|s| spinner.station(s))?;
+    let plan = plan::plan(job, &|s| spinner.station(s))?;
     spinner.done();
-    warn(args, &plan.warnings);
+    warn(args, plan.warnings());
     Ok(plan)
 }
 
@@ -233,12 +220,11 @@ fn warn(args: &Args, warnings: &[Diag]) {
 }
 
 fn report(args: &Args, plan: &Plan, folder: Option<&Path>) -> Result<(), Error> {
-    if args.json {
-        let value = serde_json::to_value(&plan.summary).unwrap_or_default();
-        print(&show::json(&value))
-    } else {
-        print(&show::summary(&plan.summary, folder))
-    }
+    let summary = match plan {
+        Plan::Stepped(plan) => AnySummary::Stepped(Box::new(plan.summary.clone())),
+        Plan::OnTheFly(plan) => AnySummary::OnTheFly(Box::new(plan.summary.clone())),
+    };
+    print(&if args.json { show::json(&summary.to_json()) } else { show::summary(&summary, folder) })
 }
 
 /// Writes a result that is one file, never over one of the `inputs`.
@@ -260,10 +246,9 @@ fn wrote(args: &Args, files: &[PathBuf]) -> Result<(), Error> {
 
 fn init(args: &Args, folder: &Path, schema: bool) -> Result<(), Error> {
     if schema {
-        return print(&format!("{}\n", spec::json_schema()));
+        return print(&format!("{}\n", job::json_schema()));
     }
-    let files =
-        [("job.toml", spec::SAMPLE_JOB.as_bytes().to_vec()), (spec::SAMPLE_SURFACE_NAME, spec::sample_surface())];
+    let files = [("job.toml", job::SAMPLE_JOB.as_bytes().to_vec()), (job::SAMPLE_SURFACE_NAME, job::sample_surface())];
     let paths = files.each_ref().map(|(name, _)| folder.join(name));
     for path in &paths {
         if std::fs::symlink_metadata(path).is_ok() {

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use crate::compile::orient::{Orientation, SetUp};
 use crate::geom::mm_from_nm;
+use crate::plan::orient::{Orientation, SetUp};
 use crate::record::duration;
 
 /// The table for people.

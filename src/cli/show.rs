@@ -6,8 +6,8 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::batch::Outcome;
-use crate::compile::Station;
-use crate::record::{Summary, duration};
+use crate::plan::Station;
+use crate::record::{AnySummary, FlySummary, Summary, duration};
 
 /// Pretty JSON with a line end.
 pub fn json(value: &serde_json::Value) -> String {
@@ -74,7 +74,14 @@ fn at_least(s: &Summary) -> String {
 }
 
 /// The figures of a job as a person reads them.
-pub fn summary(s: &Summary, folder: Option<&Path>) -> String {
+pub fn summary(s: &AnySummary, folder: Option<&Path>) -> String {
+    match s {
+        AnySummary::Stepped(s) => stepped(s, folder),
+        AnySummary::OnTheFly(s) => on_the_fly(s, folder),
+    }
+}
+
+fn stepped(s: &Summary, folder: Option<&Path>) -> String {
     let t = &s.time_s;
     let mut lines = vec![
         format!("method         {}", s.method),
@@ -126,21 +133,20 @@ pub fn summary(s: &Summary, folder: Option<&Path>) -> String {
     lines.join("\n") + "\n"
 }
 
-/// The figures of an on-the-fly job, for people.
-pub fn fly(s: &serde_json::Value, folder: &Path) -> String {
-    let number = |key: &str| s[key].as_f64().unwrap_or_default();
-    let lines = [
-        format!("marks          {} in {} moves, {:.3} mm", s["marks"], s["moves"], number("mark_mm")),
-        format!("time           {:.3} s, {:.3} s of it with the laser on", number("time_s"), number("mark_s")),
-        format!("worst focus    {:.1} um, angle {:.2} deg", number("worst_fod_um"), number("worst_bia_deg")),
-        format!("in the field   up to {:.3} mm from its centre", number("worst_displacement_mm")),
+fn on_the_fly(s: &FlySummary, folder: Option<&Path>) -> String {
+    let mut lines = vec![
+        format!("marks          {} in {} moves, {:.3} mm", s.marks, s.moves, s.mark_mm),
+        format!("time           {:.3} s, {:.3} s of it with the laser on", s.time_s, s.mark_s),
+        format!("worst focus    {:.1} um, angle {:.2} deg", s.deviations.worst_fod_um, s.deviations.worst_bia_deg),
+        format!("in the field   up to {:.3} mm from its centre", s.worst_displacement_mm),
         format!(
             "laser          up to {:.4} mm early: {:.1} mm/s x {} s",
-            number("laser_error_mm"),
-            number("mark_speed_mm_s"),
-            number("servo_period_s")
+            s.laser_error_mm, s.mark_speed_mm_s, s.servo_period_s
         ),
-        format!("folder         {}", folder.display()),
     ];
+    if let Some(folder) = folder {
+        lines.push(format!("job folder     {}", folder.display()));
+        lines.push(format!("then run       terrace verify {}", folder.display()));
+    }
     lines.join("\n") + "\n"
 }

@@ -3,8 +3,7 @@
 use rayon::prelude::*;
 
 use super::filters::{FAMILIES, filters};
-use super::{Curves, Figures, Ground, Split, System, marked, path_of, reason};
-use crate::compile::{Plan, plan_whole};
+use super::{Curves, Figures, Split, Subject, System, marked, path_of, reason};
 use crate::fly::decompose::{Family, Limits, choose_average};
 use crate::fly::kinematics::{Axes, Deviation};
 use crate::fly::motion::AXES;
@@ -18,9 +17,10 @@ use crate::fly::stops::stop_at_every_point;
 use crate::fly::sync::{Room, Sync, Timed, Turn, ends, quickest, step_scan_s, synchronise, synchronised_s};
 use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
+use crate::map::Map;
 use crate::motion::stage_move;
+use crate::plan::strokes::{self, Strokes};
 use crate::program::Block;
-use crate::units::Length;
 
 /// Samples of a synchronised path, and of one band of it.
 const SAMPLES: usize = 300_000;
@@ -36,8 +36,8 @@ const DRAWN: usize = 2000;
 
 /// What the systems on the fly share.
 pub(super) struct Follower<'a> {
-    ground: &'a Ground<'a>,
-    whole: &'a Plan,
+    subject: &'a Subject<'a>,
+    whole: &'a Strokes,
     path: Path,
     /// The same with no more nodes than turning axes need.
     thin: Path,
@@ -46,15 +46,15 @@ pub(super) struct Follower<'a> {
 }
 
 impl<'a> Follower<'a> {
-    pub(super) fn new(ground: &'a Ground<'a>, whole: &'a Plan) -> Self {
-        let path = path_of(ground, whole.checked.program(), 0..whole.checked.program().blocks.len());
+    pub(super) fn new(subject: &'a Subject<'a>, whole: &'a Strokes) -> Self {
+        let path = path_of(subject, &whole.program, 0..whole.program.blocks.len());
         let thin = path.evened(STEP);
-        let process_s = Schedule::of(&path, ground.machine, &whole.checked.program().pens, 0.0).total_s();
-        Self { ground, whole, path, thin, process_s }
+        let process_s = Schedule::of(&path, subject.machine, &whole.program.pens, 0.0).total_s();
+        Self { subject, whole, path, thin, process_s }
     }
 
     fn room(&self) -> Result<Room, String> {
-        Room::of(self.ground.machine, self.ground.limits.focus).map_err(|e| reason(&e))
+        Room::of(self.subject.machine, self.subject.limits.focus).map_err(|e| reason(&e))
     }
 
     /// The figures of a system and what it has to show; None of one that steps.
@@ -78,8 +78,8 @@ impl<'a> Follower<'a> {
 
     /// The strokes in their order, synchronised as a whole.
     fn synchronised(&self, curves: &mut Curves) -> Result<Figures, String> {
-        let machine = self.ground.machine;
-        let (pens, room) = (&self.whole.checked.program().pens, self.room()?);
+        let machine = self.subject.machine;
+        let (pens, room) = (&self.whole.program.pens, self.room()?);
         // Where the part lies is the machine's affair: its travel must be long enough.
         let fits = |ends: [[f64; 2]; 3]| beyond(machine, ends).is_none();
         let Timed { turn, path, schedule, sync } = quickest(&self.path, machine, pens, room, SAMPLES, &fits);
@@ -108,11 +108,11 @@ impl<'a> Follower<'a> {
         notes.extend(beyond(machine, ends(sync.stage.iter().copied())));
         let figures = Figures {
             time,
-            model_s: Some(synchronised_s(self.ground.move_s, self.process_s)),
+            model_s: Some(synchronised_s(self.subject.move_s, self.process_s)),
             stops: 1,
             speed: 100.0 / slow,
             notes,
-            ..self.followed(&path, &schedule, &sync)?.figures(self.ground.limits)
+            ..self.followed(&path, &schedule, &sync)?.figures(self.subject.limits)
         };
         let drawn = path.len().min(DRAWN);
         let until = sync.lead_s + schedule.arrive[drawn - 1] * slow;
@@ -131,8 +131,8 @@ impl<'a> Follower<'a> {
     /// What the article's rule (eq. 4) makes of the path at the pens' speeds.
     fn by_the_article(&self, room: Room) -> Result<String, String> {
         const SAMPLES: usize = 50_000;
-        let machine = self.ground.machine;
-        let schedule = Schedule::of(&self.path, machine, &self.whole.checked.program().pens, 0.0);
+        let machine = self.subject.machine;
+        let schedule = Schedule::of(&self.path, machine, &self.whole.program.pens, 0.0);
         let even = schedule.samples(&self.path, (schedule.total_s() / SAMPLES as f64).max(1e-3));
         let plan: Vec<[f64; 2]> = even.at.iter().map(|p| [p[0], p[1]]).collect();
         let most = machine.stage.x.acceleration.as_mm_s2().min(machine.stage.y.acceleration.as_mm_s2());
@@ -155,30 +155,33 @@ impl<'a> Follower<'a> {
     /// What marks get from a synchronised motion.
     fn followed(&self, path: &Path, schedule: &Schedule, sync: &Sync) -> Result<Followed, String> {
         let nodes = sync.nodes(path, schedule);
-        let half = self.ground.machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+        let half = self.subject.machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
         let samples = sync.stage.iter().zip(&sync.beam).zip(&sync.on).map(|((&xyz, b), &on)| Sample {
             axes: Axes { xyz, a: 0.0, c: 0.0 },
             spot: [b[0] - xyz[0], b[1] - xyz[1]],
             on,
         });
-        let trail = trailing(self.ground.machine, &|_| half, Some(self.ground.protection), samples, sync.step_s)?;
-        let deviations = upright(self.ground, path, |i| nodes[i]);
+        let trail = trailing(self.subject.machine, &|_| half, Some(self.subject.protection), samples, sync.step_s)?;
+        let deviations = upright(self.subject, path, |i| nodes[i]);
         Ok(Followed { deviations, weights: path.weights(), trail, travel: travel(sync.stage.iter().copied()) })
     }
 
     /// Bands of depth over the whole part: within each x and y follow, z rests.
     fn bands(&self) -> Result<Figures, String> {
-        let ground = self.ground;
-        let depth = Some(Length::mm(2.0 * ground.limits.focus));
-        let plan = plan_whole(ground.job, ground.machine, depth).map_err(|e| reason(&e))?;
-        let (program, room) = (plan.checked.program(), self.room()?);
+        let subject = self.subject;
+        let depth = Some(subject.job.focus.depth);
+        let Strokes { program, section, texture, .. } =
+            strokes::in_order(subject.job, subject.machine, subject.inputs, depth).map_err(|e| reason(&e))?;
+        let (program, room) = (&program, self.room()?);
+        let upright = vec![None; program.blocks.len()];
+        let map = Map::new(program, &section, &upright, section.pitch, &subject.inputs.surface, texture);
         let band = |(i, block): (usize, &Block)| {
-            let mut path = path_of(ground, program, i..i + 1);
+            let mut path = path_of(subject, program, i..i + 1);
             let plane = mm_from_nm(block.stop.focus);
             let heights: Vec<f64> = path.at.iter().map(|p| p[2]).collect();
             path.at.iter_mut().for_each(|p| p[2] = plane);
-            let schedule = Schedule::of(&path, ground.machine, &program.pens, 0.0);
-            let sync = synchronise(&path, &schedule, ground.machine, room, schedule.step_s(COARSE));
+            let schedule = Schedule::of(&path, subject.machine, &program.pens, 0.0);
+            let sync = synchronise(&path, &schedule, subject.machine, room, schedule.step_s(COARSE));
             path.at.iter_mut().zip(heights).for_each(|(p, z)| p[2] = z);
             let time = Split { stage: 2.0 * sync.lead_s, ..Split::of(&schedule, sync.slower) };
             let ends = [path.at[0], path.at[path.len() - 1]].map(nm).map(|[x, y, _]| [x, y, block.stop.focus]);
@@ -188,7 +191,7 @@ impl<'a> Follower<'a> {
         let (mut all, mut time, mut slowest, mut process_s) = (Followed::default(), Split::default(), 1.0f64, 0.0);
         let mut before: Option<[i64; 3]> = None;
         for (followed, own, slow, own_s, [first, last]) in bands {
-            let moved = before.map(|from| stage_move(ground.machine, from, first, None)).unwrap_or_default();
+            let moved = before.map(|from| stage_move(subject.machine, from, first, None)).unwrap_or_default();
             before = Some(last);
             time.stage += own.stage + moved.travel_s;
             time.settle += moved.settle_s;
@@ -199,22 +202,22 @@ impl<'a> Follower<'a> {
         }
         Ok(Figures {
             time,
-            model_s: Some(step_scan_s(program.blocks.len(), ground.move_s, process_s)),
+            model_s: Some(step_scan_s(program.blocks.len(), subject.move_s, process_s)),
             stops: program.blocks.len(),
             speed: 100.0 / slowest,
-            seam_mm: plan.summary.seam_mm,
+            seam_mm: map.seam_mm(),
             notes: vec!["speed of the slowest band".into()],
-            ..all.figures(ground.limits)
+            ..all.figures(subject.limits)
         })
     }
 
     /// Five stage axes, with or without the scanner.
     fn turning(&self, tools: Tools, curves: &mut Curves) -> Result<Figures, String> {
-        let ground = self.ground;
+        let subject = self.subject;
         let mut notes = Vec::new();
-        let pens = &self.whole.checked.program().pens;
+        let pens = &self.whole.program.pens;
         let other = Machine::built_in("xyzac-galvo-10").map_err(|e| reason(&e))?;
-        let own = Rig::of(ground.machine, pens, self.whole.checked.origin().map(mm_from_nm));
+        let own = Rig::of(subject.machine, pens, self.whole.origin.map(mm_from_nm));
         let rig = match own {
             Some(rig) => rig,
             None => {
@@ -225,8 +228,8 @@ impl<'a> Follower<'a> {
                 Rig { pivot: [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, 0].map(mm_from_nm), ..rig }
             }
         };
-        let room = Limits { field: rig.room().map_err(|e| reason(&e))?, ..ground.limits };
-        let made = seven(&self.thin, &ground.relief, &rig, room, tools).map_err(|e| reason(&e))?;
+        let room = Limits { field: rig.room().map_err(|e| reason(&e))?, ..subject.limits };
+        let made = seven(&self.thin, &subject.relief, &rig, room, tools).map_err(|e| reason(&e))?;
         if tools == Tools::Filtered(Family::Gaussian) {
             curves.ladder.clone_from(&made.ladder);
             curves.seven = Some(room);
@@ -250,7 +253,7 @@ impl<'a> Follower<'a> {
         let mut all = FAMILIES.map(|(name, family)| (name, Tools::Filtered(family))).to_vec();
         all.push(("least acceleration", Tools::LeastAcceleration));
         let of = |(name, tools)| {
-            let made = seven(&first, &self.ground.relief, rig, room, tools).map_err(|e| reason(&e))?;
+            let made = seven(&first, &self.subject.relief, rig, room, tools).map_err(|e| reason(&e))?;
             Ok((name, made.shared(rig)))
         };
         all.into_par_iter().map(of).collect()
@@ -281,9 +284,9 @@ impl<'a> Follower<'a> {
         for (i, w) in times.windows(2).enumerate() {
             *(if made.path.pen[i + 1].is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
         }
-        let asked = Schedule::of(&self.thin, machine, &self.whole.checked.program().pens, 0.0).mark_s;
+        let asked = Schedule::of(&self.thin, machine, &self.whole.program.pens, 0.0).mark_s;
         // Where the scanner rests it does not make up for the stage either.
-        let feed = (tools != Tools::OnTheMark).then_some(self.ground.protection);
+        let feed = (tools != Tools::OnTheMark).then_some(self.subject.protection);
         let (samples, step_s) = sampled(&made.timed, &made.path);
         // Of a round field what is too far out comes back towards its centre.
         let reach = machine.field_reach();
@@ -392,10 +395,10 @@ fn sampled(timed: &pace::Timed, path: &Path) -> (impl Iterator<Item = Sample>, f
 
 /// Of the nodes of a path under upright beams; `beam` tells where that of a node stands: x, y and the plane of
 /// focus.
-fn upright(ground: &Ground<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3]) -> Vec<Deviation> {
+fn upright(subject: &Subject<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3]) -> Vec<Deviation> {
     let deviation = |i: usize| {
         let (p, b) = (path.at[i], beam(i));
-        let angle = ground.relief.at([p[0], p[1]]).normal()[2].acos();
+        let angle = subject.relief.at([p[0], p[1]]).normal()[2].acos();
         Deviation { focus: (p[2] - b[2]).abs(), angle, lateral: (p[0] - b[0]).hypot(p[1] - b[1]) }
     };
     (0..path.len()).map(deviation).collect()

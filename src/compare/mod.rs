@@ -20,7 +20,6 @@ pub use report::{page, plots, tables};
 use std::ops::Range;
 use std::sync::OnceLock;
 
-use crate::compile::{Plan, plan_whole};
 use crate::diag::{Diag, Error};
 use crate::fly::decompose::Limits;
 use crate::fly::kinematics::Deviation;
@@ -31,11 +30,12 @@ use crate::fly::servo::Protection;
 use crate::fly::seven::{Ladder, Shared};
 use crate::fly::spread::Spread;
 use crate::geom::{NM_PER_MM, mm_from_nm};
+use crate::job::{Job, Method};
 use crate::machine::Machine;
 use crate::motion::stage_move;
+use crate::plan::strokes;
+use crate::plan::{Inputs, SteppedPlan};
 use crate::program::Program;
-use crate::spec::{Job, Method};
-use crate::surface::Surface;
 
 /// A way of marking a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -232,10 +232,10 @@ pub struct Comparison {
 }
 
 /// What all systems share.
-struct Ground<'a> {
+struct Subject<'a> {
     job: &'a Job,
     machine: &'a Machine,
-    surface: &'a Surface,
+    inputs: &'a Inputs,
     relief: Relief,
     limits: Limits,
     /// Size of the texture's box, mm.
@@ -245,12 +245,12 @@ struct Ground<'a> {
     /// Time of a stage move by the width of the field, s.
     move_s: f64,
     /// The job by the method that most systems go by, planned once.
-    z_range: OnceLock<Result<Plan, String>>,
+    z_range: OnceLock<Result<SteppedPlan, String>>,
 }
 
-impl Ground<'_> {
-    fn z_range(&self) -> Result<&Plan, String> {
-        let plan = || stepped::planned(self.job, self.machine.clone(), Method::ZRange);
+impl Subject<'_> {
+    fn z_range(&self) -> Result<&SteppedPlan, String> {
+        let plan = || stepped::planned(self, self.machine, Method::ZRange);
         self.z_range.get_or_init(plan).as_ref().map_err(Clone::clone)
     }
 }
@@ -268,30 +268,28 @@ pub fn compare(
     protection: Protection,
     progress: &(dyn Fn(&'static str) + Sync),
 ) -> Result<Comparison, Error> {
-    let machine = job.machine()?;
-    let path = job.resolve(job.file.surface.file.get_ref());
-    let turn = job.file.placement.turn.as_rad();
-    let surface = Surface::load(&path, &job.surface_options(), job.file.surface.weld.as_mm(), turn, &mut Vec::new())?;
     progress("reading");
-    // One field over everything: the strokes in their order, and where they lie.
-    let whole = plan_whole(job, &machine, None)?;
+    let inputs = Inputs::load(job)?;
+    let machine = &inputs.machine;
+    let whole = strokes::in_order(job, machine, &inputs, None).map_err(|e| e.after(inputs.warnings.clone()))?;
     let size = whole.texture.size().map(mm_from_nm);
-    let relief = Relief::followed(&surface, whole.texture, job.depth_range().as_mm() / 2.0).ok_or_else(|| {
+    let focus = job.focus.half_depth_mm();
+    let relief = Relief::followed(&inputs.surface, whole.texture, focus).ok_or_else(|| {
         Diag::limit("compare-relief", "the texture lies nowhere on the part")
             .hint("compare its area with the part's box")
     })?;
     let half = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
     let limits = Limits {
-        focus: job.depth_range().as_mm() / 2.0,
-        angle: job.file.limits.warn_incidence.as_rad(),
+        focus,
+        angle: job.limits.warn_incidence.as_rad(),
         // The corners of the field are the scanner's too.
         field: half[0].hypot(half[1]),
     };
-    let across = stage_move(&machine, [0; 3], [machine.usable_field()[0], 0, 0], None);
-    let ground = Ground {
+    let across = stage_move(machine, [0; 3], [machine.usable_field()[0], 0, 0], None);
+    let subject = Subject {
         job,
-        machine: &machine,
-        surface: &surface,
+        machine,
+        inputs: &inputs,
         relief,
         limits,
         size,
@@ -301,18 +299,18 @@ pub fn compare(
     };
     let stepped = |system: &System| {
         let by: &dyn Fn() -> Result<Figures, String> = match system {
-            System::Flat => &|| stepped::flat(&ground),
-            System::Contour => &|| stepped::by(&ground, Method::Contour),
-            System::ZRange => &|| stepped::z_range(&ground),
-            System::Window => &|| stepped::by(&ground, Method::Window),
-            System::Zoom => &|| stepped::zoom(&ground),
-            System::Tilt => &|| stepped::tilt(&ground),
+            System::Flat => &|| stepped::flat(&subject),
+            System::Contour => &|| stepped::by(&subject, Method::Contour),
+            System::ZRange => &|| stepped::z_range(&subject),
+            System::Window => &|| stepped::by(&subject, Method::Window),
+            System::Zoom => &|| stepped::zoom(&subject),
+            System::Tilt => &|| stepped::tilt(&subject),
             _ => return None,
         };
         progress(system.name());
         Some(by())
     };
-    let follower = follow::Follower::new(&ground, &whole);
+    let follower = follow::Follower::new(&subject, &whole);
     let follow = &|system: &System| follower.system(*system, progress);
     // Stepped systems one after the other, since they share a plan, beside the rest, each of which goes by itself. What
     // takes long on one thread goes first.
@@ -336,7 +334,7 @@ pub fn compare(
         rows.extend(stopped.or(followed).map(|figures| Row { system, figures }));
     }
     let job_name = job.path.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-    let warnings = whole.warnings.clone();
+    let warnings = [inputs.warnings.as_slice(), &whole.warnings].concat();
     Ok(Comparison { job: job_name, machine: machine.name.clone(), limits, rows, curves, warnings })
 }
 
@@ -364,8 +362,8 @@ fn reason(e: &Error) -> String {
 }
 
 /// The path of some blocks of a program over the part.
-fn path_of(ground: &Ground<'_>, program: &Program, blocks: Range<usize>) -> Path {
-    let field = ground.machine.usable_field().map(|f| f as f64 / NM_PER_MM);
-    let spacing = field[0].min(field[1]).min(ground.size[0].max(ground.size[1])) / NODES;
-    Path::of(program, blocks, ground.surface, &ground.relief, spacing)
+fn path_of(subject: &Subject<'_>, program: &Program, blocks: Range<usize>) -> Path {
+    let field = subject.machine.usable_field().map(|f| f as f64 / NM_PER_MM);
+    let spacing = field[0].min(field[1]).min(subject.size[0].max(subject.size[1])) / NODES;
+    Path::of(program, blocks, &subject.inputs.surface, &subject.relief, spacing)
 }

@@ -2,58 +2,95 @@
 
 use std::borrow::Cow;
 
-use super::{Figures, Ground, Split, marked, path_of, reason};
-use crate::compile::{Plan, plan_for};
+use super::{Figures, Split, Subject, marked, path_of, reason};
 use crate::fly::kinematics::Deviation;
 use crate::fly::relief::Relief;
 use crate::fly::sync::step_scan_s;
 use crate::geom::{Box2, NM_PER_MM, P2, Turn, mm_from_nm};
+use crate::job::{DepthRule, Focus, Method, Partition};
 use crate::machine::Machine;
 use crate::motion;
+use crate::plan::{Draft, SteppedPlan};
 use crate::program::Program;
 use crate::record::Times;
-use crate::spec::{Job, Method};
-use crate::units::Length;
 
-/// Planes of focus so far apart that every field has one.
-const ONE_PLANE: f64 = 2_000.0;
+/// Planes of focus so far apart, nm, that every field has one.
+const ONE_PLANE: i64 = 2_000_000_000;
 
-/// Fields side by side, each focused on the middle of its marks.
-pub(super) fn flat(ground: &Ground<'_>) -> Result<Figures, String> {
-    let job = ground.job.plain(Method::ZRange, Some(Length::mm(ONE_PLANE)));
-    let mut machine = ground.machine.clone();
-    // Where one plane has to do, the lens may come as near to the part as it must: the figures tell.
-    machine.lens.working_distance = Length::mm(10.0 * ONE_PLANE);
-    let plan = plan_for(job, machine, &|_| {}).map_err(|e| reason(&e))?;
-    Ok(measured(ground, &plan))
+/// Fields side by side, each focused on the middle of its marks. The program is not checked: the lens may come as
+/// near to the part as it must, the figures tell.
+pub(super) fn flat(subject: &Subject<'_>) -> Result<Figures, String> {
+    let mut job = subject.job.plain(Method::ZRange);
+    job.focus = Focus { pdof: ONE_PLANE, depth: ONE_PLANE, rule: DepthRule::Range, ..job.focus };
+    job.partition = Partition { method: Method::ZRange, ..Partition::default() };
+    let draft = Draft::new(&job, subject.machine, subject.inputs, &|_| {}).map_err(|e| reason(&e))?;
+    Ok(measured(subject, &Measured::of_draft(&draft, subject.machine)))
 }
 
 /// A job by a method on a machine.
-pub(super) fn planned(job: &Job, machine: Machine, method: Method) -> Result<Plan, String> {
-    plan_for(job.plain(method, None), machine, &|_| {}).map_err(|e| reason(&e))
+pub(super) fn planned(subject: &Subject<'_>, machine: &Machine, method: Method) -> Result<SteppedPlan, String> {
+    let job = subject.job.plain(method);
+    let draft = Draft::new(&job, machine, subject.inputs, &|_| {});
+    draft.and_then(|draft| draft.checked(Vec::new())).map_err(|e| reason(&e))
+}
+
+/// A stepped program that is to be measured.
+struct Measured<'a> {
+    program: &'a Program,
+    machine: &'a Machine,
+    /// Position of the part's origin in the table frame, nm.
+    origin: [i64; 3],
+    texture: Box2,
+    times: Times,
+    seam_mm: f64,
+}
+
+impl<'a> Measured<'a> {
+    fn of_draft(draft: &'a Draft<'a>, machine: &'a Machine) -> Self {
+        let passes = draft.passes();
+        Self {
+            program: draft.program(),
+            machine,
+            origin: draft.origin(),
+            texture: passes[0].texture,
+            times: draft.times(),
+            seam_mm: passes.iter().map(|p| p.map.seam_mm()).sum(),
+        }
+    }
+
+    fn of(plan: &'a SteppedPlan) -> Self {
+        Self {
+            program: plan.checked.program(),
+            machine: &plan.machine,
+            origin: plan.checked.origin(),
+            texture: plan.passes[0].texture,
+            times: plan.summary.time_s,
+            seam_mm: plan.summary.seam_mm,
+        }
+    }
 }
 
 /// Stepped by a method.
-pub(super) fn by(ground: &Ground<'_>, method: Method) -> Result<Figures, String> {
-    Ok(measured(ground, &planned(ground.job, ground.machine.clone(), method)?))
+pub(super) fn by(subject: &Subject<'_>, method: Method) -> Result<Figures, String> {
+    Ok(measured(subject, &Measured::of(&planned(subject, subject.machine, method)?)))
 }
 
 /// Stepped, fewest levels in each section.
-pub(super) fn z_range(ground: &Ground<'_>) -> Result<Figures, String> {
-    Ok(measured(ground, ground.z_range()?))
+pub(super) fn z_range(subject: &Subject<'_>) -> Result<Figures, String> {
+    Ok(measured(subject, &Measured::of(subject.z_range()?)))
 }
 
 /// Levels changed by a zoom optic; the stage moves for a new section, or where the zoom's range ends.
-pub(super) fn zoom(ground: &Ground<'_>) -> Result<Figures, String> {
-    let machine = ground.machine;
+pub(super) fn zoom(subject: &Subject<'_>) -> Result<Figures, String> {
+    let machine = subject.machine;
     let (mut zoom, mut notes) = (machine.zoom.clone(), Vec::new());
     if zoom.is_none() {
         zoom = Machine::built_in("xyz-zoom-40").ok().and_then(|m| m.zoom);
         notes.push("zoom optic of xyz-zoom-40 added".into());
     }
     let Some(zoom) = zoom else { return Err("no zoom optic".into()) };
-    let plan = ground.z_range()?;
-    let mut figures = measured(ground, plan);
+    let plan = subject.z_range()?;
+    let mut figures = measured(subject, &Measured::of(plan));
     let range = zoom.range.as_nm().unwrap_or(i64::MAX);
     let blocks = &plan.checked.program().blocks;
     let (mut at, mut planes) = (blocks[0].stage, [i64::MAX, i64::MIN]);
@@ -83,36 +120,36 @@ pub(super) fn zoom(ground: &Ground<'_>) -> Result<Figures, String> {
         }
         focus = stop.focus;
     }
-    figures.model_s = Some(step_scan_s(figures.stops, ground.move_s, time.zoom + time.mark + time.jump + time.delay));
+    figures.model_s = Some(step_scan_s(figures.stops, subject.move_s, time.zoom + time.mark + time.jump + time.delay));
     figures.time = time;
     figures.notes.extend(notes);
     Ok(figures)
 }
 
 /// The part tilted at every stop.
-pub(super) fn tilt(ground: &Ground<'_>) -> Result<Figures, String> {
-    let mut machine = ground.machine.clone();
+pub(super) fn tilt(subject: &Subject<'_>) -> Result<Figures, String> {
+    let mut machine = subject.machine.clone();
     let mut notes = Vec::new();
     if machine.tilt.is_none() {
         machine.tilt = Machine::built_in("xyz-tilt-galvo-40").ok().and_then(|m| m.tilt);
         notes.push("tilt table of xyz-tilt-galvo-40 added".into());
     }
-    let plan = planned(ground.job, machine, Method::Tilt)?;
-    Ok(Figures { notes, ..measured(ground, &plan) })
+    let plan = planned(subject, &machine, Method::Tilt)?;
+    Ok(Figures { notes, ..measured(subject, &Measured::of(&plan)) })
 }
 
 /// What marks get, with time, stops and ways of a stepped plan.
-fn stepping(marks: Figures, ground: &Ground<'_>, plan: &Plan) -> Figures {
-    let program = plan.checked.program();
-    let Times { stage, settle, mark, jump, delay, .. } = plan.summary.time_s;
+fn stepping(marks: Figures, subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
+    let program = plan.program;
+    let Times { stage, settle, mark, jump, delay, .. } = plan.times;
     let stops = program.blocks.len();
     Figures {
         time: Split { stage, settle, zoom: 0.0, mark, jump, delay },
-        model_s: Some(step_scan_s(stops, ground.move_s, mark + jump + delay)),
+        model_s: Some(step_scan_s(stops, subject.move_s, mark + jump + delay)),
         stops,
-        seam_mm: plan.summary.seam_mm,
+        seam_mm: plan.seam_mm,
         // Two stops stand off by this much each, and independently.
-        stitch_um: ground.machine.stage.accuracy.map(|a| a.as_mm() * 1000.0 * std::f64::consts::SQRT_2),
+        stitch_um: subject.machine.stage.accuracy.map(|a| a.as_mm() * 1000.0 * std::f64::consts::SQRT_2),
         stage_travel_mm: program.blocks.windows(2).map(|w| way(w[0].stage, w[1].stage)).sum(),
         speed: 100.0,
         ..marks
@@ -120,16 +157,15 @@ fn stepping(marks: Figures, ground: &Ground<'_>, plan: &Plan) -> Figures {
 }
 
 /// The figures of a stepped plan, by the nodes of its marks on the part.
-fn measured(ground: &Ground<'_>, plan: &Plan) -> Figures {
-    let mut program = Cow::Borrowed(plan.checked.program());
-    let turns: Vec<Turn> =
-        program.blocks.iter().map(|b| plan.machine.turn(b.stop.tilt, plan.checked.origin())).collect();
+fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
+    let mut program = Cow::Borrowed(plan.program);
+    let turns: Vec<Turn> = program.blocks.iter().map(|b| plan.machine.turn(b.stop.tilt, plan.origin)).collect();
     if turns.iter().any(|turn| turn.lean() > 0.0) {
-        seen_from_above(program.to_mut(), &turns, &ground.relief, plan.texture);
+        seen_from_above(program.to_mut(), &turns, &subject.relief, plan.texture);
     }
     let owner = owners(&program);
-    let path = path_of(ground, &program, 0..program.blocks.len());
-    let blocks = &plan.checked.program().blocks;
+    let path = path_of(subject, &program, 0..program.blocks.len());
+    let blocks = &plan.program.blocks;
     let deviation = |i: usize| {
         let block = owner[path.stroke[i] as usize] as usize;
         let (stop, turn, [x, y, z]) = (&blocks[block].stop, &turns[block], path.at[i]);
@@ -137,12 +173,12 @@ fn measured(ground: &Ground<'_>, plan: &Plan) -> Figures {
         let centre = stop.centre.mm();
         Deviation {
             focus: (p[2] - mm_from_nm(stop.focus)).abs(),
-            angle: turn.slope2(ground.relief.at([x, y]).normal()).sqrt().atan(),
+            angle: turn.slope2(subject.relief.at([x, y]).normal()).sqrt().atan(),
             lateral: (p[0] - centre[0]).hypot(p[1] - centre[1]),
         }
     };
     let deviations: Vec<Deviation> = (0..path.len()).map(deviation).collect();
-    stepping(marked(&deviations, &path.weights(), ground.limits), ground, plan)
+    stepping(marked(&deviations, &path.weights(), subject.limits), subject, plan)
 }
 
 /// Puts centres and points of all blocks where they lie on the untilted part, seen along z; points in the box of the

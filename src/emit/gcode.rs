@@ -9,6 +9,7 @@
 //! laser output is switched off at once (not with the next motion) before every group of moves and at
 //! the end, and a dwell follows every group: a motion queue otherwise lets the laser overlap the move.
 
+use super::Stepped;
 use crate::check::Checked;
 use crate::machine::Machine;
 use crate::program::Program;
@@ -16,24 +17,15 @@ use crate::program::Program;
 /// Shortest dwell after a move: a controller's last following error, whatever the machine file says.
 const LEAST_DWELL_MS: u64 = 50;
 
-/// Whether the drawings of the blocks lie in the job folder, to be named beside each block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Drawings {
-    /// One DXF file per block.
-    Dxf,
-    /// None.
-    Absent,
-}
-
-/// The program for LinuxCNC. `marking_s` is the estimated marking time of every block (marks, jumps and
-/// delays, s): the wait for its end is given twice that and 10 s.
+/// The program for LinuxCNC. Of the estimated time of every block (marks, jumps and delays) the wait for its end is given twice that and 10 s.
 ///
 /// # Panics
 /// If there is not one time per block.
-pub fn linuxcnc(checked: &Checked, machine: &Machine, marking_s: &[f64], drawings: Drawings) -> Vec<u8> {
+pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
+    let Stepped { checked, machine, block_times: marking_s, block_file, .. } = *job;
     let program = checked.program();
     assert_eq!(marking_s.len(), program.blocks.len(), "one marking time per block");
-    let mut p = Writer::new(machine, machine.controller.max_line, "M65 P0", drawings);
+    let mut p = Writer::new(machine, machine.controller.max_line, "M65 P0", block_file);
     p.comment("terrace: stage program for LinuxCNC, absolute, mm");
     p.comment(&format!("machine: {}", machine.name));
     p.comment("digital output 0 is START to the scan card, digital input 0 is its BUSY");
@@ -58,9 +50,10 @@ pub fn linuxcnc(checked: &Checked, machine: &Machine, marking_s: &[f64], drawing
 }
 
 /// The program that stops at every block for the operator (M0).
-pub fn m0(checked: &Checked, machine: &Machine, drawings: Drawings) -> Vec<u8> {
+pub fn m0(job: &Stepped<'_>) -> Vec<u8> {
+    let Stepped { checked, machine, block_file, .. } = *job;
     // GRBL's line buffer holds 80 characters at most, 70 on small boards.
-    let mut p = Writer::new(machine, machine.controller.max_line.min(70), "M5", drawings);
+    let mut p = Writer::new(machine, machine.controller.max_line.min(70), "M5", block_file);
     p.comment("terrace: stage program with stops, absolute, mm, dwell in s");
     p.comment(&format!("machine: {}", machine.name));
     p.comment("at every M0 mark the block named, wait for its end, then press cycle start");
@@ -83,7 +76,7 @@ struct Writer {
     longest: usize,
     /// The line that switches the laser off at once.
     off: &'static str,
-    drawings: Drawings,
+    block_file: Option<&'static str>,
     retract_z: i64,
     dwell: String,
     /// Where the stage stands; None before the first move.
@@ -94,13 +87,13 @@ struct Writer {
 }
 
 impl Writer {
-    fn new(machine: &Machine, longest: usize, off: &'static str, drawings: Drawings) -> Self {
+    fn new(machine: &Machine, longest: usize, off: &'static str, block_file: Option<&'static str>) -> Self {
         let ms = ((machine.stage.settle.as_s() * 1e3).ceil() as u64).max(LEAST_DWELL_MS);
         Self {
             out: Vec::new(),
             longest,
             off,
-            drawings,
+            block_file,
             retract_z: machine.retract_z(),
             dwell: format!("G4 P{}.{:03}", ms / 1000, ms % 1000),
             at: None,
@@ -144,9 +137,9 @@ impl Writer {
         if setups > 1 && before.is_none_or(|b| b.setup != block.setup) {
             self.setup(block.setup + 1, setups);
         }
-        let title = match self.drawings {
-            Drawings::Dxf => format!("BLOCK {} FILE {}", Program::block_id(i), Program::drawing_file(i)),
-            Drawings::Absent => format!("BLOCK {}", Program::block_id(i)),
+        let title = match self.block_file {
+            Some(ending) => format!("BLOCK {} FILE {}", Program::block_id(i), Program::block_file(i, ending)),
+            None => format!("BLOCK {}", Program::block_id(i)),
         };
         self.comment(&title);
         self.line(self.off);
@@ -218,6 +211,15 @@ impl Writer {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn job<'a>(
+        checked: &'a Checked,
+        machine: &'a Machine,
+        block_times: &'a [f64],
+        block_file: Option<&'static str>,
+    ) -> Stepped<'a> {
+        Stepped { checked, machine, block_times, job: "job.toml", part: "part.stl", block_file }
+    }
     use crate::program::sample;
     use crate::units::Time;
 
@@ -233,7 +235,7 @@ mod tests {
     #[test]
     fn the_handshake_program_is_as_written_down() {
         let (checked, machine) = sample();
-        let text = text(linuxcnc(&checked, &machine, &[1.0, 0.5, 60.3], Drawings::Dxf));
+        let text = text(linuxcnc(&job(&checked, &machine, &[1.0, 0.5, 60.3], Some("dxf"))));
         let body = text.split_once("G61.1\n").expect("modes").1;
         let first = "M65 P0\n(BLOCK B0001 FILE blocks/B0001.dxf)\nM65 P0\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\n\
                      G0 Z0.335000\nG4 P0.100\nM64 P0\nM66 P0 L3 Q5\no1 if [#5399 LT 0]\n(MSG, no BUSY, block B0001)\n\
@@ -253,8 +255,8 @@ mod tests {
     fn the_output_is_off_before_every_move_and_a_dwell_comes_before_every_start() {
         let (checked, machine) = sample();
         for (text, off, on) in [
-            (text(linuxcnc(&checked, &machine, &[0.0; 3], Drawings::Absent)), "M65 P0", "M64 P0"),
-            (text(m0(&checked, &machine, Drawings::Dxf)), "M5", "M0"),
+            (text(linuxcnc(&job(&checked, &machine, &[0.0; 3], None))), "M65 P0", "M64 P0"),
+            (text(m0(&job(&checked, &machine, &[], Some("dxf")))), "M5", "M0"),
         ] {
             let (mut is_off, mut settled) = (false, false);
             for line in text.lines() {
@@ -282,7 +284,9 @@ mod tests {
         let (checked, mut machine) = sample();
         machine.controller.max_line = 40;
         machine.name = "Fräse (alt) ; ".repeat(12);
-        for bytes in [linuxcnc(&checked, &machine, &[1e5; 3], Drawings::Dxf), m0(&checked, &machine, Drawings::Dxf)] {
+        for bytes in
+            [linuxcnc(&job(&checked, &machine, &[1e5; 3], Some("dxf"))), m0(&job(&checked, &machine, &[], Some("dxf")))]
+        {
             for line in text(bytes).lines() {
                 assert!(line.len() <= 40 && line.is_ascii(), "{line}");
                 assert_eq!(line.matches('(').count(), usize::from(line.contains(')')), "{line}");
@@ -295,7 +299,7 @@ mod tests {
     #[test]
     fn the_program_with_stops_uses_nothing_that_grbl_lacks() {
         let (checked, machine) = sample();
-        let text = text(m0(&checked, &machine, Drawings::Dxf));
+        let text = text(m0(&job(&checked, &machine, &[], Some("dxf"))));
         for word in ["G61", "G49", "M6", "#", "o1"] {
             assert!(!text.lines().any(|l| !l.starts_with('(') && l.contains(word)), "{word}");
         }
@@ -311,8 +315,8 @@ mod tests {
         let machine = Machine::built_in("xyz-galvo-40").expect("profile");
         let checked = Checked::unchecked_setups(program, vec![origin, origin]);
         for (text, off) in [
-            (text(linuxcnc(&checked, &machine, &[0.0; 3], Drawings::Absent)), "M65 P0"),
-            (text(m0(&checked, &machine, Drawings::Absent)), "M5"),
+            (text(linuxcnc(&job(&checked, &machine, &[0.0; 3], None))), "M65 P0"),
+            (text(m0(&job(&checked, &machine, &[], None))), "M5"),
         ] {
             let stop = |n: u32| format!("(SETUP {n} OF 2)\n{off}\nG0 Z200.000000\n(MSG, set-up {n} of 2)\nM0\n");
             let first = stop(1) + &format!("(BLOCK B0001)\n{off}\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\nG0 Z0.33");
@@ -326,8 +330,8 @@ mod tests {
     fn a_dwell_is_never_left_out() {
         let (checked, mut machine) = sample();
         machine.stage.settle = Time::s(0.0);
-        assert!(text(m0(&checked, &machine, Drawings::Absent)).contains("\nG4 P0.050\n"));
+        assert!(text(m0(&job(&checked, &machine, &[], None))).contains("\nG4 P0.050\n"));
         machine.stage.settle = Time::s(1.2501);
-        assert!(text(m0(&checked, &machine, Drawings::Absent)).contains("\nG4 P1.251\n"));
+        assert!(text(m0(&job(&checked, &machine, &[], None))).contains("\nG4 P1.251\n"));
     }
 }

@@ -1,7 +1,7 @@
 //! Targets: what a machine or its software reads.
 //!
 //! Every target is one file here with pure functions from a [`Checked`](crate::check::Checked) program
-//! and its machine to bytes; the driver decides which to call and writes the files. Nothing is rounded
+//! and its machine to bytes; [`TARGETS`] lists them. Nothing is rounded
 //! here except where a format holds single precision (OVF): coordinates are integers in nm and are
 //! written as decimals of mm digit by digit. The same program gives the same bytes.
 //!
@@ -12,6 +12,9 @@ pub mod dxf;
 pub mod fly;
 pub mod gcode;
 pub mod ovf;
+mod target;
+
+pub use target::{Files, FlyFile, Format, Stepped, TARGETS, Target, block_file};
 
 /// The digits 00 to 99, one pair after another.
 const PAIRS: [u8; 200] = {

@@ -131,7 +131,7 @@ fn invariants(program: &Program) -> Vec<Diag> {
 fn travel(program: &Program, machine: &Machine) -> Vec<Diag> {
     let mut ends: Vec<(usize, char, [i64; 2], &str)> = Vec::new();
     for (k, (_, axis)) in machine.axes().into_iter().enumerate() {
-        ends.push((k, ['X', 'Y', 'Z'][k], axis.travel.map(|t| t.as_nm().unwrap_or(0)), "mm"));
+        ends.push((k, ['X', 'Y', 'Z'][k], axis.travel_nm(), "mm"));
     }
     if let (Kind::Xyzacuv, Some(table)) = (program.kind, &machine.tilt) {
         for (k, axis) in table.axes.iter().enumerate() {

@@ -143,6 +143,18 @@ impl Protection {
     /// Eq. 5 as it is printed, with the sign of the error, and a limit that trips within seconds of an error of some
     /// millimetres.
     pub const ACCUMULATED: Self = Self::Accumulated { sum: Sum::Signed, limit: 0.02 };
+
+    /// Those that can be asked for by name.
+    pub const ALL: [Self; 3] = [Self::Saturate, Self::ACCUMULATED, Self::Off];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Saturate => "saturate",
+            Self::Accumulated { .. } => "accumulated",
+            Self::Off => "off",
+        }
+    }
 }
 
 /// What eq. 5 sums up over time.

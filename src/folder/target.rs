@@ -14,8 +14,10 @@ use std::ffi::OsString;
 use std::fs::{self, File};
 use std::path::{Component, Path, PathBuf};
 
-use super::{MANIFEST, failed, place};
+use super::{failed, place};
 use crate::diag::{Diag, Error};
+use crate::job::Mode;
+use crate::record::MANIFEST;
 
 /// Where a job folder goes.
 #[derive(Debug)]
@@ -104,14 +106,21 @@ impl Target {
         Ok(())
     }
 
-    /// Refuses a target that is something else than a job folder, or holds one of the `inputs`.
-    pub(super) fn may_be_replaced(&self, inputs: &[PathBuf]) -> Result<(), Error> {
+    /// Refuses a target that is something else than a job folder, is one of another mode, or holds one of the
+    /// `inputs`.
+    pub(super) fn may_be_replaced(&self, mode: Mode, inputs: &[PathBuf]) -> Result<(), Error> {
         if !is_there(&self.path) {
             return Ok(());
         }
-        if !is_job_folder(&self.path) {
+        let Some(held) = mode_of(&self.path) else {
             let d = Diag::input("output-not-a-job", "the output exists and is not a job folder").at(place(&self.path));
             return Err(d.hint("name another folder with -o, or remove it yourself").into());
+        };
+        if held != mode {
+            let text = format!("the output holds a job of mode {}, this one is of mode {}", held.name(), mode.name());
+            let d = Diag::input("output-other-mode", text);
+            let hint = "name another folder with -o, or remove it yourself";
+            return Err(d.at(place(&self.path)).hint(hint).into());
         }
         for input in inputs {
             if fs::canonicalize(input).is_ok_and(|real| real.starts_with(&self.path)) {
@@ -151,11 +160,21 @@ fn is_there(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok()
 }
 
-/// Whether the folder holds a manifest of terrace; other programs have files of that name too.
-fn is_job_folder(path: &Path) -> bool {
-    let Ok(bytes) = fs::read(path.join(MANIFEST)) else { return false };
-    let Ok(manifest) = serde_json::from_slice::<serde_json::Value>(&bytes) else { return false };
-    manifest["terrace"].is_string() && manifest["schema"].is_u64()
+/// The mode of a job folder of any version; None where the folder is something else: other programs have files of
+/// this name too.
+fn mode_of(path: &Path) -> Option<Mode> {
+    #[derive(serde::Deserialize)]
+    struct Sign {
+        #[serde(rename = "terrace")]
+        _terrace: String,
+        #[serde(rename = "schema")]
+        _schema: u64,
+        /// Stepped folders of the first schema have none.
+        #[serde(default)]
+        mode: Mode,
+    }
+    let bytes = fs::read(path.join(MANIFEST)).ok()?;
+    serde_json::from_slice::<Sign>(&bytes).ok().map(|sign| sign.mode)
 }
 
 #[cfg(unix)]

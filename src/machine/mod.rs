@@ -170,6 +170,10 @@ pub struct Axis {
 }
 
 impl Axis {
+    /// Lower and upper end of its travel, nm, as commanded.
+    pub fn travel_nm(&self) -> [i64; 2] {
+        self.travel.map(|end| end.as_nm().expect("travel beyond 4 m is refused when the machine is read"))
+    }
     /// +1 where a positive command moves the optical axis in + direction over the part, else -1.
     pub fn sign(&self) -> i64 {
         match (self.carries, self.reversed) {
@@ -380,6 +384,11 @@ impl Machine {
         [("x", &self.stage.x), ("y", &self.stage.y), ("z", &self.stage.z)]
     }
 
+    /// What the stage has at the middle of its travel over the table frame's origin, nm.
+    pub fn centre_of_travel(&self) -> [i64; 3] {
+        self.axes().map(|(_, axis)| axis.sign() * (axis.travel_nm().iter().sum::<i64>() / 2))
+    }
+
     /// Full sizes of the rectangle in which marks may lie, in nm: the field less its margin; for a
     /// circle the square inside it.
     pub fn usable_field(&self) -> [i64; 2] {
@@ -412,13 +421,13 @@ impl Machine {
 
     /// The stage increment in nm.
     pub fn increment_nm(&self) -> i64 {
-        self.stage.increment.as_nm().unwrap_or(0)
+        self.stage.increment.as_nm().expect("an increment beyond 1 mm is refused when the machine is read")
     }
 
     /// The z command (nm) at the end of travel that lies farthest from the part: where the stage programs
     /// lift the head to before a move that could come too near, at their start and at their end.
     pub fn retract_z(&self) -> i64 {
-        let [lowest, highest] = self.stage.z.travel.map(|end| end.as_nm().unwrap_or(0));
+        let [lowest, highest] = self.stage.z.travel_nm();
         let grid = self.increment_nm().max(1);
         // Rounded into the travel, onto the grid of commands.
         if self.stage.z.sign() > 0 { highest - highest.rem_euclid(grid) } else { lowest + (-lowest).rem_euclid(grid) }

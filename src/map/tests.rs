@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::machine::Machine;
 use crate::program::{Stop, Stroke};
 
 const MM: i64 = 1_000_000;
@@ -44,6 +45,11 @@ fn plane([x0, y0, x1, y1]: [f64; 4], z: impl Fn(f64, f64) -> f64) -> Surface {
     let p = |x: f64, y: f64| [x, y, z(x, y)];
     let facets = [[p(x0, y0), p(x1, y0), p(x1, y1)], [p(x0, y0), p(x1, y1), p(x0, y1)]];
     Surface::from_facets(facets, &mut Vec::new()).expect("two facets")
+}
+
+/// No block is tilted.
+fn none(program: &Program) -> Vec<Option<Turn>> {
+    vec![None; program.blocks.len()]
 }
 
 fn machine() -> Machine {
@@ -228,7 +234,7 @@ fn a_level_without_marks_is_not_painted_and_lines_of_one_level_are_one_part() {
     let upper = ys.iter().map(|&y| vec![nm(cut(y), y), nm(40.0, y)]).collect();
     let centre = P2::new(20 * MM, 20 * MM);
     let program = program(&[(centre, [0, 200_000], lower), (centre, [200_000, 900_000], upper)]);
-    let map = Map::new(&program, &sections(1, 1), &machine(), [0; 3], &surface, area(40, 40));
+    let map = Map::new(&program, &sections(1, 1), &none(&program), machine().usable_field(), &surface, area(40, 40));
     assert_eq!(map.size(), [160, 160]);
     assert_eq!(map.sub_blocks(), 2);
     for row in 0..160 {
@@ -264,7 +270,7 @@ fn a_valley_holds_two_parts_of_a_level() {
         (centre, [0, 200_000], rows(&[[10.0, 30.0]])),
         (centre, [200_000, 400_000], rows(&[[0.0, 10.0], [30.0, 40.0]])),
     ]);
-    let map = Map::new(&program, &sections(1, 1), &machine(), [0; 3], &surface, area(40, 40));
+    let map = Map::new(&program, &sections(1, 1), &none(&program), machine().usable_field(), &surface, area(40, 40));
     assert_eq!(map.sub_blocks(), 3);
 }
 
@@ -315,7 +321,7 @@ fn with_free_windows_a_place_belongs_to_its_marks() {
     let program = program(&blocks);
     let grid = Sections { origin: P2::new(0, 0), pitch: [40 * MM; 2], count: [3, 3] };
     assert!(!is_gridded(&program.blocks, &grid));
-    let map = Map::new(&program, &grid, &machine(), [0; 3], &surface, area(100, 100));
+    let map = Map::new(&program, &grid, &none(&program), machine().usable_field(), &surface, area(100, 100));
     let place = |label: u32| blocks.get((label as usize).wrapping_sub(1)).map(|b| b.0);
     let (mut same, mut marked) = (0, 0);
     for (i, &own) in owner.iter().enumerate().filter(|(_, own)| **own != 0) {
@@ -329,6 +335,6 @@ fn with_free_windows_a_place_belongs_to_its_marks() {
         let c = place(label).expect("a block");
         assert!((p.x - c.x).abs() <= half + 2 * MM && (p.y - c.y).abs() <= half + 2 * MM, "{p:?} of {c:?}");
     }
-    let again = Map::new(&program, &grid, &machine(), [0; 3], &surface, area(100, 100));
+    let again = Map::new(&program, &grid, &none(&program), machine().usable_field(), &surface, area(100, 100));
     assert_eq!(map.labels(), again.labels());
 }

@@ -17,7 +17,7 @@ use crate::program::{Sections, Stop};
 use crate::trace::{Facing, Facings, Turned};
 
 /// What tilted stops are made for.
-pub struct Ground<'a> {
+pub struct TiltSite<'a> {
     /// A machine with a tilt table.
     pub machine: &'a Machine,
     /// Position of the part in the table frame, nm.
@@ -39,7 +39,7 @@ const MORE: i64 = 3;
 /// Allowance for marks between the sample points, nm.
 const UNSEEN: f64 = 20_000.0;
 
-impl Ground<'_> {
+impl TiltSite<'_> {
     /// The grid in whose cells sample points are taken: some forty along a window.
     pub fn samples(&self) -> Sections {
         let pitch = self.window.map(|w| (w / 40).max(2));

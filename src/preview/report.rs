@@ -86,7 +86,6 @@ fn figures(h: &mut String, job: &Layout<'_>, is_gridded: bool) {
         ("Marked twice in overlaps", length_text(s.overlap_mm)),
         ("Skipped", length_text(s.skipped_mm)),
         ("&#8195;off the part", length_text(s.skipped_off_part_mm)),
-        ("&#8195;hidden", length_text(s.skipped_hidden_mm)),
         ("&#8195;too steep", length_text(s.skipped_steep_mm)),
         ("&#8195;too small", length_text(s.skipped_small_mm)),
         ("Jumps", length_text(s.jump_mm)),

@@ -149,8 +149,15 @@ impl Sample {
         }
         sample.set_windows(&windows, depth, &of_mark, count, &place);
         let mesh = mesh(size, &z);
-        sample.map =
-            Map::new(sample.checked.program(), &sample.sections, &sample.machine, [0; 3], &mesh, sample.texture);
+        let upright = vec![None; sample.checked.program().blocks.len()];
+        sample.map = Map::new(
+            sample.checked.program(),
+            &sample.sections,
+            &upright,
+            sample.machine.usable_field(),
+            &mesh,
+            sample.texture,
+        );
         sample
     }
 

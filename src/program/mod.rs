@@ -144,9 +144,9 @@ impl Program {
     pub fn block_id(i: usize) -> String {
         format!("B{:04}", i + 1)
     }
-    /// Where the drawing of block `i` lies in the job folder.
-    pub fn drawing_file(i: usize) -> String {
-        format!("blocks/{}.dxf", Self::block_id(i))
+    /// Where the file of block `i` with an ending lies in the job folder.
+    pub fn block_file(i: usize, ending: &str) -> String {
+        format!("blocks/{}.{ending}", Self::block_id(i))
     }
     /// Marked length of a block in mm, every pass counted.
     pub fn mark_mm(&self, block: &Block) -> f64 {

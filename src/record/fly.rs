@@ -1,22 +1,22 @@
 //! The manifest and the figures of an on-the-fly job.
 
-use serde::Serialize;
-use serde_json::{Value, json};
+use std::collections::BTreeMap;
 
-use super::{FileFact, InputFact};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::Head;
+use super::manifest::Placement;
 use crate::diag::Diag;
-use crate::fly::check::{Checked, Figures, SERVO_S};
-use crate::fly::measure::Peaks;
+use crate::fly::check::{Checked, SERVO_S};
+use crate::fly::program::Program;
 use crate::geom::mm_from_nm;
+use crate::job::Job;
 use crate::machine::Machine;
 use crate::program::Pen;
-use crate::spec::Job;
-
-/// Version of the manifest's keys.
-const SCHEMA: u32 = 1;
 
 /// How far marks lie from what their beam would like best, as planned.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Deviations {
     /// Largest distance of a mark from the focal plane along the beam, um.
     pub worst_fod_um: f64,
@@ -24,101 +24,149 @@ pub struct Deviations {
     pub worst_bia_deg: f64,
 }
 
-/// Everything that the manifest tells.
-#[derive(Clone)]
+/// Everything that the manifest of an on-the-fly job tells.
+#[derive(Clone, Copy)]
 pub struct FlyFacts<'a> {
-    /// Path from the job folder to the job file.
-    pub job_file: String,
-    /// BLAKE3 of the job file, hex.
-    pub job_blake3: String,
-    /// The other input files.
-    pub inputs: Vec<InputFact>,
-    /// Seed of everything random.
-    pub seed: u64,
     /// The job.
     pub job: &'a Job,
     /// Its machine.
     pub machine: &'a Machine,
     /// Its program.
-    pub checked: &'a Checked,
-    /// As planned.
+    pub program: &'a Program,
+    /// The figures.
+    pub summary: &'a FlySummary,
+}
+
+/// The figures of an on-the-fly job; keys are a promise, units are in the suffix.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FlySummary {
+    /// Moves of the program.
+    pub moves: usize,
+    /// Pieces of strokes that are marked one by one.
+    pub marks: usize,
+    /// Time from the first move to the last, s.
+    pub time_s: f64,
+    /// Time of it with the laser on, s.
+    pub mark_s: f64,
+    /// Length of the marks, seen along z, mm.
+    pub mark_mm: f64,
+    /// Length of the jumps, mm.
+    pub jump_mm: f64,
+    /// How far marks lie from the best, as planned.
+    #[serde(flatten)]
     pub deviations: Deviations,
-    /// What the user should know.
-    pub warnings: &'a [Diag],
+    /// Largest distance of the spot from the field's centre, mm.
+    pub worst_displacement_mm: f64,
+    /// Fastest mark, mm/s.
+    pub mark_speed_mm_s: f64,
+    /// Period of the servo in which the laser is switched, s.
+    pub servo_period_s: f64,
+    /// Way of the spot in that period, mm.
+    pub laser_error_mm: f64,
     /// How far blending rounds a corner of a mark, mm: by the program for PMAC.
     pub blend_mm: f64,
-    /// The files of the folder but the manifest.
-    pub files: &'a [FileFact],
+    /// Peak speed, acceleration and jerk, by axis letter.
+    pub peaks: BTreeMap<String, AxisPeaks>,
+    /// What the user should know, as objects with kind, code, message, place and hint.
+    pub warnings: Vec<Value>,
+}
+
+/// Peaks of one axis; mm or deg, s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AxisPeaks {
+    /// Speed.
+    pub speed: f64,
+    /// Acceleration.
+    pub acceleration: f64,
+    /// Jerk.
+    pub jerk: f64,
+}
+
+impl FlySummary {
+    /// The figures of a checked program.
+    pub fn new(checked: &Checked, deviations: Deviations, blend_mm: f64, warnings: &[Diag]) -> Self {
+        let figures = checked.figures();
+        let program = checked.program();
+        let letters = program.kind.letters().chars().map(String::from);
+        let peak = |&k: &usize| {
+            let p = &figures.peaks[k];
+            AxisPeaks { speed: p.speed.size, acceleration: p.acceleration.size, jerk: p.jerk.size }
+        };
+        Self {
+            moves: program.moves.len(),
+            marks: figures.marks,
+            time_s: figures.time_s,
+            mark_s: figures.mark_s,
+            mark_mm: figures.mark_mm,
+            jump_mm: figures.jump_mm,
+            deviations,
+            worst_displacement_mm: figures.displacement_mm,
+            mark_speed_mm_s: figures.mark_speed,
+            servo_period_s: SERVO_S,
+            laser_error_mm: figures.laser_error_mm,
+            blend_mm,
+            peaks: letters.zip(program.kind.axes().iter().map(peak)).collect(),
+            warnings: warnings.iter().map(Diag::to_json).collect(),
+        }
+    }
 }
 
 /// The manifest: JSON, a line feed at the end.
-pub fn fly_manifest(facts: &FlyFacts<'_>) -> Vec<u8> {
-    let program = facts.checked.program();
-    let document = json!({
-        "schema": SCHEMA,
-        "terrace": env!("CARGO_PKG_VERSION"),
-        "mode": "on-the-fly",
-        "job": { "file": facts.job_file, "blake3": facts.job_blake3 },
-        "inputs": facts.inputs,
-        "seed": facts.seed,
-        "machine": facts.machine,
-        "placement": {
-            "origin_mm": program.origin.map(mm_from_nm),
-            "turn_deg": facts.job.file.placement.turn.as_deg(),
+pub fn fly_manifest(head: &Head, facts: &FlyFacts<'_>) -> Vec<u8> {
+    let document = Document {
+        head,
+        machine: facts.machine,
+        placement: Placement {
+            origin_mm: facts.program.origin.map(mm_from_nm),
+            turn_deg: facts.job.placement.turn.as_deg(),
         },
-        "axes": program.kind.letters(),
-        "limits": {
-            "fod_um": facts.job.depth_range().as_mm() * 500.0,
-            "bia_deg": facts.job.file.limits.max_incidence.as_deg(),
+        axes: facts.program.kind.letters(),
+        limits: Limits {
+            fod_um: facts.job.focus.half_depth_mm() * 1000.0,
+            bia_deg: facts.job.limits.max_incidence.as_deg(),
         },
-        "pens": program.pens.iter().map(|p| pen(p, facts.machine)).collect::<Vec<_>>(),
-        "files": facts.files,
-        "summary": fly_summary(facts),
-    });
+        pens: facts.program.pens.iter().map(|p| pen(p, facts.machine)).collect(),
+        summary: facts.summary,
+    };
     let mut out = serde_json::to_vec_pretty(&document).expect("all keys are text");
     out.push(b'\n');
     out
 }
 
-/// The figures of an on-the-fly job; keys are a promise, units are in the suffix.
-pub fn fly_summary(facts: &FlyFacts<'_>) -> Value {
-    let Figures { time_s, mark_s, marks, mark_mm, jump_mm, mark_speed, displacement_mm, laser_error_mm, peaks, .. } =
-        facts.checked.figures();
-    let program = facts.checked.program();
-    let axes: serde_json::Map<String, Value> = program
-        .kind
-        .axes()
-        .iter()
-        .zip(program.kind.letters().chars())
-        .map(|(&k, letter)| (letter.to_string(), axis(&peaks[k])))
-        .collect();
-    json!({
-        "moves": program.moves.len(),
-        "marks": marks,
-        "time_s": time_s,
-        "mark_s": mark_s,
-        "mark_mm": mark_mm,
-        "jump_mm": jump_mm,
-        "worst_fod_um": facts.deviations.worst_fod_um,
-        "worst_bia_deg": facts.deviations.worst_bia_deg,
-        "worst_displacement_mm": displacement_mm,
-        "mark_speed_mm_s": mark_speed,
-        "servo_period_s": SERVO_S,
-        "laser_error_mm": laser_error_mm,
-        "blend_mm": facts.blend_mm,
-        "peaks": axes,
-        "warnings": facts.warnings.iter().map(Diag::to_json).collect::<Vec<_>>(),
-    })
+#[derive(Serialize)]
+struct Document<'a> {
+    #[serde(flatten)]
+    head: &'a Head,
+    machine: &'a Machine,
+    placement: Placement,
+    axes: &'a str,
+    limits: Limits,
+    pens: Vec<PenEntry<'a>>,
+    summary: &'a FlySummary,
 }
 
-fn axis(p: &Peaks) -> Value {
-    json!({ "speed": p.speed.size, "acceleration": p.acceleration.size, "jerk": p.jerk.size })
+#[derive(Serialize)]
+struct Limits {
+    fod_um: f64,
+    bia_deg: f64,
 }
 
-fn pen(pen: &Pen, machine: &Machine) -> Value {
+#[derive(Serialize)]
+struct PenEntry<'a> {
+    name: &'a str,
+    speed_mm_s: f64,
+    power: String,
+    power_percent: f64,
+    frequency_khz: f64,
+}
+
+fn pen<'a>(pen: &'a Pen, machine: &Machine) -> PenEntry<'a> {
     let full = machine.laser.max_power;
-    json!({
-        "name": pen.name, "speed_mm_s": pen.speed.as_mm_s(), "power": pen.power.to_string(),
-        "power_percent": pen.power.as_w(full) / full.as_w() * 100.0, "frequency_khz": pen.frequency.as_khz(),
-    })
+    PenEntry {
+        name: &pen.name,
+        speed_mm_s: pen.speed.as_mm_s(),
+        power: pen.power.to_string(),
+        power_percent: pen.power.as_w(full) / full.as_w() * 100.0,
+        frequency_khz: pen.frequency.as_khz(),
+    }
 }

@@ -1,46 +1,40 @@
 //! `manifest.json`: what a job folder holds and how it came to be.
 
+use std::collections::BTreeMap;
+
 use serde::{Serialize, Serializer};
 
-use super::{Facts, FileFact, InputFact, Summary, registration};
+use super::{Facts, Head, Summary, registration};
+use crate::emit::Files;
 use crate::geom::mm_from_nm;
+use crate::job::{DepthRule, Level};
 use crate::machine::Machine;
 use crate::program::{self, Pen, Program};
-use crate::spec::{DepthRule, Level};
-
-/// Version of the manifest's keys.
-const SCHEMA: u32 = 1;
 
 /// The manifest: JSON, keys in a fixed order, a line feed at the end.
-pub fn manifest(facts: &Facts<'_>) -> Vec<u8> {
+pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
     let program = facts.checked.program();
     let document = Document {
-        schema: SCHEMA,
-        terrace: env!("CARGO_PKG_VERSION"),
-        job: JobFile { file: &facts.job_file, blake3: &facts.job_blake3 },
-        inputs: &facts.inputs,
-        seed: facts.seed,
+        head,
         machine: facts.machine,
         placement: Placement {
             origin_mm: facts.checked.origin().map(mm_from_nm),
-            turn_deg: facts.job.file.placement.turn.as_deg(),
+            turn_deg: facts.job.placement.turn.as_deg(),
         },
         focus: Focus {
-            pdof_mm: facts.job.pdof().as_mm(),
+            pdof_mm: mm_from_nm(facts.job.focus.pdof),
             depth_range_mm: facts.depth_mm,
-            level: facts.job.file.focus.level,
-            rule: facts.job.file.focus.rule,
+            level: facts.job.focus.level,
+            rule: facts.job.focus.rule,
         },
-        sections: Sections::new(facts.sections, facts.directions),
         seams: Seams {
-            zone_mm: facts.job.file.partition.zone.as_mm(),
-            overlap_mm: facts.job.file.partition.overlap.as_mm(),
+            zone_mm: mm_from_nm(facts.job.partition.zone),
+            overlap_mm: mm_from_nm(facts.job.partition.overlap),
         },
         passes: passes(facts),
         setups: setups(facts),
         pens: program.pens.iter().map(|pen| pen_entry(pen, facts.machine)).collect(),
         blocks: Blocks(facts),
-        files: facts.files,
         summary: facts.summary,
     };
     let mut out = Vec::with_capacity(4096 + 700 * program.blocks.len());
@@ -51,34 +45,23 @@ pub fn manifest(facts: &Facts<'_>) -> Vec<u8> {
 
 #[derive(Serialize)]
 struct Document<'a> {
-    schema: u32,
-    terrace: &'a str,
-    job: JobFile<'a>,
-    inputs: &'a [InputFact],
-    seed: u64,
+    #[serde(flatten)]
+    head: &'a Head,
     machine: &'a Machine,
     placement: Placement,
     focus: Focus,
-    sections: Sections,
     seams: Seams,
     passes: Vec<PassEntry>,
     setups: Vec<SetupEntry>,
     pens: Vec<PenEntry<'a>>,
     blocks: Blocks<'a>,
-    files: &'a [FileFact],
     summary: &'a Summary,
 }
 
 #[derive(Serialize)]
-struct JobFile<'a> {
-    file: &'a str,
-    blake3: &'a str,
-}
-
-#[derive(Serialize)]
-struct Placement {
-    origin_mm: [f64; 3],
-    turn_deg: f64,
+pub(super) struct Placement {
+    pub(super) origin_mm: [f64; 3],
+    pub(super) turn_deg: f64,
 }
 
 #[derive(Serialize)]
@@ -116,22 +99,17 @@ impl Sections {
 struct PassEntry {
     turn_deg: f64,
     lowered_mm: f64,
-    /// Of every pass but the first, whose sections stand above.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    sections: Option<Sections>,
+    sections: Sections,
 }
 
 fn passes(facts: &Facts<'_>) -> Vec<PassEntry> {
-    let spec = &facts.job.file.passes;
-    let entry = |k: u32| PassEntry {
+    let spec = &facts.job.passes;
+    let entry = |(k, (grid, directions)): (u32, &(&program::Sections, &[u16]))| PassEntry {
         turn_deg: f64::from(k) * spec.rotate.as_deg(),
         lowered_mm: mm_from_nm(spec.lowered_nm(k)),
-        sections: facts
-            .more
-            .get((k as usize).wrapping_sub(1))
-            .map(|(grid, directions)| Sections::new(grid, directions)),
+        sections: Sections::new(grid, directions),
     };
-    (0..spec.count()).map(entry).collect()
+    (0..).zip(&facts.passes).map(entry).collect()
 }
 
 #[derive(Serialize)]
@@ -207,7 +185,7 @@ struct BlockEntry<'a> {
     z_lo_mm: f64,
     z_hi_mm: f64,
     pens: Vec<&'a str>,
-    files: BlockFiles,
+    files: BTreeMap<&'static str, String>,
     strokes: usize,
     mark_mm: f64,
     jump_mm: f64,
@@ -224,10 +202,14 @@ struct SlopeEntry {
     dose: [f64; 2],
 }
 
-#[derive(Serialize)]
-struct BlockFiles {
-    #[serde(skip_serializing_if = "Option::is_none")]
-    dxf: Option<String>,
+/// The files of a block, by format.
+fn files(facts: &Facts<'_>, index: usize) -> BTreeMap<&'static str, String> {
+    let targets = facts.job.formats.iter().map(|f| f.target());
+    let of_block = targets.filter_map(|t| match t.stepped {
+        Some(Files::Blocks(ending, _)) => Some((t.name, Program::block_file(index, ending))),
+        _ => None,
+    });
+    of_block.collect()
 }
 
 fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
@@ -246,7 +228,7 @@ fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
         z_lo_mm: mm_from_nm(block.z_lo),
         z_hi_mm: mm_from_nm(block.z_hi),
         pens: facts.pen_names(block),
-        files: BlockFiles { dxf: facts.drawing(index) },
+        files: files(facts, index),
         strokes: block.strokes.len(),
         mark_mm: program.mark_mm(block),
         jump_mm: program.jump_mm(block),

@@ -6,7 +6,7 @@ use super::table::csv_cell;
 use super::{Facts, registration};
 use crate::geom::mm_from_nm;
 use crate::program::{Block, Program};
-use crate::spec::Format;
+use crate::units::Length;
 
 /// The blocks as a table for spreadsheets: comma separated, point as decimal mark.
 pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
@@ -26,7 +26,7 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
             format!("{y:.6}"),
             format!("{z:.6}"),
             format!("{:.6}", mm_from_nm(block.stop.focus)),
-            facts.drawing(i).unwrap_or_default(),
+            facts.block_file(i).unwrap_or_default(),
             block.strokes.len().to_string(),
             format!("{:.3}", program.mark_mm(block)),
             format!("{:.3}", program.jump_mm(block)),
@@ -56,7 +56,7 @@ pub fn txt(facts: &Facts<'_>) -> Vec<u8> {
 fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     let s = facts.summary;
     let t = &s.time_s;
-    let part = facts.job.file.surface.file.get_ref().display().to_string();
+    let part = facts.job.surface.file.display().to_string();
     let [x, y, z] = facts.checked.origin().map(mm_from_nm);
     let [w, h] = facts.machine.lens.field.map(|f| f.as_mm());
     writeln!(out, "RUN SHEET")?;
@@ -69,11 +69,17 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         1 => writeln!(out, "part zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table frame")?,
         n => writeln!(out, "part zero  {n} set-ups, each with its own: see SET-UPS")?,
     }
-    writeln!(out, "part turn  {} deg about z", facts.job.file.placement.turn.as_deg())?;
+    writeln!(out, "part turn  {} deg about z", facts.job.placement.turn.as_deg())?;
     writeln!(out, "blocks     {} ({})", s.stops, s.method)?;
     if s.passes > 1 {
-        let spec = &facts.job.file.passes;
-        writeln!(out, "passes     {}, each {} lower, hatches turned by {}", s.passes, spec.lower, spec.rotate)?;
+        let spec = &facts.job.passes;
+        writeln!(
+            out,
+            "passes     {}, each {} lower, hatches turned by {}",
+            s.passes,
+            Length::mm(mm_from_nm(spec.lower)),
+            spec.rotate
+        )?;
     }
     writeln!(out, "marks      {:.1} mm", s.mark_mm)?;
     writeln!(out, "not marked {:.1} mm", s.skipped_mm)?;
@@ -142,41 +148,10 @@ fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     writeln!(out, "  - Run the stage program once without laser power.")?;
     writeln!(out, "  - This program is not a safety system. Enclosure, interlock and eye protection are yours.")?;
     writeln!(out, "\nHOW THE FILES GO TOGETHER")?;
-    if facts.has(Format::Linuxcnc) {
-        writeln!(
-            out,
-            "  - stage.ngc (LinuxCNC) goes to each block, settles, sets digital output 0 (START) and waits for"
-        )?;
-        writeln!(
-            out,
-            "    digital input 0 (BUSY) of the scan card to rise and to fall. BUSY must last 20 ms or more. If a"
-        )?;
-        writeln!(
-            out,
-            "    wait takes too long the program ends and does not step on: see what the laser does, then start"
-        )?;
-        writeln!(out, "    again at that block.")?;
-    }
-    if facts.has(Format::Gcode) {
-        writeln!(
-            out,
-            "  - stage_m0.nc goes to each block and stops (M0): mark the block, wait for its end, then press"
-        )?;
-        writeln!(out, "    cycle start. Never press it while the laser is on. Dwells are in seconds.")?;
-    }
-    if facts.has(Format::Dxf) {
-        writeln!(
-            out,
-            "  - blocks/B0001.dxf and so on hold one block each, to be marked when the stage stands at the place"
-        )?;
-        writeln!(
-            out,
-            "    of that block and nowhere else. Layer and colour number are the number of the pen. Switch off"
-        )?;
-        writeln!(out, "    sorting and joining of paths where order or direction matter.")?;
-    }
-    if facts.has(Format::Ovf) {
-        writeln!(out, "  - job.ovf holds the whole job, stage places and pens included: work plane 0 is block B0001.")?;
+    for target in facts.job.formats.iter().map(|f| f.target()) {
+        for (i, line) in target.sheet.iter().enumerate() {
+            writeln!(out, "  {} {line}", if i == 0 { '-' } else { ' ' })?;
+        }
     }
     Ok(())
 }
@@ -184,7 +159,7 @@ fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
 /// Where the part lies in each set-up, and how to find that.
 fn setups(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     let origins = facts.checked.origins();
-    if facts.job.file.setups.is_none() {
+    if facts.job.setups.is_none() {
         return Ok(());
     }
     writeln!(
@@ -266,7 +241,7 @@ fn block_line(out: &mut String, facts: &Facts<'_>, i: usize, block: &Block) -> s
         program.mark_mm(block),
         facts.block_time_s(i),
         pens.join(" "),
-        facts.drawing(i).unwrap_or_default(),
+        facts.block_file(i).unwrap_or_default(),
     )
 }
 

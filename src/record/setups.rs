@@ -1,8 +1,8 @@
 //! Registration: where the stage stands when a known point of the part lies under the optical axis.
 
-use crate::geom::{NM_PER_MM, cos_sin};
+use crate::geom::cos_sin;
+use crate::job::Job;
 use crate::machine::Machine;
-use crate::spec::Job;
 
 /// A point of the part that a set-up reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,18 +15,18 @@ pub struct Registered {
 
 /// The registration points of a job that the stage reaches while the part's origin lies at `origin`, nm.
 pub fn registration(job: &Job, machine: &Machine, origin: [i64; 3]) -> Vec<Registered> {
-    let [cos, sin] = cos_sin(job.file.placement.turn.as_rad());
+    let [cos, sin] = cos_sin(job.placement.turn.as_rad());
     let step = machine.increment_nm().max(1);
-    let points = job.file.setups.iter().flat_map(|s| &s.registration);
+    let points = job.setups.iter().flat_map(|s| &s.registration);
     let placed = points.map(|point| {
-        let [x, y] = point.map(|l| l.as_mm());
-        let turned = [cos * x - sin * y, sin * x + cos * y].map(|v| (v * NM_PER_MM).round() as i64);
+        let [x, y] = [point.x as f64, point.y as f64];
+        let turned = [cos * x - sin * y, sin * x + cos * y].map(|v| v.round() as i64);
         let [x, y, _] = machine.stage_from_part([turned[0], turned[1], 0], origin);
-        Registered { point_mm: point.map(|l| l.as_mm()), at: [x, y].map(|v| (v + step / 2).div_euclid(step) * step) }
+        Registered { point_mm: point.mm(), at: [x, y].map(|v| (v + step / 2).div_euclid(step) * step) }
     });
     let is_reached = |r: &Registered| {
         machine.axes().iter().zip(r.at).all(|((_, axis), at)| {
-            let [lo, hi] = axis.travel.map(|t| t.as_nm().unwrap_or(0));
+            let [lo, hi] = axis.travel_nm();
             (lo..=hi).contains(&at)
         })
     };

@@ -1,8 +1,8 @@
 use std::path::Path;
 
 use super::*;
+use crate::job::{Overrides, SAMPLE_JOB};
 use crate::program::sample;
-use crate::spec::SAMPLE_JOB;
 
 fn machine() -> Machine {
     Machine::built_in("xyz-galvo-40").expect("profile")
@@ -16,10 +16,9 @@ fn with_sample<R>(use_them: impl FnOnce(&Facts<'_>) -> R) -> R {
 fn with<R>((program, origin): (Program, [i64; 3]), machine: &Machine, use_them: impl FnOnce(&Facts<'_>) -> R) -> R {
     let block_times = vec![0.125; program.blocks.len()];
     let checked = Checked::unchecked(program, origin);
-    let job = Job::parse(Path::new("hood.toml"), SAMPLE_JOB).expect("sample job");
+    let job = Job::parse(Path::new("hood.toml"), SAMPLE_JOB, &Overrides::default()).expect("sample job");
     let sections =
         Sections { origin: crate::geom::P2::new(-20_000_000, -20_000_001), pitch: [40_000_000; 2], count: [2, 1] };
-    let files = [FileFact { file: "program.txt".into(), bytes: 7, blake3: "ab".into() }];
     let summary = Summary {
         stops: 3,
         method: "contour".into(),
@@ -27,52 +26,52 @@ fn with<R>((program, origin): (Program, [i64; 3]), machine: &Machine, use_them: 
         ..Summary::default()
     };
     use_them(&Facts {
-        job_file: "../hood.toml".into(),
-        job_blake3: "cd".into(),
-        inputs: vec![InputFact { role: "surface".into(), file: "hood.stl".into(), bytes: 3, blake3: "ef".into() }],
-        seed: 5,
+        job_file: "../hood.toml",
         job: &job,
         machine,
         checked: &checked,
-        directions: &[],
-        more: Vec::new(),
-        sections: &sections,
+        passes: vec![(&sections, &[])],
         depth_mm: 0.07,
         block_times: &block_times,
         slopes: &[],
-        files: &files,
         summary: &summary,
     })
 }
 
 #[test]
 fn the_manifest_has_its_keys_in_order_and_exact_millimetres() {
-    let text = with_sample(|facts| String::from_utf8(manifest(facts)).expect("UTF-8"));
+    let text = with_sample(|facts| {
+        let inputs = vec![InputFact { role: "surface".into(), file: "hood.stl".into(), bytes: 3, blake3: "ef".into() }];
+        let files = vec![FileFact { file: "program.txt".into(), bytes: 7, blake3: "ab".into() }];
+        let head = Head { files, ..Head::new(facts.job, facts.job_file.into(), inputs) };
+        String::from_utf8(manifest(&head, facts)).expect("UTF-8")
+    });
     let keys: Vec<&str> = text.lines().filter(|l| l.starts_with("  \"")).filter_map(|l| l.split('"').nth(1)).collect();
     assert_eq!(
         keys,
         [
             "schema",
             "terrace",
+            "mode",
             "job",
             "inputs",
             "seed",
+            "objective",
+            "files",
             "machine",
             "placement",
             "focus",
-            "sections",
             "seams",
             "passes",
             "setups",
             "pens",
             "blocks",
-            "files",
             "summary"
         ]
     );
     assert!(text.ends_with("}\n"));
     let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-    assert_eq!(json["sections"]["origin_mm"], serde_json::json!([-20.0, -20.000001]));
+    assert_eq!(json["passes"][0]["sections"]["origin_mm"], serde_json::json!([-20.0, -20.000001]));
     assert_eq!(json["placement"]["origin_mm"], serde_json::json!([1.0, -2.0, 0.3]));
     assert_eq!(json["pens"][1]["power"], "3.5 W");
     assert_eq!(json["pens"][0]["power_w"], 8.4);

@@ -5,9 +5,9 @@
 //! their index, those of tiles on its border are listed one by one (16 bytes each) and cut on request.
 
 use super::clip::{Lines, clip, is_inside};
-use super::place::{SLACK, Turn, corners, far_in, is_near, push};
+use super::place::{SLACK, Site, Turn, corners, far_in, is_near, push};
 use super::svg::Page;
-use super::{MAX_POINTS, too_large};
+use super::{Area, Figure, Kind, MAX_POINTS, Request, too_large};
 use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, P2, Strokes, cos_sin};
 
@@ -127,7 +127,53 @@ struct Listed {
     piece: u32,
 }
 
+impl Figure for Drawing {
+    fn len(&self) -> u64 {
+        match &self.layout {
+            Layout::Single(strokes) => strokes.len() as u64,
+            Layout::Tiled(tiles) => tiles.len,
+        }
+    }
+
+    fn points(&self) -> u64 {
+        self.points
+    }
+
+    fn bounds(&self) -> Box2 {
+        self.bounds
+    }
+
+    fn stroke(&self, i: u64, out: &mut Vec<P2>) {
+        match &self.layout {
+            Layout::Single(strokes) => out.extend_from_slice(strokes.get(i as usize)),
+            Layout::Tiled(tiles) => tiles.stroke(i, out),
+        }
+    }
+
+    fn element(&self, i: u64) -> String {
+        let name = |line: usize| &self.names[self.name_of[line] as usize];
+        match &self.layout {
+            Layout::Single(_) => name(i as usize).clone(),
+            Layout::Tiled(tiles) => {
+                let (i, j, line, _) = tiles.find(i);
+                format!("{}, tile ({i}, {j})", name(line))
+            }
+        }
+    }
+}
+
 impl Drawing {
+    /// Places a page as a request of kind drawing says.
+    pub(super) fn place(page: Page, request: &Request, site: &Site) -> Result<Self, Error> {
+        let Kind::Drawing { path, origin_mm, turn_rad, tile, .. } = &request.kind else {
+            unreachable!("a drawing was asked for")
+        };
+        let limit = (request.area != Area::Unlimited).then_some(site.area);
+        let placed = Placed::new(page.size, *origin_mm, *turn_rad, limit, site.part_box, site.turn);
+        let file = path.display().to_string();
+        if *tile { Self::tiled(page, &placed, limit, &file) } else { Self::single(page, &placed, limit, &file) }
+    }
+
     /// A drawing placed once, cut at `area`.
     pub(super) fn single(page: Page, placed: &Placed, area: Option<[f64; 4]>, path: &str) -> Result<Self, Error> {
         let mut strokes = Strokes::default();
@@ -229,39 +275,6 @@ impl Drawing {
             }
             self.points += pieces.points.len() as u64;
             pieces.points.iter().for_each(|&p| self.bounds.add(tiles.placed.turn.nm(p)));
-        }
-    }
-
-    pub(super) fn len(&self) -> u64 {
-        match &self.layout {
-            Layout::Single(strokes) => strokes.len() as u64,
-            Layout::Tiled(tiles) => tiles.len,
-        }
-    }
-
-    pub(super) fn points(&self) -> u64 {
-        self.points
-    }
-
-    pub(super) fn bounds(&self) -> Box2 {
-        self.bounds
-    }
-
-    pub(super) fn stroke(&self, i: u64, out: &mut Vec<P2>) {
-        match &self.layout {
-            Layout::Single(strokes) => out.extend_from_slice(strokes.get(i as usize)),
-            Layout::Tiled(tiles) => tiles.stroke(i, out),
-        }
-    }
-
-    pub(super) fn element(&self, i: u64) -> String {
-        let name = |line: usize| &self.names[self.name_of[line] as usize];
-        match &self.layout {
-            Layout::Single(_) => name(i as usize).clone(),
-            Layout::Tiled(tiles) => {
-                let (i, j, line, _) = tiles.find(i);
-                format!("{}, tile ({i}, {j})", name(line))
-            }
         }
     }
 }

@@ -17,18 +17,17 @@
 
 mod clip;
 mod drawing;
-mod pattern;
+pub mod pattern;
 mod place;
 mod svg;
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::sync::Arc;
 
 use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, P2};
 use drawing::Drawing;
-pub use pattern::{Contour, Directions};
-use pattern::{Hatch, Hilbert, Loops};
+pub use pattern::{Contour, Directions, Kind};
 use place::Turn;
 
 /// Most strokes of one job.
@@ -48,57 +47,6 @@ pub enum Area {
     Unlimited,
 }
 
-/// What is drawn.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Kind {
-    /// Parallel lines.
-    Hatch {
-        /// Distance of lines.
-        pitch_mm: f64,
-        /// Direction of lines from +x, counter-clockwise.
-        direction_rad: f64,
-    },
-    /// Parallel lines along the level lines of the part, their direction told later.
-    Contour {
-        /// Distance of lines.
-        pitch_mm: f64,
-        /// By which part of their distance all lines are moved, 0 to 1.
-        phase: f64,
-    },
-    /// One Hilbert curve of 4^order points.
-    Hilbert {
-        /// 4^order points.
-        order: u32,
-    },
-    /// Square loops of side `cell_mm`.
-    Squares {
-        /// Side.
-        cell_mm: f64,
-        /// Distance of centres.
-        pitch_mm: f64,
-    },
-    /// Circles of diameter `cell_mm`.
-    Circles {
-        /// Diameter.
-        cell_mm: f64,
-        /// Distance of centres.
-        pitch_mm: f64,
-    },
-    /// An SVG drawing.
-    Drawing {
-        /// The file.
-        path: PathBuf,
-        /// Width and height of the whole page; None for those that the file states.
-        size_mm: Option<[f64; 2]>,
-        /// Lower left corner of the page; None for that of the area.
-        origin_mm: Option<[f64; 2]>,
-        /// Turn of the page about its lower left corner, counter-clockwise.
-        turn_rad: f64,
-        /// Whether the page is repeated over the area.
-        tile: bool,
-    },
-}
-
 /// One `[[texture]]` of a job.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Request {
@@ -112,26 +60,51 @@ pub struct Request {
     pub pen: u16,
 }
 
-/// One placed request.
-#[derive(Debug)]
-enum Figures {
-    Hatch(Hatch),
-    Contour(Contour),
-    Hilbert(Hilbert),
-    Loops(Loops),
-    Drawing(Box<Drawing>),
+/// Strokes that are asked for by their index.
+pub(crate) trait Figure: std::fmt::Debug + Send + Sync {
+    /// How many strokes there are.
+    fn len(&self) -> u64;
+    /// How many points they have together, at most.
+    fn points(&self) -> u64;
+    /// The box of all strokes, turned part frame.
+    fn bounds(&self) -> Box2;
+    /// Appends the points of stroke `i`.
+    fn stroke(&self, i: u64, out: &mut Vec<P2>);
+    /// What stroke `i` comes from, for messages.
+    fn element(&self, i: u64) -> String;
 }
 
-#[derive(Debug)]
+/// The drawing of request k; None where it is a pattern.
+type DrawingOf<'a> = dyn FnMut(usize, &Request, &place::Site) -> Result<Option<Arc<dyn Figure>>, Error> + 'a;
+
+/// One placed request.
+#[derive(Clone, Debug)]
+enum Placed {
+    /// Its strokes are known.
+    Figure(Arc<dyn Figure>),
+    /// Its strokes wait for, or follow from, the directions of its lines.
+    Contour(Contour),
+}
+
+impl Placed {
+    fn figure(&self) -> &dyn Figure {
+        match self {
+            Self::Figure(figure) => figure.as_ref(),
+            Self::Contour(contour) => contour,
+        }
+    }
+}
+
+#[derive(Clone, Debug)]
 struct Part {
-    figures: Figures,
+    placed: Placed,
     pen: u16,
     /// Index of its first stroke in the whole texture.
     start: u64,
 }
 
-/// All strokes of a job, made anew on request: nothing is held that can be computed.
-#[derive(Debug)]
+/// All strokes of a job, made anew on request: nothing is held that can be computed. Cheap to clone.
+#[derive(Clone, Debug)]
 pub struct Texture {
     parts: Vec<Part>,
     len: u64,
@@ -155,12 +128,47 @@ impl Texture {
         turn_rad: f64,
         notes: &mut Vec<Diag>,
     ) -> Result<Self, Error> {
+        let mut sources = svg::Sources::default();
+        Self::place(requests, part_box_mm, turn_rad, &mut |_, request, place| {
+            let Kind::Drawing { path, size_mm, .. } = &request.kind else { return Ok(None) };
+            let page = svg::load(sources.read(path)?, path, *size_mm, place.tolerance, notes)?;
+            Drawing::place(page, request, place).map(|d| Some(Arc::new(d) as Arc<dyn Figure>))
+        })
+    }
+
+    /// The same drawings with the patterns of another pass of the same job: no file is read again.
+    ///
+    /// # Errors
+    /// Those of patterns that [`Texture::load`] has.
+    pub fn of_pass(&self, requests: &[Request], part_box_mm: [f64; 4], turn_rad: f64) -> Result<Self, Error> {
+        Self::place(requests, part_box_mm, turn_rad, &mut |k, request, _| {
+            Ok(match (&request.kind, &self.parts[k].placed) {
+                (Kind::Drawing { .. }, Placed::Figure(drawing)) => Some(drawing.clone()),
+                _ => None,
+            })
+        })
+    }
+
+    /// Places the requests; `drawing` answers with those that are drawings.
+    fn place(
+        requests: &[Request],
+        part_box_mm: [f64; 4],
+        turn_rad: f64,
+        drawing: &mut DrawingOf<'_>,
+    ) -> Result<Self, Error> {
         let turn = Turn::new(turn_rad);
         let mut texture = Self { parts: Vec::new(), len: 0, points: 0, bounds: Box2::EMPTY, directions: None };
         for (k, request) in requests.iter().enumerate() {
-            let figures = Figures::place(request, part_box_mm, turn, notes).map_err(|e| numbered(&e, k))?;
-            texture.bounds = texture.bounds.union(figures.bounds());
-            texture.parts.push(Part { figures, pen: request.pen, start: 0 });
+            let mut placed = || {
+                let place = place::Site::new(request, part_box_mm, turn)?;
+                match drawing(k, request, &place)? {
+                    Some(figure) => Ok(Placed::Figure(figure)),
+                    None => pattern::place(&request.kind, &place),
+                }
+            };
+            let placed = placed().map_err(|e| numbered(&e, k))?;
+            texture.bounds = texture.bounds.union(placed.figure().bounds());
+            texture.parts.push(Part { placed, pen: request.pen, start: 0 });
             texture.count(k)?;
         }
         if texture.parts.is_empty() { Err(empty().into()) } else { Ok(texture) }
@@ -172,7 +180,7 @@ impl Texture {
     /// `texture-empty`, `texture-large`.
     pub fn fill(&mut self, directions: Directions) -> Result<(), Error> {
         for (k, part) in self.parts.iter_mut().enumerate() {
-            if let Figures::Contour(area) = &mut part.figures {
+            if let Placed::Contour(area) = &mut part.placed {
                 area.fill(&directions).map_err(|e| numbered(&e, k))?;
             }
         }
@@ -184,10 +192,10 @@ impl Texture {
     /// Puts the strokes of part `k` after those of the parts before it.
     fn count(&mut self, k: usize) -> Result<(), Error> {
         let part = &mut self.parts[k];
-        let waits = matches!(part.figures, Figures::Contour(_)) && self.directions.is_none();
+        let waits = matches!(part.placed, Placed::Contour(_)) && self.directions.is_none();
         part.start = self.len;
-        self.len += part.figures.len();
-        self.points += part.figures.points();
+        self.len += part.placed.figure().len();
+        self.points += part.placed.figure().points();
         if self.len == part.start && !waits {
             return Err(numbered(&empty().into(), k));
         }
@@ -199,9 +207,9 @@ impl Texture {
 
     /// The areas that are filled along contours, each with the indices of its strokes.
     pub fn contours(&self) -> impl Iterator<Item = (Range<usize>, &Contour)> {
-        self.parts.iter().filter_map(|p| match &p.figures {
-            Figures::Contour(f) => Some((p.start as usize..(p.start + f.len()) as usize, f)),
-            _ => None,
+        self.parts.iter().filter_map(|p| match &p.placed {
+            Placed::Contour(f) => Some((p.start as usize..(p.start + f.len()) as usize, f)),
+            Placed::Figure(_) => None,
         })
     }
 
@@ -239,13 +247,7 @@ impl Texture {
         out.clear();
         let (k, i) = self.find(i);
         let part = &self.parts[k];
-        match &part.figures {
-            Figures::Hatch(f) => f.stroke(i, out),
-            Figures::Contour(f) => f.stroke(i, out),
-            Figures::Hilbert(f) => f.stroke(out),
-            Figures::Loops(f) => f.stroke(i, out),
-            Figures::Drawing(f) => f.stroke(i, out),
-        }
+        part.placed.figure().stroke(i, out);
         part.pen
     }
 
@@ -255,13 +257,7 @@ impl Texture {
     /// Where `i` is not below [`Texture::len`].
     pub fn element(&self, i: usize) -> String {
         let (k, i) = self.find(i);
-        let what = match &self.parts[k].figures {
-            Figures::Hatch(f) => f.element(i),
-            Figures::Contour(f) => f.element(i),
-            Figures::Hilbert(_) => "hilbert curve".to_owned(),
-            Figures::Loops(f) => f.element(i),
-            Figures::Drawing(f) => f.element(i),
-        };
+        let what = self.parts[k].placed.figure().element(i);
         format!("texture {}, {what}", k + 1)
     }
 
@@ -271,69 +267,6 @@ impl Texture {
         assert!(i < self.len, "stroke {i} of {}", self.len);
         let k = self.parts.partition_point(|p| p.start <= i) - 1;
         (k, i - self.parts[k].start)
-    }
-}
-
-impl Figures {
-    fn place(request: &Request, part_box: [f64; 4], turn: Turn, notes: &mut Vec<Diag>) -> Result<Self, Error> {
-        let area = match request.area {
-            Area::Part | Area::Unlimited => part_box,
-            Area::Rectangle(r) => r,
-        };
-        if request.area != Area::Unlimited || !matches!(request.kind, Kind::Drawing { .. }) {
-            place::check_area(area, turn)?;
-        }
-        let tolerance = request.tolerance_mm.max(place::NM);
-        Ok(match &request.kind {
-            Kind::Hatch { pitch_mm, direction_rad } => Self::Hatch(Hatch::new(area, *pitch_mm, *direction_rad, turn)?),
-            Kind::Contour { pitch_mm, phase } => Self::Contour(Contour::new(area, *pitch_mm, *phase, turn)?),
-            Kind::Hilbert { order } => Self::Hilbert(Hilbert::new(area, *order, turn)?),
-            Kind::Squares { cell_mm, pitch_mm } => Self::Loops(Loops::squares(area, *cell_mm, *pitch_mm, turn)?),
-            Kind::Circles { cell_mm, pitch_mm } => {
-                Self::Loops(Loops::circles(area, *cell_mm, *pitch_mm, tolerance, turn)?)
-            }
-            Kind::Drawing { path, size_mm, origin_mm, turn_rad, tile } => {
-                let page = svg::load(path, *size_mm, tolerance, notes)?;
-                let limit = (request.area != Area::Unlimited).then_some(area);
-                let placed = drawing::Placed::new(page.size, *origin_mm, *turn_rad, limit, part_box, turn);
-                let file = path.display().to_string();
-                Self::Drawing(Box::new(if *tile {
-                    Drawing::tiled(page, &placed, limit, &file)?
-                } else {
-                    Drawing::single(page, &placed, limit, &file)?
-                }))
-            }
-        })
-    }
-
-    fn len(&self) -> u64 {
-        match self {
-            Self::Hatch(f) => f.len(),
-            Self::Contour(f) => f.len(),
-            Self::Hilbert(_) => 1,
-            Self::Loops(f) => f.len(),
-            Self::Drawing(f) => f.len(),
-        }
-    }
-
-    fn points(&self) -> u64 {
-        match self {
-            Self::Hatch(f) => 2 * f.len(),
-            Self::Contour(f) => 2 * f.len(),
-            Self::Hilbert(f) => f.points(),
-            Self::Loops(f) => f.points(),
-            Self::Drawing(f) => f.points(),
-        }
-    }
-
-    fn bounds(&self) -> Box2 {
-        match self {
-            Self::Hatch(f) => f.bounds(),
-            Self::Contour(f) => f.bounds(),
-            Self::Hilbert(f) => f.bounds(),
-            Self::Loops(f) => f.bounds(),
-            Self::Drawing(f) => f.bounds(),
-        }
     }
 }
 

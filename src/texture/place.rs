@@ -1,5 +1,6 @@
 //! From mm in the part frame to nanometres in the turned part frame, rounding once.
 
+use super::{Area, Kind, Request};
 use crate::diag::{Diag, Error, Place};
 use crate::geom::{MAX_NM, NM_PER_MM, P2, cos_sin};
 
@@ -36,6 +37,34 @@ impl Turn {
     pub(super) fn nm(self, p: [f64; 2]) -> P2 {
         let [x, y] = self.turned(p);
         P2::new((x * NM_PER_MM).round() as i64, (y * NM_PER_MM).round() as i64)
+    }
+}
+
+/// Where a request is placed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Site {
+    /// What patterns fill, part frame, mm.
+    pub(super) area: [f64; 4],
+    /// The part's box, part frame, mm.
+    pub(super) part_box: [f64; 4],
+    /// Largest distance between a curve and its polyline, mm.
+    pub(super) tolerance: f64,
+    /// The part's turn.
+    pub(super) turn: Turn,
+}
+
+impl Site {
+    /// # Errors
+    /// `texture-area` where the area is empty or not finite, `texture-far` where it is beyond 4 m.
+    pub(super) fn new(request: &Request, part_box: [f64; 4], turn: Turn) -> Result<Self, Error> {
+        let area = match request.area {
+            Area::Part | Area::Unlimited => part_box,
+            Area::Rectangle(r) => r,
+        };
+        if request.area != Area::Unlimited || !matches!(request.kind, Kind::Drawing { .. }) {
+            check_area(area, turn)?;
+        }
+        Ok(Self { area, part_box, tolerance: request.tolerance_mm.max(NM), turn })
     }
 }
 

@@ -6,13 +6,12 @@ use super::depth::{Map, MeshBuilder, Shape};
 use super::read::manifest::Manifest;
 use super::unusable;
 use crate::diag::Error;
-use crate::geom::NM_PER_MM;
+use crate::geom::{NM_PER_MM, nm_from_mm};
+use crate::job::{DepthRule, Dose, Format, Job, Level, Mode, Overrides, Passes, Setups};
 use crate::machine::Machine;
 use crate::program::{Block, Pen};
-use crate::spec::{DepthRule, DoseSpec, Format, Job, Level, PassesSpec, SetupsSpec};
 use crate::surface::{self, Content};
 use crate::texture::Texture;
-use crate::units::Length;
 
 /// Facets up to this width in plan view, nm, have no height of their own: rounding to the nanometre
 /// may have closed them.
@@ -43,8 +42,10 @@ impl Inputs {
 #[derive(Clone, Debug)]
 pub(super) struct Facts {
     pub(super) machine: Machine,
-    pub(super) pdof: Length,
-    pub(super) depth_range: Length,
+    /// Processing depth of focus, nm.
+    pub(super) pdof: i64,
+    /// Largest depth range of a block, nm.
+    pub(super) depth_range: i64,
     pub(super) level: Level,
     pub(super) rule: DepthRule,
     pub(super) max_incidence_rad: f64,
@@ -52,9 +53,9 @@ pub(super) struct Facts {
     /// What two blocks may both mark at a cut, nm.
     pub(super) overlap_nm: f64,
     /// How often, how turned, how lowered, how shifted.
-    pub(super) passes: PassesSpec,
+    pub(super) passes: Passes,
     /// Set-ups and their registration points.
-    pub(super) setups: Option<SetupsSpec>,
+    pub(super) setups: Option<Setups>,
     /// Distance of figures that are to stay whole, nm.
     pub(super) figure_pitch_nm: Option<i64>,
     /// Pitch of the sections, at most the usable field, nm.
@@ -62,11 +63,11 @@ pub(super) struct Facts {
     pub(super) weld_nm: f64,
     pub(super) turn_deg: f64,
     /// Part origin in the table frame, nm, where the job states one.
-    pub(super) origin: Option<[Option<i64>; 3]>,
+    pub(super) origin: Option<[i64; 3]>,
     /// Pens of the job; None where the job could not be read.
     pub(super) pens: Option<Vec<Pen>>,
     /// How pens make up for the slope, if they do.
-    pub(super) dose: Option<DoseSpec>,
+    pub(super) dose: Option<Dose>,
     /// Formats that the job asks for.
     pub(super) formats: Vec<Format>,
 }
@@ -78,14 +79,14 @@ impl Facts {
         Self {
             section_nm: m.machine.usable_field().map(|f| f as f64),
             machine: m.machine.clone(),
-            pdof: Length::mm(m.focus.pdof_mm),
-            depth_range: Length::mm(m.focus.depth_range_mm),
+            pdof: nm_from_mm(m.focus.pdof_mm).unwrap_or_default(),
+            depth_range: nm_from_mm(m.focus.depth_range_mm).unwrap_or_default(),
             level: m.focus.level,
             rule: m.focus.rule,
             max_incidence_rad: 0.0,
             min_mark_nm: 0.0,
             overlap_nm: m.seams.overlap_mm * NM_PER_MM,
-            passes: PassesSpec::default(),
+            passes: Passes::default(),
             setups: None,
             figure_pitch_nm: None,
             weld_nm: 0.0,
@@ -98,36 +99,28 @@ impl Facts {
     }
 
     fn from_job(job: &Job, machine: Machine) -> Self {
-        let file = &job.file;
-        let pens = file.pen.iter().map(|p| Pen {
-            name: p.name.clone(),
-            speed: p.speed,
-            power: p.power,
-            frequency: p.frequency,
-            passes: p.passes,
-        });
         // Sections measure an even number of increments.
         let grid = 2.0 * machine.increment_nm() as f64;
-        let section = file.partition.section.map_or(f64::INFINITY, |s| s.as_mm() * NM_PER_MM);
+        let section = job.partition.section.map_or(f64::INFINITY, |s| s as f64);
         Self {
             section_nm: machine.usable_field().map(|f| (section.min(f as f64) / grid).floor() * grid),
             machine,
-            pdof: job.pdof(),
-            depth_range: job.depth_range(),
-            level: file.focus.level,
-            rule: file.focus.rule,
-            max_incidence_rad: file.limits.max_incidence.as_rad(),
-            min_mark_nm: file.partition.min_mark.as_mm() * NM_PER_MM,
-            overlap_nm: file.partition.overlap.as_mm() * NM_PER_MM,
-            passes: file.passes.clone(),
-            setups: file.setups.clone(),
+            pdof: job.focus.pdof,
+            depth_range: job.focus.depth,
+            level: job.focus.level,
+            rule: job.focus.rule,
+            max_incidence_rad: job.limits.max_incidence.as_rad(),
+            min_mark_nm: job.partition.min_mark as f64,
+            overlap_nm: job.partition.overlap as f64,
+            passes: job.passes,
+            setups: job.setups.clone(),
             figure_pitch_nm: job.figure_pitch_nm(),
-            weld_nm: file.surface.weld.as_mm() * NM_PER_MM,
-            turn_deg: file.placement.turn.as_deg(),
-            origin: file.placement.origin.map(|o| o.map(Length::as_nm)),
-            pens: Some(pens.collect()),
-            dose: file.dose,
-            formats: file.emit.formats.clone(),
+            weld_nm: job.surface.weld_nm as f64,
+            turn_deg: job.placement.turn.as_deg(),
+            origin: job.placement.origin,
+            pens: Some(job.pens.clone()),
+            dose: job.dose,
+            formats: job.formats.clone(),
         }
     }
 
@@ -159,29 +152,24 @@ impl Facts {
 
     /// Largest depth range of a block, nm.
     pub(super) fn depth_range_nm(&self) -> f64 {
-        self.depth_range.as_mm() * NM_PER_MM
+        self.depth_range as f64
     }
 }
 
-/// Reads the job file and its machine.
-pub(super) fn load(inputs: &Inputs) -> Result<(Job, Facts), Error> {
-    let job = Job::load(&inputs.job)?;
-    let spec = &job.file.machine;
-    let machine = match (&spec.profile, &spec.file) {
-        (Some(name), _) => Machine::built_in(name.get_ref())?,
-        (None, Some(file)) => Machine::load(&job.resolve(file.get_ref()))?,
-        (None, None) => return Err(unusable("machine-missing", "the job names no machine", &inputs.job)),
-    };
+/// Reads the job file as one of this mode, and its machine.
+pub(super) fn load(inputs: &Inputs, mode: Mode) -> Result<(Job, Facts), Error> {
+    let job = Job::load(&inputs.job, &Overrides { mode: Some(mode), ..Overrides::default() })?;
+    let machine = job.machine()?;
     let facts = Facts::from_job(&job, machine);
     Ok((job, facts))
 }
 
 /// Reads the surface file, turned as the job says, and its box x0 y0 x1 y1 in mm before the turn.
 pub(super) fn shape(job: &Job) -> Result<(Shape, [f64; 4]), Error> {
-    let path = job.resolve(job.file.surface.file.get_ref());
-    let turn = job.file.placement.turn.as_rad();
+    let path = job.surface_path();
+    let turn = job.placement.turn.as_rad();
     let mut builder = MeshBuilder::new(turn, THINNEST);
-    let content = surface::read(&path, &job.surface_options(), &mut Vec::new(), &mut |f| builder.push(f))?;
+    let content = surface::read(&path, &job.surface.options, &mut Vec::new(), &mut |f| builder.push(f))?;
     let empty = || unusable("surface-empty", "the surface file holds no surface", &path);
     match content {
         Content::Facets(0) => Err(empty()),
@@ -198,5 +186,5 @@ pub(super) fn shape(job: &Job) -> Result<(Shape, [f64; 4]), Error> {
 
 /// Places the textures of pass `k` of the job.
 pub(super) fn texture(job: &Job, k: u32, part_box_mm: [f64; 4]) -> Result<Texture, Error> {
-    Texture::load(&job.texture_requests(k), part_box_mm, job.file.placement.turn.as_rad(), &mut Vec::new())
+    Texture::load(&job.textures_of_pass(k), part_box_mm, job.placement.turn.as_rad(), &mut Vec::new())
 }

@@ -27,6 +27,7 @@ pub use proof::{Lengths, Proof, Rule, Violation};
 
 use crate::diag::{Diag, Error, Place};
 use crate::geom::P2;
+use crate::job::Mode;
 use crate::texture::Texture;
 use depth::Ground;
 use facts::{Facts, Inputs};
@@ -80,12 +81,12 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
         }
         return Ok(findings.into_proof());
     }
-    let (job, facts) = facts::load(&inputs)?;
+    let (job, facts) = facts::load(&inputs, Mode::Stepped)?;
     let Some(program) = program else { return Ok(findings.into_proof()) };
     let (shape, box_mm) = facts::shape(&job)?;
     let ground = Ground::new(shape, facts.max_incidence_rad, facts.weld_nm);
     let mut textures = Vec::new();
-    for pass in 0..facts.passes.count() {
+    for pass in 0..facts.passes.count {
         let mut texture = facts::texture(&job, pass, box_mm)?;
         if !rules::fill::check(&manifest, &facts, pass, &mut texture, &mut findings.fill) {
             // Without its lines the texture is not known.

@@ -4,16 +4,15 @@
 use std::path::Path;
 
 use crate::support::surfaces::{FIVE, cyl, dome, mesh, saddle, wave, write_stl};
-use crate::support::{JobText, folder, shared};
-use terrace::compile::{self, Plan};
+use crate::support::{JobText, folder, planned, shared};
 use terrace::partition::bound::Certificate;
-use terrace::spec::Job;
+use terrace::plan::SteppedPlan;
 
 const MM: f64 = 1e6;
 
-fn plan(dir: &Path, job: &JobText) -> Plan {
+fn plan(dir: &Path, job: &JobText) -> Box<SteppedPlan> {
     let path = job.write(dir, "job.toml");
-    Job::load(&path).and_then(|job| compile::plan(job, &|_| {})).unwrap_or_else(|e| panic!("{e}"))
+    planned(&path)
 }
 
 /// The most weight in any closed box of `size`. A box can be pushed up along every axis until a lower end of
@@ -44,10 +43,10 @@ fn heaviest(certificate: &Certificate, size: [i64; 3]) -> u64 {
 
 /// Checks the certificate of a plan: no box of the field by the depth range holds more than a whole, and every
 /// piece is a mark, or a whole figure, of the program.
-fn assert_sound(name: &str, plan: &Plan) -> Certificate {
-    let certificate = plan.bound.clone().unwrap_or_else(|| panic!("{name}: no bound"));
+fn assert_sound(name: &str, plan: &SteppedPlan) -> Certificate {
+    let certificate = plan.passes[0].bound.clone().unwrap_or_else(|| panic!("{name}: no bound"));
     let [w, h] = plan.machine.usable_field();
-    let box_of_a_stop = [w, h, plan.job.depth_range().as_nm().expect("a depth range")];
+    let box_of_a_stop = [w, h, plan.job.focus.depth];
     assert!((0..3).all(|k| i64::from(certificate.size[k]) >= box_of_a_stop[k]), "{name}");
     let whole = u64::from(certificate.whole);
     assert!(heaviest(&certificate, box_of_a_stop) <= whole, "{name}: a box holds more than a whole");
@@ -65,9 +64,12 @@ fn assert_sound(name: &str, plan: &Plan) -> Certificate {
 }
 
 /// Every piece lies on a stroke of a block that holds its height.
-fn assert_marks(name: &str, plan: &Plan, certificate: &Certificate) {
+fn assert_marks(name: &str, plan: &SteppedPlan, certificate: &Certificate) {
     let program = plan.checked.program();
-    let middle = [(plan.texture.lo.x + plan.texture.hi.x) / 2, (plan.texture.lo.y + plan.texture.hi.y) / 2];
+    let middle = [
+        (plan.passes[0].texture.lo.x + plan.passes[0].texture.hi.x) / 2,
+        (plan.passes[0].texture.lo.y + plan.passes[0].texture.hi.y) / 2,
+    ];
     for (piece, _) in &certificate.pieces {
         let lo = [i64::from(piece.lo[0]) + middle[0], i64::from(piece.lo[1]) + middle[1]];
         let hi = [i64::from(piece.hi[0]) + middle[0], i64::from(piece.hi[1]) + middle[1]];
@@ -188,7 +190,7 @@ fn no_bound_is_stated_where_slivers_may_be_left_out() {
     let stl = dir.path().join("part.stl");
     write_stl(&stl, &mesh(20, [0.0, 0.0, 50.0, 50.0], cyl));
     let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"1 mm\"");
-    assert!(plan(dir.path(), &job).bound.is_some());
+    assert!(plan(dir.path(), &job).passes[0].bound.is_some());
     let plan = plan(dir.path(), &job.partition("min_mark = \"0.1 mm\""));
-    assert!(plan.bound.is_none() && plan.summary.lower_bound_stops.is_none());
+    assert!(plan.passes[0].bound.is_none() && plan.summary.lower_bound_stops.is_none());
 }

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
+use terrace::job::{self, Job, Overrides};
 use terrace::machine::{self, Machine};
-use terrace::spec::{self, Job};
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -224,7 +224,7 @@ fn every_key_has_a_row(file: &str, schema: &str) {
 
 #[test]
 fn every_key_of_a_job_file_is_explained() {
-    every_key_has_a_row("docs/job-file.md", &spec::json_schema());
+    every_key_has_a_row("docs/job-file.md", &job::json_schema());
 }
 
 #[test]
@@ -243,7 +243,7 @@ fn blocks<'a>(text: &'a str, kind: &str) -> Vec<&'a str> {
 /// Writes a small made file where a job expects one.
 fn make(path: &Path) {
     let bytes = match path.extension().and_then(|e| e.to_str()) {
-        Some("stl") => spec::sample_surface(),
+        Some("stl") => job::sample_surface(),
         Some("svg") => br#"<svg xmlns="http://www.w3.org/2000/svg" width="10mm" height="10mm" viewBox="0 0 10 10">
             <path d="M1 1 C 3 9 7 9 9 1 Z" stroke="black"/></svg>"#
             .to_vec(),
@@ -275,15 +275,11 @@ fn whole_jobs_of_the_documents_compile() {
     for file in ["README.md", "docs/job-file.md", "docs/machine-file.md"] {
         for block in blocks(&text_of(file), "toml job") {
             let dir = tempfile::tempdir().expect("a folder");
-            let job =
-                Job::parse(&dir.path().join("job.toml"), block).unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
-            make(&job.resolve(job.file.surface.file.get_ref()));
-            for path in job.file.texture.iter().filter_map(|t| t.file.as_ref()) {
-                make(&job.resolve(path.get_ref()));
-            }
-            job.file.machine.file.iter().for_each(|m| make(&job.resolve(m.get_ref())));
-            let plan = terrace::compile::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
-            assert!(plan.summary.mark_mm > 0.0);
+            let job = Job::parse(&dir.path().join("job.toml"), block, &Overrides::default())
+                .unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
+            job.input_files().iter().for_each(|(_, file)| make(&job.relative(file)));
+            let plan = terrace::plan::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
+            assert!(plan.stepped().expect("a stepped job").summary.mark_mm > 0.0);
             count += 1;
         }
     }
@@ -318,8 +314,7 @@ fn keys_exist(schema: &Value, at: &Value, example: &toml::Table, shown: &str) {
 
 #[test]
 fn parts_of_files_in_the_documents_have_keys_that_exist() {
-    for (file, schema) in [("docs/job-file.md", spec::json_schema()), ("docs/machine-file.md", machine::json_schema())]
-    {
+    for (file, schema) in [("docs/job-file.md", job::json_schema()), ("docs/machine-file.md", machine::json_schema())] {
         let schema: Value = serde_json::from_str(&schema).expect("a schema is JSON");
         let text = text_of(file);
         let parts = blocks(&text, "toml");

@@ -201,7 +201,7 @@ fn directions(shape: impl Fn(f64, f64) -> f64, turn: u32) -> Vec<f64> {
     compile(&job.write(dir.path(), "job.toml"), &out);
     let text = std::fs::read(out.join("manifest.json")).expect("a manifest");
     let manifest: serde_json::Value = serde_json::from_slice(&text).expect("JSON");
-    let list = manifest["sections"]["direction_deg"].as_array().expect("directions").clone();
+    let list = manifest["passes"][0]["sections"]["direction_deg"].as_array().expect("directions").clone();
     list.iter().map(|v| v.as_f64().expect("a number")).collect()
 }
 

@@ -1,16 +1,16 @@
 //! `[order]`: what the job file asks for is what the program does, and every order is proved.
 
-use std::path::Path;
-
+use crate::support::planned;
+use terrace::job;
+use terrace::plan::Plan;
 use terrace::program::Program;
-use terrace::spec::{self, Job};
-use terrace::{compile, folder, verify};
+use terrace::{folder, verify};
 
 /// Compiles the sample part with squares and hatch and these lines of the job file; proves the folder.
 fn program(order: &str, machine: &str) -> (Program, f64, f64) {
     let dir = tempfile::tempdir().expect("a folder");
     let put = |name: &str, bytes: &[u8]| std::fs::write(dir.path().join(name), bytes).expect("written");
-    put(spec::SAMPLE_SURFACE_NAME, &spec::sample_surface());
+    put(job::SAMPLE_SURFACE_NAME, &job::sample_surface());
     let profile = terrace::machine::PROFILES[0].1.replace("[stage]\n", &format!("[stage]\n{machine}\n"));
     put("machine.toml", profile.as_bytes());
     let text = format!(
@@ -27,13 +27,13 @@ fn program(order: &str, machine: &str) -> (Program, f64, f64) {
         ]
         pen = [{{ name = "a", speed = "1000 mm/s", power = "60 %", frequency = "60 kHz" }}]
     "#,
-        spec::SAMPLE_SURFACE_NAME
+        job::SAMPLE_SURFACE_NAME
     );
     put("job.toml", text.as_bytes());
-    let job = Job::load(Path::new(&dir.path().join("job.toml"))).unwrap_or_else(|e| panic!("{e}"));
-    let plan = compile::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+    let plan = Plan::Stepped(planned(&dir.path().join("job.toml")));
     let target = dir.path().join("job.job");
-    folder::write(&plan, &target, 0).unwrap_or_else(|e| panic!("{e}"));
+    folder::write(&plan, &target).unwrap_or_else(|e| panic!("{e}"));
+    let plan = plan.stepped().expect("a stepped plan");
     let proof = verify::verify(&target, None).unwrap_or_else(|e| panic!("{e}"));
     assert!(proof.ok, "{order}: {}", proof.to_text());
     (plan.checked.program().clone(), plan.summary.time_s.stage + plan.summary.time_s.settle, plan.summary.jump_mm)

@@ -67,7 +67,7 @@ fn seams_of_passes_do_not_lie_on_each_other() {
     let dir = folder();
     let out = dir.path().join("job.job");
     let lines = |m: &Value, pass: usize, axis: usize| {
-        let s = if pass == 0 { &m["sections"] } else { &m["passes"][pass]["sections"] };
+        let s = &m["passes"][pass]["sections"];
         let [o, p] = ["origin_mm", "pitch_mm"].map(|k| s[k][axis].as_f64().expect("a number"));
         (o / p).rem_euclid(1.0)
     };

@@ -8,8 +8,8 @@ use std::path::Path;
 use crate::support::surfaces::{Noise, mesh, write_stl};
 use rayon::prelude::*;
 use terrace::diag::{Error, Kind};
-use terrace::spec::Job;
-use terrace::{compile, folder, verify};
+use terrace::job::{Job, Overrides};
+use terrace::{folder, plan, verify};
 
 fn below(noise: &mut Noise, n: u64) -> u64 {
     (noise.next() >> 5) % n
@@ -205,8 +205,9 @@ fn job(noise: &mut Noise, dir: &Path) -> std::path::PathBuf {
 /// Compiles and verifies; Ok says whether the job was compiled.
 fn run(path: &Path) -> Result<bool, String> {
     let out = path.with_extension("job");
-    let compiled =
-        Job::load(path).and_then(|job| compile::plan(job, &|_| ())).and_then(|plan| folder::write(&plan, &out, 0));
+    let compiled = Job::load(path, &Overrides::default())
+        .and_then(|job| plan::plan(job, &|_| ()))
+        .and_then(|plan| folder::write(&plan, &out));
     let say = |e: Error| e.diags().iter().map(|d| d.render(false)).collect::<String>();
     if let Err(e) = compiled {
         let bug = e.diags().iter().any(|d| d.kind == Kind::Bug);

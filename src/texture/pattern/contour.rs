@@ -18,6 +18,7 @@
 
 use crate::diag::Error;
 use crate::geom::{Box2, NM_PER_MM, P2, cos_sin};
+use crate::texture::Figure;
 use crate::texture::place::{NM, Turn, corners};
 use crate::texture::{MAX_STROKES, too_large};
 
@@ -53,7 +54,7 @@ impl Directions {
 }
 
 /// An area to be filled.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Contour {
     /// x0, y0, x1, y1 in the part frame.
     area: [f64; 4],
@@ -68,7 +69,7 @@ pub struct Contour {
 }
 
 /// The lines of one cell.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Lattice {
     cell: Box2,
     /// Whether the upper border along x and y belongs to the next cell.
@@ -99,6 +100,32 @@ impl Lattice {
     }
 }
 
+impl Figure for Contour {
+    fn len(&self) -> u64 {
+        self.lattices.last().map_or(0, |l| l.end)
+    }
+
+    fn points(&self) -> u64 {
+        2 * self.len()
+    }
+
+    /// The box of the area; that of its lines lies in it.
+    fn bounds(&self) -> Box2 {
+        self.bounds
+    }
+
+    fn stroke(&self, i: u64, out: &mut Vec<P2>) {
+        let (cell, k) = self.find(i);
+        let line = self.line(&self.lattices[cell], k).expect("lines between the outermost ones have a length");
+        out.extend_from_slice(&line);
+    }
+
+    fn element(&self, i: u64) -> String {
+        let (cell, k) = self.find(i);
+        format!("line {} of section {}", k + 1 - self.lattices[cell].first, cell + 1)
+    }
+}
+
 impl Contour {
     pub(in crate::texture) fn new(area_mm: [f64; 4], pitch_mm: f64, phase: f64, turn: Turn) -> Result<Self, Error> {
         if !(pitch_mm >= NM && pitch_mm.is_finite()) {
@@ -125,26 +152,6 @@ impl Contour {
     /// Distance of lines, nm.
     pub fn pitch(&self) -> f64 {
         self.pitch
-    }
-
-    /// The box of the area; that of its lines lies in it.
-    pub(in crate::texture) fn bounds(&self) -> Box2 {
-        self.bounds
-    }
-
-    pub(in crate::texture) fn len(&self) -> u64 {
-        self.lattices.last().map_or(0, |l| l.end)
-    }
-
-    pub(in crate::texture) fn element(&self, i: u64) -> String {
-        let (cell, k) = self.find(i);
-        format!("line {} of section {}", k + 1 - self.lattices[cell].first, cell + 1)
-    }
-
-    pub(in crate::texture) fn stroke(&self, i: u64, out: &mut Vec<P2>) {
-        let (cell, k) = self.find(i);
-        let line = self.line(&self.lattices[cell], k).expect("lines between the outermost ones have a length");
-        out.extend_from_slice(&line);
     }
 
     /// The cell that holds stroke `i`, and the number of its line.

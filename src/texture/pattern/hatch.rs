@@ -6,6 +6,7 @@
 
 use crate::diag::{Diag, Error};
 use crate::geom::{Box2, P2, cos_sin};
+use crate::texture::Figure;
 use crate::texture::place::{NM, Turn, corners, steps};
 use crate::texture::{MAX_STROKES, too_large};
 
@@ -25,6 +26,42 @@ pub(super) fn bad_pitch(pitch: f64) -> Error {
     Diag::input("texture-pitch", format!("a hatch pitch of {pitch} mm is not possible"))
         .hint("use a pitch of at least 1 nm")
         .into()
+}
+
+impl Figure for Hatch {
+    fn len(&self) -> u64 {
+        self.count as u64
+    }
+
+    fn points(&self) -> u64 {
+        2 * self.len()
+    }
+
+    /// The ends of lines move along the border evenly from corner to corner, so the extremes are
+    /// taken by the outermost lines or by lines next to a corner.
+    fn bounds(&self) -> Box2 {
+        let last = self.first + self.count - 1;
+        let mut bounds = Box2::EMPTY;
+        if self.count == 0 {
+            return bounds;
+        }
+        for corner in corners(self.area) {
+            let k = (self.height(corner) / self.pitch).round() as i64;
+            for k in k - 1..=k + 1 {
+                self.line(k.clamp(self.first, last)).into_iter().flatten().for_each(|p| bounds.add(p));
+            }
+        }
+        bounds
+    }
+
+    fn stroke(&self, i: u64, out: &mut Vec<P2>) {
+        let line = self.line(self.first + i as i64).expect("lines between the outermost ones have a length");
+        out.extend_from_slice(&line);
+    }
+
+    fn element(&self, i: u64) -> String {
+        format!("hatch line {}", i + 1)
+    }
 }
 
 impl Hatch {
@@ -53,36 +90,6 @@ impl Hatch {
             hatch.count -= 1;
         }
         Ok(hatch)
-    }
-
-    pub(in crate::texture) fn len(&self) -> u64 {
-        self.count as u64
-    }
-
-    pub(in crate::texture) fn stroke(&self, i: u64, out: &mut Vec<P2>) {
-        let line = self.line(self.first + i as i64).expect("lines between the outermost ones have a length");
-        out.extend_from_slice(&line);
-    }
-
-    pub(in crate::texture) fn element(&self, i: u64) -> String {
-        format!("hatch line {}", i + 1)
-    }
-
-    /// The ends of lines move along the border evenly from corner to corner, so the extremes are
-    /// taken by the outermost lines or by lines next to a corner.
-    pub(in crate::texture) fn bounds(&self) -> Box2 {
-        let last = self.first + self.count - 1;
-        let mut bounds = Box2::EMPTY;
-        if self.count == 0 {
-            return bounds;
-        }
-        for corner in corners(self.area) {
-            let k = (self.height(corner) / self.pitch).round() as i64;
-            for k in k - 1..=k + 1 {
-                self.line(k.clamp(self.first, last)).into_iter().flatten().for_each(|p| bounds.add(p));
-            }
-        }
-        bounds
     }
 
     /// Distance of a point from line 0, along the normal.

@@ -5,6 +5,7 @@
 
 use crate::diag::{Diag, Error};
 use crate::geom::{Box2, P2};
+use crate::texture::Figure;
 use crate::texture::place::{LEAST, Turn, corners};
 
 /// The highest order: 67 million points, which is 1 GB while the stroke is held.
@@ -18,6 +19,31 @@ pub(in crate::texture) struct Hilbert {
     xs: Vec<f64>,
     ys: Vec<f64>,
     turn: Turn,
+}
+
+impl Figure for Hilbert {
+    fn len(&self) -> u64 {
+        1
+    }
+
+    fn points(&self) -> u64 {
+        1 << (2 * self.order)
+    }
+
+    fn bounds(&self) -> Box2 {
+        let mut bounds = Box2::EMPTY;
+        corners(self.area).into_iter().for_each(|c| bounds.add(self.turn.nm(c)));
+        bounds
+    }
+
+    fn stroke(&self, _: u64, out: &mut Vec<P2>) {
+        out.reserve(1 << (2 * self.order));
+        self.walk(1 << self.order, [0, 0], [1, 0], [0, 1], out);
+    }
+
+    fn element(&self, _: u64) -> String {
+        "hilbert curve".into()
+    }
 }
 
 impl Hilbert {
@@ -38,21 +64,6 @@ impl Hilbert {
             (0..=last).map(|i| if i == last { hi } else { lo + (hi - lo) * f64::from(i) / f64::from(last) }).collect()
         };
         Ok(Self { order, area, xs: along(x0, x1), ys: along(y0, y1), turn })
-    }
-
-    pub(in crate::texture) fn points(&self) -> u64 {
-        1 << (2 * self.order)
-    }
-
-    pub(in crate::texture) fn stroke(&self, out: &mut Vec<P2>) {
-        out.reserve(1 << (2 * self.order));
-        self.walk(1 << self.order, [0, 0], [1, 0], [0, 1], out);
-    }
-
-    pub(in crate::texture) fn bounds(&self) -> Box2 {
-        let mut bounds = Box2::EMPTY;
-        corners(self.area).into_iter().for_each(|c| bounds.add(self.turn.nm(c)));
-        bounds
     }
 
     /// Visits the `n` × `n` cells spanned by the unit steps `u` and `v` from cell `p`: starts at `p`,

@@ -9,6 +9,7 @@ use std::f64::consts::TAU;
 
 use crate::diag::{Diag, Error};
 use crate::geom::{Box2, P2};
+use crate::texture::Figure;
 use crate::texture::place::{LEAST, Turn, push, steps};
 use crate::texture::{MAX_STROKES, too_large};
 
@@ -25,6 +26,43 @@ pub(in crate::texture) struct Loops {
     /// Vertices about the centre; the last is the first.
     vertices: Vec<[f64; 2]>,
     turn: Turn,
+}
+
+impl Figure for Loops {
+    fn len(&self) -> u64 {
+        self.columns * self.rows
+    }
+
+    fn points(&self) -> u64 {
+        self.len() * self.vertices.len() as u64
+    }
+
+    /// The extremes of a lattice are taken by its corners.
+    fn bounds(&self) -> Box2 {
+        let mut bounds = Box2::EMPTY;
+        if self.len() == 0 {
+            return bounds;
+        }
+        let mut out = Vec::new();
+        for row in [0, self.rows - 1] {
+            for column in [0, self.columns - 1] {
+                out.clear();
+                self.draw(row, column, &mut out);
+                out.iter().for_each(|&p| bounds.add(p));
+            }
+        }
+        bounds
+    }
+
+    fn stroke(&self, i: u64, out: &mut Vec<P2>) {
+        let (row, column) = self.cell(i);
+        self.draw(row, column, out);
+    }
+
+    fn element(&self, i: u64) -> String {
+        let (row, column) = self.cell(i);
+        format!("loop in row {}, column {}", row + 1, column + 1)
+    }
 }
 
 impl Loops {
@@ -74,42 +112,7 @@ impl Loops {
         Ok(Self { first, pitch, columns: columns as u64, rows: rows as u64, vertices, turn })
     }
 
-    pub(in crate::texture) fn len(&self) -> u64 {
-        self.columns * self.rows
-    }
-
-    pub(in crate::texture) fn points(&self) -> u64 {
-        self.len() * self.vertices.len() as u64
-    }
-
     #[inline]
-    pub(in crate::texture) fn stroke(&self, i: u64, out: &mut Vec<P2>) {
-        let (row, column) = self.cell(i);
-        self.draw(row, column, out);
-    }
-
-    pub(in crate::texture) fn element(&self, i: u64) -> String {
-        let (row, column) = self.cell(i);
-        format!("loop in row {}, column {}", row + 1, column + 1)
-    }
-
-    /// The extremes of a lattice are taken by its corners.
-    pub(in crate::texture) fn bounds(&self) -> Box2 {
-        let mut bounds = Box2::EMPTY;
-        if self.len() == 0 {
-            return bounds;
-        }
-        let mut out = Vec::new();
-        for row in [0, self.rows - 1] {
-            for column in [0, self.columns - 1] {
-                out.clear();
-                self.draw(row, column, &mut out);
-                out.iter().for_each(|&p| bounds.add(p));
-            }
-        }
-        bounds
-    }
-
     fn cell(&self, i: u64) -> (u64, u64) {
         let (row, k) = (i / self.columns, i % self.columns);
         (row, if row % 2 == 0 { k } else { self.columns - 1 - k })

@@ -24,7 +24,7 @@ mod style;
 mod tally;
 mod walk;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use roxmltree::{Document, ParsingOptions};
 
@@ -51,19 +51,41 @@ pub(super) struct Page {
     pub(super) names: Vec<String>,
 }
 
-/// Reads a drawing; `size_mm` wins over the file's own size.
+/// The texts of drawings, each file read once.
+#[derive(Default)]
+pub(super) struct Sources(Vec<(PathBuf, String)>);
+
+impl Sources {
+    /// The text of a file.
+    ///
+    /// # Errors
+    /// `file-…`, `svg-…` where it cannot be read or is no text.
+    pub(super) fn read(&mut self, path: &Path) -> Result<&str, Error> {
+        let known = self.0.iter().position(|(p, _)| p == path);
+        let i = match known {
+            Some(i) => i,
+            None => {
+                self.0.push((path.to_owned(), source::read(path)?));
+                self.0.len() - 1
+            }
+        };
+        Ok(&self.0[i].1)
+    }
+}
+
+/// Reads the text of a drawing; `size_mm` wins over the file's own size.
 ///
 /// # Errors
-/// `svg-…`, `texture-empty`, `texture-far`, `texture-large`; `file-…` where the file cannot be read.
+/// `svg-…`, `texture-empty`, `texture-far`, `texture-large`.
 pub(super) fn load(
+    text: &str,
     path: &Path,
     size_mm: Option<[f64; 2]>,
     tolerance: f64,
     notes: &mut Vec<Diag>,
 ) -> Result<Page, Error> {
-    let text = source::read(path)?;
     let name = path.display().to_string();
-    parse(&name, &text, size_mm, tolerance, notes).map_err(|d| {
+    parse(&name, text, size_mm, tolerance, notes).map_err(|d| {
         let place = if d.place == Place::Nowhere { Place::file(&name) } else { d.place.clone() };
         d.at(place).into()
     })

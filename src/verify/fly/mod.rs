@@ -29,6 +29,7 @@ use super::read::manifest;
 use super::rules::hash::{self, Listed};
 use crate::diag::Error;
 use crate::geom::{P2, nm_from_mm};
+use crate::job::Mode;
 use crate::program::Pen;
 use crate::texture::Texture;
 
@@ -121,7 +122,7 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Pr
         held(name, course, &chain, &manifest, &[], &mut findings);
         return Ok(findings.into_proof());
     }
-    let (job, facts) = facts::load(&inputs)?;
+    let (job, facts) = facts::load(&inputs, Mode::OnTheFly)?;
     agree::with_job(&manifest, &facts, course, &mut findings.agreement);
     let pens = facts.pens.clone().unwrap_or_default();
     held(name, course, &chain, &manifest, &pens, &mut findings);

@@ -6,12 +6,15 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use crate::diag::{self, Diag, Error, Place};
+use crate::job::{DepthRule, Level, Mode};
 use crate::machine::Machine;
-use crate::spec::{DepthRule, Level};
 use crate::verify::rules::hash::Listed;
 
 /// Name of the manifest in a job folder.
 pub(in crate::verify) const NAME: &str = "manifest.json";
+
+/// Version of the keys that is known.
+const SCHEMA: u32 = 2;
 
 /// Largest manifest that is read: some 600 bytes for each of a million blocks.
 const MAX_FILE: u64 = 1 << 30;
@@ -26,8 +29,6 @@ pub(in crate::verify) struct Manifest {
     pub(in crate::verify) machine: Machine,
     pub(in crate::verify) placement: Placement,
     pub(in crate::verify) focus: Focus,
-    #[serde(default)]
-    pub(in crate::verify) sections: Sections,
     #[serde(default)]
     pub(in crate::verify) seams: Seams,
     #[serde(default)]
@@ -91,7 +92,7 @@ pub(in crate::verify) struct PassEntry {
     pub(in crate::verify) turn_deg: f64,
     pub(in crate::verify) lowered_mm: f64,
     #[serde(default)]
-    pub(in crate::verify) sections: Option<Sections>,
+    pub(in crate::verify) sections: Sections,
 }
 
 /// One set-up.
@@ -150,7 +151,6 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) overlap_mm: f64,
     pub(in crate::verify) skipped_mm: f64,
     pub(in crate::verify) skipped_off_part_mm: f64,
-    pub(in crate::verify) skipped_hidden_mm: f64,
     pub(in crate::verify) skipped_steep_mm: f64,
     pub(in crate::verify) skipped_small_mm: f64,
     pub(in crate::verify) worst_defocus_um: f64,
@@ -167,15 +167,14 @@ impl Manifest {
 #[derive(Deserialize)]
 struct Head {
     schema: u32,
-    #[serde(default)]
-    mode: Option<String>,
+    mode: Mode,
 }
 
 /// Whether the folder holds an on-the-fly job.
 pub(in crate::verify) fn is_on_the_fly(folder: &Path) -> bool {
     let bytes = diag::read_file(&folder.join(NAME), MAX_FILE).ok();
     let head = bytes.and_then(|b| serde_json::from_slice::<Head>(&b).ok());
-    head.is_some_and(|h| h.mode.as_deref() == Some("on-the-fly"))
+    head.is_some_and(|h| h.mode == Mode::OnTheFly)
 }
 
 /// Reads the manifest of the job folder, of either mode.
@@ -198,8 +197,8 @@ pub(in crate::verify) fn read<M: DeserializeOwned>(folder: &Path) -> Result<M, E
     };
     let unreadable = |e: serde_json::Error| broken(format!("the manifest cannot be read: {e}"));
     let head: Head = serde_json::from_slice(&bytes).map_err(unreadable)?;
-    if head.schema != 1 {
-        return Err(broken(format!("the manifest has schema {}, known is 1", head.schema)).into());
+    if head.schema != SCHEMA {
+        return Err(broken(format!("the manifest has schema {}, known is {SCHEMA}", head.schema)).into());
     }
     Ok(serde_json::from_slice(&bytes).map_err(unreadable)?)
 }

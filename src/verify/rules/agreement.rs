@@ -8,10 +8,10 @@ use std::path::Path;
 use super::hash::is_inside;
 use super::{planes, setups};
 use crate::diag;
-use crate::geom::{NM_PER_MM, P2, nm_from_mm};
+use crate::geom::{NM_PER_MM, P2, mm_from_nm, nm_from_mm};
+use crate::job::Format;
 use crate::machine::Machine;
 use crate::program::{Block, Program};
-use crate::spec::Format;
 use crate::verify::facts::Facts;
 use crate::verify::proof::Rule;
 use crate::verify::read::dxf;
@@ -85,10 +85,9 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
         }
     };
     hold(manifest.machine == facts.machine, "its machine is not the one of the job file");
-    hold(near(f.pdof_mm, facts.pdof.as_mm()), "its pdof is not the one of the job file");
+    hold(near(f.pdof_mm, mm_from_nm(facts.pdof)), "its pdof is not the one of the job file");
     // The depth range is used rounded down to an even number of increments.
-    let used = nm_from_mm(f.depth_range_mm).zip(facts.depth_range.as_nm());
-    let lost = used.map_or(-1, |(used, asked)| asked - used);
+    let lost = nm_from_mm(f.depth_range_mm).map_or(-1, |used| facts.depth_range - used);
     let grain = 2 * facts.machine.increment_nm();
     hold((0..grain).contains(&lost), "its depth range is not the one of the job file");
     hold(f.level == facts.level && f.rule == facts.rule, "its focus level or rule is not the one of the job file");
@@ -98,11 +97,11 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
         let turn = f64::from(k) * passes.rotate.as_deg();
         near(p.turn_deg, turn) && nm_from_mm(p.lowered_mm) == Some(passes.lowered_nm(k))
     });
-    let all = manifest.passes.len() == passes.count() as usize;
+    let all = manifest.passes.len() == passes.count as usize;
     hold(all && declared.into_iter().all(|same| same), "its passes are not those of the job file");
     hold(setups::are_the_jobs(manifest, file, facts), "its set-ups are not those that the job asks for");
     hold(near(manifest.placement.turn_deg, facts.turn_deg), "its turn is not the one of the job file");
-    hold(facts.origin.is_none_or(|o| o == file.origins[0].map(Some)), "its origin is not the one of the job file");
+    hold(facts.origin.is_none_or(|o| o == file.origins[0]), "its origin is not the one of the job file");
     let pens = &file.program.pens;
     let is_made = (0..pens.len()).all(|pen| super::dose::is_made(pens, pen, facts));
     let own = facts.pens.as_ref();

@@ -6,8 +6,8 @@
 
 use super::turned::Turned;
 use super::{Findings, part_place_nm};
+use crate::job::{Compensate, Dose};
 use crate::program::{Block, Pen, Stroke};
-use crate::spec::{Compensate, DoseSpec};
 use crate::verify::depth::{Ground, Line, Scratch, Slope};
 use crate::verify::facts::Facts;
 use crate::verify::read::program::ProgramFile;
@@ -84,14 +84,14 @@ pub(in crate::verify) fn check(file: &ProgramFile, facts: &Facts, ground: &Groun
     }
 }
 
-fn ideal(dose: &DoseSpec, cos: f64) -> f64 {
+fn ideal(dose: &Dose, cos: f64) -> f64 {
     match dose.compensate {
         Compensate::Speed => cos.max(1.0 / dose.cap),
         Compensate::Power => (1.0 / cos).min(dose.cap),
     }
 }
 
-fn is_near(dose: &DoseSpec, factor: f64, [lo, hi]: [f64; 2]) -> bool {
+fn is_near(dose: &Dose, factor: f64, [lo, hi]: [f64; 2]) -> bool {
     // At the cap and at 1 a factor may be a whole step off: it is rounded to one side there.
     let cap = if dose.compensate == Compensate::Speed { 1.0 / dose.cap } else { dose.cap };
     let at_end = [lo, hi].iter().any(|v| (v - cap).abs() < dose.step || (v - 1.0).abs() < dose.step);

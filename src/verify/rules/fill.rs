@@ -71,10 +71,7 @@ pub(in crate::verify) fn check(
 
 /// The directions that the manifest states, for the grid of sections that the job has.
 fn directions(manifest: &Manifest, facts: &Facts, pass: u32, bounds: Box2) -> Result<Directions, &'static str> {
-    let stated = match pass {
-        0 => Some(&manifest.sections),
-        _ => manifest.passes.get(pass as usize).and_then(|p| p.sections.as_ref()),
-    };
+    let stated = manifest.passes.get(pass as usize).map(|p| &p.sections);
     let stated = stated.ok_or("it does not state the sections of a pass")?;
     let step = facts.machine.increment_nm();
     let [x, y] = stated.pitch_mm.map(|v| nm_from_mm(v).unwrap_or(0));

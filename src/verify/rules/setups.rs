@@ -1,9 +1,7 @@
 //! The set-ups of the manifest against the job: as many as it allows, and every registration point where it
 //! says, found anew from the point, the turn of the part and the set-up's origin.
 
-use crate::geom::{NM_PER_MM, cos_sin};
-use crate::spec::Parts;
-use crate::units::Length;
+use crate::geom::{NM_PER_MM, P2, cos_sin};
 use crate::verify::facts::Facts;
 use crate::verify::read::manifest::{Manifest, SetupEntry};
 use crate::verify::read::program::ProgramFile;
@@ -16,24 +14,21 @@ pub(super) fn are_the_jobs(manifest: &Manifest, file: &ProgramFile, facts: &Fact
     let Some(spec) = &facts.setups else {
         return file.origins.len() == 1 && manifest.setups.iter().all(|s| s.registration.is_empty());
     };
-    let most = |parts: Parts| match parts {
-        Parts::Number(n) => n as usize,
-        Parts::Named(_) => usize::MAX,
-    };
-    file.origins.len() <= most(spec.columns).saturating_mul(most(spec.rows))
+    let most = spec.count.map(|n| n.map_or(usize::MAX, |n| n as usize));
+    file.origins.len() <= most[0].saturating_mul(most[1])
         && manifest.setups.iter().zip(&file.origins).all(|(entry, &origin)| {
             entry.registration.len() >= LEAST && is_registered(entry, origin, &spec.registration, facts)
         })
 }
 
 /// Whether the points of a set-up are those of the job that it reaches, each at its commands.
-fn is_registered(entry: &SetupEntry, origin: [i64; 3], points: &[[Length; 2]], facts: &Facts) -> bool {
+fn is_registered(entry: &SetupEntry, origin: [i64; 3], points: &[P2], facts: &Facts) -> bool {
     let machine = &facts.machine;
     let step = machine.increment_nm() as f64;
     let [cos, sin] = cos_sin(facts.turn_deg.to_radians());
     let mut stated = entry.registration.iter().peekable();
     for point in points {
-        let [x, y] = point.map(Length::as_mm);
+        let [x, y] = point.mm();
         let turned = [cos * x - sin * y, sin * x + cos * y];
         let axes = machine.axes();
         let wanted = [0, 1].map(|k| axes[k].1.sign() as f64 * (turned[k] * NM_PER_MM + origin[k] as f64));

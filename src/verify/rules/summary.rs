@@ -54,15 +54,14 @@ pub(in crate::verify) fn check(
         hold("", "overlap_mm", s.overlap_mm, found.overlap_mm, tiny + pieces.rounding_mm);
     }
     if covered {
-        let parts = s.skipped_off_part_mm + s.skipped_hidden_mm + s.skipped_steep_mm + s.skipped_small_mm;
+        let parts = s.skipped_off_part_mm + s.skipped_steep_mm + s.skipped_small_mm;
         let balance = s.mark_mm - s.overlap_mm + s.skipped_mm;
         hold("", "mark_mm - overlap_mm + skipped_mm", balance, s.texture_mm, tiny + pieces.rounding_mm);
         hold("", "skipped_mm", s.skipped_mm, found.skipped_mm, tiny + pieces.rounding_mm);
         hold("", "the sum of skipped parts", parts, s.skipped_mm, tiny);
         // The part's border on the file's own facets is the compiled one to some nanometres at each end.
         let doubt = tiny + pieces.doubt_mm;
-        let unseen = s.skipped_off_part_mm + s.skipped_hidden_mm;
-        hold("", "skipped_off_part_mm + skipped_hidden_mm", unseen, found.skipped_off_part_mm, doubt);
+        hold("", "skipped_off_part_mm", s.skipped_off_part_mm, found.skipped_off_part_mm, doubt);
         hold("", "skipped_steep_mm", s.skipped_steep_mm, found.skipped_steep_mm, doubt);
         hold("", "skipped_small_mm", s.skipped_small_mm, found.skipped_small_mm, doubt);
     }

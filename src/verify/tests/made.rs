@@ -9,10 +9,10 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use crate::geom::{P2, mm_from_nm};
+use crate::job::{DepthRule, Format, Level, Passes};
 use crate::machine::Machine;
 use crate::program::{Block, Pen, Program, Stop, Stroke};
-use crate::spec::{DepthRule, Format, Level, PassesSpec};
-use crate::units::{Length, Power};
+use crate::units::Power;
 use crate::verify::depth::{Ground, MeshBuilder, Shape};
 use crate::verify::facts::Facts;
 use crate::verify::read::manifest::Manifest;
@@ -67,14 +67,14 @@ impl Made {
         };
         let facts = Facts {
             machine,
-            pdof: Length::mm(0.4),
-            depth_range: Length::mm(0.4),
+            pdof: 400_000,
+            depth_range: 400_000,
             level: Level::Mid,
             rule: DepthRule::Range,
             max_incidence_rad: 60f64.to_radians(),
             min_mark_nm: 0.0,
             overlap_nm: 0.0,
-            passes: PassesSpec::default(),
+            passes: Passes::default(),
             setups: None,
             figure_pitch_nm: None,
             section_nm: [40e6; 2],
@@ -111,7 +111,7 @@ impl Made {
             "stops": self.blocks.len(), "setups": 1,
             "fragments": self.blocks.iter().map(|b| b.marks.len()).sum::<usize>(),
             "texture_mm": texture, "mark_mm": mark, "overlap_mm": 0.0, "skipped_mm": skipped,
-            "skipped_off_part_mm": skipped - 9.0, "skipped_hidden_mm": 0.0, "skipped_steep_mm": 9.0,
+            "skipped_off_part_mm": skipped - 9.0, "skipped_steep_mm": 9.0,
             "skipped_small_mm": 0.0, "worst_defocus_um": 200.0, "other": "is not read",
         });
     }
@@ -191,8 +191,8 @@ impl Made {
             "schema": 1, "terrace": "0.1.0", "job": {"file": "../job.toml", "blake3": job["blake3"]},
             "inputs": [entry(folder.parent().expect("inside"), "part.stl")], "machine": self.facts.machine,
             "placement": {"origin_mm": self.origin.map(mm_from_nm), "turn_deg": 0.0},
-            "focus": {"pdof_mm": self.facts.pdof.as_mm(), "depth_range_mm": self.facts.depth_range.as_mm(), "level": "mid", "rule": "range"},
-            "sections": {}, "passes": [{"turn_deg": 0.0, "lowered_mm": 0.0}], "setups": [{"origin_mm": self.origin.map(mm_from_nm), "registration": []}], "seams": {"zone_mm": 0.0, "overlap_mm": self.facts.overlap_nm / 1e6}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
+            "focus": {"pdof_mm": mm_from_nm(self.facts.pdof), "depth_range_mm": mm_from_nm(self.facts.depth_range), "level": "mid", "rule": "range"},
+            "passes": [{"turn_deg": 0.0, "lowered_mm": 0.0, "sections": {}}], "setups": [{"origin_mm": self.origin.map(mm_from_nm), "registration": []}], "seams": {"zone_mm": 0.0, "overlap_mm": self.facts.overlap_nm / 1e6}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
             "blocks": blocks, "files": files.iter().map(|f| entry(folder, f)).collect::<Vec<_>>(), "summary": self.summary,
         });
         std::fs::write(folder.join("manifest.json"), manifest.to_string()).expect("write");

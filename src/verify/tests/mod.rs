@@ -11,7 +11,6 @@ use std::path::Path;
 use made::{MM, Made, MadeBlock, p};
 
 use super::Proof;
-use crate::units::Length;
 
 /// Codes of the rules that are broken.
 fn broken(proof: &Proof) -> Vec<&'static str> {
@@ -138,7 +137,7 @@ fn once_allows_overlaps_as_declared_and_no_others() {
         let low = by / 50;
         (stop.z_lo, z[0]) = (stop.z_lo - low, z[0] - low);
         (stop.z_hi, stop.focus) = (stop.z_hi, stop.focus);
-        made.facts.depth_range = Length::mm(0.41);
+        made.facts.depth_range = 410_000;
         made.facts.pdof = made.facts.depth_range;
         change(&mut made);
         made.renew();
@@ -349,7 +348,6 @@ fn summary_owns_figures_that_are_not_found_again() {
         "overlap_mm",
         "skipped_mm",
         "skipped_off_part_mm",
-        "skipped_hidden_mm",
         "skipped_steep_mm",
         "skipped_small_mm",
         "worst_defocus_um",

@@ -9,17 +9,18 @@ use std::path::{Path, PathBuf};
 
 use super::assert_only;
 use crate::check::Checked;
-use crate::compile::{self, Plan};
 use crate::folder;
+use crate::job::{Job, Overrides};
+use crate::plan::{self, Plan, SteppedPlan};
 use crate::program::{Block, Program};
-use crate::spec::Job;
+use crate::record::MANIFEST;
 use crate::verify::{Proof, verify};
 
 /// A compiled job in a folder of its own: a wavy sheet with a hole, hatched along contours beyond its border, and
 /// squares with a pen of two passes.
 struct Bench {
     dir: tempfile::TempDir,
-    plan: Plan,
+    plan: Box<SteppedPlan>,
 }
 
 impl Bench {
@@ -95,8 +96,9 @@ impl Bench {
         "#;
         let path = dir.path().join("job.toml");
         std::fs::write(&path, edit(text)).expect("a writable folder");
-        let job = Job::load(&path).unwrap_or_else(|e| panic!("{e}"));
-        let plan = compile::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+        let Plan::Stepped(plan) = plan::plan(load(&path), &|_| {}).unwrap_or_else(|e| panic!("{e}")) else {
+            panic!("a stepped job")
+        };
         assert!(plan.summary.skipped_off_part_mm > 10.0, "{:?}", plan.summary);
         Self { dir, plan }
     }
@@ -107,7 +109,7 @@ impl Bench {
     }
 
     /// Changes the program, renews what follows from it, writes every format, and verifies.
-    fn mutant(mut self, change: impl FnOnce(&mut Program, &Plan)) -> Proof {
+    fn mutant(mut self, change: impl FnOnce(&mut Program, &SteppedPlan)) -> Proof {
         let mut program = self.plan.checked.program().clone();
         change(&mut program, &self.plan);
         assert_ne!(&program, self.plan.checked.program(), "the mutant is one");
@@ -128,7 +130,7 @@ impl Bench {
 
     fn write(&self) -> PathBuf {
         let target = self.dir.path().join("job.job");
-        folder::write(&self.plan, &target, 0).unwrap_or_else(|e| panic!("{e}"));
+        folder::write_stepped(&self.plan, &target).unwrap_or_else(|e| panic!("{e}"));
         target
     }
 
@@ -139,6 +141,10 @@ impl Bench {
         renew_hash(&target, name);
         verified(&target)
     }
+}
+
+fn load(path: &Path) -> Job {
+    Job::load(path, &Overrides::default()).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn verified(folder: &Path) -> Proof {
@@ -156,7 +162,7 @@ fn alter(folder: &Path, name: &str, change: impl FnOnce(&mut Vec<u8>)) {
 
 /// Puts the present size and hash of a file into the manifest.
 fn renew_hash(folder: &Path, name: &str) {
-    if name == folder::MANIFEST {
+    if name == MANIFEST {
         return;
     }
     let bytes = std::fs::read(folder.join(name)).expect("a file of the folder");
@@ -168,7 +174,7 @@ fn renew_hash(folder: &Path, name: &str) {
 }
 
 fn alter_manifest(folder: &Path, change: impl FnOnce(&mut serde_json::Value)) {
-    let path = folder.join(folder::MANIFEST);
+    let path = folder.join(MANIFEST);
     let bytes = std::fs::read(&path).expect("a manifest");
     let mut manifest = serde_json::from_slice(&bytes).expect("JSON");
     change(&mut manifest);
@@ -209,7 +215,7 @@ fn part(steep: f64) -> Vec<u8> {
 }
 
 /// Moves a block's stop and brings its commanded position along.
-fn place(block: &mut Block, plan: &Plan) {
+fn place(block: &mut Block, plan: &SteppedPlan) {
     let c = block.stop.centre;
     block.stage =
         plan.machine.stage_from_part([c.x, c.y, block.stop.focus], plan.checked.origins()[block.setup as usize]);
@@ -341,7 +347,7 @@ fn once_a_stroke_marked_twice() {
 #[test]
 fn once_an_overlap_that_is_longer_or_elsewhere_than_declared() {
     // Moves the inner end of a cut stroke by `by` nm along its segment, outwards.
-    fn stretched(by: f64) -> impl Fn(&mut Program, &Plan) {
+    fn stretched(by: f64) -> impl Fn(&mut Program, &SteppedPlan) {
         move |program, _| {
             let is_long =
                 |s: &crate::program::Stroke| s.len == 2 && crate::program::stroke_mm(program.points_of(s)) > 1.0;
@@ -377,10 +383,10 @@ fn once_an_overlap_that_is_longer_or_elsewhere_than_declared() {
     assert!(broken(&proof), "{}", proof.to_text());
     // Without a declared overlap none is allowed.
     let mut bench = Bench::with("overlap = \"0.05 mm\"", "");
-    bench.plan.job.file.partition.overlap = crate::units::Length::mm(0.0);
+    bench.plan.job.partition.overlap = 0;
     let path = bench.dir.path().join("job.toml");
     alter(bench.dir.path(), "job.toml", |b| replace(b, "overlap", "0.05", "0.00"));
-    bench.plan.job = Job::load(&path).unwrap_or_else(|e| panic!("{e}"));
+    bench.plan.job = load(&path);
     let proof = verified(&bench.write());
     assert!(broken(&proof), "{}", proof.to_text());
 }
@@ -551,7 +557,7 @@ fn summary_a_length_that_is_not_so() {
 fn refilled(change: impl FnOnce(&mut serde_json::Value)) -> Proof {
     let bench = Bench::new();
     let target = bench.write();
-    alter_manifest(&target, |m| change(&mut m["sections"]));
+    alter_manifest(&target, |m| change(&mut m["passes"][0]["sections"]));
     verified(&target)
 }
 

@@ -7,7 +7,6 @@ use serde_json::json;
 use super::made::{MM, Made, MadeBlock, Mark};
 use crate::geom::P2;
 use crate::program::Stop;
-use crate::units::Length;
 
 /// Pieces of this length, nm: about 690,000 on the whole part.
 const PIECE: i64 = 2_930_000;
@@ -24,7 +23,7 @@ fn dome() -> Made {
     made.facets = quads
         .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
         .collect();
-    (made.facts.pdof, made.facts.depth_range) = (Length::mm(90.0), Length::mm(90.0));
+    (made.facts.pdof, made.facts.depth_range) = (90_000_000, 90_000_000);
     made.origin = [-225 * MM, -225 * MM, 0];
     made.strokes =
         (0..4500).map(|i| 50_000 + 100_000 * i).map(|y| (0, vec![P2::new(0, y), P2::new(450 * MM, y)])).collect();

@@ -9,6 +9,8 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 use tempfile::TempDir;
+use terrace::job::{Job, Overrides};
+use terrace::plan::{self, Plan, SteppedPlan};
 
 /// A new empty folder that goes when it is dropped.
 pub fn folder() -> TempDir {
@@ -98,6 +100,15 @@ pub fn compile(job: &Path, folder: &Path) -> Value {
     let out = terrace(args);
     assert!(out.status.success(), "{}: {}", job.display(), said(&out));
     serde_json::from_slice(&out.stdout).expect("compile --json prints one JSON object")
+}
+
+/// Plans a stepped job in this process; panics with the errors where that fails.
+pub fn planned(job: &Path) -> Box<SteppedPlan> {
+    let plan = Job::load(job, &Overrides::default()).and_then(|job| plan::plan(job, &|_| {}));
+    match plan.unwrap_or_else(|e| panic!("{}: {e}", job.display())) {
+        Plan::Stepped(plan) => plan,
+        Plan::OnTheFly(_) => panic!("{} is an on-the-fly job", job.display()),
+    }
 }
 
 /// Verifies a job folder and answers with the proof; panics where anything is found.

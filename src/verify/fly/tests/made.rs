@@ -3,18 +3,17 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::compile;
-use crate::compile::FlyPlan;
 use crate::fly::check::Checked;
 use crate::fly::motion::Motion;
 use crate::fly::path;
 use crate::fly::program::{Kind, Program};
 use crate::fly::relief::Relief;
-use crate::folder::write_fly;
+use crate::folder::write_on_the_fly;
+use crate::job::{Job, Mode, Overrides};
 use crate::machine::Machine;
-use crate::record::Deviations;
-use crate::spec::Job;
-use crate::surface::Surface;
+use crate::plan::OnTheFlyPlan;
+use crate::plan::{Inputs, strokes};
+use crate::record::{Deviations, FlySummary};
 use crate::verify::{Proof, verify};
 
 /// Height of a part at x, y, mm.
@@ -95,18 +94,18 @@ impl Bench {
         );
         let path = dir.path().join("job.toml");
         std::fs::write(&path, text).expect("write");
-        let job = Job::load(&path).unwrap_or_else(|e| panic!("{e}"));
-        let plan = compile::plan(job.clone(), &|_| {}).unwrap_or_else(|e| panic!("{e}"));
-        let machine = plan.machine.clone();
-        let surface = Surface::load(&dir.path().join("part.stl"), &job.surface_options(), 0.0, 0.0, &mut Vec::new())
-            .unwrap_or_else(|e| panic!("{e}"));
-        let relief = Relief::over(&surface, plan.texture, sort.relief, 0.0).expect("a part");
-        let stepped = plan.checked.program();
+        let overrides = Overrides { mode: Some(Mode::OnTheFly), ..Overrides::default() };
+        let job = Job::load(&path, &overrides).unwrap_or_else(|e| panic!("{e}"));
+        let inputs = Inputs::load(&job).unwrap_or_else(|e| panic!("{e}"));
+        let ordered = strokes::in_order(&job, &inputs.machine, &inputs, None).unwrap_or_else(|e| panic!("{e}"));
+        let Inputs { machine, surface, .. } = inputs;
+        let relief = Relief::over(&surface, ordered.texture, sort.relief, 0.0).expect("a part");
+        let stepped = &ordered.program;
         let path = path::Path::of(stepped, 0..stepped.blocks.len(), &surface, &relief, sort.spacing);
         let speeds: Vec<f64> = stepped.pens.iter().map(|p| p.speed.as_mm_s()).collect();
         let motion = motion(&path, &relief, &sort, &speeds);
         let program =
-            Program::of(&motion, stepped, &machine, plan.checked.origin(), sort.kind).unwrap_or_else(|e| panic!("{e}"));
+            Program::of(&motion, stepped, &machine, ordered.origin, sort.kind).unwrap_or_else(|e| panic!("{e}"));
         Self { dir, job, machine, motion, program }
     }
 
@@ -116,15 +115,15 @@ impl Bench {
 
     /// Writes a program into a folder and answers with its path.
     pub(super) fn written(&self, checked: Checked) -> PathBuf {
-        let plan = FlyPlan {
+        let plan = OnTheFlyPlan {
             job: self.job.clone(),
             machine: self.machine.clone(),
+            summary: FlySummary::new(&checked, Deviations::default(), 0.0, &[]),
             checked,
-            deviations: Deviations::default(),
             warnings: Vec::new(),
         };
         let folder = self.dir.path().join("made.job");
-        write_fly(&plan, &folder, 0).unwrap_or_else(|e| panic!("{e}"));
+        write_on_the_fly(&plan, &folder).unwrap_or_else(|e| panic!("{e}"));
         folder
     }
 

@@ -24,7 +24,7 @@ fn three_passes_are_proved() {
 #[test]
 fn coverage_a_pass_left_out() {
     let mut bench = Bench::hatched("passes = { count = 3, rotate = \"67 deg\" }");
-    bench.plan.more.pop();
+    bench.plan.passes.pop();
     let proof = bench.mutant(|program, _| {
         let gone = range_of(program, 2);
         program.strokes.truncate(program.blocks[gone.start].strokes.start);
@@ -53,7 +53,7 @@ fn source_a_pass_of_another_angle() {
     let mut bench = Bench::hatched("passes = { count = 2, rotate = \"67 deg\" }");
     assert!(verified(&bench.write()).ok);
     alter(bench.dir.path(), "job.toml", |b| replace(b, "passes", "67 deg", "66.9 deg"));
-    bench.plan.job = Job::load(&bench.dir.path().join("job.toml")).unwrap_or_else(|e| panic!("{e}"));
+    bench.plan.job = load(&bench.dir.path().join("job.toml"));
     let proof = verified(&bench.write());
     let broken = broken(&proof);
     assert!(broken.contains(&"source") && !broken.contains(&"agreement"), "{}", proof.to_text());

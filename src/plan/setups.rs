@@ -7,12 +7,13 @@
 //! stops are no set-ups. Later passes keep the cells of the first, of which every other goes backwards, so
 //! that the part stays where it is from one pass to the next.
 
-use super::{Ground, Made};
+use super::grid::Grid;
 use crate::diag::{Diag, Error};
-use crate::geom::{P2, mm_from_nm};
+use crate::geom::{Box2, P2, mm_from_nm};
+use crate::job::{Job, MAX_SETUPS};
 use crate::machine::Machine;
+use crate::program::Program;
 use crate::record;
-use crate::spec::{Job, MAX_PARTS, Parts};
 
 /// The cells, and where the part lies in each.
 #[derive(Clone, Debug)]
@@ -53,30 +54,27 @@ impl Cells {
 }
 
 impl Setups {
-    /// Those of the job, for stops with these centres.
-    pub(super) fn of(ground: &Ground<'_>, centres: &[P2]) -> Self {
-        let spec = &ground.job.file.setups;
+    /// Those of the job, for stops with these centres over a texture in `area`.
+    pub(super) fn of(job: &Job, machine: &Machine, grid: &Grid, area: Box2, centres: &[P2]) -> Self {
         let made = [0, 1].map(|k| {
             let at: Vec<i64> = centres.iter().map(|c| if k == 0 { c.x } else { c.y }).collect();
             let lo = at.iter().copied().min().unwrap_or(0);
             let hi = at.iter().copied().max().unwrap_or(0);
-            let [from, to] = range(ground.machine, k);
-            let place = [ground.origin[k], from + (to - from) / 2, ground.machine.increment_nm()];
+            let [from, to] = range(machine, k);
+            let place = [grid.origin[k], from + (to - from) / 2, machine.increment_nm()];
             let cells = |n: u32| Cells::new(lo, hi - lo, n, place);
-            let ends = moved(ground, k);
+            let ends = moved(job, grid.sections.pitch, area, k);
             let fits = |cells: &Cells| {
-                let holds = |&v: &i64| (from..=to).contains(&(v + ground.origin[k] + cells.shift[cells.of(v)]));
+                let holds = |&v: &i64| (from..=to).contains(&(v + grid.origin[k] + cells.shift[cells.of(v)]));
                 // Stops of passes whose sections are moved lie anywhere in a cell.
                 let between = || cells.borders().flat_map(|b| [b - 1, b]).all(|v| holds(&v));
                 at.iter().all(holds) && (ends.is_empty() || ends.iter().all(holds) && between())
             };
-            let needed = (1..MAX_PARTS).find(|&n| fits(&cells(n))).unwrap_or(MAX_PARTS);
-            let asked = spec.as_ref().map(|s| if k == 0 { s.columns } else { s.rows });
-            let cells = match asked {
+            let needed = (1..MAX_SETUPS).find(|&n| fits(&cells(n))).unwrap_or(MAX_SETUPS);
+            let cells = match &job.setups {
                 // The part lies where the job says.
                 None => Cells { lo, size: hi - lo, shift: vec![0] },
-                Some(Parts::Named(_)) => cells(needed),
-                Some(Parts::Number(n)) => cells(n),
+                Some(setups) => cells(setups.count[k].unwrap_or(needed)),
             };
             (cells, needed)
         });
@@ -101,7 +99,7 @@ impl Setups {
     pub(super) fn hint(&self, job: &Job) -> String {
         let [columns, rows] = self.needed;
         let would_do = format!("{columns} x {rows} set-ups (columns x rows) would do");
-        match &job.file.setups {
+        match &job.setups {
             Some(_) => format!("{would_do}; or mark a smaller area"),
             None => {
                 let several = if columns * rows > 1 { format!(", [setups]: {would_do}") } else { String::new() };
@@ -115,16 +113,16 @@ impl Setups {
 /// What an axis reaches in the table frame, nm.
 fn range(machine: &Machine, k: usize) -> [i64; 2] {
     let (_, axis) = machine.axes()[k];
-    let [lo, hi] = axis.travel.map(|t| t.as_nm().unwrap_or(0));
+    let [lo, hi] = axis.travel_nm();
     if axis.sign() > 0 { [lo, hi] } else { [-hi, -lo] }
 }
 
 /// The lowest and highest centres of sections of the passes that move them.
-fn moved(ground: &Ground<'_>, k: usize) -> Vec<i64> {
-    let (passes, pitch, area) = (&ground.job.file.passes, ground.sections.pitch, ground.texture.bounds());
+fn moved(job: &Job, pitch: [i64; 2], area: Box2, k: usize) -> Vec<i64> {
+    let passes = &job.passes;
     let (lo, hi) = if k == 0 { (area.lo.x, area.hi.x) } else { (area.lo.y, area.hi.y) };
-    let grain = ground.job.figure_pitch_nm().unwrap_or(1);
-    let shifts = (1..passes.count()).map(|pass| passes.shift_nm(pass, pitch, grain)[k]);
+    let grain = job.figure_pitch_nm().unwrap_or(1);
+    let shifts = (1..passes.count).map(|pass| passes.shift_nm(pass, pitch, grain)[k]);
     let ends = |by: i64| {
         let first = lo - by + pitch[k] / 2;
         [first, first + (hi - lo + by) / pitch[k] * pitch[k]]
@@ -133,15 +131,15 @@ fn moved(ground: &Ground<'_>, k: usize) -> Vec<i64> {
 }
 
 /// Numbers the set-ups that have stops, and answers with their origins.
-pub(super) fn numbered(ground: &Ground<'_>, made: &mut Made) -> Vec<[i64; 3]> {
-    let blocks = &mut made.program.blocks;
+pub(super) fn numbered(setups: &Setups, program: &mut Program, origin: [i64; 3]) -> Vec<[i64; 3]> {
+    let blocks = &mut program.blocks;
     let mut used: Vec<u32> = blocks.iter().map(|b| b.setup).collect();
     used.sort_unstable();
     used.dedup();
     for block in blocks {
         block.setup = used.partition_point(|&cell| cell < block.setup) as u32;
     }
-    used.into_iter().map(|cell| made.setups.origin(cell as usize, ground.origin)).collect()
+    used.into_iter().map(|cell| setups.origin(cell as usize, origin)).collect()
 }
 
 /// Holds every set-up to two registration points.
@@ -149,7 +147,7 @@ pub(super) fn numbered(ground: &Ground<'_>, made: &mut Made) -> Vec<[i64; 3]> {
 /// # Errors
 /// `registration` with the set-up and what it reaches.
 pub(super) fn registered(job: &Job, machine: &Machine, origins: &[[i64; 3]]) -> Result<(), Error> {
-    if job.file.setups.is_none() {
+    if job.setups.is_none() {
         return Ok(());
     }
     let mut faults = Vec::new();
@@ -159,7 +157,7 @@ pub(super) fn registered(job: &Job, machine: &Machine, origins: &[[i64; 3]]) -> 
             let text =
                 format!("set-up {} of {} reaches {found} registration points, two are needed", i + 1, origins.len());
             let [x, y] = [0, 1].map(|k| range(machine, k).map(|v| mm_from_nm(v - origin[k])));
-            let turned = if job.file.placement.turn.as_rad() == 0.0 { "" } else { ", as it is turned" };
+            let turned = if job.placement.turn.as_rad() == 0.0 { "" } else { ", as it is turned" };
             let hint = format!(
                 "it reaches x {} to {} mm and y {} to {} mm of the part{turned}: name points there in setups.registration",
                 x[0], x[1], y[0], y[1]

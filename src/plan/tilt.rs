@@ -1,25 +1,27 @@
 //! The stops of a machine that tilts the part: sections and tilts by sample points of the marks, then what
 //! each must hold by all of them.
 
-use super::Ground;
+use super::grid::Grid;
+use super::sweep::Sweep;
 use crate::geom::{Box2, P2};
+use crate::machine::Machine;
 use crate::partition::{Stops, tilt};
 
 /// The stops.
-pub(super) fn divide(ground: &Ground<'_>) -> Stops {
-    let tilted = tilt::Ground {
-        machine: ground.machine,
-        origin: ground.origin,
+pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Stops {
+    let tilted = tilt::TiltSite {
+        machine,
+        origin: grid.origin,
         // Sections of later passes begin elsewhere.
-        area: Box2 { lo: ground.sections.origin, hi: ground.texture.bounds().hi },
-        window: ground.window.map(|w| w / 2 * 2),
-        lattice: ground.lattice,
+        area: Box2 { lo: grid.sections.origin, hi: sweep.texture.bounds().hi },
+        window: grid.window.map(|w| w / 2 * 2),
+        lattice: grid.lattice,
     };
-    let marks = ground.walk().marks(&tilted.samples());
+    let marks = sweep.marks(&tilted.samples());
     let steepest = marks.worst_slope2.sqrt().atan();
     let samples = marks.list();
     let mut facings = tilted.plan(&samples);
-    let tiles = ground.surface.tiles();
+    let tiles = sweep.surface.tiles();
     let top = |area: Box2| {
         let near = |b: &Box2| b.lo.x <= area.hi.x && area.lo.x <= b.hi.x && b.lo.y <= area.hi.y && area.lo.y <= b.hi.y;
         tiles.iter().filter(|(b, _)| near(b)).map(|t| t.1).max().map_or(f64::NEG_INFINITY, |t| t as f64)
@@ -39,7 +41,7 @@ pub(super) fn divide(ground: &Ground<'_>) -> Stops {
         let window = grown(facing.area, (half[0] - w / 2).max(0) + SPARE, (half[1] - h / 2).max(0) + SPARE);
         let around = grown(window, reach, reach);
         facing.top = top(around);
-        let is_clear = ground.surface.is_plain(around.lo, around.hi) && steepest + z.acos() <= ground.max_slope.atan();
+        let is_clear = sweep.surface.is_plain(around.lo, around.hi) && steepest + z.acos() <= sweep.max_slope.atan();
         if is_clear || facing.tilt == [0; 2] {
             continue;
         }
@@ -51,7 +53,7 @@ pub(super) fn divide(ground: &Ground<'_>) -> Stops {
         }
     }
     loop {
-        let held = ground.walk().held(&facings, ground.keep);
+        let held = sweep.held(&facings, grid.keep);
         let mut is_sound = true;
         for (facing, held) in facings.list.iter_mut().zip(&held.0) {
             facing.is_wide = facing.is_wide && !held.is_shaded;
@@ -61,7 +63,7 @@ pub(super) fn divide(ground: &Ground<'_>) -> Stops {
             }
         }
         if is_sound {
-            return tilted.stops(&facings, &held, &ground.sections);
+            return tilted.stops(&facings, &held, &grid.sections);
         }
     }
 }

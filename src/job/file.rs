@@ -1,32 +1,17 @@
-//! The job file as written: what to mark, on what, how, with which machine.
+//! The job file as written: every key of the TOML, each with its default.
 //!
-//! [`Job::load`] reads a TOML file whose every length, angle and speed carries its unit, and checks
-//! what can be checked without opening other files. Faults point at the value. The types here are the
-//! authority for the JSON schema (`terrace init --schema`) and for `docs/job-file.md`.
-
-mod direction;
-mod dose;
-mod faults;
-mod job;
-mod passes;
-mod sample;
-mod setups;
-
-pub use direction::Direction;
-pub use faults::MAX_PARTS;
-pub use sample::{SAMPLE_JOB, SAMPLE_SURFACE_NAME, sample_surface};
+//! [`super::resolve`] makes a [`super::Job`] of it; nothing else reads these types, but for the enums that
+//! have the same meaning in both. They are the authority for the JSON schema (`terrace init --schema`) and
+//! for `docs/job-file.md`.
 
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use toml::Spanned;
 
-pub use dose::{Compensate, DoseSpec};
-pub use job::Job;
-pub use passes::PassesSpec;
-pub use setups::{Parts, PartsName, SetupsSpec};
-
+use super::direction::Direction;
+use crate::emit::Format;
+use crate::texture::pattern::Pattern;
 use crate::units::{
     Angle, Frequency, Length, Power, Speed, non_negative, non_negative_option, positive, positive_option,
 };
@@ -38,40 +23,64 @@ pub const MAX_FILE: u64 = 4 << 20;
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JobFile {
+    /// How the part is marked: stop by stop, or while the stage moves.
+    #[serde(default)]
+    pub mode: Mode,
     /// The part's surface.
-    pub surface: SurfaceSpec,
+    pub surface: SurfaceKeys,
     /// Where the part lies on the stage.
     #[serde(default)]
-    pub placement: PlacementSpec,
+    pub placement: PlacementKeys,
     /// What to mark; one or more.
-    pub texture: Vec<TextureSpec>,
+    pub texture: Vec<TextureKeys>,
     /// Depth of focus.
-    pub focus: FocusSpec,
+    pub focus: FocusKeys,
     /// How the surface is divided.
     #[serde(default)]
-    pub partition: PartitionSpec,
+    pub partition: PartitionKeys,
     /// In which order stops and strokes are marked.
     #[serde(default)]
-    pub order: OrderSpec,
+    pub order: OrderKeys,
     /// How often the part is gone over.
     #[serde(default)]
-    pub passes: PassesSpec,
+    pub passes: PassesKeys,
     /// Set-ups of a part beyond the stage travel; default: one.
     #[serde(default)]
-    pub setups: Option<SetupsSpec>,
+    pub setups: Option<SetupsKeys>,
     /// What is skipped or warned of.
     #[serde(default)]
-    pub limits: LimitsSpec,
+    pub limits: LimitsKeys,
     /// Whether pens make up for the slope; default: they do not.
     #[serde(default)]
-    pub dose: Option<DoseSpec>,
+    pub dose: Option<Dose>,
     /// The machine.
-    pub machine: MachineSpec,
+    pub machine: MachineKeys,
     /// Laser settings by name; a texture without a pen uses the first.
-    pub pen: Vec<PenSpec>,
+    pub pen: Vec<PenKeys>,
     /// What to write.
     #[serde(default)]
-    pub emit: EmitSpec,
+    pub emit: EmitKeys,
+}
+
+/// How a part is marked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mode {
+    /// The stage steps from stop to stop; the galvo marks while it stands.
+    #[default]
+    Stepped,
+    /// The galvo marks while the stage moves.
+    OnTheFly,
+}
+
+impl Mode {
+    /// The name in files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stepped => "stepped",
+            Self::OnTheFly => "on-the-fly",
+        }
+    }
 }
 
 /// Unit of a surface file that carries none.
@@ -95,6 +104,19 @@ pub enum FileUnit {
 }
 
 impl FileUnit {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Millimetre, Self::Centimetre, Self::Metre, Self::Inch, Self::Micrometre];
+
+    /// The name in files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Millimetre => "mm",
+            Self::Centimetre => "cm",
+            Self::Metre => "m",
+            Self::Inch => "in",
+            Self::Micrometre => "um",
+        }
+    }
     /// Millimetres in one unit.
     pub fn in_mm(self) -> f64 {
         match self {
@@ -110,10 +132,9 @@ impl FileUnit {
 /// `[surface]`.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct SurfaceSpec {
+pub struct SurfaceKeys {
     /// STL, OBJ, PNG height map, or XYZ / CSV point cloud; relative to the job file.
-    #[schemars(with = "String")]
-    pub file: Spanned<PathBuf>,
+    pub file: PathBuf,
     /// Unit of the file's numbers; required for STL, OBJ and point clouds.
     #[serde(default)]
     pub unit: Option<FileUnit>,
@@ -122,7 +143,7 @@ pub struct SurfaceSpec {
     pub weld: Length,
     /// Scale of a height map; required for PNG.
     #[serde(default)]
-    pub heightmap: Option<HeightmapSpec>,
+    pub heightmap: Option<HeightmapKeys>,
     /// Longest triangle edge that a point cloud may be meshed with; default: eight times the typical
     /// spacing. Longer ones are holes.
     #[serde(default, deserialize_with = "positive_option")]
@@ -132,7 +153,7 @@ pub struct SurfaceSpec {
 /// `[surface.heightmap]`: samples are nodes, row 0 is the top (+y).
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct HeightmapSpec {
+pub struct HeightmapKeys {
     /// Distance of neighbouring samples.
     #[serde(deserialize_with = "positive")]
     pub pixel: Length,
@@ -140,8 +161,7 @@ pub struct HeightmapSpec {
     pub z: [Length; 2],
     /// Sample values that stand for the two heights; default the full range of the file's depth.
     #[serde(default)]
-    #[schemars(with = "Option<[u32; 2]>")]
-    pub values: Option<Spanned<[u32; 2]>>,
+    pub values: Option<[u32; 2]>,
     /// Sample value that means "no surface here".
     #[serde(default)]
     pub nodata: Option<u32>,
@@ -153,7 +173,7 @@ pub struct HeightmapSpec {
 /// `[placement]`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct PlacementSpec {
+pub struct PlacementKeys {
     /// Table-frame position of the (turned) part's origin; default: centre of the texture at the
     /// centre of travel.
     #[serde(default)]
@@ -163,24 +183,10 @@ pub struct PlacementSpec {
     pub turn: Angle,
 }
 
-/// Made patterns.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Pattern {
-    /// Parallel lines.
-    Hatch,
-    /// One Hilbert curve.
-    Hilbert,
-    /// Square loops on a square grid (FSS cells).
-    Squares,
-    /// Circles on a square grid (FSS cells).
-    Circles,
-}
-
 /// Where a texture lies: over the whole part, or in a rectangle [x0, y0, x1, y1] of the part frame.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(untagged)]
-pub enum AreaSpec {
+pub enum AreaKeys {
     /// `"part"`.
     Named(AreaName),
     /// Lower left and upper right corner.
@@ -198,20 +204,17 @@ pub enum AreaName {
 /// `[[texture]]`: a pattern or a drawing, where it lies, and its pen.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct TextureSpec {
+pub struct TextureKeys {
     /// A made pattern; or give `file`.
     #[serde(default)]
-    #[schemars(with = "Option<Pattern>")]
-    pub pattern: Option<Spanned<Pattern>>,
+    pub pattern: Option<Pattern>,
     /// An SVG drawing, relative to the job file; or give `pattern`.
     #[serde(default)]
-    #[schemars(with = "Option<String>")]
-    pub file: Option<Spanned<PathBuf>>,
+    pub file: Option<PathBuf>,
     /// The area: filled by a pattern or by tiles of a drawing, and the limit of a single drawing.
     /// Default for patterns: the part's box. Default for drawings: no limit.
     #[serde(default)]
-    #[schemars(with = "Option<AreaSpec>")]
-    pub area: Option<Spanned<AreaSpec>>,
+    pub area: Option<AreaKeys>,
     /// Hatch: distance of lines. Squares and circles: distance of centres.
     #[serde(default, deserialize_with = "positive_option")]
     pub pitch: Option<Length>,
@@ -221,8 +224,7 @@ pub struct TextureSpec {
     pub direction: Option<Direction>,
     /// Hilbert: 4^order points.
     #[serde(default)]
-    #[schemars(with = "Option<u32>")]
-    pub order: Option<Spanned<u32>>,
+    pub order: Option<u32>,
     /// Squares: side. Circles: diameter.
     #[serde(default, deserialize_with = "positive_option")]
     pub cell: Option<Length>,
@@ -244,8 +246,7 @@ pub struct TextureSpec {
     pub tolerance: Length,
     /// Name of the pen; default: the first.
     #[serde(default)]
-    #[schemars(with = "Option<String>")]
-    pub pen: Option<Spanned<String>>,
+    pub pen: Option<String>,
 }
 
 fn default_tolerance() -> Length {
@@ -277,15 +278,13 @@ pub enum DepthRule {
 /// `[focus]`: give `pdof`, or `dof` and `factor`.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct FocusSpec {
+pub struct FocusKeys {
     /// Processing depth of focus.
     #[serde(default)]
-    #[schemars(with = "Option<Length>")]
-    pub pdof: Option<Spanned<Length>>,
+    pub pdof: Option<Length>,
     /// Depth of focus of the optics.
     #[serde(default)]
-    #[schemars(with = "Option<Length>")]
-    pub dof: Option<Spanned<Length>>,
+    pub dof: Option<Length>,
     /// PDOF = factor × DOF, 0.8 to 1.2 in the article.
     #[serde(default)]
     pub factor: Option<f64>,
@@ -330,13 +329,12 @@ impl Method {
 /// `[partition]`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct PartitionSpec {
+pub struct PartitionKeys {
     /// The method.
     #[serde(default)]
     pub method: Method,
     /// Pitch of the grid of sections; default: the usable field.
     #[serde(default, deserialize_with = "positive_option")]
-    #[schemars(with = "Option<Length>")]
     pub section: Option<Length>,
     /// Fragments shorter than this are skipped and counted; default: none.
     #[serde(default, deserialize_with = "non_negative")]
@@ -359,7 +357,6 @@ pub struct PartitionSpec {
     /// How far levels reach over each other up and down, so that a rough surface does not change the stop
     /// at every ripple. It is taken from the depth range. Default: from the surface's roughness.
     #[serde(default, deserialize_with = "non_negative_option")]
-    #[schemars(with = "Option<Length>")]
     pub hysteresis: Option<Length>,
 }
 
@@ -372,6 +369,16 @@ pub enum Objective {
     Time,
     /// Stops; of equal numbers the least time.
     Stops,
+}
+
+impl Objective {
+    /// The name in files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Time => "time",
+            Self::Stops => "stops",
+        }
+    }
 }
 
 /// In which order the stage visits the stops.
@@ -401,13 +408,109 @@ pub enum StrokeOrder {
 /// `[order]`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct OrderSpec {
+pub struct OrderKeys {
     /// Order of the stops.
     #[serde(default)]
     pub stops: StopOrder,
     /// Order of the strokes within a block.
     #[serde(default)]
     pub strokes: StrokeOrder,
+}
+
+/// `[passes]`: the whole texture again, each time with stops of its own.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PassesKeys {
+    /// How many there are, 1 to 100.
+    #[serde(default = "once")]
+    pub count: u32,
+    /// By how much straight hatches turn from pass to pass, counter-clockwise.
+    #[serde(default)]
+    pub rotate: Angle,
+    /// By how much focal planes sink from pass to pass, because the one before has removed so much.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub lower: Length,
+    /// By how much the grid of sections moves along x and y from pass to pass, so that seams do not lie on
+    /// each other; default: the golden part of a section. With "0 mm" levels do not move either.
+    #[serde(default, deserialize_with = "non_negative_option")]
+    pub shift: Option<Length>,
+}
+
+impl Default for PassesKeys {
+    fn default() -> Self {
+        Self { count: once(), rotate: Angle::default(), lower: Length::default(), shift: None }
+    }
+}
+
+/// `[setups]`: a part beyond the stage travel is moved on the table and marked from several places.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SetupsKeys {
+    /// Into how many columns the stops are parted along x.
+    #[serde(default)]
+    pub columns: Parts,
+    /// Into how many rows along y.
+    #[serde(default)]
+    pub rows: Parts,
+    /// Points of the part's own frame that the operator finds with the pilot laser, x and y; every set-up
+    /// must reach two.
+    pub registration: Vec<[Length; 2]>,
+}
+
+/// How many columns or rows of set-ups there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged, expecting = "a number of set-ups, or \"auto\"")]
+pub enum Parts {
+    /// `"auto"`.
+    Named(PartsName),
+    /// So many.
+    Number(u32),
+}
+
+impl Default for Parts {
+    fn default() -> Self {
+        Self::Named(PartsName::Auto)
+    }
+}
+
+/// Numbers with a name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum PartsName {
+    /// The fewest that the travel allows.
+    Auto,
+}
+
+/// What of a pen makes up for the slope.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Compensate {
+    /// Marks are slower by the cosine of the slope.
+    Speed,
+    /// Power is higher by one over the cosine.
+    Power,
+}
+
+/// `[dose]`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Dose {
+    /// What is changed.
+    pub compensate: Compensate,
+    /// By how much at most: 1.5 is a speed of two thirds, or half as much power again.
+    #[serde(default = "default_cap")]
+    pub cap: f64,
+    /// Factors are multiples of this.
+    #[serde(default = "default_step")]
+    pub step: f64,
+}
+
+fn default_cap() -> f64 {
+    1.5
+}
+
+fn default_step() -> f64 {
+    0.01
 }
 
 /// What happens to texture on slopes beyond `max_incidence`.
@@ -424,7 +527,7 @@ pub enum Steep {
 /// `[limits]`.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct LimitsSpec {
+pub struct LimitsKeys {
     /// Beam incidence above which a warning says so.
     #[serde(default = "default_warn_incidence")]
     pub warn_incidence: Angle,
@@ -444,7 +547,7 @@ fn default_max_incidence() -> Angle {
     Angle::deg(60.0)
 }
 
-impl Default for LimitsSpec {
+impl Default for LimitsKeys {
     fn default() -> Self {
         Self { warn_incidence: default_warn_incidence(), max_incidence: default_max_incidence(), steep: Steep::Skip }
     }
@@ -453,21 +556,19 @@ impl Default for LimitsSpec {
 /// `[machine]`: a built-in profile or a file.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct MachineSpec {
+pub struct MachineKeys {
     /// Name of a built-in profile (`terrace machines`).
     #[serde(default)]
-    #[schemars(with = "Option<String>")]
-    pub profile: Option<Spanned<String>>,
+    pub profile: Option<String>,
     /// A machine file, relative to the job file.
     #[serde(default)]
-    #[schemars(with = "Option<String>")]
-    pub file: Option<Spanned<PathBuf>>,
+    pub file: Option<PathBuf>,
 }
 
 /// `[[pen]]`.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct PenSpec {
+pub struct PenKeys {
     /// Name that textures refer to.
     pub name: String,
     /// Mark speed.
@@ -479,57 +580,21 @@ pub struct PenSpec {
     #[serde(deserialize_with = "positive")]
     pub frequency: Frequency,
     /// How often every stroke is marked.
-    #[serde(default = "default_passes")]
+    #[serde(default = "once")]
     pub passes: u32,
 }
 
-fn default_passes() -> u32 {
+fn once() -> u32 {
     1
 }
 
-/// Program formats.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Format {
-    /// One DXF R12 file per block.
-    Dxf,
-    /// LinuxCNC stage program with a START / BUSY handshake.
-    Linuxcnc,
-    /// Plain G-code stage program that waits with M0.
-    Gcode,
-    /// OpenVectorFormat.
-    Ovf,
-}
-
-impl Format {
-    /// The name in files and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Dxf => "dxf",
-            Self::Linuxcnc => "linuxcnc",
-            Self::Gcode => "gcode",
-            Self::Ovf => "ovf",
-        }
-    }
-}
-
 /// `[emit]`.
-#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct EmitSpec {
-    /// The formats.
-    #[serde(default = "default_formats")]
-    pub formats: Vec<Format>,
-}
-
-fn default_formats() -> Vec<Format> {
-    vec![Format::Dxf, Format::Linuxcnc, Format::Ovf]
-}
-
-impl Default for EmitSpec {
-    fn default() -> Self {
-        Self { formats: default_formats() }
-    }
+pub struct EmitKeys {
+    /// The formats; default: those that the job's mode is usually marked with.
+    #[serde(default)]
+    pub formats: Option<Vec<Format>>,
 }
 
 /// The JSON schema of a job file.

@@ -1,38 +1,60 @@
-//! All strokes cut between the stops of every candidate, over one walk, in chunks.
+//! All strokes cut between the stops of every candidate, in one sweep, in chunks.
 
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
-use super::Ground;
-use super::walk::chunks;
+use super::sweep::{Sweep, chunks};
 use crate::diag::{Diag, Error};
-use crate::geom::NM_PER_MM;
+use crate::job::Partition;
 use crate::partition::Stops;
+use crate::program::Pen;
 use crate::split::{Fragments, Seam, Splitter};
-use crate::trace::Tracer;
+use crate::texture::Texture;
+use crate::trace::{Keep, Tracer};
 
 /// Most fragments and most points of all candidates, which are held in memory whole: some 8 GB.
 pub(super) const MAX_FRAGMENTS: usize = 50_000_000;
 
 pub(super) const MAX_POINTS: usize = 500_000_000;
 
-/// Cuts all strokes between the stops of every candidate, in one walk; by candidate, in chunks.
-pub(super) fn cut(ground: &Ground<'_>, candidates: &[Stops]) -> Result<Vec<Vec<Fragments>>, Error> {
-    let min_mark = ground.job.file.partition.min_mark.as_mm() * NM_PER_MM;
-    let partition = &ground.job.file.partition;
-    let [zone, overlap] = [partition.zone, partition.overlap].map(|l| l.as_mm() * NM_PER_MM);
-    let seam = Seam { zone, overlap, seed: ground.job.seed };
+/// How strokes are cut.
+#[derive(Clone, Copy)]
+pub(super) struct Cuts {
+    /// Shorter fragments are skipped, nm.
+    pub(super) min_mark: i64,
+    pub(super) keep: Keep,
+    pub(super) seam: Seam,
+}
+
+impl Cuts {
+    pub(super) fn new(partition: &Partition, keep: Keep, seed: u64) -> Self {
+        let [zone, overlap] = [partition.zone, partition.overlap].map(|nm| nm as f64);
+        Self { min_mark: partition.min_mark, keep, seam: Seam { zone, overlap, seed } }
+    }
+}
+
+/// Cuts all strokes between the stops of every candidate, in one sweep; by candidate, in chunks.
+///
+/// # Errors
+/// `program-large`.
+pub(super) fn split(
+    sweep: Sweep<'_>,
+    candidates: &[&Stops],
+    pens: &[Pen],
+    cuts: Cuts,
+) -> Result<Vec<Vec<Fragments>>, Error> {
+    let Sweep { surface, texture, max_slope } = sweep;
     let (fragment_count, point_count) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let chunks = chunks(ground.texture)
+    let chunks = chunks(texture)
         .into_par_iter()
         .map(|chunk| {
-            let tracer = Tracer::new(ground.surface, ground.max_slope);
-            let mut splitter = Splitter::new(tracer, candidates, min_mark, ground.keep, seam);
+            let tracer = Tracer::new(surface, max_slope);
+            let mut splitter = Splitter::new(tracer, candidates, cuts.min_mark as f64, cuts.keep, cuts.seam);
             let mut points = Vec::new();
             for i in chunk {
-                let pen = ground.texture.stroke(i, &mut points);
-                splitter.stroke(i as u32, pen, ground.pens[usize::from(pen)].passes, &points);
+                let pen = texture.stroke(i, &mut points);
+                splitter.stroke(i as u32, pen, pens[usize::from(pen)].passes, &points);
             }
             let parts: Vec<Fragments> = splitter.finish().collect();
             // Counted while it grows: what is too large must be refused before it fills the memory.
@@ -42,7 +64,7 @@ pub(super) fn cut(ground: &Ground<'_>, candidates: &[Stops]) -> Result<Vec<Vec<F
             };
             let fits = grown(&fragment_count, |p| p.list.len()) <= MAX_FRAGMENTS
                 && grown(&point_count, |p| p.points.len()) <= MAX_POINTS;
-            if fits { Ok(parts) } else { Err(too_large(ground)) }
+            if fits { Ok(parts) } else { Err(too_large(texture)) }
         })
         .collect::<Result<Vec<_>, _>>()?;
     let mut by_candidate: Vec<Vec<Fragments>> = candidates.iter().map(|_| Vec::with_capacity(chunks.len())).collect();
@@ -53,10 +75,10 @@ pub(super) fn cut(ground: &Ground<'_>, candidates: &[Stops]) -> Result<Vec<Vec<F
 }
 
 /// The program would not fit: said without a count, which would depend on the threads.
-pub(super) fn too_large(ground: &Ground<'_>) -> Diag {
+pub(super) fn too_large(texture: &Texture) -> Diag {
     let text = format!(
         "the texture's {} strokes become more than {MAX_FRAGMENTS} fragments or {MAX_POINTS} points",
-        ground.texture.len()
+        texture.len()
     );
     Diag::limit("program-large", text).hint("use a larger pitch or a smaller area, or mark the part in several jobs")
 }

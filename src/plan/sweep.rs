@@ -1,4 +1,4 @@
-//! Walks over all strokes of the texture, for what is found out before any is cut.
+//! Sweeps over all strokes of the texture, for what is found out before any is cut.
 //!
 //! Strokes are taken in chunks whose number does not depend on the number of threads; what the chunks give
 //! must be the same in whatever order it is joined.
@@ -22,16 +22,16 @@ pub(super) fn chunks(texture: &Texture) -> Vec<std::ops::Range<usize>> {
     (0..texture.len()).step_by(size).map(|i| i..(i + size).min(texture.len())).collect()
 }
 
-/// What is walked over.
+/// What is swept over.
 #[derive(Clone, Copy)]
-pub(super) struct Walk<'a> {
+pub(super) struct Sweep<'a> {
     pub(super) surface: &'a Surface,
     pub(super) texture: &'a Texture,
     /// Tangent of the steepest slope that is marked.
     pub(super) max_slope: f64,
 }
 
-impl Walk<'_> {
+impl Sweep<'_> {
     /// Traces all strokes over `grid`: `add` puts the stroke with that number to what a chunk found, which is
     /// `none` at first, and `merge` joins what two chunks found.
     pub(super) fn gather<T: Send>(

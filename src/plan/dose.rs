@@ -7,15 +7,14 @@
 
 use std::collections::BTreeSet;
 
-use super::Ground;
+use crate::job::{Compensate, Dose};
 use crate::program::Pen;
-use crate::spec::{Compensate, DoseSpec};
 use crate::split::Fragment;
 use crate::units::{Power, Speed, Watts};
 
 /// The pens of a program.
 pub(super) struct Pens {
-    dose: Option<DoseSpec>,
+    dose: Option<Dose>,
     /// The job's and those made of them.
     pub(super) list: Vec<Pen>,
     own: usize,
@@ -25,14 +24,12 @@ pub(super) struct Pens {
 
 impl Pens {
     /// Those that the fragments need.
-    pub(super) fn new<'a>(ground: &Ground<'_>, fragments: impl Iterator<Item = &'a Fragment>) -> Self {
-        let dose = ground.job.file.dose;
-        let own = ground.pens.len();
-        let mut it = Self { dose, list: ground.pens.clone(), own, made: Vec::new() };
+    pub(super) fn new<'a>(dose: Option<Dose>, pens: &[Pen], fragments: impl Iterator<Item = &'a Fragment>) -> Self {
+        let mut it = Self { dose, list: pens.to_vec(), own: pens.len(), made: Vec::new() };
         let Some(dose) = dose else { return it };
         let needed: BTreeSet<(u16, u32)> =
             fragments.filter_map(|f| Some((f.pen, steps(&dose, mean_cos(f))?))).collect();
-        it.list.extend(needed.iter().map(|&(pen, k)| made_of(&ground.pens[usize::from(pen)], &dose, factor(&dose, k))));
+        it.list.extend(needed.iter().map(|&(pen, k)| made_of(&pens[usize::from(pen)], &dose, factor(&dose, k))));
         it.made = needed.into_iter().collect();
         it
     }
@@ -61,7 +58,7 @@ pub(super) fn mean_cos(f: &Fragment) -> f64 {
 }
 
 /// How many steps the factor for a slope is; None for the pen as it is.
-fn steps(dose: &DoseSpec, cos: f64) -> Option<u32> {
+fn steps(dose: &Dose, cos: f64) -> Option<u32> {
     let (wanted, is_within): (f64, fn(f64, f64) -> bool) = match dose.compensate {
         Compensate::Speed => (cos.max(1.0 / dose.cap), |factor, cap| factor >= 1.0 / cap),
         Compensate::Power => ((1.0 / cos).min(dose.cap), |factor, cap| factor <= cap),
@@ -80,11 +77,11 @@ fn steps(dose: &DoseSpec, cos: f64) -> Option<u32> {
 }
 
 /// So many steps as a factor of at most six decimals, as its pen's name tells it.
-fn factor(dose: &DoseSpec, steps: u32) -> f64 {
+fn factor(dose: &Dose, steps: u32) -> f64 {
     (f64::from(steps) * dose.step * 1e6).round() / 1e6
 }
 
-fn made_of(pen: &Pen, dose: &DoseSpec, factor: f64) -> Pen {
+fn made_of(pen: &Pen, dose: &Dose, factor: f64) -> Pen {
     let mut made = Pen { name: format!("{} x{factor}", pen.name), ..pen.clone() };
     match dose.compensate {
         Compensate::Speed => made.speed = Speed::mm_s(pen.speed.as_mm_s() * factor),
@@ -102,8 +99,8 @@ fn made_of(pen: &Pen, dose: &DoseSpec, factor: f64) -> Pen {
 mod tests {
     use super::*;
 
-    fn dose(compensate: Compensate) -> DoseSpec {
-        DoseSpec { compensate, cap: 1.5, step: 0.01 }
+    fn dose(compensate: Compensate) -> Dose {
+        Dose { compensate, cap: 1.5, step: 0.01 }
     }
 
     #[test]

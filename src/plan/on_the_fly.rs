@@ -4,7 +4,8 @@
 //! Machines whose swivel and turntable state their speeds mark with seven axes, all others with five: the stage
 //! follows a moving average, the scanner is the rest.
 
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{Diag, Error};
+use crate::emit;
 use crate::fly::check::{self, Checked};
 use crate::fly::decompose::{Family, Limits};
 use crate::fly::kinematics::turned;
@@ -17,12 +18,12 @@ use crate::fly::schedule::Schedule;
 use crate::fly::seven::{Rig, Seven, Tools, seven};
 use crate::fly::sync::{Room, Timed, quickest};
 use crate::geom::mm_from_nm;
+use crate::job::Job;
 use crate::machine::Machine;
-use crate::record::Deviations;
-use crate::spec::{Direction, Job};
-use crate::surface::Surface;
+use crate::record::{Deviations, FlySummary};
 
-use super::{Plan, plan_whole};
+use super::strokes::{self, Strokes};
+use super::{Inputs, Progress, Station};
 
 /// Nodes of the path along half of the field.
 const NODES: f64 = 100.0;
@@ -35,68 +36,63 @@ const STRETCHES: usize = 4;
 
 /// An on-the-fly job that was planned and checked, not yet written.
 #[derive(Clone, Debug)]
-pub struct FlyPlan {
+pub struct OnTheFlyPlan {
     /// The job.
     pub job: Job,
     /// Its machine.
     pub machine: Machine,
     /// The program.
     pub checked: Checked,
-    /// How far marks lie from the best, as planned.
-    pub deviations: Deviations,
+    /// The figures; its warnings are those of the plan.
+    pub summary: FlySummary,
     /// What the user should know.
     pub warnings: Vec<Diag>,
-}
-
-/// Whether a job asks for nothing that on-the-fly programs cannot do.
-fn marks_on_the_fly(job: &Job) -> Result<(), Error> {
-    let file = &job.file;
-    let asked = [
-        (file.passes.count() > 1, "several passes (passes.count)"),
-        (file.setups.is_some(), "set-ups ([setups])"),
-        (file.dose.is_some(), "pens that make up for the slope ([dose])"),
-        (file.pen.iter().any(|p| p.passes > 1), "pens of several passes (pen.passes)"),
-        (
-            file.texture.iter().any(|t| matches!(t.direction, Some(Direction::Contour))),
-            "areas filled along contours (direction = \"contour\")",
-        ),
-    ];
-    let faults = asked.into_iter().filter(|a| a.0).map(|(_, what)| {
-        Diag::limit("fly-job", format!("on-the-fly programs cannot do {what}"))
-            .at(Place::file(job.path.display().to_string()))
-            .hint("leave it out, or compile a stepped job")
-    });
-    let faults: Vec<Diag> = faults.collect();
-    if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
 }
 
 /// Makes an on-the-fly program of a job.
 ///
 /// # Errors
-/// `fly-job`; limits of the machine that the motion breaks.
-pub fn fly(job: Job) -> Result<FlyPlan, Error> {
-    marks_on_the_fly(&job)?;
-    let machine = job.machine()?;
-    let Plan { checked, texture, mut warnings, .. } = plan_whole(&job, &machine, None)?;
-    let strokes = checked.program();
-    let turn = job.file.placement.turn.as_rad();
-    let path = job.resolve(job.file.surface.file.get_ref());
-    let weld = job.file.surface.weld.as_mm();
-    let surface = Surface::load(&path, &job.surface_options(), weld, turn, &mut Vec::new())?;
-    let Some(relief) = Relief::followed(&surface, texture, job.depth_range().as_mm() / 2.0) else {
+/// Limits of the machine that the motion breaks, after the warnings of the inputs.
+pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<OnTheFlyPlan, Error> {
+    let mut warnings = inputs.warnings.clone();
+    match planned(&job, &inputs, progress, &mut warnings) {
+        Ok((checked, deviations)) => {
+            let figures = checked.figures();
+            let blend_mm = emit::fly::blend_us(figures) as f64 * 1e-6 * figures.corner_mm_s / 8.0;
+            let summary = FlySummary::new(&checked, deviations, blend_mm, &warnings);
+            Ok(OnTheFlyPlan { job, machine: inputs.machine, checked, summary, warnings })
+        }
+        Err(e) => Err(e.after(warnings)),
+    }
+}
+
+fn planned(
+    job: &Job,
+    inputs: &Inputs,
+    progress: Progress<'_>,
+    warnings: &mut Vec<Diag>,
+) -> Result<(Checked, Deviations), Error> {
+    let machine = &inputs.machine;
+    progress(Station::Order);
+    let Strokes { program: strokes, origin: origin_nm, texture, warnings: found, .. } =
+        strokes::in_order(job, machine, inputs, None)?;
+    warnings.extend(found);
+    let (strokes, surface) = (&strokes, &inputs.surface);
+    let half_depth = job.focus.half_depth_mm();
+    let Some(relief) = Relief::followed(surface, texture, half_depth) else {
         let hint = "compare its area with the part's box";
         return Err(Diag::limit("job-empty", "the texture lies nowhere on the part").hint(hint).into());
     };
     let half_field = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
     let [width, height] = texture.size().map(mm_from_nm);
     let spacing = half_field[0].min(half_field[1]).min(width.max(height) / 2.0) / NODES;
-    let path = Path::of(strokes, 0..strokes.blocks.len(), &surface, &relief, spacing);
-    let focus = job.depth_range().as_mm() / 2.0 - SPARE;
-    let origin = checked.origin().map(mm_from_nm);
-    let (mut motion, kind, deviations) = match Rig::of(&machine, &strokes.pens, origin) {
+    let path = Path::of(strokes, 0..strokes.blocks.len(), surface, &relief, spacing);
+    let focus = half_depth - SPARE;
+    let origin = origin_nm.map(mm_from_nm);
+    let (mut motion, kind, deviations) = match Rig::of(machine, &strokes.pens, origin) {
         Some(rig) => {
             let room = rig.room()? - SPARE;
-            let angle = job.file.limits.warn_incidence.as_rad();
+            let angle = job.limits.warn_incidence.as_rad();
             let wanted = Limits { focus, angle, field: room };
             let found = seven(&path, &relief, &rig, wanted, Tools::Filtered(Family::Gaussian))?;
             let worst = found.worst();
@@ -104,7 +100,7 @@ pub fn fly(job: Job) -> Result<FlyPlan, Error> {
             (turning(&rig, &found), Kind::Xyzacuv, deviations)
         }
         None => {
-            let room = Room::of(&machine, focus)?;
+            let room = Room::of(machine, focus)?;
             let room = Room { half_field: room.half_field.map(|h| h - SPARE), ..room };
             let travels = |ends: [[f64; 2]; 3]| {
                 machine.axes().iter().zip(ends).zip(origin).all(|(((_, axis), ends), o)| {
@@ -112,46 +108,43 @@ pub fn fly(job: Job) -> Result<FlyPlan, Error> {
                     ends.iter().all(|v| (lo..=hi).contains(&(axis.sign() as f64 * (v + o))))
                 })
             };
-            let found = quickest(&path, &machine, &strokes.pens, room, SAMPLES, &travels);
+            let found = quickest(&path, machine, &strokes.pens, room, SAMPLES, &travels);
             if !found.sync.fits {
-                return Err(too_sharp(&job));
+                return Err(too_sharp(job));
             }
             let deviations = upright(&found, &relief);
             (found.sync.motion(&found.path, &found.schedule), Kind::Xyzuv, deviations)
         }
     };
-    let mut program = Program::of(&motion, strokes, &machine, checked.origin(), kind)?;
+    let mut program = Program::of(&motion, strokes, machine, origin_nm, kind)?;
     // Between its nodes a motion is straight, and bends at them more than the smooth one it stands for.
     for _ in 0..STRETCHES {
-        let slow = check::slower(&program, &machine);
+        let slow = check::slower(&program, machine);
         if slow <= 1.0 {
             break;
         }
         motion.time.iter_mut().for_each(|t| *t *= 1.001 * slow);
-        program = Program::of(&motion, strokes, &machine, checked.origin(), kind)?;
+        program = Program::of(&motion, strokes, machine, origin_nm, kind)?;
     }
-    let asked = Schedule::of(&path, &machine, &strokes.pens, 0.0).mark_s;
-    let checked = Checked::new(program, &machine)?;
+    let asked = Schedule::of(&path, machine, &strokes.pens, 0.0).mark_s;
+    let checked = Checked::new(program, machine)?;
     let slow = checked.figures().mark_s / asked;
     if slow > 1.001 {
-        warnings.push(slower(&job, slow));
+        warnings.push(slower(job, slow));
     }
-    Ok(FlyPlan { job, machine, checked, deviations, warnings })
+    Ok((checked, deviations))
 }
 
 fn slower(job: &Job, slower: f64) -> Diag {
     let text = format!("the axes cannot follow: marks run at {:.1} % of the pens' speeds", 100.0 / slower);
     Diag::warning("fly-slow", text)
-        .at(Place::file(job.path.display().to_string()))
+        .at(job.place())
         .hint("the dose rises as the speed falls; set slower pens, or mark a stepped job")
 }
 
 fn too_sharp(job: &Job) -> Error {
     let text = "some marks turn or rise too sharply for the stage to keep them in focus at any speed";
-    Diag::limit("fly-focus", text)
-        .at(Place::file(job.path.display().to_string()))
-        .hint("widen focus.pdof, or compile a stepped job")
-        .into()
+    Diag::limit("fly-focus", text).at(job.place()).hint("widen focus.pdof, or compile a stepped job").into()
 }
 
 /// Worst focal offset and angle of upright beams at the nodes of their marks.

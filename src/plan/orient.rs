@@ -11,13 +11,16 @@
 
 use rayon::prelude::*;
 
-use super::{ground, passes};
+use super::Inputs;
+use super::grid::Layout;
+use super::start::Start;
+use super::sweep::Sweep;
 use crate::diag::Error;
+use crate::fill;
 use crate::geom::{Box2, P2, Turn};
+use crate::job::Job;
 use crate::motion;
-use crate::spec::Job;
-use crate::surface::Surface;
-use crate::texture::Texture;
+use crate::program::Sections;
 
 /// One way to set the part up.
 #[derive(Clone, Debug)]
@@ -62,28 +65,25 @@ const LAST: f64 = 0.02;
 /// # Errors
 /// As [`super::plan`].
 pub fn orient(job: &Job) -> Result<Vec<Orientation>, Error> {
-    let machine = job.machine()?;
-    let mut warnings = Vec::new();
-    let turn = job.file.placement.turn.as_rad();
-    let path = job.resolve(job.file.surface.file.get_ref());
-    let weld = job.file.surface.weld.as_mm();
-    let surface = Surface::load(&path, &job.surface_options(), weld, turn, &mut warnings)?;
-    let mut texture = Texture::load(&job.texture_requests(0), surface.part_box_mm(), turn, &mut warnings)?;
-    let ground = ground(job, &machine, &surface, &mut texture, passes::Place::first(&machine))?;
-    let area = ground.texture.bounds();
-    let pitch = ground.window.map(|w| (w / 20).max(2));
-    let grid = crate::program::Sections {
-        origin: area.lo,
-        pitch,
-        count: [0, 1].map(|k| (area.size()[k] / pitch[k] + 1) as u32),
-    };
-    let marks = ground.walk().marks(&grid).list();
-    let moved = |to: [i64; 3]| motion::stage_move(&machine, [0; 3], to, None).total_s();
+    let inputs = Inputs::load(job)?;
+    let machine = &inputs.machine;
+    let area = inputs.texture.bounds();
+    let layout = Layout::new(job, machine, area, &Start::first(machine))?;
+    let max_slope = job.limits.max_slope();
+    let texture =
+        fill::along_contours(inputs.texture.clone(), &inputs.surface, &layout.sections, max_slope, job.focus.depth)?;
+    let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
+    let (footprint, _) = sweep.footprint(&layout.sections, layout.keep, layout.window.map(|w| w / 2), None);
+    let (grid, _) = layout.levels(job, machine, footprint, 0)?;
+    let pitch = grid.window.map(|w| (w / 20).max(2));
+    let fine = Sections { origin: area.lo, pitch, count: [0, 1].map(|k| (area.size()[k] / pitch[k] + 1) as u32) };
+    let marks = sweep.marks(&fine).list();
+    let moved = |to: [i64; 3]| motion::stage_move(machine, [0; 3], to, None).total_s();
     let scale = Scale {
-        window: ground.window.map(|w| w as f64),
-        depth: ground.lattice.depth as f64,
-        xy_s: moved([ground.window[0], 0, 0]),
-        z_s: moved([0, 0, ground.lattice.depth]),
+        window: grid.window.map(|w| w as f64),
+        depth: grid.lattice.depth as f64,
+        xy_s: moved([grid.window[0], 0, 0]),
+        z_s: moved([0, 0, grid.lattice.depth]),
     };
     let whole = |points: &[[f64; 3]], area: Box2| -> [SetUp; 2] {
         let set_up = |lean_deg: [f64; 2]| {

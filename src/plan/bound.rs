@@ -5,12 +5,11 @@
 //! boxes are taken a few nm larger than they are. Where `keep_whole` asks for whole figures and the method
 //! keeps them, figures that a stop holds count as one piece.
 
-use super::Ground;
+use super::grid::Grid;
 use crate::geom::P2;
-use crate::machine::Machine;
+use crate::job::Method;
 use crate::partition::bound::{self, Certificate};
 use crate::partition::items::Item;
-use crate::spec::{Job, Method};
 use crate::texture::Texture;
 use crate::trace::{Samples, Sampling};
 
@@ -20,25 +19,19 @@ const ROUNDING: i64 = 4;
 /// Cells along a window; no window holds both ends of so many.
 const CELLS: i64 = 64;
 
-/// What a stop of the machine holds at most, nm; None where it is out of reach of 32 bits.
-fn size(job: &Job, machine: &Machine) -> Option<[i32; 3]> {
-    let [x, y] = machine.usable_field();
-    let size = [x, y, job.depth_range().as_nm()?].map(|v| i32::try_from(v + ROUNDING));
+/// What a stop holds at most, nm; None where it is out of reach of 32 bits.
+pub(super) fn size(field: [i64; 2], depth: i64) -> Option<[i32; 3]> {
+    let size = [field[0], field[1], depth].map(|v| i32::try_from(v + ROUNDING));
     let [Ok(x), Ok(y), Ok(z)] = size else { return None };
     [x, y, z].iter().all(|&v| v < 1 << 30).then_some([x, y, z])
 }
 
-/// What is taken of the marks; None where no bound is to be had: slivers that may be left out need no
-/// stop.
-pub(super) fn sampling(job: &Job, machine: &Machine, texture: &Texture) -> Option<Sampling> {
-    let size = size(job, machine)?;
-    if job.file.partition.min_mark.as_mm() > 0.0 {
-        return None;
-    }
+/// What is taken of the marks for stops of this size.
+pub(super) fn sampling(size: [i32; 3], texture: &Texture) -> Sampling {
     let area = texture.bounds();
     let cell = i64::from(size[0].min(size[1])) / CELLS + 1;
     let origin = P2::new((area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2);
-    Some(Sampling { rows: bound::rows(size[2]), cell, origin, every: every(texture, cell) })
+    Sampling { rows: bound::rows(size[2]), cell, origin, every: every(texture, cell) }
 }
 
 /// Strokes may be so dense that every few of them leave marks in every cell: how few. The density is
@@ -58,19 +51,24 @@ fn every(texture: &Texture, cell: i64) -> usize {
     if pitch > 0.0 { ((cell as f64 / pitch) as usize).clamp(1, 100) } else { 1 }
 }
 
-/// The bound for what `method` made.
-pub(super) fn certificate(ground: &Ground<'_>, marks: Option<Samples>, method: Method) -> Option<Certificate> {
+/// The bound for what `method` made of `marks` with stops of this size.
+pub(super) fn certificate(
+    grid: &Grid,
+    marks: Option<Samples>,
+    size: Option<[i32; 3]>,
+    method: Method,
+) -> Option<Certificate> {
     // Tilted stops hold more than upright boxes.
     if method == Method::Tilt {
         return None;
     }
-    let (mut marks, size) = (marks?, size(ground.job, ground.machine)?);
+    let (mut marks, size) = (marks?, size?);
     let by_points = bound::lower_bound(&marks.points(), size);
     // `contour` cuts figures at its levels.
-    if ground.keep.0 == 0 || method == Method::Contour {
+    if grid.keep.0 == 0 || method == Method::Contour {
         return Some(by_points);
     }
-    let held = |f: &[[i32; 3]; 2]| ground.lattice.holds(f64::from(f[0][2]), f64::from(f[1][2]));
+    let held = |f: &[[i32; 3]; 2]| grid.lattice.holds(f64::from(f[0][2]), f64::from(f[1][2]));
     let mut figures: Vec<Item> = marks.figures().into_iter().filter(held).map(|[lo, hi]| Item { lo, hi }).collect();
     let most = figures.len().div_ceil(MOST_FIGURES).max(1);
     figures = figures.into_iter().step_by(most).collect();

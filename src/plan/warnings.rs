@@ -1,14 +1,15 @@
 //! What the user must know of a plan, or must not go on with.
 
-use super::Ground;
+use super::grid::Grid;
 use crate::diag::{Diag, Error, Place};
+use crate::job::{Job, Limits, Method, Steep};
 use crate::program::Program;
-use crate::spec::{Format, Job, Method, Steep};
 use crate::split::Fragments;
+use crate::trace::Footprint;
 
 /// What the user must know, or must not go on with.
 pub(super) fn warn(
-    job: &Job,
+    limits: &Limits,
     split: &Fragments,
     worst_defocus: i64,
     depth: i64,
@@ -16,20 +17,20 @@ pub(super) fn warn(
 ) -> Result<(), Error> {
     let mm = |v: f64| if v < 0.001 { format!("{:.3} um", v * 1000.0) } else { format!("{v:.3} mm") };
     if split.skipped.steep > 0.0 {
-        let limit = job.file.limits.max_incidence.as_deg();
+        let limit = limits.max_incidence.as_deg();
         let text =
             format!("{} of texture lie on slopes above {limit:.1} deg and are not marked", mm(split.skipped.steep));
         let place = split.steep_at.map_or(Place::Nowhere, |p| {
             let [x_mm, y_mm] = p.mm();
             Place::Part { x_mm, y_mm }
         });
-        if job.file.limits.steep == Steep::Refuse {
+        if limits.steep == Steep::Refuse {
             return Err(Diag::limit("steep", text).at(place).hint("limits.steep = \"skip\" marks the rest").into());
         }
         warnings.push(Diag::warning("steep", text).at(place).hint("see limits.max_incidence"));
     }
     let incidence = split.worst_slope2.sqrt().atan().to_degrees();
-    if incidence > job.file.limits.warn_incidence.as_deg() {
+    if incidence > limits.warn_incidence.as_deg() {
         let text =
             format!("the beam meets the surface at up to {incidence:.1} deg: marks are stretched and the dose falls");
         warnings.push(Diag::warning("incidence", text).hint("see limits.warn_incidence"));
@@ -55,22 +56,21 @@ pub(super) fn warn(
 
 /// Pens that make up for the slope, and no file that tells the marking software so.
 pub(super) fn not_carried(job: &Job, program: &Program) -> Option<Diag> {
-    let formats = &job.file.emit.formats;
-    let carried = formats.iter().any(|f| matches!(f, Format::Dxf | Format::Ovf));
-    (program.pens.len() > job.file.pen.len() && !carried).then(|| {
+    let carried = job.formats.iter().any(|f| f.target().carries_pens);
+    (program.pens.len() > job.pens.len() && !carried).then(|| {
         let text = "none of emit.formats carries pens: the dose is not made up for";
         Diag::warning("dose-lost", text).hint("add \"ovf\", or \"dxf\" and set each layer's pen from the run sheet")
     })
 }
 
 /// What was to stay whole and does not, and why.
-pub(super) fn not_kept(ground: &Ground<'_>, method: Method, split: &Fragments) -> Option<Diag> {
+pub(super) fn not_kept(grid: &Grid, footprint: &Footprint, method: Method, split: &Fragments) -> Option<Diag> {
     if split.not_kept == 0 {
         return None;
     }
-    let [broken, astride] = ground.footprint.not_whole();
-    let figures = (0..ground.sections.len()).flat_map(|i| ground.footprint.figures_of(i));
-    let deep = figures.filter(|&&(lo, hi)| !ground.lattice.holds(lo, hi)).count();
+    let [broken, astride] = footprint.not_whole();
+    let figures = (0..grid.sections.len()).flat_map(|i| footprint.figures_of(i));
+    let deep = figures.filter(|&&(lo, hi)| !grid.lattice.holds(lo, hi)).count();
     let mut why = format!("{deep} are deeper than a stop");
     if broken > 0 {
         why += &format!(", {broken} lie at a rim or a steep place");

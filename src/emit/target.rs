@@ -1,0 +1,191 @@
+//! The table of targets: what each is called, which files it writes, and what it can carry.
+//!
+//! A target is a writer beside this file, a variant of [`Format`] and a row here; its reader stands in
+//! `verify::read` and that reader's row in the verifier's own table.
+
+use serde::{Deserialize, Serialize};
+
+use super::{dxf, fly, gcode, ovf};
+use crate::check::Checked;
+use crate::fly::check::Checked as FlyChecked;
+use crate::fly::program::Kind;
+use crate::machine::Machine;
+
+/// Program formats, by the names that job files give them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Format {
+    /// One DXF R12 file per block.
+    Dxf,
+    /// LinuxCNC: a stage program with a START / BUSY handshake, or an on-the-fly program.
+    Linuxcnc,
+    /// Plain G-code stage program that waits with M0.
+    Gcode,
+    /// OpenVectorFormat.
+    Ovf,
+    /// On-the-fly program for Power PMAC.
+    Pmac,
+}
+
+/// What the writers of a stepped job are given.
+#[derive(Clone, Copy)]
+pub struct Stepped<'a> {
+    /// The program.
+    pub checked: &'a Checked,
+    /// Its machine.
+    pub machine: &'a Machine,
+    /// Estimated time of every block without the stage's moves, s.
+    pub block_times: &'a [f64],
+    /// Name of the job file.
+    pub job: &'a str,
+    /// Name of the surface file.
+    pub part: &'a str,
+    /// Ending of the files of single blocks, which stage programs name; None where there are none.
+    pub block_file: Option<&'static str>,
+}
+
+/// The files of a stepped job.
+#[derive(Clone, Copy)]
+pub enum Files {
+    /// One for the whole job: its name and its writer.
+    Whole(&'static str, fn(&Stepped<'_>) -> Vec<u8>),
+    /// One for every block: their ending and their writer.
+    Blocks(&'static str, fn(&Stepped<'_>, usize) -> Vec<u8>),
+}
+
+/// The file of an on-the-fly job.
+#[derive(Clone, Copy)]
+pub struct FlyFile {
+    /// Its name.
+    pub name: &'static str,
+    /// The machines that it can be written for.
+    pub kinds: &'static [Kind],
+    /// Its writer.
+    pub write: fn(&FlyChecked, &Machine) -> Vec<u8>,
+}
+
+/// One target.
+pub struct Target {
+    /// Which.
+    pub format: Format,
+    /// Its name in job files and messages.
+    pub name: &'static str,
+    /// What it writes of a stepped job; None where it cannot.
+    pub stepped: Option<Files>,
+    /// What it writes of an on-the-fly job; None where it cannot.
+    pub on_the_fly: Option<FlyFile>,
+    /// Whether a file of a stepped job tells which pen each stroke is marked with.
+    pub carries_pens: bool,
+    /// Whether the operator can move the part in the middle of a stepped job.
+    pub allows_setups: bool,
+    /// Lines of the run sheet that say how its files are used.
+    pub sheet: &'static [&'static str],
+}
+
+/// All targets, in the order in which files are written.
+pub const TARGETS: [Target; 5] = [
+    Target {
+        format: Format::Dxf,
+        name: "dxf",
+        stepped: Some(Files::Blocks("dxf", |job, i| dxf::block(job.checked, job.machine, i))),
+        on_the_fly: None,
+        carries_pens: true,
+        allows_setups: true,
+        sheet: &[
+            "blocks/B0001.dxf and so on hold one block each, to be marked when the stage stands at the place",
+            "of that block and nowhere else. Layer and colour number are the number of the pen. Switch off",
+            "sorting and joining of paths where order or direction matter.",
+        ],
+    },
+    Target {
+        format: Format::Linuxcnc,
+        name: "linuxcnc",
+        stepped: Some(Files::Whole("stage.ngc", gcode::linuxcnc)),
+        on_the_fly: Some(FlyFile { name: "fly.ngc", kinds: &[Kind::Xyzuv], write: fly::linuxcnc }),
+        carries_pens: false,
+        allows_setups: true,
+        sheet: &[
+            "stage.ngc (LinuxCNC) goes to each block, settles, sets digital output 0 (START) and waits for",
+            "digital input 0 (BUSY) of the scan card to rise and to fall. BUSY must last 20 ms or more. If a",
+            "wait takes too long the program ends and does not step on: see what the laser does, then start",
+            "again at that block.",
+        ],
+    },
+    Target {
+        format: Format::Gcode,
+        name: "gcode",
+        stepped: Some(Files::Whole("stage_m0.nc", gcode::m0)),
+        on_the_fly: None,
+        carries_pens: false,
+        allows_setups: true,
+        sheet: &[
+            "stage_m0.nc goes to each block and stops (M0): mark the block, wait for its end, then press",
+            "cycle start. Never press it while the laser is on. Dwells are in seconds.",
+        ],
+    },
+    Target {
+        format: Format::Ovf,
+        name: "ovf",
+        stepped: Some(Files::Whole("job.ovf", |job| ovf::write(job.checked, job.machine, job.job, job.part))),
+        on_the_fly: None,
+        carries_pens: true,
+        allows_setups: false,
+        sheet: &["job.ovf holds the whole job, stage places and pens included: work plane 0 is block B0001."],
+    },
+    Target {
+        format: Format::Pmac,
+        name: "pmac",
+        stepped: None,
+        on_the_fly: Some(FlyFile { name: "fly.pmc", kinds: &[Kind::Xyzuv, Kind::Xyzacuv], write: fly::pmac }),
+        carries_pens: false,
+        allows_setups: false,
+        sheet: &[],
+    },
+];
+
+impl Format {
+    /// Its row.
+    pub fn target(self) -> &'static Target {
+        TARGETS.iter().find(|t| t.format == self).expect("every format has a row, as a test holds")
+    }
+
+    /// Its name in job files and messages.
+    pub fn name(self) -> &'static str {
+        self.target().name
+    }
+}
+
+/// The ending of the files of single blocks among what `formats` write, the first where there are several.
+pub fn block_file(formats: &[Format]) -> Option<&'static str> {
+    formats.iter().find_map(|f| match f.target().stepped {
+        Some(Files::Blocks(ending, _)) => Some(ending),
+        _ => None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_format_has_one_row_under_its_own_name() {
+        for format in [Format::Dxf, Format::Linuxcnc, Format::Gcode, Format::Ovf, Format::Pmac] {
+            assert_eq!(TARGETS.iter().filter(|t| t.format == format).count(), 1, "{format:?}");
+            assert_eq!(serde_json::to_value(format).expect("plain"), format.name());
+        }
+    }
+
+    #[test]
+    fn no_two_targets_write_the_same_file() {
+        let whole = |t: &Target| match t.stepped {
+            Some(Files::Whole(name, _) | Files::Blocks(name, _)) => Some(name),
+            None => None,
+        };
+        let mut names: Vec<&str> =
+            TARGETS.iter().flat_map(|t| [whole(t), t.on_the_fly.map(|f| f.name)]).flatten().collect();
+        let count = names.len();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), count);
+    }
+}

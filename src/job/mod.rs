@@ -1,0 +1,22 @@
+//! The job: what to mark, on what, how, with which machine.
+//!
+//! [`file`] is the TOML as written, `resolve` turns it in one step into a [`Job`] whose values cannot be
+//! wrong: lengths are nanometres within 4 m, names are indices, every default is filled, every pattern has
+//! its own variant. All faults of a file are reported at once, each at its place. What needs other files
+//! (the surface, drawings, the machine) is found out when these are read.
+
+mod direction;
+pub mod file;
+mod resolve;
+mod resolved;
+mod sample;
+
+pub use crate::emit::Format;
+pub use file::{
+    Compensate, DepthRule, Dose, FileUnit, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder, json_schema,
+};
+pub use resolve::MAX_SETUPS;
+pub use resolved::{
+    Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput, read_text,
+};
+pub use sample::{SAMPLE_JOB, SAMPLE_SURFACE_NAME, sample_surface};

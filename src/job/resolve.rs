@@ -1,0 +1,657 @@
+//! From the file as written to a job that cannot be wrong: every fault is found here, without opening any
+//! other file.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use toml::de::{DeTable, DeValue};
+
+use super::direction::Direction;
+use super::file::{
+    AreaKeys, AreaName, DepthRule, FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, Method, Mode, Objective,
+    Parts, PassesKeys, PenKeys, SetupsKeys, StopOrder, SurfaceKeys, TextureKeys,
+};
+use super::resolved::{
+    Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
+};
+use crate::diag::{Diag, Error, Place};
+use crate::emit::{Format, TARGETS, Target};
+use crate::geom::{MAX_NM, P2, mm_from_nm};
+use crate::program::Pen;
+use crate::units::{Angle, Length};
+use crate::{surface, texture};
+
+/// Most pens of a job: no controller holds more, and marks count them in 16 bits.
+const MAX_PENS: usize = 1000;
+
+/// Most passes of a job.
+const MAX_PASSES: u32 = 100;
+
+/// Most columns and most rows of set-ups.
+pub const MAX_SETUPS: u32 = 100;
+
+/// The formats of a job that names none.
+const fn default_formats(mode: Mode) -> &'static [Format] {
+    match mode {
+        Mode::Stepped => &[Format::Dxf, Format::Linuxcnc, Format::Ovf],
+        Mode::OnTheFly => &[Format::Linuxcnc, Format::Pmac],
+    }
+}
+
+/// Whether a target writes jobs of this mode.
+fn writes(target: &Target, mode: Mode) -> bool {
+    match mode {
+        Mode::Stepped => target.stepped.is_some(),
+        Mode::OnTheFly => target.on_the_fly.is_some(),
+    }
+}
+
+/// Faults as they are found, each at its key.
+pub(super) struct Faults<'a> {
+    path: &'a Path,
+    source: &'a Arc<str>,
+    list: Vec<Diag>,
+    warnings: Vec<Diag>,
+}
+
+impl<'a> Faults<'a> {
+    pub(super) fn new(path: &'a Path, source: &'a Arc<str>) -> Self {
+        Self { path, source, list: Vec::new(), warnings: Vec::new() }
+    }
+
+    /// The place of a key such as `texture.0.pitch`: its value, the nearest table around it that is given, or
+    /// the file.
+    pub(super) fn place(&self, key: &str) -> Place {
+        let path = self.path.display().to_string();
+        let Ok(root) = DeTable::parse(self.source) else { return Place::file(path) };
+        let mut at = DeValue::Table(root.get_ref().clone());
+        let mut span = None;
+        for step in key.split('.') {
+            let found = match &at {
+                DeValue::Table(table) => table.get(step),
+                DeValue::Array(list) => step.parse::<usize>().ok().and_then(|i| list.get(i)),
+                _ => None,
+            };
+            let Some(found) = found.cloned() else { break };
+            span = Some(found.span());
+            at = found.into_inner();
+        }
+        match span {
+            Some(span) => Place::Text { path, source: self.source.clone(), span },
+            None => Place::file(path),
+        }
+    }
+
+    fn push(&mut self, key: &str, fault: Diag) {
+        let place = self.place(key);
+        self.list.push(fault.at(place));
+    }
+
+    fn warn(&mut self, key: &str, warning: Diag) {
+        let place = self.place(key);
+        self.warnings.push(warning.at(place));
+    }
+
+    /// A length in nm.
+    fn nm(&mut self, key: &str, length: Length) -> i64 {
+        length.as_nm().unwrap_or_else(|| {
+            let text = format!("{key} is {length}, beyond {} m", mm_from_nm(MAX_NM) / 1000.0);
+            self.push(key, Diag::input("length-far", text).hint("check its unit; no stage reaches that far"));
+            0
+        })
+    }
+
+    fn nm_option(&mut self, key: &str, length: Option<Length>) -> Option<i64> {
+        length.map(|length| self.nm(key, length))
+    }
+}
+
+/// Resolves a job file.
+///
+/// # Errors
+/// Every fault of the file, each with its place, in the order of the file's sections.
+pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: &Overrides) -> Result<Job, Error> {
+    let mut faults = Faults::new(path, &source);
+    let f = &mut faults;
+    let mode = overrides.mode.unwrap_or(file.mode);
+    let surface = surface_input(&file.surface, f);
+    let origin = file.placement.origin.map(|o| o.map(|length| f.nm("placement.origin", length)));
+    let focus = focus(&file.focus, f);
+    let pens = pens(&file.pen, f);
+    if file.texture.is_empty() {
+        f.push("texture", Diag::input("texture-none", "the job has no [[texture]]"));
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let textures = file.texture.iter().enumerate();
+    let textures = textures.filter_map(|(i, keys)| Texture { i, keys, folder, pens: &pens }.resolve(f)).collect();
+    let mut partition = partition(file, f);
+    if let Some(objective) = overrides.objective {
+        partition.objective = objective;
+    }
+    let machine = machine(&file.machine, f);
+    if !(0.0..90.0).contains(&file.limits.max_incidence.as_deg()) {
+        let text = "limits.max_incidence is not between 0 and 90 deg";
+        f.push("limits.max_incidence", Diag::input("limits-incidence", text));
+    }
+    let passes = passes(&file.passes, focus.depth, f);
+    let setups = file.setups.as_ref().map(|setups| set_ups(setups, file, f));
+    dose(file, f);
+    let formats = formats(file, mode, f);
+    if mode == Mode::OnTheFly {
+        on_the_fly(file, f);
+    }
+    let Faults { list, warnings, .. } = faults;
+    let Some(machine) = machine.filter(|_| list.is_empty()) else { return Err(Error::many(list)) };
+    Ok(Job {
+        path: path.to_owned(),
+        seed: overrides.seed,
+        mode,
+        surface,
+        placement: Placement { origin, turn: file.placement.turn },
+        textures,
+        drawings: file.texture.iter().filter_map(|t| t.file.clone()).collect(),
+        focus,
+        partition,
+        order: Order { stops: file.order.stops, strokes: file.order.strokes },
+        passes,
+        setups,
+        limits: Limits {
+            warn_incidence: file.limits.warn_incidence,
+            max_incidence: file.limits.max_incidence,
+            steep: file.limits.steep,
+        },
+        dose: file.dose,
+        machine,
+        pens,
+        formats,
+        warnings,
+        source,
+    })
+}
+
+fn surface_input(keys: &SurfaceKeys, f: &mut Faults<'_>) -> SurfaceInput {
+    let scale = |h: &HeightmapKeys| surface::Scale {
+        pixel_mm: h.pixel.as_mm(),
+        z_mm: h.z.map(Length::as_mm),
+        values: h.values,
+        nodata: h.nodata,
+        origin_mm: h.origin.map(Length::as_mm),
+    };
+    SurfaceInput {
+        file: keys.file.clone(),
+        options: surface::Options {
+            unit_mm: keys.unit.map(|u| u.in_mm()),
+            heightmap: keys.heightmap.as_ref().map(scale),
+            max_edge_mm: keys.max_edge.map(Length::as_mm),
+        },
+        weld_nm: f.nm("surface.weld", keys.weld),
+    }
+}
+
+fn focus(keys: &FocusKeys, f: &mut Faults<'_>) -> Focus {
+    let (key, pdof) = match (keys.pdof, keys.dof) {
+        (Some(pdof), dof) => {
+            if dof.is_some() {
+                let fault = Diag::input("focus-both", "focus has both pdof and dof");
+                f.push("focus.dof", fault.hint("keep one of them"));
+            }
+            ("focus.pdof", pdof)
+        }
+        (None, Some(dof)) => ("focus.dof", Length::mm(dof.as_mm() * keys.factor.unwrap_or(1.0))),
+        (None, None) => {
+            f.push(
+                "focus",
+                Diag::input("focus-missing", "focus has neither pdof nor dof")
+                    .hint("add pdof = \"0.07 mm\", measured on your process; it is never derived from the optics"),
+            );
+            ("focus", Length::mm(1.0))
+        }
+    };
+    if keys.factor.is_some_and(|factor| !factor.is_finite() || factor <= 0.0) {
+        f.push("focus.factor", Diag::input("focus-factor", "focus.factor must be above zero"));
+    } else if !(1e-4..=1000.0).contains(&pdof.as_mm()) {
+        f.push(
+            key,
+            Diag::input("focus-range", format!("the depth of focus comes to {pdof}"))
+                .hint("it must lie between 0.1 um and 1000 mm"),
+        );
+    }
+    let pdof = pdof.as_nm().unwrap_or(MAX_NM);
+    let depth = match keys.rule {
+        DepthRule::Range => pdof,
+        DepthRule::Half => 2 * pdof,
+    };
+    Focus { pdof, depth, rule: keys.rule, level: keys.level }
+}
+
+fn pens(keys: &[PenKeys], f: &mut Faults<'_>) -> Vec<Pen> {
+    if keys.is_empty() {
+        f.push("pen", Diag::input("pen-none", "the job has no [[pen]]"));
+    }
+    if keys.len() > MAX_PENS {
+        let text = format!("the job has {} pens, more than {MAX_PENS}", keys.len());
+        f.push("pen", Diag::input("pen-many", text));
+    }
+    for (i, pen) in keys.iter().take(MAX_PENS).enumerate() {
+        if keys[..i].iter().any(|p| p.name == pen.name) {
+            f.push(&format!("pen.{i}.name"), Diag::input("pen-twice", format!("two pens are named {:?}", pen.name)));
+        }
+        if !pen.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') || pen.name.is_empty() {
+            let text = format!("pen name {:?} holds something other than letters, digits, - and _", pen.name);
+            f.push(&format!("pen.{i}.name"), Diag::input("pen-name", text));
+        }
+        if !(1..=1000).contains(&pen.passes) {
+            let text = format!("pen {:?} has {} passes", pen.name, pen.passes);
+            f.push(&format!("pen.{i}.passes"), Diag::input("pen-passes", text).hint("1 to 1000 are possible"));
+        }
+    }
+    let pen = |p: &PenKeys| Pen {
+        name: p.name.clone(),
+        speed: p.speed,
+        power: p.power,
+        frequency: p.frequency,
+        passes: p.passes,
+    };
+    keys.iter().map(pen).collect()
+}
+
+fn partition(file: &JobFile, f: &mut Faults<'_>) -> Partition {
+    let keys = &file.partition;
+    if keys.zone.as_mm() > 0.0 && keys.overlap.as_mm() > 0.0 {
+        f.push(
+            "partition.overlap",
+            Diag::input("seam-both", "partition has both zone and overlap")
+                .hint("keep one of them: seams are either spread or marked twice"),
+        );
+    }
+    Partition {
+        method: keys.method,
+        objective: keys.objective,
+        section: f.nm_option("partition.section", keys.section),
+        min_mark: f.nm("partition.min_mark", keys.min_mark),
+        keep_whole: f.nm("partition.keep_whole", keys.keep_whole),
+        zone: f.nm("partition.zone", keys.zone),
+        overlap: f.nm("partition.overlap", keys.overlap),
+        hysteresis: f.nm_option("partition.hysteresis", keys.hysteresis),
+    }
+}
+
+fn machine(keys: &MachineKeys, f: &mut Faults<'_>) -> Option<MachineInput> {
+    match (&keys.profile, &keys.file) {
+        (Some(_), Some(_)) => {
+            let fault = Diag::input("machine-both", "machine has both profile and file");
+            f.push("machine.profile", fault.hint("keep one"));
+            None
+        }
+        (None, None) => {
+            f.push(
+                "machine",
+                Diag::input("machine-missing", "machine has neither profile nor file")
+                    .hint("add profile = \"xyz-galvo-40\"; `terrace machines` lists them"),
+            );
+            None
+        }
+        (Some(profile), None) => Some(MachineInput::Profile(profile.clone())),
+        (None, Some(file)) => Some(MachineInput::File(file.clone())),
+    }
+}
+
+fn passes(keys: &PassesKeys, depth: i64, f: &mut Faults<'_>) -> Passes {
+    if !(1..=MAX_PASSES).contains(&keys.count) {
+        f.push(
+            "passes.count",
+            Diag::input("passes-count", format!("the job has {} passes", keys.count))
+                .hint(format!("1 to {MAX_PASSES} are possible; pen.passes repeats strokes within a block")),
+        );
+    }
+    let lower = f.nm("passes.lower", keys.lower);
+    // A depth that is at fault itself says nothing of this one.
+    if lower > depth && depth > 0 {
+        let text = format!("passes.lower {} is more than the depth range {} mm", keys.lower, mm_from_nm(depth));
+        f.push(
+            "passes.lower",
+            Diag::input("passes-lower", text).hint("it is what one pass removes, such as \"8 um\"; check its unit"),
+        );
+    }
+    Passes { count: keys.count, rotate: keys.rotate, lower, shift: f.nm_option("passes.shift", keys.shift) }
+}
+
+fn set_ups(keys: &SetupsKeys, file: &JobFile, f: &mut Faults<'_>) -> Setups {
+    let count = [("columns", keys.columns), ("rows", keys.rows)].map(|(name, parts)| match parts {
+        Parts::Named(_) => None,
+        Parts::Number(n) => {
+            if !(1..=MAX_SETUPS).contains(&n) {
+                let text = format!("setups.{name} is not between 1 and {MAX_SETUPS}");
+                let fault = Diag::input("setups-count", text).hint("\"auto\" takes the fewest");
+                f.push(&format!("setups.{name}"), fault);
+            }
+            Some(n)
+        }
+    });
+    let points: Vec<P2> = keys
+        .registration
+        .iter()
+        .map(|point| point.map(|length| f.nm("setups.registration", length)))
+        .map(|[x, y]| P2::new(x, y))
+        .collect();
+    let fault = if points.len() < 2 {
+        Some("setups.registration has fewer than two points")
+    } else if (1..points.len()).any(|i| points[..i].contains(&points[i])) {
+        Some("two points of setups.registration are the same")
+    } else {
+        None
+    };
+    if let Some(text) = fault {
+        let hint = "name tooling holes or corners, x and y in the part's own frame; every set-up must reach two";
+        f.push("setups.registration", Diag::input("setups-registration", text).hint(hint));
+    }
+    if file.placement.origin.is_some() {
+        f.push(
+            "placement.origin",
+            Diag::input("setups-origin", "the job has both setups and placement.origin")
+                .hint("leave the origin out: each set-up has its own, in the run sheet"),
+        );
+    }
+    if file.partition.method == Method::Tilt {
+        f.push(
+            "partition.method",
+            Diag::input("setups-tilt", "a part in several set-ups cannot be tilted")
+                .hint("use another partition.method, or leave [setups] out"),
+        );
+    }
+    Setups { count, registration: points }
+}
+
+fn dose(file: &JobFile, f: &mut Faults<'_>) {
+    let Some(dose) = &file.dose else { return };
+    if !(1.01..=10.0).contains(&dose.cap) {
+        f.push("dose.cap", Diag::input("dose-cap", "dose.cap is not between 1.01 and 10"));
+    }
+    if !(0.001..=0.2).contains(&dose.step) {
+        f.push("dose.step", Diag::input("dose-step", "dose.step is not between 0.001 and 0.2"));
+    }
+}
+
+fn formats(file: &JobFile, mode: Mode, f: &mut Faults<'_>) -> Vec<Format> {
+    let key = "emit.formats";
+    let Some(formats) = &file.emit.formats else {
+        let possible = |format: &&Format| file.setups.is_none() || format.target().allows_setups;
+        return default_formats(mode).iter().filter(possible).copied().collect();
+    };
+    if formats.is_empty() {
+        f.push(
+            key,
+            Diag::input("emit-none", "emit.formats is empty").hint("name at least one format, such as \"dxf\""),
+        );
+    }
+    let mut formats = formats.clone();
+    formats.sort_unstable();
+    formats.dedup();
+    let names = |fits: &dyn Fn(&Target) -> bool| {
+        let fits = TARGETS.iter().filter(|t| writes(t, mode) && fits(t));
+        fits.map(|t| format!("{:?}", t.name)).collect::<Vec<_>>().join(", ")
+    };
+    if mode != file.mode {
+        // The job file is of the other mode: what that has and this has not is no fault.
+        let (kept, left): (Vec<Format>, Vec<Format>) = formats.iter().partition(|f| writes(f.target(), mode));
+        if !left.is_empty() {
+            let left: Vec<String> = left.iter().map(|f| format!("{:?}", f.name())).collect();
+            let text = format!("emit.formats {} cannot be written for {} jobs", left.join(", "), mode.name());
+            f.warn(key, Diag::warning("emit-mode", text).hint(format!("written are {}", names(&|_| true))));
+        }
+        formats = if kept.is_empty() { default_formats(mode).to_vec() } else { kept };
+    }
+    for target in formats.iter().map(|format| format.target()) {
+        if !writes(target, mode) {
+            let text = format!("{:?} cannot be written for {} jobs", target.name, mode.name());
+            let hint = format!("leave it out: {} can", names(&|_| true));
+            f.push(key, Diag::input("emit-mode", text).hint(hint));
+        } else if file.setups.is_some() && !target.allows_setups {
+            let text = format!("{:?} has no stop between set-ups, at which the part could be moved", target.name);
+            let hint = format!("leave it out: {} have", names(&|t| t.allows_setups));
+            f.push(key, Diag::input("setups-format", text).hint(hint));
+        }
+    }
+    formats
+}
+
+/// What on-the-fly programs cannot do.
+fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
+    let contour = |t: &TextureKeys| t.direction == Some(Direction::Contour);
+    let along_contours = file.texture.iter().position(contour).map(|i| format!("texture.{i}.direction"));
+    let repeated = file.pen.iter().position(|p| p.passes > 1).map(|i| format!("pen.{i}.passes"));
+    let asked = [
+        ((file.passes.count > 1).then(|| "passes.count".to_owned()), "several passes (passes.count)"),
+        (file.setups.is_some().then(|| "setups".to_owned()), "set-ups ([setups])"),
+        (file.dose.is_some().then(|| "dose".to_owned()), "dose compensation ([dose])"),
+        (repeated, "pens of several passes (pen.passes)"),
+        (along_contours, "areas filled along contours (direction = \"contour\")"),
+    ];
+    let (partition, order) = (&file.partition, &file.order);
+    let unused = [
+        ("partition.method", partition.method != Method::Auto),
+        ("partition.section", partition.section.is_some()),
+        ("partition.min_mark", partition.min_mark.as_mm() > 0.0),
+        ("partition.objective", partition.objective != Objective::Time),
+        ("partition.keep_whole", partition.keep_whole.as_mm() > 0.0),
+        ("partition.zone", partition.zone.as_mm() > 0.0),
+        ("partition.overlap", partition.overlap.as_mm() > 0.0),
+        ("partition.hysteresis", partition.hysteresis.is_some()),
+        ("order.stops", order.stops != StopOrder::Time),
+        ("focus.level", file.focus.level != Level::Mid),
+    ];
+    let unused: Vec<&str> = unused.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key).collect();
+    if let Some(first) = unused.first() {
+        let text = format!("on-the-fly jobs have no stops: {} have no effect", unused.join(", "));
+        f.warn(first, Diag::warning("fly-unused", text).hint("leave them out, or compile a stepped job"));
+    }
+    for (key, what) in asked {
+        if let Some(key) = key {
+            f.push(
+                &key,
+                Diag::limit("fly-job", format!("on-the-fly programs cannot do {what}"))
+                    .hint("leave it out, or compile a stepped job"),
+            );
+        }
+    }
+}
+
+/// One `[[texture]]`.
+struct Texture<'a> {
+    i: usize,
+    keys: &'a TextureKeys,
+    folder: &'a Path,
+    pens: &'a [Pen],
+}
+
+impl Texture<'_> {
+    fn key(&self, name: &str) -> String {
+        format!("texture.{}.{name}", self.i)
+    }
+
+    fn resolve(&self, f: &mut Faults<'_>) -> Option<texture::Request> {
+        let pen = self.pen(f);
+        let area = self.area(f);
+        let kind = self.kind(f)?;
+        Some(texture::Request { kind, area, tolerance_mm: self.keys.tolerance.as_mm(), pen })
+    }
+
+    /// The index of its pen; the first where none is named.
+    fn pen(&self, f: &mut Faults<'_>) -> u16 {
+        let Some(name) = &self.keys.pen else { return 0 };
+        match self.pens.iter().position(|p| p.name == *name) {
+            Some(i) => i as u16,
+            None => {
+                let names: Vec<_> = self.pens.iter().map(|p| p.name.as_str()).collect();
+                f.push(
+                    &self.key("pen"),
+                    Diag::input("pen-unknown", format!("there is no pen named {name:?}"))
+                        .hint(format!("pens of this job: {}", names.join(", "))),
+                );
+                0
+            }
+        }
+    }
+
+    fn area(&self, f: &mut Faults<'_>) -> texture::Area {
+        match &self.keys.area {
+            Some(AreaKeys::Named(AreaName::Part)) => texture::Area::Part,
+            None if self.keys.file.is_some() => texture::Area::Unlimited,
+            None => texture::Area::Part,
+            Some(AreaKeys::Rectangle(r)) => {
+                let [x0, y0, x1, y1] = r.map(Length::as_mm);
+                if x0 >= x1 || y0 >= y1 {
+                    let text = format!("the area is empty: x from {x0} to {x1} mm, y from {y0} to {y1} mm");
+                    f.push(
+                        &self.key("area"),
+                        Diag::input("texture-area", text)
+                            .hint("write [x0, y0, x1, y1] with the lower left corner first"),
+                    );
+                }
+                texture::Area::Rectangle([x0, y0, x1, y1])
+            }
+        }
+    }
+
+    fn kind(&self, f: &mut Faults<'_>) -> Option<texture::Kind> {
+        match (self.keys.pattern, &self.keys.file) {
+            (Some(_), Some(_)) => {
+                let fault = Diag::input("texture-both", "the texture has both pattern and file");
+                f.push(&self.key("pattern"), fault.hint("keep one"));
+                None
+            }
+            (None, None) => {
+                f.push(
+                    &format!("texture.{}", self.i),
+                    Diag::input("texture-empty", "a texture has neither pattern nor file")
+                        .hint("add pattern = \"hatch\" and pitch = \"0.1 mm\", or file = \"drawing.svg\""),
+                );
+                None
+            }
+            (Some(pattern), None) => {
+                let row = texture::pattern::row(pattern);
+                self.only(row.name, row.needs, row.takes, f);
+                (row.kind)(&self.values(row.needs, f))
+            }
+            (None, Some(file)) => {
+                self.only("a drawing", &[], &["size", "origin", "turn", "tile"], f);
+                Some(self.drawing(file, f))
+            }
+        }
+    }
+
+    fn drawing(&self, file: &Path, f: &mut Faults<'_>) -> texture::Kind {
+        let keys = self.keys;
+        if keys.tile && keys.area.is_none() {
+            f.push(
+                &self.key("tile"),
+                Diag::input("texture-tile", "tile = true needs an area to fill")
+                    .hint("add area = \"part\" or area = [x0, y0, x1, y1]"),
+            );
+        }
+        texture::Kind::Drawing {
+            path: self.folder.join(file),
+            size_mm: keys.size.map(|s| s.map(Length::as_mm)),
+            origin_mm: keys.origin.map(|o| o.map(Length::as_mm)),
+            turn_rad: keys.turn.as_rad(),
+            tile: keys.tile,
+        }
+    }
+
+    /// The values of a pattern.
+    fn values(&self, needs: &[&str], f: &mut Faults<'_>) -> texture::pattern::Values {
+        let keys = self.keys;
+        if let Some(order) = keys.order.filter(|order| !(1..=13).contains(order)) {
+            let text = format!("Hilbert order {order} is not between 1 and 13");
+            f.push(&self.key("order"), Diag::input("texture-order", text));
+        }
+        if let (Some(cell), Some(pitch)) = (keys.cell, keys.pitch)
+            && needs.contains(&"cell")
+            && cell > pitch
+        {
+            let text = format!("cell {cell} is larger than pitch {pitch}, so figures would overlap");
+            f.push(&self.key("cell"), Diag::input("texture-cell", text));
+        }
+        texture::pattern::Values {
+            pitch_mm: keys.pitch.map(Length::as_mm),
+            cell_mm: keys.cell.map(Length::as_mm),
+            order: keys.order,
+            direction_rad: match keys.direction.unwrap_or(Direction::Angle(Angle::default())) {
+                Direction::Angle(angle) => Some(angle.as_rad()),
+                Direction::Contour => None,
+            },
+        }
+    }
+
+    /// Holds the keys that are given to those that `what` needs and can take.
+    fn only(&self, what: &str, needs: &[&str], takes: &[&str], f: &mut Faults<'_>) {
+        let keys = self.keys;
+        for (key, is_given) in [
+            ("pitch", keys.pitch.is_some()),
+            ("direction", keys.direction.is_some()),
+            ("order", keys.order.is_some()),
+            ("cell", keys.cell.is_some()),
+            ("size", keys.size.is_some()),
+            ("origin", keys.origin.is_some()),
+            ("turn", keys.turn != Angle::default()),
+            ("tile", keys.tile),
+        ] {
+            let fault = match (needs.contains(&key), is_given) {
+                (true, false) => format!("{what} needs {key}"),
+                (false, true) if !takes.contains(&key) => format!("{key} means nothing for {what}"),
+                _ => continue,
+            };
+            let all = [needs, takes].concat().join(", ");
+            let fault = Diag::input("texture-key", fault).hint(format!("keys of {what} alone are {all}"));
+            f.push(&self.key(if is_given { key } else { "pattern" }), fault);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::job::SAMPLE_JOB;
+
+    /// Codes and messages of the sample job with one text replaced.
+    fn faults(from: &str, to: &str) -> Vec<(&'static str, String)> {
+        assert!(SAMPLE_JOB.contains(from), "{from}");
+        match Job::parse(Path::new("job.toml"), &SAMPLE_JOB.replacen(from, to, 1), &Overrides::default()) {
+            Ok(_) => Vec::new(),
+            Err(e) => e.diags().iter().map(|d| (d.code, d.message.clone())).collect(),
+        }
+    }
+
+    #[test]
+    fn keys_of_other_patterns_are_refused_and_needed_ones_asked_for() {
+        let pitch = "pitch = \"0.5 mm\"";
+        let of = |to: &str| faults(pitch, to).into_iter().map(|f| f.1).collect::<Vec<_>>();
+        assert_eq!(of(pitch), Vec::<String>::new());
+        assert_eq!(of(""), ["hatch needs pitch"]);
+        let more = "pitch = \"0.5 mm\"\ncell = \"1 mm\"\norder = 3\ntile = true";
+        let nothing = |key: &str| format!("{key} means nothing for hatch");
+        assert_eq!(of(more), [nothing("order"), nothing("cell"), nothing("tile")]);
+        let direction = faults("pattern = \"hatch\"", "pattern = \"squares\"\ncell = \"0.6 mm\"");
+        assert_eq!(direction[0].1, "direction means nothing for squares");
+        assert_eq!(direction[1].0, "texture-cell");
+    }
+
+    #[test]
+    fn a_placement_that_no_stage_reaches_is_refused() {
+        let origin = |x: &str| faults("turn = \"0 deg\"", &format!("origin = [\"{x}\", \"0 mm\", \"0 mm\"]"));
+        assert_eq!(origin("4 m"), []);
+        assert_eq!(origin("4.1 m")[0].0, "placement-far");
+    }
+
+    #[test]
+    fn pens_are_counted() {
+        let pen = |i: usize| {
+            format!("[[pen]]\nname = \"p{i}\"\nspeed = \"1 mm/s\"\npower = \"1 %\"\nfrequency = \"1 kHz\"\n")
+        };
+        let with = |n: usize| faults("[[pen]]", &((1..n).map(pen).collect::<String>() + "[[pen]]"));
+        assert_eq!(with(MAX_PENS), []);
+        assert_eq!(with(MAX_PENS + 1)[0].0, "pen-many");
+    }
+}

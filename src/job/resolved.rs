@@ -1,0 +1,337 @@
+//! The resolved job.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::file::{Dose, JobFile, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder};
+use super::resolve::{Faults, resolve};
+use crate::diag::{self, Diag, Error, Place};
+use crate::emit::Format;
+use crate::geom::{NM_PER_MM, P2, mm_from_nm};
+use crate::machine::Machine;
+use crate::program::Pen;
+use crate::units::Angle;
+use crate::{surface, texture};
+
+/// Largest job file that is read.
+const MAX_FILE: u64 = 4 << 20;
+
+/// What the command line sets, over the job file's own keys.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Overrides {
+    /// Over `mode`.
+    pub mode: Option<Mode>,
+    /// Over `partition.objective`.
+    pub objective: Option<Objective>,
+    /// Seed of everything that is random; not in the file.
+    pub seed: u64,
+}
+
+/// A job whose values were all checked, with the text of its file kept for messages.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// The file, as named by the user.
+    pub path: PathBuf,
+    /// Its text.
+    pub source: Arc<str>,
+    /// Seed of everything that is random.
+    pub seed: u64,
+    /// How the part is marked.
+    pub mode: Mode,
+    /// The part's surface.
+    pub surface: SurfaceInput,
+    /// Where the part lies on the stage.
+    pub placement: Placement,
+    /// What is marked in the first pass, at least one.
+    pub textures: Vec<texture::Request>,
+    /// The drawings among them as named in the job file, relative to it.
+    pub drawings: Vec<PathBuf>,
+    /// Depth of focus.
+    pub focus: Focus,
+    /// How the surface is divided.
+    pub partition: Partition,
+    /// In which order stops and strokes are marked.
+    pub order: Order,
+    /// How often the part is gone over.
+    pub passes: Passes,
+    /// Set-ups of a part beyond the stage travel.
+    pub setups: Option<Setups>,
+    /// What is skipped or warned of.
+    pub limits: Limits,
+    /// How pens compensate the slope, if they do.
+    pub dose: Option<Dose>,
+    /// Where the machine is described.
+    pub machine: MachineInput,
+    /// Laser settings, at least one; names differ.
+    pub pens: Vec<Pen>,
+    /// What is written, at least one.
+    pub formats: Vec<Format>,
+    /// What the user should know of the file.
+    pub warnings: Vec<Diag>,
+}
+
+/// The surface file and how it is read.
+#[derive(Clone, Debug)]
+pub struct SurfaceInput {
+    /// The file as named in the job file, relative to it.
+    pub file: PathBuf,
+    /// Unit and scale.
+    pub options: surface::Options,
+    /// Vertices nearer to each other than this become one, nm.
+    pub weld_nm: i64,
+}
+
+/// How the part lies on the table.
+#[derive(Clone, Copy, Debug)]
+pub struct Placement {
+    /// Table-frame position of the turned part's origin, nm; None: the centre of the texture lies at the
+    /// centre of travel.
+    pub origin: Option<[i64; 3]>,
+    /// Turn of the part about its z axis, counter-clockwise.
+    pub turn: Angle,
+}
+
+/// Depth of focus.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Focus {
+    /// Processing depth of focus, nm.
+    pub pdof: i64,
+    /// Largest depth range of a block, nm: PDOF, or twice PDOF under `rule = "half"`.
+    pub depth: i64,
+    /// What PDOF bounds.
+    pub rule: super::DepthRule,
+    /// Where the focal plane of a block stands.
+    pub level: Level,
+}
+
+impl Focus {
+    /// How far marks may lie from their focal plane, mm: half the depth range.
+    pub fn half_depth_mm(&self) -> f64 {
+        mm_from_nm(self.depth) / 2.0
+    }
+}
+
+/// How the surface is divided; lengths in nm.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Partition {
+    /// The method.
+    pub method: Method,
+    /// What `auto` makes least.
+    pub objective: Objective,
+    /// Pitch of the sections; None: from the usable field.
+    pub section: Option<i64>,
+    /// Fragments shorter than this are skipped and counted.
+    pub min_mark: i64,
+    /// Closed figures and strokes no larger than this along x and y stay whole where a stop can hold them.
+    pub keep_whole: i64,
+    /// Strokes are cut at a random place within this length before a border; 0: on it.
+    pub zone: i64,
+    /// Strokes that are cut are marked by both stops over this length.
+    pub overlap: i64,
+    /// How far levels reach over each other; None: from the surface's roughness.
+    pub hysteresis: Option<i64>,
+}
+
+/// Order of stops and strokes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Order {
+    /// Of the stops.
+    pub stops: StopOrder,
+    /// Of the strokes within a block.
+    pub strokes: StrokeOrder,
+}
+
+/// Set-ups of a part beyond the stage travel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setups {
+    /// How many columns along x and rows along y the stops are divided into; None: the fewest that the travel allows.
+    pub count: [Option<u32>; 2],
+    /// Points of the part's own frame, nm; at least two, all different.
+    pub registration: Vec<P2>,
+}
+
+/// What is skipped or warned of.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Beam incidence above which a warning says so.
+    pub warn_incidence: Angle,
+    /// Beam incidence above which nothing is marked; below 90 deg.
+    pub max_incidence: Angle,
+    /// What happens to texture beyond it.
+    pub steep: Steep,
+}
+
+impl Limits {
+    /// Tangent of the steepest slope that is marked.
+    pub fn max_slope(&self) -> f64 {
+        self.max_incidence.as_rad().tan()
+    }
+}
+
+/// Where the machine is described.
+#[derive(Clone, Debug)]
+pub enum MachineInput {
+    /// A built-in profile.
+    Profile(String),
+    /// A file, relative to the job file.
+    File(PathBuf),
+}
+
+/// How often the texture is gone over, and what changes from pass to pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Passes {
+    /// How many there are, from 1.
+    pub count: u32,
+    /// By how much straight hatches turn.
+    pub rotate: Angle,
+    /// By how much focal planes sink, nm.
+    pub lower: i64,
+    /// By how much the grid of sections moves along x and y, nm; None: the golden part of a section.
+    pub shift: Option<i64>,
+}
+
+impl Default for Passes {
+    fn default() -> Self {
+        Self { count: 1, rotate: Angle::default(), lower: 0, shift: None }
+    }
+}
+
+impl Passes {
+    /// The golden section: its multiples fill an interval evenly, however many there are.
+    const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+    /// What part of a repeated length pass `k` is shifted by, from 0 to 1.
+    pub fn share(k: u32) -> f64 {
+        (f64::from(k) * Self::GOLDEN).fract()
+    }
+    /// By how much the grid of sections lies lower along x and y in pass `k` than in the first, less than the
+    /// sections' `pitch` and a multiple of `grain`, nm.
+    pub fn shift_nm(&self, k: u32, pitch: [i64; 2], grain: i64) -> [i64; 2] {
+        let shift = |pitch: i64| match self.shift {
+            Some(shift) => (i128::from(shift) * i128::from(k) % i128::from(pitch.max(1))) as i64,
+            None => (pitch as f64 * Self::share(k)) as i64,
+        };
+        pitch.map(|pitch| shift(pitch) / grain * grain)
+    }
+    /// By how much levels lie lower in pass `k` than in the first, nm.
+    pub fn level_shift_nm(&self, k: u32, depth: i64) -> f64 {
+        if self.shift == Some(0) { 0.0 } else { depth as f64 * Self::share(k) }
+    }
+    /// By how much the surface is lower in pass `k` than in the first, nm.
+    pub fn lowered_nm(&self, k: u32) -> i64 {
+        self.lower * i64::from(k)
+    }
+}
+
+/// Reads the text of a job file.
+///
+/// # Errors
+/// Where it cannot be read, is too large or is not UTF-8.
+pub fn read_text(path: &Path, from: &mut dyn Read) -> Result<String, Error> {
+    let place = || Place::file(path.display().to_string());
+    let mut bytes = Vec::new();
+    from.take(MAX_FILE + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|e| Diag::input("file-unreadable", format!("cannot read the job: {e}")).at(place()))?;
+    if bytes.len() as u64 > MAX_FILE {
+        let text = format!("cannot read the job: it has more than {MAX_FILE} bytes");
+        return Err(Diag::input("file-unreadable", text).at(place()).into());
+    }
+    let utf8 = String::from_utf8(bytes);
+    utf8.map_err(|_| Diag::input("job-utf8", "the job file is not UTF-8 text").at(place()).into())
+}
+
+impl Job {
+    /// Reads and resolves a job file.
+    ///
+    /// # Errors
+    /// Every fault of the file, each with its place.
+    pub fn load(path: &Path, overrides: &Overrides) -> Result<Self, Error> {
+        let bytes = diag::read_file(path, MAX_FILE)?;
+        Self::parse(path, &read_text(path, &mut bytes.as_slice())?, overrides)
+    }
+
+    /// Resolves the text of a job file that lies, or would lie, at `path`.
+    ///
+    /// # Errors
+    /// As [`Job::load`].
+    pub fn parse(path: &Path, text: &str, overrides: &Overrides) -> Result<Self, Error> {
+        let source: Arc<str> = text.into();
+        let file: JobFile = diag::from_toml(&path.display().to_string(), &source)?;
+        resolve(path, source, &file, overrides)
+    }
+
+    /// The job file as a place.
+    pub fn place(&self) -> Place {
+        Place::file(self.path.display().to_string())
+    }
+
+    /// The place of a key of the job file, such as `partition.section`; the file where it is not given.
+    pub fn place_of(&self, key: &str) -> Place {
+        Faults::new(&self.path, &self.source).place(key)
+    }
+
+    /// A path of the job file, relative to the job file's folder.
+    pub fn relative(&self, path: &Path) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(path)
+    }
+
+    /// The surface file, as it can be opened.
+    pub fn surface_path(&self) -> PathBuf {
+        self.relative(&self.surface.file)
+    }
+
+    /// The files that the job file names, as named there, each with what it is for. The same file may be named twice.
+    pub fn input_files(&self) -> Vec<(&'static str, &Path)> {
+        let drawings = self.drawings.iter().map(|file| ("texture", file.as_path()));
+        let machine = match &self.machine {
+            MachineInput::File(file) => Some(("machine", file.as_path())),
+            MachineInput::Profile(_) => None,
+        };
+        std::iter::once(("surface", self.surface.file.as_path())).chain(drawings).chain(machine).collect()
+    }
+
+    /// The same job with this method, in one pass and one set-up, without dose compensation. For comparing
+    /// ways of marking.
+    pub fn plain(&self, method: Method) -> Self {
+        let mut job = self.clone();
+        job.partition.method = method;
+        job.passes = Passes::default();
+        job.setups = None;
+        job.dose = None;
+        job
+    }
+
+    /// Distance of squares or circles, with whose rows sections keep step where they are to stay whole, nm.
+    pub fn figure_pitch_nm(&self) -> Option<i64> {
+        let pitch = |t: &texture::Request| t.kind.figure_pitch_mm().map(|p| (p * NM_PER_MM).round() as i64);
+        if self.partition.keep_whole > 0 { self.textures.iter().find_map(pitch) } else { None }
+    }
+
+    /// What is to be marked in pass `k`, from 0. Straight hatches turn, lines along contours move by a part of
+    /// their pitch; all else stays.
+    pub fn textures_of_pass(&self, k: u32) -> Vec<texture::Request> {
+        let turned = f64::from(k) * self.passes.rotate.as_rad();
+        let of_pass = |t: &texture::Request| {
+            let kind = t.kind.clone().of_pass(turned, Passes::share(k));
+            texture::Request { kind, ..t.clone() }
+        };
+        self.textures.iter().map(of_pass).collect()
+    }
+
+    /// The machine that the job names.
+    ///
+    /// # Errors
+    /// Faults of the machine file; `machine-unknown`, pointing at the name.
+    pub fn machine(&self) -> Result<Machine, Error> {
+        match &self.machine {
+            MachineInput::File(file) => Machine::load(&self.relative(file)),
+            MachineInput::Profile(name) => Machine::built_in(name).map_err(|e| {
+                let place = self.place_of("machine.profile");
+                let at = |d: &Diag| if d.code == "machine-unknown" { d.clone().at(place.clone()) } else { d.clone() };
+                Error::many(e.diags().iter().map(at).collect())
+            }),
+        }
+    }
+}

@@ -1,0 +1,388 @@
+//! From fragments to a program: gathered by stop, focal planes set, stops and strokes ordered, all laid
+//! out flat.
+
+use rayon::prelude::*;
+
+use super::dose;
+use super::setups::Setups;
+use super::start::Start;
+use crate::geom::{Box2, P2};
+use crate::job::{Level, StopOrder, StrokeOrder};
+use crate::machine::Machine;
+use crate::order;
+use crate::order::clearance::Clearance;
+use crate::order::stops::Climb;
+use crate::order::strokes::{Path, Visit};
+use crate::partition::{Lattice, Stops};
+use crate::program::{Block, Program, Stop, Stroke};
+use crate::record::Slope;
+use crate::split::{Fragment, Fragments};
+
+/// A program in order, and how far its marks lie from their focal planes at most, nm.
+pub(super) struct Assembly {
+    pub(super) program: Program,
+    pub(super) setups: Setups,
+    pub(super) worst_defocus: i64,
+    /// The same with the mean height as focal plane.
+    pub(super) worst_defocus_mean: i64,
+    /// Slope under the marks of every block.
+    pub(super) slopes: Vec<Slope>,
+}
+
+/// How focal planes are set and strokes ordered.
+#[derive(Clone, Copy)]
+pub(super) struct How {
+    pub(super) level: Level,
+    pub(super) strokes: StrokeOrder,
+    pub(super) lattice: Lattice,
+}
+
+/// The stage as a pass finds it.
+pub(super) struct Stage<'a> {
+    pub(super) machine: &'a Machine,
+    pub(super) clearance: &'a Clearance,
+    pub(super) start: &'a Start,
+    /// Where the part's origin lies, nm.
+    pub(super) origin: [i64; 3],
+    pub(super) climb: StopOrder,
+}
+
+/// A stop that is used: its place among the stops of the method, its focal plane set, and the lowest and highest
+/// mark, nm.
+struct Placed {
+    index: usize,
+    stop: Stop,
+    z: [i64; 2],
+}
+
+/// Gathers fragments by stop, orders stops and strokes, and lays the program out flat. `setups` finds those of
+/// the stops' centres where the passes before have not.
+pub(super) fn assemble(
+    stops: &Stops,
+    parts: &[Fragments],
+    pens: &dose::Pens,
+    stage: &Stage<'_>,
+    how: How,
+    setups: &dyn Fn(&[P2]) -> Setups,
+) -> Assembly {
+    let members = Members::new(parts, stops.stops.len());
+    let (heights, slopes) = measure(parts, stops.stops.len(), pens);
+    let mut worst = [0i64; 2];
+    let used = (0..stops.stops.len()).filter(|&i| !members.of(i).is_empty());
+    let placed: Vec<Placed> = used
+        .map(|index| {
+            let h = &heights[index];
+            let z = [h.lo.round() as i64, h.hi.round() as i64];
+            let (focus, mean) = focus(&how, z, h.mean());
+            let off = |at: i64| (z[1] - at).max(at - z[0]);
+            worst = [worst[0].max(off(focus)), worst[1].max(off(mean))];
+            Placed { index, stop: Stop { focus, ..stops.stops[index].clone() }, z }
+        })
+        .collect();
+    let centres: Vec<P2> = placed.iter().map(|p| p.stop.centre).collect();
+    let setups = stage.start.setups.clone().unwrap_or_else(|| setups(&centres));
+    let cells: Vec<usize> = centres.iter().map(|&c| setups.cell(c)).collect();
+    let target = |(p, &cell): (&Placed, &usize)| {
+        let Stop { centre, focus, .. } = p.stop;
+        stage.machine.stage_from_part([centre.x, centre.y, focus], setups.origin(cell, stage.origin))
+    };
+    let targets: Vec<[i64; 3]> = placed.iter().zip(&cells).map(target).collect();
+    let in_order = |p: &Placed| members.ordered(parts, p.index, how.strokes);
+    let (tour, orders): (_, Vec<Vec<Visit>>) =
+        rayon::join(|| stage.tours(&placed, &targets, &cells), || placed.par_iter().map(in_order).collect());
+    let mut program = Program { pens: pens.list.clone(), ..Program::default() };
+    program.strokes.reserve_exact(members.list.len());
+    program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
+    program.blocks.reserve_exact(tour.len());
+    for &t in &tour {
+        let Placed { index, stop, z } = &placed[t];
+        let first_stroke = program.strokes.len();
+        let list = members.of(*index);
+        orders[t].iter().for_each(|visit| lay(&mut program, parts, list[visit.stroke as usize], *visit, pens));
+        let setup = cells[t] as u32;
+        let before = stage.start.before.as_ref().map(|(stop, setup)| (stop, *setup));
+        let last = program.blocks.last().map(|b| (&b.stop, b.setup)).or(before);
+        let retract = last.is_some_and(|(last, before)| before != setup || stage.lifts(last, stop));
+        program.blocks.push(Block {
+            pass: stage.start.pass,
+            setup,
+            stage: targets[t],
+            retract,
+            z_lo: z[0],
+            z_hi: z[1],
+            strokes: first_stroke..program.strokes.len(),
+            stop: stop.clone(),
+        });
+    }
+    let slopes = tour.iter().map(|&t| slopes[placed[t].index]).collect();
+    Assembly { program, setups, worst_defocus: worst[0], worst_defocus_mean: worst[1], slopes }
+}
+
+/// Heights of one block's marks, nm.
+#[derive(Clone, Copy)]
+struct Heights {
+    lo: f64,
+    hi: f64,
+    /// Integral of the height over the length.
+    z_length: f64,
+    length: f64,
+}
+
+impl Heights {
+    const NONE: Self = Self { lo: f64::INFINITY, hi: f64::NEG_INFINITY, z_length: 0.0, length: 0.0 };
+
+    fn add(&mut self, f: &Fragment) {
+        self.lo = self.lo.min(f.z[0]);
+        self.hi = self.hi.max(f.z[1]);
+        self.z_length += f.z_length;
+        self.length += f.length;
+    }
+
+    fn mean(&self) -> f64 {
+        if self.length > 0.0 {
+            (self.z_length / self.length).clamp(self.lo, self.hi)
+        } else {
+            (self.lo + self.hi) / 2.0
+        }
+    }
+}
+
+/// Heights and slopes under the marks of every stop.
+fn measure(parts: &[Fragments], stops: usize, pens: &dose::Pens) -> (Vec<Heights>, Vec<Slope>) {
+    let (mut heights, mut slopes) = (vec![Heights::NONE; stops], vec![Slope::default(); stops]);
+    for f in parts.iter().flat_map(|p| &p.list) {
+        heights[f.stop as usize].add(f);
+        slopes[f.stop as usize].add(f.length, dose::mean_cos(f), f.slope2, pens.gain(f));
+    }
+    (heights, slopes)
+}
+
+/// The fragments of every stop, in the order in which they were cut: chunk and index in it.
+pub(super) struct Members {
+    starts: Vec<usize>,
+    list: Vec<(u32, u32)>,
+}
+
+impl Members {
+    pub(super) fn new(parts: &[Fragments], stops: usize) -> Self {
+        let mut starts = vec![0usize; stops + 1];
+        parts.iter().flat_map(|p| &p.list).for_each(|f| starts[f.stop as usize + 1] += 1);
+        for i in 0..stops {
+            starts[i + 1] += starts[i];
+        }
+        let mut list = vec![(0u32, 0u32); starts[stops]];
+        let mut next = starts.clone();
+        for (part, fragments) in parts.iter().enumerate() {
+            for (i, f) in fragments.list.iter().enumerate() {
+                list[next[f.stop as usize]] = (part as u32, i as u32);
+                next[f.stop as usize] += 1;
+            }
+        }
+        Self { starts, list }
+    }
+
+    pub(super) fn of(&self, stop: usize) -> &[(u32, u32)] {
+        &self.list[self.starts[stop]..self.starts[stop + 1]]
+    }
+
+    /// The order in which the fragments of a stop are marked.
+    pub(super) fn ordered(&self, parts: &[Fragments], stop: usize, order: StrokeOrder) -> Vec<Visit> {
+        let members = self.of(stop);
+        let path = |&m: &(u32, u32)| {
+            let (f, points) = fragment(parts, m);
+            Path { points, is_closed: f.is_figure }
+        };
+        match order {
+            StrokeOrder::Shortest => order::strokes::order(&members.iter().map(path).collect::<Vec<_>>()),
+            StrokeOrder::Drawing => order::strokes::as_drawn(members.len()),
+        }
+    }
+}
+
+/// A fragment and its points.
+fn fragment(parts: &[Fragments], (part, i): (u32, u32)) -> (&Fragment, &[[i32; 2]]) {
+    let part = &parts[part as usize];
+    let f = &part.list[i as usize];
+    (f, &part.points[f.first as usize..(f.first + f.len) as usize])
+}
+
+/// The fragments of some members.
+pub(super) fn segments<'a>(parts: &'a [Fragments], members: &'a [(u32, u32)]) -> impl Iterator<Item = &'a Fragment> {
+    members.iter().map(|&m| fragment(parts, m).0)
+}
+
+/// Appends a fragment as a stroke.
+pub(super) fn lay(program: &mut Program, parts: &[Fragments], member: (u32, u32), visit: Visit, pens: &dose::Pens) {
+    let Visit { start, reversed, .. } = visit;
+    let (f, points) = fragment(parts, member);
+    let first = program.points.len();
+    if reversed {
+        program.points.extend(points.iter().rev());
+    } else {
+        // A closed stroke is turned so that it begins and ends at its start.
+        program.points.extend_from_slice(&points[start as usize..]);
+        program.points.extend_from_slice(&points[1..][..start as usize]);
+    }
+    program.strokes.push(Stroke {
+        source: f.source,
+        segment: f.segment + start,
+        reversed,
+        pen: pens.of(f),
+        first: u32::try_from(first).expect("memory holds fewer than 2^32 points"),
+        len: f.len,
+    });
+}
+
+/// The focal plane of a block whose marks lie between `z` and have the mean height `mean`, and the
+/// plane that the mean alone would give; both on the lattice.
+fn focus(how: &How, z: [i64; 2], mean: f64) -> (i64, i64) {
+    let lattice = &how.lattice;
+    let nearest = |at: f64| lattice.floor(at + lattice.step as f64 / 2.0);
+    let mean = nearest(mean);
+    if how.level == Level::Mean {
+        return (mean, mean);
+    }
+    // The middle, moved where rounding it to the lattice would cost more than half the depth range.
+    let mut mid = nearest((z[0] + z[1]) as f64 / 2.0);
+    if z[1] - mid > lattice.depth / 2 {
+        mid += lattice.step;
+    } else if mid - z[0] > lattice.depth / 2 {
+        mid -= lattice.step;
+    }
+    (mid, mean)
+}
+
+impl Stage<'_> {
+    /// The order in which the stage visits the stops: set-up after set-up, backwards in every other pass.
+    fn tours(&self, placed: &[Placed], targets: &[[i64; 3]], cells: &[usize]) -> Vec<usize> {
+        let all: Vec<&Placed> = placed.iter().collect();
+        let mut used = cells.to_vec();
+        used.sort_unstable();
+        used.dedup();
+        if used.len() <= 1 {
+            return self.tour(&all, targets, self.start.from);
+        }
+        if self.start.pass % 2 == 1 {
+            used.reverse();
+        }
+        let mut from = self.start.from;
+        let mut order = Vec::with_capacity(placed.len());
+        for cell in used {
+            let members: Vec<usize> = (0..placed.len()).filter(|&i| cells[i] == cell).collect();
+            let stops: Vec<&Placed> = members.iter().map(|&i| &placed[i]).collect();
+            let at: Vec<[i64; 3]> = members.iter().map(|&i| targets[i]).collect();
+            order.extend(self.tour(&stops, &at, from).into_iter().map(|i| members[i]));
+            from = order.last().map_or(from, |&i| [targets[i][0], targets[i][1], self.machine.retract_z()]);
+        }
+        order
+    }
+
+    /// The order in which the stage visits stops of one set-up.
+    fn tour(&self, placed: &[&Placed], targets: &[[i64; 3]], from: [i64; 3]) -> Vec<usize> {
+        if placed.is_empty() {
+            return Vec::new();
+        }
+        // Most parts are so flat that the head never needs to lift.
+        let mut area = Box2::EMPTY;
+        placed.iter().for_each(|p| area.add(p.stop.centre));
+        let lowest = self.clearance.lowest_focus(area.lo, area.hi) + self.start.lowered;
+        if placed.iter().any(|p| p.stop.tilt != [0; 2]) {
+            return self.tilted_tour(targets, placed);
+        }
+        let lifts = |a: usize, b: usize| placed[a].stop.focus < lowest && self.lifts(&placed[a].stop, &placed[b].stop);
+        let is_low = placed.iter().any(|p| p.stop.focus < lowest);
+        let stage = order::stops::Stage { machine: self.machine, from, lifts: is_low.then_some(&lifts) };
+        order::stops::tour(targets, &stage, self.climb(), order::stops::EFFORT)
+    }
+
+    fn climb(&self) -> Climb {
+        match self.climb {
+            StopOrder::Time => Climb::Free,
+            StopOrder::ZUp => Climb::Up,
+            StopOrder::ZDown => Climb::Down,
+        }
+    }
+
+    /// The tour of tilted stops: levels of one place and tilt follow each other, alternately up and down, since
+    /// every other move turns the part.
+    fn tilted_tour(&self, targets: &[[i64; 3]], placed: &[&Placed]) -> Vec<usize> {
+        let stage = order::stops::Stage { machine: self.machine, from: self.start.from, lifts: None };
+        if self.climb() != Climb::Free {
+            return order::stops::tour(targets, &stage, self.climb(), order::stops::EFFORT);
+        }
+        let mut columns: Vec<usize> = (0..placed.len()).collect();
+        let key = |i: usize| (placed[i].stop.centre, placed[i].stop.tilt);
+        columns.sort_by_key(|&i| (key(i), targets[i][2]));
+        let columns: Vec<&[usize]> = columns.chunk_by(|&a, &b| key(a) == key(b)).collect();
+        let middle: Vec<[i64; 3]> = columns.iter().map(|c| targets[c[c.len() / 2]]).collect();
+        let mut z = stage.from[2];
+        let mut order = Vec::with_capacity(placed.len());
+        for c in order::stops::tour(&middle, &stage, Climb::Free, order::stops::EFFORT) {
+            let column = columns[c];
+            let [low, high] = [column[0], column[column.len() - 1]].map(|i| targets[i][2]);
+            if (high - z).abs() < (low - z).abs() {
+                order.extend(column.iter().rev());
+                z = low;
+            } else {
+                order.extend(column);
+                z = high;
+            }
+        }
+        order
+    }
+
+    /// Whether the stage must lift between two stops.
+    fn lifts(&self, a: &Stop, b: &Stop) -> bool {
+        if a.tilt == b.tilt {
+            return a.centre != b.centre && a.focus - self.start.lowered < self.lowest_over(a, b);
+        }
+        let turn = |u: i64, v: i64| self.machine.turn([u, v], self.origin);
+        let [[a0, a1], [b0, b1]] = [a.tilt, b.tilt];
+        a.focus - self.start.lowered
+            < self.clearance.lowest_swing([turn(a0, a1), turn(b0, a1), turn(a0, b1), turn(b0, b1)])
+    }
+
+    /// The lowest focal plane at which the stage may go straight from one stop to another of the same tilt.
+    fn lowest_over(&self, a: &Stop, b: &Stop) -> i64 {
+        if a.tilt == [0; 2] {
+            return self.clearance.lowest_focus(a.centre, b.centre);
+        }
+        let turn = self.machine.turn(a.tilt, self.origin);
+        self.clearance.lowest_swing([turn; 4])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn how(level: Level) -> How {
+        let lattice = Lattice { depth: 70_000, step: 1_000, offset: 0, hysteresis: 0 };
+        How { level, strokes: StrokeOrder::Shortest, lattice }
+    }
+
+    #[test]
+    fn focus_mid_keeps_both_ends_within_half_the_depth_range() {
+        for lo in (-3_000..3_000).step_by(130) {
+            let z = [lo, lo + 70_000];
+            let (mid, mean) = focus(&how(Level::Mid), z, lo as f64 + 10_000.0);
+            // Rounding to the lattice may cost half a step where the marks fill the whole range.
+            assert!((z[1] - mid).max(mid - z[0]) <= 35_000 + 500, "{z:?}: {mid}");
+            assert_eq!(mid % 1_000, 0);
+            assert_eq!(focus(&how(Level::Mean), z, lo as f64 + 10_000.0), (mean, mean));
+        }
+    }
+
+    #[test]
+    fn members_lists_every_fragment_once_at_its_stop() {
+        let fragment = |stop: u32| Fragment { stop, ..Fragment::default() };
+        let part =
+            |stops: &[u32]| Fragments { list: stops.iter().map(|&s| fragment(s)).collect(), ..Default::default() };
+        let parts = [part(&[2, 0, 2]), part(&[0, 2])];
+        let members = Members::new(&parts, 4);
+        assert_eq!(members.of(0), [(0, 1), (1, 0)]);
+        assert_eq!(members.of(1), []);
+        assert_eq!(members.of(2), [(0, 0), (0, 2), (1, 1)]);
+        assert_eq!(members.of(3), []);
+    }
+}

@@ -1,0 +1,109 @@
+//! The methods of partition that a job is planned by, and the stops of each.
+
+use super::grid::Grid;
+use super::sweep::Sweep;
+use super::tilt;
+use crate::diag::{Diag, Error};
+use crate::job::{Job, Method, Objective};
+use crate::machine::Machine;
+use crate::motion;
+use crate::partition::{self, Fine, Stops};
+use crate::trace::Footprint;
+
+/// The methods that a job asks for and the machine can run.
+///
+/// # Errors
+/// `tilt-missing`.
+pub(super) fn methods(job: &Job, machine: &Machine) -> Result<Vec<Method>, Error> {
+    match job.partition.method {
+        Method::Auto => {
+            let may_tilt = machine.tilt.is_some() && job.setups.is_none();
+            let tilt = may_tilt.then_some(Method::Tilt);
+            Ok([Method::Contour, Method::ZRange, Method::Window].into_iter().chain(tilt).collect())
+        }
+        Method::Tilt if machine.tilt.is_none() => {
+            let text = "partition.method = \"tilt\" needs a machine with a tilt table";
+            let hint = "describe the table under [tilt] in the machine file, or use another method";
+            Err(Diag::limit("tilt-missing", text).at(job.place_of("partition.method")).hint(hint).into())
+        }
+        one => Ok(vec![one]),
+    }
+}
+
+/// What stops are chosen from.
+pub(super) struct Site<'a> {
+    pub(super) sweep: Sweep<'a>,
+    pub(super) machine: &'a Machine,
+    pub(super) grid: &'a Grid,
+    pub(super) footprint: &'a Footprint,
+    /// What two stops may both mark at a cut, nm.
+    pub(super) overlap: i64,
+    /// The pass, from 0.
+    pub(super) pass: u32,
+}
+
+impl Site<'_> {
+    /// The stops of a method; None where it cannot be used on this job.
+    pub(super) fn divide(&self, method: Method) -> Option<Stops> {
+        match method {
+            Method::Contour => Some(self.on_sections(partition::Method::Contour)),
+            Method::ZRange | Method::Auto => Some(self.on_sections(partition::Method::ZRange)),
+            Method::Tilt => Some(tilt::divide(self.sweep, self.machine, self.grid)),
+            Method::Window => self.free_windows(),
+        }
+    }
+
+    fn on_sections(&self, method: partition::Method) -> Stops {
+        let Grid { sections, window, lattice, .. } = self.grid;
+        partition::divide(method, self.footprint, sections, *window, lattice)
+    }
+
+    fn free_windows(&self) -> Option<Stops> {
+        let Grid { sections, window, lattice, keep, .. } = self.grid;
+        let (lowest, _) = self.footprint.range()?;
+        let fine = Fine::over(sections, *window, lattice, lowest)?;
+        // Other passes begin in other corners.
+        let flips = [1, 2, 1].map(|bit| self.pass & bit != 0);
+        let cells = self.sweep.cells(&fine, *keep);
+        let free = partition::free(cells, &fine, sections, *window, lattice, self.overlap, flips);
+        // Where fields fit the texture exactly, their grid can be the better choice of windows.
+        let grid = self.on_sections(partition::Method::ZRange);
+        Some(if keep.0 == 0 && grid.stops.len() < free.stops.len() { grid } else { free })
+    }
+
+    /// The stops of each of `methods`, those left out that cannot be used or cannot win.
+    ///
+    /// # Errors
+    /// `window-wide`.
+    pub(super) fn stops(&self, methods: &[Method], objective: Objective) -> Result<Vec<(Method, Stops)>, Error> {
+        let mut found: Vec<(Method, Stops)> = Vec::new();
+        for &method in methods {
+            let hopeless = method == Method::Window
+                && objective == Objective::Time
+                && found.last().is_some_and(|(_, grid)| self.windows_cannot_win(grid));
+            if !hopeless {
+                found.extend(self.divide(method).map(|stops| (method, stops)));
+            }
+        }
+        if found.is_empty() {
+            let text = "the texture's box is too wide for free windows of this field";
+            return Err(Diag::limit("window-wide", text).hint("use partition.method = \"z-range\"").into());
+        }
+        Ok(found)
+    }
+
+    /// Whether `auto` may leave free windows out, whose search takes seconds: even with six tenths of the stops
+    /// of the grid, fewer than they need on any surface with a dense texture, they would lose, because nearly
+    /// all moves of a grid are moves of z alone.
+    fn windows_cannot_win(&self, grid: &Stops) -> bool {
+        let [w, h] = self.grid.window;
+        let time = |to: [i64; 3]| {
+            let moved = motion::stage_move(self.machine, [0; 3], to, None);
+            moved.travel_s + moved.settle_s
+        };
+        let (xy, z) = (time([w, h, 0]), time([0, 0, self.grid.lattice.depth]));
+        let sections = (0..self.grid.sections.len()).filter(|&i| self.footprint.is_used(i)).count() as f64;
+        let stops = grid.stops.len() as f64;
+        0.6 * stops * time([w / 2, h / 2, 0]) > sections * xy + (stops - sections) * z
+    }
+}

@@ -1,0 +1,193 @@
+//! The grid of a pass: sections in the plane, the lattice of focal planes along z, and where the part lies.
+//!
+//! Consumes partition, placement and passes of the job, the machine, and the texture's box. [`Layout`] is
+//! what follows from these alone; [`Grid`] is what heights of the marks complete it to. Units: nm.
+
+use super::start::Start;
+use crate::diag::{Diag, Error};
+use crate::geom::{Box2, P2, mm_from_nm};
+use crate::job::{Job, Partition};
+use crate::machine::Machine;
+use crate::partition::Lattice;
+use crate::program::Sections;
+use crate::trace::{Footprint, Keep};
+
+/// Sections of a pass and what stops over them accept in the plane.
+pub(super) struct Layout {
+    pub(super) sections: Sections,
+    /// Window of a stop, at least the pitch of the sections.
+    pub(super) window: [i64; 2],
+    /// What is to stay whole.
+    pub(super) keep: Keep,
+    /// Where the part's origin lies; z is 0 where it waits for the heights of the marks.
+    origin: [i64; 3],
+    is_placed: bool,
+}
+
+/// Where stops may stand.
+#[derive(Clone)]
+pub(super) struct Grid {
+    pub(super) sections: Sections,
+    /// Window of a stop, at least the pitch of the sections.
+    pub(super) window: [i64; 2],
+    /// Heights of focal planes.
+    pub(super) lattice: Lattice,
+    /// Where the part's origin lies in the table frame; lowered with the surface in later passes.
+    pub(super) origin: [i64; 3],
+    /// What is to stay whole.
+    pub(super) keep: Keep,
+}
+
+impl Layout {
+    /// # Errors
+    /// `section-large`, `section-small`, `zone-large`, `overlap-large`, `sections-many`.
+    pub(super) fn new(job: &Job, machine: &Machine, area: Box2, start: &Start) -> Result<Self, Error> {
+        const MAX_SECTIONS: usize = 4_000_000;
+        let step = machine.increment_nm();
+        let field = machine.usable_field();
+        let partition = &job.partition;
+        check(job, field)?;
+        let keep = Keep(partition.keep_whole.min(field[0]).min(field[1]));
+        let even = |v: i64| v / (2 * step) * (2 * step);
+        // Windows reach over each other by a little more than the overlap, so that rounding takes nothing of it.
+        let reach = if partition.overlap > 0 { even(partition.overlap) + 2 * step } else { 0 };
+        let mut pitch = field.map(|f| even(partition.section.unwrap_or(f - partition.zone - reach)));
+        if pitch.contains(&0) {
+            return Err(Diag::limit("section-small", "a section is smaller than the stage increment").into());
+        }
+        // What is to stay whole, or is cut at random, may reach beyond its section as far as the field does.
+        let wide = keep.0 > 0 || partition.zone > 0;
+        let window = if wide { field.map(even) } else { [0, 1].map(|k| (pitch[k] + reach).min(even(field[k]))) };
+        if keep.0 > 0 && partition.section.is_none() {
+            pitch = in_step(job, area, pitch, step);
+        }
+        let placed = start.origin.or(job.placement.origin);
+        let origin = placed.unwrap_or_else(|| default_origin(machine, area, pitch));
+        let [dx, dy] = job.passes.shift_nm(start.pass, pitch, job.figure_pitch_nm().unwrap_or(1));
+        let over = Box2 { lo: P2::new(area.lo.x - dx, area.lo.y - dy), hi: area.hi };
+        let sections = Sections::over(over, pitch, step, [origin[0], origin[1]]);
+        if sections.count.iter().map(|&c| c as usize).product::<usize>() > MAX_SECTIONS {
+            let text = format!("the texture would need {} x {} sections", sections.count[0], sections.count[1]);
+            return Err(Diag::limit("sections-many", text).hint("use a larger field or a smaller area").into());
+        }
+        Ok(Self { sections, window, keep, origin, is_placed: placed.is_some() })
+    }
+
+    /// The grid for marks of these heights, and the heights that its levels must hold: widened so that overlaps
+    /// lie in two levels, moved so that the levels of later passes lie elsewhere.
+    ///
+    /// # Errors
+    /// `job-empty`, `depth-small`.
+    pub(super) fn levels(
+        self,
+        job: &Job,
+        machine: &Machine,
+        footprint: Footprint,
+        pass: u32,
+    ) -> Result<(Grid, Footprint), Error> {
+        let Self { sections, window, keep, mut origin, is_placed } = self;
+        let step = machine.increment_nm();
+        let Some((lo, hi)) = footprint.range() else {
+            return Err(Diag::limit(
+                "job-empty",
+                "nothing would be marked: no texture lies on the part where it may be marked",
+            )
+            .at(job.place())
+            .hint("compare the texture's area and origin with the part's box (`terrace inspect`)")
+            .into());
+        };
+        if !is_placed {
+            origin[2] = machine.centre_of_travel()[2] - ((lo + hi) / 2.0) as i64;
+            origin[2] -= (lo.floor() as i64 + origin[2]).rem_euclid(step);
+        }
+        let Some(lattice) = Lattice::new(job.focus.depth, step, origin[2]) else {
+            let text = format!("a depth range of {} mm is below two stage increments", mm_from_nm(job.focus.depth));
+            return Err(Diag::limit("depth-small", text)
+                .hint("enlarge focus.pdof, or state a finer stage.increment")
+                .into());
+        };
+        let Partition { overlap, hysteresis, .. } = job.partition;
+        let hysteresis = hysteresis.map_or_else(|| footprint.roughness(), |h| h as f64);
+        // A stretch as long as the overlap, on the steepest slope that matters, lies in two levels.
+        let half_climb = overlap as f64 / 2.0 * footprint.slope();
+        let lattice = lattice.with_hysteresis(hysteresis.max(half_climb));
+        let footprint =
+            if overlap > 0 { footprint.widened(half_climb.min(lattice.depth as f64 / 4.0)) } else { footprint };
+        let footprint = footprint.deepened(job.passes.level_shift_nm(pass, lattice.depth));
+        Ok((Grid { sections, window, lattice, origin, keep }, footprint))
+    }
+}
+
+impl Grid {
+    /// Refuses what would need more stops than anyone marks, before they are made.
+    ///
+    /// # Errors
+    /// `stops-many`.
+    pub(super) fn most_stops(&self, footprint: &Footprint) -> Result<(), Error> {
+        const MAX_STOPS: f64 = 1e6;
+        let intervals = (0..self.sections.len()).flat_map(|i| footprint.of_section(i));
+        let levels: f64 = intervals.map(|(lo, hi)| (hi - lo) / self.lattice.depth as f64).sum();
+        if levels <= MAX_STOPS {
+            return Ok(());
+        }
+        let text = format!("the texture would need more than {:.1} million stops", levels / 1e6);
+        Err(Diag::limit("stops-many", text)
+            .hint("check focus.pdof and its unit; or mark a smaller or flatter area")
+            .into())
+    }
+}
+
+/// Holds the lengths of `[partition]` to the field.
+fn check(job: &Job, field: [i64; 2]) -> Result<(), Error> {
+    let Partition { section, zone, overlap, .. } = job.partition;
+    let refuse = |code, key: &str, text: String, hint: &str| {
+        Err(Diag::limit(code, text).at(job.place_of(key)).hint(hint).into())
+    };
+    if let Some(section) = section
+        && field.iter().any(|&f| section > f)
+    {
+        let text = format!("partition.section {} mm is larger than the usable field", mm_from_nm(section));
+        return refuse("section-large", "partition.section", text, "leave it out, or make it smaller");
+    }
+    if field.iter().any(|&f| zone >= f / 2) {
+        let text = "partition.zone is half the usable field or more".into();
+        return refuse("zone-large", "partition.zone", text, "make it smaller; 0.2 mm is usual");
+    }
+    if field.iter().any(|&f| overlap >= f / 4) {
+        let text = "partition.overlap is a quarter of the usable field or more".into();
+        return refuse("overlap-large", "partition.overlap", text, "make it smaller; 0.05 mm is usual");
+    }
+    if let Some(section) = section
+        && overlap > 0
+        && field.iter().any(|&f| section + overlap > f)
+    {
+        let text = "partition.section and partition.overlap together are larger than the usable field".into();
+        return refuse("overlap-large", "partition.overlap", text, "make the sections smaller by it");
+    }
+    Ok(())
+}
+
+/// The centre of the texture at the centre of travel, shifted by less than an increment so that sections that
+/// start at the texture's corner have centres where the stage can stand; z is left 0.
+pub(super) fn default_origin(machine: &Machine, area: Box2, pitch: [i64; 2]) -> [i64; 3] {
+    let step = machine.increment_nm();
+    let centre = machine.centre_of_travel();
+    let along = |axis: usize, lo: i64, hi: i64| {
+        let origin = centre[axis] - (lo + hi) / 2;
+        origin - (lo + pitch[axis] / 2 + origin).rem_euclid(step)
+    };
+    [along(0, area.lo.x, area.hi.x), along(1, area.lo.y, area.hi.y), 0]
+}
+
+/// The pitch of sections made a multiple of the pitch of figures that are to stay whole, so that none lies
+/// across a border, where that needs no more sections.
+fn in_step(job: &Job, area: Box2, pitch: [i64; 2], step: i64) -> [i64; 2] {
+    let Some(own) = job.figure_pitch_nm() else { return pitch };
+    let size = area.size();
+    [0, 1].map(|k| {
+        let stepped = pitch[k] / own * own;
+        let count = |pitch: i64| (size[k] + pitch - 1) / pitch;
+        let fits = stepped > 0 && stepped % (2 * step) == 0 && count(stepped) == count(pitch[k]);
+        if fits { stepped } else { pitch[k] }
+    })
+}

@@ -1,0 +1,117 @@
+//! Planning: from a job and its inputs to a checked program.
+//!
+//! [`Inputs::load`] opens every input file once. [`plan`] then makes a [`SteppedPlan`] or an
+//! [`OnTheFlyPlan`] of them, by the job's mode. Both are chains of values: every function takes what it
+//! needs and answers with something new; `stepped` and `on_the_fly` alone know the order of the steps.
+//!
+//! Threads are used in `sweep` and `split`: work is cut into chunks whose number does not depend on the
+//! number of threads, and results are joined in the order of the chunks, so threads never change a byte.
+
+mod assemble;
+mod bound;
+mod candidates;
+mod dose;
+mod grid;
+mod inputs;
+mod on_the_fly;
+pub mod orient;
+mod setups;
+mod split;
+mod start;
+mod stepped;
+pub mod strokes;
+mod summary;
+mod sweep;
+mod tilt;
+mod times;
+mod warnings;
+
+use std::path::{Path, PathBuf};
+
+pub use inputs::Inputs;
+pub use on_the_fly::OnTheFlyPlan;
+pub use stepped::{Draft, Pass, SteppedPlan};
+
+use crate::diag::{Diag, Error};
+use crate::job::{Job, Mode};
+use crate::machine::Machine;
+
+/// Stations of a compilation, in order, for progress displays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Station {
+    /// Reading surface and texture.
+    Read,
+    /// Where the texture touches the surface.
+    Footprint,
+    /// Cutting strokes.
+    Split,
+    /// Ordering strokes and stops.
+    Order,
+    /// Writing the folder.
+    Write,
+}
+
+/// Told of every station as it begins.
+pub type Progress<'a> = &'a (dyn Fn(Station) + Sync);
+
+/// A job that was planned and checked, not yet written.
+#[derive(Debug)]
+pub enum Plan {
+    /// The stage steps from stop to stop.
+    Stepped(Box<SteppedPlan>),
+    /// The galvo marks while the stage moves.
+    OnTheFly(Box<OnTheFlyPlan>),
+}
+
+impl Plan {
+    /// The job.
+    pub fn job(&self) -> &Job {
+        match self {
+            Self::Stepped(plan) => &plan.job,
+            Self::OnTheFly(plan) => &plan.job,
+        }
+    }
+    /// Its machine.
+    pub fn machine(&self) -> &Machine {
+        match self {
+            Self::Stepped(plan) => &plan.machine,
+            Self::OnTheFly(plan) => &plan.machine,
+        }
+    }
+    /// The plan of a stepped job; None of an on-the-fly one.
+    pub fn stepped(&self) -> Option<&SteppedPlan> {
+        match self {
+            Self::Stepped(plan) => Some(plan),
+            Self::OnTheFly(_) => None,
+        }
+    }
+    /// What the user should know.
+    pub fn warnings(&self) -> &[Diag] {
+        match self {
+            Self::Stepped(plan) => &plan.warnings,
+            Self::OnTheFly(plan) => &plan.warnings,
+        }
+    }
+}
+
+/// Reads the inputs of a job and plans it by its mode.
+///
+/// # Errors
+/// Faults of the inputs; limits of the machine that the job breaks.
+pub fn plan(job: Job, progress: Progress<'_>) -> Result<Plan, Error> {
+    progress(Station::Read);
+    let inputs = Inputs::load(&job)?;
+    match job.mode {
+        Mode::Stepped => stepped::plan(job, inputs, progress).map(|p| Plan::Stepped(Box::new(p))),
+        Mode::OnTheFly => on_the_fly::plan(job, inputs, progress).map(|p| Plan::OnTheFly(Box::new(p))),
+    }
+}
+
+/// Folder of a job file's outputs: `hood.toml` makes `hood.job` beside it, or `hood.fly.job` of an
+/// on-the-fly job, so that neither replaces the other.
+pub fn default_output(job: &Path, mode: Mode) -> PathBuf {
+    match mode {
+        Mode::Stepped => job.with_extension("job"),
+        Mode::OnTheFly => job.with_extension("fly.job"),
+    }
+}

@@ -1,0 +1,423 @@
+//! Planning a stepped job: pass by pass, candidate by candidate.
+//!
+//! Of every pass: sections, fill along contours, footprint, levels; the stops of each method; strokes cut
+//! between them; stops and strokes ordered. The best candidate of the first pass decides the method of all.
+//! Every other pass has its own texture (hatches turned, lines along contours moved), a grid of sections and
+//! levels that are shifted, and begins where the one before ended. The surface sinks by `passes.lower` from
+//! pass to pass: a pass is planned on the surface as it was, with the part's origin lowered instead, so that
+//! focal planes lie where the stage can stand; its heights are lowered in the end.
+
+use std::ops::Range;
+
+use super::assemble::{self, Assembly, Stage};
+use super::bound;
+use super::candidates::{Site, methods};
+use super::dose;
+use super::grid::{Grid, Layout};
+use super::inputs::Inputs;
+use super::setups::{self, Setups};
+use super::split::{Cuts, MAX_FRAGMENTS, MAX_POINTS, join, split, too_large};
+use super::start::Start;
+use super::summary;
+use super::sweep::Sweep;
+use super::times::times;
+use super::warnings;
+use super::{Progress, Station};
+use crate::check::{Checked, Limits};
+use crate::diag::{Diag, Error};
+use crate::fill;
+use crate::geom::Box2;
+use crate::job::{Job, Method, Objective};
+use crate::machine::Machine;
+use crate::map::Map;
+use crate::order::clearance::Clearance;
+use crate::partition::Stops;
+use crate::partition::bound::Certificate;
+use crate::program::{Block, Program, Sections};
+use crate::record::{self, Slope, Summary, Times};
+use crate::split::Fragments;
+use crate::texture::Texture;
+use crate::trace::{Footprint, Samples};
+
+/// A stepped job that was planned and checked, not yet written.
+#[derive(Debug)]
+pub struct SteppedPlan {
+    /// The job.
+    pub job: Job,
+    /// Its machine.
+    pub machine: Machine,
+    /// The program.
+    pub checked: Checked,
+    /// The passes, at least one.
+    pub passes: Vec<Pass>,
+    /// The figures; its warnings are those of the plan.
+    pub summary: Summary,
+    /// Time of every block: marks, jumps and delays, s.
+    pub block_times: Vec<f64>,
+    /// Slope under the marks of every block, against the beam.
+    pub slopes: Vec<Slope>,
+    /// Largest depth range of a block as used, nm.
+    pub depth: i64,
+    /// What the user should know.
+    pub warnings: Vec<Diag>,
+}
+
+/// One pass over the texture.
+#[derive(Debug)]
+pub struct Pass {
+    /// Its grid of sections.
+    pub sections: Sections,
+    /// Directions of what is filled along contours, by section, in hundredths of a degree; empty where nothing
+    /// is.
+    pub directions: Vec<u16>,
+    /// Which of its blocks owns which place; numbered from its first.
+    pub map: Map,
+    /// The box of its texture, turned part frame.
+    pub texture: Box2,
+    /// Why no partition of it has fewer stops than its lower bound; None where none is known.
+    pub bound: Option<Certificate>,
+    /// Its blocks in the program.
+    pub blocks: Range<usize>,
+}
+
+/// What one method gives.
+pub(super) struct Candidate {
+    pub(super) method: Method,
+    /// Blocks number the cells of their set-ups until `setups::numbered`.
+    pub(super) program: Program,
+    pub(super) setups: Setups,
+    pub(super) times: Times,
+    pub(super) block_times: Vec<f64>,
+    pub(super) slopes: Vec<Slope>,
+    pub(super) fragments: usize,
+    pub(super) split: Fragments,
+    pub(super) worst_defocus: i64,
+    pub(super) worst_defocus_mean: i64,
+}
+
+/// A program before the check: for measuring what no machine may run. [`Draft::checked`] makes a plan of it.
+pub struct Draft<'a> {
+    job: &'a Job,
+    machine: &'a Machine,
+    best: Candidate,
+    /// What was compared; empty where one method was asked for.
+    tried: Vec<record::Candidate>,
+    passes: Vec<Pass>,
+    /// The grid of the first pass.
+    grid: Grid,
+    clearance: Clearance,
+    /// Positions of the part's origin, by set-up.
+    origins: Vec<[i64; 3]>,
+    not_kept: Option<Diag>,
+}
+
+/// Plans a job on its own machine.
+///
+/// # Errors
+/// Limits of the machine that the job breaks, after the warnings of the inputs.
+pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<SteppedPlan, Error> {
+    let Inputs { warnings, .. } = &inputs;
+    let draft = Draft::new(&job, &inputs.machine, &inputs, progress);
+    let plan = draft.and_then(|draft| draft.checked(warnings.clone()));
+    plan.map_err(|e| e.after(warnings.clone()))
+}
+
+impl<'a> Draft<'a> {
+    /// Divides, cuts and orders all passes of a job for a machine, which need not be the job's own.
+    ///
+    /// # Errors
+    /// Limits of the machine that keep the job from being divided.
+    pub fn new(job: &'a Job, machine: &'a Machine, inputs: &Inputs, progress: Progress<'_>) -> Result<Self, Error> {
+        progress(Station::Footprint);
+        let clearance = Clearance::new(&inputs.surface.tiles(), machine);
+        let start = Start::first(machine);
+        let first = Ready::new(job, machine, inputs, inputs.texture.clone(), start)?;
+        let methods = methods(job, machine)?;
+        let found = first.site(job, machine, inputs).stops(&methods, job.partition.objective)?;
+        progress(Station::Split);
+        let stops: Vec<&Stops> = found.iter().map(|(_, stops)| stops).collect();
+        let cuts = Cuts::new(&job.partition, first.grid.keep, job.seed);
+        let parts = split(first.sweep(job, inputs), &stops, &job.pens, cuts)?;
+        progress(Station::Order);
+        let (mut tried, mut best): (Vec<record::Candidate>, Option<Candidate>) = (Vec::new(), None);
+        for ((method, stops), parts) in found.iter().zip(parts) {
+            let made = first.candidate(job, machine, &clearance, *method, stops, parts);
+            tried.push(made.listed());
+            if best.as_ref().is_none_or(|b| made.measure(job.partition.objective) < b.measure(job.partition.objective))
+            {
+                best = Some(made);
+            }
+        }
+        let Some(best) = best else { return Err(Diag::bug("no-candidate", "no method was tried").into()) };
+        if tried.len() == 1 {
+            tried.clear();
+        }
+        let not_kept = warnings::not_kept(&first.grid, &first.footprint, best.method, &best.split);
+        let mut draft = Self {
+            job,
+            machine,
+            best,
+            tried,
+            passes: Vec::new(),
+            grid: first.grid.clone(),
+            clearance,
+            origins: Vec::new(),
+            not_kept,
+        };
+        let blocks = 0..draft.best.program.blocks.len();
+        let pass = first.pass(machine, inputs, &draft.best, blocks);
+        draft.passes.push(pass);
+        let begin = Start::first(machine);
+        for number in 1..job.passes.count {
+            draft.add_pass(inputs, begin.after(&job.passes, &draft.grid, &draft.best, number))?;
+        }
+        draft.origins = setups::numbered(&draft.best.setups, &mut draft.best.program, draft.grid.origin);
+        Ok(draft)
+    }
+
+    /// Plans a further pass and appends it.
+    fn add_pass(&mut self, inputs: &Inputs, start: Start) -> Result<(), Error> {
+        let (job, machine) = (self.job, self.machine);
+        let lowered = start.lowered;
+        let texture = inputs.texture_of_pass(job, start.pass)?;
+        let ready = Ready::new(job, machine, inputs, texture, start)?;
+        let method = self.best.method;
+        let Some(stops) = ready.site(job, machine, inputs).divide(method) else {
+            return Err(Diag::bug("no-candidate", "a pass cannot be divided as the first was").into());
+        };
+        let cuts = Cuts::new(&job.partition, ready.grid.keep, job.seed);
+        let parts = split(ready.sweep(job, inputs), &[&stops], &job.pens, cuts)?.pop().unwrap_or_default();
+        let next = ready.candidate(job, machine, &self.clearance, method, &stops, parts);
+        let first = self.best.program.blocks.len();
+        let blocks = first..first + next.program.blocks.len();
+        if self.best.fragments + next.fragments > MAX_FRAGMENTS
+            || self.best.program.points.len() + next.program.points.len() > MAX_POINTS
+        {
+            return Err(too_large(&inputs.texture).into());
+        }
+        let pass = ready.pass(machine, inputs, &next, blocks);
+        self.passes.push(pass);
+        self.best.append(next, lowered);
+        Ok(())
+    }
+
+    /// The program, not yet checked.
+    pub fn program(&self) -> &Program {
+        &self.best.program
+    }
+    /// Its time.
+    pub fn times(&self) -> Times {
+        self.best.times
+    }
+    /// Its passes, at least one.
+    pub fn passes(&self) -> &[Pass] {
+        &self.passes
+    }
+    /// Position of the part frame's origin in the table frame in the first set-up, nm.
+    pub fn origin(&self) -> [i64; 3] {
+        self.origins.first().copied().unwrap_or(self.grid.origin)
+    }
+
+    /// Checks the program; `warnings` are those given so far.
+    ///
+    /// # Errors
+    /// Limits of the machine that the program breaks; what the job refuses.
+    pub fn checked(self, mut warnings: Vec<Diag>) -> Result<SteppedPlan, Error> {
+        let Self { job, machine, best, tried, passes, grid, clearance, origins, not_kept } = self;
+        let limits = Limits {
+            machine,
+            origins: &origins,
+            travel_hint: best.setups.hint(job),
+            depth: grid.lattice.depth,
+            max_slope: best.split.worst_slope2.sqrt(),
+            clearance: &clearance,
+        };
+        let checked = Checked::new(best.program, &limits)?;
+        setups::registered(job, machine, &origins)?;
+        warnings::warn(&job.limits, &best.split, best.worst_defocus, grid.lattice.depth, &mut warnings)?;
+        warnings.extend(warnings::not_carried(job, checked.program()));
+        warnings.extend(not_kept);
+        warnings.extend(warnings::short_overlaps(&best.split));
+        let figures = summary::Figures {
+            method: best.method,
+            times: best.times,
+            fragments: best.fragments,
+            split: &best.split,
+            worst_defocus: best.worst_defocus,
+            worst_defocus_mean: best.worst_defocus_mean,
+        };
+        let summary = summary::summary(&checked, &passes, &figures, tried, &warnings);
+        Ok(SteppedPlan {
+            job: job.clone(),
+            machine: machine.clone(),
+            checked,
+            passes,
+            summary,
+            block_times: best.block_times,
+            slopes: best.slopes,
+            depth: grid.lattice.depth,
+            warnings,
+        })
+    }
+}
+
+/// A pass that is ready to be divided.
+struct Ready {
+    texture: Texture,
+    grid: Grid,
+    footprint: Footprint,
+    /// Points of marks for the lower bound, and the size of a stop for it.
+    samples: Option<Samples>,
+    stop_size: Option<[i32; 3]>,
+    start: Start,
+}
+
+impl Ready {
+    fn new(job: &Job, machine: &Machine, inputs: &Inputs, texture: Texture, start: Start) -> Result<Self, Error> {
+        let layout = Layout::new(job, machine, texture.bounds(), &start)?;
+        let max_slope = job.limits.max_slope();
+        let texture = fill::along_contours(texture, &inputs.surface, &layout.sections, max_slope, job.focus.depth)?;
+        let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
+        // Slivers that may be left out need no stop: no bound is to be had then.
+        let stop_size = bound::size(machine.usable_field(), job.focus.depth).filter(|_| job.partition.min_mark == 0);
+        let sampling = stop_size.map(|size| bound::sampling(size, &texture));
+        let half = layout.window.map(|w| w / 2);
+        let (footprint, samples) = sweep.footprint(&layout.sections, layout.keep, half, sampling);
+        let (grid, footprint) = layout.levels(job, machine, footprint, start.pass)?;
+        grid.most_stops(&footprint)?;
+        Ok(Self { texture, grid, footprint, samples, stop_size, start })
+    }
+
+    fn sweep<'a>(&'a self, job: &Job, inputs: &'a Inputs) -> Sweep<'a> {
+        Sweep { surface: &inputs.surface, texture: &self.texture, max_slope: job.limits.max_slope() }
+    }
+
+    fn site<'a>(&'a self, job: &Job, machine: &'a Machine, inputs: &'a Inputs) -> Site<'a> {
+        Site {
+            sweep: self.sweep(job, inputs),
+            machine,
+            grid: &self.grid,
+            footprint: &self.footprint,
+            overlap: job.partition.overlap,
+            pass: self.start.pass,
+        }
+    }
+
+    /// One candidate, ordered and timed.
+    fn candidate(
+        &self,
+        job: &Job,
+        machine: &Machine,
+        clearance: &Clearance,
+        method: Method,
+        stops: &Stops,
+        parts: Vec<Fragments>,
+    ) -> Candidate {
+        let pens = dose::Pens::new(job.dose, &job.pens, parts.iter().flat_map(|p| &p.list));
+        let stage = Stage { machine, clearance, start: &self.start, origin: self.grid.origin, climb: job.order.stops };
+        let setups = |centres: &[_]| Setups::of(job, machine, &self.grid, self.texture.bounds(), centres);
+        let how = assemble::How { level: job.focus.level, strokes: job.order.strokes, lattice: self.grid.lattice };
+        let Assembly { program, setups, worst_defocus, worst_defocus_mean, slopes } =
+            assemble::assemble(stops, &parts, &pens, &stage, how, &setups);
+        let fragments = parts.iter().map(|p| p.list.len()).sum();
+        let split = parts.into_iter().fold(Fragments::default(), join);
+        let (times, block_times) = times(machine, &self.start, &program);
+        Candidate {
+            method,
+            times,
+            block_times,
+            slopes,
+            fragments,
+            split,
+            worst_defocus,
+            worst_defocus_mean,
+            program,
+            setups,
+        }
+    }
+
+    /// What the pass is remembered by, once `made` of it.
+    fn pass(self, machine: &Machine, inputs: &Inputs, made: &Candidate, blocks: Range<usize>) -> Pass {
+        let Self { texture, grid, samples, stop_size, .. } = self;
+        let tilted = |b: &Block| (b.stop.tilt != [0; 2]).then(|| machine.turn(b.stop.tilt, grid.origin));
+        let turns: Vec<_> = made.program.blocks.iter().map(tilted).collect();
+        let field = machine.usable_field();
+        let map = Map::new(&made.program, &grid.sections, &turns, field, &inputs.surface, texture.bounds());
+        Pass {
+            directions: texture.directions().map_or_else(Vec::new, |d| d.hundredths.clone()),
+            map,
+            texture: texture.bounds(),
+            bound: bound::certificate(&grid, samples, stop_size, made.method),
+            blocks,
+            sections: grid.sections,
+        }
+    }
+}
+
+impl Candidate {
+    /// As the summary lists it.
+    fn listed(&self) -> record::Candidate {
+        record::Candidate {
+            method: self.method.name().into(),
+            stops: self.program.blocks.len(),
+            fragments: self.fragments,
+            time_s: self.times,
+        }
+    }
+
+    /// What the best candidate has least of.
+    fn measure(&self, objective: Objective) -> (f64, f64) {
+        match objective {
+            Objective::Time => (self.times.total, 0.0),
+            Objective::Stops => (self.program.blocks.len() as f64, self.times.total),
+        }
+    }
+
+    /// Puts a later pass behind, its heights lowered.
+    fn append(&mut self, next: Self, lowered: i64) {
+        append(&mut self.program, next.program, lowered);
+        let (s, t) = (&mut self.times, next.times);
+        s.stage += t.stage;
+        s.settle += t.settle;
+        s.mark += t.mark;
+        s.jump += t.jump;
+        s.delay += t.delay;
+        s.total += t.total;
+        self.block_times.extend(next.block_times);
+        self.slopes.extend(next.slopes);
+        self.fragments += next.fragments;
+        self.split = join(std::mem::take(&mut self.split), next.split);
+        self.worst_defocus = self.worst_defocus.max(next.worst_defocus);
+        self.worst_defocus_mean = self.worst_defocus_mean.max(next.worst_defocus_mean);
+    }
+}
+
+/// Puts blocks behind those of a program, their heights lowered by `lowered` nm.
+fn append(program: &mut Program, next: Program, lowered: i64) {
+    let (strokes, points) = (program.strokes.len(), program.points.len() as u32);
+    program.points.extend(next.points);
+    // Pens that compensate the slope differ from pass to pass.
+    let pens: Vec<u16> = next
+        .pens
+        .into_iter()
+        .map(|pen| {
+            let known = program.pens.iter().position(|p| *p == pen);
+            known.unwrap_or_else(|| {
+                program.pens.push(pen);
+                program.pens.len() - 1
+            }) as u16
+        })
+        .collect();
+    program.strokes.extend(next.strokes.into_iter().map(|mut s| {
+        s.first += points;
+        s.pen = pens[usize::from(s.pen)];
+        s
+    }));
+    program.blocks.extend(next.blocks.into_iter().map(|mut b| {
+        b.strokes = b.strokes.start + strokes..b.strokes.end + strokes;
+        for z in [&mut b.stop.focus, &mut b.stop.z_lo, &mut b.stop.z_hi, &mut b.z_lo, &mut b.z_hi] {
+            *z -= lowered;
+        }
+        b
+    }));
+}

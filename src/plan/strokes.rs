@@ -1,0 +1,108 @@
+//! The strokes of a texture as far as they lie on the part, in the order in which an on-the-fly machine marks
+//! them.
+//!
+//! Consumes surface, texture and the job's limits; there is no field and no stop. The answer is a program of
+//! one block, or of one for every band of depth over the whole part, bottom up. Its points are relative to the
+//! texture's upper right corner, from where the order begins; where a stage would stand means nothing in it.
+
+use super::assemble::{Members, lay, segments};
+use super::grid::default_origin;
+use super::inputs::Inputs;
+use super::split::{Cuts, join, split};
+use super::sweep::Sweep;
+use super::{dose, warnings};
+use crate::diag::{Diag, Error};
+use crate::fill;
+use crate::geom::Box2;
+use crate::job::{Job, Partition};
+use crate::machine::Machine;
+use crate::partition::{self, Lattice, Stops};
+use crate::program::{Block, Program, Sections};
+use crate::split::Fragments;
+use crate::trace::Keep;
+
+/// Strokes in order.
+#[derive(Clone, Debug)]
+pub struct Strokes {
+    /// A block for every band; stage targets are zeros.
+    pub program: Program,
+    /// Where the part's origin lies in the table frame, nm: where the job says, or so that the middle of the marks
+    /// is at the centre of travel.
+    pub origin: [i64; 3],
+    /// The box of the texture, turned part frame.
+    pub texture: Box2,
+    /// One section over all of it.
+    pub section: Sections,
+    /// What the user should know of what is not marked.
+    pub warnings: Vec<Diag>,
+}
+
+/// Puts the strokes in order; with `band`, an nm depth, in bands of that depth.
+///
+/// # Errors
+/// `job-empty`; `fly-large` where the texture is wider than block coordinates reach; `steep` where the job refuses
+/// steep places.
+pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<i64>) -> Result<Strokes, Error> {
+    let area = inputs.texture.bounds();
+    let size = area.size();
+    if size.iter().any(|&s| s >= i64::from(i32::MAX)) {
+        let text = "the texture is wider than 2.1 m, which on-the-fly programs cannot hold";
+        return Err(Diag::limit("fly-large", text).at(job.place()).hint("mark a smaller area").into());
+    }
+    let pitch = size.map(|s| 2 * (s + 1));
+    let section = Sections { origin: area.lo, pitch, count: [1, 1] };
+    let max_slope = job.limits.max_slope();
+    let everything = i64::from(i32::MAX);
+    let depth = band.unwrap_or(everything);
+    let texture = fill::along_contours(inputs.texture.clone(), &inputs.surface, &section, max_slope, depth)?;
+    let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
+    let (footprint, _) = sweep.footprint(&section, Keep(0), pitch.map(|p| p / 2), None);
+    let Some((lo, hi)) = footprint.range() else {
+        let text = "nothing would be marked: no texture lies on the part where it may be marked";
+        let hint = "compare the texture's area and origin with the part's box (`terrace inspect`)";
+        return Err(Diag::limit("job-empty", text).at(job.place()).hint(hint).into());
+    };
+    let step = machine.increment_nm();
+    let origin = job.placement.origin.unwrap_or_else(|| {
+        let [x, y, _] = default_origin(machine, area, [0; 2]);
+        let z = machine.centre_of_travel()[2] - ((lo + hi) / 2.0) as i64;
+        [x, y, z - (lo.floor() as i64 + z).rem_euclid(step)]
+    });
+    let Some(lattice) = Lattice::new(depth, step, origin[2]) else {
+        return Err(Diag::limit("depth-small", "the depth range is below two stage increments").into());
+    };
+    let lattice = lattice.with_hysteresis(footprint.roughness());
+    let stops = partition::divide(partition::Method::ZRange, &footprint, &section, pitch, &lattice);
+    let cuts = Cuts::new(&Partition::default(), Keep(0), job.seed);
+    let parts = split(sweep, &[&stops], &job.pens, cuts)?.pop().unwrap_or_default();
+    let program = laid(job, &stops, &parts);
+    let found = parts.into_iter().fold(Fragments::default(), join);
+    let mut notes = Vec::new();
+    warnings::warn(&job.limits, &found, 0, everything, &mut notes)?;
+    Ok(Strokes { program, origin, texture: area, section, warnings: notes })
+}
+
+/// The fragments of all bands as a program.
+fn laid(job: &Job, stops: &Stops, parts: &[Fragments]) -> Program {
+    let pens = dose::Pens::new(None, &job.pens, std::iter::empty());
+    let members = Members::new(parts, stops.stops.len());
+    let mut program = Program { pens: pens.list.clone(), ..Program::default() };
+    for (i, stop) in stops.stops.iter().enumerate() {
+        let list = members.of(i);
+        if list.is_empty() {
+            continue;
+        }
+        let first = program.strokes.len();
+        for visit in members.ordered(parts, i, job.order.strokes) {
+            lay(&mut program, parts, list[visit.stroke as usize], visit, &pens);
+        }
+        let heights = segments(parts, list).map(|f| f.z);
+        let z = heights.fold([f64::INFINITY, f64::NEG_INFINITY], |z, f| [z[0].min(f[0]), z[1].max(f[1])]);
+        let [z_lo, z_hi] = z.map(|z| z.round() as i64);
+        let mut stop = stop.clone();
+        stop.focus = (z_lo + z_hi) / 2;
+        let strokes = first..program.strokes.len();
+        program.blocks.push(Block { pass: 0, setup: 0, stop, stage: [0; 3], retract: false, z_lo, z_hi, strokes });
+    }
+    program
+}

@@ -1,0 +1,62 @@
+//! The figures of a stepped plan.
+
+use super::stepped::Pass;
+use crate::check::Checked;
+use crate::diag::Diag;
+use crate::job::Method;
+use crate::partition::bound::Certificate;
+use crate::program::{Block, Program};
+use crate::record::{Candidate, Summary, Times};
+use crate::split::Fragments;
+
+/// What the best candidate is known by, all passes together.
+pub(super) struct Figures<'a> {
+    pub(super) method: Method,
+    pub(super) times: Times,
+    pub(super) fragments: usize,
+    pub(super) split: &'a Fragments,
+    /// Largest distance of a mark from its focal plane, nm.
+    pub(super) worst_defocus: i64,
+    /// The same with every focal plane at the mean height of its marks.
+    pub(super) worst_defocus_mean: i64,
+}
+
+/// The summary of a checked program.
+pub(super) fn summary(
+    checked: &Checked,
+    passes: &[Pass],
+    figures: &Figures<'_>,
+    candidates: Vec<Candidate>,
+    warnings: &[Diag],
+) -> Summary {
+    let (program, split) = (checked.program(), figures.split);
+    let blocks = |pick: fn(&Program, &Block) -> f64| program.blocks.iter().map(|b| pick(program, b)).sum::<f64>();
+    let bounds: Option<Vec<usize>> = passes.iter().map(|p| p.bound.as_ref().map(Certificate::stops)).collect();
+    Summary {
+        stops: program.blocks.len(),
+        passes: passes.len() as u32,
+        setups: checked.origins().len(),
+        sub_blocks: passes.iter().map(|p| p.map.sub_blocks()).sum(),
+        method: figures.method.name().into(),
+        lower_bound_stops: bounds.map(|of_pass| of_pass.iter().sum()),
+        texture_mm: split.texture_mm,
+        mark_mm: split.mark_mm,
+        overlap_mm: split.overlap_mm,
+        skipped_mm: split.skipped.off_part + split.skipped.steep + split.skipped.small,
+        skipped_off_part_mm: split.skipped.off_part,
+        skipped_steep_mm: split.skipped.steep,
+        skipped_small_mm: split.skipped.small,
+        fragments: figures.fragments,
+        strokes_cut: split.strokes_cut,
+        figures_whole: split.figures_whole,
+        figures_cut: split.figures_cut,
+        seam_mm: passes.iter().map(|p| p.map.seam_mm()).sum(),
+        jump_mm: blocks(Program::jump_mm),
+        worst_defocus_um: figures.worst_defocus as f64 / 1000.0,
+        worst_defocus_mean_um: figures.worst_defocus_mean as f64 / 1000.0,
+        worst_incidence_deg: split.worst_slope2.sqrt().atan().to_degrees(),
+        time_s: figures.times,
+        candidates,
+        warnings: warnings.iter().map(Diag::to_json).collect(),
+    }
+}

@@ -1,0 +1,35 @@
+//! The time of a program by the machine's motion model.
+
+use crate::machine::Machine;
+use crate::motion;
+use crate::program::Program;
+use crate::record::Times;
+
+use super::start::Start;
+
+/// The time of a program that begins at `start`, and that of every block without the stage's moves, s.
+pub(super) fn times(machine: &Machine, start: &Start, program: &Program) -> (Times, Vec<f64>) {
+    let mut t = Times::default();
+    let (mut at, mut tilt) = (start.from, start.before.as_ref().map_or([0; 2], |(stop, _)| stop.tilt));
+    let mut blocks = Vec::with_capacity(program.blocks.len());
+    for block in &program.blocks {
+        let retract = block.retract.then(|| machine.retract_z());
+        let turning = machine.tilt_time_s(tilt, block.stop.tilt);
+        let moved = motion::tilting_move(machine, at, block.stage, retract, turning);
+        tilt = block.stop.tilt;
+        t.stage += moved.travel_s;
+        t.settle += moved.settle_s;
+        at = block.stage;
+        let marks = program.strokes_of(block).iter().map(|s| {
+            let pen = &program.pens[usize::from(s.pen)];
+            motion::Mark { points: program.points_of(s), speed: pen.speed, passes: pen.passes }
+        });
+        let m = motion::marking(machine, marks);
+        t.mark += m.mark_s;
+        t.jump += m.jump_s;
+        t.delay += m.delay_s;
+        blocks.push(m.total_s());
+    }
+    t.total = t.stage + t.settle + t.mark + t.jump + t.delay;
+    (t, blocks)
+}
