@@ -29,4 +29,5 @@ mod random_jobs;
 mod setups;
 mod textures;
 mod tilt;
+mod turned;
 mod wide;
