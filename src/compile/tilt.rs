@@ -12,7 +12,7 @@ pub(super) fn divide(ground: &Ground<'_>) -> Stops {
         origin: ground.origin,
         // Sections of later passes begin elsewhere.
         area: Box2 { lo: ground.sections.origin, hi: ground.texture.bounds().hi },
-        window: ground.window.map(|w| w / 2 * 2),
+        window: ground.window.map(|w| w / 2 * 2 - 2 * ROUNDING),
         lattice: ground.lattice,
     };
     let marks = ground.walk().marks(&tilted.samples());
@@ -65,6 +65,12 @@ pub(super) fn divide(ground: &Ground<'_>) -> Stops {
         }
     }
 }
+
+/// By how much a window is smaller on each side than the field, nm. A cut on the border of a window is rounded
+/// twice: in the plane of the drawing, by up to half the diagonal of the grid in any direction, so that it can
+/// lie 0.71 nm beyond the border once it is turned; and in the field, to the nearest grid point, which is then
+/// at most a nanometre beyond the border.
+const ROUNDING: i64 = 1;
 
 /// Room for the curvature of the part beside a window, nm.
 const SPARE: i64 = 1_000_000;
