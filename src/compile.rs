@@ -28,7 +28,7 @@ use setups::Setups;
 use walk::Walk;
 use warnings::{not_carried, not_kept, short_overlaps, warn};
 
-use crate::check::{Checked, Limits};
+use crate::check::{self, Checked, Limits};
 use crate::diag::{Diag, Error, Place};
 use crate::fill;
 use crate::geom::{Box2, NM_PER_MM, P2, mm_from_nm};
@@ -225,24 +225,25 @@ fn planned(job: Job, machine: Machine, progress: Progress<'_>, warnings: &mut Ve
     let parts = cut(&ground, &stops)?;
     progress(Station::Order);
     let mut candidates = Vec::new();
-    let mut best: Option<Made> = None;
-    for ((&method, stops), parts) in tried.iter().zip(&stops).zip(parts) {
+    let measure = |m: &Made| match job.file.partition.objective {
+        Objective::Time => (m.times.total, 0.0),
+        Objective::Stops => (m.program.blocks.len() as f64, m.times.total),
+    };
+    let made = tried.iter().zip(&stops).zip(parts).map(|((&method, stops), parts)| {
         let made = make(&ground, method, stops, parts);
-        candidates.push(Candidate {
-            method: method.name().into(),
-            stops: made.program.blocks.len(),
-            fragments: made.fragments,
-            time_s: made.times,
-        });
-        let measure = |m: &Made| match job.file.partition.objective {
-            Objective::Time => (m.times.total, 0.0),
-            Objective::Stops => (m.program.blocks.len() as f64, m.times.total),
-        };
-        if best.as_ref().is_none_or(|b| measure(&made) < measure(b)) {
-            best = Some(made);
+        // A single method is checked in the end, with everything else.
+        let fault = if tried.len() > 1 { fault_of(&ground, &made) } else { None };
+        if fault.is_none() {
+            candidates.push(Candidate {
+                method: method.name().into(),
+                stops: made.program.blocks.len(),
+                fragments: made.fragments,
+                time_s: made.times,
+            });
         }
-    }
-    let Some(made) = best else { return Err(Diag::bug("no-candidate", "no method was tried").into()) };
+        (method, made, fault)
+    });
+    let made = best_of(made, measure, warnings)?;
     if tried.len() == 1 {
         candidates.clear();
     }
@@ -553,6 +554,48 @@ fn make(ground: &Ground<'_>, method: Method, stops: &Stops, parts: Vec<Fragments
     }
 }
 
+/// The first invariant that a candidate breaks, if it breaks any.
+fn fault_of(ground: &Ground<'_>, made: &Made) -> Option<Diag> {
+    let origins: Vec<[i64; 3]> = (0..made.setups.len()).map(|cell| made.setups.origin(cell, ground.origin)).collect();
+    let limits = Limits {
+        machine: ground.machine,
+        origins: &origins,
+        travel_hint: String::new(),
+        depth: ground.lattice.depth,
+        max_slope: made.split.worst_slope2.sqrt(),
+        clearance: &ground.clearance,
+    };
+    check::first_broken(&made.program, &limits)
+}
+
+/// The candidate of the least measure. One that breaks an invariant is a fault of ours: where another method
+/// gives a sound program it is left out, and the user is told; where none does, the faults are the answer.
+fn best_of<T>(
+    candidates: impl Iterator<Item = (Method, T, Option<Diag>)>,
+    measure: impl Fn(&T) -> (f64, f64),
+    warnings: &mut Vec<Diag>,
+) -> Result<T, Error> {
+    let (mut best, mut faults): (Option<T>, Vec<(Method, Diag)>) = (None, Vec::new());
+    for (method, made, fault) in candidates {
+        match fault {
+            Some(fault) => faults.push((method, fault)),
+            None if best.as_ref().is_none_or(|b| measure(&made) < measure(b)) => best = Some(made),
+            None => {}
+        }
+    }
+    let Some(best) = best else {
+        let none = || Diag::bug("no-candidate", "no method was tried");
+        let faults: Vec<Diag> = faults.into_iter().map(|(_, fault)| fault).collect();
+        return Err(if faults.is_empty() { none().into() } else { Error::many(faults) });
+    };
+    warnings.extend(faults.into_iter().map(|(method, fault)| {
+        let text = format!("method {} is left out, by a fault of terrace: {}", method.name(), fault.message);
+        let hint = "the program of the method that is taken is sound; please report this with the job file";
+        Diag::warning("method-left-out", text).at(fault.place).hint(hint)
+    }));
+    Ok(best)
+}
+
 /// Where the stage comes from: the centre of its travel, lifted.
 fn start(machine: &Machine) -> [i64; 3] {
     let centre = |axis: &crate::machine::Axis| axis.travel.iter().map(|t| t.as_nm().unwrap_or(0)).sum::<i64>() / 2;
@@ -590,4 +633,25 @@ fn times(ground: &Ground<'_>, program: &Program) -> (Times, Vec<f64>) {
 /// Folder of a job file's outputs: `hood.toml` makes `hood.job` beside it.
 pub fn default_output(job: &Path) -> std::path::PathBuf {
     job.with_extension("job")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn auto_leaves_out_a_method_that_breaks_an_invariant_and_says_so() {
+        let fault = || Some(Diag::bug("program-invariant", "P2: out of the field"));
+        let cost = |&time: &f64| (time, 0.0);
+        let mut warnings = Vec::new();
+        let sound = [(Method::ZRange, 3.0, None), (Method::Tilt, 1.0, fault()), (Method::Window, 2.0, None)];
+        let best = best_of(sound.into_iter(), cost, &mut warnings).expect("two are sound");
+        assert_eq!(best, 2.0, "the cheapest of the sound ones");
+        assert_eq!(warnings.len(), 1);
+        assert_eq!((warnings[0].code, warnings[0].kind), ("method-left-out", crate::diag::Kind::Warning));
+        assert!(warnings[0].message.contains("tilt") && warnings[0].message.contains("P2: out of the field"));
+        let broken = [(Method::ZRange, 3.0, fault()), (Method::Tilt, 1.0, fault())];
+        let error = best_of(broken.into_iter(), cost, &mut Vec::new()).expect_err("none is sound");
+        assert!(error.diags().iter().all(|d| d.kind == crate::diag::Kind::Bug) && error.diags().len() == 2);
+    }
 }
