@@ -1,13 +1,13 @@
 //! Registration: where the stage stands when a known point of the part lies under the optical axis.
 
-use crate::geom::{NM_PER_MM, cos_sin};
+use crate::geom::{NM_PER_MM, cos_sin, mm_from_nm};
 use crate::machine::Machine;
 use crate::spec::Job;
 
 /// A point of the part that a set-up reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Registered {
-    /// The point as the job names it, part frame, mm.
+    /// The point that the job names, part frame, rounded to the nanometre, mm.
     pub point_mm: [f64; 2],
     /// Commanded x and y, nm, on the increment.
     pub at: [i64; 2],
@@ -19,10 +19,11 @@ pub fn registration(job: &Job, machine: &Machine, origin: [i64; 3]) -> Vec<Regis
     let step = machine.increment_nm().max(1);
     let points = job.file.setups.iter().flat_map(|s| &s.registration);
     let placed = points.map(|point| {
-        let [x, y] = point.map(|l| l.as_mm());
+        let point_mm = point.map(|l| l.as_nm().map_or(l.as_mm(), mm_from_nm));
+        let [x, y] = point_mm;
         let turned = [cos * x - sin * y, sin * x + cos * y].map(|v| (v * NM_PER_MM).round() as i64);
         let [x, y, _] = machine.stage_from_part([turned[0], turned[1], 0], origin);
-        Registered { point_mm: point.map(|l| l.as_mm()), at: [x, y].map(|v| (v + step / 2).div_euclid(step) * step) }
+        Registered { point_mm, at: [x, y].map(|v| (v + step / 2).div_euclid(step) * step) }
     });
     let is_reached = |r: &Registered| {
         machine.axes().iter().zip(r.at).all(|((_, axis), at)| {

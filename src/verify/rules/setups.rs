@@ -1,11 +1,11 @@
 //! The set-ups of the manifest against the job: as many as it allows, and every registration point where it
 //! says, found anew from the point, the turn of the part and the set-up's origin.
 
-use crate::geom::{NM_PER_MM, cos_sin};
+use crate::geom::{NM_PER_MM, cos_sin, nm_from_mm};
 use crate::spec::Parts;
 use crate::units::Length;
 use crate::verify::facts::Facts;
-use crate::verify::read::manifest::{Manifest, SetupEntry};
+use crate::verify::read::manifest::{Manifest, RegistrationEntry, SetupEntry};
 use crate::verify::read::program::ProgramFile;
 
 /// Registration points that a set-up needs: they give place and turn.
@@ -43,7 +43,9 @@ fn is_registered(entry: &SetupEntry, origin: [i64; 3], points: &[[Length; 2]], f
                 (lo - slack..=hi + slack).contains(&wanted[k])
             })
         };
-        if stated.peek().is_some_and(|r| r.point_mm == [x, y]) {
+        // Lengths that are no whole nanometres, such as inches, are stated to the nanometre.
+        let is_stated = |r: &RegistrationEntry| r.point_mm.map(nm_from_mm) == point.map(Length::as_nm);
+        if stated.peek().is_some_and(|r| is_stated(r)) {
             let at = stated.next().map_or([f64::NAN; 2], |r| r.stage.map(|v| v * NM_PER_MM));
             let is_there = (0..2).all(|k| (at[k] - wanted[k]).abs() <= step);
             if !is_there || !within(step) {
