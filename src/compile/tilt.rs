@@ -12,7 +12,7 @@ pub(super) fn divide(ground: &Ground<'_>) -> Stops {
         origin: ground.origin,
         // Sections of later passes begin elsewhere.
         area: Box2 { lo: ground.sections.origin, hi: ground.texture.bounds().hi },
-        window: ground.window.map(|w| w / 2 * 2 - 2 * ROUNDING),
+        window: ground.window.map(|w| (w / 2 * 2 - 2 * ROUNDING).max(2)),
         lattice: ground.lattice,
     };
     let marks = ground.walk().marks(&tilted.samples());

@@ -141,3 +141,88 @@ fn within(a: f64, b: f64, lo: f64, hi: f64) -> [f64; 2] {
     let [s, t] = [(lo - a) / (b - a), (hi - a) / (b - a)];
     [s.min(t), s.max(t)]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::{NM_PER_MM, cos_sin};
+
+    const SIZE: [f64; 2] = [60.0, 40.0];
+    const LID: f64 = 5.0;
+
+    /// A box of 60 x 40 mm and 5 mm, its lid sloping along x by a tenth, turned and rounded as parts are.
+    fn solid(turn: [f64; 2]) -> Surface {
+        let corner = |k: usize, up: bool| {
+            let [x, y] = [[0.0, 0.0], [SIZE[0], 0.0], SIZE, [0.0, SIZE[1]]][k];
+            [x, y, if up { LID + 0.1 * x } else { 0.0 }]
+        };
+        let mut welder = super::super::Welder::new(turn, 0.0);
+        for up in [false, true] {
+            welder.facet([corner(0, up), corner(1, up), corner(2, up)]);
+            welder.facet([corner(0, up), corner(2, up), corner(3, up)]);
+        }
+        for k in 0..4 {
+            let next = (k + 1) % 4;
+            welder.facet([corner(k, false), corner(next, false), corner(next, true)]);
+            welder.facet([corner(k, false), corner(next, true), corner(k, true)]);
+        }
+        Surface::from_welder(welder, "a box", &mut Vec::new()).expect("a solid")
+    }
+
+    /// The grid point nearest to a place of the box before its turn, mm.
+    fn place([c, s]: [f64; 2], [x, y]: [f64; 2]) -> P2 {
+        P2::from_mm(c * x - s * y, s * x + c * y).expect("near")
+    }
+
+    #[test]
+    fn a_turned_border_holds_what_is_drawn_along_it_and_up_to_it() {
+        let (mut spans, mut cursor) = (Vec::new(), Cursor::default());
+        for i in 0..200 {
+            let turn = cos_sin(f64::from(i) * 0.731 + 0.001);
+            let part = solid(turn);
+            for k in 0..60 {
+                let [x, y] = [f64::from(k), f64::from(k) * 0.65];
+                let step = 0.1 + f64::from(i) * 0.003;
+                // Along every side, a step to it, and round a corner.
+                for [a, b] in [
+                    [[x, 0.0], [x + step, 0.0]],
+                    [[x + step, SIZE[1]], [x, SIZE[1]]],
+                    [[0.0, y], [0.0, y + 0.01 * step]],
+                    [[SIZE[0], y], [SIZE[0], y + step]],
+                    [[x, step], [x, 0.0]],
+                    [[SIZE[0], y], [SIZE[0] - step, y]],
+                    [[0.0, SIZE[1]], [step, SIZE[1]]],
+                ] {
+                    part.walk(place(turn, a), place(turn, b), &mut cursor, &mut spans);
+                    assert_eq!((spans[0].t0, spans[spans.len() - 1].t1), (0.0, 1.0));
+                    assert!(spans.windows(2).all(|w| w[0].t1 == w[1].t0), "{spans:?}");
+                    for s in &spans {
+                        for (t, z) in [(s.t0, s.z0), (s.t1, s.z1)] {
+                            // The lid, not the bottom that ends on the same border.
+                            let want = (LID + 0.1 * (a[0] + t * (b[0] - a[0]))) * NM_PER_MM;
+                            assert!((z - want).abs() < 1.0, "{i}: {a:?} to {b:?} at {t}: {z} for {want}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_leaves_the_part_is_not_prolonged() {
+        let (mut spans, mut cursor) = (Vec::new(), Cursor::default());
+        let part = solid([1.0, 0.0]);
+        for (beside, is_off) in [(1, false), (2, true), (5, true)] {
+            let y = -f64::from(beside) / NM_PER_MM;
+            part.walk(place([1.0, 0.0], [7.0, y]), place([1.0, 0.0], [7.5, y]), &mut cursor, &mut spans);
+            assert_eq!(spans.iter().any(|s| s.facet().is_none()), is_off, "{beside} nm beside");
+        }
+        // Over the border at a right angle and at a small one: the mark ends on the border.
+        for (dx, dy) in [(0.0, -1.0), (10.0, -1e-5)] {
+            let (a, b) = (place([1.0, 0.0], [20.0, -dy]), place([1.0, 0.0], [20.0 + dx, dy]));
+            part.walk(a, b, &mut cursor, &mut spans);
+            let gap = spans[spans.len() - 1];
+            assert!(gap.facet().is_none() && gap.t1 == 1.0 && (gap.t0 - 0.5).abs() < 1e-9, "{spans:?}");
+        }
+    }
+}

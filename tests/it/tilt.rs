@@ -128,6 +128,26 @@ fn marks_of_tables_that_turn_about_z_end_inside_the_field() {
 }
 
 #[test]
+fn a_coarse_stage_under_a_small_field_is_no_fault() {
+    let dir = folder();
+    let stl = dir.path().join("bump.stl");
+    write_stl(&stl, &mesh(6, [0.0, 0.0, 1.0, 0.7], |x, y| 0.3 * x + 0.2 * x * y));
+    // A quarter of the field is fewer increments than one more section would take away.
+    for field in ["0.43 mm", "0.13 mm", "0.03 mm"] {
+        let machine = table(dir.path(), [("A", false), ("B", false)], 30.0);
+        let text = std::fs::read_to_string(dir.path().join("table.txt")).expect("the machine");
+        let text = text
+            .replace("[\"40 mm\", \"40 mm\"]", &format!("[{field:?}, {field:?}]"))
+            .replace("increment = \"0.0001 mm\"", "increment = \"0.01 mm\"");
+        std::fs::write(dir.path().join("table.txt"), text).expect("a writable folder");
+        let mut job = tilted(&stl, "pattern = \"hatch\"\npitch = \"0.02 mm\"");
+        job.machine = machine;
+        job.focus = "pdof = \"0.02 mm\"".into();
+        proved(&job, dir.path());
+    }
+}
+
+#[test]
 fn what_a_boss_hides_from_a_tilted_beam_is_marked_upright() {
     let dir = folder();
     let stl = dir.path().join("boss.stl");
