@@ -97,6 +97,16 @@ impl Checked {
     }
 }
 
+/// The first of P1 to P6 that a program breaks, if it breaks any.
+pub(crate) fn first_broken(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
+    let blocks = program.blocks.iter().enumerate();
+    let broken = |(i, block)| {
+        let fault = invariants(program, block, limits).into_iter().next()?;
+        Some(fault.at(Place::Block(Program::block_id(i))))
+    };
+    blocks.into_iter().find_map(broken)
+}
+
 /// The first of the limits that a program breaks, and how many more there are.
 pub(crate) fn refused(mut faults: Vec<Diag>) -> Error {
     let more = faults.len().saturating_sub(SHOWN);

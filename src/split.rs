@@ -51,13 +51,14 @@ pub struct Fragment {
     pub is_figure: bool,
     /// Lowest and highest height, nm.
     pub z: [f64; 2],
-    /// Integral of height over length, nm · nm.
+    /// Integral of height over `length`, nm · nm.
     pub z_length: f64,
-    /// Integral of the cosine of the slope over length, nm.
+    /// Integral of the cosine of the slope over `length`, nm.
     pub cos_length: f64,
     /// Largest squared slope.
     pub slope2: f64,
-    /// Length along the stroke before its ends were rounded, nm.
+    /// Length of the mark in the field before its ends were rounded, nm. On a tilted part that is another than
+    /// the length in the plane of the drawing, and it is the one that takes time.
     pub length: f64,
 }
 
@@ -114,9 +115,11 @@ struct Open {
     z_length: f64,
     cos_length: f64,
     slope2: f64,
-    /// The exact length that `z_length` was summed over: that of the rounded points would not do, because
-    /// every nanometre counts with the whole height.
+    /// The exact length in the field that `z_length` was summed over: that of the rounded points would not do,
+    /// because every nanometre counts with the whole height.
     length: f64,
+    /// The same in the drawing.
+    drawn_exact: f64,
     /// The last of its points in the drawing, and the length of the line through all of them, nm.
     last: P2,
     drawn: f64,
@@ -522,6 +525,7 @@ impl<'a> Cutter<'a> {
                 cos_length: 0.0,
                 slope2: 0.0,
                 length: 0.0,
+                drawn_exact: 0.0,
                 last,
                 drawn: 0.0,
                 bend,
@@ -539,12 +543,14 @@ impl<'a> Cutter<'a> {
                 self.out.points.push(p);
             }
         }
-        let length = (t[1] - t[0]) * s.a.distance(s.b);
+        let drawn = (t[1] - t[0]) * s.a.distance(s.b);
+        let length = ends.map_or(drawn, |[a, b]| (b[0] - a[0]).hypot(b[1] - a[1]));
         open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
         open.cos_length += length / (1.0 + slope2).sqrt();
         open.slope2 = open.slope2.max(slope2);
         open.z_length += (z[0] + z[1]) / 2.0 * length;
         open.length += length;
+        open.drawn_exact += drawn;
     }
 
     /// The end b of `segment` from a: a vertex of the open fragment.
@@ -572,7 +578,7 @@ impl<'a> Cutter<'a> {
                 open.z = [f64::INFINITY, f64::NEG_INFINITY];
                 open.z_length = 0.0;
                 (open.cos_length, open.slope2) = (0.0, 0.0);
-                open.length = 0.0;
+                (open.length, open.drawn_exact) = (0.0, 0.0);
             }
         }
     }

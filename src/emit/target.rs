@@ -76,6 +76,8 @@ pub struct Target {
     pub on_the_fly: Option<FlyFile>,
     /// Whether a file of a stepped job tells which pen each stroke is marked with.
     pub carries_pens: bool,
+    /// Whether it is a program for the control of the stage.
+    pub moves_stage: bool,
     /// Whether the operator can move the part in the middle of a stepped job.
     pub allows_setups: bool,
     /// Lines of the run sheet that say how its files are used.
@@ -90,6 +92,7 @@ pub const TARGETS: [Target; 5] = [
         stepped: Some(Files::Blocks("dxf", |job, i| dxf::block(job.checked, job.machine, i))),
         on_the_fly: None,
         carries_pens: true,
+        moves_stage: false,
         allows_setups: true,
         sheet: &[
             "blocks/B0001.dxf and so on hold one block each, to be marked when the stage stands at the place",
@@ -103,6 +106,7 @@ pub const TARGETS: [Target; 5] = [
         stepped: Some(Files::Whole("stage.ngc", gcode::linuxcnc)),
         on_the_fly: Some(FlyFile { name: "fly.ngc", kinds: &[Kind::Xyzuv], write: fly::linuxcnc }),
         carries_pens: false,
+        moves_stage: true,
         allows_setups: true,
         sheet: &[
             "stage.ngc (LinuxCNC) goes to each block, settles, sets digital output 0 (START) and waits for",
@@ -117,6 +121,7 @@ pub const TARGETS: [Target; 5] = [
         stepped: Some(Files::Whole("stage_m0.nc", gcode::m0)),
         on_the_fly: None,
         carries_pens: false,
+        moves_stage: true,
         allows_setups: true,
         sheet: &[
             "stage_m0.nc goes to each block and stops (M0): mark the block, wait for its end, then press",
@@ -129,6 +134,7 @@ pub const TARGETS: [Target; 5] = [
         stepped: Some(Files::Whole("job.ovf", |job| ovf::write(job.checked, job.machine, job.job, job.part))),
         on_the_fly: None,
         carries_pens: true,
+        moves_stage: false,
         allows_setups: false,
         sheet: &["job.ovf holds the whole job, stage places and pens included: work plane 0 is block B0001."],
     },
@@ -138,6 +144,7 @@ pub const TARGETS: [Target; 5] = [
         stepped: None,
         on_the_fly: Some(FlyFile { name: "fly.pmc", kinds: &[Kind::Xyzuv, Kind::Xyzacuv], write: fly::pmac }),
         carries_pens: false,
+        moves_stage: true,
         allows_setups: false,
         sheet: &[],
     },

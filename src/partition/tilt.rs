@@ -58,7 +58,17 @@ impl TiltSite<'_> {
                 best = Some(made);
             }
         }
-        best.map_or_else(|| self.over(self.grid(MORE).unwrap_or_else(|| self.samples()), samples).1, |b| b.1)
+        best.map_or_else(|| self.over(self.tight(), samples).1, |b| b.1)
+    }
+
+    /// The grid for windows of few increments, which hold no sections of parts of whole ones: parts of any
+    /// size, of sections so much smaller than a window that their centres may be rounded to where the stage
+    /// can stand.
+    fn tight(&self) -> Sections {
+        let (size, step) = (self.area.size(), self.lattice.step);
+        let pitch = self.window.map(|w| ((w - step) / PARTS).max(1));
+        let count = [0, 1].map(|k| ((size[k] / (pitch[k] * PARTS) + 1) * PARTS) as u32);
+        Sections { origin: self.area.lo, pitch, count }
     }
 
     /// The grid of parts of sections, with `more` sections along each axis than needed.

@@ -107,3 +107,52 @@ impl Site<'_> {
         0.6 * stops * time([w / 2, h / 2, 0]) > sections * xy + (stops - sections) * z
     }
 }
+
+/// The candidate of the least measure. One that breaks an invariant is a fault of ours: where another method
+/// gives a sound program it is left out, and the user is told; where none does, the faults are the answer.
+pub(super) fn best_of<T>(
+    candidates: impl Iterator<Item = (Method, T, Option<Diag>)>,
+    measure: impl Fn(&T) -> (f64, f64),
+    warnings: &mut Vec<Diag>,
+) -> Result<T, Error> {
+    let (mut best, mut faults): (Option<T>, Vec<(Method, Diag)>) = (None, Vec::new());
+    for (method, made, fault) in candidates {
+        match fault {
+            Some(fault) => faults.push((method, fault)),
+            None if best.as_ref().is_none_or(|b| measure(&made) < measure(b)) => best = Some(made),
+            None => {}
+        }
+    }
+    let Some(best) = best else {
+        let none = || Diag::bug("no-candidate", "no method was tried");
+        let faults: Vec<Diag> = faults.into_iter().map(|(_, fault)| fault).collect();
+        return Err(if faults.is_empty() { none().into() } else { Error::many(faults) });
+    };
+    warnings.extend(faults.into_iter().map(|(method, fault)| {
+        let text = format!("method {} is left out, by a fault of terrace: {}", method.name(), fault.message);
+        let hint = "the program of the method that is taken is sound; please report this with the job file";
+        Diag::warning("method-left-out", text).at(fault.place).hint(hint)
+    }));
+    Ok(best)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn auto_leaves_out_a_method_that_breaks_an_invariant_and_says_so() {
+        let fault = || Some(Diag::bug("program-invariant", "P2: out of the field"));
+        let cost = |&time: &f64| (time, 0.0);
+        let mut warnings = Vec::new();
+        let sound = [(Method::ZRange, 3.0, None), (Method::Tilt, 1.0, fault()), (Method::Window, 2.0, None)];
+        let best = best_of(sound.into_iter(), cost, &mut warnings).expect("two are sound");
+        assert_eq!(best, 2.0, "the cheapest of the sound ones");
+        assert_eq!(warnings.len(), 1);
+        assert_eq!((warnings[0].code, warnings[0].kind), ("method-left-out", crate::diag::Kind::Warning));
+        assert!(warnings[0].message.contains("tilt") && warnings[0].message.contains("P2: out of the field"));
+        let broken = [(Method::ZRange, 3.0, fault()), (Method::Tilt, 1.0, fault())];
+        let error = best_of(broken.into_iter(), cost, &mut Vec::new()).expect_err("none is sound");
+        assert!(error.diags().iter().all(|d| d.kind == crate::diag::Kind::Bug) && error.diags().len() == 2);
+    }
+}

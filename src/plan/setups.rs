@@ -82,6 +82,11 @@ impl Setups {
         Self { axes: [x, y], needed: [columns, rows] }
     }
 
+    /// How many cells there are.
+    pub(super) fn len(&self) -> usize {
+        self.axes.iter().map(|a| a.shift.len()).product()
+    }
+
     /// The cell of a stop.
     pub(super) fn cell(&self, centre: P2) -> usize {
         let [x, y] = &self.axes;

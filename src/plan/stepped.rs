@@ -11,7 +11,7 @@ use std::ops::Range;
 
 use super::assemble::{self, Assembly, Stage};
 use super::bound;
-use super::candidates::{Site, methods};
+use super::candidates::{Site, best_of, methods};
 use super::dose;
 use super::grid::{Grid, Layout};
 use super::inputs::Inputs;
@@ -23,7 +23,7 @@ use super::sweep::Sweep;
 use super::times::times;
 use super::warnings;
 use super::{Progress, Station};
-use crate::check::{Checked, Limits};
+use crate::check::{self, Checked, Limits};
 use crate::diag::{Diag, Error};
 use crate::fill;
 use crate::geom::Box2;
@@ -108,7 +108,8 @@ pub struct Draft<'a> {
     clearance: Clearance,
     /// Positions of the part's origin, by set-up.
     origins: Vec<[i64; 3]>,
-    not_kept: Option<Diag>,
+    /// What the user should know of how it was divided.
+    warnings: Vec<Diag>,
 }
 
 /// Plans a job on its own machine.
@@ -139,17 +140,18 @@ impl<'a> Draft<'a> {
         let cuts = Cuts::new(&job.partition, first.grid.keep, job.seed);
         let parts = split(first.sweep(job, inputs), &stops, &job.pens, cuts)?;
         progress(Station::Order);
-        let (mut tried, mut best): (Vec<record::Candidate>, Option<Candidate>) = (Vec::new(), None);
-        for ((method, stops), parts) in found.iter().zip(parts) {
+        let (mut tried, mut warnings) = (Vec::new(), Vec::new());
+        let made = found.iter().zip(parts).map(|((method, stops), parts)| {
             let made = first.candidate(job, machine, &clearance, *method, stops, parts);
-            tried.push(made.listed());
-            if best.as_ref().is_none_or(|b| made.measure(job.partition.objective) < b.measure(job.partition.objective))
-            {
-                best = Some(made);
+            // A single method is checked in the end, with everything else.
+            let fault = if found.len() > 1 { made.fault(machine, &first.grid, &clearance) } else { None };
+            if fault.is_none() {
+                tried.push(made.listed());
             }
-        }
-        let Some(best) = best else { return Err(Diag::bug("no-candidate", "no method was tried").into()) };
-        if tried.len() == 1 {
+            (*method, made, fault)
+        });
+        let best = best_of(made, |made| made.measure(job.partition.objective), &mut warnings)?;
+        if found.len() == 1 {
             tried.clear();
         }
         let not_kept = warnings::not_kept(&first.grid, &first.footprint, best.method, &best.split);
@@ -162,8 +164,9 @@ impl<'a> Draft<'a> {
             grid: first.grid.clone(),
             clearance,
             origins: Vec::new(),
-            not_kept,
+            warnings,
         };
+        draft.warnings.extend(not_kept);
         let blocks = 0..draft.best.program.blocks.len();
         let pass = first.pass(machine, inputs, &draft.best, blocks);
         draft.passes.push(pass);
@@ -223,7 +226,7 @@ impl<'a> Draft<'a> {
     /// # Errors
     /// Limits of the machine that the program breaks; what the job refuses.
     pub fn checked(self, mut warnings: Vec<Diag>) -> Result<SteppedPlan, Error> {
-        let Self { job, machine, best, tried, passes, grid, clearance, origins, not_kept } = self;
+        let Self { job, machine, best, tried, passes, grid, clearance, origins, warnings: divided } = self;
         let limits = Limits {
             machine,
             origins: &origins,
@@ -236,7 +239,7 @@ impl<'a> Draft<'a> {
         setups::registered(job, machine, &origins)?;
         warnings::warn(&job.limits, &best.split, best.worst_defocus, grid.lattice.depth, &mut warnings)?;
         warnings.extend(warnings::not_carried(job, checked.program()));
-        warnings.extend(not_kept);
+        warnings.extend(divided);
         warnings.extend(warnings::short_overlaps(&best.split));
         let figures = summary::Figures {
             method: best.method,
@@ -363,6 +366,21 @@ impl Candidate {
             fragments: self.fragments,
             time_s: self.times,
         }
+    }
+
+    /// The first invariant that it breaks, if it breaks any.
+    fn fault(&self, machine: &Machine, grid: &Grid, clearance: &Clearance) -> Option<Diag> {
+        let cells = 0..self.setups.len();
+        let origins: Vec<[i64; 3]> = cells.map(|cell| self.setups.origin(cell, grid.origin)).collect();
+        let limits = Limits {
+            machine,
+            origins: &origins,
+            travel_hint: String::new(),
+            depth: grid.lattice.depth,
+            max_slope: self.split.worst_slope2.sqrt(),
+            clearance,
+        };
+        check::first_broken(&self.program, &limits)
     }
 
     /// What the best candidate has least of.

@@ -14,7 +14,7 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Stops 
         origin: grid.origin,
         // Sections of later passes begin elsewhere.
         area: Box2 { lo: grid.sections.origin, hi: sweep.texture.bounds().hi },
-        window: grid.window.map(|w| w / 2 * 2),
+        window: grid.window.map(|w| (w / 2 * 2 - 2 * ROUNDING).max(2)),
         lattice: grid.lattice,
     };
     let marks = sweep.marks(&tilted.samples());
@@ -67,6 +67,12 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Stops 
         }
     }
 }
+
+/// By how much a window is smaller on each side than the field, nm. A cut on the border of a window is rounded
+/// twice: in the plane of the drawing, by up to half the diagonal of the grid in any direction, so that it can
+/// lie 0.71 nm beyond the border once it is turned; and in the field, to the nearest grid point, which is then
+/// at most a nanometre beyond the border.
+const ROUNDING: i64 = 1;
 
 /// Room for the curvature of the part beside a window, nm.
 const SPARE: i64 = 1_000_000;

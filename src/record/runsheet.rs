@@ -12,7 +12,7 @@ use crate::units::Length;
 pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
     let program = facts.checked.program();
     let mut out = String::from(
-        "block,column,row,level,stage_x_mm,stage_y_mm,stage_z_mm,lpfl_mm,file,strokes,mark_mm,jump_mm,time_s,pens,pass,setup\n",
+        "block,column,row,level,stage_x_mm,stage_y_mm,stage_z_mm,lpfl_mm,file,strokes,mark_mm,jump_mm,time_s,pens,pass,setup,lift_z_mm\n",
     );
     for (i, block) in program.blocks.iter().enumerate() {
         let [column, row] = block.stop.section;
@@ -34,11 +34,19 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
             csv_cell(&facts.pen_names(block).join("; ")),
             (block.pass + 1).to_string(),
             (block.setup + 1).to_string(),
+            lift(facts, i).map_or_else(String::new, |z| format!("{z:.6}")),
         ];
         out += &cells.join(",");
         out.push('\n');
     }
     out.into_bytes()
+}
+
+/// The z to which the stage lifts before it moves to block `i`, mm; None where it goes there at the z where it
+/// stands. Before the first block nobody knows where that is.
+fn lift(facts: &Facts<'_>, i: usize) -> Option<f64> {
+    let lifts = i == 0 || facts.checked.program().blocks[i].retract;
+    lifts.then(|| mm_from_nm(facts.machine.retract_z()))
 }
 
 /// The sheet for the operator, plain text of fixed width.
@@ -145,7 +153,15 @@ fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         out,
         "  - Find the focus on the part at the first block: its Z below is where the spot must be smallest."
     )?;
-    writeln!(out, "  - Run the stage program once without laser power.")?;
+    if facts.job.formats.iter().any(|f| f.target().moves_stage) {
+        writeln!(out, "  - Run the stage program once without laser power.")?;
+    }
+    let lift = mm_from_nm(facts.machine.retract_z());
+    writeln!(
+        out,
+        "  - If you move the stage by hand: laser off, then X Y, then Z. Where a line below says LIFT, go to Z{lift:.4}"
+    )?;
+    writeln!(out, "    before X Y, or the lens may touch the part. Lift after the last block too.")?;
     writeln!(out, "  - This program is not a safety system. Enclosure, interlock and eye protection are yours.")?;
     writeln!(out, "\nHOW THE FILES GO TOGETHER")?;
     for target in facts.job.formats.iter().map(|f| f.target()) {
@@ -219,6 +235,9 @@ fn blocks(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         if facts.checked.origins().len() > 1 && setup != Some(block.setup) {
             setup = Some(block.setup);
             writeln!(out, "  SET-UP {}", block.setup + 1)?;
+        }
+        if let Some(z) = lift(facts, i) {
+            writeln!(out, "  LIFT to Z{z:.4}, then go to {}", Program::block_id(i))?;
         }
         block_line(out, facts, i, block)?;
     }

@@ -7,7 +7,7 @@ use crate::machine::Machine;
 /// A point of the part that a set-up reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Registered {
-    /// The point as the job names it, part frame, mm.
+    /// The point that the job names, part frame, rounded to the nanometre, mm.
     pub point_mm: [f64; 2],
     /// Commanded x and y, nm, on the increment.
     pub at: [i64; 2],

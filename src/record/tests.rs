@@ -93,8 +93,8 @@ fn the_table_has_a_line_per_block_and_quotes_what_parts_cells() {
     assert_eq!(lines.len(), 4);
     let third = "B0003,1,0,1,-41.000000,2.000000,0.405000,0.105000,blocks/B0003.dxf,2,250.000,";
     assert!(lines[3].starts_with(third), "{}", lines[3]);
-    assert!(lines[3].ends_with(",0.125,fill; edge (fine),1,1"), "{}", lines[3]);
-    assert!(lines.iter().all(|l| l.split(',').count() == 16));
+    assert!(lines[3].ends_with(",0.125,fill; edge (fine),1,1,200.000000"), "{}", lines[3]);
+    assert!(lines.iter().all(|l| l.split(',').count() == 17));
 }
 
 #[test]
@@ -108,6 +108,22 @@ fn the_sheet_tells_the_operator_what_the_files_do_not() {
         assert_eq!(text.matches(&format!("\n  B000{i} ")).count(), 1);
     }
     assert!(text.lines().all(|l| l.len() <= 132), "fits on paper");
+}
+
+#[test]
+fn run_sheets_say_where_to_lift() {
+    // The third block asks for it. Before the first nobody knows where the stage stands.
+    let (csv, txt) = with_sample(|facts| (runsheet_csv(facts), runsheet_txt(facts)));
+    let [csv, txt] = [csv, txt].map(|bytes| String::from_utf8(bytes).expect("UTF-8"));
+    let lifts: Vec<&str> = csv.lines().filter_map(|l| l.rsplit(',').next()).collect();
+    assert_eq!(lifts, ["lift_z_mm", "200.000000", "", "200.000000"]);
+    let lines: Vec<&str> = txt.lines().collect();
+    let follows = |id: &str| {
+        lines
+            .windows(2)
+            .any(|w| w[0] == format!("  LIFT to Z200.0000, then go to {id}") && w[1].starts_with(&format!("  {id} ")))
+    };
+    assert_eq!(["B0001", "B0002", "B0003"].map(follows), [true, false, true], "{txt}");
 }
 
 #[test]

@@ -109,7 +109,7 @@ impl Cutter<'_> {
     /// Keeps those stops, if there are any, that accept as much before `t` of piece `i` as is to be shared.
     pub(super) fn overlapping(&self, stops: &mut Vec<u32>, run: &Run, i: usize, t: f64) {
         let Some(open) = &self.open else { return };
-        let wanted = self.seam.overlap.min((open.length - open.shared) / 2.0);
+        let wanted = self.seam.overlap.min((open.drawn_exact - open.shared) / 2.0);
         let is_full = |&stop: &u32| self.accepted_before(stop, run, (i, t), (0, 0.0), wanted).1 >= wanted - SHORT;
         if stops.iter().any(is_full) {
             stops.retain(is_full);
@@ -119,7 +119,7 @@ impl Cutter<'_> {
     /// Ends the open fragment at `t` of piece `i`, and has `stop`, which goes on there, begin before it.
     pub(super) fn share(&mut self, stop: u32, run: &Run, i: usize, t: f64) {
         let segment = |piece: usize| &run.segments[run.segments.partition_point(|s| s.end <= piece)];
-        let own = self.open.as_ref().map_or(0.0, |o| o.length - o.shared);
+        let own = self.open.as_ref().map_or(0.0, |o| o.drawn_exact - o.shared);
         let s = segment(i);
         let cut = s.a.lerp(s.b, t);
         // What was too short to be marked cannot be marked twice.

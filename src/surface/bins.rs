@@ -3,8 +3,8 @@
 //! Every bin is *empty* (no facet), *simple* (no rim of the mesh passes through it and one sheet lies
 //! over all others) or *complex* (the sheets must be compared). A rim is an edge without a twin: the
 //! number of sheets can change only there, so a bin without rims has one number of sheets, counted at
-//! its centre. Bins know the facets whose box touches them, padded by a nanometre, so that points on
-//! bin lines find their facets from either side.
+//! its centre. Bins know the facets whose box touches them, padded by two nanometres, so that points on
+//! bin lines find their facets from either side, and places on a rim the facet beside them.
 
 use super::mesh::{Mesh, NONE, Vertex};
 use crate::geom::{P2, orient};
@@ -237,12 +237,12 @@ impl Cells {
         self.axis(y, self.lo.y, self.count[1])
     }
 
-    /// The cells that the box of a facet touches, a nanometre around it included.
+    /// The cells that the box of a facet touches, two nanometres around it included.
     fn range(&self, corners: &[Vertex; 3]) -> Range2 {
         let xs = corners.map(|v| i64::from(v.x));
         let ys = corners.map(|v| i64::from(v.y));
-        let min = |v: [i64; 3]| v[0].min(v[1]).min(v[2]) - 1;
-        let max = |v: [i64; 3]| v[0].max(v[1]).max(v[2]) + 1;
+        let min = |v: [i64; 3]| v[0].min(v[1]).min(v[2]) - 2;
+        let max = |v: [i64; 3]| v[0].max(v[1]).max(v[2]) + 2;
         Range2 { x: [self.column(min(xs)), self.column(max(xs))], y: [self.row(min(ys)), self.row(max(ys))] }
     }
 

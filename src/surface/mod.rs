@@ -15,6 +15,7 @@ mod lines;
 mod mesh;
 mod obj;
 mod points;
+mod rim;
 mod stl;
 mod topmost;
 mod walk;
@@ -25,6 +26,7 @@ use bins::{Bins, Class};
 use grid::Grid;
 use mesh::{Mesh, Welder};
 pub use topmost::Span;
+use walk::BinSteps;
 pub use walk::Cursor;
 
 use crate::diag::{Diag, Error, Place};

@@ -15,6 +15,7 @@
 
 use super::bins::Class;
 use super::mesh::{NONE, Vertex};
+use super::rim::ON_RIM;
 use super::topmost::{Sheets, Span, interpolate, push_gap, push_on, seal};
 use super::{Kind, Surface};
 use crate::geom::{P2, normal, orient, slope2};
@@ -23,20 +24,21 @@ use crate::geom::{P2, normal, orient, slope2};
 #[derive(Debug, Default)]
 pub struct Cursor {
     last: Option<(u32, usize)>,
-    facets: Vec<u32>,
-    sheets: Sheets,
+    pub(super) facets: Vec<u32>,
+    pub(super) sheets: Sheets,
+    pub(super) on_rim: Vec<Span>,
 }
 
 /// A segment with what every step needs.
-struct Line {
-    a: P2,
-    b: P2,
+pub(super) struct Line {
+    pub(super) a: P2,
+    pub(super) b: P2,
     d: [f64; 2],
     inv_len2: f64,
     /// Sign of a corner that lies exactly on the line.
     tie: f64,
     /// Half a nanometre as parameter.
-    half_nm: f64,
+    pub(super) half_nm: f64,
 }
 
 impl Line {
@@ -50,16 +52,16 @@ impl Line {
 
     /// Side of `v`, exact in sign: positive on the left.
     #[inline]
-    fn side(&self, v: Vertex) -> f64 {
+    pub(super) fn side(&self, v: Vertex) -> f64 {
         orient(self.a, self.b, v.p2())
     }
 
-    /// As [`Line::side`], zero also where `v` lies within a nanometre of the line: both were rounded to
+    /// As [`Line::side`], zero also where `v` lies within [`ON_RIM`] of the line: both were rounded to
     /// the grid, so a stroke drawn along the border of a turned part lies on it to that.
     #[inline]
     fn side_snapped(&self, v: Vertex) -> f64 {
         let o = self.side(v);
-        if o.abs() * self.half_nm <= 0.5 { 0.0 } else { o }
+        if o.abs() * 2.0 * self.half_nm <= ON_RIM { 0.0 } else { o }
     }
 
     /// As [`Line::side`], never zero.
@@ -70,7 +72,7 @@ impl Line {
     }
 
     #[inline]
-    fn parameter(&self, x: f64, y: f64) -> f64 {
+    pub(super) fn parameter(&self, x: f64, y: f64) -> f64 {
         ((x - self.a.x as f64) * self.d[0] + (y - self.a.y as f64) * self.d[1]) * self.inv_len2
     }
 
@@ -97,7 +99,7 @@ struct Through {
 }
 
 /// Steps from bin to bin along a segment.
-struct BinSteps<'a> {
+pub(super) struct BinSteps<'a> {
     surface: &'a Surface,
     line: &'a Line,
     at: [i64; 2],
@@ -107,7 +109,7 @@ struct BinSteps<'a> {
 }
 
 impl<'a> BinSteps<'a> {
-    fn new(surface: &'a Surface, line: &'a Line, t: f64, t_end: f64) -> Self {
+    pub(super) fn new(surface: &'a Surface, line: &'a Line, t: f64, t_end: f64) -> Self {
         let at = [(0, line.a.x), (1, line.a.y)].map(|(axis, a)| {
             let v = if t == 0.0 { a } else { (a as f64 + t * line.d[axis]).floor() as i64 };
             let bin = surface.bin_of(axis, v);
@@ -132,12 +134,12 @@ impl<'a> BinSteps<'a> {
         };
     }
 
-    fn bin(&self) -> usize {
+    pub(super) fn bin(&self) -> usize {
         (self.at[1] * self.surface.bin_count(0) + self.at[0]) as usize
     }
 
     /// Moves to the next bin; None at the end of the stretch or of the grid.
-    fn step(&mut self) -> Option<()> {
+    pub(super) fn step(&mut self) -> Option<()> {
         let axis = usize::from(self.next[1] < self.next[0]);
         if self.next[axis] >= self.t_end {
             return None;
@@ -195,6 +197,7 @@ impl Surface {
         }
         push_gap(out, t1, 1.0, line.half_nm);
         seal(out);
+        self.close_on_rims(&line, cursor, out);
     }
 
     /// The parameters between which the line lies in the grid of bins.
@@ -378,7 +381,7 @@ impl Surface {
 
     /// Corner k of facet f and the number of the vertex.
     #[inline]
-    fn corner(&self, f: u32, k: usize) -> (Vertex, u32) {
+    pub(super) fn corner(&self, f: u32, k: usize) -> (Vertex, u32) {
         match &self.kind {
             Kind::Mesh(m, _) => {
                 let v = m.facets[f as usize][k];
@@ -389,7 +392,7 @@ impl Surface {
     }
 
     #[inline]
-    fn twin(&self, he: u32) -> u32 {
+    pub(super) fn twin(&self, he: u32) -> u32 {
         match &self.kind {
             Kind::Mesh(m, _) => m.twins[he as usize],
             Kind::Grid(g, _) => g.twin(he),

@@ -98,7 +98,7 @@ impl Turned {
                     let ends = Ends::of(p, w, facing);
                     z = [z[0].min(ends.lo()), z[1].max(ends.hi())];
                     beside |= ends.is_beside(facing, facings.half);
-                    hidden |= tracer.tracer.hides(p, w, facing);
+                    hidden = hidden || self.0[i].is_hidden || tracer.tracer.hides(p, w, facing);
                 }
                 tracer.small = list;
             }

@@ -132,3 +132,42 @@ fn nonsense_is_refused() {
         assert!(said(&done).contains(&format!("[{code}]")), "{keys}: {}", said(&done));
     }
 }
+
+/// Half of every stroke lies on a gentle slope and half on a steep one. On a tilted part the two halves are not
+/// as long in the field as in the drawing, and it is there that they take their time.
+#[test]
+fn tilted_marks_weigh_the_slope_by_their_length_in_the_field() {
+    let dir = folder();
+    let stl = dir.path().join("saw.stl");
+    let saw = |x: f64| {
+        let (tooth, rest) = ((x / 0.8).floor(), x.rem_euclid(0.8));
+        // Down by 5 deg over 0.4 mm, up by 40 deg over 0.4 mm.
+        let (down, up) = (0.4 * 5f64.to_radians().tan(), 0.4 * 40f64.to_radians().tan());
+        tooth * (up - down) + if rest < 0.4 { -down * rest / 0.4 } else { -down + up * (rest - 0.4) / 0.4 }
+    };
+    let mut facets = Vec::new();
+    for i in 0..50 {
+        let x = [f64::from(i) * 0.4, f64::from(i + 1) * 0.4];
+        // Just beside the crease, where the tooth is the one that is meant.
+        let z = [saw(x[0] + 1e-9), saw(x[1] - 1e-9)];
+        let corner = |k: usize, y: f64| [x[k], y, z[k]];
+        facets.push([corner(0, 0.0), corner(1, 0.0), corner(1, 12.0)]);
+        facets.push([corner(0, 0.0), corner(1, 12.0), corner(0, 12.0)]);
+    }
+    write_stl(&stl, &facets);
+    for (what, step) in [("speed", 0.002), ("power", 0.002)] {
+        let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"1 mm\"").method("tilt");
+        job.machine = "profile = \"xyz-tilt-galvo-40\"".into();
+        job.focus = "pdof = \"0.5 mm\"".into();
+        job.more = format!("[dose]\ncompensate = \"{what}\"\nstep = {step}\ncap = 3.0");
+        let out = dir.path().join("job.job");
+        compile(&job.write(dir.path(), "job.toml"), &out);
+        let blocks = manifest(&out)["blocks"].clone();
+        assert!(
+            blocks.as_array().expect("blocks").iter().any(|b| b["tilt"] != serde_json::json!([0.0, 0.0])),
+            "{blocks}"
+        );
+        // The verifier finds the mean cosine along the mark, on the file's own facets.
+        verify(&out);
+    }
+}

@@ -31,4 +31,5 @@ mod reads;
 mod setups;
 mod textures;
 mod tilt;
+mod turned;
 mod wide;

@@ -215,3 +215,25 @@ fn a_format_without_stops_is_refused() {
         crate::support::said(&done)
     );
 }
+
+#[test]
+fn registration_points_in_any_unit_are_stated_as_they_are_proved() {
+    let dir = folder();
+    let stl = dir.path().join("plate.stl");
+    write_stl(&stl, &mesh(4, [0.0, 0.0, 60.0, 50.0], |_, _| 0.0));
+    // Lengths that have no short decimal in mm: 2.1 in is 53.339999999999996 mm in f64.
+    for points in [
+        "[\"2.1 in\", \"0 mm\"], [\"8 mm\", \"8 mm\"]",
+        "[\"0.1 in\", \"1.7 in\"], [\"33333.3333 um\", \"1.0000004 mm\"]",
+    ] {
+        for turn in ["0 deg", "17.3 deg"] {
+            let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"4 mm\"");
+            job.more = format!(
+                "[placement]\nturn = \"{turn}\"\n[setups]\ncolumns = 1\nrows = 1\nregistration = [{points}]\n{FORMATS}"
+            );
+            let out = dir.path().join("inches.job");
+            compile(&job.write(dir.path(), "job.toml"), &out);
+            verify(&out);
+        }
+    }
+}

@@ -100,6 +100,54 @@ fn every_kind_of_table_is_proved() {
 }
 
 #[test]
+fn marks_of_tables_that_turn_about_z_end_inside_the_field() {
+    let dir = folder();
+    let stl = dir.path().join("part.stl");
+    write_stl(
+        &stl,
+        &mesh(40, [0.0, 0.0, 80.0, 60.0], |x, y| 2.0 * (x / 13.0).sin() + 1.5 * (y / 17.0).cos() + 0.05 * x),
+    );
+    for axes in [["A", "C"], ["B", "C"], ["A", "B"], ["B", "A"]] {
+        let machine = table(dir.path(), axes.map(|letter| (letter, false)), 180.0);
+        let text = std::fs::read_to_string(dir.path().join("table.txt")).expect("the machine");
+        let text = text.replace("[\"40 mm\", \"40 mm\"]", "[\"20 mm\", \"20 mm\"]");
+        std::fs::write(dir.path().join("table.txt"), text).expect("a writable folder");
+        for (direction, turn) in [(0.0, 0.0), (30.0, 0.0), (0.0, 17.3), (30.0, 17.3)] {
+            for method in ["tilt", "auto"] {
+                let hatch = format!("pattern = \"hatch\"\npitch = \"1 mm\"\ndirection = \"{direction} deg\"");
+                let mut job = tilted(&stl, &hatch).method(method);
+                job.machine = machine.clone();
+                job.more = format!("[placement]\nturn = \"{turn} deg\"");
+                // What would lie beyond the field is refused by an invariant.
+                let summary = compile(&job.write(dir.path(), "job.toml"), &dir.path().join("tilted.job"));
+                let left_out = summary["warnings"].to_string().contains("method-left-out");
+                assert!(!left_out, "{axes:?} {direction} {turn}: {}", summary["warnings"]);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_coarse_stage_under_a_small_field_is_no_fault() {
+    let dir = folder();
+    let stl = dir.path().join("bump.stl");
+    write_stl(&stl, &mesh(6, [0.0, 0.0, 1.0, 0.7], |x, y| 0.3 * x + 0.2 * x * y));
+    // A quarter of the field is fewer increments than one more section would take away.
+    for field in ["0.43 mm", "0.13 mm", "0.03 mm"] {
+        let machine = table(dir.path(), [("A", false), ("B", false)], 30.0);
+        let text = std::fs::read_to_string(dir.path().join("table.txt")).expect("the machine");
+        let text = text
+            .replace("[\"40 mm\", \"40 mm\"]", &format!("[{field:?}, {field:?}]"))
+            .replace("increment = \"0.0001 mm\"", "increment = \"0.01 mm\"");
+        std::fs::write(dir.path().join("table.txt"), text).expect("a writable folder");
+        let mut job = tilted(&stl, "pattern = \"hatch\"\npitch = \"0.02 mm\"");
+        job.machine = machine;
+        job.focus = "pdof = \"0.02 mm\"".into();
+        proved(&job, dir.path());
+    }
+}
+
+#[test]
 fn what_a_boss_hides_from_a_tilted_beam_is_marked_upright() {
     let dir = folder();
     let stl = dir.path().join("boss.stl");

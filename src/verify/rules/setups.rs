@@ -1,9 +1,9 @@
 //! The set-ups of the manifest against the job: as many as it allows, and every registration point where it
 //! says, found anew from the point, the turn of the part and the set-up's origin.
 
-use crate::geom::{NM_PER_MM, P2, cos_sin};
+use crate::geom::{NM_PER_MM, P2, cos_sin, nm_from_mm};
 use crate::verify::facts::Facts;
-use crate::verify::read::manifest::{Manifest, SetupEntry};
+use crate::verify::read::manifest::{Manifest, RegistrationEntry, SetupEntry};
 use crate::verify::read::program::ProgramFile;
 
 /// Registration points that a set-up needs: they give place and turn.
@@ -38,7 +38,8 @@ fn is_registered(entry: &SetupEntry, origin: [i64; 3], points: &[P2], facts: &Fa
                 (lo - slack..=hi + slack).contains(&wanted[k])
             })
         };
-        if stated.peek().is_some_and(|r| r.point_mm == [x, y]) {
+        let is_stated = |r: &RegistrationEntry| r.point_mm.map(nm_from_mm) == [Some(point.x), Some(point.y)];
+        if stated.peek().is_some_and(|r| is_stated(r)) {
             let at = stated.next().map_or([f64::NAN; 2], |r| r.stage.map(|v| v * NM_PER_MM));
             let is_there = (0..2).all(|k| (at[k] - wanted[k]).abs() <= step);
             if !is_there || !within(step) {

@@ -1,0 +1,228 @@
+//! Strokes that run along the rim of the part.
+//!
+//! The corners of a turned part and the points of its texture are rounded apart, each by up to half the
+//! diagonal of the grid. A stroke that was drawn on the border of the part may then lie beside it by a
+//! nanometre. The walk snaps corners to the segment; that is enough where the segment is as long as the edge.
+//! Points of a short segment beside a long edge are found here: a gap in which every place lies within
+//! [`ON_RIM`] of a rim is no gap. Gaps that lead further off the part stay as they are, whole, so that a
+//! stroke that crosses the border ends where it did.
+//!
+//! Limit: of a segment that runs along a rim and on beyond it, the whole gap stays.
+
+use super::mesh::{NONE, Vertex};
+use super::topmost::Span;
+use super::walk::{Cursor, Line};
+use super::{BinSteps, Surface};
+use crate::geom::{P2, orient};
+
+/// A place so near to a rim, nm, lies on it: the grid's diagonal, half of it for the rounding of the stroke
+/// and half for that of the rim, and the noise of f64.
+pub(super) const ON_RIM: f64 = std::f64::consts::SQRT_2 + 0.05;
+
+impl Surface {
+    /// Fills the gaps that lie on a rim with what is there.
+    pub(super) fn close_on_rims(&self, line: &Line, cursor: &mut Cursor, out: &mut Vec<Span>) {
+        for i in (0..out.len()).rev() {
+            let Span { t0, t1, .. } = out[i];
+            // Most gaps lead far off the part: their middle tells.
+            let is_on_rim = |t: f64| self.is_on_rim(line, t, cursor);
+            if out[i].facet().is_some() || ![(t0 + t1) / 2.0, t1, t0].into_iter().all(is_on_rim) {
+                continue;
+            }
+            if self.along_rims(line, [t0, t1], cursor) {
+                out.splice(i..=i, cursor.on_rim.drain(..));
+            }
+        }
+    }
+
+    /// Whether the place at `t` lies on a rim.
+    fn is_on_rim(&self, line: &Line, t: f64, cursor: &mut Cursor) -> bool {
+        cursor.facets.clear();
+        let at = line.a.lerp(line.b, t);
+        let bin = self.bin_of(1, at.y) * self.bin_count(0) + self.bin_of(0, at.x);
+        self.bin_facets(bin as usize, [at, at], &mut cursor.facets);
+        cursor.facets.iter().flat_map(|&f| self.rims(f)).any(|[u, v]| {
+            let near = line.near(u, v);
+            near[0] - line.half_nm <= t && t <= near[1] + line.half_nm
+        })
+    }
+
+    /// Writes what rims hold of a stretch of the line into `cursor.on_rim`; answers whether that is all of it.
+    fn along_rims(&self, line: &Line, [from, to]: [f64; 2], cursor: &mut Cursor) -> bool {
+        cursor.facets.clear();
+        let mut steps = BinSteps::new(self, line, from, to);
+        let ends = [from, to].map(|t| line.a.lerp(line.b, t));
+        loop {
+            self.bin_facets(steps.bin(), ends, &mut cursor.facets);
+            if steps.step().is_none() {
+                break;
+            }
+        }
+        cursor.facets.sort_unstable();
+        cursor.facets.dedup();
+        let Cursor { facets, sheets, on_rim, .. } = cursor;
+        sheets.hits.clear();
+        for &f in facets.iter() {
+            for [u, v] in self.rims(f) {
+                let near = line.near(u, v);
+                let (t0, t1) = (near[0].max(from), near[1].min(to));
+                if t0 < t1 {
+                    let z = |t: f64| u.z + (v.z - u.z) * line.share(u, v, t);
+                    sheets.hits.push(Span { t0, t1, z0: z(t0), z1: z(t1), facet: f });
+                }
+            }
+        }
+        sheets.hits.sort_by(|p, q| p.t0.total_cmp(&q.t0).then(p.facet.cmp(&q.facet)));
+        on_rim.clear();
+        sheets.topmost(from, to, line.half_nm, on_rim);
+        let is_whole = !on_rim.is_empty() && on_rim.iter().all(|s| s.facet().is_some());
+        if is_whole {
+            let last = on_rim.len() - 1;
+            (on_rim[0].t0, on_rim[last].t1) = (from, to);
+            (1..=last).for_each(|i| on_rim[i].t0 = on_rim[i - 1].t1);
+        }
+        is_whole
+    }
+
+    /// The edges of facet f that have no facet on their other side.
+    fn rims(&self, f: u32) -> impl Iterator<Item = [Vertex; 2]> {
+        let corner = move |k: usize| self.corner(f, k % 3).0;
+        (0..3).filter(move |&k| self.twin(f * 3 + k as u32) == NONE).map(move |k| [corner(k), corner(k + 1)])
+    }
+}
+
+impl Line {
+    /// The parameters between which the line lies within [`ON_RIM`] of the edge from u to v; the first beyond
+    /// the second where it nowhere does. What is near to an edge is convex: its ends and what is beside it.
+    fn near(&self, u: Vertex, v: Vertex) -> [f64; 2] {
+        let mut near = [f64::INFINITY, f64::NEG_INFINITY];
+        let mut add = |t: [f64; 2]| {
+            if t[0] <= t[1] {
+                near = [near[0].min(t[0]), near[1].max(t[1])];
+            }
+        };
+        for c in [u, v] {
+            let off = self.side(c) * 2.0 * self.half_nm;
+            let half = (ON_RIM * ON_RIM - off * off).max(0.0).sqrt() * 2.0 * self.half_nm;
+            let t = self.parameter(c.x.into(), c.y.into());
+            if off.abs() <= ON_RIM {
+                add([t - half, t + half]);
+            }
+        }
+        let ([l, m], length2) = self.along(u, v);
+        let [o, r] = [self.a, self.b].map(|p| orient(u.p2(), v.p2(), p));
+        let wide = ON_RIM * length2.sqrt();
+        let (x, y) = (within(l, m, 0.0, length2), within(o, r, -wide, wide));
+        add([x[0].max(y[0]), x[1].min(y[1])]);
+        near
+    }
+
+    /// The part of the edge from u to v, 0 to 1, at which the place at `t` is nearest to it.
+    fn share(&self, u: Vertex, v: Vertex, t: f64) -> f64 {
+        let ([l, m], length2) = self.along(u, v);
+        ((l + t * (m - l)) / length2).clamp(0.0, 1.0)
+    }
+
+    /// How far both ends of the line lie along the edge from u to v, times its length, and that squared.
+    fn along(&self, u: Vertex, v: Vertex) -> ([f64; 2], f64) {
+        let (p, q) = (u.p2(), v.p2());
+        let e = [(q.x - p.x) as f64, (q.y - p.y) as f64];
+        let along = |a: P2| (a.x - p.x) as f64 * e[0] + (a.y - p.y) as f64 * e[1];
+        ([along(self.a), along(self.b)], e[0] * e[0] + e[1] * e[1])
+    }
+}
+
+/// Where a linear function that is `a` at 0 and `b` at 1 lies between `lo` and `hi`.
+fn within(a: f64, b: f64, lo: f64, hi: f64) -> [f64; 2] {
+    if a == b {
+        let all = [f64::NEG_INFINITY, f64::INFINITY];
+        return if (lo..=hi).contains(&a) { all } else { [all[1], all[0]] };
+    }
+    let [s, t] = [(lo - a) / (b - a), (hi - a) / (b - a)];
+    [s.min(t), s.max(t)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::{NM_PER_MM, cos_sin};
+
+    const SIZE: [f64; 2] = [60.0, 40.0];
+    const LID: f64 = 5.0;
+
+    /// A box of 60 x 40 mm and 5 mm, its lid sloping along x by a tenth, turned and rounded as parts are.
+    fn solid(turn: [f64; 2]) -> Surface {
+        let corner = |k: usize, up: bool| {
+            let [x, y] = [[0.0, 0.0], [SIZE[0], 0.0], SIZE, [0.0, SIZE[1]]][k];
+            [x, y, if up { LID + 0.1 * x } else { 0.0 }]
+        };
+        let mut welder = super::super::Welder::new(turn, 0.0);
+        for up in [false, true] {
+            welder.facet([corner(0, up), corner(1, up), corner(2, up)]);
+            welder.facet([corner(0, up), corner(2, up), corner(3, up)]);
+        }
+        for k in 0..4 {
+            let next = (k + 1) % 4;
+            welder.facet([corner(k, false), corner(next, false), corner(next, true)]);
+            welder.facet([corner(k, false), corner(next, true), corner(k, true)]);
+        }
+        Surface::from_welder(welder, "a box", &mut Vec::new()).expect("a solid")
+    }
+
+    /// The grid point nearest to a place of the box before its turn, mm.
+    fn place([c, s]: [f64; 2], [x, y]: [f64; 2]) -> P2 {
+        P2::from_mm(c * x - s * y, s * x + c * y).expect("near")
+    }
+
+    #[test]
+    fn a_turned_border_holds_what_is_drawn_along_it_and_up_to_it() {
+        let (mut spans, mut cursor) = (Vec::new(), Cursor::default());
+        for i in 0..200 {
+            let turn = cos_sin(f64::from(i) * 0.731 + 0.001);
+            let part = solid(turn);
+            for k in 0..60 {
+                let [x, y] = [f64::from(k), f64::from(k) * 0.65];
+                let step = 0.1 + f64::from(i) * 0.003;
+                // Along every side, a step to it, and round a corner.
+                for [a, b] in [
+                    [[x, 0.0], [x + step, 0.0]],
+                    [[x + step, SIZE[1]], [x, SIZE[1]]],
+                    [[0.0, y], [0.0, y + 0.01 * step]],
+                    [[SIZE[0], y], [SIZE[0], y + step]],
+                    [[x, step], [x, 0.0]],
+                    [[SIZE[0], y], [SIZE[0] - step, y]],
+                    [[0.0, SIZE[1]], [step, SIZE[1]]],
+                ] {
+                    part.walk(place(turn, a), place(turn, b), &mut cursor, &mut spans);
+                    assert_eq!((spans[0].t0, spans[spans.len() - 1].t1), (0.0, 1.0));
+                    assert!(spans.windows(2).all(|w| w[0].t1 == w[1].t0), "{spans:?}");
+                    for s in &spans {
+                        for (t, z) in [(s.t0, s.z0), (s.t1, s.z1)] {
+                            // The lid, not the bottom that ends on the same border.
+                            let want = (LID + 0.1 * (a[0] + t * (b[0] - a[0]))) * NM_PER_MM;
+                            assert!((z - want).abs() < 1.0, "{i}: {a:?} to {b:?} at {t}: {z} for {want}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_leaves_the_part_is_not_prolonged() {
+        let (mut spans, mut cursor) = (Vec::new(), Cursor::default());
+        let part = solid([1.0, 0.0]);
+        for (beside, is_off) in [(1, false), (2, true), (5, true)] {
+            let y = -f64::from(beside) / NM_PER_MM;
+            part.walk(place([1.0, 0.0], [7.0, y]), place([1.0, 0.0], [7.5, y]), &mut cursor, &mut spans);
+            assert_eq!(spans.iter().any(|s| s.facet().is_none()), is_off, "{beside} nm beside");
+        }
+        // Over the border at a right angle and at a small one: the mark ends on the border.
+        for (dx, dy) in [(0.0, -1.0), (10.0, -1e-5)] {
+            let (a, b) = (place([1.0, 0.0], [20.0, -dy]), place([1.0, 0.0], [20.0 + dx, dy]));
+            part.walk(a, b, &mut cursor, &mut spans);
+            let gap = spans[spans.len() - 1];
+            assert!(gap.facet().is_none() && gap.t1 == 1.0 && (gap.t0 - 0.5).abs() < 1e-9, "{spans:?}");
+        }
+    }
+}
