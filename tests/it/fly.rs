@@ -209,3 +209,35 @@ fn what_on_the_fly_programs_cannot_do_is_refused() {
     assert!(said(&out).contains("fly-job"), "{}", said(&out));
     assert!(!dir.path().join("job.job").exists());
 }
+
+#[test]
+fn marks_end_at_the_corner_of_a_part_with_seven_axes() {
+    let dir = folder();
+    // Lines along both borders of a plate that bends, to its very corner.
+    let bend = |x: f64, y: f64| 0.02 * x * x / 8.0 + 0.05 * y;
+    write_stl(&dir.path().join("part.stl"), &mesh(4, [0.0, 0.0, 8.0, 8.0], bend));
+    let job = job(dir.path(), "xyzac-galvo-10", "0.2 mm", "500 mm/s", "2 mm", "");
+    let text = std::fs::read_to_string(&job).expect("a job").replace("10 deg", "0 deg");
+    std::fs::write(&job, text).expect("a file");
+    let [_, proof] = proved(dir.path(), &job);
+    assert!(proof["skipped_mm"].as_f64().is_some_and(|mm| mm < 1e-4), "{proof}");
+}
+
+#[test]
+fn strokes_that_run_back_over_themselves_are_marked_as_often_as_they_are_drawn() {
+    for turn in ["0 deg", "17.3 deg"] {
+        let dir = folder();
+        write_stl(&dir.path().join("part.stl"), &mesh(4, [0.0, 0.0, 20.0, 20.0], |x, _| 0.01 * x));
+        let svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"12mm\" height=\"9mm\" viewBox=\"0 0 12 9\">\
+                   <g fill=\"none\" stroke=\"black\"><polyline points=\"1,8 9,8 3,8 6,8\"/></g></svg>";
+        std::fs::write(dir.path().join("back.svg"), svg).expect("a file");
+        let job = job(dir.path(), "xyz-galvo-40", "0.1 mm", "200 mm/s", "2 mm", "");
+        let text = std::fs::read_to_string(&job).expect("a job");
+        let hatch = "pattern = \"hatch\"\npitch = \"2 mm\"\ndirection = \"10 deg\"\n";
+        assert!(text.contains(hatch));
+        let text = text.replace(hatch, "file = \"back.svg\"\norigin = [\"4 mm\", \"4 mm\"]\n");
+        std::fs::write(&job, format!("placement = {{ turn = {turn:?} }}\n{text}")).expect("a file");
+        let [_, proof] = proved(dir.path(), &job);
+        assert_eq!(proof["ok"], true, "{proof}");
+    }
+}

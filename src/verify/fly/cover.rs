@@ -33,8 +33,11 @@ pub(super) fn of(stroke: u32, line: &Stroke, trace: &Trace) -> Vec<Cover> {
         .collect()
 }
 
-/// What marks cover. Where a stroke runs back over itself a mark may lie in more than one place: it is given the one
-/// of which the least is covered when all marks that have but one place are.
+/// What marks cover. Where a stroke runs back over itself a mark may lie in more than one place. Those that have but one
+/// are placed first, then the others, the longest first, each where least is covered already. Marks are cut at the same
+/// places of the plan wherever the stroke passes them, so of two marks over one place the shorter lies within the
+/// longer: a place that a mark takes from a longer one would have been free for the longer one, and between
+/// marks of one length it does not matter which lies where.
 #[derive(Default)]
 pub(super) struct Covers {
     sure: Vec<Cover>,
@@ -58,7 +61,10 @@ impl Covers {
         let key = |c: &Cover| (c.stroke, c.from.to_bits(), c.to.to_bits());
         let mut taken: BTreeMap<(u32, u64, u64), Cover> = self.sure.iter().map(|c| (key(c), *c)).collect();
         let mut out = self.sure;
-        for places in self.open {
+        let length = |places: &Vec<Vec<Cover>>| places[0].iter().map(|c| c.to - c.from).sum::<f64>();
+        let mut open = self.open;
+        open.sort_by(|a, b| length(b).total_cmp(&length(a)));
+        for places in open {
             let shared = |c: &Cover, taken: &BTreeMap<(u32, u64, u64), Cover>| {
                 let before = taken.range((c.stroke, 0, 0)..(c.stroke, c.to.to_bits(), 0)).rev();
                 let beside = before.map(|(_, t)| t).take_while(|t| t.to > c.from);

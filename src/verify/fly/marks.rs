@@ -98,7 +98,7 @@ impl<'a> Looker<'a> {
                     continue;
                 }
                 rules.ground.checked += 1;
-                match self.foot(&beam) {
+                match self.foot(&beam, [0, 1].map(|k| end.at[k] - start.at[k])) {
                     Some(foot) => {
                         self.feet.push(foot.xy);
                         self.hold(&foot, &place, rules.focus);
@@ -170,7 +170,7 @@ impl<'a> Looker<'a> {
                 worst.lean = worst.lean.max(sheet.slope2.sqrt().atan());
             });
             let bare = if bare > 2.0 * EDGE { bare } else { 0.0 };
-            let over = |f: &Foot| f.off.abs() > self.wanted.defocus + FOCUS || f.lean > self.wanted.lean + LEAN;
+            let over = |f: &Foot| !self.holds(f);
             let is_better = best.as_ref().is_none_or(|(b, f)| bare < *b || (bare == *b && over(f) && !over(&worst)));
             if is_better {
                 best = Some((bare, worst));
@@ -187,13 +187,33 @@ impl<'a> Looker<'a> {
         self.hold(&worst, place, rules.focus);
     }
 
-    /// Where a leaning beam meets the part; just beside an edge where it misses it.
-    fn foot(&mut self, beam: &Beam) -> Option<Foot> {
-        [[0.0, 0.0], [EDGE, 0.0], [-EDGE, 0.0], [0.0, EDGE], [0.0, -EDGE]].into_iter().find_map(|shift| {
+    /// Where a leaning beam of a mark that runs along `way` meets the part. Where it misses the part, or meets it beyond
+    /// the limits, as a beam does that passes a border by the rounding of its axes, any place within [`EDGE`] along and
+    /// across the mark counts: at a corner of the part both are needed, and across it less where the corner is sharp.
+    fn foot(&mut self, beam: &Beam, way: [f64; 2]) -> Option<Foot> {
+        let straight = self.met(beam);
+        if straight.is_some_and(|foot| self.holds(&foot)) {
+            return straight;
+        }
+        let length = way[0].hypot(way[1]);
+        let [x, y] = if length > 0.0 { way.map(|v| v / length) } else { [1.0, 0.0] };
+        let (mut first, across) = (straight, [0.0, 0.0625, -0.0625, 0.25, -0.25, 1.0, -1.0]);
+        for (s, t) in [0.0, -EDGE, EDGE].into_iter().flat_map(|s| across.map(|t| (s, t * EDGE))) {
+            let shift = [s * x - t * y, s * y + t * x];
             let at = [beam.at[0] + shift[0], beam.at[1] + shift[1], beam.at[2]];
-            let foot = self.met(&Beam { at, up: beam.up })?;
-            Some(Foot { xy: [foot.xy[0] - shift[0], foot.xy[1] - shift[1]], ..foot })
-        })
+            let Some(met) = self.met(&Beam { at, up: beam.up }) else { continue };
+            let foot = Foot { xy: [met.xy[0] - shift[0], met.xy[1] - shift[1]], ..met };
+            if self.holds(&foot) {
+                return Some(foot);
+            }
+            first = first.or(Some(foot));
+        }
+        first
+    }
+
+    /// Whether a foot keeps focus and angle.
+    fn holds(&self, foot: &Foot) -> bool {
+        foot.off.abs() <= self.wanted.defocus + FOCUS && foot.lean <= self.wanted.lean + LEAN
     }
 
     fn met(&mut self, beam: &Beam) -> Option<Foot> {
