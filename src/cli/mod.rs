@@ -164,14 +164,15 @@ fn compile(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> 
 
 fn preview(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> Result<(), Error> {
     let job = load(args, path, choice)?;
+    let blockless = Diag::input("preview-mode", "an on-the-fly job has no blocks to draw")
+        .at(job.place_of("mode"))
+        .hint("--mode stepped draws the blocks of the same job as a stepped one");
     if job.mode == Mode::OnTheFly {
-        let d = Diag::input("preview-mode", "an on-the-fly job has no blocks to draw").at(job.place_of("mode"));
-        return Err(d.hint("--mode stepped draws the blocks of the same job as a stepped one").into());
+        return Err(blockless.into());
     }
-    let Plan::Stepped(plan) = planned_of(args, job)? else {
-        return Err(Diag::bug("preview-mode", "a stepped job was planned in another mode").into());
-    };
-    let svg = folder::layout_svg(&plan);
+    let plan = planned_of(args, job)?;
+    let plan = plan.stepped().ok_or(blockless)?;
+    let svg = folder::layout_svg(plan);
     let dash = Path::new("-");
     let file = match output {
         Some(o) if o == dash => return print(&svg),

@@ -642,7 +642,7 @@ mod tests {
     fn a_placement_that_no_stage_reaches_is_refused() {
         let origin = |x: &str| faults("turn = \"0 deg\"", &format!("origin = [\"{x}\", \"0 mm\", \"0 mm\"]"));
         assert_eq!(origin("4 m"), []);
-        assert_eq!(origin("4.1 m")[0].0, "placement-far");
+        assert_eq!(origin("4.1 m")[0].0, "length-far");
     }
 
     #[test]

@@ -140,29 +140,28 @@ impl Grid {
 /// Holds the lengths of `[partition]` to the field.
 fn check(job: &Job, field: [i64; 2]) -> Result<(), Error> {
     let Partition { section, zone, overlap, .. } = job.partition;
-    let refuse = |code, key: &str, text: String, hint: &str| {
-        Err(Diag::limit(code, text).at(job.place_of(key)).hint(hint).into())
-    };
+    let refuse = |fault: Diag, key: &str, hint: &str| Err(fault.at(job.place_of(key)).hint(hint).into());
     if let Some(section) = section
         && field.iter().any(|&f| section > f)
     {
         let text = format!("partition.section {} mm is larger than the usable field", mm_from_nm(section));
-        return refuse("section-large", "partition.section", text, "leave it out, or make it smaller");
+        let fault = Diag::limit("section-large", text);
+        return refuse(fault, "partition.section", "leave it out, or make it smaller");
     }
     if field.iter().any(|&f| zone >= f / 2) {
-        let text = "partition.zone is half the usable field or more".into();
-        return refuse("zone-large", "partition.zone", text, "make it smaller; 0.2 mm is usual");
+        let fault = Diag::limit("zone-large", "partition.zone is half the usable field or more");
+        return refuse(fault, "partition.zone", "make it smaller; 0.2 mm is usual");
     }
     if field.iter().any(|&f| overlap >= f / 4) {
-        let text = "partition.overlap is a quarter of the usable field or more".into();
-        return refuse("overlap-large", "partition.overlap", text, "make it smaller; 0.05 mm is usual");
+        let fault = Diag::limit("overlap-large", "partition.overlap is a quarter of the usable field or more");
+        return refuse(fault, "partition.overlap", "make it smaller; 0.05 mm is usual");
     }
     if let Some(section) = section
         && overlap > 0
         && field.iter().any(|&f| section + overlap > f)
     {
-        let text = "partition.section and partition.overlap together are larger than the usable field".into();
-        return refuse("overlap-large", "partition.overlap", text, "make the sections smaller by it");
+        let text = "partition.section and partition.overlap together are larger than the usable field";
+        return refuse(Diag::limit("overlap-large", text), "partition.overlap", "make the sections smaller by it");
     }
     Ok(())
 }

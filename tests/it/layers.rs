@@ -1,9 +1,9 @@
-//! The layers of the library and the doors of its dependencies, read from the `crate::` paths.
+//! The layers of the library, and the modules that own each dependency, read from the `crate::` paths.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Every source file with its room (`emit` for src/emit/dxf.rs and src/emit.rs) and its text without
+/// Every source file with its module (`emit` for src/emit/dxf.rs and src/emit.rs) and its text without
 /// tests and comments.
 fn sources() -> Vec<(PathBuf, String, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
@@ -18,16 +18,16 @@ fn sources() -> Vec<(PathBuf, String, String)> {
                 let inner = path.strip_prefix(&root).expect("below src");
                 let test_only =
                     inner.iter().any(|c| ["tests", "tests.rs", "sample.rs", "mutants.rs"].iter().any(|t| c == *t))
-                        && !inner.starts_with("spec");
+                        && !inner.starts_with("job");
                 if test_only {
                     continue;
                 }
-                let room = inner.iter().next().expect("a name").to_string_lossy().trim_end_matches(".rs").to_owned();
+                let module = inner.iter().next().expect("a name").to_string_lossy().trim_end_matches(".rs").to_owned();
                 let text = std::fs::read_to_string(&path).expect("readable");
                 let text = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
                 let code: String =
                     text.lines().filter(|l| !l.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n");
-                out.push((path, room, code));
+                out.push((path, module, code));
             }
         }
     }
@@ -35,7 +35,7 @@ fn sources() -> Vec<(PathBuf, String, String)> {
     out
 }
 
-/// The rooms that a text names as `crate::room` or in `use crate::{room, other::…}`.
+/// The modules that a text names as `crate::module` or in `use crate::{module, other::…}`.
 fn named(text: &str) -> BTreeSet<String> {
     let mut out = BTreeSet::new();
     for (at, _) in text.match_indices("crate::") {
@@ -65,73 +65,51 @@ fn named(text: &str) -> BTreeSet<String> {
     out
 }
 
-/// What each room may name.
-fn allowed() -> BTreeMap<&'static str, Vec<&'static str>> {
-    let base = ["units", "geom", "diag"];
-    let with = |more: &[&'static str]| base.iter().chain(more).copied().collect::<Vec<_>>();
-    let ground = ["machine", "motion", "program"];
-    let on_ground = |more: &[&'static str]| with(&[&ground[..], more].concat());
-    BTreeMap::from([
-        ("units", vec!["geom"]),
-        ("geom", vec![]),
-        ("diag", vec![]),
-        ("surface", with(&[])),
-        ("texture", with(&[])),
-        ("machine", with(&[])),
-        // spec names the options of the rooms whose keys it holds.
-        ("spec", with(&["surface", "texture", "machine"])),
-        ("motion", with(&["machine"])),
-        ("program", with(&[])),
-        ("trace", with(&["surface", "texture", "program"])),
-        ("fill", with(&["surface", "texture", "program", "trace"])),
-        ("partition", on_ground(&["trace"])),
-        ("split", on_ground(&["trace", "partition"])),
-        ("order", on_ground(&[])),
-        ("check", on_ground(&["order"])),
-        ("map", on_ground(&["surface"])),
-        ("fly", on_ground(&["surface", "texture", "trace", "check"])),
-        ("emit", on_ground(&["check", "fly"])),
-        ("record", on_ground(&["check", "spec", "fly"])),
-        ("preview", on_ground(&["check", "record", "map"])),
-        ("verify", with(&["spec", "surface", "texture", "machine", "program"])),
-        (
-            "compile",
-            on_ground(&[
-                "spec",
-                "surface",
-                "texture",
-                "trace",
-                "fill",
-                "fly",
-                "partition",
-                "split",
-                "order",
-                "check",
-                "map",
-                "record",
-            ]),
-        ),
-        ("compare", on_ground(&["compile", "spec", "surface", "texture", "trace", "fly", "record", "preview"])),
-        ("folder", on_ground(&["compile", "emit", "fly", "preview", "record", "spec"])),
-        ("batch", with(&["compile", "folder", "machine", "spec"])),
-    ])
-}
+/// The modules of the library, lowest first: each may name those above it in this list and none below.
+const ORDER: [&str; 25] = [
+    "geom",
+    "units",
+    "diag",
+    "machine",
+    "motion",
+    "program",
+    "surface",
+    "texture",
+    "trace",
+    "fill",
+    "partition",
+    "split",
+    "order",
+    "check",
+    "map",
+    "fly",
+    "emit",
+    "job",
+    "record",
+    "plan",
+    "preview",
+    "folder",
+    "compare",
+    "batch",
+    "cli",
+];
+
+/// What the verifier may name: readers of input files and types. Nothing that planned or wrote what it verifies.
+const VERIFIER: [&str; 8] = ["geom", "units", "diag", "machine", "program", "surface", "texture", "job"];
 
 #[test]
-fn rooms_name_only_the_rooms_below_them() {
-    let allowed = allowed();
+fn modules_name_only_modules_above_them() {
+    let place = |module: &str| ORDER.iter().position(|m| *m == module);
     let mut wrong = Vec::new();
-    for (path, room, code) in sources() {
-        if ["lib", "main", "cli"].contains(&room.as_str()) {
-            continue;
-        }
-        let Some(may) = allowed.get(room.as_str()) else {
-            wrong.push(format!("{}: room {room} has no place in the layers", path.display()));
-            continue;
-        };
-        for other in named(&code) {
-            if other != room && !may.contains(&other.as_str()) {
-                wrong.push(format!("{}: {room} names {other}", path.display()));
+    for (path, module, code) in sources() {
+        for other in named(&code).into_iter().filter(|other| *other != module) {
+            let may = match module.as_str() {
+                "lib" | "main" | "cli" => true,
+                "verify" => VERIFIER.contains(&other.as_str()),
+                _ => place(&other) < place(&module) && place(&other).is_some(),
+            };
+            if !may {
+                wrong.push(format!("{}: {module} names {other}", path.display()));
             }
         }
     }
@@ -139,9 +117,9 @@ fn rooms_name_only_the_rooms_below_them() {
 }
 
 #[test]
-fn the_verifier_shares_readers_and_types_alone() {
-    for (path, room, code) in sources() {
-        if room == "verify" {
+fn the_verifier_uses_nothing_that_the_planner_uses_of_the_same_modules() {
+    for (path, module, code) in sources() {
+        if module == "verify" {
             for hidden in ["surface::walk", "Welder", "Tracer", "Surface::load", "from_facets", "program::text"] {
                 assert!(!code.contains(hidden), "{} uses {hidden}", path.display());
             }
@@ -150,14 +128,14 @@ fn the_verifier_shares_readers_and_types_alone() {
 }
 
 #[test]
-fn every_dependency_has_its_door() {
-    // Crate, and the rooms or files that may name it.
-    let doors: [(&str, &[&str]); 14] = [
+fn each_dependency_is_used_in_its_own_modules_only() {
+    // Crate, and the modules or files that may name it.
+    let owners: [(&str, &[&str]); 14] = [
         ("nalgebra", &["src/geom"]),
         ("spade", &["src/surface/points"]),
         ("parry2d", &["src/order/clearance"]),
         ("geo", &["src/preview", "src/surface/obj"]),
-        // The texture room has a module of this name.
+        // The texture module has a module of this name.
         ("svg", &["src/preview", "src/texture/mod.rs"]),
         ("clap", &["src/cli"]),
         ("indicatif", &["src/cli"]),
@@ -166,18 +144,18 @@ fn every_dependency_has_its_door() {
         ("rustfft", &["src/fly/decompose"]),
         ("png", &["src/surface/heightmap"]),
         ("prost", &["src/emit/ovf", "src/verify/read/ovf"]),
-        ("toml", &["src/diag", "src/spec"]),
+        ("toml", &["src/diag", "src/job"]),
         ("annotate_snippets", &["src/diag"]),
     ];
     let mut wrong = Vec::new();
     for (path, _, code) in sources() {
         let shown = path.display().to_string().replace('\\', "/");
-        for (name, rooms) in doors {
+        for (name, places) in owners {
             let uses = code
                 .match_indices(&format!("{name}::"))
                 .any(|(i, _)| !code[..i].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':'));
-            if uses && !rooms.iter().any(|r| shown.contains(r)) {
-                wrong.push(format!("{shown} uses {name}, whose door is {rooms:?}"));
+            if uses && !places.iter().any(|r| shown.contains(r)) {
+                wrong.push(format!("{shown} uses {name}, which belongs to {places:?}"));
             }
         }
         let prints = ["println!", "eprintln!", "print!(", "dbg!"].iter().any(|p| code.contains(p));

@@ -188,7 +188,7 @@ impl Made {
         }).collect();
         let job = entry(folder.parent().expect("inside"), "job.toml");
         let manifest = json!({
-            "schema": 1, "terrace": "0.1.0", "job": {"file": "../job.toml", "blake3": job["blake3"]},
+            "schema": 2, "terrace": "0.1.0", "mode": "stepped", "job": {"file": "../job.toml", "blake3": job["blake3"]},
             "inputs": [entry(folder.parent().expect("inside"), "part.stl")], "machine": self.facts.machine,
             "placement": {"origin_mm": self.origin.map(mm_from_nm), "turn_deg": 0.0},
             "focus": {"pdof_mm": mm_from_nm(self.facts.pdof), "depth_range_mm": mm_from_nm(self.facts.depth_range), "level": "mid", "rule": "range"},

@@ -12,7 +12,7 @@ use crate::folder::write_on_the_fly;
 use crate::job::{Job, Mode, Overrides};
 use crate::machine::Machine;
 use crate::plan::OnTheFlyPlan;
-use crate::plan::{Inputs, strokes};
+use crate::plan::{self, Inputs};
 use crate::record::{Deviations, FlySummary};
 use crate::verify::{Proof, verify};
 
@@ -94,18 +94,22 @@ impl Bench {
         );
         let path = dir.path().join("job.toml");
         std::fs::write(&path, text).expect("write");
-        let overrides = Overrides { mode: Some(Mode::OnTheFly), ..Overrides::default() };
-        let job = Job::load(&path, &overrides).unwrap_or_else(|e| panic!("{e}"));
-        let inputs = Inputs::load(&job).unwrap_or_else(|e| panic!("{e}"));
-        let ordered = strokes::in_order(&job, &inputs.machine, &inputs, None).unwrap_or_else(|e| panic!("{e}"));
-        let Inputs { machine, surface, .. } = inputs;
-        let relief = Relief::over(&surface, ordered.texture, sort.relief, 0.0).expect("a part");
-        let stepped = &ordered.program;
+        let load = |mode| {
+            let overrides = Overrides { mode: Some(mode), ..Overrides::default() };
+            Job::load(&path, &overrides).unwrap_or_else(|e| panic!("{e}"))
+        };
+        let job = load(Mode::OnTheFly);
+        // Strokes in the order of a stepped program, whose machine has the same field.
+        let plan = plan::plan(load(Mode::Stepped), &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+        let plan = plan.stepped().expect("a stepped job");
+        let stepped = plan.checked.program();
+        let Inputs { machine, surface, .. } = Inputs::load(&job).unwrap_or_else(|e| panic!("{e}"));
+        let relief = Relief::over(&surface, plan.passes[0].texture, sort.relief, 0.0).expect("a part");
         let path = path::Path::of(stepped, 0..stepped.blocks.len(), &surface, &relief, sort.spacing);
         let speeds: Vec<f64> = stepped.pens.iter().map(|p| p.speed.as_mm_s()).collect();
         let motion = motion(&path, &relief, &sort, &speeds);
         let program =
-            Program::of(&motion, stepped, &machine, ordered.origin, sort.kind).unwrap_or_else(|e| panic!("{e}"));
+            Program::of(&motion, stepped, &machine, plan.checked.origin(), sort.kind).unwrap_or_else(|e| panic!("{e}"));
         Self { dir, job, machine, motion, program }
     }
 
