@@ -1,6 +1,6 @@
 //! The layers of the library, and the modules that own each dependency, read from the `crate::` paths.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every source file with its module (`emit` for src/emit/dxf.rs and src/emit.rs) and its text without
