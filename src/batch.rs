@@ -234,7 +234,15 @@ impl fmt::Display for Report {
             match &o.state {
                 State::Compiled { stops, time_s, warnings } => {
                     write!(f, "compiled   {}  {stops} stops, {:.1} min", o.job.display(), time_s / 60.0)?;
-                    writeln!(f, "{}", if *warnings > 0 { format!(", {warnings} warnings") } else { String::new() })?;
+                    writeln!(
+                        f,
+                        "{}",
+                        match warnings {
+                            0 => String::new(),
+                            1 => ", 1 warning".into(),
+                            n => format!(", {n} warnings"),
+                        }
+                    )?;
                 }
                 State::Unchanged => writeln!(f, "unchanged  {}", o.job.display())?,
                 State::Failed(e) => {

@@ -176,6 +176,16 @@ fn compile(args: &Args, job: &Path, output: Option<&Path>, mode: Mode, choice: C
 }
 
 fn preview(args: &Args, job: &Path, output: Option<&Path>, choice: Choice) -> Result<(), Error> {
+    // What a viewer would take for something else than SVG.
+    const OTHERS: [&str; 12] = ["png", "jpg", "jpeg", "gif", "webp", "bmp", "tif", "tiff", "pdf", "eps", "dxf", "html"];
+    if let Some(path) = output
+        && let Some(extension) = path.extension().map(|e| e.to_string_lossy().to_lowercase())
+        && OTHERS.contains(&extension.as_str())
+    {
+        let d = Diag::input("preview-format", format!("the preview is an SVG drawing, not .{extension}"));
+        let hint = format!("write {}, and convert it with Inkscape or a browser", path.with_extension("svg").display());
+        return Err(d.at(Place::file(path.display().to_string())).hint(hint).into());
+    }
     let plan = planned(args, job, choice)?;
     let name = plan.job.path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let svg = preview::layout_svg(&folder::layout(&plan, &name));
