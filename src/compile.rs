@@ -29,7 +29,7 @@ use walk::Walk;
 use warnings::{not_carried, not_kept, short_overlaps, warn};
 
 use crate::check::{Checked, Limits};
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{Diag, Error, Place, memory};
 use crate::fill;
 use crate::geom::{Box2, NM_PER_MM, P2, mm_from_nm};
 use crate::machine::{FieldShape, Machine};
@@ -218,7 +218,7 @@ fn planned(job: Job, machine: Machine, progress: Progress<'_>, warnings: &mut Ve
         }
     }
     if stops.is_empty() {
-        let text = "the texture's box is too wide for free windows of this field";
+        let text = "the texture's box is too wide for this method and this field";
         return Err(Diag::limit("window-wide", text).hint("use partition.method = \"z-range\"").into());
     }
     progress(Station::Split);
@@ -380,6 +380,8 @@ fn ground<'a>(
         let text = format!("the texture would need {} x {} sections", sections.count[0], sections.count[1]);
         return Err(Diag::limit("sections-many", text).hint("use a larger field or a smaller area").into());
     }
+    // A list of heights for every section that holds marks.
+    memory::ask("what lies in the sections", 200 * sections.len() as u64)?;
     let max_slope = job.file.limits.max_incidence.as_rad().tan();
     fill::along_contours(texture, surface, &sections, max_slope, job.depth_range())?;
     let texture = &*texture;
@@ -492,7 +494,7 @@ fn divide(ground: &Ground<'_>, method: Method) -> Option<Stops> {
         Method::ZRange | Method::Auto => {
             partition::divide(partition::Method::ZRange, footprint, sections, *window, lattice)
         }
-        Method::Tilt => tilt::divide(ground),
+        Method::Tilt => tilt::divide(ground)?,
         Method::Window => {
             let (lowest, _) = footprint.range()?;
             let fine = Fine::over(sections, *window, lattice, lowest)?;

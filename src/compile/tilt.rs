@@ -5,8 +5,11 @@ use super::Ground;
 use crate::geom::{Box2, P2};
 use crate::partition::{Stops, tilt};
 
-/// The stops.
-pub(super) fn divide(ground: &Ground<'_>) -> Stops {
+/// Most cells in which marks are sampled, 1600 a window: some 2 GB where every one holds marks.
+const MAX_CELLS: u64 = 20_000_000;
+
+/// The stops; None where the texture's box holds too many windows.
+pub(super) fn divide(ground: &Ground<'_>) -> Option<Stops> {
     let tilted = tilt::Ground {
         machine: ground.machine,
         origin: ground.origin,
@@ -15,7 +18,11 @@ pub(super) fn divide(ground: &Ground<'_>) -> Stops {
         window: ground.window.map(|w| w / 2 * 2),
         lattice: ground.lattice,
     };
-    let marks = ground.walk().marks(&tilted.samples());
+    let samples = tilted.samples();
+    if samples.count.map(u64::from).iter().product::<u64>() > MAX_CELLS {
+        return None;
+    }
+    let marks = ground.walk().marks(&samples);
     let steepest = marks.worst_slope2.sqrt().atan();
     let samples = marks.list();
     let mut facings = tilted.plan(&samples);
@@ -61,7 +68,7 @@ pub(super) fn divide(ground: &Ground<'_>) -> Stops {
             }
         }
         if is_sound {
-            return tilted.stops(&facings, &held, &ground.sections);
+            return Some(tilted.stops(&facings, &held, &ground.sections));
         }
     }
 }

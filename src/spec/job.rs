@@ -28,6 +28,10 @@ pub struct Job {
     pub seed: u64,
 }
 
+/// Where all keys of a job file are listed.
+const KEYS: &str =
+    "`terrace init` writes a commented job file; `terrace init --schema` lists every key with its values";
+
 impl Job {
     /// Reads and checks a job file.
     ///
@@ -47,7 +51,7 @@ impl Job {
     /// As [`Job::load`].
     pub fn parse(path: &Path, text: &str) -> Result<Self, Error> {
         let source: Arc<str> = text.into();
-        let file: JobFile = diag::from_toml(&path.display().to_string(), &source)?;
+        let file: JobFile = diag::from_toml(&path.display().to_string(), &source, KEYS)?;
         let job = Self { path: path.to_owned(), source, file, seed: 0 };
         let faults = faults::of(&job);
         if faults.is_empty() { Ok(job) } else { Err(Error::many(faults)) }
