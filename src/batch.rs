@@ -220,7 +220,11 @@ impl fmt::Display for Report {
                     write!(f, "compiled   {}  ", o.job.display())?;
                     stops.iter().try_for_each(|n| write!(f, "{n} stops, "))?;
                     write!(f, "{:.1} min", time_s / 60.0)?;
-                    writeln!(f, "{}", if *warnings > 0 { format!(", {warnings} warnings") } else { String::new() })?;
+                    match warnings {
+                        0 => writeln!(f)?,
+                        1 => writeln!(f, ", 1 warning")?,
+                        n => writeln!(f, ", {n} warnings")?,
+                    }
                 }
                 State::Unchanged => writeln!(f, "unchanged  {}", o.job.display())?,
                 State::Failed(e) => {

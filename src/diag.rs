@@ -4,8 +4,11 @@
 //! is one sentence with a stable code (listed in `docs/errors.md`), a place and a hint that says what
 //! to change. Nothing here prints: the command line renders diagnostics, JSON writes them as objects.
 
+pub mod memory;
+
 use std::fmt;
 use std::ops::Range;
+use std::path::Path;
 use std::sync::Arc;
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
@@ -253,14 +256,9 @@ impl From<Diag> for Error {
 ///
 /// # Errors
 /// `file-unreadable` with the system's reason; `file-too-large` beyond `limit` bytes, before reading.
-pub fn read_file(path: &std::path::Path, limit: u64) -> Result<Vec<u8>, Error> {
+pub fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, Error> {
     let place = Place::file(path.display().to_string());
-    let unreadable = |e: std::io::Error| {
-        Diag::input("file-unreadable", format!("cannot read the file: {e}"))
-            .at(place.clone())
-            .hint("check the path; paths in a job file are relative to the job file")
-    };
-    let meta = std::fs::metadata(path).map_err(unreadable)?;
+    let meta = std::fs::metadata(path).map_err(|e| unreadable(path, &e))?;
     if !meta.is_file() {
         return Err(Diag::input("file-unreadable", "this is not a regular file").at(place).into());
     }
@@ -268,32 +266,111 @@ pub fn read_file(path: &std::path::Path, limit: u64) -> Result<Vec<u8>, Error> {
         let text = format!("the file has {} bytes, more than the limit of {limit} bytes", meta.len());
         return Err(Diag::input("file-too-large", text).at(place).into());
     }
-    Ok(std::fs::read(path).map_err(unreadable)?)
+    Ok(std::fs::read(path).map_err(|e| unreadable(path, &e))?)
 }
 
-/// Parses a TOML text into `T`; every fault points at its value.
+/// The diagnostic for a file that the system does not give: where it was looked for, and what lies there instead.
+pub fn unreadable(path: &Path, e: &std::io::Error) -> Diag {
+    let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let mut hint = "check the path; paths in a job file are relative to the job file".to_owned();
+    if e.kind() == std::io::ErrorKind::NotFound {
+        hint = match (near_names(&whole).as_slice(), whole.parent().filter(|p| !p.is_dir())) {
+            (_, Some(folder)) => format!("there is no folder {}; {hint}", folder.display()),
+            ([], None) => format!("it was looked for as {}; {hint}", whole.display()),
+            (near, None) => format!("it was looked for as {}; did you mean {}?", whole.display(), near.join(" or ")),
+        };
+    }
+    Diag::input("file-unreadable", format!("cannot read the file: {e}"))
+        .at(Place::file(path.display().to_string()))
+        .hint(hint)
+}
+
+/// Files beside a path whose names differ from its own by case, by extension or by one or two characters; at most
+/// three, the nearest first.
+fn near_names(path: &Path) -> Vec<String> {
+    // Folders may be huge; this is only for a hint.
+    const MOST: usize = 10_000;
+    let lower = |name: &std::ffi::OsStr| name.to_string_lossy().to_lowercase();
+    let (Some(folder), Some(name)) = (path.parent(), path.file_name().map(lower)) else { return Vec::new() };
+    let mut near: Vec<(usize, String)> = std::fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .take(MOST)
+        .flatten()
+        .filter(|entry| entry.path().is_file())
+        .filter_map(|entry| {
+            let other = lower(&entry.file_name());
+            let is_sibling = Path::new(&other).file_stem() == Path::new(&name).file_stem();
+            let distance = if is_sibling { 1 } else { edits(&name, &other) };
+            (distance <= 2 && distance < name.len() / 2).then(|| (distance, entry.file_name().to_string_lossy().into()))
+        })
+        .collect();
+    near.sort();
+    near.into_iter().take(3).map(|(_, name)| name).collect()
+}
+
+/// How many characters must be put in, left out or changed to make one text of the other (Wagner and Fischer 1974).
+fn edits(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    // Row i holds the distances of the first i characters of `a` to all beginnings of `b`.
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, &y) in b.iter().enumerate() {
+            let change = diagonal + usize::from(x != y);
+            diagonal = row[j + 1];
+            row[j + 1] = change.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+/// Parses a TOML text into `T`; every fault points at its value. `keys` tells where all keys are listed.
 ///
 /// # Errors
 /// `toml` with the place of the fault: syntax, unknown or missing keys, wrong units, values out of range.
-pub fn from_toml<T: DeserializeOwned>(path: &str, source: &Arc<str>) -> Result<T, Error> {
+pub fn from_toml<T: DeserializeOwned>(path: &str, source: &Arc<str>, keys: &str) -> Result<T, Error> {
     toml::from_str(source).map_err(|e| {
         let place = match e.span() {
             Some(span) => Place::Text { path: path.into(), source: source.clone(), span },
             None => Place::file(path),
         };
         // Where a value's own message ends in a remedy, that is the hint.
-        let (fault, remedy) = e.message().trim().split_once("; ").unwrap_or((
-            e.message().trim(),
-            "docs/job-file.md and docs/machine-file.md list every key with its values",
-        ));
+        let (fault, remedy) = e.message().trim().split_once("; ").unwrap_or((e.message().trim(), keys));
         let mut d = Diag::input("toml", fault).at(place).hint(remedy);
         if e.message().contains("unknown field") || e.message().contains("unknown variant") {
             d.hint = "check the spelling against the names listed".into();
         } else if e.message().contains("missing field") {
-            d.hint = "`terrace init` writes a commented job file that holds every key".into();
+            d.hint = keys.into();
+        } else if has_backslash(source, e.span()) {
+            d.hint = "in double quotes a backslash begins an escape: write the path with / or in single quotes".into();
         }
         d.into()
     })
+}
+
+/// Whether the lines of a fault hold a double quote with a backslash after it, as a Windows path would.
+fn has_backslash(source: &str, span: Option<Range<usize>>) -> bool {
+    let Some((before, after)) = span.and_then(|s| source.split_at_checked(s.start)) else { return false };
+    let line = [before.rsplit('\n').next(), after.split('\n').next()].map(Option::unwrap_or_default).concat();
+    line.split_once('"').is_some_and(|(_, text)| text.contains('\\'))
+}
+
+/// The place of a key's value in a TOML text that can be read, such as `stage.x.speed` or `tilt.axes.0.travel`; of the
+/// innermost table that is there where the key is not.
+pub fn place_of(path: &str, source: &Arc<str>, key: &str) -> Place {
+    let Ok(document) = toml::de::DeTable::parse(source) else { return Place::file(path) };
+    let mut keys = key.split('.');
+    let Some(mut value) = keys.next().and_then(|k| document.get_ref().get(k)) else { return Place::file(path) };
+    for key in keys {
+        let next = match key.parse::<usize>() {
+            Ok(i) => value.get_ref().get(i),
+            Err(_) => value.get_ref().get(key),
+        };
+        let Some(next) = next else { break };
+        value = next;
+    }
+    Place::Text { path: path.into(), source: source.clone(), span: value.span() }
 }
 
 /// Line and column, both from 1, of a byte offset.
@@ -302,4 +379,49 @@ pub(crate) fn line_and_column(source: &str, offset: usize) -> (usize, usize) {
     let line = before.bytes().filter(|&b| b == b'\n').count() + 1;
     let column = before.rsplit('\n').next().map_or(1, |l| l.chars().count() + 1);
     (line, column)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edits_are_counted() {
+        for (a, b, n) in
+            [("", "", 0), ("abc", "abc", 0), ("abc", "", 3), ("sample", "sampel", 2), ("kitten", "sitting", 3)]
+        {
+            assert_eq!((edits(a, b), edits(b, a)), (n, n), "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn a_windows_path_in_double_quotes_is_told_of() {
+        for text in ["a = \"C:\\parts\\door.stl\"", "a = \"C:\\Users\\me\"", "a = \"\\\\server\\x\"\n"] {
+            let e = from_toml::<toml::Table>("j.toml", &text.into(), "keys").expect_err("a wrong escape");
+            assert!(e.diags()[0].hint.contains("single quotes"), "{text}: {e}");
+        }
+        for text in ["a = 'C:\\parts'\nb = ", "a = \"x", "a = \"C:\\\\x\"\nb ="] {
+            let e = from_toml::<toml::Table>("j.toml", &text.into(), "keys").expect_err("no value");
+            assert_eq!(e.diags()[0].hint, "keys", "{text}: {e}");
+        }
+    }
+
+    #[test]
+    fn a_missing_file_is_looked_for_beside_its_name() {
+        let dir = tempfile::tempdir().expect("a folder");
+        for name in ["sample.stl", "Door.STL", "other.obj"] {
+            std::fs::write(dir.path().join(name), "").expect("written");
+        }
+        let hint = |name: &str| match read_file(&dir.path().join(name), 1) {
+            Err(e) => e.diags()[0].hint.clone(),
+            Ok(_) => panic!("{name} is not there"),
+        };
+        for (name, near) in [("sampel.stl", "sample.stl"), ("sample.obj", "sample.stl"), ("door.stl", "Door.STL")] {
+            if !dir.path().join(name).exists() {
+                assert!(hint(name).ends_with(&format!("did you mean {near}?")), "{}", hint(name));
+            }
+        }
+        assert!(!hint("x.stl").contains("mean") && hint("x.stl").contains(&dir.path().display().to_string()));
+        assert!(hint("sub/x.stl").starts_with("there is no folder "));
+    }
 }

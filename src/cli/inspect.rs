@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::diag::{Diag, Error};
 use crate::geom::mm_from_nm;
@@ -18,7 +18,7 @@ pub struct Shown {
     pub warnings: Vec<Diag>,
 }
 
-/// Looks at `path`; `unit` is taken for surface files that carry none (default mm).
+/// Looks at `path`; `unit` is taken for surface files that carry none.
 ///
 /// # Errors
 /// Faults of the file.
@@ -30,33 +30,74 @@ pub fn inspect(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
     match extension.as_str() {
         "toml" => job(path),
         "svg" | "svgz" => drawing(path),
-        _ => surface_file(path, unit.unwrap_or(FileUnit::Millimetre)),
+        _ => surface_file(path, unit),
     }
 }
 
-fn surface_file(path: &Path, unit: FileUnit) -> Result<Shown, Error> {
-    let mut warnings = Vec::new();
-    let scale = surface::Scale { pixel_mm: 1.0, z_mm: [0.0, 1.0], values: None, nodata: None, origin_mm: [0.0; 2] };
-    let options = surface::Options { unit_mm: Some(unit.in_mm()), heightmap: Some(scale), max_edge_mm: None };
-    let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    let content = surface::read(path, &options, &mut warnings, &mut |facet| {
+/// What the facets of a surface come to, in the units of its file.
+struct Facing {
+    lo: [f64; 3],
+    hi: [f64; 3],
+    /// Area of all facets; of those that face down, by their winding; of the others that are steeper than [`STEEP`].
+    area: f64,
+    down: f64,
+    steep: f64,
+}
+
+/// Slope from which a lean may pay, deg.
+const STEEP: f64 = 30.0;
+
+impl Facing {
+    fn add(&mut self, facet: [[f64; 3]; 3]) {
         for p in facet {
             for i in 0..3 {
-                lo[i] = lo[i].min(p[i]);
-                hi[i] = hi[i].max(p[i]);
+                self.lo[i] = self.lo[i].min(p[i]);
+                self.hi[i] = self.hi[i].max(p[i]);
             }
         }
-    })?;
+        let [u, v] = [1, 2].map(|k| [0, 1, 2].map(|i| facet[k][i] - facet[0][i]));
+        let normal = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
+        let area = normal.iter().map(|n| n * n).sum::<f64>().sqrt() / 2.0;
+        self.area += area;
+        if normal[2] < 0.0 {
+            self.down += area;
+        } else if normal[2] < 2.0 * area * STEEP.to_radians().cos() {
+            self.steep += area;
+        }
+    }
+
+    fn size(&self) -> [f64; 3] {
+        [0, 1, 2].map(|i| self.hi[i] - self.lo[i])
+    }
+
+    /// Share of an area in percent.
+    fn percent(&self, area: f64) -> f64 {
+        if self.area > 0.0 { area / self.area * 100.0 } else { 0.0 }
+    }
+
+    fn text(&self) -> String {
+        let [steep, down] = [self.steep, self.down].map(|a| self.percent(a));
+        let hint = if steep > 20.0 { "; `terrace orient JOB` says whether a lean pays" } else { "" };
+        format!("facing  {steep:.0} % of the area steeper than {STEEP} deg, {down:.0} % facing down{hint}\n")
+    }
+}
+
+fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
+    let mut warnings = Vec::new();
+    let scale = surface::Scale { pixel_mm: 1.0, z_mm: [0.0, 1.0], values: None, nodata: None, origin_mm: [0.0; 2] };
+    let unit_mm = unit.map_or(1.0, FileUnit::in_mm);
+    let options = surface::Options { unit_mm: Some(unit_mm), heightmap: Some(scale), max_edge_mm: None };
+    let mut facing = Facing { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3], area: 0.0, down: 0.0, steep: 0.0 };
+    let content = surface::read(path, &options, &mut warnings, &mut |facet| facing.add(facet))?;
     Ok(match content {
         Content::Facets(n) => {
-            let size = [0, 1, 2].map(|i| hi[i] - lo[i]);
-            let mm = |v: [f64; 3]| format!("{:.4} x {:.4} x {:.4} mm", v[0], v[1], v[2]);
-            let at = |v: [f64; 3]| format!("({:.4}, {:.4}, {:.4}) mm", v[0], v[1], v[2]);
-            Shown {
-                text: format!("surface, {n} facets\nsize  {}\nfrom  {}\nto    {}\n", mm(size), at(lo), at(hi)),
-                json: json!({"kind": "surface", "facets": n, "lo_mm": lo, "hi_mm": hi}),
-                warnings,
-            }
+            let json = json!({"kind": "surface", "facets": n,
+                "steep_percent": facing.percent(facing.steep), "down_percent": facing.percent(facing.down)});
+            let (text, json) = match unit {
+                Some(_) => in_mm(&facing, json),
+                None => in_units(&facing, json),
+            };
+            Shown { text: format!("surface, {n} facets\n{text}{}", facing.text()), json, warnings }
         }
         Content::Heightmap(map) => {
             let (min, max) = map.samples.iter().fold((u16::MAX, 0), |(a, b), &v| (a.min(v), b.max(v)));
@@ -73,6 +114,48 @@ fn surface_file(path: &Path, unit: FileUnit) -> Result<Shown, Error> {
     })
 }
 
+fn triple(v: [f64; 3], between: &str) -> String {
+    v.map(|v| format!("{v:.4}")).join(between)
+}
+
+/// The box of a surface whose unit is known.
+fn in_mm(facing: &Facing, mut json: Value) -> (String, Value) {
+    let Facing { lo, hi, .. } = *facing;
+    let corners = [lo, hi].map(|p| triple(p, ", "));
+    let text =
+        format!("size  {} mm\nfrom  ({}) mm\nto    ({}) mm\n", triple(facing.size(), " x "), corners[0], corners[1]);
+    json["lo_mm"] = json!(lo);
+    json["hi_mm"] = json!(hi);
+    (text, json)
+}
+
+/// The box of a surface whose unit is not: in its own units, and in mm for each unit that it may be.
+fn in_units(facing: &Facing, mut json: Value) -> (String, Value) {
+    // Parts that are marked in steps are larger than a field and smaller than a machine.
+    const LIKELY_MM: std::ops::RangeInclusive<f64> = 50.0..=2500.0;
+    let Facing { lo, hi, .. } = *facing;
+    let corners = [lo, hi].map(|p| triple(p, ", "));
+    let mut text = format!(
+        "size  {} units: the file does not say which\nfrom  ({})\nto    ({})\n",
+        triple(facing.size(), " x "),
+        corners[0],
+        corners[1]
+    );
+    let longest = facing.size()[0].max(facing.size()[1]);
+    let units = [("mm", FileUnit::Millimetre), ("in", FileUnit::Inch), ("m", FileUnit::Metre)];
+    let likely = units.iter().find(|(_, unit)| LIKELY_MM.contains(&(longest * unit.in_mm()))).map(|(name, _)| *name);
+    for (name, unit) in units {
+        let note = if likely == Some(name) { "   <- the likely one" } else { "" };
+        text += &format!("  if {name:<3} {} mm{note}\n", triple(facing.size().map(|s| s * unit.in_mm()), " x "));
+    }
+    text += "state it in the job, as unit = \"mm\" under [surface], and here with --unit\n";
+    json["lo"] = json!(lo);
+    json["hi"] = json!(hi);
+    json["unit"] = Value::Null;
+    json["likely_unit"] = json!(likely);
+    (text, json)
+}
+
 fn drawing(path: &Path) -> Result<Shown, Error> {
     let mut warnings = Vec::new();
     let request = |size_mm| Request {
@@ -81,12 +164,14 @@ fn drawing(path: &Path) -> Result<Shown, Error> {
         tolerance_mm: 1e-3,
         pen: 0,
     };
-    // Without a physical size the drawing is shown as if its page were 100 mm wide and high.
+    // Without a physical size only what does not depend on it is shown; any page will do to count it.
     let (texture, sized) = match Texture::load(&[request(None)], [0.0; 4], 0.0, &mut warnings) {
         Ok(t) => (t, true),
         Err(e) if e.diags().iter().any(|d| d.code == "svg-size") => {
             warnings.clear();
-            (Texture::load(&[request(Some([100.0; 2]))], [0.0; 4], 0.0, &mut warnings)?, false)
+            let texture = Texture::load(&[request(Some([100.0; 2]))], [0.0; 4], 0.0, &mut warnings)?;
+            warnings.retain(|w| w.code != "svg-stretched");
+            (texture, false)
         }
         Err(e) => return Err(e),
     };
@@ -98,23 +183,34 @@ fn drawing(path: &Path) -> Result<Shown, Error> {
         count += points.len();
         closed += usize::from(points.first() == points.last());
     }
+    let strokes = format!("drawing, {} stroke{} ({closed} closed)", texture.len(), plural(texture.len()));
+    let mut json = json!({"kind": "drawing", "strokes": texture.len(), "closed": closed, "physical_size": sized});
+    if !sized {
+        let text = format!(
+            "{strokes}\nno physical size in the file: write width and height in mm into it, or state size = [...] \
+             with the texture\n"
+        );
+        return Ok(Shown { text, json, warnings });
+    }
     let b = texture.bounds();
     let (lo, hi) = (b.lo.mm(), b.hi.mm());
-    let note = if sized { "" } else { "no physical size in the file: figures are for a page of 100 x 100 mm\n" };
+    for (key, value) in
+        [("points", json!(count)), ("length_mm", json!(length)), ("lo_mm", json!(lo)), ("hi_mm", json!(hi))]
+    {
+        json[key] = value;
+    }
     Ok(Shown {
         text: format!(
-            "drawing, {} strokes ({closed} closed), {count} points, {length:.3} mm\n\
-             from ({:.4}, {:.4}) to ({:.4}, {:.4}) mm\n{note}",
-            texture.len(),
-            lo[0],
-            lo[1],
-            hi[0],
-            hi[1]
+            "{strokes}, {count} points, {length:.3} mm\nfrom ({:.4}, {:.4}) to ({:.4}, {:.4}) mm\n",
+            lo[0], lo[1], hi[0], hi[1]
         ),
-        json: json!({"kind": "drawing", "strokes": texture.len(), "closed": closed, "points": count,
-            "length_mm": length, "lo_mm": lo, "hi_mm": hi, "physical_size": sized}),
+        json,
         warnings,
     })
+}
+
+fn plural(n: usize) -> &'static str {
+    if n == 1 { "" } else { "s" }
 }
 
 fn job(path: &Path) -> Result<Shown, Error> {

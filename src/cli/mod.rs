@@ -163,6 +163,16 @@ fn compile(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> 
 }
 
 fn preview(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> Result<(), Error> {
+    // What a viewer would take for something else than SVG.
+    const OTHERS: [&str; 12] = ["png", "jpg", "jpeg", "gif", "webp", "bmp", "tif", "tiff", "pdf", "eps", "dxf", "html"];
+    if let Some(path) = output
+        && let Some(extension) = path.extension().map(|e| e.to_string_lossy().to_lowercase())
+        && OTHERS.contains(&extension.as_str())
+    {
+        let d = Diag::input("preview-format", format!("the preview is an SVG drawing, not .{extension}"));
+        let hint = format!("write {}, and convert it with Inkscape or a browser", path.with_extension("svg").display());
+        return Err(d.at(Place::file(path.display().to_string())).hint(hint).into());
+    }
     let job = load(args, path, choice)?;
     let blockless = Diag::input("preview-mode", "an on-the-fly job has no blocks to draw")
         .at(job.place_of("mode"))

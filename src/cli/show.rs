@@ -69,7 +69,7 @@ impl BatchView {
 
 /// How many stops any partition needs, and how near the job comes.
 fn at_least(s: &Summary) -> String {
-    let ratio = s.lower_bound_stops.zip(s.over_bound());
+    let ratio = s.lower_bound_stops.filter(|&n| n > 0).zip(s.over_bound());
     ratio.map_or(String::new(), |(n, ratio)| format!(", at least {n} (x {ratio:.3})"))
 }
 

@@ -27,7 +27,7 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     assert_eq!(marking_s.len(), program.blocks.len(), "one marking time per block");
     let mut p = Writer::new(machine, machine.controller.max_line, "M65 P0", block_file);
     p.comment("terrace: stage program for LinuxCNC, absolute, mm");
-    p.comment(&format!("machine: {}", machine.name));
+    p.comment(&format!("machine: {}", super::quoted(&machine.name)));
     p.comment("digital output 0 is START to the scan card, digital input 0 is its BUSY");
     p.comment("BUSY must rise within 5 s of START and stay high for 20 ms or more, until the laser is off");
     p.comment("output off before every move and at the end, a wait that times out ends the program");
@@ -55,7 +55,7 @@ pub fn m0(job: &Stepped<'_>) -> Vec<u8> {
     // GRBL's line buffer holds 80 characters at most, 70 on small boards.
     let mut p = Writer::new(machine, machine.controller.max_line.min(70), "M5", block_file);
     p.comment("terrace: stage program with stops, absolute, mm, dwell in s");
-    p.comment(&format!("machine: {}", machine.name));
+    p.comment(&format!("machine: {}", super::quoted(&machine.name)));
     p.comment("at every M0 mark the block named, wait for its end, then press cycle start");
     p.comment("not a safety system: the laser needs its own interlock");
     p.line("G21 G90 G94 G17 G40 G80");
@@ -108,20 +108,16 @@ impl Writer {
         self.out.push(b'\n');
     }
 
-    /// A comment, on as many lines as it needs. What a controller could take for the comment's end or
-    /// for a character it does not know becomes `_`.
+    /// A comment, on as many lines as it needs; each begins with a word of ours.
     fn comment(&mut self, text: &str) {
-        let clean: String = text
-            .chars()
-            .map(|c| if matches!(c, ' '..='~') && !matches!(c, '(' | ')' | ';' | '%') { c } else { '_' })
-            .collect();
-        let room = self.longest - "()".len();
-        let mut rest = clean.trim();
+        let clean = super::plain(text);
+        let (mut rest, mut begin) = (clean.trim(), "");
         while !rest.is_empty() {
+            let room = self.longest - "()".len() - begin.len();
             let cut = if rest.len() <= room { rest.len() } else { rest[..room].rfind(' ').unwrap_or(room) };
             let (now, later) = rest.split_at(cut);
-            self.line(&format!("({})", now.trim_end()));
-            rest = later.trim_start();
+            self.line(&format!("({begin}{})", now.trim_end()));
+            (rest, begin) = (later.trim_start(), super::FURTHER);
         }
     }
 
@@ -292,6 +288,35 @@ mod tests {
                 assert_eq!(line.matches('(').count(), usize::from(line.contains(')')), "{line}");
                 let plain = line.starts_with('(') || !line.to_ascii_lowercase().contains('e') || line.contains("endif");
                 assert!(plain, "an exponent: {line}");
+            }
+        }
+    }
+
+    #[test]
+    fn no_comment_begins_with_a_word_of_a_name_however_lines_wrap() {
+        let (checked, mut machine) = sample();
+        for word in crate::emit::HOSTILE {
+            for pad in 0..80 {
+                for max_line in [40, 255] {
+                    machine.controller.max_line = max_line;
+                    machine.name = format!("{} {word},x(y)\n%;{word} BLOCK B0001", "x".repeat(pad));
+                    for bytes in [
+                        linuxcnc(&job(&checked, &machine, &[0.0; 3], Some("dxf"))),
+                        m0(&job(&checked, &machine, &[], Some("dxf"))),
+                    ] {
+                        let text = text(bytes);
+                        for comment in text.lines().filter_map(|l| l.strip_prefix('(')) {
+                            let ours = [
+                                "terrace:", "machine:", "digital", "BUSY", "output", "not", "at", "BLOCK", "...",
+                                "MSG,",
+                            ];
+                            let first = comment.split([' ', ')']).next().unwrap_or_default();
+                            assert!(ours.contains(&first), "{comment}");
+                            assert!(first != "MSG," || comment.contains(" BUSY, block B"), "{comment}");
+                        }
+                        assert_eq!(text.matches("(BLOCK ").count(), 3, "{text}");
+                    }
+                }
             }
         }
     }

@@ -54,6 +54,30 @@ fn push_mm(out: &mut Vec<u8>, nm: i64) {
     out.extend_from_slice(&text[at..]);
 }
 
+/// Longest text from a file that a comment quotes, in characters.
+const QUOTED: usize = 40;
+
+/// What begins a further line of a comment. A controller acts on comments whose first word it knows (`MSG`, `PRINT`,
+/// `LOGOPEN`, ...), so no line may begin with a word of the comment's text.
+const FURTHER: &str = "... ";
+
+/// A text from a file as a comment may hold it: in quotes, cut, on one line.
+fn quoted(text: &str) -> String {
+    let cut: String = text.chars().take(QUOTED).collect();
+    let more = if cut.len() < text.len() { "..." } else { "" };
+    format!("\"{}{more}\"", plain(&cut).replace('"', "'"))
+}
+
+/// A text in printable ASCII; what a controller could take for the end of a comment becomes `_`.
+fn plain(text: &str) -> String {
+    text.chars().map(|c| if matches!(c, ' '..='~') && !"();%".contains(c) { c } else { '_' }).collect()
+}
+
+/// Names as they could stand in a file: every word on which some controller acts in a comment, and what ends one.
+#[cfg(test)]
+pub(super) const HOSTILE: [&str; 11] =
+    ["MSG", "DEBUG", "PRINT", "LOG", "LOGOPEN", "LOGAPPEND", "LOGCLOSE", "PROBEOPEN", "PROBECLOSE", "PY", "ABORT"];
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -17,6 +17,10 @@ use crate::{surface, texture};
 /// Largest job file that is read.
 const MAX_FILE: u64 = 4 << 20;
 
+/// Where all keys of a job file are listed.
+const KEYS: &str =
+    "`terrace init` writes a commented job file; `terrace init --schema` lists every key with its values";
+
 /// What the command line sets, over the job file's own keys.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Overrides {
@@ -258,7 +262,7 @@ impl Job {
     /// As [`Job::load`].
     pub fn parse(path: &Path, text: &str, overrides: &Overrides) -> Result<Self, Error> {
         let source: Arc<str> = text.into();
-        let file: JobFile = diag::from_toml(&path.display().to_string(), &source)?;
+        let file: JobFile = diag::from_toml(&path.display().to_string(), &source, KEYS)?;
         resolve(path, source, &file, overrides)
     }
 

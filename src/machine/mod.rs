@@ -8,6 +8,7 @@
 //! stands over its origin. The part lies in it shifted by the placement origin. An axis that moves the
 //! head by +1 mm moves the optical axis by +1 mm over the part; one that moves the part, by -1 mm.
 
+mod range;
 mod tilt;
 
 use std::path::Path;
@@ -308,6 +309,13 @@ pub const PROFILES: [(&str, &str); 5] = [
     ("xyzac-galvo-10", include_str!("profiles/xyzac-galvo-10.toml")),
 ];
 
+/// Where all keys of a machine file are listed.
+const KEYS: &str =
+    "`terrace machines NAME` prints a built-in machine to start from; `terrace machines --schema` lists every key";
+
+/// A fault of a machine file, and the key whose value it is of.
+type Fault = (String, Diag);
+
 /// Largest machine file that is read.
 const MAX_FILE: u64 = 1 << 20;
 
@@ -340,42 +348,53 @@ impl Machine {
 
     fn parse(path: &str, text: &str) -> Result<Self, Error> {
         let source: Arc<str> = text.into();
-        let machine: Self = diag::from_toml(path, &source)?;
-        let faults: Vec<Diag> = machine.faults().into_iter().map(|d| d.at(Place::file(path))).collect();
+        let machine: Self = diag::from_toml(path, &source, KEYS)?;
+        let at = |(key, d): Fault| d.at(diag::place_of(path, &source, &key));
+        let faults: Vec<Diag> = machine.faults().into_iter().map(at).collect();
         if faults.is_empty() { Ok(machine) } else { Err(Error::many(faults)) }
     }
 
-    fn faults(&self) -> Vec<Diag> {
-        let mut faults = Vec::new();
+    /// What is wrong with values that can be read.
+    fn faults(&self) -> Vec<Fault> {
+        let mut faults: Vec<Fault> = range::faults(self).collect();
+        let mut fault = |code, key: &str, text: String, hint: &str| {
+            faults.push((key.to_owned(), Diag::input(code, text).hint(hint)));
+        };
         for (name, axis) in self.axes() {
+            let key = format!("stage.{name}.travel");
             if axis.travel[0] >= axis.travel[1] {
-                let text = format!("stage.{name}.travel [{}, {}] is empty", axis.travel[0], axis.travel[1]);
-                faults.push(Diag::input("machine-travel", text).hint("write the lower end first"));
+                let text = format!("{key} [{}, {}] is empty", axis.travel[0], axis.travel[1]);
+                fault("machine-travel", &key, text, "write the lower end first");
             }
             if axis.travel.iter().any(|t| t.as_nm().is_none()) {
-                faults.push(Diag::input("machine-travel", format!("stage.{name}.travel is beyond 4 m")));
+                fault("machine-travel", &key, format!("{key} is beyond 4 m"), "check the unit");
             }
         }
-        let [w, h] = self.usable_field();
-        if w <= 0 || h <= 0 {
-            let text = "lens.field less lens.margin on both sides leaves nothing";
-            faults.push(Diag::input("machine-field", text).hint("give the full sizes of the field, above zero"));
+        const LEAST_FIELD: i64 = 5_000;
+        let usable = self.usable_field();
+        if usable.iter().any(|&w| w < LEAST_FIELD) {
+            let [w, h] = usable.map(crate::geom::mm_from_nm);
+            let text = format!("lens.field less lens.margin on every side leaves {w} x {h} mm, less than 0.005 mm");
+            fault("machine-field", "lens.field", text, "give the full sizes of the field; check their unit");
         } else if self.lens.field.iter().any(|f| f.as_mm() > 1000.0) {
-            faults.push(Diag::input("machine-field", "lens.field is beyond 1 m"));
+            fault("machine-field", "lens.field", "lens.field is beyond 1 m".into(), "check the unit");
         }
         if !(1..=1_000_000).contains(&self.increment_nm()) {
-            faults.push(Diag::input("machine-increment", "stage.increment is not between 1 nm and 1 mm"));
+            let text = "stage.increment is not between 1 nm and 1 mm";
+            fault("machine-increment", "stage.increment", text.into(), "0.1 um is usual");
         }
         for (name, servo) in [("stage", self.stage.servo), ("scanner", self.scanner.servo)] {
             if servo.is_some_and(|s| !(0.01..=10.0).contains(&s.damping)) {
-                let text = format!("{name}.servo.damping is not between 0.01 and 10");
-                faults.push(Diag::input("machine-servo", text).hint("0.7 is usual"));
+                let key = format!("{name}.servo.damping");
+                let text = format!("{key} is not between 0.01 and 10");
+                fault("machine-servo", &key, text, "0.7 is usual");
             }
         }
-        faults.extend(self.tilt.iter().flat_map(Tilt::faults));
-        if self.controller.max_line < 40 {
-            faults.push(Diag::input("machine-line", "controller.max_line is below 40 characters"));
+        if !(40..=1_000_000).contains(&self.controller.max_line) {
+            let text = "controller.max_line is not between 40 and 1000000 characters";
+            fault("machine-line", "controller.max_line", text.into(), "255 is usual, 80 with GRBL");
         }
+        faults.extend(self.tilt.iter().flat_map(Tilt::faults));
         faults
     }
 

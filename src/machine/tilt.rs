@@ -5,6 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Fault;
 use crate::diag::Diag;
 use crate::geom::{NM_PER_MM, Turn};
 use crate::units::{
@@ -128,26 +129,29 @@ impl Tilt {
     }
 
     /// What is wrong with the table.
-    pub(super) fn faults(&self) -> Vec<Diag> {
+    pub(super) fn faults(&self) -> Vec<Fault> {
         let mut faults = Vec::new();
+        let mut fault = |key: String, text: String, hint: &str| {
+            faults.push((key, Diag::input("machine-tilt", text).hint(hint)));
+        };
         let [outer, inner] = self.axes.each_ref();
         if outer.letter == inner.letter || outer.letter == Letter::C {
             let text = "tilt.axes must be A or B, and then another of A, B and C nearer to the part";
-            faults.push(Diag::input("machine-tilt", text).hint("a table that turns about z carries the part itself"));
+            fault("tilt.axes".into(), text.into(), "a table that turns about z carries the part itself");
         }
-        for axis in &self.axes {
+        for (i, axis) in self.axes.iter().enumerate() {
             let [lo, hi] = axis.travel.map(Angle::as_deg);
             if !(lo..=hi).contains(&0.0) || lo < -360.0 || hi > 360.0 {
                 let text = format!("travel of tilt axis {} must hold 0 deg and stay within a turn", axis.letter.char());
-                faults.push(Diag::input("machine-tilt", text));
+                fault(format!("tilt.axes.{i}.travel"), text, "write the lower end first");
             }
             if !(1e-6..=1.0).contains(&axis.increment.as_deg()) {
                 let text = format!("increment of tilt axis {} is not between 1e-6 and 1 deg", axis.letter.char());
-                faults.push(Diag::input("machine-tilt", text));
+                fault(format!("tilt.axes.{i}.increment"), text, "0.0001 deg is usual");
             }
         }
         if self.pivot.iter().any(|p| p.as_nm().is_none()) {
-            faults.push(Diag::input("machine-tilt", "tilt.pivot is beyond 4 m"));
+            fault("tilt.pivot".into(), "tilt.pivot is beyond 4 m".into(), "check the unit");
         }
         faults
     }

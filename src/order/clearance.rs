@@ -7,7 +7,7 @@ use parry2d::bounding_volume::Aabb;
 use parry2d::math::Vec2;
 use parry2d::partitioning::{Bvh, BvhBuildStrategy};
 
-use crate::geom::{Box2, P2, Turn, mm_from_nm};
+use crate::geom::{Box2, NM_PER_MM, P2, Turn, mm_from_nm};
 use crate::machine::Machine;
 
 /// The part's height by tiles.
@@ -21,7 +21,7 @@ pub struct Clearance {
 impl Clearance {
     /// `tiles` are boxes of the part (nm) with the highest surface point in each (nm).
     pub fn new(tiles: &[(Box2, i64)], machine: &Machine) -> Self {
-        let nm = |l: crate::units::Length| l.as_nm().unwrap_or(i64::MAX / 4);
+        let nm = |l: crate::units::Length| (l.as_mm() * NM_PER_MM).round() as i64;
         let boxes: Vec<Aabb> = tiles.iter().map(|(b, _)| aabb(*b)).collect();
         Self {
             bvh: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes),

@@ -48,7 +48,7 @@ impl Site<'_> {
         match method {
             Method::Contour => Some(self.on_sections(partition::Method::Contour)),
             Method::ZRange | Method::Auto => Some(self.on_sections(partition::Method::ZRange)),
-            Method::Tilt => Some(tilt::divide(self.sweep, self.machine, self.grid)),
+            Method::Tilt => tilt::divide(self.sweep, self.machine, self.grid),
             Method::Window => self.free_windows(),
         }
     }
@@ -86,7 +86,7 @@ impl Site<'_> {
             }
         }
         if found.is_empty() {
-            let text = "the texture's box is too wide for free windows of this field";
+            let text = "the texture's box is too wide for this method and this field";
             return Err(Diag::limit("window-wide", text).hint("use partition.method = \"z-range\"").into());
         }
         Ok(found)

@@ -4,7 +4,7 @@
 //! what follows from these alone; [`Grid`] is what heights of the marks complete it to. Units: nm.
 
 use super::start::Start;
-use crate::diag::{Diag, Error};
+use crate::diag::{Diag, Error, memory};
 use crate::geom::{Box2, P2, mm_from_nm};
 use crate::job::{Job, Partition};
 use crate::machine::Machine;
@@ -70,6 +70,8 @@ impl Layout {
             let text = format!("the texture would need {} x {} sections", sections.count[0], sections.count[1]);
             return Err(Diag::limit("sections-many", text).hint("use a larger field or a smaller area").into());
         }
+        // A list of heights for every section that holds marks.
+        memory::ask("what lies in the sections", 200 * sections.len() as u64)?;
         Ok(Self { sections, window, keep, origin, is_placed: placed.is_some() })
     }
 

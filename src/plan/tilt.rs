@@ -7,8 +7,11 @@ use crate::geom::{Box2, P2};
 use crate::machine::Machine;
 use crate::partition::{Stops, tilt};
 
-/// The stops.
-pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Stops {
+/// Most cells in which marks are sampled, 1600 a window: some 2 GB where every one holds marks.
+const MAX_CELLS: u64 = 20_000_000;
+
+/// The stops; None where the texture's box holds too many windows.
+pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option<Stops> {
     let tilted = tilt::TiltSite {
         machine,
         origin: grid.origin,
@@ -17,7 +20,11 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Stops 
         window: grid.window.map(|w| (w / 2 * 2 - 2 * ROUNDING).max(2)),
         lattice: grid.lattice,
     };
-    let marks = sweep.marks(&tilted.samples());
+    let samples = tilted.samples();
+    if samples.count.map(u64::from).iter().product::<u64>() > MAX_CELLS {
+        return None;
+    }
+    let marks = sweep.marks(&samples);
     let steepest = marks.worst_slope2.sqrt().atan();
     let samples = marks.list();
     let mut facings = tilted.plan(&samples);
@@ -63,7 +70,7 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Stops 
             }
         }
         if is_sound {
-            return tilted.stops(&facings, &held, &grid.sections);
+            return Some(tilted.stops(&facings, &held, &grid.sections));
         }
     }
 }

@@ -158,7 +158,7 @@ fn heading(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
         pen.pair("set-ups, see the run sheet", &s.setups.to_string());
     }
     pen.pair("method", &short(&s.method, 24));
-    let bound = s.lower_bound_stops.map(|n| format!(" (at least {n})")).unwrap_or_default();
+    let bound = s.lower_bound_stops.filter(|&n| n > 0).map(|n| format!(" (at least {n})")).unwrap_or_default();
     pen.pair("stops", &format!("{}{bound}", job.blocks().len()));
     let size = |nm: [i64; 2]| nm.map(|v| num(mm_from_nm(v))).join(" x ");
     if sheet.gridded {

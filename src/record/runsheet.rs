@@ -5,6 +5,7 @@ use std::fmt::Write;
 use super::table::csv_cell;
 use super::{Facts, registration};
 use crate::geom::mm_from_nm;
+use crate::machine::{FieldShape, Machine};
 use crate::program::{Block, Program};
 use crate::units::Length;
 
@@ -61,18 +62,31 @@ pub fn txt(facts: &Facts<'_>) -> Vec<u8> {
     out.into_bytes()
 }
 
+/// The field, and what of it is used where that is less.
+fn field(machine: &Machine) -> String {
+    let [w, h] = machine.lens.field.map(|f| f.as_mm());
+    let [u, v] = machine.usable_field().map(mm_from_nm);
+    let whole = match machine.lens.shape {
+        FieldShape::Rectangle if [u, v] == [w, h] => return format!("{w} x {h} mm"),
+        FieldShape::Rectangle => format!("{w} x {h} mm"),
+        FieldShape::Circle => format!("circle of {} mm", w.min(h)),
+    };
+    // Rounded down, so that no one takes more than there is.
+    let [u, v] = [u, v].map(|s| (s * 1e3).floor() / 1e3);
+    format!("{whole}, of which {u} x {v} mm are used")
+}
+
 fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     let s = facts.summary;
     let t = &s.time_s;
     let part = facts.job.surface.file.display().to_string();
     let [x, y, z] = facts.checked.origin().map(mm_from_nm);
-    let [w, h] = facts.machine.lens.field.map(|f| f.as_mm());
     writeln!(out, "RUN SHEET")?;
     writeln!(out)?;
     writeln!(out, "job        {}", facts.job_file.replace('\\', "/"))?;
     writeln!(out, "part       {}", part.replace('\\', "/"))?;
     writeln!(out, "machine    {}", facts.machine.name)?;
-    writeln!(out, "field      {w} x {h} mm")?;
+    writeln!(out, "field      {}", field(facts.machine))?;
     match facts.checked.origins().len() {
         1 => writeln!(out, "part zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table frame")?,
         n => writeln!(out, "part zero  {n} set-ups, each with its own: see SET-UPS")?,

@@ -2,7 +2,9 @@ use std::path::Path;
 
 use super::*;
 use crate::job::{Overrides, SAMPLE_JOB};
+use crate::machine::FieldShape;
 use crate::program::sample;
+use crate::units::Length;
 
 fn machine() -> Machine {
     Machine::built_in("xyz-galvo-40").expect("profile")
@@ -131,4 +133,19 @@ fn durations_are_read_as_they_are_said() {
     let said = [0.0, 4.24, 59.94, 59.96, 725.2, 3599.6, 11_520.0].map(duration);
     assert_eq!(said, ["0.0 s", "4.2 s", "59.9 s", "1 min 0 s", "12 min 5 s", "1 h 0 min", "3 h 12 min"]);
     assert_eq!(duration(-1.0), "0.0 s");
+}
+
+#[test]
+fn the_run_sheet_says_what_of_the_field_is_used() {
+    let sheet = |machine: &Machine| {
+        with(sample::program(), machine, |facts| String::from_utf8(runsheet_txt(facts)).expect("UTF-8"))
+    };
+    let mut m = machine();
+    assert!(sheet(&m).contains("field      40 x 40 mm\n"));
+    m.lens.margin = Length::mm(1.5);
+    assert!(sheet(&m).contains("field      40 x 40 mm, of which 37 x 37 mm are used\n"));
+    m.lens.shape = FieldShape::Circle;
+    m.lens.field = [Length::mm(90.0); 2];
+    m.lens.margin = Length::mm(2.0);
+    assert!(sheet(&m).contains("field      circle of 90 mm, of which 60.811 x 60.811 mm are used\n"));
 }

@@ -11,9 +11,9 @@ use std::path::Path;
 use png::{BitDepth, ColorType, Decoder, DecodingError, Limits};
 
 use super::facets::Extent;
-use super::lines::{self, place, unreadable};
+use super::lines::{self, place};
 use super::{Content, Heightmap, Scale};
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{Diag, Error, Place, memory, unreadable};
 
 /// Most samples along one side.
 const MAX_SIDE: u32 = 20_000;
@@ -76,6 +76,8 @@ fn decode(input: impl std::io::BufRead + Seek) -> Result<Image, Diag> {
     check_samples(info.color_type, info.bit_depth)?;
     check_size(width, height, if is_interlaced { MAX_SAMPLES / 2 } else { MAX_SAMPLES })?;
     let (columns, rows) = (width as usize, height as usize);
+    // Samples of 16 bits and a class for each cell; while they grow, the samples are there twice.
+    memory::ask("the height map", 5 * u64::from(width) * u64::from(height))?;
     let mut image = Image { columns, rows, is_8_bit, samples: Vec::new() };
     let mut reader = decoder.read_info().map_err(damaged)?;
     if is_interlaced {

@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{Diag, Error, Place, unreadable};
 
 /// Longest line that is read, in bytes: a polygon of several hundred thousand corners.
 pub(crate) const MAX_LINE: usize = 4 << 20;
@@ -26,13 +26,6 @@ pub(crate) fn open(path: &Path) -> Result<(File, u64), Error> {
     }
     let file = File::open(path).map_err(|e| unreadable(path, &e))?;
     Ok((file, meta.len()))
-}
-
-/// The diagnostic for a file that the system does not give.
-pub(crate) fn unreadable(path: &Path, e: &std::io::Error) -> Diag {
-    Diag::input("file-unreadable", format!("cannot read the file: {e}"))
-        .at(place(path))
-        .hint("check the path; paths in a job file are relative to the job file")
 }
 
 /// The file as a place.
@@ -72,6 +65,7 @@ pub(crate) struct Lines {
     line: Vec<u8>,
     number: usize,
     after_cr: bool,
+    length: u64,
 }
 
 impl Lines {
@@ -93,7 +87,12 @@ impl Lines {
             input.consume(3);
         }
         let path = path.display().to_string();
-        Ok(Self { path, input, line: Vec::new(), number: 0, after_cr: false })
+        Ok(Self { path, input, line: Vec::new(), number: 0, after_cr: false, length })
+    }
+
+    /// Bytes of the whole file.
+    pub(crate) fn length(&self) -> u64 {
+        self.length
     }
 
     /// Goes to the next line; false at the end of the file.

@@ -85,6 +85,12 @@ pub enum Content {
     Heightmap(Heightmap),
 }
 
+/// Memory of a mesh that is ready to be walked, bytes a facet: 64 as measured, with two facets a vertex.
+const FACET_BYTES: u64 = 64;
+
+/// Memory of a triangulated cloud, bytes a point.
+const POINT_BYTES: u64 = 200;
+
 /// Reads a surface file. Facets of meshes and of triangulated point clouds go to `sink` in file
 /// order, corners in mm in the part frame, as the file has them: not welded, degenerate ones included.
 ///
@@ -115,10 +121,21 @@ pub fn read(
         "xyz" | "csv" | "txt" | "asc" => points::read(path, unit("a point cloud")?, options.max_edge_mm, notes, sink),
         other => {
             let what = if other.is_empty() { "no extension".into() } else { format!("the extension .{other}") };
-            Err(refuse("surface-format", format!("a surface file with {what} is not read"))
-                .hint("surfaces are read from .stl, .obj, .png (height map), and .xyz, .csv, .txt or .asc (points)")
-                .into())
+            Err(refuse("surface-format", format!("a surface file with {what} is not read")).hint(way_in(other)).into())
         }
+    }
+}
+
+/// How a surface comes to be read whose file has an extension that is not.
+fn way_in(extension: &str) -> &'static str {
+    match extension {
+        "step" | "stp" | "iges" | "igs" | "x_t" | "x_b" | "sldprt" | "ipt" | "catpart" | "prt" | "3dm" | "fcstd" => {
+            "export it from the CAD program as STL, with a chord tolerance of a tenth of focus.pdof or finer"
+        }
+        "3mf" | "ply" | "amf" | "off" | "glb" | "gltf" | "fbx" | "dae" => {
+            "open it in MeshLab or Blender and export it as binary STL"
+        }
+        _ => "surfaces are read from .stl, .obj, .png (height map), and .xyz, .csv, .txt or .asc (points)",
     }
 }
 

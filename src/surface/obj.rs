@@ -12,7 +12,7 @@ use geo::{LineString, Polygon, TriangulateEarcut};
 use super::Content;
 use super::facets::Facets;
 use super::lines::{Lines, MAX_LINE, no_number, number, place, shown, words};
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{Diag, Error, Place, memory};
 
 /// Most corners of one polygon: ear cutting can take time by their square (seconds at this number).
 const MAX_CORNERS: usize = 32_768;
@@ -29,6 +29,8 @@ pub(crate) fn read(
 ) -> Result<Content, Error> {
     let mut facets = Facets::new(path, unit_mm, sink);
     let mut lines = Lines::open(path, "an OBJ file")?;
+    // Half a line of a vertex and a line of a facet, some 40 bytes.
+    memory::ask("the mesh", super::FACET_BYTES * (lines.length() / 40)).map_err(|d| d.at(place(path)))?;
     let mut vertices: Vec<[f64; 3]> = Vec::new();
     let mut polygon: Vec<[f64; 3]> = Vec::new();
     let mut unknown = Unknown::default();

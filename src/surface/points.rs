@@ -14,7 +14,7 @@ use spade::{DelaunayTriangulation, HasPosition, InsertionError, Point2, Triangul
 use super::Content;
 use super::facets::{Extent, Facets, check_unit, fits};
 use super::lines::{Lines, NoNumber, no_number, number, place, shown};
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{Diag, Error, Place, memory};
 use crate::geom::{Box2, P2, orient};
 
 /// Most points that are read (4 GB of triangulation).
@@ -182,6 +182,8 @@ fn unique(path: &Path, mut points: Vec<Point>, notes: &mut Vec<Diag>) -> Vec<Poi
 /// The points of the file, in its order; those that are not finite are left out with a warning.
 fn rows(path: &Path, unit_mm: f64, notes: &mut Vec<Diag>) -> Result<Vec<Point>, Error> {
     let mut lines = Lines::open(path, "a point cloud")?;
+    // Three numbers a line, some 24 bytes.
+    memory::ask("the cloud", super::POINT_BYTES * (lines.length() / 24)).map_err(|d| d.at(place(path)))?;
     let mut layout: Option<Layout> = None;
     let mut cloud = Cloud::new(unit_mm);
     while lines.advance()? {

@@ -10,8 +10,8 @@ use std::path::Path;
 
 use super::Content;
 use super::facets::Facets;
-use super::lines::{self, Lines, no_number, number, place, shown, unreadable, words};
-use crate::diag::{Diag, Error, Place};
+use super::lines::{self, Lines, no_number, number, place, shown, words};
+use crate::diag::{Diag, Error, Place, memory, unreadable};
 
 /// Bytes before the first facet of a binary file: a header of 80 and the count.
 const HEADER: usize = 84;
@@ -33,6 +33,9 @@ pub(crate) fn read(
     file.by_ref().take(1024).read_to_end(&mut head).map_err(|e| unreadable(path, &e))?;
     let count = head.get(80..HEADER).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
     let promised = count.map(|n| HEADER as u64 + FACET as u64 * u64::from(n));
+    // Where the length is not that of a binary file it is text, with some 200 bytes a facet.
+    let count_about = if promised == Some(length) { length / FACET as u64 } else { length / 200 };
+    memory::ask("the mesh", super::FACET_BYTES * count_about).map_err(|d| d.at(place(path)))?;
     if promised == Some(length) {
         read_binary(path, file, length, &mut facets)?;
     } else if begins_with_solid(&head) {

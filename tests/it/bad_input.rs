@@ -114,13 +114,18 @@ const SIZED: &[(&str, Outcome)] = &[
 /// Compiles under a limit of 512 MB. The limit is one of address space, which is never less than the
 /// memory in use; where it strikes the program aborts, and that is no outcome of any table.
 fn compile(job: &Path, out: &Path) -> Output {
+    compile_within(512 << 10, job, out)
+}
+
+/// The same under another limit, kB.
+fn compile_within(limit: u32, job: &Path, out: &Path) -> Output {
     let args = [Path::new("compile"), job, Path::new("-o"), out, Path::new("--json"), Path::new("-j2")];
     let start = Instant::now();
     let done = if cfg!(target_os = "linux") {
-        let script = "ulimit -v 524288 && test $(ulimit -v) = 524288 && exec \"$0\" \"$@\"";
+        let script = format!("ulimit -v {limit} && test $(ulimit -v) = {limit} && exec \"$0\" \"$@\"");
         let mut shell = Command::new("sh");
         // Else every thread reserves 64 MB of addresses that it does not use.
-        shell.env("MALLOC_ARENA_MAX", "1").args(["-c", script, env!("CARGO_BIN_EXE_terrace")]).args(args);
+        shell.env("MALLOC_ARENA_MAX", "1").args(["-c", &script, env!("CARGO_BIN_EXE_terrace")]).args(args);
         shell.output().expect("sh starts")
     } else {
         terrace(args)
@@ -240,6 +245,118 @@ fn a_warning_that_tells_the_cause_is_not_lost_with_the_error() {
     assert!(quiet.contains("error[job-empty]") && !quiet.contains("warning"), "{quiet}");
 }
 
+#[test]
+fn a_style_sheet_takes_little_time_and_memory_whatever_it_holds() {
+    let dir = folder();
+    let groups = |inner: &str| "<g>".repeat(200) + inner + &"</g>".repeat(200);
+    let square = "<rect width='9' height='9'/>";
+    let row = "<g/>".repeat(400_000) + square;
+    for (name, css, body, want) in [
+        // Selectors of which a matcher that tries every ancestor tries 200^n combinations.
+        ("four", "x g g g g rect{fill:none}".to_owned(), groups(square), Compiled(&[])),
+        ("twelve", format!("x {}rect{{fill:none}}", "g ".repeat(12)), groups(square), Compiled(&[])),
+        ("deep", "g ".repeat(400_000) + "rect{fill:none}", groups(square), Compiled(&[])),
+        // One that is 400,000 siblings long, and one that each of 400,000 siblings is held against.
+        ("long", "g+".repeat(400_000) + "rect{fill:red}", row.clone(), Compiled(&[])),
+        ("wide", format!("x+{}rect{{fill:none}}", "*+".repeat(400_000)), row.clone(), Compiled(&[])),
+        ("costly", format!("x+{}*{{fill:none}}", "*+".repeat(400_000)), row, Refused("svg-css", ".svg")),
+        ("parts", "a,".repeat(1_000_000) + "rect{fill:none}", square.to_owned(), Refused("svg-css", ".svg")),
+        // What grows with the square of its length unless it is read once: shared blocks, faults, sheets.
+        ("shared", "a,".repeat(400_000) + "a{" + &"fill:red;".repeat(100_000) + "}", square.to_owned(), Compiled(&[])),
+        ("faulty", "a{1}".repeat(400_000), square.to_owned(), Compiled(&[])),
+        ("comments", "a".to_owned() + &"/**/".repeat(400_000) + "{fill:red}", square.to_owned(), Compiled(&[])),
+        ("sheets", String::new(), "<style>a{fill:red}</style>".repeat(70_000) + square, Compiled(&[])),
+    ] {
+        let text = format!(
+            "<svg xmlns='http://www.w3.org/2000/svg' width='30mm' height='30mm' viewBox='0 0 30 30'>\
+             <style>{css}</style>{body}</svg>"
+        );
+        let name = format!("{name}.svg");
+        std::fs::write(dir.path().join(&name), text).expect("writable");
+        let job = plate(dir.path()).texture(&format!("file = {name:?}")).write(dir.path(), "job.toml");
+        check(&job, &name, &want);
+    }
+}
+
+#[test]
+fn a_mesh_beyond_the_limit_of_memory_is_refused_with_the_figure() {
+    if !cfg!(target_os = "linux") {
+        return;
+    }
+    const SIDE: u32 = 1100;
+    let dir = folder();
+    let at = |i: u32| (i as f32 / SIDE as f32 * 100.0).to_le_bytes();
+    let mut stl = vec![0; 80];
+    stl.extend((2 * SIDE * SIDE).to_le_bytes());
+    for (i, j) in (0..SIDE).flat_map(|j| (0..SIDE).map(move |i| (i, j))) {
+        for corners in [[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]] {
+            stl.extend([0; 12]);
+            corners.iter().for_each(|&(x, y)| stl.extend([at(i + x), at(j + y), [0; 4]].concat()));
+            stl.extend([0; 2]);
+        }
+    }
+    std::fs::write(dir.path().join("large.stl"), stl).expect("writable");
+    let job = JobText::on(Path::new("large.stl")).texture("pattern = \"hatch\"\npitch = \"5 mm\"");
+    let job = job.write(dir.path(), "job.toml");
+    let before = names(dir.path());
+    let done = compile_within(150_000, &job, &dir.path().join("out.job"));
+    let text = said(&done);
+    assert_eq!(done.status.code(), Some(1), "{text}");
+    assert!(text.contains("error[memory]: the mesh takes about 148 MB of memory, and "), "{text}");
+    assert!(text.contains("of the 147 MB that the limit of address space (ulimit -v) allows"), "{text}");
+    assert!(text.contains("large.stl"), "{text}");
+    assert_eq!(names(dir.path()), before, "nothing is written");
+}
+
+#[test]
+fn files_of_other_programs_are_named_with_a_way_to_convert_them() {
+    let dir = folder();
+    for (name, bytes, code, remedy) in [
+        ("logo.png", &b"\x89PNG\r\n\x1a\n\0"[..], "svg-format", "Trace Bitmap"),
+        ("logo.jpg", b"\xff\xd8\xff\xe0", "svg-format", "Trace Bitmap"),
+        ("panel.DXF", b"0\nSECTION\n2\nHEADER\n", "svg-format", "Inkscape"),
+        ("panel.svg", b"%PDF-1.7\n", "svg-format", "Inkscape"),
+    ] {
+        std::fs::write(dir.path().join(name), bytes).expect("writable");
+        let job = plate(dir.path()).texture(&format!("file = {name:?}")).write(dir.path(), "job.toml");
+        check(&job, name, &Refused(code, name.rsplit_once('.').map_or("", |(_, end)| end)));
+        assert!(said(&compile(&job, &dir.path().join("out.job"))).contains(remedy), "{name}");
+    }
+    for (name, remedy) in [
+        ("door.step", "chord tolerance of a tenth of focus.pdof"),
+        ("door.IGS", "chord tolerance of a tenth of focus.pdof"),
+        ("door.3mf", "MeshLab"),
+        ("door.ply", "MeshLab"),
+        ("door.xlsx", "surfaces are read from .stl"),
+    ] {
+        std::fs::write(dir.path().join(name), b"whatever").expect("writable");
+        let job = JobText::on(Path::new(name)).texture(HATCH).write(dir.path(), "job.toml");
+        let text = said(&compile(&job, &dir.path().join("out.job")));
+        assert!(text.contains("error[surface-format]") && text.contains(remedy), "{name}: {text}");
+    }
+}
+
+#[test]
+fn hints_name_what_lies_beside_a_missing_file_and_what_lists_the_keys() {
+    let dir = folder();
+    let text = |from: &str, to: &str| said(&compile(&edited(dir.path(), from, to), &dir.path().join("out.job")));
+    let mistyped = text("plate.obj", "plaet.obj");
+    let whole = dir.path().join("plaet.obj").display().to_string();
+    assert!(mistyped.contains(&whole) && mistyped.contains("did you mean plate.obj?"), "{mistyped}");
+    let other = text("plate.obj", "plate.stl");
+    assert!(other.contains("did you mean plate.obj?"), "{other}");
+    let folder = text("profile = \"xyz-galvo-40\"", "file = \"machines/ours.toml\"");
+    assert!(folder.contains("there is no folder ") && folder.contains("machines"), "{folder}");
+    let windows = text("profile = \"xyz-galvo-40\"", "file = \"C:\\Users\\me\\ours.toml\"");
+    assert!(windows.contains("write the path with / or in single quotes"), "{windows}");
+    let machine = String::from_utf8(terrace(["machines", "xyz-galvo-40"]).stdout).expect("text");
+    std::fs::write(dir.path().join("ours.toml"), machine.replacen("working_distance", "# ", 1)).expect("writable");
+    let missing = text("profile = \"xyz-galvo-40\"", "file = \"ours.toml\"");
+    assert!(missing.contains("`terrace machines NAME`") && !missing.contains("terrace init"), "{missing}");
+    let key = text("speed = \"1000 mm/s\"", "");
+    assert!(key.contains("`terrace init`") && !key.contains("docs/"), "{key}");
+}
+
 /// A job on the plate in which `from` is replaced by `to`.
 fn edited(dir: &Path, from: &str, to: &str) -> std::path::PathBuf {
     let path = plate(dir).texture(&format!("{HATCH}\npen = \"fill\"")).write(dir, "job.toml");
@@ -320,6 +437,13 @@ fn a_faulty_machine_file_is_refused_with_its_place() {
         ("field = [\"40 mm\", \"40 mm\"]", "field = [\"40 mm\"]", "toml"),
         ("travel = [\"-250 mm\", \"250 mm\"]", "travel = [\"250 mm\", \"-250 mm\"]", "machine-travel"),
         ("jump_speed", "jumpspeed", "toml"),
+        // Numbers that can be read and that no machine has: 1e308 s would end as an infinite time, a field of 2 um
+        // as millions of sections.
+        ("field = [\"40 mm\", \"40 mm\"]", "field = [\"1.9 um\", \"0.46 mm\"]", "machine-field"),
+        ("settle = \"0.1 s\"", "settle = \"1e308 s\"", "machine-range"),
+        ("speed = \"200 mm/s\"", "speed = \"1e-9 mm/s\"", "machine-range"),
+        ("spot = \"0.02 mm\"", "spot = \"20 mm\"", "machine-range"),
+        ("laser_off = \"80 us\"", "laser_off = \"80 s\"", "machine-range"),
     ] {
         assert!(machine.contains(from), "{from:?} stands in the profile");
         std::fs::write(dir.path().join("ours.toml"), machine.replacen(from, to, 1)).expect("writable");
@@ -327,7 +451,7 @@ fn a_faulty_machine_file_is_refused_with_its_place() {
         let done = compile(&job, &dir.path().join("out.job"));
         let text = said(&done);
         assert_eq!(done.status.code(), Some(2), "{to}: {text}");
-        assert!(text.contains(&format!("error[{code}]: ")) && text.contains("ours.toml"), "{to}: {text}");
+        assert!(text.contains(&format!("error[{code}]: ")) && text.contains("ours.toml:"), "{to}: {text}");
         assert!(!dir.path().join("out.job").exists());
     }
 }

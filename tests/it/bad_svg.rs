@@ -128,7 +128,7 @@ fn made_up_nastiness_is_refused_or_bounded() {
     let attributes: String = (0..100_000).map(|i| format!(" a{i}=''")).collect();
     for (name, body, outcome) in [
         ("deep_uses", deep_uses, (Err("svg-deep"), &[][..])),
-        ("rules", format!("<style>{rules}</style>{}", "<g/>".repeat(20_000)), (Err("svg-large"), &[])),
+        ("rules", format!("<style>{rules}</style>{}", "<g/>".repeat(20_000)), (Err("svg-css"), &[])),
         ("attributes", format!("<path{attributes}/>"), (Err("svg-large"), &[])),
         ("many_points", r#"<circle r="1e8" cx="0" cy="0" transform="scale(100)"/>"#.into(), (Err("texture-far"), &[])),
         ("nan", r#"<rect width="nan" height="1e999"/><path d="M0 0L9 9"/>"#.into(), (Ok(1), &["svg-path", "svg-dot"])),

@@ -232,6 +232,10 @@ fn preview_writes_a_drawing_and_never_over_an_input() {
         assert_eq!(read(dir.path().join(input)), before);
     }
     refused(&run(dir.path(), &["preview", "a.toml", "-o", "no/such/place.svg"]), 2, "output-unwritable");
+    for name in ["x.png", "x.PDF", "x.html"] {
+        refused(&run(dir.path(), &["preview", "a.toml", "-o", name]), 2, "preview-format");
+        assert!(!dir.path().join(name).exists(), "{name}");
+    }
 }
 
 #[test]
@@ -335,15 +339,23 @@ fn inspect_tells_what_a_file_holds() {
         .expect("encoded");
     write(at.join("a.png"), image);
     let shown = |args: &[&str]| json(&done(at, &[&["inspect", "--json"], args].concat()));
-    let stl = shown(&["a.stl"]);
+    let stl = shown(&["a.stl", "--unit", "mm"]);
     assert_eq!((&stl["kind"], &stl["facets"]), (&"surface".into(), &1.into()));
     assert_eq!(stl["hi_mm"], serde_json::json!([2.0, 3.0, 1.0]));
+    assert_eq!((&stl["steep_percent"], &stl["down_percent"]), (&0.0.into(), &0.0.into()));
+    // Without a unit nothing is said to be mm; 3 in is a part, 3 mm is none.
+    let stl = shown(&["a.stl"]);
+    assert_eq!((&stl["hi"], &stl["hi_mm"]), (&serde_json::json!([2.0, 3.0, 1.0]), &Value::Null));
+    assert_eq!((&stl["unit"], &stl["likely_unit"]), (&Value::Null, &"in".into()));
     assert!((shown(&["a.stl", "--unit", "in"])["hi_mm"][0].as_f64().expect("a number") - 50.8).abs() < 1e-9);
     let svg = shown(&["a.svg"]);
     let length = 12.0 + 72f64.sqrt();
     assert_eq!((&svg["kind"], &svg["strokes"], &svg["physical_size"]), (&"drawing".into(), &1.into(), &true.into()));
     assert!((svg["length_mm"].as_f64().expect("a number") - length).abs() < 1e-5, "{svg}");
-    assert_eq!(shown(&["unsized.svg"])["physical_size"], false);
+    let bare = shown(&["unsized.svg"]);
+    assert_eq!((&bare["physical_size"], &bare["length_mm"]), (&false.into(), &Value::Null));
+    let text = said(&run(at, &["inspect", "unsized.svg"]));
+    assert!(text.contains("no physical size") && !text.contains("stretched") && !text.contains("100"), "{text}");
     let png = shown(&["a.png"]);
     assert_eq!((&png["kind"], &png["columns"], &png["rows"]), (&"heightmap".into(), &3.into(), &2.into()));
     assert_eq!(png["values"], serde_json::json!([7, 256]));
@@ -352,8 +364,10 @@ fn inspect_tells_what_a_file_holds() {
     let made = shown(&["a.job"]);
     assert_eq!((&made["kind"], &made["summary"]["stops"]), (&"folder".into(), &1.into()));
     for (file, say) in [
-        ("a.stl", "2.0000 x 3.0000 x 1.0000 mm"),
-        ("a.svg", "1 strokes (1 closed)"),
+        ("a.stl", "2.0000 x 3.0000 x 1.0000 units"),
+        ("a.stl", "  if in  50.8000 x 76.2000 x 25.4000 mm   <- the likely one\n"),
+        ("a.stl", "0 % of the area steeper than 30 deg, 0 % facing down\n"),
+        ("a.svg", "1 stroke (1 closed)"),
         ("a.png", "3 x 2 samples, values 7 to 256"),
         ("a.toml", "0.07 mm"),
         ("a.job", "stops    1\n"),

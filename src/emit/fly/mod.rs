@@ -109,7 +109,7 @@ fn percent(checked: &Checked, machine: &Machine, pen: u16) -> String {
 fn head(checked: &Checked, machine: &Machine) -> Vec<String> {
     let Figures { time_s, marks, laser_error_mm, mark_speed, .. } = checked.figures();
     let mut lines = vec![
-        format!("machine: {}", machine.name),
+        format!("machine: {}", super::quoted(&machine.name)),
         format!("{} moves, {marks} marks, {time_s:.3} s", checked.program().moves.len()),
         format!("laser switched up to one servo period of {} ms early: {mark_speed:.1} mm/s x period", SERVO_S * 1e3),
         format!("LASER ERROR {laser_error_mm:.6} mm"),
@@ -118,7 +118,7 @@ fn head(checked: &Checked, machine: &Machine) -> Vec<String> {
         lines.push(format!(
             "pen {}: {}, {} mm/s, {} at {} kHz",
             i + 1,
-            pen.name,
+            super::quoted(&pen.name),
             pen.speed.as_mm_s(),
             pen.power.to_string().replace('%', "percent"),
             pen.frequency.as_khz()
@@ -128,10 +128,11 @@ fn head(checked: &Checked, machine: &Machine) -> Vec<String> {
     lines
 }
 
-/// A text as a comment may hold it: what a controller could take for its end becomes `_`.
+/// A comment's text, cut to its line.
 fn clean(text: &str, longest: usize) -> String {
-    let plain = |c: char| if matches!(c, ' '..='~') && !"();%".contains(c) { c } else { '_' };
-    text.chars().map(plain).take(longest).collect()
+    let mut plain = super::plain(text);
+    plain.truncate(longest);
+    plain
 }
 
 #[cfg(test)]

@@ -49,8 +49,31 @@ fn the_program_for_linuxcnc_is_as_written_down() {
                   (MARK 6 PEN 2)\nM67 E0 Q12.500\nM62 P0\nG1 X0.000000 V0.133000 F59940.0599401\n\
                   M65 P0\nM68 E0 Q0\nG94\nG0 Z200.000000\nM65 P0\nM2\n";
     assert_eq!(body, wanted);
-    assert!(text.contains("(pen 1: fill _a_, 100 mm/s, 60 percent at 60 kHz)\n"), "{text}");
+    assert!(text.contains("(pen 1: \"fill _a_\", 100 mm/s, 60 percent at 60 kHz)\n"), "{text}");
     assert!(text.contains("(LASER ERROR 0.50"), "500 mm/s for 1 ms: {text}");
+}
+
+#[test]
+fn names_stand_in_quotes_and_begin_no_comment() {
+    for word in crate::emit::HOSTILE {
+        let name = format!("{word},x(y)\n%;\"{word} MARK 1 PEN 1 {}", "z".repeat(300));
+        for kind in [Kind::Xyzuv, Kind::Xyzacuv] {
+            let (mut checked, mut machine) = sample(kind);
+            machine.name = name.clone();
+            let mut program = checked.program().clone();
+            program.pens.iter_mut().for_each(|pen| pen.name = name.clone());
+            checked = Checked::unchecked(program, &machine);
+            let bytes = if kind == Kind::Xyzuv { linuxcnc(&checked, &machine) } else { pmac(&checked, &machine) };
+            let text = text(bytes);
+            let shown = format!("\"{word},x_y____'{word} MARK");
+            for line in text.lines().filter(|l| l.contains(word)) {
+                let line = line.trim_start_matches(['(', '/', ' ']);
+                assert!(line.starts_with("machine: \"") || line.starts_with("pen "), "{line}");
+                assert!(line.contains(&shown) && line.contains("...\"") && !line.contains(&"z".repeat(60)), "{line}");
+            }
+            assert_eq!(text.matches(&shown).count(), 3, "{text}");
+        }
+    }
 }
 
 #[test]

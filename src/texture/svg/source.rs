@@ -27,12 +27,36 @@ pub(super) fn read(path: &Path) -> Result<String, Error> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
         bytes = unpacked(&bytes).map_err(|d| d.at(place.clone()))?;
     }
+    if let Some(d) = foreign(path, &bytes) {
+        return Err(d.at(place).into());
+    }
     let text = decoded(bytes).map_err(|d| d.at(place))?;
     check(&text).map_err(|f| {
         let line = diag::line_and_column(&text, f.at).0;
         f.diag.at(Place::line(path.display().to_string(), line))
     })?;
     Ok(text)
+}
+
+/// What is said of files of other programs; SVG begins with a `<`, after a byte order mark and blanks.
+fn foreign(path: &Path, bytes: &[u8]) -> Option<Diag> {
+    const IMAGE: &str = "trace it to paths in Inkscape (Path, Trace Bitmap) and save it as plain SVG; \
+                         an image of heights is a surface, not a texture";
+    const DRAWING: &str = "open it in Inkscape and save it as plain SVG, with the page's size in mm";
+    const MARKS: [(&[u8], &str, &str); 8] = [
+        (b"\x89PNG", "a PNG image", IMAGE),
+        (b"\xff\xd8\xff", "a JPEG image", IMAGE),
+        (b"BM", "a BMP image", IMAGE),
+        (b"II*\0", "a TIFF image", IMAGE),
+        (b"%PDF", "a PDF document", DRAWING),
+        (b"%!PS", "a PostScript drawing", DRAWING),
+        (b"AutoCAD Binary DXF", "a DXF drawing", DRAWING),
+        (b"AC10", "a DWG drawing", DRAWING),
+    ];
+    let is = |extension: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
+    let by_mark = MARKS.iter().find(|(mark, ..)| bytes.starts_with(mark)).map(|&(_, what, hint)| (what, hint));
+    let (what, hint) = by_mark.or_else(|| is("dxf").then_some(("a DXF drawing", DRAWING)))?;
+    Some(Diag::input("svg-format", format!("this is {what}: drawings are read from SVG alone")).hint(hint))
 }
 
 fn unpacked(bytes: &[u8]) -> Result<Vec<u8>, Box<Diag>> {

@@ -3,11 +3,14 @@
 use std::str::FromStr;
 
 use roxmltree::Node;
-use simplecss::{AttributeOperator, DeclarationTokenizer, PseudoClass, StyleSheet};
+use simplecss::DeclarationTokenizer;
 use svgtypes::{Paint, PaintFallback};
 
+use super::sheet::{Sheet, Work, declarations};
+use crate::diag::Diag;
+
 /// Properties that are looked at, in the order of [`Declared`].
-const NAMES: [&str; 17] = [
+pub(super) const NAMES: [&str; 17] = [
     "display",
     "visibility",
     "opacity",
@@ -33,7 +36,10 @@ pub(super) struct Declared<'a>([Option<&'a str>; NAMES.len()]);
 impl<'a> Declared<'a> {
     /// Attributes first, then the rules of the style sheet in their order, then the `style` attribute;
     /// important declarations win over all others.
-    pub(super) fn new(node: Node<'a, '_>, sheet: &StyleSheet<'a>) -> Self {
+    ///
+    /// # Errors
+    /// `svg-css` where the style sheet takes too much work.
+    pub(super) fn new(node: Node<'a, '_>, sheet: &Sheet<'a>, work: &mut Work) -> Result<Self, Box<Diag>> {
         let mut values = NAMES.map(|name| node.attribute(name));
         let mut important = [false; NAMES.len()];
         let mut set = |d: &simplecss::Declaration<'a>| {
@@ -44,15 +50,18 @@ impl<'a> Declared<'a> {
                 important[i] = d.important;
             }
         };
-        for rule in &sheet.rules {
-            if rule.selector.matches(&Element(node)) {
-                rule.declarations.iter().for_each(&mut set);
+        sheet.apply(node, work, &mut set)?;
+        if let Some(style) = node.attribute("style") {
+            work.spend(style.len())?;
+            if style.contains("/*") {
+                // This one knows comments, and takes the square of the length where terms are numbers.
+                work.spend(style.len().saturating_mul(style.len()))?;
+                DeclarationTokenizer::from(style).for_each(|d| set(&d));
+            } else {
+                declarations(style).for_each(|d| set(&d));
             }
         }
-        if let Some(style) = node.attribute("style") {
-            DeclarationTokenizer::from(style).for_each(|d| set(&d));
-        }
-        Self(values)
+        Ok(Self(values))
     }
 
     /// The value of a property of [`NAMES`].
@@ -174,27 +183,6 @@ fn coat_of(value: &str, has_id: impl Fn(&str) -> bool) -> Option<Coat> {
     })
 }
 
-/// An element as the matcher of selectors wants it.
-struct Element<'a, 'input>(Node<'a, 'input>);
-
-impl simplecss::Element for Element<'_, '_> {
-    fn parent_element(&self) -> Option<Self> {
-        self.0.parent_element().map(Element)
-    }
-    fn prev_sibling_element(&self) -> Option<Self> {
-        self.0.prev_sibling_element().map(Element)
-    }
-    fn has_local_name(&self, name: &str) -> bool {
-        self.0.tag_name().name() == name
-    }
-    fn attribute_matches(&self, name: &str, operator: AttributeOperator<'_>) -> bool {
-        self.0.attribute(name).is_some_and(|v| operator.matches(v))
-    }
-    fn pseudo_class_matches(&self, class: PseudoClass<'_>) -> bool {
-        class == PseudoClass::FirstChild && self.prev_sibling_element().is_none()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -203,9 +191,11 @@ mod tests {
         let doc = roxmltree::Document::parse(text).expect("xml");
         let root = doc.root_element();
         let css = root.children().find(|n| n.has_tag_name("style")).and_then(|n| n.text()).unwrap_or_default();
-        let sheet = StyleSheet::parse(css);
+        let texts = [css.to_owned()];
+        let sheet = Sheet::new(&texts).expect("a small sheet");
         let node = doc.descendants().find(|n| n.has_tag_name("path")).expect("path");
-        Style::INITIAL.with(&Declared::new(node, &sheet), |id| id == "there")
+        let own = Declared::new(node, &sheet, &mut Work::default()).expect("little work");
+        Style::INITIAL.with(&own, |id| id == "there")
     }
 
     #[test]

@@ -4,12 +4,12 @@ use std::collections::HashMap;
 use std::str::FromStr;
 
 use roxmltree::{Document, Node, NodeId};
-use simplecss::StyleSheet;
 use svgtypes::{Length, LengthUnit};
 
 use super::outline::{Map, Outline, Stop};
 use super::page::{self, view_map};
 use super::path;
+use super::sheet::{Sheet, Work};
 use super::source::MAX_DEPTH;
 use super::style::{Declared, Style};
 use super::tally::{Matter, Tally};
@@ -21,9 +21,6 @@ const XLINK: &str = "http://www.w3.org/1999/xlink";
 
 /// Most elements that are walked, uses expanded.
 const MAX_VISITS: usize = 2_000_000;
-
-/// Most comparisons of an element with a rule of the style sheet.
-const MAX_MATCHES: usize = 10_000_000;
 
 const SHAPES: [&str; 7] = ["rect", "circle", "ellipse", "line", "polyline", "polygon", "path"];
 
@@ -42,13 +39,13 @@ pub(super) struct State {
 
 pub(super) struct Walk<'a, 'input> {
     doc: &'a Document<'input>,
-    sheet: StyleSheet<'a>,
+    sheet: Sheet<'a>,
     ids: HashMap<&'a str, NodeId>,
     tolerance: f64,
     /// Elements that are being used right now, from the outside in.
     uses: Vec<NodeId>,
     visits: usize,
-    matches: usize,
+    work: Work,
     /// Number of each element among those of its tag, from 1, and its place in `names`.
     numbers: Vec<u32>,
     named: HashMap<NodeId, u32>,
@@ -61,31 +58,25 @@ pub(super) struct Walk<'a, 'input> {
 type Done = Result<(), Box<Diag>>;
 
 impl<'a, 'input> Walk<'a, 'input> {
-    pub(super) fn new(doc: &'a Document<'input>, tolerance: f64) -> Self {
+    pub(super) fn new(doc: &'a Document<'input>, sheet: Sheet<'a>, tolerance: f64) -> Self {
         let mut ids = HashMap::new();
         let mut counts: HashMap<&str, u32> = HashMap::new();
-        let mut sheet = StyleSheet::new();
         let mut numbers = Vec::new();
         let mut tally = Tally::default();
         for node in doc.descendants() {
-            let tag = node.tag_name().name();
-            let n = counts.entry(tag).or_default();
+            let n = counts.entry(node.tag_name().name()).or_default();
             *n += 1;
             numbers.push(*n);
             if let Some(id) = node.attribute("id") {
                 ids.entry(id).or_insert(node.id());
             }
-            if is_svg(node) && tag == "style" && matches!(node.attribute("type"), None | Some("text/css")) {
-                let text = node.text().unwrap_or_default();
-                if text.contains("@import") {
-                    tally.add(Matter::External, || format!("style {n}"));
-                }
-                sheet.parse_more(text);
+            if style_text(node).is_some_and(|text| text.contains("@import")) {
+                tally.add(Matter::External, || format!("style {n}"));
             }
         }
         let (uses, names, lines, name_of) = <_>::default();
-        let (visits, matches, named) = <_>::default();
-        Self { doc, sheet, ids, tolerance, uses, visits, matches, numbers, named, names, lines, name_of, tally }
+        let (visits, work, named) = <_>::default();
+        Self { doc, sheet, ids, tolerance, uses, visits, work, numbers, named, names, lines, name_of, tally }
     }
 
     /// Walks the children of the root.
@@ -129,12 +120,9 @@ impl<'a, 'input> Walk<'a, 'input> {
     /// The state inside an element; None where nothing of it is drawn.
     fn enter(&mut self, node: Node<'a, 'input>, mut state: State) -> Result<Option<State>, Box<Diag>> {
         self.visits += 1;
-        self.matches += self.sheet.rules.len();
         state.depth += 1;
-        if self.visits > MAX_VISITS || self.matches > MAX_MATCHES {
-            let text = format!(
-                "the drawing has more than {MAX_VISITS} elements once its uses are expanded, or too large a style sheet"
-            );
+        if self.visits > MAX_VISITS {
+            let text = format!("the drawing has more than {MAX_VISITS} elements once its uses are expanded");
             return Err(Diag::input("svg-large", text)
                 .hint("replace use by fewer elements, or tile a smaller drawing")
                 .into());
@@ -143,7 +131,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             let text = format!("the drawing nests elements deeper than {MAX_DEPTH} once its uses are expanded");
             return Err(Diag::input("svg-deep", text).hint("ungroup the drawing").into());
         }
-        let own = Declared::new(node, &self.sheet);
+        let own = Declared::new(node, &self.sheet, &mut self.work)?;
         if own.is_gone() {
             self.note(Matter::Hidden, node);
             return Ok(None);
@@ -391,6 +379,12 @@ fn called(node: Node<'_, '_>, numbers: &[u32]) -> String {
 
 fn is_svg(node: Node<'_, '_>) -> bool {
     matches!(node.tag_name().namespace(), None | Some(SVG))
+}
+
+/// The style sheet that an element holds, if it is one.
+pub(super) fn style_text<'a>(node: Node<'a, '_>) -> Option<&'a str> {
+    let is_css = matches!(node.attribute("type"), None | Some("text/css"));
+    (is_svg(node) && node.tag_name().name() == "style" && is_css).then(|| node.text().unwrap_or_default())
 }
 
 /// What an element refers to; `href` wins over `xlink:href`.
