@@ -110,12 +110,14 @@ fn check_folder(
     ground: &Ground,
     findings: &mut Findings,
 ) {
-    rules::without_inputs(folder, manifest, program, facts, findings);
+    let stages = rules::without_inputs(folder, manifest, program, facts, findings);
+    rules::clearance::check(&stages, program, facts, ground, findings);
     rules::agreement::with_job(manifest, program, facts, &mut findings.agreement);
     let marks = rules::marks::check(program, facts, ground, findings);
     rules::dose::check(program, facts, ground, findings);
     let pieces = rules::pieces::check(program, facts, drawings, ground, &marks.drawn, findings);
-    rules::summary::check(manifest, program, &marks, &pieces, findings);
+    rules::summary::check(manifest, program, facts, &marks, &pieces, findings);
+    rules::summary::slopes(manifest, program, facts, ground, findings);
 }
 
 /// Reads `program.txt`; one that cannot be read agrees with nothing.

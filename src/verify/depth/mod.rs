@@ -47,6 +47,7 @@ pub(super) struct Sheet {
     pub(super) slope: Slope,
     /// How much z rises for 1 along x and y.
     pub(super) grad: [f64; 2],
+    facet: u32,
 }
 
 /// A piece of a line: from `d[0]` to `d[1]` nm along it. Pieces come in order and leave nothing out.
@@ -203,6 +204,11 @@ impl Ground {
         self.shape.heights()
     }
 
+    /// Hands the corners (nm) of all facets that touch the box x0, y0, x1, y1 of the plane to `sink`, walls among them.
+    pub(super) fn facets_in(&self, area: [f64; 4], sink: &mut dyn FnMut([[f64; 3]; 3])) {
+        self.shape.facets_in(area, sink);
+    }
+
     /// How far, in nm, a mark may lie beside an edge and still be taken as on it: the rounding of both to
     /// the grid, the grid step within which the program takes a stroke as lying on a border, and welding.
     pub(super) fn reach(&self) -> f64 {
@@ -217,7 +223,18 @@ impl Ground {
 
     /// How far, in nm, a height may differ from the compiled one on a slope.
     pub(super) fn z_tolerance(&self, slope2: f64) -> f64 {
-        1.0 + self.weld + (ROUNDING + self.weld) * slope2.sqrt()
+        let [level, slope] = self.z_tolerance_parts();
+        level + slope * slope2.sqrt()
+    }
+
+    /// [`Ground::z_tolerance`] where the ground is level, and what each unit of slope adds to it, nm.
+    pub(super) fn z_tolerance_parts(&self) -> [f64; 2] {
+        [1.0 + self.weld, ROUNDING + self.weld]
+    }
+
+    /// How far vertices may lie apart that became one, nm.
+    pub(super) fn weld(&self) -> f64 {
+        self.weld
     }
 
     /// [`Ground::z_tolerance`] on the steepest slope that is marked.
@@ -234,10 +251,24 @@ impl Ground {
         }
         let Scratch { crossings, active, .. } = scratch;
         sweep::pieces(crossings, active, line.len, |d, top| {
-            let sheet = top.map(|(c, z)| Sheet { z, slope2: c.slope2, slope: self.slope(c), grad: c.grad });
+            let sheet =
+                top.map(|(c, z)| Sheet { z, slope2: c.slope2, slope: self.slope(c), grad: c.grad, facet: c.facet });
             visit(Piece { d, sheet });
         });
         crossings.len() as u64
+    }
+
+    /// How far the rounding and welding of a facet's vertices may change its slope.
+    pub(super) fn slope_doubt(&self, sheet: &Sheet) -> f64 {
+        self.doubt(sheet.facet, sheet.slope2.sqrt())
+    }
+
+    fn doubt(&self, facet: u32, slope: f64) -> f64 {
+        let altitude = match &self.shape {
+            Shape::Mesh(mesh) => mesh.altitude(facet),
+            Shape::Map(map) => map.altitude(),
+        };
+        4.0 * (ROUNDING + self.weld) / altitude * (1.0 + slope)
     }
 
     /// Judges a facet's slope; near the limit by how far the rounding of its vertices may turn it.
@@ -246,12 +277,8 @@ impl Ground {
         if steepest2 < 0.25 * self.limit2 {
             return Slope::Gentle;
         }
-        let altitude = match &self.shape {
-            Shape::Mesh(mesh) => mesh.altitude(c.facet),
-            Shape::Map(map) => map.altitude(),
-        };
         let (slope, limit) = (steepest2.sqrt(), self.limit2.sqrt());
-        let doubt = 4.0 * (ROUNDING + self.weld) / altitude * (1.0 + slope) + 1e-9 * limit;
+        let doubt = self.doubt(c.facet, slope) + 1e-9 * limit;
         if slope <= limit - doubt {
             Slope::Gentle
         } else if slope <= limit + doubt {

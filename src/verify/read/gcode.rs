@@ -10,8 +10,8 @@ use super::number::nm_from_decimal;
 /// What one line asks for.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::verify) enum Step {
-    /// The comment that begins a block, with the block's name.
-    Block(String),
+    /// The comment that begins a block, with the block's name and the file that is marked there, if it names one.
+    Block(String, Option<String>),
     /// The comment that begins a set-up, with its number.
     Setup(u32),
     /// Modal G words, in tenths: G61.1 is 611.
@@ -49,22 +49,35 @@ pub(in crate::verify) struct Statement {
     pub(in crate::verify) step: Step,
 }
 
+/// A stage program.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::verify) struct Program {
+    /// What it does.
+    pub(in crate::verify) statements: Vec<Statement>,
+    /// Blocks that comments name beside those that begin a block, each with its line.
+    pub(in crate::verify) names: Vec<(usize, String)>,
+}
+
 /// Reads a stage program.
-pub(in crate::verify) fn read(bytes: &[u8]) -> Result<Vec<Statement>, Fault> {
+pub(in crate::verify) fn read(bytes: &[u8]) -> Result<Program, Fault> {
     let text = std::str::from_utf8(bytes).map_err(|_| Fault::new(0, "the file is not text"))?;
     if !text.ends_with('\n') {
         return Err(Fault::new(text.lines().count(), "ends in the middle of a line"));
     }
-    let mut out = Vec::new();
+    let (mut out, mut names) = (Vec::new(), Vec::new());
     for (i, line) in text.lines().enumerate() {
         let (code, comments) = split_comments(line).map_err(|m| Fault::new(i + 1, m))?;
         let mut push = |step| out.push(Statement { line: i + 1, step });
         for comment in comments {
             if let Some(rest) = comment.trim().strip_prefix("BLOCK ") {
-                push(Step::Block(rest.split_whitespace().next().unwrap_or("").to_owned()));
+                let mut words = rest.split_whitespace();
+                let id = words.next().unwrap_or("").to_owned();
+                push(Step::Block(id, words.skip_while(|w| *w != "FILE").nth(1).map(str::to_owned)));
             } else if let Some(rest) = comment.trim().strip_prefix("SETUP ") {
                 let number = rest.split_whitespace().next().and_then(|n| n.parse().ok());
                 push(number.map_or_else(|| Step::Unknown(comment.to_owned()), Step::Setup));
+            } else {
+                comment.split_whitespace().filter(|w| is_block(w)).for_each(|w| names.push((i + 1, w.to_owned())));
             }
         }
         let code = code.trim();
@@ -72,7 +85,12 @@ pub(in crate::verify) fn read(bytes: &[u8]) -> Result<Vec<Statement>, Fault> {
             push(step(code).unwrap_or_else(|| Step::Unknown(code.to_owned())));
         }
     }
-    Ok(out)
+    Ok(Program { statements: out, names })
+}
+
+/// Whether a word is the name of a block: B and four digits or more.
+fn is_block(word: &str) -> bool {
+    word.strip_prefix('B').is_some_and(|n| n.len() >= 4 && n.bytes().all(|c| c.is_ascii_digit()))
 }
 
 /// The code of a line without its comments, and the comments.
@@ -175,17 +193,17 @@ mod tests {
     use super::*;
 
     fn steps(text: &str) -> Vec<Step> {
-        read(text.as_bytes()).expect("text").into_iter().map(|s| s.step).collect()
+        read(text.as_bytes()).expect("text").statements.into_iter().map(|s| s.step).collect()
     }
 
     #[test]
     fn the_handshake_is_read_step_by_step() {
-        let text = "(terrace)\nG21 G90 G61.1\nM65 P0\n(BLOCK B0001 file=x)\nG0 Z5 ; lift\ng0 x10 Y-20.000001 B-1.5\nG4 P0.1\n\
-            M64 P0\nM66 P0 L3 Q5\no101 if [#5399 LT 0]\n(MSG, no BUSY)\nM2\no101 endif\nM30\n";
+        let text = "(terrace)\nG21 G90 G61.1\nM65 P0\n(BLOCK B0001 FILE x.dxf)\nG0 Z5 ; lift\ng0 x10 Y-20.000001 B-1.5\nG4 P0.1\n\
+            M64 P0\nM66 P0 L3 Q5\no101 if [#5399 LT 0]\n(MSG, no BUSY, block B0002)\nM2\no101 endif\nM30\n";
         let expected = [
             Step::Modal(vec![210, 900, 611]),
             Step::OutputOff,
-            Step::Block("B0001".into()),
+            Step::Block("B0001".into(), Some("x.dxf".into())),
             Step::Move([None, None, Some(5_000_000), None, None, None]),
             Step::Move([Some(10_000_000), Some(-20_000_001), None, None, Some(-1_500_000), None]),
             Step::Dwell(0.1),
@@ -197,7 +215,8 @@ mod tests {
             Step::End,
         ];
         assert_eq!(steps(text), expected);
-        assert_eq!(read(text.as_bytes()).expect("text")[2].line, 4);
+        let read = read(text.as_bytes()).expect("text");
+        assert_eq!((read.statements[2].line, read.names), (4, vec![(11, "B0002".to_owned())]));
     }
 
     #[test]

@@ -132,6 +132,12 @@ pub(in crate::verify) struct BlockEntry {
     pub(in crate::verify) files: BlockFiles,
     pub(in crate::verify) strokes: usize,
     pub(in crate::verify) mark_mm: f64,
+    pub(in crate::verify) jump_mm: f64,
+    pub(in crate::verify) time_s: f64,
+    /// Mean and worst of the angle between beam and surface, of the stretch of the texture, and of the dose.
+    pub(in crate::verify) incidence_deg: [f64; 2],
+    pub(in crate::verify) stretch: [f64; 2],
+    pub(in crate::verify) dose: [f64; 2],
 }
 
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -154,6 +160,21 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) skipped_steep_mm: f64,
     pub(in crate::verify) skipped_small_mm: f64,
     pub(in crate::verify) worst_defocus_um: f64,
+    pub(in crate::verify) jump_mm: f64,
+    pub(in crate::verify) time_s: Times,
+    #[serde(default)]
+    pub(in crate::verify) lower_bound_stops: Option<f64>,
+}
+
+/// Estimated times, s.
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct Times {
+    pub(in crate::verify) stage: f64,
+    pub(in crate::verify) settle: f64,
+    pub(in crate::verify) mark: f64,
+    pub(in crate::verify) jump: f64,
+    pub(in crate::verify) delay: f64,
+    pub(in crate::verify) total: f64,
 }
 
 impl Manifest {

@@ -10,6 +10,7 @@ pub(super) mod manifest;
 pub(super) mod number;
 pub(super) mod ovf;
 pub(super) mod program;
+pub(super) mod runsheet;
 
 /// What is wrong with a text file, and in which line (from 1).
 #[derive(Clone, Debug, PartialEq, Eq)]

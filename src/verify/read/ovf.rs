@@ -27,7 +27,7 @@ struct PlaneTable {
     blocks: Vec<i64>,
 }
 
-/// Laser settings; only what a pen states.
+/// Laser and scanner settings: what a pen and the machine file state.
 #[derive(Clone, PartialEq, Message)]
 pub(in crate::verify) struct MarkingParams {
     #[prost(float, tag = "1")]
@@ -36,8 +36,22 @@ pub(in crate::verify) struct MarkingParams {
     pub(in crate::verify) speed_mm_s: f32,
     #[prost(float, tag = "3")]
     pub(in crate::verify) focus_shift_mm: f32,
+    #[prost(float, tag = "5")]
+    pub(in crate::verify) jump_speed_mm_s: f32,
     #[prost(uint64, tag = "7")]
     pub(in crate::verify) rate_hz: u64,
+    #[prost(float, tag = "11")]
+    pub(in crate::verify) jump_delay_us: f32,
+    #[prost(float, tag = "12")]
+    pub(in crate::verify) laser_off_delay_us: f32,
+    #[prost(float, tag = "13")]
+    pub(in crate::verify) laser_on_delay_us: f32,
+    #[prost(float, tag = "14")]
+    pub(in crate::verify) mark_delay_us: f32,
+    #[prost(float, tag = "15")]
+    pub(in crate::verify) polygon_delay_us: f32,
+    #[prost(string, tag = "26")]
+    pub(in crate::verify) name: String,
 }
 
 #[derive(Clone, PartialEq, Message)]
@@ -69,6 +83,8 @@ pub(in crate::verify) struct WorkPlane {
     pub(in crate::verify) repeats: u32,
     #[prost(int32, tag = "10")]
     pub(in crate::verify) number: i32,
+    #[prost(string, tag = "11")]
+    pub(in crate::verify) machine_type: String,
 }
 
 #[derive(Clone, PartialEq, Message)]

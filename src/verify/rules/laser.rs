@@ -119,12 +119,12 @@ impl<'a> Run<'a> {
         let mut ended = false;
         while let Some(Statement { line, step }) = statements.get(i) {
             self.rule.checked += 1;
-            if ended && !matches!(step, Step::Block(_)) {
+            if ended && !matches!(step, Step::Block(..)) {
                 self.broken(*line, "something follows the end of the program");
             }
             i += 1;
             match step {
-                Step::Block(id) => self.begin(id, *line),
+                Step::Block(id, _) => self.begin(id, *line),
                 Step::Setup(_) => self.setup(*line),
                 Step::Pause if self.is_moved(*line) => {}
                 Step::Modal(codes) => self.modal(codes, *line),
@@ -206,11 +206,11 @@ impl<'a> Run<'a> {
         let mut ended = false;
         for Statement { line, step } in &self.stage.statements {
             self.rule.checked += 1;
-            if ended && !matches!(step, Step::Block(_)) {
+            if ended && !matches!(step, Step::Block(..)) {
                 self.broken(*line, "something follows the end of the program");
             }
             match step {
-                Step::Block(id) => self.begin(id, *line),
+                Step::Block(id, _) => self.begin(id, *line),
                 Step::Setup(_) => self.setup(*line),
                 Step::Pause if self.is_moved(*line) => {}
                 Step::Modal(codes) => self.modal(codes, *line),
@@ -242,7 +242,7 @@ impl<'a> Run<'a> {
 /// What a step is called in messages.
 fn name(step: &Step) -> String {
     match step {
-        Step::Block(_) => "a block".into(),
+        Step::Block(..) => "a block".into(),
         Step::Setup(_) => "a set-up".into(),
         Step::Modal(_) => "a modal word".into(),
         Step::Move(_) => "a move".into(),

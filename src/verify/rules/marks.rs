@@ -6,7 +6,7 @@
 //! [`Ground::z_tolerance`].
 
 use super::stretch::{Parts, Stretch, confirmed, note, whole};
-use super::turned::Turned;
+use super::turned::{Drawn, Turned};
 use super::{Findings, part_place, part_place_nm};
 use crate::geom::P2;
 use crate::machine::Machine;
@@ -25,9 +25,8 @@ pub(in crate::verify) struct Marks {
     pub(super) worst_defocus: f64,
     /// How far it may be off, nm.
     pub(super) worst_tolerance: f64,
-    /// Where the points of the program lie in the drawing, as far as their part is turned; empty where
-    /// nothing is.
-    pub(in crate::verify) drawn: Vec<P2>,
+    /// Where the points of tilted blocks lie in the drawing.
+    pub(in crate::verify) drawn: Drawn,
 }
 
 /// Holds `field`: every point of every stroke.
@@ -69,7 +68,6 @@ pub(in crate::verify) fn check(file: &ProgramFile, facts: &Facts, ground: &Groun
         let found = if Turned::of(file, block, facts, ground, &mut turned)
             && let Some(here) = &turned
         {
-            out.drawn.resize(file.program.points.len(), P2::default());
             here.draw(id, file, block, &mut out.drawn, source);
             search.on(&here.ground).block(id, block)
         } else {

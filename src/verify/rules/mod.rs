@@ -1,6 +1,7 @@
 //! The rules, each with its own file and its own entry in the proof.
 
 pub(super) mod agreement;
+pub(super) mod clearance;
 pub(super) mod dose;
 pub(super) mod fill;
 pub(super) mod hash;
@@ -9,9 +10,12 @@ pub(super) mod marks;
 pub(super) mod pieces;
 mod planes;
 mod setups;
+mod sheets;
+mod slopes;
 mod stage;
 mod stretch;
 pub(super) mod summary;
+mod times;
 pub(super) mod travel;
 mod turned;
 
@@ -30,6 +34,7 @@ pub(super) struct Findings {
     pub(super) depth: Rule,
     pub(super) field: Rule,
     pub(super) travel: Rule,
+    pub(super) clearance: Rule,
     pub(super) laser: Rule,
     pub(super) ground: Rule,
     pub(super) dose: Rule,
@@ -49,10 +54,14 @@ impl Findings {
     pub(super) fn new() -> Self {
         Self {
             hash: Rule::new("hash", "every file is as listed, none is unlisted, and the inputs are unchanged"),
-            agreement: Rule::new("agreement", "program, drawings, stage programs, OVF and manifest say the same"),
+            agreement: Rule::new(
+                "agreement",
+                "program, drawings, stage programs, OVF, run sheets and manifest say the same",
+            ),
             depth: Rule::new("depth", "every mark lies within the depth of focus of its block"),
             field: Rule::new("field", "every mark lies in the usable scan field"),
             travel: Rule::new("travel", "every stage position is the block's, within travel and on the increment"),
+            clearance: Rule::new("clearance", "the head keeps clear of the part in every move"),
             laser: Rule::new("laser", "the laser is off in every stage move, which settles before the next mark"),
             ground: Rule::new("ground", "no mark lies off the part or on a slope beyond the limit"),
             dose: Rule::new("dose", "pens make up for the slope under their marks as the job asks"),
@@ -60,7 +69,7 @@ impl Findings {
             source: Rule::new("source", "every mark is the piece of the texture that it claims to be"),
             once: Rule::new("once", "nothing is marked twice in a pass but declared overlaps"),
             coverage: Rule::new("coverage", "all texture is marked where the part can be marked"),
-            summary: Rule::new("summary", "lengths and counts are as stated"),
+            summary: Rule::new("summary", "lengths, counts, times and slopes are as stated"),
             stops: 0,
             fragments: 0,
             lengths: Lengths::default(),
@@ -76,6 +85,7 @@ impl Findings {
             self.depth,
             self.field,
             self.travel,
+            self.clearance,
             self.laser,
             self.ground,
             self.dose,
@@ -98,14 +108,14 @@ impl Findings {
     }
 }
 
-/// The rules that need the folder alone.
+/// The rules that need the folder alone; answers with the stage programs that could be read.
 pub(super) fn without_inputs(
     folder: &Path,
     manifest: &Manifest,
     program: &ProgramFile,
     facts: &Facts,
     findings: &mut Findings,
-) {
+) -> Vec<stage::StageFile> {
     findings.stops = program.program.blocks.len();
     findings.fragments = program.program.strokes.len();
     let stages = stage::read(folder, manifest, facts, &mut findings.agreement);
@@ -113,7 +123,9 @@ pub(super) fn without_inputs(
     stage::agreement(&stages, program, &facts.machine, &mut findings.agreement);
     travel::check(&stages, program, &facts.machine, &mut findings.travel);
     laser::check(&stages, &facts.machine, &mut findings.laser);
+    sheets::check(folder, manifest, program, facts, &mut findings.agreement);
     marks::field(program, &facts.machine, &mut findings.field);
+    stages
 }
 
 /// A point of the part as the place of a violation.

@@ -7,6 +7,7 @@
 //! nothing can be marked. Every pass is a job of its own. Memory: four bytes per mark, and one texture stroke at a time.
 
 use super::stretch::{Run, Stretch, confirmed, note, whole};
+use super::turned::Drawn;
 use super::{Findings, part_place, part_place_nm};
 use crate::geom::{NM_PER_MM, P2, orient};
 use crate::program::{Block, Stroke};
@@ -22,9 +23,6 @@ const ON_STROKE: f64 = 1.0;
 /// Shares and gaps up to this, nm, are noise of the lengths along a stroke.
 const NOISE: f64 = 0.5;
 
-/// A point of a mark on a tilted part is found in the drawing by its height: it lies this near to its stroke,
-/// and two of them that are one cut point this near to each other, nm.
-const TURNED: f64 = 10.0;
 /// By how much an overlap may be longer than declared, nm: both its ends are rounded.
 const ROUNDED: f64 = 2.0;
 
@@ -44,8 +42,8 @@ pub(in crate::verify) struct Pieces {
     /// By how much marks are longer than the texture under them, since cut points lie on the grid beside
     /// it, and what gaps may have lost to it.
     pub(super) rounding_mm: f64,
-    /// Marks on tilted parts: the ends of each are known to some nanometres.
-    pub(super) turned: u64,
+    /// By how much the lengths of marks on tilted parts may be off, mm.
+    pub(super) turned_mm: f64,
 }
 
 /// Holds the three rules.
@@ -54,7 +52,7 @@ pub(in crate::verify) fn check(
     facts: &Facts,
     drawings: &[Drawing<'_>],
     ground: &Ground,
-    drawn: &[P2],
+    drawn: &Drawn,
     findings: &mut Findings,
 ) -> Pieces {
     let Findings { source, once, coverage, .. } = findings;
@@ -66,8 +64,7 @@ pub(in crate::verify) fn check(
         drawing: first,
         ground,
         drawn,
-        is_turned: false,
-        noise: if drawn.is_empty() { NOISE } else { 2.0 * TURNED },
+        off: None,
         source,
         once,
         coverage,
@@ -105,7 +102,15 @@ fn strokes_of(file: &ProgramFile, wanted: impl Fn(u32) -> bool) -> Vec<u32> {
 struct Span {
     from: f64,
     to: f64,
+    /// How far its ends may be off, nm: on a tilted part they are found by their height.
+    off: f64,
     mark: u32,
+}
+
+/// How far a gap or a share between two ends of marks may be off, nm, where an end of the stroke is none.
+fn noise(a: Option<&Span>, b: Option<&Span>) -> f64 {
+    let off = |span: Option<&Span>| span.map_or(0.0, |s| s.off);
+    NOISE + off(a) + off(b)
 }
 
 struct Cover<'a> {
@@ -114,11 +119,9 @@ struct Cover<'a> {
     drawing: &'a Drawing<'a>,
     ground: &'a Ground,
     /// Points of tilted blocks in the drawing; empty where nothing is tilted.
-    drawn: &'a [P2],
-    /// Whether the mark at hand is one of these.
-    is_turned: bool,
-    /// Shares and gaps up to this count as none, nm.
-    noise: f64,
+    drawn: &'a Drawn,
+    /// How far the points of the mark at hand may be off, nm, if it is one of these.
+    off: Option<f64>,
     source: &'a mut Rule,
     once: &'a mut Rule,
     coverage: &'a mut Rule,
@@ -188,10 +191,11 @@ impl Cover<'_> {
         let mut before = 0.0f64;
         for span in &spans {
             let to = covered.map_or(0.0, |c| c.to);
+            let noise = self.joint(span.from - to, passes, [covered.as_ref(), Some(span)]);
             self.once.checked += 1;
-            if span.from > to + self.noise {
+            if span.from > to + noise {
                 self.gap(number, [to, span.from], passes, [covered, Some(*span)]);
-            } else if span.from < to - self.noise {
+            } else if span.from < to - noise {
                 let declared = covered.is_some_and(|last| before <= span.from && self.is_overlap(&last, span));
                 self.twice(*span, span.to.min(to) - span.from, passes, declared);
             }
@@ -201,11 +205,22 @@ impl Cover<'_> {
             }
         }
         let to = covered.map_or(0.0, |c| c.to);
-        if sum > to + self.noise {
+        if sum > to + self.joint(sum - to, passes, [covered.as_ref(), None]) {
             self.gap(number, [to, sum], passes, [covered, None]);
         }
         self.coverage.checked += 1;
         self.spans = spans;
+    }
+
+    /// Answers how far the gap (or, below 0, the share) between two marks may be off, nm. On a tilted part that may
+    /// be counted as skipped or as an overlap although it is too small to be found here, and the other way round.
+    fn joint(&mut self, gap: f64, passes: f64, beside: [Option<&Span>; 2]) -> f64 {
+        let noise = noise(beside[0], beside[1]);
+        if noise > NOISE {
+            let hidden = if gap.abs() <= noise { gap.abs() } else { 0.0 };
+            self.out.rounding_mm += (noise + hidden) * passes / NM_PER_MM;
+        }
+        noise
     }
 
     /// Lays a mark on the stroke that it claims.
@@ -215,17 +230,18 @@ impl Cover<'_> {
         let block = self.load(i, &stroke);
         let length: f64 = self.mark.windows(2).map(|w| w[0].distance(w[1])).sum();
         let segment = stroke.segment as usize;
-        let fit = match self.is_turned {
-            true => self.fit_turned(segment),
-            false => self.fit(segment).or_else(|why| self.fit_otherwise(segment).ok_or(why)),
+        let fit = match self.off {
+            Some(off) => self.fit_turned(segment, off + ON_STROKE),
+            None => self.fit(segment).or_else(|why| self.fit_otherwise(segment).ok_or(why)),
         };
         // On a tilted part lengths are those along the stroke.
-        let length = fit.ok().filter(|_| self.is_turned).map_or(length, |[from, to]| to - from);
+        let length = fit.ok().filter(|_| self.off.is_some()).map_or(length, |[from, to]| to - from);
         self.out.lengths.mark_mm += length * passes / NM_PER_MM;
-        self.out.turned += u64::from(self.is_turned);
+        let off = self.off.unwrap_or(0.0);
+        self.out.turned_mm += 2.0 * off * passes / NM_PER_MM;
         let fault = match fit {
             Ok([from, to]) => {
-                self.spans.push(Span { from, to, mark: i });
+                self.spans.push(Span { from, to, off, mark: i });
                 self.out.rounding_mm += (length - (to - from)).abs() * passes / NM_PER_MM;
                 let is_own = stroke.pen == pen || {
                     let made = super::dose::origin(&self.file.program.pens, usize::from(stroke.pen), self.facts);
@@ -235,7 +251,7 @@ impl Cover<'_> {
             }
             Err(why) => {
                 if let Some([from, to]) = self.search() {
-                    self.spans.push(Span { from, to, mark: i });
+                    self.spans.push(Span { from, to, off, mark: i });
                 } else if self.astray.len() < ASTRAY {
                     self.astray.extend(self.ends());
                 }
@@ -270,11 +286,12 @@ impl Cover<'_> {
         let block = program.blocks.partition_point(|b| b.strokes.end <= i as usize);
         let stop = &program.blocks[block].stop;
         let c = stop.centre;
-        self.is_turned = stop.tilt != [0; 2] && !self.drawn.is_empty();
+        self.off = (stop.tilt != [0; 2] && !self.drawn.is_empty()).then(|| self.drawn.off[i as usize]);
         let points = program.points_of(stroke).iter().map(|p| P2::new(c.x + i64::from(p[0]), c.y + i64::from(p[1])));
         self.mark.clear();
-        if self.is_turned {
-            self.mark.extend_from_slice(&self.drawn[stroke.first as usize..(stroke.first + stroke.len) as usize]);
+        if self.off.is_some() {
+            self.mark
+                .extend_from_slice(&self.drawn.points[stroke.first as usize..(stroke.first + stroke.len) as usize]);
         } else {
             self.mark.extend(points);
         }
@@ -304,24 +321,24 @@ impl Cover<'_> {
     }
 
     /// As [`Cover::fit`] for a mark on a tilted part: all its points lie on the stroke one after another, every
-    /// vertex of the stroke among them.
-    fn fit_turned(&self, segment: usize) -> Result<[f64; 2], &'static str> {
+    /// vertex of the stroke among them, to `off` nm each.
+    fn fit_turned(&self, segment: usize, off: f64) -> Result<[f64; 2], &'static str> {
         if segment + 1 >= self.points.len() {
             return Err("the stroke has no such segment");
         }
-        let near = |p: P2, k: usize| self.points.get(k).is_some_and(|&v| v.distance(p) <= TURNED);
-        if self.is_closed_whole(segment) {
+        let near = |p: P2, k: usize| self.points.get(k).is_some_and(|&v| v.distance(p) <= off);
+        if self.is_closed_whole(segment, off) {
             return Ok([0.0, self.along[self.points.len() - 1]]);
         }
         // A cut point may have been rounded onto the end of its segment.
         let mut k = segment + usize::from(near(self.mark[0], segment + 1) && self.points.len() > segment + 2);
-        let from = self.beside(k, self.mark[0]).ok_or("it does not begin on that segment")?;
+        let from = self.beside(k, self.mark[0], off).ok_or("it does not begin on that segment")?;
         let mut at = from;
         for (i, &p) in self.mark.iter().enumerate().skip(1) {
-            let Some(to) = self.beside(k, p) else {
+            let Some(to) = self.beside(k, p, off) else {
                 return Err("its points are not on the stroke");
             };
-            if to < at - TURNED {
+            if to < at - off {
                 return Err("it runs against the direction that it claims");
             }
             at = to;
@@ -333,20 +350,20 @@ impl Cover<'_> {
     }
 
     /// Whether the mark is a whole closed figure that begins at the vertex where `segment` does.
-    fn is_closed_whole(&self, segment: usize) -> bool {
+    fn is_closed_whole(&self, segment: usize, off: f64) -> bool {
         let n = self.points.len();
         let same = |i: usize| {
             let k = if segment + i < n { segment + i } else { segment + i + 1 - n };
-            self.points[k].distance(self.mark[i]) <= TURNED
+            self.points[k].distance(self.mark[i]) <= off
         };
         n == self.mark.len() && segment > 0 && self.points[0] == self.points[n - 1] && (0..n).all(same)
     }
 
-    /// Length along the stroke of a point that lies beside segment `k` by no more than [`TURNED`].
-    fn beside(&self, k: usize, p: P2) -> Option<f64> {
+    /// Length along the stroke of a point that lies beside segment `k` by no more than `off` nm.
+    fn beside(&self, k: usize, p: P2, off: f64) -> Option<f64> {
         let (d, aside) = self.project(k, p);
         let len = self.along[k + 1] - self.along[k];
-        let on = (-TURNED..=len + TURNED).contains(&d) && aside <= TURNED;
+        let on = (-off..=len + off).contains(&d) && aside <= off;
         on.then(|| self.along[k] + d.clamp(0.0, len))
     }
 
@@ -421,14 +438,15 @@ impl Cover<'_> {
     /// Whether what two marks share is an overlap as the job declares it: at most so long, the end of one block's
     /// mark and the beginning of another's.
     fn is_overlap(&self, last: &Span, next: &Span) -> bool {
-        let follows = last.from + self.noise < next.from && last.to + self.noise < next.to;
+        let noise = noise(Some(last), Some(next));
+        let follows = last.from + noise < next.from && last.to + noise < next.to;
         let overlap = self.facts.overlap_nm;
-        let fits = overlap > 0.0 && last.to - next.from <= overlap + ROUNDED.max(self.noise);
+        let fits = overlap > 0.0 && last.to - next.from <= overlap + ROUNDED + noise - NOISE;
         follows && fits && self.block_of(last.mark) != self.block_of(next.mark)
     }
 
     fn twice(&mut self, span: Span, shared: f64, passes: f64, declared: bool) {
-        if shared <= self.noise {
+        if shared <= noise(Some(&span), None) {
             return;
         }
         self.out.lengths.overlap_mm += shared * passes / NM_PER_MM;

@@ -1,7 +1,8 @@
-//! `agreement` of the OVF: one work plane per block, each mark to one step of f32.
+//! `agreement` of the OVF: one work plane per block, each mark to one step of f32; settings as the pens and the machine
+//! file state them, and who carries what on each axis, which decides the signs of all positions.
 
 use crate::geom::mm_from_nm;
-use crate::machine::Machine;
+use crate::machine::{Axis, Carries, Machine};
 use crate::program::{Block, Program};
 use crate::verify::proof::Rule;
 use crate::verify::read::ovf::{Mark, OvfFile, WorkPlane};
@@ -23,14 +24,26 @@ pub(super) fn check(bytes: &[u8], name: &str, file: &ProgramFile, machine: &Mach
     }
     for (i, pen) in program.pens.iter().enumerate() {
         let found = i32::try_from(i + 1).ok().and_then(|key| ovf.params.get(&key));
+        let delays = &machine.delays;
         let same = found.is_some_and(|p| {
+            let waits = [
+                (p.jump_delay_us, delays.jump),
+                (p.laser_off_delay_us, delays.laser_off),
+                (p.laser_on_delay_us, delays.laser_on),
+                (p.mark_delay_us, delays.mark),
+                (p.polygon_delay_us, delays.polygon),
+            ];
             step(p.power_w, pen.power.as_w(machine.laser.max_power))
                 && step(p.speed_mm_s, pen.speed.as_mm_s())
                 && p.rate_hz == (pen.frequency.as_khz() * 1e3).round() as u64
                 && p.focus_shift_mm == 0.0
+                && p.name == pen.name
+                && step(p.jump_speed_mm_s, machine.scanner.jump_speed.as_mm_s())
+                && waits.iter().all(|(found, wanted)| step(*found, wanted.as_us()))
         });
         if !same {
-            rule.broken("", name, format!("the settings of pen {:?} are not those of program.txt", pen.name));
+            let text = format!("the settings of pen {:?} are not those of program.txt and the machine", pen.name);
+            rule.broken("", name, text);
         }
     }
     for (i, (id, block)) in file.ids.iter().zip(&program.blocks).enumerate().take(ovf.len()) {
@@ -94,10 +107,23 @@ fn shell(plane: &WorkPlane, i: usize, block: &Block, machine: &Machine) -> Resul
     if !turned.iter().zip(tilt).all(|(&found, wanted)| step(found, wanted) || found == wanted as f32) {
         return Err(format!("the work plane is turned by {turned:?} deg, program.txt says {tilt:?}"));
     }
+    let wanted = machine_type(machine);
+    if plane.machine_type != wanted {
+        return Err(format!("the work plane is for a machine {:?}, the job's is {wanted:?}", plane.machine_type));
+    }
     if usize::try_from(plane.number) != Ok(i) {
         return Err(format!("work plane {i} is numbered {}", plane.number));
     }
     Ok(())
+}
+
+/// What each axis carries, and whether it runs against the frame.
+fn machine_type(machine: &Machine) -> String {
+    let axis = |(name, axis): (&str, &Axis)| {
+        let carries = if axis.carries == Carries::Head { "head" } else { "part" };
+        format!("/{name}-{carries}{}", if axis.reversed { "-reversed" } else { "" })
+    };
+    format!("terrace/xyz-galvo2d{}", machine.axes().map(axis).concat())
 }
 
 fn same_points(mark: &Mark<'_>, points: impl ExactSizeIterator<Item = [i32; 2]>) -> bool {

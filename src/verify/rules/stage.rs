@@ -1,5 +1,6 @@
 //! The stage programs as read, and the part of `agreement` that concerns them: blocks in the order of
-//! the program, each with its target, reached by a lift where the program asks for one.
+//! the program, each with its drawing and its target, reached by a lift where the program asks for one and
+//! where nobody knows where the stage stands; and comments that name the block they stand in.
 
 use std::path::Path;
 
@@ -18,11 +19,13 @@ use crate::verify::read::program::ProgramFile;
 const MAX_FILE: u64 = 1 << 30;
 
 /// A stage program that could be read.
-pub(super) struct StageFile {
+pub(in crate::verify) struct StageFile {
     pub(super) name: &'static str,
     /// Whether it fires by the handshake of LinuxCNC; otherwise an operator does.
     pub(super) handshake: bool,
     pub(super) statements: Vec<Statement>,
+    /// Blocks that comments name beside those that begin a block, each with its line.
+    names: Vec<(usize, String)>,
 }
 
 impl StageFile {
@@ -42,7 +45,7 @@ pub(super) fn read(folder: &Path, manifest: &Manifest, facts: &Facts, rule: &mut
             Err(e) => rule.broken("", name, e.diags().first().map_or("cannot be read", |d| &d.message)),
             Ok(bytes) => match gcode::read(&bytes) {
                 Err(fault) => rule.broken("", format!("{name}:{}", fault.line), fault.message),
-                Ok(statements) => out.push(StageFile { name, handshake, statements }),
+                Ok(gcode::Program { statements, names }) => out.push(StageFile { name, handshake, statements, names }),
             },
         }
     }
@@ -56,17 +59,21 @@ pub(super) struct Moved<'a> {
     pub(super) line: usize,
     /// x, y, z, a, b, c.
     pub(super) to: [Option<i64>; 6],
+    /// Whether nobody knows where the stage stands: at the start, and after a stop at which the part is moved.
+    pub(super) is_anew: bool,
 }
 
 /// Walks over the moves of a stage program.
 pub(super) struct Positions<'a> {
     statements: std::slice::Iter<'a, Statement>,
     block: &'a str,
+    in_setup: bool,
+    is_anew: bool,
 }
 
 impl<'a> Positions<'a> {
     pub(super) fn of(statements: &'a [Statement]) -> Self {
-        Self { statements: statements.iter(), block: "" }
+        Self { statements: statements.iter(), block: "", in_setup: false, is_anew: true }
     }
 }
 
@@ -75,8 +82,13 @@ impl<'a> Iterator for Positions<'a> {
     fn next(&mut self) -> Option<Moved<'a>> {
         for s in self.statements.by_ref() {
             match &s.step {
-                Step::Block(id) => self.block = id,
-                Step::Move(to) => return Some(Moved { block: self.block, line: s.line, to: *to }),
+                Step::Block(id, _) => (self.block, self.in_setup) = (id, false),
+                Step::Setup(_) => self.in_setup = true,
+                Step::Pause if self.in_setup => self.is_anew = true,
+                Step::Move(to) => {
+                    let is_anew = std::mem::take(&mut self.is_anew);
+                    return Some(Moved { block: self.block, line: s.line, to: *to, is_anew });
+                }
                 _ => {}
             }
         }
@@ -88,6 +100,8 @@ impl<'a> Iterator for Positions<'a> {
 pub(super) fn agreement(stages: &[StageFile], file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
     for stage in stages {
         units(stage, rule);
+        first_lifts(stage, machine, rule);
+        names(stage, rule);
         targets(stage, file, machine, rule);
     }
 }
@@ -109,6 +123,50 @@ fn units(stage: &StageFile, rule: &mut Rule) {
     }
 }
 
+/// Where nobody knows where the stage stands, it lifts first, to the end of z.
+fn first_lifts(stage: &StageFile, machine: &Machine, rule: &mut Rule) {
+    let sign = machine.stage.z.sign();
+    for moved in Positions::of(&stage.statements).filter(|m| m.is_anew) {
+        // Beyond the end is a fault of `travel`.
+        if !matches!(moved.to, [None, None, Some(z), None, None, None] if sign * z >= sign * machine.retract_z()) {
+            let text = "nobody knows where the stage stands, and the first move does not lift z alone to its end";
+            rule.broken(moved.block, stage.place(moved.line), text);
+        }
+    }
+}
+
+/// What a comment in a block names is that block, and the stop at which the operator marks it names it.
+fn names(stage: &StageFile, rule: &mut Rule) {
+    // The block at hand, and the line of its title.
+    let mut block: Option<(&str, usize)> = None;
+    let mut names = stage.names.iter().peekable();
+    for s in &stage.statements {
+        while let Some((line, id)) = names.next_if(|(line, _)| *line < s.line) {
+            misnamed(stage, block, *line, id, rule);
+        }
+        match &s.step {
+            Step::Block(id, _) => block = Some((id, s.line)),
+            Step::Setup(_) => block = None,
+            Step::Pause => {
+                let Some((here, title)) = block else { continue };
+                let from = stage.names.partition_point(|(line, _)| *line < title);
+                if stage.names.get(from).is_none_or(|(line, _)| *line > s.line) {
+                    rule.broken(here, stage.place(s.line), "the stop does not name the block that is marked there");
+                }
+            }
+            _ => {}
+        }
+    }
+    names.for_each(|(line, id)| misnamed(stage, block, *line, id, rule));
+}
+
+/// Reports a comment that names another block than the one at hand.
+fn misnamed(stage: &StageFile, block: Option<(&str, usize)>, line: usize, id: &str, rule: &mut Rule) {
+    if let Some((here, _)) = block.filter(|(here, _)| *here != id) {
+        rule.broken(here, stage.place(line), format!("a comment names block {id} where {here} stands"));
+    }
+}
+
 /// The target of a block is where the first group of moves after its comment ends.
 fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
     let mut at: [Option<i64>; 6] = [None; 6];
@@ -117,8 +175,8 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
     let (mut begins, mut setup) = (None, None);
     let mut rest = stage.statements.iter().peekable();
     while let Some(s) = rest.next() {
-        let id = match &s.step {
-            Step::Block(id) => id,
+        let (id, drawing) = match &s.step {
+            Step::Block(id, drawing) => (id, drawing),
             Step::Move(to) => {
                 apply(&mut at, *to);
                 continue;
@@ -147,6 +205,9 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
                 stage.place(s.line),
                 format!("block {id} stands where the program has {wanted}"),
             );
+        }
+        if drawing.as_ref().is_some_and(|name| *name != format!("blocks/{id}.dxf")) {
+            rule.broken(id, stage.place(s.line), "it names the drawing of another block");
         }
         let is_next = file.origins.len() > 1 && setup != Some(block.setup);
         setup = Some(block.setup);

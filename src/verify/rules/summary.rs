@@ -1,10 +1,19 @@
 //! `summary`: the manifest's figures are the ones found again. A figure that a broken rule has already
-//! spoilt is not reported a second time: what is skipped waits for `coverage`, overlaps for `once`.
+//! spoilt is not reported a second time: what is skipped waits for `coverage`, overlaps for `once`, times for
+//! `agreement`, slopes for all rules of geometry.
+//!
+//! Of `lower_bound_stops` it is held that there are no fewer stops: a bound is proved by its certificate, which the
+//! folder does not hold.
 
-use super::Findings;
 use super::marks::Marks;
 use super::pieces::Pieces;
+use super::slopes::{self, Bounds};
+use super::times::{self, Times};
+use super::turned::Turned;
+use super::{Findings, Rule};
 use crate::program::Block;
+use crate::verify::depth::{Ground, Scratch};
+use crate::verify::facts::Facts;
 use crate::verify::read::manifest::Manifest;
 use crate::verify::read::program::ProgramFile;
 
@@ -20,14 +29,16 @@ const PLACE: &str = "manifest.json";
 pub(in crate::verify) fn check(
     manifest: &Manifest,
     file: &ProgramFile,
+    facts: &Facts,
     marks: &Marks,
     pieces: &Pieces,
     findings: &mut Findings,
 ) {
     let s = &manifest.summary;
     let found = &pieces.lengths;
-    let sound = |r: &super::Rule| r.violated == 0;
+    let sound = |r: &Rule| r.violated == 0;
     let once = sound(&findings.once) && sound(&findings.source);
+    let agreed = sound(&findings.agreement);
     let covered = once && sound(&findings.coverage) && sound(&findings.ground);
     let deep = sound(&findings.depth) && sound(&findings.ground);
     let rule = &mut findings.summary;
@@ -44,11 +55,14 @@ pub(in crate::verify) fn check(
     hold("", "setups", s.setups as f64, file.origins.len() as f64, 0.0);
     hold("", "fragments", s.fragments as f64, file.program.strokes.len() as f64, 0.0);
     hold("", "texture_mm", s.texture_mm, found.texture_mm, tiny);
-    // Errors of the ends of marks on tilted parts are independent of each other.
-    let turned = 20.0 * (pieces.turned as f64).sqrt() / crate::geom::NM_PER_MM;
-    hold("", "mark_mm", s.mark_mm, found.mark_mm, tiny + turned);
+    hold("", "mark_mm", s.mark_mm, found.mark_mm, tiny + pieces.turned_mm);
     for ((entry, id), &mm) in manifest.blocks.iter().zip(&file.ids).zip(&marks.block_mm) {
         hold(id, "mark_mm of the block", entry.mark_mm, mm, LENGTH * mm);
+    }
+    let bound = s.lower_bound_stops.unwrap_or(0.0);
+    hold("", "lower_bound_stops", bound, bound.clamp(0.0, file.program.blocks.len() as f64), 0.0);
+    if agreed {
+        timing(manifest, file, facts, &mut hold);
     }
     if once {
         hold("", "overlap_mm", s.overlap_mm, found.overlap_mm, tiny + pieces.rounding_mm);
@@ -60,7 +74,7 @@ pub(in crate::verify) fn check(
         hold("", "skipped_mm", s.skipped_mm, found.skipped_mm, tiny + pieces.rounding_mm);
         hold("", "the sum of skipped parts", parts, s.skipped_mm, tiny);
         // The part's border on the file's own facets is the compiled one to some nanometres at each end.
-        let doubt = tiny + pieces.doubt_mm;
+        let doubt = tiny + pieces.doubt_mm + pieces.rounding_mm;
         hold("", "skipped_off_part_mm", s.skipped_off_part_mm, found.skipped_off_part_mm, doubt);
         hold("", "skipped_steep_mm", s.skipped_steep_mm, found.skipped_steep_mm, doubt);
         hold("", "skipped_small_mm", s.skipped_small_mm, found.skipped_small_mm, doubt);
@@ -73,5 +87,103 @@ pub(in crate::verify) fn check(
         let stated = file.program.blocks.iter().map(off).fold(found, f64::max);
         let nearest = s.worst_defocus_um.clamp(found, stated);
         hold("", "worst_defocus_um", s.worst_defocus_um, nearest, tolerance);
+    }
+}
+
+/// Holds times and jumps, which follow from the program and the machine file alone.
+fn timing(manifest: &Manifest, file: &ProgramFile, facts: &Facts, hold: &mut impl FnMut(&str, &str, f64, f64, f64)) {
+    let mut all = times::stage(file, &facts.machine);
+    let mut jumps = 0.0;
+    let near = |found: f64| LENGTH * found.max(1.0);
+    for ((entry, id), block) in manifest.blocks.iter().zip(&file.ids).zip(&file.program.blocks) {
+        let (found, jump) =
+            (times::marking(&file.program, block, &facts.machine), times::jump_mm(&file.program, block));
+        hold(id, "time_s of the block", entry.time_s, found.total(), near(found.total()));
+        hold(id, "jump_mm of the block", entry.jump_mm, jump, near(jump));
+        let Times { mark, jump: jump_s, delay, .. } = found;
+        (all.mark, all.jump, all.delay, jumps) = (all.mark + mark, all.jump + jump_s, all.delay + delay, jumps + jump);
+    }
+    let t = &manifest.summary.time_s;
+    let parts = [
+        ("time_s.stage", t.stage, all.stage),
+        ("time_s.settle", t.settle, all.settle),
+        ("time_s.mark", t.mark, all.mark),
+        ("time_s.jump", t.jump, all.jump),
+        ("time_s.delay", t.delay, all.delay),
+        ("time_s.total", t.total, all.total()),
+        ("jump_mm", manifest.summary.jump_mm, jumps),
+    ];
+    for (name, stated, found) in parts {
+        hold("", name, stated, found, near(found));
+    }
+}
+
+/// Holds the slopes under the marks of every block, where the marks are what they should be.
+pub(in crate::verify) fn slopes(
+    manifest: &Manifest,
+    file: &ProgramFile,
+    facts: &Facts,
+    ground: &Ground,
+    findings: &mut Findings,
+) {
+    let Findings { depth, field, ground: solid, dose, source, once, coverage, travel, .. } = &*findings;
+    if [depth, field, solid, dose, source, once, coverage, travel].iter().any(|r| r.violated > 0) {
+        return;
+    }
+    let rule = &mut findings.summary;
+    let mut scratch = Scratch::default();
+    let mut turned: Option<Turned> = None;
+    for ((entry, id), block) in manifest.blocks.iter().zip(&file.ids).zip(&file.program.blocks) {
+        let is_turned = Turned::of(file, block, facts, ground, &mut turned);
+        let ground = turned.as_ref().filter(|_| is_turned).map_or(ground, |t| &t.ground);
+        let stated = Stated {
+            cos: entry.incidence_deg.map(|deg| deg.to_radians().cos()),
+            stretched: entry.stretch.map(|s| 1.0 / s),
+            dose: entry.dose,
+            is_turned,
+        };
+        rule.checked += 1;
+        let mut differs = None;
+        for sides in [false, true] {
+            let Some(bounds) = slopes::of(file, block, facts, ground, sides, &mut scratch) else { break };
+            differs = stated.differs(&bounds);
+            if differs.is_none() {
+                break;
+            }
+        }
+        if let Some((name, [lo, hi])) = differs {
+            let text =
+                format!("{name} of the block is not what lies under its marks, a cosine or dose of {lo} to {hi}");
+            rule.broken(id, PLACE, text);
+        }
+    }
+}
+
+/// What the manifest says of a block's slopes: mean and worst, as cosines and doses.
+struct Stated {
+    cos: [f64; 2],
+    stretched: [f64; 2],
+    dose: [f64; 2],
+    is_turned: bool,
+}
+
+impl Stated {
+    /// The first figure that is not within its bounds, and these.
+    fn differs(&self, bounds: &Bounds) -> Option<(&'static str, [f64; 2])> {
+        let mut wanted = *bounds;
+        if self.is_turned {
+            // Means of tilted blocks are weighed along the drawing: they lie between the least and 1.
+            wanted.cos[0] = [bounds.cos[1][0], 1.0];
+            wanted.dose[0] = [bounds.dose[1][0], f64::INFINITY];
+        }
+        let figures = [
+            ("incidence_deg", self.cos, wanted.cos),
+            ("stretch", self.stretched, wanted.cos),
+            ("dose", self.dose, wanted.dose),
+        ];
+        let outside = |stated: f64, [lo, hi]: [f64; 2]| !(lo - LENGTH <= stated && stated <= hi + LENGTH);
+        figures.into_iter().find_map(|(name, stated, wanted)| {
+            (0..2).find(|&k| outside(stated[k], wanted[k])).map(|k| (name, wanted[k]))
+        })
     }
 }

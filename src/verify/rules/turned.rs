@@ -25,21 +25,43 @@ pub(super) struct Turned {
 /// Room around a block that its ground is made for, nm: blocks of the same tilt need no other.
 const SPARE: f64 = 1e6;
 
-/// What rounding of the field and the heights moves a mark by, nm.
-const ROUNDING: f64 = 5.0;
+/// How far rounding to the grid moves a point of the plane, nm: half the diagonal of its cell.
+const GRID: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// How far a mark may run beside the line between its points, nm.
-const BESIDE: f64 = 1.1 * CHORD + ROUNDING;
+/// Where the points of tilted blocks lie in the drawing.
+#[derive(Default)]
+pub(in crate::verify) struct Drawn {
+    /// By point of the program; empty where nothing is tilted.
+    pub(super) points: Vec<P2>,
+    /// By stroke of the program: how far its points may be off, nm.
+    pub(super) off: Vec<f64>,
+}
 
-/// Where the ground is looked at for a mark, nm beside it: a little, where it lies on an edge to the nanometre, and
-/// as far as it may run beside its stroke.
-const SIDES: [f64; 5] = [0.0, 5.0, -5.0, CHORD, -CHORD];
+impl Drawn {
+    /// Whether no block is tilted.
+    pub(in crate::verify) fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+    fn reserve(&mut self, file: &ProgramFile) {
+        self.points.resize(file.program.points.len(), P2::default());
+        self.off.resize(file.program.strokes.len(), 0.0);
+    }
+}
 
-/// Pieces up to this, nm, do not tell on which side of a wall a point lies.
-const SHORT: f64 = 10.0;
+/// What the ground shows under one line of a mark.
+#[derive(Clone, Copy, Default)]
+struct Under {
+    /// Where its ends lie in the drawing; None where it is off the part.
+    ends: Option<[[f64; 2]; 2]>,
+    /// The place farthest beside the line between them, and by how much, nm.
+    aside: ([f64; 2], f64),
+    /// Square of the steepest slope under it.
+    slope2: f64,
+}
 
 impl Turned {
-    /// The ground of a tilted block, by `last` where that serves; None where the block is not tilted.
+    /// Makes the ground of a tilted block ready in `last`, unless what is there serves; false where the block
+    /// is not tilted.
     pub(super) fn of(file: &ProgramFile, block: &Block, facts: &Facts, flat: &Ground, last: &mut Option<Self>) -> bool {
         let (tilt, Some(table)) = (block.stop.tilt, &facts.machine.tilt) else { return false };
         if tilt == [0; 2] {
@@ -66,33 +88,35 @@ impl Turned {
 
     /// Finds where the points of a block's strokes lie in the drawing; between them a mark must run straight
     /// there as well.
-    pub(super) fn draw(&self, id: &str, file: &ProgramFile, block: &Block, drawn: &mut [P2], source: &mut Rule) {
+    pub(super) fn draw(&self, id: &str, file: &ProgramFile, block: &Block, drawn: &mut Drawn, source: &mut Rule) {
+        drawn.reserve(file);
         let mut scratch = Scratch::default();
-        let (mut found, mut ends) = (Vec::new(), Vec::new());
-        for stroke in file.program.strokes_of(block) {
+        let (mut found, mut pieces) = (Vec::new(), Vec::new());
+        let strokes = file.program.strokes[block.strokes.clone()].iter().zip(block.strokes.clone());
+        for (stroke, number) in strokes {
             let points = file.program.points_of(stroke);
             let field = |p: [i32; 2]| {
                 [(block.stop.centre.x + i64::from(p[0])) as f64, (block.stop.centre.y + i64::from(p[1])) as f64]
             };
-            let mut astray: Option<([f64; 2], f64)> = None;
+            let (mut astray, mut slope2) = (None, 0.0);
             // A mark along the top of a wall: the side on which it begins must be one from which it can go on. Where
             // no side fits, the line itself tells.
-            for begin in 0..=SIDES.len() {
-                let mut sides = SIDES;
-                if begin < SIDES.len() {
+            let all = self.sides();
+            for begin in 0..=all.len() {
+                let mut sides = all;
+                if begin < all.len() {
                     sides.rotate_left(begin)
                 } else {
                     sides = [0.0; 5]
                 }
                 found.clear();
-                astray = None;
+                (astray, slope2) = (None, 0.0f64);
                 let mut fits = true;
                 for w in points.windows(2) {
                     let line = Line::new(field(w[0]), field(w[1]));
-                    let after = found.last().copied();
-                    let (aside, is_fit) = self.ends(&line, after, sides, &mut scratch, &mut ends);
+                    let (under, is_fit) = self.under(&line, found.last().copied(), sides, &mut scratch, &mut pieces);
                     fits &= is_fit;
-                    let (Some(&first), Some(&last)) = (ends.first(), ends.last()) else {
+                    let Some([first, last]) = under.ends else {
                         // Off the part, which the rule `ground` says.
                         let [x, y] = field(w[0]);
                         let [x, y, _] = self.turn.back([x, y, block.stop.focus as f64]);
@@ -103,17 +127,19 @@ impl Turned {
                         found.push(first);
                     }
                     found.push(last);
-                    if aside.1 > astray.map_or(BESIDE, |a| a.1) {
-                        astray = Some(aside);
+                    slope2 = slope2.max(under.slope2);
+                    if under.aside.1 > self.beside(under.slope2) {
+                        astray = Some(under.aside);
                     }
                 }
                 if fits {
                     break;
                 }
             }
-            for (slot, p) in drawn[stroke.first as usize..].iter_mut().zip(&found) {
+            for (slot, p) in drawn.points[stroke.first as usize..].iter_mut().zip(&found) {
                 *slot = P2::new(p[0].round() as i64, p[1].round() as i64);
             }
+            drawn.off[number] = self.off(slope2);
             source.checked += 1;
             if let Some((at, aside)) = astray {
                 let text =
@@ -122,52 +148,156 @@ impl Turned {
             }
         }
     }
-}
 
-impl Turned {
-    /// The ends of the pieces under a line of the turned part, in the drawing, and which of them lies farthest
-    /// beside the line between the first and the last, by how much. A line along the rim or the top of a wall
-    /// may run beside it by as much as a mark may run beside its stroke: then the part next to it tells the heights.
-    /// A mark goes on where it was, at `after`. Answers too whether one of the sides fits.
-    fn ends(
+    /// How far a point may be off that is found in the drawing from its place in the field, nm, where the beam meets
+    /// the part at the slope `slope2`. With the sine l of the tilt, the slope t against the beam and the slope s of
+    /// the drawing, of angles b and a:
+    ///
+    /// - The point of the field was rounded: [`GRID`] sideways, and the ground there is t times as much higher.
+    /// - The cut point was rounded in the drawing, but has the height of the cut: s [`GRID`] beside the ground.
+    /// - The ground itself is known to [`Ground::z_tolerance`] at s. Along the beam both come to cos a / cos b times
+    ///   as much, which with a height of c + s d is at most hypot(c, d) / cos b.
+    /// - A height that is off by 1 along the beam moves the point by l in the drawing.
+    /// - The point found is rounded there once more: [`GRID`].
+    fn off(&self, slope2: f64) -> f64 {
+        let [level, slope] = self.ground.z_tolerance_parts();
+        let ground = level.hypot(slope + GRID) * (1.0 + slope2).sqrt();
+        2.0 * GRID + self.turn.lean() * (GRID * slope2.sqrt() + ground)
+    }
+
+    /// How far a mark may run beside the line between its points in the drawing, nm: [`CHORD`] in the field, which the
+    /// slope against the beam turns into height and the tilt into a way sideways; and ends and place as each is known.
+    fn beside(&self, slope2: f64) -> f64 {
+        CHORD * (1.0 + self.turn.lean() * slope2.sqrt()) + 2.0 * self.off(slope2)
+    }
+
+    /// Where the ground is looked at for a mark, nm beside it: a little, where it lies on an edge as far as rounding
+    /// and welding decide, and as far as it may run beside its stroke, with a tenth more.
+    fn sides(&self) -> [f64; 5] {
+        let (near, far) = (5.5 + self.ground.weld(), 1.1 * CHORD + self.ground.weld());
+        [0.0, near, -near, far, -far]
+    }
+
+    /// Pieces up to this, nm, do not tell on which sheet a point lies: rim and mark are each known to the grid, and the
+    /// rim to welding, and the mark may cross the rim at 15 degrees.
+    fn short(&self) -> f64 {
+        4.0 * (2.5 + self.ground.weld())
+    }
+
+    /// What lies under a line of the turned part. A line along the rim or the top of a wall may run beside it by as
+    /// much as a mark may run beside its stroke: then the part next to it tells the heights. A mark goes on where it
+    /// was, at `after`. Answers too whether one of the sides fits.
+    fn under(
         &self,
         line: &Line,
         after: Option<[f64; 2]>,
         sides: [f64; 5],
         scratch: &mut Scratch,
-        ends: &mut Vec<[f64; 2]>,
-    ) -> (([f64; 2], f64), bool) {
-        let mut aside = ([0.0; 2], 0.0);
+        pieces: &mut Vec<OnSheet>,
+    ) -> (Under, bool) {
+        let mut under = Under::default();
         for side in sides {
-            let mut covered = 0.0;
-            ends.clear();
-            self.ground.along(&line.part([0.0, line.len], 1.1 * side), scratch, |p| {
-                let (Some(sheet), long) = (p.sheet, p.len() > SHORT) else { return };
-                covered += p.len();
-                if long || ends.is_empty() {
-                    for (d, z) in p.d.into_iter().zip(sheet.z) {
-                        let [x, y] = line.at(d);
-                        let [x, y, _] = self.turn.back([x, y, z]);
-                        ends.push([x, y]);
-                    }
-                }
+            let mut widest_gap = 0.0f64;
+            pieces.clear();
+            self.ground.along(&line.part([0.0, line.len], side), scratch, |p| match p.sheet {
+                Some(s) => pieces.push(OnSheet { d: p.d, z: s.z, slope2: s.slope2 }),
+                None => widest_gap = widest_gap.max(p.len()),
             });
-            aside = farthest(ends);
-            let goes_on = after.zip(ends.first()).is_none_or(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]) <= BESIDE);
-            if covered >= line.len - SHORT && aside.1 <= BESIDE && goes_on {
-                return (aside, true);
+            self.leave_out_other_sheets(line.len, pieces);
+            under = self.drawn_from(line, pieces);
+            let Some([first, _]) = under.ends else { continue };
+            let beside = self.beside(under.slope2);
+            let goes_on = after.is_none_or(|a| (a[0] - first[0]).hypot(a[1] - first[1]) <= beside);
+            if widest_gap <= self.short() && under.aside.1 <= beside && goes_on {
+                return (under, true);
             }
         }
-        (aside, false)
+        (under, false)
+    }
+
+    /// Keeps the pieces that the mark lies on. No mark runs over a step between sheets (the program ends it there), so a
+    /// short piece beyond a step at either end is what lies beside the rim on which the mark begins or ends, and a
+    /// short one in between is an edge that the line grazes. The pieces that stay at the ends are drawn out over them.
+    fn leave_out_other_sheets(&self, len: f64, pieces: &mut Vec<OnSheet>) {
+        let short = self.short();
+        let steps = |a: &OnSheet, b: &OnSheet| {
+            let known = self.ground.z_tolerance(a.slope2.max(b.slope2));
+            (a.z[1] - b.z[0]).abs() > 2.0 * known
+        };
+        while let [a, b, ..] = pieces[..]
+            && a.d[1] <= short
+            && steps(&a, &b)
+        {
+            pieces.remove(0);
+        }
+        while let [.., a, b] = pieces[..]
+            && len - b.d[0] <= short
+            && steps(&a, &b)
+        {
+            pieces.pop();
+        }
+        let last = pieces.len().saturating_sub(1);
+        let mut i = 0;
+        pieces.retain(|p| {
+            i += 1;
+            i == 1 || i == last + 1 || p.d[1] - p.d[0] > short
+        });
+        if let Some(first) = pieces.first_mut()
+            && first.d[0] <= short
+        {
+            *first = first.over([0.0, first.d[1]]);
+        }
+        if let Some(last) = pieces.last_mut()
+            && len - last.d[1] <= short
+        {
+            *last = last.over([last.d[0], len]);
+        }
+    }
+
+    /// The ends of the pieces in the drawing.
+    fn drawn_from(&self, line: &Line, pieces: &[OnSheet]) -> Under {
+        let back = |d: f64, z: f64| {
+            let [x, y] = line.at(d);
+            let [x, y, _] = self.turn.back([x, y, z]);
+            [x, y]
+        };
+        let ends = |p: &OnSheet| [0, 1].map(|k| back(p.d[k], p.z[k]));
+        let (Some(first), Some(last)) = (pieces.first().map(ends), pieces.last().map(ends)) else {
+            return Under::default();
+        };
+        let chord = [first[0], last[1]];
+        Under {
+            ends: Some(chord),
+            aside: farthest(chord, pieces.iter().flat_map(ends)),
+            slope2: pieces.iter().map(|p| p.slope2).fold(0.0, f64::max),
+        }
     }
 }
 
-/// Which point lies farthest beside the line from the first to the last, and by how much.
-fn farthest(points: &[[f64; 2]]) -> ([f64; 2], f64) {
-    let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return ([0.0; 2], 0.0) };
+/// A piece of a line on one sheet: where, its heights, and the square of its slope.
+#[derive(Clone, Copy)]
+struct OnSheet {
+    d: [f64; 2],
+    z: [f64; 2],
+    slope2: f64,
+}
+
+impl OnSheet {
+    /// The same plane over another stretch of the line.
+    fn over(&self, d: [f64; 2]) -> Self {
+        let rise = (self.z[1] - self.z[0]) / (self.d[1] - self.d[0]).max(f64::MIN_POSITIVE);
+        Self { d, z: d.map(|d| self.z[0] + (d - self.d[0]) * rise), ..*self }
+    }
+}
+
+/// Which of the points lies farthest beside a line, and by how much.
+fn farthest([first, last]: [[f64; 2]; 2], points: impl Iterator<Item = [f64; 2]>) -> ([f64; 2], f64) {
+    if first == last {
+        return (first, 0.0);
+    }
     let chord = Line::new(first, last);
-    let aside = |&[x, y]: &[f64; 2]| (chord.dir[0] * (y - chord.start[1]) - chord.dir[1] * (x - chord.start[0])).abs();
-    points.iter().map(|p| (*p, aside(p))).fold((first, 0.0), |worst, p| if p.1 > worst.1 { p } else { worst })
+    let aside = |[x, y]: [f64; 2]| (chord.dir[0] * (y - chord.start[1]) - chord.dir[1] * (x - chord.start[0])).abs();
+    points.map(|p| (p, aside(p))).fold((first, 0.0), |worst, p| if p.1 > worst.1 { p } else { worst })
 }
 
 /// The box of the part under a block's marks, as x0, y0, x1, y1 in nm.

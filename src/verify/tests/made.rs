@@ -107,12 +107,15 @@ impl Made {
         let texture: f64 = self.strokes.iter().map(|(pen, s)| crate::geom::length_mm(s) * passes(*pen)).sum();
         let mark: f64 = self.blocks.iter().map(|b| self.mark_mm(b)).sum();
         let skipped = texture - mark;
+        let program = self.program();
+        let time = super::times(&program, &self.facts.machine).0;
         self.summary = json!({
             "stops": self.blocks.len(), "setups": 1,
             "fragments": self.blocks.iter().map(|b| b.marks.len()).sum::<usize>(),
             "texture_mm": texture, "mark_mm": mark, "overlap_mm": 0.0, "skipped_mm": skipped,
             "skipped_off_part_mm": skipped - 9.0, "skipped_steep_mm": 9.0,
-            "skipped_small_mm": 0.0, "worst_defocus_um": 200.0, "other": "is not read",
+            "skipped_small_mm": 0.0, "worst_defocus_um": 200.0,
+            "jump_mm": program.blocks.iter().map(|b| program.jump_mm(b)).sum::<f64>(), "time_s": time, "other": "is not read",
         });
     }
 
@@ -160,6 +163,14 @@ impl Made {
         put("stage.ngc", super::writers::stage(&program, true).as_bytes());
         put("stage_m0.nc", super::writers::stage(&program, false).as_bytes());
         put("job.ovf", &super::writers::ovf(&program, &self.facts.machine));
+        let sheets = super::writers::Sheets {
+            program: &program,
+            origin: self.origin,
+            machine: &self.facts.machine,
+            block_s: &super::times(&program, &self.facts.machine).1,
+        };
+        put("runsheet.csv", sheets.csv().as_bytes());
+        put("runsheet.txt", sheets.txt().as_bytes());
         put("layout.svg", b"<svg/>");
         put("../job.toml", b"the job");
         put("../part.stl", b"the part");
@@ -174,8 +185,14 @@ impl Made {
         };
         let program = self.program();
         let mut files: Vec<String> =
-            ["program.txt", "stage.ngc", "stage_m0.nc", "job.ovf", "layout.svg"].map(String::from).into();
+            ["program.txt", "stage.ngc", "stage_m0.nc", "job.ovf", "layout.svg", "runsheet.csv", "runsheet.txt"]
+                .map(String::from)
+                .into();
         files.extend((0..program.blocks.len()).map(|i| format!("blocks/{}.dxf", Program::block_id(i))));
+        let block_s = super::times(&program, &self.facts.machine).1;
+        // The ramp rises by 1 in 50 under every mark.
+        let cos = 1.0 / 0.02f64.hypot(1.0);
+        let [incidence, stretch, dose] = [cos.acos().to_degrees(), 1.0 / cos, cos].map(|v| [v; 2]);
         let blocks: Vec<Value> = self.blocks.iter().zip(&program.blocks).enumerate().map(|(i, (m, b))| {
             let id = Program::block_id(i);
             json!({
@@ -183,7 +200,8 @@ impl Made {
                 "tilt_deg": b.stop.tilt.map(|v| v as f64 / 1e6),
                 "lpfl_mm": mm_from_nm(b.stop.focus), "stage": b.stage.map(mm_from_nm), "z_lo_mm": mm_from_nm(b.z_lo),
                 "z_hi_mm": mm_from_nm(b.z_hi), "files": {"dxf": format!("blocks/{id}.dxf")},
-                "strokes": b.strokes.len(), "mark_mm": self.mark_mm(m), "jump_mm": 0.0,
+                "strokes": b.strokes.len(), "mark_mm": self.mark_mm(m), "jump_mm": program.jump_mm(b), "time_s": block_s[i],
+                "incidence_deg": incidence, "stretch": stretch, "dose": dose,
             })
         }).collect();
         let job = entry(folder.parent().expect("inside"), "job.toml");

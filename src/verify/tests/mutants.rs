@@ -2,7 +2,9 @@
 //! and hashes renewed, that one rule and no other reports.
 
 mod passes;
+mod right;
 mod setups;
+mod sheets;
 mod tilted;
 
 use std::path::{Path, PathBuf};
@@ -62,10 +64,52 @@ impl Bench {
         bench
     }
 
+    /// Hatches on both sides of a ridge that the head, near as it is, must lift over.
+    fn near() -> Self {
+        Self::near_with("[\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\"]")
+    }
+
+    /// The same with other formats.
+    fn near_with(formats: &str) -> Self {
+        let ridge = |x: f64, _: f64| 0.01 * x + 5.0 * (-((x - 40.0) / 2.0).powi(2)).exp();
+        let files = [
+            ("part.stl", stl(&right::sheet([0.0; 2], [80, 30], [1.0; 2], ridge))),
+            ("machine.toml", head("xyz-galvo-40", "12 mm", "10 mm")),
+        ];
+        let bench = Self::edited_beside(1.0, &files, |text| {
+            let text = text.replacen("profile = \"xyz-galvo-40\"", "file = \"machine.toml\"", 1);
+            let text = text.replacen("direction = \"contour\"", "", 1).replacen("\"63 mm\"", "\"16 mm\"", 1);
+            let other = "pattern = \"hatch\"\n            area = [\"64 mm\", \"-2 mm\", \"83 mm\", \"32 mm\"]";
+            let text = text.replacen("pattern = \"squares\"", other, 1).replacen("cell = \"2 mm\"", "", 1);
+            text.replacen("[\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\"]", formats, 1)
+        });
+        assert!(bench.plan.checked.program().blocks.iter().skip(1).any(|b| b.retract), "{:?}", bench.plan.summary);
+        bench
+    }
+
+    /// The wavy sheet on a tilt table under a head that must lift before the table tilts.
+    fn tilted_near() -> Self {
+        let files = [("machine.toml", head("xyz-tilt-galvo-40", "10.4 mm", "20 mm"))];
+        let bench = Self::edited_beside(1.0, &files, |text| {
+            let text = text.replacen("profile = \"xyz-galvo-40\"", "file = \"machine.toml\"", 1);
+            text.replacen("\"z-range\"", "\"tilt\"", 1)
+        });
+        assert!(bench.plan.checked.program().blocks.iter().skip(1).any(|b| b.retract), "{:?}", bench.plan.summary);
+        bench
+    }
+
     /// The job with its text edited.
     fn edited(steep: f64, edit: impl FnOnce(&str) -> String) -> Self {
+        Self::edited_beside(steep, &[], edit)
+    }
+
+    /// The same with more files beside it.
+    fn edited_beside(steep: f64, files: &[(&str, Vec<u8>)], edit: impl FnOnce(&str) -> String) -> Self {
         let dir = tempfile::tempdir().expect("a writable temporary folder");
         std::fs::write(dir.path().join("part.stl"), part(steep)).expect("a writable folder");
+        for (name, bytes) in files {
+            std::fs::write(dir.path().join(name), bytes).expect("a writable folder");
+        }
         let text = r#"
             surface = { file = "part.stl", unit = "mm" }
             focus = { pdof = "0.07 mm" }
@@ -122,7 +166,7 @@ impl Bench {
         s.jump_mm = program.blocks.iter().map(|b| program.jump_mm(b)).sum();
         let off = |b: &Block| (b.z_hi - b.stop.focus).max(b.stop.focus - b.z_lo);
         s.worst_defocus_um = program.blocks.iter().map(off).max().unwrap_or(0) as f64 / 1000.0;
-        self.plan.block_times.resize(program.blocks.len(), 1.0);
+        (s.time_s, self.plan.block_times) = super::times(&program, &self.plan.machine);
         let origins = self.plan.checked.origins().to_vec();
         self.plan.checked = Checked::unchecked_setups(program, origins);
         verified(&self.write())
@@ -204,6 +248,11 @@ fn part(steep: f64) -> Vec<u8> {
             facets.extend([[a, b, c], [a, c, d]]);
         }
     }
+    stl(&facets)
+}
+
+/// Facets as a binary STL.
+fn stl(facets: &[[[f64; 3]; 3]]) -> Vec<u8> {
     let mut out = vec![0; 80];
     out.extend((facets.len() as u32).to_le_bytes());
     for f in facets {
@@ -212,6 +261,17 @@ fn part(steep: f64) -> Vec<u8> {
         out.extend([0; 2]);
     }
     out
+}
+
+/// A built-in machine with another working distance and another width of its head.
+fn head(profile: &str, working_distance: &str, diameter: &str) -> Vec<u8> {
+    let text = crate::machine::PROFILES.iter().find(|(name, _)| *name == profile).expect("a profile").1;
+    let lines = text.lines().map(|line| match line.split_once(" = ") {
+        Some(("working_distance", _)) => format!("working_distance = \"{working_distance}\"\n"),
+        Some(("diameter", _)) => format!("diameter = \"{diameter}\"\n"),
+        _ => format!("{line}\n"),
+    });
+    lines.collect::<String>().into_bytes()
 }
 
 /// Moves a block's stop and brings its commanded position along.

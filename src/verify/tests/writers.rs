@@ -83,7 +83,7 @@ pub(super) fn stage(program: &Program, handshake: bool) -> String {
         }
         writeln!(t, "G0 X{x:.6} Y{y:.6}\nG0 Z{z:.6}\nG4 P0.1").expect("text");
         if !handshake {
-            t.push_str("M0\n");
+            writeln!(t, "M0 (mark {id})").expect("text");
             continue;
         }
         let test = |n: usize| format!("o{n} if [#5399 LT 0]\n(MSG, timeout)\nM65 P0\nM2\no{n} endif\n");
@@ -166,6 +166,7 @@ pub(super) fn ovf(program: &Program, machine: &Machine) -> Vec<u8> {
         block.stage.iter().zip(2..).for_each(|(&v, tag)| float(&mut shell, tag, mm_from_nm(v)));
         int(&mut shell, 8, parts.len() as u64);
         int(&mut shell, 10, i as u64);
+        bytes(&mut shell, 11, b"terrace/xyz-galvo2d/x-part/y-part/z-head");
         let shell = append(&mut out, &shell);
         let at = append(&mut out, &table(shell, &parts));
         out[start..start + 8].copy_from_slice(&at.to_le_bytes());
@@ -175,7 +176,14 @@ pub(super) fn ovf(program: &Program, machine: &Machine) -> Vec<u8> {
         let (mut params, mut entry) = (Vec::new(), Vec::new());
         float(&mut params, 1, pen.power.as_w(machine.laser.max_power));
         float(&mut params, 2, pen.speed.as_mm_s());
+        float(&mut params, 5, machine.scanner.jump_speed.as_mm_s());
         int(&mut params, 7, (pen.frequency.as_khz() * 1e3) as u64);
+        let d = &machine.delays;
+        [d.jump, d.laser_off, d.laser_on, d.mark, d.polygon]
+            .iter()
+            .zip(11..)
+            .for_each(|(t, tag)| float(&mut params, tag, t.as_us()));
+        bytes(&mut params, 26, pen.name.as_bytes());
         int(&mut entry, 1, key);
         bytes(&mut entry, 2, &params);
         bytes(&mut job, 3, &entry);
@@ -185,4 +193,56 @@ pub(super) fn ovf(program: &Program, machine: &Machine) -> Vec<u8> {
     let at = append(&mut out, &table(shell, &planes));
     out[4..12].copy_from_slice(&at.to_le_bytes());
     out
+}
+
+/// What the run sheets are written from.
+pub(super) struct Sheets<'a> {
+    pub(super) program: &'a Program,
+    pub(super) origin: [i64; 3],
+    pub(super) machine: &'a Machine,
+    pub(super) block_s: &'a [f64],
+}
+
+impl Sheets<'_> {
+    fn rows(&self) -> impl Iterator<Item = (String, &Block, [f64; 3], f64, f64, Vec<usize>)> {
+        self.program.blocks.iter().zip(self.block_s).enumerate().map(|(i, (b, &time))| {
+            let mut pens: Vec<usize> = self.program.strokes_of(b).iter().map(|s| usize::from(s.pen)).collect();
+            pens.sort_unstable();
+            pens.dedup();
+            (Program::block_id(i), b, b.stage.map(mm_from_nm), self.program.mark_mm(b), time, pens)
+        })
+    }
+
+    pub(super) fn csv(&self) -> String {
+        let mut t =
+            "setup,block,stage_z_mm,stage_y_mm,stage_x_mm,lpfl_mm,file,strokes,mark_mm,time_s,pens\n".to_owned();
+        for (id, b, [x, y, z], mm, time, pens) in self.rows() {
+            let names: Vec<&str> = pens.iter().map(|&p| self.program.pens[p].name.as_str()).collect();
+            let (focus, strokes) = (mm_from_nm(b.stop.focus), b.strokes.len());
+            let file = format!("blocks/{id}.dxf,{strokes},{mm:.3},{time:.3},\"{}\"", names.join("; "));
+            writeln!(t, "{},{id},{z:.6},{y:.6},{x:.6},{focus:.6},{file}", b.setup + 1).expect("text");
+        }
+        t
+    }
+
+    pub(super) fn txt(&self) -> String {
+        let [x, y, z] = self.origin.map(mm_from_nm);
+        let mut t = format!("part zero  X{x:.4} Y{y:.4} Z{z:.4} mm\npart turn  0 deg\n\nPENS\n");
+        for (i, p) in self.program.pens.iter().enumerate() {
+            let watts = p.power.as_w(self.machine.laser.max_power);
+            let (speed, rate) = (p.speed.as_mm_s(), p.frequency.as_khz());
+            writeln!(t, "{}  {speed}  {} = {watts} W  {rate}  {}  {}", i + 1, p.power, p.passes, p.name).expect("text");
+        }
+        t += "\nBLOCKS\nblock  X  Y  Z  LPFL  strokes  marks mm  time s  pens  file\n";
+        for (id, b, [x, y, z], mm, time, pens) in self.rows() {
+            let pens: Vec<String> = pens.iter().map(|p| (p + 1).to_string()).collect();
+            let (focus, strokes, pens) = (mm_from_nm(b.stop.focus), b.strokes.len(), pens.join(" "));
+            writeln!(
+                t,
+                "{id}  {x:.4}  {y:.4}  {z:.4}  {focus:.4}  {strokes}  {mm:.1}  {time:.1}  {pens}  blocks/{id}.dxf"
+            )
+            .expect("text");
+        }
+        t
+    }
 }

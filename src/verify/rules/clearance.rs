@@ -1,0 +1,363 @@
+//! `clearance`: the head keeps `stage.clearance` from the part wherever the stage goes.
+//!
+//! The head is what the machine file makes of it: a square of `lens.diameter` around the optical axis, whose lower end
+//! stands `lens.working_distance` above the focal plane. Along a move the square sweeps a hexagon, and nothing of the
+//! surface file in it may rise above the lowest focal plane of the move + `working_distance` - `clearance`. Facets are
+//! cut at the hexagon, so the highest place in it is found as it is, not bounded. Each pass is held against the
+//! surface before it was lowered. Fixtures are not known.
+//!
+//! Moves are those of the stage programs, or where a job has none those of `program.txt` as run sheets and OVF give
+//! them: a lift where the block asks for one, x, y and the tilt axes together, then z alone. From an unknown position
+//! (at the start, after a stop at which the part is moved) a move is held where it ends.
+//!
+//! While tilt axes turn, each in its own time, the part may stand at any pair of angles between the two ends. Over a
+//! range of angles no place comes higher than it does in the middle of the range plus its distance from the pivot
+//! times half the range. Where this bound leaves doubt the middle is looked at exactly and the range is halved,
+//! [`HALVINGS`] times. What is then still in doubt is nearer to the limit than the bound resolves, and passes.
+
+use super::Findings;
+use super::stage::{Positions, StageFile};
+use crate::geom::NM_PER_MM;
+use crate::machine::Machine;
+use crate::program::Block;
+use crate::verify::depth::{Ground, Turn};
+use crate::verify::facts::Facts;
+use crate::verify::proof::Rule;
+use crate::verify::read::program::ProgramFile;
+
+/// Most columns and rows of tiles.
+const TILES: f64 = 128.0;
+
+/// How often a range of angles is halved.
+const HALVINGS: u32 = 10;
+
+/// Rounding of vertices, commands and f64 moves a place of the part by at most this, nm.
+const ROUNDING: f64 = 3.0;
+
+/// Beyond any place of a part, nm.
+const EVERYWHERE: f64 = 1e10;
+
+/// Holds the rule.
+pub(in crate::verify) fn check(
+    stages: &[StageFile],
+    file: &ProgramFile,
+    facts: &Facts,
+    ground: &Ground,
+    findings: &mut Findings,
+) {
+    let rule = &mut findings.clearance;
+    rule.ran = true;
+    let tiles = Tiles::of(ground, &facts.machine);
+    let mut head = Head { ground, tiles, machine: &facts.machine, file, rule };
+    if stages.is_empty() {
+        head.program();
+    }
+    stages.iter().for_each(|stage| head.stage_program(stage));
+}
+
+/// Commands of x, y, z in nm and of the tilt axes in millionths of a degree.
+#[derive(Clone, Copy, PartialEq)]
+struct Pose {
+    at: [i64; 3],
+    tilt: [i64; 2],
+}
+
+struct Head<'a> {
+    ground: &'a Ground,
+    tiles: Tiles,
+    machine: &'a Machine,
+    file: &'a ProgramFile,
+    rule: &'a mut Rule,
+}
+
+impl Head<'_> {
+    /// The moves of `program.txt`.
+    fn program(&mut self) {
+        let top = self.machine.retract_z();
+        let mut before: Option<(Pose, u32)> = None;
+        for (i, block) in self.file.program.blocks.iter().enumerate() {
+            let to = Pose { at: block.stage, tilt: block.stop.tilt };
+            let from = before.filter(|b| b.1 == block.setup).map_or(to, |b| b.0);
+            let lifted = block.retract || before.is_none_or(|b| b.1 != block.setup);
+            let z = if lifted { top } else { from.at[2] };
+            let over = Pose { at: [to.at[0], to.at[1], z], ..to };
+            let start = Pose { at: [from.at[0], from.at[1], z], ..from };
+            self.go(i, start, over, "program.txt");
+            self.go(i, over, to, "program.txt");
+            before = Some((to, block.setup));
+        }
+    }
+
+    /// The moves of a stage program as they stand there.
+    fn stage_program(&mut self, stage: &StageFile) {
+        let letters = self.machine.tilt.as_ref().map(|t| t.axes.each_ref().map(|a| a.letter as usize));
+        let mut at: [Option<i64>; 6] = [None; 6];
+        let mut block = 0;
+        for moved in Positions::of(&stage.statements) {
+            if moved.is_anew {
+                at = [None; 6];
+            }
+            let from = at;
+            for (now, to) in at.iter_mut().zip(moved.to) {
+                *now = to.or(*now);
+            }
+            if let Some(found) = self.file.ids.iter().skip(block).position(|id| id == moved.block) {
+                block += found;
+            }
+            let pose = |at: &[Option<i64>; 6]| {
+                let tilt = letters.map_or([Some(0); 2], |l| l.map(|k| at[3 + k]));
+                Some(Pose { at: [at[0]?, at[1]?, at[2]?], tilt: [tilt[0]?, tilt[1]?] })
+            };
+            if let Some(to) = pose(&at) {
+                self.go(block, pose(&from).unwrap_or(to), to, &stage.place(moved.line));
+            }
+        }
+    }
+
+    /// Holds one move on the way to block `i`.
+    fn go(&mut self, i: usize, from: Pose, to: Pose, place: &str) {
+        self.rule.checked += 1;
+        let Some(block) = self.file.program.blocks.get(i) else { return };
+        let origin = self.file.origin(block);
+        let axes = self.machine.axes();
+        let part = |at: [i64; 3]| [0, 1, 2].map(|k| (axes[k].1.sign() * at[k] - origin[k]) as f64);
+        let (a, b) = (part(from.at), part(to.at));
+        let nm = |l: crate::units::Length| l.as_mm() * NM_PER_MM;
+        let gap = nm(self.machine.lens.working_distance) - nm(self.machine.stage.clearance);
+        let limit = a[2].min(b[2]) + gap + ROUNDING + 2.0 * self.ground.weld();
+        if self.tiles.highest <= limit && from.tilt == [0; 2] && to.tilt == [0; 2] {
+            return;
+        }
+        let reach = nm(self.machine.lens.diameter) / 2.0 - ROUNDING - self.ground.weld();
+        let sweep = Sweep::of([a[0], a[1]], [b[0], b[1]], reach);
+        let range = [0, 1].map(|k| [from.tilt[k].min(to.tilt[k]) as f64, from.tilt[k].max(to.tilt[k]) as f64]);
+        if let Some(over) = self.swing(block, range, &sweep, limit, HALVINGS) {
+            let near = (over - limit) / NM_PER_MM;
+            let text = format!(
+                "on the way to this block the head comes {near:.6} mm nearer to the part than stage.clearance allows"
+            );
+            self.rule.broken(&self.file.ids[i], place, text);
+        }
+    }
+
+    /// The height above `limit` to which the part rises in the sweep at some pair of angles of a range, if one is found.
+    fn swing(&self, block: &Block, range: [[f64; 2]; 2], sweep: &Sweep, limit: f64, halvings: u32) -> Option<f64> {
+        let middle = range.map(|[lo, hi]| (lo + hi) / 2.0);
+        let half = range.map(|[lo, hi]| ((hi - lo) / 2.0 / 1e6).to_radians());
+        let turn = match &self.machine.tilt {
+            Some(table) if middle != [0.0; 2] => {
+                Some(Turn::of(table, middle.map(|v| v.round() as i64), self.file.origin(block)))
+            }
+            _ => None,
+        };
+        let spread = half[0] + half[1];
+        let doubtful = self.tiles.doubtful(turn.as_ref(), spread, &self.pivot(block), sweep, limit);
+        if doubtful.is_empty() {
+            return None;
+        }
+        let mut highest = f64::NEG_INFINITY;
+        for area in &doubtful {
+            self.ground.facets_in(*area, &mut |corners| {
+                let corners = turn.as_ref().map_or(corners, |turn| corners.map(|p| turn.apply(p)));
+                highest = highest.max(sweep.highest(corners));
+            });
+        }
+        if highest > limit {
+            return Some(highest);
+        }
+        if spread == 0.0 || halvings == 0 {
+            return None;
+        }
+        let k = usize::from(half[1] > half[0]);
+        let (mut low, mut high) = (range, range);
+        (low[k][1], high[k][0]) = (middle[k], middle[k]);
+        [low, high].into_iter().find_map(|half| self.swing(block, half, sweep, limit, halvings - 1))
+    }
+
+    /// The pivot of the table in the part frame, nm.
+    fn pivot(&self, block: &Block) -> [f64; 3] {
+        let origin = self.file.origin(block);
+        let pivot = self.machine.tilt.as_ref().map_or([0.0; 3], |t| t.pivot.map(|v| v.as_mm() * NM_PER_MM));
+        [0, 1, 2].map(|k| pivot[k] - origin[k] as f64)
+    }
+}
+
+/// The part by tiles: what lies in each, as boxes of the part, nm.
+struct Tiles {
+    /// x0, y0, z0, x1, y1, z1; tiles without a facet are left out.
+    boxes: Vec<[f64; 6]>,
+    lo: [f64; 2],
+    size: f64,
+    columns: usize,
+    /// By tile, its box; `u32::MAX` where there is none.
+    of_tile: Vec<u32>,
+    highest: f64,
+}
+
+impl Tiles {
+    /// Tiles of an eighth of the head's diameter, or larger where these were too many.
+    fn of(ground: &Ground, machine: &Machine) -> Self {
+        let everywhere = [-EVERYWHERE, -EVERYWHERE, EVERYWHERE, EVERYWHERE];
+        let (mut lo, mut hi) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        let mut highest = f64::NEG_INFINITY;
+        ground.facets_in(everywhere, &mut |corners| {
+            for c in corners {
+                for k in 0..2 {
+                    (lo[k], hi[k]) = (lo[k].min(c[k]), hi[k].max(c[k]));
+                }
+                highest = highest.max(c[2]);
+            }
+        });
+        let extent = (hi[0] - lo[0]).max(hi[1] - lo[1]).max(1.0);
+        let size = (machine.lens.diameter.as_mm() * NM_PER_MM / 8.0).max(extent / TILES);
+        let count = [0, 1].map(|k| ((hi[k] - lo[k]).max(0.0) / size) as usize + 1);
+        let none =
+            [f64::INFINITY, f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+        let mut boxes = vec![none; count[0] * count[1]];
+        let index = |k: usize, v: f64| (((v - lo[k]) / size) as usize).min(count[k] - 1);
+        ground.facets_in(everywhere, &mut |corners| {
+            let range = |k: usize| {
+                let v = corners.map(|c| c[k]);
+                [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])]
+            };
+            let [x, y, z] = [range(0), range(1), range(2)];
+            for row in index(1, y[0])..=index(1, y[1]) {
+                for column in index(0, x[0])..=index(0, x[1]) {
+                    let b = &mut boxes[row * count[0] + column];
+                    (b[2], b[5]) = (b[2].min(z[0]), b[5].max(z[1]));
+                }
+            }
+        });
+        let mut of_tile = vec![u32::MAX; boxes.len()];
+        let mut kept = Vec::new();
+        for (i, b) in boxes.iter().enumerate().filter(|(_, b)| b[5] > f64::NEG_INFINITY) {
+            of_tile[i] = kept.len() as u32;
+            let [x, y] = [(0, i % count[0]), (1, i / count[0])].map(|(k, n)| lo[k] + n as f64 * size);
+            kept.push([x, y, b[2], x + size, y + size, b[5]]);
+        }
+        Self { boxes: kept, lo, size, columns: count[0], of_tile, highest }
+    }
+
+    /// Boxes x0, y0, x1, y1 of the tiles that may rise above `limit` in the sweep, while every place goes no farther
+    /// than its distance from the pivot times `spread` from where `turn` brings it.
+    fn doubtful(&self, turn: Option<&Turn>, spread: f64, pivot: &[f64; 3], sweep: &Sweep, limit: f64) -> Vec<[f64; 4]> {
+        match turn {
+            Some(turn) => self.swung(|p| turn.apply(p), spread, pivot, sweep, limit),
+            None if spread > 0.0 => self.swung(|p| p, spread, pivot, sweep, limit),
+            None => self.under(sweep).filter(|b| b[5] > limit).map(|b| [b[0], b[1], b[3], b[4]]).collect(),
+        }
+    }
+
+    /// The tiles under the bounds of a sweep.
+    fn under(&self, sweep: &Sweep) -> impl Iterator<Item = &[f64; 6]> {
+        let [x0, y0, x1, y1] = sweep.bounds;
+        let range = |k: usize, from: f64, to: f64, count: usize| {
+            let at = |v: f64| ((v - self.lo[k]) / self.size).floor().clamp(-1.0, count as f64) as i64;
+            at(from).max(0)..(at(to) + 1).min(count as i64)
+        };
+        let (rows, columns) = (self.of_tile.len() / self.columns, range(0, x0, x1, self.columns));
+        let cells = range(1, y0, y1, rows).flat_map(move |row| columns.clone().map(move |column| [row, column]));
+        let tiles = cells.map(|[row, column]| self.of_tile[row as usize * self.columns + column as usize]);
+        tiles.filter(|&t| t != u32::MAX).map(|t| &self.boxes[t as usize])
+    }
+
+    fn swung(
+        &self,
+        turn: impl Fn([f64; 3]) -> [f64; 3],
+        spread: f64,
+        pivot: &[f64; 3],
+        sweep: &Sweep,
+        limit: f64,
+    ) -> Vec<[f64; 4]> {
+        let [x0, y0, x1, y1] = sweep.bounds;
+        let is_doubtful = |b: &&[f64; 6]| {
+            let (mut lo, mut hi, mut far) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 3], 0.0f64);
+            for i in 0..8 {
+                let p = [0, 1, 2].map(|k| b[if i >> k & 1 == 0 { k } else { k + 3 }]);
+                far = far.max((0..3).map(|k| (p[k] - pivot[k]).powi(2)).sum::<f64>().sqrt());
+                let q = turn(p);
+                for k in 0..3 {
+                    hi[k] = hi[k].max(q[k]);
+                }
+                for k in 0..2 {
+                    lo[k] = lo[k].min(q[k]);
+                }
+            }
+            let way = far * spread;
+            hi[2] + way > limit && lo[0] - way <= x1 && hi[0] + way >= x0 && lo[1] - way <= y1 && hi[1] + way >= y0
+        };
+        self.boxes.iter().filter(is_doubtful).map(|b| [b[0], b[1], b[3], b[4]]).collect()
+    }
+}
+
+/// What a square sweeps along a straight way: the places p of the plane with n · p ≤ c for each of these.
+struct Sweep {
+    sides: [([f64; 2], f64); 6],
+    /// x0, y0, x1, y1.
+    bounds: [f64; 4],
+}
+
+impl Sweep {
+    fn of(a: [f64; 2], b: [f64; 2], reach: f64) -> Self {
+        let lo = [0, 1].map(|k| a[k].min(b[k]) - reach);
+        let hi = [0, 1].map(|k| a[k].max(b[k]) + reach);
+        // Across the way the square is as wide as its corners lie from its middle.
+        let n = [a[1] - b[1], b[0] - a[0]];
+        let across = n[0] * a[0] + n[1] * a[1];
+        let wide = reach * (n[0].abs() + n[1].abs());
+        let sides = [
+            ([1.0, 0.0], hi[0]),
+            ([-1.0, 0.0], -lo[0]),
+            ([0.0, 1.0], hi[1]),
+            ([0.0, -1.0], -lo[1]),
+            (n, across + wide),
+            ([-n[0], -n[1]], wide - across),
+        ];
+        Self { sides, bounds: [lo[0], lo[1], hi[0], hi[1]] }
+    }
+
+    /// The highest place of a facet over the swept area.
+    fn highest(&self, corners: [[f64; 3]; 3]) -> f64 {
+        let mut ring: Vec<[f64; 3]> = corners.to_vec();
+        for (n, c) in &self.sides {
+            let beyond = |p: &[f64; 3]| n[0] * p[0] + n[1] * p[1] - c;
+            let mut kept = Vec::with_capacity(ring.len() + 1);
+            for (i, p) in ring.iter().enumerate() {
+                let q = &ring[(i + 1) % ring.len()];
+                let (d, e) = (beyond(p), beyond(q));
+                if d <= 0.0 {
+                    kept.push(*p);
+                }
+                if (d < 0.0 && e > 0.0) || (d > 0.0 && e < 0.0) {
+                    kept.push([0, 1, 2].map(|k| p[k] + (q[k] - p[k]) * (d / (d - e))));
+                }
+            }
+            ring = kept;
+        }
+        ring.iter().map(|p| p[2]).fold(f64::NEG_INFINITY, f64::max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sweep_is_the_hull_of_the_square_at_both_ends() {
+        let sweep = Sweep::of([0.0, 0.0], [10.0, 10.0], 1.0);
+        let flat = |x: f64, y: f64| sweep.highest([[x, y, 5.0], [x + 0.1, y, 5.0], [x, y + 0.1, 5.0]]);
+        for (x, y) in [(-0.9, -0.9), (5.0, 6.8), (6.8, 5.0), (10.8, 10.8), (0.0, 0.0)] {
+            assert_eq!(flat(x, y), 5.0, "{x} {y}");
+        }
+        for (x, y) in [(-1.2, 0.0), (3.0, 5.3), (11.1, 11.1), (10.0, 7.7), (0.0, 2.3)] {
+            assert_eq!(flat(x, y), f64::NEG_INFINITY, "{x} {y}");
+        }
+    }
+
+    #[test]
+    fn a_facet_is_as_high_as_what_of_it_lies_in_the_sweep() {
+        let sweep = Sweep::of([0.0, 0.0], [0.0, 0.0], 1.0);
+        let ramp = [[-10.0, -10.0, -10.0], [10.0, -10.0, 10.0], [0.0, 30.0, 0.0]];
+        assert!((sweep.highest(ramp) - 1.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,229 @@
+//! `agreement` of the run sheets, which for a job of drawings alone are the program: their rows are the blocks in
+//! order, each with its place, drawing, pens, lengths and time, and lifts where a sheet tells them; above the rows stand
+//! the part's place and the pens. Numbers agree to the decimals that they are written with. One violation per block.
+
+use std::path::Path;
+
+use super::times;
+use crate::diag;
+use crate::geom::NM_PER_MM;
+use crate::program::Block;
+use crate::verify::facts::Facts;
+use crate::verify::proof::Rule;
+use crate::verify::read::manifest::Manifest;
+use crate::verify::read::program::ProgramFile;
+use crate::verify::read::runsheet::{self, Sheet, Table};
+use crate::verify::read::{Fault, number};
+
+/// Largest run sheet that is read.
+const MAX_FILE: u64 = 1 << 30;
+
+/// Decimals of stage positions in mm in `runsheet.txt` and in `runsheet.csv`.
+const DECIMALS: [i32; 2] = [4, 6];
+
+/// Holds the run sheets that are there against the program.
+pub(super) fn check(folder: &Path, manifest: &Manifest, file: &ProgramFile, facts: &Facts, rule: &mut Rule) {
+    let mut sheets = Sheets { manifest, file, facts, rule };
+    if let Some(table) = sheets.read(folder, "runsheet.csv", runsheet::csv) {
+        let columns = Columns {
+            names: CSV,
+            decimals: [DECIMALS[1], 3, 3],
+            pens: |file, block| {
+                pens_of(file, block).map(|p| file.program.pens[p].name.clone()).collect::<Vec<_>>().join("; ")
+            },
+        };
+        sheets.table("runsheet.csv", &table, &columns);
+    }
+    if let Some(sheet) = sheets.read(folder, "runsheet.txt", runsheet::txt) {
+        let columns = Columns {
+            names: TXT,
+            decimals: [DECIMALS[0], 1, 1],
+            pens: |file, block| pens_of(file, block).map(|p| (p + 1).to_string()).collect::<Vec<_>>().join(" "),
+        };
+        sheets.head(&sheet);
+        sheets.headings(&sheet);
+        sheets.table("runsheet.txt", &sheet.blocks, &columns);
+    }
+}
+
+/// Names of columns: block, x, y, z, focal plane, drawing, strokes, mark length, time, pens.
+type Names = [&'static str; 10];
+const CSV: Names =
+    ["block", "stage_x_mm", "stage_y_mm", "stage_z_mm", "lpfl_mm", "file", "strokes", "mark_mm", "time_s", "pens"];
+const TXT: Names = ["block", "X", "Y", "Z", "LPFL", "file", "strokes", "marks mm", "time s", "pens"];
+
+/// How a sheet writes its table.
+struct Columns {
+    names: Names,
+    /// Decimals of positions, mark lengths and times.
+    decimals: [i32; 3],
+    pens: fn(&ProgramFile, &Block) -> String,
+}
+
+/// Indices of the pens of a block, rising.
+fn pens_of(file: &ProgramFile, block: &Block) -> impl Iterator<Item = usize> {
+    let mut pens: Vec<usize> = file.program.strokes_of(block).iter().map(|s| usize::from(s.pen)).collect();
+    pens.sort_unstable();
+    pens.dedup();
+    pens.into_iter()
+}
+
+struct Sheets<'a> {
+    manifest: &'a Manifest,
+    file: &'a ProgramFile,
+    facts: &'a Facts,
+    rule: &'a mut Rule,
+}
+
+impl Sheets<'_> {
+    /// Reads a sheet that the manifest lists.
+    fn read<T>(&mut self, folder: &Path, name: &str, read: fn(&[u8]) -> Result<T, Fault>) -> Option<T> {
+        if !self.manifest.files.iter().any(|f| f.file == name) {
+            self.rule.broken("", name, "the run sheet is missing");
+            return None;
+        }
+        match diag::read_file(&folder.join(name), MAX_FILE) {
+            Err(e) => self.rule.broken("", name, e.diags().first().map_or("cannot be read", |d| &d.message)),
+            Ok(bytes) => match read(&bytes) {
+                Ok(sheet) => return Some(sheet),
+                Err(fault) => self.rule.broken("", format!("{name}:{}", fault.line), fault.message),
+            },
+        }
+        None
+    }
+
+    /// Holds the rows of a table against the blocks.
+    fn table(&mut self, name: &str, table: &Table, columns: &Columns) {
+        let mut at = [0; 10];
+        for (slot, column) in at.iter_mut().zip(columns.names) {
+            match table.column(column) {
+                Some(found) => *slot = found,
+                None => return self.rule.broken("", name, format!("has no column {column:?}")),
+            }
+        }
+        let blocks = self.file.ids.iter().zip(&self.file.program.blocks);
+        for ((id, block), (line, row)) in blocks.zip(&table.rows) {
+            self.rule.checked += 1;
+            let cells = at.map(|i| row[i].as_str());
+            if let Some(what) = self.differs(id, block, cells, columns).or_else(|| self.more(table, row, block)) {
+                self.rule.broken(id, format!("{name}:{line}"), format!("its {what} is not that of program.txt"));
+            }
+        }
+        if table.rows.len() != self.file.ids.len() {
+            let text = format!("lists {} blocks, program.txt has {}", table.rows.len(), self.file.ids.len());
+            self.rule.broken("", name, text);
+        }
+    }
+
+    /// Which cell of a row is not the block's.
+    fn differs(&self, id: &str, block: &Block, cells: [&str; 10], columns: &Columns) -> Option<&'static str> {
+        let [name, x, y, z, focus, drawing, strokes, marks, time, pens] = cells;
+        let [place, length, seconds] = columns.decimals;
+        let is_at = |cell: &str, nm: i64| {
+            number::nm_from_decimal(cell.as_bytes())
+                .is_some_and(|found| 2 * (found - nm).abs() <= 10i64.pow((6 - place) as u32))
+        };
+        let wanted = self.manifest.blocks.iter().find(|e| e.id == *id).and_then(|e| e.files.dxf.clone());
+        let program = &self.file.program;
+        let mm: f64 = program.strokes_of(block).iter().map(|s| times::marked_mm(program, s)).sum();
+        let marking = times::marking(program, block, &self.facts.machine);
+        [
+            ("name", name == id),
+            ("stage target", is_at(x, block.stage[0]) && is_at(y, block.stage[1]) && is_at(z, block.stage[2])),
+            ("focus (lpfl)", is_at(focus, block.stop.focus)),
+            ("drawing", drawing == wanted.unwrap_or_default()),
+            ("number of strokes", strokes.parse() == Ok(block.strokes.len())),
+            ("mark length", is_written(marks, mm, length)),
+            ("time", is_written(time, marking.total(), seconds)),
+            ("list of pens", pens == (columns.pens)(self.file, block)),
+        ]
+        .into_iter()
+        .find_map(|(what, same)| (!same).then_some(what))
+    }
+
+    /// The same of columns that not every sheet has.
+    fn more(&self, table: &Table, row: &[String], block: &Block) -> Option<&'static str> {
+        let cell = |name: &str| table.column(name).map(|i| row[i].as_str());
+        let is = |name: &str, value: i64| cell(name).is_none_or(|c| number::integer(c.as_bytes()) == Some(value));
+        let [column, line] = block.stop.section.map(i64::from);
+        let jump = times::jump_mm(&self.file.program, block);
+        // A lift that is not asked for does no harm.
+        let lifts = |c: &str| !matches!(c.trim(), "" | "0" | "-" | "no" | "false");
+        [
+            ("section", is("column", column) && is("row", line)),
+            ("section", cell("section").is_none_or(|c| c == format!("{column},{line}"))),
+            ("level", is("level", block.stop.level.into())),
+            ("pass", is("pass", i64::from(block.pass) + 1)),
+            ("set-up", is("setup", i64::from(block.setup) + 1)),
+            ("jump length", cell("jump_mm").is_none_or(|c| is_written(c, jump, 3))),
+            ("lift", !block.retract || cell("lift").is_none_or(lifts)),
+        ]
+        .into_iter()
+        .find_map(|(what, same)| (!same).then_some(what))
+    }
+
+    /// Holds what stands above the table: where the part lies, and the pens.
+    fn head(&mut self, sheet: &Sheet) {
+        let name = "runsheet.txt";
+        let near = |found: &[f64], nm: &[i64]| {
+            found.len() == nm.len() && found.iter().zip(nm).all(|(mm, &nm)| (mm * NM_PER_MM - nm as f64).abs() <= 51.0)
+        };
+        let origins = &self.file.origins;
+        let mut hold = |holds: bool, text: &str| {
+            self.rule.checked += 1;
+            if !holds {
+                self.rule.broken("", name, text);
+            }
+        };
+        hold(
+            origins.len() > 1 || sheet.zero.as_ref().is_some_and(|z| near(z, &origins[0])),
+            "its part zero is not that of program.txt",
+        );
+        let turn = self.manifest.placement.turn_deg;
+        hold(sheet.turn.is_some_and(|t| (t - turn).abs() <= 1e-9), "its part turn is not that of the manifest");
+        let watts = |pen: &crate::program::Pen| pen.power.as_w(self.facts.machine.laser.max_power);
+        let pens = sheet.pens.iter().zip(&self.file.program.pens).zip(1u32..).all(|((cells, pen), i)| {
+            let number = |k: usize| cells.get(k).and_then(|c| c.parse::<f64>().ok()).unwrap_or(f64::NAN);
+            let power = cells.get(2).and_then(|c| c.rsplit_once(" = ")?.1.strip_suffix(" W")?.parse::<f64>().ok());
+            number(0) == f64::from(i)
+                && number(1) == pen.speed.as_mm_s()
+                && power.is_some_and(|w| (w - watts(pen)).abs() <= 1e-6)
+                && number(3) == pen.frequency.as_khz()
+                && number(4) == f64::from(pen.passes)
+                && cells.get(5).is_some_and(|name| *name == pen.name.trim())
+        });
+        hold(pens && sheet.pens.len() == self.file.program.pens.len(), "its pens are not those of program.txt");
+        if sheet.setups.is_empty() && origins.len() == 1 {
+            return;
+        }
+        let setups = sheet.setups.iter().zip(origins).zip(&self.manifest.setups).all(|((found, origin), stated)| {
+            let nm = |v: [f64; 2]| v.map(|mm| (mm * NM_PER_MM).round() as i64);
+            near(&found.zero, origin)
+                && found.points.len() == stated.registration.len()
+                && found
+                    .points
+                    .iter()
+                    .zip(&stated.registration)
+                    .all(|([point, at], wanted)| near(point, &nm(wanted.point_mm)) && near(at, &nm(wanted.stage)))
+        });
+        hold(setups && sheet.setups.len() == origins.len(), "its set-ups are not those of program.txt");
+    }
+
+    /// Holds the headings over the rows: the pass, and where there are several the set-up.
+    fn headings(&mut self, sheet: &Sheet) {
+        let several = self.file.origins.len() > 1;
+        let blocks = self.file.ids.iter().zip(&self.file.program.blocks);
+        for (((id, block), under), (line, _)) in blocks.zip(&sheet.under).zip(&sheet.blocks.rows) {
+            if *under != (block.pass + 1, several.then_some(block.setup + 1)) {
+                let text = "it stands under the heading of another pass or set-up than in program.txt";
+                return self.rule.broken(id, format!("runsheet.txt:{line}"), text);
+            }
+        }
+    }
+}
+
+/// Whether a cell is a number rounded to so many decimals.
+fn is_written(cell: &str, value: f64, decimals: i32) -> bool {
+    let half = 0.5 * 10f64.powi(-decimals);
+    cell.parse::<f64>().is_ok_and(|v| (v - value).abs() <= half * (1.0 + 1e-6) + 1e-9 * value.abs())
+}

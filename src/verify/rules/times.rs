@@ -1,0 +1,121 @@
+//! The estimated times of a job, found again from the program and the machine file by the model that
+//! `docs/formats.md` states, with arithmetic of the verifier's own.
+
+use crate::geom::{NM_PER_MM, mm_from_nm};
+use crate::machine::{Axis, Machine};
+use crate::program::{Block, Program, Stroke};
+use crate::verify::read::program::ProgramFile;
+
+/// Times of the blocks or of a job, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Times {
+    pub(super) stage: f64,
+    pub(super) settle: f64,
+    pub(super) mark: f64,
+    pub(super) jump: f64,
+    pub(super) delay: f64,
+}
+
+impl Times {
+    pub(super) fn total(&self) -> f64 {
+        self.stage + self.settle + self.mark + self.jump + self.delay
+    }
+}
+
+/// Marks, jumps and delays of a block. Each stroke is marked as often as its pen says before the next, with a jump back
+/// to its start in between; a pass of it costs a jump delay, a mark delay, and a polygon delay at each inner point.
+pub(super) fn marking(program: &Program, block: &Block, machine: &Machine) -> Times {
+    let mut out = Times::default();
+    let mut at = [0, 0];
+    for stroke in program.strokes_of(block) {
+        let pen = &program.pens[usize::from(stroke.pen)];
+        let points = program.points_of(stroke);
+        let (Some(&first), Some(&last)) = (points.first(), points.last()) else { continue };
+        let passes = f64::from(pen.passes);
+        out.mark += passes * points.windows(2).map(|w| way_mm(w[0], w[1])).sum::<f64>() / pen.speed.as_mm_s();
+        let jumps = way_mm(at, first) + (passes - 1.0).max(0.0) * way_mm(last, first);
+        out.jump += jumps / machine.scanner.jump_speed.as_mm_s();
+        let corners = points.len().saturating_sub(2) as f64;
+        let delays = &machine.delays;
+        out.delay += passes * (delays.jump.as_s() + delays.mark.as_s() + corners * delays.polygon.as_s());
+        at = last;
+    }
+    out
+}
+
+/// Length of a stroke, every pass of its pen counted.
+pub(super) fn marked_mm(program: &Program, stroke: &Stroke) -> f64 {
+    let mm: f64 = program.points_of(stroke).windows(2).map(|w| way_mm(w[0], w[1])).sum();
+    mm * f64::from(program.pens[usize::from(stroke.pen)].passes)
+}
+
+/// Length of a block's jumps, each stroke marked once.
+pub(super) fn jump_mm(program: &Program, block: &Block) -> f64 {
+    let mut at = [0, 0];
+    let mut sum = 0.0;
+    for points in program.strokes_of(block).iter().map(|s| program.points_of(s)) {
+        if let (Some(&first), Some(&last)) = (points.first(), points.last()) {
+            sum += way_mm(at, first);
+            at = last;
+        }
+    }
+    sum
+}
+
+/// Stage and settling of the whole job: from the centre of travel, lifted, over all blocks in order.
+pub(super) fn stage(file: &ProgramFile, machine: &Machine) -> Times {
+    let centre = |axis: &Axis| axis.travel.iter().map(|t| t.as_nm().unwrap_or(0)).sum::<i64>() / 2;
+    let top = machine.retract_z();
+    let (mut at, mut tilt) = ([centre(&machine.stage.x), centre(&machine.stage.y), top], [0; 2]);
+    let mut out = Times::default();
+    for block in &file.program.blocks {
+        let turning = machine.tilt.iter().flat_map(|t| &t.axes).zip(tilt.iter().zip(block.stop.tilt));
+        let turning = turning.filter(|(_, (from, to))| **from != *to).map(|(axis, _)| axis.move_time.as_s());
+        let turning = turning.fold(0.0, f64::max);
+        let [x, y, z] = [0, 1, 2].map(|k| (at[k], block.stage[k]));
+        let lifted = block.retract && at[2] != top;
+        let across = x.0 != x.1 || y.0 != y.1 || turning > 0.0;
+        (at, tilt) = (block.stage, block.stop.tilt);
+        if !across && z.0 == z.1 && !lifted {
+            continue;
+        }
+        if let Some(measured) = machine.stage.move_times {
+            // They hold the settling; a move of z alone that lifts first is one measured move of z.
+            let base = if across { measured.xy.as_s().max(turning) } else { measured.z.as_s() };
+            out.stage += base + if lifted && across { measured.z.as_s() } else { 0.0 };
+            continue;
+        }
+        let high = if block.retract { top } else { z.0 };
+        let axes = &machine.stage;
+        out.stage += leg(&axes.z, z.0, high) + leg(&axes.z, high, z.1);
+        out.stage += leg(&axes.x, x.0, x.1).max(leg(&axes.y, y.0, y.1)).max(turning);
+        out.settle += axes.settle.as_s();
+    }
+    out
+}
+
+/// An axis from rest to rest by the symmetric profile that is fastest under its limits. At the peak speed p each ramp
+/// takes p/a + a/j, or 2 sqrt(p/j) where the acceleration is never reached, and covers half of p times that.
+fn leg(axis: &Axis, from: i64, to: i64) -> f64 {
+    let way = mm_from_nm((to - from).abs());
+    if way == 0.0 {
+        return 0.0;
+    }
+    let (v, a) = (axis.speed.as_mm_s(), axis.acceleration.as_mm_s2());
+    let Some(j) = axis.jerk.map(|j| j.as_mm_s3()) else {
+        let peak = v.min((way * a).sqrt());
+        return peak / a + way / peak;
+    };
+    let reaches = |p: f64| p >= a * a / j;
+    let ramp = |p: f64| if reaches(p) { p / a + a / j } else { 2.0 * (p / j).sqrt() };
+    // p (p/a + a/j) = way, or 2 p sqrt(p/j) = way.
+    let slow = a / j;
+    let long = a / 2.0 * ((slow * slow + 4.0 * way / a).sqrt() - slow);
+    let peak = if reaches(long) { long } else { (way * way * j / 4.0).cbrt() };
+    let peak = peak.min(v);
+    ramp(peak) + way / peak
+}
+
+fn way_mm(a: [i32; 2], b: [i32; 2]) -> f64 {
+    (f64::from(b[0]) - f64::from(a[0])).hypot(f64::from(b[1]) - f64::from(a[1])) / NM_PER_MM
+}

@@ -1,0 +1,169 @@
+//! Mutants of what the operator reads, of the way between blocks, and of the figures of the manifest.
+
+use super::*;
+
+/// Changes the text of a file of the written folder, renews its hash, and verifies.
+fn edited(bench: &Bench, name: &str, change: impl FnOnce(&str) -> String) -> Proof {
+    bench.damaged(name, |bytes| {
+        let text = String::from_utf8(std::mem::take(bytes)).expect("text");
+        let changed = change(&text);
+        assert_ne!(changed, text, "the damage does nothing");
+        *bytes = changed.into_bytes();
+    })
+}
+
+/// The text with two of its lines exchanged: those that hold `a` and `b`, but for their first `keep` characters.
+fn exchanged(text: &str, a: &str, b: &str, keep: usize) -> String {
+    let lines: Vec<&str> = text.lines().collect();
+    let at = |what: &str| lines.iter().position(|l| l.contains(what)).expect("a line");
+    let (i, j) = (at(a), at(b));
+    let mut out: Vec<String> = lines.iter().map(|l| (*l).to_owned()).collect();
+    out[i] = lines[i][..keep].to_owned() + &lines[j][keep..];
+    out[j] = lines[j][..keep].to_owned() + &lines[i][keep..];
+    out.join("\n") + "\n"
+}
+
+#[test]
+fn agreement_comments_that_name_another_block_or_drawing() {
+    let bench = Bench::new();
+    for name in ["stage.ngc", "stage_m0.nc"] {
+        let proof = edited(&bench, name, |t| t.replacen("FILE blocks/B0003.dxf", "FILE blocks/B0004.dxf", 1));
+        assert_only("agreement", &proof);
+        let proof = edited(&bench, name, |t| {
+            let t = t.replacen("FILE blocks/B0003.dxf", "FILE blocks/X.dxf", 1);
+            let t = t.replacen("FILE blocks/B0004.dxf", "FILE blocks/B0003.dxf", 1);
+            t.replacen("FILE blocks/X.dxf", "FILE blocks/B0004.dxf", 1)
+        });
+        assert_only("agreement", &proof);
+    }
+    assert_only("agreement", &edited(&bench, "stage_m0.nc", |t| t.replacen("M0 (mark B0003)", "M0 (mark B0004)", 1)));
+    assert_only("agreement", &edited(&bench, "stage_m0.nc", |t| t.replacen("M0 (mark B0003)", "M0", 1)));
+    let proof = edited(&bench, "stage.ngc", |t| t.replacen("no BUSY, block B0003", "no BUSY, block B0005", 1));
+    assert_only("agreement", &proof);
+}
+
+#[test]
+fn agreement_run_sheets_that_say_another_place_order_drawing_or_pen() {
+    let bench = Bench::written("0 deg", "", "", 1.0, "[\"dxf\"]");
+    assert!(verified(&bench.write()).ok);
+    let block = &bench.plan.checked.program().blocks[2];
+    let x = crate::geom::mm_from_nm(block.stage[0]);
+    let csv = |t: &str, old: &str, new: &str| {
+        let at = t.find("\nB0003,").expect("a row");
+        t[..at].to_owned() + &t[at..].replacen(old, new, 1)
+    };
+    let proof = edited(&bench, "runsheet.csv", |t| csv(t, &format!(",{x:.6},"), &format!(",{:.6},", x + 1.0)));
+    assert_only("agreement", &proof);
+    let proof = edited(&bench, "runsheet.csv", |t| csv(t, &format!(",{x:.6},"), &format!(",{:.6},", x + 0.000_1)));
+    assert_only("agreement", &proof);
+    assert_only("agreement", &edited(&bench, "runsheet.csv", |t| exchanged(t, "B0003,", "B0004,", 0)));
+    assert_only("agreement", &edited(&bench, "runsheet.csv", |t| exchanged(t, "B0003,", "B0004,", 6)));
+    assert_only("agreement", &edited(&bench, "runsheet.csv", |t| csv(t, "blocks/B0003.dxf", "blocks/B0004.dxf")));
+    let txt = |t: &str, old: &str, new: &str| {
+        let at = t.find("\n  B0003 ").expect("a row");
+        t[..at].to_owned() + &t[at..].replacen(old, new, 1)
+    };
+    let proof = edited(&bench, "runsheet.txt", |t| txt(t, &format!("{x:>11.4}"), &format!("{:>11.4}", x + 1.0)));
+    assert_only("agreement", &proof);
+    assert_only("agreement", &edited(&bench, "runsheet.txt", |t| exchanged(t, "  B0003 ", "  B0004 ", 0)));
+    assert_only("agreement", &edited(&bench, "runsheet.txt", |t| exchanged(t, "  B0003 ", "  B0004 ", 10)));
+    assert_only("agreement", &edited(&bench, "runsheet.txt", |t| txt(t, "blocks/B0003.dxf", "blocks/B0004.dxf")));
+    assert_only("agreement", &edited(&bench, "runsheet.txt", |t| t.replacen("part zero  X", "part zero  X1", 1)));
+    assert_only("agreement", &edited(&bench, "runsheet.txt", |t| t.replacen("8 W = 8 W", "8 W = 9 W", 1)));
+    assert_only("agreement", &edited(&bench, "runsheet.txt", |t| t.replacen("        500  ", "        501  ", 1)));
+}
+
+#[test]
+fn agreement_run_sheets_may_say_more_and_lifts_are_held_where_they_are_told() {
+    let bench = Bench::near();
+    let retracts: Vec<bool> = bench.plan.checked.program().blocks.iter().map(|b| b.retract).collect();
+    let lift = |t: &str, told: &dyn Fn(usize) -> bool| -> String {
+        let lines = t.lines().enumerate().map(|(i, l)| match i {
+            0 => format!("{l},lift,note\n"),
+            _ => format!("{l},{},\"a, b\"\n", if told(i - 1) { "yes" } else { "" }),
+        });
+        lines.collect()
+    };
+    let proof = edited(&bench, "runsheet.csv", |t| lift(t, &|i| i == 0 || retracts[i]));
+    assert!(proof.ok, "{}", proof.to_text());
+    let last = retracts.iter().rposition(|&r| r).expect("a lift");
+    assert_only("agreement", &edited(&bench, "runsheet.csv", |t| lift(t, &|i| i != last && retracts[i])));
+}
+
+#[test]
+fn agreement_a_first_move_that_does_not_lift() {
+    let bench = Bench::new();
+    for name in ["stage.ngc", "stage_m0.nc"] {
+        let proof = edited(&bench, name, |t| {
+            let at = t.find("(BLOCK B0001").expect("a block");
+            let lift = at + t[at..].find("G0 Z").expect("a lift");
+            let end = lift + t[lift..].find('\n').expect("a line") + 1;
+            t[..lift].to_owned() + &t[end..]
+        });
+        assert_only("agreement", &proof);
+    }
+}
+
+#[test]
+fn clearance_lifts_taken_out_of_program_and_stage_programs() {
+    for formats in ["[\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\"]", "[\"dxf\"]"] {
+        let sound = Bench::near_with(formats);
+        let proof = verified(&sound.write());
+        assert!(proof.ok && proof.rule("clearance").is_some_and(|r| r.checked >= 12), "{}", proof.to_text());
+        let proof = sound.mutant(|program, _| program.blocks.iter_mut().for_each(|b| b.retract = false));
+        assert_only("clearance", &proof);
+    }
+}
+
+#[test]
+fn clearance_lifts_taken_out_before_the_table_tilts() {
+    let sound = Bench::tilted_near();
+    let proof = verified(&sound.write());
+    assert!(proof.ok, "{}", proof.to_text());
+    let proof = sound.mutant(|program, _| program.blocks.iter_mut().for_each(|b| b.retract = false));
+    assert!(proof.rule("clearance").is_some_and(|r| r.violated > 0), "{}", proof.to_text());
+}
+
+#[test]
+fn agreement_delays_and_machine_of_the_ovf() {
+    let mut bench = Bench::new();
+    let machine = bench.plan.machine.clone();
+    let mut job = |change: &dyn Fn(&mut crate::machine::Machine)| {
+        change(&mut bench.plan.machine);
+        let wrong = bench.write();
+        let ovf = std::fs::read(wrong.join("job.ovf")).expect("an OVF");
+        bench.plan.machine = machine.clone();
+        bench.damaged("job.ovf", |bytes| {
+            assert_ne!(*bytes, ovf, "the damage does nothing");
+            *bytes = ovf;
+        })
+    };
+    let late = crate::units::Time::us(250.0);
+    assert_only("agreement", &job(&|m| m.delays.laser_on = late));
+    assert_only("agreement", &job(&|m| m.delays.laser_off = late));
+    assert_only("agreement", &job(&|m| m.delays.polygon = late));
+    assert_only("agreement", &job(&|m| m.scanner.jump_speed = crate::units::Speed::mm_s(4000.0)));
+    assert_only("agreement", &job(&|m| m.stage.x.carries = crate::machine::Carries::Head));
+}
+
+#[test]
+fn summary_times_slopes_and_dose_of_a_block_and_a_bound_above_the_stops() {
+    let bench = Bench::new();
+    let wrong = |change: &dyn Fn(&mut serde_json::Value)| {
+        let target = bench.write();
+        alter_manifest(&target, |m| change(m));
+        verified(&target)
+    };
+    let scaled = |v: &mut serde_json::Value, by: f64| *v = (v.as_f64().expect("a number") * by).into();
+    assert_only("summary", &wrong(&|m| scaled(&mut m["blocks"][3]["time_s"], 3.0)));
+    assert_only("summary", &wrong(&|m| scaled(&mut m["blocks"][3]["jump_mm"], 1.001)));
+    for key in ["incidence_deg", "stretch", "dose"] {
+        for k in 0..2 {
+            assert_only("summary", &wrong(&|m| scaled(&mut m["blocks"][3][key][k], 1.02)));
+        }
+    }
+    for key in ["stage", "settle", "mark", "jump", "delay", "total"] {
+        assert_only("summary", &wrong(&|m| scaled(&mut m["summary"]["time_s"][key], 1.01)));
+    }
+    assert_only("summary", &wrong(&|m| m["summary"]["lower_bound_stops"] = 1_000_000.into()));
+}
