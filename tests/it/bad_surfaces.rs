@@ -231,7 +231,8 @@ fn a_file_without_unit_scale_or_known_extension_is_refused() {
         ("a.OBJ", "surface-unit", "an OBJ file carries no unit"),
         ("a.csv", "surface-unit", "a point cloud carries no unit"),
         ("a.Png", "heightmap-scale", "add [surface.heightmap]"),
-        ("a.step", "surface-format", ".stl, .obj, .png"),
+        ("a.step", "surface-format", "chord tolerance"),
+        ("a.doc", "surface-format", ".stl, .obj, .png"),
         ("stl", "surface-format", "no extension"),
     ] {
         let e = read(Path::new(name), &Options::default(), &mut vec![], &mut |_| {}).err().expect(name);
