@@ -56,7 +56,10 @@ pub(super) fn of(
                 };
             }
         }
-        let Some(u) = found else { continue };
+        let Some(mut u) = found else { continue };
+        if sides {
+            u.least[0] = u.least[0].min(touched(file, block, stroke, ground, scratch));
+        }
         length += u.length;
         count += 1.0;
         for k in 0..2 {
@@ -94,6 +97,26 @@ fn gain(file: &ProgramFile, stroke: &Stroke, facts: &Facts) -> f64 {
         Some(Compensate::Power) => factor,
         None => 1.0,
     }
+}
+
+/// The least cosine of what a mark may touch: rounding decides whether a mark that ends on an edge has the facet beyond
+/// under its end.
+fn touched(file: &ProgramFile, block: &Block, stroke: &Stroke, ground: &Ground, scratch: &mut Scratch) -> f64 {
+    let c = block.stop.centre;
+    let part = |p: [i32; 2]| [c.x as f64 + f64::from(p[0]), c.y as f64 + f64::from(p[1])];
+    let reach = ground.reach();
+    let mut least = 1.0f64;
+    for w in file.program.points_of(stroke).windows(2).filter(|w| w[0] != w[1]) {
+        let line = Line::new(part(w[0]), part(w[1]));
+        for side in [0.0, reach, -reach] {
+            ground.along(&line.part([-reach, line.len + reach], side), scratch, |p| {
+                if let Some(s) = p.sheet.filter(|s| s.slope != Slope::Steep) {
+                    least = least.min(1.0 / (s.slope2.sqrt() + ground.slope_doubt(&s)).hypot(1.0));
+                }
+            });
+        }
+    }
+    least
 }
 
 /// What lies under a mark moved sideways by `side`. Facets know their slope to the rounding of their vertices, and
