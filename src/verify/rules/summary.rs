@@ -1,6 +1,6 @@
 //! `summary`: the manifest's figures are the ones found again. A figure that a broken rule has already
 //! spoilt is not reported a second time: what is skipped waits for `coverage`, overlaps for `once`, times for
-//! `agreement`, slopes for all rules of geometry.
+//! `agreement` and `travel`, slopes for all rules of geometry.
 //!
 //! Of `lower_bound_stops` it is held that there are no fewer stops: a bound is proved by its certificate, which the
 //! folder does not hold.
@@ -38,7 +38,7 @@ pub(in crate::verify) fn check(
     let found = &pieces.lengths;
     let sound = |r: &Rule| r.violated == 0;
     let once = sound(&findings.once) && sound(&findings.source);
-    let agreed = sound(&findings.agreement);
+    let placed = sound(&findings.agreement) && sound(&findings.travel);
     let covered = once && sound(&findings.coverage) && sound(&findings.ground);
     let deep = sound(&findings.depth) && sound(&findings.ground);
     let rule = &mut findings.summary;
@@ -61,7 +61,7 @@ pub(in crate::verify) fn check(
     }
     let bound = s.lower_bound_stops.unwrap_or(0.0);
     hold("", "lower_bound_stops", bound, bound.clamp(0.0, file.program.blocks.len() as f64), 0.0);
-    if agreed {
+    if placed {
         timing(manifest, file, facts, &mut hold);
     }
     if once {
