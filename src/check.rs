@@ -1,5 +1,6 @@
 //! The gate before the emitters: a [`Checked`] program keeps the invariants P1 to P7 of
-//! [`crate::program`] and the limits of its machine. There is no other way to make one.
+//! [`crate::program`] and the limits of its machine. There is no other way to make one. P8 and P9 speak
+//! of the part's surface and of the texture, which a program does not hold: `terrace verify` proves them.
 //!
 //! Controllers clip, drop or truncate silently; here everything that breaks a limit is an error with
 //! block and place.
@@ -51,6 +52,11 @@ impl Checked {
             );
         }
         faults.extend(pen_faults(&program.pens, limits.machine));
+        if !is_laid_out(&program) {
+            // What follows reads strokes and points by these ranges.
+            faults.push(Diag::bug("program-invariant", "P1: strokes and points are not laid out block by block"));
+            return Err(Error::many(faults));
+        }
         if program.blocks.windows(2).any(|w| w[0].pass > w[1].pass) {
             faults.push(Diag::bug("program-invariant", "P7: a block of an earlier pass stands after a later one"));
         }
@@ -174,6 +180,22 @@ fn faults_of(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag>
     faults
 }
 
+/// Whether blocks have the strokes one after another, and strokes the points.
+fn is_laid_out(program: &Program) -> bool {
+    let (mut stroke, mut point) = (0, 0);
+    let blocks = program.blocks.iter().all(|b| {
+        let follows = b.strokes.start == stroke && b.strokes.end >= stroke;
+        stroke = b.strokes.end;
+        follows
+    });
+    let strokes = program.strokes.iter().all(|s| {
+        let follows = s.first as usize == point;
+        point += s.len as usize;
+        follows
+    });
+    blocks && strokes && stroke == program.strokes.len() && point == program.points.len()
+}
+
 /// P1 to P6. What breaks here is our own fault, whatever the job says.
 fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag> {
     let mut faults = Vec::new();
@@ -195,6 +217,14 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
     }
     // A cut point is rounded by up to a nanometre in the plane, which the slope turns into height.
     let slack = 1 + limits.max_slope.ceil() as i64;
+    // A place that rounding left between two stops goes to one that is 2 nm away at most.
+    let (stop, z, near) = (&block.stop, [block.z_lo, block.z_hi], slack + 2);
+    if z[0] > z[1] || z[0] < stop.z_lo - near || z[1] > stop.z_hi + near {
+        broken(format!(
+            "P3: marks between {} and {} nm lie outside of what their stop accepts, {} to {} nm",
+            z[0], z[1], stop.z_lo, stop.z_hi
+        ));
+    }
     if block.z_hi - block.z_lo > limits.depth + slack {
         let text = format!("P3: marks between {} and {} nm span more than {} nm", block.z_lo, block.z_hi, limits.depth);
         broken(text);
@@ -219,4 +249,107 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
         ));
     }
     faults
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::Box2;
+    use crate::program::sample;
+
+    /// What the check says of the sample program after a change.
+    fn faults(part: &[(Box2, i64)], change: impl FnOnce(&mut Program, &mut Machine)) -> Vec<String> {
+        let (mut program, origin) = sample::program();
+        let mut machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        change(&mut program, &mut machine);
+        let clearance = Clearance::new(part, &machine);
+        let limits = Limits {
+            machine: &machine,
+            origins: &[origin],
+            travel_hint: String::new(),
+            depth: 70_000,
+            max_slope: 2.0,
+            clearance: &clearance,
+        };
+        let found = Checked::new(program, &limits);
+        let text = |d: &Diag| format!("{} {}", d.code, d.message);
+        found.map_or_else(|e| e.diags().iter().map(text).collect(), |_| Vec::new())
+    }
+
+    /// Holds that a change breaks one rule once, and this one.
+    fn assert_breaks(rule: &str, change: impl FnOnce(&mut Program, &mut Machine)) {
+        let found = faults(&[], change);
+        let begins = |f: &String| f.strip_prefix("program-invariant ").unwrap_or(f).starts_with(rule);
+        assert!(found.len() == 1 && found.iter().all(begins), "{rule}: {found:?}");
+    }
+
+    /// Leaves the first `n` blocks.
+    fn keep(p: &mut Program, n: usize) {
+        p.blocks.truncate(n);
+        p.strokes.truncate(p.blocks[n - 1].strokes.end);
+        let points = p.strokes.iter().map(|s| s.len as usize).sum();
+        p.points.truncate(points);
+    }
+
+    #[test]
+    fn the_sample_program_keeps_every_invariant_and_limit() {
+        assert_eq!(faults(&[], |_, _| {}), Vec::<String>::new());
+    }
+
+    #[test]
+    fn every_invariant_that_is_broken_is_reported_by_its_number() {
+        assert_breaks("P1: a stroke", |p, _| p.points[1] = p.points[0]);
+        assert_breaks("P1: strokes and points", |p, _| p.strokes[1].first += 1);
+        assert_breaks("P1: strokes and points", |p, _| p.blocks[0].strokes.end = 1);
+        assert_breaks("P1: the block", |p, _| {
+            let mut empty = p.blocks[2].clone();
+            empty.strokes = p.strokes.len()..p.strokes.len();
+            p.blocks.push(empty);
+        });
+        assert_breaks("P2", |p, _| p.points[1][0] = 20_000_001);
+        assert_breaks("P3: marks between 0 and 70004 nm span", |p, _| {
+            let (stop, z) = ([0, 70_004], [0, 70_004]);
+            [p.blocks[0].stop.z_lo, p.blocks[0].stop.z_hi] = stop;
+            [p.blocks[0].z_lo, p.blocks[0].z_hi] = z;
+        });
+        assert_breaks("P3: marks between -6", |p, _| {
+            p.blocks[0].z_lo = p.blocks[0].stop.z_lo - 6;
+            p.blocks[0].z_hi -= 10;
+        });
+        assert_breaks("P4: stage target", |p, _| p.blocks[1].stage[2] += 100);
+        assert_breaks("P4: stage target", |p, m| {
+            p.blocks.iter_mut().for_each(|b| b.stop.centre.x += 50);
+            p.blocks.iter_mut().for_each(|b| b.stage[0] += 50 * m.stage.x.sign());
+            keep(p, 1);
+        });
+        assert_breaks("P4: no tilt axes", |p, _| p.blocks[1].stop.tilt = [0, 100]);
+        assert_breaks("P5", |p, _| p.strokes[0].pen = 2);
+        assert_breaks("P6", |p, m| {
+            p.blocks[1].stop.focus += 40_000;
+            p.blocks[1].stage[2] += 40_000 * m.stage.z.sign();
+        });
+        assert_breaks("P7: a block of an earlier pass", |p, _| {
+            p.blocks[0].pass = 1;
+            keep(p, 2);
+        });
+        assert_breaks("P7: the blocks of a set-up", |p, _| p.blocks[1].setup = 1);
+    }
+
+    #[test]
+    fn every_limit_that_is_broken_is_reported_by_its_code() {
+        assert_breaks("travel", |p, m| {
+            keep(p, 2);
+            m.stage.z.travel[1] = crate::units::Length::mm(0.4);
+        });
+        assert_breaks("strokes", |p, m| {
+            m.controller.max_strokes = 1;
+            keep(p, 1);
+        });
+        assert_breaks("pen-speed", |_, m| m.scanner.max_mark_speed = crate::units::Speed::mm_s(900.0));
+        assert_breaks("pen-power", |_, m| m.laser.max_power = crate::units::Watts::w(3.0));
+        assert_breaks("job-empty", |p, _| *p = Program { pens: p.pens.clone(), ..Program::default() });
+        let mast = (Box2 { lo: P2::new(0, 0), hi: P2::new(1, 1) }, 141_000_000);
+        let found = faults(&[mast], |_, _| {});
+        assert!(!found.is_empty() && found.iter().all(|f| f.starts_with("clearance ")), "{found:?}");
+    }
 }

@@ -3,17 +3,23 @@
 //! job whose work planes are machined while the axes stand still.
 //!
 //! # Invariants
-//! A [`Program`] holds these once [`crate::check`] has made it a `Checked` one:
-//! - P1 every block has at least one stroke, every stroke at least two points, no two neighbours equal;
+//! A [`Program`] holds P1 to P7 once [`crate::check`] has made it a `Checked` one:
+//! - P1 every block has at least one stroke, every stroke at least two points, no two neighbours equal; strokes
+//!   lie block by block, points stroke by stroke;
 //! - P2 every point lies in the usable field of the machine;
-//! - P3 the marks of a block lie within its depth interval, whose height is at most the depth range;
+//! - P3 the marks of a block lie within what its stop accepts and span at most the depth range, to what rounding a
+//!   cut point does to its height;
 //! - P4 stage targets lie on multiples of the stage increment, inside travel, and say the same place
 //!   as the block's centre and focus;
-//! - P5 every pen exists; every stroke names the texture stroke and the segment it begins on;
+//! - P5 every pen exists;
 //! - P6 the focal plane of a block lies among its marks, to a stage increment;
-//! - P7 passes follow each other, and within each the set-ups;
+//! - P7 passes follow each other, and within each the set-ups.
+//!
+//! Two more speak of the texture and the part's surface, which a program does not hold. `split` makes them, and
+//! `terrace verify` proves them from job file and surface file (rules `source` and `coverage`):
 //! - P8 where the part is tilted, a stroke of the texture is marked along a line of the field that runs
-//!   within [`CHORD`] of the projected one.
+//!   within [`CHORD`] of the projected one;
+//! - P9 every stroke names the texture stroke and the segment it begins on.
 //!
 //! # Units and frames
 //! Heights of pass k are those of the surface as the passes before have left it: lowered k times.
