@@ -140,7 +140,6 @@ pub(in crate::verify) fn slopes(
             cos: entry.incidence_deg.map(|deg| deg.to_radians().cos()),
             stretched: entry.stretch.map(|s| 1.0 / s),
             dose: entry.dose,
-            is_turned,
         };
         rule.checked += 1;
         let mut differs = None;
@@ -164,18 +163,16 @@ struct Stated {
     cos: [f64; 2],
     stretched: [f64; 2],
     dose: [f64; 2],
-    is_turned: bool,
 }
 
 impl Stated {
     /// The first figure that is not within its bounds, and these.
     fn differs(&self, bounds: &Bounds) -> Option<(&'static str, [f64; 2])> {
         let mut wanted = *bounds;
-        if self.is_turned {
-            // Means of tilted blocks are weighed along the drawing: they lie between the least and 1.
-            wanted.cos[0] = [bounds.cos[1][0], 1.0];
-            wanted.dose[0] = [bounds.dose[1][0], f64::INFINITY];
-        }
+        // Marks along edges of facets have the slope of either side, so that means are not known exactly: they
+        // lie between the worst and a level place.
+        wanted.cos[0] = [bounds.cos[1][0], 1.0];
+        wanted.dose[0] = [bounds.dose[1][0], f64::INFINITY];
         let figures = [
             ("incidence_deg", self.cos, wanted.cos),
             ("stretch", self.stretched, wanted.cos),

@@ -439,7 +439,7 @@ fn a_folder_without_a_sound_manifest_is_an_error_with_a_remedy() {
     in_folder(&made, |folder| {
         let path = folder.join("manifest.json");
         let sound = std::fs::read_to_string(&path).expect("text");
-        for text in [&sound[..sound.len() / 2], "", "{}", "[1e999]", &sound.replace("\"schema\":1", "\"schema\":2")] {
+        for text in [&sound[..sound.len() / 2], "", "{}", "[1e999]", &sound.replace("\"schema\":2", "\"schema\":3")] {
             std::fs::write(&path, text).expect("write");
             assert_eq!(code(folder), "manifest");
         }
