@@ -50,10 +50,8 @@ const STEEP: f64 = 30.0;
 impl Facing {
     fn add(&mut self, facet: [[f64; 3]; 3]) {
         for p in facet {
-            for i in 0..3 {
-                self.lo[i] = self.lo[i].min(p[i]);
-                self.hi[i] = self.hi[i].max(p[i]);
-            }
+            self.lo = std::array::from_fn(|i| self.lo[i].min(p[i]));
+            self.hi = std::array::from_fn(|i| self.hi[i].max(p[i]));
         }
         let [u, v] = [1, 2].map(|k| [0, 1, 2].map(|i| facet[k][i] - facet[0][i]));
         let normal = [0, 1, 2].map(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);

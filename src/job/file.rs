@@ -1,6 +1,6 @@
 //! The job file as written: every key of the TOML, each with its default.
 //!
-//! [`super::resolve`] makes a [`super::Job`] of it; nothing else reads these types, but for the enums that
+//! `super::resolve` makes a [`super::Job`] of it; nothing else reads these types, but for the enums that
 //! have the same meaning in both. They are the authority for the JSON schema (`terrace init --schema`) and
 //! for `docs/job-file.md`.
 

@@ -1,6 +1,6 @@
 //! The job: what to mark, on what, how, with which machine.
 //!
-//! [`file`] is the TOML as written, `resolve` turns it in one step into a [`Job`] whose values cannot be
+//! [`mod@file`] is the TOML as written, `resolve` turns it in one step into a [`Job`] whose values cannot be
 //! wrong: lengths are nanometres within 4 m, names are indices, every default is filled, every pattern has
 //! its own variant. All faults of a file are reported at once, each at its place. What needs other files
 //! (the surface, drawings, the machine) is found out when these are read.
