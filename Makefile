@@ -32,7 +32,7 @@ bench:
 	$(CARGO) bench --bench job
 	$(CARGO) bench --bench partition
 	$(CARGO) bench --bench order
-	$(CARGO) bench --bench fly
+	$(CARGO) bench --bench on_the_fly
 	$(CARGO) bench --bench compare
 
 # The table of docs/method.md: every method on real parts of ../shared, each result verified; some minutes.

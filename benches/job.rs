@@ -14,7 +14,7 @@ use surfaces::{dome, mesh, write_stl};
 use terrace::geom::P2;
 use terrace::job::{Job, Overrides};
 use terrace::surface::{Cursor, Options, Surface};
-use terrace::{folder, plan, verify};
+use terrace::{job_folder, plan, verify};
 
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
@@ -91,7 +91,7 @@ fn job(case: &str, stl: &Path) -> String {
     std::fs::write(&path, &text).expect("a writable folder");
     let job = Job::parse(&path, &text, &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
     let plan = plan::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
-    folder::write(&plan, &stl.with_extension(format!("{case}.job"))).unwrap_or_else(|e| panic!("{e}"));
+    job_folder::write(&plan, &stl.with_extension(format!("{case}.job"))).unwrap_or_else(|e| panic!("{e}"));
     let s = &plan.stepped().expect("a stepped job").summary;
     let per_figure = s.jump_mm / s.fragments.max(1) as f64;
     format!("{} stops, {} fragments, jumps {per_figure:.3} mm each", s.stops, s.fragments)

@@ -12,7 +12,7 @@ use std::process::Command;
 
 use surfaces::FIVE;
 use terrace::partition::bound::{Certificate, lower_bound, lower_bound_whole, row_heights};
-use terrace::partition::items::Item;
+use terrace::partition::box_index::Item;
 use terrace::partition::window;
 
 const MM: f64 = 1e6;

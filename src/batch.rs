@@ -10,8 +10,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use serde_json::{Value, json};
 
 use crate::diag::{Diag, Error, Place};
-use crate::folder;
 use crate::job::{Job, Overrides};
+use crate::job_folder;
 use crate::machine::Machine;
 use crate::plan::{self, Plan};
 
@@ -150,12 +150,12 @@ fn outcome(entry: &Entry) -> Outcome {
 
 fn one(entry: &Entry) -> Result<State, Error> {
     let job = entry.job.clone()?;
-    folder::prepare(&entry.folder, job.mode)?;
-    if folder::is_unchanged(&job, &entry.folder) {
+    job_folder::prepare(&entry.folder, job.mode)?;
+    if job_folder::is_unchanged(&job, &entry.folder) {
         return Ok(State::Unchanged);
     }
     let plan = plan::plan(job, &|_| {})?;
-    folder::write(&plan, &entry.folder)?;
+    job_folder::write(&plan, &entry.folder)?;
     let (stops, time_s) = match &plan {
         Plan::Stepped(plan) => (Some(plan.summary.stops), plan.summary.time_s.total),
         Plan::OnTheFly(plan) => (None, plan.summary.time_s),

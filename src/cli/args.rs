@@ -6,8 +6,8 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 
 use crate::compare::System;
-use crate::fly::servo::Protection;
 use crate::job::{FileUnit, Mode, Objective};
+use crate::on_the_fly::axes::following_error::Protection;
 
 /// Compiles a texture on a freeform part into a stepped 3+2 job, and proves it.
 #[derive(Debug, Parser)]

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::{show, unwritable};
 use crate::compare::{Comparison, page, plots, tables};
 use crate::diag::{Diag, Error, Place};
-use crate::record::TERMINAL;
+use crate::report::table::TERMINAL;
 
 /// The tables for people.
 pub(super) fn text(c: &Comparison) -> String {
@@ -37,7 +37,7 @@ const PAGE: &str = "compare.html";
 const FILES: [(&[&str], &[&str]); 3] = [
     (&["compare"], &["html", "json"]),
     (&["systems", "deviations", "decompositions", "seven-axis-decompositions", "convergence"], &["txt", "csv", "md"]),
-    (&["times", "ladder", "axes", "along", "paths"], &["svg"]),
+    (&["times", "back-off", "axes", "along", "paths"], &["svg"]),
 ];
 
 fn is_ours(name: &Path) -> bool {
@@ -48,7 +48,7 @@ fn is_ours(name: &Path) -> bool {
 /// Whether something stands at `folder`.
 ///
 /// # Errors
-/// It is no comparison, or holds something else too.
+/// It is not a comparison, or holds something else too.
 pub(super) fn replaces(folder: &Path) -> Result<bool, Error> {
     let refused = |text: &str, hint: &str| -> Result<bool, Error> {
         let place = Place::file(folder.display().to_string());
@@ -66,7 +66,7 @@ pub(super) fn replaces(folder: &Path) -> Result<bool, Error> {
         let is_file = entry.file_type().map_err(failed(folder, "list the old comparison"))?.is_file();
         let name = entry.file_name();
         if !is_file || !is_ours(Path::new(&name)) {
-            let text = format!("the output holds {}, which is no part of a comparison", name.display());
+            let text = format!("the output holds {}, which is not a part of a comparison", name.display());
             return refused(&text, "move it away, or name another folder with -o");
         }
     }

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use crate::diag::{Diag, Error};
 use crate::geom::mm_from_nm;
 use crate::job::{FileUnit, Job, Overrides};
-use crate::record::{self, AnySummary, duration};
+use crate::manifest::{self, AnySummary, duration};
 use crate::surface::{self, Content};
 use crate::texture::{Area, Kind, Request, Texture};
 
@@ -35,7 +35,7 @@ pub fn inspect(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
 }
 
 /// What the facets of a surface come to, in the units of its file.
-struct Facing {
+struct Facets {
     lo: [f64; 3],
     hi: [f64; 3],
     /// Area of all facets; of those that face down, by their winding; of the others that are steeper than [`STEEP`].
@@ -47,7 +47,7 @@ struct Facing {
 /// Slope from which a lean may pay, deg.
 const STEEP: f64 = 30.0;
 
-impl Facing {
+impl Facets {
     fn add(&mut self, facet: [[f64; 3]; 3]) {
         for p in facet {
             self.lo = std::array::from_fn(|i| self.lo[i].min(p[i]));
@@ -76,7 +76,7 @@ impl Facing {
     fn text(&self) -> String {
         let [steep, down] = [self.steep, self.down].map(|a| self.percent(a));
         let hint = if steep > 20.0 { "; `terrace orient JOB` says whether a lean pays" } else { "" };
-        format!("facing  {steep:.0} % of the area steeper than {STEEP} deg, {down:.0} % facing down{hint}\n")
+        format!("facets  {steep:.0} % of the area steeper than {STEEP} deg, {down:.0} % facets down{hint}\n")
     }
 }
 
@@ -85,17 +85,17 @@ fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
     let scale = surface::Scale { pixel_mm: 1.0, z_mm: [0.0, 1.0], values: None, nodata: None, origin_mm: [0.0; 2] };
     let unit_mm = unit.map_or(1.0, FileUnit::in_mm);
     let options = surface::Options { unit_mm: Some(unit_mm), heightmap: Some(scale), max_edge_mm: None };
-    let mut facing = Facing { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3], area: 0.0, down: 0.0, steep: 0.0 };
-    let content = surface::read(path, &options, &mut warnings, &mut |facet| facing.add(facet))?;
+    let mut facets = Facets { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3], area: 0.0, down: 0.0, steep: 0.0 };
+    let content = surface::read(path, &options, &mut warnings, &mut |facet| facets.add(facet))?;
     Ok(match content {
         Content::Facets(n) => {
             let json = json!({"kind": "surface", "facets": n,
-                "steep_percent": facing.percent(facing.steep), "down_percent": facing.percent(facing.down)});
+                "steep_percent": facets.percent(facets.steep), "down_percent": facets.percent(facets.down)});
             let (text, json) = match unit {
-                Some(_) => in_mm(&facing, json),
-                None => in_units(&facing, json),
+                Some(_) => in_mm(&facets, json),
+                None => in_units(&facets, json),
             };
-            Shown { text: format!("surface, {n} facets\n{text}{}", facing.text()), json, warnings }
+            Shown { text: format!("surface, {n} facets\n{text}{}", facets.text()), json, warnings }
         }
         Content::Heightmap(map) => {
             let (min, max) = map.samples.iter().fold((u16::MAX, 0), |(a, b), &v| (a.min(v), b.max(v)));
@@ -117,34 +117,34 @@ fn triple(v: [f64; 3], between: &str) -> String {
 }
 
 /// The box of a surface whose unit is known.
-fn in_mm(facing: &Facing, mut json: Value) -> (String, Value) {
-    let Facing { lo, hi, .. } = *facing;
+fn in_mm(facets: &Facets, mut json: Value) -> (String, Value) {
+    let Facets { lo, hi, .. } = *facets;
     let corners = [lo, hi].map(|p| triple(p, ", "));
     let text =
-        format!("size  {} mm\nfrom  ({}) mm\nto    ({}) mm\n", triple(facing.size(), " x "), corners[0], corners[1]);
+        format!("size  {} mm\nfrom  ({}) mm\nto    ({}) mm\n", triple(facets.size(), " x "), corners[0], corners[1]);
     json["lo_mm"] = json!(lo);
     json["hi_mm"] = json!(hi);
     (text, json)
 }
 
 /// The box of a surface whose unit is not: in its own units, and in mm for each unit that it may be.
-fn in_units(facing: &Facing, mut json: Value) -> (String, Value) {
+fn in_units(facets: &Facets, mut json: Value) -> (String, Value) {
     // Parts that are marked in steps are larger than a field and smaller than a machine.
     const LIKELY_MM: std::ops::RangeInclusive<f64> = 50.0..=2500.0;
-    let Facing { lo, hi, .. } = *facing;
+    let Facets { lo, hi, .. } = *facets;
     let corners = [lo, hi].map(|p| triple(p, ", "));
     let mut text = format!(
         "size  {} units: the file does not say which\nfrom  ({})\nto    ({})\n",
-        triple(facing.size(), " x "),
+        triple(facets.size(), " x "),
         corners[0],
         corners[1]
     );
-    let longest = facing.size()[0].max(facing.size()[1]);
+    let longest = facets.size()[0].max(facets.size()[1]);
     let units = [("mm", FileUnit::Millimetre), ("in", FileUnit::Inch), ("m", FileUnit::Metre)];
     let likely = units.iter().find(|(_, unit)| LIKELY_MM.contains(&(longest * unit.in_mm()))).map(|(name, _)| *name);
     for (name, unit) in units {
         let note = if likely == Some(name) { "   <- the likely one" } else { "" };
-        text += &format!("  if {name:<3} {} mm{note}\n", triple(facing.size().map(|s| s * unit.in_mm()), " x "));
+        text += &format!("  if {name:<3} {} mm{note}\n", triple(facets.size().map(|s| s * unit.in_mm()), " x "));
     }
     text += "state it in the job, as unit = \"mm\" under [surface], and here with --unit\n";
     json["lo"] = json!(lo);
@@ -231,7 +231,7 @@ fn job(path: &Path) -> Result<Shown, Error> {
 }
 
 fn folder(path: &Path) -> Result<Shown, Error> {
-    let found = record::read(path)?;
+    let found = manifest::read(path)?;
     let (figures, time_s, mark_mm) = match &found.summary {
         AnySummary::Stepped(s) => (format!("stops    {}", s.stops), s.time_s.total, s.mark_mm),
         AnySummary::OnTheFly(s) => (format!("moves    {}", s.moves), s.time_s, s.mark_mm),

@@ -17,11 +17,11 @@ use clap::{CommandFactory, Parser};
 
 use crate::batch;
 use crate::diag::{Diag, Error, Kind, Place};
-use crate::folder;
 use crate::job::{self, Job, Mode, Overrides};
+use crate::job_folder;
 use crate::machine::{Machine, PROFILES};
+use crate::manifest::AnySummary;
 use crate::plan::{self, Plan, Station};
-use crate::record::AnySummary;
 use crate::verify;
 use args::{Args, Choice, Command};
 
@@ -56,7 +56,7 @@ fn fail(args: &Args, e: &Error) -> ExitCode {
     ExitCode::from(e.exit_code())
 }
 
-/// Writes a line to stderr; a closed stderr is no reason to stop.
+/// Writes a line to stderr; a closed stderr is not a reason to stop.
 fn eprintln_all(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
@@ -148,11 +148,11 @@ fn load(args: &Args, path: &Path, choice: &Choice) -> Result<Job, Error> {
 fn compile(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> Result<(), Error> {
     let job = load(args, path, choice)?;
     let target = output.map_or_else(|| plan::default_output(&job.path, job.mode), Path::to_owned);
-    folder::prepare(&target, job.mode)?;
+    job_folder::prepare(&target, job.mode)?;
     let spinner = show::Spinner::new(args.quiet);
     let plan = plan::plan(job, &|s| spinner.station(s))?;
     spinner.station(Station::Write);
-    folder::write(&plan, &target)?;
+    job_folder::write(&plan, &target)?;
     spinner.done();
     warn(args, plan.warnings());
     if path == Path::new("-") {
@@ -182,7 +182,7 @@ fn preview(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> 
     }
     let plan = planned_of(args, job)?;
     let plan = plan.stepped().ok_or(blockless)?;
-    let svg = folder::layout_svg(plan);
+    let svg = job_folder::layout_svg(plan);
     let dash = Path::new("-");
     let file = match output {
         Some(o) if o == dash => return print(&svg),
@@ -190,7 +190,7 @@ fn preview(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> 
         Some(o) => o.to_owned(),
         None => path.with_extension("layout.svg"),
     };
-    write_file(&file, svg.as_bytes(), &folder::input_paths(&plan.job))?;
+    write_file(&file, svg.as_bytes(), &job_folder::input_paths(&plan.job))?;
     wrote(args, &[file])
 }
 

@@ -5,8 +5,8 @@ use std::fmt::Write;
 use serde_json::{Value, json};
 
 use crate::geom::mm_from_nm;
+use crate::manifest::duration;
 use crate::plan::orient::{Orientation, SetUp};
-use crate::record::duration;
 
 /// The table for people.
 pub(super) fn text(found: &[Orientation]) -> String {

@@ -6,15 +6,15 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::batch::Outcome;
+use crate::manifest::{AnySummary, OnTheFlySummary, Summary, duration};
 use crate::plan::Station;
-use crate::record::{AnySummary, FlySummary, Summary, duration};
 
 /// Pretty JSON with a line end.
 pub fn json(value: &serde_json::Value) -> String {
     format!("{value:#}\n")
 }
 
-/// A spinner with the station at hand. indicatif hides it where stderr is no terminal.
+/// A spinner with the station at hand. indicatif hides it where stderr is not a terminal.
 pub struct Spinner(ProgressBar);
 
 impl Spinner {
@@ -133,7 +133,7 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
     lines.join("\n") + "\n"
 }
 
-fn on_the_fly(s: &FlySummary, folder: Option<&Path>) -> String {
+fn on_the_fly(s: &OnTheFlySummary, folder: Option<&Path>) -> String {
     let mut lines = vec![
         format!("marks          {} in {} moves, {:.3} mm", s.marks, s.moves, s.mark_mm),
         format!("time           {:.3} s, {:.3} s of it with the laser on", s.time_s, s.mark_s),

@@ -2,11 +2,11 @@
 
 use rayon::prelude::*;
 
-use crate::fly::decompose::{Family, largest, paced, peak, rms_acceleration, stage, within};
-use crate::fly::path::Path;
-use crate::fly::schedule::{Samples, Schedule};
-use crate::fly::sync::{Peaks, Room};
 use crate::machine::Machine;
+use crate::on_the_fly::axes::xyzuv::{Peaks, ScannerLimits};
+use crate::on_the_fly::decompose::{Family, largest, paced, peak, rms_acceleration, stage, within};
+use crate::on_the_fly::path::Path;
+use crate::on_the_fly::path::schedule::{Samples, Schedule};
 
 /// What a decomposition makes of the path, as strong as field and focus allow.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,7 +37,13 @@ pub(super) const FAMILIES: [(&str, Family); 4] = [
 
 /// All decompositions of one path, that of least acceleration after the filters; where the best filter, of least
 /// acceleration among them, is quicker, the one that takes no more time than it comes last.
-pub(super) fn filters(path: &Path, schedule: &Schedule, machine: &Machine, room: Room, step_s: f64) -> Vec<Filter> {
+pub(super) fn filters(
+    path: &Path,
+    schedule: &Schedule,
+    machine: &Machine,
+    allowed: ScannerLimits,
+    step_s: f64,
+) -> Vec<Filter> {
     let even = schedule.samples(path, step_s);
     let limits = Peaks::limits(machine).map(|l| Peaks { jerk: f64::INFINITY, ..l });
     let slower =
@@ -56,8 +62,8 @@ pub(super) fn filters(path: &Path, schedule: &Schedule, machine: &Machine, room:
         }
     };
     let (made, least): (Vec<_>, _) = rayon::join(
-        || FAMILIES.into_par_iter().map(|(_, family)| filtered(&even, family, room)).collect(),
-        || least(&even, room),
+        || FAMILIES.into_par_iter().map(|(_, family)| filtered(&even, family, allowed)).collect(),
+        || least(&even, allowed),
     );
     let mut out: Vec<Filter> = FAMILIES
         .iter()
@@ -68,7 +74,7 @@ pub(super) fn filters(path: &Path, schedule: &Schedule, machine: &Machine, room:
     let rms = |made: &[[f64; 3]]| rms_acceleration(made, even.step_s);
     let best = made.iter().map(|m| &m.0).min_by(|a, b| rms(a).total_cmp(&rms(b)));
     if let Some(start) = best.filter(|best| slower(best) < slower(&least)) {
-        let no_slower = no_slower(&even, room, start, limits, slower(start));
+        let no_slower = no_slower(&even, allowed, start, limits, slower(start));
         out.push(described("the same, no slower", &no_slower, None));
     }
     out
@@ -76,8 +82,8 @@ pub(super) fn filters(path: &Path, schedule: &Schedule, machine: &Machine, room:
 
 /// Between what ends a stage may be along an axis: in plan the scanner's field, in height the focus where it is
 /// marked.
-fn ends(even: &Samples, room: Room, axis: usize) -> Vec<[f64; 2]> {
-    let half = [room.half_field[0], room.half_field[1], room.focus][axis];
+fn ends(even: &Samples, allowed: ScannerLimits, axis: usize) -> Vec<[f64; 2]> {
+    let half = [allowed.half_field[0], allowed.half_field[1], allowed.focus][axis];
     let far = |on: bool| if on || axis < 2 { half } else { f64::INFINITY };
     even.at.iter().zip(&even.on).map(|(p, &on)| [p[axis] - far(on), p[axis] + far(on)]).collect()
 }
@@ -88,23 +94,29 @@ fn joined(axes: [Vec<f64>; 3]) -> Vec<[f64; 3]> {
 }
 
 /// The stage of least acceleration.
-fn least(even: &Samples, room: Room) -> Vec<[f64; 3]> {
-    joined([0, 1, 2].map(|k| within(even.at.iter().map(|p| p[k]).collect(), &[], &ends(even, room, k))))
+fn least(even: &Samples, allowed: ScannerLimits) -> Vec<[f64; 3]> {
+    joined([0, 1, 2].map(|k| within(even.at.iter().map(|p| p[k]).collect(), &[], &ends(even, allowed, k))))
 }
 
 /// The same within what a stage of a filter needs, or the axes can do when all is `slower`.
-fn no_slower(even: &Samples, room: Room, start: &[[f64; 3]], limits: [Peaks; 3], slower: f64) -> Vec<[f64; 3]> {
+fn no_slower(
+    even: &Samples,
+    allowed: ScannerLimits,
+    start: &[[f64; 3]],
+    limits: [Peaks; 3],
+    slower: f64,
+) -> Vec<[f64; 3]> {
     // A start must keep the limits strictly.
     const INSIDE: f64 = 1.001;
     let h = even.step_s;
     joined([0, 1, 2].map(|k| {
         let most = [limits[k].speed * slower * h, limits[k].acceleration * (slower * h).powi(2)].map(|m| m * INSIDE);
-        paced(&start.iter().map(|p| p[k]).collect::<Vec<_>>(), &ends(even, room, k), most)
+        paced(&start.iter().map(|p| p[k]).collect::<Vec<_>>(), &ends(even, allowed, k), most)
     }))
 }
 
 /// A filter in plan and in height, each as strong as it may be; strengths in samples.
-fn filtered(even: &Samples, family: Family, room: Room) -> (Vec<[f64; 3]>, [f64; 2]) {
+fn filtered(even: &Samples, family: Family, allowed: ScannerLimits) -> (Vec<[f64; 3]>, [f64; 2]) {
     let plan: Vec<[f64; 2]> = even.at.iter().map(|p| [p[0], p[1]]).collect();
     let height: Vec<[f64; 1]> = even.at.iter().map(|p| [p[2]]).collect();
     // Longer than the whole path nothing changes any more; half a thousandth of it is a start that is too strong
@@ -112,13 +124,13 @@ fn filtered(even: &Samples, family: Family, room: Room) -> (Vec<[f64; 3]>, [f64;
     let start = (even.at.len() as f64 / 4.0).min(4000.0);
     let fits = |strength: f64| {
         let made = stage(&plan, family.at(strength));
-        let holds = plan.iter().zip(&made).all(|(p, s)| (0..2).all(|k| (p[k] - s[k]).abs() <= room.half_field[k]));
+        let holds = plan.iter().zip(&made).all(|(p, s)| (0..2).all(|k| (p[k] - s[k]).abs() <= allowed.half_field[k]));
         (made, holds)
     };
     let focused = |strength: f64| {
         let made = stage(&height, family.at(strength));
         let holds =
-            height.iter().zip(&made).zip(&even.on).all(|((p, s), &on)| !on || (p[0] - s[0]).abs() <= room.focus);
+            height.iter().zip(&made).zip(&even.on).all(|((p, s), &on)| !on || (p[0] - s[0]).abs() <= allowed.focus);
         (made, holds)
     };
     let xy = largest(start, 0.8, 1.0, 0.5, fits);

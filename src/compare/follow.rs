@@ -4,21 +4,23 @@ use rayon::prelude::*;
 
 use super::filters::{FAMILIES, filters};
 use super::{Curves, Figures, Split, Subject, System, marked, path_of, reason};
-use crate::fly::decompose::{Family, Limits, choose_average};
-use crate::fly::kinematics::{Axes, Deviation};
-use crate::fly::motion::AXES;
-use crate::fly::pace::{self, State};
-use crate::fly::path::Path;
-use crate::fly::schedule::Schedule;
-use crate::fly::servo::{Axis, Protection, Scanner, Servo};
-use crate::fly::seven::{Rig, Seven, Shared, Tools, seven};
-use crate::fly::spread::Spread;
-use crate::fly::stops::stop_at_every_point;
-use crate::fly::sync::{Room, Sync, Timed, Turn, ends, quickest, step_scan_s, synchronise, synchronised_s};
+use crate::block_map::BlockMap;
 use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
-use crate::map::Map;
 use crate::motion::stage_move;
+use crate::on_the_fly::axes::following_error::{Axis, Protection, Scanner, Servo};
+use crate::on_the_fly::axes::kinematics::{Axes, Deviation};
+use crate::on_the_fly::axes::motion::AXES;
+use crate::on_the_fly::axes::xyzacuv::{AxisFigures, KinematicModel, Seven, ToolPath, decompose_and_time};
+use crate::on_the_fly::axes::xyzuv::{
+    Decomposition, ScannerLimits, Timed, Turnaround, ends, quickest, step_scan_s, synchronise, synchronised_s,
+};
+use crate::on_the_fly::decompose::{Family, Limits, choose_average};
+use crate::on_the_fly::path::Path;
+use crate::on_the_fly::path::schedule::Schedule;
+use crate::on_the_fly::statistics::Statistics;
+use crate::on_the_fly::stop_at_every_point::stop_at_every_point;
+use crate::on_the_fly::topp::{self, State};
 use crate::plan::strokes::{self, Strokes};
 use crate::program::Block;
 
@@ -53,8 +55,8 @@ impl<'a> Follower<'a> {
         Self { subject, whole, path, thin, process_s }
     }
 
-    fn room(&self) -> Result<Room, String> {
-        Room::of(self.subject.machine, self.subject.limits.focus).map_err(|e| reason(&e))
+    fn allowed(&self) -> Result<ScannerLimits, String> {
+        ScannerLimits::of(self.subject.machine, self.subject.limits.focus).map_err(|e| reason(&e))
     }
 
     /// The figures of a system and what it has to show; None of one that steps.
@@ -65,11 +67,11 @@ impl<'a> Follower<'a> {
     ) -> Option<(Result<Figures, String>, Curves)> {
         let mut curves = Curves::default();
         let by: &dyn Fn(&mut Curves) -> Result<Figures, String> = match system {
-            System::Sync => &|c| self.synchronised(c),
+            System::Decomposition => &|c| self.synchronised(c),
             System::SyncBands => &|_| self.bands(),
-            System::Seven => &|c| self.turning(Tools::Filtered(Family::Gaussian), c),
-            System::SevenSmooth => &|c| self.turning(Tools::LeastAcceleration, c),
-            System::Five => &|c| self.turning(Tools::OnTheMark, c),
+            System::Seven => &|c| self.turning(ToolPath::Filtered(Family::Gaussian), c),
+            System::SevenSmooth => &|c| self.turning(ToolPath::LeastAcceleration, c),
+            System::Five => &|c| self.turning(ToolPath::OnTheMark, c),
             _ => return None,
         };
         progress(system.name());
@@ -79,10 +81,10 @@ impl<'a> Follower<'a> {
     /// The strokes in their order, synchronised as a whole.
     fn synchronised(&self, curves: &mut Curves) -> Result<Figures, String> {
         let machine = self.subject.machine;
-        let (pens, room) = (&self.whole.program.pens, self.room()?);
+        let (pens, allowed) = (&self.whole.program.pens, self.allowed()?);
         // Where the part lies is the machine's affair: its travel must be long enough.
         let fits = |ends: [[f64; 2]; 3]| beyond(machine, ends).is_none();
-        let Timed { turn, path, schedule, sync } = quickest(&self.path, machine, pens, room, SAMPLES, &fits);
+        let Timed { turn, path, schedule, sync } = quickest(&self.path, machine, pens, allowed, SAMPLES, &fits);
         // The texture's middle lies where the stage rests.
         let (area, first) = (self.whole.texture, nm(path.at[0]));
         let middle = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, first[2]];
@@ -95,13 +97,15 @@ impl<'a> Follower<'a> {
         };
         let mut notes = Vec::new();
         match turn {
-            Turn::Run(s) => notes.push(format!("runs dark for {:.0} ms beside every mark", 1e3 * s * slow)),
-            Turn::Wait(s) if s > 0.0 => notes.push(format!("waits for {:.0} ms at every end", 1e3 * s * slow)),
-            Turn::Wait(_) => {}
+            Turnaround::Skywriting(s) => {
+                notes.push(format!("skywriting for {:.0} ms beside every mark", 1e3 * s * slow))
+            }
+            Turnaround::Dwell(s) if s > 0.0 => notes.push(format!("waits for {:.0} ms at every end", 1e3 * s * slow)),
+            Turnaround::Dwell(_) => {}
         }
         let shares = [0, 1].map(|k| 1e3 * sync.samples[k] as f64 * sync.step_s);
         notes.push(format!("averages of {:.0} ms in plan, {:.1} ms in height", shares[0], shares[1]));
-        notes.push(self.by_the_article(room)?);
+        notes.push(self.by_the_article(allowed)?);
         if !sync.fits {
             notes.push("some marks turn or rise too sharply to be followed in focus".into());
         }
@@ -124,19 +128,19 @@ impl<'a> Follower<'a> {
         let step_s = sync.step_s / slow;
         let piece = path.middle(FILTERED as f64 * step_s / schedule.total_s());
         let schedule = Schedule::of(&piece, machine, pens, turn.wait_s());
-        curves.filters = filters(&piece, &schedule, machine, room, step_s);
+        curves.filters = filters(&piece, &schedule, machine, allowed, step_s);
         Ok(figures)
     }
 
     /// What the article's rule (eq. 4) makes of the path at the pens' speeds.
-    fn by_the_article(&self, room: Room) -> Result<String, String> {
+    fn by_the_article(&self, allowed: ScannerLimits) -> Result<String, String> {
         const SAMPLES: usize = 50_000;
         let machine = self.subject.machine;
         let schedule = Schedule::of(&self.path, machine, &self.whole.program.pens, 0.0);
         let even = schedule.samples(&self.path, (schedule.total_s() / SAMPLES as f64).max(1e-3));
         let plan: Vec<[f64; 2]> = even.at.iter().map(|p| [p[0], p[1]]).collect();
         let most = machine.stage.x.acceleration.as_mm_s2().min(machine.stage.y.acceleration.as_mm_s2());
-        let chosen = choose_average(&plan, even.step_s, most, room.half_field);
+        let chosen = choose_average(&plan, even.step_s, most, allowed.half_field);
         let said = |samples: usize| format!("p = {samples} of {:.1} ms", 1e3 * even.step_s);
         Ok(match chosen {
             Ok(average) => format!("eq. 4: {}", said(average.samples)),
@@ -153,7 +157,7 @@ impl<'a> Follower<'a> {
     }
 
     /// What marks get from a synchronised motion.
-    fn followed(&self, path: &Path, schedule: &Schedule, sync: &Sync) -> Result<Followed, String> {
+    fn followed(&self, path: &Path, schedule: &Schedule, sync: &Decomposition) -> Result<Followed, String> {
         let nodes = sync.nodes(path, schedule);
         let half = self.subject.machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
         let samples = sync.stage.iter().zip(&sync.beam).zip(&sync.on).map(|((&xyz, b), &on)| Sample {
@@ -161,9 +165,15 @@ impl<'a> Follower<'a> {
             spot: [b[0] - xyz[0], b[1] - xyz[1]],
             on,
         });
-        let trail = trailing(self.subject.machine, &|_| half, Some(self.subject.protection), samples, sync.step_s)?;
+        let following_error =
+            following(self.subject.machine, &|_| half, Some(self.subject.protection), samples, sync.step_s)?;
         let deviations = upright(self.subject, path, |i| nodes[i]);
-        Ok(Followed { deviations, weights: path.weights(), trail, travel: travel(sync.stage.iter().copied()) })
+        Ok(Followed {
+            deviations,
+            weights: path.weights(),
+            following_error,
+            travel: travel(sync.stage.iter().copied()),
+        })
     }
 
     /// Bands of depth over the whole part: within each x and y follow, z rests.
@@ -172,16 +182,16 @@ impl<'a> Follower<'a> {
         let depth = Some(subject.job.focus.depth);
         let Strokes { program, section, texture, .. } =
             strokes::in_order(subject.job, subject.machine, subject.inputs, depth).map_err(|e| reason(&e))?;
-        let (program, room) = (&program, self.room()?);
+        let (program, allowed) = (&program, self.allowed()?);
         let upright = vec![None; program.blocks.len()];
-        let map = Map::new(program, &section, &upright, section.pitch, &subject.inputs.surface, texture);
+        let map = BlockMap::new(program, &section, &upright, section.pitch, &subject.inputs.surface, texture);
         let band = |(i, block): (usize, &Block)| {
             let mut path = path_of(subject, program, i..i + 1);
             let plane = mm_from_nm(block.stop.focus);
             let heights: Vec<f64> = path.at.iter().map(|p| p[2]).collect();
             path.at.iter_mut().for_each(|p| p[2] = plane);
             let schedule = Schedule::of(&path, subject.machine, &program.pens, 0.0);
-            let sync = synchronise(&path, &schedule, subject.machine, room, schedule.step_s(COARSE));
+            let sync = synchronise(&path, &schedule, subject.machine, allowed, schedule.step_s(COARSE));
             path.at.iter_mut().zip(heights).for_each(|(p, z)| p[2] = z);
             let time = Split { stage: 2.0 * sync.lead_s, ..Split::of(&schedule, sync.slower) };
             let ends = [path.at[0], path.at[path.len() - 1]].map(nm).map(|[x, y, _]| [x, y, block.stop.focus]);
@@ -212,61 +222,70 @@ impl<'a> Follower<'a> {
     }
 
     /// Five stage axes, with or without the scanner.
-    fn turning(&self, tools: Tools, curves: &mut Curves) -> Result<Figures, String> {
+    fn turning(&self, tools: ToolPath, curves: &mut Curves) -> Result<Figures, String> {
         let subject = self.subject;
         let mut notes = Vec::new();
         let pens = &self.whole.program.pens;
         let other = Machine::built_in("xyzac-galvo-10").map_err(|e| reason(&e))?;
-        let own = Rig::of(subject.machine, pens, self.whole.origin.map(mm_from_nm));
-        let rig = match own {
-            Some(rig) => rig,
+        let own = KinematicModel::of(subject.machine, pens, self.whole.origin.map(mm_from_nm));
+        let model = match own {
+            Some(model) => model,
             None => {
                 notes.push("on the machine xyzac-galvo-10".to_owned());
-                let rig = Rig::of(&other, pens, [0.0; 3]).ok_or("no limits of A and C are known")?;
+                let model = KinematicModel::of(&other, pens, [0.0; 3]).ok_or("no limits of A and C are known")?;
                 // The middle of the texture lies where its axes meet.
                 let area = self.whole.texture;
-                Rig { pivot: [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, 0].map(mm_from_nm), ..rig }
+                KinematicModel {
+                    pivot: [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, 0].map(mm_from_nm),
+                    ..model
+                }
             }
         };
-        let room = Limits { field: rig.room().map_err(|e| reason(&e))?, ..subject.limits };
-        let made = seven(&self.thin, &subject.relief, &rig, room, tools).map_err(|e| reason(&e))?;
-        if tools == Tools::Filtered(Family::Gaussian) {
-            curves.ladder.clone_from(&made.ladder);
-            curves.seven = Some(room);
-            curves.convergence = made.convergence(&rig, SHOWN).map_err(|e| reason(&e))?;
-            self.draw(&rig, &made, curves);
-            curves.shared = self.shared(&rig, room)?;
+        let allowed = Limits { field: model.scanner_margin().map_err(|e| reason(&e))?, ..subject.limits };
+        let made =
+            decompose_and_time(&self.thin, &subject.height_field, &model, allowed, tools).map_err(|e| reason(&e))?;
+        if tools == ToolPath::Filtered(Family::Gaussian) {
+            curves.back_off.clone_from(&made.back_off);
+            curves.seven = Some(allowed);
+            curves.convergence = made.convergence(&model, SHOWN).map_err(|e| reason(&e))?;
+            self.draw(&model, &made, curves);
+            curves.shared = self.axis_figures(&model, allowed)?;
             notes.push(format!("sigma {:.0} um", made.strength.unwrap_or_default() * 1000.0));
         }
-        notes.extend(beyond(rig.machine, ends(made.axes.iter().map(|a| a.xyz))));
-        notes.extend(turns_beyond(rig.machine, &made.axes));
+        notes.extend(beyond(model.machine, ends(made.axes.iter().map(|a| a.xyz))));
+        notes.extend(turns_beyond(model.machine, &made.axes));
         let nodes: Vec<[f64; AXES]> =
-            made.axes.iter().zip(&made.path.at).map(|(axes, &p)| rig.values(axes, p)).collect();
-        let model_s = Some(stop_at_every_point(&nodes, &rig.limits).total_s);
-        Ok(Figures { notes, model_s, ..self.turned(rig.machine, made, tools, room)? })
+            made.axes.iter().zip(&made.path.at).map(|(axes, &p)| model.values(axes, p)).collect();
+        let model_s = Some(stop_at_every_point(&nodes, &model.limits).total_s);
+        Ok(Figures { notes, model_s, ..self.turned(model.machine, made, tools, allowed)? })
     }
 
     /// Every decomposition of the first of the path.
-    fn shared(&self, rig: &Rig<'_>, room: Limits) -> Result<Vec<(&'static str, Shared)>, String> {
+    fn axis_figures(
+        &self,
+        model: &KinematicModel<'_>,
+        allowed: Limits,
+    ) -> Result<Vec<(&'static str, AxisFigures)>, String> {
         let count = self.thin.distances().partition_point(|&s| s <= SHOWN).max(2).min(self.thin.len());
         let first = self.thin.piece(0..count);
-        let mut all = FAMILIES.map(|(name, family)| (name, Tools::Filtered(family))).to_vec();
-        all.push(("least acceleration", Tools::LeastAcceleration));
+        let mut all = FAMILIES.map(|(name, family)| (name, ToolPath::Filtered(family))).to_vec();
+        all.push(("least acceleration", ToolPath::LeastAcceleration));
         let of = |(name, tools)| {
-            let made = seven(&first, &self.subject.relief, rig, room, tools).map_err(|e| reason(&e))?;
-            Ok((name, made.shared(rig)))
+            let made = decompose_and_time(&first, &self.subject.height_field, model, allowed, tools)
+                .map_err(|e| reason(&e))?;
+            Ok((name, made.axis_figures(model)))
         };
         all.into_par_iter().map(of).collect()
     }
 
-    fn draw(&self, rig: &Rig<'_>, made: &Seven, curves: &mut Curves) {
+    fn draw(&self, model: &KinematicModel<'_>, made: &Seven, curves: &mut Curves) {
         let path = &made.path;
         let way = path.distances();
         let times = made.timed.node_times();
         let nodes = made.axes.iter().zip(&path.at).zip(times).take(DRAWN);
         curves.axes = nodes
             .map(|((a, &p), t)| {
-                let [x, y, z, a, c, u, v] = rig.values(a, p);
+                let [x, y, z, a, c, u, v] = model.values(a, p);
                 (t, [x, y, z, a.to_degrees(), c.to_degrees(), u, v])
             })
             .collect();
@@ -278,7 +297,7 @@ impl<'a> Follower<'a> {
     }
 
     /// Figures of a turning system.
-    fn turned(&self, machine: &Machine, made: Seven, tools: Tools, limits: Limits) -> Result<Figures, String> {
+    fn turned(&self, machine: &Machine, made: Seven, tools: ToolPath, limits: Limits) -> Result<Figures, String> {
         let mut time = Split::default();
         let times: Vec<f64> = made.timed.node_times().collect();
         for (i, w) in times.windows(2).enumerate() {
@@ -286,27 +305,27 @@ impl<'a> Follower<'a> {
         }
         let asked = Schedule::of(&self.thin, machine, &self.whole.program.pens, 0.0).mark_s;
         // Where the scanner rests it does not make up for the stage either.
-        let feed = (tools != Tools::OnTheMark).then_some(self.subject.protection);
+        let feed = (tools != ToolPath::OnTheMark).then_some(self.subject.protection);
         let (samples, step_s) = sampled(&made.timed, &made.path);
         // Of a round field what is too far out comes back towards its centre.
         let reach = machine.field_reach();
         let half = |[u, v]: [f64; 2]| [u, v].map(|c| c.abs() * (reach / u.hypot(v).max(reach)));
-        let trail = trailing(machine, &half, feed, samples, step_s)?;
+        let following_error = following(machine, &half, feed, samples, step_s)?;
         let travel = travel(made.axes.iter().map(|a| a.xyz));
-        let followed = Followed { deviations: made.deviation, weights: made.path.weights(), trail, travel };
+        let followed = Followed { deviations: made.deviation, weights: made.path.weights(), following_error, travel };
         Ok(Figures { time, stops: 1, speed: 100.0 * asked / time.mark, ..followed.figures(limits) })
     }
 }
 
-/// How far the axes of a stage trail their commands, each after its own servo, and how far the spot is off, at the
+/// How far the axes of a stage lag behind their commands, each after its own servo, and how far the spot is off, at the
 /// samples that mark. `half` is half of the field for a command, `feed` how the scanner makes up for the stage.
-fn trailing(
+fn following(
     machine: &Machine,
     half: &dyn Fn([f64; 2]) -> [f64; 2],
     feed: Option<Protection>,
     samples: impl Iterator<Item = Sample>,
     step_s: f64,
-) -> Result<Vec<Trail>, String> {
+) -> Result<Vec<FollowingError>, String> {
     let stage = Servo::of_stage(machine).map_err(|e| reason(&e))?;
     let mirror = Servo::of_scanner(machine).map_err(|e| reason(&e))?;
     let mut samples = samples.peekable();
@@ -319,7 +338,7 @@ fn trailing(
         let commands = [x, y, z, axes.a, axes.c];
         let [x, y, z, a, c] = std::array::from_fn(|k| carriers[k].step(commands[k]));
         // Where the axes that are late see what is to be marked.
-        let seen = Axes { xyz: [x, y, z], a, c }.sees(axes.spot(spot[0], spot[1]).p);
+        let seen = Axes { xyz: [x, y, z], a, c }.field_from_part(axes.spot(spot[0], spot[1]).p);
         let missed = [0, 1].map(|k| seen[k] - spot[k]);
         let half = half([0, 1].map(|k| spot[k] + missed[k]));
         let off = [0, 1].map(|k| mirrors[k].step(spot[k], missed[k], half[k]));
@@ -336,29 +355,29 @@ fn trailing(
 struct Followed {
     deviations: Vec<Deviation>,
     weights: Vec<f64>,
-    trail: Vec<Trail>,
+    following_error: Vec<FollowingError>,
     /// Way of the stage, mm.
     travel: f64,
 }
 
 /// At a sample that marks, um: how far the stage trails its command across the beam, how far the spot is off, and how
 /// far the stage trails along the beam; and the time that the sample stands for, s.
-type Trail = [f64; 4];
+type FollowingError = [f64; 4];
 
 impl Followed {
     fn extend(&mut self, other: Self) {
         self.deviations.extend(other.deviations);
         self.weights.extend(other.weights);
-        self.trail.extend(other.trail);
+        self.following_error.extend(other.following_error);
         self.travel += other.travel;
     }
 
     fn figures(&self, limits: Limits) -> Figures {
-        let trail = |k: usize| Spread::of(self.trail.iter().map(|t| (t[k], t[3])));
+        let following_error = |k: usize| Statistics::of(self.following_error.iter().map(|t| (t[k], t[3])));
         Figures {
-            stage_lag_um: Some(trail(0)),
-            spot_error_um: Some(trail(1)),
-            focus_lag_um: Some(trail(2)),
+            stage_lag_um: Some(following_error(0)),
+            spot_error_um: Some(following_error(1)),
+            focus_lag_um: Some(following_error(2)),
             stage_travel_mm: self.travel,
             ..marked(&self.deviations, &self.weights, limits)
         }
@@ -373,7 +392,7 @@ struct Sample {
 }
 
 /// A turning motion at even steps of time, and the steps, s.
-fn sampled(timed: &pace::Timed, path: &Path) -> (impl Iterator<Item = Sample>, f64) {
+fn sampled(timed: &topp::Timed, path: &Path) -> (impl Iterator<Item = Sample>, f64) {
     const MOST: usize = 500_000;
     let total = timed.total_s();
     let count = ((total / 1e-3).ceil() as usize).clamp(1, MOST);
@@ -398,7 +417,7 @@ fn sampled(timed: &pace::Timed, path: &Path) -> (impl Iterator<Item = Sample>, f
 fn upright(subject: &Subject<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3]) -> Vec<Deviation> {
     let deviation = |i: usize| {
         let (p, b) = (path.at[i], beam(i));
-        let angle = subject.relief.at([p[0], p[1]]).normal()[2].acos();
+        let angle = subject.height_field.at([p[0], p[1]]).normal()[2].acos();
         Deviation { focus: (p[2] - b[2]).abs(), angle, lateral: (p[0] - b[0]).hypot(p[1] - b[1]) }
     };
     (0..path.len()).map(deviation).collect()

@@ -3,7 +3,7 @@
 //!
 //! Consumes a job; promises for every system its time split in parts, its stops, how far marks lie out of focus
 //! and out of the beam's angle, and which share of them keeps the job's limits. Stepped systems are compiled as
-//! jobs are; the others are decomposed and timed by [`crate::fly`]. A system that the job's machine is not is
+//! jobs are; the others are decomposed and timed by [`crate::on_the_fly`]. A system that the job's machine is not is
 //! given what it lacks from a built-in profile, and says so.
 //!
 //! The limits are the job's for all: focal offset up to half the depth range, beam angle up to
@@ -21,18 +21,18 @@ use std::ops::Range;
 use std::sync::OnceLock;
 
 use crate::diag::{Diag, Error};
-use crate::fly::decompose::Limits;
-use crate::fly::kinematics::Deviation;
-use crate::fly::path::Path;
-use crate::fly::relief::Relief;
-use crate::fly::schedule::Schedule;
-use crate::fly::servo::Protection;
-use crate::fly::seven::{Ladder, Shared};
-use crate::fly::spread::Spread;
 use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::job::{Job, Method};
 use crate::machine::Machine;
 use crate::motion::stage_move;
+use crate::on_the_fly::axes::following_error::Protection;
+use crate::on_the_fly::axes::kinematics::Deviation;
+use crate::on_the_fly::axes::xyzacuv::{AxisFigures, BackOff};
+use crate::on_the_fly::decompose::Limits;
+use crate::on_the_fly::path::Path;
+use crate::on_the_fly::path::height_field::HeightField;
+use crate::on_the_fly::path::schedule::Schedule;
+use crate::on_the_fly::statistics::Statistics;
 use crate::plan::strokes;
 use crate::plan::{Inputs, SteppedPlan};
 use crate::program::Program;
@@ -53,7 +53,7 @@ pub enum System {
     /// Stepped, the part tilted at each stop.
     Tilt,
     /// Scanner and stage synchronised, strokes in their order, stage by moving average.
-    Sync,
+    Decomposition,
     /// The same, the texture cut into bands of depth over the whole part; z steps between them.
     SyncBands,
     /// Seven axes, Gaussian decomposition.
@@ -73,7 +73,7 @@ impl System {
         Self::Window,
         Self::Zoom,
         Self::Tilt,
-        Self::Sync,
+        Self::Decomposition,
         Self::SyncBands,
         Self::Seven,
         Self::SevenSmooth,
@@ -89,7 +89,7 @@ impl System {
             Self::Window => "window",
             Self::Zoom => "zoom",
             Self::Tilt => "tilt",
-            Self::Sync => "sync",
+            Self::Decomposition => "sync",
             Self::SyncBands => "sync-bands",
             Self::Seven => "7-axis",
             Self::SevenSmooth => "7-axis-smooth",
@@ -145,24 +145,24 @@ pub struct Figures {
     /// Standstills of the stage between marks.
     pub stops: usize,
     /// Focal offset, um.
-    pub focus_um: Spread,
+    pub focus_um: Statistics,
     /// Beam incidence, deg.
-    pub incidence_deg: Spread,
+    pub incidence_deg: Statistics,
     /// Distance of the spot from the optical axis, mm.
-    pub displacement_mm: Spread,
-    /// How far the stage trails its command while it marks, um; None where it stands.
-    pub stage_lag_um: Option<Spread>,
+    pub displacement_mm: Statistics,
+    /// How far the stage lags behind its command while it marks, um; None where it stands.
+    pub stage_lag_um: Option<Statistics>,
     /// How far the spot is off its place after the scanner has taken up the stage's lag, um.
-    pub spot_error_um: Option<Spread>,
-    /// How far the stage is out of focus because it trails, um.
-    pub focus_lag_um: Option<Spread>,
+    pub spot_error_um: Option<Statistics>,
+    /// How far the stage is out of focus because it lags behind its command, um.
+    pub focus_lag_um: Option<Statistics>,
     /// Length of the marks, seen along z, mm.
     pub marked_mm: f64,
     /// Share of the marked length within all limits, percent.
     pub within: f64,
     /// Length of seams.
     pub seam_mm: f64,
-    /// Error of stitching at seams, um, where the machine states how truly its stage stands.
+    /// Error of stitching at seams, um, where the machine states the positioning accuracy of its stage.
     pub stitch_um: Option<f64>,
     /// Way of the stage, X, Y and Z together.
     pub stage_travel_mm: f64,
@@ -187,9 +187,9 @@ pub struct Curves {
     /// Decompositions of the same path for scanner and stage; empty where no such system was asked for.
     pub filters: Vec<Filter>,
     /// Decompositions for seven axes of the path's first 20 m, with their names; as above.
-    pub shared: Vec<(&'static str, Shared)>,
-    /// Rungs of the seven-axis ladder.
-    pub ladder: Ladder,
+    pub shared: Vec<(&'static str, AxisFigures)>,
+    /// Trials of the seven-axis back-off search.
+    pub back_off: BackOff,
     /// Time and axis values of the first nodes of the seven-axis path.
     pub axes: Vec<(f64, [f64; 7])>,
     /// Along that path: way in mm, focal offset in um, beam angle in deg, displacement in mm.
@@ -236,7 +236,7 @@ struct Subject<'a> {
     job: &'a Job,
     machine: &'a Machine,
     inputs: &'a Inputs,
-    relief: Relief,
+    height_field: HeightField,
     limits: Limits,
     /// Size of the texture's box, mm.
     size: [f64; 2],
@@ -274,8 +274,8 @@ pub fn compare(
     let whole = strokes::in_order(job, machine, &inputs, None).map_err(|e| e.after(inputs.warnings.clone()))?;
     let size = whole.texture.size().map(mm_from_nm);
     let focus = job.focus.half_depth_mm();
-    let relief = Relief::followed(&inputs.surface, whole.texture, focus).ok_or_else(|| {
-        Diag::limit("compare-relief", "the texture lies nowhere on the part")
+    let height_field = HeightField::followed(&inputs.surface, whole.texture, focus).ok_or_else(|| {
+        Diag::limit("compare-height_field", "the texture lies nowhere on the part")
             .hint("compare its area with the part's box")
     })?;
     let half = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
@@ -290,7 +290,7 @@ pub fn compare(
         job,
         machine,
         inputs: &inputs,
-        relief,
+        height_field,
         limits,
         size,
         protection,
@@ -325,7 +325,7 @@ pub fn compare(
         let stopped = &mut stopped;
         spawn(System::SevenSmooth);
         scope.spawn_fifo(|_| *stopped = systems.iter().map(stepped).collect());
-        [System::Sync, System::Seven, System::SyncBands, System::Five].into_iter().for_each(spawn);
+        [System::Decomposition, System::Seven, System::SyncBands, System::Five].into_iter().for_each(spawn);
     });
     let (mut rows, mut curves) = (Vec::new(), Curves::default());
     for ((&system, stopped), followed) in systems.iter().zip(stopped).zip(followed) {
@@ -341,7 +341,7 @@ pub fn compare(
 /// How far the marks of a path lie from what their beams would like best: focus, incidence, displacement, and
 /// the share within limits. Nodes weigh as much as is marked beside them.
 fn marked(deviations: &[Deviation], weights: &[f64], limits: Limits) -> Figures {
-    let spread = |pick: fn(&Deviation) -> f64| Spread::of(deviations.iter().map(pick).zip(weights.iter().copied()));
+    let spread = |pick: fn(&Deviation) -> f64| Statistics::of(deviations.iter().map(pick).zip(weights.iter().copied()));
     // A nanometre, and as little of an angle, for rounding.
     let less = |d: &Deviation| Deviation { focus: d.focus - 1e-6, angle: d.angle - 1e-9, lateral: d.lateral - 1e-6 };
     let inside = deviations.iter().zip(weights).filter(|(d, _)| limits.hold(less(d))).map(|(_, w)| w).sum::<f64>();
@@ -365,5 +365,5 @@ fn reason(e: &Error) -> String {
 fn path_of(subject: &Subject<'_>, program: &Program, blocks: Range<usize>) -> Path {
     let field = subject.machine.usable_field().map(|f| f as f64 / NM_PER_MM);
     let spacing = field[0].min(field[1]).min(subject.size[0].max(subject.size[1])) / NODES;
-    Path::of(program, blocks, &subject.inputs.surface, &subject.relief, spacing)
+    Path::of(program, blocks, &subject.inputs.surface, &subject.height_field, spacing)
 }

@@ -1,9 +1,9 @@
 //! The comparison as tables, charts and a page.
 
 use super::{Comparison, Figures};
-use crate::preview::page::{Item, page_html};
-use crate::preview::plot::{Axis, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
-use crate::record::{Cell, Column, Table};
+use crate::report::page::{Item, page_html};
+use crate::report::plot::{Axis, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
+use crate::report::table::{Cell, Column, Table};
 
 /// The table of systems: times, and the worst of everything.
 fn systems(c: &Comparison) -> Table {
@@ -184,18 +184,18 @@ pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
     let limits = c.curves.seven.unwrap_or(c.limits);
     let [focus, angle, field] =
         [limits.focus * 1000.0, limits.angle.to_degrees(), limits.field].map(|v| vec![Limit::new("limit", v)]);
-    if !c.curves.ladder.is_empty() {
-        let rungs = |pick: &dyn Fn(&crate::fly::kinematics::Deviation) -> f64| {
-            let points = c.curves.ladder.iter().map(|r| [r.strength * 1000.0, pick(&r.found)]).collect();
+    if !c.curves.back_off.is_empty() {
+        let trials = |pick: &dyn Fn(&crate::on_the_fly::axes::kinematics::Deviation) -> f64| {
+            let points = c.curves.back_off.iter().map(|r| [r.strength * 1000.0, pick(&r.found)]).collect();
             vec![Series::new("worst of all marks", points).marked()]
         };
         let panels = vec![
-            panel(Axis::new("FOD", "um"), rungs(&|d| d.focus * 1000.0), focus.clone()),
-            panel(Axis::new("BIA", "deg"), rungs(&|d| d.angle.to_degrees()), angle.clone()),
-            panel(Axis::new("displacement", "mm"), rungs(&|d| d.lateral), field.clone()),
+            panel(Axis::new("FOD", "um"), trials(&|d| d.focus * 1000.0), focus.clone()),
+            panel(Axis::new("BIA", "deg"), trials(&|d| d.angle.to_degrees()), angle.clone()),
+            panel(Axis::new("displacement", "mm"), trials(&|d| d.lateral), field.clone()),
         ];
         let title = "Seven axes: how strongly the path may be smoothed".into();
-        out.push(("ladder", LineChart { title, x: Axis::new("sigma", "um"), panels, limits: Vec::new() }.draw()));
+        out.push(("back-off", LineChart { title, x: Axis::new("sigma", "um"), panels, limits: Vec::new() }.draw()));
     }
     if !c.curves.axes.is_empty() {
         let names = [("X", "mm"), ("Y", "mm"), ("Z", "mm"), ("A", "deg"), ("C", "deg"), ("U", "mm"), ("V", "mm")];

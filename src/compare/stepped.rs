@@ -3,16 +3,16 @@
 use std::borrow::Cow;
 
 use super::{Figures, Split, Subject, marked, path_of, reason};
-use crate::fly::kinematics::Deviation;
-use crate::fly::relief::Relief;
-use crate::fly::sync::step_scan_s;
 use crate::geom::{Box2, NM_PER_MM, P2, Turn, mm_from_nm};
 use crate::job::{DepthRule, Focus, Method, Partition};
 use crate::machine::Machine;
+use crate::manifest::Times;
 use crate::motion;
+use crate::on_the_fly::axes::kinematics::Deviation;
+use crate::on_the_fly::axes::xyzuv::step_scan_s;
+use crate::on_the_fly::path::height_field::HeightField;
 use crate::plan::{Draft, SteppedPlan};
 use crate::program::Program;
-use crate::record::Times;
 
 /// Planes of focus so far apart, nm, that every field has one.
 const ONE_PLANE: i64 = 2_000_000_000;
@@ -161,7 +161,7 @@ fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
     let mut program = Cow::Borrowed(plan.program);
     let turns: Vec<Turn> = program.blocks.iter().map(|b| plan.machine.turn(b.stop.tilt, plan.origin)).collect();
     if turns.iter().any(|turn| turn.lean() > 0.0) {
-        seen_from_above(program.to_mut(), &turns, &subject.relief, plan.texture);
+        seen_from_above(program.to_mut(), &turns, &subject.height_field, plan.texture);
     }
     let owner = owners(&program);
     let path = path_of(subject, &program, 0..program.blocks.len());
@@ -173,7 +173,7 @@ fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
         let centre = stop.centre.mm();
         Deviation {
             focus: (p[2] - mm_from_nm(stop.focus)).abs(),
-            angle: turn.slope2(subject.relief.at([x, y]).normal()).sqrt().atan(),
+            angle: turn.slope2(subject.height_field.at([x, y]).normal()).sqrt().atan(),
             lateral: (p[0] - centre[0]).hypot(p[1] - centre[1]),
         }
     };
@@ -183,7 +183,7 @@ fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
 
 /// Puts centres and points of all blocks where they lie on the untilted part, seen along z; points in the box of the
 /// texture.
-fn seen_from_above(program: &mut Program, turns: &[Turn], relief: &Relief, texture: Box2) {
+fn seen_from_above(program: &mut Program, turns: &[Turn], height_field: &HeightField, texture: Box2) {
     let Program { blocks, strokes, points, .. } = program;
     for (block, turn) in blocks.iter_mut().zip(turns) {
         let (centre, focus, up) = (block.stop.centre, block.stop.focus, turn.up());
@@ -194,7 +194,7 @@ fn seen_from_above(program: &mut Program, turns: &[Turn], relief: &Relief, textu
             let from = turn.back(point.map(|v| v as f64)).map(|v| v / NM_PER_MM);
             let (mut way, mut p) = (0.0f64, from);
             for _ in 0..4 {
-                let h = relief.at([p[0], p[1]]);
+                let h = height_field.at([p[0], p[1]]);
                 let closing = up[2] - h.slope[0] * up[0] - h.slope[1] * up[1];
                 way = (way + (h.z - p[2]) / closing).clamp(lo, hi);
                 p = [0, 1, 2].map(|k| from[k] + way * up[k]);

@@ -9,8 +9,8 @@
 //! What each file holds is written down in `docs/formats.md`.
 
 pub mod dxf;
-pub mod fly;
 pub mod gcode;
+pub mod on_the_fly;
 pub mod ovf;
 mod target;
 

@@ -5,11 +5,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{dxf, fly, gcode, ovf};
+use super::{dxf, gcode, on_the_fly, ovf};
 use crate::check::Checked;
-use crate::fly::check::Checked as FlyChecked;
-use crate::fly::program::Kind;
 use crate::machine::Machine;
+use crate::on_the_fly::check::Checked as FlyChecked;
+use crate::on_the_fly::program::Kind;
 
 /// Program formats, by the names that job files give them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize, schemars::JsonSchema)]
@@ -104,7 +104,7 @@ pub const TARGETS: [Target; 5] = [
         format: Format::Linuxcnc,
         name: "linuxcnc",
         stepped: Some(Files::Whole("stage.ngc", gcode::linuxcnc)),
-        on_the_fly: Some(FlyFile { name: "fly.ngc", kinds: &[Kind::Xyzuv], write: fly::linuxcnc }),
+        on_the_fly: Some(FlyFile { name: "fly.ngc", kinds: &[Kind::Xyzuv], write: on_the_fly::linuxcnc }),
         carries_pens: false,
         moves_stage: true,
         allows_setups: true,
@@ -142,7 +142,7 @@ pub const TARGETS: [Target; 5] = [
         format: Format::Pmac,
         name: "pmac",
         stepped: None,
-        on_the_fly: Some(FlyFile { name: "fly.pmc", kinds: &[Kind::Xyzuv, Kind::Xyzacuv], write: fly::pmac }),
+        on_the_fly: Some(FlyFile { name: "fly.pmc", kinds: &[Kind::Xyzuv, Kind::Xyzacuv], write: on_the_fly::pmac }),
         carries_pens: false,
         moves_stage: true,
         allows_setups: false,

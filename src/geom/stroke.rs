@@ -11,7 +11,7 @@ pub struct Strokes {
 
 impl Strokes {
     /// Appends a stroke. Points equal to their predecessor are left out; what then has fewer than two
-    /// points is no stroke and is not kept: the answer says whether it was.
+    /// points is not a stroke and is not kept: the answer says whether it was.
     pub fn push(&mut self, points: impl IntoIterator<Item = P2>) -> bool {
         let start = self.points.len();
         for p in points {

@@ -212,7 +212,7 @@ pub struct Stage {
     /// Waiting time after a move before the laser may fire.
     #[serde(default, deserialize_with = "non_negative")]
     pub settle: Time,
-    /// How truly the stage stands after a move, for the error of stitching.
+    /// Positioning accuracy of the stage, for the error of stitching.
     #[serde(default, deserialize_with = "positive_option")]
     pub accuracy: Option<Length>,
     /// How the stage follows its command.

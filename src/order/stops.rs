@@ -12,10 +12,10 @@
 //! mean. The result is judged by the true times. With levels in one direction only, the stops of one level
 //! are toured one level after another.
 
-use super::clock::Clock;
-use super::ports::{Ports, greedy};
+use super::endpoints::{Endpoints, greedy};
+use super::kd_tree::Tree;
+use super::move_times::Clock;
 use super::tour::Tour;
-use super::tree::Tree;
 use crate::machine::Machine;
 use crate::motion;
 
@@ -96,8 +96,8 @@ fn path(stops: &[[i64; 3]], stage: &Stage<'_>, some: Vec<usize>, effort: usize) 
     if some.len() < 2 {
         return some;
     }
-    let mut ports = Ports::with_capacity(some.len() + 1, some.len() + 1);
-    (0..=some.len()).for_each(|_| ports.closed(1));
+    let mut endpoints = Endpoints::with_capacity(some.len() + 1, some.len() + 1);
+    (0..=some.len()).for_each(|_| endpoints.closed(1));
     let at: Vec<[f64; 3]> =
         std::iter::once(stage.from).chain(some.iter().map(|&i| stops[i])).map(|p| p.map(|v| v as f64)).collect();
     let mut tree = Tree::new(&at[1..]);
@@ -105,7 +105,7 @@ fn path(stops: &[[i64; 3]], stage: &Stage<'_>, some: Vec<usize>, effort: usize) 
     let far = |gap: [f64; 3]| clock.over(gap) + TIE * gap.iter().map(|v| v * v).sum::<f64>().sqrt();
     let of_ports = |seq: &[u32]| seq[1..].iter().map(|&port| some[port as usize - 1]).collect::<Vec<usize>>();
     let mut starts = strips(&at);
-    starts.push(greedy(&ports, &mut tree, &at, far));
+    starts.push(greedy(&endpoints, &mut tree, &at, far));
     tree.fill();
     let timed = |seq: &Vec<u32>| time(stops, stage, &of_ports(seq));
     let Some(start) = starts.into_iter().min_by(|a, b| timed(a).total_cmp(&timed(b))) else { return some };
@@ -120,7 +120,7 @@ fn path(stops: &[[i64; 3]], stage: &Stage<'_>, some: Vec<usize>, effort: usize) 
     let lists = neighbours(&tree, &at, far, both_ways);
     // A move changes the whole tour, but where that would be long.
     let longest = (100_000_000 / some.len()).max(1000);
-    let mut tour = Tour::new(&ports, start.clone(), longest, LEAST, both_ways, |port, limit, found| {
+    let mut tour = Tour::new(&endpoints, start.clone(), longest, LEAST, both_ways, |port, limit, found| {
         found.clear();
         found.extend(lists[port as usize].iter().take_while(|f| f.0 < limit));
     });
@@ -146,32 +146,32 @@ fn strips(at: &[[f64; 3]]) -> Vec<Vec<u32>> {
                 parts.into_iter().map(|k| a[k].total_cmp(&b[k])).find(|o| o.is_ne()).unwrap_or(a[0].total_cmp(&b[0]))
             }
         };
-        let mut ports: Vec<u32> = (1..at.len() as u32).collect();
-        ports.sort_by(by([0, 1, 2]));
-        let columns = ports.chunk_by(|a, b| key(a)[..2] == key(b)[..2]).count() as f64;
+        let mut endpoints: Vec<u32> = (1..at.len() as u32).collect();
+        endpoints.sort_by(by([0, 1, 2]));
+        let columns = endpoints.chunk_by(|a, b| key(a)[..2] == key(b)[..2]).count() as f64;
         let span = |k: usize| {
-            let values = || ports.iter().map(|p| key(p)[k]);
+            let values = || endpoints.iter().map(|p| key(p)[k]);
             values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
         };
         // Bands in which neighbours along and across are about as far apart.
         let even = (span(0) * span(1) / columns).sqrt();
         for width in [0.0, 0.5 * even, even, 1.5 * even, 2.0 * even] {
-            out.push(strip(&ports, width, key, by([1, 0, 2]), at[0][2]));
+            out.push(strip(&endpoints, width, key, by([1, 0, 2]), at[0][2]));
         }
     }
     out
 }
 
-/// One serpentine through `ports`, which stand band by band; `along` sorts a band.
+/// One serpentine through `endpoints`, which stand band by band; `along` sorts a band.
 fn strip(
-    ports: &[u32],
+    endpoints: &[u32],
     width: f64,
     key: impl Fn(&u32) -> [f64; 3],
     along: impl Fn(&u32, &u32) -> std::cmp::Ordering,
     mut z: f64,
 ) -> Vec<u32> {
     let mut seq = vec![0];
-    let mut rest = ports;
+    let mut rest = endpoints;
     let mut forward = true;
     while let Some(first) = rest.first() {
         let end = key(first)[0] + width;

@@ -9,9 +9,9 @@
 //! Of closed strokes with more than eight vertices the search knows the outermost eight; the last step looks
 //! at all. A move changes at most a thousand places. Strokes of all pens are ordered together.
 
-use super::ports::{Ports, greedy};
+use super::endpoints::{Endpoints, greedy};
+use super::kd_tree::Tree;
 use super::tour::Tour;
-use super::tree::Tree;
 
 /// A stroke as far as its order needs it.
 #[derive(Clone, Copy, Debug)]
@@ -52,15 +52,15 @@ pub fn as_drawn(strokes: usize) -> Vec<Visit> {
 /// The order in which strokes are marked, the beam starting in the centre of the field.
 pub fn order(paths: &[Path<'_>]) -> Vec<Visit> {
     let known = Known::new(paths);
-    let Known { ports, at, vertex } = &known;
+    let Known { endpoints, at, vertex } = &known;
     let mut tree = Tree::new(&at[1..]);
-    let seq = greedy(ports, &mut tree, at, square);
+    let seq = greedy(endpoints, &mut tree, at, square);
     tree.fill();
     let cost = |a: u32, b: u32| {
         let (a, b) = (at[a as usize], at[b as usize]);
         square([a[0] - b[0], a[1] - b[1]]).sqrt()
     };
-    let mut tour = Tour::new(ports, seq, LONGEST, LEAST, cost, |port, limit, found| {
+    let mut tour = Tour::new(endpoints, seq, LONGEST, LEAST, cost, |port, limit, found| {
         nearer(&known, &tree, port, limit, found);
     });
     tour.settle();
@@ -73,7 +73,7 @@ pub fn order(paths: &[Path<'_>]) -> Vec<Visit> {
     let mut visits: Vec<Visit> = tour.into_seq()[1..]
         .iter()
         .map(|&port| {
-            let stroke = ports.item(port) - 1;
+            let stroke = endpoints.item(port) - 1;
             let vertex = vertex[port as usize];
             let is_closed = paths[stroke].is_closed;
             Visit {
@@ -93,7 +93,7 @@ fn square([x, y]: [f64; 2]) -> f64 {
 
 /// What the search knows of the strokes: item 0 is the field's centre, stroke i is item i + 1.
 struct Known {
-    ports: Ports,
+    endpoints: Endpoints,
     /// Place of every port, nm.
     at: Vec<[f64; 2]>,
     /// Vertex of every port.
@@ -105,22 +105,22 @@ impl Known {
         let size = |p: &Path<'_>| if p.is_closed { CORNERS.min(p.points.len() - 1) } else { 2 };
         let count = paths.iter().map(size).sum::<usize>() + 1;
         let mut known = Self {
-            ports: Ports::with_capacity(paths.len() + 1, count),
+            endpoints: Endpoints::with_capacity(paths.len() + 1, count),
             at: Vec::with_capacity(count),
             vertex: Vec::with_capacity(count),
         };
         known.add(0, [0, 0]);
-        known.ports.closed(1);
+        known.endpoints.closed(1);
         for path in paths {
             let last = path.points.len() - 1;
             if path.is_closed {
                 let before = known.at.len();
                 corners(&path.points[..last], |i| known.add(i, path.points[i]));
-                known.ports.closed(known.at.len() - before);
+                known.endpoints.closed(known.at.len() - before);
             } else {
                 known.add(0, path.points[0]);
                 known.add(last, path.points[last]);
-                known.ports.open();
+                known.endpoints.open();
             }
         }
         known
@@ -153,14 +153,14 @@ fn corners(points: &[[i32; 2]], mut f: impl FnMut(usize)) {
     }
 }
 
-/// The nearest ports of other strokes that are nearer than `limit`, nearest first.
+/// The nearest endpoints of other strokes that are nearer than `limit`, nearest first.
 fn nearer(known: &Known, tree: &Tree<2>, port: u32, limit: f64, found: &mut Vec<(f64, u32)>) {
     found.clear();
-    let item = known.ports.item(port);
+    let item = known.endpoints.item(port);
     let mut limit = limit * limit;
     let start = port.checked_sub(1);
     tree.around(known.at[port as usize], start, limit, square, |d, number| {
-        if known.ports.item(number + 1) != item {
+        if known.endpoints.item(number + 1) != item {
             let at = found.partition_point(|&(other, _)| other <= d);
             found.insert(at, (d, number + 1));
             if found.len() > NEIGHBOURS {

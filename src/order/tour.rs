@@ -1,11 +1,11 @@
 //! A path through items, made shorter by moves on neighbour lists.
 //!
-//! Items, ports and costs are those of the `ports` module. Moves are 2-opt (a run of items is reversed, each of them turned) and Or-opt (a run of up to three goes
+//! Items, endpoints and costs are those of the `endpoints` module. Moves are 2-opt (a run of items is reversed, each of them turned) and Or-opt (a run of up to three goes
 //! to another place, either way round, or one item enters by another port). [`Tour::improve`] makes
-//! them while any gains; [`Tour::settle`] then chooses all ports at once, by dynamic programming;
+//! them while any gains; [`Tour::settle`] then chooses all endpoints at once, by dynamic programming;
 //! [`Tour::perturb`] changes the tour at random and takes back what did not pay.
 
-use super::ports::Ports;
+use super::endpoints::Endpoints;
 
 /// No port: beyond the end of the path.
 const NONE: u32 = u32::MAX;
@@ -17,7 +17,7 @@ const RUN: usize = 3;
 const MOST_MOVES: usize = 50;
 
 /// Places around a random change.
-const KICK: usize = 50;
+const PERTURBATION: usize = 50;
 
 /// Run `a..=b` goes between places `gap` and `gap + 1`, turned or not, and enters by `entry`.
 #[derive(Clone, Copy)]
@@ -33,7 +33,7 @@ struct Move {
 impl Move {
     /// Takes another move if it gains more: `gain` less what it costs, which is not asked for in vain.
     #[inline]
-    fn offer(&mut self, gain: f64, [a, b, gap]: [usize; 3], turned: bool, entry: u32, costs: impl Fn() -> f64) {
+    fn try_move(&mut self, gain: f64, [a, b, gap]: [usize; 3], turned: bool, entry: u32, costs: impl Fn() -> f64) {
         if gain > self.gain {
             let gain = gain - costs();
             if gain > self.gain {
@@ -46,18 +46,18 @@ impl Move {
 /// What was done to the sequence, so that it can be undone.
 enum Step {
     Reverse(usize, usize),
-    /// Places from..=to were rotated left by so many.
+    /// Places from..=to were rotated left by that many.
     Rotate(usize, usize, usize),
     /// Place and its port before.
-    Port(usize, u32),
+    Endpoint(usize, u32),
 }
 
 /// A path and what it costs.
 pub(super) struct Tour<'a, C, N> {
-    ports: &'a Ports,
+    endpoints: &'a Endpoints,
     /// Cost between the port that is left and the port that is entered.
     cost: C,
-    /// Puts ports of other items around a port that are nearer than a limit, nearest first.
+    /// Puts endpoints of other items around a port that are nearer than a limit, nearest first.
     near: N,
     /// Entry port at every place.
     seq: Vec<u32>,
@@ -78,14 +78,14 @@ pub(super) struct Tour<'a, C, N> {
 }
 
 impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a, C, N> {
-    pub(super) fn new(ports: &'a Ports, seq: Vec<u32>, longest: usize, least: f64, cost: C, near: N) -> Self {
+    pub(super) fn new(endpoints: &'a Endpoints, seq: Vec<u32>, longest: usize, least: f64, cost: C, near: N) -> Self {
         let mut place = vec![0; seq.len()];
-        seq.iter().zip(0..).for_each(|(&port, at)| place[ports.item(port)] = at);
+        seq.iter().zip(0..).for_each(|(&port, at)| place[endpoints.item(port)] = at);
         let mut tour = Self {
             edges: vec![0.0; seq.len()],
-            queue: seq.iter().map(|&port| ports.item(port) as u32).collect(),
+            queue: seq.iter().map(|&port| endpoints.item(port) as u32).collect(),
             queued: vec![true; seq.len()],
-            ports,
+            endpoints,
             cost,
             near,
             seq,
@@ -99,7 +99,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         tour
     }
 
-    /// Entry ports in the order of the path, the start first.
+    /// Entry endpoints in the order of the path, the start first.
     pub(super) fn into_seq(self) -> Vec<u32> {
         self.seq
     }
@@ -108,7 +108,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         self.seq.get(at).copied().unwrap_or(NONE)
     }
     fn exit(&self, at: usize) -> u32 {
-        self.ports.other(self.seq[at])
+        self.endpoints.other(self.seq[at])
     }
     /// Cost from one port to the next, if there is a next.
     fn link(&self, from: u32, to: u32) -> f64 {
@@ -124,9 +124,9 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         self.work(MOST_MOVES * self.seq.len()) > 0.0
     }
 
-    fn stale(&mut self, at: usize) {
+    fn mark_dirty(&mut self, at: usize) {
         let Some(&port) = self.seq.get(at) else { return };
-        let item = self.ports.item(port);
+        let item = self.endpoints.item(port);
         if !std::mem::replace(&mut self.queued[item], true) {
             self.queue.push_back(item as u32);
         }
@@ -189,25 +189,25 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
     /// Moves after which the exit of place `i` is joined to port `q`, `d` away. `runs` is what taking out
     /// the runs that end with i gains.
     fn after(&self, i: usize, q: u32, d: f64, runs: &[f64; RUN], best: &mut Move) {
-        let j = self.place[self.ports.item(q)] as usize;
+        let j = self.place[self.endpoints.item(q)] as usize;
         if i.abs_diff(j) > self.longest {
             return;
         }
         let [enters_by_q, leaves_by_q] = [self.entry(j) == q, self.exit(j) == q];
         if leaves_by_q {
             let [lo, hi] = [i.min(j), i.max(j)];
-            best.offer(self.edges[lo] + self.edges[hi] - d, [lo + 1, hi, lo], true, NONE, || {
+            best.try_move(self.edges[lo] + self.edges[hi] - d, [lo + 1, hi, lo], true, NONE, || {
                 self.link(self.entry(lo + 1), self.entry(hi + 1))
             });
         }
         // Item j comes after i.
-        let exit = self.ports.other(q);
+        let exit = self.endpoints.other(q);
         let out = self.edges[i] - d;
         if j == i + 1 {
             let gain = out + self.edges[j];
-            return best.offer(gain, [j, j, i], false, q, || self.link(exit, self.entry(j + 1)));
+            return best.try_move(gain, [j, j, i], false, q, || self.link(exit, self.entry(j + 1)));
         }
-        best.offer(self.edges[j - 1] + self.edges[j] + out, [j, j, i], false, q, || {
+        best.try_move(self.edges[j - 1] + self.edges[j] + out, [j, j, i], false, q, || {
             self.link(self.exit(j - 1), self.entry(j + 1)) + self.link(exit, self.entry(i + 1))
         });
         // A run that ends with i goes before or after j.
@@ -218,36 +218,36 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
             }
             if enters_by_q {
                 let gain = gain + self.edges[j - 1] - d;
-                best.offer(gain, [a, i, j - 1], false, NONE, || self.link(self.exit(j - 1), self.entry(a)));
+                best.try_move(gain, [a, i, j - 1], false, NONE, || self.link(self.exit(j - 1), self.entry(a)));
             }
             if leaves_by_q {
                 let gain = gain + self.edges[j] - d;
-                best.offer(gain, [a, i, j], true, NONE, || self.link(self.entry(a), self.entry(j + 1)));
+                best.try_move(gain, [a, i, j], true, NONE, || self.link(self.entry(a), self.entry(j + 1)));
             }
         }
     }
 
     /// The same for the entry of place `i` and the runs that begin there.
     fn before(&self, i: usize, q: u32, d: f64, runs: &[f64; RUN], best: &mut Move) {
-        let j = self.place[self.ports.item(q)] as usize;
+        let j = self.place[self.endpoints.item(q)] as usize;
         if i.abs_diff(j) > self.longest {
             return;
         }
         let [enters_by_q, leaves_by_q] = [self.entry(j) == q, self.exit(j) == q];
         if enters_by_q {
             let [lo, hi] = [i.min(j), i.max(j)];
-            best.offer(self.edges[lo - 1] + self.edges[hi - 1] - d, [lo, hi - 1, lo - 1], true, NONE, || {
+            best.try_move(self.edges[lo - 1] + self.edges[hi - 1] - d, [lo, hi - 1, lo - 1], true, NONE, || {
                 self.link(self.exit(lo - 1), self.exit(hi - 1))
             });
         }
         // Item j comes before i.
-        let entry = self.ports.other(q);
+        let entry = self.endpoints.other(q);
         let out = self.edges[i - 1] - d;
         if j == i - 1 {
             let gain = out + self.edges[j - 1];
-            return best.offer(gain, [j, j, j - 1], false, entry, || self.link(self.exit(j - 1), entry));
+            return best.try_move(gain, [j, j, j - 1], false, entry, || self.link(self.exit(j - 1), entry));
         }
-        best.offer(self.edges[j - 1] + self.edges[j] + out, [j, j, i - 1], false, entry, || {
+        best.try_move(self.edges[j - 1] + self.edges[j] + out, [j, j, i - 1], false, entry, || {
             self.link(self.exit(j - 1), self.entry(j + 1)) + self.link(self.exit(i - 1), entry)
         });
         // A run that begins with i goes before or after j.
@@ -258,22 +258,22 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
             }
             if leaves_by_q {
                 let gain = gain + self.edges[j] - d;
-                best.offer(gain, [i, b, j], false, NONE, || self.link(self.exit(b), self.entry(j + 1)));
+                best.try_move(gain, [i, b, j], false, NONE, || self.link(self.exit(b), self.entry(j + 1)));
             }
             if enters_by_q {
                 let gain = gain + self.edges[j - 1] - d;
-                best.offer(gain, [i, b, j - 1], true, NONE, || self.link(self.exit(j - 1), self.exit(b)));
+                best.try_move(gain, [i, b, j - 1], true, NONE, || self.link(self.exit(j - 1), self.exit(b)));
             }
         }
     }
 
     fn apply(&mut self, m: Move) {
         for at in [m.a - 1, m.a, m.b, m.b + 1, m.gap, m.gap + 1] {
-            self.stale(at);
+            self.mark_dirty(at);
         }
         if m.entry != NONE {
             let old = self.enter(m.a, m.entry);
-            self.journal.iter_mut().for_each(|j| j.push(Step::Port(m.a, old)));
+            self.journal.iter_mut().for_each(|j| j.push(Step::Endpoint(m.a, old)));
         }
         if m.turned {
             self.reverse(m.a, m.b);
@@ -296,12 +296,12 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
     /// Reverses places `lo..=hi` and turns every item there.
     fn reverse(&mut self, lo: usize, hi: usize) {
         self.journal.iter_mut().for_each(|j| j.push(Step::Reverse(lo, hi)));
-        let Self { ports, seq, place, .. } = self;
+        let Self { endpoints, seq, place, .. } = self;
         let run = &mut seq[lo..=hi];
         run.reverse();
         for (port, at) in run.iter_mut().zip(lo as u32..) {
-            *port = ports.other(*port);
-            place[ports.item(*port)] = at;
+            *port = endpoints.other(*port);
+            place[endpoints.item(*port)] = at;
         }
         self.edges[lo..hi].reverse();
         self.measure(lo - 1);
@@ -311,26 +311,26 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
     fn rotate(&mut self, lo: usize, hi: usize, by: usize) {
         self.journal.iter_mut().for_each(|j| j.push(Step::Rotate(lo, hi, by)));
         self.seq[lo..=hi].rotate_left(by);
-        let Self { ports, seq, place, .. } = self;
-        seq[lo..=hi].iter().zip(lo as u32..).for_each(|(&port, at)| place[ports.item(port)] = at);
+        let Self { endpoints, seq, place, .. } = self;
+        seq[lo..=hi].iter().zip(lo as u32..).for_each(|(&port, at)| place[endpoints.item(port)] = at);
         self.edges[lo..=hi].rotate_left(by);
         self.measure(lo - 1);
         self.measure(hi - by);
         self.measure(hi);
     }
 
-    /// Chooses the ports of all items at once so that the path is shortest in its present order.
+    /// Chooses the endpoints of all items at once so that the path is shortest in its present order.
     pub(super) fn settle(&mut self) {
         let n = self.seq.len();
         // Least cost of the path that ends with entering each port of each place, and the port before.
-        let mut from = vec![0u32; self.ports.count()];
+        let mut from = vec![0u32; self.endpoints.count()];
         let mut last = vec![(0.0, self.seq[0])];
         let mut next = Vec::new();
         for at in 1..n {
-            for port in self.ports.of(self.ports.item(self.seq[at])) {
+            for port in self.endpoints.of(self.endpoints.item(self.seq[at])) {
                 let mut best = (f64::INFINITY, 0);
                 for &(cost, before) in &last {
-                    let cost = cost + (self.cost)(self.ports.other(before), port);
+                    let cost = cost + (self.cost)(self.endpoints.other(before), port);
                     if cost < best.0 {
                         best = (cost, before);
                     }
@@ -345,23 +345,23 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         let Some((_, mut port)) = end else { return };
         for at in (1..n).rev() {
             if self.enter(at, port) != port {
-                [at - 1, at, at + 1].into_iter().for_each(|at| self.stale(at));
+                [at - 1, at, at + 1].into_iter().for_each(|at| self.mark_dirty(at));
             }
             port = from[port as usize];
         }
     }
 
-    /// Makes `kicks` random changes, each mended by moves around it and taken back unless the path is no
+    /// Makes `perturbations` random changes, each mended by moves around it and taken back unless the path is no
     /// longer than before.
-    pub(super) fn perturb(&mut self, kicks: usize, seed: u64) {
+    pub(super) fn perturb(&mut self, perturbations: usize, seed: u64) {
         let n = self.seq.len();
         if n < 8 {
             return;
         }
         let mut random = Random(seed);
-        for _ in 0..kicks {
+        for _ in 0..perturbations {
             self.journal.get_or_insert_default().clear();
-            let span = KICK.min(n - 1);
+            let span = PERTURBATION.min(n - 1);
             let lo = 1 + random.below(n - span);
             // Two neighbouring runs change places.
             let [mut p, mut q] = [random.below(span), random.below(span)];
@@ -373,14 +373,14 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
                 continue;
             }
             let lost = self.swap(a, b, c);
-            if self.work(MOST_MOVES * KICK) >= lost {
+            if self.work(MOST_MOVES * PERTURBATION) >= lost {
                 continue;
             }
             for step in self.journal.take().into_iter().flatten().rev() {
                 match step {
                     Step::Reverse(lo, hi) => self.reverse(lo, hi),
                     Step::Rotate(lo, hi, by) => self.rotate(lo, hi, hi + 1 - lo - by),
-                    Step::Port(at, port) => {
+                    Step::Endpoint(at, port) => {
                         self.enter(at, port);
                     }
                 }
@@ -393,7 +393,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
     fn swap(&mut self, a: usize, b: usize, c: usize) -> f64 {
         let ends = |tour: &Self, middle: usize| tour.edges[a - 1] + tour.edges[middle - 1] + tour.edges[c - 1];
         let old = ends(self, b);
-        [a - 1, a, b - 1, b, c - 1, c].into_iter().for_each(|at| self.stale(at));
+        [a - 1, a, b - 1, b, c - 1, c].into_iter().for_each(|at| self.mark_dirty(at));
         self.rotate(a, c - 1, b - a);
         ends(self, a + c - b) - old
     }
@@ -416,22 +416,22 @@ impl Random {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::order::ports::greedy;
-    use crate::order::tree::Tree;
+    use crate::order::endpoints::greedy;
+    use crate::order::kd_tree::Tree;
 
-    /// Places of the ports of stops and of open and closed strokes, mixed.
-    fn mixed(n: usize, mut seed: u64) -> (Ports, Vec<[f64; 2]>) {
-        let mut ports = Ports::with_capacity(n + 1, 4 * n);
-        ports.closed(1);
+    /// Places of the endpoints of stops and of open and closed strokes, mixed.
+    fn mixed(n: usize, mut seed: u64) -> (Endpoints, Vec<[f64; 2]>) {
+        let mut endpoints = Endpoints::with_capacity(n + 1, 4 * n);
+        endpoints.closed(1);
         for i in 0..n {
-            if i % 3 == 0 { ports.open() } else { ports.closed(i % 3 * 2) }
+            if i % 3 == 0 { endpoints.open() } else { endpoints.closed(i % 3 * 2) }
         }
         let mut next = || {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
             (seed >> 40) as f64
         };
-        let at = (0..ports.count()).map(|_| [next(), next()]).collect();
-        (ports, at)
+        let at = (0..endpoints.count()).map(|_| [next(), next()]).collect();
+        (endpoints, at)
     }
 
     fn square([x, y]: [f64; 2]) -> f64 {
@@ -443,42 +443,42 @@ mod tests {
         square([a[0] - b[0], a[1] - b[1]]).sqrt()
     }
 
-    fn length(ports: &Ports, at: &[[f64; 2]], seq: &[u32]) -> f64 {
-        seq.windows(2).map(|w| distance(at, ports.other(w[0]), w[1])).sum()
+    fn length(endpoints: &Endpoints, at: &[[f64; 2]], seq: &[u32]) -> f64 {
+        seq.windows(2).map(|w| distance(at, endpoints.other(w[0]), w[1])).sum()
     }
 
     #[test]
     fn every_change_keeps_the_books_and_pays() {
         for seed in 1..6 {
-            let (ports, at) = mixed(120, seed);
+            let (endpoints, at) = mixed(120, seed);
             let mut tree = Tree::new(&at[1..]);
-            let first = greedy(&ports, &mut tree, &at, square);
+            let first = greedy(&endpoints, &mut tree, &at, square);
             let cost = |a: u32, b: u32| distance(&at, a, b);
             let near = |port: u32, limit: f64, found: &mut Vec<(f64, u32)>| {
                 found.clear();
-                let others = (1..at.len() as u32).filter(|&p| ports.item(p) != ports.item(port));
+                let others = (1..at.len() as u32).filter(|&p| endpoints.item(p) != endpoints.item(port));
                 found.extend(others.map(|p| (cost(port, p), p)).filter(|f| f.0 < limit));
                 found.sort_by(|a, b| a.0.total_cmp(&b.0));
                 found.truncate(8);
             };
-            let mut before = length(&ports, &at, &first);
+            let mut before = length(&endpoints, &at, &first);
             let greedy = before;
-            let mut tour = Tour::new(&ports, first, 1000, 1e-6, cost, near);
+            let mut tour = Tour::new(&endpoints, first, 1000, 1e-6, cost, near);
             for step in 0..4 {
                 match step {
                     1 => assert!(tour.improve()),
                     2 => tour.perturb(200, 1),
                     _ => tour.settle(),
                 }
-                let after = length(&ports, &at, &tour.seq);
+                let after = length(&endpoints, &at, &tour.seq);
                 assert!(after <= before + 1e-3, "step {step} with seed {seed}: {before} {after}");
                 assert!((tour.edges.iter().sum::<f64>() - after).abs() < 1e-3, "step {step} with seed {seed}");
-                let mut seen = vec![false; ports.items()];
+                let mut seen = vec![false; endpoints.items()];
                 for (at, &port) in tour.seq.iter().enumerate() {
-                    assert_eq!(tour.place[ports.item(port)] as usize, at);
-                    assert!(!std::mem::replace(&mut seen[ports.item(port)], true));
+                    assert_eq!(tour.place[endpoints.item(port)] as usize, at);
+                    assert!(!std::mem::replace(&mut seen[endpoints.item(port)], true));
                 }
-                assert_eq!((tour.seq[0], tour.seq.len()), (0, ports.items()));
+                assert_eq!((tour.seq[0], tour.seq.len()), (0, endpoints.items()));
                 before = after;
             }
             assert!(before < 0.9 * greedy, "seed {seed}: {greedy} {before}");
@@ -487,17 +487,18 @@ mod tests {
 
     #[test]
     fn settling_finds_the_best_ports_of_all() {
-        let (ports, at) = mixed(6, 4);
-        let seq: Vec<u32> = (0..ports.items()).map(|i| ports.of(i).start).collect();
+        let (endpoints, at) = mixed(6, 4);
+        let seq: Vec<u32> = (0..endpoints.items()).map(|i| endpoints.of(i).start).collect();
         let cost = |a: u32, b: u32| distance(&at, a, b);
-        let mut tour = Tour::new(&ports, seq, 10, 0.0, cost, |_, _, found| found.clear());
+        let mut tour = Tour::new(&endpoints, seq, 10, 0.0, cost, |_, _, found| found.clear());
         tour.settle();
         let mut all = vec![vec![0]];
-        for item in 1..ports.items() {
-            let longer = |seq: &Vec<u32>| ports.of(item).map(|port| [&seq[..], &[port]].concat()).collect::<Vec<_>>();
+        for item in 1..endpoints.items() {
+            let longer =
+                |seq: &Vec<u32>| endpoints.of(item).map(|port| [&seq[..], &[port]].concat()).collect::<Vec<_>>();
             all = all.iter().flat_map(longer).collect();
         }
-        let best = all.iter().map(|seq| length(&ports, &at, seq)).fold(f64::INFINITY, f64::min);
-        assert!(all.len() > 100 && (length(&ports, &at, &tour.into_seq()) - best).abs() < 1e-6);
+        let best = all.iter().map(|seq| length(&endpoints, &at, seq)).fold(f64::INFINITY, f64::min);
+        assert!(all.len() > 100 && (length(&endpoints, &at, &tour.into_seq()) - best).abs() < 1e-6);
     }
 }

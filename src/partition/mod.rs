@@ -1,21 +1,21 @@
 //! Where the stage stands: boxes that together hold all texture.
 //!
-//! A stop accepts a point of the part that lies in its window, the plane rectangle around its centre,
+//! A stop admits a point of the part that lies in its window, the plane rectangle around its centre,
 //! and in its interval of height; borders belong to it. A method chooses the stops; that is the whole
 //! interface, methods differ in nothing else. Levels lie on the lattice of the stage increment and D is
 //! a whole even number of increments, so that the middle of every level is a place where the stage can
 //! stand.
 
 pub mod bound;
+pub mod box_index;
 mod contour;
-pub mod items;
 pub mod tilt;
 pub mod window;
 mod zrange;
 
 use crate::geom::{Box2, P2, Turn};
 use crate::program::{Sections, Stop};
-use crate::trace::{Cells, Footprint, Slabs};
+use crate::projection::{Cells, Footprint, Slabs};
 
 /// Methods that divide a grid of sections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -155,7 +155,7 @@ impl Stops {
         y.flat_map(move |row| x.clone().map(move |column| (row * columns + column) as usize))
     }
 
-    /// The stops that may accept a point near (x, y, z), nm: their intervals, widened by `slack`, hold z.
+    /// The stops that may admit a point near (x, y, z), nm: their intervals, widened by `slack`, hold z.
     pub fn near(&self, [x, y, z]: [f64; 3], slack: f64) -> impl Iterator<Item = u32> {
         let cell = |v: f64, lo: i64, half: i64| ((v - lo as f64) / (2 * half) as f64).floor() as i64;
         let (column, row) = (cell(x, self.lo.x, self.half[0]), cell(y, self.lo.y, self.half[1]));
@@ -190,7 +190,7 @@ impl Stops {
     }
 }
 
-/// The box of the part that a turned stop may accept.
+/// The box of the part that a turned stop may admit.
 fn footprint(stop: &Stop, turn: &Turn, half: [i64; 2]) -> Box2 {
     let mut area = Box2::EMPTY;
     for corner in 0..8 {
@@ -295,7 +295,7 @@ impl Fine {
     }
 }
 
-/// Windows and levels placed freely. What a stop holds it accepts as far as `overlap` nm around it. With other
+/// Windows and levels placed freely. What a stop holds it admits as far as `overlap` nm around it. With other
 /// `flips` the search begins in another corner, and the borders of windows lie elsewhere.
 pub fn free(
     mut cells: Cells,
@@ -321,11 +321,11 @@ pub fn free(
         for k in (0..3).filter(|&k| flips[k]) {
             (lo[k], hi[k]) = (-hi[k], -lo[k]);
         }
-        items::Item { lo, hi }
+        box_index::Item { lo, hi }
     };
     let zero = [grid.origin.x, grid.origin.y, slabs.z0];
     let local = |v: [i64; 3]| [0, 1, 2].map(|k| v[k] - zero[k]);
-    let items: Vec<items::Item> = list
+    let items: Vec<box_index::Item> = list
         .map(|[column, row, slab]| {
             let [x, y] = [column * grid.pitch[0], row * grid.pitch[1]];
             let hi = [x + grid.pitch[0] + overlap, y + grid.pitch[1] + overlap, level(slab + 1) + slabs.hysteresis];

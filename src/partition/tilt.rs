@@ -7,14 +7,14 @@
 //! some equal sizes are tried, each halved where that saves stops, and the cheapest are taken.
 //!
 //! # Limits
-//! Planes are fitted to sample points of the marks ([`crate::trace::Marks`]); what the levels must hold is
+//! Planes are fitted to sample points of the marks ([`crate::projection::Marks`]); what the levels must hold is
 //! found from all marks afterwards. A section is a rectangle of the plane of the drawing.
 
 use super::{Lattice, Stops, zrange};
 use crate::geom::{Box2, P2};
 use crate::machine::Machine;
 use crate::program::{Sections, Stop};
-use crate::trace::{Facing, Facings, Turned};
+use crate::projection::{TiltedField, TiltedFields, Turned};
 
 /// What tilted stops are made for.
 pub struct TiltSite<'a> {
@@ -49,8 +49,8 @@ impl TiltSite<'_> {
     }
 
     /// Chooses the sections and their tilts by the sample points.
-    pub fn plan(&self, samples: &[[f64; 3]]) -> Facings {
-        let mut best: Option<(u64, Facings)> = None;
+    pub fn plan(&self, samples: &[[f64; 3]]) -> TiltedFields {
+        let mut best: Option<(u64, TiltedFields)> = None;
         for more in 0..=MORE {
             let Some(grid) = self.grid(more) else { continue };
             let made = self.over(grid, samples);
@@ -86,8 +86,8 @@ impl TiltSite<'_> {
         })
     }
 
-    /// Facings over a grid of parts, and how many stops they need.
-    fn over(&self, grid: Sections, samples: &[[f64; 3]]) -> (u64, Facings) {
+    /// Tilted fields over a grid of parts, and how many stops they need.
+    fn over(&self, grid: Sections, samples: &[[f64; 3]]) -> (u64, TiltedFields) {
         let columns = i64::from(grid.count[0]) / PARTS;
         let section = |p: &[f64; 3]| {
             let [x, y] = [0, 1].map(|k| grid.along(k, p[k].round() as i64, 0) / PARTS);
@@ -96,7 +96,7 @@ impl TiltSite<'_> {
         let mut points: Vec<(i64, [f64; 3])> = samples.iter().map(|p| (section(p), *p)).collect();
         points.sort_by_key(|p| p.0);
         let (of_cell, doubtful) = (vec![0; grid.len()], vec![Vec::new(); grid.len()]);
-        let mut facings = Facings { of_cell, list: Vec::new(), half: self.window.map(|w| w / 2), doubtful, grid };
+        let mut fields = TiltedFields { of_cell, list: Vec::new(), half: self.window.map(|w| w / 2), doubtful, grid };
         let mut stops = 0;
         let mut rest = &mut points[..];
         for i in 0..columns * i64::from(grid.count[1]) / PARTS {
@@ -106,21 +106,21 @@ impl TiltSite<'_> {
             let mut here: Vec<[f64; 3]> = here.iter().map(|p| p.1).collect();
             let (levels, found) = self.divide(&grid, part, &mut here);
             stops += levels;
-            for (part, facing) in found {
+            for (part, field) in found {
                 for row in part.at[1]..part.at[1] + part.size[1] {
                     let first = row as usize * grid.count[0] as usize + part.at[0] as usize;
-                    facings.of_cell[first..first + part.size[0] as usize].fill(facings.list.len() as u32);
+                    fields.of_cell[first..first + part.size[0] as usize].fill(fields.list.len() as u32);
                 }
-                facings.list.push(facing);
+                fields.list.push(field);
             }
         }
-        (stops, facings)
+        (stops, fields)
     }
 
     /// The cheapest way to mark a part of a section: whole, or in halves.
-    fn divide(&self, grid: &Sections, part: Part, points: &mut [[f64; 3]]) -> (u64, Vec<(Part, Facing)>) {
-        let (levels, facing) = self.fit(part.area(grid), points);
-        let mut best = (levels, vec![(part, facing)]);
+    fn divide(&self, grid: &Sections, part: Part, points: &mut [[f64; 3]]) -> (u64, Vec<(Part, TiltedField)>) {
+        let (levels, field) = self.fit(part.area(grid), points);
+        let mut best = (levels, vec![(part, field)]);
         for axis in (0..2).filter(|&k| levels > 2 && part.size[k] > 1) {
             let [low, high] = part.halves(axis);
             let border = grid.line(axis, high.at[axis]) as f64;
@@ -136,8 +136,8 @@ impl TiltSite<'_> {
         best
     }
 
-    /// The best facing of a rectangle, and how many levels it needs.
-    fn fit(&self, area: Box2, points: &[[f64; 3]]) -> (u64, Facing) {
+    /// The best field of a rectangle, and how many levels it needs.
+    fn fit(&self, area: Box2, points: &[[f64; 3]]) -> (u64, TiltedField) {
         let upright = self.upright(area);
         let levels = |points: &mut dyn Iterator<Item = f64>| {
             let apart = (self.lattice.depth - 2 * self.lattice.hysteresis) as f64;
@@ -174,15 +174,18 @@ impl TiltSite<'_> {
             return (flat, upright);
         }
         let centre = [0, 1].map(|k| self.stand(k, (window[0][k] + window[1][k]) / 2.0));
-        (tilted, Facing { tilt, turn, centre: P2::new(centre[0], centre[1]), area, top: f64::INFINITY, is_wide: true })
+        (
+            tilted,
+            TiltedField { tilt, turn, centre: P2::new(centre[0], centre[1]), area, top: f64::INFINITY, is_wide: true },
+        )
     }
 
-    /// The facing of a rectangle without a tilt.
-    fn upright(&self, area: Box2) -> Facing {
+    /// The field of a rectangle without a tilt.
+    fn upright(&self, area: Box2) -> TiltedField {
         let centre = [(area.lo.x, area.hi.x), (area.lo.y, area.hi.y)];
         let [x, y] = [0, 1].map(|k| self.stand(k, (centre[k].0 + centre[k].1) as f64 / 2.0));
         let turn = self.machine.turn([0; 2], self.origin);
-        Facing { tilt: [0; 2], turn, centre: P2::new(x, y), area, top: f64::INFINITY, is_wide: true }
+        TiltedField { tilt: [0; 2], turn, centre: P2::new(x, y), area, top: f64::INFINITY, is_wide: true }
     }
 
     /// The nearest place along x or y where the stage can stand.
@@ -191,26 +194,26 @@ impl TiltSite<'_> {
         at - (at + self.origin[axis]).rem_euclid(self.lattice.step)
     }
 
-    /// Makes a facing upright: what its tilt cannot do is done without.
-    pub fn set_upright(&self, facing: &mut Facing) {
-        *facing = self.upright(facing.area);
+    /// Makes a field upright: what its tilt cannot do is done without.
+    pub fn set_upright(&self, field: &mut TiltedField) {
+        *field = self.upright(field.area);
     }
 
-    /// The stops: for every facing the fewest levels that hold what lies in it.
-    pub fn stops(&self, facings: &Facings, held: &Turned, sections: &Sections) -> Stops {
+    /// The stops: for every field the fewest levels that hold what lies in it.
+    pub fn stops(&self, fields: &TiltedFields, held: &Turned, sections: &Sections) -> Stops {
         let lattice = &self.lattice;
         let (mut stops, mut turns, mut areas) = (Vec::new(), Vec::new(), Vec::new());
-        for (facing, held) in facings.list.iter().zip(&held.0) {
+        for (field, held) in fields.list.iter().zip(&held.0) {
             let (whole, deep): (Vec<_>, Vec<_>) = held.figures.iter().partition(|&&(lo, hi)| lattice.holds(lo, hi));
             let heights = super::join(held.heights(), deep);
-            let [x, y, _] = facing.turn.back([facing.centre.x as f64, facing.centre.y as f64, lattice.depth as f64]);
+            let [x, y, _] = field.turn.back([field.centre.x as f64, field.centre.y as f64, lattice.depth as f64]);
             let section = [x, y].map(|v| v.round() as i64);
             let section = [0, 1].map(|k| sections.along(k, section[k], 0) as u32);
             for (level, z_lo) in zrange::levels(&heights, &whole, lattice) {
                 let (focus, z_hi) = (z_lo + lattice.depth / 2, z_lo + lattice.depth);
-                stops.push(Stop { section, level, tilt: facing.tilt, centre: facing.centre, focus, z_lo, z_hi });
-                turns.push(facing.turn);
-                areas.push((!facing.is_wide).then_some(facing.area));
+                stops.push(Stop { section, level, tilt: field.tilt, centre: field.centre, focus, z_lo, z_hi });
+                turns.push(field.turn);
+                areas.push((!field.is_wide).then_some(field.area));
             }
         }
         Stops::turned(stops, turns, areas, self.window, lattice.depth)

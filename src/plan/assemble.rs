@@ -9,13 +9,13 @@ use super::start::Start;
 use crate::geom::{Box2, P2};
 use crate::job::{Level, StopOrder, StrokeOrder};
 use crate::machine::Machine;
+use crate::manifest::Slope;
 use crate::order;
 use crate::order::clearance::Clearance;
 use crate::order::stops::Climb;
 use crate::order::strokes::{Path, Visit};
 use crate::partition::{Lattice, Stops};
 use crate::program::{Block, Program, Stop, Stroke};
-use crate::record::Slope;
 use crate::split::{Fragment, Fragments};
 
 /// A program in order, and how far its marks lie from their focal planes at most, nm.

@@ -9,14 +9,14 @@ use super::grid::Grid;
 use crate::geom::P2;
 use crate::job::Method;
 use crate::partition::bound::{self, Certificate};
-use crate::partition::items::Item;
+use crate::partition::box_index::Item;
+use crate::projection::{Samples, Sampling};
 use crate::texture::Texture;
-use crate::trace::{Samples, Sampling};
 
 /// What rounding may do to a box, nm.
 const ROUNDING: i64 = 4;
 
-/// Cells along a window; no window holds both ends of so many.
+/// Cells along a window; no window holds both ends of that many.
 const CELLS: i64 = 64;
 
 /// What a stop holds at most, nm; None where it is out of reach of 32 bits.

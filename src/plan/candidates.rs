@@ -8,7 +8,7 @@ use crate::job::{Job, Method, Objective};
 use crate::machine::Machine;
 use crate::motion;
 use crate::partition::{self, Fine, Stops};
-use crate::trace::Footprint;
+use crate::projection::Footprint;
 
 /// The methods that a job asks for and the machine can run.
 ///

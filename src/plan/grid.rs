@@ -10,9 +10,9 @@ use crate::job::{Job, Partition};
 use crate::machine::Machine;
 use crate::partition::Lattice;
 use crate::program::Sections;
-use crate::trace::{Footprint, Keep};
+use crate::projection::{Footprint, Keep};
 
-/// Sections of a pass and what stops over them accept in the plane.
+/// Sections of a pass and what stops over them admit in the plane.
 pub(super) struct Layout {
     pub(super) sections: Sections,
     /// Window of a stop, at least the pitch of the sections.

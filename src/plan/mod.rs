@@ -12,6 +12,7 @@ mod bound;
 mod candidates;
 mod dose;
 mod grid;
+mod hatch_direction;
 mod inputs;
 mod on_the_fly;
 pub mod orient;

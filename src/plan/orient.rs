@@ -2,7 +2,7 @@
 //!
 //! Consumes a job; promises a table of set-ups: the part as it lies, leaning as a whole, and in two set-ups,
 //! each leaning on its own. Stops and times are estimates from sample points of the marks
-//! ([`crate::trace::Marks`]): sections of the usable field over the part as it leans, in each the levels that
+//! ([`crate::projection::Marks`]): sections of the usable field over the part as it leans, in each the levels that
 //! its heights need, the moves timed by `crate::motion`. Angles are searched on a coarse grid, then halved.
 //!
 //! # Limits
@@ -16,10 +16,10 @@ use super::grid::Layout;
 use super::start::Start;
 use super::sweep::Sweep;
 use crate::diag::Error;
-use crate::fill;
 use crate::geom::{Box2, P2, Turn};
 use crate::job::Job;
 use crate::motion;
+use crate::plan::hatch_direction;
 use crate::program::Sections;
 
 /// One way to set the part up.
@@ -70,8 +70,13 @@ pub fn orient(job: &Job) -> Result<Vec<Orientation>, Error> {
     let area = inputs.texture.bounds();
     let layout = Layout::new(job, machine, area, &Start::first(machine))?;
     let max_slope = job.limits.max_slope();
-    let texture =
-        fill::along_contours(inputs.texture.clone(), &inputs.surface, &layout.sections, max_slope, job.focus.depth)?;
+    let texture = hatch_direction::along_contours(
+        inputs.texture.clone(),
+        &inputs.surface,
+        &layout.sections,
+        max_slope,
+        job.focus.depth,
+    )?;
     let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
     let (footprint, _) = sweep.footprint(&layout.sections, layout.keep, layout.window.map(|w| w / 2), None);
     let (grid, _) = layout.levels(job, machine, footprint, 0)?;

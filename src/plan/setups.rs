@@ -12,8 +12,8 @@ use crate::diag::{Diag, Error};
 use crate::geom::{Box2, P2, mm_from_nm};
 use crate::job::{Job, MAX_SETUPS};
 use crate::machine::Machine;
+use crate::manifest;
 use crate::program::Program;
-use crate::record;
 
 /// The cells, and where the part lies in each.
 #[derive(Clone, Debug)]
@@ -157,7 +157,7 @@ pub(super) fn registered(job: &Job, machine: &Machine, origins: &[[i64; 3]]) -> 
     }
     let mut faults = Vec::new();
     for (i, &origin) in origins.iter().enumerate() {
-        let found = record::registration(job, machine, origin).len();
+        let found = manifest::registration(job, machine, origin).len();
         if found < 2 {
             let text =
                 format!("set-up {} of {} reaches {found} registration points, two are needed", i + 1, origins.len());

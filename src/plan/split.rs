@@ -9,9 +9,9 @@ use crate::diag::{Diag, Error};
 use crate::job::Partition;
 use crate::partition::Stops;
 use crate::program::Pen;
+use crate::projection::{Keep, Tracer};
 use crate::split::{Fragments, Seam, Splitter};
 use crate::texture::Texture;
-use crate::trace::{Keep, Tracer};
 
 /// Most fragments and most points of all candidates, which are held in memory whole: some 8 GB.
 pub(super) const MAX_FRAGMENTS: usize = 50_000_000;

@@ -23,21 +23,21 @@ use super::sweep::Sweep;
 use super::times::times;
 use super::warnings;
 use super::{Progress, Station};
+use crate::block_map::BlockMap;
 use crate::check::{self, Checked, Limits};
 use crate::diag::{Diag, Error};
-use crate::fill;
 use crate::geom::Box2;
 use crate::job::{Job, Method, Objective};
 use crate::machine::Machine;
-use crate::map::Map;
+use crate::manifest::{self, Slope, Summary, Times};
 use crate::order::clearance::Clearance;
 use crate::partition::Stops;
 use crate::partition::bound::Certificate;
+use crate::plan::hatch_direction;
 use crate::program::{Block, Program, Sections};
-use crate::record::{self, Slope, Summary, Times};
+use crate::projection::{Footprint, Samples};
 use crate::split::Fragments;
 use crate::texture::Texture;
-use crate::trace::{Footprint, Samples};
 
 /// A stepped job that was planned and checked, not yet written.
 #[derive(Debug)]
@@ -71,7 +71,7 @@ pub struct Pass {
     /// is.
     pub directions: Vec<u16>,
     /// Which of its blocks owns which place; numbered from its first.
-    pub map: Map,
+    pub map: BlockMap,
     /// The box of its texture, turned part frame.
     pub texture: Box2,
     /// Why no partition of it has fewer stops than its lower bound; None where none is known.
@@ -101,7 +101,7 @@ pub struct Draft<'a> {
     machine: &'a Machine,
     best: Candidate,
     /// What was compared; empty where one method was asked for.
-    tried: Vec<record::Candidate>,
+    tried: Vec<manifest::Candidate>,
     passes: Vec<Pass>,
     /// The grid of the first pass.
     grid: Grid,
@@ -279,7 +279,8 @@ impl Ready {
     fn new(job: &Job, machine: &Machine, inputs: &Inputs, texture: Texture, start: Start) -> Result<Self, Error> {
         let layout = Layout::new(job, machine, texture.bounds(), &start)?;
         let max_slope = job.limits.max_slope();
-        let texture = fill::along_contours(texture, &inputs.surface, &layout.sections, max_slope, job.focus.depth)?;
+        let texture =
+            hatch_direction::along_contours(texture, &inputs.surface, &layout.sections, max_slope, job.focus.depth)?;
         let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
         // Slivers that may be left out need no stop: no bound is to be had then.
         let stop_size = bound::size(machine.usable_field(), job.focus.depth).filter(|_| job.partition.min_mark == 0);
@@ -345,7 +346,7 @@ impl Ready {
         let tilted = |b: &Block| (b.stop.tilt != [0; 2]).then(|| machine.turn(b.stop.tilt, grid.origin));
         let turns: Vec<_> = made.program.blocks.iter().map(tilted).collect();
         let field = machine.usable_field();
-        let map = Map::new(&made.program, &grid.sections, &turns, field, &inputs.surface, texture.bounds());
+        let map = BlockMap::new(&made.program, &grid.sections, &turns, field, &inputs.surface, texture.bounds());
         Pass {
             directions: texture.directions().map_or_else(Vec::new, |d| d.hundredths.clone()),
             map,
@@ -359,8 +360,8 @@ impl Ready {
 
 impl Candidate {
     /// As the summary lists it.
-    fn listed(&self) -> record::Candidate {
-        record::Candidate {
+    fn listed(&self) -> manifest::Candidate {
+        manifest::Candidate {
             method: self.method.name().into(),
             stops: self.program.blocks.len(),
             fragments: self.fragments,

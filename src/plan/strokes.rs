@@ -12,14 +12,14 @@ use super::split::{Cuts, join, split};
 use super::sweep::Sweep;
 use super::{dose, warnings};
 use crate::diag::{Diag, Error};
-use crate::fill;
 use crate::geom::Box2;
 use crate::job::{Job, Partition};
 use crate::machine::Machine;
 use crate::partition::{self, Lattice, Stops};
+use crate::plan::hatch_direction;
 use crate::program::{Block, Program, Sections};
+use crate::projection::Keep;
 use crate::split::Fragments;
-use crate::trace::Keep;
 
 /// Strokes in order.
 #[derive(Clone, Debug)]
@@ -54,7 +54,7 @@ pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<i64>
     let max_slope = job.limits.max_slope();
     let everything = i64::from(i32::MAX);
     let depth = band.unwrap_or(everything);
-    let texture = fill::along_contours(inputs.texture.clone(), &inputs.surface, &section, max_slope, depth)?;
+    let texture = hatch_direction::along_contours(inputs.texture.clone(), &inputs.surface, &section, max_slope, depth)?;
     let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
     let (footprint, _) = sweep.footprint(&section, Keep(0), pitch.map(|p| p / 2), None);
     let Some((lo, hi)) = footprint.range() else {

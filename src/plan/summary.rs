@@ -4,9 +4,9 @@ use super::stepped::Pass;
 use crate::check::Checked;
 use crate::diag::Diag;
 use crate::job::Method;
+use crate::manifest::{Candidate, Summary, Times};
 use crate::partition::bound::Certificate;
 use crate::program::{Block, Program};
-use crate::record::{Candidate, Summary, Times};
 use crate::split::Fragments;
 
 /// What the best candidate is known by, all passes together.

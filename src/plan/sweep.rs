@@ -8,9 +8,9 @@ use rayon::prelude::*;
 use crate::geom::P2;
 use crate::partition::Fine;
 use crate::program::Sections;
+use crate::projection::{Cells, Footprint, GridTracer, Keep, Marks, Samples, Sampling, TiltedFields, Tracer, Turned};
 use crate::surface::Surface;
 use crate::texture::Texture;
-use crate::trace::{Cells, Facings, Footprint, GridTracer, Keep, Marks, Samples, Sampling, Tracer, Turned};
 
 /// Chunks that a texture is cut into at least, and the most strokes of one.
 const CHUNKS: usize = 256;
@@ -95,12 +95,12 @@ impl Sweep<'_> {
         self.gather(grid, Marks::default, |marks, _, points, tracer| marks.add(points, tracer), Marks::merge)
     }
 
-    /// What every facing of tilted stops must hold.
-    pub(super) fn held(self, facings: &Facings, keep: Keep) -> Turned {
-        let none = || Turned::new(facings.list.len());
+    /// What every field of tilted stops must hold.
+    pub(super) fn held(self, fields: &TiltedFields, keep: Keep) -> Turned {
+        let none = || Turned::new(fields.list.len());
         let add = |held: &mut Turned, _, points: &[P2], tracer: &mut GridTracer<'_>| {
-            held.add(points, tracer, facings, keep);
+            held.add(points, tracer, fields, keep);
         };
-        self.gather(&facings.grid, none, add, Turned::merge).joined()
+        self.gather(&fields.grid, none, add, Turned::merge).joined()
     }
 }

@@ -27,7 +27,7 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option
     let marks = sweep.marks(&samples);
     let steepest = marks.worst_slope2.sqrt().atan();
     let samples = marks.list();
-    let mut facings = tilted.plan(&samples);
+    let mut fields = tilted.plan(&samples);
     let tiles = sweep.surface.tiles();
     let top = |area: Box2| {
         let near = |b: &Box2| b.lo.x <= area.hi.x && area.lo.x <= b.hi.x && b.lo.y <= area.hi.y && area.lo.y <= b.hi.y;
@@ -35,42 +35,42 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option
     };
     let highest = tiles.iter().map(|t| t.1).max().unwrap_or(0) as f64;
     let lowest = samples.iter().map(|p| p[2]).fold(f64::INFINITY, f64::min);
-    for k in 0..facings.list.len() {
-        let half = facings.half;
-        let facing = &mut facings.list[k];
+    for k in 0..fields.list.len() {
+        let half = fields.half;
+        let field = &mut fields.list[k];
         // What could hide the lowest mark is no farther away than this.
-        let [x, y, z] = facing.turn.up();
+        let [x, y, z] = field.turn.up();
         let reach = ((highest - lowest) * x.hypot(y) / z).ceil() as i64 + 1;
         let grown =
             |b: Box2, x: i64, y: i64| Box2 { lo: P2::new(b.lo.x - x, b.lo.y - y), hi: P2::new(b.hi.x + x, b.hi.y + y) };
         // The window reaches beyond the area by no more than this.
-        let [w, h] = facing.area.size();
-        let window = grown(facing.area, (half[0] - w / 2).max(0) + SPARE, (half[1] - h / 2).max(0) + SPARE);
+        let [w, h] = field.area.size();
+        let window = grown(field.area, (half[0] - w / 2).max(0) + SPARE, (half[1] - h / 2).max(0) + SPARE);
         let around = grown(window, reach, reach);
-        facing.top = top(around);
+        field.top = top(around);
         let is_clear = sweep.surface.is_plain(around.lo, around.hi) && steepest + z.acos() <= sweep.max_slope.atan();
-        if is_clear || facing.tilt == [0; 2] {
+        if is_clear || field.tilt == [0; 2] {
             continue;
         }
-        let cell = |axis: usize, p: P2| facings.grid.along(axis, if axis == 0 { p.x } else { p.y }, 0);
+        let cell = |axis: usize, p: P2| fields.grid.along(axis, if axis == 0 { p.x } else { p.y }, 0);
         for row in cell(1, window.lo)..=cell(1, window.hi) {
             for column in cell(0, window.lo)..=cell(0, window.hi) {
-                facings.doubtful[(row * i64::from(facings.grid.count[0]) + column) as usize].push(k as u32);
+                fields.doubtful[(row * i64::from(fields.grid.count[0]) + column) as usize].push(k as u32);
             }
         }
     }
     loop {
-        let held = sweep.held(&facings, grid.keep);
+        let held = sweep.held(&fields, grid.keep);
         let mut is_sound = true;
-        for (facing, held) in facings.list.iter_mut().zip(&held.0) {
-            facing.is_wide = facing.is_wide && !held.is_shaded;
-            if (held.is_hidden || held.is_beside) && facing.tilt != [0; 2] {
-                tilted.set_upright(facing);
+        for (field, held) in fields.list.iter_mut().zip(&held.0) {
+            field.is_wide = field.is_wide && !held.is_occluded;
+            if (held.is_hidden || held.is_outside_window) && field.tilt != [0; 2] {
+                tilted.set_upright(field);
                 is_sound = false;
             }
         }
         if is_sound {
-            return Some(tilted.stops(&facings, &held, &grid.sections));
+            return Some(tilted.stops(&fields, &held, &grid.sections));
         }
     }
 }

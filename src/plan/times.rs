@@ -1,9 +1,9 @@
 //! The time of a program by the machine's motion model.
 
 use crate::machine::Machine;
+use crate::manifest::Times;
 use crate::motion;
 use crate::program::Program;
-use crate::record::Times;
 
 use super::start::Start;
 

@@ -4,8 +4,8 @@ use super::grid::Grid;
 use crate::diag::{Diag, Error, Place};
 use crate::job::{Job, Limits, Method, Steep};
 use crate::program::Program;
+use crate::projection::Footprint;
 use crate::split::Fragments;
-use crate::trace::Footprint;
 
 /// What the user must know, or must not go on with.
 pub(super) fn warn(
@@ -58,7 +58,7 @@ pub(super) fn warn(
 pub(super) fn not_carried(job: &Job, program: &Program) -> Option<Diag> {
     let carried = job.formats.iter().any(|f| f.target().carries_pens);
     (program.pens.len() > job.pens.len() && !carried).then(|| {
-        let text = "none of emit.formats carries pens: the dose is not made up for";
+        let text = "none of emit.formats carries pens: the dose is not compensated";
         Diag::warning("dose-lost", text).hint("add \"ovf\", or \"dxf\" and set each layer's pen from the run sheet")
     })
 }

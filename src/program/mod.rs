@@ -7,7 +7,7 @@
 //! - P1 every block has at least one stroke, every stroke at least two points, no two neighbours equal; strokes
 //!   lie block by block, points stroke by stroke;
 //! - P2 every point lies in the usable field of the machine;
-//! - P3 the marks of a block lie within what its stop accepts and span at most the depth range, to what rounding a
+//! - P3 the marks of a block lie within what its stop admits and span at most the depth range, to what rounding a
 //!   cut point does to its height;
 //! - P4 stage targets lie on multiples of the stage increment, inside travel, and say the same place
 //!   as the block's centre and focus;
@@ -59,7 +59,7 @@ pub struct Pen {
     pub passes: u32,
 }
 
-/// One standstill of the stage: where it stands and what it accepts.
+/// One standstill of the stage: where it stands and what it admits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stop {
     /// Column and row of the section in its grid.
@@ -72,9 +72,9 @@ pub struct Stop {
     pub centre: P2,
     /// Height of the focal plane (LPFL) in the part frame.
     pub focus: i64,
-    /// Lowest height that the stop accepts.
+    /// Lowest height that the stop admits.
     pub z_lo: i64,
-    /// Highest height that the stop accepts.
+    /// Highest height that the stop admits.
     pub z_hi: i64,
 }
 

@@ -174,7 +174,7 @@ fn read(lines: &mut Lines<'_>) -> Result<(Program, Vec<[i64; 3]>), String> {
 fn pen(line: &str) -> Result<Pen, String> {
     let rest = line.strip_prefix("pen ").ok_or("the line does not start with \"pen\"")?;
     let mut parts = rest.rsplitn(5, " | ");
-    let mut next = || parts.next().ok_or_else(|| "a pen has a name and four values, parted by \" | \"".to_owned());
+    let mut next = || parts.next().ok_or_else(|| "a pen has a name and four values, separated by \" | \"".to_owned());
     let passes = next()?.parse().map_err(|_| "passes are not a number")?;
     let frequency = next()?.parse()?;
     let power = next()?.parse()?;
@@ -258,7 +258,7 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// The fields of a line not read yet, parted by single spaces.
+/// The fields of a line not read yet, separated by single spaces.
 struct Fields<'a>(&'a [u8]);
 
 impl<'a> Fields<'a> {

@@ -3,7 +3,7 @@
 use crate::program::CHORD;
 
 /// A line in the field that bends with the surface, followed from its last point: the directions in which it may
-/// go on straight and pass all places since then within [`CHORD`].
+/// continue straight and pass all places since then within [`CHORD`].
 #[derive(Clone, Copy, Default)]
 pub(super) struct Bend {
     from: [f64; 2],

@@ -1,4 +1,4 @@
-//! Seams: where a stroke is cut although its stop would go on, and what two stops both mark.
+//! Seams: where a stroke is cut although its stop would continue, and what two stops both mark.
 
 use super::{Cutter, EPS, Run};
 use crate::geom::Turn;
@@ -10,10 +10,10 @@ const SHORT: f64 = 2.0;
 /// Shorter overlaps, nm, are none, unless a shorter one was asked for.
 const LEAST_OVERLAP: f64 = 1_000.0;
 
-/// Where strokes are cut between two stops that both accept a stretch of them.
+/// Where strokes are cut between two stops that both admit a stretch of them.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Seam {
-    /// The cut lies at random within the last of this length that both accept, nm; 0 for the very end.
+    /// The cut lies at random within the last of this length that both admit, nm; 0 for the very end.
     pub zone: f64,
     /// So much before the cut both mark, nm; 0 for none. Not together with a zone.
     pub overlap: f64,
@@ -34,8 +34,8 @@ impl Seam {
 }
 
 impl Cutter<'_> {
-    /// A random place to leave `stop`, which goes on from `t` on piece `i` of segment `k`: in the zone before
-    /// the place where it must be left, as far as the stop that follows accepts it too.
+    /// A random place to leave `stop`, which continues from `t` on piece `i` of segment `k`: in the zone before
+    /// the place where it must be left, as far as the stop that follows admits it too.
     pub(super) fn plan(&mut self, stop: u32, run: &Run, k: usize, i: usize, t: f64) -> Option<(usize, f64, u32)> {
         let (j, exit) = self.left(stop, run, k, i, t);
         let p = run.pieces.get(j).filter(|p| p.skip.is_none())?;
@@ -55,7 +55,7 @@ impl Cutter<'_> {
         (!begin).then_some((piece, at, next))
     }
 
-    /// Goes back from one place of a stroke to another as long as `stop` accepts it, at most `most` nm;
+    /// Goes back from one place of a stroke to another as long as `stop` admits it, at most `most` nm;
     /// answers where that ends and how far it is.
     pub(super) fn accepted_before(
         &self,
@@ -106,7 +106,7 @@ impl Cutter<'_> {
         }
     }
 
-    /// Keeps those stops, if there are any, that accept as much before `t` of piece `i` as is to be shared.
+    /// Keeps those stops, if there are any, that admit as much before `t` of piece `i` as is to be shared.
     pub(super) fn overlapping(&self, stops: &mut Vec<u32>, run: &Run, i: usize, t: f64) {
         let Some(open) = &self.open else { return };
         let wanted = self.seam.overlap.min((open.drawn_exact - open.shared) / 2.0);
@@ -116,7 +116,7 @@ impl Cutter<'_> {
         }
     }
 
-    /// Ends the open fragment at `t` of piece `i`, and has `stop`, which goes on there, begin before it.
+    /// Ends the open fragment at `t` of piece `i`, and has `stop`, which continues there, begin before it.
     pub(super) fn share(&mut self, stop: u32, run: &Run, i: usize, t: f64) {
         let segment = |piece: usize| &run.segments[run.segments.partition_point(|s| s.end <= piece)];
         let own = self.open.as_ref().map_or(0.0, |o| o.drawn_exact - o.shared);

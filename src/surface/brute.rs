@@ -291,7 +291,7 @@ fn judge(facets: &[Facet], a: P2, b: P2, spans: &[Span]) -> Result<(), String> {
             return Err(format!("height {z} at {t} lies below a facet, {must}"));
         }
         if !views.iter().any(|v| (v.1 - z).abs() <= v.2) {
-            return Err(format!("height {z} at {t} is no facet's: {views:?}"));
+            return Err(format!("height {z} at {t} is not a facet's: {views:?}"));
         }
     }
     Ok(())

@@ -193,7 +193,7 @@ fn check_scale(scale: &Scale, full: u32) -> Result<([f64; 2], Option<u16>), Diag
     };
     let numbers = [scale.pixel_mm, scale.z_mm[0], scale.z_mm[1], scale.origin_mm[0], scale.origin_mm[1]];
     if scale.pixel_mm <= 0.0 || numbers.iter().any(|v| !v.is_finite()) {
-        return Err(bad(format!("the scale of the height map is no scale: {scale:?}"), "pixel, z or origin"));
+        return Err(bad(format!("the scale of the height map is not a scale: {scale:?}"), "pixel, z or origin"));
     }
     let [from, to] = scale.values.unwrap_or([0, full]);
     if from == to {

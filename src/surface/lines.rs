@@ -150,7 +150,7 @@ pub(crate) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty())
 }
 
-/// Why a word is no coordinate.
+/// Why a word is not a coordinate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum NoNumber {
     /// It is nan, infinite, or beyond what a number can hold.
@@ -171,7 +171,7 @@ pub(crate) fn number(word: &[u8]) -> Result<f64, NoNumber> {
     }
 }
 
-/// The diagnostic for a word that is no coordinate.
+/// The diagnostic for a word that is not a coordinate.
 pub(crate) fn no_number(word: &[u8], why: NoNumber, place: Place) -> Diag {
     let word = shown(word);
     let (text, hint) = match why {

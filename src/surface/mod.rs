@@ -105,7 +105,7 @@ pub fn read(
     let refuse = |code, text: String| Diag::input(code, text).at(lines::place(path));
     let unit = |kind: &str| match options.unit_mm {
         Some(unit) if unit > 0.0 && unit.is_finite() => Ok(unit),
-        Some(unit) => Err(refuse("surface-unit", format!("a unit of {unit} mm is no unit"))),
+        Some(unit) => Err(refuse("surface-unit", format!("a unit of {unit} mm is not a unit"))),
         None => Err(refuse("surface-unit", format!("{kind} carries no unit")).hint("add unit = \"mm\" to [surface]")),
     };
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();

@@ -1,6 +1,6 @@
 //! Point clouds: XYZ and CSV text, meshed by Delaunay triangulation in plan.
 //!
-//! Consumes rows of three or more columns parted by blanks, tabs, commas or semicolons (one kind per
+//! Consumes rows of three or more columns separated by blanks, tabs, commas or semicolons (one kind per
 //! file), `#` comments, and one row of names before the data; columns named x, y and z are found by
 //! name. Points are put on the nanometre grid in x and y first: the triangulation is exact, equal for
 //! any order of the points, and where several points share a place the highest counts.
@@ -32,7 +32,7 @@ pub(crate) fn read(
 ) -> Result<Content, Error> {
     let points = unique(path, rows(path, unit_mm, notes)?, notes);
     let Some(third) = off_line(&points) else {
-        let text = format!("the {} points lie on one line in plan: that is no surface", points.len());
+        let text = format!("the {} points lie on one line in plan: that is not a surface", points.len());
         return Err(no_surface(path, text, "check which columns are x, y and z").into());
     };
     let mesh = delaunay(points, third)

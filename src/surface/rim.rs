@@ -4,7 +4,7 @@
 //! diagonal of the grid. A stroke that was drawn on the border of the part may then lie beside it by a
 //! nanometre. The walk snaps corners to the segment; that is enough where the segment is as long as the edge.
 //! Points of a short segment beside a long edge are found here: a gap in which every place lies within
-//! [`ON_RIM`] of a rim is no gap. Gaps that lead further off the part stay as they are, whole, so that a
+//! [`ON_RIM`] of a rim is not a gap. Gaps that lead further off the part stay as they are, whole, so that a
 //! stroke that crosses the border ends where it did.
 //!
 //! Limit: of a segment that runs along a rim and on beyond it, the whole gap stays.

@@ -172,7 +172,7 @@ mod tests {
         assert_eq!(clipped(&bent), [vec![[0.0, 5.0], [5.0, 5.0], [5.0, 8.0], [5.0, 10.0]]]);
         assert_eq!(clipped(&[[-1.0, 10.0], [11.0, 10.0]]).len(), 1, "a line on the border is marked");
         assert!(clipped(&[[-1.0, 11.0], [1.0, 11.0]]).is_empty());
-        assert!(clipped(&[[-5.0, 5.0], [0.0, 10.0], [-5.0, 15.0]]).is_empty(), "touching a corner is no mark");
+        assert!(clipped(&[[-5.0, 5.0], [0.0, 10.0], [-5.0, 15.0]]).is_empty(), "touching a corner is not a mark");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The independent proof: re-reads an emitted job folder and holds every rule against it.
 //!
 //! Consumes a job folder, and the job file and inputs that it names; promises a [`Proof`] with each
-//! rule, what was held against it and where it is broken. Files are read by readers of this room's own
+//! rule, what was held against it and where it is broken. Files are read by readers of this module's own
 //! (`read`), heights are found on the surface file's own facets (`depth`), texture strokes are placed
 //! anew; nothing here calls what divided, cut, ordered or wrote the program.
 //!
@@ -12,9 +12,9 @@
 //!
 //! Units: nm, integer in files and f64 under `depth`; mm and um only in the proof.
 
-mod depth;
-mod facts;
-mod fly;
+mod geometry;
+mod job_facts;
+mod on_the_fly;
 mod proof;
 mod read;
 mod rules;
@@ -29,8 +29,8 @@ use crate::diag::{Diag, Error, Place};
 use crate::geom::P2;
 use crate::job::Mode;
 use crate::texture::Texture;
-use depth::Ground;
-use facts::{Facts, Inputs};
+use geometry::Geometry;
+use job_facts::{Inputs, JobFacts};
 use read::manifest::Manifest;
 use read::program::ProgramFile;
 use rules::Findings;
@@ -66,7 +66,7 @@ impl<'a> Drawing<'a> {
 /// the folder is a violation in the proof.
 pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Error> {
     if read::manifest::is_on_the_fly(folder) {
-        return fly::verify(folder, inputs_override);
+        return on_the_fly::verify(folder, inputs_override);
     }
     let manifest: read::manifest::Manifest = read::manifest::read(folder)?;
     let mut findings = Findings::new();
@@ -75,19 +75,19 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
     let program = read_program(folder, &mut findings);
     if !unchanged {
         // The job cannot be made anew: what the folder says of itself can still be compared.
-        let facts = Facts::from_manifest(&manifest);
+        let facts = JobFacts::from_manifest(&manifest);
         if let Some(program) = &program {
             rules::without_inputs(folder, &manifest, program, &facts, &mut findings);
         }
         return Ok(findings.into_proof());
     }
-    let (job, facts) = facts::load(&inputs, Mode::Stepped)?;
+    let (job, facts) = job_facts::load(&inputs, Mode::Stepped)?;
     let Some(program) = program else { return Ok(findings.into_proof()) };
-    let (shape, box_mm) = facts::shape(&job)?;
-    let ground = Ground::new(shape, facts.max_incidence_rad, facts.weld_nm);
+    let (shape, box_mm) = job_facts::shape(&job)?;
+    let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
     let mut textures = Vec::new();
     for pass in 0..facts.passes.count {
-        let mut texture = facts::texture(&job, pass, box_mm)?;
+        let mut texture = job_facts::texture(&job, pass, box_mm)?;
         if !rules::fill::check(&manifest, &facts, pass, &mut texture, &mut findings.fill) {
             // Without its lines the texture is not known.
             rules::without_inputs(folder, &manifest, &program, &facts, &mut findings);
@@ -96,7 +96,7 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
         textures.push(texture);
     }
     let drawings: Vec<Drawing<'_>> = textures.iter().map(Drawing::of).collect();
-    check_folder(folder, &manifest, &program, &facts, &drawings, &ground, &mut findings);
+    check_folder(folder, &manifest, &program, &facts, &drawings, &geometry, &mut findings);
     Ok(findings.into_proof())
 }
 
@@ -105,19 +105,19 @@ fn check_folder(
     folder: &Path,
     manifest: &Manifest,
     program: &ProgramFile,
-    facts: &Facts,
+    facts: &JobFacts,
     drawings: &[Drawing<'_>],
-    ground: &Ground,
+    geometry: &Geometry,
     findings: &mut Findings,
 ) {
     let stages = rules::without_inputs(folder, manifest, program, facts, findings);
-    rules::clearance::check(&stages, program, facts, ground, findings);
+    rules::clearance::check(&stages, program, facts, geometry, findings);
     rules::agreement::with_job(manifest, program, facts, &mut findings.agreement);
-    let marks = rules::marks::check(program, facts, ground, findings);
-    rules::dose::check(program, facts, ground, findings);
-    let pieces = rules::pieces::check(program, facts, drawings, ground, &marks.drawn, findings);
+    let marks = rules::marks::check(program, facts, geometry, findings);
+    rules::dose::check(program, facts, geometry, findings);
+    let pieces = rules::pieces::check(program, facts, drawings, geometry, &marks.drawn, findings);
     rules::summary::check(manifest, program, facts, &marks, &pieces, findings);
-    rules::summary::slopes(manifest, program, facts, ground, findings);
+    rules::summary::slopes(manifest, program, facts, geometry, findings);
 }
 
 /// Reads `program.txt`; one that cannot be read agrees with nothing.

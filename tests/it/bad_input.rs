@@ -112,7 +112,7 @@ const SIZED: &[(&str, Outcome)] = &[
 ];
 
 /// Compiles under a limit of 512 MB. The limit is one of address space, which is never less than the
-/// memory in use; where it strikes the program aborts, and that is no outcome of any table.
+/// memory in use; where it strikes the program aborts, and that is not an outcome of any table.
 fn compile(job: &Path, out: &Path) -> Output {
     compile_within(512 << 10, job, out)
 }

@@ -96,7 +96,7 @@ fn assert_marks(name: &str, plan: &SteppedPlan, certificate: &Certificate) {
                 (0..2).all(|k| ends(k, f64::min) == Some(lo[k] as f64) && ends(k, f64::max) == Some(hi[k] as f64))
             })
         });
-        assert!(found, "{name}: {lo:?} {hi:?} at {z_lo} to {z_hi} is no mark");
+        assert!(found, "{name}: {lo:?} {hi:?} at {z_lo} to {z_hi} is not a mark");
     }
 }
 

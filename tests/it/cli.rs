@@ -163,7 +163,7 @@ fn the_summary_has_the_promised_keys_and_stands_in_the_manifest() {
 #[test]
 fn results_go_to_stdout_and_messages_to_stderr_without_progress() {
     let dir = workshop();
-    // Nothing to warn of: stderr, which is no terminal here, stays empty.
+    // Nothing to warn of: stderr, which is not a terminal here, stays empty.
     for args in [
         &["compile", "a.toml"][..],
         &["check", "a.toml"],

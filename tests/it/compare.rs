@@ -57,7 +57,7 @@ fn every_system_is_timed_and_keeps_what_it_promises() {
     assert!(number(of("5-axis"), "worst_fod_um") < 1e-6);
     assert!(number(of("7-axis-smooth"), "total_s") < number(of("5-axis"), "total_s"));
     assert!(number(of("sync"), "worst_displacement_mm") <= 20.0 * std::f64::consts::SQRT_2);
-    // The scanner takes up what the stage trails by; where it rests nothing does.
+    // The scanner takes up the following error of the stage; where the stage rests there is none.
     let spot = |name: &str| number(of(name), "worst_spot_error_um");
     assert!(spot("7-axis") < 0.1 * spot("5-axis"), "{} {}", spot("7-axis"), spot("5-axis"));
     // Decompositions share one path: the one of least acceleration has the least.
@@ -167,7 +167,7 @@ fn tables_and_pictures_go_to_a_folder_of_their_own() {
     for file in ["compare.html", "compare.json", "systems.csv", "systems.md", "systems.txt", "decompositions.csv"] {
         assert!(out.join(file).is_file(), "{file}");
     }
-    for file in ["times", "ladder", "axes", "along", "paths"] {
+    for file in ["times", "back_off", "axes", "along", "paths"] {
         let svg = std::fs::read_to_string(out.join(format!("{file}.svg"))).expect("a chart");
         is_whole(&svg);
     }

@@ -308,7 +308,7 @@ fn keys_exist(schema: &Value, at: &Value, example: &toml::Table, shown: &str) {
         assert!(!inner.is_null(), "an example has the key {key}, which does not exist:\n{shown}");
         let list = value.as_array().cloned().unwrap_or_else(|| vec![value.clone()]);
         for table in list.iter().filter_map(toml::Value::as_table) {
-            let inner = object(schema, inner).unwrap_or_else(|| panic!("{key} is no table:\n{shown}"));
+            let inner = object(schema, inner).unwrap_or_else(|| panic!("{key} is not a table:\n{shown}"));
             keys_exist(schema, inner, table, shown);
         }
     }

@@ -4,7 +4,7 @@ use crate::support::planned;
 use terrace::job;
 use terrace::plan::Plan;
 use terrace::program::Program;
-use terrace::{folder, verify};
+use terrace::{job_folder, verify};
 
 /// Compiles the sample part with squares and hatch and these lines of the job file; proves the folder.
 fn program(order: &str, machine: &str) -> (Program, f64, f64) {
@@ -32,7 +32,7 @@ fn program(order: &str, machine: &str) -> (Program, f64, f64) {
     put("job.toml", text.as_bytes());
     let plan = Plan::Stepped(planned(&dir.path().join("job.toml")));
     let target = dir.path().join("job.job");
-    folder::write(&plan, &target).unwrap_or_else(|e| panic!("{e}"));
+    job_folder::write(&plan, &target).unwrap_or_else(|e| panic!("{e}"));
     let plan = plan.stepped().expect("a stepped plan");
     let proof = verify::verify(&target, None).unwrap_or_else(|e| panic!("{e}"));
     assert!(proof.ok, "{order}: {}", proof.to_text());

@@ -307,7 +307,7 @@ fn seams_overlap_by_what_the_job_declares() {
         let words: Vec<f64> = text.split(' ').filter_map(|w| w.parse().ok()).collect();
         assert!(words[1] == cuts && words[0] <= 0.005 * cuts, "{text}");
         assert!(number(&summary, "stops") <= 1.1 * number(&butt, "stops"), "{method}");
-        // What is marked twice is no seam of its own.
+        // What is marked twice is not a seam of its own.
         let lengths = [&butt, &summary].map(|s| number(s, "seam_mm") / number(s, "stops"));
         assert!((lengths[0] / lengths[1] - 1.0).abs() < 0.03, "{method}: {lengths:?}");
     }

@@ -10,7 +10,7 @@ use crate::support::surfaces::{Noise, mesh, write_stl};
 use rayon::prelude::*;
 use terrace::diag::{Error, Kind};
 use terrace::job::{Job, Overrides};
-use terrace::{folder, plan, verify};
+use terrace::{job_folder, plan, verify};
 
 fn below(noise: &mut Noise, n: u64) -> u64 {
     (noise.next() >> 5) % n
@@ -267,7 +267,7 @@ fn run(path: &Path, table: Table) -> Result<bool, String> {
     let out = path.with_extension("job");
     let compiled = Job::load(path, &Overrides::default())
         .and_then(|job| plan::plan(job, &|_| ()))
-        .and_then(|plan| folder::write(&plan, &out));
+        .and_then(|plan| job_folder::write(&plan, &out));
     let say = |e: Error| e.diags().iter().map(|d| d.render(false)).collect::<String>();
     if let Err(e) = compiled {
         let bug = e.diags().iter().any(|d| d.kind == Kind::Bug);

@@ -4,10 +4,10 @@
 //! An open line is divided from one end to the other. On a closed line of, say, 8.6 windows that leaves
 //! 8 points; points set out in several laps, each with a part of the weight, come near 8.6.
 
-use super::super::items::Item;
+use super::super::box_index::Item;
 use super::Certificate;
-use super::weights::Weights;
-use crate::trace::Rows;
+use super::packing_weights::PackingWeights;
+use crate::projection::Rows;
 
 /// Weight of a point that stands alone; also the number of laps around a closed line.
 const WHOLE: u32 = 8;
@@ -50,7 +50,7 @@ pub(super) fn certify(points: &[[i32; 3]], size: [i32; 3]) -> Certificate {
 
 /// Adds points that lie at no row, column by column, wherever there is room for a whole: flat places cross
 /// no row.
-fn fill(weights: &mut Weights, points: &[[i32; 3]], size: [i32; 3], pitch: i32) {
+fn fill(weights: &mut PackingWeights, points: &[[i32; 3]], size: [i32; 3], pitch: i32) {
     let tolerance = tolerance(size, pitch);
     let off_rows = |p: &[i32; 3]| ((p[2] + pitch / 2).rem_euclid(pitch) - pitch / 2).abs() > tolerance;
     let mut others: Vec<[i32; 3]> = points.iter().copied().filter(off_rows).collect();
@@ -74,7 +74,7 @@ fn tolerance(size: [i32; 3], pitch: i32) -> i32 {
 }
 
 /// Sets points in every eighth row of `pitch`, from row `class` on.
-fn divide(points: &[[i32; 3]], size: [i32; 3], pitch: i32, class: i32) -> Weights {
+fn divide(points: &[[i32; 3]], size: [i32; 3], pitch: i32, class: i32) -> PackingWeights {
     let tolerance = tolerance(size, pitch);
     let row = |p: &[i32; 3]| (p[2] + pitch / 2).div_euclid(pitch);
     let mut chosen: Vec<(i32, Item)> = points
@@ -86,7 +86,8 @@ fn divide(points: &[[i32; 3]], size: [i32; 3], pitch: i32, class: i32) -> Weight
     chosen.dedup();
     // Whatever is added later lies in the same box.
     let end = |k: usize, pick: fn(i32, i32) -> i32| points.iter().map(|p| p[k]).reduce(pick).unwrap_or(0);
-    let mut weights = Weights::new([0, 1].map(|k| end(k, i32::min)), [0, 1].map(|k| end(k, i32::max)), size, WHOLE);
+    let mut weights =
+        PackingWeights::new([0, 1].map(|k| end(k, i32::min)), [0, 1].map(|k| end(k, i32::max)), size, WHOLE);
     let mut number = 0;
     for row in chosen.chunk_by(|a, b| a.0 == b.0) {
         for part in parts(row, size) {
@@ -127,7 +128,7 @@ fn parts(row: &[(i32, Item)], size: [i32; 3]) -> Vec<Vec<Item>> {
 }
 
 /// Adds the best of several ways to set points along one part; the first of its points has `number`.
-fn set(weights: &mut Weights, part: &[Item], number: u32, size: [i32; 3]) {
+fn set(weights: &mut PackingWeights, part: &[Item], number: u32, size: [i32; 3]) {
     let mut best: (u64, Vec<(u32, u32)>) = (0, Vec::new());
     let mut attempt = |sequence: &mut dyn Iterator<Item = (usize, u32)>| {
         let before = weights.sum();

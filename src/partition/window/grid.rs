@@ -2,7 +2,7 @@
 //! levels, each as interval stabbing by one sweep. Where nothing straddles, this is `z-range`; `window`
 //! never does worse, since this is one of the covers that it starts from.
 
-use crate::partition::items::{Index, Item};
+use crate::partition::box_index::{Index, Item};
 
 /// Lower corners of boxes that hold every piece.
 pub(super) fn sweep(index: &Index, size: [i32; 3]) -> Vec<[i32; 3]> {

@@ -4,9 +4,9 @@
 //! waste. The number of steps follows from the number of boxes and from what the last steps gained,
 //! never from a clock.
 
-use super::held::{Dice, Held};
-use super::squeeze::Squeeze;
-use crate::partition::items::Item;
+use super::cover::{Cover, Dice};
+use super::ejection_pool::EjectionPool;
+use crate::partition::box_index::Item;
 
 /// Rounds at most; a round has as many steps as there are boxes.
 const ROUNDS: usize = 16;
@@ -16,13 +16,13 @@ const TAKEN: std::ops::RangeInclusive<u32> = 3..=9;
 const TRIES: usize = 2;
 
 /// Improves until a round gains less than one box in two thousand.
-pub(super) fn run(held: &mut Held<'_>) {
+pub(super) fn run(held: &mut Cover<'_>) {
     let mut dice = Dice::new();
     let pays = |before: usize, after: usize| before - after > before / 2000;
-    let mut squeeze = Squeeze::new(held.index.items().len());
+    let mut ejection_pool = EjectionPool::new(held.index.items().len());
     for _ in 0..ROUNDS {
         let before = held.boxes().len();
-        squeeze.round(held, &mut dice);
+        ejection_pool.round(held, &mut dice);
         if !pays(before, held.boxes().len()) {
             break;
         }
@@ -56,7 +56,7 @@ struct Rebuild {
 }
 
 impl Rebuild {
-    fn step(&mut self, held: &mut Held<'_>, dice: &mut Dice) {
+    fn step(&mut self, held: &mut Cover<'_>, dice: &mut Dice) {
         let count = held.boxes().len() as u32;
         if count == 0 {
             return;
@@ -84,7 +84,7 @@ impl Rebuild {
     }
 
     /// Chooses box `first` and some boxes near it.
-    fn choose(&mut self, held: &Held<'_>, first: u32, dice: &mut Dice) {
+    fn choose(&mut self, held: &Cover<'_>, first: u32, dice: &mut Dice) {
         let (c, size) = (held.corner(first), held.size);
         let reach = size.map(|s| s + s / 8);
         self.near.clear();
@@ -114,7 +114,7 @@ impl Rebuild {
 
     /// Holds the bare pieces with at most as many boxes as were taken out, by a sweep in a direction
     /// of chance: every box starts at the first piece left and grows over all that still fit.
-    fn sweep(&mut self, held: &Held<'_>, dice: &mut Dice) -> bool {
+    fn sweep(&mut self, held: &Cover<'_>, dice: &mut Dice) -> bool {
         self.sort(held, dice);
         self.corners.clear();
         let size = held.size;
@@ -137,7 +137,7 @@ impl Rebuild {
     }
 
     /// Lays the bare pieces out along a direction of chance. Bins are order enough, and much faster.
-    fn sort(&mut self, held: &Held<'_>, dice: &mut Dice) {
+    fn sort(&mut self, held: &Cover<'_>, dice: &mut Dice) {
         let items = held.index.items();
         let way = held.size.map(|s| (dice.below(2001) as f32 - 1000.0) / s as f32);
         let base = items[self.bare[0] as usize].lo;

@@ -2,7 +2,7 @@
 //! holds most of them, so every stop takes its level from the lowest piece that is not held yet, and
 //! its place from counting.
 
-use crate::partition::items::{Index, Item};
+use crate::partition::box_index::{Index, Item};
 
 /// Lower corners of boxes that hold every piece named in `upwards` (sorted by lower ends).
 pub(super) fn sweep(index: &Index, upwards: &[u32], size: [i32; 3]) -> Vec<[i32; 3]> {

@@ -62,7 +62,7 @@ impl Sources {
     /// The text of a file.
     ///
     /// # Errors
-    /// `file-…`, `svg-…` where it cannot be read or is no text.
+    /// `file-…`, `svg-…` where it cannot be read or is not text.
     pub(super) fn read(&mut self, path: &Path) -> Result<&str, Error> {
         let known = self.0.iter().position(|(p, _)| p == path);
         let i = match known {
@@ -117,7 +117,7 @@ fn parse(
                 .hint("add xmlns=\"http://www.w3.org/2000/svg\" to its first element"),
         ),
         (tag, _) => {
-            let text = format!("this is no SVG drawing: its first element is {tag:?}");
+            let text = format!("this is not an SVG drawing: its first element is {tag:?}");
             return Err(Diag::input("svg-root", text).hint("save it as plain SVG").into());
         }
     }

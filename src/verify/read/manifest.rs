@@ -201,7 +201,7 @@ pub(in crate::verify) fn is_on_the_fly(folder: &Path) -> bool {
 /// Reads the manifest of the job folder, of either mode.
 ///
 /// # Errors
-/// `job-folder` where there is none, `manifest` where it is no manifest of a known version.
+/// `job-folder` where there is none, `manifest` where it is not a manifest of a known version.
 pub(in crate::verify) fn read<M: DeserializeOwned>(folder: &Path) -> Result<M, Error> {
     let path = folder.join(NAME);
     if !path.is_file() {

@@ -4,10 +4,10 @@
 //! answers a fault with its line or place, never with a panic.
 
 pub(super) mod dxf;
-pub(super) mod fly;
 pub(super) mod gcode;
 pub(super) mod manifest;
 pub(super) mod number;
+pub(super) mod on_the_fly;
 pub(super) mod ovf;
 pub(super) mod program;
 pub(super) mod runsheet;

@@ -25,7 +25,7 @@ pub(in crate::verify) fn integer(text: &[u8]) -> Option<i64> {
     Some(if negative { -value } else { value })
 }
 
-/// A plain decimal in mm as nm; None where it is no plain decimal, finer than 1 nm or beyond 4 m.
+/// A plain decimal in mm as nm; None where it is not a plain decimal, finer than 1 nm or beyond 4 m.
 pub(in crate::verify) fn nm_from_decimal(text: &[u8]) -> Option<i64> {
     let (negative, digits) = match text {
         [b'-', rest @ ..] => (true, rest),

@@ -12,7 +12,7 @@ use crate::geom::{NM_PER_MM, P2, mm_from_nm, nm_from_mm};
 use crate::job::Format;
 use crate::machine::Machine;
 use crate::program::{Block, Program};
-use crate::verify::facts::Facts;
+use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::dxf;
 use crate::verify::read::manifest::{BlockEntry, Manifest};
@@ -25,7 +25,13 @@ const MAX_FILE: u64 = 4 << 30;
 const SAME: f64 = 1e-12;
 
 /// Holds manifest, drawings and OVF against the program.
-pub(in crate::verify) fn check(folder: &Path, manifest: &Manifest, file: &ProgramFile, facts: &Facts, rule: &mut Rule) {
+pub(in crate::verify) fn check(
+    folder: &Path,
+    manifest: &Manifest,
+    file: &ProgramFile,
+    facts: &JobFacts,
+    rule: &mut Rule,
+) {
     rule.ran = true;
     let program = &file.program;
     if manifest.placement.origin_mm.map(nm_from_mm) != file.origins[0].map(Some) {
@@ -75,7 +81,7 @@ pub(in crate::verify) fn check(folder: &Path, manifest: &Manifest, file: &Progra
 }
 
 /// Holds manifest and program against the job file.
-pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts: &Facts, rule: &mut Rule) {
+pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, rule: &mut Rule) {
     let near = |a: f64, b: f64| (a - b).abs() <= SAME * b.abs().max(1.0);
     let f = &manifest.focus;
     let mut hold = |holds: bool, text: &str| {
@@ -132,7 +138,7 @@ fn differs(e: &BlockEntry, id: &str, b: &Block) -> Option<&'static str> {
 /// Compares a drawing with its block.
 fn drawing(folder: &Path, name: &str, id: &str, program: &Program, block: &Block, machine: &Machine, rule: &mut Rule) {
     if !is_inside(name) {
-        return rule.broken(id, "manifest.json", format!("{name:?} is no path inside the job folder"));
+        return rule.broken(id, "manifest.json", format!("{name:?} is not a path inside the job folder"));
     }
     let bytes = match diag::read_file(&folder.join(name), MAX_FILE) {
         Ok(bytes) => bytes,

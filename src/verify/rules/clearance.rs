@@ -20,8 +20,8 @@ use super::stage::{Positions, StageFile};
 use crate::geom::NM_PER_MM;
 use crate::machine::Machine;
 use crate::program::Block;
-use crate::verify::depth::{Ground, Turn};
-use crate::verify::facts::Facts;
+use crate::verify::geometry::{Geometry, Turn};
+use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::program::ProgramFile;
 
@@ -41,14 +41,14 @@ const EVERYWHERE: f64 = 1e10;
 pub(in crate::verify) fn check(
     stages: &[StageFile],
     file: &ProgramFile,
-    facts: &Facts,
-    ground: &Ground,
+    facts: &JobFacts,
+    geometry: &Geometry,
     findings: &mut Findings,
 ) {
     let rule = &mut findings.clearance;
     rule.ran = true;
-    let tiles = Tiles::of(ground, &facts.machine);
-    let mut head = Head { ground, tiles, machine: &facts.machine, file, rule };
+    let tiles = Tiles::of(geometry, &facts.machine);
+    let mut head = Head { geometry, tiles, machine: &facts.machine, file, rule };
     if stages.is_empty() {
         head.program();
     }
@@ -63,7 +63,7 @@ struct Pose {
 }
 
 struct Head<'a> {
-    ground: &'a Ground,
+    geometry: &'a Geometry,
     tiles: Tiles,
     machine: &'a Machine,
     file: &'a ProgramFile,
@@ -124,11 +124,11 @@ impl Head<'_> {
         let (a, b) = (part(from.at), part(to.at));
         let nm = |l: crate::units::Length| l.as_mm() * NM_PER_MM;
         let gap = nm(self.machine.lens.working_distance) - nm(self.machine.stage.clearance);
-        let limit = a[2].min(b[2]) + gap + ROUNDING + 2.0 * self.ground.weld();
+        let limit = a[2].min(b[2]) + gap + ROUNDING + 2.0 * self.geometry.weld();
         if self.tiles.highest <= limit && from.tilt == [0; 2] && to.tilt == [0; 2] {
             return;
         }
-        let reach = nm(self.machine.lens.diameter) / 2.0 - ROUNDING - self.ground.weld();
+        let reach = nm(self.machine.lens.diameter) / 2.0 - ROUNDING - self.geometry.weld();
         let sweep = Sweep::of([a[0], a[1]], [b[0], b[1]], reach);
         let range = [0, 1].map(|k| [from.tilt[k].min(to.tilt[k]) as f64, from.tilt[k].max(to.tilt[k]) as f64]);
         if let Some(over) = self.swing(block, range, &sweep, limit, HALVINGS) {
@@ -157,7 +157,7 @@ impl Head<'_> {
         }
         let mut highest = f64::NEG_INFINITY;
         for area in &doubtful {
-            self.ground.facets_in(*area, &mut |corners| {
+            self.geometry.facets_in(*area, &mut |corners| {
                 let corners = turn.as_ref().map_or(corners, |turn| corners.map(|p| turn.apply(p)));
                 highest = highest.max(sweep.highest(corners));
             });
@@ -196,11 +196,11 @@ struct Tiles {
 
 impl Tiles {
     /// Tiles of an eighth of the head's diameter, or larger where these were too many.
-    fn of(ground: &Ground, machine: &Machine) -> Self {
+    fn of(geometry: &Geometry, machine: &Machine) -> Self {
         let everywhere = [-EVERYWHERE, -EVERYWHERE, EVERYWHERE, EVERYWHERE];
         let (mut lo, mut hi) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let mut highest = f64::NEG_INFINITY;
-        ground.facets_in(everywhere, &mut |corners| {
+        geometry.facets_in(everywhere, &mut |corners| {
             for c in corners {
                 for k in 0..2 {
                     (lo[k], hi[k]) = (lo[k].min(c[k]), hi[k].max(c[k]));
@@ -215,7 +215,7 @@ impl Tiles {
             [f64::INFINITY, f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
         let mut boxes = vec![none; count[0] * count[1]];
         let index = |k: usize, v: f64| (((v - lo[k]) / size) as usize).min(count[k] - 1);
-        ground.facets_in(everywhere, &mut |corners| {
+        geometry.facets_in(everywhere, &mut |corners| {
             let range = |k: usize| {
                 let v = corners.map(|c| c[k]);
                 [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])]

@@ -8,8 +8,8 @@ use super::turned::Turned;
 use super::{Findings, part_place_nm};
 use crate::job::{Compensate, Dose};
 use crate::program::{Block, Pen, Stroke};
-use crate::verify::depth::{Ground, Line, Scratch, Slope};
-use crate::verify::facts::Facts;
+use crate::verify::geometry::{Geometry, Line, Scratch, Slope};
+use crate::verify::job_facts::JobFacts;
 use crate::verify::read::program::ProgramFile;
 
 /// What rounding of vertices and ends of marks may do to a factor.
@@ -20,7 +20,7 @@ const SHORTEST: f64 = 1000.0;
 
 /// The job's pen of which a pen says that it is made, and its factor; the pen itself and 1 where it is the
 /// job's. None for a pen that says neither.
-pub(super) fn origin(pens: &[Pen], pen: usize, facts: &Facts) -> Option<(usize, f64)> {
+pub(super) fn origin(pens: &[Pen], pen: usize, facts: &JobFacts) -> Option<(usize, f64)> {
     let own = facts.pens.as_ref().map_or(pens.len(), Vec::len);
     if pen < own {
         return Some((pen, 1.0));
@@ -32,7 +32,7 @@ pub(super) fn origin(pens: &[Pen], pen: usize, facts: &Facts) -> Option<(usize, 
 }
 
 /// Whether a pen is what it says.
-pub(super) fn is_made(pens: &[Pen], pen: usize, facts: &Facts) -> bool {
+pub(super) fn is_made(pens: &[Pen], pen: usize, facts: &JobFacts) -> bool {
     let Some((base, factor)) = origin(pens, pen, facts) else { return false };
     let (made, base) = (&pens[pen], &pens[base]);
     let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * b.abs();
@@ -46,7 +46,7 @@ pub(super) fn is_made(pens: &[Pen], pen: usize, facts: &Facts) -> bool {
 }
 
 /// Holds `dose`.
-pub(in crate::verify) fn check(file: &ProgramFile, facts: &Facts, ground: &Ground, findings: &mut Findings) {
+pub(in crate::verify) fn check(file: &ProgramFile, facts: &JobFacts, geometry: &Geometry, findings: &mut Findings) {
     let rule = &mut findings.dose;
     rule.ran = true;
     let Some(dose) = facts.dose else {
@@ -59,15 +59,15 @@ pub(in crate::verify) fn check(file: &ProgramFile, facts: &Facts, ground: &Groun
     let mut scratch = Scratch::default();
     let mut turned: Option<Turned> = None;
     for (id, block) in file.ids.iter().zip(&file.program.blocks) {
-        let is_turned = Turned::of(file, block, facts, ground, &mut turned);
-        let ground = turned.as_ref().filter(|_| is_turned).map_or(ground, |t| &t.ground);
+        let is_turned = Turned::of(file, block, facts, geometry, &mut turned);
+        let geometry = turned.as_ref().filter(|_| is_turned).map_or(geometry, |t| &t.geometry);
         for stroke in file.program.strokes_of(block) {
             let Some(factor) = factors[usize::from(stroke.pen)] else { continue };
             rule.checked += 1;
             let mut wanted = [f64::INFINITY, f64::NEG_INFINITY];
             // A mark along an edge may be on either side of it.
-            for shift in [0.0, ground.reach(), -ground.reach()] {
-                let Some(cos) = mean_cos(file, block, stroke, shift, ground, &mut scratch) else { continue };
+            for shift in [0.0, geometry.reach(), -geometry.reach()] {
+                let Some(cos) = mean_cos(file, block, stroke, shift, geometry, &mut scratch) else { continue };
                 let ideal = ideal(&dose, cos);
                 wanted = [wanted[0].min(ideal), wanted[1].max(ideal)];
                 if is_near(&dose, factor, wanted) {
@@ -105,7 +105,7 @@ fn mean_cos(
     block: &Block,
     stroke: &Stroke,
     shift: f64,
-    ground: &Ground,
+    geometry: &Geometry,
     scratch: &mut Scratch,
 ) -> Option<f64> {
     let c = block.stop.centre;
@@ -113,7 +113,7 @@ fn mean_cos(
     let (mut length, mut sum) = (0.0, 0.0);
     for w in file.program.points_of(stroke).windows(2).filter(|w| w[0] != w[1]) {
         let line = Line::new(part(w[0]), part(w[1]));
-        ground.along(&line.part([0.0, line.len], shift), scratch, |p| {
+        geometry.along(&line.part([0.0, line.len], shift), scratch, |p| {
             if let Some(s) = p.sheet.filter(|s| s.slope != Slope::Steep) {
                 length += p.len();
                 sum += p.len() / (1.0 + s.slope2).sqrt();

@@ -12,7 +12,7 @@ use super::part_place_nm;
 use crate::geom::{Box2, P2, nm_from_mm};
 use crate::program::Sections;
 use crate::texture::{Directions, Texture};
-use crate::verify::facts::Facts;
+use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::manifest::Manifest;
 
@@ -35,7 +35,7 @@ struct Area {
 /// Lays the lines that the manifest speaks of and holds the rule; answers whether they could be laid.
 pub(in crate::verify) fn check(
     manifest: &Manifest,
-    facts: &Facts,
+    facts: &JobFacts,
     pass: u32,
     texture: &mut Texture,
     rule: &mut Rule,
@@ -70,7 +70,7 @@ pub(in crate::verify) fn check(
 }
 
 /// The directions that the manifest states, for the grid of sections that the job has.
-fn directions(manifest: &Manifest, facts: &Facts, pass: u32, bounds: Box2) -> Result<Directions, &'static str> {
+fn directions(manifest: &Manifest, facts: &JobFacts, pass: u32, bounds: Box2) -> Result<Directions, &'static str> {
     let stated = manifest.passes.get(pass as usize).map(|p| &p.sections);
     let stated = stated.ok_or("it does not state the sections of a pass")?;
     let step = facts.machine.increment_nm();
@@ -95,7 +95,7 @@ fn directions(manifest: &Manifest, facts: &Facts, pass: u32, bounds: Box2) -> Re
     let hundredths = stated.direction_deg.iter().map(|deg| {
         let h = (deg * 100.0).round();
         let is_one = (0.0..f64::from(Directions::COUNT)).contains(&h) && (deg * 100.0 - h).abs() < 1e-6;
-        if is_one { Ok(h as u16) } else { Err("a direction is no whole hundredth of a degree from 0 to 179.99") }
+        if is_one { Ok(h as u16) } else { Err("a direction is not a whole hundredth of a degree from 0 to 179.99") }
     });
     Ok(Directions {
         origin: grid.origin,

@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io;
 use std::path::{Component, Path};
 
-use crate::verify::facts::Inputs;
+use crate::verify::job_facts::Inputs;
 use crate::verify::proof::Rule;
 use crate::verify::read::manifest::{self, FileEntry, JobRef};
 
@@ -27,7 +27,7 @@ pub(in crate::verify) fn check(folder: &Path, manifest: &Listed<'_>, inputs: &In
     for entry in manifest.files {
         let path = Path::new(&entry.file);
         if !is_inside(&entry.file) {
-            rule.broken("", &entry.file, "is listed, but is no path inside the job folder");
+            rule.broken("", &entry.file, "is listed, but is not a path inside the job folder");
             continue;
         }
         if !listed.insert(entry.file.clone()) {

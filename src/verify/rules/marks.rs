@@ -1,9 +1,9 @@
-//! `field`, `depth` and `ground`: every mark, points between vertices included, against the field of
+//! `field`, `depth` and `surface`: every mark, points between vertices included, against the field of
 //! the machine and against the surface file's own facets.
 //!
 //! Depth: a mark lies within the block's stated interval of heights, within the largest deviation from
 //! its focal plane, and the marks of a block within the depth range. Heights carry the tolerance
-//! [`Ground::z_tolerance`].
+//! [`Geometry::z_tolerance`].
 
 use super::stretch::{Parts, Stretch, confirmed, note, whole};
 use super::turned::{Drawn, Turned};
@@ -11,8 +11,8 @@ use super::{Findings, part_place, part_place_nm};
 use crate::geom::P2;
 use crate::machine::Machine;
 use crate::program::{Block, Stroke};
-use crate::verify::depth::{Ground, Line, Piece, Scratch, Sheet, Slope};
-use crate::verify::facts::Facts;
+use crate::verify::geometry::{Geometry, Line, Piece, Scratch, Sheet, Slope};
+use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::program::ProgramFile;
 
@@ -46,14 +46,19 @@ pub(in crate::verify) fn field(file: &ProgramFile, machine: &Machine, rule: &mut
     }
 }
 
-/// Holds `depth` and `ground`.
-pub(in crate::verify) fn check(file: &ProgramFile, facts: &Facts, ground: &Ground, findings: &mut Findings) -> Marks {
-    let Findings { depth, ground: solid, source, .. } = findings;
+/// Holds `depth` and `surface`.
+pub(in crate::verify) fn check(
+    file: &ProgramFile,
+    facts: &JobFacts,
+    geometry: &Geometry,
+    findings: &mut Findings,
+) -> Marks {
+    let Findings { depth, surface: solid, source, .. } = findings;
     (depth.ran, solid.ran) = (true, true);
     let mut search = Search {
         file,
         facts,
-        ground,
+        geometry,
         depth,
         solid,
         scratch: Scratch::default(),
@@ -65,11 +70,11 @@ pub(in crate::verify) fn check(file: &ProgramFile, facts: &Facts, ground: &Groun
     let mut slope2 = 0.0f64;
     let mut turned: Option<Turned> = None;
     for (id, block) in file.ids.iter().zip(&file.program.blocks) {
-        let found = if Turned::of(file, block, facts, ground, &mut turned)
+        let found = if Turned::of(file, block, facts, geometry, &mut turned)
             && let Some(here) = &turned
         {
             here.draw(id, file, block, &mut out.drawn, source);
-            search.on(&here.ground).block(id, block)
+            search.on(&here.geometry).block(id, block)
         } else {
             search.block(id, block)
         };
@@ -95,13 +100,13 @@ struct Found {
 }
 
 impl Found {
-    fn add(&mut self, s: &Sheet, focus: f64, ground: &Ground) {
+    fn add(&mut self, s: &Sheet, focus: f64, geometry: &Geometry) {
         self.slope2 = self.slope2.max(s.slope2);
         let (lo, hi) = (s.z[0].min(s.z[1]), s.z[0].max(s.z[1]));
         let worst = (hi - focus).max(focus - lo);
         if lo < self.lo || hi > self.hi || worst > self.worst {
             // The range is found from heights that are certain, the deviation from those measured.
-            let tolerance = ground.z_tolerance(s.slope2);
+            let tolerance = geometry.z_tolerance(s.slope2);
             self.lo = self.lo.min(lo + tolerance);
             self.hi = self.hi.max(hi - tolerance);
             if worst > self.worst {
@@ -113,8 +118,8 @@ impl Found {
 
 struct Search<'a> {
     file: &'a ProgramFile,
-    facts: &'a Facts,
-    ground: &'a Ground,
+    facts: &'a JobFacts,
+    geometry: &'a Geometry,
     depth: &'a mut Rule,
     solid: &'a mut Rule,
     scratch: Scratch,
@@ -126,11 +131,11 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The same search on another ground.
-    fn on<'b>(&'b mut self, ground: &'b Ground) -> Search<'b> {
+    /// The same search on another geometry.
+    fn on<'b>(&'b mut self, geometry: &'b Geometry) -> Search<'b> {
         let Self { file, facts, depth, solid, .. } = self;
         let (lines, low, off) = (Vec::new(), Vec::new(), Vec::new());
-        Search { file, facts, ground, depth, solid, scratch: Scratch::default(), lines, low, off }
+        Search { file, facts, geometry, depth, solid, scratch: Scratch::default(), lines, low, off }
     }
 
     fn block(&mut self, id: &str, block: &Block) -> Found {
@@ -147,7 +152,7 @@ impl Search<'_> {
             slope2: 0.0,
             mark_mm: 0.0,
         };
-        let slack = self.ground.z_tolerance_at_limit();
+        let slack = self.geometry.z_tolerance_at_limit();
         if ((block.stop.z_lo - block.z_lo) as f64) > slack || ((block.z_hi - block.stop.z_hi) as f64) > slack {
             let text = "the stated interval of its marks is not inside the one that the stop accepts";
             self.depth.broken(id, part_place(block.stop.centre), text);
@@ -167,7 +172,7 @@ impl Search<'_> {
         let c = block.stop.centre;
         let part = |p: [i32; 2]| [(c.x + i64::from(p[0])) as f64, (c.y + i64::from(p[1])) as f64];
         let points = self.file.program.points_of(stroke);
-        let (focus, ground) = (block.stop.focus as f64, self.ground);
+        let (focus, geometry) = (block.stop.focus as f64, self.geometry);
         self.lines.clear();
         self.low.clear();
         self.off.clear();
@@ -176,11 +181,11 @@ impl Search<'_> {
             let line = Line::new(part(w[0]), part(w[1]));
             let segment = self.lines.len();
             let (low, off) = (&mut self.low, &mut self.off);
-            let cut = ground.along(&line, &mut self.scratch, |p| match &p.sheet {
+            let cut = geometry.along(&line, &mut self.scratch, |p| match &p.sheet {
                 Some(s) if s.slope != Slope::Steep => {
-                    let parts = beyond(&p, s, allowed, ground);
+                    let parts = beyond(&p, s, allowed, geometry);
                     if parts.iter().all(|d| d[0] >= d[1]) {
-                        found.add(s, focus, ground);
+                        found.add(s, focus, geometry);
                     }
                     for d in parts.into_iter().filter(|d| d[0] < d[1]) {
                         note(low, segment, d, line.len);
@@ -199,22 +204,22 @@ impl Search<'_> {
             self.report_depth(id, block, allowed, found);
         }
         if !self.off.is_empty() {
-            self.report_ground(id);
+            self.report_off_surface(id);
         }
     }
 
     fn report_depth(&mut self, id: &str, block: &Block, allowed: [f64; 2], found: &mut Found) {
-        let (ground, lines) = (self.ground, &self.lines);
+        let (geometry, lines) = (self.geometry, &self.lines);
         let bad = |p: &Piece| {
             let sheet = p.sheet.as_ref().filter(|s| s.slope != Slope::Steep);
-            sheet.map_or([[0.0; 2]; 2], |s| beyond(p, s, allowed, ground))
+            sheet.map_or([[0.0; 2]; 2], |s| beyond(p, s, allowed, geometry))
         };
-        let runs = confirmed(&self.low, ground, &mut self.scratch, |i| lines[i], bad);
+        let runs = confirmed(&self.low, geometry, &mut self.scratch, |i| lines[i], bad);
         let focus = block.stop.focus as f64;
         let mut worst: Option<([f64; 2], f64)> = None;
         for s in runs.iter().flat_map(|r| &r.stretches) {
             let part = lines[s.segment].part(s.d, 0.0);
-            ground.along(&part, &mut self.scratch, |p| {
+            geometry.along(&part, &mut self.scratch, |p| {
                 let Some(sheet) = p.sheet.filter(|_| bad(&p).iter().any(|d| d[0] < d[1])) else { return };
                 for (d, z) in p.d.into_iter().zip(sheet.z) {
                     if worst.is_none_or(|(_, w)| (z - focus).abs() > (w - focus).abs()) {
@@ -240,10 +245,10 @@ impl Search<'_> {
         self.depth.broken(id, part_place_nm(at), text);
     }
 
-    fn report_ground(&mut self, id: &str) {
+    fn report_off_surface(&mut self, id: &str) {
         let lines = &self.lines;
         let bad = |p: &Piece| whole(p, p.sheet.as_ref().is_none_or(|s| s.slope == Slope::Steep));
-        let runs = confirmed(&self.off, self.ground, &mut self.scratch, |i| lines[i], bad);
+        let runs = confirmed(&self.off, self.geometry, &mut self.scratch, |i| lines[i], bad);
         let len: f64 = runs.iter().map(|r| r.len).sum();
         if let Some(s) = runs.first().and_then(|r| r.stretches.first()) {
             let text = format!("{:.6} mm of a mark lie off the part or beyond the incidence limit", len / 1e6);
@@ -253,12 +258,12 @@ impl Search<'_> {
 }
 
 /// Where a piece lies too low or too high.
-fn beyond(p: &Piece, s: &Sheet, allowed: [f64; 2], ground: &Ground) -> Parts {
+fn beyond(p: &Piece, s: &Sheet, allowed: [f64; 2], geometry: &Geometry) -> Parts {
     let [z0, z1] = s.z;
     if z0.min(z1) >= allowed[0] && z0.max(z1) <= allowed[1] {
         return [[0.0; 2]; 2];
     }
-    let tolerance = ground.z_tolerance(s.slope2);
+    let tolerance = geometry.z_tolerance(s.slope2);
     let (lowest, highest) = (allowed[0] - tolerance, allowed[1] + tolerance);
     // Up the piece: too low as far as `from`, too high beyond `to`, as shares of it.
     let (bottom, top) = (z0.min(z1), z0.max(z1));

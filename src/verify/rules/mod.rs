@@ -21,7 +21,7 @@ mod turned;
 
 use std::path::Path;
 
-use super::facts::Facts;
+use super::job_facts::JobFacts;
 use super::proof::{Lengths, Proof, Rule};
 use super::read::manifest::Manifest;
 use super::read::program::ProgramFile;
@@ -36,7 +36,7 @@ pub(super) struct Findings {
     pub(super) travel: Rule,
     pub(super) clearance: Rule,
     pub(super) laser: Rule,
-    pub(super) ground: Rule,
+    pub(super) surface: Rule,
     pub(super) dose: Rule,
     pub(super) fill: Rule,
     pub(super) source: Rule,
@@ -63,7 +63,7 @@ impl Findings {
             travel: Rule::new("travel", "every stage position is the block's, within travel and on the increment"),
             clearance: Rule::new("clearance", "the head keeps clear of the part in every move"),
             laser: Rule::new("laser", "the laser is off in every stage move, which settles before the next mark"),
-            ground: Rule::new("ground", "no mark lies off the part or on a slope beyond the limit"),
+            surface: Rule::new("surface", "no mark lies off the part or on a slope beyond the limit"),
             dose: Rule::new("dose", "pens make up for the slope under their marks as the job asks"),
             fill: Rule::new("fill", "lines along contours keep their pitch and fill the job's sections"),
             source: Rule::new("source", "every mark is the piece of the texture that it claims to be"),
@@ -87,7 +87,7 @@ impl Findings {
             self.travel,
             self.clearance,
             self.laser,
-            self.ground,
+            self.surface,
             self.dose,
             self.fill,
             self.source,
@@ -113,7 +113,7 @@ pub(super) fn without_inputs(
     folder: &Path,
     manifest: &Manifest,
     program: &ProgramFile,
-    facts: &Facts,
+    facts: &JobFacts,
     findings: &mut Findings,
 ) -> Vec<stage::StageFile> {
     findings.stops = program.program.blocks.len();

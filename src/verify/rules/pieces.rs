@@ -12,8 +12,8 @@ use super::{Findings, part_place, part_place_nm};
 use crate::geom::{NM_PER_MM, P2, orient};
 use crate::program::{Block, Stroke};
 use crate::verify::Drawing;
-use crate::verify::depth::{Ground, Line, Piece, Scratch, Slope};
-use crate::verify::facts::Facts;
+use crate::verify::geometry::{Geometry, Line, Piece, Scratch, Slope};
+use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::{Lengths, Rule};
 use crate::verify::read::program::ProgramFile;
 
@@ -30,8 +30,8 @@ const ROUNDED: f64 = 2.0;
 /// one fault is not reported as three.
 const NEAR: f64 = 10_000.0;
 
-/// At most so many astray marks are looked for: the search is slow, and one is enough to refuse.
-const ASTRAY: usize = 1000;
+/// At most this many unmatched marks are looked for: the search is slow, and one is enough to refuse.
+const UNMATCHED: usize = 1000;
 
 /// What the pieces came to.
 #[derive(Default)]
@@ -49,9 +49,9 @@ pub(in crate::verify) struct Pieces {
 /// Holds the three rules.
 pub(in crate::verify) fn check(
     file: &ProgramFile,
-    facts: &Facts,
+    facts: &JobFacts,
     drawings: &[Drawing<'_>],
-    ground: &Ground,
+    geometry: &Geometry,
     drawn: &Drawn,
     findings: &mut Findings,
 ) -> Pieces {
@@ -62,7 +62,7 @@ pub(in crate::verify) fn check(
         file,
         facts,
         drawing: first,
-        ground,
+        geometry,
         drawn,
         off: None,
         source,
@@ -73,7 +73,7 @@ pub(in crate::verify) fn check(
         along: Vec::new(),
         spans: Vec::new(),
         mark: Vec::new(),
-        astray: Vec::new(),
+        unmatched: Vec::new(),
         missing: Vec::new(),
         out: Pieces::default(),
     };
@@ -115,9 +115,9 @@ fn noise(a: Option<&Span>, b: Option<&Span>) -> f64 {
 
 struct Cover<'a> {
     file: &'a ProgramFile,
-    facts: &'a Facts,
+    facts: &'a JobFacts,
     drawing: &'a Drawing<'a>,
-    ground: &'a Ground,
+    geometry: &'a Geometry,
     /// Points of tilted blocks in the drawing; empty where nothing is tilted.
     drawn: &'a Drawn,
     /// How far the points of the mark at hand may be off, nm, if it is one of these.
@@ -133,8 +133,8 @@ struct Cover<'a> {
     /// The mark at hand in drawing direction, part frame.
     mark: Vec<P2>,
     /// Ends of marks that lie on no stroke that they claim.
-    astray: Vec<[P2; 2]>,
-    /// Unmarked stretches; they are reported once all astray marks are known.
+    unmatched: Vec<[P2; 2]>,
+    /// Unmarked stretches; they are reported once all unmatched marks are known.
     missing: Vec<Missing>,
     out: Pieces,
 }
@@ -163,7 +163,7 @@ impl Cover<'_> {
             rest = &rest[count..];
         }
         self.report_missing();
-        self.astray.clear();
+        self.unmatched.clear();
     }
 
     fn stroke(&mut self, number: usize, marks: &[u32]) {
@@ -252,8 +252,8 @@ impl Cover<'_> {
             Err(why) => {
                 if let Some([from, to]) = self.search() {
                     self.spans.push(Span { from, to, off, mark: i });
-                } else if self.astray.len() < ASTRAY {
-                    self.astray.extend(self.ends());
+                } else if self.unmatched.len() < UNMATCHED {
+                    self.unmatched.extend(self.ends());
                 }
                 Some(why.to_owned())
             }
@@ -273,8 +273,8 @@ impl Cover<'_> {
         let passes = f64::from(self.file.program.pens[usize::from(stroke.pen)].passes);
         let length: f64 = self.mark.windows(2).map(|w| w[0].distance(w[1])).sum();
         self.out.lengths.mark_mm += length * passes / NM_PER_MM;
-        if self.astray.len() < ASTRAY {
-            self.astray.extend(self.ends());
+        if self.unmatched.len() < UNMATCHED {
+            self.unmatched.extend(self.ends());
         }
         let place = self.mark.first().map_or(String::new(), |&p| part_place(p));
         self.source.broken(&self.file.ids[block], place, format!("mark of stroke {}: {why}", stroke.source));
@@ -411,7 +411,7 @@ impl Cover<'_> {
 
     /// Lays a mark that is not what it claims on the stroke where its ends come nearest.
     fn search(&self) -> Option<[f64; 2]> {
-        if self.astray.len() >= ASTRAY || self.source.violated >= ASTRAY as u64 {
+        if self.unmatched.len() >= UNMATCHED || self.source.violated >= UNMATCHED as u64 {
             return None;
         }
         // Of equally near places the first for the beginning, the last for the end: closed figures.
@@ -485,7 +485,7 @@ impl Cover<'_> {
     /// Judges an unmarked part of the stroke.
     fn gap(&mut self, number: usize, [from, to]: [f64; 2], passes: f64, beside: [Option<Span>; 2]) {
         let per_nm = passes / NM_PER_MM;
-        self.out.doubt_mm += 2.0 * self.ground.grain() * per_nm;
+        self.out.doubt_mm += 2.0 * self.geometry.grain() * per_nm;
         self.out.rounding_mm += NOISE * per_nm;
         self.out.lengths.skipped_mm += (to - from) * per_nm;
         let (mut off, mut steep, mut doubt, mut open) = (0.0, 0.0, 0.0, 0.0);
@@ -498,7 +498,7 @@ impl Cover<'_> {
             if d[1] <= d[0] {
                 continue;
             }
-            self.ground.along(&line.part(d, 0.0), &mut scratch, |p| match p.sheet.map(|s| s.slope) {
+            self.geometry.along(&line.part(d, 0.0), &mut scratch, |p| match p.sheet.map(|s| s.slope) {
                 None => off += p.len(),
                 Some(Slope::Steep) => steep += p.len(),
                 Some(Slope::Doubtful) => (steep, doubt) = (steep + p.len(), doubt + p.len()),
@@ -513,7 +513,7 @@ impl Cover<'_> {
         let runs = if list.is_empty() {
             Vec::new()
         } else {
-            confirmed(&list, self.ground, &mut scratch, |k| self.line(k), gentle)
+            confirmed(&list, self.geometry, &mut scratch, |k| self.line(k), gentle)
         };
         let small: f64 = runs.iter().map(|r| r.len).sum();
         // What rounding may have put off the part counts as that; so does a cut through a wall.
@@ -533,10 +533,10 @@ impl Cover<'_> {
     /// How much of a stretch runs along a border between gentle places, steep ones and none, so that
     /// rounding decides which it is, nm.
     fn border(&self, line: &Line, d: [f64; 2], scratch: &mut Scratch) -> f64 {
-        let reach = self.ground.reach();
+        let reach = self.geometry.reach();
         let [here, left, right] = [0.0, reach, -reach].map(|side| {
             let mut found = [0.0; 2];
-            self.ground.along(&line.part(d, side), scratch, |p| {
+            self.geometry.along(&line.part(d, side), scratch, |p| {
                 if let Some(s) = p.sheet {
                     found[usize::from(s.slope == Slope::Gentle)] += p.len();
                 }
@@ -587,7 +587,7 @@ impl Cover<'_> {
             if d[0] > s.d[0] {
                 length = 0.0;
             }
-            self.ground.along(&line.part(d, 0.0), scratch, |p| {
+            self.geometry.along(&line.part(d, 0.0), scratch, |p| {
                 let Some(sheet) = p.sheet else { return length = 0.0 };
                 let inside = share(sheet.z, [lo, hi]);
                 // A piece that leaves the interval ends the part; its share may begin another.
@@ -610,7 +610,7 @@ impl Cover<'_> {
             place: part_place_nm(ends[0]),
             text: format!("{:.6} mm of {} are not marked", run.len / NM_PER_MM, (self.drawing.element)(number)),
         };
-        if self.missing.len() < ASTRAY {
+        if self.missing.len() < UNMATCHED {
             self.missing.push(missing);
         } else {
             self.report(&missing);
@@ -625,10 +625,10 @@ impl Cover<'_> {
     /// Reports what is not marked, but for what a mark covers that claims another stroke: `source` has
     /// said so already.
     fn report_missing(&mut self) {
-        let grain = self.ground.grain();
+        let grain = self.geometry.grain();
         for m in std::mem::take(&mut self.missing) {
             let is_end = |p: &P2| m.ends.iter().any(|e| (p.x as f64 - e[0]).hypot(p.y as f64 - e[1]) <= grain);
-            if !self.astray.iter().any(|ends| ends.iter().all(is_end)) {
+            if !self.unmatched.iter().any(|ends| ends.iter().all(is_end)) {
                 self.report(&m);
             }
         }

@@ -2,7 +2,7 @@
 //! says, found anew from the point, the turn of the part and the set-up's origin.
 
 use crate::geom::{NM_PER_MM, P2, cos_sin, nm_from_mm};
-use crate::verify::facts::Facts;
+use crate::verify::job_facts::JobFacts;
 use crate::verify::read::manifest::{Manifest, RegistrationEntry, SetupEntry};
 use crate::verify::read::program::ProgramFile;
 
@@ -10,7 +10,7 @@ use crate::verify::read::program::ProgramFile;
 const LEAST: usize = 2;
 
 /// Whether they are.
-pub(super) fn are_the_jobs(manifest: &Manifest, file: &ProgramFile, facts: &Facts) -> bool {
+pub(super) fn are_the_jobs(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts) -> bool {
     let Some(spec) = &facts.setups else {
         return file.origins.len() == 1 && manifest.setups.iter().all(|s| s.registration.is_empty());
     };
@@ -22,7 +22,7 @@ pub(super) fn are_the_jobs(manifest: &Manifest, file: &ProgramFile, facts: &Fact
 }
 
 /// Whether the points of a set-up are those of the job that it reaches, each at its commands.
-fn is_registered(entry: &SetupEntry, origin: [i64; 3], points: &[P2], facts: &Facts) -> bool {
+fn is_registered(entry: &SetupEntry, origin: [i64; 3], points: &[P2], facts: &JobFacts) -> bool {
     let machine = &facts.machine;
     let step = machine.increment_nm() as f64;
     let [cos, sin] = cos_sin(facts.turn_deg.to_radians());

@@ -8,7 +8,7 @@ use super::times;
 use crate::diag;
 use crate::geom::NM_PER_MM;
 use crate::program::Block;
-use crate::verify::facts::Facts;
+use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::manifest::Manifest;
 use crate::verify::read::program::ProgramFile;
@@ -22,7 +22,7 @@ const MAX_FILE: u64 = 1 << 30;
 const DECIMALS: [i32; 2] = [4, 6];
 
 /// Holds the run sheets that are there against the program.
-pub(super) fn check(folder: &Path, manifest: &Manifest, file: &ProgramFile, facts: &Facts, rule: &mut Rule) {
+pub(super) fn check(folder: &Path, manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, rule: &mut Rule) {
     let mut sheets = Sheets { manifest, file, facts, rule };
     if let Some(table) = sheets.read(folder, "runsheet.csv", runsheet::csv) {
         let columns = Columns {
@@ -71,7 +71,7 @@ fn pens_of(file: &ProgramFile, block: &Block) -> impl Iterator<Item = usize> {
 struct Sheets<'a> {
     manifest: &'a Manifest,
     file: &'a ProgramFile,
-    facts: &'a Facts,
+    facts: &'a JobFacts,
     rule: &'a mut Rule,
 }
 
@@ -222,7 +222,7 @@ impl Sheets<'_> {
     }
 }
 
-/// Whether a cell is a number rounded to so many decimals.
+/// Whether a cell is a number rounded to that many decimals.
 fn is_written(cell: &str, value: f64, decimals: i32) -> bool {
     let half = 0.5 * 10f64.powi(-decimals);
     cell.parse::<f64>().is_ok_and(|v| (v - value).abs() <= half * (1.0 + 1e-6) + 1e-9 * value.abs())

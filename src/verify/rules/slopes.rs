@@ -4,8 +4,8 @@
 use super::dose;
 use crate::job::Compensate;
 use crate::program::{Block, Stroke};
-use crate::verify::depth::{Ground, Line, Scratch, Slope};
-use crate::verify::facts::Facts;
+use crate::verify::geometry::{Geometry, Line, Scratch, Slope};
+use crate::verify::job_facts::JobFacts;
 use crate::verify::read::program::ProgramFile;
 
 /// Ends of marks are rounded in the plane: lengths by which means are weighed are off by at most this, nm.
@@ -37,8 +37,8 @@ struct Under {
 pub(super) fn of(
     file: &ProgramFile,
     block: &Block,
-    facts: &Facts,
-    ground: &Ground,
+    facts: &JobFacts,
+    geometry: &Geometry,
     sides: bool,
     scratch: &mut Scratch,
 ) -> Option<Bounds> {
@@ -47,10 +47,10 @@ pub(super) fn of(
     let mut least = [[f64::INFINITY; 2]; 2];
     for stroke in file.program.strokes_of(block) {
         let gain = gain(file, stroke, facts);
-        let mut found = under(file, block, stroke, 0.0, ground, scratch);
+        let mut found = under(file, block, stroke, 0.0, geometry, scratch);
         if sides {
-            for side in [ground.reach(), -ground.reach()] {
-                found = match (found, under(file, block, stroke, side, ground, scratch)) {
+            for side in [geometry.reach(), -geometry.reach()] {
+                found = match (found, under(file, block, stroke, side, geometry, scratch)) {
                     (Some(a), Some(b)) => Some(a.or(&b)),
                     (a, b) => a.or(b),
                 };
@@ -58,7 +58,7 @@ pub(super) fn of(
         }
         let Some(mut u) = found else { continue };
         if sides {
-            u.least[0] = u.least[0].min(touched(file, block, stroke, ground, scratch));
+            u.least[0] = u.least[0].min(touched(file, block, stroke, geometry, scratch));
         }
         length += u.length;
         count += 1.0;
@@ -90,7 +90,7 @@ impl Under {
 }
 
 /// By how much its pen raises the dose of a mark.
-fn gain(file: &ProgramFile, stroke: &Stroke, facts: &Facts) -> f64 {
+fn gain(file: &ProgramFile, stroke: &Stroke, facts: &JobFacts) -> f64 {
     let factor = dose::origin(&file.program.pens, usize::from(stroke.pen), facts).map_or(1.0, |(_, factor)| factor);
     match facts.dose.map(|d| d.compensate) {
         Some(Compensate::Speed) => 1.0 / factor,
@@ -101,17 +101,17 @@ fn gain(file: &ProgramFile, stroke: &Stroke, facts: &Facts) -> f64 {
 
 /// The least cosine of what a mark may touch: rounding decides whether a mark that ends on an edge has the facet beyond
 /// under its end.
-fn touched(file: &ProgramFile, block: &Block, stroke: &Stroke, ground: &Ground, scratch: &mut Scratch) -> f64 {
+fn touched(file: &ProgramFile, block: &Block, stroke: &Stroke, geometry: &Geometry, scratch: &mut Scratch) -> f64 {
     let c = block.stop.centre;
     let part = |p: [i32; 2]| [c.x as f64 + f64::from(p[0]), c.y as f64 + f64::from(p[1])];
-    let reach = ground.reach();
+    let reach = geometry.reach();
     let mut least = 1.0f64;
     for w in file.program.points_of(stroke).windows(2).filter(|w| w[0] != w[1]) {
         let line = Line::new(part(w[0]), part(w[1]));
         for side in [0.0, reach, -reach] {
-            ground.along(&line.part([-reach, line.len + reach], side), scratch, |p| {
+            geometry.along(&line.part([-reach, line.len + reach], side), scratch, |p| {
                 if let Some(s) = p.sheet.filter(|s| s.slope != Slope::Steep) {
-                    least = least.min(1.0 / (s.slope2.sqrt() + ground.slope_doubt(&s)).hypot(1.0));
+                    least = least.min(1.0 / (s.slope2.sqrt() + geometry.slope_doubt(&s)).hypot(1.0));
                 }
             });
         }
@@ -120,26 +120,26 @@ fn touched(file: &ProgramFile, block: &Block, stroke: &Stroke, ground: &Ground, 
 }
 
 /// What lies under a mark moved sideways by `side`. Facets know their slope to the rounding of their vertices, and
-/// where the mark goes from one to the next to the grain of the ground; a facet met for less than that may be met or
+/// where the mark goes from one to the next to the grain of the geometry; a facet met for less than that may be met or
 /// not.
 fn under(
     file: &ProgramFile,
     block: &Block,
     stroke: &Stroke,
     side: f64,
-    ground: &Ground,
+    geometry: &Geometry,
     scratch: &mut Scratch,
 ) -> Option<Under> {
     let c = block.stop.centre;
     let part = |p: [i32; 2]| [c.x as f64 + f64::from(p[0]), c.y as f64 + f64::from(p[1])];
-    let grain = ground.grain();
+    let grain = geometry.grain();
     let mut out = Under { length: 0.0, sum: [0.0; 2], least: [1.0, f64::INFINITY] };
     let mut before: Option<f64> = None;
     for w in file.program.points_of(stroke).windows(2).filter(|w| w[0] != w[1]) {
         let line = Line::new(part(w[0]), part(w[1]));
-        ground.along(&line.part([0.0, line.len], side), scratch, |p| {
+        geometry.along(&line.part([0.0, line.len], side), scratch, |p| {
             let Some(s) = p.sheet.filter(|s| s.slope != Slope::Steep) else { return };
-            let (slope, doubt) = (s.slope2.sqrt(), ground.slope_doubt(&s));
+            let (slope, doubt) = (s.slope2.sqrt(), geometry.slope_doubt(&s));
             let cos = [slope + doubt, (slope - doubt).max(0.0)].map(|t| 1.0 / t.hypot(1.0));
             let step = before.map_or(0.0, |b| (b - cos[1]).abs() * grain.min(p.len()));
             before = Some(cos[1]);

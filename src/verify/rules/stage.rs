@@ -9,7 +9,7 @@ use crate::diag;
 use crate::geom::mm_from_nm;
 use crate::job::Format;
 use crate::machine::{Axis, Machine};
-use crate::verify::facts::Facts;
+use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::gcode::{self, Statement, Step};
 use crate::verify::read::manifest::Manifest;
@@ -35,7 +35,7 @@ impl StageFile {
 }
 
 /// Reads the stage programs that the job asks for or the manifest lists.
-pub(super) fn read(folder: &Path, manifest: &Manifest, facts: &Facts, rule: &mut Rule) -> Vec<StageFile> {
+pub(super) fn read(folder: &Path, manifest: &Manifest, facts: &JobFacts, rule: &mut Rule) -> Vec<StageFile> {
     let mut out = Vec::new();
     for (name, format, handshake) in [("stage.ngc", Format::Linuxcnc, true), ("stage_m0.nc", Format::Gcode, false)] {
         if !facts.formats.contains(&format) && !manifest.files.iter().any(|f| f.file == name) {

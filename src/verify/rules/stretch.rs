@@ -3,9 +3,9 @@
 //!
 //! A mark may lie exactly on a border or along the top of a wall: then the last nanometre decides what
 //! lies under it, and either side is right. A stretch counts only if it is wrong on the line itself and
-//! on both sides, over more than the grain of the ground.
+//! on both sides, over more than the grain of the geometry.
 
-use crate::verify::depth::{Ground, Line, Piece, Scratch};
+use crate::verify::geometry::{Geometry, Line, Piece, Scratch};
 
 /// A part of one segment of a polyline.
 #[derive(Clone, Copy, Debug)]
@@ -60,24 +60,24 @@ pub(super) fn whole(p: &Piece, is_wrong: bool) -> Parts {
 /// The runs, longer than the grain, that are `bad` wherever within its reach the line lies.
 pub(super) fn confirmed(
     list: &[Stretch],
-    ground: &Ground,
+    geometry: &Geometry,
     scratch: &mut Scratch,
     line: impl Fn(usize) -> Line,
     bad: impl Fn(&Piece) -> Parts,
 ) -> Vec<Run> {
-    let grain = ground.grain();
+    let grain = geometry.grain();
     let mut kept = Vec::new();
     for run in runs(list).into_iter().filter(|r| r.len > grain) {
         for s in run.stretches {
             let line = line(s.segment);
             let mut left = vec![s.d];
-            let steps = (1..=STEPS).map(|i| ground.reach() * f64::from(i) / f64::from(STEPS));
+            let steps = (1..=STEPS).map(|i| geometry.reach() * f64::from(i) / f64::from(STEPS));
             for side in steps.flat_map(|d| [d, -d]) {
                 if left.is_empty() {
                     break;
                 }
                 let mut moved: Vec<Stretch> = Vec::new();
-                ground.along(&line.part(s.d, side), scratch, |p| {
+                geometry.along(&line.part(s.d, side), scratch, |p| {
                     for d in bad(&p).into_iter().filter(|d| d[0] < d[1]) {
                         note(&mut moved, 0, d.map(|d| d + s.d[0]), line.len);
                     }

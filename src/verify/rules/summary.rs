@@ -12,8 +12,8 @@ use super::times::{self, Times};
 use super::turned::Turned;
 use super::{Findings, Rule};
 use crate::program::Block;
-use crate::verify::depth::{Ground, Scratch};
-use crate::verify::facts::Facts;
+use crate::verify::geometry::{Geometry, Scratch};
+use crate::verify::job_facts::JobFacts;
 use crate::verify::read::manifest::Manifest;
 use crate::verify::read::program::ProgramFile;
 
@@ -29,7 +29,7 @@ const PLACE: &str = "manifest.json";
 pub(in crate::verify) fn check(
     manifest: &Manifest,
     file: &ProgramFile,
-    facts: &Facts,
+    facts: &JobFacts,
     marks: &Marks,
     pieces: &Pieces,
     findings: &mut Findings,
@@ -39,8 +39,8 @@ pub(in crate::verify) fn check(
     let sound = |r: &Rule| r.violated == 0;
     let once = sound(&findings.once) && sound(&findings.source);
     let placed = sound(&findings.agreement) && sound(&findings.travel);
-    let covered = once && sound(&findings.coverage) && sound(&findings.ground);
-    let deep = sound(&findings.depth) && sound(&findings.ground);
+    let covered = once && sound(&findings.coverage) && sound(&findings.surface);
+    let deep = sound(&findings.depth) && sound(&findings.surface);
     let rule = &mut findings.summary;
     rule.ran = true;
     let mut hold = |id: &str, name: &str, stated: f64, found: f64, tolerance: f64| {
@@ -91,7 +91,7 @@ pub(in crate::verify) fn check(
 }
 
 /// Holds times and jumps, which follow from the program and the machine file alone.
-fn timing(manifest: &Manifest, file: &ProgramFile, facts: &Facts, hold: &mut impl FnMut(&str, &str, f64, f64, f64)) {
+fn timing(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, hold: &mut impl FnMut(&str, &str, f64, f64, f64)) {
     let mut all = times::stage(file, &facts.machine);
     let mut jumps = 0.0;
     let near = |found: f64| LENGTH * found.max(1.0);
@@ -122,11 +122,11 @@ fn timing(manifest: &Manifest, file: &ProgramFile, facts: &Facts, hold: &mut imp
 pub(in crate::verify) fn slopes(
     manifest: &Manifest,
     file: &ProgramFile,
-    facts: &Facts,
-    ground: &Ground,
+    facts: &JobFacts,
+    geometry: &Geometry,
     findings: &mut Findings,
 ) {
-    let Findings { depth, field, ground: solid, dose, source, once, coverage, travel, .. } = &*findings;
+    let Findings { depth, field, surface: solid, dose, source, once, coverage, travel, .. } = &*findings;
     if [depth, field, solid, dose, source, once, coverage, travel].iter().any(|r| r.violated > 0) {
         return;
     }
@@ -134,8 +134,8 @@ pub(in crate::verify) fn slopes(
     let mut scratch = Scratch::default();
     let mut turned: Option<Turned> = None;
     for ((entry, id), block) in manifest.blocks.iter().zip(&file.ids).zip(&file.program.blocks) {
-        let is_turned = Turned::of(file, block, facts, ground, &mut turned);
-        let ground = turned.as_ref().filter(|_| is_turned).map_or(ground, |t| &t.ground);
+        let is_turned = Turned::of(file, block, facts, geometry, &mut turned);
+        let geometry = turned.as_ref().filter(|_| is_turned).map_or(geometry, |t| &t.geometry);
         let stated = Stated {
             cos: entry.incidence_deg.map(|deg| deg.to_radians().cos()),
             stretched: entry.stretch.map(|s| 1.0 / s),
@@ -144,7 +144,7 @@ pub(in crate::verify) fn slopes(
         rule.checked += 1;
         let mut differs = None;
         for sides in [false, true] {
-            let Some(bounds) = slopes::of(file, block, facts, ground, sides, &mut scratch) else { break };
+            let Some(bounds) = slopes::of(file, block, facts, geometry, sides, &mut scratch) else { break };
             differs = stated.differs(&bounds);
             if differs.is_none() {
                 break;

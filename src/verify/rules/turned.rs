@@ -1,4 +1,4 @@
-//! Blocks of a tilted part: their own ground, and where their marks lie in the drawing.
+//! Blocks of a tilted part: their own geometry, and where their marks lie in the drawing.
 //!
 //! The texture is fixed on the part by projection along its z axis, while a tilted block marks along its
 //! own beam. So the beam is followed down to the turned part's topmost sheet, and the point found there is
@@ -8,21 +8,21 @@
 use super::part_place_nm;
 use crate::geom::P2;
 use crate::program::{Block, CHORD};
-use crate::verify::depth::{Ground, Line, Scratch, Turn};
-use crate::verify::facts::Facts;
+use crate::verify::geometry::{Geometry, Line, Scratch, Turn};
+use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::program::ProgramFile;
 
-/// The ground of one tilt under a box of the part, nm.
+/// The geometry of one tilt under a box of the part, nm.
 pub(super) struct Turned {
     tilt: [i64; 2],
     pass: u32,
     area: [f64; 4],
     pub(super) turn: Turn,
-    pub(super) ground: Ground,
+    pub(super) geometry: Geometry,
 }
 
-/// Room around a block that its ground is made for, nm: blocks of the same tilt need no other.
+/// Room around a block that its geometry is made for, nm: blocks of the same tilt need no other.
 const SPARE: f64 = 1e6;
 
 /// How far rounding to the grid moves a point of the plane, nm: half the diagonal of its cell.
@@ -48,7 +48,7 @@ impl Drawn {
     }
 }
 
-/// What the ground shows under one line of a mark.
+/// What the geometry shows under one line of a mark.
 #[derive(Clone, Copy, Default)]
 struct Under {
     /// Where its ends lie in the drawing; None where it is off the part.
@@ -60,9 +60,15 @@ struct Under {
 }
 
 impl Turned {
-    /// Makes the ground of a tilted block ready in `last`, unless what is there serves; false where the block
+    /// Makes the geometry of a tilted block ready in `last`, unless what is there serves; false where the block
     /// is not tilted.
-    pub(super) fn of(file: &ProgramFile, block: &Block, facts: &Facts, flat: &Ground, last: &mut Option<Self>) -> bool {
+    pub(super) fn of(
+        file: &ProgramFile,
+        block: &Block,
+        facts: &JobFacts,
+        flat: &Geometry,
+        last: &mut Option<Self>,
+    ) -> bool {
         let (tilt, Some(table)) = (block.stop.tilt, &facts.machine.tilt) else { return false };
         if tilt == [0; 2] {
             return false;
@@ -81,7 +87,7 @@ impl Turned {
         };
         if !last.as_ref().is_some_and(serves) {
             let area = [x0 - SPARE, y0 - SPARE, x1 + SPARE, y1 + SPARE];
-            *last = Some(Self { tilt, pass: block.pass, area, turn, ground: flat.turned(&turn, area) });
+            *last = Some(Self { tilt, pass: block.pass, area, turn, geometry: flat.turned(&turn, area) });
         }
         true
     }
@@ -98,7 +104,7 @@ impl Turned {
             let field = |p: [i32; 2]| {
                 [(block.stop.centre.x + i64::from(p[0])) as f64, (block.stop.centre.y + i64::from(p[1])) as f64]
             };
-            let (mut astray, mut slope2) = (None, 0.0);
+            let (mut unmatched, mut slope2) = (None, 0.0);
             // A mark along the top of a wall: the side on which it begins must be one from which it can go on. Where
             // no side fits, the line itself tells.
             let all = self.sides();
@@ -110,14 +116,14 @@ impl Turned {
                     sides = [0.0; 5]
                 }
                 found.clear();
-                (astray, slope2) = (None, 0.0f64);
+                (unmatched, slope2) = (None, 0.0f64);
                 let mut fits = true;
                 for w in points.windows(2) {
                     let line = Line::new(field(w[0]), field(w[1]));
                     let (under, is_fit) = self.under(&line, found.last().copied(), sides, &mut scratch, &mut pieces);
                     fits &= is_fit;
                     let Some([first, last]) = under.ends else {
-                        // Off the part, which the rule `ground` says.
+                        // Off the part, which the rule `surface` says.
                         let [x, y] = field(w[0]);
                         let [x, y, _] = self.turn.back([x, y, block.stop.focus as f64]);
                         found.push([x, y]);
@@ -129,7 +135,7 @@ impl Turned {
                     found.push(last);
                     slope2 = slope2.max(under.slope2);
                     if under.aside.1 > self.beside(under.slope2) {
-                        astray = Some(under.aside);
+                        unmatched = Some(under.aside);
                     }
                 }
                 if fits {
@@ -141,7 +147,7 @@ impl Turned {
             }
             drawn.off[number] = self.off(slope2);
             source.checked += 1;
-            if let Some((at, aside)) = astray {
+            if let Some((at, aside)) = unmatched {
                 let text =
                     format!("a mark on the tilted part runs {:.4} um beside the line between its points", aside / 1e3);
                 source.broken(id, part_place_nm(at), text);
@@ -153,16 +159,16 @@ impl Turned {
     /// the part at the slope `slope2`. With the sine l of the tilt, the slope t against the beam and the slope s of
     /// the drawing, of angles b and a:
     ///
-    /// - The point of the field was rounded: [`GRID`] sideways, and the ground there is t times as much higher.
-    /// - The cut point was rounded in the drawing, but has the height of the cut: s [`GRID`] beside the ground.
-    /// - The ground itself is known to [`Ground::z_tolerance`] at s. Along the beam both come to cos a / cos b times
+    /// - The point of the field was rounded: [`GRID`] sideways, and the geometry there is t times as much higher.
+    /// - The cut point was rounded in the drawing, but has the height of the cut: s [`GRID`] beside the geometry.
+    /// - The geometry itself is known to [`Geometry::z_tolerance`] at s. Along the beam both come to cos a / cos b times
     ///   as much, which with a height of c + s d is at most hypot(c, d) / cos b.
     /// - A height that is off by 1 along the beam moves the point by l in the drawing.
     /// - The point found is rounded there once more: [`GRID`].
     fn off(&self, slope2: f64) -> f64 {
-        let [level, slope] = self.ground.z_tolerance_parts();
-        let ground = level.hypot(slope + GRID) * (1.0 + slope2).sqrt();
-        2.0 * GRID + self.turn.lean() * (GRID * slope2.sqrt() + ground)
+        let [level, slope] = self.geometry.z_tolerance_parts();
+        let geometry = level.hypot(slope + GRID) * (1.0 + slope2).sqrt();
+        2.0 * GRID + self.turn.lean() * (GRID * slope2.sqrt() + geometry)
     }
 
     /// How far a mark may run beside the line between its points in the drawing, nm: [`CHORD`] in the field, which the
@@ -171,17 +177,17 @@ impl Turned {
         CHORD * (1.0 + self.turn.lean() * slope2.sqrt()) + 2.0 * self.off(slope2)
     }
 
-    /// Where the ground is looked at for a mark, nm beside it: a little, where it lies on an edge as far as rounding
+    /// Where the geometry is looked at for a mark, nm beside it: a little, where it lies on an edge as far as rounding
     /// and welding decide, and as far as it may run beside its stroke, with a tenth more.
     fn sides(&self) -> [f64; 5] {
-        let (near, far) = (5.5 + self.ground.weld(), 1.1 * CHORD + self.ground.weld());
+        let (near, far) = (5.5 + self.geometry.weld(), 1.1 * CHORD + self.geometry.weld());
         [0.0, near, -near, far, -far]
     }
 
     /// Pieces up to this, nm, do not tell on which sheet a point lies: rim and mark are each known to the grid, and the
     /// rim to welding, and the mark may cross the rim at 15 degrees.
     fn short(&self) -> f64 {
-        4.0 * (2.5 + self.ground.weld())
+        4.0 * (2.5 + self.geometry.weld())
     }
 
     /// What lies under a line of the turned part. A line along the rim or the top of a wall may run beside it by as
@@ -199,7 +205,7 @@ impl Turned {
         for side in sides {
             let mut widest_gap = 0.0f64;
             pieces.clear();
-            self.ground.along(&line.part([0.0, line.len], side), scratch, |p| match p.sheet {
+            self.geometry.along(&line.part([0.0, line.len], side), scratch, |p| match p.sheet {
                 Some(s) => pieces.push(OnSheet { d: p.d, z: s.z, slope2: s.slope2 }),
                 None => widest_gap = widest_gap.max(p.len()),
             });
@@ -221,7 +227,7 @@ impl Turned {
     fn leave_out_other_sheets(&self, len: f64, pieces: &mut Vec<OnSheet>) {
         let short = self.short();
         let steps = |a: &OnSheet, b: &OnSheet| {
-            let known = self.ground.z_tolerance(a.slope2.max(b.slope2));
+            let known = self.geometry.z_tolerance(a.slope2.max(b.slope2));
             (a.z[1] - b.z[0]).abs() > 2.0 * known
         };
         while let [a, b, ..] = pieces[..]

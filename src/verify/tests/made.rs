@@ -13,10 +13,10 @@ use crate::job::{DepthRule, Format, Level, Passes};
 use crate::machine::Machine;
 use crate::program::{Block, Pen, Program, Stop, Stroke};
 use crate::units::Power;
-use crate::verify::depth::{Ground, MeshBuilder, Shape};
-use crate::verify::facts::Facts;
+use crate::verify::geometry::{Geometry, MeshBuilder, Shape};
+use crate::verify::job_facts::JobFacts;
 use crate::verify::read::manifest::Manifest;
-use crate::verify::{Drawing, Proof, check_folder, facts::Inputs, read, rules::Findings};
+use crate::verify::{Drawing, Proof, check_folder, job_facts::Inputs, read, rules::Findings};
 
 pub(super) const MM: i64 = 1_000_000;
 
@@ -42,7 +42,7 @@ pub(super) struct MadeBlock {
 /// The job: change it, write it, verify it.
 #[derive(Clone)]
 pub(super) struct Made {
-    pub(super) facts: Facts,
+    pub(super) facts: JobFacts,
     pub(super) origin: [i64; 3],
     pub(super) strokes: Vec<(u16, Vec<P2>)>,
     pub(super) blocks: Vec<MadeBlock>,
@@ -65,7 +65,7 @@ impl Made {
             frequency: "60 kHz".parse().expect("rate"),
             passes,
         };
-        let facts = Facts {
+        let facts = JobFacts {
             machine,
             pdof: 400_000,
             depth_range: 400_000,
@@ -216,10 +216,10 @@ impl Made {
         std::fs::write(folder.join("manifest.json"), manifest.to_string()).expect("write");
     }
 
-    pub(super) fn ground(&self) -> Ground {
+    pub(super) fn geometry(&self) -> Geometry {
         let mut builder = MeshBuilder::new(0.0, 2.0);
         self.facets.iter().for_each(|&f| builder.push(f));
-        Ground::new(Shape::Mesh(builder.finish()), self.facts.max_incidence_rad, 0.0)
+        Geometry::new(Shape::Mesh(builder.finish()), self.facts.max_incidence_rad, 0.0)
     }
 
     /// Verifies a folder against this job.
@@ -239,7 +239,7 @@ impl Made {
             }),
             element: Box::new(|i| format!("stroke {i}")),
         };
-        check_folder(folder, &manifest, &program, &self.facts, &[drawing], &self.ground(), &mut findings);
+        check_folder(folder, &manifest, &program, &self.facts, &[drawing], &self.geometry(), &mut findings);
         findings.into_proof()
     }
 

@@ -12,9 +12,9 @@ use made::{MM, Made, MadeBlock, p};
 
 use super::Proof;
 use crate::machine::Machine;
+use crate::manifest::Times;
 use crate::motion;
 use crate::program::Program;
-use crate::record::Times;
 
 /// The times of a program by the product's own model, and those of its blocks.
 fn times(program: &Program, machine: &Machine) -> (Times, Vec<f64>) {
@@ -230,7 +230,7 @@ fn a_closed_figure_may_begin_at_any_vertex_that_it_names() {
             assert_only("source", &turned(by, (by as u32 + 1) % 4, reversed));
         }
     }
-    // Turned over its seam without closing, a mark is no piece of the stroke.
+    // Turned over its seam without closing, a mark is not a piece of the stroke.
     let proof = mutant(|m| {
         let mark = &mut m.blocks[1].marks[9];
         mark.points = [2, 3, 0, 1].map(|i| mark.points[i]).to_vec();
@@ -268,14 +268,14 @@ fn ground_owns_marks_where_nothing_may_be_marked() {
     let proof = mutant(|m| {
         m.blocks[0].marks[0].points[0].x -= 20;
     });
-    assert_eq!(broken(&proof), ["field", "ground"], "the part's edge is the field's, so both: {}", proof.to_text());
+    assert_eq!(broken(&proof), ["field", "surface"], "the part's edge is the field's, so both: {}", proof.to_text());
     let proof = mutant(|m| {
         for b in &mut m.blocks[2..] {
             b.stop.centre.x += MM;
         }
         m.blocks[3].marks[0].points[1].x += 500_000;
     });
-    assert!(broken(&proof).contains(&"ground"), "a mark on the steep strip");
+    assert!(broken(&proof).contains(&"surface"), "a mark on the steep strip");
     // One or two nanometres beyond the border are rounding.
     assert!(mutant(|m| m.strokes[8].1[0] = p(-0.5, 18.0)).ok);
 }

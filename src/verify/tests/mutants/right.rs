@@ -66,7 +66,7 @@ impl Right {
         let tilts = stepped.checked.program().blocks.iter().filter(|b| b.stop.tilt != [0; 2]).count();
         assert!(tilts > 1, "{:?}", stepped.summary);
         let target = dir.path().join("job.job");
-        folder::write(&plan, &target).unwrap_or_else(|e| panic!("{e}"));
+        job_folder::write(&plan, &target).unwrap_or_else(|e| panic!("{e}"));
         let proof = verified(&target);
         assert!(proof.ok, "{}", proof.to_text());
     }

@@ -1,0 +1,342 @@
+//! Laws of the map on made-up programs: which cells are passed, whose they are, what is measured.
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::machine::Machine;
+use crate::program::{Stop, Stroke};
+
+const MM: i64 = 1_000_000;
+
+fn frame(columns: usize, rows: usize, cell: i64) -> Frame {
+    Frame { origin: P2::new(0, 0), cell, count: [columns, rows] }
+}
+
+/// A block: centre and depth interval in nm, strokes in the part frame.
+type Made = (P2, [i64; 2], Vec<Vec<P2>>);
+
+fn program(blocks: &[Made]) -> Program {
+    let mut program = Program::default();
+    for (centre, [z_lo, z_hi], strokes) in blocks {
+        let start = program.strokes.len();
+        for points in strokes {
+            let first = program.points.len() as u32;
+            program.points.extend(points.iter().map(|p| [(p.x - centre.x) as i32, (p.y - centre.y) as i32]));
+            let len = points.len() as u32;
+            program.strokes.push(Stroke { source: 0, segment: 0, reversed: false, pen: 0, first, len });
+        }
+        let (z_lo, z_hi, focus) = (*z_lo, *z_hi, (z_lo + z_hi) / 2);
+        program.blocks.push(Block {
+            pass: 0,
+            setup: 0,
+            stop: Stop { section: [0; 2], level: 0, tilt: [0; 2], centre: *centre, focus, z_lo, z_hi },
+            stage: [0; 3],
+            retract: false,
+            z_lo,
+            z_hi,
+            strokes: start..program.strokes.len(),
+        });
+    }
+    program
+}
+
+/// A plane over a box in mm.
+fn plane([x0, y0, x1, y1]: [f64; 4], z: impl Fn(f64, f64) -> f64) -> Surface {
+    let p = |x: f64, y: f64| [x, y, z(x, y)];
+    let facets = [[p(x0, y0), p(x1, y0), p(x1, y1)], [p(x0, y0), p(x1, y1), p(x0, y1)]];
+    Surface::from_facets(facets, &mut Vec::new()).expect("two facets")
+}
+
+/// No block is tilted.
+fn none(program: &Program) -> Vec<Option<Turn>> {
+    vec![None; program.blocks.len()]
+}
+
+fn machine() -> Machine {
+    Machine::built_in("xyz-galvo-40").expect("profile")
+}
+
+fn nm(x: f64, y: f64) -> P2 {
+    P2::from_mm(x, y).expect("a length")
+}
+
+/// Sections of 40 mm from the origin.
+fn sections(columns: u32, rows: u32) -> Sections {
+    Sections { origin: P2::new(0, 0), pitch: [40 * MM; 2], count: [columns, rows] }
+}
+
+fn area(x: i64, y: i64) -> Box2 {
+    Box2 { lo: P2::new(0, 0), hi: P2::new(x * MM, y * MM) }
+}
+
+/// Length of the segment from `a` to `b` inside a cell, borders included.
+fn clipped(a: [i64; 2], b: [i64; 2], cell: [i64; 2], side: i64) -> f64 {
+    let mut span = [0.0f64, 1.0];
+    for k in 0..2 {
+        let (lo, hi) = ((cell[k] * side - a[k]) as f64, ((cell[k] + 1) * side - a[k]) as f64);
+        let d = (b[k] - a[k]) as f64;
+        if d != 0.0 {
+            span = [span[0].max((lo / d).min(hi / d)), span[1].min((lo / d).max(hi / d))];
+        } else if lo > 0.0 || hi < 0.0 {
+            return 0.0;
+        }
+    }
+    let [dx, dy] = [0, 1].map(|k| (b[k] - a[k]) as f64);
+    (span[1] - span[0]).max(0.0) * dx.hypot(dy)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn a_segment_passes_the_cells_it_crosses_and_no_others(
+        a in prop::array::uniform2(0i64..=80),
+        b in prop::array::uniform2(0i64..=80),
+        shift in 0i64..3,
+    ) {
+        prop_assume!(a != b);
+        // Multiples of a tenth of a cell, so that corners and borders are met often; or just beside them.
+        let (a, b) = (a.map(|v| v * 100 + shift), b.map(|v| v * 100 + shift));
+        let frame = frame(9, 9, 1000);
+        let mut lengths = vec![0.0; frame.cells()];
+        let mut passed = Vec::new();
+        rasterise::pass(a, b, &frame, |cell, length| {
+            lengths[cell] += length;
+            passed.push(cell);
+        });
+        let along_border = (0..2).any(|k| a[k] == b[k] && a[k] % 1000 == 0);
+        for (cell, &length) in lengths.iter().enumerate() {
+            let at = [cell % 9, cell / 9].map(|v| v as i64);
+            let want = clipped(a, b, at, 1000);
+            // Along a border both cells hold the segment, and it is the upper one's.
+            if !along_border || length > 0.0 {
+                prop_assert!((length - want).abs() < 1e-6, "{at:?} {length} {want}");
+            }
+        }
+        let whole = ((b[0] - a[0]) as f64).hypot((b[1] - a[1]) as f64);
+        prop_assert!((lengths.iter().sum::<f64>() - whole).abs() < 1e-6);
+        let distinct: std::collections::BTreeSet<_> = passed.iter().collect();
+        prop_assert_eq!(distinct.len(), passed.len(), "no cell is passed twice");
+    }
+
+    #[test]
+    fn parts_are_those_of_a_flood(labels in prop::collection::vec(0u32..3, 6 * 9)) {
+        let frame = frame(6, 9, 1);
+        let mut seen = vec![false; labels.len()];
+        let mut count = 0;
+        for start in (0..labels.len()).filter(|&i| labels[i] != 0) {
+            count += usize::from(!seen[start]);
+            let mut open = vec![start];
+            while let Some(i) = open.pop() {
+                if std::mem::replace(&mut seen[i], true) {
+                    continue;
+                }
+                let near = |j: &usize| (i % 6).abs_diff(j % 6) <= 1 && (i / 6).abs_diff(j / 6) <= 1;
+                open.extend((0..labels.len()).filter(near).filter(|&j| labels[j] == labels[i]));
+            }
+        }
+        prop_assert_eq!(measure::parts(&frame, &labels), count);
+    }
+}
+
+#[test]
+fn a_stroke_along_a_border_is_the_upper_cells_and_one_that_ends_there_the_lower_ones() {
+    let frame = frame(4, 4, 1000);
+    let cells = |a, b| {
+        let mut cells = Vec::new();
+        rasterise::pass(a, b, &frame, |cell, _| cells.push([cell % 4, cell / 4]));
+        cells
+    };
+    assert_eq!(cells([0, 1000], [2000, 1000]), [[0, 1], [1, 1]]);
+    assert_eq!(cells([2000, 1000], [0, 1000]), [[1, 1], [0, 1]]);
+    assert_eq!(cells([3000, 0], [3000, 1000]), [[3, 0]]);
+    assert_eq!(cells([0, 4000], [1000, 4000]), [[0, 3]], "the last row is closed");
+    assert_eq!(cells([0, 0], [3000, 3000]), [[0, 0], [1, 1], [2, 2]], "through corners");
+}
+
+#[test]
+fn a_cell_belongs_to_the_longest_marks_in_it() {
+    let line = |x0: f64, x1: f64, y: f64| vec![nm(x0, y), nm(x1, y)];
+    let z = [0, MM];
+    let program = program(&[
+        (nm(0.0, 0.0), z, vec![line(0.0, 0.6, 0.1)]),
+        // Longer in the third cell, as long as the first in the second, where the first keeps it.
+        (nm(1.0, 1.0), z, vec![line(0.25, 0.5, 0.05), line(0.55, 1.0, 0.2)]),
+    ]);
+    assert_eq!(rasterise::ink(&program, &[None; 8][..program.blocks.len()], &frame(4, 1, 250_000)), [1, 1, 2, 2]);
+}
+
+#[test]
+fn a_straight_border_is_as_long_as_it_is() {
+    let n = 400usize;
+    let frame = frame(n, n, 1);
+    for degrees in [0.0f64, 10.0, 15.0, 22.5, 26.57, 30.0, 45.0, 60.0, 75.0, 90.0, 120.0, 135.0, 150.0] {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let side = |i: usize| {
+            let (x, y) = ((i % n) as f64 + 0.5 - 200.3, (i / n) as f64 + 0.5 - 199.8);
+            1 + u32::from(y * cos - x * sin > 0.0)
+        };
+        let labels: Vec<u32> = (0..n * n).map(side).collect();
+        // From rim to rim of the square through about its middle.
+        let want = n as f64 / sin.abs().max(cos.abs());
+        let found = measure::seam_cells(&frame, &labels);
+        assert!((found / want - 1.0).abs() < 0.02, "{degrees} degrees: {found} of {want}");
+    }
+}
+
+#[test]
+fn a_circle_is_as_long_as_it_is_and_an_unlabelled_side_is_no_seam() {
+    let n = 400usize;
+    let frame = frame(n, n, 1);
+    let inside = |i: usize| ((i % n) as f64 - 199.2).hypot((i / n) as f64 - 200.1) < 150.0;
+    let labels = |out: u32| (0..n * n).map(|i| if inside(i) { 7 } else { out }).collect::<Vec<u32>>();
+    let found = measure::seam_cells(&frame, &labels(3));
+    assert!((found / (300.0 * std::f64::consts::PI) - 1.0).abs() < 0.005, "{found}");
+    assert_eq!(measure::seam_cells(&frame, &labels(0)), 0.0);
+}
+
+#[test]
+fn gaps_close_up_to_the_reach_and_nothing_else_does() {
+    // A hatch of lines 4 cells apart in rows 2 to 18, and far from it a lonely line.
+    let frame = frame(40, 60, 1);
+    let mut labels = vec![0; frame.cells()];
+    let lines: Vec<usize> = (2..=18).step_by(4).chain([50]).collect();
+    lines.iter().for_each(|y| labels[y * 40 + 5..y * 40 + 30].fill(1));
+    let shown = closing::gaps(&frame, &labels, 4, 20);
+    for (i, shown) in shown.iter().enumerate() {
+        let (x, y) = (i % 40, i / 40);
+        assert_eq!(*shown, (5..30).contains(&x) && ((2..=18).contains(&y) || y == 50), "{x} {y}");
+    }
+    // Dots: between four of them too.
+    labels.fill(0);
+    (0..100).for_each(|k| labels[(5 + k / 10 * 4) * 40 + 2 + k % 10 * 3] = 1);
+    let shown = closing::gaps(&frame, &labels, 4, 20);
+    assert_eq!(shown.iter().filter(|s| **s).count(), 28 * 37);
+    // Most gaps too wide: sparse figures are closed as far as they are small.
+    labels.fill(0);
+    for (x, y) in [(2, 5), (35, 5), (2, 35), (35, 35)] {
+        labels[y * 40 + x] = 1;
+        labels[y * 40 + x + 3] = 1;
+    }
+    let shown = closing::gaps(&frame, &labels, 4, 20);
+    assert_eq!(shown.iter().filter(|s| **s).count(), 16);
+    assert!(closing::gaps(&frame, &vec![0; frame.cells()], 4, 20).iter().all(|s| !s));
+}
+
+/// Two levels on a slope along x, 1 mm hatch along x, texture in the lower half only.
+#[test]
+fn a_level_without_marks_is_not_painted_and_lines_of_one_level_are_one_part() {
+    let surface = plane([0.0, 0.0, 40.0, 40.0], |x, y| 0.01 * x + 0.0101 * y);
+    // z = 0.2 runs from (20, 0) to the upper left: the cut moves by 1 mm from line to line.
+    let cut = |y: f64| (20.0 - 1.01 * y).clamp(0.0, 40.0);
+    let ys: Vec<f64> = (0..12).map(|k| f64::from(k) + 0.6).collect();
+    let lower = ys.iter().map(|&y| vec![nm(0.0, y), nm(cut(y), y)]).collect();
+    let upper = ys.iter().map(|&y| vec![nm(cut(y), y), nm(40.0, y)]).collect();
+    let centre = P2::new(20 * MM, 20 * MM);
+    let program = program(&[(centre, [0, 200_000], lower), (centre, [200_000, 900_000], upper)]);
+    let map =
+        BlockMap::new(&program, &sections(1, 1), &none(&program), machine().usable_field(), &surface, area(40, 40));
+    assert_eq!(map.size(), [160, 160]);
+    assert_eq!(map.sub_blocks(), 2);
+    for row in 0..160 {
+        for column in 0..160 {
+            let [x, y] = map.centre(column, row).mm();
+            let label = map.labels()[(row * 160 + column) as usize];
+            // Lines lie in rows 2, 6, … 46.
+            let want = if !(0.5..11.75).contains(&y) { 0 } else { 1 + u32::from(0.01 * x + 0.0101 * y > 0.2) };
+            let on_border = (0.01 * x + 0.0101 * y - 0.2).abs() < 0.0051;
+            assert!(label == want || (on_border && want != 0 && label != 0), "{x} {y}: {label}, {want}");
+        }
+    }
+    // 1.4 % for its direction, and a cell for each of its ends.
+    let length = (11.25f64).hypot(11.25 * 1.01);
+    assert!((map.seam_mm() / length - 1.0).abs() < 0.05, "{} {length}", map.seam_mm());
+}
+
+#[test]
+fn a_valley_holds_two_parts_of_a_level() {
+    let facets = [
+        [[0.0, 0.0, 0.4], [20.0, 0.0, 0.0], [20.0, 40.0, 0.0]],
+        [[0.0, 0.0, 0.4], [20.0, 40.0, 0.0], [0.0, 40.0, 0.4]],
+        [[20.0, 0.0, 0.0], [40.0, 0.0, 0.4], [40.0, 40.0, 0.4]],
+        [[20.0, 0.0, 0.0], [40.0, 40.0, 0.4], [20.0, 40.0, 0.0]],
+    ];
+    let surface = Surface::from_facets(facets, &mut Vec::new()).expect("four facets");
+    let rows = |spans: &[[f64; 2]]| {
+        let line = |y: i32| spans.iter().map(move |s| s.map(|x| nm(x, f64::from(y) * 3.0 + 1.0)).to_vec());
+        (0..13).flat_map(line).collect::<Vec<_>>()
+    };
+    let centre = P2::new(20 * MM, 20 * MM);
+    let program = program(&[
+        (centre, [0, 200_000], rows(&[[10.0, 30.0]])),
+        (centre, [200_000, 400_000], rows(&[[0.0, 10.0], [30.0, 40.0]])),
+    ]);
+    let map =
+        BlockMap::new(&program, &sections(1, 1), &none(&program), machine().usable_field(), &surface, area(40, 40));
+    assert_eq!(map.sub_blocks(), 3);
+}
+
+#[test]
+fn stops_on_centres_of_sections_are_gridded() {
+    let at = |x: i64, y: i64| program(&[(P2::new(x * MM, y * MM), [0, 1], Vec::new())]);
+    let grid = sections(3, 2);
+    assert!(is_gridded(&at(20, 20).blocks, &grid) && is_gridded(&at(100, 60).blocks, &grid));
+    for (x, y) in [(21, 20), (20, 40), (140, 20), (-20, 20), (20, 100)] {
+        assert!(!is_gridded(&at(x, y).blocks, &grid), "{x} {y}");
+    }
+}
+
+/// Windows of 40 mm strewn over a slope, their depth intervals at random; every piece of a line goes to
+/// one of those that admit it, by chance.
+#[test]
+fn with_free_windows_a_place_belongs_to_its_marks() {
+    let mut state = 7u64;
+    let mut random = move |below: i64| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as i64 % below
+    };
+    let surface = plane([0.0, 0.0, 100.0, 100.0], |x, y| 0.004 * x + 0.003 * y);
+    let z = |p: P2| p.x * 4 / 1000 + p.y * 3 / 1000;
+    let stops: Vec<(P2, i64)> =
+        (0..120).map(|_| (P2::new(random(100 * MM), random(100 * MM)), random(700) * 1000)).collect();
+    let half = machine().usable_field()[0] / 2;
+    let accepting = |p: P2| {
+        let fits = move |&(c, lo): &(P2, i64)| {
+            (p.x - c.x).abs() <= half && (p.y - c.y).abs() <= half && (lo..=lo + 100_000).contains(&z(p))
+        };
+        stops.iter().enumerate().filter(move |(_, s)| fits(s)).map(|(i, _)| i).collect::<Vec<_>>()
+    };
+    let mut blocks: Vec<Made> = stops.iter().map(|&(c, lo)| (c, [lo, lo + 100_000], Vec::new())).collect();
+    // The owner of every cell under a line; lines 0.5 mm apart, pieces of 4 mm, cut between cells.
+    let mut owner = vec![0u32; 400 * 400];
+    for (line, piece) in (0..200i64).flat_map(|l| (0..25i64).map(move |k| (l, k))) {
+        let [a, b] = [piece, piece + 1].map(|k| P2::new(k * 4 * MM, line * 500_000 + 100_000));
+        let all: Vec<usize> = accepting(a).into_iter().filter(|i| accepting(b).contains(i)).collect();
+        if all.is_empty() {
+            continue;
+        }
+        let own = all[random(all.len() as i64) as usize];
+        blocks[own].2.push(vec![a, b]);
+        owner[(line as usize * 2 * 400 + piece as usize * 16)..][..16].fill(own as u32 + 1);
+    }
+    blocks.retain(|b| !b.2.is_empty());
+    let program = program(&blocks);
+    let grid = Sections { origin: P2::new(0, 0), pitch: [40 * MM; 2], count: [3, 3] };
+    assert!(!is_gridded(&program.blocks, &grid));
+    let map = BlockMap::new(&program, &grid, &none(&program), machine().usable_field(), &surface, area(100, 100));
+    let place = |label: u32| blocks.get((label as usize).wrapping_sub(1)).map(|b| b.0);
+    let (mut same, mut marked) = (0, 0);
+    for (i, &own) in owner.iter().enumerate().filter(|(_, own)| **own != 0) {
+        marked += 1;
+        same += usize::from(place(map.labels()[i]) == Some(stops[own as usize - 1].0));
+    }
+    // The centre of a cell lies 0.03 mm beside the line: at the ends of a level another stop may admit it.
+    assert!(marked > 40_000 && same as f64 > 0.99 * f64::from(marked), "{same} of {marked}");
+    for (i, &label) in map.labels().iter().enumerate().filter(|(_, l)| **l != 0) {
+        let p = map.centre(i as u32 % 400, i as u32 / 400);
+        let c = place(label).expect("a block");
+        assert!((p.x - c.x).abs() <= half + 2 * MM && (p.y - c.y).abs() <= half + 2 * MM, "{p:?} of {c:?}");
+    }
+    let again = BlockMap::new(&program, &grid, &none(&program), machine().usable_field(), &surface, area(100, 100));
+    assert_eq!(map.labels(), again.labels());
+}

@@ -1,0 +1,139 @@
+//! On-the-fly programs: one line a move, its time in the line, the laser switched with the motion.
+//!
+//! Consumes a checked [`on_the_fly::Program`](crate::on_the_fly::program::Program); promises programs whose samples read back
+//! to the nanometre, the millionth of a degree and the microsecond. Words are absolute; an axis that stays has
+//! none. A comment `MARK s PEN p` stands before every piece of a stroke: stroke of the texture from 0, pen from 1.
+//!
+//! The stage goes to the start like that of a stepped program: z lifted, x and y with all that turns and scans,
+//! then z alone. At the end it lifts again. The laser is off in all of this, and in every rest.
+
+mod linuxcnc;
+mod pmac;
+
+pub use linuxcnc::linuxcnc;
+pub use pmac::{blend_us, pmac};
+
+use crate::machine::Machine;
+use crate::on_the_fly::axes::motion::AXES;
+use crate::on_the_fly::check::{Checked, Figures, SERVO_S};
+use crate::on_the_fly::program::{Kind, Mark};
+
+/// How far a controller that blends moves may round a corner of a mark, mm.
+pub const BLEND_MM: f64 = 2e-4;
+
+/// Letters of all axes of a sample.
+const LETTERS: [u8; AXES] = *b"XYZACUV";
+
+/// Where the axes stand.
+struct At {
+    to: [i64; AXES],
+    kind: Kind,
+}
+
+impl At {
+    /// Appends a word, after a blank, for each of these axes that moves to `to`; answers whether any does.
+    fn words(&mut self, out: &mut Vec<u8>, to: &[i64; AXES]) -> bool {
+        let mut moves = false;
+        for &k in self.kind.axes() {
+            if to[k] != self.to[k] {
+                word(out, k, to[k]);
+                moves = true;
+            }
+        }
+        self.to = *to;
+        moves
+    }
+}
+
+/// Appends a blank, the letter of an axis and where it goes; degrees have six decimals as well.
+fn word(out: &mut Vec<u8>, axis: usize, to: i64) {
+    out.extend_from_slice(&[b' ', LETTERS[axis]]);
+    super::push_mm(out, to);
+}
+
+/// The lines that go to the start, z apart: lift, all others, down. `rapid` begins each.
+fn approach(out: &mut Vec<u8>, checked: &Checked, machine: &Machine, rapid: &str) {
+    let program = checked.program();
+    let begin = |out: &mut Vec<u8>| out.extend_from_slice(rapid.as_bytes());
+    begin(out);
+    word(out, 2, machine.retract_z());
+    out.push(b'\n');
+    begin(out);
+    for &k in program.kind.axes().iter().filter(|&&k| k != 2) {
+        word(out, k, program.start[k]);
+    }
+    out.push(b'\n');
+    begin(out);
+    word(out, 2, program.start[2]);
+    out.push(b'\n');
+}
+
+/// Appends microseconds as a decimal of that many whole ones, without zeros at its end: of ms with 1000.
+fn push_time(out: &mut Vec<u8>, us: i64, unit: i64) {
+    let digits = unit.ilog10() as usize;
+    let text = format!("{}.{:0digits$}", us / unit, us % unit);
+    out.extend_from_slice(text.trim_end_matches('0').trim_end_matches('.').as_bytes());
+}
+
+/// Which piece of a stroke is being marked, and with which pen.
+#[derive(Default)]
+struct Pieces {
+    piece: Option<Mark>,
+    pen: Option<u16>,
+}
+
+impl Pieces {
+    /// Where a piece begins with this move: its comment, and its pen where that is another than before.
+    fn begin(&mut self, mark: Option<Mark>) -> Option<(String, Option<u16>)> {
+        let new = mark.filter(|_| mark != self.piece);
+        self.piece = mark;
+        let new = new?;
+        let pen = (self.pen != Some(new.pen)).then_some(new.pen);
+        self.pen = Some(new.pen);
+        Some((format!("MARK {} PEN {}", new.source, new.pen + 1), pen))
+    }
+}
+
+/// How long the stage rests before the first mark, us.
+fn settle(machine: &Machine) -> i64 {
+    ((machine.stage.settle.as_s() * 1e6).ceil() as i64).max(50_000)
+}
+
+/// Power of a pen in percent of the laser's, three decimals.
+fn percent(checked: &Checked, machine: &Machine, pen: u16) -> String {
+    let full = machine.laser.max_power;
+    format!("{:.3}", checked.program().pens[usize::from(pen)].power.as_w(full) / full.as_w() * 100.0)
+}
+
+/// What stands at the head of every program.
+fn head(checked: &Checked, machine: &Machine) -> Vec<String> {
+    let Figures { time_s, marks, laser_error_mm, mark_speed, .. } = checked.figures();
+    let mut lines = vec![
+        format!("machine: {}", super::quoted(&machine.name)),
+        format!("{} moves, {marks} marks, {time_s:.3} s", checked.program().moves.len()),
+        format!("laser switched up to one servo period of {} ms early: {mark_speed:.1} mm/s x period", SERVO_S * 1e3),
+        format!("LASER ERROR {laser_error_mm:.6} mm"),
+    ];
+    for (i, pen) in checked.program().pens.iter().enumerate() {
+        lines.push(format!(
+            "pen {}: {}, {} mm/s, {} at {} kHz",
+            i + 1,
+            super::quoted(&pen.name),
+            pen.speed.as_mm_s(),
+            pen.power.to_string().replace('%', "percent"),
+            pen.frequency.as_khz()
+        ));
+    }
+    lines.push("not a safety system: the laser needs its own interlock".into());
+    lines
+}
+
+/// A comment's text, cut to its line.
+fn clean(text: &str, longest: usize) -> String {
+    let mut plain = super::plain(text);
+    plain.truncate(longest);
+    plain
+}
+
+#[cfg(test)]
+mod tests;

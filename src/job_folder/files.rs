@@ -1,0 +1,157 @@
+//! The files of a job folder, by mode; the manifest is written last.
+
+use std::fs;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::{failed, inputs, job_file_from};
+use crate::diag::Error;
+use crate::emit::{self, Files, Stepped};
+use crate::geom::mm_from_nm;
+use crate::job::Job;
+use crate::manifest::{self, Facts, FileFact, Head, MANIFEST, OnTheFlyFacts};
+use crate::plan::{OnTheFlyPlan, Pass, SteppedPlan};
+use crate::program::{self, Program};
+use crate::report;
+
+/// A folder being filled.
+pub(super) struct Filling<'a> {
+    folder: &'a Path,
+    files: Vec<FileFact>,
+}
+
+impl Filling<'_> {
+    /// Writes one file and notes what was written.
+    fn put(&mut self, name: &str, bytes: &[u8]) -> Result<(), Error> {
+        self.files.push(put(self.folder, name, bytes)?);
+        Ok(())
+    }
+}
+
+fn make(path: &Path) -> Result<(), Error> {
+    fs::create_dir(path).map_err(|e| failed("make the folder", path, &e))
+}
+
+fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<FileFact, Error> {
+    let path = folder.join(name);
+    fs::write(&path, bytes).map_err(|e| failed("write the file", &path, &e))?;
+    Ok(FileFact { file: name.into(), bytes: bytes.len() as u64, blake3: blake3::hash(bytes).to_hex().to_string() })
+}
+
+/// Writes the files of a job and answers with its manifest, which begins with the head given.
+pub(super) type Fill<'a> = dyn Fn(&mut Filling<'_>, &Head) -> Result<Vec<u8>, Error> + 'a;
+
+/// Makes the new folder of a job at `folder`, which will stand at `target`.
+pub(super) fn fill(job: &Job, folder: &Path, target: &Path, fill: &Fill<'_>) -> Result<(), Error> {
+    make(folder)?;
+    let head = Head::new(job, job_file_from(&job.path, target)?, inputs(job)?);
+    let manifest = fill(&mut Filling { folder, files: Vec::new() }, &head)?;
+    put(folder, MANIFEST, &manifest)?;
+    Ok(())
+}
+
+/// Writes the files of a stepped job; answers with its manifest.
+pub(super) fn stepped(plan: &SteppedPlan, head: &Head, filling: &mut Filling<'_>) -> Result<Vec<u8>, Error> {
+    let SteppedPlan { job, machine, checked, passes, summary, block_times, slopes, .. } = plan;
+    let (part, name) = (file_name(&job.surface.file), file_name(&job.path));
+    filling.put("program.txt", &program::text::write(checked.program(), checked.origins()))?;
+    let block_file = emit::block_file(&job.formats);
+    let emitted = Stepped { checked, machine, block_times, job: &name, part: &part, block_file };
+    for target in job.formats.iter().map(|f| f.target()) {
+        match target.stepped {
+            Some(Files::Whole(file, write)) => filling.put(file, &write(&emitted))?,
+            Some(Files::Blocks(ending, write)) => blocks(&emitted, ending, write, filling)?,
+            None => {}
+        }
+    }
+    for (k, pass) in passes.iter().enumerate() {
+        let layout = layout(plan, pass, &name);
+        if k == 0 {
+            filling.put("layout.svg", report::layout_svg(&layout).as_bytes())?;
+            let by_slope = report::Layout { shade: report::Shade::Incidence, ..layout.clone() };
+            filling.put("slope.svg", report::layout_svg(&by_slope).as_bytes())?;
+            filling.put("report.html", report::report_html(&layout).as_bytes())?;
+        } else {
+            filling.put(&report::pass_file(k as u32), report::layout_svg(&layout).as_bytes())?;
+        }
+    }
+    let facts = Facts {
+        job_file: &head.job.file,
+        job,
+        machine,
+        checked,
+        passes: passes.iter().map(|p| (&p.sections, p.directions.as_slice())).collect(),
+        depth_mm: mm_from_nm(plan.depth),
+        block_times,
+        slopes,
+        summary,
+    };
+    let sheets = [("runsheet.csv", report::runsheet::csv(&facts)), ("runsheet.txt", report::runsheet::txt(&facts))];
+    sheets.iter().try_for_each(|(name, bytes)| filling.put(name, bytes))?;
+    let mut files = std::mem::take(&mut filling.files);
+    files.sort_by(|a, b| a.file.cmp(&b.file));
+    Ok(manifest::manifest(&Head { files, ..head.clone() }, &facts))
+}
+
+/// Writes one file for every block.
+fn blocks(
+    emitted: &Stepped<'_>,
+    ending: &str,
+    write: fn(&Stepped<'_>, usize) -> Vec<u8>,
+    filling: &mut Filling<'_>,
+) -> Result<(), Error> {
+    let folder = filling.folder;
+    let inner = folder.join("blocks");
+    if !inner.exists() {
+        make(&inner)?;
+    }
+    let written: Result<Vec<FileFact>, Error> = (0..emitted.checked.program().blocks.len())
+        .into_par_iter()
+        .map(|i| put(folder, &Program::block_file(i, ending), &write(emitted, i)))
+        .collect();
+    filling.files.extend(written?);
+    Ok(())
+}
+
+/// Writes the programs of an on-the-fly job; answers with its manifest.
+pub(super) fn on_the_fly(plan: &OnTheFlyPlan, head: &Head, filling: &mut Filling<'_>) -> Result<Vec<u8>, Error> {
+    let OnTheFlyPlan { job, machine, checked, .. } = plan;
+    let kind = checked.program().kind;
+    let files = job.formats.iter().filter_map(|f| f.target().on_the_fly);
+    for file in files.filter(|f| f.kinds.contains(&kind)) {
+        filling.put(file.name, &(file.write)(checked, machine))?;
+    }
+    let files = std::mem::take(&mut filling.files);
+    let facts = OnTheFlyFacts { job, machine, program: checked.program(), summary: &plan.summary };
+    Ok(manifest::on_the_fly_manifest(&Head { files, ..head.clone() }, &facts))
+}
+
+/// The picture of a plan's first pass, as `layout.svg` has it.
+pub fn layout_svg(plan: &SteppedPlan) -> String {
+    report::layout_svg(&layout(plan, &plan.passes[0], &file_name(&plan.job.path)))
+}
+
+/// What the picture of a pass is drawn from; `job` is the name that it shows.
+fn layout<'a>(plan: &'a SteppedPlan, pass: &'a Pass, job: &'a str) -> report::Layout<'a> {
+    report::Layout {
+        job,
+        checked: &plan.checked,
+        blocks: pass.blocks.clone(),
+        passes: plan.summary.passes,
+        machine: &plan.machine,
+        sections: pass.sections,
+        map: &pass.map,
+        texture: pass.texture,
+        turn_rad: plan.job.placement.turn.as_rad(),
+        block_s: &plan.block_times,
+        drawn: report::drawn(&plan.checked, &plan.machine),
+        slopes: &plan.slopes,
+        shade: report::Shade::Height,
+        summary: &plan.summary,
+    }
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
+}

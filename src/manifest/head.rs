@@ -1,0 +1,175 @@
+//! What every manifest begins with, and how the product reads one again. The verifier has a reader of its own.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::{OnTheFlySummary, Summary};
+use crate::diag::{self, Diag, Error, Place};
+use crate::job::{Job, Mode, Objective};
+
+/// The name of the file that makes a folder a job folder; written last.
+pub const MANIFEST: &str = "manifest.json";
+
+/// Version of the manifest's keys.
+const SCHEMA: u32 = 2;
+
+/// Largest manifest that is read: some 600 bytes for each of a million blocks.
+const MAX_FILE: u64 = 1 << 30;
+
+/// An input file of the job.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct InputFact {
+    /// What it is for: `surface`, `texture`, `machine`.
+    pub role: String,
+    /// Its path, relative to the job file.
+    pub file: String,
+    /// Its size.
+    pub bytes: u64,
+    /// BLAKE3 of its bytes, hex.
+    pub blake3: String,
+}
+
+/// A file of the job folder.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileFact {
+    /// Its path inside the folder.
+    pub file: String,
+    /// Its size.
+    pub bytes: u64,
+    /// BLAKE3 of its bytes, hex.
+    pub blake3: String,
+}
+
+/// The job file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct JobRef {
+    /// Its path from inside the job folder.
+    pub file: String,
+    /// BLAKE3 of its text, hex.
+    pub blake3: String,
+}
+
+/// The keys that both modes have.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Head {
+    /// Version of the keys.
+    pub schema: u32,
+    /// Version of the program.
+    pub terrace: String,
+    /// How the part is marked.
+    pub mode: Mode,
+    /// The job file.
+    pub job: JobRef,
+    /// The other input files.
+    pub inputs: Vec<InputFact>,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// What `auto` made least.
+    pub objective: Objective,
+    /// The files of the folder but the manifest.
+    pub files: Vec<FileFact>,
+}
+
+impl Head {
+    /// That of a job whose file lies at `file` as seen from its folder; files are still to come.
+    pub fn new(job: &Job, file: String, inputs: Vec<InputFact>) -> Self {
+        let blake3 = blake3::hash(job.source.as_bytes()).to_hex().to_string();
+        Self {
+            schema: SCHEMA,
+            terrace: env!("CARGO_PKG_VERSION").into(),
+            mode: job.mode,
+            job: JobRef { file, blake3 },
+            inputs,
+            seed: job.seed,
+            objective: job.partition.objective,
+            files: Vec::new(),
+        }
+    }
+
+    /// Reads that of a job folder.
+    ///
+    /// # Errors
+    /// `manifest` where the folder holds none of this version; `file-…` where it cannot be read.
+    pub fn read(folder: &Path) -> Result<Self, Error> {
+        parse(folder, &bytes(folder)?)
+    }
+
+    /// Whether the folder would be made alike again: the same program, job, inputs and settings.
+    pub fn is_same(&self, other: &Self) -> bool {
+        Self { files: Vec::new(), ..self.clone() } == Self { files: Vec::new(), ..other.clone() }
+    }
+}
+
+/// A manifest as the product reads it.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// What both modes have.
+    pub head: Head,
+    /// The machine's name.
+    pub machine: String,
+    /// The figures.
+    pub summary: AnySummary,
+}
+
+/// Figures by mode.
+#[derive(Clone, Debug)]
+pub enum AnySummary {
+    /// Of a stepped job.
+    Stepped(Box<Summary>),
+    /// Of an on-the-fly job.
+    OnTheFly(Box<OnTheFlySummary>),
+}
+
+impl AnySummary {
+    /// As `compile --json` prints them.
+    pub fn to_json(&self) -> serde_json::Value {
+        let value = match self {
+            Self::Stepped(summary) => serde_json::to_value(summary),
+            Self::OnTheFly(summary) => serde_json::to_value(summary),
+        };
+        value.expect("summaries are plain JSON")
+    }
+}
+
+/// Reads the manifest of a job folder.
+///
+/// # Errors
+/// As [`Head::read`].
+pub fn read(folder: &Path) -> Result<Found, Error> {
+    #[derive(Deserialize)]
+    struct Name {
+        name: String,
+    }
+    #[derive(Deserialize)]
+    struct Rest<S> {
+        machine: Name,
+        summary: S,
+    }
+    let bytes = bytes(folder)?;
+    let head: Head = parse(folder, &bytes)?;
+    let (machine, summary) = match head.mode {
+        Mode::Stepped => {
+            let rest: Rest<Summary> = parse(folder, &bytes)?;
+            (rest.machine, AnySummary::Stepped(Box::new(rest.summary)))
+        }
+        Mode::OnTheFly => {
+            let rest: Rest<OnTheFlySummary> = parse(folder, &bytes)?;
+            (rest.machine, AnySummary::OnTheFly(Box::new(rest.summary)))
+        }
+    };
+    Ok(Found { head, machine: machine.name, summary })
+}
+
+fn bytes(folder: &Path) -> Result<Vec<u8>, Error> {
+    diag::read_file(&folder.join(MANIFEST), MAX_FILE)
+}
+
+fn parse<'a, T: Deserialize<'a>>(folder: &Path, bytes: &'a [u8]) -> Result<T, Error> {
+    serde_json::from_slice(bytes).map_err(|e| {
+        Diag::input("manifest", format!("this is not a manifest of this version: {e}"))
+            .at(Place::file(folder.join(MANIFEST).display().to_string()))
+            .hint("compile the job again")
+            .into()
+    })
+}

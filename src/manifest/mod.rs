@@ -1,0 +1,217 @@
+//! What is written down about a job: summary, manifest, run sheet.
+//!
+//! Consumes the checked program, its machine and job, and what the driver knows of times and files;
+//! renders bytes. Lengths are mm (heights and positions exact to the nanometre), times s. Nothing here
+//! depends on the clock, the computer or where the folder lies.
+
+mod head;
+mod on_the_fly;
+mod registration;
+mod stepped;
+
+pub use head::{AnySummary, FileFact, Found, Head, InputFact, JobRef, MANIFEST, read};
+pub use on_the_fly::{AxisPeaks, Deviations, OnTheFlyFacts, OnTheFlySummary, on_the_fly_manifest};
+pub use registration::{Registered, registration};
+pub use stepped::manifest;
+
+use serde::{Deserialize, Serialize};
+
+use crate::check::Checked;
+use crate::emit;
+use crate::job::Job;
+use crate::machine::Machine;
+use crate::program::{Block, Program, Sections};
+
+/// Parts of the job time, s. They sum to the total.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Times {
+    /// Stage moves.
+    pub stage: f64,
+    /// Settling after them.
+    pub settle: f64,
+    /// Marks.
+    pub mark: f64,
+    /// Jumps.
+    pub jump: f64,
+    /// Scanner and laser delays.
+    pub delay: f64,
+    /// The sum.
+    pub total: f64,
+}
+
+/// One candidate of `auto`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Candidate {
+    /// Method.
+    pub method: String,
+    /// Its stops.
+    pub stops: usize,
+    /// Its fragments.
+    pub fragments: usize,
+    /// Its job time.
+    pub time_s: Times,
+}
+
+/// The figures of a job; the keys are a promise, units are in the suffix. Lengths are measured in the
+/// xy plane.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// Standstills of the stage, which are the blocks.
+    pub stops: usize,
+    /// How often the texture is gone over, each time with stops of its own.
+    pub passes: u32,
+    /// How often the part is placed on the table, where it is beyond the stage travel.
+    pub setups: usize,
+    /// Connected parts of one level in one section (the article's count).
+    pub sub_blocks: usize,
+    /// Method of partition that was kept.
+    pub method: String,
+    /// No partition has fewer stops; None where no bound was computed.
+    pub lower_bound_stops: Option<usize>,
+    /// Length of the texture, every pass counted.
+    pub texture_mm: f64,
+    /// Length that is marked, every pass counted.
+    pub mark_mm: f64,
+    /// Length that is marked twice on purpose, at seams.
+    pub overlap_mm: f64,
+    /// Length that is not marked; the sum of the three that follow.
+    pub skipped_mm: f64,
+    /// Not marked: beside the part or over a hole.
+    pub skipped_off_part_mm: f64,
+    /// Not marked: steeper than the limit.
+    pub skipped_steep_mm: f64,
+    /// Not marked: slivers below the stated length.
+    pub skipped_small_mm: f64,
+    /// Pieces that the texture's strokes were cut into.
+    pub fragments: usize,
+    /// Texture strokes that were cut.
+    pub strokes_cut: usize,
+    /// Closed figures that stayed whole.
+    pub figures_whole: usize,
+    /// Closed figures that were cut.
+    pub figures_cut: usize,
+    /// Length of the borders between blocks.
+    pub seam_mm: f64,
+    /// Jumps inside blocks, for one pass.
+    pub jump_mm: f64,
+    /// Largest distance of a mark from its block's focal plane, as the job sets that plane.
+    pub worst_defocus_um: f64,
+    /// The same with every focal plane at the mean height of its marks.
+    pub worst_defocus_mean_um: f64,
+    /// Largest angle between the beam and the normal of a marked place.
+    pub worst_incidence_deg: f64,
+    /// The job's time.
+    pub time_s: Times,
+    /// What `auto` compared; empty where one method was asked for.
+    pub candidates: Vec<Candidate>,
+    /// What the user should know, as objects with kind, code, message, place and hint.
+    pub warnings: Vec<serde_json::Value>,
+}
+
+impl Summary {
+    /// How many stops there are for each that is needed at least.
+    pub fn over_bound(&self) -> Option<f64> {
+        self.lower_bound_stops.filter(|&n| n > 0).map(|n| self.stops as f64 / n as f64)
+    }
+}
+
+/// How the surface lies under the marks of a block, and what dose they get; means are over the length of
+/// the marks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slope {
+    length: f64,
+    cos_length: f64,
+    dose_length: f64,
+    least_cos: f64,
+    least_dose: f64,
+}
+
+impl Default for Slope {
+    fn default() -> Self {
+        Self { length: 0.0, cos_length: 0.0, dose_length: 0.0, least_cos: 1.0, least_dose: f64::INFINITY }
+    }
+}
+
+impl Slope {
+    /// Adds marks of a length over which the cosine of the slope has the given mean, at most a squared slope,
+    /// whose pen raises the dose by `gain`.
+    pub fn add(&mut self, length: f64, cos: f64, slope2: f64, gain: f64) {
+        let least = 1.0 / (1.0 + slope2).sqrt();
+        self.length += length;
+        self.cos_length += length * cos;
+        self.dose_length += length * cos * gain;
+        self.least_cos = self.least_cos.min(least);
+        self.least_dose = self.least_dose.min(least * gain);
+    }
+    /// Mean and least cosine of the angle between beam and surface normal.
+    pub fn cos(&self) -> [f64; 2] {
+        [if self.length > 0.0 { (self.cos_length / self.length).min(1.0) } else { self.least_cos }, self.least_cos]
+    }
+    /// That angle: of the mean cosine, and the largest.
+    pub fn incidence_deg(&self) -> [f64; 2] {
+        self.cos().map(|c| c.acos().to_degrees())
+    }
+    /// How much longer the texture is on the surface than in the drawing, straight uphill: of the mean cosine,
+    /// and at most.
+    pub fn stretch(&self) -> [f64; 2] {
+        self.cos().map(|c| 1.0 / c)
+    }
+    /// Energy on the area, 1 as on a level surface with the job's own pen: mean and least.
+    pub fn dose(&self) -> [f64; 2] {
+        let least = if self.least_dose.is_finite() { self.least_dose } else { 1.0 };
+        [if self.length > 0.0 { self.dose_length / self.length } else { least }, least]
+    }
+}
+
+/// Everything that manifest and run sheet tell.
+#[derive(Clone)]
+pub struct Facts<'a> {
+    /// Path from the job folder to the job file.
+    pub job_file: &'a str,
+    /// The job.
+    pub job: &'a Job,
+    /// Its machine.
+    pub machine: &'a Machine,
+    /// Its program.
+    pub checked: &'a Checked,
+    /// Of every pass its grid of sections and the direction of what is filled along contours, by section, in
+    /// hundredths of a degree, empty where nothing is.
+    pub passes: Vec<(&'a Sections, &'a [u16])>,
+    /// Largest depth range of a block, as used.
+    pub depth_mm: f64,
+    /// Time of every block: marks, jumps and delays, s.
+    pub block_times: &'a [f64],
+    /// Slope under the marks of every block, against the beam.
+    pub slopes: &'a [Slope],
+    /// The figures.
+    pub summary: &'a Summary,
+}
+
+impl Facts<'_> {
+    /// The file of block `index`, where blocks have files of their own.
+    pub(crate) fn block_file(&self, index: usize) -> Option<String> {
+        emit::block_file(&self.job.formats).map(|ending| Program::block_file(index, ending))
+    }
+    /// Names of the pens of a block.
+    pub(crate) fn pen_names(&self, block: &Block) -> Vec<&str> {
+        let program = self.checked.program();
+        program.pens_of(block).into_iter().map(|pen| program.pens[pen].name.as_str()).collect()
+    }
+    pub(crate) fn block_time_s(&self, index: usize) -> f64 {
+        self.block_times.get(index).copied().unwrap_or(0.0)
+    }
+}
+
+/// A duration for reading: `4.2 s`, `12 min 5 s`, `3 h 12 min`.
+pub fn duration(s: f64) -> String {
+    let whole = s.max(0.0).round() as u64;
+    match whole {
+        // What would be rounded to 60.0 s is a minute.
+        _ if s < 59.95 => format!("{:.1} s", s.max(0.0)),
+        ..3600 => format!("{} min {} s", whole / 60, whole % 60),
+        _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,172 @@
+//! The manifest and the figures of an on-the-fly job.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::Head;
+use super::stepped::Placement;
+use crate::diag::Diag;
+use crate::geom::mm_from_nm;
+use crate::job::Job;
+use crate::machine::Machine;
+use crate::on_the_fly::check::{Checked, SERVO_S};
+use crate::on_the_fly::program::Program;
+use crate::program::Pen;
+
+/// How far marks lie from what their beam would like best, as planned.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Deviations {
+    /// Largest distance of a mark from the focal plane along the beam, um.
+    pub worst_fod_um: f64,
+    /// Largest angle between the beam and the surface's normal, degrees.
+    pub worst_bia_deg: f64,
+}
+
+/// Everything that the manifest of an on-the-fly job tells.
+#[derive(Clone, Copy)]
+pub struct OnTheFlyFacts<'a> {
+    /// The job.
+    pub job: &'a Job,
+    /// Its machine.
+    pub machine: &'a Machine,
+    /// Its program.
+    pub program: &'a Program,
+    /// The figures.
+    pub summary: &'a OnTheFlySummary,
+}
+
+/// The figures of an on-the-fly job; keys are a promise, units are in the suffix.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OnTheFlySummary {
+    /// Moves of the program.
+    pub moves: usize,
+    /// Pieces of strokes that are marked one by one.
+    pub marks: usize,
+    /// Time from the first move to the last, s.
+    pub time_s: f64,
+    /// Time of it with the laser on, s.
+    pub mark_s: f64,
+    /// Length of the marks, seen along z, mm.
+    pub mark_mm: f64,
+    /// Length of the jumps, mm.
+    pub jump_mm: f64,
+    /// How far marks lie from the best, as planned.
+    #[serde(flatten)]
+    pub deviations: Deviations,
+    /// Largest distance of the spot from the field's centre, mm.
+    pub worst_displacement_mm: f64,
+    /// Fastest mark, mm/s.
+    pub mark_speed_mm_s: f64,
+    /// Period of the servo in which the laser is switched, s.
+    pub servo_period_s: f64,
+    /// Way of the spot in that period, mm.
+    pub laser_error_mm: f64,
+    /// How far blending rounds a corner of a mark, mm: by the program for PMAC.
+    pub blend_mm: f64,
+    /// Peak speed, acceleration and jerk, by axis letter.
+    pub peaks: BTreeMap<String, AxisPeaks>,
+    /// What the user should know, as objects with kind, code, message, place and hint.
+    pub warnings: Vec<Value>,
+}
+
+/// Peaks of one axis; mm or deg, s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AxisPeaks {
+    /// Speed.
+    pub speed: f64,
+    /// Acceleration.
+    pub acceleration: f64,
+    /// Jerk.
+    pub jerk: f64,
+}
+
+impl OnTheFlySummary {
+    /// The figures of a checked program.
+    pub fn new(checked: &Checked, deviations: Deviations, blend_mm: f64, warnings: &[Diag]) -> Self {
+        let figures = checked.figures();
+        let program = checked.program();
+        let letters = program.kind.letters().chars().map(String::from);
+        let peak = |&k: &usize| {
+            let p = &figures.peaks[k];
+            AxisPeaks { speed: p.speed.size, acceleration: p.acceleration.size, jerk: p.jerk.size }
+        };
+        Self {
+            moves: program.moves.len(),
+            marks: figures.marks,
+            time_s: figures.time_s,
+            mark_s: figures.mark_s,
+            mark_mm: figures.mark_mm,
+            jump_mm: figures.jump_mm,
+            deviations,
+            worst_displacement_mm: figures.displacement_mm,
+            mark_speed_mm_s: figures.mark_speed,
+            servo_period_s: SERVO_S,
+            laser_error_mm: figures.laser_error_mm,
+            blend_mm,
+            peaks: letters.zip(program.kind.axes().iter().map(peak)).collect(),
+            warnings: warnings.iter().map(Diag::to_json).collect(),
+        }
+    }
+}
+
+/// The manifest: JSON, a line feed at the end.
+pub fn on_the_fly_manifest(head: &Head, facts: &OnTheFlyFacts<'_>) -> Vec<u8> {
+    let document = Document {
+        head,
+        machine: facts.machine,
+        placement: Placement {
+            origin_mm: facts.program.origin.map(mm_from_nm),
+            turn_deg: facts.job.placement.turn.as_deg(),
+        },
+        axes: facts.program.kind.letters(),
+        limits: Limits {
+            fod_um: facts.job.focus.half_depth_mm() * 1000.0,
+            bia_deg: facts.job.limits.max_incidence.as_deg(),
+        },
+        pens: facts.program.pens.iter().map(|p| pen(p, facts.machine)).collect(),
+        summary: facts.summary,
+    };
+    let mut out = serde_json::to_vec_pretty(&document).expect("all keys are text");
+    out.push(b'\n');
+    out
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    #[serde(flatten)]
+    head: &'a Head,
+    machine: &'a Machine,
+    placement: Placement,
+    axes: &'a str,
+    limits: Limits,
+    pens: Vec<PenEntry<'a>>,
+    summary: &'a OnTheFlySummary,
+}
+
+#[derive(Serialize)]
+struct Limits {
+    fod_um: f64,
+    bia_deg: f64,
+}
+
+#[derive(Serialize)]
+struct PenEntry<'a> {
+    name: &'a str,
+    speed_mm_s: f64,
+    power: String,
+    power_percent: f64,
+    frequency_khz: f64,
+}
+
+fn pen<'a>(pen: &'a Pen, machine: &Machine) -> PenEntry<'a> {
+    let full = machine.laser.max_power;
+    PenEntry {
+        name: &pen.name,
+        speed_mm_s: pen.speed.as_mm_s(),
+        power: pen.power.to_string(),
+        power_percent: pen.power.as_w(full) / full.as_w() * 100.0,
+        frequency_khz: pen.frequency.as_khz(),
+    }
+}

@@ -1,0 +1,658 @@
+//! Scanner and stage synchronised: the stage follows the path slowly, the scanner makes up the difference.
+//!
+//! Consumes a scheduled path and the machine; promises a stage path that keeps the speed, acceleration and
+//! jerk of X, Y and Z, a scanner path that stays in its field, and a focus that stays in its depth. Where the
+//! machine cannot do that at the pens' speeds, the whole path is slowed down evenly, so that every mark still
+//! gets one speed; the share of the speed that is left is part of the answer. The stage goes from rest to rest.
+//! Where no motion of z keeps all marks in focus the answer says so. Units: mm, s.
+//!
+//! [`quickest`] may let the beam run on with the laser off beside every mark, or wait at its ends, so that the stage turns
+//! where focus is free.
+//!
+//! # Sources
+//! Cui et al. (2021): eq. 1 to 4 the decomposition, eq. 8 and 9 the times. Their average makes the acceleration
+//! step; where the machine states a jerk two more averages make it a ramp. Dark runs and longer waits are ours.
+
+use rayon::prelude::*;
+
+use crate::diag::Error;
+use crate::geom::mm_from_nm;
+use crate::machine::Machine;
+use crate::on_the_fly::axes::following_error::Servo;
+use crate::on_the_fly::axes::motion::Motion;
+use crate::on_the_fly::decompose::{Method, stage};
+use crate::on_the_fly::path::Path;
+use crate::on_the_fly::path::schedule::Schedule;
+use crate::program::Pen;
+
+/// Time of a job that steps through `stops` and processes between moves (eq. 8).
+pub fn step_scan_s(stops: usize, move_s: f64, process_s: f64) -> f64 {
+    stops as f64 * move_s + process_s
+}
+
+/// Time of the same job with scanner and stage synchronised (eq. 9).
+pub fn synchronised_s(move_s: f64, process_s: f64) -> f64 {
+    move_s + process_s
+}
+
+/// Largest speed, acceleration and jerk of an axis; a jerk that is not limited is infinite.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Peaks {
+    /// Speed, mm/s.
+    pub speed: f64,
+    /// Acceleration, mm/s².
+    pub acceleration: f64,
+    /// Jerk, mm/s³.
+    pub jerk: f64,
+}
+
+impl Peaks {
+    /// The limits of X, Y and Z.
+    pub fn limits(machine: &Machine) -> [Self; 3] {
+        machine.axes().map(|(_, axis)| Self {
+            speed: axis.speed.as_mm_s(),
+            acceleration: axis.acceleration.as_mm_s2(),
+            jerk: axis.jerk.map_or(f64::INFINITY, |j| j.as_mm_s3()),
+        })
+    }
+
+    /// Of one coordinate of positions at even steps, by their differences.
+    pub fn of<const N: usize>(positions: &[[f64; N]], axis: usize, step_s: f64) -> Self {
+        let (mut most, mut last) = ([0.0f64; 3], [0.0; 2]);
+        for (i, w) in positions.windows(2).enumerate() {
+            let speed = w[1][axis] - w[0][axis];
+            let (acceleration, jerk) = (speed - last[0], speed - last[0] - last[1]);
+            most[0] = most[0].max(speed.abs());
+            // It begins at rest where it begins to be seen.
+            if i > 0 {
+                most[1] = most[1].max(acceleration.abs());
+            }
+            if i > 1 {
+                most[2] = most[2].max(jerk.abs());
+            }
+            last = [speed, acceleration];
+        }
+        Self { speed: most[0] / step_s, acceleration: most[1] / step_s.powi(2), jerk: most[2] / step_s.powi(3) }
+    }
+
+    /// How much slower the motion must run to keep `limits`; 1 where it keeps them.
+    pub fn slowed(&self, limits: &Self) -> f64 {
+        let jerk = if limits.jerk.is_finite() { (self.jerk / limits.jerk).cbrt() } else { 0.0 };
+        (self.speed / limits.speed).max((self.acceleration / limits.acceleration).sqrt()).max(jerk).max(1.0)
+    }
+}
+
+/// What the scanner and the focus allow, mm: half of the field, and how far a mark may be out of focus.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScannerLimits {
+    /// Half of the usable field along x and y.
+    pub half_field: [f64; 2],
+    /// Largest focal offset of a mark.
+    pub focus: f64,
+}
+
+impl ScannerLimits {
+    /// What a machine leaves: of its field less the following error of its stage at top speed, but half of it at
+    /// least, since that is the scanner's to take up too.
+    ///
+    /// # Errors
+    /// As [`Servo::new`].
+    pub fn of(machine: &Machine, focus: f64) -> Result<Self, Error> {
+        let [x, y] = Servo::following_error(machine)?;
+        let [w, h] = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+        Ok(Self { half_field: [w - x.min(w / 2.0), h - y.min(h / 2.0)], focus })
+    }
+}
+
+/// A path decomposed between stage and scanner.
+#[derive(Clone, Debug, Default)]
+pub struct Decomposition {
+    /// Samples of the averages of x and y together, and of z.
+    pub samples: [usize; 2],
+    /// All marks are in focus; without, they are as near to it as the samples allow.
+    pub fits: bool,
+    /// It is z that is too slow for more.
+    pub z_is_slowest: bool,
+    /// How much slower than the pens ask for everything runs, 1 or more.
+    pub slower: f64,
+    /// How long the stage moves before the beam does, and after it, s.
+    pub lead_s: f64,
+    /// Where the stage is at even steps, from rest to rest.
+    pub stage: Vec<[f64; 3]>,
+    /// Time between these, slowed.
+    pub step_s: f64,
+    /// Where the beam is at the same times, and whether it marks.
+    pub beam: Vec<[f64; 3]>,
+    /// See `beam`.
+    pub on: Vec<bool>,
+}
+
+/// What the beam with the laser off does at the ends of marks while the stage turns, s at the pens' speeds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Turnaround {
+    /// It runs on for so long, and as long towards the next mark.
+    Skywriting(f64),
+    /// It waits for so long at least.
+    Dwell(f64),
+}
+
+impl Turnaround {
+    fn s(self) -> f64 {
+        let (Self::Skywriting(s) | Self::Dwell(s)) = self;
+        s
+    }
+
+    /// How long the beam waits at ends at least.
+    pub fn wait_s(self) -> f64 {
+        if let Self::Dwell(s) = self { s } else { 0.0 }
+    }
+
+    fn times(self, by: f64) -> Self {
+        match self {
+            Self::Skywriting(s) => Self::Skywriting(by * s),
+            Self::Dwell(s) => Self::Dwell(by * s),
+        }
+    }
+}
+
+/// A path, when the beam is where on it, and its motion.
+pub struct Timed {
+    /// What was found best.
+    pub turn: Turnaround,
+    /// With the runs of that.
+    pub path: Path,
+    /// Times at the pens' speeds.
+    pub schedule: Schedule,
+    /// The motion.
+    pub sync: Decomposition,
+}
+
+/// Decomposes a path with the skywriting turnarounds beside its marks that make the whole quickest, none among them, from `most`
+/// samples on, and up to eight times as many where z needs them.
+///
+/// `travels` tells whether the stage can go between some ends of X, Y and Z: runs that it cannot make are not taken.
+pub fn quickest(
+    path: &Path,
+    machine: &Machine,
+    pens: &[Pen],
+    allowed: ScannerLimits,
+    most: usize,
+    travels: &dyn Fn([[f64; 2]; 3]) -> bool,
+) -> Timed {
+    let turned = |path: &Path, turn: Turnaround| {
+        let path =
+            if let Turnaround::Skywriting(run_s) = turn { path.with_skywriting(run_s, pens) } else { path.clone() };
+        let schedule = Schedule::of(&path, machine, pens, turn.wait_s());
+        (path, schedule)
+    };
+    let total = |schedule: &Schedule, sync: &Decomposition| {
+        let usable = sync.fits && travels(ends(sync.stage.iter().copied()));
+        if usable { schedule.total_s() * sync.slower + 2.0 * sync.lead_s } else { f64::INFINITY }
+    };
+    let plain = Turnaround::Dwell(0.0);
+    let (own, schedule) = turned(path, plain);
+    let sync = synchronise(&own, &schedule, machine, allowed, schedule.step_s(most));
+    let mut best = Timed { turn: plain, path: own, schedule, sync };
+    // Where the pens' speeds are kept no turn can be a better one.
+    if best.sync.slower <= 1.0 {
+        return best;
+    }
+    // Turns are tried on the middle of the path, in steps as fine as it needs without them.
+    let step_s = best.sync.step_s / best.sync.slower;
+    let piece = path.middle(TRIED as f64 * step_s / best.schedule.total_s());
+    let time = |turn: Turnaround| {
+        let (path, schedule) = turned(&piece, turn);
+        total(&schedule, &decomposed(&path, &schedule, machine, allowed, step_s))
+    };
+    // The scanner's own delays must fit into a run.
+    let least = machine.delays.jump.as_s().max(machine.delays.mark.as_s()).max(SHORTEST);
+    let times = || std::iter::successors(Some(least), |t| Some(4.0 * t)).take_while(|&t| t <= LONGEST);
+    let mut tried: Vec<(f64, Turnaround)> = Vec::new();
+    tried.extend(
+        times().map(Turnaround::Skywriting).chain(times().map(Turnaround::Dwell)).map(|turn| (time(turn), turn)),
+    );
+    for share in [2.0, 1.4] {
+        let Some(&(_, middle)) = tried.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        let near = [1.0 / share, share].map(|by| middle.times(by)).into_iter().filter(|t| t.s() >= least);
+        tried.extend(near.map(|turn| (time(turn), turn)).collect::<Vec<_>>());
+    }
+    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // What is best there may not be possible everywhere.
+    let before = total(&best.schedule, &best.sync);
+    for (_, turn) in tried.into_iter().filter(|t| t.0.is_finite()).take(SERIOUS) {
+        let (path, schedule) = turned(path, turn);
+        let sync = decomposed(&path, &schedule, machine, allowed, step_s);
+        if total(&schedule, &sync) < before {
+            best = Timed { turn, path, schedule, sync };
+            break;
+        }
+    }
+    best
+}
+
+/// Least and largest of each coordinate.
+pub fn ends(stage: impl IntoIterator<Item = [f64; 3]>) -> [[f64; 2]; 3] {
+    let none = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
+    stage.into_iter().fold(none, |ends, p| [0, 1, 2].map(|k| [ends[k][0].min(p[k]), ends[k][1].max(p[k])]))
+}
+
+/// Shortest and longest skywriting turnarounds that are tried, s at the pens' speeds, and samples they are tried with.
+const SHORTEST: f64 = 5e-4;
+const LONGEST: f64 = 0.6;
+const TRIED: usize = 50_000;
+/// How many of the best turns are tried on the whole path.
+const SERIOUS: usize = 3;
+/// How much finer than asked a path may be sampled.
+const FINER: [f64; 2] = [3.0, 8.0];
+/// A sample nearer to a node than this is left out of a motion, s: programs count in microseconds.
+const BESIDE: f64 = 5e-6;
+/// Samples that averages in plan are looked for with.
+const COARSE: usize = 50_000;
+
+/// Shares a scheduled path out, in even steps of `step_s` or less: where marks turn sharply on a slope the average
+/// of z is so short that its samples must lie closer.
+pub fn synchronise(
+    path: &Path,
+    schedule: &Schedule,
+    machine: &Machine,
+    allowed: ScannerLimits,
+    step_s: f64,
+) -> Decomposition {
+    const ENOUGH: usize = 7;
+    let mut best = decomposed(path, schedule, machine, allowed, step_s);
+    for finer in FINER {
+        if best.fits && (best.samples[1] >= ENOUGH || best.slower <= 1.0 || !best.z_is_slowest) {
+            break;
+        }
+        let next = decomposed(path, schedule, machine, allowed, step_s / finer);
+        if next.fits && (!best.fits || next.slower < best.slower) {
+            best = next;
+        }
+    }
+    best
+}
+
+/// Shares a scheduled path out, in even steps of `step_s` or a little less.
+fn decomposed(
+    path: &Path,
+    schedule: &Schedule,
+    machine: &Machine,
+    allowed: ScannerLimits,
+    step_s: f64,
+) -> Decomposition {
+    let limits = Peaks::limits(machine);
+    let even = schedule.samples(path, step_s);
+    let nodes = Nodes::of(path, schedule, even.step_s);
+    let half = [allowed.half_field[0], allowed.half_field[1], allowed.focus];
+    // The field is wide: its averages are looked for on fewer samples, and shortened where all of them say so.
+    let plan: Vec<[f64; 2]> = even.at.iter().map(|p| [p[0], p[1]]).collect();
+    let every = (plan.len() / COARSE).max(1);
+    let few: Vec<[f64; 2]> = plan.iter().copied().step_by(every).collect();
+    let inside = |made: &[[f64; 2]], path: &[[f64; 2]], every: usize| {
+        made.iter().zip(path).all(|(m, p)| (0..2).all(|k| (p[k] - m[k]).abs() <= half[k]))
+            && nodes.all(false, |at, p| {
+                let m = between(made, at / every as f64);
+                (0..2).all(|k| (p[k] - m[k]).abs() <= half[k] * (1.0 + 1e-9))
+            })
+    };
+    let fits = |made: &[[f64; 2]]| inside(made, &few, every);
+    let limits_xy = [limits[0], limits[1]];
+    let search = Search { path: &few, step_s: even.step_s * every as f64, limits: limits_xy, enough: 1.0, fits };
+    let mut xy = search.run();
+    let coarse = xy.slower;
+    (xy.samples, xy.ramp) = ((xy.samples * every) | 1, (xy.ramp * every) | 1);
+    let fits = |c: &Choice| inside(&ramped(&plan, c.reach(), c.samples, c.ramp)[c.reach()..], &plan, 1);
+    while xy.samples > 1 && !fits(&xy) {
+        (xy.samples, xy.ramp) = (xy.samples * 19 / 20, (xy.ramp * 19 / 20).max(1));
+    }
+    xy.slower = slowed(&ramped(&plan, xy.reach(), xy.samples, xy.ramp), even.step_s, &limits_xy);
+    // All samples may see sharper turns than few.
+    if xy.slower > 1.02 * coarse {
+        let fits = |made: &[[f64; 2]]| inside(made, &plan, 1);
+        let search = Search { path: &plan, step_s: even.step_s, limits: limits_xy, enough: coarse, fits };
+        xy = search.polished(xy);
+    }
+
+    let height: Vec<[f64; 1]> = even.at.iter().map(|p| [p[2]]).collect();
+    let focused = |made: &[[f64; 1]]| {
+        (0..made.len()).all(|i| !even.on[i] || (height[i][0] - made[i][0]).abs() <= half[2])
+            && nodes.all(true, |at, p| (p[2] - between(made, at)[0]).abs() <= half[2] * (1.0 + 1e-9))
+    };
+    // What x and y are slowed down to is slow enough for z.
+    let search = Search { path: &height, step_s: even.step_s, limits: [limits[2]], enough: xy.slower, fits: focused };
+    let z = search.run();
+    let lead = xy.reach().max(z.reach());
+    let (stage_xy, stage_z) = (ramped(&plan, lead, xy.samples, xy.ramp), ramped(&height, lead, z.samples, z.ramp));
+    let slower = xy.slower.max(slowed(&stage_z, even.step_s, &[limits[2]]));
+    let step_s = even.step_s * slower;
+    Decomposition {
+        samples: [xy.samples, z.samples],
+        fits: z.slower.is_finite(),
+        z_is_slowest: slower > xy.slower,
+        slower,
+        lead_s: lead as f64 * step_s,
+        stage: stage_xy.iter().zip(&stage_z).map(|(&[x, y], &[z])| [x, y, z]).collect(),
+        step_s,
+        beam: held(&even.at, lead),
+        on: [vec![false; lead], even.on, vec![false; lead]].concat(),
+    }
+}
+
+/// When the beam comes to the nodes of its path and leaves them, in samples.
+struct Nodes<'a> {
+    path: &'a Path,
+    times: Vec<[f64; 2]>,
+}
+
+impl<'a> Nodes<'a> {
+    fn of(path: &'a Path, schedule: &Schedule, step_s: f64) -> Self {
+        let times = schedule.arrive.iter().zip(&schedule.leave).map(|(a, l)| [a / step_s, l / step_s]).collect();
+        Self { path, times }
+    }
+
+    /// Whether all nodes hold, or all of marks.
+    fn all(&self, marks: bool, holds: impl Fn(f64, &[f64; 3]) -> bool) -> bool {
+        let lit = |i: usize| self.path.pen.get(i).copied().flatten().is_some();
+        self.times.iter().enumerate().all(|(i, [arrive, leave])| {
+            // A mark ends as the beam comes and begins as it goes.
+            let come = !marks || lit(i);
+            let go = !marks || lit(i + 1);
+            let at = &self.path.at[i];
+            (!come || holds(*arrive, at)) && (!go || (come && arrive == leave) || holds(*leave, at))
+        })
+    }
+}
+
+/// A value between samples.
+#[inline]
+fn between<const N: usize>(made: &[[f64; N]], at: f64) -> [f64; N] {
+    let last = made.len() - 1;
+    let at = at.clamp(0.0, last as f64);
+    let i = (at as usize).min(last.saturating_sub(1));
+    let (a, b, t) = (made[i], made[(i + 1).min(last)], at - i as f64);
+    std::array::from_fn(|k| a[k] + t * (b[k] - a[k]))
+}
+
+/// How much slower than asked some axes follow their positions.
+fn slowed<const N: usize>(made: &[[f64; N]], step_s: f64, limits: &[Peaks; N]) -> f64 {
+    (0..N).map(|k| Peaks::of(made, k, step_s).slowed(&limits[k])).fold(1.0, f64::max)
+}
+
+/// Samples of the averages that are tried: every odd number at first, then in steps of four tenths.
+fn back_off(longest: usize) -> Vec<usize> {
+    let next = |p: &usize| Some((p + 2).max((p * 7 / 5) | 1)).filter(|p| *p <= longest);
+    std::iter::successors(Some(1), next).collect()
+}
+
+/// A path that rests for `lead` samples at both ends, averaged, and twice more: a step of speed becomes a ramp of
+/// acceleration, and a step of place, as a quick jump is, one of speed. It begins and ends at rest where `lead` is
+/// [`Choice::reach`] or more.
+fn ramped<const N: usize>(path: &[[f64; N]], lead: usize, samples: usize, ramp: usize) -> Vec<[f64; N]> {
+    let once = stage(&held(path, lead), Method::MovingAverage { samples });
+    if ramp < 2 {
+        return once;
+    }
+    let twice = Method::MovingAverage { samples: ramp };
+    stage(&stage(&once, twice), twice)
+}
+
+/// Both ends repeated.
+fn held<T: Copy>(list: &[T], by: usize) -> Vec<T> {
+    let [first, last] = [list[0], list[list.len() - 1]].map(|end| std::iter::repeat_n(end, by));
+    first.chain(list.iter().copied()).chain(last).collect()
+}
+
+/// An average and its ramp in samples, and how much slower than asked the stage follows it.
+#[derive(Clone, Copy, Debug)]
+struct Choice {
+    samples: usize,
+    ramp: usize,
+    slower: f64,
+}
+
+impl Choice {
+    /// Samples to each side that a sample of the stage depends on.
+    fn reach(&self) -> usize {
+        self.samples / 2 + 2 * (self.ramp / 2)
+    }
+}
+
+/// A search for the average of some coordinates together.
+struct Search<'a, const N: usize, F> {
+    path: &'a [[f64; N]],
+    step_s: f64,
+    limits: [Peaks; N],
+    /// What is slow enough.
+    enough: f64,
+    /// Whether what is left for the others is little enough.
+    fits: F,
+}
+
+impl<const N: usize, F: Fn(&[[f64; N]]) -> bool + std::marker::Sync> Search<'_, N, F> {
+    /// What comes of an average and a ramp, if it fits.
+    fn attempt(&self, samples: usize, ramp: usize) -> Option<Choice> {
+        let choice = Choice { samples, ramp, slower: f64::INFINITY };
+        let lead = choice.reach();
+        let made = ramped(self.path, lead, samples, ramp);
+        let fits = (self.fits)(&made[lead..made.len() - lead]);
+        fits.then(|| Choice { slower: slowed(&made, self.step_s, &self.limits), ..choice })
+    }
+
+    /// The shortest average with which the stage keeps up at full speed; where there is none, the one with
+    /// which least has to be slowed down.
+    ///
+    /// Axes that may step their acceleration need no ramp. Of the others every ramp is tried that is no longer
+    /// than the average, and the best pair is then made better by steps to its neighbours.
+    fn run(&self) -> Choice {
+        // Some at a time, in order: what ends the search does not depend on the number of threads.
+        const SOME: usize = 8;
+        let jerks = self.limits.iter().any(|l| l.jerk.is_finite());
+        let mut best = Choice { samples: 1, ramp: 1, slower: f64::INFINITY };
+        for some in back_off(2 * self.path.len() + 1).chunks(SOME) {
+            let of = |&samples: &usize| {
+                let ramps = back_off(if jerks { samples } else { 1 });
+                let tried = ramps.into_iter().map_while(|ramp| self.attempt(samples, ramp));
+                tried.min_by(|a, b| a.slower.total_cmp(&b.slower))
+            };
+            let found: Vec<Option<Choice>> = some.par_iter().map(of).collect();
+            let misses = found.iter().all(Option::is_none);
+            for choice in found.into_iter().flatten() {
+                if choice.slower < best.slower {
+                    best = choice;
+                }
+                if best.slower <= self.enough {
+                    return best;
+                }
+            }
+            // Far beyond what fits nothing will fit again that slows less.
+            if misses && (best.slower.is_finite() || some[0] > self.path.len() / 2) {
+                break;
+            }
+        }
+        self.polished(best)
+    }
+
+    /// Steps to neighbours, smaller and smaller ones, while that is quicker.
+    fn polished(&self, mut best: Choice) -> Choice {
+        for share in [0.2, 0.1, 0.05] {
+            let by = |n: usize| (((n as f64 * share) as usize) & !1).max(2);
+            loop {
+                let (p, r) = (by(best.samples), by(best.ramp));
+                let longer = |n: usize, by: usize| [Some(n + by), n.checked_sub(by).filter(|n| *n > 0)];
+                let mut near: Vec<(usize, usize)> = Vec::new();
+                near.extend(longer(best.samples, p).into_iter().flatten().map(|p| (p, best.ramp)));
+                near.extend(longer(best.ramp, r).into_iter().flatten().map(|r| (best.samples, r)));
+                let found: Vec<Option<Choice>> = near.par_iter().map(|&(p, r)| self.attempt(p, r)).collect();
+                let next = found.into_iter().flatten().min_by(|a, b| a.slower.total_cmp(&b.slower));
+                // Gains of a thousandth are not worth a step.
+                match next.filter(|n| n.slower < 0.999 * best.slower) {
+                    Some(next) => best = next,
+                    None => break,
+                }
+                if best.slower <= self.enough {
+                    return best;
+                }
+            }
+        }
+        best
+    }
+}
+
+impl Decomposition {
+    /// Where the stage is at a time: straight between its samples.
+    fn stage_at(&self, time: f64) -> [f64; 3] {
+        between(&self.stage, time / self.step_s)
+    }
+
+    /// Where the stage is when the beam comes to each node of its path, or leaves it where a mark begins.
+    pub fn nodes(&self, path: &Path, schedule: &Schedule) -> Vec<[f64; 3]> {
+        let times = schedule.arrive.iter().zip(&schedule.leave).zip(&path.pen);
+        let time = times.map(|((arrive, leave), pen)| if pen.is_some() { arrive } else { leave });
+        time.map(|t| self.stage_at(self.lead_s + t * self.slower)).collect()
+    }
+
+    /// The motion of all axes: at the nodes of the path, and where the stage's own samples lie.
+    pub fn motion(&self, path: &Path, schedule: &Schedule) -> Motion {
+        let mut motion = Motion::default();
+        let mut sample = 0;
+        let mut until = |time: f64, pen: Option<u16>, stroke: u32, motion: &mut Motion| {
+            while sample < self.stage.len() && sample as f64 * self.step_s < time {
+                let now = sample as f64 * self.step_s;
+                // Beside a node a sample tells nothing.
+                if time - now > BESIDE && now - motion.time.last().copied().unwrap_or(f64::NEG_INFINITY) > BESIDE {
+                    push(motion, now, self.stage[sample], self.beam[sample], pen, stroke);
+                }
+                sample += 1;
+            }
+        };
+        for i in 0..path.len() {
+            let (pen, stroke) = (path.pen[i], path.stroke[i]);
+            let [come, go] = [schedule.arrive[i], schedule.leave[i]].map(|t| self.lead_s + t * self.slower);
+            until(come, pen, stroke, &mut motion);
+            push(&mut motion, come, self.stage_at(come), path.at[i], pen, stroke);
+            if go > come {
+                until(go, None, stroke, &mut motion);
+                push(&mut motion, go, self.stage_at(go), path.at[i], None, stroke);
+            }
+        }
+        until(f64::INFINITY, None, path.stroke[path.len() - 1], &mut motion);
+        motion
+    }
+}
+
+fn push(motion: &mut Motion, time: f64, stage: [f64; 3], at: [f64; 3], pen: Option<u16>, stroke: u32) {
+    if motion.time.last() == Some(&time) {
+        return;
+    }
+    let [x, y, z] = stage;
+    motion.time.push(time);
+    motion.axes.push([x, y, z, 0.0, 0.0, at[0] - x, at[1] - y]);
+    motion.pen.push(pen);
+    motion.stroke.push(stroke);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::on_the_fly::path::Node;
+    use crate::units::{Frequency, Power, Speed};
+
+    #[test]
+    fn the_times_of_the_article() {
+        let (stops, move_s, process_s) = (8, 3.71, 38.27);
+        let (stepped, synchronised) = (step_scan_s(stops, move_s, process_s), synchronised_s(move_s, process_s));
+        assert!((stepped - 67.95).abs() < 1e-9 && (synchronised - 41.98).abs() < 1e-9);
+        let saved = 100.0 * (stepped - synchronised) / stepped;
+        assert_eq!(format!("{saved:.2}"), "38.22");
+    }
+
+    /// `count` lines of `length` mm there and back, a millimetre apart, up and down a slope of 0.1.
+    fn lines(count: u32, length: f64) -> Path {
+        let mut path = Path::default();
+        for line in 0..count {
+            let ends = [0.0, length].map(|x| [x, f64::from(line), 0.1 * x]);
+            let [a, b] = if line % 2 == 0 { ends } else { [ends[1], ends[0]] };
+            for (at, pen) in [(a, None), (b, Some(0))] {
+                path.at.push(at);
+                path.pen.push(pen);
+                path.node.push(Node::End);
+                path.stroke.push(line);
+                path.run.push(None);
+            }
+        }
+        path
+    }
+
+    fn pens(speed: f64) -> Vec<Pen> {
+        let frequency = Frequency::khz(60.0);
+        vec![Pen { name: "a".into(), speed: Speed::mm_s(speed), power: Power::Percent(50.0), frequency, passes: 1 }]
+    }
+
+    const ROOM: ScannerLimits = ScannerLimits { half_field: [20.0, 20.0], focus: 0.035 };
+
+    #[test]
+    fn the_stage_goes_from_rest_to_rest_within_its_limits_and_marks_stay_in_field_and_focus() {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        let (path, pens) = (lines(9, 200.0), pens(1000.0));
+        let Timed { turn, path, schedule, sync } = quickest(&path, &machine, &pens, ROOM, 100_000, &|_| true);
+        assert!(turn.s() > 0.0 && sync.fits && sync.slower > 1.0, "{turn:?} {}", sync.slower);
+        let limits = Peaks::limits(&machine);
+        for (k, limit) in limits.iter().enumerate() {
+            let peaks = Peaks::of(&sync.stage, k, sync.step_s);
+            assert!(peaks.slowed(limit) < 1.0 + 1e-9, "{k}: {peaks:?}");
+            let (n, first, last) = (sync.stage.len(), sync.stage[0][k], sync.stage[sync.stage.len() - 1][k]);
+            assert!((sync.stage[1][k] - first).abs() < 1e-6 && (sync.stage[n - 2][k] - last).abs() < 1e-6);
+        }
+        for (i, at) in sync.nodes(&path, &schedule).iter().enumerate() {
+            let p = path.at[i];
+            assert!((0..2).all(|k| (p[k] - at[k]).abs() <= ROOM.half_field[k] * (1.0 + 1e-6)), "{i}");
+            let lit = path.pen[i].is_some() || path.pen.get(i + 1).copied().flatten().is_some();
+            assert!(!lit || (p[2] - at[2]).abs() <= ROOM.focus * (1.0 + 1e-6), "{i}: {p:?} {at:?}");
+        }
+        // The motion is that of the stage, and every mark runs at its speed, slowed alike.
+        let motion = sync.motion(&path, &schedule);
+        let marks = (1..motion.time.len()).filter(|&i| motion.pen[i].is_some());
+        for i in marks {
+            let spot = |i: usize| [0, 1].map(|k| motion.axes[i][k] + motion.axes[i][5 + k]);
+            let (a, b) = (spot(i - 1), spot(i));
+            let speed = (b[0] - a[0]).hypot(b[1] - a[1]) / (motion.time[i] - motion.time[i - 1]);
+            assert!((speed * sync.slower / 1000.0 - 1.0).abs() < 1e-6, "{speed}");
+        }
+    }
+
+    #[test]
+    fn dark_runs_let_slopes_be_marked_faster_and_flat_parts_go_without() {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        let total = |t: &Timed| t.schedule.total_s() * t.sync.slower;
+        let (path, fast) = (lines(5, 200.0), pens(1000.0));
+        let schedule = Schedule::of(&path, &machine, &fast, 0.0);
+        let plain = synchronise(&path, &schedule, &machine, ROOM, schedule.step_s(100_000));
+        let found = quickest(&path, &machine, &fast, ROOM, 100_000, &|_| true);
+        assert!(total(&found) < 0.7 * schedule.total_s() * plain.slower, "{} {}", total(&found), plain.slower);
+        // What lies within the field needs no stage: the pens' speed is kept.
+        let small = quickest(&lines(5, 0.3), &machine, &pens(100.0), ROOM, 100_000, &|_| true);
+        assert!(small.turn == Turnaround::Dwell(0.0) && small.sync.slower == 1.0, "{}", small.sync.slower);
+    }
+
+    #[test]
+    fn one_mark_alone_is_a_path_too() {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        for length in [1e-6, 0.01, 300.0] {
+            let found = quickest(&lines(1, length), &machine, &pens(1000.0), ROOM, 1000, &|_| true);
+            assert!(found.sync.slower.is_finite() && found.sync.stage.iter().flatten().all(|v| v.is_finite()));
+        }
+    }
+
+    #[test]
+    fn peaks_are_those_of_a_parabola_and_slow_down_by_their_own_powers() {
+        let step_s = 0.01;
+        let at: Vec<[f64; 3]> = (0..200).map(|i| f64::from(i) * step_s).map(|t| [3.0 * t * t, -5.0 * t, 0.0]).collect();
+        let [x, y, z] = [0, 1, 2].map(|axis| Peaks::of(&at, axis, step_s));
+        assert!((x.acceleration - 6.0).abs() < 1e-6 && x.jerk < 1e-3 && (x.speed - 6.0 * 1.985).abs() < 1e-6);
+        assert!((y.speed - 5.0).abs() < 1e-9 && y.acceleration < 1e-6);
+        assert_eq!(z, Peaks { speed: 0.0, acceleration: 0.0, jerk: 0.0 });
+        let limits = Peaks { speed: 1e9, acceleration: 1.5, jerk: f64::INFINITY };
+        assert!((x.slowed(&limits) - 2.0).abs() < 1e-6, "half the speed is a quarter of the acceleration");
+        assert_eq!(y.slowed(&limits), 1.0);
+    }
+}

@@ -1,0 +1,167 @@
+//! Rewind of C: the turntable turns back during a jump, with the laser off.
+//!
+//! Consumes a path and its axes, C counted on without end, and the travel of C; promises the same with C within its
+//! travel in every mark that needs no more than all of it: in the jump before a mark that would leave it C turns back
+//! by whole turns, as far as it can, so that it need not soon again. The jump gets as many nodes as that takes, over
+//! which X, Y and Z go round with the part. Units: mm, rad.
+
+use std::f64::consts::TAU;
+
+use crate::on_the_fly::axes::kinematics::{Axes, machine_from_part};
+use crate::on_the_fly::path::{Node, Path};
+
+/// The most that C turns from node to node of a jump, rad.
+const STEP: f64 = 0.08;
+/// Jumps shorter than this are no place to turn, mm.
+const SHORTEST: f64 = 1e-3;
+
+/// The path with the nodes that turning back needs, and its axes.
+pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> (Path, Vec<Axes>) {
+    let way = path.distances();
+    let marks = |i: usize| path.pen.get(i).copied().flatten().is_some();
+    let mut out = (Path::default(), Vec::with_capacity(axes.len()));
+    let (mut turns, mut at) = (Revolutions { by: 0.0, fit: true }, 0);
+    while at < axes.len() {
+        // From the end of a mark, or the path's begin, to the begin of the next.
+        let begin = (at..axes.len()).find(|&i| marks(i + 1));
+        let first = begin.unwrap_or(axes.len() - 1);
+        let end = (first + 1..axes.len()).find(|&i| !marks(i)).unwrap_or(axes.len());
+        let next = if begin.is_some() { turns.next(&axes[first..end], travel) } else { turns };
+        let is_first = at == 0;
+        let from = if is_first { 0 } else { at - 1 };
+        let length = way[first] - way[from];
+        let next = if is_first || length >= SHORTEST { next } else { Revolutions { by: turns.by, ..next } };
+        if is_first {
+            turns = next;
+        }
+        let change = next.by - turns.by;
+        if is_first {
+            put(&mut out, path, 0, path.at[0], axes[0], axes[0].c + TAU * turns.by);
+        }
+        let off = turns.fit && next.fit;
+        for k in from + 1..=first {
+            let edge = way[k] - way[k - 1];
+            let pieces = ((change * TAU / STEP).abs() * edge / length.max(SHORTEST)).ceil().max(1.0) as usize;
+            for j in 1..=pieces {
+                let t = j as f64 / pieces as f64;
+                let share = if length > 0.0 { (way[k - 1] + t * edge - way[from]) / length } else { 1.0 };
+                let mut c = between(axes[k - 1].c, axes[k].c, t) + TAU * (turns.by + share * change);
+                if off && k < first {
+                    c = c.clamp(travel[0], travel[1]);
+                }
+                let spot = [0, 1, 2].map(|i| between(path.at[k - 1][i], path.at[k][i], t));
+                let [p, q] = [k - 1, k].map(|i| axes[i].tool().p);
+                let tool = [0, 1, 2].map(|i| between(p[i], q[i], t));
+                let a = between(axes[k - 1].a, axes[k].a, t);
+                put(&mut out, path, k, spot, Axes { xyz: machine_from_part(a, c, tool), a, c }, c);
+                if j < pieces
+                    && let Some(node) = out.0.node.last_mut()
+                {
+                    *node = Node::Between;
+                }
+            }
+        }
+        for (k, axes) in axes.iter().enumerate().take(end).skip(first + 1) {
+            put(&mut out, path, k, path.at[k], *axes, axes.c + TAU * next.by);
+        }
+        (turns, at) = (next, end);
+    }
+    out
+}
+
+fn between(a: f64, b: f64, t: f64) -> f64 {
+    if t >= 1.0 { b } else { a + t * (b - a) }
+}
+
+/// Adds a node like number `k` of `path` at `spot`.
+fn put(out: &mut (Path, Vec<Axes>), path: &Path, k: usize, spot: [f64; 3], axes: Axes, c: f64) {
+    out.0.at.push(spot);
+    out.0.pen.push(path.pen[k]);
+    out.0.node.push(path.node[k]);
+    out.0.stroke.push(path.stroke[k]);
+    out.0.run.push(path.run[k]);
+    out.1.push(Axes { c, ..axes });
+}
+
+/// Whole turns that are added to C, and whether its travel holds the mark with them.
+#[derive(Clone, Copy)]
+struct Revolutions {
+    by: f64,
+    fit: bool,
+}
+
+impl Revolutions {
+    /// Those of the next mark.
+    fn next(self, axes: &[Axes], [lo, hi]: [f64; 2]) -> Self {
+        let none = [f64::INFINITY, f64::NEG_INFINITY];
+        let needs = axes.iter().fold(none, |e, a| [e[0].min(a.c), e[1].max(a.c)]);
+        let [fewest, most] = [((lo - needs[0]) / TAU).ceil(), ((hi - needs[1]) / TAU).floor()];
+        if fewest > most {
+            return Self { fit: false, ..self };
+        }
+        let by = if self.by > most {
+            fewest
+        } else if self.by < fewest {
+            most
+        } else {
+            self.by
+        };
+        Self { by, fit: true }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rings about the pole with short jumps between them, all the same way round; C as it would go on.
+    fn rings(count: u32, jump: f64) -> (Path, Vec<Axes>) {
+        let (mut path, mut axes) = (Path::default(), Vec::new());
+        for ring in 0..count {
+            for i in 0..=90 {
+                let (angle, r) = (f64::from(4 * i).to_radians(), 10.0 + jump * f64::from(ring));
+                let c = TAU * f64::from(ring) + angle;
+                path.at.push([r * angle.cos(), r * angle.sin(), 0.0]);
+                path.pen.push((i > 0).then_some(0));
+                path.node.push(if i % 90 == 0 { Node::End } else { Node::Vertex });
+                path.stroke.push(ring);
+                path.run.push(None);
+                axes.push(Axes { xyz: machine_from_part(0.1, c, path.at[path.len() - 1]), a: 0.1, c });
+            }
+        }
+        (path, axes)
+    }
+
+    #[test]
+    fn c_turns_back_in_the_jumps_and_the_tool_stays_where_it_was() {
+        for (travel, jump) in [([-TAU, TAU], 1.0), ([-0.2, TAU + 0.2], 0.05), ([-4.5 * TAU, -1.5 * TAU], 0.3)] {
+            let (path, axes) = rings(7, jump);
+            let (out, turned) = rewound(&path, &axes, travel);
+            assert!(turned.iter().all(|a| (travel[0] - 1e-9..=travel[1] + 1e-9).contains(&a.c)), "{travel:?}");
+            assert!(turned.windows(2).all(|w| (w[1].c - w[0].c).abs() < STEP + 0.01));
+            assert_eq!(out.len(), turned.len());
+            // Marks are the same, and so is where the tool stands over each node.
+            let lit = |p: &Path| p.at.iter().zip(&p.pen).filter(|(_, pen)| pen.is_some()).map(|(at, _)| *at).collect();
+            let [before, after]: [Vec<[f64; 3]>; 2] = [lit(&path), lit(&out)];
+            assert_eq!(before, after);
+            for (at, axes) in out.at.iter().zip(&turned) {
+                let off = axes.field_from_part(*at);
+                assert!(off.iter().all(|v| v.abs() < 1e-9), "{off:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_fits_or_cannot_stays_as_it_is() {
+        let (path, axes) = rings(2, 1.0);
+        for travel in [[-9.0 * TAU, 9.0 * TAU], [-1.0, 1.0]] {
+            let (out, same) = rewound(&path, &axes, travel);
+            assert_eq!(out.at, path.at);
+            assert!(same.iter().zip(&axes).all(|(a, b)| (a.c - b.c).abs() < 1e-12));
+        }
+        // A jump of a nanometre is not a place to turn.
+        let (path, axes) = rings(3, 1e-6);
+        assert_eq!(rewound(&path, &axes, [-0.1, TAU + 0.1]).0.len(), path.len());
+        assert!(rewound(&Path::default(), &[], [0.0, 1.0]).1.is_empty());
+    }
+}

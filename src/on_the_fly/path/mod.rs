@@ -1,0 +1,510 @@
+//! The path of the beam over the part: strokes in the order of a program, and the jumps between them.
+//!
+//! Consumes a program, whose blocks are read one after the other, and the part; promises nodes so close that
+//! straight lines between them stand for the path, with every vertex of a stroke among them. Units: mm; the
+//! frame is the part's. Under marks the height is the part's own, along jumps the height field's. Where rounding has put a
+//! mark beside the part its height goes on from the nearest that is known, as the height field does.
+//!
+//! [`Path::with_skywriting`] puts skywriting runs beside the marks, which go on as the marks do, and one straight jump between
+//! two runs; [`Path::evened`] leaves vertices of gentle turns out.
+
+pub mod c_rewind;
+pub mod height_field;
+pub mod schedule;
+
+use crate::geom::{NM_PER_MM, P2, mm_from_nm};
+use crate::on_the_fly::path::height_field::HeightField;
+use crate::program::{Pen, Program};
+use crate::projection::Tracer;
+use crate::surface::Surface;
+
+/// Turns sharper than this are corners, at which an axis that follows the path stops; between gentler ones
+/// the path is a curve, rad.
+pub const CORNER: f64 = 0.26;
+
+/// What the path does at a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Node {
+    /// Goes straight on.
+    Between,
+    /// Turns a little, as a curve does that is drawn with straight lines.
+    Vertex,
+    /// Turns sharply.
+    Corner,
+    /// A stroke begins or ends.
+    End,
+}
+
+/// A path of marks and jumps; index 0 is where it begins.
+#[derive(Clone, Debug, Default)]
+pub struct Path {
+    /// Where each node lies.
+    pub at: Vec<[f64; 3]>,
+    /// Pen of the stretch that ends at each node; None for a jump.
+    pub pen: Vec<Option<u16>>,
+    /// What the path does at each node.
+    pub node: Vec<Node>,
+    /// Stroke of the program that each node belongs to, the one just marked or jumped to.
+    pub stroke: Vec<u32>,
+    /// Pen whose speed the dark stretch that ends at each node keeps: it runs out of a mark or into one.
+    pub run: Vec<Option<u16>>,
+}
+
+impl Path {
+    /// The path of the strokes of some blocks of a program, with nodes no farther apart than `spacing` mm.
+    pub fn of(
+        program: &Program,
+        blocks: std::ops::Range<usize>,
+        surface: &Surface,
+        height_field: &HeightField,
+        spacing: f64,
+    ) -> Self {
+        let mut path = Self::default();
+        let mut tracer = Tracer::new(surface, f64::INFINITY);
+        let mut from: Option<P2> = None;
+        for block in &program.blocks[blocks] {
+            let centre = block.stop.centre;
+            for (number, stroke) in block.strokes.clone().zip(program.strokes_of(block)) {
+                let points = program.points_of(stroke);
+                let part = |p: [i32; 2]| P2::new(centre.x + i64::from(p[0]), centre.y + i64::from(p[1]));
+                let first = part(points[0]);
+                match from {
+                    Some(from) if from != first => path.jump(from, first, height_field, spacing, number as u32),
+                    Some(_) => {}
+                    None => {
+                        let [x, y] = first.mm();
+                        path.node([x, y, height_field.at([x, y]).z], None, number as u32);
+                    }
+                }
+                let mut direction = None;
+                for w in points.windows(2) {
+                    let (a, b) = (part(w[0]), part(w[1]));
+                    path.turn(match direction {
+                        None => Node::End,
+                        Some(d) if angle(d, heading(a, b)) > CORNER => Node::Corner,
+                        Some(_) => Node::Vertex,
+                    });
+                    path.mark((&mut tracer, height_field), a, b, spacing, stroke.pen, number as u32);
+                    direction = Some(heading(a, b));
+                }
+                path.turn(Node::End);
+                from = points.last().map(|&p| part(p));
+            }
+        }
+        path
+    }
+
+    /// The same with no more nodes than a smooth path needs: between two corners or ends one for every
+    /// `step` mm of way and every turn of a corner's angle, evenly spread over both; no more than there were.
+    pub fn evened(&self, step: f64) -> Self {
+        let mut out = Self::default();
+        let keep = |out: &mut Self, i: usize| {
+            out.node(self.at[i], self.pen[i], self.stroke[i]);
+            let last = out.len() - 1;
+            (out.node[last], out.run[last]) = (self.node[i], self.run[i]);
+        };
+        if !self.is_empty() {
+            keep(&mut out, 0);
+        }
+        let (way, mut from) = (self.distances(), 0);
+        for to in 1..self.len() {
+            let of = |i: usize| self.pen.get(i).map(|pen| (*pen, self.stroke[i]));
+            let goes_on = of(to) == of(to + 1);
+            if goes_on && !matches!(self.node[to], Node::Corner | Node::End) {
+                continue;
+            }
+            // Nodes go where there is way, and where there are turns.
+            let heading = |i: usize| [0, 1].map(|k| self.at[i + 1][k] - self.at[i][k]);
+            let turn = |i: usize| if i > from && i < to { angle(heading(i - 1), heading(i)) } else { 0.0 };
+            let weight = |i: usize| (way[i + 1] - way[i]) / step + (turn(i) + turn(i + 1)) / (2.0 * CORNER);
+            let all: f64 = (from..to).map(weight).sum();
+            let count = all.ceil() as usize;
+            let (mut i, mut before) = (from, 0.0);
+            for n in 1..count.min(to - from) {
+                if count >= to - from {
+                    keep(&mut out, from + n);
+                    continue;
+                }
+                let at = all * n as f64 / count as f64;
+                while i + 1 < to && before + weight(i) < at {
+                    before += weight(i);
+                    i += 1;
+                }
+                let share = ((at - before) / weight(i)).clamp(0.0, 1.0);
+                let spot = [0, 1, 2].map(|k| self.at[i][k] + share * (self.at[i + 1][k] - self.at[i][k]));
+                out.node(spot, self.pen[to], self.stroke[to]);
+            }
+            keep(&mut out, to);
+            from = to;
+        }
+        out
+    }
+
+    /// A share of its nodes, from the middle, that begins where a mark begins and ends where one ends, where marks are
+    /// not too long for that.
+    pub fn middle(&self, share: f64) -> Self {
+        let count = ((self.len() as f64 * share.clamp(0.0, 1.0)).ceil() as usize).max(2).min(self.len());
+        if self.is_empty() {
+            return Self::default();
+        }
+        let first = (self.len() - count) / 2;
+        let marks = |i: usize| self.pen.get(i).copied().flatten().is_some();
+        let runs = |i: usize| self.run.get(i).copied().flatten().is_some();
+        // A mark goes with its runs, where it has any: these have no ends of their own.
+        let goes = |i: usize| marks(i) || runs(i);
+        let is_end = |i: usize| self.node[i] == Node::End;
+        let begins = |i: &usize| goes(i + 1) && (is_end(*i) || !goes(*i));
+        let ends = |i: &usize| goes(*i) && (is_end(*i) || !goes(i + 1));
+        let from = (first..first + count).find(begins).unwrap_or(first);
+        let enough = (from + count).min(self.len());
+        let to = (enough..(from + 2 * count).min(self.len() + 1)).find(|to| ends(&(to - 1))).unwrap_or(enough);
+        self.piece(from..to)
+    }
+
+    /// Some of its nodes, as a path of their own.
+    pub fn piece(&self, range: std::ops::Range<usize>) -> Self {
+        let mut out = Self {
+            at: self.at[range.clone()].to_vec(),
+            pen: self.pen[range.clone()].to_vec(),
+            node: self.node[range.clone()].to_vec(),
+            stroke: self.stroke[range.clone()].to_vec(),
+            run: self.run[range].to_vec(),
+        };
+        if let (Some(pen), Some(first), Some(run)) = (out.pen.first_mut(), out.node.first_mut(), out.run.first_mut()) {
+            (*pen, *first, *run) = (None, Node::End, None);
+        }
+        out
+    }
+
+    /// How many nodes there are.
+    pub fn len(&self) -> usize {
+        self.at.len()
+    }
+
+    /// Whether nothing is marked.
+    pub fn is_empty(&self) -> bool {
+        self.at.is_empty()
+    }
+
+    /// Length of the path seen from the lens up to each node.
+    pub fn distances(&self) -> Vec<f64> {
+        let mut sum = 0.0;
+        let steps = self.at.windows(2).map(|w| {
+            sum += (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]);
+            sum
+        });
+        std::iter::once(0.0).chain(steps).take(self.len()).collect()
+    }
+
+    /// Half of the marked length on either side of each node: how much its figures count.
+    pub fn weights(&self) -> Vec<f64> {
+        let mut out = vec![0.0; self.len()];
+        for (i, w) in self.at.windows(2).enumerate() {
+            if self.pen[i + 1].is_some() {
+                let half = (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]) / 2.0;
+                out[i] += half;
+                out[i + 1] += half;
+            }
+        }
+        out
+    }
+
+    /// The same marks with skywriting runs of `time_s` at the pen's speed, straight on at every end and straight towards
+    /// every begin, and jumps between them: the stage turns while nothing is marked. Between two marks on one line
+    /// that leave no room for that the path runs on. Of no time, the path as it is.
+    pub fn with_skywriting(&self, time_s: f64, pens: &[Pen]) -> Self {
+        if time_s <= 0.0 {
+            return self.clone();
+        }
+        let mut out = Self::default();
+        // The way that is run beside a pen's mark, in the direction of the stretch between two nodes of it.
+        let run = |from: usize, to: usize, pen: u16| {
+            let (a, b) = (self.at[from], self.at[to]);
+            let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+            let share = if length > 0.0 { time_s * pens[usize::from(pen)].speed.as_mm_s() / length } else { 0.0 };
+            [0, 1, 2].map(|k| share * (b[k] - a[k]))
+        };
+        let mut ended: Option<([f64; 3], [f64; 3], u16)> = None;
+        for i in 0..self.len() {
+            let begins = self.pen.get(i + 1).copied().flatten().filter(|_| self.node[i] == Node::End);
+            if let Some(pen) = self.pen[i] {
+                out.node(self.at[i], Some(pen), self.stroke[i]);
+                if self.node[i] == Node::End {
+                    ended = Some((self.at[i], run(self.along(i, false), i, pen), pen));
+                } else if let Some(node) = out.node.last_mut() {
+                    *node = self.node[i];
+                }
+            }
+            if let Some(pen) = begins {
+                let (at, stroke, before) =
+                    (self.at[i], self.stroke[i + 1], out.stroke.last().copied().unwrap_or_default());
+                let into = run(i, self.along(i, true), pen);
+                if !ended.is_some_and(|(from, way, _)| on_one_line(from, way, at, into)) {
+                    if let Some((from, way, pen)) = ended {
+                        out.laser_off([0, 1, 2].map(|k| from[k] + way[k]), Some(pen), before);
+                    }
+                    out.node([0, 1, 2].map(|k| at[k] - into[k]), None, stroke);
+                }
+                if out.at.last() != Some(&at) {
+                    out.laser_off(at, Some(pen), stroke);
+                }
+            }
+        }
+        if let Some((from, way, pen)) = ended {
+            out.laser_off([0, 1, 2].map(|k| from[k] + way[k]), Some(pen), self.stroke[self.len() - 1]);
+        }
+        out
+    }
+
+    /// The nearest node of the same mark after one, or before it, that tells the direction there.
+    fn along(&self, i: usize, after: bool) -> usize {
+        const ENOUGH: f64 = 0.1;
+        let next = |j: usize| {
+            let (next, pen) = if after { (j + 1, self.pen.get(j + 1)) } else { (j.wrapping_sub(1), self.pen.get(j)) };
+            pen.copied().flatten().map(|_| next)
+        };
+        let mut found = i;
+        while let Some(j) = next(found) {
+            let (a, b) = (self.at[i], self.at[j]);
+            found = j;
+            if (b[0] - a[0]).hypot(b[1] - a[1]) >= ENOUGH || self.node[j] != Node::Between {
+                break;
+            }
+        }
+        found
+    }
+
+    fn node(&mut self, at: [f64; 3], pen: Option<u16>, stroke: u32) {
+        self.at.push(at);
+        self.pen.push(pen);
+        self.node.push(Node::Between);
+        self.stroke.push(stroke);
+        self.run.push(None);
+    }
+
+    /// A node that is run to at a pen's speed.
+    fn laser_off(&mut self, at: [f64; 3], pen: Option<u16>, stroke: u32) {
+        self.node(at, None, stroke);
+        if let Some(run) = self.run.last_mut() {
+            *run = pen;
+        }
+    }
+
+    /// What the path does at the node it has come to.
+    fn turn(&mut self, node: Node) {
+        if let Some(last) = self.node.last_mut() {
+            *last = node.max(*last);
+        }
+    }
+
+    fn jump(&mut self, a: P2, b: P2, height_field: &HeightField, spacing: f64, stroke: u32) {
+        let count = pieces(a, b, spacing);
+        let ([ax, ay], [bx, by]) = (a.mm(), b.mm());
+        for i in 1..=count {
+            let t = i as f64 / count as f64;
+            let xy = [ax + t * (bx - ax), ay + t * (by - ay)];
+            self.node([xy[0], xy[1], height_field.at(xy).z], None, stroke);
+        }
+    }
+
+    fn mark(
+        &mut self,
+        (tracer, height_field): (&mut Tracer<'_>, &HeightField),
+        a: P2,
+        b: P2,
+        spacing: f64,
+        pen: u16,
+        stroke: u32,
+    ) {
+        let count = pieces(a, b, spacing);
+        let ([ax, ay], [bx, by]) = (a.mm(), b.mm());
+        let at = |t: f64| [ax + t * (bx - ax), ay + t * (by - ay)];
+        let mut next = 1;
+        // Where the part was last seen, and how high.
+        let [x, y, z] = self.at.last().copied().unwrap_or_default();
+        let mut seen = ([x, y], z);
+        let beside = |xy: [f64; 2], seen: ([f64; 2], f64)| height_field.at(xy).z - height_field.at(seen.0).z + seen.1;
+        tracer.segment(a, b, |p| {
+            let on_part = p.skip.is_none();
+            if next == 1 && p.t0 == 0.0 && on_part && self.pen.last().is_some_and(Option::is_none) {
+                // The stroke begins at the part's own height.
+                if let Some(last) = self.at.last_mut() {
+                    last[2] = p.z0 / NM_PER_MM;
+                }
+            }
+            while next <= count && next as f64 <= p.t1 * count as f64 {
+                let t = next as f64 / count as f64;
+                let [x, y] = at(t);
+                let z = if on_part { p.z(t) / NM_PER_MM } else { beside([x, y], seen) };
+                self.node([x, y, z], Some(pen), stroke);
+                next += 1;
+            }
+            if on_part {
+                seen = (at(p.t1), p.z1 / NM_PER_MM);
+            }
+        });
+        if next <= count {
+            self.node([bx, by, beside([bx, by], seen)], Some(pen), stroke);
+        }
+    }
+}
+
+/// Whether a mark that ends at `from` and one that begins at `to` lie on one line, nearer than what is run beside
+/// both, `out` and `into`.
+fn on_one_line(from: [f64; 3], out: [f64; 3], to: [f64; 3], into: [f64; 3]) -> bool {
+    const STRAIGHT: f64 = 1e-3;
+    let gap = [to[0] - from[0], to[1] - from[1]];
+    let ([a, b], [c, d]) = ([out[0], out[1]], [into[0], into[1]]);
+    let far = gap[0].hypot(gap[1]);
+    let (l, m) = (a.hypot(b), c.hypot(d));
+    // Another pen's speed is another length.
+    (l - m).abs() <= STRAIGHT * l
+        && angle([a, b], [c, d]) < STRAIGHT
+        && far < l + m
+        && (far == 0.0 || angle([a, b], gap) < STRAIGHT)
+}
+
+fn pieces(a: P2, b: P2, spacing: f64) -> usize {
+    ((a.distance(b) / NM_PER_MM / spacing).ceil() as usize).max(1)
+}
+
+fn heading(a: P2, b: P2) -> [f64; 2] {
+    [mm_from_nm(b.x - a.x), mm_from_nm(b.y - a.y)]
+}
+
+/// Angle between two directions.
+fn angle(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] * b[1] - a[1] * b[0]).abs().atan2(a[0] * b[0] + a[1] * b[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::{Frequency, Power, Speed};
+
+    fn pens() -> Vec<Pen> {
+        vec![Pen {
+            name: "a".into(),
+            speed: Speed::mm_s(100.0),
+            power: Power::Percent(50.0),
+            frequency: Frequency::khz(60.0),
+            passes: 1,
+        }]
+    }
+
+    /// Marks through points, joined by jumps.
+    fn path(marks: &[&[[f64; 3]]]) -> Path {
+        let mut out = Path::default();
+        for (stroke, mark) in marks.iter().enumerate() {
+            if out.at.last() != Some(&mark[0]) {
+                out.node(mark[0], None, stroke as u32);
+            }
+            out.turn(Node::End);
+            for &p in &mark[1..] {
+                out.node(p, Some(0), stroke as u32);
+            }
+            out.turn(Node::End);
+        }
+        out
+    }
+
+    fn lit(path: &Path) -> Vec<[[f64; 3]; 2]> {
+        (1..path.len()).filter(|&i| path.pen[i].is_some()).map(|i| [path.at[i - 1], path.at[i]]).collect()
+    }
+
+    #[test]
+    fn runs_lie_straight_before_and_behind_every_mark() {
+        // Two lines there and back on a slope of 0.1, and a third that goes on where the second ends.
+        let path = path(&[
+            &[[0.0, 0.0, 0.0], [10.0, 0.0, 1.0], [20.0, 0.0, 2.0]],
+            &[[20.0, 1.0, 2.0], [0.0, 1.0, 0.0]],
+            &[[0.0, 1.0, 0.0], [-5.0, 1.0, -0.5]],
+        ]);
+        let out = path.with_skywriting(0.02, &pens());
+        // The marks are the same.
+        assert_eq!(lit(&out), lit(&path));
+        let off: Vec<[f64; 3]> = (0..out.len()).filter(|&i| out.pen[i].is_none()).map(|i| out.at[i]).collect();
+        let near = |a: &[f64; 3], b: &[f64; 3]| (0..3).all(|k| (a[k] - b[k]).abs() < 1e-12);
+        let want = [
+            [-2.0, 0.0, -0.2],
+            [0.0, 0.0, 0.0],
+            [22.0, 0.0, 2.2],
+            [22.0, 1.0, 2.2],
+            [20.0, 1.0, 2.0],
+            [-7.0, 1.0, -0.7],
+        ];
+        assert!(off.len() == want.len() && off.iter().zip(&want).all(|(a, b)| near(a, b)), "{off:?}");
+        // All but the jump and the first node run at the pen's speed.
+        let jumps = (0..out.len()).filter(|&i| out.pen[i].is_none() && out.run[i].is_none()).count();
+        assert_eq!(jumps, 2);
+        assert_eq!(path.with_skywriting(0.0, &pens()).at, path.at);
+        // A second, slower pen on the same line ends the run.
+        let mut two = self::path(&[&[[0.0; 3], [5.0, 0.0, 0.0]], &[[5.0, 0.0, 0.0], [9.0, 0.0, 0.0]]]);
+        assert_eq!(two.with_skywriting(0.02, &pens()).len(), 5);
+        two.pen[2] = Some(1);
+        let slow = Pen { speed: Speed::mm_s(20.0), ..pens()[0].clone() };
+        assert_eq!(two.with_skywriting(0.02, &[pens()[0].clone(), slow]).len(), 8);
+        assert!(Path::default().with_skywriting(0.02, &pens()).is_empty());
+    }
+
+    #[test]
+    fn the_middle_begins_and_ends_with_whole_marks() {
+        let lines: Vec<[[f64; 3]; 3]> =
+            (0..20).map(f64::from).map(|y| [[0.0, y, 0.0], [5.0, y, 0.0], [10.0, y, 0.0]]).collect();
+        let all = path(&lines.iter().map(|l| &l[..]).collect::<Vec<_>>());
+        let is_whole = |p: &Path| {
+            let (first, last) = (p.at[0], p.at[p.len() - 1]);
+            let lit = lit(p);
+            assert_eq!(p.pen[0], None);
+            assert!(
+                lit.len().is_multiple_of(2) && lit.iter().flatten().all(|p| (5.0..15.0).contains(&p[1])),
+                "{lit:?}"
+            );
+            (first, last)
+        };
+        let (first, last) = is_whole(&all.middle(0.2));
+        assert!(first[0] == 0.0 && last[0] == 10.0, "{first:?} {last:?}");
+        // With the runs of its marks.
+        let (first, last) = is_whole(&all.with_skywriting(0.02, &pens()).middle(0.2));
+        assert!(first[0] == -2.0 && last[0] == 12.0, "{first:?} {last:?}");
+        assert_eq!(all.middle(1.0).at, all.at);
+        // One mark alone is cut anywhere.
+        let one: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+        assert_eq!(path(&[&one]).middle(0.1).len(), 10);
+        assert!(Path::default().middle(0.5).is_empty());
+    }
+
+    #[test]
+    fn even_nodes_keep_corners_ends_and_round_shapes() {
+        let circle: Vec<[f64; 3]> =
+            (0..=720).map(|i| f64::from(i).to_radians() / 2.0).map(|t| [10.0 * t.cos(), 10.0 * t.sin(), 0.0]).collect();
+        let mut path = path(&[&circle, &[circle[720], [10.0, -3.0, 0.0], [13.0, -3.0, 0.0]]]);
+        path.node[721] = Node::Corner;
+        for i in 1..720 {
+            path.node[i] = Node::Vertex;
+        }
+        let out = path.evened(1.0);
+        assert!(out.at.contains(&[10.0, -3.0, 0.0]) && out.at.last() == Some(&[13.0, -3.0, 0.0]), "{:?}", out.at);
+        let on: Vec<f64> = out.at.iter().take(63).map(|p| p[0].hypot(p[1])).collect();
+        assert!(on.iter().all(|r| (r - 10.0).abs() < 1e-3), "{on:?}");
+        let lengths = |p: &Path| p.distances().last().copied().unwrap_or_default();
+        assert!((lengths(&out) / lengths(&path) - 1.0).abs() < 1e-3 && out.len() < 95, "{}", out.len());
+        // A small circle keeps its turns gentle, few nodes stay as they are.
+        let small: Vec<[f64; 3]> = circle.iter().map(|p| p.map(|v| v / 100.0)).collect();
+        let small = self::path(&[&small]).evened(1.0);
+        assert!(small.len() >= 24, "{}", small.len());
+        // A hairpin between long legs too.
+        let bend = (1..16).map(|i| (f64::from(i) * 11.25).to_radians()).map(|t| [0.2 * t.sin(), -0.2 * t.cos(), 0.0]);
+        let leg = |y: f64, back: bool| (0..50).map(move |i| [-f64::from(if back { i } else { 50 - i }), y, 0.0]);
+        let hairpin: Vec<[f64; 3]> =
+            leg(-0.2, false).chain([[0.0, -0.2, 0.0]]).chain(bend).chain(leg(0.2, true)).collect();
+        let mut hairpin = self::path(&[&hairpin]);
+        (1..hairpin.len() - 1).for_each(|i| hairpin.node[i] = Node::Vertex);
+        let out = hairpin.evened(1.5);
+        let round = out.at.iter().filter(|p| p[0] > 0.0).count();
+        assert!(out.len() < hairpin.len() && round >= 11, "{round} of {}", out.len());
+        let line = self::path(&[&[[0.0; 3], [0.3, 0.0, 0.0], [9.0, 0.0, 0.0]]]);
+        assert_eq!(line.evened(1.0).at, line.at);
+        assert!(Path::default().evened(1.0).is_empty());
+    }
+}

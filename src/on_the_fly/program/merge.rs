@@ -1,0 +1,53 @@
+//! Leaves out samples that the line between their neighbours passes.
+
+use super::{Move, NEAR, NEAR_TURN};
+use crate::on_the_fly::axes::motion::AXES;
+
+/// The same moves, those joined that run on in one line within the tolerances. What is kept is kept as it was.
+///
+/// From a kept sample a door is left open for every axis: the slopes of lines that pass all samples since. The
+/// move goes on as long as the line to the next sample stays within all tolerances.
+pub(super) fn merged(start: [i64; AXES], moves: Vec<Move>) -> Vec<Move> {
+    let mut out: Vec<Move> = Vec::with_capacity(moves.len() / 2);
+    let mut from = Move { us: 0, to: start, mark: None };
+    let mut door = Door::open();
+    let mut last: Option<Move> = None;
+    for next in moves {
+        let goes_on = last.is_some_and(|l: Move| l.mark == next.mark) && door.passes(&from, &next);
+        if let Some(l) = last.filter(|_| !goes_on) {
+            out.push(l);
+            (from, door) = (l, Door::open());
+        }
+        door.narrow(&from, &next);
+        last = Some(next);
+    }
+    out.extend(last);
+    out
+}
+
+struct Door {
+    lo: [f64; AXES],
+    hi: [f64; AXES],
+}
+
+impl Door {
+    fn open() -> Self {
+        Self { lo: [f64::NEG_INFINITY; AXES], hi: [f64::INFINITY; AXES] }
+    }
+
+    fn passes(&self, from: &Move, to: &Move) -> bool {
+        let time = (to.us - from.us) as f64;
+        let within = |k: usize| (self.lo[k]..=self.hi[k]).contains(&((to.to[k] - from.to[k]) as f64 / time));
+        (0..AXES).all(within)
+    }
+
+    fn narrow(&mut self, from: &Move, to: &Move) {
+        let time = (to.us - from.us) as f64;
+        for k in 0..AXES {
+            let near = if matches!(k, 3 | 4) { NEAR_TURN } else { NEAR };
+            let step = to.to[k] - from.to[k];
+            self.lo[k] = self.lo[k].max((step - near) as f64 / time);
+            self.hi[k] = self.hi[k].min((step + near) as f64 / time);
+        }
+    }
+}

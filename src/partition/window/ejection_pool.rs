@@ -1,0 +1,102 @@
+//! Fewer boxes: takes one out and pushes its pieces into its neighbours, which shift to hold them and
+//! drop others in turn, until all are held again or it has taken too long.
+//!
+//! What is dropped is chosen by weight, and a piece that found no room weighs more the next time: the
+//! search learns which pieces are hard to place. This is the ejection pool of Nagata and Bräysy (2009),
+//! made for the fewest vehicles. It is at its best where a box holds few pieces.
+
+use super::cover::{Cover, Dice};
+
+/// Shifts before a box is given up.
+const SHIFTS: usize = 300;
+/// Boxes that are compared before one is taken out.
+const COMPARED: usize = 4;
+
+pub(super) struct EjectionPool {
+    /// How hard every piece has been to place.
+    weights: Vec<u32>,
+    /// Pieces that no box holds, and some that one holds again.
+    pool: Vec<u32>,
+    /// Boxes that were shifted, and from where.
+    log: Vec<(u32, [i32; 3])>,
+    ties: Vec<(u32, [i32; 3])>,
+}
+
+impl EjectionPool {
+    pub(super) fn new(items: usize) -> Self {
+        Self { weights: vec![1; items], pool: Vec::new(), log: Vec::new(), ties: Vec::new() }
+    }
+
+    /// Tries one box in sixteen.
+    pub(super) fn round(&mut self, held: &mut Cover<'_>, dice: &mut Dice) {
+        for _ in 0..held.boxes().len().div_ceil(16) {
+            let count = held.boxes().len() as u32;
+            let weight = |b: u32| held.own(b).map(|i| u64::from(self.weights[i as usize])).sum::<u64>();
+            let lightest = (0..COMPARED).map(|_| dice.below(count)).min_by_key(|&b| weight(b));
+            if let Some(b) = lightest {
+                self.remove(held, b, dice);
+            }
+        }
+    }
+
+    /// Does without box b, or leaves everything as it was.
+    fn remove(&mut self, held: &mut Cover<'_>, b: u32, dice: &mut Dice) {
+        self.pool.clear();
+        self.log.clear();
+        held.take(b, &mut self.pool);
+        let mut bare = self.pool.len();
+        let mut left = SHIFTS;
+        while bare > 0 && left > 0 {
+            left -= 1;
+            let i = self.pool.swap_remove(dice.below(self.pool.len() as u32) as usize);
+            if held.times(i) > 0 {
+                continue;
+            }
+            let Some((cost, b, corner)) = self.cheapest(held, i, dice) else { break };
+            if cost > 0 {
+                self.weights[i as usize] += 1;
+            }
+            self.log.push((b, held.corner(b)));
+            let had = self.pool.len();
+            bare -= held.shift(b, corner, &mut self.pool);
+            bare += self.pool.len() - had;
+        }
+        if bare == 0 {
+            held.forget(b);
+        } else {
+            for &(b, corner) in self.log.iter().rev() {
+                held.shift(b, corner, &mut self.pool);
+            }
+            held.put(b);
+        }
+    }
+
+    /// The shift that makes a box hold piece i for the least weight of dropped pieces. The shortest
+    /// shift drops the least.
+    fn cheapest(&mut self, held: &Cover<'_>, i: u32, dice: &mut Dice) -> Option<(u64, u32, [i32; 3])> {
+        let items = held.index.items();
+        let (item, size) = (items[i as usize], held.size);
+        let mut best = u64::MAX;
+        let (weights, ties) = (&self.weights, &mut self.ties);
+        ties.clear();
+        let lo = [0, 1, 2].map(|k| item.hi[k] - 2 * size[k]);
+        let hi = [0, 1, 2].map(|k| item.lo[k] + size[k]);
+        held.near(lo, hi, |b, c| {
+            let to = [0, 1, 2].map(|k| c[k].clamp(item.hi[k] - size[k], item.lo[k]));
+            let mut cost = 0;
+            for i in held.own(b).filter(|&i| !items[i as usize].is_in(to, size)) {
+                cost += u64::from(weights[i as usize]);
+                if cost > best {
+                    return;
+                }
+            }
+            if cost < best {
+                best = cost;
+                ties.clear();
+            }
+            ties.push((b, to));
+        });
+        let chosen = *ties.get(dice.below(ties.len() as u32) as usize)?;
+        Some((best, chosen.0, chosen.1))
+    }
+}

@@ -1,0 +1,189 @@
+//! The texture as small boxes: what windows that are placed freely must hold.
+
+use super::{GridTracer, Keep, Piece};
+use crate::geom::P2;
+
+/// Slabs of height whose borders lie on the stage's lattice: any eight of them that follow each other
+/// are exactly as high as the depth range D less twice the hysteresis.
+#[derive(Clone, Copy, Debug)]
+pub struct Slabs {
+    /// Lower border of slab 0, nm; on the lattice.
+    pub z0: i64,
+    /// Depth range, nm; a whole number of steps.
+    pub depth: i64,
+    /// By how much a stop that holds a slab reaches beyond it up and down, nm; a whole number of steps,
+    /// less than half the depth range.
+    pub hysteresis: i64,
+    /// Stage increment, nm.
+    pub step: i64,
+}
+
+impl Slabs {
+    /// Slabs in a depth range.
+    pub const COUNT: i64 = 8;
+
+    /// Height of eight slabs, nm.
+    fn height(&self) -> i64 {
+        self.depth - 2 * self.hysteresis
+    }
+
+    /// Whether a stop on the lattice admits heights from `lo` to `hi`.
+    fn holds(&self, lo: i64, hi: i64) -> bool {
+        lo - (lo - self.z0).rem_euclid(self.step) + self.depth >= hi
+    }
+
+    /// Lower border of slab `k`, nm.
+    pub fn border(&self, k: i64) -> i64 {
+        let steps = k * (self.height() / self.step);
+        self.z0 + (steps + Self::COUNT / 2).div_euclid(Self::COUNT) * self.step
+    }
+
+    /// The slab that holds `z`, its lower border included.
+    fn of(&self, z: f64) -> i64 {
+        let mut k = ((z - self.z0 as f64) * Self::COUNT as f64 / self.height() as f64).floor() as i64;
+        while self.border(k) as f64 > z {
+            k -= 1;
+        }
+        while self.border(k + 1) as f64 <= z {
+            k += 1;
+        }
+        k
+    }
+}
+
+/// The box of a stroke that is to stay whole, nm.
+pub type Figure = [[i64; 3]; 2];
+
+/// The texture as boxes: cells of a fine grid, each cut into slabs, and whole figures. Sets, kept sorted.
+#[derive(Clone, Debug, Default)]
+pub struct Cells {
+    /// Row, column, slab; packed so that they sort in that order.
+    keys: Vec<u64>,
+    sorted: usize,
+    figures: Vec<Figure>,
+}
+
+impl Cells {
+    /// Bits of a slab's number and of a column's.
+    const SLAB: u32 = 24;
+    const COLUMN: u32 = 20;
+
+    /// Most columns, rows and slabs of a grid.
+    pub const MOST: i64 = 1 << Self::COLUMN;
+
+    /// Adds one stroke, traced over the fine grid. Heights lie at or above the lowest slab.
+    pub fn add(&mut self, points: &[P2], tracer: &mut GridTracer<'_>, slabs: &Slabs, keep: Keep) {
+        let keys = &mut self.keys;
+        let mut add = |p: Piece, [column, row]: [i64; 2]| {
+            let (lo, hi) = (p.z0.min(p.z1), p.z0.max(p.z1));
+            let first = slabs.of(lo);
+            let mut last = slabs.of(hi);
+            // Boxes are closed: what ends on a border needs no box above it.
+            last -= i64::from(last > first && slabs.border(last) as f64 >= hi);
+            for k in first.max(0)..=last.max(0) {
+                let key = ((row as u64) << Self::COLUMN | column as u64) << Self::SLAB | k as u64;
+                if keys.last() != Some(&key) {
+                    keys.push(key);
+                }
+            }
+        };
+        if let Some(bounds) = keep.bounds(points) {
+            let (z, whole) = tracer.small_stroke(points, |_, _, _| ());
+            let (lo, hi) = (z[0].floor() as i64, z[1].ceil() as i64);
+            if whole && slabs.holds(lo, hi) {
+                let P2 { x, y } = bounds.hi;
+                self.figures.push([[bounds.lo.x, bounds.lo.y, lo], [x, y, hi]]);
+            } else {
+                tracer.replay(add);
+            }
+        } else {
+            for w in points.windows(2) {
+                tracer.segment(w[0], w[1], &mut add);
+            }
+        }
+        if self.keys.len() > 2 * self.sorted + (1 << 16) {
+            self.tidy();
+        }
+    }
+
+    fn tidy(&mut self) {
+        self.keys.sort_unstable();
+        self.keys.dedup();
+        self.sorted = self.keys.len();
+    }
+
+    /// Joins what another part of the texture found.
+    pub fn merge(&mut self, mut other: Self) {
+        self.keys.append(&mut other.keys);
+        self.figures.append(&mut other.figures);
+        self.tidy();
+    }
+
+    /// The whole figures, sorted.
+    pub fn take_figures(&mut self) -> Vec<Figure> {
+        self.figures.sort_unstable();
+        std::mem::take(&mut self.figures)
+    }
+
+    /// Column, row and slab of every box, by row, column and slab.
+    pub fn list(mut self) -> impl ExactSizeIterator<Item = [i64; 3]> + Clone {
+        self.tidy();
+        self.keys.into_iter().map(|key| {
+            let bits = |shift: u32, count: u32| (key >> shift & ((1 << count) - 1)) as i64;
+            [bits(Self::SLAB, Self::COLUMN), bits(Self::SLAB + Self::COLUMN, Self::COLUMN), bits(0, Self::SLAB)]
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Tracer;
+    use super::super::tests::{LINES, MM, ends, slope};
+    use super::*;
+    use crate::program::Sections;
+
+    #[test]
+    fn eight_slabs_are_one_depth_range_wherever_they_begin() {
+        for (depth, hysteresis, step) in [(70_000, 0, 100), (70_000, 5100, 100), (200, 0, 100), (68_600, 600, 200)] {
+            let slabs = Slabs { z0: -300, depth, hysteresis, step };
+            for k in -20..20 {
+                assert_eq!(slabs.border(k + Slabs::COUNT) - slabs.border(k), depth - 2 * hysteresis);
+                assert_eq!((slabs.border(k) + 300) % step, 0);
+                for z in [slabs.border(k) as f64, slabs.border(k + 1) as f64 - 1e-3] {
+                    let of = slabs.of(z);
+                    assert!(slabs.border(of) as f64 <= z && z < slabs.border(of + 1) as f64, "{depth} {k} {z}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn cells_hold_every_mark() {
+        let surface = slope();
+        let grid = Sections { origin: P2::new(0, 0), pitch: [MM / 2, MM / 2], count: [18, 18] };
+        let slabs = Slabs { z0: 0, depth: 70_000, hysteresis: 0, step: 100 };
+        let mut tracer = GridTracer::new(Tracer::new(&surface, 1.0), &grid);
+        let mut cells = Cells::default();
+        for (a, b) in LINES.map(ends) {
+            cells.add(&[a, b], &mut tracer, &slabs, Keep::default());
+        }
+        let list: Vec<[i64; 3]> = cells.list().collect();
+        assert!(list.windows(2).all(|w| [w[0][1], w[0][0], w[0][2]] < [w[1][1], w[1][0], w[1][2]]));
+        for (a, b) in LINES.map(ends) {
+            for i in 0..=1000 {
+                let p = a.lerp(b, f64::from(i) / 1000.0);
+                let z = 0.1 * p.x as f64;
+                let held = list.iter().any(|&[column, row, slab]| {
+                    let (x, y) = (column * MM / 2, row * MM / 2);
+                    (x..=x + MM / 2).contains(&p.x)
+                        && (y..=y + MM / 2).contains(&p.y)
+                        && slabs.border(slab) as f64 - 1.0 <= z
+                        && z <= slabs.border(slab + 1) as f64 + 1.0
+                });
+                assert!(held || p.x < 0 || p.x > 9 * MM, "{p:?}");
+            }
+        }
+        // A line needs a box for every slab and every cell border that it crosses.
+        assert!(list.len() < 107 + 133 + 13 + 94 + 121, "and little else: {}", list.len());
+    }
+}

@@ -1,0 +1,296 @@
+//! A texture stroke traced over the surface: what lies under it, piece by piece.
+//!
+//! Consumes strokes of the texture and the surface; promises pieces that tile every segment of the
+//! stroke: the height of each is linear, or it says why it is not marked. Partition and split both
+//! look at the part through this one window, so what the first saw is what the second cuts. What
+//! partition sees is the [`Footprint`], the heights of the marks in every section, and the [`Cells`],
+//! the texture as small boxes; lower bounds see the [`Samples`], points of it. Units: nm; slopes as squared tangents.
+
+mod cells;
+mod footprint;
+mod marks;
+mod samples;
+mod turned;
+
+pub use cells::{Cells, Figure, Slabs};
+pub use footprint::Footprint;
+pub use marks::Marks;
+pub use samples::{Rows, Samples, Sampling};
+pub use turned::{InTiltedField, TiltedField, TiltedFields, Turned};
+
+use crate::geom::{Box2, P2};
+use crate::program::Sections;
+use crate::surface::{Cursor, Span, Surface};
+
+/// Why a piece is not marked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Skip {
+    /// No part under it.
+    OffPart,
+    /// The surface is steeper than the limit.
+    Steep,
+}
+
+/// A stretch of one segment.
+#[derive(Clone, Copy, Debug)]
+pub struct Piece {
+    /// Parameters on the segment, 0 to 1, t0 < t1.
+    pub t0: f64,
+    /// See `t0`.
+    pub t1: f64,
+    /// Heights at the two ends, nm; without meaning on skipped pieces.
+    pub z0: f64,
+    /// See `z0`.
+    pub z1: f64,
+    /// Why the piece is not marked, if it is not.
+    pub skip: Option<Skip>,
+    /// Squared slope of the facet under it; without meaning off the part.
+    pub slope2: f64,
+    /// Facet under it; without meaning off the part.
+    facet: u32,
+}
+
+impl Piece {
+    /// Height at parameter `t` of the segment, never beyond those of the ends.
+    #[inline]
+    pub fn z(&self, t: f64) -> f64 {
+        if t >= self.t1 {
+            self.z1
+        } else if t <= self.t0 {
+            self.z0
+        } else {
+            self.z0 + (self.z1 - self.z0) * ((t - self.t0) / (self.t1 - self.t0))
+        }
+    }
+}
+
+/// Where the surface looks under the pieces of a tracer.
+#[derive(Clone, Copy)]
+pub struct Normals<'a>(&'a Surface);
+
+impl Normals<'_> {
+    /// Of a piece on the part: upwards, of length 1.
+    pub fn under(&self, p: &Piece) -> [f64; 3] {
+        self.0.normal(p.facet)
+    }
+}
+
+/// Traces strokes; holds what can be reused from one to the next.
+pub struct Tracer<'a> {
+    surface: &'a Surface,
+    max_slope2: f64,
+    cursor: Cursor,
+    /// Where the last beam was followed.
+    beam: Cursor,
+    spans: Vec<Span>,
+    /// Largest squared slope of what was marked so far.
+    pub worst_slope2: f64,
+}
+
+impl<'a> Tracer<'a> {
+    /// `max_slope` is the tangent of the steepest slope that is marked.
+    pub fn new(surface: &'a Surface, max_slope: f64) -> Self {
+        Self {
+            surface,
+            max_slope2: max_slope * max_slope,
+            cursor: Cursor::default(),
+            beam: Cursor::default(),
+            spans: Vec::new(),
+            worst_slope2: 0.0,
+        }
+    }
+
+    /// Where the surface under pieces looks.
+    pub fn normals(&self) -> Normals<'a> {
+        Normals(self.surface)
+    }
+
+    /// Hands the pieces of the segment from `a` to `b` (a ≠ b) to `sink` in order.
+    pub fn segment(&mut self, a: P2, b: P2, mut sink: impl FnMut(Piece)) {
+        self.surface.walk(a, b, &mut self.cursor, &mut self.spans);
+        for span in &self.spans {
+            let slope2 = span.facet().map_or(0.0, |f| self.surface.slope2(f));
+            let skip = match span.facet() {
+                None => Some(Skip::OffPart),
+                Some(_) => {
+                    if slope2 > self.max_slope2 {
+                        Some(Skip::Steep)
+                    } else {
+                        self.worst_slope2 = self.worst_slope2.max(slope2);
+                        None
+                    }
+                }
+            };
+            let facet = span.facet().unwrap_or_default();
+            sink(Piece { t0: span.t0, t1: span.t1, z0: span.z0, z1: span.z1, skip, slope2, facet });
+        }
+    }
+}
+
+/// Traces strokes over a grid: what is marked, cut at the lines of the grid.
+pub struct GridTracer<'a> {
+    tracer: Tracer<'a>,
+    grid: &'a Sections,
+    cuts: Vec<(f64, [i64; 2])>,
+    /// Whether a piece was not marked since this was last made false.
+    gap: bool,
+    small: Vec<(Piece, [i64; 2])>,
+}
+
+/// Which strokes stay whole if they may: those no larger than a size along x and y, nm; 0 for none.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Keep(pub i64);
+
+impl Keep {
+    /// The box of a stroke that is to stay whole.
+    pub fn bounds(self, points: &[P2]) -> Option<Box2> {
+        let mut bounds = Box2::EMPTY;
+        let fits = |b: &Box2| b.size().iter().all(|&s| s <= self.0);
+        (self.0 > 0 && points.iter().all(|&p| (bounds.add(p), fits(&bounds)).1)).then_some(bounds)
+    }
+}
+
+impl<'a> GridTracer<'a> {
+    /// Pieces are cut where they leave a cell of `grid`.
+    pub fn new(tracer: Tracer<'a>, grid: &'a Sections) -> Self {
+        Self { tracer, grid, cuts: Vec::new(), gap: false, small: Vec::new() }
+    }
+
+    /// Hands the marked pieces of the segment from `a` to `b` (a ≠ b) to `sink` in order, each with its
+    /// cell: column and row.
+    pub fn segment(&mut self, a: P2, b: P2, mut sink: impl FnMut(Piece, [i64; 2])) {
+        self.cut(a, b);
+        let Self { tracer, cuts, gap, .. } = self;
+        let mut cut = 0;
+        tracer.segment(a, b, |p| {
+            if p.skip.is_some() {
+                *gap = true;
+                return;
+            }
+            // `cuts[cut]` is the cell at the piece's begin; later cuts inside the piece divide it.
+            let mut t = p.t0;
+            loop {
+                while cut + 1 < cuts.len() && cuts[cut + 1].0 <= t {
+                    cut += 1;
+                }
+                let end = match cuts.get(cut + 1) {
+                    Some(&(at, _)) if at < p.t1 => at,
+                    _ => p.t1,
+                };
+                sink(Piece { t0: t, t1: end, z0: p.z(t), z1: p.z(end), ..p }, cuts[cut].1);
+                if end >= p.t1 {
+                    break;
+                }
+                t = end;
+            }
+        });
+    }
+
+    /// Traces a whole stroke; answers its lowest and highest mark, and whether nothing of it is skipped.
+    /// [`GridTracer::replay`] gives its pieces; `also` sees them with their segments.
+    fn small_stroke(&mut self, points: &[P2], mut also: impl FnMut(&Piece, P2, P2)) -> ([f64; 2], bool) {
+        let mut list = std::mem::take(&mut self.small);
+        list.clear();
+        self.gap = false;
+        let mut z = [f64::INFINITY, f64::NEG_INFINITY];
+        for w in points.windows(2) {
+            self.segment(w[0], w[1], |p, cell| {
+                z = [z[0].min(p.z0).min(p.z1), z[1].max(p.z0).max(p.z1)];
+                also(&p, w[0], w[1]);
+                list.push((p, cell));
+            });
+        }
+        self.small = list;
+        (z, !self.gap)
+    }
+
+    fn replay(&self, mut sink: impl FnMut(Piece, [i64; 2])) {
+        self.small.iter().for_each(|&(p, cell)| sink(p, cell));
+    }
+
+    /// The cells along the segment: parameter at which each begins, column and row.
+    fn cut(&mut self, a: P2, b: P2) {
+        let d = [b.x - a.x, b.y - a.y];
+        let from = [a.x, a.y];
+        let mut at = [self.grid.along(0, a.x, d[0]), self.grid.along(1, a.y, d[1])];
+        let to = [self.grid.along(0, b.x, -d[0]), self.grid.along(1, b.y, -d[1])];
+        // A segment that stays on a border stays on the side it began on.
+        let to = [if d[0] == 0 { at[0] } else { to[0] }, if d[1] == 0 { at[1] } else { to[1] }];
+        self.cuts.clear();
+        self.cuts.push((0.0, at));
+        while at != to {
+            let next = [0, 1].map(|axis| {
+                if at[axis] == to[axis] {
+                    return f64::INFINITY;
+                }
+                let line = self.grid.line(axis, at[axis] + i64::from(d[axis] > 0));
+                (line - from[axis]) as f64 / d[axis] as f64
+            });
+            let t = next[0].min(next[1]);
+            for axis in 0..2 {
+                if next[axis] == t {
+                    at[axis] += d[axis].signum();
+                }
+            }
+            self.cuts.push((t, at));
+        }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// Two facets that rise along x, a tenth of it, over 9 x 9 mm.
+    pub fn slope() -> Surface {
+        let facets =
+            [[[0.0, 0.0, 0.0], [9.0, 0.0, 0.9], [9.0, 9.0, 0.9]], [[0.0, 0.0, 0.0], [9.0, 9.0, 0.9], [0.0, 9.0, 0.0]]];
+        Surface::from_facets(facets, &mut Vec::new()).expect("two facets")
+    }
+
+    pub const MM: i64 = 1_000_000;
+    pub const LINES: [((i64, i64), (i64, i64)); 5] =
+        [((0, 0), (8, 8)), ((9, 1), (0, 7)), ((2, 8), (2, 0)), ((8, 4), (1, 4)), ((-1, 3), (10, 3))];
+
+    pub fn ends((a, b): ((i64, i64), (i64, i64))) -> (P2, P2) {
+        (P2::new(a.0 * MM, a.1 * MM), P2::new(b.0 * MM, b.1 * MM))
+    }
+
+    #[test]
+    fn pieces_tile_the_segment() {
+        let surface = slope();
+        let mut tracer = Tracer::new(&surface, 1.0);
+        for (a, b) in LINES.map(ends) {
+            let mut t = 0.0;
+            tracer.segment(a, b, |p| {
+                assert_eq!(p.t0, t);
+                assert!(p.t1 > p.t0);
+                t = p.t1;
+                let mid = a.lerp(b, (p.t0 + p.t1) / 2.0);
+                match p.skip {
+                    None => assert!((p.z0 - 0.1 * a.lerp(b, p.t0).x as f64).abs() < 2.0),
+                    Some(skip) => assert!(skip == Skip::OffPart && (mid.x < 0 || mid.x > 9 * MM)),
+                }
+            });
+            assert_eq!(t, 1.0);
+        }
+    }
+
+    #[test]
+    fn gridded_pieces_tile_what_is_marked_and_lie_in_their_cells() {
+        let surface = slope();
+        let grid = Sections { origin: P2::new(0, 0), pitch: [2 * MM, 2 * MM], count: [5, 5] };
+        let mut tracer = GridTracer::new(Tracer::new(&surface, 1.0), &grid);
+        for (a, b) in LINES.map(ends) {
+            let mut length = 0.0;
+            tracer.segment(a, b, |p, cell| {
+                length += p.t1 - p.t0;
+                let mid = a.lerp(b, (p.t0 + p.t1) / 2.0);
+                assert_eq!(cell, [grid.along(0, mid.x, 0), grid.along(1, mid.y, 0)], "{a:?} {b:?} {p:?}");
+                assert!((p.z0 - 0.1 * a.lerp(b, p.t0).x as f64).abs() < 2.0);
+            });
+            let want = if a.x < 0 { 9.0 / 11.0 } else { 1.0 };
+            assert!((length - want).abs() < 1e-9, "{a:?} {b:?}: {length}");
+        }
+    }
+}

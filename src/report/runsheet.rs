@@ -1,0 +1,285 @@
+//! `runsheet.txt` and `runsheet.csv`: what the operator needs at the machine.
+
+use std::fmt::Write;
+
+use crate::geom::mm_from_nm;
+use crate::machine::{FieldShape, Machine};
+use crate::manifest::{Facts, registration};
+use crate::program::{Block, Program};
+use crate::report::table::csv_cell;
+use crate::units::Length;
+
+/// The blocks as a table for spreadsheets: comma separated, point as decimal mark.
+pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
+    let program = facts.checked.program();
+    let mut out = String::from(
+        "block,column,row,level,stage_x_mm,stage_y_mm,stage_z_mm,lpfl_mm,file,strokes,mark_mm,jump_mm,time_s,pens,pass,setup,lift_z_mm\n",
+    );
+    for (i, block) in program.blocks.iter().enumerate() {
+        let [column, row] = block.stop.section;
+        let [x, y, z] = block.stage.map(mm_from_nm);
+        let cells = [
+            Program::block_id(i),
+            column.to_string(),
+            row.to_string(),
+            block.stop.level.to_string(),
+            format!("{x:.6}"),
+            format!("{y:.6}"),
+            format!("{z:.6}"),
+            format!("{:.6}", mm_from_nm(block.stop.focus)),
+            facts.block_file(i).unwrap_or_default(),
+            block.strokes.len().to_string(),
+            format!("{:.3}", program.mark_mm(block)),
+            format!("{:.3}", program.jump_mm(block)),
+            format!("{:.3}", facts.block_time_s(i)),
+            csv_cell(&facts.pen_names(block).join("; ")),
+            (block.pass + 1).to_string(),
+            (block.setup + 1).to_string(),
+            lift(facts, i).map_or_else(String::new, |z| format!("{z:.6}")),
+        ];
+        out += &cells.join(",");
+        out.push('\n');
+    }
+    out.into_bytes()
+}
+
+/// The z to which the stage lifts before it moves to block `i`, mm; None where it goes there at the z where it
+/// stands. Before the first block nobody knows where that is.
+fn lift(facts: &Facts<'_>, i: usize) -> Option<f64> {
+    let lifts = i == 0 || facts.checked.program().blocks[i].retract;
+    lifts.then(|| mm_from_nm(facts.machine.retract_z()))
+}
+
+/// The sheet for the operator, plain text of fixed width.
+pub fn txt(facts: &Facts<'_>) -> Vec<u8> {
+    let mut out = String::new();
+    // Writing to a String cannot fail.
+    let _ = head(&mut out, facts)
+        .and_then(|()| pens(&mut out, facts))
+        .and_then(|()| steps(&mut out, facts))
+        .and_then(|()| setups(&mut out, facts))
+        .and_then(|()| blocks(&mut out, facts));
+    out.into_bytes()
+}
+
+/// The field, and what of it is used where that is less.
+fn field(machine: &Machine) -> String {
+    let [w, h] = machine.lens.field.map(|f| f.as_mm());
+    let [u, v] = machine.usable_field().map(mm_from_nm);
+    let whole = match machine.lens.shape {
+        FieldShape::Rectangle if [u, v] == [w, h] => return format!("{w} x {h} mm"),
+        FieldShape::Rectangle => format!("{w} x {h} mm"),
+        FieldShape::Circle => format!("circle of {} mm", w.min(h)),
+    };
+    // Rounded down, so that no one takes more than there is.
+    let [u, v] = [u, v].map(|s| (s * 1e3).floor() / 1e3);
+    format!("{whole}, of which {u} x {v} mm are used")
+}
+
+fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
+    let s = facts.summary;
+    let t = &s.time_s;
+    let part = facts.job.surface.file.display().to_string();
+    let [x, y, z] = facts.checked.origin().map(mm_from_nm);
+    writeln!(out, "RUN SHEET")?;
+    writeln!(out)?;
+    writeln!(out, "job        {}", facts.job_file.replace('\\', "/"))?;
+    writeln!(out, "part       {}", part.replace('\\', "/"))?;
+    writeln!(out, "machine    {}", facts.machine.name)?;
+    writeln!(out, "field      {}", field(facts.machine))?;
+    match facts.checked.origins().len() {
+        1 => writeln!(out, "part zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table frame")?,
+        n => writeln!(out, "part zero  {n} set-ups, each with its own: see SET-UPS")?,
+    }
+    writeln!(out, "part turn  {} deg about z", facts.job.placement.turn.as_deg())?;
+    writeln!(out, "blocks     {} ({})", s.stops, s.method)?;
+    if s.passes > 1 {
+        let spec = &facts.job.passes;
+        writeln!(
+            out,
+            "passes     {}, each {} lower, hatches turned by {}",
+            s.passes,
+            Length::mm(mm_from_nm(spec.lower)),
+            spec.rotate
+        )?;
+    }
+    writeln!(out, "marks      {:.1} mm", s.mark_mm)?;
+    writeln!(out, "not marked {:.1} mm", s.skipped_mm)?;
+    writeln!(
+        out,
+        "defocus    {:.1} um at most (depth range of a block {:.1} um)",
+        s.worst_defocus_um,
+        facts.depth_mm * 1e3
+    )?;
+    writeln!(
+        out,
+        "time       {} (stage {}, settling {}, marks {}, jumps {}, delays {}), estimated",
+        clock(t.total),
+        clock(t.stage),
+        clock(t.settle),
+        clock(t.mark),
+        clock(t.jump),
+        clock(t.delay)
+    )?;
+    for warning in &s.warnings {
+        writeln!(out, "WARNING    {}", warning["message"].as_str().unwrap_or_default())?;
+    }
+    Ok(())
+}
+
+fn pens(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
+    writeln!(out, "\nPENS (drawings do not carry these values: set them in the marking software)")?;
+    writeln!(out, "  no  speed mm/s  power               frequency kHz  passes  name")?;
+    for (i, pen) in facts.checked.program().pens.iter().enumerate() {
+        let watts = pen.power.as_w(facts.machine.laser.max_power);
+        writeln!(
+            out,
+            "  {:>2}  {:>10}  {:<18}  {:>13}  {:>6}  {}",
+            i + 1,
+            pen.speed.as_mm_s(),
+            format!("{} = {} W", pen.power, (watts * 1e6).round() / 1e6),
+            pen.frequency.as_khz(),
+            pen.passes,
+            pen.name
+        )?;
+    }
+    Ok(())
+}
+
+/// What to do, in order; only what the files of this folder need.
+fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
+    writeln!(out, "\nBEFORE THE FIRST BLOCK")?;
+    writeln!(
+        out,
+        "  - All lengths are mm, at scale 1. Drawings of this kind carry no unit: choose mm on import, mark"
+    )?;
+    writeln!(out, "    a line of 10 mm on scrap and measure it.")?;
+    writeln!(
+        out,
+        "  - The zero of every drawing is the optical axis. Import it there: no centring, no fit to the field."
+    )?;
+    writeln!(
+        out,
+        "  - Put the part so that its zero and its turn are as above. Show the red-light frame of the first"
+    )?;
+    writeln!(out, "    and the last block on the part and compare it with layout.svg.")?;
+    writeln!(
+        out,
+        "  - Find the focus on the part at the first block: its Z below is where the spot must be smallest."
+    )?;
+    if facts.job.formats.iter().any(|f| f.target().moves_stage) {
+        writeln!(out, "  - Run the stage program once without laser power.")?;
+    }
+    let lift = mm_from_nm(facts.machine.retract_z());
+    writeln!(
+        out,
+        "  - If you move the stage by hand: laser off, then X Y, then Z. Where a line below says LIFT, go to Z{lift:.4}"
+    )?;
+    writeln!(out, "    before X Y, or the lens may touch the part. Lift after the last block too.")?;
+    writeln!(out, "  - This program is not a safety system. Enclosure, interlock and eye protection are yours.")?;
+    writeln!(out, "\nHOW THE FILES GO TOGETHER")?;
+    for target in facts.job.formats.iter().map(|f| f.target()) {
+        for (i, line) in target.sheet.iter().enumerate() {
+            writeln!(out, "  {} {line}", if i == 0 { '-' } else { ' ' })?;
+        }
+    }
+    Ok(())
+}
+
+/// Where the part lies in each set-up, and how to find that.
+fn setups(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
+    let origins = facts.checked.origins();
+    if facts.job.setups.is_none() {
+        return Ok(());
+    }
+    writeln!(
+        out,
+        "\nSET-UPS (part zero: in the table frame; stage X Y: commanded position with the point under the beam; mm)"
+    )?;
+    if origins.len() > 1 {
+        writeln!(
+            out,
+            "  - The stage programs stop before each (M0), lifted and with the output off. Move the part so that its"
+        )?;
+        writeln!(
+            out,
+            "    zero is as below. With the pilot laser find each point at its stage X Y; they must all agree."
+        )?;
+        writeln!(
+            out,
+            "  - Clamp the part at the same height and turn every time, and check the focus at the first block."
+        )?;
+    }
+    for (i, &origin) in origins.iter().enumerate() {
+        let [x, y, z] = origin.map(mm_from_nm);
+        let blocks = runs(facts.checked.program(), i as u32);
+        writeln!(out, "  SET-UP {} OF {}  part zero X{x:.4} Y{y:.4} Z{z:.4}  blocks {blocks}", i + 1, origins.len())?;
+        for found in registration(facts.job, facts.machine, origin) {
+            let ([px, py], [x, y]) = (found.point_mm, found.at.map(mm_from_nm));
+            writeln!(out, "    point {px:>9.4} {py:>9.4} of the part: stage X{x:.4} Y{y:.4}")?;
+        }
+    }
+    Ok(())
+}
+
+/// The blocks of a set-up, as runs.
+fn runs(program: &Program, setup: u32) -> String {
+    let mine: Vec<usize> = (0..program.blocks.len()).filter(|&i| program.blocks[i].setup == setup).collect();
+    let run = |run: &[usize]| format!("{} to {}", Program::block_id(run[0]), Program::block_id(run[run.len() - 1]));
+    mine.chunk_by(|a, b| a + 1 == *b).map(run).collect::<Vec<_>>().join(", ")
+}
+
+fn blocks(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
+    let program = facts.checked.program();
+    writeln!(
+        out,
+        "\nBLOCKS (X Y Z: commanded stage position, mm; LPFL: focal plane on the part, mm; time without the move)"
+    )?;
+    writeln!(
+        out,
+        "  {:<7} {:>9} {:>6} {:>11} {:>11} {:>11} {:>11} {:>8} {:>11} {:>9}  pens  file",
+        "block", "section", "level", "X", "Y", "Z", "LPFL", "strokes", "marks mm", "time s"
+    )?;
+    let (mut pass, mut setup) = (0, None);
+    for (i, block) in program.blocks.iter().enumerate() {
+        if block.pass != pass {
+            pass = block.pass;
+            writeln!(out, "  PASS {}", pass + 1)?;
+        }
+        if facts.checked.origins().len() > 1 && setup != Some(block.setup) {
+            setup = Some(block.setup);
+            writeln!(out, "  SET-UP {}", block.setup + 1)?;
+        }
+        if let Some(z) = lift(facts, i) {
+            writeln!(out, "  LIFT to Z{z:.4}, then go to {}", Program::block_id(i))?;
+        }
+        block_line(out, facts, i, block)?;
+    }
+    Ok(())
+}
+
+fn block_line(out: &mut String, facts: &Facts<'_>, i: usize, block: &Block) -> std::fmt::Result {
+    let program = facts.checked.program();
+    let pens: Vec<String> = program.pens_of(block).into_iter().map(|pen| (pen + 1).to_string()).collect();
+    let [column, row] = block.stop.section;
+    let [x, y, z] = block.stage.map(mm_from_nm);
+    writeln!(
+        out,
+        "  {:<7} {:>9} {:>6} {x:>11.4} {y:>11.4} {z:>11.4} {:>11.4} {:>8} {:>11.1} {:>9.1}  {:<4}  {}",
+        Program::block_id(i),
+        format!("{column},{row}"),
+        block.stop.level,
+        mm_from_nm(block.stop.focus),
+        block.strokes.len(),
+        program.mark_mm(block),
+        facts.block_time_s(i),
+        pens.join(" "),
+        facts.block_file(i).unwrap_or_default(),
+    )
+}
+
+/// Seconds as h:mm:ss.
+fn clock(s: f64) -> String {
+    let whole = s.round() as u64;
+    format!("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60)
+}

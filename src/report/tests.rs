@@ -1,0 +1,371 @@
+//! Laws of the drawing and of the report, on made-up jobs.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Instant;
+
+use proptest::prelude::*;
+
+use super::layout::{LIMIT, within};
+use super::outline::{Grid, area2, simplify, trace};
+use super::sample::Sample;
+use super::{layout_svg, report_html};
+use crate::block_map::BlockMap;
+use crate::geom::{Box2, P2};
+
+fn map(columns: u32, labels: &[u32]) -> BlockMap {
+    let rows = labels.len() as u32 / columns;
+    let hi = P2::new(i64::from(columns) * 1000 - 1, i64::from(rows) * 1000 - 1);
+    let mut map = BlockMap::blank(Box2 { lo: P2::new(0, 0), hi }, 1000);
+    assert_eq!(map.size(), [columns, rows]);
+    map.labels_mut().copy_from_slice(labels);
+    map
+}
+
+/// Every ring closed and rectilinear, areas of each block's rings equal to its cells.
+fn check_outlines(map: &BlockMap, blocks: usize) {
+    let outlines = trace(&Grid::of(map, blocks));
+    let mut area: BTreeMap<u32, i64> = BTreeMap::new();
+    for ring in &outlines.rings {
+        let corners = outlines.corners_of(ring);
+        assert!(corners.len() >= 4, "{corners:?}");
+        for (a, b) in corners.iter().zip(corners.iter().cycle().skip(1)) {
+            assert!((a.at[0] == b.at[0]) != (a.at[1] == b.at[1]), "{a:?} {b:?}");
+        }
+        *area.entry(ring.block).or_default() += area2(corners.iter().map(|c| c.at));
+    }
+    let mut cells: BTreeMap<u32, i64> = BTreeMap::new();
+    for &label in map.labels().iter().filter(|&&l| l != 0 && l as usize <= blocks) {
+        *cells.entry(label - 1).or_default() += 2;
+    }
+    assert_eq!(area, cells);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn traced_area_is_the_area_of_the_cells(columns in 1u32..12, labels in prop::collection::vec(0u32..5, 12..120)) {
+        let whole = labels.len() / columns as usize * columns as usize;
+        check_outlines(&map(columns, &labels[..whole]), 3);
+    }
+
+    /// What two neighbours draw along their border is the same: each edge inside the map is drawn
+    /// once forth and once back. Blocks are the cells nearest to random sites.
+    #[test]
+    fn neighbours_share_the_simplified_border(
+        sites in prop::collection::vec((0i32..64, 0i32..64), 3..14),
+        tolerance in 0.3..1.0f64,
+    ) {
+        let nearest = |x: i32, y: i32| {
+            let site = (0..sites.len()).min_by_key(|&k| (sites[k].0 - x).pow(2) + (sites[k].1 - y).pow(2));
+            site.expect("a site") as u32 + 1
+        };
+        let labels: Vec<u32> = (0..64 * 64).map(|i| nearest(i % 64, i / 64)).collect();
+        let outlines = trace(&Grid::of(&map(64, &labels), sites.len()));
+        let mut edges: BTreeMap<([i32; 2], [i32; 2]), i32> = BTreeMap::new();
+        let mut points = Vec::new();
+        for ring in &outlines.rings {
+            let corners = outlines.corners_of(ring);
+            simplify(corners, tolerance, &mut points);
+            // A sliver that keeps its corners has a border of its own.
+            prop_assume!(!points.iter().copied().eq(corners.iter().map(|c| c.at.map(|v| 2 * v))));
+            for (a, b) in points.iter().zip(points.iter().cycle().skip(1)) {
+                *edges.entry((*a.min(b), *a.max(b))).or_default() += if a < b { 1 } else { -1 };
+            }
+        }
+        // The rim of the map has a block on one side only; in half cells it is at 2 and 130, and a
+        // border may cut its corners by a cell.
+        let on_rim = |a: &[i32; 2], b: &[i32; 2]| (0..2).any(|k| a[k].max(b[k]) <= 4 || a[k].min(b[k]) >= 128);
+        for ((a, b), n) in &edges {
+            prop_assert!(*n == 0 || on_rim(a, b), "the edge from {a:?} to {b:?} is drawn by one side only");
+        }
+    }
+}
+
+#[test]
+fn holes_single_cells_and_corner_contacts() {
+    check_outlines(&map(1, &[1]), 1);
+    check_outlines(&map(5, &[1, 1, 1, 1, 1, 1, 0, 2, 0, 1, 1, 2, 1, 2, 1, 1, 0, 2, 0, 1, 1, 1, 1, 1, 1]), 2);
+    let outlines = trace(&Grid::of(&map(3, &[1, 1, 1, 1, 0, 1, 1, 1, 1]), 1));
+    let areas: Vec<_> = outlines.rings.iter().map(|r| area2(outlines.corners_of(r).iter().map(|c| c.at))).collect();
+    assert_eq!(areas, [18, -2], "the hole runs the other way");
+}
+
+#[test]
+fn a_rectangle_keeps_its_corners_and_a_disc_few_points_within_half_a_cell() {
+    let rectangle = trace(&Grid::of(&map(40, &[1; 1200]), 1));
+    let mut points = Vec::new();
+    simplify(rectangle.corners_of(&rectangle.rings[0]), 0.5, &mut points);
+    assert_eq!(points.iter().collect::<BTreeSet<_>>(), BTreeSet::from([&[2, 2], &[82, 2], &[82, 62], &[2, 62]]));
+
+    let (n, r) = (200i32, 90.3);
+    let distance = |x: f64, y: f64| (x - 100.0).hypot(y - 100.0);
+    let labels: Vec<u32> =
+        (0..n * n).map(|i| u32::from(distance(f64::from(i % n) + 0.5, f64::from(i / n) + 0.5) < r)).collect();
+    let disc = trace(&Grid::of(&map(200, &labels), 1));
+    simplify(disc.corners_of(&disc.rings[0]), 0.5, &mut points);
+    assert!(points.len() < 50, "{} points", points.len());
+    for (a, b) in points.iter().zip(points.iter().cycle().skip(1)) {
+        for t in [0.0, 0.25, 0.5, 0.75] {
+            let at = |k: usize| (f64::from(a[k]) + t * f64::from(b[k] - a[k])) / 2.0 - 1.0;
+            let off = (distance(at(0), at(1)) - r).abs();
+            assert!(off <= 1.0, "{off} cells off the circle");
+        }
+    }
+}
+
+/// The ids of all elements; fails on XML that is not well-formed and on an id used twice.
+fn ids(svg: &str) -> BTreeSet<String> {
+    let document = roxmltree::Document::parse(svg).expect("well-formed");
+    let mut ids = BTreeSet::new();
+    for id in document.descendants().filter_map(|n| n.attribute("id")) {
+        assert!(ids.insert(id.to_owned()), "id {id} twice");
+    }
+    ids
+}
+
+/// Area that a block's path encloses, mm², from the text of the file.
+fn path_area(d: &str) -> f64 {
+    let (mut sum, mut at, mut start) = (0.0, [0.0; 2], [0.0; 2]);
+    let number = |s: &str| s.parse::<f64>().expect("a number");
+    for part in d.split_inclusive(|c: char| c.is_ascii_alphabetic()).collect::<Vec<_>>().windows(2) {
+        let command = part[0].chars().last().expect("a command");
+        let body = part[1].trim_end_matches(|c: char| c.is_ascii_alphabetic());
+        let cut = body.char_indices().skip(1).find(|(_, c)| matches!(c, '-' | ' ')).map_or(body.len(), |(i, _)| i);
+        let pair = |s: &str| [number(&s[..cut]), number(s[cut..].trim())];
+        let to = match command {
+            'M' => {
+                start = pair(body);
+                at = start;
+                start
+            }
+            'l' => [at[0] + pair(body)[0], at[1] + pair(body)[1]],
+            'h' => [at[0] + number(body), at[1]],
+            'v' => [at[0], at[1] + number(body)],
+            'z' => continue,
+            other => panic!("command {other}"),
+        };
+        sum += (at[0] - start[0]) * (to[1] - start[1]) - (to[0] - start[0]) * (at[1] - start[1]);
+        at = to;
+    }
+    // y points down in the file, so a counter-clockwise ring comes out negative.
+    -sum / 2.0
+}
+
+#[test]
+fn the_dome_of_3500_blocks_fits_the_budget_and_shows_every_block() {
+    let sample = Sample::dome().with_sliver();
+    let blocks = sample.checked.program().blocks.len();
+    assert!((3_400..3_700).contains(&blocks), "{blocks} blocks");
+    let start = Instant::now();
+    let svg = layout_svg(&sample.layout());
+    eprintln!("{blocks} blocks: {} bytes of layout in {:?}", svg.len(), start.elapsed());
+    assert!(svg.len() < LIMIT.min(900 * blocks), "{} bytes", svg.len());
+    let ids = ids(&svg);
+    assert!((0..blocks).all(|i| ids.contains(&format!("block-B{:04}", i + 1))));
+
+    let document = roxmltree::Document::parse(&svg).expect("well-formed");
+    let blocks_layer = document.descendants().find(|n| n.attribute("id") == Some("layer-blocks")).expect("layer");
+    let area: f64 = blocks_layer.children().filter_map(|n| n.attribute("d")).map(path_area).sum();
+    assert!((area - 450.0 * 450.0).abs() < 0.5, "the blocks tile the part: {area} mm2");
+    assert_eq!(blocks_layer.children().filter(|n| n.attribute("class") == Some("sliver")).count(), 1);
+    let numbers = document.descendants().find(|n| n.attribute("id") == Some("layer-numbers")).expect("layer");
+    let numbered: BTreeSet<&str> =
+        numbers.children().filter_map(|n| n.text()).filter(|t| !t.trim().is_empty()).collect();
+    assert_eq!(numbered.len(), blocks, "all numbered, the sliver too");
+
+    let html = report_html(&sample.layout());
+    assert!(html.len() < 3_000_000, "{} bytes", html.len());
+    assert_eq!(html.matches("<tr><td>B").count(), blocks);
+}
+
+#[test]
+fn the_drawing_measures_true() {
+    let sample = Sample::flat();
+    let svg = layout_svg(&sample.layout());
+    let document = roxmltree::Document::parse(&svg).expect("well-formed");
+    let root = document.root_element();
+    let view: Vec<f64> =
+        root.attribute("viewBox").expect("viewBox").split(' ').map(|v| v.parse().expect("number")).collect();
+    assert_eq!(root.attribute("width"), Some(format!("{}mm", view[2]).as_str()));
+    assert_eq!(root.attribute("height"), Some(format!("{}mm", view[3]).as_str()));
+    let block = document.descendants().find(|n| n.attribute("id") == Some("block-B0001")).expect("block");
+    let d = block.attribute("d").expect("path");
+    assert_eq!(path_area(d), 600.0);
+    assert_eq!(d, "M15 10v-20h-30v20z");
+    let title = block.children().find(|n| n.has_tag_name(("http://www.w3.org/2000/svg", "title"))).expect("tooltip");
+    let words = title.text().expect("text");
+    for needed in ["B0001", "section 0,0", "level 0", "LPFL", "stage x", "strokes", "mark ", "jump "] {
+        assert!(words.contains(needed), "{needed} in {words}");
+    }
+}
+
+#[test]
+fn the_legend_stays_off_the_part() {
+    for sample in
+        [Sample::flat(), Sample::ripple(), Sample::of("strip", [900.0, 60.0], 0.07, 1_000_000, |x, _| x * 1e-4)]
+    {
+        let svg = layout_svg(&sample.layout());
+        let document = roxmltree::Document::parse(&svg).expect("well-formed");
+        let legend = document.descendants().find(|n| n.attribute("id") == Some("layer-legend")).expect("legend");
+        let view: Vec<f64> = document
+            .root_element()
+            .attribute("viewBox")
+            .expect("viewBox")
+            .split(' ')
+            .map(|v| v.parse().expect("number"))
+            .collect();
+        let [x1, y1] = sample.texture.hi.mm();
+        for n in legend.descendants().filter(|n| n.has_tag_name(("http://www.w3.org/2000/svg", "text"))) {
+            let at = |k: &str| n.attribute(k).and_then(|v| v.parse::<f64>().ok()).expect("place");
+            assert!(at("x") > x1 || at("y") > y1, "{:?} on the part", n.text());
+            assert!(at("x") <= view[0] + view[2] && at("y") <= view[1] + view[3], "{:?} off the sheet", n.text());
+        }
+    }
+}
+
+#[test]
+fn equal_input_gives_equal_bytes_and_no_job_name_breaks_the_files() {
+    let mut sample = Sample::ripple();
+    assert_eq!(layout_svg(&sample.layout()), layout_svg(&sample.layout()));
+    sample.name = "</title><script>alert(1)</script> & \"quoted\" \u{1} ".repeat(20);
+    let (svg, html) = (layout_svg(&sample.layout()), report_html(&sample.layout()));
+    ids(&svg);
+    assert!(!html.contains("<script") && !svg.contains("<script"));
+    assert!(!html.contains('\u{1}'));
+}
+
+#[test]
+fn an_empty_program_and_a_wild_map_still_draw() {
+    let mut sample = Sample::flat();
+    sample.checked = crate::check::Checked::unchecked(Default::default(), [0; 3]);
+    ids(&layout_svg(&sample.layout()));
+    report_html(&sample.layout());
+    sample = Sample::flat();
+    sample.map.labels_mut().fill(u32::MAX);
+    sample.map = BlockMap::blank(Box2::EMPTY, 0);
+    sample.texture = Box2::EMPTY;
+    let svg = layout_svg(&sample.layout());
+    assert!(svg.contains("sliver"));
+    ids(&svg);
+}
+
+#[test]
+fn a_drawing_too_large_is_simplified_until_it_fits() {
+    let sample = Sample::dome();
+    let whole = layout_svg(&sample.layout()).len();
+    let mut last = whole;
+    for limit in [whole - 1, whole * 9 / 10, whole * 6 / 10] {
+        let svg = within(&sample.layout(), limit);
+        ids(&svg);
+        assert!(svg.len() <= limit && svg.len() < last, "{} bytes of {limit}", svg.len());
+        assert_eq!(svg.matches("id=\"block-").count(), sample.checked.program().blocks.len());
+        last = svg.len();
+    }
+    assert!(within(&sample.layout(), 0).len() <= last, "the coarsest where none fits");
+}
+
+/// A map of nothing but specks, as no partition makes it: the drawing stays small, every block is there.
+#[test]
+fn specks_do_not_swell_the_drawing() {
+    let mut sample = Sample::of("specks", [100.0, 100.0], 0.07, 250_000, |x, y| x * 0.04 + y * 0.03);
+    let blocks = sample.checked.program().blocks.len() as u32;
+    let mut state = 1u32;
+    for label in sample.map.labels_mut() {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        *label = (state >> 12) % blocks + 1;
+    }
+    let whole = within(&sample.layout(), usize::MAX).len();
+    let svg = within(&sample.layout(), whole / 4);
+    assert!(svg.len() <= whole / 4, "{} bytes of {whole}", svg.len());
+    assert_eq!(svg.matches("id=\"block-").count(), blocks as usize);
+}
+
+#[test]
+fn windows_that_lie_freely_fit_the_budget_and_show_every_block() {
+    let sample = Sample::dome_of_windows();
+    let program = sample.checked.program();
+    let blocks = program.blocks.len();
+    assert!((3_000..4_000).contains(&blocks), "{blocks} blocks");
+    let svg = layout_svg(&sample.layout());
+    assert!(svg.len() < LIMIT, "{} bytes", svg.len());
+    let found = ids(&svg);
+    assert!((0..blocks).all(|i| found.contains(&format!("block-B{:04}", i + 1))));
+    assert!(!found.contains("layer-sections") && found.contains("window"));
+
+    let document = roxmltree::Document::parse(&svg).expect("well-formed");
+    let by_id = |id: &str| document.descendants().find(|n| n.attribute("id") == Some(id)).expect("an element");
+    // Every block has its window, around its centre; nothing of the layer is seen without a pointer.
+    let windows = by_id("layer-windows");
+    assert_eq!(windows.attribute("visibility"), Some("hidden"));
+    let groups: Vec<_> = windows.children().filter(|n| n.tag_name().name() == "g").collect();
+    assert_eq!(groups.len(), blocks);
+    for (i, (g, block)) in groups.iter().zip(&program.blocks).enumerate() {
+        let uses: Vec<_> = g.children().filter(|n| n.tag_name().name() == "use").collect();
+        assert_eq!(uses[0].attribute("href"), Some(format!("#block-B{:04}", i + 1).as_str()));
+        assert_eq!(uses[1].attribute("href"), Some("#window"));
+        let at = |k: &str| uses[1].attribute(k).and_then(|v| v.parse::<f64>().ok()).expect("a place");
+        let [x, y] = block.stop.centre.mm();
+        assert!((at("x") - x).abs() <= 5e-4 && (at("y") + y).abs() <= 5e-4);
+        let title = g.children().find(|n| n.tag_name().name() == "title").and_then(|n| n.text()).expect("a tooltip");
+        assert!(title.starts_with(&format!("B{:04}: window at x ", i + 1)), "{title}");
+    }
+    // The path goes through the centres, thin enough to see what lies under it.
+    let line = by_id("stage-line");
+    assert_eq!(line.attribute("d").expect("a path").matches(['M', 'L']).count(), blocks);
+    let width: f64 = line.attribute("stroke-width").and_then(|w| w.parse().ok()).expect("a width");
+    assert!(width < 0.5, "{width} mm");
+    assert!(!found.contains("stage-stops"));
+    let numbers = by_id("layer-numbers").children().filter_map(|n| n.text());
+    assert_eq!(numbers.filter(|t| !t.trim().is_empty()).collect::<BTreeSet<_>>().len(), blocks);
+
+    let html = report_html(&sample.layout());
+    assert!(html.contains("<th>window x</th>") && html.contains("windows lie freely"));
+    assert_eq!(html.matches("<tr><td>B").count(), blocks);
+}
+
+#[test]
+fn stops_on_the_grid_show_sections_and_no_windows() {
+    let sample = Sample::ripple();
+    let svg = layout_svg(&sample.layout());
+    let found = ids(&svg);
+    assert!(found.contains("layer-sections") && !found.contains("layer-windows"));
+    assert!(report_html(&sample.layout()).contains("<th>section</th>"));
+}
+
+/// On a turned part the frame is turned with it, around the marks.
+#[test]
+fn the_frame_of_a_turned_part_is_turned() {
+    let mut sample = Sample::windows("slope", [60.0, 40.0], 0.1, |x, y| 0.01 * x + 0.004 * y);
+    let frame = |sample: &Sample| -> Vec<[f64; 2]> {
+        let svg = layout_svg(&sample.layout());
+        let document = roxmltree::Document::parse(&svg).expect("well-formed");
+        let path = document.descendants().find(|n| n.attribute("id") == Some("texture-box")).expect("a frame");
+        let d = path.attribute("d").expect("a path").trim_matches(['M', 'z']);
+        let number = |v: &str| v.parse::<f64>().expect("a number");
+        d.split('L').map(|p| p.split_once(' ').expect("two")).map(|(x, y)| [number(x), number(y)]).collect()
+    };
+    assert_eq!(frame(&sample), [[-30.0, 20.0], [30.0, 20.0], [30.0, -20.0], [-30.0, -20.0]]);
+    // The marks reach from -29.75 to 29.75 and from -19.5 to 19.5; turned by 30 degrees about the origin.
+    let (sin, cos) = 30f64.to_radians().sin_cos();
+    let mut program = sample.checked.program().clone();
+    for block in &mut program.blocks {
+        let [x, y] = block.stop.centre.mm();
+        let turned = |x: f64, y: f64| P2::from_mm(x * cos - y * sin, x * sin + y * cos).expect("a length");
+        block.stop.centre = turned(x, y);
+        for stroke in &program.strokes[block.strokes.clone()] {
+            for p in &mut program.points[stroke.first as usize..(stroke.first + stroke.len) as usize] {
+                let at = turned(f64::from(p[0]) / 1e6, f64::from(p[1]) / 1e6);
+                *p = [at.x as i32, at.y as i32];
+            }
+        }
+    }
+    sample.checked = crate::check::Checked::unchecked(program, [0; 3]);
+    sample.turn_rad = 30f64.to_radians();
+    let want = [[-29.75, -19.5], [29.75, -19.5], [29.75, 19.5], [-29.75, 19.5]];
+    for ([x, y], [u, v]) in frame(&sample).into_iter().zip(want) {
+        let (u, v) = (u * cos - v * sin, -(u * sin + v * cos));
+        assert!((x - u).abs() < 2e-3 && (y - v).abs() < 2e-3, "{x} {y}, {u} {v}");
+    }
+    assert!(layout_svg(&sample.layout()).contains("marks 59.50 x 39.00 mm, turned by 30 deg"));
+}

@@ -1,0 +1,618 @@
+//! Strokes are traced and cut where they leave their block.
+//!
+//! Consumes texture strokes, a [`Tracer`] and the stops; promises fragments that, with what was
+//! skipped, tile every stroke: a cut point is computed once, rounded once to the nanometre grid and
+//! used by both sides, so mark + skipped = texture. A fragment stays in its stop as long as the stop
+//! admits it; then, of the stops that admit what follows, the one whose box the stroke leaves last continues, which
+//! gives the fewest cuts. Of several that are left at the same place the last of the list continues, so
+//! that in a grid the upper level and the upper section have what lies on their borders. A fragment whose
+//! points all round to one is none.
+//!
+//! Where an overlap is wanted, the fragment that continues after a cut begins that much before it, as far as
+//! its own stop admits the stroke there: no mark leaves what its stop admits. It reaches over at most half
+//! of what the fragment before it has for itself, so that nothing is marked three times; and never over the
+//! point where a closed figure was drawn from. What is shared is counted, cuts with less than was asked for
+//! too: mark - overlap + skipped = texture.
+
+mod bend;
+mod seam;
+
+pub use seam::Seam;
+
+use bend::Bend;
+
+use crate::geom::{NM_PER_MM, P2, Turn, nearest};
+use crate::partition::Stops;
+use crate::program::CHORD;
+use crate::projection::{Keep, Normals, Piece, Skip, Tracer};
+
+/// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
+const EPS: f64 = 1e-3;
+
+/// Pieces that are looked ahead over at most.
+const RUN: usize = 1 << 14;
+
+/// A piece of one stroke that is marked in one block.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Fragment {
+    /// Index of its stop.
+    pub stop: u32,
+    /// Stroke of the texture.
+    pub source: u32,
+    /// Segment of that stroke on which it begins.
+    pub segment: u32,
+    /// Pen.
+    pub pen: u16,
+    /// First point in [`Fragments::points`].
+    pub first: u32,
+    /// How many points.
+    pub len: u32,
+    /// Whether it is the whole of a closed stroke, which may be marked from any of its vertices.
+    pub is_figure: bool,
+    /// Lowest and highest height, nm.
+    pub z: [f64; 2],
+    /// Integral of height over `length`, nm · nm.
+    pub z_length: f64,
+    /// Integral of the cosine of the slope over `length`, nm.
+    pub cos_length: f64,
+    /// Largest squared slope.
+    pub slope2: f64,
+    /// Length of the mark in the field before its ends were rounded, nm. On a tilted part that is another than
+    /// the length in the plane of the drawing, and it is the one that takes time.
+    pub length: f64,
+}
+
+/// Lengths that were not marked, mm, every pass counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Skipped {
+    /// Off the part.
+    pub off_part: f64,
+    /// Steeper than the limit.
+    pub steep: f64,
+    /// Fragments below the shortest mark.
+    pub small: f64,
+}
+
+/// What became of a run of strokes.
+#[derive(Clone, Debug, Default)]
+pub struct Fragments {
+    /// In the order of the texture.
+    pub list: Vec<Fragment>,
+    /// Points of all fragments, field frame of their stops, nm.
+    pub points: Vec<[i32; 2]>,
+    /// Length of the strokes, mm, every pass counted.
+    pub texture_mm: f64,
+    /// Length of what is marked of them, in the plane of the drawing, mm, every pass counted.
+    pub mark_mm: f64,
+    /// Length that is marked twice where two fragments overlap, mm, every pass counted.
+    pub overlap_mm: f64,
+    /// What was not marked.
+    pub skipped: Skipped,
+    /// Cuts between two blocks that were to overlap.
+    pub cuts: usize,
+    /// Those of them that do not in full.
+    pub short: usize,
+    /// Strokes in more than one fragment.
+    pub strokes_cut: usize,
+    /// Closed strokes marked as one fragment.
+    pub figures_whole: usize,
+    /// Closed strokes that were cut or partly skipped.
+    pub figures_cut: usize,
+    /// Strokes that were to stay whole and were cut between blocks.
+    pub not_kept: usize,
+    /// A place that was too steep, if any was.
+    pub steep_at: Option<P2>,
+    /// Largest squared slope of the marks.
+    pub worst_slope2: f64,
+}
+
+/// The fragment being built.
+struct Open {
+    stop: usize,
+    segment: u32,
+    first: usize,
+    z: [f64; 2],
+    z_length: f64,
+    cos_length: f64,
+    slope2: f64,
+    /// The exact length in the field that `z_length` was summed over: that of the rounded points would not do,
+    /// because every nanometre counts with the whole height.
+    length: f64,
+    /// The same in the drawing.
+    drawn_exact: f64,
+    /// The last of its points in the drawing, and the length of the line through all of them, nm.
+    last: P2,
+    drawn: f64,
+    /// On a turned part: the line since its last point.
+    bend: Bend,
+    /// How much of it the fragment before has marked too, nm.
+    shared: f64,
+}
+
+/// Cuts strokes between the stops of several candidates, over one walk.
+pub struct Splitter<'a> {
+    tracer: Tracer<'a>,
+    cutters: Vec<Cutter<'a>>,
+    run: Run,
+}
+
+/// Some segments of one stroke, traced: as far as cutters look ahead.
+#[derive(Default)]
+struct Run {
+    pieces: Vec<Piece>,
+    segments: Vec<Segment>,
+}
+
+/// One segment of a run.
+#[derive(Clone, Copy)]
+struct Segment {
+    index: u32,
+    a: P2,
+    b: P2,
+    /// Its first piece and the end of its pieces.
+    first: usize,
+    end: usize,
+}
+
+impl Segment {
+    /// The place at `t`, over which the surface is `z` high.
+    #[inline]
+    fn at(&self, t: f64, z: f64) -> [f64; 3] {
+        let [a, b] = [self.a, self.b];
+        [a.x as f64 + t * (b.x - a.x) as f64, a.y as f64 + t * (b.y - a.y) as f64, z]
+    }
+}
+
+impl<'a> Splitter<'a> {
+    /// Fragments shorter than `min_mark_nm` are skipped and counted. What `keep` wants whole stays whole
+    /// where a stop holds it, as every stroke does; cuts of it are counted.
+    pub fn new(tracer: Tracer<'a>, candidates: &[&'a Stops], min_mark_nm: f64, keep: Keep, seam: Seam) -> Self {
+        let cutters =
+            candidates.iter().map(|stops| Cutter::new(tracer.normals(), stops, min_mark_nm, keep, seam)).collect();
+        Self { tracer, cutters, run: Run::default() }
+    }
+
+    /// What became of all strokes given so far, by candidate.
+    pub fn finish(self) -> impl Iterator<Item = Fragments> {
+        let worst = self.tracer.worst_slope2;
+        self.cutters.into_iter().map(move |c| {
+            // On a turned part the beam meets the surface at other angles than the drawing does.
+            let turned = c.out.list.iter().map(|f| f.slope2).fold(0.0, f64::max);
+            let worst_slope2 = if c.stops.turn(0).is_some() { turned } else { worst };
+            Fragments { worst_slope2, ..c.out }
+        })
+    }
+
+    /// Cuts one stroke of the texture, which its pen marks `passes` times.
+    pub fn stroke(&mut self, source: u32, pen: u16, passes: u32, points: &[P2]) {
+        let Self { tracer, cutters, run } = self;
+        cutters.iter_mut().for_each(|c| c.begin(source, pen, passes));
+        let last = points.len() - 2;
+        for (i, w) in points.windows(2).enumerate() {
+            let (a, b, first) = (w[0], w[1], run.pieces.len());
+            tracer.segment(a, b, |piece| run.pieces.push(piece));
+            run.segments.push(Segment { index: i as u32, a, b, first, end: run.pieces.len() });
+            if i == last || run.pieces.len() >= RUN {
+                cutters.iter_mut().for_each(|c| c.run(run));
+                run.pieces.clear();
+                run.segments.clear();
+            }
+        }
+        cutters.iter_mut().for_each(|c| c.end(points));
+    }
+}
+
+/// Cuts strokes between the stops of one candidate.
+struct Cutter<'a> {
+    normals: Normals<'a>,
+    stops: &'a Stops,
+    min_mark: f64,
+    keep: Keep,
+    out: Fragments,
+    open: Option<Open>,
+    /// Height of the surface at the end of the last stretch that was marked.
+    z: f64,
+    /// Why the stroke is not marked here, and since where on the segment.
+    unmarked: Option<(Skip, P2)>,
+    source: u32,
+    pen: u16,
+    passes: f64,
+    /// Fragments and skipped lengths before the stroke.
+    before: (usize, Skipped),
+    /// Stops that admit a point; scratch space.
+    accepting: Vec<u32>,
+    seam: Seam,
+    /// Where the open fragment is to be cut although its stop would continue, and the stop that continues.
+    cut: Option<(usize, f64, u32)>,
+}
+
+impl<'a> Cutter<'a> {
+    fn new(normals: Normals<'a>, stops: &'a Stops, min_mark: f64, keep: Keep, seam: Seam) -> Self {
+        let out = Fragments::default();
+        let before = (0, out.skipped);
+        Self {
+            normals,
+            stops,
+            min_mark,
+            keep,
+            out,
+            open: None,
+            z: 0.0,
+            unmarked: None,
+            source: 0,
+            pen: 0,
+            passes: 1.0,
+            before,
+            accepting: Vec::new(),
+            seam,
+            cut: None,
+        }
+    }
+
+    fn begin(&mut self, source: u32, pen: u16, passes: u32) {
+        (self.source, self.pen, self.passes) = (source, pen, f64::from(passes));
+        self.before = (self.out.list.len(), self.out.skipped);
+    }
+
+    fn end(&mut self, points: &[P2]) {
+        self.close(points[points.len() - 1]);
+        let out = &mut self.out;
+        let parts = out.list.len() - self.before.0;
+        out.strokes_cut += usize::from(parts > 1);
+        if parts > 1 && self.keep.bounds(points).is_some() {
+            out.not_kept += 1;
+        }
+        if points[0] == points[points.len() - 1] {
+            if parts == 1 && out.skipped == self.before.1 {
+                out.figures_whole += 1;
+                let last = out.list.last_mut();
+                last.into_iter().for_each(|f| f.is_figure = f.len as usize == points.len());
+            } else {
+                out.figures_cut += 1;
+            }
+        }
+    }
+
+    fn run(&mut self, run: &Run) {
+        for (k, s) in run.segments.iter().enumerate() {
+            // A cut is planned within the run, by the number of a piece.
+            if k == 0 {
+                self.cut = None;
+            }
+            // The stop of the open fragment, and where on the segment its window ends.
+            let mut stop = self.open.as_ref().map(|o| (o.stop as u32, self.window_end(o.stop as u32, s)));
+            for i in s.first..s.end {
+                let p = &run.pieces[i];
+                if let Some(skip) = p.skip {
+                    self.skip(skip, s, p.t0);
+                    stop = None;
+                    continue;
+                }
+                if self.unmarked.is_some() {
+                    self.end_unmarked(s.a.lerp(s.b, p.t0), [s.a, s.b]);
+                }
+                let mut t = p.t0;
+                while t < p.t1 {
+                    let chosen = stop.is_none();
+                    let (at, end) = stop.take().unwrap_or_else(|| self.go_on(run, k, i, t));
+                    let mut exit = self.exit(at, end, s, p, t);
+                    if let Some((_, cut, _)) = self.cut.filter(|c| c.0 == i) {
+                        exit = exit.min(cut.max(t));
+                    }
+                    if chosen && exit <= t {
+                        // Rounding left a gap between two stops: bridged by a nanometre.
+                        exit = (t + 1.0 / s.a.distance(s.b)).min(p.t1);
+                    }
+                    if exit > t {
+                        if self.seam.overlap > 0.0 && self.open.as_ref().is_some_and(|o| o.stop != at as usize) {
+                            self.share(at, run, i, t);
+                        }
+                        self.mark(at as usize, s, [t, exit], p);
+                        t = exit;
+                    }
+                    if exit >= p.t1 {
+                        stop = Some((at, end));
+                    }
+                }
+            }
+            self.vertex(s.index, s.a, s.b);
+        }
+    }
+
+    /// Where on a segment that begins in the window of `stop` it leaves it; on a turned part every piece
+    /// tells for itself.
+    #[inline]
+    fn window_end(&self, stop: u32, s: &Segment) -> f64 {
+        if self.stops.turn(stop).is_some() {
+            return f64::INFINITY;
+        }
+        let [lo, hi] = self.stops.window(stop);
+        let (x, y) = (s.b.x - s.a.x, s.b.y - s.a.y);
+        let end = |d: i64, a: i64, lo: f64, hi: f64| match d {
+            0 => f64::INFINITY,
+            1.. => (hi - a as f64) / d as f64,
+            _ => (lo - a as f64) / d as f64,
+        };
+        end(x, s.a.x, lo[0], hi[0]).min(end(y, s.a.y, lo[1], hi[1]))
+    }
+
+    /// Where a piece leaves `stop`, from t on; its end or beyond if it stays.
+    #[inline]
+    fn exit(&self, stop: u32, window_end: f64, s: &Segment, p: &Piece, t: f64) -> f64 {
+        if let Some(turn) = self.stops.turn(stop) {
+            return self.turned_exit(stop, turn, s, p, t);
+        }
+        let stop = &self.stops.stops[stop as usize];
+        let (lo, hi) = (stop.z_lo as f64, stop.z_hi as f64);
+        // At the edge of a sheet the height jumps from one piece to the next.
+        if t == p.t0 && (p.z0 > hi + EPS || p.z0 < lo - EPS) {
+            return t;
+        }
+        let limit = if p.z1 > hi + EPS {
+            hi
+        } else if p.z1 < lo - EPS {
+            lo
+        } else {
+            return window_end.min(p.t1).max(t);
+        };
+        let z_end = if p.z0 == p.z1 { t } else { p.t0 + (p.t1 - p.t0) * ((limit - p.z0) / (p.z1 - p.z0)) };
+        window_end.min(z_end).clamp(t, p.t1)
+    }
+
+    /// As [`Cutter::exit`] for a turned part, on which a piece is straight in space.
+    fn turned_exit(&self, stop: u32, turn: &Turn, s: &Segment, p: &Piece, t: f64) -> f64 {
+        let share = (t - p.t0) / (p.t1 - p.t0);
+        let mut exit = p.t1;
+        let mut inside = |a: f64, b: f64, lo: f64, hi: f64| {
+            let now = a + (b - a) * share;
+            let limit = b.clamp(lo - EPS, hi + EPS);
+            if limit != b {
+                let limit = b.clamp(lo, hi);
+                exit = exit.min(p.t0 + (p.t1 - p.t0) * ((limit - a) / (b - a)));
+            }
+            lo - EPS <= now && now <= hi + EPS
+        };
+        let ends = [(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| s.at(t, z));
+        let [a, b] = ends.map(|p| turn.apply(p));
+        let [lo, hi] = self.bounds(stop);
+        let mut is_inside = (0..3).all(|k| inside(a[k], b[k], lo[k], hi[k]));
+        if let Some(area) = self.stops.area(stop) {
+            let ([a, b], [lo, hi]) = (ends, [area.lo, area.hi].map(|p| [p.x as f64, p.y as f64]));
+            is_inside = is_inside && (0..2).all(|k| inside(a[k], b[k], lo[k], hi[k]));
+        }
+        if is_inside { exit.clamp(t, p.t1) } else { t }
+    }
+
+    /// Lower and upper corner of what `stop` admits, on the turned part where there is a turn.
+    fn bounds(&self, stop: u32) -> [[f64; 3]; 2] {
+        let ([lo, hi], at) = (self.stops.window(stop), &self.stops.stops[stop as usize]);
+        [[lo[0], lo[1], at.z_lo as f64], [hi[0], hi[1], at.z_hi as f64]]
+    }
+
+    /// A point as `stop` sees it.
+    fn seen(&self, stop: u32, p: [f64; 3]) -> [f64; 3] {
+        self.stops.turn(stop).map_or(p, |turn| turn.apply(p))
+    }
+
+    /// A point of the drawing, over which the surface is `z` high, in the field frame of a stop. Sections are
+    /// smaller than 2.1 m, so it fits.
+    fn local(&self, stop: usize, p: P2, z: f64) -> [i32; 2] {
+        let c = self.stops.stops[stop].centre;
+        let Some(turn) = self.stops.turn(stop as u32) else { return [(p.x - c.x) as i32, (p.y - c.y) as i32] };
+        let [x, y, _] = turn.apply([p.x as f64, p.y as f64, z]);
+        [nearest(x - c.x as f64) as i32, nearest(y - c.y as f64) as i32]
+    }
+
+    /// The stop that continues after `t` on piece `i` of segment `k`, and where its window ends; plans the
+    /// place of the next cut if that is free.
+    fn go_on(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (u32, f64) {
+        let planned = self.cut.take().filter(|&(piece, at, _)| piece == i && at <= t).map(|(.., next)| next);
+        let (s, p) = (&run.segments[k], &run.pieces[i]);
+        let ends = planned.map(|next| (next, self.window_end(next, s)));
+        let (stop, end) =
+            ends.filter(|&(n, end)| self.exit(n, end, s, p, t) > t).unwrap_or_else(|| self.choose(run, k, i, t));
+        if self.seam.zone > 0.0 {
+            self.cut = self.plan(stop, run, k, i, t);
+        }
+        (stop, end)
+    }
+
+    /// Of the stops that admit what follows after `t` on piece `i` of segment `k`, the one that the stroke leaves
+    /// last; and where on the segment its window ends.
+    fn choose(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (u32, f64) {
+        let (s, p) = (&run.segments[k], &run.pieces[i]);
+        let at = s.at(t, p.z(t));
+        let mut accepting = std::mem::take(&mut self.accepting);
+        accepting.clear();
+        accepting.extend(self.stops.near(at, EPS).filter(|&stop| {
+            let ([lo, hi], at) = (self.bounds(stop), self.seen(stop, at));
+            let holds = (0..2).all(|axis| lo[axis] - EPS <= at[axis] && at[axis] <= hi[axis] + EPS);
+            holds && self.exit(stop, self.window_end(stop, s), s, p, t) > t
+        }));
+        if self.seam.overlap > 0.0 && accepting.len() > 1 {
+            self.overlapping(&mut accepting, run, i, t);
+        }
+        let best = match accepting[..] {
+            [] => self.nearest(at),
+            [one] => one,
+            _ => {
+                let left = |&stop: &u32| (self.left(stop, run, k, i, t), stop);
+                let later = |a: &((usize, f64), u32), b: &((usize, f64), u32)| {
+                    a.0.0.cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)).then(a.1.cmp(&b.1))
+                };
+                accepting.iter().map(left).max_by(later).map_or(accepting[0], |l| l.1)
+            }
+        };
+        self.accepting = accepting;
+        (best, self.window_end(best, s))
+    }
+
+    /// Where the stroke leaves a stop that admits it at `t`: piece and parameter.
+    fn left(&self, stop: u32, run: &Run, k: usize, i: usize, t: f64) -> (usize, f64) {
+        let mut t = t;
+        for s in &run.segments[k..] {
+            let end = self.window_end(stop, s);
+            for (j, p) in run.pieces[..s.end].iter().enumerate().skip(i.max(s.first)) {
+                let t = std::mem::replace(&mut t, 0.0).max(p.t0);
+                let exit = self.exit(stop, end, s, p, t);
+                if p.skip.is_some() || exit < p.t1 {
+                    return (j, if p.skip.is_some() { p.t0 } else { exit });
+                }
+            }
+        }
+        (run.pieces.len(), 0.0)
+    }
+
+    /// The stop that comes nearest to accepting a point: methods cover all that was traced, up to rounding.
+    fn nearest(&self, at: [f64; 3]) -> u32 {
+        let beyond = |&stop: &u32| {
+            let ([lo, hi], at) = (self.bounds(stop), self.seen(stop, at));
+            (0..3).map(|k| (lo[k] - at[k]).max(at[k] - hi[k])).fold(0.0, f64::max)
+        };
+        let near = self.stops.near(at, 2.0).min_by(|a, b| beyond(a).total_cmp(&beyond(b)).then(a.cmp(b)));
+        near.unwrap_or(0)
+    }
+
+    /// The stroke is not marked from `t` of a segment on.
+    fn skip(&mut self, skip: Skip, s: &Segment, t: f64) {
+        if self.unmarked.is_none_or(|(why, _)| why != skip) {
+            let from = s.a.lerp(s.b, t);
+            self.close(from);
+            self.end_unmarked(from, [s.a, s.b]);
+            self.unmarked = Some((skip, from));
+        }
+    }
+
+    /// Counts what was not marked up to `to`, as one stretch along the segment: its facets may be smaller
+    /// than the grid to which their borders would be rounded.
+    fn end_unmarked(&mut self, to: P2, [a, b]: [P2; 2]) {
+        let Some((skip, from)) = self.unmarked.take() else { return };
+        let dot = (b.x - a.x) as f64 * (to.x - from.x) as f64 + (b.y - a.y) as f64 * (to.y - from.y) as f64;
+        let length = self.passes * dot.max(0.0) / a.distance(b) / NM_PER_MM;
+        match skip {
+            Skip::OffPart => self.out.skipped.off_part += length,
+            Skip::Steep => {
+                self.out.skipped.steep += length;
+                if length > 0.0 {
+                    self.out.steep_at.get_or_insert(from);
+                }
+            }
+        }
+    }
+
+    /// Goes on in `stop` over a stretch of a piece.
+    fn mark(&mut self, stop: usize, s: &Segment, t: [f64; 2], p: &Piece) {
+        // On a turned part the two sides of a wall lie apart in the field.
+        let jump = (p.z(t[0]) - self.z).abs();
+        let jumps = self.stops.turn(stop as u32).is_some_and(|turn| jump * turn.lean() > CHORD / 2.0);
+        if self.open.as_ref().is_some_and(|o| o.stop != stop || jumps) {
+            self.close(s.a.lerp(s.b, t[0]));
+        }
+        let z = [p.z(t[0]), p.z(t[1])];
+        let ends = self.stops.turn(stop as u32).map(|turn| [0, 1].map(|k| turn.apply(s.at(t[k], z[k]))));
+        if self.open.is_none() {
+            let first = self.out.points.len();
+            let last = s.a.lerp(s.b, t[0]);
+            self.out.points.push(self.local(stop, last, z[0]));
+            let bend = ends.map_or_else(Bend::default, |e| Bend::start([e[0][0], e[0][1]]));
+            let range = [f64::INFINITY, f64::NEG_INFINITY];
+            self.open = Some(Open {
+                stop,
+                segment: s.index,
+                first,
+                z: range,
+                z_length: 0.0,
+                cos_length: 0.0,
+                slope2: 0.0,
+                length: 0.0,
+                drawn_exact: 0.0,
+                last,
+                drawn: 0.0,
+                bend,
+                shared: 0.0,
+            });
+        }
+        self.z = z[1];
+        let normal = || self.normals.under(p);
+        let slope2 = self.stops.turn(stop as u32).map_or(p.slope2, |turn| turn.slope2(normal()));
+        let (centre, Some(open)) = (self.stops.stops[stop].centre, &mut self.open) else { return };
+        let z = ends.map_or(z, |e| e.map(|e| e[2]));
+        if let Some([x, y]) = ends.and_then(|e| open.bend.go([e[1][0], e[1][1]])) {
+            let p = [nearest(x - centre.x as f64) as i32, nearest(y - centre.y as f64) as i32];
+            if self.out.points[self.out.points.len() - 1] != p {
+                self.out.points.push(p);
+            }
+        }
+        let drawn = (t[1] - t[0]) * s.a.distance(s.b);
+        let length = ends.map_or(drawn, |[a, b]| (b[0] - a[0]).hypot(b[1] - a[1]));
+        open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
+        open.cos_length += length / (1.0 + slope2).sqrt();
+        open.slope2 = open.slope2.max(slope2);
+        open.z_length += (z[0] + z[1]) / 2.0 * length;
+        open.length += length;
+        open.drawn_exact += drawn;
+    }
+
+    /// The end b of `segment` from a: a vertex of the open fragment.
+    fn vertex(&mut self, segment: u32, a: P2, b: P2) {
+        self.out.texture_mm += self.passes * a.distance(b) / NM_PER_MM;
+        self.end_unmarked(b, [a, b]);
+        self.corner(segment, b);
+    }
+
+    /// The open fragment turns at the end b of `segment`.
+    fn corner(&mut self, segment: u32, b: P2) {
+        let Some(p) = self.open.as_ref().map(|open| self.local(open.stop, b, self.z)) else { return };
+        if let Some(open) = &mut self.open {
+            open.drawn += open.last.distance(b);
+            open.last = b;
+            open.bend = self.stops.turn(open.stop as u32).map_or_else(Bend::default, |turn| {
+                let [x, y, _] = turn.apply([b.x as f64, b.y as f64, self.z]);
+                Bend::start([x, y])
+            });
+            if self.out.points[self.out.points.len() - 1] != p {
+                self.out.points.push(p);
+            } else if self.out.points.len() == open.first + 1 {
+                // All there is of the fragment is this vertex: it begins on the next segment.
+                open.segment = segment + 1;
+                open.z = [f64::INFINITY, f64::NEG_INFINITY];
+                open.z_length = 0.0;
+                (open.cos_length, open.slope2) = (0.0, 0.0);
+                (open.length, open.drawn_exact) = (0.0, 0.0);
+            }
+        }
+    }
+
+    /// Ends the open fragment at `end`; answers whether it is long enough to be marked.
+    fn close(&mut self, end: P2) -> bool {
+        let Some(open) = self.open.take() else { return false };
+        let p = self.local(open.stop, end, self.z);
+        if self.out.points[self.out.points.len() - 1] != p {
+            self.out.points.push(p);
+        }
+        let points = &self.out.points[open.first..];
+        let length = open.drawn + open.last.distance(end);
+        if points.len() < 2 || length < self.min_mark {
+            self.out.skipped.small += self.passes * (length - open.shared) / NM_PER_MM;
+            self.out.points.truncate(open.first);
+            return false;
+        }
+        self.out.mark_mm += self.passes * length / NM_PER_MM;
+        self.out.overlap_mm += self.passes * open.shared / NM_PER_MM;
+        self.out.list.push(Fragment {
+            stop: open.stop as u32,
+            source: self.source,
+            segment: open.segment,
+            pen: self.pen,
+            first: open.first as u32,
+            len: points.len() as u32,
+            is_figure: false,
+            z: open.z,
+            z_length: open.z_length,
+            cos_length: open.cos_length,
+            slope2: open.slope2,
+            length: open.length,
+        });
+        true
+    }
+}

@@ -1,0 +1,190 @@
+//! What the job itself says: machine, depth, pens, surface and texture, made anew from the job file.
+
+use std::path::{Path, PathBuf};
+
+use super::geometry::{Map, MeshBuilder, Shape};
+use super::read::manifest::Manifest;
+use super::unusable;
+use crate::diag::Error;
+use crate::geom::{NM_PER_MM, nm_from_mm};
+use crate::job::{DepthRule, Dose, Format, Job, Level, Mode, Overrides, Passes, Setups};
+use crate::machine::Machine;
+use crate::program::{Block, Pen};
+use crate::surface::{self, Content};
+use crate::texture::Texture;
+
+/// Facets up to this width in plan view, nm, have no height of their own: rounding to the nanometre
+/// may have closed them.
+const THINNEST: f64 = 2.0;
+
+/// Where the job file and its inputs lie.
+pub(super) struct Inputs {
+    /// The job file.
+    pub(super) job: PathBuf,
+}
+
+impl Inputs {
+    pub(super) fn locate(folder: &Path, job_file: &str, inputs_override: Option<&Path>) -> Self {
+        let named = Path::new(job_file);
+        let job = match inputs_override {
+            Some(root) => root.join(named.file_name().unwrap_or(named.as_os_str())),
+            None => folder.join(named),
+        };
+        Self { job }
+    }
+    /// A path that is relative to the job file.
+    pub(super) fn resolve(&self, file: &str) -> PathBuf {
+        self.job.parent().unwrap_or(Path::new("")).join(file)
+    }
+}
+
+/// The numbers that the rules are held against.
+#[derive(Clone, Debug)]
+pub(super) struct JobFacts {
+    pub(super) machine: Machine,
+    /// Processing depth of focus, nm.
+    pub(super) pdof: i64,
+    /// Largest depth range of a block, nm.
+    pub(super) depth_range: i64,
+    pub(super) level: Level,
+    pub(super) rule: DepthRule,
+    pub(super) max_incidence_rad: f64,
+    pub(super) min_mark_nm: f64,
+    /// What two blocks may both mark at a cut, nm.
+    pub(super) overlap_nm: f64,
+    /// How often, how turned, how lowered, how shifted.
+    pub(super) passes: Passes,
+    /// Set-ups and their registration points.
+    pub(super) setups: Option<Setups>,
+    /// Distance of figures that are to stay whole, nm.
+    pub(super) figure_pitch_nm: Option<i64>,
+    /// Pitch of the sections, at most the usable field, nm.
+    pub(super) section_nm: [f64; 2],
+    pub(super) weld_nm: f64,
+    pub(super) turn_deg: f64,
+    /// Part origin in the table frame, nm, where the job states one.
+    pub(super) origin: Option<[i64; 3]>,
+    /// Pens of the job; None where the job could not be read.
+    pub(super) pens: Option<Vec<Pen>>,
+    /// How pens make up for the slope, if they do.
+    pub(super) dose: Option<Dose>,
+    /// Formats that the job asks for.
+    pub(super) formats: Vec<Format>,
+}
+
+impl JobFacts {
+    /// What the manifest says of the job, where the job itself cannot be had. Enough for the rules
+    /// that need no inputs.
+    pub(super) fn from_manifest(m: &Manifest) -> Self {
+        Self {
+            section_nm: m.machine.usable_field().map(|f| f as f64),
+            machine: m.machine.clone(),
+            pdof: nm_from_mm(m.focus.pdof_mm).unwrap_or_default(),
+            depth_range: nm_from_mm(m.focus.depth_range_mm).unwrap_or_default(),
+            level: m.focus.level,
+            rule: m.focus.rule,
+            max_incidence_rad: 0.0,
+            min_mark_nm: 0.0,
+            overlap_nm: m.seams.overlap_mm * NM_PER_MM,
+            passes: Passes::default(),
+            setups: None,
+            figure_pitch_nm: None,
+            weld_nm: 0.0,
+            turn_deg: m.placement.turn_deg,
+            origin: None,
+            pens: None,
+            dose: None,
+            formats: Vec::new(),
+        }
+    }
+
+    fn from_job(job: &Job, machine: Machine) -> Self {
+        // Sections measure an even number of increments.
+        let grid = 2.0 * machine.increment_nm() as f64;
+        let section = job.partition.section.map_or(f64::INFINITY, |s| s as f64);
+        Self {
+            section_nm: machine.usable_field().map(|f| (section.min(f as f64) / grid).floor() * grid),
+            machine,
+            pdof: job.focus.pdof,
+            depth_range: job.focus.depth,
+            level: job.focus.level,
+            rule: job.focus.rule,
+            max_incidence_rad: job.limits.max_incidence.as_rad(),
+            min_mark_nm: job.partition.min_mark as f64,
+            overlap_nm: job.partition.overlap as f64,
+            passes: job.passes,
+            setups: job.setups.clone(),
+            figure_pitch_nm: job.figure_pitch_nm(),
+            weld_nm: job.surface.weld_nm as f64,
+            turn_deg: job.placement.turn.as_deg(),
+            origin: job.placement.origin,
+            pens: Some(job.pens.clone()),
+            dose: job.dose,
+            formats: job.formats.clone(),
+        }
+    }
+
+    /// By how much the grid of sections of pass `k` lies lower than that of the first, nm.
+    pub(super) fn shift(&self, k: u32, pitch: [i64; 2]) -> [i64; 2] {
+        self.passes.shift_nm(k, pitch, self.figure_pitch_nm.unwrap_or(1))
+    }
+
+    /// A block with its heights on the surface before it was lowered.
+    pub(super) fn raised(&self, block: &Block) -> Block {
+        let by = self.passes.lowered_nm(block.pass);
+        let mut block = block.clone();
+        let stop = &mut block.stop;
+        for z in [&mut stop.focus, &mut stop.z_lo, &mut stop.z_hi, &mut block.z_lo, &mut block.z_hi] {
+            *z = z.saturating_add(by);
+        }
+        block
+    }
+
+    /// Largest distance of a mark from its focal plane, nm. A focal plane in the middle of the
+    /// interval is rounded to the stage increment; a mean one may stand anywhere in it.
+    pub(super) fn defocus_limit_nm(&self) -> f64 {
+        let range = self.depth_range_nm();
+        match self.level {
+            Level::Mid => range / 2.0 + self.machine.increment_nm() as f64 / 2.0,
+            Level::Mean => range,
+        }
+    }
+
+    /// Largest depth range of a block, nm.
+    pub(super) fn depth_range_nm(&self) -> f64 {
+        self.depth_range as f64
+    }
+}
+
+/// Reads the job file as one of this mode, and its machine.
+pub(super) fn load(inputs: &Inputs, mode: Mode) -> Result<(Job, JobFacts), Error> {
+    let job = Job::load(&inputs.job, &Overrides { mode: Some(mode), ..Overrides::default() })?;
+    let machine = job.machine()?;
+    let facts = JobFacts::from_job(&job, machine);
+    Ok((job, facts))
+}
+
+/// Reads the surface file, turned as the job says, and its box x0 y0 x1 y1 in mm before the turn.
+pub(super) fn shape(job: &Job) -> Result<(Shape, [f64; 4]), Error> {
+    let path = job.surface_path();
+    let turn = job.placement.turn.as_rad();
+    let mut builder = MeshBuilder::new(turn, THINNEST);
+    let content = surface::read(&path, &job.surface.options, &mut Vec::new(), &mut |f| builder.push(f))?;
+    let empty = || unusable("surface-empty", "the surface file holds no surface", &path);
+    match content {
+        Content::Facets(0) => Err(empty()),
+        Content::Facets(_) => {
+            let box_mm = builder.box_mm;
+            Ok((Shape::Mesh(builder.finish()), box_mm))
+        }
+        Content::Heightmap(map) => {
+            let box_mm = Map::box_mm(&map).ok_or_else(empty)?;
+            Ok((Shape::Map(Map::new(map, turn).ok_or_else(empty)?), box_mm))
+        }
+    }
+}
+
+/// Places the textures of pass `k` of the job.
+pub(super) fn texture(job: &Job, k: u32, part_box_mm: [f64; 4]) -> Result<Texture, Error> {
+    Texture::load(&job.textures_of_pass(k), part_box_mm, job.placement.turn.as_rad(), &mut Vec::new())
+}

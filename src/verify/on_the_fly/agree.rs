@@ -1,0 +1,133 @@
+//! `agreement`, `summary`: both programs, the manifest and the job say the same.
+
+use std::path::Path;
+
+use super::chain::Chain;
+use crate::diag;
+use crate::geom::nm_from_mm;
+use crate::verify::job_facts::JobFacts;
+use crate::verify::proof::Rule;
+use crate::verify::read::on_the_fly::manifest::Manifest;
+use crate::verify::read::on_the_fly::{Course, linuxcnc, pmac};
+
+/// Largest program that is read.
+const MAX_FILE: u64 = 4 << 30;
+/// Relative difference at which two figures are still the same.
+const SAME: f64 = 1e-9;
+/// A power is written with three decimals of a percent.
+const PERCENT: f64 = 0.0006;
+/// How far a blending controller may round a corner, nm.
+const ROUNDED: f64 = 200.5;
+
+/// Reads the programs that the axes call for: of five both, of seven that for PMAC.
+pub(super) fn read(folder: &Path, manifest: &Manifest, rule: &mut Rule) -> Vec<(&'static str, Course)> {
+    rule.ran = true;
+    let names: &[&'static str] = if manifest.axes == "XYZUV" { &["fly.ngc", "fly.pmc"] } else { &["fly.pmc"] };
+    let mut out = Vec::new();
+    for &name in names {
+        rule.checked += 1;
+        let bytes = match diag::read_file(&folder.join(name), MAX_FILE) {
+            Ok(bytes) => bytes,
+            Err(e) => {
+                rule.broken("", name, e.diags().first().map_or("cannot be read", |d| &d.message));
+                continue;
+            }
+        };
+        let course = if name == "fly.ngc" { linuxcnc::read(&bytes) } else { pmac::read(&bytes, &manifest.axes) };
+        match course {
+            Ok(course) => out.push((name, course)),
+            Err(fault) => rule.broken("", format!("{name}:{}", fault.line), fault.message),
+        }
+    }
+    out
+}
+
+/// Two programs of one job say the same; one violation, the first difference.
+pub(super) fn programs(all: &[(&'static str, Course)], rule: &mut Rule) {
+    for (name, course) in all {
+        rule.checked += 1;
+        if course.rounded_nm > ROUNDED {
+            let um = course.rounded_nm / 1e3;
+            rule.broken("", *name, format!("lets corners be rounded by {um} um"));
+        }
+    }
+    let [(_, a), (name, b)] = all else { return };
+    rule.checked += a.steps.len() as u64;
+    if a.start != b.start || !a.rapids.iter().map(|r| r.1).eq(b.rapids.iter().map(|r| r.1)) {
+        return rule.broken("", *name, "begins or ends elsewhere than fly.ngc");
+    }
+    let differs = a.steps.iter().zip(&b.steps).find(|(x, y)| (x.us, x.to, x.mark) != (y.us, y.to, y.mark));
+    if let Some((x, y)) = differs {
+        return rule.broken("", format!("{name}:{}", y.line), format!("is not what fly.ngc says in line {}", x.line));
+    }
+    if a.steps.len() != b.steps.len() {
+        let text = format!("has {} moves, fly.ngc has {}", b.steps.len(), a.steps.len());
+        return rule.broken("", *name, text);
+    }
+    if !a.powers.iter().map(|p| (p.1, p.2)).eq(b.powers.iter().map(|p| (p.1, p.2))) {
+        rule.broken("", *name, "marks with other powers than fly.ngc");
+    }
+}
+
+/// Manifest and program against the job.
+pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, course: &Course, rule: &mut Rule) {
+    let mut hold = |holds: bool, text: &str| {
+        rule.checked += 1;
+        if !holds {
+            rule.broken("", "manifest.json", text);
+        }
+    };
+    hold(manifest.machine == facts.machine, "its machine is not the one of the job file");
+    hold((manifest.placement.turn_deg - facts.turn_deg).abs() <= SAME, "its turn is not the one of the job file");
+    let origin = manifest.placement.origin_mm.map(nm_from_mm);
+    hold(facts.origin.is_none_or(|o| o.map(Some) == origin), "its origin is not the one of the job file");
+    let full = facts.machine.laser.max_power;
+    let pens = facts.pens.as_deref().unwrap_or_default();
+    let same = manifest.pens.len() == pens.len()
+        && manifest.pens.iter().zip(pens).all(|(m, p)| {
+            let percent = p.power.as_w(full) / full.as_w() * 100.0;
+            m.name == p.name && m.speed_mm_s == p.speed.as_mm_s() && (m.power_percent - percent).abs() <= PERCENT
+        });
+    hold(same, "its pens are not those of the job file");
+    for (line, pen, power) in &course.powers {
+        rule.checked += 1;
+        let wanted = pens.get(usize::from(pen.wrapping_sub(1))).map(|p| p.power.as_w(full) / full.as_w() * 100.0);
+        let near = wanted.zip(*power).is_some_and(|(w, p)| (w - p).abs() <= PERCENT);
+        if !near {
+            rule.broken("", format!("line {line}"), "a mark does not have the power of its pen");
+        }
+    }
+}
+
+/// Figures of the manifest.
+pub(super) fn summary(manifest: &Manifest, course: &Course, chain: &Chain, rule: &mut Rule) {
+    rule.ran = true;
+    let s = &manifest.summary;
+    let (mut on_us, mut away, mut fastest, mut mark_nm) = (0, 0.0f64, 0.0f64, 0.0);
+    for (us, from, step) in course.moves().filter(|(_, _, s)| s.mark.is_some()) {
+        on_us += step.us - us;
+        let [a, b] = [from, &step.to].map(|to| to.map(|v| v as f64));
+        for field in [a, b].map(|to| chain.field(to)) {
+            away = away.max(field[0].hypot(field[1]));
+        }
+        let way = chain.beam(a).way(&chain.beam(b));
+        mark_nm += way;
+        fastest = fastest.max(way / (step.us - us) as f64);
+    }
+    let mut hold = |name: &str, stated: f64, found: f64, tolerance: f64| {
+        rule.checked += 1;
+        let near = (stated - found).abs() <= tolerance; // never of a NaN
+        if !near {
+            rule.broken("", "manifest.json", format!("{name} is stated as {stated}, found is {found}"));
+        }
+    };
+    hold("moves", s.moves as f64, course.steps.len() as f64, 0.0);
+    hold("marks", s.marks as f64, course.powers.len() as f64, 0.0);
+    let total = course.steps.last().map_or(0.0, |l| l.us as f64 / 1e6);
+    hold("time_s", s.time_s, total, SAME * total);
+    hold("mark_s", s.mark_s, on_us as f64 / 1e6, SAME * total);
+    hold("mark_mm", s.mark_mm, mark_nm / 1e6, SAME * mark_nm / 1e6);
+    hold("worst_displacement_mm", s.worst_displacement_mm, away / 1e6, 1e-5);
+    // nm in us are mm in s; the switch may come a servo period of 1 ms too early.
+    hold("laser_error_mm", s.laser_error_mm, fastest * 1e-3, 1e-6 + 1e-4 * fastest * 1e-3);
+}

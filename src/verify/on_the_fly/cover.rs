@@ -1,0 +1,175 @@
+//! `once`, `coverage`: what marks share of a stroke, and what they leave.
+
+use std::collections::BTreeMap;
+
+use super::track::{Stroke, Trace};
+use crate::verify::geometry::{Geometry, Line, Scratch, Slope};
+use crate::verify::job_facts::JobFacts;
+use crate::verify::proof::{Lengths, Rule};
+
+/// What marks may share or leave at a cut, nm: each end may stray by what samples are rounded and merged.
+const CUT: f64 = 200.0;
+
+/// What marks cover of one stroke.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cover {
+    pub(super) stroke: u32,
+    pub(super) from: f64,
+    pub(super) to: f64,
+}
+
+/// What a mark covers, of a closed stroke in two pieces where it runs over its seam.
+pub(super) fn of(stroke: u32, line: &Stroke, trace: &Trace) -> Vec<Cover> {
+    let (from, to) = (trace.from.min(trace.to), trace.from.max(trace.to));
+    let length = line.len();
+    if !line.is_closed() {
+        return vec![Cover { stroke, from: from.max(0.0) + 0.0, to: to.min(length) }];
+    }
+    let (first, last) = ((from / length).floor() as i64, (to / length).ceil() as i64);
+    let turns = (first..last).map(|turn| turn as f64 * length);
+    turns
+        .map(|shift| Cover { stroke, from: (from - shift).max(0.0) + 0.0, to: (to - shift).min(length) })
+        .filter(|cover| cover.to > cover.from)
+        .collect()
+}
+
+/// What marks cover. Where a stroke runs back over itself a mark may lie in more than one place. Those that have but one
+/// are placed first, then the others, the longest first, each where least is covered already. Marks are cut at the same
+/// places of the plan wherever the stroke passes them, so of two marks over one place the shorter lies within the
+/// longer: a place that a mark takes from a longer one would have been free for the longer one, and between
+/// marks of one length it does not matter which lies where.
+#[derive(Default)]
+pub(super) struct Covers {
+    sure: Vec<Cover>,
+    /// Of each mark its places, of each place its pieces.
+    open: Vec<Vec<Vec<Cover>>>,
+}
+
+impl Covers {
+    /// Adds a mark by the places where it may lie.
+    pub(super) fn add(&mut self, mut places: Vec<Vec<Cover>>) {
+        match places.len() {
+            0 => {}
+            1 => self.sure.append(&mut places[0]),
+            _ => self.open.push(places),
+        }
+    }
+
+    /// All, by strokes and places.
+    pub(super) fn sorted(self) -> Vec<Cover> {
+        // By where they begin; places are not negative (nor -0), and so their bits are in the order of their values.
+        let key = |c: &Cover| (c.stroke, c.from.to_bits(), c.to.to_bits());
+        let mut taken: BTreeMap<(u32, u64, u64), Cover> = self.sure.iter().map(|c| (key(c), *c)).collect();
+        let mut out = self.sure;
+        let length = |places: &Vec<Vec<Cover>>| places[0].iter().map(|c| c.to - c.from).sum::<f64>();
+        let mut open = self.open;
+        open.sort_by(|a, b| length(b).total_cmp(&length(a)));
+        for places in open {
+            let shared = |c: &Cover, taken: &BTreeMap<(u32, u64, u64), Cover>| {
+                let before = taken.range((c.stroke, 0, 0)..(c.stroke, c.to.to_bits(), 0)).rev();
+                let beside = before.map(|(_, t)| t).take_while(|t| t.to > c.from);
+                beside.map(|t| t.to.min(c.to) - t.from.max(c.from)).sum::<f64>()
+            };
+            let cost = |place: &Vec<Cover>| place.iter().map(|c| shared(c, &taken)).sum::<f64>();
+            let Some(best) = places.into_iter().map(|p| (cost(&p), p)).min_by(|a, b| a.0.total_cmp(&b.0)) else {
+                continue;
+            };
+            taken.extend(best.1.iter().map(|c| (key(c), *c)));
+            out.extend(best.1);
+        }
+        out.sort_by_key(key);
+        out
+    }
+}
+
+/// Holds what covers one stroke, in the order of its places.
+pub(super) struct CoverageChecker<'a> {
+    pub(super) geometry: &'a Geometry,
+    pub(super) facts: &'a JobFacts,
+    pub(super) scratch: Scratch,
+    pub(super) lengths: Lengths,
+}
+
+impl CoverageChecker<'_> {
+    pub(super) fn stroke(&mut self, line: &Stroke, covers: &[Cover], name: &str, once: &mut Rule, coverage: &mut Rule) {
+        self.lengths.texture_mm += line.len() / 1e6;
+        once.checked += covers.len() as u64;
+        let mut reached = 0.0f64;
+        for cover in covers {
+            self.lengths.mark_mm += (cover.to - cover.from) / 1e6;
+            let shared = reached.min(cover.to) - cover.from;
+            if shared > 0.0 {
+                self.lengths.overlap_mm += shared / 1e6;
+            }
+            if shared > CUT + self.facts.overlap_nm {
+                let text = format!("{:.6} mm of {name} are marked twice", shared / 1e6);
+                once.broken("", place(line.at(cover.from)), text);
+            }
+            self.gap(line, reached, cover.from, name, coverage);
+            reached = cover.to.max(reached);
+        }
+        self.gap(line, reached, line.len(), name, coverage);
+    }
+
+    /// A stretch that nobody marks: it must be off the part, too steep or too short.
+    fn gap(&mut self, line: &Stroke, from: f64, to: f64, name: &str, coverage: &mut Rule) {
+        if to <= from {
+            return;
+        }
+        coverage.checked += 1;
+        let side = self.geometry.reach();
+        let run = self.open(line, from, to, 0.0, true);
+        if run.0 <= self.allowed() {
+            return;
+        }
+        // On an edge either side may be right.
+        let other = [side, -side].map(|s| self.open(line, from, to, s, false).0);
+        if other.iter().all(|&r| r > self.allowed()) {
+            let text = format!("{:.6} mm of {name} are not marked", run.0 / 1e6);
+            coverage.broken("", place(run.1), text);
+        }
+    }
+
+    fn allowed(&self) -> f64 {
+        (2.0 * CUT + self.geometry.grain()).max(2.0 * self.facts.min_mark_nm)
+    }
+
+    /// The longest stretch of a gap that could be marked, and where it begins; `count` says whether it counts
+    /// for the lengths.
+    fn open(&mut self, line: &Stroke, from: f64, to: f64, side: f64, count: bool) -> (f64, [f64; 2]) {
+        let (mut run, mut begins) = (0.0, line.at(from));
+        let mut longest = (0.0, begins);
+        let Self { geometry, scratch, lengths, .. } = self;
+        for (a, b) in line.between(from, to) {
+            if a == b {
+                continue;
+            }
+            let segment = Line::new(a, b);
+            geometry.along(&segment.part([0.0, segment.len], side), scratch, |piece| {
+                let mm = if count { piece.len() / 1e6 } else { 0.0 };
+                lengths.skipped_mm += mm;
+                match piece.sheet.map(|s| s.slope) {
+                    None => lengths.skipped_off_part_mm += mm,
+                    Some(Slope::Steep | Slope::Doubtful) => lengths.skipped_steep_mm += mm,
+                    Some(Slope::Gentle) => lengths.skipped_small_mm += mm,
+                }
+                if piece.sheet.is_some_and(|s| s.slope == Slope::Gentle) {
+                    if run == 0.0 {
+                        begins = segment.at(piece.d[0]);
+                    }
+                    run += piece.len();
+                    if run > longest.0 {
+                        longest = (run, begins);
+                    }
+                } else if piece.len() > geometry.grain() {
+                    run = 0.0;
+                }
+            });
+        }
+        longest
+    }
+}
+
+fn place([x, y]: [f64; 2]) -> String {
+    format!("part at ({:.6}, {:.6}) mm", x / 1e6, y / 1e6)
+}

@@ -1,0 +1,271 @@
+//! `position`, `focus`, `surface`: where the beam of every mark meets the part.
+//!
+//! The foot of a beam is the highest place of the surface file's own facets along it. Feet are compared with the
+//! stroke of the texture that the mark names, in the drawing's plane: at both ends of every move, at
+//! places between them no farther apart than [`APART`], and at the stroke's corners between these. Upright
+//! beams are held along the whole line of a move, facet by facet; leaning ones at the same places.
+
+use super::chain::{Beam, Chain};
+use super::track::{Stroke, Trace};
+use crate::verify::geometry::{Geometry, Line, Scratch};
+use crate::verify::proof::Rule;
+use crate::verify::read::on_the_fly::{AXES, Step};
+
+/// Largest distance of places that are looked at, nm.
+const APART: f64 = 50_000.0;
+/// Largest distance of a mark from the texture, nm: 1 um, and the nanometre of every axis that takes part.
+pub(super) const STRAY: f64 = 1_002.0;
+/// A beam this far beside an edge may be on either side of it, nm: what marks may stray from rounding.
+const EDGE: f64 = 150.0;
+/// What the merging and rounding of samples may add to a focal offset, nm.
+const FOCUS: f64 = 100.0;
+/// The same of an angle, rad.
+const LEAN: f64 = 1e-3;
+
+/// Limits of the job.
+#[derive(Clone, Copy)]
+pub(super) struct Wanted {
+    /// Largest distance from the focal plane along the beam, nm.
+    pub(super) defocus: f64,
+    /// Largest angle between beam and normal, rad.
+    pub(super) lean: f64,
+}
+
+/// The rules that look at marks.
+pub(super) struct Rules<'a> {
+    pub(super) position: &'a mut Rule,
+    pub(super) focus: &'a mut Rule,
+    pub(super) surface: &'a mut Rule,
+}
+
+/// The worst of all marks.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Worst {
+    pub(super) stray: f64,
+    pub(super) defocus: f64,
+    pub(super) lean: f64,
+}
+
+/// Where a beam meets the part.
+#[derive(Clone, Copy)]
+struct Foot {
+    xy: [f64; 2],
+    off: f64,
+    lean: f64,
+}
+
+/// Looks at marks.
+pub(super) struct MarkChecker<'a> {
+    chain: &'a Chain,
+    geometry: &'a Geometry,
+    heights: [f64; 2],
+    wanted: Wanted,
+    scratch: Scratch,
+    foot_points: Vec<[f64; 2]>,
+    pub(super) worst: Worst,
+}
+
+impl<'a> MarkChecker<'a> {
+    pub(super) fn new(chain: &'a Chain, geometry: &'a Geometry, wanted: Wanted) -> Self {
+        let heights = geometry.heights();
+        let scratch = Scratch::default();
+        Self { chain, geometry, heights, wanted, scratch, foot_points: Vec::new(), worst: Worst::default() }
+    }
+
+    /// Looks at one mark: its moves, each with where it begins, and the stroke that it claims. All places on the stroke
+    /// that it may be, the best first.
+    pub(super) fn mark(
+        &mut self,
+        place: &str,
+        moves: &[([i64; AXES], Step)],
+        stroke: &Stroke,
+        rules: &mut Rules<'_>,
+    ) -> Vec<Trace> {
+        self.foot_points.clear();
+        let mut off_part = false;
+        for (i, (from, step)) in moves.iter().enumerate() {
+            let (a, b) = (from.map(|v| v as f64), step.to.map(|v| v as f64));
+            let place = || format!("{place}:{}", step.line);
+            let [start, end] = [a, b].map(|to| self.chain.beam(to));
+            let way = (0..3).map(|k| (end.at[k] - start.at[k]).powi(2)).sum::<f64>().sqrt();
+            let count =
+                if self.chain.leans() { ((way / APART) as usize + 1).max(4) } else { (way / APART) as usize + 2 };
+            for k in usize::from(i > 0)..=count {
+                let share = k as f64 / count as f64;
+                let beam = self.chain.beam(std::array::from_fn(|k| a[k] + share * (b[k] - a[k])));
+                if !self.chain.leans() {
+                    self.foot_points.push([beam.at[0], beam.at[1]]);
+                    continue;
+                }
+                rules.surface.checked += 1;
+                match self.foot(&beam, [0, 1].map(|k| end.at[k] - start.at[k])) {
+                    Some(foot) => {
+                        self.foot_points.push(foot.xy);
+                        self.hold(&foot, &place, rules.focus);
+                    }
+                    None if !off_part => {
+                        off_part = true;
+                        rules.surface.broken("", place(), format!("the beam misses the part, near {}", shown(&beam)));
+                    }
+                    None => {}
+                }
+            }
+            if !self.chain.leans() {
+                self.upright(&start, &end, &place, rules);
+            }
+        }
+        let traces = stroke.follow(&self.foot_points, STRAY);
+        let Some(trace) = traces.first() else { return traces };
+        rules.position.checked += self.foot_points.len() as u64;
+        self.worst.stray = self.worst.stray.max(trace.worst);
+        let first = moves.first().map_or(0, |l| l.1.line);
+        if trace.worst > STRAY || trace.worst.is_nan() {
+            let [x, y] = trace.at.map(|v| v / 1e6);
+            let text = format!("a mark lies {:.4} um beside its stroke at ({x:.6}, {y:.6}) mm", trace.worst / 1e3);
+            rules.position.broken("", format!("{place}:{first}"), text);
+        }
+        traces
+    }
+
+    /// Holds focal offset and angle of a foot.
+    fn hold(&mut self, foot: &Foot, place: &dyn Fn() -> String, rule: &mut Rule) {
+        rule.checked += 1;
+        self.worst.defocus = self.worst.defocus.max(foot.off.abs());
+        self.worst.lean = self.worst.lean.max(foot.lean);
+        if foot.off.abs() > self.wanted.defocus + FOCUS {
+            let (off, most) = (foot.off.abs() / 1e3, self.wanted.defocus / 1e3);
+            rule.broken("", place(), format!("a mark lies {off:.4} um out of focus, {most:.4} um are allowed"));
+        }
+        if foot.lean > self.wanted.lean + LEAN {
+            let (is, most) = (foot.lean.to_degrees(), self.wanted.lean.to_degrees());
+            rule.broken("", place(), format!("the beam stands at {is:.4} deg to the surface, {most} are allowed"));
+        }
+    }
+
+    /// A move of an upright beam, facet by facet.
+    fn upright(&mut self, start: &Beam, end: &Beam, place: &dyn Fn() -> String, rules: &mut Rules<'_>) {
+        let ends = [start, end].map(|b| [b.at[0], b.at[1]]);
+        let still = (ends[1][0] - ends[0][0]).hypot(ends[1][1] - ends[0][1]) < 1.0;
+        let line = if still { point(ends[0]) } else { Line::new(ends[0], ends[1]) };
+        rules.surface.checked += 1;
+        let mut best: Option<(f64, Foot)> = None;
+        // A mark along an edge: either side of it will do.
+        for side in [0.0, EDGE, -EDGE] {
+            let (mut bare, mut worst) = (0.0, Foot { xy: ends[0], off: 0.0, lean: 0.0 });
+            let shifted = line.part([0.0, line.len], side);
+            self.geometry.along(&shifted, &mut self.scratch, |piece| {
+                let Some(sheet) = piece.sheet else {
+                    bare += piece.len();
+                    return;
+                };
+                if piece.len() < line.len.min(1.0) {
+                    return;
+                }
+                for (d, z) in piece.d.into_iter().zip(sheet.z) {
+                    let focus = start.at[2] + d / line.len * (end.at[2] - start.at[2]);
+                    if (z - focus).abs() > worst.off.abs() {
+                        worst.off = z - focus;
+                    }
+                }
+                worst.lean = worst.lean.max(sheet.slope2.sqrt().atan());
+            });
+            let bare = if bare > 2.0 * EDGE { bare } else { 0.0 };
+            let over = |f: &Foot| !self.holds(f);
+            let is_better = best.as_ref().is_none_or(|(b, f)| bare < *b || (bare == *b && over(f) && !over(&worst)));
+            if is_better {
+                best = Some((bare, worst));
+            }
+            if best.as_ref().is_some_and(|(b, f)| *b == 0.0 && !over(f)) {
+                break;
+            }
+        }
+        let Some((bare, worst)) = best else { return };
+        if bare > 0.0 {
+            let text = format!("{:.6} mm of a move mark nothing, near {}", bare / 1e6, shown(start));
+            rules.surface.broken("", place(), text);
+        }
+        self.hold(&worst, place, rules.focus);
+    }
+
+    /// Where a leaning beam of a mark that runs along `way` meets the part. Where it misses the part, or meets it beyond
+    /// the limits, as a beam does that passes a border by the rounding of its axes, any place within [`EDGE`] along and
+    /// across the mark counts: at a corner of the part both are needed, and across it less where the corner is sharp.
+    fn foot(&mut self, beam: &Beam, way: [f64; 2]) -> Option<Foot> {
+        let straight = self.met(beam);
+        if straight.is_some_and(|foot| self.holds(&foot)) {
+            return straight;
+        }
+        let length = way[0].hypot(way[1]);
+        let [x, y] = if length > 0.0 { way.map(|v| v / length) } else { [1.0, 0.0] };
+        let (mut first, across) = (straight, [0.0, 0.0625, -0.0625, 0.25, -0.25, 1.0, -1.0]);
+        for (s, t) in [0.0, -EDGE, EDGE].into_iter().flat_map(|s| across.map(|t| (s, t * EDGE))) {
+            let shift = [s * x - t * y, s * y + t * x];
+            let at = [beam.at[0] + shift[0], beam.at[1] + shift[1], beam.at[2]];
+            let Some(met) = self.met(&Beam { at, up: beam.up }) else { continue };
+            let foot = Foot { xy: [met.xy[0] - shift[0], met.xy[1] - shift[1]], ..met };
+            if self.holds(&foot) {
+                return Some(foot);
+            }
+            first = first.or(Some(foot));
+        }
+        first
+    }
+
+    /// Whether a foot keeps focus and angle.
+    fn holds(&self, foot: &Foot) -> bool {
+        foot.off.abs() <= self.wanted.defocus + FOCUS && foot.lean <= self.wanted.lean + LEAN
+    }
+
+    fn met(&mut self, beam: &Beam) -> Option<Foot> {
+        let [lo, hi] = self.heights;
+        let up = beam.up;
+        if up[2] <= 0.0 || lo > hi {
+            return None;
+        }
+        let over = |z: f64| [0, 1].map(|k| beam.at[k] + up[k] / up[2] * (z - beam.at[2]));
+        let (top, bottom) = (hi + 1e3, lo - 1e3);
+        let (a, b) = (over(top), over(bottom));
+        let across = (b[0] - a[0]).hypot(b[1] - a[1]);
+        let line = if across < 1.0 { point(over(0.5 * (top + bottom))) } else { Line::new(a, b) };
+        // How high the beam is at the beginning of the line, and how it falls along it.
+        let fall = if across < 1.0 { 0.0 } else { (top - bottom) / line.len };
+        let height = |d: f64| if across < 1.0 { bottom } else { top - d * fall };
+        let mut found: Option<([f64; 3], [f64; 2])> = None;
+        self.geometry.along(&line, &mut self.scratch, |piece| {
+            let Some(sheet) = piece.sheet.filter(|_| found.is_none()) else { return };
+            let over = [0, 1].map(|k| sheet.z[k] - height(piece.d[k]));
+            let share = if over[0] >= 0.0 {
+                0.0
+            } else if over[1] >= 0.0 {
+                over[0] / (over[0] - over[1])
+            } else {
+                return;
+            };
+            let d = piece.d[0] + share * piece.len();
+            let [x, y] = line.at(d);
+            let z = if across < 1.0 { sheet.z[0] } else { height(d) };
+            found = Some(([x, y, z], sheet.grad));
+        });
+        let (p, grad) = found?;
+        let off = (0..3).map(|k| (p[k] - beam.at[k]) * up[k]).sum();
+        let size = (1.0 + grad[0] * grad[0] + grad[1] * grad[1]).sqrt();
+        let normal = [-grad[0] / size, -grad[1] / size, 1.0 / size];
+        let cross = [
+            normal[1] * up[2] - normal[2] * up[1],
+            normal[2] * up[0] - normal[0] * up[2],
+            normal[0] * up[1] - normal[1] * up[0],
+        ];
+        let sin = cross.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
+        Some(Foot { xy: [p[0], p[1]], off, lean: sin.atan2(cos) })
+    }
+}
+
+/// A line that is as good as a point.
+fn point(start: [f64; 2]) -> Line {
+    Line { start, dir: [1.0, 0.0], len: 1.0 }
+}
+
+fn shown(beam: &Beam) -> String {
+    format!("({:.6}, {:.6}) mm", beam.at[0] / 1e6, beam.at[1] / 1e6)
+}

@@ -1,0 +1,207 @@
+//! The proof of an on-the-fly job from its files.
+//!
+//! The programs are read again by readers of this module's own, axis values become beams by its own arithmetic
+//! (`chain`), and each rule is held: `hash`, `agreement` of the programs, the manifest and the job, `limits`,
+//! `laser`, `position`, `focus`, `surface`, `once`, `coverage`, `summary`. Units: nm, us.
+
+mod agree;
+mod chain;
+mod cover;
+mod limits;
+mod marks;
+#[cfg(test)]
+mod tests;
+mod track;
+
+use std::path::Path;
+
+use chain::Chain;
+use cover::{CoverageChecker, Covers};
+use marks::{MarkChecker, Rules, Wanted, Worst};
+use track::Stroke;
+
+use super::geometry::{Geometry, Scratch};
+use super::job_facts::{self, Inputs, JobFacts};
+use super::proof::{Lengths, Proof, Rule};
+use super::read::manifest;
+use super::read::on_the_fly::manifest::Manifest;
+use super::read::on_the_fly::{AXES, Course, Step};
+use super::rules::hash::{self, Listed};
+use crate::diag::Error;
+use crate::geom::{P2, nm_from_mm};
+use crate::job::Mode;
+use crate::program::Pen;
+use crate::texture::Texture;
+
+/// The rules and figures while they are being found.
+struct Findings {
+    hash: Rule,
+    agreement: Rule,
+    limits: Rule,
+    laser: Rule,
+    position: Rule,
+    focus: Rule,
+    surface: Rule,
+    once: Rule,
+    coverage: Rule,
+    summary: Rule,
+    marks: usize,
+    lengths: Lengths,
+    worst: Worst,
+}
+
+impl Findings {
+    fn new() -> Self {
+        Self {
+            hash: Rule::new("hash", "every file is as listed, none is unlisted, and the inputs are unchanged"),
+            agreement: Rule::new("agreement", "the programs say the same, and what manifest and job say"),
+            limits: Rule::new("limits", "all axes and marks keep their limits at every sample"),
+            laser: Rule::new("laser", "the laser is off outside of marks, and at the end at once"),
+            position: Rule::new("position", "every mark lies on the stroke that it claims to be, within 1 um"),
+            focus: Rule::new("focus", "every mark is in focus, and the beam upright enough on it"),
+            surface: Rule::new("surface", "no beam of a mark misses the part"),
+            once: Rule::new("once", "nothing is marked twice but declared overlaps"),
+            coverage: Rule::new("coverage", "all texture is marked where the part can be marked"),
+            summary: Rule::new("summary", "counts, times and lengths are as stated"),
+            marks: 0,
+            lengths: Lengths::default(),
+            worst: Worst::default(),
+        }
+    }
+
+    fn into_proof(self) -> Proof {
+        let rules = vec![
+            self.hash,
+            self.agreement,
+            self.limits,
+            self.laser,
+            self.position,
+            self.focus,
+            self.surface,
+            self.once,
+            self.coverage,
+            self.summary,
+        ];
+        Proof {
+            ok: rules.iter().all(|r| r.ran && r.violated == 0),
+            rules,
+            stops: 0,
+            fragments: self.marks,
+            lengths: self.lengths,
+            worst_defocus_um: self.worst.defocus / 1e3,
+            worst_incidence_deg: self.worst.lean.to_degrees(),
+            worst_position_um: Some(self.worst.stray / 1e3),
+        }
+    }
+}
+
+/// Verifies an on-the-fly job folder.
+pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Error> {
+    let manifest: Manifest = manifest::read(folder)?;
+    let mut findings = Findings::new();
+    let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
+    let listed = Listed { job: &manifest.job, inputs: &manifest.inputs, files: &manifest.files };
+    let unchanged = hash::check(folder, &listed, &inputs, &mut findings.hash);
+    let programs = agree::read(folder, &manifest, &mut findings.agreement);
+    agree::programs(&programs, &mut findings.agreement);
+    findings.laser.ran = !programs.is_empty();
+    for (name, course) in &programs {
+        findings.laser.checked += course.steps.len() as u64;
+        for fault in &course.faults {
+            findings.laser.broken("", format!("{name}:{}", fault.line), &fault.message);
+        }
+    }
+    let origin = manifest.placement.origin_mm.map(|v| nm_from_mm(v).unwrap_or_default());
+    let (Some((name, course)), Some(chain)) = (programs.first(), Chain::of(&manifest.machine, origin, &manifest.axes))
+    else {
+        findings.agreement.broken("", "manifest.json", "the machine does not have the axes that are named");
+        return Ok(findings.into_proof());
+    };
+    findings.marks = course.powers.len();
+    if !unchanged {
+        held(name, course, &chain, &manifest, &[], &mut findings);
+        return Ok(findings.into_proof());
+    }
+    let (job, facts) = job_facts::load(&inputs, Mode::OnTheFly)?;
+    agree::with_job(&manifest, &facts, course, &mut findings.agreement);
+    let pens = facts.pens.clone().unwrap_or_default();
+    held(name, course, &chain, &manifest, &pens, &mut findings);
+    let (shape, box_mm) = job_facts::shape(&job)?;
+    let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
+    let texture = job_facts::texture(&job, 0, box_mm)?;
+    check_marks(name, course, &chain, &facts, &texture, &geometry, &mut findings);
+    agree::summary(&manifest, course, &chain, &mut findings.summary);
+    Ok(findings.into_proof())
+}
+
+fn held(name: &str, course: &Course, chain: &Chain, manifest: &Manifest, pens: &[Pen], findings: &mut Findings) {
+    findings.limits.ran = true;
+    limits::check(course, name, chain, &manifest.machine, pens, &mut findings.limits);
+}
+
+/// The rules of geometry.
+fn check_marks(
+    name: &str,
+    course: &Course,
+    chain: &Chain,
+    facts: &JobFacts,
+    texture: &Texture,
+    geometry: &Geometry,
+    findings: &mut Findings,
+) {
+    let Findings { position, focus, surface: bare, once, coverage, .. } = findings;
+    for rule in [&mut *position, &mut *focus, &mut *bare, &mut *once, &mut *coverage] {
+        rule.ran = true;
+    }
+    let wanted = Wanted { defocus: facts.defocus_limit_nm(), lean: facts.max_incidence_rad };
+    let mut checker = MarkChecker::new(chain, geometry, wanted);
+    let mut covers = Covers::default();
+    let mut points: Vec<P2> = Vec::new();
+    let mut kept: Option<(u32, u16, Stroke)> = None;
+    let mut moves: Vec<([i64; AXES], Step)> = Vec::new();
+    let mut all = course.moves().map(|(_, from, step)| (*from, *step)).peekable();
+    while let Some((from, step)) = all.next() {
+        let Some(claim) = step.mark else { continue };
+        moves.push((from, step));
+        if all.peek().is_some_and(|(_, next)| next.mark == step.mark) {
+            continue;
+        }
+        let place = || format!("{name}:{}", step.line);
+        if claim.stroke as usize >= texture.len() {
+            position.broken("", place(), format!("the texture has no stroke {}", claim.stroke));
+            moves.clear();
+            continue;
+        }
+        if kept.as_ref().is_none_or(|k| k.0 != claim.stroke) {
+            let pen = texture.stroke(claim.stroke as usize, &mut points);
+            kept = Some((claim.stroke, pen, Stroke::new(&points)));
+        }
+        let Some((_, pen, stroke)) = &kept else { continue };
+        if u32::from(*pen) + 1 != u32::from(claim.pen) {
+            position.broken("", place(), format!("is marked with pen {}, drawn with pen {}", claim.pen, pen + 1));
+        }
+        let mut rules = Rules { position: &mut *position, focus: &mut *focus, surface: &mut *bare };
+        let traces = checker.mark(name, &moves, stroke, &mut rules);
+        let back = traces.first().map_or(0.0, |t| t.back);
+        if back > marks::STRAY {
+            once.broken("", place(), format!("a mark runs back over {:.6} mm", back / 1e6));
+        }
+        // What lies elsewhere covers nothing.
+        let places = traces.iter().filter(|t| t.worst <= marks::STRAY).map(|t| cover::of(claim.stroke, stroke, t));
+        covers.add(places.collect());
+        moves.clear();
+    }
+    findings.worst = checker.worst;
+    let covers = covers.sorted();
+    let mut coverage_checker =
+        CoverageChecker { geometry, facts, scratch: Scratch::default(), lengths: Lengths::default() };
+    let mut rest = covers.as_slice();
+    for i in 0..texture.len() {
+        texture.stroke(i, &mut points);
+        let count = rest.iter().take_while(|c| c.stroke as usize == i).count();
+        let (own, others) = rest.split_at(count);
+        rest = others;
+        coverage_checker.stroke(&Stroke::new(&points), own, &texture.element(i), once, coverage);
+    }
+    findings.lengths = coverage_checker.lengths;
+}

@@ -1,0 +1,191 @@
+//! Readers of on-the-fly programs: what the axes do and when, and what the laser does meanwhile.
+//!
+//! Each consumes the text of one program and promises a [`Course`]: exact nanometres, millionths of a degree and
+//! microseconds. The laser is followed as the controller switches it; what is not known, and what could fire
+//! where nothing is marked, is a fault of the course.
+
+pub(in crate::verify) mod linuxcnc;
+pub(in crate::verify) mod manifest;
+pub(in crate::verify) mod pmac;
+
+use super::Fault;
+
+/// Axes of a sample: X Y Z A C U V.
+pub(in crate::verify) const AXES: usize = 7;
+
+/// What a mark says that it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::verify) struct Claim {
+    /// Stroke of the texture, from 0.
+    pub(in crate::verify) stroke: u32,
+    /// Pen, from 1.
+    pub(in crate::verify) pen: u16,
+    /// Number of the mark in its program, from 1.
+    pub(in crate::verify) run: u32,
+}
+
+/// A move in all axes together.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::verify) struct Step {
+    /// Line, from 1.
+    pub(in crate::verify) line: usize,
+    /// When it ends, us.
+    pub(in crate::verify) us: i64,
+    /// Where it ends.
+    pub(in crate::verify) to: [i64; AXES],
+    /// What is marked; None with the laser off.
+    pub(in crate::verify) mark: Option<Claim>,
+}
+
+/// A program as its controller runs it.
+#[derive(Clone, Debug, Default)]
+pub(in crate::verify) struct Course {
+    /// Where the first timed move begins.
+    pub(in crate::verify) start: [i64; AXES],
+    /// The timed moves and rests.
+    pub(in crate::verify) steps: Vec<Step>,
+    /// Where rapids go, by line.
+    pub(in crate::verify) rapids: Vec<(usize, [Option<i64>; AXES])>,
+    /// Power in percent and pen of every mark as it begins, by line.
+    pub(in crate::verify) powers: Vec<(usize, u16, Option<f64>)>,
+    /// Time over which moves are blended into each other, us.
+    pub(in crate::verify) blend_us: i64,
+    /// The largest distance by which corners may be rounded as the program asks, nm.
+    pub(in crate::verify) rounded_nm: f64,
+    /// What the laser rule refuses.
+    pub(in crate::verify) faults: Vec<Fault>,
+}
+
+impl Course {
+    /// Every step with the time and place where it begins.
+    pub(in crate::verify) fn moves(&self) -> impl Iterator<Item = (i64, &[i64; AXES], &Step)> {
+        let before = std::iter::once((0, &self.start)).chain(self.steps.iter().map(|s| (s.us, &s.to)));
+        before.zip(&self.steps).map(|((us, from), step)| (us, from, step))
+    }
+}
+
+/// A controller while its program runs.
+#[derive(Default)]
+struct Runner {
+    course: Course,
+    line: usize,
+    at: [Option<i64>; AXES],
+    us: i64,
+    /// Whether the laser is on; None before anyone knows.
+    laser: Option<bool>,
+    /// What it will be from the next move on.
+    waiting: Option<bool>,
+    claim: Option<Claim>,
+    runs: u32,
+    power: Option<f64>,
+    /// The mark of the last step.
+    last: Option<Claim>,
+    /// Whether the approach is over, so that a dwell is a rest of the program.
+    timed: bool,
+}
+
+impl Runner {
+    fn fault(&mut self, message: impl Into<String>) {
+        self.course.faults.push(Fault::new(self.line, message));
+    }
+
+    /// A comment may begin a mark.
+    fn comment(&mut self, text: &str) {
+        let mut words = text.split_whitespace();
+        if words.next() != Some("MARK") {
+            return;
+        }
+        let stroke = words.next().and_then(|w| w.parse().ok());
+        let pen = words.next().filter(|w| *w == "PEN").and(words.next()).and_then(|w| w.parse().ok());
+        let (Some(stroke), Some(pen)) = (stroke, pen) else { return self.fault("a mark does not say what it is") };
+        self.runs += 1;
+        self.claim = Some(Claim { stroke, pen, run: self.runs });
+    }
+
+    /// All laser is off at once.
+    fn off(&mut self) {
+        (self.laser, self.waiting) = (Some(false), None);
+    }
+
+    /// A move that is not timed.
+    fn rapid(&mut self, words: [Option<i64>; AXES]) {
+        if self.laser != Some(false) || self.waiting.is_some() {
+            self.fault("a rapid move with the laser not known to be off");
+        }
+        for (at, to) in self.at.iter_mut().zip(words) {
+            *at = to.or(*at);
+        }
+        self.course.rapids.push((self.line, words));
+    }
+
+    /// A rest; `waits` says whether a switch that waits for a move has its effect before it.
+    fn rest(&mut self, us: i64, waits: bool) {
+        if waits {
+            self.laser = self.waiting.take().or(self.laser);
+        }
+        if self.laser != Some(false) || self.waiting.is_some() {
+            self.fault("a rest with the laser not known to be off");
+        }
+        // One of no time ends the motion.
+        if us > 0 && self.timed {
+            self.step(us, [None; AXES], 0);
+        }
+    }
+
+    /// A timed move of the axes that are named; `known` axes must have a place by now.
+    fn step(&mut self, us: i64, words: [Option<i64>; AXES], known: u8) {
+        self.laser = self.waiting.take().or(self.laser);
+        if us <= 0 {
+            return self.fault("a move without a time");
+        }
+        if self.course.steps.is_empty() {
+            if (0..AXES).any(|k| known >> k & 1 == 1 && self.at[k].is_none()) {
+                self.fault("a move before all axes have a place");
+            }
+            self.course.start = self.at.map(Option::unwrap_or_default);
+        }
+        for (at, to) in self.at.iter_mut().zip(words) {
+            *at = to.or(*at);
+        }
+        let mark = match self.laser {
+            Some(false) => None,
+            Some(true) if self.claim.is_some() => self.claim,
+            _ => {
+                self.fault("the laser is on, or not known to be off, and no mark was announced");
+                None
+            }
+        };
+        if let Some(claim) = mark.filter(|c| self.last.is_none_or(|l| l.run != c.run)) {
+            self.course.powers.push((self.line, claim.pen, self.power));
+        }
+        self.last = mark;
+        let Some(end) = self.us.checked_add(us) else { return self.fault("the program does not end") };
+        self.us = end;
+        let to = self.at.map(Option::unwrap_or_default);
+        self.course.steps.push(Step { line: self.line, us: end, to, mark });
+    }
+
+    fn finish(mut self, ended: bool) -> Course {
+        if !ended {
+            self.fault("the program does not end");
+        }
+        if self.laser != Some(false) || self.waiting.is_some() {
+            self.fault("the laser is not off at the end, at once");
+        }
+        self.course
+    }
+}
+
+/// A plain decimal of that many decimals at most as whole parts of the last one.
+fn scaled(text: &str, decimals: usize) -> Option<i64> {
+    let (whole, part) = text.split_once('.').unwrap_or((text, ""));
+    if part.len() > decimals || whole.is_empty() || !whole.bytes().chain(part.bytes()).all(|c| c.is_ascii_digit()) {
+        return None;
+    }
+    format!("{whole}{part:0<decimals$}").parse().ok()
+}
+
+/// The index of an axis.
+fn axis(letter: char) -> Option<usize> {
+    "XYZACUV".find(letter)
+}
