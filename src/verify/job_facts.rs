@@ -1,8 +1,7 @@
 //! What the job itself says: machine, depth, pens, surface and texture, made anew from the job file.
 
-use std::path::{Path, PathBuf};
-
 use super::geometry::{Map, MeshBuilder, Shape};
+use super::inputs::Inputs;
 use super::read::manifest::Manifest;
 use super::unusable;
 use crate::diag::Error;
@@ -16,27 +15,6 @@ use crate::texture::Texture;
 /// Facets up to this width in plan view, nm, have no height of their own: rounding to the nanometre
 /// may have closed them.
 const THINNEST: f64 = 2.0;
-
-/// Where the job file and its inputs lie.
-pub(super) struct Inputs {
-    /// The job file.
-    pub(super) job: PathBuf,
-}
-
-impl Inputs {
-    pub(super) fn locate(folder: &Path, job_file: &str, inputs_override: Option<&Path>) -> Self {
-        let named = Path::new(job_file);
-        let job = match inputs_override {
-            Some(root) => root.join(named.file_name().unwrap_or(named.as_os_str())),
-            None => folder.join(named),
-        };
-        Self { job }
-    }
-    /// A path that is relative to the job file.
-    pub(super) fn resolve(&self, file: &str) -> PathBuf {
-        self.job.parent().unwrap_or(Path::new("")).join(file)
-    }
-}
 
 /// The numbers that the rules are held against.
 #[derive(Clone, Debug)]

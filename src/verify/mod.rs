@@ -13,6 +13,7 @@
 //! Units: nm, integer in files and f64 under `depth`; mm and um only in the proof.
 
 mod geometry;
+mod inputs;
 mod job_facts;
 mod on_the_fly;
 mod proof;
@@ -30,7 +31,8 @@ use crate::geom::P2;
 use crate::job::Mode;
 use crate::texture::Texture;
 use geometry::Geometry;
-use job_facts::{Inputs, JobFacts};
+use inputs::Inputs;
+use job_facts::JobFacts;
 use read::manifest::Manifest;
 use read::program::ProgramFile;
 use rules::Findings;

@@ -140,6 +140,7 @@ fn sort_by_cell(facets: &mut [Facet], grid: &Grid) {
         let centre = |k: usize| (f.corners[0][k] + f.corners[1][k] + f.corners[2][k]) / 3.0;
         grid.index(1, centre(1)) * grid.count[0] + grid.index(0, centre(0))
     };
+    // Counting sort: `next` first counts, then holds where the next facet of each cell goes.
     let mut next = vec![0u32; grid.count[0] * grid.count[1] + 1];
     facets.iter().for_each(|f| next[cell(f) + 1] += 1);
     for i in 1..next.len() {
@@ -151,6 +152,7 @@ fn sort_by_cell(facets: &mut [Facet], grid: &Grid) {
         target.push(*slot);
         *slot += 1;
     }
+    // Cycles of the permutation in place: every swap brings one facet to where it belongs.
     for i in 0..facets.len() {
         while target[i] as usize != i {
             let t = target[i] as usize;
@@ -203,11 +205,14 @@ impl Facet {
             side[i] = line.dir[0] * dy - line.dir[1] * dx;
             along[i] = line.dir[0] * dx + line.dir[1] * dy;
         }
+        // `side` has the sign of each corner's side of the line; a facet that is wholly on one side is not crossed.
         if side.iter().all(|&s| s > 0.0) || side.iter().all(|&s| s < 0.0) {
             return None;
         }
         let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
         for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+            // A corner on the line counts where its edge begins, so each is looked at once; an edge along the line gives
+            // both its corners.
             let d = if side[i] == 0.0 {
                 along[i]
             } else if side[j] != 0.0 && (side[i] < 0.0) != (side[j] < 0.0) {
@@ -281,6 +286,7 @@ impl Mesh {
             let ([x0, x1], [y0, y1]) = (range(0), range(1));
             x0 <= area[2] && area[0] <= x1 && y0 <= area[3] && area[1] <= y1
         };
+        // Cells list facets by their boxes, several times where a facet is large: once each, and only if it touches.
         let [columns, rows] = [0, 1].map(|k| self.grid.index(k, area[k])..self.grid.index(k, area[k + 2]) + 1);
         let cells = rows.flat_map(|row| columns.clone().map(move |column| row * self.grid.count[0] + column));
         let mut found: Vec<u32> = cells
@@ -320,6 +326,7 @@ impl Mesh {
         self.grid.along(line, |column, row| {
             let cell = row * self.grid.count[0] + column;
             for &i in &self.listed[self.first[cell] as usize..self.first[cell + 1] as usize] {
+                // A facet stands in every cell that it touches, but is cut once a query.
                 let seen = &mut seen[i as usize];
                 if *seen == *query {
                     continue;

@@ -18,6 +18,7 @@ pub(super) fn pieces(
     active.clear();
     let (mut at, mut next) = (0.0, 0);
     loop {
+        // Invariant: pieces up to `at` are done, and `active` holds the crossings that span the place right after it.
         if active.is_empty() {
             let Some(c) = crossings.get(next) else { break };
             if c.d[0] > at + MEET {
@@ -28,6 +29,7 @@ pub(super) fn pieces(
             if c.d[1] <= at {
                 continue;
             }
+            // Nothing else begins before this one ends: it is the top as it stands. On most parts all pieces are such.
             if crossings.get(next).is_none_or(|n| n.d[0] >= c.d[1] - MEET) {
                 visit([at, c.d[1]], Some((c, [c.z_at(at), c.z[1]])));
                 at = c.d[1];
@@ -36,6 +38,7 @@ pub(super) fn pieces(
             }
             continue;
         }
+        // Several sheets: up to where the next one begins or ends, all of them span the stretch.
         let end = active.iter().map(|&i| crossings[i as usize].d[1]).fold(f64::INFINITY, f64::min);
         let to = crossings.get(next).map_or(end, |c| c.d[0].min(end));
         if to > at {
@@ -50,6 +53,7 @@ pub(super) fn pieces(
             next += 1;
         }
     }
+    // What is left behind the last crossing is off the part; so is a line that meets none.
     if len > at + MEET || (at == 0.0 && len > 0.0) {
         visit([at, len], None);
     }
@@ -84,6 +88,7 @@ fn upper(
     let Some(mut top) = all().reduce(|a, b| if higher(key(a), key(b)) { a } else { b }) else { return };
     let mut at = from;
     while at < to {
+        // The envelope is convex, so `top` only ever gets steeper along the line.
         // Only a steeper one can overtake; the steepest of those that do so first goes on.
         let mut overtaken: Option<(f64, &Crossing)> = None;
         for c in all().filter(|c| c.rise() > top.rise()) {

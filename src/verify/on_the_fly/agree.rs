@@ -3,15 +3,13 @@
 use std::path::Path;
 
 use super::chain::Chain;
-use crate::diag;
 use crate::geom::nm_from_mm;
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
+use crate::verify::read::formats::{self, FORMATS};
+use crate::verify::read::on_the_fly::Course;
 use crate::verify::read::on_the_fly::manifest::Manifest;
-use crate::verify::read::on_the_fly::{Course, linuxcnc, pmac};
 
-/// Largest program that is read.
-const MAX_FILE: u64 = 4 << 30;
 /// Relative difference at which two figures are still the same.
 const SAME: f64 = 1e-9;
 /// A power is written with three decimals of a percent.
@@ -19,30 +17,23 @@ const PERCENT: f64 = 0.0006;
 /// How far a blending controller may round a corner, nm.
 const ROUNDED: f64 = 200.5;
 
-/// Reads the programs that the axes call for: of five both, of seven that for PMAC.
+/// Reads the programs of all formats that are written for a machine of these axes.
 pub(super) fn read(folder: &Path, manifest: &Manifest, rule: &mut Rule) -> Vec<(&'static str, Course)> {
     rule.ran = true;
-    let names: &[&'static str] = if manifest.axes == "XYZUV" { &["fly.ngc", "fly.pmc"] } else { &["fly.pmc"] };
     let mut out = Vec::new();
-    for &name in names {
+    for target in FORMATS.iter().filter_map(|row| row.on_the_fly).filter(|t| t.axes.contains(&manifest.axes.as_str())) {
         rule.checked += 1;
-        let bytes = match diag::read_file(&folder.join(name), MAX_FILE) {
-            Ok(bytes) => bytes,
-            Err(e) => {
-                rule.broken("", name, e.diags().first().map_or("cannot be read", |d| &d.message));
-                continue;
-            }
-        };
-        let course = if name == "fly.ngc" { linuxcnc::read(&bytes) } else { pmac::read(&bytes, &manifest.axes) };
-        match course {
-            Ok(course) => out.push((name, course)),
-            Err(fault) => rule.broken("", format!("{name}:{}", fault.line), fault.message),
+        let name = target.file;
+        match formats::bytes(folder, name).map(|bytes| (target.read)(&bytes, &manifest.axes)) {
+            Ok(Ok(course)) => out.push((name, course)),
+            Ok(Err(fault)) => rule.broken("", format!("{name}:{}", fault.line), fault.message),
+            Err(unread) => rule.broken("", name, unread),
         }
     }
     out
 }
 
-/// Two programs of one job say the same; one violation, the first difference.
+/// The programs of one job say the same; one violation for each, the first difference.
 pub(super) fn programs(all: &[(&'static str, Course)], rule: &mut Rule) {
     for (name, course) in all {
         rule.checked += 1;
@@ -51,22 +42,29 @@ pub(super) fn programs(all: &[(&'static str, Course)], rule: &mut Rule) {
             rule.broken("", *name, format!("lets corners be rounded by {um} um"));
         }
     }
-    let [(_, a), (name, b)] = all else { return };
-    rule.checked += a.steps.len() as u64;
-    if a.start != b.start || !a.rapids.iter().map(|r| r.1).eq(b.rapids.iter().map(|r| r.1)) {
-        return rule.broken("", *name, "begins or ends elsewhere than fly.ngc");
+    let Some(((first, a), others)) = all.split_first() else { return };
+    for (name, b) in others {
+        rule.checked += a.steps.len() as u64;
+        if let Some((place, message)) = differs(first, a, name, b) {
+            rule.broken("", place, message);
+        }
     }
-    let differs = a.steps.iter().zip(&b.steps).find(|(x, y)| (x.us, x.to, x.mark) != (y.us, y.to, y.mark));
-    if let Some((x, y)) = differs {
-        return rule.broken("", format!("{name}:{}", y.line), format!("is not what fly.ngc says in line {}", x.line));
+}
+
+/// Where the program `b` first differs from `a`, and how.
+fn differs(first: &str, a: &Course, name: &str, b: &Course) -> Option<(String, String)> {
+    if a.start != b.start || !a.rapids.iter().map(|r| r.1).eq(b.rapids.iter().map(|r| r.1)) {
+        return Some((name.into(), format!("begins or ends elsewhere than {first}")));
+    }
+    let mut moves = a.steps.iter().zip(&b.steps);
+    if let Some((x, y)) = moves.find(|(x, y)| (x.us, x.to, x.mark) != (y.us, y.to, y.mark)) {
+        return Some((format!("{name}:{}", y.line), format!("is not what {first} says in line {}", x.line)));
     }
     if a.steps.len() != b.steps.len() {
-        let text = format!("has {} moves, fly.ngc has {}", b.steps.len(), a.steps.len());
-        return rule.broken("", *name, text);
+        return Some((name.into(), format!("has {} moves, {first} has {}", b.steps.len(), a.steps.len())));
     }
-    if !a.powers.iter().map(|p| (p.1, p.2)).eq(b.powers.iter().map(|p| (p.1, p.2))) {
-        rule.broken("", *name, "marks with other powers than fly.ngc");
-    }
+    let is_same = a.powers.iter().map(|p| (p.1, p.2)).eq(b.powers.iter().map(|p| (p.1, p.2)));
+    (!is_same).then(|| (name.into(), format!("marks with other powers than {first}")))
 }
 
 /// Manifest and program against the job.

@@ -90,6 +90,8 @@ impl<'a> MarkChecker<'a> {
             let way = (0..3).map(|k| (end.at[k] - start.at[k]).powi(2)).sum::<f64>().sqrt();
             let count =
                 if self.chain.leans() { ((way / APART) as usize + 1).max(4) } else { (way / APART) as usize + 2 };
+            // A leaning beam is followed at samples, closer than the facets bend; an upright one facet by facet below. The
+            // first sample of a later move is the last one of the move before.
             for k in usize::from(i > 0)..=count {
                 let share = k as f64 / count as f64;
                 let beam = self.chain.beam(std::array::from_fn(|k| a[k] + share * (b[k] - a[k])));
@@ -114,6 +116,7 @@ impl<'a> MarkChecker<'a> {
                 self.upright(&start, &end, &place, rules);
             }
         }
+        // Position: the foot points on the part against the stroke as it is drawn.
         let traces = stroke.follow(&self.foot_points, STRAY);
         let Some(trace) = traces.first() else { return traces };
         rules.position.checked += self.foot_points.len() as u64;

@@ -21,12 +21,13 @@ use marks::{MarkChecker, Rules, Wanted, Worst};
 use track::Stroke;
 
 use super::geometry::{Geometry, Scratch};
-use super::job_facts::{self, Inputs, JobFacts};
+use super::inputs::Inputs;
+use super::job_facts::{self, JobFacts};
 use super::proof::{Lengths, Proof, Rule};
-use super::read::manifest;
+use super::read::manifest::{self, Listed};
 use super::read::on_the_fly::manifest::Manifest;
 use super::read::on_the_fly::{AXES, Course, Step};
-use super::rules::hash::{self, Listed};
+use super::rules::hash;
 use crate::diag::Error;
 use crate::geom::{P2, nm_from_mm};
 use crate::job::Mode;

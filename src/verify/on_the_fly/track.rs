@@ -129,6 +129,8 @@ impl Stroke {
                 *last = (place, off);
             }
         }
+        // Places next to each other are one start, the nearest of them. A mark that lies nowhere on the stroke is followed
+        // from the nearest place, so that the fault can be told with its distance.
         if starts.is_empty() {
             starts.extend(nearest);
         }
@@ -158,6 +160,7 @@ impl Stroke {
             let ahead = self.nearest(foot, here, here + reach);
             let behind = self.nearest(foot, here - reach, here);
             let of = |n: Option<(f64, f64)>| n.map_or(f64::INFINITY, |n| n.1);
+            // The mark keeps its way: it has turned back only where what lies behind is nearer by more than rounding.
             let goes = match forward {
                 Some(true) => of(ahead) <= of(behind) + BEHIND,
                 Some(false) => of(ahead) + BEHIND < of(behind),
@@ -167,6 +170,7 @@ impl Stroke {
             if forward.is_none() && (to - trace.from).abs() > 10.0 * BEHIND {
                 forward = Some(to > trace.from);
             }
+            // Against its way: that is marked twice.
             if forward.is_some_and(|f| f != (to >= here)) {
                 trace.back += (to - here).abs();
             }

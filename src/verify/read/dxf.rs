@@ -5,19 +5,34 @@
 //! fault: a controller would mark it or lose it, and neither is what the program says.
 
 use super::Fault;
+use super::formats::Strokes;
 use super::number::{integer, nm_from_decimal};
 
 /// Takes layer and points of a stroke.
 type Visit<'v> = dyn FnMut(&[u8], &[[i64; 2]]) + 'v;
 
+/// Reads the drawing of a block, whose layers are `B0001_P1` and so on: block and pen from 1.
+pub(super) fn strokes(bytes: &[u8], id: &str, visit: &mut Strokes<'_>) -> Result<(), Fault> {
+    read(bytes, &mut |layer, points| visit(pen(layer, id), points))
+}
+
+/// The pen that a layer of the block stands for.
+fn pen(layer: &[u8], id: &str) -> Option<usize> {
+    let digits = std::str::from_utf8(layer).ok()?.strip_prefix(id)?.strip_prefix("_P")?;
+    // Marking software tells layers by their names: `_P01` is not `_P1`.
+    digits.parse().ok().filter(|n: &usize| n.to_string() == digits)
+}
+
 /// Reads a drawing.
-pub(in crate::verify) fn read(bytes: &[u8], visit: &mut Visit<'_>) -> Result<(), Fault> {
+fn read(bytes: &[u8], visit: &mut Visit<'_>) -> Result<(), Fault> {
     let mut pairs = Pairs { rest: bytes, line: 0 };
     let mut reader =
         Reader { entity: Entity::None, layer: &[], points: Vec::new(), closed: false, at: Point::default() };
     let mut section: &[u8] = b"";
     let mut named = false;
     loop {
+        // Sections follow each other and hold everything; only ENTITIES is marked, so the others are passed over. `named`
+        // says that the section at hand has its name already.
         let (code, value) = pairs.next()?;
         match (code, value) {
             (0, b"EOF") if section.is_empty() => return Ok(()),

@@ -1,5 +1,6 @@
 //! Reader of `manifest.json`: only what verification needs, in structs of its own.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Deserialize;
@@ -8,7 +9,6 @@ use serde::de::DeserializeOwned;
 use crate::diag::{self, Diag, Error, Place};
 use crate::job::{DepthRule, Level, Mode};
 use crate::machine::Machine;
-use crate::verify::rules::hash::Listed;
 
 /// Name of the manifest in a job folder.
 pub(in crate::verify) const NAME: &str = "manifest.json";
@@ -128,8 +128,9 @@ pub(in crate::verify) struct BlockEntry {
     pub(in crate::verify) tilt_deg: [f64; 2],
     pub(in crate::verify) z_lo_mm: f64,
     pub(in crate::verify) z_hi_mm: f64,
+    /// Its own files, by format.
     #[serde(default)]
-    pub(in crate::verify) files: BlockFiles,
+    pub(in crate::verify) files: BTreeMap<String, String>,
     pub(in crate::verify) strokes: usize,
     pub(in crate::verify) mark_mm: f64,
     pub(in crate::verify) jump_mm: f64,
@@ -138,12 +139,6 @@ pub(in crate::verify) struct BlockEntry {
     pub(in crate::verify) incidence_deg: [f64; 2],
     pub(in crate::verify) stretch: [f64; 2],
     pub(in crate::verify) dose: [f64; 2],
-}
-
-#[derive(Clone, Debug, Default, Deserialize)]
-pub(in crate::verify) struct BlockFiles {
-    #[serde(default)]
-    pub(in crate::verify) dxf: Option<String>,
 }
 
 /// The figures that verification finds again on its own.
@@ -175,6 +170,13 @@ pub(in crate::verify) struct Times {
     pub(in crate::verify) jump: f64,
     pub(in crate::verify) delay: f64,
     pub(in crate::verify) total: f64,
+}
+
+/// What a manifest of either mode lists.
+pub(in crate::verify) struct Listed<'a> {
+    pub(in crate::verify) job: &'a JobRef,
+    pub(in crate::verify) inputs: &'a [FileEntry],
+    pub(in crate::verify) files: &'a [FileEntry],
 }
 
 impl Manifest {

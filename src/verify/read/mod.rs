@@ -3,7 +3,8 @@
 //! Every reader checks its file as it goes, bounds what it allocates by the bytes there are, and
 //! answers a fault with its line or place, never with a panic.
 
-pub(super) mod dxf;
+mod dxf;
+pub(super) mod formats;
 pub(super) mod gcode;
 pub(super) mod manifest;
 pub(super) mod number;

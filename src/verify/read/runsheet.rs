@@ -50,6 +50,7 @@ pub(in crate::verify) fn csv(bytes: &[u8]) -> Result<Table, Fault> {
     let mut chars = text.chars().peekable();
     let mut quoted = false;
     while let Some(c) = chars.next() {
+        // RFC 4180: within quotes a comma and a line feed are text, and two quotes are one.
         line += usize::from(c == '\n');
         match c {
             '"' if quoted && chars.peek() == Some(&'"') => cell.push(chars.next().unwrap_or_default()),
@@ -85,6 +86,7 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
     let (mut pass, mut setup) = (1, None);
     for (i, line) in text(bytes)?.lines().enumerate() {
         let fault = |what: &str| Fault::new(i + 1, what);
+        // Headings in capitals part the sheet; what a part does not know is text for people.
         if let Some(head) = ["PENS", "SET-UPS", "BLOCKS", "BEFORE", "HOW"].into_iter().find(|h| line.starts_with(h)) {
             part = head;
             continue;

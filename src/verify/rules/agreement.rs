@@ -7,19 +7,14 @@ use std::path::Path;
 
 use super::hash::is_inside;
 use super::{planes, setups};
-use crate::diag;
 use crate::geom::{NM_PER_MM, P2, mm_from_nm, nm_from_mm};
-use crate::job::Format;
 use crate::machine::Machine;
 use crate::program::{Block, Program};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
-use crate::verify::read::dxf;
+use crate::verify::read::formats::{self, ReadStrokes, Stepped};
 use crate::verify::read::manifest::{BlockEntry, Manifest};
 use crate::verify::read::program::ProgramFile;
-
-/// Largest drawing of a block, and largest OVF, that is read.
-const MAX_FILE: u64 = 4 << 30;
 
 /// Relative difference at which two stated lengths or angles are still the same number.
 const SAME: f64 = 1e-12;
@@ -65,17 +60,26 @@ pub(in crate::verify) fn check(
         if let Some(difference) = entry.and_then(|e| differs(e, id, block)) {
             rule.broken(id, "manifest.json", format!("its {difference} is not that of program.txt"));
         }
-        let drawing = entry.and_then(|e| e.files.dxf.clone());
-        if drawing.is_some() || facts.formats.contains(&Format::Dxf) {
-            let name = drawing.unwrap_or_else(|| format!("blocks/{id}.dxf"));
-            self::drawing(folder, &name, id, program, block, &facts.machine, rule);
-        }
     }
-    let name = "job.ovf";
-    if facts.formats.contains(&Format::Ovf) || manifest.files.iter().any(|f| f.file == name) {
-        match diag::read_file(&folder.join(name), MAX_FILE) {
-            Ok(bytes) => planes::check(&bytes, name, file, &facts.machine, rule),
-            Err(e) => rule.broken("", name, e.diags().first().map_or("cannot be read", |d| &d.message)),
+    for (row, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
+        match files {
+            Stepped::Blocks { ending, read } => {
+                let drawings = Drawings { folder, read, program, machine: &facts.machine };
+                for (i, (id, block)) in file.ids.iter().zip(&program.blocks).enumerate() {
+                    let named = manifest.blocks.get(i).and_then(|e| e.files.get(row.name));
+                    let name = named.cloned().unwrap_or_else(|| formats::of_block(id, ending));
+                    drawings.check(&name, id, block, rule);
+                }
+            }
+            Stepped::Planes { file: name, open } => match formats::bytes(folder, name) {
+                Ok(bytes) => match open(&bytes) {
+                    Ok(planes) => planes::check(&planes, name, file, &facts.machine, rule),
+                    Err(fault) => rule.broken("", name, fault),
+                },
+                Err(unread) => rule.broken("", name, unread),
+            },
+            // The rules of `stage` hold these.
+            Stepped::Stage { .. } => {}
         }
     }
 }
@@ -135,36 +139,46 @@ fn differs(e: &BlockEntry, id: &str, b: &Block) -> Option<&'static str> {
     .find_map(|(name, same)| (!same).then_some(name))
 }
 
-/// Compares a drawing with its block.
-fn drawing(folder: &Path, name: &str, id: &str, program: &Program, block: &Block, machine: &Machine, rule: &mut Rule) {
-    if !is_inside(name) {
-        return rule.broken(id, "manifest.json", format!("{name:?} is not a path inside the job folder"));
-    }
-    let bytes = match diag::read_file(&folder.join(name), MAX_FILE) {
-        Ok(bytes) => bytes,
-        Err(e) => return rule.broken(id, name, e.diags().first().map_or("cannot be read", |d| &d.message)),
-    };
-    let strokes = program.strokes_of(block);
-    let layers: Vec<String> = (1..=program.pens.len()).map(|n| format!("{id}_P{n}")).collect();
-    let (mut count, mut first) = (0, None);
-    let read = dxf::read(&bytes, &mut |layer, points| {
-        if let Some(stroke) = strokes.get(count) {
-            let wanted =
-                program.points_of(stroke).iter().map(|&p| machine.scanner.controller_from_field(p).map(i64::from));
-            if layer != layers[usize::from(stroke.pen)].as_bytes() {
-                first.get_or_insert((count, "lies on the layer of another pen"));
-            } else if !wanted.eq(points.iter().copied()) {
-                first.get_or_insert((count, "has other points"));
-            }
+/// The files of single blocks in one format.
+struct Drawings<'a> {
+    folder: &'a Path,
+    read: ReadStrokes,
+    program: &'a Program,
+    machine: &'a Machine,
+}
+
+impl Drawings<'_> {
+    /// Compares the file `name` with its block.
+    fn check(&self, name: &str, id: &str, block: &Block, rule: &mut Rule) {
+        if !is_inside(name) {
+            return rule.broken(id, "manifest.json", format!("{name:?} is not a path inside the job folder"));
         }
-        count += 1;
-    });
-    rule.checked += count as u64;
-    if let Err(fault) = read {
-        rule.broken(id, format!("{name}:{}", fault.line), fault.message);
-    } else if let Some((stroke, what)) = first {
-        rule.broken(id, name, format!("stroke {} {what} than in program.txt", stroke + 1));
-    } else if count != strokes.len() {
-        rule.broken(id, name, format!("holds {count} strokes, program.txt has {}", strokes.len()));
+        let bytes = match formats::bytes(self.folder, name) {
+            Ok(bytes) => bytes,
+            Err(unread) => return rule.broken(id, name, unread),
+        };
+        let Self { program, machine, .. } = *self;
+        let strokes = program.strokes_of(block);
+        let (mut count, mut first) = (0, None);
+        let read = (self.read)(&bytes, id, &mut |pen, points| {
+            if let Some(stroke) = strokes.get(count) {
+                let wanted =
+                    program.points_of(stroke).iter().map(|&p| machine.scanner.controller_from_field(p).map(i64::from));
+                if pen != Some(usize::from(stroke.pen) + 1) {
+                    first.get_or_insert((count, "has another pen"));
+                } else if !wanted.eq(points.iter().copied()) {
+                    first.get_or_insert((count, "has other points"));
+                }
+            }
+            count += 1;
+        });
+        rule.checked += count as u64;
+        if let Err(fault) = read {
+            rule.broken(id, format!("{name}:{}", fault.line), fault.message);
+        } else if let Some((stroke, what)) = first {
+            rule.broken(id, name, format!("stroke {} {what} than in program.txt", stroke + 1));
+        } else if count != strokes.len() {
+            rule.broken(id, name, format!("holds {count} strokes, program.txt has {}", strokes.len()));
+        }
     }
 }

@@ -123,11 +123,14 @@ impl Head<'_> {
         let part = |at: [i64; 3]| [0, 1, 2].map(|k| (axes[k].1.sign() * at[k] - origin[k]) as f64);
         let (a, b) = (part(from.at), part(to.at));
         let nm = |l: crate::units::Length| l.as_mm() * NM_PER_MM;
+        // The head moves over the part with its lower end `gap` above the focal plane, whose height is the z of the pose:
+        // what rises above the lower one of both ends and `gap` is too near. Most moves pass above all of the part.
         let gap = nm(self.machine.lens.working_distance) - nm(self.machine.stage.clearance);
         let limit = a[2].min(b[2]) + gap + ROUNDING + 2.0 * self.geometry.weld();
         if self.tiles.highest <= limit && from.tilt == [0; 2] && to.tilt == [0; 2] {
             return;
         }
+        // The program has to keep away from a square of the head's diameter; here it is smaller by what rounding moves.
         let reach = nm(self.machine.lens.diameter) / 2.0 - ROUNDING - self.geometry.weld();
         let sweep = Sweep::of([a[0], a[1]], [b[0], b[1]], reach);
         let range = [0, 1].map(|k| [from.tilt[k].min(to.tilt[k]) as f64, from.tilt[k].max(to.tilt[k]) as f64]);
@@ -151,6 +154,8 @@ impl Head<'_> {
             _ => None,
         };
         let spread = half[0] + half[1];
+        // Branch and bound: within the range no place goes farther from where the middle angles bring it than its distance
+        // from the pivot times the half ranges. Tiles that stay below the limit even so need no look at their facets.
         let doubtful = self.tiles.doubtful(turn.as_ref(), spread, &self.pivot(block), sweep, limit);
         if doubtful.is_empty() {
             return None;
@@ -162,6 +167,8 @@ impl Head<'_> {
                 highest = highest.max(sweep.highest(corners));
             });
         }
+        // A facet that is too high at the middle angles is a fault. If none is, the halves of the larger range decide,
+        // until the doubt is smaller than what is left of the halvings.
         if highest > limit {
             return Some(highest);
         }
@@ -228,6 +235,7 @@ impl Tiles {
                 }
             }
         });
+        // Tiles without a facet are dropped; the others are found by their place.
         let mut of_tile = vec![u32::MAX; boxes.len()];
         let mut kept = Vec::new();
         for (i, b) in boxes.iter().enumerate().filter(|(_, b)| b[5] > f64::NEG_INFINITY) {
@@ -271,6 +279,7 @@ impl Tiles {
     ) -> Vec<[f64; 4]> {
         let [x0, y0, x1, y1] = sweep.bounds;
         let is_doubtful = |b: &&[f64; 6]| {
+            // A box turned about the pivot lies within the box of its turned corners, and that widened by the farthest way.
             let (mut lo, mut hi, mut far) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 3], 0.0f64);
             for i in 0..8 {
                 let p = [0, 1, 2].map(|k| b[if i >> k & 1 == 0 { k } else { k + 3 }]);
@@ -319,6 +328,7 @@ impl Sweep {
     /// The highest place of a facet over the swept area.
     fn highest(&self, corners: [[f64; 3]; 3]) -> f64 {
         let mut ring: Vec<[f64; 3]> = corners.to_vec();
+        // Sutherland and Hodgman: the facet is clipped by one side after the other; z runs along.
         for (n, c) in &self.sides {
             let beyond = |p: &[f64; 3]| n[0] * p[0] + n[1] * p[1] - c;
             let mut kept = Vec::with_capacity(ring.len() + 1);

@@ -45,6 +45,8 @@ pub(in crate::verify) fn check(
         return true;
     }
     rule.checked += 1;
+    // The directions are data of the folder: they are held against the job's grid, the lines are laid by the texture's
+    // own code from them, and then each line is followed to see that pitch and sections are kept.
     let directions = match directions(manifest, facts, pass, texture.bounds()) {
         Ok(directions) => directions,
         Err(fault) => {
@@ -82,6 +84,7 @@ fn directions(manifest: &Manifest, facts: &JobFacts, pass: u32, bounds: Box2) ->
     let [Some(ox), Some(oy), _] = manifest.placement.origin_mm.map(nm_from_mm) else {
         return Err("its placement is beyond 4 m");
     };
+    // Later passes have a grid that lies lower by their shift, so it reaches over as much more of the texture.
     let [dx, dy] = facts.shift(pass, [x, y]);
     let bounds = Box2 { lo: P2::new(bounds.lo.x - dx, bounds.lo.y - dy), hi: bounds.hi };
     let grid = Sections::over(bounds, [x, y], step, [ox, oy]);
@@ -92,6 +95,7 @@ fn directions(manifest: &Manifest, facts: &JobFacts, pass: u32, bounds: Box2) ->
     if stated.direction_deg.len() != grid.len() {
         return Err("it does not state one direction for every section");
     }
+    // Decimals of a degree are exact to the hundredth, which is what the program lays lines by.
     let hundredths = stated.direction_deg.iter().map(|deg| {
         let h = (deg * 100.0).round();
         let is_one = (0.0..f64::from(Directions::COUNT)).contains(&h) && (deg * 100.0 - h).abs() < 1e-6;

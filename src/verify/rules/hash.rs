@@ -6,19 +6,12 @@ use std::fs::File;
 use std::io;
 use std::path::{Component, Path};
 
-use crate::verify::job_facts::Inputs;
+use crate::verify::inputs::Inputs;
 use crate::verify::proof::Rule;
-use crate::verify::read::manifest::{self, FileEntry, JobRef};
+use crate::verify::read::manifest::{self, FileEntry, Listed};
 
 /// Folders inside the job folder are looked into this deep; terrace writes one level.
 const DEEPEST: usize = 8;
-
-/// What a manifest lists.
-pub(in crate::verify) struct Listed<'a> {
-    pub(in crate::verify) job: &'a JobRef,
-    pub(in crate::verify) inputs: &'a [FileEntry],
-    pub(in crate::verify) files: &'a [FileEntry],
-}
 
 /// Holds the rule; answers whether job file and inputs are unchanged.
 pub(in crate::verify) fn check(folder: &Path, manifest: &Listed<'_>, inputs: &Inputs, rule: &mut Rule) -> bool {
@@ -35,7 +28,9 @@ pub(in crate::verify) fn check(folder: &Path, manifest: &Listed<'_>, inputs: &In
         }
         hold(&folder.join(path), entry, &entry.file, rule);
     }
+    // What is not listed has no hash, and an operator might load it.
     walk(folder, "", 0, &listed, rule);
+    // From here on only job file and inputs count: whether they are what was compiled decides which rules can run.
     let before = rule.violated;
     let job = FileEntry { file: manifest.job.file.clone(), bytes: 0, blake3: manifest.job.blake3.clone() };
     match hash_of(&inputs.job) {

@@ -181,6 +181,8 @@ impl Search<'_> {
             let line = Line::new(part(w[0]), part(w[1]));
             let segment = self.lines.len();
             let (low, off) = (&mut self.low, &mut self.off);
+            // Heights of what lies within the interval are measured at once. What lies outside is only noted: whether it stays
+            // outside on either side of an edge is looked into below, for the few marks that need it.
             let cut = geometry.along(&line, &mut self.scratch, |p| match &p.sheet {
                 Some(s) if s.slope != Slope::Steep => {
                     let parts = beyond(&p, s, allowed, geometry);
@@ -217,6 +219,7 @@ impl Search<'_> {
         let runs = confirmed(&self.low, geometry, &mut self.scratch, |i| lines[i], bad);
         let focus = block.stop.focus as f64;
         let mut worst: Option<([f64; 2], f64)> = None;
+        // Of what is confirmed the place farthest from the focal plane is reported, found at the ends of its pieces.
         for s in runs.iter().flat_map(|r| &r.stretches) {
             let part = lines[s.segment].part(s.d, 0.0);
             geometry.along(&part, &mut self.scratch, |p| {

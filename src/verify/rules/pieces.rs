@@ -189,6 +189,9 @@ impl Cover<'_> {
         // The mark that reaches furthest, and how far the others do.
         let mut covered: Option<Span> = None;
         let mut before = 0.0f64;
+        // Sweep along the stroke: `covered` reaches farthest of all marks so far. What lies between it and the next mark is
+        // a gap, what lies behind it is marked twice. `before` is how far all but that mark reach: an overlap is declared
+        // only where no third mark lies.
         for span in &spans {
             let to = covered.map_or(0.0, |c| c.to);
             let noise = self.joint(span.from - to, passes, [covered.as_ref(), Some(span)]);
@@ -307,6 +310,7 @@ impl Cover<'_> {
 
     /// Where the mark lies along the stroke, if it is the piece that begins on `segment`.
     fn fit(&self, segment: usize) -> Result<[f64; 2], &'static str> {
+        // Between its cut points a mark has the very vertices of its stroke, one after another.
         let inner = &self.mark[1..self.mark.len() - 1];
         let last = segment.saturating_add(inner.len());
         if last.saturating_add(1) >= self.points.len() {
@@ -492,6 +496,7 @@ impl Cover<'_> {
         let mut list: Vec<Stretch> = Vec::new();
         let mut scratch = std::mem::take(&mut self.scratch);
         let (first, last) = (self.locate(from).0, self.locate(to).0);
+        // Each stretch of the gap is off the part, too steep, or could have been marked; only the last needs a reason.
         for k in first..=last {
             let line = self.line(k);
             let d = [(from - self.along[k]).max(0.0), (to - self.along[k]).min(line.len)];

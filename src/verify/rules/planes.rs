@@ -9,11 +9,7 @@ use crate::verify::read::ovf::{Mark, OvfFile, WorkPlane};
 use crate::verify::read::program::ProgramFile;
 
 /// Compares the OVF with the program.
-pub(super) fn check(bytes: &[u8], name: &str, file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
-    let ovf = match OvfFile::open(bytes) {
-        Ok(ovf) => ovf,
-        Err(fault) => return rule.broken("", name, fault),
-    };
+pub(super) fn check(ovf: &OvfFile<'_>, name: &str, file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
     let program = &file.program;
     if ovf.len() != program.blocks.len() {
         rule.broken(
@@ -22,6 +18,7 @@ pub(super) fn check(bytes: &[u8], name: &str, file: &ProgramFile, machine: &Mach
             format!("holds {} work planes, program.txt has {} blocks", ovf.len(), program.blocks.len()),
         );
     }
+    // Settings have the number of their pen, from 1, as key.
     for (i, pen) in program.pens.iter().enumerate() {
         let found = i32::try_from(i + 1).ok().and_then(|key| ovf.params.get(&key));
         let delays = &machine.delays;
@@ -47,7 +44,7 @@ pub(super) fn check(bytes: &[u8], name: &str, file: &ProgramFile, machine: &Mach
         }
     }
     for (i, (id, block)) in file.ids.iter().zip(&program.blocks).enumerate().take(ovf.len()) {
-        if let Err(fault) = plane(&ovf, i, program, block, machine, rule) {
+        if let Err(fault) = plane(ovf, i, program, block, machine, rule) {
             rule.broken(id, name, fault);
         }
     }
@@ -85,6 +82,7 @@ fn plane(
     if count != strokes.len() {
         return Err(format!("holds {count} strokes, program.txt has {}", strokes.len()));
     }
+    // A plane is repeated as a whole and each of its blocks again: the product is how often a stroke is marked.
     let passes = |repeats: u64| (u64::from(plane.repeats) + 1).checked_mul(repeats.checked_add(1)?);
     for (pen, repeats) in repeats {
         if passes(repeats) != Some(u64::from(program.pens[usize::from(pen)].passes)) {

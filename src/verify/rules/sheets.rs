@@ -10,7 +10,7 @@ use crate::geom::NM_PER_MM;
 use crate::program::Block;
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
-use crate::verify::read::manifest::Manifest;
+use crate::verify::read::manifest::{BlockEntry, Manifest};
 use crate::verify::read::program::ProgramFile;
 use crate::verify::read::runsheet::{self, Sheet, Table};
 use crate::verify::read::{Fault, number};
@@ -123,7 +123,10 @@ impl Sheets<'_> {
             number::nm_from_decimal(cell.as_bytes())
                 .is_some_and(|found| 2 * (found - nm).abs() <= 10i64.pow((6 - place) as u32))
         };
-        let wanted = self.manifest.blocks.iter().find(|e| e.id == *id).and_then(|e| e.files.dxf.clone());
+        // Any one of the block's own files; none where it has none.
+        let entry = self.manifest.blocks.iter().find(|e| e.id == *id);
+        let is_own =
+            |e: &BlockEntry| e.files.is_empty() && drawing.is_empty() || e.files.values().any(|f| f == drawing);
         let program = &self.file.program;
         let mm: f64 = program.strokes_of(block).iter().map(|s| times::marked_mm(program, s)).sum();
         let marking = times::marking(program, block, &self.facts.machine);
@@ -131,7 +134,7 @@ impl Sheets<'_> {
             ("name", name == id),
             ("stage target", is_at(x, block.stage[0]) && is_at(y, block.stage[1]) && is_at(z, block.stage[2])),
             ("focus (lpfl)", is_at(focus, block.stop.focus)),
-            ("drawing", drawing == wanted.unwrap_or_default()),
+            ("drawing", entry.map_or(drawing.is_empty(), is_own)),
             ("number of strokes", strokes.parse() == Ok(block.strokes.len())),
             ("mark length", is_written(marks, mm, length)),
             ("time", is_written(time, marking.total(), seconds)),

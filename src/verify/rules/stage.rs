@@ -5,23 +5,19 @@
 use std::path::Path;
 
 use super::stage_text;
-use crate::diag;
 use crate::geom::mm_from_nm;
-use crate::job::Format;
 use crate::machine::{Axis, Machine};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
-use crate::verify::read::gcode::{self, Statement, Step};
+use crate::verify::read::formats::{self, Stepped};
+use crate::verify::read::gcode::{Program, Statement, Step};
 use crate::verify::read::manifest::Manifest;
 use crate::verify::read::program::ProgramFile;
-
-/// Largest stage program that is read.
-const MAX_FILE: u64 = 1 << 30;
 
 /// A stage program that could be read.
 pub(in crate::verify) struct StageFile {
     pub(super) name: &'static str,
-    /// Whether it fires by the handshake of LinuxCNC; otherwise an operator does.
+    /// Whether it fires by a handshake with the scan card; otherwise an operator does.
     pub(super) handshake: bool,
     pub(super) statements: Vec<Statement>,
     /// Blocks that comments name beside those that begin a block, each with its line.
@@ -37,16 +33,12 @@ impl StageFile {
 /// Reads the stage programs that the job asks for or the manifest lists.
 pub(super) fn read(folder: &Path, manifest: &Manifest, facts: &JobFacts, rule: &mut Rule) -> Vec<StageFile> {
     let mut out = Vec::new();
-    for (name, format, handshake) in [("stage.ngc", Format::Linuxcnc, true), ("stage_m0.nc", Format::Gcode, false)] {
-        if !facts.formats.contains(&format) && !manifest.files.iter().any(|f| f.file == name) {
-            continue;
-        }
-        match diag::read_file(&folder.join(name), MAX_FILE) {
-            Err(e) => rule.broken("", name, e.diags().first().map_or("cannot be read", |d| &d.message)),
-            Ok(bytes) => match gcode::read(&bytes) {
-                Err(fault) => rule.broken("", format!("{name}:{}", fault.line), fault.message),
-                Ok(gcode::Program { statements, names }) => out.push(StageFile { name, handshake, statements, names }),
-            },
+    for (_, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
+        let Stepped::Stage { file: name, handshake, read } = files else { continue };
+        match formats::bytes(folder, name).map(|bytes| read(&bytes)) {
+            Ok(Ok(Program { statements, names })) => out.push(StageFile { name, handshake, statements, names }),
+            Ok(Err(fault)) => rule.broken("", format!("{name}:{}", fault.line), fault.message),
+            Err(unread) => rule.broken("", name, unread),
         }
     }
     out
@@ -206,7 +198,7 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
                 format!("block {id} stands where the program has {wanted}"),
             );
         }
-        if drawing.as_ref().is_some_and(|name| *name != format!("blocks/{id}.dxf")) {
+        if drawing.as_ref().is_some_and(|name| !formats::is_of_block(name, id)) {
             rule.broken(id, stage.place(s.line), "it names the drawing of another block");
         }
         let is_next = file.origins.len() > 1 && setup != Some(block.setup);

