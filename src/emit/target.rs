@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{dxf, gcode, on_the_fly, ovf};
+use super::{csv, dxf, gcode, on_the_fly, ovf};
 use crate::check::Checked;
 use crate::machine::Machine;
 use crate::on_the_fly::check::Checked as FlyChecked;
@@ -19,6 +19,8 @@ pub enum Format {
     Dxf,
     /// LinuxCNC: a stage program with a START / BUSY handshake, or an on-the-fly program.
     Linuxcnc,
+    /// One CSV file of points per block.
+    Csv,
     /// Plain G-code stage program that waits with M0.
     Gcode,
     /// OpenVectorFormat.
@@ -85,7 +87,7 @@ pub struct Target {
 }
 
 /// All targets, in the order in which files are written.
-pub const TARGETS: [Target; 5] = [
+pub const TARGETS: [Target; 6] = [
     Target {
         format: Format::Dxf,
         name: "dxf",
@@ -98,6 +100,19 @@ pub const TARGETS: [Target; 5] = [
             "blocks/B0001.dxf and so on hold one block each, to be marked when the stage stands at the place",
             "of that block and nowhere else. Layer and colour number are the number of the pen. Switch off",
             "sorting and joining of paths where order or direction matter.",
+        ],
+    },
+    Target {
+        format: Format::Csv,
+        name: "csv",
+        stepped: Some(Files::Blocks("csv", |job, i| csv::block(job.checked, job.machine, i))),
+        on_the_fly: None,
+        carries_pens: true,
+        moves_stage: false,
+        allows_setups: true,
+        sheet: &[
+            "blocks/B0001.csv and so on hold one block each as points in mm: number of the stroke, number of",
+            "the pen, x, y. The beam is on between points of the same stroke and off between strokes.",
         ],
     },
     Target {
@@ -176,7 +191,7 @@ mod tests {
 
     #[test]
     fn every_format_has_one_row_under_its_own_name() {
-        for format in [Format::Dxf, Format::Linuxcnc, Format::Gcode, Format::Ovf, Format::Pmac] {
+        for format in [Format::Dxf, Format::Csv, Format::Linuxcnc, Format::Gcode, Format::Ovf, Format::Pmac] {
             assert_eq!(TARGETS.iter().filter(|t| t.format == format).count(), 1, "{format:?}");
             assert_eq!(serde_json::to_value(format).expect("plain"), format.name());
         }

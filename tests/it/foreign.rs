@@ -44,11 +44,11 @@ fn foreign_readers_read_what_was_written() {
         .texture("pattern = \"hilbert\"\norder = 7\narea = [\"100 mm\", \"100 mm\", \"200 mm\", \"180 mm\"]");
     job.more =
         "[[pen]]\nname = \"deep\"\nspeed = \"300 mm/s\"\npower = \"7 W\"\nfrequency = \"40 kHz\"\npasses = 3\n\n\
-                [emit]\nformats = [\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\"]\n"
+                [emit]\nformats = [\"dxf\", \"csv\", \"linuxcnc\", \"gcode\", \"ovf\"]\n"
             .into();
     let out = dir.path().join("dome.job");
     compile(&job.write(dir.path(), "dome.toml"), &out);
-    for script in ["check_dxf.py", "check_ovf.py", "check_gcode.py"] {
+    for script in ["check_dxf.py", "check_csv.py", "check_ovf.py", "check_gcode.py"] {
         check(&venv, script, &out);
     }
 }

@@ -63,8 +63,8 @@ def check(folder):
     job = Job(folder)
     entries = job.manifest["blocks"]
     points = sum(check_block(job, b, e) for b, e in zip(job.program.blocks, entries))
-    found = sorted(p.name for p in (job.folder / "blocks").iterdir())
-    demand(found == sorted(f"{b.id}.dxf" for b in job.program.blocks), "blocks/ holds other files than one per block")
+    found = sorted(p.name for p in (job.folder / "blocks").glob("*.dxf"))
+    demand(found == sorted(f"{b.id}.dxf" for b in job.program.blocks), "blocks/ does not hold one drawing per block")
     strokes = sum(len(b.strokes) for b in job.program.blocks)
     return f"{len(entries)} drawings, {strokes} strokes, {points} points equal to the nanometre, audit clean"
 

@@ -10,7 +10,7 @@ use std::path::Path;
 
 use super::manifest::{BlockEntry, FileEntry};
 use super::on_the_fly::{self, Course};
-use super::{Fault, dxf, gcode, ovf};
+use super::{Fault, csv, dxf, gcode, ovf};
 use crate::diag;
 use crate::job::Format;
 
@@ -56,11 +56,17 @@ pub(in crate::verify) struct Row {
 }
 
 /// All formats.
-pub(in crate::verify) const FORMATS: [Row; 5] = [
+pub(in crate::verify) const FORMATS: [Row; 6] = [
     Row {
         format: Format::Dxf,
         name: "dxf",
         stepped: Some(Stepped::Blocks { ending: "dxf", read: dxf::strokes }),
+        on_the_fly: None,
+    },
+    Row {
+        format: Format::Csv,
+        name: "csv",
+        stepped: Some(Stepped::Blocks { ending: "csv", read: csv::strokes }),
         on_the_fly: None,
     },
     Row {

@@ -115,7 +115,7 @@ impl Bench {
             focus = { pdof = "0.07 mm" }
             partition = { method = "z-range" }
             machine = { profile = "xyz-galvo-40" }
-            emit = { formats = ["dxf", "linuxcnc", "gcode", "ovf"] }
+            emit = { formats = ["dxf", "csv", "linuxcnc", "gcode", "ovf"] }
             [[texture]]
             pattern = "hatch"
             pitch = "0.9 mm"
@@ -565,6 +565,21 @@ fn agreement_one_format_says_something_else() {
         bytes[end] = if last == b'5' { b'6' } else { b'5' };
     });
     assert_only("agreement", &proof);
+    // The same of a list of points; a point less; another pen.
+    let changes: [fn(&str) -> String; 3] = [
+        |line| format!("{}{}", &line[..line.len() - 1], if line.ends_with('5') { '6' } else { '5' }),
+        |_| String::new(),
+        |line| line.replacen(",1,", ",2,", 1),
+    ];
+    for change in changes {
+        let proof = bench.damaged("blocks/B0005.csv", |bytes| {
+            let text = String::from_utf8(std::mem::take(bytes)).expect("text");
+            let line = text.lines().rfind(|l| l.contains(",1,")).expect("a point of the first pen");
+            let ends = if change(line).is_empty() { "\r\n" } else { "" };
+            *bytes = text.replacen(&format!("{line}{ends}"), &change(line), 1).into_bytes();
+        });
+        assert_only("agreement", &proof);
+    }
     // A target of the stage program.
     let proof = bench.damaged("stage.ngc", |bytes| {
         let text = String::from_utf8(std::mem::take(bytes)).expect("text");
