@@ -167,7 +167,7 @@ fn tables_and_pictures_go_to_a_folder_of_their_own() {
     for file in ["compare.html", "compare.json", "systems.csv", "systems.md", "systems.txt", "decompositions.csv"] {
         assert!(out.join(file).is_file(), "{file}");
     }
-    for file in ["times", "back_off", "axes", "along", "paths"] {
+    for file in ["times", "back-off", "axes", "along", "paths"] {
         let svg = std::fs::read_to_string(out.join(format!("{file}.svg"))).expect("a chart");
         is_whole(&svg);
     }

@@ -10,7 +10,7 @@ use serde_json::Value;
 const PARTS: [(&str, &str, Option<[i32; 4]>); 5] = [
     ("hood_mm_bin.stl", "hood, 450 x 450 mm of it", Some([415, -225, 865, 225])),
     ("mirror_freeform.stl", "mirror, 320 x 180 mm", None),
-    ("helens_relief_small.stl", "helens height_field, 190 x 274 mm", None),
+    ("helens_relief_small.stl", "helens relief, 190 x 274 mm", None),
     ("mould_core_draft3.stl", "mould core, 200 x 140 mm", None),
     ("mouse_shell_undercut.stl", "mouse shell, 124 x 61 mm", None),
 ];
