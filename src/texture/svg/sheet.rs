@@ -9,8 +9,28 @@ use std::ops::Range;
 use roxmltree::Node;
 use simplecss::{AttributeOperator, Declaration, SelectorToken, SelectorTokenizer};
 
-use super::style::NAMES;
 use crate::diag::Diag;
+
+/// Properties that are looked at, in the order in which their values are kept.
+pub(super) const NAMES: [&str; 17] = [
+    "display",
+    "visibility",
+    "opacity",
+    "fill",
+    "stroke",
+    "fill-opacity",
+    "stroke-opacity",
+    "stroke-width",
+    "stroke-dasharray",
+    "transform",
+    "clip-path",
+    "mask",
+    "filter",
+    "marker",
+    "marker-start",
+    "marker-mid",
+    "marker-end",
+];
 
 /// Most tokens of all selectors together.
 const MAX_TOKENS: usize = 1_000_000;

@@ -6,29 +6,8 @@ use roxmltree::Node;
 use simplecss::DeclarationTokenizer;
 use svgtypes::{Paint, PaintFallback};
 
-use super::sheet::{Sheet, Work, declarations};
+use super::sheet::{NAMES, Sheet, Work, declarations};
 use crate::diag::Diag;
-
-/// Properties that are looked at, in the order of [`Declared`].
-pub(super) const NAMES: [&str; 17] = [
-    "display",
-    "visibility",
-    "opacity",
-    "fill",
-    "stroke",
-    "fill-opacity",
-    "stroke-opacity",
-    "stroke-width",
-    "stroke-dasharray",
-    "transform",
-    "clip-path",
-    "mask",
-    "filter",
-    "marker",
-    "marker-start",
-    "marker-mid",
-    "marker-end",
-];
 
 /// What an element itself says about the properties.
 pub(super) struct Declared<'a>([Option<&'a str>; NAMES.len()]);

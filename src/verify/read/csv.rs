@@ -3,9 +3,8 @@
 //! Consumes the bytes of one file; hands over each stroke in file order, in whole nanometres, with its pen. Strokes
 //! are numbered 1, 2, 3 ... without a gap: a line that is missing, repeated or out of place is a fault.
 
-use super::Fault;
-use super::formats::Strokes;
 use super::number::{integer, nm_from_decimal};
+use super::{Fault, Strokes};
 
 /// Reads the file of a block.
 pub(super) fn strokes(bytes: &[u8], _block: &str, visit: &mut Strokes<'_>) -> Result<(), Fault> {

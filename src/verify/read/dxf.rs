@@ -4,9 +4,8 @@
 //! layer. A closed polyline ends on the point it starts with. Anything else among the entities is a
 //! fault: a controller would mark it or lose it, and neither is what the program says.
 
-use super::Fault;
-use super::formats::Strokes;
 use super::number::{integer, nm_from_decimal};
+use super::{Fault, Strokes};
 
 /// Takes layer and points of a stroke.
 type Visit<'v> = dyn FnMut(&[u8], &[[i64; 2]]) + 'v;

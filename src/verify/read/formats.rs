@@ -10,16 +10,12 @@ use std::path::Path;
 
 use super::manifest::{BlockEntry, FileEntry};
 use super::on_the_fly::{self, Course};
-use super::{Fault, csv, dxf, gcode, ovf};
+use super::{Fault, Strokes, csv, dxf, gcode, ovf};
 use crate::diag;
 use crate::job::Format;
 
 /// Largest file that is read.
 const MAX_FILE: u64 = 4 << 30;
-
-/// Takes the strokes of a block one by one: the pen from 1, None where the file names none that the block can have,
-/// and the points in nm in the controller's coordinates.
-pub(in crate::verify) type Strokes<'v> = dyn FnMut(Option<usize>, &[[i64; 2]]) + 'v;
 
 /// Reads the file of the block that is named.
 pub(in crate::verify) type ReadStrokes = fn(&[u8], &str, &mut Strokes<'_>) -> Result<(), Fault>;

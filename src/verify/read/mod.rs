@@ -14,6 +14,10 @@ pub(super) mod ovf;
 pub(super) mod program;
 pub(super) mod runsheet;
 
+/// Takes the strokes of a block one by one: the pen from 1, None where the file names none that the block can have,
+/// and the points in nm in the controller's coordinates.
+pub(in crate::verify) type Strokes<'v> = dyn FnMut(Option<usize>, &[[i64; 2]]) + 'v;
+
 /// What is wrong with a text file, and in which line (from 1).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Fault {
