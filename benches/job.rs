@@ -6,6 +6,13 @@
 #[path = "../tests/it/support/surfaces.rs"]
 mod surfaces;
 
+#[path = "support/cpu.rs"]
+mod cpu;
+#[path = "support/memory.rs"]
+mod memory;
+
+use cpu::cpu_s;
+use memory::peak_mb;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
@@ -95,20 +102,4 @@ fn job(case: &str, stl: &Path) -> String {
     let s = &plan.stepped().expect("a stepped job").summary;
     let per_figure = s.jump_mm / s.fragments.max(1) as f64;
     format!("{} stops, {} fragments, jumps {per_figure:.3} mm each", s.stops, s.fragments)
-}
-
-/// CPU seconds of this process so far.
-fn cpu_s() -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").expect("Linux");
-    let fields: Vec<&str> = stat.rsplit(')').next().expect("fields").split_whitespace().collect();
-    // utime and stime, in ticks of 10 ms.
-    fields[11..13].iter().map(|f| f.parse::<f64>().expect("ticks") / 100.0).sum()
-}
-
-/// Peak resident memory, MB.
-fn peak_mb() -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").expect("Linux");
-    let line = status.lines().find(|l| l.starts_with("VmHWM")).expect("a peak");
-    let kb: f64 = line.split_whitespace().nth(1).and_then(|w| w.parse().ok()).expect("kB");
-    kb / 1024.0
 }

@@ -5,6 +5,10 @@
 //! swings by millimetres. Smooth: one run. Cornered: stops every 4 mm. Short: stops every 0.2 mm, on 4 m. Dome: 450
 //! lines of a hatch on a sphere, of 450 nodes each.
 
+#[path = "support/cpu.rs"]
+mod cpu;
+
+use cpu::cpu_s;
 use terrace::on_the_fly::topp::{Limit, Options, Path, time_optimal};
 
 const STEP: f64 = 0.1;
@@ -92,12 +96,4 @@ fn axes(s: f64) -> [f64; 7] {
         1.5 * (s / 1.7).sin() + 0.1 * (s / 0.6).cos(),
         1.5 * (s / 1.9).cos() + 0.1 * (s / 0.7).sin(),
     ]
-}
-
-/// CPU seconds of this process so far.
-fn cpu_s() -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").expect("Linux");
-    let fields: Vec<&str> = stat.rsplit(')').next().expect("fields").split_whitespace().collect();
-    // utime and stime, in ticks of 10 ms.
-    fields[11..13].iter().map(|f| f.parse::<f64>().expect("ticks") / 100.0).sum()
 }

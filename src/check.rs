@@ -87,7 +87,7 @@ impl Checked {
     pub fn origin(&self) -> [i64; 3] {
         self.origins.first().copied().unwrap_or_default()
     }
-    /// The same by set-up.
+    /// Position of the part frame's origin in the table frame, nm, by set-up.
     pub fn origins(&self) -> &[[i64; 3]] {
         &self.origins
     }
@@ -96,7 +96,7 @@ impl Checked {
     pub(crate) fn unchecked(program: Program, origin: [i64; 3]) -> Self {
         Self { program, origins: vec![origin] }
     }
-    /// The same in several set-ups.
+    /// A program in several set-ups that nobody checked.
     #[cfg(test)]
     pub(crate) fn unchecked_setups(program: Program, origins: Vec<[i64; 3]>) -> Self {
         Self { program, origins }

@@ -1,11 +1,11 @@
 //! What is measured on the labels: connected parts, and the length of borders.
 
-use super::Frame;
+use crate::geom::Grid;
 
 /// Connected parts (8 neighbours) of cells with equal label.
-pub(super) fn parts(frame: &Frame, labels: &[u32]) -> usize {
+pub(super) fn parts(grid: &Grid, labels: &[u32]) -> usize {
     // Runs of equal label in a row; those that touch are joined. Each joining of two parts makes one less.
-    let columns = frame.count[0];
+    let columns = grid.columns();
     let mut parent: Vec<u32> = Vec::new();
     let mut joined = 0;
     let (mut below, mut here): (Vec<Run>, Vec<Run>) = (Vec::new(), Vec::new());
@@ -29,6 +29,7 @@ pub(super) fn parts(frame: &Frame, labels: &[u32]) -> usize {
             for b in touching.filter(|b| b.label == label) {
                 let (p, q) = (root(&mut parent, b.id), root(&mut parent, id));
                 joined += usize::from(p != q);
+                // Union-find over runs: parts = runs - joinings that met two parts.
                 parent[p.max(q) as usize] = p.min(q);
             }
         }
@@ -75,8 +76,8 @@ const KNIGHT: f64 = 0.08787;
 /// parts |u × v| pairs of distance v per length; the weights make the sum right to 1.36 % for all u:
 /// as much too short along the eight directions as too long halfway between. A pair that two borders
 /// part is counted once.
-pub(super) fn seam_cells(frame: &Frame, labels: &[u32]) -> f64 {
-    let columns = frame.count[0];
+pub(super) fn seam_cells(grid: &Grid, labels: &[u32]) -> f64 {
+    let columns = grid.columns();
     let count = |[dx, dy]: [isize; 2]| -> usize {
         let (from, to) = (0.max(-dx) as usize, 0.max(dx) as usize);
         let width = columns.saturating_sub(from + to);

@@ -32,14 +32,14 @@ mod region_growing;
 #[cfg(test)]
 mod tests;
 
-use crate::geom::{Box2, P2, Turn};
+use crate::geom::{Box2, Grid, P2, Turn};
 use crate::program::{Block, Program, Sections};
 use crate::surface::Surface;
 
 /// The raster.
 #[derive(Clone, Debug)]
 pub struct BlockMap {
-    frame: Frame,
+    grid: Grid,
     labels: Vec<u32>,
     sub_blocks: usize,
 }
@@ -96,39 +96,43 @@ impl BlockMap {
         surface: &Surface,
         area: Box2,
     ) -> Self {
-        let frame = Frame::over(area, CELL_NM);
-        let ink = rasterise::ink(program, turns, &frame);
-        let [least, widest] = [SPARSE_GAP_NM, field[0].min(field[1]) / WIDEST_GAP].map(|nm| (nm / frame.cell) as usize);
-        let shown = closing::gaps(&frame, &ink, least, widest);
-        let dense = region_growing::dense(&frame, &ink);
-        let heights = region_growing::Heights::under(surface, &frame, &dense);
+        let grid = raster(area, CELL_NM);
+        let ink = rasterise::ink(program, turns, &grid);
+        let [least, widest] =
+            [SPARSE_GAP_NM, field[0].min(field[1]) / WIDEST_GAP].map(|nm| (nm / grid.pitch[0]) as usize);
+        let shown = closing::gaps(&grid, &ink, least, widest);
+        let dense = region_growing::dense(&grid, &ink);
+        let heights = region_growing::Heights::under(surface, &grid, &dense);
         let window = if is_gridded(&program.blocks, sections) { sections.pitch } else { field };
         let stops: Vec<Accepts> =
             program.blocks.iter().zip(turns).map(|(b, turn)| Accepts::of(b, *turn, window)).collect();
         let may = |cell: usize, label: u32| {
             let stop = &stops[label as usize - 1];
-            heights.at(cell).is_some_and(|z| stop.admits(frame.centre_of(cell), z))
+            heights.at(cell).is_some_and(|z| stop.admits(grid.centre(cell), z))
         };
+        // Judged at their centres: ink on a border cell whose centre its stop does not admit is taken back, else
+        // lines of one level that touch the next would join what is apart.
         let mut labels = ink.clone();
-        for (y, row) in labels.chunks_exact_mut(frame.count[0]).enumerate().filter(|(y, _)| !dense[*y]) {
-            let first = y * frame.count[0];
+        for (y, row) in labels.chunks_exact_mut(grid.columns()).enumerate().filter(|(y, _)| !dense[*y]) {
+            let first = y * grid.columns();
             let dropped = row.iter_mut().enumerate().filter(|(x, label)| **label != 0 && !may(first + x, **label));
             dropped.for_each(|(_, label)| *label = 0);
         }
-        region_growing::grow(&frame, &mut labels, may);
-        let sub_blocks = measure::parts(&frame, &labels) + without_cell(&labels, program.blocks.len());
+        region_growing::grow(&grid, &mut labels, may);
+        // Counted here: closing, which follows, is for the picture.
+        let sub_blocks = measure::parts(&grid, &labels) + without_cell(&labels, program.blocks.len());
         labels.iter_mut().zip(&ink).filter(|(label, _)| **label == 0).for_each(|(label, ink)| *label = *ink);
-        region_growing::grow(&frame, &mut labels, |cell, _| shown[cell] && heights.at(cell).is_some());
+        region_growing::grow(&grid, &mut labels, |cell, _| shown[cell] && heights.at(cell).is_some());
         labels.iter_mut().zip(&shown).filter(|(_, shown)| !**shown).for_each(|(label, _)| *label = 0);
-        Self { frame, labels, sub_blocks }
+        Self { grid, labels, sub_blocks }
     }
 
     /// An empty map over `bounds`, for tests of what is drawn from one.
     #[cfg(test)]
     pub(crate) fn blank(bounds: Box2, cell: i64) -> Self {
         let bounds = if bounds.is_empty() { Box2 { lo: P2::new(0, 0), hi: P2::new(0, 0) } } else { bounds };
-        let frame = Frame::over(bounds, cell.max(1));
-        Self { labels: vec![0; frame.cells()], frame, sub_blocks: 0 }
+        let grid = raster(bounds, cell.max(1));
+        Self { labels: vec![0; grid.len()], grid, sub_blocks: 0 }
     }
 
     /// The labels, to be filled by a test.
@@ -139,17 +143,17 @@ impl BlockMap {
 
     /// Side of a cell, nm.
     pub fn cell(&self) -> i64 {
-        self.frame.cell
+        self.grid.pitch[0]
     }
 
     /// Columns and rows.
     pub fn size(&self) -> [u32; 2] {
-        self.frame.count.map(|n| n as u32)
+        self.grid.count
     }
 
     /// The centre of a cell.
     pub fn centre(&self, column: u32, row: u32) -> P2 {
-        self.frame.centre_of(row as usize * self.frame.count[0] + column as usize)
+        self.grid.centre(row as usize * self.grid.columns() + column as usize)
     }
 
     /// Row by row from below: index of the block that owns the cell plus 1, or 0 for none.
@@ -159,9 +163,7 @@ impl BlockMap {
 
     /// The box of all cells.
     pub fn bounds(&self) -> Box2 {
-        let Frame { origin, cell, count } = self.frame;
-        let hi = |o: i64, n: usize| o + n as i64 * cell;
-        Box2 { lo: origin, hi: P2::new(hi(origin.x, count[0]), hi(origin.y, count[1])) }
+        self.grid.bounds()
     }
 
     /// Sub-blocks in the article's sense: connected parts (8 neighbours) of one level in one section, that
@@ -173,7 +175,7 @@ impl BlockMap {
     /// Length of the borders between blocks, mm, where both sides are labelled. A straight border of any
     /// direction comes out within 1.4 %; at its ends, and where borders meet, it is short by a cell or two.
     pub fn seam_mm(&self) -> f64 {
-        measure::seam_cells(&self.frame, &self.labels) * crate::geom::mm_from_nm(self.frame.cell)
+        measure::seam_cells(&self.grid, &self.labels) * crate::geom::mm_from_nm(self.grid.pitch[0])
     }
 }
 
@@ -184,34 +186,12 @@ fn without_cell(labels: &[u32], blocks: usize) -> usize {
     seen[1..].iter().filter(|seen| !**seen).count()
 }
 
-/// The cells: half-open, the last column and row closed.
-#[derive(Clone, Copy, Debug)]
-struct Frame {
-    origin: P2,
-    /// Side of a cell, nm.
-    cell: i64,
-    /// Columns and rows.
-    count: [usize; 2],
-}
-
-impl Frame {
-    /// The cells over a box: of side `cell`, doubled until they are not too many.
-    fn over(area: Box2, mut cell: i64) -> Self {
-        let [w, h] = area.size();
-        let count = |v: i64, cell: i64| ((v + cell - 1) / cell).max(1);
-        while count(w, cell).saturating_mul(count(h, cell)) > MAX_CELLS {
-            cell *= 2;
-        }
-        Self { origin: area.lo, cell, count: [count(w, cell) as usize, count(h, cell) as usize] }
+/// The square cells over a box: of side `cell`, doubled until they are not too many.
+fn raster(area: Box2, mut cell: i64) -> Grid {
+    let [w, h] = area.size();
+    let count = |v: i64, cell: i64| ((v + cell - 1) / cell).max(1);
+    while count(w, cell).saturating_mul(count(h, cell)) > MAX_CELLS {
+        cell *= 2;
     }
-
-    fn cells(&self) -> usize {
-        self.count[0] * self.count[1]
-    }
-
-    /// The centre of a cell.
-    fn centre_of(&self, i: usize) -> P2 {
-        let at = |o: i64, i: usize| o + i as i64 * self.cell + self.cell / 2;
-        P2::new(at(self.origin.x, i % self.count[0]), at(self.origin.y, i / self.count[0]))
-    }
+    Grid { origin: area.lo, pitch: [cell; 2], count: [count(w, cell) as u32, count(h, cell) as u32] }
 }

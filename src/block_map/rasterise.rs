@@ -8,8 +8,7 @@
 
 use std::ops::Range;
 
-use super::Frame;
-use crate::geom::Turn;
+use crate::geom::{Grid, Turn};
 use crate::program::{Block, Program};
 
 /// A block needs more than this length in a cell, nm: a corner that is clipped by rounding is none.
@@ -17,20 +16,20 @@ const LEAST_NM: f32 = 1.0;
 
 /// Index of the block with the longest marks plus 1 for every cell, 0 where there are none; among
 /// equals the first.
-pub(super) fn ink(program: &Program, turns: &[Option<Turn>], frame: &Frame) -> Vec<u32> {
-    let mut labels = vec![0u32; frame.cells()];
-    let mut longest = vec![LEAST_NM; frame.cells()];
+pub(super) fn ink(program: &Program, turns: &[Option<Turn>], grid: &Grid) -> Vec<u32> {
+    let mut labels = vec![0u32; grid.len()];
+    let mut longest = vec![LEAST_NM; grid.len()];
     // Lengths of the block at hand, over the rows that it touches.
     let (mut own, mut touched) = (Vec::<f32>::new(), Vec::<u32>::new());
     for (i, (block, turn)) in program.blocks.iter().zip(turns).enumerate() {
-        let Some(rows) = rows_of(program, block, turn, frame) else { continue };
-        let first = rows.start * frame.count[0];
-        own.resize(own.len().max(rows.len() * frame.count[0]), 0.0);
+        let Some(rows) = rows_of(program, block, turn, grid) else { continue };
+        let first = rows.start * grid.columns();
+        own.resize(own.len().max(rows.len() * grid.columns()), 0.0);
         for stroke in program.strokes_of(block) {
-            let mut points = program.points_of(stroke).iter().map(|p| local(block, turn, p, frame));
+            let mut points = program.points_of(stroke).iter().map(|p| on_part(block, turn, p));
             let Some(mut a) = points.next() else { continue };
             for b in points {
-                pass(a, b, frame, |cell, length| {
+                pass(a, b, grid, |cell, length| {
                     let own = &mut own[cell - first];
                     if *own == 0.0 {
                         touched.push(cell as u32);
@@ -42,6 +41,7 @@ pub(super) fn ink(program: &Program, turns: &[Option<Turn>], frame: &Frame) -> V
         }
         for cell in touched.drain(..).map(|cell| cell as usize) {
             let length = std::mem::take(&mut own[cell - first]);
+            // More than the blocks before have: among equals the first keeps the cell.
             if length > longest[cell] {
                 (longest[cell], labels[cell]) = (length, i as u32 + 1);
             }
@@ -50,33 +50,27 @@ pub(super) fn ink(program: &Program, turns: &[Option<Turn>], frame: &Frame) -> V
     labels
 }
 
-/// A point of a block from the frame's origin, nm; of a turned part where the beam meets the focal plane, which
-/// is next to the surface.
-fn local(block: &Block, turn: &Option<Turn>, p: &[i32; 2], frame: &Frame) -> [i64; 2] {
-    let (c, o) = (block.stop.centre, frame.origin);
+/// A point of a block on the part, nm; of a turned part where the beam meets the focal plane, which is next to
+/// the surface.
+fn on_part(block: &Block, turn: &Option<Turn>, p: &[i32; 2]) -> [i64; 2] {
+    let c = block.stop.centre;
     let at = [c.x + i64::from(p[0]), c.y + i64::from(p[1])];
-    let [x, y] = turn.map_or(at, |turn| {
+    turn.map_or(at, |turn| {
         let [x, y, _] = turn.back([at[0], at[1], block.stop.focus].map(|v| v as f64));
         [x.round() as i64, y.round() as i64]
-    });
-    [x - o.x, y - o.y]
+    })
 }
 
 /// The rows that hold a block's points.
-fn rows_of(program: &Program, block: &Block, turn: &Option<Turn>, frame: &Frame) -> Option<Range<usize>> {
+fn rows_of(program: &Program, block: &Block, turn: &Option<Turn>, grid: &Grid) -> Option<Range<usize>> {
     let points = program.strokes_of(block).iter().flat_map(|s| program.points_of(s));
-    let y = points.map(|p| local(block, turn, p, frame)[1]);
+    let y = points.map(|p| on_part(block, turn, p)[1]);
     let (lo, hi) = y.fold((i64::MAX, i64::MIN), |(lo, hi), y| (lo.min(y), hi.max(y)));
     if lo > hi {
         return None;
     }
-    let row = |y: i64, off: i64| (y - off).div_euclid(frame.cell);
     // Borders included: which row a point on a border belongs to depends on where its stroke goes.
-    Some(index(row(lo, 1), frame.count[1])..index(row(hi, 0), frame.count[1]) + 1)
-}
-
-fn index(v: i64, count: usize) -> usize {
-    v.clamp(0, count as i64 - 1) as usize
+    Some(grid.along(1, lo, -1) as usize..grid.along(1, hi, 0) as usize + 1)
 }
 
 /// One axis of a segment on its way through the cells.
@@ -93,24 +87,18 @@ struct Axis {
 }
 
 impl Axis {
-    fn new(a: i64, b: i64, cell: i64, count: usize, stride: usize) -> Self {
+    fn new(grid: &Grid, axis: usize, [a, b]: [i64; 2], stride: usize) -> Self {
         let d = b - a;
-        let below = |v: i64| index((v - 1).div_euclid(cell), count);
-        let above = |v: i64| index(v.div_euclid(cell), count);
-        let (first, last) = match d {
-            ..0 => (below(a), above(b)),
-            0 => (above(a), above(a)),
-            _ => (above(a), below(b)),
-        };
-        let left = first.abs_diff(last);
-        let border = (first as i64 + i64::from(d > 0)) * cell;
+        let (first, last) = (grid.along(axis, a, d), grid.along(axis, b, -d));
+        let left = first.abs_diff(last) as usize;
+        let border = grid.line(axis, first + i64::from(d > 0));
         let next = if left > 0 { (border - a) as f64 / d as f64 } else { f64::INFINITY };
         Self {
-            first,
+            first: first as usize,
             left,
             stride: if d > 0 { stride as isize } else { -(stride as isize) },
             next,
-            step: cell as f64 / d.abs().max(1) as f64,
+            step: grid.pitch[axis] as f64 / d.abs().max(1) as f64,
         }
     }
 
@@ -125,10 +113,10 @@ impl Axis {
 
 /// Hands the cells under the segment from `a` to `b` to `visit` in order: index and length in nm.
 #[inline]
-pub(super) fn pass(a: [i64; 2], b: [i64; 2], frame: &Frame, mut visit: impl FnMut(usize, f64)) {
-    let columns = frame.count[0];
-    let mut x = Axis::new(a[0], b[0], frame.cell, columns, 1);
-    let mut y = Axis::new(a[1], b[1], frame.cell, frame.count[1], columns);
+pub(super) fn pass(a: [i64; 2], b: [i64; 2], grid: &Grid, mut visit: impl FnMut(usize, f64)) {
+    let columns = grid.columns();
+    let mut x = Axis::new(grid, 0, [a[0], b[0]], 1);
+    let mut y = Axis::new(grid, 1, [a[1], b[1]], columns);
     let [dx, dy] = [0, 1].map(|k| (b[k] - a[k]) as f64);
     let length = (dx * dx + dy * dy).sqrt();
     let mut at = y.first * columns + x.first;

@@ -6,8 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::Frame;
-use crate::geom::P2;
+use crate::geom::{Grid, P2};
 use crate::surface::{Cursor, Surface};
 
 /// Heights of the surface at the centres of the cells of some rows.
@@ -19,19 +18,20 @@ const NONE: i32 = i32::MIN;
 
 impl Heights {
     /// Walks the surface along the rows that are not `dense`.
-    pub(super) fn under(surface: &Surface, frame: &Frame, dense: &[bool]) -> Self {
-        let columns = frame.count[0];
-        let mut heights = vec![NONE; frame.cells()];
+    pub(super) fn under(surface: &Surface, grid: &Grid, dense: &[bool]) -> Self {
+        let columns = grid.columns();
+        let mut heights = vec![NONE; grid.len()];
         heights.par_chunks_mut(columns).enumerate().filter(|(row, _)| !dense[*row]).for_each_init(
             || (Cursor::default(), Vec::new()),
             |(cursor, spans), (row, heights)| {
-                let b = frame.centre_of((row + 1) * columns - 1);
-                let a = P2::new(frame.origin.x, b.y);
+                let b = grid.centre((row + 1) * columns - 1);
+                let a = P2::new(grid.origin.x, b.y);
                 surface.walk(a, b, cursor, spans);
                 let mut span = 0;
                 for (column, height) in heights.iter_mut().enumerate() {
-                    let x = column as i64 * frame.cell + frame.cell / 2;
+                    let x = column as i64 * grid.pitch[0] + grid.pitch[0] / 2;
                     let t = x as f64 / (b.x - a.x) as f64;
+                    // Spans tile 0 to 1 and columns come in order, so both are gone through once.
                     while spans[span].t1 < t {
                         span += 1;
                     }
@@ -54,22 +54,24 @@ impl Heights {
 }
 
 /// The rows that have marks in every cell, as have the rows beside them.
-pub(super) fn dense(frame: &Frame, ink: &[u32]) -> Vec<bool> {
+pub(super) fn dense(grid: &Grid, ink: &[u32]) -> Vec<bool> {
     let is_whole = |row: &[u32]| row.iter().all(|&label| label != 0);
-    let whole: Vec<bool> = ink.chunks_exact(frame.count[0]).map(is_whole).collect();
+    let whole: Vec<bool> = ink.chunks_exact(grid.columns()).map(is_whole).collect();
     let near = |y: usize| y.saturating_sub(1)..(y + 2).min(whole.len());
     (0..whole.len()).map(|y| whole[near(y)].iter().all(|&w| w)).collect()
 }
 
 /// Gives cells without label that of a neighbour, as long as there is one that may have the cell:
 /// `may(cell, label)`.
-pub(super) fn grow(frame: &Frame, labels: &mut [u32], may: impl Fn(usize, u32) -> bool) {
-    let (mut front, mut next) = (rim(frame, labels), Vec::new());
+pub(super) fn grow(grid: &Grid, labels: &mut [u32], may: impl Fn(usize, u32) -> bool) {
+    let (mut front, mut next) = (rim(grid, labels), Vec::new());
     while !front.is_empty() {
+        // Breadth first: the cells of the front are equally many steps away from marks. Sides before corners, since
+        // a step over a corner is longer. A cell is given once and never changed.
         for steps in [SIDES, CORNERS] {
             for &i in &front {
                 let label = labels[i as usize];
-                beside(frame, i, steps, |n| {
+                beside(grid, i, steps, |n| {
                     if labels[n] == 0 && may(n, label) {
                         labels[n] = label;
                         next.push(n as u32);
@@ -88,8 +90,8 @@ const CORNERS: Steps = [[-1, -1], [1, -1], [-1, 1], [1, 1]];
 
 /// Hands the cells beside cell `i` to `take`.
 #[inline]
-fn beside(frame: &Frame, i: u32, steps: Steps, mut take: impl FnMut(usize)) {
-    let [columns, rows] = frame.count.map(|n| n as u32);
+fn beside(grid: &Grid, i: u32, steps: Steps, mut take: impl FnMut(usize)) {
+    let [columns, rows] = grid.count;
     let (x, y) = (i % columns, i / columns);
     for [dx, dy] in steps {
         let (x, y) = (x.wrapping_add_signed(dx), y.wrapping_add_signed(dy));
@@ -100,8 +102,8 @@ fn beside(frame: &Frame, i: u32, steps: Steps, mut take: impl FnMut(usize)) {
 }
 
 /// The cells with label that have one without beside them, rising.
-fn rim(frame: &Frame, labels: &[u32]) -> Vec<u32> {
-    let [columns, rows] = frame.count;
+fn rim(grid: &Grid, labels: &[u32]) -> Vec<u32> {
+    let [columns, rows] = [grid.columns(), grid.rows()];
     let row = |y: usize| &labels[y * columns..(y + 1) * columns];
     let mut rim = Vec::new();
     // Whether a column holds a cell without label in the row at hand or those beside it.

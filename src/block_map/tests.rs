@@ -8,8 +8,8 @@ use crate::program::{Stop, Stroke};
 
 const MM: i64 = 1_000_000;
 
-fn frame(columns: usize, rows: usize, cell: i64) -> Frame {
-    Frame { origin: P2::new(0, 0), cell, count: [columns, rows] }
+fn grid(columns: u32, rows: u32, cell: i64) -> Grid {
+    Grid { origin: P2::new(0, 0), pitch: [cell; 2], count: [columns, rows] }
 }
 
 /// A block: centre and depth interval in nm, strokes in the part frame.
@@ -97,10 +97,10 @@ proptest! {
         prop_assume!(a != b);
         // Multiples of a tenth of a cell, so that corners and borders are met often; or just beside them.
         let (a, b) = (a.map(|v| v * 100 + shift), b.map(|v| v * 100 + shift));
-        let frame = frame(9, 9, 1000);
-        let mut lengths = vec![0.0; frame.cells()];
+        let grid = grid(9, 9, 1000);
+        let mut lengths = vec![0.0; grid.len()];
         let mut passed = Vec::new();
-        rasterise::pass(a, b, &frame, |cell, length| {
+        rasterise::pass(a, b, &grid, |cell, length| {
             lengths[cell] += length;
             passed.push(cell);
         });
@@ -121,7 +121,7 @@ proptest! {
 
     #[test]
     fn parts_are_those_of_a_flood(labels in prop::collection::vec(0u32..3, 6 * 9)) {
-        let frame = frame(6, 9, 1);
+        let grid = grid(6, 9, 1);
         let mut seen = vec![false; labels.len()];
         let mut count = 0;
         for start in (0..labels.len()).filter(|&i| labels[i] != 0) {
@@ -135,16 +135,16 @@ proptest! {
                 open.extend((0..labels.len()).filter(near).filter(|&j| labels[j] == labels[i]));
             }
         }
-        prop_assert_eq!(measure::parts(&frame, &labels), count);
+        prop_assert_eq!(measure::parts(&grid, &labels), count);
     }
 }
 
 #[test]
 fn a_stroke_along_a_border_is_the_upper_cells_and_one_that_ends_there_the_lower_ones() {
-    let frame = frame(4, 4, 1000);
+    let grid = grid(4, 4, 1000);
     let cells = |a, b| {
         let mut cells = Vec::new();
-        rasterise::pass(a, b, &frame, |cell, _| cells.push([cell % 4, cell / 4]));
+        rasterise::pass(a, b, &grid, |cell, _| cells.push([cell % 4, cell / 4]));
         cells
     };
     assert_eq!(cells([0, 1000], [2000, 1000]), [[0, 1], [1, 1]]);
@@ -163,13 +163,13 @@ fn a_cell_belongs_to_the_longest_marks_in_it() {
         // Longer in the third cell, as long as the first in the second, where the first keeps it.
         (nm(1.0, 1.0), z, vec![line(0.25, 0.5, 0.05), line(0.55, 1.0, 0.2)]),
     ]);
-    assert_eq!(rasterise::ink(&program, &[None; 8][..program.blocks.len()], &frame(4, 1, 250_000)), [1, 1, 2, 2]);
+    assert_eq!(rasterise::ink(&program, &[None; 8][..program.blocks.len()], &grid(4, 1, 250_000)), [1, 1, 2, 2]);
 }
 
 #[test]
 fn a_straight_border_is_as_long_as_it_is() {
     let n = 400usize;
-    let frame = frame(n, n, 1);
+    let grid = grid(400, 400, 1);
     for degrees in [0.0f64, 10.0, 15.0, 22.5, 26.57, 30.0, 45.0, 60.0, 75.0, 90.0, 120.0, 135.0, 150.0] {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let side = |i: usize| {
@@ -179,7 +179,7 @@ fn a_straight_border_is_as_long_as_it_is() {
         let labels: Vec<u32> = (0..n * n).map(side).collect();
         // From rim to rim of the square through about its middle.
         let want = n as f64 / sin.abs().max(cos.abs());
-        let found = measure::seam_cells(&frame, &labels);
+        let found = measure::seam_cells(&grid, &labels);
         assert!((found / want - 1.0).abs() < 0.02, "{degrees} degrees: {found} of {want}");
     }
 }
@@ -187,22 +187,22 @@ fn a_straight_border_is_as_long_as_it_is() {
 #[test]
 fn a_circle_is_as_long_as_it_is_and_an_unlabelled_side_is_no_seam() {
     let n = 400usize;
-    let frame = frame(n, n, 1);
+    let grid = grid(400, 400, 1);
     let inside = |i: usize| ((i % n) as f64 - 199.2).hypot((i / n) as f64 - 200.1) < 150.0;
     let labels = |out: u32| (0..n * n).map(|i| if inside(i) { 7 } else { out }).collect::<Vec<u32>>();
-    let found = measure::seam_cells(&frame, &labels(3));
+    let found = measure::seam_cells(&grid, &labels(3));
     assert!((found / (300.0 * std::f64::consts::PI) - 1.0).abs() < 0.005, "{found}");
-    assert_eq!(measure::seam_cells(&frame, &labels(0)), 0.0);
+    assert_eq!(measure::seam_cells(&grid, &labels(0)), 0.0);
 }
 
 #[test]
 fn gaps_close_up_to_the_reach_and_nothing_else_does() {
     // A hatch of lines 4 cells apart in rows 2 to 18, and far from it a lonely line.
-    let frame = frame(40, 60, 1);
-    let mut labels = vec![0; frame.cells()];
+    let grid = grid(40, 60, 1);
+    let mut labels = vec![0; grid.len()];
     let lines: Vec<usize> = (2..=18).step_by(4).chain([50]).collect();
     lines.iter().for_each(|y| labels[y * 40 + 5..y * 40 + 30].fill(1));
-    let shown = closing::gaps(&frame, &labels, 4, 20);
+    let shown = closing::gaps(&grid, &labels, 4, 20);
     for (i, shown) in shown.iter().enumerate() {
         let (x, y) = (i % 40, i / 40);
         assert_eq!(*shown, (5..30).contains(&x) && ((2..=18).contains(&y) || y == 50), "{x} {y}");
@@ -210,7 +210,7 @@ fn gaps_close_up_to_the_reach_and_nothing_else_does() {
     // Dots: between four of them too.
     labels.fill(0);
     (0..100).for_each(|k| labels[(5 + k / 10 * 4) * 40 + 2 + k % 10 * 3] = 1);
-    let shown = closing::gaps(&frame, &labels, 4, 20);
+    let shown = closing::gaps(&grid, &labels, 4, 20);
     assert_eq!(shown.iter().filter(|s| **s).count(), 28 * 37);
     // Most gaps too wide: sparse figures are closed as far as they are small.
     labels.fill(0);
@@ -218,9 +218,9 @@ fn gaps_close_up_to_the_reach_and_nothing_else_does() {
         labels[y * 40 + x] = 1;
         labels[y * 40 + x + 3] = 1;
     }
-    let shown = closing::gaps(&frame, &labels, 4, 20);
+    let shown = closing::gaps(&grid, &labels, 4, 20);
     assert_eq!(shown.iter().filter(|s| **s).count(), 16);
-    assert!(closing::gaps(&frame, &vec![0; frame.cells()], 4, 20).iter().all(|s| !s));
+    assert!(closing::gaps(&grid, &vec![0; grid.len()], 4, 20).iter().all(|s| !s));
 }
 
 /// Two levels on a slope along x, 1 mm hatch along x, texture in the lower half only.

@@ -98,7 +98,7 @@ fn least(even: &Samples, allowed: ScannerLimits) -> Vec<[f64; 3]> {
     joined([0, 1, 2].map(|k| within(even.at.iter().map(|p| p[k]).collect(), &[], &ends(even, allowed, k))))
 }
 
-/// The same within what a stage of a filter needs, or the axes can do when all is `slower`.
+/// The stage of least acceleration within what a stage of a filter needs, or the axes can do when all is `slower`.
 fn no_slower(
     even: &Samples,
     allowed: ScannerLimits,

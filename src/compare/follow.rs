@@ -41,7 +41,7 @@ pub(super) struct Follower<'a> {
     subject: &'a Subject<'a>,
     whole: &'a Strokes,
     path: Path,
-    /// The same with no more nodes than turning axes need.
+    /// The path with no more nodes than turning axes need.
     thin: Path,
     /// Its time at the pens' speeds, s.
     process_s: f64,
@@ -437,7 +437,7 @@ fn beyond(machine: &Machine, ends: [[f64; 2]; 3]) -> Option<String> {
     (!names.is_empty()).then(|| names.join(", "))
 }
 
-/// The same of axes that turn.
+/// Which turning axes need more travel than they have, and how much; None where none does.
 fn turns_beyond(machine: &Machine, axes: &[Axes]) -> Option<String> {
     let table = machine.tilt.as_ref()?;
     let picks: [fn(&Axes) -> f64; 2] = [|axes| axes.a, |axes| axes.c];

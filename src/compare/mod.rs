@@ -54,7 +54,7 @@ pub enum System {
     Tilt,
     /// Scanner and stage synchronised, strokes in their order, stage by moving average.
     Decomposition,
-    /// The same, the texture cut into bands of depth over the whole part; z steps between them.
+    /// As `Decomposition`, the texture cut into bands of depth over the whole part; z steps between them.
     SyncBands,
     /// Seven axes, Gaussian decomposition.
     Seven,

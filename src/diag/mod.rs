@@ -141,13 +141,13 @@ impl Diag {
         d.hint = "this is a fault of terrace, not of your job: please report it with the job file".into();
         d
     }
-    /// The same message at `place`.
+    /// Sets the place that the message speaks of.
     #[must_use]
     pub fn at(mut self, place: Place) -> Self {
         self.place = place;
         self
     }
-    /// The same message with a remedy.
+    /// Adds a remedy.
     #[must_use]
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hint = hint.into();
@@ -222,7 +222,7 @@ impl Error {
         assert!(!diags.is_empty(), "an error says at least one thing");
         Self(diags)
     }
-    /// The same error, with the warnings that came before it told after it.
+    /// Adds the warnings that came before the error; they are told after it.
     #[must_use]
     pub fn after(mut self, warnings: Vec<Diag>) -> Self {
         self.0.extend(warnings);

@@ -4,9 +4,13 @@
 //! and as `i32` inside a block (2.1 m either way). Predicates are exact. mm appear only where a file
 //! is read or written, and z stays `f64` until a mark is made of it.
 
+mod buckets;
+mod grid;
 mod stroke;
 mod turn;
 
+pub use buckets::{Buckets, counting_sort};
+pub use grid::Grid;
 pub use stroke::Strokes;
 pub use turn::Turn;
 
@@ -105,7 +109,7 @@ pub fn nm_from_mm(mm: f64) -> Option<i64> {
     (nm.abs() <= MAX_NM as f64).then_some(nm as i64)
 }
 
-/// The same length in mm.
+/// A length in nm as mm.
 pub fn mm_from_nm(nm: i64) -> f64 {
     nm as f64 / NM_PER_MM
 }

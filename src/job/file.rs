@@ -388,9 +388,9 @@ pub enum StopOrder {
     /// The one with the least time of stage moves that is found.
     #[default]
     Time,
-    /// The same, but no focal plane lies lower than the one before.
+    /// The one with the least time of stage moves in which no focal plane lies lower than the one before.
     ZUp,
-    /// The same, but no focal plane lies higher than the one before.
+    /// The one with the least time of stage moves in which no focal plane lies higher than the one before.
     ZDown,
 }
 

@@ -296,8 +296,8 @@ impl Job {
         std::iter::once(("surface", self.surface.file.as_path())).chain(drawings).chain(machine).collect()
     }
 
-    /// The same job with this method, in one pass and one set-up, without dose compensation. For comparing
-    /// ways of marking.
+    /// The job planned by this method, in one pass and one set-up, without dose compensation. For comparing ways
+    /// of marking.
     pub fn plain(&self, method: Method) -> Self {
         let mut job = self.clone();
         job.partition.method = method;

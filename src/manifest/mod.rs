@@ -96,7 +96,7 @@ pub struct Summary {
     pub jump_mm: f64,
     /// Largest distance of a mark from its block's focal plane, as the job sets that plane.
     pub worst_defocus_um: f64,
-    /// The same with every focal plane at the mean height of its marks.
+    /// Largest distance of a mark from the mean height of its block's marks.
     pub worst_defocus_mean_um: f64,
     /// Largest angle between the beam and the normal of a marked place.
     pub worst_incidence_deg: f64,

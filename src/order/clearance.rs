@@ -40,6 +40,8 @@ impl Clearance {
             path.add(P2::new(p.x + self.radius, p.y + self.radius));
         }
         let path = aabb(path);
+        // The box of the path holds what the lens sweeps over and more: a part that is high beside a slanting path
+        // may cost a lift, never a collision.
         let top = self.bvh.intersect_aabb(&path).map(|i| self.tiles[i as usize].1).max();
         top.map_or(i64::MIN, |t| t - self.gap)
     }
@@ -58,6 +60,7 @@ impl Clearance {
     /// angles to another, each in its own time. `turns` are those of all four pairs of their angles. Between
     /// them a place rises above the highest of the four by less than they lie apart.
     pub fn lowest_swing(&self, turns: [Turn; 4]) -> i64 {
+        // The axes need not arrive together, so all pairs of angles between the four can occur on the way.
         let top = turns.iter().flat_map(|turn| self.tiles.iter().map(|tile| turned(tile, turn).1)).max();
         let lift = |(b, top): &(Box2, i64)| {
             let p = [(b.lo.x + b.hi.x) as f64 / 2.0, (b.lo.y + b.hi.y) as f64 / 2.0, *top as f64];

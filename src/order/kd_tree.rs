@@ -98,6 +98,7 @@ impl<const D: usize> Tree<D> {
         let leaf = self.leaf(at);
         let mut node = self.leaves - 1 + leaf;
         let last = self.start(leaf) + self.free[node] as usize - 1;
+        // Free points of a leaf stand first: the one taken changes places with the last of them.
         self.points.swap(at, last);
         self.numbers.swap(at, last);
         self.place[self.numbers[at] as usize] = at as u32;
@@ -127,6 +128,7 @@ impl<const D: usize> Tree<D> {
         };
         let mut node = self.leaves - 1 + self.leaf(self.place[near as usize] as usize);
         self.below(node, from, &mut limit, &far, &mut f);
+        // Up to the root: at each step all below `node` has been seen, its sibling not.
         while node > 0 {
             let sibling = if node % 2 == 1 { node + 1 } else { node - 1 };
             if self.free[sibling] > 0 && self.reach(sibling, from, &far) < limit {
@@ -161,6 +163,7 @@ impl<const D: usize> Tree<D> {
                 *reach = self.reach(c, from, far);
             }
         }
+        // The nearer child first: what it holds may lower the limit below the reach of the other.
         let nearer = usize::from(reach[1] < reach[0]);
         for c in [nearer, 1 - nearer] {
             if reach[c] < *limit {

@@ -81,6 +81,8 @@ impl Leg {
     }
 
     fn at(&self, nm: f64) -> f64 {
+        // The bits of a float are a piecewise linear logarithm: exponent and first bits of the mantissa are the
+        // place in the table, the rest the share between two places. One is added so that 0 has a place.
         let bits = (nm + 1.0).to_bits() - 1f64.to_bits();
         let at = ((bits >> BELOW) as usize).min(self.0.len() - 2);
         let share = (bits & ((1 << BELOW) - 1)) as f64 / (1u64 << BELOW) as f64;

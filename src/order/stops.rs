@@ -96,6 +96,7 @@ fn path(stops: &[[i64; 3]], stage: &Stage<'_>, some: Vec<usize>, effort: usize) 
     if some.len() < 2 {
         return some;
     }
+    // Item 0 is where the stage comes from; a stop is entered and left at one place, so it has one port.
     let mut endpoints = Endpoints::with_capacity(some.len() + 1, some.len() + 1);
     (0..=some.len()).for_each(|_| endpoints.closed(1));
     let at: Vec<[f64; 3]> =
@@ -104,6 +105,8 @@ fn path(stops: &[[i64; 3]], stage: &Stage<'_>, some: Vec<usize>, effort: usize) 
     let clock = Clock::new(stage.machine);
     let far = |gap: [f64; 3]| clock.over(gap) + TIE * gap.iter().map(|v| v * v).sum::<f64>().sqrt();
     let of_ports = |seq: &[u32]| seq[1..].iter().map(|&port| some[port as usize - 1]).collect::<Vec<usize>>();
+    // 2-opt and Or-opt end in a local optimum: which one is decided by where they start, so the best of eleven
+    // plain tours is taken.
     let mut starts = strips(&at);
     starts.push(greedy(&endpoints, &mut tree, &at, far));
     tree.fill();
@@ -148,6 +151,7 @@ fn strips(at: &[[f64; 3]]) -> Vec<Vec<u32>> {
         };
         let mut endpoints: Vec<u32> = (1..at.len() as u32).collect();
         endpoints.sort_by(by([0, 1, 2]));
+        // Stops over one place are one column, which is climbed in one go.
         let columns = endpoints.chunk_by(|a, b| key(a)[..2] == key(b)[..2]).count() as f64;
         let span = |k: usize| {
             let values = || endpoints.iter().map(|p| key(p)[k]);
@@ -184,6 +188,7 @@ fn strip(
         }
         for column in columns {
             let [low, high] = [column[0], column[column.len() - 1]].map(|p| key(&p)[2]);
+            // From the end that is nearer to where the last column left off: levels go alternately up and down.
             if (high - z).abs() < (low - z).abs() {
                 seq.extend(column.iter().rev());
                 z = low;

@@ -64,6 +64,8 @@ pub fn order(paths: &[Path<'_>]) -> Vec<Visit> {
         nearer(&known, &tree, port, limit, found);
     });
     tour.settle();
+    // Moves change the order with the endpoints at hand, `settle` the endpoints in the order at hand: each opens ways for
+    // the other.
     for _ in 0..ROUNDS {
         if !tour.improve() {
             break;
@@ -137,6 +139,7 @@ fn corners(points: &[[i32; 2]], mut f: impl FnMut(usize)) {
     if points.len() <= CORNERS {
         return (0..points.len()).for_each(f);
     }
+    // Most jumps come from outside, to one of these or near it; `refine` looks at all vertices in the end.
     let mut most = [(i64::MIN, 0); CORNERS];
     for (i, p) in points.iter().enumerate() {
         let [x, y] = p.map(i64::from);
@@ -160,6 +163,7 @@ fn nearer(known: &Known, tree: &Tree<2>, port: u32, limit: f64, found: &mut Vec<
     let mut limit = limit * limit;
     let start = port.checked_sub(1);
     tree.around(known.at[port as usize], start, limit, square, |d, number| {
+        // Insertion into a list of at most NEIGHBOURS; once it is full, nothing farther than its last matters.
         if known.endpoints.item(number + 1) != item {
             let at = found.partition_point(|&(other, _)| other <= d);
             found.insert(at, (d, number + 1));
@@ -185,6 +189,8 @@ fn refine(paths: &[Path<'_>], visits: &mut [Visit]) {
         let path = &paths[stroke as usize];
         let vertices = &path.points[..path.points.len() - 1];
         if path.is_closed && vertices.len() > CORNERS {
+            // One pass in the order of marking: where the stroke before is left is final, where the next is entered
+            // may still move.
             let to = visits.get(i + 1).map(|next| ends(paths, next)[0]);
             let jumps = |p: [i32; 2]| distance(from, p) + to.map_or(0.0, |to| distance(p, to));
             let mut best = (jumps(vertices[start as usize]), start);

@@ -194,12 +194,15 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
             return;
         }
         let [enters_by_q, leaves_by_q] = [self.entry(j) == q, self.exit(j) == q];
+        // 2-opt: the run between i and j is reversed. The edges behind both go; d and the edge between what
+        // followed them come.
         if leaves_by_q {
             let [lo, hi] = [i.min(j), i.max(j)];
             best.try_move(self.edges[lo] + self.edges[hi] - d, [lo + 1, hi, lo], true, NONE, || {
                 self.link(self.entry(lo + 1), self.entry(hi + 1))
             });
         }
+        // Or-opt of one item, which then enters by q: where it follows i already, only its port changes.
         // Item j comes after i.
         let exit = self.endpoints.other(q);
         let out = self.edges[i] - d;
@@ -211,6 +214,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
             self.link(self.exit(j - 1), self.entry(j + 1)) + self.link(exit, self.entry(i + 1))
         });
         // A run that ends with i goes before or after j.
+        // A run that reaches j, or stands beside it already, does not move; nor does any longer one.
         for (k, gain) in runs.iter().enumerate().take_while(|&(k, _)| k < i) {
             let a = i - k;
             if a == j || a == j + 1 {
@@ -227,13 +231,15 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         }
     }
 
-    /// The same for the entry of place `i` and the runs that begin there.
+    /// Moves after which the entry of place `i` is joined to port `q`, `d` away. `runs` is what taking out the runs
+    /// that begin with i gains.
     fn before(&self, i: usize, q: u32, d: f64, runs: &[f64; RUN], best: &mut Move) {
         let j = self.place[self.endpoints.item(q)] as usize;
         if i.abs_diff(j) > self.longest {
             return;
         }
         let [enters_by_q, leaves_by_q] = [self.entry(j) == q, self.exit(j) == q];
+        // 2-opt, as in `after`: the edges before both places go.
         if enters_by_q {
             let [lo, hi] = [i.min(j), i.max(j)];
             best.try_move(self.edges[lo - 1] + self.edges[hi - 1] - d, [lo, hi - 1, lo - 1], true, NONE, || {
@@ -268,6 +274,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
     }
 
     fn apply(&mut self, m: Move) {
+        // Only items at the ends of changed edges can have new moves that gain (don't-look bits, Bentley 1992).
         for at in [m.a - 1, m.a, m.b, m.b + 1, m.gap, m.gap + 1] {
             self.mark_dirty(at);
         }
@@ -278,6 +285,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         if m.turned {
             self.reverse(m.a, m.b);
         }
+        // Taking the run out and laying it elsewhere is a rotation of all places between: no other place changes.
         if m.gap > m.b {
             self.rotate(m.a, m.gap, m.b + 1 - m.a);
         } else if m.gap + 1 < m.a {
@@ -326,6 +334,8 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         let mut from = vec![0u32; self.endpoints.count()];
         let mut last = vec![(0.0, self.seq[0])];
         let mut next = Vec::new();
+        // Forwards: of the paths through places 0..=at that enter `at` by a port, only the cheapest matters
+        // (Viterbi). Backwards, the endpoints of the best path are read off `from`.
         for at in 1..n {
             for port in self.endpoints.of(self.endpoints.item(self.seq[at])) {
                 let mut best = (f64::INFINITY, 0);
@@ -373,6 +383,8 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
                 continue;
             }
             let lost = self.swap(a, b, c);
+            // Kept where the repair wins back what the kick cost: paths of equal length count as better, so that
+            // the search can drift over plateaus.
             if self.work(MOST_MOVES * PERTURBATION) >= lost {
                 continue;
             }

@@ -4,11 +4,11 @@
 //! Everything is an exact integer and every box is closed. Inside the search lengths are counted in
 //! steps of the lattice on which the boxes' lower corners lie, see `Item::on_lattice`.
 
-use std::ops::Range;
+use crate::geom::{Buckets, Grid, P2};
 
 /// A piece of the texture that one stop must hold whole: the closed box of its marks, nm from a common
 /// origin, which lies within 2^30 nm of all of them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Item {
     /// Lower corner.
     pub lo: [i32; 3],
@@ -25,6 +25,9 @@ impl Item {
     pub(super) fn on_lattice(&self, size: [i32; 3], step: [i32; 3]) -> Self {
         let mut out = *self;
         for k in 0..3 {
+            // A box on the lattice and a box of `size / step` lattice units hold the same pieces if pieces are
+            // rounded outward: lower ends down, and upper ends so that the lowest corner that holds them stays the
+            // lowest.
             // The corners that hold the piece are those from hi - size to lo.
             let first = -(size[k] - self.hi[k]).div_euclid(step[k]);
             out.lo[k] = self.lo[k].div_euclid(step[k]);
@@ -41,77 +44,66 @@ impl Item {
     }
 }
 
+/// A grid over places of the plane from `lo` to `hi`: cells of the size `least` or larger, so that there are
+/// hardly more than `most` along an axis.
+pub(super) fn grid_over(lo: [i32; 2], hi: [i32; 2], least: [i32; 2], most: i32) -> Grid {
+    let pitch = [0, 1].map(|k| i64::from(least[k].max((hi[k] - lo[k]) / most).max(1)));
+    let count = [0, 1].map(|k| (i64::from(hi[k] - lo[k]) / pitch[k]) as u32 + 1);
+    Grid { origin: P2::new(lo[0].into(), lo[1].into()), pitch, count }
+}
+
+/// Lowest and highest x and y of some places; 0 where there is none.
+pub(super) fn extent(places: impl Iterator<Item = [i32; 3]>) -> [[i32; 2]; 2] {
+    let first = |p: [i32; 3]| [[p[0], p[1]]; 2];
+    let add = |[lo, hi]: [[i32; 2]; 2], [p, _]: [[i32; 2]; 2]| {
+        [[lo[0].min(p[0]), lo[1].min(p[1])], [hi[0].max(p[0]), hi[1].max(p[1])]]
+    };
+    places.map(first).reduce(add).unwrap_or_default()
+}
+
+/// The cell of a place; of one beside the grid the nearest.
+#[inline]
+pub(super) fn cell_of(grid: &Grid, place: [i32; 3]) -> usize {
+    let [column, row] = [0, 1].map(|k| grid.along(k, place[k].into(), 0) as usize);
+    row * grid.columns() + column
+}
+
 /// Pieces sorted into square tiles of the plane by their lower corners, upwards in each tile.
 pub(super) struct Index {
-    items: Vec<Item>,
-    /// The first piece of every tile, and the number of pieces.
-    starts: Vec<u32>,
-    /// Lowest x and y.
-    origin: [i32; 2],
-    /// Width of a tile.
-    tile: [i32; 2],
-    /// Columns and rows of tiles.
-    shape: [usize; 2],
+    /// The tiles, in steps of the lattice.
+    grid: Grid,
+    /// The pieces of every tile.
+    items: Buckets<Item>,
 }
 
 impl Index {
     /// Sorts the pieces, those that are equal once.
     pub(super) fn new(mut items: Vec<Item>, size: [i32; 3]) -> Self {
-        let mut origin = [0; 2];
-        let mut tile = [1; 2];
-        let mut shape = [1; 2];
         // Eight tiles along a stop, but no more tiles than pieces.
         let most = (items.len() as f64).sqrt().ceil().max(1.0) as i32;
-        for k in 0..2 {
-            let lo = items.iter().map(|i| i.lo[k]).min().unwrap_or(0);
-            let hi = items.iter().map(|i| i.lo[k]).max().unwrap_or(0);
-            origin[k] = lo;
-            tile[k] = (size[k] / 8).max((hi - lo) / most).max(1);
-            shape[k] = ((hi - lo) / tile[k]) as usize + 1;
-        }
-        let mut index = Self { items: Vec::new(), starts: Vec::new(), origin, tile, shape };
-        let height = |i: &Item| (i.lo[2], i.hi[2], i.lo, i.hi);
-        items.sort_unstable_by_key(|i| (index.tile_of(i), height(i)));
+        let [lo, hi] = extent(items.iter().map(|i| i.lo));
+        let grid = grid_over(lo, hi, [size[0] / 8, size[1] / 8], most);
+        // From below, so that the pieces of every tile are: counting keeps their order.
+        items.sort_unstable_by_key(|i| (i.lo[2], i.hi[2], i.lo, i.hi));
         items.dedup();
-        index.starts = vec![0; shape[0] * shape[1] + 1];
-        for i in &items {
-            let tile = index.tile_of(i);
-            index.starts[tile + 1] += 1;
-        }
-        for t in 1..index.starts.len() {
-            index.starts[t] += index.starts[t - 1];
-        }
-        index.items = items;
-        index
+        let items = Buckets::new(grid.len(), items.iter().map(|i| (cell_of(&grid, i.lo), *i)));
+        Self { grid, items }
     }
 
     pub(super) fn items(&self) -> &[Item] {
-        &self.items
-    }
-
-    fn tile_of(&self, i: &Item) -> usize {
-        let at = |k: usize| ((i.lo[k] - self.origin[k]) / self.tile[k]) as usize;
-        at(1) * self.shape[0] + at(0)
-    }
-
-    /// The tiles along axis k that meet [lo, hi].
-    fn tiles(&self, k: usize, lo: i32, hi: i32) -> Range<usize> {
-        let at = |v: i32| (i64::from(v) - i64::from(self.origin[k])).div_euclid(i64::from(self.tile[k]));
-        let first = at(lo).max(0);
-        let last = at(hi).min(self.shape[k] as i64 - 1);
-        if first > last { 0..0 } else { first as usize..last as usize + 1 }
+        self.items.items()
     }
 
     /// Calls `f` with every piece (its number) that the box of `size` at `corner` holds.
     #[inline]
     pub(super) fn held(&self, corner: [i32; 3], size: [i32; 3], mut f: impl FnMut(usize)) {
-        for y in self.tiles(1, corner[1], corner[1] + size[1]) {
-            for x in self.tiles(0, corner[0], corner[0] + size[0]) {
-                let tile = y * self.shape[0] + x;
-                let range = self.starts[tile] as usize..self.starts[tile + 1] as usize;
-                let first = range.start + self.items[range.clone()].partition_point(|i| i.lo[2] < corner[2]);
-                for n in first..range.end {
-                    let item = &self.items[n];
+        let tiles = |k: usize| self.grid.range(k, corner[k].into(), (corner[k] + size[k]).into());
+        for y in tiles(1) {
+            for x in tiles(0) {
+                let tile = y * self.grid.columns() + x;
+                let (range, items) = (self.items.range(tile), self.items.of(tile));
+                let first = items.partition_point(|i| i.lo[2] < corner[2]);
+                for (item, n) in items[first..].iter().zip(range.start + first..) {
                     if item.lo[2] > corner[2] + size[2] {
                         break;
                     }

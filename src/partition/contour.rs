@@ -9,6 +9,7 @@ pub(super) fn levels(heights: &[(f64, f64)], z0: i64, lattice: &Lattice) -> Vec<
     let mut out: Vec<(i32, i64)> = Vec::new();
     let apart = lattice.depth - 2 * lattice.hysteresis;
     for &(lo, hi) in heights {
+        // From the highest level that begins at or below `lo` to the lowest that ends at or above `hi`.
         let first = ((lo - z0 as f64) / apart as f64).floor() as i64;
         let last = (((hi - (z0 + lattice.depth) as f64) / apart as f64).ceil() as i64).max(first);
         for k in first..=last {

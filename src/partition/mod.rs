@@ -13,7 +13,7 @@ pub mod tilt;
 pub mod window;
 mod zrange;
 
-use crate::geom::{Box2, P2, Turn};
+use crate::geom::{Box2, Buckets, Grid, P2, Turn};
 use crate::program::{Sections, Stop};
 use crate::projection::{Cells, Footprint, Slabs};
 
@@ -67,124 +67,114 @@ impl Lattice {
     }
 }
 
-/// The stops of a method, all with windows of one size and intervals of one height. Where the machine tilts
-/// the part, each has the turn of the part, and its window and interval are those of the turned part.
+/// How the part lies at a stop of a machine that tilts it.
+#[derive(Clone, Copy, Debug)]
+pub struct Tilted {
+    /// The turn of the part: window and interval of the stop are those of the part so turned.
+    pub turn: Turn,
+    /// What the stop is kept to of the plane of the drawing, if it is.
+    pub area: Option<Box2>,
+}
+
+/// A stop of a method.
+#[derive(Clone, Debug)]
+pub struct PlacedStop {
+    /// Where the stage stands and what it admits.
+    pub stop: Stop,
+    /// None where the machine does not tilt the part: of all stops of a method or of none.
+    tilted: Option<Tilted>,
+}
+
+impl PlacedStop {
+    /// The box of the part that it may admit; `half` of its window.
+    fn area(&self, half: [i64; 2]) -> Box2 {
+        let (c, [w, h]) = (self.stop.centre, half);
+        let flat = Box2 { lo: P2::new(c.x - w, c.y - h), hi: P2::new(c.x + w, c.y + h) };
+        self.tilted.map_or(flat, |tilted| footprint(&self.stop, &tilted.turn, half))
+    }
+}
+
+/// The stops of a method, all with windows of one size and intervals of one height.
 #[derive(Clone, Debug)]
 pub struct Stops {
     /// In the order in which the method gave them.
-    pub stops: Vec<Stop>,
+    pub stops: Vec<PlacedStop>,
     /// Half the window along x and y, nm.
     half: [i64; 2],
     /// Height of the intervals, nm.
     depth: i64,
-    /// By stop; empty where nothing is tilted.
-    turns: Vec<Turn>,
-    /// By stop, what it is kept to of the plane of the drawing, if it is.
-    areas: Vec<Option<Box2>>,
-    /// Cells of the size of a window: the stops whose windows touch a cell, by `z_lo`.
-    lo: P2,
-    count: [i64; 2],
-    starts: Vec<u32>,
-    lists: Vec<(i64, u32)>,
+    /// Cells of the size of a window.
+    grid: Grid,
+    /// The stops whose windows touch a cell, by `z_lo`.
+    by_cell: Buckets<(i64, u32)>,
 }
 
 impl Stops {
     /// `window` is even, as is the pitch of the sections.
     pub fn new(stops: Vec<Stop>, window: [i64; 2], depth: i64) -> Self {
-        Self::turned(stops, Vec::new(), Vec::new(), window, depth)
+        Self::placed(stops.into_iter().map(|stop| PlacedStop { stop, tilted: None }).collect(), window, depth)
     }
 
-    /// With the turn of the part at every stop, or none where nothing is tilted, and what of the drawing a stop
-    /// is kept to.
-    pub fn turned(stops: Vec<Stop>, turns: Vec<Turn>, areas: Vec<Option<Box2>>, window: [i64; 2], depth: i64) -> Self {
+    /// Those of a machine that tilts the part.
+    pub fn tilted(stops: Vec<(Stop, Tilted)>, window: [i64; 2], depth: i64) -> Self {
+        let placed = |(stop, tilted)| PlacedStop { stop, tilted: Some(tilted) };
+        Self::placed(stops.into_iter().map(placed).collect(), window, depth)
+    }
+
+    fn placed(stops: Vec<PlacedStop>, window: [i64; 2], depth: i64) -> Self {
         let half = window.map(|w| w / 2);
-        let mut area = Box2::EMPTY;
-        if turns.is_empty() {
-            stops.iter().for_each(|s| area.add(s.centre));
-        }
-        for (s, turn) in stops.iter().zip(&turns) {
-            area = area.union(footprint(s, turn, half));
-        }
-        if stops.is_empty() {
-            area.add(P2::new(0, 0));
-        }
-        // Shifted by half a cell: the windows of a grid of sections touch four cells then, not nine.
-        let lo = P2::new(area.lo.x - window[0], area.lo.y - window[1]);
-        let size = area.size();
-        let count = [0, 1].map(|axis| size[axis] / window[axis] + 3);
-        let mut it = Self {
-            stops,
-            half,
-            depth,
-            turns,
-            areas,
-            lo,
-            count,
-            starts: vec![0; (count[0] * count[1]) as usize + 1],
-            lists: vec![],
-        };
-        for i in 0..it.stops.len() {
-            it.cells(i).for_each(|cell| it.starts[cell + 1] += 1);
-        }
-        for cell in 1..it.starts.len() {
-            it.starts[cell] += it.starts[cell - 1];
-        }
-        let mut next = it.starts.clone();
-        it.lists = vec![(0, 0); it.starts[it.starts.len() - 1] as usize];
-        for i in 0..it.stops.len() {
-            let z_lo = it.stops[i].z_lo;
-            for cell in it.cells(i) {
-                it.lists[next[cell] as usize] = (z_lo, i as u32);
-                next[cell] += 1;
-            }
-        }
-        for cell in 1..it.starts.len() {
-            it.lists[it.starts[cell - 1] as usize..it.starts[cell] as usize].sort_unstable();
-        }
-        it
-    }
-
-    /// The cells that the window of stop `i` touches.
-    fn cells(&self, i: usize) -> impl Iterator<Item = usize> + use<> {
-        let (c, lo, half, columns) = (self.stops[i].centre, self.lo, self.half, self.count[0]);
-        let flat = Box2 { lo: P2::new(c.x - half[0], c.y - half[1]), hi: P2::new(c.x + half[0], c.y + half[1]) };
-        let area = self.turns.get(i).map_or(flat, |turn| footprint(&self.stops[i], turn, half));
-        let cell = |axis: usize, v: i64, lo: i64| (v - lo).div_euclid(2 * half[axis]);
-        let x = cell(0, area.lo.x, lo.x)..=cell(0, area.hi.x, lo.x);
-        let y = cell(1, area.lo.y, lo.y)..=cell(1, area.hi.y, lo.y);
-        y.flat_map(move |row| x.clone().map(move |column| (row * columns + column) as usize))
+        let all = stops.iter().map(|s| s.area(half)).reduce(Box2::union);
+        let all = all.unwrap_or(Box2 { lo: P2::new(0, 0), hi: P2::new(0, 0) });
+        // Borders of cells run through centres of stops: the windows of a grid of sections touch four cells then,
+        // not nine.
+        let origin = P2::new(all.lo.x - half[0], all.lo.y - half[1]);
+        let count = [0, 1].map(|axis| (all.size()[axis] / window[axis] + 2) as u32);
+        let grid = Grid { origin, pitch: window, count };
+        let touched = stops.iter().zip(0..).flat_map(|(s, i)| {
+            let entry = (s.stop.z_lo, i);
+            grid.touched(s.area(half)).map(move |cell| (cell, entry))
+        });
+        let mut by_cell = Buckets::new(grid.len(), touched);
+        by_cell.each_mut().for_each(<[_]>::sort_unstable);
+        Self { stops, half, depth, grid, by_cell }
     }
 
     /// The stops that may admit a point near (x, y, z), nm: their intervals, widened by `slack`, hold z.
     pub fn near(&self, [x, y, z]: [f64; 3], slack: f64) -> impl Iterator<Item = u32> {
-        let cell = |v: f64, lo: i64, half: i64| ((v - lo as f64) / (2 * half) as f64).floor() as i64;
-        let (column, row) = (cell(x, self.lo.x, self.half[0]), cell(y, self.lo.y, self.half[1]));
-        let inside = (0..self.count[0]).contains(&column) && (0..self.count[1]).contains(&row);
-        let i = if inside { (row * self.count[0] + column) as usize } else { 0 };
-        let list = if inside { &self.lists[self.starts[i] as usize..self.starts[i + 1] as usize] } else { &[] };
+        let Grid { origin, pitch, count } = self.grid;
+        let cell = |v: f64, lo: i64, size: i64| ((v - lo as f64) / size as f64).floor() as i64;
+        let (column, row) = (cell(x, origin.x, pitch[0]), cell(y, origin.y, pitch[1]));
+        let inside = (0..i64::from(count[0])).contains(&column) && (0..i64::from(count[1])).contains(&row);
+        let list = if inside { self.by_cell.of(row as usize * self.grid.columns() + column as usize) } else { &[] };
         // Heights of the turned part say nothing of those of the part.
         let (lowest, highest) =
-            if self.turns.is_empty() { (z - slack, z + slack) } else { (f64::NEG_INFINITY, f64::INFINITY) };
+            if self.is_tilted() { (f64::NEG_INFINITY, f64::INFINITY) } else { (z - slack, z + slack) };
         let from = list.partition_point(|&(z_lo, _)| ((z_lo + self.depth) as f64) < lowest);
         list[from..].iter().take_while(move |&&(z_lo, _)| z_lo as f64 <= highest).map(|&(_, i)| i)
+    }
+
+    /// Whether the machine tilts the part.
+    #[inline]
+    pub fn is_tilted(&self) -> bool {
+        self.stops.first().is_some_and(|s| s.tilted.is_some())
     }
 
     /// What of the drawing stop `i` is kept to, if it is.
     #[inline]
     pub fn area(&self, i: u32) -> Option<Box2> {
-        self.areas.get(i as usize).copied().flatten()
+        self.stops[i as usize].tilted.and_then(|tilted| tilted.area)
     }
 
     /// How the part is turned at stop `i`; None where nothing is tilted.
     #[inline]
     pub fn turn(&self, i: u32) -> Option<&Turn> {
-        self.turns.get(i as usize)
+        self.stops[i as usize].tilted.as_ref().map(|tilted| &tilted.turn)
     }
 
     /// Lower and upper corner of the window of stop `i`, nm.
     #[inline]
     pub fn window(&self, i: u32) -> [[f64; 2]; 2] {
-        let c = self.stops[i as usize].centre;
+        let c = self.stops[i as usize].stop.centre;
         let [hx, hy] = self.half;
         [[(c.x - hx) as f64, (c.y - hy) as f64], [(c.x + hx) as f64, (c.y + hy) as f64]]
     }

@@ -10,11 +10,11 @@
 //! Planes are fitted to sample points of the marks ([`crate::projection::Marks`]); what the levels must hold is
 //! found from all marks afterwards. A section is a rectangle of the plane of the drawing.
 
-use super::{Lattice, Stops, zrange};
+use super::{Lattice, Stops, Tilted, zrange};
 use crate::geom::{Box2, P2};
 use crate::machine::Machine;
 use crate::program::{Sections, Stop};
-use crate::projection::{TiltedField, TiltedFields, Turned};
+use crate::projection::{FacingCell, TiltedField, TiltedFields, Turned};
 
 /// What tilted stops are made for.
 pub struct TiltSite<'a> {
@@ -51,6 +51,8 @@ impl TiltSite<'_> {
     /// Chooses the sections and their tilts by the sample points.
     pub fn plan(&self, samples: &[[f64; 3]]) -> TiltedFields {
         let mut best: Option<(u64, TiltedFields)> = None;
+        // A few sections more may need fewer levels: what is left of a surface beside its best plane grows with the
+        // square of the section.
         for more in 0..=MORE {
             let Some(grid) = self.grid(more) else { continue };
             let made = self.over(grid, samples);
@@ -95,8 +97,8 @@ impl TiltSite<'_> {
         };
         let mut points: Vec<(i64, [f64; 3])> = samples.iter().map(|p| (section(p), *p)).collect();
         points.sort_by_key(|p| p.0);
-        let (of_cell, doubtful) = (vec![0; grid.len()], vec![Vec::new(); grid.len()]);
-        let mut fields = TiltedFields { of_cell, list: Vec::new(), half: self.window.map(|w| w / 2), doubtful, grid };
+        let cells = vec![FacingCell::default(); grid.len()];
+        let mut fields = TiltedFields { grid, cells, list: Vec::new(), half: self.window.map(|w| w / 2) };
         let mut stops = 0;
         let mut rest = &mut points[..];
         for i in 0..columns * i64::from(grid.count[1]) / PARTS {
@@ -109,7 +111,8 @@ impl TiltSite<'_> {
             for (part, field) in found {
                 for row in part.at[1]..part.at[1] + part.size[1] {
                     let first = row as usize * grid.count[0] as usize + part.at[0] as usize;
-                    fields.of_cell[first..first + part.size[0] as usize].fill(fields.list.len() as u32);
+                    let row = &mut fields.cells[first..first + part.size[0] as usize];
+                    row.iter_mut().for_each(|cell| cell.field = fields.list.len() as u32);
                 }
                 fields.list.push(field);
             }
@@ -124,6 +127,7 @@ impl TiltSite<'_> {
         for axis in (0..2).filter(|&k| levels > 2 && part.size[k] > 1) {
             let [low, high] = part.halves(axis);
             let border = grid.line(axis, high.at[axis]) as f64;
+            // Partitioned in place, stably: each half of the section sees its own stretch of the list.
             points.sort_by(|a, b| (a[axis] >= border).cmp(&(b[axis] >= border)));
             let (left, right) = points.split_at_mut(points.partition_point(|p| p[axis] < border));
             let (a, mut found) = self.divide(grid, low, left);
@@ -142,9 +146,11 @@ impl TiltSite<'_> {
         let levels = |points: &mut dyn Iterator<Item = f64>| {
             let apart = (self.lattice.depth - 2 * self.lattice.hysteresis) as f64;
             let (lo, hi) = points.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), z| (lo.min(z), hi.max(z)));
+            // k levels that overlap by twice the hysteresis hold depth + (k - 1) apart.
             let beyond = (hi - lo - self.lattice.depth as f64) / apart;
             (if hi < lo { 0 } else { 1 + beyond.ceil().max(0.0) as u64 }, [lo, hi])
         };
+        // One level cannot be beaten, and costs no tilt.
         let (flat, _) = levels(&mut points.iter().map(|p| p[2]));
         let Some(table) = self.machine.tilt.as_ref().filter(|_| flat > 1) else { return (flat, upright) };
         let [a, b] = plane(points);
@@ -202,7 +208,7 @@ impl TiltSite<'_> {
     /// The stops: for every field the fewest levels that hold what lies in it.
     pub fn stops(&self, fields: &TiltedFields, held: &Turned, sections: &Sections) -> Stops {
         let lattice = &self.lattice;
-        let (mut stops, mut turns, mut areas) = (Vec::new(), Vec::new(), Vec::new());
+        let mut stops = Vec::new();
         for (field, held) in fields.list.iter().zip(&held.0) {
             let (whole, deep): (Vec<_>, Vec<_>) = held.figures.iter().partition(|&&(lo, hi)| lattice.holds(lo, hi));
             let heights = super::join(held.heights(), deep);
@@ -211,12 +217,11 @@ impl TiltSite<'_> {
             let section = [0, 1].map(|k| sections.along(k, section[k], 0) as u32);
             for (level, z_lo) in zrange::levels(&heights, &whole, lattice) {
                 let (focus, z_hi) = (z_lo + lattice.depth / 2, z_lo + lattice.depth);
-                stops.push(Stop { section, level, tilt: field.tilt, centre: field.centre, focus, z_lo, z_hi });
-                turns.push(field.turn);
-                areas.push((!field.is_wide).then_some(field.area));
+                let stop = Stop { section, level, tilt: field.tilt, centre: field.centre, focus, z_lo, z_hi };
+                stops.push((stop, Tilted { turn: field.turn, area: (!field.is_wide).then_some(field.area) }));
             }
         }
-        Stops::turned(stops, turns, areas, self.window, lattice.depth)
+        Stops::tilted(stops, self.window, lattice.depth)
     }
 }
 
@@ -275,6 +280,8 @@ fn plane(points: &[[f64; 3]]) -> [f64; 2] {
     let mut best = (range + dear(at), at);
     let mut cuts = vec![first];
     for _ in 0..MOST {
+        // The cuts lie below the range everywhere, so their minimum is a lower bound of it; the best place so far
+        // is an upper one.
         let (least, next) = lowest(&cuts, STEEP);
         at = next;
         let more;
@@ -310,6 +317,7 @@ fn golden(end: f64, f: impl Fn(f64) -> f64) -> (f64, f64) {
     let (mut lo, mut hi) = (-end, end);
     let [mut x, mut y] = [hi - SHARE * (hi - lo), lo + SHARE * (hi - lo)];
     let [mut fx, mut fy] = [f(x), f(y)];
+    // 0.618^40 = 4e-9 of the first interval: below what a tilt axis can be told.
     for _ in 0..40 {
         if fx <= fy {
             (hi, y, fy) = (y, x, fx);

@@ -24,6 +24,8 @@ pub(super) fn levels(heights: &[(f64, f64)], figures: &[(f64, f64)], lattice: &L
             }
             f += 1;
         }
+        // A height that reaches over the last level goes on in the next one, which must overlap it by twice the
+        // hysteresis; one that begins above it needs a level from its own begin.
         let height =
             heights.get(h).map(|&(lo, _)| if lo > end as f64 { lo } else { (end - 2 * lattice.hysteresis) as f64 });
         let whole = waiting.first().or_else(|| figures.get(f)).map(|&(lo, _)| lo);

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::dose;
 use super::setups::Setups;
 use super::start::Start;
-use crate::geom::{Box2, P2};
+use crate::geom::{Box2, Buckets, P2};
 use crate::job::{Level, StopOrder, StrokeOrder};
 use crate::machine::Machine;
 use crate::manifest::Slope;
@@ -23,7 +23,7 @@ pub(super) struct Assembly {
     pub(super) program: Program,
     pub(super) setups: Setups,
     pub(super) worst_defocus: i64,
-    /// The same with the mean height as focal plane.
+    /// How far they would lie from focal planes at their mean height.
     pub(super) worst_defocus_mean: i64,
     /// Slope under the marks of every block.
     pub(super) slopes: Vec<Slope>,
@@ -76,11 +76,11 @@ pub(super) fn assemble(
             let (focus, mean) = focus(&how, z, h.mean());
             let off = |at: i64| (z[1] - at).max(at - z[0]);
             worst = [worst[0].max(off(focus)), worst[1].max(off(mean))];
-            Placed { index, stop: Stop { focus, ..stops.stops[index].clone() }, z }
+            Placed { index, stop: Stop { focus, ..stops.stops[index].stop.clone() }, z }
         })
         .collect();
     let centres: Vec<P2> = placed.iter().map(|p| p.stop.centre).collect();
-    let setups = stage.start.setups.clone().unwrap_or_else(|| setups(&centres));
+    let setups = stage.start.laid.as_ref().map_or_else(|| setups(&centres), |laid| laid.setups.clone());
     let cells: Vec<usize> = centres.iter().map(|&c| setups.cell(c)).collect();
     let target = |(p, &cell): (&Placed, &usize)| {
         let Stop { centre, focus, .. } = p.stop;
@@ -91,7 +91,7 @@ pub(super) fn assemble(
     let (tour, orders): (_, Vec<Vec<Visit>>) =
         rayon::join(|| stage.tours(&placed, &targets, &cells), || placed.par_iter().map(in_order).collect());
     let mut program = Program { pens: pens.list.clone(), ..Program::default() };
-    program.strokes.reserve_exact(members.list.len());
+    program.strokes.reserve_exact(members.len());
     program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
     program.blocks.reserve_exact(tour.len());
     for &t in &tour {
@@ -158,31 +158,22 @@ fn measure(parts: &[Fragments], stops: usize, pens: &dose::Pens) -> (Vec<Heights
 }
 
 /// The fragments of every stop, in the order in which they were cut: chunk and index in it.
-pub(super) struct Members {
-    starts: Vec<usize>,
-    list: Vec<(u32, u32)>,
-}
+pub(super) struct Members(Buckets<(u32, u32)>);
 
 impl Members {
     pub(super) fn new(parts: &[Fragments], stops: usize) -> Self {
-        let mut starts = vec![0usize; stops + 1];
-        parts.iter().flat_map(|p| &p.list).for_each(|f| starts[f.stop as usize + 1] += 1);
-        for i in 0..stops {
-            starts[i + 1] += starts[i];
-        }
-        let mut list = vec![(0u32, 0u32); starts[stops]];
-        let mut next = starts.clone();
-        for (part, fragments) in parts.iter().enumerate() {
-            for (i, f) in fragments.list.iter().enumerate() {
-                list[next[f.stop as usize]] = (part as u32, i as u32);
-                next[f.stop as usize] += 1;
-            }
-        }
-        Self { starts, list }
+        let members = (0u32..).zip(parts).flat_map(|(part, fragments)| {
+            (0u32..).zip(&fragments.list).map(move |(i, f)| (f.stop as usize, (part, i)))
+        });
+        Self(Buckets::new(stops, members))
+    }
+
+    fn len(&self) -> usize {
+        self.0.items().len()
     }
 
     pub(super) fn of(&self, stop: usize) -> &[(u32, u32)] {
-        &self.list[self.starts[stop]..self.starts[stop + 1]]
+        self.0.of(stop)
     }
 
     /// The order in which the fragments of a stop are marked.

@@ -19,9 +19,10 @@ pub(super) struct Layout {
     pub(super) window: [i64; 2],
     /// What is to stay whole.
     pub(super) keep: Keep,
-    /// Where the part's origin lies; z is 0 where it waits for the heights of the marks.
-    origin: [i64; 3],
-    is_placed: bool,
+    /// Where the part's origin lies along x and y, and its height where that is stated: else the heights of the
+    /// marks decide.
+    origin: [i64; 2],
+    height: Option<i64>,
 }
 
 /// Where stops may stand.
@@ -61,18 +62,18 @@ impl Layout {
         if keep.0 > 0 && partition.section.is_none() {
             pitch = in_step(job, area, pitch, step);
         }
-        let placed = start.origin.or(job.placement.origin);
-        let origin = placed.unwrap_or_else(|| default_origin(machine, area, pitch));
+        let stated = start.laid.as_ref().map(|laid| laid.origin).or(job.placement.origin);
+        let origin = stated.map_or_else(|| default_origin(machine, area, pitch), |[x, y, _]| [x, y]);
         let [dx, dy] = job.passes.shift_nm(start.pass, pitch, job.figure_pitch_nm().unwrap_or(1));
         let over = Box2 { lo: P2::new(area.lo.x - dx, area.lo.y - dy), hi: area.hi };
-        let sections = Sections::over(over, pitch, step, [origin[0], origin[1]]);
+        let sections = Sections::over(over, pitch, step, origin);
         if sections.count.iter().map(|&c| c as usize).product::<usize>() > MAX_SECTIONS {
             let text = format!("the texture would need {} x {} sections", sections.count[0], sections.count[1]);
             return Err(Diag::limit("sections-many", text).hint("use a larger field or a smaller area").into());
         }
         // A list of heights for every section that holds marks.
         memory::ask("what lies in the sections", 200 * sections.len() as u64)?;
-        Ok(Self { sections, window, keep, origin, is_placed: placed.is_some() })
+        Ok(Self { sections, window, keep, origin, height: stated.map(|[.., z]| z) })
     }
 
     /// The grid for marks of these heights, and the heights that its levels must hold: widened so that overlaps
@@ -87,7 +88,7 @@ impl Layout {
         footprint: Footprint,
         pass: u32,
     ) -> Result<(Grid, Footprint), Error> {
-        let Self { sections, window, keep, mut origin, is_placed } = self;
+        let Self { sections, window, keep, origin: [x, y], height } = self;
         let step = machine.increment_nm();
         let Some((lo, hi)) = footprint.range() else {
             return Err(Diag::limit(
@@ -98,11 +99,13 @@ impl Layout {
             .hint("compare the texture's area and origin with the part's box (`terrace inspect`)")
             .into());
         };
-        if !is_placed {
-            origin[2] = machine.centre_of_travel()[2] - ((lo + hi) / 2.0) as i64;
-            origin[2] -= (lo.floor() as i64 + origin[2]).rem_euclid(step);
-        }
-        let Some(lattice) = Lattice::new(job.focus.depth, step, origin[2]) else {
+        // The middle of the heights at the centre of travel, the lowest of them where the stage can stand.
+        let height = height.unwrap_or_else(|| {
+            let z = machine.centre_of_travel()[2] - ((lo + hi) / 2.0) as i64;
+            z - (lo.floor() as i64 + z).rem_euclid(step)
+        });
+        let origin = [x, y, height];
+        let Some(lattice) = Lattice::new(job.focus.depth, step, height) else {
             let text = format!("a depth range of {} mm is below two stage increments", mm_from_nm(job.focus.depth));
             return Err(Diag::limit("depth-small", text)
                 .hint("enlarge focus.pdof, or state a finer stage.increment")
@@ -169,15 +172,15 @@ fn check(job: &Job, field: [i64; 2]) -> Result<(), Error> {
 }
 
 /// The centre of the texture at the centre of travel, shifted by less than an increment so that sections that
-/// start at the texture's corner have centres where the stage can stand; z is left 0.
-pub(super) fn default_origin(machine: &Machine, area: Box2, pitch: [i64; 2]) -> [i64; 3] {
+/// start at the texture's corner have centres where the stage can stand.
+pub(super) fn default_origin(machine: &Machine, area: Box2, pitch: [i64; 2]) -> [i64; 2] {
     let step = machine.increment_nm();
     let centre = machine.centre_of_travel();
     let along = |axis: usize, lo: i64, hi: i64| {
         let origin = centre[axis] - (lo + hi) / 2;
         origin - (lo + pitch[axis] / 2 + origin).rem_euclid(step)
     };
-    [along(0, area.lo.x, area.hi.x), along(1, area.lo.y, area.hi.y), 0]
+    [along(0, area.lo.x, area.hi.x), along(1, area.lo.y, area.hi.y)]
 }
 
 /// The pitch of sections made a multiple of the pitch of figures that are to stay whole, so that none lies

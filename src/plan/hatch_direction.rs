@@ -48,7 +48,7 @@ pub fn along_contours(
         section.best()
     });
     let hundredths = hundredths.collect();
-    texture.fill(Directions { origin: sections.origin, pitch: sections.pitch, count: sections.count, hundredths })?;
+    texture.fill(Directions { grid: *sections, hundredths })?;
     Ok(texture)
 }
 

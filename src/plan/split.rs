@@ -67,6 +67,7 @@ pub(super) fn split(
             if fits { Ok(parts) } else { Err(too_large(texture)) }
         })
         .collect::<Result<Vec<_>, _>>()?;
+    // Collected in the order of the chunks, whatever thread made them.
     let mut by_candidate: Vec<Vec<Fragments>> = candidates.iter().map(|_| Vec::with_capacity(chunks.len())).collect();
     for chunk in chunks {
         chunk.into_iter().zip(&mut by_candidate).for_each(|(part, parts)| parts.push(part));

@@ -13,14 +13,19 @@ pub(super) struct Start {
     pub(super) pass: u32,
     /// By how much the surface has sunk.
     pub(super) lowered: i64,
-    /// The part's origin as it sank; None where it is still to be found.
-    pub(super) origin: Option<[i64; 3]>,
+    /// Where the part lies, as the first pass has laid it; None in that pass.
+    pub(super) laid: Option<Laid>,
     /// Where the stage stands.
     pub(super) from: [i64; 3],
     /// The stop where it stands, in heights of the surface as it was, and the cell of its set-up.
     pub(super) before: Option<(Stop, u32)>,
-    /// The set-ups of the first pass; None where they are still to be found.
-    pub(super) setups: Option<Setups>,
+}
+
+/// Where the first pass has laid the part.
+pub(super) struct Laid {
+    /// The part's origin, as it has sunk since.
+    pub(super) origin: [i64; 3],
+    pub(super) setups: Setups,
 }
 
 impl Start {
@@ -28,7 +33,7 @@ impl Start {
     pub(super) fn first(machine: &Machine) -> Self {
         let [x, y, _] = machine.axes().map(|(_, axis)| axis.travel_nm().iter().sum::<i64>() / 2);
         let from = [x, y, machine.retract_z()];
-        Self { pass: 0, lowered: 0, origin: None, from, before: None, setups: None }
+        Self { pass: 0, lowered: 0, laid: None, from, before: None }
     }
 
     /// That of pass `pass`, on the grid of the first, after all passes before it.
@@ -40,10 +45,9 @@ impl Start {
         Self {
             pass,
             lowered,
-            origin: Some([x, y, z - lowered]),
+            laid: Some(Laid { origin: [x, y, z - lowered], setups: made.setups.clone() }),
             from: last.map_or(self.from, |b| b.stage),
             before: last.map(|b| (raised(&b.stop), b.setup)),
-            setups: Some(made.setups.clone()),
         }
     }
 }

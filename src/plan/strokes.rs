@@ -64,7 +64,7 @@ pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<i64>
     };
     let step = machine.increment_nm();
     let origin = job.placement.origin.unwrap_or_else(|| {
-        let [x, y, _] = default_origin(machine, area, [0; 2]);
+        let [x, y] = default_origin(machine, area, [0; 2]);
         let z = machine.centre_of_travel()[2] - ((lo + hi) / 2.0) as i64;
         [x, y, z - (lo.floor() as i64 + z).rem_euclid(step)]
     });
@@ -87,7 +87,7 @@ fn laid(job: &Job, stops: &Stops, parts: &[Fragments]) -> Program {
     let pens = dose::Pens::new(None, &job.pens, std::iter::empty());
     let members = Members::new(parts, stops.stops.len());
     let mut program = Program { pens: pens.list.clone(), ..Program::default() };
-    for (i, stop) in stops.stops.iter().enumerate() {
+    for (i, placed) in stops.stops.iter().enumerate() {
         let list = members.of(i);
         if list.is_empty() {
             continue;
@@ -99,7 +99,7 @@ fn laid(job: &Job, stops: &Stops, parts: &[Fragments]) -> Program {
         let heights = segments(parts, list).map(|f| f.z);
         let z = heights.fold([f64::INFINITY, f64::NEG_INFINITY], |z, f| [z[0].min(f[0]), z[1].max(f[1])]);
         let [z_lo, z_hi] = z.map(|z| z.round() as i64);
-        let mut stop = stop.clone();
+        let mut stop = placed.stop.clone();
         stop.focus = (z_lo + z_hi) / 2;
         let strokes = first..program.strokes.len();
         program.blocks.push(Block { pass: 0, setup: 0, stop, stage: [0; 3], retract: false, z_lo, z_hi, strokes });

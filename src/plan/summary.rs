@@ -17,7 +17,7 @@ pub(super) struct Figures<'a> {
     pub(super) split: &'a Fragments,
     /// Largest distance of a mark from its focal plane, nm.
     pub(super) worst_defocus: i64,
-    /// The same with every focal plane at the mean height of its marks.
+    /// What it would be with every focal plane at the mean height of its marks.
     pub(super) worst_defocus_mean: i64,
 }
 

@@ -44,6 +44,8 @@ impl Sweep<'_> {
         let Self { surface, texture, max_slope } = self;
         chunks(texture)
             .into_par_iter()
+            // Rayon groups the chunks as it likes: what is found must not depend on how. Sets, extremes and sums of
+            // integers do not.
             .fold(&none, |mut found, chunk| {
                 let mut tracer = GridTracer::new(Tracer::new(surface, max_slope), grid);
                 let mut points = Vec::new();

@@ -27,6 +27,7 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option
     let marks = sweep.marks(&samples);
     let steepest = marks.worst_slope2.sqrt().atan();
     let samples = marks.list();
+    // Tilts are chosen by samples; whether the tilted beam reaches all marks is decided below, by all of them.
     let mut fields = tilted.plan(&samples);
     let tiles = sweep.surface.tiles();
     let top = |area: Box2| {
@@ -55,10 +56,13 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option
         let cell = |axis: usize, p: P2| fields.grid.along(axis, if axis == 0 { p.x } else { p.y }, 0);
         for row in cell(1, window.lo)..=cell(1, window.hi) {
             for column in cell(0, window.lo)..=cell(0, window.hi) {
-                fields.doubtful[(row * i64::from(fields.grid.count[0]) + column) as usize].push(k as u32);
+                let cell = row as usize * fields.grid.columns() + column as usize;
+                fields.cells[cell].doubtful.push(k as u32);
             }
         }
     }
+    // Ends: every round but the last sets at least one tilted field upright, and an upright one is never tilted
+    // again. What a field may mark beyond its area is found in the same rounds.
     loop {
         let held = sweep.held(&fields, grid.keep);
         let mut is_sound = true;

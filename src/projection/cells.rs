@@ -80,6 +80,7 @@ impl Cells {
             let mut last = slabs.of(hi);
             // Boxes are closed: what ends on a border needs no box above it.
             last -= i64::from(last > first && slabs.border(last) as f64 >= hi);
+            // Rounding may put the lowest mark of all a hair below slab 0.
             for k in first.max(0)..=last.max(0) {
                 let key = ((row as u64) << Self::COLUMN | column as u64) << Self::SLAB | k as u64;
                 if keys.last() != Some(&key) {
@@ -101,6 +102,7 @@ impl Cells {
                 tracer.segment(w[0], w[1], &mut add);
             }
         }
+        // Sorted again only when it has doubled: strokes beside each other add the same cells.
         if self.keys.len() > 2 * self.sorted + (1 << 16) {
             self.tidy();
         }

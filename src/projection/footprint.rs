@@ -20,6 +20,8 @@ impl Heights {
     pub fn add(&mut self, a: f64, b: f64) {
         let (lo, hi) = (a.min(b), a.max(b));
         let i = self.list.partition_point(|&(_, h)| h < lo);
+        // Only the first interval that ends at or above `lo` can hold [lo, hi]: nearly every piece ends here. A
+        // single interval has no neighbour that it could grow into, so it may grow in place.
         let alone = self.new.is_empty() && self.list.len() == 1;
         match self.list.get_mut(i) {
             Some((l, h)) if *l <= lo && hi <= *h => return,
@@ -144,6 +146,7 @@ impl Turns {
             self.end(ripple);
             *self = Self { from: p.z0, at: p.z0, begun: true };
         }
+        // A change of sign is a turn: what rose or fell since the one before it counts as one.
         if (p.z1 - self.at) * (self.at - self.from) < 0.0 {
             ripple.add(self.at - self.from);
             self.from = self.at;
@@ -196,6 +199,8 @@ impl Footprint {
         let mut add = |p: Piece, cell: [i64; 2]| {
             turns.go(&p, ripple);
             match &mut run {
+                // A piece goes on the run where it begins within its heights; at a step between sheets it does not,
+                // and the heights between the sheets stay out: no stop is spent on them.
                 Some((at, lo, hi)) if *at == cell && p.z0 <= *hi && p.z0 >= *lo => {
                     *lo = lo.min(p.z1);
                     *hi = hi.max(p.z1);
@@ -210,6 +215,7 @@ impl Footprint {
             let (z, whole) = tracer.small_stroke(points, |p, a, b| {
                 marks.iter_mut().for_each(|m| m.add(p, a, b));
             });
+            // A whole figure belongs to the section of its middle, which the window of a stop reaches beyond.
             let middle = [(0, bounds.lo.x + bounds.hi.x), (1, bounds.lo.y + bounds.hi.y)];
             let cell = middle.map(|(axis, sum)| tracer.grid.along(axis, sum / 2, 0));
             let centre = tracer.grid.centre(index(cell) as usize);
@@ -259,7 +265,7 @@ impl Footprint {
         self.astride += other.astride;
     }
 
-    /// The same with all intervals joined and sorted, as the next functions need it.
+    /// The footprint with all intervals joined and sorted, as the next functions need it.
     #[must_use]
     pub fn joined(mut self) -> Self {
         for s in self.sections.values_mut() {
@@ -269,7 +275,7 @@ impl Footprint {
         self
     }
 
-    /// The same with every interval reaching `by` nm further up and down.
+    /// The footprint with every interval reaching `by` nm further up and down.
     #[must_use]
     pub fn widened(mut self, by: f64) -> Self {
         for s in self.sections.values_mut() {
@@ -280,7 +286,8 @@ impl Footprint {
         self
     }
 
-    /// The same with the lowest interval of every section reaching `by` nm further down, so that levels begin there.
+    /// The footprint with the lowest interval of every section reaching `by` nm further down, so that levels begin
+    /// there.
     #[must_use]
     pub fn deepened(mut self, by: f64) -> Self {
         for lowest in self.sections.values_mut().filter_map(|s| s.heights.list.first_mut()) {

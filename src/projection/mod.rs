@@ -16,7 +16,7 @@ pub use cells::{Cells, Figure, Slabs};
 pub use footprint::Footprint;
 pub use marks::Marks;
 pub use samples::{Rows, Samples, Sampling};
-pub use turned::{InTiltedField, TiltedField, TiltedFields, Turned};
+pub use turned::{FacingCell, InTiltedField, TiltedField, TiltedFields, Turned};
 
 use crate::geom::{Box2, P2};
 use crate::program::Sections;
@@ -218,6 +218,9 @@ impl<'a> GridTracer<'a> {
         let to = [if d[0] == 0 { at[0] } else { to[0] }, if d[1] == 0 { at[1] } else { to[1] }];
         self.cuts.clear();
         self.cuts.push((0.0, at));
+        // Cell by cell: of the next lines across x and y the nearer one is crossed, through a corner both at once.
+        // Cells are decided on integers, parameters only order the crossings, so the walk ends in `to` whatever
+        // rounding does.
         while at != to {
             let next = [0, 1].map(|axis| {
                 if at[axis] == to[axis] {

@@ -81,6 +81,7 @@ impl Samples {
         }
         let row = (p.z1 / f64::from(self.sampling.rows.pitch)).floor() as i32;
         self.way -= (p.t1 - p.t0) * a.distance(b);
+        // The common case, no row crossed and no point due, costs a floor and a subtraction.
         if row != self.row || self.way < 0.0 {
             self.take(p, a, b);
             if row != self.row && self.row != i32::MIN {
@@ -107,6 +108,7 @@ impl Samples {
         }
         // Points of any height, one for every width of a cell along a stroke that crosses no row.
         let length = a.distance(b);
+        // `way` is below 0 by how far the next point lies before the end of the piece.
         while self.way < 0.0 {
             let t = (p.t1 + self.way / length).clamp(p.t0, p.t1);
             if let Some(q) = at(t, p.z(t)) {
@@ -186,6 +188,8 @@ impl<T: Copy + Ord> Thinned<T> {
     }
 
     fn tidy(&mut self) {
+        // A key that was dropped once stays dropped, in whatever part of the texture it comes again: `zeros` only
+        // grows.
         self.list.retain(|e| zeros(e.0) >= self.zeros);
         // Sorted parts that follow each other are merged by this sort.
         self.list.sort();

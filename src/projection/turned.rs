@@ -31,14 +31,21 @@ pub struct TiltedField {
 pub struct TiltedFields {
     /// The places are made of cells of this grid.
     pub grid: Sections,
-    /// Index of a cell's field.
-    pub of_cell: Vec<u32>,
+    /// What is known of every cell.
+    pub cells: Vec<FacingCell>,
     /// All fields.
     pub list: Vec<TiltedField>,
     /// Half the window of a stop, nm.
     pub half: [i64; 2],
-    /// By cell, the fields of other cells whose windows reach here and may find something hidden.
-    pub doubtful: Vec<Vec<u32>>,
+}
+
+/// One cell of the grid of [`TiltedFields`].
+#[derive(Clone, Debug, Default)]
+pub struct FacingCell {
+    /// Index of its field.
+    pub field: u32,
+    /// The fields of other cells whose windows reach here and may find something hidden.
+    pub doubtful: Vec<u32>,
 }
 
 /// What one field must hold.
@@ -49,7 +56,7 @@ pub struct InTiltedField {
     pub figures: Vec<(f64, f64)>,
     /// Whether the part hides a mark from the turned beam, or the beam meets one beyond the limit.
     pub is_hidden: bool,
-    /// The same of a mark that lies in the window beyond the area.
+    /// Whether that is so of a mark that lies in the window beyond the area.
     pub is_occluded: bool,
     /// Whether a mark lies beside the window.
     pub is_outside_window: bool,
@@ -82,8 +89,10 @@ impl Turned {
     pub fn add(&mut self, points: &[P2], tracer: &mut GridTracer<'_>, fields: &TiltedFields, keep: Keep) {
         let columns = i64::from(fields.grid.count[0]);
         let index = |[column, row]: [i64; 2]| (row * columns + column) as usize;
-        let facing_of = |cell| fields.of_cell[index(cell)] as usize;
+        let facing_of = |cell| fields.cells[index(cell)].field as usize;
         if let Some(bounds) = keep.bounds(points) {
+            // A whole figure belongs to the field of its middle; where that cannot take all of it, it is cut as
+            // below.
             let middle = [(0, bounds.lo.x + bounds.hi.x), (1, bounds.lo.y + bounds.hi.y)];
             let i = facing_of(middle.map(|(axis, sum)| fields.grid.along(axis, sum / 2, 0)));
             let field = &fields.list[i];
@@ -98,6 +107,7 @@ impl Turned {
                     let ends = Ends::of(p, w, field);
                     z = [z[0].min(ends.lo()), z[1].max(ends.hi())];
                     beside |= ends.is_outside_window(field, fields.half);
+                    // Following the beam is dear, and one hidden place is enough.
                     hidden = hidden || self.0[i].is_hidden || tracer.tracer.hides(p, w, field);
                 }
                 tracer.small = list;
@@ -121,6 +131,7 @@ impl Turned {
                 let here = &mut self.0[i];
                 here.is_outside_window |= ends.is_outside_window(field, fields.half);
                 here.is_hidden = here.is_hidden || tracer.tracer.hides(p, w, field);
+                // As in the footprint: pieces of one field that follow each other make one interval.
                 match &mut run {
                     Some((at, lo, hi)) if *at == i && ends.lo() <= *hi && ends.hi() >= *lo => {
                         *lo = lo.min(ends.lo());
@@ -142,9 +153,10 @@ impl Turned {
 
     /// Notes the fields of other places that would find a piece hidden in their windows.
     fn occlude(&mut self, p: &Piece, w: &[P2], tracer: &mut GridTracer<'_>, fields: &TiltedFields, cell: usize) {
-        for &k in &fields.doubtful[cell] {
+        let cell = &fields.cells[cell];
+        for &k in &cell.doubtful {
             let (field, here) = (&fields.list[k as usize], &mut self.0[k as usize]);
-            if fields.of_cell[cell] != k && !here.is_occluded && field.is_wide {
+            if cell.field != k && !here.is_occluded && field.is_wide {
                 here.is_occluded =
                     !Ends::of(p, w, field).is_beyond(field, fields.half) && tracer.tracer.hides(p, w, field);
             }
@@ -162,7 +174,7 @@ impl Turned {
         }
     }
 
-    /// The same with all intervals joined and sorted, as [`In a tilted field::heights`] needs it.
+    /// What all fields must hold with its intervals joined and sorted, as [`In a tilted field::heights`] needs it.
     #[must_use]
     pub fn joined(mut self) -> Self {
         for f in &mut self.0 {
@@ -214,6 +226,8 @@ impl super::Tracer<'_> {
         let [x, y, z] = field.turn.up();
         let lean = [x / z, y / z];
         let flat = lean[0].hypot(lean[1]);
+        // The beam leans by `flat` for every nanometre that it rises: above `top` nothing stands in its way, so
+        // what does lies within `reach` of the mark.
         let lowest = p.z0.min(p.z1);
         let reach = (field.top - lowest).max(0.0) * flat;
         if reach < GRAZE {

@@ -94,7 +94,7 @@ impl Layout<'_> {
         Program::block_id(self.blocks.start + i)
     }
 
-    /// The same with the blocks of all passes.
+    /// The layout with the blocks of all passes.
     fn whole(&self) -> Self {
         Self { blocks: 0..self.checked.program().blocks.len(), ..self.clone() }
     }

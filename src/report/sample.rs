@@ -105,7 +105,7 @@ impl Sample {
         }
     }
 
-    /// The same surface under a 1 mm hatch, covered by windows that lie freely: each begins at the highest
+    /// The surface under a 1 mm hatch, covered by windows that lie freely: each begins at the highest
     /// mark left and is the best of nine around it; lines stay in a window as long as they can.
     pub(super) fn windows(name: &str, size: [f64; 2], depth: f64, z: impl Fn(f64, f64) -> f64) -> Self {
         let mut sample = Self::of(name, size, depth, 4_000_000, &z);
@@ -222,7 +222,7 @@ impl Sample {
         Self::of("radome dome 450", [450.0, 450.0], 0.07, 250_000, dome)
     }
 
-    /// The same with windows that lie freely.
+    /// The dome with windows that lie freely.
     pub(super) fn dome_of_windows() -> Self {
         Self::windows("radome dome 450, free windows", [450.0, 450.0], 0.07, dome)
     }

@@ -32,6 +32,8 @@ impl Bend {
             self.along = [d[0] / length, d[1] / length];
             self.open = [f64::NEG_INFINITY, f64::INFINITY];
         }
+        // The tangents of the lines from `from` that pass this place within the tolerance; the line that serves all
+        // places so far lies in the intersection.
         // Nearer than the tolerance nothing is a direction.
         let (x, y) = self.local(d);
         if x > CHORD {

@@ -118,7 +118,7 @@ struct Open {
     /// The exact length in the field that `z_length` was summed over: that of the rounded points would not do,
     /// because every nanometre counts with the whole height.
     length: f64,
-    /// The same in the drawing.
+    /// The exact length in the plane of the drawing.
     drawn_exact: f64,
     /// The last of its points in the drawing, and the length of the line through all of them, nm.
     last: P2,
@@ -178,7 +178,7 @@ impl<'a> Splitter<'a> {
         self.cutters.into_iter().map(move |c| {
             // On a turned part the beam meets the surface at other angles than the drawing does.
             let turned = c.out.list.iter().map(|f| f.slope2).fold(0.0, f64::max);
-            let worst_slope2 = if c.stops.turn(0).is_some() { turned } else { worst };
+            let worst_slope2 = if c.stops.is_tilted() { turned } else { worst };
             Fragments { worst_slope2, ..c.out }
         })
     }
@@ -265,6 +265,8 @@ impl<'a> Cutter<'a> {
         if points[0] == points[points.len() - 1] {
             if parts == 1 && out.skipped == self.before.1 {
                 out.figures_whole += 1;
+                // A figure may begin at any vertex as long as its points are those of the texture: rounding drops
+                // some that fall together, a turned part adds some.
                 let last = out.list.last_mut();
                 last.into_iter().for_each(|f| f.is_figure = f.len as usize == points.len());
             } else {
@@ -291,6 +293,10 @@ impl<'a> Cutter<'a> {
                 if self.unmarked.is_some() {
                     self.end_unmarked(s.a.lerp(s.b, p.t0), [s.a, s.b]);
                 }
+                // Invariant: what lies before t is marked or counted. `stop` is the stop that continues with where
+                // its window ends on this segment; None where one must be chosen. A turn of the loop either moves t
+                // on, or finds that the stop of the piece before does not admit this one and leaves the choice to
+                // the next turn.
                 let mut t = p.t0;
                 while t < p.t1 {
                     let chosen = stop.is_none();
@@ -310,6 +316,8 @@ impl<'a> Cutter<'a> {
                         self.mark(at as usize, s, [t, exit], p);
                         t = exit;
                     }
+                    // A stop that reached the end of the piece continues unasked: it was chosen as the one that the stroke leaves
+                    // last.
                     if exit >= p.t1 {
                         stop = Some((at, end));
                     }
@@ -342,12 +350,14 @@ impl<'a> Cutter<'a> {
         if let Some(turn) = self.stops.turn(stop) {
             return self.turned_exit(stop, turn, s, p, t);
         }
-        let stop = &self.stops.stops[stop as usize];
+        let stop = &self.stops.stops[stop as usize].stop;
         let (lo, hi) = (stop.z_lo as f64, stop.z_hi as f64);
         // At the edge of a sheet the height jumps from one piece to the next.
         if t == p.t0 && (p.z0 > hi + EPS || p.z0 < lo - EPS) {
             return t;
         }
+        // The height is linear along the piece: the stop is left where it reaches the limit that its far end lies
+        // beyond.
         let limit = if p.z1 > hi + EPS {
             hi
         } else if p.z1 < lo - EPS {
@@ -361,6 +371,8 @@ impl<'a> Cutter<'a> {
 
     /// As [`Cutter::exit`] for a turned part, on which a piece is straight in space.
     fn turned_exit(&self, stop: u32, turn: &Turn, s: &Segment, p: &Piece, t: f64) -> f64 {
+        // Every coordinate of the turned part is linear along the piece, and so are those of the drawing: each says
+        // whether it is inside at t and where it leaves; the first to leave counts.
         let share = (t - p.t0) / (p.t1 - p.t0);
         let mut exit = p.t1;
         let mut inside = |a: f64, b: f64, lo: f64, hi: f64| {
@@ -385,7 +397,7 @@ impl<'a> Cutter<'a> {
 
     /// Lower and upper corner of what `stop` admits, on the turned part where there is a turn.
     fn bounds(&self, stop: u32) -> [[f64; 3]; 2] {
-        let ([lo, hi], at) = (self.stops.window(stop), &self.stops.stops[stop as usize]);
+        let ([lo, hi], at) = (self.stops.window(stop), &self.stops.stops[stop as usize].stop);
         [[lo[0], lo[1], at.z_lo as f64], [hi[0], hi[1], at.z_hi as f64]]
     }
 
@@ -397,7 +409,7 @@ impl<'a> Cutter<'a> {
     /// A point of the drawing, over which the surface is `z` high, in the field frame of a stop. Sections are
     /// smaller than 2.1 m, so it fits.
     fn local(&self, stop: usize, p: P2, z: f64) -> [i32; 2] {
-        let c = self.stops.stops[stop].centre;
+        let c = self.stops.stops[stop].stop.centre;
         let Some(turn) = self.stops.turn(stop as u32) else { return [(p.x - c.x) as i32, (p.y - c.y) as i32] };
         let [x, y, _] = turn.apply([p.x as f64, p.y as f64, z]);
         [nearest(x - c.x as f64) as i32, nearest(y - c.y as f64) as i32]
@@ -436,6 +448,8 @@ impl<'a> Cutter<'a> {
             [] => self.nearest(at),
             [one] => one,
             _ => {
+                // Farthest first is optimal for cuts along one stroke: any cover of the stretch by intervals can be
+                // exchanged for this one, interval by interval, without a cut more.
                 let left = |&stop: &u32| (self.left(stop, run, k, i, t), stop);
                 let later = |a: &((usize, f64), u32), b: &((usize, f64), u32)| {
                     a.0.0.cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)).then(a.1.cmp(&b.1))
@@ -460,6 +474,7 @@ impl<'a> Cutter<'a> {
                 }
             }
         }
+        // Stops that admit all that was looked ahead over count as equal; the last of the list continues.
         (run.pieces.len(), 0.0)
     }
 
@@ -487,6 +502,8 @@ impl<'a> Cutter<'a> {
     /// than the grid to which their borders would be rounded.
     fn end_unmarked(&mut self, to: P2, [a, b]: [P2; 2]) {
         let Some((skip, from)) = self.unmarked.take() else { return };
+        // The length along the segment, not between the rounded ends: sums of many short stretches must come out as
+        // the length of the stroke.
         let dot = (b.x - a.x) as f64 * (to.x - from.x) as f64 + (b.y - a.y) as f64 * (to.y - from.y) as f64;
         let length = self.passes * dot.max(0.0) / a.distance(b) / NM_PER_MM;
         match skip {
@@ -535,7 +552,7 @@ impl<'a> Cutter<'a> {
         self.z = z[1];
         let normal = || self.normals.under(p);
         let slope2 = self.stops.turn(stop as u32).map_or(p.slope2, |turn| turn.slope2(normal()));
-        let (centre, Some(open)) = (self.stops.stops[stop].centre, &mut self.open) else { return };
+        let (centre, Some(open)) = (self.stops.stops[stop].stop.centre, &mut self.open) else { return };
         let z = ends.map_or(z, |e| e.map(|e| e[2]));
         if let Some([x, y]) = ends.and_then(|e| open.bend.go([e[1][0], e[1][1]])) {
             let p = [nearest(x - centre.x as f64) as i32, nearest(y - centre.y as f64) as i32];
@@ -548,6 +565,7 @@ impl<'a> Cutter<'a> {
         open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
         open.cos_length += length / (1.0 + slope2).sqrt();
         open.slope2 = open.slope2.max(slope2);
+        // The mean of the ends times the length is the integral: the height is linear.
         open.z_length += (z[0] + z[1]) / 2.0 * length;
         open.length += length;
         open.drawn_exact += drawn;
@@ -592,6 +610,8 @@ impl<'a> Cutter<'a> {
         }
         let points = &self.out.points[open.first..];
         let length = open.drawn + open.last.distance(end);
+        // Either way `length` is accounted for, so that mark - overlap + skipped = texture; what the fragment
+        // before has marked of it was counted there.
         if points.len() < 2 || length < self.min_mark {
             self.out.skipped.small += self.passes * (length - open.shared) / NM_PER_MM;
             self.out.points.truncate(open.first);

@@ -37,6 +37,8 @@ impl Cutter<'_> {
     /// A random place to leave `stop`, which continues from `t` on piece `i` of segment `k`: in the zone before
     /// the place where it must be left, as far as the stop that follows admits it too.
     pub(super) fn plan(&mut self, stop: u32, run: &Run, k: usize, i: usize, t: f64) -> Option<(usize, f64, u32)> {
+        // Where the stop must be left, and the stop that follows there: the cut may lie anywhere before as long as
+        // both admit the stroke.
         let (j, exit) = self.left(stop, run, k, i, t);
         let p = run.pieces.get(j).filter(|p| p.skip.is_none())?;
         // A stop that is left at once, at the end of a piece, is left on the next.
@@ -91,12 +93,16 @@ impl Cutter<'_> {
             if j == first {
                 begin = begin.max(from);
             }
+            // Of the three coordinates the one that enters the box last says where on this piece `stop` begins to
+            // admit.
             let begin = begin.min(to);
             let scale = s.a.distance(s.b);
             if length + (to - begin) * scale >= most {
                 return ((j, (to - (most - length) / scale).max(begin)), most);
             }
             length += (to - begin) * scale;
+            // Accepted down to the begin of the piece: the one before may continue, unless a gap or the wall between
+            // two sheets parts them.
             let goes_on = begin <= p.t0 && j > first && run.pieces[j - 1].skip.is_none();
             if !goes_on || (run.pieces[j - 1].z1 - p.z0).abs() * lean > CHORD / 2.0 {
                 return ((j, begin), length);
@@ -126,6 +132,7 @@ impl Cutter<'_> {
         if !self.close(cut) {
             return;
         }
+        // Half of what the fragment before has for itself, so that nothing is marked three times.
         let wanted = self.seam.overlap;
         let ((first, from), length) = self.accepted_before(stop, run, (i, t), (0, 0.0), wanted.min(own / 2.0));
         self.out.cuts += 1;

@@ -7,7 +7,7 @@
 //! bin lines find their facets from either side, and places on a rim the facet beside them.
 
 use super::mesh::{Mesh, NONE, Vertex};
-use crate::geom::{P2, orient};
+use crate::geom::{Box2, Buckets, Grid, P2, orient};
 use rustc_hash::FxHashMap;
 
 /// What a bin holds.
@@ -21,12 +21,9 @@ pub(crate) enum Class {
 /// The grid; coordinates are the mesh's local ones, nm.
 #[derive(Debug)]
 pub(crate) struct Bins {
-    pub lo: P2,
-    pub size: i64,
-    pub count: [usize; 2],
+    pub grid: Grid,
     pub class: Vec<Class>,
-    starts: Vec<u32>,
-    refs: Vec<u32>,
+    facets: Buckets<u32>,
     /// Finer cells of crowded bins: many tiny facets beside huge ones.
     fine: FxHashMap<u32, Fine>,
 }
@@ -34,9 +31,8 @@ pub(crate) struct Bins {
 /// The cells of one crowded bin.
 #[derive(Debug)]
 struct Fine {
-    cells: Cells,
-    starts: Vec<u32>,
-    refs: Vec<u32>,
+    grid: Grid,
+    facets: Buckets<u32>,
 }
 
 /// Facets per bin that the grid aims at.
@@ -50,29 +46,20 @@ const MAX_REFS_PER_FACET: u64 = 12;
 
 impl Bins {
     pub fn new(mesh: &Mesh) -> Self {
-        let (mut lo, mut hi) = (P2::new(i64::MAX, i64::MAX), P2::new(i64::MIN, i64::MIN));
-        for v in mesh.facets.iter().flatten().map(|&v| mesh.vertices[v as usize]) {
-            lo = P2::new(lo.x.min(v.x.into()), lo.y.min(v.y.into()));
-            hi = P2::new(hi.x.max(v.x.into()), hi.y.max(v.y.into()));
-        }
-        let lo = P2::new(lo.x - 2, lo.y - 2);
+        let mut all = Box2::EMPTY;
+        mesh.facets.iter().flatten().for_each(|&v| all.add(mesh.vertices[v as usize].p2()));
+        let (lo, hi) = (P2::new(all.lo.x - 2, all.lo.y - 2), all.hi);
         let (w, h) = (hi.x + 3 - lo.x, hi.y + 3 - lo.y);
         let area = w as f64 * h as f64 * FACETS_PER_BIN / mesh.facets.len() as f64;
         // A long thin part must not get more than a few bins per facet either.
         let mut size = (area.sqrt().ceil() as i64).max(w.max(h) / 65_000).max(1000);
         loop {
-            let count = [(w / size + 1) as usize, (h / size + 1) as usize];
-            let mut bins = Self {
-                lo,
-                size,
-                count,
-                class: Vec::new(),
-                starts: Vec::new(),
-                refs: Vec::new(),
-                fine: FxHashMap::default(),
-            };
-            let limit = mesh.facets.len() as u64 * MAX_REFS_PER_FACET + 64;
-            if bins.fill(mesh, if count == [1, 1] { u64::MAX } else { limit }) {
+            let grid = Grid { origin: lo, pitch: [size; 2], count: [(w / size + 1) as u32, (h / size + 1) as u32] };
+            // Large facets lie in many bins: bins grow until the references are few. In a single bin every facet
+            // has one.
+            let limit = if grid.len() == 1 { u64::MAX } else { mesh.facets.len() as u64 * MAX_REFS_PER_FACET + 64 };
+            if let Some(facets) = listed(&grid, mesh, 0..mesh.facets.len() as u32, limit) {
+                let mut bins = Self { grid, class: Vec::new(), facets, fine: FxHashMap::default() };
                 bins.divide_crowded(mesh);
                 bins.classify(mesh);
                 return bins;
@@ -81,48 +68,23 @@ impl Bins {
         }
     }
 
-    fn cells(&self) -> Cells {
-        Cells { lo: self.lo, size: self.size, count: self.count }
-    }
-
-    /// The bin column of x; clamped to the grid.
-    pub fn column(&self, x: i64) -> usize {
-        self.cells().column(x)
-    }
-
-    /// The bin row of y; clamped to the grid.
-    pub fn row(&self, y: i64) -> usize {
-        self.cells().row(y)
-    }
-
-    /// Lists the facets of every bin; gives up where that takes more than `limit` references.
-    fn fill(&mut self, mesh: &Mesh, limit: u64) -> bool {
-        let Some(lists) = self.cells().lists(mesh, 0..mesh.facets.len() as u32, limit) else { return false };
-        (self.starts, self.refs) = lists;
-        true
-    }
-
     fn divide_crowded(&mut self, mesh: &Mesh) {
-        let crowded = (0..self.class_count()).filter(|&b| self.facets(b).len() > CROWDED);
+        let crowded = (0..self.grid.len()).filter(|&b| self.facets(b).len() > CROWDED);
         let fine = crowded.filter_map(|b| Some((b as u32, self.divide(mesh, b)?)));
         self.fine = fine.collect();
-    }
-
-    fn class_count(&self) -> usize {
-        self.count[0] * self.count[1]
     }
 
     /// The cells of a crowded bin; None where they would not help: its facets are as large as it is.
     fn divide(&self, mesh: &Mesh, b: usize) -> Option<Fine> {
         let facets = self.facets(b);
-        let [column, row] = [b % self.count[0], b / self.count[0]].map(|i| i as i64);
-        let lo = P2::new(self.lo.x + column * self.size, self.lo.y + row * self.size);
-        let mut side = ((facets.len() as f64 / 2.0).sqrt() as i64).min(self.size);
+        let size = self.grid.pitch[0];
+        let mut side = ((facets.len() as f64 / 2.0).sqrt() as i64).min(size);
         while side > 1 {
-            let cells = Cells { lo, size: self.size / side + 1, count: [side as usize; 2] };
+            let origin = self.grid.area(b).lo;
+            let grid = Grid { origin, pitch: [size / side + 1; 2], count: [side as u32; 2] };
             let limit = facets.len() as u64 * MAX_FINE_REFS;
-            if let Some((starts, refs)) = cells.lists(mesh, facets.iter().copied(), limit) {
-                return Some(Fine { cells, starts, refs });
+            if let Some(facets) = listed(&grid, mesh, facets.iter().copied(), limit) {
+                return Some(Fine { grid, facets });
             }
             side /= 2;
         }
@@ -132,37 +94,32 @@ impl Bins {
     /// Appends the facets of bin `b` that may lie under the line from `from` to `to`, which may reach
     /// beyond the bin.
     pub fn facets_under(&self, b: usize, from: P2, to: P2, out: &mut Vec<u32>) {
-        let Some(Fine { cells, starts, refs }) = self.fine.get(&(b as u32)) else {
+        let Some(Fine { grid, facets }) = self.fine.get(&(b as u32)) else {
             return out.extend_from_slice(self.facets(b));
         };
-        cells.along(from, to, |c| out.extend_from_slice(&refs[starts[c] as usize..starts[c + 1] as usize]));
+        cells_under(grid, from, to, |cell| out.extend_from_slice(facets.of(cell)));
     }
 
     /// The facets whose padded box touches bin `b`.
     pub fn facets(&self, b: usize) -> &[u32] {
-        &self.refs[self.starts[b] as usize..self.starts[b + 1] as usize]
+        self.facets.of(b)
     }
 
     fn classify(&mut self, mesh: &Mesh) {
-        let mut class = vec![Class::Simple; self.count[0] * self.count[1]];
+        let mut class = vec![Class::Simple; self.grid.len()];
+        // The number of sheets changes at rims only: every bin that one passes, or passes by a few nanometres, must
+        // compare.
         for he in (0..mesh.twins.len()).filter(|&he| mesh.twins[he] == NONE) {
             let f = &mesh.facets[he / 3];
             let (a, b) = (mesh.vertices[f[he % 3] as usize], mesh.vertices[f[(he % 3 + 1) % 3] as usize]);
-            self.cells().along(a.p2(), b.p2(), |bin| class[bin] = Class::Complex);
+            cells_under(&self.grid, a.p2(), b.p2(), |bin| class[bin] = Class::Complex);
         }
         let mut sheet = Vec::new();
-        for row in 0..self.count[1] {
-            for column in 0..self.count[0] {
-                let b = row * self.count[0] + column;
-                if class[b] == Class::Simple {
-                    let centre = P2::new(
-                        self.lo.x + column as i64 * self.size + self.size / 2,
-                        self.lo.y + row as i64 * self.size + self.size / 2,
-                    );
-                    class[b] = self.class_without_rim(mesh, b, centre, &mut sheet);
-                } else if self.facets(b).is_empty() {
-                    class[b] = Class::Empty;
-                }
+        for (b, class) in class.iter_mut().enumerate() {
+            if *class == Class::Simple {
+                *class = self.class_without_rim(mesh, b, self.grid.centre(b), &mut sheet);
+            } else if self.facets(b).is_empty() {
+                *class = Class::Empty;
             }
         }
         self.class = class;
@@ -218,111 +175,52 @@ impl Bins {
     }
 }
 
-/// Square cells in rows.
-#[derive(Clone, Copy, Debug)]
-struct Cells {
-    lo: P2,
-    size: i64,
-    count: [usize; 2],
+/// The facets of every cell of a grid; None where that takes more than `limit` references.
+fn listed(grid: &Grid, mesh: &Mesh, facets: impl Iterator<Item = u32> + Clone, limit: u64) -> Option<Buckets<u32>> {
+    let area = |f: u32| around(mesh.facets[f as usize].map(|v| mesh.vertices[v as usize]));
+    let mut total = 0;
+    for f in facets.clone() {
+        let Box2 { lo, hi } = area(f);
+        total += (grid.range(0, lo.x, hi.x).len() * grid.range(1, lo.y, hi.y).len()) as u64;
+        if total > limit {
+            return None;
+        }
+    }
+    Some(Buckets::new(grid.len(), facets.flat_map(|f| grid.touched(area(f)).map(move |cell| (cell, f)))))
 }
 
-impl Cells {
-    fn axis(&self, v: i64, lo: i64, count: usize) -> usize {
-        ((v - lo).div_euclid(self.size)).clamp(0, count as i64 - 1) as usize
-    }
-    fn column(&self, x: i64) -> usize {
-        self.axis(x, self.lo.x, self.count[0])
-    }
-    fn row(&self, y: i64) -> usize {
-        self.axis(y, self.lo.y, self.count[1])
-    }
-
-    /// The cells that the box of a facet touches, two nanometres around it included.
-    fn range(&self, corners: &[Vertex; 3]) -> Range2 {
-        let xs = corners.map(|v| i64::from(v.x));
-        let ys = corners.map(|v| i64::from(v.y));
-        let min = |v: [i64; 3]| v[0].min(v[1]).min(v[2]) - 2;
-        let max = |v: [i64; 3]| v[0].max(v[1]).max(v[2]) + 2;
-        Range2 { x: [self.column(min(xs)), self.column(max(xs))], y: [self.row(min(ys)), self.row(max(ys))] }
-    }
-
-    /// The facets of every cell, as one list and where each cell's begins; None where that takes more
-    /// than `limit` references.
-    fn lists(
-        &self,
-        mesh: &Mesh,
-        facets: impl Iterator<Item = u32> + Clone,
-        limit: u64,
-    ) -> Option<(Vec<u32>, Vec<u32>)> {
-        let range = |f: u32| self.range(&mesh.facets[f as usize].map(|v| mesh.vertices[v as usize]));
-        let mut starts = vec![0u32; self.count[0] * self.count[1] + 1];
-        let mut total = 0;
-        for f in facets.clone() {
-            let range = range(f);
-            total += range.area();
-            if total > limit {
-                return None;
-            }
-            range.for_each(self.count[0], |b| starts[b + 1] += 1);
-        }
-        for b in 0..starts.len() - 1 {
-            starts[b + 1] += starts[b];
-        }
-        let mut refs = vec![0u32; starts[starts.len() - 1] as usize];
-        let mut next = starts.clone();
-        for f in facets {
-            range(f).for_each(self.count[0], |b| {
-                refs[next[b] as usize] = f;
-                next[b] += 1;
-            });
-        }
-        Some((starts, refs))
-    }
-
-    /// Calls `f` with every cell that the line from a to b touches, some nanometres around it included.
-    fn along(&self, a: P2, b: P2, mut f: impl FnMut(usize)) {
-        let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
-        let dy = (b.y - a.y) as f64;
-        let beyond =
-            |lo: i64, hi: i64, from: i64, count: usize| hi + 3 < from || lo - 3 > from + count as i64 * self.size;
-        if beyond(a.y, b.y, self.lo.y, self.count[1]) {
-            return;
-        }
-        for row in self.row(a.y - 1)..=self.row(b.y + 1) {
-            let y0 = (self.lo.y + row as i64 * self.size - 1).clamp(a.y, b.y);
-            let y1 = (self.lo.y + (row as i64 + 1) * self.size + 1).clamp(a.y, b.y);
-            let at =
-                |y: i64| if dy > 0.0 { a.x as f64 + (b.x - a.x) as f64 * ((y - a.y) as f64 / dy) } else { a.x as f64 };
-            let (mut x0, mut x1) = if dy > 0.0 { (at(y0), at(y1)) } else { (a.x as f64, b.x as f64) };
-            if x0 > x1 {
-                std::mem::swap(&mut x0, &mut x1);
-            }
-            let (x0, x1) = (x0.floor() as i64 - 2, x1.ceil() as i64 + 2);
-            if beyond(x0, x1, self.lo.x, self.count[0]) {
-                continue;
-            }
-            for column in self.column(x0)..=self.column(x1) {
-                f(row * self.count[0] + column);
-            }
-        }
-    }
+/// The box of a facet and two nanometres around it.
+fn around(corners: [Vertex; 3]) -> Box2 {
+    let mut area = Box2::EMPTY;
+    corners.iter().for_each(|v| area.add(v.p2()));
+    Box2 { lo: P2::new(area.lo.x - 2, area.lo.y - 2), hi: P2::new(area.hi.x + 2, area.hi.y + 2) }
 }
 
-/// A range of bins, ends included.
-struct Range2 {
-    x: [usize; 2],
-    y: [usize; 2],
-}
-
-impl Range2 {
-    fn area(&self) -> u64 {
-        (self.x[1] - self.x[0] + 1) as u64 * (self.y[1] - self.y[0] + 1) as u64
+/// Calls `f` with every cell that the line from a to b touches, some nanometres around it included.
+fn cells_under(grid: &Grid, a: P2, b: P2, mut f: impl FnMut(usize)) {
+    let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
+    let dy = (b.y - a.y) as f64;
+    let bounds = grid.bounds();
+    let beyond = |lo: i64, hi: i64, from: i64, to: i64| hi + 3 < from || lo - 3 > to;
+    if beyond(a.y, b.y, bounds.lo.y, bounds.hi.y) {
+        return;
     }
-    fn for_each(&self, columns: usize, mut f: impl FnMut(usize)) {
-        for y in self.y[0]..=self.y[1] {
-            for x in self.x[0]..=self.x[1] {
-                f(y * columns + x);
-            }
+    for row in grid.along(1, a.y - 1, 0)..=grid.along(1, b.y + 1, 0) {
+        // The stretch of the line in this row, a nanometre more at both ends.
+        let y0 = (grid.line(1, row) - 1).clamp(a.y, b.y);
+        let y1 = (grid.line(1, row + 1) + 1).clamp(a.y, b.y);
+        let at = |y: i64| if dy > 0.0 { a.x as f64 + (b.x - a.x) as f64 * ((y - a.y) as f64 / dy) } else { a.x as f64 };
+        let (mut x0, mut x1) = if dy > 0.0 { (at(y0), at(y1)) } else { (a.x as f64, b.x as f64) };
+        if x0 > x1 {
+            std::mem::swap(&mut x0, &mut x1);
+        }
+        // Far more than f64 rounds by, which is below 1e-5 nm within 4 m.
+        let (x0, x1) = (x0.floor() as i64 - 2, x1.ceil() as i64 + 2);
+        if beyond(x0, x1, bounds.lo.x, bounds.hi.x) {
+            continue;
+        }
+        for column in grid.along(0, x0, 0)..=grid.along(0, x1, 0) {
+            f(row as usize * grid.columns() + column as usize);
         }
     }
 }

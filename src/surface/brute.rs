@@ -307,19 +307,23 @@ fn trial(seed: u64) -> Option<Result<(), String>> {
     (0..4).for_each(|_| _ = noise.next());
     let facets = mesh(&mut noise);
     let surface = Surface::from_facets(mm(&facets), &mut Vec::new()).ok()?;
+    let walked = walk_about(&mut noise, &facets, &surface);
+    Some(walked.map_err(|fault| format!("seed {seed}: {fault} on {} facets", facets.len())))
+}
+
+/// A few strokes over a surface of these facets.
+fn walk_about(noise: &mut Noise, facets: &[Facet], surface: &Surface) -> Result<(), String> {
     let (mut cursor, mut spans) = (Cursor::default(), Vec::new());
     let mut last = P2::new(0, 0);
     for _ in 0..25 {
-        let p = place(&mut noise, &facets, &surface, last);
+        let p = place(noise, facets, surface, last);
         if p != last {
             surface.walk(last, p, &mut cursor, &mut spans);
-            if let Err(fault) = judge(&facets, last, p, &spans) {
-                return Some(Err(format!("seed {seed}: {last:?} to {p:?} on {} facets: {fault}", facets.len())));
-            }
+            judge(facets, last, p, &spans).map_err(|fault| format!("{last:?} to {p:?}: {fault}"))?;
         }
         last = p;
     }
-    Some(Ok(()))
+    Ok(())
 }
 
 fn trials(seeds: std::ops::Range<u64>) {
@@ -373,16 +377,7 @@ fn a_height_map_is_its_facets() {
             continue;
         }
         let surface = Surface::from_heightmap(map).expect("facets");
-        let (mut cursor, mut spans) = (Cursor::default(), Vec::new());
-        let mut last = P2::new(0, 0);
-        for _ in 0..25 {
-            let p = place(&mut noise, &facets, &surface, last);
-            if p != last {
-                surface.walk(last, p, &mut cursor, &mut spans);
-                let fault = judge(&facets, last, p, &spans);
-                assert_eq!(fault, Ok(()), "seed {seed}: {last:?} to {p:?} on {columns} x {rows} samples");
-            }
-            last = p;
-        }
+        let walked = walk_about(&mut noise, &facets, &surface);
+        assert_eq!(walked, Ok(()), "seed {seed} on {columns} x {rows} samples");
     }
 }

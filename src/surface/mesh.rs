@@ -12,7 +12,7 @@
 use rustc_hash::FxHashMap;
 
 use crate::diag::{Diag, Error};
-use crate::geom::{MAX_NM, NM_PER_MM, P2, nearest, orient};
+use crate::geom::{Buckets, MAX_NM, NM_PER_MM, P2, counting_sort, nearest, orient};
 
 /// Says that there is no facet or half-edge.
 pub(crate) const NONE: u32 = u32::MAX;
@@ -324,20 +324,11 @@ fn renumber(vertices: &mut Vec<Vertex>, facets: &mut Vec<[u32; 3]>) {
 
 /// Stable sort by key, 11 bits a pass.
 fn radix_sort(keys: &mut Vec<(u32, u32)>) {
-    let mut other = vec![(0, 0); keys.len()];
+    let (mut starts, mut sorted) = (Vec::new(), Vec::new());
     for shift in [0, 11, 22] {
         let digit = |k: u32| (k >> shift) as usize & 0x7FF;
-        let mut starts = [0usize; 2049];
-        keys.iter().for_each(|&(k, _)| starts[digit(k) + 1] += 1);
-        for i in 0..2048 {
-            starts[i + 1] += starts[i];
-        }
-        for &k in keys.iter() {
-            let slot = &mut starts[digit(k.0)];
-            other[*slot] = k;
-            *slot += 1;
-        }
-        std::mem::swap(keys, &mut other);
+        counting_sort(0x800, keys.iter().map(|&k| (digit(k.0), k)), &mut starts, &mut sorted);
+        std::mem::swap(keys, &mut sorted);
     }
 }
 
@@ -345,26 +336,15 @@ fn radix_sort(keys: &mut Vec<(u32, u32)>) {
 fn twins(vertex_count: usize, facets: &[[u32; 3]]) -> Vec<u32> {
     let ends = |he: usize| (facets[he / 3][he % 3], facets[he / 3][(he % 3 + 1) % 3]);
     let count = facets.len() * 3;
-    let mut starts = vec![0u32; vertex_count + 1];
-    for he in 0..count {
-        let (a, b) = ends(he);
-        starts[a.min(b) as usize + 1] += 1;
-    }
-    for v in 0..vertex_count {
-        starts[v + 1] += starts[v];
-    }
-    let mut fill = starts.clone();
-    let mut edges = vec![(0u32, 0u32); count];
-    for he in 0..count {
-        let (a, b) = ends(he);
-        let slot = &mut fill[a.min(b) as usize];
-        edges[*slot as usize] = (a.max(b), he as u32);
-        *slot += 1;
-    }
-    drop(fill);
+    let mut edges = Buckets::new(
+        vertex_count,
+        (0..count).map(|he| {
+            let (a, b) = ends(he);
+            (a.min(b) as usize, (a.max(b), he as u32))
+        }),
+    );
     let mut twins = vec![NONE; count];
-    for v in 0..vertex_count {
-        let list = &mut edges[starts[v] as usize..starts[v + 1] as usize];
+    for list in edges.each_mut() {
         list.sort_unstable();
         for same in list.chunk_by(|x, y| x.0 == y.0) {
             // Proper: exactly two, running in opposite directions, so on opposite sides.

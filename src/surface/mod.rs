@@ -26,7 +26,6 @@ use bins::{Bins, Class};
 use grid::Grid;
 use mesh::{Mesh, Welder};
 pub use topmost::Span;
-use walk::BinSteps;
 pub use walk::Cursor;
 
 use crate::diag::{Diag, Error, Place};
@@ -239,7 +238,7 @@ impl Surface {
 
     fn bin_count(&self, axis: usize) -> i64 {
         match &self.kind {
-            Kind::Mesh(_, b) => b.count[axis] as i64,
+            Kind::Mesh(_, b) => i64::from(b.grid.count[axis]),
             Kind::Grid(g, _) => g.cells()[axis] as i64 + 2,
         }
     }
@@ -247,7 +246,7 @@ impl Surface {
     /// Local coordinate of the lower border of bin `i` along an axis, nm.
     fn bin_line(&self, axis: usize, i: i64) -> i64 {
         match &self.kind {
-            Kind::Mesh(_, b) => (if axis == 0 { b.lo.x } else { b.lo.y }) + i * b.size,
+            Kind::Mesh(_, b) => b.grid.line(axis, i),
             Kind::Grid(g, _) => g.line(i - 1),
         }
     }
@@ -255,7 +254,7 @@ impl Surface {
     /// The bin of a local coordinate along an axis, clamped to the grid.
     fn bin_of(&self, axis: usize, v: i64) -> i64 {
         match &self.kind {
-            Kind::Mesh(_, b) => (if axis == 0 { b.column(v) } else { b.row(v) }) as i64,
+            Kind::Mesh(_, b) => b.grid.along(axis, v, 0),
             Kind::Grid(g, _) => (g.cell_of(v) + 1).clamp(0, self.bin_count(axis) - 1),
         }
     }

@@ -9,10 +9,10 @@
 //!
 //! Limit: of a segment that runs along a rim and on beyond it, the whole gap stays.
 
+use super::Surface;
 use super::mesh::{NONE, Vertex};
 use super::topmost::Span;
 use super::walk::{Cursor, Line};
-use super::{BinSteps, Surface};
 use crate::geom::{P2, orient};
 
 /// A place so near to a rim, nm, lies on it: the grid's diagonal, half of it for the rounding of the stroke
@@ -22,6 +22,7 @@ pub(super) const ON_RIM: f64 = std::f64::consts::SQRT_2 + 0.05;
 impl Surface {
     /// Fills the gaps that lie on a rim with what is there.
     pub(super) fn close_on_rims(&self, line: &Line, cursor: &mut Cursor, out: &mut Vec<Span>) {
+        // From the back: a filled gap becomes several spans, and those before it keep their numbers.
         for i in (0..out.len()).rev() {
             let Span { t0, t1, .. } = out[i];
             // Most gaps lead far off the part: their middle tells.
@@ -49,17 +50,7 @@ impl Surface {
 
     /// Writes what rims hold of a stretch of the line into `cursor.on_rim`; answers whether that is all of it.
     fn along_rims(&self, line: &Line, [from, to]: [f64; 2], cursor: &mut Cursor) -> bool {
-        cursor.facets.clear();
-        let mut steps = BinSteps::new(self, line, from, to);
-        let ends = [from, to].map(|t| line.a.lerp(line.b, t));
-        loop {
-            self.bin_facets(steps.bin(), ends, &mut cursor.facets);
-            if steps.step().is_none() {
-                break;
-            }
-        }
-        cursor.facets.sort_unstable();
-        cursor.facets.dedup();
+        self.facets_under(line, [from, to], &mut cursor.facets);
         let Cursor { facets, sheets, on_rim, .. } = cursor;
         sheets.hits.clear();
         for &f in facets.iter() {
@@ -76,6 +67,7 @@ impl Surface {
         on_rim.clear();
         sheets.topmost(from, to, line.half_nm, on_rim);
         let is_whole = !on_rim.is_empty() && on_rim.iter().all(|s| s.facet().is_some());
+        // Neighbouring edges meet within rounding: spans are made to tile the gap.
         if is_whole {
             let last = on_rim.len() - 1;
             (on_rim[0].t0, on_rim[last].t1) = (from, to);
@@ -101,6 +93,8 @@ impl Line {
                 near = [near[0].min(t[0]), near[1].max(t[1])];
             }
         };
+        // What lies within ON_RIM of an edge is a capsule: a disc around each end and a strip between. It is
+        // convex, so the line is in it between the first and the last parameter at which it is in one of the three.
         for c in [u, v] {
             let off = self.side(c) * 2.0 * self.half_nm;
             let half = (ON_RIM * ON_RIM - off * off).max(0.0).sqrt() * 2.0 * self.half_nm;
@@ -110,6 +104,7 @@ impl Line {
             }
         }
         let ([l, m], length2) = self.along(u, v);
+        // The strip: beside the edge (x) and not farther off than ON_RIM (y), both linear along the line.
         let [o, r] = [self.a, self.b].map(|p| orient(u.p2(), v.p2(), p));
         let wide = ON_RIM * length2.sqrt();
         let (x, y) = (within(l, m, 0.0, length2), within(o, r, -wide, wide));

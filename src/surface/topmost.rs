@@ -84,6 +84,7 @@ impl Sheets {
     /// The upper envelope of the hits between two parameters.
     pub(super) fn topmost(&mut self, t_from: f64, t_to: f64, half_nm: f64, out: &mut Vec<Span>) {
         let Self { hits, ends, active } = self;
+        // One sheet, as nearly everywhere: facets follow each other, and nothing is above anything.
         let apart = hits.windows(2).all(|w| w[1].t0 >= w[0].t1 - half_nm * 1e-3);
         let mut t = t_from;
         if apart {
@@ -101,6 +102,8 @@ impl Sheets {
         ends.dedup();
         active.clear();
         let mut next = 0;
+        // A sweep over all ends: between two of them that follow each other the same hits lie under the segment,
+        // and each is straight.
         for w in ends.windows(2) {
             let (u, v) = (w[0], w[1]);
             while next < hits.len() && hits[next].t0 <= u {
@@ -137,6 +140,7 @@ fn envelope(active: &[Span], u: f64, v: f64, half_nm: f64, out: &mut Vec<Span>) 
         let mut cut: Option<(f64, &Span)> = None;
         for h in active {
             let (ht, hv) = (z(h, t), z(h, v));
+            // Straight lines cross once: one that is no higher now and higher at v rises above `top` at s.
             if hv > zv && ht <= zt {
                 let s = t + (v - t) * ((zt - ht) / ((zt - ht) + (hv - zv)));
                 if s < v && cut.is_none_or(|(c, b)| s < c || s == c && hv > z(b, v)) {

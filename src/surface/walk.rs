@@ -80,6 +80,7 @@ impl Line {
     /// from either facet of the edge.
     #[inline]
     fn crossing(&self, (u, un): (Vertex, u32), ou: f64, (v, vn): (Vertex, u32), ov: f64) -> (f64, f64) {
+        // From the corner of the lower number, whichever facet asks.
         let (u, ou, v, ov) = if un < vn { (u, ou, v, ov) } else { (v, ov, u, ou) };
         let s = ou / (ou - ov);
         let x = f64::from(u.x) + s * (f64::from(v.x) - f64::from(u.x));
@@ -98,8 +99,16 @@ struct Through {
     sides: [f64; 3],
 }
 
+/// A stretch of a line through bins of one class.
+struct Stretch {
+    /// Parameters of its ends.
+    t: [f64; 2],
+    /// Its first and its last bin.
+    bins: [usize; 2],
+}
+
 /// Steps from bin to bin along a segment.
-pub(super) struct BinSteps<'a> {
+struct BinSteps<'a> {
     surface: &'a Surface,
     line: &'a Line,
     at: [i64; 2],
@@ -109,7 +118,7 @@ pub(super) struct BinSteps<'a> {
 }
 
 impl<'a> BinSteps<'a> {
-    pub(super) fn new(surface: &'a Surface, line: &'a Line, t: f64, t_end: f64) -> Self {
+    fn new(surface: &'a Surface, line: &'a Line, t: f64, t_end: f64) -> Self {
         let at = [(0, line.a.x), (1, line.a.y)].map(|(axis, a)| {
             let v = if t == 0.0 { a } else { (a as f64 + t * line.d[axis]).floor() as i64 };
             let bin = surface.bin_of(axis, v);
@@ -134,12 +143,12 @@ impl<'a> BinSteps<'a> {
         };
     }
 
-    pub(super) fn bin(&self) -> usize {
+    fn bin(&self) -> usize {
         (self.at[1] * self.surface.bin_count(0) + self.at[0]) as usize
     }
 
     /// Moves to the next bin; None at the end of the stretch or of the grid.
-    pub(super) fn step(&mut self) -> Option<()> {
+    fn step(&mut self) -> Option<()> {
         let axis = usize::from(self.next[1] < self.next[0]);
         if self.next[axis] >= self.t_end {
             return None;
@@ -168,6 +177,7 @@ impl Surface {
         let mut steps = BinSteps::new(self, &line, t0, t1);
         let mut t = t0;
         loop {
+            // Bins of one class in a row make one stretch: the walk starts and ends once in it.
             let (class, first) = (self.class(steps.bin()), steps.bin());
             let mut last = first;
             let more = loop {
@@ -183,7 +193,7 @@ impl Surface {
             match class {
                 Class::Empty => push_gap(out, t, end, line.half_nm),
                 Class::Simple => {
-                    let reached = self.walk_free(&line, t, end, first, last, cursor, out);
+                    let reached = self.walk_free(&line, &Stretch { t: [t, end], bins: [first, last] }, cursor, out);
                     if reached < end {
                         self.compare(&line, reached, end, cursor, out);
                     }
@@ -262,24 +272,17 @@ impl Surface {
         best.map(|(_, f, h)| (f, h))
     }
 
-    /// From facet to facet between two parameters; answers how far it came.
-    #[allow(clippy::too_many_arguments, reason = "one call site; a struct would only rename the arguments")]
-    fn walk_free(
-        &self,
-        line: &Line,
-        t_from: f64,
-        t_to: f64,
-        first: usize,
-        last: usize,
-        cursor: &mut Cursor,
-        out: &mut Vec<Span>,
-    ) -> f64 {
-        let Some((mut f, h)) = self.start(line, t_from, first, cursor) else {
+    /// From facet to facet along a stretch of simple bins; answers how far it came.
+    fn walk_free(&self, line: &Line, stretch: &Stretch, cursor: &mut Cursor, out: &mut Vec<Span>) -> f64 {
+        let &Stretch { t: [mut t, t_to], bins: [first, last] } = stretch;
+        let Some((mut f, h)) = self.start(line, t, first, cursor) else {
             cursor.last = None;
-            return t_from;
+            return t;
         };
+        // The line lies in facet f from t_in to t_out, spans are written up to t. The sign of a side is exact and
+        // never 0, so of the three corners one lies alone on its side, and the line crosses the two edges to it:
+        // it enters by one and leaves by the other.
         let Through { mut t_in, mut z_in, mut t_out, mut z_out, mut exit, mut sides } = h;
-        let mut t = t_from;
         loop {
             if t_out >= t_to {
                 let z = interpolate(t, t_in, z_in, t_out, z_out);
@@ -287,6 +290,7 @@ impl Surface {
                 cursor.last = Some((f, last));
                 return t_to;
             }
+            // Facets that the line clips by less than rounding, t_out <= t, leave no span, but are walked through.
             if t_out > t {
                 push_on(out, t, interpolate(t, t_in, z_in, t_out, z_out), t_out, z_out, f, line.half_nm);
                 t = t_out;
@@ -316,17 +320,7 @@ impl Surface {
     /// Cuts all facets under a stretch with it, borders included, and takes the topmost.
     fn compare(&self, line: &Line, t_from: f64, t_to: f64, cursor: &mut Cursor, out: &mut Vec<Span>) {
         cursor.last = None;
-        cursor.facets.clear();
-        let mut steps = BinSteps::new(self, line, t_from, t_to);
-        let ends = [t_from, t_to].map(|t| line.a.lerp(line.b, t));
-        loop {
-            self.bin_facets(steps.bin(), ends, &mut cursor.facets);
-            if steps.step().is_none() {
-                break;
-            }
-        }
-        cursor.facets.sort_unstable();
-        cursor.facets.dedup();
+        self.facets_under(line, [t_from, t_to], &mut cursor.facets);
         cursor.sheets.hits.clear();
         for &f in &cursor.facets {
             if let Some(h) = self.closed(line, f, t_from, t_to) {
@@ -337,11 +331,29 @@ impl Surface {
         cursor.sheets.topmost(t_from, t_to, line.half_nm, out);
     }
 
+    /// The facets that may lie under a stretch of the line, each once, rising: of all bins that it passes.
+    pub(super) fn facets_under(&self, line: &Line, [from, to]: [f64; 2], facets: &mut Vec<u32>) {
+        facets.clear();
+        let mut steps = BinSteps::new(self, line, from, to);
+        let ends = [from, to].map(|t| line.a.lerp(line.b, t));
+        loop {
+            self.bin_facets(steps.bin(), ends, facets);
+            if steps.step().is_none() {
+                break;
+            }
+        }
+        facets.sort_unstable();
+        facets.dedup();
+    }
+
     /// The stretch of the line between the two parameters that lies in the closed facet f; None if
     /// it has no length.
     fn closed(&self, line: &Line, f: u32, t_from: f64, t_to: f64) -> Option<Span> {
         let c = [0, 1, 2].map(|k| self.corner(f, k));
         let sides = c.map(|(v, _)| line.side_snapped(v));
+        // A closed facet meets the line between two of at most three places: corners that lie on it, and crossings
+        // of edges whose ends lie on opposite sides. Borders count, else a line along an edge would meet neither
+        // facet.
         let mut ends: [(f64, f64); 3] = [(0.0, 0.0); 3];
         let mut n = 0;
         for k in 0..3 {

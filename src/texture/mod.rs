@@ -136,7 +136,8 @@ impl Texture {
         })
     }
 
-    /// The same drawings with the patterns of another pass of the same job: no file is read again.
+    /// The texture of another pass of the same job: its patterns are placed anew, its drawings are shared, and no
+    /// file is read again.
     ///
     /// # Errors
     /// Those of patterns that [`Texture::load`] has.
@@ -270,7 +271,7 @@ impl Texture {
     }
 }
 
-/// The same error; what has no place says which texture it speaks of.
+/// An error in which what has no place says which texture it speaks of.
 fn numbered(e: &Error, k: usize) -> Error {
     let mut diags = e.diags().to_vec();
     for d in diags.iter_mut().filter(|d| d.place == Place::Nowhere) {

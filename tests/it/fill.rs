@@ -53,9 +53,8 @@ fn filled(
     assert_eq!(texture.len(), 0, "an area holds no line until it is filled");
     let side = side_mm * 1_000_000;
     let grid = Sections::over(texture.bounds(), [side, side], 100, [0, 0]);
-    let Sections { origin, pitch, count } = grid;
     let hundredths = (0..grid.len()).map(|_| direction()).collect();
-    texture.fill(Directions { origin, pitch, count, hundredths }).expect("lines");
+    texture.fill(Directions { grid, hundredths }).expect("lines");
     let bounds = texture.bounds();
     let mut points = Vec::new();
     let strokes = (0..texture.len()).map(|i| {

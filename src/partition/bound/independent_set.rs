@@ -33,6 +33,9 @@ pub(super) fn certify(mut pieces: Vec<Item>, size: [i32; 3]) -> Certificate {
             count += 1;
             count < 2
         });
+        // No two of the chosen fit one box. A piece that fits with two or more of them, or is chosen already,
+        // changes nothing; one that fits with none joins them; one that fits with a single one takes its place ((1,
+        // 1) swap), which keeps the number and moves the gaps.
         if count == 2 || (count == 1 && found[0] == n as u32) {
             continue;
         }

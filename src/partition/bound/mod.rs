@@ -92,6 +92,8 @@ fn heaviest(piece: &Item, near: &[(Item, u32)], size: [i32; 3], axes: &[usize]) 
     let all = near.iter().map(|n| u64::from(n.1)).sum();
     let Some((&k, axes)) = axes.split_first() else { return all };
     let mut best = 0;
+    // A box can be pushed up along the axis until the lower end of a piece in it stops it, without losing a piece:
+    // only those starts matter, and axis after axis they are tried on what the box still holds.
     let mut starts: Vec<i32> = near.iter().map(|(p, _)| p.lo[k].min(piece.lo[k])).collect();
     starts.sort_unstable();
     starts.dedup();

@@ -1,7 +1,8 @@
 //! Pieces with weights, and how much weight more a piece can take.
 
-use super::super::box_index::Item;
+use super::super::box_index::{Item, cell_of, grid_over};
 use super::{Certificate, fit, heaviest};
+use crate::geom::Grid;
 
 /// Bins along an axis at most.
 const BINS: i32 = 1000;
@@ -20,9 +21,7 @@ pub(super) struct PackingWeights {
     whole: u32,
     /// By the lower corners in the plane, each bin upwards.
     bins: Vec<Vec<Entry>>,
-    origin: [i32; 2],
-    width: [i32; 2],
-    shape: [usize; 2],
+    grid: Grid,
     sum: u64,
     near: Vec<(Item, u32)>,
 }
@@ -30,19 +29,13 @@ pub(super) struct PackingWeights {
 impl PackingWeights {
     /// None yet; pieces will lie between `lo` and `hi` in the plane.
     pub(super) fn new(lo: [i32; 2], hi: [i32; 2], size: [i32; 3], whole: u32) -> Self {
-        let width = [0, 1].map(|k| size[k].max((hi[k] - lo[k]) / BINS).max(1));
-        let shape = [0, 1].map(|k| ((hi[k] - lo[k]) / width[k]) as usize + 1);
-        let bins = vec![Vec::new(); shape[0] * shape[1]];
-        Self { size, whole, bins, origin: lo, width, shape, sum: 0, near: Vec::new() }
+        let grid = grid_over(lo, hi, [size[0], size[1]], BINS);
+        Self { size, whole, bins: vec![Vec::new(); grid.len()], grid, sum: 0, near: Vec::new() }
     }
 
     /// The weight of all.
     pub(super) fn sum(&self) -> u64 {
         self.sum
-    }
-
-    fn bin(&self, piece: &Item) -> [usize; 2] {
-        [0, 1].map(|k| ((piece.lo[k] - self.origin[k]) / self.width[k]) as usize)
     }
 
     /// The pieces that fit one box with `piece`: their numbers. Stops where `f` answers false.
@@ -51,16 +44,13 @@ impl PackingWeights {
     }
 
     fn entries(&self, piece: &Item, mut f: impl FnMut(&Entry) -> bool) {
-        let [x, y] = self.bin(piece);
-        for y in y.saturating_sub(1)..(y + 2).min(self.shape[1]) {
-            for x in x.saturating_sub(1)..(x + 2).min(self.shape[0]) {
-                let bin = &self.bins[y * self.shape[0] + x];
-                let first = bin.partition_point(|e| e.piece.lo[2] < piece.hi[2] - self.size[2]);
-                let top = piece.lo[2] + self.size[2];
-                for e in bin[first..].iter().take_while(|e| e.piece.lo[2] <= top) {
-                    if fit(piece, &e.piece, self.size) && !f(e) {
-                        return;
-                    }
+        // Pieces that fit one box have lower corners no farther apart than its size, which no bin is narrower than.
+        for bin in self.grid.around(cell_of(&self.grid, piece.lo)).map(|bin| &self.bins[bin]) {
+            let first = bin.partition_point(|e| e.piece.lo[2] < piece.hi[2] - self.size[2]);
+            let top = piece.lo[2] + self.size[2];
+            for e in bin[first..].iter().take_while(|e| e.piece.lo[2] <= top) {
+                if fit(piece, &e.piece, self.size) && !f(e) {
+                    return;
                 }
             }
         }
@@ -74,6 +64,8 @@ impl PackingWeights {
             near.push((e.piece, e.weight));
             true
         });
+        // The constraint of the packing: no box holds more than one whole. Only boxes that hold the piece change by
+        // it, so what the heaviest of them lacks can be added.
         let load = heaviest(piece, &near, self.size, &[2, 0, 1]);
         self.near = near;
         self.whole - (load as u32).min(self.whole)
@@ -81,8 +73,7 @@ impl PackingWeights {
 
     /// Adds weight to piece `number`.
     pub(super) fn add(&mut self, piece: &Item, number: u32, weight: u32) {
-        let [x, y] = self.bin(piece);
-        let bin = &mut self.bins[y * self.shape[0] + x];
+        let bin = &mut self.bins[cell_of(&self.grid, piece.lo)];
         match bin.binary_search_by_key(&(piece.lo[2], number), |e| (e.piece.lo[2], e.number)) {
             Ok(at) => bin[at].weight += weight,
             Err(at) => bin.insert(at, Entry { piece: *piece, number, weight }),
@@ -92,8 +83,7 @@ impl PackingWeights {
 
     /// Takes weight from piece `number`, which has as much.
     pub(super) fn remove(&mut self, piece: &Item, number: u32, weight: u32) {
-        let [x, y] = self.bin(piece);
-        let bin = &mut self.bins[y * self.shape[0] + x];
+        let bin = &mut self.bins[cell_of(&self.grid, piece.lo)];
         let at = bin.binary_search_by_key(&(piece.lo[2], number), |e| (e.piece.lo[2], e.number));
         let at = at.expect("added before");
         bin[at].weight -= weight;

@@ -1,7 +1,8 @@
 //! A cover with its books: which pieces every box holds, by how many boxes every piece is held, and
 //! which boxes are near.
 
-use crate::partition::box_index::Index;
+use crate::geom::Grid;
+use crate::partition::box_index::{Index, cell_of, extent, grid_over};
 
 /// Bins along an axis at most.
 const BINS: i32 = 1000;
@@ -16,9 +17,7 @@ pub(super) struct Cover<'a> {
     held_by: Vec<u32>,
     /// The boxes that are in place, by their corners in the plane, each bin upwards.
     bins: Vec<Vec<(i32, u32)>>,
-    origin: [i32; 2],
-    width: [i32; 2],
-    shape: [usize; 2],
+    grid: Grid,
     /// A list that is free to be written.
     spare: Vec<u32>,
 }
@@ -26,26 +25,18 @@ pub(super) struct Cover<'a> {
 impl<'a> Cover<'a> {
     /// Boxes of `size` at `corners`, which hold every piece.
     pub(super) fn new(index: &'a Index, size: [i32; 3], corners: &[[i32; 3]]) -> Self {
+        let [lo, hi] = extent(corners.iter().copied());
+        let grid = grid_over(lo, hi, [size[0], size[1]], BINS);
         let mut held = Self {
             index,
             size,
             boxes: corners.to_vec(),
             lists: vec![Vec::new(); corners.len()],
             held_by: vec![0; index.items().len()],
-            bins: Vec::new(),
-            origin: [0; 2],
-            width: [1; 2],
-            shape: [1; 2],
+            bins: vec![Vec::new(); grid.len()],
+            grid,
             spare: Vec::new(),
         };
-        for k in 0..2 {
-            let lo = corners.iter().map(|c| c[k]).min().unwrap_or(0);
-            let hi = corners.iter().map(|c| c[k]).max().unwrap_or(0);
-            held.origin[k] = lo;
-            held.width[k] = size[k].max((hi - lo) / BINS).max(1);
-            held.shape[k] = ((hi - lo) / held.width[k]) as usize + 1;
-        }
-        held.bins = vec![Vec::new(); held.shape[0] * held.shape[1]];
         for (b, &corner) in corners.iter().enumerate() {
             held.refill(b as u32, corner);
             held.put(b as u32);
@@ -68,21 +59,20 @@ impl<'a> Cover<'a> {
         self.lists[b as usize].iter().copied().filter(|&i| self.held_by[i as usize] == 1)
     }
 
-    /// The bin of a corner along axis k; corners outside belong to the outermost bins.
-    fn bin(&self, k: usize, at: i32) -> usize {
-        ((i64::from(at) - i64::from(self.origin[k])) / i64::from(self.width[k])).clamp(0, self.shape[k] as i64 - 1)
-            as usize
-    }
+    /// The bin of a corner; corners outside belong to the outermost bins.
     fn bin_of(&mut self, corner: [i32; 3]) -> &mut Vec<(i32, u32)> {
-        let bin = self.bin(1, corner[1]) * self.shape[0] + self.bin(0, corner[0]);
-        &mut self.bins[bin]
+        &mut self.bins[cell_of(&self.grid, corner)]
     }
 
     /// Calls `f` with every box in place whose corner lies in the closed box from `lo` to `hi`.
     pub(super) fn near(&self, lo: [i32; 3], hi: [i32; 3], mut f: impl FnMut(u32, [i32; 3])) {
-        for y in self.bin(1, lo[1])..=self.bin(1, hi[1]) {
-            for x in self.bin(0, lo[0])..=self.bin(0, hi[0]) {
-                let bin = &self.bins[y * self.shape[0] + x];
+        let bins = |k: usize| {
+            let [first, last] = [lo[k], hi[k]].map(|v| self.grid.along(k, v.into(), 0) as usize);
+            first..=last
+        };
+        for y in bins(1) {
+            for x in bins(0) {
+                let bin = &self.bins[y * self.grid.columns() + x];
                 let first = bin.partition_point(|&(z, _)| z < lo[2]);
                 for &(_, b) in bin[first..].iter().take_while(|&&(z, _)| z <= hi[2]) {
                     let c = self.boxes[b as usize];
@@ -138,6 +128,7 @@ impl<'a> Cover<'a> {
         bin.remove(at);
         self.refill(b, corner);
         let caught = self.lists[b as usize].iter().filter(|&&i| self.held_by[i as usize] == 0).count();
+        // Put before the old pieces are let go, so that those in both places never count as bare.
         self.put(b);
         for &i in &list {
             let times = &mut self.held_by[i as usize];
@@ -153,6 +144,7 @@ impl<'a> Cover<'a> {
     /// Forgets box b, which is not in place; the last box takes its number.
     pub(super) fn forget(&mut self, b: u32) {
         let last = self.boxes.len() as u32 - 1;
+        // The bins name boxes by number: the entry of the last box is renamed.
         if b != last {
             let corner = self.boxes[last as usize];
             let bin = self.bin_of(corner);

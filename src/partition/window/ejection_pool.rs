@@ -52,6 +52,8 @@ impl EjectionPool {
             if held.times(i) > 0 {
                 continue;
             }
+            // A piece of the pool goes into the neighbour whose own pieces it throws out for the least weight;
+            // these join the pool. `bare` counts the pieces of the pool that no box holds.
             let Some((cost, b, corner)) = self.cheapest(held, i, dice) else { break };
             if cost > 0 {
                 self.weights[i as usize] += 1;
@@ -64,6 +66,7 @@ impl EjectionPool {
         if bare == 0 {
             held.forget(b);
         } else {
+            // Backwards, so that a box that was shifted twice comes back to where it was first.
             for &(b, corner) in self.log.iter().rev() {
                 held.shift(b, corner, &mut self.pool);
             }
@@ -79,6 +82,8 @@ impl EjectionPool {
         let mut best = u64::MAX;
         let (weights, ties) = (&self.weights, &mut self.ties);
         ties.clear();
+        // Boxes that need no more than their own size to reach the piece: from farther away all that they hold
+        // would be dropped.
         let lo = [0, 1, 2].map(|k| item.hi[k] - 2 * size[k]);
         let hi = [0, 1, 2].map(|k| item.lo[k] + size[k]);
         held.near(lo, hi, |b, c| {

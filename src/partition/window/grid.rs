@@ -42,6 +42,8 @@ pub(super) fn slices(
     loop {
         slice.clear();
         let top = start + size;
+        // What began in the slice before and reached beyond it comes first: the next slice begins no higher than
+        // the lowest of these.
         left.retain(|&i| {
             let fits = ends(i).1 <= top;
             if fits {

@@ -6,6 +6,7 @@
 
 use super::cover::{Cover, Dice};
 use super::ejection_pool::EjectionPool;
+use crate::geom::counting_sort;
 use crate::partition::box_index::Item;
 
 /// Rounds at most; a round has as many steps as there are boxes.
@@ -66,6 +67,7 @@ impl Rebuild {
         for &b in &self.out {
             held.take(b, &mut self.bare);
         }
+        // What only the boxes taken out held is bare now; as many boxes as before or fewer must hold it.
         let found = self.bare.is_empty() || (0..TRIES).any(|_| self.sweep(held, dice));
         if self.bare.is_empty() {
             self.corners.clear();
@@ -97,6 +99,7 @@ impl Rebuild {
                 near.push((x + y + steep * z, b));
             }
         });
+        // Noise of up to a box: other neighbours each time, near ones mostly.
         let noise = 1 + dice.below(1000);
         for entry in &mut self.near {
             entry.0 += i64::from(dice.below(noise));
@@ -122,6 +125,8 @@ impl Rebuild {
             if self.corners.len() == self.out.len() {
                 return false;
             }
+            // One box: `lo` and `hi` are the box of what it holds so far, pieces that still fit join and leave the
+            // list.
             self.order.retain(|i| {
                 let l = [0, 1, 2].map(|k| lo[k].min(i.lo[k]));
                 let h = [0, 1, 2].map(|k| hi[k].max(i.hi[k]));
@@ -142,6 +147,7 @@ impl Rebuild {
         let way = held.size.map(|s| (dice.below(2001) as f32 - 1000.0) / s as f32);
         let base = items[self.bare[0] as usize].lo;
         self.keys.clear();
+        // Relative to one of them: f32 would not tell large coordinates apart.
         self.keys.extend(self.bare.iter().map(|&i| {
             let lo = items[i as usize].lo;
             (0..3).map(|k| way[k] * (lo[k] - base[k]) as f32).sum::<f32>()
@@ -150,19 +156,7 @@ impl Rebuild {
         let bins = self.bare.len().next_power_of_two().clamp(64, 2048);
         let scale = if max > min { (bins - 1) as f32 / (max - min) } else { 0.0 };
         let bin = |key: f32| ((key - min) * scale) as usize;
-        self.starts.clear();
-        self.starts.resize(bins + 1, 0);
-        for &key in &self.keys {
-            self.starts[bin(key) + 1] += 1;
-        }
-        for b in 0..bins {
-            self.starts[b + 1] += self.starts[b];
-        }
-        self.order.resize(self.bare.len(), Item { lo: [0; 3], hi: [0; 3] });
-        for (&key, &i) in self.keys.iter().zip(&self.bare) {
-            let at = &mut self.starts[bin(key)];
-            self.order[*at as usize] = items[i as usize];
-            *at += 1;
-        }
+        let binned = self.keys.iter().zip(&self.bare).map(|(&key, &i)| (bin(key), items[i as usize]));
+        counting_sort(bins, binned, &mut self.starts, &mut self.order);
     }
 }

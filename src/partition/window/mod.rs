@@ -36,6 +36,7 @@ pub fn cover(items: &[Item], size: [i32; 3], step: [i32; 3]) -> Vec<[i32; 3]> {
 /// The fewest boxes that a sweep finds.
 fn first(index: &Index, size: [i32; 3]) -> Vec<[i32; 3]> {
     let items = index.items();
+    // Never worse than the grid of sections: that cover is one of those compared.
     let mut best = grid::sweep(index, size);
     // No band holds most of the pieces that are a good part of its depth.
     let is_tall = |i: u32| items[i as usize].hi[2] - items[i as usize].lo[2] > size[2] / 4;

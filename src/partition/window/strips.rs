@@ -7,7 +7,8 @@
 //! band, where the surface is flat, the same rule lays out rows of full windows.
 
 use super::grid::slices;
-use crate::partition::box_index::{Index, Item};
+use crate::geom::Grid;
+use crate::partition::box_index::{Index, Item, cell_of, extent, grid_over};
 
 /// Orders of a sweep: the weights of x and y. Each is tried forwards and backwards.
 pub(super) const WAYS: [[i64; 2]; 4] = [[1, 0], [0, 1], [1, 1], [1, -1]];
@@ -31,10 +32,8 @@ pub(super) fn sweep(
 
 /// Covers the pieces of one band; holds the memory for it.
 pub(super) struct Strip {
-    origin: [i32; 2],
-    /// Width of a bin; pieces of neighbouring bins are connected.
-    bin: [i32; 2],
-    shape: [usize; 2],
+    /// Bins; pieces of neighbouring ones are connected.
+    grid: Grid,
     /// The first piece of every bin, as a place in `band`; [`NONE`] where there is none.
     first: Vec<u32>,
     /// The next piece of the same bin.
@@ -61,11 +60,12 @@ struct Flat {
 
 impl Strip {
     pub(super) fn new(items: &[Item], size: [i32; 3]) -> Self {
-        let mut strip = Self {
-            origin: [0; 2],
-            bin: [1; 2],
-            shape: [1; 2],
-            first: Vec::new(),
+        let [lo, hi] = extent(items.iter().map(|i| i.lo));
+        // Some four million bins at most.
+        let grid = grid_over(lo, hi, [size[0] / 32, size[1] / 32], 2000);
+        Self {
+            grid,
+            first: vec![NONE; grid.len()],
             next: Vec::new(),
             part: Vec::new(),
             open: Vec::new(),
@@ -73,34 +73,20 @@ impl Strip {
             flat: Vec::new(),
             best: Vec::new(),
             corners: Vec::new(),
-        };
-        for (k, size) in size.into_iter().take(2).enumerate() {
-            let lo = items.iter().map(|i| i.lo[k]).min().unwrap_or(0);
-            let hi = items.iter().map(|i| i.lo[k]).max().unwrap_or(0);
-            // At most four million bins.
-            strip.origin[k] = lo;
-            strip.bin[k] = (size / 32).max((hi - lo) / 2000).max(1);
-            strip.shape[k] = ((hi - lo) / strip.bin[k]) as usize + 1;
         }
-        strip.first = vec![NONE; strip.shape[0] * strip.shape[1]];
-        strip
-    }
-
-    fn bin_of(&self, i: &Item) -> usize {
-        let at = |k: usize| ((i.lo[k] - self.origin[k]) / self.bin[k]) as usize;
-        at(1) * self.shape[0] + at(0)
     }
 
     /// Calls `f` with the lower corner of every window, part by part.
     fn cover(&mut self, items: &[Item], band: &[u32], size: [i32; 2], ways: &[[i64; 2]], mut f: impl FnMut([i32; 2])) {
         self.next.clear();
         for (n, &i) in band.iter().enumerate() {
-            let bin = self.bin_of(&items[i as usize]);
+            let bin = cell_of(&self.grid, items[i as usize].lo);
             self.next.push(self.first[bin]);
             self.first[bin] = n as u32;
         }
+        // A bin that was taken is empty, so every part is covered once.
         for &i in band {
-            let bin = self.bin_of(&items[i as usize]);
+            let bin = cell_of(&self.grid, items[i as usize].lo);
             if self.first[bin] != NONE {
                 self.take_part(bin, band);
                 self.cover_part(items, size, ways);
@@ -113,18 +99,16 @@ impl Strip {
     fn take_part(&mut self, bin: usize, band: &[u32]) {
         self.part.clear();
         self.open.push(bin);
+        // Flood fill over bins; taking the pieces of one marks it as seen.
         while let Some(bin) = self.open.pop() {
             let mut n = std::mem::replace(&mut self.first[bin], NONE);
             while n != NONE {
                 self.part.push(band[n as usize]);
                 n = self.next[n as usize];
             }
-            let [x, y] = [bin % self.shape[0], bin / self.shape[0]];
-            for y in y.saturating_sub(1)..(y + 2).min(self.shape[1]) {
-                for x in x.saturating_sub(1)..(x + 2).min(self.shape[0]) {
-                    if self.first[y * self.shape[0] + x] != NONE {
-                        self.open.push(y * self.shape[0] + x);
-                    }
+            for bin in self.grid.around(bin) {
+                if self.first[bin] != NONE {
+                    self.open.push(bin);
                 }
             }
         }
@@ -147,6 +131,7 @@ impl Strip {
                 let Item { lo, hi } = items[i as usize];
                 Flat { lo: [lo[0], lo[1]], hi: [hi[0], hi[1]], key, held: false }
             }));
+            // Forwards, then backwards.
             for _ in 0..2 {
                 absorb(&mut self.flat, size, reach, &mut self.corners);
                 if self.best.is_empty() || self.corners.len() < self.best.len() {
@@ -172,6 +157,7 @@ fn absorb(pieces: &mut [Flat], size: [i32; 2], reach: i64, corners: &mut Vec<[i3
         }
         let Flat { mut lo, mut hi, key, .. } = pieces[n];
         for p in &mut pieces[n + 1..] {
+            // The key is linear in the lower corner: behind this, no piece fits a window with the first.
             if p.key.abs_diff(key) > reach as u64 {
                 break;
             }

@@ -56,6 +56,8 @@ fn place(
     let mut best = ([seed.lo[0], seed.lo[1]], 0);
     for &x in lefts.iter().step_by(lefts.len().div_ceil(LEFTS)) {
         ends.clear();
+        // With the left end fixed, a piece is held by the boxes that begin between `first` and `last` along y, both
+        // ends included; the most such intervals over one place are found by going through their ends.
         for &n in near {
             let i = &items[n];
             if i.lo[0] >= x && i.hi[0] <= x + size[0] {

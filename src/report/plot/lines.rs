@@ -222,7 +222,7 @@ fn x_range(chart: &LineChart) -> Option<[f64; 2]> {
     Some([if !is_log && lo > 0.0 && lo < 0.1 * hi { 0.0 } else { lo }, hi])
 }
 
-/// The same upwards, where 0 is near sooner.
+/// From the least to the largest value of a panel and beyond the limits; 0 is near sooner than along x.
 fn y_range(chart: &LineChart, panel: &Panel) -> Option<[f64; 2]> {
     let points = panel.series.iter().flat_map(|s| &s.points).filter(|p| is_shown(p[0], chart.x.is_log));
     let values = points.map(|p| p[1]).chain(panel.limits.iter().map(|l| l.value));

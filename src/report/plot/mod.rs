@@ -40,7 +40,7 @@ impl Plot {
     pub fn file(&self) -> String {
         format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{}\n", self.element)
     }
-    /// The same as an element to stand in a page.
+    /// The picture as an SVG element to stand in a page.
     pub fn element(&self) -> &str {
         &self.element
     }
@@ -59,7 +59,7 @@ impl Axis {
     pub fn new(name: &str, unit: &str) -> Self {
         Self { name: name.to_owned(), unit: unit.to_owned(), is_log: false }
     }
-    /// The same with equal factors as equal distances.
+    /// An axis on which equal factors are equal distances.
     pub fn log(self) -> Self {
         Self { is_log: true, ..self }
     }

@@ -17,7 +17,7 @@
 //! f64 in the turned part frame, rounded once.
 
 use crate::diag::Error;
-use crate::geom::{Box2, NM_PER_MM, P2, cos_sin};
+use crate::geom::{Box2, Grid, NM_PER_MM, P2, cos_sin};
 use crate::texture::Figure;
 use crate::texture::place::{NM, Turn, corners};
 use crate::texture::{MAX_STROKES, too_large};
@@ -25,12 +25,8 @@ use crate::texture::{MAX_STROKES, too_large};
 /// The direction of the lines in every cell of a grid, turned part frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Directions {
-    /// Lower left corner of the grid.
-    pub origin: P2,
-    /// Size of a cell, nm.
-    pub pitch: [i64; 2],
-    /// Columns and rows.
-    pub count: [u32; 2],
+    /// Its cells.
+    pub grid: Grid,
     /// From +x, counter-clockwise, in hundredths of a degree from 0 to 17999; row by row.
     pub hundredths: Vec<u16>,
 }
@@ -42,14 +38,6 @@ impl Directions {
     /// Cosine and sine of a direction in hundredths of a degree, exact along the axes.
     pub fn cos_sin(hundredths: u16) -> [f64; 2] {
         cos_sin((f64::from(hundredths) / 100.0).to_radians())
-    }
-
-    /// Cell `i`, borders included.
-    fn cell(&self, i: usize) -> Box2 {
-        let columns = self.count[0] as usize;
-        let (column, row) = ((i % columns) as i64, (i / columns) as i64);
-        let lo = P2::new(self.origin.x + column * self.pitch[0], self.origin.y + row * self.pitch[1]);
-        Box2 { lo, hi: P2::new(lo.x + self.pitch[0], lo.y + self.pitch[1]) }
     }
 }
 
@@ -163,14 +151,15 @@ impl Contour {
 
     /// Lays the lines. The grid covers the area.
     pub(in crate::texture) fn fill(&mut self, directions: &Directions) -> Result<(), Error> {
-        let [columns, rows] = directions.count.map(|c| c as usize);
-        self.lattices = Vec::with_capacity(columns * rows);
+        let grid = &directions.grid;
+        let [columns, rows] = [grid.columns(), grid.rows()];
+        self.lattices = Vec::with_capacity(grid.len());
         let mut end = 0;
         for (i, &hundredths) in directions.hundredths.iter().enumerate() {
             let direction = Directions::cos_sin(hundredths);
             let (column, row) = (i % columns, i / columns);
             let mut lattice = Lattice {
-                cell: directions.cell(i),
+                cell: grid.area(i),
                 open: [column + 1 < columns, row + 1 < rows],
                 direction,
                 anchor: self.bounds.lo,

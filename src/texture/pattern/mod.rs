@@ -165,7 +165,7 @@ impl Kind {
         }
     }
 
-    /// The same in a later pass: straight hatches turn by `turned_rad`, lines along contours move by a `share` of
+    /// The pattern in a later pass: straight hatches turn by `turned_rad`, lines along contours move by a `share` of
     /// their pitch, all else stays.
     #[must_use]
     pub fn of_pass(mut self, turned_rad: f64, share: f64) -> Self {

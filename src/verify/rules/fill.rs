@@ -101,12 +101,7 @@ fn directions(manifest: &Manifest, facts: &JobFacts, pass: u32, bounds: Box2) ->
         let is_one = (0.0..f64::from(Directions::COUNT)).contains(&h) && (deg * 100.0 - h).abs() < 1e-6;
         if is_one { Ok(h as u16) } else { Err("a direction is not a whole hundredth of a degree from 0 to 179.99") }
     });
-    Ok(Directions {
-        origin: grid.origin,
-        pitch: grid.pitch,
-        count: grid.count,
-        hundredths: hundredths.collect::<Result<_, _>>()?,
-    })
+    Ok(Directions { grid, hundredths: hundredths.collect::<Result<_, _>>()? })
 }
 
 /// The lines of an area while they are followed, section by section.
@@ -135,8 +130,7 @@ struct Run {
 
 impl<'a> Lines<'a> {
     fn new(area: &'a Area, directions: &'a Directions, rule: &'a mut Rule) -> Self {
-        let Directions { origin, pitch, count, ref hundredths } = *directions;
-        let grid = Sections { origin, pitch, count };
+        let Directions { grid, ref hundredths } = *directions;
         Self { area, grid, hundredths, rule, seen: vec![false; grid.len()], run: None }
     }
 
@@ -347,9 +341,9 @@ mod tests {
         let area = texture::Area::Rectangle([0.0, 0.0, 50.0, 40.0]);
         let request = Request { kind, area, tolerance_mm: 0.001, pen: 0 };
         let mut texture = Texture::load(&[request], [0.0; 4], 0.2, &mut Vec::new()).expect("an area");
-        let Sections { origin, pitch, count } = Sections::over(texture.bounds(), [20 * MM, 30 * MM], 100, [0, 0]);
-        assert_eq!(count, [3, 2]);
-        let directions = Directions { origin, pitch, count, hundredths: hundredths.to_vec() };
+        let grid = Sections::over(texture.bounds(), [20 * MM, 30 * MM], 100, [0, 0]);
+        assert_eq!(grid.count, [3, 2]);
+        let directions = Directions { grid, hundredths: hundredths.to_vec() };
         texture.fill(directions.clone()).expect("lines");
         let mut points = Vec::new();
         let lines = (0..texture.len()).map(|i| {

@@ -1,0 +1,102 @@
+//! Items sorted into numbered buckets, by counting.
+
+use std::ops::Range;
+
+/// Items of some buckets, bucket by bucket in one list; within a bucket in the order in which they were
+/// given.
+#[derive(Clone, Debug, Default)]
+pub struct Buckets<T> {
+    /// First item of every bucket, and the number of items.
+    starts: Vec<u32>,
+    items: Vec<T>,
+}
+
+impl<T: Copy + Default> Buckets<T> {
+    /// Sorts items, each given with its bucket, into `count` buckets; they are gone through twice.
+    ///
+    /// # Panics
+    /// Where a bucket is not below `count`, and from 2^32 items on.
+    pub fn new(count: usize, items: impl Iterator<Item = (usize, T)> + Clone) -> Self {
+        let mut it = Self { starts: Vec::new(), items: Vec::new() };
+        counting_sort(count, items, &mut it.starts, &mut it.items);
+        it
+    }
+}
+
+impl<T> Buckets<T> {
+    /// All items, bucket by bucket.
+    pub fn items(&self) -> &[T] {
+        &self.items
+    }
+
+    /// Where in [`Buckets::items`] those of a bucket are.
+    #[inline]
+    pub fn range(&self, bucket: usize) -> Range<usize> {
+        self.starts[bucket] as usize..self.starts[bucket + 1] as usize
+    }
+
+    /// The items of a bucket.
+    #[inline]
+    pub fn of(&self, bucket: usize) -> &[T] {
+        &self.items[self.range(bucket)]
+    }
+
+    /// The items of every bucket, to be put in another order.
+    pub fn each_mut(&mut self) -> impl Iterator<Item = &mut [T]> {
+        let mut rest = &mut self.items[..];
+        self.starts.windows(2).map(move |w| {
+            let (bucket, more) = std::mem::take(&mut rest).split_at_mut((w[1] - w[0]) as usize);
+            rest = more;
+            bucket
+        })
+    }
+}
+
+/// A stable sort of items, each given with its key below `count`, into `sorted`; afterwards those of key k
+/// are at `starts[k]..starts[k + 1]`. What both lists held before does not matter.
+pub fn counting_sort<T: Copy + Default>(
+    count: usize,
+    items: impl Iterator<Item = (usize, T)> + Clone,
+    starts: &mut Vec<u32>,
+    sorted: &mut Vec<T>,
+) {
+    starts.clear();
+    starts.resize(count + 2, 0);
+    // Two places on: while items are laid down, `starts[k + 1]` says where the next one of key k goes. Behind
+    // the last one that is where key k + 1 starts.
+    items.clone().for_each(|(key, _)| starts[key + 2] += 1);
+    for k in 1..starts.len() {
+        starts[k] = starts[k].checked_add(starts[k - 1]).expect("fewer than 2^32 items");
+    }
+    sorted.resize(starts[count + 1] as usize, T::default());
+    items.for_each(|(key, item)| {
+        let next = &mut starts[key + 1];
+        sorted[*next as usize] = item;
+        *next += 1;
+    });
+    starts.pop();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn items_come_bucket_by_bucket_in_the_order_given() {
+        let given = [(4, 'a'), (1, 'b'), (4, 'c'), (0, 'd'), (1, 'e')];
+        let mut buckets = Buckets::new(6, given.into_iter());
+        let all = |b: &Buckets<char>| (0..6).map(|k| b.of(k).iter().collect()).collect::<Vec<String>>();
+        assert_eq!(all(&buckets), ["d", "be", "", "", "ac", ""]);
+        assert_eq!((buckets.range(4), buckets.items().len()), (3..5, 5));
+        buckets.each_mut().for_each(<[char]>::reverse);
+        assert_eq!(all(&buckets), ["d", "eb", "", "", "ca", ""]);
+        assert!(Buckets::<u32>::new(3, std::iter::empty()).of(2).is_empty());
+    }
+
+    #[test]
+    fn sorting_again_forgets_what_the_lists_held() {
+        let (mut starts, mut sorted) = (vec![7; 9], vec![9; 20]);
+        counting_sort(3, [(2, 5), (0, 6), (2, 4)].into_iter(), &mut starts, &mut sorted);
+        assert_eq!((starts, sorted), (vec![0, 1, 1, 3], vec![6, 5, 4]));
+    }
+}

@@ -1,0 +1,178 @@
+//! A regular grid of equal cells in the plane.
+
+use std::ops::Range;
+
+use super::{Box2, P2};
+
+/// Equal rectangular cells, counted row by row from the lower left. Lengths are nm unless its user says
+/// otherwise. A cell holds its lower and left border; those of the last column and row hold their upper
+/// and right border too.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Grid {
+    /// Lower left corner.
+    pub origin: P2,
+    /// Size of a cell along x and y.
+    pub pitch: [i64; 2],
+    /// Columns and rows.
+    pub count: [u32; 2],
+}
+
+impl Grid {
+    /// The fewest cells of the given pitch over `area`, the grid starting at its lower corner or
+    /// up to one `step` below it: at the next lower point whose cell centres lie on multiples of
+    /// `step` less `offset`, where stage targets can stand.
+    pub fn over(area: Box2, pitch: [i64; 2], step: i64, offset: [i64; 2]) -> Self {
+        let axis = |lo: i64, hi: i64, pitch: i64, offset: i64| {
+            let start = lo - (lo + pitch / 2 + offset).rem_euclid(step);
+            let count = ((hi - start) as u64).div_ceil(pitch as u64).max(1);
+            (start, u32::try_from(count).unwrap_or(u32::MAX))
+        };
+        let (x, nx) = axis(area.lo.x, area.hi.x, pitch[0], offset[0]);
+        let (y, ny) = axis(area.lo.y, area.hi.y, pitch[1], offset[1]);
+        Self { origin: P2::new(x, y), pitch, count: [nx, ny] }
+    }
+
+    /// How many cells there are.
+    pub fn len(&self) -> usize {
+        self.columns() * self.rows()
+    }
+
+    /// Whether there is none; never, as made by [`Grid::over`].
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Cells in a row.
+    #[inline]
+    pub fn columns(&self) -> usize {
+        self.count[0] as usize
+    }
+
+    /// Cells in a column.
+    #[inline]
+    pub fn rows(&self) -> usize {
+        self.count[1] as usize
+    }
+
+    /// Column and row of cell `i`.
+    pub fn cell(&self, i: usize) -> [u32; 2] {
+        [(i % self.columns()) as u32, (i / self.columns()) as u32]
+    }
+
+    /// The centre of cell `i`: of a section, the point under the optical axis when it is marked.
+    pub fn centre(&self, i: usize) -> P2 {
+        let [column, row] = self.cell(i).map(i64::from);
+        P2::new(self.line(0, column) + self.pitch[0] / 2, self.line(1, row) + self.pitch[1] / 2)
+    }
+
+    /// What cell `i` covers, borders included.
+    pub fn area(&self, i: usize) -> Box2 {
+        let [column, row] = self.cell(i).map(i64::from);
+        let lo = P2::new(self.line(0, column), self.line(1, row));
+        Box2 { lo, hi: P2::new(self.line(0, column + 1), self.line(1, row + 1)) }
+    }
+
+    /// What all cells cover, borders included.
+    pub fn bounds(&self) -> Box2 {
+        let [columns, rows] = self.count.map(i64::from);
+        Box2 { lo: self.origin, hi: P2::new(self.line(0, columns), self.line(1, rows)) }
+    }
+
+    /// Coordinate of the lower border of column (axis 0) or row (axis 1) `i`.
+    #[inline]
+    pub fn line(&self, axis: usize, i: i64) -> i64 {
+        self.start(axis) + i * self.pitch[axis]
+    }
+
+    /// The column (axis 0) or row (axis 1) in which a stroke is that goes from `v` in direction
+    /// `d` along that axis: a point on a border belongs to the side it goes to, and to the upper side
+    /// if it stays on the border. Points beside the grid are in its outermost cells.
+    #[inline]
+    pub fn along(&self, axis: usize, v: i64, d: i64) -> i64 {
+        let from = v - self.start(axis);
+        let pitch = self.pitch[axis];
+        let i = if d < 0 { (from - 1).div_euclid(pitch) } else { from.div_euclid(pitch) };
+        i.clamp(0, i64::from(self.count[axis]) - 1)
+    }
+
+    /// The columns (axis 0) or rows (axis 1) that hold something of the closed interval from `lo` to `hi`.
+    #[inline]
+    pub fn range(&self, axis: usize, lo: i64, hi: i64) -> Range<usize> {
+        let at = |v: i64| (v - self.start(axis)).div_euclid(self.pitch[axis]);
+        let first = at(lo).max(0);
+        let last = at(hi).min(i64::from(self.count[axis]) - 1);
+        if first > last { 0..0 } else { first as usize..last as usize + 1 }
+    }
+
+    /// The cells that hold something of a closed box, row by row.
+    #[inline]
+    pub fn touched(&self, area: Box2) -> impl Iterator<Item = usize> + Clone + use<> {
+        let (columns, count) = (self.range(0, area.lo.x, area.hi.x), self.columns());
+        self.range(1, area.lo.y, area.hi.y).flat_map(move |row| columns.clone().map(move |column| row * count + column))
+    }
+
+    /// Cell `i` and those beside it, corners included, row by row.
+    #[inline]
+    pub fn around(&self, i: usize) -> impl Iterator<Item = usize> + use<> {
+        let (columns, rows) = (self.columns(), self.rows());
+        let near = |at: usize, count: usize| at.saturating_sub(1)..(at + 2).min(count);
+        let beside = near(i % columns, columns);
+        near(i / columns, rows).flat_map(move |row| beside.clone().map(move |column| row * columns + column))
+    }
+
+    #[inline]
+    fn start(&self, axis: usize) -> i64 {
+        if axis == 0 { self.origin.x } else { self.origin.y }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_whole_number_of_fields_needs_no_extra_section() {
+        let mm = 1_000_000;
+        let area = |w: i64| Box2 { lo: P2::new(0, 0), hi: P2::new(w * mm, 450 * mm) };
+        let s = Grid::over(area(400), [40 * mm, 40 * mm], 100, [0, 0]);
+        assert_eq!(s.count, [10, 12]);
+        assert_eq!(s.centre(11), P2::new(60 * mm, 60 * mm));
+        assert_eq!(Grid::over(area(450), [40 * mm, 40 * mm], 100, [0, 0]).len(), 144);
+    }
+
+    #[test]
+    fn centres_lie_where_the_stage_can_stand() {
+        let area = Box2 { lo: P2::new(12_345, -777), hi: P2::new(90_000_000, 1_000_000) };
+        let s = Grid::over(area, [40_000_000, 40_000_000], 100, [37, -5]);
+        let c = s.centre(0);
+        assert_eq!([(c.x + 37) % 100, (c.y - 5) % 100], [0, 0]);
+        assert!(s.origin.x <= 12_345 && s.origin.x > 12_345 - 100);
+    }
+
+    #[test]
+    fn borders_belong_to_the_side_a_stroke_goes_to() {
+        let s = Grid { origin: P2::new(0, 0), pitch: [10, 10], count: [3, 1] };
+        assert_eq!([s.along(0, 10, 1), s.along(0, 10, -1), s.along(0, 10, 0)], [1, 0, 1]);
+        assert_eq!([s.along(0, 30, 0), s.along(0, 0, -1)], [2, 0]);
+    }
+
+    #[test]
+    fn a_box_touches_the_cells_that_meet_it_and_none_beside_the_grid() {
+        let grid = Grid { origin: P2::new(-20, 5), pitch: [10, 7], count: [5, 4] };
+        let inside = |i: usize, area: Box2| {
+            // Cells are half-open.
+            let cell = grid.area(i);
+            area.lo.x < cell.hi.x && cell.lo.x <= area.hi.x && area.lo.y < cell.hi.y && cell.lo.y <= area.hi.y
+        };
+        for x in -40..40 {
+            for (y, w, h) in [(-9, 3, 11), (5, 10, 0), (12, 0, 7), (31, 25, 1), (33, 9, 9), (-9, 90, 90)] {
+                let area = Box2 { lo: P2::new(x, y), hi: P2::new(x + w, y + h) };
+                let want: Vec<usize> = (0..grid.len()).filter(|&i| inside(i, area)).collect();
+                assert_eq!(grid.touched(area).collect::<Vec<_>>(), want, "{area:?}");
+            }
+        }
+        let beside = |i: usize| grid.around(i).collect::<Vec<_>>();
+        assert_eq!((beside(0), beside(14)), (vec![0, 1, 5, 6], vec![8, 9, 13, 14, 18, 19]));
+        assert_eq!(grid.bounds(), Box2 { lo: P2::new(-20, 5), hi: P2::new(30, 33) });
+    }
+}
