@@ -9,7 +9,7 @@
 use std::ops::Range;
 
 use super::Frame;
-use crate::geom::Turn;
+use crate::geom::{FieldPoint, Turn};
 use crate::program::{Block, Program};
 
 /// A block needs more than this length in a cell, nm: a corner that is clipped by rounding is none.
@@ -52,9 +52,9 @@ pub(super) fn ink(program: &Program, turns: &[Option<Turn>], frame: &Frame) -> V
 
 /// A point of a block from the frame's origin, nm; of a turned part where the beam meets the focal plane, which
 /// is next to the surface.
-fn local(block: &Block, turn: &Option<Turn>, p: &[i32; 2], frame: &Frame) -> [i64; 2] {
+fn local(block: &Block, turn: &Option<Turn>, p: &FieldPoint, frame: &Frame) -> [i64; 2] {
     let (c, o) = (block.stop.centre, frame.origin);
-    let at = [c.x + i64::from(p[0]), c.y + i64::from(p[1])];
+    let at = [c.x + i64::from(p.x), c.y + i64::from(p.y)];
     let [x, y] = turn.map_or(at, |turn| {
         let [x, y, _] = turn.back([at[0], at[1], block.stop.focus].map(|v| v as f64));
         [x.round() as i64, y.round() as i64]

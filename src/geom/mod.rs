@@ -4,9 +4,11 @@
 //! and as `i32` inside a block (2.1 m either way). Predicates are exact. mm appear only where a file
 //! is read or written, and z stays `f64` until a mark is made of it.
 
+mod field;
 mod stroke;
 mod turn;
 
+pub use field::{ControllerPoint, FieldPoint};
 pub use stroke::Strokes;
 pub use turn::Turn;
 

@@ -14,7 +14,8 @@ pub mod window;
 mod zrange;
 
 use crate::geom::{Box2, P2, Turn};
-use crate::program::{Sections, Stop};
+use crate::machine::TiltAngles;
+use crate::program::{SectionId, Sections, Stop, StopId};
 use crate::projection::{Cells, Footprint, Slabs};
 
 /// Methods that divide a grid of sections.
@@ -156,7 +157,7 @@ impl Stops {
     }
 
     /// The stops that may admit a point near (x, y, z), nm: their intervals, widened by `slack`, hold z.
-    pub fn near(&self, [x, y, z]: [f64; 3], slack: f64) -> impl Iterator<Item = u32> {
+    pub fn near(&self, [x, y, z]: [f64; 3], slack: f64) -> impl Iterator<Item = StopId> {
         let cell = |v: f64, lo: i64, half: i64| ((v - lo as f64) / (2 * half) as f64).floor() as i64;
         let (column, row) = (cell(x, self.lo.x, self.half[0]), cell(y, self.lo.y, self.half[1]));
         let inside = (0..self.count[0]).contains(&column) && (0..self.count[1]).contains(&row);
@@ -166,24 +167,29 @@ impl Stops {
         let (lowest, highest) =
             if self.turns.is_empty() { (z - slack, z + slack) } else { (f64::NEG_INFINITY, f64::INFINITY) };
         let from = list.partition_point(|&(z_lo, _)| ((z_lo + self.depth) as f64) < lowest);
-        list[from..].iter().take_while(move |&&(z_lo, _)| z_lo as f64 <= highest).map(|&(_, i)| i)
+        list[from..].iter().take_while(move |&&(z_lo, _)| z_lo as f64 <= highest).map(|&(_, i)| StopId(i))
+    }
+
+    /// The stops in order.
+    pub fn ids(&self) -> impl Iterator<Item = StopId> + use<> {
+        (0..self.stops.len() as u32).map(StopId)
     }
 
     /// What of the drawing stop `i` is kept to, if it is.
     #[inline]
-    pub fn area(&self, i: u32) -> Option<Box2> {
+    pub fn area(&self, StopId(i): StopId) -> Option<Box2> {
         self.areas.get(i as usize).copied().flatten()
     }
 
     /// How the part is turned at stop `i`; None where nothing is tilted.
     #[inline]
-    pub fn turn(&self, i: u32) -> Option<&Turn> {
+    pub fn turn(&self, StopId(i): StopId) -> Option<&Turn> {
         self.turns.get(i as usize)
     }
 
     /// Lower and upper corner of the window of stop `i`, nm.
     #[inline]
-    pub fn window(&self, i: u32) -> [[f64; 2]; 2] {
+    pub fn window(&self, StopId(i): StopId) -> [[f64; 2]; 2] {
         let c = self.stops[i as usize].centre;
         let [hx, hy] = self.half;
         [[(c.x - hx) as f64, (c.y - hy) as f64], [(c.x + hx) as f64, (c.y + hy) as f64]]
@@ -227,9 +233,9 @@ pub fn divide(
             Method::ZRange => zrange::levels(heights, &whole, lattice),
         };
         stops.extend(levels.into_iter().map(|(level, z_lo)| Stop {
-            section: sections.cell(i),
+            section: SectionId(sections.cell(i)),
             level,
-            tilt: [0; 2],
+            tilt: TiltAngles::UPRIGHT,
             centre,
             focus: z_lo + lattice.depth / 2,
             z_lo,
@@ -344,9 +350,9 @@ pub fn free(
             let section = [(0, centre.x), (1, centre.y)].map(|(axis, v)| sections.along(axis, v, 0) as u32);
             let z_lo = slabs.z0 + z;
             Stop {
-                section,
+                section: SectionId(section),
                 level: 0,
-                tilt: [0; 2],
+                tilt: TiltAngles::UPRIGHT,
                 centre,
                 focus: z_lo + lattice.depth / 2,
                 z_lo,
@@ -354,7 +360,7 @@ pub fn free(
             }
         })
         .collect();
-    stops.sort_by_key(|s| ([s.section[1], s.section[0]], s.z_lo, s.centre.y, s.centre.x));
+    stops.sort_by_key(|s| ([s.section.0[1], s.section.0[0]], s.z_lo, s.centre.y, s.centre.x));
     for i in 1..stops.len() {
         stops[i].level = if stops[i].section == stops[i - 1].section { stops[i - 1].level + 1 } else { 0 };
     }

@@ -7,9 +7,9 @@ use super::start::Start;
 use crate::diag::{Diag, Error, memory};
 use crate::geom::{Box2, P2, mm_from_nm};
 use crate::job::{Job, Partition};
-use crate::machine::Machine;
+use crate::machine::{Machine, Origin};
 use crate::partition::Lattice;
-use crate::program::Sections;
+use crate::program::{PassId, Sections};
 use crate::projection::{Footprint, Keep};
 
 /// Sections of a pass and what stops over them admit in the plane.
@@ -20,7 +20,7 @@ pub(super) struct Layout {
     /// What is to stay whole.
     pub(super) keep: Keep,
     /// Where the part's origin lies; z is 0 where it waits for the heights of the marks.
-    origin: [i64; 3],
+    origin: Origin,
     is_placed: bool,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct Grid {
     /// Heights of focal planes.
     pub(super) lattice: Lattice,
     /// Where the part's origin lies in the table frame; lowered with the surface in later passes.
-    pub(super) origin: [i64; 3],
+    pub(super) origin: Origin,
     /// What is to stay whole.
     pub(super) keep: Keep,
 }
@@ -85,7 +85,7 @@ impl Layout {
         job: &Job,
         machine: &Machine,
         footprint: Footprint,
-        pass: u32,
+        pass: PassId,
     ) -> Result<(Grid, Footprint), Error> {
         let Self { sections, window, keep, mut origin, is_placed } = self;
         let step = machine.increment_nm();
@@ -170,14 +170,14 @@ fn check(job: &Job, field: [i64; 2]) -> Result<(), Error> {
 
 /// The centre of the texture at the centre of travel, shifted by less than an increment so that sections that
 /// start at the texture's corner have centres where the stage can stand; z is left 0.
-pub(super) fn default_origin(machine: &Machine, area: Box2, pitch: [i64; 2]) -> [i64; 3] {
+pub(super) fn default_origin(machine: &Machine, area: Box2, pitch: [i64; 2]) -> Origin {
     let step = machine.increment_nm();
     let centre = machine.centre_of_travel();
     let along = |axis: usize, lo: i64, hi: i64| {
         let origin = centre[axis] - (lo + hi) / 2;
         origin - (lo + pitch[axis] / 2 + origin).rem_euclid(step)
     };
-    [along(0, area.lo.x, area.hi.x), along(1, area.lo.y, area.hi.y), 0]
+    Origin([along(0, area.lo.x, area.hi.x), along(1, area.lo.y, area.hi.y), 0])
 }
 
 /// The pitch of sections made a multiple of the pitch of figures that are to stay whole, so that none lies
