@@ -3,12 +3,13 @@
 //! CPU seconds of this thread, as the kernel counts them. Tours of stops are compared with what a hundred
 //! times the effort finds, which takes some minutes; `cargo bench --bench order -- 10` takes ten times.
 
-use terrace::machine::{Machine, MoveTimes};
+use terrace::geom::FieldPoint;
+use terrace::machine::{Commanded, Machine, MoveTimes};
 use terrace::order::stops::{self, Climb, EFFORT, Stage};
 use terrace::order::strokes::{self, Path, Visit};
 use terrace::units::Time;
 
-type Strokes = Vec<Vec<[i32; 2]>>;
+type Strokes = Vec<Vec<FieldPoint>>;
 
 const MM: i32 = 1_000_000;
 
@@ -23,7 +24,10 @@ fn main() {
     strokes("100,000 dashes in rows", &shuffled(dashes(250, 400, 160_000, 100_000), 1));
     strokes("100,000 dashes at random", &random(100_000, 5));
     let mut crowd = shuffled(dashes(200, 300, 500, 300), 1);
-    crowd.extend([vec![[-20 * MM, -20 * MM], [20 * MM, 20 * MM]], vec![[-20 * MM, 20 * MM], [20 * MM, -20 * MM]]]);
+    crowd.extend([
+        points(&[[-20 * MM, -20 * MM], [20 * MM, 20 * MM]]),
+        points(&[[-20 * MM, 20 * MM], [20 * MM, -20 * MM]]),
+    ]);
     strokes("60,000 dashes in 0.1 mm and a cross of 40 mm", &crowd);
 
     let more = std::env::args().filter_map(|a| a.parse().ok()).next().unwrap_or(100);
@@ -36,9 +40,14 @@ fn main() {
     tour("3500 stops, windows, time by distance", &windows(3500), &distance(), more);
 }
 
+/// A stroke through these points of the field, nm.
+fn points(list: &[[i32; 2]]) -> Vec<FieldPoint> {
+    list.iter().map(|&p| p.into()).collect()
+}
+
 /// Orders strokes, and again until that took a while.
 fn strokes(name: &str, strokes: &Strokes) {
-    let is_closed = |s: &[[i32; 2]]| s.len() > 2 && s[0] == s[s.len() - 1];
+    let is_closed = |s: &[FieldPoint]| s.len() > 2 && s[0] == s[s.len() - 1];
     let paths: Vec<Path<'_>> = strokes.iter().map(|s| Path { points: s, is_closed: is_closed(s) }).collect();
     let start = cpu_s();
     let (mut runs, mut took) = (0.0, 0.0);
@@ -53,7 +62,7 @@ fn strokes(name: &str, strokes: &Strokes) {
 }
 
 fn jump_mm(paths: &[Path<'_>], visits: &[Visit]) -> f64 {
-    let mut at = [0, 0];
+    let mut at = FieldPoint::AXIS;
     let mut sum = 0.0;
     for v in visits {
         let points = paths[v.stroke as usize].points;
@@ -63,15 +72,15 @@ fn jump_mm(paths: &[Path<'_>], visits: &[Visit]) -> f64 {
             (0, true) => [last, points[0]],
             (vertex, _) => [points[vertex as usize]; 2],
         };
-        sum += f64::from(first[0] - at[0]).hypot(f64::from(first[1] - at[1]));
+        sum += f64::from(first.x - at.x).hypot(f64::from(first.y - at.y));
         at = end;
     }
     sum / f64::from(MM)
 }
 
 /// Tours stops as the driver does, and with `more` times the effort.
-fn tour(name: &str, list: &[[i64; 3]], machine: &Machine, more: usize) {
-    let stage = Stage { machine, from: [0, 0, machine.retract_z()], lifts: None };
+fn tour(name: &str, list: &[Commanded], machine: &Machine, more: usize) {
+    let stage = Stage { machine, from: Commanded([0, 0, machine.retract_z()]), lifts: None };
     let mut first = 0.0;
     for effort in [0, EFFORT, EFFORT * more] {
         let start = cpu_s();
@@ -114,7 +123,7 @@ fn squares(columns: i32, rows: i32) -> Strokes {
     let square = |i: i32| {
         let (x, y) = ((i % columns - columns / 2) * MM, (i / columns - rows / 2) * MM);
         let (u, v) = (x + 600_000, y + 600_000);
-        vec![[x, y], [u, y], [u, v], [x, v], [x, y]]
+        points(&[[x, y], [u, y], [u, v], [x, v], [x, y]])
     };
     (0..columns * rows).map(square).collect()
 }
@@ -141,7 +150,7 @@ fn hatch(lines: i32) -> Strokes {
 fn dashes(columns: i32, rows: i32, pitch: i32, rise: i32) -> Strokes {
     let dash = |i: i32| {
         let (x, y) = ((i % columns - columns / 2) * pitch, (i / columns - rows / 2) * rise);
-        vec![[x, y], [x + pitch * 2 / 3, y]]
+        points(&[[x, y], [x + pitch * 2 / 3, y]])
     };
     (0..columns * rows).map(dash).collect()
 }
@@ -151,7 +160,7 @@ fn random(n: usize, seed: u64) -> Strokes {
     let mut random = Random(seed);
     let mut dash = |_| {
         let [x, y] = [0, 1].map(|_| random.below(40 * i64::from(MM)) as i32 - 20 * MM);
-        vec![[x, y], [x + random.below(i64::from(MM)) as i32, y + random.below(i64::from(MM)) as i32]]
+        points(&[[x, y], [x + random.below(i64::from(MM)) as i32, y + random.below(i64::from(MM)) as i32]])
     };
     (0..n).map(&mut dash).collect()
 }
@@ -175,22 +184,22 @@ fn distance() -> Machine {
 }
 
 /// Free windows over a dome of 400 mm, 8 mm high.
-fn windows(n: usize) -> Vec<[i64; 3]> {
+fn windows(n: usize) -> Vec<Commanded> {
     let mut random = Random(7);
     let mut stop = |_| {
         let [x, y] = [0, 1].map(|_| random.below(400_000) - 200_000);
         let sag = (x * x + y * y) as f64 / 1e4;
-        [x * 1000, y * 1000, random.below(2000) * 1000 - sag as i64]
+        Commanded([x * 1000, y * 1000, random.below(2000) * 1000 - sag as i64])
     };
     (0..n).map(&mut stop).collect()
 }
 
 /// 24 levels over each section of a grid, at other heights in each.
-fn sections() -> Vec<[i64; 3]> {
+fn sections() -> Vec<Commanded> {
     let stop = |i: i64| {
         let (section, level) = (i / 24, i % 24);
         let (x, y) = (section % 12 - 6, section / 12 - 6);
-        [x * 37_500_000, y * 37_500_000, level * 70_000 + x.abs() * 300_000 + y.abs() * 200_000]
+        Commanded([x * 37_500_000, y * 37_500_000, level * 70_000 + x.abs() * 300_000 + y.abs() * 200_000])
     };
     (0..144 * 24).map(stop).collect()
 }

@@ -6,16 +6,16 @@
 //! block and place.
 
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{P2, mm_from_nm};
-use crate::machine::Machine;
+use crate::geom::mm_from_nm;
+use crate::machine::{Machine, Origin};
 use crate::order::clearance::Clearance;
-use crate::program::{Block, Pen, Program};
+use crate::program::{Block, BlockId, PassId, Pen, Program, SetupId, Stop};
 
 /// A program that may be emitted.
 #[derive(Debug)]
 pub struct Checked {
     program: Program,
-    origins: Vec<[i64; 3]>,
+    origins: Vec<Origin>,
 }
 
 /// What the program is checked against.
@@ -23,7 +23,7 @@ pub struct Limits<'a> {
     /// The machine.
     pub machine: &'a Machine,
     /// Positions of the part frame's origin in the table frame, nm, by set-up.
-    pub origins: &'a [[i64; 3]],
+    pub origins: &'a [Origin],
     /// What helps where a stop lies beyond travel.
     pub travel_hint: String,
     /// Largest depth range of a block, nm.
@@ -60,17 +60,17 @@ impl Checked {
         if program.blocks.windows(2).any(|w| w[0].pass > w[1].pass) {
             faults.push(Diag::bug("program-invariant", "P7: a block of an earlier pass stands after a later one"));
         }
-        let mut runs: Vec<(u32, u32)> = program.blocks.iter().map(|b| (b.pass, b.setup)).collect();
+        let mut runs: Vec<(PassId, SetupId)> = program.blocks.iter().map(|b| (b.pass, b.setup)).collect();
         runs.dedup();
         runs.sort_unstable();
-        let is_known = |&(_, setup): &(u32, u32)| (setup as usize) < limits.origins.len();
+        let is_known = |&(_, setup): &(PassId, SetupId)| setup.index() < limits.origins.len();
         if !runs.iter().all(is_known) || runs.windows(2).any(|w| w[0] == w[1]) {
             faults.push(Diag::bug("program-invariant", "P7: the blocks of a set-up do not follow each other"));
             return Err(Error::many(faults));
         }
         for (i, block) in program.blocks.iter().enumerate() {
             let found = faults_of(&program, block, limits);
-            let place = || Place::Block(Program::block_id(i));
+            let place = || Place::Block(BlockId::new(i).to_string());
             faults.extend(found.into_iter().map(|d| if d.place == Place::Nowhere { d.at(place()) } else { d }));
         }
         if faults.is_empty() {
@@ -84,21 +84,21 @@ impl Checked {
         &self.program
     }
     /// Position of the part frame's origin in the table frame, nm, in the first set-up.
-    pub fn origin(&self) -> [i64; 3] {
+    pub fn origin(&self) -> Origin {
         self.origins.first().copied().unwrap_or_default()
     }
     /// Position of the part frame's origin in the table frame, nm, by set-up.
-    pub fn origins(&self) -> &[[i64; 3]] {
+    pub fn origins(&self) -> &[Origin] {
         &self.origins
     }
     /// For tests of the emitters and mutants of the verifier: a program that nobody checked.
     #[cfg(test)]
-    pub(crate) fn unchecked(program: Program, origin: [i64; 3]) -> Self {
+    pub(crate) fn unchecked(program: Program, origin: Origin) -> Self {
         Self { program, origins: vec![origin] }
     }
     /// A program in several set-ups that nobody checked.
     #[cfg(test)]
-    pub(crate) fn unchecked_setups(program: Program, origins: Vec<[i64; 3]>) -> Self {
+    pub(crate) fn unchecked_setups(program: Program, origins: Vec<Origin>) -> Self {
         Self { program, origins }
     }
 }
@@ -108,7 +108,7 @@ pub(crate) fn first_broken(program: &Program, limits: &Limits<'_>) -> Option<Dia
     let blocks = program.blocks.iter().enumerate();
     let broken = |(i, block)| {
         let fault = invariants(program, block, limits).into_iter().next()?;
-        Some(fault.at(Place::Block(Program::block_id(i))))
+        Some(fault.at(Place::Block(BlockId::new(i).to_string())))
     };
     blocks.into_iter().find_map(broken)
 }
@@ -152,7 +152,7 @@ fn faults_of(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag>
     let mut faults = invariants(program, block, limits);
     let machine = limits.machine;
     let stop = &block.stop;
-    for ((name, axis), &at) in machine.axes().into_iter().zip(&block.stage) {
+    for ((name, axis), &at) in machine.axes().into_iter().zip(&block.stage.0) {
         let [lo, hi] = axis.travel_nm();
         if !(lo..=hi).contains(&at) {
             let text = format!(
@@ -164,10 +164,10 @@ fn faults_of(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag>
             faults.push(Diag::limit("travel", text).hint(limits.travel_hint.clone()));
         }
     }
-    let lowest = if stop.tilt == [0; 2] {
+    let lowest = if stop.tilt.is_upright() {
         limits.clearance.lowest_focus(stop.centre, stop.centre)
     } else {
-        let turn = machine.turn(stop.tilt, limits.origins[block.setup as usize]);
+        let turn = machine.turn(stop.tilt, limits.origins[block.setup.index()]);
         limits.clearance.lowest_focus_turned(&turn, stop.centre)
     };
     if stop.focus < lowest {
@@ -216,13 +216,13 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
     for stroke in program.strokes_of(block) {
         let points = program.points_of(stroke);
         if points.len() < 2 || points.windows(2).any(|w| w[0] == w[1]) {
-            broken(format!("P1: a stroke of texture stroke {} has a segment without length", stroke.source));
+            broken(format!("P1: a stroke of texture stroke {} has a segment without length", stroke.source.0));
         }
         if let Some(p) = points.iter().find(|&&p| !limits.machine.field_holds(p)) {
-            broken(format!("P2: {:?} nm lies outside of the usable field", p));
+            broken(format!("P2: {:?} nm lies outside of the usable field", [p.x, p.y]));
         }
-        if usize::from(stroke.pen) >= program.pens.len() {
-            broken(format!("P5: there is no pen {}", stroke.pen));
+        if stroke.pen.index() >= program.pens.len() {
+            broken(format!("P5: there is no pen {}", stroke.pen.0));
         }
     }
     // A cut point is rounded by up to a nanometre in the plane, which the slope turns into height.
@@ -246,16 +246,16 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
             block.stop.focus, block.z_lo, block.z_hi
         ));
     }
-    let P2 { x, y } = block.stop.centre;
-    let at = limits.machine.stage_from_part([x, y, block.stop.focus], limits.origins[block.setup as usize]);
+    let Stop { centre, focus, .. } = block.stop;
+    let at = limits.machine.stage_from_part(centre, focus, limits.origins[block.setup.index()]);
     let axes = limits.machine.tilt.as_ref().map(|t| &t.axes);
-    if !axes.map_or(block.stop.tilt == [0; 2], |axes| (0..2).all(|k| axes[k].takes(block.stop.tilt[k]))) {
-        broken(format!("P4: no tilt axes go to {:?} millionths of a degree", block.stop.tilt));
+    if !axes.map_or(block.stop.tilt.is_upright(), |axes| (0..2).all(|k| axes[k].takes(block.stop.tilt[k]))) {
+        broken(format!("P4: no tilt axes go to {:?} millionths of a degree", block.stop.tilt.0));
     }
-    if at != block.stage || at.iter().any(|v| v % step != 0) {
+    if at != block.stage || at.0.iter().any(|v| v % step != 0) {
         broken(format!(
-            "P4: stage target {:?} nm is not where the block lies, {at:?} nm, in steps of {step} nm",
-            block.stage
+            "P4: stage target {:?} nm is not where the block lies, {:?} nm, in steps of {step} nm",
+            block.stage.0, at.0
         ));
     }
     faults
@@ -264,8 +264,9 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::Box2;
-    use crate::program::sample;
+    use crate::geom::{Box2, P2};
+    use crate::machine::TiltAngles;
+    use crate::program::{PenId, sample};
 
     /// What the check says of the sample program after a change.
     fn faults(part: &[(Box2, i64)], change: impl FnOnce(&mut Program, &mut Machine)) -> Vec<String> {
@@ -316,7 +317,7 @@ mod tests {
             empty.strokes = p.strokes.len()..p.strokes.len();
             p.blocks.push(empty);
         });
-        assert_breaks("P2", |p, _| p.points[1][0] = 20_000_001);
+        assert_breaks("P2", |p, _| p.points[1].x = 20_000_001);
         assert_breaks("P3: marks between 0 and 70004 nm span", |p, _| {
             let (stop, z) = ([0, 70_004], [0, 70_004]);
             [p.blocks[0].stop.z_lo, p.blocks[0].stop.z_hi] = stop;
@@ -332,17 +333,17 @@ mod tests {
             p.blocks.iter_mut().for_each(|b| b.stage[0] += 50 * m.stage.x.sign());
             keep(p, 1);
         });
-        assert_breaks("P4: no tilt axes", |p, _| p.blocks[1].stop.tilt = [0, 100]);
-        assert_breaks("P5", |p, _| p.strokes[0].pen = 2);
+        assert_breaks("P4: no tilt axes", |p, _| p.blocks[1].stop.tilt = TiltAngles([0, 100]));
+        assert_breaks("P5", |p, _| p.strokes[0].pen = PenId(2));
         assert_breaks("P6", |p, m| {
             p.blocks[1].stop.focus += 40_000;
             p.blocks[1].stage[2] += 40_000 * m.stage.z.sign();
         });
         assert_breaks("P7: a block of an earlier pass", |p, _| {
-            p.blocks[0].pass = 1;
+            p.blocks[0].pass = PassId(1);
             keep(p, 2);
         });
-        assert_breaks("P7: the blocks of a set-up", |p, _| p.blocks[1].setup = 1);
+        assert_breaks("P7: the blocks of a set-up", |p, _| p.blocks[1].setup = SetupId(1));
     }
 
     #[test]

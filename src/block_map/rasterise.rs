@@ -8,7 +8,7 @@
 
 use std::ops::Range;
 
-use crate::geom::{Grid, Turn};
+use crate::geom::{FieldPoint, Grid, Turn};
 use crate::program::{Block, Program};
 
 /// A block needs more than this length in a cell, nm: a corner that is clipped by rounding is none.
@@ -52,9 +52,9 @@ pub(super) fn ink(program: &Program, turns: &[Option<Turn>], grid: &Grid) -> Vec
 
 /// A point of a block on the part, nm; of a turned part where the beam meets the focal plane, which is next to
 /// the surface.
-fn on_part(block: &Block, turn: &Option<Turn>, p: &[i32; 2]) -> [i64; 2] {
+fn on_part(block: &Block, turn: &Option<Turn>, p: &FieldPoint) -> [i64; 2] {
     let c = block.stop.centre;
-    let at = [c.x + i64::from(p[0]), c.y + i64::from(p[1])];
+    let at = [c.x + i64::from(p.x), c.y + i64::from(p.y)];
     turn.map_or(at, |turn| {
         let [x, y, _] = turn.back([at[0], at[1], block.stop.focus].map(|v| v as f64));
         [x.round() as i64, y.round() as i64]

@@ -3,8 +3,9 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::machine::Machine;
-use crate::program::{Stop, Stroke};
+use crate::geom::FieldPoint;
+use crate::machine::{Commanded, Machine, TiltAngles};
+use crate::program::{PassId, PenId, SectionId, SetupId, Stop, Stroke, StrokeId};
 
 const MM: i64 = 1_000_000;
 
@@ -21,16 +22,33 @@ fn program(blocks: &[Made]) -> Program {
         let start = program.strokes.len();
         for points in strokes {
             let first = program.points.len() as u32;
-            program.points.extend(points.iter().map(|p| [(p.x - centre.x) as i32, (p.y - centre.y) as i32]));
+            program
+                .points
+                .extend(points.iter().map(|p| FieldPoint::new((p.x - centre.x) as i32, (p.y - centre.y) as i32)));
             let len = points.len() as u32;
-            program.strokes.push(Stroke { source: 0, segment: 0, reversed: false, pen: 0, first, len });
+            program.strokes.push(Stroke {
+                source: StrokeId(0),
+                segment: 0,
+                reversed: false,
+                pen: PenId(0),
+                first,
+                len,
+            });
         }
         let (z_lo, z_hi, focus) = (*z_lo, *z_hi, (z_lo + z_hi) / 2);
         program.blocks.push(Block {
-            pass: 0,
-            setup: 0,
-            stop: Stop { section: [0; 2], level: 0, tilt: [0; 2], centre: *centre, focus, z_lo, z_hi },
-            stage: [0; 3],
+            pass: PassId(0),
+            setup: SetupId(0),
+            stop: Stop {
+                section: SectionId([0; 2]),
+                level: 0,
+                tilt: TiltAngles::UPRIGHT,
+                centre: *centre,
+                focus,
+                z_lo,
+                z_hi,
+            },
+            stage: Commanded::default(),
             retract: false,
             z_lo,
             z_hi,

@@ -6,7 +6,7 @@ use super::filters::{FAMILIES, filters};
 use super::{Curves, Figures, Split, Subject, System, marked, path_of, reason};
 use crate::block_map::BlockMap;
 use crate::geom::{NM_PER_MM, mm_from_nm};
-use crate::machine::Machine;
+use crate::machine::{Commanded, Machine};
 use crate::motion::stage_move;
 use crate::on_the_fly::axes::following_error::{Axis, Protection, Scanner, Servo};
 use crate::on_the_fly::axes::kinematics::{Axes, Deviation};
@@ -88,7 +88,7 @@ impl<'a> Follower<'a> {
         // The texture's middle lies where the stage rests.
         let (area, first) = (self.whole.texture, nm(path.at[0]));
         let middle = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, first[2]];
-        let approach = stage_move(machine, middle, first, None);
+        let approach = stage_move(machine, Commanded(middle), Commanded(first), None);
         let slow = sync.slower;
         let time = Split {
             stage: approach.travel_s + 2.0 * sync.lead_s,
@@ -194,12 +194,13 @@ impl<'a> Follower<'a> {
             let sync = synchronise(&path, &schedule, subject.machine, allowed, schedule.step_s(COARSE));
             path.at.iter_mut().zip(heights).for_each(|(p, z)| p[2] = z);
             let time = Split { stage: 2.0 * sync.lead_s, ..Split::of(&schedule, sync.slower) };
-            let ends = [path.at[0], path.at[path.len() - 1]].map(nm).map(|[x, y, _]| [x, y, block.stop.focus]);
+            let ends =
+                [path.at[0], path.at[path.len() - 1]].map(nm).map(|[x, y, _]| Commanded([x, y, block.stop.focus]));
             Ok((self.followed(&path, &schedule, &sync)?, time, sync.slower, schedule.total_s(), ends))
         };
         let bands = program.blocks.par_iter().enumerate().map(band).collect::<Result<Vec<_>, String>>()?;
         let (mut all, mut time, mut slowest, mut process_s) = (Followed::default(), Split::default(), 1.0f64, 0.0);
-        let mut before: Option<[i64; 3]> = None;
+        let mut before: Option<Commanded> = None;
         for (followed, own, slow, own_s, [first, last]) in bands {
             let moved = before.map(|from| stage_move(subject.machine, from, first, None)).unwrap_or_default();
             before = Some(last);
@@ -227,7 +228,7 @@ impl<'a> Follower<'a> {
         let mut notes = Vec::new();
         let pens = &self.whole.program.pens;
         let other = Machine::built_in("xyzac-galvo-10").map_err(|e| reason(&e))?;
-        let own = KinematicModel::of(subject.machine, pens, self.whole.origin.map(mm_from_nm));
+        let own = KinematicModel::of(subject.machine, pens, self.whole.origin.mm());
         let model = match own {
             Some(model) => model,
             None => {

@@ -23,7 +23,7 @@ use std::sync::OnceLock;
 use crate::diag::{Diag, Error};
 use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::job::{Job, Method};
-use crate::machine::Machine;
+use crate::machine::{Commanded, Machine};
 use crate::motion::stage_move;
 use crate::on_the_fly::axes::following_error::Protection;
 use crate::on_the_fly::axes::kinematics::Deviation;
@@ -285,7 +285,7 @@ pub fn compare(
         // The corners of the field are the scanner's too.
         field: half[0].hypot(half[1]),
     };
-    let across = stage_move(machine, [0; 3], [machine.usable_field()[0], 0, 0], None);
+    let across = stage_move(machine, Commanded::default(), Commanded([machine.usable_field()[0], 0, 0]), None);
     let subject = Subject {
         job,
         machine,

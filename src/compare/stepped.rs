@@ -3,9 +3,9 @@
 use std::borrow::Cow;
 
 use super::{Figures, Split, Subject, marked, path_of, reason};
-use crate::geom::{Box2, NM_PER_MM, P2, Turn, mm_from_nm};
+use crate::geom::{Box2, FieldPoint, NM_PER_MM, P2, Turn, mm_from_nm};
 use crate::job::{DepthRule, Focus, Method, Partition};
-use crate::machine::Machine;
+use crate::machine::{Commanded, Machine, Origin};
 use crate::manifest::Times;
 use crate::motion;
 use crate::on_the_fly::axes::kinematics::Deviation;
@@ -39,7 +39,7 @@ struct Measured<'a> {
     program: &'a Program,
     machine: &'a Machine,
     /// Position of the part's origin in the table frame, nm.
-    origin: [i64; 3],
+    origin: Origin,
     texture: Box2,
     times: Times,
     seam_mm: f64,
@@ -189,7 +189,7 @@ fn seen_from_above(program: &mut Program, turns: &[Turn], height_field: &HeightF
         let (centre, focus, up) = (block.stop.centre, block.stop.focus, turn.up());
         let [lo, hi] = [block.z_lo, block.z_hi].map(|z| mm_from_nm(z - focus));
         // Where the beam through a point of the focal plane meets the part, at no other height than the block's marks.
-        let met = |[x, y]: [i32; 2]| {
+        let met = |FieldPoint { x, y }: FieldPoint| {
             let point = [centre.x + i64::from(x), centre.y + i64::from(y), focus];
             let from = turn.back(point.map(|v| v as f64)).map(|v| v / NM_PER_MM);
             let (mut way, mut p) = (0.0f64, from);
@@ -201,13 +201,13 @@ fn seen_from_above(program: &mut Program, turns: &[Turn], height_field: &HeightF
             }
             P2::new((p[0] * NM_PER_MM).round() as i64, (p[1] * NM_PER_MM).round() as i64)
         };
-        let middle = met([0; 2]);
+        let middle = met(FieldPoint::AXIS);
         for stroke in &strokes[block.strokes.clone()] {
             for point in &mut points[stroke.first as usize..(stroke.first + stroke.len) as usize] {
                 let p = met(*point);
                 // Rounding must put nothing beside an edge of the part.
                 let p = P2::new(p.x.clamp(texture.lo.x, texture.hi.x), p.y.clamp(texture.lo.y, texture.hi.y));
-                *point = [(p.x - middle.x) as i32, (p.y - middle.y) as i32];
+                *point = FieldPoint::new((p.x - middle.x) as i32, (p.y - middle.y) as i32);
             }
         }
         block.stop.centre = middle;
@@ -223,6 +223,6 @@ fn owners(program: &Program) -> Vec<u32> {
     out
 }
 
-fn way(a: [i64; 3], b: [i64; 3]) -> f64 {
+fn way(a: Commanded, b: Commanded) -> f64 {
     (0..3).map(|k| mm_from_nm(b[k] - a[k]).powi(2)).sum::<f64>().sqrt()
 }

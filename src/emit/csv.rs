@@ -5,6 +5,7 @@
 //! stroke. A closed figure ends on the point it starts with.
 
 use crate::check::Checked;
+use crate::geom::ControllerPoint;
 use crate::machine::Machine;
 
 /// The names of the columns.
@@ -23,8 +24,8 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
     let mut digits = itoa::Buffer::new();
     for (number, stroke) in (1..).zip(strokes) {
         for &point in program.points_of(stroke) {
-            let [x, y] = machine.scanner.controller_from_field(point);
-            for whole in [number, u32::from(stroke.pen) + 1] {
+            let ControllerPoint { x, y } = machine.scanner.controller_from_field(point);
+            for whole in [number, stroke.pen.index() + 1] {
                 out.extend_from_slice(digits.format(whole).as_bytes());
                 out.push(b',');
             }

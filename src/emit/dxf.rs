@@ -6,8 +6,9 @@
 //! per pen, `B0001_P1`, in the colour with the pen's number. R12 has no unit: the run sheet says mm.
 
 use crate::check::Checked;
+use crate::geom::ControllerPoint;
 use crate::machine::Machine;
-use crate::program::Program;
+use crate::program::{BlockId, PenId};
 
 /// The drawing of block `index`.
 ///
@@ -18,16 +19,16 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
     let block = &program.blocks[index];
     let strokes = program.strokes_of(block);
     let points: usize = strokes.iter().map(|s| s.len as usize).sum();
-    let id = Program::block_id(index);
+    let id = BlockId::new(index);
     let pens = program.pens_of(block);
 
     let mut out = Vec::with_capacity(1024 + strokes.len() * 70 + points * 60);
-    head(&mut out, &id, &pens);
+    head(&mut out, id, &pens);
     // Everything of an entity that does not depend on the stroke, made once per pen.
-    let layers: Vec<Option<Layer>> =
-        (0..program.pens.len()).map(|pen| pens.contains(&pen).then(|| Layer::new(&id, pen))).collect();
+    let all = (0..program.pens.len() as u16).map(PenId);
+    let layers: Vec<Option<Layer>> = all.map(|pen| pens.contains(&pen).then(|| Layer::new(id, pen))).collect();
     for stroke in strokes {
-        let layer = layers[usize::from(stroke.pen)].as_ref().expect("the pens of all strokes were listed");
+        let layer = layers[stroke.pen.index()].as_ref().expect("the pens of all strokes were listed");
         let points = program.points_of(stroke).iter().map(|&p| machine.scanner.controller_from_field(p));
         layer.stroke(&mut out, points);
     }
@@ -36,7 +37,7 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
 }
 
 /// Header, line type and layers, up to the first entity.
-fn head(out: &mut Vec<u8>, id: &str, pens: &[usize]) {
+fn head(out: &mut Vec<u8>, id: BlockId, pens: &[PenId]) {
     let mut line = |code: u8, value: &str| out.extend_from_slice(format!("{code}\r\n{value}\r\n").as_bytes());
     line(0, "SECTION");
     line(2, "HEADER");
@@ -72,13 +73,13 @@ fn head(out: &mut Vec<u8>, id: &str, pens: &[usize]) {
     line(2, "ENTITIES");
 }
 
-fn layer_name(id: &str, pen: usize) -> String {
-    format!("{id}_P{}", pen + 1)
+fn layer_name(id: BlockId, pen: PenId) -> String {
+    format!("{id}_P{}", pen.number())
 }
 
 /// Colour of a layer: the pen's number; there are 255.
-fn colour(pen: usize) -> usize {
-    pen % 255 + 1
+fn colour(pen: PenId) -> usize {
+    pen.index() % 255 + 1
 }
 
 /// The constant text of the entities on one layer.
@@ -90,7 +91,7 @@ struct Layer {
 }
 
 impl Layer {
-    fn new(id: &str, pen: usize) -> Self {
+    fn new(id: BlockId, pen: PenId) -> Self {
         let layer = layer_name(id, pen);
         let entity = |kind: &str, rest: &str| format!("0\r\n{kind}\r\n8\r\n{layer}\r\n{rest}").into_bytes();
         Self {
@@ -101,7 +102,7 @@ impl Layer {
         }
     }
 
-    fn stroke(&self, out: &mut Vec<u8>, mut points: impl ExactSizeIterator<Item = [i32; 2]> + Clone) {
+    fn stroke(&self, out: &mut Vec<u8>, mut points: impl ExactSizeIterator<Item = ControllerPoint> + Clone) {
         let count = points.len();
         if count == 2 {
             let mut next = || points.next().expect("two points");
@@ -123,7 +124,7 @@ impl Layer {
     }
 }
 
-fn coordinates(out: &mut Vec<u8>, [x, y]: [i32; 2], between: &[u8], after: &[u8]) {
+fn coordinates(out: &mut Vec<u8>, ControllerPoint { x, y }: ControllerPoint, between: &[u8], after: &[u8]) {
     super::push_mm(out, i64::from(x));
     out.extend_from_slice(between);
     super::push_mm(out, i64::from(y));

@@ -11,8 +11,8 @@
 
 use super::Stepped;
 use crate::check::Checked;
-use crate::machine::Machine;
-use crate::program::Program;
+use crate::machine::{Commanded, Machine, TiltAngles};
+use crate::program::{BlockId, PassId, Program};
 
 /// Shortest dwell after a move: a controller's last following error, whatever the machine file says.
 const LEAST_DWELL_MS: u64 = 50;
@@ -35,7 +35,7 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     p.line("G21 G90 G94 G17 G40 G49 G80 G61.1");
     p.line("M65 P0");
     for (i, &time) in marking_s.iter().enumerate() {
-        let id = Program::block_id(i);
+        let id = BlockId::new(i);
         p.block(checked, i);
         p.line("M64 P0");
         p.line("M66 P0 L3 Q5");
@@ -62,7 +62,7 @@ pub fn m0(job: &Stepped<'_>) -> Vec<u8> {
     p.line("M5");
     for i in 0..checked.program().blocks.len() {
         p.block(checked, i);
-        p.line(&format!("M0 (mark {})", Program::block_id(i)));
+        p.line(&format!("M0 (mark {})", BlockId::new(i)));
     }
     p.end();
     p.line("M2");
@@ -80,10 +80,10 @@ struct Writer {
     retract_z: i64,
     dwell: String,
     /// Where the stage stands; None before the first move.
-    at: Option<[i64; 3]>,
+    at: Option<Commanded>,
     /// Letters of the tilt axes and where they stand; nothing where there is no tilt table.
     letters: Option<[char; 2]>,
-    tilt: Option<[i64; 2]>,
+    tilt: Option<TiltAngles>,
 }
 
 impl Writer {
@@ -126,20 +126,20 @@ impl Writer {
         let program = checked.program();
         let block = &program.blocks[i];
         let before = i.checked_sub(1).map(|i| &program.blocks[i]);
-        if block.pass != before.map_or(0, |b| b.pass) {
-            self.comment(&format!("PASS {}", block.pass + 1));
+        if block.pass != before.map_or(PassId(0), |b| b.pass) {
+            self.comment(&format!("PASS {}", block.pass.number()));
         }
         let setups = checked.origins().len();
         if setups > 1 && before.is_none_or(|b| b.setup != block.setup) {
-            self.setup(block.setup + 1, setups);
+            self.setup(block.setup.number(), setups);
         }
         let title = match self.block_file {
-            Some(ending) => format!("BLOCK {} FILE {}", Program::block_id(i), Program::block_file(i, ending)),
-            None => format!("BLOCK {}", Program::block_id(i)),
+            Some(ending) => format!("BLOCK {} FILE {}", BlockId::new(i), Program::block_file(BlockId::new(i), ending)),
+            None => format!("BLOCK {}", BlockId::new(i)),
         };
         self.comment(&title);
         self.line(self.off);
-        let [x, y, z] = block.stage;
+        let [x, y, z] = block.stage.0;
         // Nobody knows where the stage stands at the start, so the first move lifts as well.
         if block.retract || self.at.is_none() {
             self.lift();
@@ -149,7 +149,7 @@ impl Writer {
         let moves = self.at.is_none_or(|at| [at[0], at[1]] != [x, y]);
         match tilt {
             // Degrees have six decimals as well.
-            Some(([a, b], [u, v])) => self.travel(&[('X', x), ('Y', y), (a, u), (b, v)]),
+            Some(([a, b], TiltAngles([u, v]))) => self.travel(&[('X', x), ('Y', y), (a, u), (b, v)]),
             None if moves => self.travel(&[('X', x), ('Y', y)]),
             None => {}
         }
@@ -216,7 +216,7 @@ mod tests {
     ) -> Stepped<'a> {
         Stepped { checked, machine, block_times, job: "job.toml", part: "part.stl", block_file }
     }
-    use crate::program::sample;
+    use crate::program::{SetupId, sample};
     use crate::units::Time;
 
     fn sample() -> (Checked, Machine) {
@@ -335,8 +335,8 @@ mod tests {
     #[test]
     fn every_set_up_begins_lifted_with_a_stop_after_which_all_axes_are_sent_anew() {
         let (mut program, origin) = sample::program();
-        program.blocks[1].setup = 1;
-        program.blocks[2].setup = 1;
+        program.blocks[1].setup = SetupId(1);
+        program.blocks[2].setup = SetupId(1);
         let machine = Machine::built_in("xyz-galvo-40").expect("profile");
         let checked = Checked::unchecked_setups(program, vec![origin, origin]);
         for (text, off) in [

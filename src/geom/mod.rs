@@ -5,11 +5,13 @@
 //! is read or written, and z stays `f64` until a mark is made of it.
 
 mod buckets;
+mod field;
 mod grid;
 mod stroke;
 mod turn;
 
 pub use buckets::{Buckets, counting_sort};
+pub use field::{ControllerPoint, FieldPoint};
 pub use grid::Grid;
 pub use stroke::Strokes;
 pub use turn::Turn;

@@ -17,6 +17,7 @@ use super::resolved::{
 use crate::diag::{Diag, Error, Place};
 use crate::emit::{Format, TARGETS, Target};
 use crate::geom::{MAX_NM, P2, mm_from_nm};
+use crate::machine::Origin;
 use crate::program::Pen;
 use crate::units::{Angle, Length};
 use crate::{surface, texture};
@@ -115,7 +116,7 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
     let f = &mut faults;
     let mode = overrides.mode.unwrap_or(file.mode);
     let surface = surface_input(&file.surface, f);
-    let origin = file.placement.origin.map(|o| o.map(|length| f.nm("placement.origin", length)));
+    let origin = file.placement.origin.map(|o| Origin(o.map(|length| f.nm("placement.origin", length))));
     let focus = focus(&file.focus, f);
     let pens = pens(&file.pen, f);
     if file.texture.is_empty() {

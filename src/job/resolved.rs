@@ -9,8 +9,8 @@ use super::resolve::{Faults, resolve};
 use crate::diag::{self, Diag, Error, Place};
 use crate::emit::Format;
 use crate::geom::{NM_PER_MM, P2, mm_from_nm};
-use crate::machine::Machine;
-use crate::program::Pen;
+use crate::machine::{Machine, Origin};
+use crate::program::{PassId, Pen};
 use crate::units::Angle;
 use crate::{surface, texture};
 
@@ -91,7 +91,7 @@ pub struct SurfaceInput {
 pub struct Placement {
     /// Table-frame position of the turned part's origin, nm; None: the centre of the texture lies at the
     /// centre of travel.
-    pub origin: Option<[i64; 3]>,
+    pub origin: Option<Origin>,
     /// Turn of the part about its z axis, counter-clockwise.
     pub turn: Angle,
 }
@@ -211,7 +211,7 @@ impl Passes {
     }
     /// By how much the grid of sections lies lower along x and y in pass `k` than in the first, less than the
     /// sections' `pitch` and a multiple of `grain`, nm.
-    pub fn shift_nm(&self, k: u32, pitch: [i64; 2], grain: i64) -> [i64; 2] {
+    pub fn shift_nm(&self, PassId(k): PassId, pitch: [i64; 2], grain: i64) -> [i64; 2] {
         let shift = |pitch: i64| match self.shift {
             Some(shift) => (i128::from(shift) * i128::from(k) % i128::from(pitch.max(1))) as i64,
             None => (pitch as f64 * Self::share(k)) as i64,
@@ -219,11 +219,11 @@ impl Passes {
         pitch.map(|pitch| shift(pitch) / grain * grain)
     }
     /// By how much levels lie lower in pass `k` than in the first, nm.
-    pub fn level_shift_nm(&self, k: u32, depth: i64) -> f64 {
+    pub fn level_shift_nm(&self, PassId(k): PassId, depth: i64) -> f64 {
         if self.shift == Some(0) { 0.0 } else { depth as f64 * Self::share(k) }
     }
     /// By how much the surface is lower in pass `k` than in the first, nm.
-    pub fn lowered_nm(&self, k: u32) -> i64 {
+    pub fn lowered_nm(&self, PassId(k): PassId) -> i64 {
         self.lower * i64::from(k)
     }
 }
@@ -315,7 +315,7 @@ impl Job {
 
     /// What is to be marked in pass `k`, from 0. Straight hatches turn, lines along contours move by a part of
     /// their pitch; all else stays.
-    pub fn textures_of_pass(&self, k: u32) -> Vec<texture::Request> {
+    pub fn textures_of_pass(&self, PassId(k): PassId) -> Vec<texture::Request> {
         let turned = f64::from(k) * self.passes.rotate.as_rad();
         let of_pass = |t: &texture::Request| {
             let kind = t.kind.clone().of_pass(turned, Passes::share(k));

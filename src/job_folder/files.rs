@@ -12,7 +12,7 @@ use crate::geom::mm_from_nm;
 use crate::job::Job;
 use crate::manifest::{self, Facts, FileFact, Head, MANIFEST, OnTheFlyFacts};
 use crate::plan::{OnTheFlyPlan, Pass, SteppedPlan};
-use crate::program::{self, Program};
+use crate::program::{self, BlockId, Program};
 use crate::report;
 
 /// A folder being filled.
@@ -108,7 +108,7 @@ fn blocks(
     }
     let written: Result<Vec<FileFact>, Error> = (0..emitted.checked.program().blocks.len())
         .into_par_iter()
-        .map(|i| put(folder, &Program::block_file(i, ending), &write(emitted, i)))
+        .map(|i| put(folder, &Program::block_file(BlockId::new(i), ending), &write(emitted, i)))
         .collect();
     filling.files.extend(written?);
     Ok(())

@@ -8,18 +8,20 @@
 //! stands over its origin. The part lies in it shifted by the placement origin. An axis that moves the
 //! head by +1 mm moves the optical axis by +1 mm over the part; one that moves the part, by -1 mm.
 
+mod command;
 mod range;
 mod tilt;
 
 use std::path::Path;
 use std::sync::Arc;
 
+pub use command::{Commanded, Origin, TiltAngles};
 pub use tilt::{Letter, RotaryAxis, Tilt};
 
 use serde::{Deserialize, Serialize};
 
 use crate::diag::{self, Diag, Error, Place};
-use crate::geom::Turn;
+use crate::geom::{ControllerPoint, FieldPoint, P2, Turn};
 use crate::units::{
     Acceleration, Frequency, Jerk, Length, Speed, Time, Watts, non_negative, positive, positive_option,
 };
@@ -121,9 +123,9 @@ pub struct Scanner {
 
 impl Scanner {
     /// Controller coordinates of a field point, both in nm: first the swap, then the mirrors.
-    pub fn controller_from_field(&self, [x, y]: [i32; 2]) -> [i32; 2] {
+    pub fn controller_from_field(&self, FieldPoint { x, y }: FieldPoint) -> ControllerPoint {
         let [x, y] = if self.swap_xy { [y, x] } else { [x, y] };
-        [if self.mirror_x { -x } else { x }, if self.mirror_y { -y } else { y }]
+        ControllerPoint { x: if self.mirror_x { -x } else { x }, y: if self.mirror_y { -y } else { y } }
     }
 }
 
@@ -428,7 +430,7 @@ impl Machine {
     }
 
     /// Whether a field point (nm, from the optical axis) may be marked.
-    pub fn field_holds(&self, [x, y]: [i32; 2]) -> bool {
+    pub fn field_holds(&self, FieldPoint { x, y }: FieldPoint) -> bool {
         let m = self.lens.margin.as_mm();
         let [fx, fy] = self.lens.field.map(|f| (f.as_mm() / 2.0 - m) * crate::geom::NM_PER_MM + 1e-3);
         let (x, y) = (f64::from(x), f64::from(y));
@@ -452,35 +454,26 @@ impl Machine {
         if self.stage.z.sign() > 0 { highest - highest.rem_euclid(grid) } else { lowest + (-lowest).rem_euclid(grid) }
     }
 
-    /// The axis commands (nm) that bring the optical axis and the focal plane over the part point
-    /// `p` (nm), the part lying at `origin` (nm) in the table frame.
-    pub fn stage_from_part(&self, p: [i64; 3], origin: [i64; 3]) -> [i64; 3] {
-        let mut out = [0; 3];
+    /// The axis commands that bring the optical axis over the point `p` of the part and the focal plane to
+    /// the height `focus` (nm), the part lying at `origin`.
+    pub fn stage_from_part(&self, p: P2, focus: i64, origin: Origin) -> Commanded {
+        let p = [p.x, p.y, focus];
+        let mut out = Commanded::default();
         for (i, (_, axis)) in self.axes().into_iter().enumerate() {
             out[i] = axis.sign() * (p[i] + origin[i]);
         }
         out
     }
 
-    /// How commanded angles (millionths of a degree) turn a part whose origin lies at `origin` (nm); none
-    /// where the machine has no tilt table.
-    pub fn turn(&self, tilt: [i64; 2], origin: [i64; 3]) -> Turn {
+    /// How commanded angles turn a part whose origin lies at `origin`; not at all where the machine has no tilt table.
+    pub fn turn(&self, tilt: TiltAngles, origin: Origin) -> Turn {
         self.tilt.as_ref().map_or_else(Turn::none, |table| table.turn(tilt, origin))
     }
 
     /// Time in which the tilt axes go from one pair of commands to another, s.
-    pub fn tilt_time_s(&self, from: [i64; 2], to: [i64; 2]) -> f64 {
-        let axes = self.tilt.iter().flat_map(|table| &table.axes).zip(from.iter().zip(to));
-        axes.filter(|(_, (from, to))| *from != to).map(|(axis, _)| axis.move_time.as_s()).fold(0.0, f64::max)
-    }
-
-    /// The part point (nm) under the axis commands `stage`: the inverse of [`Machine::stage_from_part`].
-    pub fn part_from_stage(&self, stage: [i64; 3], origin: [i64; 3]) -> [i64; 3] {
-        let mut out = [0; 3];
-        for (i, (_, axis)) in self.axes().into_iter().enumerate() {
-            out[i] = axis.sign() * stage[i] - origin[i];
-        }
-        out
+    pub fn tilt_time_s(&self, from: TiltAngles, to: TiltAngles) -> f64 {
+        let axes = self.tilt.iter().flat_map(|table| &table.axes).zip(from.0.iter().zip(to.0));
+        axes.filter(|(_, (from, to))| **from != *to).map(|(axis, _)| axis.move_time.as_s()).fold(0.0, f64::max)
     }
 }
 
@@ -509,15 +502,15 @@ mod tests {
     }
 
     #[test]
-    fn part_and_stage_are_inverse_for_every_sign() {
+    fn stage_commands_have_the_signs_of_their_axes() {
         let mut m = Machine::built_in("xyz-galvo-40").expect("profile");
         for carries in [Carries::Part, Carries::Head] {
             for reversed in [false, true] {
                 m.stage.x.carries = carries;
                 m.stage.z.reversed = reversed;
-                let p = [1_000_001, -5, 77];
-                let origin = [3, 4_000_000, -9];
-                assert_eq!(m.part_from_stage(m.stage_from_part(p, origin), origin), p);
+                let stage = m.stage_from_part(P2::new(1_000_001, -5), 77, Origin([3, 4_000_000, -9]));
+                let signs = m.axes().map(|(_, axis)| axis.sign());
+                assert_eq!([0, 1, 2].map(|k| signs[k] * stage[k]), [1_000_004, 3_999_995, 68]);
             }
         }
     }
@@ -526,7 +519,7 @@ mod tests {
     fn the_usable_field_is_even_and_inside_the_field() {
         let m = Machine::built_in("xyz-galvo-40").expect("profile");
         assert_eq!(m.usable_field(), [40_000_000, 40_000_000]);
-        assert!(m.field_holds([20_000_000, -20_000_000]));
-        assert!(!m.field_holds([20_000_001, 0]));
+        assert!(m.field_holds(FieldPoint::new(20_000_000, -20_000_000)));
+        assert!(!m.field_holds(FieldPoint::new(20_000_001, 0)));
     }
 }

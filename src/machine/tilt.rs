@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Fault;
+use super::{Fault, Origin, TiltAngles};
 use crate::diag::Diag;
 use crate::geom::{NM_PER_MM, Turn};
 use crate::units::{
@@ -99,10 +99,10 @@ fn micro(angle: Angle) -> i64 {
 }
 
 impl Tilt {
-    /// What commands (millionths of a degree) make of a part whose origin lies at `origin` (nm, table frame).
-    pub fn turn(&self, commands: [i64; 2], origin: [i64; 3]) -> Turn {
+    /// What commands make of a part whose origin lies at `origin`.
+    pub fn turn(&self, commands: TiltAngles, origin: Origin) -> Turn {
         let pivot = [0, 1, 2].map(|k| self.pivot[k].as_mm() * NM_PER_MM - origin[k] as f64);
-        let turns = self.axes.iter().zip(commands).map(|(axis, command)| {
+        let turns = self.axes.iter().zip(commands.0).map(|(axis, command)| {
             let angle = (command as f64 * 1e-6).to_radians();
             (axis.letter as usize, if axis.reversed { -angle } else { angle })
         });
@@ -111,7 +111,7 @@ impl Tilt {
 
     /// The commands that turn a direction of the part towards the lens, as nearly as travel and increments
     /// allow.
-    pub fn commands(&self, up: [f64; 3]) -> [i64; 2] {
+    pub fn commands(&self, up: [f64; 3]) -> TiltAngles {
         let [x, y, z] = up;
         let flat = x.hypot(y);
         let angles = match self.axes.each_ref().map(|a| a.letter) {
@@ -125,7 +125,7 @@ impl Tilt {
             _ if x == 0.0 => [(-y).atan2(z), -std::f64::consts::FRAC_PI_2],
             _ => [(-flat * x.signum()).atan2(z), (-y / x).atan()],
         };
-        [0, 1].map(|k| self.axes[k].command(angles[k]))
+        TiltAngles([0, 1].map(|k| self.axes[k].command(angles[k])))
     }
 
     /// What is wrong with the table.
@@ -184,12 +184,12 @@ mod tests {
                 for i in 0..400 {
                     let (slope, around) = (f64::from(i % 20) / 10.0, f64::from(i / 20) * 0.314);
                     let n = [slope * around.cos(), slope * around.sin(), 1.0];
-                    let turn = table.turn(table.commands(n), [7, 8, 9]);
+                    let turn = table.turn(table.commands(n), Origin([7, 8, 9]));
                     let length = (slope * slope + 1.0).sqrt();
                     let off = turn.up().iter().zip(n).map(|(u, n)| (u - n / length).abs()).fold(0.0, f64::max);
                     assert!(off < 1e-7, "{letters:?} {n:?}: {off}");
                 }
-                assert_eq!(table.commands([0.0, 0.0, 1.0]), [0, 0]);
+                assert_eq!(table.commands([0.0, 0.0, 1.0]), TiltAngles::UPRIGHT);
             }
         }
     }

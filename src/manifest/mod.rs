@@ -20,7 +20,7 @@ use crate::check::Checked;
 use crate::emit;
 use crate::job::Job;
 use crate::machine::Machine;
-use crate::program::{Block, Program, Sections};
+use crate::program::{Block, BlockId, Program, Sections};
 
 /// Parts of the job time, s. They sum to the total.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -190,12 +190,12 @@ pub struct Facts<'a> {
 impl Facts<'_> {
     /// The file of block `index`, where blocks have files of their own.
     pub(crate) fn block_file(&self, index: usize) -> Option<String> {
-        emit::block_file(&self.job.formats).map(|ending| Program::block_file(index, ending))
+        emit::block_file(&self.job.formats).map(|ending| Program::block_file(BlockId::new(index), ending))
     }
     /// Names of the pens of a block.
     pub(crate) fn pen_names(&self, block: &Block) -> Vec<&str> {
         let program = self.checked.program();
-        program.pens_of(block).into_iter().map(|pen| program.pens[pen].name.as_str()).collect()
+        program.pens_of(block).into_iter().map(|pen| program.pens[pen.index()].name.as_str()).collect()
     }
     pub(crate) fn block_time_s(&self, index: usize) -> f64 {
         self.block_times.get(index).copied().unwrap_or(0.0)

@@ -1,8 +1,8 @@
 //! Registration: where the stage stands when a known point of the part lies under the optical axis.
 
-use crate::geom::cos_sin;
+use crate::geom::{P2, cos_sin};
 use crate::job::Job;
-use crate::machine::Machine;
+use crate::machine::{Machine, Origin};
 
 /// A point of the part that a set-up reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,14 +14,14 @@ pub struct Registered {
 }
 
 /// The registration points of a job that the stage reaches while the part's origin lies at `origin`, nm.
-pub fn registration(job: &Job, machine: &Machine, origin: [i64; 3]) -> Vec<Registered> {
+pub fn registration(job: &Job, machine: &Machine, origin: Origin) -> Vec<Registered> {
     let [cos, sin] = cos_sin(job.placement.turn.as_rad());
     let step = machine.increment_nm().max(1);
     let points = job.setups.iter().flat_map(|s| &s.registration);
     let placed = points.map(|point| {
         let [x, y] = [point.x as f64, point.y as f64];
         let turned = [cos * x - sin * y, sin * x + cos * y].map(|v| v.round() as i64);
-        let [x, y, _] = machine.stage_from_part([turned[0], turned[1], 0], origin);
+        let [x, y, _] = machine.stage_from_part(P2::new(turned[0], turned[1]), 0, origin).0;
         Registered { point_mm: point.mm(), at: [x, y].map(|v| (v + step / 2).div_euclid(step) * step) }
     });
     let is_reached = |r: &Registered| {

@@ -8,8 +8,8 @@ use super::{Facts, Head, Summary, registration};
 use crate::emit::Files;
 use crate::geom::mm_from_nm;
 use crate::job::{DepthRule, Level};
-use crate::machine::Machine;
-use crate::program::{self, Pen, Program};
+use crate::machine::{Machine, Origin};
+use crate::program::{self, BlockId, PassId, Pen, Program};
 
 /// The manifest: JSON, keys in a fixed order, a line feed at the end.
 pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
@@ -17,10 +17,7 @@ pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
     let document = Document {
         head,
         machine: facts.machine,
-        placement: Placement {
-            origin_mm: facts.checked.origin().map(mm_from_nm),
-            turn_deg: facts.job.placement.turn.as_deg(),
-        },
+        placement: Placement { origin_mm: facts.checked.origin().mm(), turn_deg: facts.job.placement.turn.as_deg() },
         focus: Focus {
             pdof_mm: mm_from_nm(facts.job.focus.pdof),
             depth_range_mm: facts.depth_mm,
@@ -106,7 +103,7 @@ fn passes(facts: &Facts<'_>) -> Vec<PassEntry> {
     let spec = &facts.job.passes;
     let entry = |(k, (grid, directions)): (u32, &(&program::Sections, &[u16]))| PassEntry {
         turn_deg: f64::from(k) * spec.rotate.as_deg(),
-        lowered_mm: mm_from_nm(spec.lowered_nm(k)),
+        lowered_mm: mm_from_nm(spec.lowered_nm(PassId(k))),
         sections: Sections::new(grid, directions),
     };
     (0..).zip(&facts.passes).map(entry).collect()
@@ -125,8 +122,8 @@ struct RegistrationEntry {
 }
 
 fn setups(facts: &Facts<'_>) -> Vec<SetupEntry> {
-    let entry = |&origin: &[i64; 3]| SetupEntry {
-        origin_mm: origin.map(mm_from_nm),
+    let entry = |&origin: &Origin| SetupEntry {
+        origin_mm: origin.mm(),
         registration: registration(facts.job, facts.machine, origin)
             .into_iter()
             .map(|r| RegistrationEntry { point_mm: r.point_mm, stage: r.at.map(mm_from_nm) })
@@ -206,7 +203,7 @@ struct SlopeEntry {
 fn files(facts: &Facts<'_>, index: usize) -> BTreeMap<&'static str, String> {
     let targets = facts.job.formats.iter().map(|f| f.target());
     let of_block = targets.filter_map(|t| match t.stepped {
-        Some(Files::Blocks(ending, _)) => Some((t.name, Program::block_file(index, ending))),
+        Some(Files::Blocks(ending, _)) => Some((t.name, Program::block_file(BlockId::new(index), ending))),
         _ => None,
     });
     of_block.collect()
@@ -216,15 +213,15 @@ fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
     let program = facts.checked.program();
     let block = &program.blocks[index];
     BlockEntry {
-        id: Program::block_id(index),
-        pass: block.pass + 1,
-        setup: block.setup + 1,
-        section: block.stop.section,
+        id: BlockId::new(index).to_string(),
+        pass: block.pass.number(),
+        setup: block.setup.number(),
+        section: block.stop.section.0,
         level: block.stop.level,
         centre_mm: block.stop.centre.mm(),
         lpfl_mm: mm_from_nm(block.stop.focus),
-        stage: block.stage.map(mm_from_nm),
-        tilt_deg: block.stop.tilt.map(|v| v as f64 / 1e6),
+        stage: block.stage.mm(),
+        tilt_deg: block.stop.tilt.deg(),
         z_lo_mm: mm_from_nm(block.z_lo),
         z_hi_mm: mm_from_nm(block.z_hi),
         pens: facts.pen_names(block),

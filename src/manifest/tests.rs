@@ -2,7 +2,7 @@ use std::path::Path;
 
 use super::*;
 use crate::job::{Overrides, SAMPLE_JOB};
-use crate::machine::FieldShape;
+use crate::machine::{FieldShape, Origin};
 use crate::program::sample;
 use crate::report::runsheet::{csv as runsheet_csv, txt as runsheet_txt};
 use crate::units::Length;
@@ -16,7 +16,7 @@ fn with_sample<R>(use_them: impl FnOnce(&Facts<'_>) -> R) -> R {
     with(sample::program(), &machine(), use_them)
 }
 
-fn with<R>((program, origin): (Program, [i64; 3]), machine: &Machine, use_them: impl FnOnce(&Facts<'_>) -> R) -> R {
+fn with<R>((program, origin): (Program, Origin), machine: &Machine, use_them: impl FnOnce(&Facts<'_>) -> R) -> R {
     let block_times = vec![0.125; program.blocks.len()];
     let checked = Checked::unchecked(program, origin);
     let job = Job::parse(Path::new("hood.toml"), SAMPLE_JOB, &Overrides::default()).expect("sample job");

@@ -13,8 +13,8 @@ mod profile;
 
 pub use profile::rest_to_rest;
 
-use crate::geom::{NM_PER_MM, mm_from_nm};
-use crate::machine::{Axis, Machine};
+use crate::geom::{FieldPoint, NM_PER_MM, mm_from_nm};
+use crate::machine::{Axis, Commanded, Machine};
 use crate::units::Speed;
 
 /// Time of one stage move, s.
@@ -38,12 +38,18 @@ impl StageMove {
 ///
 /// Measured times of the machine file replace the profiles: `xy` for any move that changes x or y, `z`
 /// for one of z alone, and one `z` more for a retract. They hold the settling already.
-pub fn stage_move(machine: &Machine, from: [i64; 3], to: [i64; 3], retract_z: Option<i64>) -> StageMove {
+pub fn stage_move(machine: &Machine, from: Commanded, to: Commanded, retract_z: Option<i64>) -> StageMove {
     tilting_move(machine, from, to, retract_z, 0.0)
 }
 
 /// As [`stage_move`], the tilt axes taking `tilt_s` for their turn, which runs together with x and y.
-pub fn tilting_move(machine: &Machine, from: [i64; 3], to: [i64; 3], retract_z: Option<i64>, tilt_s: f64) -> StageMove {
+pub fn tilting_move(
+    machine: &Machine,
+    from: Commanded,
+    to: Commanded,
+    retract_z: Option<i64>,
+    tilt_s: f64,
+) -> StageMove {
     let stage = &machine.stage;
     let plane = from[0] != to[0] || from[1] != to[1] || tilt_s > 0.0;
     let lift = retract_z.filter(|&z| z != from[2]);
@@ -70,7 +76,7 @@ pub fn tilting_move(machine: &Machine, from: [i64; 3], to: [i64; 3], retract_z: 
 #[derive(Clone, Copy, Debug)]
 pub struct Mark<'a> {
     /// Points in marking order, field frame, nm.
-    pub points: &'a [[i32; 2]],
+    pub points: &'a [FieldPoint],
     /// Mark speed of its pen.
     pub speed: Speed,
     /// How often it is marked.
@@ -106,7 +112,7 @@ pub fn marking<'a>(machine: &Machine, strokes: impl IntoIterator<Item = Mark<'a>
     let delays = &machine.delays;
     let ends = delays.jump.as_s() + delays.mark.as_s();
     let polygon = delays.polygon.as_s();
-    let mut at = [0, 0];
+    let mut at = FieldPoint::AXIS;
     let mut out = Marking::default();
     for stroke in strokes {
         let (Some(&first), Some(&last)) = (stroke.points.first(), stroke.points.last()) else { continue };
@@ -123,9 +129,9 @@ pub fn marking<'a>(machine: &Machine, strokes: impl IntoIterator<Item = Mark<'a>
 }
 
 /// Distance of two field points, mm.
-fn distance_mm(a: [i32; 2], b: [i32; 2]) -> f64 {
-    let dx = f64::from(b[0]) - f64::from(a[0]);
-    let dy = f64::from(b[1]) - f64::from(a[1]);
+fn distance_mm(a: FieldPoint, b: FieldPoint) -> f64 {
+    let dx = f64::from(b.x) - f64::from(a.x);
+    let dy = f64::from(b.y) - f64::from(a.y);
     (dx * dx + dy * dy).sqrt() / NM_PER_MM
 }
 
@@ -134,6 +140,8 @@ mod tests {
     use super::*;
     use crate::machine::MoveTimes;
     use crate::units::Time;
+
+    const ZERO: Commanded = Commanded([0; 3]);
 
     fn machine() -> Machine {
         Machine::built_in("xyz-galvo-40").expect("profile")
@@ -151,21 +159,21 @@ mod tests {
             let jerk = axis.jerk.map(|j| j.as_mm_s3());
             rest_to_rest(mm, axis.speed.as_mm_s(), axis.acceleration.as_mm_s2(), jerk)
         };
-        let both = stage_move(&m, [0; 3], [40_000_000, -3_000_000, 70_000], None);
+        let both = stage_move(&m, ZERO, Commanded([40_000_000, -3_000_000, 70_000]), None);
         assert!(close(both.travel_s, time(x, 40.0) + time(z, 0.07)), "{both:?}");
         assert_eq!(both.settle_s, m.stage.settle.as_s());
-        let z_only = stage_move(&m, [1, 2, 0], [1, 2, -70_000], None);
+        let z_only = stage_move(&m, Commanded([1, 2, 0]), Commanded([1, 2, -70_000]), None);
         assert!(close(z_only.travel_s, time(z, 0.07)));
-        let lifted = stage_move(&m, [0; 3], [40_000_000, 0, 70_000], Some(200_000_000));
+        let lifted = stage_move(&m, ZERO, Commanded([40_000_000, 0, 70_000]), Some(200_000_000));
         assert!(close(lifted.travel_s, time(z, 200.0) + time(x, 40.0) + time(z, 199.93)));
-        assert_eq!(stage_move(&m, [5; 3], [5; 3], None), StageMove::default());
+        assert_eq!(stage_move(&m, Commanded([5; 3]), Commanded([5; 3]), None), StageMove::default());
     }
 
     #[test]
     fn measured_times_stand_in_for_the_profiles() {
         let mut m = machine();
         m.stage.move_times = Some(MoveTimes { xy: Time::s(3.7), z: Time::s(0.3) });
-        let total = |to, retract| stage_move(&m, [0; 3], to, retract).total_s();
+        let total = |to, retract| stage_move(&m, ZERO, Commanded(to), retract).total_s();
         assert_eq!(total([1, 0, 0], None), 3.7);
         assert_eq!(total([0, 1, 1], None), 3.7);
         assert_eq!(total([0, 0, 1], None), 0.3);
@@ -177,8 +185,8 @@ mod tests {
     fn passes_repeat_marks_and_delays_and_jump_back_only_where_open() {
         let m = machine();
         let speed = Speed::mm_s(1000.0);
-        let open = [[1_000_000, 0], [11_000_000, 0]];
-        let loop_ = [[0, 0], [1_000_000, 0], [1_000_000, 1_000_000], [0, 1_000_000], [0, 0]];
+        let open = [[1_000_000, 0], [11_000_000, 0]].map(FieldPoint::from);
+        let loop_ = [[0, 0], [1_000_000, 0], [1_000_000, 1_000_000], [0, 1_000_000], [0, 0]].map(FieldPoint::from);
         let once = marking(&m, [Mark { points: &open, speed, passes: 1 }]);
         assert!(close(once.mark_s, 0.01));
         assert!(close(once.jump_s, 1.0 / 5000.0));

@@ -3,7 +3,7 @@
 //! They are those of [`motion::stage_move`], to one part in 5000; results are judged by that itself.
 //! Positions are commands in nm, as `f64`.
 
-use crate::machine::{Machine, MoveTimes};
+use crate::machine::{Commanded, Machine, MoveTimes};
 use crate::motion;
 
 /// Times of a machine's stage.
@@ -21,9 +21,9 @@ impl Clock {
         }
         let axes = [0, 1, 2].map(|axis| {
             Leg::new(|nm| {
-                let mut to = [0; 3];
+                let mut to = Commanded::default();
                 to[axis] = nm;
-                motion::stage_move(machine, [0; 3], to, None).travel_s
+                motion::stage_move(machine, Commanded::default(), to, None).travel_s
             })
         });
         Self::Profiles { axes, settle_s: machine.stage.settle.as_s(), top: machine.retract_z() as f64 }
@@ -121,10 +121,16 @@ mod tests {
                     let at = [a, b].map(|p| p.map(|v| v as f64));
                     let close =
                         |t: f64, want: f64| assert!((t - want).abs() <= 2e-4 * want, "{name} {a:?} {b:?}: {t} {want}");
-                    close(clock.between(at[0], at[1]), motion::stage_move(&machine, a, b, None).total_s());
+                    close(
+                        clock.between(at[0], at[1]),
+                        motion::stage_move(&machine, Commanded(a), Commanded(b), None).total_s(),
+                    );
                     if a[..2] != b[..2] {
                         let top = Some(machine.retract_z());
-                        close(clock.lifted(at[0], at[1]), motion::stage_move(&machine, a, b, top).total_s());
+                        close(
+                            clock.lifted(at[0], at[1]),
+                            motion::stage_move(&machine, Commanded(a), Commanded(b), top).total_s(),
+                        );
                     }
                 }
             }

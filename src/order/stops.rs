@@ -16,7 +16,7 @@ use super::endpoints::{Endpoints, greedy};
 use super::kd_tree::Tree;
 use super::move_times::Clock;
 use super::tour::Tour;
-use crate::machine::Machine;
+use crate::machine::{Commanded, Machine};
 use crate::motion;
 
 /// In which order levels may be visited.
@@ -36,7 +36,7 @@ pub struct Stage<'a> {
     /// The machine.
     pub machine: &'a Machine,
     /// Commanded position from which the stage comes to the first stop, nm.
-    pub from: [i64; 3],
+    pub from: Commanded,
     /// Whether the stage must lift on its way between two stops, given by index; None where it never must.
     pub lifts: Option<&'a dyn Fn(usize, usize) -> bool>,
 }
@@ -59,7 +59,7 @@ const TIE: f64 = 1e-12;
 
 /// The order in which the stage visits the positions `stops` (commanded, nm), as indices. `effort` is how
 /// many random changes are tried for every stop; the time this takes grows with it.
-pub fn tour(stops: &[[i64; 3]], stage: &Stage<'_>, climb: Climb, effort: usize) -> Vec<usize> {
+pub fn tour(stops: &[Commanded], stage: &Stage<'_>, climb: Climb, effort: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..stops.len()).collect();
     if climb == Climb::Free {
         return path(stops, stage, order, effort);
@@ -76,23 +76,23 @@ pub fn tour(stops: &[[i64; 3]], stage: &Stage<'_>, climb: Climb, effort: usize) 
 }
 
 /// Time of the moves in an order, from where the stage comes from to the last stop, s.
-pub fn time(stops: &[[i64; 3]], stage: &Stage<'_>, order: &[usize]) -> f64 {
+pub fn time(stops: &[Commanded], stage: &Stage<'_>, order: &[usize]) -> f64 {
     let first = order.first().map_or(0.0, |&i| cost(stage.machine, stage.from, stops[i]));
     first + order.windows(2).map(|w| step(stops, stage, w[0], w[1])).sum::<f64>()
 }
 
-fn cost(machine: &Machine, from: [i64; 3], to: [i64; 3]) -> f64 {
+fn cost(machine: &Machine, from: Commanded, to: Commanded) -> f64 {
     motion::stage_move(machine, from, to, None).total_s()
 }
 
 /// Time from stop `a` to stop `b`.
-fn step(stops: &[[i64; 3]], stage: &Stage<'_>, a: usize, b: usize) -> f64 {
+fn step(stops: &[Commanded], stage: &Stage<'_>, a: usize, b: usize) -> f64 {
     let lift = stage.lifts.filter(|lifts| lifts(a, b)).map(|_| stage.machine.retract_z());
     motion::stage_move(stage.machine, stops[a], stops[b], lift).total_s()
 }
 
 /// The tour of some of the stops.
-fn path(stops: &[[i64; 3]], stage: &Stage<'_>, some: Vec<usize>, effort: usize) -> Vec<usize> {
+fn path(stops: &[Commanded], stage: &Stage<'_>, some: Vec<usize>, effort: usize) -> Vec<usize> {
     if some.len() < 2 {
         return some;
     }
@@ -100,7 +100,7 @@ fn path(stops: &[[i64; 3]], stage: &Stage<'_>, some: Vec<usize>, effort: usize) 
     let mut endpoints = Endpoints::with_capacity(some.len() + 1, some.len() + 1);
     (0..=some.len()).for_each(|_| endpoints.closed(1));
     let at: Vec<[f64; 3]> =
-        std::iter::once(stage.from).chain(some.iter().map(|&i| stops[i])).map(|p| p.map(|v| v as f64)).collect();
+        std::iter::once(stage.from).chain(some.iter().map(|&i| stops[i])).map(|p| p.0.map(|v| v as f64)).collect();
     let mut tree = Tree::new(&at[1..]);
     let clock = Clock::new(stage.machine);
     let far = |gap: [f64; 3]| clock.over(gap) + TIE * gap.iter().map(|v| v * v).sum::<f64>().sqrt();
@@ -255,11 +255,11 @@ mod tests {
     }
 
     fn stage(machine: &Machine) -> Stage<'_> {
-        Stage { machine, from: [0, 0, machine.retract_z()], lifts: None }
+        Stage { machine, from: Commanded([0, 0, machine.retract_z()]), lifts: None }
     }
 
     /// Stops at random places under a dome.
-    fn dome(n: usize) -> Vec<[i64; 3]> {
+    fn dome(n: usize) -> Vec<Commanded> {
         let mut seed = n as u64;
         let mut next = || {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -268,17 +268,17 @@ mod tests {
         let stop = |_| {
             let [x, y, z] = [next(), next(), next() / 100];
             let sag = (x * x + y * y) as f64 / 1e4;
-            [x * 1000, y * 1000, z * 1000 - sag as i64]
+            Commanded([x * 1000, y * 1000, z * 1000 - sag as i64])
         };
         (0..n).map(stop).collect()
     }
 
     /// Levels over a grid of sections, in the order of the sections.
-    fn grid(columns: i64, rows: i64, levels: i64) -> Vec<[i64; 3]> {
+    fn grid(columns: i64, rows: i64, levels: i64) -> Vec<Commanded> {
         let stop = |i: i64| {
             let (section, level) = (i / levels, i % levels);
             let (x, y) = (section % columns, section / columns);
-            [x * 40 * MM, y * 40 * MM, (level + (3 * x + 5 * y) % 7) * 70_000]
+            Commanded([x * 40 * MM, y * 40 * MM, (level + (3 * x + 5 * y) % 7) * 70_000])
         };
         (0..columns * rows * levels).map(stop).collect()
     }
@@ -320,7 +320,7 @@ mod tests {
         let stops = grid(6, 5, 8);
         let machine = machine(Some([3.7, 0.3]));
         let order = tour(&stops, &stage(&machine), Climb::Free, EFFORT);
-        let moved = order.windows(2).filter(|w| stops[w[0]][..2] != stops[w[1]][..2]).count();
+        let moved = order.windows(2).filter(|w| stops[w[0]].0[..2] != stops[w[1]].0[..2]).count();
         assert_eq!(moved, 6 * 5 - 1);
         // The stage comes from above the first.
         assert!((time(&stops, &stage(&machine), &order) - (29.0 * 3.7 + 211.0 * 0.3)).abs() < 1e-9);
@@ -392,10 +392,10 @@ mod tests {
     #[test]
     fn lifts_are_gone_around() {
         // Two rows; whoever changes row must lift, but at the end of the rows.
-        let stops: Vec<[i64; 3]> = (0..40).map(|i| [i % 20 * 10 * MM, i / 20 * 10 * MM, 0]).collect();
+        let stops: Vec<Commanded> = (0..40).map(|i| Commanded([i % 20 * 10 * MM, i / 20 * 10 * MM, 0])).collect();
         let lifts = |a: usize, b: usize| a / 20 != b / 20 && (a % 20 != 19 || b % 20 != 19);
         let machine = machine(None);
-        let free = Stage { from: [0, 0, 0], ..stage(&machine) };
+        let free = Stage { from: Commanded::default(), ..stage(&machine) };
         let stage = Stage { lifts: Some(&lifts), ..free };
         let order = tour(&stops, &stage, Climb::Free, 50);
         assert!(order.windows(2).all(|w| !lifts(w[0], w[1])), "{order:?}");
@@ -406,7 +406,7 @@ mod tests {
     fn few_stops_are_toured_too() {
         let machine = machine(None);
         for n in 0..8 {
-            let stops = vec![[5, 5, 5]; n];
+            let stops = vec![Commanded([5; 3]); n];
             assert_is_tour(&tour(&stops, &stage(&machine), Climb::Free, EFFORT), n);
         }
     }

@@ -12,12 +12,13 @@
 use super::endpoints::{Endpoints, greedy};
 use super::kd_tree::Tree;
 use super::tour::Tour;
+use crate::geom::FieldPoint;
 
 /// A stroke as far as its order needs it.
 #[derive(Clone, Copy, Debug)]
 pub struct Path<'a> {
     /// Points in the direction of drawing, field frame, nm; two or more.
-    pub points: &'a [[i32; 2]],
+    pub points: &'a [FieldPoint],
     /// Whether it ends where it begins and may begin at any of its vertices.
     pub is_closed: bool,
 }
@@ -111,7 +112,7 @@ impl Known {
             at: Vec::with_capacity(count),
             vertex: Vec::with_capacity(count),
         };
-        known.add(0, [0, 0]);
+        known.add(0, FieldPoint::AXIS);
         known.endpoints.closed(1);
         for path in paths {
             let last = path.points.len() - 1;
@@ -128,21 +129,21 @@ impl Known {
         known
     }
 
-    fn add(&mut self, vertex: usize, [x, y]: [i32; 2]) {
+    fn add(&mut self, vertex: usize, FieldPoint { x, y }: FieldPoint) {
         self.at.push([f64::from(x), f64::from(y)]);
         self.vertex.push(vertex as u32);
     }
 }
 
 /// Calls `f` with the vertices that lie outermost in eight directions, or with all if there are few.
-fn corners(points: &[[i32; 2]], mut f: impl FnMut(usize)) {
+fn corners(points: &[FieldPoint], mut f: impl FnMut(usize)) {
     if points.len() <= CORNERS {
         return (0..points.len()).for_each(f);
     }
     // Most jumps come from outside, to one of these or near it; `refine` looks at all vertices in the end.
     let mut most = [(i64::MIN, 0); CORNERS];
     for (i, p) in points.iter().enumerate() {
-        let [x, y] = p.map(i64::from);
+        let [x, y] = [p.x, p.y].map(i64::from);
         for (best, v) in most.iter_mut().zip([x, x + y, y, y - x, -x, -x - y, -y, x - y]) {
             if v > best.0 {
                 *best = (v, i);
@@ -179,11 +180,11 @@ fn nearer(known: &Known, tree: &Tree<2>, port: u32, limit: f64, found: &mut Vec<
 
 /// Lets closed strokes whose vertices were not all known begin where the jumps are shortest.
 fn refine(paths: &[Path<'_>], visits: &mut [Visit]) {
-    let distance = |a: [i32; 2], b: [i32; 2]| {
-        let gap = [0, 1].map(|k| f64::from(a[k]) - f64::from(b[k]));
+    let distance = |a: FieldPoint, b: FieldPoint| {
+        let gap = [f64::from(a.x) - f64::from(b.x), f64::from(a.y) - f64::from(b.y)];
         square(gap).sqrt()
     };
-    let mut from = [0, 0];
+    let mut from = FieldPoint::AXIS;
     for i in 0..visits.len() {
         let Visit { stroke, start, .. } = visits[i];
         let path = &paths[stroke as usize];
@@ -192,7 +193,7 @@ fn refine(paths: &[Path<'_>], visits: &mut [Visit]) {
             // One pass in the order of marking: where the stroke before is left is final, where the next is entered
             // may still move.
             let to = visits.get(i + 1).map(|next| ends(paths, next)[0]);
-            let jumps = |p: [i32; 2]| distance(from, p) + to.map_or(0.0, |to| distance(p, to));
+            let jumps = |p: FieldPoint| distance(from, p) + to.map_or(0.0, |to| distance(p, to));
             let mut best = (jumps(vertices[start as usize]), start);
             for (&p, v) in vertices.iter().zip(0..) {
                 let sum = jumps(p);
@@ -207,7 +208,7 @@ fn refine(paths: &[Path<'_>], visits: &mut [Visit]) {
 }
 
 /// Where the beam enters and leaves a stroke.
-fn ends(paths: &[Path<'_>], visit: &Visit) -> [[i32; 2]; 2] {
+fn ends(paths: &[Path<'_>], visit: &Visit) -> [FieldPoint; 2] {
     let points = paths[visit.stroke as usize].points;
     let last = points.len() - 1;
     if visit.start > 0 {
@@ -224,11 +225,11 @@ mod tests {
     use super::*;
 
     fn jumps(paths: &[Path<'_>], visits: &[Visit]) -> f64 {
-        let mut at = [0, 0];
+        let mut at = FieldPoint::AXIS;
         let mut sum = 0.0;
         for v in visits {
             let [a, b] = ends(paths, v);
-            sum += square([0, 1].map(|k| f64::from(at[k]) - f64::from(a[k]))).sqrt();
+            sum += square([f64::from(at.x) - f64::from(a.x), f64::from(at.y) - f64::from(a.y)]).sqrt();
             at = b;
         }
         sum
@@ -246,23 +247,27 @@ mod tests {
         list
     }
 
-    /// Lines between random points.
-    fn random(n: usize, mut seed: u64) -> Vec<Vec<[i32; 2]>> {
-        let mut v = || next(&mut seed) as i32 % 1_000_000;
-        (0..n).map(|_| vec![[v(), v()], [v(), v()]]).collect()
+    fn line(a: [i32; 2], b: [i32; 2]) -> Vec<FieldPoint> {
+        vec![a.into(), b.into()]
     }
 
-    fn squares(columns: i32, rows: i32, seed: u64) -> Vec<Vec<[i32; 2]>> {
+    /// Lines between random points.
+    fn random(n: usize, mut seed: u64) -> Vec<Vec<FieldPoint>> {
+        let mut v = || next(&mut seed) as i32 % 1_000_000;
+        (0..n).map(|_| line([v(), v()], [v(), v()])).collect()
+    }
+
+    fn squares(columns: i32, rows: i32, seed: u64) -> Vec<Vec<FieldPoint>> {
         let mm = 1_000_000;
         let cell = |i: i32| {
             let (x, y) = ((i % columns - columns / 2) * mm, (i / columns - rows / 2) * mm);
             let (u, v) = (x + 600_000, y + 600_000);
-            vec![[x, y], [u, y], [u, v], [x, v], [x, y]]
+            [[x, y], [u, y], [u, v], [x, v], [x, y]].map(FieldPoint::from).to_vec()
         };
         shuffled((0..columns * rows).map(cell).collect(), seed)
     }
 
-    fn paths(strokes: &[Vec<[i32; 2]>]) -> Vec<Path<'_>> {
+    fn paths(strokes: &[Vec<FieldPoint>]) -> Vec<Path<'_>> {
         strokes.iter().map(|s| Path { points: s, is_closed: s.len() > 2 && s[0] == s[s.len() - 1] }).collect()
     }
 
@@ -290,15 +295,15 @@ mod tests {
 
     #[test]
     fn shuffled_hatch_becomes_a_serpentine() {
-        let strokes: Vec<_> = (0..100).map(|i| vec![[-500_000, i * 1000], [500_000, i * 1000]]).collect();
+        let strokes: Vec<_> = (0..100).map(|i| line([-500_000, i * 1000], [500_000, i * 1000])).collect();
         let strokes = shuffled(strokes, 3);
         let paths = paths(&strokes);
         let visits = order(&paths);
         let steps: Vec<f64> = visits
             .windows(2)
             .map(|w| {
-                let [[x0, y0], [x1, y1]] = [ends(&paths, &w[0])[1], ends(&paths, &w[1])[0]];
-                f64::from(x1 - x0).hypot(f64::from(y1 - y0))
+                let [a, b] = [ends(&paths, &w[0])[1], ends(&paths, &w[1])[0]];
+                f64::from(b.x - a.x).hypot(f64::from(b.y - a.y))
             })
             .collect();
         assert!(steps.iter().all(|&s| s <= 1000.0), "{steps:?}");
@@ -310,11 +315,11 @@ mod tests {
         // A ring of 200 corners whose nearest to the field's centre is none of the outermost.
         let corner = |i: i32| {
             let turn = f64::from(i % 200) / 200.0 * std::f64::consts::TAU;
-            [9_000_000 + (2e6 * turn.cos()) as i32, 4_000_000 + (2e6 * turn.sin()) as i32]
+            FieldPoint::new(9_000_000 + (2e6 * turn.cos()) as i32, 4_000_000 + (2e6 * turn.sin()) as i32)
         };
-        let ring: Vec<[i32; 2]> = (0..=200).map(corner).collect();
+        let ring: Vec<FieldPoint> = (0..=200).map(corner).collect();
         let visits = order(&[Path { points: &ring, is_closed: true }]);
-        let away = |p: [i32; 2]| f64::from(p[0]).hypot(f64::from(p[1]));
+        let away = |p: FieldPoint| f64::from(p.x).hypot(f64::from(p.y));
         let nearest = ring.iter().map(|&p| away(p)).fold(f64::INFINITY, f64::min);
         assert_eq!(away(ring[visits[0].start as usize]), nearest);
         // As a piece of something longer it has two ends that happen to meet.
@@ -324,10 +329,10 @@ mod tests {
 
     #[test]
     fn a_crowd_and_two_outliers_are_ordered_as_well_as_the_crowd() {
-        let dash = |i: i32| vec![[i % 50 * 2000, i / 50 * 2000], [i % 50 * 2000 + 500, i / 50 * 2000]];
+        let dash = |i: i32| line([i % 50 * 2000, i / 50 * 2000], [i % 50 * 2000 + 500, i / 50 * 2000]);
         let mut strokes = shuffled((0..2500).map(dash).collect(), 8);
         let alone = jumps(&paths(&strokes), &order(&paths(&strokes)));
-        strokes.extend([vec![[-20_000_000, -20_000_000], [20_000_000, 20_000_000]], vec![[-20_000_000, 1], [1, -1]]]);
+        strokes.extend([line([-20_000_000; 2], [20_000_000; 2]), line([-20_000_000, 1], [1, -1])]);
         let both = jumps(&paths(&strokes), &order(&paths(&strokes)));
         // The outliers cost the way to and fro, and the crowd no more than before.
         assert!(both - alone < 80e6, "{alone} {both}");
@@ -335,7 +340,7 @@ mod tests {
 
     #[test]
     fn identical_strokes_are_all_kept() {
-        let strokes = vec![vec![[5, 5], [5, 5]]; 40];
+        let strokes = vec![line([5, 5], [5, 5]); 40];
         assert_eq!(order(&paths(&strokes)).len(), 40);
     }
 }

@@ -14,7 +14,8 @@ pub mod window;
 mod zrange;
 
 use crate::geom::{Box2, Buckets, Grid, P2, Turn};
-use crate::program::{Sections, Stop};
+use crate::machine::TiltAngles;
+use crate::program::{SectionId, Sections, Stop, StopId};
 use crate::projection::{Cells, Footprint, Slabs};
 
 /// Methods that divide a grid of sections.
@@ -140,7 +141,7 @@ impl Stops {
     }
 
     /// The stops that may admit a point near (x, y, z), nm: their intervals, widened by `slack`, hold z.
-    pub fn near(&self, [x, y, z]: [f64; 3], slack: f64) -> impl Iterator<Item = u32> {
+    pub fn near(&self, [x, y, z]: [f64; 3], slack: f64) -> impl Iterator<Item = StopId> {
         let Grid { origin, pitch, count } = self.grid;
         let cell = |v: f64, lo: i64, size: i64| ((v - lo as f64) / size as f64).floor() as i64;
         let (column, row) = (cell(x, origin.x, pitch[0]), cell(y, origin.y, pitch[1]));
@@ -150,7 +151,12 @@ impl Stops {
         let (lowest, highest) =
             if self.is_tilted() { (f64::NEG_INFINITY, f64::INFINITY) } else { (z - slack, z + slack) };
         let from = list.partition_point(|&(z_lo, _)| ((z_lo + self.depth) as f64) < lowest);
-        list[from..].iter().take_while(move |&&(z_lo, _)| z_lo as f64 <= highest).map(|&(_, i)| i)
+        list[from..].iter().take_while(move |&&(z_lo, _)| z_lo as f64 <= highest).map(|&(_, i)| StopId(i))
+    }
+
+    /// The stops in order.
+    pub fn ids(&self) -> impl Iterator<Item = StopId> + use<> {
+        (0..self.stops.len() as u32).map(StopId)
     }
 
     /// Whether the machine tilts the part.
@@ -161,19 +167,19 @@ impl Stops {
 
     /// What of the drawing stop `i` is kept to, if it is.
     #[inline]
-    pub fn area(&self, i: u32) -> Option<Box2> {
+    pub fn area(&self, StopId(i): StopId) -> Option<Box2> {
         self.stops[i as usize].tilted.and_then(|tilted| tilted.area)
     }
 
     /// How the part is turned at stop `i`; None where nothing is tilted.
     #[inline]
-    pub fn turn(&self, i: u32) -> Option<&Turn> {
+    pub fn turn(&self, StopId(i): StopId) -> Option<&Turn> {
         self.stops[i as usize].tilted.as_ref().map(|tilted| &tilted.turn)
     }
 
     /// Lower and upper corner of the window of stop `i`, nm.
     #[inline]
-    pub fn window(&self, i: u32) -> [[f64; 2]; 2] {
+    pub fn window(&self, StopId(i): StopId) -> [[f64; 2]; 2] {
         let c = self.stops[i as usize].stop.centre;
         let [hx, hy] = self.half;
         [[(c.x - hx) as f64, (c.y - hy) as f64], [(c.x + hx) as f64, (c.y + hy) as f64]]
@@ -217,9 +223,9 @@ pub fn divide(
             Method::ZRange => zrange::levels(heights, &whole, lattice),
         };
         stops.extend(levels.into_iter().map(|(level, z_lo)| Stop {
-            section: sections.cell(i),
+            section: SectionId(sections.cell(i)),
             level,
-            tilt: [0; 2],
+            tilt: TiltAngles::UPRIGHT,
             centre,
             focus: z_lo + lattice.depth / 2,
             z_lo,
@@ -334,9 +340,9 @@ pub fn free(
             let section = [(0, centre.x), (1, centre.y)].map(|(axis, v)| sections.along(axis, v, 0) as u32);
             let z_lo = slabs.z0 + z;
             Stop {
-                section,
+                section: SectionId(section),
                 level: 0,
-                tilt: [0; 2],
+                tilt: TiltAngles::UPRIGHT,
                 centre,
                 focus: z_lo + lattice.depth / 2,
                 z_lo,
@@ -344,7 +350,7 @@ pub fn free(
             }
         })
         .collect();
-    stops.sort_by_key(|s| ([s.section[1], s.section[0]], s.z_lo, s.centre.y, s.centre.x));
+    stops.sort_by_key(|s| ([s.section.0[1], s.section.0[0]], s.z_lo, s.centre.y, s.centre.x));
     for i in 1..stops.len() {
         stops[i].level = if stops[i].section == stops[i - 1].section { stops[i - 1].level + 1 } else { 0 };
     }

@@ -12,16 +12,16 @@
 
 use super::{Lattice, Stops, Tilted, zrange};
 use crate::geom::{Box2, P2};
-use crate::machine::Machine;
-use crate::program::{Sections, Stop};
+use crate::machine::{Machine, Origin, TiltAngles};
+use crate::program::{SectionId, Sections, Stop};
 use crate::projection::{FacingCell, TiltedField, TiltedFields, Turned};
 
 /// What tilted stops are made for.
 pub struct TiltSite<'a> {
     /// A machine with a tilt table.
     pub machine: &'a Machine,
-    /// Position of the part in the table frame, nm.
-    pub origin: [i64; 3],
+    /// Position of the part in the table frame.
+    pub origin: Origin,
     /// The texture's box.
     pub area: Box2,
     /// Window of a stop, nm.
@@ -190,8 +190,8 @@ impl TiltSite<'_> {
     fn upright(&self, area: Box2) -> TiltedField {
         let centre = [(area.lo.x, area.hi.x), (area.lo.y, area.hi.y)];
         let [x, y] = [0, 1].map(|k| self.stand(k, (centre[k].0 + centre[k].1) as f64 / 2.0));
-        let turn = self.machine.turn([0; 2], self.origin);
-        TiltedField { tilt: [0; 2], turn, centre: P2::new(x, y), area, top: f64::INFINITY, is_wide: true }
+        let turn = self.machine.turn(TiltAngles::UPRIGHT, self.origin);
+        TiltedField { tilt: TiltAngles::UPRIGHT, turn, centre: P2::new(x, y), area, top: f64::INFINITY, is_wide: true }
     }
 
     /// The nearest place along x or y where the stage can stand.
@@ -214,7 +214,7 @@ impl TiltSite<'_> {
             let heights = super::join(held.heights(), deep);
             let [x, y, _] = field.turn.back([field.centre.x as f64, field.centre.y as f64, lattice.depth as f64]);
             let section = [x, y].map(|v| v.round() as i64);
-            let section = [0, 1].map(|k| sections.along(k, section[k], 0) as u32);
+            let section = SectionId([0, 1].map(|k| sections.along(k, section[k], 0) as u32));
             for (level, z_lo) in zrange::levels(&heights, &whole, lattice) {
                 let (focus, z_hi) = (z_lo + lattice.depth / 2, z_lo + lattice.depth);
                 let stop = Stop { section, level, tilt: field.tilt, centre: field.centre, focus, z_lo, z_hi };

@@ -4,24 +4,26 @@
 use rayon::prelude::*;
 
 use super::dose;
-use super::setups::Setups;
+use super::setups::{CellId, Setups, Used};
 use super::start::Start;
-use crate::geom::{Box2, Buckets, P2};
+use crate::geom::{Box2, Buckets, FieldPoint, P2};
 use crate::job::{Level, StopOrder, StrokeOrder};
-use crate::machine::Machine;
+use crate::machine::{Commanded, Machine, Origin, TiltAngles};
 use crate::manifest::Slope;
 use crate::order;
 use crate::order::clearance::Clearance;
 use crate::order::stops::Climb;
 use crate::order::strokes::{Path, Visit};
 use crate::partition::{Lattice, Stops};
-use crate::program::{Block, Program, Stop, Stroke};
+use crate::program::{Block, Program, Stop, StopId, Stroke};
 use crate::split::{Fragment, Fragments};
 
 /// A program in order, and how far its marks lie from their focal planes at most, nm.
 pub(super) struct Assembly {
     pub(super) program: Program,
     pub(super) setups: Setups,
+    /// The cells of its set-ups.
+    pub(super) used: Used,
     pub(super) worst_defocus: i64,
     /// How far they would lie from focal planes at their mean height.
     pub(super) worst_defocus_mean: i64,
@@ -43,14 +45,14 @@ pub(super) struct Stage<'a> {
     pub(super) clearance: &'a Clearance,
     pub(super) start: &'a Start,
     /// Where the part's origin lies, nm.
-    pub(super) origin: [i64; 3],
+    pub(super) origin: Origin,
     pub(super) climb: StopOrder,
 }
 
 /// A stop that is used: its place among the stops of the method, its focal plane set, and the lowest and highest
 /// mark, nm.
 struct Placed {
-    index: usize,
+    index: StopId,
     stop: Stop,
     z: [i64; 2],
 }
@@ -68,44 +70,44 @@ pub(super) fn assemble(
     let members = Members::new(parts, stops.stops.len());
     let (heights, slopes) = measure(parts, stops.stops.len(), pens);
     let mut worst = [0i64; 2];
-    let used = (0..stops.stops.len()).filter(|&i| !members.of(i).is_empty());
+    let used = stops.ids().filter(|&i| !members.of(i).is_empty());
     let placed: Vec<Placed> = used
         .map(|index| {
-            let h = &heights[index];
+            let h = &heights[index.index()];
             let z = [h.lo.round() as i64, h.hi.round() as i64];
             let (focus, mean) = focus(&how, z, h.mean());
             let off = |at: i64| (z[1] - at).max(at - z[0]);
             worst = [worst[0].max(off(focus)), worst[1].max(off(mean))];
-            Placed { index, stop: Stop { focus, ..stops.stops[index].stop.clone() }, z }
+            Placed { index, stop: Stop { focus, ..stops.stops[index.index()].stop.clone() }, z }
         })
         .collect();
     let centres: Vec<P2> = placed.iter().map(|p| p.stop.centre).collect();
     let setups = stage.start.laid.as_ref().map_or_else(|| setups(&centres), |laid| laid.setups.clone());
-    let cells: Vec<usize> = centres.iter().map(|&c| setups.cell(c)).collect();
-    let target = |(p, &cell): (&Placed, &usize)| {
+    let cells: Vec<CellId> = centres.iter().map(|&c| setups.cell(c)).collect();
+    let target = |(p, &cell): (&Placed, &CellId)| {
         let Stop { centre, focus, .. } = p.stop;
-        stage.machine.stage_from_part([centre.x, centre.y, focus], setups.origin(cell, stage.origin))
+        stage.machine.stage_from_part(centre, focus, setups.origin(cell, stage.origin))
     };
-    let targets: Vec<[i64; 3]> = placed.iter().zip(&cells).map(target).collect();
+    let targets: Vec<Commanded> = placed.iter().zip(&cells).map(target).collect();
+    let used = Used::new(cells.clone());
     let in_order = |p: &Placed| members.ordered(parts, p.index, how.strokes);
     let (tour, orders): (_, Vec<Vec<Visit>>) =
-        rayon::join(|| stage.tours(&placed, &targets, &cells), || placed.par_iter().map(in_order).collect());
+        rayon::join(|| stage.tours(&placed, &targets, &cells, &used), || placed.par_iter().map(in_order).collect());
     let mut program = Program { pens: pens.list.clone(), ..Program::default() };
     program.strokes.reserve_exact(members.len());
     program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
     program.blocks.reserve_exact(tour.len());
+    let mut last = stage.start.before.as_ref().map(|(stop, cell)| (stop, *cell));
     for &t in &tour {
         let Placed { index, stop, z } = &placed[t];
         let first_stroke = program.strokes.len();
         let list = members.of(*index);
         orders[t].iter().for_each(|visit| lay(&mut program, parts, list[visit.stroke as usize], *visit, pens));
-        let setup = cells[t] as u32;
-        let before = stage.start.before.as_ref().map(|(stop, setup)| (stop, *setup));
-        let last = program.blocks.last().map(|b| (&b.stop, b.setup)).or(before);
-        let retract = last.is_some_and(|(last, before)| before != setup || stage.lifts(last, stop));
+        let retract = last.is_some_and(|(last, cell)| cell != cells[t] || stage.lifts(last, stop));
+        last = Some((stop, cells[t]));
         program.blocks.push(Block {
             pass: stage.start.pass,
-            setup,
+            setup: used.number(cells[t]),
             stage: targets[t],
             retract,
             z_lo: z[0],
@@ -114,8 +116,8 @@ pub(super) fn assemble(
             stop: stop.clone(),
         });
     }
-    let slopes = tour.iter().map(|&t| slopes[placed[t].index]).collect();
-    Assembly { program, setups, worst_defocus: worst[0], worst_defocus_mean: worst[1], slopes }
+    let slopes = tour.iter().map(|&t| slopes[placed[t].index.index()]).collect();
+    Assembly { program, setups, used, worst_defocus: worst[0], worst_defocus_mean: worst[1], slopes }
 }
 
 /// Heights of one block's marks, nm.
@@ -151,8 +153,8 @@ impl Heights {
 fn measure(parts: &[Fragments], stops: usize, pens: &dose::Pens) -> (Vec<Heights>, Vec<Slope>) {
     let (mut heights, mut slopes) = (vec![Heights::NONE; stops], vec![Slope::default(); stops]);
     for f in parts.iter().flat_map(|p| &p.list) {
-        heights[f.stop as usize].add(f);
-        slopes[f.stop as usize].add(f.length, dose::mean_cos(f), f.slope2, pens.gain(f));
+        heights[f.stop.index()].add(f);
+        slopes[f.stop.index()].add(f.length, dose::mean_cos(f), f.slope2, pens.gain(f));
     }
     (heights, slopes)
 }
@@ -162,9 +164,9 @@ pub(super) struct Members(Buckets<(u32, u32)>);
 
 impl Members {
     pub(super) fn new(parts: &[Fragments], stops: usize) -> Self {
-        let members = (0u32..).zip(parts).flat_map(|(part, fragments)| {
-            (0u32..).zip(&fragments.list).map(move |(i, f)| (f.stop as usize, (part, i)))
-        });
+        let members = (0u32..)
+            .zip(parts)
+            .flat_map(|(part, fragments)| (0u32..).zip(&fragments.list).map(move |(i, f)| (f.stop.index(), (part, i))));
         Self(Buckets::new(stops, members))
     }
 
@@ -172,12 +174,12 @@ impl Members {
         self.0.items().len()
     }
 
-    pub(super) fn of(&self, stop: usize) -> &[(u32, u32)] {
-        self.0.of(stop)
+    pub(super) fn of(&self, stop: StopId) -> &[(u32, u32)] {
+        self.0.of(stop.index())
     }
 
     /// The order in which the fragments of a stop are marked.
-    pub(super) fn ordered(&self, parts: &[Fragments], stop: usize, order: StrokeOrder) -> Vec<Visit> {
+    pub(super) fn ordered(&self, parts: &[Fragments], stop: StopId, order: StrokeOrder) -> Vec<Visit> {
         let members = self.of(stop);
         let path = |&m: &(u32, u32)| {
             let (f, points) = fragment(parts, m);
@@ -191,7 +193,7 @@ impl Members {
 }
 
 /// A fragment and its points.
-fn fragment(parts: &[Fragments], (part, i): (u32, u32)) -> (&Fragment, &[[i32; 2]]) {
+fn fragment(parts: &[Fragments], (part, i): (u32, u32)) -> (&Fragment, &[FieldPoint]) {
     let part = &parts[part as usize];
     let f = &part.list[i as usize];
     (f, &part.points[f.first as usize..(f.first + f.len) as usize])
@@ -245,15 +247,13 @@ fn focus(how: &How, z: [i64; 2], mean: f64) -> (i64, i64) {
 
 impl Stage<'_> {
     /// The order in which the stage visits the stops: set-up after set-up, backwards in every other pass.
-    fn tours(&self, placed: &[Placed], targets: &[[i64; 3]], cells: &[usize]) -> Vec<usize> {
+    fn tours(&self, placed: &[Placed], targets: &[Commanded], cells: &[CellId], used: &Used) -> Vec<usize> {
         let all: Vec<&Placed> = placed.iter().collect();
-        let mut used = cells.to_vec();
-        used.sort_unstable();
-        used.dedup();
+        let mut used: Vec<CellId> = used.iter().collect();
         if used.len() <= 1 {
             return self.tour(&all, targets, self.start.from);
         }
-        if self.start.pass % 2 == 1 {
+        if self.start.pass.0 % 2 == 1 {
             used.reverse();
         }
         let mut from = self.start.from;
@@ -261,15 +261,15 @@ impl Stage<'_> {
         for cell in used {
             let members: Vec<usize> = (0..placed.len()).filter(|&i| cells[i] == cell).collect();
             let stops: Vec<&Placed> = members.iter().map(|&i| &placed[i]).collect();
-            let at: Vec<[i64; 3]> = members.iter().map(|&i| targets[i]).collect();
+            let at: Vec<Commanded> = members.iter().map(|&i| targets[i]).collect();
             order.extend(self.tour(&stops, &at, from).into_iter().map(|i| members[i]));
-            from = order.last().map_or(from, |&i| [targets[i][0], targets[i][1], self.machine.retract_z()]);
+            from = order.last().map_or(from, |&i| Commanded([targets[i][0], targets[i][1], self.machine.retract_z()]));
         }
         order
     }
 
     /// The order in which the stage visits stops of one set-up.
-    fn tour(&self, placed: &[&Placed], targets: &[[i64; 3]], from: [i64; 3]) -> Vec<usize> {
+    fn tour(&self, placed: &[&Placed], targets: &[Commanded], from: Commanded) -> Vec<usize> {
         if placed.is_empty() {
             return Vec::new();
         }
@@ -277,7 +277,7 @@ impl Stage<'_> {
         let mut area = Box2::EMPTY;
         placed.iter().for_each(|p| area.add(p.stop.centre));
         let lowest = self.clearance.lowest_focus(area.lo, area.hi) + self.start.lowered;
-        if placed.iter().any(|p| p.stop.tilt != [0; 2]) {
+        if placed.iter().any(|p| !p.stop.tilt.is_upright()) {
             return self.tilted_tour(targets, placed);
         }
         let lifts = |a: usize, b: usize| placed[a].stop.focus < lowest && self.lifts(&placed[a].stop, &placed[b].stop);
@@ -296,7 +296,7 @@ impl Stage<'_> {
 
     /// The tour of tilted stops: levels of one place and tilt follow each other, alternately up and down, since
     /// every other move turns the part.
-    fn tilted_tour(&self, targets: &[[i64; 3]], placed: &[&Placed]) -> Vec<usize> {
+    fn tilted_tour(&self, targets: &[Commanded], placed: &[&Placed]) -> Vec<usize> {
         let stage = order::stops::Stage { machine: self.machine, from: self.start.from, lifts: None };
         if self.climb() != Climb::Free {
             return order::stops::tour(targets, &stage, self.climb(), order::stops::EFFORT);
@@ -305,7 +305,7 @@ impl Stage<'_> {
         let key = |i: usize| (placed[i].stop.centre, placed[i].stop.tilt);
         columns.sort_by_key(|&i| (key(i), targets[i][2]));
         let columns: Vec<&[usize]> = columns.chunk_by(|&a, &b| key(a) == key(b)).collect();
-        let middle: Vec<[i64; 3]> = columns.iter().map(|c| targets[c[c.len() / 2]]).collect();
+        let middle: Vec<Commanded> = columns.iter().map(|c| targets[c[c.len() / 2]]).collect();
         let mut z = stage.from[2];
         let mut order = Vec::with_capacity(placed.len());
         for c in order::stops::tour(&middle, &stage, Climb::Free, order::stops::EFFORT) {
@@ -327,15 +327,15 @@ impl Stage<'_> {
         if a.tilt == b.tilt {
             return a.centre != b.centre && a.focus - self.start.lowered < self.lowest_over(a, b);
         }
-        let turn = |u: i64, v: i64| self.machine.turn([u, v], self.origin);
-        let [[a0, a1], [b0, b1]] = [a.tilt, b.tilt];
+        let turn = |u: i64, v: i64| self.machine.turn(TiltAngles([u, v]), self.origin);
+        let [[a0, a1], [b0, b1]] = [a.tilt.0, b.tilt.0];
         a.focus - self.start.lowered
             < self.clearance.lowest_swing([turn(a0, a1), turn(b0, a1), turn(a0, b1), turn(b0, b1)])
     }
 
     /// The lowest focal plane at which the stage may go straight from one stop to another of the same tilt.
     fn lowest_over(&self, a: &Stop, b: &Stop) -> i64 {
-        if a.tilt == [0; 2] {
+        if a.tilt.is_upright() {
             return self.clearance.lowest_focus(a.centre, b.centre);
         }
         let turn = self.machine.turn(a.tilt, self.origin);
@@ -367,14 +367,14 @@ mod tests {
 
     #[test]
     fn members_lists_every_fragment_once_at_its_stop() {
-        let fragment = |stop: u32| Fragment { stop, ..Fragment::default() };
+        let fragment = |stop: u32| Fragment { stop: StopId(stop), ..Fragment::default() };
         let part =
             |stops: &[u32]| Fragments { list: stops.iter().map(|&s| fragment(s)).collect(), ..Default::default() };
         let parts = [part(&[2, 0, 2]), part(&[0, 2])];
         let members = Members::new(&parts, 4);
-        assert_eq!(members.of(0), [(0, 1), (1, 0)]);
-        assert_eq!(members.of(1), []);
-        assert_eq!(members.of(2), [(0, 0), (0, 2), (1, 1)]);
-        assert_eq!(members.of(3), []);
+        assert_eq!(members.of(StopId(0)), [(0, 1), (1, 0)]);
+        assert_eq!(members.of(StopId(1)), []);
+        assert_eq!(members.of(StopId(2)), [(0, 0), (0, 2), (1, 1)]);
+        assert_eq!(members.of(StopId(3)), []);
     }
 }

@@ -5,9 +5,10 @@ use super::sweep::Sweep;
 use super::tilt;
 use crate::diag::{Diag, Error};
 use crate::job::{Job, Method, Objective};
-use crate::machine::Machine;
+use crate::machine::{Commanded, Machine};
 use crate::motion;
 use crate::partition::{self, Fine, Stops};
+use crate::program::PassId;
 use crate::projection::Footprint;
 
 /// The methods that a job asks for and the machine can run.
@@ -39,7 +40,7 @@ pub(super) struct Site<'a> {
     /// What two stops may both mark at a cut, nm.
     pub(super) overlap: i64,
     /// The pass, from 0.
-    pub(super) pass: u32,
+    pub(super) pass: PassId,
 }
 
 impl Site<'_> {
@@ -63,7 +64,7 @@ impl Site<'_> {
         let (lowest, _) = self.footprint.range()?;
         let fine = Fine::over(sections, *window, lattice, lowest)?;
         // Other passes begin in other corners.
-        let flips = [1, 2, 1].map(|bit| self.pass & bit != 0);
+        let flips = [1, 2, 1].map(|bit| self.pass.0 & bit != 0);
         let cells = self.sweep.cells(&fine, *keep);
         let free = partition::free(cells, &fine, sections, *window, lattice, self.overlap, flips);
         // Where fields fit the texture exactly, their grid can be the better choice of windows.
@@ -98,7 +99,7 @@ impl Site<'_> {
     fn windows_cannot_win(&self, grid: &Stops) -> bool {
         let [w, h] = self.grid.window;
         let time = |to: [i64; 3]| {
-            let moved = motion::stage_move(self.machine, [0; 3], to, None);
+            let moved = motion::stage_move(self.machine, Commanded::default(), Commanded(to), None);
             moved.travel_s + moved.settle_s
         };
         let (xy, z) = (time([w, h, 0]), time([0, 0, self.grid.lattice.depth]));

@@ -8,7 +8,7 @@
 use std::collections::BTreeSet;
 
 use crate::job::{Compensate, Dose};
-use crate::program::Pen;
+use crate::program::{Pen, PenId};
 use crate::split::Fragment;
 use crate::units::{Power, Speed, Watts};
 
@@ -19,7 +19,7 @@ pub(super) struct Pens {
     pub(super) list: Vec<Pen>,
     own: usize,
     /// Pen and number of steps of each that was made.
-    made: Vec<(u16, u32)>,
+    made: Vec<(PenId, u32)>,
 }
 
 impl Pens {
@@ -27,18 +27,18 @@ impl Pens {
     pub(super) fn new<'a>(dose: Option<Dose>, pens: &[Pen], fragments: impl Iterator<Item = &'a Fragment>) -> Self {
         let mut it = Self { dose, list: pens.to_vec(), own: pens.len(), made: Vec::new() };
         let Some(dose) = dose else { return it };
-        let needed: BTreeSet<(u16, u32)> =
+        let needed: BTreeSet<(PenId, u32)> =
             fragments.filter_map(|f| Some((f.pen, steps(&dose, mean_cos(f))?))).collect();
-        it.list.extend(needed.iter().map(|&(pen, k)| made_of(&pens[usize::from(pen)], &dose, factor(&dose, k))));
+        it.list.extend(needed.iter().map(|&(pen, k)| made_of(&pens[pen.index()], &dose, factor(&dose, k))));
         it.made = needed.into_iter().collect();
         it
     }
 
     /// The pen of a fragment.
-    pub(super) fn of(&self, f: &Fragment) -> u16 {
+    pub(super) fn of(&self, f: &Fragment) -> PenId {
         let steps = self.dose.and_then(|dose| steps(&dose, mean_cos(f)));
         let made = steps.and_then(|k| self.made.binary_search(&(f.pen, k)).ok());
-        made.map_or(f.pen, |i| (self.own + i) as u16)
+        made.map_or(f.pen, |i| PenId((self.own + i) as u16))
     }
 
     /// By how much its pen raises the dose of a fragment.

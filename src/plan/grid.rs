@@ -7,9 +7,9 @@ use super::start::Start;
 use crate::diag::{Diag, Error, memory};
 use crate::geom::{Box2, P2, mm_from_nm};
 use crate::job::{Job, Partition};
-use crate::machine::Machine;
+use crate::machine::{Machine, Origin};
 use crate::partition::Lattice;
-use crate::program::Sections;
+use crate::program::{PassId, Sections};
 use crate::projection::{Footprint, Keep};
 
 /// Sections of a pass and what stops over them admit in the plane.
@@ -34,7 +34,7 @@ pub(super) struct Grid {
     /// Heights of focal planes.
     pub(super) lattice: Lattice,
     /// Where the part's origin lies in the table frame; lowered with the surface in later passes.
-    pub(super) origin: [i64; 3],
+    pub(super) origin: Origin,
     /// What is to stay whole.
     pub(super) keep: Keep,
 }
@@ -63,7 +63,7 @@ impl Layout {
             pitch = in_step(job, area, pitch, step);
         }
         let stated = start.laid.as_ref().map(|laid| laid.origin).or(job.placement.origin);
-        let origin = stated.map_or_else(|| default_origin(machine, area, pitch), |[x, y, _]| [x, y]);
+        let origin = stated.map_or_else(|| default_origin(machine, area, pitch), |Origin([x, y, _])| [x, y]);
         let [dx, dy] = job.passes.shift_nm(start.pass, pitch, job.figure_pitch_nm().unwrap_or(1));
         let over = Box2 { lo: P2::new(area.lo.x - dx, area.lo.y - dy), hi: area.hi };
         let sections = Sections::over(over, pitch, step, origin);
@@ -73,7 +73,7 @@ impl Layout {
         }
         // A list of heights for every section that holds marks.
         memory::ask("what lies in the sections", 200 * sections.len() as u64)?;
-        Ok(Self { sections, window, keep, origin, height: stated.map(|[.., z]| z) })
+        Ok(Self { sections, window, keep, origin, height: stated.map(|Origin([.., z])| z) })
     }
 
     /// The grid for marks of these heights, and the heights that its levels must hold: widened so that overlaps
@@ -86,7 +86,7 @@ impl Layout {
         job: &Job,
         machine: &Machine,
         footprint: Footprint,
-        pass: u32,
+        pass: PassId,
     ) -> Result<(Grid, Footprint), Error> {
         let Self { sections, window, keep, origin: [x, y], height } = self;
         let step = machine.increment_nm();
@@ -104,7 +104,7 @@ impl Layout {
             let z = machine.centre_of_travel()[2] - ((lo + hi) / 2.0) as i64;
             z - (lo.floor() as i64 + z).rem_euclid(step)
         });
-        let origin = [x, y, height];
+        let origin = Origin([x, y, height]);
         let Some(lattice) = Lattice::new(job.focus.depth, step, height) else {
             let text = format!("a depth range of {} mm is below two stage increments", mm_from_nm(job.focus.depth));
             return Err(Diag::limit("depth-small", text)

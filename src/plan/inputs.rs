@@ -4,6 +4,7 @@ use crate::diag::{Diag, Error};
 use crate::geom::mm_from_nm;
 use crate::job::Job;
 use crate::machine::Machine;
+use crate::program::PassId;
 use crate::surface::Surface;
 use crate::texture::Texture;
 
@@ -47,11 +48,11 @@ impl Inputs {
     ///
     /// # Errors
     /// Those of patterns, which the turn from pass to pass can cause.
-    pub fn texture_of_pass(&self, job: &Job, k: u32) -> Result<Texture, Error> {
-        if k == 0 {
+    pub fn texture_of_pass(&self, job: &Job, pass: PassId) -> Result<Texture, Error> {
+        if pass == PassId(0) {
             return Ok(self.texture.clone());
         }
         let turn = job.placement.turn.as_rad();
-        self.texture.of_pass(&job.textures_of_pass(k), self.surface.part_box_mm(), turn)
+        self.texture.of_pass(&job.textures_of_pass(pass), self.surface.part_box_mm(), turn)
     }
 }

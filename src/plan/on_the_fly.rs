@@ -88,7 +88,7 @@ fn planned(
     let spacing = half_field[0].min(half_field[1]).min(width.max(height) / 2.0) / NODES;
     let path = Path::of(strokes, 0..strokes.blocks.len(), surface, &height_field, spacing);
     let focus = half_depth - SPARE;
-    let origin = origin_nm.map(mm_from_nm);
+    let origin = origin_nm.mm();
     let (mut motion, kind, deviations) = match KinematicModel::of(machine, &strokes.pens, origin) {
         Some(model) => {
             let allowed = model.scanner_margin()? - SPARE;
@@ -116,7 +116,7 @@ fn planned(
             (found.sync.motion(&found.path, &found.schedule), Kind::Xyzuv, deviations)
         }
     };
-    let mut program = Program::of(&motion, strokes, machine, origin_nm, kind)?;
+    let mut program = Program::of(&motion, strokes, machine, origin_nm.0, kind)?;
     // Between its nodes a motion is straight, and bends at them more than the smooth one it stands for.
     for _ in 0..STRETCHES {
         let slow = check::slower(&program, machine);
@@ -124,7 +124,7 @@ fn planned(
             break;
         }
         motion.time.iter_mut().for_each(|t| *t *= 1.001 * slow);
-        program = Program::of(&motion, strokes, machine, origin_nm, kind)?;
+        program = Program::of(&motion, strokes, machine, origin_nm.0, kind)?;
     }
     let asked = Schedule::of(&path, machine, &strokes.pens, 0.0).mark_s;
     let checked = Checked::new(program, machine)?;

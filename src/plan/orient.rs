@@ -18,9 +18,10 @@ use super::sweep::Sweep;
 use crate::diag::Error;
 use crate::geom::{Box2, P2, Turn};
 use crate::job::Job;
+use crate::machine::Commanded;
 use crate::motion;
 use crate::plan::hatch_direction;
-use crate::program::Sections;
+use crate::program::{PassId, Sections};
 
 /// One way to set the part up.
 #[derive(Clone, Debug)]
@@ -79,11 +80,11 @@ pub fn orient(job: &Job) -> Result<Vec<Orientation>, Error> {
     )?;
     let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
     let (footprint, _) = sweep.footprint(&layout.sections, layout.keep, layout.window.map(|w| w / 2), None);
-    let (grid, _) = layout.levels(job, machine, footprint, 0)?;
+    let (grid, _) = layout.levels(job, machine, footprint, PassId(0))?;
     let pitch = grid.window.map(|w| (w / 20).max(2));
     let fine = Sections { origin: area.lo, pitch, count: [0, 1].map(|k| (area.size()[k] / pitch[k] + 1) as u32) };
     let marks = sweep.marks(&fine).list();
-    let moved = |to: [i64; 3]| motion::stage_move(machine, [0; 3], to, None).total_s();
+    let moved = |to: [i64; 3]| motion::stage_move(machine, Commanded::default(), Commanded(to), None).total_s();
     let scale = Scale {
         window: grid.window.map(|w| w as f64),
         depth: grid.lattice.depth as f64,

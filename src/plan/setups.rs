@@ -11,9 +11,9 @@ use super::grid::Grid;
 use crate::diag::{Diag, Error};
 use crate::geom::{Box2, P2, mm_from_nm};
 use crate::job::{Job, MAX_SETUPS};
-use crate::machine::Machine;
+use crate::machine::{Machine, Origin};
 use crate::manifest;
-use crate::program::Program;
+use crate::program::{Block, PassId, SetupId};
 
 /// The cells, and where the part lies in each.
 #[derive(Clone, Debug)]
@@ -23,6 +23,10 @@ pub(super) struct Setups {
     /// The fewest columns and rows whose stops lie in travel.
     needed: [u32; 2],
 }
+
+/// A cell, row by row; a set-up where it has stops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct CellId(usize);
 
 /// The cells along one axis.
 #[derive(Clone, Debug)]
@@ -82,22 +86,17 @@ impl Setups {
         Self { axes: [x, y], needed: [columns, rows] }
     }
 
-    /// How many cells there are.
-    pub(super) fn len(&self) -> usize {
-        self.axes.iter().map(|a| a.shift.len()).product()
-    }
-
     /// The cell of a stop.
-    pub(super) fn cell(&self, centre: P2) -> usize {
+    pub(super) fn cell(&self, centre: P2) -> CellId {
         let [x, y] = &self.axes;
-        y.of(centre.y) * x.shift.len() + x.of(centre.x)
+        CellId(y.of(centre.y) * x.shift.len() + x.of(centre.x))
     }
 
     /// Where the part's origin lies in a cell, which is at `base` without set-ups.
-    pub(super) fn origin(&self, cell: usize, [x, y, z]: [i64; 3]) -> [i64; 3] {
+    pub(super) fn origin(&self, CellId(cell): CellId, Origin([x, y, z]): Origin) -> Origin {
         let [columns, rows] = &self.axes;
         let n = columns.shift.len();
-        [x + columns.shift[cell % n], y + rows.shift[cell / n], z]
+        Origin([x + columns.shift[cell % n], y + rows.shift[cell / n], z])
     }
 
     /// What helps where a stop lies beyond travel.
@@ -127,7 +126,7 @@ fn moved(job: &Job, pitch: [i64; 2], area: Box2, k: usize) -> Vec<i64> {
     let passes = &job.passes;
     let (lo, hi) = if k == 0 { (area.lo.x, area.hi.x) } else { (area.lo.y, area.hi.y) };
     let grain = job.figure_pitch_nm().unwrap_or(1);
-    let shifts = (1..passes.count).map(|pass| passes.shift_nm(pass, pitch, grain)[k]);
+    let shifts = (1..passes.count).map(|pass| passes.shift_nm(PassId(pass), pitch, grain)[k]);
     let ends = |by: i64| {
         let first = lo - by + pitch[k] / 2;
         [first, first + (hi - lo + by) / pitch[k] * pitch[k]]
@@ -135,23 +134,49 @@ fn moved(job: &Job, pitch: [i64; 2], area: Box2, k: usize) -> Vec<i64> {
     shifts.filter(|&by| by != 0).flat_map(ends).collect()
 }
 
-/// Numbers the set-ups that have stops, and answers with their origins.
-pub(super) fn numbered(setups: &Setups, program: &mut Program, origin: [i64; 3]) -> Vec<[i64; 3]> {
-    let blocks = &mut program.blocks;
-    let mut used: Vec<u32> = blocks.iter().map(|b| b.setup).collect();
-    used.sort_unstable();
-    used.dedup();
-    for block in blocks {
-        block.setup = used.partition_point(|&cell| cell < block.setup) as u32;
+/// The cells that have stops: the set-ups in the order in which they are numbered.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Used(Vec<CellId>);
+
+impl Used {
+    /// Those of these cells.
+    pub(super) fn new(mut cells: Vec<CellId>) -> Self {
+        cells.sort_unstable();
+        cells.dedup();
+        Self(cells)
     }
-    used.into_iter().map(|cell| setups.origin(cell as usize, origin)).collect()
+
+    /// The number of the set-up of a cell, which is one of them.
+    pub(super) fn number(&self, cell: CellId) -> SetupId {
+        SetupId(self.0.partition_point(|&used| used < cell) as u32)
+    }
+
+    /// The cell of a set-up.
+    pub(super) fn cell(&self, setup: SetupId) -> CellId {
+        self.0[setup.index()]
+    }
+
+    /// The cells, rising.
+    pub(super) fn iter(&self) -> impl DoubleEndedIterator<Item = CellId> {
+        self.0.iter().copied()
+    }
+
+    /// These cells and others.
+    pub(super) fn union(&self, other: &Self) -> Self {
+        Self::new(self.iter().chain(other.iter()).collect())
+    }
+
+    /// Gives blocks whose set-ups are numbered among these the numbers that they have among `others`.
+    pub(super) fn renumber(&self, blocks: &mut [Block], others: &Self) {
+        blocks.iter_mut().for_each(|b| b.setup = others.number(self.cell(b.setup)));
+    }
 }
 
 /// Holds every set-up to two registration points.
 ///
 /// # Errors
 /// `registration` with the set-up and what it reaches.
-pub(super) fn registered(job: &Job, machine: &Machine, origins: &[[i64; 3]]) -> Result<(), Error> {
+pub(super) fn registered(job: &Job, machine: &Machine, origins: &[Origin]) -> Result<(), Error> {
     if job.setups.is_none() {
         return Ok(());
     }

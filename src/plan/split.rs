@@ -8,7 +8,7 @@ use super::sweep::{Sweep, chunks};
 use crate::diag::{Diag, Error};
 use crate::job::Partition;
 use crate::partition::Stops;
-use crate::program::Pen;
+use crate::program::{Pen, PenId, StrokeId};
 use crate::projection::{Keep, Tracer};
 use crate::split::{Fragments, Seam, Splitter};
 use crate::texture::Texture;
@@ -53,8 +53,8 @@ pub(super) fn split(
             let mut splitter = Splitter::new(tracer, candidates, cuts.min_mark as f64, cuts.keep, cuts.seam);
             let mut points = Vec::new();
             for i in chunk {
-                let pen = texture.stroke(i, &mut points);
-                splitter.stroke(i as u32, pen, pens[usize::from(pen)].passes, &points);
+                let pen = PenId(texture.stroke(i, &mut points));
+                splitter.stroke(StrokeId(i as u32), pen, pens[pen.index()].passes, &points);
             }
             let parts: Vec<Fragments> = splitter.finish().collect();
             // Counted while it grows: what is too large must be refused before it fills the memory.

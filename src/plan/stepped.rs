@@ -15,7 +15,7 @@ use super::candidates::{Site, best_of, methods};
 use super::dose;
 use super::grid::{Grid, Layout};
 use super::inputs::Inputs;
-use super::setups::{self, Setups};
+use super::setups::{self, Setups, Used};
 use super::split::{Cuts, MAX_FRAGMENTS, MAX_POINTS, join, split, too_large};
 use super::start::Start;
 use super::summary;
@@ -28,13 +28,13 @@ use crate::check::{self, Checked, Limits};
 use crate::diag::{Diag, Error};
 use crate::geom::Box2;
 use crate::job::{Job, Method, Objective};
-use crate::machine::Machine;
+use crate::machine::{Machine, Origin};
 use crate::manifest::{self, Slope, Summary, Times};
 use crate::order::clearance::Clearance;
 use crate::partition::Stops;
 use crate::partition::bound::Certificate;
 use crate::plan::hatch_direction;
-use crate::program::{Block, Program, Sections};
+use crate::program::{Block, PassId, PenId, Program, Sections};
 use crate::projection::{Footprint, Samples};
 use crate::split::Fragments;
 use crate::texture::Texture;
@@ -83,9 +83,10 @@ pub struct Pass {
 /// What one method gives.
 pub(super) struct Candidate {
     pub(super) method: Method,
-    /// Blocks number the cells of their set-ups until `setups::numbered`.
     pub(super) program: Program,
     pub(super) setups: Setups,
+    /// The cells of its set-ups.
+    pub(super) used: Used,
     pub(super) times: Times,
     pub(super) block_times: Vec<f64>,
     pub(super) slopes: Vec<Slope>,
@@ -107,7 +108,7 @@ pub struct Draft<'a> {
     grid: Grid,
     clearance: Clearance,
     /// Positions of the part's origin, by set-up.
-    origins: Vec<[i64; 3]>,
+    origins: Vec<Origin>,
     /// What the user should know of how it was divided.
     warnings: Vec<Diag>,
 }
@@ -171,10 +172,10 @@ impl<'a> Draft<'a> {
         let pass = first.pass(machine, inputs, &draft.best, blocks);
         draft.passes.push(pass);
         let begin = Start::first(machine);
-        for number in 1..job.passes.count {
+        for number in (1..job.passes.count).map(PassId) {
             draft.add_pass(inputs, begin.after(&job.passes, &draft.grid, &draft.best, number))?;
         }
-        draft.origins = setups::numbered(&draft.best.setups, &mut draft.best.program, draft.grid.origin);
+        draft.origins = draft.best.origins(&draft.grid);
         Ok(draft)
     }
 
@@ -217,7 +218,7 @@ impl<'a> Draft<'a> {
         &self.passes
     }
     /// Position of the part frame's origin in the table frame in the first set-up, nm.
-    pub fn origin(&self) -> [i64; 3] {
+    pub fn origin(&self) -> Origin {
         self.origins.first().copied().unwrap_or(self.grid.origin)
     }
 
@@ -321,7 +322,7 @@ impl Ready {
         let stage = Stage { machine, clearance, start: &self.start, origin: self.grid.origin, climb: job.order.stops };
         let setups = |centres: &[_]| Setups::of(job, machine, &self.grid, self.texture.bounds(), centres);
         let how = assemble::How { level: job.focus.level, strokes: job.order.strokes, lattice: self.grid.lattice };
-        let Assembly { program, setups, worst_defocus, worst_defocus_mean, slopes } =
+        let Assembly { program, setups, used, worst_defocus, worst_defocus_mean, slopes } =
             assemble::assemble(stops, &parts, &pens, &stage, how, &setups);
         let fragments = parts.iter().map(|p| p.list.len()).sum();
         let split = parts.into_iter().fold(Fragments::default(), join);
@@ -337,13 +338,14 @@ impl Ready {
             worst_defocus_mean,
             program,
             setups,
+            used,
         }
     }
 
     /// What the pass is remembered by, once `made` of it.
     fn pass(self, machine: &Machine, inputs: &Inputs, made: &Candidate, blocks: Range<usize>) -> Pass {
         let Self { texture, grid, samples, stop_size, .. } = self;
-        let tilted = |b: &Block| (b.stop.tilt != [0; 2]).then(|| machine.turn(b.stop.tilt, grid.origin));
+        let tilted = |b: &Block| (!b.stop.tilt.is_upright()).then(|| machine.turn(b.stop.tilt, grid.origin));
         let turns: Vec<_> = made.program.blocks.iter().map(tilted).collect();
         let field = machine.usable_field();
         let map = BlockMap::new(&made.program, &grid.sections, &turns, field, &inputs.surface, texture.bounds());
@@ -371,8 +373,7 @@ impl Candidate {
 
     /// The first invariant that it breaks, if it breaks any.
     fn fault(&self, machine: &Machine, grid: &Grid, clearance: &Clearance) -> Option<Diag> {
-        let cells = 0..self.setups.len();
-        let origins: Vec<[i64; 3]> = cells.map(|cell| self.setups.origin(cell, grid.origin)).collect();
+        let origins = self.origins(grid);
         let limits = Limits {
             machine,
             origins: &origins,
@@ -384,6 +385,11 @@ impl Candidate {
         check::first_broken(&self.program, &limits)
     }
 
+    /// Positions of the part's origin, by set-up.
+    fn origins(&self, grid: &Grid) -> Vec<Origin> {
+        self.used.iter().map(|cell| self.setups.origin(cell, grid.origin)).collect()
+    }
+
     /// What the best candidate has least of.
     fn measure(&self, objective: Objective) -> (f64, f64) {
         match objective {
@@ -393,7 +399,11 @@ impl Candidate {
     }
 
     /// Puts a later pass behind, its heights lowered.
-    fn append(&mut self, next: Self, lowered: i64) {
+    fn append(&mut self, mut next: Self, lowered: i64) {
+        let used = self.used.union(&next.used);
+        self.used.renumber(&mut self.program.blocks, &used);
+        next.used.renumber(&mut next.program.blocks, &used);
+        self.used = used;
         append(&mut self.program, next.program, lowered);
         let (s, t) = (&mut self.times, next.times);
         s.stage += t.stage;
@@ -416,20 +426,21 @@ fn append(program: &mut Program, next: Program, lowered: i64) {
     let (strokes, points) = (program.strokes.len(), program.points.len() as u32);
     program.points.extend(next.points);
     // Pens that compensate the slope differ from pass to pass.
-    let pens: Vec<u16> = next
+    let pens: Vec<PenId> = next
         .pens
         .into_iter()
         .map(|pen| {
             let known = program.pens.iter().position(|p| *p == pen);
-            known.unwrap_or_else(|| {
+            let place = known.unwrap_or_else(|| {
                 program.pens.push(pen);
                 program.pens.len() - 1
-            }) as u16
+            });
+            PenId(place as u16)
         })
         .collect();
     program.strokes.extend(next.strokes.into_iter().map(|mut s| {
         s.first += points;
-        s.pen = pens[usize::from(s.pen)];
+        s.pen = pens[s.pen.index()];
         s
     }));
     program.blocks.extend(next.blocks.into_iter().map(|mut b| {

@@ -14,10 +14,10 @@ use super::{dose, warnings};
 use crate::diag::{Diag, Error};
 use crate::geom::Box2;
 use crate::job::{Job, Partition};
-use crate::machine::Machine;
+use crate::machine::{Commanded, Machine, Origin};
 use crate::partition::{self, Lattice, Stops};
 use crate::plan::hatch_direction;
-use crate::program::{Block, Program, Sections};
+use crate::program::{Block, PassId, Program, Sections, SetupId, StopId};
 use crate::projection::Keep;
 use crate::split::Fragments;
 
@@ -28,7 +28,7 @@ pub struct Strokes {
     pub program: Program,
     /// Where the part's origin lies in the table frame, nm: where the job says, or so that the middle of the marks
     /// is at the centre of travel.
-    pub origin: [i64; 3],
+    pub origin: Origin,
     /// The box of the texture, turned part frame.
     pub texture: Box2,
     /// One section over all of it.
@@ -66,7 +66,7 @@ pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<i64>
     let origin = job.placement.origin.unwrap_or_else(|| {
         let [x, y] = default_origin(machine, area, [0; 2]);
         let z = machine.centre_of_travel()[2] - ((lo + hi) / 2.0) as i64;
-        [x, y, z - (lo.floor() as i64 + z).rem_euclid(step)]
+        Origin([x, y, z - (lo.floor() as i64 + z).rem_euclid(step)])
     });
     let Some(lattice) = Lattice::new(depth, step, origin[2]) else {
         return Err(Diag::limit("depth-small", "the depth range is below two stage increments").into());
@@ -88,12 +88,12 @@ fn laid(job: &Job, stops: &Stops, parts: &[Fragments]) -> Program {
     let members = Members::new(parts, stops.stops.len());
     let mut program = Program { pens: pens.list.clone(), ..Program::default() };
     for (i, placed) in stops.stops.iter().enumerate() {
-        let list = members.of(i);
+        let list = members.of(StopId(i as u32));
         if list.is_empty() {
             continue;
         }
         let first = program.strokes.len();
-        for visit in members.ordered(parts, i, job.order.strokes) {
+        for visit in members.ordered(parts, StopId(i as u32), job.order.strokes) {
             lay(&mut program, parts, list[visit.stroke as usize], visit, &pens);
         }
         let heights = segments(parts, list).map(|f| f.z);
@@ -102,7 +102,16 @@ fn laid(job: &Job, stops: &Stops, parts: &[Fragments]) -> Program {
         let mut stop = placed.stop.clone();
         stop.focus = (z_lo + z_hi) / 2;
         let strokes = first..program.strokes.len();
-        program.blocks.push(Block { pass: 0, setup: 0, stop, stage: [0; 3], retract: false, z_lo, z_hi, strokes });
+        program.blocks.push(Block {
+            pass: PassId(0),
+            setup: SetupId(0),
+            stop,
+            stage: Commanded::default(),
+            retract: false,
+            z_lo,
+            z_hi,
+            strokes,
+        });
     }
     program
 }

@@ -50,7 +50,7 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option
         let around = grown(window, reach, reach);
         field.top = top(around);
         let is_clear = sweep.surface.is_plain(around.lo, around.hi) && steepest + z.acos() <= sweep.max_slope.atan();
-        if is_clear || field.tilt == [0; 2] {
+        if is_clear || field.tilt.is_upright() {
             continue;
         }
         let cell = |axis: usize, p: P2| fields.grid.along(axis, if axis == 0 { p.x } else { p.y }, 0);
@@ -68,7 +68,7 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option
         let mut is_sound = true;
         for (field, held) in fields.list.iter_mut().zip(&held.0) {
             field.is_wide = field.is_wide && !held.is_occluded;
-            if (held.is_hidden || held.is_outside_window) && field.tilt != [0; 2] {
+            if (held.is_hidden || held.is_outside_window) && !field.tilt.is_upright() {
                 tilted.set_upright(field);
                 is_sound = false;
             }

@@ -1,6 +1,6 @@
 //! The time of a program by the machine's motion model.
 
-use crate::machine::Machine;
+use crate::machine::{Machine, TiltAngles};
 use crate::manifest::Times;
 use crate::motion;
 use crate::program::Program;
@@ -10,7 +10,7 @@ use super::start::Start;
 /// The time of a program that begins at `start`, and that of every block without the stage's moves, s.
 pub(super) fn times(machine: &Machine, start: &Start, program: &Program) -> (Times, Vec<f64>) {
     let mut t = Times::default();
-    let (mut at, mut tilt) = (start.from, start.before.as_ref().map_or([0; 2], |(stop, _)| stop.tilt));
+    let (mut at, mut tilt) = (start.from, start.before.as_ref().map_or(TiltAngles::UPRIGHT, |(stop, _)| stop.tilt));
     let mut blocks = Vec::with_capacity(program.blocks.len());
     for block in &program.blocks {
         let retract = block.retract.then(|| machine.retract_z());
@@ -21,7 +21,7 @@ pub(super) fn times(machine: &Machine, start: &Start, program: &Program) -> (Tim
         t.settle += moved.settle_s;
         at = block.stage;
         let marks = program.strokes_of(block).iter().map(|s| {
-            let pen = &program.pens[usize::from(s.pen)];
+            let pen = &program.pens[s.pen.index()];
             motion::Mark { points: program.points_of(s), speed: pen.speed, passes: pen.passes }
         });
         let m = motion::marking(machine, marks);

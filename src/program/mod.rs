@@ -28,16 +28,19 @@
 //! commanded axis values, integer nm. At a stop with a tilt the part is the tilted one: centres and
 //! heights are those of the part as the table has turned it, in the frame that it had before.
 
+mod ids;
 #[cfg(test)]
 pub(crate) mod sample;
 mod sections;
 pub mod text;
 
+pub use ids::{BlockId, PassId, PenId, SectionId, SetupId, StopId, StrokeId};
 pub use sections::Sections;
 
 use std::ops::Range;
 
-use crate::geom::{NM_PER_MM, P2};
+use crate::geom::{FieldPoint, NM_PER_MM, P2};
+use crate::machine::{Commanded, TiltAngles};
 use crate::units::{Frequency, Power, Speed};
 
 /// How far a stroke on a tilted part may run beside the exact projection of its line, nm: between two points
@@ -62,12 +65,12 @@ pub struct Pen {
 /// One standstill of the stage: where it stands and what it admits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stop {
-    /// Column and row of the section in its grid.
-    pub section: [u32; 2],
+    /// Its section.
+    pub section: SectionId,
     /// Number of the level in the section's or part's list of levels, upwards.
     pub level: i32,
-    /// Commanded angles of the tilt axes, millionths of a degree; zeros where there are none.
-    pub tilt: [i64; 2],
+    /// Commanded angles of the tilt axes; zeros where there are none.
+    pub tilt: TiltAngles,
     /// Part-frame point under the optical axis.
     pub centre: P2,
     /// Height of the focal plane (LPFL) in the part frame.
@@ -82,13 +85,13 @@ pub struct Stop {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Block {
     /// The pass that it belongs to, from 0; passes follow each other.
-    pub pass: u32,
+    pub pass: PassId,
     /// How the part lies meanwhile, from 0; set-ups follow each other within a pass.
-    pub setup: u32,
+    pub setup: SetupId,
     /// Where the stage stands.
     pub stop: Stop,
     /// Commanded axis values x, y, z.
-    pub stage: [i64; 3],
+    pub stage: Commanded,
     /// Whether the stage must lift to the clearance height on its way here.
     pub retract: bool,
     /// Lowest height of a mark.
@@ -103,7 +106,7 @@ pub struct Block {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stroke {
     /// Which stroke of the texture it is a piece of.
-    pub source: u32,
+    pub source: StrokeId,
     /// Segment of that stroke on which the piece's end with the smaller parameter lies. A whole closed
     /// figure may begin at any of its vertices: then it is the segment that begins there, and the points
     /// run on over the point where the figure was drawn from.
@@ -111,7 +114,7 @@ pub struct Stroke {
     /// Whether it is marked against the direction in which the texture was drawn.
     pub reversed: bool,
     /// Index of its pen.
-    pub pen: u16,
+    pub pen: PenId,
     /// First point in [`Program::points`].
     pub first: u32,
     /// How many points.
@@ -128,7 +131,7 @@ pub struct Program {
     /// All strokes, block by block.
     pub strokes: Vec<Stroke>,
     /// All points, field frame, nm.
-    pub points: Vec<[i32; 2]>,
+    pub points: Vec<FieldPoint>,
 }
 
 impl Program {
@@ -137,34 +140,30 @@ impl Program {
         &self.strokes[block.strokes.clone()]
     }
     /// The points of a stroke in marking order, field frame.
-    pub fn points_of(&self, stroke: &Stroke) -> &[[i32; 2]] {
+    pub fn points_of(&self, stroke: &Stroke) -> &[FieldPoint] {
         &self.points[stroke.first as usize..(stroke.first + stroke.len) as usize]
     }
     /// Indices of the pens of a block, rising.
-    pub(crate) fn pens_of(&self, block: &Block) -> Vec<usize> {
+    pub(crate) fn pens_of(&self, block: &Block) -> Vec<PenId> {
         let mut used = vec![false; self.pens.len()];
-        self.strokes_of(block).iter().for_each(|s| used[usize::from(s.pen)] = true);
-        (0..used.len()).filter(|&pen| used[pen]).collect()
+        self.strokes_of(block).iter().for_each(|s| used[s.pen.index()] = true);
+        (0..used.len()).filter(|&pen| used[pen]).map(|pen| PenId(pen as u16)).collect()
     }
-    /// The name of block `i` in files and messages.
-    pub fn block_id(i: usize) -> String {
-        format!("B{:04}", i + 1)
-    }
-    /// Where the file of block `i` with an ending lies in the job folder.
-    pub fn block_file(i: usize, ending: &str) -> String {
-        format!("blocks/{}.{ending}", Self::block_id(i))
+    /// Where the file of a block with an ending lies in the job folder.
+    pub fn block_file(block: BlockId, ending: &str) -> String {
+        format!("blocks/{block}.{ending}")
     }
     /// Marked length of a block in mm, every pass counted.
     pub fn mark_mm(&self, block: &Block) -> f64 {
         self.strokes_of(block)
             .iter()
-            .map(|s| stroke_mm(self.points_of(s)) * f64::from(self.pens[usize::from(s.pen)].passes))
+            .map(|s| stroke_mm(self.points_of(s)) * f64::from(self.pens[s.pen.index()].passes))
             .sum()
     }
     /// Jump length of a block in mm: from the field's centre to the first stroke, then between
     /// strokes; for one pass.
     pub fn jump_mm(&self, block: &Block) -> f64 {
-        let mut at = [0, 0];
+        let mut at = FieldPoint::AXIS;
         let mut sum = 0.0;
         for s in self.strokes_of(block) {
             let points = self.points_of(s);
@@ -176,12 +175,12 @@ impl Program {
 }
 
 /// Length in mm of a polyline in field coordinates.
-pub fn stroke_mm(points: &[[i32; 2]]) -> f64 {
+pub fn stroke_mm(points: &[FieldPoint]) -> f64 {
     points
         .windows(2)
         .map(|w| {
-            let dx = f64::from(w[1][0]) - f64::from(w[0][0]);
-            let dy = f64::from(w[1][1]) - f64::from(w[0][1]);
+            let dx = f64::from(w[1].x) - f64::from(w[0].x);
+            let dy = f64::from(w[1].y) - f64::from(w[0].y);
             (dx * dx + dy * dy).sqrt()
         })
         .sum::<f64>()

@@ -1,15 +1,15 @@
 //! A small program that the tests of its writers and readers share.
 
-use super::{Block, Pen, Program, Stop, Stroke};
-use crate::geom::P2;
-use crate::machine::Machine;
+use super::{Block, PassId, Pen, PenId, Program, SectionId, SetupId, Stop, Stroke, StrokeId};
+use crate::geom::{FieldPoint, P2};
+use crate::machine::{Machine, Origin, TiltAngles};
 use crate::units::{Frequency, Power, Speed, Watts};
 
 /// Three blocks on `xyz-galvo-40` with two pens: hatches, an open polyline, a closed loop; negative
 /// coordinates, a retract and a move of z alone. Second value: the origin of the part.
-pub fn program() -> (Program, [i64; 3]) {
+pub fn program() -> (Program, Origin) {
     let machine = Machine::built_in("xyz-galvo-40").expect("profile");
-    let origin = [1_000_000, -2_000_000, 300_000];
+    let origin = Origin([1_000_000, -2_000_000, 300_000]);
     let mut program = Program {
         pens: vec![
             Pen {
@@ -29,9 +29,10 @@ pub fn program() -> (Program, [i64; 3]) {
         ],
         ..Program::default()
     };
-    let hatch = |y: i32| vec![[-5_000_000, y], [5_000_001, y]];
-    let zigzag = vec![[0, 0], [1_250_000, -7], [2_000_000, 999_999]];
-    let square = vec![[-1, -1], [19_999_999, -1], [19_999_999, 20_000_000], [-1, 20_000_000], [-1, -1]];
+    let points = |list: &[[i32; 2]]| list.iter().map(|&p| FieldPoint::from(p)).collect::<Vec<_>>();
+    let hatch = |y: i32| points(&[[-5_000_000, y], [5_000_001, y]]);
+    let zigzag = points(&[[0, 0], [1_250_000, -7], [2_000_000, 999_999]]);
+    let square = points(&[[-1, -1], [19_999_999, -1], [19_999_999, 20_000_000], [-1, 20_000_000], [-1, -1]]);
     let blocks = [
         ([0, 0], 0, [0, 0, 35_000], false, vec![(0, 3, 7, true, hatch(1)), (0, 3, 9, false, hatch(-500_000))]),
         ([0, 0], 1, [0, 0, 105_000], false, vec![(1, 4, 0, false, zigzag)]),
@@ -41,16 +42,25 @@ pub fn program() -> (Program, [i64; 3]) {
         let start = program.strokes.len();
         for (pen, source, segment, reversed, points) in strokes {
             let first = program.points.len() as u32;
+            let (source, pen) = (StrokeId(source), PenId(pen));
             program.strokes.push(Stroke { source, segment, reversed, pen, first, len: points.len() as u32 });
             program.points.extend(points);
         }
         let [x, y, focus] = at;
         let (z_lo, z_hi) = (focus - 35_000, focus + 35_000);
         program.blocks.push(Block {
-            pass: 0,
-            setup: 0,
-            stop: Stop { section, level, tilt: [0; 2], centre: P2::new(x, y), focus, z_lo, z_hi },
-            stage: machine.stage_from_part(at, origin),
+            pass: PassId(0),
+            setup: SetupId(0),
+            stop: Stop {
+                section: SectionId(section),
+                level,
+                tilt: TiltAngles::UPRIGHT,
+                centre: P2::new(x, y),
+                focus,
+                z_lo,
+                z_hi,
+            },
+            stage: machine.stage_from_part(P2::new(x, y), focus, origin),
             retract,
             z_lo: z_lo + 100,
             z_hi,

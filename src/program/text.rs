@@ -6,37 +6,38 @@
 //! what the file holds, never by a number that the file states.
 
 use crate::diag::{Diag, Error, Place};
-use crate::geom::P2;
-use crate::program::{Block, Pen, Program, Stop, Stroke};
+use crate::geom::{FieldPoint, P2};
+use crate::machine::{Commanded, Origin, TiltAngles};
+use crate::program::{Block, BlockId, PassId, Pen, PenId, Program, SectionId, SetupId, Stop, Stroke, StrokeId};
 
 const TITLE: &str = "terrace program 1";
 
 /// The text of a program on a part whose origin lies at one of `origins` (nm, table frame) in every set-up.
-pub fn write(program: &Program, origins: &[[i64; 3]]) -> Vec<u8> {
+pub fn write(program: &Program, origins: &[Origin]) -> Vec<u8> {
     // Room for coordinates of up to eight digits, so that the buffer rarely grows.
     let room = 1024 + program.blocks.len() * 160 + program.strokes.len() * 20 + program.points.len() * 20;
     let mut out = Text { bytes: Vec::with_capacity(room), digits: itoa::Buffer::new() };
     out.text(TITLE);
     for &origin in origins {
         out.text("\norigin");
-        out.numbers(origin);
+        out.numbers(origin.0);
     }
     out.text(&format!("\npens {}\n", program.pens.len()));
     for Pen { name, speed, power, frequency, passes } in &program.pens {
         out.text(&format!("pen {} | {speed} | {power} | {frequency} | {passes}\n", escaped(name)));
     }
     out.text(&format!("blocks {}\n", program.blocks.len()));
-    let (mut pass, mut setup) = (0, 0);
+    let (mut pass, mut setup) = (PassId(0), SetupId(0));
     for (i, block) in program.blocks.iter().enumerate() {
         if block.pass != pass {
             pass = block.pass;
-            out.text(&format!("pass {}\n", pass + 1));
+            out.text(&format!("pass {}\n", pass.number()));
         }
         if block.setup != setup {
             setup = block.setup;
-            out.text(&format!("setup {}\n", setup + 1));
+            out.text(&format!("setup {}\n", setup.number()));
         }
-        out.block(&Program::block_id(i), block);
+        out.block(BlockId::new(i), block);
         for stroke in program.strokes_of(block) {
             out.stroke(stroke, program.points_of(stroke));
         }
@@ -62,11 +63,11 @@ impl Text {
             self.bytes.extend_from_slice(self.digits.format(n).as_bytes());
         }
     }
-    fn block(&mut self, id: &str, block: &Block) {
+    fn block(&mut self, id: BlockId, block: &Block) {
         let Block { pass: _, setup: _, stop, stage, retract, z_lo, z_hi, strokes } = block;
         self.text("block ");
-        self.text(id);
-        self.numbers(stop.section);
+        self.text(&id.to_string());
+        self.numbers(stop.section.0);
         self.numbers([
             i64::from(stop.level),
             stop.tilt[0],
@@ -77,17 +78,17 @@ impl Text {
             stop.z_lo,
             stop.z_hi,
         ]);
-        self.numbers(*stage);
+        self.numbers(stage.0);
         self.numbers([i64::from(*retract), *z_lo, *z_hi]);
         self.numbers([strokes.len()]);
         self.bytes.push(b'\n');
     }
-    fn stroke(&mut self, stroke: &Stroke, points: &[[i32; 2]]) {
-        self.bytes.extend_from_slice(self.digits.format(stroke.pen).as_bytes());
-        self.numbers([stroke.source, stroke.segment]);
+    fn stroke(&mut self, stroke: &Stroke, points: &[FieldPoint]) {
+        self.bytes.extend_from_slice(self.digits.format(stroke.pen.0).as_bytes());
+        self.numbers([stroke.source.0, stroke.segment]);
         self.text(if stroke.reversed { " -" } else { " +" });
-        for &point in points {
-            self.numbers(point);
+        for &FieldPoint { x, y } in points {
+            self.numbers([x, y]);
         }
         self.bytes.push(b'\n');
     }
@@ -119,7 +120,7 @@ fn unescaped(text: &str) -> Option<String> {
 ///
 /// # Errors
 /// `program-text` with the line: anything that [`write()`] would not have written.
-pub fn parse(path: &str, bytes: &[u8]) -> Result<(Program, Vec<[i64; 3]>), Error> {
+pub fn parse(path: &str, bytes: &[u8]) -> Result<(Program, Vec<Origin>), Error> {
     let mut lines = Lines { rest: bytes, number: 0 };
     read(&mut lines).map_err(|message| {
         Diag::input("program-text", message)
@@ -129,14 +130,14 @@ pub fn parse(path: &str, bytes: &[u8]) -> Result<(Program, Vec<[i64; 3]>), Error
     })
 }
 
-fn read(lines: &mut Lines<'_>) -> Result<(Program, Vec<[i64; 3]>), String> {
+fn read(lines: &mut Lines<'_>) -> Result<(Program, Vec<Origin>), String> {
     if lines.next()? != TITLE.as_bytes() {
         return Err(format!("the first line is not {TITLE:?}"));
     }
     let mut origins = Vec::new();
     while origins.is_empty() || lines.rest.starts_with(b"origin ") {
         let mut fields = lines.fields("origin ")?;
-        origins.push([fields.number()?, fields.number()?, fields.number()?]);
+        origins.push(Origin([fields.number()?, fields.number()?, fields.number()?]));
         fields.end()?;
     }
     let mut program = Program::default();
@@ -144,17 +145,17 @@ fn read(lines: &mut Lines<'_>) -> Result<(Program, Vec<[i64; 3]>), String> {
         let line = std::str::from_utf8(lines.next()?).map_err(|_| "the line is not UTF-8 text")?;
         program.pens.push(pen(line)?);
     }
-    let (mut pass, mut setup) = (0, 0);
+    let (mut pass, mut setup) = (PassId(0), SetupId(0));
     for i in 0..lines.count("blocks ")? {
         if lines.rest.starts_with(b"pass ") {
             let number = u32::try_from(lines.count("pass ")?).map_err(|_| "there is no such pass")?;
-            let changed = number.checked_sub(1).filter(|&n| n != pass);
+            let changed = number.checked_sub(1).map(PassId).filter(|&n| n != pass);
             pass = changed.ok_or("no other pass begins here")?;
         }
         if lines.rest.starts_with(b"setup ") {
             let number = lines.count("setup ")?;
-            let changed = number.checked_sub(1).filter(|&n| n < origins.len() && n != setup as usize);
-            setup = changed.ok_or("no other set-up begins here")? as u32;
+            let changed = number.checked_sub(1).filter(|&n| n < origins.len() && n != setup.index());
+            setup = SetupId(changed.ok_or("no other set-up begins here")? as u32);
         }
         let (mut block, strokes) = block(lines.fields("block ")?, i)?;
         (block.pass, block.setup) = (pass, setup);
@@ -185,16 +186,16 @@ fn pen(line: &str) -> Result<Pen, String> {
 
 /// A block without its strokes, and how many there are.
 fn block(mut f: Fields<'_>, index: usize) -> Result<(Block, usize), String> {
-    let id = Program::block_id(index);
+    let id = BlockId::new(index).to_string();
     if f.word()? != id.as_bytes() {
         return Err(format!("this should be block {id}"));
     }
-    let section = [f.number()?, f.number()?];
+    let section = SectionId([f.number()?, f.number()?]);
     let level = f.number()?;
-    let tilt = [f.number()?, f.number()?];
+    let tilt = TiltAngles([f.number()?, f.number()?]);
     let centre = P2::new(f.number()?, f.number()?);
     let stop = Stop { section, level, tilt, centre, focus: f.number()?, z_lo: f.number()?, z_hi: f.number()? };
-    let stage = [f.number()?, f.number()?, f.number()?];
+    let stage = Commanded([f.number()?, f.number()?, f.number()?]);
     let retract = match f.word()? {
         b"0" => false,
         b"1" => true,
@@ -203,15 +204,15 @@ fn block(mut f: Fields<'_>, index: usize) -> Result<(Block, usize), String> {
     let (z_lo, z_hi) = (f.number()?, f.number()?);
     let strokes = f.number()?;
     f.end()?;
-    Ok((Block { pass: 0, setup: 0, stop, stage, retract, z_lo, z_hi, strokes: 0..0 }, strokes))
+    Ok((Block { pass: PassId(0), setup: SetupId(0), stop, stage, retract, z_lo, z_hi, strokes: 0..0 }, strokes))
 }
 
 fn stroke(mut f: Fields<'_>, program: &mut Program) -> Result<(), String> {
-    let pen: u16 = f.number()?;
-    if usize::from(pen) >= program.pens.len() {
-        return Err(format!("there is no pen {pen}"));
+    let pen = PenId(f.number()?);
+    if pen.index() >= program.pens.len() {
+        return Err(format!("there is no pen {}", pen.0));
     }
-    let (source, segment) = (f.number()?, f.number()?);
+    let (source, segment) = (StrokeId(f.number()?), f.number()?);
     let reversed = match f.word()? {
         b"+" => false,
         b"-" => true,
@@ -219,7 +220,7 @@ fn stroke(mut f: Fields<'_>, program: &mut Program) -> Result<(), String> {
     };
     let first = program.points.len();
     while !f.0.is_empty() {
-        program.points.push([f.number()?, f.number()?]);
+        program.points.push(FieldPoint::new(f.number()?, f.number()?));
     }
     let len = program.points.len() - first;
     if len < 2 {
@@ -315,26 +316,26 @@ mod tests {
         program.pens[0].name = "a | b\\ \n | 3 \r".into();
         program.pens[0].speed = crate::units::Speed::mm_s(1.0 / 3.0);
         program.blocks[1].stop.level = -3;
-        (program.blocks[1].pass, program.blocks[2].pass) = (1, 4);
-        program.points[0] = [i32::MIN, i32::MAX];
-        (program.blocks[1].setup, program.blocks[2].setup) = (1, 0);
-        let origins = vec![origin, [1, 2, 3]];
+        (program.blocks[1].pass, program.blocks[2].pass) = (PassId(1), PassId(4));
+        program.points[0] = FieldPoint::new(i32::MIN, i32::MAX);
+        (program.blocks[1].setup, program.blocks[2].setup) = (SetupId(1), SetupId(0));
+        let origins = vec![origin, Origin([1, 2, 3])];
         let text = write(&program, &origins);
         assert_eq!(parse("program.txt", &text).expect("own text"), (program, origins));
     }
 
     #[test]
     fn an_empty_program_reads_back_equal() {
-        let text = write(&Program::default(), &[[0, -1, 4_000_000_000]]);
-        assert_eq!(parse("p", &text).expect("own text"), (Program::default(), vec![[0, -1, 4_000_000_000]]));
+        let text = write(&Program::default(), &[Origin([0, -1, 4_000_000_000])]);
+        assert_eq!(parse("p", &text).expect("own text"), (Program::default(), vec![Origin([0, -1, 4_000_000_000])]));
     }
 
     #[test]
     fn every_cut_and_many_damages_are_refused_with_their_line() {
         let (mut program, origin) = sample::program();
-        program.blocks[2].pass = 1;
-        program.blocks[1].setup = 1;
-        program.blocks[2].setup = 1;
+        program.blocks[2].pass = PassId(1);
+        program.blocks[1].setup = SetupId(1);
+        program.blocks[2].setup = SetupId(1);
         let text = write(&program, &[origin, origin]);
         for end in 0..text.len() {
             assert!(parse("p", &text[..end]).is_err(), "cut at {end}");

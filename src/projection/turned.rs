@@ -7,13 +7,14 @@
 use super::footprint::Heights;
 use super::{GridTracer, Keep, Piece};
 use crate::geom::{Box2, P2, Turn};
+use crate::machine::TiltAngles;
 use crate::program::Sections;
 
 /// A place that is marked at one turn of the part.
 #[derive(Clone, Debug)]
 pub struct TiltedField {
     /// Commands of the tilt axes, millionths of a degree.
-    pub tilt: [i64; 2],
+    pub tilt: TiltAngles,
     /// What they make of the part.
     pub turn: Turn,
     /// The point of the turned part under the optical axis, where the stage can stand.

@@ -149,7 +149,7 @@ fn middle_of_marks(job: &Layout<'_>, block: &Block) -> [f64; 2] {
     let program = job.checked.program();
     let (mut sum, mut count) = ([0i64; 2], 0i64);
     for p in program.strokes_of(block).iter().flat_map(|s| program.points_of(s)) {
-        sum = [sum[0] + i64::from(p[0]), sum[1] + i64::from(p[1])];
+        sum = [sum[0] + i64::from(p.x), sum[1] + i64::from(p.y)];
         count += 1;
     }
     let c = block.stop.centre;
@@ -175,9 +175,9 @@ fn tooltip(job: &Layout<'_>, sheet: &Sheet, i: usize, block: &Block, detail: Det
         return format!("{id} z {}", mm(s.focus, 3));
     }
     let program = job.checked.program();
-    let [x, y, z] = block.stage.map(|v| mm(v, 4));
+    let [x, y, z] = block.stage.0.map(|v| mm(v, 4));
     let place = if sheet.gridded {
-        format!("section {},{} level {}", s.section[0], s.section[1], s.level)
+        format!("section {},{} level {}", s.section.0[0], s.section.0[1], s.level)
     } else {
         format!("window at x {} y {} mm", mm(s.centre.x, 3), mm(s.centre.y, 3))
     };

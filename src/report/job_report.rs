@@ -10,7 +10,7 @@ use super::legend::{PARTS, seconds};
 use super::page::{self, escape};
 use super::{Layout, length_text, mm, pass_file, plain};
 use crate::manifest::{Slope, duration};
-use crate::program::{Block, Program};
+use crate::program::{Block, BlockId, PassId};
 
 /// The report as the text of an HTML file.
 pub fn report_html(job: &Layout<'_>) -> String {
@@ -273,15 +273,15 @@ fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
          <th>stage y</th><th>stage z</th><th>incidence</th><th>dose</th><th>strokes</th><th>mark</th><th>jump</th><th>time</th></tr>\n",
         if gridded { "" } else { " and centres of windows" },
     );
-    let mut pass = 0;
+    let mut pass = PassId(0);
     for (i, b) in job.blocks().iter().enumerate() {
         if b.pass != pass {
             pass = b.pass;
-            let _ = writeln!(h, "<tr><th colspan=\"13\">pass {}</th></tr>", pass + 1);
+            let _ = writeln!(h, "<tr><th colspan=\"13\">pass {}</th></tr>", pass.number());
         }
-        let [x, y, z] = b.stage.map(|v| mm(v, 4));
+        let [x, y, z] = b.stage.0.map(|v| mm(v, 4));
         let [first, second] = if gridded {
-            [format!("{},{}", b.stop.section[0], b.stop.section[1]), b.stop.level.to_string()]
+            [format!("{},{}", b.stop.section.0[0], b.stop.section.0[1]), b.stop.level.to_string()]
         } else {
             [mm(b.stop.centre.x, 3), mm(b.stop.centre.y, 3)]
         };
@@ -291,7 +291,7 @@ fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
         let _ = writeln!(
             h,
             "<tr><td>{}<td>{first}<td>{second}<td>{}<td>{x}<td>{y}<td>{z}<td>{angle}<td>{dose}<td>{}<td>{}<td>{}<td>{}",
-            Program::block_id(i),
+            BlockId::new(i).to_string(),
             mm(b.stop.focus, 4),
             b.strokes.len(),
             plain(program.mark_mm(b), 2),

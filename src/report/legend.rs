@@ -151,7 +151,7 @@ fn heading(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
     pen.line(&short(&format!("machine {}", job.machine.name), CHARACTERS));
     pen.at[1] += 0.6 * pen.u;
     if job.passes > 1 {
-        let pass = job.blocks().first().map_or(1, |b| b.pass + 1);
+        let pass = job.blocks().first().map_or(1, |b| b.pass.number());
         pen.pair("pass (lengths and times: of all)", &format!("{pass} of {}", job.passes));
     }
     if s.setups > 1 {

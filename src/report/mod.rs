@@ -39,7 +39,7 @@ use crate::check::Checked;
 use crate::geom::{Box2, P2};
 use crate::machine::Machine;
 use crate::manifest::{Slope, Summary};
-use crate::program::{Block, Program, Sections};
+use crate::program::{Block, BlockId, Sections};
 use crate::report::table::plain;
 
 /// Everything the pictures are made of.
@@ -91,7 +91,7 @@ impl Layout<'_> {
 
     /// The name of the block with that number in [`Layout::blocks`].
     fn id(&self, i: usize) -> String {
-        Program::block_id(self.blocks.start + i)
+        BlockId::new(self.blocks.start + i).to_string()
     }
 
     /// The layout with the blocks of all passes.
@@ -144,7 +144,7 @@ pub fn drawn(checked: &Checked, machine: &Machine) -> Vec<Block> {
     let over = |block: &Block| {
         let mut block = block.clone();
         let stop = &mut block.stop;
-        if stop.tilt != [0; 2] {
+        if !stop.tilt.is_upright() {
             let turn = machine.turn(stop.tilt, checked.origin());
             let at = turn.back([stop.centre.x, stop.centre.y, stop.focus].map(|v| v as f64));
             let [x, y, z] = at.map(|v| v.round() as i64);

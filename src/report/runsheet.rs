@@ -5,7 +5,7 @@ use std::fmt::Write;
 use crate::geom::mm_from_nm;
 use crate::machine::{FieldShape, Machine};
 use crate::manifest::{Facts, registration};
-use crate::program::{Block, Program};
+use crate::program::{Block, BlockId, PassId, Program, SetupId};
 use crate::report::table::csv_cell;
 use crate::units::Length;
 
@@ -16,10 +16,10 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
         "block,column,row,level,stage_x_mm,stage_y_mm,stage_z_mm,lpfl_mm,file,strokes,mark_mm,jump_mm,time_s,pens,pass,setup,lift_z_mm\n",
     );
     for (i, block) in program.blocks.iter().enumerate() {
-        let [column, row] = block.stop.section;
-        let [x, y, z] = block.stage.map(mm_from_nm);
+        let [column, row] = block.stop.section.0;
+        let [x, y, z] = block.stage.mm();
         let cells = [
-            Program::block_id(i),
+            BlockId::new(i).to_string(),
             column.to_string(),
             row.to_string(),
             block.stop.level.to_string(),
@@ -33,8 +33,8 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
             format!("{:.3}", program.jump_mm(block)),
             format!("{:.3}", facts.block_time_s(i)),
             csv_cell(&facts.pen_names(block).join("; ")),
-            (block.pass + 1).to_string(),
-            (block.setup + 1).to_string(),
+            block.pass.number().to_string(),
+            block.setup.number().to_string(),
             lift(facts, i).map_or_else(String::new, |z| format!("{z:.6}")),
         ];
         out += &cells.join(",");
@@ -80,7 +80,7 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     let s = facts.summary;
     let t = &s.time_s;
     let part = facts.job.surface.file.display().to_string();
-    let [x, y, z] = facts.checked.origin().map(mm_from_nm);
+    let [x, y, z] = facts.checked.origin().mm();
     writeln!(out, "RUN SHEET")?;
     writeln!(out)?;
     writeln!(out, "job        {}", facts.job_file.replace('\\', "/"))?;
@@ -211,8 +211,8 @@ fn setups(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         )?;
     }
     for (i, &origin) in origins.iter().enumerate() {
-        let [x, y, z] = origin.map(mm_from_nm);
-        let blocks = runs(facts.checked.program(), i as u32);
+        let [x, y, z] = origin.mm();
+        let blocks = runs(facts.checked.program(), SetupId(i as u32));
         writeln!(out, "  SET-UP {} OF {}  part zero X{x:.4} Y{y:.4} Z{z:.4}  blocks {blocks}", i + 1, origins.len())?;
         for found in registration(facts.job, facts.machine, origin) {
             let ([px, py], [x, y]) = (found.point_mm, found.at.map(mm_from_nm));
@@ -223,9 +223,9 @@ fn setups(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
 }
 
 /// The blocks of a set-up, as runs.
-fn runs(program: &Program, setup: u32) -> String {
+fn runs(program: &Program, setup: SetupId) -> String {
     let mine: Vec<usize> = (0..program.blocks.len()).filter(|&i| program.blocks[i].setup == setup).collect();
-    let run = |run: &[usize]| format!("{} to {}", Program::block_id(run[0]), Program::block_id(run[run.len() - 1]));
+    let run = |run: &[usize]| format!("{} to {}", BlockId::new(run[0]), BlockId::new(run[run.len() - 1]));
     mine.chunk_by(|a, b| a + 1 == *b).map(run).collect::<Vec<_>>().join(", ")
 }
 
@@ -240,18 +240,18 @@ fn blocks(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         "  {:<7} {:>9} {:>6} {:>11} {:>11} {:>11} {:>11} {:>8} {:>11} {:>9}  pens  file",
         "block", "section", "level", "X", "Y", "Z", "LPFL", "strokes", "marks mm", "time s"
     )?;
-    let (mut pass, mut setup) = (0, None);
+    let (mut pass, mut setup) = (PassId(0), None);
     for (i, block) in program.blocks.iter().enumerate() {
         if block.pass != pass {
             pass = block.pass;
-            writeln!(out, "  PASS {}", pass + 1)?;
+            writeln!(out, "  PASS {}", pass.number())?;
         }
         if facts.checked.origins().len() > 1 && setup != Some(block.setup) {
             setup = Some(block.setup);
-            writeln!(out, "  SET-UP {}", block.setup + 1)?;
+            writeln!(out, "  SET-UP {}", block.setup.number())?;
         }
         if let Some(z) = lift(facts, i) {
-            writeln!(out, "  LIFT to Z{z:.4}, then go to {}", Program::block_id(i))?;
+            writeln!(out, "  LIFT to Z{z:.4}, then go to {}", BlockId::new(i))?;
         }
         block_line(out, facts, i, block)?;
     }
@@ -260,13 +260,13 @@ fn blocks(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
 
 fn block_line(out: &mut String, facts: &Facts<'_>, i: usize, block: &Block) -> std::fmt::Result {
     let program = facts.checked.program();
-    let pens: Vec<String> = program.pens_of(block).into_iter().map(|pen| (pen + 1).to_string()).collect();
-    let [column, row] = block.stop.section;
-    let [x, y, z] = block.stage.map(mm_from_nm);
+    let pens: Vec<String> = program.pens_of(block).into_iter().map(|pen| pen.number().to_string()).collect();
+    let [column, row] = block.stop.section.0;
+    let [x, y, z] = block.stage.mm();
     writeln!(
         out,
         "  {:<7} {:>9} {:>6} {x:>11.4} {y:>11.4} {z:>11.4} {:>11.4} {:>8} {:>11.1} {:>9.1}  {:<4}  {}",
-        Program::block_id(i),
+        BlockId::new(i).to_string(),
         format!("{column},{row}"),
         block.stop.level,
         mm_from_nm(block.stop.focus),

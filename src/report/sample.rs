@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use super::{BlockMap, Layout};
 use crate::check::Checked;
-use crate::geom::{Box2, P2};
-use crate::machine::Machine;
+use crate::geom::{Box2, FieldPoint, P2};
+use crate::machine::{Machine, Origin, TiltAngles};
 use crate::manifest::{Candidate, Summary, Times};
 use crate::program::Sections;
-use crate::program::{Block, Pen, Program, Stop, Stroke};
+use crate::program::{Block, PassId, Pen, PenId, Program, SectionId, SetupId, Stop, Stroke, StrokeId};
 use crate::surface::Surface;
 use crate::units::{Frequency, Power, Speed};
 
@@ -88,13 +88,13 @@ impl Sample {
             let level = if up { signed } else { -signed };
             let nm = |mm: f64| (mm * 1e6).round() as i64;
             let [lo, hi] = range.map(nm);
-            push_block(&mut program, sections, section, level, [lo, (lo + hi) / 2, hi], &machine);
+            push_block(&mut program, sections, SectionId(section), level, [lo, (lo + hi) / 2, hi], &machine);
         }
         let block_s = (0..program.blocks.len()).map(|i| 1.5 + (i % 7) as f64 * 0.21).collect();
         let summary = summary(&program);
         Self {
             name: name.into(),
-            checked: Checked::unchecked(program, [0; 3]),
+            checked: Checked::unchecked(program, Origin::default()),
             machine,
             sections,
             map,
@@ -196,16 +196,31 @@ impl Sample {
             for run in runs[w].iter().filter(|r| r[1] > r[0]) {
                 let first = program.points.len() as u32;
                 for p in run.map(&place) {
-                    program.points.push([(nm(p[0]) - centre.x) as i32, (nm(p[1]) - centre.y) as i32]);
+                    program.points.push(FieldPoint::new((nm(p[0]) - centre.x) as i32, (nm(p[1]) - centre.y) as i32));
                 }
-                program.strokes.push(Stroke { source: 0, segment: 0, reversed: false, pen: 0, first, len: 2 });
+                program.strokes.push(Stroke {
+                    source: StrokeId(0),
+                    segment: 0,
+                    reversed: false,
+                    pen: PenId(0),
+                    first,
+                    len: 2,
+                });
             }
             let focus = (z_lo + z_hi) / 2;
             program.blocks.push(Block {
-                pass: 0,
-                setup: 0,
-                stop: Stop { section: [0; 2], level: 0, tilt: [0; 2], centre, focus, z_lo, z_hi },
-                stage: self.machine.stage_from_part([centre.x, centre.y, focus], [0; 3]),
+                pass: PassId(0),
+                setup: SetupId(0),
+                stop: Stop {
+                    section: SectionId([0; 2]),
+                    level: 0,
+                    tilt: TiltAngles::UPRIGHT,
+                    centre,
+                    focus,
+                    z_lo,
+                    z_hi,
+                },
+                stage: self.machine.stage_from_part(centre, focus, Origin::default()),
                 retract: false,
                 z_lo,
                 z_hi,
@@ -214,7 +229,7 @@ impl Sample {
         }
         self.block_s = vec![1.7; program.blocks.len()];
         self.summary = Summary { method: "window".into(), ..summary(&program) };
-        self.checked = Checked::unchecked(program, [0; 3]);
+        self.checked = Checked::unchecked(program, Origin::default());
     }
 
     /// The dome of a radome: z = a (1 - (u² + v²) / 2), about 3,500 blocks.
@@ -240,9 +255,9 @@ impl Sample {
     /// Adds a block that owns no cell of the map, as a sliver would.
     pub(super) fn with_sliver(mut self) -> Self {
         let mut program = self.checked.program().clone();
-        push_block(&mut program, self.sections, [0, 0], 99, [6_000_000; 3], &self.machine);
+        push_block(&mut program, self.sections, SectionId([0, 0]), 99, [6_000_000; 3], &self.machine);
         self.block_s.push(0.5);
-        self.checked = Checked::unchecked(program, [0; 3]);
+        self.checked = Checked::unchecked(program, Origin::default());
         self
     }
 }
@@ -276,20 +291,27 @@ fn pen() -> Pen {
     }
 }
 
-fn push_block(program: &mut Program, grid: Sections, section: [u32; 2], level: i32, z: [i64; 3], machine: &Machine) {
-    let centre = |o: i64, k: usize| o + grid.pitch[k] * i64::from(section[k]) + grid.pitch[k] / 2;
+fn push_block(program: &mut Program, grid: Sections, section: SectionId, level: i32, z: [i64; 3], machine: &Machine) {
+    let centre = |o: i64, k: usize| o + grid.pitch[k] * i64::from(section.0[k]) + grid.pitch[k] / 2;
     let centre = P2::new(centre(grid.origin.x, 0), centre(grid.origin.y, 1));
     let first = program.strokes.len();
     for k in 0..3 {
         let point = program.points.len() as u32;
-        program.points.extend([[k * 100_000, 0], [k * 100_000, 1_000_000 + k]]);
-        program.strokes.push(Stroke { source: 0, segment: 0, reversed: false, pen: 0, first: point, len: 2 });
+        program.points.extend([[k * 100_000, 0], [k * 100_000, 1_000_000 + k]].map(FieldPoint::from));
+        program.strokes.push(Stroke {
+            source: StrokeId(0),
+            segment: 0,
+            reversed: false,
+            pen: PenId(0),
+            first: point,
+            len: 2,
+        });
     }
     program.blocks.push(Block {
-        pass: 0,
-        setup: 0,
-        stop: Stop { section, level, tilt: [0; 2], centre, focus: z[1], z_lo: z[0], z_hi: z[2] },
-        stage: machine.stage_from_part([centre.x, centre.y, z[1]], [0; 3]),
+        pass: PassId(0),
+        setup: SetupId(0),
+        stop: Stop { section, level, tilt: TiltAngles::UPRIGHT, centre, focus: z[1], z_lo: z[0], z_hi: z[2] },
+        stage: machine.stage_from_part(centre, z[1], Origin::default()),
         retract: false,
         z_lo: z[0],
         z_hi: z[2],

@@ -65,7 +65,7 @@ impl Frame {
             for block in job.blocks() {
                 let c = block.stop.centre;
                 for p in program.strokes_of(block).iter().flat_map(|s| program.points_of(s)) {
-                    add(turn(P2::new(c.x + i64::from(p[0]), c.y + i64::from(p[1])).mm(), -sin));
+                    add(turn(P2::new(c.x + i64::from(p.x), c.y + i64::from(p.y)).mm(), -sin));
                 }
             }
         } else if !job.texture.is_empty() {

@@ -10,7 +10,8 @@ use super::outline::{Grid, area2, simplify, trace};
 use super::sample::Sample;
 use super::{layout_svg, report_html};
 use crate::block_map::BlockMap;
-use crate::geom::{Box2, P2};
+use crate::geom::{Box2, FieldPoint, P2};
+use crate::machine::Origin;
 
 fn map(columns: u32, labels: &[u32]) -> BlockMap {
     let rows = labels.len() as u32 / columns;
@@ -238,7 +239,7 @@ fn equal_input_gives_equal_bytes_and_no_job_name_breaks_the_files() {
 #[test]
 fn an_empty_program_and_a_wild_map_still_draw() {
     let mut sample = Sample::flat();
-    sample.checked = crate::check::Checked::unchecked(Default::default(), [0; 3]);
+    sample.checked = crate::check::Checked::unchecked(Default::default(), Origin([0; 3]));
     ids(&layout_svg(&sample.layout()));
     report_html(&sample.layout());
     sample = Sample::flat();
@@ -355,12 +356,12 @@ fn the_frame_of_a_turned_part_is_turned() {
         block.stop.centre = turned(x, y);
         for stroke in &program.strokes[block.strokes.clone()] {
             for p in &mut program.points[stroke.first as usize..(stroke.first + stroke.len) as usize] {
-                let at = turned(f64::from(p[0]) / 1e6, f64::from(p[1]) / 1e6);
-                *p = [at.x as i32, at.y as i32];
+                let at = turned(f64::from(p.x) / 1e6, f64::from(p.y) / 1e6);
+                *p = FieldPoint::new(at.x as i32, at.y as i32);
             }
         }
     }
-    sample.checked = crate::check::Checked::unchecked(program, [0; 3]);
+    sample.checked = crate::check::Checked::unchecked(program, Origin([0; 3]));
     sample.turn_rad = 30f64.to_radians();
     let want = [[-29.75, -19.5], [29.75, -19.5], [29.75, 19.5], [-29.75, 19.5]];
     for ([x, y], [u, v]) in frame(&sample).into_iter().zip(want) {

@@ -21,9 +21,9 @@ pub use seam::Seam;
 
 use bend::Bend;
 
-use crate::geom::{NM_PER_MM, P2, Turn, nearest};
+use crate::geom::{FieldPoint, NM_PER_MM, P2, Turn, nearest};
 use crate::partition::Stops;
-use crate::program::CHORD;
+use crate::program::{CHORD, PenId, StopId, StrokeId};
 use crate::projection::{Keep, Normals, Piece, Skip, Tracer};
 
 /// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
@@ -36,13 +36,13 @@ const RUN: usize = 1 << 14;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Fragment {
     /// Index of its stop.
-    pub stop: u32,
+    pub stop: StopId,
     /// Stroke of the texture.
-    pub source: u32,
+    pub source: StrokeId,
     /// Segment of that stroke on which it begins.
     pub segment: u32,
     /// Pen.
-    pub pen: u16,
+    pub pen: PenId,
     /// First point in [`Fragments::points`].
     pub first: u32,
     /// How many points.
@@ -79,7 +79,7 @@ pub struct Fragments {
     /// In the order of the texture.
     pub list: Vec<Fragment>,
     /// Points of all fragments, field frame of their stops, nm.
-    pub points: Vec<[i32; 2]>,
+    pub points: Vec<FieldPoint>,
     /// Length of the strokes, mm, every pass counted.
     pub texture_mm: f64,
     /// Length of what is marked of them, in the plane of the drawing, mm, every pass counted.
@@ -108,7 +108,7 @@ pub struct Fragments {
 
 /// The fragment being built.
 struct Open {
-    stop: usize,
+    stop: StopId,
     segment: u32,
     first: usize,
     z: [f64; 2],
@@ -184,7 +184,7 @@ impl<'a> Splitter<'a> {
     }
 
     /// Cuts one stroke of the texture, which its pen marks `passes` times.
-    pub fn stroke(&mut self, source: u32, pen: u16, passes: u32, points: &[P2]) {
+    pub fn stroke(&mut self, source: StrokeId, pen: PenId, passes: u32, points: &[P2]) {
         let Self { tracer, cutters, run } = self;
         cutters.iter_mut().for_each(|c| c.begin(source, pen, passes));
         let last = points.len() - 2;
@@ -214,16 +214,16 @@ struct Cutter<'a> {
     z: f64,
     /// Why the stroke is not marked here, and since where on the segment.
     unmarked: Option<(Skip, P2)>,
-    source: u32,
-    pen: u16,
+    source: StrokeId,
+    pen: PenId,
     passes: f64,
     /// Fragments and skipped lengths before the stroke.
     before: (usize, Skipped),
     /// Stops that admit a point; scratch space.
-    accepting: Vec<u32>,
+    accepting: Vec<StopId>,
     seam: Seam,
     /// Where the open fragment is to be cut although its stop would continue, and the stop that continues.
-    cut: Option<(usize, f64, u32)>,
+    cut: Option<(usize, f64, StopId)>,
 }
 
 impl<'a> Cutter<'a> {
@@ -239,8 +239,8 @@ impl<'a> Cutter<'a> {
             open: None,
             z: 0.0,
             unmarked: None,
-            source: 0,
-            pen: 0,
+            source: StrokeId(0),
+            pen: PenId(0),
             passes: 1.0,
             before,
             accepting: Vec::new(),
@@ -249,7 +249,7 @@ impl<'a> Cutter<'a> {
         }
     }
 
-    fn begin(&mut self, source: u32, pen: u16, passes: u32) {
+    fn begin(&mut self, source: StrokeId, pen: PenId, passes: u32) {
         (self.source, self.pen, self.passes) = (source, pen, f64::from(passes));
         self.before = (self.out.list.len(), self.out.skipped);
     }
@@ -282,7 +282,7 @@ impl<'a> Cutter<'a> {
                 self.cut = None;
             }
             // The stop of the open fragment, and where on the segment its window ends.
-            let mut stop = self.open.as_ref().map(|o| (o.stop as u32, self.window_end(o.stop as u32, s)));
+            let mut stop = self.open.as_ref().map(|o| (o.stop, self.window_end(o.stop, s)));
             for i in s.first..s.end {
                 let p = &run.pieces[i];
                 if let Some(skip) = p.skip {
@@ -310,10 +310,10 @@ impl<'a> Cutter<'a> {
                         exit = (t + 1.0 / s.a.distance(s.b)).min(p.t1);
                     }
                     if exit > t {
-                        if self.seam.overlap > 0.0 && self.open.as_ref().is_some_and(|o| o.stop != at as usize) {
+                        if self.seam.overlap > 0.0 && self.open.as_ref().is_some_and(|o| o.stop != at) {
                             self.share(at, run, i, t);
                         }
-                        self.mark(at as usize, s, [t, exit], p);
+                        self.mark(at, s, [t, exit], p);
                         t = exit;
                     }
                     // A stop that reached the end of the piece continues unasked: it was chosen as the one that the stroke leaves
@@ -330,7 +330,7 @@ impl<'a> Cutter<'a> {
     /// Where on a segment that begins in the window of `stop` it leaves it; on a turned part every piece
     /// tells for itself.
     #[inline]
-    fn window_end(&self, stop: u32, s: &Segment) -> f64 {
+    fn window_end(&self, stop: StopId, s: &Segment) -> f64 {
         if self.stops.turn(stop).is_some() {
             return f64::INFINITY;
         }
@@ -346,11 +346,11 @@ impl<'a> Cutter<'a> {
 
     /// Where a piece leaves `stop`, from t on; its end or beyond if it stays.
     #[inline]
-    fn exit(&self, stop: u32, window_end: f64, s: &Segment, p: &Piece, t: f64) -> f64 {
+    fn exit(&self, stop: StopId, window_end: f64, s: &Segment, p: &Piece, t: f64) -> f64 {
         if let Some(turn) = self.stops.turn(stop) {
             return self.turned_exit(stop, turn, s, p, t);
         }
-        let stop = &self.stops.stops[stop as usize].stop;
+        let stop = &self.stops.stops[stop.index()].stop;
         let (lo, hi) = (stop.z_lo as f64, stop.z_hi as f64);
         // At the edge of a sheet the height jumps from one piece to the next.
         if t == p.t0 && (p.z0 > hi + EPS || p.z0 < lo - EPS) {
@@ -370,7 +370,7 @@ impl<'a> Cutter<'a> {
     }
 
     /// As [`Cutter::exit`] for a turned part, on which a piece is straight in space.
-    fn turned_exit(&self, stop: u32, turn: &Turn, s: &Segment, p: &Piece, t: f64) -> f64 {
+    fn turned_exit(&self, stop: StopId, turn: &Turn, s: &Segment, p: &Piece, t: f64) -> f64 {
         // Every coordinate of the turned part is linear along the piece, and so are those of the drawing: each says
         // whether it is inside at t and where it leaves; the first to leave counts.
         let share = (t - p.t0) / (p.t1 - p.t0);
@@ -396,28 +396,30 @@ impl<'a> Cutter<'a> {
     }
 
     /// Lower and upper corner of what `stop` admits, on the turned part where there is a turn.
-    fn bounds(&self, stop: u32) -> [[f64; 3]; 2] {
-        let ([lo, hi], at) = (self.stops.window(stop), &self.stops.stops[stop as usize].stop);
+    fn bounds(&self, stop: StopId) -> [[f64; 3]; 2] {
+        let ([lo, hi], at) = (self.stops.window(stop), &self.stops.stops[stop.index()].stop);
         [[lo[0], lo[1], at.z_lo as f64], [hi[0], hi[1], at.z_hi as f64]]
     }
 
     /// A point as `stop` sees it.
-    fn seen(&self, stop: u32, p: [f64; 3]) -> [f64; 3] {
+    fn seen(&self, stop: StopId, p: [f64; 3]) -> [f64; 3] {
         self.stops.turn(stop).map_or(p, |turn| turn.apply(p))
     }
 
     /// A point of the drawing, over which the surface is `z` high, in the field frame of a stop. Sections are
     /// smaller than 2.1 m, so it fits.
-    fn local(&self, stop: usize, p: P2, z: f64) -> [i32; 2] {
-        let c = self.stops.stops[stop].stop.centre;
-        let Some(turn) = self.stops.turn(stop as u32) else { return [(p.x - c.x) as i32, (p.y - c.y) as i32] };
+    fn local(&self, stop: StopId, p: P2, z: f64) -> FieldPoint {
+        let c = self.stops.stops[stop.index()].stop.centre;
+        let Some(turn) = self.stops.turn(stop) else {
+            return FieldPoint::new((p.x - c.x) as i32, (p.y - c.y) as i32);
+        };
         let [x, y, _] = turn.apply([p.x as f64, p.y as f64, z]);
-        [nearest(x - c.x as f64) as i32, nearest(y - c.y as f64) as i32]
+        FieldPoint::new(nearest(x - c.x as f64) as i32, nearest(y - c.y as f64) as i32)
     }
 
     /// The stop that continues after `t` on piece `i` of segment `k`, and where its window ends; plans the
     /// place of the next cut if that is free.
-    fn go_on(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (u32, f64) {
+    fn go_on(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (StopId, f64) {
         let planned = self.cut.take().filter(|&(piece, at, _)| piece == i && at <= t).map(|(.., next)| next);
         let (s, p) = (&run.segments[k], &run.pieces[i]);
         let ends = planned.map(|next| (next, self.window_end(next, s)));
@@ -431,7 +433,7 @@ impl<'a> Cutter<'a> {
 
     /// Of the stops that admit what follows after `t` on piece `i` of segment `k`, the one that the stroke leaves
     /// last; and where on the segment its window ends.
-    fn choose(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (u32, f64) {
+    fn choose(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (StopId, f64) {
         let (s, p) = (&run.segments[k], &run.pieces[i]);
         let at = s.at(t, p.z(t));
         let mut accepting = std::mem::take(&mut self.accepting);
@@ -450,8 +452,8 @@ impl<'a> Cutter<'a> {
             _ => {
                 // Farthest first is optimal for cuts along one stroke: any cover of the stretch by intervals can be
                 // exchanged for this one, interval by interval, without a cut more.
-                let left = |&stop: &u32| (self.left(stop, run, k, i, t), stop);
-                let later = |a: &((usize, f64), u32), b: &((usize, f64), u32)| {
+                let left = |&stop: &StopId| (self.left(stop, run, k, i, t), stop);
+                let later = |a: &((usize, f64), StopId), b: &((usize, f64), StopId)| {
                     a.0.0.cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)).then(a.1.cmp(&b.1))
                 };
                 accepting.iter().map(left).max_by(later).map_or(accepting[0], |l| l.1)
@@ -462,7 +464,7 @@ impl<'a> Cutter<'a> {
     }
 
     /// Where the stroke leaves a stop that admits it at `t`: piece and parameter.
-    fn left(&self, stop: u32, run: &Run, k: usize, i: usize, t: f64) -> (usize, f64) {
+    fn left(&self, stop: StopId, run: &Run, k: usize, i: usize, t: f64) -> (usize, f64) {
         let mut t = t;
         for s in &run.segments[k..] {
             let end = self.window_end(stop, s);
@@ -479,13 +481,13 @@ impl<'a> Cutter<'a> {
     }
 
     /// The stop that comes nearest to accepting a point: methods cover all that was traced, up to rounding.
-    fn nearest(&self, at: [f64; 3]) -> u32 {
-        let beyond = |&stop: &u32| {
+    fn nearest(&self, at: [f64; 3]) -> StopId {
+        let beyond = |&stop: &StopId| {
             let ([lo, hi], at) = (self.bounds(stop), self.seen(stop, at));
             (0..3).map(|k| (lo[k] - at[k]).max(at[k] - hi[k])).fold(0.0, f64::max)
         };
         let near = self.stops.near(at, 2.0).min_by(|a, b| beyond(a).total_cmp(&beyond(b)).then(a.cmp(b)));
-        near.unwrap_or(0)
+        near.unwrap_or(StopId(0))
     }
 
     /// The stroke is not marked from `t` of a segment on.
@@ -518,15 +520,15 @@ impl<'a> Cutter<'a> {
     }
 
     /// Goes on in `stop` over a stretch of a piece.
-    fn mark(&mut self, stop: usize, s: &Segment, t: [f64; 2], p: &Piece) {
+    fn mark(&mut self, stop: StopId, s: &Segment, t: [f64; 2], p: &Piece) {
         // On a turned part the two sides of a wall lie apart in the field.
         let jump = (p.z(t[0]) - self.z).abs();
-        let jumps = self.stops.turn(stop as u32).is_some_and(|turn| jump * turn.lean() > CHORD / 2.0);
+        let jumps = self.stops.turn(stop).is_some_and(|turn| jump * turn.lean() > CHORD / 2.0);
         if self.open.as_ref().is_some_and(|o| o.stop != stop || jumps) {
             self.close(s.a.lerp(s.b, t[0]));
         }
         let z = [p.z(t[0]), p.z(t[1])];
-        let ends = self.stops.turn(stop as u32).map(|turn| [0, 1].map(|k| turn.apply(s.at(t[k], z[k]))));
+        let ends = self.stops.turn(stop).map(|turn| [0, 1].map(|k| turn.apply(s.at(t[k], z[k]))));
         if self.open.is_none() {
             let first = self.out.points.len();
             let last = s.a.lerp(s.b, t[0]);
@@ -551,11 +553,11 @@ impl<'a> Cutter<'a> {
         }
         self.z = z[1];
         let normal = || self.normals.under(p);
-        let slope2 = self.stops.turn(stop as u32).map_or(p.slope2, |turn| turn.slope2(normal()));
-        let (centre, Some(open)) = (self.stops.stops[stop].stop.centre, &mut self.open) else { return };
+        let slope2 = self.stops.turn(stop).map_or(p.slope2, |turn| turn.slope2(normal()));
+        let (centre, Some(open)) = (self.stops.stops[stop.index()].stop.centre, &mut self.open) else { return };
         let z = ends.map_or(z, |e| e.map(|e| e[2]));
         if let Some([x, y]) = ends.and_then(|e| open.bend.go([e[1][0], e[1][1]])) {
-            let p = [nearest(x - centre.x as f64) as i32, nearest(y - centre.y as f64) as i32];
+            let p = FieldPoint::new(nearest(x - centre.x as f64) as i32, nearest(y - centre.y as f64) as i32);
             if self.out.points[self.out.points.len() - 1] != p {
                 self.out.points.push(p);
             }
@@ -584,7 +586,7 @@ impl<'a> Cutter<'a> {
         if let Some(open) = &mut self.open {
             open.drawn += open.last.distance(b);
             open.last = b;
-            open.bend = self.stops.turn(open.stop as u32).map_or_else(Bend::default, |turn| {
+            open.bend = self.stops.turn(open.stop).map_or_else(Bend::default, |turn| {
                 let [x, y, _] = turn.apply([b.x as f64, b.y as f64, self.z]);
                 Bend::start([x, y])
             });
@@ -620,7 +622,7 @@ impl<'a> Cutter<'a> {
         self.out.mark_mm += self.passes * length / NM_PER_MM;
         self.out.overlap_mm += self.passes * open.shared / NM_PER_MM;
         self.out.list.push(Fragment {
-            stop: open.stop as u32,
+            stop: open.stop,
             source: self.source,
             segment: open.segment,
             pen: self.pen,

@@ -2,7 +2,7 @@
 
 use super::{Cutter, EPS, Run};
 use crate::geom::Turn;
-use crate::program::CHORD;
+use crate::program::{CHORD, StopId, StrokeId};
 
 /// An overlap that lacks no more than this, nm, is there in full: its ends are rounded.
 const SHORT: f64 = 2.0;
@@ -23,9 +23,9 @@ pub struct Seam {
 
 impl Seam {
     /// A number from 0 to 1 that depends on the seed and on which cut of which stroke it is.
-    pub(super) fn random(self, source: u32, cut: usize) -> f64 {
+    pub(super) fn random(self, source: StrokeId, cut: usize) -> f64 {
         // The finaliser of SplitMix64.
-        let mut h = self.seed ^ u64::from(source).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (cut as u64) << 32;
+        let mut h = self.seed ^ u64::from(source.0).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (cut as u64) << 32;
         for (shift, factor) in [(30, 0xBF58_476D_1CE4_E5B9u64), (27, 0x94D0_49BB_1331_11EB)] {
             h = (h ^ (h >> shift)).wrapping_mul(factor);
         }
@@ -36,7 +36,7 @@ impl Seam {
 impl Cutter<'_> {
     /// A random place to leave `stop`, which continues from `t` on piece `i` of segment `k`: in the zone before
     /// the place where it must be left, as far as the stop that follows admits it too.
-    pub(super) fn plan(&mut self, stop: u32, run: &Run, k: usize, i: usize, t: f64) -> Option<(usize, f64, u32)> {
+    pub(super) fn plan(&mut self, stop: StopId, run: &Run, k: usize, i: usize, t: f64) -> Option<(usize, f64, StopId)> {
         // Where the stop must be left, and the stop that follows there: the cut may lie anywhere before as long as
         // both admit the stroke.
         let (j, exit) = self.left(stop, run, k, i, t);
@@ -61,7 +61,7 @@ impl Cutter<'_> {
     /// answers where that ends and how far it is.
     pub(super) fn accepted_before(
         &self,
-        stop: u32,
+        stop: StopId,
         run: &Run,
         (mut j, mut to): (usize, f64),
         (first, from): (usize, f64),
@@ -113,17 +113,17 @@ impl Cutter<'_> {
     }
 
     /// Keeps those stops, if there are any, that admit as much before `t` of piece `i` as is to be shared.
-    pub(super) fn overlapping(&self, stops: &mut Vec<u32>, run: &Run, i: usize, t: f64) {
+    pub(super) fn overlapping(&self, stops: &mut Vec<StopId>, run: &Run, i: usize, t: f64) {
         let Some(open) = &self.open else { return };
         let wanted = self.seam.overlap.min((open.drawn_exact - open.shared) / 2.0);
-        let is_full = |&stop: &u32| self.accepted_before(stop, run, (i, t), (0, 0.0), wanted).1 >= wanted - SHORT;
+        let is_full = |&stop: &StopId| self.accepted_before(stop, run, (i, t), (0, 0.0), wanted).1 >= wanted - SHORT;
         if stops.iter().any(is_full) {
             stops.retain(is_full);
         }
     }
 
     /// Ends the open fragment at `t` of piece `i`, and has `stop`, which continues there, begin before it.
-    pub(super) fn share(&mut self, stop: u32, run: &Run, i: usize, t: f64) {
+    pub(super) fn share(&mut self, stop: StopId, run: &Run, i: usize, t: f64) {
         let segment = |piece: usize| &run.segments[run.segments.partition_point(|s| s.end <= piece)];
         let own = self.open.as_ref().map_or(0.0, |o| o.drawn_exact - o.shared);
         let s = segment(i);
@@ -144,7 +144,7 @@ impl Cutter<'_> {
             let (s, p) = (segment(j), &run.pieces[j]);
             let part = [if j == first { from } else { p.t0 }, if j == i { t } else { p.t1 }];
             if part[0] < part[1] {
-                self.mark(stop as usize, s, part, p);
+                self.mark(stop, s, part, p);
             }
             if j < i && j + 1 == s.end {
                 self.corner(s.index, s.b);

@@ -7,8 +7,8 @@ use super::unusable;
 use crate::diag::Error;
 use crate::geom::{NM_PER_MM, nm_from_mm};
 use crate::job::{DepthRule, Dose, Format, Job, Level, Mode, Overrides, Passes, Setups};
-use crate::machine::Machine;
-use crate::program::{Block, Pen};
+use crate::machine::{Machine, Origin};
+use crate::program::{Block, PassId, Pen};
 use crate::surface::{self, Content};
 use crate::texture::Texture;
 
@@ -41,7 +41,7 @@ pub(super) struct JobFacts {
     pub(super) weld_nm: f64,
     pub(super) turn_deg: f64,
     /// Part origin in the table frame, nm, where the job states one.
-    pub(super) origin: Option<[i64; 3]>,
+    pub(super) origin: Option<Origin>,
     /// Pens of the job; None where the job could not be read.
     pub(super) pens: Option<Vec<Pen>>,
     /// How pens make up for the slope, if they do.
@@ -104,7 +104,7 @@ impl JobFacts {
 
     /// By how much the grid of sections of pass `k` lies lower than that of the first, nm.
     pub(super) fn shift(&self, k: u32, pitch: [i64; 2]) -> [i64; 2] {
-        self.passes.shift_nm(k, pitch, self.figure_pitch_nm.unwrap_or(1))
+        self.passes.shift_nm(PassId(k), pitch, self.figure_pitch_nm.unwrap_or(1))
     }
 
     /// A block with its heights on the surface before it was lowered.
@@ -164,5 +164,5 @@ pub(super) fn shape(job: &Job) -> Result<(Shape, [f64; 4]), Error> {
 
 /// Places the textures of pass `k` of the job.
 pub(super) fn texture(job: &Job, k: u32, part_box_mm: [f64; 4]) -> Result<Texture, Error> {
-    Texture::load(&job.textures_of_pass(k), part_box_mm, job.placement.turn.as_rad(), &mut Vec::new())
+    Texture::load(&job.textures_of_pass(PassId(k)), part_box_mm, job.placement.turn.as_rad(), &mut Vec::new())
 }

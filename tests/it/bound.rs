@@ -5,6 +5,7 @@ use std::path::Path;
 
 use crate::support::surfaces::{FIVE, cyl, dome, mesh, saddle, wave, write_stl};
 use crate::support::{JobText, folder, planned, shared};
+use terrace::geom::FieldPoint;
 use terrace::partition::bound::Certificate;
 use terrace::plan::SteppedPlan;
 
@@ -82,7 +83,7 @@ fn assert_marks(name: &str, plan: &SteppedPlan, certificate: &Certificate) {
             }
             program.strokes_of(b).iter().any(|s| {
                 let points = program.points_of(s);
-                let at = |p: &[i32; 2]| [0, 1].map(|k| (i64::from(p[k]) + c[k]) as f64);
+                let at = |p: &FieldPoint| [(i64::from(p.x) + c[0]) as f64, (i64::from(p.y) + c[1]) as f64];
                 if lo == hi {
                     return points.windows(2).any(|w| {
                         let (a, b, p) = (at(&w[0]), at(&w[1]), lo.map(|v| v as f64));

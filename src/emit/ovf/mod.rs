@@ -18,7 +18,7 @@ use self::message::{
     WorkPlane, WorkPlaneLut, WorkPlaneMetaData,
 };
 use crate::check::Checked;
-use crate::geom::mm_from_nm;
+use crate::geom::{ControllerPoint, FieldPoint, mm_from_nm};
 use crate::machine::{Carries, Machine};
 use crate::program::{Program, Stroke};
 
@@ -68,7 +68,7 @@ fn work_plane(file: &mut File, program: &Program, machine: &Machine, index: usiz
     let mut extent = Extent::default();
     let mut starts = Vec::new();
     let mut strokes = program.strokes_of(block);
-    let mut at = [0, 0];
+    let mut at = FieldPoint::AXIS;
     while let [first, ..] = strokes {
         let (now, later) = strokes.split_at(run_length(strokes));
         let (vectors, bounds) = vector_block(program, machine, first, now, &mut at);
@@ -78,10 +78,10 @@ fn work_plane(file: &mut File, program: &Program, machine: &Machine, index: usiz
         strokes = later;
     }
     let shell = file.end();
-    let [x, y, z] = block.stage.map(single_mm);
+    let [x, y, z] = block.stage.0.map(single_mm);
     let centre = Patch { u_mm: single_mm(block.stop.centre.x), v_mm: single_mm(block.stop.centre.y) };
     let mut rotation = [0.0; 3];
-    for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt) {
+    for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt.0) {
         rotation[axis.letter as usize] = (command as f64 / 1e6) as f32;
     }
     let [x_rot_deg, y_rot_deg, z_rot_deg] = rotation;
@@ -125,7 +125,7 @@ fn vector_block(
     machine: &Machine,
     first: &Stroke,
     strokes: &[Stroke],
-    at: &mut [i32; 2],
+    at: &mut FieldPoint,
 ) -> (VectorBlock, Extent) {
     let mut extent = Extent::default();
     let mut xy_mm = Vec::with_capacity(2 * strokes.iter().map(|s| s.len as usize).sum::<usize>());
@@ -138,7 +138,7 @@ fn vector_block(
         for &point in points {
             let point = machine.scanner.controller_from_field(point);
             extent.point(point);
-            xy_mm.extend(point.map(|nm| single_mm(i64::from(nm))));
+            xy_mm.extend([point.x, point.y].map(|nm| single_mm(i64::from(nm))));
         }
     }
     let points = Some(Points { xy_mm });
@@ -148,8 +148,8 @@ fn vector_block(
     let block = VectorBlock {
         line_sequence,
         hatches,
-        marking_params_key: i32::from(first.pen) + 1,
-        repeats: u64::from(program.pens[usize::from(first.pen)].passes.saturating_sub(1)),
+        marking_params_key: i32::from(first.pen.0) + 1,
+        repeats: u64::from(program.pens[first.pen.index()].passes.saturating_sub(1)),
         meta_data: Some(meta_data),
         micro_structuring: Some(Empty {}),
     };
@@ -218,13 +218,16 @@ impl File {
 struct Extent(Option<[[i32; 2]; 2]>);
 
 impl Extent {
-    fn point(&mut self, p: [i32; 2]) {
+    fn point(&mut self, p: ControllerPoint) {
+        self.corner([p.x, p.y]);
+    }
+    fn corner(&mut self, p: [i32; 2]) {
         let [lo, hi] = self.0.unwrap_or([p, p]);
         self.0 = Some([[lo[0].min(p[0]), lo[1].min(p[1])], [hi[0].max(p[0]), hi[1].max(p[1])]]);
     }
     fn add(&mut self, other: &Self) {
         for corner in other.0.into_iter().flatten() {
-            self.point(corner);
+            self.corner(corner);
         }
     }
     fn mm(&self) -> Option<Bounds> {

@@ -1,5 +1,5 @@
 use super::*;
-use crate::program::sample;
+use crate::program::{PenId, sample};
 
 fn sample_file() -> (Program, Vec<u8>) {
     let (program, origin) = sample::program();
@@ -55,7 +55,7 @@ fn every_byte_belongs_to_one_message_of_the_layout() {
         let shell: WorkPlane = r.message(plane_lut.shell);
         let block = &program.blocks[i];
         assert_eq!(shell.work_plane_number as usize, i);
-        assert_eq!([shell.x_pos_mm, shell.y_pos_mm, shell.z_pos_mm], block.stage.map(single_mm));
+        assert_eq!([shell.x_pos_mm, shell.y_pos_mm, shell.z_pos_mm], block.stage.0.map(single_mm));
         assert_eq!(shell.machine_type, "terrace/xyz-galvo2d/x-part/y-part/z-head");
         assert_eq!(shell.num_blocks as usize, plane_lut.vector_blocks.len());
         let mut points = Vec::new();
@@ -68,7 +68,7 @@ fn every_byte_belongs_to_one_message_of_the_layout() {
         let expected: Vec<f32> = program
             .strokes_of(block)
             .iter()
-            .flat_map(|s| program.points_of(s).iter().flatten().map(|&nm| single_mm(i64::from(nm))))
+            .flat_map(|s| program.points_of(s).iter().flat_map(|p| [p.x, p.y]).map(|nm| single_mm(i64::from(nm))))
             .collect();
         assert_eq!(points, expected);
     }
@@ -83,7 +83,7 @@ fn runs_of_hatches_share_a_vector_block_and_the_order_is_kept() {
     assert_eq!(run_length(blocks(2)), 1, "a loop stands alone");
     assert_eq!(run_length(&blocks(2)[1..]), 1);
     let mut other_pen = blocks(0).to_vec();
-    other_pen[1].pen = 1;
+    other_pen[1].pen = PenId(1);
     assert_eq!(run_length(&other_pen), 1);
     let many = vec![blocks(0)[0]; MOST_POINTS];
     assert_eq!(run_length(&many), MOST_POINTS / 2);

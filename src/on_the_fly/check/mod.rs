@@ -158,8 +158,9 @@ fn travel(program: &Program, machine: &Machine) -> Vec<Diag> {
 fn field(program: &Program, machine: &Machine) -> Result<Option<Diag>, Error> {
     let field = program.fields(machine)?;
     let mut samples = std::iter::once((0, &program.start)).chain(program.moves.iter().map(|m| (m.us, &m.to)));
-    let outside =
-        |at: [i64; 2]| at.map(i32::try_from).iter().any(Result::is_err) || !machine.field_holds(at.map(|v| v as i32));
+    let outside = |at: [i64; 2]| {
+        at.map(i32::try_from).iter().any(Result::is_err) || !machine.field_holds(at.map(|v| v as i32).into())
+    };
     Ok(samples.find(|(_, to)| outside(field(to))).map(|(us, to)| {
         let [u, v] = field(to).map(mm_from_nm);
         let [w, h] = machine.usable_field().map(mm_from_nm);

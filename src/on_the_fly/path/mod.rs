@@ -12,7 +12,7 @@ pub mod c_rewind;
 pub mod height_field;
 pub mod schedule;
 
-use crate::geom::{NM_PER_MM, P2, mm_from_nm};
+use crate::geom::{FieldPoint, NM_PER_MM, P2, mm_from_nm};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::program::{Pen, Program};
 use crate::projection::Tracer;
@@ -66,7 +66,7 @@ impl Path {
             let centre = block.stop.centre;
             for (number, stroke) in block.strokes.clone().zip(program.strokes_of(block)) {
                 let points = program.points_of(stroke);
-                let part = |p: [i32; 2]| P2::new(centre.x + i64::from(p[0]), centre.y + i64::from(p[1]));
+                let part = |p: FieldPoint| P2::new(centre.x + i64::from(p.x), centre.y + i64::from(p.y));
                 let first = part(points[0]);
                 match from {
                     Some(from) if from != first => path.jump(from, first, height_field, spacing, number as u32),
@@ -84,7 +84,7 @@ impl Path {
                         Some(d) if angle(d, heading(a, b)) > CORNER => Node::Corner,
                         Some(_) => Node::Vertex,
                     });
-                    path.mark((&mut tracer, height_field), a, b, spacing, stroke.pen, number as u32);
+                    path.mark((&mut tracer, height_field), a, b, spacing, stroke.pen.0, number as u32);
                     direction = Some(heading(a, b));
                 }
                 path.turn(Node::End);

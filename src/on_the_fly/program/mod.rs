@@ -131,7 +131,7 @@ impl Program {
         for i in 1..motion.time.len() {
             let mark = motion.pen[i].map(|pen| {
                 let piece = motion.stroke[i];
-                Mark { pen, source: strokes.strokes[piece as usize].source, piece }
+                Mark { pen, source: strokes.strokes[piece as usize].source.0, piece }
             });
             maker.stretch(i, mark, &mut last)?;
         }

@@ -1,13 +1,13 @@
 use super::*;
-use crate::machine::{Carries, Machine};
+use crate::machine::{Carries, Machine, Origin, TiltAngles};
 use crate::on_the_fly::axes::motion::Motion;
-use crate::program::{Stroke, sample};
+use crate::program::{PenId, Stroke, StrokeId, sample};
 use crate::units::Length;
 
 fn strokes() -> program::Program {
     let mut strokes = sample::program().0;
     strokes.strokes.truncate(1);
-    strokes.strokes[0] = Stroke { source: 7, segment: 0, reversed: false, pen: 1, first: 0, len: 2 };
+    strokes.strokes[0] = Stroke { source: StrokeId(7), segment: 0, reversed: false, pen: PenId(1), first: 0, len: 2 };
     strokes
 }
 
@@ -38,7 +38,7 @@ fn marked(machine: &Machine, origin: [i64; 3], at: &[i64; AXES]) -> [f64; 3] {
         (u, v) = (v, u);
     }
     let p = [sign(0) * mm(0) + u, sign(1) * mm(1) + v, sign(2) * mm(2)];
-    let turn = table.turn([at[3], at[4]], origin);
+    let turn = table.turn(TiltAngles([at[3], at[4]]), Origin(origin));
     let back = turn.back([0, 1, 2].map(|k| p[k] * 1e6 - origin[k] as f64));
     back.map(|v| v / 1e6)
 }

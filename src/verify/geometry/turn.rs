@@ -1,6 +1,6 @@
 //! The part on a tilt table, by arithmetic of its own.
 
-use crate::machine::{Letter, Tilt};
+use crate::machine::{Letter, Origin, Tilt, TiltAngles};
 
 /// How a table turns the part about its pivot, nm.
 #[derive(Clone, Copy, Debug)]
@@ -13,7 +13,7 @@ pub(in crate::verify) struct Turn {
 impl Turn {
     /// What the commands (millionths of a degree) make of a part whose origin lies at `origin` (nm): the second
     /// axis turns it first.
-    pub(in crate::verify) fn of(table: &Tilt, commands: [i64; 2], origin: [i64; 3]) -> Self {
+    pub(in crate::verify) fn of(table: &Tilt, commands: TiltAngles, origin: Origin) -> Self {
         let [outer, inner] = [0, 1].map(|k| {
             let axis = &table.axes[k];
             let sign = if axis.reversed { -1.0 } else { 1.0 };

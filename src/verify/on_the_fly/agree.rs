@@ -78,7 +78,7 @@ pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, course: &Course, r
     hold(manifest.machine == facts.machine, "its machine is not the one of the job file");
     hold((manifest.placement.turn_deg - facts.turn_deg).abs() <= SAME, "its turn is not the one of the job file");
     let origin = manifest.placement.origin_mm.map(nm_from_mm);
-    hold(facts.origin.is_none_or(|o| o.map(Some) == origin), "its origin is not the one of the job file");
+    hold(facts.origin.is_none_or(|o| o.0.map(Some) == origin), "its origin is not the one of the job file");
     let full = facts.machine.laser.max_power;
     let pens = facts.pens.as_deref().unwrap_or_default();
     let same = manifest.pens.len() == pens.len()

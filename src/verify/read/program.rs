@@ -10,8 +10,9 @@ use std::path::Path;
 
 use super::Fault;
 use super::number::integer;
-use crate::geom::{MAX_NM, P2};
-use crate::program::{Block, Pen, Program, Stop, Stroke};
+use crate::geom::{FieldPoint, MAX_NM, P2};
+use crate::machine::{Commanded, Origin, TiltAngles};
+use crate::program::{Block, PassId, Pen, PenId, Program, SectionId, SetupId, Stop, Stroke, StrokeId};
 
 /// Largest block-local coordinate, nm: below i32 so that a mirrored one fits too.
 const MAX_LOCAL: i64 = 2_000_000_000;
@@ -26,7 +27,7 @@ const MAX_LINE: u64 = 1 << 28;
 #[derive(Debug)]
 pub(in crate::verify) struct ProgramFile {
     /// Part-frame origins in the table frame, nm, by set-up; at least one.
-    pub(in crate::verify) origins: Vec<[i64; 3]>,
+    pub(in crate::verify) origins: Vec<Origin>,
     /// Blocks, strokes, points, pens.
     pub(in crate::verify) program: Program,
     /// Names of the blocks.
@@ -35,8 +36,8 @@ pub(in crate::verify) struct ProgramFile {
 
 impl ProgramFile {
     /// Where the part lies while a block is marked, nm.
-    pub(in crate::verify) fn origin(&self, block: &Block) -> [i64; 3] {
-        self.origins[block.setup as usize]
+    pub(in crate::verify) fn origin(&self, block: &Block) -> Origin {
+        self.origins[block.setup.index()]
     }
 }
 
@@ -54,7 +55,7 @@ pub(in crate::verify) fn parse(input: impl BufRead) -> Result<ProgramFile, Fault
     }
     let mut origins = Vec::new();
     while origins.is_empty() || lines.begins_with(b'o')? {
-        origins.push(lines.keyed(b"origin", |w| Some([w.nm()?, w.nm()?, w.nm()?]))?);
+        origins.push(lines.keyed(b"origin", |w| Some(Origin([w.nm()?, w.nm()?, w.nm()?])))?);
     }
     let pens = lines.keyed(b"pens", |w| w.count())?;
     let mut program = Program::default();
@@ -77,7 +78,7 @@ pub(in crate::verify) fn parse(input: impl BufRead) -> Result<ProgramFile, Fault
             setup = lines.keyed(b"setup", |w| w.count()?.checked_sub(1).filter(is_known))?;
         }
         let (id, mut block, strokes) = lines.keyed(b"block", block)?;
-        (block.pass, block.setup) = (pass, setup);
+        (block.pass, block.setup) = (PassId(pass), SetupId(setup));
         block.strokes = program.strokes.len()..program.strokes.len();
         for _ in 0..strokes {
             let text = lines.next()?;
@@ -193,17 +194,18 @@ fn block(w: &mut Words<'_>) -> Option<(String, Block, u32)> {
     let id = std::str::from_utf8(w.next()?).ok()?.to_owned();
     let section = [w.count()?, w.count()?];
     let level = i32::try_from(w.int()?).ok()?;
-    let tilt = [w.within(MAX_TURN)?, w.within(MAX_TURN)?];
+    let tilt = TiltAngles([w.within(MAX_TURN)?, w.within(MAX_TURN)?]);
     let centre = P2::new(w.nm()?, w.nm()?);
     let (focus, z_lo, z_hi) = (w.nm()?, w.nm()?, w.nm()?);
-    let stop = Stop { section, level, tilt, centre, focus, z_lo, z_hi };
-    let stage = [w.nm()?, w.nm()?, w.nm()?];
+    let stop = Stop { section: SectionId(section), level, tilt, centre, focus, z_lo, z_hi };
+    let stage = Commanded([w.nm()?, w.nm()?, w.nm()?]);
     let retract = match w.next()? {
         b"0" => false,
         b"1" => true,
         _ => return None,
     };
-    let block = Block { pass: 0, setup: 0, stop, stage, retract, z_lo: w.nm()?, z_hi: w.nm()?, strokes: 0..0 };
+    let block =
+        Block { pass: PassId(0), setup: SetupId(0), stop, stage, retract, z_lo: w.nm()?, z_hi: w.nm()?, strokes: 0..0 };
     Some((id, block, w.count()?))
 }
 
@@ -217,14 +219,14 @@ fn stroke(w: &mut Words<'_>, program: &mut Program) -> Option<()> {
     };
     let first = program.points.len();
     while !w.text.is_empty() {
-        program.points.push([w.local()?, w.local()?]);
+        program.points.push(FieldPoint::new(w.local()?, w.local()?));
     }
     let len = program.points.len() - first;
     if usize::from(pen) >= program.pens.len() || len < 2 {
         return None;
     }
     let (first, len) = (u32::try_from(first).ok()?, u32::try_from(len).ok()?);
-    program.strokes.push(Stroke { source, segment, reversed, pen, first, len });
+    program.strokes.push(Stroke { source: StrokeId(source), segment, reversed, pen: PenId(pen), first, len });
     Some(())
 }
 
@@ -238,17 +240,20 @@ mod tests {
     #[test]
     fn a_program_is_read_as_written() {
         let file = parse(TEXT.as_bytes()).expect("sound");
-        assert_eq!((file.origins, file.ids.as_slice()), (vec![[1, -2, 3], [4, 5, 6]], &["B0001".to_owned()][..]));
+        assert_eq!(
+            (file.origins, file.ids.as_slice()),
+            (vec![Origin([1, -2, 3]), Origin([4, 5, 6])], &["B0001".to_owned()][..])
+        );
         let p = &file.program;
         assert_eq!((p.pens[0].name.as_str(), p.pens[0].passes), ("fill", 2));
         let b = &p.blocks[0];
-        assert_eq!((b.pass, b.setup), (2, 1));
-        assert_eq!((b.stop.section, b.stop.level, b.stop.centre), ([0, 1], -2, P2::new(10, 20)));
-        assert_eq!(b.stop.tilt, [0, -5]);
+        assert_eq!((b.pass, b.setup), (PassId(2), SetupId(1)));
+        assert_eq!((b.stop.section, b.stop.level, b.stop.centre), (SectionId([0, 1]), -2, P2::new(10, 20)));
+        assert_eq!(b.stop.tilt, TiltAngles([0, -5]));
         assert_eq!((b.stop.focus, b.stop.z_lo, b.stop.z_hi, b.z_lo, b.z_hi), (30, 25, 35, 28, 31));
-        assert_eq!((b.stage, b.retract, b.strokes.clone()), ([-11, -18, 33], true, 0..2));
-        assert_eq!(p.points_of(&p.strokes[1]), [[1, 1], [2, 2], [3, -3]]);
-        assert!(p.strokes[1].reversed && p.strokes[1].source == 8);
+        assert_eq!((b.stage, b.retract, b.strokes.clone()), (Commanded([-11, -18, 33]), true, 0..2));
+        assert_eq!(p.points_of(&p.strokes[1]), [[1, 1], [2, 2], [3, -3]].map(FieldPoint::from));
+        assert!(p.strokes[1].reversed && p.strokes[1].source == StrokeId(8));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::hash::is_inside;
 use super::{planes, setups};
 use crate::geom::{NM_PER_MM, P2, mm_from_nm, nm_from_mm};
 use crate::machine::Machine;
-use crate::program::{Block, Program};
+use crate::program::{Block, BlockId, PassId, Program};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::formats::{self, ReadStrokes, Stepped};
@@ -29,10 +29,10 @@ pub(in crate::verify) fn check(
 ) {
     rule.ran = true;
     let program = &file.program;
-    if manifest.placement.origin_mm.map(nm_from_mm) != file.origins[0].map(Some) {
+    if manifest.placement.origin_mm.map(nm_from_mm) != file.origins[0].0.map(Some) {
         rule.broken("", "manifest.json", "its placement is not the origin of program.txt");
     }
-    if !manifest.setups.iter().map(|s| s.origin_mm.map(nm_from_mm)).eq(file.origins.iter().map(|o| o.map(Some))) {
+    if !manifest.setups.iter().map(|s| s.origin_mm.map(nm_from_mm)).eq(file.origins.iter().map(|o| o.0.map(Some))) {
         rule.broken("", "manifest.json", "its set-ups are not those of program.txt");
     }
     let mut begun = BTreeSet::new();
@@ -46,7 +46,7 @@ pub(in crate::verify) fn check(
     }
     for (i, (id, block)) in file.ids.iter().zip(&program.blocks).enumerate() {
         rule.checked += 1;
-        if *id != Program::block_id(i) {
+        if *id != BlockId::new(i).to_string() {
             rule.broken(id, "program.txt", format!("block {} of the order is named {id}", i + 1));
         }
         if i > 0 && block.pass < program.blocks[i - 1].pass {
@@ -105,7 +105,7 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
     let passes = &facts.passes;
     let declared = manifest.passes.iter().zip(0..).map(|(p, k)| {
         let turn = f64::from(k) * passes.rotate.as_deg();
-        near(p.turn_deg, turn) && nm_from_mm(p.lowered_mm) == Some(passes.lowered_nm(k))
+        near(p.turn_deg, turn) && nm_from_mm(p.lowered_mm) == Some(passes.lowered_nm(PassId(k)))
     });
     let all = manifest.passes.len() == passes.count as usize;
     hold(all && declared.into_iter().all(|same| same), "its passes are not those of the job file");
@@ -124,14 +124,14 @@ fn differs(e: &BlockEntry, id: &str, b: &Block) -> Option<&'static str> {
     let P2 { x, y } = b.stop.centre;
     [
         ("id", e.id == id),
-        ("pass", e.pass.checked_sub(1) == Some(b.pass)),
-        ("set-up", e.setup.checked_sub(1) == Some(b.setup)),
-        ("section", e.section == b.stop.section),
+        ("pass", e.pass.checked_sub(1) == Some(b.pass.0)),
+        ("set-up", e.setup.checked_sub(1) == Some(b.setup.0)),
+        ("section", e.section == b.stop.section.0),
         ("level", e.level == b.stop.level),
         ("centre", e.centre_mm.map(nm) == [Some(x), Some(y)]),
         ("focus (lpfl)", nm(e.lpfl_mm) == Some(b.stop.focus)),
-        ("tilt", e.tilt_deg.map(nm) == b.stop.tilt.map(Some)),
-        ("stage target", e.stage.map(nm) == b.stage.map(Some)),
+        ("tilt", e.tilt_deg.map(nm) == b.stop.tilt.0.map(Some)),
+        ("stage target", e.stage.map(nm) == b.stage.0.map(Some)),
         ("depth interval", [nm(e.z_lo_mm), nm(e.z_hi_mm)] == [Some(b.z_lo), Some(b.z_hi)]),
         ("number of strokes", e.strokes == b.strokes.len()),
     ]
@@ -162,9 +162,9 @@ impl Drawings<'_> {
         let (mut count, mut first) = (0, None);
         let read = (self.read)(&bytes, id, &mut |pen, points| {
             if let Some(stroke) = strokes.get(count) {
-                let wanted =
-                    program.points_of(stroke).iter().map(|&p| machine.scanner.controller_from_field(p).map(i64::from));
-                if pen != Some(usize::from(stroke.pen) + 1) {
+                let wanted = program.points_of(stroke).iter().map(|&p| machine.scanner.controller_from_field(p));
+                let wanted = wanted.map(|p| [p.x, p.y].map(i64::from));
+                if pen != Some(stroke.pen.index() + 1) {
                     first.get_or_insert((count, "has another pen"));
                 } else if !wanted.eq(points.iter().copied()) {
                     first.get_or_insert((count, "has other points"));

@@ -18,8 +18,8 @@
 use super::Findings;
 use super::stage::{Positions, StageFile};
 use crate::geom::NM_PER_MM;
-use crate::machine::Machine;
-use crate::program::Block;
+use crate::machine::{Commanded, Machine, TiltAngles};
+use crate::program::{Block, SetupId};
 use crate::verify::geometry::{Geometry, Turn};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
@@ -58,8 +58,8 @@ pub(in crate::verify) fn check(
 /// Commands of x, y, z in nm and of the tilt axes in millionths of a degree.
 #[derive(Clone, Copy, PartialEq)]
 struct Pose {
-    at: [i64; 3],
-    tilt: [i64; 2],
+    at: Commanded,
+    tilt: TiltAngles,
 }
 
 struct Head<'a> {
@@ -74,14 +74,14 @@ impl Head<'_> {
     /// The moves of `program.txt`.
     fn program(&mut self) {
         let top = self.machine.retract_z();
-        let mut before: Option<(Pose, u32)> = None;
+        let mut before: Option<(Pose, SetupId)> = None;
         for (i, block) in self.file.program.blocks.iter().enumerate() {
             let to = Pose { at: block.stage, tilt: block.stop.tilt };
             let from = before.filter(|b| b.1 == block.setup).map_or(to, |b| b.0);
             let lifted = block.retract || before.is_none_or(|b| b.1 != block.setup);
             let z = if lifted { top } else { from.at[2] };
-            let over = Pose { at: [to.at[0], to.at[1], z], ..to };
-            let start = Pose { at: [from.at[0], from.at[1], z], ..from };
+            let over = Pose { at: Commanded([to.at[0], to.at[1], z]), ..to };
+            let start = Pose { at: Commanded([from.at[0], from.at[1], z]), ..from };
             self.go(i, start, over, "program.txt");
             self.go(i, over, to, "program.txt");
             before = Some((to, block.setup));
@@ -106,7 +106,7 @@ impl Head<'_> {
             }
             let pose = |at: &[Option<i64>; 6]| {
                 let tilt = letters.map_or([Some(0); 2], |l| l.map(|k| at[3 + k]));
-                Some(Pose { at: [at[0]?, at[1]?, at[2]?], tilt: [tilt[0]?, tilt[1]?] })
+                Some(Pose { at: Commanded([at[0]?, at[1]?, at[2]?]), tilt: TiltAngles([tilt[0]?, tilt[1]?]) })
             };
             if let Some(to) = pose(&at) {
                 self.go(block, pose(&from).unwrap_or(to), to, &stage.place(moved.line));
@@ -120,14 +120,14 @@ impl Head<'_> {
         let Some(block) = self.file.program.blocks.get(i) else { return };
         let origin = self.file.origin(block);
         let axes = self.machine.axes();
-        let part = |at: [i64; 3]| [0, 1, 2].map(|k| (axes[k].1.sign() * at[k] - origin[k]) as f64);
+        let part = |at: Commanded| [0, 1, 2].map(|k| (axes[k].1.sign() * at[k] - origin[k]) as f64);
         let (a, b) = (part(from.at), part(to.at));
         let nm = |l: crate::units::Length| l.as_mm() * NM_PER_MM;
         // The head moves over the part with its lower end `gap` above the focal plane, whose height is the z of the pose:
         // what rises above the lower one of both ends and `gap` is too near. Most moves pass above all of the part.
         let gap = nm(self.machine.lens.working_distance) - nm(self.machine.stage.clearance);
         let limit = a[2].min(b[2]) + gap + ROUNDING + 2.0 * self.geometry.weld();
-        if self.tiles.highest <= limit && from.tilt == [0; 2] && to.tilt == [0; 2] {
+        if self.tiles.highest <= limit && from.tilt.is_upright() && to.tilt.is_upright() {
             return;
         }
         // The program has to keep away from a square of the head's diameter; here it is smaller by what rounding moves.
@@ -149,7 +149,7 @@ impl Head<'_> {
         let half = range.map(|[lo, hi]| ((hi - lo) / 2.0 / 1e6).to_radians());
         let turn = match &self.machine.tilt {
             Some(table) if middle != [0.0; 2] => {
-                Some(Turn::of(table, middle.map(|v| v.round() as i64), self.file.origin(block)))
+                Some(Turn::of(table, TiltAngles(middle.map(|v| v.round() as i64)), self.file.origin(block)))
             }
             _ => None,
         };

@@ -6,6 +6,7 @@
 
 use super::turned::Turned;
 use super::{Findings, part_place_nm};
+use crate::geom::FieldPoint;
 use crate::job::{Compensate, Dose};
 use crate::program::{Block, Pen, Stroke};
 use crate::verify::geometry::{Geometry, Line, Scratch, Slope};
@@ -62,7 +63,7 @@ pub(in crate::verify) fn check(file: &ProgramFile, facts: &JobFacts, geometry: &
         let is_turned = Turned::of(file, block, facts, geometry, &mut turned);
         let geometry = turned.as_ref().filter(|_| is_turned).map_or(geometry, |t| &t.geometry);
         for stroke in file.program.strokes_of(block) {
-            let Some(factor) = factors[usize::from(stroke.pen)] else { continue };
+            let Some(factor) = factors[stroke.pen.index()] else { continue };
             rule.checked += 1;
             let mut wanted = [f64::INFINITY, f64::NEG_INFINITY];
             // A mark along an edge may be on either side of it.
@@ -75,7 +76,8 @@ pub(in crate::verify) fn check(file: &ProgramFile, facts: &JobFacts, geometry: &
                 }
             }
             if wanted[0] <= wanted[1] && !is_near(&dose, factor, wanted) {
-                let [x, y] = file.program.points_of(stroke)[0].map(f64::from);
+                let FieldPoint { x, y } = file.program.points_of(stroke)[0];
+                let [x, y] = [x, y].map(f64::from);
                 let place = part_place_nm([block.stop.centre.x as f64 + x, block.stop.centre.y as f64 + y]);
                 let text = format!("its pen has the factor {factor}, the slope asks for {:.4}", wanted[0]);
                 rule.broken(id, place, text);
@@ -109,7 +111,7 @@ fn mean_cos(
     scratch: &mut Scratch,
 ) -> Option<f64> {
     let c = block.stop.centre;
-    let part = |p: [i32; 2]| [c.x as f64 + f64::from(p[0]), c.y as f64 + f64::from(p[1])];
+    let part = |p: FieldPoint| [c.x as f64 + f64::from(p.x), c.y as f64 + f64::from(p.y)];
     let (mut length, mut sum) = (0.0, 0.0);
     for w in file.program.points_of(stroke).windows(2).filter(|w| w[0] != w[1]) {
         let line = Line::new(part(w[0]), part(w[1]));

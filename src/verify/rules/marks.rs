@@ -8,7 +8,7 @@
 use super::stretch::{Parts, Stretch, confirmed, note, whole};
 use super::turned::{Drawn, Turned};
 use super::{Findings, part_place, part_place_nm};
-use crate::geom::P2;
+use crate::geom::{FieldPoint, P2};
 use crate::machine::Machine;
 use crate::program::{Block, Stroke};
 use crate::verify::geometry::{Geometry, Line, Piece, Scratch, Sheet, Slope};
@@ -36,7 +36,7 @@ pub(in crate::verify) fn field(file: &ProgramFile, machine: &Machine, rule: &mut
         for stroke in file.program.strokes_of(block) {
             let points = file.program.points_of(stroke);
             rule.checked += points.len() as u64;
-            if let Some(&[x, y]) = points.iter().find(|&&p| !machine.field_holds(p)) {
+            if let Some(&FieldPoint { x, y }) = points.iter().find(|&&p| !machine.field_holds(p)) {
                 let c = block.stop.centre;
                 let place = part_place(P2::new(c.x + i64::from(x), c.y + i64::from(y)));
                 let [x, y] = [x, y].map(|v| f64::from(v) / crate::geom::NM_PER_MM);
@@ -170,7 +170,7 @@ impl Search<'_> {
 
     fn stroke(&mut self, id: &str, block: &Block, stroke: &Stroke, allowed: [f64; 2], found: &mut Found) {
         let c = block.stop.centre;
-        let part = |p: [i32; 2]| [(c.x + i64::from(p[0])) as f64, (c.y + i64::from(p[1])) as f64];
+        let part = |p: FieldPoint| [(c.x + i64::from(p.x)) as f64, (c.y + i64::from(p.y)) as f64];
         let points = self.file.program.points_of(stroke);
         let (focus, geometry) = (block.stop.focus as f64, self.geometry);
         self.lines.clear();
@@ -200,8 +200,7 @@ impl Search<'_> {
             length += line.len;
             self.lines.push(line);
         }
-        found.mark_mm +=
-            length * f64::from(self.file.program.pens[usize::from(stroke.pen)].passes) / crate::geom::NM_PER_MM;
+        found.mark_mm += length * f64::from(self.file.program.pens[stroke.pen.index()].passes) / crate::geom::NM_PER_MM;
         if !self.low.is_empty() {
             self.report_depth(id, block, allowed, found);
         }

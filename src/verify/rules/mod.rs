@@ -25,7 +25,8 @@ use super::job_facts::JobFacts;
 use super::proof::{Lengths, Proof, Rule};
 use super::read::manifest::Manifest;
 use super::read::program::ProgramFile;
-use crate::geom::{P2, mm_from_nm};
+use crate::geom::P2;
+use crate::machine::Commanded;
 
 /// The rules and figures while they are being found.
 pub(super) struct Findings {
@@ -140,7 +141,7 @@ fn part_place_nm([x, y]: [f64; 2]) -> String {
 }
 
 /// A stage position in messages.
-fn stage_text(stage: [i64; 3]) -> String {
-    let [x, y, z] = stage.map(mm_from_nm);
+fn stage_text(stage: Commanded) -> String {
+    let [x, y, z] = stage.mm();
     format!("({x}, {y}, {z}) mm")
 }

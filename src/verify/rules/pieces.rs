@@ -10,7 +10,7 @@ use super::stretch::{Run, Stretch, confirmed, note, whole};
 use super::turned::Drawn;
 use super::{Findings, part_place, part_place_nm};
 use crate::geom::{NM_PER_MM, P2, orient};
-use crate::program::{Block, Stroke};
+use crate::program::{Block, PassId, PenId, Stroke};
 use crate::verify::Drawing;
 use crate::verify::geometry::{Geometry, Line, Piece, Scratch, Slope};
 use crate::verify::job_facts::JobFacts;
@@ -77,11 +77,11 @@ pub(in crate::verify) fn check(
         missing: Vec::new(),
         out: Pieces::default(),
     };
-    for (pass, drawing) in (0..).zip(drawings) {
+    for (pass, drawing) in (0..).map(PassId).zip(drawings) {
         cover.drawing = drawing;
         cover.pass(&strokes_of(file, |p| p == pass));
     }
-    for i in strokes_of(file, |p| p as usize >= drawings.len()) {
+    for i in strokes_of(file, |p| p.index() >= drawings.len()) {
         cover.lost(i, "the job has no such pass");
     }
     let out = cover.out;
@@ -90,7 +90,7 @@ pub(in crate::verify) fn check(
 }
 
 /// The marks of some passes by the stroke that they claim.
-fn strokes_of(file: &ProgramFile, wanted: impl Fn(u32) -> bool) -> Vec<u32> {
+fn strokes_of(file: &ProgramFile, wanted: impl Fn(PassId) -> bool) -> Vec<u32> {
     let blocks = file.program.blocks.iter().filter(|b| wanted(b.pass));
     let mut order: Vec<u32> = blocks.flat_map(|b| b.strokes.clone()).map(|i| i as u32).collect();
     order.sort_unstable_by_key(|&i| (file.program.strokes[i as usize].source, i));
@@ -151,7 +151,7 @@ impl Cover<'_> {
     /// The marks of one pass, by the stroke that they claim.
     fn pass(&mut self, order: &[u32]) {
         let file = self.file;
-        let source = |i: u32| file.program.strokes[i as usize].source as usize;
+        let source = |i: u32| file.program.strokes[i as usize].source.index();
         let beyond = order.partition_point(|&i| source(i) < self.drawing.len);
         for &i in &order[beyond..] {
             self.lost(i, "the texture has no such stroke");
@@ -182,7 +182,7 @@ impl Cover<'_> {
         self.out.lengths.texture_mm += sum * passes / NM_PER_MM;
         self.spans.clear();
         for &i in marks {
-            self.place(i, number, pen, passes);
+            self.place(i, number, PenId(pen), passes);
         }
         self.spans.sort_unstable_by(|a, b| a.from.total_cmp(&b.from).then(a.mark.cmp(&b.mark)));
         let spans = std::mem::take(&mut self.spans);
@@ -227,7 +227,7 @@ impl Cover<'_> {
     }
 
     /// Lays a mark on the stroke that it claims.
-    fn place(&mut self, i: u32, number: usize, pen: u16, passes: f64) {
+    fn place(&mut self, i: u32, number: usize, pen: PenId, passes: f64) {
         self.source.checked += 1;
         let stroke = self.file.program.strokes[i as usize];
         let block = self.load(i, &stroke);
@@ -247,8 +247,8 @@ impl Cover<'_> {
                 self.spans.push(Span { from, to, off, mark: i });
                 self.out.rounding_mm += (length - (to - from)).abs() * passes / NM_PER_MM;
                 let is_own = stroke.pen == pen || {
-                    let made = super::dose::origin(&self.file.program.pens, usize::from(stroke.pen), self.facts);
-                    made.is_some_and(|(own, _)| own == usize::from(pen))
+                    let made = super::dose::origin(&self.file.program.pens, stroke.pen.index(), self.facts);
+                    made.is_some_and(|(own, _)| own == pen.index())
                 };
                 (!is_own).then(|| "it is marked with another pen than it is drawn with".to_owned())
             }
@@ -273,14 +273,14 @@ impl Cover<'_> {
         self.source.checked += 1;
         let stroke = self.file.program.strokes[i as usize];
         let block = self.load(i, &stroke);
-        let passes = f64::from(self.file.program.pens[usize::from(stroke.pen)].passes);
+        let passes = f64::from(self.file.program.pens[stroke.pen.index()].passes);
         let length: f64 = self.mark.windows(2).map(|w| w[0].distance(w[1])).sum();
         self.out.lengths.mark_mm += length * passes / NM_PER_MM;
         if self.unmatched.len() < UNMATCHED {
             self.unmatched.extend(self.ends());
         }
         let place = self.mark.first().map_or(String::new(), |&p| part_place(p));
-        self.source.broken(&self.file.ids[block], place, format!("mark of stroke {}: {why}", stroke.source));
+        self.source.broken(&self.file.ids[block], place, format!("mark of stroke {}: {why}", stroke.source.0));
     }
 
     /// Fills [`Cover::mark`] and answers with the mark's block.
@@ -289,8 +289,8 @@ impl Cover<'_> {
         let block = program.blocks.partition_point(|b| b.strokes.end <= i as usize);
         let stop = &program.blocks[block].stop;
         let c = stop.centre;
-        self.off = (stop.tilt != [0; 2] && !self.drawn.is_empty()).then(|| self.drawn.off[i as usize]);
-        let points = program.points_of(stroke).iter().map(|p| P2::new(c.x + i64::from(p[0]), c.y + i64::from(p[1])));
+        self.off = (!stop.tilt.is_upright() && !self.drawn.is_empty()).then(|| self.drawn.off[i as usize]);
+        let points = program.points_of(stroke).iter().map(|p| P2::new(c.x + i64::from(p.x), c.y + i64::from(p.y)));
         self.mark.clear();
         if self.off.is_some() {
             self.mark

@@ -1,7 +1,7 @@
 //! `agreement` of the OVF: one work plane per block, each mark to one step of f32; settings as the pens and the machine
 //! file state them, and who carries what on each axis, which decides the signs of all positions.
 
-use crate::geom::mm_from_nm;
+use crate::geom::{ControllerPoint, mm_from_nm};
 use crate::machine::{Axis, Carries, Machine};
 use crate::program::{Block, Program};
 use crate::verify::proof::Rule;
@@ -64,7 +64,7 @@ fn plane(
     let plane = ovf.plane(i, |mark| {
         if let Some(stroke) = strokes.get(count) {
             let points = program.points_of(stroke).iter().map(|&p| machine.scanner.controller_from_field(p));
-            if mark.params != i32::from(stroke.pen) + 1 {
+            if mark.params != i32::from(stroke.pen.0) + 1 {
                 first.get_or_insert((count, "has the settings of another pen"));
             } else if !same_points(&mark, points) {
                 first.get_or_insert((count, "has other points"));
@@ -85,8 +85,8 @@ fn plane(
     // A plane is repeated as a whole and each of its blocks again: the product is how often a stroke is marked.
     let passes = |repeats: u64| (u64::from(plane.repeats) + 1).checked_mul(repeats.checked_add(1)?);
     for (pen, repeats) in repeats {
-        if passes(repeats) != Some(u64::from(program.pens[usize::from(pen)].passes)) {
-            return Err(format!("the passes of pen {} are not those of program.txt", pen + 1));
+        if passes(repeats) != Some(u64::from(program.pens[pen.index()].passes)) {
+            return Err(format!("the passes of pen {} are not those of program.txt", pen.number()));
         }
     }
     shell(&plane, i, block, machine)
@@ -94,11 +94,11 @@ fn plane(
 
 fn shell(plane: &WorkPlane, i: usize, block: &Block, machine: &Machine) -> Result<(), String> {
     let at = [plane.x_mm, plane.y_mm, plane.z_mm];
-    if !at.iter().zip(block.stage).all(|(&mm, nm)| step(mm, mm_from_nm(nm))) {
+    if !at.iter().zip(block.stage.0).all(|(&mm, nm)| step(mm, mm_from_nm(nm))) {
         return Err(format!("the work plane stands at {at:?} mm, program.txt says {}", super::stage_text(block.stage)));
     }
     let mut tilt = [0.0; 3];
-    for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt) {
+    for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt.0) {
         tilt[axis.letter as usize] = command as f64 / 1e6;
     }
     let turned = [plane.x_deg, plane.y_deg, plane.z_deg];
@@ -124,10 +124,14 @@ fn machine_type(machine: &Machine) -> String {
     format!("terrace/xyz-galvo2d{}", machine.axes().map(axis).concat())
 }
 
-fn same_points(mark: &Mark<'_>, points: impl ExactSizeIterator<Item = [i32; 2]>) -> bool {
+fn same_points(mark: &Mark<'_>, points: impl ExactSizeIterator<Item = ControllerPoint>) -> bool {
     let nm = |v: i32| mm_from_nm(i64::from(v));
     mark.xy.len() == 2 * points.len()
-        && mark.xy.chunks_exact(2).zip(points).all(|(found, [x, y])| step(found[0], nm(x)) && step(found[1], nm(y)))
+        && mark
+            .xy
+            .chunks_exact(2)
+            .zip(points)
+            .all(|(found, ControllerPoint { x, y })| step(found[0], nm(x)) && step(found[1], nm(y)))
 }
 
 /// Whether `found` is `mm` to one step of f32.

@@ -62,7 +62,7 @@ struct Columns {
 
 /// Indices of the pens of a block, rising.
 fn pens_of(file: &ProgramFile, block: &Block) -> impl Iterator<Item = usize> {
-    let mut pens: Vec<usize> = file.program.strokes_of(block).iter().map(|s| usize::from(s.pen)).collect();
+    let mut pens: Vec<usize> = file.program.strokes_of(block).iter().map(|s| s.pen.index()).collect();
     pens.sort_unstable();
     pens.dedup();
     pens.into_iter()
@@ -148,7 +148,7 @@ impl Sheets<'_> {
     fn more(&self, table: &Table, row: &[String], block: &Block) -> Option<&'static str> {
         let cell = |name: &str| table.column(name).map(|i| row[i].as_str());
         let is = |name: &str, value: i64| cell(name).is_none_or(|c| number::integer(c.as_bytes()) == Some(value));
-        let [column, line] = block.stop.section.map(i64::from);
+        let [column, line] = block.stop.section.0.map(i64::from);
         let jump = times::jump_mm(&self.file.program, block);
         // A lift that is not asked for does no harm.
         let lifts = |c: &str| !matches!(c.trim(), "" | "0" | "-" | "no" | "false");
@@ -156,8 +156,8 @@ impl Sheets<'_> {
             ("section", is("column", column) && is("row", line)),
             ("section", cell("section").is_none_or(|c| c == format!("{column},{line}"))),
             ("level", is("level", block.stop.level.into())),
-            ("pass", is("pass", i64::from(block.pass) + 1)),
-            ("set-up", is("setup", i64::from(block.setup) + 1)),
+            ("pass", is("pass", i64::from(block.pass.0) + 1)),
+            ("set-up", is("setup", i64::from(block.setup.0) + 1)),
             ("jump length", cell("jump_mm").is_none_or(|c| is_written(c, jump, 3))),
             ("lift", !block.retract || cell("lift").is_none_or(lifts)),
         ]
@@ -179,7 +179,7 @@ impl Sheets<'_> {
             }
         };
         hold(
-            origins.len() > 1 || sheet.zero.as_ref().is_some_and(|z| near(z, &origins[0])),
+            origins.len() > 1 || sheet.zero.as_ref().is_some_and(|z| near(z, &origins[0].0)),
             "its part zero is not that of program.txt",
         );
         let turn = self.manifest.placement.turn_deg;
@@ -201,7 +201,7 @@ impl Sheets<'_> {
         }
         let setups = sheet.setups.iter().zip(origins).zip(&self.manifest.setups).all(|((found, origin), stated)| {
             let nm = |v: [f64; 2]| v.map(|mm| (mm * NM_PER_MM).round() as i64);
-            near(&found.zero, origin)
+            near(&found.zero, &origin.0)
                 && found.points.len() == stated.registration.len()
                 && found
                     .points
@@ -217,7 +217,7 @@ impl Sheets<'_> {
         let several = self.file.origins.len() > 1;
         let blocks = self.file.ids.iter().zip(&self.file.program.blocks);
         for (((id, block), under), (line, _)) in blocks.zip(&sheet.under).zip(&sheet.blocks.rows) {
-            if *under != (block.pass + 1, several.then_some(block.setup + 1)) {
+            if *under != (block.pass.number(), several.then_some(block.setup.number())) {
                 let text = "it stands under the heading of another pass or set-up than in program.txt";
                 return self.rule.broken(id, format!("runsheet.txt:{line}"), text);
             }

@@ -2,6 +2,7 @@
 //! the angle between beam and surface, and of the dose.
 
 use super::dose;
+use crate::geom::FieldPoint;
 use crate::job::Compensate;
 use crate::program::{Block, Stroke};
 use crate::verify::geometry::{Geometry, Line, Scratch, Slope};
@@ -91,7 +92,7 @@ impl Under {
 
 /// By how much its pen raises the dose of a mark.
 fn gain(file: &ProgramFile, stroke: &Stroke, facts: &JobFacts) -> f64 {
-    let factor = dose::origin(&file.program.pens, usize::from(stroke.pen), facts).map_or(1.0, |(_, factor)| factor);
+    let factor = dose::origin(&file.program.pens, stroke.pen.index(), facts).map_or(1.0, |(_, factor)| factor);
     match facts.dose.map(|d| d.compensate) {
         Some(Compensate::Speed) => 1.0 / factor,
         Some(Compensate::Power) => factor,
@@ -103,7 +104,7 @@ fn gain(file: &ProgramFile, stroke: &Stroke, facts: &JobFacts) -> f64 {
 /// under its end.
 fn touched(file: &ProgramFile, block: &Block, stroke: &Stroke, geometry: &Geometry, scratch: &mut Scratch) -> f64 {
     let c = block.stop.centre;
-    let part = |p: [i32; 2]| [c.x as f64 + f64::from(p[0]), c.y as f64 + f64::from(p[1])];
+    let part = |p: FieldPoint| [c.x as f64 + f64::from(p.x), c.y as f64 + f64::from(p.y)];
     let reach = geometry.reach();
     let mut least = 1.0f64;
     for w in file.program.points_of(stroke).windows(2).filter(|w| w[0] != w[1]) {
@@ -131,7 +132,7 @@ fn under(
     scratch: &mut Scratch,
 ) -> Option<Under> {
     let c = block.stop.centre;
-    let part = |p: [i32; 2]| [c.x as f64 + f64::from(p[0]), c.y as f64 + f64::from(p[1])];
+    let part = |p: FieldPoint| [c.x as f64 + f64::from(p.x), c.y as f64 + f64::from(p.y)];
     let grain = geometry.grain();
     let mut out = Under { length: 0.0, sum: [0.0; 2], least: [1.0, f64::INFINITY] };
     let mut before: Option<f64> = None;

@@ -203,7 +203,7 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
         }
         let is_next = file.origins.len() > 1 && setup != Some(block.setup);
         setup = Some(block.setup);
-        if begins.take() != is_next.then_some(block.setup + 1) {
+        if begins.take() != is_next.then_some(block.setup.number()) {
             rule.broken(id, stage.place(s.line), "it does not begin a set-up here as in program.txt");
         }
         while rest.peek().is_some_and(|n| matches!(n.step, Step::OutputOff | Step::SpindleOff | Step::Modal(_))) {
@@ -218,13 +218,13 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
             rest.next();
         }
         let [x, y, z, rotary @ ..] = at;
-        for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt) {
+        for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt.0) {
             if rotary[axis.letter as usize] != Some(command) {
                 let text = format!("axis {} is not sent to the block's tilt", axis.letter.char());
                 rule.broken(id, stage.place(s.line), text);
             }
         }
-        if [x, y, z] != block.stage.map(Some) {
+        if [x, y, z] != block.stage.0.map(Some) {
             let found = [x, y, z].map(|v| v.map_or("unknown".to_owned(), |v| mm_from_nm(v).to_string())).join(", ");
             let text = format!("the stage is sent to ({found}) mm, the program says {}", stage_text(block.stage));
             rule.broken(id, stage.place(s.line), text);

@@ -1,8 +1,8 @@
 //! The estimated times of a job, found again from the program and the machine file by the model that
 //! `docs/formats.md` states, with arithmetic of the verifier's own.
 
-use crate::geom::{NM_PER_MM, mm_from_nm};
-use crate::machine::{Axis, Machine};
+use crate::geom::{FieldPoint, NM_PER_MM, mm_from_nm};
+use crate::machine::{Axis, Commanded, Machine, TiltAngles};
 use crate::program::{Block, Program, Stroke};
 use crate::verify::read::program::ProgramFile;
 
@@ -26,9 +26,9 @@ impl Times {
 /// to its start in between; a pass of it costs a jump delay, a mark delay, and a polygon delay at each inner point.
 pub(super) fn marking(program: &Program, block: &Block, machine: &Machine) -> Times {
     let mut out = Times::default();
-    let mut at = [0, 0];
+    let mut at = FieldPoint::AXIS;
     for stroke in program.strokes_of(block) {
-        let pen = &program.pens[usize::from(stroke.pen)];
+        let pen = &program.pens[stroke.pen.index()];
         let points = program.points_of(stroke);
         let (Some(&first), Some(&last)) = (points.first(), points.last()) else { continue };
         let passes = f64::from(pen.passes);
@@ -46,12 +46,12 @@ pub(super) fn marking(program: &Program, block: &Block, machine: &Machine) -> Ti
 /// Length of a stroke, every pass of its pen counted.
 pub(super) fn marked_mm(program: &Program, stroke: &Stroke) -> f64 {
     let mm: f64 = program.points_of(stroke).windows(2).map(|w| way_mm(w[0], w[1])).sum();
-    mm * f64::from(program.pens[usize::from(stroke.pen)].passes)
+    mm * f64::from(program.pens[stroke.pen.index()].passes)
 }
 
 /// Length of a block's jumps, each stroke marked once.
 pub(super) fn jump_mm(program: &Program, block: &Block) -> f64 {
-    let mut at = [0, 0];
+    let mut at = FieldPoint::AXIS;
     let mut sum = 0.0;
     for points in program.strokes_of(block).iter().map(|s| program.points_of(s)) {
         if let (Some(&first), Some(&last)) = (points.first(), points.last()) {
@@ -66,10 +66,11 @@ pub(super) fn jump_mm(program: &Program, block: &Block) -> f64 {
 pub(super) fn stage(file: &ProgramFile, machine: &Machine) -> Times {
     let centre = |axis: &Axis| axis.travel.iter().map(|t| t.as_nm().unwrap_or(0)).sum::<i64>() / 2;
     let top = machine.retract_z();
-    let (mut at, mut tilt) = ([centre(&machine.stage.x), centre(&machine.stage.y), top], [0; 2]);
+    let (mut at, mut tilt) =
+        (Commanded([centre(&machine.stage.x), centre(&machine.stage.y), top]), TiltAngles::UPRIGHT);
     let mut out = Times::default();
     for block in &file.program.blocks {
-        let turning = machine.tilt.iter().flat_map(|t| &t.axes).zip(tilt.iter().zip(block.stop.tilt));
+        let turning = machine.tilt.iter().flat_map(|t| &t.axes).zip(tilt.0.iter().zip(block.stop.tilt.0));
         let turning = turning.filter(|(_, (from, to))| **from != *to).map(|(axis, _)| axis.move_time.as_s());
         let turning = turning.fold(0.0, f64::max);
         let [x, y, z] = [0, 1, 2].map(|k| (at[k], block.stage[k]));
@@ -116,6 +117,6 @@ fn leg(axis: &Axis, from: i64, to: i64) -> f64 {
     ramp(peak) + way / peak
 }
 
-fn way_mm(a: [i32; 2], b: [i32; 2]) -> f64 {
-    (f64::from(b[0]) - f64::from(a[0])).hypot(f64::from(b[1]) - f64::from(a[1])) / NM_PER_MM
+fn way_mm(a: FieldPoint, b: FieldPoint) -> f64 {
+    (f64::from(b.x) - f64::from(a.x)).hypot(f64::from(b.y) - f64::from(a.y)) / NM_PER_MM
 }

@@ -17,12 +17,12 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
     for (id, block) in file.ids.iter().zip(&file.program.blocks) {
         rule.checked += 1;
         let (c, place) = (block.stop.centre, super::part_place(block.stop.centre));
-        let wanted = machine.stage_from_part([c.x, c.y, block.stop.focus], file.origin(block));
+        let wanted = machine.stage_from_part(c, block.stop.focus, file.origin(block));
         if block.stage != wanted {
             let text =
                 format!("the stage stands at {}, the block is at {}", stage_text(block.stage), stage_text(wanted));
             rule.broken(id, place, text);
-        } else if let Some(fault) = fault(machine, block.stage.map(Some)).or_else(|| tilt_fault(machine, block)) {
+        } else if let Some(fault) = fault(machine, block.stage.0.map(Some)).or_else(|| tilt_fault(machine, block)) {
             rule.broken(id, place, fault);
         }
     }
@@ -51,9 +51,9 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
 /// What is wrong with the commands of the tilt axes.
 fn tilt_fault(machine: &Machine, block: &Block) -> Option<String> {
     let Some(table) = &machine.tilt else {
-        return (block.stop.tilt != [0; 2]).then(|| "the block is tilted, the machine has no tilt table".into());
+        return (!block.stop.tilt.is_upright()).then(|| "the block is tilted, the machine has no tilt table".into());
     };
-    let wrong = table.axes.iter().zip(block.stop.tilt).find(|(axis, command)| !axis.takes(*command));
+    let wrong = table.axes.iter().zip(block.stop.tilt.0).find(|(axis, command)| !axis.takes(*command));
     wrong.map(|(axis, command)| {
         let (letter, [lo, hi]) = (axis.letter.char(), axis.travel);
         format!(

@@ -6,8 +6,9 @@
 //! beside its stroke.
 
 use super::part_place_nm;
-use crate::geom::P2;
-use crate::program::{Block, CHORD};
+use crate::geom::{FieldPoint, P2};
+use crate::machine::{Origin, TiltAngles};
+use crate::program::{Block, CHORD, PassId};
 use crate::verify::geometry::{Geometry, Line, Scratch, Turn};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
@@ -15,8 +16,8 @@ use crate::verify::read::program::ProgramFile;
 
 /// The geometry of one tilt under a box of the part, nm.
 pub(super) struct Turned {
-    tilt: [i64; 2],
-    pass: u32,
+    tilt: TiltAngles,
+    pass: PassId,
     area: [f64; 4],
     pub(super) turn: Turn,
     pub(super) geometry: Geometry,
@@ -70,12 +71,12 @@ impl Turned {
         last: &mut Option<Self>,
     ) -> bool {
         let (tilt, Some(table)) = (block.stop.tilt, &facts.machine.tilt) else { return false };
-        if tilt == [0; 2] {
+        if tilt.is_upright() {
             return false;
         }
         // Later passes lie on a surface that has sunk along the part's own z.
-        let [x, y, z] = file.origin(block);
-        let turn = Turn::of(table, tilt, [x, y, z.saturating_sub(facts.passes.lowered_nm(block.pass))]);
+        let Origin([x, y, z]) = file.origin(block);
+        let turn = Turn::of(table, tilt, Origin([x, y, z.saturating_sub(facts.passes.lowered_nm(block.pass))]));
         let block = &facts.raised(block);
         let [x0, y0, x1, y1] = area(file, block, &turn);
         let serves = |t: &Self| {
@@ -101,8 +102,8 @@ impl Turned {
         let strokes = file.program.strokes[block.strokes.clone()].iter().zip(block.strokes.clone());
         for (stroke, number) in strokes {
             let points = file.program.points_of(stroke);
-            let field = |p: [i32; 2]| {
-                [(block.stop.centre.x + i64::from(p[0])) as f64, (block.stop.centre.y + i64::from(p[1])) as f64]
+            let field = |p: FieldPoint| {
+                [(block.stop.centre.x + i64::from(p.x)) as f64, (block.stop.centre.y + i64::from(p.y)) as f64]
             };
             let (mut unmatched, mut slope2) = (None, 0.0);
             // A mark along the top of a wall: the side on which it begins must be one from which it can go on. Where
@@ -313,7 +314,7 @@ fn area(file: &ProgramFile, block: &Block, turn: &Turn) -> [f64; 4] {
     let mut area = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     let points = file.program.strokes_of(block).iter().flat_map(|s| file.program.points_of(s));
     let (lo, hi) = points.fold(([i32::MAX; 2], [i32::MIN; 2]), |(lo, hi), p| {
-        ([lo[0].min(p[0]), lo[1].min(p[1])], [hi[0].max(p[0]), hi[1].max(p[1])])
+        ([lo[0].min(p.x), lo[1].min(p.y)], [hi[0].max(p.x), hi[1].max(p.y)])
     });
     for [u, v] in [[lo[0], lo[1]], [hi[0], lo[1]], [lo[0], hi[1]], [hi[0], hi[1]]] {
         for z in [block.stop.z_lo, block.stop.z_hi] {

@@ -8,10 +8,10 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::geom::{P2, mm_from_nm};
+use crate::geom::{FieldPoint, P2, mm_from_nm};
 use crate::job::{DepthRule, Format, Level, Passes};
-use crate::machine::Machine;
-use crate::program::{Block, Pen, Program, Stop, Stroke};
+use crate::machine::{Commanded, Machine, Origin, TiltAngles};
+use crate::program::{Block, BlockId, PassId, Pen, PenId, Program, SectionId, SetupId, Stop, Stroke, StrokeId};
 use crate::units::Power;
 use crate::verify::geometry::{Geometry, MeshBuilder, Shape};
 use crate::verify::job_facts::JobFacts;
@@ -43,7 +43,7 @@ pub(super) struct MadeBlock {
 #[derive(Clone)]
 pub(super) struct Made {
     pub(super) facts: JobFacts,
-    pub(super) origin: [i64; 3],
+    pub(super) origin: Origin,
     pub(super) strokes: Vec<(u16, Vec<P2>)>,
     pub(super) blocks: Vec<MadeBlock>,
     pub(super) summary: Value,
@@ -89,8 +89,14 @@ impl Made {
             (1..10).map(|i| (0, vec![p(-1.0, 2.0 * f64::from(i)), p(82.0, 2.0 * f64::from(i))])).collect();
         strokes.push((1, vec![p(25.0, 5.0), p(30.0, 5.0), p(30.0, 9.0), p(25.0, 9.0), p(25.0, 5.0)]));
         let blocks = (0..4).map(|k| block(k, &strokes)).collect();
-        let mut made =
-            Self { facts, origin: [-40 * MM, -10 * MM, 0], strokes, blocks, summary: json!({}), facets: ramp() };
+        let mut made = Self {
+            facts,
+            origin: Origin([-40 * MM, -10 * MM, 0]),
+            strokes,
+            blocks,
+            summary: json!({}),
+            facets: ramp(),
+        };
         made.renew();
         made
     }
@@ -119,8 +125,8 @@ impl Made {
         });
     }
 
-    fn stage(&self, b: &MadeBlock) -> [i64; 3] {
-        self.facts.machine.stage_from_part([b.stop.centre.x, b.stop.centre.y, b.stop.focus], self.origin)
+    fn stage(&self, b: &MadeBlock) -> Commanded {
+        self.facts.machine.stage_from_part(b.stop.centre, b.stop.focus, self.origin)
     }
 
     pub(super) fn program(&self) -> Program {
@@ -129,15 +135,22 @@ impl Made {
             let start = program.strokes.len();
             for m in &b.marks {
                 let first = program.points.len() as u32;
-                let local = |p: &P2| [(p.x - b.stop.centre.x) as i32, (p.y - b.stop.centre.y) as i32];
+                let local = |p: &P2| FieldPoint::new((p.x - b.stop.centre.x) as i32, (p.y - b.stop.centre.y) as i32);
                 program.points.extend(m.points.iter().map(local));
                 let Mark { source, segment, reversed, pen, .. } = *m;
-                program.strokes.push(Stroke { source, segment, reversed, pen, first, len: m.points.len() as u32 });
+                program.strokes.push(Stroke {
+                    source: StrokeId(source),
+                    segment,
+                    reversed,
+                    pen: PenId(pen),
+                    first,
+                    len: m.points.len() as u32,
+                });
             }
             let strokes = start..program.strokes.len();
             let block = Block {
-                pass: b.pass,
-                setup: 0,
+                pass: PassId(b.pass),
+                setup: SetupId(0),
                 stop: b.stop.clone(),
                 stage: self.stage(b),
                 retract: b.retract,
@@ -157,7 +170,7 @@ impl Made {
         let put = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("write");
         put("program.txt", super::writers::program(&program, self.origin).as_bytes());
         for (i, block) in program.blocks.iter().enumerate() {
-            let id = Program::block_id(i);
+            let id = BlockId::new(i).to_string();
             put(&format!("blocks/{id}.dxf"), super::writers::dxf(&program, block, &id, &self.facts.machine).as_bytes());
         }
         put("stage.ngc", super::writers::stage(&program, true).as_bytes());
@@ -188,17 +201,17 @@ impl Made {
             ["program.txt", "stage.ngc", "stage_m0.nc", "job.ovf", "layout.svg", "runsheet.csv", "runsheet.txt"]
                 .map(String::from)
                 .into();
-        files.extend((0..program.blocks.len()).map(|i| format!("blocks/{}.dxf", Program::block_id(i))));
+        files.extend((0..program.blocks.len()).map(|i| format!("blocks/{}.dxf", BlockId::new(i))));
         let block_s = super::times(&program, &self.facts.machine).1;
         // The ramp rises by 1 in 50 under every mark.
         let cos = 1.0 / 0.02f64.hypot(1.0);
         let [incidence, stretch, dose] = [cos.acos().to_degrees(), 1.0 / cos, cos].map(|v| [v; 2]);
         let blocks: Vec<Value> = self.blocks.iter().zip(&program.blocks).enumerate().map(|(i, (m, b))| {
-            let id = Program::block_id(i);
+            let id = BlockId::new(i).to_string();
             json!({
-                "id": id, "pass": b.pass + 1, "setup": b.setup + 1, "section": b.stop.section, "level": b.stop.level, "centre_mm": b.stop.centre.mm(),
-                "tilt_deg": b.stop.tilt.map(|v| v as f64 / 1e6),
-                "lpfl_mm": mm_from_nm(b.stop.focus), "stage": b.stage.map(mm_from_nm), "z_lo_mm": mm_from_nm(b.z_lo),
+                "id": id, "pass": b.pass.number(), "setup": b.setup.number(), "section": b.stop.section.0, "level": b.stop.level, "centre_mm": b.stop.centre.mm(),
+                "tilt_deg": b.stop.tilt.deg(),
+                "lpfl_mm": mm_from_nm(b.stop.focus), "stage": b.stage.mm(), "z_lo_mm": mm_from_nm(b.z_lo),
                 "z_hi_mm": mm_from_nm(b.z_hi), "files": {"dxf": format!("blocks/{id}.dxf")},
                 "strokes": b.strokes.len(), "mark_mm": self.mark_mm(m), "jump_mm": program.jump_mm(b), "time_s": block_s[i],
                 "incidence_deg": incidence, "stretch": stretch, "dose": dose,
@@ -208,9 +221,9 @@ impl Made {
         let manifest = json!({
             "schema": 2, "terrace": "0.1.0", "mode": "stepped", "job": {"file": "../job.toml", "blake3": job["blake3"]},
             "inputs": [entry(folder.parent().expect("inside"), "part.stl")], "machine": self.facts.machine,
-            "placement": {"origin_mm": self.origin.map(mm_from_nm), "turn_deg": 0.0},
+            "placement": {"origin_mm": self.origin.mm(), "turn_deg": 0.0},
             "focus": {"pdof_mm": mm_from_nm(self.facts.pdof), "depth_range_mm": mm_from_nm(self.facts.depth_range), "level": "mid", "rule": "range"},
-            "passes": [{"turn_deg": 0.0, "lowered_mm": 0.0, "sections": {}}], "setups": [{"origin_mm": self.origin.map(mm_from_nm), "registration": []}], "seams": {"zone_mm": 0.0, "overlap_mm": self.facts.overlap_nm / 1e6}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
+            "passes": [{"turn_deg": 0.0, "lowered_mm": 0.0, "sections": {}}], "setups": [{"origin_mm": self.origin.mm(), "registration": []}], "seams": {"zone_mm": 0.0, "overlap_mm": self.facts.overlap_nm / 1e6}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
             "blocks": blocks, "files": files.iter().map(|f| entry(folder, f)).collect::<Vec<_>>(), "summary": self.summary,
         });
         std::fs::write(folder.join("manifest.json"), manifest.to_string()).expect("write");
@@ -281,9 +294,9 @@ fn block(k: u32, strokes: &[(u16, Vec<P2>)]) -> MadeBlock {
     let lo = i64::from(k) * 400_000;
     let section = k / 2;
     let stop = Stop {
-        section: [section, 0],
+        section: SectionId([section, 0]),
         level: k as i32,
-        tilt: [0; 2],
+        tilt: TiltAngles::UPRIGHT,
         centre: p(20.0 + 40.0 * f64::from(section), 10.0),
         focus: lo + 200_000,
         z_lo: lo,

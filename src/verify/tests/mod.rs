@@ -11,7 +11,7 @@ use std::path::Path;
 use made::{MM, Made, MadeBlock, p};
 
 use super::Proof;
-use crate::machine::Machine;
+use crate::machine::{Commanded, Machine, TiltAngles};
 use crate::manifest::Times;
 use crate::motion;
 use crate::program::Program;
@@ -22,7 +22,7 @@ fn times(program: &Program, machine: &Machine) -> (Times, Vec<f64>) {
         let travel = machine.axes()[k].1.travel.map(|t| t.as_nm().expect("travel"));
         (travel[0] + travel[1]) / 2
     };
-    let (mut at, mut tilt) = ([centre(0), centre(1), machine.retract_z()], [0; 2]);
+    let (mut at, mut tilt) = (Commanded([centre(0), centre(1), machine.retract_z()]), TiltAngles::UPRIGHT);
     let (mut t, mut blocks) = (Times::default(), Vec::new());
     for block in &program.blocks {
         let turning = machine.tilt_time_s(tilt, block.stop.tilt);
@@ -30,7 +30,7 @@ fn times(program: &Program, machine: &Machine) -> (Times, Vec<f64>) {
         let moved = motion::tilting_move(machine, at, block.stage, retract, turning);
         (at, tilt) = (block.stage, block.stop.tilt);
         let marks = program.strokes_of(block).iter().map(|s| {
-            let pen = &program.pens[usize::from(s.pen)];
+            let pen = &program.pens[s.pen.index()];
             motion::Mark { points: program.points_of(s), speed: pen.speed, passes: pen.passes }
         });
         let m = motion::marking(machine, marks);

@@ -6,7 +6,8 @@ use serde_json::json;
 
 use super::made::{MM, Made, MadeBlock, Mark};
 use crate::geom::P2;
-use crate::program::Stop;
+use crate::machine::{Origin, TiltAngles};
+use crate::program::{SectionId, Stop};
 
 /// Pieces of this length, nm: about 690,000 on the whole part.
 const PIECE: i64 = 2_930_000;
@@ -24,7 +25,7 @@ fn dome() -> Made {
         .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
         .collect();
     (made.facts.pdof, made.facts.depth_range) = (90_000_000, 90_000_000);
-    made.origin = [-225 * MM, -225 * MM, 0];
+    made.origin = Origin([-225 * MM, -225 * MM, 0]);
     made.strokes =
         (0..4500).map(|i| 50_000 + 100_000 * i).map(|y| (0, vec![P2::new(0, y), P2::new(450 * MM, y)])).collect();
     made.blocks = (0..144).map(|k| block(k % 12, k / 12)).collect();
@@ -54,9 +55,9 @@ fn block(column: u32, row: u32) -> MadeBlock {
         })
     });
     let stop = Stop {
-        section: [column, row],
+        section: SectionId([column, row]),
         level: 0,
-        tilt: [0; 2],
+        tilt: TiltAngles::UPRIGHT,
         centre: P2::new(lo(column) + 20 * MM, lo(row) + 20 * MM),
         focus: 0,
         z_lo: -45 * MM,

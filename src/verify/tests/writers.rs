@@ -2,11 +2,11 @@
 
 use std::fmt::Write;
 
-use crate::geom::mm_from_nm;
-use crate::machine::Machine;
-use crate::program::{Block, Program};
+use crate::geom::{FieldPoint, mm_from_nm};
+use crate::machine::{Machine, Origin};
+use crate::program::{Block, BlockId, Program};
 
-pub(super) fn program(program: &Program, o: [i64; 3]) -> String {
+pub(super) fn program(program: &Program, o: Origin) -> String {
     let mut t = format!("terrace program 1\norigin {} {} {}\npens {}\n", o[0], o[1], o[2], program.pens.len());
     for p in &program.pens {
         writeln!(t, "pen {} | {} | {} | {} | {}", p.name, p.speed, p.power, p.frequency, p.passes).expect("text");
@@ -15,8 +15,8 @@ pub(super) fn program(program: &Program, o: [i64; 3]) -> String {
     for (i, b) in program.blocks.iter().enumerate() {
         let s = &b.stop;
         let numbers = [
-            i64::from(s.section[0]),
-            i64::from(s.section[1]),
+            i64::from(s.section.0[0]),
+            i64::from(s.section.0[1]),
             i64::from(s.level),
             s.tilt[0],
             s.tilt[1],
@@ -34,11 +34,11 @@ pub(super) fn program(program: &Program, o: [i64; 3]) -> String {
             b.strokes.len() as i64,
         ];
         let numbers: Vec<String> = numbers.iter().map(ToString::to_string).collect();
-        writeln!(t, "block {} {}", Program::block_id(i), numbers.join(" ")).expect("text");
+        writeln!(t, "block {} {}", BlockId::new(i), numbers.join(" ")).expect("text");
         for stroke in program.strokes_of(b) {
             let sign = if stroke.reversed { '-' } else { '+' };
-            write!(t, "{} {} {} {sign}", stroke.pen, stroke.source, stroke.segment).expect("text");
-            for [x, y] in program.points_of(stroke) {
+            write!(t, "{} {} {} {sign}", stroke.pen.0, stroke.source.0, stroke.segment).expect("text");
+            for FieldPoint { x, y } in program.points_of(stroke) {
                 write!(t, " {x} {y}").expect("text");
             }
             t.push('\n');
@@ -50,11 +50,12 @@ pub(super) fn program(program: &Program, o: [i64; 3]) -> String {
 pub(super) fn dxf(program: &Program, block: &Block, id: &str, machine: &Machine) -> String {
     let mut t = String::from("0\nSECTION\n2\nENTITIES\n");
     for stroke in program.strokes_of(block) {
-        let layer = format!("{id}_P{}", stroke.pen + 1);
+        let layer = format!("{id}_P{}", stroke.pen.number());
         let mut points: Vec<[String; 2]> = program
             .points_of(stroke)
             .iter()
-            .map(|&p| machine.scanner.controller_from_field(p).map(|v| format!("{:.6}", mm_from_nm(i64::from(v)))))
+            .map(|&p| machine.scanner.controller_from_field(p))
+            .map(|p| [p.x, p.y].map(|v| format!("{:.6}", mm_from_nm(i64::from(v)))))
             .collect();
         if let [[x0, y0], [x1, y1]] = points.as_slice() {
             write!(t, "0\nLINE\n8\n{layer}\n10\n{x0}\n20\n{y0}\n30\n0.0\n11\n{x1}\n21\n{y1}\n31\n0.0\n").expect("text");
@@ -75,8 +76,8 @@ pub(super) fn stage(program: &Program, handshake: bool) -> String {
     let off = if handshake { "M65 P0" } else { "M5" };
     let mut t = format!("(made)\nG21 G90 G94\n{off}\n");
     for (i, b) in program.blocks.iter().enumerate() {
-        let [x, y, z] = b.stage.map(mm_from_nm);
-        let id = Program::block_id(i);
+        let [x, y, z] = b.stage.mm();
+        let id = BlockId::new(i).to_string();
         writeln!(t, "(BLOCK {id} FILE blocks/{id}.dxf)\n{off}").expect("text");
         if b.retract || i == 0 {
             t.push_str("G0 Z200\n");
@@ -151,19 +152,20 @@ pub(super) fn ovf(program: &Program, machine: &Machine) -> Vec<u8> {
         for stroke in program.strokes_of(block) {
             let mut floats = Vec::new();
             for &p in program.points_of(stroke) {
-                for v in machine.scanner.controller_from_field(p) {
+                let at = machine.scanner.controller_from_field(p);
+                for v in [at.x, at.y] {
                     floats.extend_from_slice(&(mm_from_nm(i64::from(v)) as f32).to_le_bytes());
                 }
             }
             let (mut points, mut vectors) = (Vec::new(), Vec::new());
             bytes(&mut points, 1, &floats);
             bytes(&mut vectors, if stroke.len == 2 { 2 } else { 1 }, &points);
-            int(&mut vectors, 50, u64::from(stroke.pen) + 1);
-            int(&mut vectors, 54, u64::from(program.pens[usize::from(stroke.pen)].passes) - 1);
+            int(&mut vectors, 50, u64::from(stroke.pen.0) + 1);
+            int(&mut vectors, 54, u64::from(program.pens[stroke.pen.index()].passes) - 1);
             parts.push(append(&mut out, &vectors));
         }
         let mut shell = Vec::new();
-        block.stage.iter().zip(2..).for_each(|(&v, tag)| float(&mut shell, tag, mm_from_nm(v)));
+        block.stage.0.iter().zip(2..).for_each(|(&v, tag)| float(&mut shell, tag, mm_from_nm(v)));
         int(&mut shell, 8, parts.len() as u64);
         int(&mut shell, 10, i as u64);
         bytes(&mut shell, 11, b"terrace/xyz-galvo2d/x-part/y-part/z-head");
@@ -198,7 +200,7 @@ pub(super) fn ovf(program: &Program, machine: &Machine) -> Vec<u8> {
 /// What the run sheets are written from.
 pub(super) struct Sheets<'a> {
     pub(super) program: &'a Program,
-    pub(super) origin: [i64; 3],
+    pub(super) origin: Origin,
     pub(super) machine: &'a Machine,
     pub(super) block_s: &'a [f64],
 }
@@ -206,10 +208,10 @@ pub(super) struct Sheets<'a> {
 impl Sheets<'_> {
     fn rows(&self) -> impl Iterator<Item = (String, &Block, [f64; 3], f64, f64, Vec<usize>)> {
         self.program.blocks.iter().zip(self.block_s).enumerate().map(|(i, (b, &time))| {
-            let mut pens: Vec<usize> = self.program.strokes_of(b).iter().map(|s| usize::from(s.pen)).collect();
+            let mut pens: Vec<usize> = self.program.strokes_of(b).iter().map(|s| s.pen.index()).collect();
             pens.sort_unstable();
             pens.dedup();
-            (Program::block_id(i), b, b.stage.map(mm_from_nm), self.program.mark_mm(b), time, pens)
+            (BlockId::new(i).to_string(), b, b.stage.mm(), self.program.mark_mm(b), time, pens)
         })
     }
 
@@ -220,13 +222,13 @@ impl Sheets<'_> {
             let names: Vec<&str> = pens.iter().map(|&p| self.program.pens[p].name.as_str()).collect();
             let (focus, strokes) = (mm_from_nm(b.stop.focus), b.strokes.len());
             let file = format!("blocks/{id}.dxf,{strokes},{mm:.3},{time:.3},\"{}\"", names.join("; "));
-            writeln!(t, "{},{id},{z:.6},{y:.6},{x:.6},{focus:.6},{file}", b.setup + 1).expect("text");
+            writeln!(t, "{},{id},{z:.6},{y:.6},{x:.6},{focus:.6},{file}", b.setup.number()).expect("text");
         }
         t
     }
 
     pub(super) fn txt(&self) -> String {
-        let [x, y, z] = self.origin.map(mm_from_nm);
+        let [x, y, z] = self.origin.mm();
         let mut t = format!("part zero  X{x:.4} Y{y:.4} Z{z:.4} mm\npart turn  0 deg\n\nPENS\n");
         for (i, p) in self.program.pens.iter().enumerate() {
             let watts = p.power.as_w(self.machine.laser.max_power);

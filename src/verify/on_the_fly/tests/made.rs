@@ -108,8 +108,8 @@ impl Bench {
         let path = path::Path::of(stepped, 0..stepped.blocks.len(), &surface, &relief, sort.spacing);
         let speeds: Vec<f64> = stepped.pens.iter().map(|p| p.speed.as_mm_s()).collect();
         let motion = motion(&path, &relief, &sort, &speeds);
-        let program =
-            Program::of(&motion, stepped, &machine, plan.checked.origin(), sort.kind).unwrap_or_else(|e| panic!("{e}"));
+        let program = Program::of(&motion, stepped, &machine, plan.checked.origin().0, sort.kind)
+            .unwrap_or_else(|e| panic!("{e}"));
         Self { dir, job, machine, motion, program }
     }
 

@@ -11,11 +11,13 @@ use std::path::{Path, PathBuf};
 
 use super::assert_only;
 use crate::check::Checked;
+use crate::geom::FieldPoint;
 use crate::job::{Job, Overrides};
 use crate::job_folder;
+use crate::machine::Origin;
 use crate::manifest::MANIFEST;
 use crate::plan::{self, Plan, SteppedPlan};
-use crate::program::{Block, Program};
+use crate::program::{Block, PenId, Program};
 use crate::verify::{Proof, verify};
 
 /// A compiled job in a folder of its own: a wavy sheet with a hole, hatched along contours beyond its border, and
@@ -59,7 +61,7 @@ impl Bench {
             let text = text.replacen("\"z-range\"", "\"tilt\"", 1).replacen("xyz-galvo-40", "xyz-tilt-galvo-40", 1);
             text.replacen("machine =", &format!("{tables}\n            machine ="), 1)
         });
-        let tilts = bench.plan.checked.program().blocks.iter().filter(|b| b.stop.tilt != [0; 2]).count();
+        let tilts = bench.plan.checked.program().blocks.iter().filter(|b| !b.stop.tilt.is_upright()).count();
         assert!(tilts > 3, "{:?}", bench.plan.summary);
         bench
     }
@@ -160,7 +162,7 @@ impl Bench {
         let s = &mut self.plan.summary;
         s.stops = program.blocks.len();
         s.fragments = program.strokes.len();
-        if program.blocks.iter().all(|b| b.stop.tilt == [0; 2]) {
+        if program.blocks.iter().all(|b| b.stop.tilt.is_upright()) {
             s.mark_mm = program.blocks.iter().map(|b| program.mark_mm(b)).sum();
         }
         s.jump_mm = program.blocks.iter().map(|b| program.jump_mm(b)).sum();
@@ -277,8 +279,7 @@ fn head(profile: &str, working_distance: &str, diameter: &str) -> Vec<u8> {
 /// Moves a block's stop and brings its commanded position along.
 fn place(block: &mut Block, plan: &SteppedPlan) {
     let c = block.stop.centre;
-    block.stage =
-        plan.machine.stage_from_part([c.x, c.y, block.stop.focus], plan.checked.origins()[block.setup as usize]);
+    block.stage = plan.machine.stage_from_part(c, block.stop.focus, plan.checked.origins()[block.setup.index()]);
 }
 
 /// Takes stroke `i` out of the program; its points stay behind, unused.
@@ -310,7 +311,7 @@ fn dose_owns_a_pen_of_another_slope() {
     assert!(proof.ok, "{proof:?}");
     let made = |program: &Program| {
         let of = |pen: u16| program.pens[usize::from(pen)].name.starts_with("fine x0.99");
-        (0..program.strokes.len()).find(|&i| of(program.strokes[i].pen)).expect("a gentle slope")
+        (0..program.strokes.len()).find(|&i| of(program.strokes[i].pen.0)).expect("a gentle slope")
     };
     let steep = |program: &Program| {
         let slowest =
@@ -320,14 +321,14 @@ fn dose_owns_a_pen_of_another_slope() {
     };
     let proof = bench().mutant(|program, _| {
         let (i, pen) = (made(program), steep(program));
-        program.strokes[i].pen = pen;
+        program.strokes[i].pen = PenId(pen);
     });
     assert_only("dose", &proof);
     // The job's own pen where the slope asks for another.
     let proof = bench().mutant(|program, _| {
         let pen = steep(program);
-        let i = (0..program.strokes.len()).find(|&i| program.strokes[i].pen == pen).expect("one");
-        program.strokes[i].pen = 0;
+        let i = (0..program.strokes.len()).find(|&i| program.strokes[i].pen == PenId(pen)).expect("one");
+        program.strokes[i].pen = PenId(0);
     });
     assert_only("dose", &proof);
     // A pen that says one factor and has another.
@@ -336,10 +337,10 @@ fn dose_owns_a_pen_of_another_slope() {
     // A pen of another pen of the job.
     let proof = bench().mutant(|program, _| {
         let i = made(program);
-        let name = program.pens[usize::from(program.strokes[i].pen)].name.replace("fine", "deep");
+        let name = program.pens[program.strokes[i].pen.index()].name.replace("fine", "deep");
         let other = program.pens.iter().position(|p| p.name == name);
         let deep = program.pens.iter().position(|p| p.name.starts_with("deep x")).expect("a pen");
-        program.strokes[i].pen = other.unwrap_or(deep) as u16;
+        program.strokes[i].pen = PenId(other.unwrap_or(deep) as u16);
     });
     assert!(!proof.ok && proof.rules.iter().any(|r| r.code == "source" && r.violated > 0), "{proof:?}");
 }
@@ -383,7 +384,7 @@ fn field_marks_beyond_the_field() {
         let strokes = block.strokes.clone();
         for s in &program.strokes[strokes] {
             for p in &mut program.points[s.first as usize..(s.first + s.len) as usize] {
-                p[0] -= 35_000_000;
+                p.x -= 35_000_000;
             }
         }
     });
@@ -413,13 +414,13 @@ fn once_an_overlap_that_is_longer_or_elsewhere_than_declared() {
                 |s: &crate::program::Stroke| s.len == 2 && crate::program::stroke_mm(program.points_of(s)) > 1.0;
             let mut ends = std::collections::BTreeMap::<u32, Vec<usize>>::new();
             let long = program.strokes.iter().enumerate().filter(|(_, s)| is_long(s));
-            long.for_each(|(i, s)| ends.entry(s.source).or_default().push(i));
+            long.for_each(|(i, s)| ends.entry(s.source.0).or_default().push(i));
             // The second of two pieces along the drawing reaches further back.
             let pair = ends.values().find(|v| v.len() > 1).expect("a cut line");
             let from = |&i: &usize| {
                 let (s, b) = (&program.strokes[i], program.blocks.partition_point(|b| b.strokes.end <= i));
                 let c = program.blocks[b].stop.centre;
-                let at = |p: [i32; 2]| (c.x + i64::from(p[0]), c.y + i64::from(p[1]));
+                let at = |p: FieldPoint| (c.x + i64::from(p.x), c.y + i64::from(p.y));
                 let points = program.points_of(s);
                 at(if s.reversed { points[points.len() - 1] } else { points[0] })
             };
@@ -429,9 +430,8 @@ fn once_an_overlap_that_is_longer_or_elsewhere_than_declared() {
             let (head, tail) = if s.reversed { (s.first + s.len - 1, s.first) } else { (s.first, s.first + s.len - 1) };
             let (a, b) = (program.points[head as usize], program.points[tail as usize]);
             let length = crate::program::stroke_mm(&[a, b]) * 1e6;
-            for axis in 0..2 {
-                program.points[head as usize][axis] -= (f64::from(b[axis] - a[axis]) / length * by).round() as i32;
-            }
+            program.points[head as usize].x -= (f64::from(b.x - a.x) / length * by).round() as i32;
+            program.points[head as usize].y -= (f64::from(b.y - a.y) / length * by).round() as i32;
         }
     }
     let bench = Bench::with("overlap = \"0.05 mm\"", "");
@@ -463,8 +463,8 @@ fn coverage_an_end_cut_short() {
         let s = program.strokes[long_stroke(program)];
         let (a, b) = (program.points[s.first as usize], program.points[s.first as usize + 1]);
         // The first point moves along its own segment, so that it still lies on the texture.
-        let at = |axis: usize| a[axis] + (f64::from(b[axis] - a[axis]) * 0.3).round() as i32;
-        program.points[s.first as usize] = [at(0), at(1)];
+        let at = |a: i32, b: i32| a + (f64::from(b - a) * 0.3).round() as i32;
+        program.points[s.first as usize] = FieldPoint::new(at(a.x, b.x), at(a.y, b.y));
     });
     assert_only("coverage", &proof);
 }
@@ -474,7 +474,7 @@ fn source_a_stroke_beside_the_texture() {
     let proof = Bench::new().mutant(|program, _| {
         // An inner corner of a square moves by 0.1 um.
         let s = *program.strokes.iter().find(|s| s.len == 5).expect("a whole square");
-        program.points[s.first as usize + 2][1] += 100;
+        program.points[s.first as usize + 2].y += 100;
     });
     assert_only("source", &proof);
 }
@@ -495,10 +495,10 @@ fn travel_a_part_beyond_the_stage() {
     let far = 240_000_000;
     let mut program = bench.plan.checked.program().clone();
     let origin = bench.plan.checked.origin();
-    let moved = [origin[0] + far, origin[1], origin[2]];
+    let moved = Origin([origin[0] + far, origin[1], origin[2]]);
     for b in &mut program.blocks {
         let c = b.stop.centre;
-        b.stage = bench.plan.machine.stage_from_part([c.x, c.y, b.stop.focus], moved);
+        b.stage = bench.plan.machine.stage_from_part(c, b.stop.focus, moved);
     }
     bench.plan.checked = Checked::unchecked(program, moved);
     assert_only("travel", &verified(&bench.write()));
@@ -592,7 +592,8 @@ fn agreement_one_format_says_something_else() {
     assert_only("agreement", &proof);
     // A point of the OVF, by a few steps of its float.
     let program = bench.plan.checked.program();
-    let p = program.points_of(&program.strokes[long_stroke(program)])[0].map(|v| (f64::from(v) / 1e6) as f32);
+    let p = program.points_of(&program.strokes[long_stroke(program)])[0];
+    let p = [p.x, p.y].map(|v| (f64::from(v) / 1e6) as f32);
     let have = [p[0].to_le_bytes(), p[1].to_le_bytes()].concat();
     let proof = bench.damaged("job.ovf", |bytes| {
         let at = bytes.windows(8).position(|w| w == have).expect("the point is there");

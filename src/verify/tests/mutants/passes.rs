@@ -2,6 +2,7 @@
 
 use super::super::broken;
 use super::*;
+use crate::program::PassId;
 
 /// Three passes of the same job.
 fn three() -> Bench {
@@ -9,8 +10,8 @@ fn three() -> Bench {
 }
 
 fn range_of(program: &Program, pass: u32) -> std::ops::Range<usize> {
-    let first = program.blocks.iter().position(|b| b.pass == pass).expect("a pass");
-    first..first + program.blocks.iter().filter(|b| b.pass == pass).count()
+    let first = program.blocks.iter().position(|b| b.pass == PassId(pass)).expect("a pass");
+    first..first + program.blocks.iter().filter(|b| b.pass == PassId(pass)).count()
 }
 
 #[test]
@@ -66,21 +67,21 @@ fn a_block_in_another_pass_is_found() {
     // The last of the first pass, as if it belonged to the second.
     let proof = three().mutant(|program, _| {
         let last = range_of(program, 0).end - 1;
-        program.blocks[last].pass = 1;
+        program.blocks[last].pass = PassId(1);
     });
     let rules = broken(&proof);
     assert!(rules.contains(&"coverage") && rules.contains(&"depth"), "{}", proof.to_text());
     // The first of the second at the end of the first.
     let proof = three().mutant(|program, _| {
         let end = range_of(program, 0).end;
-        program.blocks[end - 1].pass = 1;
-        program.blocks[end].pass = 0;
+        program.blocks[end - 1].pass = PassId(1);
+        program.blocks[end].pass = PassId(0);
     });
     assert!(broken(&proof).contains(&"agreement"), "{}", proof.to_text());
     // A pass that the job does not have.
     let proof = three().mutant(|program, _| {
         let last = program.blocks.len() - 1;
-        program.blocks[last].pass = 3;
+        program.blocks[last].pass = PassId(3);
     });
     assert!(broken(&proof).contains(&"source"), "{}", proof.to_text());
 }

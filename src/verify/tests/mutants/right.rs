@@ -63,7 +63,7 @@ impl Right {
         let job = load(&dir.path().join("job.toml"));
         let plan = plan::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
         let stepped = plan.stepped().expect("a stepped job");
-        let tilts = stepped.checked.program().blocks.iter().filter(|b| b.stop.tilt != [0; 2]).count();
+        let tilts = stepped.checked.program().blocks.iter().filter(|b| !b.stop.tilt.is_upright()).count();
         assert!(tilts > 1, "{:?}", stepped.summary);
         let target = dir.path().join("job.job");
         job_folder::write(&plan, &target).unwrap_or_else(|e| panic!("{e}"));

@@ -2,6 +2,7 @@
 
 use super::super::broken;
 use super::*;
+use crate::program::SetupId;
 
 /// The same job marked in three set-ups, though one would do.
 fn placed() -> Bench {
@@ -10,7 +11,7 @@ fn placed() -> Bench {
 }
 
 fn first_of(program: &Program, setup: u32) -> usize {
-    program.blocks.iter().position(|b| b.setup == setup).expect("a set-up")
+    program.blocks.iter().position(|b| b.setup == SetupId(setup)).expect("a set-up")
 }
 
 #[test]
@@ -26,13 +27,13 @@ fn travel_a_block_in_another_set_up() {
     // It is sent to where it would lie in its own.
     let proof = placed().mutant(|program, _| {
         let first = first_of(program, 1);
-        program.blocks[first].setup = 0;
+        program.blocks[first].setup = SetupId(0);
     });
     assert_only("travel", &proof);
     // A block of the first set-up after those of the second, where it is over its place.
     let proof = placed().mutant(|program, plan| {
         let last = first_of(program, 2) - 1;
-        program.blocks[last].setup = 0;
+        program.blocks[last].setup = SetupId(0);
         place(&mut program.blocks[last], plan);
     });
     assert_only("agreement", &proof);
@@ -54,7 +55,7 @@ fn travel_an_origin_of_a_set_up_that_is_another() {
         (0..3).for_each(|k| origins[1][k] += by[k]);
         let mut program = bench.plan.checked.program().clone();
         bench.plan.checked = Checked::unchecked_setups(program.clone(), origins);
-        program.blocks.iter_mut().filter(|b| b.setup == 1).for_each(|b| place(b, &bench.plan));
+        program.blocks.iter_mut().filter(|b| b.setup == SetupId(1)).for_each(|b| place(b, &bench.plan));
         let origins = bench.plan.checked.origins().to_vec();
         bench.plan.checked = Checked::unchecked_setups(program, origins);
         assert_only("travel", &verified(&bench.write()));

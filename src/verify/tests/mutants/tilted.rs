@@ -8,7 +8,7 @@ fn tilted_blocks_are_proved_and_every_damage_to_them_is_found() {
     let proof = verified(&sound.write());
     assert!(proof.ok, "{}", proof.to_text());
     let tilted = |program: &Program| {
-        (0..program.blocks.len()).find(|&i| program.blocks[i].stop.tilt != [0; 2]).expect("a tilted block")
+        (0..program.blocks.len()).find(|&i| !program.blocks[i].stop.tilt.is_upright()).expect("a tilted block")
     };
     let found = |code: &str, proof: &Proof| {
         assert!(proof.rule(code).is_some_and(|r| r.violated > 0), "{code}: {}", proof.to_text());
@@ -25,7 +25,7 @@ fn tilted_blocks_are_proved_and_every_damage_to_them_is_found() {
         let i = tilted(program);
         let stroke = program.strokes[program.blocks[i].strokes.start];
         let p = &mut program.points[stroke.first as usize];
-        *p = [p[0] + 1000, p[1] + 700];
+        *p = FieldPoint::new(p.x + 1000, p.y + 700);
     });
     found("source", &proof);
     // The focal plane too high, the stage with it.
@@ -34,7 +34,7 @@ fn tilted_blocks_are_proved_and_every_damage_to_them_is_found() {
         let block = &mut program.blocks[i];
         block.stop.focus += 60_000;
         let c = block.stop.centre;
-        block.stage = plan.machine.stage_from_part([c.x, c.y, block.stop.focus], plan.checked.origin());
+        block.stage = plan.machine.stage_from_part(c, block.stop.focus, plan.checked.origin());
     });
     found("depth", &proof);
     // Beyond the travel of the table, and between its increments.
