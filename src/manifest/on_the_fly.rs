@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::Head;
-use super::stepped::Placement;
+use super::stepped::{Placement, bytes};
 use crate::diag::Diag;
 use crate::geom::mm_from_nm;
 use crate::job::Job;
@@ -128,9 +128,7 @@ pub fn on_the_fly_manifest(head: &Head, facts: &OnTheFlyFacts<'_>) -> Vec<u8> {
         pens: facts.program.pens.iter().map(|p| pen(p, facts.machine)).collect(),
         summary: facts.summary,
     };
-    let mut out = serde_json::to_vec_pretty(&document).expect("all keys are text");
-    out.push(b'\n');
-    out
+    bytes(&document, 4096)
 }
 
 #[derive(Serialize)]

@@ -34,8 +34,13 @@ pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
         blocks: Blocks(facts),
         summary: facts.summary,
     };
-    let mut out = Vec::with_capacity(4096 + 700 * program.blocks.len());
-    serde_json::to_writer_pretty(&mut out, &document).expect("a Vec takes every byte, and all keys are text");
+    bytes(&document, 4096 + 700 * program.blocks.len())
+}
+
+/// The text of a document, of about this length.
+pub(super) fn bytes(document: &impl Serialize, length: usize) -> Vec<u8> {
+    let mut out = Vec::with_capacity(length);
+    serde_json::to_writer_pretty(&mut out, document).expect("a Vec takes every byte, and all keys are text");
     out.push(b'\n');
     out
 }
