@@ -1,6 +1,7 @@
 use std::path::Path;
 
 use super::*;
+use crate::diag::Diag;
 use crate::job::{Overrides, SAMPLE_JOB};
 use crate::machine::FieldShape;
 use crate::program::sample;
@@ -25,7 +26,7 @@ fn with<R>((program, origin): (Program, [i64; 3]), machine: &Machine, use_them: 
     let summary = Summary {
         stops: 3,
         method: "contour".into(),
-        warnings: vec![serde_json::json!({"message": "steep places"})],
+        warnings: vec![Message::from(&Diag::warning("steep", "steep places"))],
         ..Summary::default()
     };
     use_them(&Facts {
