@@ -9,10 +9,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde_json::{Value, json};
 
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{Diag, Error, Failure, Place};
 use crate::job::{Job, Overrides};
-use crate::job_folder;
+use crate::job_folder::{self, Durability};
 use crate::machine::Machine;
+use crate::manifest::{self, AnySummary};
 use crate::plan::{self, Plan};
 
 /// One job of a batch.
@@ -38,8 +39,13 @@ pub enum State {
         /// Number of warnings.
         warnings: usize,
     },
-    /// Nothing had changed.
-    Unchanged,
+    /// Nothing had changed: stops and job time of the folder that is there.
+    Unchanged {
+        /// Number of stops; None of on-the-fly jobs.
+        stops: Option<usize>,
+        /// Job time, s.
+        time_s: f64,
+    },
     /// It failed; any older folder stands as it was.
     Failed(Error),
 }
@@ -59,18 +65,50 @@ pub struct Outcome {
 #[derive(Debug)]
 pub struct Report(Vec<Outcome>);
 
-/// The jobs of a folder (`*.toml`, by name, machine files left out), of a list file (one path a line, relative to
-/// it; `#` begins a comment), or one job file (`*.toml`).
+/// The jobs of several arguments, each a folder (its `*.toml` by name, machine files left out), a list file (one
+/// path a line, relative to it; `#` begins a comment), or one job file (`*.toml`). A job that is named twice is one.
 ///
 /// # Errors
-/// Where neither can be read, nothing is listed, or two jobs would write one folder.
-pub fn jobs(path: &Path, output: Option<&Path>, overrides: &Overrides) -> Result<Vec<Entry>, Error> {
+/// Where an argument cannot be read, nothing is listed, or two jobs would write one folder.
+pub fn jobs(paths: &[PathBuf], output: Option<&Path>, overrides: &Overrides) -> Result<Vec<Entry>, Error> {
+    let mut entries: Vec<Entry> = Vec::new();
+    for path in paths {
+        let is_folder = path.is_dir();
+        let listed = listed(path)?.into_iter().filter_map(|file| entry(file, is_folder, output, overrides));
+        let before = entries.len();
+        let mut found = false;
+        for new in listed {
+            found = true;
+            if !entries.iter().any(|known| known.path == new.path) {
+                entries.push(new);
+            }
+        }
+        if !found {
+            let d = Diag::input("batch-empty", "there is no job").at(Place::file(path.display().to_string()));
+            return Err(d.hint("a folder needs *.toml files, a list one job file a line").into());
+        }
+        for (i, e) in entries.iter().enumerate().skip(before) {
+            if let Some(other) = entries[..i].iter().find(|o| o.folder == e.folder) {
+                let [one, two, folder] = [&other.path, &e.path, &e.folder].map(|p| p.display());
+                let d = Diag::input("batch-clash", format!("{one} and {two} would both write {folder}"));
+                let d = d.at(Place::file(path.display().to_string()));
+                return Err(d.hint("give the job files different names").into());
+            }
+        }
+    }
+    Ok(entries)
+}
+
+/// The files that one argument stands for.
+fn listed(path: &Path) -> Result<Vec<PathBuf>, Error> {
     let place = || Place::file(path.display().to_string());
     let unreadable = |e: std::io::Error| Diag::input("batch-unreadable", format!("cannot read it: {e}")).at(place());
     let is_toml = |file: &Path| file.extension().is_some_and(|e| e == "toml");
+    if is_toml(path) && !path.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
     let mut files = Vec::new();
-    let is_folder = path.is_dir();
-    if is_folder {
+    if path.is_dir() {
         for entry in std::fs::read_dir(path).map_err(unreadable)? {
             let file = entry.map_err(unreadable)?.path();
             if is_toml(&file) && file.is_file() {
@@ -78,8 +116,6 @@ pub fn jobs(path: &Path, output: Option<&Path>, overrides: &Overrides) -> Result
             }
         }
         files.sort();
-    } else if is_toml(path) {
-        files.push(path.to_owned());
     } else {
         let text = String::from_utf8(crate::diag::read_file(path, 16 << 20)?)
             .map_err(|_| Diag::input("batch-utf8", "the list is not UTF-8 text").at(place()))?;
@@ -87,38 +123,28 @@ pub fn jobs(path: &Path, output: Option<&Path>, overrides: &Overrides) -> Result
         let lines = text.lines().map(|l| l.split('#').next().unwrap_or("").trim()).filter(|l| !l.is_empty());
         files.extend(lines.map(|l| base.join(l)));
     }
-    let entry = |path: PathBuf| {
-        let job = Job::load(&path, overrides);
-        // Machine files often lie beside the jobs that name them.
-        if is_folder && job.is_err() && Machine::load(&path).is_ok() {
-            return None;
-        }
-        let mode = job.as_ref().map_or(overrides.mode.unwrap_or_default(), |job| job.mode);
-        let beside = plan::default_output(&path, mode);
-        let folder = match (output, beside.file_name()) {
-            (Some(o), Some(name)) => o.join(name),
-            _ => beside,
-        };
-        Some(Entry { path, folder, job })
+    Ok(files)
+}
+
+/// The job of a file; None of a machine file in a folder of jobs.
+fn entry(path: PathBuf, is_folder: bool, output: Option<&Path>, overrides: &Overrides) -> Option<Entry> {
+    let job = Job::load(&path, overrides);
+    // Machine files often lie beside the jobs that name them.
+    if is_folder && job.is_err() && Machine::load(&path).is_ok() {
+        return None;
+    }
+    let mode = job.as_ref().map_or(overrides.mode.unwrap_or_default(), |job| job.mode);
+    let beside = plan::default_output(&path, mode);
+    let folder = match (output, beside.file_name()) {
+        (Some(o), Some(name)) => o.join(name),
+        _ => beside,
     };
-    let entries: Vec<Entry> = files.into_iter().filter_map(entry).collect();
-    if entries.is_empty() {
-        let d = Diag::input("batch-empty", "there is no job").at(place());
-        return Err(d.hint("a folder needs *.toml files, a list one job file a line").into());
-    }
-    for (i, e) in entries.iter().enumerate() {
-        if let Some(other) = entries[..i].iter().find(|o| o.folder == e.folder) {
-            let text =
-                format!("{} and {} would both write {}", other.path.display(), e.path.display(), e.folder.display());
-            return Err(Diag::input("batch-clash", text).at(place()).hint("give the job files different names").into());
-        }
-    }
-    Ok(entries)
+    Some(Entry { path, folder, job })
 }
 
 /// Compiles what has changed, as many jobs at a time as there are threads. `told` hears of every job
 /// as it ends.
-pub fn run(entries: &[Entry], told: &(dyn Fn(&Outcome) + Sync)) -> Report {
+pub fn run(entries: &[Entry], durability: Durability, told: &(dyn Fn(&Outcome) + Sync)) -> Report {
     // Plain threads, not tasks of the pool: a thread of the pool that waits for the parts of one job
     // would begin another one meanwhile, and the jobs in memory at a time would have no bound.
     let next = AtomicUsize::new(0);
@@ -127,7 +153,7 @@ pub fn run(entries: &[Entry], told: &(dyn Fn(&Outcome) + Sync)) -> Report {
         loop {
             let i = next.fetch_add(1, Ordering::Relaxed);
             let Some(entry) = entries.get(i) else { return done };
-            let outcome = outcome(entry);
+            let outcome = outcome(entry, durability);
             told(&outcome);
             done.push((i, outcome));
         }
@@ -141,21 +167,27 @@ pub fn run(entries: &[Entry], told: &(dyn Fn(&Outcome) + Sync)) -> Report {
     Report(outcomes.into_iter().map(|(_, outcome)| outcome).collect())
 }
 
-fn outcome(entry: &Entry) -> Outcome {
+fn outcome(entry: &Entry, durability: Durability) -> Outcome {
     // A panic is our own fault and is reported as such; the other jobs go on.
-    let caught = std::panic::catch_unwind(|| one(entry));
+    let caught = std::panic::catch_unwind(|| one(entry, durability));
     let state = caught.unwrap_or_else(|_| Err(Diag::bug("panic", "an invariant of the program broke").into()));
     Outcome { job: entry.path.clone(), folder: entry.folder.clone(), state: state.unwrap_or_else(State::Failed) }
 }
 
-fn one(entry: &Entry) -> Result<State, Error> {
+fn one(entry: &Entry, durability: Durability) -> Result<State, Error> {
     let job = entry.job.clone()?;
     job_folder::prepare(&entry.folder, job.mode)?;
-    if job_folder::is_unchanged(&job, &entry.folder) {
-        return Ok(State::Unchanged);
+    if job_folder::is_unchanged(&job, &entry.folder)
+        && let Ok(found) = manifest::read(&entry.folder)
+    {
+        let (stops, time_s) = match found.summary {
+            AnySummary::Stepped(s) => (Some(s.stops), s.time_s.total),
+            AnySummary::OnTheFly(s) => (None, s.time_s),
+        };
+        return Ok(State::Unchanged { stops, time_s });
     }
     let plan = plan::plan(job, &|_| {})?;
-    job_folder::write(&plan, &entry.folder)?;
+    job_folder::write_with(&plan, &entry.folder, durability)?;
     let (stops, time_s) = match &plan {
         Plan::Stepped(plan) => (Some(plan.summary.stops), plan.summary.time_s.total),
         Plan::OnTheFly(plan) => (None, plan.summary.time_s),
@@ -176,11 +208,20 @@ impl Report {
         for o in &self.0 {
             n[match o.state {
                 State::Compiled { .. } => 0,
-                State::Unchanged => 1,
+                State::Unchanged { .. } => 1,
                 State::Failed(_) => 2,
             }] += 1;
         }
         n
+    }
+
+    /// Job time of all jobs whose folders are there, s.
+    pub fn time_s(&self) -> f64 {
+        let time = |o: &Outcome| match o.state {
+            State::Compiled { time_s, .. } | State::Unchanged { time_s, .. } => time_s,
+            State::Failed(_) => 0.0,
+        };
+        self.0.iter().map(time).sum()
     }
 
     /// The report as JSON.
@@ -197,18 +238,23 @@ impl Report {
                         v["time_s"] = json!(time_s);
                         v["warnings"] = json!(warnings);
                     }
-                    State::Unchanged => v["state"] = json!("unchanged"),
+                    State::Unchanged { stops, time_s } => {
+                        v["state"] = json!("unchanged");
+                        v["stops"] = json!(stops);
+                        v["time_s"] = json!(time_s);
+                    }
                     State::Failed(e) => {
                         v["state"] = json!("failed");
                         v["exit_code"] = json!(e.exit_code());
-                        v["errors"] = e.diags().iter().map(Diag::to_json).collect();
+                        v["errors"] = json!(Failure::from(e).errors);
                     }
                 }
                 v
             })
             .collect();
         let [compiled, unchanged, failed] = self.counts();
-        json!({"compiled": compiled, "unchanged": unchanged, "failed": failed, "exit_code": self.exit_code(), "jobs": jobs})
+        json!({"compiled": compiled, "unchanged": unchanged, "failed": failed, "exit_code": self.exit_code(),
+            "time_s": self.time_s(), "jobs": jobs})
     }
 }
 
@@ -226,7 +272,7 @@ impl fmt::Display for Report {
                         n => writeln!(f, ", {n} warnings")?,
                     }
                 }
-                State::Unchanged => writeln!(f, "unchanged  {}", o.job.display())?,
+                State::Unchanged { .. } => writeln!(f, "unchanged  {}", o.job.display())?,
                 State::Failed(e) => {
                     writeln!(f, "failed     {}", o.job.display())?;
                     for d in e.diags() {
@@ -238,6 +284,7 @@ impl fmt::Display for Report {
             }
         }
         let [compiled, unchanged, failed] = self.counts();
-        writeln!(f, "{compiled} compiled, {unchanged} unchanged, {failed} failed")
+        let time = manifest::duration(self.time_s());
+        writeln!(f, "{compiled} compiled, {unchanged} unchanged, {failed} failed; job time {time} in all")
     }
 }

@@ -70,7 +70,7 @@ macro_rules! quantity {
                 schemars::json_schema!({
                     "type": "string",
                     "description": concat!("A ", $what, " with its unit, for example \"", $example, "\"."),
-                    "pattern": concat!("^ *[-+]?[0-9.]+([eE][-+]?[0-9]+)? *", "[^0-9 ].*$"),
+                    "pattern": pattern(&[$($unit),+]),
                     "examples": [$example],
                 })
             }
@@ -125,6 +125,22 @@ quantity!(
     /// An absolute laser power; base unit W. What a pen asks for is a [`Power`].
     Watts, "power", "W", "14 W",
     ["mW" => 1e-3, "W" => 1.0, "kW" => 1e3]);
+
+quantity!(
+    /// A share of a whole; base unit %.
+    Share, "share", "%", "50 %",
+    ["%" => 1.0]);
+
+impl Share {
+    /// A share of `v` percent.
+    pub const fn percent(v: f64) -> Self {
+        Self(v)
+    }
+    /// The share in percent.
+    pub const fn as_percent(self) -> f64 {
+        self.0
+    }
+}
 
 impl Length {
     /// A length of `v` mm.
@@ -308,9 +324,15 @@ impl schemars::JsonSchema for Power {
         schemars::json_schema!({
             "type": "string",
             "description": "A power in percent of the machine's max_power or in W, for example \"60 %\" or \"8.4 W\".",
+            "pattern": pattern(&["%", "mW", "W", "kW"]),
             "examples": ["60 %", "8.4 W"],
         })
     }
+}
+
+/// The regular expression of a number with one of these units, for JSON schemas.
+fn pattern(units: &[&str]) -> String {
+    format!("^\\s*[-+]?([0-9]+[.]?[0-9]*|[.][0-9]+)([eE][-+]?[0-9]+)?\\s*({})\\s*$", units.join("|"))
 }
 
 /// Splits "12.5 mm" into its number and its unit. Refuses what is not finite, and decimal commas.

@@ -25,6 +25,9 @@ pub struct Args {
     /// No warnings and no progress.
     #[arg(short, long, global = true)]
     pub quiet: bool,
+    /// Do not wait until what is written is on the disk: quicker, and lost if power fails.
+    #[arg(long, global = true)]
+    pub no_sync: bool,
     #[command(subcommand)]
     pub command: Command,
 }
@@ -39,7 +42,7 @@ fn threads(text: &str) -> Result<usize, String> {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Write a commented job file and a small sample surface that compile as they are.
+    /// Write a commented job file with a small sample surface and drawing; it compiles as it is.
     Init {
         /// Where to write.
         #[arg(default_value = ".")]
@@ -109,8 +112,9 @@ pub enum Command {
     },
     /// Compile many jobs; unchanged ones are skipped, a failing one harms no other.
     Batch {
-        /// Folder of job files (*.toml), a list file with one job file a line, or one job file (*.toml).
-        jobs: PathBuf,
+        /// Folders of job files (*.toml), list files with one job file a line, or job files (*.toml).
+        #[arg(required = true)]
+        jobs: Vec<PathBuf>,
         /// Folder for the job folders; default: beside each job file.
         #[arg(short, long, value_name = "FOLDER")]
         output: Option<PathBuf>,

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::{show, unwritable};
 use crate::compare::{Comparison, page, plots, tables};
 use crate::diag::{Diag, Error, Place};
+use crate::job_folder::{self, Durability};
 use crate::report::table::TERMINAL;
 
 /// The tables for people.
@@ -45,17 +46,17 @@ fn is_ours(name: &Path) -> bool {
     FILES.iter().any(|(stems, formats)| part(name.file_stem(), stems) && part(name.extension(), formats))
 }
 
-/// Whether something stands at `folder`.
+/// Holds that nothing stands at `folder` but a comparison.
 ///
 /// # Errors
-/// It is not a comparison, or holds something else too.
-pub(super) fn replaces(folder: &Path) -> Result<bool, Error> {
-    let refused = |text: &str, hint: &str| -> Result<bool, Error> {
+/// `output-not-a-comparison` where it is none, or holds something else too.
+pub(super) fn may_be_replaced(folder: &Path) -> Result<(), Error> {
+    let refused = |text: &str, hint: &str| -> Result<(), Error> {
         let place = Place::file(folder.display().to_string());
         Err(Diag::input("output-not-a-comparison", text).at(place).hint(hint).into())
     };
     if std::fs::symlink_metadata(folder).is_err() {
-        return Ok(false);
+        return Ok(());
     }
     if !folder.join(PAGE).is_file() {
         let text = "the output exists and is not a comparison";
@@ -70,7 +71,7 @@ pub(super) fn replaces(folder: &Path) -> Result<bool, Error> {
             return refused(&text, "move it away, or name another folder with -o");
         }
     }
-    Ok(true)
+    Ok(())
 }
 
 fn failed(folder: &Path, what: &'static str) -> impl Fn(std::io::Error) -> Error {
@@ -78,38 +79,23 @@ fn failed(folder: &Path, what: &'static str) -> impl Fn(std::io::Error) -> Error
 }
 
 /// Writes everything to a folder of its own, whole or not at all.
-pub(super) fn write(c: &Comparison, folder: &Path) -> Result<(), Error> {
-    let exists = replaces(folder)?;
-    let failed = |what| failed(folder, what);
-    let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let new = tempfile::Builder::new().prefix(".compare").tempdir_in(parent).map_err(failed("make a folder"))?;
-    let put = |name: &str, text: String| std::fs::write(new.path().join(name), text).map_err(failed("write a file"));
-    put("compare.json", show::json(&json(c)))?;
-    put(PAGE, page(c))?;
-    for (name, table) in tables(c) {
-        put(&format!("{name}.txt"), table.text(TERMINAL))?;
-        put(&format!("{name}.csv"), table.csv())?;
-        put(&format!("{name}.md"), table.markdown())?;
-    }
-    for (name, plot) in plots(c) {
-        put(&format!("{name}.svg"), plot.file())?;
-    }
-    if exists {
-        std::fs::remove_dir_all(folder).map_err(failed("replace the old comparison"))?;
-    }
-    // What is renamed is no longer temporary, and may be read by others as the parent's files may.
-    let made = new.keep();
-    std::fs::rename(&made, folder).map_err(failed("put the comparison in place"))?;
-    open_to_others(folder);
-    Ok(())
+pub(super) fn write(c: &Comparison, folder: &Path, durability: Durability) -> Result<(), Error> {
+    let fill = |new: &Path| {
+        let put = |name: &str, text: String| {
+            let file = new.join(name);
+            std::fs::write(&file, text).map_err(failed(&file, "write the file"))
+        };
+        for (name, table) in tables(c) {
+            put(&format!("{name}.txt"), table.text(TERMINAL))?;
+            put(&format!("{name}.csv"), table.csv())?;
+            put(&format!("{name}.md"), table.markdown())?;
+        }
+        for (name, plot) in plots(c) {
+            put(&format!("{name}.svg"), plot.file())?;
+        }
+        put("compare.json", show::json(&json(c)))?;
+        // Last: a folder without it is not whole.
+        put(PAGE, page(c))
+    };
+    job_folder::replace(folder, PAGE, durability, &|| may_be_replaced(folder), &fill)
 }
-
-/// A temporary folder is its maker's alone; a result is not.
-#[cfg(unix)]
-fn open_to_others(folder: &Path) {
-    use std::os::unix::fs::PermissionsExt;
-    let _ = std::fs::set_permissions(folder, std::fs::Permissions::from_mode(0o755));
-}
-
-#[cfg(not(unix))]
-fn open_to_others(_: &Path) {}

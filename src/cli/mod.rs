@@ -16,9 +16,9 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser};
 
 use crate::batch;
-use crate::diag::{Diag, Error, Kind, Place};
+use crate::diag::{Diag, Error, Failure, Kind, Place};
 use crate::job::{self, Job, Mode, Overrides};
-use crate::job_folder;
+use crate::job_folder::{self, Durability};
 use crate::machine::{Machine, PROFILES};
 use crate::manifest::AnySummary;
 use crate::plan::{self, Plan, Station};
@@ -30,10 +30,15 @@ pub fn main() -> ExitCode {
     let args = match Args::try_parse() {
         Ok(args) => args,
         Err(e) => {
-            // Help and version are no faults.
-            let code = if e.use_stderr() { 2 } else { 0 };
             let _ = e.print();
-            return ExitCode::from(code);
+            // Help and version are no faults.
+            if !e.use_stderr() {
+                return ExitCode::SUCCESS;
+            }
+            if std::env::args_os().any(|arg| arg == "--json") {
+                print_failure(&usage(&e).into());
+            }
+            return ExitCode::from(2);
         }
     };
     // Without -j the number of threads is left to the system, and to RAYON_NUM_THREADS.
@@ -48,7 +53,23 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// What is wrong with a command line, in clap's words: its first paragraph says what, the others what would do.
+fn usage(e: &clap::Error) -> Diag {
+    let text = e.to_string();
+    let (what, rest) = text.split_once("\n\n").unwrap_or((&text, ""));
+    let one_line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    Diag::input("usage", one_line(what.trim_start_matches("error: "))).hint(one_line(rest))
+}
+
+/// The failure as JSON in place of the result. Where even that cannot be written, the exit code is left to tell.
+fn print_failure(e: &Error) {
+    let _ = print(&show::json(&serde_json::json!(Failure::from(e))));
+}
+
 fn fail(args: &Args, e: &Error) -> ExitCode {
+    if args.json {
+        print_failure(e);
+    }
     let (warnings, faults): (Vec<Diag>, Vec<Diag>) = e.diags().iter().cloned().partition(|d| d.kind == Kind::Warning);
     let color = std::io::stderr().is_terminal();
     faults.iter().for_each(|d| eprintln_all(&d.render(color)));
@@ -98,7 +119,7 @@ fn run(args: &Args) -> Result<u8, Error> {
         }
         Command::Compare { job, systems, protection, output } => {
             if let Some(folder) = output {
-                compare::replaces(folder)?;
+                compare::may_be_replaced(folder)?;
             }
             let spinner = show::Spinner::new(args.quiet);
             let job = load(args, job, &Choice { mode: Some(Mode::Stepped), ..Choice::default() })?;
@@ -107,7 +128,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             spinner.done();
             warn(args, &found.warnings);
             if let Some(folder) = output {
-                compare::write(&found, folder)?;
+                compare::write(&found, folder, durability(args))?;
             }
             print(&if args.json { show::json(&compare::json(&found)) } else { compare::text(&found) })?;
         }
@@ -128,6 +149,11 @@ fn run(args: &Args) -> Result<u8, Error> {
         }
     }
     Ok(0)
+}
+
+/// Whether results must be on the disk before the program ends.
+fn durability(args: &Args) -> Durability {
+    if args.no_sync { Durability::Unsynced } else { Durability::Synced }
 }
 
 /// What the command line sets, over the job file's keys.
@@ -152,7 +178,7 @@ fn compile(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> 
     let spinner = show::Spinner::new(args.quiet);
     let plan = plan::plan(job, &|s| spinner.station(s))?;
     spinner.station(Station::Write);
-    job_folder::write(&plan, &target)?;
+    job_folder::write_with(&plan, &target, durability(args))?;
     spinner.done();
     warn(args, plan.warnings());
     if path == Path::new("-") {
@@ -190,21 +216,28 @@ fn preview(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> 
         Some(o) => o.to_owned(),
         None => path.with_extension("layout.svg"),
     };
-    write_file(&file, svg.as_bytes(), &job_folder::input_paths(&plan.job))?;
+    write_file(args, &file, svg.as_bytes(), &job_folder::input_paths(&plan.job))?;
     wrote(args, &[file])
 }
 
-fn batch(args: &Args, jobs: &Path, output: Option<&Path>, report: Option<&Path>, choice: &Choice) -> Result<u8, Error> {
+fn batch(
+    args: &Args,
+    jobs: &[PathBuf],
+    output: Option<&Path>,
+    report: Option<&Path>,
+    choice: &Choice,
+) -> Result<u8, Error> {
     let list = batch::jobs(jobs, output, &overrides(args, choice))?;
     let view = show::BatchView::new(args.quiet, list.len());
-    let outcome = batch::run(&list, &|done| view.done(done));
+    let outcome = batch::run(&list, durability(args), &|done| view.done(done));
     view.finish();
     let json = show::json(&outcome.to_json());
-    print(&if args.json { json.clone() } else { outcome.to_string() })?;
+    // Before the result is printed: where the report cannot be written, its error is the only JSON object.
     if let Some(path) = report {
-        let inputs: Vec<PathBuf> = list.into_iter().map(|e| e.path).chain([jobs.to_owned()]).collect();
-        write_file(path, json.as_bytes(), &inputs)?;
+        let inputs: Vec<PathBuf> = list.into_iter().map(|e| e.path).chain(jobs.iter().cloned()).collect();
+        write_file(args, path, json.as_bytes(), &inputs)?;
     }
+    print(&if args.json { json } else { outcome.to_string() })?;
     Ok(outcome.exit_code())
 }
 
@@ -239,14 +272,14 @@ fn report(args: &Args, plan: &Plan, folder: Option<&Path>) -> Result<(), Error> 
 }
 
 /// Writes a result that is one file, never over one of the `inputs`.
-fn write_file(path: &Path, bytes: &[u8], inputs: &[PathBuf]) -> Result<(), Error> {
+fn write_file(args: &Args, path: &Path, bytes: &[u8], inputs: &[PathBuf]) -> Result<(), Error> {
     let place = || Place::file(path.display().to_string());
     let real = |p: &Path| std::fs::canonicalize(p).ok();
     if real(path).is_some_and(|to| inputs.iter().any(|i| real(i).as_ref() == Some(&to))) {
         let d = Diag::input("output-is-input", "the output would overwrite an input").at(place());
         return Err(d.hint("name another file").into());
     }
-    std::fs::write(path, bytes).map_err(|e| unwritable("write the file", place(), &e))
+    job_folder::write_file(path, bytes, durability(args))
 }
 
 /// Says which files were written.
@@ -256,10 +289,16 @@ fn wrote(args: &Args, files: &[PathBuf]) -> Result<(), Error> {
 }
 
 fn init(args: &Args, folder: &Path, schema: bool) -> Result<(), Error> {
+    let schema_text = format!("{}\n", job::json_schema());
     if schema {
-        return print(&format!("{}\n", job::json_schema()));
+        return print(&schema_text);
     }
-    let files = [("job.toml", job::SAMPLE_JOB.as_bytes().to_vec()), (job::SAMPLE_SURFACE_NAME, job::sample_surface())];
+    let files = [
+        ("job.toml", job::SAMPLE_JOB.as_bytes().to_vec()),
+        (job::SAMPLE_SURFACE_NAME, job::sample_surface()),
+        (job::SAMPLE_DRAWING_NAME, job::SAMPLE_DRAWING.as_bytes().to_vec()),
+        (job::SCHEMA_NAME, schema_text.into_bytes()),
+    ];
     let paths = files.each_ref().map(|(name, _)| folder.join(name));
     for path in &paths {
         if std::fs::symlink_metadata(path).is_ok() {
@@ -270,7 +309,7 @@ fn init(args: &Args, folder: &Path, schema: bool) -> Result<(), Error> {
     std::fs::create_dir_all(folder)
         .map_err(|e| unwritable("make the folder", Place::file(folder.display().to_string()), &e))?;
     for (path, (_, bytes)) in paths.iter().zip(&files) {
-        write_file(path, bytes, &[])?;
+        write_file(args, path, bytes, &[])?;
     }
     wrote(args, &paths)?;
     if !args.quiet {

@@ -1,11 +1,13 @@
 //! How results and progress look on a terminal.
 
+use std::io::IsTerminal;
 use std::path::Path;
-use std::time::Duration;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::batch::Outcome;
+use crate::batch::{Outcome, State};
 use crate::manifest::{AnySummary, OnTheFlySummary, Summary, duration};
 use crate::plan::Station;
 
@@ -14,17 +16,35 @@ pub fn json(value: &serde_json::Value) -> String {
     format!("{value:#}\n")
 }
 
-/// A spinner with the station at hand. indicatif hides it where stderr is not a terminal.
-pub struct Spinner(ProgressBar);
+/// How often a run that is not watched on a terminal says what it is doing.
+const EVERY: Duration = Duration::from_secs(10);
+
+/// What is being done: on a terminal a line that moves, with the time so far; elsewhere a line every ten seconds.
+pub struct Spinner {
+    bar: ProgressBar,
+    /// Tells the thread that writes lines; it ends with this.
+    lines: Option<Sender<&'static str>>,
+}
 
 impl Spinner {
     pub fn new(quiet: bool) -> Self {
         let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
+        if let Ok(style) = ProgressStyle::with_template("{spinner} {msg}, {elapsed}") {
+            bar.set_style(style);
+        }
         bar.enable_steady_tick(Duration::from_millis(120));
-        Self(bar)
+        let is_watched = quiet || std::io::stderr().is_terminal();
+        let lines = (!is_watched).then(|| {
+            let (tell, told) = channel();
+            std::thread::spawn(move || say_every(EVERY, &told, &mut |line| super::eprintln_all(line)));
+            tell
+        });
+        Self { bar, lines }
     }
     pub fn text(&self, text: &'static str) {
-        self.0.set_message(text);
+        self.bar.set_message(text);
+        // A thread that has ended says nothing more.
+        let _ = self.lines.as_ref().map(|lines| lines.send(text));
     }
     pub fn station(&self, s: Station) {
         self.text(match s {
@@ -35,19 +55,33 @@ impl Spinner {
             Station::Write => "writing the job folder",
         });
     }
-    pub fn done(&self) {
-        self.0.finish_and_clear();
-    }
+    /// Ends it: results and messages begin on a clean line.
+    pub fn done(self) {}
 }
 
 impl Drop for Spinner {
     fn drop(&mut self) {
-        // Also where a fault ends the work: its message begins on a clean line.
-        self.done();
+        self.bar.finish_and_clear();
     }
 }
 
-/// One bar for a whole batch.
+/// Says what is being done, and for how long so far, whenever `every` has passed without news.
+fn say_every(every: Duration, told: &Receiver<&'static str>, say: &mut dyn FnMut(&str)) {
+    let (begin, mut doing) = (Instant::now(), "");
+    let mut next = begin + every;
+    loop {
+        match told.recv_timeout(next.saturating_duration_since(Instant::now())) {
+            Ok(text) => doing = text,
+            Err(RecvTimeoutError::Timeout) => {
+                say(&format!("{doing}, {} so far", duration(begin.elapsed().as_secs_f64())));
+                next += every;
+            }
+            Err(RecvTimeoutError::Disconnected) => return,
+        }
+    }
+}
+
+/// One bar for a whole batch; on a terminal jobs that fail are told above it as they do.
 pub struct BatchView(ProgressBar);
 
 impl BatchView {
@@ -61,6 +95,9 @@ impl BatchView {
     pub fn done(&self, outcome: &Outcome) {
         self.0.set_message(outcome.job.display().to_string());
         self.0.inc(1);
+        if let State::Failed(e) = &outcome.state {
+            self.0.println(format!("failed  {}: {}", outcome.job.display(), e.diags()[0].message));
+        }
     }
     pub fn finish(&self) {
         self.0.finish_and_clear();
@@ -149,4 +186,28 @@ fn on_the_fly(s: &OnTheFlySummary, folder: Option<&Path>) -> String {
         lines.push(format!("then run       terrace verify {}", folder.display()));
     }
     lines.join("\n") + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_that_is_not_watched_says_what_it_does_whenever_time_has_passed() {
+        let (tell, told) = channel();
+        let mut lines = Vec::new();
+        let mut tell = Some(tell);
+        tell.as_ref().map(|t| t.send("cutting strokes")).transpose().expect("heard");
+        say_every(Duration::from_millis(5), &told, &mut |line| {
+            lines.push(line.to_owned());
+            if lines.len() == 2 {
+                tell.take();
+            }
+        });
+        assert!(lines.len() >= 2 && lines.iter().all(|l| l.starts_with("cutting strokes, 0.")), "{lines:?}");
+        // What ends before says nothing.
+        let (tell, told) = channel::<&'static str>();
+        drop(tell);
+        say_every(Duration::from_secs(60), &told, &mut |line| panic!("{line}"));
+    }
 }

@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 
 use super::filters::{FAMILIES, filters};
-use super::{Curves, Figures, Split, Subject, System, marked, path_of, reason};
+use super::{Curves, Figures, Split, Subject, System, marked, path_of};
 use crate::block_map::BlockMap;
+use crate::diag::Error;
 use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::machine::{Commanded, Machine};
 use crate::motion::stage_move;
@@ -55,8 +56,8 @@ impl<'a> Follower<'a> {
         Self { subject, whole, path, thin, process_s }
     }
 
-    fn allowed(&self) -> Result<ScannerLimits, String> {
-        ScannerLimits::of(self.subject.machine, self.subject.limits.focus).map_err(|e| reason(&e))
+    fn allowed(&self) -> Result<ScannerLimits, Error> {
+        ScannerLimits::of(self.subject.machine, self.subject.limits.focus)
     }
 
     /// The figures of a system and what it has to show; None of one that steps.
@@ -64,9 +65,9 @@ impl<'a> Follower<'a> {
         &self,
         system: System,
         progress: &(dyn Fn(&'static str) + std::marker::Sync),
-    ) -> Option<(Result<Figures, String>, Curves)> {
+    ) -> Option<(Result<Figures, Error>, Curves)> {
         let mut curves = Curves::default();
-        let by: &dyn Fn(&mut Curves) -> Result<Figures, String> = match system {
+        let by: &dyn Fn(&mut Curves) -> Result<Figures, Error> = match system {
             System::Decomposition => &|c| self.synchronised(c),
             System::SyncBands => &|_| self.bands(),
             System::Seven => &|c| self.turning(ToolPath::Filtered(Family::Gaussian), c),
@@ -79,7 +80,7 @@ impl<'a> Follower<'a> {
     }
 
     /// The strokes in their order, synchronised as a whole.
-    fn synchronised(&self, curves: &mut Curves) -> Result<Figures, String> {
+    fn synchronised(&self, curves: &mut Curves) -> Result<Figures, Error> {
         let machine = self.subject.machine;
         let (pens, allowed) = (&self.whole.program.pens, self.allowed()?);
         // Where the part lies is the machine's affair: its travel must be long enough.
@@ -105,7 +106,7 @@ impl<'a> Follower<'a> {
         }
         let shares = [0, 1].map(|k| 1e3 * sync.samples[k] as f64 * sync.step_s);
         notes.push(format!("averages of {:.0} ms in plan, {:.1} ms in height", shares[0], shares[1]));
-        notes.push(self.by_the_article(allowed)?);
+        notes.push(self.by_the_article(allowed));
         if !sync.fits {
             notes.push("some marks turn or rise too sharply to be followed in focus".into());
         }
@@ -133,7 +134,7 @@ impl<'a> Follower<'a> {
     }
 
     /// What the article's rule (eq. 4) makes of the path at the pens' speeds.
-    fn by_the_article(&self, allowed: ScannerLimits) -> Result<String, String> {
+    fn by_the_article(&self, allowed: ScannerLimits) -> String {
         const SAMPLES: usize = 50_000;
         let machine = self.subject.machine;
         let schedule = Schedule::of(&self.path, machine, &self.whole.program.pens, 0.0);
@@ -142,7 +143,7 @@ impl<'a> Follower<'a> {
         let most = machine.stage.x.acceleration.as_mm_s2().min(machine.stage.y.acceleration.as_mm_s2());
         let chosen = choose_average(&plan, even.step_s, most, allowed.half_field);
         let said = |samples: usize| format!("p = {samples} of {:.1} ms", 1e3 * even.step_s);
-        Ok(match chosen {
+        match chosen {
             Ok(average) => format!("eq. 4: {}", said(average.samples)),
             Err(off) => format!(
                 "eq. 4: infeasible, {} takes the scanner {:.0} mm out along {}, its field ends at {:.1} mm; at {:.0} % of \
@@ -153,11 +154,11 @@ impl<'a> Follower<'a> {
                 off.half_field,
                 100.0 * off.speed_share
             ),
-        })
+        }
     }
 
     /// What marks get from a synchronised motion.
-    fn followed(&self, path: &Path, schedule: &Schedule, sync: &Decomposition) -> Result<Followed, String> {
+    fn followed(&self, path: &Path, schedule: &Schedule, sync: &Decomposition) -> Result<Followed, Error> {
         let nodes = sync.nodes(path, schedule);
         let half = self.subject.machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
         let samples = sync.stage.iter().zip(&sync.beam).zip(&sync.on).map(|((&xyz, b), &on)| Sample {
@@ -177,11 +178,11 @@ impl<'a> Follower<'a> {
     }
 
     /// Bands of depth over the whole part: within each x and y follow, z rests.
-    fn bands(&self) -> Result<Figures, String> {
+    fn bands(&self) -> Result<Figures, Error> {
         let subject = self.subject;
         let depth = Some(subject.job.focus.depth);
         let Strokes { program, section, texture, .. } =
-            strokes::in_order(subject.job, subject.machine, subject.inputs, depth).map_err(|e| reason(&e))?;
+            strokes::in_order(subject.job, subject.machine, subject.inputs, depth)?;
         let (program, allowed) = (&program, self.allowed()?);
         let upright = vec![None; program.blocks.len()];
         let map = BlockMap::new(program, &section, &upright, section.pitch, &subject.inputs.surface, texture);
@@ -198,7 +199,7 @@ impl<'a> Follower<'a> {
                 [path.at[0], path.at[path.len() - 1]].map(nm).map(|[x, y, _]| Commanded([x, y, block.stop.focus]));
             Ok((self.followed(&path, &schedule, &sync)?, time, sync.slower, schedule.total_s(), ends))
         };
-        let bands = program.blocks.par_iter().enumerate().map(band).collect::<Result<Vec<_>, String>>()?;
+        let bands = program.blocks.par_iter().enumerate().map(band).collect::<Result<Vec<_>, Error>>()?;
         let (mut all, mut time, mut slowest, mut process_s) = (Followed::default(), Split::default(), 1.0f64, 0.0);
         let mut before: Option<Commanded> = None;
         for (followed, own, slow, own_s, [first, last]) in bands {
@@ -223,17 +224,18 @@ impl<'a> Follower<'a> {
     }
 
     /// Five stage axes, with or without the scanner.
-    fn turning(&self, tools: ToolPath, curves: &mut Curves) -> Result<Figures, String> {
+    fn turning(&self, tools: ToolPath, curves: &mut Curves) -> Result<Figures, Error> {
         let subject = self.subject;
         let mut notes = Vec::new();
         let pens = &self.whole.program.pens;
-        let other = Machine::built_in("xyzac-galvo-10").map_err(|e| reason(&e))?;
+        let other = Machine::built_in("xyzac-galvo-10")?;
         let own = KinematicModel::of(subject.machine, pens, self.whole.origin.mm());
         let model = match own {
             Some(model) => model,
             None => {
                 notes.push("on the machine xyzac-galvo-10".to_owned());
-                let model = KinematicModel::of(&other, pens, [0.0; 3]).ok_or("no limits of A and C are known")?;
+                let model =
+                    KinematicModel::of(&other, pens, [0.0; 3]).expect("the profile states the limits of A and C");
                 // The middle of the texture lies where its axes meet.
                 let area = self.whole.texture;
                 KinematicModel {
@@ -242,13 +244,12 @@ impl<'a> Follower<'a> {
                 }
             }
         };
-        let allowed = Limits { field: model.scanner_margin().map_err(|e| reason(&e))?, ..subject.limits };
-        let made =
-            decompose_and_time(&self.thin, &subject.height_field, &model, allowed, tools).map_err(|e| reason(&e))?;
+        let allowed = Limits { field: model.scanner_margin()?, ..subject.limits };
+        let made = decompose_and_time(&self.thin, &subject.height_field, &model, allowed, tools)?;
         if tools == ToolPath::Filtered(Family::Gaussian) {
             curves.back_off.clone_from(&made.back_off);
             curves.seven = Some(allowed);
-            curves.convergence = made.convergence(&model, SHOWN).map_err(|e| reason(&e))?;
+            curves.convergence = made.convergence(&model, SHOWN)?;
             self.draw(&model, &made, curves);
             curves.shared = self.axis_figures(&model, allowed)?;
             notes.push(format!("sigma {:.0} um", made.strength.unwrap_or_default() * 1000.0));
@@ -266,14 +267,13 @@ impl<'a> Follower<'a> {
         &self,
         model: &KinematicModel<'_>,
         allowed: Limits,
-    ) -> Result<Vec<(&'static str, AxisFigures)>, String> {
+    ) -> Result<Vec<(&'static str, AxisFigures)>, Error> {
         let count = self.thin.distances().partition_point(|&s| s <= SHOWN).max(2).min(self.thin.len());
         let first = self.thin.piece(0..count);
         let mut all = FAMILIES.map(|(name, family)| (name, ToolPath::Filtered(family))).to_vec();
         all.push(("least acceleration", ToolPath::LeastAcceleration));
         let of = |(name, tools)| {
-            let made = decompose_and_time(&first, &self.subject.height_field, model, allowed, tools)
-                .map_err(|e| reason(&e))?;
+            let made = decompose_and_time(&first, &self.subject.height_field, model, allowed, tools)?;
             Ok((name, made.axis_figures(model)))
         };
         all.into_par_iter().map(of).collect()
@@ -298,7 +298,7 @@ impl<'a> Follower<'a> {
     }
 
     /// Figures of a turning system.
-    fn turned(&self, machine: &Machine, made: Seven, tools: ToolPath, limits: Limits) -> Result<Figures, String> {
+    fn turned(&self, machine: &Machine, made: Seven, tools: ToolPath, limits: Limits) -> Result<Figures, Error> {
         let mut time = Split::default();
         let times: Vec<f64> = made.timed.node_times().collect();
         for (i, w) in times.windows(2).enumerate() {
@@ -326,9 +326,9 @@ fn following(
     feed: Option<Protection>,
     samples: impl Iterator<Item = Sample>,
     step_s: f64,
-) -> Result<Vec<FollowingError>, String> {
-    let stage = Servo::of_stage(machine).map_err(|e| reason(&e))?;
-    let mirror = Servo::of_scanner(machine).map_err(|e| reason(&e))?;
+) -> Result<Vec<FollowingError>, Error> {
+    let stage = Servo::of_stage(machine)?;
+    let mirror = Servo::of_scanner(machine)?;
     let mut samples = samples.peekable();
     let Some(&Sample { axes: Axes { xyz: [x, y, z], a, c }, spot, .. }) = samples.peek() else { return Ok(Vec::new()) };
     let mut carriers = [x, y, z, a, c].map(|at| Axis::new(stage, step_s, at));

@@ -21,7 +21,7 @@ use std::ops::Range;
 use std::sync::OnceLock;
 
 use crate::diag::{Diag, Error};
-use crate::geom::{NM_PER_MM, mm_from_nm};
+use crate::geom::mm_from_nm;
 use crate::job::{Job, Method};
 use crate::machine::{Commanded, Machine};
 use crate::motion::stage_move;
@@ -178,7 +178,7 @@ pub struct Row {
     /// The system.
     pub system: System,
     /// Its figures, or why it does not apply.
-    pub figures: Result<Figures, String>,
+    pub figures: Result<Figures, Error>,
 }
 
 /// What is drawn and told beside the table.
@@ -245,11 +245,11 @@ struct Subject<'a> {
     /// Time of a stage move by the width of the field, s.
     move_s: f64,
     /// The job by the method that most systems go by, planned once.
-    z_range: OnceLock<Result<SteppedPlan, String>>,
+    z_range: OnceLock<Result<SteppedPlan, Error>>,
 }
 
 impl Subject<'_> {
-    fn z_range(&self) -> Result<&SteppedPlan, String> {
+    fn z_range(&self) -> Result<&SteppedPlan, Error> {
         let plan = || stepped::planned(self, self.machine, Method::ZRange);
         self.z_range.get_or_init(plan).as_ref().map_err(Clone::clone)
     }
@@ -298,7 +298,7 @@ pub fn compare(
         z_range: OnceLock::new(),
     };
     let stepped = |system: &System| {
-        let by: &dyn Fn() -> Result<Figures, String> = match system {
+        let by: &dyn Fn() -> Result<Figures, Error> = match system {
             System::Flat => &|| stepped::flat(&subject),
             System::Contour => &|| stepped::by(&subject, Method::Contour),
             System::ZRange => &|| stepped::z_range(&subject),
@@ -356,14 +356,13 @@ fn marked(deviations: &[Deviation], weights: &[f64], limits: Limits) -> Figures 
     }
 }
 
-/// Says an error in one line of a table.
-fn reason(e: &Error) -> String {
-    e.diags().first().map_or_else(|| e.to_string(), |d| d.message.clone())
+/// How far apart nodes of a path may lie, mm.
+fn spacing(subject: &Subject<'_>) -> f64 {
+    let field = subject.machine.usable_field().map(mm_from_nm);
+    field[0].min(field[1]).min(subject.size[0].max(subject.size[1])) / NODES
 }
 
 /// The path of some blocks of a program over the part.
 fn path_of(subject: &Subject<'_>, program: &Program, blocks: Range<usize>) -> Path {
-    let field = subject.machine.usable_field().map(|f| f as f64 / NM_PER_MM);
-    let spacing = field[0].min(field[1]).min(subject.size[0].max(subject.size[1])) / NODES;
-    Path::of(program, blocks, &subject.inputs.surface, &subject.height_field, spacing)
+    Path::of(program, blocks, &subject.inputs.surface, &subject.height_field, spacing(subject))
 }

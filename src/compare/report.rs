@@ -19,7 +19,7 @@ fn systems(c: &Comparison) -> Table {
         Column::time("delay"),
         Column::count("stops"),
         Column::number("speed", "%", 1),
-        Column::number("marked", "m", 2),
+        Column::number("texture marked", "m", 2),
         Column::number("worst FOD", "um", 1),
         Column::number("worst BIA", "deg", 2),
         Column::number("worst displacement", "mm", 2),
@@ -36,8 +36,9 @@ fn systems(c: &Comparison) -> Table {
         let mut cells: Vec<Cell> = vec![row.system.name().into()];
         match &row.figures {
             Ok(f) => cells.extend(figures(f)),
-            Err(why) => {
+            Err(e) => {
                 cells.extend((0..width - 2).map(|_| None::<f64>.into()));
+                let why = e.diags().iter().map(|d| d.message.as_str()).collect::<Vec<_>>().join("; ");
                 cells.push(format!("does not apply: {why}").as_str().into());
             }
         }
@@ -232,7 +233,7 @@ pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
 pub fn page(c: &Comparison) -> String {
     let (tables, plots) = (tables(c), plots(c));
     let intro = format!(
-        "Job {} on machine {}. Limits of all systems: focal offset (FOD) {:.1} um, beam incidence (BIA) {:.1} deg, \
+        "{} on machine {}. Limits of all systems: focal offset (FOD) {:.1} um, beam incidence (BIA) {:.1} deg, \
          displacement of the spot {:.1} mm.",
         c.job,
         c.machine,

@@ -2,7 +2,8 @@
 
 use std::borrow::Cow;
 
-use super::{Figures, Split, Subject, marked, path_of, reason};
+use super::{Figures, Split, Subject, marked, path_of, spacing};
+use crate::diag::Error;
 use crate::geom::{Box2, FieldPoint, NM_PER_MM, P2, Turn, mm_from_nm};
 use crate::job::{DepthRule, Focus, Method, Partition};
 use crate::machine::{Commanded, Machine, Origin};
@@ -19,19 +20,19 @@ const ONE_PLANE: i64 = 2_000_000_000;
 
 /// Fields side by side, each focused on the middle of its marks. The program is not checked: the lens may come as
 /// near to the part as it must, the figures tell.
-pub(super) fn flat(subject: &Subject<'_>) -> Result<Figures, String> {
+pub(super) fn flat(subject: &Subject<'_>) -> Result<Figures, Error> {
     let mut job = subject.job.plain(Method::ZRange);
     job.focus = Focus { pdof: ONE_PLANE, depth: ONE_PLANE, rule: DepthRule::Range, ..job.focus };
     job.partition = Partition { method: Method::ZRange, ..Partition::default() };
-    let draft = Draft::new(&job, subject.machine, subject.inputs, &|_| {}).map_err(|e| reason(&e))?;
+    let draft = Draft::new(&job, subject.machine, subject.inputs, &|_| {})?;
     Ok(measured(subject, &Measured::of_draft(&draft, subject.machine)))
 }
 
 /// A job by a method on a machine.
-pub(super) fn planned(subject: &Subject<'_>, machine: &Machine, method: Method) -> Result<SteppedPlan, String> {
+pub(super) fn planned(subject: &Subject<'_>, machine: &Machine, method: Method) -> Result<SteppedPlan, Error> {
     let job = subject.job.plain(method);
     let draft = Draft::new(&job, machine, subject.inputs, &|_| {});
-    draft.and_then(|draft| draft.checked(Vec::new())).map_err(|e| reason(&e))
+    draft.and_then(|draft| draft.checked(Vec::new()))
 }
 
 /// A stepped program that is to be measured.
@@ -71,24 +72,26 @@ impl<'a> Measured<'a> {
 }
 
 /// Stepped by a method.
-pub(super) fn by(subject: &Subject<'_>, method: Method) -> Result<Figures, String> {
+pub(super) fn by(subject: &Subject<'_>, method: Method) -> Result<Figures, Error> {
     Ok(measured(subject, &Measured::of(&planned(subject, subject.machine, method)?)))
 }
 
 /// Stepped, fewest levels in each section.
-pub(super) fn z_range(subject: &Subject<'_>) -> Result<Figures, String> {
+pub(super) fn z_range(subject: &Subject<'_>) -> Result<Figures, Error> {
     Ok(measured(subject, &Measured::of(subject.z_range()?)))
 }
 
 /// Levels changed by a zoom optic; the stage moves for a new section, or where the zoom's range ends.
-pub(super) fn zoom(subject: &Subject<'_>) -> Result<Figures, String> {
+pub(super) fn zoom(subject: &Subject<'_>) -> Result<Figures, Error> {
     let machine = subject.machine;
-    let (mut zoom, mut notes) = (machine.zoom.clone(), Vec::new());
-    if zoom.is_none() {
-        zoom = Machine::built_in("xyz-zoom-40").ok().and_then(|m| m.zoom);
-        notes.push("zoom optic of xyz-zoom-40 added".into());
-    }
-    let Some(zoom) = zoom else { return Err("no zoom optic".into()) };
+    let mut notes = Vec::new();
+    let zoom = match machine.zoom.clone() {
+        Some(zoom) => zoom,
+        None => {
+            notes.push("zoom optic of xyz-zoom-40 added".into());
+            Machine::built_in("xyz-zoom-40")?.zoom.expect("the profile has a zoom optic")
+        }
+    };
     let plan = subject.z_range()?;
     let mut figures = measured(subject, &Measured::of(plan));
     let range = zoom.range.as_nm().unwrap_or(i64::MAX);
@@ -127,11 +130,11 @@ pub(super) fn zoom(subject: &Subject<'_>) -> Result<Figures, String> {
 }
 
 /// The part tilted at every stop.
-pub(super) fn tilt(subject: &Subject<'_>) -> Result<Figures, String> {
+pub(super) fn tilt(subject: &Subject<'_>) -> Result<Figures, Error> {
     let mut machine = subject.machine.clone();
     let mut notes = Vec::new();
     if machine.tilt.is_none() {
-        machine.tilt = Machine::built_in("xyz-tilt-galvo-40").ok().and_then(|m| m.tilt);
+        machine.tilt = Machine::built_in("xyz-tilt-galvo-40")?.tilt;
         notes.push("tilt table of xyz-tilt-galvo-40 added".into());
     }
     let plan = planned(subject, &machine, Method::Tilt)?;
@@ -161,6 +164,8 @@ fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
     let mut program = Cow::Borrowed(plan.program);
     let turns: Vec<Turn> = program.blocks.iter().map(|b| plan.machine.turn(b.stop.tilt, plan.origin)).collect();
     if turns.iter().any(|turn| turn.lean() > 0.0) {
+        // What is straight in a tilted field is not straight from above.
+        divide_segments(program.to_mut(), spacing(subject));
         seen_from_above(program.to_mut(), &turns, &subject.height_field, plan.texture);
     }
     let owner = owners(&program);
@@ -179,6 +184,28 @@ fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
     };
     let deviations: Vec<Deviation> = (0..path.len()).map(deviation).collect();
     stepping(marked(&deviations, &path.weights(), subject.limits), subject, plan)
+}
+
+/// Divides the segments of all strokes into pieces no longer than `most` mm.
+fn divide_segments(program: &mut Program, most: f64) {
+    let mut points = Vec::with_capacity(program.points.len());
+    for stroke in &mut program.strokes {
+        let first = points.len();
+        let own = &program.points[stroke.first as usize..(stroke.first + stroke.len) as usize];
+        points.push(own[0]);
+        for w in own.windows(2) {
+            let [from, to] = [w[0], w[1]].map(|p| [f64::from(p.x), f64::from(p.y)]);
+            let pieces = ((to[0] - from[0]).hypot(to[1] - from[1]) / (most * NM_PER_MM)).ceil().max(1.0) as u32;
+            for k in 1..pieces {
+                let share = f64::from(k) / f64::from(pieces);
+                let at = |a: usize| (from[a] + share * (to[a] - from[a])).round() as i32;
+                points.push(FieldPoint::new(at(0), at(1)));
+            }
+            points.push(w[1]);
+        }
+        (stroke.first, stroke.len) = (first as u32, (points.len() - first) as u32);
+    }
+    program.points = points;
 }
 
 /// Puts centres and points of all blocks where they lie on the untilted part, seen along z; points in the box of the

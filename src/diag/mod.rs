@@ -5,11 +5,14 @@
 //! to change. Nothing here prints: the command line renders diagnostics, JSON writes them as objects.
 
 pub mod memory;
+mod message;
 
 use std::fmt;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
+
+pub use message::{Failure, Message, Severity};
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 use serde::de::DeserializeOwned;
@@ -182,20 +185,6 @@ impl Diag {
         let renderer = if color { Renderer::styled() } else { Renderer::plain() };
         renderer.render(&[group])
     }
-
-    /// The message as a JSON object with keys kind, code, message, place, hint.
-    pub fn to_json(&self) -> serde_json::Value {
-        let kind = match self.kind {
-            Kind::Warning => "warning",
-            Kind::Input => "input",
-            Kind::Limit => "limit",
-            Kind::Bug => "bug",
-        };
-        serde_json::json!({
-            "kind": kind, "code": self.code, "message": self.message,
-            "place": self.place.to_string(), "hint": self.hint,
-        })
-    }
 }
 
 impl fmt::Display for Diag {
@@ -280,7 +269,7 @@ pub fn unreadable(path: &Path, e: &std::io::Error) -> Diag {
             (near, None) => format!("it was looked for as {}; did you mean {}?", whole.display(), near.join(" or ")),
         };
     }
-    Diag::input("file-unreadable", format!("cannot read the file: {e}"))
+    Diag::input("file-unreadable", format!("cannot read the file {}: {e}", path.display()))
         .at(Place::file(path.display().to_string()))
         .hint(hint)
 }

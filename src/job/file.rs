@@ -13,7 +13,7 @@ use super::direction::Direction;
 use crate::emit::Format;
 use crate::texture::pattern::Pattern;
 use crate::units::{
-    Angle, Frequency, Length, Power, Speed, non_negative, non_negative_option, positive, positive_option,
+    Angle, Frequency, Length, Power, Share, Speed, non_negative, non_negative_option, positive, positive_option,
 };
 
 /// Largest job file that is read.
@@ -524,6 +524,17 @@ pub enum Steep {
     Refuse,
 }
 
+/// What happens to values that the machine's optics make implausible.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Implausible {
+    /// The job is refused.
+    #[default]
+    Refuse,
+    /// The values are used, with a warning.
+    Allow,
+}
+
 /// `[limits]`.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -537,6 +548,18 @@ pub struct LimitsKeys {
     /// What happens to texture beyond it.
     #[serde(default)]
     pub steep: Steep,
+    /// Share of the texture's length that may lie off the part, where nothing is marked; beyond it the job is
+    /// refused.
+    #[serde(default = "default_max_off_part")]
+    pub max_off_part: Share,
+    /// What happens where a value is far from what the machine's optics allow: a depth of focus beyond twice that
+    /// of the optics, or a hatch pitch below a quarter of the spot.
+    #[serde(default)]
+    pub implausible: Implausible,
+}
+
+fn default_max_off_part() -> Share {
+    Share::percent(50.0)
 }
 
 fn default_warn_incidence() -> Angle {
@@ -549,7 +572,13 @@ fn default_max_incidence() -> Angle {
 
 impl Default for LimitsKeys {
     fn default() -> Self {
-        Self { warn_incidence: default_warn_incidence(), max_incidence: default_max_incidence(), steep: Steep::Skip }
+        Self {
+            warn_incidence: default_warn_incidence(),
+            max_incidence: default_max_incidence(),
+            steep: Steep::Skip,
+            max_off_part: default_max_off_part(),
+            implausible: Implausible::Refuse,
+        }
     }
 }
 

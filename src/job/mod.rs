@@ -7,16 +7,18 @@
 
 mod direction;
 pub mod file;
+mod plausible;
 mod resolve;
 mod resolved;
 mod sample;
 
 pub use crate::emit::Format;
 pub use file::{
-    Compensate, DepthRule, Dose, FileUnit, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder, json_schema,
+    Compensate, DepthRule, Dose, FileUnit, Implausible, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder,
+    json_schema,
 };
 pub use resolve::MAX_SETUPS;
 pub use resolved::{
     Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput, read_text,
 };
-pub use sample::{SAMPLE_JOB, SAMPLE_SURFACE_NAME, sample_surface};
+pub use sample::{SAMPLE_DRAWING, SAMPLE_DRAWING_NAME, SAMPLE_JOB, SAMPLE_SURFACE_NAME, SCHEMA_NAME, sample_surface};

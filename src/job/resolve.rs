@@ -134,6 +134,10 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
         let text = "limits.max_incidence is not between 0 and 90 deg";
         f.push("limits.max_incidence", Diag::input("limits-incidence", text));
     }
+    if !(0.0..=100.0).contains(&file.limits.max_off_part.as_percent()) {
+        let text = "limits.max_off_part is not between 0 % and 100 %";
+        f.push("limits.max_off_part", Diag::input("limits-share", text));
+    }
     let passes = passes(&file.passes, focus.depth, f);
     let setups = file.setups.as_ref().map(|setups| set_ups(setups, file, f));
     dose(file, f);
@@ -160,6 +164,8 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
             warn_incidence: file.limits.warn_incidence,
             max_incidence: file.limits.max_incidence,
             steep: file.limits.steep,
+            max_off_part: file.limits.max_off_part,
+            implausible: file.limits.implausible,
         },
         dose: file.dose,
         machine,
@@ -515,6 +521,11 @@ impl Texture<'_> {
     }
 
     fn kind(&self, f: &mut Faults<'_>) -> Option<texture::Kind> {
+        if let Some(fault) = self.keys.file.as_deref().and_then(texture::foreign_drawing) {
+            // What other keys mean for it is not the first thing to know.
+            f.push(&self.key("file"), fault);
+            return None;
+        }
         match (self.keys.pattern, &self.keys.file) {
             (Some(_), Some(_)) => {
                 let fault = Diag::input("texture-both", "the texture has both pattern and file");
@@ -637,6 +648,18 @@ mod tests {
         let direction = faults("pattern = \"hatch\"", "pattern = \"squares\"\ncell = \"0.6 mm\"");
         assert_eq!(direction[0].1, "direction means nothing for squares");
         assert_eq!(direction[1].0, "texture-cell");
+    }
+
+    #[test]
+    fn a_drawing_that_is_not_svg_is_refused_before_its_keys_are_looked_at() {
+        for (file, what) in [("panel.dxf", "a DXF drawing"), ("a/logo.PNG", "a PNG image"), ("x.pdf", "a PDF document")]
+        {
+            let found = faults("pattern = \"hatch\"", &format!("file = \"{file}\""));
+            let wanted = format!("this is {what}, which is not read yet: textures are SVG drawings");
+            assert_eq!(found, [("svg-format", wanted)], "{file}");
+        }
+        // Patterns have no other keys to blame.
+        assert_eq!(faults("pattern = \"hatch\"", "pattern = \"hatch\"\nfile = \"x.svg\"")[0].0, "texture-both");
     }
 
     #[test]

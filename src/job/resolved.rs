@@ -4,14 +4,14 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::file::{Dose, JobFile, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder};
+use super::file::{Dose, Implausible, JobFile, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder};
 use super::resolve::{Faults, resolve};
 use crate::diag::{self, Diag, Error, Place};
 use crate::emit::Format;
 use crate::geom::{NM_PER_MM, P2, mm_from_nm};
 use crate::machine::{Machine, Origin};
 use crate::program::{PassId, Pen};
-use crate::units::Angle;
+use crate::units::{Angle, Share};
 use crate::{surface, texture};
 
 /// Largest job file that is read.
@@ -164,6 +164,10 @@ pub struct Limits {
     pub max_incidence: Angle,
     /// What happens to texture beyond it.
     pub steep: Steep,
+    /// Share of the texture's length that may lie off the part.
+    pub max_off_part: Share,
+    /// What happens to values that the machine's optics make implausible.
+    pub implausible: Implausible,
 }
 
 impl Limits {
@@ -322,6 +326,28 @@ impl Job {
             texture::Request { kind, ..t.clone() }
         };
         self.textures.iter().map(of_pass).collect()
+    }
+
+    /// The same error; where a file that the job names cannot be read, the key that names it is the place.
+    #[must_use]
+    pub fn at_keys(&self, e: &Error) -> Error {
+        let drawing = |(i, t): (usize, &texture::Request)| match &t.kind {
+            texture::Kind::Drawing { path, .. } => Some((format!("texture.{i}.file"), path.clone())),
+            _ => None,
+        };
+        let machine = match &self.machine {
+            MachineInput::File(file) => Some(("machine.file".to_owned(), self.relative(file))),
+            MachineInput::Profile(_) => None,
+        };
+        let surface = Some(("surface.file".to_owned(), self.surface_path()));
+        let named: Vec<(String, PathBuf)> =
+            surface.into_iter().chain(machine).chain(self.textures.iter().enumerate().filter_map(drawing)).collect();
+        let at = |d: &Diag| {
+            let Place::File { path, line: None } = &d.place else { return d.clone() };
+            let key = named.iter().find(|(_, file)| d.code == "file-unreadable" && file.display().to_string() == *path);
+            key.map_or_else(|| d.clone(), |(key, _)| d.clone().at(self.place_of(key)))
+        };
+        Error::many(e.diags().iter().map(at).collect())
     }
 
     /// The machine that the job names.

@@ -1,10 +1,19 @@
-//! The sample that `terrace init` writes: a commented job file and a small freeform surface.
+//! The sample that `terrace init` writes: a commented job file, a small freeform surface and a drawing.
 
 /// File name of the sample surface.
 pub const SAMPLE_SURFACE_NAME: &str = "sample.stl";
 
 /// The commented job file.
 pub const SAMPLE_JOB: &str = include_str!("sample.toml");
+
+/// File name of the sample drawing.
+pub const SAMPLE_DRAWING_NAME: &str = "sample.svg";
+
+/// A leaf with its veins on a page of 10 x 10 mm.
+pub const SAMPLE_DRAWING: &str = include_str!("sample.svg");
+
+/// File name of the JSON schema that the job file names in its first line.
+pub const SCHEMA_NAME: &str = "job.schema.json";
 
 /// A gently curved 60 x 50 mm panel as binary STL in mm: z = 1.2 - (x/60)² - 0.8 (y/50)² + 0.15 sin(x/9).
 pub fn sample_surface() -> Vec<u8> {

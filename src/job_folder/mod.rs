@@ -4,19 +4,24 @@
 //! folder takes the target's name (`target`). A job folder belongs to the program: replacing it removes
 //! everything in it.
 
+mod disk;
 mod files;
 mod target;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
+pub use disk::Durability;
+use disk::{Flush, make_all};
 use files::Fill;
 pub use files::layout_svg;
 
 use crate::diag::{Diag, Error, Place};
 use crate::job::{Job, Mode};
-use crate::manifest::{FileFact, Head, InputFact};
-use crate::plan::{OnTheFlyPlan, Plan, SteppedPlan};
+use crate::manifest::{FileFact, Head, InputFact, MANIFEST};
+use crate::plan::Plan;
+#[cfg(test)]
+use crate::plan::{OnTheFlyPlan, SteppedPlan};
 use target::{Target, resolved};
 
 fn place(path: &Path) -> Place {
@@ -37,46 +42,102 @@ fn failed(what: &str, path: &Path, e: &std::io::Error) -> Error {
 /// `output-not-a-job` where `target` exists and is not a job folder; `output-other-mode` where it is one of the other
 /// mode; what the file system refuses.
 pub fn prepare(target: &Path, mode: Mode) -> Result<(), Error> {
-    let target = Target::find(target)?;
+    let target = Target::find(target, MANIFEST)?;
     target.recover()?;
     target.may_be_replaced(mode, &[])
 }
 
-/// Writes the folder of a plan and puts it in the place of `target`. A run that writes there already is
-/// waited for.
+/// Writes the folder of a plan and puts it in the place of `target`, on the disk itself. A run that writes there
+/// already is waited for.
 ///
 /// # Errors
 /// As [`prepare`]; `output-holds-input` where the folder to be replaced holds an input of the job.
 /// Whatever fails, an older folder stands as it was.
 pub fn write(plan: &Plan, target: &Path) -> Result<(), Error> {
+    write_with(plan, target, Durability::Synced)
+}
+
+/// [`write()`] that waits for the disk or does not.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_with(plan: &Plan, target: &Path, durability: Durability) -> Result<(), Error> {
+    let job = plan.job();
     match plan {
-        Plan::Stepped(plan) => write_stepped(plan, target),
-        Plan::OnTheFly(plan) => write_on_the_fly(plan, target),
+        Plan::Stepped(plan) => write_job(job, target, durability, &|filling, head| files::stepped(plan, head, filling)),
+        Plan::OnTheFly(plan) => {
+            write_job(job, target, durability, &|filling, head| files::on_the_fly(plan, head, filling))
+        }
     }
 }
 
+/// For mutants of the verifier: the folder of a plan that was tampered with.
+#[cfg(test)]
 pub(crate) fn write_stepped(plan: &SteppedPlan, target: &Path) -> Result<(), Error> {
-    exchange(&plan.job, target, &|filling, head| files::stepped(plan, head, filling))
+    write_job(&plan.job, target, Durability::Unsynced, &|filling, head| files::stepped(plan, head, filling))
 }
 
+/// The same on the fly.
+#[cfg(test)]
 pub(crate) fn write_on_the_fly(plan: &OnTheFlyPlan, target: &Path) -> Result<(), Error> {
-    exchange(&plan.job, target, &|filling, head| files::on_the_fly(plan, head, filling))
+    write_job(&plan.job, target, Durability::Unsynced, &|filling, head| files::on_the_fly(plan, head, filling))
 }
 
-/// Lets `fill` make a folder, whose manifest it answers with, and puts it in the place of `target`.
-fn exchange(job: &Job, target: &Path, fill: &Fill<'_>) -> Result<(), Error> {
-    let target = Target::find(target)?;
+/// Lets `fill` make a job folder, whose manifest it answers with, and puts it in the place of `target`.
+fn write_job(job: &Job, target: &Path, durability: Durability, fill: &Fill<'_>) -> Result<(), Error> {
+    let target = Target::find(target, MANIFEST)?;
+    let allowed = || target.may_be_replaced(job.mode, &input_paths(job));
+    exchange(&target, durability.flush(), &allowed, &|new| files::fill(job, new, &target.path, fill))
+}
+
+/// Lets `fill` make a folder, which holds the file `sign` when it is whole, and puts it in the place of `target` if
+/// `allowed` says that what stands there may be replaced.
+///
+/// # Errors
+/// What `allowed` and `fill` say; what the file system refuses. An older folder stands as it was then.
+pub(crate) fn replace(
+    target: &Path,
+    sign: &'static str,
+    durability: Durability,
+    allowed: &dyn Fn() -> Result<(), Error>,
+    fill: &dyn Fn(&Path) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let fill = |new: &Path| {
+        fs::create_dir(new).map_err(|e| failed("make the folder", new, &e))?;
+        fill(new)
+    };
+    exchange(&Target::find(target, sign)?, durability.flush(), allowed, &fill)
+}
+
+fn exchange(
+    target: &Target,
+    flush: &Flush<'_>,
+    allowed: &dyn Fn() -> Result<(), Error>,
+    fill: &dyn Fn(&Path) -> Result<(), Error>,
+) -> Result<(), Error> {
     let parent = target.path.parent().unwrap_or(Path::new("/"));
-    fs::create_dir_all(parent).map_err(|e| failed("make the folder", parent, &e))?;
+    let around = make_all(parent).map_err(|e| failed("make the folder", parent, &e))?;
     let lock = target.lock()?;
     target.tidy(&lock)?;
-    target.may_be_replaced(job.mode, &input_paths(job))?;
-    let done = files::fill(job, &target.new, &target.path, fill).and_then(|()| target.exchange(&lock));
+    allowed()?;
+    let done = fill(&target.new).and_then(|()| target.exchange(&lock, flush));
     if done.is_err() {
         // What cannot be removed now, the next run removes.
         let _ = fs::remove_dir_all(&target.new);
     }
-    done
+    done?;
+    around.iter().try_for_each(|folder| flush(folder).map_err(|e| failed("put the folder on the disk", folder, &e)))
+}
+
+/// Writes one file, and waits for the disk or does not.
+///
+/// # Errors
+/// What the file system refuses.
+pub(crate) fn write_file(path: &Path, bytes: &[u8], durability: Durability) -> Result<(), Error> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let flush = durability.flush();
+    let written = fs::write(path, bytes).and_then(|()| flush(path)).and_then(|()| flush(folder));
+    written.map_err(|e| failed("write the file", path, &e))
 }
 
 /// Every input file of a job but the job file itself, with its hash.
@@ -132,4 +193,65 @@ pub fn job_file_from(job: &Path, target: &Path) -> Result<String, Error> {
     let mut out = vec!["..".to_owned(); from.components().count() - common];
     out.extend(file.components().skip(common).map(|c| c.as_os_str().to_string_lossy().into_owned()));
     Ok(out.join("/"))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+
+    /// Puts a folder with the files `sign` and `blocks/1` in the place of `target`; answers with what was flushed, in
+    /// order, each with whether the target held the new folder by then, and whether the old one was still there.
+    fn flushed(target: &Path, text: &str) -> Vec<(PathBuf, bool, bool)> {
+        let target = Target::find(target, "sign").expect("a place");
+        let old = target.path.with_file_name(".out.job.old");
+        let seen = Mutex::new(Vec::new());
+        let flush = |path: &Path| {
+            let is_new = fs::read_to_string(target.path.join("sign")).is_ok_and(|held| held == text);
+            seen.lock().expect("no panic").push((path.to_owned(), is_new, old.exists()));
+            Ok(())
+        };
+        let fill = |new: &Path| {
+            fs::create_dir_all(new.join("blocks")).expect("made");
+            fs::write(new.join("blocks/1"), text).expect("written");
+            fs::write(new.join("sign"), text).expect("written");
+            Ok(())
+        };
+        exchange(&target, &flush, &|| Ok(()), &fill).expect("exchanged");
+        seen.into_inner().expect("no panic")
+    }
+
+    #[test]
+    fn a_new_folder_is_flushed_before_it_takes_its_name_and_its_parent_before_the_old_one_goes() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let top = fs::canonicalize(dir.path()).expect("there");
+        let (parent, new) = (top.join("a"), top.join("a/.out.job.new"));
+        let first = flushed(&top.join("a/out.job"), "one");
+        let again = flushed(&top.join("a/out.job"), "two");
+        for (seen, replaces) in [(&first, false), (&again, true)] {
+            let (files, rest) = seen.split_at(2);
+            let mut names: Vec<&PathBuf> = files.iter().map(|(path, ..)| path).collect();
+            names.sort();
+            assert_eq!(names, [&new.join("blocks/1"), &new.join("sign")]);
+            assert!(files.iter().all(|(_, is_new, _)| !is_new));
+            assert_eq!(rest[..2], [(new.join("blocks"), false, false), (new.clone(), false, false)]);
+            assert_eq!(rest[2], (parent.clone(), true, replaces), "the names have changed, the old folder is there");
+        }
+        // The folder around it was new, so the one around that has a new name too.
+        assert_eq!(first[5..], [(top.clone(), true, false)]);
+        assert_eq!(again.len(), 5);
+        assert!(!parent.join(".out.job.old").exists());
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_flushed_does_not_take_its_name() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let target = Target::find(&dir.path().join("out.job"), "sign").expect("a place");
+        let fails = |_: &Path| Err(std::io::Error::other("the disk is gone"));
+        let fill = |new: &Path| fs::create_dir(new).map_err(|e| failed("make", new, &e));
+        let e = exchange(&target, &fails, &|| Ok(()), &fill).expect_err("not on the disk");
+        assert_eq!(e.diags()[0].code, "output-unwritable");
+        assert_eq!(fs::read_dir(dir.path()).expect("there").count(), 0, "nothing is left");
+    }
 }

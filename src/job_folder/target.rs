@@ -6,14 +6,15 @@
 //! with its process, however that ends; a second run on the same target waits for it.
 //!
 //! Promises that under the final name there is the whole old folder, the whole new one, or, between
-//! two renames, none; [`Target::recover`] clears up what a stopped run left. Limits: this holds when a
-//! process is killed, not when power fails before the system has written its caches; file systems
+//! two renames, none; [`Target::recover`] clears up what a stopped run left. This holds when a process is
+//! killed, and, where the new folder and its parent are flushed, when power fails. Limits: file systems
 //! without locks (some network shares) are used without one.
 
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::path::{Component, Path, PathBuf};
 
+use super::disk::{Flush, flush_tree};
 use super::{failed, place};
 use crate::diag::{Diag, Error};
 use crate::job::Mode;
@@ -28,6 +29,8 @@ pub(super) struct Target {
     pub(super) new: PathBuf,
     old: PathBuf,
     lock: PathBuf,
+    /// The file without which a folder of this kind is not whole.
+    sign: &'static str,
 }
 
 /// The right to write at a target; ends when dropped.
@@ -45,8 +48,8 @@ impl Drop for Lock<'_> {
 }
 
 impl Target {
-    /// Finds the place; touches nothing.
-    pub(super) fn find(given: &Path) -> Result<Self, Error> {
+    /// Finds the place of a folder that is whole when it holds the file `sign`; touches nothing.
+    pub(super) fn find(given: &Path, sign: &'static str) -> Result<Self, Error> {
         let nameless = || {
             let d = Diag::input("output-name", "the output has no name of its own").at(place(given));
             Error::from(d.hint("name a folder, such as -o hood.job"))
@@ -62,7 +65,7 @@ impl Target {
             hidden.push(what);
             path.with_file_name(hidden)
         };
-        Ok(Self { new: hidden(".new"), old: hidden(".old"), lock: hidden(".lock"), path })
+        Ok(Self { new: hidden(".new"), old: hidden(".old"), lock: hidden(".lock"), path, sign })
     }
 
     /// Finishes or undoes what a stopped run left.
@@ -93,11 +96,11 @@ impl Target {
     /// [`Target::recover`] under a lock that is held already.
     pub(super) fn tidy(&self, _lock: &Lock<'_>) -> Result<(), Error> {
         if is_there(&self.old) {
-            // A replaced folder loses its manifest first, so one that has it is whole.
-            if !is_there(&self.path) && self.old.join(MANIFEST).is_file() {
+            // A replaced folder loses its sign first, so one that has it is whole.
+            if !is_there(&self.path) && self.old.join(self.sign).is_file() {
                 fs::rename(&self.old, &self.path).map_err(|e| failed("restore the old folder", &self.old, &e))?;
             } else {
-                discard(&self.old)?;
+                self.discard_old()?;
             }
         }
         if is_there(&self.new) {
@@ -132,8 +135,10 @@ impl Target {
         Ok(())
     }
 
-    /// Puts the finished new folder in place. Where that fails the old one is put back.
-    pub(super) fn exchange(&self, _lock: &Lock<'_>) -> Result<(), Error> {
+    /// Puts the finished new folder in place. Where that fails the old one is put back. The new folder is flushed
+    /// before its name changes, and the folder around it before the old one is removed.
+    pub(super) fn exchange(&self, _lock: &Lock<'_>, flush: &Flush<'_>) -> Result<(), Error> {
+        flush_tree(&self.new, flush).map_err(|e| failed("put the new folder on the disk", &self.new, &e))?;
         let replaces = is_there(&self.path);
         if replaces {
             fs::rename(&self.path, &self.old).map_err(|e| failed("set the old folder aside", &self.path, &e))?;
@@ -145,14 +150,16 @@ impl Target {
             }
             return Err(failed("put the new folder in place", &self.path, &e));
         }
-        if replaces { discard(&self.old) } else { Ok(()) }
+        let parent = self.path.parent().unwrap_or(Path::new("/"));
+        flush(parent).map_err(|e| failed("put the folder on the disk", parent, &e))?;
+        if replaces { self.discard_old() } else { Ok(()) }
     }
-}
 
-/// Removes a replaced folder, its manifest first.
-fn discard(old: &Path) -> Result<(), Error> {
-    let _ = fs::remove_file(old.join(MANIFEST));
-    fs::remove_dir_all(old).map_err(|e| failed("remove the replaced folder", old, &e))
+    /// Removes the replaced folder, its sign first.
+    fn discard_old(&self) -> Result<(), Error> {
+        let _ = fs::remove_file(self.old.join(self.sign));
+        fs::remove_dir_all(&self.old).map_err(|e| failed("remove the replaced folder", &self.old, &e))
+    }
 }
 
 /// Whether anything has this name, a link that leads nowhere included.

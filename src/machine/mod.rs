@@ -242,6 +242,13 @@ pub struct Laser {
     /// Wavelength.
     #[serde(deserialize_with = "positive")]
     pub wavelength: Length,
+    /// Beam quality M²; default: 1, an ideal Gaussian beam.
+    #[serde(default = "ideal_beam")]
+    pub m2: f64,
+}
+
+fn ideal_beam() -> f64 {
+    1.0
 }
 
 /// Waiting times of scanner and laser.
@@ -392,12 +399,28 @@ impl Machine {
                 fault("machine-servo", &key, text, "0.7 is usual");
             }
         }
+        if !(1.0..=1000.0).contains(&self.laser.m2) {
+            let text = "laser.m2 is not between 1 and 1000";
+            fault(
+                "machine-m2",
+                "laser.m2",
+                text.into(),
+                "1 is an ideal beam, single-mode fibre lasers have 1.1 to 1.3",
+            );
+        }
         if !(40..=1_000_000).contains(&self.controller.max_line) {
             let text = "controller.max_line is not between 40 and 1000000 characters";
             fault("machine-line", "controller.max_line", text.into(), "255 is usual, 80 with GRBL");
         }
         faults.extend(self.tilt.iter().flat_map(Tilt::faults));
         faults
+    }
+
+    /// Depth of focus of the optics, mm: twice the Rayleigh length of a Gaussian beam, 2 z_R = 2 π w² / (M² λ), where
+    /// w is half the spot (ISO 11146-1).
+    pub fn depth_of_focus_mm(&self) -> f64 {
+        let waist = self.lens.spot.as_mm() / 2.0;
+        2.0 * std::f64::consts::PI * waist * waist / (self.laser.m2 * self.laser.wavelength.as_mm())
     }
 
     /// The three linear axes with their names.

@@ -17,6 +17,7 @@ pub use stepped::manifest;
 use serde::{Deserialize, Serialize};
 
 use crate::check::Checked;
+use crate::diag::Message;
 use crate::emit;
 use crate::job::Job;
 use crate::machine::Machine;
@@ -104,8 +105,8 @@ pub struct Summary {
     pub time_s: Times,
     /// What `auto` compared; empty where one method was asked for.
     pub candidates: Vec<Candidate>,
-    /// What the user should know, as objects with kind, code, message, place and hint.
-    pub warnings: Vec<serde_json::Value>,
+    /// What the user should know.
+    pub warnings: Vec<Message>,
 }
 
 impl Summary {

@@ -3,11 +3,10 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 use super::Head;
 use super::stepped::{Placement, bytes};
-use crate::diag::Diag;
+use crate::diag::{Diag, Message};
 use crate::geom::mm_from_nm;
 use crate::job::Job;
 use crate::machine::Machine;
@@ -67,8 +66,8 @@ pub struct OnTheFlySummary {
     pub blend_mm: f64,
     /// Peak speed, acceleration and jerk, by axis letter.
     pub peaks: BTreeMap<String, AxisPeaks>,
-    /// What the user should know, as objects with kind, code, message, place and hint.
-    pub warnings: Vec<Value>,
+    /// What the user should know.
+    pub warnings: Vec<Message>,
 }
 
 /// Peaks of one axis; mm or deg, s.
@@ -106,7 +105,7 @@ impl OnTheFlySummary {
             laser_error_mm: figures.laser_error_mm,
             blend_mm,
             peaks: letters.zip(program.kind.axes().iter().map(peak)).collect(),
-            warnings: warnings.iter().map(Diag::to_json).collect(),
+            warnings: warnings.iter().map(Message::from).collect(),
         }
     }
 }

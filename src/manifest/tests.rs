@@ -1,6 +1,7 @@
 use std::path::Path;
 
 use super::*;
+use crate::diag::Diag;
 use crate::job::{Overrides, SAMPLE_JOB};
 use crate::machine::{FieldShape, Origin};
 use crate::program::sample;
@@ -25,7 +26,7 @@ fn with<R>((program, origin): (Program, Origin), machine: &Machine, use_them: im
     let summary = Summary {
         stops: 3,
         method: "contour".into(),
-        warnings: vec![serde_json::json!({"message": "steep places"})],
+        warnings: vec![Message::from(&Diag::warning("steep", "steep places"))],
         ..Summary::default()
     };
     use_them(&Facts {

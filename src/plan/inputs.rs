@@ -1,7 +1,8 @@
 //! The input files of a job, each opened once.
 
+use crate::check::pen_faults;
 use crate::diag::{Diag, Error};
-use crate::geom::mm_from_nm;
+use crate::geom::{cos_sin, mm_from_nm};
 use crate::job::Job;
 use crate::machine::Machine;
 use crate::program::PassId;
@@ -22,17 +23,23 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Reads machine, surface and drawings.
+    /// Reads machine, surface and drawings, and holds the job to what the machine can be.
     ///
     /// # Errors
-    /// Faults of the files.
+    /// Faults of the files; pens that the machine cannot give; `pdof-large`, `pitch-small`; `job-empty` where the
+    /// texture lies beside the part.
     pub fn load(job: &Job) -> Result<Self, Error> {
-        let machine = job.machine()?;
+        let machine = job.machine().map_err(|e| job.at_keys(&e))?;
+        let pens = pen_faults(&job.pens, &machine);
+        if !pens.is_empty() {
+            return Err(Error::many(pens.into_iter().map(|(key, fault)| fault.at(job.place_of(&key))).collect()));
+        }
         let mut warnings = job.warnings.clone();
+        warnings.extend(job.plausible(&machine)?);
         // What was warned of before a fault often tells its cause.
         match Self::read(job, &mut warnings) {
             Ok((surface, texture)) => Ok(Self { machine, surface, texture, warnings }),
-            Err(e) => Err(e.after(warnings)),
+            Err(e) => Err(job.at_keys(&e).after(warnings)),
         }
     }
 
@@ -41,6 +48,18 @@ impl Inputs {
         let weld = mm_from_nm(job.surface.weld_nm);
         let surface = Surface::load(&job.surface_path(), &job.surface.options, weld, turn, warnings)?;
         let texture = Texture::load(&job.textures, surface.part_box_mm(), turn, warnings)?;
+        let (part, marks) = (turned(surface.part_box_mm(), turn), texture.bounds());
+        let marks = [[marks.lo.x, marks.hi.x], [marks.lo.y, marks.hi.y]].map(|ends| ends.map(mm_from_nm));
+        if (0..2).any(|k| part[k][0] > marks[k][1] || part[k][1] < marks[k][0]) {
+            let turned = if turn == 0.0 { "" } else { " as they are turned" };
+            let text = format!(
+                "nothing would be marked: the texture lies at {}, beside the part at {}{turned}",
+                spanned(marks),
+                spanned(part)
+            );
+            let hint = "move the texture with its area or origin, or check the unit of surface and drawing";
+            return Err(Diag::limit("job-empty", text).at(job.place_of("texture")).hint(hint).into());
+        }
         Ok((surface, texture))
     }
 
@@ -55,4 +74,19 @@ impl Inputs {
         let turn = job.placement.turn.as_rad();
         self.texture.of_pass(&job.textures_of_pass(pass), self.surface.part_box_mm(), turn)
     }
+}
+
+/// Lowest and highest x and y, mm, of a box x0, y0, x1, y1 that is turned about the origin.
+fn turned([x0, y0, x1, y1]: [f64; 4], turn_rad: f64) -> [[f64; 2]; 2] {
+    let [c, s] = cos_sin(turn_rad);
+    let corners = [[x0, y0], [x1, y0], [x0, y1], [x1, y1]].map(|[x, y]| [c * x - s * y, s * x + c * y]);
+    [0, 1].map(|k| {
+        let ends = corners.iter().map(|corner| corner[k]);
+        [ends.clone().fold(f64::INFINITY, f64::min), ends.fold(f64::NEG_INFINITY, f64::max)]
+    })
+}
+
+/// Where a box lies, for messages.
+fn spanned([x, y]: [[f64; 2]; 2]) -> String {
+    format!("x {:.3} to {:.3} mm and y {:.3} to {:.3} mm", x[0], x[1], y[0], y[1])
 }

@@ -99,18 +99,9 @@ impl Setups {
         Origin([x + columns.shift[cell % n], y + rows.shift[cell / n], z])
     }
 
-    /// What helps where a stop lies beyond travel.
-    pub(super) fn hint(&self, job: &Job) -> String {
-        let [columns, rows] = self.needed;
-        let would_do = format!("{columns} x {rows} set-ups (columns x rows) would do");
-        match &job.setups {
-            Some(_) => format!("{would_do}; or mark a smaller area"),
-            None => {
-                let several = if columns * rows > 1 { format!(", [setups]: {would_do}") } else { String::new() };
-                "move the part with placement.origin, mark a smaller area, or use a machine with more travel".to_owned()
-                    + &several
-            }
-        }
+    /// The fewest columns and rows of set-ups whose stops lie within travel.
+    pub(super) fn needed(&self) -> [u32; 2] {
+        self.needed
     }
 }
 

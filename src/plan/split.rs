@@ -5,12 +5,13 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use rayon::prelude::*;
 
 use super::sweep::{Sweep, chunks};
-use crate::diag::{Diag, Error};
+use crate::diag::{Diag, Error, memory};
+use crate::geom::{NM_PER_MM, length_mm};
 use crate::job::Partition;
 use crate::partition::Stops;
-use crate::program::{Pen, PenId, StrokeId};
+use crate::program::{Pen, PenId, Sections, Stroke, StrokeId};
 use crate::projection::{Keep, Tracer};
-use crate::split::{Fragments, Seam, Splitter};
+use crate::split::{Fragment, Fragments, Seam, Splitter};
 use crate::texture::Texture;
 
 /// Most fragments and most points of all candidates, which are held in memory whole: some 8 GB.
@@ -34,17 +35,70 @@ impl Cuts {
     }
 }
 
+/// What all candidates together will hold, about.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Estimate {
+    fragments: f64,
+    points: f64,
+}
+
+impl Estimate {
+    /// Strokes whose mean length is `length` over sections with a pitch of `pitch`, nm, that are cut between these
+    /// numbers of stops over so many sections. On its way across a section a stroke crosses one border and each of
+    /// the section's levels once; it may cross fewer, or on a curved part some twice.
+    fn new(strokes: f64, points: f64, length: f64, pitch: f64, stops_by_section: &[f64]) -> Self {
+        let cuts: Vec<f64> = stops_by_section.iter().map(|levels| strokes * length / pitch * (1.0 + levels)).collect();
+        Self {
+            fragments: cuts.iter().map(|cuts| strokes + cuts).sum(),
+            points: cuts.iter().map(|cuts| points + 2.0 * cuts).sum(),
+        }
+    }
+
+    fn of(texture: &Texture, candidates: &[&Stops], sections: &Sections) -> Self {
+        const SAMPLES: usize = 1000;
+        let (mut points, mut length, mut seen) = (Vec::new(), 0.0, 0.0);
+        for i in (0..texture.len()).step_by((texture.len() / SAMPLES).max(1)) {
+            texture.stroke(i, &mut points);
+            length += length_mm(&points) * NM_PER_MM;
+            seen += 1.0;
+        }
+        let pitch = sections.pitch[0].min(sections.pitch[1]) as f64;
+        let levels: Vec<f64> = candidates.iter().map(|c| c.stops.len() as f64 / sections.len() as f64).collect();
+        Self::new(texture.len() as f64, texture.points_estimate() as f64, length / f64::max(seen, 1.0), pitch, &levels)
+    }
+
+    /// What they take, with the room that lists keep to grow, and the program that is laid out from them.
+    fn bytes(self) -> u64 {
+        const FRAGMENT: usize = 3 * size_of::<Fragment>() / 2 + size_of::<Stroke>();
+        const POINT: usize = 5 * size_of::<[i32; 2]>() / 2;
+        (self.fragments * FRAGMENT as f64 + self.points * POINT as f64) as u64
+    }
+
+    /// # Errors
+    /// `program-large` where the program is sure to be; `memory` where it is known not to fit.
+    fn hold(self, texture: &Texture) -> Result<(), Diag> {
+        // The estimate may be too high by this much; what is nearer to the bounds is counted while it grows.
+        const SPARE: f64 = 2.0;
+        if self.fragments > SPARE * MAX_FRAGMENTS as f64 || self.points > SPARE * MAX_POINTS as f64 {
+            return Err(too_large(texture));
+        }
+        memory::ask("the strokes of the program", self.bytes())
+    }
+}
+
 /// Cuts all strokes between the stops of every candidate, in one sweep; by candidate, in chunks.
 ///
 /// # Errors
-/// `program-large`.
+/// `program-large`; `memory`.
 pub(super) fn split(
     sweep: Sweep<'_>,
     candidates: &[&Stops],
+    sections: &Sections,
     pens: &[Pen],
     cuts: Cuts,
 ) -> Result<Vec<Vec<Fragments>>, Error> {
     let Sweep { surface, texture, max_slope } = sweep;
+    Estimate::of(texture, candidates, sections).hold(texture)?;
     let (fragment_count, point_count) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let chunks = chunks(texture)
         .into_par_iter()
@@ -101,4 +155,20 @@ pub(super) fn join(mut a: Fragments, b: Fragments) -> Fragments {
     a.steep_at = a.steep_at.or(b.steep_at);
     a.worst_slope2 = a.worst_slope2.max(b.worst_slope2);
     a
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_estimate_of_fragments_is_that_of_a_hatch_over_sections_and_levels() {
+        // 1000 lines of 60 mm over sections of 40 mm with 7 levels: 1.5 borders and 10.5 levels each.
+        let one = Estimate::new(1000.0, 2000.0, 60e6, 40e6, &[7.0]);
+        assert_eq!(one, Estimate { fragments: 13_000.0, points: 26_000.0 });
+        // Two candidates are held at a time.
+        let two = Estimate::new(1000.0, 2000.0, 60e6, 40e6, &[7.0, 3.0]);
+        assert_eq!(two.fragments, 13_000.0 + 7_000.0);
+        assert!(one.bytes() > 13_000 * size_of::<Fragment>() as u64 && one.bytes() < 13_000 * 500);
+    }
 }

@@ -139,7 +139,7 @@ impl<'a> Draft<'a> {
         progress(Station::Split);
         let stops: Vec<&Stops> = found.iter().map(|(_, stops)| stops).collect();
         let cuts = Cuts::new(&job.partition, first.grid.keep, job.seed);
-        let parts = split(first.sweep(job, inputs), &stops, &job.pens, cuts)?;
+        let parts = split(first.sweep(job, inputs), &stops, &first.grid.sections, &job.pens, cuts)?;
         progress(Station::Order);
         let (mut tried, mut warnings) = (Vec::new(), Vec::new());
         let made = found.iter().zip(parts).map(|((method, stops), parts)| {
@@ -190,7 +190,8 @@ impl<'a> Draft<'a> {
             return Err(Diag::bug("no-candidate", "a pass cannot be divided as the first was").into());
         };
         let cuts = Cuts::new(&job.partition, ready.grid.keep, job.seed);
-        let parts = split(ready.sweep(job, inputs), &[&stops], &job.pens, cuts)?.pop().unwrap_or_default();
+        let mut parts = split(ready.sweep(job, inputs), &[&stops], &ready.grid.sections, &job.pens, cuts)?;
+        let parts = parts.pop().unwrap_or_default();
         let next = ready.candidate(job, machine, &self.clearance, method, &stops, parts);
         let first = self.best.program.blocks.len();
         let blocks = first..first + next.program.blocks.len();
@@ -231,7 +232,7 @@ impl<'a> Draft<'a> {
         let limits = Limits {
             machine,
             origins: &origins,
-            travel_hint: best.setups.hint(job),
+            setups_needed: best.setups.needed(),
             depth: grid.lattice.depth,
             max_slope: best.split.worst_slope2.sqrt(),
             clearance: &clearance,
@@ -377,7 +378,7 @@ impl Candidate {
         let limits = Limits {
             machine,
             origins: &origins,
-            travel_hint: String::new(),
+            setups_needed: [1; 2],
             depth: grid.lattice.depth,
             max_slope: self.split.worst_slope2.sqrt(),
             clearance,

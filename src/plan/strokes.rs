@@ -74,7 +74,7 @@ pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<i64>
     let lattice = lattice.with_hysteresis(footprint.roughness());
     let stops = partition::divide(partition::Method::ZRange, &footprint, &section, pitch, &lattice);
     let cuts = Cuts::new(&Partition::default(), Keep(0), job.seed);
-    let parts = split(sweep, &[&stops], &job.pens, cuts)?.pop().unwrap_or_default();
+    let parts = split(sweep, &[&stops], &section, &job.pens, cuts)?.pop().unwrap_or_default();
     let program = laid(job, &stops, &parts);
     let found = parts.into_iter().fold(Fragments::default(), join);
     let mut notes = Vec::new();

@@ -2,7 +2,7 @@
 
 use super::stepped::Pass;
 use crate::check::Checked;
-use crate::diag::Diag;
+use crate::diag::{Diag, Message};
 use crate::job::Method;
 use crate::manifest::{Candidate, Summary, Times};
 use crate::partition::bound::Certificate;
@@ -57,6 +57,6 @@ pub(super) fn summary(
         worst_incidence_deg: split.worst_slope2.sqrt().atan().to_degrees(),
         time_s: figures.times,
         candidates,
-        warnings: warnings.iter().map(Diag::to_json).collect(),
+        warnings: warnings.iter().map(Message::from).collect(),
     }
 }

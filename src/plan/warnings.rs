@@ -36,8 +36,19 @@ pub(super) fn warn(
         warnings.push(Diag::warning("incidence", text).hint("see limits.warn_incidence"));
     }
     if split.skipped.off_part > 0.0 {
-        let text = format!("{} of texture lie off the part and are not marked", mm(split.skipped.off_part));
-        warnings.push(Diag::warning("off-part", text));
+        let share = 100.0 * split.skipped.off_part / split.texture_mm;
+        let text = format!(
+            "{} of texture ({share:.1} % of it) lie off the part and are not marked",
+            mm(split.skipped.off_part)
+        );
+        let most = limits.max_off_part.as_percent();
+        if share > most {
+            let hint = format!(
+                "limits.max_off_part allows {most} %: move the texture with its area or origin, or raise the limit"
+            );
+            return Err(Diag::limit("off-part", text).hint(hint).into());
+        }
+        warnings.push(Diag::warning("off-part", text).hint("see limits.max_off_part"));
     }
     if split.skipped.small > 0.0 {
         let text = format!("{} of texture are fragments below partition.min_mark", mm(split.skipped.small));

@@ -48,12 +48,10 @@ fn warnings(h: &mut String, job: &Layout<'_>) {
     let all = &job.summary.warnings;
     let _ = writeln!(h, "<h2>Warnings: {}</h2>", if all.is_empty() { "none".into() } else { all.len().to_string() });
     for w in all {
-        let field = |key: &str| escape(w.get(key).and_then(|v| v.as_str()).unwrap_or(""));
-        let (message, place) = (field("message"), field("place"));
-        let message = if message.is_empty() { escape(&w.to_string()) } else { message };
-        let _ = write!(h, "<p class=\"warn\">{message}<br/><small>{}", field("code"));
-        for part in [place, field("hint")].iter().filter(|p| !p.is_empty()) {
-            let _ = write!(h, " &#183; {part}");
+        let _ = write!(h, "<p class=\"warn\">{}<br/><small>{}", escape(&w.message), escape(&w.code));
+        let line = w.line.map(|line| format!("line {line}"));
+        for part in [&w.file, &line, &w.place, &w.help].into_iter().flatten() {
+            let _ = write!(h, " &#183; {}", escape(part));
         }
         h.push_str("</small></p>\n");
     }

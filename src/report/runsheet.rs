@@ -122,7 +122,7 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         clock(t.delay)
     )?;
     for warning in &s.warnings {
-        writeln!(out, "WARNING    {}", warning["message"].as_str().unwrap_or_default())?;
+        writeln!(out, "WARNING    {}", warning.message)?;
     }
     Ok(())
 }

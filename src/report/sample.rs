@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::{BlockMap, Layout};
 use crate::check::Checked;
+use crate::diag::{Message, Severity};
 use crate::geom::{Box2, FieldPoint, P2};
 use crate::machine::{Machine, Origin, TiltAngles};
 use crate::manifest::{Candidate, Summary, Times};
@@ -338,10 +339,16 @@ fn summary(program: &Program) -> Summary {
         worst_incidence_deg: 3.6,
         time_s,
         candidates: vec![Candidate { method: "contour".into(), stops, fragments: 3 * stops, time_s }],
-        warnings: vec![serde_json::json!({
-            "kind": "warning", "code": "texture-off-part", "message": "1 m of 2025 m lies off the part & is skipped",
-            "place": "texture 1", "hint": "move it, or accept <this>"
-        })],
+        warnings: vec![Message {
+            code: "texture-off-part".into(),
+            severity: Severity::Warning,
+            file: None,
+            line: None,
+            column: None,
+            place: Some("texture 1".into()),
+            message: "1 m of 2025 m lies off the part & is skipped".into(),
+            help: Some("move it, or accept <this>".into()),
+        }],
         ..Summary::default()
     }
 }

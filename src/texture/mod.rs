@@ -47,6 +47,11 @@ pub enum Area {
     Unlimited,
 }
 
+/// What is said of a drawing whose name shows that it is not SVG, such as `panel.dxf`.
+pub fn foreign_drawing(path: &std::path::Path) -> Option<Diag> {
+    svg::foreign_name(path)
+}
+
 /// One `[[texture]]` of a job.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Request {

@@ -151,7 +151,8 @@ fn twenty_jobs_three_of_them_broken() {
         let job = first["jobs"].as_array().expect("a list").iter().find(|j| j["job"] == *file).expect("listed");
         let error = &job["errors"][0];
         assert_eq!(error["code"], code, "{error}");
-        assert!(error["hint"] != "" && error["place"] != "" && error["message"] != "", "{error}");
+        assert!(error["help"].is_string() && error["message"].is_string(), "{error}");
+        assert!(code == "travel" || error["file"].is_string(), "{error}");
         assert_eq!(job["exit_code"], if code == "travel" { 1 } else { 2 });
         assert!(!out.join(name).with_extension("job").exists());
     }
@@ -165,10 +166,24 @@ fn twenty_jobs_three_of_them_broken() {
     let shown = String::from_utf8_lossy(&text.stdout).into_owned();
     assert_eq!(text.status.code(), Some(2));
     assert!(text.stderr.is_empty(), "{}", said(&text));
-    assert!(shown.ends_with("0 compiled, 17 unchanged, 3 failed\n") && shown.matches(": ").count() >= 3, "{shown}");
+    assert!(
+        shown.contains("\n0 compiled, 17 unchanged, 3 failed; job time ") && shown.matches(": ").count() >= 3,
+        "{shown}"
+    );
     for (name, code) in BROKEN {
         assert!(shown.contains(&format!("{name}.toml\n           error[{code}]")), "{shown}");
     }
+
+    // A report of a run that is taken up again has the figures of all jobs.
+    let (_, again) = report(&jobs, &out);
+    let figures = |report: &Value| {
+        let jobs = report["jobs"].as_array().expect("a list").iter();
+        jobs.map(|j| (j["job"].clone(), j["stops"].clone(), j["time_s"].clone())).collect::<Vec<_>>()
+    };
+    assert_eq!(in_state(&again, "unchanged").len(), 17);
+    assert_eq!((figures(&again), &again["time_s"]), (figures(&first), &first["time_s"]));
+    let total: f64 = figures(&first).iter().filter_map(|(_, _, time)| time.as_f64()).sum();
+    assert!(total > 0.0 && (first["time_s"].as_f64().expect("a number") - total).abs() < 1e-9 * total);
 
     // Only what has changed is compiled again: a drawing, a job, a folder that lost a file.
     let before = files(&out);
@@ -233,9 +248,7 @@ fn a_list_file_names_jobs_one_a_line() {
     // Without -o a folder lies beside its job.
     verify(&jobs.join("b01.job"));
     verify(&jobs.join("b08.job"));
-    for (text, code) in
-        [("# none\n", "batch-empty"), ("a/x.toml\nb/x.toml\n", "batch-clash"), ("x.toml\nx.toml\n", "batch-clash")]
-    {
+    for (text, code) in [("# none\n", "batch-empty"), ("a/x.toml\nb/x.toml\n", "batch-clash")] {
         write(&list, text);
         let done = batch(&list, &dir.path().join("out"), &[]);
         assert_eq!(done.status.code(), Some(2));
@@ -249,6 +262,28 @@ fn a_list_file_names_jobs_one_a_line() {
     let over = batch(&jobs, &dir.path().join("out"), &["--report", job.to_str().expect("text")]);
     assert!(over.status.code() == Some(2) && said(&over).contains("output-is-input"), "{}", said(&over));
     assert_eq!(std::fs::read(&job).expect("readable"), before);
+}
+
+#[test]
+fn several_arguments_are_one_batch_and_a_job_named_twice_is_one_job() {
+    let dir = folder();
+    let jobs = dir.path().join("jobs");
+    std::fs::create_dir(&jobs).expect("made");
+    twenty(&jobs);
+    let list = dir.path().join("list.txt");
+    write(&list, "jobs/b01.toml\njobs/b01.toml\n");
+    let [one, two] = ["b01.toml", "b08.toml"].map(|name| jobs.join(name));
+    let done = terrace([Path::new("batch"), &list, &two, &one, Path::new("--json")]);
+    let report: Value = serde_json::from_slice(&done.stdout).unwrap_or_else(|e| panic!("{e}: {}", said(&done)));
+    assert_eq!(in_state(&report, "compiled"), ["b01", "b08"], "{}", said(&done));
+    assert_eq!(report["jobs"].as_array().map(Vec::len), Some(2));
+    // Two jobs of one name from two arguments.
+    let other = dir.path().join("b01.toml");
+    std::fs::copy(&one, &other).expect("copied");
+    let out = dir.path().join("out");
+    let clash = terrace([Path::new("batch"), &one, &other, Path::new("-o"), &out]);
+    assert!(clash.status.code() == Some(2) && said(&clash).contains("batch-clash"), "{}", said(&clash));
+    assert!(!out.exists(), "nothing is written");
 }
 
 /// A few jobs of many small files, so that most of a run's time is the writing of folders.

@@ -239,18 +239,79 @@ fn preview_writes_a_drawing_and_never_over_an_input() {
 }
 
 #[test]
+fn with_json_an_error_is_one_object_on_stdout() {
+    let dir = workshop();
+    let of = |args: &[&str]| {
+        let o = run(dir.path(), args);
+        let found = json(&out(&o));
+        assert_eq!(found["exit_code"], o.status.code().expect("a code"), "{args:?}: {found}");
+        assert!(!err(&o).is_empty(), "{args:?}: stderr has the same as text");
+        for e in found["errors"].as_array().expect("a list") {
+            let wanted = ["code", "column", "file", "help", "line", "message", "place", "severity"];
+            assert_eq!(keys(e), wanted.into(), "{e}");
+        }
+        found
+    };
+    let place = |e: &Value| (e["file"].clone(), e["line"].as_u64(), e["column"].as_u64());
+    // A key: file, line and column.
+    let text = read(dir.path().join("a.toml"));
+    write(dir.path().join("b.toml"), text.replace("0.07 mm", "0.07 parsec"));
+    let line = 1 + text.lines().position(|l| l.starts_with("pdof")).expect("a key") as u64;
+    let found = of(&["check", "b.toml", "--json"]);
+    let e = &found["errors"][0];
+    assert_eq!((&e["code"], &e["severity"]), (&"toml".into(), &"error".into()));
+    assert_eq!(place(e), ("b.toml".into(), Some(line), Some(8)));
+    assert!(e["message"].as_str().is_some_and(|m| m.contains("parsec")), "{e}");
+    assert!(e["help"].as_str().is_some_and(|m| m.contains("known units")), "{e}");
+    // A limit of the machine, without a place in a file.
+    write(dir.path().join("c.toml"), text.clone() + "\n[placement]\norigin = [\"1 m\", \"0 mm\", \"0 mm\"]\n");
+    let found = of(&["--json", "compile", "c.toml"]);
+    assert_eq!((&found["exit_code"], &found["errors"][0]["code"]), (&1.into(), &"travel".into()));
+    assert_eq!(found["errors"][0]["place"], "block B0001");
+    // Several errors, and every one is listed.
+    write(
+        dir.path().join("d.toml"),
+        text.replace("speed = \"1000 mm/s\"\npower = \"60 %\"", "speed = \"9 m/s\"\npower = \"60 W\""),
+    );
+    let found = of(&["check", "d.toml", "--json"]);
+    let codes: Vec<&Value> = found["errors"].as_array().expect("a list").iter().map(|e| &e["code"]).collect();
+    assert_eq!(codes, ["pen-speed", "pen-power"]);
+    assert!(found["errors"].as_array().expect("a list").iter().all(|e| e["line"].is_u64()), "{found}");
+    // What was typed, and a folder that is none.
+    assert_eq!(of(&["--json", "compile"])["errors"][0]["code"], "usage");
+    assert_eq!(of(&["verify", "absent", "--json"])["errors"][0]["message"], "there is no such folder");
+    // Without it nothing is on stdout.
+    refused(&run(dir.path(), &["check", "b.toml"]), 2, "toml");
+}
+
+#[test]
 fn init_writes_a_job_that_compiles_as_it_is_and_overwrites_nothing() {
     let dir = folder();
-    assert_eq!(done(dir.path(), &["init", "new/shop"]).lines().count(), 2);
+    assert_eq!(done(dir.path(), &["init", "new/shop"]).lines().count(), 4);
     done(dir.path(), &["compile", "new/shop/job.toml", "--json"]);
     verify(&dir.path().join("new/shop/job.job"));
+    // Editors find the schema by the first line.
+    let text = read(dir.path().join("new/shop/job.toml"));
+    assert!(text.starts_with("#:schema ./job.schema.json\n"), "{text}");
+    assert_eq!(read(dir.path().join("new/shop/job.schema.json")), done(dir.path(), &["init", "--schema"]));
+    // The texture of the drawing, uncommented.
+    let at = text.find("# [[texture]]").expect("an example");
+    let (block, rest) = text[at..].split_once("\n\n").expect("a block");
+    let block = block.lines().map(|l| l.strip_prefix("# ").expect("a comment")).collect::<Vec<_>>().join("\n");
+    write(dir.path().join("new/shop/leaf.toml"), format!("{}{block}\n\n{rest}", &text[..at]));
+    let leaf = json(&done(dir.path(), &["compile", "new/shop/leaf.toml", "--json"]));
+    let hatch = json(&done(dir.path(), &["check", "new/shop/job.toml", "--json"]));
+    let mark = |v: &Value| v["mark_mm"].as_f64().expect("a length");
+    assert!(mark(&leaf) > mark(&hatch) + 100.0, "{leaf}");
+    assert_eq!(leaf["warnings"], Value::Array(Vec::new()), "{leaf}");
+    verify(&dir.path().join("new/shop/leaf.job"));
     let before = files(&dir.path().join("new"));
     refused(&run(dir.path(), &["init", "new/shop"]), 2, "init-exists");
     std::fs::remove_file(dir.path().join("new/shop/job.toml")).expect("removed");
     refused(&run(dir.path(), &["init", "new/shop"]), 2, "init-exists");
     assert_eq!(files(&dir.path().join("new")).len(), before.len() - 1, "neither file is written where one exists");
     let listed = json(&done(dir.path(), &["init", "--json", "other"]));
-    assert_eq!(listed["files"].as_array().map(Vec::len), Some(2));
+    assert_eq!(listed["files"].as_array().map(Vec::len), Some(4));
     write(dir.path().join("file"), "");
     refused(&run(dir.path(), &["init", "file"]), 2, "output-unwritable");
 

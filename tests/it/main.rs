@@ -28,6 +28,7 @@ mod partition;
 mod passes;
 mod random_jobs;
 mod reads;
+mod refusals;
 mod setups;
 mod textures;
 mod tilt;

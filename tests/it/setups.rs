@@ -179,8 +179,8 @@ fn set_ups_that_cannot_be_are_refused_with_what_would_do() {
         let said = refused(dir.path(), "z-range", more);
         assert!(said.contains(&format!("[{code}]")) && said.contains(hint), "{more}: {said}");
     };
-    says("", "travel", "[setups]: 2 x 1 set-ups (columns x rows) would do");
-    says(&setups("columns = 1\n"), "travel", "2 x 1 set-ups (columns x rows) would do");
+    says("", "travel", "[setups] with columns = 2 and rows = 1");
+    says(&setups("columns = 1\n"), "travel", "[setups] with columns = 2 and rows = 1");
     // Both points lie in the first set-up.
     let near = "[setups]\nregistration = [[\"12 mm\", \"30 mm\"], [\"100 mm\", \"30 mm\"]]\n";
     says(near, "registration", "set-up 2 of 2 reaches 0 registration points");

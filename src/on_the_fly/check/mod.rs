@@ -66,7 +66,7 @@ impl Checked {
     /// `fly-mark-speed`, `fly-line`, `job-empty`), of each axis the worst; `fly-invariant` where the fault is ours.
     pub fn new(program: Program, machine: &Machine) -> Result<Self, Error> {
         let mut faults = invariants(&program);
-        faults.extend(pen_faults(&program.pens, machine));
+        faults.extend(pen_faults(&program.pens, machine).into_iter().map(|(_, fault)| fault));
         if faults.is_empty() {
             let figures = figures(&program, machine)?;
             faults.extend(travel(&program, machine));

@@ -34,6 +34,7 @@ use super::clip::{Lines, clip, is_inside, snap};
 use crate::diag::{Diag, Error, Place, memory};
 use page::Frame;
 use sheet::{Sheet, without_comments};
+pub(super) use source::foreign_name;
 use style::Style;
 use tally::{Matter, Tally};
 use walk::{State, Walk, style_text};

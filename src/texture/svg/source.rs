@@ -27,7 +27,8 @@ pub(super) fn read(path: &Path) -> Result<String, Error> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
         bytes = unpacked(&bytes).map_err(|d| d.at(place.clone()))?;
     }
-    if let Some(d) = foreign(path, &bytes) {
+    let is_svg = bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'<');
+    if let Some(d) = foreign_text(&bytes).or_else(|| foreign_name(path).filter(|_| !is_svg)) {
         return Err(d.at(place).into());
     }
     let text = decoded(bytes).map_err(|d| d.at(place))?;
@@ -38,25 +39,41 @@ pub(super) fn read(path: &Path) -> Result<String, Error> {
     Ok(text)
 }
 
-/// What is said of files of other programs; SVG begins with a `<`, after a byte order mark and blanks.
-fn foreign(path: &Path, bytes: &[u8]) -> Option<Diag> {
-    const IMAGE: &str = "trace it to paths in Inkscape (Path, Trace Bitmap) and save it as plain SVG; \
-                         an image of heights is a surface, not a texture";
-    const DRAWING: &str = "open it in Inkscape and save it as plain SVG, with the page's size in mm";
-    const MARKS: [(&[u8], &str, &str); 8] = [
-        (b"\x89PNG", "a PNG image", IMAGE),
-        (b"\xff\xd8\xff", "a JPEG image", IMAGE),
-        (b"BM", "a BMP image", IMAGE),
-        (b"II*\0", "a TIFF image", IMAGE),
-        (b"%PDF", "a PDF document", DRAWING),
-        (b"%!PS", "a PostScript drawing", DRAWING),
-        (b"AutoCAD Binary DXF", "a DXF drawing", DRAWING),
-        (b"AC10", "a DWG drawing", DRAWING),
-    ];
-    let is = |extension: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
-    let by_mark = MARKS.iter().find(|(mark, ..)| bytes.starts_with(mark)).map(|&(_, what, hint)| (what, hint));
-    let (what, hint) = by_mark.or_else(|| is("dxf").then_some(("a DXF drawing", DRAWING)))?;
-    Some(Diag::input("svg-format", format!("this is {what}: drawings are read from SVG alone")).hint(hint))
+/// What is said of images.
+const IMAGE: &str = "trace it to paths in Inkscape (Path, Trace Bitmap) and save it as plain SVG; \
+                     an image of heights is a surface, not a texture";
+
+/// What is said of drawings in other formats.
+const DRAWING: &str = "open it in Inkscape and save it as plain SVG, with the page's size in mm";
+
+/// Formats of other programs: how their files begin, the extensions of their names, what they are, what to do.
+const FOREIGN: [(&[u8], &[&str], &str, &str); 8] = [
+    (b"\x89PNG", &["png"], "a PNG image", IMAGE),
+    (b"\xff\xd8\xff", &["jpg", "jpeg"], "a JPEG image", IMAGE),
+    (b"BM", &["bmp"], "a BMP image", IMAGE),
+    (b"II*\0", &["tif", "tiff"], "a TIFF image", IMAGE),
+    (b"%PDF", &["pdf"], "a PDF document", DRAWING),
+    (b"%!PS", &["ps", "eps", "ai"], "a PostScript drawing", DRAWING),
+    (b"AutoCAD Binary DXF", &["dxf"], "a DXF drawing", DRAWING),
+    (b"AC10", &["dwg"], "a DWG drawing", DRAWING),
+];
+
+/// What is said of a file that its name shows to be no SVG drawing.
+pub(in crate::texture) fn foreign_name(path: &Path) -> Option<Diag> {
+    let is = |extension: &&str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
+    let row = FOREIGN.iter().find(|(_, extensions, ..)| extensions.iter().any(is))?;
+    Some(unread(row.2, row.3))
+}
+
+/// What is said of a file that begins as those of other programs do; SVG begins with a `<`, after a byte order mark
+/// and blanks.
+fn foreign_text(bytes: &[u8]) -> Option<Diag> {
+    let row = FOREIGN.iter().find(|(begin, ..)| bytes.starts_with(begin))?;
+    Some(unread(row.2, row.3))
+}
+
+fn unread(what: &str, hint: &str) -> Diag {
+    Diag::input("svg-format", format!("this is {what}, which is not read yet: textures are SVG drawings")).hint(hint)
 }
 
 fn unpacked(bytes: &[u8]) -> Result<Vec<u8>, Box<Diag>> {

@@ -207,7 +207,11 @@ pub(in crate::verify) fn is_on_the_fly(folder: &Path) -> bool {
 pub(in crate::verify) fn read<M: DeserializeOwned>(folder: &Path) -> Result<M, Error> {
     let path = folder.join(NAME);
     if !path.is_file() {
-        return Err(Diag::input("job-folder", format!("the folder holds no {NAME}"))
+        let text = match folder.try_exists() {
+            Ok(false) => "there is no such folder".to_owned(),
+            _ => format!("the folder holds no {NAME}"),
+        };
+        return Err(Diag::input("job-folder", text)
             .at(Place::file(folder.display().to_string()))
             .hint("name a job folder as `terrace compile` writes it")
             .into());

@@ -55,10 +55,7 @@ impl Findings {
     pub(super) fn new() -> Self {
         Self {
             hash: Rule::new("hash", "every file is as listed, none is unlisted, and the inputs are unchanged"),
-            agreement: Rule::new(
-                "agreement",
-                "program, drawings, stage programs, OVF, run sheets and manifest say the same",
-            ),
+            agreement: Rule::new("agreement", "all files that describe the program say the same"),
             depth: Rule::new("depth", "every mark lies within the depth of focus of its block"),
             field: Rule::new("field", "every mark lies in the usable scan field"),
             travel: Rule::new("travel", "every stage position is the block's, within travel and on the increment"),

@@ -5,8 +5,9 @@
 //! Controllers clip, drop or truncate silently; here everything that breaks a limit is an error with
 //! block and place.
 
+mod limits;
+
 use crate::diag::{Diag, Error, Place};
-use crate::geom::mm_from_nm;
 use crate::machine::{Machine, Origin};
 use crate::order::clearance::Clearance;
 use crate::program::{Block, BlockId, PassId, Pen, Program, SetupId, Stop};
@@ -24,8 +25,8 @@ pub struct Limits<'a> {
     pub machine: &'a Machine,
     /// Positions of the part frame's origin in the table frame, nm, by set-up.
     pub origins: &'a [Origin],
-    /// What helps where a stop lies beyond travel.
-    pub travel_hint: String,
+    /// The fewest columns and rows of set-ups whose stops lie within travel.
+    pub setups_needed: [u32; 2],
     /// Largest depth range of a block, nm.
     pub depth: i64,
     /// Tangent of the steepest slope that is marked: a nanometre in the plane is this much in height.
@@ -34,15 +35,15 @@ pub struct Limits<'a> {
     pub clearance: &'a Clearance,
 }
 
-/// Faults that are reported one by one; the rest is counted.
+/// Faults of one kind that are reported one by one; the rest is counted.
 const SHOWN: usize = 10;
 
 impl Checked {
     /// Checks a program.
     ///
     /// # Errors
-    /// Every limit that is broken (`travel`, `field`, `clearance`, `strokes`), the first ten by name;
-    /// `program-invariant` where the fault is ours.
+    /// Every limit that is broken (`travel`, `clearance`, `strokes`), each once; `program-invariant` where the fault
+    /// is ours.
     pub fn new(program: Program, limits: &Limits<'_>) -> Result<Self, Error> {
         let mut faults = Vec::new();
         if program.blocks.is_empty() {
@@ -51,7 +52,7 @@ impl Checked {
                     .hint("check the texture's area and origin against the part's box (`terrace inspect`)"),
             );
         }
-        faults.extend(pen_faults(&program.pens, limits.machine));
+        faults.extend(pen_faults(&program.pens, limits.machine).into_iter().map(|(_, fault)| fault));
         if !is_laid_out(&program) {
             // What follows reads strokes and points by these ranges.
             faults.push(Diag::bug("program-invariant", "P1: strokes and points are not laid out block by block"));
@@ -69,10 +70,10 @@ impl Checked {
             return Err(Error::many(faults));
         }
         for (i, block) in program.blocks.iter().enumerate() {
-            let found = faults_of(&program, block, limits);
             let place = || Place::Block(BlockId::new(i).to_string());
-            faults.extend(found.into_iter().map(|d| if d.place == Place::Nowhere { d.at(place()) } else { d }));
+            faults.extend(invariants(&program, block, limits).into_iter().map(|d| d.at(place())));
         }
+        faults.extend(limits::broken(&program, limits));
         if faults.is_empty() {
             return Ok(Self { program, origins: limits.origins.to_vec() });
         }
@@ -126,66 +127,25 @@ pub(crate) fn refused(mut faults: Vec<Diag>) -> Error {
 /// A pen below this speed, mm/s, is a slip of units: a metre would take it a day.
 const SLOWEST_MM_S: f64 = 0.01;
 
-/// Pens that ask for more than scanner or laser can give.
-pub(crate) fn pen_faults(pens: &[Pen], machine: &Machine) -> Vec<Diag> {
+/// Pens that ask for more than scanner or laser can give, each with the key of a job file that says so.
+pub(crate) fn pen_faults(pens: &[Pen], machine: &Machine) -> Vec<(String, Diag)> {
     let mut faults = Vec::new();
-    for pen in pens {
+    for (i, pen) in pens.iter().enumerate() {
+        let mut fault = |key: &str, fault: Diag| faults.push((format!("pen.{i}.{key}"), fault));
         let (speed, most) = (pen.speed.as_mm_s(), machine.scanner.max_mark_speed.as_mm_s());
         if speed > most {
             let text = format!("pen {:?} marks at {speed} mm/s, the scanner at {most} mm/s at most", pen.name);
-            faults.push(Diag::limit("pen-speed", text).hint("see scanner.max_mark_speed of the machine"));
+            fault("speed", Diag::limit("pen-speed", text).hint("see scanner.max_mark_speed of the machine"));
         }
         if speed < SLOWEST_MM_S {
             let text = format!("pen {:?} marks at {speed} mm/s, slower than {SLOWEST_MM_S} mm/s", pen.name);
-            faults.push(Diag::limit("pen-speed", text).hint("check the unit of the pen's speed"));
+            fault("speed", Diag::limit("pen-speed", text).hint("check the unit of the pen's speed"));
         }
         let (power, most) = (pen.power.as_w(machine.laser.max_power), machine.laser.max_power.as_w());
         if power > most {
             let text = format!("pen {:?} asks for {power} W, the laser gives {most} W at most", pen.name);
-            faults.push(Diag::limit("pen-power", text).hint("see laser.max_power of the machine"));
+            fault("power", Diag::limit("pen-power", text).hint("see laser.max_power of the machine"));
         }
-    }
-    faults
-}
-
-fn faults_of(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag> {
-    let mut faults = invariants(program, block, limits);
-    let machine = limits.machine;
-    let stop = &block.stop;
-    for ((name, axis), &at) in machine.axes().into_iter().zip(&block.stage.0) {
-        let [lo, hi] = axis.travel_nm();
-        if !(lo..=hi).contains(&at) {
-            let text = format!(
-                "{name} would have to go to {} mm, travel is {} to {} mm",
-                mm_from_nm(at),
-                mm_from_nm(lo),
-                mm_from_nm(hi)
-            );
-            faults.push(Diag::limit("travel", text).hint(limits.travel_hint.clone()));
-        }
-    }
-    let lowest = if stop.tilt.is_upright() {
-        limits.clearance.lowest_focus(stop.centre, stop.centre)
-    } else {
-        let turn = machine.turn(stop.tilt, limits.origins[block.setup.index()]);
-        limits.clearance.lowest_focus_turned(&turn, stop.centre)
-    };
-    if stop.focus < lowest {
-        let text = format!(
-            "the head would come {} mm too near to a higher place of the part",
-            mm_from_nm(lowest - stop.focus)
-        );
-        let [x_mm, y_mm] = stop.centre.mm();
-        faults.push(
-            Diag::limit("clearance", text)
-                .at(Place::Part { x_mm, y_mm })
-                .hint("lens.working_distance, lens.diameter and stage.clearance of the machine decide this"),
-        );
-    }
-    let limit = machine.controller.max_strokes;
-    if limit > 0 && block.strokes.len() > limit {
-        let text = format!("the block has {} strokes, the controller takes {limit}", block.strokes.len());
-        faults.push(Diag::limit("strokes", text).hint("use smaller sections (partition.section)"));
     }
     faults
 }
@@ -268,8 +228,12 @@ mod tests {
     use crate::machine::TiltAngles;
     use crate::program::{PenId, sample};
 
-    /// What the check says of the sample program after a change.
-    fn faults(part: &[(Box2, i64)], change: impl FnOnce(&mut Program, &mut Machine)) -> Vec<String> {
+    /// The sample program checked after a change, on a part with these high places.
+    pub(super) fn faults_with(
+        part: &[(Box2, i64)],
+        needed: [u32; 2],
+        change: impl FnOnce(&mut Program, &mut Machine),
+    ) -> Result<Checked, Error> {
         let (mut program, origin) = sample::program();
         let mut machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         change(&mut program, &mut machine);
@@ -277,14 +241,23 @@ mod tests {
         let limits = Limits {
             machine: &machine,
             origins: &[origin],
-            travel_hint: String::new(),
+            setups_needed: needed,
             depth: 70_000,
             max_slope: 2.0,
             clearance: &clearance,
         };
-        let found = Checked::new(program, &limits);
+        Checked::new(program, &limits)
+    }
+
+    /// What the check says of it.
+    fn faults(part: &[(Box2, i64)], change: impl FnOnce(&mut Program, &mut Machine)) -> Vec<String> {
         let text = |d: &Diag| format!("{} {}", d.code, d.message);
-        found.map_or_else(|e| e.diags().iter().map(text).collect(), |_| Vec::new())
+        faults_with(part, [1, 1], change).map_or_else(|e| e.diags().iter().map(text).collect(), |_| Vec::new())
+    }
+
+    /// A high place on the part under the sample program.
+    pub(super) fn mast() -> (Box2, i64) {
+        (Box2 { lo: P2::new(0, 0), hi: P2::new(1, 1) }, 141_000_000)
     }
 
     /// Holds that a change breaks one rule once, and this one.
@@ -359,8 +332,7 @@ mod tests {
         assert_breaks("pen-speed", |_, m| m.scanner.max_mark_speed = crate::units::Speed::mm_s(900.0));
         assert_breaks("pen-power", |_, m| m.laser.max_power = crate::units::Watts::w(3.0));
         assert_breaks("job-empty", |p, _| *p = Program { pens: p.pens.clone(), ..Program::default() });
-        let mast = (Box2 { lo: P2::new(0, 0), hi: P2::new(1, 1) }, 141_000_000);
-        let found = faults(&[mast], |_, _| {});
-        assert!(!found.is_empty() && found.iter().all(|f| f.starts_with("clearance ")), "{found:?}");
+        let found = faults(&[mast()], |_, _| {});
+        assert!(found.len() == 1 && found[0].starts_with("clearance "), "{found:?}");
     }
 }

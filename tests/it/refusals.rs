@@ -1,0 +1,180 @@
+//! Jobs that no one means: refused before anything is written, each limit once and with the figure that would do.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use crate::support::surfaces::{mesh, write_stl};
+use crate::support::{JobText, folder, said, terrace};
+
+/// A panel of 60 x 50 mm under a hatch of 0.5 mm, at the origin of its file.
+fn panel(dir: &Path) -> JobText {
+    let stl = dir.join("panel.stl");
+    if !stl.exists() {
+        write_stl(&stl, &mesh(20, [0.0, 0.0, 60.0, 50.0], |x, y| (x / 20.0).sin() * (y / 17.0).cos()));
+    }
+    JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.5 mm\"")
+}
+
+fn check(job: &Path) -> Output {
+    terrace([Path::new("check"), job])
+}
+
+/// Holds that a job is refused by limits with exactly these codes, and answers with what is said.
+fn refused(job: &Path, codes: &[&str]) -> String {
+    let done = check(job);
+    let text = said(&done);
+    assert_eq!(done.status.code(), Some(1), "{text}");
+    let found: Vec<&str> = text.lines().filter_map(|l| l.strip_prefix("error[")?.split(']').next()).collect();
+    assert_eq!(found, codes, "{text}");
+    text
+}
+
+fn accepted(job: &Path) -> String {
+    let done = check(job);
+    assert_eq!(done.status.code(), Some(0), "{}", said(&done));
+    said(&done)
+}
+
+#[test]
+fn a_slip_of_units_in_pdof_or_pitch_is_refused_unless_the_job_allows_it() {
+    let dir = folder();
+    let mut job = panel(dir.path());
+    job.focus = "pdof = \"70 mm\"".into();
+    job.textures = vec!["pattern = \"hatch\"\npitch = \"4 um\"".into()];
+    let text = refused(&job.write(dir.path(), "slip.toml"), &["pdof-large", "pitch-small"]);
+    assert!(text.contains("39.5 times the depth of focus of the optics: 2 z_R is 1.770 mm"), "{text}");
+    assert!(text.contains("lines 0.004 mm apart under a spot of 0.02 mm mark every place 5 times"), "{text}");
+    assert!(text.contains("pdof = \"70 mm\"") && text.contains("pitch = \"4 um\""), "the lines are shown: {text}");
+    job.more = "[limits]\nimplausible = \"allow\"\n".into();
+    let text = accepted(&job.write(dir.path(), "meant.toml"));
+    assert!(text.contains("warning[pdof-large]") && text.contains("warning[pitch-small]"), "{text}");
+}
+
+#[test]
+fn beam_quality_lowers_the_depth_of_focus_of_the_optics() {
+    let dir = folder();
+    let profile = terrace(["machines", "xyz-galvo-40"]);
+    let text = String::from_utf8(profile.stdout).expect("text");
+    let mut job = panel(dir.path());
+    // 2 z_R is 1.77 mm with M2 = 1, so twice that is 3.54 mm, and 1.77 mm with M2 = 2.
+    job.focus = "pdof = \"2 mm\"".into();
+    job.machine = "file = \"ours.toml\"".into();
+    let job = job.write(dir.path(), "job.toml");
+    let with = |m2: &str| {
+        let text = text.replace("wavelength = \"355 nm\"", &format!("wavelength = \"355 nm\"\n{m2}"));
+        std::fs::write(dir.path().join("ours.toml"), text).expect("writable");
+    };
+    with("");
+    accepted(&job);
+    with("m2 = 2.0");
+    refused(&job, &["pdof-large"]);
+    with("m2 = 0.9");
+    let done = check(&job);
+    assert!(done.status.code() == Some(2) && said(&done).contains("error[machine-m2]"), "{}", said(&done));
+}
+
+#[test]
+fn texture_mostly_off_the_part_is_refused_with_its_share() {
+    let dir = folder();
+    let area = |x1: f64, more: &str| {
+        let mut job = panel(dir.path());
+        job.textures[0] += &format!("\narea = [\"0 mm\", \"0 mm\", \"{x1} mm\", \"50 mm\"]");
+        job.more = more.into();
+        job.write(dir.path(), "job.toml")
+    };
+    // Lines along x: their share off the part is that of the length.
+    let text = refused(&area(150.0, ""), &["off-part"]);
+    assert!(text.contains("(60.0 % of it) lie off the part") && text.contains("allows 50 %"), "{text}");
+    let text = accepted(&area(150.0, "[limits]\nmax_off_part = \"60.1 %\"\n"));
+    assert!(text.contains("warning[off-part]") && text.contains("(60.0 % of it)"), "{text}");
+    accepted(&area(100.0, ""));
+    refused(&area(66.0, "[limits]\nmax_off_part = \"9 %\"\n"), &["off-part"]);
+}
+
+#[test]
+fn texture_beside_the_part_is_refused_with_both_boxes() {
+    let dir = folder();
+    let mut job = panel(dir.path());
+    job.textures[0] += "\narea = [\"80 mm\", \"10 mm\", \"90 mm\", \"20 mm\"]";
+    let text = refused(&job.write(dir.path(), "job.toml"), &["job-empty"]);
+    let boxes = "the texture lies at x 80.000 to 90.000 mm and y 10.000 to 20.000 mm, beside the part at x 0.000 to \
+                 60.000 mm and y 0.000 to 50.000 mm";
+    assert!(text.contains(boxes), "{text}");
+    // Turned by 90 deg the part lies at x -50 to 0 mm, and the texture with it.
+    job.more = "[placement]\nturn = \"90 deg\"\n".into();
+    let text = refused(&job.write(dir.path(), "job.toml"), &["job-empty"]);
+    assert!(text.contains("beside the part at x -50.000 to 0.000 mm"), "{text}");
+}
+
+#[test]
+fn travel_is_one_error_and_the_origin_that_it_names_would_do() {
+    let dir = folder();
+    let at = |x: f64| -> PathBuf {
+        let mut job = panel(dir.path());
+        job.more = format!("[placement]\norigin = [\"{x} mm\", \"0 mm\", \"0 mm\"]\n");
+        job.write(dir.path(), "job.toml")
+    };
+    let text = refused(&at(300.0), &["travel"]);
+    let (_, range) = text.split_once("placement.origin with x between ").unwrap_or_else(|| panic!("{text}"));
+    let (range, _) = range.split_once(" mm would do").expect("a range");
+    let (lo, hi) = range.split_once(" and ").expect("two ends");
+    let [lo, hi] = [lo, hi].map(|v| v.parse::<f64>().expect("a number"));
+    assert!(lo < hi, "{text}");
+    for x in [lo, hi] {
+        accepted(&at(x));
+    }
+    for x in [lo - 0.001, hi + 0.001] {
+        assert!(refused(&at(x), &["travel"]).contains(&format!("between {lo} and {hi} mm")), "{x}");
+    }
+}
+
+#[test]
+fn a_part_longer_than_travel_is_asked_for_its_unit_and_told_the_set_ups() {
+    let dir = folder();
+    let mut job = panel(dir.path());
+    job.textures = vec!["pattern = \"hatch\"\npitch = \"20 mm\"".into()];
+    job.focus = "pdof = \"1 mm\"".into();
+    job.surface = job.surface.replace("unit = \"mm\"", "unit = \"in\"");
+    let text = refused(&job.write(dir.path(), "job.toml"), &["travel", "travel"]);
+    assert_eq!(text.matches("check surface.unit").count(), 2, "{text}");
+    assert!(text.contains("use [setups] with columns = 4 and rows = 3"), "{text}");
+}
+
+#[test]
+fn strokes_beyond_the_limit_of_memory_are_refused_with_the_figure() {
+    if !cfg!(target_os = "linux") {
+        return;
+    }
+    let dir = folder();
+    let mut job = panel(dir.path());
+    job.textures = vec!["pattern = \"hatch\"\npitch = \"5 um\"".into()];
+    job.focus = "pdof = \"0.02 mm\"".into();
+    let job = job.write(dir.path(), "job.toml");
+    let within = |limit: u32| {
+        let script = format!("ulimit -v {limit} && exec \"$0\" check \"$1\" -j1");
+        let mut shell = Command::new("sh");
+        // Else every thread reserves 64 MB of addresses that it does not use.
+        shell.env("MALLOC_ARENA_MAX", "1").args(["-c", &script, env!("CARGO_BIN_EXE_terrace")]).arg(&job);
+        shell.output().expect("sh starts")
+    };
+    let done = within(120_000);
+    let text = said(&done);
+    assert_eq!(done.status.code(), Some(1), "{text}");
+    assert!(text.contains("error[memory]: the strokes of the program take"), "{text}");
+    assert!(within(4_000_000).status.success(), "{}", said(&within(4_000_000)));
+}
+
+#[test]
+fn a_missing_file_and_an_impossible_pen_point_at_their_keys() {
+    let dir = folder();
+    let mut job = panel(dir.path());
+    job.textures.push("file = \"absent.svg\"".into());
+    let path = job.write(dir.path(), "job.toml");
+    let text = said(&check(&path));
+    assert!(text.contains("cannot read the file") && text.contains("file = \"absent.svg\""), "{text}");
+    job.textures.pop();
+    let path = job.write(dir.path(), "job.toml");
+    let fast = std::fs::read_to_string(&path).expect("readable").replace("1000 mm/s", "9 m/s");
+    std::fs::write(&path, fast).expect("writable");
+    assert!(refused(&path, &["pen-speed"]).contains("speed = \"9 m/s\""));
+}
