@@ -9,7 +9,7 @@
 use std::ops::Range;
 
 use super::Frame;
-use crate::geom::{FieldPoint, Turn};
+use crate::geom::{FieldPoint, P3, Turn};
 use crate::program::{Block, Program};
 
 /// A block needs more than this length in a cell, nm: a corner that is clipped by rounding is none.
@@ -56,7 +56,7 @@ fn local(block: &Block, turn: &Option<Turn>, p: &FieldPoint, frame: &Frame) -> [
     let (c, o) = (block.stop.centre, frame.origin);
     let at = [c.x + i64::from(p.x), c.y + i64::from(p.y)];
     let [x, y] = turn.map_or(at, |turn| {
-        let [x, y, _] = turn.back([at[0], at[1], block.stop.focus].map(|v| v as f64));
+        let [x, y, _] = turn.back(P3::new([at[0], at[1], block.stop.focus].map(|v| v as f64))).at;
         [x.round() as i64, y.round() as i64]
     });
     [x - o.x, y - o.y]

@@ -13,7 +13,7 @@ pub mod tilt;
 pub mod window;
 mod zrange;
 
-use crate::geom::{Box2, P2, Turn};
+use crate::geom::{Box2, P2, P3, Turn};
 use crate::machine::TiltAngles;
 use crate::program::{SectionId, Sections, Stop, StopId};
 use crate::projection::{Cells, Footprint, Slabs};
@@ -101,7 +101,7 @@ impl Stops {
         let half = window.map(|w| w / 2);
         let mut area = Box2::EMPTY;
         if turns.is_empty() {
-            stops.iter().for_each(|s| area.add(s.centre));
+            stops.iter().for_each(|s| area.add(Turn::drawn(s.centre)));
         }
         for (s, turn) in stops.iter().zip(&turns) {
             area = area.union(footprint(s, turn, half));
@@ -157,7 +157,8 @@ impl Stops {
     }
 
     /// The stops that may admit a point near (x, y, z), nm: their intervals, widened by `slack`, hold z.
-    pub fn near(&self, [x, y, z]: [f64; 3], slack: f64) -> impl Iterator<Item = StopId> {
+    pub fn near(&self, p: P3, slack: f64) -> impl Iterator<Item = StopId> {
+        let [x, y, z] = p.at;
         let cell = |v: f64, lo: i64, half: i64| ((v - lo as f64) / (2 * half) as f64).floor() as i64;
         let (column, row) = (cell(x, self.lo.x, self.half[0]), cell(y, self.lo.y, self.half[1]));
         let inside = (0..self.count[0]).contains(&column) && (0..self.count[1]).contains(&row);
@@ -202,7 +203,8 @@ fn footprint(stop: &Stop, turn: &Turn, half: [i64; 2]) -> Box2 {
     for corner in 0..8 {
         let side = |bit: usize, c: i64, half: i64| (if corner >> bit & 1 == 0 { c - half } else { c + half }) as f64;
         let z = if corner & 4 == 0 { stop.z_lo } else { stop.z_hi } as f64;
-        let [x, y, _] = turn.back([side(0, stop.centre.x, half[0]), side(1, stop.centre.y, half[1]), z]);
+        let corner = P3::new([side(0, stop.centre.x, half[0]), side(1, stop.centre.y, half[1]), z]);
+        let [x, y, _] = turn.back(corner).at;
         area.add(P2::new(x.floor() as i64, y.floor() as i64));
         area.add(P2::new(x.ceil() as i64, y.ceil() as i64));
     }
@@ -222,7 +224,7 @@ pub fn divide(
     let mut stops = Vec::new();
     for i in 0..sections.len() {
         let (heights, figures) = (footprint.of_section(i), footprint.figures_of(i));
-        let centre: P2 = sections.centre(i);
+        let centre = Turn::upright(sections.centre(i));
         // What no level can hold is cut, in every method.
         let (whole, deep): (Vec<_>, Vec<_>) =
             figures.iter().partition(|&&(lo, hi)| method == Method::ZRange && lattice.holds(lo, hi));

@@ -7,7 +7,7 @@
 //! bin lines find their facets from either side, and places on a rim the facet beside them.
 
 use super::mesh::{Mesh, NONE, Vertex};
-use crate::geom::{P2, orient};
+use crate::geom::{Box2, P2, orient};
 use rustc_hash::FxHashMap;
 
 /// What a bin holds.
@@ -50,7 +50,7 @@ const MAX_REFS_PER_FACET: u64 = 12;
 
 impl Bins {
     pub fn new(mesh: &Mesh) -> Self {
-        let (mut lo, mut hi) = (P2::new(i64::MAX, i64::MAX), P2::new(i64::MIN, i64::MIN));
+        let Box2 { mut lo, mut hi } = <Box2>::EMPTY;
         for v in mesh.facets.iter().flatten().map(|&v| mesh.vertices[v as usize]) {
             lo = P2::new(lo.x.min(v.x.into()), lo.y.min(v.y.into()));
             hi = P2::new(hi.x.max(v.x.into()), hi.y.max(v.y.into()));

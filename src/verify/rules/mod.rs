@@ -25,7 +25,7 @@ use super::job_facts::JobFacts;
 use super::proof::{Lengths, Proof, Rule};
 use super::read::manifest::Manifest;
 use super::read::program::ProgramFile;
-use crate::geom::{P2, mm_from_nm};
+use crate::geom::P2;
 use crate::machine::Commanded;
 
 /// The rules and figures while they are being found.
@@ -130,7 +130,7 @@ pub(super) fn without_inputs(
 }
 
 /// A point of the part as the place of a violation.
-fn part_place(p: P2) -> String {
+fn part_place<F>(p: P2<F>) -> String {
     let [x, y] = p.mm();
     format!("part at ({x:.6}, {y:.6}) mm")
 }
