@@ -32,7 +32,7 @@ mod region_growing;
 #[cfg(test)]
 mod tests;
 
-use crate::geom::{Box2, Grid, P2, Turn};
+use crate::geom::{Box2, Grid, P2, P3, Turn, Turned};
 use crate::program::{Block, Program, Sections};
 use crate::surface::Surface;
 
@@ -65,7 +65,7 @@ pub fn is_gridded(blocks: &[Block], sections: &Sections) -> bool {
 struct Accepts {
     /// How the part is turned, if it is: window and heights are then those of the turned part.
     turn: Option<Turn>,
-    window: Box2,
+    window: Box2<Turned>,
     z: [i64; 2],
 }
 
@@ -77,11 +77,11 @@ impl Accepts {
         Self { turn, window, z: [block.stop.z_lo, block.stop.z_hi] }
     }
 
-    fn admits(&self, mut p: P2, mut z: i64) -> bool {
-        if let Some(turn) = self.turn {
-            let [x, y, up] = turn.apply([p.x, p.y, z].map(|v| v as f64)).map(|v| v.round() as i64);
-            (p, z) = (P2::new(x, y), up);
-        }
+    fn admits(&self, p: P2, z: i64) -> bool {
+        let (p, z) = self.turn.map_or((Turn::upright(p), z), |turn| {
+            let [x, y, up] = turn.apply(P3::new([p.x, p.y, z].map(|v| v as f64))).at.map(|v| v.round() as i64);
+            (P2::new(x, y), up)
+        });
         self.z[0] <= z && z <= self.z[1] && self.window.holds(p)
     }
 }

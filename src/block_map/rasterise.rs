@@ -8,7 +8,7 @@
 
 use std::ops::Range;
 
-use crate::geom::{FieldPoint, Grid, Turn};
+use crate::geom::{FieldPoint, Grid, P3, Turn};
 use crate::program::{Block, Program};
 
 /// A block needs more than this length in a cell, nm: a corner that is clipped by rounding is none.
@@ -56,7 +56,7 @@ fn on_part(block: &Block, turn: &Option<Turn>, p: &FieldPoint) -> [i64; 2] {
     let c = block.stop.centre;
     let at = [c.x + i64::from(p.x), c.y + i64::from(p.y)];
     turn.map_or(at, |turn| {
-        let [x, y, _] = turn.back([at[0], at[1], block.stop.focus].map(|v| v as f64));
+        let [x, y, _] = turn.back(P3::new([at[0], at[1], block.stop.focus].map(|v| v as f64))).at;
         [x.round() as i64, y.round() as i64]
     })
 }

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::geom::FieldPoint;
+use crate::geom::{FieldPoint, Turn};
 use crate::machine::{Commanded, Machine, TiltAngles};
 use crate::program::{PassId, PenId, SectionId, SetupId, Stop, Stroke, StrokeId};
 
@@ -43,7 +43,7 @@ fn program(blocks: &[Made]) -> Program {
                 section: SectionId([0; 2]),
                 level: 0,
                 tilt: TiltAngles::UPRIGHT,
-                centre: *centre,
+                centre: Turn::upright(*centre),
                 focus,
                 z_lo,
                 z_hi,

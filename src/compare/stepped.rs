@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use super::{Figures, Split, Subject, marked, path_of, spacing};
 use crate::diag::Error;
-use crate::geom::{Box2, FieldPoint, NM_PER_MM, P2, Turn, mm_from_nm};
+use crate::geom::{Box2, FieldPoint, NM_PER_MM, P2, P3, Turn, mm_from_nm};
 use crate::job::{DepthRule, Focus, Method, Partition};
 use crate::machine::{Commanded, Machine, Origin};
 use crate::manifest::Times;
@@ -174,7 +174,7 @@ fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
     let deviation = |i: usize| {
         let block = owner[path.stroke[i] as usize] as usize;
         let (stop, turn, [x, y, z]) = (&blocks[block].stop, &turns[block], path.at[i]);
-        let p = turn.apply([x, y, z].map(|v| v * NM_PER_MM)).map(|v| v / NM_PER_MM);
+        let p = turn.apply(P3::new([x, y, z].map(|v| v * NM_PER_MM))).at.map(|v| v / NM_PER_MM);
         let centre = stop.centre.mm();
         Deviation {
             focus: (p[2] - mm_from_nm(stop.focus)).abs(),
@@ -218,7 +218,7 @@ fn seen_from_above(program: &mut Program, turns: &[Turn], height_field: &HeightF
         // Where the beam through a point of the focal plane meets the part, at no other height than the block's marks.
         let met = |FieldPoint { x, y }: FieldPoint| {
             let point = [centre.x + i64::from(x), centre.y + i64::from(y), focus];
-            let from = turn.back(point.map(|v| v as f64)).map(|v| v / NM_PER_MM);
+            let from = turn.back(P3::new(point.map(|v| v as f64))).at.map(|v| v / NM_PER_MM);
             let (mut way, mut p) = (0.0f64, from);
             for _ in 0..4 {
                 let h = height_field.at([p[0], p[1]]);
@@ -233,11 +233,11 @@ fn seen_from_above(program: &mut Program, turns: &[Turn], height_field: &HeightF
             for point in &mut points[stroke.first as usize..(stroke.first + stroke.len) as usize] {
                 let p = met(*point);
                 // Rounding must put nothing beside an edge of the part.
-                let p = P2::new(p.x.clamp(texture.lo.x, texture.hi.x), p.y.clamp(texture.lo.y, texture.hi.y));
+                let p: P2 = P2::new(p.x.clamp(texture.lo.x, texture.hi.x), p.y.clamp(texture.lo.y, texture.hi.y));
                 *point = FieldPoint::new((p.x - middle.x) as i32, (p.y - middle.y) as i32);
             }
         }
-        block.stop.centre = middle;
+        block.stop.centre = Turn::upright(middle);
     }
 }
 

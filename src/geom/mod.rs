@@ -6,15 +6,20 @@
 
 mod buckets;
 mod field;
+mod frame;
 mod grid;
 mod stroke;
 mod turn;
 
 pub use buckets::{Buckets, counting_sort};
 pub use field::{ControllerPoint, FieldPoint};
+pub use frame::{P3, Part, Turned};
 pub use grid::Grid;
 pub use stroke::Strokes;
 pub use turn::Turn;
+
+use std::fmt;
+use std::marker::PhantomData;
 
 use nalgebra::Point3;
 
@@ -24,19 +29,26 @@ pub const NM_PER_MM: f64 = 1e6;
 /// The largest coordinate that is accepted, in nm (4 m): far beyond any stage, far below any overflow.
 pub const MAX_NM: i64 = 4_000_000_000;
 
-/// A point in the plane, in nm.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
-pub struct P2 {
+/// A point in the plane, in nm, of the part as it is drawn unless another frame is named.
+///
+/// ```compile_fail
+/// # use terrace::geom::{P2, Turned};
+/// let drawn: P2 = P2::new(0, 0);
+/// let centre: P2<Turned> = drawn;
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
+pub struct P2<F = Part> {
     /// x in nm.
     pub x: i64,
     /// y in nm.
     pub y: i64,
+    frame: PhantomData<F>,
 }
 
-impl P2 {
+impl<F> P2<F> {
     /// The point (x, y), in nm.
     pub const fn new(x: i64, y: i64) -> Self {
-        Self { x, y }
+        Self { x, y, frame: PhantomData }
     }
     /// The point in mm.
     pub fn mm(self) -> [f64; 2] {
@@ -44,7 +56,7 @@ impl P2 {
     }
     /// The nearest grid point to (x, y) mm; None where that is not finite or beyond [`MAX_NM`].
     pub fn from_mm(x: f64, y: f64) -> Option<Self> {
-        Some(Self { x: nm_from_mm(x)?, y: nm_from_mm(y)? })
+        Some(Self::new(nm_from_mm(x)?, nm_from_mm(y)?))
     }
     /// Distance to `o` in nm.
     pub fn distance(self, o: Self) -> f64 {
@@ -53,25 +65,31 @@ impl P2 {
     /// The grid point nearest to the point at parameter `t` (0 to 1) of the segment from `self` to `o`.
     pub fn lerp(self, o: Self, t: f64) -> Self {
         let at = |a: i64, b: i64| a + nearest((b - a) as f64 * t);
-        Self { x: at(self.x, o.x), y: at(self.y, o.y) }
+        Self::new(at(self.x, o.x), at(self.y, o.y))
+    }
+}
+
+impl<F> fmt::Debug for P2<F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("P2").field("x", &self.x).field("y", &self.y).finish()
     }
 }
 
 /// A box in the plane, borders included, in nm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Box2 {
+pub struct Box2<F = Part> {
     /// Lower corner.
-    pub lo: P2,
+    pub lo: P2<F>,
     /// Upper corner.
-    pub hi: P2,
+    pub hi: P2<F>,
 }
 
-impl Box2 {
+impl<F> Box2<F> {
     /// The box that holds nothing; grows with [`Box2::add`].
     pub const EMPTY: Self = Self { lo: P2::new(i64::MAX, i64::MAX), hi: P2::new(i64::MIN, i64::MIN) };
 
     /// Grows the box to hold `p`.
-    pub fn add(&mut self, p: P2) {
+    pub fn add(&mut self, p: P2<F>) {
         self.lo = P2::new(self.lo.x.min(p.x), self.lo.y.min(p.y));
         self.hi = P2::new(self.hi.x.max(p.x), self.hi.y.max(p.y));
     }
@@ -89,7 +107,7 @@ impl Box2 {
         self.lo.x > self.hi.x || self.lo.y > self.hi.y
     }
     /// Whether `p` lies inside or on the border.
-    pub fn holds(&self, p: P2) -> bool {
+    pub fn holds(&self, p: P2<F>) -> bool {
         self.lo.x <= p.x && p.x <= self.hi.x && self.lo.y <= p.y && p.y <= self.hi.y
     }
     /// Extents along x and y in nm.
@@ -174,7 +192,7 @@ mod tests {
 
     #[test]
     fn orientation_is_exact_where_floats_cancel() {
-        let a = P2::new(-3_999_999_999, -3_999_999_998);
+        let a: P2 = P2::new(-3_999_999_999, -3_999_999_998);
         let b = P2::new(3_999_999_998, 3_999_999_999);
         // One nm beside the line of 11 m: the two products agree in their first 19 digits.
         for dy in -2..=2 {

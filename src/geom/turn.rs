@@ -1,5 +1,6 @@
 //! Rigid turns of the part in space.
 
+use super::{P2, P3, Turned};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 /// A turn about a point, nm: what a tilt table does to the part. The turned part is still spoken of in the
@@ -29,14 +30,32 @@ impl Turn {
 
     /// Where a point of the part comes to lie.
     #[inline]
-    pub fn apply(&self, p: [f64; 3]) -> [f64; 3] {
-        (self.rotation * Vector3::from(p) + self.shift).into()
+    pub fn apply(&self, p: P3) -> P3<Turned> {
+        P3::new((self.rotation * Vector3::from(p.at) + self.shift).into())
     }
 
     /// The point of the part that comes to lie at `p`.
     #[inline]
-    pub fn back(&self, p: [f64; 3]) -> [f64; 3] {
-        self.rotation.tr_mul(&(Vector3::from(p) - self.shift)).into()
+    pub fn back(&self, p: P3<Turned>) -> P3 {
+        P3::new(self.rotation.tr_mul(&(Vector3::from(p.at) - self.shift)).into())
+    }
+
+    /// The same point where the part is not tilted.
+    #[inline]
+    pub const fn upright(p: P2) -> P2<Turned> {
+        P2::new(p.x, p.y)
+    }
+
+    /// The same point in space where the part is not tilted.
+    #[inline]
+    pub const fn upright_in_space(p: P3) -> P3<Turned> {
+        P3::new(p.at)
+    }
+
+    /// The point of the part under one of a part that is not tilted: the inverse of [`Turn::upright`].
+    #[inline]
+    pub const fn drawn(p: P2<Turned>) -> P2 {
+        P2::new(p.x, p.y)
     }
 
     /// The sine of the angle by which the part is tilted.
@@ -69,14 +88,14 @@ mod tests {
         let near =
             |a: [f64; 3], b: [f64; 3]| assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6), "{a:?} {b:?}");
         let turn = Turn::about([0.0; 3], [(0, quarter)]);
-        near(turn.apply([0.0, 1.0, 0.0]), [0.0, 0.0, 1.0]);
+        near(turn.apply(P3::new([0.0, 1.0, 0.0])).at, [0.0, 0.0, 1.0]);
         near(turn.up(), [0.0, 1.0, 0.0]);
         // About y first, then about x.
         let turn = Turn::about(pivot, [(0, quarter), (1, quarter)]);
-        near(turn.apply(pivot), pivot);
-        near(turn.apply([pivot[0], pivot[1], pivot[2] + 5.0]), [pivot[0] + 5.0, pivot[1], pivot[2]]);
+        near(turn.apply(P3::new(pivot)).at, pivot);
+        near(turn.apply(P3::new([pivot[0], pivot[1], pivot[2] + 5.0])).at, [pivot[0] + 5.0, pivot[1], pivot[2]]);
         for p in [[3e8, -1e8, 2e7], [0.0; 3]] {
-            near(turn.back(turn.apply(p)), p);
+            near(turn.back(turn.apply(P3::new(p))).at, p);
         }
         assert_eq!(Turn::about(pivot, [(0, 0.0), (1, 0.0)]), Turn::none());
     }

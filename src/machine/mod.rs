@@ -21,7 +21,7 @@ pub use tilt::{Letter, RotaryAxis, Tilt};
 use serde::{Deserialize, Serialize};
 
 use crate::diag::{self, Diag, Error, Place};
-use crate::geom::{ControllerPoint, FieldPoint, P2, Turn};
+use crate::geom::{ControllerPoint, FieldPoint, P2, Turn, Turned};
 use crate::units::{
     Acceleration, Frequency, Jerk, Length, Speed, Time, Watts, non_negative, positive, positive_option,
 };
@@ -479,7 +479,7 @@ impl Machine {
 
     /// The axis commands that bring the optical axis over the point `p` of the part and the focal plane to
     /// the height `focus` (nm), the part lying at `origin`.
-    pub fn stage_from_part(&self, p: P2, focus: i64, origin: Origin) -> Commanded {
+    pub fn stage_from_part(&self, p: P2<Turned>, focus: i64, origin: Origin) -> Commanded {
         let p = [p.x, p.y, focus];
         let mut out = Commanded::default();
         for (i, (_, axis)) in self.axes().into_iter().enumerate() {

@@ -7,7 +7,7 @@ use parry2d::bounding_volume::Aabb;
 use parry2d::math::Vec2;
 use parry2d::partitioning::{Bvh, BvhBuildStrategy};
 
-use crate::geom::{Box2, NM_PER_MM, P2, Turn, mm_from_nm};
+use crate::geom::{Box2, NM_PER_MM, P2, P3, Turn, Turned, mm_from_nm};
 use crate::machine::Machine;
 
 /// The part's height by tiles.
@@ -32,10 +32,10 @@ impl Clearance {
     }
 
     /// The lowest focal plane (nm, part frame) at which the head may move in a straight line over the
-    /// part from `a` to `b`: its lens then stays clear of everything under its path.
-    pub fn lowest_focus(&self, a: P2, b: P2) -> i64 {
+    /// part, which is not tilted, from `a` to `b`: its lens then stays clear of everything under its path.
+    pub fn lowest_focus(&self, a: P2<Turned>, b: P2<Turned>) -> i64 {
         let mut path = Box2::EMPTY;
-        for p in [a, b] {
+        for p in [a, b].map(Turn::drawn) {
             path.add(P2::new(p.x - self.radius, p.y - self.radius));
             path.add(P2::new(p.x + self.radius, p.y + self.radius));
         }
@@ -47,8 +47,8 @@ impl Clearance {
     }
 
     /// As [`Clearance::lowest_focus`] for a standstill over `at` of the part as turned.
-    pub fn lowest_focus_turned(&self, turn: &Turn, at: P2) -> i64 {
-        let near = |b: &Box2| {
+    pub fn lowest_focus_turned(&self, turn: &Turn, at: P2<Turned>) -> i64 {
+        let near = |b: &Box2<Turned>| {
             let beyond = |v: i64, lo: i64, hi: i64| (lo - v).max(v - hi).max(0);
             beyond(at.x, b.lo.x, b.hi.x) <= self.radius && beyond(at.y, b.lo.y, b.hi.y) <= self.radius
         };
@@ -64,7 +64,7 @@ impl Clearance {
         let top = turns.iter().flat_map(|turn| self.tiles.iter().map(|tile| turned(tile, turn).1)).max();
         let lift = |(b, top): &(Box2, i64)| {
             let p = [(b.lo.x + b.hi.x) as f64 / 2.0, (b.lo.y + b.hi.y) as f64 / 2.0, *top as f64];
-            let at = turns.map(|turn| turn.apply(p));
+            let at = turns.map(|turn| turn.apply(P3::new(p)).at);
             let apart = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
             at.iter().flat_map(|&a| at.map(|b| apart(a, b))).fold(0.0, f64::max)
         };
@@ -74,10 +74,10 @@ impl Clearance {
 }
 
 /// The box of a tile and its highest point as turned.
-fn turned((b, top): &(Box2, i64), turn: &Turn) -> (Box2, i64) {
+fn turned((b, top): &(Box2, i64), turn: &Turn) -> (Box2<Turned>, i64) {
     let (mut area, mut highest) = (Box2::EMPTY, i64::MIN);
     for [x, y] in [[b.lo.x, b.lo.y], [b.hi.x, b.lo.y], [b.lo.x, b.hi.y], [b.hi.x, b.hi.y]] {
-        let [x, y, z] = turn.apply([x as f64, y as f64, *top as f64]).map(|v| v.ceil() as i64);
+        let [x, y, z] = turn.apply(P3::new([x as f64, y as f64, *top as f64])).at.map(|v| v.ceil() as i64);
         area.add(P2::new(x, y));
         highest = highest.max(z);
     }

@@ -13,7 +13,7 @@ pub mod tilt;
 pub mod window;
 mod zrange;
 
-use crate::geom::{Box2, Buckets, Grid, P2, Turn};
+use crate::geom::{Box2, Buckets, Grid, P2, P3, Turn};
 use crate::machine::TiltAngles;
 use crate::program::{SectionId, Sections, Stop, StopId};
 use crate::projection::{Cells, Footprint, Slabs};
@@ -141,7 +141,8 @@ impl Stops {
     }
 
     /// The stops that may admit a point near (x, y, z), nm: their intervals, widened by `slack`, hold z.
-    pub fn near(&self, [x, y, z]: [f64; 3], slack: f64) -> impl Iterator<Item = StopId> {
+    pub fn near(&self, p: P3, slack: f64) -> impl Iterator<Item = StopId> {
+        let [x, y, z] = p.at;
         let Grid { origin, pitch, count } = self.grid;
         let cell = |v: f64, lo: i64, size: i64| ((v - lo as f64) / size as f64).floor() as i64;
         let (column, row) = (cell(x, origin.x, pitch[0]), cell(y, origin.y, pitch[1]));
@@ -192,7 +193,8 @@ fn footprint(stop: &Stop, turn: &Turn, half: [i64; 2]) -> Box2 {
     for corner in 0..8 {
         let side = |bit: usize, c: i64, half: i64| (if corner >> bit & 1 == 0 { c - half } else { c + half }) as f64;
         let z = if corner & 4 == 0 { stop.z_lo } else { stop.z_hi } as f64;
-        let [x, y, _] = turn.back([side(0, stop.centre.x, half[0]), side(1, stop.centre.y, half[1]), z]);
+        let corner = P3::new([side(0, stop.centre.x, half[0]), side(1, stop.centre.y, half[1]), z]);
+        let [x, y, _] = turn.back(corner).at;
         area.add(P2::new(x.floor() as i64, y.floor() as i64));
         area.add(P2::new(x.ceil() as i64, y.ceil() as i64));
     }
@@ -212,7 +214,7 @@ pub fn divide(
     let mut stops = Vec::new();
     for i in 0..sections.len() {
         let (heights, figures) = (footprint.of_section(i), footprint.figures_of(i));
-        let centre: P2 = sections.centre(i);
+        let centre = Turn::upright(sections.centre(i));
         // What no level can hold is cut, in every method.
         let (whole, deep): (Vec<_>, Vec<_>) =
             figures.iter().partition(|&&(lo, hi)| method == Method::ZRange && lattice.holds(lo, hi));

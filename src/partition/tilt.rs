@@ -11,7 +11,7 @@
 //! found from all marks afterwards. A section is a rectangle of the plane of the drawing.
 
 use super::{Lattice, Stops, Tilted, zrange};
-use crate::geom::{Box2, P2};
+use crate::geom::{Box2, P2, P3};
 use crate::machine::{Machine, Origin, TiltAngles};
 use crate::program::{SectionId, Sections, Stop};
 use crate::projection::{FacingCell, TiltedField, TiltedFields, Turned};
@@ -49,7 +49,7 @@ impl TiltSite<'_> {
     }
 
     /// Chooses the sections and their tilts by the sample points.
-    pub fn plan(&self, samples: &[[f64; 3]]) -> TiltedFields {
+    pub fn plan(&self, samples: &[P3]) -> TiltedFields {
         let mut best: Option<(u64, TiltedFields)> = None;
         // A few sections more may need fewer levels: what is left of a surface beside its best plane grows with the
         // square of the section.
@@ -89,13 +89,13 @@ impl TiltSite<'_> {
     }
 
     /// Tilted fields over a grid of parts, and how many stops they need.
-    fn over(&self, grid: Sections, samples: &[[f64; 3]]) -> (u64, TiltedFields) {
+    fn over(&self, grid: Sections, samples: &[P3]) -> (u64, TiltedFields) {
         let columns = i64::from(grid.count[0]) / PARTS;
-        let section = |p: &[f64; 3]| {
+        let section = |p: &P3| {
             let [x, y] = [0, 1].map(|k| grid.along(k, p[k].round() as i64, 0) / PARTS);
             y * columns + x
         };
-        let mut points: Vec<(i64, [f64; 3])> = samples.iter().map(|p| (section(p), *p)).collect();
+        let mut points: Vec<(i64, P3)> = samples.iter().map(|p| (section(p), *p)).collect();
         points.sort_by_key(|p| p.0);
         let cells = vec![FacingCell::default(); grid.len()];
         let mut fields = TiltedFields { grid, cells, list: Vec::new(), half: self.window.map(|w| w / 2) };
@@ -105,7 +105,7 @@ impl TiltSite<'_> {
             let (here, more) = rest.split_at_mut(rest.partition_point(|p| p.0 <= i));
             rest = more;
             let part = Part { at: [i % columns * PARTS, i / columns * PARTS], size: [PARTS; 2] };
-            let mut here: Vec<[f64; 3]> = here.iter().map(|p| p.1).collect();
+            let mut here: Vec<P3> = here.iter().map(|p| p.1).collect();
             let (levels, found) = self.divide(&grid, part, &mut here);
             stops += levels;
             for (part, field) in found {
@@ -121,7 +121,7 @@ impl TiltSite<'_> {
     }
 
     /// The cheapest way to mark a part of a section: whole, or in halves.
-    fn divide(&self, grid: &Sections, part: Part, points: &mut [[f64; 3]]) -> (u64, Vec<(Part, TiltedField)>) {
+    fn divide(&self, grid: &Sections, part: Part, points: &mut [P3]) -> (u64, Vec<(Part, TiltedField)>) {
         let (levels, field) = self.fit(part.area(grid), points);
         let mut best = (levels, vec![(part, field)]);
         for axis in (0..2).filter(|&k| levels > 2 && part.size[k] > 1) {
@@ -141,7 +141,7 @@ impl TiltSite<'_> {
     }
 
     /// The best field of a rectangle, and how many levels it needs.
-    fn fit(&self, area: Box2, points: &[[f64; 3]]) -> (u64, TiltedField) {
+    fn fit(&self, area: Box2, points: &[P3]) -> (u64, TiltedField) {
         let upright = self.upright(area);
         let levels = |points: &mut dyn Iterator<Item = f64>| {
             let apart = (self.lattice.depth - 2 * self.lattice.hysteresis) as f64;
@@ -168,7 +168,7 @@ impl TiltSite<'_> {
             for h in [lo - UNSEEN, hi + UNSEEN] {
                 let [dx, dy] = [x as f64 - points[0][0], y as f64 - points[0][1]];
                 let z = points[0][2] + (h - anchor - up[0] * dx - up[1] * dy) / up[2];
-                let p = turn.apply([x as f64, y as f64, z]);
+                let p = turn.apply(P3::new([x as f64, y as f64, z]));
                 for k in 0..2 {
                     window[0][k] = window[0][k].min(p[k]);
                     window[1][k] = window[1][k].max(p[k]);
@@ -212,7 +212,8 @@ impl TiltSite<'_> {
         for (field, held) in fields.list.iter().zip(&held.0) {
             let (whole, deep): (Vec<_>, Vec<_>) = held.figures.iter().partition(|&&(lo, hi)| lattice.holds(lo, hi));
             let heights = super::join(held.heights(), deep);
-            let [x, y, _] = field.turn.back([field.centre.x as f64, field.centre.y as f64, lattice.depth as f64]);
+            let middle = P3::new([field.centre.x as f64, field.centre.y as f64, lattice.depth as f64]);
+            let [x, y, _] = field.turn.back(middle).at;
             let section = [x, y].map(|v| v.round() as i64);
             let section = SectionId([0, 1].map(|k| sections.along(k, section[k], 0) as u32));
             for (level, z_lo) in zrange::levels(&heights, &whole, lattice) {
@@ -252,7 +253,7 @@ impl Part {
 /// The range of z - a x - b y is convex in a and b: from every place where it was measured a plane below it is
 /// known, and the next place is where the highest of these planes is lowest (Kelley's method), until it is
 /// measured there to be as low.
-fn plane(points: &[[f64; 3]]) -> [f64; 2] {
+fn plane(points: &[P3]) -> [f64; 2] {
     /// Steepest slope, and how exact the range is, nm.
     const STEEP: f64 = 2.0;
     const EXACT: f64 = 20.0;

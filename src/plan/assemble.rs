@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::dose;
 use super::setups::{CellId, Setups, Used};
 use super::start::Start;
-use crate::geom::{Box2, Buckets, FieldPoint, P2};
+use crate::geom::{Box2, Buckets, FieldPoint, P2, Turned};
 use crate::job::{Level, StopOrder, StrokeOrder};
 use crate::machine::{Commanded, Machine, Origin, TiltAngles};
 use crate::manifest::Slope;
@@ -65,7 +65,7 @@ pub(super) fn assemble(
     pens: &dose::Pens,
     stage: &Stage<'_>,
     how: How,
-    setups: &dyn Fn(&[P2]) -> Setups,
+    setups: &dyn Fn(&[P2<Turned>]) -> Setups,
 ) -> Assembly {
     let members = Members::new(parts, stops.stops.len());
     let (heights, slopes) = measure(parts, stops.stops.len(), pens);
@@ -81,7 +81,7 @@ pub(super) fn assemble(
             Placed { index, stop: Stop { focus, ..stops.stops[index.index()].stop.clone() }, z }
         })
         .collect();
-    let centres: Vec<P2> = placed.iter().map(|p| p.stop.centre).collect();
+    let centres: Vec<P2<Turned>> = placed.iter().map(|p| p.stop.centre).collect();
     let setups = stage.start.laid.as_ref().map_or_else(|| setups(&centres), |laid| laid.setups.clone());
     let cells: Vec<CellId> = centres.iter().map(|&c| setups.cell(c)).collect();
     let target = |(p, &cell): (&Placed, &CellId)| {

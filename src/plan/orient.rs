@@ -16,7 +16,7 @@ use super::grid::Layout;
 use super::start::Start;
 use super::sweep::Sweep;
 use crate::diag::Error;
-use crate::geom::{Box2, P2, Turn};
+use crate::geom::{Box2, P2, P3, Turn};
 use crate::job::Job;
 use crate::machine::Commanded;
 use crate::motion;
@@ -91,7 +91,7 @@ pub fn orient(job: &Job) -> Result<Vec<Orientation>, Error> {
         xy_s: moved([grid.window[0], 0, 0]),
         z_s: moved([0, 0, grid.lattice.depth]),
     };
-    let whole = |points: &[[f64; 3]], area: Box2| -> [SetUp; 2] {
+    let whole = |points: &[P3], area: Box2| -> [SetUp; 2] {
         let set_up = |lean_deg: [f64; 2]| {
             let (stops, stage_s) = scale.estimate(points, lean_deg);
             SetUp { area, lean_deg, stops, stage_s }
@@ -102,9 +102,9 @@ pub fn orient(job: &Job) -> Result<Vec<Orientation>, Error> {
     let mut out = vec![Orientation { name: "as it lies", set_ups: vec![flat] }];
     out.push(Orientation { name: "leaning", set_ups: vec![leaning] });
     for (axis, name) in [(0, "two set-ups, left and right"), (1, "two set-ups, front and back")] {
-        let middle = P2::new((area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2);
+        let middle: P2 = P2::new((area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2);
         let border = if axis == 0 { middle.x } else { middle.y };
-        let (low, high): (Vec<_>, Vec<_>) = marks.iter().partition(|p| p[axis] < border as f64);
+        let (low, high): (Vec<P3>, Vec<P3>) = marks.iter().copied().partition(|p| p[axis] < border as f64);
         let (mut low_area, mut high_area) = (area, area);
         if axis == 0 {
             (low_area.hi.x, high_area.lo.x) = (border, border);
@@ -128,9 +128,9 @@ struct Scale {
 
 impl Scale {
     /// Stops and stage time of points on a part that leans.
-    fn estimate(&self, points: &[[f64; 3]], [about_x, about_y]: [f64; 2]) -> (u64, f64) {
+    fn estimate(&self, points: &[P3], [about_x, about_y]: [f64; 2]) -> (u64, f64) {
         let turn = Turn::about([0.0; 3], [(0, about_x.to_radians()), (1, about_y.to_radians())]);
-        let turned: Vec<[f64; 3]> = points.iter().map(|&p| turn.apply(p)).collect();
+        let turned: Vec<[f64; 3]> = points.iter().map(|&p| turn.apply(p).at).collect();
         let lowest = |k: usize| turned.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min);
         let lo = [lowest(0), lowest(1)];
         let section = |p: &[f64; 3]| [0, 1].map(|k| ((p[k] - lo[k]) / self.window[k]) as usize);
@@ -149,7 +149,7 @@ impl Scale {
     }
 
     /// The lean with the least stage time; of equal ones the flattest.
-    fn search(&self, points: &[[f64; 3]]) -> [f64; 2] {
+    fn search(&self, points: &[P3]) -> [f64; 2] {
         let measure = |lean: [f64; 2]| (self.estimate(points, lean).1, lean[0].hypot(lean[1]));
         let steps = (STEEPEST / FIRST) as i32;
         let coarse: Vec<[f64; 2]> = (-steps..=steps)

@@ -9,7 +9,7 @@
 
 use super::grid::Grid;
 use crate::diag::{Diag, Error};
-use crate::geom::{Box2, P2, mm_from_nm};
+use crate::geom::{Box2, P2, Turned, mm_from_nm};
 use crate::job::{Job, MAX_SETUPS};
 use crate::machine::{Machine, Origin};
 use crate::manifest;
@@ -59,7 +59,7 @@ impl Cells {
 
 impl Setups {
     /// Those of the job, for stops with these centres over a texture in `area`.
-    pub(super) fn of(job: &Job, machine: &Machine, grid: &Grid, area: Box2, centres: &[P2]) -> Self {
+    pub(super) fn of(job: &Job, machine: &Machine, grid: &Grid, area: Box2, centres: &[P2<Turned>]) -> Self {
         let made = [0, 1].map(|k| {
             let at: Vec<i64> = centres.iter().map(|c| if k == 0 { c.x } else { c.y }).collect();
             let lo = at.iter().copied().min().unwrap_or(0);
@@ -87,7 +87,7 @@ impl Setups {
     }
 
     /// The cell of a stop.
-    pub(super) fn cell(&self, centre: P2) -> CellId {
+    pub(super) fn cell(&self, centre: P2<Turned>) -> CellId {
         let [x, y] = &self.axes;
         CellId(y.of(centre.y) * x.shift.len() + x.of(centre.x))
     }

@@ -39,7 +39,7 @@ pub use sections::Sections;
 
 use std::ops::Range;
 
-use crate::geom::{FieldPoint, NM_PER_MM, P2};
+use crate::geom::{FieldPoint, NM_PER_MM, P2, Turned};
 use crate::machine::{Commanded, TiltAngles};
 use crate::units::{Frequency, Power, Speed};
 
@@ -71,8 +71,8 @@ pub struct Stop {
     pub level: i32,
     /// Commanded angles of the tilt axes; zeros where there are none.
     pub tilt: TiltAngles,
-    /// Part-frame point under the optical axis.
-    pub centre: P2,
+    /// Point of the turned part under the optical axis.
+    pub centre: P2<Turned>,
     /// Height of the focal plane (LPFL) in the part frame.
     pub focus: i64,
     /// Lowest height that the stop admits.

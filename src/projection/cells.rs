@@ -92,7 +92,7 @@ impl Cells {
             let (z, whole) = tracer.small_stroke(points, |_, _, _| ());
             let (lo, hi) = (z[0].floor() as i64, z[1].ceil() as i64);
             if whole && slabs.holds(lo, hi) {
-                let P2 { x, y } = bounds.hi;
+                let P2 { x, y, .. } = bounds.hi;
                 self.figures.push([[bounds.lo.x, bounds.lo.y, lo], [x, y, hi]]);
             } else {
                 tracer.replay(add);

@@ -6,7 +6,7 @@
 
 use super::footprint::Heights;
 use super::{GridTracer, Keep, Piece};
-use crate::geom::{Box2, P2, Turn};
+use crate::geom::{Box2, P2, P3, Turn, Turned as TurnedFrame};
 use crate::machine::TiltAngles;
 use crate::program::Sections;
 
@@ -18,7 +18,7 @@ pub struct TiltedField {
     /// What they make of the part.
     pub turn: Turn,
     /// The point of the turned part under the optical axis, where the stage can stand.
-    pub centre: P2,
+    pub centre: P2<TurnedFrame>,
     /// What of the plane it is made for.
     pub area: Box2,
     /// The part's highest place that could stand in the way of the beam, nm.
@@ -187,7 +187,7 @@ impl Turned {
 }
 
 /// Both ends of a piece on the turned part.
-struct Ends([[f64; 3]; 2]);
+struct Ends([P3<TurnedFrame>; 2]);
 
 impl Ends {
     fn of(p: &Piece, w: &[P2], field: &TiltedField) -> Self {
@@ -212,9 +212,9 @@ impl Ends {
 }
 
 /// A point of the segment `w`.
-fn at(w: &[P2], t: f64, z: f64) -> [f64; 3] {
+fn at(w: &[P2], t: f64, z: f64) -> P3 {
     let [a, b] = [w[0], w[1]];
-    [a.x as f64 + t * (b.x - a.x) as f64, a.y as f64 + t * (b.y - a.y) as f64, z]
+    P3::new([a.x as f64 + t * (b.x - a.x) as f64, a.y as f64 + t * (b.y - a.y) as f64, z])
 }
 
 impl super::Tracer<'_> {
@@ -249,7 +249,8 @@ impl super::Tracer<'_> {
     }
 
     /// Whether the part rises above the beam that comes to `p` from where it leans, below the height `top`.
-    fn is_hidden(&mut self, [x, y, z]: [f64; 3], lean: [f64; 2], top: f64) -> bool {
+    fn is_hidden(&mut self, p: P3, lean: [f64; 2], top: f64) -> bool {
+        let [x, y, z] = p.at;
         let from = P2::new(x.round() as i64, y.round() as i64);
         let [dx, dy] = lean.map(|l| (l * (top - z + GRAZE)).round() as i64);
         let to = P2::new(from.x + dx, from.y + dy);

@@ -153,7 +153,7 @@ fn middle_of_marks(job: &Layout<'_>, block: &Block) -> [f64; 2] {
         count += 1;
     }
     let c = block.stop.centre;
-    let [x, y] = P2::new(c.x + sum[0] / count.max(1), c.y + sum[1] / count.max(1)).mm();
+    let [x, y] = <P2>::new(c.x + sum[0] / count.max(1), c.y + sum[1] / count.max(1)).mm();
     [x, -y]
 }
 

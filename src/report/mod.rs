@@ -36,7 +36,7 @@ use std::ops::Range;
 
 use crate::block_map::BlockMap;
 use crate::check::Checked;
-use crate::geom::{Box2, P2};
+use crate::geom::{Box2, P2, P3};
 use crate::machine::Machine;
 use crate::manifest::{Slope, Summary};
 use crate::program::{Block, BlockId, Sections};
@@ -146,8 +146,8 @@ pub fn drawn(checked: &Checked, machine: &Machine) -> Vec<Block> {
         let stop = &mut block.stop;
         if !stop.tilt.is_upright() {
             let turn = machine.turn(stop.tilt, checked.origin());
-            let at = turn.back([stop.centre.x, stop.centre.y, stop.focus].map(|v| v as f64));
-            let [x, y, z] = at.map(|v| v.round() as i64);
+            let at = turn.back(P3::new([stop.centre.x, stop.centre.y, stop.focus].map(|v| v as f64)));
+            let [x, y, z] = at.at.map(|v| v.round() as i64);
             let by = z - stop.focus;
             stop.centre = P2::new(x, y);
             for v in [&mut stop.focus, &mut stop.z_lo, &mut stop.z_hi, &mut block.z_lo, &mut block.z_hi] {

@@ -5,7 +5,7 @@ use svg::Node;
 use svg::node::element::Element;
 
 use super::{Layout, clean, plain};
-use crate::geom::{Box2, NM_PER_MM, P2, cos_sin, mm_from_nm};
+use crate::geom::{Box2, NM_PER_MM, P2, Turn, cos_sin, mm_from_nm};
 use crate::program::Block;
 
 /// Faces of all text, the most usual first.
@@ -65,7 +65,7 @@ impl Frame {
             for block in job.blocks() {
                 let c = block.stop.centre;
                 for p in program.strokes_of(block).iter().flat_map(|s| program.points_of(s)) {
-                    add(turn(P2::new(c.x + i64::from(p.x), c.y + i64::from(p.y)).mm(), -sin));
+                    add(turn(<P2>::new(c.x + i64::from(p.x), c.y + i64::from(p.y)).mm(), -sin));
                 }
             }
         } else if !job.texture.is_empty() {
@@ -88,7 +88,7 @@ impl Sheet {
         if let Some(first) = job.blocks().first() {
             all = all.union(field_box(job, first));
         }
-        job.blocks().iter().for_each(|b| all.add(b.stop.centre));
+        job.blocks().iter().for_each(|b| all.add(Turn::drawn(b.stop.centre)));
         let [w, h] = all.size().map(mm_from_nm);
         let unit = ((w * h).sqrt() / 100.0).max(w / 260.0).max(h / 400.0);
         // A coordinate keeps a twentieth of a cell: 0.01 mm at the usual cells of 0.25 mm.

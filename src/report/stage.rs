@@ -9,7 +9,7 @@ use svg::node::element::Element;
 use super::Layout;
 use super::colour::{FIELD, PATH};
 use super::sheet::{Detail, Sheet, caption, el, field_box, layer, num, rectangle, sheet_box, titled};
-use crate::geom::{P2, mm_from_nm};
+use crate::geom::{P2, Turn, mm_from_nm};
 use crate::machine::FieldShape;
 
 /// Share of the sheet that the line of the path covers at most: a path from window to window, with a move
@@ -22,9 +22,10 @@ pub(super) fn path(job: &Layout<'_>, sheet: &Sheet, detail: Detail) -> Element {
     let mut g = layer("layer-stage-path", "Stage path", &[("opacity", ".7")]);
     let mut stays: Vec<(P2, std::ops::Range<usize>)> = Vec::new();
     for (i, block) in job.blocks().iter().enumerate() {
+        let centre = Turn::drawn(block.stop.centre);
         match stays.last_mut() {
-            Some((at, range)) if *at == block.stop.centre => range.end = i + 1,
-            _ => stays.push((block.stop.centre, i..i + 1)),
+            Some((at, range)) if *at == centre => range.end = i + 1,
+            _ => stays.push((centre, i..i + 1)),
         }
     }
     let at = |p: P2| [mm_from_nm(p.x), -mm_from_nm(p.y)];

@@ -21,7 +21,7 @@ pub use seam::Seam;
 
 use bend::Bend;
 
-use crate::geom::{FieldPoint, NM_PER_MM, P2, Turn, nearest};
+use crate::geom::{FieldPoint, NM_PER_MM, P2, P3, Turn, Turned, nearest};
 use crate::partition::Stops;
 use crate::program::{CHORD, PenId, StopId, StrokeId};
 use crate::projection::{Keep, Normals, Piece, Skip, Tracer};
@@ -157,9 +157,9 @@ struct Segment {
 impl Segment {
     /// The place at `t`, over which the surface is `z` high.
     #[inline]
-    fn at(&self, t: f64, z: f64) -> [f64; 3] {
+    fn at(&self, t: f64, z: f64) -> P3 {
         let [a, b] = [self.a, self.b];
-        [a.x as f64 + t * (b.x - a.x) as f64, a.y as f64 + t * (b.y - a.y) as f64, z]
+        P3::new([a.x as f64 + t * (b.x - a.x) as f64, a.y as f64 + t * (b.y - a.y) as f64, z])
     }
 }
 
@@ -402,8 +402,8 @@ impl<'a> Cutter<'a> {
     }
 
     /// A point as `stop` sees it.
-    fn seen(&self, stop: StopId, p: [f64; 3]) -> [f64; 3] {
-        self.stops.turn(stop).map_or(p, |turn| turn.apply(p))
+    fn seen(&self, stop: StopId, p: P3) -> P3<Turned> {
+        self.stops.turn(stop).map_or_else(|| Turn::upright_in_space(p), |turn| turn.apply(p))
     }
 
     /// A point of the drawing, over which the surface is `z` high, in the field frame of a stop. Sections are
@@ -413,7 +413,7 @@ impl<'a> Cutter<'a> {
         let Some(turn) = self.stops.turn(stop) else {
             return FieldPoint::new((p.x - c.x) as i32, (p.y - c.y) as i32);
         };
-        let [x, y, _] = turn.apply([p.x as f64, p.y as f64, z]);
+        let [x, y, _] = turn.apply(P3::new([p.x as f64, p.y as f64, z])).at;
         FieldPoint::new(nearest(x - c.x as f64) as i32, nearest(y - c.y as f64) as i32)
     }
 
@@ -481,7 +481,7 @@ impl<'a> Cutter<'a> {
     }
 
     /// The stop that comes nearest to accepting a point: methods cover all that was traced, up to rounding.
-    fn nearest(&self, at: [f64; 3]) -> StopId {
+    fn nearest(&self, at: P3) -> StopId {
         let beyond = |&stop: &StopId| {
             let ([lo, hi], at) = (self.bounds(stop), self.seen(stop, at));
             (0..3).map(|k| (lo[k] - at[k]).max(at[k] - hi[k])).fold(0.0, f64::max)
@@ -587,7 +587,7 @@ impl<'a> Cutter<'a> {
             open.drawn += open.last.distance(b);
             open.last = b;
             open.bend = self.stops.turn(open.stop).map_or_else(Bend::default, |turn| {
-                let [x, y, _] = turn.apply([b.x as f64, b.y as f64, self.z]);
+                let [x, y, _] = turn.apply(P3::new([b.x as f64, b.y as f64, self.z])).at;
                 Bend::start([x, y])
             });
             if self.out.points[self.out.points.len() - 1] != p {

@@ -46,7 +46,7 @@ const MAX_REFS_PER_FACET: u64 = 12;
 
 impl Bins {
     pub fn new(mesh: &Mesh) -> Self {
-        let mut all = Box2::EMPTY;
+        let mut all = <Box2>::EMPTY;
         mesh.facets.iter().flatten().for_each(|&v| all.add(mesh.vertices[v as usize].p2()));
         let (lo, hi) = (P2::new(all.lo.x - 2, all.lo.y - 2), all.hi);
         let (w, h) = (hi.x + 3 - lo.x, hi.y + 3 - lo.y);

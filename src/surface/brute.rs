@@ -184,7 +184,7 @@ fn place(noise: &mut Noise, facets: &[Facet], surface: &Surface, last: P2) -> P2
     let all = facets.iter().flatten();
     let min = |k: usize| all.clone().map(|c| c[k]).min().unwrap_or(0);
     let max = |k: usize| all.clone().map(|c| c[k]).max().unwrap_or(0);
-    let (lo, hi) = (P2::new(min(0), min(1)), P2::new(max(0), max(1)));
+    let (lo, hi) = (<P2>::new(min(0), min(1)), <P2>::new(max(0), max(1)));
     let (w, h) = (hi.x - lo.x, hi.y - lo.y);
     let f = facets[noise.below(facets.len())];
     let anywhere = |n: &mut Noise| P2::new(n.range(lo.x - w / 8, hi.x + w / 8), n.range(lo.y - h / 8, hi.y + h / 8));

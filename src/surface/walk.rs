@@ -568,7 +568,7 @@ mod tests {
             interpolate(t, span.t0, span.z0, span.t1, span.z1)
         };
         for i in 1..50 {
-            let m = P2::from_mm(a[0], a[1])
+            let m = <P2>::from_mm(a[0], a[1])
                 .expect("near")
                 .lerp(P2::from_mm(b[0], b[1]).expect("near"), f64::from(i) / 50.0);
             let [mx, my] = m.mm();

@@ -99,7 +99,7 @@ fn at_the_borders_of_sections_nothing_is_left_out_and_nothing_is_there_twice() {
                 let border = [grid.line(0, 1), grid.line(0, 2), grid.line(0, 3)][(noise.next() % 3) as usize];
                 p[0] = border as f64 / 1e6 + noise.half() * pitch;
             }
-            let nm = P2::from_mm(p[0], p[1]).expect("near");
+            let nm = <P2>::from_mm(p[0], p[1]).expect("near");
             let i = (grid.along(1, nm.y, 0) * i64::from(grid.count[0]) + grid.along(0, nm.x, 0)) as usize;
             let nearest = by_section[i].iter().map(|&s| distance(p, s)).fold(f64::INFINITY, f64::min);
             assert!(nearest <= pitch + 1e-5, "{p:?} in section {i} is {nearest} mm from the next mark");

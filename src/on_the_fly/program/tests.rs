@@ -1,4 +1,5 @@
 use super::*;
+use crate::geom::P3;
 use crate::machine::{Carries, Machine, Origin, TiltAngles};
 use crate::on_the_fly::axes::motion::Motion;
 use crate::program::{PenId, Stroke, StrokeId, sample};
@@ -39,7 +40,7 @@ fn marked(machine: &Machine, origin: [i64; 3], at: &[i64; AXES]) -> [f64; 3] {
     }
     let p = [sign(0) * mm(0) + u, sign(1) * mm(1) + v, sign(2) * mm(2)];
     let turn = table.turn(TiltAngles([at[3], at[4]]), Origin(origin));
-    let back = turn.back([0, 1, 2].map(|k| p[k] * 1e6 - origin[k] as f64));
+    let back = turn.back(P3::new([0, 1, 2].map(|k| p[k] * 1e6 - origin[k] as f64))).at;
     back.map(|v| v / 1e6)
 }
 

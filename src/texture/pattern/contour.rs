@@ -282,8 +282,8 @@ impl Contour {
             t1 = t1.min(ta.max(tb));
         }
         let (clamp_lo, clamp_hi) = (
-            P2::new(lo.x.max(self.bounds.lo.x), lo.y.max(self.bounds.lo.y)),
-            P2::new(hi.x.min(self.bounds.hi.x), hi.y.min(self.bounds.hi.y)),
+            <P2>::new(lo.x.max(self.bounds.lo.x), lo.y.max(self.bounds.lo.y)),
+            <P2>::new(hi.x.min(self.bounds.hi.x), hi.y.min(self.bounds.hi.y)),
         );
         let end = |t: f64| {
             let [x, y] = [0, 1].map(|a| (p[a] + t * d[a]).round() as i64);

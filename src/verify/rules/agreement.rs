@@ -121,7 +121,7 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
 /// The first thing that differs between a block of the manifest and of the program.
 fn differs(e: &BlockEntry, id: &str, b: &Block) -> Option<&'static str> {
     let nm = nm_from_mm;
-    let P2 { x, y } = b.stop.centre;
+    let P2 { x, y, .. } = b.stop.centre;
     [
         ("id", e.id == id),
         ("pass", e.pass.checked_sub(1) == Some(b.pass.0)),

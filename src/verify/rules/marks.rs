@@ -38,7 +38,7 @@ pub(in crate::verify) fn field(file: &ProgramFile, machine: &Machine, rule: &mut
             rule.checked += points.len() as u64;
             if let Some(&FieldPoint { x, y }) = points.iter().find(|&&p| !machine.field_holds(p)) {
                 let c = block.stop.centre;
-                let place = part_place(P2::new(c.x + i64::from(x), c.y + i64::from(y)));
+                let place = part_place(<P2>::new(c.x + i64::from(x), c.y + i64::from(y)));
                 let [x, y] = [x, y].map(|v| f64::from(v) / crate::geom::NM_PER_MM);
                 rule.broken(id, place, format!("field point ({x}, {y}) mm lies outside the usable field"));
             }

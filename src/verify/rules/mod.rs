@@ -127,7 +127,7 @@ pub(super) fn without_inputs(
 }
 
 /// A point of the part as the place of a violation.
-fn part_place(p: P2) -> String {
+fn part_place<F>(p: P2<F>) -> String {
     let [x, y] = p.mm();
     format!("part at ({x:.6}, {y:.6}) mm")
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::geom::{FieldPoint, P2, mm_from_nm};
+use crate::geom::{FieldPoint, P2, Turn, mm_from_nm};
 use crate::job::{DepthRule, Format, Level, Passes};
 use crate::machine::{Commanded, Machine, Origin, TiltAngles};
 use crate::program::{Block, BlockId, PassId, Pen, PenId, Program, SectionId, SetupId, Stop, Stroke, StrokeId};
@@ -297,7 +297,7 @@ fn block(k: u32, strokes: &[(u16, Vec<P2>)]) -> MadeBlock {
         section: SectionId([section, 0]),
         level: k as i32,
         tilt: TiltAngles::UPRIGHT,
-        centre: p(20.0 + 40.0 * f64::from(section), 10.0),
+        centre: Turn::upright(p(20.0 + 40.0 * f64::from(section), 10.0)),
         focus: lo + 200_000,
         z_lo: lo,
         z_hi: lo + 400_000,
