@@ -120,7 +120,7 @@ impl<'a> Follower<'a> {
             ..self.followed(&path, &schedule, &sync)?.figures(self.subject.limits)
         };
         let drawn = path.len().min(DRAWN);
-        let until = sync.lead_s + schedule.arrive[drawn - 1] * slow;
+        let until = sync.lead_s + schedule.visits[drawn - 1].arrive * slow;
         let stage = sync.stage.iter().take((until / sync.step_s) as usize + 1);
         curves.paths = vec![
             ("beam", path.at.iter().take(drawn).map(|p| [p[0], p[1]]).collect()),

@@ -123,7 +123,8 @@ pub(super) fn on_the_fly(plan: &OnTheFlyPlan, head: &Head, filling: &mut Filling
         filling.put(file.name, &(file.write)(checked, machine))?;
     }
     let files = std::mem::take(&mut filling.files);
-    let facts = OnTheFlyFacts { job, machine, program: checked.program(), summary: &plan.summary };
+    let facts =
+        OnTheFlyFacts { job, machine, program: checked.program(), left_out: &plan.left_out, summary: &plan.summary };
     Ok(manifest::on_the_fly_manifest(&Head { files, ..head.clone() }, &facts))
 }
 

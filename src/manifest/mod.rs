@@ -10,7 +10,7 @@ mod registration;
 mod stepped;
 
 pub use head::{AnySummary, FileFact, Found, Head, InputFact, JobRef, MANIFEST, read};
-pub use on_the_fly::{AxisPeaks, Deviations, OnTheFlyFacts, OnTheFlySummary, on_the_fly_manifest};
+pub use on_the_fly::{AxisPeaks, Deviations, FlyLengths, LeftOut, OnTheFlyFacts, OnTheFlySummary, on_the_fly_manifest};
 pub use registration::{Registered, registration};
 pub use stepped::manifest;
 

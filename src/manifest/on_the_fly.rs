@@ -13,14 +13,58 @@ use crate::machine::Machine;
 use crate::on_the_fly::check::{Checked, SERVO_S};
 use crate::on_the_fly::program::Program;
 use crate::program::Pen;
+use crate::split::Skipped;
 
-/// How far marks lie from what their beam would like best, as planned.
+/// How far marks lie from what their beam would like best, on the part itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Deviations {
     /// Largest distance of a mark from the focal plane along the beam, um.
     pub worst_fod_um: f64,
     /// Largest angle between the beam and the surface's normal, degrees.
     pub worst_bia_deg: f64,
+}
+
+/// A stretch of a stroke of the texture that is not marked because the axes cannot keep it in focus.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LeftOut {
+    /// Stroke of the texture, from 0.
+    pub stroke: u32,
+    /// Where it begins: length along the stroke as it is drawn, beyond its seam where it is closed.
+    pub from_mm: f64,
+    /// Where it ends.
+    pub to_mm: f64,
+}
+
+/// What of the texture is not marked and why, mm in plan.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FlyLengths {
+    /// All texture.
+    pub texture_mm: f64,
+    /// Not marked, all reasons together.
+    pub skipped_mm: f64,
+    /// Off the part.
+    pub skipped_off_part_mm: f64,
+    /// On slopes beyond the limit.
+    pub skipped_steep_mm: f64,
+    /// Fragments below the smallest that is marked.
+    pub skipped_small_mm: f64,
+    /// Where the part steps and the axes cannot keep focus and incidence.
+    pub skipped_focus_mm: f64,
+}
+
+impl FlyLengths {
+    /// Of a texture of which `left_out` is left out besides what was skipped when it was followed over the part.
+    pub fn new(texture_mm: f64, skipped: &Skipped, left_out: &[LeftOut]) -> Self {
+        let skipped_focus_mm = left_out.iter().map(|l| l.to_mm - l.from_mm).sum();
+        Self {
+            texture_mm,
+            skipped_mm: skipped.off_part + skipped.steep + skipped.small + skipped_focus_mm,
+            skipped_off_part_mm: skipped.off_part,
+            skipped_steep_mm: skipped.steep,
+            skipped_small_mm: skipped.small,
+            skipped_focus_mm,
+        }
+    }
 }
 
 /// Everything that the manifest of an on-the-fly job tells.
@@ -32,6 +76,8 @@ pub struct OnTheFlyFacts<'a> {
     pub machine: &'a Machine,
     /// Its program.
     pub program: &'a Program,
+    /// What is not marked beside steps of the part.
+    pub left_out: &'a [LeftOut],
     /// The figures.
     pub summary: &'a OnTheFlySummary,
 }
@@ -39,6 +85,9 @@ pub struct OnTheFlyFacts<'a> {
 /// The figures of an on-the-fly job; keys are a promise, units are in the suffix.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OnTheFlySummary {
+    /// What is marked of the texture, and what is not.
+    #[serde(flatten)]
+    pub lengths: FlyLengths,
     /// Moves of the program.
     pub moves: usize,
     /// Pieces of strokes that are marked one by one.
@@ -51,7 +100,7 @@ pub struct OnTheFlySummary {
     pub mark_mm: f64,
     /// Length of the jumps, mm.
     pub jump_mm: f64,
-    /// How far marks lie from the best, as planned.
+    /// How far marks lie from the best.
     #[serde(flatten)]
     pub deviations: Deviations,
     /// Largest distance of the spot from the field's centre, mm.
@@ -83,7 +132,13 @@ pub struct AxisPeaks {
 
 impl OnTheFlySummary {
     /// The figures of a checked program.
-    pub fn new(checked: &Checked, deviations: Deviations, blend_mm: f64, warnings: &[Diag]) -> Self {
+    pub fn new(
+        checked: &Checked,
+        deviations: Deviations,
+        lengths: FlyLengths,
+        blend_mm: f64,
+        warnings: &[Diag],
+    ) -> Self {
         let figures = checked.figures();
         let program = checked.program();
         let letters = program.kind.letters().chars().map(String::from);
@@ -92,6 +147,7 @@ impl OnTheFlySummary {
             AxisPeaks { speed: p.speed.size, acceleration: p.acceleration.size, jerk: p.jerk.size }
         };
         Self {
+            lengths,
             moves: program.moves.len(),
             marks: figures.marks,
             time_s: figures.time_s,
@@ -125,6 +181,7 @@ pub fn on_the_fly_manifest(head: &Head, facts: &OnTheFlyFacts<'_>) -> Vec<u8> {
             bia_deg: facts.job.limits.max_incidence.as_deg(),
         },
         pens: facts.program.pens.iter().map(|p| pen(p, facts.machine)).collect(),
+        left_out: facts.left_out,
         summary: facts.summary,
     };
     bytes(&document, 4096)
@@ -139,6 +196,7 @@ struct Document<'a> {
     axes: &'a str,
     limits: Limits,
     pens: Vec<PenEntry<'a>>,
+    left_out: &'a [LeftOut],
     summary: &'a OnTheFlySummary,
 }
 

@@ -34,6 +34,7 @@ impl Band {
     fn factor(&mut self, floor: f64) {
         let (w, stride) = (self.width, self.width + 1);
         let n = self.entries.len() / stride;
+        // Row by row, as in a dense matrix: the factor has no entry outside of the band either.
         for i in 0..n {
             let diagonal = self.entries[i * stride];
             for j in i.saturating_sub(w)..=i {
@@ -55,6 +56,7 @@ impl Band {
     fn solve(&self, x: &mut [f64]) {
         let (w, stride) = (self.width, self.width + 1);
         let n = x.len();
+        // Forward through the lower half, then backward through its mirror image.
         let row = |i: usize| &self.entries[i * stride..(i + 1) * stride];
         for i in 0..n {
             let reach = w.min(i);
@@ -136,6 +138,7 @@ pub fn minimise<const W: usize>(
         if gap <= tolerance * scale && unbalanced <= tolerance * scale {
             break;
         }
+        // Normal equations: H + Σ (multiplier / slack) a aᵀ (Nocedal and Wright, ch. 16, no equalities).
         for (row, pair) in rows.iter().zip(&sides) {
             let weight: f64 = pair.iter().filter(|s| s.binds).map(|s| s.multiplier / s.slack).sum();
             for i in 0..W {
@@ -151,6 +154,7 @@ pub fn minimise<const W: usize>(
         direction(rows, &mut sides, &gradient, &matrix, 0.0, &mut step);
         let (primal, dual) = reach(&sides, 1.0);
         let after: f64 = sides.iter().flatten().map(|s| s.product_after(primal, dual)).sum();
+        // Mehrotra's σ = (gap after / gap)³ (Nocedal and Wright, algorithms 14.3 and 16.4).
         // Products must not fall faster than the gradient is balanced, or a bent measure runs into a corner.
         let centre = ((after / gap).clamp(0.0, 1.0).powi(3) * gap).max(0.1 * unbalanced) / count as f64;
         for side in sides.iter_mut().flatten() {

@@ -14,6 +14,8 @@ pub mod axes;
 pub mod banded_qp;
 pub mod check;
 pub mod decompose;
+pub mod follow;
+pub mod footing;
 pub mod path;
 pub mod program;
 pub mod statistics;

@@ -1,26 +1,32 @@
-//! A job that is marked on the fly: the strokes of a plan in their order, decomposed between stage and scanner.
+//! A job that is marked on the fly: the strokes of a plan in their order, divided between stage and scanner.
 //!
-//! Consumes a job, planned as one block of which the order of strokes counts; promises a checked on-the-fly program.
-//! Machines whose swivel and turntable state their speeds mark with seven axes, all others with five: the stage
-//! follows a moving average, the scanner is the rest.
+//! Consumes a job, planned as one block of which the order of strokes counts; promises a checked on-the-fly program,
+//! held against the facets of the part, and a list of what of its strokes is left out because the axes cannot keep it
+//! in focus. Machines whose swivel and turntable state their speeds mark with seven axes, all others with five: the
+//! stage follows a moving average, the scanner is the rest.
 
-use crate::diag::{Diag, Error};
+use crate::diag::{Diag, Error, Place};
 use crate::emit;
-use crate::geom::mm_from_nm;
+use crate::geom::{NM_PER_MM, P2, length_mm, mm_from_nm};
 use crate::job::Job;
-use crate::machine::Machine;
-use crate::manifest::{Deviations, OnTheFlySummary};
-use crate::on_the_fly::axes::kinematics::machine_from_part;
-use crate::on_the_fly::axes::motion::{AXES, Motion};
+use crate::machine::{Machine, Origin};
+use crate::manifest::{Deviations, FlyLengths, LeftOut, OnTheFlySummary};
+use crate::on_the_fly::axes::kinematics::{Deviation, Pose, machine_from_part};
+use crate::on_the_fly::axes::motion::{AXES, Motion, Waypoint};
 use crate::on_the_fly::axes::xyzacuv::{KinematicModel, Seven, ToolPath, decompose_and_time};
-use crate::on_the_fly::axes::xyzuv::{ScannerLimits, Timed, quickest};
+use crate::on_the_fly::axes::xyzuv::{ScannerLimits, quickest};
 use crate::on_the_fly::check::{self, Checked};
 use crate::on_the_fly::decompose::{Family, Limits};
-use crate::on_the_fly::path::Path;
+use crate::on_the_fly::follow::{Follow, Stretch};
+use crate::on_the_fly::footing::{self, Footing, Miss, footing};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::schedule::Schedule;
+use crate::on_the_fly::path::{Followed, Path};
 use crate::on_the_fly::program::{Kind, Program};
 use crate::on_the_fly::topp::State;
+use crate::surface::Surface;
+use crate::texture::Texture;
+use crate::units::Speed;
 
 use super::strokes::{self, Strokes};
 use super::{Inputs, Progress, Station};
@@ -29,10 +35,24 @@ use super::{Inputs, Progress, Station};
 const NODES: f64 = 100.0;
 /// Even samples of the path, where z needs no more.
 const SAMPLES: usize = 300_000;
-/// What of field and focus is left to the rounding of samples, mm.
+/// What of the field is left to the rounding of samples, mm.
 const SPARE: f64 = 1e-3;
+/// How far the part may lie from the straight lines between the nodes of a mark, as a share of focus.
+const NEAR: f64 = 0.01;
+/// What of focus is left to that and to rounding, as a share: beside a step of 2 [`NEAR`], which is not cut, the part
+/// lies up to 3 [`NEAR`] from the line.
+const SPARE_FOCUS: f64 = 0.04;
+/// Share of focus and incidence that the height field may use up before a mark on it is left out.
+const FOLLOWED: f64 = 0.9;
 /// How often a motion is stretched to keep the limits of its axes.
-const STRETCHES: usize = 4;
+const STRETCHES: usize = 8;
+/// How often a plan is made anew without marks that were out of focus.
+const PLANS: usize = 8;
+/// What a program may be beyond focus and incidence for the rounding of its samples, mm and rad.
+const ROUNDED: [f64; 2] = [5e-5, 5e-4];
+/// A cut at a step takes no more, mm.
+const CUT: f64 = 1e-3;
+const UNFOCUSED: &str = "widen focus.pdof, or compile a stepped job";
 
 /// An on-the-fly job that was planned and checked, not yet written.
 #[derive(Clone, Debug)]
@@ -43,6 +63,8 @@ pub struct OnTheFlyPlan {
     pub machine: Machine,
     /// The program.
     pub checked: Checked,
+    /// What is not marked beside steps of the part.
+    pub left_out: Vec<LeftOut>,
     /// The figures; its warnings are those of the plan.
     pub summary: OnTheFlySummary,
     /// What the user should know.
@@ -52,87 +74,247 @@ pub struct OnTheFlyPlan {
 /// Makes an on-the-fly program of a job.
 ///
 /// # Errors
-/// Limits of the machine that the motion breaks, after the warnings of the inputs.
+/// Limits of the machine that the motion breaks, `fly-focus` where marks cannot be kept in focus, after the warnings of
+/// the inputs.
 pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<OnTheFlyPlan, Error> {
     let mut warnings = inputs.warnings.clone();
     match planned(&job, &inputs, progress, &mut warnings) {
-        Ok((checked, deviations)) => {
+        Ok(Planned { checked, deviations, lengths, left_out }) => {
             let figures = checked.figures();
             let blend_mm = emit::on_the_fly::blend_us(figures) as f64 * 1e-6 * figures.corner_mm_s / 8.0;
-            let summary = OnTheFlySummary::new(&checked, deviations, blend_mm, &warnings);
-            Ok(OnTheFlyPlan { job, machine: inputs.machine, checked, summary, warnings })
+            let summary = OnTheFlySummary::new(&checked, deviations, lengths, blend_mm, &warnings);
+            Ok(OnTheFlyPlan { job, machine: inputs.machine, checked, left_out, summary, warnings })
         }
         Err(e) => Err(e.after(warnings)),
     }
 }
 
-fn planned(
-    job: &Job,
-    inputs: &Inputs,
-    progress: Progress<'_>,
-    warnings: &mut Vec<Diag>,
-) -> Result<(Checked, Deviations), Error> {
+/// A checked program, how far its marks lie from the best, and what it does not mark.
+struct Planned {
+    checked: Checked,
+    deviations: Deviations,
+    lengths: FlyLengths,
+    left_out: Vec<LeftOut>,
+}
+
+fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result<Planned, Error> {
     let machine = &inputs.machine;
     progress(Station::Order);
-    let Strokes { program: strokes, origin: origin_nm, texture, warnings: found, .. } =
+    let Strokes { program: strokes, origin, texture, texture_mm, skipped, warnings: found, .. } =
         strokes::in_order(job, machine, inputs, None)?;
     warnings.extend(found);
-    let (strokes, surface) = (&strokes, &inputs.surface);
-    let half_depth = job.focus.half_depth_mm();
-    let Some(height_field) = HeightField::followed(surface, texture, half_depth) else {
+    let focus = job.focus.half_depth_mm();
+    let Some(height_field) = HeightField::followed(&inputs.surface, texture, focus) else {
         let hint = "compare its area with the part's box";
         return Err(Diag::limit("job-empty", "the texture lies nowhere on the part").hint(hint).into());
     };
+    let max_incidence = job.limits.max_incidence.as_rad();
     let half_field = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
     let [width, height] = texture.size().map(mm_from_nm);
-    let spacing = half_field[0].min(half_field[1]).min(width.max(height) / 2.0) / NODES;
-    let path = Path::of(strokes, 0..strokes.blocks.len(), surface, &height_field, spacing);
-    let focus = half_depth - SPARE;
-    let origin = origin_nm.mm();
-    let (mut motion, kind, deviations) = match KinematicModel::of(machine, &strokes.pens, origin) {
-        Some(model) => {
-            let allowed = model.scanner_margin()? - SPARE;
-            let angle = job.limits.warn_incidence.as_rad();
-            let wanted = Limits { focus, angle, field: allowed };
-            let found = decompose_and_time(&path, &height_field, &model, wanted, ToolPath::Filtered(Family::Gaussian))?;
-            let worst = found.worst();
-            let deviations = Deviations { worst_fod_um: worst.focus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
-            (turning(&model, &found), Kind::Xyzacuv, deviations)
-        }
-        None => {
-            let allowed = ScannerLimits::of(machine, focus)?;
-            let allowed = ScannerLimits { half_field: allowed.half_field.map(|h| h - SPARE), ..allowed };
-            let travels = |ends: [[f64; 2]; 3]| {
-                machine.axes().iter().zip(ends).zip(origin).all(|(((_, axis), ends), o)| {
-                    let [lo, hi] = axis.travel.map(|t| t.as_mm());
-                    ends.iter().all(|v| (lo..=hi).contains(&(axis.sign() as f64 * (v + o))))
-                })
-            };
-            let found = quickest(&path, machine, &strokes.pens, allowed, SAMPLES, &travels);
-            if !found.sync.fits {
-                return Err(too_sharp(job));
-            }
-            let deviations = upright(&found, &height_field);
-            (found.sync.motion(&found.path, &found.schedule), Kind::Xyzuv, deviations)
-        }
+    let planner = Planner {
+        job,
+        machine,
+        strokes: &strokes,
+        origin,
+        surface: &inputs.surface,
+        height_field: &height_field.no_steeper_than(max_incidence.tan()),
+        spacing: half_field[0].min(half_field[1]).min(width.max(height) / 2.0) / NODES,
+        focus,
+        max_incidence,
     };
-    let mut program = Program::of(&motion, strokes, machine, origin_nm.0, kind)?;
-    // Between its nodes a motion is straight, and bends at them more than the smooth one it stands for.
-    for _ in 0..STRETCHES {
-        let slow = check::slower(&program, machine);
-        if slow <= 1.0 {
-            break;
-        }
-        motion.time.iter_mut().for_each(|t| *t *= 1.001 * slow);
-        program = Program::of(&motion, strokes, machine, origin_nm.0, kind)?;
-    }
-    let asked = Schedule::of(&path, machine, &strokes.pens, 0.0).mark_s;
-    let checked = Checked::new(program, machine)?;
+    let (made, footing) = planner.planned()?;
+    let asked = Schedule::of(&made.followed.path, machine, &strokes.pens, 0.0).mark_s;
+    let checked = Checked::new(made.program, machine)?;
     let slow = checked.figures().mark_s / asked;
     if slow > 1.001 {
         warnings.push(slower(job, slow));
     }
-    Ok((checked, deviations))
+    let left_out = planner.left_out(&inputs.texture, &made.followed.left_out);
+    let lengths = FlyLengths::new(texture_mm, &skipped, &left_out);
+    warnings.extend(planner.skipped(&lengths, &made.followed.left_out));
+    let deviations = Deviations { worst_fod_um: footing.focus * 1e3, worst_bia_deg: footing.angle.to_degrees() };
+    Ok(Planned { checked, deviations, lengths, left_out })
+}
+
+/// The machine with jumps so slow that the scanner keeps its speed while the stage runs against it; no slower than half,
+/// where the whole program is slowed instead.
+fn slow_jumps(machine: &Machine) -> Machine {
+    let mut slow = machine.clone();
+    let (x, y) = (&machine.stage.x, &machine.stage.y);
+    let jump = machine.scanner.jump_speed.as_mm_s();
+    let stage = x.speed.as_mm_s().hypot(y.speed.as_mm_s());
+    slow.scanner.jump_speed = Speed::mm_s((jump - stage).max(0.5 * jump));
+    slow
+}
+
+/// What plans are made of.
+struct Planner<'a> {
+    job: &'a Job,
+    machine: &'a Machine,
+    strokes: &'a crate::program::Program,
+    origin: Origin,
+    surface: &'a Surface,
+    height_field: &'a HeightField,
+    /// Distance of the path's nodes, mm.
+    spacing: f64,
+    /// Half of the depth range, mm.
+    focus: f64,
+    max_incidence: f64,
+}
+
+/// A program with what it marks.
+struct Made {
+    program: Program,
+    followed: Followed,
+}
+
+impl Planner<'_> {
+    /// Plans until every mark keeps its focus and incidence on the part.
+    fn planned(&self) -> Result<(Made, Footing), Error> {
+        let limits = footing::Limits { focus: self.focus + ROUNDED[0], angle: self.max_incidence + ROUNDED[1] };
+        let (mut without, mut last) = (Vec::new(), None);
+        for _ in 0..PLANS {
+            let made = self.made(&without)?;
+            let marked = &made.followed.marked;
+            let found = footing(&made.program, self.machine, self.surface, limits, marked, 2.0 * self.spacing)?;
+            let Some(miss) = found.first else { return Ok((made, found)) };
+            without.extend(found.beyond);
+            last = Some(miss);
+        }
+        Err(last.map_or_else(|| too_sharp(self.job), |miss| self.unfocused(&miss)))
+    }
+
+    /// One plan that leaves some stretches out.
+    fn made(&self, without: &[Stretch]) -> Result<Made, Error> {
+        let Self { strokes, surface, height_field, spacing, .. } = *self;
+        let origin = self.origin.mm();
+        let machine = slow_jumps(self.machine);
+        let model = KinematicModel::of(&machine, &strokes.pens, origin);
+        // Seven axes follow the height field: where that leaves the part its marks would be out of focus.
+        let most = Limits { focus: FOLLOWED * self.focus, angle: FOLLOWED * self.max_incidence, field: f64::INFINITY };
+        let holds = |p: [f64; 3], n: [f64; 3]| {
+            let height = height_field.at([p[0], p[1]]);
+            let tool = Pose { p: [p[0], p[1], height.z], n: height.normal() };
+            model.is_none() || most.hold(Deviation::of(&Pose { p, n }, &tool))
+        };
+        let follow = Follow { near: NEAR * self.focus, holds: &holds, without };
+        let blocks = 0..strokes.blocks.len();
+        let followed = Path::following(strokes, blocks, surface, height_field, spacing, &follow);
+        if followed.marked.is_empty() {
+            let text = "the height field that the axes follow leaves the part under all of the texture";
+            return Err(Diag::limit("fly-focus", text).hint(UNFOCUSED).into());
+        }
+        let (motion, kind) = match model {
+            Some(model) => (self.seven(&followed.path, &model)?, Kind::Xyzacuv),
+            None => (self.five(&followed.path, &machine)?, Kind::Xyzuv),
+        };
+        Ok(Made { program: self.within_limits(motion, kind)?, followed })
+    }
+
+    fn seven(&self, path: &Path, model: &KinematicModel<'_>) -> Result<Motion, Error> {
+        let angle = self.job.limits.warn_incidence.as_rad();
+        let wanted = Limits { focus: (1.0 - SPARE_FOCUS) * self.focus, angle, field: model.scanner_margin()? - SPARE };
+        let found = decompose_and_time(path, self.height_field, model, wanted, ToolPath::Filtered(Family::Gaussian))?;
+        Ok(turning(model, &found))
+    }
+
+    fn five(&self, path: &Path, machine: &Machine) -> Result<Motion, Error> {
+        let allowed = ScannerLimits::of(machine, (1.0 - SPARE_FOCUS) * self.focus)?;
+        let allowed = ScannerLimits { half_field: allowed.half_field.map(|h| h - SPARE), ..allowed };
+        let origin = self.origin.mm();
+        let travels = |ends: [[f64; 2]; 3]| {
+            machine.axes().iter().zip(ends).zip(origin).all(|(((_, axis), ends), o)| {
+                let [lo, hi] = axis.travel.map(|t| t.as_mm());
+                ends.iter().all(|v| (lo..=hi).contains(&(axis.sign() as f64 * (v + o))))
+            })
+        };
+        let found = quickest(path, machine, &self.strokes.pens, allowed, SAMPLES, &travels);
+        if !found.sync.fits {
+            return Err(too_sharp(self.job));
+        }
+        Ok(found.sync.motion(&found.path, &found.schedule))
+    }
+
+    /// The program of a motion, run as much slower as its axes and marks need.
+    fn within_limits(&self, mut motion: Motion, kind: Kind) -> Result<Program, Error> {
+        let program = |motion: &Motion| Program::of(motion, self.strokes, self.machine, self.origin.0, kind);
+        let (mut made, mut late) = program(&motion)?;
+        // Between its nodes a motion is straight, and bends at them more than the smooth one it stands for.
+        for _ in 0..STRETCHES {
+            let slow = check::slower(&made, self.machine).max(late);
+            if slow <= 1.0 {
+                break;
+            }
+            motion.waypoints.iter_mut().for_each(|w| w.time *= 1.0 + 1.05 * (slow - 1.0) + 1e-6);
+            (made, late) = program(&motion)?;
+        }
+        Ok(made)
+    }
+
+    /// Stretches of the program's strokes as those of the texture's.
+    fn left_out(&self, texture: &Texture, stretches: &[Stretch]) -> Vec<LeftOut> {
+        let mut drawn = Vec::new();
+        let of = |stretch: &Stretch| {
+            let stroke = &self.strokes.strokes[stretch.stroke as usize];
+            texture.stroke(stroke.source.index(), &mut drawn);
+            let points = self.points_of(stretch.stroke);
+            let end = if stroke.reversed { points[points.len() - 1] } else { points[0] };
+            let segment = stroke.segment as usize;
+            let begin = length_mm(&drawn[..=segment]) + drawn[segment].distance(end) / NM_PER_MM;
+            let length = length_mm(&points);
+            let [from, to] =
+                if stroke.reversed { [length - stretch.to, length - stretch.from] } else { [stretch.from, stretch.to] };
+            LeftOut { stroke: stroke.source.0, from_mm: begin + from, to_mm: begin + to }
+        };
+        stretches.iter().map(of).collect()
+    }
+
+    /// The points of a stroke on the part.
+    fn points_of(&self, stroke: u32) -> Vec<P2> {
+        let block = self.strokes.blocks.iter().find(|b| b.strokes.contains(&(stroke as usize)));
+        let centre = block.map_or(P2::new(0, 0), |b| b.stop.centre);
+        let points = self.strokes.points_of(&self.strokes.strokes[stroke as usize]).iter();
+        points.map(|p| P2::new(centre.x + i64::from(p.x), centre.y + i64::from(p.y))).collect()
+    }
+
+    /// What is not marked because the axes cannot keep it in focus.
+    fn skipped(&self, lengths: &FlyLengths, stretches: &[Stretch]) -> Option<Diag> {
+        let first = stretches.iter().find(|s| s.to - s.from > CUT)?;
+        let points = self.points_of(first.stroke);
+        let [x_mm, y_mm] = place(&points, first.from);
+        let text = format!(
+            "{:.3} mm of texture lie where the part steps and the axes cannot keep focus and incidence: not marked",
+            lengths.skipped_focus_mm
+        );
+        let place = Place::Part { x_mm, y_mm };
+        Some(Diag::warning("fly-skipped", text).at(place).hint("a stepped job marks up to the step"))
+    }
+
+    /// A mark that no plan keeps in focus.
+    fn unfocused(&self, miss: &Miss) -> Error {
+        let [x_mm, y_mm] = miss.at;
+        let text = format!(
+            "a mark would lie {:.1} um out of focus, {:.1} um are allowed, its beam at {:.1} deg to the part, {:.1} deg are \
+             allowed",
+            miss.focus * 1e3,
+            self.focus * 1e3,
+            miss.angle.to_degrees(),
+            self.max_incidence.to_degrees()
+        );
+        Diag::limit("fly-focus", text).at(Place::Part { x_mm, y_mm }).hint(UNFOCUSED).into()
+    }
+}
+
+/// The point at a length along a polyline, mm.
+fn place(points: &[P2], mut along: f64) -> [f64; 2] {
+    for w in points.windows(2) {
+        let length = w[0].distance(w[1]) / NM_PER_MM;
+        if along <= length {
+            return w[0].lerp(w[1], (along / length).clamp(0.0, 1.0)).mm();
+        }
+        along -= length;
+    }
+    points.last().map_or([0.0; 2], |p| p.mm())
 }
 
 fn slower(job: &Job, slower: f64) -> Diag {
@@ -144,19 +326,7 @@ fn slower(job: &Job, slower: f64) -> Diag {
 
 fn too_sharp(job: &Job) -> Error {
     let text = "some marks turn or rise too sharply for the stage to keep them in focus at any speed";
-    Diag::limit("fly-focus", text).at(job.place()).hint("widen focus.pdof, or compile a stepped job").into()
-}
-
-/// Worst focal offset and angle of upright beams at the nodes of their marks.
-fn upright(found: &Timed, height_field: &HeightField) -> Deviations {
-    let mut out = Deviations::default();
-    let (path, stage) = (&found.path, found.sync.nodes(&found.path, &found.schedule));
-    let lit = |i: usize| path.pen[i].is_some() || path.pen.get(i + 1).copied().flatten().is_some();
-    for (at, stage) in (0..path.len()).filter(|&i| lit(i)).map(|i| (path.at[i], stage[i])) {
-        out.worst_fod_um = out.worst_fod_um.max((at[2] - stage[2]).abs() * 1e3);
-        out.worst_bia_deg = out.worst_bia_deg.max(height_field.at([at[0], at[1]]).normal()[2].acos().to_degrees());
-    }
-    out
+    Diag::limit("fly-focus", text).at(job.place()).hint(UNFOCUSED).into()
 }
 
 /// The motion of seven axes at the nodes of the path and the borders of the cells it was timed by; the spot runs
@@ -185,10 +355,7 @@ fn turning(model: &KinematicModel<'_>, found: &Seven) -> Motion {
         (0..3).for_each(|k| axes[k] += shift[k]);
         // The stretch that ends here is that of the node behind, at the node itself too.
         let behind = if share > 0.0 { node + 1 } else { node };
-        motion.time.push(time);
-        motion.axes.push(axes);
-        motion.pen.push(path.pen[behind]);
-        motion.stroke.push(path.stroke[behind]);
+        motion.waypoints.push(Waypoint { time, axes, pen: path.pen[behind], stroke: path.stroke[behind] });
     }
     motion
 }

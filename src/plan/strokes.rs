@@ -19,7 +19,7 @@ use crate::partition::{self, Lattice, Stops};
 use crate::plan::hatch_direction;
 use crate::program::{Block, PassId, Program, Sections, SetupId, StopId};
 use crate::projection::Keep;
-use crate::split::Fragments;
+use crate::split::{Fragments, Skipped};
 
 /// Strokes in order.
 #[derive(Clone, Debug)]
@@ -33,6 +33,10 @@ pub struct Strokes {
     pub texture: Box2,
     /// One section over all of it.
     pub section: Sections,
+    /// Length of the texture, mm.
+    pub texture_mm: f64,
+    /// What of it lies where nothing may be marked.
+    pub skipped: Skipped,
     /// What the user should know of what is not marked.
     pub warnings: Vec<Diag>,
 }
@@ -79,7 +83,8 @@ pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<i64>
     let found = parts.into_iter().fold(Fragments::default(), join);
     let mut notes = Vec::new();
     warnings::warn(&job.limits, &found, 0, everything, &mut notes)?;
-    Ok(Strokes { program, origin, texture: area, section, warnings: notes })
+    let Fragments { texture_mm, skipped, .. } = found;
+    Ok(Strokes { program, origin, texture: area, section, texture_mm, skipped, warnings: notes })
 }
 
 /// The fragments of all bands as a program.

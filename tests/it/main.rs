@@ -22,6 +22,7 @@ mod lengths;
 mod method;
 mod modes;
 mod on_the_fly;
+mod on_the_fly_random;
 mod order;
 mod orient;
 mod partition;

@@ -65,8 +65,13 @@ fn seven_axes_are_compiled_and_proved() {
     write_stl(&dir.path().join("part.stl"), &mesh(60, [-8.0, -4.0, 8.0, 4.0], bowl));
     let job =
         job(dir.path(), "xyzac-galvo-10", "0.25 mm", "100 mm/s", "1 mm", "limits = { max_incidence = \"30 deg\" }\n");
-    let [_, proof] = proved(dir.path(), &job);
+    let [summary, proof] = proved(dir.path(), &job);
     assert!(proof["worst_position_um"].as_f64().is_some_and(|p| p < 1.0), "{proof}");
+    // The table's own limits, to a millionth.
+    for (axis, limit) in [("A", 1.99f64), ("C", 3.74)] {
+        let most = summary["peaks"][axis]["acceleration"].as_f64().expect("a number");
+        assert!(most <= limit.to_degrees() * (1.0 + 1e-6), "{axis}: {most}");
+    }
 }
 
 #[test]
@@ -210,6 +215,52 @@ fn what_on_the_fly_programs_cannot_do_is_refused() {
     assert!(!dir.path().join("job.job").exists());
 }
 
+/// A plate with a block on it whose walls are upright.
+fn block(size: [f64; 2], [x0, y0, x1, y1]: [f64; 4], top: f64) -> Vec<[[f64; 3]; 3]> {
+    let mut out = mesh(6, [0.0, 0.0, size[0], size[1]], |_, _| 0.0);
+    out.extend(mesh(1, [x0, y0, x1, y1], |_, _| top));
+    for [[ax, ay], [bx, by]] in [[[x0, y0], [x1, y0]], [[x1, y0], [x1, y1]], [[x1, y1], [x0, y1]], [[x0, y1], [x0, y0]]]
+    {
+        out.push([[ax, ay, 0.0], [bx, by, 0.0], [bx, by, top]]);
+        out.push([[ax, ay, 0.0], [bx, by, top], [ax, ay, top]]);
+    }
+    out
+}
+
+#[test]
+fn five_axes_cut_their_marks_at_walls_and_mark_up_to_them() {
+    let dir = folder();
+    write_stl(&dir.path().join("part.stl"), &block([30.0, 20.0], [9.3, 4.1, 20.7, 15.9], 3.0));
+    let job = job(dir.path(), "xyz-galvo-40", "0.3 mm", "200 mm/s", "5 mm", "");
+    let [summary, proof] = proved(dir.path(), &job);
+    let mm = |key: &str| summary[key].as_f64().expect("a length");
+    // Two cuts of a tenth of a micrometre in every line over the block.
+    assert!(mm("skipped_focus_mm") < 2e-3 && mm("worst_fod_um") <= 150.1, "{summary}");
+    assert!(proof["worst_defocus_um"].as_f64().is_some_and(|d| d <= 150.1), "{proof}");
+}
+
+#[test]
+fn seven_axes_leave_out_what_their_height_field_cannot_follow_at_walls_and_say_so() {
+    let dir = folder();
+    write_stl(&dir.path().join("part.stl"), &block([12.0, 8.0], [4.3, 2.1, 8.7, 5.9], 1.0));
+    let job = job(dir.path(), "xyzac-galvo-10", "0.2 mm", "100 mm/s", "2 mm", "");
+    let [summary, _] = proved(dir.path(), &job);
+    let skipped = summary["skipped_focus_mm"].as_f64().expect("a length");
+    assert!(skipped > 0.1 && skipped < 20.0, "{summary}");
+    assert!(summary["warnings"].as_array().expect("a list").iter().any(|w| w["code"] == "fly-skipped"), "{summary}");
+    // What is left out is known by its place: stated elsewhere it is not.
+    let path = dir.path().join("made.job/manifest.json");
+    let text = std::fs::read_to_string(&path).expect("a manifest");
+    let mut manifest: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let first = &mut manifest["left_out"][0];
+    for key in ["from_mm", "to_mm"] {
+        first[key] = (first[key].as_f64().expect("a length") + 0.05).into();
+    }
+    std::fs::write(&path, serde_json::to_vec_pretty(&manifest).expect("JSON")).expect("a file");
+    let proof = terrace(&["verify", &dir.path().join("made.job").display().to_string()]);
+    assert!(proof.status.code() == Some(1) && said(&proof).contains("coverage   BROKEN"), "{}", said(&proof));
+}
+
 #[test]
 fn marks_end_at_the_corner_of_a_part_with_seven_axes() {
     let dir = folder();
@@ -240,4 +291,16 @@ fn strokes_that_run_back_over_themselves_are_marked_as_often_as_they_are_drawn()
         let [_, proof] = proved(dir.path(), &job);
         assert_eq!(proof["ok"], true, "{proof}");
     }
+}
+
+#[test]
+fn marks_at_the_scanners_own_speeds_and_short_moves_keep_their_limits() {
+    let dir = folder();
+    // Circles of short chords at the top speed of the scanner, with long jumps between them.
+    write_stl(&dir.path().join("part.stl"), &mesh(20, [0.0, 0.0, 60.0, 40.0], |x, y| 0.0005 * x * y));
+    let job = job(dir.path(), "xyz-galvo-40", "0.2 mm", "3000 mm/s", "4 mm", "");
+    let text = std::fs::read_to_string(&job).expect("a job");
+    let circles = "[[texture]]\npattern = \"circles\"\npitch = \"20 mm\"\ncell = \"0.3 mm\"\n[[pen]]";
+    std::fs::write(&job, text.replacen("[[pen]]", circles, 1)).expect("a file");
+    proved(dir.path(), &job);
 }

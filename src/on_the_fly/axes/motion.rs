@@ -3,25 +3,32 @@
 /// Axes of a motion, in this order: stage X, Y, Z in mm, turns A and C in rad, scanner U and V in mm.
 pub const AXES: usize = 7;
 
-/// Positions of all axes at nodes, with straight lines between them.
+/// Where all axes are at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Waypoint {
+    /// When it is reached, s.
+    pub time: f64,
+    /// Where all axes are then.
+    pub axes: [f64; AXES],
+    /// Pen of the stretch that ends here; None with the beam off.
+    pub pen: Option<u16>,
+    /// Stroke of the program that it belongs to.
+    pub stroke: u32,
+}
+
+/// Waypoints of all axes, in times that never fall, with straight lines between them.
 ///
 /// The part frame is turned by -C about z, then by A about x, before the stage and the scanner reach it
 /// (`kinematics`); with A = C = 0 a mark lies at X + U, Y + V and its focus at Z.
 #[derive(Clone, Debug, Default)]
 pub struct Motion {
-    /// When each node is reached, s; never falling.
-    pub time: Vec<f64>,
-    /// Where all axes are then.
-    pub axes: Vec<[f64; AXES]>,
-    /// Pen of the stretch that ends at each node; None with the beam off.
-    pub pen: Vec<Option<u16>>,
-    /// Stroke of the program that each node belongs to.
-    pub stroke: Vec<u32>,
+    /// One after the other.
+    pub waypoints: Vec<Waypoint>,
 }
 
 impl Motion {
-    /// When the last node is reached, s.
+    /// When the last waypoint is reached, s.
     pub fn total_s(&self) -> f64 {
-        self.time.last().copied().unwrap_or_default()
+        self.waypoints.last().map_or(0.0, |w| w.time)
     }
 }

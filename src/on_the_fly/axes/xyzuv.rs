@@ -19,7 +19,7 @@ use crate::diag::Error;
 use crate::geom::mm_from_nm;
 use crate::machine::Machine;
 use crate::on_the_fly::axes::following_error::Servo;
-use crate::on_the_fly::axes::motion::Motion;
+use crate::on_the_fly::axes::motion::{Motion, Waypoint};
 use crate::on_the_fly::decompose::{Method, stage};
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::schedule::Schedule;
@@ -77,6 +77,7 @@ impl Peaks {
 
     /// How much slower the motion must run to keep `limits`; 1 where it keeps them.
     pub fn slowed(&self, limits: &Self) -> f64 {
+        // Run k times slower, speed falls by k, acceleration by k² and jerk by k³.
         let jerk = if limits.jerk.is_finite() { (self.jerk / limits.jerk).cbrt() } else { 0.0 };
         (self.speed / limits.speed).max((self.acceleration / limits.acceleration).sqrt()).max(jerk).max(1.0)
     }
@@ -182,7 +183,7 @@ pub fn quickest(
     let turned = |path: &Path, turn: Turnaround| {
         let path =
             if let Turnaround::Skywriting(run_s) = turn { path.with_skywriting(run_s, pens) } else { path.clone() };
-        let schedule = Schedule::of(&path, machine, pens, turn.wait_s());
+        let schedule = Schedule::of(&path, machine, pens, turn.wait_s()).lifted(&path, machine, allowed.focus);
         (path, schedule)
     };
     let total = |schedule: &Schedule, sync: &Decomposition| {
@@ -194,7 +195,7 @@ pub fn quickest(
     let sync = synchronise(&own, &schedule, machine, allowed, schedule.step_s(most));
     let mut best = Timed { turn: plain, path: own, schedule, sync };
     // Where the pens' speeds are kept no turn can be a better one.
-    if best.sync.slower <= 1.0 {
+    if best.sync.fits && best.sync.slower <= 1.0 {
         return best;
     }
     // Turns are tried on the middle of the path, in steps as fine as it needs without them.
@@ -284,6 +285,7 @@ fn decomposed(
     let even = schedule.samples(path, step_s);
     let nodes = Nodes::of(path, schedule, even.step_s);
     let half = [allowed.half_field[0], allowed.half_field[1], allowed.focus];
+    // Eq. 1 to 3: the stage is a moving average of the path, the scanner the rest, which must stay in its field.
     // The field is wide: its averages are looked for on fewer samples, and shortened where all of them say so.
     let plan: Vec<[f64; 2]> = even.at.iter().map(|p| [p[0], p[1]]).collect();
     let every = (plan.len() / COARSE).max(1);
@@ -305,6 +307,7 @@ fn decomposed(
     while xy.samples > 1 && !fits(&xy) {
         (xy.samples, xy.ramp) = (xy.samples * 19 / 20, (xy.ramp * 19 / 20).max(1));
     }
+    // From here on `xy` fits on all samples and all nodes.
     xy.slower = slowed(&ramped(&plan, xy.reach(), xy.samples, xy.ramp), even.step_s, &limits_xy);
     // All samples may see sharper turns than few.
     if xy.slower > 1.02 * coarse {
@@ -321,6 +324,7 @@ fn decomposed(
     // What x and y are slowed down to is slow enough for z.
     let search = Search { path: &height, step_s: even.step_s, limits: [limits[2]], enough: xy.slower, fits: focused };
     let z = search.run();
+    // Both rest at both ends for as long as the longer average reaches, so that they begin and end together.
     let lead = xy.reach().max(z.reach());
     let (stage_xy, stage_z) = (ramped(&plan, lead, xy.samples, xy.ramp), ramped(&height, lead, z.samples, z.ramp));
     let slower = xy.slower.max(slowed(&stage_z, even.step_s, &[limits[2]]));
@@ -346,7 +350,7 @@ struct Nodes<'a> {
 
 impl<'a> Nodes<'a> {
     fn of(path: &'a Path, schedule: &Schedule, step_s: f64) -> Self {
-        let times = schedule.arrive.iter().zip(&schedule.leave).map(|(a, l)| [a / step_s, l / step_s]).collect();
+        let times = schedule.visits.iter().map(|v| [v.arrive / step_s, v.leave / step_s]).collect();
         Self { path, times }
     }
 
@@ -388,6 +392,7 @@ fn back_off(longest: usize) -> Vec<usize> {
 /// acceleration, and a step of place, as a quick jump is, one of speed. It begins and ends at rest where `lead` is
 /// [`Choice::reach`] or more.
 fn ramped<const N: usize>(path: &[[f64; N]], lead: usize, samples: usize, ramp: usize) -> Vec<[f64; N]> {
+    // Each average turns a step of one derivative into a ramp of it over its samples.
     let once = stage(&held(path, lead), Method::MovingAverage { samples });
     if ramp < 2 {
         return once;
@@ -506,8 +511,7 @@ impl Decomposition {
 
     /// Where the stage is when the beam comes to each node of its path, or leaves it where a mark begins.
     pub fn nodes(&self, path: &Path, schedule: &Schedule) -> Vec<[f64; 3]> {
-        let times = schedule.arrive.iter().zip(&schedule.leave).zip(&path.pen);
-        let time = times.map(|((arrive, leave), pen)| if pen.is_some() { arrive } else { leave });
+        let time = schedule.visits.iter().zip(&path.pen).map(|(v, pen)| if pen.is_some() { v.arrive } else { v.leave });
         time.map(|t| self.stage_at(self.lead_s + t * self.slower)).collect()
     }
 
@@ -519,7 +523,7 @@ impl Decomposition {
             while sample < self.stage.len() && sample as f64 * self.step_s < time {
                 let now = sample as f64 * self.step_s;
                 // Beside a node a sample tells nothing.
-                if time - now > BESIDE && now - motion.time.last().copied().unwrap_or(f64::NEG_INFINITY) > BESIDE {
+                if time - now > BESIDE && now - motion.waypoints.last().map_or(f64::NEG_INFINITY, |w| w.time) > BESIDE {
                     push(motion, now, self.stage[sample], self.beam[sample], pen, stroke);
                 }
                 sample += 1;
@@ -527,7 +531,8 @@ impl Decomposition {
         };
         for i in 0..path.len() {
             let (pen, stroke) = (path.pen[i], path.stroke[i]);
-            let [come, go] = [schedule.arrive[i], schedule.leave[i]].map(|t| self.lead_s + t * self.slower);
+            let [come, go] =
+                [schedule.visits[i].arrive, schedule.visits[i].leave].map(|t| self.lead_s + t * self.slower);
             until(come, pen, stroke, &mut motion);
             push(&mut motion, come, self.stage_at(come), path.at[i], pen, stroke);
             if go > come {
@@ -541,14 +546,12 @@ impl Decomposition {
 }
 
 fn push(motion: &mut Motion, time: f64, stage: [f64; 3], at: [f64; 3], pen: Option<u16>, stroke: u32) {
-    if motion.time.last() == Some(&time) {
+    if motion.waypoints.last().is_some_and(|w| w.time == time) {
         return;
     }
     let [x, y, z] = stage;
-    motion.time.push(time);
-    motion.axes.push([x, y, z, 0.0, 0.0, at[0] - x, at[1] - y]);
-    motion.pen.push(pen);
-    motion.stroke.push(stroke);
+    let axes = [x, y, z, 0.0, 0.0, at[0] - x, at[1] - y];
+    motion.waypoints.push(Waypoint { time, axes, pen, stroke });
 }
 
 #[cfg(test)]
@@ -611,11 +614,9 @@ mod tests {
         }
         // The motion is that of the stage, and every mark runs at its speed, slowed alike.
         let motion = sync.motion(&path, &schedule);
-        let marks = (1..motion.time.len()).filter(|&i| motion.pen[i].is_some());
-        for i in marks {
-            let spot = |i: usize| [0, 1].map(|k| motion.axes[i][k] + motion.axes[i][5 + k]);
-            let (a, b) = (spot(i - 1), spot(i));
-            let speed = (b[0] - a[0]).hypot(b[1] - a[1]) / (motion.time[i] - motion.time[i - 1]);
+        for w in motion.waypoints.windows(2).filter(|w| w[1].pen.is_some()) {
+            let [a, b] = [0, 1].map(|i| [0, 1].map(|k| w[i].axes[k] + w[i].axes[5 + k]));
+            let speed = (b[0] - a[0]).hypot(b[1] - a[1]) / (w[1].time - w[0].time);
             assert!((speed * sync.slower / 1000.0 - 1.0).abs() < 1e-6, "{speed}");
         }
     }

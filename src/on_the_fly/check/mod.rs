@@ -6,9 +6,8 @@
 //! of A and C, and of U and V beside these, where the machine file states them; the speed of marks on the part; the longest line. Moves are
 //! straight, so what holds at their ends holds between them.
 //!
-//! Speeds, accelerations and jerks may be [`OVER`] above their limit: a motion that is solved on a grid keeps
-//! its limits between the nodes only nearly. Moves may be a microsecond shorter than meant, which is allowed
-//! to U, V and marks besides; the stage's samples are taken at the rounded times.
+//! Limits are held by the program's own whole nanometres and microseconds. What the rounding of its samples may have put
+//! on a speed, an acceleration or a jerk is taken from it before; what is left may be [`OVER`] above its limit.
 
 use crate::check::{pen_faults, refused};
 use crate::diag::{Diag, Error};
@@ -16,10 +15,10 @@ use crate::geom::{NM_PER_MM, mm_from_nm};
 use crate::machine::Machine;
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::program::peaks::{self, Peak, Peaks};
-use crate::on_the_fly::program::{Kind, Program};
+use crate::on_the_fly::program::{Kind, Move, Program};
 
-/// Share of a limit that may be exceeded.
-pub const OVER: f64 = 0.01;
+/// Share of a limit that may be exceeded: the rounding of sums.
+pub const OVER: f64 = 1e-6;
 /// Servo period for which the error of switching the laser is stated, s: LinuxCNC's usual one.
 pub const SERVO_S: f64 = 1e-3;
 
@@ -208,7 +207,8 @@ fn limited(program: &Program, machine: &Machine) -> Vec<Limited> {
     stage.chain(table).chain(mirrors).collect()
 }
 
-/// How much slower all of a program must run for its axes to keep speed, acceleration and jerk; 1 where they do.
+/// How much slower all of a program must run for its axes to keep speed, acceleration and jerk, and for the scanner to
+/// keep its speeds; 1 where they do.
 pub fn slower(program: &Program, machine: &Machine) -> f64 {
     let peaks = peaks::peaks(program);
     let of = |l: &Limited| {
@@ -216,7 +216,24 @@ pub fn slower(program: &Program, machine: &Machine) -> f64 {
         let over = |k: usize, peak: Peak| l.most[k].map_or(0.0, |most| peak.size / (most * (1.0 + OVER)));
         over(0, p.speed).max(over(1, p.acceleration).sqrt()).max(over(2, p.jerk).cbrt())
     };
-    limited(program, machine).iter().map(of).fold(1.0, f64::max)
+    let fast = limited(program, machine).iter().map(of).fold(1.0, f64::max);
+    let scanner = scanner_limits(machine);
+    let of = |us: i64, from: &[i64; AXES], to: &Move| {
+        let limit = scanner[usize::from(to.mark.is_some())];
+        (scanner_way(from, to) - ROUNDING) / (limit * (1.0 + OVER) * (to.us - us) as f64 * 1e-6)
+    };
+    program.steps().map(|(us, from, to)| of(us, from, to)).fold(fast, f64::max)
+}
+
+/// Largest speed of the scanner in jumps and in marks, mm/s.
+fn scanner_limits(machine: &Machine) -> [f64; 2] {
+    [machine.scanner.jump_speed, machine.scanner.max_mark_speed].map(|v| v.as_mm_s())
+}
+
+/// How far a move takes the scanner, mm.
+fn scanner_way(from: &[i64; AXES], to: &Move) -> f64 {
+    let [u, v] = [5, 6].map(|k| mm_from_nm(to.to[k] - from[k]));
+    u.hypot(v)
 }
 
 /// Speed, acceleration and jerk of the stage, of turning axes and of the scanner.
@@ -240,17 +257,19 @@ fn dynamics(peaks: &[Peaks; AXES], program: &Program, machine: &Machine) -> Vec<
     faults
 }
 
-/// Whether a way, mm, in a time, us, is faster than `limit` mm/s; both are rounded.
+/// What rounding may put on the length of a move, mm: a nanometre at either end.
+const ROUNDING: f64 = 2.0 / NM_PER_MM;
+
+/// Whether a way, mm, in a time, us, is faster than `limit` mm/s.
 fn is_fast(way: f64, us: i64, limit: f64) -> bool {
-    way - 2.0 / NM_PER_MM > limit * (1.0 + OVER) * (us + 1) as f64 * 1e-6
+    way - ROUNDING > limit * (1.0 + OVER) * us as f64 * 1e-6
 }
 
 /// Speed of the scanner, in marks and jumps.
 fn scanner(program: &Program, machine: &Machine) -> Option<Diag> {
-    let [jump, mark] = [machine.scanner.jump_speed, machine.scanner.max_mark_speed].map(|v| v.as_mm_s());
+    let limits = scanner_limits(machine);
     program.steps().find_map(|(us, from, to)| {
-        let [u, v] = [5, 6].map(|k| mm_from_nm(to.to[k] - from[k]));
-        let (way, limit) = (u.hypot(v), if to.mark.is_some() { mark } else { jump });
+        let (way, limit) = (scanner_way(from, to), limits[usize::from(to.mark.is_some())]);
         is_fast(way, to.us - us, limit).then(|| {
             let speed = way / (to.us - us) as f64 * 1e6;
             let text =

@@ -4,6 +4,7 @@ use super::{at_or_end, peak, rest};
 
 /// Mean over `samples` around each sample, ends repeated.
 pub(super) fn moving_average<const N: usize>(path: &[[f64; N]], samples: usize) -> Vec<[f64; N]> {
+    // Invariant: before sample i the sums are those of the samples i - half to i + half.
     let half = (samples / 2) as isize;
     let count = (2 * half + 1) as f64;
     let mut sums = [Sum::default(); N];
@@ -34,6 +35,7 @@ struct Sum {
 impl Sum {
     #[inline]
     fn add(&mut self, x: f64) {
+        // Two-sum (Knuth): `low` takes exactly what the rounding of `high` loses.
         let sum = self.high + x;
         let part = sum - self.high;
         self.low += (self.high - (sum - part)) + (x - part);
@@ -95,6 +97,7 @@ pub fn choose_average<const N: usize>(
 ) -> Result<Average<N>, Infeasible<N>> {
     let n = path.len() as isize;
     let acceleration = |samples: usize, i: isize| {
+        // The second difference of a mean telescopes: only the differences at both ends of its window are left.
         let half = (samples / 2) as isize;
         let x = [i + half + 1, i + half, i - half, i - half - 1].map(|j| at_or_end(path, j));
         let ahead = (0..N).map(|k| ((x[0][k] - x[1][k]) - (x[2][k] - x[3][k])).abs()).fold(0.0, f64::max);

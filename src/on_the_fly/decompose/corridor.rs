@@ -85,6 +85,7 @@ pub(super) fn least_from<const L: usize, const W: usize>(
     // The measure begins at a number that is large against the 1 in the tolerance.
     let weight = 1e6 / begin;
     let measure = |x: &[f64], gradient: &mut [f64], matrix: &mut Band| {
+        // ½ Σ d² with d = a x[i - 2L] + b x[i - L] + c x[i]: its gradient is d (a, b, c), its matrix the outer product.
         for i in 2 * L..x.len() {
             let d = weight * (bend[i - 2 * L] + second(x, i));
             let [a, b, c] = seconds[i / L - 2];

@@ -19,6 +19,7 @@ pub(super) fn low_pass<const N: usize>(path: &[[f64; N]], wavelength: f64) -> Ve
         let line = |i: usize| path[0][k] + (path[last][k] - path[0][k]) * (i as f64 / last as f64);
         waves[0] = Complex::default();
         waves[last] = Complex::default();
+        // Odd about both ends: a series of sines, whose period is twice the path.
         for i in 1..last {
             let x = path[i][k] - line(i);
             waves[i] = Complex::new(x, 0.0);

@@ -33,6 +33,8 @@ fn weights(half: usize, order: usize) -> Vec<f64> {
     let (mut before, mut now) = (vec![0.0; half + 1], vec![1.0; half + 1]);
     let mut before_norm = 1.0;
     let mut out = vec![0.0; half + 1];
+    // The weight of sample t in the fit at 0 is Σ qₖ(0) qₖ(t) / |qₖ|² over the orthogonal polynomials qₖ, with
+    // qₖ₊₁ = t qₖ - (|qₖ|² / |qₖ₋₁|²) qₖ₋₁: the middle factor of the recurrence is zero, samples lie even about 0.
     for degree in 0..=order.min(2 * half) {
         let now_norm = norm(&now);
         // Odd ones are 0 in the middle.

@@ -75,6 +75,7 @@ fn turntable(marks: &[Pose], steps: &[f64], angle: f64) -> Vec<f64> {
         if tilt <= reach {
             continue;
         }
+        // Of C and C + π the nearer to the last.
         let own = (-mark.n[0]).atan2(mark.n[1]);
         start[i] = last.map_or(own, |l| nearest_half_turn(own, start[l]));
         let off = (reach / tilt).asin();
@@ -102,6 +103,7 @@ fn swivel(marks: &[Pose], steps: &[f64], c: &[f64], angle: f64) -> Vec<f64> {
             // The normal's part in the plane in which A turns the tool, and its angle there.
             let across = mark.n[1] * c.cos() - mark.n[0] * c.sin();
             let (own, part) = (across.atan2(mark.n[2]), across.hypot(mark.n[2]));
+            // cos of the beam's angle to the normal is part × cos(A - own).
             let off = (angle.cos() / part).min(1.0).acos();
             (own, [own - off, own + off])
         })
@@ -112,6 +114,7 @@ fn swivel(marks: &[Pose], steps: &[f64], c: &[f64], angle: f64) -> Vec<f64> {
 /// X and Y along the path, one after the other, within `field` of the marks in the turned frame.
 fn in_field(seen: &[[f64; 3]], steps: &[f64], field: f64) -> Vec<f64> {
     let start: Vec<f64> = seen.iter().flat_map(|q| [q[0], q[1]]).collect();
+    // The polygon within the disc: its sides are `inner` from the middle, its corners on the circle.
     let inner = field * (PI / SIDES as f64).cos();
     if inner <= 0.0 {
         return start;

@@ -19,6 +19,8 @@ const SHORTEST: f64 = 1e-3;
 pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> (Path, Vec<Axes>) {
     let way = path.distances();
     let marks = |i: usize| path.pen.get(i).copied().flatten().is_some();
+    // Invariant: all nodes before `at` are in `out`, with `turns.by` whole turns added to C at the last of them, which
+    // ends a mark (or begins the path).
     let mut out = (Path::default(), Vec::with_capacity(axes.len()));
     let (mut turns, mut at) = (Revolutions { by: 0.0, fit: true }, 0);
     while at < axes.len() {
@@ -34,6 +36,7 @@ pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> (Path, Vec<Axes>
         if is_first {
             turns = next;
         }
+        // A rewind takes way: a mark that begins where the last one ended keeps its turns, whether they fit or not.
         let change = next.by - turns.by;
         if is_first {
             put(&mut out, path, 0, path.at[0], axes[0], axes[0].c + TAU * turns.by);
@@ -44,6 +47,7 @@ pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> (Path, Vec<Axes>
             let pieces = ((change * TAU / STEP).abs() * edge / length.max(SHORTEST)).ceil().max(1.0) as usize;
             for j in 1..=pieces {
                 let t = j as f64 / pieces as f64;
+                // C goes from one count of turns to the other evenly over the jump; the tool stays over its place.
                 let share = if length > 0.0 { (way[k - 1] + t * edge - way[from]) / length } else { 1.0 };
                 let mut c = between(axes[k - 1].c, axes[k].c, t) + TAU * (turns.by + share * change);
                 if off && k < first {
@@ -99,6 +103,7 @@ impl Revolutions {
         if fewest > most {
             return Self { fit: false, ..self };
         }
+        // As few changes as possible: where one is needed, as far as the travel goes.
         let by = if self.by > most {
             fewest
         } else if self.by < fewest {

@@ -41,6 +41,8 @@ pub struct HeightField {
     step: f64,
     count: [usize; 2],
     heights: Vec<f64>,
+    /// Steepest slope that is told.
+    steepest: f64,
 }
 
 /// Steps of the grid along the longer side of the area.
@@ -89,7 +91,13 @@ impl HeightField {
         if near > 0.0 {
             smooth(&mut heights, count[0], near);
         }
-        Some(Self { origin, step, count, heights })
+        Some(Self { origin, step, count, heights, steepest: f64::INFINITY })
+    }
+
+    /// The same with slopes of at most `steepest`: steeper ones are those of a smeared cliff, on which nothing is marked
+    /// and no axis should lean.
+    pub fn no_steeper_than(self, steepest: f64) -> Self {
+        Self { steepest, ..self }
     }
 
     /// Distance of the grid's nodes.
@@ -114,6 +122,10 @@ impl HeightField {
             out.z += wy * across;
             out.slope[0] += wy * dot(&dx) / self.step;
             out.slope[1] += dy * across / self.step;
+        }
+        let steep = out.slope[0].hypot(out.slope[1]);
+        if steep > self.steepest {
+            out.slope = out.slope.map(|s| s * (self.steepest / steep));
         }
         out
     }

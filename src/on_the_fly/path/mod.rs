@@ -12,7 +12,8 @@ pub mod c_rewind;
 pub mod height_field;
 pub mod schedule;
 
-use crate::geom::{FieldPoint, NM_PER_MM, P2, mm_from_nm};
+use crate::geom::{NM_PER_MM, P2, mm_from_nm};
+use crate::on_the_fly::follow::{self, Follow, Segment, Stretch};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::program::{Pen, Program};
 use crate::projection::Tracer;
@@ -50,6 +51,17 @@ pub struct Path {
     pub run: Vec<Option<u16>>,
 }
 
+/// A path with what of the strokes it marks and leaves out, in its order.
+#[derive(Clone, Debug, Default)]
+pub struct Followed {
+    /// The path.
+    pub path: Path,
+    /// The pieces between which the laser is off.
+    pub marked: Vec<Stretch>,
+    /// What is not marked.
+    pub left_out: Vec<Stretch>,
+}
+
 impl Path {
     /// The path of the strokes of some blocks of a program, with nodes no farther apart than `spacing` mm.
     pub fn of(
@@ -59,39 +71,38 @@ impl Path {
         height_field: &HeightField,
         spacing: f64,
     ) -> Self {
-        let mut path = Self::default();
+        Self::following(program, blocks, surface, height_field, spacing, &Follow::EVENLY).path
+    }
+
+    /// The same, cut and with nodes as `follow` has it.
+    pub fn following(
+        program: &Program,
+        blocks: std::ops::Range<usize>,
+        surface: &Surface,
+        height_field: &HeightField,
+        spacing: f64,
+        follow: &Follow<'_>,
+    ) -> Followed {
+        let mut out = Followed::default();
+        let path = &mut out.path;
         let mut tracer = Tracer::new(surface, f64::INFINITY);
         let mut from: Option<P2> = None;
         for block in &program.blocks[blocks] {
             let centre = block.stop.centre;
             for (number, stroke) in block.strokes.clone().zip(program.strokes_of(block)) {
-                let points = program.points_of(stroke);
-                let part = |p: FieldPoint| P2::new(centre.x + i64::from(p.x), centre.y + i64::from(p.y));
-                let first = part(points[0]);
-                match from {
-                    Some(from) if from != first => path.jump(from, first, height_field, spacing, number as u32),
-                    Some(_) => {}
-                    None => {
-                        let [x, y] = first.mm();
-                        path.node([x, y, height_field.at([x, y]).z], None, number as u32);
-                    }
+                let points = program.points_of(stroke).iter();
+                let points: Vec<P2> =
+                    points.map(|p| P2::new(centre.x + i64::from(p.x), centre.y + i64::from(p.y))).collect();
+                let segments = follow::segments(&points, &mut tracer, height_field);
+                let (marked, left_out) = follow::pieces(number as u32, &segments, follow, spacing);
+                for piece in &marked {
+                    path.piece_of(&segments, piece, &mut from, stroke.pen.0, (height_field, spacing, follow.near));
                 }
-                let mut direction = None;
-                for w in points.windows(2) {
-                    let (a, b) = (part(w[0]), part(w[1]));
-                    path.turn(match direction {
-                        None => Node::End,
-                        Some(d) if angle(d, heading(a, b)) > CORNER => Node::Corner,
-                        Some(_) => Node::Vertex,
-                    });
-                    path.mark((&mut tracer, height_field), a, b, spacing, stroke.pen.0, number as u32);
-                    direction = Some(heading(a, b));
-                }
-                path.turn(Node::End);
-                from = points.last().map(|&p| part(p));
+                out.marked.extend(marked);
+                out.left_out.extend(left_out);
             }
         }
-        path
+        out
     }
 
     /// The same with no more nodes than a smooth path needs: between two corners or ends one for every
@@ -307,44 +318,47 @@ impl Path {
         }
     }
 
-    fn mark(
+    /// A piece of a stroke, with the jump to it; `from` is where the path has come to.
+    fn piece_of(
         &mut self,
-        (tracer, height_field): (&mut Tracer<'_>, &HeightField),
-        a: P2,
-        b: P2,
-        spacing: f64,
+        segments: &[Segment],
+        piece: &Stretch,
+        from: &mut Option<P2>,
         pen: u16,
-        stroke: u32,
+        (height_field, spacing, near): (&HeightField, f64, f64),
     ) {
-        let count = pieces(a, b, spacing);
-        let ([ax, ay], [bx, by]) = (a.mm(), b.mm());
-        let at = |t: f64| [ax + t * (bx - ax), ay + t * (by - ay)];
-        let mut next = 1;
-        // Where the part was last seen, and how high.
-        let [x, y, z] = self.at.last().copied().unwrap_or_default();
-        let mut seen = ([x, y], z);
-        let beside = |xy: [f64; 2], seen: ([f64; 2], f64)| height_field.at(xy).z - height_field.at(seen.0).z + seen.1;
-        tracer.segment(a, b, |p| {
-            let on_part = p.skip.is_none();
-            if next == 1 && p.t0 == 0.0 && on_part && self.pen.last().is_some_and(Option::is_none) {
-                // The stroke begins at the part's own height.
-                if let Some(last) = self.at.last_mut() {
-                    last[2] = p.z0 / NM_PER_MM;
+        let mut direction = None;
+        for segment in segments {
+            let Some([t0, t1]) = segment.share(piece) else { continue };
+            if direction.is_none() {
+                let first = segment.point(t0);
+                match *from {
+                    Some(from) if from != first => self.jump(from, first, height_field, spacing, piece.stroke),
+                    Some(_) => {}
+                    None => self.node([first.mm()[0], first.mm()[1], 0.0], None, piece.stroke),
+                }
+                if let (Some(None), Some(last)) = (self.pen.last(), self.at.last_mut()) {
+                    // The stroke begins at the part's own height.
+                    last[2] = segment.under(t0, true).z(t0);
                 }
             }
-            while next <= count && next as f64 <= p.t1 * count as f64 {
-                let t = next as f64 / count as f64;
-                let [x, y] = at(t);
-                let z = if on_part { p.z(t) / NM_PER_MM } else { beside([x, y], seen) };
-                self.node([x, y, z], Some(pen), stroke);
-                next += 1;
+            let heading = heading(segment.a, segment.b);
+            self.turn(match direction {
+                None => Node::End,
+                Some(d) if angle(d, heading) > CORNER => Node::Corner,
+                Some(_) => Node::Vertex,
+            });
+            for t in follow::nodes(segment, t0, t1, spacing, near) {
+                let [x, y] = segment.at(t);
+                self.node([x, y, segment.under(t, false).z(t)], Some(pen), piece.stroke);
             }
-            if on_part {
-                seen = (at(p.t1), p.z1 / NM_PER_MM);
-            }
-        });
-        if next <= count {
-            self.node([bx, by, beside([bx, by], seen)], Some(pen), stroke);
+            direction = Some(heading);
+            *from = Some(segment.point(t1));
+        }
+        self.turn(Node::End);
+        // A cut lies on the grid of the jump that begins there.
+        if let (Some(last), Some(p)) = (self.at.last_mut(), from) {
+            [last[0], last[1]] = p.mm();
         }
     }
 }
@@ -353,10 +367,17 @@ impl Path {
 /// both, `out` and `into`.
 fn on_one_line(from: [f64; 3], out: [f64; 3], to: [f64; 3], into: [f64; 3]) -> bool {
     const STRAIGHT: f64 = 1e-3;
+    const FLAT: f64 = 1e-3;
+    const STEEPER: f64 = 0.2;
     let gap = [to[0] - from[0], to[1] - from[1]];
     let ([a, b], [c, d]) = ([out[0], out[1]], [into[0], into[1]]);
     let far = gap[0].hypot(gap[1]);
     let (l, m) = (a.hypot(b), c.hypot(d));
+    // Where the part steps between them a way that runs on would have to rise like a wall.
+    let step = (to[2] - from[2] - out[2] / l * far).abs();
+    if step > FLAT + STEEPER * far {
+        return false;
+    }
     // Another pen's speed is another length.
     (l - m).abs() <= STRAIGHT * l
         && angle([a, b], [c, d]) < STRAIGHT

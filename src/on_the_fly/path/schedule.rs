@@ -4,19 +4,31 @@
 //! delays say. As in [`crate::motion::marking`] the scanner is taken as always at speed: what it loses at
 //! starts, ends and corners is what the delays stand for. A jump that is longer than half of the field is the
 //! stage's to carry: it runs no faster than the quickest pen, or the stage. Units: mm, s.
+//!
+//! [`Schedule::lifted`] gives z the time that it needs between marks on different heights. Moving averages of a motion
+//! keep the limits that it keeps, so that a step of the part does not slow the marks on either side of it.
 
 use crate::geom::mm_from_nm;
-use crate::machine::Machine;
+use crate::machine::{Axis, Machine};
 use crate::on_the_fly::path::{Node, Path};
 use crate::program::Pen;
+
+/// When the beam is at a node of its path.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Visit {
+    /// When it comes, s.
+    pub arrive: f64,
+    /// When it goes on.
+    pub leave: f64,
+    /// Height that z should have when it comes, and when it goes on.
+    pub z: [f64; 2],
+}
 
 /// Times at the nodes of a path, and what they are made of.
 #[derive(Clone, Debug, Default)]
 pub struct Schedule {
-    /// When the beam comes to each node, s.
-    pub arrive: Vec<f64>,
-    /// When it goes on.
-    pub leave: Vec<f64>,
+    /// Every node.
+    pub visits: Vec<Visit>,
     /// Time of marks, s.
     pub mark_s: f64,
     /// Time of jumps, s.
@@ -36,20 +48,43 @@ pub struct Samples {
     pub step_s: f64,
 }
 
-/// Whether the stretch that ends at each node belongs to a jump that is longer than half of the field.
-fn carried(path: &Path, machine: &Machine) -> Vec<bool> {
-    let half = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
-    let mut out = vec![false; path.len()];
+/// The jumps of a path: the nodes from which and to which they lead.
+fn jumps(path: &Path) -> Vec<[usize; 2]> {
+    let mut out = Vec::new();
     let mut i = 1;
     while i < path.len() {
         let end = (i..path.len()).find(|&j| path.pen[j].is_some() || path.run[j].is_some()).unwrap_or(path.len());
         if end > i {
-            let (a, b) = (path.at[i - 1], path.at[end - 1]);
-            out[i..end].fill((0..2).any(|k| (b[k] - a[k]).abs() > half[k]));
+            out.push([i - 1, end - 1]);
         }
         i = end + 1;
     }
     out
+}
+
+/// Whether the stretch that ends at each node belongs to a jump that is longer than half of the field.
+fn carried(path: &Path, machine: &Machine) -> Vec<bool> {
+    let half = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+    let mut out = vec![false; path.len()];
+    for [from, to] in jumps(path) {
+        let (a, b) = (path.at[from], path.at[to]);
+        out[from + 1..=to].fill((0..2).any(|k| (b[k] - a[k]).abs() > half[k]));
+    }
+    out
+}
+
+/// The least time in which z rises or falls by a height along [`ease`], within its limits, s.
+fn lift_s(z: &Axis, height: f64) -> f64 {
+    // Peaks of the first three derivatives of `ease`: 15/8, 10/sqrt 3 and 60.
+    let by_speed = 1.875 * height / z.speed.as_mm_s();
+    let by_acceleration = (10.0 / 3.0f64.sqrt() * height / z.acceleration.as_mm_s2()).sqrt();
+    let by_jerk = z.jerk.map_or(0.0, |jerk| (60.0 * height / jerk.as_mm_s3()).cbrt());
+    by_speed.max(by_acceleration).max(by_jerk)
+}
+
+/// From 0 to 1, at rest and without acceleration at both ends: the polynomial of least degree.
+fn ease(t: f64) -> f64 {
+    t * t * t * (10.0 + t * (6.0 * t - 15.0))
 }
 
 impl Schedule {
@@ -80,7 +115,7 @@ impl Schedule {
                 *sum += length / speed;
                 now += length / speed;
             }
-            out.arrive.push(now);
+            let arrive = now;
             let next = path.pen.get(i + 1).copied().flatten();
             let wait = match path.node[i] {
                 Node::Between => 0.0,
@@ -90,9 +125,42 @@ impl Schedule {
             };
             out.delay_s += wait;
             now += wait;
-            out.leave.push(now);
+            out.visits.push(Visit { arrive, leave: now, z: [path.at[i][2]; 2] });
         }
         out
+    }
+
+    /// The same with heights in jumps that z can follow. Where the marks before and after a jump cannot be in focus
+    /// together the beam waits before it until z has gone on; otherwise z goes straight from one to the other. Where the
+    /// part between them rises so far that the lens might come too near, jumps follow it.
+    pub fn lifted(mut self, path: &Path, machine: &Machine, focus: f64) -> Self {
+        let gap = machine.lens.working_distance.as_mm() - machine.stage.clearance.as_mm();
+        let mut waits = vec![0.0; path.len()];
+        for [from, to] in jumps(path) {
+            let [z0, z1] = [path.at[from][2], path.at[to][2]];
+            let highest = path.at[from..=to].iter().fold(f64::NEG_INFINITY, |z, p| z.max(p[2]));
+            if highest - z0.min(z1) > gap {
+                continue;
+            }
+            let is_step = (z1 - z0).abs() > 2.0 * focus;
+            if is_step {
+                waits[from] = lift_s(&machine.stage.z, (z1 - z0).abs());
+                self.visits[from].z[1] = z1;
+            }
+            let [begin, end] = [self.visits[from].leave, self.visits[to].arrive];
+            for visit in &mut self.visits[from + 1..=to] {
+                let share = if is_step || end <= begin { 1.0 } else { (visit.arrive - begin) / (end - begin) };
+                visit.z = [z0 + share * (z1 - z0); 2];
+            }
+        }
+        let mut later = 0.0;
+        for (visit, wait) in self.visits.iter_mut().zip(waits) {
+            visit.arrive += later;
+            later += wait;
+            visit.leave += later;
+        }
+        self.delay_s += later;
+        self
     }
 
     /// Steps of a quarter of a millisecond, or what keeps a long path at `most` samples.
@@ -103,7 +171,7 @@ impl Schedule {
 
     /// Time of the whole path, s.
     pub fn total_s(&self) -> f64 {
-        self.leave.last().copied().unwrap_or_default()
+        self.visits.last().map_or(0.0, |v| v.leave)
     }
 
     /// The path at even steps of `step_s` or a little less, both ends included.
@@ -114,16 +182,95 @@ impl Schedule {
         let mut i = 0;
         for k in 0..=count {
             let now = k as f64 * step_s;
-            while i + 1 < path.len() && self.arrive[i + 1] <= now {
+            while i + 1 < path.len() && self.visits[i + 1].arrive <= now {
                 i += 1;
             }
-            let moving = i + 1 < path.len() && now > self.leave[i];
-            let t = if moving { (now - self.leave[i]) / (self.arrive[i + 1] - self.leave[i]) } else { 0.0 };
-            let (a, b) = (path.at[i], path.at[(i + 1).min(path.len() - 1)]);
-            out.at.push([0, 1, 2].map(|c| a[c] + t * (b[c] - a[c])));
+            let next = (i + 1).min(path.len() - 1);
+            let (from, to) = (self.visits[i], self.visits[next]);
+            let moving = i + 1 < path.len() && now > from.leave;
+            let t = if moving { (now - from.leave) / (to.arrive - from.leave) } else { 0.0 };
+            let (a, b) = (path.at[i], path.at[next]);
+            let z = if moving {
+                from.z[1] + t * (to.z[0] - from.z[1])
+            } else {
+                let wait = from.leave - from.arrive;
+                let share = if wait > 0.0 { ((now - from.arrive) / wait).clamp(0.0, 1.0) } else { 1.0 };
+                from.z[0] + ease(share) * (from.z[1] - from.z[0])
+            };
+            out.at.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), z]);
             let waits = path.node[i] == Node::End;
             out.on.push(if moving { path.pen[i + 1].is_some() } else { !waits && path.pen[i].is_some() });
         }
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::{Frequency, Power, Speed};
+
+    /// Two marks of 10 mm on one line, with a jump of `gap` mm over heights `between` to a mark `rise` mm higher.
+    fn marks(gap: f64, rise: f64, between: &[f64]) -> Path {
+        let count = between.len() as f64 + 1.0;
+        let jump = between.iter().enumerate().map(|(i, &z)| [10.0 + gap * (i as f64 + 1.0) / count, 0.0, z]);
+        let ends = [[10.0 + gap, 0.0, rise], [20.0 + gap, 0.0, rise]];
+        let mut path = Path::default();
+        for (i, at) in [[0.0; 3], [10.0, 0.0, 0.0]].into_iter().chain(jump).chain(ends).enumerate() {
+            let last = between.len() + 3;
+            path.at.push(at);
+            path.pen.push((i == 1 || i == last).then_some(0));
+            path.node.push(if i < 2 || i + 2 > last { Node::End } else { Node::Between });
+            path.stroke.push(u32::from(i > 1));
+            path.run.push(None);
+        }
+        path
+    }
+
+    fn pens() -> Vec<Pen> {
+        let frequency = Frequency::khz(60.0);
+        vec![Pen { name: "a".into(), speed: Speed::mm_s(200.0), power: Power::Percent(50.0), frequency, passes: 1 }]
+    }
+
+    #[test]
+    fn z_keeps_its_limits_in_the_wait_before_a_step_and_marks_keep_their_times() {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        let z = &machine.stage.z;
+        for rise in [0.31, 3.0, -60.0] {
+            let path = marks(1e-4, rise, &[]);
+            let plain = Schedule::of(&path, &machine, &pens(), 0.0);
+            let lifted = plain.clone().lifted(&path, &machine, 0.15);
+            assert!((lifted.mark_s - plain.mark_s).abs() < 1e-12 && lifted.mark_s > 0.0);
+            assert!((lifted.total_s() - plain.total_s() - lift_s(z, f64::abs(rise))).abs() < 1e-9);
+            let step_s = 1e-4;
+            let samples = lifted.samples(&path, step_s);
+            let heights: Vec<f64> = samples.at.iter().map(|p| p[2]).collect();
+            let d = |list: &[f64]| -> Vec<f64> { list.windows(2).map(|w| (w[1] - w[0]) / samples.step_s).collect() };
+            let most = |list: &[f64]| list.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+            let (speed, acceleration) = (d(&heights), d(&d(&heights)));
+            assert!(most(&speed) <= z.speed.as_mm_s() * 1.001, "{rise}: {}", most(&speed));
+            assert!(most(&acceleration) <= z.acceleration.as_mm_s2() * 1.001, "{rise}: {}", most(&acceleration));
+            // One of the limits is reached, and marks lie on their own heights.
+            let jerk = most(&d(&acceleration)) / z.jerk.expect("a jerk").as_mm_s3();
+            let near = [most(&speed) / z.speed.as_mm_s(), most(&acceleration) / z.acceleration.as_mm_s2(), jerk];
+            assert!(near.iter().any(|v| *v > 0.9), "{rise}: {near:?}");
+            for (at, _) in samples.at.iter().zip(&samples.on).filter(|(_, on)| **on) {
+                assert!((at[2] - if at[0] > 10.00005 { rise } else { 0.0 }).abs() < 1e-9, "{at:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn jumps_go_straight_over_low_ground_and_follow_what_the_lens_might_touch() {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        let gap = machine.lens.working_distance.as_mm() - machine.stage.clearance.as_mm();
+        let heights = |top: f64| {
+            let path = marks(8.0, 0.2, &[-5.0, top, -5.0]);
+            let lifted = Schedule::of(&path, &machine, &pens(), 0.0).lifted(&path, &machine, 0.15);
+            lifted.visits.iter().map(|v| v.z[0]).collect::<Vec<_>>()
+        };
+        let straight = [0.0, 0.0, 0.05, 0.1, 0.15, 0.2, 0.2];
+        assert!(heights(gap - 0.1).iter().zip(straight).all(|(a, b)| (a - b).abs() < 1e-9), "{:?}", heights(1.0));
+        assert_eq!(heights(gap + 0.1)[3], gap + 0.1);
     }
 }

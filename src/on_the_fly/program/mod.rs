@@ -4,7 +4,9 @@
 //! microseconds, after placement and the machine's signs: what stands in a program is what is commanded. Moves
 //! run straight in all axes from sample to sample, each in its own time; the laser is on in whole moves. Times
 //! are rounded from the program's start, never one after the other, so that nothing adds up; the stage is then
-//! where its motion has it at the rounded time, and the scanner makes up for the rest.
+//! where its motion has it at the rounded time, and the scanner makes up for the rest. A move that would be faster so than
+//! its pen or the scanner may run takes as many microseconds as it needs; the spot is then late, and comes up again
+//! where it has time to spare, in waits not. By how much the motion is too fast for that is told.
 //!
 //! # How far a mark lies from where the motion has it
 //! Between two nodes of the motion a mark is meant to run straight in the part. Where axes turn it bows: such
@@ -21,9 +23,9 @@ mod merge;
 pub mod peaks;
 
 use crate::diag::{Diag, Error};
-use crate::geom::MAX_NM;
+use crate::geom::{MAX_NM, mm_from_nm};
 use crate::machine::Machine;
-use crate::on_the_fly::axes::motion::{AXES, Motion};
+use crate::on_the_fly::axes::motion::{AXES, Motion, Waypoint};
 use crate::program::{self, Pen};
 use frame::{Frame, Spot};
 
@@ -37,6 +39,12 @@ pub const NEAR_TURN: i64 = 2;
 const CREEP: f64 = 2e-3;
 /// How far a corner of the motion may be cut because times are rounded, mm.
 const CUT: f64 = 1e-6;
+/// How late the spot may be in a mark, us: the stage has gone on by less than a micrometre.
+const LATE: f64 = 3.0;
+/// What rounding may put on the length of a move, mm.
+const ROUNDING: f64 = 2e-6;
+/// How often the time of a late sample is looked for; a scanner slower than the stage finds none.
+const ROUNDS: u32 = 32;
 /// How often a move between two nodes may be halved.
 const HALVINGS: u32 = 10;
 
@@ -105,7 +113,7 @@ pub struct Program {
 
 impl Program {
     /// The program of a motion, whose strokes are those of `strokes`, on a part that lies at `origin` (nm) in the
-    /// table frame.
+    /// table frame; and how much slower the motion should run, 1 or more, where the spot is late by more than [`LATE`].
     ///
     /// # Errors
     /// `fly-axes` where the machine does not have the axes; `fly-motion` where the motion is none.
@@ -115,31 +123,33 @@ impl Program {
         machine: &Machine,
         origin: [i64; 3],
         kind: Kind,
-    ) -> Result<Self, Error> {
+    ) -> Result<(Self, f64), Error> {
         is_sound(motion, strokes)?;
-        if kind == Kind::Xyzuv && motion.axes.iter().any(|axes| axes[3] != 0.0 || axes[4] != 0.0) {
+        if kind == Kind::Xyzuv && motion.waypoints.iter().any(|w| w.axes[3] != 0.0 || w.axes[4] != 0.0) {
             return Err(Diag::bug("fly-motion", "a motion turns axes that the program does not have").into());
         }
         let frame = Frame::new(machine, origin, kind)?;
-        let mut maker = Maker { motion, frame, hint: 0, moves: Vec::with_capacity(motion.time.len()) };
+        let pens = strokes.pens.iter().map(|p| p.speed.as_mm_s()).collect();
+        let scanner = [machine.scanner.jump_speed, machine.scanner.max_mark_speed].map(|v| v.as_mm_s());
+        let speeds = Speeds { pens, scanner };
+        let moves = Vec::with_capacity(motion.waypoints.len());
+        let mut maker = Maker { motion, frame, speeds, hint: 0, delay: Delay::default(), moves };
         let mut program = Self { kind, pens: strokes.pens.clone(), origin, start: [0; AXES], moves: Vec::new() };
-        if motion.time.is_empty() {
-            return Ok(program);
+        if motion.waypoints.is_empty() {
+            return Ok((program, maker.delay.slower));
         }
         program.start = maker.commanded(0, maker.spot(0))?;
-        let mut last = 0;
-        for i in 1..motion.time.len() {
-            let mark = motion.pen[i].map(|pen| {
-                let piece = motion.stroke[i];
-                Mark { pen, source: strokes.strokes[piece as usize].source.0, piece }
-            });
+        let mut last = Move { us: 0, to: program.start, mark: None };
+        for (i, w) in motion.waypoints.iter().enumerate().skip(1) {
+            let piece = w.stroke;
+            let mark = w.pen.map(|pen| Mark { pen, source: strokes.strokes[piece as usize].source.0, piece });
             maker.stretch(i, mark, &mut last)?;
         }
         program.moves = merge::merged(program.start, maker.moves);
         if kind == Kind::Xyzuv {
             hold(&mut program, &maker.frame);
         }
-        Ok(program)
+        Ok((program, maker.delay.slower))
     }
 
     /// Where the beam of a sample meets the focal plane.
@@ -185,26 +195,31 @@ fn hold(program: &mut Program, frame: &Frame) {
 
 /// Refuses what is not a motion.
 fn is_sound(motion: &Motion, strokes: &program::Program) -> Result<(), Error> {
-    let count = motion.time.len();
-    let same = [motion.axes.len(), motion.pen.len(), motion.stroke.len()].iter().all(|&n| n == count);
+    let waypoints = &motion.waypoints;
     let bug = |text: &str| Err(Diag::bug("fly-motion", text).into());
-    if !same {
-        return bug("a motion does not have as many times as positions");
-    }
-    let finite = motion.time.iter().chain(motion.axes.iter().flatten()).all(|v| v.is_finite());
-    if !finite || motion.time.windows(2).any(|w| w[1] < w[0]) {
+    let finite = waypoints.iter().all(|w| w.time.is_finite() && w.axes.iter().all(|v| v.is_finite()));
+    if !finite || waypoints.windows(2).any(|w| w[1].time < w[0].time) {
         return bug("a motion runs back in time or nowhere");
     }
-    if motion.total_s() - motion.time.first().copied().unwrap_or_default() > 1e8 {
+    if motion.total_s() - waypoints.first().map_or(0.0, |w| w.time) > 1e8 {
         return bug("a motion takes more than three years");
     }
-    let known = |(pen, &piece): (&Option<u16>, &u32)| {
-        pen.is_none_or(|p| usize::from(p) < strokes.pens.len() && (piece as usize) < strokes.strokes.len())
+    let known = |w: &Waypoint| {
+        w.pen.is_none_or(|p| usize::from(p) < strokes.pens.len() && (w.stroke as usize) < strokes.strokes.len())
     };
-    if !motion.pen.iter().zip(&motion.stroke).all(known) {
+    if !waypoints.iter().all(known) {
         return bug("a motion marks a stroke or with a pen that is not there");
     }
     Ok(())
+}
+
+/// A sample that is due at a time of the motion, s, on the way to a node from `from` to `to`.
+struct Due {
+    i: usize,
+    at: f64,
+    is_node: bool,
+    from: [f64; 3],
+    to: [f64; 3],
 }
 
 fn lerp(a: [f64; 3], b: [f64; 3], share: f64) -> [f64; 3] {
@@ -212,10 +227,47 @@ fn lerp(a: [f64; 3], b: [f64; 3], share: f64) -> [f64; 3] {
     std::array::from_fn(|k| a[k] + share * (b[k] - a[k]))
 }
 
+/// Largest speeds, mm/s: of marks across the beam by their pens, and of the scanner in jumps and marks.
+struct Speeds {
+    pens: Vec<f64>,
+    scanner: [f64; 2],
+}
+
+/// How late the spot is, us.
+struct Delay {
+    by: f64,
+    /// When it was last in time.
+    since: f64,
+    /// How much slower the motion should run.
+    slower: f64,
+}
+
+impl Default for Delay {
+    fn default() -> Self {
+        Self { by: 0.0, since: 0.0, slower: 1.0 }
+    }
+}
+
+impl Delay {
+    /// The spot is late by `by` at a sample that was due at `due`.
+    fn is(&mut self, by: f64, due: f64, marks: bool) {
+        self.by = by.max(0.0);
+        // Half a microsecond is the rounding of a time.
+        if by <= 0.5 {
+            self.since = due;
+        } else if marks && by > LATE {
+            // Stretched by this, all since it was last in time would have taken as long as it did.
+            self.slower = self.slower.max(1.0 + by / (due - self.since).max(1.0));
+        }
+    }
+}
+
 /// The program while it grows.
 struct Maker<'a> {
     motion: &'a Motion,
     frame: Frame,
+    speeds: Speeds,
+    delay: Delay,
     /// The node before the time that was last asked for.
     hint: usize,
     moves: Vec<Move>,
@@ -224,29 +276,29 @@ struct Maker<'a> {
 impl Maker<'_> {
     /// Where the beam meets the focal plane at a node, part frame.
     fn spot(&self, node: usize) -> [f64; 3] {
-        let [x, y, z, a, c, u, v] = self.motion.axes[node];
+        let [x, y, z, a, c, u, v] = self.motion.waypoints[node].axes;
         frame::part_from_machine(a, c, [x + u, y + v, z])
     }
 
     /// Positions of the motion at a time, s, X, Y and Z in the table frame: that is where axes run straight.
     fn at(&mut self, time: f64) -> [f64; AXES] {
-        let (t, axes) = (&self.motion.time, &self.motion.axes);
-        while self.hint + 2 < t.len() && t[self.hint + 1] < time {
+        let waypoints = &self.motion.waypoints;
+        while self.hint + 2 < waypoints.len() && waypoints[self.hint + 1].time < time {
             self.hint += 1;
         }
-        while self.hint > 0 && t[self.hint] > time {
+        while self.hint > 0 && waypoints[self.hint].time > time {
             self.hint -= 1;
         }
-        let next = (self.hint + 1).min(t.len() - 1);
-        let share = if t[next] > t[self.hint] { (time - t[self.hint]) / (t[next] - t[self.hint]) } else { 1.0 };
+        let [from, to] = [self.hint, (self.hint + 1).min(waypoints.len() - 1)].map(|i| &waypoints[i]);
+        let share = if to.time > from.time { (time - from.time) / (to.time - from.time) } else { 1.0 };
         let share = share.clamp(0.0, 1.0);
-        let [a, b] = [self.hint, next].map(|node| self.frame.placed(&axes[node]));
+        let [a, b] = [from, to].map(|w| self.frame.placed(&w.axes));
         std::array::from_fn(|k| a[k] + share * (b[k] - a[k]))
     }
 
     /// The sample at a time with the spot on a point of the part.
     fn commanded(&mut self, us: i64, spot: [f64; 3]) -> Result<[i64; AXES], Error> {
-        let axes = self.at(self.motion.time[0] + us as f64 * 1e-6);
+        let axes = self.at(self.motion.waypoints[0].time + us as f64 * 1e-6);
         let to = self.frame.commanded(&axes, spot);
         let near = |v: &f64| v.abs() <= MAX_NM as f64;
         if !to.iter().all(near) {
@@ -255,53 +307,99 @@ impl Maker<'_> {
         Ok(to.map(|v| v as i64))
     }
 
-    /// The moves to node `i`; `last` is the time of the sample before, us.
-    fn stretch(&mut self, i: usize, mark: Option<Mark>, last: &mut i64) -> Result<(), Error> {
-        let [t0, t1] = [self.motion.time[i - 1], self.motion.time[i]];
+    /// The moves to node `i`; `last` is the one before.
+    fn stretch(&mut self, i: usize, mark: Option<Mark>, last: &mut Move) -> Result<(), Error> {
+        let [before, here] = [self.motion.waypoints[i - 1], self.motion.waypoints[i]];
+        let [t0, t1] = [before.time, here.time];
         let [from, to] = [self.spot(i - 1), self.spot(i)];
-        if t1 == t0 && self.motion.axes[i - 1] == self.motion.axes[i] {
+        if t1 == t0 && before.axes == here.axes {
             return Ok(());
         }
         let halvings = if mark.is_some() && self.frame.turns() { self.halvings(i, from, to) } else { 0 };
         let count = 1u32 << halvings;
         for k in 1..=count {
             let share = f64::from(k) / f64::from(count);
-            let us = ((t0 + share * (t1 - t0) - self.motion.time[0]) * 1e6).round() as i64;
-            // A sample needs a time of its own; what waits for one is caught up by the next.
-            let us = us.max(*last + 1);
-            let time = self.motion.time[0] + us as f64 * 1e-6;
-            let spot = if k < count { lerp(from, to, (time - t0) / (t1 - t0)) } else { self.end(i, time, from, to) };
-            let to = self.commanded(us, spot)?;
-            self.moves.push(Move { us, to, mark });
-            *last = us;
+            let node = Due { i, at: t0 + share * (t1 - t0), is_node: k == count, from, to };
+            // A wait may be no shorter than it was meant, to the microsecond that its begin was rounded by.
+            let moves = (to[0] - from[0]).hypot(to[1] - from[1]) > 1e-9;
+            let rests = mark.is_none() && !moves && !self.frame.turns();
+            let wait = if rests { ((t1 - t0) * 1e6 / f64::from(count)).floor() as i64 } else { 0 };
+            *last = self.sample(&node, mark, last, wait.max(1))?;
+            self.moves.push(*last);
         }
         Ok(())
     }
 
-    /// Where the spot is at node `i`, asked for at a time that was rounded. On a straight run the spot keeps its
-    /// pace and is where it is at that time; at a corner and where the pen changes it is at the node.
-    fn end(&self, i: usize, time: f64, from: [f64; 3], at: [f64; 3]) -> [f64; 3] {
-        let m = self.motion;
-        let same = m.pen.get(i + 1).is_some_and(|&pen| pen == m.pen[i] && m.stroke[i + 1] == m.stroke[i]);
-        if !same {
-            return at;
+    /// The sample at a node: in time where that is not too fast, as late as the one before it on a straight run, or at
+    /// the node as soon as it can be.
+    fn sample(&mut self, node: &Due, mark: Option<Mark>, last: &Move, least: i64) -> Result<Move, Error> {
+        let start = self.motion.waypoints[0].time;
+        let due = (node.at - start) * 1e6;
+        for delay in [0.0, self.delay.by] {
+            // A sample needs a time of its own; what waits for one is caught up by the next.
+            let us = ((due + delay).round() as i64).max(last.us + least);
+            let time = start + (us as f64 - delay) * 1e-6;
+            let (spot, by_time) = self.end(node, time);
+            let to = self.commanded(us, spot)?;
+            if us - last.us >= self.needed(&last.to, &to, mark) {
+                self.delay.is(if by_time { delay } else { us as f64 - due }, due, mark.is_some());
+                return Ok(Move { us, to, mark });
+            }
         }
+        let spot = if node.is_node { node.to } else { self.end(node, node.at).0 };
+        let mut us = last.us + least;
+        // The stage goes on meanwhile, and the scanner has to make up for that too.
+        for round in 0.. {
+            let to = self.commanded(us, spot)?;
+            let needed = last.us + self.needed(&last.to, &to, mark);
+            if needed <= us || round == ROUNDS {
+                self.delay.is(us as f64 - due, due, mark.is_some());
+                return Ok(Move { us, to, mark });
+            }
+            us = needed;
+        }
+        Err(Diag::bug("fly-motion", "a sample has no time").into())
+    }
+
+    /// The least time of a move, us.
+    fn needed(&self, from: &[i64; AXES], to: &[i64; AXES], mark: Option<Mark>) -> i64 {
+        let [u, v] = [5, 6].map(|k| mm_from_nm(to[k] - from[k]));
+        let scanner = (u.hypot(v) - ROUNDING) / self.speeds.scanner[usize::from(mark.is_some())];
+        let pen = mark.map_or(0.0, |mark| {
+            let way = self.frame.spot(from).way(&self.frame.spot(to));
+            (way - ROUNDING) / self.speeds.pens[usize::from(mark.pen)]
+        });
+        (scanner.max(pen) * 1e6).ceil() as i64
+    }
+
+    /// Where the spot is at a node, asked for at a time that was rounded, and whether that is where it is at that time. On
+    /// a straight run the spot keeps its pace and is; at a corner and where the pen changes it is at the node.
+    fn end(&self, node: &Due, time: f64) -> ([f64; 3], bool) {
+        let &Due { i, from, to: at, .. } = node;
+        let (waypoints, here) = (&self.motion.waypoints, &self.motion.waypoints[i]);
+        let begin = waypoints[i - 1].time;
+        let passed = |time: f64| (time - begin) / (here.time - begin);
+        if !node.is_node {
+            return (lerp(from, at, passed(time)), true);
+        }
+        let Some(after) = waypoints.get(i + 1).filter(|w| w.pen == here.pen && w.stroke == here.stroke) else {
+            return (at, false);
+        };
         let next = self.spot(i + 1);
-        let after = time > m.time[i];
-        let (t0, t1) = if after { (m.time[i], m.time[i + 1]) } else { (m.time[i - 1], m.time[i]) };
-        let spot =
-            if after { lerp(at, next, (time - t0) / (t1 - t0)) } else { lerp(from, at, (time - t0) / (t1 - t0)) };
+        let (t0, t1) = (here.time, after.time);
+        let after = time > t0;
+        let spot = if after { lerp(at, next, (time - t0) / (t1 - t0)) } else { lerp(from, at, passed(time)) };
         let [way, on, off] = [[from, at], [at, next], [at, spot]].map(|[a, b]| [0, 1, 2].map(|k| b[k] - a[k]));
         let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
         let cross = [way[1] * on[2] - way[2] * on[1], way[2] * on[0] - way[0] * on[2], way[0] * on[1] - way[1] * on[0]];
         let cut = norm(off) * norm(cross) / (norm(way) * norm(on));
         // Never of a NaN: where the spot rests.
-        if cut < CUT { spot } else { at }
+        if cut < CUT { (spot, true) } else { (at, false) }
     }
 
     /// How often the move to node `i` is halved until no part of it bows too far.
     fn halvings(&self, i: usize, from: [f64; 3], to: [f64; 3]) -> u32 {
-        let [a, b] = [&self.motion.axes[i - 1], &self.motion.axes[i]];
+        let [a, b] = [i - 1, i].map(|i| &self.motion.waypoints[i].axes);
         // Of a move that turns evenly, what all its parts bow falls with the square of their length.
         let bow = self.frame.bow(a, b, from, to);
         let mut halvings = 0;

@@ -1,7 +1,6 @@
 use super::*;
 use crate::geom::P3;
 use crate::machine::{Carries, Machine, Origin, TiltAngles};
-use crate::on_the_fly::axes::motion::Motion;
 use crate::program::{PenId, Stroke, StrokeId, sample};
 use crate::units::Length;
 
@@ -13,10 +12,8 @@ fn strokes() -> program::Program {
 }
 
 fn motion(nodes: impl Iterator<Item = (f64, [f64; AXES])>) -> Motion {
-    let (time, axes): (Vec<f64>, Vec<_>) = nodes.unzip();
-    let n = time.len();
-    let pen = (0..n).map(|i| (i % 8 > 2).then_some(1)).collect();
-    Motion { time, axes, pen, stroke: vec![0; n] }
+    let of = |(i, (time, axes)): (usize, _)| Waypoint { time, axes, pen: (i % 8 > 2).then_some(1), stroke: 0 };
+    Motion { waypoints: nodes.enumerate().map(of).collect() }
 }
 
 /// Seven axes that all turn and move.
@@ -59,7 +56,7 @@ fn marks_lie_where_the_motion_has_them_whatever_the_signs() {
         table.axes[0].reversed = bit(1);
         table.axes[1].reversed = bit(2);
         let motion = turning(0.00137);
-        let program = Program::of(&motion, &strokes(), &machine, origin, Kind::Xyzacuv).expect("a program");
+        let (program, _) = Program::of(&motion, &strokes(), &machine, origin, Kind::Xyzacuv).expect("a program");
         // At every time of the program the mark is within what the module says of the motion's line.
         let mut node = 0;
         for (us, from, to) in program.steps() {
@@ -67,11 +64,11 @@ fn marks_lie_where_the_motion_has_them_whatever_the_signs() {
                 let at = std::array::from_fn(|k| from[k] + (share * (to.to[k] - from[k]) as f64).round() as i64);
                 let is = marked(&machine, origin, &at);
                 let t = (us as f64 + share * (to.us - us) as f64) * 1e-6;
-                while node + 2 < motion.time.len() && motion.time[node + 1] < t {
+                while node + 2 < motion.waypoints.len() && motion.waypoints[node + 1].time < t {
                     node += 1;
                 }
                 let spots = [node, node + 1].map(|i| {
-                    let [x, y, z, a, c, u, v] = motion.axes[i];
+                    let [x, y, z, a, c, u, v] = motion.waypoints[i].axes;
                     frame::part_from_machine(a, c, [x + u, y + v, z])
                 });
                 let way = [0, 1, 2].map(|k| spots[1][k] - spots[0][k]);
@@ -91,14 +88,14 @@ fn marks_lie_where_the_motion_has_them_whatever_the_signs() {
 #[test]
 fn wide_steps_are_cut_where_they_bow_and_straight_runs_are_joined() {
     let machine = Machine::built_in("xyzac-galvo-10").expect("profile");
-    let wide = Program::of(&turning(0.02), &strokes(), &machine, [0; 3], Kind::Xyzacuv).expect("a program");
+    let (wide, _) = Program::of(&turning(0.02), &strokes(), &machine, [0; 3], Kind::Xyzacuv).expect("a program");
     assert!(wide.moves.len() > 1000, "{}", wide.moves.len());
     let straight = motion((0..400).map(|i| {
         let t = f64::from(i) * 1e-3;
         (t, [30.0 * t, 0.0, 1.0, 0.0, 0.0, 70.0 * t, 0.0])
     }));
     let machine = Machine::built_in("xyz-galvo-40").expect("profile");
-    let program = Program::of(&straight, &strokes(), &machine, [0; 3], Kind::Xyzuv).expect("a program");
+    let (program, _) = Program::of(&straight, &strokes(), &machine, [0; 3], Kind::Xyzuv).expect("a program");
     // One move for each change of the pen.
     assert_eq!(program.moves.len(), 2 * 399usize.div_ceil(8), "{:?}", program.moves.len());
     let mark = program.moves[1].mark.expect("a mark");
@@ -112,9 +109,9 @@ fn times_do_not_drift_and_the_stage_is_where_it_is_at_the_rounded_time() {
     // 0.4 us apart where they are closest.
     let motion = motion((0..500).map(|i| {
         let t = 1.0 + f64::from(i) * if i < 100 { 0.4e-6 } else { 33.3e-6 };
-        (t, [100.0 * (t - 1.0), (90.0 * t).sin(), 0.0, 0.0, 0.0, f64::from(i % 2), f64::from(i) * 1e-3])
+        (t, [100.0 * (t - 1.0), (90.0 * t).sin(), 0.0, 0.0, 0.0, 50.0 * (t - 1.0), 0.1 * (900.0 * t).cos()])
     }));
-    let program = Program::of(&motion, &strokes(), &machine, [0; 3], Kind::Xyzuv).expect("a program");
+    let (program, _) = Program::of(&motion, &strokes(), &machine, [0; 3], Kind::Xyzuv).expect("a program");
     assert!(program.steps().all(|(us, _, to)| to.us > us));
     let total = motion.total_s() - 1.0;
     assert!((program.total_s() - total).abs() <= 0.5e-6, "{} {total}", program.total_s());
@@ -132,20 +129,19 @@ fn what_is_no_motion_is_refused() {
     let sound = || motion((0..20).map(|i| (f64::from(i), [f64::from(i); AXES])));
     let refused = |change: fn(&mut Motion), kind| {
         let mut motion = sound();
-        motion.axes.iter_mut().for_each(|a| (a[3], a[4]) = (0.0, 0.0));
+        motion.waypoints.iter_mut().for_each(|w| (w.axes[3], w.axes[4]) = (0.0, 0.0));
         change(&mut motion);
         Program::of(&motion, &strokes(), &machine, [0; 3], kind).map_err(|e| e.diags()[0].code).err()
     };
     assert_eq!(refused(|_| {}, Kind::Xyzuv), None);
     assert_eq!(refused(|_| {}, Kind::Xyzacuv), Some("fly-axes"));
-    let changes: [fn(&mut Motion); 7] = [
-        |m| m.time[3] = 1.0,
-        |m| m.time[3] = f64::NAN,
-        |m| m.axes[3][0] = f64::INFINITY,
-        |m| m.axes[3][0] = 4001.0,
-        |m| m.axes[3][4] = 0.1,
-        |m| m.stroke[4] = 1,
-        |m| m.pen.truncate(19),
+    let changes: [fn(&mut Motion); 6] = [
+        |m| m.waypoints[3].time = 1.0,
+        |m| m.waypoints[3].time = f64::NAN,
+        |m| m.waypoints[3].axes[0] = f64::INFINITY,
+        |m| m.waypoints[3].axes[0] = 4001.0,
+        |m| m.waypoints[3].axes[4] = 0.1,
+        |m| m.waypoints[4].stroke = 1,
     ];
     for change in changes {
         assert_eq!(refused(change, Kind::Xyzuv), Some("fly-motion"));
@@ -162,7 +158,7 @@ fn a_stage_that_would_creep_stands_and_the_scanner_makes_up_for_it() {
         let t = f64::from(i) * 1e-3;
         (t, [1e-3 * t, -5e-4 * t, 0.0, 0.0, 0.0, (90.0 * t).sin(), (70.0 * t).cos()])
     }));
-    let program = Program::of(&motion, &strokes(), &machine, [0; 3], Kind::Xyzuv).expect("a program");
+    let (program, _) = Program::of(&motion, &strokes(), &machine, [0; 3], Kind::Xyzuv).expect("a program");
     let spot = program.spots(&machine).expect("axes");
     for (us, from, to) in program.steps() {
         let way: f64 = (0..3).map(|k| ((to.to[k] - from[k]) as f64).powi(2)).sum::<f64>().sqrt();
@@ -173,4 +169,39 @@ fn a_stage_that_would_creep_stands_and_the_scanner_makes_up_for_it() {
         assert!((0..2).all(|k| (is[k] - meant[k]).abs() < 2e-6), "{is:?} {meant:?}");
     }
     assert!(program.steps().any(|(_, from, to)| from[0] != to.to[0]));
+}
+
+#[test]
+fn short_moves_keep_the_pens_speed_to_the_microsecond_and_the_spot_is_not_late() {
+    let machine = Machine::built_in("xyz-galvo-40").expect("profile");
+    // Circles of 360 chords of 5.3 us each at the pen's own speed, while the stage runs on.
+    let (radius, speed) = (0.1214, 400.0);
+    let chord = 2.0 * radius * 0.5f64.to_radians().sin();
+    let circles = |slower: f64| {
+        let of = |i: u32| {
+            let (angle, time) = (f64::from(i).to_radians(), f64::from(i) * slower * chord / speed);
+            let (x, y) = (radius * angle.cos(), radius * angle.sin());
+            let axes = [50.0 * time, 0.0, 0.0, 0.0, 0.0, x - 50.0 * time, y];
+            Waypoint { time, axes, pen: (i > 0).then_some(1), stroke: 0 }
+        };
+        Motion { waypoints: (0..3600).map(of).collect() }
+    };
+    let mut slower = 1.0;
+    for _ in 0..8 {
+        let motion = circles(slower);
+        let (program, late) = Program::of(&motion, &strokes(), &machine, [0; 3], Kind::Xyzuv).expect("a program");
+        let spot = program.spots(&machine).expect("axes");
+        for (us, from, to) in program.steps() {
+            let way = spot(from).way(&spot(&to.to));
+            assert!(way - ROUNDING <= speed * (to.us - us) as f64 * 1e-6 * (1.0 + 1e-9), "{to:?}");
+        }
+        if late <= 1.0 {
+            let total = motion.total_s();
+            assert!((program.total_s() - total).abs() <= (LATE + 1.0) * 1e-6, "{} {total}", program.total_s());
+            assert!(slower > 1.0 && slower < 1.2, "{slower}");
+            return;
+        }
+        slower *= 1.0 + 1.05 * (late - 1.0) + 1e-6;
+    }
+    panic!("the spot stays late");
 }

@@ -1,11 +1,12 @@
 //! A run laid out: its spline, its cells, and what the axes do there per unit of b.
 
-use super::{Limit, Options, Path, Ratio};
+use super::{Limit, Options, Path};
 
 /// Second derivatives of the natural cubic spline of every axis at the nodes `first..last`; that at `last` is
 /// zero, as is the first.
 pub(super) fn bends(path: &Path, axes: usize, first: usize, last: usize, out: &mut [f64]) {
     let n = last - first;
+    // h₀ m₋ + 2 (h₀ + h₁) m + h₁ m₊ = 6 (slope₁ - slope₀) at every inner node, m the second derivatives.
     let width = |i: usize| path.s[first + i + 1] - path.s[first + i];
     let at = |i: usize, a: usize| path.positions[(first + i) * axes + a];
     // Thomas' method; the upper factors are the same for all axes.
@@ -153,34 +154,6 @@ impl Grid {
             t
         };
         std::iter::once(0.0).chain((0..self.cells()).map(step)).collect()
-    }
-
-    /// What shares of the limits are reached: speed and acceleration at borders, middles and quarters of
-    /// cells, jerk at borders.
-    pub fn ratio(&self, b: &[f64]) -> Ratio {
-        let mut out = Ratio::default();
-        let mut speed = 0.0f64;
-        for cell in 0..self.cells() {
-            speed = speed.max(b[cell] / self.cap[cell]).max(b[cell + 1] / self.cap[cell + 1]);
-            let ends = [b[cell], b[cell + 1]];
-            for axis in 0..self.axes {
-                let at = |third| {
-                    let [l, r] = self.acceleration(cell, third, axis);
-                    l * ends[0] + r * ends[1]
-                };
-                let [p, q, r] = [at(0), at(1), at(2)];
-                // Quarters from the parabola through the three.
-                let quarters = [(3.0 * p + 6.0 * q - r) / 8.0, (6.0 * q + 3.0 * r - p) / 8.0];
-                let inner = if self.is_end(cell) { [0.0; 2] } else { quarters };
-                let most = [p, q, r, inner[0], inner[1]].iter().fold(0.0f64, |m, v| m.max(v.abs()));
-                out.acceleration = out.acceleration.max(most);
-            }
-        }
-        out.speed = speed.sqrt();
-        if self.has_jerk() {
-            out.jerk = super::jerk::ratio(self, b);
-        }
-        out
     }
 }
 

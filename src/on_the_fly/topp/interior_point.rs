@@ -13,7 +13,7 @@
 use std::ops::Range;
 
 use super::grid::Grid;
-use super::jerk;
+use super::jerk_rows;
 
 /// Constraints that are computed together.
 const LANES: usize = 4;
@@ -129,6 +129,7 @@ impl<'a> Stretch<'a> {
             target: vec![0.0; n],
         };
         let mut rows = Vec::with_capacity(3 * grid.axes);
+        // Every cell that touches an unknown border: acceleration at start, middle and end, and the cap of the border.
         for cell in at - 1..until {
             rows.clear();
             let accelerations = (0..grid.axes).flat_map(|axis| (0..3).map(move |third| (axis, third)));
@@ -142,12 +143,13 @@ impl<'a> Stretch<'a> {
             }
             out.pack(cell, false, &rows);
         }
+        // Every border whose two references see an unknown one: jerk.
         for i in (at - 1).max(1)..(until + 1).min(grid.cells()) {
             rows.clear();
             let limited = (0..grid.axes).filter(|&a| grid.ramp[a] > 0.0);
-            rows.extend(limited.map(|axis| jerk::change(grid, i, axis)));
+            rows.extend(limited.map(|axis| jerk_rows::change(grid, i, axis)));
             let most = [most[i - 1], most[i], most[i + 1]];
-            leave_out(&mut rows, most, jerk::time_around(grid, i, most).0);
+            leave_out(&mut rows, most, jerk_rows::time_around(grid, i, most).0);
             out.pack(i - 1, true, &rows);
         }
         out
@@ -204,6 +206,7 @@ impl<'a> Stretch<'a> {
             let sums = self.predict();
             let [primal, dual] = sums.reach(1.0);
             let after = gap + primal * sums.by_slack + dual * sums.by_multiplier + primal * dual * sums.by_both;
+            // Mehrotra's σ = (gap after / gap)³ (Nocedal and Wright, algorithms 14.3 and 16.4).
             // Products must not fall faster than the gradient is balanced, or a bent measure runs into a corner.
             let centre = ((after / gap).clamp(0.0, 1.0).powi(3) * gap).max(UNBALANCED * unbalanced) / count;
             for i in self.free.clone() {
@@ -241,7 +244,7 @@ impl<'a> Stretch<'a> {
         }
         for i in (self.free.start - 1).max(1)..(self.free.end + 1).min(self.b.len() - 2) {
             let near = [self.b[i - 1], self.b[i], self.b[i + 1]];
-            let (value, slope) = jerk::time_around(grid, self.origin + i, near);
+            let (value, slope) = jerk_rows::time_around(grid, self.origin + i, near);
             self.bounds[i - 1] = Bound { value, slope: [0, 1, 2].map(|k| slope[k] * near[k]) };
         }
         // What is held neither pulls nor moves.
@@ -384,6 +387,7 @@ impl<'a> Stretch<'a> {
     fn factor(&mut self) {
         let (mut before, mut last) = ([0.0; 3], [0.0; 3]);
         for (n, i) in self.free.clone().enumerate() {
+            // L Lᵀ with two entries left of the diagonal; `before` and `last` are the two rows above.
             let [d, mut l1, mut l2] = self.matrix[i];
             l2 = if n < 2 { 0.0 } else { l2 * before[0] };
             l1 = if n < 1 { 0.0 } else { (l1 - l2 * last[1]) * last[0] };

@@ -1,4 +1,4 @@
-//! Jerk limits: what they are on a grid, and the descent of b to where they hold.
+//! Jerk limits: the descent of b to where they hold.
 //!
 //! A long run is cut into windows that are solved on their own (`descent`), with two borders held between them
 //! so that no constraint sees two windows. These are held at a motion that is slowed down until it keeps all
@@ -8,7 +8,10 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{Options, grid::Grid, interior_point::Stretch};
+use super::grid::Grid;
+use super::interior_point::Stretch;
+use super::jerk_rows::end_cap;
+use super::{Options, ratio};
 
 /// Unknown borders in a window, times the options' `refine`.
 const WINDOW: usize = 1024;
@@ -18,92 +21,6 @@ const LOOSE: f64 = 0.02;
 const SEAM: usize = 256;
 /// Shares of b without jerk limits from which a window begins, and which may break them.
 const FAST: [f64; 2] = [0.25, 0.5];
-
-/// Acceleration of an axis over its limit, where the time to the next reference begins or ends, as factors of
-/// b at both borders: the middle of a cell, or the moving end of a cell that borders on rest.
-#[inline]
-fn reference(grid: &Grid, cell: usize, axis: usize) -> [f64; 2] {
-    let third = if !grid.is_end(cell) {
-        1
-    } else if cell == 0 {
-        2
-    } else {
-        0
-    };
-    grid.acceleration(cell, third, axis)
-}
-
-/// Time from a border to the reference of a cell beside it, and its derivatives by b at the border and at
-/// the cell's other border.
-#[inline]
-fn half_time(grid: &Grid, cell: usize, own: f64, other: f64) -> [f64; 3] {
-    if grid.is_end(cell) {
-        return [0.0; 3];
-    }
-    let h = grid.width(cell);
-    let (near, middle) = (own.sqrt(), (0.5 * (own + other)).sqrt());
-    let sum = near + middle;
-    let by = -h / (sum * sum);
-    let by_middle = by * 0.25 / middle;
-    [h / sum, by * 0.5 / near + by_middle, by_middle]
-}
-
-/// Time from reference to reference around border `i`, and its derivatives by b there and beside it.
-pub(super) fn time_around(grid: &Grid, i: usize, b: [f64; 3]) -> (f64, [f64; 3]) {
-    let left = half_time(grid, i - 1, b[1], b[0]);
-    let right = half_time(grid, i, b[1], b[2]);
-    (left[0] + right[0], [left[2], left[1] + right[1], right[2]])
-}
-
-/// Change of acceleration around a border in units of what the jerk limit allows in one second.
-pub(super) fn change(grid: &Grid, i: usize, axis: usize) -> [f64; 3] {
-    let (l, r) = (reference(grid, i - 1, axis), reference(grid, i, axis));
-    [-l[0], r[0] - l[1], r[1]].map(|c| c * grid.ramp[axis])
-}
-
-/// Jerk over its limit of an axis in the cells beside the stops, per (2 b^(3/2)) / (9 h²): with even d³s/dt³ it
-/// is d³s/dt³ (q' + 9 q'' x + 4.5 q''' x²) at x from the stop.
-fn end_factor(grid: &Grid, cell: usize, axis: usize) -> f64 {
-    let h = grid.width(cell);
-    let (stop, sign) = if cell == 0 { (0, 1.0) } else { (2 * cell + 2, -1.0) };
-    let halves = if cell == 0 { [0, 1, 2] } else { [2 * cell + 2, 2 * cell + 1, 2 * cell] };
-    let third = (grid.shape(halves[2], axis).1 - grid.shape(stop, axis).1) / h;
-    let at = |(n, half): (usize, usize)| {
-        let x = 0.5 * h * n as f64;
-        let (d1, d2) = grid.shape(half, axis);
-        (d1 + sign * 9.0 * d2 * x + sign * 4.5 * third * x * x).abs()
-    };
-    halves.into_iter().enumerate().map(at).fold(0.0, f64::max) * grid.ramp[axis]
-}
-
-/// The largest share of the jerk limits that b reaches.
-pub(super) fn ratio(grid: &Grid, b: &[f64]) -> f64 {
-    let n = grid.cells();
-    let mut most = 0.0f64;
-    for axis in (0..grid.axes).filter(|&a| grid.ramp[a] > 0.0) {
-        for (cell, b) in [(0, b[1]), (n - 1, b[n - 1])] {
-            let even = 2.0 * b.powf(1.5) / (9.0 * grid.width(cell).powi(2));
-            most = most.max(end_factor(grid, cell, axis) * even);
-        }
-    }
-    (1..n).fold(most, |m, i| m.max(ratio_at(grid, i, [b[i - 1], b[i], b[i + 1]])))
-}
-
-/// The same at one border.
-fn ratio_at(grid: &Grid, i: usize, b: [f64; 3]) -> f64 {
-    let (time, _) = time_around(grid, i, b);
-    let share = |axis| {
-        let c = change(grid, i, axis);
-        (c[0] * b[0] + c[1] * b[1] + c[2] * b[2]).abs() / time
-    };
-    (0..grid.axes).filter(|&a| grid.ramp[a] > 0.0).map(share).fold(0.0, f64::max)
-}
-
-/// Largest b beside the stops by jerk alone.
-fn end_cap(grid: &Grid, cell: usize) -> f64 {
-    let factor = (0..grid.axes).map(|a| end_factor(grid, cell, a)).fold(0.0, f64::max);
-    (4.5 * grid.width(cell).powi(2) / factor).powf(2.0 / 3.0)
-}
 
 /// Lowers b from what speed and acceleration allow, at the most `most`, to what jerk allows too. Says how many
 /// steps the longest stretch took.
@@ -165,6 +82,7 @@ fn windows(end: usize, first: usize, width: usize) -> Vec<Range<usize>> {
 /// Rounds off towards the stops what the other limits allow.
 fn round_off(grid: &Grid, caps: &[f64], b: &mut [f64]) {
     let n = grid.cells();
+    // From rest with even jerk b rises as x^(4/3); added as resistances are, b stays below both and is smooth.
     let (first, last) = (caps[1] / grid.width(0).powf(4.0 / 3.0), caps[n - 1] / grid.width(n - 1).powf(4.0 / 3.0));
     let length = grid.x[n];
     let rise = |c: f64, x: f64| 1.0 / (c * x.powf(4.0 / 3.0));
@@ -201,7 +119,8 @@ fn across(fast: &[f64], b: &[f64], range: &Range<usize>, seams: &[usize], reach:
 
 /// Slows a motion down evenly until it keeps all limits, with some room.
 fn slow_down(grid: &Grid, b: &mut [f64]) {
-    let most = grid.ratio(b);
+    // Evenly slowed by k, speed falls as k, acceleration as k² and jerk as k³; b is the square of the speed.
+    let most = ratio::of(grid, b);
     let slower = 0.9 / most.jerk.powf(2.0 / 3.0).max(most.acceleration).max(most.speed.powi(2)).max(1.0);
     b.iter_mut().for_each(|b| *b *= slower);
 }

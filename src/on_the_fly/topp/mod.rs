@@ -13,7 +13,7 @@
 //!
 //! 1. Speed and acceleration (`reach`): the greatest b that backward and forward passes over linear
 //!    constraints of two neighbours leave (Pham and Pham, IEEE Trans. Robotics 34 (2018) 645: TOPP-RA).
-//! 2. Jerk (`jerk`): acceleration from the middle of a cell to that of the next changes by a linear form of
+//! 2. Jerk (`jerk_rows`, `jerk`): acceleration from the middle of a cell to that of the next changes by a linear form of
 //!    three neighbours of b, and the time between is convex in b, so its tangent bounds it from below: a linear
 //!    constraint that is never too lax. An interior point method (`descent`) takes new tangents at every step.
 //!
@@ -32,6 +32,8 @@ mod closed_form;
 mod grid;
 mod interior_point;
 mod jerk;
+mod jerk_rows;
+mod ratio;
 mod reachability;
 
 use rayon::prelude::*;
@@ -250,11 +252,11 @@ fn general(path: &Path, limits: &[Limit], options: &Options, first: usize, last:
     if grid.has_jerk() {
         steps = jerk::smooth(&grid, most, &mut b, options);
     }
-    let mut ratio = grid.ratio(&b);
-    let mut stretch = ratio.slow_down();
+    let mut reached = ratio::of(&grid, &b);
+    let mut stretch = reached.slow_down();
     if stretch > 1.0 + TOLERANCE / 3.0 {
         b.iter_mut().for_each(|b| *b /= stretch * stretch);
-        ratio = grid.ratio(&b);
+        reached = ratio::of(&grid, &b);
     } else {
         stretch = 1.0;
     }
@@ -266,7 +268,7 @@ fn general(path: &Path, limits: &[Limit], options: &Options, first: usize, last:
         straight: 0,
         cells: b.len() - 1,
         steps,
-        ratio,
+        ratio: reached,
         stretch,
     };
     let rate = b.iter().map(|b| b.sqrt()).collect();

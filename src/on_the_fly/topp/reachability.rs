@@ -18,6 +18,7 @@ pub(super) struct Reach {
 
 /// By a pass backward and one forward.
 pub(super) fn reach(grid: &Grid) -> Reach {
+    // TOPP-RA (Pham and Pham 2018, algorithm 1): controllable sets backward, the greatest control forward.
     let n = grid.cells();
     let mut rows: Vec<Half> = Vec::with_capacity(6 * grid.axes);
     // Backward: from how much can the next be reached, and so on to the end at rest?

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::chain::Chain;
 use crate::geom::nm_from_mm;
 use crate::verify::job_facts::JobFacts;
-use crate::verify::proof::Rule;
+use crate::verify::proof::{Lengths, Rule};
 use crate::verify::read::formats::{self, FORMATS};
 use crate::verify::read::on_the_fly::Course;
 use crate::verify::read::on_the_fly::manifest::Manifest;
@@ -98,7 +98,7 @@ pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, course: &Course, r
 }
 
 /// Figures of the manifest.
-pub(super) fn summary(manifest: &Manifest, course: &Course, chain: &Chain, rule: &mut Rule) {
+pub(super) fn summary(manifest: &Manifest, course: &Course, chain: &Chain, lengths: &Lengths, rule: &mut Rule) {
     rule.ran = true;
     let s = &manifest.summary;
     let (mut on_us, mut away, mut fastest, mut mark_nm) = (0, 0.0f64, 0.0f64, 0.0);
@@ -119,6 +119,12 @@ pub(super) fn summary(manifest: &Manifest, course: &Course, chain: &Chain, rule:
             rule.broken("", "manifest.json", format!("{name} is stated as {stated}, found is {found}"));
         }
     };
+    hold("texture_mm", s.texture_mm, lengths.texture_mm, 1e-6 + SAME * lengths.texture_mm);
+    // Both ends of every piece are rounded and merged.
+    let ends = 4e-4 * (1.0 + course.powers.len() as f64 + manifest.left_out.len() as f64);
+    hold("skipped_mm", s.skipped_mm, lengths.skipped_mm, ends);
+    let left_out: f64 = manifest.left_out.iter().map(|l| l.to_mm - l.from_mm).sum();
+    hold("skipped_focus_mm", s.skipped_focus_mm, left_out, 1e-6 + SAME * left_out);
     hold("moves", s.moves as f64, course.steps.len() as f64, 0.0);
     hold("marks", s.marks as f64, course.powers.len() as f64, 0.0);
     let total = course.steps.last().map_or(0.0, |l| l.us as f64 / 1e6);

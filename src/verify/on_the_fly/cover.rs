@@ -20,7 +20,11 @@ pub(super) struct Cover {
 
 /// What a mark covers, of a closed stroke in two pieces where it runs over its seam.
 pub(super) fn of(stroke: u32, line: &Stroke, trace: &Trace) -> Vec<Cover> {
-    let (from, to) = (trace.from.min(trace.to), trace.from.max(trace.to));
+    between(stroke, line, trace.from.min(trace.to), trace.from.max(trace.to))
+}
+
+/// The same of two places on a stroke.
+pub(super) fn between(stroke: u32, line: &Stroke, from: f64, to: f64) -> Vec<Cover> {
     let length = line.len();
     if !line.is_closed() {
         return vec![Cover { stroke, from: from.max(0.0) + 0.0, to: to.min(length) }];
@@ -93,7 +97,16 @@ pub(super) struct CoverageChecker<'a> {
 }
 
 impl CoverageChecker<'_> {
-    pub(super) fn stroke(&mut self, line: &Stroke, covers: &[Cover], name: &str, once: &mut Rule, coverage: &mut Rule) {
+    /// One stroke: what marks cover of it and what the program says it leaves out, both in order.
+    pub(super) fn stroke(
+        &mut self,
+        line: &Stroke,
+        covers: &[Cover],
+        left_out: &[Cover],
+        name: &str,
+        rules: [&mut Rule; 2],
+    ) {
+        let [once, coverage] = rules;
         self.lengths.texture_mm += line.len() / 1e6;
         once.checked += covers.len() as u64;
         let mut reached = 0.0f64;
@@ -107,10 +120,31 @@ impl CoverageChecker<'_> {
                 let text = format!("{:.6} mm of {name} are marked twice", shared / 1e6);
                 once.broken("", place(line.at(cover.from)), text);
             }
-            self.gap(line, reached, cover.from, name, coverage);
+            self.gaps(line, reached, cover.from, left_out, name, coverage);
             reached = cover.to.max(reached);
         }
-        self.gap(line, reached, line.len(), name, coverage);
+        self.gaps(line, reached, line.len(), left_out, name, coverage);
+        for out in left_out {
+            let shared = covers.iter().map(|c| c.to.min(out.to) - c.from.max(out.from)).fold(0.0, f64::max);
+            if shared > 2.0 * CUT {
+                let text = format!("{:.6} mm of {name} are marked though stated as left out", shared / 1e6);
+                coverage.broken("", place(line.at(out.from)), text);
+            }
+        }
+    }
+
+    /// A stretch that nobody marks, apart from what of it is stated as left out.
+    fn gaps(&mut self, line: &Stroke, from: f64, to: f64, left_out: &[Cover], name: &str, coverage: &mut Rule) {
+        let mut at = from;
+        for out in left_out.iter().filter(|o| o.to + 2.0 * CUT > from && o.from - 2.0 * CUT < to) {
+            let [begin, end] = [out.from - 2.0 * CUT, out.to + 2.0 * CUT].map(|v| v.clamp(at, to));
+            self.gap(line, at, begin, name, coverage);
+            if end > begin {
+                self.open(line, begin, end, 0.0, true);
+            }
+            at = end;
+        }
+        self.gap(line, at, to, name, coverage);
     }
 
     /// A stretch that nobody marks: it must be off the part, too steep or too short.

@@ -2,8 +2,9 @@
 //!
 //! Travel and field hold between samples too, since moves are straight. Speeds are those of moves; accelerations
 //! and jerks of all axes are taken from samples at least 5 and 10 ms apart, as a polynomial through three or four
-//! of them has them: any motion through these has as much somewhere. 1 in 100 over a limit is let pass,
-//! and what whole nanometres and microseconds may have put there.
+//! of them has them: any motion through these has as much somewhere. What the rounding of samples to whole
+//! nanometres may have put there is taken off before, and the rounding of sums is let pass; a move that is too
+//! short by a microsecond is too fast.
 
 use super::chain::Chain;
 use crate::machine::Machine;
@@ -11,7 +12,7 @@ use crate::program::Pen;
 use crate::verify::proof::Rule;
 use crate::verify::read::on_the_fly::{AXES, Course};
 
-const OVER: f64 = 1.01;
+const OVER: f64 = 1.0 + 1e-6;
 const APART_US: [i64; 2] = [5_000, 10_000];
 
 /// What one axis must keep, in mm or degrees.
@@ -104,7 +105,7 @@ pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machin
         let before = chain.field(float(from));
         let way = ((field[0] - before[0]).hypot(field[1] - before[1]) - 2.0) * 1e-6;
         let limit = if step.mark.is_some() { mark } else { jump };
-        if way > limit * OVER * (s + 1e-6) {
+        if way > limit * OVER * s {
             broken(format!("the scanner runs at {:.4} mm/s, its limit is {limit} mm/s", way / s));
         }
         let pen = step.mark.and_then(|m| pens.get(usize::from(m.pen.wrapping_sub(1))));
@@ -112,7 +113,7 @@ pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machin
             // Across the beam: that is what a pen's speed is of.
             let (a, b) = (chain.beam(float(from)), chain.beam(float(&step.to)));
             let way = (a.way(&b) - 2.0) * 1e-6;
-            if way > pen.speed.as_mm_s() * OVER * (s + 1e-6) {
+            if way > pen.speed.as_mm_s() * OVER * s {
                 broken(format!("a mark runs at {:.4} mm/s, its pen at {} mm/s", way / s, pen.speed.as_mm_s()));
             }
         }

@@ -130,8 +130,8 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Pr
     let (shape, box_mm) = job_facts::shape(&job)?;
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
     let texture = job_facts::texture(&job, 0, box_mm)?;
-    check_marks(name, course, &chain, &facts, &texture, &geometry, &mut findings);
-    agree::summary(&manifest, course, &chain, &mut findings.summary);
+    check_marks(name, course, &chain, &manifest, (&facts, &texture, &geometry), &mut findings);
+    agree::summary(&manifest, course, &chain, &findings.lengths, &mut findings.summary);
     Ok(findings.into_proof())
 }
 
@@ -145,9 +145,8 @@ fn check_marks(
     name: &str,
     course: &Course,
     chain: &Chain,
-    facts: &JobFacts,
-    texture: &Texture,
-    geometry: &Geometry,
+    manifest: &Manifest,
+    (facts, texture, geometry): (&JobFacts, &Texture, &Geometry),
     findings: &mut Findings,
 ) {
     let Findings { position, focus, surface: bare, once, coverage, .. } = findings;
@@ -197,12 +196,25 @@ fn check_marks(
     let mut coverage_checker =
         CoverageChecker { geometry, facts, scratch: Scratch::default(), lengths: Lengths::default() };
     let mut rest = covers.as_slice();
+    let mut stated = manifest.left_out.clone();
+    stated.sort_by(|a, b| a.stroke.cmp(&b.stroke).then(a.from_mm.total_cmp(&b.from_mm)));
+    let mut stated = stated.as_slice();
     for i in 0..texture.len() {
         texture.stroke(i, &mut points);
+        let line = Stroke::new(&points);
+        let count = stated.iter().take_while(|l| l.stroke as usize == i).count();
+        let (left_out, others) = stated.split_at(count);
+        stated = others;
+        let pieces = left_out.iter().flat_map(|l| cover::between(l.stroke, &line, l.from_mm * 1e6, l.to_mm * 1e6));
+        let mut left_out: Vec<_> = pieces.collect();
+        left_out.sort_by(|a, b| a.from.total_cmp(&b.from));
         let count = rest.iter().take_while(|c| c.stroke as usize == i).count();
         let (own, others) = rest.split_at(count);
         rest = others;
-        coverage_checker.stroke(&Stroke::new(&points), own, &texture.element(i), once, coverage);
+        coverage_checker.stroke(&line, own, &left_out, &texture.element(i), [&mut *once, &mut *coverage]);
+    }
+    if !stated.is_empty() {
+        coverage.broken("", "manifest.json", "states stretches that are left out of strokes that the texture has not");
     }
     findings.lengths = coverage_checker.lengths;
 }

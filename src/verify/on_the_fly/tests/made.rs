@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use crate::job::{Job, Mode, Overrides};
 use crate::job_folder::write_on_the_fly;
 use crate::machine::Machine;
-use crate::manifest::{Deviations, OnTheFlySummary};
-use crate::on_the_fly::axes::motion::Motion;
+use crate::manifest::{Deviations, FlyLengths, OnTheFlySummary};
+use crate::on_the_fly::axes::motion::{Motion, Waypoint};
 use crate::on_the_fly::check::Checked;
 use crate::on_the_fly::path;
 use crate::on_the_fly::path::height_field::HeightField;
@@ -75,6 +75,7 @@ pub(super) struct Bench {
     pub(super) machine: Machine,
     pub(super) motion: Motion,
     pub(super) program: Program,
+    lengths: FlyLengths,
 }
 
 impl Bench {
@@ -108,9 +109,14 @@ impl Bench {
         let path = path::Path::of(stepped, 0..stepped.blocks.len(), &surface, &relief, sort.spacing);
         let speeds: Vec<f64> = stepped.pens.iter().map(|p| p.speed.as_mm_s()).collect();
         let motion = motion(&path, &relief, &sort, &speeds);
-        let program = Program::of(&motion, stepped, &machine, plan.checked.origin().0, sort.kind)
+        let (program, _) = Program::of(&motion, stepped, &machine, plan.checked.origin().0, sort.kind)
             .unwrap_or_else(|e| panic!("{e}"));
-        Self { dir, job, machine, motion, program }
+        let lengths = FlyLengths {
+            texture_mm: plan.summary.texture_mm,
+            skipped_mm: plan.summary.skipped_mm,
+            ..FlyLengths::default()
+        };
+        Self { dir, job, machine, motion, program, lengths }
     }
 
     pub(super) fn checked(&self) -> Checked {
@@ -119,11 +125,16 @@ impl Bench {
 
     /// Writes a program into a folder and answers with its path.
     pub(super) fn written(&self, checked: Checked) -> PathBuf {
+        self.stating(checked, self.lengths)
+    }
+
+    fn stating(&self, checked: Checked, lengths: FlyLengths) -> PathBuf {
         let plan = OnTheFlyPlan {
             job: self.job.clone(),
             machine: self.machine.clone(),
-            summary: OnTheFlySummary::new(&checked, Deviations::default(), 0.0, &[]),
+            summary: OnTheFlySummary::new(&checked, Deviations::default(), lengths, 0.0, &[]),
             checked,
+            left_out: Vec::new(),
             warnings: Vec::new(),
         };
         let folder = self.dir.path().join("made.job");
@@ -131,13 +142,19 @@ impl Bench {
         folder
     }
 
-    /// Changes the program, writes it unchecked, and verifies.
+    /// Changes the program, writes it unchecked with the lengths it then has, and verifies.
     pub(super) fn mutant(&self, change: impl FnOnce(&mut Program)) -> Proof {
         let mut program = self.program.clone();
         change(&mut program);
         assert_ne!(program, self.program, "the mutant is one");
-        let folder = self.written(Checked::unchecked(program, &self.machine));
-        verify(&folder, None).unwrap_or_else(|e| panic!("{e}"))
+        let checked = Checked::unchecked(program, &self.machine);
+        let proof = |lengths| {
+            let folder = self.stating(checked.clone(), lengths);
+            verify(&folder, None).unwrap_or_else(|e| panic!("{e}"))
+        };
+        // A damaged job states the lengths that it has.
+        let skipped_mm = proof(self.lengths).lengths.skipped_mm;
+        proof(FlyLengths { skipped_mm, ..self.lengths })
     }
 
     /// Changes a file of the folder, renews its hash, and verifies.
@@ -240,10 +257,7 @@ fn motion(path: &path::Path, relief: &HeightField, sort: &Sort, speeds: &[f64]) 
                 [q[0], q[1], q[2], a, c, m[0] - q[0], m[1] - q[1]]
             }
         };
-        out.time.push(t);
-        out.axes.push(axes);
-        out.pen.push(pen);
-        out.stroke.push(stroke);
+        out.waypoints.push(Waypoint { time: t, axes, pen, stroke });
     };
     let leads = (lead / 2e-3) as usize;
     for i in 0..leads {

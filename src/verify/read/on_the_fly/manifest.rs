@@ -15,8 +15,17 @@ pub(in crate::verify) struct Manifest {
     /// XYZUV or XYZACUV.
     pub(in crate::verify) axes: String,
     pub(in crate::verify) pens: Vec<PenEntry>,
+    pub(in crate::verify) left_out: Vec<LeftOut>,
     pub(in crate::verify) files: Vec<FileEntry>,
     pub(in crate::verify) summary: Summary,
+}
+
+/// A stretch of a stroke of the texture that the program says it leaves out: lengths along it as it is drawn.
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub(in crate::verify) struct LeftOut {
+    pub(in crate::verify) stroke: u32,
+    pub(in crate::verify) from_mm: f64,
+    pub(in crate::verify) to_mm: f64,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -29,6 +38,9 @@ pub(in crate::verify) struct PenEntry {
 /// The figures that verification finds again.
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct Summary {
+    pub(in crate::verify) texture_mm: f64,
+    pub(in crate::verify) skipped_mm: f64,
+    pub(in crate::verify) skipped_focus_mm: f64,
     pub(in crate::verify) moves: usize,
     pub(in crate::verify) marks: usize,
     pub(in crate::verify) time_s: f64,

@@ -1,0 +1,259 @@
+//! Where the beam of every mark of a program meets the part.
+//!
+//! Consumes a program as it is commanded and the part; promises focal offset and angle of every mark as the facets under
+//! it have them, and the stretches of strokes where one of both is beyond its limit. Upright beams are followed from
+//! facet to facet, leaning ones at both ends of every move and at three places between. Units: mm, rad, unless a name
+//! says otherwise.
+
+use crate::diag::Error;
+use crate::geom::{NM_PER_MM, P2};
+use crate::machine::Machine;
+use crate::on_the_fly::axes::motion::AXES;
+use crate::on_the_fly::follow::Stretch;
+use crate::on_the_fly::program::{Kind, Program};
+use crate::projection::Tracer;
+use crate::surface::Surface;
+
+/// A beam this far beside a border may be on either side of it, nm: what marks may stray from rounding.
+const BORDER: f64 = 120.0;
+/// Places of a move at which leaning beams are followed, besides its begin.
+const PLACES: usize = 4;
+/// What rounding adds to an angle, rad.
+const ROUNDED: f64 = 1e-6;
+
+/// What a mark must keep.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Out of focus along the beam.
+    pub focus: f64,
+    /// Angle of the beam to the part's normal.
+    pub angle: f64,
+}
+
+/// A place where a mark does not keep its limits.
+#[derive(Clone, Copy, Debug)]
+pub struct Miss {
+    /// In plan.
+    pub at: [f64; 2],
+    /// Out of focus; infinite where the beam misses the part.
+    pub focus: f64,
+    /// Angle to the normal.
+    pub angle: f64,
+}
+
+/// What the marks of a program come to on the part.
+#[derive(Clone, Debug, Default)]
+pub struct Footing {
+    /// Largest focal offset.
+    pub focus: f64,
+    /// Largest angle.
+    pub angle: f64,
+    /// The first place beyond a limit.
+    pub first: Option<Miss>,
+    /// Stretches of strokes beyond a limit.
+    pub beyond: Vec<Stretch>,
+}
+
+/// A beam: where it meets the focal plane, and the direction against it.
+#[derive(Clone, Copy)]
+struct Beam {
+    at: [f64; 3],
+    up: [f64; 3],
+}
+
+/// Where a beam meets the part: how far from focus, at which angle.
+type Foot = (f64, f64);
+
+struct Finder<'a> {
+    tracer: Tracer<'a>,
+    limits: Limits,
+    /// The part's highest place.
+    top: f64,
+}
+
+/// Follows the beams of all marks, whose pieces in their order are `marked`. What is beyond a limit reaches `around` mm
+/// farther than it was found.
+///
+/// # Errors
+/// Those of a machine that has not the program's axes.
+pub fn footing(
+    program: &Program,
+    machine: &Machine,
+    surface: &Surface,
+    limits: Limits,
+    marked: &[Stretch],
+    around: f64,
+) -> Result<Footing, Error> {
+    let spot = program.spots(machine)?;
+    let beam = |to: &[i64; AXES]| {
+        let spot = spot(to);
+        Beam { at: spot.part, up: spot.up }
+    };
+    let top = surface.tiles().iter().map(|t| t.1 as f64 / NM_PER_MM).fold(f64::NEG_INFINITY, f64::max);
+    let mut finder = Finder { tracer: Tracer::new(surface, f64::INFINITY), limits, top };
+    let mut out = Footing::default();
+    let (mut pieces, mut before, mut along) = (marked.iter(), None, 0.0);
+    let mut piece = None;
+    for (_, from, step) in program.steps() {
+        if step.mark.is_some() && step.mark != before {
+            piece = pieces.next();
+            along = piece.map_or(0.0, |p| p.from);
+        }
+        before = step.mark;
+        if step.mark.is_none() {
+            continue;
+        }
+        let [a, b] = [beam(from), beam(&step.to)];
+        let way = (b.at[0] - a.at[0]).hypot(b.at[1] - a.at[1]);
+        let (worst, at) = match program.kind {
+            Kind::Xyzuv => finder.upright(&a, &b),
+            Kind::Xyzacuv => {
+                let axes = |share: f64| from.iter().zip(step.to).map(move |(&p, q)| p as f64 + share * (q - p) as f64);
+                let beams = (0..=PLACES).map(|k| {
+                    let mut to = [0; AXES];
+                    to.iter_mut().zip(axes(k as f64 / PLACES as f64)).for_each(|(to, v)| *to = v.round() as i64);
+                    beam(&to)
+                });
+                finder.leaning(beams, [b.at[0] - a.at[0], b.at[1] - a.at[1]])
+            }
+        };
+        (out.focus, out.angle) = (out.focus.max(worst.0), out.angle.max(worst.1));
+        if !finder.holds(worst) {
+            out.first.get_or_insert(Miss { at, focus: worst.0, angle: worst.1 });
+            if let Some(piece) = piece {
+                let [from, to] = [along - around, along + way + around];
+                match out.beyond.last_mut() {
+                    Some(last) if last.stroke == piece.stroke && from <= last.to => last.to = to,
+                    _ => out.beyond.push(Stretch { stroke: piece.stroke, from, to }),
+                }
+            }
+        }
+        along += way;
+    }
+    Ok(out)
+}
+
+impl Finder<'_> {
+    fn holds(&self, (focus, angle): Foot) -> bool {
+        focus <= self.limits.focus && angle <= self.limits.angle + ROUNDED
+    }
+
+    /// The worse of two feet: one that keeps its limits is never worse than one that does not.
+    fn worse(&self, a: (Foot, [f64; 2]), b: (Foot, [f64; 2])) -> (Foot, [f64; 2]) {
+        let both = (a.0.0.max(b.0.0), a.0.1.max(b.0.1));
+        (both, if self.holds(a.0) { b.1 } else { a.1 })
+    }
+
+    /// The worst of an upright move, on the line or just beside it where it runs along a border.
+    fn upright(&mut self, a: &Beam, b: &Beam) -> (Foot, [f64; 2]) {
+        let [p, q] = [a, b].map(|beam| [beam.at[0], beam.at[1]].map(|v| v * NM_PER_MM));
+        let way = [q[0] - p[0], q[1] - p[1]];
+        let length = way[0].hypot(way[1]);
+        let side = if length > 0.0 { [-way[1] / length, way[0] / length] } else { [1.0, 0.0] };
+        let mut first = None;
+        for by in [0.0, BORDER, -BORDER] {
+            let worst = self.along([0, 1].map(|k| p[k] + by * side[k]), [0, 1].map(|k| q[k] + by * side[k]), a, b);
+            if self.holds(worst.0) {
+                return worst;
+            }
+            first.get_or_insert(worst);
+        }
+        first.unwrap_or_default()
+    }
+
+    fn along(&mut self, p: [f64; 2], q: [f64; 2], a: &Beam, b: &Beam) -> (Foot, [f64; 2]) {
+        let grid = |p: [f64; 2]| P2::new(p[0].round() as i64, p[1].round() as i64);
+        let (p, mut q) = (grid(p), grid(q));
+        if p == q {
+            q.x += 1;
+        }
+        let normals = self.tracer.normals();
+        let mut pieces = Vec::new();
+        self.tracer.segment(p, q, |piece| {
+            if piece.skip.is_none() {
+                pieces.push((piece.t0, piece.z0, normals.under(&piece)));
+                pieces.push((piece.t1, piece.z1, normals.under(&piece)));
+            }
+        });
+        let start = ((0.0, 0.0), p.mm());
+        pieces.into_iter().fold(start, |worst, (t, z, normal)| {
+            let focus = (z / NM_PER_MM - (a.at[2] + t * (b.at[2] - a.at[2]))).abs();
+            self.worse(worst, ((focus, normal[2].clamp(-1.0, 1.0).acos()), p.lerp(q, t).mm()))
+        })
+    }
+
+    /// The worst of leaning beams of a move that runs along `way`.
+    fn leaning(&mut self, beams: impl Iterator<Item = Beam>, way: [f64; 2]) -> (Foot, [f64; 2]) {
+        let mut worst = ((0.0, 0.0), [0.0; 2]);
+        for beam in beams {
+            let foot = self.near(&beam, way);
+            worst = self.worse(worst, (foot, [beam.at[0], beam.at[1]]));
+        }
+        worst
+    }
+
+    /// The foot of a leaning beam. Where it misses the part or a limit, one within [`BORDER`] that does not.
+    fn near(&mut self, beam: &Beam, way: [f64; 2]) -> Foot {
+        let straight = self.foot(beam);
+        if let Some(foot) = straight.filter(|&f| self.holds(f)) {
+            return foot;
+        }
+        let length = way[0].hypot(way[1]);
+        let along = if length > 0.0 { way.map(|v| v / length) } else { [1.0, 0.0] };
+        let mut first = straight;
+        for s in [0.0, -1.0, 1.0] {
+            for t in [0.0, 0.0625, -0.0625, 0.25, -0.25, 1.0, -1.0] {
+                let by = [s * along[0] - t * along[1], s * along[1] + t * along[0]].map(|v| v * BORDER / NM_PER_MM);
+                let found = self.foot(&Beam { at: [beam.at[0] + by[0], beam.at[1] + by[1], beam.at[2]], up: beam.up });
+                if let Some(foot) = found.filter(|&f| self.holds(f)) {
+                    return foot;
+                }
+                first = first.or(found);
+            }
+        }
+        first.unwrap_or((f64::INFINITY, 0.0))
+    }
+
+    /// The highest place of the part along a beam.
+    fn foot(&mut self, beam: &Beam) -> Option<Foot> {
+        let up = beam.up;
+        if up[2] <= 0.0 {
+            return None;
+        }
+        // From above the part down to twice the limit below the focal plane; what lies lower is missed.
+        let heights = [self.top.max(beam.at[2]) + self.limits.focus, beam.at[2] - 2.0 * self.limits.focus];
+        let place = |z: f64| [0, 1].map(|k| (beam.at[k] + up[k] / up[2] * (z - beam.at[2])) * NM_PER_MM);
+        let [p, mut q] = heights.map(place).map(|p| P2::new(p[0].round() as i64, p[1].round() as i64));
+        if p == q {
+            q.x += 1;
+        }
+        let still = place(heights[0]).iter().zip(place(heights[1])).all(|(a, b)| (a - b).abs() < 1.0);
+        let normals = self.tracer.normals();
+        let mut found = None;
+        self.tracer.segment(p, q, |piece| {
+            if piece.skip.is_some() || found.is_some() {
+                return;
+            }
+            let height = |t: f64| heights[0] + t * (heights[1] - heights[0]);
+            let z = [piece.z0, piece.z1].map(|z| z / NM_PER_MM);
+            let share = if still {
+                0.0
+            } else {
+                let over = [z[0] - height(piece.t0), z[1] - height(piece.t1)];
+                if over[0] >= 0.0 {
+                    0.0
+                } else if over[1] >= 0.0 {
+                    over[0] / (over[0] - over[1])
+                } else {
+                    return;
+                }
+            };
+            let t = piece.t0 + share * (piece.t1 - piece.t0);
+            let z = if still { z[0] } else { height(t) };
+            found = Some(((z - beam.at[2]) / up[2], normals.under(&piece)));
+        });
+        let (off, normal) = found?;
+        let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
+        Some((off.abs(), cos.clamp(-1.0, 1.0).acos()))
+    }
+}

@@ -1,0 +1,165 @@
+//! Random on-the-fly jobs on parts with steps, walls, rims and sheets, under strokes that run back over themselves:
+//! each is refused with a limit of the machine or gives a folder that verifies.
+
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use crate::support::folder;
+use crate::support::surfaces::{Noise, mesh, write_stl};
+use terrace::diag::Kind;
+use terrace::job::{Job, Overrides};
+use terrace::{job_folder, plan, verify};
+
+/// From lo to hi.
+fn between(noise: &mut Noise, lo: f64, hi: f64) -> f64 {
+    lo + (noise.half() + 0.5) * (hi - lo)
+}
+
+fn pick<T: Copy>(noise: &mut Noise, list: &[T]) -> T {
+    list[(noise.next() >> 5) as usize % list.len()]
+}
+
+/// A base sheet, gentle or terraced, blocks with upright walls on it, and sheets over or through it.
+fn part(noise: &mut Noise, [w, h]: [f64; 2]) -> Vec<[[f64; 3]; 3]> {
+    let (lean, bow) = (between(noise, -0.1, 0.1), between(noise, 0.0, 0.002));
+    let (levels, riser) = (pick(noise, &[0.0, 0.0, 3.0, 5.0]), between(noise, 0.02, 2.0));
+    let z = |x: f64, y: f64| lean * y - bow * (x * x + y * y) + (x / w * levels).floor() * riser;
+    let n = pick(noise, &[4, 12, 30]);
+    let mut out = mesh(n, [0.0, 0.0, w, h], z);
+    for _ in 0..pick(noise, &[0, 1, 2]) {
+        let [x, y] = [between(noise, 0.1, 0.6) * w, between(noise, 0.1, 0.6) * h];
+        let [x1, y1] = [x + between(noise, 0.1, 0.5) * w, y + between(noise, 0.1, 0.5) * h];
+        let top = between(noise, 0.05, 3.0) + lean.abs() * h;
+        out.extend(mesh(1, [x, y, x1, y1], |_, _| top));
+        for [[ax, ay], [bx, by]] in [[[x, y], [x1, y]], [[x1, y], [x1, y1]], [[x1, y1], [x, y1]], [[x, y1], [x, y]]] {
+            out.push([[ax, ay, -1.0], [bx, by, -1.0], [bx, by, top]]);
+            out.push([[ax, ay, -1.0], [bx, by, top], [ax, ay, top]]);
+        }
+    }
+    // A sheet that overhangs the others, or passes through them.
+    for _ in 0..pick(noise, &[0, 0, 1]) {
+        let [x, y] = [between(noise, -0.1, 0.6) * w, between(noise, -0.1, 0.6) * h];
+        let (level, slope) = (between(noise, -0.5, 2.0), between(noise, -0.2, 0.2));
+        out.extend(mesh(3, [x, y, x + 0.4 * w, y + 0.5 * h], |x, _| level + slope * x));
+    }
+    out
+}
+
+/// Lines, loops, or polylines that turn and run back over themselves.
+fn texture(noise: &mut Noise, dir: &Path, [w, h]: [f64; 2]) -> String {
+    match pick(noise, &[0, 1, 2, 3]) {
+        0 => {
+            let (pitch, direction) = (h / between(noise, 2.0, 6.0), pick(noise, &["0 deg", "90 deg", "31 deg"]));
+            format!("pattern = \"hatch\"\npitch = \"{pitch:.4} mm\"\ndirection = {direction:?}\n")
+        }
+        1 => format!("pattern = \"circles\"\npitch = \"{:.4} mm\"\ncell = \"{:.4} mm\"\n", h / 2.0, h / 3.0),
+        _ => {
+            let y = between(noise, 0.1, 0.9) * h;
+            let xs: Vec<f64> = (0..4).map(|_| between(noise, -0.1, 1.1) * w).collect();
+            let back: String = xs.iter().map(|x| format!("{x:.3},{y:.3} ")).collect();
+            let bend: String =
+                (0..4).map(|_| format!("{:.3},{:.3} ", between(noise, 0.0, w), between(noise, 0.0, h))).collect();
+            let svg = format!(
+                "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}mm\" height=\"{h}mm\" viewBox=\"0 0 {w} {h}\">\
+                 <g fill=\"none\" stroke=\"black\"><polyline points=\"{back}\"/><polyline points=\"{bend}\"/></g></svg>"
+            );
+            std::fs::write(dir.join("lines.svg"), svg).expect("a file");
+            "file = \"lines.svg\"\n".into()
+        }
+    }
+}
+
+/// What became of the job of a seed.
+enum Outcome {
+    Marked,
+    /// With a limit of the machine or the job.
+    Refused,
+    /// What is wrong.
+    Fault(String),
+}
+
+/// The job file of a seed, with its surface and drawing beside it.
+fn write_job(seed: u64, dir: &Path) -> PathBuf {
+    let noise = &mut Noise::new(seed);
+    let seven = seed.is_multiple_of(3);
+    let size =
+        if seven { [between(noise, 4.0, 9.0), between(noise, 3.0, 6.0)] } else { [between(noise, 10.0, 50.0), 20.0] };
+    write_stl(&dir.join("part.stl"), &part(noise, size));
+    let texture = texture(noise, dir, size);
+    let profile = if seven { "xyzac-galvo-10" } else { pick(noise, &["xyz-galvo-40", "xyz-galvo-100"]) };
+    let origin =
+        if seven { format!(", origin = [\"{:.3} mm\", \"-2 mm\", \"0 mm\"]", -size[0] / 2.0) } else { String::new() };
+    let text = format!(
+        "mode = \"on-the-fly\"\nsurface = {{ file = \"part.stl\", unit = \"mm\" }}\nfocus = {{ pdof = \"{} mm\" }}\n\
+         placement = {{ turn = \"{} deg\"{origin} }}\nmachine = {{ profile = {profile:?} }}\n[[texture]]\n{texture}\
+         [[pen]]\nname = \"a\"\nspeed = \"{} mm/s\"\npower = \"40 %\"\nfrequency = \"60 kHz\"\n",
+        pick(noise, &[0.07, 0.2, 0.5]),
+        pick(noise, &[0.0, 0.0, 17.3, -90.0]),
+        pick(noise, &[50, 400, 2000]),
+    );
+    let job = dir.join("job.toml");
+    std::fs::write(&job, text).expect("a file");
+    job
+}
+
+/// Compiles and verifies the job of a seed.
+fn outcome(seed: u64) -> Outcome {
+    let dir = folder();
+    let job = write_job(seed, dir.path());
+    let fault = |what: String| Outcome::Fault(format!("seed {seed}: {what}"));
+    let planned = Job::load(&job, &Overrides::default()).and_then(|job| plan::plan(job, &|_| {}));
+    let plan = match planned {
+        Ok(plan) => plan,
+        Err(e) => {
+            let kind = |kind| e.diags().iter().any(|d| d.kind == kind);
+            let is_limit = kind(Kind::Limit) && !kind(Kind::Bug) && !kind(Kind::Input);
+            return if is_limit { Outcome::Refused } else { fault(e.to_string()) };
+        }
+    };
+    let out = dir.path().join("made.job");
+    if let Err(e) = job_folder::write(&plan, &out) {
+        return fault(e.to_string());
+    }
+    match verify::verify(&out, None) {
+        Ok(proof) if proof.ok => Outcome::Marked,
+        Ok(proof) => fault(proof.to_text()),
+        Err(e) => fault(e.to_string()),
+    }
+}
+
+/// No job is at fault, and most are marked.
+fn check(seeds: Range<u64>) {
+    let one = |seed| {
+        catch_unwind(AssertUnwindSafe(|| outcome(seed)))
+            .unwrap_or_else(|_| Outcome::Fault(format!("seed {seed}: panic")))
+    };
+    let found: Vec<Outcome> = seeds.into_par_iter().map(one).collect();
+    let faults = found.iter().filter_map(|o| if let Outcome::Fault(text) = o { Some(text.as_str()) } else { None });
+    let faults: Vec<&str> = faults.collect();
+    let marked = found.iter().filter(|o| matches!(o, Outcome::Marked)).count();
+    let refused = found.iter().filter(|o| matches!(o, Outcome::Refused)).count();
+    eprintln!("{marked} marked, {refused} refused");
+    assert!(faults.is_empty(), "{} of {}:\n{}", faults.len(), found.len(), faults.join("\n"));
+    assert!(2 * marked > found.len(), "{marked} of {} are marked", found.len());
+}
+
+#[test]
+fn random_on_the_fly_jobs_verify_or_name_a_limit() {
+    check(1..9);
+}
+
+/// `SEEDS=1000..1100` chooses others.
+#[test]
+#[ignore = "an hour; run by make test-all"]
+fn two_thousand_random_on_the_fly_jobs_verify_or_name_a_limit() {
+    let seeds = std::env::var("SEEDS").ok();
+    let ends = seeds.as_deref().and_then(|s| s.split_once("..")).map(|(a, b)| [a, b].map(|v| v.parse::<u64>()));
+    match ends {
+        Some([Ok(from), Ok(to)]) => check(from..to),
+        None => check(1000..3000),
+        Some(_) => panic!("SEEDS is to be like 1000..1100"),
+    }
+}
