@@ -67,7 +67,11 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option
         let held = sweep.held(&fields, grid.keep);
         let mut is_sound = true;
         for (field, held) in fields.list.iter_mut().zip(&held.0) {
-            field.is_wide = field.is_wide && !held.is_occluded;
+            if field.is_wide && held.is_occluded {
+                field.is_wide = false;
+                // What it holds whole beyond its area must be held by others now.
+                is_sound &= !held.is_over;
+            }
             if (held.is_hidden || held.is_outside_window) && !field.tilt.is_upright() {
                 tilted.set_upright(field);
                 is_sound = false;

@@ -61,6 +61,8 @@ pub struct InTiltedField {
     pub is_occluded: bool,
     /// Whether a mark lies beside the window.
     pub is_outside_window: bool,
+    /// Whether a stroke that is to stay whole reaches beyond the area, where stops must not be kept to it.
+    pub is_over: bool,
 }
 
 impl InTiltedField {
@@ -113,9 +115,12 @@ impl Turned {
                 }
                 tracer.small = list;
             }
-            if !tracer.gap && !beside {
+            // Stops that are kept to their area do not mark what of the stroke lies beyond it.
+            let is_within = field.area.holds(bounds.lo) && field.area.holds(bounds.hi);
+            if !tracer.gap && !beside && (field.is_wide || is_within) {
                 let here = &mut self.0[i];
                 here.is_hidden |= hidden;
+                here.is_over |= !is_within;
                 return here.figures.push((z[0], z[1]));
             }
         }
@@ -172,6 +177,7 @@ impl Turned {
             mine.is_hidden |= theirs.is_hidden;
             mine.is_occluded |= theirs.is_occluded;
             mine.is_outside_window |= theirs.is_outside_window;
+            mine.is_over |= theirs.is_over;
         }
     }
 

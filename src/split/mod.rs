@@ -29,6 +29,9 @@ use crate::projection::{Keep, Normals, Piece, Skip, Tracer};
 /// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
 const EPS: f64 = 1e-3;
 
+/// Bridges of a nanometre that may follow each other: rounding needs one or two.
+const BRIDGES: u32 = 100;
+
 /// Pieces that are looked ahead over at most.
 const RUN: usize = 1 << 14;
 
@@ -283,6 +286,7 @@ impl<'a> Cutter<'a> {
             }
             // The stop of the open fragment, and where on the segment its window ends.
             let mut stop = self.open.as_ref().map(|o| (o.stop, self.window_end(o.stop, s)));
+            let mut bridges = 0;
             for i in s.first..s.end {
                 let p = &run.pieces[i];
                 if let Some(skip) = p.skip {
@@ -306,8 +310,12 @@ impl<'a> Cutter<'a> {
                         exit = exit.min(cut.max(t));
                     }
                     if chosen && exit <= t {
-                        // Rounding left a gap between two stops: bridged by a nanometre.
-                        exit = (t + 1.0 / s.a.distance(s.b)).min(p.t1);
+                        // Rounding left a gap between two stops: bridged by a nanometre. A gap that continues is a fault of
+                        // the method: the mark stays in one stop, so that the check says so.
+                        bridges += 1;
+                        exit = if bridges > BRIDGES { p.t1 } else { (t + 1.0 / s.a.distance(s.b)).min(p.t1) };
+                    } else {
+                        bridges = 0;
                     }
                     if exit > t {
                         if self.seam.overlap > 0.0 && self.open.as_ref().is_some_and(|o| o.stop != at) {

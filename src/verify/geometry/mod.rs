@@ -221,6 +221,16 @@ impl Geometry {
         4.0 * (ROUNDING + 0.5 + self.weld + self.beside)
     }
 
+    /// How far a mark may run beside its line, nm; 0 where the part is not tilted.
+    pub(super) fn beside(&self) -> f64 {
+        self.beside
+    }
+
+    /// Cosine of the steepest slope that is marked.
+    pub(super) fn least_cos(&self) -> f64 {
+        1.0 / (1.0 + self.limit2).sqrt()
+    }
+
     /// How far, in nm, a height may differ from the compiled one on a slope.
     pub(super) fn z_tolerance(&self, slope2: f64) -> f64 {
         let [level, slope] = self.z_tolerance_parts();

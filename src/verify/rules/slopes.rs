@@ -1,16 +1,25 @@
 //! How the surface file's own facets lie under the marks of a block: bounds of the mean and of the least cosine of
 //! the angle between beam and surface, and of the dose.
+//!
+//! A mark that runs along an edge may have been planned on either facet beside it: ends of marks and vertices of the
+//! mesh are each rounded to the grid. So every stretch of a mark has the lowest and the highest cosine of all that
+//! lies within the reach of the geometry beside it, and the mean of the block lies between the integrals of both. A
+//! stretch away from edges has one cosine, known to the rounding of its facet's vertices.
 
 use super::dose;
 use crate::geom::FieldPoint;
 use crate::job::Compensate;
 use crate::program::{Block, Stroke};
-use crate::verify::geometry::{Geometry, Line, Scratch, Slope};
+use crate::verify::geometry::{Geometry, Line, Piece, Scratch, Slope};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::read::program::ProgramFile;
 
-/// Ends of marks are rounded in the plane: lengths by which means are weighed are off by at most this, nm.
+/// Both ends of a line are rounded in the plane, each by half the diagonal of the grid, so lengths by which means are
+/// weighed are off by at most this, nm.
 const ROUNDED: f64 = 1.5;
+
+/// Parallels on each side of a mark that stand for all within its reach.
+const STEPS: u32 = 2;
 
 /// Lowest and highest that a figure may be.
 type Range = [f64; 2];
@@ -24,17 +33,27 @@ pub(super) struct Bounds {
     pub(super) dose: [Range; 2],
 }
 
+/// A stretch of a line, nm along it, and the cosines that it may have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Part {
+    d: [f64; 2],
+    cos: Range,
+}
+
 /// What lies under one mark.
 #[derive(Clone, Copy)]
 struct Under {
     length: f64,
+    /// By how much the length may be off.
+    off: f64,
     /// Integral of the cosine over the length.
     sum: Range,
     least: Range,
+    /// Lowest and highest cosine.
+    all: Range,
 }
 
-/// Bounds for a block; with `sides`, a mark along an edge may be on either side of it. None where nothing lies under
-/// its marks.
+/// Bounds for a block; with `sides`, a mark along an edge may be on either side of it. None where it has no marks.
 pub(super) fn of(
     file: &ProgramFile,
     block: &Block,
@@ -43,51 +62,35 @@ pub(super) fn of(
     sides: bool,
     scratch: &mut Scratch,
 ) -> Option<Bounds> {
-    let (mut length, mut count) = (0.0, 0.0);
+    let (mut length, mut off) = (0.0, 0.0);
     let (mut cos, mut dosed) = ([0.0; 2], [0.0; 2]);
     let mut least = [[f64::INFINITY; 2]; 2];
+    // Lowest and highest cosine and dose of all marks.
+    let mut all = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
     for stroke in file.program.strokes_of(block) {
         let gain = gain(file, stroke, facts);
-        let mut found = under(file, block, stroke, 0.0, geometry, scratch);
-        if sides {
-            for side in [geometry.reach(), -geometry.reach()] {
-                found = match (found, under(file, block, stroke, side, geometry, scratch)) {
-                    (Some(a), Some(b)) => Some(a.or(&b)),
-                    (a, b) => a.or(b),
-                };
-            }
-        }
-        let Some(mut u) = found else { continue };
+        let mut u = under(file, block, stroke, sides, geometry, scratch);
         if sides {
             u.least[0] = u.least[0].min(touched(file, block, stroke, geometry, scratch));
         }
-        length += u.length;
-        count += 1.0;
+        (length, off) = (length + u.length, off + u.off);
         for k in 0..2 {
             cos[k] += u.sum[k];
             dosed[k] += u.sum[k] * gain;
             least[0][k] = least[0][k].min(u.least[k]);
             least[1][k] = least[1][k].min(u.least[k] * gain);
         }
-    }
-    // A cosine is off from the mean by 1 at most, a dose by as much as doses are.
-    let off = |most: f64| ROUNDED * count / length * most;
-    let mean = |[lo, hi]: Range, most: f64| [lo / length - off(most), hi / length + off(most)];
-    let most = dosed[1] / cos[1].max(f64::MIN_POSITIVE);
-    (length > 0.0).then(|| Bounds { cos: [mean(cos, 1.0), least[0]], dose: [mean(dosed, most.max(1.0)), least[1]] })
-}
-
-impl Under {
-    /// Either of both.
-    fn or(&self, other: &Self) -> Self {
-        let share = |u: &Self| u.sum.map(|s| s / u.length);
-        let (a, b) = (share(self), share(other));
-        Self {
-            length: self.length,
-            sum: [a[0].min(b[0]) * self.length, a[1].max(b[1]) * self.length],
-            least: [self.least[0].min(other.least[0]), self.least[1].max(other.least[1])],
+        for (all, by) in all.iter_mut().zip([1.0, gain]) {
+            *all = [all[0].min(u.all[0] * by), all[1].max(u.all[1] * by)];
         }
     }
+    // A mean is a sum of shares: where shares of all in all `off` go from one place to another it changes by at most
+    // that much of what these differ by.
+    let mean = |[lo, hi]: Range, [lowest, highest]: Range| {
+        let by = off / length * (highest - lowest);
+        [lo / length - by, hi / length + by]
+    };
+    (length > 0.0).then(|| Bounds { cos: [mean(cos, all[0]), least[0]], dose: [mean(dosed, all[1]), least[1]] })
 }
 
 /// By how much its pen raises the dose of a mark.
@@ -100,58 +103,157 @@ fn gain(file: &ProgramFile, stroke: &Stroke, facts: &JobFacts) -> f64 {
     }
 }
 
+/// The lines of a mark on the part.
+fn lines<'a>(file: &'a ProgramFile, block: &'a Block, stroke: &Stroke) -> impl Iterator<Item = Line> + 'a {
+    let c = block.stop.centre;
+    let part = move |p: FieldPoint| [c.x as f64 + f64::from(p.x), c.y as f64 + f64::from(p.y)];
+    let pairs = file.program.points_of(stroke).windows(2).filter(|w| w[0] != w[1]);
+    pairs.map(move |w| Line::new(part(w[0]), part(w[1])))
+}
+
 /// The least cosine of what a mark may touch: rounding decides whether a mark that ends on an edge has the facet beyond
 /// under its end.
 fn touched(file: &ProgramFile, block: &Block, stroke: &Stroke, geometry: &Geometry, scratch: &mut Scratch) -> f64 {
-    let c = block.stop.centre;
-    let part = |p: FieldPoint| [c.x as f64 + f64::from(p.x), c.y as f64 + f64::from(p.y)];
     let reach = geometry.reach();
     let mut least = 1.0f64;
-    for w in file.program.points_of(stroke).windows(2).filter(|w| w[0] != w[1]) {
-        let line = Line::new(part(w[0]), part(w[1]));
+    for line in lines(file, block, stroke) {
         for side in [0.0, reach, -reach] {
             geometry.along(&line.part([-reach, line.len + reach], side), scratch, |p| {
-                if let Some(s) = p.sheet.filter(|s| s.slope != Slope::Steep) {
-                    least = least.min(1.0 / (s.slope2.sqrt() + geometry.slope_doubt(&s)).hypot(1.0));
-                }
+                least = least.min(cosines(&p, geometry).map_or(1.0, |c| c[0]));
             });
         }
     }
     least
 }
 
-/// What lies under a mark moved sideways by `side`. Facets know their slope to the rounding of their vertices, and
-/// where the mark goes from one to the next to the grain of the geometry; a facet met for less than that may be met or
-/// not.
+/// What lies under a mark.
 fn under(
     file: &ProgramFile,
     block: &Block,
     stroke: &Stroke,
-    side: f64,
+    sides: bool,
     geometry: &Geometry,
     scratch: &mut Scratch,
-) -> Option<Under> {
-    let c = block.stop.centre;
-    let part = |p: FieldPoint| [c.x as f64 + f64::from(p.x), c.y as f64 + f64::from(p.y)];
+) -> Under {
     let grain = geometry.grain();
-    let mut out = Under { length: 0.0, sum: [0.0; 2], least: [1.0, f64::INFINITY] };
-    let mut before: Option<f64> = None;
-    for w in file.program.points_of(stroke).windows(2).filter(|w| w[0] != w[1]) {
-        let line = Line::new(part(w[0]), part(w[1]));
-        geometry.along(&line.part([0.0, line.len], side), scratch, |p| {
-            let Some(s) = p.sheet.filter(|s| s.slope != Slope::Steep) else { return };
-            let (slope, doubt) = (s.slope2.sqrt(), geometry.slope_doubt(&s));
-            let cos = [slope + doubt, (slope - doubt).max(0.0)].map(|t| 1.0 / t.hypot(1.0));
-            let step = before.map_or(0.0, |b| (b - cos[1]).abs() * grain.min(p.len()));
-            before = Some(cos[1]);
-            out.length += p.len();
-            out.sum = [out.sum[0] + cos[0] * p.len() - step, out.sum[1] + cos[1] * p.len() + step];
-            out.least[0] = out.least[0].min(cos[0]);
-            if p.len() > grain {
-                out.least[1] = out.least[1].min(cos[1]);
+    let all = [f64::INFINITY, f64::NEG_INFINITY];
+    let mut out = Under { length: 0.0, off: 0.0, sum: [0.0; 2], least: [1.0, f64::INFINITY], all };
+    let mut before: Option<Range> = None;
+    for line in lines(file, block, stroke) {
+        for p in parts(&line, sides, geometry, scratch) {
+            let len = p.d[1] - p.d[0];
+            // Where the mark goes from one facet to the next is known to the grain, and a facet met for less than that
+            // may be met or not: so much of either facet may be the other's.
+            for k in 0..2 {
+                let step = before.map_or(0.0, |b| (b[k] - p.cos[k]).abs() * grain);
+                out.sum[k] += p.cos[k] * len + if k == 0 { -step } else { step };
             }
-        });
+            before = Some(p.cos);
+            // A mark on a tilted part runs beside its line by at most `beside`, there and back: it is longer by that.
+            out.off += len.hypot(2.0 * geometry.beside()) - len;
+            out.all = [out.all[0].min(p.cos[0]), out.all[1].max(p.cos[1])];
+            out.least[0] = out.least[0].min(p.cos[0]);
+            if len > grain {
+                out.least[1] = out.least[1].min(p.cos[1]);
+            }
+        }
+        out.length += line.len;
+        out.off += ROUNDED;
     }
     out.least[1] = out.least[1].min(1.0);
-    (out.length > 0.0).then_some(out)
+    out
+}
+
+/// The stretches of a line, in order and without gaps. Its sides are looked at where `sides` says so, and where part of
+/// the line has no facet under it that may be marked: that stretch was marked on what lies beside it.
+fn parts(line: &Line, sides: bool, geometry: &Geometry, scratch: &mut Scratch) -> Vec<Part> {
+    let mut found = beside(line, 0.0, geometry, scratch);
+    if sides || found.iter().any(|p| p.cos.is_none()) {
+        for step in 1..=STEPS {
+            let side = geometry.reach() * f64::from(step) / f64::from(STEPS);
+            for side in [side, -side] {
+                found = either(&found, &beside(line, side, geometry, scratch));
+            }
+        }
+    }
+    // What is still unknown is narrower than the grain, or `surface` has reported it.
+    let unknown = [geometry.least_cos(), 1.0];
+    found.into_iter().map(|p| Part { d: p.d, cos: p.cos.unwrap_or(unknown) }).collect()
+}
+
+/// A stretch of a line and its cosines, if a facet lies there that may be marked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Known {
+    d: [f64; 2],
+    cos: Option<Range>,
+}
+
+/// The stretches of a line moved sideways by `side`, in order and without gaps.
+fn beside(line: &Line, side: f64, geometry: &Geometry, scratch: &mut Scratch) -> Vec<Known> {
+    let mut out: Vec<Known> = Vec::new();
+    geometry.along(&line.part([0.0, line.len], side), scratch, |p| {
+        let from = out.last().map_or(0.0, |last| last.d[1]);
+        if p.d[1] > from {
+            out.push(Known { d: [from, p.d[1]], cos: cosines(&p, geometry) });
+        }
+    });
+    match out.last_mut() {
+        Some(last) => last.d[1] = line.len,
+        None => out.push(Known { d: [0.0, line.len], cos: None }),
+    }
+    out
+}
+
+/// The cosines of a piece; None off the part and on what is too steep to be marked. Facets know their slope to the
+/// rounding of their vertices.
+fn cosines(p: &Piece, geometry: &Geometry) -> Option<Range> {
+    let s = p.sheet.filter(|s| s.slope != Slope::Steep)?;
+    let (slope, doubt) = (s.slope2.sqrt(), geometry.slope_doubt(&s));
+    Some([slope + doubt, (slope - doubt).max(0.0)].map(|t| 1.0 / t.hypot(1.0)))
+}
+
+/// Two divisions of the same line as one, each of whose stretches may have the cosines of either.
+fn either(a: &[Known], b: &[Known]) -> Vec<Known> {
+    let mut out: Vec<Known> = Vec::with_capacity(a.len() + b.len());
+    let (mut i, mut k, mut at) = (0, 0, 0.0);
+    // Both cover the line from `at` on with the stretches i and k: the shorter one ends first.
+    while let (Some(x), Some(y)) = (a.get(i), b.get(k)) {
+        let end = x.d[1].min(y.d[1]);
+        let cos = match (x.cos, y.cos) {
+            (Some(x), Some(y)) => Some([x[0].min(y[0]), x[1].max(y[1])]),
+            (x, y) => x.or(y),
+        };
+        match out.last_mut() {
+            Some(last) if last.cos == cos => last.d[1] = end,
+            _ if end > at => out.push(Known { d: [at, end], cos }),
+            _ => {}
+        }
+        (i, k, at) = (i + usize::from(x.d[1] <= end), k + usize::from(y.d[1] <= end), end);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn known(list: &[(f64, Option<f64>)]) -> Vec<Known> {
+        let mut at = 0.0;
+        let all = list.iter().map(|&(to, cos)| {
+            let d = [at, to];
+            at = to;
+            Known { d, cos: cos.map(|c| [c, c]) }
+        });
+        all.collect()
+    }
+
+    #[test]
+    fn stretches_of_both_sides_have_the_cosines_of_either() {
+        let a = known(&[(4.0, Some(0.9)), (10.0, None)]);
+        let b = known(&[(6.0, Some(0.5)), (8.0, None), (10.0, Some(0.7))]);
+        let wanted = [(4.0, Some([0.5, 0.9])), (6.0, Some([0.5, 0.5])), (8.0, None), (10.0, Some([0.7, 0.7]))];
+        let found: Vec<_> = either(&a, &b).iter().map(|k| (k.d[1], k.cos)).collect();
+        assert_eq!(found, wanted);
+        assert_eq!(either(&a, &a), a);
+    }
 }

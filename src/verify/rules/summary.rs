@@ -92,6 +92,7 @@ pub(in crate::verify) fn check(
 
 /// Holds times and jumps, which follow from the program and the machine file alone.
 fn timing(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, hold: &mut impl FnMut(&str, &str, f64, f64, f64)) {
+    // Each block's own figures, and their sums with the moves between blocks.
     let mut all = times::stage(file, &facts.machine);
     let mut jumps = 0.0;
     let near = |found: f64| LENGTH * found.max(1.0);
@@ -142,6 +143,7 @@ pub(in crate::verify) fn slopes(
             dose: entry.dose,
         };
         rule.checked += 1;
+        // The marks themselves first; only where that does not explain the figures the facets beside them as well.
         let mut differs = None;
         for sides in [false, true] {
             let Some(bounds) = slopes::of(file, block, facts, geometry, sides, &mut scratch) else { break };
@@ -168,15 +170,10 @@ struct Stated {
 impl Stated {
     /// The first figure that is not within its bounds, and these.
     fn differs(&self, bounds: &Bounds) -> Option<(&'static str, [f64; 2])> {
-        let mut wanted = *bounds;
-        // Marks along edges of facets have the slope of either side, so that means are not known exactly: they
-        // lie between the worst and a level place.
-        wanted.cos[0] = [bounds.cos[1][0], 1.0];
-        wanted.dose[0] = [bounds.dose[1][0], f64::INFINITY];
         let figures = [
-            ("incidence_deg", self.cos, wanted.cos),
-            ("stretch", self.stretched, wanted.cos),
-            ("dose", self.dose, wanted.dose),
+            ("incidence_deg", self.cos, bounds.cos),
+            ("stretch", self.stretched, bounds.cos),
+            ("dose", self.dose, bounds.dose),
         ];
         let outside = |stated: f64, [lo, hi]: [f64; 2]| !(lo - LENGTH <= stated && stated <= hi + LENGTH);
         figures.into_iter().find_map(|(name, stated, wanted)| {
