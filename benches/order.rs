@@ -134,7 +134,7 @@ fn circles(columns: i32, corners: i32) -> Strokes {
         let corner = |k: i32| {
             let turn = f64::from(k % corners) / f64::from(corners) * std::f64::consts::TAU;
             let [x, y] = [turn.cos(), turn.sin()].map(|v| (v * 300_000.0) as i32);
-            [(i % columns - columns / 2) * MM + x, (i / columns - columns / 2) * MM + y]
+            FieldPoint::new((i % columns - columns / 2) * MM + x, (i / columns - columns / 2) * MM + y)
         };
         (0..=corners).map(corner).collect()
     };
@@ -143,7 +143,7 @@ fn circles(columns: i32, corners: i32) -> Strokes {
 
 /// Lines of 40 mm at 0.1 mm.
 fn hatch(lines: i32) -> Strokes {
-    (0..lines).map(|i| [-20 * MM, 20 * MM].map(|x| [x, (i - lines / 2) * 100_000]).to_vec()).collect()
+    (0..lines).map(|i| [-20 * MM, 20 * MM].map(|x| FieldPoint::new(x, (i - lines / 2) * 100_000)).to_vec()).collect()
 }
 
 /// Dashes of two thirds of `pitch`, in rows at `rise`.

@@ -289,7 +289,7 @@ fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
         let _ = writeln!(
             h,
             "<tr><td>{}<td>{first}<td>{second}<td>{}<td>{x}<td>{y}<td>{z}<td>{angle}<td>{dose}<td>{}<td>{}<td>{}<td>{}",
-            BlockId::new(i).to_string(),
+            BlockId::new(i),
             mm(b.stop.focus, 4),
             b.strokes.len(),
             plain(program.mark_mm(b), 2),
