@@ -216,6 +216,7 @@ fn ends(paths: &[Path<'_>], visit: &Visit) -> [[i32; 2]; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
 
     fn jumps(paths: &[Path<'_>], visits: &[Visit]) -> f64 {
         let mut at = [0, 0];
@@ -228,21 +229,15 @@ mod tests {
         sum
     }
 
-    fn next(seed: &mut u64) -> usize {
-        *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (*seed >> 33) as usize
-    }
-
-    fn shuffled<T>(mut list: Vec<T>, mut seed: u64) -> Vec<T> {
-        for i in (1..list.len()).rev() {
-            list.swap(i, next(&mut seed) % (i + 1));
-        }
+    fn shuffled<T>(mut list: Vec<T>, seed: u64) -> Vec<T> {
+        Random::new(seed).shuffle(&mut list);
         list
     }
 
     /// Lines between random points.
-    fn random(n: usize, mut seed: u64) -> Vec<Vec<[i32; 2]>> {
-        let mut v = || next(&mut seed) as i32 % 1_000_000;
+    fn random(n: usize, seed: u64) -> Vec<Vec<[i32; 2]>> {
+        let mut random = Random::new(seed);
+        let mut v = || random.below(1_000_000) as i32;
         (0..n).map(|_| vec![[v(), v()], [v(), v()]]).collect()
     }
 
@@ -317,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn a_crowd_and_two_outliers_are_ordered_as_well_as_the_crowd() {
+    fn two_outliers_do_not_lengthen_the_order_of_a_cluster() {
         let dash = |i: i32| vec![[i % 50 * 2000, i / 50 * 2000], [i % 50 * 2000 + 500, i / 50 * 2000]];
         let mut strokes = shuffled((0..2500).map(dash).collect(), 8);
         let alone = jumps(&paths(&strokes), &order(&paths(&strokes)));
