@@ -13,19 +13,19 @@ demo:
 	@echo "programs:  $(DEMO)/stage.ngc  $(DEMO)/stage_m0.nc  $(DEMO)/blocks/*.dxf  $(DEMO)/job.ovf"
 	@echo "operator:  $(DEMO)/runsheet.txt"
 
-# All tests; installs the foreign readers first.
+# The tests of every change; installs the foreign readers first.
 test: setup
-	$(CARGO) test --release
+	$(CARGO) test
 
-# The slow and the wide too.
+# The slow ones too, and those that read ../shared; they fail where it is absent.
 test-all: setup
-	$(CARGO) test --release -- --include-ignored
+	$(CARGO) test --profile test-all -- --include-ignored
 
 # Formatting, lints, documentation.
 check:
 	$(CARGO) fmt --check
-	$(CARGO) clippy --release --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --no-deps --document-private-items
+	$(CARGO) clippy --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps --document-private-items
 
 # Speed and memory on three sizes, stops against their lower bounds, quality of orders, on the fly; prints tables.
 bench:
@@ -37,7 +37,7 @@ bench:
 
 # The table of docs/method.md: every method on real parts of ../shared, each result verified; some minutes.
 method-table:
-	METHOD_TABLE=docs/method.md $(CARGO) test --release --test it method:: -- --ignored --nocapture
+	METHOD_TABLE=docs/method.md $(CARGO) test --profile test-all --test it method:: -- --ignored --nocapture
 
 # The pictures of docs/method.md.
 method-pictures:

@@ -19,6 +19,8 @@ pub mod partition;
 pub mod plan;
 pub mod program;
 pub mod projection;
+#[cfg(test)]
+mod random;
 pub mod report;
 pub mod split;
 pub mod surface;

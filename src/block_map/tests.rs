@@ -138,7 +138,7 @@ proptest! {
     }
 
     #[test]
-    fn parts_are_those_of_a_flood(labels in prop::collection::vec(0u32..3, 6 * 9)) {
+    fn connected_parts_equal_a_flood_fill(labels in prop::collection::vec(0u32..3, 6 * 9)) {
         let grid = grid(6, 9, 1);
         let mut seen = vec![false; labels.len()];
         let mut count = 0;
@@ -185,7 +185,7 @@ fn a_cell_belongs_to_the_longest_marks_in_it() {
 }
 
 #[test]
-fn a_straight_border_is_as_long_as_it_is() {
+fn length_of_a_straight_border_is_exact() {
     let n = 400usize;
     let grid = grid(400, 400, 1);
     for degrees in [0.0f64, 10.0, 15.0, 22.5, 26.57, 30.0, 45.0, 60.0, 75.0, 90.0, 120.0, 135.0, 150.0] {
@@ -203,7 +203,7 @@ fn a_straight_border_is_as_long_as_it_is() {
 }
 
 #[test]
-fn a_circle_is_as_long_as_it_is_and_an_unlabelled_side_is_no_seam() {
+fn length_of_a_circular_border_is_exact_and_unlabelled_sides_do_not_count() {
     let n = 400usize;
     let grid = grid(400, 400, 1);
     let inside = |i: usize| ((i % n) as f64 - 199.2).hypot((i / n) as f64 - 200.1) < 150.0;
@@ -214,7 +214,7 @@ fn a_circle_is_as_long_as_it_is_and_an_unlabelled_side_is_no_seam() {
 }
 
 #[test]
-fn gaps_close_up_to_the_reach_and_nothing_else_does() {
+fn gaps_are_closed_up_to_the_reach() {
     // A hatch of lines 4 cells apart in rows 2 to 18, and far from it a lonely line.
     let grid = grid(40, 60, 1);
     let mut labels = vec![0; grid.len()];
@@ -307,12 +307,9 @@ fn stops_on_centres_of_sections_are_gridded() {
 /// Windows of 40 mm strewn over a slope, their depth intervals at random; every piece of a line goes to
 /// one of those that admit it, by chance.
 #[test]
-fn with_free_windows_a_place_belongs_to_its_marks() {
-    let mut state = 7u64;
-    let mut random = move |below: i64| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as i64 % below
-    };
+fn cells_under_free_windows_belong_to_the_block_of_their_marks() {
+    let mut numbers = crate::random::Random::new(7);
+    let mut random = move |below: i64| numbers.between(0, below - 1);
     let surface = plane([0.0, 0.0, 100.0, 100.0], |x, y| 0.004 * x + 0.003 * y);
     let z = |p: P2| p.x * 4 / 1000 + p.y * 3 / 1000;
     let stops: Vec<(P2, i64)> =

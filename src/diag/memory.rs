@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn little_is_always_granted_and_everything_never() {
+    fn small_allocations_are_granted_and_all_of_memory_is_refused() {
         assert_eq!(ask("a list", 1000), Ok(()));
         if let Some(room) = tightest() {
             let d = ask("the mesh", u64::MAX).expect_err("too much");

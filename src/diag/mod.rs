@@ -384,7 +384,7 @@ mod tests {
     }
 
     #[test]
-    fn a_windows_path_in_double_quotes_is_told_of() {
+    fn windows_path_in_double_quotes_has_a_hint() {
         for text in ["a = \"C:\\parts\\door.stl\"", "a = \"C:\\Users\\me\"", "a = \"\\\\server\\x\"\n"] {
             let e = from_toml::<toml::Table>("j.toml", &text.into(), "keys").expect_err("a wrong escape");
             assert!(e.diags()[0].hint.contains("single quotes"), "{text}: {e}");
@@ -396,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_file_is_looked_for_beside_its_name() {
+    fn missing_file_error_suggests_similar_names() {
         let dir = tempfile::tempdir().expect("a folder");
         for name in ["sample.stl", "Door.STL", "other.obj"] {
             std::fs::write(dir.path().join(name), "").expect("written");

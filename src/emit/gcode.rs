@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn the_handshake_program_is_as_written_down() {
+    fn handshake_program_equals_the_documented_text() {
         let (checked, machine) = sample();
         let text = text(linuxcnc(&job(&checked, &machine, &[1.0, 0.5, 60.3], Some("dxf"))));
         let body = text.split_once("G61.1\n").expect("modes").1;
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn no_comment_begins_with_a_word_of_a_name_however_lines_wrap() {
+    fn wrapped_names_never_begin_a_comment_line() {
         let (checked, mut machine) = sample();
         for word in crate::emit::HOSTILE {
             for pad in 0..80 {
@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn the_program_with_stops_uses_nothing_that_grbl_lacks() {
+    fn program_with_stops_uses_only_words_of_grbl() {
         let (checked, machine) = sample();
         let text = text(m0(&job(&checked, &machine, &[], Some("dxf"))));
         for word in ["G61", "G49", "M6", "#", "o1"] {

@@ -190,7 +190,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_format_has_one_row_under_its_own_name() {
+    fn every_format_has_one_row() {
         for format in [Format::Dxf, Format::Csv, Format::Linuxcnc, Format::Gcode, Format::Ovf, Format::Pmac] {
             assert_eq!(TARGETS.iter().filter(|t| t.format == format).count(), 1, "{format:?}");
             assert_eq!(serde_json::to_value(format).expect("plain"), format.name());

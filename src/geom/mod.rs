@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn nanometres_refuse_what_is_no_length() {
+    fn nanometres_refuse_non_finite_and_huge_values() {
         assert_eq!(nm_from_mm(0.0000004), Some(0));
         assert_eq!(nm_from_mm(-0.07), Some(-70_000));
         for bad in [f64::NAN, f64::INFINITY, 1e30] {

@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn values_at_the_ends_are_taken_and_values_beyond_are_refused_at_their_place() {
+    fn range_ends_are_accepted_and_values_beyond_are_refused_with_their_place() {
         let (_, text) = PROFILES[0];
         let edited = |speed: &str| Machine::parse("m.toml", &text.replacen("\"200 mm/s\"", &format!("{speed:?}"), 1));
         for speed in ["0.001 mm/s", "100 m/s"] {

@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_that_cannot_tilt_are_refused() {
+    fn tilt_tables_without_a_tilt_axis_are_refused() {
         use Letter::{A, B, C};
         for letters in [[A, A], [C, A], [C, B], [C, C]] {
             assert_eq!(table(letters, false).faults().len(), 1, "{letters:?}");

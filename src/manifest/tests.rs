@@ -91,7 +91,7 @@ fn the_manifest_has_its_keys_in_order_and_exact_millimetres() {
 }
 
 #[test]
-fn the_table_has_a_line_per_block_and_quotes_what_parts_cells() {
+fn table_has_a_line_per_block_and_quotes_separators() {
     let text = with_sample(|facts| String::from_utf8(runsheet_csv(facts)).expect("UTF-8"));
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(lines.len(), 4);
@@ -102,7 +102,7 @@ fn the_table_has_a_line_per_block_and_quotes_what_parts_cells() {
 }
 
 #[test]
-fn the_sheet_tells_the_operator_what_the_files_do_not() {
+fn run_sheet_lists_settings_that_the_files_do_not_carry() {
     let text = with_sample(|facts| String::from_utf8(runsheet_txt(facts)).expect("UTF-8"));
     for needed in ["10 mm", "red-light", "not a safety system", "60 % = 8.4 W", "hood.toml", "WARNING    steep places"]
     {
@@ -131,7 +131,7 @@ fn run_sheets_say_where_to_lift() {
 }
 
 #[test]
-fn durations_are_read_as_they_are_said() {
+fn durations_are_formatted_in_words() {
     let said = [0.0, 4.24, 59.94, 59.96, 725.2, 3599.6, 11_520.0].map(duration);
     assert_eq!(said, ["0.0 s", "4.2 s", "59.9 s", "1 min 0 s", "12 min 5 s", "1 h 0 min", "3 h 12 min"]);
     assert_eq!(duration(-1.0), "0.0 s");

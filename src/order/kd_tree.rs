@@ -206,11 +206,8 @@ mod tests {
 
     #[test]
     fn the_nearest_is_found_while_points_are_taken_out() {
-        let mut seed = 5u64;
-        let mut next = || {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            (seed >> 45) as f64
-        };
+        let mut random = crate::random::Random::new(5);
+        let mut next = || random.below(1 << 19) as f64;
         // Half of the points lie on a few spots, and two far away.
         for n in [1usize, 2, 9, 64, 300] {
             let mut points: Vec<[f64; 2]> = (0..n).map(|_| [next(), next()]).collect();

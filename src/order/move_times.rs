@@ -103,13 +103,10 @@ mod tests {
     use crate::units::Time;
 
     #[test]
-    fn the_clock_tells_the_times_of_the_stage() {
-        let mut seed = 3u64;
-        let mut next = |bits: u32| {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            // Of all sizes, from 0 upwards.
-            ((seed >> 33) as i64 & ((1 << bits) - 1)) >> ((seed >> 20) % 29)
-        };
+    fn integer_move_times_equal_those_of_the_motion_model() {
+        let mut random = crate::random::Random::new(3);
+        // Of all sizes, from 0 upwards.
+        let mut next = |bits: u32| random.between(0, (1 << bits) - 1) >> random.below(29);
         for (name, _) in PROFILES {
             for times in [None, Some(MoveTimes { xy: Time::s(3.7), z: Time::s(0.3) })] {
                 let mut machine = Machine::built_in(name).expect("profile");

@@ -260,11 +260,8 @@ mod tests {
 
     /// Stops at random places under a dome.
     fn dome(n: usize) -> Vec<Commanded> {
-        let mut seed = n as u64;
-        let mut next = || {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            ((seed >> 33) % 400_000) as i64 - 200_000
-        };
+        let mut random = crate::random::Random::new(n as u64);
+        let mut next = || random.between(-200_000, 199_999);
         let stop = |_| {
             let [x, y, z] = [next(), next(), next() / 100];
             let sag = (x * x + y * y) as f64 / 1e4;
@@ -316,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn stops_over_one_place_follow_each_other_where_z_is_cheap() {
+    fn stops_of_one_section_are_consecutive_where_z_moves_are_fast() {
         let stops = grid(6, 5, 8);
         let machine = machine(Some([3.7, 0.3]));
         let order = tour(&stops, &stage(&machine), Climb::Free, EFFORT);
@@ -347,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn nine_stops_are_toured_as_well_as_by_trying_all_orders() {
+    fn tour_of_nine_stops_is_optimal() {
         let stops = dome(9);
         for times in [None, Some([2.0, 0.5])] {
             let machine = machine(times);
@@ -390,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn lifts_are_gone_around() {
+    fn tour_avoids_moves_that_need_a_lift() {
         // Two rows; whoever changes row must lift, but at the end of the rows.
         let stops: Vec<Commanded> = (0..40).map(|i| Commanded([i % 20 * 10 * MM, i / 20 * 10 * MM, 0])).collect();
         let lifts = |a: usize, b: usize| a / 20 != b / 20 && (a % 20 != 19 || b % 20 != 19);
@@ -403,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn few_stops_are_toured_too() {
+    fn tours_of_up_to_seven_stops_are_complete() {
         let machine = machine(None);
         for n in 0..8 {
             let stops = vec![Commanded([5; 3]); n];

@@ -223,6 +223,7 @@ fn ends(paths: &[Path<'_>], visit: &Visit) -> [FieldPoint; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
 
     fn jumps(paths: &[Path<'_>], visits: &[Visit]) -> f64 {
         let mut at = FieldPoint::AXIS;
@@ -235,15 +236,8 @@ mod tests {
         sum
     }
 
-    fn next(seed: &mut u64) -> usize {
-        *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (*seed >> 33) as usize
-    }
-
-    fn shuffled<T>(mut list: Vec<T>, mut seed: u64) -> Vec<T> {
-        for i in (1..list.len()).rev() {
-            list.swap(i, next(&mut seed) % (i + 1));
-        }
+    fn shuffled<T>(mut list: Vec<T>, seed: u64) -> Vec<T> {
+        Random::new(seed).shuffle(&mut list);
         list
     }
 
@@ -252,8 +246,9 @@ mod tests {
     }
 
     /// Lines between random points.
-    fn random(n: usize, mut seed: u64) -> Vec<Vec<FieldPoint>> {
-        let mut v = || next(&mut seed) as i32 % 1_000_000;
+    fn random(n: usize, seed: u64) -> Vec<Vec<FieldPoint>> {
+        let mut random = Random::new(seed);
+        let mut v = || random.below(1_000_000) as i32;
         (0..n).map(|_| line([v(), v()], [v(), v()])).collect()
     }
 
@@ -328,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn a_crowd_and_two_outliers_are_ordered_as_well_as_the_crowd() {
+    fn two_outliers_do_not_lengthen_the_order_of_a_cluster() {
         let dash = |i: i32| line([i % 50 * 2000, i / 50 * 2000], [i % 50 * 2000 + 500, i / 50 * 2000]);
         let mut strokes = shuffled((0..2500).map(dash).collect(), 8);
         let alone = jumps(&paths(&strokes), &order(&paths(&strokes)));

@@ -432,16 +432,14 @@ mod tests {
     use crate::order::kd_tree::Tree;
 
     /// Places of the endpoints of stops and of open and closed strokes, mixed.
-    fn mixed(n: usize, mut seed: u64) -> (Endpoints, Vec<[f64; 2]>) {
+    fn mixed(n: usize, seed: u64) -> (Endpoints, Vec<[f64; 2]>) {
         let mut endpoints = Endpoints::with_capacity(n + 1, 4 * n);
         endpoints.closed(1);
         for i in 0..n {
             if i % 3 == 0 { endpoints.open() } else { endpoints.closed(i % 3 * 2) }
         }
-        let mut next = || {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            (seed >> 40) as f64
-        };
+        let mut random = crate::random::Random::new(seed);
+        let mut next = || random.below(1 << 24) as f64;
         let at = (0..endpoints.count()).map(|_| [next(), next()]).collect();
         (endpoints, at)
     }
@@ -460,7 +458,7 @@ mod tests {
     }
 
     #[test]
-    fn every_change_keeps_the_books_and_pays() {
+    fn every_move_of_the_tour_shortens_it_and_keeps_its_links_consistent() {
         for seed in 1..6 {
             let (endpoints, at) = mixed(120, seed);
             let mut tree = Tree::new(&at[1..]);
@@ -498,7 +496,7 @@ mod tests {
     }
 
     #[test]
-    fn settling_finds_the_best_ports_of_all() {
+    fn port_assignment_is_optimal() {
         let (endpoints, at) = mixed(6, 4);
         let seq: Vec<u32> = (0..endpoints.items()).map(|i| endpoints.of(i).start).collect();
         let cost = |a: u32, b: u32| distance(&at, a, b);

@@ -145,12 +145,9 @@ mod tests {
     }
 
     #[test]
-    fn held_answers_what_a_scan_answers() {
-        let mut seed = 1u32;
-        let mut next = |n: i32| {
-            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (seed >> 8) as i32 % n
-        };
+    fn held_equals_a_linear_scan() {
+        let mut random = crate::random::Random::new(1);
+        let mut next = |n: usize| random.below(n) as i32;
         let items: Vec<Item> = (0..3000)
             .map(|_| {
                 let lo = [next(500) - 250, next(400) - 100, next(60)];

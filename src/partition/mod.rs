@@ -366,7 +366,7 @@ mod tests {
     const LATTICE: Lattice = Lattice { depth: 70_000, step: 100, offset: 0, hysteresis: 0 };
 
     #[test]
-    fn contour_takes_every_level_that_is_touched() {
+    fn contour_uses_every_level_that_a_mark_touches() {
         let l = |h: &[(f64, f64)]| contour::levels(h, 0, &LATTICE);
         assert_eq!(l(&[(0.0, 70_000.0)]), [(0, 0)], "the topmost level is closed");
         assert_eq!(l(&[(69_999.0, 70_001.0)]), [(0, 0), (1, 70_000)]);
@@ -374,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn z_range_takes_the_fewest() {
+    fn z_range_uses_the_fewest_levels() {
         let count = |h: &[(f64, f64)]| zrange::levels(h, &[], &LATTICE).len();
         assert_eq!(count(&[(35_000.0, 104_900.0)]), 1);
         assert_eq!(count(&[(35_000.0, 105_100.0)]), 2);
@@ -394,11 +394,8 @@ mod tests {
         assert_eq!(levels(&[(0.0, 150_000.0)], &figures, 0.0), [(0, 0), (1, 30_000), (2, 100_000)]);
         // Random figures: every one is held, and no point set of lower ends could be smaller (each level
         // begins at the lowest end of a figure that no level below holds).
-        let mut seed = 9u64;
-        let mut random = |n: u64| {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            ((seed >> 33) % n) as f64
-        };
+        let mut numbers = crate::random::Random::new(9);
+        let mut random = |n: usize| numbers.below(n) as f64;
         let mut figures: Vec<(f64, f64)> = (0..500)
             .map(|_| {
                 let lo = random(2_000_000);

@@ -142,7 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn auto_leaves_out_a_method_that_breaks_an_invariant_and_says_so() {
+    fn auto_drops_a_method_whose_program_fails_the_check_with_a_warning() {
         let fault = || Some(Diag::bug("program-invariant", "P2: out of the field"));
         let cost = |&time: &f64| (time, 0.0);
         let mut warnings = Vec::new();

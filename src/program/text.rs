@@ -367,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn odd_or_lone_coordinates_are_no_stroke() {
+    fn strokes_with_an_odd_count_or_one_point_are_refused() {
         let start = "terrace program 1\norigin 0 0 0\npens 1\npen p | 1 mm/s | 5 W | 3 kHz | 1\nblocks 1\n\
                      block B0001 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 1\n";
         for (stroke, good) in

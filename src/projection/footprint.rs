@@ -343,7 +343,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn heights_join_what_touches_and_nothing_else() {
+    fn intervals_of_height_are_joined_only_where_they_touch() {
         let mut h = Heights::default();
         for (a, b) in [(5.0, 6.0), (1.0, 2.0), (9.0, 8.0), (2.0, 3.0)] {
             h.add(a, b);

@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn the_order_of_strokes_does_not_matter() {
+    fn samples_do_not_depend_on_the_order_of_strokes() {
         let lines: Vec<(usize, (P2, P2))> = LINES.map(ends).into_iter().enumerate().collect();
         let mut all = taken(lines.iter().copied());
         let mut parts = taken(lines[3..].iter().copied());
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn no_more_than_some_million_are_kept_whatever_comes_first() {
+    fn number_of_samples_is_bounded_for_any_order_of_strokes() {
         let n = 3 * Thinned::<u32>::MOST as i32;
         let (mut up, mut down, mut half) = (Thinned::default(), Thinned::default(), Thinned::default());
         (0..n).for_each(|i| up.add([i, 0, i / 7], i));

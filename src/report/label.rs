@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_stands_deepest_inside_and_not_in_the_hollow() {
+    fn block_number_lies_at_the_point_deepest_inside() {
         let g = grid(&["11111111", "1.....11", "1.222.11", "1.....11", "11111111"]);
         let spots = place(&g, 100.0);
         assert_eq!(spots.iter().map(|s| s.block).collect::<Vec<_>>(), [0, 1]);

@@ -181,7 +181,7 @@ fn the_dome_of_3500_blocks_fits_the_budget_and_shows_every_block() {
 }
 
 #[test]
-fn the_drawing_measures_true() {
+fn drawing_is_to_scale() {
     let sample = Sample::flat();
     let svg = layout_svg(&sample.layout());
     let document = roxmltree::Document::parse(&svg).expect("well-formed");
@@ -237,7 +237,7 @@ fn equal_input_gives_equal_bytes_and_no_job_name_breaks_the_files() {
 }
 
 #[test]
-fn an_empty_program_and_a_wild_map_still_draw() {
+fn empty_program_and_random_map_are_drawn() {
     let mut sample = Sample::flat();
     sample.checked = crate::check::Checked::unchecked(Default::default(), Origin([0; 3]));
     ids(&layout_svg(&sample.layout()));
@@ -268,13 +268,12 @@ fn a_drawing_too_large_is_simplified_until_it_fits() {
 
 /// A map of nothing but specks, as no partition makes it: the drawing stays small, every block is there.
 #[test]
-fn specks_do_not_swell_the_drawing() {
+fn size_of_the_drawing_is_bounded_for_single_cell_blocks() {
     let mut sample = Sample::of("specks", [100.0, 100.0], 0.07, 250_000, |x, y| x * 0.04 + y * 0.03);
     let blocks = sample.checked.program().blocks.len() as u32;
-    let mut state = 1u32;
+    let mut random = crate::random::Random::new(1);
     for label in sample.map.labels_mut() {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        *label = (state >> 12) % blocks + 1;
+        *label = random.below(blocks as usize) as u32 + 1;
     }
     let whole = within(&sample.layout(), usize::MAX).len();
     let svg = within(&sample.layout(), whole / 4);

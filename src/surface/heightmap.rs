@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_height_map_is_refused() {
+    fn files_that_are_no_height_map_are_refused() {
         let gray = ColorType::Grayscale;
         for (color, depth, data, say) in [
             (ColorType::Rgb, BitDepth::Eight, &[0; 12][..], "this image is colour"),

@@ -442,7 +442,7 @@ mod tests {
     }
 
     #[test]
-    fn clouds_of_few_lines_take_no_longer_than_others() {
+    fn collinear_clouds_take_linear_time() {
         let line = |y: f64| (0..20_000).map(move |i| [i as f64 * 0.01, y * (i as f64 * 0.01).powi(2), 0.0]);
         let mut stray: Vec<[f64; 3]> = line(0.0).collect();
         stray.push([5.0, 1.0, 0.0]);
@@ -472,7 +472,7 @@ mod tests {
     }
 
     #[test]
-    fn of_points_that_share_a_place_the_highest_counts() {
+    fn highest_of_points_with_equal_xy_is_kept() {
         let (_, got, notes) = read_text("0 0 1\n5 0 2\n0 5 3\n0.0000001 0 7\n0 0 -1\n", None);
         assert_eq!(got.len(), 1);
         assert!(got[0].contains(&[0.0, 0.0, 7.0]), "{got:?}");

@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn what_leaves_the_part_is_not_prolonged() {
+    fn strokes_end_at_the_border_where_they_leave_the_part() {
         let (mut spans, mut cursor) = (Vec::new(), Cursor::default());
         let part = solid([1.0, 0.0]);
         for (beside, is_off) in [(1, false), (2, true), (5, true)] {

@@ -423,11 +423,8 @@ mod tests {
 
     /// A jittered sheet of n x n cells over [0, size]² with z from `f`, border kept straight.
     fn sheet(n: usize, size: f64, f: impl Fn(f64, f64) -> f64) -> Vec<[[f64; 3]; 3]> {
-        let mut seed = 1u64;
-        let mut noise = || {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (seed >> 33) as f64 / (1u64 << 31) as f64 - 0.5
-        };
+        let mut random = crate::random::Random::new(1);
+        let mut noise = || random.half();
         let h = size / n as f64;
         let mut nodes = vec![[0.0; 3]; (n + 1) * (n + 1)];
         for j in 0..=n {
@@ -491,7 +488,7 @@ mod tests {
     }
 
     #[test]
-    fn gaps_lie_exactly_where_the_part_is_absent() {
+    fn walk_reports_gaps_exactly_where_the_part_is_absent() {
         let s = surface(sheet(8, 4.0, |_, _| 0.0));
         let out = spans(&s, [-1.0, 2.1], [5.0, 2.1]);
         assert!(out[0].facet().is_none() && (out[0].t1 - 1.0 / 6.0).abs() < 1e-9);
@@ -502,7 +499,7 @@ mod tests {
     }
 
     #[test]
-    fn the_topmost_sheet_counts_and_changes_exactly_at_its_border() {
+    fn topmost_sheet_wins_and_changes_exactly_at_its_border() {
         let mut facets = sheet(6, 6.0, |_, _| 0.0);
         // A smaller sheet above, wound the other way, and one crossing both.
         for mut f in sheet(4, 2.0, |x, _| 1.0 + x) {
@@ -535,7 +532,7 @@ mod tests {
     }
 
     #[test]
-    fn a_closed_box_shows_its_lid_alone() {
+    fn walk_on_a_closed_box_sees_only_its_lid() {
         let quad = |a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3]| [[a, b, c], [a, c, d]];
         let mut facets = Vec::new();
         let lid = sheet(20, 10.0, |_, _| 5.0);

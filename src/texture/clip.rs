@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_zigzag_falls_into_its_pieces() {
+    fn zigzag_is_clipped_into_its_pieces() {
         let zigzag: Vec<[f64; 2]> =
             (0..20).map(|i| [0.4 * f64::from(i), if i % 2 == 0 { 5.0 } else { 15.0 }]).collect();
         let cut = clipped(&zigzag);

@@ -121,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn four_quarter_turns_give_the_original_nanometre() {
+    fn four_quarter_turns_are_the_identity() {
         let quarter = Turn::new(90f64.to_radians());
         for p in [[12.3456789, -0.0000004], [-399.9999995, 0.1], [0.0, 3999.999]] {
             let mut q = p;

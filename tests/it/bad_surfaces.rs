@@ -1,10 +1,11 @@
 //! Malformed and odd surface files, one row each, and real ones: the outcome is fixed here.
-//!
-//! The files lie in `../shared/data`; where that folder is absent the tests say so and pass.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
+use crate::support::image::{self, Colour};
+use crate::support::surfaces::Random;
+use crate::support::{fixture, folder, malformed, shared};
 use terrace::diag::{Diag, Error, Kind};
 use terrace::surface::{Content, Options, Scale, read};
 
@@ -59,10 +60,9 @@ const BAD: &[(&str, Outcome)] = &[
     ("png_is_jpeg.png", Refused("surface-format", ".png", "JPEG")),
     ("png_truncated.png", Refused("png-truncated", ".png", "too early")),
     ("png_zero_dims.png", Refused("png-damaged", ".png", "")),
-    ("pngsuite_xcsn0g01.png", Refused("heightmap-samples", ".png", "1-bit greyscale")),
-    ("pngsuite_xdtn0g01.png", Refused("heightmap-samples", ".png", "1-bit greyscale")),
-    ("pngsuite_xhdn0g08.png", Refused("png-damaged", ".png", "check sum")),
-    ("pngsuite_xlfn0g04.png", Refused("surface-format", ".png", "signature")),
+    ("png_one_bit.png", Refused("heightmap-samples", ".png", "1-bit greyscale")),
+    ("png_one_bit_no_idat.png", Refused("heightmap-samples", ".png", "1-bit greyscale")),
+    ("png_newline_in_signature.png", Refused("surface-format", ".png", "signature")),
     ("xyz_all_one_line.xyz", Refused("points-no-surface", ".xyz", "one line")),
     ("xyz_mixed_columns.xyz", Refused("points-columns", ":2", "2 columns")),
     ("xyz_nan.xyz", Accepted(160, &["points-not-finite"])),
@@ -88,15 +88,6 @@ const GOOD: &[(&str, f64, usize, &[&str])] = &[
     ("hood_u8_2mm.png", 1.0, 640 * 780, &["heightmap-8-bit"]),
     ("jacksboro_dem_u16_m.png", 1.0, 403 * 344, &[]),
 ];
-
-fn data(folder: &str) -> Option<PathBuf> {
-    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")).join(folder);
-    if !path.is_dir() {
-        eprintln!("skipped: {} is absent", path.display());
-        return None;
-    }
-    Some(path)
-}
 
 struct Got {
     result: Result<Content, Error>,
@@ -136,9 +127,9 @@ fn codes(notes: &[Diag]) -> Vec<&'static str> {
 
 #[test]
 fn every_malformed_file_has_its_outcome() {
-    let Some(folder) = data("bad") else { return };
+    let dir = folder();
     for (name, want) in BAD {
-        let got = read_at(&folder.join(name), 1.0);
+        let got = read_at(&malformed::file(dir.path(), name), 1.0);
         match want {
             Refused(code, place, say) => {
                 let e = got.result.as_ref().err().unwrap_or_else(|| panic!("{name} was accepted"));
@@ -158,68 +149,140 @@ fn every_malformed_file_has_its_outcome() {
 
 #[test]
 fn the_table_has_a_row_for_every_malformed_file() {
-    let Some(folder) = data("bad") else { return };
-    let mut missing: Vec<String> = std::fs::read_dir(folder)
-        .expect("a folder")
-        .map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned())
-        .filter(|name| ["stl_", "obj_", "png_", "pngsuite_", "xyz_"].iter().any(|p| name.starts_with(p)))
+    let missing: Vec<String> = malformed::names()
+        .into_iter()
+        .filter(|name| ["stl_", "obj_", "png_", "xyz_"].iter().any(|p| name.starts_with(p)))
         .filter(|name| !BAD.iter().any(|(known, _)| known == name))
         .collect();
-    missing.sort();
     assert_eq!(missing, Vec::<String>::new());
 }
 
-#[test]
-fn real_files_load_whole() {
-    let Some(folder) = data("surfaces") else { return };
-    for (name, unit_mm, n, warnings) in GOOD {
-        let got = read_at(&folder.join(name), *unit_mm);
-        assert!(got.result.is_ok(), "{name}: {:?}", got.result.as_ref().err());
-        assert_eq!(codes(&got.notes), *warnings, "{name}");
-        assert_eq!(amount(&got), *n, "{name}");
-    }
+/// Reads a file and asserts that it is accepted with that many facets or samples, and these warnings.
+fn assert_loads(path: &Path, unit_mm: f64, n: usize, warnings: &[&str]) {
+    let got = read_at(path, unit_mm);
+    assert!(got.result.is_ok(), "{}: {:?}", path.display(), got.result.as_ref().err());
+    assert_eq!(codes(&got.notes), warnings, "{}", path.display());
+    assert_eq!(amount(&got), n, "{}", path.display());
 }
 
 #[test]
-fn real_clouds_are_covered_but_for_slivers_at_their_border() {
-    let Some(folder) = data("surfaces") else { return };
-    for (name, unit_mm, points, hull_mm2) in [
-        ("mirror_cloud_shuffled.xyz", 1.0, 16_969, 43_338.857),
-        // UTM metres lie 5,100 km from their origin; a map scale brings them in reach.
-        ("helens_cloud_utm.xyz", 5e-4, 40_000, 33.470_887),
-    ] {
-        let got = read_at(&folder.join(name), unit_mm);
-        assert_eq!(codes(&got.notes), [""; 0], "{name}");
-        let n = amount(&got);
-        let area = |[a, b, c]: &[[f64; 3]; 3]| ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / 2.0;
-        assert!(got.facets.iter().all(|f| area(f) > 0.0), "{name}");
-        let part = got.facets.iter().map(area).sum::<f64>() / hull_mm2;
-        assert!(n <= 2 * points - 5 && n > 2 * points - 2 - points / 50, "{name}: {n}");
-        assert!(part < 1.000_001 && part > 0.99, "{name}: {part}");
+fn valid_files_load_with_every_facet() {
+    let dir = folder();
+    assert_loads(&fixture("hood.stl"), 1.0, 18_000, &[]);
+    assert_loads(&fixture("panel.obj"), 1.0, 7, &[]);
+    let image = dir.path().join("map.png");
+    std::fs::write(&image, image::height_map(40, &ramp(40))).expect("written");
+    assert_loads(&image, 1.0, 40 * 40, &[]);
+}
+
+#[test]
+#[ignore = "needs ../shared: make test-all"]
+fn valid_files_of_other_sources_load_with_every_facet() {
+    let folder = shared().join("surfaces");
+    for (name, unit_mm, n, warnings) in GOOD {
+        assert_loads(&folder.join(name), *unit_mm, *n, warnings);
     }
+}
+
+/// Asserts that a cloud is triangulated up to slivers at its border; `hull_mm2` is the area of its convex hull.
+fn assert_covers(path: &Path, unit_mm: f64, points: usize, hull_mm2: f64) {
+    let (got, name) = (read_at(path, unit_mm), path.display());
+    assert_eq!(codes(&got.notes), [""; 0], "{name}");
+    let n = amount(&got);
+    let area = |[a, b, c]: &[[f64; 3]; 3]| ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / 2.0;
+    assert!(got.facets.iter().all(|f| area(f) > 0.0), "{name}");
+    let part = got.facets.iter().map(area).sum::<f64>() / hull_mm2;
+    assert!(n <= 2 * points - 5 && n > 2 * points - 2 - points / 50, "{name}: {n}");
+    assert!(part < 1.000_001 && part > 0.99, "{name}: {part}");
+}
+
+#[test]
+fn clouds_are_triangulated_up_to_slivers_at_their_border() {
+    let dir = folder();
+    // A mirror in an elliptic aperture of 250 x 160 mm; and the same, smaller and 3 m from the origin.
+    for (name, unit_mm, origin) in [("near.xyz", 1.0, [0.0, 0.0]), ("far.xyz", 0.02, [57_805.0, 158_025.0])] {
+        let (path, mut noise) = (dir.path().join(name), Random::new(3));
+        let mut points: Vec<[f64; 2]> = Vec::new();
+        for (i, j) in (0..100).flat_map(|j| (0..100).map(move |i| (i, j))) {
+            let (u, v) = (f64::from(i) / 49.5 - 1.0, f64::from(j) / 49.5 - 1.0);
+            if u * u + v * v <= 1.0 {
+                points.push([125.0 * u + noise.half() + origin[0], 80.0 * v + noise.half() + origin[1]]);
+            }
+        }
+        noise.shuffle(&mut points);
+        let line = |[x, y]: &[f64; 2]| format!("{x:.6} {y:.6} {:.6}\n", ((x - origin[0]).powi(2)) / 900.0);
+        std::fs::write(&path, points.iter().map(line).collect::<String>()).expect("written");
+        assert_covers(&path, unit_mm, points.len(), hull_area(&points) * unit_mm * unit_mm);
+    }
+}
+
+/// Area of the convex hull (Andrew's monotone chain).
+fn hull_area(points: &[[f64; 2]]) -> f64 {
+    let cross = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let mut sorted = points.to_vec();
+    sorted.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    let mut hull: Vec<[f64; 2]> = Vec::new();
+    for _ in 0..2 {
+        let start = hull.len();
+        for &p in &sorted {
+            while hull.len() >= start + 2 && cross(hull[hull.len() - 2], hull[hull.len() - 1], p) <= 0.0 {
+                hull.pop();
+            }
+            hull.push(p);
+        }
+        hull.pop();
+        sorted.reverse();
+    }
+    (2..hull.len()).map(|i| cross(hull[0], hull[i - 1], hull[i])).sum::<f64>() / 2.0
+}
+
+#[test]
+#[ignore = "needs ../shared: make test-all"]
+fn clouds_of_other_sources_are_triangulated_up_to_slivers_at_their_border() {
+    let folder = shared().join("surfaces");
+    assert_covers(&folder.join("mirror_cloud_shuffled.xyz"), 1.0, 16_969, 43_338.857);
+    // UTM metres lie 5,100 km from their origin; a map scale brings them in reach.
+    assert_covers(&folder.join("helens_cloud_utm.xyz"), 5e-4, 40_000, 33.470_887);
+}
+
+/// Samples of a square map that tell row, column and both bytes.
+fn ramp(side: usize) -> Vec<u16> {
+    (0..side * side).map(|i| (i * 40_503 % 65_521) as u16).collect()
 }
 
 #[test]
 fn interlaced_height_maps_equal_plain_ones() {
-    let Some(folder) = data("textures") else { return };
-    let samples = |name: &str| match read_at(&folder.join(name), 1.0).result.expect(name) {
-        Content::Heightmap(map) => map.samples,
-        Content::Facets(_) => panic!("{name} is a height map"),
+    let dir = folder();
+    let path = dir.path().join("map.png");
+    let read = |image: Vec<u8>| {
+        std::fs::write(&path, image).expect("written");
+        read_at(&path, 1.0).result
     };
-    let plain = samples("pngsuite_basn0g16.png");
-    assert!(plain.len() == 32 * 32 && plain.iter().any(|&v| v > 40_000));
-    assert_eq!(samples("pngsuite_basi0g16.png"), plain);
-    assert_eq!(samples("pngsuite_oi9n0g16.png"), plain, "one IDAT for every byte");
-    for name in ["pngsuite_basn0g01.png", "pngsuite_basn3p04.png", "pngsuite_basn6a16.png", "pngsuite_basn4a08.png"] {
-        let e = read_at(&folder.join(name), 1.0).result.err().expect(name);
+    for side in [5, 32] {
+        let samples = ramp(side);
+        // A height map holds the lowest y, the last row of the file, first.
+        let want: Vec<u16> = samples.chunks(side).rev().flatten().copied().collect();
+        // In one IDAT chunk, and in one for every byte.
+        for (interlaced, size) in [(false, 1 << 20), (true, 1 << 20), (false, 1), (true, 1)] {
+            match read(image::grey16(side, &samples, interlaced, size)).expect("a height map") {
+                Content::Heightmap(map) => assert_eq!(map.samples, want, "{side} {interlaced} {size}"),
+                Content::Facets(_) => panic!("a height map has samples"),
+            }
+        }
+    }
+    for (depth, colour) in [(1, Colour::Grey), (4, Colour::Palette), (16, Colour::Rgba), (8, Colour::GreyAlpha)] {
+        let e = read(image::zeros(32, depth, colour)).err().expect("refused");
         assert_eq!(e.diags()[0].code, "heightmap-samples", "{e}");
     }
 }
 
 #[test]
 fn a_cloud_in_utm_metres_is_refused_by_its_size() {
-    let Some(folder) = data("surfaces") else { return };
-    let e = read_at(&folder.join("helens_cloud_utm.xyz"), 1000.0).result.err().expect("refused");
+    let dir = folder();
+    let path = dir.path().join("utm.xyz");
+    let points = (0..9).map(|i| format!("{} {} 684\n", 557_805 + 30 * (i % 3), 5_108_025 + 30 * (i / 3)));
+    std::fs::write(&path, points.collect::<String>()).expect("written");
+    let e = read_at(&path, 1000.0).result.err().expect("refused");
     assert_eq!(e.diags()[0].code, "surface-size", "{e}");
     assert!(e.to_string().contains("1000 mm"), "{e}");
 }
@@ -279,18 +342,6 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     all
 }
 
-/// A small generator of its own, so that every run makes the same files.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, n: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 % n.max(1) as u64) as usize
-    }
-}
-
 /// Damages a file in one of the ways that files get damaged.
 fn damage(bytes: &mut Vec<u8>, random: &mut Random) {
     const WORDS: &[&str] = &[
@@ -333,9 +384,9 @@ fn damage(bytes: &mut Vec<u8>, random: &mut Random) {
 }
 
 #[test]
-fn damaged_files_never_panic_and_never_yield_what_is_no_length() {
+fn damaged_surface_files_never_panic_and_yield_finite_coordinates() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut random = Random(0x9e37_79b9_7f4a_7c15);
+    let mut random = Random::new(0x9e37_79b9_7f4a_7c15);
     let (mut accepted, mut refused) = (0, 0);
     for (extension, seed) in seeds() {
         let path = folder.path().join(format!("a.{extension}"));

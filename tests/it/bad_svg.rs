@@ -1,8 +1,9 @@
-//! Every malformed drawing of the shared data has one fixed outcome, in little time and memory.
+//! Every malformed drawing has one fixed outcome, in little time. `bad_input` bounds the memory.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
+use crate::support::{folder, malformed};
 use proptest::prelude::*;
 use terrace::texture::{Area, Kind, Request, Texture};
 
@@ -52,18 +53,9 @@ const SIZED: [(&str, Outcome); 4] = [
     ("svg_wrong_namespace.svg", (Ok(1), &["svg-namespace"])),
 ];
 
-fn bad() -> Option<PathBuf> {
-    let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/bad");
-    if dir.is_dir() {
-        return Some(dir);
-    }
-    eprintln!("skipped: {} is absent", dir.display());
-    None
-}
-
-fn check(dir: &Path, name: &str, size_mm: Option<[f64; 2]>, (expected, warnings): Outcome) {
-    let path = dir.join(name);
-    let kind = Kind::Drawing { path, size_mm, origin_mm: None, turn_rad: 0.0, tile: false };
+fn check(path: &Path, size_mm: Option<[f64; 2]>, (expected, warnings): Outcome) {
+    let name = path.file_name().expect("a name").to_string_lossy();
+    let kind = Kind::Drawing { path: path.to_owned(), size_mm, origin_mm: None, turn_rad: 0.0, tile: false };
     let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: 0 };
     let (start, mut notes) = (Instant::now(), Vec::new());
     let loaded = Texture::load(&[request], [0.0, 0.0, 100.0, 100.0], 0.0, &mut notes);
@@ -81,7 +73,7 @@ fn check(dir: &Path, name: &str, size_mm: Option<[f64; 2]>, (expected, warnings)
         }
         (Err(e), Err(code)) => {
             assert_eq!(e.diags()[0].code, code, "{name}: {e}");
-            assert!(e.to_string().contains(name), "{name} is named: {e}");
+            assert!(e.to_string().contains(&*name), "{name} is named: {e}");
             let hinted = !e.diags()[0].hint.is_empty();
             assert!(hinted, "{name}: a remedy: {e}");
         }
@@ -92,34 +84,22 @@ fn check(dir: &Path, name: &str, size_mm: Option<[f64; 2]>, (expected, warnings)
 
 #[test]
 fn every_malformed_drawing_has_its_outcome() {
-    let Some(dir) = bad() else { return };
+    let dir = folder();
     for (name, outcome) in AS_IS {
-        check(&dir, name, None, outcome);
+        check(&malformed::file(dir.path(), name), None, outcome);
     }
     for (name, outcome) in SIZED {
-        check(&dir, name, Some([100.0, 100.0]), outcome);
+        check(&malformed::file(dir.path(), name), Some([100.0, 100.0]), outcome);
     }
     let known = |name: &str| AS_IS.iter().any(|(n, _)| *n == name);
-    for entry in std::fs::read_dir(&dir).expect("a folder").flatten() {
-        let name = entry.file_name().to_string_lossy().into_owned();
+    for name in malformed::names() {
         assert!(!name.starts_with("svg") || known(&name), "{name} has no outcome in the table");
     }
 }
 
-/// Peak memory is that of the process, so this holds for all files together.
 #[test]
-#[cfg(target_os = "linux")]
-fn memory_stays_bounded() {
-    every_malformed_drawing_has_its_outcome();
-    let status = std::fs::read_to_string("/proc/self/status").expect("linux");
-    let peak = status.lines().find_map(|l| l.strip_prefix("VmHWM:")).expect("VmHWM");
-    let kb: u64 = peak.trim().trim_end_matches(" kB").trim().parse().expect("a number");
-    assert!(kb < 512 << 10, "peak {kb} kB");
-}
-
-#[test]
-fn made_up_nastiness_is_refused_or_bounded() {
-    let dir = tempfile::tempdir().expect("a folder");
+fn hostile_drawings_are_refused_or_bounded() {
+    let dir = folder();
     let head = r#"<svg xmlns="http://www.w3.org/2000/svg" width="100mm" height="100mm" viewBox="0 0 100 100">"#;
     let deep_uses: String =
         (0..2000).map(|i| format!(r##"<g id="d{i}"><use href="#d{}"/></g>"##, i + 1)).collect::<String>()
@@ -140,9 +120,9 @@ fn made_up_nastiness_is_refused_or_bounded() {
         ("self_use", r##"<g id="a"><path d="M0 0L9 9"/><use href="#a"/></g>"##.into(), (Ok(1), &["svg-use"])),
         ("entity", "<text>&unknown;</text>".into(), (Err("svg-xml"), &[])),
     ] {
-        let file = format!("{name}.svg");
-        std::fs::write(dir.path().join(&file), format!("{head}{body}</svg>")).expect("written");
-        check(dir.path(), &file, None, outcome);
+        let path = dir.path().join(format!("{name}.svg"));
+        std::fs::write(&path, format!("{head}{body}</svg>")).expect("written");
+        check(&path, None, outcome);
     }
 }
 
@@ -150,7 +130,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..<_>::default() })]
 
     #[test]
-    fn damaged_drawings_never_break_the_reader(
+    fn damaged_drawings_never_panic_and_yield_valid_strokes(
         which in 0..3usize,
         damage in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>()), 1..6),
     ) {

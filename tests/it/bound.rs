@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use crate::support::surfaces::{FIVE, cyl, dome, mesh, saddle, wave, write_stl};
-use crate::support::{JobText, folder, planned, shared};
+use crate::support::{JobText, fixture, folder, planned, shared};
 use terrace::geom::FieldPoint;
 use terrace::partition::bound::Certificate;
 use terrace::plan::SteppedPlan;
@@ -150,31 +150,30 @@ fn figures_that_stay_whole_count_as_one_piece() {
 }
 
 #[test]
-fn certificates_of_real_parts_hold() {
-    let Some(data) = shared() else { return };
-    let dir = folder();
-    for (file, [x0, y0, x1, y1]) in [
-        ("hood_mm_bin.stl", [500, -75, 650, 75]),
-        ("mirror_freeform.stl", [-100, 60, 100, 180]),
-        ("helens_relief_small.stl", [40, -160, 140, -40]),
-    ] {
-        let path = data.join("surfaces").join(file);
-        if !path.is_file() {
-            eprintln!("skipped: {file} is absent");
-            continue;
-        }
-        let hatch = format!(
-            "pattern = \"hatch\"\npitch = \"1 mm\"\narea = [\"{x0} mm\", \"{y0} mm\", \"{x1} mm\", \"{y1} mm\"]"
-        );
-        let mut job = JobText::on(&path).texture(&hatch).method("z-range");
-        job.focus = "pdof = \"0.2 mm\"".into();
-        job.more = "[limits]\nmax_incidence = \"60 deg\"\nsteep = \"skip\"".into();
-        assert_sound(file, &plan(dir.path(), &job));
-    }
+fn certificate_of_a_hood_holds() {
+    assert_sound_under_hatch(&fixture("hood.stl"), [500, -75, 650, 75]);
 }
 
 #[test]
-fn a_flat_plate_needs_a_stop_for_every_field() {
+#[ignore = "needs ../shared: make test-all"]
+fn certificates_of_a_mirror_and_of_terrain_hold() {
+    let surfaces = shared().join("surfaces");
+    assert_sound_under_hatch(&surfaces.join("mirror_freeform.stl"), [-100, 60, 100, 180]);
+    assert_sound_under_hatch(&surfaces.join("helens_relief_small.stl"), [40, -160, 140, -40]);
+}
+
+fn assert_sound_under_hatch(stl: &Path, [x0, y0, x1, y1]: [i32; 4]) {
+    let dir = folder();
+    let hatch =
+        format!("pattern = \"hatch\"\npitch = \"1 mm\"\narea = [\"{x0} mm\", \"{y0} mm\", \"{x1} mm\", \"{y1} mm\"]");
+    let mut job = JobText::on(stl).texture(&hatch).method("z-range");
+    job.focus = "pdof = \"0.2 mm\"".into();
+    job.more = "[limits]\nmax_incidence = \"60 deg\"\nsteep = \"skip\"".into();
+    assert_sound(&stl.display().to_string(), &plan(dir.path(), &job));
+}
+
+#[test]
+fn bound_of_a_flat_plate_is_one_stop_per_field() {
     let dir = folder();
     let stl = dir.path().join("plate.stl");
     for z in [0.0, 3.1] {
@@ -186,7 +185,7 @@ fn a_flat_plate_needs_a_stop_for_every_field() {
 }
 
 #[test]
-fn no_bound_is_stated_where_slivers_may_be_left_out() {
+fn no_bound_is_stated_with_min_mark() {
     let dir = folder();
     let stl = dir.path().join("part.stl");
     write_stl(&stl, &mesh(20, [0.0, 0.0, 50.0, 50.0], cyl));

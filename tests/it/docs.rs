@@ -118,7 +118,7 @@ fn every_code_has_its_section_in_the_list_of_errors() {
 }
 
 #[test]
-fn codes_are_found_where_they_stand() {
+fn scan_for_codes_finds_every_form() {
     let mut found = BTreeMap::new();
     codes_of("src/a.rs", "Diag::limit(\n    \"a-b\", x); Diag::bug(\"c\", y)", &mut found);
     codes_of("src/texture/svg/tally.rs", "(Matter::Text, \"svg-t\", 1), (\n Matter::Dot,\n \"svg-d\",", &mut found);
@@ -261,14 +261,8 @@ fn make(path: &Path) {
 
 /// A slope of 16-bit samples.
 fn grey(width: u32, height: u32) -> Vec<u8> {
-    let mut out = Vec::new();
-    let mut encoder = png::Encoder::new(&mut out, width, height);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.set_depth(png::BitDepth::Sixteen);
-    let row: Vec<u8> = (0..width).flat_map(|x| (1 + 20 * x as u16).to_be_bytes()).collect();
-    let written = encoder.write_header().and_then(|mut w| w.write_image_data(&row.repeat(height as usize)));
-    written.expect("encoded");
-    out
+    let row: Vec<u16> = (0..width).map(|x| 1 + 20 * x as u16).collect();
+    crate::support::image::height_map(width as usize, &row.repeat(height as usize))
 }
 
 #[test]
@@ -445,4 +439,19 @@ fn links_between_the_documents_lead_somewhere() {
         }
     }
     assert!(count > 10, "links are found: {count}");
+}
+
+// --- Index of the tests
+
+#[test]
+fn index_of_tests_names_every_module_and_only_existing_files() {
+    let index = text_of("tests/README.md");
+    let named: BTreeSet<&str> = index.split('`').skip(1).step_by(2).collect();
+    let modules = text_of("tests/it/main.rs");
+    for module in modules.lines().filter_map(|l| l.strip_prefix("mod ")?.strip_suffix(';')) {
+        assert!(module == "support" || named.contains(module), "tests/README.md does not name {module}");
+    }
+    for path in named.iter().filter(|n| n.starts_with("src/")) {
+        assert!(root().join(path).exists(), "tests/README.md names {path}");
+    }
 }

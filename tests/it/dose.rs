@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::support::surfaces::{mesh, write_stl};
-use crate::support::{JobText, assert_balance, compile, folder, number, said, terrace, verify};
+use crate::support::{JobText, assert_balance, compile, folder, manifest, number, said, terrace, verify};
 use serde_json::Value;
 
 /// A job on a plate that rises by `deg` along x.
@@ -17,17 +17,12 @@ fn ramp(dir: &Path, deg: f64, more: &str) -> JobText {
     job
 }
 
-fn manifest(folder: &Path) -> Value {
-    let bytes = std::fs::read(folder.join("manifest.json")).expect("a manifest");
-    serde_json::from_slice(&bytes).expect("JSON")
-}
-
 fn near(value: &Value, want: f64, tolerance: f64) -> bool {
     value.as_f64().is_some_and(|v| (v - want).abs() <= tolerance)
 }
 
 #[test]
-fn blocks_say_their_incidence_stretch_and_dose() {
+fn manifest_states_incidence_stretch_and_dose_of_blocks() {
     let dir = folder();
     for deg in [0.0, 12.0, 30.0] {
         let out = dir.path().join("job.job");
@@ -49,7 +44,7 @@ fn blocks_say_their_incidence_stretch_and_dose() {
 }
 
 #[test]
-fn pens_make_up_for_the_slope() {
+fn pens_compensate_for_the_slope() {
     let dir = folder();
     let plain = compile(&ramp(dir.path(), 30.0, "").write(dir.path(), "job.toml"), &dir.path().join("plain.job"));
     for (what, factor, name) in [("speed", 0.87, "fill x0.87"), ("power", 1.15, "fill x1.15")] {
@@ -78,7 +73,7 @@ fn pens_make_up_for_the_slope() {
 }
 
 #[test]
-fn factors_stop_at_the_cap_and_what_no_laser_gives_is_refused() {
+fn dose_factors_are_capped_and_impossible_settings_refused() {
     let dir = folder();
     let out = dir.path().join("job.job");
     let job = ramp(dir.path(), 50.0, "[dose]\ncompensate = \"power\"\ncap = 1.2\nstep = 0.05");
@@ -99,7 +94,7 @@ fn factors_stop_at_the_cap_and_what_no_laser_gives_is_refused() {
 }
 
 #[test]
-fn a_curved_part_gets_several_pens_and_is_proved() {
+fn curved_part_gets_several_pens_and_verifies() {
     let dir = folder();
     let stl = dir.path().join("part.stl");
     write_stl(&stl, &mesh(60, [0.0, 0.0, 60.0, 40.0], |x, y| 3.0 * (x / 12.0).sin() + 2.0 * (y / 9.0).cos()));
@@ -117,7 +112,7 @@ fn a_curved_part_gets_several_pens_and_is_proved() {
 }
 
 #[test]
-fn nonsense_is_refused() {
+fn invalid_dose_keys_are_refused() {
     let dir = folder();
     for (keys, code) in [
         ("compensate = \"speed\"\ncap = 1", "dose-cap"),
@@ -136,7 +131,7 @@ fn nonsense_is_refused() {
 /// Half of every stroke lies on a gentle slope and half on a steep one. On a tilted part the two halves are not
 /// as long in the field as in the drawing, and it is there that they take their time.
 #[test]
-fn tilted_marks_weigh_the_slope_by_their_length_in_the_field() {
+fn slope_of_tilted_marks_is_weighted_by_length_in_the_field() {
     let dir = folder();
     let stl = dir.path().join("saw.stl");
     let saw = |x: f64| {

@@ -166,7 +166,7 @@ fn each_dependency_is_used_in_its_own_modules_only() {
 }
 
 #[test]
-fn the_check_of_layers_sees_what_it_should() {
+fn scan_for_module_names_finds_every_form() {
     let text = "use crate::{diag, surface::{Span, walk}};\nuse crate::geom::P2;\nlet x = crate::emit::dxf();";
     let want = ["diag", "emit", "geom", "surface"].map(str::to_owned);
     assert_eq!(named(text), BTreeSet::from(want));

@@ -8,22 +8,22 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use crate::support::folder;
-use crate::support::surfaces::{Noise, mesh, write_stl};
+use crate::support::surfaces::{Random, mesh, write_stl};
 use terrace::diag::Kind;
 use terrace::job::{Job, Overrides};
 use terrace::{job_folder, plan, verify};
 
 /// From lo to hi.
-fn between(noise: &mut Noise, lo: f64, hi: f64) -> f64 {
+fn between(noise: &mut Random, lo: f64, hi: f64) -> f64 {
     lo + (noise.half() + 0.5) * (hi - lo)
 }
 
-fn pick<T: Copy>(noise: &mut Noise, list: &[T]) -> T {
+fn pick<T: Copy>(noise: &mut Random, list: &[T]) -> T {
     list[(noise.next() >> 5) as usize % list.len()]
 }
 
 /// A base sheet, gentle or terraced, blocks with upright walls on it, and sheets over or through it.
-fn part(noise: &mut Noise, [w, h]: [f64; 2]) -> Vec<[[f64; 3]; 3]> {
+fn part(noise: &mut Random, [w, h]: [f64; 2]) -> Vec<[[f64; 3]; 3]> {
     let (lean, bow) = (between(noise, -0.1, 0.1), between(noise, 0.0, 0.002));
     let (levels, riser) = (pick(noise, &[0.0, 0.0, 3.0, 5.0]), between(noise, 0.02, 2.0));
     let z = |x: f64, y: f64| lean * y - bow * (x * x + y * y) + (x / w * levels).floor() * riser;
@@ -49,7 +49,7 @@ fn part(noise: &mut Noise, [w, h]: [f64; 2]) -> Vec<[[f64; 3]; 3]> {
 }
 
 /// Lines, loops, or polylines that turn and run back over themselves.
-fn texture(noise: &mut Noise, dir: &Path, [w, h]: [f64; 2]) -> String {
+fn texture(noise: &mut Random, dir: &Path, [w, h]: [f64; 2]) -> String {
     match pick(noise, &[0, 1, 2, 3]) {
         0 => {
             let (pitch, direction) = (h / between(noise, 2.0, 6.0), pick(noise, &["0 deg", "90 deg", "31 deg"]));
@@ -83,7 +83,7 @@ enum Outcome {
 
 /// The job file of a seed, with its surface and drawing beside it.
 fn write_job(seed: u64, dir: &Path) -> PathBuf {
-    let noise = &mut Noise::new(seed);
+    let noise = &mut Random::new(seed);
     let seven = seed.is_multiple_of(3);
     let size =
         if seven { [between(noise, 4.0, 9.0), between(noise, 3.0, 6.0)] } else { [between(noise, 10.0, 50.0), 20.0] };

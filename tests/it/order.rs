@@ -54,7 +54,7 @@ fn focal_planes_rise_or_fall_where_that_is_asked() {
 }
 
 #[test]
-fn sections_are_left_once_where_moves_of_z_are_cheap() {
+fn each_section_is_visited_once_where_z_moves_are_fast() {
     let (program, time, _) = program("", "move = { xy = \"3.7 s\", z = \"0.3 s\" }");
     let places: Vec<_> = program.blocks.iter().map(|b| b.stop.centre).collect();
     let mut distinct = places.clone();

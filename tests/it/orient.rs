@@ -22,7 +22,7 @@ fn leaned([x, y, z]: [f64; 3], [about_x, about_y]: [f64; 2]) -> [f64; 3] {
 }
 
 #[test]
-fn a_slope_is_laid_flat_and_the_compiled_job_agrees() {
+fn orient_levels_a_slope_and_the_compiled_job_agrees() {
     let dir = folder();
     let stl = dir.path().join("slope.stl");
     // A bulge on a slope of several degrees.
@@ -52,7 +52,7 @@ fn a_slope_is_laid_flat_and_the_compiled_job_agrees() {
 }
 
 #[test]
-fn a_plate_is_left_as_it_lies() {
+fn orient_leaves_a_level_plate_unchanged() {
     let dir = folder();
     let stl = dir.path().join("plate.stl");
     write_stl(&stl, &mesh(10, [0.0, 0.0, 90.0, 70.0], |_, _| 3.0));

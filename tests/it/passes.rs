@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::support::surfaces::{dome, mesh, write_stl};
-use crate::support::{JobText, assert_balance, compile, folder, number, verify};
+use crate::support::{JobText, assert_balance, compile, folder, manifest, number, verify};
 use serde_json::Value;
 
 const PASSES: &str = "[passes]\ncount = 3\nrotate = \"67 deg\"\nlower = \"8 um\"\n";
@@ -20,17 +20,13 @@ fn job(dir: &Path, method: &'static str, direction: &str, passes: &str) -> PathB
     job.write(dir, "job.toml")
 }
 
-fn manifest(folder: &Path) -> Value {
-    serde_json::from_slice(&std::fs::read(folder.join("manifest.json")).expect("a manifest")).expect("JSON")
-}
-
 /// Blocks of the manifest by pass.
 fn blocks(manifest: &Value, pass: u64) -> Vec<&Value> {
     manifest["blocks"].as_array().expect("blocks").iter().filter(|b| b["pass"] == pass).collect()
 }
 
 #[test]
-fn passes_turn_sink_and_shift_and_are_proved() {
+fn passes_with_rotation_lowering_and_shift_verify() {
     let dir = folder();
     for (method, direction) in
         [("contour", "0 deg"), ("z-range", "20 deg"), ("window", "0 deg"), ("auto", "90 deg"), ("z-range", "contour")]
@@ -63,7 +59,7 @@ fn passes_turn_sink_and_shift_and_are_proved() {
 }
 
 #[test]
-fn seams_of_passes_do_not_lie_on_each_other() {
+fn seams_of_passes_are_apart() {
     let dir = folder();
     let out = dir.path().join("job.job");
     let lines = |m: &Value, pass: usize, axis: usize| {
@@ -135,7 +131,7 @@ fn the_stage_goes_on_from_where_the_pass_before_ended() {
 }
 
 #[test]
-fn passes_that_cannot_be_are_refused_with_place_and_hint() {
+fn impossible_passes_are_refused_with_place_and_hint() {
     let dir = folder();
     for (passes, code, says) in [
         ("count = 0", "passes-count", "job.toml:"),
@@ -156,7 +152,7 @@ fn passes_that_cannot_be_are_refused_with_place_and_hint() {
 }
 
 #[test]
-fn tilted_passes_do_not_sink() {
+fn rotated_passes_with_tilt_verify() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");
     write_stl(&stl, &mesh(120, [100.0, 60.0, 220.0, 160.0], dome));

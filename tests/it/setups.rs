@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::support::surfaces::{mesh, write_stl};
-use crate::support::{JobText, assert_balance, compile, folder, number, verify};
+use crate::support::{JobText, assert_balance, compile, folder, manifest, number, verify};
 use serde_json::Value;
 
 /// Tooling holes along two edges of the part, every 300 mm.
@@ -22,10 +22,6 @@ fn job(dir: &Path, method: &'static str, more: &str) -> PathBuf {
     let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"9 mm\"").method(method);
     job.more = format!("{more}\n{FORMATS}");
     job.write(dir, "job.toml")
-}
-
-fn manifest(folder: &Path) -> Value {
-    serde_json::from_slice(&std::fs::read(folder.join("manifest.json")).expect("a manifest")).expect("JSON")
 }
 
 fn setups(keys: &str) -> String {
@@ -48,7 +44,7 @@ fn refused(dir: &Path, method: &'static str, more: &str) -> String {
 }
 
 #[test]
-fn a_part_beyond_the_travel_is_marked_in_set_ups_and_proved() {
+fn part_beyond_the_travel_is_marked_in_set_ups_and_verifies() {
     let dir = folder();
     let out = dir.path().join("job.job");
     for (method, keys, count) in [
@@ -99,7 +95,7 @@ fn a_part_beyond_the_travel_is_marked_in_set_ups_and_proved() {
 }
 
 #[test]
-fn what_is_marked_does_not_depend_on_the_set_ups() {
+fn marks_do_not_depend_on_the_set_ups() {
     let dir = folder();
     let out = dir.path().join("job.job");
     let run = |keys: &str| {
@@ -126,7 +122,7 @@ fn a_turned_part_has_its_points_turned_too() {
 }
 
 #[test]
-fn passes_go_through_the_set_ups_there_and_back() {
+fn passes_alternate_the_order_of_set_ups() {
     let dir = folder();
     let out = dir.path().join("job.job");
     let passes = "[passes]\ncount = 2\nlower = \"8 um\"\nrotate = \"90 deg\"\n";
@@ -173,7 +169,7 @@ fn a_part_within_travel_needs_one_set_up_and_no_stop() {
 }
 
 #[test]
-fn set_ups_that_cannot_be_are_refused_with_what_would_do() {
+fn impossible_set_ups_are_refused_with_a_hint() {
     let dir = folder();
     let says = |more: &str, code: &str, hint: &str| {
         let said = refused(dir.path(), "z-range", more);
@@ -217,7 +213,7 @@ fn a_format_without_stops_is_refused() {
 }
 
 #[test]
-fn registration_points_in_any_unit_are_stated_as_they_are_proved() {
+fn registration_points_in_any_unit_verify() {
     let dir = folder();
     let stl = dir.path().join("plate.stl");
     write_stl(&stl, &mesh(4, [0.0, 0.0, 60.0, 50.0], |_, _| 0.0));

@@ -3,6 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::{Path, PathBuf};
 
+use crate::support::{fixture, folder, shared};
 use proptest::prelude::*;
 use terrace::diag::{Diag, Error};
 use terrace::geom::{Box2, P2, length_mm};
@@ -232,7 +233,7 @@ fn drawings_lie_where_they_are_placed() {
 }
 
 #[test]
-fn what_is_not_marked_is_counted() {
+fn skipped_length_is_counted() {
     let sheet = Sheet::new(
         r##"<style>.no{display:none} @import url(x.css);</style><defs><path id="d" d="M1 1h5"/><linearGradient id="l"/></defs>
         <g class="no"><path d="M1 1h9"/></g><path d="M1 1h9" visibility="hidden"/><path d="M1 1h9" fill="none"/>
@@ -355,14 +356,13 @@ fn text_of_a_job_with_several_textures_keeps_order_and_pens() {
     assert_eq!((t.bounds().lo.mm(), t.bounds().hi.mm()), ([0.0, 0.0], [30.0, 10.0]));
 }
 
-fn real() -> Vec<PathBuf> {
-    let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/textures");
-    let Ok(entries) = std::fs::read_dir(&dir) else {
-        eprintln!("skipped: {} is absent", dir.display());
-        return Vec::new();
-    };
-    let mut files: Vec<_> =
-        entries.flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "svg")).collect();
+/// The drawings of a folder.
+fn drawings(dir: &Path) -> Vec<PathBuf> {
+    let mut files: Vec<_> = std::fs::read_dir(dir)
+        .expect("a readable folder")
+        .map(|entry| entry.expect("a readable folder").path())
+        .filter(|p| p.extension().is_some_and(|e| e == "svg"))
+        .collect();
     files.sort();
     files
 }
@@ -426,8 +426,8 @@ fn walk(group: &usvg::Group, visit: &mut dyn FnMut(&usvg::Path)) {
     }
 }
 
-#[test]
-fn real_drawings_load_and_agree_with_another_reader() {
+/// Loads drawings and compares their lengths with usvg; answers with the number compared.
+fn compared_with_usvg(paths: &[PathBuf]) -> usize {
     const SIZE: [f64; 2] = [100.0, 100.0];
     // One stroke per line element; the map's countries have islands; 39 of the 990 contours are points.
     const COUNTS: [(&str, usize); 4] = [
@@ -437,14 +437,14 @@ fn real_drawings_load_and_agree_with_another_reader() {
         ("vpype_bar_nodef_path_polylines.svg", 175),
     ];
     let mut compared = 0;
-    for path in real() {
+    for path in paths {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let loaded = load(real_request(&path, Some(SIZE)), PLATE, 0.0);
+        let loaded = load(real_request(path, Some(SIZE)), PLATE, 0.0);
         let (t, notes) = loaded.unwrap_or_else(|e| panic!("{name}: {e}"));
         let length = total_mm(&t);
         assert!(length > 1.0 && length.is_finite(), "{name}: {length}");
         let codes: Vec<_> = notes.iter().map(|n| n.code).filter(|&c| c != "svg-stretched").collect();
-        let by_usvg = length_by_usvg(&path, SIZE).unwrap_or_else(|| panic!("{name}: usvg"));
+        let by_usvg = length_by_usvg(path, SIZE).unwrap_or_else(|| panic!("{name}: usvg"));
         eprintln!(
             "{name}: {} strokes, {} points, {length:.3} mm (usvg {by_usvg:.3}) {codes:?}",
             t.len(),
@@ -458,16 +458,28 @@ fn real_drawings_load_and_agree_with_another_reader() {
             compared += 1;
         }
     }
-    assert!(compared == 0 || compared > 30, "{compared}");
+    compared
 }
 
 #[test]
-fn real_drawings_keep_their_own_size_or_ask_for_one() {
-    for path in real() {
-        let text = std::fs::read_to_string(&path).expect("text");
+fn lengths_of_drawings_agree_with_usvg() {
+    assert_eq!(compared_with_usvg(&drawings(&fixture(""))), 2, "leather and twill; the logo reaches beyond its page");
+}
+
+#[test]
+#[ignore = "needs ../shared: make test-all"]
+fn lengths_of_drawings_of_other_sources_agree_with_usvg() {
+    let compared = compared_with_usvg(&drawings(&shared().join("textures")));
+    assert!(compared > 30, "{compared}");
+}
+
+/// Drawings with a physical size load without one in the job, the others are refused.
+fn assert_own_sizes(paths: &[PathBuf]) {
+    for path in paths {
+        let text = std::fs::read_to_string(path).expect("text");
         let head = text.split_once("<svg").and_then(|(_, t)| t.split_once('>')).expect("a root").0;
         let physical = ["mm\"", "cm\"", "in\""].iter().any(|unit| head.contains(unit));
-        match load(real_request(&path, None), PLATE, 0.0) {
+        match load(real_request(path, None), PLATE, 0.0) {
             Ok((t, _)) => assert!(physical && !t.is_empty(), "{}", path.display()),
             Err(e) => {
                 assert!(!physical, "{e}");
@@ -479,8 +491,26 @@ fn real_drawings_keep_their_own_size_or_ask_for_one() {
 }
 
 #[test]
-fn real_tiles_cover_an_area_with_the_density_of_their_page() {
-    for path in real().into_iter().filter(|p| p.to_string_lossy().contains("made_")) {
+fn drawings_keep_their_own_size_or_ask_for_one() {
+    let dir = folder();
+    let [bare, sized] = ["bare.svg", "sized.svg"].map(|name| dir.path().join(name));
+    for (path, size) in [(&bare, "width=\"40\" height=\"40\""), (&sized, "width=\"40mm\" height=\"40mm\"")] {
+        let path_of = "<path d=\"M1 1h9v9\" fill=\"none\" stroke=\"black\"/>";
+        let text = format!("<svg xmlns=\"http://www.w3.org/2000/svg\" {size} viewBox=\"0 0 40 40\">{path_of}</svg>");
+        std::fs::write(path, text).expect("written");
+    }
+    assert_own_sizes(&[vec![bare, sized], drawings(&fixture(""))].concat());
+}
+
+#[test]
+#[ignore = "needs ../shared: make test-all"]
+fn drawings_of_other_sources_keep_their_own_size_or_ask_for_one() {
+    assert_own_sizes(&drawings(&shared().join("textures")));
+}
+
+#[test]
+fn tiles_cover_an_area_with_the_density_of_their_page() {
+    for path in drawings(&fixture("")) {
         let kind = |tile| Kind::Drawing {
             path: path.clone(),
             size_mm: Some([50.0, 50.0]),

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use crate::support::surfaces::{FIVE, dome, mesh, write_stl};
-use crate::support::{JobText, compile, folder, number, verify};
+use crate::support::{JobText, compile, folder, machine_file, number, verify};
 use serde_json::Value;
 
 const MACHINE: &str = "profile = \"xyz-tilt-galvo-40\"";
@@ -89,8 +89,7 @@ fn tilted_stops_keep_figures_whole() {
 
 /// The machine with another tilt table.
 fn table(dir: &Path, axes: [(&str, bool); 2], travel: f64) -> String {
-    let out = crate::support::terrace(["machines", "xyz-tilt-galvo-40"]);
-    let text = String::from_utf8(out.stdout).expect("text");
+    let text = machine_file("xyz-tilt-galvo-40");
     let (head, _) = text.split_once("[tilt]").expect("a tilt table");
     let mut text = format!("{head}[tilt]\npivot = [\"30 mm\", \"-20 mm\", \"-150 mm\"]\n");
     for (letter, reversed) in axes {
@@ -104,7 +103,7 @@ fn table(dir: &Path, axes: [(&str, bool); 2], travel: f64) -> String {
 }
 
 #[test]
-fn every_kind_of_table_is_proved() {
+fn jobs_for_every_kind_of_tilt_table_verify() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");
     write_stl(&stl, &mesh(150, [0.0, 0.0, 140.0, 120.0], |x, y| dome(3.0 * x, 3.0 * y)));
@@ -218,7 +217,7 @@ fn figures_that_lie_across_shaded_blocks_are_marked_in_full() {
 }
 
 #[test]
-fn auto_takes_the_tilt_where_it_is_fastest_and_threads_change_nothing() {
+fn auto_chooses_tilt_where_it_is_fastest_for_any_number_of_threads() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");
     write_stl(&stl, &mesh(150, [0.0, 0.0, 140.0, 120.0], |x, y| dome(3.0 * x, 3.0 * y)));
@@ -234,7 +233,7 @@ fn auto_takes_the_tilt_where_it_is_fastest_and_threads_change_nothing() {
 }
 
 #[test]
-fn a_plain_stage_cannot_tilt() {
+fn tilt_needs_a_tilt_table() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");
     write_stl(&stl, &mesh(20, [0.0, 0.0, 60.0, 60.0], dome));

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::support::surfaces::{Noise, mesh, write_stl};
+use crate::support::surfaces::{Random, mesh, write_stl};
 use crate::support::{JobText, compile, folder, number, verify};
 use serde_json::Value;
 
@@ -39,7 +39,7 @@ const TEXTURES: [&str; 5] = [
 #[test]
 fn a_texture_that_reaches_the_border_is_marked_whole_at_any_turn() {
     let dir = folder();
-    let mut noise = Noise::new(3);
+    let mut noise = Random::new(3);
     let mut turns = vec![0.0, 17.3, 90.0, -45.001];
     turns.extend((0..6).map(|_| (noise.half() * 360.0 * 1e3).round() / 1e3));
     for turn in turns {
@@ -54,7 +54,7 @@ fn a_texture_that_reaches_the_border_is_marked_whole_at_any_turn() {
 }
 
 #[test]
-fn what_lies_beside_the_part_by_more_than_the_grid_is_not_marked() {
+fn marks_beside_the_part_are_skipped() {
     let dir = folder();
     for turn in [0.0, 17.3, 200.02] {
         for (beside, is_lost) in [(0.000_000, false), (0.000_004, true), (0.01, true)] {

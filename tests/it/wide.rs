@@ -33,9 +33,9 @@ fn run(name: &str, job: &JobText, dir: &Path) {
 }
 
 #[test]
-#[ignore = "wide; run by make test-all"]
+#[ignore = "slow, needs ../shared: make test-all"]
 fn every_surface_compiles_and_verifies() {
-    let Some(data) = shared() else { return };
+    let data = shared();
     // Name, unit, largest extent and height in mm, more keys.
     let map = |pixel: f64, top: f64, more: &str| {
         format!("\n[surface.heightmap]\npixel = \"{pixel} mm\"\nz = [\"0 mm\", \"{top} mm\"]\n{more}")
@@ -89,9 +89,9 @@ fn every_surface_compiles_and_verifies() {
 }
 
 #[test]
-#[ignore = "wide; run by make test-all"]
+#[ignore = "slow, needs ../shared: make test-all"]
 fn every_drawing_compiles_and_verifies_on_a_curved_surface() {
-    let Some(data) = shared() else { return };
+    let data = shared();
     let dir = folder();
     let stl = dir.path().join("bump.stl");
     let z = |x: f64, y: f64| 3.0 * (x / 18.0).sin() * (y / 21.0).cos();
@@ -141,7 +141,7 @@ fn trap(name: &str, facets: &Facets, texture: &str, path: Option<String>) {
 const HATCH: &str = "pattern = \"hatch\"\npitch = \"0.1 mm\"";
 
 #[test]
-fn nothing_is_quadratic() {
+fn time_is_not_quadratic_in_the_input() {
     // Two fans of many facets, one over the other.
     let fan = |n: usize, z: f64| -> Facets {
         let at = |i: usize| {

@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ramp_is_followed_late_by_the_closed_form() {
+    fn following_error_of_a_ramp_matches_the_closed_form() {
         for (damping, dt) in [(0.3, 1e-3), (0.7, 0.013), (1.0, 1e-3), (2.5, 1e-3)] {
             let axis = servo(20.0, damping);
             let command: Vec<f64> = (0..(3.0 / dt) as usize).map(|i| 100.0 * dt * i as f64).collect();
@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_overshoots_by_the_closed_form() {
+    fn overshoot_of_a_step_matches_the_closed_form() {
         for damping in [0.2, 0.5, 0.7] {
             let axis = servo(10.0, damping);
             // Linear between samples: a step takes one of them.
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_comes_out_with_the_amplitude_and_phase_of_the_transfer_function() {
+    fn response_to_a_sine_matches_the_transfer_function() {
         for (hz, damping) in [(20.0, 0.7), (20.0, 1.0), (20.0, 1.8)] {
             let (axis, f, dt) = (servo(hz, damping), 15.0, 1e-5);
             let command: Vec<f64> = (0..200_000).map(|i| (TAU * f * dt * f64::from(i)).sin()).collect();
@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn the_step_of_sampling_does_not_matter_where_commands_are_linear() {
+    fn response_to_linear_commands_is_independent_of_the_sampling_step() {
         let axis = servo(20.0, 0.7);
         let fine: Vec<f64> = (0..=1000).map(|i| f64::from((i % 400 - 200i32).abs())).collect();
         let coarse: Vec<f64> = fine.iter().step_by(100).copied().collect();
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn feeding_the_stages_error_to_the_scanner_leaves_a_hundredth_of_it() {
+    fn compensation_by_the_scanner_leaves_one_percent_of_the_stage_error() {
         let (_, without) = swing(None, 0.0);
         let (_, with) = swing(Some(Protection::Saturate), 0.0);
         assert!((0.6..1.0).contains(&without), "{without}");

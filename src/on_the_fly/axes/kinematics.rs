@@ -250,19 +250,12 @@ fn norm(a: [f64; 3]) -> f64 {
 mod tests {
     use super::*;
     use crate::on_the_fly::decompose::sample;
-
-    /// Repeatable numbers in [0, 1).
-    fn numbers() -> impl FnMut() -> f64 {
-        let mut state = 0x9e37_79b9_7f4a_7c15u64;
-        move || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 11) as f64 / (1u64 << 53) as f64
-        }
-    }
+    use crate::random::Random;
 
     #[test]
-    fn there_and_back_on_both_branches() {
-        let mut next = numbers();
+    fn inverse_kinematics_round_trips_on_both_branches() {
+        let mut random = Random::new(1);
+        let mut next = || random.unit();
         for _ in 0..20_000 {
             let (tilt, round) = (1.5 * next(), TAU * next());
             let n = [tilt.sin() * round.cos(), tilt.sin() * round.sin(), tilt.cos()];
@@ -289,8 +282,9 @@ mod tests {
     }
 
     #[test]
-    fn the_printed_arctan_points_half_of_all_tools_the_wrong_way() {
-        let mut next = numbers();
+    fn printed_arctan_formula_is_wrong_for_half_of_all_directions() {
+        let mut random = Random::new(1);
+        let mut next = || random.unit();
         let (mut wrong, count) = (0, 10_000);
         for _ in 0..count {
             let (tilt, round) = (0.4 * next(), TAU * next());
@@ -306,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn an_upright_tool_holds_c_and_turns_are_nearest() {
+    fn c_is_constant_at_the_pole_and_unwrapped_elsewhere() {
         // Round the pole three times, then straight across it.
         let lean = |x: f64, y: f64| Pose { p: [x, y, 0.0], n: [x, y, (1.0 - x * x - y * y).sqrt()] };
         let round: Vec<Pose> = (0..=300)
@@ -325,8 +319,8 @@ mod tests {
     }
 
     #[test]
-    fn the_stored_points_of_the_seven_axis_part() {
-        let Some(part) = sample::Part::stored() else { return };
+    fn kinematics_match_the_reference_points_of_the_seven_axis_part() {
+        let part = sample::Part::stored();
         let samples = part.json["samples"].as_array().expect("samples");
         assert_eq!(samples.len(), 10);
         let plan = part.hilbert();

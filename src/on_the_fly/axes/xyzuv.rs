@@ -561,7 +561,7 @@ mod tests {
     use crate::units::{Frequency, Power, Speed};
 
     #[test]
-    fn the_times_of_the_article() {
+    fn times_match_the_article() {
         let (stops, move_s, process_s) = (8, 3.71, 38.27);
         let (stepped, synchronised) = (step_scan_s(stops, move_s, process_s), synchronised_s(move_s, process_s));
         assert!((stepped - 67.95).abs() < 1e-9 && (synchronised - 41.98).abs() < 1e-9);
@@ -594,7 +594,7 @@ mod tests {
     const ROOM: ScannerLimits = ScannerLimits { half_field: [20.0, 20.0], focus: 0.035 };
 
     #[test]
-    fn the_stage_goes_from_rest_to_rest_within_its_limits_and_marks_stay_in_field_and_focus() {
+    fn stage_keeps_its_limits_and_marks_stay_in_field_and_focus() {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         let (path, pens) = (lines(9, 200.0), pens(1000.0));
         let Timed { turn, path, schedule, sync } = quickest(&path, &machine, &pens, ROOM, 100_000, &|_| true);
@@ -622,7 +622,7 @@ mod tests {
     }
 
     #[test]
-    fn dark_runs_let_slopes_be_marked_faster_and_flat_parts_go_without() {
+    fn skywriting_is_used_on_slopes_only_and_saves_time() {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         let total = |t: &Timed| t.schedule.total_s() * t.sync.slower;
         let (path, fast) = (lines(5, 200.0), pens(1000.0));
@@ -636,7 +636,7 @@ mod tests {
     }
 
     #[test]
-    fn one_mark_alone_is_a_path_too() {
+    fn path_of_a_single_mark_is_accepted() {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         for length in [1e-6, 0.01, 300.0] {
             let found = quickest(&lines(1, length), &machine, &pens(1000.0), ROOM, 1000, &|_| true);
@@ -645,7 +645,7 @@ mod tests {
     }
 
     #[test]
-    fn peaks_are_those_of_a_parabola_and_slow_down_by_their_own_powers() {
+    fn peaks_match_a_parabola_and_scale_with_speed_by_their_order() {
         let step_s = 0.01;
         let at: Vec<[f64; 3]> = (0..200).map(|i| f64::from(i) * step_s).map(|t| [3.0 * t * t, -5.0 * t, 0.0]).collect();
         let [x, y, z] = [0, 1, 2].map(|axis| Peaks::of(&at, axis, step_s));

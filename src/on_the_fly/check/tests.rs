@@ -35,7 +35,7 @@ fn codes(change: impl FnOnce(&mut Program, &mut Machine)) -> Vec<&'static str> {
 }
 
 #[test]
-fn a_sound_program_passes_with_its_figures() {
+fn valid_program_passes_with_its_figures() {
     assert_eq!(codes(|_, _| {}), Vec::<&str>::new());
     let machine = machine();
     let checked = Checked::new(program(), &machine).expect("sound");
@@ -48,7 +48,7 @@ fn a_sound_program_passes_with_its_figures() {
 }
 
 #[test]
-fn every_limit_is_held() {
+fn program_beyond_any_limit_is_refused() {
     let all = |p: &mut Program, k: usize, by: fn(i64) -> i64| p.moves.iter_mut().for_each(|m| m.to[k] = by(m.us));
     assert_eq!(codes(|p, _| all(p, 0, |_| 0)), Vec::<&str>::new());
     assert!(codes(|p, _| (p.start[1], p.moves.iter_mut().for_each(|m| m.to[1] = 300_000_000)).1).contains(&"travel"));

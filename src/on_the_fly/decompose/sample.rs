@@ -5,14 +5,11 @@ use serde_json::Value;
 use crate::on_the_fly::axes::kinematics::Pose;
 use crate::on_the_fly::decompose::on_surface;
 
-/// What a shared file holds, or none where it is absent.
-pub(crate) fn stored(name: &str) -> Option<Value> {
-    let file = format!("{}/../shared/anchors/{name}", env!("CARGO_MANIFEST_DIR"));
-    let Ok(text) = std::fs::read_to_string(&file) else {
-        eprintln!("skipped: no {name} beside the repository");
-        return None;
-    };
-    Some(serde_json::from_str(&text).expect("JSON"))
+/// What a file of `fixtures/anchors` holds.
+pub(crate) fn stored(name: &str) -> Value {
+    let file = format!("{}/fixtures/anchors/{name}", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{file}: {e}"));
+    serde_json::from_str(&text).expect("JSON")
 }
 
 /// Surface and figures of the stored part.
@@ -25,9 +22,9 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    /// The stored part, or none where its file is absent.
-    pub fn stored() -> Option<Self> {
-        let json = stored("seven_axis.json")?;
+    /// The stored part.
+    pub fn stored() -> Self {
+        let json = stored("seven_axis.json");
         let surface = &json["surface"];
         let number = |v: &Value| v.as_f64().expect("number");
         let hills = (0..3)
@@ -36,7 +33,7 @@ impl Part {
                 [number(&surface["a"][i]), number(&surface["s"][i]), number(&at[0]), number(&at[1])]
             })
             .collect();
-        Some(Self { base: number(&surface["c0"]), hills, json })
+        Self { base: number(&surface["c0"]), hills, json }
     }
 
     fn height(&self, x: f64, y: f64) -> (f64, f64, f64) {

@@ -103,7 +103,7 @@ fn a_velocity_jump_becomes_the_acceleration_and_the_reach_of_the_closed_forms() 
 }
 
 #[test]
-fn the_jump_alone_tells_the_samples() {
+fn number_of_samples_follows_from_the_velocity_jump() {
     for (jump, most, want) in
         [(200.0, 1000.0, 201), (200.0, 5000.0, 41), (189.74, 1000.0, 191), (189.74, 5000.0, 39), (0.0, 1000.0, 1)]
     {
@@ -132,8 +132,8 @@ fn triangle() -> Vec<[f64; 2]> {
 }
 
 #[test]
-fn samples_acceleration_and_reach_of_the_stored_signals() {
-    let Some(stored) = sample::stored("sync.json") else { return };
+fn moving_average_matches_the_reference_signals() {
+    let stored = sample::stored("sync.json");
     let number = |v: &serde_json::Value| v.as_f64().expect("number");
     for (name, path) in [("raster", raster()), ("triangle", triangle())] {
         let cases = stored["cases"].as_array().expect("cases");
@@ -165,7 +165,7 @@ fn samples_acceleration_and_reach_of_the_stored_signals() {
 }
 
 #[test]
-fn slower_by_the_named_share_a_corner_fits() {
+fn corner_fits_the_field_at_the_suggested_speed() {
     let (field, most) = ([2.0], 1000.0);
     let Err(Infeasible { speed_share, .. }) = choose_average(&corner(200.0, 1e-3), 1e-3, most, field) else {
         panic!("5 mm do not fit 2 mm");
@@ -178,7 +178,7 @@ fn slower_by_the_named_share_a_corner_fits() {
 }
 
 #[test]
-fn running_means_do_not_drift() {
+fn running_mean_does_not_accumulate_rounding() {
     let path: Vec<[f64; 1]> = (0..200_000).map(|i| [400.0 + 30.0 * (0.37 * f64::from(i)).sin()]).collect();
     let got = stage(&path, Method::MovingAverage { samples: 501 });
     for i in [250, 100_000, 199_700] {
@@ -190,7 +190,7 @@ fn running_means_do_not_drift() {
 // --- Other filters
 
 #[test]
-fn a_wave_is_damped_as_theory_says() {
+fn filters_damp_a_wave_by_their_transfer_functions() {
     let wave = |length: f64| -> Vec<[f64; 1]> {
         (0..20_001).map(|i| [(std::f64::consts::TAU * (f64::from(i) - 10_000.0) / length).cos()]).collect()
     };
@@ -225,7 +225,7 @@ fn fitted_polynomials_come_back_and_the_classic_weights_are_met() {
 }
 
 #[test]
-fn a_corridor_holds_and_beats_every_filter_that_holds() {
+fn least_acceleration_stays_in_the_corridor_and_beats_every_filter() {
     let path = wandering();
     let half = [2.0, 5.0];
     let step = 1e-3;
@@ -250,8 +250,8 @@ const FAMILIES: [Family; 4] =
 const ARTICLE: Limits = Limits { focus: 0.1, angle: 10.0 * std::f64::consts::PI / 180.0, field: 5.0 };
 
 #[test]
-fn the_ladder_and_the_boundary_of_the_stored_part() {
-    let Some(part) = Part::stored() else { return };
+fn smoothing_strengths_match_the_reference_of_the_seven_axis_part() {
+    let part = Part::stored();
     let plan = part.hilbert();
     let marks = part.poses(&plan);
     let at = |sigma_um: f64| {
@@ -260,14 +260,14 @@ fn the_ladder_and_the_boundary_of_the_stored_part() {
         (worst, ARTICLE.hold(worst))
     };
     let trials = back_off(30_000.0, 0.95, 1.0, at);
-    let searches = part.json["sigma_search"].as_array().expect("searches");
-    let stored = searches.iter().find(|s| s["unit"] == "arc_um").expect("arc")["hist"].as_array().expect("trials");
+    // Strength in µm of arc, and the worst offset of focus, incidence and displacement.
+    let stored = part.json["back_off"].as_array().expect("trials");
     assert_eq!(trials.len(), stored.len());
     for (trial, want) in trials.iter().zip(stored) {
         let near = |got: f64, k: usize| (got - want[k].as_f64().expect("number")).abs() < 1e-9 * got.max(1.0);
         let d = trial.found;
         assert!(near(trial.strength, 0), "{trial:?}");
-        assert!(near(d.focus, 2) && near(d.angle.to_degrees(), 3) && near(d.lateral, 4), "{trial:?} {want}");
+        assert!(near(d.focus, 1) && near(d.angle.to_degrees(), 2) && near(d.lateral, 3), "{trial:?} {want}");
     }
     let last = trials.last().expect("trials");
     assert!(last.holds && (last.strength - 13_203.8).abs() < 0.05);
@@ -281,8 +281,8 @@ fn the_ladder_and_the_boundary_of_the_stored_part() {
 }
 
 #[test]
-fn stage_axes_of_least_acceleration_keep_all_limits_and_need_less_than_any_filter() {
-    let Some(part) = Part::stored() else { return };
+fn seven_axis_least_acceleration_keeps_limits_and_beats_every_filter() {
+    let part = Part::stored();
     let plan = part.hilbert();
     let marks = part.poses(&plan);
     let step = 1e-3;
@@ -346,7 +346,7 @@ fn least_time(plan: &[[f64; 2]], marks: &[Pose], axes: &[Axes]) -> f64 {
 }
 
 #[test]
-fn a_flat_part_needs_no_turns_and_no_limit_no_stage() {
+fn flat_part_needs_no_rotation_and_zero_limits_follow_the_path() {
     let plan: Vec<[f64; 2]> = wandering();
     let flat = on_surface(&plan, |_, _| (3.0, 0.0, 0.0));
     let axes = seven_axes(&flat, &[], ARTICLE);
@@ -360,7 +360,8 @@ fn a_flat_part_needs_no_turns_and_no_limit_no_stage() {
 }
 
 #[test]
-fn on_a_dome_with_hatch_the_corridor_needs_less_than_any_filter() {
+#[ignore = "slow: make test-all"]
+fn least_acceleration_beats_every_filter_on_a_hatched_dome() {
     // 24 lines of 450 mm in turns, 1 mm apart, over the top of a dome of 10 mm, at 100 mm/s; 40 mm of field, 0.07 mm
     // of depth.
     let half = [20.0, 20.0, 0.035];

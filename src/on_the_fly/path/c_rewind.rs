@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn c_turns_back_in_the_jumps_and_the_tool_stays_where_it_was() {
+    fn rewinding_c_during_jumps_keeps_the_pose_at_marks() {
         for (travel, jump) in [([-TAU, TAU], 1.0), ([-0.2, TAU + 0.2], 0.05), ([-4.5 * TAU, -1.5 * TAU], 0.3)] {
             let (path, axes) = rings(7, jump);
             let (out, turned) = rewound(&path, &axes, travel);
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fits_or_cannot_stays_as_it_is() {
+    fn rewind_leaves_paths_that_fit_or_cannot_fit_unchanged() {
         let (path, axes) = rings(2, 1.0);
         for travel in [[-9.0 * TAU, 9.0 * TAU], [-1.0, 1.0]] {
             let (out, same) = rewound(&path, &axes, travel);

@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_is_met_up_to_its_rim_and_beyond() {
+    fn height_field_of_a_plane_is_exact_to_its_rim_and_beyond() {
         let height_field =
             HeightField::over(&surface(40, 50.0, |x, y| 0.2 * x - 0.1 * y), area(0.0, 50.0), 0.0, 1e-3).expect("part");
         for p in [[0.0, 0.0], [50.0, 50.0], [50.0, 0.02], [25.3, 11.7], [0.0, 33.0]] {
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn smoothing_takes_the_facets_away_and_stays_near() {
+    fn smoothing_removes_facet_edges_within_tolerance() {
         // Facets of a millimetre on a sphere of 5 m.
         let z = |x: f64, y: f64| -((x - 25.0).powi(2) + (y - 25.0).powi(2)) / 10_000.0;
         let part = surface(50, 50.0, z);

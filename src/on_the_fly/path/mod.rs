@@ -434,7 +434,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_lie_straight_before_and_behind_every_mark() {
+    fn skywriting_runs_are_collinear_with_their_mark() {
         // Two lines there and back on a slope of 0.1, and a third that goes on where the second ends.
         let path = path(&[
             &[[0.0, 0.0, 0.0], [10.0, 0.0, 1.0], [20.0, 0.0, 2.0]],

@@ -122,7 +122,7 @@ mod tests {
     use crate::on_the_fly::program::{Kind, Move};
 
     #[test]
-    fn smooth_motions_measure_as_they_are() {
+    fn peak_rates_of_smooth_motions_match_closed_forms() {
         // x = 3 mm (1 - cos 20 t)^2 from rest to rest, samples at uneven times.
         let mut us = 0;
         let at = |us: i64| {
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_in_speed_shows_as_much_as_it_lasts() {
+    fn peak_rates_of_a_speed_step_scale_with_its_duration() {
         // At rest, then 100 mm/s from one sample to the next.
         let moves = (1..=200i64).map(|i| Move { us: i * 1000, to: [(i - 100).max(0) * 100_000; AXES], mark: None });
         let program =

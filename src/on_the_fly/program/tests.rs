@@ -124,7 +124,7 @@ fn times_do_not_drift_and_the_stage_is_where_it_is_at_the_rounded_time() {
 }
 
 #[test]
-fn what_is_no_motion_is_refused() {
+fn invalid_motions_are_refused() {
     let machine = Machine::built_in("xyz-galvo-40").expect("profile");
     let sound = || motion((0..20).map(|i| (f64::from(i), [f64::from(i); AXES])));
     let refused = |change: fn(&mut Motion), kind| {
@@ -149,7 +149,7 @@ fn what_is_no_motion_is_refused() {
 }
 
 #[test]
-fn a_stage_that_would_creep_stands_and_the_scanner_makes_up_for_it() {
+fn stage_below_its_least_speed_stands_still_and_the_scanner_compensates() {
     let mut machine = Machine::built_in("xyz-galvo-40").expect("profile");
     machine.scanner.swap_xy = true;
     machine.scanner.mirror_y = true;

@@ -74,7 +74,7 @@ fn solved(segments: usize, length: f64, limit: Limit, options: &Options) -> Repo
 }
 
 #[test]
-fn the_general_way_converges_to_rest_to_rest() {
+fn discretised_time_converges_to_the_closed_form() {
     for limit in [STAGE, Limit { jerk: None, ..STAGE }] {
         for length in [0.157, 3.0, 40.0] {
             let want = rest_to_rest(length, limit.speed, limit.acceleration, limit.jerk);
@@ -167,7 +167,7 @@ fn caps_hold_on_their_segments() {
 }
 
 #[test]
-fn windows_leave_no_mark_where_they_meet() {
+fn node_rates_do_not_depend_on_the_number_of_windows() {
     // One window against several: what lies ahead by more than a stop's way changes nothing.
     let rates = |nodes| -> Vec<f64> { Owned::wave(nodes).timed(&three(), &Options::default()).node_rates().collect() };
     let (one, several) = (rates(1400), rates(4000));
@@ -177,7 +177,7 @@ fn windows_leave_no_mark_where_they_meet() {
 }
 
 #[test]
-fn threads_change_no_bit() {
+fn result_is_bit_identical_for_any_number_of_threads() {
     let mut wave = Owned::wave(1500);
     wave.stops = vec![1200, 1210, 1300];
     let run = |threads| {
@@ -189,7 +189,7 @@ fn threads_change_no_bit() {
 }
 
 #[test]
-fn numbers_that_do_not_fit_are_refused() {
+fn inconsistent_paths_are_refused() {
     let line = Owned::line(3, 1.0);
     let refused = |path: Path, limits: &[Limit]| time_optimal(&path, limits, &Options::default()).is_err();
     assert!(!refused(line.path(), &[STAGE]));
@@ -220,7 +220,7 @@ fn hilbert(order: u32, index: u32) -> [f64; 2] {
 }
 
 #[test]
-fn a_planar_hilbert_curve_takes_as_long_as_the_reference_found() {
+fn time_of_a_planar_hilbert_curve_matches_the_reference() {
     // Order 8 over 40 mm, one run, no jerk, sixteen cells a segment: 55.29 min.
     let pitch = 40.0 / 255.0;
     let path = Owned::new(65_536, pitch, |s| hilbert(8, (s / pitch).round() as u32).map(|v| v * pitch).to_vec());

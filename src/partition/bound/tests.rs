@@ -26,7 +26,7 @@ fn dome() -> Vec<[i32; 3]> {
 }
 
 #[test]
-fn check_sees_what_a_scan_of_all_boxes_sees() {
+fn certificate_check_equals_a_scan_of_all_boxes() {
     let (mut sound, mut unsound) = (0, 0);
     for seed in 0..400 {
         let mut next = noise(seed);
@@ -50,7 +50,7 @@ fn check_sees_what_a_scan_of_all_boxes_sees() {
 }
 
 #[test]
-fn no_cover_has_fewer() {
+fn bound_is_at_most_the_size_of_any_cover() {
     for seed in 0..60 {
         let mut next = noise(seed);
         let size = [50 + next(50), 50 + next(50), 20 + next(20)];
@@ -82,7 +82,7 @@ fn heights_of_rows_lie_where_asked() {
 }
 
 #[test]
-fn points_out_of_reach_count_each() {
+fn points_farther_apart_than_a_box_count_once_each() {
     let apart: Vec<[i32; 3]> =
         (0..12).flat_map(|x| (0..12).map(move |y| [x * (40 * MM + 1), y * 41 * MM, 7])).collect();
     assert_eq!(lower_bound(&apart, SIZE).stops(), 144);

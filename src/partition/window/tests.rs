@@ -2,13 +2,8 @@ use super::*;
 
 /// Numbers of chance.
 pub(in crate::partition) fn noise(seed: u64) -> impl FnMut(i32) -> i32 {
-    let mut x = seed * 2 + 1;
-    move |n| {
-        x ^= x << 13;
-        x ^= x >> 7;
-        x ^= x << 17;
-        ((x >> 33) % n as u64) as i32
-    }
+    let mut random = crate::random::Random::new(seed);
+    move |n| random.below(n as usize) as i32
 }
 
 /// A sheet z = f(x, y) of square cells.
@@ -36,7 +31,7 @@ fn assert_all_held(items: &[Item], corners: &[[i32; 3]], size: [i32; 3], step: [
 }
 
 #[test]
-fn every_piece_is_held_whatever_the_pieces() {
+fn every_piece_is_covered_for_random_pieces() {
     for seed in 0..40 {
         let mut next = noise(seed);
         let size = [50 + next(50), 50 + next(50), 20 + next(20)];
@@ -58,7 +53,7 @@ fn every_piece_is_held_whatever_the_pieces() {
 }
 
 #[test]
-fn flat_ground_takes_a_grid() {
+fn cover_of_a_flat_sheet_is_a_grid() {
     // 12 by 10 windows exactly.
     let items = sheet([120, 100], 10, |_, _| 0.0);
     assert_eq!(cover(&items, [100, 100, 7], [1; 3]).len(), 120);
@@ -86,7 +81,7 @@ fn free_windows_need_fewer_than_sections_on_a_dome() {
 }
 
 #[test]
-fn the_order_of_the_pieces_and_doubles_change_nothing() {
+fn order_and_duplicates_of_pieces_do_not_change_the_cover() {
     let mut items = sheet([60, 60], 5, |x, y| 0.3 * x + 0.001 * y * y);
     let want = cover(&items, [40, 40, 12], [1; 3]);
     items.reverse();

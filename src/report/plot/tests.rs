@@ -221,7 +221,7 @@ fn samples() -> Vec<(&'static str, Plot)> {
 }
 
 #[test]
-fn text_overlaps_no_text_and_is_nowhere_cut() {
+fn text_is_inside_the_chart_and_does_not_overlap() {
     for (_, plot) in samples() {
         assert!(check(&plot).len() > 5);
     }
@@ -381,7 +381,7 @@ proptest! {
 
     /// Whatever the numbers and the names.
     #[test]
-    fn any_chart_can_be_read(
+    fn charts_of_random_data_are_well_formed(
         title in ".{0,160}",
         names in prop::collection::vec("[ -~µ±°]{0,90}", 1..12),
         limits in prop::collection::vec((any::<f64>(), "[ -~]{0,40}"), 0..9),
@@ -409,7 +409,7 @@ proptest! {
 }
 
 #[test]
-fn a_page_holds_its_tables_and_charts_and_needs_nothing_else() {
+fn page_is_self_contained() {
     let mut table = Table::new(
         "Systems & times",
         vec![Column::text("system"), Column::time("time"), Column::number("FOD", "um", 1)],

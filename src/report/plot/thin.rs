@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn gaps_part_a_line_unless_they_are_too_narrow_to_see() {
+    fn line_is_broken_at_gaps_wider_than_a_pixel() {
         let p = |x: f64, y: f64| Some([x, y]);
         let runs = columns([p(0.0, 1.0), p(5.0, 2.0), None, p(6.0, 1.0), p(9.2, 3.0), None, p(9.7, 1.0)].into_iter());
         assert_eq!(runs, [vec![[0.0, 1.0], [5.0, 2.0]], vec![[6.0, 1.0], [9.2, 3.0], [9.7, 1.0]]]);
@@ -191,12 +191,9 @@ mod tests {
     }
 
     #[test]
-    fn a_path_without_end_is_drawn_with_bounded_many_points() {
-        let mut seed = 1u64;
-        let mut random = || {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (seed >> 40) as f64 / 16_777_216.0 * 800.0
-        };
+    fn number_of_drawn_points_of_a_path_is_bounded() {
+        let mut numbers = crate::random::Random::new(1);
+        let mut random = || numbers.unit() * 800.0;
         let wild: Vec<_> = (0..90_000).map(|_| Some([random(), random()])).collect();
         let count: usize = paths(&[wild]).iter().flatten().map(Vec::len).sum();
         assert!((1..=MOST).contains(&count), "{count}");

@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes_beyond_reading_go_to_the_title() {
+    fn scale_factors_of_large_values_go_to_the_title() {
         let room = Room { length: 200.0, beyond: [12.0; 2], is_level: false, font: 12.0 };
         let ruler = |lo, hi| Ruler::new(&Axis::new("jerk", "mm/s³"), Some([lo, hi]), Ends::AtTicks, room);
         let large = ruler(0.0, 4.2e7);
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn values_are_brief() {
+    fn tick_labels_are_short() {
         let said = [0.0, 100.0, 1837.25, 13_203.8, 0.1 + 0.2, -2.5e-7, 1e9].map(brief);
         assert_eq!(said, ["0", "100", "1837.25", "13203.8", "0.3", "-2.500e-7", "1.000e9"]);
     }

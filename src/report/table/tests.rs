@@ -43,7 +43,7 @@ fn parsed(text: &str) -> Vec<Vec<String>> {
 }
 
 #[test]
-fn text_stands_in_columns_and_rounds_no_share_to_all_or_nothing() {
+fn shares_are_never_rounded_to_0_or_100_percent() {
     let want = "\
 Systems
 
@@ -100,7 +100,7 @@ fn markdown_has_a_cell_for_every_column_and_keeps_bars_inside() {
 }
 
 #[test]
-fn a_wide_table_is_parted_and_its_first_column_repeated() {
+fn wide_table_is_split_and_its_first_column_repeated() {
     let columns: Vec<Column> = [Column::text("system")]
         .into_iter()
         .chain((0..30).map(|k| Column::number(&format!("figure-{k}"), "um", 2)))
@@ -137,13 +137,13 @@ fn long_words_are_wrapped_and_controls_do_not_reach_the_terminal() {
 
 #[test]
 #[should_panic(expected = "cannot hold")]
-fn a_column_holds_its_kind() {
+fn column_refuses_values_of_another_kind() {
     Table::new("", vec![Column::count("n")]).row([0.5.into()]);
 }
 
 proptest! {
     #[test]
-    fn csv_comes_back_as_it_was(rows in prop::collection::vec(("[ -~\n\r\t\"',;µ|]{0,12}", any::<Option<u64>>(), any::<f64>()), 0..6)) {
+    fn csv_round_trips(rows in prop::collection::vec(("[ -~\n\r\t\"',;µ|]{0,12}", any::<Option<u64>>(), any::<f64>()), 0..6)) {
         let mut table = Table::new("", vec![Column::text("a,b"), Column::count("n"), Column::number("v", "um", 1)]);
         for (words, n, v) in &rows {
             table.row([words.as_str().into(), (*n).into(), (*v).into()]);
@@ -159,7 +159,7 @@ proptest! {
     }
 
     #[test]
-    fn json_comes_back_as_it_was(words in ".{0,20}", n in any::<Option<u64>>(), v in any::<f64>()) {
+    fn json_round_trips(words in ".{0,20}", n in any::<Option<u64>>(), v in any::<f64>()) {
         let mut table = Table::new("", vec![Column::text("a"), Column::count("n"), Column::number("v", "", 1)]);
         table.row([words.as_str().into(), n.into(), v.into()]);
         let json: serde_json::Value = serde_json::from_str(&table.json()).expect("JSON");

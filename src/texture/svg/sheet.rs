@@ -383,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn no_selector_or_comment_is_too_long_for_the_stack() {
+    fn long_selectors_and_comments_do_not_overflow_the_stack() {
         let chain = format!("{}rect{{fill:none}}", "g+".repeat(400_000));
         assert_eq!(count(&chain, &format!("<s>{}<rect/></s>", "<g/>".repeat(450_000))).expect("linear").0, 1);
         assert_eq!(count(&format!("rect{}{{fill:none}}", "/**/".repeat(400_000)), "<rect/>").expect("linear").0, 1);
@@ -406,7 +406,7 @@ mod tests {
     }
 
     #[test]
-    fn sheets_are_read_as_they_are_meant() {
+    fn style_sheets_are_parsed_by_the_css_rules() {
         let all = |block| declarations(block).map(|d| (d.name, d.value, d.important)).collect::<Vec<_>>();
         assert_eq!(
             all(" fill : red ! important ;;x;stroke:url(#a)"),
@@ -437,7 +437,7 @@ mod tests {
     proptest! {
         /// Where the exhaustive matcher says that a selector applies, this one says so, and nowhere else.
         #[test]
-        fn matching_agrees_with_trying_every_way(
+        fn selector_matching_equals_brute_force(
             tree in prop::collection::vec((0u8..3, 0u8..3, any::<bool>()), 1..40),
             selector in prop::collection::vec((0u8..4, 0u8..3), 1..7),
         ) {

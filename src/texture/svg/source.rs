@@ -199,7 +199,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn depth_is_counted_over_what_looks_like_tags_but_is_none() {
+    fn depth_counter_ignores_tags_in_comments_and_cdata() {
         let open = "<g a='>' b=\"/>\"><!-- <g><g> --><![CDATA[<g>]]><p/><p a='1'/>";
         let nested = |n: usize| open.repeat(n) + &"</g>".repeat(n);
         assert!(check(&nested(MAX_DEPTH)).is_ok());

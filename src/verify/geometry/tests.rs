@@ -31,11 +31,7 @@ fn sheet(w: f64, h: f64, n: usize, m: usize, z: impl Fn(f64, f64) -> f64) -> Vec
         }
     }
     // A fixed shuffle: no regular order for the grid to lean on.
-    let mut seed = 1u64;
-    for i in (1..out.len()).rev() {
-        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        out.swap(i, (seed >> 33) as usize % (i + 1));
-    }
+    crate::random::Random::new(1).shuffle(&mut out);
     out.iter_mut().step_by(3).for_each(|f| f.swap(0, 1));
     out
 }
@@ -215,8 +211,8 @@ fn slivers_across_the_grid_do_not_fill_the_memory() {
 
 /// A rate, printed; run it with `--ignored --nocapture`. It fails below the rate that docs promise.
 #[test]
-#[ignore = "a measurement"]
-fn two_million_crossings_a_second() {
+#[ignore = "slow, a measurement: make test-all"]
+fn depth_tracer_crosses_two_million_facets_a_second() {
     let facets = sheet(450.0, 450.0, 1000, 1000, |x, y| 40.0 - ((x - 225.0).powi(2) + (y - 225.0).powi(2)) / 2500.0);
     let start = std::time::Instant::now();
     let g = geometry(&facets, 0.0);

@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_controller_would_misread_is_a_fault() {
+    fn dxf_that_controllers_misread_is_a_fault() {
         let sound = format!("{HEAD}{LINE}{LOOP}{TAIL}");
         for end in 0..sound.len() {
             assert!(strokes(&sound[..end]).is_err(), "cut at {end}");

@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn sheet_columns_are_found_by_name_whatever_stands_between() {
+    fn run_sheet_columns_are_found_by_name() {
         let text = "part zero  X1.0000 Y-2.0000 Z0.5000 mm in the table frame\npart turn  12.5 deg about z\n\nPENS (x)\n  \
                     no  speed mm/s  name\n   1  1000  60 % = 9 W   60  1  fine, long  name\n\nBLOCKS (x)\n  block    section  \
                     level  marks mm  lift  pens  file\n  PASS 2\n  B0001  0,0  -1  5.0  yes  1 2  blocks/B0001.dxf\n  \

@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn a_facet_is_as_high_as_what_of_it_lies_in_the_sweep() {
+    fn height_of_a_facet_is_that_of_its_part_inside_the_sweep() {
         let sweep = Sweep::of([0.0, 0.0], [0.0, 0.0], 1.0);
         let ramp = [[-10.0, -10.0, -10.0], [10.0, -10.0, 10.0], [0.0, 30.0, 0.0]];
         assert!((sweep.highest(ramp) - 1.0).abs() < 1e-12);

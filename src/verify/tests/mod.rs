@@ -81,7 +81,7 @@ fn in_folder<T>(made: &Made, run: impl FnOnce(&Path) -> T) -> T {
 }
 
 #[test]
-fn a_sound_folder_is_proved_with_its_lengths() {
+fn valid_folder_verifies_with_its_lengths() {
     let proof = Made::new().proof();
     assert!(proof.ok, "{}", proof.to_text());
     // Made strokes are not filled areas.
@@ -98,7 +98,7 @@ fn a_sound_folder_is_proved_with_its_lengths() {
 }
 
 #[test]
-fn depth_owns_a_focal_plane_that_is_shifted() {
+fn depth_reports_a_shifted_focal_plane() {
     let proof = mutant(|m| m.blocks[1].stop.focus += 100_000);
     assert_only("depth", &proof);
     let rule = proof.rule("depth").expect("depth");
@@ -109,7 +109,7 @@ fn depth_owns_a_focal_plane_that_is_shifted() {
 }
 
 #[test]
-fn depth_owns_a_block_whose_range_is_too_large() {
+fn depth_reports_a_block_beyond_the_depth_range() {
     // Both halves of a section as one block around a mean focal plane.
     let proof = mutant(|m| {
         let other = m.blocks.remove(1);
@@ -124,21 +124,21 @@ fn depth_owns_a_block_whose_range_is_too_large() {
 }
 
 #[test]
-fn field_owns_marks_outside_the_field() {
+fn field_reports_marks_outside_the_field() {
     let proof = mutant(|m| m.blocks[3].stop.centre.x -= 5 * MM);
     assert_only("field", &proof);
     assert_eq!(proof.rule("field").expect("field").violated, 9);
 }
 
 #[test]
-fn travel_owns_targets_beyond_it_or_off_the_increment() {
+fn travel_reports_targets_beyond_it_or_off_the_increment() {
     assert_only("travel", &mutant(|m| m.origin[0] += 500 * MM));
     assert_only("travel", &mutant(|m| m.origin[1] += 50));
     assert_only("travel", &damaged("stage.ngc", |t| t.replacen("G0 Z200\n", "G0 Z201\n", 1)));
 }
 
 #[test]
-fn once_owns_a_mark_that_is_there_twice() {
+fn once_reports_a_doubled_mark() {
     let proof = mutant(|m| {
         let again = m.blocks[0].marks[4].clone();
         m.blocks[0].marks.push(again);
@@ -240,7 +240,7 @@ fn a_closed_figure_may_begin_at_any_vertex_that_it_names() {
 }
 
 #[test]
-fn coverage_owns_what_is_not_marked() {
+fn coverage_reports_missing_marks() {
     let proof = mutant(|m| drop(m.blocks[2].marks.remove(3)));
     assert_only("coverage", &proof);
     let violation = &proof.rule("coverage").expect("coverage").violations[0];
@@ -264,7 +264,7 @@ fn coverage_owns_what_is_not_marked() {
 }
 
 #[test]
-fn ground_owns_marks_where_nothing_may_be_marked() {
+fn ground_reports_marks_off_the_part() {
     let proof = mutant(|m| {
         m.blocks[0].marks[0].points[0].x -= 20;
     });
@@ -281,7 +281,7 @@ fn ground_owns_marks_where_nothing_may_be_marked() {
 }
 
 #[test]
-fn source_owns_marks_that_are_not_the_texture() {
+fn source_reports_marks_that_are_not_of_the_texture() {
     // Along the level lines of the ramp nothing but the place changes.
     let aside = mutant(|m| m.blocks[0].marks[2].points.iter_mut().for_each(|p| p.y += 1_000));
     assert_only("source", &aside);
@@ -293,7 +293,7 @@ fn source_owns_marks_that_are_not_the_texture() {
 }
 
 #[test]
-fn agreement_owns_what_one_file_alone_says() {
+fn agreement_reports_a_change_of_one_file() {
     let cases: [(&str, &str, &str); 12] = [
         ("blocks/B0002.dxf", "-8.000000", "-8.000001"),
         ("blocks/B0002.dxf", "B0002_P2", "B0002_P1"),
@@ -315,7 +315,7 @@ fn agreement_owns_what_one_file_alone_says() {
 }
 
 #[test]
-fn agreement_owns_every_byte_of_the_ovf_that_says_something() {
+fn agreement_reports_every_changed_value_of_the_ovf() {
     let made = Made::new();
     in_folder(&made, |folder| {
         let path = folder.join("job.ovf");
@@ -342,7 +342,7 @@ fn agreement_owns_every_byte_of_the_ovf_that_says_something() {
 }
 
 #[test]
-fn laser_owns_stage_programs_that_could_fire_in_a_move() {
+fn laser_reports_stage_programs_that_could_fire_in_a_move() {
     let cases: [(&str, &str, &str); 14] = [
         ("stage.ngc", "M64 P0\n", ""),
         ("stage.ngc", "G4 P0.1\n", ""),
@@ -366,7 +366,7 @@ fn laser_owns_stage_programs_that_could_fire_in_a_move() {
 }
 
 #[test]
-fn summary_owns_figures_that_are_not_found_again() {
+fn summary_reports_figures_that_differ() {
     for key in ["stops", "fragments"] {
         let mut made = Made::new();
         made.summary[key] = 3.into();
@@ -390,7 +390,7 @@ fn summary_owns_figures_that_are_not_found_again() {
 }
 
 #[test]
-fn hash_owns_bytes_files_and_inputs() {
+fn hash_reports_changed_bytes_files_and_inputs() {
     let made = Made::new();
     let cases: [(&str, Option<&[u8]>); 4] =
         [("layout.svg", Some(b"<svg>>")), ("layout.svg", None), ("blocks/note.txt", Some(b"")), ("extra", Some(b"x"))];
@@ -433,7 +433,7 @@ fn a_listed_path_never_leads_out_of_the_folder() {
 }
 
 #[test]
-fn a_folder_without_a_sound_manifest_is_an_error_with_a_remedy() {
+fn folder_with_an_invalid_manifest_is_an_error_with_a_hint() {
     let made = Made::new();
     let code = |folder: &Path| super::verify(folder, None).expect_err("no manifest").diags()[0].code;
     in_folder(&made, |folder| {
@@ -450,7 +450,7 @@ fn a_folder_without_a_sound_manifest_is_an_error_with_a_remedy() {
 }
 
 #[test]
-fn no_byte_of_a_text_file_makes_it_panic() {
+fn damaged_text_files_never_panic() {
     let made = Made::new();
     in_folder(&made, |folder| {
         for name in ["program.txt", "stage.ngc", "blocks/B0002.dxf"] {

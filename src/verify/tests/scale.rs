@@ -67,8 +67,8 @@ fn block(column: u32, row: u32) -> MadeBlock {
 }
 
 #[test]
-#[ignore = "a measurement"]
-fn a_job_of_two_million_facets_is_proved_in_seconds() {
+#[ignore = "slow, a measurement: make test-all"]
+fn job_of_two_million_facets_verifies_in_seconds() {
     let made = dome();
     let dir = tempfile::tempdir().expect("folder");
     let folder = dir.path().join("made.job");

@@ -2,6 +2,8 @@
 
 #![allow(dead_code, reason = "every test binary uses a part of it")]
 
+pub mod image;
+pub mod malformed;
 pub mod surfaces;
 
 use std::path::{Path, PathBuf};
@@ -17,14 +19,16 @@ pub fn folder() -> TempDir {
     tempfile::tempdir().expect("a writable temporary folder")
 }
 
-/// The data that is shared beside the repository; None, said aloud, where it is absent.
-pub fn shared() -> Option<PathBuf> {
+/// The data that is shared beside the repository. Only ignored tests need it, and fail where it is absent.
+pub fn shared() -> PathBuf {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data"));
-    if path.is_dir() {
-        return Some(path.to_owned());
-    }
-    eprintln!("skipped: ../shared/data is absent");
-    None
+    assert!(path.is_dir(), "{} is absent", path.display());
+    path.to_owned()
+}
+
+/// A file of `fixtures`.
+pub fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
 }
 
 /// Runs the program.
@@ -102,6 +106,29 @@ pub fn compile(job: &Path, folder: &Path) -> Value {
     assert!(out.status.success(), "{}: {}", job.display(), said(&out));
     serde_json::from_slice(&out.stdout).expect("compile --json prints one JSON object")
 }
+
+/// Plans and checks a job without writing anything, and answers with the summary that `compile` would give.
+pub fn summary_of(job: &Path) -> Value {
+    let out = terrace([Path::new("check"), job, Path::new("--json")]);
+    assert!(out.status.success(), "{}: {}", job.display(), said(&out));
+    serde_json::from_slice(&out.stdout).expect("check --json prints one JSON object")
+}
+
+/// The manifest of a job folder.
+pub fn manifest(folder: &Path) -> Value {
+    let bytes = std::fs::read(folder.join("manifest.json")).expect("a manifest");
+    serde_json::from_slice(&bytes).expect("JSON")
+}
+
+/// The text of a built-in machine's file.
+pub fn machine_file(profile: &str) -> String {
+    let out = terrace(["machines", profile]);
+    assert!(out.status.success(), "{}", said(&out));
+    String::from_utf8(out.stdout).expect("text")
+}
+
+/// `[emit]` with one file of the programs instead of a drawing per block.
+pub const ONE_FILE: &str = "[emit]\nformats = [\"linuxcnc\"]\n";
 
 /// Plans a stepped job in this process; panics with the errors where that fails.
 pub fn planned(job: &Path) -> Box<SteppedPlan> {

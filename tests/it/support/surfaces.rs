@@ -2,7 +2,12 @@
 
 #![allow(dead_code, reason = "every test and bench uses a part of it")]
 
+#[path = "../../../src/random.rs"]
+mod random;
+
 use std::path::Path;
+
+pub use random::Random;
 
 /// The dome of the counts: z = a (1 - (u² + v²) / 2) over [0, 450]², u and v from -1 to 1.
 pub fn dome(x: f64, y: f64) -> f64 {
@@ -10,34 +15,10 @@ pub fn dome(x: f64, y: f64) -> f64 {
     10.043874448175666 * (1.0 - (u * u + v * v) / 2.0)
 }
 
-/// A small generator of numbers, for noise and shuffling alike.
-pub struct Noise(u64);
-
-impl Noise {
-    pub fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(2) | 1)
-    }
-    pub fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-    /// Uniform in [-0.5, 0.5).
-    pub fn half(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-    }
-    pub fn shuffle<T>(&mut self, list: &mut [T]) {
-        for i in (1..list.len()).rev() {
-            list.swap(i, (self.next() % (i as u64 + 1)) as usize);
-        }
-    }
-}
-
 /// A mesh of `2 n²` facets over the box [x0, y0, x1, y1], inner nodes jittered, diagonals at random,
 /// facets shuffled and their corners rotated.
 pub fn mesh(n: usize, [x0, y0, x1, y1]: [f64; 4], z: impl Fn(f64, f64) -> f64) -> Vec<[[f64; 3]; 3]> {
-    let mut noise = Noise::new(7);
+    let mut noise = Random::new(7);
     let (hx, hy) = ((x1 - x0) / n as f64, (y1 - y0) / n as f64);
     let mut nodes = Vec::with_capacity((n + 1) * (n + 1));
     for j in 0..=n {

@@ -303,7 +303,7 @@ fn long_stroke(program: &Program) -> usize {
 }
 
 #[test]
-fn dose_owns_a_pen_of_another_slope() {
+fn dose_reports_a_pen_of_another_slope() {
     let bench = || Bench::of("contour", "", "dose = { compensate = \"speed\", step = 0.002 }", 6.0);
     let sound = bench();
     assert!(sound.plan.checked.program().pens.len() > 4, "{:?}", sound.plan.checked.program().pens);
@@ -346,7 +346,7 @@ fn dose_owns_a_pen_of_another_slope() {
 }
 
 #[test]
-fn the_compiled_job_is_proved() {
+fn compiled_job_verifies() {
     let bench = Bench::new();
     let proof = verified(&bench.write());
     assert!(proof.ok, "{}", proof.to_text());
@@ -354,7 +354,7 @@ fn the_compiled_job_is_proved() {
 }
 
 #[test]
-fn depth_a_focal_plane_too_high() {
+fn depth_reports_a_focal_plane_that_is_too_high() {
     let proof = Bench::new().mutant(|program, plan| {
         program.blocks[7].stop.focus += 30_000;
         place(&mut program.blocks[7], plan);
@@ -363,7 +363,7 @@ fn depth_a_focal_plane_too_high() {
 }
 
 #[test]
-fn depth_strokes_marked_at_the_level_above() {
+fn depth_reports_strokes_in_the_level_above() {
     // The strokes of one block move to the next block of the same section.
     let proof = Bench::new().mutant(|program, _| {
         let pairs = program.blocks.windows(2).enumerate();
@@ -376,7 +376,7 @@ fn depth_strokes_marked_at_the_level_above() {
 }
 
 #[test]
-fn field_marks_beyond_the_field() {
+fn field_reports_marks_beyond_the_field() {
     let proof = Bench::new().mutant(|program, plan| {
         let block = &mut program.blocks[3];
         block.stop.centre.x += 35_000_000;
@@ -392,7 +392,7 @@ fn field_marks_beyond_the_field() {
 }
 
 #[test]
-fn once_a_stroke_marked_twice() {
+fn once_reports_a_doubled_stroke() {
     let proof = Bench::new().mutant(|program, _| {
         let i = long_stroke(program);
         let copy = program.strokes[i];
@@ -406,7 +406,7 @@ fn once_a_stroke_marked_twice() {
 }
 
 #[test]
-fn once_an_overlap_that_is_longer_or_elsewhere_than_declared() {
+fn once_reports_overlaps_other_than_declared() {
     // Moves the inner end of a cut stroke by `by` nm along its segment, outwards.
     fn stretched(by: f64) -> impl Fn(&mut Program, &SteppedPlan) {
         move |program, _| {
@@ -452,13 +452,13 @@ fn once_an_overlap_that_is_longer_or_elsewhere_than_declared() {
 }
 
 #[test]
-fn coverage_a_stroke_forgotten() {
+fn coverage_reports_a_missing_stroke() {
     let proof = Bench::new().mutant(|program, _| remove(program, long_stroke(program)));
     assert_only("coverage", &proof);
 }
 
 #[test]
-fn coverage_an_end_cut_short() {
+fn coverage_reports_a_shortened_stroke() {
     let proof = Bench::new().mutant(|program, _| {
         let s = program.strokes[long_stroke(program)];
         let (a, b) = (program.points[s.first as usize], program.points[s.first as usize + 1]);
@@ -470,7 +470,7 @@ fn coverage_an_end_cut_short() {
 }
 
 #[test]
-fn source_a_stroke_beside_the_texture() {
+fn source_reports_a_stroke_beside_the_texture() {
     let proof = Bench::new().mutant(|program, _| {
         // An inner corner of a square moves by 0.1 um.
         let s = *program.strokes.iter().find(|s| s.len == 5).expect("a whole square");
@@ -480,7 +480,7 @@ fn source_a_stroke_beside_the_texture() {
 }
 
 #[test]
-fn source_a_figure_that_begins_at_another_vertex() {
+fn source_reports_a_figure_that_begins_elsewhere() {
     let proof = Bench::new().mutant(|program, _| {
         // The squares of a block begin where the beam comes from, not where they were drawn from.
         let turned = program.strokes.iter_mut().find(|s| s.len == 5 && s.segment > 0 && !s.reversed);
@@ -490,7 +490,7 @@ fn source_a_figure_that_begins_at_another_vertex() {
 }
 
 #[test]
-fn travel_a_part_beyond_the_stage() {
+fn travel_reports_a_part_beyond_the_stage() {
     let mut bench = Bench::new();
     let far = 240_000_000;
     let mut program = bench.plan.checked.program().clone();
@@ -505,7 +505,7 @@ fn travel_a_part_beyond_the_stage() {
 }
 
 #[test]
-fn travel_a_stop_off_the_increment() {
+fn travel_reports_a_stop_off_the_increment() {
     let proof = Bench::new().mutant(|program, plan| {
         let block = &mut program.blocks[5];
         block.stop.focus += 30;
@@ -515,7 +515,7 @@ fn travel_a_stop_off_the_increment() {
 }
 
 #[test]
-fn laser_every_way_to_leave_it_on() {
+fn laser_reports_every_way_to_leave_it_on() {
     let bench = Bench::new();
     let ways: [(&str, &str, &str, &str); 5] = [
         ("stage.ngc", "(BLOCK B0004", "G4 P", "(G4) (P"),
@@ -552,7 +552,7 @@ fn laser_every_way_to_leave_it_on() {
 }
 
 #[test]
-fn agreement_one_format_says_something_else() {
+fn agreement_reports_one_format_that_differs() {
     let bench = Bench::new();
     // One digit of one coordinate of a drawing: 1 nm.
     let proof = bench.damaged("blocks/B0005.dxf", |bytes| {
@@ -603,7 +603,7 @@ fn agreement_one_format_says_something_else() {
 }
 
 #[test]
-fn hash_a_changed_a_missing_and_an_added_file() {
+fn hash_reports_a_changed_a_missing_and_an_added_file() {
     let bench = Bench::new();
     let target = bench.write();
     alter(&target, "layout.svg", |b| b.push(b' '));
@@ -617,7 +617,7 @@ fn hash_a_changed_a_missing_and_an_added_file() {
 }
 
 #[test]
-fn summary_a_length_that_is_not_so() {
+fn summary_reports_a_wrong_length() {
     let bench = Bench::new();
     for key in ["mark_mm", "texture_mm", "skipped_mm", "worst_defocus_um"] {
         let target = bench.write();
@@ -638,7 +638,7 @@ fn refilled(change: impl FnOnce(&mut serde_json::Value)) -> Proof {
 }
 
 #[test]
-fn fill_sections_and_directions_that_are_not_the_jobs() {
+fn fill_reports_sections_and_directions_that_differ() {
     assert_only("fill", &refilled(|s| s["columns"] = 7.into()));
     assert_only("fill", &refilled(|s| s["origin_mm"][0] = 0.5.into()));
     assert_only("fill", &refilled(|s| s["pitch_mm"][1] = 21.0.into()));

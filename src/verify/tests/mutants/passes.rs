@@ -15,7 +15,7 @@ fn range_of(program: &Program, pass: u32) -> std::ops::Range<usize> {
 }
 
 #[test]
-fn three_passes_are_proved() {
+fn three_passes_verify() {
     let bench = three();
     let proof = verified(&bench.write());
     assert!(proof.ok, "{}", proof.to_text());
@@ -23,7 +23,7 @@ fn three_passes_are_proved() {
 }
 
 #[test]
-fn coverage_a_pass_left_out() {
+fn coverage_reports_a_missing_pass() {
     let mut bench = Bench::hatched("passes = { count = 3, rotate = \"67 deg\" }");
     // Its picture has nothing to draw then.
     let first = bench.plan.passes[2].blocks.start;
@@ -37,7 +37,7 @@ fn coverage_a_pass_left_out() {
 }
 
 #[test]
-fn depth_a_pass_that_is_not_lowered() {
+fn depth_reports_a_pass_that_is_not_lowered() {
     let proof = three().mutant(|program, plan| {
         for i in range_of(program, 1) {
             let b = &mut program.blocks[i];
@@ -51,7 +51,7 @@ fn depth_a_pass_that_is_not_lowered() {
 }
 
 #[test]
-fn source_a_pass_of_another_angle() {
+fn source_reports_a_pass_of_another_angle() {
     // Straight lines: those along contours do not turn.
     let mut bench = Bench::hatched("passes = { count = 2, rotate = \"67 deg\" }");
     assert!(verified(&bench.write()).ok);
@@ -87,7 +87,7 @@ fn a_block_in_another_pass_is_found() {
 }
 
 #[test]
-fn agreement_passes_that_the_manifest_states_otherwise() {
+fn agreement_reports_passes_that_differ_from_the_manifest() {
     let bench = three();
     for (key, value) in [("lowered_mm", 0.009), ("turn_deg", 66.0)] {
         let target = bench.write();

@@ -15,7 +15,7 @@ fn first_of(program: &Program, setup: u32) -> usize {
 }
 
 #[test]
-fn set_ups_are_proved() {
+fn set_ups_verify() {
     let bench = placed();
     assert_eq!(bench.plan.checked.origins().len(), 3);
     let proof = verified(&bench.write());
@@ -23,7 +23,7 @@ fn set_ups_are_proved() {
 }
 
 #[test]
-fn travel_a_block_in_another_set_up() {
+fn travel_reports_a_block_in_another_set_up() {
     // It is sent to where it would lie in its own.
     let proof = placed().mutant(|program, _| {
         let first = first_of(program, 1);
@@ -40,7 +40,7 @@ fn travel_a_block_in_another_set_up() {
 }
 
 #[test]
-fn travel_an_origin_of_a_set_up_that_is_another() {
+fn travel_reports_a_wrong_origin_of_a_set_up() {
     for by in [[100, 0, 0], [0, 1_000_000, 0], [0, 0, 100]] {
         let mut bench = placed();
         let mut origins = bench.plan.checked.origins().to_vec();
@@ -63,7 +63,7 @@ fn travel_an_origin_of_a_set_up_that_is_another() {
 }
 
 #[test]
-fn laser_a_set_up_without_its_stop() {
+fn laser_reports_a_set_up_without_its_stop() {
     let bench = placed();
     for name in ["stage.ngc", "stage_m0.nc"] {
         let proof = bench.damaged(name, |bytes| replace(bytes, "(SETUP 2", "\nM0\n", "\n"));
@@ -96,7 +96,7 @@ fn laser_a_set_up_without_its_stop() {
 }
 
 #[test]
-fn agreement_registration_that_is_stated_otherwise() {
+fn agreement_reports_registration_that_differs() {
     let bench = placed();
     for change in [
         (|m: &mut serde_json::Value| m["setups"][1]["registration"][0]["stage"][0] = 1.0.into())

@@ -24,7 +24,7 @@ fn exchanged(text: &str, a: &str, b: &str, keep: usize) -> String {
 }
 
 #[test]
-fn agreement_comments_that_name_another_block_or_drawing() {
+fn agreement_reports_comments_that_name_another_block_or_drawing() {
     let bench = Bench::new();
     for name in ["stage.ngc", "stage_m0.nc"] {
         let proof = edited(&bench, name, |t| t.replacen("FILE blocks/B0003.dxf", "FILE blocks/B0004.dxf", 1));
@@ -43,7 +43,7 @@ fn agreement_comments_that_name_another_block_or_drawing() {
 }
 
 #[test]
-fn agreement_run_sheets_that_say_another_place_order_drawing_or_pen() {
+fn agreement_reports_run_sheets_with_another_place_order_drawing_or_pen() {
     let bench = Bench::written("0 deg", "", "", 1.0, "[\"dxf\"]");
     assert!(verified(&bench.write()).ok);
     let block = &bench.plan.checked.program().blocks[2];
@@ -74,7 +74,7 @@ fn agreement_run_sheets_that_say_another_place_order_drawing_or_pen() {
 }
 
 #[test]
-fn agreement_run_sheets_may_say_more_and_lifts_are_held_where_they_are_told() {
+fn agreement_accepts_extra_text_in_run_sheets_and_checks_stated_lifts() {
     let bench = Bench::near();
     let retracts: Vec<bool> = bench.plan.checked.program().blocks.iter().map(|b| b.retract).collect();
     let lift = |t: &str, told: &dyn Fn(usize) -> bool| -> String {
@@ -91,7 +91,7 @@ fn agreement_run_sheets_may_say_more_and_lifts_are_held_where_they_are_told() {
 }
 
 #[test]
-fn agreement_a_first_move_that_does_not_lift() {
+fn agreement_reports_a_first_move_that_does_not_lift() {
     let bench = Bench::new();
     for name in ["stage.ngc", "stage_m0.nc"] {
         let proof = edited(&bench, name, |t| {
@@ -105,7 +105,7 @@ fn agreement_a_first_move_that_does_not_lift() {
 }
 
 #[test]
-fn clearance_lifts_taken_out_of_program_and_stage_programs() {
+fn clearance_reports_missing_lifts() {
     for formats in ["[\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\"]", "[\"dxf\"]"] {
         let sound = Bench::near_with(formats);
         let proof = verified(&sound.write());
@@ -116,7 +116,7 @@ fn clearance_lifts_taken_out_of_program_and_stage_programs() {
 }
 
 #[test]
-fn clearance_lifts_taken_out_before_the_table_tilts() {
+fn clearance_reports_lifts_missing_before_a_tilt() {
     let sound = Bench::tilted_near();
     let proof = verified(&sound.write());
     assert!(proof.ok, "{}", proof.to_text());
@@ -125,7 +125,7 @@ fn clearance_lifts_taken_out_before_the_table_tilts() {
 }
 
 #[test]
-fn agreement_delays_and_machine_of_the_ovf() {
+fn agreement_reports_wrong_delays_and_machine_of_the_ovf() {
     let mut bench = Bench::new();
     let machine = bench.plan.machine.clone();
     let mut job = |change: &dyn Fn(&mut crate::machine::Machine)| {
@@ -147,7 +147,7 @@ fn agreement_delays_and_machine_of_the_ovf() {
 }
 
 #[test]
-fn summary_times_slopes_and_dose_of_a_block_and_a_bound_above_the_stops() {
+fn summary_reports_wrong_times_slopes_dose_and_bound() {
     let bench = Bench::new();
     let wrong = |change: &dyn Fn(&mut serde_json::Value)| {
         let target = bench.write();

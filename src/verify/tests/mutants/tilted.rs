@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn tilted_blocks_are_proved_and_every_damage_to_them_is_found() {
+fn tilted_blocks_verify_and_every_mutant_is_reported() {
     let sound = Bench::tilted("");
     let proof = verified(&sound.write());
     assert!(proof.ok, "{}", proof.to_text());
@@ -66,7 +66,7 @@ fn tilted_blocks_are_proved_and_every_damage_to_them_is_found() {
 }
 
 #[test]
-fn tilted_blocks_in_passes_with_dose_are_proved() {
+fn tilted_blocks_in_passes_with_dose_verify() {
     let more = "passes = { count = 2, lower = \"8 um\", rotate = \"30 deg\" }\n            \
         dose = { compensate = \"speed\", step = 0.001 }";
     let proof = verified(&Bench::tilted(more).write());
