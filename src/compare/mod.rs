@@ -356,13 +356,9 @@ fn marked(deviations: &[Deviation], weights: &[f64], limits: Limits) -> Figures 
     }
 }
 
-/// How far apart nodes of a path may lie, mm.
-fn spacing(subject: &Subject<'_>) -> f64 {
-    let field = subject.machine.usable_field().map(mm_from_nm);
-    field[0].min(field[1]).min(subject.size[0].max(subject.size[1])) / NODES
-}
-
 /// The path of some blocks of a program over the part.
 fn path_of(subject: &Subject<'_>, program: &Program, blocks: Range<usize>) -> Path {
-    Path::of(program, blocks, &subject.inputs.surface, &subject.height_field, spacing(subject))
+    let field = subject.machine.usable_field().map(mm_from_nm);
+    let spacing = field[0].min(field[1]).min(subject.size[0].max(subject.size[1])) / NODES;
+    Path::of(program, blocks, &subject.inputs.surface, &subject.height_field, spacing)
 }

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::{Figures, Split, Subject, marked, path_of, spacing};
+use super::{Figures, Split, Subject, marked, path_of};
 use crate::diag::Error;
 use crate::geom::{Box2, FieldPoint, NM_PER_MM, P2, P3, Turn, mm_from_nm};
 use crate::job::{DepthRule, Focus, Method, Partition};
@@ -164,8 +164,6 @@ fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
     let mut program = Cow::Borrowed(plan.program);
     let turns: Vec<Turn> = program.blocks.iter().map(|b| plan.machine.turn(b.stop.tilt, plan.origin)).collect();
     if turns.iter().any(|turn| turn.lean() > 0.0) {
-        // What is straight in a tilted field is not straight from above.
-        divide_segments(program.to_mut(), spacing(subject));
         seen_from_above(program.to_mut(), &turns, &subject.height_field, plan.texture);
     }
     let owner = owners(&program);
@@ -184,28 +182,6 @@ fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
     };
     let deviations: Vec<Deviation> = (0..path.len()).map(deviation).collect();
     stepping(marked(&deviations, &path.weights(), subject.limits), subject, plan)
-}
-
-/// Divides the segments of all strokes into pieces no longer than `most` mm.
-fn divide_segments(program: &mut Program, most: f64) {
-    let mut points = Vec::with_capacity(program.points.len());
-    for stroke in &mut program.strokes {
-        let first = points.len();
-        let own = &program.points[stroke.first as usize..(stroke.first + stroke.len) as usize];
-        points.push(own[0]);
-        for w in own.windows(2) {
-            let [from, to] = [w[0], w[1]].map(|p| [f64::from(p.x), f64::from(p.y)]);
-            let pieces = ((to[0] - from[0]).hypot(to[1] - from[1]) / (most * NM_PER_MM)).ceil().max(1.0) as u32;
-            for k in 1..pieces {
-                let share = f64::from(k) / f64::from(pieces);
-                let at = |a: usize| (from[a] + share * (to[a] - from[a])).round() as i32;
-                points.push(FieldPoint::new(at(0), at(1)));
-            }
-            points.push(w[1]);
-        }
-        (stroke.first, stroke.len) = (first as u32, (points.len() - first) as u32);
-    }
-    program.points = points;
 }
 
 /// Puts centres and points of all blocks where they lie on the untilted part, seen along z; points in the box of the

@@ -134,7 +134,7 @@ impl Grid {
         let levels: f64 = intervals.map(|(lo, hi)| (hi - lo) / self.lattice.depth as f64).sum();
         if levels <= MAX_STOPS {
             // Every method has its own stops, with what is remembered of each while strokes are cut and ordered.
-            return Ok(memory::ask("the stops", 1000 * levels as u64)?);
+            return Ok(memory::ask("the list of stops", 1000 * levels as u64)?);
         }
         let text = format!("the texture would need more than {:.1} million stops", levels / 1e6);
         Err(Diag::limit("stops-many", text)

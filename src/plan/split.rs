@@ -82,7 +82,7 @@ impl Estimate {
         if self.fragments > SPARE * MAX_FRAGMENTS as f64 || self.points > SPARE * MAX_POINTS as f64 {
             return Err(too_large(texture));
         }
-        memory::ask("the strokes of the program", self.bytes())
+        memory::ask("the program", self.bytes())
     }
 }
 

@@ -68,20 +68,6 @@ fn every_system_is_timed_and_keeps_what_it_promises() {
 }
 
 #[test]
-fn marks_of_tilted_stops_are_followed_as_they_lie_on_the_part() {
-    let dir = folder();
-    let stl = dir.path().join("dome.stl");
-    let dome = |x: f64, y: f64| (200.0f64.powi(2) - x * x - y * y).sqrt() - 200.0;
-    write_stl(&stl, &mesh(100, [-60.0, -60.0, 60.0, 60.0], dome));
-    let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"2 mm\"");
-    job.machine = "profile = \"xyz-tilt-galvo-40\"".into();
-    let found = compared(&["--systems", "tilt"], &job.write(dir.path(), "dome.toml"));
-    let worst = number(&found["systems"][0], "worst_fod_um");
-    // Strokes on a tilted part run up to 100 nm beside the line that they stand for, on slopes of up to a half.
-    assert!(worst <= number(&found["limits"], "fod_um") + 0.05, "{worst}");
-}
-
-#[test]
 fn zoom_optic_stops_at_its_range() {
     let dir = folder();
     let stl = dir.path().join("slope.stl");

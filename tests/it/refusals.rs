@@ -160,7 +160,7 @@ fn strokes_beyond_the_limit_of_memory_are_refused_with_the_figure() {
     let done = within(120_000);
     let text = said(&done);
     assert_eq!(done.status.code(), Some(1), "{text}");
-    assert!(text.contains("error[memory]: the strokes of the program take"), "{text}");
+    assert!(text.contains("error[memory]: the program takes about "), "{text}");
     assert!(within(4_000_000).status.success(), "{}", said(&within(4_000_000)));
 }
 
