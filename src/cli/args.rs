@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 
-use crate::compare::System;
+use crate::compare::{SYSTEMS, System};
 use crate::job::{FileUnit, Mode, Objective};
 use crate::on_the_fly::axes::following_error::Protection;
 
@@ -100,8 +100,8 @@ pub enum Command {
         /// Job file, or - for standard input.
         job: PathBuf,
         /// Systems, separated by commas; default: all.
-        #[arg(long, value_delimiter = ',', value_name = "NAMES", value_parser = one_of(&System::ALL, System::name))]
-        systems: Vec<System>,
+        #[arg(long, value_delimiter = ',', value_name = "NAMES", value_parser = one_of(&SYSTEMS, |system| system.name))]
+        systems: Vec<&'static System>,
         /// What keeps the scanner in its field while it compensates the stage's following error (accumulated: eq. 5
         /// of Cui et al., which does not).
         #[arg(long, default_value = "saturate", value_name = "NAME", value_parser = one_of(&Protection::ALL, Protection::name))]

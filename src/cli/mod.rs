@@ -123,7 +123,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             }
             let spinner = show::Spinner::new(args.quiet);
             let job = load(args, job, &Choice { mode: Some(Mode::Stepped), ..Choice::default() })?;
-            let asked = if systems.is_empty() { &crate::compare::System::ALL[..] } else { systems };
+            let asked = if systems.is_empty() { &crate::compare::SYSTEMS[..] } else { systems };
             let found = crate::compare::compare(&job, asked, *protection, &|name| spinner.text(name))?;
             spinner.done();
             warn(args, &found.warnings);

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::filters::{FAMILIES, filters};
-use super::{Curves, Figures, Split, Subject, System, marked, path_of};
+use super::{Curves, Figures, Split, Subject, marked, path_of};
 use crate::block_map::BlockMap;
 use crate::diag::Error;
 use crate::geom::{NM_PER_MM, mm_from_nm};
@@ -60,27 +60,8 @@ impl<'a> Follower<'a> {
         ScannerLimits::of(self.subject.machine, self.subject.limits.focus)
     }
 
-    /// The figures of a system and what it has to show; None of one that steps.
-    pub(super) fn system(
-        &self,
-        system: System,
-        progress: &(dyn Fn(&'static str) + std::marker::Sync),
-    ) -> Option<(Result<Figures, Error>, Curves)> {
-        let mut curves = Curves::default();
-        let by: &dyn Fn(&mut Curves) -> Result<Figures, Error> = match system {
-            System::Decomposition => &|c| self.synchronised(c),
-            System::SyncBands => &|_| self.bands(),
-            System::Seven => &|c| self.turning(ToolPath::Filtered(Family::Gaussian), c),
-            System::SevenSmooth => &|c| self.turning(ToolPath::LeastAcceleration, c),
-            System::Five => &|c| self.turning(ToolPath::OnTheMark, c),
-            _ => return None,
-        };
-        progress(system.name());
-        Some((by(&mut curves), curves))
-    }
-
     /// The strokes in their order, synchronised as a whole.
-    fn synchronised(&self, curves: &mut Curves) -> Result<Figures, Error> {
+    pub(super) fn synchronised(&self, curves: &mut Curves) -> Result<Figures, Error> {
         let machine = self.subject.machine;
         let (pens, allowed) = (&self.whole.program.pens, self.allowed()?);
         // Where the part lies is the machine's affair: its travel must be long enough.
@@ -178,7 +159,7 @@ impl<'a> Follower<'a> {
     }
 
     /// Bands of depth over the whole part: within each x and y follow, z rests.
-    fn bands(&self) -> Result<Figures, Error> {
+    pub(super) fn bands(&self) -> Result<Figures, Error> {
         let subject = self.subject;
         let depth = Some(subject.job.focus.depth);
         let Strokes { program, section, texture, .. } =
@@ -224,7 +205,7 @@ impl<'a> Follower<'a> {
     }
 
     /// Five stage axes, with or without the scanner.
-    fn turning(&self, tools: ToolPath, curves: &mut Curves) -> Result<Figures, Error> {
+    pub(super) fn turning(&self, tools: ToolPath, curves: &mut Curves) -> Result<Figures, Error> {
         let subject = self.subject;
         let mut notes = Vec::new();
         let pens = &self.whole.program.pens;

@@ -13,9 +13,13 @@ mod filters;
 mod follow;
 mod report;
 mod stepped;
+mod system;
 
 pub use filters::Filter;
 pub use report::{page, plots, tables};
+pub use system::{SYSTEMS, System};
+use follow::Follower;
+use system::Run;
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -36,67 +40,6 @@ use crate::on_the_fly::statistics::Statistics;
 use crate::plan::strokes;
 use crate::plan::{Inputs, SteppedPlan};
 use crate::program::Program;
-
-/// A way of marking a part.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum System {
-    /// Fields side by side, one focal plane each.
-    Flat,
-    /// Stepped, by the article's levels.
-    Contour,
-    /// Stepped, fewest levels in each section.
-    ZRange,
-    /// Stepped, free windows.
-    Window,
-    /// Stepped, levels changed by a zoom optic in the head.
-    Zoom,
-    /// Stepped, the part tilted at each stop.
-    Tilt,
-    /// Scanner and stage synchronised, strokes in their order, stage by moving average.
-    Decomposition,
-    /// As `Decomposition`, the texture cut into bands of depth over the whole part; z steps between them.
-    SyncBands,
-    /// Seven axes, Gaussian decomposition.
-    Seven,
-    /// Seven axes, decomposition of least acceleration.
-    SevenSmooth,
-    /// Five axes, the scanner at rest.
-    Five,
-}
-
-impl System {
-    /// All of them, in the order of the table.
-    pub const ALL: [Self; 11] = [
-        Self::Flat,
-        Self::Contour,
-        Self::ZRange,
-        Self::Window,
-        Self::Zoom,
-        Self::Tilt,
-        Self::Decomposition,
-        Self::SyncBands,
-        Self::Seven,
-        Self::SevenSmooth,
-        Self::Five,
-    ];
-
-    /// Its name on the command line and in tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Flat => "flat",
-            Self::Contour => "contour",
-            Self::ZRange => "z-range",
-            Self::Window => "window",
-            Self::Zoom => "zoom",
-            Self::Tilt => "tilt",
-            Self::Decomposition => "sync",
-            Self::SyncBands => "sync-bands",
-            Self::Seven => "7-axis",
-            Self::SevenSmooth => "7-axis-smooth",
-            Self::Five => "5-axis",
-        }
-    }
-}
 
 /// Parts of a job's time, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -175,8 +118,8 @@ pub struct Figures {
 /// One row of the comparison.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// The system.
-    pub system: System,
+    /// The name of the system.
+    pub system: &'static str,
     /// Its figures, or why it does not apply.
     pub figures: Result<Figures, Error>,
 }
@@ -264,7 +207,7 @@ const NODES: f64 = 40.0;
 /// Those of the job itself; a system that cannot do it says so in its row.
 pub fn compare(
     job: &Job,
-    systems: &[System],
+    systems: &[&'static System],
     protection: Protection,
     progress: &(dyn Fn(&'static str) + Sync),
 ) -> Result<Comparison, Error> {
@@ -297,45 +240,47 @@ pub fn compare(
         move_s: across.travel_s + across.settle_s,
         z_range: OnceLock::new(),
     };
-    let stepped = |system: &System| {
-        let by: &dyn Fn() -> Result<Figures, Error> = match system {
-            System::Flat => &|| stepped::flat(&subject),
-            System::Contour => &|| stepped::by(&subject, Method::Contour),
-            System::ZRange => &|| stepped::z_range(&subject),
-            System::Window => &|| stepped::by(&subject, Method::Window),
-            System::Zoom => &|| stepped::zoom(&subject),
-            System::Tilt => &|| stepped::tilt(&subject),
-            _ => return None,
-        };
-        progress(system.name());
-        Some(by())
-    };
-    let follower = follow::Follower::new(&subject, &whole);
-    let follow = &|system: &System| follower.system(*system, progress);
-    // Stepped systems one after the other, since they share a plan, beside the rest, each of which goes by itself. What
-    // takes long on one thread goes first.
-    let followed: Vec<OnceLock<_>> = systems.iter().map(|_| OnceLock::new()).collect();
-    let mut stopped = Vec::new();
-    rayon::scope_fifo(|scope| {
-        let spawn = |wanted: System| {
-            for (system, slot) in systems.iter().zip(&followed).filter(|(system, _)| **system == wanted) {
-                scope.spawn_fifo(move |_| drop(slot.set(follow(system))));
-            }
-        };
-        let stopped = &mut stopped;
-        spawn(System::SevenSmooth);
-        scope.spawn_fifo(|_| *stopped = systems.iter().map(stepped).collect());
-        [System::Decomposition, System::Seven, System::SyncBands, System::Five].into_iter().for_each(spawn);
-    });
+    let follower = Follower::new(&subject, &whole);
+    let found = run(systems, &subject, &follower, progress);
     let (mut rows, mut curves) = (Vec::new(), Curves::default());
-    for ((&system, stopped), followed) in systems.iter().zip(stopped).zip(followed) {
-        let (followed, more) = followed.into_inner().flatten().unzip();
-        curves.add(more.unwrap_or_default());
-        rows.extend(stopped.or(followed).map(|figures| Row { system, figures }));
+    for (&system, (figures, more)) in systems.iter().zip(found) {
+        curves.add(more);
+        rows.push(Row { system: system.name, figures });
     }
     let job_name = job.path.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let warnings = [inputs.warnings.as_slice(), &whole.warnings].concat();
     Ok(Comparison { job: job_name, machine: machine.name.clone(), limits, rows, curves, warnings })
+}
+
+/// Runs the systems, each in its turn of the table; their figures and curves in the order of `systems`.
+fn run(
+    systems: &[&'static System],
+    subject: &Subject<'_>,
+    follower: &Follower<'_>,
+    progress: &(dyn Fn(&'static str) + Sync),
+) -> Vec<(Result<Figures, Error>, Curves)> {
+    let found: Vec<OnceLock<_>> = systems.iter().map(|_| OnceLock::new()).collect();
+    let one = |i: usize| {
+        let mut curves = Curves::default();
+        progress(systems[i].name);
+        let figures = match systems[i].run {
+            Run::Stepped(figures) => figures(subject),
+            Run::OnTheFly(figures) => figures(follower, &mut curves),
+        };
+        drop(found[i].set((figures, curves)));
+    };
+    let of = |start: u8| (0..systems.len()).filter(move |&i| systems[i].start == start);
+    rayon::scope_fifo(|scope| {
+        let last = systems.iter().map(|s| s.start).max().unwrap_or(0);
+        for start in 0..=last {
+            // Stepped systems share a plan: one task does them in order, beside the others.
+            let is_stepped = |&i: &usize| matches!(systems[i].run, Run::Stepped(_));
+            let one = &one;
+            scope.spawn_fifo(move |_| of(start).filter(is_stepped).for_each(one));
+            of(start).filter(|i| !is_stepped(i)).for_each(|i| scope.spawn_fifo(move |_| one(i)));
+        }
+    });
+    found.into_iter().map(|f| f.into_inner().expect("every system was run")).collect()
 }
 
 /// How far the marks of a path lie from what their beams would like best: focus, incidence, displacement, and

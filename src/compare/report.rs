@@ -33,7 +33,7 @@ fn systems(c: &Comparison) -> Table {
     let width = columns.len();
     let mut table = Table::new("Systems", columns);
     for row in &c.rows {
-        let mut cells: Vec<Cell> = vec![row.system.name().into()];
+        let mut cells: Vec<Cell> = vec![row.system.into()];
         match &row.figures {
             Ok(f) => cells.extend(figures(f)),
             Err(e) => {
@@ -77,7 +77,7 @@ fn deviations(c: &Comparison) -> Option<Table> {
         for (name, unit, spread) in spreads {
             let Some(s) = spread else { continue };
             let figures = [s.mean, s.median, s.p95, s.worst].map(Cell::from);
-            table.push([system.name().into(), name.into(), unit.into()].into_iter().chain(figures).collect());
+            table.push([system.into(), name.into(), unit.into()].into_iter().chain(figures).collect());
             any = true;
         }
     }
@@ -177,7 +177,7 @@ fn convergence(c: &Comparison) -> Option<Table> {
 /// The charts, each with the name of its file.
 pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
     let applied: Vec<(&str, &Figures)> =
-        c.rows.iter().filter_map(|r| Some((r.system.name(), r.figures.as_ref().ok()?))).collect();
+        c.rows.iter().filter_map(|r| Some((r.system, r.figures.as_ref().ok()?))).collect();
     let parts = Figures::default().time.parts().map(|(name, _)| name.to_owned()).to_vec();
     let rows = applied.iter().map(|(n, f)| ((*n).to_owned(), f.time.parts().map(|p| p.1).to_vec())).collect();
     let mut out = vec![("times", Bars { title: "Time".into(), value: Axis::new("time", "s"), parts, rows }.draw())];

@@ -327,7 +327,7 @@ mod tests {
         refused(&byte, &Scale { nodata: Some(256), ..SCALE }, "heightmap-scale", "nodata 256");
         refused(&byte, &Scale { nodata: Some(1), ..SCALE }, "heightmap-empty", "value 1 of holes");
         refused(&map, &Scale { pixel_mm: 3000.0, ..SCALE }, "surface-size", "5999, 6005");
-        refused(&map, &Scale { pixel_mm: f64::NAN, ..SCALE }, "heightmap-scale", "no scale");
+        refused(&map, &Scale { pixel_mm: f64::NAN, ..SCALE }, "heightmap-scale", "not a scale");
         let (_, notes) = read_bytes(&map, &Scale { pixel_mm: 0.1, z_mm: [0.0, 1.0], ..SCALE });
         assert_eq!(notes[0].code, "surface-tiny");
     }

@@ -39,7 +39,7 @@ impl Bench {
 
     /// The same on a sheet that is `steep` times as high.
     fn of(direction: &str, keys: &str, tables: &str, steep: f64) -> Self {
-        Self::written(direction, keys, tables, steep, "[\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\"]")
+        Self::written(direction, keys, tables, steep, "[\"dxf\", \"csv\", \"linuxcnc\", \"gcode\", \"ovf\"]")
     }
 
     /// The same with other formats.
@@ -48,7 +48,7 @@ impl Bench {
         let bench = Self::edited(steep, |text| {
             let text = text.replacen("\"z-range\"", &format!("\"z-range\"{keys}"), 1);
             let text = text.replacen("\"contour\"", &format!("{direction:?}"), 1);
-            let text = text.replacen("[\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\"]", formats, 1);
+            let text = text.replacen("[\"dxf\", \"csv\", \"linuxcnc\", \"gcode\", \"ovf\"]", formats, 1);
             text.replacen("machine =", &format!("{tables}\n            machine ="), 1)
         });
         assert!(bench.plan.summary.stops > 20, "{:?}", bench.plan.summary);
@@ -68,7 +68,7 @@ impl Bench {
 
     /// Hatches on both sides of a ridge that the head, near as it is, must lift over.
     fn near() -> Self {
-        Self::near_with("[\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\"]")
+        Self::near_with("[\"dxf\", \"csv\", \"linuxcnc\", \"gcode\", \"ovf\"]")
     }
 
     /// The same with other formats.
@@ -83,7 +83,7 @@ impl Bench {
             let text = text.replacen("direction = \"contour\"", "", 1).replacen("\"63 mm\"", "\"16 mm\"", 1);
             let other = "pattern = \"hatch\"\n            area = [\"64 mm\", \"-2 mm\", \"83 mm\", \"32 mm\"]";
             let text = text.replacen("pattern = \"squares\"", other, 1).replacen("cell = \"2 mm\"", "", 1);
-            text.replacen("[\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\"]", formats, 1)
+            text.replacen("[\"dxf\", \"csv\", \"linuxcnc\", \"gcode\", \"ovf\"]", formats, 1)
         });
         assert!(bench.plan.checked.program().blocks.iter().skip(1).any(|b| b.retract), "{:?}", bench.plan.summary);
         bench

@@ -106,7 +106,7 @@ fn agreement_reports_a_first_move_that_does_not_lift() {
 
 #[test]
 fn clearance_reports_missing_lifts() {
-    for formats in ["[\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\"]", "[\"dxf\"]"] {
+    for formats in ["[\"dxf\", \"csv\", \"linuxcnc\", \"gcode\", \"ovf\"]", "[\"dxf\"]"] {
         let sound = Bench::near_with(formats);
         let proof = verified(&sound.write());
         assert!(proof.ok && proof.rule("clearance").is_some_and(|r| r.checked >= 12), "{}", proof.to_text());
