@@ -76,7 +76,7 @@ impl Facets {
     fn text(&self) -> String {
         let [steep, down] = [self.steep, self.down].map(|a| self.percent(a));
         let hint = if steep > 20.0 { "; `terrace orient JOB` says whether a lean pays" } else { "" };
-        format!("facets  {steep:.0} % of the area steeper than {STEEP} deg, {down:.0} % facets down{hint}\n")
+        format!("facets  {steep:.0} % of the area steeper than {STEEP} deg, {down:.0} % facing down{hint}\n")
     }
 }
 

@@ -169,7 +169,8 @@ fn check(job: &Path, file: &str, want: &Outcome) {
     };
     assert!(text.contains(&format!("error[{code}]: ")), "{file}: {code} expected, got {text}");
     assert!(text.contains(" = help: "), "{file}: a remedy: {text}");
-    assert!(done.stdout.is_empty(), "{file}: {text}");
+    let said: Value = serde_json::from_slice(&done.stdout).expect("one JSON object");
+    assert!(said["errors"].as_array().expect("a list").iter().any(|e| e["code"] == *code), "{file}: {text}");
     match want {
         Refused(_, place) => {
             assert_eq!(done.status.code(), Some(2), "{file}: {text}");

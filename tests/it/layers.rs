@@ -17,7 +17,7 @@ fn sources() -> Vec<(PathBuf, String, String)> {
             } else if path.extension().is_some_and(|e| e == "rs") {
                 let inner = path.strip_prefix(&root).expect("below src");
                 let test_only =
-                    inner.iter().any(|c| ["tests", "tests.rs", "sample.rs", "mutants.rs"].iter().any(|t| c == *t))
+                    inner.iter().any(|c| ["tests", "tests.rs", "sample.rs", "mutants.rs", "brute.rs"].iter().any(|t| c == *t))
                         && !inner.starts_with("job");
                 if test_only {
                     continue;

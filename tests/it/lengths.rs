@@ -119,6 +119,7 @@ fn lengths_balance_on_undercuts() {
     for (name, texture) in textures([-30.5, -30.5, 30.5, 30.5], 1.0, &fixture("leather.svg")) {
         let mut job = JobText::on(&stl).texture(&texture);
         job.focus = "pdof = \"0.5 mm\"".into();
+        job.more = "[limits]\nmax_off_part = \"100 %\"\n".into();
         let summary = check(&job, dir.path(), name);
         assert!(number(&summary, "mark_mm") > 0.0 && number(&summary, "skipped_off_part_mm") > 0.0, "{name}");
         assert!(number(&summary, "skipped_steep_mm") > 0.0, "{name}");
@@ -137,6 +138,7 @@ fn lengths_balance_on_undercuts_of_other_sources() {
         let mut job = JobText::on(&data.join("surfaces").join(file)).texture(texture);
         job.machine = "file = \"machine.txt\"".into();
         job.focus = "pdof = \"0.5 mm\"".into();
+        job.more = "[limits]\nmax_off_part = \"100 %\"\n".into();
         job
     };
     for (name, texture) in textures([-40.5, -40.5, 40.5, 40.5], 0.5, &data.join("textures/hero_topography.svg")) {

@@ -42,7 +42,7 @@ fn a_slip_of_units_in_pdof_or_pitch_is_refused_unless_the_job_allows_it() {
     job.focus = "pdof = \"70 mm\"".into();
     job.textures = vec!["pattern = \"hatch\"\npitch = \"4 um\"".into()];
     let text = refused(&job.write(dir.path(), "slip.toml"), &["pdof-large", "pitch-small"]);
-    assert!(text.contains("39.5 times the depth of focus of the optics: 2 z_R is 1.770 mm"), "{text}");
+    assert!(text.contains("39.6 times the depth of focus of the optics: 2 z_R is 1.770 mm"), "{text}");
     assert!(text.contains("lines 0.004 mm apart under a spot of 0.02 mm mark every place 5 times"), "{text}");
     assert!(text.contains("pdof = \"70 mm\"") && text.contains("pitch = \"4 um\""), "the lines are shown: {text}");
     job.more = "[limits]\nimplausible = \"allow\"\n".into();

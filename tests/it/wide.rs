@@ -83,7 +83,7 @@ fn every_surface_compiles_and_verifies() {
         ));
         job.focus = format!("pdof = \"{} mm\"", (tall / 40.0).clamp(0.0715, 20.0));
         job.machine = machine(dir.path(), (extent / 8.0).clamp(2.0, 150.0).round());
-        job.more = "[limits]\nmax_incidence = \"75 deg\"\n".into();
+        job.more = "[limits]\nmax_incidence = \"75 deg\"\nmax_off_part = \"100 %\"\n".into();
         run(name, &job, dir.path());
     }
 }
@@ -135,7 +135,9 @@ fn trap(name: &str, facets: &Facets, texture: &str, path: Option<String>) {
         std::fs::write(dir.path().join("trap.svg"), svg).expect("a writable folder");
         texture = "file = \"trap.svg\"".into();
     }
-    run(name, &JobText::on(&stl).method("auto").texture(&texture), dir.path());
+    let mut job = JobText::on(&stl).method("auto").texture(&texture);
+    job.more = "[limits]\nmax_off_part = \"100 %\"\n".into();
+    run(name, &job, dir.path());
 }
 
 const HATCH: &str = "pattern = \"hatch\"\npitch = \"0.1 mm\"";

@@ -1,0 +1,56 @@
+//! The table of compared systems: what each is called, how its figures are found, and when its turn comes.
+//!
+//! A system is a function from what all systems share to its figures, and a row here.
+
+use super::follow::Follower;
+use super::{Curves, Figures, Subject, stepped};
+use crate::diag::Error;
+use crate::job::Method;
+use crate::on_the_fly::axes::xyzacuv::ToolPath;
+use crate::on_the_fly::decompose::Family;
+
+/// How the figures of a system are found.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Run {
+    /// Of a stepped plan. These share a plan, so they run one after the other.
+    Stepped(fn(&Subject<'_>) -> Result<Figures, Error>),
+    /// Of the beam's path on the fly, with what the system has to show. Each of these runs by itself.
+    OnTheFly(fn(&Follower<'_>, &mut Curves) -> Result<Figures, Error>),
+}
+
+/// A way of marking a part.
+#[derive(Debug)]
+pub struct System {
+    /// Its name on the command line and in tables.
+    pub name: &'static str,
+    pub(super) run: Run,
+    /// Systems of the lowest number begin first: what takes longest on one thread should not begin last.
+    pub(super) start: u8,
+}
+
+/// All systems, in the order of the table.
+pub static SYSTEMS: [&System; 11] = [
+    // Fields side by side, one focal plane each.
+    &System { name: "flat", run: Run::Stepped(stepped::flat), start: 1 },
+    // The methods of partition.
+    &System { name: "contour", run: Run::Stepped(|s| stepped::by(s, Method::Contour)), start: 1 },
+    &System { name: "z-range", run: Run::Stepped(stepped::z_range), start: 1 },
+    &System { name: "window", run: Run::Stepped(|s| stepped::by(s, Method::Window)), start: 1 },
+    // Levels changed by a zoom optic in the head.
+    &System { name: "zoom", run: Run::Stepped(stepped::zoom), start: 1 },
+    // The part tilted at each stop.
+    &System { name: "tilt", run: Run::Stepped(stepped::tilt), start: 1 },
+    // Scanner and stage synchronised, strokes in their order, the stage by moving average.
+    &System { name: "sync", run: Run::OnTheFly(|f, c| f.synchronised(c)), start: 2 },
+    // As "sync", the texture cut into bands of depth over the whole part; z steps between them.
+    &System { name: "sync-bands", run: Run::OnTheFly(|f, _| f.bands()), start: 4 },
+    // Seven axes, by the Gaussian decomposition of the article and by least acceleration.
+    &System {
+        name: "7-axis",
+        run: Run::OnTheFly(|f, c| f.turning(ToolPath::Filtered(Family::Gaussian), c)),
+        start: 3,
+    },
+    &System { name: "7-axis-smooth", run: Run::OnTheFly(|f, c| f.turning(ToolPath::LeastAcceleration, c)), start: 0 },
+    // Five axes, the scanner at rest.
+    &System { name: "5-axis", run: Run::OnTheFly(|f, c| f.turning(ToolPath::OnTheMark, c)), start: 5 },
+];
