@@ -16,10 +16,10 @@ mod stepped;
 mod system;
 
 pub use filters::Filter;
-pub use report::{page, plots, tables};
-pub use system::{SYSTEMS, System};
 use follow::Follower;
+pub use report::{page, plots, tables};
 use system::Run;
+pub use system::{SYSTEMS, System};
 
 use std::ops::Range;
 use std::sync::OnceLock;

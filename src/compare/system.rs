@@ -45,11 +45,7 @@ pub static SYSTEMS: [&System; 11] = [
     // As "sync", the texture cut into bands of depth over the whole part; z steps between them.
     &System { name: "sync-bands", run: Run::OnTheFly(|f, _| f.bands()), start: 4 },
     // Seven axes, by the Gaussian decomposition of the article and by least acceleration.
-    &System {
-        name: "7-axis",
-        run: Run::OnTheFly(|f, c| f.turning(ToolPath::Filtered(Family::Gaussian), c)),
-        start: 3,
-    },
+    &System { name: "7-axis", run: Run::OnTheFly(|f, c| f.turning(ToolPath::Filtered(Family::Gaussian), c)), start: 3 },
     &System { name: "7-axis-smooth", run: Run::OnTheFly(|f, c| f.turning(ToolPath::LeastAcceleration, c)), start: 0 },
     // Five axes, the scanner at rest.
     &System { name: "5-axis", run: Run::OnTheFly(|f, c| f.turning(ToolPath::OnTheMark, c)), start: 5 },

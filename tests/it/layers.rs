@@ -16,9 +16,10 @@ fn sources() -> Vec<(PathBuf, String, String)> {
                 open.push(path);
             } else if path.extension().is_some_and(|e| e == "rs") {
                 let inner = path.strip_prefix(&root).expect("below src");
-                let test_only =
-                    inner.iter().any(|c| ["tests", "tests.rs", "sample.rs", "mutants.rs", "brute.rs"].iter().any(|t| c == *t))
-                        && !inner.starts_with("job");
+                let test_only = inner
+                    .iter()
+                    .any(|c| ["tests", "tests.rs", "sample.rs", "mutants.rs", "brute.rs"].iter().any(|t| c == *t))
+                    && !inner.starts_with("job");
                 if test_only {
                     continue;
                 }

@@ -236,7 +236,8 @@ fn job(noise: &mut Random, dir: &Path, table: Table) -> std::path::PathBuf {
         1 => writeln!(text, "overlap = \"{:.6} mm\"", field * between(noise, 0.001, 0.1)).expect("text"),
         _ => {}
     }
-    writeln!(text, "\n[limits]\nmax_off_part = \"100 %\"\nmax_incidence = \"{} deg\"", pick(noise, &[10, 60, 60, 85])).expect("text");
+    writeln!(text, "\n[limits]\nmax_off_part = \"100 %\"\nimplausible = \"allow\"").expect("text");
+    writeln!(text, "max_incidence = \"{} deg\"", pick(noise, &[10, 60, 60, 85])).expect("text");
     if chance(noise, 20) {
         let lower = if chance(noise, 50) { pdof * between(noise, 0.0, 0.9) } else { 0.0 };
         writeln!(text, "\n[passes]\ncount = {}\nlower = \"{lower:.6} mm\"", 2 + below(noise, 2)).expect("text");
