@@ -18,15 +18,6 @@ use crate::machine::TiltAngles;
 use crate::program::{SectionId, Sections, Stop, StopId};
 use crate::projection::{Cells, Footprint, Slabs};
 
-/// Methods that divide a grid of sections.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
-    /// Evenly spaced levels of the whole part (the PPGS article, step 3).
-    Contour,
-    /// In each section the fewest levels that cover the texture's heights.
-    ZRange,
-}
-
 /// The lattice on which focal planes lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lattice {
@@ -201,30 +192,40 @@ fn footprint(stop: &Stop, turn: &Turn, half: [i64; 2]) -> Box2 {
     area
 }
 
-/// Chooses the stops for a footprint. `window` is at least the pitch of the sections.
-pub fn divide(
-    method: Method,
+/// Stops on a grid of sections at evenly spaced levels of the whole part (the PPGS article, step 3). `window` is at
+/// least the pitch of the sections.
+pub fn contour(footprint: &Footprint, sections: &Sections, window: [i64; 2], lattice: &Lattice) -> Stops {
+    let z0 = lattice.floor(footprint.range().map_or(0.0, |r| r.0));
+    on_sections(footprint, sections, window, lattice, |i| {
+        // Levels that lie fast cut figures as they cut everything else.
+        let heights = join(footprint.of_section(i), footprint.figures_of(i).to_vec());
+        contour::levels(&heights, z0, lattice)
+    })
+}
+
+/// Stops on a grid of sections, in each the fewest levels that cover the texture's heights. `window` is at least the
+/// pitch of the sections.
+pub fn z_range(footprint: &Footprint, sections: &Sections, window: [i64; 2], lattice: &Lattice) -> Stops {
+    on_sections(footprint, sections, window, lattice, |i| {
+        // What no level can hold is cut.
+        let (whole, deep): (Vec<_>, Vec<_>) =
+            footprint.figures_of(i).iter().partition(|&&(lo, hi)| lattice.holds(lo, hi));
+        zrange::levels(&join(footprint.of_section(i), deep), &whole, lattice)
+    })
+}
+
+/// A stop at every level, number and lower end, that `levels` gives for a section.
+fn on_sections(
     footprint: &Footprint,
     sections: &Sections,
     window: [i64; 2],
     lattice: &Lattice,
+    levels: impl Fn(usize) -> Vec<(i32, i64)>,
 ) -> Stops {
-    let lowest = footprint.range().map_or(0.0, |r| r.0);
-    let z0 = lattice.floor(lowest);
     let mut stops = Vec::new();
-    for i in 0..sections.len() {
-        let (heights, figures) = (footprint.of_section(i), footprint.figures_of(i));
+    for i in (0..sections.len()).filter(|&i| footprint.is_used(i)) {
         let centre = Turn::upright(sections.centre(i));
-        // What no level can hold is cut, in every method.
-        let (whole, deep): (Vec<_>, Vec<_>) =
-            figures.iter().partition(|&&(lo, hi)| method == Method::ZRange && lattice.holds(lo, hi));
-        let joined = (!deep.is_empty()).then(|| join(heights, deep));
-        let heights = joined.as_deref().unwrap_or(heights);
-        let levels = match method {
-            Method::Contour => contour::levels(heights, z0, lattice),
-            Method::ZRange => zrange::levels(heights, &whole, lattice),
-        };
-        stops.extend(levels.into_iter().map(|(level, z_lo)| Stop {
+        stops.extend(levels(i).into_iter().map(|(level, z_lo)| Stop {
             section: SectionId(sections.cell(i)),
             level,
             tilt: TiltAngles::UPRIGHT,

@@ -6,6 +6,7 @@
 //! keeps them, figures that a stop holds count as one piece.
 
 use super::grid::Grid;
+use super::methods::row;
 use crate::geom::P2;
 use crate::job::Method;
 use crate::partition::bound::{self, Certificate};
@@ -59,13 +60,13 @@ pub(super) fn certificate(
     method: Method,
 ) -> Option<Certificate> {
     // Tilted stops hold more than upright boxes.
-    if method == Method::Tilt {
+    if !row(method).has_bound {
         return None;
     }
     let (mut marks, size) = (marks?, size?);
     let by_points = bound::lower_bound(&marks.points(), size);
     // `contour` cuts figures at its levels.
-    if grid.keep.0 == 0 || method == Method::Contour {
+    if grid.keep.0 == 0 || !row(method).keeps_figures {
         return Some(by_points);
     }
     let held = |f: &[[i32; 3]; 2]| grid.lattice.holds(f64::from(f[0][2]), f64::from(f[1][2]));

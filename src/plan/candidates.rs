@@ -1,14 +1,14 @@
 //! The methods of partition that a job is planned by, and the stops of each.
 
 use super::grid::Grid;
+use super::methods::{METHODS, row};
 use super::sweep::Sweep;
-use super::tilt;
 use crate::diag::{Diag, Error};
 use crate::job::{Job, Method, Objective};
 use crate::machine::{Commanded, Machine};
 use crate::motion;
-use crate::partition::{self, Fine, Stops};
-use crate::program::PassId;
+use crate::partition::{self, Fine, Lattice, Stops};
+use crate::program::{PassId, Sections};
 use crate::projection::Footprint;
 
 /// The methods that a job asks for and the machine can run.
@@ -17,11 +17,7 @@ use crate::projection::Footprint;
 /// `tilt-missing`.
 pub(super) fn methods(job: &Job, machine: &Machine) -> Result<Vec<Method>, Error> {
     match job.partition.method {
-        Method::Auto => {
-            let may_tilt = machine.tilt.is_some() && job.setups.is_none();
-            let tilt = may_tilt.then_some(Method::Tilt);
-            Ok([Method::Contour, Method::ZRange, Method::Window].into_iter().chain(tilt).collect())
-        }
+        Method::Auto => Ok(METHODS.iter().filter(|row| (row.is_tried)(job, machine)).map(|row| row.method).collect()),
         Method::Tilt if machine.tilt.is_none() => {
             let text = "partition.method = \"tilt\" needs a machine with a tilt table";
             let hint = "describe the table under [tilt] in the machine file, or use another method";
@@ -46,20 +42,15 @@ pub(super) struct Site<'a> {
 impl Site<'_> {
     /// The stops of a method; None where it cannot be used on this job.
     pub(super) fn divide(&self, method: Method) -> Option<Stops> {
-        match method {
-            Method::Contour => Some(self.on_sections(partition::Method::Contour)),
-            Method::ZRange | Method::Auto => Some(self.on_sections(partition::Method::ZRange)),
-            Method::Tilt => tilt::divide(self.sweep, self.machine, self.grid),
-            Method::Window => self.free_windows(),
-        }
+        (row(method).divide)(self)
     }
 
-    fn on_sections(&self, method: partition::Method) -> Stops {
+    pub(super) fn on_sections(&self, divide: fn(&Footprint, &Sections, [i64; 2], &Lattice) -> Stops) -> Stops {
         let Grid { sections, window, lattice, .. } = self.grid;
-        partition::divide(method, self.footprint, sections, *window, lattice)
+        divide(self.footprint, sections, *window, lattice)
     }
 
-    fn free_windows(&self) -> Option<Stops> {
+    pub(super) fn free_windows(&self) -> Option<Stops> {
         let Grid { sections, window, lattice, keep, .. } = self.grid;
         let (lowest, _) = self.footprint.range()?;
         let fine = Fine::over(sections, *window, lattice, lowest)?;
@@ -68,7 +59,7 @@ impl Site<'_> {
         let cells = self.sweep.cells(&fine, *keep);
         let free = partition::free(cells, &fine, sections, *window, lattice, self.overlap, flips);
         // Where fields fit the texture exactly, their grid can be the better choice of windows.
-        let grid = self.on_sections(partition::Method::ZRange);
+        let grid = self.on_sections(partition::z_range);
         Some(if keep.0 == 0 && grid.stops.len() < free.stops.len() { grid } else { free })
     }
 

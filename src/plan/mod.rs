@@ -14,6 +14,7 @@ mod dose;
 mod grid;
 mod hatch_direction;
 mod inputs;
+mod methods;
 mod on_the_fly;
 pub mod orient;
 mod setups;

@@ -76,7 +76,7 @@ pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<i64>
         return Err(Diag::limit("depth-small", "the depth range is below two stage increments").into());
     };
     let lattice = lattice.with_hysteresis(footprint.roughness());
-    let stops = partition::divide(partition::Method::ZRange, &footprint, &section, pitch, &lattice);
+    let stops = partition::z_range(&footprint, &section, pitch, &lattice);
     let cuts = Cuts::new(&Partition::default(), Keep(0), job.seed);
     let parts = split(sweep, &[&stops], &section, &job.pens, cuts)?.pop().unwrap_or_default();
     let program = laid(job, &stops, &parts);

@@ -1,6 +1,7 @@
 //! What the user must know of a plan, or must not go on with.
 
 use super::grid::Grid;
+use super::methods::row;
 use crate::diag::{Diag, Error, Place};
 use crate::job::{Job, Limits, Method, Steep};
 use crate::program::Program;
@@ -86,16 +87,17 @@ pub(super) fn not_kept(grid: &Grid, footprint: &Footprint, method: Method, split
     if broken > 0 {
         why += &format!(", {broken} lie at a rim or a steep place");
     }
-    if astride > 0 && method != Method::Window {
+    if astride > 0 && row(method).has_borders {
         why += &format!(", {astride} lie across a border of sections");
     }
-    if method == Method::Contour {
+    if !row(method).keeps_figures {
         why += ", the others across a level";
     }
     let text = format!("{} figures that partition.keep_whole wants whole are cut: {why}", split.not_kept);
-    let hint = match method {
-        Method::Contour => "method \"z-range\" or \"window\" keeps more of them",
-        _ => "smaller figures or a larger focus.pdof keep more of them",
+    let hint = if row(method).keeps_figures {
+        "smaller figures or a larger focus.pdof keep more of them"
+    } else {
+        "method \"z-range\" or \"window\" keeps more of them"
     };
     Some(Diag::warning("figures-cut", text).hint(hint))
 }

@@ -113,7 +113,7 @@ pub struct Program {
 
 impl Program {
     /// The program of a motion, whose strokes are those of `strokes`, on a part that lies at `origin` (nm) in the
-    /// table frame; and how much slower the motion should run, 1 or more, where the spot is late by more than [`LATE`].
+    /// table frame; and how much slower the motion should run, 1 or more, where the spot is late by more than `LATE`.
     ///
     /// # Errors
     /// `fly-axes` where the machine does not have the axes; `fly-motion` where the motion is none.
