@@ -342,8 +342,8 @@ struct Followed {
     travel: f64,
 }
 
-/// At a sample that marks, um: how far the stage trails its command across the beam, how far the spot is off, and how
-/// far the stage trails along the beam; and the time that the sample stands for, s.
+/// At a sample that marks, um: how far the stage lags behind its command across the beam, how far the spot is off,
+/// and how far the stage lags along the beam; and the time that the sample stands for, s.
 type FollowingError = [f64; 4];
 
 impl Followed {

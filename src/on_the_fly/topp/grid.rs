@@ -157,7 +157,7 @@ impl Grid {
     }
 }
 
-/// Fine cells that a run needs: at least as many as the options say, and so many that the way from rest to full
+/// Fine cells that a run needs: at least as many as the options say, and enough that the way from rest to full
 /// acceleration holds three. Where jerk is so large that this would be many, it costs next to no time.
 fn fine(path: &Path, limits: &[Limit], options: &Options, first: usize, last: usize, bends: &[f64]) -> f64 {
     let k = limits.len();

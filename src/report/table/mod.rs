@@ -188,7 +188,7 @@ impl Table {
     /// Adds a row.
     ///
     /// # Panics
-    /// Where the row has not one cell for every column, or a cell that its column cannot hold.
+    /// Where the row does not have one cell for every column, or a cell that its column cannot hold.
     pub fn row<const N: usize>(&mut self, cells: [Cell; N]) {
         self.push(cells.into());
     }
