@@ -17,8 +17,8 @@ pub use file::{
     Compensate, DepthRule, Dose, FileUnit, Implausible, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder,
     json_schema,
 };
-pub use resolve::MAX_SETUPS;
+pub use resolve::{MAX_SETUPS, read_text};
 pub use resolved::{
-    Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput, read_text,
+    Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
 };
 pub use sample::{SAMPLE_DRAWING, SAMPLE_DRAWING_NAME, SAMPLE_JOB, SAMPLE_SURFACE_NAME, SCHEMA_NAME, sample_surface};

@@ -12,12 +12,8 @@
 use super::Surface;
 use super::mesh::{NONE, Vertex};
 use super::topmost::Span;
-use super::walk::{Cursor, Line};
+use super::walk::{Cursor, Line, ON_RIM};
 use crate::geom::{P2, orient};
-
-/// A place so near to a rim, nm, lies on it: the grid's diagonal, half of it for the rounding of the stroke
-/// and half for that of the rim, and the noise of f64.
-pub(super) const ON_RIM: f64 = std::f64::consts::SQRT_2 + 0.05;
 
 impl Surface {
     /// Fills the gaps that lie on a rim with what is there.
