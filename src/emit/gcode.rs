@@ -4,10 +4,10 @@
 //! and an input (BUSY) and never steps on after a timeout. [`m0`] stops at every block until the operator
 //! presses cycle start; it keeps to what GRBL and Mach read.
 //!
-//! Words are absolute axis commands in mm and degrees. Moves are x and y and the tilt axes together, then z alone, never both at once;
-//! first of all, at the end, before a set-up and where a block asks for it, z goes to the far end of its travel. The
-//! laser output is switched off at once (not with the next motion) before every group of moves and at
-//! the end, and a dwell follows every group: a motion queue otherwise lets the laser overlap the move.
+//! Words are absolute axis commands in mm and degrees. Moves are x and y and the tilt axes together, then z alone,
+//! never both at once; first of all, at the end, before a set-up and where a block asks for it, z goes to the far end
+//! of its travel. The laser output is switched off at once (not with the next motion) before every group of moves and
+//! at the end, and a dwell follows every group: a motion queue otherwise lets the laser overlap the move.
 
 use super::Stepped;
 use crate::check::Checked;
@@ -17,7 +17,8 @@ use crate::program::{BlockId, PassId, Program};
 /// Shortest dwell after a move: a controller's last following error, whatever the machine file says.
 const LEAST_DWELL_MS: u64 = 50;
 
-/// The program for LinuxCNC. Of the estimated time of every block (marks, jumps and delays) the wait for its end is given twice that and 10 s.
+/// The program for LinuxCNC. Of the estimated time of every block (marks, jumps and delays) the wait for its end is
+/// given twice that and 10 s.
 ///
 /// # Panics
 /// If there is not one time per block.

@@ -451,7 +451,7 @@ fn formats(file: &JobFile, mode: Mode, f: &mut Faults<'_>) -> Vec<Format> {
         fits.map(|t| format!("{:?}", t.name)).collect::<Vec<_>>().join(", ")
     };
     if mode != file.mode {
-        // The job file is of the other mode: what that has and this has not is not a fault.
+        // The job file is of the other mode: keys that only the other mode has are not faults.
         let (kept, left): (Vec<Format>, Vec<Format>) = formats.iter().partition(|f| writes(f.target(), mode));
         if !left.is_empty() {
             let left: Vec<String> = left.iter().map(|f| format!("{:?}", f.name())).collect();

@@ -1,6 +1,6 @@
 //! The ranges of a machine's numbers: wide enough for any machine that is built, narrow enough that no time, count or
-//! memory that follows from them runs away. `docs/machine-file.md` states every one. Those of the field, the travel and the
-//! increments have codes of their own.
+//! memory that follows from them runs away. `docs/machine-file.md` states every one. Those of the field, the travel and
+//! the increments have codes of their own.
 
 use super::{Fault, Machine};
 use crate::diag::Diag;

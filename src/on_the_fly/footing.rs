@@ -1,9 +1,9 @@
 //! Where the beam of every mark of a program meets the part.
 //!
-//! Consumes a program as it is commanded and the part; promises focal offset and angle of every mark as the facets under
-//! it have them, and the stretches of strokes where one of both is beyond its limit. Upright beams are followed from
-//! facet to facet, leaning ones at both ends of every move and at three places between. Units: mm, rad, unless a name
-//! says otherwise.
+//! Consumes a program as it is commanded and the part; promises focal offset and angle of every mark as the facets
+//! under it have them, and the stretches of strokes where one of both is beyond its limit. Upright beams are followed
+//! from facet to facet, leaning ones at both ends of every move and at three places between. Units: mm, rad, unless a
+//! name says otherwise.
 
 use crate::diag::Error;
 use crate::geom::{NM_PER_MM, P2};

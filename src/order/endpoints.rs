@@ -30,7 +30,7 @@ impl Endpoints {
         self.other.extend([port + 1, port]);
         self.end(2);
     }
-    /// An item that is left where it was entered, at any of that many endpoints.
+    /// An item that is left where it was entered, at any of this many endpoints.
     pub(super) fn closed(&mut self, count: usize) {
         let port = self.item.len() as u32;
         self.other.extend(port..port + count as u32);

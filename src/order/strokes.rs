@@ -65,8 +65,8 @@ pub fn order(paths: &[Path<'_>]) -> Vec<Visit> {
         nearer(&known, &tree, port, limit, found);
     });
     tour.settle();
-    // Moves change the order with the endpoints at hand, `settle` the endpoints in the order at hand: each opens ways for
-    // the other.
+    // Moves change the order with the endpoints at hand, `settle` the endpoints in the order at hand: each opens ways
+    // for the other.
     for _ in 0..ROUNDS {
         if !tour.improve() {
             break;

@@ -1,9 +1,9 @@
 //! A path through items, made shorter by moves on neighbour lists.
 //!
-//! Items, endpoints and costs are those of the `endpoints` module. Moves are 2-opt (a run of items is reversed, each of them turned) and Or-opt (a run of up to three goes
-//! to another place, either way round, or one item enters by another port). [`Tour::improve`] makes
-//! them while any gains; [`Tour::settle`] then chooses all endpoints at once, by dynamic programming;
-//! [`Tour::perturb`] changes the tour at random and takes back what did not pay.
+//! Items, endpoints and costs are those of the `endpoints` module. Moves are 2-opt (a run of items is reversed, each of
+//! them turned) and Or-opt (a run of up to three goes to another place, either way round, or one item enters by another
+//! port). [`Tour::improve`] makes them while any gains; [`Tour::settle`] then chooses all endpoints at once, by dynamic
+//! programming; [`Tour::perturb`] changes the tour at random and takes back what did not pay.
 
 use super::endpoints::Endpoints;
 
@@ -46,7 +46,7 @@ impl Move {
 /// What was done to the sequence, so that it can be undone.
 enum Step {
     Reverse(usize, usize),
-    /// Places from..=to were rotated left by that many.
+    /// Places from..=to were rotated left by this many.
     Rotate(usize, usize, usize),
     /// Place and its port before.
     Endpoint(usize, u32),

@@ -17,7 +17,7 @@ use crate::texture::Texture;
 /// What rounding may do to a box, nm.
 const ROUNDING: i64 = 4;
 
-/// Cells along a window; no window holds both ends of that many.
+/// Cells along a window; no window holds both ends of this many.
 const CELLS: i64 = 64;
 
 /// What a stop holds at most, nm; None where it is out of reach of 32 bits.

@@ -136,8 +136,8 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
     Ok(Planned { checked, deviations, lengths, left_out })
 }
 
-/// The machine with jumps so slow that the scanner keeps its speed while the stage runs against it; no slower than half,
-/// where the whole program is slowed instead.
+/// The machine with jumps so slow that the scanner keeps its speed while the stage runs against it; no slower than
+/// half, where the whole program is slowed instead.
 fn slow_jumps(machine: &Machine) -> Machine {
     let mut slow = machine.clone();
     let (x, y) = (&machine.stage.x, &machine.stage.y);

@@ -13,9 +13,9 @@ use crate::geom::{Box2, P2};
 pub struct Rows {
     /// Distance of rows, nm.
     pub pitch: i32,
-    /// Rows are counted in groups of that many.
+    /// Rows are counted in groups of this many.
     pub group: i32,
-    /// Of each group the first that many are used.
+    /// Of each group this many are used, from its first.
     pub used: i32,
 }
 

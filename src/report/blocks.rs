@@ -17,8 +17,8 @@ fn border(job: &Layout<'_>, sheet: &Sheet) -> f64 {
     (side / 60.0).clamp(sheet.unit / 100.0, sheet.unit / 12.0)
 }
 
-/// The colours of the blocks: focus height or incidence on the ramp; with heights every other level or, where windows lie freely
-/// and their levels are not numbered by height, every other block a shade darker.
+/// The colours of the blocks: focus height or incidence on the ramp; with heights every other level or, where windows
+/// lie freely and their levels are not numbered by height, every other block a shade darker.
 fn fills(job: &Layout<'_>, sheet: &Sheet) -> Vec<colour::Colour> {
     let range = job.shades();
     let is_odd = |i: usize, block: &Block| {

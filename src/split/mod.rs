@@ -310,8 +310,8 @@ impl<'a> Cutter<'a> {
                         exit = exit.min(cut.max(t));
                     }
                     if chosen && exit <= t {
-                        // Rounding left a gap between two stops: bridged by a nanometre. A gap that continues is a fault of
-                        // the method: the mark stays in one stop, so that the check says so.
+                        // Rounding left a gap between two stops: bridged by a nanometre. A gap that continues is a
+                        // fault of the method: the mark stays in one stop, so that the check says so.
                         bridges += 1;
                         exit = if bridges > BRIDGES { p.t1 } else { (t + 1.0 / s.a.distance(s.b)).min(p.t1) };
                     } else {
@@ -324,8 +324,8 @@ impl<'a> Cutter<'a> {
                         self.mark(at, s, [t, exit], p);
                         t = exit;
                     }
-                    // A stop that reached the end of the piece continues unasked: it was chosen as the one that the stroke leaves
-                    // last.
+                    // A stop that reached the end of the piece continues unasked: it was chosen as the one that the
+                    // stroke leaves last.
                     if exit >= p.t1 {
                         stop = Some((at, end));
                     }

@@ -120,7 +120,8 @@ fn holds(found: &Value) {
     let (four, least) = filters.split_at(4);
     let best = |key: &str| four.iter().map(|f| number(f, key)).fold(f64::INFINITY, f64::min);
     let (rms, time) = ("rms_stage_acceleration_mm_s2", "time_s");
-    // That, or the one that takes no more time than the best filter (but for what its start must stand off), keeps both.
+    // That, or the one that takes no more time than the best filter (but for what its start must stand off), keeps
+    // both.
     let (smoothest, last) = (best(rms), least.last().expect("one"));
     let filter = four.iter().find(|f| number(f, rms) == smoothest).expect("the best");
     assert!(number(last, rms) <= 0.8 * smoothest && number(last, time) <= 1.0011 * number(filter, time), "{filters:?}");

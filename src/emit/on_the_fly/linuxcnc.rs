@@ -1,9 +1,9 @@
 //! `fly.ngc`: X Y Z U V for LinuxCNC, whose scanner axes are driven as U and V.
 //!
-//! G93 with F on every line gives every move its time; F has as many digits as it takes that the microseconds read back.
-//! G64 P0.0002 Q0 rounds corners by at most 0.2 um and joins no moves: G61 would stop at every sample that is not
-//! in line, and burn there. The times are kept where the controller's own limits of speed and acceleration are at
-//! least the program's; it plans its own accelerations.
+//! G93 with F on every line gives every move its time; F has as many digits as it takes that the microseconds read
+//! back. G64 P0.0002 Q0 rounds corners by at most 0.2 um and joins no moves: G61 would stop at every sample that is not
+//! in line, and burn there. The times are kept where the controller's own limits of speed and acceleration are at least
+//! the program's; it plans its own accelerations.
 //!
 //! The laser is digital output 0: M62 and M63 switch it with the next move, up to one servo period early;
 //! M65 at once, before every rest, at the start and at the end, because M63 waits for a move that may

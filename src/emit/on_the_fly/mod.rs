@@ -1,8 +1,8 @@
 //! On-the-fly programs: one line a move, its time in the line, the laser switched with the motion.
 //!
-//! Consumes a checked [`on_the_fly::Program`](crate::on_the_fly::program::Program); promises programs whose samples read back
-//! to the nanometre, the millionth of a degree and the microsecond. Words are absolute; an axis that stays has
-//! none. A comment `MARK s PEN p` stands before every piece of a stroke: stroke of the texture from 0, pen from 1.
+//! Consumes a checked [`on_the_fly::Program`](crate::on_the_fly::program::Program); promises programs whose samples
+//! read back to the nanometre, the millionth of a degree and the microsecond. Words are absolute; an axis that stays
+//! has none. A comment `MARK s PEN p` stands before every piece of a stroke: stroke of the texture from 0, pen from 1.
 //!
 //! The stage goes to the start like that of a stepped program: z lifted, x and y with all that turns and scans,
 //! then z alone. At the end it lifts again. The laser is off in all of this, and in every rest.
@@ -68,7 +68,7 @@ fn approach(out: &mut Vec<u8>, checked: &Checked, machine: &Machine, rapid: &str
     out.push(b'\n');
 }
 
-/// Appends microseconds as a decimal of that many whole ones, without zeros at its end: of ms with 1000.
+/// Appends microseconds as a decimal in units of this many of them, without zeros at its end: of ms with 1000.
 fn push_time(out: &mut Vec<u8>, us: i64, unit: i64) {
     let digits = unit.ilog10() as usize;
     let text = format!("{}.{:0digits$}", us / unit, us % unit);

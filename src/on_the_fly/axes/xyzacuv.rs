@@ -100,8 +100,8 @@ impl<'a> KinematicModel<'a> {
         Some(Self { machine, pens, limits: [x, y, z, a?, c?, spot, spot], c_travel, pivot })
     }
 
-    /// How far the spot may be from the optical axis: the field in any direction, less the following error of X and Y when both
-    /// run at top speed, but half of it at least.
+    /// How far the spot may be from the optical axis: the field in any direction, less the following error of X and Y
+    /// when both run at top speed, but half of it at least.
     ///
     /// # Errors
     /// As [`Servo::new`].
@@ -297,8 +297,8 @@ impl Resampled {
             .collect()
     }
 
-    /// The article's back-off search, strengths in mm and the worst deviations there; and the largest strength that holds, by
-    /// bisection above its last trial, 0 where none does.
+    /// The article's back-off search, strengths in mm and the worst deviations there; and the largest strength that
+    /// holds, by bisection above its last trial, 0 where none does.
     fn smoothing(
         &self,
         family: Family,

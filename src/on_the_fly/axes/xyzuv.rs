@@ -6,8 +6,8 @@
 //! gets one speed; the share of the speed that is left is part of the answer. The stage goes from rest to rest.
 //! Where no motion of z keeps all marks in focus the answer says so. Units: mm, s.
 //!
-//! [`quickest`] may let the beam run on with the laser off beside every mark, or wait at its ends, so that the stage turns
-//! where focus is free.
+//! [`quickest`] may let the beam run on with the laser off beside every mark, or wait at its ends, so that the stage
+//! turns where focus is free.
 //!
 //! # Sources
 //! Cui et al. (2021): eq. 1 to 4 the decomposition, eq. 8 and 9 the times. Their average makes the acceleration
@@ -128,7 +128,7 @@ pub struct Decomposition {
     pub on: Vec<bool>,
 }
 
-/// What the beam with the laser off does at the ends of marks while the stage turns, s at the pens' speeds.
+/// What the scanner does at the ends of marks, with the laser off, while the stage turns; s at the pens' speeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Turnaround {
     /// It runs on for so long, and as long towards the next mark.
@@ -168,8 +168,8 @@ pub struct Timed {
     pub sync: Decomposition,
 }
 
-/// Decomposes a path with the skywriting turnarounds beside its marks that make the whole quickest, none among them, from `most`
-/// samples on, and up to eight times as many where z needs them.
+/// Decomposes a path with the turnarounds at its marks (skywriting, dwell or none) that make the whole quickest, from
+/// `most` samples on, and up to eight times as many where z needs them.
 ///
 /// `travels` tells whether the stage can go between some ends of X, Y and Z: runs that it cannot make are not taken.
 pub fn quickest(
@@ -237,7 +237,7 @@ pub fn ends(stage: impl IntoIterator<Item = [f64; 3]>) -> [[f64; 2]; 3] {
     stage.into_iter().fold(none, |ends, p| [0, 1, 2].map(|k| [ends[k][0].min(p[k]), ends[k][1].max(p[k])]))
 }
 
-/// Shortest and longest skywriting turnarounds that are tried, s at the pens' speeds, and samples they are tried with.
+/// Shortest and longest turnarounds that are tried, s at the pens' speeds, and samples they are tried with.
 const SHORTEST: f64 = 5e-4;
 const LONGEST: f64 = 0.6;
 const TRIED: usize = 50_000;

@@ -2,12 +2,13 @@
 //! limits of its machine at every sample. There is no other way to make one.
 //!
 //! Held are: times that rise, pens that there are, marks that move; travel of X, Y, Z, A and C, the field of U
-//! and V, the speed of every axis, acceleration and jerk of X, Y and Z (what is measured: [`crate::on_the_fly::program::peaks`]),
-//! of A and C, and of U and V beside these, where the machine file states them; the speed of marks on the part; the longest line. Moves are
-//! straight, so what holds at their ends holds between them.
+//! and V, the speed of every axis, acceleration and jerk of X, Y and Z (what is measured:
+//! [`crate::on_the_fly::program::peaks`]), of A and C, and of U and V beside these, where the machine file states them;
+//! the speed of marks on the part; the longest line. Moves are straight, so what holds at their ends holds between
+//! them.
 //!
-//! Limits are held by the program's own whole nanometres and microseconds. What the rounding of its samples may have put
-//! on a speed, an acceleration or a jerk is taken from it before; what is left may be [`OVER`] above its limit.
+//! Limits are held by the program's own whole nanometres and microseconds. What the rounding of its samples may have
+//! put on a speed, an acceleration or a jerk is taken from it before; what is left may be [`OVER`] above its limit.
 
 use crate::check::{pen_faults, refused};
 use crate::diag::{Diag, Error};

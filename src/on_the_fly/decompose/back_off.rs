@@ -43,8 +43,8 @@ impl Family {
     }
 }
 
-/// The article's back-off search: from `start` down, each trial `factor` of the one before, to the first that holds or the
-/// last that is not below `least`. Every trial that was tried, in order.
+/// The article's back-off search: from `start` down, each trial `factor` of the one before, to the first that holds or
+/// the last that is not below `least`. Every trial that was tried, in order.
 ///
 /// `attempt` gives what came of a strength and whether all limits hold. The strength is in units of the caller.
 pub fn back_off<T>(start: f64, factor: f64, least: f64, mut attempt: impl FnMut(f64) -> (T, bool)) -> Vec<Trial<T>> {

@@ -10,8 +10,8 @@
 //! least acceleration instead.
 //!
 //! # Sources
-//! Moving average: Cui et al., eq. 1 to 4. Gaussian, its back-off search and the three limits: Ma et al. (2025). Savitzky
-//! and Golay, Anal. Chem. 36 (1964) 1627.
+//! Moving average: Cui et al., eq. 1 to 4. Gaussian, its back-off search and the three limits: Ma et al. (2025).
+//! Savitzky and Golay, Anal. Chem. 36 (1964) 1627.
 //!
 //! # Limits
 //! Filters know nothing of limits: these are checked afterwards. Only [`Method::LeastAcceleration`] and

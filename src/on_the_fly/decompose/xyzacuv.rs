@@ -47,7 +47,8 @@ const INSIDE: f64 = 1.0 - 1e-9;
 ///   and Y have a disc (a polygon of 16 sides within it) and Z an interval.
 ///
 /// Every limit is kept exactly; the least of all axes together it need not be. Cost goes with the number of marks.
-/// Normals must point up. `steps` are the lengths of path from mark to mark, none where they are even. The machine must let A pass through 0 to both sides.
+/// Normals must point up. `steps` are the lengths of path from mark to mark, none where they are even. The machine must
+/// let A pass through 0 to both sides.
 pub fn seven_axes(marks: &[Pose], steps: &[f64], limits: Limits) -> Vec<Axes> {
     let angle = limits.angle * INSIDE;
     let c = turntable(marks, steps, angle);

@@ -61,8 +61,8 @@ impl HeightField {
         Self::over(surface, area, FINEST, SHARE * focus)
     }
 
-    /// The height field of a part over `area`, no finer than `finest` mm, its nodes smoothed as far as they stay about `near` mm
-    /// from the part; None where no node of the grid lies on the part.
+    /// The height field of a part over `area`, no finer than `finest` mm, its nodes smoothed as far as they stay about
+    /// `near` mm from the part; None where no node of the grid lies on the part.
     pub fn over(surface: &Surface, area: Box2, finest: f64, near: f64) -> Option<Self> {
         let size = area.size().map(mm_from_nm);
         let step = (size[0].max(size[1]) / STEPS).max(finest);
@@ -94,8 +94,8 @@ impl HeightField {
         Some(Self { origin, step, count, heights, steepest: f64::INFINITY })
     }
 
-    /// The same with slopes of at most `steepest`: steeper ones are those of a smeared cliff, on which nothing is marked
-    /// and no axis should lean.
+    /// The same with slopes of at most `steepest`: steeper ones are those of a smeared cliff, on which nothing is
+    /// marked and no axis should lean.
     pub fn no_steeper_than(self, steepest: f64) -> Self {
         Self { steepest, ..self }
     }

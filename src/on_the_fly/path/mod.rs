@@ -2,11 +2,11 @@
 //!
 //! Consumes a program, whose blocks are read one after the other, and the part; promises nodes so close that
 //! straight lines between them stand for the path, with every vertex of a stroke among them. Units: mm; the
-//! frame is the part's. Under marks the height is the part's own, along jumps the height field's. Where rounding has put a
-//! mark beside the part its height goes on from the nearest that is known, as the height field does.
+//! frame is the part's. Under marks the height is the part's own, along jumps the height field's. Where rounding has
+//! put a mark beside the part its height goes on from the nearest that is known, as the height field does.
 //!
-//! [`Path::with_skywriting`] puts skywriting runs beside the marks, which go on as the marks do, and one straight jump between
-//! two runs; [`Path::evened`] leaves vertices of gentle turns out.
+//! [`Path::with_skywriting`] puts run-ins and run-outs beside the marks, which go on as the marks do, and one straight
+//! jump between two runs; [`Path::evened`] leaves vertices of gentle turns out.
 
 pub mod c_rewind;
 pub mod height_field;
@@ -220,9 +220,9 @@ impl Path {
         out
     }
 
-    /// The same marks with skywriting runs of `time_s` at the pen's speed, straight on at every end and straight towards
-    /// every begin, and jumps between them: the stage turns while nothing is marked. Between two marks on one line
-    /// that leave no room for that the path runs on. Of no time, the path as it is.
+    /// The same marks with run-ins and run-outs of `time_s` at the pen's speed, straight on at every end and straight
+    /// towards every begin, and jumps between them: the stage turns while nothing is marked. Between two marks on one
+    /// line that leave no room for that the path runs on. Of no time, the path as it is.
     pub fn with_skywriting(&self, time_s: f64, pens: &[Pen]) -> Self {
         if time_s <= 0.0 {
             return self.clone();

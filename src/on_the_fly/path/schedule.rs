@@ -131,8 +131,8 @@ impl Schedule {
     }
 
     /// The same with heights in jumps that z can follow. Where the marks before and after a jump cannot be in focus
-    /// together the beam waits before it until z has gone on; otherwise z goes straight from one to the other. Where the
-    /// part between them rises so far that the lens might come too near, jumps follow it.
+    /// together the beam waits before it until z has gone on; otherwise z goes straight from one to the other. Where
+    /// the part between them rises so far that the lens might come too near, jumps follow it.
     pub fn lifted(mut self, path: &Path, machine: &Machine, focus: f64) -> Self {
         let gap = machine.lens.working_distance.as_mm() - machine.stage.clearance.as_mm();
         let mut waits = vec![0.0; path.len()];

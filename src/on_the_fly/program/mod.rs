@@ -4,9 +4,9 @@
 //! microseconds, after placement and the machine's signs: what stands in a program is what is commanded. Moves
 //! run straight in all axes from sample to sample, each in its own time; the laser is on in whole moves. Times
 //! are rounded from the program's start, never one after the other, so that nothing adds up; the stage is then
-//! where its motion has it at the rounded time, and the scanner makes up for the rest. A move that would be faster so than
-//! its pen or the scanner may run takes as many microseconds as it needs; the spot is then late, and comes up again
-//! where it has time to spare, in waits not. By how much the motion is too fast for that is told.
+//! where its motion has it at the rounded time, and the scanner makes up for the rest. A move that would be faster so
+//! than its pen or the scanner may run takes as many microseconds as it needs; the spot is then late, and comes up
+//! again where it has time to spare, in waits not. By how much the motion is too fast for that is told.
 //!
 //! # How far a mark lies from where the motion has it
 //! Between two nodes of the motion a mark is meant to run straight in the part. Where axes turn it bows: such
@@ -372,8 +372,8 @@ impl Maker<'_> {
         (scanner.max(pen) * 1e6).ceil() as i64
     }
 
-    /// Where the spot is at a node, asked for at a time that was rounded, and whether that is where it is at that time. On
-    /// a straight run the spot keeps its pace and is; at a corner and where the pen changes it is at the node.
+    /// Where the spot is at a node, asked for at a time that was rounded, and whether that is where it is at that time.
+    /// On a straight run the spot keeps its pace and is; at a corner and where the pen changes it is at the node.
     fn end(&self, node: &Due, time: f64) -> ([f64; 3], bool) {
         let &Due { i, from, to: at, .. } = node;
         let (waypoints, here) = (&self.motion.waypoints, &self.motion.waypoints[i]);

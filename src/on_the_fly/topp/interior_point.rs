@@ -7,8 +7,8 @@
 //! ch. 14 and 16), in shares of b. A start may break limits: bounds begin as wide as it needs and shrink with
 //! every step to the limits.
 //!
-//! [`crate::on_the_fly::banded_qp`] is the general method of this kind. This one knows its three kinds of rows and takes
-//! new tangents at every step, which makes it some 26 times as fast on a path of 200,000 nodes.
+//! [`crate::on_the_fly::banded_qp`] is the general method of this kind. This one knows its three kinds of rows and
+//! takes new tangents at every step, which makes it some 26 times as fast on a path of 200,000 nodes.
 
 use std::ops::Range;
 

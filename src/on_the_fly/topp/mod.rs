@@ -13,8 +13,8 @@
 //!
 //! 1. Speed and acceleration (`reach`): the greatest b that backward and forward passes over linear
 //!    constraints of two neighbours leave (Pham and Pham, IEEE Trans. Robotics 34 (2018) 645: TOPP-RA).
-//! 2. Jerk (`jerk_rows`, `jerk`): acceleration from the middle of a cell to that of the next changes by a linear form of
-//!    three neighbours of b, and the time between is convex in b, so its tangent bounds it from below: a linear
+//! 2. Jerk (`jerk_rows`, `jerk`): acceleration from the middle of a cell to that of the next changes by a linear form
+//!    of three neighbours of b, and the time between is convex in b, so its tangent bounds it from below: a linear
 //!    constraint that is never too lax. An interior point method (`descent`) takes new tangents at every step.
 //!
 //! A run whose axes are all linear in s with one cap is solved in closed form (`straight`).

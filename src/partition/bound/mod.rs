@@ -71,7 +71,7 @@ pub fn lower_bound(points: &[[i32; 3]], size: [i32; 3]) -> Certificate {
     if by_swaps.stops() > by_rows.stops() { by_swaps } else { by_rows }
 }
 
-/// Above that many stops rows are better than what chance finds.
+/// Above this many stops, rows are better than what chance finds.
 const ENOUGH: usize = 500;
 /// Points that are tried at most where they form no rows.
 const SAMPLE: usize = 20_000;

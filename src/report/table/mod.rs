@@ -23,7 +23,7 @@ pub enum Kind {
     Text,
     /// Whole numbers.
     Count,
-    /// Numbers, shown with that many digits after the point.
+    /// Numbers, shown with this many digits after the point.
     Number(u8),
     /// Seconds, shown as people say them.
     Duration,

@@ -9,12 +9,12 @@
 //! A lattice goes on from the cell below, or from the one on the left where its lines rather run
 //! upwards: in the middle of the border they share, lines of both are a pitch apart. Cells of one
 //! direction so share one lattice, and an even slope is hatched as if there were no cells; the first
-//! lies half a pitch inside the area's box, and a stated part of a pitch further. Where directions differ, lines end on the border, and beside it
-//! up to one pitch stays free.
+//! lies half a pitch inside the area's box, and a stated part of a pitch further. Where directions differ, lines end on
+//! the border, and beside it up to one pitch stays free.
 //!
 //! Left out are lines in corners whose ends are less than 2 nm apart in x or in y: rounding could lay them
-//! along a border. Those are some nm long, and 12 um a hundredth of a degree off an axis. Strokes are counted cell by cell, in each along the normal that lies left of the lines. Units: nm as
-//! f64 in the turned part frame, rounded once.
+//! along a border. Those are some nm long, and 12 um a hundredth of a degree off an axis. Strokes are counted cell by
+//! cell, in each along the normal that lies left of the lines. Units: nm as f64 in the turned part frame, rounded once.
 
 use crate::diag::Error;
 use crate::geom::{Box2, Grid, NM_PER_MM, P2, cos_sin};

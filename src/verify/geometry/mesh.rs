@@ -211,8 +211,8 @@ impl Facet {
         }
         let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
         for (i, j) in [(0, 1), (1, 2), (2, 0)] {
-            // A corner on the line counts where its edge begins, so each is looked at once; an edge along the line gives
-            // both its corners.
+            // A corner on the line counts where its edge begins, so each is looked at once; an edge along the line
+            // gives both its corners.
             let d = if side[i] == 0.0 {
                 along[i]
             } else if side[j] != 0.0 && (side[i] < 0.0) != (side[j] < 0.0) {

@@ -37,11 +37,11 @@ pub(super) fn between(stroke: u32, line: &Stroke, from: f64, to: f64) -> Vec<Cov
         .collect()
 }
 
-/// What marks cover. Where a stroke runs back over itself a mark may lie in more than one place. Those that have but one
-/// are placed first, then the others, the longest first, each where least is covered already. Marks are cut at the same
-/// places of the plan wherever the stroke passes them, so of two marks over one place the shorter lies within the
-/// longer: a place that a mark takes from a longer one would have been free for the longer one, and between
-/// marks of one length it does not matter which lies where.
+/// What marks cover. Where a stroke runs back over itself a mark may lie in more than one place. Those that have but
+/// one are placed first, then the others, the longest first, each where least is covered already. Marks are cut at the
+/// same places of the plan wherever the stroke passes them, so of two marks over one place the shorter lies within the
+/// longer: a place that a mark takes from a longer one would have been free for the longer one, and between marks of
+/// one length it does not matter which lies where.
 #[derive(Default)]
 pub(super) struct Covers {
     sure: Vec<Cover>,
@@ -68,8 +68,8 @@ impl Covers {
         let length = |places: &Vec<Vec<Cover>>| places[0].iter().map(|c| c.to - c.from).sum::<f64>();
         let mut open = self.open;
         open.sort_by(|a, b| length(b).total_cmp(&length(a)));
-        // Greedy, the longest first: the order is right for the reason given at the type. `taken` is ordered by beginnings,
-        // so what overlaps a place is found going backwards from its end.
+        // Greedy, the longest first: the order is right for the reason given at the type. `taken` is ordered by
+        // beginnings, so what overlaps a place is found going backwards from its end.
         for places in open {
             let shared = |c: &Cover, taken: &BTreeMap<(u32, u64, u64), Cover>| {
                 let before = taken.range((c.stroke, 0, 0)..(c.stroke, c.to.to_bits(), 0)).rev();
@@ -180,8 +180,8 @@ impl CoverageChecker<'_> {
             if a == b {
                 continue;
             }
-            // Runs go on over corners of the stroke; a stretch that may not be marked ends one only if rounding cannot have
-            // made it.
+            // Runs go on over corners of the stroke; a stretch that may not be marked ends one only if rounding cannot
+            // have made it.
             let segment = Line::new(a, b);
             geometry.along(&segment.part([0.0, segment.len], side), scratch, |piece| {
                 let mm = if count { piece.len() / 1e6 } else { 0.0 };

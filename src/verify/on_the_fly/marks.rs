@@ -90,8 +90,8 @@ impl<'a> MarkChecker<'a> {
             let way = (0..3).map(|k| (end.at[k] - start.at[k]).powi(2)).sum::<f64>().sqrt();
             let count =
                 if self.chain.leans() { ((way / APART) as usize + 1).max(4) } else { (way / APART) as usize + 2 };
-            // A leaning beam is followed at samples, closer than the facets bend; an upright one facet by facet below. The
-            // first sample of a later move is the last one of the move before.
+            // A leaning beam is followed at samples, closer than the facets bend; an upright one facet by facet below.
+            // The first sample of a later move is the last one of the move before.
             for k in usize::from(i > 0)..=count {
                 let share = k as f64 / count as f64;
                 let beam = self.chain.beam(std::array::from_fn(|k| a[k] + share * (b[k] - a[k])));
@@ -190,9 +190,10 @@ impl<'a> MarkChecker<'a> {
         self.hold(&worst, place, rules.focus);
     }
 
-    /// Where a leaning beam of a mark that runs along `way` meets the part. Where it misses the part, or meets it beyond
-    /// the limits, as a beam does that passes a border by the rounding of its axes, any place within [`EDGE`] along and
-    /// across the mark counts: at a corner of the part both are needed, and across it less where the corner is sharp.
+    /// Where a leaning beam of a mark that runs along `way` meets the part. Where it misses the part, or meets it
+    /// beyond the limits, as a beam does that passes a border by the rounding of its axes, any place within [`EDGE`]
+    /// along and across the mark counts: at a corner of the part both are needed, and across it less where the corner
+    /// is sharp.
     fn foot(&mut self, beam: &Beam, way: [f64; 2]) -> Option<Foot> {
         let straight = self.met(beam);
         if straight.is_some_and(|foot| self.holds(&foot)) {

@@ -129,8 +129,8 @@ impl Stroke {
                 *last = (place, off);
             }
         }
-        // Places next to each other are one start, the nearest of them. A mark that lies nowhere on the stroke is followed
-        // from the nearest place, so that the fault can be told with its distance.
+        // Places next to each other are one start, the nearest of them. A mark that lies nowhere on the stroke is
+        // followed from the nearest place, so that the fault can be told with its distance.
         if starts.is_empty() {
             starts.extend(nearest);
         }

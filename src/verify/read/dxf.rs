@@ -30,8 +30,8 @@ fn read(bytes: &[u8], visit: &mut Visit<'_>) -> Result<(), Fault> {
     let mut section: &[u8] = b"";
     let mut named = false;
     loop {
-        // Sections follow each other and hold everything; only ENTITIES is marked, so the others are passed over. `named`
-        // says that the section at hand has its name already.
+        // Sections follow each other and hold everything; only ENTITIES is marked, so the others are passed over.
+        // `named` says that the section at hand has its name already.
         let (code, value) = pairs.next()?;
         match (code, value) {
             (0, b"EOF") if section.is_empty() => return Ok(()),

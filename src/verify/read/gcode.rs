@@ -24,7 +24,7 @@ pub(in crate::verify) enum Step {
     OutputOn,
     /// M65 P0: START off, at once.
     OutputOff,
-    /// M66 P0: waits for BUSY, high or low, at most that many seconds.
+    /// M66 P0: waits for BUSY, high or low, for at most this many seconds.
     Wait { high: bool, seconds: f64 },
     /// An `if` that asks whether the last wait ran out of time, with its o-number.
     IfTimeout(u32),

@@ -123,8 +123,9 @@ impl Head<'_> {
         let part = |at: Commanded| [0, 1, 2].map(|k| (axes[k].1.sign() * at[k] - origin[k]) as f64);
         let (a, b) = (part(from.at), part(to.at));
         let nm = |l: crate::units::Length| l.as_mm() * NM_PER_MM;
-        // The head moves over the part with its lower end `gap` above the focal plane, whose height is the z of the pose:
-        // what rises above the lower one of both ends and `gap` is too near. Most moves pass above all of the part.
+        // The head moves over the part with its lower end `gap` above the focal plane, whose height is the z of the
+        // pose: what rises above the lower one of both ends and `gap` is too near. Most moves pass above all of the
+        // part.
         let gap = nm(self.machine.lens.working_distance) - nm(self.machine.stage.clearance);
         let limit = a[2].min(b[2]) + gap + ROUNDING + 2.0 * self.geometry.weld();
         if self.tiles.highest <= limit && from.tilt.is_upright() && to.tilt.is_upright() {
@@ -143,7 +144,8 @@ impl Head<'_> {
         }
     }
 
-    /// The height above `limit` to which the part rises in the sweep at some pair of angles of a range, if one is found.
+    /// The height above `limit` to which the part rises in the sweep at some pair of angles of a range, if one is
+    /// found.
     fn swing(&self, block: &Block, range: [[f64; 2]; 2], sweep: &Sweep, limit: f64, halvings: u32) -> Option<f64> {
         let middle = range.map(|[lo, hi]| (lo + hi) / 2.0);
         let half = range.map(|[lo, hi]| ((hi - lo) / 2.0 / 1e6).to_radians());
@@ -154,8 +156,9 @@ impl Head<'_> {
             _ => None,
         };
         let spread = half[0] + half[1];
-        // Branch and bound: within the range no place goes farther from where the middle angles bring it than its distance
-        // from the pivot times the half ranges. Tiles that stay below the limit even so need no look at their facets.
+        // Branch and bound: within the range no place goes farther from where the middle angles bring it than its
+        // distance from the pivot times the half ranges. Tiles that stay below the limit even so need no look at their
+        // facets.
         let doubtful = self.tiles.doubtful(turn.as_ref(), spread, &self.pivot(block), sweep, limit);
         if doubtful.is_empty() {
             return None;
@@ -279,7 +282,8 @@ impl Tiles {
     ) -> Vec<[f64; 4]> {
         let [x0, y0, x1, y1] = sweep.bounds;
         let is_doubtful = |b: &&[f64; 6]| {
-            // A box turned about the pivot lies within the box of its turned corners, and that widened by the farthest way.
+            // A box turned about the pivot lies within the box of its turned corners, and that widened by the farthest
+            // way.
             let (mut lo, mut hi, mut far) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 3], 0.0f64);
             for i in 0..8 {
                 let p = [0, 1, 2].map(|k| b[if i >> k & 1 == 0 { k } else { k + 3 }]);

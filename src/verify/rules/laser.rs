@@ -176,8 +176,8 @@ impl<'a> Run<'a> {
                 return i;
             }
         }
-        // The branch must end the program with the output off, whatever else is in it: `off` is followed through it alone,
-        // since after `endif` the program goes on as if there had been no timeout.
+        // The branch must end the program with the output off, whatever else is in it: `off` is followed through it
+        // alone, since after `endif` the program goes on as if there had been no timeout.
         let at = statements[i].line;
         let Some(Step::IfTimeout(label)) = statements.get(i + 1).map(|s| &s.step) else {
             self.broken(at, "this wait is not tested for a timeout");

@@ -181,8 +181,8 @@ impl Search<'_> {
             let line = Line::new(part(w[0]), part(w[1]));
             let segment = self.lines.len();
             let (low, off) = (&mut self.low, &mut self.off);
-            // Heights of what lies within the interval are measured at once. What lies outside is only noted: whether it stays
-            // outside on either side of an edge is looked into below, for the few marks that need it.
+            // Heights of what lies within the interval are measured at once. What lies outside is only noted: whether
+            // it stays outside on either side of an edge is looked into below, for the few marks that need it.
             let cut = geometry.along(&line, &mut self.scratch, |p| match &p.sheet {
                 Some(s) if s.slope != Slope::Steep => {
                     let parts = beyond(&p, s, allowed, geometry);

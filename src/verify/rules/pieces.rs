@@ -2,9 +2,10 @@
 //!
 //! Each texture stroke is placed anew; the marks that claim to be its pieces are laid on it by their
 //! own points (a claim is only a hint: inner vertices must be the stroke's, bit for bit, and both ends
-//! lie on it to the nanometre; a whole closed figure may begin at any of its vertices). What two pieces share is marked twice, which is
-//! allowed at a cut between two blocks over the length that the job declares; what none covers must lie where
-//! nothing can be marked. Every pass is a job of its own. Memory: four bytes per mark, and one texture stroke at a time.
+//! lie on it to the nanometre; a whole closed figure may begin at any of its vertices). What two pieces share is marked
+//! twice, which is allowed at a cut between two blocks over the length that the job declares; what none covers must lie
+//! where nothing can be marked. Every pass is a job of its own. Memory: four bytes per mark, and one texture stroke at
+//! a time.
 
 use super::stretch::{Run, Stretch, confirmed, note, whole};
 use super::turned::Drawn;
@@ -189,9 +190,9 @@ impl Cover<'_> {
         // The mark that reaches furthest, and how far the others do.
         let mut covered: Option<Span> = None;
         let mut before = 0.0f64;
-        // Sweep along the stroke: `covered` reaches farthest of all marks so far. What lies between it and the next mark is
-        // a gap, what lies behind it is marked twice. `before` is how far all but that mark reach: an overlap is declared
-        // only where no third mark lies.
+        // Sweep along the stroke: `covered` reaches farthest of all marks so far. What lies between it and the next
+        // mark is a gap, what lies behind it is marked twice. `before` is how far all but that mark reach: an overlap
+        // is declared only where no third mark lies.
         for span in &spans {
             let to = covered.map_or(0.0, |c| c.to);
             let noise = self.joint(span.from - to, passes, [covered.as_ref(), Some(span)]);

@@ -40,8 +40,8 @@ fn is_registered(entry: &SetupEntry, origin: Origin, points: &[P2], facts: &JobF
             })
         };
         let is_stated = |r: &RegistrationEntry| r.point_mm.map(nm_from_mm) == [Some(point.x), Some(point.y)];
-        // A point that is stated lies in travel; one that is left out does not. Within an increment of its end it may be
-        // either: the command is rounded.
+        // A point that is stated lies in travel; one that is left out does not. Within an increment of its end it may
+        // be either: the command is rounded.
         if stated.peek().is_some_and(|r| is_stated(r)) {
             let at = stated.next().map_or([f64::NAN; 2], |r| r.stage.map(|v| v * NM_PER_MM));
             let is_there = (0..2).all(|k| (at[k] - wanted[k]).abs() <= step);

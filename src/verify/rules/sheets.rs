@@ -1,6 +1,7 @@
 //! `agreement` of the run sheets, which for a job of drawings alone are the program: their rows are the blocks in
-//! order, each with its place, drawing, pens, lengths and time, and lifts where a sheet tells them; above the rows stand
-//! the part's place and the pens. Numbers agree to the decimals that they are written with. One violation per block.
+//! order, each with its place, drawing, pens, lengths and time, and lifts where a sheet tells them; above the rows
+//! stand the part's place and the pens. Numbers agree to the decimals that they are written with. One violation per
+//! block.
 
 use std::path::Path;
 
@@ -225,7 +226,7 @@ impl Sheets<'_> {
     }
 }
 
-/// Whether a cell is a number rounded to that many decimals.
+/// Whether a cell is a number rounded to this many decimals.
 fn is_written(cell: &str, value: f64, decimals: i32) -> bool {
     let half = 0.5 * 10f64.powi(-decimals);
     cell.parse::<f64>().is_ok_and(|v| (v - value).abs() <= half * (1.0 + 1e-6) + 1e-9 * value.abs())

@@ -162,8 +162,8 @@ impl Turned {
     ///
     /// - The point of the field was rounded: [`GRID`] sideways, and the geometry there is t times as much higher.
     /// - The cut point was rounded in the drawing, but has the height of the cut: s [`GRID`] beside the geometry.
-    /// - The geometry itself is known to [`Geometry::z_tolerance`] at s. Along the beam both come to cos a / cos b times
-    ///   as much, which with a height of c + s d is at most hypot(c, d) / cos b.
+    /// - The geometry itself is known to [`Geometry::z_tolerance`] at s. Along the beam both come to cos a / cos b
+    ///   times as much, which with a height of c + s d is at most hypot(c, d) / cos b.
     /// - A height that is off by 1 along the beam moves the point by l in the drawing.
     /// - The point found is rounded there once more: [`GRID`].
     fn off(&self, slope2: f64) -> f64 {
@@ -203,8 +203,8 @@ impl Turned {
         pieces: &mut Vec<OnSheet>,
     ) -> (Under, bool) {
         let mut under = Under::default();
-        // The first side fits on which the mark lies on the part throughout, runs straight in the drawing, and goes on where
-        // it was. If none does, the last one tells what is wrong.
+        // The first side fits on which the mark lies on the part throughout, runs straight in the drawing, and goes on
+        // where it was. If none does, the last one tells what is wrong.
         for side in sides {
             let mut widest_gap = 0.0f64;
             pieces.clear();
@@ -224,8 +224,8 @@ impl Turned {
         (under, false)
     }
 
-    /// Keeps the pieces that the mark lies on. No mark runs over a step between sheets (the program ends it there), so a
-    /// short piece beyond a step at either end is what lies beside the rim on which the mark begins or ends, and a
+    /// Keeps the pieces that the mark lies on. No mark runs over a step between sheets (the program ends it there), so
+    /// a short piece beyond a step at either end is what lies beside the rim on which the mark begins or ends, and a
     /// short one in between is an edge that the line grazes. The pieces that stay at the ends are drawn out over them.
     fn leave_out_other_sheets(&self, len: f64, pieces: &mut Vec<OnSheet>) {
         let short = self.short();

@@ -176,7 +176,7 @@ impl Runner {
     }
 }
 
-/// A plain decimal of that many decimals at most as whole parts of the last one.
+/// A plain decimal with at most this many decimals, in units of the last one.
 fn scaled(text: &str, decimals: usize) -> Option<i64> {
     let (whole, part) = text.split_once('.').unwrap_or((text, ""));
     if part.len() > decimals || whole.is_empty() || !whole.bytes().chain(part.bytes()).all(|c| c.is_ascii_digit()) {
