@@ -169,6 +169,12 @@ impl Stops {
         self.stops[i as usize].tilted.as_ref().map(|tilted| &tilted.turn)
     }
 
+    /// Half the window along x and y, nm.
+    #[inline]
+    pub fn half(&self) -> [i64; 2] {
+        self.half
+    }
+
     /// Lower and upper corner of the window of stop `i`, nm.
     #[inline]
     pub fn window(&self, StopId(i): StopId) -> [[f64; 2]; 2] {

@@ -16,6 +16,8 @@
 
 mod bend;
 mod seam;
+#[cfg(test)]
+mod tests;
 
 pub use seam::Seam;
 
@@ -31,6 +33,9 @@ const EPS: f64 = 1e-3;
 
 /// Bridges of a nanometre that may follow each other: rounding needs one or two.
 const BRIDGES: u32 = 100;
+
+/// How far beyond its window the end of a mark is moved back onto the border, nm: a bridge of one, rounded.
+const BEYOND: i64 = 2;
 
 /// Pieces that are looked ahead over at most.
 const RUN: usize = 1 << 14;
@@ -419,7 +424,10 @@ impl<'a> Cutter<'a> {
     fn local(&self, stop: StopId, p: P2, z: f64) -> FieldPoint {
         let c = self.stops.stops[stop.index()].stop.centre;
         let Some(turn) = self.stops.turn(stop) else {
-            return FieldPoint::new((p.x - c.x) as i32, (p.y - c.y) as i32);
+            // A bridge ends beyond the window, and the window may be the whole field.
+            let within = |v: i64, half: i64| if v.abs() <= half + BEYOND { v.clamp(-half, half) } else { v };
+            let [w, h] = self.stops.half();
+            return FieldPoint::new(within(p.x - c.x, w) as i32, within(p.y - c.y, h) as i32);
         };
         let [x, y, _] = turn.apply(P3::new([p.x as f64, p.y as f64, z])).at;
         FieldPoint::new(nearest(x - c.x as f64) as i32, nearest(y - c.y as f64) as i32)
