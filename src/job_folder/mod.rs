@@ -4,17 +4,17 @@
 //! folder takes the target's name (`target`). A job folder belongs to the program: replacing it removes
 //! everything in it.
 
-mod disk;
+mod exchange;
 mod files;
-mod target;
+mod flush;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-pub use disk::Durability;
-use disk::{Flush, make_all};
 use files::Fill;
 pub use files::layout_svg;
+pub use flush::Durability;
+use flush::{Flush, make_all};
 
 use crate::diag::{Diag, Error, Place};
 use crate::job::{Job, Mode};
@@ -22,7 +22,7 @@ use crate::manifest::{FileFact, Head, InputFact, MANIFEST};
 use crate::plan::Plan;
 #[cfg(test)]
 use crate::plan::{OnTheFlyPlan, SteppedPlan};
-use target::{Target, resolved};
+use exchange::{Target, resolved};
 
 fn place(path: &Path) -> Place {
     Place::file(path.display().to_string())

@@ -10,13 +10,13 @@
 
 mod command;
 mod range;
-mod tilt;
+mod tilt_axes;
 
 use std::path::Path;
 use std::sync::Arc;
 
 pub use command::{Commanded, Origin, TiltAngles};
-pub use tilt::{Letter, RotaryAxis, Tilt};
+pub use tilt_axes::{Letter, RotaryAxis, Tilt};
 
 use serde::{Deserialize, Serialize};
 

@@ -9,7 +9,7 @@
 pub mod bound;
 pub mod box_index;
 mod contour;
-pub mod tilt;
+pub mod tilted_sections;
 pub mod window;
 mod zrange;
 

@@ -2,7 +2,7 @@
 
 use super::grid::Grid;
 use super::methods::{METHODS, row};
-use super::sweep::Sweep;
+use super::stroke_chunks::Sweep;
 use crate::diag::{Diag, Error};
 use crate::job::{Job, Method, Objective};
 use crate::machine::{Commanded, Machine};

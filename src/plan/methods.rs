@@ -3,7 +3,7 @@
 //! A method is a function from a [`Site`] to stops, a variant of [`Method`] and a row here.
 
 use super::candidates::Site;
-use super::tilt;
+use super::tilted_stops;
 use crate::job::{Job, Method};
 use crate::machine::Machine;
 use crate::partition::{self, Stops};
@@ -52,7 +52,7 @@ pub(super) static METHODS: [MethodRow; 4] = [
     MethodRow {
         method: Method::Tilt,
         is_tried: |job, machine| machine.tilt.is_some() && job.setups.is_none(),
-        divide: |site| tilt::divide(site.sweep, site.machine, site.grid),
+        divide: |site| tilted_stops::divide(site.sweep, site.machine, site.grid),
         has_bound: false,
         keeps_figures: true,
         has_borders: true,

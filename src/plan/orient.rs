@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::Inputs;
 use super::grid::Layout;
 use super::start::Start;
-use super::sweep::Sweep;
+use super::stroke_chunks::Sweep;
 use crate::diag::Error;
 use crate::geom::{Box2, P2, P3, Turn};
 use crate::job::Job;

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
-use super::sweep::{Sweep, chunks};
+use super::stroke_chunks::{Sweep, chunks};
 use crate::diag::{Diag, Error, memory};
 use crate::geom::{NM_PER_MM, length_mm};
 use crate::job::Partition;

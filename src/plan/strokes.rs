@@ -9,7 +9,7 @@ use super::assemble::{Members, lay, segments};
 use super::grid::default_origin;
 use super::inputs::Inputs;
 use super::split::{Cuts, join, split};
-use super::sweep::Sweep;
+use super::stroke_chunks::Sweep;
 use super::{dose, warnings};
 use crate::diag::{Diag, Error};
 use crate::geom::Box2;

@@ -115,9 +115,9 @@ fn check_folder(
     let stages = rules::without_inputs(folder, manifest, program, facts, findings);
     rules::clearance::check(&stages, program, facts, geometry, findings);
     rules::agreement::with_job(manifest, program, facts, &mut findings.agreement);
-    let marks = rules::marks::check(program, facts, geometry, findings);
+    let marks = rules::depth_and_field::check(program, facts, geometry, findings);
     rules::dose::check(program, facts, geometry, findings);
-    let pieces = rules::pieces::check(program, facts, drawings, geometry, &marks.drawn, findings);
+    let pieces = rules::coverage::check(program, facts, drawings, geometry, &marks.drawn, findings);
     rules::summary::check(manifest, program, facts, &marks, &pieces, findings);
     rules::summary::slopes(manifest, program, facts, geometry, findings);
 }

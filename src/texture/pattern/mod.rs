@@ -3,7 +3,7 @@
 //! A pattern is a file here, a variant of [`Pattern`] and of [`Kind`], and a row of the table below; `place`
 //! builds it. Areas are rectangles [x0, y0, x1, y1] in the part frame, mm, borders included.
 
-mod contour;
+mod contour_hatch;
 mod hatch;
 mod hilbert;
 mod loops;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-pub use contour::{Contour, Directions};
+pub use contour_hatch::{Contour, Directions};
 use hatch::Hatch;
 use hilbert::Hilbert;
 use loops::Loops;

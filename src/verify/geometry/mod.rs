@@ -12,7 +12,7 @@
 mod grid;
 mod height_map;
 mod mesh;
-mod sweep;
+mod topmost;
 mod turn;
 
 pub(super) use height_map::Map;
@@ -260,7 +260,7 @@ impl Geometry {
             Shape::Map(map) => map.crossings(line, &mut scratch.crossings),
         }
         let Scratch { crossings, active, .. } = scratch;
-        sweep::pieces(crossings, active, line.len, |d, top| {
+        topmost::pieces(crossings, active, line.len, |d, top| {
             let sheet =
                 top.map(|(c, z)| Sheet { z, slope2: c.slope2, slope: self.slope(c), grad: c.grad, facet: c.facet });
             visit(Piece { d, sheet });

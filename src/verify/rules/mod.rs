@@ -2,12 +2,12 @@
 
 pub(super) mod agreement;
 pub(super) mod clearance;
+pub(super) mod coverage;
+pub(super) mod depth_and_field;
 pub(super) mod dose;
 pub(super) mod fill;
 pub(super) mod hash;
 pub(super) mod laser;
-pub(super) mod marks;
-pub(super) mod pieces;
 mod planes;
 mod setups;
 mod sheets;
@@ -122,7 +122,7 @@ pub(super) fn without_inputs(
     travel::check(&stages, program, &facts.machine, &mut findings.travel);
     laser::check(&stages, &facts.machine, &mut findings.laser);
     sheets::check(folder, manifest, program, facts, &mut findings.agreement);
-    marks::field(program, &facts.machine, &mut findings.field);
+    depth_and_field::field(program, &facts.machine, &mut findings.field);
     stages
 }
 

@@ -5,8 +5,8 @@
 //! Of `lower_bound_stops` it is held that there are no fewer stops: a bound is proved by its certificate, which the
 //! folder does not hold.
 
-use super::marks::Marks;
-use super::pieces::Pieces;
+use super::coverage::Pieces;
+use super::depth_and_field::Marks;
 use super::slopes::{self, Bounds};
 use super::times::{self, Times};
 use super::turned::Turned;

@@ -14,7 +14,7 @@ use std::ffi::OsString;
 use std::fs::{self, File};
 use std::path::{Component, Path, PathBuf};
 
-use super::disk::{Flush, flush_tree};
+use super::flush::{Flush, flush_tree};
 use super::{failed, place};
 use crate::diag::{Diag, Error};
 use crate::job::Mode;

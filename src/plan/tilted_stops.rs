@@ -2,17 +2,17 @@
 //! each must hold by all of them.
 
 use super::grid::Grid;
-use super::sweep::Sweep;
+use super::stroke_chunks::Sweep;
 use crate::geom::{Box2, P2};
 use crate::machine::Machine;
-use crate::partition::{Stops, tilt};
+use crate::partition::{Stops, tilted_sections};
 
 /// Most cells in which marks are sampled, 1600 a window: some 2 GB where every one holds marks.
 const MAX_CELLS: u64 = 20_000_000;
 
 /// The stops; None where the texture's box holds too many windows.
 pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option<Stops> {
-    let tilted = tilt::TiltSite {
+    let tilted = tilted_sections::TiltSite {
         machine,
         origin: grid.origin,
         // Sections of later passes begin elsewhere.
