@@ -4,7 +4,7 @@
 //! [`OnTheFlyPlan`] of them, by the job's mode. Both are chains of values: every function takes what it
 //! needs and answers with something new; `stepped` and `on_the_fly` alone know the order of the steps.
 //!
-//! Threads are used in `sweep` and `split`: work is cut into chunks whose number does not depend on the
+//! Threads are used in `stroke_chunks` and `split`: work is cut into chunks whose number does not depend on the
 //! number of threads, and results are joined in the order of the chunks, so threads never change a byte.
 
 mod assemble;
