@@ -3,7 +3,6 @@
 //! Consumes partition, placement and passes of the job, the machine, and the texture's box. [`Layout`] is
 //! what follows from these alone; [`Grid`] is what heights of the marks complete it to. Units: nm.
 
-use super::start::Start;
 use crate::diag::{Diag, Error, memory};
 use crate::geom::{Box2, P2, mm_from_nm};
 use crate::job::{Job, Partition};
@@ -40,9 +39,17 @@ pub(super) struct Grid {
 }
 
 impl Layout {
+    /// Of a pass over a texture in `area`; `laid` is the part's origin where an earlier pass has laid it.
+    ///
     /// # Errors
     /// `section-large`, `section-small`, `zone-large`, `overlap-large`, `sections-many`.
-    pub(super) fn new(job: &Job, machine: &Machine, area: Box2, start: &Start) -> Result<Self, Error> {
+    pub(super) fn new(
+        job: &Job,
+        machine: &Machine,
+        area: Box2,
+        pass: PassId,
+        laid: Option<Origin>,
+    ) -> Result<Self, Error> {
         const MAX_SECTIONS: usize = 4_000_000;
         let step = machine.increment_nm();
         let field = machine.usable_field();
@@ -62,9 +69,9 @@ impl Layout {
         if keep.0 > 0 && partition.section.is_none() {
             pitch = in_step(job, area, pitch, step);
         }
-        let stated = start.laid.as_ref().map(|laid| laid.origin).or(job.placement.origin);
+        let stated = laid.or(job.placement.origin);
         let origin = stated.map_or_else(|| default_origin(machine, area, pitch), |Origin([x, y, _])| [x, y]);
-        let [dx, dy] = job.passes.shift_nm(start.pass, pitch, job.figure_pitch_nm().unwrap_or(1));
+        let [dx, dy] = job.passes.shift_nm(pass, pitch, job.figure_pitch_nm().unwrap_or(1));
         let over = Box2 { lo: P2::new(area.lo.x - dx, area.lo.y - dy), hi: area.hi };
         let sections = Sections::over(over, pitch, step, origin);
         if sections.count.iter().map(|&c| c as usize).product::<usize>() > MAX_SECTIONS {

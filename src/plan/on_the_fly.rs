@@ -28,8 +28,9 @@ use crate::surface::Surface;
 use crate::texture::Texture;
 use crate::units::Speed;
 
+use super::inputs::Inputs;
+use super::progress::{Progress, Station};
 use super::strokes::{self, Strokes};
-use super::{Inputs, Progress, Station};
 
 /// Nodes of the path along half of the field.
 const NODES: f64 = 100.0;

@@ -11,16 +11,15 @@
 
 use rayon::prelude::*;
 
-use super::Inputs;
 use super::grid::Layout;
-use super::start::Start;
+use super::hatch_direction;
+use super::inputs::Inputs;
 use super::sweep::Sweep;
 use crate::diag::Error;
 use crate::geom::{Box2, P2, P3, Turn};
 use crate::job::Job;
 use crate::machine::Commanded;
 use crate::motion;
-use crate::plan::hatch_direction;
 use crate::program::{PassId, Sections};
 
 /// One way to set the part up.
@@ -69,7 +68,7 @@ pub fn orient(job: &Job) -> Result<Vec<Orientation>, Error> {
     let inputs = Inputs::load(job)?;
     let machine = &inputs.machine;
     let area = inputs.texture.bounds();
-    let layout = Layout::new(job, machine, area, &Start::first(machine))?;
+    let layout = Layout::new(job, machine, area, PassId(0), None)?;
     let max_slope = job.limits.max_slope();
     let texture = hatch_direction::along_contours(
         inputs.texture.clone(),

@@ -1,6 +1,6 @@
 //! The figures of a stepped plan.
 
-use super::stepped::Pass;
+use super::pass::Pass;
 use crate::check::Checked;
 use crate::diag::{Diag, Message};
 use crate::job::Method;
