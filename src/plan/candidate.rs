@@ -6,6 +6,7 @@ use super::split::join;
 use super::start::{Laid, Start};
 use crate::check::{self, Limits};
 use crate::diag::Diag;
+use crate::geom::Nm;
 use crate::job::{Method, Objective, Passes};
 use crate::machine::{Machine, Origin};
 use crate::manifest::{self, Slope, Times};
@@ -25,8 +26,8 @@ pub(super) struct Candidate {
     pub(super) slopes: Vec<Slope>,
     pub(super) fragments: usize,
     pub(super) split: Fragments,
-    pub(super) worst_defocus: i64,
-    pub(super) worst_defocus_mean: i64,
+    pub(super) worst_defocus: Nm,
+    pub(super) worst_defocus_mean: Nm,
 }
 
 impl Candidate {
@@ -69,21 +70,21 @@ impl Candidate {
 
     /// Where pass `pass` begins after all passes before it, the first of which began at `begin` on the grid `first`.
     pub(super) fn start_of(&self, pass: PassId, begin: &Start, passes: &Passes, first: &Grid) -> Start {
-        let lowered = passes.lowered_nm(pass);
+        let lowered = passes.lowered(pass);
         let Origin([x, y, z]) = first.origin;
         let last = self.program.blocks.last();
         let raised = |s: &Stop| Stop { focus: s.focus + lowered, ..s.clone() };
         Start {
             pass,
             lowered,
-            laid: Some(Laid { origin: Origin([x, y, z - lowered]), setups: self.setups.clone() }),
+            laid: Some(Laid { origin: Origin([x, y, z - lowered.0]), setups: self.setups.clone() }),
             from: last.map_or(begin.from, |b| b.stage),
             before: last.map(|b| (raised(&b.stop), self.used.cell(b.setup))),
         }
     }
 
     /// Puts a later pass behind, its heights lowered.
-    pub(super) fn append(&mut self, mut next: Self, lowered: i64) {
+    pub(super) fn append(&mut self, mut next: Self, lowered: Nm) {
         let used = self.used.union(&next.used);
         self.used.renumber(&mut self.program.blocks, &used);
         next.used.renumber(&mut next.program.blocks, &used);
@@ -105,8 +106,8 @@ impl Candidate {
     }
 }
 
-/// Puts blocks behind those of a program, their heights lowered by `lowered` nm.
-fn append(program: &mut Program, next: Program, lowered: i64) {
+/// Puts blocks behind those of a program, their heights lowered by `lowered`.
+fn append(program: &mut Program, next: Program, lowered: Nm) {
     let (strokes, points) = (program.strokes.len(), program.points.len() as u32);
     program.points.extend(next.points);
     // Pens that compensate the slope differ from pass to pass.

@@ -30,6 +30,7 @@ use super::warnings;
 use crate::block_map::BlockMap;
 use crate::check::{Checked, Limits};
 use crate::diag::{Diag, Error};
+use crate::geom::Nm;
 use crate::job::{Job, Method};
 use crate::machine::{Machine, Origin};
 use crate::manifest::{self, Slope, Summary, Times};
@@ -57,8 +58,8 @@ pub struct SteppedPlan {
     pub block_times: Vec<f64>,
     /// Slope under the marks of every block, against the beam.
     pub slopes: Vec<Slope>,
-    /// Largest depth range of a block as used, nm.
-    pub depth: i64,
+    /// Largest depth range of a block as used.
+    pub depth: Nm,
     /// What the user should know.
     pub warnings: Vec<Diag>,
 }
@@ -254,7 +255,8 @@ impl Ready {
             hatch_direction::along_contours(texture, &inputs.surface, &layout.sections, max_slope, job.focus.depth)?;
         let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
         // Slivers that may be left out need no stop: no bound is to be had then.
-        let stop_size = bound::size(machine.usable_field(), job.focus.depth).filter(|_| job.partition.min_mark == 0);
+        let stop_size =
+            bound::size(machine.usable_field(), job.focus.depth).filter(|_| job.partition.min_mark == Nm(0));
         let sampling = stop_size.map(|size| bound::sampling(size, &texture));
         let half = layout.window.map(|w| w / 2);
         let (footprint, samples) = sweep.footprint(&layout.sections, layout.keep, half, sampling);

@@ -23,7 +23,7 @@ use bend::Bend;
 
 use crate::geom::{FieldPoint, NM_PER_MM, P2, P3, Turn, Turned, nearest};
 use crate::partition::Stops;
-use crate::program::{CHORD, PenId, StopId, StrokeId};
+use crate::program::{CHORD_NM, PenId, StopId, StrokeId};
 use crate::projection::{Keep, Normals, Piece, Skip, Tracer};
 
 /// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
@@ -359,7 +359,7 @@ impl<'a> Cutter<'a> {
             return self.turned_exit(stop, turn, s, p, t);
         }
         let stop = &self.stops.stops[stop.index()].stop;
-        let (lo, hi) = (stop.z_lo as f64, stop.z_hi as f64);
+        let (lo, hi) = (stop.z_lo.f64(), stop.z_hi.f64());
         // At the edge of a sheet the height jumps from one piece to the next.
         if t == p.t0 && (p.z0 > hi + EPS || p.z0 < lo - EPS) {
             return t;
@@ -406,7 +406,7 @@ impl<'a> Cutter<'a> {
     /// Lower and upper corner of what `stop` admits, on the turned part where there is a turn.
     fn bounds(&self, stop: StopId) -> [[f64; 3]; 2] {
         let ([lo, hi], at) = (self.stops.window(stop), &self.stops.stops[stop.index()].stop);
-        [[lo[0], lo[1], at.z_lo as f64], [hi[0], hi[1], at.z_hi as f64]]
+        [[lo[0], lo[1], at.z_lo.f64()], [hi[0], hi[1], at.z_hi.f64()]]
     }
 
     /// A point as `stop` sees it.
@@ -531,7 +531,7 @@ impl<'a> Cutter<'a> {
     fn mark(&mut self, stop: StopId, s: &Segment, t: [f64; 2], p: &Piece) {
         // On a turned part the two sides of a wall lie apart in the field.
         let jump = (p.z(t[0]) - self.z).abs();
-        let jumps = self.stops.turn(stop).is_some_and(|turn| jump * turn.lean() > CHORD / 2.0);
+        let jumps = self.stops.turn(stop).is_some_and(|turn| jump * turn.lean() > CHORD_NM / 2.0);
         if self.open.as_ref().is_some_and(|o| o.stop != stop || jumps) {
             self.close(s.a.lerp(s.b, t[0]));
         }
