@@ -80,7 +80,7 @@ fn jump_mm(paths: &[Path<'_>], visits: &[Visit]) -> f64 {
 
 /// Tours stops as the driver does, and with `more` times the effort.
 fn tour(name: &str, list: &[Commanded], machine: &Machine, more: usize) {
-    let stage = Stage { machine, from: Commanded([0, 0, machine.retract_z()]), lifts: None };
+    let stage = Stage { machine, from: Commanded([0, 0, machine.retract_z().0]), lifts: None };
     let mut first = 0.0;
     for effort in [0, EFFORT, EFFORT * more] {
         let start = cpu_s();

@@ -8,6 +8,7 @@ use std::borrow::Cow;
 use std::fmt;
 use std::str::FromStr;
 
+use crate::geom::Nm;
 use serde::de::{self, Deserializer, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
 
@@ -155,9 +156,9 @@ impl Length {
     pub const fn as_mm(self) -> f64 {
         self.0
     }
-    /// The length in nm, rounded to the nearest integer; None beyond ±4 m, where no part of ours lies.
-    pub fn as_nm(self) -> Option<i64> {
-        crate::geom::nm_from_mm(self.0)
+    /// The length in nm, rounded to the nearest; None beyond ±4 m, where no part of ours lies.
+    pub fn as_nm(self) -> Option<Nm> {
+        Nm::from_mm(self.0)
     }
 }
 

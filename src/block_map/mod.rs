@@ -32,7 +32,7 @@ mod region_growing;
 #[cfg(test)]
 mod tests;
 
-use crate::geom::{Box2, Grid, P2, P3, Turn, Turned};
+use crate::geom::{Box2, Grid, Nm, P2, P3, Turn, Turned};
 use crate::program::{Block, Program, Sections};
 use crate::surface::Surface;
 
@@ -44,18 +44,18 @@ pub struct BlockMap {
     sub_blocks: usize,
 }
 
-const CELL_NM: i64 = 250_000;
+const CELL: Nm = Nm(250_000);
 const MAX_CELLS: i64 = 16_000_000;
 
-/// The widest gap that is closed is this part of the field; in sparse drawings it is this long, nm.
+/// The widest gap that is closed is this part of the field; in sparse drawings it is this long.
 const WIDEST_GAP: i64 = 8;
-const SPARSE_GAP_NM: i64 = 1_000_000;
+const SPARSE_GAP: Nm = Nm(1_000_000);
 
 /// Whether the stops of blocks stand on the centres of sections.
 pub fn is_gridded(blocks: &[Block], sections: &Sections) -> bool {
     let on = |v: i64, k: usize, origin: i64| {
-        let from = v - origin - sections.pitch[k] / 2;
-        from.rem_euclid(sections.pitch[k]) == 0
+        let from = Nm(v - origin) - sections.pitch[k] / 2;
+        from.rem_euclid(sections.pitch[k]) == Nm(0)
             && (0..i64::from(sections.count[k])).contains(&(from / sections.pitch[k]))
     };
     blocks.iter().map(|b| b.stop.centre).all(|c| on(c.x, 0, sections.origin.x) && on(c.y, 1, sections.origin.y))
@@ -66,21 +66,20 @@ struct Accepts {
     /// How the part is turned, if it is: window and heights are then those of the turned part.
     turn: Option<Turn>,
     window: Box2<Turned>,
-    z: [i64; 2],
+    z: [Nm; 2],
 }
 
 impl Accepts {
     /// `window` is the full size of the stop's window.
-    fn of(block: &Block, turn: Option<Turn>, window: [i64; 2]) -> Self {
-        let (c, [w, h]) = (block.stop.centre, window);
-        let window = Box2 { lo: P2::new(c.x - w / 2, c.y - h / 2), hi: P2::new(c.x + w / 2, c.y + h / 2) };
+    fn of(block: &Block, turn: Option<Turn>, window: [Nm; 2]) -> Self {
+        let window = Box2::around(block.stop.centre, window.map(|w| w / 2));
         Self { turn, window, z: [block.stop.z_lo, block.stop.z_hi] }
     }
 
-    fn admits(&self, p: P2, z: i64) -> bool {
+    fn admits(&self, p: P2, z: Nm) -> bool {
         let (p, z) = self.turn.map_or((Turn::upright(p), z), |turn| {
-            let [x, y, up] = turn.apply(P3::new([p.x, p.y, z].map(|v| v as f64))).at.map(|v| v.round() as i64);
-            (P2::new(x, y), up)
+            let [x, y, up] = turn.apply(P3::new([p.x, p.y, z.0].map(|v| v as f64))).at.map(|v| v.round() as i64);
+            (P2::new(x, y), Nm(up))
         });
         self.z[0] <= z && z <= self.z[1] && self.window.holds(p)
     }
@@ -92,14 +91,14 @@ impl BlockMap {
         program: &Program,
         sections: &Sections,
         turns: &[Option<Turn>],
-        field: [i64; 2],
+        field: [Nm; 2],
         surface: &Surface,
         area: Box2,
     ) -> Self {
-        let grid = raster(area, CELL_NM);
+        let grid = raster(area, CELL);
         let ink = rasterise::ink(program, turns, &grid);
         let [least, widest] =
-            [SPARSE_GAP_NM, field[0].min(field[1]) / WIDEST_GAP].map(|nm| (nm / grid.pitch[0]) as usize);
+            [SPARSE_GAP, field[0].min(field[1]) / WIDEST_GAP].map(|gap| (gap / grid.pitch[0]) as usize);
         let shown = closing::gaps(&grid, &ink, least, widest);
         let dense = region_growing::dense(&grid, &ink);
         let heights = region_growing::Heights::under(surface, &grid, &dense);
@@ -129,9 +128,9 @@ impl BlockMap {
 
     /// An empty map over `bounds`, for tests of what is drawn from one.
     #[cfg(test)]
-    pub(crate) fn blank(bounds: Box2, cell: i64) -> Self {
+    pub(crate) fn blank(bounds: Box2, cell: Nm) -> Self {
         let bounds = if bounds.is_empty() { Box2 { lo: P2::new(0, 0), hi: P2::new(0, 0) } } else { bounds };
-        let grid = raster(bounds, cell.max(1));
+        let grid = raster(bounds, cell.max(Nm(1)));
         Self { labels: vec![0; grid.len()], grid, sub_blocks: 0 }
     }
 
@@ -142,7 +141,7 @@ impl BlockMap {
     }
 
     /// Side of a cell, nm.
-    pub fn cell(&self) -> i64 {
+    pub fn cell(&self) -> Nm {
         self.grid.pitch[0]
     }
 
@@ -175,7 +174,7 @@ impl BlockMap {
     /// Length of the borders between blocks, mm, where both sides are labelled. A straight border of any
     /// direction comes out within 1.4 %; at its ends, and where borders meet, it is short by a cell or two.
     pub fn seam_mm(&self) -> f64 {
-        measure::seam_cells(&self.grid, &self.labels) * crate::geom::mm_from_nm(self.grid.pitch[0])
+        measure::seam_cells(&self.grid, &self.labels) * self.grid.pitch[0].mm()
     }
 }
 
@@ -187,11 +186,11 @@ fn without_cell(labels: &[u32], blocks: usize) -> usize {
 }
 
 /// The square cells over a box: of side `cell`, doubled until they are not too many.
-fn raster(area: Box2, mut cell: i64) -> Grid {
+fn raster(area: Box2, mut cell: Nm) -> Grid {
     let [w, h] = area.size();
-    let count = |v: i64, cell: i64| ((v + cell - 1) / cell).max(1);
+    let count = |v: Nm, cell: Nm| ((v + cell - Nm(1)) / cell).max(1);
     while count(w, cell).saturating_mul(count(h, cell)) > MAX_CELLS {
-        cell *= 2;
+        cell = cell * 2;
     }
     Grid { origin: area.lo, pitch: [cell; 2], count: [count(w, cell) as u32, count(h, cell) as u32] }
 }

@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use crate::geom::{Grid, P2};
+use crate::geom::{Grid, Nm, P2};
 use crate::surface::{Cursor, Surface};
 
 /// Heights of the surface at the centres of the cells of some rows.
@@ -29,7 +29,7 @@ impl Heights {
                 surface.walk(a, b, cursor, spans);
                 let mut span = 0;
                 for (column, height) in heights.iter_mut().enumerate() {
-                    let x = column as i64 * grid.pitch[0] + grid.pitch[0] / 2;
+                    let Nm(x) = grid.pitch[0] * column as i64 + grid.pitch[0] / 2;
                     let t = x as f64 / (b.x - a.x) as f64;
                     // Spans tile 0 to 1 and columns come in order, so both are gone through once.
                     while spans[span].t1 < t {
@@ -48,8 +48,8 @@ impl Heights {
 
     /// The height at a cell's centre, nm; None where there is no surface, or its row is dense.
     #[inline]
-    pub(super) fn at(&self, cell: usize) -> Option<i64> {
-        Some(self.0[cell]).filter(|&h| h != NONE).map(|h| i64::from(h) * STEP_NM as i64)
+    pub(super) fn at(&self, cell: usize) -> Option<Nm> {
+        Some(self.0[cell]).filter(|&h| h != NONE).map(|h| Nm(i64::from(h) * STEP_NM as i64))
     }
 }
 

@@ -10,7 +10,7 @@ use crate::program::{PassId, PenId, SectionId, SetupId, Stop, Stroke, StrokeId};
 const MM: i64 = 1_000_000;
 
 fn grid(columns: u32, rows: u32, cell: i64) -> Grid {
-    Grid { origin: P2::new(0, 0), pitch: [cell; 2], count: [columns, rows] }
+    Grid { origin: P2::new(0, 0), pitch: [Nm(cell); 2], count: [columns, rows] }
 }
 
 /// A block: centre and depth interval in nm, strokes in the part frame.
@@ -35,7 +35,7 @@ fn program(blocks: &[Made]) -> Program {
                 len,
             });
         }
-        let (z_lo, z_hi, focus) = (*z_lo, *z_hi, (z_lo + z_hi) / 2);
+        let (z_lo, z_hi, focus) = (Nm(*z_lo), Nm(*z_hi), Nm((z_lo + z_hi) / 2));
         program.blocks.push(Block {
             pass: PassId(0),
             setup: SetupId(0),
@@ -80,7 +80,7 @@ fn nm(x: f64, y: f64) -> P2 {
 
 /// Sections of 40 mm from the origin.
 fn sections(columns: u32, rows: u32) -> Sections {
-    Sections { origin: P2::new(0, 0), pitch: [40 * MM; 2], count: [columns, rows] }
+    Sections { origin: P2::new(0, 0), pitch: [Nm(40 * MM); 2], count: [columns, rows] }
 }
 
 fn area(x: i64, y: i64) -> Box2 {
@@ -314,7 +314,7 @@ fn cells_under_free_windows_belong_to_the_block_of_their_marks() {
     let z = |p: P2| p.x * 4 / 1000 + p.y * 3 / 1000;
     let stops: Vec<(P2, i64)> =
         (0..120).map(|_| (P2::new(random(100 * MM), random(100 * MM)), random(700) * 1000)).collect();
-    let half = machine().usable_field()[0] / 2;
+    let Nm(half) = machine().usable_field()[0] / 2;
     let accepting = |p: P2| {
         let fits = move |&(c, lo): &(P2, i64)| {
             (p.x - c.x).abs() <= half && (p.y - c.y).abs() <= half && (lo..=lo + 100_000).contains(&z(p))
@@ -336,7 +336,7 @@ fn cells_under_free_windows_belong_to_the_block_of_their_marks() {
     }
     blocks.retain(|b| !b.2.is_empty());
     let program = program(&blocks);
-    let grid = Sections { origin: P2::new(0, 0), pitch: [40 * MM; 2], count: [3, 3] };
+    let grid = Sections { origin: P2::new(0, 0), pitch: [Nm(40 * MM); 2], count: [3, 3] };
     assert!(!is_gridded(&program.blocks, &grid));
     let map = BlockMap::new(&program, &grid, &none(&program), machine().usable_field(), &surface, area(100, 100));
     let place = |label: u32| blocks.get((label as usize).wrapping_sub(1)).map(|b| b.0);

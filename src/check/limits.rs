@@ -3,7 +3,7 @@
 
 use super::Limits;
 use crate::diag::{Diag, Place};
-use crate::geom::mm_from_nm;
+use crate::geom::{Nm, mm_from_nm};
 use crate::program::{Block, BlockId, Program};
 
 /// The limits that a program breaks.
@@ -37,7 +37,7 @@ fn share(found: &Excess, program: &Program) -> String {
 /// Stops beyond the travel of axis `k`.
 fn travel(program: &Program, limits: &Limits<'_>, k: usize) -> Option<Diag> {
     let (name, axis) = limits.machine.axes()[k];
-    let [lo, hi] = axis.travel_nm();
+    let [lo, hi] = axis.travel_nm().map(|Nm(end)| end);
     let found = excess(program, |b| (lo - b.stage[k]).max(b.stage[k] - hi))?;
     let ends = program.blocks.iter().fold([i64::MAX, i64::MIN], |[a, b], block| {
         let at = block.stage[k];
@@ -89,7 +89,7 @@ fn clearance(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
         let turn = limits.machine.turn(stop.tilt, limits.origins[block.setup.index()]);
         limits.clearance.lowest_focus_turned(&turn, stop.centre)
     };
-    let found = excess(program, |b| lowest(b).saturating_sub(b.stop.focus))?;
+    let found = excess(program, |b| lowest(b).saturating_sub(b.stop.focus).0)?;
     let text = format!(
         "at {} the head would come too near to a higher place of the part, by up to {} mm",
         share(&found, program),

@@ -8,6 +8,7 @@
 mod limits;
 
 use crate::diag::{Diag, Error, Place};
+use crate::geom::Nm;
 use crate::machine::{Machine, Origin};
 use crate::order::clearance::Clearance;
 use crate::program::{Block, BlockId, PassId, Pen, Program, SetupId, Stop};
@@ -27,8 +28,8 @@ pub struct Limits<'a> {
     pub origins: &'a [Origin],
     /// The fewest columns and rows of set-ups whose stops lie within travel.
     pub setups_needed: [u32; 2],
-    /// Largest depth range of a block, nm.
-    pub depth: i64,
+    /// Largest depth range of a block.
+    pub depth: Nm,
     /// Tangent of the steepest slope that is marked: a nanometre in the plane is this much in height.
     pub max_slope: f64,
     /// The part's high places.
@@ -186,24 +187,23 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
         }
     }
     // A cut point is rounded by up to a nanometre in the plane, which the slope turns into height.
-    let slack = 1 + limits.max_slope.ceil() as i64;
+    let slack = Nm(1) + Nm::ceil(limits.max_slope);
     // A place that rounding left between two stops goes to one that is 2 nm away at most.
-    let (stop, z, near) = (&block.stop, [block.z_lo, block.z_hi], slack + 2);
+    let (stop, z, near) = (&block.stop, [block.z_lo, block.z_hi], slack + Nm(2));
     if z[0] > z[1] || z[0] < stop.z_lo - near || z[1] > stop.z_hi + near {
         broken(format!(
             "P3: marks between {} and {} nm lie outside of what their stop accepts, {} to {} nm",
-            z[0], z[1], stop.z_lo, stop.z_hi
+            z[0].0, z[1].0, stop.z_lo.0, stop.z_hi.0
         ));
     }
     if block.z_hi - block.z_lo > limits.depth + slack {
-        let text = format!("P3: marks between {} and {} nm span more than {} nm", block.z_lo, block.z_hi, limits.depth);
-        broken(text);
+        broken(format!("P3: marks between {} and {} nm span more than {} nm", z[0].0, z[1].0, limits.depth.0));
     }
     let step = limits.machine.increment_nm();
     if block.stop.focus < block.z_lo - step || block.stop.focus > block.z_hi + step {
         broken(format!(
             "P6: the focal plane {} nm lies outside of the marks, {} to {} nm",
-            block.stop.focus, block.z_lo, block.z_hi
+            block.stop.focus.0, z[0].0, z[1].0
         ));
     }
     let Stop { centre, focus, .. } = block.stop;
@@ -212,10 +212,10 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
     if !axes.map_or(block.stop.tilt.is_upright(), |axes| (0..2).all(|k| axes[k].takes(block.stop.tilt[k]))) {
         broken(format!("P4: no tilt axes go to {:?} millionths of a degree", block.stop.tilt.0));
     }
-    if at != block.stage || at.0.iter().any(|v| v % step != 0) {
+    if at != block.stage || at.0.iter().any(|v| v % step.0 != 0) {
         broken(format!(
-            "P4: stage target {:?} nm is not where the block lies, {:?} nm, in steps of {step} nm",
-            block.stage.0, at.0
+            "P4: stage target {:?} nm is not where the block lies, {:?} nm, in steps of {} nm",
+            block.stage.0, at.0, step.0
         ));
     }
     faults
@@ -230,7 +230,7 @@ mod tests {
 
     /// The sample program checked after a change, on a part with these high places.
     pub(super) fn faults_with(
-        part: &[(Box2, i64)],
+        part: &[(Box2, Nm)],
         needed: [u32; 2],
         change: impl FnOnce(&mut Program, &mut Machine),
     ) -> Result<Checked, Error> {
@@ -242,7 +242,7 @@ mod tests {
             machine: &machine,
             origins: &[origin],
             setups_needed: needed,
-            depth: 70_000,
+            depth: Nm(70_000),
             max_slope: 2.0,
             clearance: &clearance,
         };
@@ -250,14 +250,14 @@ mod tests {
     }
 
     /// What the check says of it.
-    fn faults(part: &[(Box2, i64)], change: impl FnOnce(&mut Program, &mut Machine)) -> Vec<String> {
+    fn faults(part: &[(Box2, Nm)], change: impl FnOnce(&mut Program, &mut Machine)) -> Vec<String> {
         let text = |d: &Diag| format!("{} {}", d.code, d.message);
         faults_with(part, [1, 1], change).map_or_else(|e| e.diags().iter().map(text).collect(), |_| Vec::new())
     }
 
     /// A high place on the part under the sample program.
-    pub(super) fn mast() -> (Box2, i64) {
-        (Box2 { lo: P2::new(0, 0), hi: P2::new(1, 1) }, 141_000_000)
+    pub(super) fn mast() -> (Box2, Nm) {
+        (Box2 { lo: P2::new(0, 0), hi: P2::new(1, 1) }, Nm(141_000_000))
     }
 
     /// Holds that a change breaks one rule once, and this one.
@@ -292,13 +292,13 @@ mod tests {
         });
         assert_breaks("P2", |p, _| p.points[1].x = 20_000_001);
         assert_breaks("P3: marks between 0 and 70004 nm span", |p, _| {
-            let (stop, z) = ([0, 70_004], [0, 70_004]);
+            let (stop, z) = ([Nm(0), Nm(70_004)], [Nm(0), Nm(70_004)]);
             [p.blocks[0].stop.z_lo, p.blocks[0].stop.z_hi] = stop;
             [p.blocks[0].z_lo, p.blocks[0].z_hi] = z;
         });
         assert_breaks("P3: marks between -6", |p, _| {
-            p.blocks[0].z_lo = p.blocks[0].stop.z_lo - 6;
-            p.blocks[0].z_hi -= 10;
+            p.blocks[0].z_lo = p.blocks[0].stop.z_lo - Nm(6);
+            p.blocks[0].z_hi -= Nm(10);
         });
         assert_breaks("P4: stage target", |p, _| p.blocks[1].stage[2] += 100);
         assert_breaks("P4: stage target", |p, m| {
@@ -309,7 +309,7 @@ mod tests {
         assert_breaks("P4: no tilt axes", |p, _| p.blocks[1].stop.tilt = TiltAngles([0, 100]));
         assert_breaks("P5", |p, _| p.strokes[0].pen = PenId(2));
         assert_breaks("P6", |p, m| {
-            p.blocks[1].stop.focus += 40_000;
+            p.blocks[1].stop.focus += Nm(40_000);
             p.blocks[1].stage[2] += 40_000 * m.stage.z.sign();
         });
         assert_breaks("P7: a block of an earlier pass", |p, _| {

@@ -5,7 +5,6 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use crate::diag::{Diag, Error};
-use crate::geom::mm_from_nm;
 use crate::job::{FileUnit, Job, Overrides};
 use crate::manifest::{self, AnySummary, duration};
 use crate::surface::{self, Content};
@@ -215,7 +214,7 @@ fn job(path: &Path) -> Result<Shown, Error> {
     let job = Job::load(path, &Overrides::default())?;
     let machine = job.machine()?;
     let surface = job.surface_path();
-    let pdof_mm = mm_from_nm(job.focus.pdof);
+    let pdof_mm = job.focus.pdof.mm();
     let text = format!(
         "job file\nmode      {}\nsurface   {}\ntextures  {}\npdof      {pdof_mm} mm\nmachine   {}\nmethod    {}\n",
         job.mode.name(),

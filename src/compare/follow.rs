@@ -141,7 +141,7 @@ impl<'a> Follower<'a> {
     /// What marks get from a synchronised motion.
     fn followed(&self, path: &Path, schedule: &Schedule, sync: &Decomposition) -> Result<Followed, Error> {
         let nodes = sync.nodes(path, schedule);
-        let half = self.subject.machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+        let half = self.subject.machine.usable_field().map(|f| f.mm() / 2.0);
         let samples = sync.stage.iter().zip(&sync.beam).zip(&sync.on).map(|((&xyz, b), &on)| Sample {
             axes: Axes { xyz, a: 0.0, c: 0.0 },
             spot: [b[0] - xyz[0], b[1] - xyz[1]],
@@ -169,7 +169,7 @@ impl<'a> Follower<'a> {
         let map = BlockMap::new(program, &section, &upright, section.pitch, &subject.inputs.surface, texture);
         let band = |(i, block): (usize, &Block)| {
             let mut path = path_of(subject, program, i..i + 1);
-            let plane = mm_from_nm(block.stop.focus);
+            let plane = block.stop.focus.mm();
             let heights: Vec<f64> = path.at.iter().map(|p| p[2]).collect();
             path.at.iter_mut().for_each(|p| p[2] = plane);
             let schedule = Schedule::of(&path, subject.machine, &program.pens, 0.0);
@@ -177,7 +177,7 @@ impl<'a> Follower<'a> {
             path.at.iter_mut().zip(heights).for_each(|(p, z)| p[2] = z);
             let time = Split { stage: 2.0 * sync.lead_s, ..Split::of(&schedule, sync.slower) };
             let ends =
-                [path.at[0], path.at[path.len() - 1]].map(nm).map(|[x, y, _]| Commanded([x, y, block.stop.focus]));
+                [path.at[0], path.at[path.len() - 1]].map(nm).map(|[x, y, _]| Commanded([x, y, block.stop.focus.0]));
             Ok((self.followed(&path, &schedule, &sync)?, time, sync.slower, schedule.total_s(), ends))
         };
         let bands = program.blocks.par_iter().enumerate().map(band).collect::<Result<Vec<_>, Error>>()?;

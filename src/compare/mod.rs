@@ -25,7 +25,7 @@ use std::ops::Range;
 use std::sync::OnceLock;
 
 use crate::diag::{Diag, Error};
-use crate::geom::mm_from_nm;
+use crate::geom::Nm;
 use crate::job::{Job, Method};
 use crate::machine::{Commanded, Machine};
 use crate::motion::stage_move;
@@ -215,20 +215,20 @@ pub fn compare(
     let inputs = Inputs::load(job)?;
     let machine = &inputs.machine;
     let whole = strokes::in_order(job, machine, &inputs, None).map_err(|e| e.after(inputs.warnings.clone()))?;
-    let size = whole.texture.size().map(mm_from_nm);
+    let size = whole.texture.size().map(Nm::mm);
     let focus = job.focus.half_depth_mm();
     let height_field = HeightField::followed(&inputs.surface, whole.texture, focus).ok_or_else(|| {
         Diag::limit("compare-surface", "the texture lies nowhere on the part")
             .hint("compare its area with the part's box")
     })?;
-    let half = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+    let half = machine.usable_field().map(|f| f.mm() / 2.0);
     let limits = Limits {
         focus,
         angle: job.limits.warn_incidence.as_rad(),
         // The corners of the field are the scanner's too.
         field: half[0].hypot(half[1]),
     };
-    let across = stage_move(machine, Commanded::default(), Commanded([machine.usable_field()[0], 0, 0]), None);
+    let across = stage_move(machine, Commanded::default(), Commanded([machine.usable_field()[0].0, 0, 0]), None);
     let subject = Subject {
         job,
         machine,
@@ -303,7 +303,7 @@ fn marked(deviations: &[Deviation], weights: &[f64], limits: Limits) -> Figures 
 
 /// The path of some blocks of a program over the part.
 fn path_of(subject: &Subject<'_>, program: &Program, blocks: Range<usize>) -> Path {
-    let field = subject.machine.usable_field().map(mm_from_nm);
+    let field = subject.machine.usable_field().map(Nm::mm);
     let spacing = field[0].min(field[1]).min(subject.size[0].max(subject.size[1])) / NODES;
     Path::of(program, blocks, &subject.inputs.surface, &subject.height_field, spacing)
 }

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use super::{Figures, Split, Subject, marked, path_of};
 use crate::diag::Error;
-use crate::geom::{Box2, FieldPoint, NM_PER_MM, P2, P3, Turn, mm_from_nm};
+use crate::geom::{Box2, FieldPoint, NM_PER_MM, Nm, P2, P3, Turn, mm_from_nm};
 use crate::job::{DepthRule, Focus, Method, Partition};
 use crate::machine::{Commanded, Machine, Origin};
 use crate::manifest::Times;
@@ -16,7 +16,7 @@ use crate::plan::{Draft, SteppedPlan};
 use crate::program::Program;
 
 /// Planes of focus so far apart, nm, that every field has one.
-const ONE_PLANE: i64 = 2_000_000_000;
+const ONE_PLANE: Nm = Nm(2_000_000_000);
 
 /// Fields side by side, each focused on the middle of its marks. The program is not checked: the lens may come as
 /// near to the part as it must, the figures tell.
@@ -94,9 +94,9 @@ pub(super) fn zoom(subject: &Subject<'_>) -> Result<Figures, Error> {
     };
     let plan = subject.z_range()?;
     let mut figures = measured(subject, &Measured::of(plan));
-    let range = zoom.range.as_nm().unwrap_or(i64::MAX);
+    let range = zoom.range.as_nm().unwrap_or(Nm::MAX);
     let blocks = &plan.checked.program().blocks;
-    let (mut at, mut planes) = (blocks[0].stage, [i64::MAX, i64::MIN]);
+    let (mut at, mut planes) = (blocks[0].stage, [Nm::MAX, Nm::MIN]);
     let (mut time, mut focus) = (Split { stage: 0.0, settle: 0.0, ..figures.time }, blocks[0].stop.focus);
     (figures.stops, figures.stage_travel_mm) = (1, 0.0);
     for (i, block) in blocks.iter().enumerate() {
@@ -105,7 +105,7 @@ pub(super) fn zoom(subject: &Subject<'_>) -> Result<Figures, Error> {
         let stays = i > 0 && blocks[i - 1].stop.section == stop.section && reached[1] - reached[0] <= range;
         if stays {
             planes = reached;
-            let moved = mm_from_nm((stop.focus - focus).abs());
+            let moved = (stop.focus - focus).abs().mm();
             if moved > 0.0 {
                 time.zoom += moved / zoom.speed.as_mm_s() + zoom.settle.as_s();
             }
@@ -175,7 +175,7 @@ fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
         let p = turn.apply(P3::new([x, y, z].map(|v| v * NM_PER_MM))).at.map(|v| v / NM_PER_MM);
         let centre = stop.centre.mm();
         Deviation {
-            focus: (p[2] - mm_from_nm(stop.focus)).abs(),
+            focus: (p[2] - stop.focus.mm()).abs(),
             angle: turn.slope2(subject.height_field.at([x, y]).normal()).sqrt().atan(),
             lateral: (p[0] - centre[0]).hypot(p[1] - centre[1]),
         }
@@ -190,10 +190,10 @@ fn seen_from_above(program: &mut Program, turns: &[Turn], height_field: &HeightF
     let Program { blocks, strokes, points, .. } = program;
     for (block, turn) in blocks.iter_mut().zip(turns) {
         let (centre, focus, up) = (block.stop.centre, block.stop.focus, turn.up());
-        let [lo, hi] = [block.z_lo, block.z_hi].map(|z| mm_from_nm(z - focus));
+        let [lo, hi] = [block.z_lo, block.z_hi].map(|z| (z - focus).mm());
         // Where the beam through a point of the focal plane meets the part, at no other height than the block's marks.
         let met = |FieldPoint { x, y }: FieldPoint| {
-            let point = [centre.x + i64::from(x), centre.y + i64::from(y), focus];
+            let point = [centre.x + i64::from(x), centre.y + i64::from(y), focus.0];
             let from = turn.back(P3::new(point.map(|v| v as f64))).at.map(|v| v / NM_PER_MM);
             let (mut way, mut p) = (0.0f64, from);
             for _ in 0..4 {

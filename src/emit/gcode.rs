@@ -95,7 +95,7 @@ impl Writer {
             longest,
             off,
             block_file,
-            retract_z: machine.retract_z(),
+            retract_z: machine.retract_z().0,
             dwell: format!("G4 P{}.{:03}", ms / 1000, ms % 1000),
             at: None,
             letters: machine.tilt.as_ref().map(|t| t.axes.each_ref().map(|a| a.letter.char())),

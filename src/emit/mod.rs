@@ -112,7 +112,7 @@ mod tests {
         while nm < 4_000_000_000 {
             for n in [nm, -nm] {
                 let back: f64 = mm(n).parse().expect("number");
-                assert_eq!(crate::geom::nm_from_mm(back), Some(n));
+                assert_eq!(crate::geom::Nm::from_mm(back), Some(crate::geom::Nm(n)));
             }
             nm = nm * 7 / 5 + 3;
         }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Box2, P2};
+use super::{Box2, Nm, P2};
 
 /// Equal rectangular cells, counted row by row from the lower left. Lengths are nm unless its user says
 /// otherwise. A cell holds its lower and left border; those of the last column and row hold their upper
@@ -12,7 +12,7 @@ pub struct Grid {
     /// Lower left corner.
     pub origin: P2,
     /// Size of a cell along x and y.
-    pub pitch: [i64; 2],
+    pub pitch: [Nm; 2],
     /// Columns and rows.
     pub count: [u32; 2],
 }
@@ -21,9 +21,9 @@ impl Grid {
     /// The fewest cells of the given pitch over `area`, the grid starting at its lower corner or
     /// up to one `step` below it: at the next lower point whose cell centres lie on multiples of
     /// `step` less `offset`, where stage targets can stand.
-    pub fn over(area: Box2, pitch: [i64; 2], step: i64, offset: [i64; 2]) -> Self {
-        let axis = |lo: i64, hi: i64, pitch: i64, offset: i64| {
-            let start = lo - (lo + pitch / 2 + offset).rem_euclid(step);
+    pub fn over(area: Box2, pitch: [Nm; 2], step: Nm, offset: [Nm; 2]) -> Self {
+        let axis = |lo: i64, hi: i64, Nm(pitch): Nm, Nm(offset): Nm| {
+            let start = lo - (lo + pitch / 2 + offset).rem_euclid(step.0);
             let count = ((hi - start) as u64).div_ceil(pitch as u64).max(1);
             (start, u32::try_from(count).unwrap_or(u32::MAX))
         };
@@ -62,7 +62,7 @@ impl Grid {
     /// The centre of cell `i`: of a section, the point under the optical axis when it is marked.
     pub fn centre(&self, i: usize) -> P2 {
         let [column, row] = self.cell(i).map(i64::from);
-        P2::new(self.line(0, column) + self.pitch[0] / 2, self.line(1, row) + self.pitch[1] / 2)
+        P2::new(self.line(0, column) + self.pitch[0].0 / 2, self.line(1, row) + self.pitch[1].0 / 2)
     }
 
     /// What cell `i` covers, borders included.
@@ -78,10 +78,10 @@ impl Grid {
         Box2 { lo: self.origin, hi: P2::new(self.line(0, columns), self.line(1, rows)) }
     }
 
-    /// Coordinate of the lower border of column (axis 0) or row (axis 1) `i`.
+    /// Coordinate, nm, of the lower border of column (axis 0) or row (axis 1) `i`.
     #[inline]
     pub fn line(&self, axis: usize, i: i64) -> i64 {
-        self.start(axis) + i * self.pitch[axis]
+        self.start(axis) + i * self.pitch[axis].0
     }
 
     /// The column (axis 0) or row (axis 1) in which a stroke is that goes from `v` in direction
@@ -90,7 +90,7 @@ impl Grid {
     #[inline]
     pub fn along(&self, axis: usize, v: i64, d: i64) -> i64 {
         let from = v - self.start(axis);
-        let pitch = self.pitch[axis];
+        let pitch = self.pitch[axis].0;
         let i = if d < 0 { (from - 1).div_euclid(pitch) } else { from.div_euclid(pitch) };
         i.clamp(0, i64::from(self.count[axis]) - 1)
     }
@@ -98,7 +98,7 @@ impl Grid {
     /// The columns (axis 0) or rows (axis 1) that hold something of the closed interval from `lo` to `hi`.
     #[inline]
     pub fn range(&self, axis: usize, lo: i64, hi: i64) -> Range<usize> {
-        let at = |v: i64| (v - self.start(axis)).div_euclid(self.pitch[axis]);
+        let at = |v: i64| (v - self.start(axis)).div_euclid(self.pitch[axis].0);
         let first = at(lo).max(0);
         let last = at(hi).min(i64::from(self.count[axis]) - 1);
         if first > last { 0..0 } else { first as usize..last as usize + 1 }
@@ -133,17 +133,18 @@ mod tests {
     #[test]
     fn a_whole_number_of_fields_needs_no_extra_section() {
         let mm = 1_000_000;
+        let field = [Nm(40 * mm); 2];
         let area = |w: i64| Box2 { lo: P2::new(0, 0), hi: P2::new(w * mm, 450 * mm) };
-        let s = Grid::over(area(400), [40 * mm, 40 * mm], 100, [0, 0]);
+        let s = Grid::over(area(400), field, Nm(100), [Nm(0); 2]);
         assert_eq!(s.count, [10, 12]);
         assert_eq!(s.centre(11), P2::new(60 * mm, 60 * mm));
-        assert_eq!(Grid::over(area(450), [40 * mm, 40 * mm], 100, [0, 0]).len(), 144);
+        assert_eq!(Grid::over(area(450), field, Nm(100), [Nm(0); 2]).len(), 144);
     }
 
     #[test]
     fn centres_lie_where_the_stage_can_stand() {
         let area = Box2 { lo: P2::new(12_345, -777), hi: P2::new(90_000_000, 1_000_000) };
-        let s = Grid::over(area, [40_000_000, 40_000_000], 100, [37, -5]);
+        let s = Grid::over(area, [Nm(40_000_000); 2], Nm(100), [Nm(37), Nm(-5)]);
         let c = s.centre(0);
         assert_eq!([(c.x + 37) % 100, (c.y - 5) % 100], [0, 0]);
         assert!(s.origin.x <= 12_345 && s.origin.x > 12_345 - 100);
@@ -151,14 +152,14 @@ mod tests {
 
     #[test]
     fn borders_belong_to_the_side_a_stroke_goes_to() {
-        let s = Grid { origin: P2::new(0, 0), pitch: [10, 10], count: [3, 1] };
+        let s = Grid { origin: P2::new(0, 0), pitch: [Nm(10); 2], count: [3, 1] };
         assert_eq!([s.along(0, 10, 1), s.along(0, 10, -1), s.along(0, 10, 0)], [1, 0, 1]);
         assert_eq!([s.along(0, 30, 0), s.along(0, 0, -1)], [2, 0]);
     }
 
     #[test]
     fn a_box_touches_the_cells_that_meet_it_and_none_beside_the_grid() {
-        let grid = Grid { origin: P2::new(-20, 5), pitch: [10, 7], count: [5, 4] };
+        let grid = Grid { origin: P2::new(-20, 5), pitch: [Nm(10), Nm(7)], count: [5, 4] };
         let inside = |i: usize, area: Box2| {
             // Cells are half-open.
             let cell = grid.area(i);

@@ -8,6 +8,7 @@ mod buckets;
 mod field;
 mod frame;
 mod grid;
+mod nm;
 mod stroke;
 mod turn;
 
@@ -15,6 +16,7 @@ pub use buckets::{Buckets, counting_sort};
 pub use field::{ControllerPoint, FieldPoint};
 pub use frame::{P3, Part, Turned};
 pub use grid::Grid;
+pub use nm::Nm;
 pub use stroke::Strokes;
 pub use turn::Turn;
 
@@ -26,8 +28,8 @@ use nalgebra::Point3;
 /// Nanometres in a millimetre.
 pub const NM_PER_MM: f64 = 1e6;
 
-/// The largest coordinate that is accepted, in nm (4 m): far beyond any stage, far below any overflow.
-pub const MAX_NM: i64 = 4_000_000_000;
+/// The largest coordinate that is accepted, 4 m: far beyond any stage, far below any overflow.
+pub const MAX_NM: Nm = Nm(4_000_000_000);
 
 /// A point in the plane, in nm, of the part as it is drawn unless another frame is named.
 ///
@@ -56,7 +58,7 @@ impl<F> P2<F> {
     }
     /// The nearest grid point to (x, y) mm; None where that is not finite or beyond [`MAX_NM`].
     pub fn from_mm(x: f64, y: f64) -> Option<Self> {
-        Some(Self::new(nm_from_mm(x)?, nm_from_mm(y)?))
+        Some(Self::new(Nm::from_mm(x)?.0, Nm::from_mm(y)?.0))
     }
     /// Distance to `o` in nm.
     pub fn distance(self, o: Self) -> f64 {
@@ -88,6 +90,14 @@ impl<F> Box2<F> {
     /// The box that holds nothing; grows with [`Box2::add`].
     pub const EMPTY: Self = Self { lo: P2::new(i64::MAX, i64::MAX), hi: P2::new(i64::MIN, i64::MIN) };
 
+    /// The box that reaches `half` beyond `centre` along x and y.
+    #[inline]
+    pub const fn around(centre: P2<F>, [x, y]: [Nm; 2]) -> Self
+    where
+        F: Copy,
+    {
+        Self { lo: P2::new(centre.x - x.0, centre.y - y.0), hi: P2::new(centre.x + x.0, centre.y + y.0) }
+    }
     /// Grows the box to hold `p`.
     pub fn add(&mut self, p: P2<F>) {
         self.lo = P2::new(self.lo.x.min(p.x), self.lo.y.min(p.y));
@@ -110,9 +120,9 @@ impl<F> Box2<F> {
     pub fn holds(&self, p: P2<F>) -> bool {
         self.lo.x <= p.x && p.x <= self.hi.x && self.lo.y <= p.y && p.y <= self.hi.y
     }
-    /// Extents along x and y in nm.
-    pub fn size(&self) -> [i64; 2] {
-        [self.hi.x - self.lo.x, self.hi.y - self.lo.y]
+    /// Extents along x and y.
+    pub fn size(&self) -> [Nm; 2] {
+        [Nm(self.hi.x - self.lo.x), Nm(self.hi.y - self.lo.y)]
     }
 }
 
@@ -123,13 +133,7 @@ pub(crate) fn nearest(v: f64) -> i64 {
     (v + 0.5f64.copysign(v)) as i64
 }
 
-/// Nearest nanometre to `mm`; None where that is not finite or beyond [`MAX_NM`].
-pub fn nm_from_mm(mm: f64) -> Option<i64> {
-    let nm = (mm * NM_PER_MM).round();
-    (nm.abs() <= MAX_NM as f64).then_some(nm as i64)
-}
-
-/// A length in nm as mm.
+/// A coordinate in nm as mm.
 pub fn mm_from_nm(nm: i64) -> f64 {
     nm as f64 / NM_PER_MM
 }
@@ -199,15 +203,6 @@ mod tests {
             let c = P2::new(0, dy);
             let exact = i128::from(b.x - a.x) * i128::from(c.y - a.y) - i128::from(b.y - a.y) * i128::from(c.x - a.x);
             assert_eq!(orient(a, b, c).partial_cmp(&0.0), Some(exact.cmp(&0)), "dy {dy}");
-        }
-    }
-
-    #[test]
-    fn nanometres_refuse_non_finite_and_huge_values() {
-        assert_eq!(nm_from_mm(0.0000004), Some(0));
-        assert_eq!(nm_from_mm(-0.07), Some(-70_000));
-        for bad in [f64::NAN, f64::INFINITY, 1e30] {
-            assert_eq!(nm_from_mm(bad), None);
         }
     }
 }

@@ -6,7 +6,7 @@
 use super::file::Implausible;
 use super::resolved::Job;
 use crate::diag::{Diag, Error};
-use crate::geom::{NM_PER_MM, mm_from_nm};
+use crate::geom::NM_PER_MM;
 use crate::machine::Machine;
 use crate::texture::Kind;
 
@@ -37,7 +37,7 @@ impl Job {
 
     /// A depth range that is far beyond the depth of focus of the optics.
     fn deep(&self, machine: &Machine) -> Option<Diag> {
-        let (depth, optics) = (mm_from_nm(self.focus.depth), machine.depth_of_focus_mm());
+        let (depth, optics) = (self.focus.depth.mm(), machine.depth_of_focus_mm());
         if depth <= MOST_DEPTHS * optics {
             return None;
         }

@@ -17,7 +17,7 @@ use super::resolved::{
 };
 use crate::diag::{self, Diag, Error, Place};
 use crate::emit::{Format, TARGETS, Target};
-use crate::geom::{MAX_NM, P2, mm_from_nm};
+use crate::geom::{MAX_NM, Nm, P2};
 use crate::machine::Origin;
 use crate::program::Pen;
 use crate::units::{Angle, Length};
@@ -102,15 +102,15 @@ impl<'a> Faults<'a> {
     }
 
     /// A length in nm.
-    fn nm(&mut self, key: &str, length: Length) -> i64 {
+    fn nm(&mut self, key: &str, length: Length) -> Nm {
         length.as_nm().unwrap_or_else(|| {
-            let text = format!("{key} is {length}, beyond {} m", mm_from_nm(MAX_NM) / 1000.0);
+            let text = format!("{key} is {length}, beyond {} m", MAX_NM.mm() / 1000.0);
             self.push(key, Diag::input("length-far", text).hint("check its unit; no stage reaches that far"));
-            0
+            Nm(0)
         })
     }
 
-    fn nm_option(&mut self, key: &str, length: Option<Length>) -> Option<i64> {
+    fn nm_option(&mut self, key: &str, length: Option<Length>) -> Option<Nm> {
         length.map(|length| self.nm(key, length))
     }
 }
@@ -168,7 +168,7 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
     let f = &mut faults;
     let mode = overrides.mode.unwrap_or(file.mode);
     let surface = surface_input(&file.surface, f);
-    let origin = file.placement.origin.map(|o| Origin(o.map(|length| f.nm("placement.origin", length))));
+    let origin = file.placement.origin.map(|o| Origin(o.map(|length| f.nm("placement.origin", length).0)));
     let focus = focus(&file.focus, f);
     let pens = pens(&file.pen, f);
     if file.texture.is_empty() {
@@ -243,7 +243,7 @@ fn surface_input(keys: &SurfaceKeys, f: &mut Faults<'_>) -> SurfaceInput {
             heightmap: keys.heightmap.as_ref().map(scale),
             max_edge_mm: keys.max_edge.map(Length::as_mm),
         },
-        weld_nm: f.nm("surface.weld", keys.weld),
+        weld: f.nm("surface.weld", keys.weld),
     }
 }
 
@@ -278,7 +278,7 @@ fn focus(keys: &FocusKeys, f: &mut Faults<'_>) -> Focus {
     let pdof = pdof.as_nm().unwrap_or(MAX_NM);
     let depth = match keys.rule {
         DepthRule::Range => pdof,
-        DepthRule::Half => 2 * pdof,
+        DepthRule::Half => pdof * 2,
     };
     Focus { pdof, depth, rule: keys.rule, level: keys.level }
 }
@@ -355,7 +355,7 @@ fn machine(keys: &MachineKeys, f: &mut Faults<'_>) -> Option<MachineInput> {
     }
 }
 
-fn passes(keys: &PassesKeys, depth: i64, f: &mut Faults<'_>) -> Passes {
+fn passes(keys: &PassesKeys, depth: Nm, f: &mut Faults<'_>) -> Passes {
     if !(1..=MAX_PASSES).contains(&keys.count) {
         f.push(
             "passes.count",
@@ -365,8 +365,8 @@ fn passes(keys: &PassesKeys, depth: i64, f: &mut Faults<'_>) -> Passes {
     }
     let lower = f.nm("passes.lower", keys.lower);
     // A depth that is at fault itself says nothing of this one.
-    if lower > depth && depth > 0 {
-        let text = format!("passes.lower {} is more than the depth range {} mm", keys.lower, mm_from_nm(depth));
+    if lower > depth && depth > Nm(0) {
+        let text = format!("passes.lower {} is more than the depth range {} mm", keys.lower, depth.mm());
         f.push(
             "passes.lower",
             Diag::input("passes-lower", text).hint("it is what one pass removes, such as \"8 um\"; check its unit"),
@@ -390,7 +390,7 @@ fn set_ups(keys: &SetupsKeys, file: &JobFile, f: &mut Faults<'_>) -> Setups {
     let points: Vec<P2> = keys
         .registration
         .iter()
-        .map(|point| point.map(|length| f.nm("setups.registration", length)))
+        .map(|point| point.map(|length| f.nm("setups.registration", length).0))
         .map(|[x, y]| P2::new(x, y))
         .collect();
     let fault = if points.len() < 2 {

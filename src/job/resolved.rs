@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::file::{Dose, Implausible, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder};
 use crate::diag::{Diag, Error, Place};
 use crate::emit::Format;
-use crate::geom::{NM_PER_MM, P2, mm_from_nm};
+use crate::geom::{NM_PER_MM, Nm, P2};
 use crate::machine::{Machine, Origin};
 use crate::program::{PassId, Pen};
 use crate::units::{Angle, Share};
@@ -73,8 +73,8 @@ pub struct SurfaceInput {
     pub file: PathBuf,
     /// Unit and scale.
     pub options: surface::Options,
-    /// Vertices nearer to each other than this become one, nm.
-    pub weld_nm: i64,
+    /// Vertices nearer to each other than this become one.
+    pub weld: Nm,
 }
 
 /// How the part lies on the table.
@@ -90,10 +90,10 @@ pub struct Placement {
 /// Depth of focus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Focus {
-    /// Processing depth of focus, nm.
-    pub pdof: i64,
-    /// Largest depth range of a block, nm: PDOF, or twice PDOF under `rule = "half"`.
-    pub depth: i64,
+    /// Processing depth of focus.
+    pub pdof: Nm,
+    /// Largest depth range of a block: PDOF, or twice PDOF under `rule = "half"`.
+    pub depth: Nm,
     /// What PDOF bounds.
     pub rule: super::DepthRule,
     /// Where the focal plane of a block stands.
@@ -103,11 +103,11 @@ pub struct Focus {
 impl Focus {
     /// How far marks may lie from their focal plane, mm: half the depth range.
     pub fn half_depth_mm(&self) -> f64 {
-        mm_from_nm(self.depth) / 2.0
+        self.depth.mm() / 2.0
     }
 }
 
-/// How the surface is divided; lengths in nm.
+/// How the surface is divided.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Partition {
     /// The method.
@@ -115,17 +115,17 @@ pub struct Partition {
     /// What `auto` makes least.
     pub objective: Objective,
     /// Pitch of the sections; None: from the usable field.
-    pub section: Option<i64>,
+    pub section: Option<Nm>,
     /// Fragments shorter than this are skipped and counted.
-    pub min_mark: i64,
+    pub min_mark: Nm,
     /// Closed figures and strokes no larger than this along x and y stay whole where a stop can hold them.
-    pub keep_whole: i64,
+    pub keep_whole: Nm,
     /// Strokes are cut at a random place within this length before a border; 0: on it.
-    pub zone: i64,
+    pub zone: Nm,
     /// Strokes that are cut are marked by both stops over this length.
-    pub overlap: i64,
+    pub overlap: Nm,
     /// How far levels reach over each other; None: from the surface's roughness.
-    pub hysteresis: Option<i64>,
+    pub hysteresis: Option<Nm>,
 }
 
 /// Order of stops and strokes.
@@ -184,15 +184,15 @@ pub struct Passes {
     pub count: u32,
     /// By how much straight hatches turn.
     pub rotate: Angle,
-    /// By how much focal planes sink, nm.
-    pub lower: i64,
-    /// By how much the grid of sections moves along x and y, nm; None: the golden part of a section.
-    pub shift: Option<i64>,
+    /// By how much focal planes sink.
+    pub lower: Nm,
+    /// By how much the grid of sections moves along x and y; None: the golden part of a section.
+    pub shift: Option<Nm>,
 }
 
 impl Default for Passes {
     fn default() -> Self {
-        Self { count: 1, rotate: Angle::default(), lower: 0, shift: None }
+        Self { count: 1, rotate: Angle::default(), lower: Nm(0), shift: None }
     }
 }
 
@@ -205,20 +205,20 @@ impl Passes {
         (f64::from(k) * Self::GOLDEN).fract()
     }
     /// By how much the grid of sections lies lower along x and y in pass `k` than in the first, less than the
-    /// sections' `pitch` and a multiple of `grain`, nm.
-    pub fn shift_nm(&self, PassId(k): PassId, pitch: [i64; 2], grain: i64) -> [i64; 2] {
-        let shift = |pitch: i64| match self.shift {
-            Some(shift) => (i128::from(shift) * i128::from(k) % i128::from(pitch.max(1))) as i64,
-            None => (pitch as f64 * Self::share(k)) as i64,
+    /// sections' `pitch` and a multiple of `grain`.
+    pub fn grid_shift(&self, PassId(k): PassId, pitch: [Nm; 2], grain: Nm) -> [Nm; 2] {
+        let shift = |pitch: Nm| match self.shift {
+            Some(Nm(shift)) => Nm((i128::from(shift) * i128::from(k) % i128::from(pitch.0.max(1))) as i64),
+            None => Nm((pitch.f64() * Self::share(k)) as i64),
         };
-        pitch.map(|pitch| shift(pitch) / grain * grain)
+        pitch.map(|pitch| grain * (shift(pitch) / grain))
     }
     /// By how much levels lie lower in pass `k` than in the first, nm.
-    pub fn level_shift_nm(&self, PassId(k): PassId, depth: i64) -> f64 {
-        if self.shift == Some(0) { 0.0 } else { depth as f64 * Self::share(k) }
+    pub fn level_shift_nm(&self, PassId(k): PassId, depth: Nm) -> f64 {
+        if self.shift == Some(Nm(0)) { 0.0 } else { depth.f64() * Self::share(k) }
     }
-    /// By how much the surface is lower in pass `k` than in the first, nm.
-    pub fn lowered_nm(&self, PassId(k): PassId) -> i64 {
+    /// By how much the surface is lower in pass `k` than in the first.
+    pub fn lowered(&self, PassId(k): PassId) -> Nm {
         self.lower * i64::from(k)
     }
 }
@@ -260,10 +260,10 @@ impl Job {
         job
     }
 
-    /// Distance of squares or circles, with whose rows sections keep step where they are to stay whole, nm.
-    pub fn figure_pitch_nm(&self) -> Option<i64> {
-        let pitch = |t: &texture::Request| t.kind.figure_pitch_mm().map(|p| (p * NM_PER_MM).round() as i64);
-        if self.partition.keep_whole > 0 { self.textures.iter().find_map(pitch) } else { None }
+    /// Distance of squares or circles, with whose rows sections keep step where they are to stay whole.
+    pub fn figure_pitch(&self) -> Option<Nm> {
+        let pitch = |t: &texture::Request| t.kind.figure_pitch_mm().map(|p| Nm::round(p * NM_PER_MM));
+        if self.partition.keep_whole > Nm(0) { self.textures.iter().find_map(pitch) } else { None }
     }
 
     /// What is to be marked in pass `k`, from 0. Straight hatches turn, lines along contours move by a part of

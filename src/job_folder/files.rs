@@ -8,7 +8,6 @@ use rayon::prelude::*;
 use super::{failed, inputs, job_file_from};
 use crate::diag::Error;
 use crate::emit::{self, Files, Stepped};
-use crate::geom::mm_from_nm;
 use crate::job::Job;
 use crate::manifest::{self, Facts, FileFact, Head, MANIFEST, OnTheFlyFacts};
 use crate::plan::{OnTheFlyPlan, Pass, SteppedPlan};
@@ -82,7 +81,7 @@ pub(super) fn stepped(plan: &SteppedPlan, head: &Head, filling: &mut Filling<'_>
         machine,
         checked,
         passes: passes.iter().map(|p| (&p.sections, p.directions.as_slice())).collect(),
-        depth_mm: mm_from_nm(plan.depth),
+        depth_mm: plan.depth.mm(),
         block_times,
         slopes,
         summary,

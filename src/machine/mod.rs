@@ -21,7 +21,7 @@ pub use tilt_axes::{Letter, RotaryAxis, Tilt};
 use serde::{Deserialize, Serialize};
 
 use crate::diag::{self, Diag, Error, Place};
-use crate::geom::{ControllerPoint, FieldPoint, P2, Turn, Turned};
+use crate::geom::{ControllerPoint, FieldPoint, NM_PER_MM, Nm, P2, Turn, Turned};
 use crate::units::{
     Acceleration, Frequency, Jerk, Length, Speed, Time, Watts, non_negative, positive, positive_option,
 };
@@ -173,9 +173,14 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// Lower and upper end of its travel, nm, as commanded.
-    pub fn travel_nm(&self) -> [i64; 2] {
+    /// Lower and upper end of its travel, as commanded.
+    pub fn travel_nm(&self) -> [Nm; 2] {
         self.travel.map(|end| end.as_nm().expect("travel beyond 4 m is refused when the machine is read"))
+    }
+    /// The middle of its travel, as commanded.
+    pub fn middle(&self) -> Nm {
+        let [lo, hi] = self.travel_nm();
+        (lo + hi) / 2
     }
     /// +1 where a positive command moves the optical axis in + direction over the part, else -1.
     pub fn sign(&self) -> i64 {
@@ -379,16 +384,16 @@ impl Machine {
                 fault("machine-travel", &key, format!("{key} is beyond 4 m"), "check the unit");
             }
         }
-        const LEAST_FIELD: i64 = 5_000;
+        const LEAST_FIELD: Nm = Nm(5_000);
         let usable = self.usable_field();
         if usable.iter().any(|&w| w < LEAST_FIELD) {
-            let [w, h] = usable.map(crate::geom::mm_from_nm);
+            let [w, h] = usable.map(Nm::mm);
             let text = format!("lens.field less lens.margin on every side leaves {w} x {h} mm, less than 0.005 mm");
             fault("machine-field", "lens.field", text, "give the full sizes of the field; check their unit");
         } else if self.lens.field.iter().any(|f| f.as_mm() > 1000.0) {
             fault("machine-field", "lens.field", "lens.field is beyond 1 m".into(), "check the unit");
         }
-        if !(1..=1_000_000).contains(&self.increment_nm()) {
+        if !(1..=1_000_000).contains(&self.increment_nm().0) {
             let text = "stage.increment is not between 1 nm and 1 mm";
             fault("machine-increment", "stage.increment", text.into(), "0.1 um is usual");
         }
@@ -428,14 +433,14 @@ impl Machine {
         [("x", &self.stage.x), ("y", &self.stage.y), ("z", &self.stage.z)]
     }
 
-    /// What the stage has at the middle of its travel over the table frame's origin, nm.
-    pub fn centre_of_travel(&self) -> [i64; 3] {
-        self.axes().map(|(_, axis)| axis.sign() * (axis.travel_nm().iter().sum::<i64>() / 2))
+    /// What the stage has at the middle of its travel over the table frame's origin.
+    pub fn centre_of_travel(&self) -> [Nm; 3] {
+        self.axes().map(|(_, axis)| axis.middle() * axis.sign())
     }
 
-    /// Full sizes of the rectangle in which marks may lie, in nm: the field less its margin; for a
+    /// Full sizes of the rectangle in which marks may lie: the field less its margin; for a
     /// circle the square inside it.
-    pub fn usable_field(&self) -> [i64; 2] {
+    pub fn usable_field(&self) -> [Nm; 2] {
         let m = self.lens.margin.as_mm();
         let [fx, fy] = self.lens.field.map(|f| f.as_mm() - 2.0 * m);
         let size = match self.lens.shape {
@@ -443,7 +448,7 @@ impl Machine {
             FieldShape::Circle => [fx.min(fy) * std::f64::consts::FRAC_1_SQRT_2; 2],
         };
         // Even and rounded down, so that the half is exact and nothing lies outside.
-        size.map(|s| ((s * crate::geom::NM_PER_MM + 1e-3).floor() as i64).max(0) / 2 * 2)
+        size.map(|s| Nm::floor(s * NM_PER_MM + 1e-3).max(Nm(0)) / 2 * 2)
     }
 
     /// How far from the optical axis a point may be marked in any direction, mm.
@@ -455,7 +460,7 @@ impl Machine {
     /// Whether a field point (nm, from the optical axis) may be marked.
     pub fn field_holds(&self, FieldPoint { x, y }: FieldPoint) -> bool {
         let m = self.lens.margin.as_mm();
-        let [fx, fy] = self.lens.field.map(|f| (f.as_mm() / 2.0 - m) * crate::geom::NM_PER_MM + 1e-3);
+        let [fx, fy] = self.lens.field.map(|f| (f.as_mm() / 2.0 - m) * NM_PER_MM + 1e-3);
         let (x, y) = (f64::from(x), f64::from(y));
         match self.lens.shape {
             FieldShape::Rectangle => x.abs() <= fx && y.abs() <= fy,
@@ -463,24 +468,24 @@ impl Machine {
         }
     }
 
-    /// The stage increment in nm.
-    pub fn increment_nm(&self) -> i64 {
+    /// The stage increment.
+    pub fn increment_nm(&self) -> Nm {
         self.stage.increment.as_nm().expect("an increment beyond 1 mm is refused when the machine is read")
     }
 
-    /// The z command (nm) at the end of travel that lies farthest from the part: where the stage programs
+    /// The z command at the end of travel that lies farthest from the part: where the stage programs
     /// lift the head to before a move that could come too near, at their start and at their end.
-    pub fn retract_z(&self) -> i64 {
+    pub fn retract_z(&self) -> Nm {
         let [lowest, highest] = self.stage.z.travel_nm();
-        let grid = self.increment_nm().max(1);
+        let grid = self.increment_nm().max(Nm(1));
         // Rounded into the travel, onto the grid of commands.
         if self.stage.z.sign() > 0 { highest - highest.rem_euclid(grid) } else { lowest + (-lowest).rem_euclid(grid) }
     }
 
     /// The axis commands that bring the optical axis over the point `p` of the part and the focal plane to
-    /// the height `focus` (nm), the part lying at `origin`.
-    pub fn stage_from_part(&self, p: P2<Turned>, focus: i64, origin: Origin) -> Commanded {
-        let p = [p.x, p.y, focus];
+    /// the height `focus`, the part lying at `origin`.
+    pub fn stage_from_part(&self, p: P2<Turned>, focus: Nm, origin: Origin) -> Commanded {
+        let p = [p.x, p.y, focus.0];
         let mut out = Commanded::default();
         for (i, (_, axis)) in self.axes().into_iter().enumerate() {
             out[i] = axis.sign() * (p[i] + origin[i]);
@@ -531,7 +536,7 @@ mod tests {
             for reversed in [false, true] {
                 m.stage.x.carries = carries;
                 m.stage.z.reversed = reversed;
-                let stage = m.stage_from_part(P2::new(1_000_001, -5), 77, Origin([3, 4_000_000, -9]));
+                let stage = m.stage_from_part(P2::new(1_000_001, -5), Nm(77), Origin([3, 4_000_000, -9]));
                 let signs = m.axes().map(|(_, axis)| axis.sign());
                 assert_eq!([0, 1, 2].map(|k| signs[k] * stage[k]), [1_000_004, 3_999_995, 68]);
             }
@@ -541,7 +546,7 @@ mod tests {
     #[test]
     fn the_usable_field_is_even_and_inside_the_field() {
         let m = Machine::built_in("xyz-galvo-40").expect("profile");
-        assert_eq!(m.usable_field(), [40_000_000, 40_000_000]);
+        assert_eq!(m.usable_field(), [Nm(40_000_000); 2]);
         assert!(m.field_holds(FieldPoint::new(20_000_000, -20_000_000)));
         assert!(!m.field_holds(FieldPoint::new(20_000_001, 0)));
     }

@@ -1,6 +1,6 @@
 //! Registration: where the stage stands when a known point of the part lies under the optical axis.
 
-use crate::geom::{P2, cos_sin};
+use crate::geom::{Nm, P2, cos_sin};
 use crate::job::Job;
 use crate::machine::{Machine, Origin};
 
@@ -9,20 +9,20 @@ use crate::machine::{Machine, Origin};
 pub struct Registered {
     /// The point that the job names, part frame, rounded to the nanometre, mm.
     pub point_mm: [f64; 2],
-    /// Commanded x and y, nm, on the increment.
-    pub at: [i64; 2],
+    /// Commanded x and y, on the increment.
+    pub at: [Nm; 2],
 }
 
 /// The registration points of a job that the stage reaches while the part's origin lies at `origin`, nm.
 pub fn registration(job: &Job, machine: &Machine, origin: Origin) -> Vec<Registered> {
     let [cos, sin] = cos_sin(job.placement.turn.as_rad());
-    let step = machine.increment_nm().max(1);
+    let step = machine.increment_nm().max(Nm(1));
     let points = job.setups.iter().flat_map(|s| &s.registration);
     let placed = points.map(|point| {
         let [x, y] = [point.x as f64, point.y as f64];
         let turned = [cos * x - sin * y, sin * x + cos * y].map(|v| v.round() as i64);
-        let [x, y, _] = machine.stage_from_part(P2::new(turned[0], turned[1]), 0, origin).0;
-        Registered { point_mm: point.mm(), at: [x, y].map(|v| (v + step / 2).div_euclid(step) * step) }
+        let [x, y, _] = machine.stage_from_part(P2::new(turned[0], turned[1]), Nm(0), origin).0;
+        Registered { point_mm: point.mm(), at: [x, y].map(|v| (Nm(v) + step / 2).down_to(step)) }
     });
     let is_reached = |r: &Registered| {
         machine.axes().iter().zip(r.at).all(|((_, axis), at)| {

@@ -6,7 +6,7 @@ use serde::{Serialize, Serializer};
 
 use super::{Facts, Head, Summary, registration};
 use crate::emit::Files;
-use crate::geom::mm_from_nm;
+use crate::geom::Nm;
 use crate::job::{DepthRule, Level};
 use crate::machine::{Machine, Origin};
 use crate::program::{self, BlockId, PassId, Pen, Program};
@@ -19,15 +19,12 @@ pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
         machine: facts.machine,
         placement: Placement { origin_mm: facts.checked.origin().mm(), turn_deg: facts.job.placement.turn.as_deg() },
         focus: Focus {
-            pdof_mm: mm_from_nm(facts.job.focus.pdof),
+            pdof_mm: facts.job.focus.pdof.mm(),
             depth_range_mm: facts.depth_mm,
             level: facts.job.focus.level,
             rule: facts.job.focus.rule,
         },
-        seams: Seams {
-            zone_mm: mm_from_nm(facts.job.partition.zone),
-            overlap_mm: mm_from_nm(facts.job.partition.overlap),
-        },
+        seams: Seams { zone_mm: facts.job.partition.zone.mm(), overlap_mm: facts.job.partition.overlap.mm() },
         passes: passes(facts),
         setups: setups(facts),
         pens: program.pens.iter().map(|pen| pen_entry(pen, facts.machine)).collect(),
@@ -89,7 +86,7 @@ impl Sections {
     fn new(grid: &program::Sections, directions: &[u16]) -> Self {
         Self {
             origin_mm: grid.origin.mm(),
-            pitch_mm: grid.pitch.map(mm_from_nm),
+            pitch_mm: grid.pitch.map(Nm::mm),
             columns: grid.count[0],
             rows: grid.count[1],
             direction_deg: directions.iter().map(|&d| f64::from(d) / 100.0).collect(),
@@ -108,7 +105,7 @@ fn passes(facts: &Facts<'_>) -> Vec<PassEntry> {
     let spec = &facts.job.passes;
     let entry = |(k, (grid, directions)): (u32, &(&program::Sections, &[u16]))| PassEntry {
         turn_deg: f64::from(k) * spec.rotate.as_deg(),
-        lowered_mm: mm_from_nm(spec.lowered_nm(PassId(k))),
+        lowered_mm: spec.lowered(PassId(k)).mm(),
         sections: Sections::new(grid, directions),
     };
     (0..).zip(&facts.passes).map(entry).collect()
@@ -131,7 +128,7 @@ fn setups(facts: &Facts<'_>) -> Vec<SetupEntry> {
         origin_mm: origin.mm(),
         registration: registration(facts.job, facts.machine, origin)
             .into_iter()
-            .map(|r| RegistrationEntry { point_mm: r.point_mm, stage: r.at.map(mm_from_nm) })
+            .map(|r| RegistrationEntry { point_mm: r.point_mm, stage: r.at.map(Nm::mm) })
             .collect(),
     };
     facts.checked.origins().iter().map(entry).collect()
@@ -224,11 +221,11 @@ fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
         section: block.stop.section.0,
         level: block.stop.level,
         centre_mm: block.stop.centre.mm(),
-        lpfl_mm: mm_from_nm(block.stop.focus),
+        lpfl_mm: block.stop.focus.mm(),
         stage: block.stage.mm(),
         tilt_deg: block.stop.tilt.deg(),
-        z_lo_mm: mm_from_nm(block.z_lo),
-        z_hi_mm: mm_from_nm(block.z_hi),
+        z_lo_mm: block.z_lo.mm(),
+        z_hi_mm: block.z_hi.mm(),
         pens: facts.pen_names(block),
         files: files(facts, index),
         strokes: block.strokes.len(),

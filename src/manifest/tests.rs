@@ -2,6 +2,7 @@ use std::path::Path;
 
 use super::*;
 use crate::diag::Diag;
+use crate::geom::Nm;
 use crate::job::{Overrides, SAMPLE_JOB};
 use crate::machine::{FieldShape, Origin};
 use crate::program::sample;
@@ -22,7 +23,7 @@ fn with<R>((program, origin): (Program, Origin), machine: &Machine, use_them: im
     let checked = Checked::unchecked(program, origin);
     let job = Job::parse(Path::new("hood.toml"), SAMPLE_JOB, &Overrides::default()).expect("sample job");
     let sections =
-        Sections { origin: crate::geom::P2::new(-20_000_000, -20_000_001), pitch: [40_000_000; 2], count: [2, 1] };
+        Sections { origin: crate::geom::P2::new(-20_000_000, -20_000_001), pitch: [Nm(40_000_000); 2], count: [2, 1] };
     let summary = Summary {
         stops: 3,
         method: "contour".into(),

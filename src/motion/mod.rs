@@ -13,7 +13,7 @@ mod profile;
 
 pub use profile::rest_to_rest;
 
-use crate::geom::{FieldPoint, NM_PER_MM, mm_from_nm};
+use crate::geom::{FieldPoint, NM_PER_MM, Nm, mm_from_nm};
 use crate::machine::{Axis, Commanded, Machine};
 use crate::units::Speed;
 
@@ -38,7 +38,7 @@ impl StageMove {
 ///
 /// Measured times of the machine file replace the profiles: `xy` for any move that changes x or y, `z`
 /// for one of z alone, and one `z` more for a retract. They hold the settling already.
-pub fn stage_move(machine: &Machine, from: Commanded, to: Commanded, retract_z: Option<i64>) -> StageMove {
+pub fn stage_move(machine: &Machine, from: Commanded, to: Commanded, retract_z: Option<Nm>) -> StageMove {
     tilting_move(machine, from, to, retract_z, 0.0)
 }
 
@@ -47,12 +47,12 @@ pub fn tilting_move(
     machine: &Machine,
     from: Commanded,
     to: Commanded,
-    retract_z: Option<i64>,
+    retract_z: Option<Nm>,
     tilt_s: f64,
 ) -> StageMove {
     let stage = &machine.stage;
     let plane = from[0] != to[0] || from[1] != to[1] || tilt_s > 0.0;
-    let lift = retract_z.filter(|&z| z != from[2]);
+    let lift = retract_z.filter(|z| z.0 != from[2]);
     if !plane && from[2] == to[2] && lift.is_none() {
         return StageMove::default();
     }
@@ -65,7 +65,7 @@ pub fn tilting_move(
         let jerk = axis.jerk.map(|j| j.as_mm_s3());
         rest_to_rest(mm_from_nm((to - from).abs()), axis.speed.as_mm_s(), axis.acceleration.as_mm_s2(), jerk)
     };
-    let top = retract_z.unwrap_or(from[2]);
+    let top = retract_z.map_or(from[2], |z| z.0);
     let lifted = leg(&stage.z, from[2], top);
     let across = leg(&stage.x, from[0], to[0]).max(leg(&stage.y, from[1], to[1])).max(tilt_s);
     let focused = leg(&stage.z, top, to[2]);
@@ -164,7 +164,7 @@ mod tests {
         assert_eq!(both.settle_s, m.stage.settle.as_s());
         let z_only = stage_move(&m, Commanded([1, 2, 0]), Commanded([1, 2, -70_000]), None);
         assert!(close(z_only.travel_s, time(z, 0.07)));
-        let lifted = stage_move(&m, ZERO, Commanded([40_000_000, 0, 70_000]), Some(200_000_000));
+        let lifted = stage_move(&m, ZERO, Commanded([40_000_000, 0, 70_000]), Some(Nm(200_000_000)));
         assert!(close(lifted.travel_s, time(z, 200.0) + time(x, 40.0) + time(z, 199.93)));
         assert_eq!(stage_move(&m, Commanded([5; 3]), Commanded([5; 3]), None), StageMove::default());
     }
@@ -177,7 +177,7 @@ mod tests {
         assert_eq!(total([1, 0, 0], None), 3.7);
         assert_eq!(total([0, 1, 1], None), 3.7);
         assert_eq!(total([0, 0, 1], None), 0.3);
-        assert_eq!(total([1, 0, 0], Some(9)), 4.0);
+        assert_eq!(total([1, 0, 0], Some(Nm(9))), 4.0);
         assert_eq!(total([0, 0, 0], None), 0.0);
     }
 

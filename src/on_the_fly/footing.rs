@@ -89,7 +89,7 @@ pub fn footing(
         let spot = spot(to);
         Beam { at: spot.part, up: spot.up }
     };
-    let top = surface.tiles().iter().map(|t| t.1 as f64 / NM_PER_MM).fold(f64::NEG_INFINITY, f64::max);
+    let top = surface.tiles().iter().map(|t| t.1.mm()).fold(f64::NEG_INFINITY, f64::max);
     let mut finder = Finder { tracer: Tracer::new(surface, f64::INFINITY), limits, top };
     let mut out = Footing::default();
     let (mut pieces, mut before, mut along) = (marked.iter(), None, 0.0);

@@ -7,21 +7,21 @@ use parry2d::bounding_volume::Aabb;
 use parry2d::math::Vec2;
 use parry2d::partitioning::{Bvh, BvhBuildStrategy};
 
-use crate::geom::{Box2, NM_PER_MM, P2, P3, Turn, Turned, mm_from_nm};
+use crate::geom::{Box2, NM_PER_MM, Nm, P2, P3, Turn, Turned, mm_from_nm};
 use crate::machine::Machine;
 
 /// The part's height by tiles.
 pub struct Clearance {
     bvh: Bvh,
-    tiles: Vec<(Box2, i64)>,
-    radius: i64,
-    gap: i64,
+    tiles: Vec<(Box2, Nm)>,
+    radius: Nm,
+    gap: Nm,
 }
 
 impl Clearance {
-    /// `tiles` are boxes of the part (nm) with the highest surface point in each (nm).
-    pub fn new(tiles: &[(Box2, i64)], machine: &Machine) -> Self {
-        let nm = |l: crate::units::Length| (l.as_mm() * NM_PER_MM).round() as i64;
+    /// `tiles` are boxes of the part with the highest surface point in each.
+    pub fn new(tiles: &[(Box2, Nm)], machine: &Machine) -> Self {
+        let nm = |l: crate::units::Length| Nm::round(l.as_mm() * NM_PER_MM);
         let boxes: Vec<Aabb> = tiles.iter().map(|(b, _)| aabb(*b)).collect();
         Self {
             bvh: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes),
@@ -31,55 +31,55 @@ impl Clearance {
         }
     }
 
-    /// The lowest focal plane (nm, part frame) at which the head may move in a straight line over the
+    /// The lowest focal plane (part frame) at which the head may move in a straight line over the
     /// part, which is not tilted, from `a` to `b`: its lens then stays clear of everything under its path.
-    pub fn lowest_focus(&self, a: P2<Turned>, b: P2<Turned>) -> i64 {
+    pub fn lowest_focus(&self, a: P2<Turned>, b: P2<Turned>) -> Nm {
         let mut path = Box2::EMPTY;
         for p in [a, b].map(Turn::drawn) {
-            path.add(P2::new(p.x - self.radius, p.y - self.radius));
-            path.add(P2::new(p.x + self.radius, p.y + self.radius));
+            path = path.union(Box2::around(p, [self.radius; 2]));
         }
         let path = aabb(path);
         // The box of the path holds what the lens sweeps over and more: a part that is high beside a slanting path
         // may cost a lift, never a collision.
         let top = self.bvh.intersect_aabb(&path).map(|i| self.tiles[i as usize].1).max();
-        top.map_or(i64::MIN, |t| t - self.gap)
+        top.map_or(Nm::MIN, |t| t - self.gap)
     }
 
     /// As [`Clearance::lowest_focus`] for a standstill over `at` of the part as turned.
-    pub fn lowest_focus_turned(&self, turn: &Turn, at: P2<Turned>) -> i64 {
+    pub fn lowest_focus_turned(&self, turn: &Turn, at: P2<Turned>) -> Nm {
         let near = |b: &Box2<Turned>| {
-            let beyond = |v: i64, lo: i64, hi: i64| (lo - v).max(v - hi).max(0);
+            let beyond = |v: i64, lo: i64, hi: i64| Nm((lo - v).max(v - hi).max(0));
             beyond(at.x, b.lo.x, b.hi.x) <= self.radius && beyond(at.y, b.lo.y, b.hi.y) <= self.radius
         };
         let tops = self.tiles.iter().map(|tile| turned(tile, turn)).filter(|(b, _)| near(b));
-        tops.map(|(_, top)| top).max().map_or(i64::MIN, |t| t - self.gap)
+        tops.map(|(_, top)| top).max().map_or(Nm::MIN, |t| t - self.gap)
     }
 
     /// The lowest focal plane at which the head may stay anywhere while two tilt axes go from one pair of
     /// angles to another, each in its own time. `turns` are those of all four pairs of their angles. Between
     /// them a place rises above the highest of the four by less than they lie apart.
-    pub fn lowest_swing(&self, turns: [Turn; 4]) -> i64 {
+    pub fn lowest_swing(&self, turns: [Turn; 4]) -> Nm {
         // The axes need not arrive together, so all pairs of angles between the four can occur on the way.
         let top = turns.iter().flat_map(|turn| self.tiles.iter().map(|tile| turned(tile, turn).1)).max();
-        let lift = |(b, top): &(Box2, i64)| {
-            let p = [(b.lo.x + b.hi.x) as f64 / 2.0, (b.lo.y + b.hi.y) as f64 / 2.0, *top as f64];
+        let lift = |(b, top): &(Box2, Nm)| {
+            let p = [(b.lo.x + b.hi.x) as f64 / 2.0, (b.lo.y + b.hi.y) as f64 / 2.0, top.f64()];
             let at = turns.map(|turn| turn.apply(P3::new(p)).at);
             let apart = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
             at.iter().flat_map(|&a| at.map(|b| apart(a, b))).fold(0.0, f64::max)
         };
-        let lift = self.tiles.iter().map(lift).fold(0.0, f64::max).ceil() as i64;
-        top.map_or(i64::MIN, |t| t + lift - self.gap)
+        let lift = self.tiles.iter().map(lift).fold(0.0, f64::max);
+        let lift = Nm::ceil(lift);
+        top.map_or(Nm::MIN, |t| t + lift - self.gap)
     }
 }
 
 /// The box of a tile and its highest point as turned.
-fn turned((b, top): &(Box2, i64), turn: &Turn) -> (Box2<Turned>, i64) {
-    let (mut area, mut highest) = (Box2::EMPTY, i64::MIN);
+fn turned((b, top): &(Box2, Nm), turn: &Turn) -> (Box2<Turned>, Nm) {
+    let (mut area, mut highest) = (Box2::EMPTY, Nm::MIN);
     for [x, y] in [[b.lo.x, b.lo.y], [b.hi.x, b.lo.y], [b.lo.x, b.hi.y], [b.hi.x, b.hi.y]] {
-        let [x, y, z] = turn.apply(P3::new([x as f64, y as f64, *top as f64])).at.map(|v| v.ceil() as i64);
+        let [x, y, z] = turn.apply(P3::new([x as f64, y as f64, top.f64()])).at.map(|v| v.ceil() as i64);
         area.add(P2::new(x, y));
-        highest = highest.max(z);
+        highest = highest.max(Nm(z));
     }
     (area, highest)
 }

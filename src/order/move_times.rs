@@ -3,6 +3,7 @@
 //! They are those of [`motion::stage_move`], to one part in 5000; results are judged by that itself.
 //! Positions are commands in nm, as `f64`.
 
+use crate::geom::Nm;
 use crate::machine::{Commanded, Machine, MoveTimes};
 use crate::motion;
 
@@ -22,11 +23,11 @@ impl Clock {
         let axes = [0, 1, 2].map(|axis| {
             Leg::new(|nm| {
                 let mut to = Commanded::default();
-                to[axis] = nm;
+                to[axis] = nm.0;
                 motion::stage_move(machine, Commanded::default(), to, None).travel_s
             })
         });
-        Self::Profiles { axes, settle_s: machine.stage.settle.as_s(), top: machine.retract_z() as f64 }
+        Self::Profiles { axes, settle_s: machine.stage.settle.as_s(), top: machine.retract_z().f64() }
     }
 
     /// Time of a move over these distances, none negative, without a lift.
@@ -73,7 +74,7 @@ const BELOW: u32 = 52 - 6;
 const OCTAVES: u64 = 34;
 
 impl Leg {
-    fn new(time: impl Fn(i64) -> f64) -> Self {
+    fn new(time: impl Fn(Nm) -> f64) -> Self {
         let base = 1f64.to_bits();
         // Points of the table are rounded to whole nm; so are those that stand close together at its beginning.
         let points = (0..=OCTAVES << (52 - BELOW)).map(|k| f64::from_bits(base + (k << BELOW)));
@@ -91,8 +92,8 @@ impl Leg {
 }
 
 /// Time at a distance between whole nm.
-fn between(nm: f64, time: impl Fn(i64) -> f64) -> f64 {
-    let [lo, hi] = [nm.floor(), nm.ceil()].map(|v| time(v as i64));
+fn between(nm: f64, time: impl Fn(Nm) -> f64) -> f64 {
+    let [lo, hi] = [Nm::floor(nm), Nm::ceil(nm)].map(time);
     lo + (hi - lo) * nm.fract()
 }
 

@@ -255,7 +255,7 @@ mod tests {
     }
 
     fn stage(machine: &Machine) -> Stage<'_> {
-        Stage { machine, from: Commanded([0, 0, machine.retract_z()]), lifts: None }
+        Stage { machine, from: Commanded([0, 0, machine.retract_z().0]), lifts: None }
     }
 
     /// Stops at random places under a dome.

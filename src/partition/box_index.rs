@@ -4,7 +4,7 @@
 //! Everything is an exact integer and every box is closed. Inside the search lengths are counted in
 //! steps of the lattice on which the boxes' lower corners lie, see `Item::on_lattice`.
 
-use crate::geom::{Buckets, Grid, P2};
+use crate::geom::{Buckets, Grid, Nm, P2};
 
 /// A piece of the texture that one stop must hold whole: the closed box of its marks, nm from a common
 /// origin, which lies within 2^30 nm of all of them.
@@ -47,8 +47,8 @@ impl Item {
 /// A grid over places of the plane from `lo` to `hi`: cells of the size `least` or larger, so that there are
 /// hardly more than `most` along an axis.
 pub(super) fn grid_over(lo: [i32; 2], hi: [i32; 2], least: [i32; 2], most: i32) -> Grid {
-    let pitch = [0, 1].map(|k| i64::from(least[k].max((hi[k] - lo[k]) / most).max(1)));
-    let count = [0, 1].map(|k| (i64::from(hi[k] - lo[k]) / pitch[k]) as u32 + 1);
+    let pitch = [0, 1].map(|k| Nm(i64::from(least[k].max((hi[k] - lo[k]) / most).max(1))));
+    let count = [0, 1].map(|k| (Nm(i64::from(hi[k] - lo[k])) / pitch[k]) as u32 + 1);
     Grid { origin: P2::new(lo[0].into(), lo[1].into()), pitch, count }
 }
 

@@ -2,19 +2,20 @@
 //! levels lie D - 2 h apart and overlap.
 
 use super::Lattice;
+use crate::geom::Nm;
 
 /// The levels that the heights of one section need: number and lower end, upwards. A height that ends
 /// exactly where a level begins, from below, does not need it.
-pub(super) fn levels(heights: &[(f64, f64)], z0: i64, lattice: &Lattice) -> Vec<(i32, i64)> {
-    let mut out: Vec<(i32, i64)> = Vec::new();
-    let apart = lattice.depth - 2 * lattice.hysteresis;
+pub(super) fn levels(heights: &[(f64, f64)], z0: Nm, lattice: &Lattice) -> Vec<(i32, Nm)> {
+    let mut out: Vec<(i32, Nm)> = Vec::new();
+    let apart = lattice.depth - lattice.hysteresis * 2;
     for &(lo, hi) in heights {
         // From the highest level that begins at or below `lo` to the lowest that ends at or above `hi`.
-        let first = ((lo - z0 as f64) / apart as f64).floor() as i64;
-        let last = (((hi - (z0 + lattice.depth) as f64) / apart as f64).ceil() as i64).max(first);
+        let first = ((lo - z0.f64()) / apart.f64()).floor() as i64;
+        let last = (((hi - (z0 + lattice.depth).f64()) / apart.f64()).ceil() as i64).max(first);
         for k in first..=last {
             if out.last().is_none_or(|&(have, _)| i64::from(have) < k) {
-                out.push((k as i32, z0 + k * apart));
+                out.push((k as i32, z0 + apart * k));
             }
         }
     }

@@ -11,7 +11,7 @@
 //! found from all marks afterwards. A section is a rectangle of the plane of the drawing.
 
 use super::{Lattice, Stops, Tilted, zrange};
-use crate::geom::{Box2, P2, P3};
+use crate::geom::{Box2, Nm, P2, P3};
 use crate::machine::{Machine, Origin, TiltAngles};
 use crate::program::{SectionId, Sections, Stop};
 use crate::projection::{FacingCell, TiltedField, TiltedFields, Turned};
@@ -24,8 +24,8 @@ pub struct TiltSite<'a> {
     pub origin: Origin,
     /// The texture's box.
     pub area: Box2,
-    /// Window of a stop, nm.
-    pub window: [i64; 2],
+    /// Window of a stop.
+    pub window: [Nm; 2],
     /// Lattice of the focal planes.
     pub lattice: Lattice,
 }
@@ -42,7 +42,7 @@ const UNSEEN: f64 = 20_000.0;
 impl TiltSite<'_> {
     /// The grid in whose cells sample points are taken: some forty along a window.
     pub fn samples(&self) -> Sections {
-        let pitch = self.window.map(|w| (w / 40).max(2));
+        let pitch = self.window.map(|w| (w / 40).max(Nm(2)));
         let size = self.area.size();
         let count = [0, 1].map(|k| (size[k] / pitch[k] + 1) as u32);
         Sections { origin: self.area.lo, pitch, count }
@@ -68,7 +68,7 @@ impl TiltSite<'_> {
     /// can stand.
     fn tight(&self) -> Sections {
         let (size, step) = (self.area.size(), self.lattice.step);
-        let pitch = self.window.map(|w| ((w - step) / PARTS).max(1));
+        let pitch = self.window.map(|w| ((w - step) / PARTS).max(Nm(1)));
         let count = [0, 1].map(|k| ((size[k] / (pitch[k] * PARTS) + 1) * PARTS) as u32);
         Sections { origin: self.area.lo, pitch, count }
     }
@@ -76,10 +76,11 @@ impl TiltSite<'_> {
     /// The grid of parts of sections, with `more` sections along each axis than needed.
     fn grid(&self, more: i64) -> Option<Sections> {
         let (size, step) = (self.area.size(), self.lattice.step);
-        let count = [0, 1].map(|k| (size[k] as u64).div_ceil(self.window[k] as u64) as i64 + more).map(|c| c.max(1));
+        let count =
+            [0, 1].map(|k| (size[k].0 as u64).div_ceil(self.window[k].0 as u64) as i64 + more).map(|c| c.max(1));
         let pitch = [0, 1].map(|k| {
-            let part = (size[k] as u64).div_ceil((count[k] * PARTS) as u64) as i64;
-            (part / step + 1) * step
+            let part = Nm((size[k].0 as u64).div_ceil((count[k] * PARTS) as u64) as i64);
+            step * (part / step + 1)
         });
         (0..2).all(|k| pitch[k] * PARTS <= self.window[k]).then(|| Sections {
             origin: self.area.lo,
@@ -144,10 +145,10 @@ impl TiltSite<'_> {
     fn fit(&self, area: Box2, points: &[P3]) -> (u64, TiltedField) {
         let upright = self.upright(area);
         let levels = |points: &mut dyn Iterator<Item = f64>| {
-            let apart = (self.lattice.depth - 2 * self.lattice.hysteresis) as f64;
+            let apart = (self.lattice.depth - self.lattice.hysteresis * 2).f64();
             let (lo, hi) = points.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), z| (lo.min(z), hi.max(z)));
             // k levels that overlap by twice the hysteresis hold depth + (k - 1) apart.
-            let beyond = (hi - lo - self.lattice.depth as f64) / apart;
+            let beyond = (hi - lo - self.lattice.depth.f64()) / apart;
             (if hi < lo { 0 } else { 1 + beyond.ceil().max(0.0) as u64 }, [lo, hi])
         };
         // One level cannot be beaten, and costs no tilt.
@@ -176,7 +177,7 @@ impl TiltSite<'_> {
             }
         }
         let step = self.lattice.step;
-        if (0..2).any(|k| window[1][k] - window[0][k] > (self.window[k] - 2 * step) as f64) {
+        if (0..2).any(|k| window[1][k] - window[0][k] > (self.window[k] - step * 2).f64()) {
             return (flat, upright);
         }
         let centre = [0, 1].map(|k| self.stand(k, (window[0][k] + window[1][k]) / 2.0));
@@ -196,8 +197,8 @@ impl TiltSite<'_> {
 
     /// The nearest place along x or y where the stage can stand.
     fn stand(&self, axis: usize, v: f64) -> i64 {
-        let at = v.round() as i64 + self.lattice.step / 2;
-        at - (at + self.origin[axis]).rem_euclid(self.lattice.step)
+        let at = v.round() as i64 + self.lattice.step.0 / 2;
+        at - (at + self.origin[axis]).rem_euclid(self.lattice.step.0)
     }
 
     /// Makes a field upright: what its tilt cannot do is done without.
@@ -212,7 +213,7 @@ impl TiltSite<'_> {
         for (field, held) in fields.list.iter().zip(&held.0) {
             let (whole, deep): (Vec<_>, Vec<_>) = held.figures.iter().partition(|&&(lo, hi)| lattice.holds(lo, hi));
             let heights = super::join(held.heights(), deep);
-            let middle = P3::new([field.centre.x as f64, field.centre.y as f64, lattice.depth as f64]);
+            let middle = P3::new([field.centre.x as f64, field.centre.y as f64, lattice.depth.f64()]);
             let [x, y, _] = field.turn.back(middle).at;
             let section = [x, y].map(|v| v.round() as i64);
             let section = SectionId([0, 1].map(|k| sections.along(k, section[k], 0) as u32));

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::dose;
 use super::setups::{CellId, Setups, Used};
 use super::start::Start;
-use crate::geom::{Box2, Buckets, FieldPoint, P2, Turned};
+use crate::geom::{Box2, Buckets, FieldPoint, Nm, P2, Turned};
 use crate::job::{Level, StopOrder, StrokeOrder};
 use crate::machine::{Commanded, Machine, Origin, TiltAngles};
 use crate::manifest::Slope;
@@ -18,15 +18,15 @@ use crate::partition::{Lattice, Stops};
 use crate::program::{Block, Program, Stop, StopId, Stroke};
 use crate::split::{Fragment, Fragments};
 
-/// A program in order, and how far its marks lie from their focal planes at most, nm.
+/// A program in order, and how far its marks lie from their focal planes at most.
 pub(super) struct Assembly {
     pub(super) program: Program,
     pub(super) setups: Setups,
     /// The cells of its set-ups.
     pub(super) used: Used,
-    pub(super) worst_defocus: i64,
+    pub(super) worst_defocus: Nm,
     /// How far they would lie from focal planes at their mean height.
-    pub(super) worst_defocus_mean: i64,
+    pub(super) worst_defocus_mean: Nm,
     /// Slope under the marks of every block.
     pub(super) slopes: Vec<Slope>,
 }
@@ -50,11 +50,11 @@ pub(super) struct Stage<'a> {
 }
 
 /// A stop that is used: its place among the stops of the method, its focal plane set, and the lowest and highest
-/// mark, nm.
+/// mark.
 struct Placed {
     index: StopId,
     stop: Stop,
-    z: [i64; 2],
+    z: [Nm; 2],
 }
 
 /// Gathers fragments by stop, orders stops and strokes, and lays the program out flat. `setups` finds those of
@@ -69,14 +69,14 @@ pub(super) fn assemble(
 ) -> Assembly {
     let members = Members::new(parts, stops.stops.len());
     let (heights, slopes) = measure(parts, stops.stops.len(), pens);
-    let mut worst = [0i64; 2];
+    let mut worst = [Nm(0); 2];
     let used = stops.ids().filter(|&i| !members.of(i).is_empty());
     let placed: Vec<Placed> = used
         .map(|index| {
             let h = &heights[index.index()];
-            let z = [h.lo.round() as i64, h.hi.round() as i64];
+            let z = [Nm::round(h.lo), Nm::round(h.hi)];
             let (focus, mean) = focus(&how, z, h.mean());
-            let off = |at: i64| (z[1] - at).max(at - z[0]);
+            let off = |at: Nm| (z[1] - at).max(at - z[0]);
             worst = [worst[0].max(off(focus)), worst[1].max(off(mean))];
             Placed { index, stop: Stop { focus, ..stops.stops[index.index()].stop.clone() }, z }
         })
@@ -228,15 +228,15 @@ pub(super) fn lay(program: &mut Program, parts: &[Fragments], member: (u32, u32)
 
 /// The focal plane of a block whose marks lie between `z` and have the mean height `mean`, and the
 /// plane that the mean alone would give; both on the lattice.
-fn focus(how: &How, z: [i64; 2], mean: f64) -> (i64, i64) {
+fn focus(how: &How, z: [Nm; 2], mean: f64) -> (Nm, Nm) {
     let lattice = &how.lattice;
-    let nearest = |at: f64| lattice.floor(at + lattice.step as f64 / 2.0);
+    let nearest = |at: f64| lattice.floor(at + lattice.step.f64() / 2.0);
     let mean = nearest(mean);
     if how.level == Level::Mean {
         return (mean, mean);
     }
     // The middle, moved where rounding it to the lattice would cost more than half the depth range.
-    let mut mid = nearest((z[0] + z[1]) as f64 / 2.0);
+    let mut mid = nearest((z[0] + z[1]).f64() / 2.0);
     if z[1] - mid > lattice.depth / 2 {
         mid += lattice.step;
     } else if mid - z[0] > lattice.depth / 2 {
@@ -263,7 +263,8 @@ impl Stage<'_> {
             let stops: Vec<&Placed> = members.iter().map(|&i| &placed[i]).collect();
             let at: Vec<Commanded> = members.iter().map(|&i| targets[i]).collect();
             order.extend(self.tour(&stops, &at, from).into_iter().map(|i| members[i]));
-            from = order.last().map_or(from, |&i| Commanded([targets[i][0], targets[i][1], self.machine.retract_z()]));
+            from =
+                order.last().map_or(from, |&i| Commanded([targets[i][0], targets[i][1], self.machine.retract_z().0]));
         }
         order
     }
@@ -334,7 +335,7 @@ impl Stage<'_> {
     }
 
     /// The lowest focal plane at which the stage may go straight from one stop to another of the same tilt.
-    fn lowest_over(&self, a: &Stop, b: &Stop) -> i64 {
+    fn lowest_over(&self, a: &Stop, b: &Stop) -> Nm {
         if a.tilt.is_upright() {
             return self.clearance.lowest_focus(a.centre, b.centre);
         }
@@ -348,19 +349,19 @@ mod tests {
     use super::*;
 
     fn how(level: Level) -> How {
-        let lattice = Lattice { depth: 70_000, step: 1_000, offset: 0, hysteresis: 0 };
+        let lattice = Lattice { depth: Nm(70_000), step: Nm(1_000), offset: Nm(0), hysteresis: Nm(0) };
         How { level, strokes: StrokeOrder::Shortest, lattice }
     }
 
     #[test]
     fn focus_mid_keeps_both_ends_within_half_the_depth_range() {
         for lo in (-3_000..3_000).step_by(130) {
-            let z = [lo, lo + 70_000];
+            let z = [Nm(lo), Nm(lo + 70_000)];
             let (mid, mean) = focus(&how(Level::Mid), z, lo as f64 + 10_000.0);
             // Marks that fill the whole range and do not begin on the lattice lose less than a step.
-            let most = if lo % 1_000 == 0 { 35_000 } else { 35_999 };
-            assert!((z[1] - mid).max(mid - z[0]) <= most, "{z:?}: {mid}");
-            assert_eq!(mid % 1_000, 0);
+            let most = if lo % 1_000 == 0 { Nm(35_000) } else { Nm(35_999) };
+            assert!((z[1] - mid).max(mid - z[0]) <= most, "{z:?}: {mid:?}");
+            assert_eq!(mid % Nm(1_000), Nm(0));
             assert_eq!(focus(&how(Level::Mean), z, lo as f64 + 10_000.0), (mean, mean));
         }
     }

@@ -7,22 +7,22 @@
 
 use super::grid::Grid;
 use super::methods::row;
-use crate::geom::P2;
+use crate::geom::{Nm, P2};
 use crate::job::Method;
 use crate::partition::bound::{self, Certificate};
 use crate::partition::box_index::Item;
 use crate::projection::{Samples, Sampling};
 use crate::texture::Texture;
 
-/// What rounding may do to a box, nm.
-const ROUNDING: i64 = 4;
+/// What rounding may do to a box.
+const ROUNDING: Nm = Nm(4);
 
 /// Cells along a window; no window holds both ends of this many.
 const CELLS: i64 = 64;
 
 /// What a stop holds at most, nm; None where it is out of reach of 32 bits.
-pub(super) fn size(field: [i64; 2], depth: i64) -> Option<[i32; 3]> {
-    let size = [field[0], field[1], depth].map(|v| i32::try_from(v + ROUNDING));
+pub(super) fn size(field: [Nm; 2], depth: Nm) -> Option<[i32; 3]> {
+    let size = [field[0], field[1], depth].map(|v| i32::try_from((v + ROUNDING).0));
     let [Ok(x), Ok(y), Ok(z)] = size else { return None };
     [x, y, z].iter().all(|&v| v < 1 << 30).then_some([x, y, z])
 }
@@ -30,14 +30,14 @@ pub(super) fn size(field: [i64; 2], depth: i64) -> Option<[i32; 3]> {
 /// What is taken of the marks for stops of this size.
 pub(super) fn sampling(size: [i32; 3], texture: &Texture) -> Sampling {
     let area = texture.bounds();
-    let cell = i64::from(size[0].min(size[1])) / CELLS + 1;
+    let cell = Nm(i64::from(size[0].min(size[1])) / CELLS + 1);
     let origin = P2::new((area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2);
     Sampling { rows: bound::rows(size[2]), cell, origin, every: every(texture, cell) }
 }
 
 /// Strokes may be so dense that every few of them leave marks in every cell: how few. The density is
 /// estimated from some of them.
-fn every(texture: &Texture, cell: i64) -> usize {
+fn every(texture: &Texture, cell: Nm) -> usize {
     const SOME: usize = 500;
     let step = texture.len().div_ceil(SOME).max(1);
     let mut points = Vec::new();
@@ -46,10 +46,10 @@ fn every(texture: &Texture, cell: i64) -> usize {
         texture.stroke(i, &mut points);
         length += points.windows(2).map(|w| w[0].distance(w[1])).sum::<f64>();
     }
-    let [w, h] = texture.bounds().size().map(|v| v as f64);
+    let [w, h] = texture.bounds().size().map(Nm::f64);
     let pitch = w * h / (length * step as f64);
     // Every hundredth stroke at most: density may differ from place to place.
-    if pitch > 0.0 { ((cell as f64 / pitch) as usize).clamp(1, 100) } else { 1 }
+    if pitch > 0.0 { ((cell.f64() / pitch) as usize).clamp(1, 100) } else { 1 }
 }
 
 /// The bound for what `method` made of `marks` with stops of this size.
@@ -66,7 +66,7 @@ pub(super) fn certificate(
     let (mut marks, size) = (marks?, size?);
     let by_points = bound::lower_bound(&marks.points(), size);
     // `contour` cuts figures at its levels.
-    if grid.keep.0 == 0 || !row(method).keeps_figures {
+    if grid.keep.0 == Nm(0) || !row(method).keeps_figures {
         return Some(by_points);
     }
     let held = |f: &[[i32; 3]; 2]| grid.lattice.holds(f64::from(f[0][2]), f64::from(f[1][2]));

@@ -1,15 +1,11 @@
-//! The methods of partition that a job is planned by, and the stops of each.
+//! The methods of partition that a job is planned by, the stops of each, and the choice between them.
 
-use super::grid::Grid;
 use super::methods::{METHODS, row};
-use super::stroke_chunks::Sweep;
+use super::site::Site;
 use crate::diag::{Diag, Error};
 use crate::job::{Job, Method, Objective};
-use crate::machine::{Commanded, Machine};
-use crate::motion;
-use crate::partition::{self, Fine, Lattice, Stops};
-use crate::program::{PassId, Sections};
-use crate::projection::Footprint;
+use crate::machine::Machine;
+use crate::partition::Stops;
 
 /// The methods that a job asks for and the machine can run.
 ///
@@ -27,77 +23,30 @@ pub(super) fn methods(job: &Job, machine: &Machine) -> Result<Vec<Method>, Error
     }
 }
 
-/// What stops are chosen from.
-pub(super) struct Site<'a> {
-    pub(super) sweep: Sweep<'a>,
-    pub(super) machine: &'a Machine,
-    pub(super) grid: &'a Grid,
-    pub(super) footprint: &'a Footprint,
-    /// What two stops may both mark at a cut, nm.
-    pub(super) overlap: i64,
-    /// The pass, from 0.
-    pub(super) pass: PassId,
+/// The stops of a method; None where it cannot be used on this job.
+pub(super) fn divide(site: &Site<'_>, method: Method) -> Option<Stops> {
+    (row(method).divide)(site)
 }
 
-impl Site<'_> {
-    /// The stops of a method; None where it cannot be used on this job.
-    pub(super) fn divide(&self, method: Method) -> Option<Stops> {
-        (row(method).divide)(self)
-    }
-
-    pub(super) fn on_sections(&self, divide: fn(&Footprint, &Sections, [i64; 2], &Lattice) -> Stops) -> Stops {
-        let Grid { sections, window, lattice, .. } = self.grid;
-        divide(self.footprint, sections, *window, lattice)
-    }
-
-    pub(super) fn free_windows(&self) -> Option<Stops> {
-        let Grid { sections, window, lattice, keep, .. } = self.grid;
-        let (lowest, _) = self.footprint.range()?;
-        let fine = Fine::over(sections, *window, lattice, lowest)?;
-        // Other passes begin in other corners.
-        let flips = [1, 2, 1].map(|bit| self.pass.0 & bit != 0);
-        let cells = self.sweep.cells(&fine, *keep);
-        let free = partition::free(cells, &fine, sections, *window, lattice, self.overlap, flips);
-        // Where fields fit the texture exactly, their grid can be the better choice of windows.
-        let grid = self.on_sections(partition::z_range);
-        Some(if keep.0 == 0 && grid.stops.len() < free.stops.len() { grid } else { free })
-    }
-
-    /// The stops of each of `methods`, those left out that cannot be used or cannot win.
-    ///
-    /// # Errors
-    /// `window-wide`.
-    pub(super) fn stops(&self, methods: &[Method], objective: Objective) -> Result<Vec<(Method, Stops)>, Error> {
-        let mut found: Vec<(Method, Stops)> = Vec::new();
-        for &method in methods {
-            let hopeless = method == Method::Window
-                && objective == Objective::Time
-                && found.last().is_some_and(|(_, grid)| self.windows_cannot_win(grid));
-            if !hopeless {
-                found.extend(self.divide(method).map(|stops| (method, stops)));
-            }
+/// The stops of each of `methods`, those left out that cannot be used or cannot win.
+///
+/// # Errors
+/// `window-wide`.
+pub(super) fn stops(site: &Site<'_>, methods: &[Method], objective: Objective) -> Result<Vec<(Method, Stops)>, Error> {
+    let mut found: Vec<(Method, Stops)> = Vec::new();
+    for &method in methods {
+        let hopeless = method == Method::Window
+            && objective == Objective::Time
+            && found.last().is_some_and(|(_, grid)| site.windows_cannot_win(grid));
+        if !hopeless {
+            found.extend(divide(site, method).map(|stops| (method, stops)));
         }
-        if found.is_empty() {
-            let text = "the texture's box is too wide for this method and this field";
-            return Err(Diag::limit("window-wide", text).hint("use partition.method = \"z-range\"").into());
-        }
-        Ok(found)
     }
-
-    /// Whether `auto` may leave free windows out, whose search takes seconds: even with six tenths of the stops
-    /// of the grid, fewer than they need on any surface with a dense texture, they would lose, because nearly
-    /// all moves of a grid are moves of z alone.
-    fn windows_cannot_win(&self, grid: &Stops) -> bool {
-        let [w, h] = self.grid.window;
-        let time = |to: [i64; 3]| {
-            let moved = motion::stage_move(self.machine, Commanded::default(), Commanded(to), None);
-            moved.travel_s + moved.settle_s
-        };
-        let (xy, z) = (time([w, h, 0]), time([0, 0, self.grid.lattice.depth]));
-        let sections = (0..self.grid.sections.len()).filter(|&i| self.footprint.is_used(i)).count() as f64;
-        let stops = grid.stops.len() as f64;
-        0.6 * stops * time([w / 2, h / 2, 0]) > sections * xy + (stops - sections) * z
+    if found.is_empty() {
+        let text = "the texture's box is too wide for this method and this field";
+        return Err(Diag::limit("window-wide", text).hint("use partition.method = \"z-range\"").into());
     }
+    Ok(found)
 }
 
 /// The candidate of the least measure. One that breaks an invariant is a fault of ours: where another method

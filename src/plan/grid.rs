@@ -1,11 +1,10 @@
 //! The grid of a pass: sections in the plane, the lattice of focal planes along z, and where the part lies.
 //!
 //! Consumes partition, placement and passes of the job, the machine, and the texture's box. [`Layout`] is
-//! what follows from these alone; [`Grid`] is what heights of the marks complete it to. Units: nm.
+//! what follows from these alone; [`Grid`] is what heights of the marks complete it to.
 
-use super::start::Start;
 use crate::diag::{Diag, Error, memory};
-use crate::geom::{Box2, P2, mm_from_nm};
+use crate::geom::{Box2, Nm, P2};
 use crate::job::{Job, Partition};
 use crate::machine::{Machine, Origin};
 use crate::partition::Lattice;
@@ -16,13 +15,13 @@ use crate::projection::{Footprint, Keep};
 pub(super) struct Layout {
     pub(super) sections: Sections,
     /// Window of a stop, at least the pitch of the sections.
-    pub(super) window: [i64; 2],
+    pub(super) window: [Nm; 2],
     /// What is to stay whole.
     pub(super) keep: Keep,
     /// Where the part's origin lies along x and y, and its height where that is stated: else the heights of the
     /// marks decide.
-    origin: [i64; 2],
-    height: Option<i64>,
+    origin: [Nm; 2],
+    height: Option<Nm>,
 }
 
 /// Where stops may stand.
@@ -30,7 +29,7 @@ pub(super) struct Layout {
 pub(super) struct Grid {
     pub(super) sections: Sections,
     /// Window of a stop, at least the pitch of the sections.
-    pub(super) window: [i64; 2],
+    pub(super) window: [Nm; 2],
     /// Heights of focal planes.
     pub(super) lattice: Lattice,
     /// Where the part's origin lies in the table frame; lowered with the surface in later passes.
@@ -40,32 +39,40 @@ pub(super) struct Grid {
 }
 
 impl Layout {
+    /// Of a pass over a texture in `area`; `laid` is the part's origin where an earlier pass has laid it.
+    ///
     /// # Errors
     /// `section-large`, `section-small`, `zone-large`, `overlap-large`, `sections-many`.
-    pub(super) fn new(job: &Job, machine: &Machine, area: Box2, start: &Start) -> Result<Self, Error> {
+    pub(super) fn new(
+        job: &Job,
+        machine: &Machine,
+        area: Box2,
+        pass: PassId,
+        laid: Option<Origin>,
+    ) -> Result<Self, Error> {
         const MAX_SECTIONS: usize = 4_000_000;
         let step = machine.increment_nm();
         let field = machine.usable_field();
         let partition = &job.partition;
         check(job, field)?;
         let keep = Keep(partition.keep_whole.min(field[0]).min(field[1]));
-        let even = |v: i64| v / (2 * step) * (2 * step);
+        let even = |v: Nm| step * 2 * (v / (step * 2));
         // Windows reach over each other by a little more than the overlap, so that rounding takes nothing of it.
-        let reach = if partition.overlap > 0 { even(partition.overlap) + 2 * step } else { 0 };
+        let reach = if partition.overlap > Nm(0) { even(partition.overlap) + step * 2 } else { Nm(0) };
         let mut pitch = field.map(|f| even(partition.section.unwrap_or(f - partition.zone - reach)));
-        if pitch.contains(&0) {
+        if pitch.contains(&Nm(0)) {
             return Err(Diag::limit("section-small", "a section is smaller than the stage increment").into());
         }
         // What is to stay whole, or is cut at random, may reach beyond its section as far as the field does.
-        let wide = keep.0 > 0 || partition.zone > 0;
+        let wide = keep.0 > Nm(0) || partition.zone > Nm(0);
         let window = if wide { field.map(even) } else { [0, 1].map(|k| (pitch[k] + reach).min(even(field[k]))) };
-        if keep.0 > 0 && partition.section.is_none() {
+        if keep.0 > Nm(0) && partition.section.is_none() {
             pitch = in_step(job, area, pitch, step);
         }
-        let stated = start.laid.as_ref().map(|laid| laid.origin).or(job.placement.origin);
-        let origin = stated.map_or_else(|| default_origin(machine, area, pitch), |Origin([x, y, _])| [x, y]);
-        let [dx, dy] = job.passes.shift_nm(start.pass, pitch, job.figure_pitch_nm().unwrap_or(1));
-        let over = Box2 { lo: P2::new(area.lo.x - dx, area.lo.y - dy), hi: area.hi };
+        let stated = laid.or(job.placement.origin);
+        let origin = stated.map_or_else(|| default_origin(machine, area, pitch), |Origin([x, y, _])| [Nm(x), Nm(y)]);
+        let [dx, dy] = job.passes.grid_shift(pass, pitch, job.figure_pitch().unwrap_or(Nm(1)));
+        let over = Box2 { lo: P2::new(area.lo.x - dx.0, area.lo.y - dy.0), hi: area.hi };
         let sections = Sections::over(over, pitch, step, origin);
         if sections.count.iter().map(|&c| c as usize).product::<usize>() > MAX_SECTIONS {
             let text = format!("the texture would need {} x {} sections", sections.count[0], sections.count[1]);
@@ -73,7 +80,7 @@ impl Layout {
         }
         // A list of heights for every section that holds marks.
         memory::ask("what lies in the sections", 200 * sections.len() as u64)?;
-        Ok(Self { sections, window, keep, origin, height: stated.map(|Origin([.., z])| z) })
+        Ok(Self { sections, window, keep, origin, height: stated.map(|Origin([.., z])| Nm(z)) })
     }
 
     /// The grid for marks of these heights, and the heights that its levels must hold: widened so that overlaps
@@ -89,7 +96,6 @@ impl Layout {
         pass: PassId,
     ) -> Result<(Grid, Footprint), Error> {
         let Self { sections, window, keep, origin: [x, y], height } = self;
-        let step = machine.increment_nm();
         let Some((lo, hi)) = footprint.range() else {
             return Err(Diag::limit(
                 "job-empty",
@@ -99,25 +105,21 @@ impl Layout {
             .hint("compare the texture's area and origin with the part's box (`terrace inspect`)")
             .into());
         };
-        // The middle of the heights at the centre of travel, the lowest of them where the stage can stand.
-        let height = height.unwrap_or_else(|| {
-            let z = machine.centre_of_travel()[2] - ((lo + hi) / 2.0) as i64;
-            z - (lo.floor() as i64 + z).rem_euclid(step)
-        });
-        let origin = Origin([x, y, height]);
-        let Some(lattice) = Lattice::new(job.focus.depth, step, height) else {
-            let text = format!("a depth range of {} mm is below two stage increments", mm_from_nm(job.focus.depth));
+        let height = height.unwrap_or_else(|| default_height(machine, [lo, hi]));
+        let origin = Origin([x.0, y.0, height.0]);
+        let Some(lattice) = Lattice::new(job.focus.depth, machine.increment_nm(), height) else {
+            let text = format!("a depth range of {} mm is below two stage increments", job.focus.depth.mm());
             return Err(Diag::limit("depth-small", text)
                 .hint("enlarge focus.pdof, or state a finer stage.increment")
                 .into());
         };
         let Partition { overlap, hysteresis, .. } = job.partition;
-        let hysteresis = hysteresis.map_or_else(|| footprint.roughness(), |h| h as f64);
+        let hysteresis = hysteresis.map_or_else(|| footprint.roughness(), Nm::f64);
         // A stretch as long as the overlap, on the steepest slope that matters, lies in two levels.
-        let half_climb = overlap as f64 / 2.0 * footprint.slope();
+        let half_climb = overlap.f64() / 2.0 * footprint.slope();
         let lattice = lattice.with_hysteresis(hysteresis.max(half_climb));
         let footprint =
-            if overlap > 0 { footprint.widened(half_climb.min(lattice.depth as f64 / 4.0)) } else { footprint };
+            if overlap > Nm(0) { footprint.widened(half_climb.min(lattice.depth.f64() / 4.0)) } else { footprint };
         let footprint = footprint.deepened(job.passes.level_shift_nm(pass, lattice.depth));
         Ok((Grid { sections, window, lattice, origin, keep }, footprint))
     }
@@ -131,7 +133,7 @@ impl Grid {
     pub(super) fn most_stops(&self, footprint: &Footprint) -> Result<(), Error> {
         const MAX_STOPS: f64 = 1e6;
         let intervals = (0..self.sections.len()).flat_map(|i| footprint.of_section(i));
-        let levels: f64 = intervals.map(|(lo, hi)| (hi - lo) / self.lattice.depth as f64).sum();
+        let levels: f64 = intervals.map(|(lo, hi)| (hi - lo) / self.lattice.depth.f64()).sum();
         if levels <= MAX_STOPS {
             // Every method has its own stops, with what is remembered of each while strokes are cut and ordered.
             return Ok(memory::ask("the list of stops", 1000 * levels as u64)?);
@@ -144,13 +146,13 @@ impl Grid {
 }
 
 /// Holds the lengths of `[partition]` to the field.
-fn check(job: &Job, field: [i64; 2]) -> Result<(), Error> {
+fn check(job: &Job, field: [Nm; 2]) -> Result<(), Error> {
     let Partition { section, zone, overlap, .. } = job.partition;
     let refuse = |fault: Diag, key: &str, hint: &str| Err(fault.at(job.place_of(key)).hint(hint).into());
     if let Some(section) = section
         && field.iter().any(|&f| section > f)
     {
-        let text = format!("partition.section {} mm is larger than the usable field", mm_from_nm(section));
+        let text = format!("partition.section {} mm is larger than the usable field", section.mm());
         let fault = Diag::limit("section-large", text);
         return refuse(fault, "partition.section", "leave it out, or make it smaller");
     }
@@ -163,7 +165,7 @@ fn check(job: &Job, field: [i64; 2]) -> Result<(), Error> {
         return refuse(fault, "partition.overlap", "make it smaller; 0.05 mm is usual");
     }
     if let Some(section) = section
-        && overlap > 0
+        && overlap > Nm(0)
         && field.iter().any(|&f| section + overlap > f)
     {
         let text = "partition.section and partition.overlap together are larger than the usable field";
@@ -174,25 +176,32 @@ fn check(job: &Job, field: [i64; 2]) -> Result<(), Error> {
 
 /// The centre of the texture at the centre of travel, shifted by less than an increment so that sections that
 /// start at the texture's corner have centres where the stage can stand.
-pub(super) fn default_origin(machine: &Machine, area: Box2, pitch: [i64; 2]) -> [i64; 2] {
+pub(super) fn default_origin(machine: &Machine, area: Box2, pitch: [Nm; 2]) -> [Nm; 2] {
     let step = machine.increment_nm();
     let centre = machine.centre_of_travel();
     let along = |axis: usize, lo: i64, hi: i64| {
-        let origin = centre[axis] - (lo + hi) / 2;
-        origin - (lo + pitch[axis] / 2 + origin).rem_euclid(step)
+        let origin = centre[axis] - Nm((lo + hi) / 2);
+        origin - (Nm(lo) + pitch[axis] / 2 + origin).rem_euclid(step)
     };
     [along(0, area.lo.x, area.hi.x), along(1, area.lo.y, area.hi.y)]
 }
 
+/// The middle of heights, nm, at the centre of travel, the lowest of them where the stage can stand.
+pub(super) fn default_height(machine: &Machine, [lo, hi]: [f64; 2]) -> Nm {
+    let z = machine.centre_of_travel()[2] - Nm(((lo + hi) / 2.0) as i64);
+    z - (Nm::floor(lo) + z).rem_euclid(machine.increment_nm())
+}
+
 /// The pitch of sections made a multiple of the pitch of figures that are to stay whole, so that none lies
 /// across a border, where that needs no more sections.
-fn in_step(job: &Job, area: Box2, pitch: [i64; 2], step: i64) -> [i64; 2] {
-    let Some(own) = job.figure_pitch_nm() else { return pitch };
+fn in_step(job: &Job, area: Box2, pitch: [Nm; 2], step: Nm) -> [Nm; 2] {
+    let Some(own) = job.figure_pitch() else { return pitch };
     let size = area.size();
     [0, 1].map(|k| {
-        let stepped = pitch[k] / own * own;
-        let count = |pitch: i64| (size[k] + pitch - 1) / pitch;
-        let fits = stepped > 0 && stepped % (2 * step) == 0 && count(stepped) == count(pitch[k]);
+        let stepped = own * (pitch[k] / own);
+        let count = |pitch: Nm| (size[k] + pitch - Nm(1)) / pitch;
+        let is_even = stepped % (step * 2) == Nm(0);
+        let fits = stepped > Nm(0) && is_even && count(stepped) == count(pitch[k]);
         if fits { stepped } else { pitch[k] }
     })
 }

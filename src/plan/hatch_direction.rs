@@ -15,7 +15,7 @@
 use rayon::prelude::*;
 
 use crate::diag::Error;
-use crate::geom::{Box2, P2, nearest};
+use crate::geom::{Box2, Nm, P2, nearest};
 use crate::program::Sections;
 use crate::projection::Tracer;
 use crate::surface::Surface;
@@ -34,12 +34,12 @@ pub fn along_contours(
     surface: &Surface,
     sections: &Sections,
     max_slope: f64,
-    depth: i64,
+    depth: Nm,
 ) -> Result<Texture, Error> {
     if texture.contours().next().is_none() {
         return Ok(texture);
     }
-    let depth = depth.max(1) as f64;
+    let depth = depth.max(Nm(1)).f64();
     let filled = &texture;
     let hundredths = (0..sections.len()).into_par_iter().map(|i| {
         let mut section = Section::default();

@@ -45,7 +45,7 @@ impl Inputs {
 
     fn read(job: &Job, warnings: &mut Vec<Diag>) -> Result<(Surface, Texture), Error> {
         let turn = job.placement.turn.as_rad();
-        let weld = mm_from_nm(job.surface.weld_nm);
+        let weld = job.surface.weld.mm();
         let surface = Surface::load(&job.surface_path(), &job.surface.options, weld, turn, warnings)?;
         let texture = Texture::load(&job.textures, surface.part_box_mm(), turn, warnings)?;
         let (part, marks) = (turned(surface.part_box_mm(), turn), texture.bounds());

@@ -1,11 +1,10 @@
 //! The time of a program by the machine's motion model.
 
+use super::start::Start;
 use crate::machine::{Machine, TiltAngles};
 use crate::manifest::Times;
 use crate::motion;
 use crate::program::Program;
-
-use super::start::Start;
 
 /// The time of a program that begins at `start`, and that of every block without the stage's moves, s.
 pub(super) fn times(machine: &Machine, start: &Start, program: &Program) -> (Times, Vec<f64>) {

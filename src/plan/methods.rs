@@ -2,7 +2,7 @@
 //!
 //! A method is a function from a [`Site`] to stops, a variant of [`Method`] and a row here.
 
-use super::candidates::Site;
+use super::site::Site;
 use super::tilted_stops;
 use crate::job::{Job, Method};
 use crate::machine::Machine;

@@ -2,13 +2,15 @@
 //!
 //! [`Inputs::load`] opens every input file once. [`plan`] then makes a [`SteppedPlan`] or an
 //! [`OnTheFlyPlan`] of them, by the job's mode. Both are chains of values: every function takes what it
-//! needs and answers with something new; `stepped` and `on_the_fly` alone know the order of the steps.
+//! needs and answers with something new; `stepped` and `on_the_fly` alone know the order of the steps. The
+//! files of this module use each other in one direction: there is no circle among them.
 //!
 //! Threads are used in `stroke_chunks` and `split`: work is cut into chunks whose number does not depend on the
 //! number of threads, and results are joined in the order of the chunks, so threads never change a byte.
 
 mod assemble;
 mod bound;
+mod candidate;
 mod candidates;
 mod dose;
 mod grid;
@@ -18,7 +20,10 @@ mod job_time;
 mod methods;
 mod on_the_fly;
 pub mod orient;
+mod pass;
+mod progress;
 mod setups;
+mod site;
 mod split;
 mod start;
 mod stepped;
@@ -32,29 +37,13 @@ use std::path::{Path, PathBuf};
 
 pub use inputs::Inputs;
 pub use on_the_fly::OnTheFlyPlan;
-pub use stepped::{Draft, Pass, SteppedPlan};
+pub use pass::Pass;
+pub use progress::{Progress, Station};
+pub use stepped::{Draft, SteppedPlan};
 
 use crate::diag::{Diag, Error};
 use crate::job::{Job, Mode};
 use crate::machine::Machine;
-
-/// Stations of a compilation, in order, for progress displays.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Station {
-    /// Reading surface and texture.
-    Read,
-    /// Where the texture touches the surface.
-    Footprint,
-    /// Cutting strokes.
-    Split,
-    /// Ordering strokes and stops.
-    Order,
-    /// Writing the folder.
-    Write,
-}
-
-/// Told of every station as it begins.
-pub type Progress<'a> = &'a (dyn Fn(Station) + Sync);
 
 /// A job that was planned and checked, not yet written.
 #[derive(Debug)]

@@ -7,7 +7,7 @@
 
 use crate::diag::{Diag, Error, Place};
 use crate::emit;
-use crate::geom::{NM_PER_MM, P2, length_mm, mm_from_nm};
+use crate::geom::{NM_PER_MM, Nm, P2, length_mm};
 use crate::job::Job;
 use crate::machine::{Machine, Origin};
 use crate::manifest::{Deviations, FlyLengths, LeftOut, OnTheFlySummary};
@@ -28,8 +28,9 @@ use crate::surface::Surface;
 use crate::texture::Texture;
 use crate::units::Speed;
 
+use super::inputs::Inputs;
+use super::progress::{Progress, Station};
 use super::strokes::{self, Strokes};
-use super::{Inputs, Progress, Station};
 
 /// Nodes of the path along half of the field.
 const NODES: f64 = 100.0;
@@ -109,8 +110,8 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
         return Err(Diag::limit("job-empty", "the texture lies nowhere on the part").hint(hint).into());
     };
     let max_incidence = job.limits.max_incidence.as_rad();
-    let half_field = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
-    let [width, height] = texture.size().map(mm_from_nm);
+    let half_field = machine.usable_field().map(|f| f.mm() / 2.0);
+    let [width, height] = texture.size().map(Nm::mm);
     let planner = Planner {
         job,
         machine,

@@ -11,16 +11,15 @@
 
 use rayon::prelude::*;
 
-use super::Inputs;
 use super::grid::Layout;
-use super::start::Start;
+use super::hatch_direction;
+use super::inputs::Inputs;
 use super::stroke_chunks::Sweep;
 use crate::diag::Error;
-use crate::geom::{Box2, P2, P3, Turn};
+use crate::geom::{Box2, Nm, P2, P3, Turn};
 use crate::job::Job;
 use crate::machine::Commanded;
 use crate::motion;
-use crate::plan::hatch_direction;
 use crate::program::{PassId, Sections};
 
 /// One way to set the part up.
@@ -69,7 +68,7 @@ pub fn orient(job: &Job) -> Result<Vec<Orientation>, Error> {
     let inputs = Inputs::load(job)?;
     let machine = &inputs.machine;
     let area = inputs.texture.bounds();
-    let layout = Layout::new(job, machine, area, &Start::first(machine))?;
+    let layout = Layout::new(job, machine, area, PassId(0), None)?;
     let max_slope = job.limits.max_slope();
     let texture = hatch_direction::along_contours(
         inputs.texture.clone(),
@@ -81,15 +80,18 @@ pub fn orient(job: &Job) -> Result<Vec<Orientation>, Error> {
     let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
     let (footprint, _) = sweep.footprint(&layout.sections, layout.keep, layout.window.map(|w| w / 2), None);
     let (grid, _) = layout.levels(job, machine, footprint, PassId(0))?;
-    let pitch = grid.window.map(|w| (w / 20).max(2));
+    let pitch = grid.window.map(|w| (w / 20).max(Nm(2)));
     let fine = Sections { origin: area.lo, pitch, count: [0, 1].map(|k| (area.size()[k] / pitch[k] + 1) as u32) };
     let marks = sweep.marks(&fine).list();
-    let moved = |to: [i64; 3]| motion::stage_move(machine, Commanded::default(), Commanded(to), None).total_s();
+    let moved = |to: [Nm; 3]| {
+        let to = Commanded(to.map(|Nm(to)| to));
+        motion::stage_move(machine, Commanded::default(), to, None).total_s()
+    };
     let scale = Scale {
-        window: grid.window.map(|w| w as f64),
-        depth: grid.lattice.depth as f64,
-        xy_s: moved([grid.window[0], 0, 0]),
-        z_s: moved([0, 0, grid.lattice.depth]),
+        window: grid.window.map(Nm::f64),
+        depth: grid.lattice.depth.f64(),
+        xy_s: moved([grid.window[0], Nm(0), Nm(0)]),
+        z_s: moved([Nm(0), Nm(0), grid.lattice.depth]),
     };
     let whole = |points: &[P3], area: Box2| -> [SetUp; 2] {
         let set_up = |lean_deg: [f64; 2]| {

@@ -9,7 +9,7 @@
 
 use super::grid::Grid;
 use crate::diag::{Diag, Error};
-use crate::geom::{Box2, P2, Turned, mm_from_nm};
+use crate::geom::{Box2, Nm, P2, Turned};
 use crate::job::{Job, MAX_SETUPS};
 use crate::machine::{Machine, Origin};
 use crate::manifest;
@@ -31,27 +31,27 @@ pub(super) struct CellId(usize);
 /// The cells along one axis.
 #[derive(Clone, Debug)]
 struct Cells {
-    lo: i64,
-    size: i64,
-    /// By how much the part is moved in each, nm.
-    shift: Vec<i64>,
+    lo: Nm,
+    size: Nm,
+    /// By how much the part is moved in each.
+    shift: Vec<Nm>,
 }
 
 impl Cells {
     /// `count` cells whose centres come to `middle`, by multiples of `step`, on a part that lies at `origin`.
-    fn new(lo: i64, size: i64, count: u32, [origin, middle, step]: [i64; 3]) -> Self {
+    fn new(lo: Nm, size: Nm, count: u32, [origin, middle, step]: [Nm; 3]) -> Self {
         let centre = |i: u32| lo + size * i64::from(2 * i + 1) / i64::from(2 * count);
-        let shift = (0..count).map(|i| (middle - centre(i) - origin).div_euclid(step) * step).collect();
+        let shift = (0..count).map(|i| (middle - centre(i) - origin).down_to(step)).collect();
         Self { lo, size, shift }
     }
 
-    fn of(&self, v: i64) -> usize {
+    fn of(&self, v: Nm) -> usize {
         let n = self.shift.len() as i64;
-        ((v - self.lo) * n / self.size.max(1)).clamp(0, n - 1) as usize
+        ((v - self.lo) * n / self.size.max(Nm(1))).clamp(0, n - 1) as usize
     }
 
     /// Borders of the cells.
-    fn borders(&self) -> impl Iterator<Item = i64> {
+    fn borders(&self) -> impl Iterator<Item = Nm> {
         let n = self.shift.len() as i64;
         (1..n).map(move |i| self.lo + self.size * i / n)
     }
@@ -61,23 +61,24 @@ impl Setups {
     /// Those of the job, for stops with these centres over a texture in `area`.
     pub(super) fn of(job: &Job, machine: &Machine, grid: &Grid, area: Box2, centres: &[P2<Turned>]) -> Self {
         let made = [0, 1].map(|k| {
-            let at: Vec<i64> = centres.iter().map(|c| if k == 0 { c.x } else { c.y }).collect();
-            let lo = at.iter().copied().min().unwrap_or(0);
-            let hi = at.iter().copied().max().unwrap_or(0);
+            let at: Vec<Nm> = centres.iter().map(|c| Nm(if k == 0 { c.x } else { c.y })).collect();
+            let lo = at.iter().copied().min().unwrap_or_default();
+            let hi = at.iter().copied().max().unwrap_or_default();
             let [from, to] = range(machine, k);
-            let place = [grid.origin[k], from + (to - from) / 2, machine.increment_nm()];
+            let origin = Nm(grid.origin[k]);
+            let place = [origin, from + (to - from) / 2, machine.increment_nm()];
             let cells = |n: u32| Cells::new(lo, hi - lo, n, place);
             let ends = moved(job, grid.sections.pitch, area, k);
             let fits = |cells: &Cells| {
-                let holds = |&v: &i64| (from..=to).contains(&(v + grid.origin[k] + cells.shift[cells.of(v)]));
+                let holds = |&v: &Nm| (from..=to).contains(&(v + origin + cells.shift[cells.of(v)]));
                 // Stops of passes whose sections are moved lie anywhere in a cell.
-                let between = || cells.borders().flat_map(|b| [b - 1, b]).all(|v| holds(&v));
+                let between = || cells.borders().flat_map(|b| [b - Nm(1), b]).all(|v| holds(&v));
                 at.iter().all(holds) && (ends.is_empty() || ends.iter().all(holds) && between())
             };
             let needed = (1..MAX_SETUPS).find(|&n| fits(&cells(n))).unwrap_or(MAX_SETUPS);
             let cells = match &job.setups {
                 // The part lies where the job says.
-                None => Cells { lo, size: hi - lo, shift: vec![0] },
+                None => Cells { lo, size: hi - lo, shift: vec![Nm(0)] },
                 Some(setups) => cells(setups.count[k].unwrap_or(needed)),
             };
             (cells, needed)
@@ -89,14 +90,14 @@ impl Setups {
     /// The cell of a stop.
     pub(super) fn cell(&self, centre: P2<Turned>) -> CellId {
         let [x, y] = &self.axes;
-        CellId(y.of(centre.y) * x.shift.len() + x.of(centre.x))
+        CellId(y.of(Nm(centre.y)) * x.shift.len() + x.of(Nm(centre.x)))
     }
 
     /// Where the part's origin lies in a cell, which is at `base` without set-ups.
     pub(super) fn origin(&self, CellId(cell): CellId, Origin([x, y, z]): Origin) -> Origin {
         let [columns, rows] = &self.axes;
         let n = columns.shift.len();
-        Origin([x + columns.shift[cell % n], y + rows.shift[cell / n], z])
+        Origin([x + columns.shift[cell % n].0, y + rows.shift[cell / n].0, z])
     }
 
     /// The fewest columns and rows of set-ups whose stops lie within travel.
@@ -105,24 +106,25 @@ impl Setups {
     }
 }
 
-/// What an axis reaches in the table frame, nm.
-fn range(machine: &Machine, k: usize) -> [i64; 2] {
+/// What an axis reaches in the table frame.
+fn range(machine: &Machine, k: usize) -> [Nm; 2] {
     let (_, axis) = machine.axes()[k];
     let [lo, hi] = axis.travel_nm();
     if axis.sign() > 0 { [lo, hi] } else { [-hi, -lo] }
 }
 
 /// The lowest and highest centres of sections of the passes that move them.
-fn moved(job: &Job, pitch: [i64; 2], area: Box2, k: usize) -> Vec<i64> {
+fn moved(job: &Job, pitch: [Nm; 2], area: Box2, k: usize) -> Vec<Nm> {
     let passes = &job.passes;
     let (lo, hi) = if k == 0 { (area.lo.x, area.hi.x) } else { (area.lo.y, area.hi.y) };
-    let grain = job.figure_pitch_nm().unwrap_or(1);
-    let shifts = (1..passes.count).map(|pass| passes.shift_nm(PassId(pass), pitch, grain)[k]);
-    let ends = |by: i64| {
+    let (lo, hi) = (Nm(lo), Nm(hi));
+    let grain = job.figure_pitch().unwrap_or(Nm(1));
+    let shifts = (1..passes.count).map(|pass| passes.grid_shift(PassId(pass), pitch, grain)[k]);
+    let ends = |by: Nm| {
         let first = lo - by + pitch[k] / 2;
-        [first, first + (hi - lo + by) / pitch[k] * pitch[k]]
+        [first, first + pitch[k] * ((hi - lo + by) / pitch[k])]
     };
-    shifts.filter(|&by| by != 0).flat_map(ends).collect()
+    shifts.filter(|&by| by != Nm(0)).flat_map(ends).collect()
 }
 
 /// The cells that have stops: the set-ups in the order in which they are numbered.
@@ -177,7 +179,7 @@ pub(super) fn registered(job: &Job, machine: &Machine, origins: &[Origin]) -> Re
         if found < 2 {
             let text =
                 format!("set-up {} of {} reaches {found} registration points, two are needed", i + 1, origins.len());
-            let [x, y] = [0, 1].map(|k| range(machine, k).map(|v| mm_from_nm(v - origin[k])));
+            let [x, y] = [0, 1].map(|k| range(machine, k).map(|v| (v - Nm(origin[k])).mm()));
             let turned = if job.placement.turn.as_rad() == 0.0 { "" } else { ", as it is turned" };
             let hint = format!(
                 "it reaches x {} to {} mm and y {} to {} mm of the part{turned}: name points there in setups.registration",

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::stroke_chunks::{Sweep, chunks};
 use crate::diag::{Diag, Error, memory};
-use crate::geom::{NM_PER_MM, length_mm};
+use crate::geom::{NM_PER_MM, Nm, length_mm};
 use crate::job::Partition;
 use crate::partition::Stops;
 use crate::program::{Pen, PenId, Sections, Stroke, StrokeId};
@@ -22,15 +22,15 @@ pub(super) const MAX_POINTS: usize = 500_000_000;
 /// How strokes are cut.
 #[derive(Clone, Copy)]
 pub(super) struct Cuts {
-    /// Shorter fragments are skipped, nm.
-    pub(super) min_mark: i64,
+    /// Shorter fragments are skipped.
+    pub(super) min_mark: Nm,
     pub(super) keep: Keep,
     pub(super) seam: Seam,
 }
 
 impl Cuts {
     pub(super) fn new(partition: &Partition, keep: Keep, seed: u64) -> Self {
-        let [zone, overlap] = [partition.zone, partition.overlap].map(|nm| nm as f64);
+        let [zone, overlap] = [partition.zone, partition.overlap].map(Nm::f64);
         Self { min_mark: partition.min_mark, keep, seam: Seam { zone, overlap, seed } }
     }
 }
@@ -62,7 +62,7 @@ impl Estimate {
             length += length_mm(&points) * NM_PER_MM;
             seen += 1.0;
         }
-        let pitch = sections.pitch[0].min(sections.pitch[1]) as f64;
+        let pitch = sections.pitch[0].min(sections.pitch[1]).f64();
         let levels: Vec<f64> = candidates.iter().map(|c| c.stops.len() as f64 / sections.len() as f64).collect();
         Self::new(texture.len() as f64, texture.points_estimate() as f64, length / f64::max(seen, 1.0), pitch, &levels)
     }
@@ -104,7 +104,7 @@ pub(super) fn split(
         .into_par_iter()
         .map(|chunk| {
             let tracer = Tracer::new(surface, max_slope);
-            let mut splitter = Splitter::new(tracer, candidates, cuts.min_mark as f64, cuts.keep, cuts.seam);
+            let mut splitter = Splitter::new(tracer, candidates, cuts.min_mark.f64(), cuts.keep, cuts.seam);
             let mut points = Vec::new();
             for i in chunk {
                 let pen = PenId(texture.stroke(i, &mut points));

@@ -1,18 +1,16 @@
 //! Where a pass begins: what the passes before it have left.
 
-use super::grid::Grid;
 use super::setups::{CellId, Setups};
-use super::stepped::Candidate;
-use crate::job::Passes;
+use crate::geom::Nm;
 use crate::machine::{Commanded, Machine, Origin};
 use crate::program::{PassId, Stop};
 
-/// Where a pass begins and how deep it lies; nm.
+/// Where a pass begins and how deep it lies.
 pub(super) struct Start {
     /// The pass, from 0.
     pub(super) pass: PassId,
     /// By how much the surface has sunk.
-    pub(super) lowered: i64,
+    pub(super) lowered: Nm,
     /// Where the part lies, as the first pass has laid it; None in that pass.
     pub(super) laid: Option<Laid>,
     /// Where the stage stands.
@@ -31,23 +29,8 @@ pub(super) struct Laid {
 impl Start {
     /// That of the first pass: the stage at the centre of its travel, lifted.
     pub(super) fn first(machine: &Machine) -> Self {
-        let [x, y, _] = machine.axes().map(|(_, axis)| axis.travel_nm().iter().sum::<i64>() / 2);
-        let from = Commanded([x, y, machine.retract_z()]);
-        Self { pass: PassId(0), lowered: 0, laid: None, from, before: None }
-    }
-
-    /// That of pass `pass`, on the grid of the first, after all passes before it.
-    pub(super) fn after(&self, passes: &Passes, first: &Grid, made: &Candidate, pass: PassId) -> Self {
-        let lowered = passes.lowered_nm(pass);
-        let Origin([x, y, z]) = first.origin;
-        let last = made.program.blocks.last();
-        let raised = |s: &Stop| Stop { focus: s.focus + lowered, ..s.clone() };
-        Self {
-            pass,
-            lowered,
-            laid: Some(Laid { origin: Origin([x, y, z - lowered]), setups: made.setups.clone() }),
-            from: last.map_or(self.from, |b| b.stage),
-            before: last.map(|b| (raised(&b.stop), made.used.cell(b.setup))),
-        }
+        let [x, y, _] = machine.axes().map(|(_, axis)| axis.middle().0);
+        let from = Commanded([x, y, machine.retract_z().0]);
+        Self { pass: PassId(0), lowered: Nm(0), laid: None, from, before: None }
     }
 }

@@ -11,30 +11,32 @@ use std::ops::Range;
 
 use super::assemble::{self, Assembly, Stage};
 use super::bound;
-use super::candidates::{Site, best_of, methods};
+use super::candidate::Candidate;
+use super::candidates::{best_of, divide, methods, stops};
 use super::dose;
 use super::grid::{Grid, Layout};
+use super::hatch_direction;
 use super::inputs::Inputs;
 use super::job_time::times;
-use super::setups::{self, Setups, Used};
+use super::pass::Pass;
+use super::progress::{Progress, Station};
+use super::setups::{self, Setups};
+use super::site::Site;
 use super::split::{Cuts, MAX_FRAGMENTS, MAX_POINTS, join, split, too_large};
 use super::start::Start;
 use super::stroke_chunks::Sweep;
 use super::summary;
 use super::warnings;
-use super::{Progress, Station};
 use crate::block_map::BlockMap;
-use crate::check::{self, Checked, Limits};
+use crate::check::{Checked, Limits};
 use crate::diag::{Diag, Error};
-use crate::geom::Box2;
-use crate::job::{Job, Method, Objective};
+use crate::geom::Nm;
+use crate::job::{Job, Method};
 use crate::machine::{Machine, Origin};
 use crate::manifest::{self, Slope, Summary, Times};
 use crate::order::clearance::Clearance;
 use crate::partition::Stops;
-use crate::partition::bound::Certificate;
-use crate::plan::hatch_direction;
-use crate::program::{Block, PassId, PenId, Program, Sections};
+use crate::program::{Block, PassId, Program};
 use crate::projection::{Footprint, Samples};
 use crate::split::Fragments;
 use crate::texture::Texture;
@@ -56,44 +58,10 @@ pub struct SteppedPlan {
     pub block_times: Vec<f64>,
     /// Slope under the marks of every block, against the beam.
     pub slopes: Vec<Slope>,
-    /// Largest depth range of a block as used, nm.
-    pub depth: i64,
+    /// Largest depth range of a block as used.
+    pub depth: Nm,
     /// What the user should know.
     pub warnings: Vec<Diag>,
-}
-
-/// One pass over the texture.
-#[derive(Debug)]
-pub struct Pass {
-    /// Its grid of sections.
-    pub sections: Sections,
-    /// Directions of what is filled along contours, by section, in hundredths of a degree; empty where nothing
-    /// is.
-    pub directions: Vec<u16>,
-    /// Which of its blocks owns which place; numbered from its first.
-    pub map: BlockMap,
-    /// The box of its texture, turned part frame.
-    pub texture: Box2,
-    /// Why no partition of it has fewer stops than its lower bound; None where none is known.
-    pub bound: Option<Certificate>,
-    /// Its blocks in the program.
-    pub blocks: Range<usize>,
-}
-
-/// What one method gives.
-pub(super) struct Candidate {
-    pub(super) method: Method,
-    pub(super) program: Program,
-    pub(super) setups: Setups,
-    /// The cells of its set-ups.
-    pub(super) used: Used,
-    pub(super) times: Times,
-    pub(super) block_times: Vec<f64>,
-    pub(super) slopes: Vec<Slope>,
-    pub(super) fragments: usize,
-    pub(super) split: Fragments,
-    pub(super) worst_defocus: i64,
-    pub(super) worst_defocus_mean: i64,
 }
 
 /// A program before the check: for measuring what no machine may run. [`Draft::checked`] makes a plan of it.
@@ -135,11 +103,11 @@ impl<'a> Draft<'a> {
         let start = Start::first(machine);
         let first = Ready::new(job, machine, inputs, inputs.texture.clone(), start)?;
         let methods = methods(job, machine)?;
-        let found = first.site(job, machine, inputs).stops(&methods, job.partition.objective)?;
+        let found = stops(&first.site(job, machine, inputs), &methods, job.partition.objective)?;
         progress(Station::Split);
-        let stops: Vec<&Stops> = found.iter().map(|(_, stops)| stops).collect();
+        let candidates: Vec<&Stops> = found.iter().map(|(_, stops)| stops).collect();
         let cuts = Cuts::new(&job.partition, first.grid.keep, job.seed);
-        let parts = split(first.sweep(job, inputs), &stops, &first.grid.sections, &job.pens, cuts)?;
+        let parts = split(first.sweep(job, inputs), &candidates, &first.grid.sections, &job.pens, cuts)?;
         progress(Station::Order);
         let (mut tried, mut warnings) = (Vec::new(), Vec::new());
         let made = found.iter().zip(parts).map(|((method, stops), parts)| {
@@ -173,7 +141,8 @@ impl<'a> Draft<'a> {
         draft.passes.push(pass);
         let begin = Start::first(machine);
         for number in (1..job.passes.count).map(PassId) {
-            draft.add_pass(inputs, begin.after(&job.passes, &draft.grid, &draft.best, number))?;
+            let start = draft.best.start_of(number, &begin, &job.passes, &draft.grid);
+            draft.add_pass(inputs, start)?;
         }
         draft.origins = draft.best.origins(&draft.grid);
         Ok(draft)
@@ -186,7 +155,7 @@ impl<'a> Draft<'a> {
         let texture = inputs.texture_of_pass(job, start.pass)?;
         let ready = Ready::new(job, machine, inputs, texture, start)?;
         let method = self.best.method;
-        let Some(stops) = ready.site(job, machine, inputs).divide(method) else {
+        let Some(stops) = divide(&ready.site(job, machine, inputs), method) else {
             return Err(Diag::bug("no-candidate", "a pass cannot be divided as the first was").into());
         };
         let cuts = Cuts::new(&job.partition, ready.grid.keep, job.seed);
@@ -279,13 +248,15 @@ struct Ready {
 
 impl Ready {
     fn new(job: &Job, machine: &Machine, inputs: &Inputs, texture: Texture, start: Start) -> Result<Self, Error> {
-        let layout = Layout::new(job, machine, texture.bounds(), &start)?;
+        let layout =
+            Layout::new(job, machine, texture.bounds(), start.pass, start.laid.as_ref().map(|laid| laid.origin))?;
         let max_slope = job.limits.max_slope();
         let texture =
             hatch_direction::along_contours(texture, &inputs.surface, &layout.sections, max_slope, job.focus.depth)?;
         let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
         // Slivers that may be left out need no stop: no bound is to be had then.
-        let stop_size = bound::size(machine.usable_field(), job.focus.depth).filter(|_| job.partition.min_mark == 0);
+        let stop_size =
+            bound::size(machine.usable_field(), job.focus.depth).filter(|_| job.partition.min_mark == Nm(0));
         let sampling = stop_size.map(|size| bound::sampling(size, &texture));
         let half = layout.window.map(|w| w / 2);
         let (footprint, samples) = sweep.footprint(&layout.sections, layout.keep, half, sampling);
@@ -359,96 +330,4 @@ impl Ready {
             sections: grid.sections,
         }
     }
-}
-
-impl Candidate {
-    /// As the summary lists it.
-    fn listed(&self) -> manifest::Candidate {
-        manifest::Candidate {
-            method: self.method.name().into(),
-            stops: self.program.blocks.len(),
-            fragments: self.fragments,
-            time_s: self.times,
-        }
-    }
-
-    /// The first invariant that it breaks, if it breaks any.
-    fn fault(&self, machine: &Machine, grid: &Grid, clearance: &Clearance) -> Option<Diag> {
-        let origins = self.origins(grid);
-        let limits = Limits {
-            machine,
-            origins: &origins,
-            setups_needed: [1; 2],
-            depth: grid.lattice.depth,
-            max_slope: self.split.worst_slope2.sqrt(),
-            clearance,
-        };
-        check::first_broken(&self.program, &limits)
-    }
-
-    /// Positions of the part's origin, by set-up.
-    fn origins(&self, grid: &Grid) -> Vec<Origin> {
-        self.used.iter().map(|cell| self.setups.origin(cell, grid.origin)).collect()
-    }
-
-    /// What the best candidate has least of.
-    fn measure(&self, objective: Objective) -> (f64, f64) {
-        match objective {
-            Objective::Time => (self.times.total, 0.0),
-            Objective::Stops => (self.program.blocks.len() as f64, self.times.total),
-        }
-    }
-
-    /// Puts a later pass behind, its heights lowered.
-    fn append(&mut self, mut next: Self, lowered: i64) {
-        let used = self.used.union(&next.used);
-        self.used.renumber(&mut self.program.blocks, &used);
-        next.used.renumber(&mut next.program.blocks, &used);
-        self.used = used;
-        append(&mut self.program, next.program, lowered);
-        let (s, t) = (&mut self.times, next.times);
-        s.stage += t.stage;
-        s.settle += t.settle;
-        s.mark += t.mark;
-        s.jump += t.jump;
-        s.delay += t.delay;
-        s.total += t.total;
-        self.block_times.extend(next.block_times);
-        self.slopes.extend(next.slopes);
-        self.fragments += next.fragments;
-        self.split = join(std::mem::take(&mut self.split), next.split);
-        self.worst_defocus = self.worst_defocus.max(next.worst_defocus);
-        self.worst_defocus_mean = self.worst_defocus_mean.max(next.worst_defocus_mean);
-    }
-}
-
-/// Puts blocks behind those of a program, their heights lowered by `lowered` nm.
-fn append(program: &mut Program, next: Program, lowered: i64) {
-    let (strokes, points) = (program.strokes.len(), program.points.len() as u32);
-    program.points.extend(next.points);
-    // Pens that compensate the slope differ from pass to pass.
-    let pens: Vec<PenId> = next
-        .pens
-        .into_iter()
-        .map(|pen| {
-            let known = program.pens.iter().position(|p| *p == pen);
-            let place = known.unwrap_or_else(|| {
-                program.pens.push(pen);
-                program.pens.len() - 1
-            });
-            PenId(place as u16)
-        })
-        .collect();
-    program.strokes.extend(next.strokes.into_iter().map(|mut s| {
-        s.first += points;
-        s.pen = pens[s.pen.index()];
-        s
-    }));
-    program.blocks.extend(next.blocks.into_iter().map(|mut b| {
-        b.strokes = b.strokes.start + strokes..b.strokes.end + strokes;
-        for z in [&mut b.stop.focus, &mut b.stop.z_lo, &mut b.stop.z_hi, &mut b.z_lo, &mut b.z_hi] {
-            *z -= lowered;
-        }
-        b
-    }));
 }

@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use crate::geom::P2;
+use crate::geom::{Nm, P2};
 use crate::partition::Fine;
 use crate::program::Sections;
 use crate::projection::{Cells, Footprint, GridTracer, Keep, Marks, Samples, Sampling, TiltedFields, Tracer, Turned};
@@ -66,7 +66,7 @@ impl Sweep<'_> {
         self,
         sections: &Sections,
         keep: Keep,
-        half: [i64; 2],
+        half: [Nm; 2],
         sampling: Option<Sampling>,
     ) -> (Footprint, Option<Samples>) {
         let (footprint, marks) = self.gather(

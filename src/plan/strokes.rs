@@ -6,17 +6,16 @@
 //! texture's upper right corner, from where the order begins; where a stage would stand means nothing in it.
 
 use super::assemble::{Members, lay, segments};
-use super::grid::default_origin;
+use super::grid::{default_height, default_origin};
 use super::inputs::Inputs;
 use super::split::{Cuts, join, split};
 use super::stroke_chunks::Sweep;
-use super::{dose, warnings};
+use super::{dose, hatch_direction, warnings};
 use crate::diag::{Diag, Error};
-use crate::geom::Box2;
+use crate::geom::{Box2, Nm};
 use crate::job::{Job, Partition};
 use crate::machine::{Commanded, Machine, Origin};
 use crate::partition::{self, Lattice, Stops};
-use crate::plan::hatch_direction;
 use crate::program::{Block, PassId, Program, Sections, SetupId, StopId};
 use crate::projection::Keep;
 use crate::split::{Fragments, Skipped};
@@ -41,48 +40,46 @@ pub struct Strokes {
     pub warnings: Vec<Diag>,
 }
 
-/// Puts the strokes in order; with `band`, an nm depth, in bands of that depth.
+/// Puts the strokes in order; with `band`, a depth, in bands of that depth.
 ///
 /// # Errors
 /// `job-empty`; `fly-large` where the texture is wider than block coordinates reach; `steep` where the job refuses
 /// steep places.
-pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<i64>) -> Result<Strokes, Error> {
+pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<Nm>) -> Result<Strokes, Error> {
     let area = inputs.texture.bounds();
     let size = area.size();
-    if size.iter().any(|&s| s >= i64::from(i32::MAX)) {
+    let everything = Nm(i64::from(i32::MAX));
+    if size.iter().any(|&s| s >= everything) {
         let text = "the texture is wider than 2.1 m, which on-the-fly programs cannot hold";
         return Err(Diag::limit("fly-large", text).at(job.place()).hint("mark a smaller area").into());
     }
-    let pitch = size.map(|s| 2 * (s + 1));
+    let pitch = size.map(|s| (s + Nm(1)) * 2);
     let section = Sections { origin: area.lo, pitch, count: [1, 1] };
     let max_slope = job.limits.max_slope();
-    let everything = i64::from(i32::MAX);
     let depth = band.unwrap_or(everything);
     let texture = hatch_direction::along_contours(inputs.texture.clone(), &inputs.surface, &section, max_slope, depth)?;
     let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
-    let (footprint, _) = sweep.footprint(&section, Keep(0), pitch.map(|p| p / 2), None);
+    let (footprint, _) = sweep.footprint(&section, Keep(Nm(0)), pitch.map(|p| p / 2), None);
     let Some((lo, hi)) = footprint.range() else {
         let text = "nothing would be marked: no texture lies on the part where it may be marked";
         let hint = "compare the texture's area and origin with the part's box (`terrace inspect`)";
         return Err(Diag::limit("job-empty", text).at(job.place()).hint(hint).into());
     };
-    let step = machine.increment_nm();
     let origin = job.placement.origin.unwrap_or_else(|| {
-        let [x, y] = default_origin(machine, area, [0; 2]);
-        let z = machine.centre_of_travel()[2] - ((lo + hi) / 2.0) as i64;
-        Origin([x, y, z - (lo.floor() as i64 + z).rem_euclid(step)])
+        let [x, y] = default_origin(machine, area, [Nm(0); 2]);
+        Origin([x.0, y.0, default_height(machine, [lo, hi]).0])
     });
-    let Some(lattice) = Lattice::new(depth, step, origin[2]) else {
+    let Some(lattice) = Lattice::new(depth, machine.increment_nm(), Nm(origin[2])) else {
         return Err(Diag::limit("depth-small", "the depth range is below two stage increments").into());
     };
     let lattice = lattice.with_hysteresis(footprint.roughness());
     let stops = partition::z_range(&footprint, &section, pitch, &lattice);
-    let cuts = Cuts::new(&Partition::default(), Keep(0), job.seed);
+    let cuts = Cuts::new(&Partition::default(), Keep(Nm(0)), job.seed);
     let parts = split(sweep, &[&stops], &section, &job.pens, cuts)?.pop().unwrap_or_default();
     let program = laid(job, &stops, &parts);
     let found = parts.into_iter().fold(Fragments::default(), join);
     let mut notes = Vec::new();
-    warnings::warn(&job.limits, &found, 0, everything, &mut notes)?;
+    warnings::warn(&job.limits, &found, Nm(0), everything, &mut notes)?;
     let Fragments { texture_mm, skipped, .. } = found;
     Ok(Strokes { program, origin, texture: area, section, texture_mm, skipped, warnings: notes })
 }
@@ -103,7 +100,7 @@ fn laid(job: &Job, stops: &Stops, parts: &[Fragments]) -> Program {
         }
         let heights = segments(parts, list).map(|f| f.z);
         let z = heights.fold([f64::INFINITY, f64::NEG_INFINITY], |z, f| [z[0].min(f[0]), z[1].max(f[1])]);
-        let [z_lo, z_hi] = z.map(|z| z.round() as i64);
+        let [z_lo, z_hi] = z.map(Nm::round);
         let mut stop = placed.stop.clone();
         stop.focus = (z_lo + z_hi) / 2;
         let strokes = first..program.strokes.len();

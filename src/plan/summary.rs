@@ -1,8 +1,9 @@
 //! The figures of a stepped plan.
 
-use super::stepped::Pass;
+use super::pass::Pass;
 use crate::check::Checked;
 use crate::diag::{Diag, Message};
+use crate::geom::Nm;
 use crate::job::Method;
 use crate::manifest::{Candidate, Summary, Times};
 use crate::partition::bound::Certificate;
@@ -15,10 +16,10 @@ pub(super) struct Figures<'a> {
     pub(super) times: Times,
     pub(super) fragments: usize,
     pub(super) split: &'a Fragments,
-    /// Largest distance of a mark from its focal plane, nm.
-    pub(super) worst_defocus: i64,
+    /// Largest distance of a mark from its focal plane.
+    pub(super) worst_defocus: Nm,
     /// What it would be with every focal plane at the mean height of its marks.
-    pub(super) worst_defocus_mean: i64,
+    pub(super) worst_defocus_mean: Nm,
 }
 
 /// The summary of a checked program.
@@ -52,8 +53,8 @@ pub(super) fn summary(
         figures_cut: split.figures_cut,
         seam_mm: passes.iter().map(|p| p.map.seam_mm()).sum(),
         jump_mm: blocks(Program::jump_mm),
-        worst_defocus_um: figures.worst_defocus as f64 / 1000.0,
-        worst_defocus_mean_um: figures.worst_defocus_mean as f64 / 1000.0,
+        worst_defocus_um: figures.worst_defocus.f64() / 1000.0,
+        worst_defocus_mean_um: figures.worst_defocus_mean.f64() / 1000.0,
         worst_incidence_deg: split.worst_slope2.sqrt().atan().to_degrees(),
         time_s: figures.times,
         candidates,

@@ -3,7 +3,7 @@
 
 use super::grid::Grid;
 use super::stroke_chunks::Sweep;
-use crate::geom::{Box2, P2};
+use crate::geom::{Box2, Nm, P2};
 use crate::machine::Machine;
 use crate::partition::{Stops, tilted_sections};
 
@@ -17,7 +17,7 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option
         origin: grid.origin,
         // Sections of later passes begin elsewhere.
         area: Box2 { lo: grid.sections.origin, hi: sweep.texture.bounds().hi },
-        window: grid.window.map(|w| (w / 2 * 2 - 2 * ROUNDING).max(2)),
+        window: grid.window.map(|w| (w / 2 * 2 - ROUNDING * 2).max(Nm(2))),
         lattice: grid.lattice,
     };
     let samples = tilted.samples();
@@ -32,21 +32,23 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option
     let tiles = sweep.surface.tiles();
     let top = |area: Box2| {
         let near = |b: &Box2| b.lo.x <= area.hi.x && area.lo.x <= b.hi.x && b.lo.y <= area.hi.y && area.lo.y <= b.hi.y;
-        tiles.iter().filter(|(b, _)| near(b)).map(|t| t.1).max().map_or(f64::NEG_INFINITY, |t| t as f64)
+        tiles.iter().filter(|(b, _)| near(b)).map(|t| t.1).max().map_or(f64::NEG_INFINITY, Nm::f64)
     };
-    let highest = tiles.iter().map(|t| t.1).max().unwrap_or(0) as f64;
+    let highest = tiles.iter().map(|t| t.1).max().unwrap_or_default().f64();
     let lowest = samples.iter().map(|p| p[2]).fold(f64::INFINITY, f64::min);
     for k in 0..fields.list.len() {
         let half = fields.half;
         let field = &mut fields.list[k];
         // What could hide the lowest mark is no farther away than this.
         let [x, y, z] = field.turn.up();
-        let reach = ((highest - lowest) * x.hypot(y) / z).ceil() as i64 + 1;
-        let grown =
-            |b: Box2, x: i64, y: i64| Box2 { lo: P2::new(b.lo.x - x, b.lo.y - y), hi: P2::new(b.hi.x + x, b.hi.y + y) };
+        let reach = Nm::ceil((highest - lowest) * x.hypot(y) / z) + Nm(1);
+        let grown = |b: Box2, Nm(x): Nm, Nm(y): Nm| Box2 {
+            lo: P2::new(b.lo.x - x, b.lo.y - y),
+            hi: P2::new(b.hi.x + x, b.hi.y + y),
+        };
         // The window reaches beyond the area by no more than this.
         let [w, h] = field.area.size();
-        let window = grown(field.area, (half[0] - w / 2).max(0) + SPARE, (half[1] - h / 2).max(0) + SPARE);
+        let window = grown(field.area, (half[0] - w / 2).max(Nm(0)) + SPARE, (half[1] - h / 2).max(Nm(0)) + SPARE);
         let around = grown(window, reach, reach);
         field.top = top(around);
         let is_clear = sweep.surface.is_plain(around.lo, around.hi) && steepest + z.acos() <= sweep.max_slope.atan();
@@ -87,7 +89,7 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option
 /// twice: in the plane of the drawing, by up to half the diagonal of the grid in any direction, so that it can
 /// lie 0.71 nm beyond the border once it is turned; and in the field, to the nearest grid point, which is then
 /// at most a nanometre beyond the border.
-const ROUNDING: i64 = 1;
+const ROUNDING: Nm = Nm(1);
 
 /// Room for the curvature of the part beside a window, nm.
-const SPARE: i64 = 1_000_000;
+const SPARE: Nm = Nm(1_000_000);

@@ -3,6 +3,7 @@
 use super::grid::Grid;
 use super::methods::row;
 use crate::diag::{Diag, Error, Place};
+use crate::geom::Nm;
 use crate::job::{Job, Limits, Method, Steep};
 use crate::program::Program;
 use crate::projection::Footprint;
@@ -12,8 +13,8 @@ use crate::split::Fragments;
 pub(super) fn warn(
     limits: &Limits,
     split: &Fragments,
-    worst_defocus: i64,
-    depth: i64,
+    worst_defocus: Nm,
+    depth: Nm,
     warnings: &mut Vec<Diag>,
 ) -> Result<(), Error> {
     let mm = |v: f64| if v < 0.001 { format!("{:.3} um", v * 1000.0) } else { format!("{v:.3} mm") };
@@ -58,8 +59,8 @@ pub(super) fn warn(
     if worst_defocus > depth / 2 {
         let text = format!(
             "marks lie up to {:.1} um from the focal plane, more than half the depth range of {:.1} um",
-            worst_defocus as f64 / 1000.0,
-            depth as f64 / 1000.0
+            worst_defocus.f64() / 1000.0,
+            depth.f64() / 1000.0
         );
         warnings.push(Diag::warning("defocus", text).hint("focus.level = \"mid\" keeps it at half the depth range"));
     }

@@ -18,7 +18,7 @@
 //! Two more speak of the texture and the part's surface, which a program does not hold. `split` makes them, and
 //! `terrace verify` proves them from job file and surface file (rules `source` and `coverage`):
 //! - P8 where the part is tilted, a stroke of the texture is marked along a line of the field that runs
-//!   within [`CHORD`] of the projected one;
+//!   within [`CHORD_NM`] of the projected one;
 //! - P9 every stroke names the texture stroke and the segment it begins on.
 //!
 //! # Units and frames
@@ -39,13 +39,13 @@ pub use sections::Sections;
 
 use std::ops::Range;
 
-use crate::geom::{FieldPoint, NM_PER_MM, P2, Turned};
+use crate::geom::{FieldPoint, NM_PER_MM, Nm, P2, Turned};
 use crate::machine::{Commanded, TiltAngles};
 use crate::units::{Frequency, Power, Speed};
 
 /// How far a stroke on a tilted part may run beside the exact projection of its line, nm: between two points
 /// of the program, where the projection bends with the surface.
-pub const CHORD: f64 = 100.0;
+pub const CHORD_NM: f64 = 100.0;
 
 /// A laser setting of the program.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,11 +74,11 @@ pub struct Stop {
     /// Point of the turned part under the optical axis.
     pub centre: P2<Turned>,
     /// Height of the focal plane (LPFL) in the part frame.
-    pub focus: i64,
+    pub focus: Nm,
     /// Lowest height that the stop admits.
-    pub z_lo: i64,
+    pub z_lo: Nm,
     /// Highest height that the stop admits.
-    pub z_hi: i64,
+    pub z_hi: Nm,
 }
 
 /// One stop and its strokes.
@@ -95,9 +95,9 @@ pub struct Block {
     /// Whether the stage must lift to the clearance height on its way here.
     pub retract: bool,
     /// Lowest height of a mark.
-    pub z_lo: i64,
+    pub z_lo: Nm,
     /// Highest height of a mark.
-    pub z_hi: i64,
+    pub z_hi: Nm,
     /// Its strokes, as a range of [`Program::strokes`], in marking order.
     pub strokes: Range<usize>,
 }

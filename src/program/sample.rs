@@ -1,7 +1,7 @@
 //! A small program that the tests of its writers and readers share.
 
 use super::{Block, PassId, Pen, PenId, Program, SectionId, SetupId, Stop, Stroke, StrokeId};
-use crate::geom::{FieldPoint, P2};
+use crate::geom::{FieldPoint, Nm, P2};
 use crate::machine::{Machine, Origin, TiltAngles};
 use crate::units::{Frequency, Power, Speed, Watts};
 
@@ -47,7 +47,8 @@ pub fn program() -> (Program, Origin) {
             program.points.extend(points);
         }
         let [x, y, focus] = at;
-        let (z_lo, z_hi) = (focus - 35_000, focus + 35_000);
+        let focus = Nm(focus);
+        let (z_lo, z_hi) = (focus - Nm(35_000), focus + Nm(35_000));
         program.blocks.push(Block {
             pass: PassId(0),
             setup: SetupId(0),
@@ -62,7 +63,7 @@ pub fn program() -> (Program, Origin) {
             },
             stage: machine.stage_from_part(P2::new(x, y), focus, origin),
             retract,
-            z_lo: z_lo + 100,
+            z_lo: z_lo + Nm(100),
             z_hi,
             strokes: start..program.strokes.len(),
         });

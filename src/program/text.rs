@@ -6,7 +6,7 @@
 //! what the file holds, never by a number that the file states.
 
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{FieldPoint, P2};
+use crate::geom::{FieldPoint, Nm, P2};
 use crate::machine::{Commanded, Origin, TiltAngles};
 use crate::program::{Block, BlockId, PassId, Pen, PenId, Program, SectionId, SetupId, Stop, Stroke, StrokeId};
 
@@ -74,12 +74,12 @@ impl Text {
             stop.tilt[1],
             stop.centre.x,
             stop.centre.y,
-            stop.focus,
-            stop.z_lo,
-            stop.z_hi,
+            stop.focus.0,
+            stop.z_lo.0,
+            stop.z_hi.0,
         ]);
         self.numbers(stage.0);
-        self.numbers([i64::from(*retract), *z_lo, *z_hi]);
+        self.numbers([i64::from(*retract), z_lo.0, z_hi.0]);
         self.numbers([strokes.len()]);
         self.bytes.push(b'\n');
     }
@@ -194,14 +194,14 @@ fn block(mut f: Fields<'_>, index: usize) -> Result<(Block, usize), String> {
     let level = f.number()?;
     let tilt = TiltAngles([f.number()?, f.number()?]);
     let centre = P2::new(f.number()?, f.number()?);
-    let stop = Stop { section, level, tilt, centre, focus: f.number()?, z_lo: f.number()?, z_hi: f.number()? };
+    let stop = Stop { section, level, tilt, centre, focus: f.nm()?, z_lo: f.nm()?, z_hi: f.nm()? };
     let stage = Commanded([f.number()?, f.number()?, f.number()?]);
     let retract = match f.word()? {
         b"0" => false,
         b"1" => true,
         _ => return Err("the retract mark is neither 0 nor 1".into()),
     };
-    let (z_lo, z_hi) = (f.number()?, f.number()?);
+    let (z_lo, z_hi) = (f.nm()?, f.nm()?);
     let strokes = f.number()?;
     f.end()?;
     Ok((Block { pass: PassId(0), setup: SetupId(0), stop, stage, retract, z_lo, z_hi, strokes: 0..0 }, strokes))
@@ -280,6 +280,9 @@ impl<'a> Fields<'a> {
         integer(word)
             .and_then(|n| I::try_from(n).ok())
             .ok_or_else(|| format!("{:?} is not a whole number in range", String::from_utf8_lossy(word)))
+    }
+    fn nm(&mut self) -> Result<Nm, String> {
+        self.number().map(Nm)
     }
     fn end(&self) -> Result<(), String> {
         if self.0.is_empty() { Ok(()) } else { Err("the line has more fields than it should".into()) }

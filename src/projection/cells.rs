@@ -1,50 +1,50 @@
 //! The texture as small boxes: what windows that are placed freely must hold.
 
 use super::{GridTracer, Keep, Piece};
-use crate::geom::P2;
+use crate::geom::{Nm, P2};
 
 /// Slabs of height whose borders lie on the stage's lattice: any eight of them that follow each other
 /// are exactly as high as the depth range D less twice the hysteresis.
 #[derive(Clone, Copy, Debug)]
 pub struct Slabs {
-    /// Lower border of slab 0, nm; on the lattice.
-    pub z0: i64,
-    /// Depth range, nm; a whole number of steps.
-    pub depth: i64,
-    /// By how much a stop that holds a slab reaches beyond it up and down, nm; a whole number of steps,
+    /// Lower border of slab 0; on the lattice.
+    pub z0: Nm,
+    /// Depth range; a whole number of steps.
+    pub depth: Nm,
+    /// By how much a stop that holds a slab reaches beyond it up and down; a whole number of steps,
     /// less than half the depth range.
-    pub hysteresis: i64,
-    /// Stage increment, nm.
-    pub step: i64,
+    pub hysteresis: Nm,
+    /// Stage increment.
+    pub step: Nm,
 }
 
 impl Slabs {
     /// Slabs in a depth range.
     pub const COUNT: i64 = 8;
 
-    /// Height of eight slabs, nm.
-    fn height(&self) -> i64 {
-        self.depth - 2 * self.hysteresis
+    /// Height of eight slabs.
+    fn height(&self) -> Nm {
+        self.depth - self.hysteresis * 2
     }
 
     /// Whether a stop on the lattice admits heights from `lo` to `hi`.
-    fn holds(&self, lo: i64, hi: i64) -> bool {
+    fn holds(&self, lo: Nm, hi: Nm) -> bool {
         lo - (lo - self.z0).rem_euclid(self.step) + self.depth >= hi
     }
 
-    /// Lower border of slab `k`, nm.
-    pub fn border(&self, k: i64) -> i64 {
+    /// Lower border of slab `k`.
+    pub fn border(&self, k: i64) -> Nm {
         let steps = k * (self.height() / self.step);
-        self.z0 + (steps + Self::COUNT / 2).div_euclid(Self::COUNT) * self.step
+        self.z0 + self.step * (steps + Self::COUNT / 2).div_euclid(Self::COUNT)
     }
 
     /// The slab that holds `z`, its lower border included.
     fn of(&self, z: f64) -> i64 {
-        let mut k = ((z - self.z0 as f64) * Self::COUNT as f64 / self.height() as f64).floor() as i64;
-        while self.border(k) as f64 > z {
+        let mut k = ((z - self.z0.f64()) * Self::COUNT as f64 / self.height().f64()).floor() as i64;
+        while self.border(k).f64() > z {
             k -= 1;
         }
-        while self.border(k + 1) as f64 <= z {
+        while self.border(k + 1).f64() <= z {
             k += 1;
         }
         k
@@ -79,7 +79,7 @@ impl Cells {
             let first = slabs.of(lo);
             let mut last = slabs.of(hi);
             // Boxes are closed: what ends on a border needs no box above it.
-            last -= i64::from(last > first && slabs.border(last) as f64 >= hi);
+            last -= i64::from(last > first && slabs.border(last).f64() >= hi);
             // Rounding may put the lowest mark of all a hair below slab 0.
             for k in first.max(0)..=last.max(0) {
                 let key = ((row as u64) << Self::COLUMN | column as u64) << Self::SLAB | k as u64;
@@ -90,10 +90,10 @@ impl Cells {
         };
         if let Some(bounds) = keep.bounds(points) {
             let (z, whole) = tracer.small_stroke(points, |_, _, _| ());
-            let (lo, hi) = (z[0].floor() as i64, z[1].ceil() as i64);
+            let (lo, hi) = (Nm::floor(z[0]), Nm::ceil(z[1]));
             if whole && slabs.holds(lo, hi) {
                 let P2 { x, y, .. } = bounds.hi;
-                self.figures.push([[bounds.lo.x, bounds.lo.y, lo], [x, y, hi]]);
+                self.figures.push([[bounds.lo.x, bounds.lo.y, lo.0], [x, y, hi.0]]);
             } else {
                 tracer.replay(add);
             }
@@ -147,13 +147,14 @@ mod tests {
     #[test]
     fn eight_slabs_are_one_depth_range_wherever_they_begin() {
         for (depth, hysteresis, step) in [(70_000, 0, 100), (70_000, 5100, 100), (200, 0, 100), (68_600, 600, 200)] {
-            let slabs = Slabs { z0: -300, depth, hysteresis, step };
+            let [depth, hysteresis, step] = [depth, hysteresis, step].map(Nm);
+            let slabs = Slabs { z0: Nm(-300), depth, hysteresis, step };
             for k in -20..20 {
-                assert_eq!(slabs.border(k + Slabs::COUNT) - slabs.border(k), depth - 2 * hysteresis);
-                assert_eq!((slabs.border(k) + 300) % step, 0);
-                for z in [slabs.border(k) as f64, slabs.border(k + 1) as f64 - 1e-3] {
+                assert_eq!(slabs.border(k + Slabs::COUNT) - slabs.border(k), depth - hysteresis * 2);
+                assert_eq!((slabs.border(k) + Nm(300)) % step, Nm(0));
+                for z in [slabs.border(k).f64(), slabs.border(k + 1).f64() - 1e-3] {
                     let of = slabs.of(z);
-                    assert!(slabs.border(of) as f64 <= z && z < slabs.border(of + 1) as f64, "{depth} {k} {z}");
+                    assert!(slabs.border(of).f64() <= z && z < slabs.border(of + 1).f64(), "{depth:?} {k} {z}");
                 }
             }
         }
@@ -162,8 +163,8 @@ mod tests {
     #[test]
     fn cells_hold_every_mark() {
         let surface = slope();
-        let grid = Sections { origin: P2::new(0, 0), pitch: [MM / 2, MM / 2], count: [18, 18] };
-        let slabs = Slabs { z0: 0, depth: 70_000, hysteresis: 0, step: 100 };
+        let grid = Sections { origin: P2::new(0, 0), pitch: [Nm(MM / 2); 2], count: [18, 18] };
+        let slabs = Slabs { z0: Nm(0), depth: Nm(70_000), hysteresis: Nm(0), step: Nm(100) };
         let mut tracer = GridTracer::new(Tracer::new(&surface, 1.0), &grid);
         let mut cells = Cells::default();
         for (a, b) in LINES.map(ends) {
@@ -179,8 +180,8 @@ mod tests {
                     let (x, y) = (column * MM / 2, row * MM / 2);
                     (x..=x + MM / 2).contains(&p.x)
                         && (y..=y + MM / 2).contains(&p.y)
-                        && slabs.border(slab) as f64 - 1.0 <= z
-                        && z <= slabs.border(slab + 1) as f64 + 1.0
+                        && slabs.border(slab).f64() - 1.0 <= z
+                        && z <= slabs.border(slab + 1).f64() + 1.0
                 });
                 assert!(held || p.x < 0 || p.x > 9 * MM, "{p:?}");
             }

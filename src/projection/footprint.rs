@@ -5,7 +5,7 @@ use std::collections::hash_map::Entry;
 use rustc_hash::FxHashMap;
 
 use super::{GridTracer, Keep, Piece, Samples};
-use crate::geom::P2;
+use crate::geom::{Box2, Nm, P2};
 
 /// Disjoint, sorted intervals of height, nm.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -181,7 +181,7 @@ impl Footprint {
         points: &[P2],
         tracer: &mut GridTracer<'_>,
         keep: Keep,
-        half: [i64; 2],
+        half: [Nm; 2],
         mut marks: Option<&mut Samples>,
     ) {
         let columns = i64::from(tracer.grid.count[0]);
@@ -219,10 +219,8 @@ impl Footprint {
             let middle = [(0, bounds.lo.x + bounds.hi.x), (1, bounds.lo.y + bounds.hi.y)];
             let cell = middle.map(|(axis, sum)| tracer.grid.along(axis, sum / 2, 0));
             let centre = tracer.grid.centre(index(cell) as usize);
-            let inside = bounds.lo.x >= centre.x - half[0]
-                && bounds.hi.x <= centre.x + half[0]
-                && bounds.lo.y >= centre.y - half[1]
-                && bounds.hi.y <= centre.y + half[1];
+            let window = Box2::around(centre, half);
+            let inside = window.holds(bounds.lo) && window.holds(bounds.hi);
             if whole && inside {
                 sections.entry(index(cell)).or_default().figures.push((z[0], z[1]));
                 marks.iter_mut().for_each(|m| m.figure(&bounds, z));

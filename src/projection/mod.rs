@@ -18,7 +18,7 @@ pub use marks::Marks;
 pub use samples::{Rows, Samples, Sampling};
 pub use turned::{FacingCell, InTiltedField, TiltedField, TiltedFields, Turned};
 
-use crate::geom::{Box2, P2};
+use crate::geom::{Box2, Nm, P2};
 use crate::program::Sections;
 use crate::surface::{Cursor, Span, Surface};
 
@@ -137,16 +137,16 @@ pub struct GridTracer<'a> {
     small: Vec<(Piece, [i64; 2])>,
 }
 
-/// Which strokes stay whole if they may: those no larger than a size along x and y, nm; 0 for none.
+/// Which strokes stay whole if they may: those no larger than a size along x and y; 0 for none.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Keep(pub i64);
+pub struct Keep(pub Nm);
 
 impl Keep {
     /// The box of a stroke that is to stay whole.
     pub fn bounds(self, points: &[P2]) -> Option<Box2> {
         let mut bounds = Box2::EMPTY;
         let fits = |b: &Box2| b.size().iter().all(|&s| s <= self.0);
-        (self.0 > 0 && points.iter().all(|&p| (bounds.add(p), fits(&bounds)).1)).then_some(bounds)
+        (self.0 > Nm(0) && points.iter().all(|&p| (bounds.add(p), fits(&bounds)).1)).then_some(bounds)
     }
 }
 
@@ -282,7 +282,7 @@ pub(crate) mod tests {
     #[test]
     fn gridded_pieces_tile_what_is_marked_and_lie_in_their_cells() {
         let surface = slope();
-        let grid = Sections { origin: P2::new(0, 0), pitch: [2 * MM, 2 * MM], count: [5, 5] };
+        let grid = Sections { origin: P2::new(0, 0), pitch: [Nm(2 * MM); 2], count: [5, 5] };
         let mut tracer = GridTracer::new(Tracer::new(&surface, 1.0), &grid);
         for (a, b) in LINES.map(ends) {
             let mut length = 0.0;

@@ -6,7 +6,7 @@
 //! in whatever order they come and are joined. Units: nm, from the centre of the texture and height 0.
 
 use super::Piece;
-use crate::geom::{Box2, P2};
+use crate::geom::{Box2, Nm, P2};
 
 /// Heights at which points are taken: multiples of a pitch, of every few the first ones.
 #[derive(Clone, Copy, Debug)]
@@ -33,8 +33,8 @@ impl Rows {
 pub struct Sampling {
     /// Heights of points; besides, one point is taken from each cell where strokes cross no rows.
     pub rows: Rows,
-    /// Width of a cell, nm.
-    pub cell: i64,
+    /// Width of a cell.
+    pub cell: Nm,
     /// What points are counted from.
     pub origin: P2,
     /// Points are taken from strokes whose numbers are multiples of this.
@@ -85,7 +85,7 @@ impl Samples {
         if row != self.row || self.way < 0.0 {
             self.take(p, a, b);
             if row != self.row && self.row != i32::MIN {
-                self.way = self.sampling.cell as f64;
+                self.way = self.sampling.cell.f64();
             }
             self.row = row;
         }
@@ -114,7 +114,7 @@ impl Samples {
             if let Some(q) = at(t, p.z(t)) {
                 self.points.add(key(q, cell, i32::MIN), q);
             }
-            self.way += cell as f64;
+            self.way += cell.f64();
         }
     }
 
@@ -147,8 +147,8 @@ impl Samples {
 }
 
 /// The cell of a point in a row.
-fn key(p: [i32; 3], cell: i64, row: i32) -> [i32; 3] {
-    let of = |v: i32| i64::from(v).div_euclid(cell) as i32;
+fn key(p: [i32; 3], cell: Nm, row: i32) -> [i32; 3] {
+    let of = |v: i32| i64::from(v).div_euclid(cell.0) as i32;
     [row, of(p[0]), of(p[1])]
 }
 
@@ -222,8 +222,12 @@ mod tests {
     use super::super::tests::{LINES, MM, ends, slope};
     use super::*;
 
-    const SAMPLING: Sampling =
-        Sampling { rows: Rows { pitch: 8750, group: 8, used: 2 }, cell: MM / 4, origin: P2::new(4 * MM, MM), every: 1 };
+    const SAMPLING: Sampling = Sampling {
+        rows: Rows { pitch: 8750, group: 8, used: 2 },
+        cell: Nm(MM / 4),
+        origin: P2::new(4 * MM, MM),
+        every: 1,
+    };
 
     fn taken(lines: impl Iterator<Item = (usize, (P2, P2))>) -> Samples {
         let surface = slope();

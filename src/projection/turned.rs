@@ -6,7 +6,7 @@
 
 use super::footprint::Heights;
 use super::{GridTracer, Keep, Piece};
-use crate::geom::{Box2, P2, P3, Turn, Turned as TurnedFrame};
+use crate::geom::{Box2, Nm, P2, P3, Turn, Turned as TurnedFrame};
 use crate::machine::TiltAngles;
 use crate::program::Sections;
 
@@ -36,8 +36,8 @@ pub struct TiltedFields {
     pub cells: Vec<FacingCell>,
     /// All fields.
     pub list: Vec<TiltedField>,
-    /// Half the window of a stop, nm.
-    pub half: [i64; 2],
+    /// Half the window of a stop.
+    pub half: [Nm; 2],
 }
 
 /// One cell of the grid of [`TiltedFields`].
@@ -206,14 +206,14 @@ impl Ends {
         self.0[0][2].max(self.0[1][2])
     }
     /// Whether both lie beside the window on one side.
-    fn is_beyond(&self, field: &TiltedField, half: [i64; 2]) -> bool {
+    fn is_beyond(&self, field: &TiltedField, half: [Nm; 2]) -> bool {
         let c = [field.centre.x, field.centre.y];
         let off = |k: usize, end: usize| self.0[end][k] - c[k] as f64;
-        (0..2).any(|k| off(k, 0).min(off(k, 1)) > half[k] as f64 || off(k, 0).max(off(k, 1)) < -half[k] as f64)
+        (0..2).any(|k| off(k, 0).min(off(k, 1)) > half[k].f64() || off(k, 0).max(off(k, 1)) < -half[k].f64())
     }
-    fn is_outside_window(&self, field: &TiltedField, half: [i64; 2]) -> bool {
+    fn is_outside_window(&self, field: &TiltedField, half: [Nm; 2]) -> bool {
         let c = [field.centre.x, field.centre.y];
-        self.0.iter().any(|p| (0..2).any(|k| (p[k] - c[k] as f64).abs() > half[k] as f64))
+        self.0.iter().any(|p| (0..2).any(|k| (p[k] - c[k] as f64).abs() > half[k].f64()))
     }
 }
 

@@ -7,13 +7,13 @@ use svg::node::element::Element;
 use super::outline::{self, Half, Outlines, Ring};
 use super::sheet::{Detail, Sheet, caption, el, field_box, layer, num, rectangle, sheet_box, titled};
 use super::{Layout, Shade, colour, label, mm, plain};
-use crate::geom::{P2, mm_from_nm};
+use crate::geom::{Nm, P2};
 use crate::program::Block;
 
 /// Width of block borders: thin against the blocks, so that the narrowest bands stay coloured.
 fn border(job: &Layout<'_>, sheet: &Sheet) -> f64 {
     let cells = job.map.labels().iter().filter(|&&l| l != 0).count() as f64;
-    let side = (cells / job.blocks().len().max(1) as f64).sqrt() * mm_from_nm(job.map.cell());
+    let side = (cells / job.blocks().len().max(1) as f64).sqrt() * job.map.cell().mm();
     (side / 60.0).clamp(sheet.unit / 100.0, sheet.unit / 12.0)
 }
 
@@ -104,7 +104,7 @@ pub(super) fn windows(job: &Layout<'_>, sheet: &Sheet, detail: Detail) -> Elemen
 
 /// Appends a closed ring in absolute start and relative steps.
 fn push_ring(d: &mut String, job: &Layout<'_>, sheet: &Sheet, points: &[Half]) {
-    let cell = job.map.cell() as f64;
+    let cell = job.map.cell().f64();
     // The grid has a rim of one cell, two halves.
     let at = |half: i32, origin: i64| origin as f64 + f64::from(half - 2) * cell / 2.0;
     let step = |p: &Half| [sheet.step(at(p[0], job.map.bounds().lo.x)), -sheet.step(at(p[1], job.map.bounds().lo.y))];
@@ -159,7 +159,7 @@ fn middle_of_marks(job: &Layout<'_>, block: &Block) -> [f64; 2] {
 
 /// Radius of the dot that stands for a block too small for the map.
 fn dot_radius(job: &Layout<'_>, sheet: &Sheet) -> f64 {
-    (sheet.unit * 0.12).max(mm_from_nm(job.map.cell()))
+    (sheet.unit * 0.12).max(job.map.cell().mm())
 }
 
 fn dot(job: &Layout<'_>, sheet: &Sheet, block: &Block) -> Element {
@@ -175,11 +175,11 @@ fn tooltip(job: &Layout<'_>, sheet: &Sheet, i: usize, block: &Block, detail: Det
         return format!("{id} z {}", mm(s.focus, 3));
     }
     let program = job.checked.program();
-    let [x, y, z] = block.stage.0.map(|v| mm(v, 4));
+    let [x, y, z] = block.stage.0.map(|v| mm(Nm(v), 4));
     let place = if sheet.gridded {
         format!("section {},{} level {}", s.section.0[0], s.section.0[1], s.level)
     } else {
-        format!("window at x {} y {} mm", mm(s.centre.x, 3), mm(s.centre.y, 3))
+        format!("window at x {} y {} mm", mm(Nm(s.centre.x), 3), mm(Nm(s.centre.y), 3))
     };
     format!(
         "{id}: {place}\nfocus (LPFL) {} mm, marks {} to {} mm\nstage x {x} y {y} z {z} mm\n\
@@ -202,7 +202,7 @@ pub(super) fn numbers(job: &Layout<'_>, sheet: &Sheet, spots: &[label::Spot]) ->
         &[("text-anchor", "middle"), ("fill", "#111"), ("pointer-events", "none")],
     );
     let fills = fills(job, sheet);
-    let cell = mm_from_nm(job.map.cell());
+    let cell = job.map.cell().mm();
     let [ox, oy] = job.map.bounds().lo.mm();
     for spot in spots {
         let Some(&fill) = fills.get(spot.block as usize) else { continue };

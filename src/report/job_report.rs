@@ -9,6 +9,7 @@ use super::colour::hex;
 use super::legend::{PARTS, seconds};
 use super::page::{self, escape};
 use super::{Layout, length_text, mm, pass_file, plain};
+use crate::geom::Nm;
 use crate::manifest::{Slope, duration};
 use crate::program::{Block, BlockId, PassId};
 
@@ -151,7 +152,7 @@ fn candidates(h: &mut String, job: &Layout<'_>) {
 
 /// Deviation of the lowest and the highest mark of a block from its focus, um.
 fn deviations(b: &Block) -> [f64; 2] {
-    [b.z_lo, b.z_hi].map(|z| (z - b.stop.focus) as f64 / 1000.0)
+    [b.z_lo, b.z_hi].map(|z| (z - b.stop.focus).f64() / 1000.0)
 }
 
 fn worst(b: &Block) -> f64 {
@@ -176,7 +177,7 @@ fn defocus(h: &mut String, job: &Layout<'_>) {
     row(h, "lowest mark against focus", &|b| deviations(b)[0]);
     row(h, "highest mark against focus", &|b| deviations(b)[1]);
     row(h, "largest of the two, unsigned", &worst);
-    row(h, "height of the marks", &|b| (b.z_hi - b.z_lo) as f64 / 1000.0);
+    row(h, "height of the marks", &|b| (b.z_hi - b.z_lo).f64() / 1000.0);
     h.push_str("</table>\n");
     histogram(h, blocks);
     h.push_str("</div>\n");
@@ -277,11 +278,11 @@ fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
             pass = b.pass;
             let _ = writeln!(h, "<tr><th colspan=\"13\">pass {}</th></tr>", pass.number());
         }
-        let [x, y, z] = b.stage.0.map(|v| mm(v, 4));
+        let [x, y, z] = b.stage.0.map(|v| mm(Nm(v), 4));
         let [first, second] = if gridded {
             [format!("{},{}", b.stop.section.0[0], b.stop.section.0[1]), b.stop.level.to_string()]
         } else {
-            [mm(b.stop.centre.x, 3), mm(b.stop.centre.y, 3)]
+            [mm(Nm(b.stop.centre.x), 3), mm(Nm(b.stop.centre.y), 3)]
         };
         let slope = job.slope(i);
         let angle = slope.map_or(String::new(), |s| plain(s.incidence_deg()[0], 2));

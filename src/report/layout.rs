@@ -18,7 +18,7 @@ use svg::node::element::Element;
 use super::outline::{self, Grid, Outlines};
 use super::sheet::{Detail, FONTS, Sheet, el, grid_box, layer, num, rectangle, sheet_box, text, titled};
 use super::{Layout, blocks, clean, label, legend, stage};
-use crate::geom::mm_from_nm;
+use crate::geom::Nm;
 
 /// Bytes that a drawing should not exceed.
 pub(super) const LIMIT: usize = 5_000_000;
@@ -44,7 +44,7 @@ pub(super) fn within(job: &Layout<'_>, limit: usize) -> String {
     let grid = Grid::of(job.map, job.blocks().len());
     let sheet = Sheet::of(job);
     let outlines = outline::trace(&grid);
-    let spots = label::place(&grid, 2.6 * sheet.unit / mm_from_nm(job.map.cell()));
+    let spots = label::place(&grid, 2.6 * sheet.unit / job.map.cell().mm());
     let mut text = String::new();
     for detail in DETAILS {
         text = draw(job, &sheet, &outlines, &spots, detail);
@@ -104,7 +104,7 @@ fn sections(job: &Layout<'_>, sheet: &Sheet) -> Element {
     let (width, dash) = (num(u * 0.14), format!("{} {}", num(u * 0.9), num(u * 0.5)));
     let mut g = layer("layer-sections", "Sections", &[("pointer-events", "none")]);
     let [x0, y0, x1, y1] = sheet_box(grid_box(job));
-    let at = |o: f64, pitch: i64, k: f64| o + mm_from_nm(pitch) * k;
+    let at = |o: f64, pitch: Nm, k: f64| o + pitch.mm() * k;
     let mut d = String::new();
     for k in 0..=s.count[0] {
         let _ = write!(d, "M{} {}V{}", num(at(x0, s.pitch[0], k.into())), num(y1), num(y0));
@@ -118,7 +118,7 @@ fn sections(job: &Layout<'_>, sheet: &Sheet) -> Element {
     path.assign("d", d);
     g.append(path);
     let mut captions = el("g", &[("id", "section-captions"), ("fill", "#444")]);
-    let size = |pitch: i64| (mm_from_nm(pitch) * 0.35).clamp(u * 0.5, u * 1.5);
+    let size = |pitch: Nm| (pitch.mm() * 0.35).clamp(u * 0.5, u * 1.5);
     for k in 0..s.count[0] {
         let x = at(x0, s.pitch[0], f64::from(k) + 0.5);
         captions.append(text([x, sheet.view[3] + u * 1.9], size(s.pitch[0]), "middle", &format!("{k}")));

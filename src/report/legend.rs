@@ -9,7 +9,7 @@ use svg::node::element::Element;
 use super::colour::{self, Colour, FIELD, FILLS, PATH, hex};
 use super::sheet::{Sheet, el, num, rectangle, text};
 use super::{Layout, Shade, length_text, mm, plain, short};
-use crate::geom::mm_from_nm;
+use crate::geom::Nm;
 use crate::manifest::duration;
 
 /// Width of a column of the legend, in units of the sheet.
@@ -160,7 +160,7 @@ fn heading(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
     pen.pair("method", &short(&s.method, 24));
     let bound = s.lower_bound_stops.filter(|&n| n > 0).map(|n| format!(" (at least {n})")).unwrap_or_default();
     pen.pair("stops", &format!("{}{bound}", job.blocks().len()));
-    let size = |nm: [i64; 2]| nm.map(|v| num(mm_from_nm(v))).join(" x ");
+    let size = |size: [Nm; 2]| size.map(|v| num(v.mm())).join(" x ");
     if sheet.gridded {
         let [columns, rows] = job.sections.count;
         pen.pair("sections", &format!("{columns} x {rows} of {} mm", size(job.sections.pitch)));
@@ -205,10 +205,10 @@ fn ramp(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
         let d = format!("M{} {}h{}", num(x + 4.0 * u), num(y), num(0.8 * u));
         pen.g.append(el("path", &[("stroke", "#111"), ("stroke-width", &width), ("d", &d)]));
         let z = range[0] + (range[1] - range[0]) * i64::from(k) / i64::from(steps.max(1));
-        pen.g.append(text([x + 5.4 * u, y + 0.55 * u], FONT * u, "start", &mm(z, 3)));
+        pen.g.append(text([x + 5.4 * u, y + 0.55 * u], FONT * u, "start", &mm(Nm(z), 3)));
     }
     let levels = {
-        let mut all: Vec<i64> = job.blocks().iter().map(|b| b.stop.focus).collect();
+        let mut all: Vec<Nm> = job.blocks().iter().map(|b| b.stop.focus).collect();
         all.sort_unstable();
         all.dedup();
         all.len()

@@ -36,7 +36,7 @@ use std::ops::Range;
 
 use crate::block_map::BlockMap;
 use crate::check::Checked;
-use crate::geom::{Box2, P2, P3};
+use crate::geom::{Box2, Nm, P2, P3};
 use crate::machine::Machine;
 use crate::manifest::{Slope, Summary};
 use crate::program::{Block, BlockId, Sections};
@@ -115,7 +115,7 @@ impl Layout<'_> {
     /// What the colour of a block stands for: nm, or millionths of a degree.
     fn shade_of(&self, i: usize) -> i64 {
         match self.shade {
-            Shade::Height => self.blocks()[i].stop.focus,
+            Shade::Height => self.blocks()[i].stop.focus.0,
             Shade::Incidence => self.slope(i).map_or(0, |s| (s.incidence_deg()[0] * 1e6).round() as i64),
         }
     }
@@ -126,15 +126,15 @@ impl Layout<'_> {
         [all().min().unwrap_or(0), all().max().unwrap_or(0)]
     }
 
-    /// Extents of the texture, nm; zeros without one.
-    fn texture_size(&self) -> [i64; 2] {
-        if self.texture.is_empty() { [0; 2] } else { self.texture.size() }
+    /// Extents of the texture; zeros without one.
+    fn texture_size(&self) -> [Nm; 2] {
+        if self.texture.is_empty() { [Nm(0); 2] } else { self.texture.size() }
     }
 
-    /// Lowest and highest value over the blocks, nm; zeros without a block.
-    fn range(&self, lo: impl Fn(&Block) -> i64, hi: impl Fn(&Block) -> i64) -> [i64; 2] {
+    /// Lowest and highest value over the blocks; zeros without a block.
+    fn range(&self, lo: impl Fn(&Block) -> Nm, hi: impl Fn(&Block) -> Nm) -> [Nm; 2] {
         let blocks = self.blocks();
-        [blocks.iter().map(lo).min().unwrap_or(0), blocks.iter().map(hi).max().unwrap_or(0)]
+        [blocks.iter().map(lo).min().unwrap_or_default(), blocks.iter().map(hi).max().unwrap_or_default()]
     }
 }
 
@@ -146,9 +146,9 @@ pub fn drawn(checked: &Checked, machine: &Machine) -> Vec<Block> {
         let stop = &mut block.stop;
         if !stop.tilt.is_upright() {
             let turn = machine.turn(stop.tilt, checked.origin());
-            let at = turn.back(P3::new([stop.centre.x, stop.centre.y, stop.focus].map(|v| v as f64)));
+            let at = turn.back(P3::new([stop.centre.x, stop.centre.y, stop.focus.0].map(|v| v as f64)));
             let [x, y, z] = at.at.map(|v| v.round() as i64);
-            let by = z - stop.focus;
+            let by = Nm(z) - stop.focus;
             stop.centre = P2::new(x, y);
             for v in [&mut stop.focus, &mut stop.z_lo, &mut stop.z_hi, &mut block.z_lo, &mut block.z_hi] {
                 *v += by;
@@ -165,8 +165,8 @@ pub fn pass_file(k: u32) -> String {
 }
 
 /// mm in text, `decimals` digits, without a negative zero.
-fn mm(nm: i64, decimals: usize) -> String {
-    plain(crate::geom::mm_from_nm(nm), decimals)
+fn mm(length: Nm, decimals: usize) -> String {
+    plain(length.mm(), decimals)
 }
 
 /// A length for reading: mm below 10 m, m above.

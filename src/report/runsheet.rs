@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::geom::mm_from_nm;
+use crate::geom::Nm;
 use crate::machine::{FieldShape, Machine};
 use crate::manifest::{Facts, registration};
 use crate::program::{Block, BlockId, PassId, Program, SetupId};
@@ -26,7 +26,7 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
             format!("{x:.6}"),
             format!("{y:.6}"),
             format!("{z:.6}"),
-            format!("{:.6}", mm_from_nm(block.stop.focus)),
+            format!("{:.6}", block.stop.focus.mm()),
             facts.block_file(i).unwrap_or_default(),
             block.strokes.len().to_string(),
             format!("{:.3}", program.mark_mm(block)),
@@ -47,7 +47,7 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
 /// stands. Before the first block nobody knows where that is.
 fn lift(facts: &Facts<'_>, i: usize) -> Option<f64> {
     let lifts = i == 0 || facts.checked.program().blocks[i].retract;
-    lifts.then(|| mm_from_nm(facts.machine.retract_z()))
+    lifts.then(|| facts.machine.retract_z().mm())
 }
 
 /// The sheet for the operator, plain text of fixed width.
@@ -65,7 +65,7 @@ pub fn txt(facts: &Facts<'_>) -> Vec<u8> {
 /// The field, and what of it is used where that is less.
 fn field(machine: &Machine) -> String {
     let [w, h] = machine.lens.field.map(|f| f.as_mm());
-    let [u, v] = machine.usable_field().map(mm_from_nm);
+    let [u, v] = machine.usable_field().map(Nm::mm);
     let whole = match machine.lens.shape {
         FieldShape::Rectangle if [u, v] == [w, h] => return format!("{w} x {h} mm"),
         FieldShape::Rectangle => format!("{w} x {h} mm"),
@@ -99,7 +99,7 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
             out,
             "passes     {}, each {} lower, hatches turned by {}",
             s.passes,
-            Length::mm(mm_from_nm(spec.lower)),
+            Length::mm(spec.lower.mm()),
             spec.rotate
         )?;
     }
@@ -170,7 +170,7 @@ fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     if facts.job.formats.iter().any(|f| f.target().moves_stage) {
         writeln!(out, "  - Run the stage program once without laser power.")?;
     }
-    let lift = mm_from_nm(facts.machine.retract_z());
+    let lift = facts.machine.retract_z().mm();
     writeln!(
         out,
         "  - If you move the stage by hand: laser off, then X Y, then Z. Where a line below says LIFT, go to Z{lift:.4}"
@@ -215,7 +215,7 @@ fn setups(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         let blocks = runs(facts.checked.program(), SetupId(i as u32));
         writeln!(out, "  SET-UP {} OF {}  part zero X{x:.4} Y{y:.4} Z{z:.4}  blocks {blocks}", i + 1, origins.len())?;
         for found in registration(facts.job, facts.machine, origin) {
-            let ([px, py], [x, y]) = (found.point_mm, found.at.map(mm_from_nm));
+            let ([px, py], [x, y]) = (found.point_mm, found.at.map(Nm::mm));
             writeln!(out, "    point {px:>9.4} {py:>9.4} of the part: stage X{x:.4} Y{y:.4}")?;
         }
     }
@@ -269,7 +269,7 @@ fn block_line(out: &mut String, facts: &Facts<'_>, i: usize, block: &Block) -> s
         BlockId::new(i).to_string(),
         format!("{column},{row}"),
         block.stop.level,
-        mm_from_nm(block.stop.focus),
+        block.stop.focus.mm(),
         block.strokes.len(),
         program.mark_mm(block),
         facts.block_time_s(i),

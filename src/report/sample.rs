@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::{BlockMap, Layout};
 use crate::check::Checked;
 use crate::diag::{Message, Severity};
-use crate::geom::{Box2, FieldPoint, P2};
+use crate::geom::{Box2, FieldPoint, Nm, P2};
 use crate::machine::{Machine, Origin, TiltAngles};
 use crate::manifest::{Candidate, Summary, Times};
 use crate::program::Sections;
@@ -47,18 +47,18 @@ impl Sample {
 
     /// The `contour` partition of the surface `z` (mm of mm) over a box centred at 0: sections of
     /// `field` mm, levels of `depth` mm, a map of `cell` nm.
-    pub(super) fn of(name: &str, size: [f64; 2], depth: f64, cell: i64, z: impl Fn(f64, f64) -> f64) -> Self {
+    pub(super) fn of(name: &str, size: [f64; 2], depth: f64, cell: Nm, z: impl Fn(f64, f64) -> f64) -> Self {
         let machine = Machine::built_in("xyz-galvo-40").expect("profile");
         let half = P2::from_mm(size[0] / 2.0, size[1] / 2.0).expect("a length");
         let texture = Box2 { lo: P2::new(-half.x, -half.y), hi: half };
         let pitch = machine.usable_field();
-        let count = [0, 1].map(|k| (texture.size()[k].max(1) as u64).div_ceil(pitch[k] as u64) as u32);
+        let count = [0, 1].map(|k| (texture.size()[k].0.max(1) as u64).div_ceil(pitch[k].0 as u64) as u32);
         let sections = Sections { origin: texture.lo, pitch, count };
         let mut map = BlockMap::blank(Box2 { lo: texture.lo, hi: P2::new(half.x - 1, half.y - 1) }, cell);
         let [columns, rows] = map.size();
         let place = |i: usize| {
             let p = map.centre(i as u32 % columns, i as u32 / columns);
-            let section = [(p.x - texture.lo.x) / pitch[0], (p.y - texture.lo.y) / pitch[1]].map(|v| v as u32);
+            let section = [Nm(p.x - texture.lo.x) / pitch[0], Nm(p.y - texture.lo.y) / pitch[1]].map(|v| v as u32);
             let height = z(p.mm()[0], p.mm()[1]);
             (p, section, (height / depth).floor() as i32, height)
         };
@@ -87,8 +87,7 @@ impl Sample {
             let section = [if row % 2 == 0 { column } else { count[0] - 1 - column }, row];
             let up = (column + row * count[0]).is_multiple_of(2);
             let level = if up { signed } else { -signed };
-            let nm = |mm: f64| (mm * 1e6).round() as i64;
-            let [lo, hi] = range.map(nm);
+            let [lo, hi] = range.map(|mm| Nm::round(mm * 1e6));
             push_block(&mut program, sections, SectionId(section), level, [lo, (lo + hi) / 2, hi], &machine);
         }
         let block_s = (0..program.blocks.len()).map(|i| 1.5 + (i % 7) as f64 * 0.21).collect();
@@ -109,9 +108,9 @@ impl Sample {
     /// The surface under a 1 mm hatch, covered by windows that lie freely: each begins at the highest
     /// mark left and is the best of nine around it; lines stay in a window as long as they can.
     pub(super) fn windows(name: &str, size: [f64; 2], depth: f64, z: impl Fn(f64, f64) -> f64) -> Self {
-        let mut sample = Self::of(name, size, depth, 4_000_000, &z);
+        let mut sample = Self::of(name, size, depth, Nm(4_000_000), &z);
         let half = [size[0] / 2.0, size[1] / 2.0];
-        let field = sample.machine.usable_field().map(|v| v as f64 / 2e6);
+        let field = sample.machine.usable_field().map(|v| v.mm() / 2.0);
         // Marks every 0.5 mm along lines 1 mm apart.
         let count = [size[0] as usize * 2, size[1] as usize];
         let place = |i: usize| [(i % count[0]) as f64 * 0.5 + 0.25 - half[0], (i / count[0]) as f64 + 0.5 - half[1]];
@@ -208,6 +207,7 @@ impl Sample {
                     len: 2,
                 });
             }
+            let (z_lo, z_hi) = (Nm(z_lo), Nm(z_hi));
             let focus = (z_lo + z_hi) / 2;
             program.blocks.push(Block {
                 pass: PassId(0),
@@ -235,7 +235,7 @@ impl Sample {
 
     /// The dome of a radome: z = a (1 - (u² + v²) / 2), about 3,500 blocks.
     pub(super) fn dome() -> Self {
-        Self::of("radome dome 450", [450.0, 450.0], 0.07, 250_000, dome)
+        Self::of("radome dome 450", [450.0, 450.0], 0.07, Nm(250_000), dome)
     }
 
     /// The dome with windows that lie freely.
@@ -245,18 +245,18 @@ impl Sample {
 
     /// A rippled plate with few blocks, some in several pieces.
     pub(super) fn ripple() -> Self {
-        Self::of("ripple", [58.0, 36.0], 0.1, 100_000, |x, y| 0.08 * (x / 7.0).sin() + 0.07 * (y / 9.0).cos())
+        Self::of("ripple", [58.0, 36.0], 0.1, Nm(100_000), |x, y| 0.08 * (x / 7.0).sin() + 0.07 * (y / 9.0).cos())
     }
 
     /// One flat block smaller than the field.
     pub(super) fn flat() -> Self {
-        Self::of("coin", [30.0, 20.0], 0.07, 250_000, |_, _| 0.02)
+        Self::of("coin", [30.0, 20.0], 0.07, Nm(250_000), |_, _| 0.02)
     }
 
     /// Adds a block that owns no cell of the map, as a sliver would.
     pub(super) fn with_sliver(mut self) -> Self {
         let mut program = self.checked.program().clone();
-        push_block(&mut program, self.sections, SectionId([0, 0]), 99, [6_000_000; 3], &self.machine);
+        push_block(&mut program, self.sections, SectionId([0, 0]), 99, [Nm(6_000_000); 3], &self.machine);
         self.block_s.push(0.5);
         self.checked = Checked::unchecked(program, Origin::default());
         self
@@ -292,8 +292,8 @@ fn pen() -> Pen {
     }
 }
 
-fn push_block(program: &mut Program, grid: Sections, section: SectionId, level: i32, z: [i64; 3], machine: &Machine) {
-    let centre = |o: i64, k: usize| o + grid.pitch[k] * i64::from(section.0[k]) + grid.pitch[k] / 2;
+fn push_block(program: &mut Program, grid: Sections, section: SectionId, level: i32, z: [Nm; 3], machine: &Machine) {
+    let centre = |o: i64, k: usize| o + (grid.pitch[k] * i64::from(section.0[k]) + grid.pitch[k] / 2).0;
     let centre = P2::new(centre(grid.origin.x, 0), centre(grid.origin.y, 1));
     let first = program.strokes.len();
     for k in 0..3 {

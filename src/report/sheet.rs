@@ -5,7 +5,7 @@ use svg::Node;
 use svg::node::element::Element;
 
 use super::{Layout, clean, plain};
-use crate::geom::{Box2, NM_PER_MM, P2, Turn, cos_sin, mm_from_nm};
+use crate::geom::{Box2, NM_PER_MM, Nm, P2, Turn, cos_sin};
 use crate::program::Block;
 
 /// Faces of all text, the most usual first.
@@ -89,10 +89,10 @@ impl Sheet {
             all = all.union(field_box(job, first));
         }
         job.blocks().iter().for_each(|b| all.add(Turn::drawn(b.stop.centre)));
-        let [w, h] = all.size().map(mm_from_nm);
+        let [w, h] = all.size().map(Nm::mm);
         let unit = ((w * h).sqrt() / 100.0).max(w / 260.0).max(h / 400.0);
         // A coordinate keeps a twentieth of a cell: 0.01 mm at the usual cells of 0.25 mm.
-        let decimals = match job.map.cell() {
+        let decimals = match job.map.cell().0 {
             200_000.. => 2,
             20_000.. => 3,
             _ => 4,
@@ -110,15 +110,13 @@ impl Sheet {
 /// The grid of sections as a box.
 pub(super) fn grid_box(job: &Layout<'_>) -> Box2 {
     let s = job.sections;
-    let end = |o: i64, k: usize| o + s.pitch[k] * i64::from(s.count[k]);
+    let end = |o: i64, k: usize| o + s.pitch[k].0 * i64::from(s.count[k]);
     Box2 { lo: s.origin, hi: P2::new(end(s.origin.x, 0), end(s.origin.y, 1)) }
 }
 
 /// The usable field at a block's stop.
 pub(super) fn field_box(job: &Layout<'_>, block: &Block) -> Box2 {
-    let [w, h] = job.machine.usable_field();
-    let c = block.stop.centre;
-    Box2 { lo: P2::new(c.x - w / 2, c.y - h / 2), hi: P2::new(c.x + w / 2, c.y + h / 2) }
+    Box2::around(Turn::drawn(block.stop.centre), job.machine.usable_field().map(|w| w / 2))
 }
 
 /// An element of the drawing.

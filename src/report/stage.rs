@@ -132,7 +132,7 @@ pub(super) fn first_field(job: &Layout<'_>, sheet: &Sheet) -> Element {
     frame.assign("id", "field-frame");
     g.append(frame);
     let [w, h] = job.machine.usable_field();
-    let mut words = format!("{} x {} mm field", num(mm_from_nm(w)), num(mm_from_nm(h)));
+    let mut words = format!("{} x {} mm field", num(w.mm()), num(h.mm()));
     if job.machine.lens.shape == FieldShape::Circle {
         let [fx, fy] = job.machine.lens.field.map(|f| f.as_mm() - 2.0 * job.machine.lens.margin.as_mm());
         let [x, y] = first.stop.centre.mm();

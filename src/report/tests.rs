@@ -10,13 +10,13 @@ use super::outline::{Grid, area2, simplify, trace};
 use super::sample::Sample;
 use super::{layout_svg, report_html};
 use crate::block_map::BlockMap;
-use crate::geom::{Box2, FieldPoint, P2};
+use crate::geom::{Box2, FieldPoint, Nm, P2};
 use crate::machine::Origin;
 
 fn map(columns: u32, labels: &[u32]) -> BlockMap {
     let rows = labels.len() as u32 / columns;
     let hi = P2::new(i64::from(columns) * 1000 - 1, i64::from(rows) * 1000 - 1);
-    let mut map = BlockMap::blank(Box2 { lo: P2::new(0, 0), hi }, 1000);
+    let mut map = BlockMap::blank(Box2 { lo: P2::new(0, 0), hi }, Nm(1000));
     assert_eq!(map.size(), [columns, rows]);
     map.labels_mut().copy_from_slice(labels);
     map
@@ -204,7 +204,7 @@ fn drawing_is_to_scale() {
 #[test]
 fn the_legend_stays_off_the_part() {
     for sample in
-        [Sample::flat(), Sample::ripple(), Sample::of("strip", [900.0, 60.0], 0.07, 1_000_000, |x, _| x * 1e-4)]
+        [Sample::flat(), Sample::ripple(), Sample::of("strip", [900.0, 60.0], 0.07, Nm(1_000_000), |x, _| x * 1e-4)]
     {
         let svg = layout_svg(&sample.layout());
         let document = roxmltree::Document::parse(&svg).expect("well-formed");
@@ -244,7 +244,7 @@ fn empty_program_and_random_map_are_drawn() {
     report_html(&sample.layout());
     sample = Sample::flat();
     sample.map.labels_mut().fill(u32::MAX);
-    sample.map = BlockMap::blank(Box2::EMPTY, 0);
+    sample.map = BlockMap::blank(Box2::EMPTY, Nm(0));
     sample.texture = Box2::EMPTY;
     let svg = layout_svg(&sample.layout());
     assert!(svg.contains("sliver"));
@@ -269,7 +269,7 @@ fn a_drawing_too_large_is_simplified_until_it_fits() {
 /// A map of nothing but specks, as no partition makes it: the drawing stays small, every block is there.
 #[test]
 fn size_of_the_drawing_is_bounded_for_single_cell_blocks() {
-    let mut sample = Sample::of("specks", [100.0, 100.0], 0.07, 250_000, |x, y| x * 0.04 + y * 0.03);
+    let mut sample = Sample::of("specks", [100.0, 100.0], 0.07, Nm(250_000), |x, y| x * 0.04 + y * 0.03);
     let blocks = sample.checked.program().blocks.len() as u32;
     let mut random = crate::random::Random::new(1);
     for label in sample.map.labels_mut() {

@@ -1,9 +1,9 @@
 //! Lines in the field of a turned part.
 
-use crate::program::CHORD;
+use crate::program::CHORD_NM;
 
 /// A line in the field that bends with the surface, followed from its last point: the directions in which it may
-/// continue straight and pass all places since then within [`CHORD`].
+/// continue straight and pass all places since then within [`CHORD_NM`].
 #[derive(Clone, Copy, Default)]
 pub(super) struct Bend {
     from: [f64; 2],
@@ -36,8 +36,8 @@ impl Bend {
         // places so far lies in the intersection.
         // Nearer than the tolerance nothing is a direction.
         let (x, y) = self.local(d);
-        if x > CHORD {
-            self.open = [self.open[0].max((y - CHORD) / x), self.open[1].min((y + CHORD) / x)];
+        if x > CHORD_NM {
+            self.open = [self.open[0].max((y - CHORD_NM) / x), self.open[1].min((y + CHORD_NM) / x)];
         }
         self.at = Some(to);
         corner

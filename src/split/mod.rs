@@ -23,9 +23,9 @@ pub use seam::Seam;
 
 use bend::Bend;
 
-use crate::geom::{FieldPoint, NM_PER_MM, P2, P3, Turn, Turned, nearest};
+use crate::geom::{FieldPoint, NM_PER_MM, Nm, P2, P3, Turn, Turned, nearest};
 use crate::partition::Stops;
-use crate::program::{CHORD, PenId, StopId, StrokeId};
+use crate::program::{CHORD_NM, PenId, StopId, StrokeId};
 use crate::projection::{Keep, Normals, Piece, Skip, Tracer};
 
 /// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
@@ -364,7 +364,7 @@ impl<'a> Cutter<'a> {
             return self.turned_exit(stop, turn, s, p, t);
         }
         let stop = &self.stops.stops[stop.index()].stop;
-        let (lo, hi) = (stop.z_lo as f64, stop.z_hi as f64);
+        let (lo, hi) = (stop.z_lo.f64(), stop.z_hi.f64());
         // At the edge of a sheet the height jumps from one piece to the next.
         if t == p.t0 && (p.z0 > hi + EPS || p.z0 < lo - EPS) {
             return t;
@@ -411,7 +411,7 @@ impl<'a> Cutter<'a> {
     /// Lower and upper corner of what `stop` admits, on the turned part where there is a turn.
     fn bounds(&self, stop: StopId) -> [[f64; 3]; 2] {
         let ([lo, hi], at) = (self.stops.window(stop), &self.stops.stops[stop.index()].stop);
-        [[lo[0], lo[1], at.z_lo as f64], [hi[0], hi[1], at.z_hi as f64]]
+        [[lo[0], lo[1], at.z_lo.f64()], [hi[0], hi[1], at.z_hi.f64()]]
     }
 
     /// A point as `stop` sees it.
@@ -425,7 +425,7 @@ impl<'a> Cutter<'a> {
         let c = self.stops.stops[stop.index()].stop.centre;
         let Some(turn) = self.stops.turn(stop) else {
             // A bridge ends beyond the window, and the window may be the whole field.
-            let within = |v: i64, half: i64| if v.abs() <= half + BEYOND { v.clamp(-half, half) } else { v };
+            let within = |v: i64, Nm(half): Nm| if v.abs() <= half + BEYOND { v.clamp(-half, half) } else { v };
             let [w, h] = self.stops.half();
             return FieldPoint::new(within(p.x - c.x, w) as i32, within(p.y - c.y, h) as i32);
         };
@@ -539,7 +539,7 @@ impl<'a> Cutter<'a> {
     fn mark(&mut self, stop: StopId, s: &Segment, t: [f64; 2], p: &Piece) {
         // On a turned part the two sides of a wall lie apart in the field.
         let jump = (p.z(t[0]) - self.z).abs();
-        let jumps = self.stops.turn(stop).is_some_and(|turn| jump * turn.lean() > CHORD / 2.0);
+        let jumps = self.stops.turn(stop).is_some_and(|turn| jump * turn.lean() > CHORD_NM / 2.0);
         if self.open.as_ref().is_some_and(|o| o.stop != stop || jumps) {
             self.close(s.a.lerp(s.b, t[0]));
         }

@@ -2,7 +2,7 @@
 
 use super::{Cutter, EPS, Run};
 use crate::geom::Turn;
-use crate::program::{CHORD, StopId, StrokeId};
+use crate::program::{CHORD_NM, StopId, StrokeId};
 
 /// An overlap that lacks no more than this, nm, is there in full: its ends are rounded.
 const SHORT: f64 = 2.0;
@@ -104,7 +104,7 @@ impl Cutter<'_> {
             // Accepted down to the begin of the piece: the one before may continue, unless a gap or the wall between
             // two sheets parts them.
             let goes_on = begin <= p.t0 && j > first && run.pieces[j - 1].skip.is_none();
-            if !goes_on || (run.pieces[j - 1].z1 - p.z0).abs() * lean > CHORD / 2.0 {
+            if !goes_on || (run.pieces[j - 1].z1 - p.z0).abs() * lean > CHORD_NM / 2.0 {
                 return ((j, begin), length);
             }
             j -= 1;

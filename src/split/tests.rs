@@ -10,9 +10,9 @@ fn stop(x: i64) -> Stop {
         level: 0,
         tilt: TiltAngles::default(),
         centre: P2::new(x, 4 * MM),
-        focus: 0,
-        z_lo: 0,
-        z_hi: MM,
+        focus: Nm(0),
+        z_lo: Nm(0),
+        z_hi: Nm(MM),
     }
 }
 
@@ -20,12 +20,12 @@ fn stop(x: i64) -> Stop {
 fn a_gap_of_rounding_between_two_windows_is_marked_within_them() {
     let surface = slope();
     // Windows of 4 mm: the first ends at 5 mm, the second begins a nanometre later.
-    let stops = Stops::new(vec![stop(3 * MM), stop(7 * MM + 1)], [4 * MM; 2], MM);
+    let stops = Stops::new(vec![stop(3 * MM), stop(7 * MM + 1)], [Nm(4 * MM); 2], Nm(MM));
     for slant in [0, 1, 2, 3] {
         let [a, b] = [P2::new(2 * MM, 3 * MM), P2::new(8 * MM, 3 * MM + slant * MM / 2)];
         for points in [[a, b], [b, a]] {
             let seam = Seam::default();
-            let mut splitter = Splitter::new(Tracer::new(&surface, 1.0), &[&stops], 0.0, Keep(0), seam);
+            let mut splitter = Splitter::new(Tracer::new(&surface, 1.0), &[&stops], 0.0, Keep(Nm(0)), seam);
             splitter.stroke(StrokeId(0), PenId(0), 1, &points);
             let [cut] = splitter.finish().collect::<Vec<_>>().try_into().expect("one candidate");
             assert_eq!(cut.list.len(), 2, "{points:?}");

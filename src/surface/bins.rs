@@ -7,7 +7,7 @@
 //! bin lines find their facets from either side, and places on a rim the facet beside them.
 
 use super::mesh::{Mesh, NONE, Vertex};
-use crate::geom::{Box2, Buckets, Grid, P2, orient};
+use crate::geom::{Box2, Buckets, Grid, Nm, P2, orient};
 use rustc_hash::FxHashMap;
 
 /// What a bin holds.
@@ -54,7 +54,7 @@ impl Bins {
         // A long thin part must not get more than a few bins per facet either.
         let mut size = (area.sqrt().ceil() as i64).max(w.max(h) / 65_000).max(1000);
         loop {
-            let grid = Grid { origin: lo, pitch: [size; 2], count: [(w / size + 1) as u32, (h / size + 1) as u32] };
+            let grid = Grid { origin: lo, pitch: [Nm(size); 2], count: [(w / size + 1) as u32, (h / size + 1) as u32] };
             // Large facets lie in many bins: bins grow until the references are few. In a single bin every facet
             // has one.
             let limit = if grid.len() == 1 { u64::MAX } else { mesh.facets.len() as u64 * MAX_REFS_PER_FACET + 64 };
@@ -77,11 +77,11 @@ impl Bins {
     /// The cells of a crowded bin; None where they would not help: its facets are as large as it is.
     fn divide(&self, mesh: &Mesh, b: usize) -> Option<Fine> {
         let facets = self.facets(b);
-        let size = self.grid.pitch[0];
+        let Nm(size) = self.grid.pitch[0];
         let mut side = ((facets.len() as f64 / 2.0).sqrt() as i64).min(size);
         while side > 1 {
             let origin = self.grid.area(b).lo;
-            let grid = Grid { origin, pitch: [size / side + 1; 2], count: [side as u32; 2] };
+            let grid = Grid { origin, pitch: [Nm(size / side + 1); 2], count: [side as u32; 2] };
             let limit = facets.len() as u64 * MAX_FINE_REFS;
             if let Some(facets) = listed(&grid, mesh, facets.iter().copied(), limit) {
                 return Some(Fine { grid, facets });

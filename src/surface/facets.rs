@@ -9,7 +9,7 @@ use std::path::Path;
 use super::Content;
 use super::lines::place;
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{MAX_NM, mm_from_nm};
+use crate::geom::MAX_NM;
 
 /// A box in space, in mm, as large as what was added.
 #[derive(Clone, Copy, Debug)]
@@ -33,7 +33,7 @@ impl Extent {
 
     /// Whether all of it lies within 4 m of the origin.
     pub(crate) fn fits_part(&self) -> bool {
-        self.lo.iter().chain(&self.hi).all(|v| v.abs() <= mm_from_nm(MAX_NM))
+        self.lo.iter().chain(&self.hi).all(|v| v.abs() <= MAX_NM.mm())
     }
 
     /// The diagnostic for a box that reaches beyond 4 m.
@@ -59,7 +59,7 @@ impl Extent {
 /// Whether a length in mm is one that a part can have.
 #[inline]
 pub(crate) fn fits(v: f64) -> bool {
-    v.abs() <= mm_from_nm(MAX_NM)
+    v.abs() <= MAX_NM.mm()
 }
 
 /// Coordinates as a message shows them.

@@ -29,7 +29,7 @@ pub use topmost::Span;
 pub use walk::Cursor;
 
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{Box2, MAX_NM, NM_PER_MM, P2};
+use crate::geom::{Box2, MAX_NM, NM_PER_MM, Nm, P2};
 
 /// How a surface file is to be read.
 #[derive(Clone, Debug, Default)]
@@ -209,7 +209,7 @@ impl Surface {
 
     fn from_welder(welder: Welder, shown: &str, notes: &mut Vec<Diag>) -> Result<Self, Error> {
         let part_box_mm = welder.part_box_mm;
-        if part_box_mm.iter().any(|v| v.abs() * NM_PER_MM > MAX_NM as f64) {
+        if part_box_mm.iter().any(|v| v.abs() * NM_PER_MM > MAX_NM.f64()) {
             let d = Diag::input("surface-large", "the part lies beyond 4 m of its origin").at(Place::file(shown));
             return Err(d.hint("check surface.unit, or move the part to its origin").into());
         }
@@ -297,7 +297,7 @@ impl Surface {
 
     /// Boxes over the part (nm, turned part frame) with the height of the highest point in each, nm,
     /// rounded up: coarse, never too low.
-    pub fn tiles(&self) -> Vec<(Box2, i64)> {
+    pub fn tiles(&self) -> Vec<(Box2, Nm)> {
         const TILES: i64 = 64;
         let (nx, ny) = (self.bin_count(0), self.bin_count(1));
         let o = self.origin();
@@ -325,7 +325,7 @@ impl Surface {
             .filter(|(_, z)| z.is_finite())
             .map(|((x, y), z)| {
                 let lo = corner(x * size[0], y * size[1]);
-                (Box2 { lo, hi: corner((x + 1) * size[0], (y + 1) * size[1]) }, z.ceil() as i64)
+                (Box2 { lo, hi: corner((x + 1) * size[0], (y + 1) * size[1]) }, Nm::ceil(z))
             })
             .collect()
     }

@@ -108,7 +108,7 @@ fn delaunay(mut points: Vec<Point>, third: usize) -> Result<DelaunayTriangulatio
         b
     });
     let corner = box2.lo;
-    let cell = (box2.size()[0].max(box2.size()[1]) >> 16) + 1;
+    let cell = (box2.size()[0].max(box2.size()[1]).0 >> 16) + 1;
     points.swap(2, third);
     let mut order: Vec<(u32, u32, Point)> = Vec::with_capacity(points.len());
     for (i, p) in points.into_iter().enumerate() {

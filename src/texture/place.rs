@@ -70,7 +70,7 @@ impl Site {
 
 /// Whether the point is finite and within 4 m.
 pub(super) fn is_near([x, y]: [f64; 2]) -> bool {
-    let far = MAX_NM as f64 * NM;
+    let far = MAX_NM.f64() * NM;
     x.abs() <= far && y.abs() <= far
 }
 

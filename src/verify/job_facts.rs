@@ -5,7 +5,7 @@ use super::inputs::Inputs;
 use super::read::manifest::Manifest;
 use super::unusable;
 use crate::diag::Error;
-use crate::geom::{NM_PER_MM, nm_from_mm};
+use crate::geom::{NM_PER_MM, Nm};
 use crate::job::{DepthRule, Dose, Format, Job, Level, Mode, Overrides, Passes, Setups};
 use crate::machine::{Machine, Origin};
 use crate::program::{Block, PassId, Pen};
@@ -20,10 +20,10 @@ const THINNEST: f64 = 2.0;
 #[derive(Clone, Debug)]
 pub(super) struct JobFacts {
     pub(super) machine: Machine,
-    /// Processing depth of focus, nm.
-    pub(super) pdof: i64,
-    /// Largest depth range of a block, nm.
-    pub(super) depth_range: i64,
+    /// Processing depth of focus.
+    pub(super) pdof: Nm,
+    /// Largest depth range of a block.
+    pub(super) depth_range: Nm,
     pub(super) level: Level,
     pub(super) rule: DepthRule,
     pub(super) max_incidence_rad: f64,
@@ -34,8 +34,8 @@ pub(super) struct JobFacts {
     pub(super) passes: Passes,
     /// Set-ups and their registration points.
     pub(super) setups: Option<Setups>,
-    /// Distance of figures that are to stay whole, nm.
-    pub(super) figure_pitch_nm: Option<i64>,
+    /// Distance of figures that are to stay whole.
+    pub(super) figure_pitch: Option<Nm>,
     /// Pitch of the sections, at most the usable field, nm.
     pub(super) section_nm: [f64; 2],
     pub(super) weld_nm: f64,
@@ -55,10 +55,10 @@ impl JobFacts {
     /// that need no inputs.
     pub(super) fn from_manifest(m: &Manifest) -> Self {
         Self {
-            section_nm: m.machine.usable_field().map(|f| f as f64),
+            section_nm: m.machine.usable_field().map(Nm::f64),
             machine: m.machine.clone(),
-            pdof: nm_from_mm(m.focus.pdof_mm).unwrap_or_default(),
-            depth_range: nm_from_mm(m.focus.depth_range_mm).unwrap_or_default(),
+            pdof: Nm::from_mm(m.focus.pdof_mm).unwrap_or_default(),
+            depth_range: Nm::from_mm(m.focus.depth_range_mm).unwrap_or_default(),
             level: m.focus.level,
             rule: m.focus.rule,
             max_incidence_rad: 0.0,
@@ -66,7 +66,7 @@ impl JobFacts {
             overlap_nm: m.seams.overlap_mm * NM_PER_MM,
             passes: Passes::default(),
             setups: None,
-            figure_pitch_nm: None,
+            figure_pitch: None,
             weld_nm: 0.0,
             turn_deg: m.placement.turn_deg,
             origin: None,
@@ -78,22 +78,22 @@ impl JobFacts {
 
     fn from_job(job: &Job, machine: Machine) -> Self {
         // Sections measure an even number of increments.
-        let grid = 2.0 * machine.increment_nm() as f64;
-        let section = job.partition.section.map_or(f64::INFINITY, |s| s as f64);
+        let grid = 2.0 * machine.increment_nm().f64();
+        let section = job.partition.section.map_or(f64::INFINITY, Nm::f64);
         Self {
-            section_nm: machine.usable_field().map(|f| (section.min(f as f64) / grid).floor() * grid),
+            section_nm: machine.usable_field().map(|f| (section.min(f.f64()) / grid).floor() * grid),
             machine,
             pdof: job.focus.pdof,
             depth_range: job.focus.depth,
             level: job.focus.level,
             rule: job.focus.rule,
             max_incidence_rad: job.limits.max_incidence.as_rad(),
-            min_mark_nm: job.partition.min_mark as f64,
-            overlap_nm: job.partition.overlap as f64,
+            min_mark_nm: job.partition.min_mark.f64(),
+            overlap_nm: job.partition.overlap.f64(),
             passes: job.passes,
             setups: job.setups.clone(),
-            figure_pitch_nm: job.figure_pitch_nm(),
-            weld_nm: job.surface.weld_nm as f64,
+            figure_pitch: job.figure_pitch(),
+            weld_nm: job.surface.weld.f64(),
             turn_deg: job.placement.turn.as_deg(),
             origin: job.placement.origin,
             pens: Some(job.pens.clone()),
@@ -102,14 +102,14 @@ impl JobFacts {
         }
     }
 
-    /// By how much the grid of sections of pass `k` lies lower than that of the first, nm.
-    pub(super) fn shift(&self, k: u32, pitch: [i64; 2]) -> [i64; 2] {
-        self.passes.shift_nm(PassId(k), pitch, self.figure_pitch_nm.unwrap_or(1))
+    /// By how much the grid of sections of pass `k` lies lower than that of the first.
+    pub(super) fn shift(&self, k: u32, pitch: [Nm; 2]) -> [Nm; 2] {
+        self.passes.grid_shift(PassId(k), pitch, self.figure_pitch.unwrap_or(Nm(1)))
     }
 
     /// A block with its heights on the surface before it was lowered.
     pub(super) fn raised(&self, block: &Block) -> Block {
-        let by = self.passes.lowered_nm(block.pass);
+        let by = self.passes.lowered(block.pass);
         let mut block = block.clone();
         let stop = &mut block.stop;
         for z in [&mut stop.focus, &mut stop.z_lo, &mut stop.z_hi, &mut block.z_lo, &mut block.z_hi] {
@@ -123,14 +123,14 @@ impl JobFacts {
     pub(super) fn defocus_limit_nm(&self) -> f64 {
         let range = self.depth_range_nm();
         match self.level {
-            Level::Mid => range / 2.0 + self.machine.increment_nm() as f64 / 2.0,
+            Level::Mid => range / 2.0 + self.machine.increment_nm().f64() / 2.0,
             Level::Mean => range,
         }
     }
 
     /// Largest depth range of a block, nm.
     pub(super) fn depth_range_nm(&self) -> f64 {
-        self.depth_range as f64
+        self.depth_range.f64()
     }
 }
 

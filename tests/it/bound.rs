@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::support::surfaces::{FIVE, cyl, dome, mesh, saddle, wave, write_stl};
 use crate::support::{JobText, fixture, folder, planned, shared};
-use terrace::geom::FieldPoint;
+use terrace::geom::{FieldPoint, Nm};
 use terrace::partition::bound::Certificate;
 use terrace::plan::SteppedPlan;
 
@@ -47,7 +47,7 @@ fn heaviest(certificate: &Certificate, size: [i64; 3]) -> u64 {
 fn assert_sound(name: &str, plan: &SteppedPlan) -> Certificate {
     let certificate = plan.passes[0].bound.clone().unwrap_or_else(|| panic!("{name}: no bound"));
     let [w, h] = plan.machine.usable_field();
-    let box_of_a_stop = [w, h, plan.job.focus.depth];
+    let box_of_a_stop = [w, h, plan.job.focus.depth].map(|Nm(size)| size);
     assert!((0..3).all(|k| i64::from(certificate.size[k]) >= box_of_a_stop[k]), "{name}");
     let whole = u64::from(certificate.whole);
     assert!(heaviest(&certificate, box_of_a_stop) <= whole, "{name}: a box holds more than a whole");
@@ -74,11 +74,11 @@ fn assert_marks(name: &str, plan: &SteppedPlan, certificate: &Certificate) {
     for (piece, _) in &certificate.pieces {
         let lo = [i64::from(piece.lo[0]) + middle[0], i64::from(piece.lo[1]) + middle[1]];
         let hi = [i64::from(piece.hi[0]) + middle[0], i64::from(piece.hi[1]) + middle[1]];
-        let [z_lo, z_hi] = [i64::from(piece.lo[2]), i64::from(piece.hi[2])];
+        let [z_lo, z_hi] = [piece.lo[2], piece.hi[2]].map(|z| Nm(z.into()));
         let found = program.blocks.iter().any(|b| {
             let c = [b.stop.centre.x, b.stop.centre.y];
-            let reach = plan.machine.usable_field().map(|f| f / 2 + 2);
-            if b.z_lo > z_lo + 2 || b.z_hi < z_hi - 2 || (0..2).any(|k| (lo[k] - c[k]).abs() > reach[k]) {
+            let reach = plan.machine.usable_field().map(|Nm(f)| f / 2 + 2);
+            if b.z_lo > z_lo + Nm(2) || b.z_hi < z_hi - Nm(2) || (0..2).any(|k| (lo[k] - c[k]).abs() > reach[k]) {
                 return false;
             }
             program.strokes_of(b).iter().any(|s| {
@@ -97,7 +97,7 @@ fn assert_marks(name: &str, plan: &SteppedPlan, certificate: &Certificate) {
                 (0..2).all(|k| ends(k, f64::min) == Some(lo[k] as f64) && ends(k, f64::max) == Some(hi[k] as f64))
             })
         });
-        assert!(found, "{name}: {lo:?} {hi:?} at {z_lo} to {z_hi} is not a mark");
+        assert!(found, "{name}: {lo:?} {hi:?} at {z_lo:?} to {z_hi:?} is not a mark");
     }
 }
 

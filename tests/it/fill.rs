@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use crate::support::surfaces::{FIVE, Random, mesh, write_stl};
 use crate::support::{JobText, ONE_FILE, assert_balance, compile, folder, number, verify};
-use terrace::geom::{P2, length_mm};
+use terrace::geom::{Nm, P2, length_mm};
 use terrace::program::Sections;
 use terrace::texture::{Area, Directions, Kind, Request, Texture};
 
@@ -61,8 +61,8 @@ fn filled(
     let request = Request { kind, area: Area::Rectangle(area), tolerance_mm: 1e-3, pen: 0 };
     let mut texture = Texture::load(&[request], area, turn_deg.to_radians(), &mut Vec::new()).expect("an area");
     assert_eq!(texture.len(), 0, "an area holds no line until it is filled");
-    let side = side_mm * 1_000_000;
-    let grid = Sections::over(texture.bounds(), [side, side], 100, [0, 0]);
+    let side = Nm(side_mm * 1_000_000);
+    let grid = Sections::over(texture.bounds(), [side, side], Nm(100), [Nm(0); 2]);
     let hundredths = (0..grid.len()).map(|_| direction()).collect();
     texture.fill(Directions { grid, hundredths }).expect("lines");
     let bounds = texture.bounds();
@@ -151,8 +151,8 @@ fn neighbouring_sections_of_one_direction_share_hatch_lines() {
         // Beside crossings of borders lines may be too short to be marked.
         let crossing = |p: &P2| {
             let off = |axis: usize, v: i64| {
-                let from = (v - grid.line(axis, 0)).rem_euclid(grid.pitch[axis]);
-                from.min(grid.pitch[axis] - from) < 10
+                let from = Nm(v - grid.line(axis, 0)).rem_euclid(grid.pitch[axis]);
+                from.min(grid.pitch[axis] - from) < Nm(10)
             };
             off(0, p.x) && off(1, p.y)
         };

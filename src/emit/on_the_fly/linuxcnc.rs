@@ -68,7 +68,7 @@ pub fn linuxcnc(checked: &Checked, machine: &Machine) -> Vec<u8> {
         line(&mut out, text);
     }
     out.extend_from_slice(b"G0");
-    word(&mut out, 2, machine.retract_z());
+    word(&mut out, 2, machine.retract_z().0);
     line(&mut out, "\nM65 P0\nM2");
     out
 }

@@ -56,7 +56,7 @@ fn approach(out: &mut Vec<u8>, checked: &Checked, machine: &Machine, rapid: &str
     let program = checked.program();
     let begin = |out: &mut Vec<u8>| out.extend_from_slice(rapid.as_bytes());
     begin(out);
-    word(out, 2, machine.retract_z());
+    word(out, 2, machine.retract_z().0);
     out.push(b'\n');
     begin(out);
     for &k in program.kind.axes().iter().filter(|&&k| k != 2) {

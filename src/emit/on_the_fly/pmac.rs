@@ -74,7 +74,7 @@ pub fn pmac(checked: &Checked, machine: &Machine) -> Vec<u8> {
         line(&mut out, text);
     }
     out.extend_from_slice(b"rapid");
-    word(&mut out, 2, machine.retract_z());
+    word(&mut out, 2, machine.retract_z().0);
     line(&mut out, "\nM1=0\nclose");
     out
 }

@@ -16,7 +16,6 @@
 use rayon::prelude::*;
 
 use crate::diag::Error;
-use crate::geom::mm_from_nm;
 use crate::machine::Machine;
 use crate::on_the_fly::axes::following_error::Servo;
 use crate::on_the_fly::axes::motion::{Motion, Waypoint};
@@ -100,7 +99,7 @@ impl ScannerLimits {
     /// As [`Servo::new`].
     pub fn of(machine: &Machine, focus: f64) -> Result<Self, Error> {
         let [x, y] = Servo::following_error(machine)?;
-        let [w, h] = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+        let [w, h] = machine.usable_field().map(|f| f.mm() / 2.0);
         Ok(Self { half_field: [w - x.min(w / 2.0), h - y.min(h / 2.0)], focus })
     }
 }

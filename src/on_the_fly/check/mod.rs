@@ -12,7 +12,7 @@
 
 use crate::check::{pen_faults, refused};
 use crate::diag::{Diag, Error};
-use crate::geom::{NM_PER_MM, mm_from_nm};
+use crate::geom::{NM_PER_MM, Nm, mm_from_nm};
 use crate::machine::Machine;
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::program::peaks::{self, Peak, Peaks};
@@ -131,7 +131,7 @@ fn invariants(program: &Program) -> Vec<Diag> {
 fn travel(program: &Program, machine: &Machine) -> Vec<Diag> {
     let mut ends: Vec<(usize, char, [i64; 2], &str)> = Vec::new();
     for (k, (_, axis)) in machine.axes().into_iter().enumerate() {
-        ends.push((k, ['X', 'Y', 'Z'][k], axis.travel_nm(), "mm"));
+        ends.push((k, ['X', 'Y', 'Z'][k], axis.travel_nm().map(|Nm(end)| end), "mm"));
     }
     if let (Kind::Xyzacuv, Some(table)) = (program.kind, &machine.tilt) {
         for (k, axis) in table.axes.iter().enumerate() {
@@ -163,7 +163,7 @@ fn field(program: &Program, machine: &Machine) -> Result<Option<Diag>, Error> {
     };
     Ok(samples.find(|(_, to)| outside(field(to))).map(|(us, to)| {
         let [u, v] = field(to).map(mm_from_nm);
-        let [w, h] = machine.usable_field().map(mm_from_nm);
+        let [w, h] = machine.usable_field().map(Nm::mm);
         let text =
             format!("the scanner would have to reach ({u}, {v}) mm {}, the usable field is {w} x {h} mm", at(us));
         Diag::limit("fly-field", text).hint("let the stage follow more closely, or mark more slowly")

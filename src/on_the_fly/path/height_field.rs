@@ -12,7 +12,7 @@
 
 use rayon::prelude::*;
 
-use crate::geom::{Box2, NM_PER_MM, P2, mm_from_nm};
+use crate::geom::{Box2, NM_PER_MM, Nm, P2};
 use crate::projection::Tracer;
 use crate::surface::Surface;
 
@@ -64,7 +64,7 @@ impl HeightField {
     /// The height field of a part over `area`, no finer than `finest` mm, its nodes smoothed as far as they stay about
     /// `near` mm from the part; None where no node of the grid lies on the part.
     pub fn over(surface: &Surface, area: Box2, finest: f64, near: f64) -> Option<Self> {
-        let size = area.size().map(mm_from_nm);
+        let size = area.size().map(Nm::mm);
         let step = (size[0].max(size[1]) / STEPS).max(finest);
         let origin = area.lo.mm().map(|v| v - RINGS as f64 * step);
         let count = size.map(|s| (s / step).ceil() as usize + 1 + 2 * RINGS);

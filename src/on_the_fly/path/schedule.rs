@@ -8,7 +8,6 @@
 //! [`Schedule::lifted`] gives z the time that it needs between marks on different heights. Moving averages of a motion
 //! keep the limits that it keeps, so that a step of the part does not slow the marks on either side of it.
 
-use crate::geom::mm_from_nm;
 use crate::machine::{Axis, Machine};
 use crate::on_the_fly::path::{Node, Path};
 use crate::program::Pen;
@@ -64,7 +63,7 @@ fn jumps(path: &Path) -> Vec<[usize; 2]> {
 
 /// Whether the stretch that ends at each node belongs to a jump that is longer than half of the field.
 fn carried(path: &Path, machine: &Machine) -> Vec<bool> {
-    let half = machine.usable_field().map(|f| mm_from_nm(f) / 2.0);
+    let half = machine.usable_field().map(|f| f.mm() / 2.0);
     let mut out = vec![false; path.len()];
     for [from, to] in jumps(path) {
         let (a, b) = (path.at[from], path.at[to]);

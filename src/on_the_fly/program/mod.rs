@@ -300,7 +300,7 @@ impl Maker<'_> {
     fn commanded(&mut self, us: i64, spot: [f64; 3]) -> Result<[i64; AXES], Error> {
         let axes = self.at(self.motion.waypoints[0].time + us as f64 * 1e-6);
         let to = self.frame.commanded(&axes, spot);
-        let near = |v: &f64| v.abs() <= MAX_NM as f64;
+        let near = |v: &f64| v.abs() <= MAX_NM.f64();
         if !to.iter().all(near) {
             return Err(Diag::bug("fly-motion", "a motion reaches beyond 4 m or eleven turns").into());
         }

@@ -60,7 +60,7 @@ impl Frame {
             let text = format!("a page of {} mm x {} mm is not possible", size[0], size[1]);
             return Err(Diag::input("svg-size", text).hint(SIZE_HINT).into());
         }
-        if size.iter().any(|&s| s * NM_PER_MM > MAX_NM as f64) {
+        if size.iter().any(|&s| s * NM_PER_MM > MAX_NM.f64()) {
             let text = format!("the drawing's page measures {} mm x {} mm, more than 4 m", size[0], size[1]);
             return Err(Diag::input("texture-far", text)
                 .hint("check the units of width and height, or give the texture a size")

@@ -20,7 +20,7 @@ pub(super) use mesh::{Mesh, MeshBuilder};
 pub(super) use turn::Turn;
 
 use crate::geom::NM_PER_MM;
-use crate::program::CHORD;
+use crate::program::CHORD_NM;
 
 /// Rounding of the mesh's vertices and of the cut points moves an edge by at most this, nm.
 const ROUNDING: f64 = 1.5;
@@ -196,7 +196,7 @@ impl Geometry {
         let mut builder = MeshBuilder::new(0.0, 2.0);
         let area = [x0 - around, y0 - around, x1 + around, y1 + around];
         self.shape.facets_in(area, &mut |corners| builder.push_turned(corners, turn));
-        Self { shape: Shape::Mesh(builder.finish()), limit2: self.limit2, weld: self.weld, beside: CHORD }
+        Self { shape: Shape::Mesh(builder.finish()), limit2: self.limit2, weld: self.weld, beside: CHORD_NM }
     }
 
     /// Lowest and highest place, nm.

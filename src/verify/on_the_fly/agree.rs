@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use super::chain::Chain;
-use crate::geom::nm_from_mm;
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::{Lengths, Rule};
 use crate::verify::read::formats::{self, FORMATS};
+use crate::verify::read::number::nm_from_mm;
 use crate::verify::read::on_the_fly::Course;
 use crate::verify::read::on_the_fly::manifest::Manifest;
 

@@ -76,7 +76,7 @@ pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machin
     }
     let [jump, mark] = [machine.scanner.jump_speed, machine.scanner.max_mark_speed].map(|v| v.as_mm_s());
     let float = |to: &[i64; AXES]| to.map(|v| v as f64);
-    let half = machine.usable_field().map(|f| f as f64 / 2.0 + 1.0);
+    let half = machine.usable_field().map(|f| f.f64() / 2.0 + 1.0);
     for (us, from, step) in course.moves() {
         rule.checked += 1;
         let s = (step.us - us) as f64 * 1e-6;

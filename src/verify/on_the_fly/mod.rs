@@ -29,7 +29,7 @@ use super::read::on_the_fly::manifest::Manifest;
 use super::read::on_the_fly::{AXES, Course, Step};
 use super::rules::hash;
 use crate::diag::Error;
-use crate::geom::{P2, nm_from_mm};
+use crate::geom::{Nm, P2};
 use crate::job::Mode;
 use crate::program::Pen;
 use crate::texture::Texture;
@@ -112,7 +112,7 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Pr
             findings.laser.broken("", format!("{name}:{}", fault.line), &fault.message);
         }
     }
-    let origin = manifest.placement.origin_mm.map(|v| nm_from_mm(v).unwrap_or_default());
+    let origin = manifest.placement.origin_mm.map(|v| Nm::from_mm(v).unwrap_or_default().0);
     let (Some((name, course)), Some(chain)) = (programs.first(), Chain::of(&manifest.machine, origin, &manifest.axes))
     else {
         findings.agreement.broken("", "manifest.json", "the machine does not have the axes that are named");

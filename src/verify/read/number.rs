@@ -1,6 +1,6 @@
 //! Numbers of text files, read exactly: a decimal in mm is a whole number of nanometres or a fault.
 
-use crate::geom::MAX_NM;
+use crate::geom::{MAX_NM, Nm};
 
 /// Decimals of a millimetre that make a nanometre.
 const DECIMALS: usize = 6;
@@ -23,6 +23,11 @@ pub(in crate::verify) fn integer(text: &[u8]) -> Option<i64> {
         value = value.checked_mul(10)?.checked_add(i64::from(c - b'0'))?;
     }
     Some(if negative { -value } else { value })
+}
+
+/// A coordinate in mm as nm; None where it is not finite or beyond 4 m.
+pub(in crate::verify) fn nm_from_mm(mm: f64) -> Option<i64> {
+    Nm::from_mm(mm).map(|Nm(nm)| nm)
 }
 
 /// A plain decimal in mm as nm; None where it is not a plain decimal, finer than 1 nm or beyond 4 m.
@@ -50,7 +55,7 @@ pub(in crate::verify) fn nm_from_decimal(text: &[u8]) -> Option<i64> {
     for _ in decimals.unwrap_or(0)..DECIMALS {
         value = value.checked_mul(10)?;
     }
-    (seen && value <= MAX_NM).then_some(if negative { -value } else { value })
+    (seen && value <= MAX_NM.0).then_some(if negative { -value } else { value })
 }
 
 #[cfg(test)]
@@ -67,7 +72,7 @@ mod tests {
             (".5", 500_000),
             ("7.", 7_000_000),
             ("1.12345600", 1_123_456),
-            ("4000", MAX_NM),
+            ("4000", MAX_NM.0),
         ] {
             assert_eq!(nm_from_decimal(text.as_bytes()), Some(nm), "{text}");
         }

@@ -10,7 +10,7 @@ use std::path::Path;
 
 use super::Fault;
 use super::number::integer;
-use crate::geom::{FieldPoint, MAX_NM, P2};
+use crate::geom::{FieldPoint, MAX_NM, Nm, P2};
 use crate::machine::{Commanded, Origin, TiltAngles};
 use crate::program::{Block, PassId, Pen, PenId, Program, SectionId, SetupId, Stop, Stroke, StrokeId};
 
@@ -167,7 +167,10 @@ impl<'a> Words<'a> {
         self.int().filter(|v| (-limit..=limit).contains(v))
     }
     fn nm(&mut self) -> Option<i64> {
-        self.within(MAX_NM)
+        self.within(MAX_NM.0)
+    }
+    fn height(&mut self) -> Option<Nm> {
+        self.nm().map(Nm)
     }
     fn count(&mut self) -> Option<u32> {
         u32::try_from(self.int()?).ok()
@@ -196,7 +199,7 @@ fn block(w: &mut Words<'_>) -> Option<(String, Block, u32)> {
     let level = i32::try_from(w.int()?).ok()?;
     let tilt = TiltAngles([w.within(MAX_TURN)?, w.within(MAX_TURN)?]);
     let centre = P2::new(w.nm()?, w.nm()?);
-    let (focus, z_lo, z_hi) = (w.nm()?, w.nm()?, w.nm()?);
+    let (focus, z_lo, z_hi) = (w.height()?, w.height()?, w.height()?);
     let stop = Stop { section: SectionId(section), level, tilt, centre, focus, z_lo, z_hi };
     let stage = Commanded([w.nm()?, w.nm()?, w.nm()?]);
     let retract = match w.next()? {
@@ -204,8 +207,8 @@ fn block(w: &mut Words<'_>) -> Option<(String, Block, u32)> {
         b"1" => true,
         _ => return None,
     };
-    let block =
-        Block { pass: PassId(0), setup: SetupId(0), stop, stage, retract, z_lo: w.nm()?, z_hi: w.nm()?, strokes: 0..0 };
+    let (z_lo, z_hi) = (w.height()?, w.height()?);
+    let block = Block { pass: PassId(0), setup: SetupId(0), stop, stage, retract, z_lo, z_hi, strokes: 0..0 };
     Some((id, block, w.count()?))
 }
 
@@ -250,7 +253,7 @@ mod tests {
         assert_eq!((b.pass, b.setup), (PassId(2), SetupId(1)));
         assert_eq!((b.stop.section, b.stop.level, b.stop.centre), (SectionId([0, 1]), -2, P2::new(10, 20)));
         assert_eq!(b.stop.tilt, TiltAngles([0, -5]));
-        assert_eq!((b.stop.focus, b.stop.z_lo, b.stop.z_hi, b.z_lo, b.z_hi), (30, 25, 35, 28, 31));
+        assert_eq!((b.stop.focus, b.stop.z_lo, b.stop.z_hi, b.z_lo, b.z_hi), (Nm(30), Nm(25), Nm(35), Nm(28), Nm(31)));
         assert_eq!((b.stage, b.retract, b.strokes.clone()), (Commanded([-11, -18, 33]), true, 0..2));
         assert_eq!(p.points_of(&p.strokes[1]), [[1, 1], [2, 2], [3, -3]].map(FieldPoint::from));
         assert!(p.strokes[1].reversed && p.strokes[1].source == StrokeId(8));

@@ -7,13 +7,14 @@ use std::path::Path;
 
 use super::hash::is_inside;
 use super::{planes, setups};
-use crate::geom::{NM_PER_MM, P2, mm_from_nm, nm_from_mm};
+use crate::geom::{NM_PER_MM, Nm, P2};
 use crate::machine::Machine;
 use crate::program::{Block, BlockId, PassId, Program};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::formats::{self, ReadStrokes, Stepped};
 use crate::verify::read::manifest::{BlockEntry, Manifest};
+use crate::verify::read::number::nm_from_mm;
 use crate::verify::read::program::ProgramFile;
 
 /// Relative difference at which two stated lengths or angles are still the same number.
@@ -95,17 +96,17 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
         }
     };
     hold(manifest.machine == facts.machine, "its machine is not the one of the job file");
-    hold(near(f.pdof_mm, mm_from_nm(facts.pdof)), "its pdof is not the one of the job file");
+    hold(near(f.pdof_mm, facts.pdof.mm()), "its pdof is not the one of the job file");
     // The depth range is used rounded down to an even number of increments.
-    let lost = nm_from_mm(f.depth_range_mm).map_or(-1, |used| facts.depth_range - used);
-    let grain = 2 * facts.machine.increment_nm();
-    hold((0..grain).contains(&lost), "its depth range is not the one of the job file");
+    let lost = Nm::from_mm(f.depth_range_mm).map_or(Nm(-1), |used| facts.depth_range - used);
+    let grain = facts.machine.increment_nm() * 2;
+    hold((Nm(0)..grain).contains(&lost), "its depth range is not the one of the job file");
     hold(f.level == facts.level && f.rule == facts.rule, "its focus level or rule is not the one of the job file");
     hold(near(manifest.seams.overlap_mm, facts.overlap_nm / NM_PER_MM), "its overlap is not the one of the job file");
     let passes = &facts.passes;
     let declared = manifest.passes.iter().zip(0..).map(|(p, k)| {
         let turn = f64::from(k) * passes.rotate.as_deg();
-        near(p.turn_deg, turn) && nm_from_mm(p.lowered_mm) == Some(passes.lowered_nm(PassId(k)))
+        near(p.turn_deg, turn) && Nm::from_mm(p.lowered_mm) == Some(passes.lowered(PassId(k)))
     });
     let all = manifest.passes.len() == passes.count as usize;
     hold(all && declared.into_iter().all(|same| same), "its passes are not those of the job file");
@@ -129,10 +130,10 @@ fn differs(e: &BlockEntry, id: &str, b: &Block) -> Option<&'static str> {
         ("section", e.section == b.stop.section.0),
         ("level", e.level == b.stop.level),
         ("centre", e.centre_mm.map(nm) == [Some(x), Some(y)]),
-        ("focus (lpfl)", nm(e.lpfl_mm) == Some(b.stop.focus)),
+        ("focus (lpfl)", Nm::from_mm(e.lpfl_mm) == Some(b.stop.focus)),
         ("tilt", e.tilt_deg.map(nm) == b.stop.tilt.0.map(Some)),
         ("stage target", e.stage.map(nm) == b.stage.0.map(Some)),
-        ("depth interval", [nm(e.z_lo_mm), nm(e.z_hi_mm)] == [Some(b.z_lo), Some(b.z_hi)]),
+        ("depth interval", [e.z_lo_mm, e.z_hi_mm].map(Nm::from_mm) == [Some(b.z_lo), Some(b.z_hi)]),
         ("number of strokes", e.strokes == b.strokes.len()),
     ]
     .into_iter()

@@ -17,7 +17,7 @@
 
 use super::Findings;
 use super::stage::{Positions, StageFile};
-use crate::geom::NM_PER_MM;
+use crate::geom::{NM_PER_MM, Nm};
 use crate::machine::{Commanded, Machine, TiltAngles};
 use crate::program::{Block, SetupId};
 use crate::verify::geometry::{Geometry, Turn};
@@ -73,7 +73,7 @@ struct Head<'a> {
 impl Head<'_> {
     /// The moves of `program.txt`.
     fn program(&mut self) {
-        let top = self.machine.retract_z();
+        let Nm(top) = self.machine.retract_z();
         let mut before: Option<(Pose, SetupId)> = None;
         for (i, block) in self.file.program.blocks.iter().enumerate() {
             let to = Pose { at: block.stage, tilt: block.stop.tilt };

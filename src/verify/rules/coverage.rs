@@ -580,7 +580,7 @@ impl Cover<'_> {
 
     /// The longest part of the run in a block's section whose heights the block accepts.
     fn longest_inside(&self, run: &Run, block: &Block, scratch: &mut Scratch) -> f64 {
-        let (lo, hi) = (block.stop.z_lo as f64, block.stop.z_hi as f64);
+        let (lo, hi) = (block.stop.z_lo.f64(), block.stop.z_hi.f64());
         let centre = [block.stop.centre.x as f64, block.stop.centre.y as f64];
         let half = self.facts.section_nm.map(|s| s / 2.0);
         let (mut longest, mut length) = (0.0f64, 0.0);

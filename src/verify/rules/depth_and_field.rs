@@ -141,9 +141,9 @@ impl Search<'_> {
     fn block(&mut self, id: &str, block: &Block) -> Found {
         // Heights are compared on the surface as the file has it.
         let block = &self.facts.raised(block);
-        let focus = block.stop.focus as f64;
+        let focus = block.stop.focus.f64();
         let limit = self.facts.defocus_limit_nm();
-        let allowed = [(block.z_lo as f64).max(focus - limit), (block.z_hi as f64).min(focus + limit)];
+        let allowed = [block.z_lo.f64().max(focus - limit), block.z_hi.f64().min(focus + limit)];
         let mut found = Found {
             lo: f64::INFINITY,
             hi: f64::NEG_INFINITY,
@@ -153,7 +153,7 @@ impl Search<'_> {
             mark_mm: 0.0,
         };
         let slack = self.geometry.z_tolerance_at_limit();
-        if ((block.stop.z_lo - block.z_lo) as f64) > slack || ((block.z_hi - block.stop.z_hi) as f64) > slack {
+        if (block.stop.z_lo - block.z_lo).f64() > slack || (block.z_hi - block.stop.z_hi).f64() > slack {
             let text = "the stated interval of its marks is not inside the one that the stop accepts";
             self.depth.broken(id, part_place(block.stop.centre), text);
         }
@@ -172,7 +172,7 @@ impl Search<'_> {
         let c = block.stop.centre;
         let part = |p: FieldPoint| [(c.x + i64::from(p.x)) as f64, (c.y + i64::from(p.y)) as f64];
         let points = self.file.program.points_of(stroke);
-        let (focus, geometry) = (block.stop.focus as f64, self.geometry);
+        let (focus, geometry) = (block.stop.focus.f64(), self.geometry);
         self.lines.clear();
         self.low.clear();
         self.off.clear();
@@ -216,7 +216,7 @@ impl Search<'_> {
             sheet.map_or([[0.0; 2]; 2], |s| beyond(p, s, allowed, geometry))
         };
         let runs = confirmed(&self.low, geometry, &mut self.scratch, |i| lines[i], bad);
-        let focus = block.stop.focus as f64;
+        let focus = block.stop.focus.f64();
         let mut worst: Option<([f64; 2], f64)> = None;
         // Of what is confirmed the place farthest from the focal plane is reported, found at the ends of its pieces.
         for s in runs.iter().flat_map(|r| &r.stretches) {
@@ -235,7 +235,7 @@ impl Search<'_> {
             found.worst = (z - focus).abs();
         }
         let [z, focus, lo, hi] =
-            [z, focus, allowed[0], allowed[1]].map(|z| z - self.facts.passes.lowered_nm(block.pass) as f64);
+            [z, focus, allowed[0], allowed[1]].map(|z| z - self.facts.passes.lowered(block.pass).f64());
         let text = format!(
             "a mark at z {:.6} mm lies {:.4} um from the focal plane at {:.6} mm; {:.6} to {:.6} mm is allowed",
             z / 1e6,

@@ -9,7 +9,7 @@
 use std::ops::Range;
 
 use super::part_place_nm;
-use crate::geom::{Box2, P2, nm_from_mm};
+use crate::geom::{Box2, Nm, P2};
 use crate::program::Sections;
 use crate::texture::{Directions, Texture};
 use crate::verify::job_facts::JobFacts;
@@ -76,20 +76,20 @@ fn directions(manifest: &Manifest, facts: &JobFacts, pass: u32, bounds: Box2) ->
     let stated = manifest.passes.get(pass as usize).map(|p| &p.sections);
     let stated = stated.ok_or("it does not state the sections of a pass")?;
     let step = facts.machine.increment_nm();
-    let [x, y] = stated.pitch_mm.map(|v| nm_from_mm(v).unwrap_or(0));
-    let is_pitch = |v: i64, most: f64| v > 0 && v as f64 <= most && v % (2 * step) == 0;
+    let [x, y] = stated.pitch_mm.map(|v| Nm::from_mm(v).unwrap_or_default());
+    let is_pitch = |v: Nm, most: f64| v > Nm(0) && v.f64() <= most && v % (step * 2) == Nm(0);
     if !is_pitch(x, facts.section_nm[0]) || !is_pitch(y, facts.section_nm[1]) {
         return Err("its pitch of sections is not the one of the job file");
     }
-    let [Some(ox), Some(oy), _] = manifest.placement.origin_mm.map(nm_from_mm) else {
+    let [Some(ox), Some(oy), _] = manifest.placement.origin_mm.map(Nm::from_mm) else {
         return Err("its placement is beyond 4 m");
     };
     // Later passes have a grid that lies lower by their shift, so it reaches over as much more of the texture.
     let [dx, dy] = facts.shift(pass, [x, y]);
-    let bounds = Box2 { lo: P2::new(bounds.lo.x - dx, bounds.lo.y - dy), hi: bounds.hi };
+    let bounds = Box2 { lo: P2::new(bounds.lo.x - dx.0, bounds.lo.y - dy.0), hi: bounds.hi };
     let grid = Sections::over(bounds, [x, y], step, [ox, oy]);
-    let origin = stated.origin_mm.map(nm_from_mm);
-    if origin != [Some(grid.origin.x), Some(grid.origin.y)] || [stated.columns, stated.rows] != grid.count {
+    let origin = stated.origin_mm.map(Nm::from_mm);
+    if origin != [Some(Nm(grid.origin.x)), Some(Nm(grid.origin.y))] || [stated.columns, stated.rows] != grid.count {
         return Err("its sections are not those over the job's texture");
     }
     if stated.direction_deg.len() != grid.len() {
@@ -341,7 +341,7 @@ mod tests {
         let area = texture::Area::Rectangle([0.0, 0.0, 50.0, 40.0]);
         let request = Request { kind, area, tolerance_mm: 0.001, pen: 0 };
         let mut texture = Texture::load(&[request], [0.0; 4], 0.2, &mut Vec::new()).expect("an area");
-        let grid = Sections::over(texture.bounds(), [20 * MM, 30 * MM], 100, [0, 0]);
+        let grid = Sections::over(texture.bounds(), [Nm(20 * MM), Nm(30 * MM)], Nm(100), [Nm(0); 2]);
         assert_eq!(grid.count, [3, 2]);
         let directions = Directions { grid, hundredths: hundredths.to_vec() };
         texture.fill(directions.clone()).expect("lines");

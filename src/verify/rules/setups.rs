@@ -1,10 +1,11 @@
 //! The set-ups of the manifest against the job: as many as it allows, and every registration point where it
 //! says, found anew from the point, the turn of the part and the set-up's origin.
 
-use crate::geom::{NM_PER_MM, P2, cos_sin, nm_from_mm};
+use crate::geom::{NM_PER_MM, P2, cos_sin};
 use crate::machine::Origin;
 use crate::verify::job_facts::JobFacts;
 use crate::verify::read::manifest::{Manifest, RegistrationEntry, SetupEntry};
+use crate::verify::read::number::nm_from_mm;
 use crate::verify::read::program::ProgramFile;
 
 /// Registration points that a set-up needs: they give place and turn.
@@ -25,7 +26,7 @@ pub(super) fn are_the_jobs(manifest: &Manifest, file: &ProgramFile, facts: &JobF
 /// Whether the points of a set-up are those of the job that it reaches, each at its commands.
 fn is_registered(entry: &SetupEntry, origin: Origin, points: &[P2], facts: &JobFacts) -> bool {
     let machine = &facts.machine;
-    let step = machine.increment_nm() as f64;
+    let step = machine.increment_nm().f64();
     let [cos, sin] = cos_sin(facts.turn_deg.to_radians());
     let mut stated = entry.registration.iter().peekable();
     for point in points {

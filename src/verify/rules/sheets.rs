@@ -134,7 +134,7 @@ impl Sheets<'_> {
         [
             ("name", name == id),
             ("stage target", is_at(x, block.stage[0]) && is_at(y, block.stage[1]) && is_at(z, block.stage[2])),
-            ("focus (lpfl)", is_at(focus, block.stop.focus)),
+            ("focus (lpfl)", is_at(focus, block.stop.focus.0)),
             ("drawing", entry.map_or(drawing.is_empty(), is_own)),
             ("number of strokes", strokes.parse() == Ok(block.strokes.len())),
             ("mark length", is_written(marks, mm, length)),

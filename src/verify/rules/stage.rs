@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use super::stage_text;
-use crate::geom::mm_from_nm;
+use crate::geom::{Nm, mm_from_nm};
 use crate::machine::{Axis, Machine};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
@@ -120,7 +120,7 @@ fn first_lifts(stage: &StageFile, machine: &Machine, rule: &mut Rule) {
     let sign = machine.stage.z.sign();
     for moved in Positions::of(&stage.statements).filter(|m| m.is_anew) {
         // Beyond the end is a fault of `travel`.
-        if !matches!(moved.to, [None, None, Some(z), None, None, None] if sign * z >= sign * machine.retract_z()) {
+        if !matches!(moved.to, [None, None, Some(z), None, None, None] if sign * z >= sign * machine.retract_z().0) {
             let text = "nobody knows where the stage stands, and the first move does not lift z alone to its end";
             rule.broken(moved.block, stage.place(moved.line), text);
         }
@@ -178,7 +178,7 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
                 continue;
             }
             Step::Pause if begins.is_some() => {
-                if at[2] != Some(machine.retract_z()) {
+                if at[2] != Some(machine.retract_z().0) {
                     rule.broken("", stage.place(s.line), "the stage is not lifted while the part is moved");
                 }
                 // Whoever moves the part may move the axes too.
@@ -247,7 +247,7 @@ fn apply(at: &mut [Option<i64>; 6], to: [Option<i64>; 6]) {
 /// Whether the first move of a group is of z alone and not below where it comes from or goes to; where
 /// the stage stands at the far end of z already, there is nothing to lift.
 fn lifts(first: Option<[Option<i64>; 6]>, from: Option<i64>, to: i64, z: &Axis) -> bool {
-    let (sign, ends) = (z.sign(), z.travel.map(|t| t.as_nm()));
+    let (sign, ends) = (z.sign(), z.travel.map(|t| t.as_nm().map(|Nm(end)| end)));
     if let Some([None, None, Some(z), None, None, None]) = first {
         return sign * z >= sign * to && from.is_none_or(|from| sign * z >= sign * from);
     }

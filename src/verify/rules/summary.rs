@@ -83,7 +83,7 @@ pub(in crate::verify) fn check(
         let tolerance = (DEFOCUS + marks.worst_tolerance) / 1e3;
         let found = marks.worst_defocus / 1e3;
         // A mark along the part's border may have no facet under it here, yet have its stated heights.
-        let off = |b: &Block| (b.z_hi - b.stop.focus).max(b.stop.focus - b.z_lo) as f64 / 1e3;
+        let off = |b: &Block| (b.z_hi - b.stop.focus).max(b.stop.focus - b.z_lo).f64() / 1e3;
         let stated = file.program.blocks.iter().map(off).fold(found, f64::max);
         let nearest = s.worst_defocus_um.clamp(found, stated);
         hold("", "worst_defocus_um", s.worst_defocus_um, nearest, tolerance);

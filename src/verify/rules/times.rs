@@ -1,7 +1,7 @@
 //! The estimated times of a job, found again from the program and the machine file by the model that
 //! `docs/formats.md` states, with arithmetic of the verifier's own.
 
-use crate::geom::{FieldPoint, NM_PER_MM, mm_from_nm};
+use crate::geom::{FieldPoint, NM_PER_MM, Nm, mm_from_nm};
 use crate::machine::{Axis, Commanded, Machine, TiltAngles};
 use crate::program::{Block, Program, Stroke};
 use crate::verify::read::program::ProgramFile;
@@ -64,8 +64,8 @@ pub(super) fn jump_mm(program: &Program, block: &Block) -> f64 {
 
 /// Stage and settling of the whole job: from the centre of travel, lifted, over all blocks in order.
 pub(super) fn stage(file: &ProgramFile, machine: &Machine) -> Times {
-    let centre = |axis: &Axis| axis.travel.iter().map(|t| t.as_nm().unwrap_or(0)).sum::<i64>() / 2;
-    let top = machine.retract_z();
+    let centre = |axis: &Axis| axis.travel.iter().map(|t| t.as_nm().unwrap_or_default().0).sum::<i64>() / 2;
+    let Nm(top) = machine.retract_z();
     let (mut at, mut tilt) =
         (Commanded([centre(&machine.stage.x), centre(&machine.stage.y), top]), TiltAngles::UPRIGHT);
     let mut out = Times::default();

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use super::stage::{Positions, StageFile};
 use super::stage_text;
-use crate::geom::mm_from_nm;
+use crate::geom::{Nm, mm_from_nm};
 use crate::machine::Machine;
 use crate::program::Block;
 use crate::verify::proof::Rule;
@@ -29,7 +29,7 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
     for (i, origin) in file.origins.iter().enumerate() {
         rule.checked += 1;
         let by = [0, 1, 2].map(|k| origin[k] - file.origins[0][k]);
-        if by[2] != 0 || by.iter().any(|v| v % machine.increment_nm().max(1) != 0) {
+        if by[2] != 0 || by.iter().any(|v| v % machine.increment_nm().0.max(1) != 0) {
             let text = format!("set-up {} is not moved by whole increments in x and y alone", i + 1);
             rule.broken("", "program.txt", text);
         }
@@ -68,11 +68,11 @@ fn fault(machine: &Machine, to: [Option<i64>; 3]) -> Option<String> {
     for ((name, axis), value) in machine.axes().into_iter().zip(to) {
         let Some(value) = value else { continue };
         let [lo, hi] = axis.travel.map(|t| t.as_nm());
-        let mm = mm_from_nm(value);
+        let (value, mm) = (Nm(value), mm_from_nm(value));
         if lo.is_none_or(|lo| value < lo) || hi.is_none_or(|hi| value > hi) {
             return Some(format!("{name} is sent to {mm} mm, its travel is {} to {}", axis.travel[0], axis.travel[1]));
         }
-        if value % machine.increment_nm().max(1) != 0 {
+        if value % machine.increment_nm().max(Nm(1)) != Nm(0) {
             return Some(format!("{name} is sent to {mm} mm, no multiple of {}", machine.stage.increment));
         }
     }

@@ -8,7 +8,7 @@
 use super::part_place_nm;
 use crate::geom::{FieldPoint, P2};
 use crate::machine::{Origin, TiltAngles};
-use crate::program::{Block, CHORD, PassId};
+use crate::program::{Block, CHORD_NM, PassId};
 use crate::verify::geometry::{Geometry, Line, Scratch, Turn};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
@@ -76,7 +76,7 @@ impl Turned {
         }
         // Later passes lie on a surface that has sunk along the part's own z.
         let Origin([x, y, z]) = file.origin(block);
-        let turn = Turn::of(table, tilt, Origin([x, y, z.saturating_sub(facts.passes.lowered_nm(block.pass))]));
+        let turn = Turn::of(table, tilt, Origin([x, y, z.saturating_sub(facts.passes.lowered(block.pass).0)]));
         let block = &facts.raised(block);
         let [x0, y0, x1, y1] = area(file, block, &turn);
         let serves = |t: &Self| {
@@ -126,7 +126,7 @@ impl Turned {
                     let Some([first, last]) = under.ends else {
                         // Off the part, which the rule `surface` says.
                         let [x, y] = field(w[0]);
-                        let [x, y, _] = self.turn.back([x, y, block.stop.focus as f64]);
+                        let [x, y, _] = self.turn.back([x, y, block.stop.focus.f64()]);
                         found.push([x, y]);
                         continue;
                     };
@@ -172,16 +172,16 @@ impl Turned {
         2.0 * GRID + self.turn.lean() * (GRID * slope2.sqrt() + geometry)
     }
 
-    /// How far a mark may run beside the line between its points in the drawing, nm: [`CHORD`] in the field, which the
+    /// How far a mark may run beside the line between its points in the drawing, nm: [`CHORD_NM`] in the field, which the
     /// slope against the beam turns into height and the tilt into a way sideways; and ends and place as each is known.
     fn beside(&self, slope2: f64) -> f64 {
-        CHORD * (1.0 + self.turn.lean() * slope2.sqrt()) + 2.0 * self.off(slope2)
+        CHORD_NM * (1.0 + self.turn.lean() * slope2.sqrt()) + 2.0 * self.off(slope2)
     }
 
     /// Where the geometry is looked at for a mark, nm beside it: a little, where it lies on an edge as far as rounding
     /// and welding decide, and as far as it may run beside its stroke, with a tenth more.
     fn sides(&self) -> [f64; 5] {
-        let (near, far) = (5.5 + self.geometry.weld(), 1.1 * CHORD + self.geometry.weld());
+        let (near, far) = (5.5 + self.geometry.weld(), 1.1 * CHORD_NM + self.geometry.weld());
         [0.0, near, -near, far, -far]
     }
 
@@ -318,7 +318,7 @@ fn area(file: &ProgramFile, block: &Block, turn: &Turn) -> [f64; 4] {
     });
     for [u, v] in [[lo[0], lo[1]], [hi[0], lo[1]], [lo[0], hi[1]], [hi[0], hi[1]]] {
         for z in [block.stop.z_lo, block.stop.z_hi] {
-            let at = [block.stop.centre.x + i64::from(u), block.stop.centre.y + i64::from(v), z];
+            let at = [block.stop.centre.x + i64::from(u), block.stop.centre.y + i64::from(v), z.0];
             let [x, y, _] = turn.back(at.map(|v| v as f64));
             area = [area[0].min(x), area[1].min(y), area[2].max(x), area[3].max(y)];
         }

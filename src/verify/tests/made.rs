@@ -8,7 +8,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::geom::{FieldPoint, P2, Turn, mm_from_nm};
+use crate::geom::{FieldPoint, Nm, P2, Turn};
 use crate::job::{DepthRule, Format, Level, Passes};
 use crate::machine::{Commanded, Machine, Origin, TiltAngles};
 use crate::program::{Block, BlockId, PassId, Pen, PenId, Program, SectionId, SetupId, Stop, Stroke, StrokeId};
@@ -34,7 +34,7 @@ pub(super) struct Mark {
 pub(super) struct MadeBlock {
     pub(super) pass: u32,
     pub(super) stop: Stop,
-    pub(super) z: [i64; 2],
+    pub(super) z: [Nm; 2],
     pub(super) retract: bool,
     pub(super) marks: Vec<Mark>,
 }
@@ -67,8 +67,8 @@ impl Made {
         };
         let facts = JobFacts {
             machine,
-            pdof: 400_000,
-            depth_range: 400_000,
+            pdof: Nm(400_000),
+            depth_range: Nm(400_000),
             level: Level::Mid,
             rule: DepthRule::Range,
             max_incidence_rad: 60f64.to_radians(),
@@ -76,7 +76,7 @@ impl Made {
             overlap_nm: 0.0,
             passes: Passes::default(),
             setups: None,
-            figure_pitch_nm: None,
+            figure_pitch: None,
             section_nm: [40e6; 2],
             weld_nm: 0.0,
             turn_deg: 0.0,
@@ -211,8 +211,8 @@ impl Made {
             json!({
                 "id": id, "pass": b.pass.number(), "setup": b.setup.number(), "section": b.stop.section.0, "level": b.stop.level, "centre_mm": b.stop.centre.mm(),
                 "tilt_deg": b.stop.tilt.deg(),
-                "lpfl_mm": mm_from_nm(b.stop.focus), "stage": b.stage.mm(), "z_lo_mm": mm_from_nm(b.z_lo),
-                "z_hi_mm": mm_from_nm(b.z_hi), "files": {"dxf": format!("blocks/{id}.dxf")},
+                "lpfl_mm": b.stop.focus.mm(), "stage": b.stage.mm(), "z_lo_mm": b.z_lo.mm(),
+                "z_hi_mm": b.z_hi.mm(), "files": {"dxf": format!("blocks/{id}.dxf")},
                 "strokes": b.strokes.len(), "mark_mm": self.mark_mm(m), "jump_mm": program.jump_mm(b), "time_s": block_s[i],
                 "incidence_deg": incidence, "stretch": stretch, "dose": dose,
             })
@@ -222,7 +222,7 @@ impl Made {
             "schema": 2, "terrace": "0.1.0", "mode": "stepped", "job": {"file": "../job.toml", "blake3": job["blake3"]},
             "inputs": [entry(folder.parent().expect("inside"), "part.stl")], "machine": self.facts.machine,
             "placement": {"origin_mm": self.origin.mm(), "turn_deg": 0.0},
-            "focus": {"pdof_mm": mm_from_nm(self.facts.pdof), "depth_range_mm": mm_from_nm(self.facts.depth_range), "level": "mid", "rule": "range"},
+            "focus": {"pdof_mm": self.facts.pdof.mm(), "depth_range_mm": self.facts.depth_range.mm(), "level": "mid", "rule": "range"},
             "passes": [{"turn_deg": 0.0, "lowered_mm": 0.0, "sections": {}}], "setups": [{"origin_mm": self.origin.mm(), "registration": []}], "seams": {"zone_mm": 0.0, "overlap_mm": self.facts.overlap_nm / 1e6}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
             "blocks": blocks, "files": files.iter().map(|f| entry(folder, f)).collect::<Vec<_>>(), "summary": self.summary,
         });
@@ -291,16 +291,17 @@ fn block(k: u32, strokes: &[(u16, Vec<P2>)]) -> MadeBlock {
     if k == 1 {
         marks.push(Mark { source: 9, segment: 0, reversed: false, pen: 1, points: strokes[9].1.clone() });
     }
-    let lo = i64::from(k) * 400_000;
+    let lo = Nm(400_000) * i64::from(k);
+    let hi = lo + Nm(400_000);
     let section = k / 2;
     let stop = Stop {
         section: SectionId([section, 0]),
         level: k as i32,
         tilt: TiltAngles::UPRIGHT,
         centre: Turn::upright(p(20.0 + 40.0 * f64::from(section), 10.0)),
-        focus: lo + 200_000,
+        focus: lo + Nm(200_000),
         z_lo: lo,
-        z_hi: lo + 400_000,
+        z_hi: hi,
     };
-    MadeBlock { pass: 0, stop, z: [lo, lo + 400_000], retract: k == 2, marks }
+    MadeBlock { pass: 0, stop, z: [lo, hi], retract: k == 2, marks }
 }

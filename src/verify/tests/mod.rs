@@ -11,6 +11,7 @@ use std::path::Path;
 use made::{MM, Made, MadeBlock, p};
 
 use super::Proof;
+use crate::geom::Nm;
 use crate::machine::{Commanded, Machine, TiltAngles};
 use crate::manifest::Times;
 use crate::motion;
@@ -20,9 +21,9 @@ use crate::program::Program;
 fn times(program: &Program, machine: &Machine) -> (Times, Vec<f64>) {
     let centre = |k: usize| {
         let travel = machine.axes()[k].1.travel.map(|t| t.as_nm().expect("travel"));
-        (travel[0] + travel[1]) / 2
+        ((travel[0] + travel[1]) / 2).0
     };
-    let (mut at, mut tilt) = (Commanded([centre(0), centre(1), machine.retract_z()]), TiltAngles::UPRIGHT);
+    let (mut at, mut tilt) = (Commanded([centre(0), centre(1), machine.retract_z().0]), TiltAngles::UPRIGHT);
     let (mut t, mut blocks) = (Times::default(), Vec::new());
     for block in &program.blocks {
         let turning = machine.tilt_time_s(tilt, block.stop.tilt);
@@ -99,13 +100,13 @@ fn valid_folder_verifies_with_its_lengths() {
 
 #[test]
 fn depth_reports_a_shifted_focal_plane() {
-    let proof = mutant(|m| m.blocks[1].stop.focus += 100_000);
+    let proof = mutant(|m| m.blocks[1].stop.focus += Nm(100_000));
     assert_only("depth", &proof);
     let rule = proof.rule("depth").expect("depth");
     assert_eq!((rule.violated, rule.violations[0].block.as_str()), (9, "B0002"), "the loop stays in focus");
     assert!((proof.worst_defocus_um - 300.0).abs() < 1e-6);
-    assert_only("depth", &mutant(|m| m.blocks[2].z[0] += 1_000));
-    assert!(mutant(|m| m.blocks[1].stop.focus += 0).ok);
+    assert_only("depth", &mutant(|m| m.blocks[2].z[0] += Nm(1_000)));
+    assert!(mutant(|m| m.blocks[1].stop.focus += Nm(0)).ok);
 }
 
 #[test]
@@ -164,15 +165,15 @@ fn once_allows_overlaps_as_declared_and_no_others() {
         made.facts.overlap_nm = declared;
         let MadeBlock { stop, z, marks, .. } = &mut made.blocks[1];
         marks[0].points[0].x -= by;
-        let low = by / 50;
+        let low = Nm(by / 50);
         (stop.z_lo, z[0]) = (stop.z_lo - low, z[0] - low);
         (stop.z_hi, stop.focus) = (stop.z_hi, stop.focus);
-        made.facts.depth_range = 410_000;
+        made.facts.depth_range = Nm(410_000);
         made.facts.pdof = made.facts.depth_range;
         change(&mut made);
         made.renew();
         made.summary["overlap_mm"] = (by as f64 / 1e6).into();
-        made.summary["worst_defocus_um"] = (200.0 + low as f64 / 1e3).into();
+        made.summary["worst_defocus_um"] = (200.0 + low.f64() / 1e3).into();
         for key in ["skipped_mm", "skipped_off_part_mm"] {
             let stated = made.summary[key].as_f64().expect("a number");
             made.summary[key] = (stated + by as f64 / 1e6).into();
@@ -191,7 +192,7 @@ fn once_allows_overlaps_as_declared_and_no_others() {
         let mut again = m.blocks[0].marks[4].clone();
         again.points = vec![p(19.93, 10.0), p(19.96, 10.0)];
         m.blocks[1].marks.push(again);
-        (m.blocks[1].stop.z_lo, m.blocks[1].z[0]) = (398_600, 398_600);
+        (m.blocks[1].stop.z_lo, m.blocks[1].z[0]) = (Nm(398_600), Nm(398_600));
     });
     assert!(broken(&proof).contains(&"once"), "{}", proof.to_text());
     // A third mark over the same place: line 0 again, from where the overlap begins to its end.

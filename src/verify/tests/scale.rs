@@ -5,7 +5,7 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::made::{MM, Made, MadeBlock, Mark};
-use crate::geom::P2;
+use crate::geom::{Nm, P2};
 use crate::machine::{Origin, TiltAngles};
 use crate::program::{SectionId, Stop};
 
@@ -24,7 +24,7 @@ fn dome() -> Made {
     made.facets = quads
         .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
         .collect();
-    (made.facts.pdof, made.facts.depth_range) = (90_000_000, 90_000_000);
+    (made.facts.pdof, made.facts.depth_range) = (Nm(90_000_000), Nm(90_000_000));
     made.origin = Origin([-225 * MM, -225 * MM, 0]);
     made.strokes =
         (0..4500).map(|i| 50_000 + 100_000 * i).map(|y| (0, vec![P2::new(0, y), P2::new(450 * MM, y)])).collect();
@@ -59,11 +59,11 @@ fn block(column: u32, row: u32) -> MadeBlock {
         level: 0,
         tilt: TiltAngles::UPRIGHT,
         centre: P2::new(lo(column) + 20 * MM, lo(row) + 20 * MM),
-        focus: 0,
-        z_lo: -45 * MM,
-        z_hi: 45 * MM,
+        focus: Nm(0),
+        z_lo: Nm(-45 * MM),
+        z_hi: Nm(45 * MM),
     };
-    MadeBlock { pass: 0, stop, z: [-41 * MM, 41 * MM], retract: false, marks: marks.collect() }
+    MadeBlock { pass: 0, stop, z: [Nm(-41 * MM), Nm(41 * MM)], retract: false, marks: marks.collect() }
 }
 
 #[test]

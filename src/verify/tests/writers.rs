@@ -22,15 +22,15 @@ pub(super) fn program(program: &Program, o: Origin) -> String {
             s.tilt[1],
             s.centre.x,
             s.centre.y,
-            s.focus,
-            s.z_lo,
-            s.z_hi,
+            s.focus.0,
+            s.z_lo.0,
+            s.z_hi.0,
             b.stage[0],
             b.stage[1],
             b.stage[2],
             i64::from(b.retract),
-            b.z_lo,
-            b.z_hi,
+            b.z_lo.0,
+            b.z_hi.0,
             b.strokes.len() as i64,
         ];
         let numbers: Vec<String> = numbers.iter().map(ToString::to_string).collect();
@@ -220,7 +220,7 @@ impl Sheets<'_> {
             "setup,block,stage_z_mm,stage_y_mm,stage_x_mm,lpfl_mm,file,strokes,mark_mm,time_s,pens\n".to_owned();
         for (id, b, [x, y, z], mm, time, pens) in self.rows() {
             let names: Vec<&str> = pens.iter().map(|&p| self.program.pens[p].name.as_str()).collect();
-            let (focus, strokes) = (mm_from_nm(b.stop.focus), b.strokes.len());
+            let (focus, strokes) = (b.stop.focus.mm(), b.strokes.len());
             let file = format!("blocks/{id}.dxf,{strokes},{mm:.3},{time:.3},\"{}\"", names.join("; "));
             writeln!(t, "{},{id},{z:.6},{y:.6},{x:.6},{focus:.6},{file}", b.setup.number()).expect("text");
         }
@@ -238,7 +238,7 @@ impl Sheets<'_> {
         t += "\nBLOCKS\nblock  X  Y  Z  LPFL  strokes  marks mm  time s  pens  file\n";
         for (id, b, [x, y, z], mm, time, pens) in self.rows() {
             let pens: Vec<String> = pens.iter().map(|p| (p + 1).to_string()).collect();
-            let (focus, strokes, pens) = (mm_from_nm(b.stop.focus), b.strokes.len(), pens.join(" "));
+            let (focus, strokes, pens) = (b.stop.focus.mm(), b.strokes.len(), pens.join(" "));
             writeln!(
                 t,
                 "{id}  {x:.4}  {y:.4}  {z:.4}  {focus:.4}  {strokes}  {mm:.1}  {time:.1}  {pens}  blocks/{id}.dxf"

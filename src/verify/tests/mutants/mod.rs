@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use super::assert_only;
 use crate::check::Checked;
-use crate::geom::FieldPoint;
+use crate::geom::{FieldPoint, Nm};
 use crate::job::{Job, Overrides};
 use crate::job_folder;
 use crate::machine::Origin;
@@ -167,7 +167,7 @@ impl Bench {
         }
         s.jump_mm = program.blocks.iter().map(|b| program.jump_mm(b)).sum();
         let off = |b: &Block| (b.z_hi - b.stop.focus).max(b.stop.focus - b.z_lo);
-        s.worst_defocus_um = program.blocks.iter().map(off).max().unwrap_or(0) as f64 / 1000.0;
+        s.worst_defocus_um = program.blocks.iter().map(off).max().unwrap_or_default().f64() / 1000.0;
         (s.time_s, self.plan.block_times) = super::times(&program, &self.plan.machine);
         let origins = self.plan.checked.origins().to_vec();
         self.plan.checked = Checked::unchecked_setups(program, origins);
@@ -356,7 +356,7 @@ fn compiled_job_verifies() {
 #[test]
 fn depth_reports_a_focal_plane_that_is_too_high() {
     let proof = Bench::new().mutant(|program, plan| {
-        program.blocks[7].stop.focus += 30_000;
+        program.blocks[7].stop.focus += Nm(30_000);
         place(&mut program.blocks[7], plan);
     });
     assert_only("depth", &proof);
@@ -443,7 +443,7 @@ fn once_reports_overlaps_other_than_declared() {
     assert!(broken(&proof), "{}", proof.to_text());
     // Without a declared overlap none is allowed.
     let mut bench = Bench::with("overlap = \"0.05 mm\"", "");
-    bench.plan.job.partition.overlap = 0;
+    bench.plan.job.partition.overlap = Nm(0);
     let path = bench.dir.path().join("job.toml");
     alter(bench.dir.path(), "job.toml", |b| replace(b, "overlap", "0.05", "0.00"));
     bench.plan.job = load(&path);
@@ -508,7 +508,7 @@ fn travel_reports_a_part_beyond_the_stage() {
 fn travel_reports_a_stop_off_the_increment() {
     let proof = Bench::new().mutant(|program, plan| {
         let block = &mut program.blocks[5];
-        block.stop.focus += 30;
+        block.stop.focus += Nm(30);
         place(block, plan);
     });
     assert_only("travel", &proof);

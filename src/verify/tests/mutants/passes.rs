@@ -2,6 +2,7 @@
 
 use super::super::broken;
 use super::*;
+use crate::geom::Nm;
 use crate::program::PassId;
 
 /// Three passes of the same job.
@@ -42,7 +43,7 @@ fn depth_reports_a_pass_that_is_not_lowered() {
         for i in range_of(program, 1) {
             let b = &mut program.blocks[i];
             for z in [&mut b.stop.focus, &mut b.stop.z_lo, &mut b.stop.z_hi, &mut b.z_lo, &mut b.z_hi] {
-                *z += 8_000;
+                *z += Nm(8_000);
             }
             place(b, plan);
         }

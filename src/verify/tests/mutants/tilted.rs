@@ -1,6 +1,7 @@
 //! Mutants of tilted blocks.
 
 use super::*;
+use crate::geom::Nm;
 
 #[test]
 fn tilted_blocks_verify_and_every_mutant_is_reported() {
@@ -32,7 +33,7 @@ fn tilted_blocks_verify_and_every_mutant_is_reported() {
     let proof = Bench::tilted("").mutant(|program, plan| {
         let i = tilted(program);
         let block = &mut program.blocks[i];
-        block.stop.focus += 60_000;
+        block.stop.focus += Nm(60_000);
         let c = block.stop.centre;
         block.stage = plan.machine.stage_from_part(c, block.stop.focus, plan.checked.origin());
     });

@@ -1,0 +1,138 @@
+//! What one method of partition gives: a program in order with its figures, to be compared and gone on with.
+
+use super::grid::Grid;
+use super::setups::{Setups, Used};
+use super::split::join;
+use super::start::{Laid, Start};
+use crate::check::{self, Limits};
+use crate::diag::Diag;
+use crate::geom::Nm;
+use crate::job::{Method, Objective, Passes};
+use crate::machine::{Machine, Origin};
+use crate::manifest::{self, Slope, Times};
+use crate::order::clearance::Clearance;
+use crate::program::{PassId, PenId, Program, Stop};
+use crate::split::Fragments;
+
+/// What one method gives.
+pub(super) struct Candidate {
+    pub(super) method: Method,
+    pub(super) program: Program,
+    pub(super) setups: Setups,
+    /// The cells of its set-ups.
+    pub(super) used: Used,
+    pub(super) times: Times,
+    pub(super) block_times: Vec<f64>,
+    pub(super) slopes: Vec<Slope>,
+    pub(super) fragments: usize,
+    pub(super) split: Fragments,
+    pub(super) worst_defocus: Nm,
+    pub(super) worst_defocus_mean: Nm,
+}
+
+impl Candidate {
+    /// As the summary lists it.
+    pub(super) fn listed(&self) -> manifest::Candidate {
+        manifest::Candidate {
+            method: self.method.name().into(),
+            stops: self.program.blocks.len(),
+            fragments: self.fragments,
+            time_s: self.times,
+        }
+    }
+
+    /// The first invariant that it breaks, if it breaks any.
+    pub(super) fn fault(&self, machine: &Machine, grid: &Grid, clearance: &Clearance) -> Option<Diag> {
+        let origins = self.origins(grid);
+        let limits = Limits {
+            machine,
+            origins: &origins,
+            setups_needed: [1; 2],
+            depth: grid.lattice.depth,
+            max_slope: self.split.worst_slope2.sqrt(),
+            clearance,
+        };
+        check::first_broken(&self.program, &limits)
+    }
+
+    /// Positions of the part's origin, by set-up.
+    pub(super) fn origins(&self, grid: &Grid) -> Vec<Origin> {
+        self.used.iter().map(|cell| self.setups.origin(cell, grid.origin)).collect()
+    }
+
+    /// What the best candidate has least of.
+    pub(super) fn measure(&self, objective: Objective) -> (f64, f64) {
+        match objective {
+            Objective::Time => (self.times.total, 0.0),
+            Objective::Stops => (self.program.blocks.len() as f64, self.times.total),
+        }
+    }
+
+    /// Where pass `pass` begins after all passes before it, the first of which began at `begin` on the grid `first`.
+    pub(super) fn start_of(&self, pass: PassId, begin: &Start, passes: &Passes, first: &Grid) -> Start {
+        let lowered = passes.lowered(pass);
+        let Origin([x, y, z]) = first.origin;
+        let last = self.program.blocks.last();
+        let raised = |s: &Stop| Stop { focus: s.focus + lowered, ..s.clone() };
+        Start {
+            pass,
+            lowered,
+            laid: Some(Laid { origin: Origin([x, y, z - lowered.0]), setups: self.setups.clone() }),
+            from: last.map_or(begin.from, |b| b.stage),
+            before: last.map(|b| (raised(&b.stop), self.used.cell(b.setup))),
+        }
+    }
+
+    /// Puts a later pass behind, its heights lowered.
+    pub(super) fn append(&mut self, mut next: Self, lowered: Nm) {
+        let used = self.used.union(&next.used);
+        self.used.renumber(&mut self.program.blocks, &used);
+        next.used.renumber(&mut next.program.blocks, &used);
+        self.used = used;
+        append(&mut self.program, next.program, lowered);
+        let (s, t) = (&mut self.times, next.times);
+        s.stage += t.stage;
+        s.settle += t.settle;
+        s.mark += t.mark;
+        s.jump += t.jump;
+        s.delay += t.delay;
+        s.total += t.total;
+        self.block_times.extend(next.block_times);
+        self.slopes.extend(next.slopes);
+        self.fragments += next.fragments;
+        self.split = join(std::mem::take(&mut self.split), next.split);
+        self.worst_defocus = self.worst_defocus.max(next.worst_defocus);
+        self.worst_defocus_mean = self.worst_defocus_mean.max(next.worst_defocus_mean);
+    }
+}
+
+/// Puts blocks behind those of a program, their heights lowered by `lowered`.
+fn append(program: &mut Program, next: Program, lowered: Nm) {
+    let (strokes, points) = (program.strokes.len(), program.points.len() as u32);
+    program.points.extend(next.points);
+    // Pens that compensate the slope differ from pass to pass.
+    let pens: Vec<PenId> = next
+        .pens
+        .into_iter()
+        .map(|pen| {
+            let known = program.pens.iter().position(|p| *p == pen);
+            let place = known.unwrap_or_else(|| {
+                program.pens.push(pen);
+                program.pens.len() - 1
+            });
+            PenId(place as u16)
+        })
+        .collect();
+    program.strokes.extend(next.strokes.into_iter().map(|mut s| {
+        s.first += points;
+        s.pen = pens[s.pen.index()];
+        s
+    }));
+    program.blocks.extend(next.blocks.into_iter().map(|mut b| {
+        b.strokes = b.strokes.start + strokes..b.strokes.end + strokes;
+        for z in [&mut b.stop.focus, &mut b.stop.z_lo, &mut b.stop.z_hi, &mut b.z_lo, &mut b.z_hi] {
+            *z -= lowered;
+        }
+        b
+    }));
+}

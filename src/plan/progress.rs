@@ -1,0 +1,19 @@
+//! The stations of a compilation, and who is told of them.
+
+/// Stations of a compilation, in order, for progress displays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Station {
+    /// Reading surface and texture.
+    Read,
+    /// Where the texture touches the surface.
+    Footprint,
+    /// Cutting strokes.
+    Split,
+    /// Ordering strokes and stops.
+    Order,
+    /// Writing the folder.
+    Write,
+}
+
+/// Told of every station as it begins.
+pub type Progress<'a> = &'a (dyn Fn(Station) + Sync);
