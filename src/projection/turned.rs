@@ -79,6 +79,10 @@ pub struct Turned(pub Vec<InTiltedField>);
 /// Distance of the points of a mark from which the beam is followed, nm.
 const SPACING: f64 = 50_000.0;
 
+/// The ends of a mark, which may lie at the foot of a wall, are looked at this far inside, nm: beyond what rounding
+/// moves, which is 0.7 nm, and within the 10 nm of a mark that `terrace verify` lets another sheet hide for rounding.
+const INSIDE: f64 = 4.0;
+
 /// A beam counts as hidden if the part rises above it by more than this, nm.
 const GRAZE: f64 = 20.0;
 
@@ -237,7 +241,7 @@ impl super::Tracer<'_> {
         // what does lies within `reach` of the mark.
         let lowest = p.z0.min(p.z1);
         let reach = (field.top - lowest).max(0.0) * flat;
-        if reach < GRAZE {
+        if reach < INSIDE {
             return false;
         }
         let (a, b) = (w[0].lerp(w[1], p.t0), w[0].lerp(w[1], p.t1));
@@ -246,10 +250,10 @@ impl super::Tracer<'_> {
         if self.surface.is_plain(lo, P2::new(a.x.max(b.x) + r, a.y.max(b.y) + r)) {
             return false;
         }
-        let count = (a.distance(b) / SPACING).ceil().max(2.0) as i64;
+        let length = a.distance(b);
+        let (count, inside) = ((length / SPACING).ceil().max(2.0) as i64, (INSIDE / length).min(0.5));
         (0..=count).any(|i| {
-            // Just inside of the ends, which may lie at the foot of a wall.
-            let t = p.t0 + (p.t1 - p.t0) * ((i as f64 + 1e-3) / (count as f64 + 2e-3)).min(1.0 - 1e-6);
+            let t = p.t0 + (p.t1 - p.t0) * (inside + (1.0 - 2.0 * inside) * i as f64 / count as f64);
             self.is_hidden(at(w, t, p.z(t)), lean, field.top)
         })
     }

@@ -6,6 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use crate::support::seeds;
 use crate::support::surfaces::{Random, mesh, write_stl};
 use rayon::prelude::*;
 use terrace::diag::{Error, Kind};
@@ -286,8 +287,9 @@ fn run(path: &Path) -> Result<bool, String> {
 const SLOW: Duration = Duration::from_secs(20);
 
 /// Runs the jobs of the seeds; faulty ones stay in the temporary folder, to be looked at.
-fn trials(seeds: std::ops::Range<u64>, table: Table) {
-    let count = seeds.end - seeds.start;
+fn trials(seeds: impl IntoIterator<Item = u64>, table: Table) {
+    let seeds: Vec<u64> = seeds.into_iter().collect();
+    let count = seeds.len();
     let results: Vec<(bool, Option<String>)> = seeds
         .into_par_iter()
         .map(|seed| {
@@ -309,7 +311,7 @@ fn trials(seeds: std::ops::Range<u64>, table: Table) {
     let compiled = results.iter().filter(|r| r.0).count();
     let faults: Vec<&String> = results.iter().filter_map(|r| r.1.as_ref()).collect();
     eprintln!("{compiled} of {count} jobs were compiled");
-    assert!(compiled as u64 * 2 > count, "only {compiled} of {count} jobs were compiled");
+    assert!(compiled * 2 > count, "only {compiled} of {count} jobs were compiled");
     let shown: String = faults.iter().take(10).map(|f| format!("{f}\n")).collect();
     assert!(faults.is_empty(), "{} of {count} jobs:\n{shown}", faults.len());
 }
@@ -322,16 +324,18 @@ fn random_jobs_verify_or_are_refused() {
 #[test]
 #[ignore = "slow: make test-all"]
 fn random_jobs_verify_or_are_refused_at_length() {
-    trials(150..8_000, Table::Fixed);
+    trials(seeds(150..8_000), Table::Fixed);
 }
 
 #[test]
 fn random_jobs_for_tilt_tables_verify_or_are_refused() {
-    trials(0..40, Table::Tilting);
+    // 422: welding moves a step at which a mark begins. 512: a mark has less of its own than is known of its ends,
+    // beside what it shares. 1527: a wall hides 19 nm of the marks at its foot.
+    trials((0..40).chain([422, 512, 1527]), Table::Tilting);
 }
 
 #[test]
 #[ignore = "slow: make test-all"]
 fn random_jobs_for_tilt_tables_verify_or_are_refused_at_length() {
-    trials(40..2_040, Table::Tilting);
+    trials(seeds(40..2_040), Table::Tilting);
 }

@@ -8,6 +8,9 @@ use crate::geom::P2;
 const BEHIND: f64 = 50.0;
 /// How much farther along its stroke than beside it a foot may have come, nm.
 const SPARE: f64 = 2_000.0;
+/// Distances from a stroke that differ by no more are equal, nm: the vertices of two legs over one line are each
+/// rounded to the grid, by up to half its diagonal.
+const EQUAL: f64 = 2.0;
 
 /// A stroke of the texture.
 pub(super) struct Stroke {
@@ -84,23 +87,25 @@ impl Stroke {
         (self.along[i] + along, distance(p, [0, 1].map(|k| a[k] + along * dir[k])))
     }
 
-    /// The place nearest to `p` from `lo` to `hi`; None where the stroke has none there.
-    fn nearest(&self, p: [f64; 2], lo: f64, hi: f64) -> Option<(f64, f64)> {
+    /// The place nearest to `p` on the way from one place to another, forward or back; None where the stroke has none
+    /// there. Of places that are equally near the first on the way: beside a turn, a stroke that runs back over itself
+    /// is as near beyond the turn as before it.
+    fn nearest(&self, p: [f64; 2], from: f64, to: f64) -> Option<(f64, f64)> {
+        let (lo, hi, forward) = (from.min(to), from.max(to), from <= to);
+        let ordered = |first: i64, end: i64| (first..end).map(move |i| if forward { i } else { first + end - 1 - i });
         let length = self.len();
-        let turns = if self.closed { (lo / length).floor() as i64..=(hi / length).floor() as i64 } else { 0..=0 };
+        let turn = |place: f64| if self.closed { (place / length).floor() as i64 } else { 0 };
         let mut best: Option<(f64, f64)> = None;
-        for turn in turns {
+        for turn in ordered(turn(lo), turn(hi) + 1) {
             let shift = turn as f64 * length;
             let (lo, hi) = ((lo - shift).max(0.0), (hi - shift).min(length));
             if lo > hi {
                 continue;
             }
-            for i in self.segment(lo)..self.points.len() - 1 {
-                if self.along[i] > hi {
-                    break;
-                }
-                let (place, off) = self.on(i, p, lo, hi);
-                if best.is_none_or(|b| off < b.1) {
+            let end = self.along.partition_point(|&a| a <= hi).min(self.points.len() - 1);
+            for i in ordered(self.segment(lo) as i64, end as i64) {
+                let (place, off) = self.on(i as usize, p, lo, hi);
+                if best.is_none_or(|b| off < b.1 - EQUAL) {
                     best = Some((place + shift, off));
                 }
             }
@@ -158,7 +163,7 @@ impl Stroke {
             let reach = 1.5 * distance(before, foot) + SPARE;
             let here = trace.to;
             let ahead = self.nearest(foot, here, here + reach);
-            let behind = self.nearest(foot, here - reach, here);
+            let behind = self.nearest(foot, here, here - reach);
             let of = |n: Option<(f64, f64)>| n.map_or(f64::INFINITY, |n| n.1);
             // The mark keeps its way: it has turned back only where what lies behind is nearer by more than rounding.
             let goes = match forward {
@@ -255,6 +260,9 @@ mod tests {
         };
         let middle = places(&foot_points(&[[300.0, 0.0], [350.0, 0.0], [400.0, 0.0]]));
         assert_eq!(middle, [[300_000.0, 400_000.0], [1_700_000.0, 1_600_000.0]]);
+        // To where it turns, with no more than a long move before the last.
+        let last = places(&foot_points(&[[800.0, 0.0], [900.0, 0.0], [990.0, 0.0], [1000.0, 0.0]]));
+        assert_eq!(last, [[800_000.0, 1_000_000.0], [1_200_000.0, 1_000_000.0]]);
         // From where it turns, one way or the other.
         let turn = places(&foot_points(&[[1000.0, 0.0], [900.0, 0.0]]));
         assert_eq!(turn, [[1_000_000.0, 900_000.0], [1_000_000.0, 1_100_000.0]]);

@@ -440,14 +440,10 @@ impl Cover<'_> {
         Some([a.min(b), a.max(b)])
     }
 
-    /// Whether what two marks share is an overlap as the job declares it: at most so long, the end of one block's
-    /// mark and the beginning of another's.
+    /// Whether what two marks share is an overlap as the job declares it, the end of one block's mark and the beginning
+    /// of another's.
     fn is_overlap(&self, last: &Span, next: &Span) -> bool {
-        let noise = noise(Some(last), Some(next));
-        let follows = last.from + noise < next.from && last.to + noise < next.to;
-        let overlap = self.facts.overlap_nm;
-        let fits = overlap > 0.0 && last.to - next.from <= overlap + ROUNDED + noise - NOISE;
-        follows && fits && self.block_of(last.mark) != self.block_of(next.mark)
+        is_overlap(last, next, self.facts.overlap_nm) && self.block_of(last.mark) != self.block_of(next.mark)
     }
 
     fn twice(&mut self, span: Span, shared: f64, passes: f64, declared: bool) {
@@ -650,5 +646,43 @@ fn share(z: [f64; 2], [lo, hi]: [f64; 2]) -> f64 {
         0.0
     } else {
         ((b.min(hi) - a.max(lo)) / (b - a)).clamp(0.0, 1.0)
+    }
+}
+
+/// Whether the end of one mark and the beginning of the next share no more than `declared`, nm, and no more than the
+/// first keeps for itself, and neither lies within the other.
+fn is_overlap(last: &Span, next: &Span, declared: f64) -> bool {
+    // How far the distance between an end of one and an end of the other may be off; 0 where nothing is tilted.
+    let known = noise(Some(last), Some(next)) - NOISE;
+    let (own, shared) = (next.from - last.from, last.to - next.from);
+    // On a tilted part what each has of its own may be less than is known of its ends: the mark that follows may end
+    // right after the cut.
+    let follows = last.from + NOISE < next.from + known && last.to + NOISE < next.to + known;
+    // Both ends of the mark before are in the difference once, the beginning of the other twice.
+    let keeps = shared <= own + 2.0 * (ROUNDED + known);
+    follows && keeps && declared > 0.0 && shared <= declared + ROUNDED + known
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn overlaps_are_short_and_neither_mark_lies_within_the_other() {
+        let is = |off: f64, last: [f64; 2], next: [f64; 2]| {
+            let span = |[from, to]: [f64; 2]| Span { from, to, off, mark: 0 };
+            is_overlap(&span(last), &span(next), 50_000.0)
+        };
+        for off in [0.0, 3.0] {
+            assert!(is(off, [0.0, 200_000.0], [150_000.0, 300_000.0]));
+            // Longer than declared, than what the first keeps, within it, and the first within the second.
+            assert!(!is(off, [0.0, 200_000.0], [149_980.0, 300_000.0]));
+            assert!(!is(off, [0.0, 60_000.0], [29_980.0, 300_000.0]));
+            assert!(!is(off, [0.0, 200_000.0], [150_000.0, 199_990.0]));
+            assert!(!is(off, [0.0, 40_000.0], [0.0, 300_000.0]));
+        }
+        // The second ends a nanometre after the first, and is found to end before it.
+        assert!(is(3.0, [0.0, 200_000.0], [150_000.0, 199_998.0]));
+        assert!(!is(0.0, [0.0, 200_000.0], [150_000.0, 200_000.0]));
     }
 }

@@ -26,6 +26,14 @@ pub fn shared() -> PathBuf {
     path.to_owned()
 }
 
+/// The seeds of a long run: `SEEDS=1000..1100` in the environment chooses others.
+pub fn seeds(usual: std::ops::Range<u64>) -> std::ops::Range<u64> {
+    let Ok(chosen) = std::env::var("SEEDS") else { return usual };
+    let ends = chosen.split_once("..").map(|(a, b)| [a, b].map(|v| v.parse::<u64>()));
+    let Some([Ok(from), Ok(to)]) = ends else { panic!("SEEDS is to be like 1000..1100") };
+    from..to
+}
+
 /// A file of `fixtures`.
 pub fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
