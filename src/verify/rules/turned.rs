@@ -229,8 +229,8 @@ impl Turned {
     /// short one in between is an edge that the line grazes. The pieces that stay at the ends are drawn out over them.
     fn leave_out_other_sheets(&self, len: f64, pieces: &mut Vec<OnSheet>) {
         let short = self.short();
-        // The program ends a mark at a step that would move it by more than half of CHORD.
-        let least = CHORD / 2.0 / self.turn.lean();
+        // The program ends a mark at a step that would move it by more than half of [`CHORD_NM`].
+        let least = CHORD_NM / 2.0 / self.turn.lean();
         let steps = |a: &OnSheet, b: &OnSheet| {
             let known = self.geometry.z_tolerance(a.slope2.max(b.slope2));
             (a.z[1] - b.z[0]).abs() > least.min(2.0 * known)
