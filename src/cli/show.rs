@@ -48,11 +48,11 @@ impl Spinner {
     }
     pub fn station(&self, s: Station) {
         self.text(match s {
-            Station::Read => "reading surface and texture",
-            Station::Footprint => "tracing the texture",
-            Station::Split => "cutting strokes",
-            Station::Order => "ordering",
-            Station::Write => "writing the job folder",
+            Station::Read => "step 1 of 5: reading surface and texture",
+            Station::Footprint => "step 2 of 5: tracing the texture",
+            Station::Split => "step 3 of 5: cutting strokes",
+            Station::Order => "step 4 of 5: ordering strokes and stops",
+            Station::Write => "step 5 of 5: writing the job folder",
         });
     }
     /// Ends it: results and messages begin on a clean line.
