@@ -85,7 +85,7 @@ pub fn jobs(paths: &[PathBuf], output: Option<&Path>, overrides: &Overrides) -> 
         }
         if !found {
             let d = Diag::input("batch-empty", "there is no job").at(Place::file(path.display().to_string()));
-            return Err(d.hint("a folder needs *.toml files, a list one job file a line").into());
+            return Err(d.hint("a folder needs *.toml files, a list one job file per line").into());
         }
         for (i, e) in entries.iter().enumerate().skip(before) {
             if let Some(other) = entries[..i].iter().find(|o| o.folder == e.folder) {

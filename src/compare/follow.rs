@@ -80,7 +80,7 @@ impl<'a> Follower<'a> {
         let mut notes = Vec::new();
         match turn {
             Turnaround::Skywriting(s) => {
-                notes.push(format!("skywriting for {:.0} ms beside every mark", 1e3 * s * slow))
+                notes.push(format!("skywriting for {:.0} ms before and after every mark", 1e3 * s * slow))
             }
             Turnaround::Dwell(s) if s > 0.0 => notes.push(format!("waits for {:.0} ms at every end", 1e3 * s * slow)),
             Turnaround::Dwell(_) => {}

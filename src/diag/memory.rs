@@ -20,7 +20,7 @@ pub fn ask(what: &str, bytes: u64) -> Result<(), Diag> {
         None => Ok(()),
         Some(room) => {
             let text = format!(
-                "{what} takes about {} of memory, and {} are left of the {} that {} allows",
+                "{what} needs about {} of memory, but only {} of the {} allowed by {} is left",
                 size(bytes),
                 size(room.left),
                 size(room.limit),

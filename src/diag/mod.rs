@@ -141,7 +141,7 @@ impl Diag {
     /// A broken invariant of this program.
     pub fn bug(code: &'static str, message: impl Into<String>) -> Self {
         let mut d = Self::new(Kind::Bug, code, message);
-        d.hint = "this is a fault of terrace, not of your job: please report it with the job file".into();
+        d.hint = "this is a bug in terrace, not in your job: please report it with the job file".into();
         d
     }
     /// Sets the place that the message speaks of.

@@ -19,7 +19,7 @@ const MOST_DEPTHS: f64 = 2.0;
 const LEAST_PITCH: f64 = 0.25;
 
 /// What is said where a job is refused.
-const ALLOW: &str = "check its unit; limits.implausible = \"allow\" takes it as it is";
+const ALLOW: &str = "check its unit; set limits.implausible = \"allow\" to accept it";
 
 impl Job {
     /// Holds depth of focus and hatch pitch to the machine's optics; answers with warnings where the job allows
@@ -42,8 +42,8 @@ impl Job {
             return None;
         }
         let text = format!(
-            "blocks of {depth} mm depth are {:.1} times the depth of focus of the optics: 2 z_R is {optics:.3} mm for \
-             a spot of {}, {:.0} nm and M2 = {}",
+            "blocks {depth} mm deep are {:.1} times the depth of focus of the optics (2 z_R = {optics:.3} mm for a \
+             spot of {}, {:.0} nm and M2 = {})",
             depth / optics,
             machine.lens.spot,
             machine.laser.wavelength.as_mm() * 1e6,

@@ -97,7 +97,7 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         let spec = &facts.job.passes;
         writeln!(
             out,
-            "passes     {}, each {} lower, hatches turned by {}",
+            "passes     {} (focus lowered {} and hatch rotated {} per pass)",
             s.passes,
             Length::mm(spec.lower.mm()),
             spec.rotate
@@ -176,7 +176,10 @@ fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         "  - If you move the stage by hand: laser off, then X Y, then Z. Where a line below says LIFT, go to Z{lift:.4}"
     )?;
     writeln!(out, "    before X Y, or the lens may touch the part. Lift after the last block too.")?;
-    writeln!(out, "  - This program is not a safety system. Enclosure, interlock and eye protection are yours.")?;
+    writeln!(
+        out,
+        "  - This program is not a safety system. Enclosure, interlock and eye protection are your responsibility."
+    )?;
     writeln!(out, "\nHOW THE FILES GO TOGETHER")?;
     for target in facts.job.formats.iter().map(|f| f.target()) {
         for (i, line) in target.sheet.iter().enumerate() {

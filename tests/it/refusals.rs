@@ -116,7 +116,7 @@ fn travel_is_one_error_and_the_origin_that_it_names_would_do() {
     };
     let text = refused(&at(300.0), &["travel"]);
     let (_, range) = text.split_once("placement.origin with x between ").unwrap_or_else(|| panic!("{text}"));
-    let (range, _) = range.split_once(" mm would do").expect("a range");
+    let (range, _) = range.split_once(" mm works").expect("a range");
     let (lo, hi) = range.split_once(" and ").expect("two ends");
     let [lo, hi] = [lo, hi].map(|v| v.parse::<f64>().expect("a number"));
     assert!(lo < hi, "{text}");

@@ -36,7 +36,7 @@ const MATTERS: [(Matter, &str, &str, &str); 15] = [
     (
         Matter::Use,
         "svg-use",
-        "use something that is missing or holds themselves, and are not marked",
+        "refer (use) to something missing or to themselves, and are not marked",
         "repair the references",
     ),
     (

@@ -79,7 +79,7 @@ pub(in crate::verify) fn check(file: &ProgramFile, facts: &JobFacts, geometry: &
                 let FieldPoint { x, y } = file.program.points_of(stroke)[0];
                 let [x, y] = [x, y].map(f64::from);
                 let place = part_place_nm([block.stop.centre.x as f64 + x, block.stop.centre.y as f64 + y]);
-                let text = format!("its pen has the factor {factor}, the slope asks for {:.4}", wanted[0]);
+                let text = format!("its pen has the factor {factor}, but the slope needs {:.4}", wanted[0]);
                 rule.broken(id, place, text);
             }
         }

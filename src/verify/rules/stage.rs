@@ -155,7 +155,7 @@ fn names(stage: &StageFile, rule: &mut Rule) {
 /// Reports a comment that names another block than the one at hand.
 fn misnamed(stage: &StageFile, block: Option<(&str, usize)>, line: usize, id: &str, rule: &mut Rule) {
     if let Some((here, _)) = block.filter(|(here, _)| *here != id) {
-        rule.broken(here, stage.place(line), format!("a comment names block {id} where {here} stands"));
+        rule.broken(here, stage.place(line), format!("a comment in block {here} names block {id}"));
     }
 }
 
@@ -189,13 +189,13 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
         };
         rule.checked += 1;
         let Some((wanted, block)) = blocks.next() else {
-            return rule.broken(id, stage.place(s.line), "the program has no such block any more");
+            return rule.broken(id, stage.place(s.line), "the program has no further block");
         };
         if id != wanted {
             return rule.broken(
                 wanted,
                 stage.place(s.line),
-                format!("block {id} stands where the program has {wanted}"),
+                format!("block {id} is here, but the program has {wanted}"),
             );
         }
         if drawing.as_ref().is_some_and(|name| !formats::is_of_block(name, id)) {
@@ -220,17 +220,18 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
         let [x, y, z, rotary @ ..] = at;
         for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt.0) {
             if rotary[axis.letter as usize] != Some(command) {
-                let text = format!("axis {} is not sent to the block's tilt", axis.letter.char());
+                let text = format!("axis {} is not commanded to the tilt of the block", axis.letter.char());
                 rule.broken(id, stage.place(s.line), text);
             }
         }
         if [x, y, z] != block.stage.0.map(Some) {
             let found = [x, y, z].map(|v| v.map_or("unknown".to_owned(), |v| mm_from_nm(v).to_string())).join(", ");
-            let text = format!("the stage is sent to ({found}) mm, the program says {}", stage_text(block.stage));
+            let text =
+                format!("the stage is commanded to ({found}) mm, but the program has {}", stage_text(block.stage));
             rule.broken(id, stage.place(s.line), text);
         }
         if block.retract && !lifts(first, before[2], block.stage[2], &machine.stage.z) {
-            rule.broken(id, stage.place(s.line), "the program asks for a lift on the way here, none is commanded");
+            rule.broken(id, stage.place(s.line), "the program has a lift before this block, but none is commanded");
         }
     }
     if let Some((id, _)) = blocks.next() {

@@ -47,7 +47,7 @@ pub(in crate::verify) fn check(
         rule.checked += 1;
         let near = (stated - found).abs() <= tolerance; // never of a NaN
         if !near {
-            rule.broken(id, PLACE, format!("{name} is stated as {stated}, found is {found}"));
+            rule.broken(id, PLACE, format!("{name} is given as {stated}, but is {found}"));
         }
     };
     let tiny = LENGTH * found.texture_mm;
@@ -153,8 +153,9 @@ pub(in crate::verify) fn slopes(
             }
         }
         if let Some((name, [lo, hi])) = differs {
-            let text =
-                format!("{name} of the block is not what lies under its marks, a cosine or dose of {lo} to {hi}");
+            let text = format!(
+                "{name} of the block does not follow from its marks, which have a cosine or dose of {lo} to {hi}"
+            );
             rule.broken(id, PLACE, text);
         }
     }

@@ -20,7 +20,7 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
         let wanted = machine.stage_from_part(c, block.stop.focus, file.origin(block));
         if block.stage != wanted {
             let text =
-                format!("the stage stands at {}, the block is at {}", stage_text(block.stage), stage_text(wanted));
+                format!("the stage is at {}, but the block is at {}", stage_text(block.stage), stage_text(wanted));
             rule.broken(id, place, text);
         } else if let Some(fault) = fault(machine, block.stage.0.map(Some)).or_else(|| tilt_fault(machine, block)) {
             rule.broken(id, place, fault);
@@ -57,7 +57,7 @@ fn tilt_fault(machine: &Machine, block: &Block) -> Option<String> {
     wrong.map(|(axis, command)| {
         let (letter, [lo, hi]) = (axis.letter.char(), axis.travel);
         format!(
-            "{letter} is sent to {} deg, its travel is {lo} to {hi} in steps of {}",
+            "{letter} is commanded to {} deg, but its travel is {lo} to {hi} in steps of {}",
             command as f64 / 1e6,
             axis.increment
         )
@@ -70,7 +70,10 @@ fn fault(machine: &Machine, to: [Option<i64>; 3]) -> Option<String> {
         let [lo, hi] = axis.travel.map(|t| t.as_nm());
         let (value, mm) = (Nm(value), mm_from_nm(value));
         if lo.is_none_or(|lo| value < lo) || hi.is_none_or(|hi| value > hi) {
-            return Some(format!("{name} is sent to {mm} mm, its travel is {} to {}", axis.travel[0], axis.travel[1]));
+            return Some(format!(
+                "{name} is commanded to {mm} mm, outside its travel of {} to {}",
+                axis.travel[0], axis.travel[1]
+            ));
         }
         if value % machine.increment_nm().max(Nm(1)) != Nm(0) {
             return Some(format!("{name} is sent to {mm} mm, no multiple of {}", machine.stage.increment));
