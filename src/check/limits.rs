@@ -98,7 +98,7 @@ fn clearance(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
     );
     let [x_mm, y_mm] = program.blocks[found.worst].stop.centre.mm();
     let hint = "lens.working_distance, lens.diameter and stage.clearance of the machine decide this; \
-                `terrace orient JOB` finds a fixture angle that helps";
+                `terrace orient JOB` suggests a fixture angle";
     Some(Diag::limit("clearance", text).at(Place::Part { x_mm, y_mm }).hint(hint))
 }
 

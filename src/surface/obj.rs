@@ -300,8 +300,8 @@ mod tests {
     fn faults_are_named_by_line() {
         let v = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
         for (text, code, say) in [
-            ("f 0 1 2", "obj-index", ":4: a face names vertex 0"),
-            ("f 1 2 9", "obj-index", ":4: a face names vertex 9, but the vertices before it are 1 to 3"),
+            ("f 0 1 2", "obj-index", ":4: a face refers to vertex 0"),
+            ("f 1 2 9", "obj-index", ":4: a face refers to vertex 9, but the vertices before it are 1 to 3"),
             ("f -1 -2 -4", "obj-index", "vertex -4"),
             ("f 1 2 9223372036854775808", "obj-index", "is not the number of a vertex"),
             ("f 1 2 -9223372036854775808", "obj-index", "vertex -9223372036854775808"),

@@ -42,7 +42,7 @@ fn a_slip_of_units_in_pdof_or_pitch_is_refused_unless_the_job_allows_it() {
     job.focus = "pdof = \"70 mm\"".into();
     job.textures = vec!["pattern = \"hatch\"\npitch = \"4 um\"".into()];
     let text = refused(&job.write(dir.path(), "slip.toml"), &["pdof-large", "pitch-small"]);
-    assert!(text.contains("39.6 times the depth of focus of the optics: 2 z_R is 1.770 mm"), "{text}");
+    assert!(text.contains("39.6 times the depth of focus of the optics (2 z_R = 1.770 mm"), "{text}");
     assert!(text.contains("lines 0.004 mm apart under a spot of 0.02 mm mark every place 5 times"), "{text}");
     assert!(text.contains("pdof = \"70 mm\"") && text.contains("pitch = \"4 um\""), "the lines are shown: {text}");
     job.more = "[limits]\nimplausible = \"allow\"\n".into();
@@ -97,13 +97,13 @@ fn texture_beside_the_part_is_refused_with_both_boxes() {
     let mut job = panel(dir.path());
     job.textures[0] += "\narea = [\"80 mm\", \"10 mm\", \"90 mm\", \"20 mm\"]";
     let text = refused(&job.write(dir.path(), "job.toml"), &["job-empty"]);
-    let boxes = "the texture lies at x 80.000 to 90.000 mm and y 10.000 to 20.000 mm, beside the part at x 0.000 to \
+    let boxes = "the texture lies at x 80.000 to 90.000 mm and y 10.000 to 20.000 mm, off the part at x 0.000 to \
                  60.000 mm and y 0.000 to 50.000 mm";
     assert!(text.contains(boxes), "{text}");
     // Turned by 90 deg the part lies at x -50 to 0 mm, and the texture with it.
     job.more = "[placement]\nturn = \"90 deg\"\n".into();
     let text = refused(&job.write(dir.path(), "job.toml"), &["job-empty"]);
-    assert!(text.contains("beside the part at x -50.000 to 0.000 mm"), "{text}");
+    assert!(text.contains("off the part at x -50.000 to 0.000 mm"), "{text}");
 }
 
 #[test]
@@ -160,7 +160,7 @@ fn strokes_beyond_the_limit_of_memory_are_refused_with_the_figure() {
     let done = within(120_000);
     let text = said(&done);
     assert_eq!(done.status.code(), Some(1), "{text}");
-    assert!(text.contains("error[memory]: the program takes about "), "{text}");
+    assert!(text.contains("error[memory]: the program needs about "), "{text}");
     assert!(within(4_000_000).status.success(), "{}", said(&within(4_000_000)));
 }
 
