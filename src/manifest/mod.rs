@@ -1,4 +1,4 @@
-//! What is written down about a job: summary, manifest, run sheet.
+//! Summary and manifest of a job, and the registration points of its set-ups.
 //!
 //! Consumes the checked program, its machine and job, and what the driver knows of times and files;
 //! renders bytes. Lengths are mm (heights and positions exact to the nanometre), times s. Nothing here
