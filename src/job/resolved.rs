@@ -52,7 +52,7 @@ pub struct Job {
     pub passes: Passes,
     /// Set-ups of a part beyond the stage travel.
     pub setups: Option<Setups>,
-    /// What is skipped or warned of.
+    /// What is skipped, and what causes a warning.
     pub limits: Limits,
     /// How pens compensate the slope, if they do.
     pub dose: Option<Dose>,
@@ -112,7 +112,7 @@ impl Focus {
 pub struct Partition {
     /// The method.
     pub method: Method,
-    /// What `auto` makes least.
+    /// What `auto` minimises.
     pub objective: Objective,
     /// Pitch of the sections; None: from the usable field.
     pub section: Option<Nm>,
@@ -146,7 +146,7 @@ pub struct Setups {
     pub registration: Vec<P2>,
 }
 
-/// What is skipped or warned of.
+/// What is skipped, and what causes a warning.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     /// Beam incidence above which a warning says so.

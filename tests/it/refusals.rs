@@ -1,4 +1,4 @@
-//! Jobs that no one means: refused before anything is written, each limit once and with the figure that would do.
+//! Implausible jobs: refused before anything is written, each limit once and with a value that works.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
