@@ -312,13 +312,13 @@ fn following(
     let mirror = Servo::of_scanner(machine)?;
     let mut samples = samples.peekable();
     let Some(&Sample { axes: Axes { xyz: [x, y, z], a, c }, spot, .. }) = samples.peek() else { return Ok(Vec::new()) };
-    let mut carriers = [x, y, z, a, c].map(|at| Axis::new(stage, step_s, at));
+    let mut stage_axes = [x, y, z, a, c].map(|at| Axis::new(stage, step_s, at));
     let mut mirrors = [0, 1].map(|k| Scanner::new(mirror, feed, step_s, spot[k]));
     let mut out = Vec::new();
     for Sample { axes, spot, on } in samples {
         let [x, y, z] = axes.xyz;
         let commands = [x, y, z, axes.a, axes.c];
-        let [x, y, z, a, c] = std::array::from_fn(|k| carriers[k].step(commands[k]));
+        let [x, y, z, a, c] = std::array::from_fn(|k| stage_axes[k].step(commands[k]));
         // Where the axes that are late see what is to be marked.
         let seen = Axes { xyz: [x, y, z], a, c }.field_from_part(axes.spot(spot[0], spot[1]).p);
         let missed = [0, 1].map(|k| seen[k] - spot[k]);

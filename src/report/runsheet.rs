@@ -94,7 +94,7 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     writeln!(out, "part turn  {} deg about z", facts.job.placement.turn.as_deg())?;
     writeln!(out, "blocks     {} ({})", s.stops, s.method)?;
     if s.passes > 1 {
-        let spec = &facts.job.passes;
+        let passes = &facts.job.passes;
         writeln!(
             out,
             "passes     {} (focus lowered {} and hatch rotated {} per pass)",

@@ -282,7 +282,7 @@ mod tests {
     /// What a scanner of a field of 5 mm to a side makes of a stage that swings at up to 100 mm/s under a small tremor,
     /// while it swings too: where it goes at most, how far the spot is off.
     fn swing(feed: Option<Protection>, jolt: f64) -> (f64, f64) {
-        let mut carrier = Axis::new(servo(20.0, 0.7), DT, 0.0);
+        let mut stage_axis = Axis::new(servo(20.0, 0.7), DT, 0.0);
         let mut scanner = Scanner::new(servo(1000.0, 0.7), feed, DT, 0.0);
         let (mut most, mut squares) = (0.0f64, 0.0);
         for i in 0..40_000 {
@@ -290,7 +290,7 @@ mod tests {
             let stage = 100.0 / TAU * (TAU * time).sin();
             let planned = 2.0 * (TAU * 2.0 * time).sin();
             let jolt = if (5000..7000).contains(&i) { jolt } else { 0.0 };
-            let missed = stage - (carrier.step(stage) + 0.02 * (TAU * 8.0 * time).sin() + jolt);
+            let missed = stage - (stage_axis.step(stage) + 0.02 * (TAU * 8.0 * time).sin() + jolt);
             let off = scanner.step(planned, missed, 5.0);
             most = most.max((planned + missed - off).abs());
             squares += if i < 10_000 { 0.0 } else { off * off };
