@@ -95,14 +95,14 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
             rule.broken("", "manifest.json", text);
         }
     };
-    hold(manifest.machine == facts.machine, "its machine is not the one of the job file");
-    hold(near(f.pdof_mm, facts.pdof.mm()), "its pdof is not the one of the job file");
+    hold(manifest.machine == facts.machine, "its machine differs from the job file");
+    hold(near(f.pdof_mm, facts.pdof.mm()), "its pdof differs from the job file");
     // The depth range is used rounded down to an even number of increments.
     let lost = Nm::from_mm(f.depth_range_mm).map_or(Nm(-1), |used| facts.depth_range - used);
     let grain = facts.machine.increment_nm() * 2;
-    hold((Nm(0)..grain).contains(&lost), "its depth range is not the one of the job file");
-    hold(f.level == facts.level && f.rule == facts.rule, "its focus level or rule is not the one of the job file");
-    hold(near(manifest.seams.overlap_mm, facts.overlap_nm / NM_PER_MM), "its overlap is not the one of the job file");
+    hold((Nm(0)..grain).contains(&lost), "its depth range differs from the job file");
+    hold(f.level == facts.level && f.rule == facts.rule, "its focus level or rule differs from the job file");
+    hold(near(manifest.seams.overlap_mm, facts.overlap_nm / NM_PER_MM), "its overlap differs from the job file");
     let passes = &facts.passes;
     let declared = manifest.passes.iter().zip(0..).map(|(p, k)| {
         let turn = f64::from(k) * passes.rotate.as_deg();

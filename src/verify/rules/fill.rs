@@ -90,7 +90,7 @@ fn directions(manifest: &Manifest, facts: &JobFacts, pass: u32, bounds: Box2) ->
     let grid = Sections::over(bounds, [x, y], step, [ox, oy]);
     let origin = stated.origin_mm.map(Nm::from_mm);
     if origin != [Some(Nm(grid.origin.x)), Some(Nm(grid.origin.y))] || [stated.columns, stated.rows] != grid.count {
-        return Err("its sections are not those over the job's texture");
+        return Err("its sections do not match the job's texture");
     }
     if stated.direction_deg.len() != grid.len() {
         return Err("it does not state one direction for every section");

@@ -121,7 +121,8 @@ fn first_lifts(stage: &StageFile, machine: &Machine, rule: &mut Rule) {
     for moved in Positions::of(&stage.statements).filter(|m| m.is_anew) {
         // Beyond the end is a fault of `travel`.
         if !matches!(moved.to, [None, None, Some(z), None, None, None] if sign * z >= sign * machine.retract_z().0) {
-            let text = "nobody knows where the stage stands, and the first move does not lift z alone to its end";
+            let text =
+                "the stage position is unknown here, but the first move does not lift z alone to its end of travel";
             rule.broken(moved.block, stage.place(moved.line), text);
         }
     }

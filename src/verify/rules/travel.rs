@@ -76,7 +76,10 @@ fn fault(machine: &Machine, to: [Option<i64>; 3]) -> Option<String> {
             ));
         }
         if value % machine.increment_nm().max(Nm(1)) != Nm(0) {
-            return Some(format!("{name} is sent to {mm} mm, no multiple of {}", machine.stage.increment));
+            return Some(format!(
+                "{name} is commanded to {mm} mm, which is not a multiple of {}",
+                machine.stage.increment
+            ));
         }
     }
     None
