@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn stops_beyond_travel_are_one_error_with_the_origin_that_would_do() {
+    fn travel_error_suggests_a_valid_origin() {
         let (program, origin) = crate::program::sample::program();
         let at: Vec<i64> = program.blocks.iter().map(|b| b.stage[0]).collect();
         let (lo, hi) = (*at.iter().min().expect("blocks"), *at.iter().max().expect("blocks"));
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn stops_that_span_more_than_travel_are_told_of_the_unit_and_of_set_ups() {
+    fn travel_error_mentions_unit_and_set_ups_if_no_origin_fits() {
         let narrow = |m: &mut Machine| m.stage.x.travel = [Length::mm(0.0), Length::mm(0.001)];
         let hint = one([4, 3], narrow).hint;
         assert!(hint.starts_with("check surface.unit") && hint.contains("columns = 4 and rows = 3"), "{hint}");
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn a_head_too_near_is_one_error_at_the_worst_place() {
+    fn clearance_is_reported_once_at_the_worst_stop() {
         let found = faults_with(&[mast()], [1, 1], |_, _| {});
         let e = found.expect_err("a mast under the head");
         let [d] = e.diags() else { panic!("{e}") };

@@ -1,6 +1,6 @@
-//! The gate before the emitters: a [`Checked`] program keeps the invariants P1 to P7 of
-//! [`crate::program`] and the limits of its machine. There is no other way to make one. P8 and P9 speak
-//! of the part's surface and of the texture, which a program does not hold: `terrace verify` proves them.
+//! Validation before emitting: a [`Checked`] program keeps the invariants P1 to P7 of [`crate::program`] and the limits
+//! of its machine. There is no other way to make one. P8 and P9 speak of the part's surface and of the texture, which a
+//! program does not hold: `terrace verify` proves them.
 //!
 //! Controllers clip, drop or truncate silently; here everything that breaks a limit is an error with
 //! block and place.

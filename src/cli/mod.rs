@@ -31,7 +31,7 @@ pub fn main() -> ExitCode {
         Ok(args) => args,
         Err(e) => {
             let _ = e.print();
-            // Help and version are no faults.
+            // Help and version are not errors.
             if !e.use_stderr() {
                 return ExitCode::SUCCESS;
             }

@@ -286,7 +286,7 @@ impl<'a> Follower<'a> {
             *(if made.path.pen[i + 1].is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
         }
         let asked = Schedule::of(&self.thin, machine, &self.whole.program.pens, 0.0).mark_s;
-        // Where the scanner rests it does not make up for the stage either.
+        // Where the scanner does not move it does not compensate for the stage either.
         let feed = (tools != ToolPath::OnTheMark).then_some(self.subject.protection);
         let (samples, step_s) = sampled(&made.timed, &made.path);
         // Of a round field what is too far out comes back towards its centre.
@@ -300,7 +300,7 @@ impl<'a> Follower<'a> {
 }
 
 /// How far the axes of a stage lag behind their commands, each after its own servo, and how far the spot is off, at the
-/// samples that mark. `half` is half of the field for a command, `feed` how the scanner makes up for the stage.
+/// samples that mark. `half` is half of the field for a command, `feed` how the scanner compensates for the stage.
 fn following(
     machine: &Machine,
     half: &dyn Fn([f64; 2]) -> [f64; 2],

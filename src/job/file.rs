@@ -253,7 +253,7 @@ fn default_tolerance() -> Length {
     Length::um(1.0)
 }
 
-/// Where the focal plane of a block stands.
+/// Position of the focal plane of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Level {

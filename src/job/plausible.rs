@@ -1,7 +1,7 @@
 //! Values of a job that the machine's optics make implausible: most often a slip of units.
 //!
-//! Such a job compiles and verifies, since every mark lies where the job asks; the part would be spoilt all the
-//! same. So it is refused unless `limits.implausible = "allow"`, and warned of then.
+//! Such a job compiles and verifies, since every mark lies where the job asks; the part would be spoilt all the same.
+//! So it is refused unless `limits.implausible = "allow"`, which gives a warning instead.
 
 use super::file::Implausible;
 use super::resolved::Job;
@@ -18,7 +18,7 @@ const MOST_DEPTHS: f64 = 2.0;
 /// times.
 const LEAST_PITCH: f64 = 0.25;
 
-/// What is said where a job is refused.
+/// The hint where a job is refused.
 const ALLOW: &str = "check its unit; set limits.implausible = \"allow\" to accept it";
 
 impl Job {
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_implausible_is_warned_of_where_the_job_allows_it() {
+    fn allowed_implausible_values_give_a_warning() {
         let both = [(PDOF, "pdof = \"70 mm\""), (PITCH, "pitch = \"1 um\""), ALLOWED];
         let codes: Vec<_> = found(&both).into_iter().map(|(code, kind, _)| (code, kind)).collect();
         assert_eq!(codes, [("pdof-large", Kind::Warning), ("pitch-small", Kind::Warning)]);

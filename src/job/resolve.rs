@@ -689,7 +689,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_of_other_patterns_are_refused_and_needed_ones_asked_for() {
+    fn foreign_and_missing_pattern_keys_are_rejected() {
         let pitch = "pitch = \"0.5 mm\"";
         let of = |to: &str| faults(pitch, to).into_iter().map(|f| f.1).collect::<Vec<_>>();
         assert_eq!(of(pitch), Vec::<String>::new());

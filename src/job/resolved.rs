@@ -19,7 +19,7 @@ pub struct Overrides {
     pub mode: Option<Mode>,
     /// Over `partition.objective`.
     pub objective: Option<Objective>,
-    /// Seed of everything that is random; not in the file.
+    /// Random seed for cuts in a seam zone; not in the file.
     pub seed: u64,
 }
 
@@ -30,7 +30,7 @@ pub struct Job {
     pub path: PathBuf,
     /// Its text.
     pub source: Arc<str>,
-    /// Seed of everything that is random.
+    /// Random seed for cuts in a seam zone.
     pub seed: u64,
     /// How the part is marked.
     pub mode: Mode,
@@ -96,7 +96,7 @@ pub struct Focus {
     pub depth: Nm,
     /// What PDOF bounds.
     pub rule: super::DepthRule,
-    /// Where the focal plane of a block stands.
+    /// Position of the focal plane of a block.
     pub level: Level,
 }
 

@@ -401,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn tours_of_up_to_seven_stops_are_complete() {
+    fn tours_of_up_to_seven_stops_visit_every_stop() {
         let machine = machine(None);
         for n in 0..8 {
             let stops = vec![Commanded([5; 3]); n];

@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn a_closed_stroke_begins_where_the_beam_comes_from() {
+    fn closed_stroke_starts_at_the_vertex_nearest_the_beam() {
         // A ring of 200 corners whose nearest to the field's centre is none of the outermost.
         let corner = |i: i32| {
             let turn = f64::from(i % 200) / 200.0 * std::f64::consts::TAU;

@@ -496,7 +496,7 @@ mod tests {
     }
 
     #[test]
-    fn port_assignment_is_optimal() {
+    fn endpoint_choice_is_optimal() {
         let (endpoints, at) = mixed(6, 4);
         let seq: Vec<u32> = (0..endpoints.items()).map(|i| endpoints.of(i).start).collect();
         let cost = |a: u32, b: u32| distance(&at, a, b);

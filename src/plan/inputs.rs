@@ -36,7 +36,7 @@ impl Inputs {
         }
         let mut warnings = job.warnings.clone();
         warnings.extend(job.plausible(&machine)?);
-        // What was warned of before a fault often tells its cause.
+        // Warnings before an error often show its cause.
         match Self::read(job, &mut warnings) {
             Ok((surface, texture)) => Ok(Self { machine, surface, texture, warnings }),
             Err(e) => Err(job.at_keys(&e).after(warnings)),

@@ -47,7 +47,7 @@ const SPARE_FOCUS: f64 = 0.04;
 const FOLLOWED: f64 = 0.9;
 /// How often a motion is stretched to keep the limits of its axes.
 const STRETCHES: usize = 8;
-/// How often a plan is made anew without marks that were out of focus.
+/// How many times a plan is rebuilt without marks that were out of focus.
 const PLANS: usize = 8;
 /// What a program may be beyond focus and incidence for the rounding of its samples, mm and rad.
 const ROUNDED: [f64; 2] = [5e-5, 5e-4];

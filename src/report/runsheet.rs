@@ -43,8 +43,8 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
     out.into_bytes()
 }
 
-/// The z to which the stage lifts before it moves to block `i`, mm; None where it goes there at the z where it
-/// stands. Before the first block nobody knows where that is.
+/// The z to which the stage lifts before it moves to block `i`, mm; None where it goes there at the z where it stands.
+/// Before the first block that is unknown.
 fn lift(facts: &Facts<'_>, i: usize) -> Option<f64> {
     let lifts = i == 0 || facts.checked.program().blocks[i].retract;
     lifts.then(|| facts.machine.retract_z().mm())

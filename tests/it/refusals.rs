@@ -92,7 +92,7 @@ fn texture_mostly_off_the_part_is_refused_with_its_share() {
 }
 
 #[test]
-fn texture_beside_the_part_is_refused_with_both_boxes() {
+fn texture_off_the_part_is_refused_with_both_boxes() {
     let dir = folder();
     let mut job = panel(dir.path());
     job.textures[0] += "\narea = [\"80 mm\", \"10 mm\", \"90 mm\", \"20 mm\"]";
@@ -107,7 +107,7 @@ fn texture_beside_the_part_is_refused_with_both_boxes() {
 }
 
 #[test]
-fn travel_is_one_error_and_the_origin_that_it_names_would_do() {
+fn travel_error_suggests_an_origin_that_compiles() {
     let dir = folder();
     let at = |x: f64| -> PathBuf {
         let mut job = panel(dir.path());
@@ -129,7 +129,7 @@ fn travel_is_one_error_and_the_origin_that_it_names_would_do() {
 }
 
 #[test]
-fn a_part_longer_than_travel_is_asked_for_its_unit_and_told_the_set_ups() {
+fn part_longer_than_travel_gets_hints_about_unit_and_set_ups() {
     let dir = folder();
     let mut job = panel(dir.path());
     job.textures = vec!["pattern = \"hatch\"\npitch = \"20 mm\"".into()];

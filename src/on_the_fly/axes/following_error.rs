@@ -1,4 +1,4 @@
-//! Axes that lag behind their commands, and a scanner that makes up for what the stage misses.
+//! Following error of axes, and its compensation by the scanner.
 //!
 //! Consumes commands sampled at even steps, linear in between; promises positions at the same times, exact for the
 //! model at any step. Units: s, Hz, and whatever unit a position has (mm or rad).
@@ -50,8 +50,8 @@ impl Servo {
         Self::stated(machine.scanner.servo, 1000.0)
     }
 
-    /// The following error of a stage at top speed along x and y, mm: what of the scanner's field is left to making
-    /// up for it.
+    /// The following error of a stage at top speed along x and y, mm: the share of the scanner's field reserved for
+    /// compensating it.
     ///
     /// # Errors
     /// As [`Servo::new`].
@@ -121,7 +121,7 @@ impl Axis {
     }
 }
 
-/// What keeps the scanner in its field while it makes up for the stage's error.
+/// How the scanner command is limited while it compensates the stage's following error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Protection {
     /// Its whole command is clipped to the field.
@@ -168,7 +168,7 @@ pub enum Sum {
     Residual,
 }
 
-/// One direction of a scanner that makes up for what the stage under it misses.
+/// One direction of a scanner that compensates the following error of the stage.
 #[derive(Clone, Copy, Debug)]
 pub struct Scanner {
     mirror: Axis,

@@ -1,4 +1,4 @@
-//! Laws of charts: no text over other text or over the rim, what is drawn lies where it should.
+//! Properties of charts: no text over other text or over the rim, what is drawn lies where it should.
 
 use proptest::prelude::*;
 

@@ -123,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_is_in_the_order_of_the_matters() {
+    fn warning_table_follows_enum_order() {
         for (i, row) in MATTERS.iter().enumerate() {
             assert_eq!(row.0 as usize, i);
         }

@@ -1,8 +1,8 @@
-//! `fill`: what is filled along contours. The manifest says the grid of sections and the direction of the
-//! lines in each; the grid must be the job's, and lines laid so must be parallel, a pitch apart,
-//! reach from border to border of their section and leave no room for another. From this it follows
-//! that they cover the area once, at its pitch; that is held against the area of every section too.
-//! Whether the directions are those of level lines is not asked: any others are a sound hatch.
+//! `fill`: what is filled along contours. The manifest says the grid of sections and the direction of the lines in
+//! each; the grid must be the job's, and lines laid so must be parallel, a pitch apart, reach from border to border of
+//! their section and leave no room for another. From this it follows that they cover the area once, at its pitch; that
+//! is checked against the area of every section too. Whether the directions are those of level lines is not asked: any
+//! others are a sound hatch.
 //!
 //! Units: nm.
 
@@ -45,8 +45,8 @@ pub(in crate::verify) fn check(
         return true;
     }
     rule.checked += 1;
-    // The directions are data of the folder: they are held against the job's grid, the lines are laid by the texture's
-    // own code from them, and then each line is followed to see that pitch and sections are kept.
+    // The directions are data of the folder: they are checked against the job's grid, the lines are laid by the
+    // texture's own code from them, and then each line is followed to see that pitch and sections are kept.
     let directions = match directions(manifest, facts, pass, texture.bounds()) {
         Ok(directions) => directions,
         Err(fault) => {

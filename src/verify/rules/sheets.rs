@@ -166,7 +166,7 @@ impl Sheets<'_> {
         .find_map(|(what, same)| (!same).then_some(what))
     }
 
-    /// Holds what stands above the table: where the part lies, and the pens.
+    /// Checks the head of the sheet: the position of the part, and the pens.
     fn head(&mut self, sheet: &Sheet) {
         let name = "runsheet.txt";
         let near = |found: &[f64], nm: &[i64]| {

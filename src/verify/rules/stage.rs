@@ -1,6 +1,6 @@
-//! The stage programs as read, and the part of `agreement` that concerns them: blocks in the order of
-//! the program, each with its drawing and its target, reached by a lift where the program asks for one and
-//! where nobody knows where the stage stands; and comments that name the block they stand in.
+//! The stage programs as read, and the part of `agreement` that concerns them: blocks in the order of the program, each
+//! with its drawing and its target, reached by a lift where the program asks for one and where the stage position is
+//! unknown; and comments that name their block.
 
 use std::path::Path;
 
@@ -51,7 +51,7 @@ pub(super) struct Moved<'a> {
     pub(super) line: usize,
     /// x, y, z, a, b, c.
     pub(super) to: [Option<i64>; 6],
-    /// Whether nobody knows where the stage stands: at the start, and after a stop at which the part is moved.
+    /// Whether the stage position is unknown: at the start, and after a stop at which the part is moved.
     pub(super) is_anew: bool,
 }
 
@@ -115,7 +115,7 @@ fn units(stage: &StageFile, rule: &mut Rule) {
     }
 }
 
-/// Where nobody knows where the stage stands, it lifts first, to the end of z.
+/// Where the stage position is unknown, it lifts first, to the end of z.
 fn first_lifts(stage: &StageFile, machine: &Machine, rule: &mut Rule) {
     let sign = machine.stage.z.sign();
     for moved in Positions::of(&stage.statements).filter(|m| m.is_anew) {
@@ -153,7 +153,7 @@ fn names(stage: &StageFile, rule: &mut Rule) {
     names.for_each(|(line, id)| misnamed(stage, block, *line, id, rule));
 }
 
-/// Reports a comment that names another block than the one at hand.
+/// Reports a comment that names a block other than the current one.
 fn misnamed(stage: &StageFile, block: Option<(&str, usize)>, line: usize, id: &str, rule: &mut Rule) {
     if let Some((here, _)) = block.filter(|(here, _)| *here != id) {
         rule.broken(here, stage.place(line), format!("a comment in block {here} names block {id}"));
@@ -246,8 +246,8 @@ fn apply(at: &mut [Option<i64>; 6], to: [Option<i64>; 6]) {
     }
 }
 
-/// Whether the first move of a group is of z alone and not below where it comes from or goes to; where
-/// the stage stands at the far end of z already, there is nothing to lift.
+/// Whether the first move of a group is of z alone and not below where it comes from or goes to; where the stage is at
+/// the far end of z already, there is nothing to lift.
 fn lifts(first: Option<[Option<i64>; 6]>, from: Option<i64>, to: i64, z: &Axis) -> bool {
     let (sign, ends) = (z.sign(), z.travel.map(|t| t.as_nm().map(|Nm(end)| end)));
     if let Some([None, None, Some(z), None, None, None]) = first {

@@ -2,8 +2,8 @@
 //! spoilt is not reported a second time: what is skipped waits for `coverage`, overlaps for `once`, times for
 //! `agreement` and `travel`, slopes for all rules of geometry.
 //!
-//! Of `lower_bound_stops` it is held that there are no fewer stops: a bound is proved by its certificate, which the
-//! folder does not hold.
+//! Of `lower_bound_stops` only this is checked, that there are no fewer stops: a bound is proved by its certificate,
+//! which the folder does not hold.
 
 use super::coverage::Pieces;
 use super::depth_and_field::Marks;

@@ -1,5 +1,5 @@
-//! `travel`: the stage stands where the block says, within its travel and on its increment, and so
-//! does every position that the stage programs command on the way.
+//! `travel`: the stage is at the position of the block, within its travel and on its increment, and so does every
+//! position that the stage programs command on the way.
 
 use std::collections::BTreeMap;
 
@@ -38,7 +38,7 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
     for stage in stages {
         for moved in Positions::of(&stage.statements) {
             rule.checked += 1;
-            // The targets themselves were held above; a lift on the way is a position of its own.
+            // The targets themselves were checked above; a lift on the way is a position of its own.
             let target = blocks.get(moved.block).map(|b| b.stage);
             let to = [0, 1, 2].map(|k| moved.to[k].filter(|&v| target.is_none_or(|t| t[k] != v)));
             if let Some(fault) = fault(machine, to) {
