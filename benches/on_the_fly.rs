@@ -1,5 +1,5 @@
-//! How fast a path is timed under the limits of seven axes together, and how the time converges when cells are
-//! halved: `cargo bench --bench fly` prints the table.
+//! How fast a path is timed under the limits of seven axes together, and how the time converges when cells are halved:
+//! `cargo bench --bench on_the_fly` prints the table.
 //!
 //! The paths are made: 20 m in steps of 0.1 mm, five slow axes that swing over decimetres and a fast pair that
 //! swings by millimetres. Smooth: one run. Cornered: stops every 4 mm. Short: stops every 0.2 mm, on 4 m. Dome: 450

@@ -1,7 +1,7 @@
 //! Many jobs: each compiled on its own, unchanged ones skipped, a failing one harming no other.
 //!
-//! A job is unchanged when its folder's manifest names the same version, mode, seed, objective, job file and
-//! inputs by hash, and every file it lists is there with its size. Outcomes stand in the order of the list.
+//! A job is unchanged when its folder's manifest names the same version, mode, seed, objective, job file and inputs by
+//! hash, and every file it lists is there with its size. Outcomes are in the order of the list.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -46,7 +46,7 @@ pub enum State {
         /// Job time, s.
         time_s: f64,
     },
-    /// It failed; any older folder stands as it was.
+    /// It failed; any older folder is unchanged.
     Failed(Error),
 }
 
@@ -85,7 +85,7 @@ pub fn jobs(paths: &[PathBuf], output: Option<&Path>, overrides: &Overrides) -> 
         }
         if !found {
             let d = Diag::input("batch-empty", "there is no job").at(Place::file(path.display().to_string()));
-            return Err(d.hint("a folder needs *.toml files, a list one job file a line").into());
+            return Err(d.hint("a folder needs *.toml files, a list one job file per line").into());
         }
         for (i, e) in entries.iter().enumerate().skip(before) {
             if let Some(other) = entries[..i].iter().find(|o| o.folder == e.folder) {

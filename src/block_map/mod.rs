@@ -5,19 +5,19 @@
 //!
 //! The map is made of the marks, because where windows of stops overlap, the marks alone tell whose a
 //! place is:
-//! 1. *Ink.* Every stroke of every block is followed from cell to cell (`ink`). A cell belongs to the
+//! 1. *Marked cells.* Every stroke of every block is followed from cell to cell (`rasterise`). A cell belongs to the
 //!    block with the longest marks in it; among equals to the first.
-//! 2. *Growth.* From there the labels grow over the other cells, ring by ring, but only where the block's
-//!    stop admits the surface at the cell's centre: in its window (the section where stops stand on
-//!    the grid of sections, else the field) and in its depth interval (`grow`). Inked cells whose centre
-//!    their block does not admit, which lie on a border, take part as cells without marks. So all cells
-//!    are judged at their centres, as the article counts, lines of one level are connected however far
-//!    from each other they lie, and the number of sub-blocks, which is taken here, does not depend on
-//!    the pitch. Rows among rows full of marks need no growth and stay as inked.
-//! 3. *Closing.* Labels stay on cells with marks and on cells in a gap between two marks, along x or along
-//!    y, of at most the reach (`close`); the others are taken back. A dense hatch becomes a closed area
-//!    up to its outermost lines, a place without texture stays empty. Cells in gaps that no block
-//!    admits, such as levels that fall between two lines, go to the nearest label.
+//! 2. *Growth.* From there the labels grow over the other cells, ring by ring, but only where the block's stop admits
+//!    the surface at the cell's centre: in its window (the section where stops stand on the grid of sections, else the
+//!    field) and in its depth interval (`region_growing`). Marked cells whose centre their block does not admit, which
+//!    lie on a border, take part as cells without marks. So all cells are judged at their centres, as the article
+//!    counts, lines of one level are connected however far from each other they lie, and the number of sub-blocks,
+//!    which is taken here, does not depend on the pitch. Rows among rows full of marks need no growth and stay as
+//!    marked.
+//! 3. *Closing.* Labels stay on cells with marks and on cells in a gap between two marks, along x or along y, of at
+//!    most the reach (`closing`); the others are taken back. A dense hatch becomes a closed area up to its outermost
+//!    lines, a place without texture stays empty. Cells in gaps that no block admits, such as levels that fall between
+//!    two lines, go to the nearest label.
 //!
 //! The reach is 1.5 times the distance of marks that three of four gaps of the texture do not exceed,
 //! at most an eighth of the field. Where more than one of four gaps is wider than that eighth, the texture
@@ -109,8 +109,8 @@ impl BlockMap {
             let stop = &stops[label as usize - 1];
             heights.at(cell).is_some_and(|z| stop.admits(grid.centre(cell), z))
         };
-        // Judged at their centres: ink on a border cell whose centre its stop does not admit is taken back, else
-        // lines of one level that touch the next would join what is apart.
+        // Decided at cell centres: a marked border cell whose centre its stop does not admit is cleared, else lines of
+        // one level that touch the next would join what is apart.
         let mut labels = ink.clone();
         for (y, row) in labels.chunks_exact_mut(grid.columns()).enumerate().filter(|(y, _)| !dense[*y]) {
             let first = y * grid.columns();

@@ -1,4 +1,4 @@
-//! Laws of the map on made-up programs: which cells are passed, whose they are, what is measured.
+//! Properties of the map on made-up programs: which cells are passed, whose they are, what is measured.
 
 use proptest::prelude::*;
 

@@ -1,5 +1,5 @@
-//! The limits of the machine over all stops of a program. Each that is broken is reported once: how many stops
-//! break it, by how much the worst does, and the figure that would do where there is one.
+//! The limits of the machine over all stops of a program. Each that is broken is reported once: how many stops break
+//! it, by how much the worst does, and a value that works where there is one.
 
 use super::Limits;
 use crate::diag::{Diag, Place};
@@ -45,7 +45,8 @@ fn travel(program: &Program, limits: &Limits<'_>, k: usize) -> Option<Diag> {
     });
     let [from, to] = ends.map(mm_from_nm);
     let text = format!(
-        "{name} would have to go to {from} to {to} mm, its travel is {} to {} mm: {} lie beyond, by up to {} mm",
+        "{name} would have to travel from {from} to {to} mm, but its travel is {} to {} mm: {} are out of range, by \
+         up to {} mm",
         mm_from_nm(lo),
         mm_from_nm(hi),
         share(&found, program),
@@ -59,18 +60,18 @@ fn travel(program: &Program, limits: &Limits<'_>, k: usize) -> Option<Diag> {
         let room = [lo - ends[0], hi - ends[1]];
         let [a, b] = if axis.sign() > 0 { room } else { [-room[1], -room[0]] };
         let [a, b] = [a, b].map(|by| mm_from_nm(origin[k] + by));
-        format!("placement.origin with {name} between {a} and {b} mm would do")
+        format!("any placement.origin with {name} between {a} and {b} mm works")
     } else {
         format!("move the part along {name}, or mark a smaller area")
     };
     Some(Diag::limit("travel", text).at(Place::Block(BlockId::new(found.worst).to_string())).hint(hint))
 }
 
-/// What helps where no place of the part brings all stops into the travel of axis `k`.
+/// What helps where no origin brings all stops into the travel of axis `k`.
 fn too_long(limits: &Limits<'_>, k: usize) -> String {
-    let mut hint = "check surface.unit; no place of the part is within travel: ".to_owned();
+    let mut hint = "check surface.unit; no origin brings all stops within travel: ".to_owned();
     match (k, limits.setups_needed) {
-        (2, _) => hint += "mark a part of it, or lean it (`terrace orient JOB`)",
+        (2, _) => hint += "mark a smaller area, or tilt the fixture (`terrace orient JOB`)",
         (_, [columns, rows]) if columns * rows > 1 => {
             hint += &format!("mark a smaller area, or use [setups] with columns = {columns} and rows = {rows}");
         }
@@ -97,7 +98,7 @@ fn clearance(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
     );
     let [x_mm, y_mm] = program.blocks[found.worst].stop.centre.mm();
     let hint = "lens.working_distance, lens.diameter and stage.clearance of the machine decide this; \
-                `terrace orient JOB` says how the part should lean";
+                `terrace orient JOB` suggests a fixture angle";
     Some(Diag::limit("clearance", text).at(Place::Part { x_mm, y_mm }).hint(hint))
 }
 
@@ -109,7 +110,7 @@ fn strokes(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
     }
     let found = excess(program, |b| b.strokes.len() as i64 - limit as i64)?;
     let most = program.blocks[found.worst].strokes.len();
-    let text = format!("{} have up to {most} strokes, the controller takes {limit}", share(&found, program));
+    let text = format!("{} have up to {most} strokes, but the controller takes {limit}", share(&found, program));
     let hint = "use smaller sections (partition.section)";
     Some(Diag::limit("strokes", text).at(Place::Block(BlockId::new(found.worst).to_string())).hint(hint))
 }
@@ -131,21 +132,21 @@ mod tests {
     }
 
     #[test]
-    fn stops_beyond_travel_are_one_error_with_the_origin_that_would_do() {
+    fn travel_error_suggests_a_valid_origin() {
         let (program, origin) = crate::program::sample::program();
         let at: Vec<i64> = program.blocks.iter().map(|b| b.stage[0]).collect();
         let (lo, hi) = (*at.iter().min().expect("blocks"), *at.iter().max().expect("blocks"));
         // Travel is as long as the stops need, and lies 5 mm off.
         let d = one([1, 1], |m| m.stage.x.travel = [lo + 5_000_000, hi + 5_000_000].map(|v| Length::mm(mm_from_nm(v))));
         let below = at.iter().filter(|&&v| v < lo + 5_000_000).count();
-        assert!(d.message.contains(&format!("{below} of {} stops lie beyond, by up to 5 mm", at.len())), "{d}");
+        assert!(d.message.contains(&format!("{below} of {} stops are out of range, by up to 5 mm", at.len())), "{d}");
         let sign = Machine::built_in("xyz-galvo-40").expect("a profile").stage.x.sign();
         let wanted = mm_from_nm(origin[0] + sign * 5_000_000);
-        assert_eq!(d.hint, format!("placement.origin with x between {wanted} and {wanted} mm would do"));
+        assert_eq!(d.hint, format!("any placement.origin with x between {wanted} and {wanted} mm works"));
     }
 
     #[test]
-    fn stops_that_span_more_than_travel_are_told_of_the_unit_and_of_set_ups() {
+    fn travel_error_mentions_unit_and_set_ups_if_no_origin_fits() {
         let narrow = |m: &mut Machine| m.stage.x.travel = [Length::mm(0.0), Length::mm(0.001)];
         let hint = one([4, 3], narrow).hint;
         assert!(hint.starts_with("check surface.unit") && hint.contains("columns = 4 and rows = 3"), "{hint}");
@@ -162,12 +163,12 @@ mod tests {
         let over = program.blocks.iter().filter(|b| b.strokes.len() > 1).count();
         let d = one([1, 1], |m| m.controller.max_strokes = 1);
         let wanted =
-            format!("{over} of {} stops have up to {most} strokes, the controller takes 1", program.blocks.len());
+            format!("{over} of {} stops have up to {most} strokes, but the controller takes 1", program.blocks.len());
         assert_eq!(d.message, wanted);
     }
 
     #[test]
-    fn a_head_too_near_is_one_error_at_the_worst_place() {
+    fn clearance_is_reported_once_at_the_worst_stop() {
         let found = faults_with(&[mast()], [1, 1], |_, _| {});
         let e = found.expect_err("a mast under the head");
         let [d] = e.diags() else { panic!("{e}") };

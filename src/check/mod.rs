@@ -1,6 +1,6 @@
-//! The gate before the emitters: a [`Checked`] program keeps the invariants P1 to P7 of
-//! [`crate::program`] and the limits of its machine. There is no other way to make one. P8 and P9 speak
-//! of the part's surface and of the texture, which a program does not hold: `terrace verify` proves them.
+//! Validation before emitting: a [`Checked`] program keeps the invariants P1 to P7 of [`crate::program`] and the limits
+//! of its machine. There is no other way to make one. P8 and P9 speak of the part's surface and of the texture, which a
+//! program does not hold: `terrace verify` proves them.
 //!
 //! Controllers clip, drop or truncate silently; here everything that breaks a limit is an error with
 //! block and place.
@@ -60,14 +60,14 @@ impl Checked {
             return Err(Error::many(faults));
         }
         if program.blocks.windows(2).any(|w| w[0].pass > w[1].pass) {
-            faults.push(Diag::bug("program-invariant", "P7: a block of an earlier pass stands after a later one"));
+            faults.push(Diag::bug("program-invariant", "P7: a block of an earlier pass comes after a later one"));
         }
         let mut runs: Vec<(PassId, SetupId)> = program.blocks.iter().map(|b| (b.pass, b.setup)).collect();
         runs.dedup();
         runs.sort_unstable();
         let is_known = |&(_, setup): &(PassId, SetupId)| setup.index() < limits.origins.len();
         if !runs.iter().all(is_known) || runs.windows(2).any(|w| w[0] == w[1]) {
-            faults.push(Diag::bug("program-invariant", "P7: the blocks of a set-up do not follow each other"));
+            faults.push(Diag::bug("program-invariant", "P7: the blocks of a set-up are not consecutive"));
             return Err(Error::many(faults));
         }
         for (i, block) in program.blocks.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! What may be typed.
+//! Arguments of the command line.
 
 use std::path::PathBuf;
 
@@ -9,23 +9,23 @@ use crate::compare::{SYSTEMS, System};
 use crate::job::{FileUnit, Mode, Objective};
 use crate::on_the_fly::axes::following_error::Protection;
 
-/// Compiles a texture on a freeform part into a stepped 3+2 job, and proves it.
+/// Compiles a texture on a freeform part into a stepped 3+2 job, and verifies it.
 #[derive(Debug, Parser)]
 #[command(name = "terrace", version, about, max_term_width = 100)]
 pub struct Args {
     /// Print the result as JSON.
     #[arg(long, global = true)]
     pub json: bool,
-    /// Threads; default: all. Their number never changes the result.
+    /// Number of threads; default: all. It does not affect the result.
     #[arg(short = 'j', long = "threads", global = true, value_name = "N", value_parser = threads)]
     pub threads: Option<usize>,
-    /// Seed of everything that is random.
+    /// Random seed for cuts in a seam zone (partition.zone).
     #[arg(long, global = true, default_value_t = 0)]
     pub seed: u64,
     /// No warnings and no progress.
     #[arg(short, long, global = true)]
     pub quiet: bool,
-    /// Do not wait until what is written is on the disk: quicker, and lost if power fails.
+    /// Do not flush output to disk: faster, but files may be lost on a power failure.
     #[arg(long, global = true)]
     pub no_sync: bool,
     #[command(subcommand)]
@@ -62,14 +62,14 @@ pub enum Command {
     Compile {
         /// Job file, or - for standard input.
         job: PathBuf,
-        /// Folder to write; default: the job file's name with .job, with .fly.job for an on-the-fly job. A job
-        /// folder of the same mode that is there is replaced, anything else is not.
+        /// Folder to write; default: the job file's name with .job, with .fly.job for an on-the-fly job. An existing
+        /// job folder of the same mode is replaced; anything else is refused.
         #[arg(short, long, value_name = "FOLDER")]
         output: Option<PathBuf>,
         #[command(flatten)]
         choice: Choice,
     },
-    /// Read a job folder back and prove that every mark lies once, in focus and inside the field.
+    /// Read a job folder back and check that every mark is made exactly once, in focus and inside the field.
     Verify {
         /// Job folder.
         folder: PathBuf,
@@ -77,7 +77,7 @@ pub enum Command {
         #[arg(long, value_name = "FOLDER")]
         inputs: Option<PathBuf>,
     },
-    /// Draw the layout of the blocks alone; of several passes, of the first.
+    /// Draw only the block layout (of the first pass, if there are several).
     Preview {
         /// Job file, or - for standard input.
         job: PathBuf,
@@ -88,31 +88,30 @@ pub enum Command {
         #[command(flatten)]
         choice: Choice,
     },
-    /// Say how the part should lean on a plain stage, in one or two set-ups, so that stage moves take the
-    /// least time: a table of estimates, nothing is written.
+    /// Find the fixture angle that minimises stage time, for one or two set-ups; prints estimates, writes nothing.
     Orient {
         /// Job file, or - for standard input.
         job: PathBuf,
     },
-    /// Mark the same part in every way there is, on paper: stepped by each method, flat, with a zoom optic, tilted,
-    /// scanner and stage synchronised, five and seven axes; times, deviations and seams side by side.
+    /// Estimate the same job on eleven systems: stepped by each method, flat, with a zoom optic, tilted, scanner and
+    /// stage synchronised, five and seven axes; times, deviations and seams side by side.
     Compare {
         /// Job file, or - for standard input.
         job: PathBuf,
         /// Systems, separated by commas; default: all.
         #[arg(long, value_delimiter = ',', value_name = "NAMES", value_parser = one_of(&SYSTEMS, |system| system.name))]
         systems: Vec<&'static System>,
-        /// What keeps the scanner in its field while it compensates the stage's following error (accumulated: eq. 5
-        /// of Cui et al., which does not).
+        /// How the scanner command is limited while it compensates the stage's following error (saturate: clipped to
+        /// the field; accumulated: eq. 5 of Cui et al., which does not keep it in the field; off: not limited).
         #[arg(long, default_value = "saturate", value_name = "NAME", value_parser = one_of(&Protection::ALL, Protection::name))]
         protection: Protection,
         /// Folder to write tables and pictures to.
         #[arg(short, long, value_name = "FOLDER")]
         output: Option<PathBuf>,
     },
-    /// Compile many jobs; unchanged ones are skipped, a failing one harms no other.
+    /// Compile many jobs; skip unchanged ones and continue after a failure.
     Batch {
-        /// Folders of job files (*.toml), list files with one job file a line, or job files (*.toml).
+        /// Folders of job files (*.toml), list files with one job file per line, or job files (*.toml).
         #[arg(required = true)]
         jobs: Vec<PathBuf>,
         /// Folder for the job folders; default: beside each job file.
@@ -147,13 +146,13 @@ pub enum Command {
     },
 }
 
-/// What is set over the job file's own keys.
+/// Options that override keys of the job file.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct Choice {
     /// How the part is marked; overrides the job file's mode.
     #[arg(long, value_parser = one_of(&[Mode::Stepped, Mode::OnTheFly], Mode::name))]
     pub mode: Option<Mode>,
-    /// What the best of several methods has least of; overrides partition.objective.
+    /// What `auto` minimises: estimated job time or number of stops; overrides partition.objective.
     #[arg(long, value_parser = one_of(&[Objective::Time, Objective::Stops], Objective::name))]
     pub objective: Option<Objective>,
 }

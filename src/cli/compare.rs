@@ -46,7 +46,7 @@ fn is_ours(name: &Path) -> bool {
     FILES.iter().any(|(stems, formats)| part(name.file_stem(), stems) && part(name.extension(), formats))
 }
 
-/// Holds that nothing stands at `folder` but a comparison.
+/// Checks that `folder` holds nothing but a comparison.
 ///
 /// # Errors
 /// `output-not-a-comparison` where it is none, or holds something else too.

@@ -43,7 +43,7 @@ struct Facets {
     steep: f64,
 }
 
-/// Slope from which a lean may pay, deg.
+/// Slope from which a tilted fixture may save time, deg.
 const STEEP: f64 = 30.0;
 
 impl Facets {
@@ -74,7 +74,7 @@ impl Facets {
 
     fn text(&self) -> String {
         let [steep, down] = [self.steep, self.down].map(|a| self.percent(a));
-        let hint = if steep > 20.0 { "; `terrace orient JOB` says whether a lean pays" } else { "" };
+        let hint = if steep > 20.0 { "; `terrace orient JOB` shows whether tilting the part saves time" } else { "" };
         format!("facets  {steep:.0} % of the area steeper than {STEEP} deg, {down:.0} % facing down{hint}\n")
     }
 }
@@ -101,7 +101,7 @@ fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
             Shown {
                 text: format!(
                     "height map, {} x {} samples, values {min} to {max}\n\
-                     its scale stands in the job file: [surface.heightmap] pixel, z, values, nodata\n",
+                     the job file gives its scale: [surface.heightmap] pixel, z, values, nodata\n",
                     map.columns, map.rows
                 ),
                 json: json!({"kind": "heightmap", "columns": map.columns, "rows": map.rows, "values": [min, max]}),
@@ -133,7 +133,7 @@ fn in_units(facets: &Facets, mut json: Value) -> (String, Value) {
     let Facets { lo, hi, .. } = *facets;
     let corners = [lo, hi].map(|p| triple(p, ", "));
     let mut text = format!(
-        "size  {} units: the file does not say which\nfrom  ({})\nto    ({})\n",
+        "size  {} (the file does not state its unit)\nfrom  ({})\nto    ({})\n",
         triple(facets.size(), " x "),
         corners[0],
         corners[1]
@@ -142,7 +142,7 @@ fn in_units(facets: &Facets, mut json: Value) -> (String, Value) {
     let units = [("mm", FileUnit::Millimetre), ("in", FileUnit::Inch), ("m", FileUnit::Metre)];
     let likely = units.iter().find(|(_, unit)| LIKELY_MM.contains(&(longest * unit.in_mm()))).map(|(name, _)| *name);
     for (name, unit) in units {
-        let note = if likely == Some(name) { "   <- the likely one" } else { "" };
+        let note = if likely == Some(name) { "   <- most likely" } else { "" };
         text += &format!("  if {name:<3} {} mm{note}\n", triple(facets.size().map(|s| s * unit.in_mm()), " x "));
     }
     text += "state it in the job, as unit = \"mm\" under [surface], and here with --unit\n";

@@ -31,7 +31,7 @@ pub fn main() -> ExitCode {
         Ok(args) => args,
         Err(e) => {
             let _ = e.print();
-            // Help and version are no faults.
+            // Help and version are not errors.
             if !e.use_stderr() {
                 return ExitCode::SUCCESS;
             }
@@ -53,7 +53,7 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// What is wrong with a command line, in clap's words: its first paragraph says what, the others what would do.
+/// What is wrong with a command line, in clap's words: its first paragraph says what, the others what would work.
 fn usage(e: &clap::Error) -> Diag {
     let text = e.to_string();
     let (what, rest) = text.split_once("\n\n").unwrap_or((&text, ""));

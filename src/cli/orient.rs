@@ -24,9 +24,9 @@ pub(super) fn text(found: &[Orientation]) -> String {
         }
     }
     out.push_str(
-        "\nEstimates from sample points, without marks and without the time to set the part up. A lean turns the part\n\
-         about y first, then about x, right-handed. To use one, turn the surface so in its file, fix the part so, and\n\
-         compile: the job then says what it needs, what is hidden and what is too steep.\n",
+        "\nEstimated from sample points; marking and set-up time not included. Angles rotate the part about\n\
+         y, then about x (right-handed). To use a row, rotate the surface file by these angles, clamp the\n\
+         part accordingly and compile: that also reports hidden and too steep areas.\n",
     );
     out
 }

@@ -124,7 +124,7 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
         format!("method         {}", s.method),
         format!("stops          {} ({} sub-blocks){}", s.stops, s.sub_blocks, at_least(s)),
         format!(
-            "marks          {:.3} mm in {} strokes, {} of the texture's strokes cut",
+            "marks          {:.3} mm in {} fragments ({} texture strokes cut)",
             s.mark_mm, s.fragments, s.strokes_cut
         ),
         format!("texture        {:.3} mm", s.texture_mm),
@@ -133,7 +133,7 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
             s.skipped_mm, s.skipped_off_part_mm, s.skipped_steep_mm, s.skipped_small_mm
         ),
         format!(
-            "worst defocus  {:.3} um (with the mean as focal plane: {:.3} um)",
+            "worst defocus  {:.3} um ({:.3} um if focused at the mean height)",
             s.worst_defocus_um, s.worst_defocus_mean_um
         ),
         format!("worst slope    {:.2} deg", s.worst_incidence_deg),
@@ -155,7 +155,7 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
     }
     for c in &s.candidates {
         lines.push(format!(
-            "candidate      {:<8} {} stops, {} strokes, {}",
+            "candidate      {:<8} {} stops, {} fragments, {}",
             c.method,
             c.stops,
             c.fragments,
@@ -164,7 +164,7 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
     }
     if let Some(folder) = folder {
         lines.push(format!("job folder     {}", folder.display()));
-        lines.push(format!("look first at  {}", folder.join("layout.svg").display()));
+        lines.push(format!("open           {}", folder.join("layout.svg").display()));
         lines.push(format!("then run       terrace verify {}", folder.display()));
     }
     lines.join("\n") + "\n"

@@ -80,7 +80,7 @@ impl<'a> Follower<'a> {
         let mut notes = Vec::new();
         match turn {
             Turnaround::Skywriting(s) => {
-                notes.push(format!("skywriting for {:.0} ms beside every mark", 1e3 * s * slow))
+                notes.push(format!("skywriting for {:.0} ms before and after every mark", 1e3 * s * slow))
             }
             Turnaround::Dwell(s) if s > 0.0 => notes.push(format!("waits for {:.0} ms at every end", 1e3 * s * slow)),
             Turnaround::Dwell(_) => {}
@@ -286,7 +286,7 @@ impl<'a> Follower<'a> {
             *(if made.path.pen[i + 1].is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
         }
         let asked = Schedule::of(&self.thin, machine, &self.whole.program.pens, 0.0).mark_s;
-        // Where the scanner rests it does not make up for the stage either.
+        // Where the scanner does not move it does not compensate for the stage either.
         let feed = (tools != ToolPath::OnTheMark).then_some(self.subject.protection);
         let (samples, step_s) = sampled(&made.timed, &made.path);
         // Of a round field what is too far out comes back towards its centre.
@@ -300,7 +300,7 @@ impl<'a> Follower<'a> {
 }
 
 /// How far the axes of a stage lag behind their commands, each after its own servo, and how far the spot is off, at the
-/// samples that mark. `half` is half of the field for a command, `feed` how the scanner makes up for the stage.
+/// samples that mark. `half` is half of the field for a command, `feed` how the scanner compensates for the stage.
 fn following(
     machine: &Machine,
     half: &dyn Fn([f64; 2]) -> [f64; 2],
@@ -312,13 +312,13 @@ fn following(
     let mirror = Servo::of_scanner(machine)?;
     let mut samples = samples.peekable();
     let Some(&Sample { axes: Axes { xyz: [x, y, z], a, c }, spot, .. }) = samples.peek() else { return Ok(Vec::new()) };
-    let mut carriers = [x, y, z, a, c].map(|at| Axis::new(stage, step_s, at));
+    let mut stage_axes = [x, y, z, a, c].map(|at| Axis::new(stage, step_s, at));
     let mut mirrors = [0, 1].map(|k| Scanner::new(mirror, feed, step_s, spot[k]));
     let mut out = Vec::new();
     for Sample { axes, spot, on } in samples {
         let [x, y, z] = axes.xyz;
         let commands = [x, y, z, axes.a, axes.c];
-        let [x, y, z, a, c] = std::array::from_fn(|k| carriers[k].step(commands[k]));
+        let [x, y, z, a, c] = std::array::from_fn(|k| stage_axes[k].step(commands[k]));
         // Where the axes that are late see what is to be marked.
         let seen = Axes { xyz: [x, y, z], a, c }.field_from_part(axes.spot(spot[0], spot[1]).p);
         let missed = [0, 1].map(|k| seen[k] - spot[k]);

@@ -1,10 +1,10 @@
-//! The same part and texture marked in every way there is, side by side: stepping in all its variants, zoom
-//! optics, tilting, scanner and stage synchronised, five and seven axes on the fly.
+//! Estimates of the same job on every system, side by side: stepping in all its variants, zoom optics, tilting, scanner
+//! and stage synchronised, five and seven axes on the fly.
 //!
-//! Consumes a job; promises for every system its time split in parts, its stops, how far marks lie out of focus
-//! and out of the beam's angle, and which share of them keeps the job's limits. Stepped systems are compiled as
-//! jobs are; the others are decomposed and timed by [`crate::on_the_fly`]. A system that the job's machine is not is
-//! given what it lacks from a built-in profile, and says so.
+//! Consumes a job; promises for every system its time split in parts, its stops, how far marks lie out of focus and out
+//! of the beam's angle, and which share of them keeps the job's limits. Stepped systems are compiled as jobs are; the
+//! others are decomposed and timed by [`crate::on_the_fly`]. Where the job's machine lacks hardware that a system
+//! needs, it is taken from a built-in profile, and the notes say so.
 //!
 //! The limits are the job's for all: focal offset up to half the depth range, beam angle up to
 //! `limits.warn_incidence`, the machine's field. Units: mm, s, deg, um as names say.
@@ -93,7 +93,7 @@ pub struct Figures {
     pub incidence_deg: Statistics,
     /// Distance of the spot from the optical axis, mm.
     pub displacement_mm: Statistics,
-    /// How far the stage lags behind its command while it marks, um; None where it stands.
+    /// How far the stage lags behind its command while it marks, um; None where it is at rest.
     pub stage_lag_um: Option<Statistics>,
     /// How far the spot is off its place after the scanner has taken up the stage's lag, um.
     pub spot_error_um: Option<Statistics>,
@@ -183,7 +183,7 @@ struct Subject<'a> {
     limits: Limits,
     /// Size of the texture's box, mm.
     size: [f64; 2],
-    /// Of the scanner, while it makes up for what the stage misses.
+    /// Of the scanner, while it compensates the following error of the stage.
     protection: Protection,
     /// Time of a stage move by the width of the field, s.
     move_s: f64,

@@ -166,7 +166,7 @@ pub fn tables(c: &Comparison) -> Vec<(&'static str, Table)> {
 fn convergence(c: &Comparison) -> Option<Table> {
     let finest = c.curves.convergence.last()?[1];
     let columns =
-        vec![Column::count("cells"), Column::number("least time", "s", 3), Column::number("beside the finest", "%", 3)];
+        vec![Column::count("cells"), Column::number("least time", "s", 3), Column::number("above the finest", "%", 3)];
     let mut table = Table::new("Seven axes: least time of the first 20 m of path on finer grids", columns);
     for &[cells, time] in &c.curves.convergence {
         table.row([(cells as usize).into(), time.into(), (100.0 * (time / finest - 1.0)).into()]);
@@ -244,5 +244,5 @@ pub fn page(c: &Comparison) -> String {
     let mut items = vec![Item::Text(&intro)];
     items.extend(tables.iter().map(|(_, t)| Item::Table(t)));
     items.extend(plots.iter().map(|(_, p)| Item::Plot(p)));
-    page_html(&format!("{}: ways of marking it", c.job), &items)
+    page_html(&format!("{}: comparison of marking systems", c.job), &items)
 }

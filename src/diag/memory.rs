@@ -20,7 +20,7 @@ pub fn ask(what: &str, bytes: u64) -> Result<(), Diag> {
         None => Ok(()),
         Some(room) => {
             let text = format!(
-                "{what} takes about {} of memory, and {} are left of the {} that {} allows",
+                "{what} needs about {} of memory, but only {} of the {} allowed by {} is left",
                 size(bytes),
                 size(room.left),
                 size(room.limit),
@@ -120,7 +120,7 @@ mod tests {
         assert_eq!(ask("a list", 1000), Ok(()));
         if let Some(room) = tightest() {
             let d = ask("the mesh", u64::MAX).expect_err("too much");
-            assert!(d.message.contains("the mesh takes about ") && d.message.contains(room.by), "{}", d.message);
+            assert!(d.message.contains("the mesh needs about ") && d.message.contains(room.by), "{}", d.message);
         }
     }
 }

@@ -12,7 +12,7 @@ pub enum Severity {
     Warning,
     /// The input is at fault, or the machine cannot do what is asked.
     Error,
-    /// A fault of terrace.
+    /// A bug in terrace.
     Bug,
 }
 

@@ -1,8 +1,8 @@
 //! What goes wrong, with its place and its remedy.
 //!
-//! Four kinds, never mixed: a warning, your input, your machine's limit, our own bug. Each diagnostic
-//! is one sentence with a stable code (listed in `docs/errors.md`), a place and a hint that says what
-//! to change. Nothing here prints: the command line renders diagnostics, JSON writes them as objects.
+//! Each diagnostic is one of: warning, input error, machine limit, internal bug. It is one sentence with a stable code
+//! (listed in `docs/errors.md`), a place and a hint that says what to change. Nothing here prints: the command line
+//! renders diagnostics, JSON writes them as objects.
 
 pub mod memory;
 mod message;
@@ -141,7 +141,7 @@ impl Diag {
     /// A broken invariant of this program.
     pub fn bug(code: &'static str, message: impl Into<String>) -> Self {
         let mut d = Self::new(Kind::Bug, code, message);
-        d.hint = "this is a fault of terrace, not of your job: please report it with the job file".into();
+        d.hint = "this is a bug in terrace, not in your job: please report it with the job file".into();
         d
     }
     /// Sets the place that the message speaks of.

@@ -80,9 +80,9 @@ struct Writer {
     block_file: Option<&'static str>,
     retract_z: i64,
     dwell: String,
-    /// Where the stage stands; None before the first move.
+    /// Position of the stage; None before the first move.
     at: Option<Commanded>,
-    /// Letters of the tilt axes and where they stand; nothing where there is no tilt table.
+    /// Letters and positions of the tilt axes; empty where there is no tilt table.
     letters: Option<[char; 2]>,
     tilt: Option<TiltAngles>,
 }
@@ -141,7 +141,7 @@ impl Writer {
         self.comment(&title);
         self.line(self.off);
         let [x, y, z] = block.stage.0;
-        // Nobody knows where the stage stands at the start, so the first move lifts as well.
+        // The stage position is unknown at the start, so the first move lifts as well.
         if block.retract || self.at.is_none() {
             self.lift();
         }

@@ -41,16 +41,16 @@ pub struct JobFile {
     /// In which order stops and strokes are marked.
     #[serde(default)]
     pub order: OrderKeys,
-    /// How often the part is gone over.
+    /// How many times the texture is marked.
     #[serde(default)]
     pub passes: PassesKeys,
     /// Set-ups of a part beyond the stage travel; default: one.
     #[serde(default)]
     pub setups: Option<SetupsKeys>,
-    /// What is skipped or warned of.
+    /// What is skipped, and what causes a warning.
     #[serde(default)]
     pub limits: LimitsKeys,
-    /// Whether pens make up for the slope; default: they do not.
+    /// Whether pens compensate for the slope; default: they do not.
     #[serde(default)]
     pub dose: Option<Dose>,
     /// The machine.
@@ -253,7 +253,7 @@ fn default_tolerance() -> Length {
     Length::um(1.0)
 }
 
-/// Where the focal plane of a block stands.
+/// Position of the focal plane of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Level {
@@ -339,28 +339,28 @@ pub struct PartitionKeys {
     /// Fragments shorter than this are skipped and counted; default: none.
     #[serde(default, deserialize_with = "non_negative")]
     pub min_mark: Length,
-    /// What `auto` makes least.
+    /// What `auto` minimises.
     #[serde(default)]
     pub objective: Objective,
-    /// Closed figures and strokes no larger than this along x and y are marked in one piece wherever a
-    /// stop can hold them; default: none.
+    /// Closed figures and strokes no larger than this along x and y are marked in one piece wherever a stop can contain
+    /// them; default: none.
     #[serde(default, deserialize_with = "non_negative")]
     pub keep_whole: Length,
-    /// Strokes are cut at a random place within this length before the border of a stop, where both stops
-    /// accept it, so that cuts do not line up; default: none, all cuts lie on the border.
+    /// Strokes are cut at a random place within this length before the border of a stop, where both stops admit it, so
+    /// that cuts do not line up; default: none, all cuts lie on the border.
     #[serde(default, deserialize_with = "non_negative")]
     pub zone: Length,
-    /// Strokes that are cut between two stops are marked by both over this length before the cut, as far as
-    /// both accept it; default: none. Not together with `zone`.
+    /// Strokes that are cut between two stops are marked by both over this length before the cut, as far as both admit
+    /// it; default: none. Not together with `zone`.
     #[serde(default, deserialize_with = "non_negative")]
     pub overlap: Length,
-    /// How far levels reach over each other up and down, so that a rough surface does not change the stop
-    /// at every ripple. It is taken from the depth range. Default: from the surface's roughness.
+    /// How far levels overlap up and down, so that a rough surface does not change the stop at every ripple. It is
+    /// taken from the depth range. Default: from the surface's roughness.
     #[serde(default, deserialize_with = "non_negative_option")]
     pub hysteresis: Option<Length>,
 }
 
-/// What the best of several candidates has least of.
+/// What `auto` minimises.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Objective {
@@ -417,21 +417,21 @@ pub struct OrderKeys {
     pub strokes: StrokeOrder,
 }
 
-/// `[passes]`: the whole texture again, each time with stops of its own.
+/// `[passes]`: how many times the whole texture is marked, each time with its own stops.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PassesKeys {
-    /// How many there are, 1 to 100.
+    /// How many times, 1 to 100.
     #[serde(default = "once")]
     pub count: u32,
     /// By how much straight hatches turn from pass to pass, counter-clockwise.
     #[serde(default)]
     pub rotate: Angle,
-    /// By how much focal planes sink from pass to pass, because the one before has removed so much.
+    /// By how much focal planes sink from pass to pass, the depth that a pass removes.
     #[serde(default, deserialize_with = "non_negative")]
     pub lower: Length,
-    /// By how much the grid of sections moves along x and y from pass to pass, so that seams do not lie on
-    /// each other; default: the golden part of a section. With "0 mm" levels do not move either.
+    /// By how much the grid of sections moves along x and y from pass to pass, so that seams do not coincide; default:
+    /// the golden part of a section. With "0 mm" levels do not move either.
     #[serde(default, deserialize_with = "non_negative_option")]
     pub shift: Option<Length>,
 }
@@ -446,10 +446,10 @@ impl Default for PassesKeys {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SetupsKeys {
-    /// Into how many columns the stops are parted along x.
+    /// Number of columns into which the stops are divided along x.
     #[serde(default)]
     pub columns: Parts,
-    /// Into how many rows along y.
+    /// Number of rows along y.
     #[serde(default)]
     pub rows: Parts,
     /// Points of the part's own frame that the operator finds with the pilot laser, x and y; every set-up
@@ -463,7 +463,7 @@ pub struct SetupsKeys {
 pub enum Parts {
     /// `"auto"`.
     Named(PartsName),
-    /// So many.
+    /// This many.
     Number(u32),
 }
 
@@ -481,7 +481,7 @@ pub enum PartsName {
     Auto,
 }
 
-/// What of a pen makes up for the slope.
+/// Which value of a pen compensates for the slope.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Compensate {
@@ -517,7 +517,7 @@ fn default_step() -> f64 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Steep {
-    /// Not marked, counted and warned of.
+    /// Not marked, counted and reported by a warning.
     #[default]
     Skip,
     /// The job is refused.

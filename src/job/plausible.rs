@@ -1,7 +1,7 @@
 //! Values of a job that the machine's optics make implausible: most often a slip of units.
 //!
-//! Such a job compiles and verifies, since every mark lies where the job asks; the part would be spoilt all the
-//! same. So it is refused unless `limits.implausible = "allow"`, and warned of then.
+//! Such a job compiles and verifies, since every mark lies where the job asks; the part would be spoilt all the same.
+//! So it is refused unless `limits.implausible = "allow"`, which gives a warning instead.
 
 use super::file::Implausible;
 use super::resolved::Job;
@@ -18,8 +18,8 @@ const MOST_DEPTHS: f64 = 2.0;
 /// times.
 const LEAST_PITCH: f64 = 0.25;
 
-/// What is said where a job is refused.
-const ALLOW: &str = "check its unit; limits.implausible = \"allow\" takes it as it is";
+/// The hint where a job is refused.
+const ALLOW: &str = "check its unit; set limits.implausible = \"allow\" to accept it";
 
 impl Job {
     /// Holds depth of focus and hatch pitch to the machine's optics; answers with warnings where the job allows
@@ -42,8 +42,8 @@ impl Job {
             return None;
         }
         let text = format!(
-            "blocks of {depth} mm depth are {:.1} times the depth of focus of the optics: 2 z_R is {optics:.3} mm for \
-             a spot of {}, {:.0} nm and M2 = {}",
+            "blocks {depth} mm deep are {:.1} times the depth of focus of the optics (2 z_R = {optics:.3} mm for a \
+             spot of {}, {:.0} nm and M2 = {})",
             depth / optics,
             machine.lens.spot,
             machine.laser.wavelength.as_mm() * 1e6,
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_implausible_is_warned_of_where_the_job_allows_it() {
+    fn allowed_implausible_values_give_a_warning() {
         let both = [(PDOF, "pdof = \"70 mm\""), (PITCH, "pitch = \"1 um\""), ALLOWED];
         let codes: Vec<_> = found(&both).into_iter().map(|(code, kind, _)| (code, kind)).collect();
         assert_eq!(codes, [("pdof-large", Kind::Warning), ("pitch-small", Kind::Warning)]);

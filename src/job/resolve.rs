@@ -456,18 +456,18 @@ fn formats(file: &JobFile, mode: Mode, f: &mut Faults<'_>) -> Vec<Format> {
         if !left.is_empty() {
             let left: Vec<String> = left.iter().map(|f| format!("{:?}", f.name())).collect();
             let text = format!("emit.formats {} cannot be written for {} jobs", left.join(", "), mode.name());
-            f.warn(key, Diag::warning("emit-mode", text).hint(format!("written are {}", names(&|_| true))));
+            f.warn(key, Diag::warning("emit-mode", text).hint(format!("formats written: {}", names(&|_| true))));
         }
         formats = if kept.is_empty() { default_formats(mode).to_vec() } else { kept };
     }
     for target in formats.iter().map(|format| format.target()) {
         if !writes(target, mode) {
             let text = format!("{:?} cannot be written for {} jobs", target.name, mode.name());
-            let hint = format!("leave it out: {} can", names(&|_| true));
+            let hint = format!("leave it out; formats for this mode: {}", names(&|_| true));
             f.push(key, Diag::input("emit-mode", text).hint(hint));
         } else if file.setups.is_some() && !target.allows_setups {
             let text = format!("{:?} has no stop between set-ups, at which the part could be moved", target.name);
-            let hint = format!("leave it out: {} have", names(&|t| t.allows_setups));
+            let hint = format!("leave it out; formats that stop between set-ups: {}", names(&|t| t.allows_setups));
             f.push(key, Diag::input("setups-format", text).hint(hint));
         }
     }
@@ -501,7 +501,7 @@ fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
     ];
     let unused: Vec<&str> = unused.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key).collect();
     if let Some(first) = unused.first() {
-        let text = format!("on-the-fly jobs have no stops: {} have no effect", unused.join(", "));
+        let text = format!("on-the-fly jobs have no stops, so these keys have no effect: {}", unused.join(", "));
         f.warn(first, Diag::warning("fly-unused", text).hint("leave them out, or compile a stepped job"));
     }
     for (key, what) in asked {
@@ -662,11 +662,11 @@ impl Texture<'_> {
         ] {
             let fault = match (needs.contains(&key), is_given) {
                 (true, false) => format!("{what} needs {key}"),
-                (false, true) if !takes.contains(&key) => format!("{key} means nothing for {what}"),
+                (false, true) if !takes.contains(&key) => format!("{key} does not apply to {what}"),
                 _ => continue,
             };
             let all = [needs, takes].concat().join(", ");
-            let fault = Diag::input("texture-key", fault).hint(format!("keys of {what} alone are {all}"));
+            let fault = Diag::input("texture-key", fault).hint(format!("keys specific to {what}: {all}"));
             f.push(&self.key(if is_given { key } else { "pattern" }), fault);
         }
     }
@@ -689,16 +689,16 @@ mod tests {
     }
 
     #[test]
-    fn keys_of_other_patterns_are_refused_and_needed_ones_asked_for() {
+    fn foreign_and_missing_pattern_keys_are_rejected() {
         let pitch = "pitch = \"0.5 mm\"";
         let of = |to: &str| faults(pitch, to).into_iter().map(|f| f.1).collect::<Vec<_>>();
         assert_eq!(of(pitch), Vec::<String>::new());
         assert_eq!(of(""), ["hatch needs pitch"]);
         let more = "pitch = \"0.5 mm\"\ncell = \"1 mm\"\norder = 3\ntile = true";
-        let nothing = |key: &str| format!("{key} means nothing for hatch");
+        let nothing = |key: &str| format!("{key} does not apply to hatch");
         assert_eq!(of(more), [nothing("order"), nothing("cell"), nothing("tile")]);
         let direction = faults("pattern = \"hatch\"", "pattern = \"squares\"\ncell = \"0.6 mm\"");
-        assert_eq!(direction[0].1, "direction means nothing for squares");
+        assert_eq!(direction[0].1, "direction does not apply to squares");
         assert_eq!(direction[1].0, "texture-cell");
     }
 

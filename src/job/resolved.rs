@@ -19,7 +19,7 @@ pub struct Overrides {
     pub mode: Option<Mode>,
     /// Over `partition.objective`.
     pub objective: Option<Objective>,
-    /// Seed of everything that is random; not in the file.
+    /// Random seed for cuts in a seam zone; not in the file.
     pub seed: u64,
 }
 
@@ -30,7 +30,7 @@ pub struct Job {
     pub path: PathBuf,
     /// Its text.
     pub source: Arc<str>,
-    /// Seed of everything that is random.
+    /// Random seed for cuts in a seam zone.
     pub seed: u64,
     /// How the part is marked.
     pub mode: Mode,
@@ -52,7 +52,7 @@ pub struct Job {
     pub passes: Passes,
     /// Set-ups of a part beyond the stage travel.
     pub setups: Option<Setups>,
-    /// What is skipped or warned of.
+    /// What is skipped, and what causes a warning.
     pub limits: Limits,
     /// How pens compensate the slope, if they do.
     pub dose: Option<Dose>,
@@ -96,7 +96,7 @@ pub struct Focus {
     pub depth: Nm,
     /// What PDOF bounds.
     pub rule: super::DepthRule,
-    /// Where the focal plane of a block stands.
+    /// Position of the focal plane of a block.
     pub level: Level,
 }
 
@@ -112,7 +112,7 @@ impl Focus {
 pub struct Partition {
     /// The method.
     pub method: Method,
-    /// What `auto` makes least.
+    /// What `auto` minimises.
     pub objective: Objective,
     /// Pitch of the sections; None: from the usable field.
     pub section: Option<Nm>,
@@ -146,7 +146,7 @@ pub struct Setups {
     pub registration: Vec<P2>,
 }
 
-/// What is skipped or warned of.
+/// What is skipped, and what causes a warning.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     /// Beam incidence above which a warning says so.

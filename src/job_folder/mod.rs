@@ -51,8 +51,8 @@ pub fn prepare(target: &Path, mode: Mode) -> Result<(), Error> {
 /// already is waited for.
 ///
 /// # Errors
-/// As [`prepare`]; `output-holds-input` where the folder to be replaced holds an input of the job.
-/// Whatever fails, an older folder stands as it was.
+/// As [`prepare`]; `output-holds-input` where the folder to be replaced holds an input of the job. Whatever fails, an
+/// older folder is unchanged.
 pub fn write(plan: &Plan, target: &Path) -> Result<(), Error> {
     write_with(plan, target, Durability::Synced)
 }
@@ -91,10 +91,10 @@ fn write_job(job: &Job, target: &Path, durability: Durability, fill: &Fill<'_>) 
 }
 
 /// Lets `fill` make a folder, which holds the file `sign` when it is whole, and puts it in the place of `target` if
-/// `allowed` says that what stands there may be replaced.
+/// `allowed` says that what is there may be replaced.
 ///
 /// # Errors
-/// What `allowed` and `fill` say; what the file system refuses. An older folder stands as it was then.
+/// What `allowed` and `fill` say; what the file system refuses. An older folder is then unchanged.
 pub(crate) fn replace(
     target: &Path,
     sign: &'static str,

@@ -65,7 +65,7 @@ pub struct Head {
     pub inputs: Vec<InputFact>,
     /// Seed of everything random.
     pub seed: u64,
-    /// What `auto` made least.
+    /// What `auto` minimised.
     pub objective: Objective,
     /// The files of the folder but the manifest.
     pub files: Vec<FileFact>,

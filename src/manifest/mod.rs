@@ -1,4 +1,4 @@
-//! What is written down about a job: summary, manifest, run sheet.
+//! Summary and manifest of a job, and the registration points of its set-ups.
 //!
 //! Consumes the checked program, its machine and job, and what the driver knows of times and files;
 //! renders bytes. Lengths are mm (heights and positions exact to the nanometre), times s. Nothing here
@@ -59,7 +59,7 @@ pub struct Candidate {
 pub struct Summary {
     /// Standstills of the stage, which are the blocks.
     pub stops: usize,
-    /// How often the texture is gone over, each time with stops of its own.
+    /// How many times the texture is marked, each time with its own stops.
     pub passes: u32,
     /// How often the part is placed on the table, where it is beyond the stage travel.
     pub setups: usize,

@@ -1,4 +1,4 @@
-//! Registration: where the stage stands when a known point of the part lies under the optical axis.
+//! Registration: the stage position at which a known point of the part lies under the optical axis.
 
 use crate::geom::{Nm, P2, cos_sin};
 use crate::job::Job;

@@ -102,7 +102,7 @@ struct PassEntry {
 }
 
 fn passes(facts: &Facts<'_>) -> Vec<PassEntry> {
-    let spec = &facts.job.passes;
+    let passes = &facts.job.passes;
     let entry = |(k, (grid, directions)): (u32, &(&program::Sections, &[u16]))| PassEntry {
         turn_deg: f64::from(k) * spec.rotate.as_deg(),
         lowered_mm: spec.lowered(PassId(k)).mm(),

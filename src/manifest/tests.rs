@@ -117,7 +117,7 @@ fn run_sheet_lists_settings_that_the_files_do_not_carry() {
 
 #[test]
 fn run_sheets_say_where_to_lift() {
-    // The third block asks for it. Before the first nobody knows where the stage stands.
+    // The third block asks for it. Before the first block the stage position is unknown.
     let (csv, txt) = with_sample(|facts| (runsheet_csv(facts), runsheet_txt(facts)));
     let [csv, txt] = [csv, txt].map(|bytes| String::from_utf8(bytes).expect("UTF-8"));
     let lifts: Vec<&str> = csv.lines().filter_map(|l| l.rsplit(',').next()).collect();

@@ -1,5 +1,5 @@
-//! Convex programs over a chain: many unknowns in a row, each constraint and each term of the measure over a
-//! few neighbours.
+//! Banded convex quadratic programs: many unknowns in a row, each constraint and each term of the objective over a few
+//! neighbours.
 //!
 //! [`minimise`] is a primal-dual interior point method (Mehrotra's predictor and corrector, Nocedal and
 //! Wright, Numerical Optimization, ch. 14 and 16): because all terms are local its linear systems are narrow

@@ -41,7 +41,7 @@ pub struct Miss {
     pub angle: f64,
 }
 
-/// What the marks of a program come to on the part.
+/// Focal offset and incidence of the marks of a program on the part.
 #[derive(Clone, Debug, Default)]
 pub struct Footing {
     /// Largest focal offset.
@@ -75,7 +75,7 @@ struct Finder<'a> {
 /// farther than it was found.
 ///
 /// # Errors
-/// Those of a machine that has not the program's axes.
+/// Those of a machine that does not have the program's axes.
 pub fn footing(
     program: &Program,
     machine: &Machine,
@@ -138,7 +138,7 @@ impl Finder<'_> {
         focus <= self.limits.focus && angle <= self.limits.angle + ROUNDED
     }
 
-    /// The worse of two feet: one that keeps its limits is never worse than one that does not.
+    /// The worse of two hits: one that keeps its limits is never worse than one that does not.
     fn worse(&self, a: (Foot, [f64; 2]), b: (Foot, [f64; 2])) -> (Foot, [f64; 2]) {
         let both = (a.0.0.max(b.0.0), a.0.1.max(b.0.1));
         (both, if self.holds(a.0) { b.1 } else { a.1 })
@@ -192,7 +192,7 @@ impl Finder<'_> {
         worst
     }
 
-    /// The foot of a leaning beam. Where it misses the part or a limit, one within [`BORDER`] that does not.
+    /// Where a leaning beam hits the part. Where it misses the part or a limit, one within [`BORDER`] that does not.
     fn near(&mut self, beam: &Beam, way: [f64; 2]) -> Foot {
         let straight = self.foot(beam);
         if let Some(foot) = straight.filter(|&f| self.holds(f)) {

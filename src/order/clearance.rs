@@ -1,4 +1,5 @@
-//! Where the head could touch the part: boxes over the part's high places, asked for by culling.
+//! Where the head could touch the part: bounding boxes of the high parts of the surface, queried by culling against the
+//! swept volume.
 //!
 //! Boxes are f32 inside the library that holds them, so they are grown outward by a micrometre; the
 //! decision compares integers. The part is taken as higher than it is, never as lower.

@@ -1,7 +1,7 @@
 //! What is visited, where it is entered and left, and a first path through it.
 //!
 //! An *item* is what is visited once: a stop, or a stroke. It is entered at one of its *endpoints* and left at
-//! the port that belongs to it: a stop has one port, an open stroke two (entered at one end, left at the
+//! the endpoint that belongs to it: a stop has one endpoint, an open stroke two (entered at one end, left at the
 //! other), a closed stroke one for every vertex at which it may begin. Item 0 is where the path starts; it
 //! ends anywhere. Costs run between endpoints and must be the same both ways.
 
@@ -10,11 +10,11 @@ use super::kd_tree::Tree;
 /// The endpoints of all items.
 #[derive(Default)]
 pub(super) struct Endpoints {
-    /// Item of every port.
+    /// Item of every endpoint.
     item: Vec<u32>,
-    /// Where one leaves who entered at a port.
+    /// Where one leaves who entered at an endpoint.
     other: Vec<u32>,
-    /// First port of every item, and the number of endpoints.
+    /// First endpoint of every item, and the number of endpoints.
     first: Vec<u32>,
 }
 
@@ -26,14 +26,14 @@ impl Endpoints {
     }
     /// An item with two endpoints, entered at one and left at the other.
     pub(super) fn open(&mut self) {
-        let port = self.item.len() as u32;
-        self.other.extend([port + 1, port]);
+        let endpoint = self.item.len() as u32;
+        self.other.extend([endpoint + 1, endpoint]);
         self.end(2);
     }
     /// An item that is left where it was entered, at any of this many endpoints.
     pub(super) fn closed(&mut self, count: usize) {
-        let port = self.item.len() as u32;
-        self.other.extend(port..port + count as u32);
+        let endpoint = self.item.len() as u32;
+        self.other.extend(endpoint..endpoint + count as u32);
         self.end(count);
     }
     fn end(&mut self, count: usize) {
@@ -48,19 +48,19 @@ impl Endpoints {
     pub(super) fn items(&self) -> usize {
         self.first.len() - 1
     }
-    pub(super) fn item(&self, port: u32) -> usize {
-        self.item[port as usize] as usize
+    pub(super) fn item(&self, endpoint: u32) -> usize {
+        self.item[endpoint as usize] as usize
     }
     pub(super) fn of(&self, item: usize) -> std::ops::Range<u32> {
         self.first[item]..self.first[item + 1]
     }
-    /// The port at which one leaves who entered at this one.
-    pub(super) fn other(&self, port: u32) -> u32 {
-        self.other[port as usize]
+    /// The endpoint at which one leaves who entered at this one.
+    pub(super) fn other(&self, endpoint: u32) -> u32 {
+        self.other[endpoint as usize]
     }
 }
 
-/// The path that always goes to the nearest item, as entry endpoints. `tree` holds all endpoints but port 0, by
+/// The path that always goes to the nearest item, as entry endpoints. `tree` holds all endpoints but endpoint 0, by
 /// number less one, and `at` is where they are; `far` is the distance, as [`Tree::around`] takes it.
 pub(super) fn greedy<const D: usize>(
     endpoints: &Endpoints,
@@ -77,7 +77,7 @@ pub(super) fn greedy<const D: usize>(
             next = number + 1;
             d
         });
-        endpoints.of(endpoints.item(next)).for_each(|port| tree.take(port - 1));
+        endpoints.of(endpoints.item(next)).for_each(|endpoint| tree.take(endpoint - 1));
         seq.push(next);
         let exit = endpoints.other(next);
         (from, near) = (at[exit as usize], Some(exit - 1));

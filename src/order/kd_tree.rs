@@ -1,15 +1,15 @@
-//! A k-d tree over points that are taken out one by one and asked for the nearest.
+//! A k-d tree over points that are removed one by one and queried for the nearest.
 //!
-//! Consumes points in mm or nm; the distance is the caller's, any function that grows with the
-//! difference along every axis. It is balanced by count, not by place, so that neither points on one spot
-//! nor a few far outliers slow it down. Building costs n log n; a question some log n.
+//! Consumes points in mm or nm; the distance is the caller's, any function that grows with the difference along every
+//! axis. It is balanced by count, not by place, so that neither points on one spot nor a few far outliers slow it down.
+//! Building takes O(n log n), a query O(log n).
 
 /// Most points of a leaf, when none was taken out.
 const LEAF: usize = 8;
 
 /// Points in a balanced tree; a node's children are 2 i + 1 and 2 i + 2.
 pub(super) struct Tree<const D: usize> {
-    /// Points leaf by leaf; in each leaf those that are free stand first.
+    /// Points leaf by leaf; in each leaf the free ones come first.
     points: Vec<[f64; D]>,
     /// Numbers of the points.
     numbers: Vec<u32>,
@@ -98,7 +98,7 @@ impl<const D: usize> Tree<D> {
         let leaf = self.leaf(at);
         let mut node = self.leaves - 1 + leaf;
         let last = self.start(leaf) + self.free[node] as usize - 1;
-        // Free points of a leaf stand first: the one taken changes places with the last of them.
+        // Free points of a leaf come first: the one taken changes places with the last of them.
         self.points.swap(at, last);
         self.numbers.swap(at, last);
         self.place[self.numbers[at] as usize] = at as u32;

@@ -46,7 +46,7 @@ pub struct Stage<'a> {
 pub const EFFORT: usize = 1;
 
 /// Most random changes of one tour for one unit of effort: beyond, they would take minutes.
-const MOST_KICKS: usize = 5000;
+const MOST_PERTURBATIONS: usize = 5000;
 
 /// Stops around each stop that moves look at: the nearest, and the nearest over other places.
 const NEIGHBOURS: usize = 5;
@@ -96,7 +96,7 @@ fn path(stops: &[Commanded], stage: &Stage<'_>, some: Vec<usize>, effort: usize)
     if some.len() < 2 {
         return some;
     }
-    // Item 0 is where the stage comes from; a stop is entered and left at one place, so it has one port.
+    // Item 0 is where the stage comes from; a stop is entered and left at one place, so it has one endpoint.
     let mut endpoints = Endpoints::with_capacity(some.len() + 1, some.len() + 1);
     (0..=some.len()).for_each(|_| endpoints.closed(1));
     let at: Vec<[f64; 3]> =
@@ -104,33 +104,34 @@ fn path(stops: &[Commanded], stage: &Stage<'_>, some: Vec<usize>, effort: usize)
     let mut tree = Tree::new(&at[1..]);
     let clock = Clock::new(stage.machine);
     let far = |gap: [f64; 3]| clock.over(gap) + TIE * gap.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let of_ports = |seq: &[u32]| seq[1..].iter().map(|&port| some[port as usize - 1]).collect::<Vec<usize>>();
+    let of_endpoints =
+        |seq: &[u32]| seq[1..].iter().map(|&endpoint| some[endpoint as usize - 1]).collect::<Vec<usize>>();
     // 2-opt and Or-opt end in a local optimum: which one is decided by where they start, so the best of eleven
     // plain tours is taken.
     let mut starts = strips(&at);
     starts.push(greedy(&endpoints, &mut tree, &at, far));
     tree.fill();
-    let timed = |seq: &Vec<u32>| time(stops, stage, &of_ports(seq));
+    let timed = |seq: &Vec<u32>| time(stops, stage, &of_endpoints(seq));
     let Some(start) = starts.into_iter().min_by(|a, b| timed(a).total_cmp(&timed(b))) else { return some };
 
     let both_ways = |a: u32, b: u32| {
-        let [from, to] = [a, b].map(|port| at[port as usize]);
+        let [from, to] = [a, b].map(|endpoint| at[endpoint as usize]);
         let Some(lifts) = stage.lifts.filter(|_| a > 0 && b > 0) else { return clock.between(from, to) };
-        let [i, j] = [a, b].map(|port| some[port as usize - 1]);
+        let [i, j] = [a, b].map(|endpoint| some[endpoint as usize - 1]);
         let way = |is_lifted, from, to| if is_lifted { clock.lifted(from, to) } else { clock.between(from, to) };
         0.5 * (way(lifts(i, j), from, to) + way(lifts(j, i), to, from))
     };
     let lists = neighbours(&tree, &at, far, both_ways);
     // A move changes the whole tour, but where that would be long.
     let longest = (100_000_000 / some.len()).max(1000);
-    let mut tour = Tour::new(&endpoints, start.clone(), longest, LEAST, both_ways, |port, limit, found| {
+    let mut tour = Tour::new(&endpoints, start.clone(), longest, LEAST, both_ways, |endpoint, limit, found| {
         found.clear();
-        found.extend(lists[port as usize].iter().take_while(|f| f.0 < limit));
+        found.extend(lists[endpoint as usize].iter().take_while(|f| f.0 < limit));
     });
     tour.improve();
-    tour.perturb(effort * some.len().min(MOST_KICKS), 1);
+    tour.perturb(effort * some.len().min(MOST_PERTURBATIONS), 1);
     let better = tour.into_seq();
-    of_ports(if timed(&better) < timed(&start) { &better } else { &start })
+    of_endpoints(if timed(&better) < timed(&start) { &better } else { &start })
 }
 
 /// Serpentines over all but place 0, where they start: bands along x or y, in them column by column, each
@@ -139,8 +140,8 @@ fn strips(at: &[[f64; 3]]) -> Vec<Vec<u32>> {
     let mut out = Vec::new();
     for axis in [0, 1] {
         // Across the bands, along them, and up.
-        let key = |port: &u32| {
-            let p = at[*port as usize];
+        let key = |endpoint: &u32| {
+            let p = at[*endpoint as usize];
             [p[1 - axis], p[axis], p[2]]
         };
         let by = |parts: [usize; 3]| {
@@ -202,7 +203,7 @@ fn strip(
     seq
 }
 
-/// The neighbours of every port: the nearest stops, and the nearest that are not over the same place.
+/// The neighbours of every endpoint: the nearest stops, and the nearest that are not over the same place.
 /// With their costs, cheapest first.
 fn neighbours(
     tree: &Tree<3>,
@@ -210,13 +211,13 @@ fn neighbours(
     far: impl Fn([f64; 3]) -> f64,
     cost: impl Fn(u32, u32) -> f64,
 ) -> Vec<Vec<(f64, u32)>> {
-    let nearest = |port: usize, elsewhere: bool, found: &mut Vec<(f64, u32)>| {
+    let nearest = |endpoint: usize, elsewhere: bool, found: &mut Vec<(f64, u32)>| {
         found.clear();
         let mut limit = f64::INFINITY;
-        let start = (port as u32).checked_sub(1);
-        tree.around(at[port], start, limit, &far, |d, number| {
+        let start = (endpoint as u32).checked_sub(1);
+        tree.around(at[endpoint], start, limit, &far, |d, number| {
             let other = number as usize + 1;
-            if other != port && !(elsewhere && at[port][..2] == at[other][..2]) {
+            if other != endpoint && !(elsewhere && at[endpoint][..2] == at[other][..2]) {
                 let place = found.partition_point(|f| f.0 <= d);
                 found.insert(place, (d, other as u32));
                 if found.len() > NEIGHBOURS {
@@ -228,11 +229,11 @@ fn neighbours(
         });
     };
     let (mut near, mut beside) = (Vec::new(), Vec::new());
-    let list = |port: usize| {
-        nearest(port, false, &mut near);
-        nearest(port, true, &mut beside);
-        near.extend(beside.iter().filter(|&&(_, p)| at[p as usize][..2] != at[port][..2]));
-        near.iter_mut().for_each(|f| f.0 = cost(port as u32, f.1));
+    let list = |endpoint: usize| {
+        nearest(endpoint, false, &mut near);
+        nearest(endpoint, true, &mut beside);
+        near.extend(beside.iter().filter(|&&(_, p)| at[p as usize][..2] != at[endpoint][..2]));
+        near.iter_mut().for_each(|f| f.0 = cost(endpoint as u32, f.1));
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         near.dedup();
         near.clone()
@@ -400,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn tours_of_up_to_seven_stops_are_complete() {
+    fn tours_of_up_to_seven_stops_visit_every_stop() {
         let machine = machine(None);
         for n in 0..8 {
             let stops = vec![Commanded([5; 3]); n];

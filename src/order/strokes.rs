@@ -61,8 +61,8 @@ pub fn order(paths: &[Path<'_>]) -> Vec<Visit> {
         let (a, b) = (at[a as usize], at[b as usize]);
         square([a[0] - b[0], a[1] - b[1]]).sqrt()
     };
-    let mut tour = Tour::new(endpoints, seq, LONGEST, LEAST, cost, |port, limit, found| {
-        nearer(&known, &tree, port, limit, found);
+    let mut tour = Tour::new(endpoints, seq, LONGEST, LEAST, cost, |endpoint, limit, found| {
+        nearer(&known, &tree, endpoint, limit, found);
     });
     tour.settle();
     // Moves change the order with the endpoints at hand, `settle` the endpoints in the order at hand: each opens ways
@@ -75,9 +75,9 @@ pub fn order(paths: &[Path<'_>]) -> Vec<Visit> {
     }
     let mut visits: Vec<Visit> = tour.into_seq()[1..]
         .iter()
-        .map(|&port| {
-            let stroke = endpoints.item(port) - 1;
-            let vertex = vertex[port as usize];
+        .map(|&endpoint| {
+            let stroke = endpoints.item(endpoint) - 1;
+            let vertex = vertex[endpoint as usize];
             let is_closed = paths[stroke].is_closed;
             Visit {
                 stroke: stroke as u32,
@@ -97,9 +97,9 @@ fn square([x, y]: [f64; 2]) -> f64 {
 /// What the search knows of the strokes: item 0 is the field's centre, stroke i is item i + 1.
 struct Known {
     endpoints: Endpoints,
-    /// Place of every port, nm.
+    /// Place of every endpoint, nm.
     at: Vec<[f64; 2]>,
-    /// Vertex of every port.
+    /// Vertex of every endpoint.
     vertex: Vec<u32>,
 }
 
@@ -158,12 +158,12 @@ fn corners(points: &[FieldPoint], mut f: impl FnMut(usize)) {
 }
 
 /// The nearest endpoints of other strokes that are nearer than `limit`, nearest first.
-fn nearer(known: &Known, tree: &Tree<2>, port: u32, limit: f64, found: &mut Vec<(f64, u32)>) {
+fn nearer(known: &Known, tree: &Tree<2>, endpoint: u32, limit: f64, found: &mut Vec<(f64, u32)>) {
     found.clear();
-    let item = known.endpoints.item(port);
+    let item = known.endpoints.item(endpoint);
     let mut limit = limit * limit;
-    let start = port.checked_sub(1);
-    tree.around(known.at[port as usize], start, limit, square, |d, number| {
+    let start = endpoint.checked_sub(1);
+    tree.around(known.at[endpoint as usize], start, limit, square, |d, number| {
         // Insertion into a list of at most NEIGHBOURS; once it is full, nothing farther than its last matters.
         if known.endpoints.item(number + 1) != item {
             let at = found.partition_point(|&(other, _)| other <= d);
@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn a_closed_stroke_begins_where_the_beam_comes_from() {
+    fn closed_stroke_starts_at_the_vertex_nearest_the_beam() {
         // A ring of 200 corners whose nearest to the field's centre is none of the outermost.
         let corner = |i: i32| {
             let turn = f64::from(i % 200) / 200.0 * std::f64::consts::TAU;

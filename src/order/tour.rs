@@ -2,12 +2,12 @@
 //!
 //! Items, endpoints and costs are those of the `endpoints` module. Moves are 2-opt (a run of items is reversed, each of
 //! them turned) and Or-opt (a run of up to three goes to another place, either way round, or one item enters by another
-//! port). [`Tour::improve`] makes them while any gains; [`Tour::settle`] then chooses all endpoints at once, by dynamic
+//! endpoint). [`Tour::improve`] makes them while any gains; [`Tour::settle`] then chooses all endpoints at once, by dynamic
 //! programming; [`Tour::perturb`] changes the tour at random and takes back what did not pay.
 
 use super::endpoints::Endpoints;
 
-/// No port: beyond the end of the path.
+/// No endpoint: beyond the end of the path.
 const NONE: u32 = u32::MAX;
 
 /// Longest run that Or-opt moves.
@@ -48,18 +48,18 @@ enum Step {
     Reverse(usize, usize),
     /// Places from..=to were rotated left by this many.
     Rotate(usize, usize, usize),
-    /// Place and its port before.
+    /// Place and its endpoint before.
     Endpoint(usize, u32),
 }
 
 /// A path and what it costs.
 pub(super) struct Tour<'a, C, N> {
     endpoints: &'a Endpoints,
-    /// Cost between the port that is left and the port that is entered.
+    /// Cost between the endpoint that is left and the endpoint that is entered.
     cost: C,
-    /// Puts endpoints of other items around a port that are nearer than a limit, nearest first.
+    /// Puts endpoints of other items around an endpoint that are nearer than a limit, nearest first.
     near: N,
-    /// Entry port at every place.
+    /// Entry endpoint at every place.
     seq: Vec<u32>,
     /// Cost from every place to the next; nothing from the last.
     edges: Vec<f64>,
@@ -80,10 +80,10 @@ pub(super) struct Tour<'a, C, N> {
 impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a, C, N> {
     pub(super) fn new(endpoints: &'a Endpoints, seq: Vec<u32>, longest: usize, least: f64, cost: C, near: N) -> Self {
         let mut place = vec![0; seq.len()];
-        seq.iter().zip(0..).for_each(|(&port, at)| place[endpoints.item(port)] = at);
+        seq.iter().zip(0..).for_each(|(&endpoint, at)| place[endpoints.item(endpoint)] = at);
         let mut tour = Self {
             edges: vec![0.0; seq.len()],
-            queue: seq.iter().map(|&port| endpoints.item(port) as u32).collect(),
+            queue: seq.iter().map(|&endpoint| endpoints.item(endpoint) as u32).collect(),
             queued: vec![true; seq.len()],
             endpoints,
             cost,
@@ -110,7 +110,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
     fn exit(&self, at: usize) -> u32 {
         self.endpoints.other(self.seq[at])
     }
-    /// Cost from one port to the next, if there is a next.
+    /// Cost from one endpoint to the next, if there is a next.
     fn link(&self, from: u32, to: u32) -> f64 {
         if to == NONE { 0.0 } else { (self.cost)(from, to) }
     }
@@ -125,8 +125,8 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
     }
 
     fn mark_dirty(&mut self, at: usize) {
-        let Some(&port) = self.seq.get(at) else { return };
-        let item = self.endpoints.item(port);
+        let Some(&endpoint) = self.seq.get(at) else { return };
+        let item = self.endpoints.item(endpoint);
         if !std::mem::replace(&mut self.queued[item], true) {
             self.queue.push_back(item as u32);
         }
@@ -149,7 +149,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         gained
     }
 
-    /// The best move that brings a port of the item at place `i` to one that is nearer than what it is
+    /// The best move that brings an endpoint of the item at place `i` to one that is nearer than what it is
     /// joined to.
     fn best_move(&mut self, i: usize) -> Option<Move> {
         let mut best = Move { gain: self.least, a: 0, b: 0, gap: 0, turned: false, entry: NONE };
@@ -186,7 +186,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         gains
     }
 
-    /// Moves after which the exit of place `i` is joined to port `q`, `d` away. `runs` is what taking out
+    /// Moves after which the exit of place `i` is joined to endpoint `q`, `d` away. `runs` is what taking out
     /// the runs that end with i gains.
     fn after(&self, i: usize, q: u32, d: f64, runs: &[f64; RUN], best: &mut Move) {
         let j = self.place[self.endpoints.item(q)] as usize;
@@ -202,7 +202,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
                 self.link(self.entry(lo + 1), self.entry(hi + 1))
             });
         }
-        // Or-opt of one item, which then enters by q: where it follows i already, only its port changes.
+        // Or-opt of one item, which then enters by q: where it follows i already, only its endpoint changes.
         // Item j comes after i.
         let exit = self.endpoints.other(q);
         let out = self.edges[i] - d;
@@ -231,7 +231,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         }
     }
 
-    /// Moves after which the entry of place `i` is joined to port `q`, `d` away. `runs` is what taking out the runs
+    /// Moves after which the entry of place `i` is joined to endpoint `q`, `d` away. `runs` is what taking out the runs
     /// that begin with i gains.
     fn before(&self, i: usize, q: u32, d: f64, runs: &[f64; RUN], best: &mut Move) {
         let j = self.place[self.endpoints.item(q)] as usize;
@@ -293,9 +293,9 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         }
     }
 
-    /// Lets place `at` be entered by another port; answers with the port before.
-    fn enter(&mut self, at: usize, port: u32) -> u32 {
-        let old = std::mem::replace(&mut self.seq[at], port);
+    /// Lets place `at` be entered by another endpoint; answers with the endpoint before.
+    fn enter(&mut self, at: usize, endpoint: u32) -> u32 {
+        let old = std::mem::replace(&mut self.seq[at], endpoint);
         self.measure(at - 1);
         self.measure(at);
         old
@@ -307,9 +307,9 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         let Self { endpoints, seq, place, .. } = self;
         let run = &mut seq[lo..=hi];
         run.reverse();
-        for (port, at) in run.iter_mut().zip(lo as u32..) {
-            *port = endpoints.other(*port);
-            place[endpoints.item(*port)] = at;
+        for (endpoint, at) in run.iter_mut().zip(lo as u32..) {
+            *endpoint = endpoints.other(*endpoint);
+            place[endpoints.item(*endpoint)] = at;
         }
         self.edges[lo..hi].reverse();
         self.measure(lo - 1);
@@ -320,7 +320,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         self.journal.iter_mut().for_each(|j| j.push(Step::Rotate(lo, hi, by)));
         self.seq[lo..=hi].rotate_left(by);
         let Self { endpoints, seq, place, .. } = self;
-        seq[lo..=hi].iter().zip(lo as u32..).for_each(|(&port, at)| place[endpoints.item(port)] = at);
+        seq[lo..=hi].iter().zip(lo as u32..).for_each(|(&endpoint, at)| place[endpoints.item(endpoint)] = at);
         self.edges[lo..=hi].rotate_left(by);
         self.measure(lo - 1);
         self.measure(hi - by);
@@ -330,34 +330,34 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
     /// Chooses the endpoints of all items at once so that the path is shortest in its present order.
     pub(super) fn settle(&mut self) {
         let n = self.seq.len();
-        // Least cost of the path that ends with entering each port of each place, and the port before.
+        // Least cost of the path that ends with entering each endpoint of each place, and the endpoint before.
         let mut from = vec![0u32; self.endpoints.count()];
         let mut last = vec![(0.0, self.seq[0])];
         let mut next = Vec::new();
-        // Forwards: of the paths through places 0..=at that enter `at` by a port, only the cheapest matters
+        // Forwards: of the paths through places 0..=at that enter `at` by an endpoint, only the cheapest matters
         // (Viterbi). Backwards, the endpoints of the best path are read off `from`.
         for at in 1..n {
-            for port in self.endpoints.of(self.endpoints.item(self.seq[at])) {
+            for endpoint in self.endpoints.of(self.endpoints.item(self.seq[at])) {
                 let mut best = (f64::INFINITY, 0);
                 for &(cost, before) in &last {
-                    let cost = cost + (self.cost)(self.endpoints.other(before), port);
+                    let cost = cost + (self.cost)(self.endpoints.other(before), endpoint);
                     if cost < best.0 {
                         best = (cost, before);
                     }
                 }
-                from[port as usize] = best.1;
-                next.push((best.0, port));
+                from[endpoint as usize] = best.1;
+                next.push((best.0, endpoint));
             }
             std::mem::swap(&mut last, &mut next);
             next.clear();
         }
         let end = last.iter().copied().reduce(|a, b| if b.0 < a.0 { b } else { a });
-        let Some((_, mut port)) = end else { return };
+        let Some((_, mut endpoint)) = end else { return };
         for at in (1..n).rev() {
-            if self.enter(at, port) != port {
+            if self.enter(at, endpoint) != endpoint {
                 [at - 1, at, at + 1].into_iter().for_each(|at| self.mark_dirty(at));
             }
-            port = from[port as usize];
+            endpoint = from[endpoint as usize];
         }
     }
 
@@ -383,7 +383,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
                 continue;
             }
             let lost = self.swap(a, b, c);
-            // Kept where the repair wins back what the kick cost: paths of equal length count as better, so that
+            // Kept where the repair wins back what the perturbation cost: paths of equal length count as better, so that
             // the search can drift over plateaus.
             if self.work(MOST_MOVES * PERTURBATION) >= lost {
                 continue;
@@ -392,8 +392,8 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
                 match step {
                     Step::Reverse(lo, hi) => self.reverse(lo, hi),
                     Step::Rotate(lo, hi, by) => self.rotate(lo, hi, hi + 1 - lo - by),
-                    Step::Endpoint(at, port) => {
-                        self.enter(at, port);
+                    Step::Endpoint(at, endpoint) => {
+                        self.enter(at, endpoint);
                     }
                 }
             }
@@ -464,10 +464,10 @@ mod tests {
             let mut tree = Tree::new(&at[1..]);
             let first = greedy(&endpoints, &mut tree, &at, square);
             let cost = |a: u32, b: u32| distance(&at, a, b);
-            let near = |port: u32, limit: f64, found: &mut Vec<(f64, u32)>| {
+            let near = |endpoint: u32, limit: f64, found: &mut Vec<(f64, u32)>| {
                 found.clear();
-                let others = (1..at.len() as u32).filter(|&p| endpoints.item(p) != endpoints.item(port));
-                found.extend(others.map(|p| (cost(port, p), p)).filter(|f| f.0 < limit));
+                let others = (1..at.len() as u32).filter(|&p| endpoints.item(p) != endpoints.item(endpoint));
+                found.extend(others.map(|p| (cost(endpoint, p), p)).filter(|f| f.0 < limit));
                 found.sort_by(|a, b| a.0.total_cmp(&b.0));
                 found.truncate(8);
             };
@@ -484,9 +484,9 @@ mod tests {
                 assert!(after <= before + 1e-3, "step {step} with seed {seed}: {before} {after}");
                 assert!((tour.edges.iter().sum::<f64>() - after).abs() < 1e-3, "step {step} with seed {seed}");
                 let mut seen = vec![false; endpoints.items()];
-                for (at, &port) in tour.seq.iter().enumerate() {
-                    assert_eq!(tour.place[endpoints.item(port)] as usize, at);
-                    assert!(!std::mem::replace(&mut seen[endpoints.item(port)], true));
+                for (at, &endpoint) in tour.seq.iter().enumerate() {
+                    assert_eq!(tour.place[endpoints.item(endpoint)] as usize, at);
+                    assert!(!std::mem::replace(&mut seen[endpoints.item(endpoint)], true));
                 }
                 assert_eq!((tour.seq[0], tour.seq.len()), (0, endpoints.items()));
                 before = after;
@@ -496,7 +496,7 @@ mod tests {
     }
 
     #[test]
-    fn port_assignment_is_optimal() {
+    fn endpoint_choice_is_optimal() {
         let (endpoints, at) = mixed(6, 4);
         let seq: Vec<u32> = (0..endpoints.items()).map(|i| endpoints.of(i).start).collect();
         let cost = |a: u32, b: u32| distance(&at, a, b);
@@ -504,8 +504,9 @@ mod tests {
         tour.settle();
         let mut all = vec![vec![0]];
         for item in 1..endpoints.items() {
-            let longer =
-                |seq: &Vec<u32>| endpoints.of(item).map(|port| [&seq[..], &[port]].concat()).collect::<Vec<_>>();
+            let longer = |seq: &Vec<u32>| {
+                endpoints.of(item).map(|endpoint| [&seq[..], &[endpoint]].concat()).collect::<Vec<_>>()
+            };
             all = all.iter().flat_map(longer).collect();
         }
         let best = all.iter().map(|seq| length(&endpoints, &at, seq)).fold(f64::INFINITY, f64::min);

@@ -1,4 +1,4 @@
-//! Where the stage stands: boxes that together hold all texture.
+//! Stops: boxes that together contain all texture.
 //!
 //! A stop admits a point of the part that lies in its window, the plane rectangle around its centre,
 //! and in its interval of height; borders belong to it. A method chooses the stops; that is the whole
@@ -71,7 +71,7 @@ pub struct Tilted {
 /// A stop of a method.
 #[derive(Clone, Debug)]
 pub struct PlacedStop {
-    /// Where the stage stands and what it admits.
+    /// Stage position and what it admits.
     pub stop: Stop,
     /// None where the machine does not tilt the part: of all stops of a method or of none.
     tilted: Option<Tilted>,

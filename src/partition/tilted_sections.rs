@@ -14,7 +14,7 @@ use super::{Lattice, Stops, Tilted, zrange};
 use crate::geom::{Box2, Nm, P2, P3};
 use crate::machine::{Machine, Origin, TiltAngles};
 use crate::program::{SectionId, Sections, Stop};
-use crate::projection::{FacingCell, TiltedField, TiltedFields, Turned};
+use crate::projection::{TiltedCell, TiltedField, TiltedFields, Turned};
 
 /// What tilted stops are made for.
 pub struct TiltSite<'a> {
@@ -98,7 +98,7 @@ impl TiltSite<'_> {
         };
         let mut points: Vec<(i64, P3)> = samples.iter().map(|p| (section(p), *p)).collect();
         points.sort_by_key(|p| p.0);
-        let cells = vec![FacingCell::default(); grid.len()];
+        let cells = vec![TiltedCell::default(); grid.len()];
         let mut fields = TiltedFields { grid, cells, list: Vec::new(), half: self.window.map(|w| w / 2) };
         let mut stops = 0;
         let mut rest = &mut points[..];

@@ -70,8 +70,8 @@ pub(super) fn best_of<T>(
         return Err(if faults.is_empty() { none().into() } else { Error::many(faults) });
     };
     warnings.extend(faults.into_iter().map(|(method, fault)| {
-        let text = format!("method {} is left out, by a fault of terrace: {}", method.name(), fault.message);
-        let hint = "the program of the method that is taken is sound; please report this with the job file";
+        let text = format!("method {} is skipped because of a bug in terrace: {}", method.name(), fault.message);
+        let hint = "the program of the chosen method is valid; please report this with the job file";
         Diag::warning("method-left-out", text).at(fault.place).hint(hint)
     }));
     Ok(best)

@@ -169,7 +169,11 @@ fn check(job: &Job, field: [Nm; 2]) -> Result<(), Error> {
         && field.iter().any(|&f| section + overlap > f)
     {
         let text = "partition.section and partition.overlap together are larger than the usable field";
-        return refuse(Diag::limit("overlap-large", text), "partition.overlap", "make the sections smaller by it");
+        return refuse(
+            Diag::limit("overlap-large", text),
+            "partition.overlap",
+            "reduce partition.section by the overlap",
+        );
     }
     Ok(())
 }

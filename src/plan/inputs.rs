@@ -36,7 +36,7 @@ impl Inputs {
         }
         let mut warnings = job.warnings.clone();
         warnings.extend(job.plausible(&machine)?);
-        // What was warned of before a fault often tells its cause.
+        // Warnings before an error often show its cause.
         match Self::read(job, &mut warnings) {
             Ok((surface, texture)) => Ok(Self { machine, surface, texture, warnings }),
             Err(e) => Err(job.at_keys(&e).after(warnings)),
@@ -53,7 +53,7 @@ impl Inputs {
         if (0..2).any(|k| part[k][0] > marks[k][1] || part[k][1] < marks[k][0]) {
             let turned = if turn == 0.0 { "" } else { " as they are turned" };
             let text = format!(
-                "nothing would be marked: the texture lies at {}, beside the part at {}{turned}",
+                "nothing would be marked: the texture lies at {}, off the part at {}{turned}",
                 spanned(marks),
                 spanned(part)
             );

@@ -47,7 +47,7 @@ const SPARE_FOCUS: f64 = 0.04;
 const FOLLOWED: f64 = 0.9;
 /// How often a motion is stretched to keep the limits of its axes.
 const STRETCHES: usize = 8;
-/// How often a plan is made anew without marks that were out of focus.
+/// How many times a plan is rebuilt without marks that were out of focus.
 const PLANS: usize = 8;
 /// What a program may be beyond focus and incidence for the rounding of its samples, mm and rad.
 const ROUNDED: [f64; 2] = [5e-5, 5e-4];
@@ -284,7 +284,7 @@ impl Planner<'_> {
         let points = self.points_of(first.stroke);
         let [x_mm, y_mm] = place(&points, first.from);
         let text = format!(
-            "{:.3} mm of texture lie where the part steps and the axes cannot keep focus and incidence: not marked",
+            "{:.3} mm of texture are not marked: next to steps of the part the axes cannot keep focus and incidence",
             lengths.skipped_focus_mm
         );
         let place = Place::Part { x_mm, y_mm };
@@ -295,8 +295,8 @@ impl Planner<'_> {
     fn unfocused(&self, miss: &Miss) -> Error {
         let [x_mm, y_mm] = miss.at;
         let text = format!(
-            "a mark would lie {:.1} um out of focus, {:.1} um are allowed, its beam at {:.1} deg to the part, {:.1} deg are \
-             allowed",
+            "a mark would be {:.1} um out of focus ({:.1} um allowed), with the beam at {:.1} deg to the surface \
+             normal ({:.1} deg allowed)",
             miss.focus * 1e3,
             self.focus * 1e3,
             miss.angle.to_degrees(),

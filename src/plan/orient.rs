@@ -1,13 +1,13 @@
-//! How a part should lie on a plain stage: the fixture angle that needs the least stage time.
+//! The fixture angle that needs the least stage time on a stage without tilt table.
 //!
-//! Consumes a job; promises a table of set-ups: the part as it lies, leaning as a whole, and in two set-ups,
-//! each leaning on its own. Stops and times are estimates from sample points of the marks
-//! ([`crate::projection::Marks`]): sections of the usable field over the part as it leans, in each the levels that
-//! its heights need, the moves timed by `crate::motion`. Angles are searched on a coarse grid, then halved.
+//! Consumes a job; promises a table of set-ups: the part as placed, in one tilted fixture, and in two set-ups with a
+//! fixture angle each. Stops and times are estimates from sample points of the marks ([`crate::projection::Marks`]):
+//! sections of the usable field over the rotated part, in each the levels that its heights need, the moves timed by
+//! `crate::motion`. Angles are searched on a coarse grid, then halved.
 //!
 //! # Limits
-//! The points sampled are those that the lens sees of the part as it lies. What a lean hides, and texture that
-//! it makes too steep, is not looked for; the job compiled with the part so turned tells.
+//! The points sampled are those that the lens sees of the part as placed. What a fixture angle hides or makes too steep
+//! is not searched for; compiling the job with the rotated part reports it.
 
 use rayon::prelude::*;
 
@@ -27,7 +27,7 @@ use crate::program::{PassId, Sections};
 pub struct Orientation {
     /// What it is.
     pub name: &'static str,
-    /// Every set-up: what of the part it marks, and how the part leans.
+    /// Every set-up: what of the part it marks, and the fixture angle.
     pub set_ups: Vec<SetUp>,
 }
 
@@ -55,7 +55,7 @@ impl Orientation {
     }
 }
 
-/// Steepest lean that is tried, and the first and last step of the search, degrees.
+/// Largest fixture angle that is tried, and the first and last step of the search, degrees.
 const STEEPEST: f64 = 20.0;
 const FIRST: f64 = 2.5;
 const LAST: f64 = 0.02;
@@ -101,8 +101,8 @@ pub fn orient(job: &Job) -> Result<Vec<Orientation>, Error> {
         [set_up([0.0; 2]), set_up(scale.search(points))]
     };
     let [flat, leaning] = whole(&marks, area);
-    let mut out = vec![Orientation { name: "as it lies", set_ups: vec![flat] }];
-    out.push(Orientation { name: "leaning", set_ups: vec![leaning] });
+    let mut out = vec![Orientation { name: "as placed", set_ups: vec![flat] }];
+    out.push(Orientation { name: "tilted fixture", set_ups: vec![leaning] });
     for (axis, name) in [(0, "two set-ups, left and right"), (1, "two set-ups, front and back")] {
         let middle: P2 = P2::new((area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2);
         let border = if axis == 0 { middle.x } else { middle.y };
@@ -129,7 +129,7 @@ struct Scale {
 }
 
 impl Scale {
-    /// Stops and stage time of points on a part that leans.
+    /// Stops and stage time of points on a part at a fixture angle.
     fn estimate(&self, points: &[P3], [about_x, about_y]: [f64; 2]) -> (u64, f64) {
         let turn = Turn::about([0.0; 3], [(0, about_x.to_radians()), (1, about_y.to_radians())]);
         let turned: Vec<[f64; 3]> = points.iter().map(|&p| turn.apply(p).at).collect();
@@ -150,7 +150,7 @@ impl Scale {
         (stops, sections as f64 * self.xy_s + (stops - sections) as f64 * self.z_s)
     }
 
-    /// The lean with the least stage time; of equal ones the flattest.
+    /// The fixture angle with the least stage time; of equal ones the smallest.
     fn search(&self, points: &[P3]) -> [f64; 2] {
         let measure = |lean: [f64; 2]| (self.estimate(points, lean).1, lean[0].hypot(lean[1]));
         let steps = (STEEPEST / FIRST) as i32;

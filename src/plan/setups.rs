@@ -1,11 +1,11 @@
 //! Set-ups of a part beyond the stage travel.
 //!
-//! The box of the stops' centres is parted into equal cells. A stop belongs to the cell that its centre
-//! lies in, stops of later passes beside the box to the nearest. In the set-up of a cell the part lies so that the
-//! cell's centre is at the centre of travel, moved by whole increments from where the part would lie alone: stops then
-//! stay where the stage can stand. Stops, cuts and what is marked are those of the whole part. Cells without stops are
-//! no set-ups. Later passes keep the cells of the first, of which every other goes backwards, so that the part stays
-//! where it is from one pass to the next.
+//! The box of the stops' centres is divided into equal cells. A stop belongs to the cell that its centre lies in, stops
+//! of later passes outside the box to the nearest. In the set-up of a cell the part lies so that the cell's centre is
+//! at the centre of travel, moved by whole increments from where the part would lie alone: stops then stay where the
+//! stage can stand. Stops, cuts and what is marked are those of the whole part. Cells without stops have no set-up.
+//! Later passes keep the cells of the first, of which every other goes backwards, so that the part stays where it is
+//! from one pass to the next.
 
 use super::grid::Grid;
 use crate::diag::{Diag, Error};

@@ -13,7 +13,7 @@ pub(super) struct Start {
     pub(super) lowered: Nm,
     /// Where the part lies, as the first pass has laid it; None in that pass.
     pub(super) laid: Option<Laid>,
-    /// Where the stage stands.
+    /// Position of the stage.
     pub(super) from: Commanded,
     /// The stop where it stands, in heights of the surface as it was, and the cell of its set-up.
     pub(super) before: Option<(Stop, CellId)>,

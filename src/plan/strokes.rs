@@ -1,9 +1,9 @@
 //! The strokes of a texture as far as they lie on the part, in the order in which an on-the-fly machine marks
 //! them.
 //!
-//! Consumes surface, texture and the job's limits; there is no field and no stop. The answer is a program of
-//! one block, or of one for every band of depth over the whole part, bottom up. Its points are relative to the
-//! texture's upper right corner, from where the order begins; where a stage would stand means nothing in it.
+//! Consumes surface, texture and the job's limits; there is no field and no stop. The answer is a program of one block,
+//! or of one for every band of depth over the whole part, bottom up. Its points are relative to the texture's upper
+//! right corner, from where the order begins; stage positions have no meaning in it.
 
 use super::assemble::{Members, lay, segments};
 use super::grid::{default_height, default_origin};

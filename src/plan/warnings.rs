@@ -67,7 +67,7 @@ pub(super) fn warn(
     Ok(())
 }
 
-/// Pens that make up for the slope, and no file that tells the marking software so.
+/// Pens that compensate for the slope, and no file that passes them to the marking software.
 pub(super) fn not_carried(job: &Job, program: &Program) -> Option<Diag> {
     let carried = job.formats.iter().any(|f| f.target().carries_pens);
     (program.pens.len() > job.pens.len() && !carried).then(|| {
@@ -84,15 +84,15 @@ pub(super) fn not_kept(grid: &Grid, footprint: &Footprint, method: Method, split
     let [broken, astride] = footprint.not_whole();
     let figures = (0..grid.sections.len()).flat_map(|i| footprint.figures_of(i));
     let deep = figures.filter(|&&(lo, hi)| !grid.lattice.holds(lo, hi)).count();
-    let mut why = format!("{deep} are deeper than a stop");
+    let mut why = format!("{deep} span more than the depth range");
     if broken > 0 {
-        why += &format!(", {broken} lie at a rim or a steep place");
+        why += &format!(", {broken} touch a rim or a steep area");
     }
     if astride > 0 && row(method).has_borders {
-        why += &format!(", {astride} lie across a border of sections");
+        why += &format!(", {astride} cross a border of sections");
     }
     if !row(method).keeps_figures {
-        why += ", the others across a level";
+        why += ", the others cross a level border";
     }
     let text = format!("{} figures that partition.keep_whole wants whole are cut: {why}", split.not_kept);
     let hint = if row(method).keeps_figures {
@@ -106,7 +106,7 @@ pub(super) fn not_kept(grid: &Grid, footprint: &Footprint, method: Method, split
 /// Cuts that were to overlap and do not in full.
 pub(super) fn short_overlaps(split: &Fragments) -> Option<Diag> {
     let Fragments { cuts, short, .. } = *split;
-    let text = format!("{short} of {cuts} cuts overlap by less than partition.overlap: no two stops accept all of it");
+    let text = format!("{short} of {cuts} cuts overlap by less than partition.overlap: no two stops admit all of it");
     let hint = "a larger partition.hysteresis or focus.pdof helps on slopes; a shorter overlap everywhere";
     (short > 0).then(|| Diag::warning("overlap-short", text).hint(hint))
 }

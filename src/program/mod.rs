@@ -62,7 +62,7 @@ pub struct Pen {
     pub passes: u32,
 }
 
-/// One standstill of the stage: where it stands and what it admits.
+/// One stop of the stage: its position and what it admits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stop {
     /// Its section.
@@ -88,7 +88,7 @@ pub struct Block {
     pub pass: PassId,
     /// How the part lies meanwhile, from 0; set-ups follow each other within a pass.
     pub setup: SetupId,
-    /// Where the stage stands.
+    /// Position of the stage.
     pub stop: Stop,
     /// Commanded axis values x, y, z.
     pub stage: Commanded,

@@ -334,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn every_cut_and_many_damages_are_refused_with_their_line() {
+    fn truncated_and_damaged_text_is_rejected_with_line_number() {
         let (mut program, origin) = sample::program();
         program.blocks[2].pass = PassId(1);
         program.blocks[1].setup = SetupId(1);

@@ -16,7 +16,7 @@ pub use cells::{Cells, Figure, Slabs};
 pub use footprint::Footprint;
 pub use marks::Marks;
 pub use samples::{Rows, Samples, Sampling};
-pub use turned::{FacingCell, InTiltedField, TiltedField, TiltedFields, Turned};
+pub use turned::{InTiltedField, TiltedCell, TiltedField, TiltedFields, Turned};
 
 use crate::geom::{Box2, Nm, P2};
 use crate::program::Sections;

@@ -33,7 +33,7 @@ pub struct TiltedFields {
     /// The places are made of cells of this grid.
     pub grid: Sections,
     /// What is known of every cell.
-    pub cells: Vec<FacingCell>,
+    pub cells: Vec<TiltedCell>,
     /// All fields.
     pub list: Vec<TiltedField>,
     /// Half the window of a stop.
@@ -42,7 +42,7 @@ pub struct TiltedFields {
 
 /// One cell of the grid of [`TiltedFields`].
 #[derive(Clone, Debug, Default)]
-pub struct FacingCell {
+pub struct TiltedCell {
     /// Index of its field.
     pub field: u32,
     /// The fields of other cells whose windows reach here and may find something hidden.

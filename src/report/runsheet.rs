@@ -43,8 +43,8 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
     out.into_bytes()
 }
 
-/// The z to which the stage lifts before it moves to block `i`, mm; None where it goes there at the z where it
-/// stands. Before the first block nobody knows where that is.
+/// The z to which the stage lifts before it moves to block `i`, mm; None where it goes there at the z where it stands.
+/// Before the first block that is unknown.
 fn lift(facts: &Facts<'_>, i: usize) -> Option<f64> {
     let lifts = i == 0 || facts.checked.program().blocks[i].retract;
     lifts.then(|| facts.machine.retract_z().mm())
@@ -94,10 +94,10 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     writeln!(out, "part turn  {} deg about z", facts.job.placement.turn.as_deg())?;
     writeln!(out, "blocks     {} ({})", s.stops, s.method)?;
     if s.passes > 1 {
-        let spec = &facts.job.passes;
+        let passes = &facts.job.passes;
         writeln!(
             out,
-            "passes     {}, each {} lower, hatches turned by {}",
+            "passes     {} (focus lowered {} and hatch rotated {} per pass)",
             s.passes,
             Length::mm(spec.lower.mm()),
             spec.rotate
@@ -176,7 +176,10 @@ fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         "  - If you move the stage by hand: laser off, then X Y, then Z. Where a line below says LIFT, go to Z{lift:.4}"
     )?;
     writeln!(out, "    before X Y, or the lens may touch the part. Lift after the last block too.")?;
-    writeln!(out, "  - This program is not a safety system. Enclosure, interlock and eye protection are yours.")?;
+    writeln!(
+        out,
+        "  - This program is not a safety system. Enclosure, interlock and eye protection are your responsibility."
+    )?;
     writeln!(out, "\nHOW THE FILES GO TOGETHER")?;
     for target in facts.job.formats.iter().map(|f| f.target()) {
         for (i, line) in target.sheet.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Laws of the drawing and of the report, on made-up jobs.
+//! Properties of the drawing and of the report, on made-up jobs.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;

@@ -1,6 +1,6 @@
-//! The walk against brute force: at many places of random strokes on random and nasty meshes, what the
-//! walk says is held against every facet on its own. A place within [`NEAR`] of a facet's border may
-//! count as on it or off it; everywhere else there is one right answer.
+//! The walk against brute force: at many places of random strokes on random and nasty meshes, what the walk says is
+//! checked against every facet on its own. A place within [`NEAR`] of a facet's border may count as on it or off it;
+//! everywhere else there is one right answer.
 
 use super::{Cursor, Heightmap, Span, Surface};
 use crate::geom::{NM_PER_MM, P2};

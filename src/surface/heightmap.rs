@@ -150,7 +150,7 @@ fn scaled(mut image: Image, scale: &Scale, notes: &mut Vec<Diag>, place: &Place)
         highest = highest.max(v);
     }
     if lowest > highest {
-        let text = format!("every sample has the value {} of holes", nodata.unwrap_or_default());
+        let text = format!("every sample is nodata ({})", nodata.unwrap_or_default());
         return Err(Diag::input("heightmap-empty", text).hint("check nodata in [surface.heightmap]"));
     }
     let z = |v: u16| z_mm[0] + f64::from(v) * z_mm[1];
@@ -193,7 +193,10 @@ fn check_scale(scale: &Scale, full: u32) -> Result<([f64; 2], Option<u16>), Diag
     };
     let numbers = [scale.pixel_mm, scale.z_mm[0], scale.z_mm[1], scale.origin_mm[0], scale.origin_mm[1]];
     if scale.pixel_mm <= 0.0 || numbers.iter().any(|v| !v.is_finite()) {
-        return Err(bad(format!("the scale of the height map is not a scale: {scale:?}"), "pixel, z or origin"));
+        return Err(bad(
+            "the scale of the height map is invalid: pixel must be positive, and z and origin finite".to_owned(),
+            "pixel, z or origin",
+        ));
     }
     let [from, to] = scale.values.unwrap_or([0, full]);
     if from == to {
@@ -325,9 +328,9 @@ mod tests {
         refused(&map, &Scale { values: Some([5, 5]), ..SCALE }, "heightmap-scale", "both 5");
         refused(&byte, &Scale { values: Some([0, 65_535]), ..SCALE }, "heightmap-scale", "from 0 to 255");
         refused(&byte, &Scale { nodata: Some(256), ..SCALE }, "heightmap-scale", "nodata 256");
-        refused(&byte, &Scale { nodata: Some(1), ..SCALE }, "heightmap-empty", "value 1 of holes");
+        refused(&byte, &Scale { nodata: Some(1), ..SCALE }, "heightmap-empty", "every sample is nodata (1)");
         refused(&map, &Scale { pixel_mm: 3000.0, ..SCALE }, "surface-size", "5999, 6005");
-        refused(&map, &Scale { pixel_mm: f64::NAN, ..SCALE }, "heightmap-scale", "not a scale");
+        refused(&map, &Scale { pixel_mm: f64::NAN, ..SCALE }, "heightmap-scale", "scale of the height map is invalid");
         let (_, notes) = read_bytes(&map, &Scale { pixel_mm: 0.1, z_mm: [0.0, 1.0], ..SCALE });
         assert_eq!(notes[0].code, "surface-tiny");
     }

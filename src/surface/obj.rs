@@ -118,7 +118,7 @@ fn vertex<'a>(mut rest: impl Iterator<Item = &'a [u8]>) -> Result<[f64; 3], Diag
 fn corner(word: &[u8], vertices: &[[f64; 3]]) -> Result<[f64; 3], Diag> {
     let bad = |text: String| {
         Diag::input("obj-index", text)
-            .hint("faces name vertices that stand before them, from 1 or, counted backwards, from -1")
+            .hint("a face may only refer to vertices defined before it: 1, 2, ... or, counted back, -1, -2, ...")
     };
     let digits = word.split(|&b| b == b'/').next().unwrap_or_default();
     let index: i64 = std::str::from_utf8(digits)
@@ -131,7 +131,7 @@ fn corner(word: &[u8], vertices: &[[f64; 3]]) -> Result<[f64; 3], Diag> {
     };
     position.and_then(|i| vertices.get(i)).copied().ok_or_else(|| {
         let count = vertices.len();
-        bad(format!("a face names vertex {index}, but the vertices before it are 1 to {count}"))
+        bad(format!("a face refers to vertex {index}, but the vertices before it are 1 to {count}"))
     })
 }
 
@@ -300,8 +300,8 @@ mod tests {
     fn faults_are_named_by_line() {
         let v = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
         for (text, code, say) in [
-            ("f 0 1 2", "obj-index", ":4: a face names vertex 0"),
-            ("f 1 2 9", "obj-index", ":4: a face names vertex 9, but the vertices before it are 1 to 3"),
+            ("f 0 1 2", "obj-index", ":4: a face refers to vertex 0"),
+            ("f 1 2 9", "obj-index", ":4: a face refers to vertex 9, but the vertices before it are 1 to 3"),
             ("f -1 -2 -4", "obj-index", "vertex -4"),
             ("f 1 2 9223372036854775808", "obj-index", "is not the number of a vertex"),
             ("f 1 2 -9223372036854775808", "obj-index", "vertex -9223372036854775808"),

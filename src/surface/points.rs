@@ -174,7 +174,7 @@ fn unique(path: &Path, mut points: Vec<Point>, notes: &mut Vec<Diag>) -> Vec<Poi
     if points.len() < all {
         let text = format!("{} points share x and y with a higher one and were left out", all - points.len());
         let d = Diag::warning("points-duplicate", text).at(place(path));
-        notes.push(d.hint("the lens sees the highest; thin the cloud to be rid of this warning"));
+        notes.push(d.hint("the lens sees the highest; thin the cloud to avoid this warning"));
     }
     points
 }
@@ -207,7 +207,7 @@ fn rows(path: &Path, unit_mm: f64, notes: &mut Vec<Diag>) -> Result<Vec<Point>, 
         cloud.add(row, || lines.place());
         if cloud.points.len() > MAX_POINTS {
             let d = Diag::input("points-too-many", format!("the file has more than {MAX_POINTS} points"));
-            return Err(d.at(lines.place()).hint("thin the cloud or read a part of it").into());
+            return Err(d.at(lines.place()).hint("thin the cloud, or use a part of it").into());
         }
     }
     cloud.finish(path, notes)

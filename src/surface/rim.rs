@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turned_border_holds_what_is_drawn_along_it_and_up_to_it() {
+    fn strokes_on_or_up_to_a_rotated_border_are_marked_in_full() {
         let (mut spans, mut cursor) = (Vec::new(), Cursor::default());
         for i in 0..200 {
             let turn = cos_sin(f64::from(i) * 0.731 + 0.001);

@@ -208,7 +208,7 @@ fn vertex(line: &[u8]) -> Result<[f64; 3], Diag> {
 }
 
 fn bad_ascii(text: String) -> Diag {
-    Diag::input("stl-ascii", text).hint("the file is cut short or damaged: export it again, best as binary STL")
+    Diag::input("stl-ascii", text).hint("the file is cut short or damaged: export it again, preferably as binary STL")
 }
 
 fn no_endsolid(place: Place) -> Diag {

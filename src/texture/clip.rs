@@ -83,9 +83,9 @@ fn onto([x0, y0, x1, y1]: [f64; 4], [x, y]: [f64; 2]) -> [f64; 2] {
     [x.clamp(x0, x1), y.clamp(y0, y1)]
 }
 
-/// Appends the pieces of a polyline that lie in the rectangle, borders included, in its direction.
-/// A polyline wholly inside stays as it is, closed figures too; of a closed figure that is cut no piece
-/// is parted at its first point. Pieces too short to mark are left out.
+/// Appends the pieces of a polyline that lie in the rectangle, borders included, in its direction. A polyline wholly
+/// inside stays as it is, closed figures too; of a closed figure that is cut no piece is divided at its first point.
+/// Pieces too short to mark are left out.
 pub(super) fn clip(points: &[[f64; 2]], rect: [f64; 4], out: &mut Lines) {
     let first_outside = points.iter().position(|&p| !holds(rect, p));
     let Some(first_outside) = first_outside else {

@@ -108,7 +108,7 @@ struct Part {
     start: u64,
 }
 
-/// All strokes of a job, made anew on request: nothing is held that can be computed. Cheap to clone.
+/// All strokes of a job, computed on request: nothing is stored that can be computed. Cheap to clone.
 #[derive(Clone, Debug)]
 pub struct Texture {
     parts: Vec<Part>,

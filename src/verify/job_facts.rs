@@ -1,4 +1,4 @@
-//! What the job itself says: machine, depth, pens, surface and texture, made anew from the job file.
+//! What the job itself says: machine, depth, pens, surface and texture, loaded again from the job file.
 
 use super::geometry::{Map, MeshBuilder, Shape};
 use super::inputs::Inputs;
@@ -16,7 +16,7 @@ use crate::texture::Texture;
 /// may have closed them.
 const THINNEST: f64 = 2.0;
 
-/// The numbers that the rules are held against.
+/// The numbers that the rules are checked against.
 #[derive(Clone, Debug)]
 pub(super) struct JobFacts {
     pub(super) machine: Machine,
@@ -44,7 +44,7 @@ pub(super) struct JobFacts {
     pub(super) origin: Option<Origin>,
     /// Pens of the job; None where the job could not be read.
     pub(super) pens: Option<Vec<Pen>>,
-    /// How pens make up for the slope, if they do.
+    /// How pens compensate for the slope, if they do.
     pub(super) dose: Option<Dose>,
     /// Formats that the job asks for.
     pub(super) formats: Vec<Format>,

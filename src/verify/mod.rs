@@ -1,9 +1,9 @@
 //! The independent proof: re-reads an emitted job folder and holds every rule against it.
 //!
-//! Consumes a job folder, and the job file and inputs that it names; promises a [`Proof`] with each
-//! rule, what was held against it and where it is broken. Files are read by readers of this module's own
-//! (`read`), heights are found on the surface file's own facets (`depth`), texture strokes are placed
-//! anew; nothing here calls what divided, cut, ordered or wrote the program.
+//! Consumes a job folder, and the job file and inputs that it names; promises a [`Proof`] with each rule, what was
+//! checked against it and where it is broken. Files are read by readers of this module's own (`read`), heights are
+//! found on the surface file's own facets (`depth`), texture strokes are placed anew; nothing here calls what divided,
+//! cut, ordered or wrote the program.
 //!
 //! Every fault has one owner. The rules of geometry judge `program.txt`; `agreement` ties the drawings,
 //! the stage programs, the OVF and the manifest to it, number by number; `hash` ties bytes to the
@@ -76,7 +76,7 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
     let unchanged = rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.hash);
     let program = read_program(folder, &mut findings);
     if !unchanged {
-        // The job cannot be made anew: what the folder says of itself can still be compared.
+        // The job cannot be loaded again, but the files of the folder can still be compared with each other.
         let facts = JobFacts::from_manifest(&manifest);
         if let Some(program) = &program {
             rules::without_inputs(folder, &manifest, program, &facts, &mut findings);
@@ -102,7 +102,7 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
     Ok(findings.into_proof())
 }
 
-/// All rules but `hash`, on what was read and made anew.
+/// All rules but `hash`, on what was read and loaded again.
 fn check_folder(
     folder: &Path,
     manifest: &Manifest,

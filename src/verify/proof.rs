@@ -18,7 +18,7 @@ pub struct Violation {
     pub message: String,
 }
 
-/// One rule: how much was held against it and what broke it.
+/// One rule: how much was checked against it and what broke it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rule {
     /// Stable short name.
@@ -27,7 +27,7 @@ pub struct Rule {
     pub what: &'static str,
     /// Whether it could be checked: an input that is missing or changed proves nothing.
     pub ran: bool,
-    /// How many things were held against it.
+    /// How many things were checked against it.
     pub checked: u64,
     /// How many of them broke it.
     pub violated: u64,

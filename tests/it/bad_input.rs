@@ -298,8 +298,8 @@ fn a_mesh_beyond_the_limit_of_memory_is_refused_with_the_figure() {
     let done = compile_within(150_000, &job, &dir.path().join("out.job"));
     let text = said(&done);
     assert_eq!(done.status.code(), Some(1), "{text}");
-    assert!(text.contains("error[memory]: the mesh takes about 148 MB of memory, and "), "{text}");
-    assert!(text.contains("of the 147 MB that the limit of address space (ulimit -v) allows"), "{text}");
+    assert!(text.contains("error[memory]: the mesh needs about 148 MB of memory, but only "), "{text}");
+    assert!(text.contains("of the 147 MB allowed by the limit of address space (ulimit -v) is left"), "{text}");
     assert!(text.contains("large.stl"), "{text}");
     assert_eq!(names(dir.path()), before, "nothing is written");
 }

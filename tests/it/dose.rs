@@ -1,4 +1,4 @@
-//! What slope does to marks: incidence, stretch and dose, and pens that make up for it.
+//! Effects of slope on marks: incidence, stretch and dose, and pens that compensate for it.
 
 use std::path::Path;
 

@@ -78,7 +78,7 @@ fn commands_keep_folders_of_both_modes_apart_in_either_order() {
 }
 
 #[test]
-fn check_and_preview_go_by_the_mode() {
+fn check_and_preview_respect_the_mode() {
     let dir = folder();
     job(dir.path(), "");
     assert!(json(dir.path(), &["check", "job.toml"])["stops"].as_u64() > Some(0));
@@ -131,7 +131,7 @@ fn the_job_file_states_the_mode_and_the_command_line_overrides_it() {
 }
 
 #[test]
-fn another_objective_is_not_taken_for_unchanged() {
+fn job_with_another_objective_is_recompiled() {
     let dir = folder();
     job(dir.path(), "");
     done(dir.path(), &["compile", "job.toml", "--objective", "stops"]);

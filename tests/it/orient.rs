@@ -1,4 +1,4 @@
-//! `terrace orient`: the lean that it finds is one, and its estimates are near what a compiled job needs.
+//! `terrace orient`: the fixture angle that it finds saves stops, and its estimates agree with the compiled job.
 
 use std::path::Path;
 
@@ -32,22 +32,22 @@ fn orient_levels_a_slope_and_the_compiled_job_agrees() {
     let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.5 mm\"").method("z-range");
     let file = job.write(dir.path(), "job.toml");
     let found = orientations(&file);
-    assert_eq!(found[0]["name"], "as it lies");
+    assert_eq!(found[0]["name"], "as placed");
     let as_it_lies = number(&compile(&file, &dir.path().join("flat.job")), "stops");
     let estimate = number(&found[0], "stops");
     assert!((estimate - as_it_lies).abs() <= 0.05 * as_it_lies, "{estimate} {as_it_lies}");
     assert!(found[1..].windows(2).all(|w| number(&w[0], "stage_s") <= number(&w[1], "stage_s")));
     assert!(found[1..].iter().all(|w| number(w, "stage_s") <= number(&found[0], "stage_s")));
 
-    let leaning = found.iter().find(|w| w["name"] == "leaning").expect("one set-up that leans");
+    let leaning = found.iter().find(|w| w["name"] == "tilted fixture").expect("one tilted set-up");
     let lean = [0, 1].map(|k| leaning["set_ups"][0]["lean_deg"][k].as_f64().expect("degrees"));
     assert!(lean[0] > 1.0 && lean[1] > 2.0, "{lean:?}");
     let turned: Vec<[[f64; 3]; 3]> = facets.iter().map(|f| f.map(|p| leaned(p, lean))).collect();
     write_stl(&stl, &turned);
     let really = number(&compile(&file, &dir.path().join("leaning.job")), "stops");
     let estimate = number(leaning, "stops");
-    eprintln!("{as_it_lies} stops as it lies, {really} leaning by {lean:?}, estimated {estimate}");
-    // The texture's box grows with the lean, so that a row of sections may come to it.
+    eprintln!("{as_it_lies} stops as placed, {really} at {lean:?} deg, estimated {estimate}");
+    // The texture's box grows with the angle, which may add a row of sections.
     assert!(really <= 0.5 * as_it_lies && (estimate - really).abs() <= 0.2 * really, "{estimate} {really}");
 }
 

@@ -59,7 +59,7 @@ fn passes_with_rotation_lowering_and_shift_verify() {
 }
 
 #[test]
-fn seams_of_passes_are_apart() {
+fn seams_of_passes_do_not_coincide() {
     let dir = folder();
     let out = dir.path().join("job.job");
     let lines = |m: &Value, pass: usize, axis: usize| {
@@ -120,7 +120,7 @@ fn several_passes_give_the_same_bytes_on_any_number_of_threads() {
 }
 
 #[test]
-fn the_stage_goes_on_from_where_the_pass_before_ended() {
+fn each_pass_starts_where_the_previous_one_ended() {
     let dir = folder();
     let out = dir.path().join("job.job");
     compile(&job(dir.path(), "z-range", "0 deg", "[passes]\ncount = 2\nshift = \"0 mm\"\n"), &out);

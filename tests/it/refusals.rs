@@ -1,4 +1,4 @@
-//! Jobs that no one means: refused before anything is written, each limit once and with the figure that would do.
+//! Implausible jobs: refused before anything is written, each limit once and with a value that works.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -42,7 +42,7 @@ fn a_slip_of_units_in_pdof_or_pitch_is_refused_unless_the_job_allows_it() {
     job.focus = "pdof = \"70 mm\"".into();
     job.textures = vec!["pattern = \"hatch\"\npitch = \"4 um\"".into()];
     let text = refused(&job.write(dir.path(), "slip.toml"), &["pdof-large", "pitch-small"]);
-    assert!(text.contains("39.6 times the depth of focus of the optics: 2 z_R is 1.770 mm"), "{text}");
+    assert!(text.contains("39.6 times the depth of focus of the optics (2 z_R = 1.770 mm"), "{text}");
     assert!(text.contains("lines 0.004 mm apart under a spot of 0.02 mm mark every place 5 times"), "{text}");
     assert!(text.contains("pdof = \"70 mm\"") && text.contains("pitch = \"4 um\""), "the lines are shown: {text}");
     job.more = "[limits]\nimplausible = \"allow\"\n".into();
@@ -92,22 +92,22 @@ fn texture_mostly_off_the_part_is_refused_with_its_share() {
 }
 
 #[test]
-fn texture_beside_the_part_is_refused_with_both_boxes() {
+fn texture_off_the_part_is_refused_with_both_boxes() {
     let dir = folder();
     let mut job = panel(dir.path());
     job.textures[0] += "\narea = [\"80 mm\", \"10 mm\", \"90 mm\", \"20 mm\"]";
     let text = refused(&job.write(dir.path(), "job.toml"), &["job-empty"]);
-    let boxes = "the texture lies at x 80.000 to 90.000 mm and y 10.000 to 20.000 mm, beside the part at x 0.000 to \
+    let boxes = "the texture lies at x 80.000 to 90.000 mm and y 10.000 to 20.000 mm, off the part at x 0.000 to \
                  60.000 mm and y 0.000 to 50.000 mm";
     assert!(text.contains(boxes), "{text}");
     // Turned by 90 deg the part lies at x -50 to 0 mm, and the texture with it.
     job.more = "[placement]\nturn = \"90 deg\"\n".into();
     let text = refused(&job.write(dir.path(), "job.toml"), &["job-empty"]);
-    assert!(text.contains("beside the part at x -50.000 to 0.000 mm"), "{text}");
+    assert!(text.contains("off the part at x -50.000 to 0.000 mm"), "{text}");
 }
 
 #[test]
-fn travel_is_one_error_and_the_origin_that_it_names_would_do() {
+fn travel_error_suggests_an_origin_that_compiles() {
     let dir = folder();
     let at = |x: f64| -> PathBuf {
         let mut job = panel(dir.path());
@@ -116,7 +116,7 @@ fn travel_is_one_error_and_the_origin_that_it_names_would_do() {
     };
     let text = refused(&at(300.0), &["travel"]);
     let (_, range) = text.split_once("placement.origin with x between ").unwrap_or_else(|| panic!("{text}"));
-    let (range, _) = range.split_once(" mm would do").expect("a range");
+    let (range, _) = range.split_once(" mm works").expect("a range");
     let (lo, hi) = range.split_once(" and ").expect("two ends");
     let [lo, hi] = [lo, hi].map(|v| v.parse::<f64>().expect("a number"));
     assert!(lo < hi, "{text}");
@@ -129,7 +129,7 @@ fn travel_is_one_error_and_the_origin_that_it_names_would_do() {
 }
 
 #[test]
-fn a_part_longer_than_travel_is_asked_for_its_unit_and_told_the_set_ups() {
+fn part_longer_than_travel_gets_hints_about_unit_and_set_ups() {
     let dir = folder();
     let mut job = panel(dir.path());
     job.textures = vec!["pattern = \"hatch\"\npitch = \"20 mm\"".into()];
@@ -160,7 +160,7 @@ fn strokes_beyond_the_limit_of_memory_are_refused_with_the_figure() {
     let done = within(120_000);
     let text = said(&done);
     assert_eq!(done.status.code(), Some(1), "{text}");
-    assert!(text.contains("error[memory]: the program takes about "), "{text}");
+    assert!(text.contains("error[memory]: the program needs about "), "{text}");
     assert!(within(4_000_000).status.success(), "{}", said(&within(4_000_000)));
 }
 

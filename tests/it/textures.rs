@@ -53,7 +53,7 @@ fn nm(mm: f64) -> i64 {
 }
 
 #[test]
-fn hatch_holds_both_borders() {
+fn hatch_marks_lines_on_both_borders() {
     let t = made(Kind::Hatch { pitch_mm: 0.1, direction_rad: 0.0 }, PLATE);
     assert_eq!(t.len(), 4501);
     for (k, s) in strokes(&t).iter().enumerate() {

@@ -157,7 +157,7 @@ fn marks_of_tables_that_turn_about_z_end_inside_the_field() {
 }
 
 #[test]
-fn a_coarse_stage_under_a_small_field_is_no_fault() {
+fn coarse_increment_with_small_field_compiles() {
     let dir = folder();
     let stl = dir.path().join("bump.stl");
     write_stl(&stl, &mesh(6, [0.0, 0.0, 1.0, 0.7], |x, y| 0.3 * x + 0.2 * x * y));
@@ -195,7 +195,7 @@ fn bosses(n: usize) -> Vec<[[f64; 3]; 3]> {
 }
 
 #[test]
-fn what_a_boss_hides_from_a_tilted_beam_is_marked_upright() {
+fn texture_occluded_by_a_boss_is_marked_untilted() {
     let dir = folder();
     let stl = dir.path().join("boss.stl");
     write_stl(&stl, &bosses(120));

@@ -2,7 +2,7 @@
 //!
 //! Consumes a checked [`on_the_fly::Program`](crate::on_the_fly::program::Program); promises programs whose samples
 //! read back to the nanometre, the millionth of a degree and the microsecond. Words are absolute; an axis that stays
-//! has none. A comment `MARK s PEN p` stands before every piece of a stroke: stroke of the texture from 0, pen from 1.
+//! has none. A comment `MARK s PEN p` precedes every piece of a stroke: stroke of the texture from 0, pen from 1.
 //!
 //! The stage goes to the start like that of a stepped program: z lifted, x and y with all that turns and scans,
 //! then z alone. At the end it lifts again. The laser is off in all of this, and in every rest.
@@ -24,7 +24,7 @@ pub const BLEND_MM: f64 = 2e-4;
 /// Letters of all axes of a sample.
 const LETTERS: [u8; AXES] = *b"XYZACUV";
 
-/// Where the axes stand.
+/// Positions of the axes.
 struct At {
     to: [i64; AXES],
     kind: Kind,
@@ -105,7 +105,7 @@ fn percent(checked: &Checked, machine: &Machine, pen: u16) -> String {
     format!("{:.3}", checked.program().pens[usize::from(pen)].power.as_w(full) / full.as_w() * 100.0)
 }
 
-/// What stands at the head of every program.
+/// The head of every program.
 fn head(checked: &Checked, machine: &Machine) -> Vec<String> {
     let Figures { time_s, marks, laser_error_mm, mark_speed, .. } = checked.figures();
     let mut lines = vec![

@@ -1,4 +1,4 @@
-//! Axes that lag behind their commands, and a scanner that makes up for what the stage misses.
+//! Following error of axes, and its compensation by the scanner.
 //!
 //! Consumes commands sampled at even steps, linear in between; promises positions at the same times, exact for the
 //! model at any step. Units: s, Hz, and whatever unit a position has (mm or rad).
@@ -50,8 +50,8 @@ impl Servo {
         Self::stated(machine.scanner.servo, 1000.0)
     }
 
-    /// The following error of a stage at top speed along x and y, mm: what of the scanner's field is left to making
-    /// up for it.
+    /// The following error of a stage at top speed along x and y, mm: the share of the scanner's field reserved for
+    /// compensating it.
     ///
     /// # Errors
     /// As [`Servo::new`].
@@ -121,7 +121,7 @@ impl Axis {
     }
 }
 
-/// What keeps the scanner in its field while it makes up for the stage's error.
+/// How the scanner command is limited while it compensates the stage's following error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Protection {
     /// Its whole command is clipped to the field.
@@ -168,7 +168,7 @@ pub enum Sum {
     Residual,
 }
 
-/// One direction of a scanner that makes up for what the stage under it misses.
+/// One direction of a scanner that compensates the following error of the stage.
 #[derive(Clone, Copy, Debug)]
 pub struct Scanner {
     mirror: Axis,
@@ -282,7 +282,7 @@ mod tests {
     /// What a scanner of a field of 5 mm to a side makes of a stage that swings at up to 100 mm/s under a small tremor,
     /// while it swings too: where it goes at most, how far the spot is off.
     fn swing(feed: Option<Protection>, jolt: f64) -> (f64, f64) {
-        let mut carrier = Axis::new(servo(20.0, 0.7), DT, 0.0);
+        let mut stage_axis = Axis::new(servo(20.0, 0.7), DT, 0.0);
         let mut scanner = Scanner::new(servo(1000.0, 0.7), feed, DT, 0.0);
         let (mut most, mut squares) = (0.0f64, 0.0);
         for i in 0..40_000 {
@@ -290,7 +290,7 @@ mod tests {
             let stage = 100.0 / TAU * (TAU * time).sin();
             let planned = 2.0 * (TAU * 2.0 * time).sin();
             let jolt = if (5000..7000).contains(&i) { jolt } else { 0.0 };
-            let missed = stage - (carrier.step(stage) + 0.02 * (TAU * 8.0 * time).sin() + jolt);
+            let missed = stage - (stage_axis.step(stage) + 0.02 * (TAU * 8.0 * time).sin() + jolt);
             let off = scanner.step(planned, missed, 5.0);
             most = most.max((planned + missed - off).abs());
             squares += if i < 10_000 { 0.0 } else { off * off };

@@ -146,7 +146,8 @@ fn travel(program: &Program, machine: &Machine) -> Vec<Diag> {
         let Some((us, to)) = samples().max_by_key(|(us, to)| (beyond(to[k]), -us)) else { continue };
         if beyond(to[k]) > 0 {
             let [v, lo, hi] = [to[k], lo, hi].map(mm_from_nm);
-            let text = format!("{name} would have to go to {v} {unit} {}, travel is {lo} to {hi} {unit}", at(us));
+            let text =
+                format!("{name} would have to go to {v} {unit} {}, but its travel is {lo} to {hi} {unit}", at(us));
             faults.push(
                 Diag::limit("travel", text).hint("move the part (placement.origin), or see the machine's travel"),
             );
@@ -165,7 +166,7 @@ fn field(program: &Program, machine: &Machine) -> Result<Option<Diag>, Error> {
         let [u, v] = field(to).map(mm_from_nm);
         let [w, h] = machine.usable_field().map(Nm::mm);
         let text =
-            format!("the scanner would have to reach ({u}, {v}) mm {}, the usable field is {w} x {h} mm", at(us));
+            format!("the scanner would have to reach ({u}, {v}) mm {}, but the usable field is {w} x {h} mm", at(us));
         Diag::limit("fly-field", text).hint("let the stage follow more closely, or mark more slowly")
     }))
 }
@@ -246,7 +247,8 @@ fn dynamics(peaks: &[Peaks; AXES], program: &Program, machine: &Machine) -> Vec<
             let Some(limit) = most[k].filter(|limit| peak.size > limit * (1.0 + OVER)) else { continue };
             let (what, per) = [("a speed", "s"), ("an acceleration", "s2"), ("a jerk", "s3")][k];
             let (size, at) = (peak.size, peak.at_s);
-            let text = format!("{name} would need {what} of {size:.4} {unit}/{per} at {at:.6} s, its limit is {limit}");
+            let text =
+                format!("{name} would need {what} of {size:.4} {unit}/{per} at {at:.6} s, but its limit is {limit}");
             let diag = match k {
                 0 => Diag::limit("fly-speed", text),
                 1 => Diag::limit("fly-acceleration", text),
@@ -274,7 +276,7 @@ fn scanner(program: &Program, machine: &Machine) -> Option<Diag> {
         is_fast(way, to.us - us, limit).then(|| {
             let speed = way / (to.us - us) as f64 * 1e6;
             let text =
-                format!("the scanner would have to run at {speed:.4} mm/s {}, its limit is {limit} mm/s", at(us));
+                format!("the scanner would have to run at {speed:.4} mm/s {}, but its limit is {limit} mm/s", at(us));
             Diag::limit("fly-speed", text).hint("see scanner.jump_speed and scanner.max_mark_speed of the machine")
         })
     })

@@ -53,7 +53,7 @@ fn program_beyond_any_limit_is_refused() {
     assert_eq!(codes(|p, _| all(p, 0, |_| 0)), Vec::<&str>::new());
     assert!(codes(|p, _| (p.start[1], p.moves.iter_mut().for_each(|m| m.to[1] = 300_000_000)).1).contains(&"travel"));
     assert_eq!(codes(|p, _| (p.moves[100].to[6], p.moves[100].us) = (25_000_000, 210_000)), ["fly-field"]);
-    // A stage that runs at once, which U makes up for.
+    // A stage that runs at once, which U compensates for.
     let stage = |p: &mut Program, speed: i64| {
         for m in &mut p.moves {
             m.to[0] = -speed * m.us;

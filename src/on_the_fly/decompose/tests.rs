@@ -411,7 +411,7 @@ fn least_acceleration_beats_every_filter_on_a_hatched_dome() {
 }
 
 #[test]
-fn a_paced_corridor_keeps_speed_and_acceleration_and_is_the_corridor_where_they_do_not_bind() {
+fn speed_limited_corridor_equals_plain_corridor_if_limits_are_inactive() {
     let path: Vec<f64> = raster().iter().map(|x| x[0]).collect();
     let ends: Vec<[f64; 2]> = path.iter().map(|x| [x - 5.0, x + 5.0]).collect();
     let average: Vec<[f64; 1]> =

@@ -1,9 +1,9 @@
-//! Rewind of C: the turntable turns back during a jump, with the laser off.
+//! Rewind of C: the turntable is turned back by whole turns during a jump, with the laser off.
 //!
-//! Consumes a path and its axes, C counted on without end, and the travel of C; promises the same with C within its
-//! travel in every mark that needs no more than all of it: in the jump before a mark that would leave it C turns back
-//! by whole turns, as far as it can, so that it need not soon again. The jump gets as many nodes as that takes, over
-//! which X, Y and Z go round with the part. Units: mm, rad.
+//! Consumes a path and its axes, C unwrapped (unbounded), and the travel of C; promises the same with C within its
+//! travel in every mark that needs no more than all of it: in the jump before a mark that would leave it C is rewound
+//! by whole turns, as far as it can, so that the next rewind comes as late as possible. The jump gets as many nodes as
+//! that takes, over which X, Y and Z go round with the part. Units: mm, rad.
 
 use std::f64::consts::TAU;
 

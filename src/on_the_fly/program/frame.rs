@@ -119,7 +119,7 @@ impl Frame {
         Spot { part: [0, 1, 2].map(|k| p[k] - self.origin[k]), up, lever: q[0].hypot(q[1]).hypot(q[2]) }
     }
 
-    /// A sample with the stage where another has it; U and V make up for X and Y.
+    /// A sample with the stage where another has it; U and V compensate for X and Y.
     pub(super) fn held(&self, to: &[i64; AXES], stage: &[i64; AXES]) -> [i64; AXES] {
         let mut out = *to;
         out[..3].copy_from_slice(&stage[..3]);

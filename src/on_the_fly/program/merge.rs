@@ -5,32 +5,32 @@ use crate::on_the_fly::axes::motion::AXES;
 
 /// The same moves, those joined that run on in one line within the tolerances. What is kept is kept as it was.
 ///
-/// From a kept sample a door is left open for every axis: the slopes of lines that pass all samples since. The
+/// From a kept sample a cone is left open for every axis: the slopes of lines that pass all samples since. The
 /// move goes on as long as the line to the next sample stays within all tolerances.
 pub(super) fn merged(start: [i64; AXES], moves: Vec<Move>) -> Vec<Move> {
     let mut out: Vec<Move> = Vec::with_capacity(moves.len() / 2);
     let mut from = Move { us: 0, to: start, mark: None };
-    let mut door = Door::open();
+    let mut cone = SlopeCone::open();
     let mut last: Option<Move> = None;
     for next in moves {
-        let goes_on = last.is_some_and(|l: Move| l.mark == next.mark) && door.passes(&from, &next);
+        let goes_on = last.is_some_and(|l: Move| l.mark == next.mark) && cone.passes(&from, &next);
         if let Some(l) = last.filter(|_| !goes_on) {
             out.push(l);
-            (from, door) = (l, Door::open());
+            (from, cone) = (l, SlopeCone::open());
         }
-        door.narrow(&from, &next);
+        cone.narrow(&from, &next);
         last = Some(next);
     }
     out.extend(last);
     out
 }
 
-struct Door {
+struct SlopeCone {
     lo: [f64; AXES],
     hi: [f64; AXES],
 }
 
-impl Door {
+impl SlopeCone {
     fn open() -> Self {
         Self { lo: [f64::NEG_INFINITY; AXES], hi: [f64::INFINITY; AXES] }
     }

@@ -1,12 +1,12 @@
 //! The program of a machine that marks on the fly: what every axis is commanded, move by move.
 //!
 //! Consumes a [`Motion`] in the part frame; promises samples in whole nanometres, millionths of a degree and
-//! microseconds, after placement and the machine's signs: what stands in a program is what is commanded. Moves
-//! run straight in all axes from sample to sample, each in its own time; the laser is on in whole moves. Times
-//! are rounded from the program's start, never one after the other, so that nothing adds up; the stage is then
-//! where its motion has it at the rounded time, and the scanner makes up for the rest. A move that would be faster so
-//! than its pen or the scanner may run takes as many microseconds as it needs; the spot is then late, and comes up
-//! again where it has time to spare, in waits not. By how much the motion is too fast for that is told.
+//! microseconds, after placement and the machine's signs: a program contains the commanded values. Moves run straight
+//! in all axes from sample to sample, each in its own time; the laser is on in whole moves. Times are rounded from the
+//! program's start, never one after the other, so that nothing adds up; the stage is then where its motion has it at
+//! the rounded time, and the scanner compensates for the rest. A move that would then be faster than its pen or the
+//! scanner allows takes as many microseconds as it needs; the spot then lags and catches up where there is slack (but
+//! not during waits). The excess is reported.
 //!
 //! # How far a mark lies from where the motion has it
 //! Between two nodes of the motion a mark is meant to run straight in the part. Where axes turn it bows: such
@@ -35,7 +35,7 @@ pub const BOW: f64 = 20.0;
 pub const NEAR: i64 = 5;
 /// The same of a turning axis, millionths of a degree.
 pub const NEAR_TURN: i64 = 2;
-/// The stage stands where it would move slower than this, nm/us: 0.12 mm/min.
+/// The stage stops where it would move slower than this, nm/us: 0.12 mm/min.
 const CREEP: f64 = 2e-3;
 /// How far a corner of the motion may be cut because times are rounded, mm.
 const CUT: f64 = 1e-6;
@@ -105,7 +105,7 @@ pub struct Program {
     pub pens: Vec<Pen>,
     /// Position of the part frame's origin in the table frame, nm.
     pub origin: [i64; 3],
-    /// Where all axes stand at first, as commanded.
+    /// Positions of all axes at the start, as commanded.
     pub start: [i64; AXES],
     /// The moves, one after the other.
     pub moves: Vec<Move>,
@@ -176,7 +176,7 @@ impl Program {
     }
 }
 
-/// Lets the stage stand in moves in which it would creep, and the scanner make up for it: LinuxCNC takes the time of
+/// Stops the stage in moves in which it would creep, and lets the scanner compensate for it: LinuxCNC takes the time of
 /// a move from X, Y and Z wherever they move, and none slower than 0.1 mm/min.
 fn hold(program: &mut Program, frame: &Frame) {
     let (mut from, mut us) = (program.start, 0);
@@ -348,7 +348,7 @@ impl Maker<'_> {
         }
         let spot = if node.is_node { node.to } else { self.end(node, node.at).0 };
         let mut us = last.us + least;
-        // The stage goes on meanwhile, and the scanner has to make up for that too.
+        // The stage moves on meanwhile, and the scanner has to compensate for that too.
         for round in 0.. {
             let to = self.commanded(us, spot)?;
             let needed = last.us + self.needed(&last.to, &to, mark);

@@ -42,7 +42,7 @@ fn marked(machine: &Machine, origin: [i64; 3], at: &[i64; AXES]) -> [f64; 3] {
 }
 
 #[test]
-fn marks_lie_where_the_motion_has_them_whatever_the_signs() {
+fn program_reproduces_motion_for_any_axis_signs() {
     let origin = [3_000_001, -4_000_000, 25_000_000];
     for variant in 0..16u32 {
         let bit = |k: u32| variant >> k & 1 == 1;

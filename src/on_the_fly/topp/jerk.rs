@@ -1,8 +1,8 @@
 //! Jerk limits: the descent of b to where they hold.
 //!
-//! A long run is cut into windows that are solved on their own (`descent`), with two borders held between them
-//! so that no constraint sees two windows. These are held at a motion that is slowed down until it keeps all
-//! limits; in a second round windows that lie half a width further do away with what that cost.
+//! A long run is cut into windows that are solved on their own (`interior_point`), with two borders held between them
+//! so that no constraint sees two windows. These are held at a motion that is slowed down until it keeps all limits; in
+//! a second round windows that lie half a width further remove the loss that this causes.
 
 use std::ops::Range;
 

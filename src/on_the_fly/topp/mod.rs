@@ -11,13 +11,13 @@
 //! cut into cells, finer towards its stops (`grid`); the unknown is b = (ds/dt)² at the cells' borders,
 //! linear in s between, so ds/dt changes evenly within a cell.
 //!
-//! 1. Speed and acceleration (`reach`): the greatest b that backward and forward passes over linear
-//!    constraints of two neighbours leave (Pham and Pham, IEEE Trans. Robotics 34 (2018) 645: TOPP-RA).
+//! 1. Speed and acceleration (`reachability`): the greatest b that backward and forward passes over linear constraints
+//!    of two neighbours leave (Pham and Pham, IEEE Trans. Robotics 34 (2018) 645: TOPP-RA).
 //! 2. Jerk (`jerk_rows`, `jerk`): acceleration from the middle of a cell to that of the next changes by a linear form
 //!    of three neighbours of b, and the time between is convex in b, so its tangent bounds it from below: a linear
-//!    constraint that is never too lax. An interior point method (`descent`) takes new tangents at every step.
+//!    constraint that is never too lax. An interior point method (`interior_point`) takes new tangents at every step.
 //!
-//! A run whose axes are all linear in s with one cap is solved in closed form (`straight`).
+//! A run whose axes are all linear in s with one cap is solved in closed form (`closed_form`).
 //!
 //! # Limits
 //! With jerk limits the acceleration still steps at the borders of cells: the jerk that is limited is its change

@@ -1,5 +1,5 @@
-//! A cover with its books: which pieces every box holds, by how many boxes every piece is held, and
-//! which boxes are near.
+//! A cover and its indices: which pieces each box contains, how many boxes contain each piece, and which boxes are
+//! near.
 
 use crate::geom::Grid;
 use crate::partition::box_index::{Index, cell_of, extent, grid_over};

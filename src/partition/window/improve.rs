@@ -1,8 +1,7 @@
-//! Fewer boxes: takes a few neighbours out and holds what they alone held with as few others.
+//! Fewer boxes: removes a few neighbours and covers what only they contained with as few others.
 //!
-//! A step that needs as many boxes as before is kept too: so the waste wanders until it meets other
-//! waste. The number of steps follows from the number of boxes and from what the last steps gained,
-//! never from a clock.
+//! A step that needs as many boxes as before is kept too: so spare capacity moves around until it can be merged. The
+//! number of steps follows from the number of boxes and from what the last steps gained, never from a clock.
 
 use super::cover::{Cover, Dice};
 use super::ejection_pool::EjectionPool;

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use svg::Node;
 use svg::node::element::Element;
 
-use super::ticks::{Room, Ruler};
+use super::ticks::{Ruler, TickSpace};
 use super::{Look, Plot, Style, WIDTH, words};
 use crate::report::colour::{Colour, hex};
 use crate::report::sheet::{FONTS, el, num, rectangle, text, titled};
@@ -206,15 +206,15 @@ impl Canvas {
     }
 }
 
-/// Room of an axis along the foot of a frame, whose labels may reach to the rim of the drawing.
-pub fn foot([left, right]: [f64; 2]) -> Room {
+/// Space for the labels of an axis along the foot of a frame, whose labels may reach to the rim of the drawing.
+pub fn foot([left, right]: [f64; 2]) -> TickSpace {
     let beyond = [left - 4.0, WIDTH - right - 4.0];
-    Room { length: right - left, beyond, is_level: true, font: SMALL }
+    TickSpace { length: right - left, beyond, is_level: true, font: SMALL }
 }
 
-/// Room of an axis up the side of a frame.
-pub fn side(height: f64) -> Room {
-    Room { length: height, beyond: [SMALL; 2], is_level: false, font: SMALL }
+/// Space for the labels of an axis up the side of a frame.
+pub fn side(height: f64) -> TickSpace {
+    TickSpace { length: height, beyond: [SMALL; 2], is_level: false, font: SMALL }
 }
 
 /// A coordinate to a tenth of a unit.

@@ -1,4 +1,4 @@
-//! Laws of charts: no text over other text or over the rim, what is drawn lies where it should.
+//! Properties of charts: no text over other text or over the rim, what is drawn lies where it should.
 
 use proptest::prelude::*;
 
@@ -67,7 +67,7 @@ fn has(words: &[Word], what: &str) -> bool {
     words.iter().any(|w| w.words == what)
 }
 
-fn ladder() -> Plot {
+fn back_off() -> Plot {
     let sigma: Vec<f64> = (1..26).map(|k| 500.0 * f64::from(k) + 703.8).collect();
     let of = |f: &dyn Fn(f64) -> f64| sigma.iter().map(|&s| [s, f(s)]).collect::<Vec<_>>();
     let panel = |name: &str, unit: &str, f: &dyn Fn(f64) -> f64, limit: f64| Panel {
@@ -83,7 +83,7 @@ fn ladder() -> Plot {
             panel("BIA", "deg", &|s| 4.0 + s / 3000.0, 10.0),
             panel("displacement", "mm", &|s| s / 7500.0, 5.0),
         ],
-        limits: vec![Limit::new("ladder stops at", 13_203.8)],
+        limits: vec![Limit::new("search stops at", 13_203.8)],
     }
     .draw()
 }
@@ -211,7 +211,7 @@ fn spread() -> Plot {
 
 fn samples() -> Vec<(&'static str, Plot)> {
     vec![
-        ("ladder", ladder()),
+        ("back_off", back_off()),
         ("motions", motions()),
         ("along", along()),
         ("bars", bars()),
@@ -237,14 +237,14 @@ fn the_same_chart_has_the_same_bytes_and_long_series_stay_small() {
 
 #[test]
 fn limits_ticks_units_and_names_are_on_the_chart() {
-    let words = check(&ladder());
+    let words = check(&back_off());
     for what in [
         "FOD, um",
         "BIA, deg",
         "sigma, samples",
         "limit 100 um",
         "limit 10 deg",
-        "ladder stops at 13203.8 samples",
+        "search stops at 13203.8 samples",
         "Gaussian",
         "2000",
     ] {

@@ -16,7 +16,7 @@ pub struct Tick {
 
 /// Where the labels of an axis stand.
 #[derive(Clone, Copy, Debug)]
-pub struct Room {
+pub struct TickSpace {
     /// Length of the axis.
     pub length: f64,
     /// How far labels may reach beyond its two ends.
@@ -27,7 +27,7 @@ pub struct Room {
     pub font: f64,
 }
 
-impl Room {
+impl TickSpace {
     /// Half of what a label takes along the axis, air included.
     fn half(&self, label: &str) -> f64 {
         if self.is_level { words::width(label, self.font) / 2.0 + 5.0 } else { 0.75 * self.font }
@@ -93,13 +93,13 @@ fn widened([lo, hi]: [f64; 2], is_log: bool) -> [f64; 2] {
 
 impl Ruler {
     /// An axis over a range; without one over 0 to 1, or 1 to 10.
-    pub fn new(axis: &Axis, range: Option<[f64; 2]>, ends: Ends, room: Room) -> Self {
+    pub fn new(axis: &Axis, range: Option<[f64; 2]>, ends: Ends, space: TickSpace) -> Self {
         let empty = if axis.is_log { [1.0, 10.0] } else { [0.0, 1.0] };
         let [lo, hi] = widened(range.unwrap_or(empty), axis.is_log);
-        if axis.is_log { Self::log(axis, [lo, hi], ends, room) } else { Self::linear(axis, [lo, hi], ends, room) }
+        if axis.is_log { Self::log(axis, [lo, hi], ends, space) } else { Self::linear(axis, [lo, hi], ends, space) }
     }
 
-    fn linear(axis: &Axis, [lo, hi]: [f64; 2], ends: Ends, room: Room) -> Self {
+    fn linear(axis: &Axis, [lo, hi]: [f64; 2], ends: Ends, space: TickSpace) -> Self {
         let exponent = thousands(lo.abs().max(hi.abs()));
         let title = title(axis, exponent);
         let of = |most: u32| {
@@ -112,12 +112,12 @@ impl Ruler {
                 .collect();
             Self { lo, hi, is_log: false, ticks, title: title.clone() }
         };
-        let most = if room.is_level { 10 } else { 6 };
-        let inside = |most: u32| of(most).inside(room);
-        (2..=most).rev().map(inside).find(|r| r.has_room(room)).unwrap_or_else(|| of(2).thinned(room))
+        let most = if space.is_level { 10 } else { 6 };
+        let inside = |most: u32| of(most).inside(space);
+        (2..=most).rev().map(inside).find(|r| r.has_room(space)).unwrap_or_else(|| of(2).thinned(space))
     }
 
-    fn log(axis: &Axis, [lo, hi]: [f64; 2], ends: Ends, room: Room) -> Self {
+    fn log(axis: &Axis, [lo, hi]: [f64; 2], ends: Ends, space: TickSpace) -> Self {
         let air = if ends == Ends::AtTicks { (hi / lo).powf(0.04) } else { 1.0 };
         let [lo, hi] = [lo / air, hi * air];
         let [first, last] = [lo.log10().floor() as i32, hi.log10().ceil() as i32];
@@ -137,12 +137,12 @@ impl Ruler {
         };
         let [fine, middle, coarse] = [&[1, 2, 5][..], &[1, 3], &[1]];
         let tried = [(fine, 1), (middle, 1), (coarse, 1), (coarse, 2), (coarse, 5), (coarse, 10), (coarse, 25)];
-        let found = tried.into_iter().map(|t| of(t).inside(room)).find(|r| r.has_room(room));
+        let found = tried.into_iter().map(|t| of(t).inside(space)).find(|r| r.has_room(space));
         // Within less than a decade the ticks are those of an even axis.
         found.unwrap_or_else(|| {
-            let mut even = Self::linear(axis, [lo, hi], Ends::AtValues, room);
+            let mut even = Self::linear(axis, [lo, hi], Ends::AtValues, space);
             even.is_log = true;
-            even.thinned(room)
+            even.thinned(space)
         })
     }
 
@@ -156,16 +156,16 @@ impl Ruler {
     }
 
     /// From and to where on the axis a label reaches.
-    fn reach(&self, tick: &Tick, room: Room) -> [f64; 2] {
-        let (at, half) = (self.share(tick.value) * room.length, room.half(&tick.label));
+    fn reach(&self, tick: &Tick, space: TickSpace) -> [f64; 2] {
+        let (at, half) = (self.share(tick.value) * space.length, space.half(&tick.label));
         [at - half, at + half]
     }
 
     /// Without the labels that reach too far beyond the ends.
-    fn inside(mut self, room: Room) -> Self {
+    fn inside(mut self, space: TickSpace) -> Self {
         for k in 0..self.ticks.len() {
-            let [from, to] = self.reach(&self.ticks[k], room);
-            if from < -room.beyond[0] || to > room.length + room.beyond[1] {
+            let [from, to] = self.reach(&self.ticks[k], space);
+            if from < -space.beyond[0] || to > space.length + space.beyond[1] {
                 self.ticks[k].label.clear();
             }
         }
@@ -173,17 +173,17 @@ impl Ruler {
     }
 
     /// Whether there are labels enough to read the axis by, and none meets the next.
-    fn has_room(&self, room: Room) -> bool {
-        let reaches: Vec<[f64; 2]> = self.labels().map(|tick| self.reach(tick, room)).collect();
+    fn has_room(&self, space: TickSpace) -> bool {
+        let reaches: Vec<[f64; 2]> = self.labels().map(|tick| self.reach(tick, space)).collect();
         reaches.len() >= 2 && reaches.windows(2).all(|pair| pair[0][1] <= pair[1][0])
     }
 
     /// Without the labels that have no room beside those before them.
-    fn thinned(self, room: Room) -> Self {
-        let mut thin = self.inside(room);
+    fn thinned(self, space: TickSpace) -> Self {
+        let mut thin = self.inside(space);
         let mut end = f64::NEG_INFINITY;
         for k in 0..thin.ticks.len() {
-            let [from, to] = thin.reach(&thin.ticks[k], room);
+            let [from, to] = thin.reach(&thin.ticks[k], space);
             if from < end {
                 thin.ticks[k].label.clear();
             } else if !thin.ticks[k].label.is_empty() {
@@ -289,8 +289,13 @@ mod tests {
     use super::*;
 
     fn labels(axis: &Axis, range: [f64; 2], ends: Ends) -> Vec<String> {
-        let room = Room { length: 800.0, beyond: [40.0; 2], is_level: true, font: 12.0 };
-        Ruler::new(axis, Some(range), ends, room).ticks.into_iter().map(|t| t.label).filter(|l| !l.is_empty()).collect()
+        let space = TickSpace { length: 800.0, beyond: [40.0; 2], is_level: true, font: 12.0 };
+        Ruler::new(axis, Some(range), ends, space)
+            .ticks
+            .into_iter()
+            .map(|t| t.label)
+            .filter(|l| !l.is_empty())
+            .collect()
     }
 
     #[test]
@@ -319,8 +324,8 @@ mod tests {
 
     #[test]
     fn scale_factors_of_large_values_go_to_the_title() {
-        let room = Room { length: 200.0, beyond: [12.0; 2], is_level: false, font: 12.0 };
-        let ruler = |lo, hi| Ruler::new(&Axis::new("jerk", "mm/s³"), Some([lo, hi]), Ends::AtTicks, room);
+        let space = TickSpace { length: 200.0, beyond: [12.0; 2], is_level: false, font: 12.0 };
+        let ruler = |lo, hi| Ruler::new(&Axis::new("jerk", "mm/s³"), Some([lo, hi]), Ends::AtTicks, space);
         let large = ruler(0.0, 4.2e7);
         assert_eq!((large.title.as_str(), large.ticks[1].label.as_str()), ("jerk, 10⁶ mm/s³", "10"));
         let small = ruler(-3e-5, 1e-5);
@@ -340,7 +345,7 @@ mod tests {
             &axis,
             range([0.0, -1.0, f64::NAN].into_iter(), true),
             Ends::AtValues,
-            Room { length: 100.0, beyond: [20.0; 2], is_level: true, font: 12.0 },
+            TickSpace { length: 100.0, beyond: [20.0; 2], is_level: true, font: 12.0 },
         );
         assert_eq!([gap.lo, gap.hi], [1.0, 10.0]);
     }

@@ -1,4 +1,4 @@
-//! Laws of tables: nothing is lost, nothing is split that belongs together, nothing is too wide.
+//! Properties of tables: nothing is lost, nothing is split that belongs together, nothing is too wide.
 
 use proptest::prelude::*;
 

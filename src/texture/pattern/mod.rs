@@ -1,4 +1,4 @@
-//! Made patterns: every stroke is computed from its index in constant time, none is held.
+//! Generated patterns: every stroke is computed from its index in constant time, none is stored.
 //!
 //! A pattern is a file here, a variant of [`Pattern`] and of [`Kind`], and a row of the table below; `place`
 //! builds it. Areas are rectangles [x0, y0, x1, y1] in the part frame, mm, borders included.
@@ -202,7 +202,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_pattern_has_a_row_that_makes_it_from_the_keys_it_needs() {
+    fn every_pattern_row_builds_from_its_required_keys() {
         let all = Values { pitch_mm: Some(1.0), cell_mm: Some(0.5), order: Some(3), direction_rad: Some(0.0) };
         for pattern in [Pattern::Hatch, Pattern::Hilbert, Pattern::Squares, Pattern::Circles] {
             let row = row(pattern);

@@ -1,12 +1,11 @@
 //! SVG drawings: the outline of every visible shape as polylines on a page of known size in mm.
 //!
-//! Consumes an SVG 1.1 / 2 file (also svgz). Promises a [`Page`] whose lower left corner is the origin,
-//! y up: lines, polylines, polygons, rectangles, circles, ellipses and paths, with groups, uses,
-//! symbols, nested drawings, transforms, viewBox, style sheets and the style attribute resolved, in
-//! document order, each subpath its own polyline, closed ones ending on their start. Fill and stroke
-//! are alike: the outline is marked. What is not marked, or not as it looks, is counted and warned of:
-//! text, images, hidden elements, paint servers, clip paths, masks, filters, markers, dashes, what
-//! overhangs the page (and is cut at it), faulty data (drawn up to the fault).
+//! Consumes an SVG 1.1 / 2 file (also svgz). Promises a [`Page`] whose lower left corner is the origin, y up: lines,
+//! polylines, polygons, rectangles, circles, ellipses and paths, with groups, uses, symbols, nested drawings,
+//! transforms, viewBox, style sheets and the style attribute resolved, in document order, each subpath its own
+//! polyline, closed ones ending on their start. Fill and stroke are alike: the outline is marked. What is not marked,
+//! or not as it looks, is counted and reported by a warning: text, images, hidden elements, paint servers, clip paths,
+//! masks, filters, markers, dashes, what overhangs the page (and is cut at it), faulty data (drawn up to the fault).
 //!
 //! A closed subpath thinner than the tolerance would be one line marked twice; it is left out, with a
 //! count. No other file is ever opened, no network reached, no entity expanded; time and memory are

@@ -36,7 +36,7 @@ const MATTERS: [(Matter, &str, &str, &str); 15] = [
     (
         Matter::Use,
         "svg-use",
-        "use something that is missing or holds themselves, and are not marked",
+        "refer (use) to something missing or to themselves, and are not marked",
         "repair the references",
     ),
     (
@@ -123,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_is_in_the_order_of_the_matters() {
+    fn warning_table_follows_enum_order() {
         for (i, row) in MATTERS.iter().enumerate() {
             assert_eq!(row.0 as usize, i);
         }

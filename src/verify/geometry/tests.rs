@@ -194,7 +194,7 @@ fn lines_on_edges_and_borders_are_on_the_part() {
 }
 
 #[test]
-fn slivers_across_the_grid_do_not_fill_the_memory() {
+fn slivers_do_not_exhaust_memory() {
     let facets: Vec<_> = (0..3000)
         .map(|i| {
             let t = f64::from(i) * 0.1;

@@ -58,7 +58,7 @@ fn differs(first: &str, a: &Course, name: &str, b: &Course) -> Option<(String, S
     }
     let mut moves = a.steps.iter().zip(&b.steps);
     if let Some((x, y)) = moves.find(|(x, y)| (x.us, x.to, x.mark) != (y.us, y.to, y.mark)) {
-        return Some((format!("{name}:{}", y.line), format!("is not what {first} says in line {}", x.line)));
+        return Some((format!("{name}:{}", y.line), format!("differs from line {} of {first}", x.line)));
     }
     if a.steps.len() != b.steps.len() {
         return Some((name.into(), format!("has {} moves, {first} has {}", b.steps.len(), a.steps.len())));
@@ -75,10 +75,10 @@ pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, course: &Course, r
             rule.broken("", "manifest.json", text);
         }
     };
-    hold(manifest.machine == facts.machine, "its machine is not the one of the job file");
-    hold((manifest.placement.turn_deg - facts.turn_deg).abs() <= SAME, "its turn is not the one of the job file");
+    hold(manifest.machine == facts.machine, "its machine differs from the job file");
+    hold((manifest.placement.turn_deg - facts.turn_deg).abs() <= SAME, "its turn differs from the job file");
     let origin = manifest.placement.origin_mm.map(nm_from_mm);
-    hold(facts.origin.is_none_or(|o| o.0.map(Some) == origin), "its origin is not the one of the job file");
+    hold(facts.origin.is_none_or(|o| o.0.map(Some) == origin), "its origin differs from the job file");
     let full = facts.machine.laser.max_power;
     let pens = facts.pens.as_deref().unwrap_or_default();
     let same = manifest.pens.len() == pens.len()
@@ -86,7 +86,7 @@ pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, course: &Course, r
             let percent = p.power.as_w(full) / full.as_w() * 100.0;
             m.name == p.name && m.speed_mm_s == p.speed.as_mm_s() && (m.power_percent - percent).abs() <= PERCENT
         });
-    hold(same, "its pens are not those of the job file");
+    hold(same, "its pens differ from those of the job file");
     for (line, pen, power) in &course.powers {
         rule.checked += 1;
         let wanted = pens.get(usize::from(pen.wrapping_sub(1))).map(|p| p.power.as_w(full) / full.as_w() * 100.0);
@@ -116,7 +116,7 @@ pub(super) fn summary(manifest: &Manifest, course: &Course, chain: &Chain, lengt
         rule.checked += 1;
         let near = (stated - found).abs() <= tolerance; // never of a NaN
         if !near {
-            rule.broken("", "manifest.json", format!("{name} is stated as {stated}, found is {found}"));
+            rule.broken("", "manifest.json", format!("{name} is given as {stated}, but is {found}"));
         }
     };
     hold("texture_mm", s.texture_mm, lengths.texture_mm, 1e-6 + SAME * lengths.texture_mm);

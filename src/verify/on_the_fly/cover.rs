@@ -127,7 +127,7 @@ impl CoverageChecker<'_> {
         for out in left_out {
             let shared = covers.iter().map(|c| c.to.min(out.to) - c.from.max(out.from)).fold(0.0, f64::max);
             if shared > 2.0 * CUT {
-                let text = format!("{:.6} mm of {name} are marked though stated as left out", shared / 1e6);
+                let text = format!("{:.6} mm of {name} are marked although listed in `left_out`", shared / 1e6);
                 coverage.broken("", place(line.at(out.from)), text);
             }
         }

@@ -87,7 +87,8 @@ pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machin
             }
             let way = ((step.to[limit.axis] - from[limit.axis]).abs() as f64 - 2.0) * 1e-6;
             if way > limit.speed * OVER * s {
-                broken(format!("{} runs at {:.4} per s, its limit is {}", limit.name, way / s, limit.speed));
+                let (name, unit) = (limit.name, if matches!(limit.axis, 3 | 4) { "deg/s" } else { "mm/s" });
+                broken(format!("{name} runs at {:.4} {unit}, above its limit of {} {unit}", way / s, limit.speed));
             }
         }
         let field = chain.field(float(&step.to));
@@ -106,7 +107,7 @@ pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machin
         let way = ((field[0] - before[0]).hypot(field[1] - before[1]) - 2.0) * 1e-6;
         let limit = if step.mark.is_some() { mark } else { jump };
         if way > limit * OVER * s {
-            broken(format!("the scanner runs at {:.4} mm/s, its limit is {limit} mm/s", way / s));
+            broken(format!("the scanner runs at {:.4} mm/s, above its limit of {limit} mm/s", way / s));
         }
         let pen = step.mark.and_then(|m| pens.get(usize::from(m.pen.wrapping_sub(1))));
         if let Some(pen) = pen {
@@ -114,7 +115,11 @@ pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machin
             let (a, b) = (chain.beam(float(from)), chain.beam(float(&step.to)));
             let way = (a.way(&b) - 2.0) * 1e-6;
             if way > pen.speed.as_mm_s() * OVER * s {
-                broken(format!("a mark runs at {:.4} mm/s, its pen at {} mm/s", way / s, pen.speed.as_mm_s()));
+                broken(format!(
+                    "a mark runs at {:.4} mm/s, faster than its pen of {} mm/s",
+                    way / s,
+                    pen.speed.as_mm_s()
+                ));
             }
         }
     }
@@ -154,8 +159,10 @@ fn curved(course: &Course, name: &str, limit: &Limit, rule: &mut Rule) {
             }
         }
         if worst.1 > 0 {
-            let what = if order == 2 { "accelerates" } else { "jerks" };
-            let text = format!("{} {what} by {:.4}, its limit is {most}", limit.name, worst.0);
+            let what = if order == 2 { "an acceleration" } else { "a jerk" };
+            let length = if matches!(limit.axis, 3 | 4) { "deg" } else { "mm" };
+            let unit = format!("{length}/s{order}");
+            let text = format!("{} has {what} of {:.4} {unit}, above its limit of {most} {unit}", limit.name, worst.0);
             rule.broken("", format!("{name}:{}", worst.1), text);
         }
     }

@@ -124,7 +124,7 @@ impl<'a> MarkChecker<'a> {
         let first = moves.first().map_or(0, |l| l.1.line);
         if trace.worst > STRAY || trace.worst.is_nan() {
             let [x, y] = trace.at.map(|v| v / 1e6);
-            let text = format!("a mark lies {:.4} um beside its stroke at ({x:.6}, {y:.6}) mm", trace.worst / 1e3);
+            let text = format!("a mark is {:.4} um off its stroke at ({x:.6}, {y:.6}) mm", trace.worst / 1e3);
             rules.position.broken("", format!("{place}:{first}"), text);
         }
         traces
@@ -137,11 +137,11 @@ impl<'a> MarkChecker<'a> {
         self.worst.lean = self.worst.lean.max(foot.lean);
         if foot.off.abs() > self.wanted.defocus + FOCUS {
             let (off, most) = (foot.off.abs() / 1e3, self.wanted.defocus / 1e3);
-            rule.broken("", place(), format!("a mark lies {off:.4} um out of focus, {most:.4} um are allowed"));
+            rule.broken("", place(), format!("a mark is {off:.4} um out of focus ({most:.4} um allowed)"));
         }
         if foot.lean > self.wanted.lean + LEAN {
             let (is, most) = (foot.lean.to_degrees(), self.wanted.lean.to_degrees());
-            rule.broken("", place(), format!("the beam stands at {is:.4} deg to the surface, {most} are allowed"));
+            rule.broken("", place(), format!("the beam is at {is:.4} deg to the surface normal ({most} deg allowed)"));
         }
     }
 
@@ -184,7 +184,8 @@ impl<'a> MarkChecker<'a> {
         }
         let Some((bare, worst)) = best else { return };
         if bare > 0.0 {
-            let text = format!("{:.6} mm of a move mark nothing, near {}", bare / 1e6, shown(start));
+            let text =
+                format!("the beam misses the part over {:.6} mm of this move, near {}", bare / 1e6, shown(start));
             rules.surface.broken("", place(), text);
         }
         self.hold(&worst, place, rules.focus);

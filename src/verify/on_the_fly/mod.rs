@@ -55,13 +55,13 @@ impl Findings {
     fn new() -> Self {
         Self {
             hash: Rule::new("hash", "every file is as listed, none is unlisted, and the inputs are unchanged"),
-            agreement: Rule::new("agreement", "the programs say the same, and what manifest and job say"),
+            agreement: Rule::new("agreement", "the programs agree with each other, with the manifest and with the job"),
             limits: Rule::new("limits", "all axes and marks keep their limits at every sample"),
-            laser: Rule::new("laser", "the laser is off outside of marks, and at the end at once"),
+            laser: Rule::new("laser", "the laser is off outside marks, and is switched off immediately at the end"),
             position: Rule::new("position", "every mark lies on the stroke that it claims to be, within 1 um"),
-            focus: Rule::new("focus", "every mark is in focus, and the beam upright enough on it"),
+            focus: Rule::new("focus", "every mark is in focus and within the incidence limit"),
             surface: Rule::new("surface", "no beam of a mark misses the part"),
-            once: Rule::new("once", "nothing is marked twice but declared overlaps"),
+            once: Rule::new("once", "nothing is marked twice except declared overlaps"),
             coverage: Rule::new("coverage", "all texture is marked where the part can be marked"),
             summary: Rule::new("summary", "counts, times and lengths are as stated"),
             marks: 0,
@@ -178,7 +178,11 @@ fn check_marks(
         }
         let Some((_, pen, stroke)) = &kept else { continue };
         if u32::from(*pen) + 1 != u32::from(claim.pen) {
-            position.broken("", place(), format!("is marked with pen {}, drawn with pen {}", claim.pen, pen + 1));
+            position.broken(
+                "",
+                place(),
+                format!("a mark has pen {}, its stroke is drawn with pen {}", claim.pen, pen + 1),
+            );
         }
         let mut rules = Rules { position: &mut *position, focus: &mut *focus, surface: &mut *bare };
         let traces = checker.mark(name, &moves, stroke, &mut rules);
@@ -214,7 +218,7 @@ fn check_marks(
         coverage_checker.stroke(&line, own, &left_out, &texture.element(i), [&mut *once, &mut *coverage]);
     }
     if !stated.is_empty() {
-        coverage.broken("", "manifest.json", "states stretches that are left out of strokes that the texture has not");
+        coverage.broken("", "manifest.json", "`left_out` names strokes that the texture does not have");
     }
     findings.lengths = coverage_checker.lengths;
 }

@@ -85,7 +85,7 @@ impl<'a> Reader<'a> {
         let mm =
             || nm_from_decimal(value).ok_or_else(|| "a coordinate is not a decimal of whole nanometres".to_owned());
         match (code, self.entity) {
-            (_, Entity::None) => return Err("data stands before the first entity".into()),
+            (_, Entity::None) => return Err("there is data before the first entity".into()),
             (8, Entity::Line | Entity::Polyline) => self.layer = value,
             (8, Entity::Vertex) if value != self.layer => return Err("a VERTEX lies on another layer".into()),
             (10, Entity::Line | Entity::Vertex) => self.at.xy[0] = Some(mm()?),

@@ -1,7 +1,7 @@
 //! The verifier's table of target formats: one row each, with the files that stand for it in a job folder and the
 //! reader of those files.
 //!
-//! The variant that a row holds says what a file of that format tells, and so which rules are held against it: the
+//! The variant that a row holds says what a file of that format tells, and so which rules are checked against it: the
 //! rules take [`Strokes`], statements, work planes or a [`Course`] and know nothing of formats. Adding a target is a
 //! reader beside this file and a row here. The table is written apart from the one of the writers; a test compares the
 //! two.

@@ -225,7 +225,7 @@ pub(in crate::verify) fn read<M: DeserializeOwned>(folder: &Path) -> Result<M, E
     let unreadable = |e: serde_json::Error| broken(format!("the manifest cannot be read: {e}"));
     let head: Head = serde_json::from_slice(&bytes).map_err(unreadable)?;
     if head.schema != SCHEMA {
-        return Err(broken(format!("the manifest has schema {}, known is {SCHEMA}", head.schema)).into());
+        return Err(broken(format!("the manifest has schema {}, expected {SCHEMA}", head.schema)).into());
     }
     Ok(serde_json::from_slice(&bytes).map_err(unreadable)?)
 }

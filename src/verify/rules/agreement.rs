@@ -34,12 +34,12 @@ pub(in crate::verify) fn check(
         rule.broken("", "manifest.json", "its placement is not the origin of program.txt");
     }
     if !manifest.setups.iter().map(|s| s.origin_mm.map(nm_from_mm)).eq(file.origins.iter().map(|o| o.0.map(Some))) {
-        rule.broken("", "manifest.json", "its set-ups are not those of program.txt");
+        rule.broken("", "manifest.json", "its set-ups differ from those of program.txt");
     }
     let mut begun = BTreeSet::new();
     let pens = manifest.pens.iter().map(|p| (p.name.as_str(), p.passes));
     if !pens.eq(program.pens.iter().map(|p| (p.name.as_str(), p.passes))) {
-        rule.broken("", "manifest.json", "its pens are not those of program.txt");
+        rule.broken("", "manifest.json", "its pens differ from those of program.txt");
     }
     if manifest.blocks.len() != program.blocks.len() {
         let text = format!("lists {} blocks, program.txt has {}", manifest.blocks.len(), program.blocks.len());
@@ -55,11 +55,11 @@ pub(in crate::verify) fn check(
         }
         let place = |b: &Block| (b.pass, b.setup);
         if (i == 0 || place(block) != place(&program.blocks[i - 1])) && !begun.insert(place(block)) {
-            rule.broken(id, "program.txt", "the blocks of its set-up do not follow each other");
+            rule.broken(id, "program.txt", "the blocks of its set-up are not consecutive");
         }
         let entry = manifest.blocks.get(i);
         if let Some(difference) = entry.and_then(|e| differs(e, id, block)) {
-            rule.broken(id, "manifest.json", format!("its {difference} is not that of program.txt"));
+            rule.broken(id, "manifest.json", format!("its {difference} differs from program.txt"));
         }
     }
     for (row, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
@@ -95,28 +95,28 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
             rule.broken("", "manifest.json", text);
         }
     };
-    hold(manifest.machine == facts.machine, "its machine is not the one of the job file");
-    hold(near(f.pdof_mm, facts.pdof.mm()), "its pdof is not the one of the job file");
+    hold(manifest.machine == facts.machine, "its machine differs from the job file");
+    hold(near(f.pdof_mm, facts.pdof.mm()), "its pdof differs from the job file");
     // The depth range is used rounded down to an even number of increments.
     let lost = Nm::from_mm(f.depth_range_mm).map_or(Nm(-1), |used| facts.depth_range - used);
     let grain = facts.machine.increment_nm() * 2;
-    hold((Nm(0)..grain).contains(&lost), "its depth range is not the one of the job file");
-    hold(f.level == facts.level && f.rule == facts.rule, "its focus level or rule is not the one of the job file");
-    hold(near(manifest.seams.overlap_mm, facts.overlap_nm / NM_PER_MM), "its overlap is not the one of the job file");
+    hold((Nm(0)..grain).contains(&lost), "its depth range differs from the job file");
+    hold(f.level == facts.level && f.rule == facts.rule, "its focus level or rule differs from the job file");
+    hold(near(manifest.seams.overlap_mm, facts.overlap_nm / NM_PER_MM), "its overlap differs from the job file");
     let passes = &facts.passes;
     let declared = manifest.passes.iter().zip(0..).map(|(p, k)| {
         let turn = f64::from(k) * passes.rotate.as_deg();
         near(p.turn_deg, turn) && Nm::from_mm(p.lowered_mm) == Some(passes.lowered(PassId(k)))
     });
     let all = manifest.passes.len() == passes.count as usize;
-    hold(all && declared.into_iter().all(|same| same), "its passes are not those of the job file");
+    hold(all && declared.into_iter().all(|same| same), "its passes differ from those of the job file");
     hold(setups::are_the_jobs(manifest, file, facts), "its set-ups are not those that the job asks for");
-    hold(near(manifest.placement.turn_deg, facts.turn_deg), "its turn is not the one of the job file");
-    hold(facts.origin.is_none_or(|o| o == file.origins[0]), "its origin is not the one of the job file");
+    hold(near(manifest.placement.turn_deg, facts.turn_deg), "its turn differs from the job file");
+    hold(facts.origin.is_none_or(|o| o == file.origins[0]), "its origin differs from the job file");
     let pens = &file.program.pens;
     let is_made = (0..pens.len()).all(|pen| super::dose::is_made(pens, pen, facts));
     let own = facts.pens.as_ref();
-    hold(own.is_none_or(|p| pens.starts_with(p) && is_made), "the pens are not those of the job file");
+    hold(own.is_none_or(|p| pens.starts_with(p) && is_made), "its pens differ from those of the job file");
 }
 
 /// The first thing that differs between a block of the manifest and of the program.

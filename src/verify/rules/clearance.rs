@@ -3,17 +3,17 @@
 //! The head is what the machine file makes of it: a square of `lens.diameter` around the optical axis, whose lower end
 //! stands `lens.working_distance` above the focal plane. Along a move the square sweeps a hexagon, and nothing of the
 //! surface file in it may rise above the lowest focal plane of the move + `working_distance` - `clearance`. Facets are
-//! cut at the hexagon, so the highest place in it is found as it is, not bounded. Each pass is held against the
+//! cut at the hexagon, so the highest place in it is found as it is, not bounded. Each pass is checked against the
 //! surface before it was lowered. Fixtures are not known.
 //!
 //! Moves are those of the stage programs, or where a job has none those of `program.txt` as run sheets and OVF give
 //! them: a lift where the block asks for one, x, y and the tilt axes together, then z alone. From an unknown position
-//! (at the start, after a stop at which the part is moved) a move is held where it ends.
+//! (at the start, after a stop at which the part is moved) a move is checked at its end point.
 //!
-//! While tilt axes turn, each in its own time, the part may stand at any pair of angles between the two ends. Over a
-//! range of angles no place comes higher than it does in the middle of the range plus its distance from the pivot
-//! times half the range. Where this bound leaves doubt the middle is looked at exactly and the range is halved,
-//! [`HALVINGS`] times. What is then still in doubt is nearer to the limit than the bound resolves, and passes.
+//! While tilt axes turn, each in its own time, the part may be at any pair of angles between the two ends. Over a range
+//! of angles no place comes higher than it does in the middle of the range plus its distance from the pivot times half
+//! the range. Where this bound leaves doubt the middle is looked at exactly and the range is halved, [`HALVINGS`]
+//! times. What is then still in doubt is nearer to the limit than the bound resolves, and passes.
 
 use super::Findings;
 use super::stage::{Positions, StageFile};
@@ -88,7 +88,7 @@ impl Head<'_> {
         }
     }
 
-    /// The moves of a stage program as they stand there.
+    /// The moves of a stage program as written.
     fn stage_program(&mut self, stage: &StageFile) {
         let letters = self.machine.tilt.as_ref().map(|t| t.axes.each_ref().map(|a| a.letter as usize));
         let mut at: [Option<i64>; 6] = [None; 6];

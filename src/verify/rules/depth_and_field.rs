@@ -154,7 +154,7 @@ impl Search<'_> {
         };
         let slack = self.geometry.z_tolerance_at_limit();
         if (block.stop.z_lo - block.z_lo).f64() > slack || (block.z_hi - block.stop.z_hi).f64() > slack {
-            let text = "the stated interval of its marks is not inside the one that the stop accepts";
+            let text = "the stated interval of its marks is not inside the one that the stop admits";
             self.depth.broken(id, part_place(block.stop.centre), text);
         }
         for stroke in self.file.program.strokes_of(block) {

@@ -1,7 +1,7 @@
-//! `dose`: pens that make up for the slope do so by the slope that is there.
+//! `dose`: pens compensate for the slope that the facets have.
 //!
 //! The pens after the job's own are made of them: `fill x0.97` is `fill` at 0.97 of its speed, or, where power
-//! makes up for the slope, at so much more power. The factor of a mark's pen is held against the mean cosine
+//! compensates for the slope, at that much more power. The factor of a mark's pen is checked against the mean cosine
 //! over the mark, found on the surface file's own facets: half a step and [`NEAR`] apart at most, within the cap.
 
 use super::turned::Turned;
@@ -51,7 +51,7 @@ pub(in crate::verify) fn check(file: &ProgramFile, facts: &JobFacts, geometry: &
     let rule = &mut findings.dose;
     rule.ran = true;
     let Some(dose) = facts.dose else {
-        // Nothing is asked for: pens are the job's own, which `agreement` holds.
+        // No compensation: pens are the job's own, which `agreement` checks.
         rule.checked = file.program.strokes.len() as u64;
         return;
     };
@@ -79,7 +79,7 @@ pub(in crate::verify) fn check(file: &ProgramFile, facts: &JobFacts, geometry: &
                 let FieldPoint { x, y } = file.program.points_of(stroke)[0];
                 let [x, y] = [x, y].map(f64::from);
                 let place = part_place_nm([block.stop.centre.x as f64 + x, block.stop.centre.y as f64 + y]);
-                let text = format!("its pen has the factor {factor}, the slope asks for {:.4}", wanted[0]);
+                let text = format!("its pen has the factor {factor}, but the slope needs {:.4}", wanted[0]);
                 rule.broken(id, place, text);
             }
         }

@@ -1,8 +1,8 @@
-//! `fill`: what is filled along contours. The manifest says the grid of sections and the direction of the
-//! lines in each; the grid must be the job's, and lines laid so must be parallel, a pitch apart,
-//! reach from border to border of their section and leave no room for another. From this it follows
-//! that they cover the area once, at its pitch; that is held against the area of every section too.
-//! Whether the directions are those of level lines is not asked: any others are a sound hatch.
+//! `fill`: what is filled along contours. The manifest says the grid of sections and the direction of the lines in
+//! each; the grid must be the job's, and lines laid so must be parallel, a pitch apart, reach from border to border of
+//! their section and leave no room for another. From this it follows that they cover the area once, at its pitch; that
+//! is checked against the area of every section too. Whether the directions are those of level lines is not asked: any
+//! others are a sound hatch.
 //!
 //! Units: nm.
 
@@ -45,8 +45,8 @@ pub(in crate::verify) fn check(
         return true;
     }
     rule.checked += 1;
-    // The directions are data of the folder: they are held against the job's grid, the lines are laid by the texture's
-    // own code from them, and then each line is followed to see that pitch and sections are kept.
+    // The directions are data of the folder: they are checked against the job's grid, the lines are laid by the
+    // texture's own code from them, and then each line is followed to see that pitch and sections are kept.
     let directions = match directions(manifest, facts, pass, texture.bounds()) {
         Ok(directions) => directions,
         Err(fault) => {
@@ -55,7 +55,7 @@ pub(in crate::verify) fn check(
         }
     };
     if let Err(e) = texture.fill(directions.clone()) {
-        rule.broken("", PLACE, e.diags().first().map_or("its lines cannot be laid", |d| &d.message));
+        rule.broken("", PLACE, e.diags().first().map_or("its lines cannot be placed", |d| &d.message));
         return false;
     }
     for (strokes, contour) in texture.contours() {
@@ -79,7 +79,7 @@ fn directions(manifest: &Manifest, facts: &JobFacts, pass: u32, bounds: Box2) ->
     let [x, y] = stated.pitch_mm.map(|v| Nm::from_mm(v).unwrap_or_default());
     let is_pitch = |v: Nm, most: f64| v > Nm(0) && v.f64() <= most && v % (step * 2) == Nm(0);
     if !is_pitch(x, facts.section_nm[0]) || !is_pitch(y, facts.section_nm[1]) {
-        return Err("its pitch of sections is not the one of the job file");
+        return Err("its pitch of sections differs from the job file");
     }
     let [Some(ox), Some(oy), _] = manifest.placement.origin_mm.map(Nm::from_mm) else {
         return Err("its placement is beyond 4 m");
@@ -90,7 +90,7 @@ fn directions(manifest: &Manifest, facts: &JobFacts, pass: u32, bounds: Box2) ->
     let grid = Sections::over(bounds, [x, y], step, [ox, oy]);
     let origin = stated.origin_mm.map(Nm::from_mm);
     if origin != [Some(Nm(grid.origin.x)), Some(Nm(grid.origin.y))] || [stated.columns, stated.rows] != grid.count {
-        return Err("its sections are not those over the job's texture");
+        return Err("its sections do not match the job's texture");
     }
     if stated.direction_deg.len() != grid.len() {
         return Err("it does not state one direction for every section");
@@ -148,7 +148,7 @@ impl<'a> Lines<'a> {
         if self.run.as_ref().is_none_or(|run| run.section != section) {
             self.end_section();
             if std::mem::replace(&mut self.seen[section], true) {
-                self.fault(a, "lines of a section do not follow each other");
+                self.fault(a, "the lines of a section are not consecutive");
             }
             self.run = Some(Run::new(self.area, &self.grid, section, self.hundredths[section]));
         }
@@ -222,7 +222,7 @@ impl Run {
 
     /// What is wrong with all lines of the section together.
     fn end(&self, centre: P2, pitch: f64) -> Option<&'static str> {
-        let Some([lo, hi]) = self.reach(centre) else { return Some("lines lie beside the area") };
+        let Some([lo, hi]) = self.reach(centre) else { return Some("lines lie outside the area") };
         if self.first - lo > pitch + 2.0 * ROUNDED || hi - self.last > pitch + 2.0 * ROUNDED {
             return Some("a section of the area has room for another line");
         }
@@ -231,7 +231,7 @@ impl Run {
         let longest = self.reach_along();
         let slack = pitch * (longest + 2.0 * self.short + 2.0 * ROUNDED * self.count as f64);
         let off = (self.length * pitch - area(&self.outline)).abs();
-        (off > slack).then_some("the lines of a section do not come to its area")
+        (off > slack).then_some("the lines times the pitch do not add up to the section's area")
     }
 
     /// Between which places across the lines a line of the section is long enough.
@@ -377,7 +377,7 @@ mod tests {
         one("end on the border", |l| l[8][1] = l[8][0].lerp(l[8][1], 1.1));
         one("in the direction", |l| l[8][1].y += 5);
         one("holds no line", |l| l.truncate(l.len() / 2));
-        one("follow each other", |l| {
+        one("are not consecutive", |l| {
             let first = l[8];
             l.push(first);
         });

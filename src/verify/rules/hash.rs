@@ -65,7 +65,7 @@ fn hold(path: &Path, entry: &FileEntry, name: &str, rule: &mut Rule) {
         Ok((_, bytes)) if bytes != entry.bytes => {
             rule.broken("", name, format!("has {bytes} bytes, listed are {}", entry.bytes));
         }
-        Ok((hash, _)) if hash != entry.blake3 => rule.broken("", name, "its bytes are not the ones listed"),
+        Ok((hash, _)) if hash != entry.blake3 => rule.broken("", name, "its bytes differ from the listed hash"),
         Ok(_) => {}
         Err(e) => rule.broken("", name, format!("is listed, but cannot be read: {e}")),
     }
@@ -86,7 +86,7 @@ fn hash_of(path: &Path) -> io::Result<(String, u64)> {
 fn walk(folder: &Path, prefix: &str, depth: usize, listed: &BTreeSet<String>, rule: &mut Rule) {
     let entries = match std::fs::read_dir(folder.join(prefix)) {
         Ok(entries) if depth < DEEPEST => entries,
-        _ => return rule.broken("", prefix, "this folder cannot be looked into"),
+        _ => return rule.broken("", prefix, "this folder cannot be read"),
     };
     let mut names: Vec<_> = entries.flatten().collect();
     names.sort_by_key(|e| e.file_name());
@@ -97,7 +97,7 @@ fn walk(folder: &Path, prefix: &str, depth: usize, listed: &BTreeSet<String>, ru
         if entry.file_type().is_ok_and(|t| t.is_dir()) {
             walk(folder, &path, depth + 1, listed, rule);
         } else if path != manifest::NAME && !listed.contains(&path) {
-            rule.broken("", path, "lies in the folder, but is not listed");
+            rule.broken("", path, "is in the folder, but is not listed");
         }
     }
 }

@@ -56,7 +56,7 @@ impl<'a> Run<'a> {
 
     fn begin(&mut self, id: &'a str, line: usize) {
         if !self.fired {
-            self.broken(line, "this block ends without its marks having been started");
+            self.broken(line, "this block ends without START or M0");
         }
         if self.part == Part::Moves {
             self.broken(line, "the set-up begins without a stop (M0) at which the part is moved");
@@ -66,7 +66,7 @@ impl<'a> Run<'a> {
 
     fn setup(&mut self, line: usize) {
         if !self.fired {
-            self.broken(line, "a set-up begins before the marks of the block have been started");
+            self.broken(line, "a set-up begins before the block has its START or M0");
         }
         self.part = Part::Moves;
     }
@@ -158,7 +158,7 @@ impl<'a> Run<'a> {
                 i + 1
             }
             _ => {
-                self.broken(line, "START is not taken back by M65 P0 once BUSY is there");
+                self.broken(line, "START is not cleared (M65 P0) after BUSY has risen");
                 i
             }
         };
@@ -233,7 +233,7 @@ impl<'a> Run<'a> {
     fn finish(mut self, ended: bool) {
         let last = self.stage.statements.last().map_or(1, |s| s.line);
         if !self.fired {
-            self.broken(last, "this block ends without its marks having been started");
+            self.broken(last, "this block ends without START or M0");
         }
         if !ended {
             self.broken(last, "the program does not end with M2 or M30");

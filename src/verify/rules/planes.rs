@@ -39,7 +39,7 @@ pub(super) fn check(ovf: &OvfFile<'_>, name: &str, file: &ProgramFile, machine: 
                 && waits.iter().all(|(found, wanted)| step(*found, wanted.as_us()))
         });
         if !same {
-            let text = format!("the settings of pen {:?} are not those of program.txt and the machine", pen.name);
+            let text = format!("the settings of pen {:?} differ from program.txt or the machine", pen.name);
             rule.broken("", name, text);
         }
     }
@@ -65,7 +65,7 @@ fn plane(
         if let Some(stroke) = strokes.get(count) {
             let points = program.points_of(stroke).iter().map(|&p| machine.scanner.controller_from_field(p));
             if mark.params != i32::from(stroke.pen.0) + 1 {
-                first.get_or_insert((count, "has the settings of another pen"));
+                first.get_or_insert((count, "has other pen settings"));
             } else if !same_points(&mark, points) {
                 first.get_or_insert((count, "has other points"));
             }
@@ -86,7 +86,7 @@ fn plane(
     let passes = |repeats: u64| (u64::from(plane.repeats) + 1).checked_mul(repeats.checked_add(1)?);
     for (pen, repeats) in repeats {
         if passes(repeats) != Some(u64::from(program.pens[pen.index()].passes)) {
-            return Err(format!("the passes of pen {} are not those of program.txt", pen.number()));
+            return Err(format!("the passes of pen {} differ from program.txt", pen.number()));
         }
     }
     shell(&plane, i, block, machine)
@@ -95,7 +95,7 @@ fn plane(
 fn shell(plane: &WorkPlane, i: usize, block: &Block, machine: &Machine) -> Result<(), String> {
     let at = [plane.x_mm, plane.y_mm, plane.z_mm];
     if !at.iter().zip(block.stage.0).all(|(&mm, nm)| step(mm, mm_from_nm(nm))) {
-        return Err(format!("the work plane stands at {at:?} mm, program.txt says {}", super::stage_text(block.stage)));
+        return Err(format!("the work plane is at {at:?} mm, but program.txt has {}", super::stage_text(block.stage)));
     }
     let mut tilt = [0.0; 3];
     for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt.0) {
@@ -103,11 +103,11 @@ fn shell(plane: &WorkPlane, i: usize, block: &Block, machine: &Machine) -> Resul
     }
     let turned = [plane.x_deg, plane.y_deg, plane.z_deg];
     if !turned.iter().zip(tilt).all(|(&found, wanted)| step(found, wanted) || found == wanted as f32) {
-        return Err(format!("the work plane is turned by {turned:?} deg, program.txt says {tilt:?}"));
+        return Err(format!("the work plane is turned by {turned:?} deg, but program.txt has {tilt:?}"));
     }
     let wanted = machine_type(machine);
     if plane.machine_type != wanted {
-        return Err(format!("the work plane is for a machine {:?}, the job's is {wanted:?}", plane.machine_type));
+        return Err(format!("the work plane is for machine {:?}, but the job has {wanted:?}", plane.machine_type));
     }
     if usize::try_from(plane.number) != Ok(i) {
         return Err(format!("work plane {i} is numbered {}", plane.number));

@@ -13,13 +13,13 @@ const LEAST: usize = 2;
 
 /// Whether they are.
 pub(super) fn are_the_jobs(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts) -> bool {
-    let Some(spec) = &facts.setups else {
+    let Some(setups) = &facts.setups else {
         return file.origins.len() == 1 && manifest.setups.iter().all(|s| s.registration.is_empty());
     };
-    let most = spec.count.map(|n| n.map_or(usize::MAX, |n| n as usize));
+    let most = setups.count.map(|n| n.map_or(usize::MAX, |n| n as usize));
     file.origins.len() <= most[0].saturating_mul(most[1])
         && manifest.setups.iter().zip(&file.origins).all(|(entry, &origin)| {
-            entry.registration.len() >= LEAST && is_registered(entry, origin, &spec.registration, facts)
+            entry.registration.len() >= LEAST && is_registered(entry, origin, &setups.registration, facts)
         })
 }
 

@@ -107,7 +107,7 @@ impl Sheets<'_> {
             self.rule.checked += 1;
             let cells = at.map(|i| row[i].as_str());
             if let Some(what) = self.differs(id, block, cells, columns).or_else(|| self.more(table, row, block)) {
-                self.rule.broken(id, format!("{name}:{line}"), format!("its {what} is not that of program.txt"));
+                self.rule.broken(id, format!("{name}:{line}"), format!("its {what} differs from program.txt"));
             }
         }
         if table.rows.len() != self.file.ids.len() {
@@ -166,7 +166,7 @@ impl Sheets<'_> {
         .find_map(|(what, same)| (!same).then_some(what))
     }
 
-    /// Holds what stands above the table: where the part lies, and the pens.
+    /// Checks the head of the sheet: the position of the part, and the pens.
     fn head(&mut self, sheet: &Sheet) {
         let name = "runsheet.txt";
         let near = |found: &[f64], nm: &[i64]| {
@@ -181,10 +181,10 @@ impl Sheets<'_> {
         };
         hold(
             origins.len() > 1 || sheet.zero.as_ref().is_some_and(|z| near(z, &origins[0].0)),
-            "its part zero is not that of program.txt",
+            "its part zero differs from program.txt",
         );
         let turn = self.manifest.placement.turn_deg;
-        hold(sheet.turn.is_some_and(|t| (t - turn).abs() <= 1e-9), "its part turn is not that of the manifest");
+        hold(sheet.turn.is_some_and(|t| (t - turn).abs() <= 1e-9), "its part turn differs from the manifest");
         let watts = |pen: &crate::program::Pen| pen.power.as_w(self.facts.machine.laser.max_power);
         let pens = sheet.pens.iter().zip(&self.file.program.pens).zip(1u32..).all(|((cells, pen), i)| {
             let number = |k: usize| cells.get(k).and_then(|c| c.parse::<f64>().ok()).unwrap_or(f64::NAN);
@@ -196,7 +196,7 @@ impl Sheets<'_> {
                 && number(4) == f64::from(pen.passes)
                 && cells.get(5).is_some_and(|name| *name == pen.name.trim())
         });
-        hold(pens && sheet.pens.len() == self.file.program.pens.len(), "its pens are not those of program.txt");
+        hold(pens && sheet.pens.len() == self.file.program.pens.len(), "its pens differ from those of program.txt");
         if sheet.setups.is_empty() && origins.len() == 1 {
             return;
         }
@@ -210,7 +210,7 @@ impl Sheets<'_> {
                     .zip(&stated.registration)
                     .all(|([point, at], wanted)| near(point, &nm(wanted.point_mm)) && near(at, &nm(wanted.stage)))
         });
-        hold(setups && sheet.setups.len() == origins.len(), "its set-ups are not those of program.txt");
+        hold(setups && sheet.setups.len() == origins.len(), "its set-ups differ from those of program.txt");
     }
 
     /// Holds the headings over the rows: the pass, and where there are several the set-up.
@@ -219,7 +219,7 @@ impl Sheets<'_> {
         let blocks = self.file.ids.iter().zip(&self.file.program.blocks);
         for (((id, block), under), (line, _)) in blocks.zip(&sheet.under).zip(&sheet.blocks.rows) {
             if *under != (block.pass.number(), several.then_some(block.setup.number())) {
-                let text = "it stands under the heading of another pass or set-up than in program.txt";
+                let text = "it is listed under another pass or set-up than in program.txt";
                 return self.rule.broken(id, format!("runsheet.txt:{line}"), text);
             }
         }

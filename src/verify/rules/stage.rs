@@ -1,6 +1,6 @@
-//! The stage programs as read, and the part of `agreement` that concerns them: blocks in the order of
-//! the program, each with its drawing and its target, reached by a lift where the program asks for one and
-//! where nobody knows where the stage stands; and comments that name the block they stand in.
+//! The stage programs as read, and the part of `agreement` that concerns them: blocks in the order of the program, each
+//! with its drawing and its target, reached by a lift where the program asks for one and where the stage position is
+//! unknown; and comments that name their block.
 
 use std::path::Path;
 
@@ -51,7 +51,7 @@ pub(super) struct Moved<'a> {
     pub(super) line: usize,
     /// x, y, z, a, b, c.
     pub(super) to: [Option<i64>; 6],
-    /// Whether nobody knows where the stage stands: at the start, and after a stop at which the part is moved.
+    /// Whether the stage position is unknown: at the start, and after a stop at which the part is moved.
     pub(super) is_anew: bool,
 }
 
@@ -115,13 +115,14 @@ fn units(stage: &StageFile, rule: &mut Rule) {
     }
 }
 
-/// Where nobody knows where the stage stands, it lifts first, to the end of z.
+/// Where the stage position is unknown, it lifts first, to the end of z.
 fn first_lifts(stage: &StageFile, machine: &Machine, rule: &mut Rule) {
     let sign = machine.stage.z.sign();
     for moved in Positions::of(&stage.statements).filter(|m| m.is_anew) {
         // Beyond the end is a fault of `travel`.
         if !matches!(moved.to, [None, None, Some(z), None, None, None] if sign * z >= sign * machine.retract_z().0) {
-            let text = "nobody knows where the stage stands, and the first move does not lift z alone to its end";
+            let text =
+                "the stage position is unknown here, but the first move does not lift z alone to its end of travel";
             rule.broken(moved.block, stage.place(moved.line), text);
         }
     }
@@ -152,10 +153,10 @@ fn names(stage: &StageFile, rule: &mut Rule) {
     names.for_each(|(line, id)| misnamed(stage, block, *line, id, rule));
 }
 
-/// Reports a comment that names another block than the one at hand.
+/// Reports a comment that names a block other than the current one.
 fn misnamed(stage: &StageFile, block: Option<(&str, usize)>, line: usize, id: &str, rule: &mut Rule) {
     if let Some((here, _)) = block.filter(|(here, _)| *here != id) {
-        rule.broken(here, stage.place(line), format!("a comment names block {id} where {here} stands"));
+        rule.broken(here, stage.place(line), format!("a comment in block {here} names block {id}"));
     }
 }
 
@@ -189,13 +190,13 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
         };
         rule.checked += 1;
         let Some((wanted, block)) = blocks.next() else {
-            return rule.broken(id, stage.place(s.line), "the program has no such block any more");
+            return rule.broken(id, stage.place(s.line), "the program has no further block");
         };
         if id != wanted {
             return rule.broken(
                 wanted,
                 stage.place(s.line),
-                format!("block {id} stands where the program has {wanted}"),
+                format!("block {id} is here, but the program has {wanted}"),
             );
         }
         if drawing.as_ref().is_some_and(|name| !formats::is_of_block(name, id)) {
@@ -220,17 +221,18 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
         let [x, y, z, rotary @ ..] = at;
         for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt.0) {
             if rotary[axis.letter as usize] != Some(command) {
-                let text = format!("axis {} is not sent to the block's tilt", axis.letter.char());
+                let text = format!("axis {} is not commanded to the tilt of the block", axis.letter.char());
                 rule.broken(id, stage.place(s.line), text);
             }
         }
         if [x, y, z] != block.stage.0.map(Some) {
             let found = [x, y, z].map(|v| v.map_or("unknown".to_owned(), |v| mm_from_nm(v).to_string())).join(", ");
-            let text = format!("the stage is sent to ({found}) mm, the program says {}", stage_text(block.stage));
+            let text =
+                format!("the stage is commanded to ({found}) mm, but the program has {}", stage_text(block.stage));
             rule.broken(id, stage.place(s.line), text);
         }
         if block.retract && !lifts(first, before[2], block.stage[2], &machine.stage.z) {
-            rule.broken(id, stage.place(s.line), "the program asks for a lift on the way here, none is commanded");
+            rule.broken(id, stage.place(s.line), "the program has a lift before this block, but none is commanded");
         }
     }
     if let Some((id, _)) = blocks.next() {
@@ -244,8 +246,8 @@ fn apply(at: &mut [Option<i64>; 6], to: [Option<i64>; 6]) {
     }
 }
 
-/// Whether the first move of a group is of z alone and not below where it comes from or goes to; where
-/// the stage stands at the far end of z already, there is nothing to lift.
+/// Whether the first move of a group is of z alone and not below where it comes from or goes to; where the stage is at
+/// the far end of z already, there is nothing to lift.
 fn lifts(first: Option<[Option<i64>; 6]>, from: Option<i64>, to: i64, z: &Axis) -> bool {
     let (sign, ends) = (z.sign(), z.travel.map(|t| t.as_nm().map(|Nm(end)| end)));
     if let Some([None, None, Some(z), None, None, None]) = first {

@@ -2,8 +2,8 @@
 //! spoilt is not reported a second time: what is skipped waits for `coverage`, overlaps for `once`, times for
 //! `agreement` and `travel`, slopes for all rules of geometry.
 //!
-//! Of `lower_bound_stops` it is held that there are no fewer stops: a bound is proved by its certificate, which the
-//! folder does not hold.
+//! Of `lower_bound_stops` only this is checked, that there are no fewer stops: a bound is proved by its certificate,
+//! which the folder does not hold.
 
 use super::coverage::Pieces;
 use super::depth_and_field::Marks;
@@ -47,7 +47,7 @@ pub(in crate::verify) fn check(
         rule.checked += 1;
         let near = (stated - found).abs() <= tolerance; // never of a NaN
         if !near {
-            rule.broken(id, PLACE, format!("{name} is stated as {stated}, found is {found}"));
+            rule.broken(id, PLACE, format!("{name} is given as {stated}, but is {found}"));
         }
     };
     let tiny = LENGTH * found.texture_mm;
@@ -153,8 +153,9 @@ pub(in crate::verify) fn slopes(
             }
         }
         if let Some((name, [lo, hi])) = differs {
-            let text =
-                format!("{name} of the block is not what lies under its marks, a cosine or dose of {lo} to {hi}");
+            let text = format!(
+                "{name} of the block does not follow from its marks, which have a cosine or dose of {lo} to {hi}"
+            );
             rule.broken(id, PLACE, text);
         }
     }

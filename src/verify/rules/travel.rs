@@ -1,5 +1,5 @@
-//! `travel`: the stage stands where the block says, within its travel and on its increment, and so
-//! does every position that the stage programs command on the way.
+//! `travel`: the stage is at the position of the block, within its travel and on its increment, and so does every
+//! position that the stage programs command on the way.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
         let wanted = machine.stage_from_part(c, block.stop.focus, file.origin(block));
         if block.stage != wanted {
             let text =
-                format!("the stage stands at {}, the block is at {}", stage_text(block.stage), stage_text(wanted));
+                format!("the stage is at {}, but the block is at {}", stage_text(block.stage), stage_text(wanted));
             rule.broken(id, place, text);
         } else if let Some(fault) = fault(machine, block.stage.0.map(Some)).or_else(|| tilt_fault(machine, block)) {
             rule.broken(id, place, fault);
@@ -38,7 +38,7 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
     for stage in stages {
         for moved in Positions::of(&stage.statements) {
             rule.checked += 1;
-            // The targets themselves were held above; a lift on the way is a position of its own.
+            // The targets themselves were checked above; a lift on the way is a position of its own.
             let target = blocks.get(moved.block).map(|b| b.stage);
             let to = [0, 1, 2].map(|k| moved.to[k].filter(|&v| target.is_none_or(|t| t[k] != v)));
             if let Some(fault) = fault(machine, to) {
@@ -57,7 +57,7 @@ fn tilt_fault(machine: &Machine, block: &Block) -> Option<String> {
     wrong.map(|(axis, command)| {
         let (letter, [lo, hi]) = (axis.letter.char(), axis.travel);
         format!(
-            "{letter} is sent to {} deg, its travel is {lo} to {hi} in steps of {}",
+            "{letter} is commanded to {} deg, but its travel is {lo} to {hi} in steps of {}",
             command as f64 / 1e6,
             axis.increment
         )
@@ -70,10 +70,16 @@ fn fault(machine: &Machine, to: [Option<i64>; 3]) -> Option<String> {
         let [lo, hi] = axis.travel.map(|t| t.as_nm());
         let (value, mm) = (Nm(value), mm_from_nm(value));
         if lo.is_none_or(|lo| value < lo) || hi.is_none_or(|hi| value > hi) {
-            return Some(format!("{name} is sent to {mm} mm, its travel is {} to {}", axis.travel[0], axis.travel[1]));
+            return Some(format!(
+                "{name} is commanded to {mm} mm, outside its travel of {} to {}",
+                axis.travel[0], axis.travel[1]
+            ));
         }
         if value % machine.increment_nm().max(Nm(1)) != Nm(0) {
-            return Some(format!("{name} is sent to {mm} mm, no multiple of {}", machine.stage.increment));
+            return Some(format!(
+                "{name} is commanded to {mm} mm, which is not a multiple of {}",
+                machine.stage.increment
+            ));
         }
     }
     None

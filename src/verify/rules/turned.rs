@@ -150,7 +150,7 @@ impl Turned {
             source.checked += 1;
             if let Some((at, aside)) = unmatched {
                 let text =
-                    format!("a mark on the tilted part runs {:.4} um beside the line between its points", aside / 1e3);
+                    format!("a mark on the tilted part runs {:.4} um off the line between its points", aside / 1e3);
                 source.broken(id, part_place_nm(at), text);
             }
         }

@@ -265,7 +265,7 @@ fn coverage_reports_missing_marks() {
 }
 
 #[test]
-fn ground_reports_marks_off_the_part() {
+fn surface_reports_marks_off_the_part() {
     let proof = mutant(|m| {
         m.blocks[0].marks[0].points[0].x -= 20;
     });

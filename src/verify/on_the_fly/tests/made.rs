@@ -35,8 +35,8 @@ pub(super) struct Sort {
     pub(super) width: f64,
     /// Distance of the path's nodes, mm.
     pub(super) spacing: f64,
-    /// Step of the relief, mm: wide enough that facets do not show in the normals.
-    pub(super) relief: f64,
+    /// Step of the height field, mm: wide enough that facets do not show in the normals.
+    pub(super) height_field_step: f64,
 }
 
 /// A gentle dome, hatched.
@@ -51,7 +51,7 @@ pub(super) const DOME: Sort = Sort {
     speed: [50.0, 70.0],
     width: 0.12,
     spacing: 0.1,
-    relief: 0.1,
+    height_field_step: 0.1,
 };
 
 /// A bowl on a slope, which never lies level, on seven axes.
@@ -65,7 +65,7 @@ pub(super) const BOWL: Sort = Sort {
     speed: [15.0, 15.0],
     width: 0.4,
     spacing: 0.05,
-    relief: 1.0,
+    height_field_step: 1.0,
 };
 
 /// A job with its motion.
@@ -105,10 +105,11 @@ impl Bench {
         let plan = plan.stepped().expect("a stepped job");
         let stepped = plan.checked.program();
         let Inputs { machine, surface, .. } = Inputs::load(&job).unwrap_or_else(|e| panic!("{e}"));
-        let relief = HeightField::over(&surface, plan.passes[0].texture, sort.relief, 0.0).expect("a part");
-        let path = path::Path::of(stepped, 0..stepped.blocks.len(), &surface, &relief, sort.spacing);
+        let height_field =
+            HeightField::over(&surface, plan.passes[0].texture, sort.height_field_step, 0.0).expect("a part");
+        let path = path::Path::of(stepped, 0..stepped.blocks.len(), &surface, &height_field, sort.spacing);
         let speeds: Vec<f64> = stepped.pens.iter().map(|p| p.speed.as_mm_s()).collect();
-        let motion = motion(&path, &relief, &sort, &speeds);
+        let motion = motion(&path, &height_field, &sort, &speeds);
         let (program, _) = Program::of(&motion, stepped, &machine, plan.checked.origin().0, sort.kind)
             .unwrap_or_else(|e| panic!("{e}"));
         let lengths = FlyLengths {
@@ -211,7 +212,7 @@ fn stl(sort: &Sort) -> Vec<u8> {
 const STEP: f64 = 5e-4;
 
 /// Times of the nodes at constant speeds, and the stage as an average over time.
-fn motion(path: &path::Path, relief: &HeightField, sort: &Sort, speeds: &[f64]) -> Motion {
+fn motion(path: &path::Path, height_field: &HeightField, sort: &Sort, speeds: &[f64]) -> Motion {
     let lead = 2.0 * sort.width;
     let mut time = vec![lead];
     for i in 1..path.len() {
@@ -248,8 +249,8 @@ fn motion(path: &path::Path, relief: &HeightField, sort: &Sort, speeds: &[f64]) 
         let axes = match sort.kind {
             Kind::Xyzuv => [s[0], s[1], s[2], 0.0, 0.0, p[0] - s[0], p[1] - s[1]],
             Kind::Xyzacuv => {
-                // The tool stands on the relief under the averaged path, along its normal.
-                let height = relief.at([s[0], s[1]]);
+                // The tool stands on the height field under the averaged path, along its normal.
+                let height = height_field.at([s[0], s[1]]);
                 let n = height.normal();
                 let (a, c) = (n[2].acos(), (-n[0]).atan2(n[1]));
                 let q = turned(a, c, [s[0], s[1], height.z]);

@@ -221,7 +221,7 @@ fn once_and_coverage_report_doubled_and_missing_marks() {
 }
 
 #[test]
-fn ground_reports_beams_that_miss_the_part() {
+fn surface_reports_beams_that_miss_the_part() {
     for sort in [DOME, BOWL] {
         let bench = Bench::new(sort);
         let proof = bench.mutant(|p| {

@@ -170,7 +170,7 @@ impl Runner {
             self.fault("the program does not end");
         }
         if self.laser != Some(false) || self.waiting.is_some() {
-            self.fault("the laser is not off at the end, at once");
+            self.fault("the laser is not switched off immediately (M65) at the end");
         }
         self.course
     }

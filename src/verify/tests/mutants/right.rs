@@ -73,14 +73,14 @@ impl Right {
 }
 
 #[test]
-fn nanometres_left_out_at_the_border_of_a_turned_part_are_no_fault() {
+fn nanometre_gaps_at_the_border_of_a_rotated_part_are_accepted() {
     let part = || sheet([0.0; 2], [30, 21], [2.0; 2], wavy);
     Right { turn: 5.0, ..Right::on(part()) }.proved();
     Right { turn: 5.0, field: 12, ..Right::on(part()) }.proved();
 }
 
 #[test]
-fn overlaps_of_tilted_marks_are_known_as_well_as_their_ends() {
+fn overlap_tolerance_of_tilted_marks_follows_their_end_points() {
     Right { partition: "overlap = \"0.1 mm\"", field: 12, ..Right::on(rough(80, 0.01, 0.0)) }.proved();
 }
 
