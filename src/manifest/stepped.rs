@@ -104,8 +104,8 @@ struct PassEntry {
 fn passes(facts: &Facts<'_>) -> Vec<PassEntry> {
     let passes = &facts.job.passes;
     let entry = |(k, (grid, directions)): (u32, &(&program::Sections, &[u16]))| PassEntry {
-        turn_deg: f64::from(k) * spec.rotate.as_deg(),
-        lowered_mm: spec.lowered(PassId(k)).mm(),
+        turn_deg: f64::from(k) * passes.rotate.as_deg(),
+        lowered_mm: passes.lowered(PassId(k)).mm(),
         sections: Sections::new(grid, directions),
     };
     (0..).zip(&facts.passes).map(entry).collect()

@@ -99,8 +99,8 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
             out,
             "passes     {} (focus lowered {} and hatch rotated {} per pass)",
             s.passes,
-            Length::mm(spec.lower.mm()),
-            spec.rotate
+            Length::mm(passes.lower.mm()),
+            passes.rotate
         )?;
     }
     writeln!(out, "marks      {:.1} mm", s.mark_mm)?;
