@@ -12,6 +12,9 @@ use crate::projection::Tracer;
 const BESIDE_STEP: f64 = 5e-5;
 /// Pieces that are shorter are left out.
 const SHORTEST: f64 = 2e-3;
+/// Nodes of a segment are farther apart, mm, but for its ends: over less, a line is as near to the part as its ends, and
+/// nodes may be one on the grid.
+const APART: f64 = 1e-5;
 
 /// A stretch of a stroke of the program.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,7 +105,12 @@ impl Segment {
         let (from, to) = (stretch.from - self.before, stretch.to - self.before);
         let from = if from <= ROUNDED { 0.0 } else { from / self.length };
         let to = if to >= self.length - ROUNDED { 1.0 } else { to / self.length };
-        (from < 1.0 && to > 0.0 && from < to).then_some([from, to])
+        // A piece begins on the next segment where it would have but its last nanometres of this one, which are none
+        // on the grid, and ends on the one before.
+        let apart = APART / self.length;
+        let begins = from < if from > 0.0 { 1.0 - apart } else { 1.0 };
+        let ends = to > if to < 1.0 { apart } else { 0.0 };
+        (begins && ends && from < to).then_some([from, to])
     }
 }
 
@@ -223,7 +231,8 @@ fn unfollowed(segments: &[Segment], follow: &Follow<'_>, spacing: f64, out: &mut
 /// `near` of the line from node to node. The begin is not among them, the end is.
 pub(super) fn nodes(segment: &Segment, from: f64, to: f64, spacing: f64, near: f64) -> Vec<f64> {
     let count = ((segment.length / spacing).ceil() as usize).max(1);
-    let even = (1..=count).map(|i| i as f64 / count as f64).filter(|&t| t > from && t < to);
+    let apart = APART / segment.length;
+    let even = (1..=count).map(|i| i as f64 / count as f64).filter(|&t| t > from + apart && t < to - apart);
     let mut even: Vec<f64> = even.collect();
     even.push(to);
     if !near.is_finite() {
@@ -238,7 +247,8 @@ pub(super) fn nodes(segment: &Segment, from: f64, to: f64, spacing: f64, near: f
             let mut cut = None;
             let mut passed = begin;
             let first = segment.under.partition_point(|u| u.t[1] <= begin.0);
-            let borders = segment.under[first..].iter().map(|u| u.t[1]).take_while(|&t| t < end);
+            let borders = segment.under[first..].iter().map(|u| u.t[1]).take_while(|&t| t < end - apart);
+            let borders = borders.filter(|&t| t > begin.0 + apart);
             for t in borders.chain([end]) {
                 let z = segment.under(t, false).z(t);
                 let (run, rise) = (t - begin.0, z - begin.1);
@@ -284,5 +294,24 @@ mod tests {
         // Both together are the stroke.
         assert_eq!((marked[0].from, marked[0].to, marked[1].to), (0.0, 9.0, 20.0));
         assert_eq!(left_out, [Stretch { stroke: 3, from: 9.0, to: marked[1].from }]);
+    }
+
+    #[test]
+    fn no_two_nodes_fall_together() {
+        // A border a fraction of a nanometre before the end, beyond which the part falls away.
+        let t = [0.5, 1.0 - 1e-13];
+        let under = vec![
+            Under { t: [0.0, t[0]], z: [0.0; 2], normal: None },
+            Under { t, z: [0.0, 1.0], normal: None },
+            Under { t: [t[1], 1.0], z: [1.0, 0.9], normal: None },
+        ];
+        let segment = Segment { a: P2::new(0, 0), b: P2::new(10_000_000, 0), before: 5.0, length: 10.0, under };
+        assert_eq!(nodes(&segment, 0.0, 1.0, 20.0, 1e-3), [0.5, 1.0]);
+        // Pieces that begin or end there.
+        let share = |from, to| segment.share(&Stretch { stroke: 0, from, to });
+        assert_eq!(share(15.0 - 4e-7, 20.0), None);
+        assert_eq!(share(0.0, 5.0 + 4e-7), None);
+        assert_eq!(share(0.0, 20.0), Some([0.0, 1.0]));
+        assert_eq!(share(6.0, 7.0), Some([0.1, 0.2]));
     }
 }

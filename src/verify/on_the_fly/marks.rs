@@ -161,7 +161,11 @@ impl<'a> MarkChecker<'a> {
                     bare += piece.len();
                     return;
                 };
-                if piece.len() < line.len.min(1.0) {
+                // Beside the line, its first and last stretch may lie on a facet of which the mark touches a corner:
+                // any place within EDGE along and across the mark counts.
+                let is_end = side != 0.0 && (piece.d[0] < 1.0 || piece.d[1] > line.len - 1.0);
+                let least = if is_end { EDGE.min(line.len / 2.0) } else { line.len.min(1.0) };
+                if piece.len() < least {
                     return;
                 }
                 for (d, z) in piece.d.into_iter().zip(sheet.z) {
