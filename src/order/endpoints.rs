@@ -7,7 +7,7 @@
 
 use super::kd_tree::Tree;
 
-/// The item of a endpoint, and where one leaves who entered at it.
+/// The item of an endpoint, and where one leaves who entered at it.
 struct Endpoint {
     item: u32,
     other: u32,
@@ -37,7 +37,7 @@ impl Endpoints {
         let endpoint = self.list.len() as u32;
         self.add(endpoint..endpoint + count as u32);
     }
-    /// An item with a endpoint for each of `others`, the endpoints at which one leaves.
+    /// An item with an endpoint for each of `others`, the endpoints at which one leaves.
     fn add(&mut self, others: impl IntoIterator<Item = u32>) {
         let item = self.items() as u32;
         self.list.extend(others.into_iter().map(|other| Endpoint { item, other }));
@@ -63,7 +63,7 @@ impl Endpoints {
 }
 
 /// The path that always goes to the nearest item, as entry endpoints. `tree` holds all endpoints but endpoint 0, by
-/// number less one, and `at` tells where a endpoint is; `far` is the distance, as [`Tree::around`] takes it.
+/// number less one, and `at` tells where an endpoint is; `far` is the distance, as [`Tree::around`] takes it.
 pub(super) fn greedy<const D: usize>(
     endpoints: &Endpoints,
     tree: &mut Tree<D>,

@@ -101,7 +101,7 @@ struct Known {
     places: Vec<Place>,
 }
 
-/// Where a endpoint is, nm, and which vertex of its stroke.
+/// Where an endpoint is, nm, and which vertex of its stroke.
 struct Place {
     at: [f64; 2],
     vertex: u32,
