@@ -6,8 +6,10 @@
 //! (the surface, drawings, the machine) is found out when these are read.
 
 mod direction;
+mod faults;
 pub mod file;
 mod plausible;
+mod read;
 mod resolve;
 mod resolved;
 mod sample;
@@ -17,7 +19,8 @@ pub use file::{
     Compensate, DepthRule, Dose, FileUnit, Implausible, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder,
     json_schema,
 };
-pub use resolve::{MAX_SETUPS, read_text};
+pub use read::read_text;
+pub use resolve::MAX_SETUPS;
 pub use resolved::{
     Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
 };

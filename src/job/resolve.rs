@@ -1,13 +1,11 @@
 //! From the file as written to a job that cannot be wrong: every fault is found here, without opening any
 //! other file.
 
-use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
-use toml::de::{DeTable, DeValue};
-
 use super::direction::Direction;
+use super::faults::Faults;
 use super::file::{
     AreaKeys, AreaName, DepthRule, FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, Method, Mode, Objective,
     Parts, PassesKeys, PenKeys, SetupsKeys, StopOrder, SurfaceKeys, TextureKeys,
@@ -15,20 +13,13 @@ use super::file::{
 use super::resolved::{
     Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
 };
-use crate::diag::{self, Diag, Error, Place};
+use crate::diag::{Diag, Error};
 use crate::emit::{Format, TARGETS, Target};
 use crate::geom::{MAX_NM, Nm, P2};
 use crate::machine::Origin;
 use crate::program::Pen;
 use crate::units::{Angle, Length};
 use crate::{surface, texture};
-
-/// Largest job file that is read.
-const MAX_FILE: u64 = 4 << 20;
-
-/// Where all keys of a job file are listed.
-const KEYS: &str =
-    "`terrace init` writes a commented job file; `terrace init --schema` lists every key with its values";
 
 /// Most pens of a job: no controller holds more, and marks count them in 16 bits.
 const MAX_PENS: usize = 1000;
@@ -52,110 +43,6 @@ fn writes(target: &Target, mode: Mode) -> bool {
     match mode {
         Mode::Stepped => target.stepped.is_some(),
         Mode::OnTheFly => target.on_the_fly.is_some(),
-    }
-}
-
-/// Faults as they are found, each at its key.
-pub(super) struct Faults<'a> {
-    path: &'a Path,
-    source: &'a Arc<str>,
-    list: Vec<Diag>,
-    warnings: Vec<Diag>,
-}
-
-impl<'a> Faults<'a> {
-    pub(super) fn new(path: &'a Path, source: &'a Arc<str>) -> Self {
-        Self { path, source, list: Vec::new(), warnings: Vec::new() }
-    }
-
-    /// The place of a key such as `texture.0.pitch`: its value, the nearest table around it that is given, or
-    /// the file.
-    pub(super) fn place(&self, key: &str) -> Place {
-        let path = self.path.display().to_string();
-        let Ok(root) = DeTable::parse(self.source) else { return Place::file(path) };
-        let mut at = DeValue::Table(root.get_ref().clone());
-        let mut span = None;
-        for step in key.split('.') {
-            let found = match &at {
-                DeValue::Table(table) => table.get(step),
-                DeValue::Array(list) => step.parse::<usize>().ok().and_then(|i| list.get(i)),
-                _ => None,
-            };
-            let Some(found) = found.cloned() else { break };
-            span = Some(found.span());
-            at = found.into_inner();
-        }
-        match span {
-            Some(span) => Place::Text { path, source: self.source.clone(), span },
-            None => Place::file(path),
-        }
-    }
-
-    fn push(&mut self, key: &str, fault: Diag) {
-        let place = self.place(key);
-        self.list.push(fault.at(place));
-    }
-
-    fn warn(&mut self, key: &str, warning: Diag) {
-        let place = self.place(key);
-        self.warnings.push(warning.at(place));
-    }
-
-    /// A length in nm.
-    fn nm(&mut self, key: &str, length: Length) -> Nm {
-        length.as_nm().unwrap_or_else(|| {
-            let text = format!("{key} is {length}, beyond {} m", MAX_NM.mm() / 1000.0);
-            self.push(key, Diag::input("length-far", text).hint("check its unit; no stage reaches that far"));
-            Nm(0)
-        })
-    }
-
-    fn nm_option(&mut self, key: &str, length: Option<Length>) -> Option<Nm> {
-        length.map(|length| self.nm(key, length))
-    }
-}
-
-/// Reads the text of a job file.
-///
-/// # Errors
-/// Where it cannot be read, is too large or is not UTF-8.
-pub fn read_text(path: &Path, from: &mut dyn Read) -> Result<String, Error> {
-    let place = || Place::file(path.display().to_string());
-    let mut bytes = Vec::new();
-    from.take(MAX_FILE + 1)
-        .read_to_end(&mut bytes)
-        .map_err(|e| Diag::input("file-unreadable", format!("cannot read the job: {e}")).at(place()))?;
-    if bytes.len() as u64 > MAX_FILE {
-        let text = format!("cannot read the job: it has more than {MAX_FILE} bytes");
-        return Err(Diag::input("file-unreadable", text).at(place()).into());
-    }
-    let utf8 = String::from_utf8(bytes);
-    utf8.map_err(|_| Diag::input("job-utf8", "the job file is not UTF-8 text").at(place()).into())
-}
-
-impl Job {
-    /// Reads and resolves a job file.
-    ///
-    /// # Errors
-    /// Every fault of the file, each with its place.
-    pub fn load(path: &Path, overrides: &Overrides) -> Result<Self, Error> {
-        let bytes = diag::read_file(path, MAX_FILE)?;
-        Self::parse(path, &read_text(path, &mut bytes.as_slice())?, overrides)
-    }
-
-    /// Resolves the text of a job file that lies, or would lie, at `path`.
-    ///
-    /// # Errors
-    /// As [`Job::load`].
-    pub fn parse(path: &Path, text: &str, overrides: &Overrides) -> Result<Self, Error> {
-        let source: Arc<str> = text.into();
-        let file: JobFile = diag::from_toml(&path.display().to_string(), &source, KEYS)?;
-        resolve(path, source, &file, overrides)
-    }
-
-    /// The place of a key of the job file, such as `partition.section`; the file where it is not given.
-    pub fn place_of(&self, key: &str) -> Place {
-        Faults::new(&self.path, &self.source).place(key)
     }
 }
 

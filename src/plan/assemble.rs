@@ -4,6 +4,7 @@
 use rayon::prelude::*;
 
 use super::dose;
+use super::focal_plane::focal_plane;
 use super::setups::{CellId, Setups, Used};
 use super::start::Start;
 use crate::geom::{Box2, Buckets, FieldPoint, Nm, P2, Turned};
@@ -75,7 +76,7 @@ pub(super) fn assemble(
         .map(|index| {
             let h = &heights[index.index()];
             let z = [Nm::round(h.lo), Nm::round(h.hi)];
-            let (focus, mean) = focus(&how, z, h.mean());
+            let (focus, mean) = focal_plane(how.level, &how.lattice, z, h.mean());
             let off = |at: Nm| (z[1] - at).max(at - z[0]);
             worst = [worst[0].max(off(focus)), worst[1].max(off(mean))];
             Placed { index, stop: Stop { focus, ..stops.stops[index.index()].stop.clone() }, z }
@@ -226,25 +227,6 @@ pub(super) fn lay(program: &mut Program, parts: &[Fragments], member: (u32, u32)
     });
 }
 
-/// The focal plane of a block whose marks lie between `z` and have the mean height `mean`, and the
-/// plane that the mean alone would give; both on the lattice.
-fn focus(how: &How, z: [Nm; 2], mean: f64) -> (Nm, Nm) {
-    let lattice = &how.lattice;
-    let nearest = |at: f64| lattice.floor(at + lattice.step.f64() / 2.0);
-    let mean = nearest(mean);
-    if how.level == Level::Mean {
-        return (mean, mean);
-    }
-    // The middle, moved where rounding it to the lattice would cost more than half the depth range.
-    let mut mid = nearest((z[0] + z[1]).f64() / 2.0);
-    if z[1] - mid > lattice.depth / 2 {
-        mid += lattice.step;
-    } else if mid - z[0] > lattice.depth / 2 {
-        mid -= lattice.step;
-    }
-    (mid, mean)
-}
-
 impl Stage<'_> {
     /// The order in which the stage visits the stops: set-up after set-up, backwards in every other pass.
     fn tours(&self, placed: &[Placed], targets: &[Commanded], cells: &[CellId], used: &Used) -> Vec<usize> {
@@ -347,24 +329,6 @@ impl Stage<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn how(level: Level) -> How {
-        let lattice = Lattice { depth: Nm(70_000), step: Nm(1_000), offset: Nm(0), hysteresis: Nm(0) };
-        How { level, strokes: StrokeOrder::Shortest, lattice }
-    }
-
-    #[test]
-    fn focus_mid_keeps_both_ends_within_half_the_depth_range() {
-        for lo in (-3_000..3_000).step_by(130) {
-            let z = [Nm(lo), Nm(lo + 70_000)];
-            let (mid, mean) = focus(&how(Level::Mid), z, lo as f64 + 10_000.0);
-            // Marks that fill the whole range and do not begin on the lattice lose less than a step.
-            let most = if lo % 1_000 == 0 { Nm(35_000) } else { Nm(35_999) };
-            assert!((z[1] - mid).max(mid - z[0]) <= most, "{z:?}: {mid:?}");
-            assert_eq!(mid % Nm(1_000), Nm(0));
-            assert_eq!(focus(&how(Level::Mean), z, lo as f64 + 10_000.0), (mean, mean));
-        }
-    }
 
     #[test]
     fn members_lists_every_fragment_once_at_its_stop() {

@@ -13,6 +13,7 @@ mod bound;
 mod candidate;
 mod candidates;
 mod dose;
+mod focal_plane;
 mod grid;
 mod hatch_direction;
 mod inputs;

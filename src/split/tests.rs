@@ -1,4 +1,5 @@
 use super::*;
+use crate::geom::{NM_PER_MM, Nm};
 use crate::machine::TiltAngles;
 use crate::program::{SectionId, Stop};
 use crate::projection::tests::{MM, slope};

@@ -1,0 +1,499 @@
+//! Which stop continues where a stroke leaves its own, and the fragments that follow from it.
+
+mod bend;
+mod seam;
+
+pub use seam::Seam;
+
+use bend::Bend;
+
+use super::{Fragment, Fragments, Run, Segment, Skipped};
+use crate::geom::{FieldPoint, NM_PER_MM, Nm, P2, P3, Turn, Turned, nearest};
+use crate::partition::Stops;
+use crate::program::{CHORD_NM, PenId, StopId, StrokeId};
+use crate::projection::{Keep, Normals, Piece, Skip};
+
+/// Heights and places so near to a border, nm, count as inside: what rounding in f64 may do.
+const EPS: f64 = 1e-3;
+
+/// Bridges of a nanometre that may follow each other: rounding needs one or two.
+const BRIDGES: u32 = 100;
+
+/// How far beyond its window the end of a mark is moved back onto the border, nm: a bridge of one, rounded.
+const BEYOND: i64 = 2;
+
+/// The fragment being built.
+struct Open {
+    stop: StopId,
+    segment: u32,
+    first: usize,
+    z: [f64; 2],
+    z_length: f64,
+    cos_length: f64,
+    slope2: f64,
+    /// The exact length in the field that `z_length` was summed over: that of the rounded points would not do,
+    /// because every nanometre counts with the whole height.
+    length: f64,
+    /// The exact length in the plane of the drawing.
+    drawn_exact: f64,
+    /// The last of its points in the drawing, and the length of the line through all of them, nm.
+    last: P2,
+    drawn: f64,
+    /// On a turned part: the line since its last point.
+    bend: Bend,
+    /// How much of it the fragment before has marked too, nm.
+    shared: f64,
+}
+
+/// Cuts strokes between the stops of one candidate.
+pub(super) struct Cutter<'a> {
+    normals: Normals<'a>,
+    stops: &'a Stops,
+    min_mark: f64,
+    keep: Keep,
+    out: Fragments,
+    open: Option<Open>,
+    /// Height of the surface at the end of the last stretch that was marked.
+    z: f64,
+    /// Why the stroke is not marked here, and since where on the segment.
+    unmarked: Option<(Skip, P2)>,
+    source: StrokeId,
+    pen: PenId,
+    passes: f64,
+    /// Fragments and skipped lengths before the stroke.
+    before: (usize, Skipped),
+    /// Stops that admit a point; scratch space.
+    accepting: Vec<StopId>,
+    seam: Seam,
+    /// Where the open fragment is to be cut although its stop would continue, and the stop that continues.
+    cut: Option<(usize, f64, StopId)>,
+}
+
+impl<'a> Cutter<'a> {
+    pub(super) fn new(normals: Normals<'a>, stops: &'a Stops, min_mark: f64, keep: Keep, seam: Seam) -> Self {
+        let out = Fragments::default();
+        let before = (0, out.skipped);
+        Self {
+            normals,
+            stops,
+            min_mark,
+            keep,
+            out,
+            open: None,
+            z: 0.0,
+            unmarked: None,
+            source: StrokeId(0),
+            pen: PenId(0),
+            passes: 1.0,
+            before,
+            accepting: Vec::new(),
+            seam,
+            cut: None,
+        }
+    }
+
+    /// What became of all strokes given so far; `worst_slope2` is the largest squared slope under marks upright.
+    pub(super) fn finish(self, worst_slope2: f64) -> Fragments {
+        // On a turned part the beam meets the surface at other angles than the drawing does.
+        let turned = self.out.list.iter().map(|f| f.slope2).fold(0.0, f64::max);
+        let worst_slope2 = if self.stops.is_tilted() { turned } else { worst_slope2 };
+        Fragments { worst_slope2, ..self.out }
+    }
+
+    pub(super) fn begin(&mut self, source: StrokeId, pen: PenId, passes: u32) {
+        (self.source, self.pen, self.passes) = (source, pen, f64::from(passes));
+        self.before = (self.out.list.len(), self.out.skipped);
+    }
+
+    pub(super) fn end(&mut self, points: &[P2]) {
+        self.close(points[points.len() - 1]);
+        let out = &mut self.out;
+        let parts = out.list.len() - self.before.0;
+        out.strokes_cut += usize::from(parts > 1);
+        if parts > 1 && self.keep.bounds(points).is_some() {
+            out.not_kept += 1;
+        }
+        if points[0] == points[points.len() - 1] {
+            if parts == 1 && out.skipped == self.before.1 {
+                out.figures_whole += 1;
+                // A figure may begin at any vertex as long as its points are those of the texture: rounding drops
+                // some that fall together, a turned part adds some.
+                let last = out.list.last_mut();
+                last.into_iter().for_each(|f| f.is_figure = f.len as usize == points.len());
+            } else {
+                out.figures_cut += 1;
+            }
+        }
+    }
+
+    pub(super) fn run(&mut self, run: &Run) {
+        for (k, s) in run.segments.iter().enumerate() {
+            // A cut is planned within the run, by the number of a piece.
+            if k == 0 {
+                self.cut = None;
+            }
+            // The stop of the open fragment, and where on the segment its window ends.
+            let mut stop = self.open.as_ref().map(|o| (o.stop, self.window_end(o.stop, s)));
+            let mut bridges = 0;
+            for i in s.first..s.end {
+                let p = &run.pieces[i];
+                if let Some(skip) = p.skip {
+                    self.skip(skip, s, p.t0);
+                    stop = None;
+                    continue;
+                }
+                if self.unmarked.is_some() {
+                    self.end_unmarked(s.a.lerp(s.b, p.t0), [s.a, s.b]);
+                }
+                // Invariant: what lies before t is marked or counted. `stop` is the stop that continues with where
+                // its window ends on this segment; None where one must be chosen. A turn of the loop either moves t
+                // on, or finds that the stop of the piece before does not admit this one and leaves the choice to
+                // the next turn.
+                let mut t = p.t0;
+                while t < p.t1 {
+                    let chosen = stop.is_none();
+                    let (at, end) = stop.take().unwrap_or_else(|| self.go_on(run, k, i, t));
+                    let mut exit = self.exit(at, end, s, p, t);
+                    if let Some((_, cut, _)) = self.cut.filter(|c| c.0 == i) {
+                        exit = exit.min(cut.max(t));
+                    }
+                    if chosen && exit <= t {
+                        // Rounding left a gap between two stops: bridged by a nanometre. A gap that continues is a
+                        // fault of the method: the mark stays in one stop, so that the check says so.
+                        bridges += 1;
+                        exit = if bridges > BRIDGES { p.t1 } else { (t + 1.0 / s.a.distance(s.b)).min(p.t1) };
+                    } else {
+                        bridges = 0;
+                    }
+                    if exit > t {
+                        if self.seam.overlap > 0.0 && self.open.as_ref().is_some_and(|o| o.stop != at) {
+                            self.share(at, run, i, t);
+                        }
+                        self.mark(at, s, [t, exit], p);
+                        t = exit;
+                    }
+                    // A stop that reached the end of the piece continues unasked: it was chosen as the one that the
+                    // stroke leaves last.
+                    if exit >= p.t1 {
+                        stop = Some((at, end));
+                    }
+                }
+            }
+            self.vertex(s.index, s.a, s.b);
+        }
+    }
+
+    /// Where on a segment that begins in the window of `stop` it leaves it; on a turned part every piece
+    /// tells for itself.
+    #[inline]
+    fn window_end(&self, stop: StopId, s: &Segment) -> f64 {
+        if self.stops.turn(stop).is_some() {
+            return f64::INFINITY;
+        }
+        let [lo, hi] = self.stops.window(stop);
+        let (x, y) = (s.b.x - s.a.x, s.b.y - s.a.y);
+        let end = |d: i64, a: i64, lo: f64, hi: f64| match d {
+            0 => f64::INFINITY,
+            1.. => (hi - a as f64) / d as f64,
+            _ => (lo - a as f64) / d as f64,
+        };
+        end(x, s.a.x, lo[0], hi[0]).min(end(y, s.a.y, lo[1], hi[1]))
+    }
+
+    /// Where a piece leaves `stop`, from t on; its end or beyond if it stays.
+    #[inline]
+    fn exit(&self, stop: StopId, window_end: f64, s: &Segment, p: &Piece, t: f64) -> f64 {
+        if let Some(turn) = self.stops.turn(stop) {
+            return self.turned_exit(stop, turn, s, p, t);
+        }
+        let stop = &self.stops.stops[stop.index()].stop;
+        let (lo, hi) = (stop.z_lo.f64(), stop.z_hi.f64());
+        // At the edge of a sheet the height jumps from one piece to the next.
+        if t == p.t0 && (p.z0 > hi + EPS || p.z0 < lo - EPS) {
+            return t;
+        }
+        // The height is linear along the piece: the stop is left where it reaches the limit that its far end lies
+        // beyond.
+        let limit = if p.z1 > hi + EPS {
+            hi
+        } else if p.z1 < lo - EPS {
+            lo
+        } else {
+            return window_end.min(p.t1).max(t);
+        };
+        let z_end = if p.z0 == p.z1 { t } else { p.t0 + (p.t1 - p.t0) * ((limit - p.z0) / (p.z1 - p.z0)) };
+        window_end.min(z_end).clamp(t, p.t1)
+    }
+
+    /// As [`Cutter::exit`] for a turned part, on which a piece is straight in space.
+    fn turned_exit(&self, stop: StopId, turn: &Turn, s: &Segment, p: &Piece, t: f64) -> f64 {
+        // Every coordinate of the turned part is linear along the piece, and so are those of the drawing: each says
+        // whether it is inside at t and where it leaves; the first to leave counts.
+        let share = (t - p.t0) / (p.t1 - p.t0);
+        let mut exit = p.t1;
+        let mut inside = |a: f64, b: f64, lo: f64, hi: f64| {
+            let now = a + (b - a) * share;
+            let limit = b.clamp(lo - EPS, hi + EPS);
+            if limit != b {
+                let limit = b.clamp(lo, hi);
+                exit = exit.min(p.t0 + (p.t1 - p.t0) * ((limit - a) / (b - a)));
+            }
+            lo - EPS <= now && now <= hi + EPS
+        };
+        let ends = [(p.t0, p.z0), (p.t1, p.z1)].map(|(t, z)| s.at(t, z));
+        let [a, b] = ends.map(|p| turn.apply(p));
+        let [lo, hi] = self.bounds(stop);
+        let mut is_inside = (0..3).all(|k| inside(a[k], b[k], lo[k], hi[k]));
+        if let Some(area) = self.stops.area(stop) {
+            let ([a, b], [lo, hi]) = (ends, [area.lo, area.hi].map(|p| [p.x as f64, p.y as f64]));
+            is_inside = is_inside && (0..2).all(|k| inside(a[k], b[k], lo[k], hi[k]));
+        }
+        if is_inside { exit.clamp(t, p.t1) } else { t }
+    }
+
+    /// Lower and upper corner of what `stop` admits, on the turned part where there is a turn.
+    fn bounds(&self, stop: StopId) -> [[f64; 3]; 2] {
+        let ([lo, hi], at) = (self.stops.window(stop), &self.stops.stops[stop.index()].stop);
+        [[lo[0], lo[1], at.z_lo.f64()], [hi[0], hi[1], at.z_hi.f64()]]
+    }
+
+    /// A point as `stop` sees it.
+    fn seen(&self, stop: StopId, p: P3) -> P3<Turned> {
+        self.stops.turn(stop).map_or_else(|| Turn::upright_in_space(p), |turn| turn.apply(p))
+    }
+
+    /// A point of the drawing, over which the surface is `z` high, in the field frame of a stop. Sections are
+    /// smaller than 2.1 m, so it fits.
+    fn local(&self, stop: StopId, p: P2, z: f64) -> FieldPoint {
+        let c = self.stops.stops[stop.index()].stop.centre;
+        let Some(turn) = self.stops.turn(stop) else {
+            // A bridge ends beyond the window, and the window may be the whole field.
+            let within = |v: i64, Nm(half): Nm| if v.abs() <= half + BEYOND { v.clamp(-half, half) } else { v };
+            let [w, h] = self.stops.half();
+            return FieldPoint::new(within(p.x - c.x, w) as i32, within(p.y - c.y, h) as i32);
+        };
+        let [x, y, _] = turn.apply(P3::new([p.x as f64, p.y as f64, z])).at;
+        FieldPoint::new(nearest(x - c.x as f64) as i32, nearest(y - c.y as f64) as i32)
+    }
+
+    /// The stop that continues after `t` on piece `i` of segment `k`, and where its window ends; plans the
+    /// place of the next cut if that is free.
+    fn go_on(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (StopId, f64) {
+        let planned = self.cut.take().filter(|&(piece, at, _)| piece == i && at <= t).map(|(.., next)| next);
+        let (s, p) = (&run.segments[k], &run.pieces[i]);
+        let ends = planned.map(|next| (next, self.window_end(next, s)));
+        let (stop, end) =
+            ends.filter(|&(n, end)| self.exit(n, end, s, p, t) > t).unwrap_or_else(|| self.choose(run, k, i, t));
+        if self.seam.zone > 0.0 {
+            self.cut = self.plan(stop, run, k, i, t);
+        }
+        (stop, end)
+    }
+
+    /// Of the stops that admit what follows after `t` on piece `i` of segment `k`, the one that the stroke leaves
+    /// last; and where on the segment its window ends.
+    fn choose(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (StopId, f64) {
+        let (s, p) = (&run.segments[k], &run.pieces[i]);
+        let at = s.at(t, p.z(t));
+        let mut accepting = std::mem::take(&mut self.accepting);
+        accepting.clear();
+        accepting.extend(self.stops.near(at, EPS).filter(|&stop| {
+            let ([lo, hi], at) = (self.bounds(stop), self.seen(stop, at));
+            let holds = (0..2).all(|axis| lo[axis] - EPS <= at[axis] && at[axis] <= hi[axis] + EPS);
+            holds && self.exit(stop, self.window_end(stop, s), s, p, t) > t
+        }));
+        if self.seam.overlap > 0.0 && accepting.len() > 1 {
+            self.overlapping(&mut accepting, run, i, t);
+        }
+        let best = match accepting[..] {
+            [] => self.nearest(at),
+            [one] => one,
+            _ => {
+                // Farthest first is optimal for cuts along one stroke: any cover of the stretch by intervals can be
+                // exchanged for this one, interval by interval, without a cut more.
+                let left = |&stop: &StopId| (self.left(stop, run, k, i, t), stop);
+                let later = |a: &((usize, f64), StopId), b: &((usize, f64), StopId)| {
+                    a.0.0.cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)).then(a.1.cmp(&b.1))
+                };
+                accepting.iter().map(left).max_by(later).map_or(accepting[0], |l| l.1)
+            }
+        };
+        self.accepting = accepting;
+        (best, self.window_end(best, s))
+    }
+
+    /// Where the stroke leaves a stop that admits it at `t`: piece and parameter.
+    fn left(&self, stop: StopId, run: &Run, k: usize, i: usize, t: f64) -> (usize, f64) {
+        let mut t = t;
+        for s in &run.segments[k..] {
+            let end = self.window_end(stop, s);
+            for (j, p) in run.pieces[..s.end].iter().enumerate().skip(i.max(s.first)) {
+                let t = std::mem::replace(&mut t, 0.0).max(p.t0);
+                let exit = self.exit(stop, end, s, p, t);
+                if p.skip.is_some() || exit < p.t1 {
+                    return (j, if p.skip.is_some() { p.t0 } else { exit });
+                }
+            }
+        }
+        // Stops that admit all that was looked ahead over count as equal; the last of the list continues.
+        (run.pieces.len(), 0.0)
+    }
+
+    /// The stop that comes nearest to accepting a point: methods cover all that was traced, up to rounding.
+    fn nearest(&self, at: P3) -> StopId {
+        let beyond = |&stop: &StopId| {
+            let ([lo, hi], at) = (self.bounds(stop), self.seen(stop, at));
+            (0..3).map(|k| (lo[k] - at[k]).max(at[k] - hi[k])).fold(0.0, f64::max)
+        };
+        let near = self.stops.near(at, 2.0).min_by(|a, b| beyond(a).total_cmp(&beyond(b)).then(a.cmp(b)));
+        near.unwrap_or(StopId(0))
+    }
+
+    /// The stroke is not marked from `t` of a segment on.
+    fn skip(&mut self, skip: Skip, s: &Segment, t: f64) {
+        if self.unmarked.is_none_or(|(why, _)| why != skip) {
+            let from = s.a.lerp(s.b, t);
+            self.close(from);
+            self.end_unmarked(from, [s.a, s.b]);
+            self.unmarked = Some((skip, from));
+        }
+    }
+
+    /// Counts what was not marked up to `to`, as one stretch along the segment: its facets may be smaller
+    /// than the grid to which their borders would be rounded.
+    fn end_unmarked(&mut self, to: P2, [a, b]: [P2; 2]) {
+        let Some((skip, from)) = self.unmarked.take() else { return };
+        // The length along the segment, not between the rounded ends: sums of many short stretches must come out as
+        // the length of the stroke.
+        let dot = (b.x - a.x) as f64 * (to.x - from.x) as f64 + (b.y - a.y) as f64 * (to.y - from.y) as f64;
+        let length = self.passes * dot.max(0.0) / a.distance(b) / NM_PER_MM;
+        match skip {
+            Skip::OffPart => self.out.skipped.off_part += length,
+            Skip::Steep => {
+                self.out.skipped.steep += length;
+                if length > 0.0 {
+                    self.out.steep_at.get_or_insert(from);
+                }
+            }
+        }
+    }
+
+    /// Goes on in `stop` over a stretch of a piece.
+    fn mark(&mut self, stop: StopId, s: &Segment, t: [f64; 2], p: &Piece) {
+        // On a turned part the two sides of a wall lie apart in the field.
+        let jump = (p.z(t[0]) - self.z).abs();
+        let jumps = self.stops.turn(stop).is_some_and(|turn| jump * turn.lean() > CHORD_NM / 2.0);
+        if self.open.as_ref().is_some_and(|o| o.stop != stop || jumps) {
+            self.close(s.a.lerp(s.b, t[0]));
+        }
+        let z = [p.z(t[0]), p.z(t[1])];
+        let ends = self.stops.turn(stop).map(|turn| [0, 1].map(|k| turn.apply(s.at(t[k], z[k]))));
+        if self.open.is_none() {
+            let first = self.out.points.len();
+            let last = s.a.lerp(s.b, t[0]);
+            self.out.points.push(self.local(stop, last, z[0]));
+            let bend = ends.map_or_else(Bend::default, |e| Bend::start([e[0][0], e[0][1]]));
+            let range = [f64::INFINITY, f64::NEG_INFINITY];
+            self.open = Some(Open {
+                stop,
+                segment: s.index,
+                first,
+                z: range,
+                z_length: 0.0,
+                cos_length: 0.0,
+                slope2: 0.0,
+                length: 0.0,
+                drawn_exact: 0.0,
+                last,
+                drawn: 0.0,
+                bend,
+                shared: 0.0,
+            });
+        }
+        self.z = z[1];
+        let normal = || self.normals.under(p);
+        let slope2 = self.stops.turn(stop).map_or(p.slope2, |turn| turn.slope2(normal()));
+        let (centre, Some(open)) = (self.stops.stops[stop.index()].stop.centre, &mut self.open) else { return };
+        let z = ends.map_or(z, |e| e.map(|e| e[2]));
+        if let Some([x, y]) = ends.and_then(|e| open.bend.go([e[1][0], e[1][1]])) {
+            let p = FieldPoint::new(nearest(x - centre.x as f64) as i32, nearest(y - centre.y as f64) as i32);
+            if self.out.points[self.out.points.len() - 1] != p {
+                self.out.points.push(p);
+            }
+        }
+        let drawn = (t[1] - t[0]) * s.a.distance(s.b);
+        let length = ends.map_or(drawn, |[a, b]| (b[0] - a[0]).hypot(b[1] - a[1]));
+        open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
+        open.cos_length += length / (1.0 + slope2).sqrt();
+        open.slope2 = open.slope2.max(slope2);
+        // The mean of the ends times the length is the integral: the height is linear.
+        open.z_length += (z[0] + z[1]) / 2.0 * length;
+        open.length += length;
+        open.drawn_exact += drawn;
+    }
+
+    /// The end b of `segment` from a: a vertex of the open fragment.
+    fn vertex(&mut self, segment: u32, a: P2, b: P2) {
+        self.out.texture_mm += self.passes * a.distance(b) / NM_PER_MM;
+        self.end_unmarked(b, [a, b]);
+        self.corner(segment, b);
+    }
+
+    /// The open fragment turns at the end b of `segment`.
+    fn corner(&mut self, segment: u32, b: P2) {
+        let Some(p) = self.open.as_ref().map(|open| self.local(open.stop, b, self.z)) else { return };
+        if let Some(open) = &mut self.open {
+            open.drawn += open.last.distance(b);
+            open.last = b;
+            open.bend = self.stops.turn(open.stop).map_or_else(Bend::default, |turn| {
+                let [x, y, _] = turn.apply(P3::new([b.x as f64, b.y as f64, self.z])).at;
+                Bend::start([x, y])
+            });
+            if self.out.points[self.out.points.len() - 1] != p {
+                self.out.points.push(p);
+            } else if self.out.points.len() == open.first + 1 {
+                // All there is of the fragment is this vertex: it begins on the next segment.
+                open.segment = segment + 1;
+                open.z = [f64::INFINITY, f64::NEG_INFINITY];
+                open.z_length = 0.0;
+                (open.cos_length, open.slope2) = (0.0, 0.0);
+                (open.length, open.drawn_exact) = (0.0, 0.0);
+            }
+        }
+    }
+
+    /// Ends the open fragment at `end`; answers whether it is long enough to be marked.
+    fn close(&mut self, end: P2) -> bool {
+        let Some(open) = self.open.take() else { return false };
+        let p = self.local(open.stop, end, self.z);
+        if self.out.points[self.out.points.len() - 1] != p {
+            self.out.points.push(p);
+        }
+        let points = &self.out.points[open.first..];
+        let length = open.drawn + open.last.distance(end);
+        // Either way `length` is accounted for, so that mark - overlap + skipped = texture; what the fragment
+        // before has marked of it was counted there.
+        if points.len() < 2 || length < self.min_mark {
+            self.out.skipped.small += self.passes * (length - open.shared) / NM_PER_MM;
+            self.out.points.truncate(open.first);
+            return false;
+        }
+        self.out.mark_mm += self.passes * length / NM_PER_MM;
+        self.out.overlap_mm += self.passes * open.shared / NM_PER_MM;
+        self.out.list.push(Fragment {
+            stop: open.stop,
+            source: self.source,
+            segment: open.segment,
+            pen: self.pen,
+            first: open.first as u32,
+            len: points.len() as u32,
+            is_figure: false,
+            z: open.z,
+            z_length: open.z_length,
+            cos_length: open.cos_length,
+            slope2: open.slope2,
+            length: open.length,
+        });
+        true
+    }
+}
