@@ -1,8 +1,8 @@
 //! How long `terrace compare` takes with all systems on two threads, and how the time of seven axes converges: `cargo
 //! bench --bench compare` prints the table. One thread must make the same figures.
 //!
-//! The dome is made, half a million triangles under a hatch of 1 mm; the hood and the drawing on it are read from
-//! beside the repository and left out where they are absent.
+//! The dome is made, half a million triangles under a hatch of 1 mm; the hood and the drawing on it are read from next
+//! to the repository and left out where they are absent.
 
 #[path = "../tests/it/support/surfaces.rs"]
 mod surfaces;

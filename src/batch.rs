@@ -129,7 +129,7 @@ fn listed(path: &Path) -> Result<Vec<PathBuf>, Error> {
 /// The job of a file; None of a machine file in a folder of jobs.
 fn entry(path: PathBuf, is_folder: bool, output: Option<&Path>, overrides: &Overrides) -> Option<Entry> {
     let job = Job::load(&path, overrides);
-    // Machine files often lie beside the jobs that name them.
+    // Machine files often lie next to the jobs that name them.
     if is_folder && job.is_err() && Machine::load(&path).is_ok() {
         return None;
     }

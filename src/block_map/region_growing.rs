@@ -53,7 +53,7 @@ impl Heights {
     }
 }
 
-/// The rows that have marks in every cell, as have the rows beside them.
+/// The rows that have marks in every cell, as have the rows next to them.
 pub(super) fn dense(grid: &Grid, ink: &[u32]) -> Vec<bool> {
     let is_whole = |row: &[u32]| row.iter().all(|&label| label != 0);
     let whole: Vec<bool> = ink.chunks_exact(grid.columns()).map(is_whole).collect();
@@ -88,7 +88,7 @@ type Steps = [[i32; 2]; 4];
 const SIDES: Steps = [[-1, 0], [1, 0], [0, -1], [0, 1]];
 const CORNERS: Steps = [[-1, -1], [1, -1], [-1, 1], [1, 1]];
 
-/// Hands the cells beside cell `i` to `take`.
+/// Hands the cells next to cell `i` to `take`.
 #[inline]
 fn beside(grid: &Grid, i: u32, steps: Steps, mut take: impl FnMut(usize)) {
     let [columns, rows] = grid.count;
@@ -101,12 +101,12 @@ fn beside(grid: &Grid, i: u32, steps: Steps, mut take: impl FnMut(usize)) {
     }
 }
 
-/// The cells with label that have one without beside them, rising.
+/// The cells with label that have one without next to them, rising.
 fn rim(grid: &Grid, labels: &[u32]) -> Vec<u32> {
     let [columns, rows] = [grid.columns(), grid.rows()];
     let row = |y: usize| &labels[y * columns..(y + 1) * columns];
     let mut rim = Vec::new();
-    // Whether a column holds a cell without label in the row at hand or those beside it.
+    // Whether a column holds a cell without label in the row at hand or those next to it.
     let mut open = vec![false; columns + 2];
     for y in 0..rows {
         open.fill(false);

@@ -113,7 +113,7 @@ proptest! {
         shift in 0i64..3,
     ) {
         prop_assume!(a != b);
-        // Multiples of a tenth of a cell, so that corners and borders are met often; or just beside them.
+        // Multiples of a tenth of a cell, so that corners and borders are met often; or just next to them.
         let (a, b) = (a.map(|v| v * 100 + shift), b.map(|v| v * 100 + shift));
         let grid = grid(9, 9, 1000);
         let mut lengths = vec![0.0; grid.len()];
@@ -345,7 +345,7 @@ fn cells_under_free_windows_belong_to_the_block_of_their_marks() {
         marked += 1;
         same += usize::from(place(map.labels()[i]) == Some(stops[own as usize - 1].0));
     }
-    // The centre of a cell lies 0.03 mm beside the line: at the ends of a level another stop may admit it.
+    // The centre of a cell lies 0.03 mm off the line: at the ends of a level another stop may admit it.
     assert!(marked > 40_000 && same as f64 > 0.99 * f64::from(marked), "{same} of {marked}");
     for (i, &label) in map.labels().iter().enumerate().filter(|(_, l)| **l != 0) {
         let p = map.centre(i as u32 % 400, i as u32 / 400);

@@ -114,7 +114,7 @@ pub enum Command {
         /// Folders of job files (*.toml), list files with one job file per line, or job files (*.toml).
         #[arg(required = true)]
         jobs: Vec<PathBuf>,
-        /// Folder for the job folders; default: beside each job file.
+        /// Folder for the job folders; default: next to each job file.
         #[arg(short, long, value_name = "FOLDER")]
         output: Option<PathBuf>,
         /// Write the report as JSON to this file too.

@@ -124,7 +124,7 @@ pub struct Row {
     pub figures: Result<Figures, Error>,
 }
 
-/// What is drawn and told beside the table.
+/// What is drawn and reported in addition to the table.
 #[derive(Clone, Debug, Default)]
 pub struct Curves {
     /// Decompositions of the same path for scanner and stage; empty where no such system was asked for.
@@ -273,7 +273,7 @@ fn run(
     rayon::scope_fifo(|scope| {
         let last = systems.iter().map(|s| s.start).max().unwrap_or(0);
         for start in 0..=last {
-            // Stepped systems share a plan: one task does them in order, beside the others.
+            // Stepped systems share a plan: one task does them in order, in parallel with the others.
             let is_stepped = |&i: &usize| matches!(systems[i].run, Run::Stepped(_));
             let one = &one;
             scope.spawn_fifo(move |_| of(start).filter(is_stepped).for_each(one));
@@ -283,8 +283,8 @@ fn run(
     found.into_iter().map(|f| f.into_inner().expect("every system was run")).collect()
 }
 
-/// How far the marks of a path lie from what their beams would like best: focus, incidence, displacement, and
-/// the share within limits. Nodes weigh as much as is marked beside them.
+/// Deviations of the marks of a path from the ideal beam: focus, incidence, displacement, and the share within limits.
+/// Nodes weigh as much as is marked next to them.
 fn marked(deviations: &[Deviation], weights: &[f64], limits: Limits) -> Figures {
     let spread = |pick: fn(&Deviation) -> f64| Statistics::of(deviations.iter().map(pick).zip(weights.iter().copied()));
     // A nanometre, and as little of an angle, for rounding.

@@ -208,7 +208,7 @@ fn seen_from_above(program: &mut Program, turns: &[Turn], height_field: &HeightF
         for stroke in &strokes[block.strokes.clone()] {
             for point in &mut points[stroke.first as usize..(stroke.first + stroke.len) as usize] {
                 let p = met(*point);
-                // Rounding must put nothing beside an edge of the part.
+                // Rounding must put nothing beyond an edge of the part.
                 let p: P2 = P2::new(p.x.clamp(texture.lo.x, texture.hi.x), p.y.clamp(texture.lo.y, texture.hi.y));
                 *point = FieldPoint::new((p.x - middle.x) as i32, (p.y - middle.y) as i32);
             }

@@ -274,7 +274,7 @@ pub fn unreadable(path: &Path, e: &std::io::Error) -> Diag {
         .hint(hint)
 }
 
-/// Files beside a path whose names differ from its own by case, by extension or by one or two characters; at most
+/// Files next to a path whose names differ from its own by case, by extension or by one or two characters; at most
 /// three, the nearest first.
 fn near_names(path: &Path) -> Vec<String> {
     // Folders may be huge; this is only for a hint.

@@ -1,7 +1,7 @@
 //! The table of targets: what each is called, which files it writes, and what it can carry.
 //!
-//! A target is a writer beside this file, a variant of [`Format`] and a row here; its reader stands in
-//! `verify::read` and that reader's row in the verifier's own table.
+//! A target is a writer next to this file, a variant of [`Format`] and a row here; its reader is in `verify::read` and
+//! that reader's row in the verifier's own table.
 
 use serde::{Deserialize, Serialize};
 

@@ -84,9 +84,9 @@ impl Grid {
         self.start(axis) + i * self.pitch[axis].0
     }
 
-    /// The column (axis 0) or row (axis 1) in which a stroke is that goes from `v` in direction
-    /// `d` along that axis: a point on a border belongs to the side it goes to, and to the upper side
-    /// if it stays on the border. Points beside the grid are in its outermost cells.
+    /// The column (axis 0) or row (axis 1) in which a stroke is that goes from `v` in direction `d` along that axis: a
+    /// point on a border belongs to the side it goes to, and to the upper side if it stays on the border. Points
+    /// outside the grid are in its outermost cells.
     #[inline]
     pub fn along(&self, axis: usize, v: i64, d: i64) -> i64 {
         let from = v - self.start(axis);
@@ -111,7 +111,7 @@ impl Grid {
         self.range(1, area.lo.y, area.hi.y).flat_map(move |row| columns.clone().map(move |column| row * count + column))
     }
 
-    /// Cell `i` and those beside it, corners included, row by row.
+    /// Cell `i` and those next to it, corners included, row by row.
     #[inline]
     pub fn around(&self, i: usize) -> impl Iterator<Item = usize> + use<> {
         let (columns, rows) = (self.columns(), self.rows());

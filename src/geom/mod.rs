@@ -198,7 +198,7 @@ mod tests {
     fn orientation_is_exact_where_floats_cancel() {
         let a: P2 = P2::new(-3_999_999_999, -3_999_999_998);
         let b = P2::new(3_999_999_998, 3_999_999_999);
-        // One nm beside the line of 11 m: the two products agree in their first 19 digits.
+        // One nm off the line of 11 m: the two products agree in their first 19 digits.
         for dy in -2..=2 {
             let c = P2::new(0, dy);
             let exact = i128::from(b.x - a.x) * i128::from(c.y - a.y) - i128::from(b.y - a.y) * i128::from(c.x - a.x);

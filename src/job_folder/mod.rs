@@ -1,8 +1,7 @@
 //! The job folder: what it holds, and that it is written whole or not at all.
 //!
-//! Files are written into a hidden folder beside the target, the manifest last; when all are there the
-//! folder takes the target's name (`target`). A job folder belongs to the program: replacing it removes
-//! everything in it.
+//! Files are written into a hidden folder next to the target, the manifest last; when all are there the folder takes
+//! the target's name (`target`). A job folder belongs to the program: replacing it removes everything in it.
 
 mod exchange;
 mod files;
@@ -35,8 +34,8 @@ fn failed(what: &str, path: &Path, e: &std::io::Error) -> Error {
         .into()
 }
 
-/// Finishes or undoes what a stopped run left beside `target`, and makes sure that a folder may be
-/// written there, before time is spent on a plan.
+/// Finishes or undoes what a stopped run left next to `target`, and makes sure that a folder may be written there,
+/// before time is spent on a plan.
 ///
 /// # Errors
 /// `output-not-a-job` where `target` exists and is not a job folder; `output-other-mode` where it is one of the other

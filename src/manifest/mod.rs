@@ -77,7 +77,7 @@ pub struct Summary {
     pub overlap_mm: f64,
     /// Length that is not marked; the sum of the three that follow.
     pub skipped_mm: f64,
-    /// Not marked: beside the part or over a hole.
+    /// Not marked: off the part or over a hole.
     pub skipped_off_part_mm: f64,
     /// Not marked: steeper than the limit.
     pub skipped_steep_mm: f64,

@@ -76,7 +76,7 @@ pub struct OnTheFlyFacts<'a> {
     pub machine: &'a Machine,
     /// Its program.
     pub program: &'a Program,
-    /// What is not marked beside steps of the part.
+    /// What is not marked next to steps of the part.
     pub left_out: &'a [LeftOut],
     /// The figures.
     pub summary: &'a OnTheFlySummary,

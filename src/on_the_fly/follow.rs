@@ -43,7 +43,7 @@ impl Follow<'_> {
     pub const EVENLY: Follow<'static> = Follow { near: f64::INFINITY, holds: &|_, _| true, without: &[] };
 }
 
-/// What lies under a stretch of a segment: one facet, or none where rounding has put the mark beside the part.
+/// What lies under a stretch of a segment: one facet, or none where rounding has put the mark off the part.
 #[derive(Clone, Copy)]
 pub(super) struct Under {
     /// Parameters on the segment.
@@ -114,8 +114,8 @@ impl Segment {
     }
 }
 
-/// The segments of a stroke with the part under them; beside the part the height goes on from the nearest that is
-/// known, as the height field does.
+/// The segments of a stroke with the part under them; off the part the height goes on from the nearest that is known,
+/// as the height field does.
 pub(super) fn segments(points: &[P2], tracer: &mut Tracer<'_>, height_field: &HeightField) -> Vec<Segment> {
     let mut out: Vec<Segment> = Vec::with_capacity(points.len() - 1);
     let mut before = 0.0;

@@ -14,7 +14,7 @@ use crate::on_the_fly::program::{Kind, Program};
 use crate::projection::Tracer;
 use crate::surface::Surface;
 
-/// A beam this far beside a border may be on either side of it, nm: what marks may stray from rounding.
+/// A beam this far next to a border may be on either side of it, nm: what marks may stray from rounding.
 const BORDER: f64 = 120.0;
 /// Places of a move at which leaning beams are followed, besides its begin.
 const PLACES: usize = 4;
@@ -144,7 +144,7 @@ impl Finder<'_> {
         (both, if self.holds(a.0) { b.1 } else { a.1 })
     }
 
-    /// The worst of an upright move, on the line or just beside it where it runs along a border.
+    /// The worst of an upright move, on the line or just next to it where it runs along a border.
     fn upright(&mut self, a: &Beam, b: &Beam) -> (Foot, [f64; 2]) {
         let [p, q] = [a, b].map(|beam| [beam.at[0], beam.at[1]].map(|v| v * NM_PER_MM));
         let way = [q[0] - p[0], q[1] - p[1]];

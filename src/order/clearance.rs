@@ -40,8 +40,8 @@ impl Clearance {
             path = path.union(Box2::around(p, [self.radius; 2]));
         }
         let path = aabb(path);
-        // The box of the path holds what the lens sweeps over and more: a part that is high beside a slanting path
-        // may cost a lift, never a collision.
+        // The box of the path holds what the lens sweeps over and more: a part that is high next to a slanting path may
+        // cost a lift, never a collision.
         let top = self.bvh.intersect_aabb(&path).map(|i| self.tiles[i as usize].1).max();
         top.map_or(Nm::MIN, |t| t - self.gap)
     }

@@ -56,7 +56,7 @@ impl Endpoints {
     pub(super) fn of(&self, item: usize) -> std::ops::Range<u32> {
         self.first[item]..self.first[item + 1]
     }
-    /// The endpoint at which one leaves who entered at this one.
+    /// The endpoint at which an item entered at this one is left.
     pub(super) fn other(&self, endpoint: u32) -> u32 {
         self.list[endpoint as usize].other
     }

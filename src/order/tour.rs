@@ -1,9 +1,9 @@
 //! A path through items, made shorter by moves on neighbour lists.
 //!
-//! Items, endpoints and costs are those of the `endpoints` module. Moves are 2-opt (a run of items is reversed, each of
+//! Items, endpoints and costs are those of module `endpoints`. Moves are 2-opt (a run of items is reversed, each of
 //! them turned) and Or-opt (a run of up to three goes to another place, either way round, or one item enters by another
-//! endpoint). [`Tour::improve`] makes them while any gains; [`Tour::settle`] then chooses all endpoints at once, by dynamic
-//! programming; [`Tour::perturb`] changes the tour at random and takes back what did not pay.
+//! endpoint). [`Tour::improve`] makes them while any gains; [`Tour::settle`] then chooses all endpoints at once, by
+//! dynamic programming; [`Tour::perturb`] changes the tour at random and takes back what did not pay.
 
 use super::endpoints::Endpoints;
 
@@ -213,8 +213,8 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         best.try_move(self.edges[j - 1] + self.edges[j] + out, [j, j, i], false, q, || {
             self.link(self.exit(j - 1), self.entry(j + 1)) + self.link(exit, self.entry(i + 1))
         });
-        // A run that ends with i goes before or after j.
-        // A run that reaches j, or stands beside it already, does not move; nor does any longer one.
+        // A run that ends with i goes before or after j. A run that reaches j, or stands next to it already, does not
+        // move; nor does any longer one.
         for (k, gain) in runs.iter().enumerate().take_while(|&(k, _)| k < i) {
             let a = i - k;
             if a == j || a == j + 1 {
@@ -383,7 +383,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
                 continue;
             }
             let lost = self.swap(a, b, c);
-            // Kept where the repair wins back what the perturbation cost: paths of equal length count as better, so that
+            // Kept where the repair gains what the perturbation cost: paths of equal length count as better, so that
             // the search can drift over plateaus.
             if self.work(MOST_MOVES * PERTURBATION) >= lost {
                 continue;

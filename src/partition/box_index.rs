@@ -61,7 +61,7 @@ pub(super) fn extent(places: impl Iterator<Item = [i32; 3]>) -> [[i32; 2]; 2] {
     places.map(first).reduce(add).unwrap_or_default()
 }
 
-/// The cell of a place; of one beside the grid the nearest.
+/// The cell of a place; of one outside the grid the nearest.
 #[inline]
 pub(super) fn cell_of(grid: &Grid, place: [i32; 3]) -> usize {
     let [column, row] = [0, 1].map(|k| grid.along(k, place[k].into(), 0) as usize);

@@ -51,8 +51,8 @@ impl TiltSite<'_> {
     /// Chooses the sections and their tilts by the sample points.
     pub fn plan(&self, samples: &[P3]) -> TiltedFields {
         let mut best: Option<(u64, TiltedFields)> = None;
-        // A few sections more may need fewer levels: what is left of a surface beside its best plane grows with the
-        // square of the section.
+        // A few sections more may need fewer levels: what is left of a surface off its best plane grows with the square
+        // of the section.
         for more in 0..=MORE {
             let Some(grid) = self.grid(more) else { continue };
             let made = self.over(grid, samples);

@@ -27,7 +27,7 @@ impl Inputs {
     ///
     /// # Errors
     /// Faults of the files; pens that the machine cannot give; `pdof-large`, `pitch-small`; `job-empty` where the
-    /// texture lies beside the part.
+    /// texture lies off the part.
     pub fn load(job: &Job) -> Result<Self, Error> {
         let machine = job.machine().map_err(|e| job.at_keys(&e))?;
         let pens = pen_faults(&job.pens, &machine);

@@ -99,8 +99,8 @@ pub fn plan(job: Job, progress: Progress<'_>) -> Result<Plan, Error> {
     }
 }
 
-/// Folder of a job file's outputs: `hood.toml` makes `hood.job` beside it, or `hood.fly.job` of an
-/// on-the-fly job, so that neither replaces the other.
+/// Folder of a job file's outputs: `hood.toml` makes `hood.job` next to it, or `hood.fly.job` of an on-the-fly job, so
+/// that neither replaces the other.
 pub fn default_output(job: &Path, mode: Mode) -> PathBuf {
     match mode {
         Mode::Stepped => job.with_extension("job"),

@@ -40,7 +40,7 @@ const SAMPLES: usize = 300_000;
 const SPARE: f64 = 1e-3;
 /// How far the part may lie from the straight lines between the nodes of a mark, as a share of focus.
 const NEAR: f64 = 0.01;
-/// What of focus is left to that and to rounding, as a share: beside a step of 2 [`NEAR`], which is not cut, the part
+/// What of focus is left to that and to rounding, as a share: next to a step of 2 [`NEAR`], which is not cut, the part
 /// lies up to 3 [`NEAR`] from the line.
 const SPARE_FOCUS: f64 = 0.04;
 /// Share of focus and incidence that the height field may use up before a mark on it is left out.
@@ -64,7 +64,7 @@ pub struct OnTheFlyPlan {
     pub machine: Machine,
     /// The program.
     pub checked: Checked,
-    /// What is not marked beside steps of the part.
+    /// What is not marked next to steps of the part.
     pub left_out: Vec<LeftOut>,
     /// The figures; its warnings are those of the plan.
     pub summary: OnTheFlySummary,

@@ -91,5 +91,5 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option
 /// at most a nanometre beyond the border.
 const ROUNDING: Nm = Nm(1);
 
-/// Room for the curvature of the part beside a window, nm.
+/// Room for the curvature of the part next to a window, nm.
 const SPARE: Nm = Nm(1_000_000);

@@ -43,8 +43,8 @@ use crate::geom::{FieldPoint, NM_PER_MM, Nm, P2, Turned};
 use crate::machine::{Commanded, TiltAngles};
 use crate::units::{Frequency, Power, Speed};
 
-/// How far a stroke on a tilted part may run beside the exact projection of its line, nm: between two points
-/// of the program, where the projection bends with the surface.
+/// How far a stroke on a tilted part may run off the exact projection of its line, nm: between two points of the
+/// program, where the projection bends with the surface.
 pub const CHORD_NM: f64 = 100.0;
 
 /// A laser setting of the program.

@@ -102,7 +102,7 @@ impl Cells {
                 tracer.segment(w[0], w[1], &mut add);
             }
         }
-        // Sorted again only when it has doubled: strokes beside each other add the same cells.
+        // Sorted again only when it has doubled: strokes next to each other add the same cells.
         if self.keys.len() > 2 * self.sorted + (1 << 16) {
             self.tidy();
         }

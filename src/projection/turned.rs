@@ -59,7 +59,7 @@ pub struct InTiltedField {
     pub is_hidden: bool,
     /// Whether that is so of a mark that lies in the window beyond the area.
     pub is_occluded: bool,
-    /// Whether a mark lies beside the window.
+    /// Whether a mark lies outside the window.
     pub is_outside_window: bool,
     /// Whether a stroke that is to stay whole reaches beyond the area, where stops must not be kept to it.
     pub is_over: bool,
@@ -209,7 +209,7 @@ impl Ends {
     fn hi(&self) -> f64 {
         self.0[0][2].max(self.0[1][2])
     }
-    /// Whether both lie beside the window on one side.
+    /// Whether both lie outside the window on one side.
     fn is_beyond(&self, field: &TiltedField, half: [Nm; 2]) -> bool {
         let c = [field.centre.x, field.centre.y];
         let off = |k: usize, end: usize| self.0[end][k] - c[k] as f64;

@@ -221,7 +221,7 @@ pub(super) fn numbers(job: &Layout<'_>, sheet: &Sheet, spots: &[label::Spot]) ->
         t.append(svg::node::Text::new((job.blocks.start + spot.block as usize + 1).to_string()));
         g.append(t);
     }
-    // Dots are numbered beside them; the spots are sorted by block.
+    // Dots are numbered next to them; the spots are sorted by block.
     let r = dot_radius(job, sheet);
     for (i, block) in job.blocks().iter().enumerate() {
         if spots.binary_search_by_key(&i, |s| s.block as usize).is_err() {

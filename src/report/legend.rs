@@ -1,7 +1,7 @@
-//! What stands beside the part on `layout.svg`: axes and scale bar, and the legend.
+//! What `layout.svg` shows next to the part: axes and scale bar, and the legend.
 //!
-//! The legend stands right of the part or, where the part is much wider than high, below it in
-//! columns; it never covers the part. All positions in mm of the drawing.
+//! The legend is right of the part or, where the part is much wider than high, below it in columns; it never covers the
+//! part. All positions in mm of the drawing.
 
 use svg::Node;
 use svg::node::element::Element;

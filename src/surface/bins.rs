@@ -1,10 +1,10 @@
 //! A uniform grid over the mesh that says where the walk may run free.
 //!
-//! Every bin is *empty* (no facet), *simple* (no rim of the mesh passes through it and one sheet lies
-//! over all others) or *complex* (the sheets must be compared). A rim is an edge without a twin: the
-//! number of sheets can change only there, so a bin without rims has one number of sheets, counted at
-//! its centre. Bins know the facets whose box touches them, padded by two nanometres, so that points on
-//! bin lines find their facets from either side, and places on a rim the facet beside them.
+//! Every bin is *empty* (no facet), *simple* (no rim of the mesh passes through it and one sheet lies over all others)
+//! or *complex* (the sheets must be compared). A rim is an edge without a twin: the number of sheets can change only
+//! there, so a bin without rims has one number of sheets, counted at its centre. Bins know the facets whose box touches
+//! them, padded by two nanometres, so that points on bin lines find their facets from either side, and places on a rim
+//! the facet next to them.
 
 use super::mesh::{Mesh, NONE, Vertex};
 use crate::geom::{Box2, Buckets, Grid, Nm, P2, orient};
@@ -24,7 +24,7 @@ pub(crate) struct Bins {
     pub grid: Grid,
     pub class: Vec<Class>,
     facets: Buckets<u32>,
-    /// Finer cells of crowded bins: many tiny facets beside huge ones.
+    /// Finer cells of crowded bins: many tiny facets next to huge ones.
     fine: FxHashMap<u32, Fine>,
 }
 

@@ -1,11 +1,10 @@
 //! Strokes that run along the rim of the part.
 //!
-//! The corners of a turned part and the points of its texture are rounded apart, each by up to half the
-//! diagonal of the grid. A stroke that was drawn on the border of the part may then lie beside it by a
-//! nanometre. The walk snaps corners to the segment; that is enough where the segment is as long as the edge.
-//! Points of a short segment beside a long edge are found here: a gap in which every place lies within
-//! [`ON_RIM`] of a rim is not a gap. Gaps that lead further off the part stay as they are, whole, so that a
-//! stroke that crosses the border ends where it did.
+//! The corners of a turned part and the points of its texture are rounded apart, each by up to half the diagonal of the
+//! grid. A stroke that was drawn on the border of the part may then lie next to it by a nanometre. The walk snaps
+//! corners to the segment; that is enough where the segment is as long as the edge. Points of a short segment next to a
+//! long edge are found here: a gap in which every place lies within [`ON_RIM`] of a rim is not a gap. Gaps that lead
+//! further off the part stay as they are, whole, so that a stroke that crosses the border ends where it did.
 //!
 //! Limit: of a segment that runs along a rim and on beyond it, the whole gap stays.
 
@@ -80,8 +79,8 @@ impl Surface {
 }
 
 impl Line {
-    /// The parameters between which the line lies within [`ON_RIM`] of the edge from u to v; the first beyond
-    /// the second where it nowhere does. What is near to an edge is convex: its ends and what is beside it.
+    /// The parameters between which the line lies within [`ON_RIM`] of the edge from u to v; the first beyond the
+    /// second where it nowhere does. What is near to an edge is convex: its ends and what is next to it.
     fn near(&self, u: Vertex, v: Vertex) -> [f64; 2] {
         let mut near = [f64::INFINITY, f64::NEG_INFINITY];
         let mut add = |t: [f64; 2]| {
@@ -100,7 +99,7 @@ impl Line {
             }
         }
         let ([l, m], length2) = self.along(u, v);
-        // The strip: beside the edge (x) and not farther off than ON_RIM (y), both linear along the line.
+        // The strip: next to the edge (x) and not farther off than ON_RIM (y), both linear along the line.
         let [o, r] = [self.a, self.b].map(|p| orient(u.p2(), v.p2(), p));
         let wide = ON_RIM * length2.sqrt();
         let (x, y) = (within(l, m, 0.0, length2), within(o, r, -wide, wide));

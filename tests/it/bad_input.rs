@@ -464,7 +464,7 @@ fn a_limit_of_the_machine_that_the_job_breaks_exits_1_and_writes_nothing() {
         std::fs::write(&path, "v 0 0 0\nv 900 0 0\nv 900 90 0\nv 0 90 0\nf 1 2 3 4\n").expect("writable");
         JobText::on(&path).texture(keys)
     };
-    // A tower 300 mm high beside the place that is marked.
+    // A tower 300 mm high next to the place that is marked.
     let tower = dir.path().join("tower.obj");
     let high = "v 0 0 0\nv 99 0 0\nv 99 99 0\nv 0 99 0\nv 40 0 0\nv 40 0 300\nv 60 0 300\nv 60 60 300\nv 40 60 300\n\
                 f 1 2 3 4\nf 6 7 8 9\n";

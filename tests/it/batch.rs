@@ -241,7 +241,7 @@ fn a_list_file_names_jobs_one_a_line() {
     let text = said(&done);
     assert_eq!(done.status.code(), Some(2), "{text}");
     assert!(text.contains("2 compiled, 0 unchanged, 1 failed") && text.contains("b99.toml"), "{text}");
-    // Without -o a folder lies beside its job.
+    // Without -o a folder lies next to its job.
     verify(&jobs.join("b01.job"));
     verify(&jobs.join("b08.job"));
     for (text, code) in [("# none\n", "batch-empty"), ("a/x.toml\nb/x.toml\n", "batch-clash")] {

@@ -571,7 +571,7 @@ fn symbolic_links_to_the_output_folder_are_kept() {
     symlink("nowhere", at.join("lost.job")).expect("linked");
     refused(&run(at, &["compile", "a.toml", "-o", "lost.job"]), 2, "output-unwritable");
     assert!(std::fs::symlink_metadata(at.join("lost.job")).expect("there").is_symlink());
-    // A job file that is a link: its inputs lie beside the link.
+    // A job file that is a link: its inputs lie next to the link.
     std::fs::rename(at.join("a.toml"), at.join("disk/kept.toml")).expect("moved");
     symlink("disk/kept.toml", at.join("a.toml")).expect("linked");
     done(at, &["compile", "a.toml"]);

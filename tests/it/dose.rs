@@ -143,7 +143,7 @@ fn slope_of_tilted_marks_is_weighted_by_length_in_the_field() {
     let mut facets = Vec::new();
     for i in 0..50 {
         let x = [f64::from(i) * 0.4, f64::from(i + 1) * 0.4];
-        // Just beside the crease, where the tooth is the one that is meant.
+        // Just next to the crease, where the tooth is the one that is meant.
         let z = [saw(x[0] + 1e-9), saw(x[1] - 1e-9)];
         let corner = |k: usize, y: f64| [x[k], y, z[k]];
         facets.push([corner(0, 0.0), corner(1, 0.0), corner(1, 12.0)]);

@@ -102,7 +102,7 @@ fn hatch_lines_at_section_borders_are_marked_exactly_once() {
             let &i = i.last().expect("no line leaves its section");
             by_section[i].push([a.mm(), b.mm()]);
         }
-        // Places all over the area and as many beside borders: no mark is farther than a pitch.
+        // Places all over the area and as many next to borders: no mark is farther than a pitch.
         for _ in 0..20_000 {
             let mut p = [0, 1].map(|k| area[k] + (noise.half() + 0.5) * (area[k + 2] - area[k]));
             if noise.next().is_multiple_of(2) {

@@ -80,7 +80,7 @@ enum Outcome {
     Fault(String),
 }
 
-/// The job file of a seed, with its surface and drawing beside it.
+/// The job file of a seed, with its surface and drawing next to it.
 fn write_job(seed: u64, dir: &Path) -> PathBuf {
     let noise = &mut Random::new(seed);
     let seven = seed.is_multiple_of(3);

@@ -67,7 +67,7 @@ fn surface(noise: &mut Random, size: f64) -> Vec<[[f64; 3]; 3]> {
     out
 }
 
-/// A texture table; an SVG is written beside the job.
+/// A texture table; an SVG is written next to the job.
 fn texture(noise: &mut Random, dir: &Path, number: usize, size: f64, pens: usize) -> String {
     let mut t = String::from("\n[[texture]]\n");
     let line = |t: &mut String, key: &str, value: String| writeln!(t, "{key} = {value}").expect("text");
@@ -329,8 +329,8 @@ fn random_jobs_verify_or_are_refused_at_length() {
 
 #[test]
 fn random_jobs_for_tilt_tables_verify_or_are_refused() {
-    // 422: welding moves a step at which a mark begins. 512: a mark has less of its own than is known of its ends,
-    // beside what it shares. 1527: a wall hides 19 nm of the marks at its foot.
+    // 422: welding moves a step at which a mark begins. 512: a mark has less of its own than is known of its ends, next
+    // to what it shares. 1527: a wall hides 19 nm of the marks at its foot.
     trials((0..40).chain([422, 512, 1527]), Table::Tilting);
 }
 

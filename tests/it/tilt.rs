@@ -21,8 +21,8 @@ fn tilted(part: &Path, texture: &str) -> JobText {
 ///
 /// With r = 0.71 nm, half the diagonal of the grid, the sine l of the tilt and the tangent t of the slope against the
 /// beam: the cut is rounded to r in the drawing and its place in the field to r again, and the beam through that place
-/// meets the file's facets at a height that the rounding of the place (r t) and of the welded vertices and the cut
-/// (1 nm up and 1.5 nm + r sideways) leave open. The beam turns each nm of height into l nm beside.
+/// meets the file's facets at a height that the rounding of the place (r t) and of the welded vertices and the cut (1
+/// nm up and 1.5 nm + r sideways) leave open. The beam turns each nm of height into l nm sideways.
 fn end_mm(manifest: &Value, proof: &Value) -> f64 {
     const R: f64 = std::f64::consts::FRAC_1_SQRT_2;
     let axes = manifest["machine"]["tilt"]["axes"].as_array().expect("a tilt table");

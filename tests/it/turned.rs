@@ -58,7 +58,7 @@ fn marks_beside_the_part_are_skipped() {
     let dir = folder();
     for turn in [0.0, 17.3, 200.02] {
         for (beside, is_lost) in [(0.000_000, false), (0.000_004, true), (0.01, true)] {
-            // One line beside the lower border, as far as it goes, in pieces.
+            // One line next to the lower border, as far as it goes, in pieces.
             let y = -11.3 - beside;
             let points: String = (0..=40).map(|i| format!("{},{} ", f64::from(i) * 0.5, 0)).collect();
             let svg = format!(

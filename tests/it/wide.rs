@@ -1,5 +1,5 @@
-//! The wide matrix: every surface and every drawing that lies beside the repository, compiled and
-//! verified; and inputs that would be slow if anything were quadratic.
+//! The wide matrix: every surface and every drawing that lies next to the repository, compiled and verified; and inputs
+//! that would be slow if anything were quadratic.
 
 use std::fmt::Write;
 use std::path::Path;

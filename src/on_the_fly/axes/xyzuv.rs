@@ -6,8 +6,8 @@
 //! gets one speed; the share of the speed that is left is part of the answer. The stage goes from rest to rest.
 //! Where no motion of z keeps all marks in focus the answer says so. Units: mm, s.
 //!
-//! [`quickest`] may let the beam run on with the laser off beside every mark, or wait at its ends, so that the stage
-//! turns where focus is free.
+//! [`quickest`] may let the beam run on with the laser off before and after every mark, or wait at its ends, so that
+//! the stage turns where focus is free.
 //!
 //! # Sources
 //! Cui et al. (2021): eq. 1 to 4 the decomposition, eq. 8 and 9 the times. Their average makes the acceleration

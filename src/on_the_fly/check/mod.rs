@@ -1,9 +1,9 @@
 //! The gate before the writers of on-the-fly programs: a [`Checked`] one holds what a program must, and the
 //! limits of its machine at every sample. There is no other way to make one.
 //!
-//! Held are: times that rise, pens that there are, marks that move; travel of X, Y, Z, A and C, the field of U
-//! and V, the speed of every axis, acceleration and jerk of X, Y and Z (what is measured:
-//! [`crate::on_the_fly::program::peaks`]), of A and C, and of U and V beside these, where the machine file states them;
+//! Held are: times that rise, pens that there are, marks that move; travel of X, Y, Z, A and C, the field of U and V,
+//! the speed of every axis, acceleration and jerk of X, Y and Z (what is measured:
+//! [`crate::on_the_fly::program::peaks`]), of A and C, and of U and V in addition, where the machine file states them;
 //! the speed of marks on the part; the longest line. Moves are straight, so what holds at their ends holds between
 //! them.
 //!

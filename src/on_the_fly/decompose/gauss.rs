@@ -28,7 +28,7 @@ pub(super) fn lengthened<const N: usize>(
 }
 
 /// Sums under weights that are the same to both sides, of a path lengthened by as many samples as there are weights
-/// beside the middle one.
+/// next to the middle one.
 pub(super) fn symmetric<const N: usize>(longer: &[[f64; N]], weights: &[f64]) -> Vec<[f64; N]> {
     let reach = weights.len() - 1;
     longer

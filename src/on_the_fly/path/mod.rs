@@ -1,12 +1,12 @@
 //! The path of the beam over the part: strokes in the order of a program, and the jumps between them.
 //!
-//! Consumes a program, whose blocks are read one after the other, and the part; promises nodes so close that
-//! straight lines between them stand for the path, with every vertex of a stroke among them. Units: mm; the
-//! frame is the part's. Under marks the height is the part's own, along jumps the height field's. Where rounding has
-//! put a mark beside the part its height goes on from the nearest that is known, as the height field does.
+//! Consumes a program, whose blocks are read one after the other, and the part; promises nodes so close that straight
+//! lines between them stand for the path, with every vertex of a stroke among them. Units: mm; the frame is the part's.
+//! Under marks the height is the part's own, along jumps the height field's. Where rounding has put a mark off the part
+//! its height goes on from the nearest that is known, as the height field does.
 //!
-//! [`Path::with_skywriting`] puts run-ins and run-outs beside the marks, which go on as the marks do, and one straight
-//! jump between two runs; [`Path::evened`] leaves vertices of gentle turns out.
+//! [`Path::with_skywriting`] puts run-ins and run-outs before and after the marks, which go on as the marks do, and one
+//! straight jump between two runs; [`Path::evened`] leaves vertices of gentle turns out.
 
 pub mod c_rewind;
 pub mod height_field;
@@ -228,7 +228,7 @@ impl Path {
             return self.clone();
         }
         let mut out = Self::default();
-        // The way that is run beside a pen's mark, in the direction of the stretch between two nodes of it.
+        // The length of the run-in or run-out of a pen's mark, in the direction of the stretch between two nodes of it.
         let run = |from: usize, to: usize, pen: u16| {
             let (a, b) = (self.at[from], self.at[to]);
             let length = (b[0] - a[0]).hypot(b[1] - a[1]);
@@ -363,7 +363,7 @@ impl Path {
     }
 }
 
-/// Whether a mark that ends at `from` and one that begins at `to` lie on one line, nearer than what is run beside
+/// Whether a mark that ends at `from` and one that begins at `to` lie on one line, nearer than the run-in and run-out
 /// both, `out` and `into`.
 fn on_one_line(from: [f64; 3], out: [f64; 3], to: [f64; 3], into: [f64; 3]) -> bool {
     const STRAIGHT: f64 = 1e-3;

@@ -138,7 +138,7 @@ impl Frame {
         if s.swap_xy { [v, u] } else { [u, v] }
     }
 
-    /// How far, nm, a straight move of all axes bows across the beam beside the straight line in the part.
+    /// How far, nm, a straight move of all axes bows across the beam off the straight line in the part.
     pub(super) fn bow(&self, from: &[f64; AXES], to: &[f64; AXES], p: [f64; 3], q: [f64; 3]) -> f64 {
         let axis = |k: usize, share: f64| from[k] + share * (to[k] - from[k]);
         let ends = [(from, p), (to, q)].map(|(axes, spot)| {

@@ -29,7 +29,7 @@ use crate::on_the_fly::axes::motion::{AXES, Motion, Waypoint};
 use crate::program::{self, Pen};
 use frame::{Frame, Spot};
 
-/// How far a move may bow beside its line in the part where axes turn, nm.
+/// How far a move may bow off its line in the part where axes turn, nm.
 pub const BOW: f64 = 20.0;
 /// How far a linear axis may be from a sample that was left out, nm.
 pub const NEAR: i64 = 5;

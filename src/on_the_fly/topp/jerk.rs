@@ -91,7 +91,7 @@ fn round_off(grid: &Grid, caps: &[f64], b: &mut [f64]) {
     }
 }
 
-/// A motion to begin a window with: `fast`, but near what is held beside it no faster than even jerk reaches from
+/// A motion to begin a window with: `fast`, but near what is held next to it no faster than even jerk reaches from
 /// there.
 fn from_held(grid: &Grid, fast: &[f64], b: &[f64], range: &Range<usize>) -> Vec<f64> {
     let ends = [range.start - 1, range.end];

@@ -20,8 +20,8 @@ fn reference(grid: &Grid, cell: usize, axis: usize) -> [f64; 2] {
     grid.acceleration(cell, third, axis)
 }
 
-/// Time from a border to the reference of a cell beside it, and its derivatives by b at the border and at
-/// the cell's other border.
+/// Time from a border to the reference of a cell next to it, and its derivatives by b at the border and at the cell's
+/// other border.
 #[inline]
 fn half_time(grid: &Grid, cell: usize, own: f64, other: f64) -> [f64; 3] {
     if grid.is_end(cell) {
@@ -36,7 +36,7 @@ fn half_time(grid: &Grid, cell: usize, own: f64, other: f64) -> [f64; 3] {
     [h / sum, by * 0.5 / near + by_middle, by_middle]
 }
 
-/// Time from reference to reference around border `i`, and its derivatives by b there and beside it.
+/// Time from reference to reference around border `i`, and its derivatives by b there and next to it.
 pub(super) fn time_around(grid: &Grid, i: usize, b: [f64; 3]) -> (f64, [f64; 3]) {
     let left = half_time(grid, i - 1, b[1], b[0]);
     let right = half_time(grid, i, b[1], b[2]);
@@ -49,8 +49,8 @@ pub(super) fn change(grid: &Grid, i: usize, axis: usize) -> [f64; 3] {
     [-l[0], r[0] - l[1], r[1]].map(|c| c * grid.ramp[axis])
 }
 
-/// Jerk over its limit of an axis in the cells beside the stops, per (2 b^(3/2)) / (9 h²): with even d³s/dt³ it
-/// is d³s/dt³ (q' + 9 q'' x + 4.5 q''' x²) at x from the stop.
+/// Jerk over its limit of an axis in the cells next to the stops, per (2 b^(3/2)) / (9 h²): with even d³s/dt³ it is
+/// d³s/dt³ (q' + 9 q'' x + 4.5 q''' x²) at x from the stop.
 fn end_factor(grid: &Grid, cell: usize, axis: usize) -> f64 {
     let h = grid.width(cell);
     let (stop, sign) = if cell == 0 { (0, 1.0) } else { (2 * cell + 2, -1.0) };
@@ -87,7 +87,7 @@ fn ratio_at(grid: &Grid, i: usize, b: [f64; 3]) -> f64 {
     (0..grid.axes).filter(|&a| grid.ramp[a] > 0.0).map(share).fold(0.0, f64::max)
 }
 
-/// Largest b beside the stops by jerk alone.
+/// Largest b next to the stops by jerk alone.
 pub(super) fn end_cap(grid: &Grid, cell: usize) -> f64 {
     let factor = (0..grid.axes).map(|a| end_factor(grid, cell, a)).fold(0.0, f64::max);
     (4.5 * grid.width(cell).powi(2) / factor).powf(2.0 / 3.0)

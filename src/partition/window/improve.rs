@@ -90,7 +90,7 @@ impl Rebuild {
         let reach = size.map(|s| s + s / 8);
         self.near.clear();
         let near = &mut self.near;
-        // How much nearer a box beside is than one above.
+        // How much nearer a box to the side is than one above.
         let steep = i64::from(1 + dice.below(10));
         held.near([0, 1, 2].map(|k| c[k] - reach[k]), [0, 1, 2].map(|k| c[k] + reach[k]), |b, o| {
             let [x, y, z] = [0, 1, 2].map(|k| i64::from((o[k] - c[k]).abs()) * 1000 / i64::from(size[k]));

@@ -173,7 +173,7 @@ impl<'a> Drawing<'a> {
         }
     }
 
-    /// Limits across a panel, their names beside it, moved apart where they are close.
+    /// Limits across a panel, their names next to it, moved apart where they are close.
     fn across(&self, canvas: &mut Canvas, panel: &Panel, y: &Ruler, [left, top, right, bottom]: Rect) {
         let mut all: Vec<(f64, &Limit)> = panel
             .limits

@@ -1,9 +1,9 @@
 //! Charts: lines over an axis, stacked bars, paths in the plane, distributions.
 //!
-//! Consumes numbers with their names and units, whatever they measure; promises an SVG of a fixed width of
-//! [`WIDTH`] units whose text overlaps no other text and is nowhere cut, equal byte for byte for equal input.
-//! The legend stands above the plot, names of limits beside it. Colours differ in grey too; from the ninth
-//! series on only dashes tell series of one colour apart.
+//! Consumes numbers with their names and units, whatever they measure; promises an SVG of a fixed width of [`WIDTH`]
+//! units whose text overlaps no other text and is nowhere cut, equal byte for byte for equal input. The legend is above
+//! the plot, names of limits next to it. Colours differ in grey too; from the ninth series on only dashes tell series
+//! of one colour apart.
 //!
 //! Limits: what is not finite, beyond 1e100 or on a logarithmic axis not above 0 is a gap. Widths of text are
 //! estimated for a wide face; names that are wider than their place end in "…". Long series

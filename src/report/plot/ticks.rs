@@ -178,7 +178,7 @@ impl Ruler {
         reaches.len() >= 2 && reaches.windows(2).all(|pair| pair[0][1] <= pair[1][0])
     }
 
-    /// Without the labels that have no room beside those before them.
+    /// Without the labels that have no room next to those before them.
     fn thinned(self, space: TickSpace) -> Self {
         let mut thin = self.inside(space);
         let mut end = f64::NEG_INFINITY;

@@ -233,8 +233,8 @@ impl Table {
         shown(&self.rows[row][column], self.columns[column].kind)
     }
 
-    /// Aligned text, at most `width` characters wide where a column beside the first allows it: what does not
-    /// fit follows below with the first column repeated. Names and words that are long are wrapped.
+    /// Aligned text, at most `width` characters wide where a column next to the first allows it: what does not fit
+    /// follows below with the first column repeated. Names and words that are long are wrapped.
     pub fn text(&self, width: usize) -> String {
         let cells: Vec<Vec<Vec<String>>> = (0..self.rows.len())
             .map(|r| (0..self.columns.len()).map(|c| wrap(&self.shown(r, c), WORDS)).collect())

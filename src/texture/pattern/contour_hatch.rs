@@ -6,11 +6,10 @@
 //! line along the border of two cells belongs to the upper one. So lines fill every cell to its border
 //! and none reaches over it.
 //!
-//! A lattice goes on from the cell below, or from the one on the left where its lines rather run
-//! upwards: in the middle of the border they share, lines of both are a pitch apart. Cells of one
-//! direction so share one lattice, and an even slope is hatched as if there were no cells; the first
-//! lies half a pitch inside the area's box, and a stated part of a pitch further. Where directions differ, lines end on
-//! the border, and beside it up to one pitch stays free.
+//! A lattice goes on from the cell below, or from the one on the left where its lines rather run upwards: in the middle
+//! of the border they share, lines of both are a pitch apart. Cells of one direction so share one lattice, and an even
+//! slope is hatched as if there were no cells; the first lies half a pitch inside the area's box, and a stated part of
+//! a pitch further. Where directions differ, lines end on the border, and next to it up to one pitch stays free.
 //!
 //! Left out are lines in corners whose ends are less than 2 nm apart in x or in y: rounding could lay them
 //! along a border. Those are some nm long, and 12 um a hundredth of a degree off an axis. Strokes are counted cell by

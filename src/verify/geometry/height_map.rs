@@ -99,7 +99,7 @@ impl Map {
             self.grid.lo[0] + column as f64 * size - line.start[0],
             self.grid.lo[1] + row as f64 * size - line.start[1],
         ];
-        // Three half-planes of (x, y) from the cell's corner: past the leg, before the other leg, beside the diagonal.
+        // Three half-planes of (x, y) from the cell's corner: past the leg, before the other leg, next to the diagonal.
         let (near, far) = if upper { (0, 1) } else { (1, 0) };
         let mut d = [0.0, line.len];
         clip(&mut d, line.dir[near], lo[near]);

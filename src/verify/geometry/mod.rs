@@ -177,7 +177,7 @@ pub(super) struct Geometry {
     /// Slope beyond which nothing is marked.
     limit2: f64,
     weld: f64,
-    /// How far a mark may run beside its line, nm: on a tilted part.
+    /// How far a mark may run off its line, nm: on a tilted part.
     beside: f64,
 }
 
@@ -190,7 +190,7 @@ impl Geometry {
 
     /// The geometry as a turned part shows it, under and around the box [x0, y0, x1, y1] of the part, nm.
     pub(super) fn turned(&self, turn: &Turn, [x0, y0, x1, y1]: [f64; 4]) -> Self {
-        // What hides a place from a leaning beam lies beside it by as much as it is higher.
+        // What hides a place from a leaning beam lies next to it by as much as it is higher.
         let [lowest, highest] = self.shape.heights();
         let around = (highest - lowest) * turn.lean() / (1.0 - turn.lean().powi(2)).max(1e-6).sqrt() + 1e5;
         let mut builder = MeshBuilder::new(0.0, 2.0);
@@ -209,19 +209,19 @@ impl Geometry {
         self.shape.facets_in(area, sink);
     }
 
-    /// How far, in nm, a mark may lie beside an edge and still be taken as on it: the rounding of both to
-    /// the grid, the grid step within which the program takes a stroke as lying on a border, and welding.
+    /// How far, in nm, a mark may lie next to an edge and still be taken as on it: the rounding of both to the grid,
+    /// the grid step within which the program takes a stroke as lying on a border, and welding.
     pub(super) fn reach(&self) -> f64 {
         ROUNDING + 1.5 + self.weld + self.beside
     }
 
-    /// Lengths up to this, in nm, decide nothing: two edges, each off by rounding and welding, that the line
-    /// crosses at 30 degrees, and beside which a mark on a tilted part may run.
+    /// Lengths up to this, in nm, decide nothing: two edges, each off by rounding and welding, that the line crosses at
+    /// 30 degrees, and next to which a mark on a tilted part may run.
     pub(super) fn grain(&self) -> f64 {
         4.0 * (ROUNDING + 0.5 + self.weld + self.beside)
     }
 
-    /// How far a mark may run beside its line, nm; 0 where the part is not tilted.
+    /// How far a mark may run off its line, nm; 0 where the part is not tilted.
     pub(super) fn beside(&self) -> f64 {
         self.beside
     }

@@ -15,7 +15,7 @@ use crate::verify::read::on_the_fly::{AXES, Step};
 const APART: f64 = 50_000.0;
 /// Largest distance of a mark from the texture, nm: 1 um, and the nanometre of every axis that takes part.
 pub(super) const STRAY: f64 = 1_002.0;
-/// A beam this far beside an edge may be on either side of it, nm: what marks may stray from rounding.
+/// A beam this far next to an edge may be on either side of it, nm: what marks may stray from rounding.
 const EDGE: f64 = 150.0;
 /// What the merging and rounding of samples may add to a focal offset, nm.
 const FOCUS: f64 = 100.0;

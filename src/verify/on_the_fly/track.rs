@@ -6,7 +6,7 @@ use crate::geom::P2;
 
 /// A mark that is this much nearer to what lies behind it has turned back, nm.
 const BEHIND: f64 = 50.0;
-/// How much farther along its stroke than beside it a foot may have come, nm.
+/// How much farther along its stroke than across it a hit point may have moved, nm.
 const SPARE: f64 = 2_000.0;
 /// Distances from a stroke that differ by no more are equal, nm: the vertices of two legs over one line are each
 /// rounded to the grid, by up to half its diagonal.
@@ -88,7 +88,7 @@ impl Stroke {
     }
 
     /// The place nearest to `p` on the way from one place to another, forward or back; None where the stroke has none
-    /// there. Of places that are equally near the first on the way: beside a turn, a stroke that runs back over itself
+    /// there. Of places that are equally near the first on the way: next to a turn, a stroke that runs back over itself
     /// is as near beyond the turn as before it.
     fn nearest(&self, p: [f64; 2], from: f64, to: f64) -> Option<(f64, f64)> {
         let (lo, hi, forward) = (from.min(to), from.max(to), from <= to);

@@ -54,7 +54,7 @@ pub(in crate::verify) struct Statement {
 pub(in crate::verify) struct Program {
     /// What it does.
     pub(in crate::verify) statements: Vec<Statement>,
-    /// Blocks that comments name beside those that begin a block, each with its line.
+    /// Blocks that comments name in addition to those that begin a block, each with its line.
     pub(in crate::verify) names: Vec<(usize, String)>,
 }
 

@@ -364,7 +364,7 @@ impl Cover<'_> {
         n == self.mark.len() && segment > 0 && self.points[0] == self.points[n - 1] && (0..n).all(same)
     }
 
-    /// Length along the stroke of a point that lies beside segment `k` by no more than `off` nm.
+    /// Length along the stroke of a point that lies next to segment `k` by no more than `off` nm.
     fn beside(&self, k: usize, p: P2, off: f64) -> Option<f64> {
         let (d, aside) = self.project(k, p);
         let len = self.along[k + 1] - self.along[k];
@@ -451,7 +451,7 @@ impl Cover<'_> {
             return;
         }
         self.out.lengths.overlap_mm += shared * passes / NM_PER_MM;
-        // Both ends lie up to 0.7 nm beside the stroke.
+        // Both ends lie up to 0.7 nm off the stroke.
         let is_straight = self.locate(span.from).0 == self.locate(span.from + shared).0;
         let longer = if is_straight { (1.0 / shared).min(NOISE) } else { NOISE };
         self.out.rounding_mm += longer * passes / NM_PER_MM;

@@ -1,10 +1,10 @@
 //! How the surface file's own facets lie under the marks of a block: bounds of the mean and of the least cosine of
 //! the angle between beam and surface, and of the dose.
 //!
-//! A mark that runs along an edge may have been planned on either facet beside it: ends of marks and vertices of the
-//! mesh are each rounded to the grid. So every stretch of a mark has the lowest and the highest cosine of all that
-//! lies within the reach of the geometry beside it, and the mean of the block lies between the integrals of both. A
-//! stretch away from edges has one cosine, known to the rounding of its facet's vertices.
+//! A mark that runs along an edge may have been planned on either facet next to it: ends of marks and vertices of the
+//! mesh are each rounded to the grid. So every stretch of a mark has the lowest and the highest cosine of all that lies
+//! within the reach of the geometry next to it, and the mean of the block lies between the integrals of both. A stretch
+//! away from edges has one cosine, known to the rounding of its facet's vertices.
 
 use super::dose;
 use crate::geom::FieldPoint;
@@ -149,7 +149,7 @@ fn under(
                 out.sum[k] += p.cos[k] * len + if k == 0 { -step } else { step };
             }
             before = Some(p.cos);
-            // A mark on a tilted part runs beside its line by at most `beside`, there and back: it is longer by that.
+            // A mark on a tilted part runs off its line by at most `beside`, there and back: it is longer by that.
             out.off += len.hypot(2.0 * geometry.beside()) - len;
             out.all = [out.all[0].min(p.cos[0]), out.all[1].max(p.cos[1])];
             out.least[0] = out.least[0].min(p.cos[0]);
@@ -165,7 +165,7 @@ fn under(
 }
 
 /// The stretches of a line, in order and without gaps. Its sides are looked at where `sides` says so, and where part of
-/// the line has no facet under it that may be marked: that stretch was marked on what lies beside it.
+/// the line has no facet under it that may be marked: that stretch was marked on what lies next to it.
 fn parts(line: &Line, sides: bool, geometry: &Geometry, scratch: &mut Scratch) -> Vec<Part> {
     let mut found = beside(line, 0.0, geometry, scratch);
     if sides || found.iter().any(|p| p.cos.is_none()) {

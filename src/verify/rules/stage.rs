@@ -20,7 +20,7 @@ pub(in crate::verify) struct StageFile {
     /// Whether it fires by a handshake with the scan card; otherwise an operator does.
     pub(super) handshake: bool,
     pub(super) statements: Vec<Statement>,
-    /// Blocks that comments name beside those that begin a block, each with its line.
+    /// Blocks that comments name in addition to those that begin a block, each with its line.
     names: Vec<(usize, String)>,
 }
 

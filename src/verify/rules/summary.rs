@@ -143,7 +143,7 @@ pub(in crate::verify) fn slopes(
             dose: entry.dose,
         };
         rule.checked += 1;
-        // The marks themselves first; only where that does not explain the figures the facets beside them as well.
+        // The marks themselves first; only where that does not explain the figures the facets next to them as well.
         let mut differs = None;
         for sides in [false, true] {
             let Some(bounds) = slopes::of(file, block, facts, geometry, sides, &mut scratch) else { break };

@@ -1,9 +1,8 @@
 //! Blocks of a tilted part: their own geometry, and where their marks lie in the drawing.
 //!
-//! The texture is fixed on the part by projection along its z axis, while a tilted block marks along its
-//! own beam. So the beam is followed down to the turned part's topmost sheet, and the point found there is
-//! looked up in the drawing. A mark that the part hides from the beam comes out on what hides it, and so
-//! beside its stroke.
+//! The texture is fixed on the part by projection along its z axis, while a tilted block marks along its own beam. So
+//! the beam is followed down to the turned part's topmost sheet, and the point found there is looked up in the drawing.
+//! A mark that the part hides from the beam comes out on what hides it, and so off its stroke.
 
 use super::part_place_nm;
 use crate::geom::{FieldPoint, P2};
@@ -54,7 +53,7 @@ impl Drawn {
 struct Under {
     /// Where its ends lie in the drawing; None where it is off the part.
     ends: Option<[[f64; 2]; 2]>,
-    /// The place farthest beside the line between them, and by how much, nm.
+    /// The place farthest off the line between them, and by how much, nm.
     aside: ([f64; 2], f64),
     /// Square of the steepest slope under it.
     slope2: f64,
@@ -161,7 +160,7 @@ impl Turned {
     /// the drawing, of angles b and a:
     ///
     /// - The point of the field was rounded: [`GRID`] sideways, and the geometry there is t times as much higher.
-    /// - The cut point was rounded in the drawing, but has the height of the cut: s [`GRID`] beside the geometry.
+    /// - The cut point was rounded in the drawing, but has the height of the cut: s [`GRID`] off the geometry.
     /// - The geometry itself is known to [`Geometry::z_tolerance`] at s. Along the beam both come to cos a / cos b
     ///   times as much, which with a height of c + s d is at most hypot(c, d) / cos b.
     /// - A height that is off by 1 along the beam moves the point by l in the drawing.
@@ -172,14 +171,14 @@ impl Turned {
         2.0 * GRID + self.turn.lean() * (GRID * slope2.sqrt() + geometry)
     }
 
-    /// How far a mark may run beside the line between its points in the drawing, nm: [`CHORD_NM`] in the field, which the
+    /// How far a mark may run off the line between its points in the drawing, nm: [`CHORD_NM`] in the field, which the
     /// slope against the beam turns into height and the tilt into a way sideways; and ends and place as each is known.
     fn beside(&self, slope2: f64) -> f64 {
         CHORD_NM * (1.0 + self.turn.lean() * slope2.sqrt()) + 2.0 * self.off(slope2)
     }
 
-    /// Where the geometry is looked at for a mark, nm beside it: a little, where it lies on an edge as far as rounding
-    /// and welding decide, and as far as it may run beside its stroke, with a tenth more.
+    /// Where the geometry is looked at for a mark, nm next to it: a little, where it lies on an edge as far as rounding
+    /// and welding decide, and as far as it may run off its stroke, with a tenth more.
     fn sides(&self) -> [f64; 5] {
         let (near, far) = (5.5 + self.geometry.weld(), 1.1 * CHORD_NM + self.geometry.weld());
         [0.0, near, -near, far, -far]
@@ -191,9 +190,9 @@ impl Turned {
         4.0 * (2.5 + self.geometry.weld())
     }
 
-    /// What lies under a line of the turned part. A line along the rim or the top of a wall may run beside it by as
-    /// much as a mark may run beside its stroke: then the part next to it tells the heights. A mark goes on where it
-    /// was, at `after`. Answers too whether one of the sides fits.
+    /// What lies under a line of the turned part. A line along the rim or the top of a wall may run next to it by as
+    /// much as a mark may run off its stroke: then the part next to it tells the heights. A mark goes on where it was,
+    /// at `after`. Answers too whether one of the sides fits.
     fn under(
         &self,
         line: &Line,
@@ -225,7 +224,7 @@ impl Turned {
     }
 
     /// Keeps the pieces that the mark lies on. No mark runs over a step between sheets (the program ends it there), so
-    /// a short piece beyond a step at either end is what lies beside the rim on which the mark begins or ends, and a
+    /// a short piece beyond a step at either end is what lies next to the rim on which the mark begins or ends, and a
     /// short one in between is an edge that the line grazes. The pieces that stay at the ends are drawn out over them.
     fn leave_out_other_sheets(&self, len: f64, pieces: &mut Vec<OnSheet>) {
         let short = self.short();
@@ -301,7 +300,7 @@ impl OnSheet {
     }
 }
 
-/// Which of the points lies farthest beside a line, and by how much.
+/// Which of the points lies farthest off a line, and by how much.
 fn farthest([first, last]: [[f64; 2]; 2], points: impl Iterator<Item = [f64; 2]>) -> ([f64; 2], f64) {
     if first == last {
         return (first, 0.0);

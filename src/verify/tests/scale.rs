@@ -35,7 +35,7 @@ fn dome() -> Made {
     made.renew();
     made.summary["skipped_off_part_mm"] = 0.0.into();
     made.summary["skipped_steep_mm"] = 0.0.into();
-    // The lines next to the top lie 0.05 mm beside it, on facets that fall by the sag of a cell of 0.45 mm.
+    // The lines next to the top lie 0.05 mm next to it, on facets that fall by the sag of a cell of 0.45 mm.
     made.summary["worst_defocus_um"] = json!(40_000.0 - 1e3 * 0.45 * 0.45 / 2531.25 / 9.0);
     made
 }

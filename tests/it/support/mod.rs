@@ -19,7 +19,7 @@ pub fn folder() -> TempDir {
     tempfile::tempdir().expect("a writable temporary folder")
 }
 
-/// The data that is shared beside the repository. Only ignored tests need it, and fail where it is absent.
+/// The data that is shared next to the repository. Only ignored tests need it, and fail where it is absent.
 pub fn shared() -> PathBuf {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data"));
     assert!(path.is_dir(), "{} is absent", path.display());

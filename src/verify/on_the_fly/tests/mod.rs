@@ -86,7 +86,7 @@ fn mark(program: &Program, n: usize) -> std::ops::Range<usize> {
 #[test]
 fn position_reports_marks_beside_their_stroke() {
     let bench = Bench::new(DOME);
-    // Circles turn: 2 um to the side are 2 um beside the stroke somewhere.
+    // Circles turn: 2 um to the side are 2 um off the stroke somewhere.
     let circle = |p: &Program| {
         let first = (0..).map(|n| mark(p, n)).find(|m| p.moves[m.start].mark.is_some_and(|m| m.pen == 1));
         first.expect("a circle")

@@ -105,7 +105,7 @@ impl Bench {
         Self::edited_beside(steep, &[], edit)
     }
 
-    /// The same with more files beside it.
+    /// The same with more files next to it.
     fn edited_beside(steep: f64, files: &[(&str, Vec<u8>)], edit: impl FnOnce(&str) -> String) -> Self {
         let dir = tempfile::tempdir().expect("a writable temporary folder");
         std::fs::write(dir.path().join("part.stl"), part(steep)).expect("a writable folder");

@@ -21,7 +21,7 @@ fn tilted_blocks_verify_and_every_mutant_is_reported() {
     });
     found("source", &proof);
     assert!(proof.rule("agreement").is_some_and(|r| r.violated == 0), "{}", proof.to_text());
-    // A point a micrometre beside the line.
+    // A point a micrometre off the line.
     let proof = Bench::tilted("").mutant(|program, _| {
         let i = tilted(program);
         let stroke = program.strokes[program.blocks[i].strokes.start];
