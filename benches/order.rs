@@ -5,7 +5,7 @@
 
 use terrace::geom::FieldPoint;
 use terrace::machine::{Commanded, Machine, MoveTimes};
-use terrace::order::stops::{self, Climb, EFFORT, Stage};
+use terrace::order::stops::{self, EFFORT, HeightOrder, Stage};
 use terrace::order::strokes::{self, Path, Visit};
 use terrace::units::Time;
 
@@ -84,7 +84,7 @@ fn tour(name: &str, list: &[Commanded], machine: &Machine, more: usize) {
     let mut first = 0.0;
     for effort in [0, EFFORT, EFFORT * more] {
         let start = cpu_s();
-        let order = stops::tour(list, &stage, Climb::Free, effort);
+        let order = stops::tour(list, &stage, HeightOrder::Free, effort);
         let took = cpu_s() - start;
         let time = stops::time(list, &stage, &order);
         if effort == EFFORT {

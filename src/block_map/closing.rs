@@ -38,14 +38,14 @@ pub(super) fn gaps(grid: &Grid, labels: &[u32], least: usize, widest: usize) -> 
 }
 
 /// Hands all gaps to `take`: the marked cell before it, the index's step from cell to cell, the width.
-fn each(grid: &Grid, inked: &[bool], mut take: impl FnMut(usize, usize, usize)) {
+fn each(grid: &Grid, marked: &[bool], mut take: impl FnMut(usize, usize, usize)) {
     let [columns, rows] = [grid.columns(), grid.rows()];
     const NONE: usize = usize::MAX;
-    // The last inked row of every column.
+    // The last marked row of every column.
     let mut below = vec![NONE; columns];
     for y in 0..rows {
         let mut left = NONE;
-        for x in (0..columns).filter(|x| inked[y * columns + x]) {
+        for x in (0..columns).filter(|x| marked[y * columns + x]) {
             if left != NONE && x - left > 1 {
                 take(y * columns + left, 1, x - left);
             }

@@ -96,11 +96,11 @@ impl BlockMap {
         area: Box2,
     ) -> Self {
         let grid = raster(area, CELL);
-        let ink = rasterise::ink(program, turns, &grid);
+        let marked = rasterise::marked_cells(program, turns, &grid);
         let [least, widest] =
             [SPARSE_GAP, field[0].min(field[1]) / WIDEST_GAP].map(|gap| (gap / grid.pitch[0]) as usize);
-        let shown = closing::gaps(&grid, &ink, least, widest);
-        let dense = region_growing::dense(&grid, &ink);
+        let shown = closing::gaps(&grid, &marked, least, widest);
+        let dense = region_growing::dense(&grid, &marked);
         let heights = region_growing::Heights::under(surface, &grid, &dense);
         let window = if is_gridded(&program.blocks, sections) { sections.pitch } else { field };
         let stops: Vec<Accepts> =
@@ -111,7 +111,7 @@ impl BlockMap {
         };
         // Decided at cell centres: a marked border cell whose centre its stop does not admit is cleared, else lines of
         // one level that touch the next would join what is apart.
-        let mut labels = ink.clone();
+        let mut labels = marked.clone();
         for (y, row) in labels.chunks_exact_mut(grid.columns()).enumerate().filter(|(y, _)| !dense[*y]) {
             let first = y * grid.columns();
             let dropped = row.iter_mut().enumerate().filter(|(x, label)| **label != 0 && !may(first + x, **label));
@@ -120,7 +120,7 @@ impl BlockMap {
         region_growing::grow(&grid, &mut labels, may);
         // Counted here: closing, which follows, is for the picture.
         let sub_blocks = measure::parts(&grid, &labels) + without_cell(&labels, program.blocks.len());
-        labels.iter_mut().zip(&ink).filter(|(label, _)| **label == 0).for_each(|(label, ink)| *label = *ink);
+        labels.iter_mut().zip(&marked).filter(|(label, _)| **label == 0).for_each(|(label, mark)| *label = *mark);
         region_growing::grow(&grid, &mut labels, |cell, _| shown[cell] && heights.at(cell).is_some());
         labels.iter_mut().zip(&shown).filter(|(_, shown)| !**shown).for_each(|(label, _)| *label = 0);
         Self { grid, labels, sub_blocks }

@@ -16,7 +16,7 @@ const LEAST_NM: f32 = 1.0;
 
 /// Index of the block with the longest marks plus 1 for every cell, 0 where there are none; among
 /// equals the first.
-pub(super) fn ink(program: &Program, turns: &[Option<Turn>], grid: &Grid) -> Vec<u32> {
+pub(super) fn marked_cells(program: &Program, turns: &[Option<Turn>], grid: &Grid) -> Vec<u32> {
     let mut labels = vec![0u32; grid.len()];
     let mut longest = vec![LEAST_NM; grid.len()];
     // Lengths of the block at hand, over the rows that it touches.

@@ -54,9 +54,9 @@ impl Heights {
 }
 
 /// The rows that have marks in every cell, as have the rows next to them.
-pub(super) fn dense(grid: &Grid, ink: &[u32]) -> Vec<bool> {
+pub(super) fn dense(grid: &Grid, marked: &[u32]) -> Vec<bool> {
     let is_whole = |row: &[u32]| row.iter().all(|&label| label != 0);
-    let whole: Vec<bool> = ink.chunks_exact(grid.columns()).map(is_whole).collect();
+    let whole: Vec<bool> = marked.chunks_exact(grid.columns()).map(is_whole).collect();
     let near = |y: usize| y.saturating_sub(1)..(y + 2).min(whole.len());
     (0..whole.len()).map(|y| whole[near(y)].iter().all(|&w| w)).collect()
 }

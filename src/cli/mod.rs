@@ -21,7 +21,7 @@ use crate::job::{self, Job, Mode, Overrides};
 use crate::job_folder::{self, Durability};
 use crate::machine::{Machine, PROFILES};
 use crate::manifest::AnySummary;
-use crate::plan::{self, Plan, Station};
+use crate::plan::{self, Phase, Plan};
 use crate::verify;
 use args::{Args, Choice, Command};
 
@@ -176,8 +176,8 @@ fn compile(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> 
     let target = output.map_or_else(|| plan::default_output(&job.path, job.mode), Path::to_owned);
     job_folder::prepare(&target, job.mode)?;
     let spinner = show::Spinner::new(args.quiet);
-    let plan = plan::plan(job, &|s| spinner.station(s))?;
-    spinner.station(Station::Write);
+    let plan = plan::plan(job, &|s| spinner.phase(s))?;
+    spinner.phase(Phase::Write);
     job_folder::write_with(&plan, &target, durability(args))?;
     spinner.done();
     warn(args, plan.warnings());
@@ -247,7 +247,7 @@ fn planned(args: &Args, path: &Path, choice: &Choice) -> Result<Plan, Error> {
 
 fn planned_of(args: &Args, job: Job) -> Result<Plan, Error> {
     let spinner = show::Spinner::new(args.quiet);
-    let plan = plan::plan(job, &|s| spinner.station(s))?;
+    let plan = plan::plan(job, &|s| spinner.phase(s))?;
     spinner.done();
     warn(args, plan.warnings());
     Ok(plan)

@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::batch::{Outcome, State};
 use crate::manifest::{AnySummary, OnTheFlySummary, Summary, duration};
-use crate::plan::Station;
+use crate::plan::Phase;
 
 /// Pretty JSON with a line end.
 pub fn json(value: &serde_json::Value) -> String {
@@ -46,7 +46,7 @@ impl Spinner {
         // A thread that has ended says nothing more.
         let _ = self.lines.as_ref().map(|lines| lines.send(text));
     }
-    pub fn station(&self, s: Station) {
+    pub fn phase(&self, s: Phase) {
         self.text(match s {
             Station::Read => "step 1 of 5: reading surface and texture",
             Station::Footprint => "step 2 of 5: tracing the texture",

@@ -72,7 +72,7 @@ impl<'a> Measured<'a> {
 }
 
 /// Stepped by a method.
-pub(super) fn by(subject: &Subject<'_>, method: Method) -> Result<Figures, Error> {
+pub(super) fn measure_method(subject: &Subject<'_>, method: Method) -> Result<Figures, Error> {
     Ok(measured(subject, &Measured::of(&planned(subject, subject.machine, method)?)))
 }
 

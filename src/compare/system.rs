@@ -33,9 +33,9 @@ pub static SYSTEMS: [&System; 11] = [
     // Fields side by side, one focal plane each.
     &System { name: "flat", run: Run::Stepped(stepped::flat), start: 1 },
     // The methods of partition.
-    &System { name: "contour", run: Run::Stepped(|s| stepped::by(s, Method::Contour)), start: 1 },
+    &System { name: "contour", run: Run::Stepped(|s| stepped::measure_method(s, Method::Contour)), start: 1 },
     &System { name: "z-range", run: Run::Stepped(stepped::z_range), start: 1 },
-    &System { name: "window", run: Run::Stepped(|s| stepped::by(s, Method::Window)), start: 1 },
+    &System { name: "window", run: Run::Stepped(|s| stepped::measure_method(s, Method::Window)), start: 1 },
     // Levels changed by a zoom optic in the head.
     &System { name: "zoom", run: Run::Stepped(stepped::zoom), start: 1 },
     // The part tilted at each stop.

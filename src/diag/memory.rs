@@ -16,15 +16,15 @@ use super::Diag;
 pub fn ask(what: &str, bytes: u64) -> Result<(), Diag> {
     // Little is always there, and the limits are files that would have to be read.
     const LITTLE: u64 = 16 << 20;
-    match tightest().filter(|room| bytes > LITTLE && bytes > room.left) {
+    match tightest().filter(|limit| bytes > LITTLE && bytes > limit.left) {
         None => Ok(()),
-        Some(room) => {
+        Some(limit) => {
             let text = format!(
                 "{what} needs about {} of memory, but only {} of the {} allowed by {} is left",
                 size(bytes),
-                size(room.left),
-                size(room.limit),
-                room.by
+                size(limit.left),
+                size(limit.total),
+                limit.by
             );
             Err(Diag::limit("memory", text).hint("raise the limit, or use a smaller or coarser input"))
         }
@@ -37,26 +37,29 @@ fn size(bytes: u64) -> String {
 
 /// A limit and what is left of it, bytes.
 #[derive(Debug, PartialEq)]
-struct Room {
-    limit: u64,
+struct MemoryLimit {
+    total: u64,
     left: u64,
     by: &'static str,
 }
 
 /// The limit that leaves least.
-fn tightest() -> Option<Room> {
+fn tightest() -> Option<MemoryLimit> {
     let read = |path: &Path| std::fs::read_to_string(path).ok();
     let status = read(Path::new("/proc/self/status"))?;
     let addresses = read(Path::new("/proc/self/limits")).as_deref().and_then(address_space);
     let groups = read(Path::new("/proc/self/cgroup")).and_then(|text| group_limit(&text, &read));
-    let room = |limit: Option<u64>, used: &str, by| {
+    let found = |limit: Option<u64>, used: &str, by| {
         let (limit, used) = (limit?, field(&status, used)?);
-        Some(Room { limit, left: limit.saturating_sub(used), by })
+        Some(MemoryLimit { total: limit, left: limit.saturating_sub(used), by })
     };
-    [room(addresses, "VmSize:", "the limit of address space (ulimit -v)"), room(groups, "VmRSS:", "its control group")]
-        .into_iter()
-        .flatten()
-        .min_by_key(|room| room.left)
+    [
+        found(addresses, "VmSize:", "the limit of address space (ulimit -v)"),
+        found(groups, "VmRSS:", "its control group"),
+    ]
+    .into_iter()
+    .flatten()
+    .min_by_key(|limit| limit.left)
 }
 
 /// A field of /proc/self/status, which counts in kB.
@@ -118,9 +121,9 @@ mod tests {
     #[test]
     fn small_allocations_are_granted_and_all_of_memory_is_refused() {
         assert_eq!(ask("a list", 1000), Ok(()));
-        if let Some(room) = tightest() {
+        if let Some(limit) = tightest() {
             let d = ask("the mesh", u64::MAX).expect_err("too much");
-            assert!(d.message.contains("the mesh needs about ") && d.message.contains(room.by), "{}", d.message);
+            assert!(d.message.contains("the mesh needs about ") && d.message.contains(limit.by), "{}", d.message);
         }
     }
 }

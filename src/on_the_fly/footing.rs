@@ -43,7 +43,7 @@ pub struct Miss {
 
 /// Focal offset and incidence of the marks of a program on the part.
 #[derive(Clone, Debug, Default)]
-pub struct Footing {
+pub struct FocusOnPart {
     /// Largest focal offset.
     pub focus: f64,
     /// Largest angle.
@@ -62,7 +62,7 @@ struct Beam {
 }
 
 /// Where a beam meets the part: how far from focus, at which angle.
-type Foot = (f64, f64);
+type BeamHit = (f64, f64);
 
 struct Finder<'a> {
     tracer: Tracer<'a>,
@@ -76,14 +76,14 @@ struct Finder<'a> {
 ///
 /// # Errors
 /// Those of a machine that does not have the program's axes.
-pub fn footing(
+pub fn focus_on_part(
     program: &Program,
     machine: &Machine,
     surface: &Surface,
     limits: Limits,
     marked: &[Stretch],
     around: f64,
-) -> Result<Footing, Error> {
+) -> Result<FocusOnPart, Error> {
     let spot = program.spots(machine)?;
     let beam = |to: &[i64; AXES]| {
         let spot = spot(to);
@@ -91,7 +91,7 @@ pub fn footing(
     };
     let top = surface.tiles().iter().map(|t| t.1.mm()).fold(f64::NEG_INFINITY, f64::max);
     let mut finder = Finder { tracer: Tracer::new(surface, f64::INFINITY), limits, top };
-    let mut out = Footing::default();
+    let mut out = FocusOnPart::default();
     let (mut pieces, mut before, mut along) = (marked.iter(), None, 0.0);
     let mut piece = None;
     for (_, from, step) in program.steps() {
@@ -134,18 +134,18 @@ pub fn footing(
 }
 
 impl Finder<'_> {
-    fn holds(&self, (focus, angle): Foot) -> bool {
+    fn holds(&self, (focus, angle): BeamHit) -> bool {
         focus <= self.limits.focus && angle <= self.limits.angle + ROUNDED
     }
 
     /// The worse of two hits: one that keeps its limits is never worse than one that does not.
-    fn worse(&self, a: (Foot, [f64; 2]), b: (Foot, [f64; 2])) -> (Foot, [f64; 2]) {
+    fn worse(&self, a: (BeamHit, [f64; 2]), b: (BeamHit, [f64; 2])) -> (BeamHit, [f64; 2]) {
         let both = (a.0.0.max(b.0.0), a.0.1.max(b.0.1));
         (both, if self.holds(a.0) { b.1 } else { a.1 })
     }
 
     /// The worst of an upright move, on the line or just next to it where it runs along a border.
-    fn upright(&mut self, a: &Beam, b: &Beam) -> (Foot, [f64; 2]) {
+    fn upright(&mut self, a: &Beam, b: &Beam) -> (BeamHit, [f64; 2]) {
         let [p, q] = [a, b].map(|beam| [beam.at[0], beam.at[1]].map(|v| v * NM_PER_MM));
         let way = [q[0] - p[0], q[1] - p[1]];
         let length = way[0].hypot(way[1]);
@@ -161,7 +161,7 @@ impl Finder<'_> {
         first.unwrap_or_default()
     }
 
-    fn along(&mut self, p: [f64; 2], q: [f64; 2], a: &Beam, b: &Beam) -> (Foot, [f64; 2]) {
+    fn along(&mut self, p: [f64; 2], q: [f64; 2], a: &Beam, b: &Beam) -> (BeamHit, [f64; 2]) {
         let grid = |p: [f64; 2]| P2::new(p[0].round() as i64, p[1].round() as i64);
         let (p, mut q) = (grid(p), grid(q));
         if p == q {
@@ -183,20 +183,20 @@ impl Finder<'_> {
     }
 
     /// The worst of leaning beams of a move that runs along `way`.
-    fn leaning(&mut self, beams: impl Iterator<Item = Beam>, way: [f64; 2]) -> (Foot, [f64; 2]) {
+    fn leaning(&mut self, beams: impl Iterator<Item = Beam>, way: [f64; 2]) -> (BeamHit, [f64; 2]) {
         let mut worst = ((0.0, 0.0), [0.0; 2]);
         for beam in beams {
-            let foot = self.near(&beam, way);
-            worst = self.worse(worst, (foot, [beam.at[0], beam.at[1]]));
+            let hit = self.near(&beam, way);
+            worst = self.worse(worst, (hit, [beam.at[0], beam.at[1]]));
         }
         worst
     }
 
     /// Where a leaning beam hits the part. Where it misses the part or a limit, one within [`BORDER`] that does not.
-    fn near(&mut self, beam: &Beam, way: [f64; 2]) -> Foot {
-        let straight = self.foot(beam);
-        if let Some(foot) = straight.filter(|&f| self.holds(f)) {
-            return foot;
+    fn near(&mut self, beam: &Beam, way: [f64; 2]) -> BeamHit {
+        let straight = self.hit(beam);
+        if let Some(hit) = straight.filter(|&f| self.holds(f)) {
+            return hit;
         }
         let length = way[0].hypot(way[1]);
         let along = if length > 0.0 { way.map(|v| v / length) } else { [1.0, 0.0] };
@@ -204,9 +204,9 @@ impl Finder<'_> {
         for s in [0.0, -1.0, 1.0] {
             for t in [0.0, 0.0625, -0.0625, 0.25, -0.25, 1.0, -1.0] {
                 let by = [s * along[0] - t * along[1], s * along[1] + t * along[0]].map(|v| v * BORDER / NM_PER_MM);
-                let found = self.foot(&Beam { at: [beam.at[0] + by[0], beam.at[1] + by[1], beam.at[2]], up: beam.up });
-                if let Some(foot) = found.filter(|&f| self.holds(f)) {
-                    return foot;
+                let found = self.hit(&Beam { at: [beam.at[0] + by[0], beam.at[1] + by[1], beam.at[2]], up: beam.up });
+                if let Some(hit) = found.filter(|&f| self.holds(f)) {
+                    return hit;
                 }
                 first = first.or(found);
             }
@@ -215,7 +215,7 @@ impl Finder<'_> {
     }
 
     /// The highest place of the part along a beam.
-    fn foot(&mut self, beam: &Beam) -> Option<Foot> {
+    fn hit(&mut self, beam: &Beam) -> Option<BeamHit> {
         let up = beam.up;
         if up[2] <= 0.0 {
             return None;

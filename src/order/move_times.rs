@@ -12,7 +12,7 @@ pub(super) enum Clock {
     /// Measured times.
     Fixed(MoveTimes),
     /// Profiles of the axes, the settling after every move, and the command that z is lifted to.
-    Profiles { axes: [Leg; 3], settle_s: f64, top: f64 },
+    Profiles { axes: [AxisTimes; 3], settle_s: f64, top: f64 },
 }
 
 impl Clock {
@@ -21,7 +21,7 @@ impl Clock {
             return Self::Fixed(times);
         }
         let axes = [0, 1, 2].map(|axis| {
-            Leg::new(|nm| {
+            AxisTimes::new(|nm| {
                 let mut to = Commanded::default();
                 to[axis] = nm.0;
                 motion::stage_move(machine, Commanded::default(), to, None).travel_s
@@ -65,7 +65,7 @@ fn gap(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 /// Times of one axis from rest to rest, by distance.
-pub(super) struct Leg(Vec<f64>);
+pub(super) struct AxisTimes(Vec<f64>);
 
 /// Bits of a distance below those that find its place in the table: 64 points in every octave.
 const BELOW: u32 = 52 - 6;
@@ -73,7 +73,7 @@ const BELOW: u32 = 52 - 6;
 /// Octaves of the table, in nm: up to 17 m, twice the longest move.
 const OCTAVES: u64 = 34;
 
-impl Leg {
+impl AxisTimes {
     fn new(time: impl Fn(Nm) -> f64) -> Self {
         let base = 1f64.to_bits();
         // Points of the table are rounded to whole nm; so are those that stand close together at its beginning.

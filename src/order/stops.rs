@@ -21,7 +21,7 @@ use crate::motion;
 
 /// In which order levels may be visited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Climb {
+pub enum HeightOrder {
     /// In any.
     Free,
     /// No focal plane lower than the one before.
@@ -59,12 +59,12 @@ const TIE: f64 = 1e-12;
 
 /// The order in which the stage visits the positions `stops` (commanded, nm), as indices. `effort` is how
 /// many random changes are tried for every stop; the time this takes grows with it.
-pub fn tour(stops: &[Commanded], stage: &Stage<'_>, climb: Climb, effort: usize) -> Vec<usize> {
+pub fn tour(stops: &[Commanded], stage: &Stage<'_>, climb: HeightOrder, effort: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..stops.len()).collect();
-    if climb == Climb::Free {
+    if climb == HeightOrder::Free {
         return path(stops, stage, order, effort);
     }
-    let up = if climb == Climb::Up { 1 } else { -1 };
+    let up = if climb == HeightOrder::Up { 1 } else { -1 };
     let height = |i: usize| up * stage.machine.stage.z.sign() * stops[i][2];
     order.sort_by_key(|&i| height(i));
     let mut out: Vec<usize> = Vec::with_capacity(stops.len());
@@ -306,7 +306,7 @@ mod tests {
         for times in [None, Some([3.7, 0.3]), Some([1.0, 1.0])] {
             let machine = machine(times);
             let stage = stage(&machine);
-            let order = tour(&stops, &stage, Climb::Free, EFFORT);
+            let order = tour(&stops, &stage, HeightOrder::Free, EFFORT);
             assert_is_tour(&order, stops.len());
             let (have, plain) = (time(&stops, &stage, &order), time(&stops, &stage, &serpentine(6, 5, 8)));
             assert!(have <= plain, "{times:?}: {have} {plain}");
@@ -317,7 +317,7 @@ mod tests {
     fn stops_of_one_section_are_consecutive_where_z_moves_are_fast() {
         let stops = grid(6, 5, 8);
         let machine = machine(Some([3.7, 0.3]));
-        let order = tour(&stops, &stage(&machine), Climb::Free, EFFORT);
+        let order = tour(&stops, &stage(&machine), HeightOrder::Free, EFFORT);
         let moved = order.windows(2).filter(|w| stops[w[0]].0[..2] != stops[w[1]].0[..2]).count();
         assert_eq!(moved, 6 * 5 - 1);
         // The stage comes from above the first.
@@ -329,7 +329,8 @@ mod tests {
         let stops = dome(600);
         let machine = machine(None);
         let stage = stage(&machine);
-        let (plain, good) = (tour(&stops, &stage, Climb::Free, 0), tour(&stops, &stage, Climb::Free, 8 * EFFORT));
+        let (plain, good) =
+            (tour(&stops, &stage, HeightOrder::Free, 0), tour(&stops, &stage, HeightOrder::Free, 8 * EFFORT));
         assert_is_tour(&good, stops.len());
         let (plain, good) = (time(&stops, &stage, &plain), time(&stops, &stage, &good));
         let mut nearest: Vec<usize> = (0..stops.len()).collect();
@@ -341,7 +342,7 @@ mod tests {
         }
         let nearest = time(&stops, &stage, &nearest);
         assert!(good <= plain && plain < nearest && good < 0.97 * nearest, "{nearest} {plain} {good}");
-        assert_eq!(tour(&stops, &stage, Climb::Free, EFFORT), tour(&stops, &stage, Climb::Free, EFFORT));
+        assert_eq!(tour(&stops, &stage, HeightOrder::Free, EFFORT), tour(&stops, &stage, HeightOrder::Free, EFFORT));
     }
 
     #[test]
@@ -350,7 +351,7 @@ mod tests {
         for times in [None, Some([2.0, 0.5])] {
             let machine = machine(times);
             let stage = stage(&machine);
-            let have = time(&stops, &stage, &tour(&stops, &stage, Climb::Free, 100));
+            let have = time(&stops, &stage, &tour(&stops, &stage, HeightOrder::Free, 100));
             let mut best = f64::INFINITY;
             let mut order: Vec<usize> = (0..9).collect();
             permutations(&mut order, 0, &mut |order| best = best.min(time(&stops, &stage, order)));
@@ -377,11 +378,11 @@ mod tests {
             machine.stage.z.carries = if head { crate::machine::Carries::Head } else { crate::machine::Carries::Part };
             let stage = stage(&machine);
             let sign = machine.stage.z.sign();
-            for (climb, way) in [(Climb::Up, 1), (Climb::Down, -1)] {
+            for (climb, way) in [(HeightOrder::Up, 1), (HeightOrder::Down, -1)] {
                 let order = tour(&stops, &stage, climb, EFFORT);
                 assert_is_tour(&order, stops.len());
                 assert!(order.windows(2).all(|w| way * sign * (stops[w[1]][2] - stops[w[0]][2]) >= 0));
-                let plain = time(&stops, &stage, &tour(&stops, &stage, Climb::Free, EFFORT));
+                let plain = time(&stops, &stage, &tour(&stops, &stage, HeightOrder::Free, EFFORT));
                 assert!(plain < time(&stops, &stage, &order));
             }
         }
@@ -395,7 +396,7 @@ mod tests {
         let machine = machine(None);
         let free = Stage { from: Commanded::default(), ..stage(&machine) };
         let stage = Stage { lifts: Some(&lifts), ..free };
-        let order = tour(&stops, &stage, Climb::Free, 50);
+        let order = tour(&stops, &stage, HeightOrder::Free, 50);
         assert!(order.windows(2).all(|w| !lifts(w[0], w[1])), "{order:?}");
         assert_eq!(time(&stops, &stage, &order), time(&stops, &free, &order));
     }
@@ -405,7 +406,7 @@ mod tests {
         let machine = machine(None);
         for n in 0..8 {
             let stops = vec![Commanded([5; 3]); n];
-            assert_is_tour(&tour(&stops, &stage(&machine), Climb::Free, EFFORT), n);
+            assert_is_tour(&tour(&stops, &stage(&machine), HeightOrder::Free, EFFORT), n);
         }
     }
 }

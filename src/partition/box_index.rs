@@ -96,7 +96,7 @@ impl Index {
 
     /// Calls `f` with every piece (its number) that the box of `size` at `corner` holds.
     #[inline]
-    pub(super) fn held(&self, corner: [i32; 3], size: [i32; 3], mut f: impl FnMut(usize)) {
+    pub(super) fn contained(&self, corner: [i32; 3], size: [i32; 3], mut f: impl FnMut(usize)) {
         let tiles = |k: usize| self.grid.range(k, corner[k].into(), (corner[k] + size[k]).into());
         for y in tiles(1) {
             for x in tiles(0) {
@@ -159,7 +159,7 @@ mod tests {
         for _ in 0..200 {
             let corner = [next(700) - 350, next(600) - 200, next(80) - 10];
             let mut got = Vec::new();
-            index.held(corner, size, |n| got.push(n));
+            index.contained(corner, size, |n| got.push(n));
             got.sort_unstable();
             let want: Vec<usize> = (0..index.items().len()).filter(|&n| index.items()[n].is_in(corner, size)).collect();
             assert_eq!(got, want);

@@ -13,7 +13,7 @@ use crate::machine::{Commanded, Machine, Origin, TiltAngles};
 use crate::manifest::Slope;
 use crate::order;
 use crate::order::clearance::Clearance;
-use crate::order::stops::Climb;
+use crate::order::stops::HeightOrder;
 use crate::order::strokes::{Path, Visit};
 use crate::partition::{Lattice, Stops};
 use crate::program::{Block, Program, Stop, StopId, Stroke};
@@ -103,7 +103,9 @@ pub(super) fn assemble(
         let Placed { index, stop, z } = &placed[t];
         let first_stroke = program.strokes.len();
         let list = members.of(*index);
-        orders[t].iter().for_each(|visit| lay(&mut program, parts, list[visit.stroke as usize], *visit, pens));
+        orders[t]
+            .iter()
+            .for_each(|visit| append_stroke(&mut program, parts, list[visit.stroke as usize], *visit, pens));
         let retract = last.is_some_and(|(last, cell)| cell != cells[t] || stage.lifts(last, stop));
         last = Some((stop, cells[t]));
         program.blocks.push(Block {
@@ -206,7 +208,13 @@ pub(super) fn segments<'a>(parts: &'a [Fragments], members: &'a [(u32, u32)]) ->
 }
 
 /// Appends a fragment as a stroke.
-pub(super) fn lay(program: &mut Program, parts: &[Fragments], member: (u32, u32), visit: Visit, pens: &dose::Pens) {
+pub(super) fn append_stroke(
+    program: &mut Program,
+    parts: &[Fragments],
+    member: (u32, u32),
+    visit: Visit,
+    pens: &dose::Pens,
+) {
     let Visit { start, reversed, .. } = visit;
     let (f, points) = fragment(parts, member);
     let first = program.points.len();
@@ -269,11 +277,11 @@ impl Stage<'_> {
         order::stops::tour(targets, &stage, self.climb(), order::stops::EFFORT)
     }
 
-    fn climb(&self) -> Climb {
+    fn climb(&self) -> HeightOrder {
         match self.climb {
-            StopOrder::Time => Climb::Free,
-            StopOrder::ZUp => Climb::Up,
-            StopOrder::ZDown => Climb::Down,
+            StopOrder::Time => HeightOrder::Free,
+            StopOrder::ZUp => HeightOrder::Up,
+            StopOrder::ZDown => HeightOrder::Down,
         }
     }
 
@@ -281,7 +289,7 @@ impl Stage<'_> {
     /// every other move turns the part.
     fn tilted_tour(&self, targets: &[Commanded], placed: &[&Placed]) -> Vec<usize> {
         let stage = order::stops::Stage { machine: self.machine, from: self.start.from, lifts: None };
-        if self.climb() != Climb::Free {
+        if self.climb() != HeightOrder::Free {
             return order::stops::tour(targets, &stage, self.climb(), order::stops::EFFORT);
         }
         let mut columns: Vec<usize> = (0..placed.len()).collect();
@@ -291,7 +299,7 @@ impl Stage<'_> {
         let middle: Vec<Commanded> = columns.iter().map(|c| targets[c[c.len() / 2]]).collect();
         let mut z = stage.from[2];
         let mut order = Vec::with_capacity(placed.len());
-        for c in order::stops::tour(&middle, &stage, Climb::Free, order::stops::EFFORT) {
+        for c in order::stops::tour(&middle, &stage, HeightOrder::Free, order::stops::EFFORT) {
             let column = columns[c];
             let [low, high] = [column[0], column[column.len() - 1]].map(|i| targets[i][2]);
             if (high - z).abs() < (low - z).abs() {

@@ -39,7 +39,7 @@ use std::path::{Path, PathBuf};
 pub use inputs::Inputs;
 pub use on_the_fly::OnTheFlyPlan;
 pub use pass::Pass;
-pub use progress::{Progress, Station};
+pub use progress::{Phase, Progress};
 pub use stepped::{Draft, SteppedPlan};
 
 use crate::diag::{Diag, Error};
@@ -91,7 +91,7 @@ impl Plan {
 /// # Errors
 /// Faults of the inputs; limits of the machine that the job breaks.
 pub fn plan(job: Job, progress: Progress<'_>) -> Result<Plan, Error> {
-    progress(Station::Read);
+    progress(Phase::Read);
     let inputs = Inputs::load(&job)?;
     match job.mode {
         Mode::Stepped => stepped::plan(job, inputs, progress).map(|p| Plan::Stepped(Box::new(p))),

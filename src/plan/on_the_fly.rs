@@ -18,7 +18,7 @@ use crate::on_the_fly::axes::xyzuv::{ScannerLimits, quickest};
 use crate::on_the_fly::check::{self, Checked};
 use crate::on_the_fly::decompose::{Family, Limits};
 use crate::on_the_fly::follow::{Follow, Stretch};
-use crate::on_the_fly::footing::{self, Footing, Miss, footing};
+use crate::on_the_fly::footing::{self, FocusOnPart, Miss, focus_on_part};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::path::{Followed, Path};
@@ -29,7 +29,7 @@ use crate::texture::Texture;
 use crate::units::Speed;
 
 use super::inputs::Inputs;
-use super::progress::{Progress, Station};
+use super::progress::{Phase, Progress};
 use super::strokes::{self, Strokes};
 
 /// Nodes of the path along half of the field.
@@ -100,7 +100,7 @@ struct Planned {
 
 fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result<Planned, Error> {
     let machine = &inputs.machine;
-    progress(Station::Order);
+    progress(Phase::Order);
     let Strokes { program: strokes, origin, texture, texture_mm, skipped, warnings: found, .. } =
         strokes::in_order(job, machine, inputs, None)?;
     warnings.extend(found);
@@ -171,13 +171,13 @@ struct Made {
 
 impl Planner<'_> {
     /// Plans until every mark keeps its focus and incidence on the part.
-    fn planned(&self) -> Result<(Made, Footing), Error> {
+    fn planned(&self) -> Result<(Made, FocusOnPart), Error> {
         let limits = footing::Limits { focus: self.focus + ROUNDED[0], angle: self.max_incidence + ROUNDED[1] };
         let (mut without, mut last) = (Vec::new(), None);
         for _ in 0..PLANS {
             let made = self.made(&without)?;
             let marked = &made.followed.marked;
-            let found = footing(&made.program, self.machine, self.surface, limits, marked, 2.0 * self.spacing)?;
+            let found = focus_on_part(&made.program, self.machine, self.surface, limits, marked, 2.0 * self.spacing)?;
             let Some(miss) = found.first else { return Ok((made, found)) };
             without.extend(found.beyond);
             last = Some(miss);

@@ -1,8 +1,8 @@
 //! The stations of a compilation, and who is told of them.
 
-/// Stations of a compilation, in order, for progress displays.
+/// Phases of a compilation, in order, for progress displays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Station {
+pub enum Phase {
     /// Reading surface and texture.
     Read,
     /// Where the texture touches the surface.
@@ -15,5 +15,5 @@ pub enum Station {
     Write,
 }
 
-/// Told of every station as it begins.
-pub type Progress<'a> = &'a (dyn Fn(Station) + Sync);
+/// Told of every phase as it begins.
+pub type Progress<'a> = &'a (dyn Fn(Phase) + Sync);

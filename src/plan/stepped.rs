@@ -19,7 +19,7 @@ use super::hatch_direction;
 use super::inputs::Inputs;
 use super::job_time::times;
 use super::pass::Pass;
-use super::progress::{Progress, Station};
+use super::progress::{Phase, Progress};
 use super::setups::{self, Setups};
 use super::site::Site;
 use super::split::{Cuts, MAX_FRAGMENTS, MAX_POINTS, join, split, too_large};
@@ -98,17 +98,17 @@ impl<'a> Draft<'a> {
     /// # Errors
     /// Limits of the machine that keep the job from being divided.
     pub fn new(job: &'a Job, machine: &'a Machine, inputs: &Inputs, progress: Progress<'_>) -> Result<Self, Error> {
-        progress(Station::Footprint);
+        progress(Phase::Footprint);
         let clearance = Clearance::new(&inputs.surface.tiles(), machine);
         let start = Start::first(machine);
         let first = Ready::new(job, machine, inputs, inputs.texture.clone(), start)?;
         let methods = methods(job, machine)?;
         let found = stops(&first.site(job, machine, inputs), &methods, job.partition.objective)?;
-        progress(Station::Split);
+        progress(Phase::Split);
         let candidates: Vec<&Stops> = found.iter().map(|(_, stops)| stops).collect();
         let cuts = Cuts::new(&job.partition, first.grid.keep, job.seed);
         let parts = split(first.sweep(job, inputs), &candidates, &first.grid.sections, &job.pens, cuts)?;
-        progress(Station::Order);
+        progress(Phase::Order);
         let (mut tried, mut warnings) = (Vec::new(), Vec::new());
         let made = found.iter().zip(parts).map(|((method, stops), parts)| {
             let made = first.candidate(job, machine, &clearance, *method, stops, parts);

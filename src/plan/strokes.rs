@@ -5,7 +5,7 @@
 //! or of one for every band of depth over the whole part, bottom up. Its points are relative to the texture's upper
 //! right corner, from where the order begins; stage positions have no meaning in it.
 
-use super::assemble::{Members, lay, segments};
+use super::assemble::{Members, append_stroke, segments};
 use super::grid::{default_height, default_origin};
 use super::inputs::Inputs;
 use super::split::{Cuts, join, split};
@@ -96,7 +96,7 @@ fn laid(job: &Job, stops: &Stops, parts: &[Fragments]) -> Program {
         }
         let first = program.strokes.len();
         for visit in members.ordered(parts, StopId(i as u32), job.order.strokes) {
-            lay(&mut program, parts, list[visit.stroke as usize], visit, &pens);
+            append_stroke(&mut program, parts, list[visit.stroke as usize], visit, &pens);
         }
         let heights = segments(parts, list).map(|f| f.z);
         let z = heights.fold([f64::INFINITY, f64::NEG_INFINITY], |z, f| [z[0].min(f[0]), z[1].max(f[1])]);

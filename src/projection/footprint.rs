@@ -98,18 +98,18 @@ impl Ripple {
 
 /// Height that strokes climb or fall by slope along them: as cuts between levels are spread over slopes.
 #[derive(Clone, Debug)]
-struct Climb {
-    /// By slope in steps of 1 / [`Climb::PER_UNIT`], the steepest together, nm.
+struct SlopeSpan {
+    /// By slope in steps of 1 / [`SlopeSpan::PER_UNIT`], the steepest together, nm.
     by_slope: [u64; Self::STEPS],
 }
 
-impl Default for Climb {
+impl Default for SlopeSpan {
     fn default() -> Self {
         Self { by_slope: [0; Self::STEPS] }
     }
 }
 
-impl Climb {
+impl SlopeSpan {
     const STEPS: usize = 256;
     const PER_UNIT: f64 = 64.0;
 
@@ -167,7 +167,7 @@ pub struct Footprint {
     /// By section; most sections of a large grid may hold nothing.
     sections: FxHashMap<u32, InSection>,
     ripple: Ripple,
-    climb: Climb,
+    climb: SlopeSpan,
     /// Strokes that were to stay whole, but for a place where nothing is marked, or a border of sections.
     broken: usize,
     astride: usize,

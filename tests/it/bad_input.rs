@@ -183,7 +183,7 @@ fn check(job: &Path, file: &str, want: &Outcome) {
 }
 
 #[test]
-fn every_malformed_surface_has_its_outcome() {
+fn malformed_surfaces_give_the_expected_messages() {
     let dir = folder();
     for (name, want) in SURFACES {
         let path = malformed::file(dir.path(), name);
@@ -213,7 +213,7 @@ fn plate(dir: &Path) -> JobText {
 }
 
 #[test]
-fn every_malformed_drawing_has_its_outcome() {
+fn malformed_drawings_give_the_expected_messages() {
     let dir = folder();
     for (table, size) in [(DRAWINGS, ""), (SIZED, "\nsize = [\"100 mm\", \"100 mm\"]")] {
         for (name, want) in table {
@@ -224,7 +224,7 @@ fn every_malformed_drawing_has_its_outcome() {
 }
 
 #[test]
-fn every_malformed_file_of_these_kinds_is_in_a_table() {
+fn every_malformed_file_is_in_a_table() {
     let tables = || SURFACES.iter().chain(DRAWINGS).map(|(name, _)| *name);
     for name in malformed::names() {
         let ours = ["stl_", "obj_", "png", "svg", "xyz_"].iter().any(|p| name.starts_with(p));

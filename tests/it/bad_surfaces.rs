@@ -126,7 +126,7 @@ fn codes(notes: &[Diag]) -> Vec<&'static str> {
 }
 
 #[test]
-fn every_malformed_file_has_its_outcome() {
+fn malformed_files_give_the_expected_messages() {
     let dir = folder();
     for (name, want) in BAD {
         let got = read_at(&malformed::file(dir.path(), name), 1.0);

@@ -83,7 +83,7 @@ fn check(path: &Path, size_mm: Option<[f64; 2]>, (expected, warnings): Outcome) 
 }
 
 #[test]
-fn every_malformed_drawing_has_its_outcome() {
+fn malformed_drawings_give_the_expected_messages() {
     let dir = folder();
     for (name, outcome) in AS_IS {
         check(&malformed::file(dir.path(), name), None, outcome);

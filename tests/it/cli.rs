@@ -67,7 +67,7 @@ fn write(path: impl AsRef<Path>, text: impl AsRef<[u8]>) {
 }
 
 /// A folder with a plate of 8 x 8 mm and a job `a.toml` on it that has nothing to warn of.
-fn workshop() -> TempDir {
+fn job_folder_fixture() -> TempDir {
     let dir = folder();
     write(dir.path().join("plate.obj"), "v 0 0 0\nv 8 0 0\nv 8 8 0\nv 0 8 0\nf 1 2 3 4\n");
     JobText::on(Path::new("plate.obj")).texture(HATCH).write(dir.path(), "a.toml");
@@ -75,10 +75,10 @@ fn workshop() -> TempDir {
 }
 
 /// The job with another pitch, and one that cannot be compiled.
-fn change(dir: &Path) {
+fn edit_job(dir: &Path) {
     write(dir.join("a.toml"), read(dir.join("a.toml")).replace("1 mm", "2 mm"));
 }
-fn spoil(dir: &Path) {
+fn break_job(dir: &Path) {
     write(dir.join("a.toml"), read(dir.join("a.toml")).replace("plate.obj", "absent.obj"));
 }
 
@@ -127,7 +127,7 @@ fn help_version_and_bad_use() {
 
 #[test]
 fn the_summary_has_the_promised_keys_and_stands_in_the_manifest() {
-    let dir = workshop();
+    let dir = job_folder_fixture();
     let summary = json(&done(dir.path(), &["compile", "a.toml", "--json"]));
     let promised = "stops passes sub_blocks method lower_bound_stops texture_mm mark_mm overlap_mm skipped_mm \
                     skipped_off_part_mm skipped_steep_mm skipped_small_mm fragments strokes_cut \
@@ -162,7 +162,7 @@ fn the_summary_has_the_promised_keys_and_stands_in_the_manifest() {
 
 #[test]
 fn results_go_to_stdout_and_messages_to_stderr() {
-    let dir = workshop();
+    let dir = job_folder_fixture();
     // Nothing to warn of: stderr, which is not a terminal here, stays empty.
     for args in [
         &["compile", "a.toml"][..],
@@ -187,7 +187,7 @@ fn results_go_to_stdout_and_messages_to_stderr() {
 
 #[test]
 fn dash_is_standard_input_and_output() {
-    let dir = workshop();
+    let dir = job_folder_fixture();
     let job = read(dir.path().join("a.toml"));
     let from_stdin = |args: &[&str]| run_with(dir.path(), args, job.as_bytes());
     let summary = json(&done(dir.path(), &["check", "a.toml", "--json"]));
@@ -215,7 +215,7 @@ fn dash_is_standard_input_and_output() {
 
 #[test]
 fn preview_writes_a_drawing_and_never_over_an_input() {
-    let dir = workshop();
+    let dir = job_folder_fixture();
     write(dir.path().join("a.svg"), DRAWING);
     JobText::on(Path::new("plate.obj"))
         .texture("file = \"a.svg\"\norigin = [\"0 mm\", \"0 mm\"]")
@@ -240,7 +240,7 @@ fn preview_writes_a_drawing_and_never_over_an_input() {
 
 #[test]
 fn with_json_an_error_is_one_object_on_stdout() {
-    let dir = workshop();
+    let dir = job_folder_fixture();
     let of = |args: &[&str]| {
         let o = run(dir.path(), args);
         let found = json(&out(&o));
@@ -346,7 +346,7 @@ fn init_writes_a_job_that_compiles_as_it_is_and_overwrites_nothing() {
 
 #[test]
 fn every_built_in_machine_is_listed_and_its_file_compiles() {
-    let dir = workshop();
+    let dir = job_folder_fixture();
     let list = done(dir.path(), &["machines"]);
     let names: Vec<&str> = list.lines().map(|l| l.split_whitespace().next().expect("a name")).collect();
     assert_eq!(names, ["xyz-galvo-40", "xyz-galvo-100", "xyz-tilt-galvo-40", "xyz-zoom-40", "xyzac-galvo-10"]);
@@ -385,7 +385,7 @@ fn completions_are_scripts_of_their_shell() {
 
 #[test]
 fn inspect_describes_surfaces_drawings_jobs_and_folders() {
-    let dir = workshop();
+    let dir = job_folder_fixture();
     let at = dir.path();
     done(at, &["compile", "a.toml", "--json"]);
     write(at.join("a.svg"), DRAWING);
@@ -438,7 +438,7 @@ fn inspect_describes_surfaces_drawings_jobs_and_folders() {
 
 #[test]
 fn closed_stdout_exits_0() {
-    let dir = workshop();
+    let dir = job_folder_fixture();
     for args in [
         &["init", "--schema"][..],
         &["preview", "a.toml", "-o", "-"],
@@ -475,7 +475,7 @@ fn full_disk_exits_2() {
 
 #[test]
 fn verify_exits_1_on_a_damaged_folder_and_2_on_anything_else() {
-    let dir = workshop();
+    let dir = job_folder_fixture();
     done(dir.path(), &["compile", "a.toml"]);
     let drawing = dir.path().join("a.job/blocks/B0001.dxf");
     let whole = std::fs::read(&drawing).expect("readable");
@@ -502,18 +502,18 @@ fn verify_exits_1_on_a_damaged_folder_and_2_on_anything_else() {
 
 #[test]
 fn output_folder_is_replaced_whole_or_kept() {
-    let dir = workshop();
+    let dir = job_folder_fixture();
     let target = dir.path().join("a.job");
     done(dir.path(), &["compile", "a.toml"]);
     let before = files(&target);
     write(target.join("stray.txt"), "of an older version");
     done(dir.path(), &["compile", "a.toml", "-o", "a.job/"]);
     assert_eq!(files(&target), before, "nothing of the old folder stays");
-    change(dir.path());
+    edit_job(dir.path());
     done(dir.path(), &["compile", "a.toml", "-o", "./a.job"]);
     let after = files(&target);
     assert_ne!(before, after);
-    spoil(dir.path());
+    break_job(dir.path());
     refused(&run(dir.path(), &["compile", "a.toml"]), 2, "file-unreadable");
     assert_eq!(files(&target), after, "the old folder is kept where compiling fails");
     assert_eq!(names(dir.path()), ["a.job", "a.toml", "plate.obj"].map(String::from).into());
@@ -521,7 +521,7 @@ fn output_folder_is_replaced_whole_or_kept() {
 
 #[test]
 fn compile_never_replaces_a_folder_that_is_not_a_job() {
-    let dir = workshop();
+    let dir = job_folder_fixture();
     let at = dir.path();
     std::fs::create_dir(at.join("photos")).expect("made");
     write(at.join("photos/part.jpg"), "light");
@@ -553,13 +553,13 @@ fn compile_never_replaces_a_folder_that_is_not_a_job() {
 #[cfg(unix)]
 fn symbolic_links_to_the_output_folder_are_kept() {
     use std::os::unix::fs::symlink;
-    let dir = workshop();
+    let dir = job_folder_fixture();
     let at = dir.path();
     std::fs::create_dir_all(at.join("disk/jobs")).expect("made");
     done(at, &["compile", "a.toml", "-o", "disk/jobs/real.job"]);
     symlink("disk/jobs/real.job", at.join("link.job")).expect("linked");
     symlink("disk/jobs", at.join("jobs")).expect("linked");
-    change(at);
+    edit_job(at);
     done(at, &["compile", "a.toml", "-o", "link.job"]);
     done(at, &["compile", "a.toml", "-o", "jobs/other.job/"]);
     assert!(std::fs::symlink_metadata(at.join("link.job")).expect("there").is_symlink());
@@ -582,14 +582,14 @@ fn symbolic_links_to_the_output_folder_are_kept() {
 /// makes of them, even one that fails.
 #[test]
 fn interrupted_folder_exchange_is_finished_or_undone() {
-    let dir = workshop();
+    let dir = job_folder_fixture();
     let at = |name: &str| -> PathBuf { dir.path().join(name) };
     let clean = || assert!(names(dir.path()).iter().all(|n| !n.starts_with('.')), "{:?}", names(dir.path()));
     let compile = || run(dir.path(), &["compile", "a.toml"]).status.code();
     assert_eq!(compile(), Some(0));
     let first = files(&at("a.job"));
     let job = read(at("a.toml"));
-    spoil(dir.path());
+    break_job(dir.path());
 
     // Between the two renames: the old folder comes back.
     std::fs::rename(at("a.job"), at(".a.job.old")).expect("moved");
@@ -624,7 +624,7 @@ fn interrupted_folder_exchange_is_finished_or_undone() {
 
 #[test]
 fn a_second_run_on_the_same_target_waits_for_the_first() {
-    let dir = workshop();
+    let dir = job_folder_fixture();
     let lock = std::fs::File::create(dir.path().join(".a.job.lock")).expect("made");
     lock.lock().expect("locked");
     let mut child = Command::new(env!("CARGO_BIN_EXE_terrace"))
@@ -646,7 +646,7 @@ fn a_second_run_on_the_same_target_waits_for_the_first() {
 #[test]
 #[cfg(target_os = "linux")]
 fn unwritable_output_is_an_error_that_names_it() {
-    let dir = workshop();
+    let dir = job_folder_fixture();
     let o = run(dir.path(), &["compile", "a.toml", "-o", "/sys/a.job"]);
     refused(&o, 2, "output-unwritable");
     assert!(err(&o).contains("/sys"), "{}", err(&o));

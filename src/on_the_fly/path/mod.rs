@@ -47,7 +47,7 @@ pub struct Path {
     pub node: Vec<Node>,
     /// Stroke of the program that each node belongs to, the one just marked or jumped to.
     pub stroke: Vec<u32>,
-    /// Pen whose speed the dark stretch that ends at each node keeps: it runs out of a mark or into one.
+    /// Pen whose speed the skywriting that ends at each node keeps: it runs out of a mark or into one.
     pub run: Vec<Option<u16>>,
 }
 

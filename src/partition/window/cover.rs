@@ -27,7 +27,7 @@ impl<'a> Cover<'a> {
     pub(super) fn new(index: &'a Index, size: [i32; 3], corners: &[[i32; 3]]) -> Self {
         let [lo, hi] = extent(corners.iter().copied());
         let grid = grid_over(lo, hi, [size[0], size[1]], BINS);
-        let mut held = Self {
+        let mut cover = Self {
             index,
             size,
             boxes: corners.to_vec(),
@@ -38,10 +38,10 @@ impl<'a> Cover<'a> {
             spare: Vec::new(),
         };
         for (b, &corner) in corners.iter().enumerate() {
-            held.refill(b as u32, corner);
-            held.put(b as u32);
+            cover.refill(b as u32, corner);
+            cover.put(b as u32);
         }
-        held
+        cover
     }
 
     pub(super) fn boxes(&self) -> &[[i32; 3]] {
@@ -88,7 +88,7 @@ impl<'a> Cover<'a> {
     pub(super) fn refill(&mut self, b: u32, corner: [i32; 3]) {
         let list = &mut self.lists[b as usize];
         list.clear();
-        self.index.held(corner, self.size, |i| list.push(i as u32));
+        self.index.contained(corner, self.size, |i| list.push(i as u32));
         self.boxes[b as usize] = corner;
     }
 

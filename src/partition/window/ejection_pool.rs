@@ -28,57 +28,57 @@ impl EjectionPool {
     }
 
     /// Tries one box in sixteen.
-    pub(super) fn round(&mut self, held: &mut Cover<'_>, dice: &mut Dice) {
-        for _ in 0..held.boxes().len().div_ceil(16) {
-            let count = held.boxes().len() as u32;
-            let weight = |b: u32| held.own(b).map(|i| u64::from(self.weights[i as usize])).sum::<u64>();
+    pub(super) fn round(&mut self, cover: &mut Cover<'_>, dice: &mut Dice) {
+        for _ in 0..cover.boxes().len().div_ceil(16) {
+            let count = cover.boxes().len() as u32;
+            let weight = |b: u32| cover.own(b).map(|i| u64::from(self.weights[i as usize])).sum::<u64>();
             let lightest = (0..COMPARED).map(|_| dice.below(count)).min_by_key(|&b| weight(b));
             if let Some(b) = lightest {
-                self.remove(held, b, dice);
+                self.remove(cover, b, dice);
             }
         }
     }
 
     /// Does without box b, or leaves everything as it was.
-    fn remove(&mut self, held: &mut Cover<'_>, b: u32, dice: &mut Dice) {
+    fn remove(&mut self, cover: &mut Cover<'_>, b: u32, dice: &mut Dice) {
         self.pool.clear();
         self.log.clear();
-        held.take(b, &mut self.pool);
+        cover.take(b, &mut self.pool);
         let mut bare = self.pool.len();
         let mut left = SHIFTS;
         while bare > 0 && left > 0 {
             left -= 1;
             let i = self.pool.swap_remove(dice.below(self.pool.len() as u32) as usize);
-            if held.times(i) > 0 {
+            if cover.times(i) > 0 {
                 continue;
             }
             // A piece of the pool goes into the neighbour whose own pieces it throws out for the least weight;
             // these join the pool. `bare` counts the pieces of the pool that no box holds.
-            let Some((cost, b, corner)) = self.cheapest(held, i, dice) else { break };
+            let Some((cost, b, corner)) = self.cheapest(cover, i, dice) else { break };
             if cost > 0 {
                 self.weights[i as usize] += 1;
             }
-            self.log.push((b, held.corner(b)));
+            self.log.push((b, cover.corner(b)));
             let had = self.pool.len();
-            bare -= held.shift(b, corner, &mut self.pool);
+            bare -= cover.shift(b, corner, &mut self.pool);
             bare += self.pool.len() - had;
         }
         if bare == 0 {
-            held.forget(b);
+            cover.forget(b);
         } else {
             // Backwards, so that a box that was shifted twice comes back to where it was first.
             for &(b, corner) in self.log.iter().rev() {
-                held.shift(b, corner, &mut self.pool);
+                cover.shift(b, corner, &mut self.pool);
             }
-            held.put(b);
+            cover.put(b);
         }
     }
 
     /// The shift that makes a box hold piece i for the least weight of dropped pieces. The shortest
     /// shift drops the least.
-    fn cheapest(&mut self, held: &Cover<'_>, i: u32, dice: &mut Dice) -> Option<(u64, u32, [i32; 3])> {
-        let items = held.index.items();
-        let (item, size) = (items[i as usize], held.size);
+    fn cheapest(&mut self, cover: &Cover<'_>, i: u32, dice: &mut Dice) -> Option<(u64, u32, [i32; 3])> {
+        let items = cover.index.items();
+        let (item, size) = (items[i as usize], cover.size);
         let mut best = u64::MAX;
         let (weights, ties) = (&self.weights, &mut self.ties);
         ties.clear();
@@ -86,10 +86,10 @@ impl EjectionPool {
         // would be dropped.
         let lo = [0, 1, 2].map(|k| item.hi[k] - 2 * size[k]);
         let hi = [0, 1, 2].map(|k| item.lo[k] + size[k]);
-        held.near(lo, hi, |b, c| {
+        cover.near(lo, hi, |b, c| {
             let to = [0, 1, 2].map(|k| c[k].clamp(item.hi[k] - size[k], item.lo[k]));
             let mut cost = 0;
-            for i in held.own(b).filter(|&i| !items[i as usize].is_in(to, size)) {
+            for i in cover.own(b).filter(|&i| !items[i as usize].is_in(to, size)) {
                 cost += u64::from(weights[i as usize]);
                 if cost > best {
                     return;

@@ -16,24 +16,24 @@ const TAKEN: std::ops::RangeInclusive<u32> = 3..=9;
 const TRIES: usize = 2;
 
 /// Improves until a round gains less than one box in two thousand.
-pub(super) fn run(held: &mut Cover<'_>) {
+pub(super) fn run(cover: &mut Cover<'_>) {
     let mut dice = Dice::new();
     let pays = |before: usize, after: usize| before - after > before / 2000;
-    let mut ejection_pool = EjectionPool::new(held.index.items().len());
+    let mut ejection_pool = EjectionPool::new(cover.index.items().len());
     for _ in 0..ROUNDS {
-        let before = held.boxes().len();
-        ejection_pool.round(held, &mut dice);
-        if !pays(before, held.boxes().len()) {
+        let before = cover.boxes().len();
+        ejection_pool.round(cover, &mut dice);
+        if !pays(before, cover.boxes().len()) {
             break;
         }
     }
     let mut rebuild = Rebuild::default();
     for _ in 0..ROUNDS {
-        let before = held.boxes().len();
+        let before = cover.boxes().len();
         for _ in 0..before {
-            rebuild.step(held, &mut dice);
+            rebuild.step(cover, &mut dice);
         }
-        if !pays(before, held.boxes().len()) {
+        if !pays(before, cover.boxes().len()) {
             break;
         }
     }
@@ -56,43 +56,43 @@ struct Rebuild {
 }
 
 impl Rebuild {
-    fn step(&mut self, held: &mut Cover<'_>, dice: &mut Dice) {
-        let count = held.boxes().len() as u32;
+    fn step(&mut self, cover: &mut Cover<'_>, dice: &mut Dice) {
+        let count = cover.boxes().len() as u32;
         if count == 0 {
             return;
         }
-        self.choose(held, dice.below(count), dice);
+        self.choose(cover, dice.below(count), dice);
         self.bare.clear();
         for &b in &self.out {
-            held.take(b, &mut self.bare);
+            cover.take(b, &mut self.bare);
         }
         // What only the boxes taken out held is bare now; as many boxes as before or fewer must hold it.
-        let found = self.bare.is_empty() || (0..TRIES).any(|_| self.sweep(held, dice));
+        let found = self.bare.is_empty() || (0..TRIES).any(|_| self.sweep(cover, dice));
         if self.bare.is_empty() {
             self.corners.clear();
         }
         if !found {
-            self.out.iter().for_each(|&b| held.put(b));
+            self.out.iter().for_each(|&b| cover.put(b));
             return;
         }
         for (&b, &corner) in self.out.iter().zip(&self.corners) {
-            held.refill(b, corner);
-            held.put(b);
+            cover.refill(b, corner);
+            cover.put(b);
         }
         let gone = &mut self.out[self.corners.len()..];
         gone.sort_unstable();
-        gone.iter().rev().for_each(|&b| held.forget(b));
+        gone.iter().rev().for_each(|&b| cover.forget(b));
     }
 
     /// Chooses box `first` and some boxes near it.
-    fn choose(&mut self, held: &Cover<'_>, first: u32, dice: &mut Dice) {
-        let (c, size) = (held.corner(first), held.size);
+    fn choose(&mut self, cover: &Cover<'_>, first: u32, dice: &mut Dice) {
+        let (c, size) = (cover.corner(first), cover.size);
         let reach = size.map(|s| s + s / 8);
         self.near.clear();
         let near = &mut self.near;
         // How much nearer a box to the side is than one above.
         let steep = i64::from(1 + dice.below(10));
-        held.near([0, 1, 2].map(|k| c[k] - reach[k]), [0, 1, 2].map(|k| c[k] + reach[k]), |b, o| {
+        cover.near([0, 1, 2].map(|k| c[k] - reach[k]), [0, 1, 2].map(|k| c[k] + reach[k]), |b, o| {
             let [x, y, z] = [0, 1, 2].map(|k| i64::from((o[k] - c[k]).abs()) * 1000 / i64::from(size[k]));
             if b != first {
                 near.push((x + y + steep * z, b));
@@ -116,10 +116,10 @@ impl Rebuild {
 
     /// Holds the bare pieces with at most as many boxes as were taken out, by a sweep in a direction
     /// of chance: every box starts at the first piece left and grows over all that still fit.
-    fn sweep(&mut self, held: &Cover<'_>, dice: &mut Dice) -> bool {
-        self.sort(held, dice);
+    fn sweep(&mut self, cover: &Cover<'_>, dice: &mut Dice) -> bool {
+        self.sort(cover, dice);
         self.corners.clear();
-        let size = held.size;
+        let size = cover.size;
         while let Some(&Item { mut lo, mut hi }) = self.order.first() {
             if self.corners.len() == self.out.len() {
                 return false;
@@ -141,9 +141,9 @@ impl Rebuild {
     }
 
     /// Lays the bare pieces out along a direction of chance. Bins are order enough, and much faster.
-    fn sort(&mut self, held: &Cover<'_>, dice: &mut Dice) {
-        let items = held.index.items();
-        let way = held.size.map(|s| (dice.below(2001) as f32 - 1000.0) / s as f32);
+    fn sort(&mut self, cover: &Cover<'_>, dice: &mut Dice) {
+        let items = cover.index.items();
+        let way = cover.size.map(|s| (dice.below(2001) as f32 - 1000.0) / s as f32);
         let base = items[self.bare[0] as usize].lo;
         self.keys.clear();
         // Relative to one of them: f32 would not tell large coordinates apart.

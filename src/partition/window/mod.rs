@@ -26,9 +26,9 @@ use strips::Strip;
 pub fn cover(items: &[Item], size: [i32; 3], step: [i32; 3]) -> Vec<[i32; 3]> {
     let room = [0, 1, 2].map(|k| size[k] / step[k]);
     let index = Index::new(items.iter().map(|i| i.on_lattice(size, step)).collect(), room);
-    let mut held = Cover::new(&index, room, &first(&index, room));
-    improve::run(&mut held);
-    let mut corners: Vec<[i32; 3]> = held.boxes().iter().map(|b| [0, 1, 2].map(|k| b[k] * step[k])).collect();
+    let mut cover = Cover::new(&index, room, &first(&index, room));
+    improve::run(&mut cover);
+    let mut corners: Vec<[i32; 3]> = cover.boxes().iter().map(|b| [0, 1, 2].map(|k| b[k] * step[k])).collect();
     corners.sort_unstable_by_key(|&[x, y, z]| (z, y, x));
     corners
 }
@@ -46,7 +46,7 @@ fn first(index: &Index, size: [i32; 3]) -> Vec<[i32; 3]> {
     let mut corners = tall::sweep(index, &high, size);
     if !high.is_empty() {
         let mut is_held = vec![false; items.len()];
-        corners.iter().for_each(|&c| index.held(c, size, |i| is_held[i] = true));
+        corners.iter().for_each(|&c| index.contained(c, size, |i| is_held[i] = true));
         low.retain(|&i| !is_held[i as usize]);
     }
     corners.extend(bands(index, &low, size));

@@ -22,7 +22,7 @@ pub(super) fn sweep(index: &Index, upwards: &[u32], size: [i32; 3]) -> Vec<[i32;
         // All that fits a box with the seed lies in a box of twice the size.
         near.clear();
         let wide = [2 * size[0], 2 * size[1], size[2]];
-        index.held([seed.hi[0] - size[0], seed.hi[1] - size[1], z], wide, |n| {
+        index.contained([seed.hi[0] - size[0], seed.hi[1] - size[1], z], wide, |n| {
             if open[n] {
                 near.push(n);
             }

@@ -35,7 +35,7 @@ use page::Frame;
 use sheet::{Sheet, without_comments};
 pub(super) use source::foreign_name;
 use style::Style;
-use tally::{Matter, Tally};
+use tally::{Issue, Tally};
 use walk::{State, Walk, style_text};
 
 /// Most nodes of the XML tree.
@@ -137,7 +137,7 @@ fn parse(
     let Walk { lines, name_of, names, tally, .. } = walk;
     let page = walked.map(|()| on_page(lines, name_of, names, frame.size, tally));
     let (page, tally) = page?;
-    let (unseen, texts) = (tally.count(Matter::Hidden), tally.count(Matter::Text));
+    let (unseen, texts) = (tally.count(Issue::Hidden), tally.count(Issue::Text));
     notes.extend(tally.warnings(name));
     if page.lines.len() == 0 {
         let hint = match (texts, unseen) {
@@ -161,7 +161,7 @@ fn on_page(mut lines: Lines, name_of: Vec<u32>, names: Vec<String>, size: [f64; 
     let mut cut = u32::MAX;
     for (line, &name) in lines.iter().zip(&name_of) {
         if !is_inside(line, rect) && cut != name {
-            tally.add(Matter::Overhang, || page.names[name as usize].clone());
+            tally.add(Issue::Overhang, || page.names[name as usize].clone());
             cut = name;
         }
         clip(line, rect, &mut page.lines);

@@ -12,7 +12,7 @@ use super::path;
 use super::sheet::{Sheet, Work};
 use super::source::MAX_DEPTH;
 use super::style::{Declared, Style};
-use super::tally::{Matter, Tally};
+use super::tally::{Issue, Tally};
 use crate::diag::Diag;
 use crate::texture::clip::Lines;
 
@@ -71,7 +71,7 @@ impl<'a, 'input> Walk<'a, 'input> {
                 ids.entry(id).or_insert(node.id());
             }
             if style_text(node).is_some_and(|text| text.contains("@import")) {
-                tally.add(Matter::External, || format!("style {n}"));
+                tally.add(Issue::External, || format!("style {n}"));
             }
         }
         let (uses, names, lines, name_of) = <_>::default();
@@ -110,8 +110,8 @@ impl<'a, 'input> Walk<'a, 'input> {
                 (Some(state), Some(child)) => self.element(child, state),
                 _ => Ok(()),
             },
-            "text" | "foreignObject" => self.unmarked(node, state, Matter::Text),
-            "image" => self.unmarked(node, state, Matter::Image),
+            "text" | "foreignObject" => self.unmarked(node, state, Issue::Text),
+            "image" => self.unmarked(node, state, Issue::Image),
             tag if SHAPES.contains(&tag) => self.shape(node, tag, state),
             _ => Ok(()),
         }
@@ -133,12 +133,12 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
         let own = Declared::new(node, &self.sheet, &mut self.work)?;
         if own.is_gone() {
-            self.note(Matter::Hidden, node);
+            self.note(Issue::Hidden, node);
             return Ok(None);
         }
         state.style = state.style.with(&own, |id| self.ids.contains_key(id));
         if own.has_any(&["clip-path", "mask", "filter"]) {
-            self.note(Matter::Clip, node);
+            self.note(Issue::Clip, node);
         }
         if let Some(text) = own.get("transform").filter(|t| *t != "none") {
             // On the root it would turn the page itself.
@@ -146,14 +146,14 @@ impl<'a, 'input> Walk<'a, 'input> {
                 Ok(t) if node.parent_element().is_some() => {
                     state.map = state.map.after(Map { a: t.a, b: t.b, c: t.c, d: t.d, e: t.e, f: t.f })
                 }
-                _ => self.note(Matter::Transform, node),
+                _ => self.note(Issue::Transform, node),
             }
             if node.has_attribute("transform-origin") {
-                self.note(Matter::Transform, node);
+                self.note(Issue::Transform, node);
             }
         }
         if !state.map.is_regular() {
-            self.note(Matter::Transform, node);
+            self.note(Issue::Transform, node);
             return Ok(None);
         }
         if SHAPES.contains(&node.tag_name().name()) {
@@ -165,26 +165,26 @@ impl<'a, 'input> Walk<'a, 'input> {
     /// Notes what of a shape's looks is not marked.
     fn judge(&mut self, node: Node<'a, 'input>, own: &Declared<'_>, style: &Style) {
         if !style.is_seen() {
-            return self.note(Matter::Hidden, node);
+            return self.note(Issue::Hidden, node);
         }
         if style.is_served() {
-            self.note(Matter::Paint, node);
+            self.note(Issue::Paint, node);
         }
         if style.is_dashed() {
-            self.note(Matter::Dash, node);
+            self.note(Issue::Dash, node);
         }
         if own.has_any(&["marker", "marker-start", "marker-mid", "marker-end"]) {
-            self.note(Matter::Marker, node);
+            self.note(Issue::Marker, node);
         }
     }
 
     /// Notes an element of a kind that cannot be marked, unless it is hidden anyway.
-    fn unmarked(&mut self, node: Node<'a, 'input>, state: State, matter: Matter) -> Done {
+    fn unmarked(&mut self, node: Node<'a, 'input>, state: State, issue: Issue) -> Done {
         if self.enter(node, state)?.is_some() {
-            self.note(matter, node);
+            self.note(issue, node);
             let link = href(node).unwrap_or_default();
-            if matter == Matter::Image && !link.starts_with("data:") && !link.starts_with('#') {
-                self.note(Matter::External, node);
+            if issue == Issue::Image && !link.starts_with("data:") && !link.starts_with('#') {
+                self.note(Issue::External, node);
             }
         }
         Ok(())
@@ -193,12 +193,12 @@ impl<'a, 'input> Walk<'a, 'input> {
     fn used(&mut self, node: Node<'a, 'input>, state: State) -> Done {
         let Some(mut state) = self.enter(node, state)? else { return Ok(()) };
         let Some(id) = href(node).and_then(|h| h.strip_prefix('#')) else {
-            self.note(Matter::External, node);
+            self.note(Issue::External, node);
             return Ok(());
         };
         let target = self.ids.get(id).and_then(|&id| self.doc.get_node(id));
         let Some(target) = target.filter(|t| !self.uses.contains(&t.id()) && !node.ancestors().any(|a| a == *t)) else {
-            self.note(Matter::Use, node);
+            self.note(Issue::Use, node);
             return Ok(());
         };
         let corner = [self.length(node, "x", 0, state), self.length(node, "y", 1, state)];
@@ -225,7 +225,7 @@ impl<'a, 'input> Walk<'a, 'input> {
     /// Draws the children of a nested drawing or a symbol.
     fn viewport(&mut self, node: Node<'a, 'input>, size: [f64; 2], mut state: State) -> Done {
         if !(size[0] > 0.0 && size[1] > 0.0) {
-            self.note(Matter::Dot, node);
+            self.note(Issue::Dot, node);
             return Ok(());
         }
         if node.tag_name().name() == "svg" {
@@ -244,7 +244,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             }
             Ok(None) => {}
             Err(_) => {
-                self.note(Matter::Fault, node);
+                self.note(Issue::Fault, node);
                 return Ok(());
             }
         }
@@ -263,14 +263,14 @@ impl<'a, 'input> Walk<'a, 'input> {
         let ended = out.end();
         self.lines = lines;
         if !whole {
-            self.note(Matter::Fault, node);
+            self.note(Issue::Fault, node);
         }
         let dropped = ended.map_err(|stop| Box::new(self.stopped(stop, node)))?;
         if dropped.dots {
-            self.note(Matter::Dot, node);
+            self.note(Issue::Dot, node);
         }
         if dropped.hairlines {
-            self.note(Matter::Hairline, node);
+            self.note(Issue::Hairline, node);
         }
         let overhangs = |[x0, y0, x1, y1]: [f64; 4]| {
             let t = self.tolerance;
@@ -278,7 +278,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             (first..self.lines.len()).any(|i| self.lines.get(i).iter().any(out))
         };
         if state.frame.is_some_and(overhangs) {
-            self.note(Matter::Clip, node);
+            self.note(Issue::Clip, node);
         }
         let name = self.name(node);
         self.name_of.resize(self.lines.len(), name);
@@ -319,11 +319,11 @@ impl<'a, 'input> Walk<'a, 'input> {
     fn length(&mut self, node: Node<'a, 'input>, name: &str, axis: usize, state: State) -> f64 {
         let Some(text) = node.attribute(name) else { return 0.0 };
         let Some(length) = Length::from_str(text.trim()).ok().filter(|l| l.number.is_finite()) else {
-            self.note(Matter::Fault, node);
+            self.note(Issue::Fault, node);
             return 0.0;
         };
         if matches!(length.unit, LengthUnit::Em | LengthUnit::Ex) {
-            self.note(Matter::Unit, node);
+            self.note(Issue::Unit, node);
         }
         let [w, h] = state.port;
         let whole = [w, h, ((w * w + h * h) / 2.0).sqrt()][axis];
@@ -350,9 +350,9 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
     }
 
-    fn note(&mut self, matter: Matter, node: Node<'a, 'input>) {
+    fn note(&mut self, issue: Issue, node: Node<'a, 'input>) {
         let name = || called(node, &self.numbers);
-        self.tally.add(matter, name);
+        self.tally.add(issue, name);
     }
 
     fn called(&self, node: Node<'a, 'input>) -> String {

@@ -1,6 +1,6 @@
 //! `position`, `focus`, `surface`: where the beam of every mark meets the part.
 //!
-//! The foot of a beam is the highest place of the surface file's own facets along it. Feet are compared with the
+//! A beam hits the part at the highest place of the surface file's own facets along it. Hit points are compared with the
 //! stroke of the texture that the mark names, in the drawing's plane: at both ends of every move, at
 //! places between them no farther apart than [`APART`], and at the stroke's corners between these. Upright
 //! beams are held along the whole line of a move, facet by facet; leaning ones at the same places.
@@ -48,7 +48,7 @@ pub(super) struct Worst {
 
 /// Where a beam meets the part.
 #[derive(Clone, Copy)]
-struct Foot {
+struct BeamHit {
     xy: [f64; 2],
     off: f64,
     lean: f64,
@@ -61,7 +61,7 @@ pub(super) struct MarkChecker<'a> {
     heights: [f64; 2],
     wanted: Wanted,
     scratch: Scratch,
-    foot_points: Vec<[f64; 2]>,
+    hit_points: Vec<[f64; 2]>,
     pub(super) worst: Worst,
 }
 
@@ -69,7 +69,7 @@ impl<'a> MarkChecker<'a> {
     pub(super) fn new(chain: &'a Chain, geometry: &'a Geometry, wanted: Wanted) -> Self {
         let heights = geometry.heights();
         let scratch = Scratch::default();
-        Self { chain, geometry, heights, wanted, scratch, foot_points: Vec::new(), worst: Worst::default() }
+        Self { chain, geometry, heights, wanted, scratch, hit_points: Vec::new(), worst: Worst::default() }
     }
 
     /// Looks at one mark: its moves, each with where it begins, and the stroke that it claims. All places on the stroke
@@ -81,7 +81,7 @@ impl<'a> MarkChecker<'a> {
         stroke: &Stroke,
         rules: &mut Rules<'_>,
     ) -> Vec<Trace> {
-        self.foot_points.clear();
+        self.hit_points.clear();
         let mut off_part = false;
         for (i, (from, step)) in moves.iter().enumerate() {
             let (a, b) = (from.map(|v| v as f64), step.to.map(|v| v as f64));
@@ -96,14 +96,14 @@ impl<'a> MarkChecker<'a> {
                 let share = k as f64 / count as f64;
                 let beam = self.chain.beam(std::array::from_fn(|k| a[k] + share * (b[k] - a[k])));
                 if !self.chain.leans() {
-                    self.foot_points.push([beam.at[0], beam.at[1]]);
+                    self.hit_points.push([beam.at[0], beam.at[1]]);
                     continue;
                 }
                 rules.surface.checked += 1;
-                match self.foot(&beam, [0, 1].map(|k| end.at[k] - start.at[k])) {
-                    Some(foot) => {
-                        self.foot_points.push(foot.xy);
-                        self.hold(&foot, &place, rules.focus);
+                match self.hit(&beam, [0, 1].map(|k| end.at[k] - start.at[k])) {
+                    Some(hit) => {
+                        self.hit_points.push(hit.xy);
+                        self.hold(&hit, &place, rules.focus);
                     }
                     None if !off_part => {
                         off_part = true;
@@ -116,10 +116,10 @@ impl<'a> MarkChecker<'a> {
                 self.upright(&start, &end, &place, rules);
             }
         }
-        // Position: the foot points on the part against the stroke as it is drawn.
-        let traces = stroke.follow(&self.foot_points, STRAY);
+        // Position: the hit points on the part against the stroke as it is drawn.
+        let traces = stroke.follow(&self.hit_points, STRAY);
         let Some(trace) = traces.first() else { return traces };
-        rules.position.checked += self.foot_points.len() as u64;
+        rules.position.checked += self.hit_points.len() as u64;
         self.worst.stray = self.worst.stray.max(trace.worst);
         let first = moves.first().map_or(0, |l| l.1.line);
         if trace.worst > STRAY || trace.worst.is_nan() {
@@ -130,17 +130,17 @@ impl<'a> MarkChecker<'a> {
         traces
     }
 
-    /// Holds focal offset and angle of a foot.
-    fn hold(&mut self, foot: &Foot, place: &dyn Fn() -> String, rule: &mut Rule) {
+    /// Checks focal offset and angle at a hit point.
+    fn hold(&mut self, hit: &BeamHit, place: &dyn Fn() -> String, rule: &mut Rule) {
         rule.checked += 1;
-        self.worst.defocus = self.worst.defocus.max(foot.off.abs());
-        self.worst.lean = self.worst.lean.max(foot.lean);
-        if foot.off.abs() > self.wanted.defocus + FOCUS {
-            let (off, most) = (foot.off.abs() / 1e3, self.wanted.defocus / 1e3);
+        self.worst.defocus = self.worst.defocus.max(hit.off.abs());
+        self.worst.lean = self.worst.lean.max(hit.lean);
+        if hit.off.abs() > self.wanted.defocus + FOCUS {
+            let (off, most) = (hit.off.abs() / 1e3, self.wanted.defocus / 1e3);
             rule.broken("", place(), format!("a mark is {off:.4} um out of focus ({most:.4} um allowed)"));
         }
-        if foot.lean > self.wanted.lean + LEAN {
-            let (is, most) = (foot.lean.to_degrees(), self.wanted.lean.to_degrees());
+        if hit.lean > self.wanted.lean + LEAN {
+            let (is, most) = (hit.lean.to_degrees(), self.wanted.lean.to_degrees());
             rule.broken("", place(), format!("the beam is at {is:.4} deg to the surface normal ({most} deg allowed)"));
         }
     }
@@ -151,10 +151,10 @@ impl<'a> MarkChecker<'a> {
         let still = (ends[1][0] - ends[0][0]).hypot(ends[1][1] - ends[0][1]) < 1.0;
         let line = if still { point(ends[0]) } else { Line::new(ends[0], ends[1]) };
         rules.surface.checked += 1;
-        let mut best: Option<(f64, Foot)> = None;
+        let mut best: Option<(f64, BeamHit)> = None;
         // A mark along an edge: either side of it will do.
         for side in [0.0, EDGE, -EDGE] {
-            let (mut bare, mut worst) = (0.0, Foot { xy: ends[0], off: 0.0, lean: 0.0 });
+            let (mut bare, mut worst) = (0.0, BeamHit { xy: ends[0], off: 0.0, lean: 0.0 });
             let shifted = line.part([0.0, line.len], side);
             self.geometry.along(&shifted, &mut self.scratch, |piece| {
                 let Some(sheet) = piece.sheet else {
@@ -177,7 +177,7 @@ impl<'a> MarkChecker<'a> {
                 worst.lean = worst.lean.max(sheet.slope2.sqrt().atan());
             });
             let bare = if bare > 2.0 * EDGE { bare } else { 0.0 };
-            let over = |f: &Foot| !self.holds(f);
+            let over = |f: &BeamHit| !self.holds(f);
             let is_better = best.as_ref().is_none_or(|(b, f)| bare < *b || (bare == *b && over(f) && !over(&worst)));
             if is_better {
                 best = Some((bare, worst));
@@ -199,9 +199,9 @@ impl<'a> MarkChecker<'a> {
     /// beyond the limits, as a beam does that passes a border by the rounding of its axes, any place within [`EDGE`]
     /// along and across the mark counts: at a corner of the part both are needed, and across it less where the corner
     /// is sharp.
-    fn foot(&mut self, beam: &Beam, way: [f64; 2]) -> Option<Foot> {
+    fn hit(&mut self, beam: &Beam, way: [f64; 2]) -> Option<BeamHit> {
         let straight = self.met(beam);
-        if straight.is_some_and(|foot| self.holds(&foot)) {
+        if straight.is_some_and(|hit| self.holds(&hit)) {
             return straight;
         }
         let length = way[0].hypot(way[1]);
@@ -211,21 +211,21 @@ impl<'a> MarkChecker<'a> {
             let shift = [s * x - t * y, s * y + t * x];
             let at = [beam.at[0] + shift[0], beam.at[1] + shift[1], beam.at[2]];
             let Some(met) = self.met(&Beam { at, up: beam.up }) else { continue };
-            let foot = Foot { xy: [met.xy[0] - shift[0], met.xy[1] - shift[1]], ..met };
-            if self.holds(&foot) {
-                return Some(foot);
+            let hit = BeamHit { xy: [met.xy[0] - shift[0], met.xy[1] - shift[1]], ..met };
+            if self.holds(&hit) {
+                return Some(hit);
             }
-            first = first.or(Some(foot));
+            first = first.or(Some(hit));
         }
         first
     }
 
-    /// Whether a foot keeps focus and angle.
-    fn holds(&self, foot: &Foot) -> bool {
-        foot.off.abs() <= self.wanted.defocus + FOCUS && foot.lean <= self.wanted.lean + LEAN
+    /// Whether a hit keeps focus and angle.
+    fn holds(&self, hit: &BeamHit) -> bool {
+        hit.off.abs() <= self.wanted.defocus + FOCUS && hit.lean <= self.wanted.lean + LEAN
     }
 
-    fn met(&mut self, beam: &Beam) -> Option<Foot> {
+    fn met(&mut self, beam: &Beam) -> Option<BeamHit> {
         let [lo, hi] = self.heights;
         let up = beam.up;
         if up[2] <= 0.0 || lo > hi {
@@ -266,7 +266,7 @@ impl<'a> MarkChecker<'a> {
         ];
         let sin = cross.iter().map(|v| v * v).sum::<f64>().sqrt();
         let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
-        Some(Foot { xy: [p[0], p[1]], off, lean: sin.atan2(cos) })
+        Some(BeamHit { xy: [p[0], p[1]], off, lean: sin.atan2(cos) })
     }
 }
 

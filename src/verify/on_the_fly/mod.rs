@@ -120,13 +120,13 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Pr
     };
     findings.marks = course.powers.len();
     if !unchanged {
-        held(name, course, &chain, &manifest, &[], &mut findings);
+        check_program(name, course, &chain, &manifest, &[], &mut findings);
         return Ok(findings.into_proof());
     }
     let (job, facts) = job_facts::load(&inputs, Mode::OnTheFly)?;
     agree::with_job(&manifest, &facts, course, &mut findings.agreement);
     let pens = facts.pens.clone().unwrap_or_default();
-    held(name, course, &chain, &manifest, &pens, &mut findings);
+    check_program(name, course, &chain, &manifest, &pens, &mut findings);
     let (shape, box_mm) = job_facts::shape(&job)?;
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
     let texture = job_facts::texture(&job, 0, box_mm)?;
@@ -135,7 +135,14 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Pr
     Ok(findings.into_proof())
 }
 
-fn held(name: &str, course: &Course, chain: &Chain, manifest: &Manifest, pens: &[Pen], findings: &mut Findings) {
+fn check_program(
+    name: &str,
+    course: &Course,
+    chain: &Chain,
+    manifest: &Manifest,
+    pens: &[Pen],
+    findings: &mut Findings,
+) {
     findings.limits.ran = true;
     limits::check(course, name, chain, &manifest.machine, pens, &mut findings.limits);
 }

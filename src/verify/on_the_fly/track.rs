@@ -113,8 +113,8 @@ impl Stroke {
         best
     }
 
-    /// Follows the foot points of a mark; `limit` is how far it may stray. A stroke that crosses or meets itself is
-    /// tried from all its places near the first foot, both ways. The best first, then others that are within the
+    /// Follows the hit points of a mark; `limit` is how far it may stray. A stroke that crosses or meets itself is
+    /// tried from all its places near the first hit, both ways. The best first, then others that are within the
     /// limit: a stroke that runs back over itself has more than one place for a mark.
     pub(super) fn follow(&self, foot_points: &[[f64; 2]], limit: f64) -> Vec<Trace> {
         let Some(&first) = foot_points.first() else { return Vec::new() };
@@ -159,11 +159,11 @@ impl Stroke {
     fn followed(&self, foot_points: &[[f64; 2]], (from, off): (f64, f64), mut forward: Option<bool>) -> Trace {
         let mut trace = Trace { from, to: from, worst: off, at: foot_points[0], back: 0.0 };
         for pair in foot_points.windows(2) {
-            let (before, foot) = (pair[0], pair[1]);
-            let reach = 1.5 * distance(before, foot) + SPARE;
+            let (before, hit) = (pair[0], pair[1]);
+            let reach = 1.5 * distance(before, hit) + SPARE;
             let here = trace.to;
-            let ahead = self.nearest(foot, here, here + reach);
-            let behind = self.nearest(foot, here, here - reach);
+            let ahead = self.nearest(hit, here, here + reach);
+            let behind = self.nearest(hit, here, here - reach);
             let of = |n: Option<(f64, f64)>| n.map_or(f64::INFINITY, |n| n.1);
             // The mark keeps its way: it has turned back only where what lies behind is nearer by more than rounding.
             let goes = match forward {
@@ -184,8 +184,8 @@ impl Stroke {
                     (trace.worst, trace.at) = (off, at);
                 }
             };
-            stray(off, foot);
-            self.corners(here, to, |corner| stray(beside(corner, before, foot), corner));
+            stray(off, hit);
+            self.corners(here, to, |corner| stray(beside(corner, before, hit), corner));
             trace.to = to;
         }
         trace

@@ -83,7 +83,7 @@ pub(in crate::verify) fn check(
         cover.pass(&strokes_of(file, |p| p == pass));
     }
     for i in strokes_of(file, |p| p.index() >= drawings.len()) {
-        cover.lost(i, "the job has no such pass");
+        cover.report_unmatched(i, "the job has no such pass");
     }
     let out = cover.out;
     findings.lengths = out.lengths;
@@ -155,7 +155,7 @@ impl Cover<'_> {
         let source = |i: u32| file.program.strokes[i as usize].source.index();
         let beyond = order.partition_point(|&i| source(i) < self.drawing.len);
         for &i in &order[beyond..] {
-            self.lost(i, "the texture has no such stroke");
+            self.report_unmatched(i, "the texture has no such stroke");
         }
         let mut rest = &order[..beyond];
         for wanted in 0..self.drawing.len {
@@ -170,7 +170,7 @@ impl Cover<'_> {
     fn stroke(&mut self, number: usize, marks: &[u32]) {
         let pen = (self.drawing.stroke)(number, &mut self.points);
         if self.points.len() < 2 {
-            return marks.iter().for_each(|&i| self.lost(i, "the texture has no points there"));
+            return marks.iter().for_each(|&i| self.report_unmatched(i, "the texture has no points there"));
         }
         self.along.clear();
         let mut sum = 0.0;
@@ -270,7 +270,7 @@ impl Cover<'_> {
     }
 
     /// Notes a mark that claims a stroke that is not there.
-    fn lost(&mut self, i: u32, why: &str) {
+    fn report_unmatched(&mut self, i: u32, why: &str) {
         self.source.checked += 1;
         let stroke = self.file.program.strokes[i as usize];
         let block = self.load(i, &stroke);

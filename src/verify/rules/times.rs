@@ -88,8 +88,8 @@ pub(super) fn stage(file: &ProgramFile, machine: &Machine) -> Times {
         }
         let high = if block.retract { top } else { z.0 };
         let axes = &machine.stage;
-        out.stage += leg(&axes.z, z.0, high) + leg(&axes.z, high, z.1);
-        out.stage += leg(&axes.x, x.0, x.1).max(leg(&axes.y, y.0, y.1)).max(turning);
+        out.stage += axis_time(&axes.z, z.0, high) + axis_time(&axes.z, high, z.1);
+        out.stage += axis_time(&axes.x, x.0, x.1).max(axis_time(&axes.y, y.0, y.1)).max(turning);
         out.settle += axes.settle.as_s();
     }
     out
@@ -97,7 +97,7 @@ pub(super) fn stage(file: &ProgramFile, machine: &Machine) -> Times {
 
 /// An axis from rest to rest by the symmetric profile that is fastest under its limits. At the peak speed p each ramp
 /// takes p/a + a/j, or 2 sqrt(p/j) where the acceleration is never reached, and covers half of p times that.
-fn leg(axis: &Axis, from: i64, to: i64) -> f64 {
+fn axis_time(axis: &Axis, from: i64, to: i64) -> f64 {
     let way = mm_from_nm((to - from).abs());
     if way == 0.0 {
         return 0.0;

@@ -187,8 +187,8 @@ fn limits_reports_travel_field_and_speed() {
     // A scanner of limits of its own is asked for too much with the laser off.
     let proof = Bench::new(BOWL).mutant(|p| {
         let from = mark(p, 4).end;
-        let dark = p.moves[from..].iter().take_while(|m| m.mark.is_none()).count();
-        p.moves[from..from + dark - 1].iter_mut().for_each(|m| m.to[5] += 1_000_000);
+        let laser_off = p.moves[from..].iter().take_while(|m| m.mark.is_none()).count();
+        p.moves[from..from + laser_off - 1].iter_mut().for_each(|m| m.to[5] += 1_000_000);
     });
     assert_only("limits", &proof);
     assert!(proof.to_text().contains("U accelerates"), "{}", proof.to_text());

@@ -85,7 +85,7 @@ fn overlap_tolerance_of_tilted_marks_follows_their_end_points() {
 }
 
 #[test]
-fn gaps_between_tilted_marks_of_several_passes_are_known_as_well_as_their_ends() {
+fn gap_tolerance_of_tilted_marks_in_several_passes_follows_their_end_points() {
     let texture = "[[texture]]\npattern = \"hatch\"\npitch = \"0.5 mm\"\ndirection = \"20 deg\"\n";
     let right = Right {
         partition: "min_mark = \"100 um\"",
