@@ -48,11 +48,11 @@ impl Spinner {
     }
     pub fn phase(&self, s: Phase) {
         self.text(match s {
-            Station::Read => "step 1 of 5: reading surface and texture",
-            Station::Footprint => "step 2 of 5: tracing the texture",
-            Station::Split => "step 3 of 5: cutting strokes",
-            Station::Order => "step 4 of 5: ordering strokes and stops",
-            Station::Write => "step 5 of 5: writing the job folder",
+            Phase::Read => "step 1 of 5: reading surface and texture",
+            Phase::Footprint => "step 2 of 5: tracing the texture",
+            Phase::Split => "step 3 of 5: cutting strokes",
+            Phase::Order => "step 4 of 5: ordering strokes and stops",
+            Phase::Write => "step 5 of 5: writing the job folder",
         });
     }
     /// Ends it: results and messages begin on a clean line.
