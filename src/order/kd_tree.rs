@@ -10,49 +10,51 @@ const LEAF: usize = 8;
 /// Points in a balanced tree; a node's children are 2 i + 1 and 2 i + 2.
 pub(super) struct Tree<const D: usize> {
     /// Points leaf by leaf; in each leaf the free ones come first.
-    points: Vec<[f64; D]>,
-    /// Numbers of the points.
-    numbers: Vec<u32>,
+    points: Vec<Point<D>>,
     /// Place of every number in `points`.
     place: Vec<u32>,
-    /// Box of every node: lower and upper corner.
-    boxes: Vec<[[f64; D]; 2]>,
-    /// How many free points every node holds.
-    free: Vec<u32>,
+    nodes: Vec<Node<D>>,
     leaves: usize,
 }
 
+/// A point and its number.
+#[derive(Clone, Copy)]
+struct Point<const D: usize> {
+    at: [f64; D],
+    number: u32,
+}
+
+/// A node: the box of its points, lower and upper corner, and how many of them are free.
+#[derive(Clone, Copy)]
+struct Node<const D: usize> {
+    span: [[f64; D]; 2],
+    free: u32,
+}
+
 impl<const D: usize> Tree<D> {
-    pub(super) fn new(points: &[[f64; D]]) -> Self {
+    pub(super) fn new(points: impl ExactSizeIterator<Item = [f64; D]>) -> Self {
         let n = points.len();
         let leaves = n.div_ceil(LEAF).next_power_of_two();
-        let mut tree = Self {
-            points: Vec::new(),
-            numbers: Vec::new(),
-            place: vec![0; n],
-            boxes: vec![[[f64::INFINITY; D], [f64::NEG_INFINITY; D]]; 2 * leaves - 1],
-            free: vec![0; 2 * leaves - 1],
-            leaves,
-        };
-        let mut list: Vec<([f64; D], u32)> = points.iter().zip(0..).map(|(&p, i)| (p, i)).collect();
+        let empty = Node { span: [[f64::INFINITY; D], [f64::NEG_INFINITY; D]], free: 0 };
+        let mut tree = Self { points: Vec::new(), place: vec![0; n], nodes: vec![empty; 2 * leaves - 1], leaves };
+        let mut list: Vec<Point<D>> = points.zip(0..).map(|(at, number)| Point { at, number }).collect();
         tree.split(0, 0, leaves, &mut list);
-        tree.points = list.iter().map(|e| e.0).collect();
-        tree.numbers = list.iter().map(|e| e.1).collect();
-        tree.numbers.iter().zip(0..).for_each(|(&i, at)| tree.place[i as usize] = at);
+        list.iter().zip(0..).for_each(|(p, at)| tree.place[p.number as usize] = at);
+        tree.points = list;
         tree.fill();
         tree
     }
 
     /// Sorts `list`, the points of leaves `first..first + count`, below node `node`.
-    fn split(&mut self, node: usize, first: usize, count: usize, list: &mut [([f64; D], u32)]) {
+    fn split(&mut self, node: usize, first: usize, count: usize, list: &mut [Point<D>]) {
         let mut span = [[f64::INFINITY; D], [f64::NEG_INFINITY; D]];
-        for (p, _) in &*list {
+        for p in &*list {
             for k in 0..D {
-                span[0][k] = span[0][k].min(p[k]);
-                span[1][k] = span[1][k].max(p[k]);
+                span[0][k] = span[0][k].min(p.at[k]);
+                span[1][k] = span[1][k].max(p.at[k]);
             }
         }
-        self.boxes[node] = span;
+        self.nodes[node].span = span;
         if count == 1 {
             return;
         }
@@ -65,7 +67,7 @@ impl<const D: usize> Tree<D> {
         let middle = self.start(first + count / 2) - self.start(first);
         if middle < list.len() {
             // Numbers part equal points, so that the tree depends on nothing but the input.
-            list.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+            list.select_nth_unstable_by(middle, |a, b| a.at[axis].total_cmp(&b.at[axis]).then(a.number.cmp(&b.number)));
         }
         let (below, above) = list.split_at_mut(middle);
         self.split(2 * node + 1, first, count / 2, below);
@@ -85,10 +87,10 @@ impl<const D: usize> Tree<D> {
     /// Makes all points free again.
     pub(super) fn fill(&mut self) {
         for leaf in 0..self.leaves {
-            self.free[self.leaves - 1 + leaf] = (self.start(leaf + 1) - self.start(leaf)) as u32;
+            self.nodes[self.leaves - 1 + leaf].free = (self.start(leaf + 1) - self.start(leaf)) as u32;
         }
         for node in (0..self.leaves - 1).rev() {
-            self.free[node] = self.free[2 * node + 1] + self.free[2 * node + 2];
+            self.nodes[node].free = self.nodes[2 * node + 1].free + self.nodes[2 * node + 2].free;
         }
     }
 
@@ -97,14 +99,13 @@ impl<const D: usize> Tree<D> {
         let at = self.place[number as usize] as usize;
         let leaf = self.leaf(at);
         let mut node = self.leaves - 1 + leaf;
-        let last = self.start(leaf) + self.free[node] as usize - 1;
+        let last = self.start(leaf) + self.nodes[node].free as usize - 1;
         // Free points of a leaf come first: the one taken changes places with the last of them.
         self.points.swap(at, last);
-        self.numbers.swap(at, last);
-        self.place[self.numbers[at] as usize] = at as u32;
+        self.place[self.points[at].number as usize] = at as u32;
         self.place[number as usize] = last as u32;
         loop {
-            self.free[node] -= 1;
+            self.nodes[node].free -= 1;
             if node == 0 {
                 return;
             }
@@ -131,7 +132,7 @@ impl<const D: usize> Tree<D> {
         // Up to the root: at each step all below `node` has been seen, its sibling not.
         while node > 0 {
             let sibling = if node % 2 == 1 { node + 1 } else { node - 1 };
-            if self.free[sibling] > 0 && self.reach(sibling, from, &far) < limit {
+            if self.nodes[sibling].free > 0 && self.reach(sibling, from, &far) < limit {
                 self.below(sibling, from, &mut limit, &far, &mut f);
             }
             node = (node - 1) / 2;
@@ -148,10 +149,10 @@ impl<const D: usize> Tree<D> {
     ) {
         if node + 1 >= self.leaves {
             let start = self.start(node + 1 - self.leaves);
-            for at in start..start + self.free[node] as usize {
-                let d = far(gap(from, [self.points[at]; 2]));
+            for p in &self.points[start..start + self.nodes[node].free as usize] {
+                let d = far(gap(from, [p.at; 2]));
                 if d < *limit {
-                    *limit = f(d, self.numbers[at]);
+                    *limit = f(d, p.number);
                 }
             }
             return;
@@ -159,7 +160,7 @@ impl<const D: usize> Tree<D> {
         let children = [2 * node + 1, 2 * node + 2];
         let mut reach = [f64::INFINITY; 2];
         for (reach, &c) in reach.iter_mut().zip(&children) {
-            if self.free[c] > 0 {
+            if self.nodes[c].free > 0 {
                 *reach = self.reach(c, from, far);
             }
         }
@@ -174,7 +175,7 @@ impl<const D: usize> Tree<D> {
 
     /// Distance from a point to the box of a node.
     fn reach(&self, node: usize, from: [f64; D], far: &impl Fn([f64; D]) -> f64) -> f64 {
-        far(gap(from, self.boxes[node]))
+        far(gap(from, self.nodes[node].span))
     }
 }
 
@@ -213,7 +214,7 @@ mod tests {
             let mut points: Vec<[f64; 2]> = (0..n).map(|_| [next(), next()]).collect();
             (0..n / 2).for_each(|i| points[i] = [(i % 3) as f64, 7.0]);
             points[n - 1] = [1e12, -1e12];
-            let mut tree = Tree::new(&points);
+            let mut tree = Tree::new(points.iter().copied());
             let mut free: Vec<u32> = (0..n as u32).collect();
             while !free.is_empty() {
                 let from = [next(), next()];

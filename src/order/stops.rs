@@ -101,7 +101,7 @@ fn path(stops: &[Commanded], stage: &Stage<'_>, some: Vec<usize>, effort: usize)
     (0..=some.len()).for_each(|_| endpoints.closed(1));
     let at: Vec<[f64; 3]> =
         std::iter::once(stage.from).chain(some.iter().map(|&i| stops[i])).map(|p| p.0.map(|v| v as f64)).collect();
-    let mut tree = Tree::new(&at[1..]);
+    let mut tree = Tree::new(at[1..].iter().copied());
     let clock = Clock::new(stage.machine);
     let far = |gap: [f64; 3]| clock.over(gap) + TIE * gap.iter().map(|v| v * v).sum::<f64>().sqrt();
     let of_endpoints =
@@ -109,7 +109,7 @@ fn path(stops: &[Commanded], stage: &Stage<'_>, some: Vec<usize>, effort: usize)
     // 2-opt and Or-opt end in a local optimum: which one is decided by where they start, so the best of eleven
     // plain tours is taken.
     let mut starts = strips(&at);
-    starts.push(greedy(&endpoints, &mut tree, &at, far));
+    starts.push(greedy(&endpoints, &mut tree, |endpoint| at[endpoint as usize], far));
     tree.fill();
     let timed = |seq: &Vec<u32>| time(stops, stage, &of_endpoints(seq));
     let Some(start) = starts.into_iter().min_by(|a, b| timed(a).total_cmp(&timed(b))) else { return some };

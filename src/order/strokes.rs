@@ -53,12 +53,12 @@ pub fn as_drawn(strokes: usize) -> Vec<Visit> {
 /// The order in which strokes are marked, the beam starting in the centre of the field.
 pub fn order(paths: &[Path<'_>]) -> Vec<Visit> {
     let known = Known::new(paths);
-    let Known { endpoints, at, vertex } = &known;
-    let mut tree = Tree::new(&at[1..]);
-    let seq = greedy(endpoints, &mut tree, at, square);
+    let Known { endpoints, list } = &known;
+    let mut tree = Tree::new(list[1..].iter().map(|endpoint| endpoint.at));
+    let seq = greedy(endpoints, &mut tree, |endpoint| list[endpoint as usize].at, square);
     tree.fill();
     let cost = |a: u32, b: u32| {
-        let (a, b) = (at[a as usize], at[b as usize]);
+        let (a, b) = (list[a as usize].at, list[b as usize].at);
         square([a[0] - b[0], a[1] - b[1]]).sqrt()
     };
     let mut tour = Tour::new(endpoints, seq, LONGEST, LEAST, cost, |endpoint, limit, found| {
@@ -77,7 +77,7 @@ pub fn order(paths: &[Path<'_>]) -> Vec<Visit> {
         .iter()
         .map(|&endpoint| {
             let stroke = endpoints.item(endpoint) - 1;
-            let vertex = vertex[endpoint as usize];
+            let vertex = list[endpoint as usize].vertex;
             let is_closed = paths[stroke].is_closed;
             Visit {
                 stroke: stroke as u32,
@@ -97,29 +97,30 @@ fn square([x, y]: [f64; 2]) -> f64 {
 /// What the search knows of the strokes: item 0 is the field's centre, stroke i is item i + 1.
 struct Known {
     endpoints: Endpoints,
-    /// Place of every endpoint, nm.
-    at: Vec<[f64; 2]>,
-    /// Vertex of every endpoint.
-    vertex: Vec<u32>,
+    /// All of them, by number.
+    list: Vec<Endpoint>,
+}
+
+/// Where an endpoint lies, nm, and which vertex of its stroke it is.
+struct Endpoint {
+    at: [f64; 2],
+    vertex: u32,
 }
 
 impl Known {
     fn new(paths: &[Path<'_>]) -> Self {
         let size = |p: &Path<'_>| if p.is_closed { CORNERS.min(p.points.len() - 1) } else { 2 };
         let count = paths.iter().map(size).sum::<usize>() + 1;
-        let mut known = Self {
-            endpoints: Endpoints::with_capacity(paths.len() + 1, count),
-            at: Vec::with_capacity(count),
-            vertex: Vec::with_capacity(count),
-        };
+        let mut known =
+            Self { endpoints: Endpoints::with_capacity(paths.len() + 1, count), list: Vec::with_capacity(count) };
         known.add(0, FieldPoint::AXIS);
         known.endpoints.closed(1);
         for path in paths {
             let last = path.points.len() - 1;
             if path.is_closed {
-                let before = known.at.len();
+                let before = known.list.len();
                 corners(&path.points[..last], |i| known.add(i, path.points[i]));
-                known.endpoints.closed(known.at.len() - before);
+                known.endpoints.closed(known.list.len() - before);
             } else {
                 known.add(0, path.points[0]);
                 known.add(last, path.points[last]);
@@ -130,8 +131,7 @@ impl Known {
     }
 
     fn add(&mut self, vertex: usize, FieldPoint { x, y }: FieldPoint) {
-        self.at.push([f64::from(x), f64::from(y)]);
-        self.vertex.push(vertex as u32);
+        self.list.push(Endpoint { at: [f64::from(x), f64::from(y)], vertex: vertex as u32 });
     }
 }
 
@@ -163,7 +163,7 @@ fn nearer(known: &Known, tree: &Tree<2>, endpoint: u32, limit: f64, found: &mut 
     let item = known.endpoints.item(endpoint);
     let mut limit = limit * limit;
     let start = endpoint.checked_sub(1);
-    tree.around(known.at[endpoint as usize], start, limit, square, |d, number| {
+    tree.around(known.list[endpoint as usize].at, start, limit, square, |d, number| {
         // Insertion into a list of at most NEIGHBOURS; once it is full, nothing farther than its last matters.
         if known.endpoints.item(number + 1) != item {
             let at = found.partition_point(|&(other, _)| other <= d);

@@ -461,8 +461,8 @@ mod tests {
     fn every_move_of_the_tour_shortens_it_and_keeps_its_links_consistent() {
         for seed in 1..6 {
             let (endpoints, at) = mixed(120, seed);
-            let mut tree = Tree::new(&at[1..]);
-            let first = greedy(&endpoints, &mut tree, &at, square);
+            let mut tree = Tree::new(at[1..].iter().copied());
+            let first = greedy(&endpoints, &mut tree, |endpoint| at[endpoint as usize], square);
             let cost = |a: u32, b: u32| distance(&at, a, b);
             let near = |endpoint: u32, limit: f64, found: &mut Vec<(f64, u32)>| {
                 found.clear();
