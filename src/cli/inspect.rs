@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use crate::diag::{Diag, Error};
 use crate::job::{FileUnit, Job, Overrides};
 use crate::manifest::{self, AnySummary, duration};
+use crate::program::PenId;
 use crate::surface::{self, Content};
 use crate::texture::{Area, Kind, Request, Texture};
 
@@ -159,7 +160,7 @@ fn drawing(path: &Path) -> Result<Shown, Error> {
         kind: Kind::Drawing { path: path.to_owned(), size_mm, origin_mm: Some([0.0, 0.0]), turn_rad: 0.0, tile: false },
         area: Area::Unlimited,
         tolerance_mm: 1e-3,
-        pen: 0,
+        pen: PenId(0),
     };
     // Without a physical size only what does not depend on it is shown; any page will do to count it.
     let (texture, sized) = match Texture::load(&[request(None)], [0.0; 4], 0.0, &mut warnings) {

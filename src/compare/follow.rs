@@ -6,7 +6,7 @@ use super::filters::{FAMILIES, filters};
 use super::{Curves, Figures, Split, Subject, marked, path_of};
 use crate::block_map::BlockMap;
 use crate::diag::Error;
-use crate::geom::{NM_PER_MM, mm_from_nm};
+use crate::geom::{BoxMm, NM_PER_MM, mm_from_nm};
 use crate::machine::{Commanded, Machine};
 use crate::motion::stage_move;
 use crate::on_the_fly::axes::following_error::{Axis, Protection, Scanner, Servo};
@@ -14,7 +14,7 @@ use crate::on_the_fly::axes::kinematics::{Axes, Deviation};
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::axes::xyzacuv::{AxisFigures, KinematicModel, Seven, ToolPath, decompose_and_time};
 use crate::on_the_fly::axes::xyzuv::{
-    Decomposition, ScannerLimits, Timed, Turnaround, ends, quickest, step_scan_s, synchronise, synchronised_s,
+    Decomposition, ScannerLimits, Timed, Turnaround, quickest, step_scan_s, synchronise, synchronised_s,
 };
 use crate::on_the_fly::decompose::{Family, Limits, choose_average};
 use crate::on_the_fly::path::Path;
@@ -65,10 +65,10 @@ impl<'a> Follower<'a> {
         let machine = self.subject.machine;
         let (pens, allowed) = (&self.whole.program.pens, self.allowed()?);
         // Where the part lies is the machine's affair: its travel must be long enough.
-        let fits = |ends: [[f64; 2]; 3]| beyond(machine, ends).is_none();
+        let fits = |ends: BoxMm<3>| beyond(machine, ends).is_none();
         let Timed { turn, path, schedule, sync } = quickest(&self.path, machine, pens, allowed, SAMPLES, &fits);
         // The texture's middle lies where the stage rests.
-        let (area, first) = (self.whole.texture, nm(path.at[0]));
+        let (area, first) = (self.whole.texture, nm(path.nodes[0].at));
         let middle = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, first[2]];
         let approach = stage_move(machine, Commanded(middle), Commanded(first), None);
         let slow = sync.slower;
@@ -91,7 +91,7 @@ impl<'a> Follower<'a> {
         if !sync.fits {
             notes.push("some marks turn or rise too sharply to be followed in focus".into());
         }
-        notes.extend(beyond(machine, ends(sync.stage.iter().copied())));
+        notes.extend(beyond(machine, BoxMm::of(sync.stage.iter().copied())));
         let figures = Figures {
             time,
             model_s: Some(synchronised_s(self.subject.move_s, self.process_s)),
@@ -104,7 +104,7 @@ impl<'a> Follower<'a> {
         let until = sync.lead_s + schedule.visits[drawn - 1].arrive * slow;
         let stage = sync.stage.iter().take((until / sync.step_s) as usize + 1);
         curves.paths = vec![
-            ("beam", path.at.iter().take(drawn).map(|p| [p[0], p[1]]).collect()),
+            ("beam", path.nodes.iter().take(drawn).map(|node| [node.at[0], node.at[1]]).collect()),
             ("stage", stage.map(|p| [p[0], p[1]]).collect()),
         ];
         let step_s = sync.step_s / slow;
@@ -170,14 +170,15 @@ impl<'a> Follower<'a> {
         let band = |(i, block): (usize, &Block)| {
             let mut path = path_of(subject, program, i..i + 1);
             let plane = block.stop.focus.mm();
-            let heights: Vec<f64> = path.at.iter().map(|p| p[2]).collect();
-            path.at.iter_mut().for_each(|p| p[2] = plane);
+            let heights: Vec<f64> = path.nodes.iter().map(|node| node.at[2]).collect();
+            path.nodes.iter_mut().for_each(|node| node.at[2] = plane);
             let schedule = Schedule::of(&path, subject.machine, &program.pens, 0.0);
             let sync = synchronise(&path, &schedule, subject.machine, allowed, schedule.step_s(COARSE));
-            path.at.iter_mut().zip(heights).for_each(|(p, z)| p[2] = z);
+            path.nodes.iter_mut().zip(heights).for_each(|(node, z)| node.at[2] = z);
             let time = Split { stage: 2.0 * sync.lead_s, ..Split::of(&schedule, sync.slower) };
-            let ends =
-                [path.at[0], path.at[path.len() - 1]].map(nm).map(|[x, y, _]| Commanded([x, y, block.stop.focus.0]));
+            let ends = [path.nodes[0].at, path.nodes[path.len() - 1].at]
+                .map(nm)
+                .map(|[x, y, _]| Commanded([x, y, block.stop.focus.0]));
             Ok((self.followed(&path, &schedule, &sync)?, time, sync.slower, schedule.total_s(), ends))
         };
         let bands = program.blocks.par_iter().enumerate().map(band).collect::<Result<Vec<_>, Error>>()?;
@@ -235,10 +236,10 @@ impl<'a> Follower<'a> {
             curves.shared = self.axis_figures(&model, allowed)?;
             notes.push(format!("sigma {:.0} um", made.strength.unwrap_or_default() * 1000.0));
         }
-        notes.extend(beyond(model.machine, ends(made.axes.iter().map(|a| a.xyz))));
+        notes.extend(beyond(model.machine, BoxMm::of(made.axes.iter().map(|a| a.xyz))));
         notes.extend(turns_beyond(model.machine, &made.axes));
         let nodes: Vec<[f64; AXES]> =
-            made.axes.iter().zip(&made.path.at).map(|(axes, &p)| model.values(axes, p)).collect();
+            made.axes.iter().zip(&made.path.nodes).map(|(axes, node)| model.values(axes, node.at)).collect();
         let model_s = Some(stop_at_every_point(&nodes, &model.limits).total_s);
         Ok(Figures { notes, model_s, ..self.turned(model.machine, made, tools, allowed)? })
     }
@@ -264,16 +265,16 @@ impl<'a> Follower<'a> {
         let path = &made.path;
         let way = path.distances();
         let times = made.timed.node_times();
-        let nodes = made.axes.iter().zip(&path.at).zip(times).take(DRAWN);
+        let nodes = made.axes.iter().zip(&path.nodes).zip(times).take(DRAWN);
         curves.axes = nodes
-            .map(|((a, &p), t)| {
-                let [x, y, z, a, c, u, v] = model.values(a, p);
+            .map(|((a, node), t)| {
+                let [x, y, z, a, c, u, v] = model.values(a, node.at);
                 (t, [x, y, z, a.to_degrees(), c.to_degrees(), u, v])
             })
             .collect();
-        let deviations = made.deviation.iter().zip(&way).zip(&path.pen);
+        let deviations = made.deviation.iter().zip(&way).zip(&path.nodes);
         curves.along = deviations
-            .filter(|(_, pen)| pen.is_some())
+            .filter(|(_, node)| node.pen.is_some())
             .map(|((d, &w), _)| [w, d.focus * 1000.0, d.angle.to_degrees(), d.lateral])
             .collect();
     }
@@ -283,7 +284,7 @@ impl<'a> Follower<'a> {
         let mut time = Split::default();
         let times: Vec<f64> = made.timed.node_times().collect();
         for (i, w) in times.windows(2).enumerate() {
-            *(if made.path.pen[i + 1].is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
+            *(if made.path.nodes[i + 1].pen.is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
         }
         let asked = Schedule::of(&self.thin, machine, &self.whole.program.pens, 0.0).mark_s;
         // Where the scanner does not move it does not compensate for the stage either.
@@ -388,7 +389,7 @@ fn sampled(timed: &topp::Timed, path: &Path) -> (impl Iterator<Item = Sample>, f
         }
         timed.at(now, &mut hint, &mut state);
         let [x, y, z, a, c, u, v] = std::array::from_fn(|k| state.position[k]);
-        let on = path.pen.get(node + 1).copied().flatten().is_some();
+        let on = path.pen_at(node + 1).is_some();
         Sample { axes: Axes { xyz: [x, y, z], a, c }, spot: [u, v], on }
     });
     (samples, step_s)
@@ -398,7 +399,7 @@ fn sampled(timed: &topp::Timed, path: &Path) -> (impl Iterator<Item = Sample>, f
 /// focus.
 fn upright(subject: &Subject<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3]) -> Vec<Deviation> {
     let deviation = |i: usize| {
-        let (p, b) = (path.at[i], beam(i));
+        let (p, b) = (path.nodes[i].at, beam(i));
         let angle = subject.height_field.at([p[0], p[1]]).normal()[2].acos();
         Deviation { focus: (p[2] - b[2]).abs(), angle, lateral: (p[0] - b[0]).hypot(p[1] - b[1]) }
     };
@@ -406,14 +407,14 @@ fn upright(subject: &Subject<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3])
 }
 
 /// What is said where the machine's travel is too short for a motion between some ends.
-fn beyond(machine: &Machine, ends: [[f64; 2]; 3]) -> Option<String> {
+fn beyond(machine: &Machine, ends: BoxMm<3>) -> Option<String> {
     let names: Vec<String> = machine
         .axes()
         .into_iter()
-        .zip(ends)
-        .filter_map(|((name, axis), [lo, hi])| {
+        .zip(ends.size())
+        .filter_map(|((name, axis), size)| {
             let travel = axis.travel[1].as_mm() - axis.travel[0].as_mm();
-            (hi - lo > travel).then(|| format!("{name} needs {:.0} mm of travel", hi - lo))
+            (size > travel).then(|| format!("{name} needs {size:.0} mm of travel"))
         })
         .collect();
     (!names.is_empty()).then(|| names.join(", "))

@@ -170,8 +170,8 @@ fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
     let path = path_of(subject, &program, 0..program.blocks.len());
     let blocks = &plan.program.blocks;
     let deviation = |i: usize| {
-        let block = owner[path.stroke[i] as usize] as usize;
-        let (stop, turn, [x, y, z]) = (&blocks[block].stop, &turns[block], path.at[i]);
+        let block = owner[path.nodes[i].stroke.index()] as usize;
+        let (stop, turn, [x, y, z]) = (&blocks[block].stop, &turns[block], path.nodes[i].at);
         let p = turn.apply(P3::new([x, y, z].map(|v| v * NM_PER_MM))).at.map(|v| v / NM_PER_MM);
         let centre = stop.centre.mm();
         Deviation {

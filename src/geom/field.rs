@@ -1,5 +1,7 @@
 //! Points of the scan field and of the controller that moves the spot in it.
 
+use super::{Controller, P2};
+
 /// A point of the field frame, nm: from the optical axis, x and y as the turned part's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct FieldPoint {
@@ -33,4 +35,12 @@ pub struct ControllerPoint {
     pub x: i32,
     /// y in nm.
     pub y: i32,
+}
+
+impl ControllerPoint {
+    /// The same point, for boxes.
+    #[inline]
+    pub fn p2(self) -> P2<Controller> {
+        P2::new(self.x.into(), self.y.into())
+    }
 }

@@ -12,6 +12,10 @@ pub struct Part;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Turned;
 
+/// The frame of the scanner's controller: the field with axes swapped and mirrored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Controller;
+
 /// A point in space, nm; its coordinates by index.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct P3<F = Part> {

@@ -4,6 +4,7 @@
 //! and as `i32` inside a block (2.1 m either way). Predicates are exact. mm appear only where a file
 //! is read or written, and z stays `f64` until a mark is made of it.
 
+mod box_mm;
 mod buckets;
 mod field;
 mod frame;
@@ -12,9 +13,10 @@ mod nm;
 mod stroke;
 mod turn;
 
+pub use box_mm::BoxMm;
 pub use buckets::{Buckets, counting_sort};
 pub use field::{ControllerPoint, FieldPoint};
-pub use frame::{P3, Part, Turned};
+pub use frame::{Controller, P3, Part, Turned};
 pub use grid::Grid;
 pub use nm::Nm;
 pub use stroke::Strokes;

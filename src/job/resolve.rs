@@ -17,7 +17,7 @@ use crate::diag::{Diag, Error};
 use crate::emit::{Format, TARGETS, Target};
 use crate::geom::{MAX_NM, Nm, P2};
 use crate::machine::Origin;
-use crate::program::Pen;
+use crate::program::{Pen, PenId};
 use crate::units::{Angle, Length};
 use crate::{surface, texture};
 
@@ -423,10 +423,10 @@ impl Texture<'_> {
     }
 
     /// The index of its pen; the first where none is named.
-    fn pen(&self, f: &mut Faults<'_>) -> u16 {
-        let Some(name) = &self.keys.pen else { return 0 };
+    fn pen(&self, f: &mut Faults<'_>) -> PenId {
+        let Some(name) = &self.keys.pen else { return PenId(0) };
         match self.pens.iter().position(|p| p.name == *name) {
-            Some(i) => i as u16,
+            Some(i) => PenId(i as u16),
             None => {
                 let names: Vec<_> = self.pens.iter().map(|p| p.name.as_str()).collect();
                 f.push(
@@ -434,7 +434,7 @@ impl Texture<'_> {
                     Diag::input("pen-unknown", format!("there is no pen named {name:?}"))
                         .hint(format!("pens of this job: {}", names.join(", "))),
                 );
-                0
+                PenId(0)
             }
         }
     }

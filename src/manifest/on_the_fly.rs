@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 use super::Head;
 use super::stepped::{Placement, bytes};
 use crate::diag::{Diag, Message};
-use crate::geom::mm_from_nm;
 use crate::job::Job;
 use crate::machine::Machine;
 use crate::on_the_fly::check::{Checked, SERVO_S};
@@ -171,10 +170,7 @@ pub fn on_the_fly_manifest(head: &Head, facts: &OnTheFlyFacts<'_>) -> Vec<u8> {
     let document = Document {
         head,
         machine: facts.machine,
-        placement: Placement {
-            origin_mm: facts.program.origin.map(mm_from_nm),
-            turn_deg: facts.job.placement.turn.as_deg(),
-        },
+        placement: Placement { origin_mm: facts.program.origin.mm(), turn_deg: facts.job.placement.turn.as_deg() },
         axes: facts.program.kind.letters(),
         limits: Limits {
             fod_um: facts.job.focus.half_depth_mm() * 1000.0,

@@ -6,6 +6,7 @@
 
 use crate::geom::{NM_PER_MM, P2};
 use crate::on_the_fly::path::height_field::HeightField;
+use crate::program::PieceId;
 use crate::projection::Tracer;
 
 /// A cut is this far from the step that it is made for: marks that are rounded to a nanometre stay on their side.
@@ -20,7 +21,7 @@ const APART: f64 = 1e-5;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stretch {
     /// Index of the stroke.
-    pub stroke: u32,
+    pub stroke: PieceId,
     /// Where it begins.
     pub from: f64,
     /// Where it ends.
@@ -146,7 +147,7 @@ pub(super) fn segments(points: &[P2], tracer: &mut Tracer<'_>, height_field: &He
 /// The pieces of a stroke that are marked, and the stretches that are left out, both in order. No piece nor stretch is
 /// shorter than what a cut takes.
 pub(super) fn pieces(
-    stroke: u32,
+    stroke: PieceId,
     segments: &[Segment],
     follow: &Follow<'_>,
     spacing: f64,
@@ -286,14 +287,14 @@ mod tests {
             Segment { a, b, before: 0.0, length: 10.0, under: under() },
             Segment { a: b, b: a, before: 10.0, length: 10.0, under: under() },
         ];
-        let without = [Stretch { stroke: 3, from: 9.0, to: 11.0 }];
+        let without = [Stretch { stroke: PieceId(3), from: 9.0, to: 11.0 }];
         let follow = Follow { near: 1e-3, holds: &|_, _| true, without: &without };
-        let (marked, left_out) = pieces(3, &segments, &follow, 0.1);
+        let (marked, left_out) = pieces(PieceId(3), &segments, &follow, 0.1);
         assert_eq!(marked.len(), 2, "{marked:?}");
         assert_ne!(point_at(&segments, marked[0].to), point_at(&segments, marked[1].from));
         // Both together are the stroke.
         assert_eq!((marked[0].from, marked[0].to, marked[1].to), (0.0, 9.0, 20.0));
-        assert_eq!(left_out, [Stretch { stroke: 3, from: 9.0, to: marked[1].from }]);
+        assert_eq!(left_out, [Stretch { stroke: PieceId(3), from: 9.0, to: marked[1].from }]);
     }
 
     #[test]
@@ -308,7 +309,7 @@ mod tests {
         let segment = Segment { a: P2::new(0, 0), b: P2::new(10_000_000, 0), before: 5.0, length: 10.0, under };
         assert_eq!(nodes(&segment, 0.0, 1.0, 20.0, 1e-3), [0.5, 1.0]);
         // Pieces that begin or end there.
-        let share = |from, to| segment.share(&Stretch { stroke: 0, from, to });
+        let share = |from, to| segment.share(&Stretch { stroke: PieceId(0), from, to });
         assert_eq!(share(15.0 - 4e-7, 20.0), None);
         assert_eq!(share(0.0, 5.0 + 4e-7), None);
         assert_eq!(share(0.0, 20.0), Some([0.0, 1.0]));

@@ -7,7 +7,7 @@
 
 use crate::diag::{Diag, Error, Place};
 use crate::emit;
-use crate::geom::{NM_PER_MM, Nm, P2, length_mm};
+use crate::geom::{BoxMm, NM_PER_MM, Nm, P2, length_mm};
 use crate::job::Job;
 use crate::machine::{Machine, Origin};
 use crate::manifest::{Deviations, FlyLengths, LeftOut, OnTheFlySummary};
@@ -21,9 +21,10 @@ use crate::on_the_fly::follow::{Follow, Stretch};
 use crate::on_the_fly::footing::{self, FocusOnPart, Miss, focus_on_part};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::schedule::Schedule;
-use crate::on_the_fly::path::{Followed, Path};
+use crate::on_the_fly::path::{Followed, Node, Path};
 use crate::on_the_fly::program::{Kind, Program};
 use crate::on_the_fly::topp::State;
+use crate::program::PieceId;
 use crate::surface::Surface;
 use crate::texture::Texture;
 use crate::units::Speed;
@@ -223,10 +224,11 @@ impl Planner<'_> {
         let allowed = ScannerLimits::of(machine, (1.0 - SPARE_FOCUS) * self.focus)?;
         let allowed = ScannerLimits { half_field: allowed.half_field.map(|h| h - SPARE), ..allowed };
         let origin = self.origin.mm();
-        let travels = |ends: [[f64; 2]; 3]| {
-            machine.axes().iter().zip(ends).zip(origin).all(|(((_, axis), ends), o)| {
+        let travels = |ends: BoxMm<3>| {
+            let ends = ends.lo.into_iter().zip(ends.hi);
+            machine.axes().iter().zip(ends).zip(origin).all(|(((_, axis), (least, most)), o)| {
                 let [lo, hi] = axis.travel.map(|t| t.as_mm());
-                ends.iter().all(|v| (lo..=hi).contains(&(axis.sign() as f64 * (v + o))))
+                [least, most].iter().all(|v| (lo..=hi).contains(&(axis.sign() as f64 * (v + o))))
             })
         };
         let found = quickest(path, machine, &self.strokes.pens, allowed, SAMPLES, &travels);
@@ -238,7 +240,7 @@ impl Planner<'_> {
 
     /// The program of a motion, run as much slower as its axes and marks need.
     fn within_limits(&self, mut motion: Motion, kind: Kind) -> Result<Program, Error> {
-        let program = |motion: &Motion| Program::of(motion, self.strokes, self.machine, self.origin.0, kind);
+        let program = |motion: &Motion| Program::of(motion, self.strokes, self.machine, self.origin, kind);
         let (mut made, mut late) = program(&motion)?;
         // Between its nodes a motion is straight, and bends at them more than the smooth one it stands for.
         for _ in 0..STRETCHES {
@@ -256,7 +258,7 @@ impl Planner<'_> {
     fn left_out(&self, texture: &Texture, stretches: &[Stretch]) -> Vec<LeftOut> {
         let mut drawn = Vec::new();
         let of = |stretch: &Stretch| {
-            let stroke = &self.strokes.strokes[stretch.stroke as usize];
+            let stroke = &self.strokes.strokes[stretch.stroke.index()];
             texture.stroke(stroke.source.index(), &mut drawn);
             let points = self.points_of(stretch.stroke);
             let end = if stroke.reversed { points[points.len() - 1] } else { points[0] };
@@ -271,10 +273,10 @@ impl Planner<'_> {
     }
 
     /// The points of a stroke on the part.
-    fn points_of(&self, stroke: u32) -> Vec<P2> {
-        let block = self.strokes.blocks.iter().find(|b| b.strokes.contains(&(stroke as usize)));
+    fn points_of(&self, stroke: PieceId) -> Vec<P2> {
+        let block = self.strokes.blocks.iter().find(|b| b.strokes.contains(&stroke.index()));
         let centre = block.map_or(P2::new(0, 0), |b| b.stop.centre);
-        let points = self.strokes.points_of(&self.strokes.strokes[stroke as usize]).iter();
+        let points = self.strokes.points_of(&self.strokes.strokes[stroke.index()]).iter();
         points.map(|p| P2::new(centre.x + i64::from(p.x), centre.y + i64::from(p.y))).collect()
     }
 
@@ -344,7 +346,7 @@ fn turning(model: &KinematicModel<'_>, found: &Seven) -> Motion {
         found.timed.at(time, &mut hint, &mut state);
         let length = s[node + 1] - s[node];
         let share = if length > 0.0 { ((at - s[node]) / length).clamp(0.0, 1.0) } else { 1.0 };
-        let [p, q] = [path.at[node], path.at[node + 1]];
+        let [p, q] = [path.nodes[node].at, path.nodes[node + 1].at];
         let spot = std::array::from_fn(|k| p[k] + share * (q[k] - p[k]));
         let mut axes: [f64; AXES] = std::array::from_fn(|k| state.position[k]);
         let tool =
@@ -356,7 +358,8 @@ fn turning(model: &KinematicModel<'_>, found: &Seven) -> Motion {
         (0..3).for_each(|k| axes[k] += shift[k]);
         // The stretch that ends here is that of the node behind, at the node itself too.
         let behind = if share > 0.0 { node + 1 } else { node };
-        motion.waypoints.push(Waypoint { time, axes, pen: path.pen[behind], stroke: path.stroke[behind] });
+        let Node { pen, stroke, .. } = path.nodes[behind];
+        motion.waypoints.push(Waypoint { time, axes, pen, stroke });
     }
     motion
 }

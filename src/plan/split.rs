@@ -9,7 +9,7 @@ use crate::diag::{Diag, Error, memory};
 use crate::geom::{NM_PER_MM, Nm, length_mm};
 use crate::job::Partition;
 use crate::partition::Stops;
-use crate::program::{Pen, PenId, Sections, Stroke, StrokeId};
+use crate::program::{Pen, Sections, Stroke, StrokeId};
 use crate::projection::{Keep, Tracer};
 use crate::split::{Fragment, Fragments, Seam, Splitter};
 use crate::texture::Texture;
@@ -107,7 +107,7 @@ pub(super) fn split(
             let mut splitter = Splitter::new(tracer, candidates, cuts.min_mark.f64(), cuts.keep, cuts.seam);
             let mut points = Vec::new();
             for i in chunk {
-                let pen = PenId(texture.stroke(i, &mut points));
+                let pen = texture.stroke(i, &mut points);
                 splitter.stroke(StrokeId(i as u32), pen, pens[pen.index()].passes, &points);
             }
             let parts: Vec<Fragments> = splitter.finish().collect();

@@ -28,6 +28,8 @@ macro_rules! ids {
 ids! {
     /// A stroke of the texture.
     StrokeId(u32);
+    /// A stroke of a program, in the order of marking: a piece of a stroke of the texture.
+    PieceId(u32);
     /// A pen.
     PenId(u16);
     /// A pass over the texture.

@@ -34,7 +34,7 @@ pub(crate) mod sample;
 mod sections;
 pub mod text;
 
-pub use ids::{BlockId, PassId, PenId, SectionId, SetupId, StopId, StrokeId};
+pub use ids::{BlockId, PassId, PenId, PieceId, SectionId, SetupId, StopId, StrokeId};
 pub use sections::Sections;
 
 use std::ops::Range;

@@ -9,28 +9,9 @@ use std::path::Path;
 use super::Content;
 use super::lines::place;
 use crate::diag::{Diag, Error, Place};
-use crate::geom::MAX_NM;
+use crate::geom::{BoxMm, MAX_NM};
 
-/// A box in space, in mm, as large as what was added.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Extent {
-    lo: [f64; 3],
-    hi: [f64; 3],
-}
-
-impl Extent {
-    /// The box that holds nothing.
-    pub(crate) const EMPTY: Self = Self { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3] };
-
-    /// Grows the box to hold `p`.
-    #[inline]
-    pub(crate) fn add(&mut self, p: [f64; 3]) {
-        for ((lo, hi), v) in self.lo.iter_mut().zip(&mut self.hi).zip(p) {
-            *lo = lo.min(v);
-            *hi = hi.max(v);
-        }
-    }
-
+impl BoxMm<3> {
     /// Whether all of it lies within 4 m of the origin.
     pub(crate) fn fits_part(&self) -> bool {
         self.lo.iter().chain(&self.hi).all(|v| v.abs() <= MAX_NM.mm())
@@ -48,7 +29,7 @@ impl Extent {
 
     /// A warning where the whole surface is smaller than 1 mm.
     pub(crate) fn tiny(&self, place: Place, remedy: &str) -> Option<Diag> {
-        let size = [0, 1, 2].map(|k| self.hi[k] - self.lo[k]);
+        let size = self.size();
         size.iter().all(|&s| s < 1.0).then(|| {
             let text = format!("the whole surface is smaller than 1 mm: its size is ({}) mm", mm(size));
             Diag::warning("surface-tiny", text).at(place).hint(remedy)
@@ -85,7 +66,7 @@ pub(crate) struct Facets<'a> {
     path: &'a Path,
     unit_mm: f64,
     sink: &'a mut dyn FnMut([[f64; 3]; 3]),
-    extent: Extent,
+    extent: BoxMm<3>,
     count: usize,
     first_beyond: Option<usize>,
 }
@@ -93,7 +74,7 @@ pub(crate) struct Facets<'a> {
 impl<'a> Facets<'a> {
     /// Nothing handed on yet.
     pub(crate) fn new(path: &'a Path, unit_mm: f64, sink: &'a mut dyn FnMut([[f64; 3]; 3])) -> Self {
-        Self { path, unit_mm, sink, extent: Extent::EMPTY, count: 0, first_beyond: None }
+        Self { path, unit_mm, sink, extent: BoxMm::EMPTY, count: 0, first_beyond: None }
     }
 
     /// Facets so far.

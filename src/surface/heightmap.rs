@@ -10,10 +10,10 @@ use std::path::Path;
 
 use png::{BitDepth, ColorType, Decoder, DecodingError, Limits};
 
-use super::facets::Extent;
 use super::lines::{self, place};
 use super::{Content, Heightmap, Scale};
 use crate::diag::{Diag, Error, Place, memory, unreadable};
+use crate::geom::BoxMm;
 
 /// Most samples along one side.
 const MAX_SIDE: u32 = 20_000;
@@ -154,7 +154,7 @@ fn scaled(mut image: Image, scale: &Scale, notes: &mut Vec<Diag>, place: &Place)
         return Err(Diag::input("heightmap-empty", text).hint("check nodata in [surface.heightmap]"));
     }
     let z = |v: u16| z_mm[0] + f64::from(v) * z_mm[1];
-    let mut extent = Extent::EMPTY;
+    let mut extent = BoxMm::EMPTY;
     let far = |k: usize, n: usize| scale.origin_mm[k] + (n - 1) as f64 * scale.pixel_mm;
     extent.add([scale.origin_mm[0], scale.origin_mm[1], z(lowest)]);
     extent.add([far(0, image.columns), far(1, image.rows), z(highest)]);

@@ -12,10 +12,10 @@ use std::path::Path;
 use spade::{DelaunayTriangulation, HasPosition, InsertionError, Point2, Triangulation};
 
 use super::Content;
-use super::facets::{Extent, Facets, check_unit, fits};
+use super::facets::{Facets, check_unit, fits};
 use super::lines::{Lines, NoNumber, no_number, number, place, shown};
 use crate::diag::{Diag, Error, Place, memory};
-use crate::geom::{Box2, P2, orient};
+use crate::geom::{Box2, BoxMm, P2, orient};
 
 /// Most points that are read (4 GB of triangulation).
 const MAX_POINTS: usize = 20_000_000;
@@ -217,7 +217,7 @@ fn rows(path: &Path, unit_mm: f64, notes: &mut Vec<Diag>) -> Result<Vec<Point>, 
 struct Cloud {
     unit_mm: f64,
     points: Vec<Point>,
-    extent: Extent,
+    extent: BoxMm<3>,
     first_beyond: Option<Place>,
     dropped: usize,
     first_dropped: Option<Place>,
@@ -225,7 +225,7 @@ struct Cloud {
 
 impl Cloud {
     fn new(unit_mm: f64) -> Self {
-        let (points, extent) = (Vec::new(), Extent::EMPTY);
+        let (points, extent) = (Vec::new(), BoxMm::EMPTY);
         Self { unit_mm, points, extent, first_beyond: None, dropped: 0, first_dropped: None }
     }
 

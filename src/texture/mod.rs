@@ -26,6 +26,7 @@ use std::sync::Arc;
 
 use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, P2};
+use crate::program::PenId;
 use drawing::Drawing;
 pub use pattern::{Contour, Directions, Kind};
 use place::Turn;
@@ -62,7 +63,7 @@ pub struct Request {
     /// Largest distance between a curve and its polyline, mm.
     pub tolerance_mm: f64,
     /// Index of its pen.
-    pub pen: u16,
+    pub pen: PenId,
 }
 
 /// Strokes that are asked for by their index.
@@ -103,7 +104,7 @@ impl Placed {
 #[derive(Clone, Debug)]
 struct Part {
     placed: Placed,
-    pen: u16,
+    pen: PenId,
     /// Index of its first stroke in the whole texture.
     start: u64,
 }
@@ -249,7 +250,7 @@ impl Texture {
     ///
     /// # Panics
     /// Where `i` is not below [`Texture::len`].
-    pub fn stroke(&self, i: usize, out: &mut Vec<P2>) -> u16 {
+    pub fn stroke(&self, i: usize, out: &mut Vec<P2>) -> PenId {
         out.clear();
         let (k, i) = self.find(i);
         let part = &self.parts[k];

@@ -29,6 +29,7 @@ pub use proof::{Lengths, Proof, Rule, Violation};
 use crate::diag::{Diag, Error, Place};
 use crate::geom::P2;
 use crate::job::Mode;
+use crate::program::PenId;
 use crate::texture::Texture;
 use geometry::Geometry;
 use inputs::Inputs;
@@ -38,7 +39,7 @@ use read::program::ProgramFile;
 use rules::Findings;
 
 /// Writes the points of a stroke into the cleared buffer and answers with its pen.
-type Stroke<'a> = dyn Fn(usize, &mut Vec<P2>) -> u16 + 'a;
+type Stroke<'a> = dyn Fn(usize, &mut Vec<P2>) -> PenId + 'a;
 
 /// The texture strokes of one pass as placed anew, by number.
 pub(crate) struct Drawing<'a> {

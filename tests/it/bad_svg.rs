@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use crate::support::{folder, malformed};
 use proptest::prelude::*;
+use terrace::program::PenId;
 use terrace::texture::{Area, Kind, Request, Texture};
 
 /// What must come of a file: strokes, or the code of the error; and the codes of the warnings.
@@ -56,7 +57,7 @@ const SIZED: [(&str, Outcome); 4] = [
 fn check(path: &Path, size_mm: Option<[f64; 2]>, (expected, warnings): Outcome) {
     let name = path.file_name().expect("a name").to_string_lossy();
     let kind = Kind::Drawing { path: path.to_owned(), size_mm, origin_mm: None, turn_rad: 0.0, tile: false };
-    let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: 0 };
+    let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0) };
     let (start, mut notes) = (Instant::now(), Vec::new());
     let loaded = Texture::load(&[request], [0.0, 0.0, 100.0, 100.0], 0.0, &mut notes);
     assert!(start.elapsed() < Duration::from_secs(5), "{name}: {:?}", start.elapsed());
@@ -151,7 +152,7 @@ proptest! {
         let file = tempfile::Builder::new().suffix(".svg").tempfile().expect("a file");
         std::fs::write(file.path(), text).expect("written");
         let kind = Kind::Drawing { path: file.path().into(), size_mm: None, origin_mm: None, turn_rad: 0.3, tile: which == 2 };
-        let request = Request { kind, area: Area::Part, tolerance_mm: 1e-2, pen: 0 };
+        let request = Request { kind, area: Area::Part, tolerance_mm: 1e-2, pen: PenId(0) };
         if let Ok(texture) = Texture::load(&[request], [0.0, 0.0, 30.0, 20.0], 0.1, &mut Vec::new()) {
             let mut out = Vec::new();
             for i in (0..texture.len()).take(1000) {

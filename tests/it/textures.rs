@@ -7,12 +7,13 @@ use crate::support::{fixture, folder, shared};
 use proptest::prelude::*;
 use terrace::diag::{Diag, Error};
 use terrace::geom::{Box2, P2, length_mm};
+use terrace::program::PenId;
 use terrace::texture::{Area, Kind, Request, Texture};
 
 const PLATE: [f64; 4] = [0.0, 0.0, 450.0, 450.0];
 
 fn request(kind: Kind, area: Area) -> Request {
-    Request { kind, area, tolerance_mm: 1e-3, pen: 3 }
+    Request { kind, area, tolerance_mm: 1e-3, pen: PenId(3) }
 }
 
 fn load(request: Request, part_box: [f64; 4], turn_rad: f64) -> Result<(Texture, Vec<Diag>), Error> {
@@ -33,7 +34,7 @@ fn strokes(t: &Texture) -> Vec<Vec<P2>> {
     let (mut out, mut bounds) = (Vec::new(), Box2::EMPTY);
     let all: Vec<_> = (0..t.len())
         .map(|i| {
-            assert_eq!(t.stroke(i, &mut out), 3);
+            assert_eq!(t.stroke(i, &mut out), PenId(3));
             assert!(out.len() > 1 && out.windows(2).all(|w| w[0] != w[1]), "stroke {i}: {out:?}");
             out.iter().for_each(|&p| bounds.add(p));
             assert!(t.element(i).starts_with("texture 1, "));
@@ -338,17 +339,17 @@ fn text_of_a_job_with_several_textures_keeps_order_and_pens() {
         kind: Kind::Hatch { pitch_mm: 1.0, direction_rad: 0.0 },
         area: Area::Part,
         tolerance_mm: 1e-3,
-        pen: 1,
+        pen: PenId(1),
     };
     let curve = Request {
         kind: Kind::Hilbert { order: 2 },
         area: Area::Rectangle([20.0, 0.0, 30.0, 10.0]),
         tolerance_mm: 1e-3,
-        pen: 0,
+        pen: PenId(0),
     };
     let t = Texture::load(&[hatch, curve], [0.0, 0.0, 10.0, 10.0], 0.0, &mut Vec::new()).expect("textures");
     let mut out = Vec::new();
-    assert_eq!((t.len(), t.stroke(10, &mut out), t.stroke(11, &mut out)), (12, 1, 0));
+    assert_eq!((t.len(), t.stroke(10, &mut out), t.stroke(11, &mut out)), (12, PenId(1), PenId(0)));
     assert_eq!(
         (t.element(10).as_str(), t.element(11).as_str()),
         ("texture 1, hatch line 11", "texture 2, hilbert curve")

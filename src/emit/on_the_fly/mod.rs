@@ -17,6 +17,7 @@ use crate::machine::Machine;
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::check::{Checked, Figures, SERVO_S};
 use crate::on_the_fly::program::{Kind, Mark};
+use crate::program::PenId;
 
 /// How far a controller that blends moves may round a corner of a mark, mm.
 pub const BLEND_MM: f64 = 2e-4;
@@ -79,18 +80,18 @@ fn push_time(out: &mut Vec<u8>, us: i64, unit: i64) {
 #[derive(Default)]
 struct Pieces {
     piece: Option<Mark>,
-    pen: Option<u16>,
+    pen: Option<PenId>,
 }
 
 impl Pieces {
     /// Where a piece begins with this move: its comment, and its pen where that is another than before.
-    fn begin(&mut self, mark: Option<Mark>) -> Option<(String, Option<u16>)> {
+    fn begin(&mut self, mark: Option<Mark>) -> Option<(String, Option<PenId>)> {
         let new = mark.filter(|_| mark != self.piece);
         self.piece = mark;
         let new = new?;
         let pen = (self.pen != Some(new.pen)).then_some(new.pen);
         self.pen = Some(new.pen);
-        Some((format!("MARK {} PEN {}", new.source, new.pen + 1), pen))
+        Some((format!("MARK {} PEN {}", new.source.0, new.pen.number()), pen))
     }
 }
 
@@ -100,9 +101,9 @@ fn settle(machine: &Machine) -> i64 {
 }
 
 /// Power of a pen in percent of the laser's, three decimals.
-fn percent(checked: &Checked, machine: &Machine, pen: u16) -> String {
+fn percent(checked: &Checked, machine: &Machine, pen: PenId) -> String {
     let full = machine.laser.max_power;
-    format!("{:.3}", checked.program().pens[usize::from(pen)].power.as_w(full) / full.as_w() * 100.0)
+    format!("{:.3}", checked.program().pens[pen.index()].power.as_w(full) / full.as_w() * 100.0)
 }
 
 /// The head of every program.

@@ -1,6 +1,7 @@
 use super::*;
+use crate::machine::Origin;
 use crate::on_the_fly::program::{Mark, Move, Program};
-use crate::program::Pen;
+use crate::program::{Pen, PenId, PieceId, StrokeId};
 use crate::units::{Frequency, Power, Speed};
 
 fn sample(kind: Kind) -> (Checked, Machine) {
@@ -13,14 +14,14 @@ fn sample(kind: Kind) -> (Checked, Machine) {
         frequency: Frequency::khz(60.0),
         passes: 1,
     };
-    let mark = |pen, piece| Some(Mark { pen, source: 4 + piece, piece });
+    let mark = |pen, piece| Some(Mark { pen: PenId(pen), source: StrokeId(4 + piece), piece: PieceId(piece) });
     let turn = i64::from(kind == Kind::Xyzacuv);
     let at = |x, u, v| [x, 0, -5_000_000, -1_500_000 * turn, 250_000 * turn, u, v];
     let move_to = |us, to, mark| Move { us, to, mark };
     let program = Program {
         kind,
         pens: vec![pen("fill (a)", Power::Percent(60.0)), pen("edge", Power::Percent(12.5))],
-        origin: [0; 3],
+        origin: Origin::default(),
         start: at(0, 0, 0),
         moves: vec![
             move_to(10_000, at(-500_000, 1, 0), None),

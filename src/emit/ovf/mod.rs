@@ -18,7 +18,7 @@ use self::message::{
     WorkPlane, WorkPlaneLut, WorkPlaneMetaData,
 };
 use crate::check::Checked;
-use crate::geom::{ControllerPoint, FieldPoint, mm_from_nm};
+use crate::geom::{Box2, Controller, FieldPoint, mm_from_nm};
 use crate::machine::{Carries, Machine};
 use crate::program::{Program, Stroke};
 
@@ -38,10 +38,10 @@ pub fn write(checked: &Checked, machine: &Machine, job_name: &str, source_name: 
     let lut_place = file.reserve_offset();
     let machine_type = machine_type(machine);
     let mut planes = Vec::with_capacity(program.blocks.len());
-    let mut bounds = Extent::default();
+    let mut bounds = Box2::EMPTY;
     for index in 0..program.blocks.len() {
         planes.push(file.end());
-        bounds.add(&work_plane(&mut file, program, machine, index, &machine_type));
+        bounds = bounds.union(work_plane(&mut file, program, machine, index, &machine_type));
     }
     let shell = file.end();
     file.message(&Job {
@@ -49,7 +49,7 @@ pub fn write(checked: &Checked, machine: &Machine, job_name: &str, source_name: 
             job_name: job_name.into(),
             author: concat!("terrace ", env!("CARGO_PKG_VERSION")).into(),
             description: "mm; positions are axis commands, points lie around the optical axis".into(),
-            bounds: bounds.mm(),
+            bounds: bounds_mm(&bounds),
         }),
         marking_params: (1..).zip(program.pens.iter().map(|pen| marking_params(pen, machine))).collect(),
         parts: [(PART_KEY, Part { name: source_name.into() })].into(),
@@ -62,10 +62,16 @@ pub fn write(checked: &Checked, machine: &Machine, job_name: &str, source_name: 
 }
 
 /// Appends one work plane with its vector blocks and its table; answers with the extent of its points.
-fn work_plane(file: &mut File, program: &Program, machine: &Machine, index: usize, machine_type: &str) -> Extent {
+fn work_plane(
+    file: &mut File,
+    program: &Program,
+    machine: &Machine,
+    index: usize,
+    machine_type: &str,
+) -> Box2<Controller> {
     let block = &program.blocks[index];
     let lut_place = file.reserve_offset();
-    let mut extent = Extent::default();
+    let mut extent = Box2::EMPTY;
     let mut starts = Vec::new();
     let mut strokes = program.strokes_of(block);
     let mut at = FieldPoint::AXIS;
@@ -74,7 +80,7 @@ fn work_plane(file: &mut File, program: &Program, machine: &Machine, index: usiz
         let (vectors, bounds) = vector_block(program, machine, first, now, &mut at);
         starts.push(file.end());
         file.message(&vectors);
-        extent.add(&bounds);
+        extent = extent.union(bounds);
         strokes = later;
     }
     let shell = file.end();
@@ -99,7 +105,7 @@ fn work_plane(file: &mut File, program: &Program, machine: &Machine, index: usiz
             scan_distance_mm: program.mark_mm(block),
             jump_distance_mm: program.jump_mm(block),
             patches: [(0, centre)].into(),
-            bounds: extent.mm(),
+            bounds: bounds_mm(&extent),
         }),
     });
     let lut = file.end();
@@ -126,8 +132,8 @@ fn vector_block(
     first: &Stroke,
     strokes: &[Stroke],
     at: &mut FieldPoint,
-) -> (VectorBlock, Extent) {
-    let mut extent = Extent::default();
+) -> (VectorBlock, Box2<Controller>) {
+    let mut extent = Box2::EMPTY;
     let mut xy_mm = Vec::with_capacity(2 * strokes.iter().map(|s| s.len as usize).sum::<usize>());
     let (mut scan, mut jump) = (0.0, 0.0);
     for stroke in strokes {
@@ -137,14 +143,18 @@ fn vector_block(
         *at = points[points.len() - 1];
         for &point in points {
             let point = machine.scanner.controller_from_field(point);
-            extent.point(point);
+            extent.add(point.p2());
             xy_mm.extend([point.x, point.y].map(|nm| single_mm(i64::from(nm))));
         }
     }
     let points = Some(Points { xy_mm });
     let (line_sequence, hatches) = if first.len > 2 { (points, None) } else { (None, points) };
-    let meta_data =
-        VectorBlockMetaData { scan_distance_mm: scan, jump_distance_mm: jump, part_key: PART_KEY, bounds: extent.mm() };
+    let meta_data = VectorBlockMetaData {
+        scan_distance_mm: scan,
+        jump_distance_mm: jump,
+        part_key: PART_KEY,
+        bounds: bounds_mm(&extent),
+    };
     let block = VectorBlock {
         line_sequence,
         hatches,
@@ -213,27 +223,10 @@ impl File {
     }
 }
 
-/// Lowest and highest coordinates of points in nm; None of no points.
-#[derive(Clone, Copy, Default)]
-struct Extent(Option<[[i32; 2]; 2]>);
-
-impl Extent {
-    fn point(&mut self, p: ControllerPoint) {
-        self.corner([p.x, p.y]);
-    }
-    fn corner(&mut self, p: [i32; 2]) {
-        let [lo, hi] = self.0.unwrap_or([p, p]);
-        self.0 = Some([[lo[0].min(p[0]), lo[1].min(p[1])], [hi[0].max(p[0]), hi[1].max(p[1])]]);
-    }
-    fn add(&mut self, other: &Self) {
-        for corner in other.0.into_iter().flatten() {
-            self.corner(corner);
-        }
-    }
-    fn mm(&self) -> Option<Bounds> {
-        let [lo, hi] = self.0?.map(|corner| corner.map(|nm| single_mm(i64::from(nm))));
-        Some(Bounds { x_min: lo[0], y_min: lo[1], x_max: hi[0], y_max: hi[1] })
-    }
+/// A box as the file has it; None of one that holds nothing.
+fn bounds_mm(area: &Box2<Controller>) -> Option<Bounds> {
+    let [x_min, y_min, x_max, y_max] = [area.lo.x, area.lo.y, area.hi.x, area.hi.y].map(single_mm);
+    (!area.is_empty()).then_some(Bounds { x_min, y_min, x_max, y_max })
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! What all axes do, timed: the common end of every decomposition.
 
+use crate::program::{PenId, PieceId};
+
 /// Axes of a motion, in this order: stage X, Y, Z in mm, turns A and C in rad, scanner U and V in mm.
 pub const AXES: usize = 7;
 
@@ -11,9 +13,9 @@ pub struct Waypoint {
     /// Where all axes are then.
     pub axes: [f64; AXES],
     /// Pen of the stretch that ends here; None with the beam off.
-    pub pen: Option<u16>,
+    pub pen: Option<PenId>,
     /// Stroke of the program that it belongs to.
-    pub stroke: u32,
+    pub stroke: PieceId,
 }
 
 /// Waypoints of all axes, in times that never fall, with straight lines between them.

@@ -19,7 +19,7 @@ use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::decompose::{Family, Limits, Trial, back_off, refine, rms_bend, seven_axes, stage};
 use crate::on_the_fly::path::c_rewind::rewound;
 use crate::on_the_fly::path::height_field::HeightField;
-use crate::on_the_fly::path::{Node, Path};
+use crate::on_the_fly::path::{Node, NodeKind, Path};
 use crate::on_the_fly::topp::{self, Limit, Timed};
 use crate::program::Pen;
 
@@ -134,16 +134,17 @@ impl<'a> KinematicModel<'a> {
     /// The least time of all axes along the nodes of the path that `s` holds, on a grid `refine` times as fine.
     fn time(&self, path: &Path, s: &[f64], axes: &[Axes], refine: usize) -> Result<Timed, Error> {
         let axes = &axes[..s.len()];
-        let positions: Vec<f64> = axes.iter().zip(&path.at).flat_map(|(a, &p)| self.values(a, p)).collect();
+        let positions: Vec<f64> = axes.iter().zip(&path.nodes).flat_map(|(a, node)| self.values(a, node.at)).collect();
         let jump = self.machine.scanner.jump_speed.as_mm_s();
         // The beam stands nearly upright on the part: a pen's speed is one along the part, s is seen from the lens.
         let cap = |i: usize| {
-            let Some(pen) = path.pen[i] else { return jump };
-            let (plan, rise) = (s[i] - s[i - 1], path.at[i][2] - path.at[i - 1][2]);
-            self.pens[usize::from(pen)].speed.as_mm_s() * plan / plan.hypot(rise)
+            let Some(pen) = path.nodes[i].pen else { return jump };
+            let (plan, rise) = (s[i] - s[i - 1], path.nodes[i].at[2] - path.nodes[i - 1].at[2]);
+            self.pens[pen.index()].speed.as_mm_s() * plan / plan.hypot(rise)
         };
         let caps: Vec<f64> = (1..s.len()).map(cap).collect();
-        let stops: Vec<usize> = (0..s.len()).filter(|&i| matches!(path.node[i], Node::Corner | Node::End)).collect();
+        let stops: Vec<usize> =
+            (0..s.len()).filter(|&i| matches!(path.nodes[i].kind, NodeKind::Corner | NodeKind::End)).collect();
         let path = topp::Path { positions: &positions, s, caps: &caps, stops: &stops };
         topp::time_optimal(&path, &self.limits, &topp::Options { refine, gain: 5e-3, ..topp::Options::default() })
     }
@@ -234,7 +235,8 @@ impl Seven {
 
 /// The marks of a path, and its jumps, on the height field.
 fn marks(path: &Path, height_field: &HeightField) -> Vec<Pose> {
-    path.at.iter().map(|&p| Pose { p, n: height_field.at([p[0], p[1]]).normal() }).collect()
+    let poses = path.nodes.iter().map(|&Node { at: p, .. }| Pose { p, n: height_field.at([p[0], p[1]]).normal() });
+    poses.collect()
 }
 
 fn steps(s: &[f64]) -> Vec<f64> {
@@ -274,7 +276,7 @@ impl Resampled {
                     i += 1;
                 }
                 let t = ((at - s[i]) / (s[i + 1] - s[i])).clamp(0.0, 1.0);
-                [0, 1].map(|c| path.at[i][c] + t * (path.at[i + 1][c] - path.at[i][c]))
+                [0, 1].map(|c| path.nodes[i].at[c] + t * (path.nodes[i + 1].at[c] - path.nodes[i].at[c]))
             })
             .collect();
         Self { plan, step }

@@ -16,13 +16,14 @@
 use rayon::prelude::*;
 
 use crate::diag::Error;
+use crate::geom::BoxMm;
 use crate::machine::Machine;
 use crate::on_the_fly::axes::following_error::Servo;
 use crate::on_the_fly::axes::motion::{Motion, Waypoint};
 use crate::on_the_fly::decompose::{Method, stage};
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::schedule::Schedule;
-use crate::program::Pen;
+use crate::program::{Pen, PenId, PieceId};
 
 /// Time of a job that steps through `stops` and processes between moves (eq. 8).
 pub fn step_scan_s(stops: usize, move_s: f64, process_s: f64) -> f64 {
@@ -177,7 +178,7 @@ pub fn quickest(
     pens: &[Pen],
     allowed: ScannerLimits,
     most: usize,
-    travels: &dyn Fn([[f64; 2]; 3]) -> bool,
+    travels: &dyn Fn(BoxMm<3>) -> bool,
 ) -> Timed {
     let turned = |path: &Path, turn: Turnaround| {
         let path =
@@ -186,7 +187,7 @@ pub fn quickest(
         (path, schedule)
     };
     let total = |schedule: &Schedule, sync: &Decomposition| {
-        let usable = sync.fits && travels(ends(sync.stage.iter().copied()));
+        let usable = sync.fits && travels(BoxMm::of(sync.stage.iter().copied()));
         if usable { schedule.total_s() * sync.slower + 2.0 * sync.lead_s } else { f64::INFINITY }
     };
     let plain = Turnaround::Dwell(0.0);
@@ -228,12 +229,6 @@ pub fn quickest(
         }
     }
     best
-}
-
-/// Least and largest of each coordinate.
-pub fn ends(stage: impl IntoIterator<Item = [f64; 3]>) -> [[f64; 2]; 3] {
-    let none = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
-    stage.into_iter().fold(none, |ends, p| [0, 1, 2].map(|k| [ends[k][0].min(p[k]), ends[k][1].max(p[k])]))
 }
 
 /// Shortest and longest turnarounds that are tried, s at the pens' speeds, and samples they are tried with.
@@ -355,12 +350,12 @@ impl<'a> Nodes<'a> {
 
     /// Whether all nodes hold, or all of marks.
     fn all(&self, marks: bool, holds: impl Fn(f64, &[f64; 3]) -> bool) -> bool {
-        let lit = |i: usize| self.path.pen.get(i).copied().flatten().is_some();
+        let lit = |i: usize| self.path.pen_at(i).is_some();
         self.times.iter().enumerate().all(|(i, [arrive, leave])| {
             // A mark ends as the beam comes and begins as it goes.
             let come = !marks || lit(i);
             let go = !marks || lit(i + 1);
-            let at = &self.path.at[i];
+            let at = &self.path.nodes[i].at;
             (!come || holds(*arrive, at)) && (!go || (come && arrive == leave) || holds(*leave, at))
         })
     }
@@ -510,7 +505,11 @@ impl Decomposition {
 
     /// Where the stage is when the beam comes to each node of its path, or leaves it where a mark begins.
     pub fn nodes(&self, path: &Path, schedule: &Schedule) -> Vec<[f64; 3]> {
-        let time = schedule.visits.iter().zip(&path.pen).map(|(v, pen)| if pen.is_some() { v.arrive } else { v.leave });
+        let time = schedule
+            .visits
+            .iter()
+            .zip(&path.nodes)
+            .map(|(v, node)| if node.pen.is_some() { v.arrive } else { v.leave });
         time.map(|t| self.stage_at(self.lead_s + t * self.slower)).collect()
     }
 
@@ -518,7 +517,7 @@ impl Decomposition {
     pub fn motion(&self, path: &Path, schedule: &Schedule) -> Motion {
         let mut motion = Motion::default();
         let mut sample = 0;
-        let mut until = |time: f64, pen: Option<u16>, stroke: u32, motion: &mut Motion| {
+        let mut until = |time: f64, pen: Option<PenId>, stroke: PieceId, motion: &mut Motion| {
             while sample < self.stage.len() && sample as f64 * self.step_s < time {
                 let now = sample as f64 * self.step_s;
                 // Beside a node a sample tells nothing.
@@ -529,22 +528,22 @@ impl Decomposition {
             }
         };
         for i in 0..path.len() {
-            let (pen, stroke) = (path.pen[i], path.stroke[i]);
+            let (pen, stroke) = (path.nodes[i].pen, path.nodes[i].stroke);
             let [come, go] =
                 [schedule.visits[i].arrive, schedule.visits[i].leave].map(|t| self.lead_s + t * self.slower);
             until(come, pen, stroke, &mut motion);
-            push(&mut motion, come, self.stage_at(come), path.at[i], pen, stroke);
+            push(&mut motion, come, self.stage_at(come), path.nodes[i].at, pen, stroke);
             if go > come {
                 until(go, None, stroke, &mut motion);
-                push(&mut motion, go, self.stage_at(go), path.at[i], None, stroke);
+                push(&mut motion, go, self.stage_at(go), path.nodes[i].at, None, stroke);
             }
         }
-        until(f64::INFINITY, None, path.stroke[path.len() - 1], &mut motion);
+        until(f64::INFINITY, None, path.nodes[path.len() - 1].stroke, &mut motion);
         motion
     }
 }
 
-fn push(motion: &mut Motion, time: f64, stage: [f64; 3], at: [f64; 3], pen: Option<u16>, stroke: u32) {
+fn push(motion: &mut Motion, time: f64, stage: [f64; 3], at: [f64; 3], pen: Option<PenId>, stroke: PieceId) {
     if motion.waypoints.last().is_some_and(|w| w.time == time) {
         return;
     }
@@ -556,7 +555,7 @@ fn push(motion: &mut Motion, time: f64, stage: [f64; 3], at: [f64; 3], pen: Opti
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::on_the_fly::path::Node;
+    use crate::on_the_fly::path::{Node, NodeKind};
     use crate::units::{Frequency, Power, Speed};
 
     #[test]
@@ -574,12 +573,8 @@ mod tests {
         for line in 0..count {
             let ends = [0.0, length].map(|x| [x, f64::from(line), 0.1 * x]);
             let [a, b] = if line % 2 == 0 { ends } else { [ends[1], ends[0]] };
-            for (at, pen) in [(a, None), (b, Some(0))] {
-                path.at.push(at);
-                path.pen.push(pen);
-                path.node.push(Node::End);
-                path.stroke.push(line);
-                path.run.push(None);
+            for (at, pen) in [(a, None), (b, Some(PenId(0)))] {
+                path.nodes.push(Node { at, pen, kind: NodeKind::End, stroke: PieceId(line), run: None });
             }
         }
         path
@@ -606,9 +601,9 @@ mod tests {
             assert!((sync.stage[1][k] - first).abs() < 1e-6 && (sync.stage[n - 2][k] - last).abs() < 1e-6);
         }
         for (i, at) in sync.nodes(&path, &schedule).iter().enumerate() {
-            let p = path.at[i];
+            let p = path.nodes[i].at;
             assert!((0..2).all(|k| (p[k] - at[k]).abs() <= ROOM.half_field[k] * (1.0 + 1e-6)), "{i}");
-            let lit = path.pen[i].is_some() || path.pen.get(i + 1).copied().flatten().is_some();
+            let lit = path.nodes[i].pen.is_some() || path.pen_at(i + 1).is_some();
             assert!(!lit || (p[2] - at[2]).abs() <= ROOM.focus * (1.0 + 1e-6), "{i}: {p:?} {at:?}");
         }
         // The motion is that of the stage, and every mark runs at its speed, slowed alike.

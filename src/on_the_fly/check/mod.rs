@@ -117,7 +117,7 @@ fn invariants(program: &Program) -> Vec<Diag> {
             broken("a move takes no time");
         }
         let Some(mark) = to.mark else { continue };
-        if usize::from(mark.pen) >= program.pens.len() {
+        if mark.pen.index() >= program.pens.len() {
             broken("a mark has no pen");
         }
         if *from == to.to {
@@ -286,7 +286,7 @@ fn scanner(program: &Program, machine: &Machine) -> Option<Diag> {
 fn mark_speed(program: &Program, machine: &Machine) -> Result<Option<Diag>, Error> {
     let spot = program.spots(machine)?;
     Ok(program.steps().find_map(|(us, from, to)| {
-        let pen = &program.pens[usize::from(to.mark?.pen)];
+        let pen = &program.pens[to.mark?.pen.index()];
         let way = spot(from).way(&spot(&to.to));
         is_fast(way, to.us - us, pen.speed.as_mm_s()).then(|| {
             let speed = way / (to.us - us) as f64 * 1e6;

@@ -1,6 +1,7 @@
 use super::*;
+use crate::machine::Origin;
 use crate::on_the_fly::program::{Mark, Move};
-use crate::program::Pen;
+use crate::program::{Pen, PenId, PieceId, StrokeId};
 use crate::units::{Frequency, Power, Speed};
 
 fn machine() -> Machine {
@@ -16,13 +17,13 @@ fn program() -> Program {
         frequency: Frequency::khz(60.0),
         passes: 1,
     };
-    let mark = Some(Mark { pen: 0, source: 0, piece: 0 });
+    let mark = Some(Mark { pen: PenId(0), source: StrokeId(0), piece: PieceId(0) });
     let moves = (1..=100i64).map(|i| Move { us: i * 1000, to: [0, 0, 0, 0, 0, i * 100_000, 0], mark });
     let back = Move { us: 110_000, to: [0; AXES], mark: None };
     Program {
         kind: Kind::Xyzuv,
         pens: vec![pen],
-        origin: [0; 3],
+        origin: Origin::default(),
         start: [0; AXES],
         moves: moves.chain([back]).collect(),
     }
@@ -79,7 +80,10 @@ fn program_beyond_any_limit_is_refused() {
     assert_eq!(codes(|p, _| p.moves.iter_mut().for_each(|m| m.mark = None)), ["job-empty"]);
     assert_eq!(codes(|p, _| p.moves[4].to = p.moves[3].to), ["fly-invariant"]);
     assert_eq!(codes(|p, _| p.moves[4].us = p.moves[3].us), ["fly-invariant"]);
-    assert_eq!(codes(|p, _| p.moves[4].mark = Some(Mark { pen: 3, source: 0, piece: 0 })), ["fly-invariant"]);
+    assert_eq!(
+        codes(|p, _| p.moves[4].mark = Some(Mark { pen: PenId(3), source: StrokeId(0), piece: PieceId(0) })),
+        ["fly-invariant"]
+    );
 }
 
 #[test]

@@ -8,7 +8,7 @@
 use std::f64::consts::TAU;
 
 use crate::on_the_fly::axes::kinematics::{Axes, machine_from_part};
-use crate::on_the_fly::path::{Node, Path};
+use crate::on_the_fly::path::{Node, NodeKind, Path};
 
 /// The most that C turns from node to node of a jump, rad.
 const STEP: f64 = 0.08;
@@ -18,7 +18,7 @@ const SHORTEST: f64 = 1e-3;
 /// The path with the nodes that turning back needs, and its axes.
 pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> (Path, Vec<Axes>) {
     let way = path.distances();
-    let marks = |i: usize| path.pen.get(i).copied().flatten().is_some();
+    let marks = |i: usize| path.pen_at(i).is_some();
     // Invariant: all nodes before `at` are in `out`, with `turns.by` whole turns added to C at the last of them, which
     // ends a mark (or begins the path).
     let mut out = (Path::default(), Vec::with_capacity(axes.len()));
@@ -39,7 +39,7 @@ pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> (Path, Vec<Axes>
         // A rewind takes way: a mark that begins where the last one ended keeps its turns, whether they fit or not.
         let change = next.by - turns.by;
         if is_first {
-            put(&mut out, path, 0, path.at[0], axes[0], axes[0].c + TAU * turns.by);
+            put(&mut out, path, 0, path.nodes[0].at, axes[0], axes[0].c + TAU * turns.by);
         }
         let off = turns.fit && next.fit;
         for k in from + 1..=first {
@@ -53,20 +53,20 @@ pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> (Path, Vec<Axes>
                 if off && k < first {
                     c = c.clamp(travel[0], travel[1]);
                 }
-                let spot = [0, 1, 2].map(|i| between(path.at[k - 1][i], path.at[k][i], t));
+                let spot = [0, 1, 2].map(|i| between(path.nodes[k - 1].at[i], path.nodes[k].at[i], t));
                 let [p, q] = [k - 1, k].map(|i| axes[i].tool().p);
                 let tool = [0, 1, 2].map(|i| between(p[i], q[i], t));
                 let a = between(axes[k - 1].a, axes[k].a, t);
                 put(&mut out, path, k, spot, Axes { xyz: machine_from_part(a, c, tool), a, c }, c);
                 if j < pieces
-                    && let Some(node) = out.0.node.last_mut()
+                    && let Some(node) = out.0.nodes.last_mut()
                 {
-                    *node = Node::Between;
+                    node.kind = NodeKind::Between;
                 }
             }
         }
         for (k, axes) in axes.iter().enumerate().take(end).skip(first + 1) {
-            put(&mut out, path, k, path.at[k], *axes, axes.c + TAU * next.by);
+            put(&mut out, path, k, path.nodes[k].at, *axes, axes.c + TAU * next.by);
         }
         (turns, at) = (next, end);
     }
@@ -79,11 +79,7 @@ fn between(a: f64, b: f64, t: f64) -> f64 {
 
 /// Adds a node like number `k` of `path` at `spot`.
 fn put(out: &mut (Path, Vec<Axes>), path: &Path, k: usize, spot: [f64; 3], axes: Axes, c: f64) {
-    out.0.at.push(spot);
-    out.0.pen.push(path.pen[k]);
-    out.0.node.push(path.node[k]);
-    out.0.stroke.push(path.stroke[k]);
-    out.0.run.push(path.run[k]);
+    out.0.nodes.push(Node { at: spot, ..path.nodes[k] });
     out.1.push(Axes { c, ..axes });
 }
 
@@ -118,6 +114,7 @@ impl Revolutions {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::program::{PenId, PieceId};
 
     /// Rings about the pole with short jumps between them, all the same way round; C as it would go on.
     fn rings(count: u32, jump: f64) -> (Path, Vec<Axes>) {
@@ -126,12 +123,14 @@ mod tests {
             for i in 0..=90 {
                 let (angle, r) = (f64::from(4 * i).to_radians(), 10.0 + jump * f64::from(ring));
                 let c = TAU * f64::from(ring) + angle;
-                path.at.push([r * angle.cos(), r * angle.sin(), 0.0]);
-                path.pen.push((i > 0).then_some(0));
-                path.node.push(if i % 90 == 0 { Node::End } else { Node::Vertex });
-                path.stroke.push(ring);
-                path.run.push(None);
-                axes.push(Axes { xyz: machine_from_part(0.1, c, path.at[path.len() - 1]), a: 0.1, c });
+                path.nodes.push(Node {
+                    at: [r * angle.cos(), r * angle.sin(), 0.0],
+                    pen: (i > 0).then_some(PenId(0)),
+                    kind: if i % 90 == 0 { NodeKind::End } else { NodeKind::Vertex },
+                    stroke: PieceId(ring),
+                    run: None,
+                });
+                axes.push(Axes { xyz: machine_from_part(0.1, c, path.nodes[path.len() - 1].at), a: 0.1, c });
             }
         }
         (path, axes)
@@ -146,11 +145,11 @@ mod tests {
             assert!(turned.windows(2).all(|w| (w[1].c - w[0].c).abs() < STEP + 0.01));
             assert_eq!(out.len(), turned.len());
             // Marks are the same, and so is where the tool stands over each node.
-            let lit = |p: &Path| p.at.iter().zip(&p.pen).filter(|(_, pen)| pen.is_some()).map(|(at, _)| *at).collect();
+            let lit = |p: &Path| p.nodes.iter().filter(|n| n.pen.is_some()).map(|n| n.at).collect();
             let [before, after]: [Vec<[f64; 3]>; 2] = [lit(&path), lit(&out)];
             assert_eq!(before, after);
-            for (at, axes) in out.at.iter().zip(&turned) {
-                let off = axes.field_from_part(*at);
+            for (node, axes) in out.nodes.iter().zip(&turned) {
+                let off = axes.field_from_part(node.at);
                 assert!(off.iter().all(|v| v.abs() < 1e-9), "{off:?}");
             }
         }
@@ -161,7 +160,7 @@ mod tests {
         let (path, axes) = rings(2, 1.0);
         for travel in [[-9.0 * TAU, 9.0 * TAU], [-1.0, 1.0]] {
             let (out, same) = rewound(&path, &axes, travel);
-            assert_eq!(out.at, path.at);
+            assert_eq!(out.nodes, path.nodes);
             assert!(same.iter().zip(&axes).all(|(a, b)| (a.c - b.c).abs() < 1e-12));
         }
         // A jump of a nanometre is not a place to turn.

@@ -15,7 +15,7 @@ pub mod schedule;
 use crate::geom::{NM_PER_MM, P2, mm_from_nm};
 use crate::on_the_fly::follow::{self, Follow, Segment, Stretch};
 use crate::on_the_fly::path::height_field::HeightField;
-use crate::program::{Pen, Program};
+use crate::program::{Pen, PenId, PieceId, Program};
 use crate::projection::Tracer;
 use crate::surface::Surface;
 
@@ -25,7 +25,7 @@ pub const CORNER: f64 = 0.26;
 
 /// What the path does at a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Node {
+pub enum NodeKind {
     /// Goes straight on.
     Between,
     /// Turns a little, as a curve does that is drawn with straight lines.
@@ -36,19 +36,26 @@ pub enum Node {
     End,
 }
 
+/// A node of a path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Node {
+    /// Where it lies.
+    pub at: [f64; 3],
+    /// Pen of the stretch that ends here; None for a jump.
+    pub pen: Option<PenId>,
+    /// What the path does here.
+    pub kind: NodeKind,
+    /// Stroke of the program that it belongs to, the one just marked or jumped to.
+    pub stroke: PieceId,
+    /// Pen whose speed the dark stretch that ends here keeps: it runs out of a mark or into one.
+    pub run: Option<PenId>,
+}
+
 /// A path of marks and jumps; index 0 is where it begins.
 #[derive(Clone, Debug, Default)]
 pub struct Path {
-    /// Where each node lies.
-    pub at: Vec<[f64; 3]>,
-    /// Pen of the stretch that ends at each node; None for a jump.
-    pub pen: Vec<Option<u16>>,
-    /// What the path does at each node.
-    pub node: Vec<Node>,
-    /// Stroke of the program that each node belongs to, the one just marked or jumped to.
-    pub stroke: Vec<u32>,
-    /// Pen whose speed the skywriting that ends at each node keeps: it runs out of a mark or into one.
-    pub run: Vec<Option<u16>>,
+    /// Its nodes, in order.
+    pub nodes: Vec<Node>,
 }
 
 /// A path with what of the strokes it marks and leaves out, in its order.
@@ -94,9 +101,9 @@ impl Path {
                 let points: Vec<P2> =
                     points.map(|p| P2::new(centre.x + i64::from(p.x), centre.y + i64::from(p.y))).collect();
                 let segments = follow::segments(&points, &mut tracer, height_field);
-                let (marked, left_out) = follow::pieces(number as u32, &segments, follow, spacing);
+                let (marked, left_out) = follow::pieces(PieceId(number as u32), &segments, follow, spacing);
                 for piece in &marked {
-                    path.piece_of(&segments, piece, &mut from, stroke.pen.0, (height_field, spacing, follow.near));
+                    path.piece_of(&segments, piece, &mut from, stroke.pen, (height_field, spacing, follow.near));
                 }
                 out.marked.extend(marked);
                 out.left_out.extend(left_out);
@@ -109,23 +116,16 @@ impl Path {
     /// `step` mm of way and every turn of a corner's angle, evenly spread over both; no more than there were.
     pub fn evened(&self, step: f64) -> Self {
         let mut out = Self::default();
-        let keep = |out: &mut Self, i: usize| {
-            out.node(self.at[i], self.pen[i], self.stroke[i]);
-            let last = out.len() - 1;
-            (out.node[last], out.run[last]) = (self.node[i], self.run[i]);
-        };
-        if !self.is_empty() {
-            keep(&mut out, 0);
-        }
+        out.nodes.extend(self.nodes.first());
         let (way, mut from) = (self.distances(), 0);
         for to in 1..self.len() {
-            let of = |i: usize| self.pen.get(i).map(|pen| (*pen, self.stroke[i]));
+            let of = |i: usize| self.nodes.get(i).map(|node| (node.pen, node.stroke));
             let goes_on = of(to) == of(to + 1);
-            if goes_on && !matches!(self.node[to], Node::Corner | Node::End) {
+            if goes_on && !matches!(self.nodes[to].kind, NodeKind::Corner | NodeKind::End) {
                 continue;
             }
             // Nodes go where there is way, and where there are turns.
-            let heading = |i: usize| [0, 1].map(|k| self.at[i + 1][k] - self.at[i][k]);
+            let heading = |i: usize| [0, 1].map(|k| self.nodes[i + 1].at[k] - self.nodes[i].at[k]);
             let turn = |i: usize| if i > from && i < to { angle(heading(i - 1), heading(i)) } else { 0.0 };
             let weight = |i: usize| (way[i + 1] - way[i]) / step + (turn(i) + turn(i + 1)) / (2.0 * CORNER);
             let all: f64 = (from..to).map(weight).sum();
@@ -133,7 +133,7 @@ impl Path {
             let (mut i, mut before) = (from, 0.0);
             for n in 1..count.min(to - from) {
                 if count >= to - from {
-                    keep(&mut out, from + n);
+                    out.nodes.push(self.nodes[from + n]);
                     continue;
                 }
                 let at = all * n as f64 / count as f64;
@@ -142,10 +142,11 @@ impl Path {
                     i += 1;
                 }
                 let share = ((at - before) / weight(i)).clamp(0.0, 1.0);
-                let spot = [0, 1, 2].map(|k| self.at[i][k] + share * (self.at[i + 1][k] - self.at[i][k]));
-                out.node(spot, self.pen[to], self.stroke[to]);
+                let [a, b] = [i, i + 1].map(|i| self.nodes[i].at);
+                let spot = [0, 1, 2].map(|k| a[k] + share * (b[k] - a[k]));
+                out.node(spot, self.nodes[to].pen, self.nodes[to].stroke);
             }
-            keep(&mut out, to);
+            out.nodes.push(self.nodes[to]);
             from = to;
         }
         out
@@ -159,11 +160,11 @@ impl Path {
             return Self::default();
         }
         let first = (self.len() - count) / 2;
-        let marks = |i: usize| self.pen.get(i).copied().flatten().is_some();
-        let runs = |i: usize| self.run.get(i).copied().flatten().is_some();
+        let marks = |i: usize| self.pen_at(i).is_some();
+        let runs = |i: usize| self.run_at(i).is_some();
         // A mark goes with its runs, where it has any: these have no ends of their own.
         let goes = |i: usize| marks(i) || runs(i);
-        let is_end = |i: usize| self.node[i] == Node::End;
+        let is_end = |i: usize| self.nodes[i].kind == NodeKind::End;
         let begins = |i: &usize| goes(i + 1) && (is_end(*i) || !goes(*i));
         let ends = |i: &usize| goes(*i) && (is_end(*i) || !goes(i + 1));
         let from = (first..first + count).find(begins).unwrap_or(first);
@@ -174,34 +175,38 @@ impl Path {
 
     /// Some of its nodes, as a path of their own.
     pub fn piece(&self, range: std::ops::Range<usize>) -> Self {
-        let mut out = Self {
-            at: self.at[range.clone()].to_vec(),
-            pen: self.pen[range.clone()].to_vec(),
-            node: self.node[range.clone()].to_vec(),
-            stroke: self.stroke[range.clone()].to_vec(),
-            run: self.run[range].to_vec(),
-        };
-        if let (Some(pen), Some(first), Some(run)) = (out.pen.first_mut(), out.node.first_mut(), out.run.first_mut()) {
-            (*pen, *first, *run) = (None, Node::End, None);
+        let mut out = Self { nodes: self.nodes[range].to_vec() };
+        if let Some(first) = out.nodes.first_mut() {
+            (first.pen, first.kind, first.run) = (None, NodeKind::End, None);
         }
         out
     }
 
     /// How many nodes there are.
     pub fn len(&self) -> usize {
-        self.at.len()
+        self.nodes.len()
     }
 
     /// Whether nothing is marked.
     pub fn is_empty(&self) -> bool {
-        self.at.is_empty()
+        self.nodes.is_empty()
+    }
+
+    /// Pen of the stretch that ends at a node; None for a jump and beyond the path.
+    pub fn pen_at(&self, i: usize) -> Option<PenId> {
+        self.nodes.get(i)?.pen
+    }
+
+    /// Pen whose speed that stretch keeps with the laser off, if it runs out of a mark or into one.
+    pub fn run_at(&self, i: usize) -> Option<PenId> {
+        self.nodes.get(i)?.run
     }
 
     /// Length of the path seen from the lens up to each node.
     pub fn distances(&self) -> Vec<f64> {
         let mut sum = 0.0;
-        let steps = self.at.windows(2).map(|w| {
-            sum += (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]);
+        let steps = self.nodes.windows(2).map(|w| {
+            sum += stretch(w);
             sum
         });
         std::iter::once(0.0).chain(steps).take(self.len()).collect()
@@ -210,9 +215,9 @@ impl Path {
     /// Half of the marked length on either side of each node: how much its figures count.
     pub fn weights(&self) -> Vec<f64> {
         let mut out = vec![0.0; self.len()];
-        for (i, w) in self.at.windows(2).enumerate() {
-            if self.pen[i + 1].is_some() {
-                let half = (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]) / 2.0;
+        for (i, w) in self.nodes.windows(2).enumerate() {
+            if w[1].pen.is_some() {
+                let half = stretch(w) / 2.0;
                 out[i] += half;
                 out[i + 1] += half;
             }
@@ -229,26 +234,29 @@ impl Path {
         }
         let mut out = Self::default();
         // The length of the run-in or run-out of a pen's mark, in the direction of the stretch between two nodes of it.
-        let run = |from: usize, to: usize, pen: u16| {
-            let (a, b) = (self.at[from], self.at[to]);
+        let run = |from: usize, to: usize, pen: PenId| {
+            let (a, b) = (self.nodes[from].at, self.nodes[to].at);
             let length = (b[0] - a[0]).hypot(b[1] - a[1]);
-            let share = if length > 0.0 { time_s * pens[usize::from(pen)].speed.as_mm_s() / length } else { 0.0 };
+            let share = if length > 0.0 { time_s * pens[pen.index()].speed.as_mm_s() / length } else { 0.0 };
             [0, 1, 2].map(|k| share * (b[k] - a[k]))
         };
-        let mut ended: Option<([f64; 3], [f64; 3], u16)> = None;
+        let mut ended: Option<([f64; 3], [f64; 3], PenId)> = None;
         for i in 0..self.len() {
-            let begins = self.pen.get(i + 1).copied().flatten().filter(|_| self.node[i] == Node::End);
-            if let Some(pen) = self.pen[i] {
-                out.node(self.at[i], Some(pen), self.stroke[i]);
-                if self.node[i] == Node::End {
-                    ended = Some((self.at[i], run(self.along(i, false), i, pen), pen));
-                } else if let Some(node) = out.node.last_mut() {
-                    *node = self.node[i];
+            let begins = self.pen_at(i + 1).filter(|_| self.nodes[i].kind == NodeKind::End);
+            if let Some(pen) = self.nodes[i].pen {
+                out.node(self.nodes[i].at, Some(pen), self.nodes[i].stroke);
+                if self.nodes[i].kind == NodeKind::End {
+                    ended = Some((self.nodes[i].at, run(self.along(i, false), i, pen), pen));
+                } else if let Some(last) = out.nodes.last_mut() {
+                    last.kind = self.nodes[i].kind;
                 }
             }
             if let Some(pen) = begins {
-                let (at, stroke, before) =
-                    (self.at[i], self.stroke[i + 1], out.stroke.last().copied().unwrap_or_default());
+                let (at, stroke, before) = (
+                    self.nodes[i].at,
+                    self.nodes[i + 1].stroke,
+                    out.nodes.last().map(|node| node.stroke).unwrap_or_default(),
+                );
                 let into = run(i, self.along(i, true), pen);
                 if !ended.is_some_and(|(from, way, _)| on_one_line(from, way, at, into)) {
                     if let Some((from, way, pen)) = ended {
@@ -256,13 +264,13 @@ impl Path {
                     }
                     out.node([0, 1, 2].map(|k| at[k] - into[k]), None, stroke);
                 }
-                if out.at.last() != Some(&at) {
+                if out.nodes.last().is_none_or(|last| last.at != at) {
                     out.laser_off(at, Some(pen), stroke);
                 }
             }
         }
         if let Some((from, way, pen)) = ended {
-            out.laser_off([0, 1, 2].map(|k| from[k] + way[k]), Some(pen), self.stroke[self.len() - 1]);
+            out.laser_off([0, 1, 2].map(|k| from[k] + way[k]), Some(pen), self.nodes[self.len() - 1].stroke);
         }
         out
     }
@@ -271,44 +279,37 @@ impl Path {
     fn along(&self, i: usize, after: bool) -> usize {
         const ENOUGH: f64 = 0.1;
         let next = |j: usize| {
-            let (next, pen) = if after { (j + 1, self.pen.get(j + 1)) } else { (j.wrapping_sub(1), self.pen.get(j)) };
-            pen.copied().flatten().map(|_| next)
+            let (next, pen) = if after { (j + 1, self.pen_at(j + 1)) } else { (j.wrapping_sub(1), self.pen_at(j)) };
+            pen.map(|_| next)
         };
         let mut found = i;
         while let Some(j) = next(found) {
-            let (a, b) = (self.at[i], self.at[j]);
+            let (a, b) = (self.nodes[i].at, self.nodes[j].at);
             found = j;
-            if (b[0] - a[0]).hypot(b[1] - a[1]) >= ENOUGH || self.node[j] != Node::Between {
+            if (b[0] - a[0]).hypot(b[1] - a[1]) >= ENOUGH || self.nodes[j].kind != NodeKind::Between {
                 break;
             }
         }
         found
     }
 
-    fn node(&mut self, at: [f64; 3], pen: Option<u16>, stroke: u32) {
-        self.at.push(at);
-        self.pen.push(pen);
-        self.node.push(Node::Between);
-        self.stroke.push(stroke);
-        self.run.push(None);
+    fn node(&mut self, at: [f64; 3], pen: Option<PenId>, stroke: PieceId) {
+        self.nodes.push(Node { at, pen, kind: NodeKind::Between, stroke, run: None });
     }
 
     /// A node that is run to at a pen's speed.
-    fn laser_off(&mut self, at: [f64; 3], pen: Option<u16>, stroke: u32) {
-        self.node(at, None, stroke);
-        if let Some(run) = self.run.last_mut() {
-            *run = pen;
-        }
+    fn laser_off(&mut self, at: [f64; 3], run: Option<PenId>, stroke: PieceId) {
+        self.nodes.push(Node { at, pen: None, kind: NodeKind::Between, stroke, run });
     }
 
     /// What the path does at the node it has come to.
-    fn turn(&mut self, node: Node) {
-        if let Some(last) = self.node.last_mut() {
-            *last = node.max(*last);
+    fn turn(&mut self, kind: NodeKind) {
+        if let Some(last) = self.nodes.last_mut() {
+            last.kind = kind.max(last.kind);
         }
     }
 
-    fn jump(&mut self, a: P2, b: P2, height_field: &HeightField, spacing: f64, stroke: u32) {
+    fn jump(&mut self, a: P2, b: P2, height_field: &HeightField, spacing: f64, stroke: PieceId) {
         let count = pieces(a, b, spacing);
         let ([ax, ay], [bx, by]) = (a.mm(), b.mm());
         for i in 1..=count {
@@ -324,7 +325,7 @@ impl Path {
         segments: &[Segment],
         piece: &Stretch,
         from: &mut Option<P2>,
-        pen: u16,
+        pen: PenId,
         (height_field, spacing, near): (&HeightField, f64, f64),
     ) {
         let mut direction = None;
@@ -337,16 +338,16 @@ impl Path {
                     Some(_) => {}
                     None => self.node([first.mm()[0], first.mm()[1], 0.0], None, piece.stroke),
                 }
-                if let (Some(None), Some(last)) = (self.pen.last(), self.at.last_mut()) {
+                if let Some(last) = self.nodes.last_mut().filter(|last| last.pen.is_none()) {
                     // The stroke begins at the part's own height.
-                    last[2] = segment.under(t0, true).z(t0);
+                    last.at[2] = segment.under(t0, true).z(t0);
                 }
             }
             let heading = heading(segment.a, segment.b);
             self.turn(match direction {
-                None => Node::End,
-                Some(d) if angle(d, heading) > CORNER => Node::Corner,
-                Some(_) => Node::Vertex,
+                None => NodeKind::End,
+                Some(d) if angle(d, heading) > CORNER => NodeKind::Corner,
+                Some(_) => NodeKind::Vertex,
             });
             for t in follow::nodes(segment, t0, t1, spacing, near) {
                 let [x, y] = segment.at(t);
@@ -355,10 +356,10 @@ impl Path {
             direction = Some(heading);
             *from = Some(segment.point(t1));
         }
-        self.turn(Node::End);
+        self.turn(NodeKind::End);
         // A cut lies on the grid of the jump that begins there.
-        if let (Some(last), Some(p)) = (self.at.last_mut(), from) {
-            [last[0], last[1]] = p.mm();
+        if let (Some(last), Some(p)) = (self.nodes.last_mut(), from) {
+            [last.at[0], last.at[1]] = p.mm();
         }
     }
 }
@@ -383,6 +384,11 @@ fn on_one_line(from: [f64; 3], out: [f64; 3], to: [f64; 3], into: [f64; 3]) -> b
         && angle([a, b], [c, d]) < STRAIGHT
         && far < l + m
         && (far == 0.0 || angle([a, b], gap) < STRAIGHT)
+}
+
+/// Length between two neighbouring nodes, seen from the lens.
+fn stretch(w: &[Node]) -> f64 {
+    (w[1].at[0] - w[0].at[0]).hypot(w[1].at[1] - w[0].at[1])
 }
 
 fn pieces(a: P2, b: P2, spacing: f64) -> usize {
@@ -417,20 +423,28 @@ mod tests {
     fn path(marks: &[&[[f64; 3]]]) -> Path {
         let mut out = Path::default();
         for (stroke, mark) in marks.iter().enumerate() {
-            if out.at.last() != Some(&mark[0]) {
-                out.node(mark[0], None, stroke as u32);
+            let stroke = PieceId(stroke as u32);
+            if out.nodes.last().is_none_or(|last| last.at != mark[0]) {
+                out.node(mark[0], None, stroke);
             }
-            out.turn(Node::End);
+            out.turn(NodeKind::End);
             for &p in &mark[1..] {
-                out.node(p, Some(0), stroke as u32);
+                out.node(p, Some(PenId(0)), stroke);
             }
-            out.turn(Node::End);
+            out.turn(NodeKind::End);
         }
         out
     }
 
+    fn places(path: &Path) -> Vec<[f64; 3]> {
+        path.nodes.iter().map(|node| node.at).collect()
+    }
+
     fn lit(path: &Path) -> Vec<[[f64; 3]; 2]> {
-        (1..path.len()).filter(|&i| path.pen[i].is_some()).map(|i| [path.at[i - 1], path.at[i]]).collect()
+        (1..path.len())
+            .filter(|&i| path.nodes[i].pen.is_some())
+            .map(|i| [path.nodes[i - 1].at, path.nodes[i].at])
+            .collect()
     }
 
     #[test]
@@ -444,7 +458,8 @@ mod tests {
         let out = path.with_skywriting(0.02, &pens());
         // The marks are the same.
         assert_eq!(lit(&out), lit(&path));
-        let off: Vec<[f64; 3]> = (0..out.len()).filter(|&i| out.pen[i].is_none()).map(|i| out.at[i]).collect();
+        let off: Vec<[f64; 3]> =
+            (0..out.len()).filter(|&i| out.nodes[i].pen.is_none()).map(|i| out.nodes[i].at).collect();
         let near = |a: &[f64; 3], b: &[f64; 3]| (0..3).all(|k| (a[k] - b[k]).abs() < 1e-12);
         let want = [
             [-2.0, 0.0, -0.2],
@@ -456,13 +471,13 @@ mod tests {
         ];
         assert!(off.len() == want.len() && off.iter().zip(&want).all(|(a, b)| near(a, b)), "{off:?}");
         // All but the jump and the first node run at the pen's speed.
-        let jumps = (0..out.len()).filter(|&i| out.pen[i].is_none() && out.run[i].is_none()).count();
+        let jumps = (0..out.len()).filter(|&i| out.nodes[i].pen.is_none() && out.nodes[i].run.is_none()).count();
         assert_eq!(jumps, 2);
-        assert_eq!(path.with_skywriting(0.0, &pens()).at, path.at);
+        assert_eq!(path.with_skywriting(0.0, &pens()).nodes, path.nodes);
         // A second, slower pen on the same line ends the run.
         let mut two = self::path(&[&[[0.0; 3], [5.0, 0.0, 0.0]], &[[5.0, 0.0, 0.0], [9.0, 0.0, 0.0]]]);
         assert_eq!(two.with_skywriting(0.02, &pens()).len(), 5);
-        two.pen[2] = Some(1);
+        two.nodes[2].pen = Some(PenId(1));
         let slow = Pen { speed: Speed::mm_s(20.0), ..pens()[0].clone() };
         assert_eq!(two.with_skywriting(0.02, &[pens()[0].clone(), slow]).len(), 8);
         assert!(Path::default().with_skywriting(0.02, &pens()).is_empty());
@@ -474,9 +489,9 @@ mod tests {
             (0..20).map(f64::from).map(|y| [[0.0, y, 0.0], [5.0, y, 0.0], [10.0, y, 0.0]]).collect();
         let all = path(&lines.iter().map(|l| &l[..]).collect::<Vec<_>>());
         let is_whole = |p: &Path| {
-            let (first, last) = (p.at[0], p.at[p.len() - 1]);
+            let (first, last) = (p.nodes[0].at, p.nodes[p.len() - 1].at);
             let lit = lit(p);
-            assert_eq!(p.pen[0], None);
+            assert_eq!(p.nodes[0].pen, None);
             assert!(
                 lit.len().is_multiple_of(2) && lit.iter().flatten().all(|p| (5.0..15.0).contains(&p[1])),
                 "{lit:?}"
@@ -488,7 +503,7 @@ mod tests {
         // With the runs of its marks.
         let (first, last) = is_whole(&all.with_skywriting(0.02, &pens()).middle(0.2));
         assert!(first[0] == -2.0 && last[0] == 12.0, "{first:?} {last:?}");
-        assert_eq!(all.middle(1.0).at, all.at);
+        assert_eq!(all.middle(1.0).nodes, all.nodes);
         // One mark alone is cut anywhere.
         let one: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i), 0.0, 0.0]).collect();
         assert_eq!(path(&[&one]).middle(0.1).len(), 10);
@@ -500,13 +515,14 @@ mod tests {
         let circle: Vec<[f64; 3]> =
             (0..=720).map(|i| f64::from(i).to_radians() / 2.0).map(|t| [10.0 * t.cos(), 10.0 * t.sin(), 0.0]).collect();
         let mut path = path(&[&circle, &[circle[720], [10.0, -3.0, 0.0], [13.0, -3.0, 0.0]]]);
-        path.node[721] = Node::Corner;
+        path.nodes[721].kind = NodeKind::Corner;
         for i in 1..720 {
-            path.node[i] = Node::Vertex;
+            path.nodes[i].kind = NodeKind::Vertex;
         }
         let out = path.evened(1.0);
-        assert!(out.at.contains(&[10.0, -3.0, 0.0]) && out.at.last() == Some(&[13.0, -3.0, 0.0]), "{:?}", out.at);
-        let on: Vec<f64> = out.at.iter().take(63).map(|p| p[0].hypot(p[1])).collect();
+        let at = places(&out);
+        assert!(at.contains(&[10.0, -3.0, 0.0]) && at.last() == Some(&[13.0, -3.0, 0.0]), "{at:?}");
+        let on: Vec<f64> = at.iter().take(63).map(|p| p[0].hypot(p[1])).collect();
         assert!(on.iter().all(|r| (r - 10.0).abs() < 1e-3), "{on:?}");
         let lengths = |p: &Path| p.distances().last().copied().unwrap_or_default();
         assert!((lengths(&out) / lengths(&path) - 1.0).abs() < 1e-3 && out.len() < 95, "{}", out.len());
@@ -520,12 +536,12 @@ mod tests {
         let hairpin: Vec<[f64; 3]> =
             leg(-0.2, false).chain([[0.0, -0.2, 0.0]]).chain(bend).chain(leg(0.2, true)).collect();
         let mut hairpin = self::path(&[&hairpin]);
-        (1..hairpin.len() - 1).for_each(|i| hairpin.node[i] = Node::Vertex);
+        (1..hairpin.len() - 1).for_each(|i| hairpin.nodes[i].kind = NodeKind::Vertex);
         let out = hairpin.evened(1.5);
-        let round = out.at.iter().filter(|p| p[0] > 0.0).count();
+        let round = places(&out).iter().filter(|p| p[0] > 0.0).count();
         assert!(out.len() < hairpin.len() && round >= 11, "{round} of {}", out.len());
         let line = self::path(&[&[[0.0; 3], [0.3, 0.0, 0.0], [9.0, 0.0, 0.0]]]);
-        assert_eq!(line.evened(1.0).at, line.at);
+        assert_eq!(places(&line.evened(1.0)), places(&line));
         assert!(Path::default().evened(1.0).is_empty());
     }
 }

@@ -9,7 +9,7 @@
 //! keep the limits that it keeps, so that a step of the part does not slow the marks on either side of it.
 
 use crate::machine::{Axis, Machine};
-use crate::on_the_fly::path::{Node, Path};
+use crate::on_the_fly::path::{NodeKind, Path};
 use crate::program::Pen;
 
 /// When the beam is at a node of its path.
@@ -52,7 +52,8 @@ fn jumps(path: &Path) -> Vec<[usize; 2]> {
     let mut out = Vec::new();
     let mut i = 1;
     while i < path.len() {
-        let end = (i..path.len()).find(|&j| path.pen[j].is_some() || path.run[j].is_some()).unwrap_or(path.len());
+        let end =
+            (i..path.len()).find(|&j| path.nodes[j].pen.is_some() || path.nodes[j].run.is_some()).unwrap_or(path.len());
         if end > i {
             out.push([i - 1, end - 1]);
         }
@@ -66,7 +67,7 @@ fn carried(path: &Path, machine: &Machine) -> Vec<bool> {
     let half = machine.usable_field().map(|f| f.mm() / 2.0);
     let mut out = vec![false; path.len()];
     for [from, to] in jumps(path) {
-        let (a, b) = (path.at[from], path.at[to]);
+        let (a, b) = (path.nodes[from].at, path.nodes[to].at);
         out[from + 1..=to].fill((0..2).any(|k| (b[k] - a[k]).abs() > half[k]));
     }
     out
@@ -99,14 +100,14 @@ impl Schedule {
         let carry_speed = fastest.max(stage).min(jump_speed);
         let mut now = 0.0;
         for (i, carried) in carried.into_iter().enumerate() {
-            let here = path.pen[i];
+            let here = path.nodes[i].pen;
             if i > 0 {
-                let (a, b) = (path.at[i - 1], path.at[i]);
+                let (a, b) = (path.nodes[i - 1].at, path.nodes[i].at);
                 let length = (b[0] - a[0]).hypot(b[1] - a[1]);
                 let (speed, sum) = match here {
-                    Some(pen) => (pens[usize::from(pen)].speed.as_mm_s(), &mut out.mark_s),
+                    Some(pen) => (pens[pen.index()].speed.as_mm_s(), &mut out.mark_s),
                     None => {
-                        let run = path.run[i].map(|pen| pens[usize::from(pen)].speed.as_mm_s());
+                        let run = path.nodes[i].run.map(|pen| pens[pen.index()].speed.as_mm_s());
                         let jump = if carried { carry_speed } else { jump_speed };
                         (run.unwrap_or(jump), &mut out.jump_s)
                     }
@@ -115,16 +116,16 @@ impl Schedule {
                 now += length / speed;
             }
             let arrive = now;
-            let next = path.pen.get(i + 1).copied().flatten();
-            let wait = match path.node[i] {
-                Node::Between => 0.0,
-                Node::Vertex | Node::Corner => corner,
+            let next = path.pen_at(i + 1);
+            let wait = match path.nodes[i].kind {
+                NodeKind::Between => 0.0,
+                NodeKind::Vertex | NodeKind::Corner => corner,
                 // The end of a mark, the begin of one, or both.
-                Node::End => (here.map_or(0.0, |_| mark) + next.map_or(0.0, |_| jump)).max(wait_s),
+                NodeKind::End => (here.map_or(0.0, |_| mark) + next.map_or(0.0, |_| jump)).max(wait_s),
             };
             out.delay_s += wait;
             now += wait;
-            out.visits.push(Visit { arrive, leave: now, z: [path.at[i][2]; 2] });
+            out.visits.push(Visit { arrive, leave: now, z: [path.nodes[i].at[2]; 2] });
         }
         out
     }
@@ -136,8 +137,8 @@ impl Schedule {
         let gap = machine.lens.working_distance.as_mm() - machine.stage.clearance.as_mm();
         let mut waits = vec![0.0; path.len()];
         for [from, to] in jumps(path) {
-            let [z0, z1] = [path.at[from][2], path.at[to][2]];
-            let highest = path.at[from..=to].iter().fold(f64::NEG_INFINITY, |z, p| z.max(p[2]));
+            let [z0, z1] = [path.nodes[from].at[2], path.nodes[to].at[2]];
+            let highest = path.nodes[from..=to].iter().fold(f64::NEG_INFINITY, |z, node| z.max(node.at[2]));
             if highest - z0.min(z1) > gap {
                 continue;
             }
@@ -188,7 +189,7 @@ impl Schedule {
             let (from, to) = (self.visits[i], self.visits[next]);
             let moving = i + 1 < path.len() && now > from.leave;
             let t = if moving { (now - from.leave) / (to.arrive - from.leave) } else { 0.0 };
-            let (a, b) = (path.at[i], path.at[next]);
+            let (a, b) = (path.nodes[i].at, path.nodes[next].at);
             let z = if moving {
                 from.z[1] + t * (to.z[0] - from.z[1])
             } else {
@@ -197,8 +198,8 @@ impl Schedule {
                 from.z[0] + ease(share) * (from.z[1] - from.z[0])
             };
             out.at.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), z]);
-            let waits = path.node[i] == Node::End;
-            out.on.push(if moving { path.pen[i + 1].is_some() } else { !waits && path.pen[i].is_some() });
+            let waits = path.nodes[i].kind == NodeKind::End;
+            out.on.push(if moving { path.nodes[i + 1].pen.is_some() } else { !waits && path.nodes[i].pen.is_some() });
         }
         out
     }
@@ -207,6 +208,8 @@ impl Schedule {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::on_the_fly::path::Node;
+    use crate::program::{PenId, PieceId};
     use crate::units::{Frequency, Power, Speed};
 
     /// Two marks of 10 mm on one line, with a jump of `gap` mm over heights `between` to a mark `rise` mm higher.
@@ -217,11 +220,13 @@ mod tests {
         let mut path = Path::default();
         for (i, at) in [[0.0; 3], [10.0, 0.0, 0.0]].into_iter().chain(jump).chain(ends).enumerate() {
             let last = between.len() + 3;
-            path.at.push(at);
-            path.pen.push((i == 1 || i == last).then_some(0));
-            path.node.push(if i < 2 || i + 2 > last { Node::End } else { Node::Between });
-            path.stroke.push(u32::from(i > 1));
-            path.run.push(None);
+            path.nodes.push(Node {
+                at,
+                pen: (i == 1 || i == last).then_some(PenId(0)),
+                kind: if i < 2 || i + 2 > last { NodeKind::End } else { NodeKind::Between },
+                stroke: PieceId(u32::from(i > 1)),
+                run: None,
+            });
         }
         path
     }

@@ -5,7 +5,7 @@
 
 use crate::diag::{Diag, Error, Place};
 use crate::geom::{NM_PER_MM, mm_from_nm};
-use crate::machine::{Letter, Machine, Scanner};
+use crate::machine::{Letter, Machine, Origin, Scanner};
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::program::Kind;
 
@@ -40,7 +40,7 @@ impl Spot {
 }
 
 impl Frame {
-    pub(super) fn new(machine: &Machine, origin: [i64; 3], kind: Kind) -> Result<Self, Error> {
+    pub(super) fn new(machine: &Machine, origin: Origin, kind: Kind) -> Result<Self, Error> {
         let stage = machine.axes().map(|(_, axis)| axis.sign() as f64);
         let mut signs = [stage[0], stage[1], stage[2], 0.0, 0.0];
         let mut pivot = [0.0; 3];

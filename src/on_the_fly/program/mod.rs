@@ -24,9 +24,9 @@ pub mod peaks;
 
 use crate::diag::{Diag, Error};
 use crate::geom::{MAX_NM, mm_from_nm};
-use crate::machine::Machine;
+use crate::machine::{Machine, Origin};
 use crate::on_the_fly::axes::motion::{AXES, Motion, Waypoint};
-use crate::program::{self, Pen};
+use crate::program::{self, Pen, PenId, PieceId, StrokeId};
 use frame::{Frame, Spot};
 
 /// How far a move may bow off its line in the part where axes turn, nm.
@@ -78,11 +78,11 @@ impl Kind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mark {
     /// Index of its pen.
-    pub pen: u16,
+    pub pen: PenId,
     /// Stroke of the texture.
-    pub source: u32,
+    pub source: StrokeId,
     /// Which piece of the texture, numbered as it was planned; a new one begins a new mark.
-    pub piece: u32,
+    pub piece: PieceId,
 }
 
 /// A straight move of all axes.
@@ -103,8 +103,8 @@ pub struct Program {
     pub kind: Kind,
     /// Laser settings.
     pub pens: Vec<Pen>,
-    /// Position of the part frame's origin in the table frame, nm.
-    pub origin: [i64; 3],
+    /// Position of the part frame's origin in the table frame.
+    pub origin: Origin,
     /// Positions of all axes at the start, as commanded.
     pub start: [i64; AXES],
     /// The moves, one after the other.
@@ -112,7 +112,7 @@ pub struct Program {
 }
 
 impl Program {
-    /// The program of a motion, whose strokes are those of `strokes`, on a part that lies at `origin` (nm) in the
+    /// The program of a motion, whose strokes are those of `strokes`, on a part that lies at `origin` in the
     /// table frame; and how much slower the motion should run, 1 or more, where the spot is late by more than `LATE`.
     ///
     /// # Errors
@@ -121,7 +121,7 @@ impl Program {
         motion: &Motion,
         strokes: &program::Program,
         machine: &Machine,
-        origin: [i64; 3],
+        origin: Origin,
         kind: Kind,
     ) -> Result<(Self, f64), Error> {
         is_sound(motion, strokes)?;
@@ -142,7 +142,7 @@ impl Program {
         let mut last = Move { us: 0, to: program.start, mark: None };
         for (i, w) in motion.waypoints.iter().enumerate().skip(1) {
             let piece = w.stroke;
-            let mark = w.pen.map(|pen| Mark { pen, source: strokes.strokes[piece as usize].source.0, piece });
+            let mark = w.pen.map(|pen| Mark { pen, source: strokes.strokes[piece.index()].source, piece });
             maker.stretch(i, mark, &mut last)?;
         }
         program.moves = merge::merged(program.start, maker.moves);
@@ -204,9 +204,8 @@ fn is_sound(motion: &Motion, strokes: &program::Program) -> Result<(), Error> {
     if motion.total_s() - waypoints.first().map_or(0.0, |w| w.time) > 1e8 {
         return bug("a motion takes more than three years");
     }
-    let known = |w: &Waypoint| {
-        w.pen.is_none_or(|p| usize::from(p) < strokes.pens.len() && (w.stroke as usize) < strokes.strokes.len())
-    };
+    let known =
+        |w: &Waypoint| w.pen.is_none_or(|p| p.index() < strokes.pens.len() && w.stroke.index() < strokes.strokes.len());
     if !waypoints.iter().all(known) {
         return bug("a motion marks a stroke or with a pen that is not there");
     }
@@ -367,7 +366,7 @@ impl Maker<'_> {
         let scanner = (u.hypot(v) - ROUNDING) / self.speeds.scanner[usize::from(mark.is_some())];
         let pen = mark.map_or(0.0, |mark| {
             let way = self.frame.spot(from).way(&self.frame.spot(to));
-            (way - ROUNDING) / self.speeds.pens[usize::from(mark.pen)]
+            (way - ROUNDING) / self.speeds.pens[mark.pen.index()]
         });
         (scanner.max(pen) * 1e6).ceil() as i64
     }

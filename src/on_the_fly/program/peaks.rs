@@ -119,6 +119,7 @@ pub fn peaks(program: &Program) -> [Peaks; AXES] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::machine::Origin;
     use crate::on_the_fly::program::{Kind, Move};
 
     #[test]
@@ -134,7 +135,7 @@ mod tests {
             us = (us + 90 + 37 * (moves.len() as i64 % 5)).min(628_319);
             moves.push(Move { us, to: at(us), mark: None });
         }
-        let program = Program { kind: Kind::Xyzuv, pens: Vec::new(), origin: [0; 3], start: at(0), moves };
+        let program = Program { kind: Kind::Xyzuv, pens: Vec::new(), origin: Origin::default(), start: at(0), moves };
         let [x, ..] = peaks(&program);
         let near = |is: f64, is_at_most: f64, share: f64| is <= is_at_most && is > share * is_at_most;
         assert!(near(x.speed.size, 155.89, 0.999) && near(x.acceleration.size, 4800.0, 0.99), "{x:?}");
@@ -145,8 +146,13 @@ mod tests {
     fn peak_rates_of_a_speed_step_scale_with_its_duration() {
         // At rest, then 100 mm/s from one sample to the next.
         let moves = (1..=200i64).map(|i| Move { us: i * 1000, to: [(i - 100).max(0) * 100_000; AXES], mark: None });
-        let program =
-            Program { kind: Kind::Xyzacuv, pens: Vec::new(), origin: [0; 3], start: [0; AXES], moves: moves.collect() };
+        let program = Program {
+            kind: Kind::Xyzacuv,
+            pens: Vec::new(),
+            origin: Origin::default(),
+            start: [0; AXES],
+            moves: moves.collect(),
+        };
         let found = peaks(&program)[0];
         assert!((found.acceleration.size - 100.0 / 0.005).abs() < 1.0, "{found:?}");
         assert!((found.acceleration.at_s - 0.1).abs() < 1e-9);

@@ -1,7 +1,7 @@
 use super::*;
 use crate::geom::P3;
 use crate::machine::{Carries, Machine, Origin, TiltAngles};
-use crate::program::{PenId, Stroke, StrokeId, sample};
+use crate::program::{Stroke, sample};
 use crate::units::Length;
 
 fn strokes() -> program::Program {
@@ -12,7 +12,12 @@ fn strokes() -> program::Program {
 }
 
 fn motion(nodes: impl Iterator<Item = (f64, [f64; AXES])>) -> Motion {
-    let of = |(i, (time, axes)): (usize, _)| Waypoint { time, axes, pen: (i % 8 > 2).then_some(1), stroke: 0 };
+    let of = |(i, (time, axes)): (usize, _)| Waypoint {
+        time,
+        axes,
+        pen: (i % 8 > 2).then_some(PenId(1)),
+        stroke: PieceId(0),
+    };
     Motion { waypoints: nodes.enumerate().map(of).collect() }
 }
 
@@ -26,7 +31,7 @@ fn turning(step: f64) -> Motion {
 }
 
 /// Where a sample marks, by arithmetic of the test: the table turned back about its pivot, then the origin.
-fn marked(machine: &Machine, origin: [i64; 3], at: &[i64; AXES]) -> [f64; 3] {
+fn marked(machine: &Machine, origin: Origin, at: &[i64; AXES]) -> [f64; 3] {
     let mm = |k: usize| at[k] as f64 / 1e6;
     let table = machine.tilt.as_ref().expect("a table");
     let sign = |k: usize| machine.axes()[k].1.sign() as f64;
@@ -36,14 +41,14 @@ fn marked(machine: &Machine, origin: [i64; 3], at: &[i64; AXES]) -> [f64; 3] {
         (u, v) = (v, u);
     }
     let p = [sign(0) * mm(0) + u, sign(1) * mm(1) + v, sign(2) * mm(2)];
-    let turn = table.turn(TiltAngles([at[3], at[4]]), Origin(origin));
+    let turn = table.turn(TiltAngles([at[3], at[4]]), origin);
     let back = turn.back(P3::new([0, 1, 2].map(|k| p[k] * 1e6 - origin[k] as f64))).at;
     back.map(|v| v / 1e6)
 }
 
 #[test]
 fn program_reproduces_motion_for_any_axis_signs() {
-    let origin = [3_000_001, -4_000_000, 25_000_000];
+    let origin = Origin([3_000_001, -4_000_000, 25_000_000]);
     for variant in 0..16u32 {
         let bit = |k: u32| variant >> k & 1 == 1;
         let mut machine = Machine::built_in("xyzac-galvo-10").expect("profile");
@@ -88,18 +93,19 @@ fn program_reproduces_motion_for_any_axis_signs() {
 #[test]
 fn wide_steps_are_cut_where_they_bow_and_straight_runs_are_joined() {
     let machine = Machine::built_in("xyzac-galvo-10").expect("profile");
-    let (wide, _) = Program::of(&turning(0.02), &strokes(), &machine, [0; 3], Kind::Xyzacuv).expect("a program");
+    let (wide, _) =
+        Program::of(&turning(0.02), &strokes(), &machine, Origin::default(), Kind::Xyzacuv).expect("a program");
     assert!(wide.moves.len() > 1000, "{}", wide.moves.len());
     let straight = motion((0..400).map(|i| {
         let t = f64::from(i) * 1e-3;
         (t, [30.0 * t, 0.0, 1.0, 0.0, 0.0, 70.0 * t, 0.0])
     }));
     let machine = Machine::built_in("xyz-galvo-40").expect("profile");
-    let (program, _) = Program::of(&straight, &strokes(), &machine, [0; 3], Kind::Xyzuv).expect("a program");
+    let (program, _) = Program::of(&straight, &strokes(), &machine, Origin::default(), Kind::Xyzuv).expect("a program");
     // One move for each change of the pen.
     assert_eq!(program.moves.len(), 2 * 399usize.div_ceil(8), "{:?}", program.moves.len());
     let mark = program.moves[1].mark.expect("a mark");
-    assert_eq!((mark.pen, mark.source, mark.piece), (1, 7, 0));
+    assert_eq!((mark.pen, mark.source, mark.piece), (PenId(1), StrokeId(7), PieceId(0)));
     assert_eq!(program.total_s(), 0.399);
 }
 
@@ -111,7 +117,7 @@ fn times_do_not_drift_and_the_stage_is_where_it_is_at_the_rounded_time() {
         let t = 1.0 + f64::from(i) * if i < 100 { 0.4e-6 } else { 33.3e-6 };
         (t, [100.0 * (t - 1.0), (90.0 * t).sin(), 0.0, 0.0, 0.0, 50.0 * (t - 1.0), 0.1 * (900.0 * t).cos()])
     }));
-    let (program, _) = Program::of(&motion, &strokes(), &machine, [0; 3], Kind::Xyzuv).expect("a program");
+    let (program, _) = Program::of(&motion, &strokes(), &machine, Origin::default(), Kind::Xyzuv).expect("a program");
     assert!(program.steps().all(|(us, _, to)| to.us > us));
     let total = motion.total_s() - 1.0;
     assert!((program.total_s() - total).abs() <= 0.5e-6, "{} {total}", program.total_s());
@@ -131,7 +137,7 @@ fn invalid_motions_are_refused() {
         let mut motion = sound();
         motion.waypoints.iter_mut().for_each(|w| (w.axes[3], w.axes[4]) = (0.0, 0.0));
         change(&mut motion);
-        Program::of(&motion, &strokes(), &machine, [0; 3], kind).map_err(|e| e.diags()[0].code).err()
+        Program::of(&motion, &strokes(), &machine, Origin::default(), kind).map_err(|e| e.diags()[0].code).err()
     };
     assert_eq!(refused(|_| {}, Kind::Xyzuv), None);
     assert_eq!(refused(|_| {}, Kind::Xyzacuv), Some("fly-axes"));
@@ -141,7 +147,7 @@ fn invalid_motions_are_refused() {
         |m| m.waypoints[3].axes[0] = f64::INFINITY,
         |m| m.waypoints[3].axes[0] = 4001.0,
         |m| m.waypoints[3].axes[4] = 0.1,
-        |m| m.waypoints[4].stroke = 1,
+        |m| m.waypoints[4].stroke = PieceId(1),
     ];
     for change in changes {
         assert_eq!(refused(change, Kind::Xyzuv), Some("fly-motion"));
@@ -158,7 +164,7 @@ fn stage_below_its_least_speed_stands_still_and_the_scanner_compensates() {
         let t = f64::from(i) * 1e-3;
         (t, [1e-3 * t, -5e-4 * t, 0.0, 0.0, 0.0, (90.0 * t).sin(), (70.0 * t).cos()])
     }));
-    let (program, _) = Program::of(&motion, &strokes(), &machine, [0; 3], Kind::Xyzuv).expect("a program");
+    let (program, _) = Program::of(&motion, &strokes(), &machine, Origin::default(), Kind::Xyzuv).expect("a program");
     let spot = program.spots(&machine).expect("axes");
     for (us, from, to) in program.steps() {
         let way: f64 = (0..3).map(|k| ((to.to[k] - from[k]) as f64).powi(2)).sum::<f64>().sqrt();
@@ -182,14 +188,15 @@ fn short_moves_keep_the_pens_speed_to_the_microsecond_and_the_spot_is_not_late()
             let (angle, time) = (f64::from(i).to_radians(), f64::from(i) * slower * chord / speed);
             let (x, y) = (radius * angle.cos(), radius * angle.sin());
             let axes = [50.0 * time, 0.0, 0.0, 0.0, 0.0, x - 50.0 * time, y];
-            Waypoint { time, axes, pen: (i > 0).then_some(1), stroke: 0 }
+            Waypoint { time, axes, pen: (i > 0).then_some(PenId(1)), stroke: PieceId(0) }
         };
         Motion { waypoints: (0..3600).map(of).collect() }
     };
     let mut slower = 1.0;
     for _ in 0..8 {
         let motion = circles(slower);
-        let (program, late) = Program::of(&motion, &strokes(), &machine, [0; 3], Kind::Xyzuv).expect("a program");
+        let (program, late) =
+            Program::of(&motion, &strokes(), &machine, Origin::default(), Kind::Xyzuv).expect("a program");
         let spot = program.spots(&machine).expect("axes");
         for (us, from, to) in program.steps() {
             let way = spot(from).way(&spot(&to.to));

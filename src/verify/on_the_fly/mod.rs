@@ -31,7 +31,7 @@ use super::rules::hash;
 use crate::diag::Error;
 use crate::geom::{Nm, P2};
 use crate::job::Mode;
-use crate::program::Pen;
+use crate::program::{Pen, PenId};
 use crate::texture::Texture;
 
 /// The rules and figures while they are being found.
@@ -164,7 +164,7 @@ fn check_marks(
     let mut checker = MarkChecker::new(chain, geometry, wanted);
     let mut covers = Covers::default();
     let mut points: Vec<P2> = Vec::new();
-    let mut kept: Option<(u32, u16, Stroke)> = None;
+    let mut kept: Option<(u32, PenId, Stroke)> = None;
     let mut moves: Vec<([i64; AXES], Step)> = Vec::new();
     let mut all = course.moves().map(|(_, from, step)| (*from, *step)).peekable();
     while let Some((from, step)) = all.next() {
@@ -184,11 +184,11 @@ fn check_marks(
             kept = Some((claim.stroke, pen, Stroke::new(&points)));
         }
         let Some((_, pen, stroke)) = &kept else { continue };
-        if u32::from(*pen) + 1 != u32::from(claim.pen) {
+        if pen.number() != u32::from(claim.pen) {
             position.broken(
                 "",
                 place(),
-                format!("a mark has pen {}, its stroke is drawn with pen {}", claim.pen, pen + 1),
+                format!("a mark has pen {}, its stroke is drawn with pen {}", claim.pen, pen.number()),
             );
         }
         let mut rules = Rules { position: &mut *position, focus: &mut *focus, surface: &mut *bare };

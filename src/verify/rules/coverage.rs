@@ -179,11 +179,11 @@ impl Cover<'_> {
             sum += w[0].distance(w[1]);
             self.along.push(sum);
         }
-        let passes = self.file.program.pens.get(usize::from(pen)).map_or(1.0, |p| f64::from(p.passes));
+        let passes = self.file.program.pens.get(pen.index()).map_or(1.0, |p| f64::from(p.passes));
         self.out.lengths.texture_mm += sum * passes / NM_PER_MM;
         self.spans.clear();
         for &i in marks {
-            self.place(i, number, PenId(pen), passes);
+            self.place(i, number, pen, passes);
         }
         self.spans.sort_unstable_by(|a, b| a.from.total_cmp(&b.from).then(a.mark.cmp(&b.mark)));
         let spans = std::mem::take(&mut self.spans);

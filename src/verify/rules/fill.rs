@@ -331,6 +331,7 @@ fn area(outline: &[[f64; 2]]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::program::PenId;
     use crate::texture::{self, Kind, Request};
 
     const MM: i64 = 1_000_000;
@@ -339,7 +340,7 @@ mod tests {
     fn faults(hundredths: [u16; 6], change: impl FnOnce(&mut Vec<[P2; 2]>)) -> Vec<String> {
         let kind = Kind::Contour { pitch_mm: 1.0, phase: 0.0 };
         let area = texture::Area::Rectangle([0.0, 0.0, 50.0, 40.0]);
-        let request = Request { kind, area, tolerance_mm: 0.001, pen: 0 };
+        let request = Request { kind, area, tolerance_mm: 0.001, pen: PenId(0) };
         let mut texture = Texture::load(&[request], [0.0; 4], 0.2, &mut Vec::new()).expect("an area");
         let grid = Sections::over(texture.bounds(), [Nm(20 * MM), Nm(30 * MM)], Nm(100), [Nm(0); 2]);
         assert_eq!(grid.count, [3, 2]);

@@ -23,10 +23,10 @@ pub(super) const MM: i64 = 1_000_000;
 /// A stroke of the program with its points in the part frame, in marking order.
 #[derive(Clone, Debug)]
 pub(super) struct Mark {
-    pub(super) source: u32,
+    pub(super) source: StrokeId,
     pub(super) segment: u32,
     pub(super) reversed: bool,
-    pub(super) pen: u16,
+    pub(super) pen: PenId,
     pub(super) points: Vec<P2>,
 }
 
@@ -44,7 +44,7 @@ pub(super) struct MadeBlock {
 pub(super) struct Made {
     pub(super) facts: JobFacts,
     pub(super) origin: Origin,
-    pub(super) strokes: Vec<(u16, Vec<P2>)>,
+    pub(super) strokes: Vec<(PenId, Vec<P2>)>,
     pub(super) blocks: Vec<MadeBlock>,
     pub(super) summary: Value,
     /// Facets, corners in mm.
@@ -85,9 +85,9 @@ impl Made {
             dose: None,
             formats: vec![Format::Dxf, Format::Linuxcnc, Format::Gcode, Format::Ovf],
         };
-        let mut strokes: Vec<(u16, Vec<P2>)> =
-            (1..10).map(|i| (0, vec![p(-1.0, 2.0 * f64::from(i)), p(82.0, 2.0 * f64::from(i))])).collect();
-        strokes.push((1, vec![p(25.0, 5.0), p(30.0, 5.0), p(30.0, 9.0), p(25.0, 9.0), p(25.0, 5.0)]));
+        let mut strokes: Vec<(PenId, Vec<P2>)> =
+            (1..10).map(|i| (PenId(0), vec![p(-1.0, 2.0 * f64::from(i)), p(82.0, 2.0 * f64::from(i))])).collect();
+        strokes.push((PenId(1), vec![p(25.0, 5.0), p(30.0, 5.0), p(30.0, 9.0), p(25.0, 9.0), p(25.0, 5.0)]));
         let blocks = (0..4).map(|k| block(k, &strokes)).collect();
         let mut made = Self {
             facts,
@@ -103,13 +103,13 @@ impl Made {
 
     /// Length of marks of a block in mm, passes counted.
     fn mark_mm(&self, block: &MadeBlock) -> f64 {
-        let passes = |pen: u16| f64::from(self.facts.pens.as_ref().expect("pens")[usize::from(pen)].passes);
+        let passes = |pen: PenId| f64::from(self.facts.pens.as_ref().expect("pens")[pen.index()].passes);
         block.marks.iter().map(|m| crate::geom::length_mm(&m.points) * passes(m.pen)).sum()
     }
 
     /// States the figures anew after a change: what is not marked is claimed to be off the part.
     pub(super) fn renew(&mut self) {
-        let passes = |pen: u16| f64::from(self.facts.pens.as_ref().expect("pens")[usize::from(pen)].passes);
+        let passes = |pen: PenId| f64::from(self.facts.pens.as_ref().expect("pens")[pen.index()].passes);
         let texture: f64 = self.strokes.iter().map(|(pen, s)| crate::geom::length_mm(s) * passes(*pen)).sum();
         let mark: f64 = self.blocks.iter().map(|b| self.mark_mm(b)).sum();
         let skipped = texture - mark;
@@ -138,14 +138,7 @@ impl Made {
                 let local = |p: &P2| FieldPoint::new((p.x - b.stop.centre.x) as i32, (p.y - b.stop.centre.y) as i32);
                 program.points.extend(m.points.iter().map(local));
                 let Mark { source, segment, reversed, pen, .. } = *m;
-                program.strokes.push(Stroke {
-                    source: StrokeId(source),
-                    segment,
-                    reversed,
-                    pen: PenId(pen),
-                    first,
-                    len: m.points.len() as u32,
-                });
+                program.strokes.push(Stroke { source, segment, reversed, pen, first, len: m.points.len() as u32 });
             }
             let strokes = start..program.strokes.len();
             let block = Block {
@@ -276,7 +269,7 @@ fn ramp() -> Vec<[[f64; 3]; 3]> {
 }
 
 /// Block `k`: x from 20 k to 20 k + 20; lines alternate their direction.
-fn block(k: u32, strokes: &[(u16, Vec<P2>)]) -> MadeBlock {
+fn block(k: u32, strokes: &[(PenId, Vec<P2>)]) -> MadeBlock {
     let (x0, x1) = (20.0 * f64::from(k), 20.0 * f64::from(k + 1));
     let lines = strokes[..9].iter().enumerate().map(|(i, (_, s))| {
         let y = s[0].mm()[1];
@@ -285,11 +278,17 @@ fn block(k: u32, strokes: &[(u16, Vec<P2>)]) -> MadeBlock {
         if reversed {
             points.reverse();
         }
-        Mark { source: i as u32, segment: 0, reversed, pen: 0, points }
+        Mark { source: StrokeId(i as u32), segment: 0, reversed, pen: PenId(0), points }
     });
     let mut marks: Vec<Mark> = lines.collect();
     if k == 1 {
-        marks.push(Mark { source: 9, segment: 0, reversed: false, pen: 1, points: strokes[9].1.clone() });
+        marks.push(Mark {
+            source: StrokeId(9),
+            segment: 0,
+            reversed: false,
+            pen: PenId(1),
+            points: strokes[9].1.clone(),
+        });
     }
     let lo = Nm(400_000) * i64::from(k);
     let hi = lo + Nm(400_000);

@@ -15,7 +15,7 @@ use crate::geom::Nm;
 use crate::machine::{Commanded, Machine, TiltAngles};
 use crate::manifest::Times;
 use crate::motion;
-use crate::program::Program;
+use crate::program::{Program, StrokeId};
 
 /// The times of a program by the product's own model, and those of its blocks.
 fn times(program: &Program, machine: &Machine) -> (Times, Vec<f64>) {
@@ -288,8 +288,8 @@ fn source_reports_marks_that_are_not_of_the_texture() {
     assert_only("source", &aside);
     assert_only("source", &mutant(|m| m.blocks[0].marks[2].reversed = true));
     assert_only("source", &mutant(|m| m.blocks[0].marks[2].segment = 1));
-    assert_only("source", &mutant(|m| m.blocks[0].marks[2].source = 5));
-    assert_only("source", &mutant(|m| m.blocks[0].marks[2].source = 7_000));
+    assert_only("source", &mutant(|m| m.blocks[0].marks[2].source = StrokeId(5)));
+    assert_only("source", &mutant(|m| m.blocks[0].marks[2].source = StrokeId(7_000)));
     assert_only("source", &mutant(|m| m.blocks[1].marks[9].points[2].x += 2));
 }
 

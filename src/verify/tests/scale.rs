@@ -7,7 +7,7 @@ use serde_json::json;
 use super::made::{MM, Made, MadeBlock, Mark};
 use crate::geom::{Nm, P2};
 use crate::machine::{Origin, TiltAngles};
-use crate::program::{SectionId, Stop};
+use crate::program::{PenId, SectionId, Stop, StrokeId};
 
 /// Pieces of this length, nm: about 690,000 on the whole part.
 const PIECE: i64 = 2_930_000;
@@ -26,11 +26,13 @@ fn dome() -> Made {
         .collect();
     (made.facts.pdof, made.facts.depth_range) = (Nm(90_000_000), Nm(90_000_000));
     made.origin = Origin([-225 * MM, -225 * MM, 0]);
-    made.strokes =
-        (0..4500).map(|i| 50_000 + 100_000 * i).map(|y| (0, vec![P2::new(0, y), P2::new(450 * MM, y)])).collect();
+    made.strokes = (0..4500)
+        .map(|i| 50_000 + 100_000 * i)
+        .map(|y| (PenId(0), vec![P2::new(0, y), P2::new(450 * MM, y)]))
+        .collect();
     made.blocks = (0..144).map(|k| block(k % 12, k / 12)).collect();
     for m in made.blocks.iter_mut().flat_map(|b| &mut b.marks) {
-        m.source = (m.points[0].y / 100_000) as u32;
+        m.source = StrokeId((m.points[0].y / 100_000) as u32);
     }
     made.renew();
     made.summary["skipped_off_part_mm"] = 0.0.into();
@@ -47,10 +49,10 @@ fn block(column: u32, row: u32) -> MadeBlock {
     let marks = rows.flat_map(|y| {
         let y = y + 50_000;
         (x0..x1).step_by(PIECE as usize).map(move |x| Mark {
-            source: 0,
+            source: StrokeId(0),
             segment: 0,
             reversed: false,
-            pen: 0,
+            pen: PenId(0),
             points: vec![P2::new(x, y), P2::new((x + PIECE).min(x1), y)],
         })
     });

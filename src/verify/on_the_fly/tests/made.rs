@@ -14,6 +14,7 @@ use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::program::{Kind, Program};
 use crate::plan::OnTheFlyPlan;
 use crate::plan::{self, Inputs};
+use crate::program::{PenId, PieceId};
 use crate::verify::{Proof, verify};
 
 /// Height of a part at x, y, mm.
@@ -110,8 +111,8 @@ impl Bench {
         let path = path::Path::of(stepped, 0..stepped.blocks.len(), &surface, &height_field, sort.spacing);
         let speeds: Vec<f64> = stepped.pens.iter().map(|p| p.speed.as_mm_s()).collect();
         let motion = motion(&path, &height_field, &sort, &speeds);
-        let (program, _) = Program::of(&motion, stepped, &machine, plan.checked.origin().0, sort.kind)
-            .unwrap_or_else(|e| panic!("{e}"));
+        let (program, _) =
+            Program::of(&motion, stepped, &machine, plan.checked.origin(), sort.kind).unwrap_or_else(|e| panic!("{e}"));
         let lengths = FlyLengths {
             texture_mm: plan.summary.texture_mm,
             skipped_mm: plan.summary.skipped_mm,
@@ -216,8 +217,8 @@ fn motion(path: &path::Path, height_field: &HeightField, sort: &Sort, speeds: &[
     let lead = 2.0 * sort.width;
     let mut time = vec![lead];
     for i in 1..path.len() {
-        let [a, b] = [path.at[i - 1], path.at[i]];
-        let speed = path.pen[i].map_or(sort.speed[1], |pen| speeds[usize::from(pen)]);
+        let [a, b] = [path.nodes[i - 1].at, path.nodes[i].at];
+        let speed = path.nodes[i].pen.map_or(sort.speed[1], |pen| speeds[pen.index()]);
         let way = (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
         time.push(time[i - 1] + way / (0.998 * speed));
     }
@@ -231,7 +232,9 @@ fn motion(path: &path::Path, height_field: &HeightField, sort: &Sort, speeds: &[
                 hint += 1;
             }
             let share = ((t - time[hint]) / (time[hint + 1] - time[hint]).max(1e-12)).clamp(0.0, 1.0);
-            std::array::from_fn(|k| path.at[hint][k] + share * (path.at[hint + 1][k] - path.at[hint][k]))
+            std::array::from_fn(|k| {
+                path.nodes[hint].at[k] + share * (path.nodes[hint + 1].at[k] - path.nodes[hint].at[k])
+            })
         })
         .collect();
     for _ in 0..3 {
@@ -244,7 +247,7 @@ fn motion(path: &path::Path, height_field: &HeightField, sort: &Sort, speeds: &[
         std::array::from_fn::<f64, 3, _>(|k| a[k] + share * (b[k] - a[k]))
     };
     let mut out = Motion::default();
-    let mut node = |t: f64, p: [f64; 3], pen: Option<u16>, stroke: u32| {
+    let mut node = |t: f64, p: [f64; 3], pen: Option<PenId>, stroke: PieceId| {
         let s = stage(t);
         let axes = match sort.kind {
             Kind::Xyzuv => [s[0], s[1], s[2], 0.0, 0.0, p[0] - s[0], p[1] - s[1]],
@@ -262,14 +265,14 @@ fn motion(path: &path::Path, height_field: &HeightField, sort: &Sort, speeds: &[
     };
     let leads = (lead / 2e-3) as usize;
     for i in 0..leads {
-        node(lead * i as f64 / leads as f64, path.at[0], None, path.stroke[0]);
+        node(lead * i as f64 / leads as f64, path.nodes[0].at, None, path.nodes[0].stroke);
     }
     for (i, &t) in time.iter().enumerate() {
-        node(t, path.at[i], path.pen[i], path.stroke[i]);
+        node(t, path.nodes[i].at, path.nodes[i].pen, path.nodes[i].stroke);
     }
     let last = path.len() - 1;
     for i in 1..=leads {
-        node(end + lead * i as f64 / leads as f64, path.at[last], None, path.stroke[last]);
+        node(end + lead * i as f64 / leads as f64, path.nodes[last].at, None, path.nodes[last].stroke);
     }
     out
 }

@@ -6,6 +6,7 @@ use made::{BOWL, Bench, DOME};
 
 use crate::on_the_fly::check::Checked;
 use crate::on_the_fly::program::{Move, Program};
+use crate::program::{PenId, PieceId, StrokeId};
 use crate::verify::{Proof, verify};
 
 fn broken(proof: &Proof) -> Vec<&'static str> {
@@ -88,7 +89,7 @@ fn position_reports_marks_beside_their_stroke() {
     let bench = Bench::new(DOME);
     // Circles turn: 2 um to the side are 2 um off the stroke somewhere.
     let circle = |p: &Program| {
-        let first = (0..).map(|n| mark(p, n)).find(|m| p.moves[m.start].mark.is_some_and(|m| m.pen == 1));
+        let first = (0..).map(|n| mark(p, n)).find(|m| p.moves[m.start].mark.is_some_and(|m| m.pen == PenId(1)));
         first.expect("a circle")
     };
     let proof = bench.mutant(|p| circle(p).for_each(|i| p.moves[i].to[5] += 2_000));
@@ -111,9 +112,9 @@ fn position_reports_marks_beside_their_stroke() {
     let other = |change: fn(&mut crate::on_the_fly::program::Mark)| {
         bench.mutant(|p| mark(p, 3).for_each(|i| p.moves[i].mark.iter_mut().for_each(change)))
     };
-    assert_only("position", &other(|m| m.pen = 1 - m.pen));
-    assert!(broken(&other(|m| m.source += 1)).contains(&"position"));
-    assert!(broken(&other(|m| m.source = 9_999)).contains(&"position"));
+    assert_only("position", &other(|m| m.pen = PenId(1 - m.pen.0)));
+    assert!(broken(&other(|m| m.source.0 += 1)).contains(&"position"));
+    assert!(broken(&other(|m| m.source = StrokeId(9_999))).contains(&"position"));
 }
 
 #[test]
@@ -212,7 +213,7 @@ fn once_and_coverage_report_doubled_and_missing_marks() {
         let mut us = p.moves[last].us;
         for i in (first..last).rev() {
             us += p.moves[i + 1].us - p.moves[i].us;
-            let mark = again.map(|m| crate::on_the_fly::program::Mark { piece: m.piece + 1, ..m });
+            let mark = again.map(|m| crate::on_the_fly::program::Mark { piece: PieceId(m.piece.0 + 1), ..m });
             p.moves.push(Move { us, to: p.moves[i].to, mark });
         }
     });

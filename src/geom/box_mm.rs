@@ -1,0 +1,34 @@
+//! Boxes in mm, before what is in them is rounded to the nanometre.
+
+/// A box in mm in `D` dimensions, borders included.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoxMm<const D: usize> {
+    /// Lower corner.
+    pub lo: [f64; D],
+    /// Upper corner.
+    pub hi: [f64; D],
+}
+
+impl<const D: usize> BoxMm<D> {
+    /// The box that holds nothing; grows with [`BoxMm::add`].
+    pub const EMPTY: Self = Self { lo: [f64::INFINITY; D], hi: [f64::NEG_INFINITY; D] };
+
+    /// The smallest box that holds all of these points.
+    pub fn of(points: impl IntoIterator<Item = [f64; D]>) -> Self {
+        let mut all = Self::EMPTY;
+        points.into_iter().for_each(|p| all.add(p));
+        all
+    }
+    /// Grows the box to hold `p`.
+    #[inline]
+    pub fn add(&mut self, p: [f64; D]) {
+        for ((lo, hi), v) in self.lo.iter_mut().zip(&mut self.hi).zip(p) {
+            *lo = lo.min(v);
+            *hi = hi.max(v);
+        }
+    }
+    /// Extents along the axes.
+    pub fn size(&self) -> [f64; D] {
+        std::array::from_fn(|k| self.hi[k] - self.lo[k])
+    }
+}
