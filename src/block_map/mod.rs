@@ -8,7 +8,7 @@
 //! 1. *Marked cells.* Every stroke of every block is followed from cell to cell (`rasterise`). A cell belongs to the
 //!    block with the longest marks in it; among equals to the first.
 //! 2. *Growth.* From there the labels grow over the other cells, ring by ring, but only where the block's stop admits
-//!    the surface at the cell's centre: in its window (the section where stops stand on the grid of sections, else the
+//!    the surface at the cell's centre: in its window (the section where stops are on the grid of sections, else the
 //!    field) and in its depth interval (`region_growing`). Marked cells whose centre their block does not admit, which
 //!    lie on a border, take part as cells without marks. So all cells are judged at their centres, as the article
 //!    counts, lines of one level are connected however far from each other they lie, and the number of sub-blocks,

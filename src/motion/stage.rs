@@ -48,14 +48,14 @@ pub fn tilting_move(
         let lifted = if lift.is_some() && plane { times.z.as_s() } else { 0.0 };
         return StageMove { travel_s: base + lifted, settle_s: 0.0 };
     }
-    let leg = |axis: &Axis, from: i64, to: i64| {
+    let axis_time = |axis: &Axis, from: i64, to: i64| {
         let jerk = axis.jerk.map(|j| j.as_mm_s3());
         rest_to_rest(mm_from_nm((to - from).abs()), axis.speed.as_mm_s(), axis.acceleration.as_mm_s2(), jerk)
     };
     let top = retract_z.map_or(from[2], |z| z.0);
-    let lifted = leg(&stage.z, from[2], top);
-    let across = leg(&stage.x, from[0], to[0]).max(leg(&stage.y, from[1], to[1])).max(tilt_s);
-    let focused = leg(&stage.z, top, to[2]);
+    let lifted = axis_time(&stage.z, from[2], top);
+    let across = axis_time(&stage.x, from[0], to[0]).max(axis_time(&stage.y, from[1], to[1])).max(tilt_s);
+    let focused = axis_time(&stage.z, top, to[2]);
     StageMove { travel_s: lifted + across + focused, settle_s: stage.settle.as_s() }
 }
 

@@ -50,7 +50,7 @@ fn codes_of(shown: &str, text: &str, out: &mut BTreeMap<String, BTreeSet<String>
         ("src/surface/mod.rs", "refuse(", "input"),
         ("src/machine/mod.rs", "fault(", "input"),
         ("src/verify/", "unusable(", "input"),
-        ("src/texture/svg/tally.rs", "Matter::", "warning"),
+        ("src/texture/svg/tally.rs", "Issue::", "warning"),
     ];
     let mut add = |code: &str, kind: &str| {
         out.entry(code.to_owned()).or_default().insert(kind.to_owned());
@@ -121,7 +121,7 @@ fn every_code_has_its_section_in_the_list_of_errors() {
 fn scan_for_codes_finds_every_form() {
     let mut found = BTreeMap::new();
     codes_of("src/a.rs", "Diag::limit(\n    \"a-b\", x); Diag::bug(\"c\", y)", &mut found);
-    codes_of("src/texture/svg/tally.rs", "(Matter::Text, \"svg-t\", 1), (\n Matter::Dot,\n \"svg-d\",", &mut found);
+    codes_of("src/texture/svg/tally.rs", "(Issue::Text, \"svg-t\", 1), (\n Issue::Dot,\n \"svg-d\",", &mut found);
     let codes: Vec<&str> = found.keys().map(String::as_str).collect();
     assert_eq!(codes, ["a-b", "c", "svg-d", "svg-t"]);
 }
