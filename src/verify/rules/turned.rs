@@ -100,7 +100,11 @@ impl Turned {
         let (mut found, mut pieces) = (Vec::new(), Vec::new());
         let strokes = file.program.strokes[block.strokes.clone()].iter().zip(block.strokes.clone());
         for (stroke, number) in strokes {
-            let points = file.program.points_of(stroke);
+            // In the direction of the drawing: where a mark runs over a step, the program has its point before it.
+            let mut points = file.program.points_of(stroke).to_vec();
+            if stroke.reversed {
+                points.reverse();
+            }
             let field = |p: FieldPoint| {
                 [(block.stop.centre.x + i64::from(p.x)) as f64, (block.stop.centre.y + i64::from(p.y)) as f64]
             };
@@ -141,6 +145,9 @@ impl Turned {
                 if fits {
                     break;
                 }
+            }
+            if stroke.reversed {
+                found.reverse();
             }
             for (slot, p) in drawn.points[stroke.first as usize..].iter_mut().zip(&found) {
                 *slot = P2::new(p[0].round() as i64, p[1].round() as i64);
