@@ -330,7 +330,8 @@ fn random_jobs_verify_or_are_refused_at_length() {
 #[test]
 fn random_jobs_for_tilt_tables_verify_or_are_refused() {
     // 422: welding moves a step at which a mark begins. 512: a mark has less of its own than is known of its ends,
-    // next to what it shares. 1527: a wall hides 19 nm of the marks at its foot. 3916: a mark against the direction of its stroke has a point at a step that it runs over.
+    // next to what it shares. 1527: a wall hides 19 nm of the marks at its foot. 3916: a mark against the direction of
+    // its stroke has a point at a step that it runs over.
     trials((0..40).chain([422, 512, 1527, 3916]), Table::Tilting);
 }
 
