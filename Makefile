@@ -17,8 +17,8 @@ demo:
 test: setup
 	$(CARGO) test
 
-# The slow ones too, and those that read ../shared; they fail where it is absent.
-test-all: setup
+# The slow ones too, and those that read ../shared; they fail where it is absent. Lints first.
+test-all: setup check
 	$(CARGO) test --profile test-all -- --include-ignored
 
 # Formatting, lints, documentation.

@@ -300,6 +300,7 @@ fn command(jobs: &Path, out: &Path, seed: u64) -> Command {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn killed_batch_leaves_whole_folders_and_reruns_to_the_same_bytes() {
     let dir = folder();
     let (jobs, out) = (dir.path().join("jobs"), dir.path().join("out"));

@@ -419,7 +419,7 @@ fn inspect_describes_surfaces_drawings_jobs_and_folders() {
     let made = shown(&["a.job"]);
     assert_eq!((&made["kind"], &made["summary"]["stops"]), (&"folder".into(), &1.into()));
     for (file, say) in [
-        ("a.stl", "2.0000 x 3.0000 x 1.0000 units"),
+        ("a.stl", "size  2.0000 x 3.0000 x 1.0000 (the file does not state its unit)\n"),
         ("a.stl", "  if in  50.8000 x 76.2000 x 25.4000 mm   <- most likely\n"),
         ("a.stl", "0 % of the area steeper than 30 deg, 0 % facing down\n"),
         ("a.svg", "1 stroke (1 closed)"),

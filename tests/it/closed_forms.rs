@@ -150,6 +150,7 @@ fn focus_mean_of_a_steep_part_lies_within_its_marks() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn dome_needs_the_published_number_of_stops() {
     // A coarse hatch misses the smallest corners of some levels.
     dome_needs_stops(200, "1 mm", [3_537, 3_450], 10);

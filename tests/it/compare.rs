@@ -83,6 +83,7 @@ fn zoom_optic_stops_at_its_range() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn protection_option_selects_the_compensation() {
     let dir = folder();
     let job = job(dir.path());

@@ -13,6 +13,7 @@ fn hatch(direction: &str, pitch: &str) -> String {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn contour_hatch_cuts_fragments_to_a_quarter_at_equal_length() {
     contour_hatch_cuts_fragments_to_a_quarter_at_equal_length_at(100, "2 mm");
 }

@@ -37,6 +37,7 @@ fn proved(dir: &Path, job: &str) -> [serde_json::Value; 2] {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn five_axis_job_compiles_and_verifies() {
     let dir = folder();
     let dome = |x: f64, y: f64| -((x - 40.0).powi(2) + (y - 30.0).powi(2)) / 500.0;
@@ -75,6 +76,7 @@ fn seven_axis_job_compiles_and_verifies() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn reversed_axes_and_mirrored_or_swapped_fields_verify() {
     let dir = folder();
     let slope = |x: f64, y: f64| 0.05 * x - 0.03 * y - x * x / 900.0;
@@ -179,6 +181,7 @@ fn pole_far_from_the_file_origin_verifies() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn c_rewinds_during_jumps_within_its_travel() {
     // Jumps of a millimetre and of a twentieth; travel that lies to one side, whichever way the axis counts.
     rings(1.0, ["-360 deg", "360 deg"], false);

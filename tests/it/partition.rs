@@ -38,6 +38,7 @@ fn fewest(dir: &Path, name: &str, cells: usize, pitch: &str) -> [f64; 3] {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn window_method_needs_the_fewest_stops() {
     let dir = folder();
     for (name, _) in FIVE {
@@ -122,6 +123,7 @@ fn least_time(dir: &Path, z: fn(f64, f64) -> f64, (cells, pitch): (usize, &str),
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn auto_keeps_the_job_that_takes_the_least_time() {
     let dir = folder();
     for (_, z) in FIVE {
@@ -323,6 +325,7 @@ fn sources(folder: &Path) -> usize {
 
 /// Every way to cut between two stops: at borders of sections, at levels, along free windows.
 #[test]
+#[ignore = "slow: make test-all"]
 fn seams_overlap_by_what_the_job_declares() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");

@@ -281,6 +281,7 @@ fn smoothing_strengths_match_the_reference_of_the_seven_axis_part() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn seven_axis_least_acceleration_keeps_limits_and_beats_every_filter() {
     let part = Part::stored();
     let plan = part.hilbert();

@@ -192,7 +192,7 @@ fn limits_reports_travel_field_and_speed() {
         p.moves[from..from + laser_off - 1].iter_mut().for_each(|m| m.to[5] += 1_000_000);
     });
     assert_only("limits", &proof);
-    assert!(proof.to_text().contains("U accelerates"), "{}", proof.to_text());
+    assert!(proof.to_text().contains("U has an acceleration of"), "{}", proof.to_text());
 }
 
 #[test]
