@@ -79,9 +79,10 @@ pub struct Turned(pub Vec<InTiltedField>);
 /// Distance of the points of a mark from which the beam is followed, nm.
 const SPACING: f64 = 50_000.0;
 
-/// The ends of a mark, which may lie at the foot of a wall, are looked at this far inside, nm: beyond what rounding
-/// moves, which is 0.7 nm, and within the 10 nm of a mark that `terrace verify` lets another sheet hide for rounding.
-const INSIDE: f64 = 4.0;
+/// The ends of a mark, which may lie at the foot of a wall, are looked at this far inside, nm: as far as possible, so
+/// that walls of some 100 nm, as folds of a mesh have, do not keep a section upright, and within the 10 nm of a mark
+/// that `terrace verify` lets another sheet hide, less the 0.7 nm of either rounding.
+const INSIDE: f64 = 8.0;
 
 /// A beam counts as hidden if the part rises above it by more than this, nm.
 const GRAZE: f64 = 20.0;
