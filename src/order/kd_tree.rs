@@ -47,13 +47,10 @@ impl<const D: usize> Tree<D> {
 
     /// Sorts `list`, the points of leaves `first..first + count`, below node `node`.
     fn split(&mut self, node: usize, first: usize, count: usize, list: &mut [Point<D>]) {
-        let mut span = [[f64::INFINITY; D], [f64::NEG_INFINITY; D]];
-        for p in &*list {
-            for k in 0..D {
-                span[0][k] = span[0][k].min(p.at[k]);
-                span[1][k] = span[1][k].max(p.at[k]);
-            }
-        }
+        let corner = |pick: fn(f64, f64) -> f64, empty: f64| {
+            list.iter().fold([empty; D], |corner, p| std::array::from_fn(|k| pick(corner[k], p.at[k])))
+        };
+        let span = [corner(f64::min, f64::INFINITY), corner(f64::max, f64::NEG_INFINITY)];
         self.nodes[node].span = span;
         if count == 1 {
             return;

@@ -60,6 +60,7 @@ fn proved(job: &JobText, dir: &Path) -> Value {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn smooth_parts_need_few_tilted_stops() {
     let dir = folder();
     for (name, z) in FIVE {
@@ -75,6 +76,7 @@ fn smooth_parts_need_few_tilted_stops() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn tilted_stops_keep_figures_whole() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");
@@ -129,6 +131,7 @@ fn jobs_for_every_kind_of_tilt_table_verify() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn marks_of_tables_that_turn_about_z_end_inside_the_field() {
     let dir = folder();
     let stl = dir.path().join("part.stl");

@@ -203,6 +203,18 @@ fn check_marks(
         moves.clear();
     }
     findings.worst = checker.worst;
+    check_coverage(covers, manifest, (facts, texture, geometry), findings);
+}
+
+/// What the marks cover of every stroke, against what the manifest says is left out.
+fn check_coverage(
+    covers: Covers,
+    manifest: &Manifest,
+    (facts, texture, geometry): (&JobFacts, &Texture, &Geometry),
+    findings: &mut Findings,
+) {
+    let Findings { once, coverage, .. } = findings;
+    let mut points: Vec<P2> = Vec::new();
     let covers = covers.sorted();
     let mut coverage_checker =
         CoverageChecker { geometry, facts, scratch: Scratch::default(), lengths: Lengths::default() };
