@@ -12,10 +12,10 @@
 
 pub mod axes;
 pub mod banded_qp;
+pub mod beam_hits;
 pub mod check;
 pub mod decompose;
 pub mod follow;
-pub mod footing;
 pub mod path;
 pub mod program;
 pub mod statistics;

@@ -15,10 +15,10 @@ use crate::on_the_fly::axes::kinematics::{Deviation, Pose, machine_from_part};
 use crate::on_the_fly::axes::motion::{AXES, Motion, Waypoint};
 use crate::on_the_fly::axes::xyzacuv::{KinematicModel, Seven, ToolPath, decompose_and_time};
 use crate::on_the_fly::axes::xyzuv::{ScannerLimits, quickest};
+use crate::on_the_fly::beam_hits::{self, FocusOnPart, Miss, focus_on_part};
 use crate::on_the_fly::check::{self, Checked};
 use crate::on_the_fly::decompose::{Family, Limits};
 use crate::on_the_fly::follow::{Follow, Stretch};
-use crate::on_the_fly::footing::{self, FocusOnPart, Miss, focus_on_part};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::path::{Followed, Node, Path};
@@ -124,7 +124,7 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
         focus,
         max_incidence,
     };
-    let (made, footing) = planner.planned()?;
+    let (made, worst) = planner.planned()?;
     let asked = Schedule::of(&made.followed.path, machine, &strokes.pens, 0.0).mark_s;
     let checked = Checked::new(made.program, machine)?;
     let slow = checked.figures().mark_s / asked;
@@ -134,7 +134,7 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
     let left_out = planner.left_out(&inputs.texture, &made.followed.left_out);
     let lengths = FlyLengths::new(texture_mm, &skipped, &left_out);
     warnings.extend(planner.skipped(&lengths, &made.followed.left_out));
-    let deviations = Deviations { worst_fod_um: footing.focus * 1e3, worst_bia_deg: footing.angle.to_degrees() };
+    let deviations = Deviations { worst_fod_um: worst.focus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
     Ok(Planned { checked, deviations, lengths, left_out })
 }
 
@@ -173,7 +173,7 @@ struct Made {
 impl Planner<'_> {
     /// Plans until every mark keeps its focus and incidence on the part.
     fn planned(&self) -> Result<(Made, FocusOnPart), Error> {
-        let limits = footing::Limits { focus: self.focus + ROUNDED[0], angle: self.max_incidence + ROUNDED[1] };
+        let limits = beam_hits::Limits { focus: self.focus + ROUNDED[0], angle: self.max_incidence + ROUNDED[1] };
         let (mut without, mut last) = (Vec::new(), None);
         for _ in 0..PLANS {
             let made = self.made(&without)?;
