@@ -47,7 +47,7 @@ pub struct Node {
     pub kind: NodeKind,
     /// Stroke of the program that it belongs to, the one just marked or jumped to.
     pub stroke: PieceId,
-    /// Pen whose speed the dark stretch that ends here keeps: it runs out of a mark or into one.
+    /// Pen whose speed the laser-off stretch that ends here keeps: it runs out of a mark or into one.
     pub run: Option<PenId>,
 }
 
