@@ -1,15 +1,16 @@
 //! Where the beam of every mark of a program meets the part.
 //!
-//! Consumes a program as it is commanded and the part; promises focal offset and angle of every mark as the facets
-//! under it have them, and the stretches of strokes where one of both is beyond its limit. Upright beams are followed
-//! from facet to facet, leaning ones at both ends of every move and at three places between. Units: mm, rad, unless a
-//! name says otherwise.
+//! Consumes a program as it is commanded, its path and the part; promises focal offset and angle of every mark as the
+//! facets under it have them, how far beside the path a leaning beam meets the part, and the stretches of strokes where
+//! one of these is beyond its limit. Upright beams are followed from facet to facet, leaning ones at both ends of every
+//! move and at three places between. Units: mm, rad, unless a name says otherwise.
 
 use crate::diag::Error;
 use crate::geom::{NM_PER_MM, P2};
 use crate::machine::Machine;
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::follow::Stretch;
+use crate::on_the_fly::path::{Followed, Path};
 use crate::on_the_fly::program::{Kind, Program};
 use crate::projection::Tracer;
 use crate::surface::Surface;
@@ -18,6 +19,8 @@ use crate::surface::Surface;
 const BORDER: f64 = 120.0;
 /// Places of a move at which leaning beams are followed, besides its begin.
 const PLACES: usize = 4;
+/// A beam this near to the path passes through it, mm: what marks may stray from rounding, or cut off at a corner.
+const THROUGH: f64 = 2.5e-4;
 /// What rounding adds to an angle, rad.
 const ROUNDED: f64 = 1e-6;
 
@@ -28,6 +31,8 @@ pub struct Limits {
     pub focus: f64,
     /// Angle of the beam to the part's normal.
     pub angle: f64,
+    /// In plan, from the place of the path that the beam passes through to where it meets the part.
+    pub beside: f64,
 }
 
 /// A place where a mark does not keep its limits.
@@ -35,10 +40,8 @@ pub struct Limits {
 pub struct Miss {
     /// In plan.
     pub at: [f64; 2],
-    /// Out of focus; infinite where the beam misses the part.
-    pub focus: f64,
-    /// Angle to the normal.
-    pub angle: f64,
+    /// Where its beam meets the part.
+    pub hit: BeamHit,
 }
 
 /// Focal offset and incidence of the marks of a program on the part.
@@ -61,8 +64,84 @@ struct Beam {
     up: [f64; 3],
 }
 
-/// Where a beam meets the part: how far from focus, at which angle.
-type BeamHit = (f64, f64);
+impl Beam {
+    /// The place of a segment that lies nearest to the beam, after how far that is, across the beam.
+    fn nearest(&self, a: [f64; 3], b: [f64; 3]) -> (f64, [f64; 3]) {
+        let across = |v: [f64; 3]| {
+            let along: f64 = (0..3).map(|k| v[k] * self.up[k]).sum();
+            [0, 1, 2].map(|k| v[k] - along * self.up[k])
+        };
+        let dot = |v: [f64; 3], w: [f64; 3]| v[0] * w[0] + v[1] * w[1] + v[2] * w[2];
+        let to = across([0, 1, 2].map(|k| self.at[k] - a[k]));
+        let way = across([0, 1, 2].map(|k| b[k] - a[k]));
+        let length2 = dot(way, way);
+        let t = if length2 > 0.0 { (dot(to, way) / length2).clamp(0.0, 1.0) } else { 0.0 };
+        let off = [0, 1, 2].map(|k| to[k] - t * way[k]);
+        (dot(off, off).sqrt(), [0, 1, 2].map(|k| a[k] + t * (b[k] - a[k])))
+    }
+}
+
+/// Where a beam meets the part.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BeamHit {
+    /// Out of focus; infinite where the beam misses the part.
+    pub focus: f64,
+    /// Angle to the normal.
+    pub angle: f64,
+    /// Beside the path, in plan; 0 of upright beams, which meet the part wherever it is.
+    pub beside: f64,
+}
+
+impl BeamHit {
+    const MISSED: Self = Self { focus: f64::INFINITY, angle: 0.0, beside: 0.0 };
+
+    fn max(self, other: Self) -> Self {
+        Self {
+            focus: self.focus.max(other.focus),
+            angle: self.angle.max(other.angle),
+            beside: self.beside.max(other.beside),
+        }
+    }
+}
+
+/// The path of one mark, and how far along it beams have come.
+struct Marked {
+    nodes: Vec<[f64; 3]>,
+    at: usize,
+}
+
+impl Marked {
+    /// The marks of a path, in its order.
+    fn all(path: &Path) -> Vec<Self> {
+        let mut out: Vec<Self> = Vec::new();
+        for w in path.nodes.windows(2) {
+            if w[1].pen.is_none() {
+                continue;
+            }
+            match out.last_mut().filter(|_| w[0].pen.is_some() && w[0].stroke == w[1].stroke) {
+                Some(mark) => mark.nodes.push(w[1].at),
+                None => out.push(Self { nodes: vec![w[0].at, w[1].at], at: 0 }),
+            }
+        }
+        out
+    }
+
+    /// Where a beam passes through the path: on the segment of the last beam or the next that it passes [`THROUGH`];
+    /// where there is none, on the one that it passes nearest.
+    fn place(&mut self, beam: &Beam) -> [f64; 3] {
+        let mut best = (f64::INFINITY, self.nodes[self.at], self.at);
+        for i in self.at..self.nodes.len() - 1 {
+            let (off, place) = beam.nearest(self.nodes[i], self.nodes[i + 1]);
+            if off < best.0 {
+                best = (off, place, i);
+            } else if best.0 < THROUGH {
+                break;
+            }
+        }
+        self.at = best.2;
+        best.1
+    }
+}
 
 struct Finder<'a> {
     tracer: Tracer<'a>,
@@ -71,8 +150,8 @@ struct Finder<'a> {
     top: f64,
 }
 
-/// Follows the beams of all marks, whose pieces in their order are `marked`. What is beyond a limit reaches `around` mm
-/// farther than it was found.
+/// Follows the beams of all marks, whose path is `followed`. What is beyond a limit reaches `around` mm farther than it
+/// was found.
 ///
 /// # Errors
 /// Those of a machine that does not have the program's axes.
@@ -81,7 +160,7 @@ pub fn focus_on_part(
     machine: &Machine,
     surface: &Surface,
     limits: Limits,
-    marked: &[Stretch],
+    followed: &Followed,
     around: f64,
 ) -> Result<FocusOnPart, Error> {
     let spot = program.spots(machine)?;
@@ -92,11 +171,12 @@ pub fn focus_on_part(
     let top = surface.tiles().iter().map(|t| t.1.mm()).fold(f64::NEG_INFINITY, f64::max);
     let mut finder = Finder { tracer: Tracer::new(surface, f64::INFINITY), limits, top };
     let mut out = FocusOnPart::default();
-    let (mut pieces, mut before, mut along) = (marked.iter(), None, 0.0);
-    let mut piece = None;
+    let (mut pieces, mut before, mut along) = (followed.marked.iter(), None, 0.0);
+    let mut paths = Marked::all(&followed.path).into_iter();
+    let (mut piece, mut path) = (None, None);
     for (_, from, step) in program.steps() {
         if step.mark.is_some() && step.mark != before {
-            piece = pieces.next();
+            (piece, path) = (pieces.next(), paths.next());
             along = piece.map_or(0.0, |p| p.from);
         }
         before = step.mark;
@@ -114,12 +194,12 @@ pub fn focus_on_part(
                     to.iter_mut().zip(axes(k as f64 / PLACES as f64)).for_each(|(to, v)| *to = v.round() as i64);
                     beam(&to)
                 });
-                finder.leaning(beams, [b.at[0] - a.at[0], b.at[1] - a.at[1]])
+                finder.leaning(beams, path.as_mut(), [b.at[0] - a.at[0], b.at[1] - a.at[1]])
             }
         };
-        (out.focus, out.angle) = (out.focus.max(worst.0), out.angle.max(worst.1));
+        (out.focus, out.angle) = (out.focus.max(worst.focus), out.angle.max(worst.angle));
         if !finder.holds(worst) {
-            out.first.get_or_insert(Miss { at, focus: worst.0, angle: worst.1 });
+            out.first.get_or_insert(Miss { at, hit: worst });
             if let Some(piece) = piece {
                 let [from, to] = [along - around, along + way + around];
                 match out.beyond.last_mut() {
@@ -134,14 +214,13 @@ pub fn focus_on_part(
 }
 
 impl Finder<'_> {
-    fn holds(&self, (focus, angle): BeamHit) -> bool {
-        focus <= self.limits.focus && angle <= self.limits.angle + ROUNDED
+    fn holds(&self, BeamHit { focus, angle, beside }: BeamHit) -> bool {
+        focus <= self.limits.focus && angle <= self.limits.angle + ROUNDED && beside <= self.limits.beside
     }
 
     /// The worse of two hits: one that keeps its limits is never worse than one that does not.
     fn worse(&self, a: (BeamHit, [f64; 2]), b: (BeamHit, [f64; 2])) -> (BeamHit, [f64; 2]) {
-        let both = (a.0.0.max(b.0.0), a.0.1.max(b.0.1));
-        (both, if self.holds(a.0) { b.1 } else { a.1 })
+        (a.0.max(b.0), if self.holds(a.0) { b.1 } else { a.1 })
     }
 
     /// The worst of an upright move, on the line or just next to it where it runs along a border.
@@ -175,26 +254,34 @@ impl Finder<'_> {
                 pieces.push((piece.t1, piece.z1, normals.under(&piece)));
             }
         });
-        let start = ((0.0, 0.0), p.mm());
+        let start = (BeamHit::default(), p.mm());
         pieces.into_iter().fold(start, |worst, (t, z, normal)| {
             let focus = (z / NM_PER_MM - (a.at[2] + t * (b.at[2] - a.at[2]))).abs();
-            self.worse(worst, ((focus, normal[2].clamp(-1.0, 1.0).acos()), p.lerp(q, t).mm()))
+            let hit = BeamHit { focus, angle: normal[2].clamp(-1.0, 1.0).acos(), beside: 0.0 };
+            self.worse(worst, (hit, p.lerp(q, t).mm()))
         })
     }
 
-    /// The worst of leaning beams of a move that runs along `way`.
-    fn leaning(&mut self, beams: impl Iterator<Item = Beam>, way: [f64; 2]) -> (BeamHit, [f64; 2]) {
-        let mut worst = ((0.0, 0.0), [0.0; 2]);
+    /// The worst of leaning beams of a move that runs along `way`, of a mark with a path.
+    fn leaning(
+        &mut self,
+        beams: impl Iterator<Item = Beam>,
+        mut path: Option<&mut Marked>,
+        way: [f64; 2],
+    ) -> (BeamHit, [f64; 2]) {
+        let mut worst = (BeamHit::default(), [0.0; 2]);
         for beam in beams {
-            let hit = self.near(&beam, way);
+            let place = path.as_mut().map_or(beam.at, |path| path.place(&beam));
+            let hit = self.near(&beam, [place[0], place[1]], way);
             worst = self.worse(worst, (hit, [beam.at[0], beam.at[1]]));
         }
         worst
     }
 
-    /// Where a leaning beam hits the part. Where it misses the part or a limit, one within [`BORDER`] that does not.
-    fn near(&mut self, beam: &Beam, way: [f64; 2]) -> BeamHit {
-        let straight = self.hit(beam);
+    /// Where a leaning beam hits the part that should at `place`. Where it misses the part or a limit, one within
+    /// [`BORDER`] that does not.
+    fn near(&mut self, beam: &Beam, place: [f64; 2], way: [f64; 2]) -> BeamHit {
+        let straight = self.hit(beam, place);
         if let Some(hit) = straight.filter(|&f| self.holds(f)) {
             return hit;
         }
@@ -204,18 +291,19 @@ impl Finder<'_> {
         for s in [0.0, -1.0, 1.0] {
             for t in [0.0, 0.0625, -0.0625, 0.25, -0.25, 1.0, -1.0] {
                 let by = [s * along[0] - t * along[1], s * along[1] + t * along[0]].map(|v| v * BORDER / NM_PER_MM);
-                let found = self.hit(&Beam { at: [beam.at[0] + by[0], beam.at[1] + by[1], beam.at[2]], up: beam.up });
+                let beam = Beam { at: [beam.at[0] + by[0], beam.at[1] + by[1], beam.at[2]], up: beam.up };
+                let found = self.hit(&beam, [place[0] + by[0], place[1] + by[1]]);
                 if let Some(hit) = found.filter(|&f| self.holds(f)) {
                     return hit;
                 }
                 first = first.or(found);
             }
         }
-        first.unwrap_or((f64::INFINITY, 0.0))
+        first.unwrap_or(BeamHit::MISSED)
     }
 
-    /// The highest place of the part along a beam.
-    fn hit(&mut self, beam: &Beam) -> Option<BeamHit> {
+    /// The highest part along a beam that should meet it at `meant`.
+    fn hit(&mut self, beam: &Beam, meant: [f64; 2]) -> Option<BeamHit> {
         let up = beam.up;
         if up[2] <= 0.0 {
             return None;
@@ -254,6 +342,7 @@ impl Finder<'_> {
         });
         let (off, normal) = found?;
         let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
-        Some((off.abs(), cos.clamp(-1.0, 1.0).acos()))
+        let [x, y] = [0, 1].map(|k| beam.at[k] + off * up[k] - meant[k]);
+        Some(BeamHit { focus: off.abs(), angle: cos.clamp(-1.0, 1.0).acos(), beside: x.hypot(y) })
     }
 }

@@ -8,7 +8,7 @@ use crate::support::{JobText, compile, files, folder, machine_file, number, said
 
 fn job(dir: &Path, method: &'static str) -> std::path::PathBuf {
     let stl = dir.join("dome.stl");
-    write_stl(&stl, &mesh(100, [0.0, 0.0, 180.0, 150.0], |x, y| dome(2.5 * x, 3.0 * y)));
+    write_stl(&stl, &mesh(60, [0.0, 0.0, 90.0, 75.0], |x, y| dome(5.0 * x, 6.0 * y)));
     JobText { more: "[emit]\nformats = [\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\"]\n".into(), ..JobText::on(&stl) }
         .texture("pattern = \"hatch\"\npitch = \"1 mm\"\ndirection = \"20 deg\"")
         .texture("pattern = \"squares\"\npitch = \"3 mm\"\ncell = \"2 mm\"")

@@ -29,8 +29,8 @@ fn json(dir: &Path, args: &[&str]) -> Value {
 /// A job that can be marked in both modes, named job.toml.
 fn job(dir: &Path, more: &str) {
     let stl = dir.join("part.stl");
-    write_stl(&stl, &mesh(30, [-12.0, -10.0, 12.0, 10.0], |x, y| 0.004 * (x * x + y * y) + 0.02 * x));
-    let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"2 mm\"").method("auto");
+    write_stl(&stl, &mesh(12, [-6.0, -5.0, 6.0, 5.0], |x, y| 0.004 * (x * x + y * y) + 0.02 * x));
+    let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"4 mm\"").method("auto");
     job.machine = "profile = \"xyz-galvo-100\"".into();
     job.surface = format!("file = \"part.stl\"\nunit = \"mm\"\n{more}");
     job.write(dir, "job.toml");

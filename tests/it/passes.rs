@@ -14,7 +14,7 @@ fn job(dir: &Path, method: &'static str, direction: &str, passes: &str) -> PathB
     if !stl.exists() {
         write_stl(&stl, &mesh(120, [100.0, 60.0, 220.0, 160.0], dome));
     }
-    let hatch = format!("pattern = \"hatch\"\npitch = \"0.7 mm\"\ndirection = \"{direction}\"");
+    let hatch = format!("pattern = \"hatch\"\npitch = \"1.1 mm\"\ndirection = \"{direction}\"");
     let mut job = JobText::on(&stl).texture(&hatch).method(method);
     job.more = passes.into();
     job.write(dir, "job.toml")

@@ -44,7 +44,7 @@ fn every_command_opens_each_input_once_and_once_for_its_hash() {
     let mut job = JobText::on(Path::new(&path("part.stl")))
         .texture("file = \"drawing.svg\"")
         .texture("file = \"drawing.svg\"\norigin = [\"-10 mm\", \"-9 mm\"]")
-        .texture("pattern = \"hatch\"\npitch = \"2 mm\"")
+        .texture("pattern = \"hatch\"\npitch = \"5 mm\"")
         .method("auto");
     job.machine = "file = \"machine.toml\"".into();
     job.write(dir.path(), "one.toml");

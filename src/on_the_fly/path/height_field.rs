@@ -100,6 +100,16 @@ impl HeightField {
         Self { steepest, ..self }
     }
 
+    /// Largest angle between its normal and the vertical at a node of the grid, rad.
+    pub fn steepest_lean(&self) -> f64 {
+        let [columns, rows] = self.count;
+        let slope = |row: usize| {
+            let at = |i: usize| [self.origin[0] + i as f64 * self.step, self.origin[1] + row as f64 * self.step];
+            (0..columns).map(|i| self.at(at(i)).slope).fold(0.0, |most: f64, [x, y]| most.max(x.hypot(y)))
+        };
+        (0..rows).map(slope).fold(0.0, f64::max).atan()
+    }
+
     /// Distance of the grid's nodes.
     pub fn step(&self) -> f64 {
         self.step
