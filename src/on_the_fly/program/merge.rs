@@ -1,13 +1,13 @@
 //! Leaves out samples that the line between their neighbours passes.
 
-use super::{Move, NEAR, NEAR_TURN};
+use super::{AxisCommands, Move, NEAR, NEAR_TURN};
 use crate::on_the_fly::axes::motion::AXES;
 
 /// The same moves, those joined that run on in one line within the tolerances. What is kept is kept as it was.
 ///
 /// From a kept sample a cone is left open for every axis: the slopes of lines that pass all samples since. The
 /// move goes on as long as the line to the next sample stays within all tolerances.
-pub(super) fn merged(start: [i64; AXES], moves: Vec<Move>) -> Vec<Move> {
+pub(super) fn merged(start: AxisCommands, moves: Vec<Move>) -> Vec<Move> {
     let mut out: Vec<Move> = Vec::with_capacity(moves.len() / 2);
     let mut from = Move { us: 0, to: start, mark: None };
     let mut cone = SlopeCone::open();

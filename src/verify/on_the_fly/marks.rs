@@ -9,7 +9,7 @@ use super::chain::{Beam, Chain};
 use super::track::{Stroke, Trace};
 use crate::verify::geometry::{Geometry, Line, Scratch};
 use crate::verify::proof::Rule;
-use crate::verify::read::on_the_fly::{AXES, Step};
+use crate::verify::read::on_the_fly::{Commands, Step};
 
 /// Largest distance of places that are looked at, nm.
 const APART: f64 = 50_000.0;
@@ -77,16 +77,16 @@ impl<'a> MarkChecker<'a> {
     pub(super) fn mark(
         &mut self,
         place: &str,
-        moves: &[([i64; AXES], Step)],
+        moves: &[(Commands, Step)],
         stroke: &Stroke,
         rules: &mut Rules<'_>,
     ) -> Vec<Trace> {
         self.hit_points.clear();
         let mut off_part = false;
         for (i, (from, step)) in moves.iter().enumerate() {
-            let (a, b) = (from.map(|v| v as f64), step.to.map(|v| v as f64));
+            let [a, b] = [from, &step.to].map(|to| to.float());
             let place = || format!("{place}:{}", step.line);
-            let [start, end] = [a, b].map(|to| self.chain.beam(to));
+            let [start, end] = [&a, &b].map(|to| self.chain.beam(to));
             let way = (0..3).map(|k| (end.at[k] - start.at[k]).powi(2)).sum::<f64>().sqrt();
             let count =
                 if self.chain.leans() { ((way / APART) as usize + 1).max(4) } else { (way / APART) as usize + 2 };
@@ -94,7 +94,7 @@ impl<'a> MarkChecker<'a> {
             // The first sample of a later move is the last one of the move before.
             for k in usize::from(i > 0)..=count {
                 let share = k as f64 / count as f64;
-                let beam = self.chain.beam(std::array::from_fn(|k| a[k] + share * (b[k] - a[k])));
+                let beam = self.chain.beam(&a.between(&b, share));
                 if !self.chain.leans() {
                     self.hit_points.push([beam.at[0], beam.at[1]]);
                     continue;

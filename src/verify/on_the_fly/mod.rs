@@ -26,7 +26,7 @@ use super::job_facts::{self, JobFacts};
 use super::proof::{Lengths, Proof, Rule};
 use super::read::manifest::{self, Listed};
 use super::read::on_the_fly::manifest::Manifest;
-use super::read::on_the_fly::{AXES, Course, Step};
+use super::read::on_the_fly::{Commands, Course, Step};
 use super::rules::hash;
 use crate::diag::Error;
 use crate::geom::{Nm, P2};
@@ -165,7 +165,7 @@ fn check_marks(
     let mut covers = Covers::default();
     let mut points: Vec<P2> = Vec::new();
     let mut kept: Option<(u32, PenId, Stroke)> = None;
-    let mut moves: Vec<([i64; AXES], Step)> = Vec::new();
+    let mut moves: Vec<(Commands, Step)> = Vec::new();
     let mut all = course.moves().map(|(_, from, step)| (*from, *step)).peekable();
     while let Some((from, step)) = all.next() {
         let Some(claim) = step.mark else { continue };
