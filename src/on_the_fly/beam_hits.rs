@@ -8,7 +8,7 @@
 use crate::diag::Error;
 use crate::geom::{NM_PER_MM, P2};
 use crate::machine::Machine;
-use crate::on_the_fly::follow::Stretch;
+use crate::on_the_fly::path::follow::Stretch;
 use crate::on_the_fly::program::{AxisCommands, Kind, Program};
 use crate::projection::Tracer;
 use crate::surface::Surface;

@@ -15,7 +15,6 @@ pub mod banded_qp;
 pub mod beam_hits;
 pub mod check;
 pub mod decompose;
-pub mod follow;
 pub mod path;
 pub mod program;
 pub mod statistics;

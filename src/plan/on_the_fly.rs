@@ -18,7 +18,7 @@ use crate::on_the_fly::axes::xyzuv::{ScannerLimits, quickest};
 use crate::on_the_fly::beam_hits::{self, FocusOnPart, Miss, focus_on_part};
 use crate::on_the_fly::check::{self, Checked};
 use crate::on_the_fly::decompose::{Family, Limits};
-use crate::on_the_fly::follow::{Follow, Stretch};
+use crate::on_the_fly::path::follow::{Follow, Stretch};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::path::{Followed, Node, Path};
