@@ -20,3 +20,5 @@ pub mod program;
 pub mod statistics;
 pub mod stop_at_every_point;
 pub mod topp;
+pub mod xyzacuv;
+pub mod xyzuv;
