@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::geom::{FieldPoint, Turn};
+use crate::geom::{BoxMm, FieldPoint, Turn};
 use crate::machine::{Commanded, Machine, TiltAngles};
 use crate::program::{PassId, PenId, SectionId, SetupId, Stop, Stroke, StrokeId};
 
@@ -58,10 +58,10 @@ fn program(blocks: &[Made]) -> Program {
     program
 }
 
-/// A plane over a box in mm.
-fn plane([x0, y0, x1, y1]: [f64; 4], z: impl Fn(f64, f64) -> f64) -> Surface {
-    let p = |x: f64, y: f64| [x, y, z(x, y)];
-    let facets = [[p(x0, y0), p(x1, y0), p(x1, y1)], [p(x0, y0), p(x1, y1), p(x0, y1)]];
+/// A plane over a box.
+fn plane(area: BoxMm<2>, z: impl Fn(f64, f64) -> f64) -> Surface {
+    let [a, b, c, d] = area.corners().map(|[x, y]| [x, y, z(x, y)]);
+    let facets = [[a, b, c], [a, c, d]];
     Surface::from_facets(facets, &mut Vec::new()).expect("two facets")
 }
 
@@ -247,7 +247,7 @@ fn gaps_are_closed_up_to_the_reach() {
 /// Two levels on a slope along x, 1 mm hatch along x, texture in the lower half only.
 #[test]
 fn a_level_without_marks_is_not_painted_and_lines_of_one_level_are_one_part() {
-    let surface = plane([0.0, 0.0, 40.0, 40.0], |x, y| 0.01 * x + 0.0101 * y);
+    let surface = plane(BoxMm::rectangle(0.0, 0.0, 40.0, 40.0), |x, y| 0.01 * x + 0.0101 * y);
     // z = 0.2 runs from (20, 0) to the upper left: the cut moves by 1 mm from line to line.
     let cut = |y: f64| (20.0 - 1.01 * y).clamp(0.0, 40.0);
     let ys: Vec<f64> = (0..12).map(|k| f64::from(k) + 0.6).collect();
@@ -313,7 +313,7 @@ fn stops_on_centres_of_sections_are_gridded() {
 fn cells_under_free_windows_belong_to_the_block_of_their_marks() {
     let mut numbers = crate::random::Random::new(7);
     let mut random = move |below: i64| numbers.between(0, below - 1);
-    let surface = plane([0.0, 0.0, 100.0, 100.0], |x, y| 0.004 * x + 0.003 * y);
+    let surface = plane(BoxMm::rectangle(0.0, 0.0, 100.0, 100.0), |x, y| 0.004 * x + 0.003 * y);
     let z = |p: P2| p.x * 4 / 1000 + p.y * 3 / 1000;
     let stops: Vec<(P2, i64)> =
         (0..120).map(|_| (P2::new(random(100 * MM), random(100 * MM)), random(700) * 1000)).collect();

@@ -162,12 +162,13 @@ fn drawing(path: &Path) -> Result<Shown, Error> {
         tolerance_mm: 1e-3,
         pen: PenId(0),
     };
+    let anywhere = crate::geom::BoxMm::of([[0.0; 2]]);
     // Without a physical size only what does not depend on it is shown; any page will do to count it.
-    let (texture, sized) = match Texture::load(&[request(None)], [0.0; 4], 0.0, &mut warnings) {
+    let (texture, sized) = match Texture::load(&[request(None)], anywhere, 0.0, &mut warnings) {
         Ok(t) => (t, true),
         Err(e) if e.diags().iter().any(|d| d.code == "svg-size") => {
             warnings.clear();
-            let texture = Texture::load(&[request(Some([100.0; 2]))], [0.0; 4], 0.0, &mut warnings)?;
+            let texture = Texture::load(&[request(Some([100.0; 2]))], anywhere, 0.0, &mut warnings)?;
             warnings.retain(|w| w.code != "svg-stretched");
             (texture, false)
         }

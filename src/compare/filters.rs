@@ -3,10 +3,10 @@
 use rayon::prelude::*;
 
 use crate::machine::Machine;
-use crate::on_the_fly::axes::xyzuv::{Peaks, ScannerLimits};
 use crate::on_the_fly::decompose::{Family, largest, paced, peak, rms_acceleration, stage, within};
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::schedule::{Samples, Schedule};
+use crate::on_the_fly::xyzuv::{Peaks, ScannerLimits};
 
 /// What a decomposition makes of the path, as strong as field and focus allow.
 #[derive(Clone, Debug, PartialEq)]

@@ -12,16 +12,16 @@ use crate::motion::stage_move;
 use crate::on_the_fly::axes::following_error::{Axis, Protection, Scanner, Servo};
 use crate::on_the_fly::axes::kinematics::{Axes, Deviation};
 use crate::on_the_fly::axes::motion::AXES;
-use crate::on_the_fly::axes::xyzacuv::{AxisFigures, KinematicModel, Seven, ToolPath, decompose_and_time};
-use crate::on_the_fly::axes::xyzuv::{
-    Decomposition, ScannerLimits, Timed, Turnaround, quickest, step_scan_s, synchronise, synchronised_s,
-};
 use crate::on_the_fly::decompose::{Family, Limits, choose_average};
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::statistics::Statistics;
 use crate::on_the_fly::stop_at_every_point::stop_at_every_point;
 use crate::on_the_fly::topp::{self, State};
+use crate::on_the_fly::xyzacuv::{AxisFigures, KinematicModel, Seven, ToolPath, decompose_and_time};
+use crate::on_the_fly::xyzuv::{
+    Decomposition, ScannerLimits, Timed, Turnaround, quickest, step_scan_s, synchronise, synchronised_s,
+};
 use crate::plan::strokes::{self, Strokes};
 use crate::program::Block;
 

@@ -10,8 +10,8 @@ use crate::machine::{Commanded, Machine, Origin};
 use crate::manifest::Times;
 use crate::motion;
 use crate::on_the_fly::axes::kinematics::Deviation;
-use crate::on_the_fly::axes::xyzuv::step_scan_s;
 use crate::on_the_fly::path::height_field::HeightField;
+use crate::on_the_fly::xyzuv::step_scan_s;
 use crate::plan::{Draft, SteppedPlan};
 use crate::program::Program;
 

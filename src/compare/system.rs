@@ -6,8 +6,8 @@ use super::follow::Follower;
 use super::{Curves, Figures, Subject, stepped};
 use crate::diag::Error;
 use crate::job::Method;
-use crate::on_the_fly::axes::xyzacuv::ToolPath;
 use crate::on_the_fly::decompose::Family;
+use crate::on_the_fly::xyzacuv::ToolPath;
 
 /// How the figures of a system are found.
 #[derive(Clone, Copy, Debug)]

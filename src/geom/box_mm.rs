@@ -32,3 +32,15 @@ impl<const D: usize> BoxMm<D> {
         std::array::from_fn(|k| self.hi[k] - self.lo[k])
     }
 }
+
+impl BoxMm<2> {
+    /// The box from (x0, y0) to (x1, y1), mm: in the order of job files.
+    pub const fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Self {
+        Self { lo: [x0, y0], hi: [x1, y1] }
+    }
+    /// Its corners, counter-clockwise from the lower left, mm.
+    pub const fn corners(&self) -> [[f64; 2]; 4] {
+        let ([x0, y0], [x1, y1]) = (self.lo, self.hi);
+        [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
+    }
+}

@@ -15,7 +15,7 @@ use super::resolved::{
 };
 use crate::diag::{Diag, Error};
 use crate::emit::{Format, TARGETS, Target};
-use crate::geom::{MAX_NM, Nm, P2};
+use crate::geom::{BoxMm, MAX_NM, Nm, P2};
 use crate::machine::Origin;
 use crate::program::{Pen, PenId};
 use crate::units::{Angle, Length};
@@ -454,7 +454,7 @@ impl Texture<'_> {
                             .hint("write [x0, y0, x1, y1] with the lower left corner first"),
                     );
                 }
-                texture::Area::Rectangle([x0, y0, x1, y1])
+                texture::Area::Rectangle(BoxMm::rectangle(x0, y0, x1, y1))
             }
         }
     }

@@ -8,10 +8,9 @@
 use crate::diag::Error;
 use crate::geom::{NM_PER_MM, P2};
 use crate::machine::Machine;
-use crate::on_the_fly::axes::motion::AXES;
-use crate::on_the_fly::follow::Stretch;
+use crate::on_the_fly::path::follow::Stretch;
 use crate::on_the_fly::path::{Followed, Path};
-use crate::on_the_fly::program::{Kind, Program};
+use crate::on_the_fly::program::{AxisCommands, Kind, Program};
 use crate::projection::Tracer;
 use crate::surface::Surface;
 
@@ -164,7 +163,7 @@ pub fn focus_on_part(
     around: f64,
 ) -> Result<FocusOnPart, Error> {
     let spot = program.spots(machine)?;
-    let beam = |to: &[i64; AXES]| {
+    let beam = |to: &AxisCommands| {
         let spot = spot(to);
         Beam { at: spot.part, up: spot.up }
     };
@@ -188,11 +187,10 @@ pub fn focus_on_part(
         let (worst, at) = match program.kind {
             Kind::Xyzuv => finder.upright(&a, &b),
             Kind::Xyzacuv => {
-                let axes = |share: f64| from.iter().zip(step.to).map(move |(&p, q)| p as f64 + share * (q - p) as f64);
-                let beams = (0..=PLACES).map(|k| {
-                    let mut to = [0; AXES];
-                    to.iter_mut().zip(axes(k as f64 / PLACES as f64)).for_each(|(to, v)| *to = v.round() as i64);
-                    beam(&to)
+                let axis = |k: usize, share: f64| from[k] as f64 + share * (step.to[k] - from[k]) as f64;
+                let beams = (0..=PLACES).map(|i| {
+                    let share = i as f64 / PLACES as f64;
+                    beam(&AxisCommands(std::array::from_fn(|k| axis(k, share).round() as i64)))
                 });
                 finder.leaning(beams, path.as_mut(), [b.at[0] - a.at[0], b.at[1] - a.at[1]])
             }

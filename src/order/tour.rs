@@ -52,6 +52,15 @@ enum Step {
     Endpoint(usize, u32),
 }
 
+/// What the path knows of an item.
+#[derive(Clone, Copy)]
+struct Item {
+    /// Its place.
+    place: u32,
+    /// Whether it waits in the queue.
+    queued: bool,
+}
+
 /// A path and what it costs.
 pub(super) struct Tour<'a, C, N> {
     endpoints: &'a Endpoints,
@@ -61,17 +70,17 @@ pub(super) struct Tour<'a, C, N> {
     near: N,
     /// Entry endpoint at every place.
     seq: Vec<u32>,
-    /// Cost from every place to the next; nothing from the last.
+    /// Cost from every place to the next; nothing from the last. Not one list with `seq`: where n places are turned
+    /// round, only the n - 1 edges between them are.
     edges: Vec<f64>,
-    /// Place of every item.
-    place: Vec<u32>,
+    /// Of every item.
+    items: Vec<Item>,
     /// Most places that one move changes.
     longest: usize,
     /// Gains up to this are rounding.
     least: f64,
     /// Items whose surroundings changed, first in first out.
     queue: std::collections::VecDeque<u32>,
-    queued: Vec<bool>,
     found: Vec<(f64, u32)>,
     /// Kept only while random changes are tried.
     journal: Option<Vec<Step>>,
@@ -79,17 +88,16 @@ pub(super) struct Tour<'a, C, N> {
 
 impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a, C, N> {
     pub(super) fn new(endpoints: &'a Endpoints, seq: Vec<u32>, longest: usize, least: f64, cost: C, near: N) -> Self {
-        let mut place = vec![0; seq.len()];
-        seq.iter().zip(0..).for_each(|(&endpoint, at)| place[endpoints.item(endpoint)] = at);
+        let mut items = vec![Item { place: 0, queued: true }; seq.len()];
+        seq.iter().zip(0..).for_each(|(&endpoint, at)| items[endpoints.item(endpoint)].place = at);
         let mut tour = Self {
             edges: vec![0.0; seq.len()],
             queue: seq.iter().map(|&endpoint| endpoints.item(endpoint) as u32).collect(),
-            queued: vec![true; seq.len()],
             endpoints,
             cost,
             near,
             seq,
-            place,
+            items,
             longest,
             least,
             found: Vec::new(),
@@ -127,7 +135,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
     fn mark_dirty(&mut self, at: usize) {
         let Some(&endpoint) = self.seq.get(at) else { return };
         let item = self.endpoints.item(endpoint);
-        if !std::mem::replace(&mut self.queued[item], true) {
+        if !std::mem::replace(&mut self.items[item].queued, true) {
             self.queue.push_back(item as u32);
         }
     }
@@ -137,9 +145,9 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
         let mut gained = 0.0;
         let mut moves = 0;
         while let Some(item) = self.queue.pop_front() {
-            self.queued[item as usize] = false;
+            self.items[item as usize].queued = false;
             while moves < most
-                && let Some(best) = self.best_move(self.place[item as usize] as usize)
+                && let Some(best) = self.best_move(self.items[item as usize].place as usize)
             {
                 gained += best.gain;
                 moves += 1;
@@ -189,7 +197,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
     /// Moves after which the exit of place `i` is joined to endpoint `q`, `d` away. `runs` is what taking out
     /// the runs that end with i gains.
     fn after(&self, i: usize, q: u32, d: f64, runs: &[f64; RUN], best: &mut Move) {
-        let j = self.place[self.endpoints.item(q)] as usize;
+        let j = self.items[self.endpoints.item(q)].place as usize;
         if i.abs_diff(j) > self.longest {
             return;
         }
@@ -234,7 +242,7 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
     /// Moves after which the entry of place `i` is joined to endpoint `q`, `d` away. `runs` is what taking out the runs
     /// that begin with i gains.
     fn before(&self, i: usize, q: u32, d: f64, runs: &[f64; RUN], best: &mut Move) {
-        let j = self.place[self.endpoints.item(q)] as usize;
+        let j = self.items[self.endpoints.item(q)].place as usize;
         if i.abs_diff(j) > self.longest {
             return;
         }
@@ -304,12 +312,12 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
     /// Reverses places `lo..=hi` and turns every item there.
     fn reverse(&mut self, lo: usize, hi: usize) {
         self.journal.iter_mut().for_each(|j| j.push(Step::Reverse(lo, hi)));
-        let Self { endpoints, seq, place, .. } = self;
+        let Self { endpoints, seq, items, .. } = self;
         let run = &mut seq[lo..=hi];
         run.reverse();
         for (endpoint, at) in run.iter_mut().zip(lo as u32..) {
             *endpoint = endpoints.other(*endpoint);
-            place[endpoints.item(*endpoint)] = at;
+            items[endpoints.item(*endpoint)].place = at;
         }
         self.edges[lo..hi].reverse();
         self.measure(lo - 1);
@@ -319,8 +327,8 @@ impl<'a, C: Fn(u32, u32) -> f64, N: Fn(u32, f64, &mut Vec<(f64, u32)>)> Tour<'a,
     fn rotate(&mut self, lo: usize, hi: usize, by: usize) {
         self.journal.iter_mut().for_each(|j| j.push(Step::Rotate(lo, hi, by)));
         self.seq[lo..=hi].rotate_left(by);
-        let Self { endpoints, seq, place, .. } = self;
-        seq[lo..=hi].iter().zip(lo as u32..).for_each(|(&endpoint, at)| place[endpoints.item(endpoint)] = at);
+        let Self { endpoints, seq, items, .. } = self;
+        seq[lo..=hi].iter().zip(lo as u32..).for_each(|(&endpoint, at)| items[endpoints.item(endpoint)].place = at);
         self.edges[lo..=hi].rotate_left(by);
         self.measure(lo - 1);
         self.measure(hi - by);
@@ -485,7 +493,7 @@ mod tests {
                 assert!((tour.edges.iter().sum::<f64>() - after).abs() < 1e-3, "step {step} with seed {seed}");
                 let mut seen = vec![false; endpoints.items()];
                 for (at, &endpoint) in tour.seq.iter().enumerate() {
-                    assert_eq!(tour.place[endpoints.item(endpoint)] as usize, at);
+                    assert_eq!(tour.items[endpoints.item(endpoint)].place as usize, at);
                     assert!(!std::mem::replace(&mut seen[endpoints.item(endpoint)], true));
                 }
                 assert_eq!((tour.seq[0], tour.seq.len()), (0, endpoints.items()));

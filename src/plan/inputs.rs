@@ -2,7 +2,7 @@
 
 use crate::check::pen_faults;
 use crate::diag::{Diag, Error};
-use crate::geom::{cos_sin, mm_from_nm};
+use crate::geom::{BoxMm, cos_sin};
 use crate::job::Job;
 use crate::machine::Machine;
 use crate::program::PassId;
@@ -49,8 +49,8 @@ impl Inputs {
         let surface = Surface::load(&job.surface_path(), &job.surface.options, weld, turn, warnings)?;
         let texture = Texture::load(&job.textures, surface.part_box_mm(), turn, warnings)?;
         let (part, marks) = (turned(surface.part_box_mm(), turn), texture.bounds());
-        let marks = [[marks.lo.x, marks.hi.x], [marks.lo.y, marks.hi.y]].map(|ends| ends.map(mm_from_nm));
-        if (0..2).any(|k| part[k][0] > marks[k][1] || part[k][1] < marks[k][0]) {
+        let marks = BoxMm { lo: marks.lo.mm(), hi: marks.hi.mm() };
+        if (0..2).any(|k| part.lo[k] > marks.hi[k] || part.hi[k] < marks.lo[k]) {
             let turned = if turn == 0.0 { "" } else { " as they are turned" };
             let text = format!(
                 "nothing would be marked: the texture lies at {}, off the part at {}{turned}",
@@ -76,17 +76,13 @@ impl Inputs {
     }
 }
 
-/// Lowest and highest x and y, mm, of a box x0, y0, x1, y1 that is turned about the origin.
-fn turned([x0, y0, x1, y1]: [f64; 4], turn_rad: f64) -> [[f64; 2]; 2] {
+/// The box, mm, around one that is turned about the origin.
+fn turned(flat: BoxMm<2>, turn_rad: f64) -> BoxMm<2> {
     let [c, s] = cos_sin(turn_rad);
-    let corners = [[x0, y0], [x1, y0], [x0, y1], [x1, y1]].map(|[x, y]| [c * x - s * y, s * x + c * y]);
-    [0, 1].map(|k| {
-        let ends = corners.iter().map(|corner| corner[k]);
-        [ends.clone().fold(f64::INFINITY, f64::min), ends.fold(f64::NEG_INFINITY, f64::max)]
-    })
+    BoxMm::of(flat.corners().map(|[x, y]| [c * x - s * y, s * x + c * y]))
 }
 
 /// Where a box lies, for messages.
-fn spanned([x, y]: [[f64; 2]; 2]) -> String {
-    format!("x {:.3} to {:.3} mm and y {:.3} to {:.3} mm", x[0], x[1], y[0], y[1])
+fn spanned(BoxMm { lo, hi }: BoxMm<2>) -> String {
+    format!("x {:.3} to {:.3} mm and y {:.3} to {:.3} mm", lo[0], hi[0], lo[1], hi[1])
 }

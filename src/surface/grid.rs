@@ -111,7 +111,7 @@ impl Grid {
         self.facet(i, j, half).map_or(NONE, |g| 3 * g + edge)
     }
 
-    /// The box of all existing nodes, mm, part frame before rounding; None where there is none.
+    /// Column and row of the first and of the last node that exists; None where there is none.
     pub(crate) fn node_box(&self) -> Option<[usize; 4]> {
         let mut b: Option<[usize; 4]> = None;
         for j in 0..self.rows {

@@ -12,7 +12,7 @@
 use rustc_hash::FxHashMap;
 
 use crate::diag::{Diag, Error};
-use crate::geom::{Buckets, MAX_NM, NM_PER_MM, P2, counting_sort, nearest, orient};
+use crate::geom::{BoxMm, Buckets, MAX_NM, NM_PER_MM, P2, counting_sort, nearest, orient};
 
 /// Says that there is no facet or half-edge.
 pub(crate) const NONE: u32 = u32::MAX;
@@ -58,7 +58,7 @@ pub(crate) struct Welder {
     waiting: Vec<(P2, f64)>,
     touched: Vec<u32>,
     /// Box of all corners before the turn, mm.
-    pub part_box_mm: [f64; 4],
+    pub part_box_mm: BoxMm<2>,
 }
 
 impl Welder {
@@ -74,15 +74,14 @@ impl Welder {
             degenerate: 0,
             waiting: Vec::with_capacity(BATCH),
             touched: Vec::with_capacity(BATCH),
-            part_box_mm: [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY],
+            part_box_mm: BoxMm::EMPTY,
         }
     }
 
     /// Takes one facet, corners in mm. Readers have refused what is not finite or beyond 4 m.
     pub fn facet(&mut self, corners: [[f64; 3]; 3]) {
         for [x, y, z] in corners {
-            let b = &mut self.part_box_mm;
-            *b = [b[0].min(x), b[1].min(y), b[2].max(x), b[3].max(y)];
+            self.part_box_mm.add([x, y]);
             let [c, s] = self.turn;
             let (tx, ty) = (c * x - s * y, s * x + c * y);
             let p = P2::new(nearest(tx * NM_PER_MM), nearest(ty * NM_PER_MM));

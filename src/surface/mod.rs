@@ -29,7 +29,7 @@ pub use topmost::Span;
 pub use walk::Cursor;
 
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{Box2, MAX_NM, NM_PER_MM, Nm, P2};
+use crate::geom::{Box2, BoxMm, MAX_NM, NM_PER_MM, Nm, P2};
 
 /// How a surface file is to be read.
 #[derive(Clone, Debug, Default)]
@@ -142,7 +142,7 @@ fn way_in(extension: &str) -> &'static str {
 #[derive(Debug)]
 pub struct Surface {
     kind: Kind,
-    part_box_mm: [f64; 4],
+    part_box_mm: BoxMm<2>,
     facets: usize,
 }
 
@@ -191,7 +191,8 @@ impl Surface {
         let grid = Grid::new(map);
         let [i0, j0, i1, j1] = grid.node_box()?;
         let at = |o: f64, i: usize| o + i as f64 * pixel;
-        let part_box_mm = [at(origin[0], i0), at(origin[1], j0), at(origin[0], i1), at(origin[1], j1)];
+        let corner = |[i, j]: [usize; 2]| [at(origin[0], i), at(origin[1], j)];
+        let part_box_mm = BoxMm { lo: corner([i0, j0]), hi: corner([i1, j1]) };
         let facets = 2 * grid.cells()[0] * grid.cells()[1];
         let class = grid.classes();
         Some(Self { kind: Kind::Grid(grid, class), part_box_mm, facets })
@@ -209,7 +210,7 @@ impl Surface {
 
     fn from_welder(welder: Welder, shown: &str, notes: &mut Vec<Diag>) -> Result<Self, Error> {
         let part_box_mm = welder.part_box_mm;
-        if part_box_mm.iter().any(|v| v.abs() * NM_PER_MM > MAX_NM.f64()) {
+        if part_box_mm.lo.iter().chain(&part_box_mm.hi).any(|v| v.abs() * NM_PER_MM > MAX_NM.f64()) {
             let d = Diag::input("surface-large", "the part lies beyond 4 m of its origin").at(Place::file(shown));
             return Err(d.hint("check surface.unit, or move the part to its origin").into());
         }
@@ -219,8 +220,8 @@ impl Surface {
         Ok(Self { kind: Kind::Mesh(mesh, bins), part_box_mm, facets })
     }
 
-    /// x0, y0, x1, y1 of the part as its file has it, mm, before any turn.
-    pub fn part_box_mm(&self) -> [f64; 4] {
+    /// The box of the part as its file has it, mm, before any turn.
+    pub fn part_box_mm(&self) -> BoxMm<2> {
         self.part_box_mm
     }
 

@@ -1,6 +1,7 @@
 //! Polylines in mm, and what is left of one in a rectangle.
 
 use super::place::{LEAST, NM};
+use crate::geom::BoxMm;
 
 /// A point may miss the border by this much, mm, and still lies in the rectangle: it is moved onto it.
 /// Without it the noise of f64 would cut figures that touch the border.
@@ -53,11 +54,7 @@ impl Lines {
 
 /// Width and height of the points' box; zero for none.
 pub(super) fn extent(points: &[[f64; 2]]) -> [f64; 2] {
-    [0, 1].map(|a| {
-        let lo = points.iter().fold(f64::INFINITY, |m, p| m.min(p[a]));
-        let hi = points.iter().fold(f64::NEG_INFINITY, |m, p| m.max(p[a]));
-        (hi - lo).max(0.0)
-    })
+    BoxMm::of(points.iter().copied()).size().map(|side| side.max(0.0))
 }
 
 /// Whether the polyline ends where it starts.
@@ -66,27 +63,27 @@ pub(super) fn is_closed(points: &[[f64; 2]]) -> bool {
 }
 
 /// Whether the whole polyline lies in the rectangle, borders included.
-pub(super) fn is_inside(points: &[[f64; 2]], rect: [f64; 4]) -> bool {
+pub(super) fn is_inside(points: &[[f64; 2]], rect: BoxMm<2>) -> bool {
     points.iter().all(|&p| holds(rect, p))
 }
 
 /// Moves points that miss the rectangle by noise onto its border.
-pub(super) fn snap(points: &mut [[f64; 2]], rect: [f64; 4]) {
+pub(super) fn snap(points: &mut [[f64; 2]], rect: BoxMm<2>) {
     points.iter_mut().for_each(|p| *p = onto(rect, *p));
 }
 
-fn holds([x0, y0, x1, y1]: [f64; 4], [x, y]: [f64; 2]) -> bool {
-    x0 - SLACK <= x && x <= x1 + SLACK && y0 - SLACK <= y && y <= y1 + SLACK
+fn holds(BoxMm { lo, hi }: BoxMm<2>, p: [f64; 2]) -> bool {
+    (0..2).all(|a| lo[a] - SLACK <= p[a] && p[a] <= hi[a] + SLACK)
 }
 
-fn onto([x0, y0, x1, y1]: [f64; 4], [x, y]: [f64; 2]) -> [f64; 2] {
-    [x.clamp(x0, x1), y.clamp(y0, y1)]
+fn onto(BoxMm { lo, hi }: BoxMm<2>, p: [f64; 2]) -> [f64; 2] {
+    [0, 1].map(|a| p[a].clamp(lo[a], hi[a]))
 }
 
 /// Appends the pieces of a polyline that lie in the rectangle, borders included, in its direction. A polyline wholly
 /// inside stays as it is, closed figures too; of a closed figure that is cut no piece is divided at its first point.
 /// Pieces too short to mark are left out.
-pub(super) fn clip(points: &[[f64; 2]], rect: [f64; 4], out: &mut Lines) {
+pub(super) fn clip(points: &[[f64; 2]], rect: BoxMm<2>, out: &mut Lines) {
     let first_outside = points.iter().position(|&p| !holds(rect, p));
     let Some(first_outside) = first_outside else {
         out.points.extend(points.iter().map(|&p| onto(rect, p)));
@@ -103,7 +100,7 @@ pub(super) fn clip(points: &[[f64; 2]], rect: [f64; 4], out: &mut Lines) {
     }
 }
 
-fn pieces(segments: impl Iterator<Item = [[f64; 2]; 2]>, rect: [f64; 4], out: &mut Lines) {
+fn pieces(segments: impl Iterator<Item = [[f64; 2]; 2]>, rect: BoxMm<2>, out: &mut Lines) {
     let snapped = |p: [f64; 2]| if holds(rect, p) { onto(rect, p) } else { p };
     for [a, b] in segments.map(|s| s.map(snapped)) {
         let Some([t0, t1]) = inside(a, b, rect) else {
@@ -136,10 +133,10 @@ fn end_piece(out: &mut Lines) {
 }
 
 /// The parameters between which the segment lies in the rectangle (Liang and Barsky).
-fn inside(a: [f64; 2], b: [f64; 2], rect: [f64; 4]) -> Option<[f64; 2]> {
+fn inside(a: [f64; 2], b: [f64; 2], rect: BoxMm<2>) -> Option<[f64; 2]> {
     let (mut t0, mut t1) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
-        let (lo, hi) = (rect[axis], rect[axis + 2]);
+        let (lo, hi) = (rect.lo[axis], rect.hi[axis]);
         let d = b[axis] - a[axis];
         if d == 0.0 {
             if a[axis] < lo || a[axis] > hi {
@@ -158,7 +155,7 @@ fn inside(a: [f64; 2], b: [f64; 2], rect: [f64; 4]) -> Option<[f64; 2]> {
 mod tests {
     use super::*;
 
-    const UNIT: [f64; 4] = [0.0, 0.0, 10.0, 10.0];
+    const UNIT: BoxMm<2> = BoxMm::rectangle(0.0, 0.0, 10.0, 10.0);
 
     fn clipped(points: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
         let mut out = Lines::default();

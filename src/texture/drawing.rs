@@ -5,11 +5,11 @@
 //! their index, those of tiles on its border are listed one by one (16 bytes each) and cut on request.
 
 use super::clip::{Lines, clip, is_inside};
-use super::place::{SLACK, Site, Turn, corners, far_in, is_near, push};
+use super::place::{SLACK, Site, Turn, far_in, is_near, push};
 use super::svg::Page;
 use super::{Area, Figure, Kind, MAX_POINTS, Request, too_large};
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{Box2, P2, Strokes, cos_sin};
+use crate::geom::{Box2, BoxMm, P2, Strokes, cos_sin};
 
 /// Most strokes on the border of a tiled area.
 const MAX_LISTED: usize = 16_000_000;
@@ -41,17 +41,17 @@ impl Placed {
         size: [f64; 2],
         origin: Option<[f64; 2]>,
         turn_rad: f64,
-        area: Option<[f64; 4]>,
-        part_box: [f64; 4],
+        area: Option<BoxMm<2>>,
+        part_box: BoxMm<2>,
         turn: Turn,
     ) -> Self {
         let mut placed = Self { size, origin: [0.0; 2], page: cos_sin(turn_rad), turn };
         placed.origin = origin.unwrap_or_else(|| match area {
-            Some([x0, y0, ..]) => [x0, y0],
+            Some(area) => area.lo,
             None => {
                 let middle = placed.part([size[0] / 2.0, size[1] / 2.0]);
-                let [x0, y0, x1, y1] = part_box;
-                [(x0 + x1) / 2.0 - middle[0], (y0 + y1) / 2.0 - middle[1]]
+                let BoxMm { lo, hi } = part_box;
+                [0, 1].map(|k| (lo[k] + hi[k]) / 2.0 - middle[k])
             }
         });
         placed
@@ -98,7 +98,7 @@ enum Layout {
 #[derive(Debug)]
 struct Tiles {
     placed: Placed,
-    area: [f64; 4],
+    area: BoxMm<2>,
     lines: Lines,
     rows: Vec<Row>,
     listed: Vec<Listed>,
@@ -175,7 +175,7 @@ impl Drawing {
     }
 
     /// A drawing placed once, cut at `area`.
-    pub(super) fn single(page: Page, placed: &Placed, area: Option<[f64; 4]>, path: &str) -> Result<Self, Error> {
+    pub(super) fn single(page: Page, placed: &Placed, area: Option<BoxMm<2>>, path: &str) -> Result<Self, Error> {
         let mut strokes = Strokes::default();
         let mut name_of = Vec::new();
         let (mut line, mut pieces) = (Vec::new(), Lines::default());
@@ -204,7 +204,7 @@ impl Drawing {
     }
 
     /// A drawing repeated over `area`.
-    pub(super) fn tiled(page: Page, placed: &Placed, area: Option<[f64; 4]>, path: &str) -> Result<Self, Error> {
+    pub(super) fn tiled(page: Page, placed: &Placed, area: Option<BoxMm<2>>, path: &str) -> Result<Self, Error> {
         let Some(area) = area else {
             return Err(Diag::input("texture-tile", "tiling needs an area to fill")
                 .at(Place::file(path))
@@ -315,16 +315,12 @@ impl Tiles {
     /// The points of the page that can lie on the border of its strokes' box, in the turned frame.
     fn extremes(&self) -> Vec<[f64; 2]> {
         let seen = |p: &[f64; 2]| self.placed.turn.turned(self.placed.part(*p));
-        let mut bound = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-        for p in &self.lines.points {
-            let [x, y] = seen(p);
-            bound = [bound[0].min(x), bound[1].min(y), bound[2].max(x), bound[3].max(y)];
-        }
+        let BoxMm { lo, hi } = BoxMm::of(self.lines.points.iter().map(seen));
         // Ten nanometres are far above the noise of f64 and far below any drawing.
         let near = |a: f64, b: f64| (a - b).abs() < 1e-5;
         let is_extreme = |p: &[f64; 2]| {
-            let [x, y] = seen(p);
-            near(x, bound[0]) || near(y, bound[1]) || near(x, bound[2]) || near(y, bound[3])
+            let p = seen(p);
+            (0..2).any(|k| near(p[k], lo[k]) || near(p[k], hi[k]))
         };
         self.lines.points.iter().copied().filter(is_extreme).collect()
     }
@@ -339,16 +335,16 @@ fn outside(path: &str) -> Diag {
 /// The area as seen from the page: a convex quadrangle over a grid of unit tiles.
 struct Lattice {
     corners: [[f64; 2]; 4],
-    area: [f64; 4],
+    area: BoxMm<2>,
     placed: Placed,
 }
 
 type Span = std::ops::Range<i64>;
 
 impl Lattice {
-    fn new(placed: &Placed, area: [f64; 4]) -> Self {
+    fn new(placed: &Placed, area: BoxMm<2>) -> Self {
         let [w, h] = placed.size;
-        let corners = corners(area).map(|c| {
+        let corners = area.corners().map(|c| {
             let [x, y] = placed.on_page(c);
             [x / w, y / h]
         });
@@ -391,8 +387,8 @@ impl Lattice {
     }
 
     fn is_whole(&self, i: i64, j: i64) -> bool {
-        let [w, h] = self.placed.size;
-        is_inside(&corners([0.0, 0.0, w, h]).map(|c| self.placed.tile(c, i, j)), self.area)
+        let page = BoxMm { lo: [0.0; 2], hi: self.placed.size };
+        is_inside(&page.corners().map(|c| self.placed.tile(c, i, j)), self.area)
     }
 
     /// Extent of the area along the line y = `y`; None where it does not meet it.

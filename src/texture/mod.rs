@@ -25,7 +25,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{Box2, P2};
+use crate::geom::{Box2, BoxMm, P2};
 use crate::program::PenId;
 use drawing::Drawing;
 pub use pattern::{Contour, Directions, Kind};
@@ -42,8 +42,8 @@ const MAX_POINTS: u64 = 2_000_000_000;
 pub enum Area {
     /// The part's box seen from the lens.
     Part,
-    /// x0, y0, x1, y1.
-    Rectangle([f64; 4]),
+    /// This box, mm, part frame.
+    Rectangle(BoxMm<2>),
     /// No limit; patterns fill the part's box.
     Unlimited,
 }
@@ -121,16 +121,15 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Places the requested textures on a part whose box (x0, y0, x1, y1 in mm, part frame) is
-    /// `part_box_mm` and that is turned by `turn_rad` about the z axis of its frame. Warnings go to
-    /// `notes`.
+    /// Places the requested textures on a part whose box (part frame) is `part_box_mm` and that is
+    /// turned by `turn_rad` about the z axis of its frame. Warnings go to `notes`.
     ///
     /// # Errors
     /// Faults of drawings (`svg-…`), `texture-empty`, `texture-far` (beyond 4 m), `texture-large`,
     /// `texture-area`, `texture-pitch`, `texture-cell`, `texture-order`, `texture-tile`.
     pub fn load(
         requests: &[Request],
-        part_box_mm: [f64; 4],
+        part_box_mm: BoxMm<2>,
         turn_rad: f64,
         notes: &mut Vec<Diag>,
     ) -> Result<Self, Error> {
@@ -147,7 +146,7 @@ impl Texture {
     ///
     /// # Errors
     /// Those of patterns that [`Texture::load`] has.
-    pub fn of_pass(&self, requests: &[Request], part_box_mm: [f64; 4], turn_rad: f64) -> Result<Self, Error> {
+    pub fn of_pass(&self, requests: &[Request], part_box_mm: BoxMm<2>, turn_rad: f64) -> Result<Self, Error> {
         Self::place(requests, part_box_mm, turn_rad, &mut |k, request, _| {
             Ok(match (&request.kind, &self.parts[k].placed) {
                 (Kind::Drawing { .. }, Placed::Figure(drawing)) => Some(drawing.clone()),
@@ -159,7 +158,7 @@ impl Texture {
     /// Places the requests; `drawing` answers with those that are drawings.
     fn place(
         requests: &[Request],
-        part_box_mm: [f64; 4],
+        part_box_mm: BoxMm<2>,
         turn_rad: f64,
         drawing: &mut DrawingOf<'_>,
     ) -> Result<Self, Error> {

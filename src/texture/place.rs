@@ -2,7 +2,7 @@
 
 use super::{Area, Kind, Request};
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{MAX_NM, NM_PER_MM, P2, cos_sin};
+use crate::geom::{BoxMm, MAX_NM, NM_PER_MM, P2, cos_sin};
 
 /// One nanometre in mm.
 pub(super) const NM: f64 = 1e-6;
@@ -44,9 +44,9 @@ impl Turn {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Site {
     /// What patterns fill, part frame, mm.
-    pub(super) area: [f64; 4],
+    pub(super) area: BoxMm<2>,
     /// The part's box, part frame, mm.
-    pub(super) part_box: [f64; 4],
+    pub(super) part_box: BoxMm<2>,
     /// Largest distance between a curve and its polyline, mm.
     pub(super) tolerance: f64,
     /// The part's turn.
@@ -56,7 +56,7 @@ pub(super) struct Site {
 impl Site {
     /// # Errors
     /// `texture-area` where the area is empty or not finite, `texture-far` where it is beyond 4 m.
-    pub(super) fn new(request: &Request, part_box: [f64; 4], turn: Turn) -> Result<Self, Error> {
+    pub(super) fn new(request: &Request, part_box: BoxMm<2>, turn: Turn) -> Result<Self, Error> {
         let area = match request.area {
             Area::Part | Area::Unlimited => part_box,
             Area::Rectangle(r) => r,
@@ -74,16 +74,12 @@ pub(super) fn is_near([x, y]: [f64; 2]) -> bool {
     x.abs() <= far && y.abs() <= far
 }
 
-pub(super) fn corners([x0, y0, x1, y1]: [f64; 4]) -> [[f64; 2]; 4] {
-    [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
-}
-
 /// Refuses areas that are empty, not finite or beyond 4 m.
-pub(super) fn check_area(area: [f64; 4], turn: Turn) -> Result<(), Error> {
-    if corners(area).into_iter().any(|c| !is_near(turn.turned(c))) {
+pub(super) fn check_area(area: BoxMm<2>, turn: Turn) -> Result<(), Error> {
+    if area.corners().into_iter().any(|c| !is_near(turn.turned(c))) {
         return Err(far().into());
     }
-    let (w, h) = (area[2] - area[0], area[3] - area[1]);
+    let [w, h] = area.size();
     if w < LEAST || h < LEAST {
         let text = format!("the texture's area measures {w} mm x {h} mm, which holds nothing");
         return Err(Diag::input("texture-area", text)

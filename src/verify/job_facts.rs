@@ -5,7 +5,7 @@ use super::inputs::Inputs;
 use super::read::manifest::Manifest;
 use super::unusable;
 use crate::diag::Error;
-use crate::geom::{NM_PER_MM, Nm};
+use crate::geom::{BoxMm, NM_PER_MM, Nm};
 use crate::job::{DepthRule, Dose, Format, Job, Level, Mode, Overrides, Passes, Setups};
 use crate::machine::{Machine, Origin};
 use crate::program::{Block, PassId, Pen};
@@ -142,8 +142,8 @@ pub(super) fn load(inputs: &Inputs, mode: Mode) -> Result<(Job, JobFacts), Error
     Ok((job, facts))
 }
 
-/// Reads the surface file, turned as the job says, and its box x0 y0 x1 y1 in mm before the turn.
-pub(super) fn shape(job: &Job) -> Result<(Shape, [f64; 4]), Error> {
+/// Reads the surface file, turned as the job says, and its box, mm, before the turn.
+pub(super) fn shape(job: &Job) -> Result<(Shape, BoxMm<2>), Error> {
     let path = job.surface_path();
     let turn = job.placement.turn.as_rad();
     let mut builder = MeshBuilder::new(turn, THINNEST);
@@ -163,6 +163,6 @@ pub(super) fn shape(job: &Job) -> Result<(Shape, [f64; 4]), Error> {
 }
 
 /// Places the textures of pass `k` of the job.
-pub(super) fn texture(job: &Job, k: u32, part_box_mm: [f64; 4]) -> Result<Texture, Error> {
+pub(super) fn texture(job: &Job, k: u32, part_box_mm: BoxMm<2>) -> Result<Texture, Error> {
     Texture::load(&job.textures_of_pass(PassId(k)), part_box_mm, job.placement.turn.as_rad(), &mut Vec::new())
 }

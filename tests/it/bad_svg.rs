@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use crate::support::{folder, malformed};
 use proptest::prelude::*;
+use terrace::geom::BoxMm;
 use terrace::program::PenId;
 use terrace::texture::{Area, Kind, Request, Texture};
 
@@ -59,7 +60,7 @@ fn check(path: &Path, size_mm: Option<[f64; 2]>, (expected, warnings): Outcome) 
     let kind = Kind::Drawing { path: path.to_owned(), size_mm, origin_mm: None, turn_rad: 0.0, tile: false };
     let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0) };
     let (start, mut notes) = (Instant::now(), Vec::new());
-    let loaded = Texture::load(&[request], [0.0, 0.0, 100.0, 100.0], 0.0, &mut notes);
+    let loaded = Texture::load(&[request], BoxMm::rectangle(0.0, 0.0, 100.0, 100.0), 0.0, &mut notes);
     assert!(start.elapsed() < Duration::from_secs(5), "{name}: {:?}", start.elapsed());
     let codes: Vec<_> = notes.iter().map(|n| n.code).collect();
     match (&loaded, expected) {
@@ -153,7 +154,7 @@ proptest! {
         std::fs::write(file.path(), text).expect("written");
         let kind = Kind::Drawing { path: file.path().into(), size_mm: None, origin_mm: None, turn_rad: 0.3, tile: which == 2 };
         let request = Request { kind, area: Area::Part, tolerance_mm: 1e-2, pen: PenId(0) };
-        if let Ok(texture) = Texture::load(&[request], [0.0, 0.0, 30.0, 20.0], 0.1, &mut Vec::new()) {
+        if let Ok(texture) = Texture::load(&[request], BoxMm::rectangle(0.0, 0.0, 30.0, 20.0), 0.1, &mut Vec::new()) {
             let mut out = Vec::new();
             for i in (0..texture.len()).take(1000) {
                 texture.stroke(i, &mut out);

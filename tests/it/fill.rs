@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use crate::support::surfaces::{FIVE, Random, mesh, write_stl};
 use crate::support::{JobText, ONE_FILE, assert_balance, compile, folder, number, verify};
-use terrace::geom::{Nm, P2, length_mm};
+use terrace::geom::{BoxMm, Nm, P2, length_mm};
 use terrace::program::{PenId, Sections};
 use terrace::texture::{Area, Directions, Kind, Request, Texture};
 
@@ -52,7 +52,7 @@ fn contour_hatch_cuts_fragments_to_a_quarter_at_equal_length_at(cells: usize, pi
 
 /// Strokes of an area that is filled in sections of `side_mm`, and the sections.
 fn filled(
-    area: [f64; 4],
+    area: BoxMm<2>,
     pitch_mm: f64,
     turn_deg: f64,
     side_mm: i64,
@@ -87,7 +87,7 @@ fn distance(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
 fn hatch_lines_at_section_borders_are_marked_exactly_once() {
     let mut noise = Random::new(11);
     for round in 0..6 {
-        let area = [-3.5, 12.25, 56.5, 63.0];
+        let area = BoxMm::rectangle(-3.5, 12.25, 56.5, 63.0);
         let pitch = [0.5, 0.7, 0.31][round % 3];
         // Every direction; the axes, along which lines may lie on borders, more often.
         let mut directions = Vec::new();
@@ -105,7 +105,7 @@ fn hatch_lines_at_section_borders_are_marked_exactly_once() {
         }
         // Places all over the area and as many next to borders: no mark is farther than a pitch.
         for _ in 0..20_000 {
-            let mut p = [0, 1].map(|k| area[k] + (noise.half() + 0.5) * (area[k + 2] - area[k]));
+            let mut p = [0, 1].map(|k| area.lo[k] + (noise.half() + 0.5) * (area.hi[k] - area.lo[k]));
             if noise.next().is_multiple_of(2) {
                 let border = [grid.line(0, 1), grid.line(0, 2), grid.line(0, 3)][(noise.next() % 3) as usize];
                 p[0] = border as f64 / 1e6 + noise.half() * pitch;
@@ -123,7 +123,8 @@ fn hatch_lines_at_section_borders_are_marked_exactly_once() {
             assert!(across.windows(2).all(|w| (w[1] - w[0] - pitch).abs() < 4e-6), "section {i}");
         }
         let length: f64 = strokes.iter().map(|s| length_mm(s)).sum();
-        let plain = (area[2] - area[0]) * (area[3] - area[1]) / pitch;
+        let [width, height] = area.size();
+        let plain = width * height / pitch;
         assert!((length / plain - 1.0).abs() < 0.01, "{length} {plain}");
     }
 }
@@ -132,7 +133,7 @@ fn hatch_lines_at_section_borders_are_marked_exactly_once() {
 fn neighbouring_sections_of_one_direction_share_hatch_lines() {
     for (hundredths, turn) in [(0, 0.0), (9000, 0.0), (3712, 0.0), (12_999, 0.0), (3712, 33.0), (9000, 90.0)] {
         // 10 mm are 12.5 pitches: lines along an axis lie on every other border.
-        let area = [0.0, 0.0, 50.0, 40.0];
+        let area = BoxMm::rectangle(0.0, 0.0, 50.0, 40.0);
         let (strokes, grid) = filled(area, 0.8, turn, 10, || hundredths);
         let (whole, _) = filled(area, 0.8, turn, 100, || hundredths);
         let length = |strokes: &[[P2; 2]]| strokes.iter().map(|s| length_mm(s)).sum::<f64>();

@@ -1,12 +1,16 @@
 //! The layers of the library, and the modules that own each dependency, read from the `crate::` paths.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
+}
 
 /// Every source file with its module (`emit` for src/emit/dxf.rs and src/emit.rs) and its text without
 /// tests and comments.
 fn sources() -> Vec<(PathBuf, String, String)> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let root = root();
     let mut out = Vec::new();
     let mut open = vec![root.clone()];
     while let Some(dir) = open.pop() {
@@ -36,34 +40,59 @@ fn sources() -> Vec<(PathBuf, String, String)> {
     out
 }
 
-/// The modules that a text names as `crate::module` or in `use crate::{module, other::…}`.
-fn named(text: &str) -> BTreeSet<String> {
-    let mut out = BTreeSet::new();
-    for (at, _) in text.match_indices("crate::") {
-        let rest = &text[at + 7..];
-        let word = |s: &str| s.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
-        if let Some(list) = rest.strip_prefix('{') {
-            let mut depth = 0;
-            let mut item = true;
-            for (i, c) in list.char_indices() {
-                match c {
-                    '}' if depth == 0 => break,
-                    '{' => depth += 1,
-                    '}' => depth -= 1,
-                    ',' if depth == 0 => item = true,
-                    c if item && c.is_alphabetic() => {
-                        out.insert(word(&list[i..]));
-                        item = false;
-                    }
-                    _ => {}
-                }
+/// The paths that a text names from `crate::` or `super::` on, word by word; of a list in braces each.
+fn paths(text: &str) -> Vec<Vec<&str>> {
+    let mut out = Vec::new();
+    for root in ["crate::", "super::"] {
+        for (at, _) in text.match_indices(root) {
+            // A longer path or name is taken from its begin.
+            if !text[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':') {
+                leaves(&text[at..], &[], &mut out);
             }
-        } else {
-            out.insert(word(rest));
         }
     }
-    out.retain(|w| !w.is_empty() && w.chars().next().is_some_and(char::is_lowercase));
     out
+}
+
+/// Appends the paths with which a text begins, each after the words `before` it.
+fn leaves<'a>(text: &'a str, before: &[&'a str], out: &mut Vec<Vec<&'a str>>) {
+    let text = text.trim_start();
+    if let Some(list) = text.strip_prefix('{') {
+        return items(list).into_iter().for_each(|item| leaves(item, before, out));
+    }
+    let end = text.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(text.len());
+    let path = [before, &[&text[..end]]].concat();
+    match text[end..].strip_prefix("::") {
+        Some(rest) => leaves(rest, &path, out),
+        None => out.push(path),
+    }
+}
+
+/// What stands between the commas of a list, up to the brace that closes it.
+fn items(list: &str) -> Vec<&str> {
+    let (mut out, mut depth, mut start) = (Vec::new(), 0, 0);
+    for (i, c) in list.char_indices() {
+        match c {
+            '{' => depth += 1,
+            '}' if depth > 0 => depth -= 1,
+            ',' | '}' if depth == 0 => {
+                out.push(&list[start..i]);
+                start = i + 1;
+                if c == '}' {
+                    break;
+                }
+            }
+            _ => {}
+        }
+    }
+    out
+}
+
+/// The modules that a text names as `crate::module` or in `use crate::{module, other::…}`.
+fn named(text: &str) -> BTreeSet<String> {
+    let paths = paths(text).into_iter().filter(|path| path[0] == "crate");
+    let words = paths.filter_map(|path| path.get(1).map(|word| (*word).to_owned()));
+    words.filter(|word| word.starts_with(char::is_lowercase)).collect()
 }
 
 /// The modules of the library, lowest first: each may name those above it in this list and none below.
@@ -166,9 +195,95 @@ fn each_dependency_is_used_in_its_own_modules_only() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
+/// By the module around them, which modules name which others beside them, and a file that does.
+type Arrows = BTreeMap<String, BTreeMap<(String, String), PathBuf>>;
+
+/// The module of a file, word by word.
+fn module(path: &Path) -> Vec<String> {
+    let inner = path.strip_prefix(root()).expect("below src").with_extension("");
+    let mut words: Vec<String> = inner.iter().map(|word| word.to_string_lossy().into_owned()).collect();
+    if words.last().is_some_and(|word| word == "mod") {
+        words.pop();
+    }
+    words
+}
+
+/// What the modules inside each module name beside them. All inside a module counts as the module; what a module names
+/// of those around it, or of those it holds, does not count.
+fn arrows() -> Arrows {
+    let files: Vec<_> = sources().into_iter().map(|(path, _, code)| (module(&path), path, code)).collect();
+    let modules: BTreeSet<&[String]> = files.iter().map(|file| file.0.as_slice()).collect();
+    let mut out = Arrows::new();
+    for (module, path, code) in &files {
+        for named in paths(code) {
+            let ups = named.iter().take_while(|word| **word == "super").count();
+            let from = if ups > 0 { &module[..module.len().saturating_sub(ups)] } else { &[] };
+            let mut target = from.to_vec();
+            target.extend(named[ups.max(1)..].iter().map(|word| (*word).to_owned()));
+            while !target.is_empty() && !modules.contains(target.as_slice()) {
+                target.pop();
+            }
+            let common = module.iter().zip(&target).take_while(|(a, b)| a == b).count();
+            if common > 0 && common < module.len().min(target.len()) {
+                let level = out.entry(module[..common].join("::")).or_default();
+                level.entry((module[common].clone(), target[common].clone())).or_insert_with(|| path.clone());
+            }
+        }
+    }
+    out
+}
+
+/// The arrows that lie on a circle, or on a way from one circle to another.
+fn on_circles<'a>(arrows: impl IntoIterator<Item = (&'a str, &'a str)>) -> BTreeSet<(&'a str, &'a str)> {
+    let mut left: BTreeSet<_> = arrows.into_iter().collect();
+    loop {
+        let before = left.len();
+        let [starts, ends]: [BTreeSet<&str>; 2] =
+            [left.iter().map(|arrow| arrow.0).collect(), left.iter().map(|arrow| arrow.1).collect()];
+        // No circle passes a module that names none, or that none names.
+        left.retain(|(from, to)| ends.contains(from) && starts.contains(to));
+        if left.len() == before {
+            return left;
+        }
+    }
+}
+
+#[test]
+fn modules_inside_a_module_do_not_name_each_other_in_a_circle() {
+    let arrows = arrows();
+    // Named from `crate::` and from `super::`, in a folder and deeper.
+    for (level, from, to) in [
+        ("on_the_fly", "check", "program"),
+        ("verify", "rules", "geometry"),
+        ("texture", "drawing", "clip"),
+        ("verify::geometry", "mesh", "grid"),
+    ] {
+        let arrow = (from.to_owned(), to.to_owned());
+        assert!(arrows.get(level).is_some_and(|a| a.contains_key(&arrow)), "{level}: {from} names {to}: {arrows:?}");
+    }
+    let mut wrong = Vec::new();
+    for (level, named) in &arrows {
+        for (from, to) in on_circles(named.keys().map(|(from, to)| (from.as_str(), to.as_str()))) {
+            let file = &named[&(from.to_owned(), to.to_owned())];
+            wrong.push(format!("{}: {level}::{from} names {to} in a circle", file.display()));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn circles_are_found() {
+    let arrows = [("a", "b"), ("b", "c"), ("c", "d"), ("d", "b"), ("d", "e"), ("f", "e")];
+    assert_eq!(on_circles(arrows), BTreeSet::from([("b", "c"), ("c", "d"), ("d", "b")]));
+    assert_eq!(on_circles([("a", "b"), ("b", "c"), ("a", "c")]), BTreeSet::new());
+}
+
 #[test]
 fn scan_for_module_names_finds_every_form() {
     let text = "use crate::{diag, surface::{Span, walk}};\nuse crate::geom::P2;\nlet x = crate::emit::dxf();";
     let want = ["diag", "emit", "geom", "surface"].map(str::to_owned);
     assert_eq!(named(text), BTreeSet::from(want));
+    let found = paths("use super::{\n    Figure,\n    place::{self, Site},\n};\nlet x = super::super::clip::clip(1);");
+    let want = ["super Figure", "super place self", "super place Site", "super ", "super super clip clip"];
+    assert_eq!(found, want.map(|path| path.split(' ').collect::<Vec<_>>()));
 }

@@ -6,22 +6,22 @@ use std::path::{Path, PathBuf};
 use crate::support::{fixture, folder, shared};
 use proptest::prelude::*;
 use terrace::diag::{Diag, Error};
-use terrace::geom::{Box2, P2, length_mm};
+use terrace::geom::{Box2, BoxMm, P2, length_mm};
 use terrace::program::PenId;
 use terrace::texture::{Area, Kind, Request, Texture};
 
-const PLATE: [f64; 4] = [0.0, 0.0, 450.0, 450.0];
+const PLATE: BoxMm<2> = BoxMm::rectangle(0.0, 0.0, 450.0, 450.0);
 
 fn request(kind: Kind, area: Area) -> Request {
     Request { kind, area, tolerance_mm: 1e-3, pen: PenId(3) }
 }
 
-fn load(request: Request, part_box: [f64; 4], turn_rad: f64) -> Result<(Texture, Vec<Diag>), Error> {
+fn load(request: Request, part_box: BoxMm<2>, turn_rad: f64) -> Result<(Texture, Vec<Diag>), Error> {
     let mut notes = Vec::new();
     Texture::load(&[request], part_box, turn_rad, &mut notes).map(|t| (t, notes))
 }
 
-fn made(kind: Kind, area: [f64; 4]) -> Texture {
+fn made(kind: Kind, area: BoxMm<2>) -> Texture {
     load(request(kind, Area::Rectangle(area)), PLATE, 0.0).expect("a texture").0
 }
 
@@ -61,10 +61,13 @@ fn hatch_marks_lines_on_both_borders() {
         let y = 100_000 * k as i64;
         assert_eq!(s, &[P2::new(0, y), P2::new(450_000_000, y)]);
     }
-    let t = made(Kind::Hatch { pitch_mm: 0.1, direction_rad: 90f64.to_radians() }, [-225.0, -225.0, 225.0, 225.0]);
+    let t = made(
+        Kind::Hatch { pitch_mm: 0.1, direction_rad: 90f64.to_radians() },
+        BoxMm::rectangle(-225.0, -225.0, 225.0, 225.0),
+    );
     assert_eq!(t.len(), 4501);
     assert!(strokes(&t).iter().all(|s| s[0].x == s[1].x && s[0].y == -225_000_000 && s[1].y == 225_000_000));
-    let t = made(Kind::Hatch { pitch_mm: 0.7, direction_rad: 0.0 }, [0.0, 0.0, 1.0, 1.0]);
+    let t = made(Kind::Hatch { pitch_mm: 0.7, direction_rad: 0.0 }, BoxMm::rectangle(0.0, 0.0, 1.0, 1.0));
     assert_eq!(strokes(&t).iter().map(|s| s[0].y).collect::<Vec<_>>(), [0, 700_000], "the upper border is not hit");
 }
 
@@ -76,7 +79,7 @@ proptest! {
         degrees in -360.0..360.0_f64, pitch in 0.05..5.0_f64, w in 1.0..60.0_f64, h in 1.0..60.0_f64,
         turn in -PI..PI,
     ) {
-        let area = [-7.3, 2.9, -7.3 + w, 2.9 + h];
+        let area = BoxMm::rectangle(-7.3, 2.9, -7.3 + w, 2.9 + h);
         let hatch = Kind::Hatch { pitch_mm: pitch, direction_rad: degrees.to_radians() };
         let Ok((t, _)) = load(request(hatch, Area::Rectangle(area)), PLATE, turn) else {
             // The line through the corner only touches it, and the next lies beyond the area.
@@ -106,7 +109,7 @@ proptest! {
         x in -50.0..50.0_f64,
     ) {
         let turned = |quarters: i32| {
-            let r = request(kind.clone(), Area::Rectangle([x, -3.1, x + 11.3, 8.3]));
+            let r = request(kind.clone(), Area::Rectangle(BoxMm::rectangle(x, -3.1, x + 11.3, 8.3)));
             strokes(&load(r, PLATE, f64::from(quarters) * FRAC_PI_2).expect("a texture").0)
         };
         let original = turned(0);
@@ -122,7 +125,7 @@ proptest! {
 fn hilbert_visits_every_point_once_by_unit_steps() {
     for order in 1..=7 {
         let n = 1i64 << order;
-        let area = [10.0, -5.0, 10.0 + 0.003 * (n - 1) as f64, -5.0 + 0.002 * (n - 1) as f64];
+        let area = BoxMm::rectangle(10.0, -5.0, 10.0 + 0.003 * (n - 1) as f64, -5.0 + 0.002 * (n - 1) as f64);
         let t = made(Kind::Hilbert { order }, area);
         assert_eq!((t.len(), t.points_estimate()), (1, 1 << (2 * order)));
         let points = strokes(&t).remove(0);
@@ -134,12 +137,12 @@ fn hilbert_visits_every_point_once_by_unit_steps() {
         assert!(cells.iter().all(|c| (0..n).contains(&c.0) && (0..n).contains(&c.1) && c.2 == 0 && c.3 == 0));
         let distinct: std::collections::BTreeSet<_> = cells.iter().collect();
         assert_eq!(distinct.len() as i64, n * n);
-        assert_eq!(t.bounds().hi, P2::new(nm(area[2]), nm(area[3])));
+        assert_eq!(t.bounds().hi, P2::new(nm(area.hi[0]), nm(area.hi[1])));
     }
     // The figure of physics.md: 40 / 255 mm.
-    let t = made(Kind::Hilbert { order: 8 }, [0.0, 0.0, 40.0, 40.0]);
+    let t = made(Kind::Hilbert { order: 8 }, BoxMm::rectangle(0.0, 0.0, 40.0, 40.0));
     assert!((total_mm(&t) - 65_535.0 * 40.0 / 255.0).abs() < 65_535.0 * 1e-6);
-    let small = request(Kind::Hilbert { order: 13 }, Area::Rectangle([0.0, 0.0, 0.01, 0.01]));
+    let small = request(Kind::Hilbert { order: 13 }, Area::Rectangle(BoxMm::rectangle(0.0, 0.0, 0.01, 0.01)));
     assert_eq!(code(load(small, PLATE, 0.0)), "texture-area");
 }
 
@@ -154,9 +157,13 @@ fn loops_are_whole_closed_and_in_their_place() {
     );
     assert_eq!(all[450][0], P2::new(nm(449.2), nm(1.2)), "the second row runs back");
     assert!(all.iter().all(|s| (length_mm(s) - 2.4).abs() < 1e-5));
-    assert_eq!(made(Kind::Squares { cell_mm: 1.0, pitch_mm: 1.0 }, [0.0, 0.0, 2.99, 1.5]).len(), 2, "whole cells only");
+    assert_eq!(
+        made(Kind::Squares { cell_mm: 1.0, pitch_mm: 1.0 }, BoxMm::rectangle(0.0, 0.0, 2.99, 1.5)).len(),
+        2,
+        "whole cells only"
+    );
 
-    let t = made(Kind::Circles { cell_mm: 8.0, pitch_mm: 10.0 }, [0.0, 0.0, 20.0, 10.0]);
+    let t = made(Kind::Circles { cell_mm: 8.0, pitch_mm: 10.0 }, BoxMm::rectangle(0.0, 0.0, 20.0, 10.0));
     for (s, x) in strokes(&t).iter().zip([5.0, 15.0]) {
         assert_eq!(s.first(), s.last());
         let away = |[a, b]: [f64; 2]| (a - x).hypot(b - 5.0);
@@ -165,7 +172,7 @@ fn loops_are_whole_closed_and_in_their_place() {
             assert!((away(w[0].mm()) - 4.0).abs() < 1e-6 && 4.0 - away(middle) <= 1e-3 + 1e-6);
         }
     }
-    let one = |kind| load(request(kind, Area::Rectangle([0.0, 0.0, 5.0, 5.0])), PLATE, 0.0);
+    let one = |kind| load(request(kind, Area::Rectangle(BoxMm::rectangle(0.0, 0.0, 5.0, 5.0))), PLATE, 0.0);
     assert_eq!(code(one(Kind::Squares { cell_mm: 6.0, pitch_mm: 6.0 })), "texture-empty");
     assert_eq!(code(one(Kind::Squares { cell_mm: 2.0, pitch_mm: 1.0 })), "texture-cell");
     assert_eq!(code(one(Kind::Circles { cell_mm: 1e-9, pitch_mm: 1.0 })), "texture-cell");
@@ -173,7 +180,7 @@ fn loops_are_whole_closed_and_in_their_place() {
     // The line through the lower left corner runs away from the area, the next misses it.
     assert_eq!(code(one(Kind::Hatch { pitch_mm: 20.0, direction_rad: -0.5 })), "texture-empty");
     assert_eq!(code(one(Kind::Squares { cell_mm: 1e-5, pitch_mm: 1e-5 })), "texture-large");
-    let far = request(Kind::Hilbert { order: 3 }, Area::Rectangle([0.0, 0.0, 5000.0, 5.0]));
+    let far = request(Kind::Hilbert { order: 3 }, Area::Rectangle(BoxMm::rectangle(0.0, 0.0, 5000.0, 5.0)));
     assert_eq!(code(load(far, PLATE, 0.0)), "texture-far");
 }
 
@@ -219,15 +226,17 @@ fn drawings_lie_where_they_are_placed() {
     let (t, _) = load(quarter, PLATE, FRAC_PI_2).expect("drawn");
     assert_eq!(mm(&strokes(&t)[0]), [[-7.0, 100.0], [-17.0, 100.0], [-17.0, 95.0], [-7.0, 100.0]]);
     // Without an origin: in the corner of the area, or centred on the part.
-    let (t, _) = load(request(sheet.kind(None, 0.0, false), Area::Part), [5.0, 6.0, 450.0, 450.0], 0.0).expect("drawn");
+    let (t, _) = load(request(sheet.kind(None, 0.0, false), Area::Part), BoxMm::rectangle(5.0, 6.0, 450.0, 450.0), 0.0)
+        .expect("drawn");
     assert_eq!(t.bounds().lo.mm(), [5.0, 6.0]);
     let (t, _) = load(request(sheet.kind(None, PI, false), Area::Unlimited), PLATE, 0.0).expect("drawn");
     assert_eq!(mm(&strokes(&t)[0])[0], [240.0, 235.0]);
     // Cut at the area; out of it there is nothing.
-    let cut = request(sheet.kind(Some([0.0, 0.0]), 0.0, false), Area::Rectangle([0.0, 0.0, 20.0, 4.0]));
+    let cut = request(sheet.kind(Some([0.0, 0.0]), 0.0, false), Area::Rectangle(BoxMm::rectangle(0.0, 0.0, 20.0, 4.0)));
     let (t, _) = load(cut, PLATE, 0.0).expect("drawn");
     assert_eq!(mm(&strokes(&t)[0]), [[8.0, 4.0], [0.0, 0.0], [10.0, 0.0], [10.0, 4.0]], "one piece over the start");
-    let gone = request(sheet.kind(Some([500.0, 0.0]), 0.0, false), Area::Rectangle([0.0, 0.0, 20.0, 4.0]));
+    let gone =
+        request(sheet.kind(Some([500.0, 0.0]), 0.0, false), Area::Rectangle(BoxMm::rectangle(0.0, 0.0, 20.0, 4.0)));
     assert_eq!(code(load(gone, PLATE, 0.0)), "texture-empty");
     let far = request(sheet.kind(Some([3990.0, 0.0]), 0.0, false), Area::Unlimited);
     assert_eq!(code(load(far, PLATE, 0.0)), "texture-far");
@@ -277,16 +286,16 @@ fn tiles_repeat_the_page_and_are_cut_at_the_area() {
     let tiled = |area, origin, turn| {
         load(request(sheet.kind(origin, turn, true), Area::Rectangle(area)), PLATE, 0.0).expect("tiled").0
     };
-    let t = tiled([10.0, 10.0, 100.0, 70.0], None, 0.0);
+    let t = tiled(BoxMm::rectangle(10.0, 10.0, 100.0, 70.0), None, 0.0);
     assert_eq!((t.len(), t.points_estimate()), (9 * 3, 9 * 9), "three by three whole tiles");
     assert_eq!(mm(&strokes(&t)[3 * 4]), [[40.0, 40.0], [70.0, 40.0]], "row by row");
     assert_eq!(t.element(13), "texture 1, path 1, tile (1, 1)");
     // The lattice is anchored at the origin, also far away.
-    let shifted = tiled([10.0, 10.0, 100.0, 70.0], Some([10.0 - 300.0, 10.0 + 2000.0]), 0.0);
+    let shifted = tiled(BoxMm::rectangle(10.0, 10.0, 100.0, 70.0), Some([10.0 - 300.0, 10.0 + 2000.0]), 0.0);
     assert_eq!(strokes(&shifted), strokes(&t));
     // Lines of the cross: one over the whole width every 20 mm, one over the whole height every 30 mm.
     let (w, h) = (95.0, 47.0);
-    let t = tiled([0.0, 0.0, w, h], None, 0.0);
+    let t = tiled(BoxMm::rectangle(0.0, 0.0, w, h), None, 0.0);
     let (mut cross, mut squares) = (0.0, 0.0);
     for (i, s) in strokes(&t).iter().enumerate() {
         *(if t.element(i).contains("rect") { &mut squares } else { &mut cross }) += length_mm(s);
@@ -307,7 +316,7 @@ proptest! {
     #[test]
     fn turned_tiles_fill_the_area(degrees in 0.0..360.0_f64, turn in -PI..PI, w in 5.0..120.0_f64, h in 5.0..120.0_f64) {
         let sheet = Sheet::new(r#"<path d="M0 20H60"/>"#);
-        let area = [-20.0, 33.0, -20.0 + w, 33.0 + h];
+        let area = BoxMm::rectangle(-20.0, 33.0, -20.0 + w, 33.0 + h);
         let kind = sheet.kind(Some([1.7, -4.1]), degrees.to_radians(), true);
         let Ok((t, _)) = load(request(kind, Area::Rectangle(area)), PLATE, turn) else {
             // No line meets the area: then it is narrower than their distance.
@@ -324,7 +333,7 @@ proptest! {
                     let (a, b) = ((lo - p) / d, (hi - p) / d);
                     [a.min(b), a.max(b)]
                 };
-                let (x, y) = (span(c, p[0], area[0], area[2]), span(s, p[1], area[1], area[3]));
+                let (x, y) = (span(c, p[0], area.lo[0], area.hi[0]), span(s, p[1], area.lo[1], area.hi[1]));
                 (x[1].min(y[1]) - x[0].max(y[0])).max(0.0)
             };
             (-40..40).map(|k| chord(f64::from(k))).sum()
@@ -343,11 +352,12 @@ fn text_of_a_job_with_several_textures_keeps_order_and_pens() {
     };
     let curve = Request {
         kind: Kind::Hilbert { order: 2 },
-        area: Area::Rectangle([20.0, 0.0, 30.0, 10.0]),
+        area: Area::Rectangle(BoxMm::rectangle(20.0, 0.0, 30.0, 10.0)),
         tolerance_mm: 1e-3,
         pen: PenId(0),
     };
-    let t = Texture::load(&[hatch, curve], [0.0, 0.0, 10.0, 10.0], 0.0, &mut Vec::new()).expect("textures");
+    let t =
+        Texture::load(&[hatch, curve], BoxMm::rectangle(0.0, 0.0, 10.0, 10.0), 0.0, &mut Vec::new()).expect("textures");
     let mut out = Vec::new();
     assert_eq!((t.len(), t.stroke(10, &mut out), t.stroke(11, &mut out)), (12, PenId(1), PenId(0)));
     assert_eq!(
@@ -521,7 +531,9 @@ fn tiles_cover_an_area_with_the_density_of_their_page() {
         };
         let one = total_mm(&load(request(kind(false), Area::Unlimited), PLATE, 0.0).expect("a page").0);
         let nine = total_mm(
-            &load(request(kind(true), Area::Rectangle([0.0, 0.0, 150.0, 150.0])), PLATE, 0.0).expect("tiles").0,
+            &load(request(kind(true), Area::Rectangle(BoxMm::rectangle(0.0, 0.0, 150.0, 150.0))), PLATE, 0.0)
+                .expect("tiles")
+                .0,
         );
         assert!((nine / (9.0 * one) - 1.0).abs() < 1e-6, "{}: {nine} of 9 x {one}", path.display());
         // Cut a quarter into the tiles on two sides and three quarters on the others: the same in sum.
@@ -533,7 +545,7 @@ fn tiles_cover_an_area_with_the_density_of_their_page() {
                 turn_rad: 0.0,
                 tile: true,
             },
-            Area::Rectangle([0.0, 0.0, 100.0, 100.0]),
+            Area::Rectangle(BoxMm::rectangle(0.0, 0.0, 100.0, 100.0)),
         );
         let four = total_mm(&load(cut, PLATE, 0.0).expect("tiles").0);
         // Lines on the cut are marked at both ends of it, so there may be a little more.

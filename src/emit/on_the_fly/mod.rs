@@ -16,7 +16,7 @@ pub use pmac::{blend_us, pmac};
 use crate::machine::Machine;
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::check::{Checked, Figures, SERVO_S};
-use crate::on_the_fly::program::{Kind, Mark};
+use crate::on_the_fly::program::{AxisCommands, Kind, Mark};
 use crate::program::PenId;
 
 /// How far a controller that blends moves may round a corner of a mark, mm.
@@ -25,15 +25,15 @@ pub const BLEND_MM: f64 = 2e-4;
 /// Letters of all axes of a sample.
 const LETTERS: [u8; AXES] = *b"XYZACUV";
 
-/// Positions of the axes.
+/// Where the axes are.
 struct At {
-    to: [i64; AXES],
+    to: AxisCommands,
     kind: Kind,
 }
 
 impl At {
     /// Appends a word, after a blank, for each of these axes that moves to `to`; answers whether any does.
-    fn words(&mut self, out: &mut Vec<u8>, to: &[i64; AXES]) -> bool {
+    fn words(&mut self, out: &mut Vec<u8>, to: &AxisCommands) -> bool {
         let mut moves = false;
         for &k in self.kind.axes() {
             if to[k] != self.to[k] {

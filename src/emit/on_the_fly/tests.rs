@@ -16,7 +16,7 @@ fn sample(kind: Kind) -> (Checked, Machine) {
     };
     let mark = |pen, piece| Some(Mark { pen: PenId(pen), source: StrokeId(4 + piece), piece: PieceId(piece) });
     let turn = i64::from(kind == Kind::Xyzacuv);
-    let at = |x, u, v| [x, 0, -5_000_000, -1_500_000 * turn, 250_000 * turn, u, v];
+    let at = |x, u, v| AxisCommands([x, 0, -5_000_000, -1_500_000 * turn, 250_000 * turn, u, v]);
     let move_to = |us, to, mark| Move { us, to, mark };
     let program = Program {
         kind,

@@ -16,7 +16,7 @@ use crate::geom::{NM_PER_MM, Nm, mm_from_nm};
 use crate::machine::Machine;
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::program::peaks::{self, Peak, Peaks};
-use crate::on_the_fly::program::{Kind, Move, Program};
+use crate::on_the_fly::program::{AxisCommands, Kind, Move, Program};
 
 /// Share of a limit that may be exceeded: the rounding of sums.
 pub const OVER: f64 = 1e-6;
@@ -220,7 +220,7 @@ pub fn slower(program: &Program, machine: &Machine) -> f64 {
     };
     let fast = limited(program, machine).iter().map(of).fold(1.0, f64::max);
     let scanner = scanner_limits(machine);
-    let of = |us: i64, from: &[i64; AXES], to: &Move| {
+    let of = |us: i64, from: &AxisCommands, to: &Move| {
         let limit = scanner[usize::from(to.mark.is_some())];
         (scanner_way(from, to) - ROUNDING) / (limit * (1.0 + OVER) * (to.us - us) as f64 * 1e-6)
     };
@@ -233,7 +233,7 @@ fn scanner_limits(machine: &Machine) -> [f64; 2] {
 }
 
 /// How far a move takes the scanner, mm.
-fn scanner_way(from: &[i64; AXES], to: &Move) -> f64 {
+fn scanner_way(from: &AxisCommands, to: &Move) -> f64 {
     let [u, v] = [5, 6].map(|k| mm_from_nm(to.to[k] - from[k]));
     u.hypot(v)
 }
@@ -303,7 +303,7 @@ fn lines(program: &Program, machine: &Machine) -> Option<Diag> {
     let digits = |v: i64| mm_from_nm(v.abs()).max(1.0).log10() as usize + 1;
     let mut widest = [0; AXES];
     for to in samples {
-        widest.iter_mut().zip(to).for_each(|(w, &v)| *w = (*w).max(digits(v)));
+        widest.iter_mut().zip(&to.0).for_each(|(w, &v)| *w = (*w).max(digits(v)));
     }
     // A space, the letter, the sign, and six decimals after the point; G1 and the longest time.
     let length = 24 + program.kind.axes().iter().map(|&k| 10 + widest[k]).sum::<usize>();

@@ -1,6 +1,6 @@
 use super::*;
 use crate::machine::Origin;
-use crate::on_the_fly::program::{Mark, Move};
+use crate::on_the_fly::program::{AxisCommands, Mark, Move};
 use crate::program::{Pen, PenId, PieceId, StrokeId};
 use crate::units::{Frequency, Power, Speed};
 
@@ -18,13 +18,13 @@ fn program() -> Program {
         passes: 1,
     };
     let mark = Some(Mark { pen: PenId(0), source: StrokeId(0), piece: PieceId(0) });
-    let moves = (1..=100i64).map(|i| Move { us: i * 1000, to: [0, 0, 0, 0, 0, i * 100_000, 0], mark });
-    let back = Move { us: 110_000, to: [0; AXES], mark: None };
+    let moves = (1..=100i64).map(|i| Move { us: i * 1000, to: AxisCommands([0, 0, 0, 0, 0, i * 100_000, 0]), mark });
+    let back = Move { us: 110_000, to: AxisCommands::default(), mark: None };
     Program {
         kind: Kind::Xyzuv,
         pens: vec![pen],
         origin: Origin::default(),
-        start: [0; AXES],
+        start: AxisCommands::default(),
         moves: moves.chain([back]).collect(),
     }
 }

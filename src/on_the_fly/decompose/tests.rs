@@ -2,8 +2,8 @@ use super::sample::{self, Part};
 use super::*;
 use crate::machine::Machine;
 use crate::on_the_fly::axes::kinematics::{Axes, Branch, Branches, Deviation, Pose, follow};
-use crate::on_the_fly::axes::xyzuv::Peaks;
 use crate::on_the_fly::topp::{self, Limit, Options, time_optimal};
+use crate::on_the_fly::xyzuv::Peaks;
 
 /// A bent path with corners, 2 coordinates.
 fn wandering() -> Vec<[f64; 2]> {

@@ -9,11 +9,12 @@
 //! straight jump between two runs; [`Path::evened`] leaves vertices of gentle turns out.
 
 pub mod c_rewind;
+pub mod follow;
 pub mod height_field;
 pub mod schedule;
 
 use crate::geom::{NM_PER_MM, P2, mm_from_nm};
-use crate::on_the_fly::follow::{self, Follow, Segment, Stretch};
+use crate::on_the_fly::path::follow::{Follow, Segment, Stretch};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::program::{Pen, PenId, PieceId, Program};
 use crate::projection::Tracer;

@@ -4,10 +4,10 @@
 //! ([`crate::on_the_fly::axes::motion`]), about the pivot of the machine's table.
 
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{NM_PER_MM, mm_from_nm};
+use crate::geom::{MAX_NM, NM_PER_MM, mm_from_nm};
 use crate::machine::{Letter, Machine, Origin, Scanner};
 use crate::on_the_fly::axes::motion::AXES;
-use crate::on_the_fly::program::Kind;
+use crate::on_the_fly::program::{AxisCommands, Kind};
 
 /// Where a part lies on a machine.
 pub(super) struct Frame {
@@ -79,8 +79,8 @@ impl Frame {
     }
 
     /// Commands of all axes at a position of the stage in the table frame, with U and V such that the beam passes
-    /// through `spot`. What rounding takes from the stage the scanner adds.
-    pub(super) fn commanded(&self, axes: &[f64; AXES], spot: [f64; 3]) -> [f64; AXES] {
+    /// through `spot`. What rounding takes from the stage the scanner adds. None beyond 4 m or eleven turns.
+    pub(super) fn commanded(&self, axes: &[f64; AXES], spot: [f64; 3]) -> Option<AxisCommands> {
         let [x, y, z, a, c, ..] = *axes;
         let mut out = [0.0; AXES];
         let [mut a_held, mut c_held] = [a, c];
@@ -99,14 +99,14 @@ impl Frame {
         let field = field.map(|v| (v * NM_PER_MM).round());
         let s = &self.scanner;
         let [u, v] = if s.swap_xy { [field[1], field[0]] } else { field };
-        // No command is a negative zero.
-        out[5] = if s.mirror_x { 0.0 - u } else { u };
-        out[6] = if s.mirror_y { 0.0 - v } else { v };
-        out
+        out[5] = if s.mirror_x { -u } else { u };
+        out[6] = if s.mirror_y { -v } else { v };
+        let is_near = |v: &f64| v.abs() <= MAX_NM.f64();
+        out.iter().all(is_near).then(|| AxisCommands(out.map(|v| v as i64)))
     }
 
     /// Where the beam of a sample meets the focal plane.
-    pub(super) fn spot(&self, at: &[i64; AXES]) -> Spot {
+    pub(super) fn spot(&self, at: &AxisCommands) -> Spot {
         let mm = |k: usize| mm_from_nm(at[k]);
         let s = &self.scanner;
         let (u, v) = (if s.mirror_x { -mm(5) } else { mm(5) }, if s.mirror_y { -mm(6) } else { mm(6) });
@@ -120,9 +120,9 @@ impl Frame {
     }
 
     /// A sample with the stage where another has it; U and V compensate for X and Y.
-    pub(super) fn held(&self, to: &[i64; AXES], stage: &[i64; AXES]) -> [i64; AXES] {
+    pub(super) fn held(&self, to: &AxisCommands, stage: &AxisCommands) -> AxisCommands {
         let mut out = *to;
-        out[..3].copy_from_slice(&stage[..3]);
+        out.0[..3].copy_from_slice(&stage.0[..3]);
         let [dx, dy] = [0, 1].map(|k| self.signs[k] as i64 * (to[k] - stage[k]));
         let s = &self.scanner;
         let [du, dv] = if s.swap_xy { [dy, dx] } else { [dx, dy] };
@@ -132,7 +132,7 @@ impl Frame {
     }
 
     /// The field point of a sample, nm.
-    pub(super) fn field(&self, at: &[i64; AXES]) -> [i64; 2] {
+    pub(super) fn field(&self, at: &AxisCommands) -> [i64; 2] {
         let s = &self.scanner;
         let (u, v) = (if s.mirror_x { -at[5] } else { at[5] }, if s.mirror_y { -at[6] } else { at[6] });
         if s.swap_xy { [v, u] } else { [u, v] }

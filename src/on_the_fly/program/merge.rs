@@ -1,6 +1,6 @@
 //! Leaves out samples that the line between their neighbours passes.
 
-use super::{Move, NEAR, NEAR_TURN};
+use super::{AxisCommands, Move, NEAR, NEAR_TURN};
 use crate::on_the_fly::axes::motion::AXES;
 
 /// The same moves, those joined that run on in one line within the tolerances. What is kept is kept as it was.
@@ -10,7 +10,7 @@ use crate::on_the_fly::axes::motion::AXES;
 ///
 /// Where axes start slowly, a mark may stand still for some milliseconds: such a sample is left out too if the mark goes
 /// on, and the laser is off meanwhile if it ends there.
-pub(super) fn merged(start: [i64; AXES], moves: Vec<Move>) -> Vec<Move> {
+pub(super) fn merged(start: AxisCommands, moves: Vec<Move>) -> Vec<Move> {
     let mut out: Vec<Move> = Vec::with_capacity(moves.len() / 2);
     let mut from = Move { us: 0, to: start, mark: None };
     let mut cone = SlopeCone::open();
@@ -68,8 +68,11 @@ mod tests {
     /// X of moves in nm, with the piece that is marked.
     fn moves(list: &[(i64, i64, Option<u32>)]) -> Vec<Move> {
         let mark = |piece| Mark { pen: PenId(0), source: StrokeId(0), piece: PieceId(piece) };
-        let of =
-            |&(us, x, piece): &(i64, i64, Option<u32>)| Move { us, to: [x, 0, 0, 0, 0, 0, 0], mark: piece.map(mark) };
+        let of = |&(us, x, piece): &(i64, i64, Option<u32>)| Move {
+            us,
+            to: AxisCommands([x, 0, 0, 0, 0, 0, 0]),
+            mark: piece.map(mark),
+        };
         list.iter().map(of).collect()
     }
 
@@ -78,13 +81,13 @@ mod tests {
         let stands =
             [(10, 500, None), (6000, 500, Some(1)), (6010, 900, Some(1)), (9000, 900, Some(1)), (9010, 0, None)];
         let kept = [(10, 500, None), (6010, 900, Some(1)), (9000, 900, None), (9010, 0, None)];
-        assert_eq!(merged([0; AXES], moves(&stands)), moves(&kept));
+        assert_eq!(merged(AxisCommands::default(), moves(&stands)), moves(&kept));
         // At the end of the program.
-        assert_eq!(merged([0; AXES], moves(&stands[..4])), moves(&kept[..3]));
+        assert_eq!(merged(AxisCommands::default(), moves(&stands[..4])), moves(&kept[..3]));
         // Where two marks meet.
         let meet = [(10, 500, Some(1)), (6000, 500, Some(1)), (6010, 900, Some(2))];
         assert_eq!(
-            merged([0; AXES], moves(&meet)),
+            merged(AxisCommands::default(), moves(&meet)),
             moves(&[(10, 500, Some(1)), (6000, 500, None), (6010, 900, Some(2))])
         );
     }
@@ -92,6 +95,6 @@ mod tests {
     #[test]
     fn samples_on_one_line_are_joined() {
         let line: Vec<(i64, i64, Option<u32>)> = (1..=9).map(|i| (10 * i, 100 * i + i % 2 * 4, Some(0))).collect();
-        assert_eq!(merged([0; AXES], moves(&line)), moves(&line[8..]));
+        assert_eq!(merged(AxisCommands::default(), moves(&line)), moves(&line[8..]));
     }
 }

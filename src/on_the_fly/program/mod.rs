@@ -22,8 +22,10 @@ mod frame;
 mod merge;
 pub mod peaks;
 
+use std::ops::{Index, IndexMut};
+
 use crate::diag::{Diag, Error};
-use crate::geom::{MAX_NM, mm_from_nm};
+use crate::geom::mm_from_nm;
 use crate::machine::{Machine, Origin};
 use crate::on_the_fly::axes::motion::{AXES, Motion, Waypoint};
 use crate::program::{self, Pen, PenId, PieceId, StrokeId};
@@ -74,6 +76,26 @@ impl Kind {
     }
 }
 
+/// What the axes of a sample are commanded, in the order X Y Z A C U V: nm, of A and C millionths of a degree.
+/// Placement and the machine's signs are in it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(transparent)]
+pub struct AxisCommands(pub [i64; AXES]);
+
+impl Index<usize> for AxisCommands {
+    type Output = i64;
+
+    fn index(&self, axis: usize) -> &i64 {
+        &self.0[axis]
+    }
+}
+
+impl IndexMut<usize> for AxisCommands {
+    fn index_mut(&mut self, axis: usize) -> &mut i64 {
+        &mut self.0[axis]
+    }
+}
+
 /// What is marked in a move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mark {
@@ -90,8 +112,8 @@ pub struct Mark {
 pub struct Move {
     /// When it ends, microseconds from the program's start.
     pub us: i64,
-    /// Where it ends: X Y Z A C U V as commanded, nm and millionths of a degree.
-    pub to: [i64; AXES],
+    /// Where it ends.
+    pub to: AxisCommands,
     /// What is marked meanwhile; None with the laser off.
     pub mark: Option<Mark>,
 }
@@ -105,8 +127,8 @@ pub struct Program {
     pub pens: Vec<Pen>,
     /// Position of the part frame's origin in the table frame.
     pub origin: Origin,
-    /// Positions of all axes at the start, as commanded.
-    pub start: [i64; AXES],
+    /// Where all axes are at the start.
+    pub start: AxisCommands,
     /// The moves, one after the other.
     pub moves: Vec<Move>,
 }
@@ -134,7 +156,8 @@ impl Program {
         let speeds = Speeds { pens, scanner };
         let moves = Vec::with_capacity(motion.waypoints.len());
         let mut maker = Maker { motion, frame, speeds, hint: 0, delay: Delay::default(), moves };
-        let mut program = Self { kind, pens: strokes.pens.clone(), origin, start: [0; AXES], moves: Vec::new() };
+        let (pens, start) = (strokes.pens.clone(), AxisCommands::default());
+        let mut program = Self { kind, pens, origin, start, moves: Vec::new() };
         if motion.waypoints.is_empty() {
             return Ok((program, maker.delay.slower));
         }
@@ -153,15 +176,15 @@ impl Program {
     }
 
     /// Where the beam of a sample meets the focal plane.
-    pub(super) fn spots(&self, machine: &Machine) -> Result<impl Fn(&[i64; AXES]) -> Spot, Error> {
+    pub(super) fn spots(&self, machine: &Machine) -> Result<impl Fn(&AxisCommands) -> Spot, Error> {
         let frame = Frame::new(machine, self.origin, self.kind)?;
-        Ok(move |at: &[i64; AXES]| frame.spot(at))
+        Ok(move |at: &AxisCommands| frame.spot(at))
     }
 
     /// The point of the field of a sample, nm.
-    pub(super) fn fields(&self, machine: &Machine) -> Result<impl Fn(&[i64; AXES]) -> [i64; 2], Error> {
+    pub(super) fn fields(&self, machine: &Machine) -> Result<impl Fn(&AxisCommands) -> [i64; 2], Error> {
         let frame = Frame::new(machine, self.origin, self.kind)?;
-        Ok(move |at: &[i64; AXES]| frame.field(at))
+        Ok(move |at: &AxisCommands| frame.field(at))
     }
 
     /// When the last move ends, s.
@@ -170,7 +193,7 @@ impl Program {
     }
 
     /// Every move with where and when it begins.
-    pub fn steps(&self) -> impl Iterator<Item = (i64, &[i64; AXES], &Move)> {
+    pub fn steps(&self) -> impl Iterator<Item = (i64, &AxisCommands, &Move)> {
         let before = std::iter::once((0, &self.start)).chain(self.moves.iter().map(|m| (m.us, &m.to)));
         before.zip(&self.moves).map(|((us, from), m)| (us, from, m))
     }
@@ -296,14 +319,10 @@ impl Maker<'_> {
     }
 
     /// The sample at a time with the spot on a point of the part.
-    fn commanded(&mut self, us: i64, spot: [f64; 3]) -> Result<[i64; AXES], Error> {
+    fn commanded(&mut self, us: i64, spot: [f64; 3]) -> Result<AxisCommands, Error> {
         let axes = self.at(self.motion.waypoints[0].time + us as f64 * 1e-6);
-        let to = self.frame.commanded(&axes, spot);
-        let near = |v: &f64| v.abs() <= MAX_NM.f64();
-        if !to.iter().all(near) {
-            return Err(Diag::bug("fly-motion", "a motion reaches beyond 4 m or eleven turns").into());
-        }
-        Ok(to.map(|v| v as i64))
+        let far = || Diag::bug("fly-motion", "a motion reaches beyond 4 m or eleven turns").into();
+        self.frame.commanded(&axes, spot).ok_or_else(far)
     }
 
     /// The moves to node `i`; `last` is the one before.
@@ -361,7 +380,7 @@ impl Maker<'_> {
     }
 
     /// The least time of a move, us.
-    fn needed(&self, from: &[i64; AXES], to: &[i64; AXES], mark: Option<Mark>) -> i64 {
+    fn needed(&self, from: &AxisCommands, to: &AxisCommands, mark: Option<Mark>) -> i64 {
         let [u, v] = [5, 6].map(|k| mm_from_nm(to[k] - from[k]));
         let scanner = (u.hypot(v) - ROUNDING) / self.speeds.scanner[usize::from(mark.is_some())];
         let pen = mark.map_or(0.0, |mark| {

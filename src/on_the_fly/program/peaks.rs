@@ -13,7 +13,7 @@
 //! Peaks that last shorter than the samples lie apart are seen only in part.
 
 use crate::on_the_fly::axes::motion::AXES;
-use crate::on_the_fly::program::Program;
+use crate::on_the_fly::program::{AxisCommands, Program};
 
 /// Least time between samples of which accelerations are taken, us.
 pub const APART_A: i64 = 5_000;
@@ -54,16 +54,16 @@ pub struct Peaks {
 struct Window<const N: usize> {
     apart: i64,
     us: [i64; N],
-    at: [[i64; AXES]; N],
+    at: [AxisCommands; N],
 }
 
 impl<const N: usize> Window<N> {
-    fn new(apart: i64, start: [i64; AXES]) -> Self {
+    fn new(apart: i64, start: AxisCommands) -> Self {
         Self { apart, us: std::array::from_fn(|i| (i as i64 + 1 - N as i64) * apart), at: [start; N] }
     }
 
     /// Takes a sample if it lies far enough from the last; answers whether it did.
-    fn takes(&mut self, us: i64, at: &[i64; AXES]) -> bool {
+    fn takes(&mut self, us: i64, at: &AxisCommands) -> bool {
         if us - self.us[N - 1] < self.apart {
             return false;
         }
@@ -128,7 +128,7 @@ mod tests {
         let mut us = 0;
         let at = |us: i64| {
             let x = 3.0 * (1.0 - (us as f64 * 20e-6).cos()).powi(2);
-            [(x * 1e6).round() as i64, 0, 0, 0, 0, 0, 0]
+            AxisCommands([(x * 1e6).round() as i64, 0, 0, 0, 0, 0, 0])
         };
         let mut moves = Vec::new();
         while us < 628_319 {
@@ -145,12 +145,13 @@ mod tests {
     #[test]
     fn peak_rates_of_a_speed_step_scale_with_its_duration() {
         // At rest, then 100 mm/s from one sample to the next.
-        let moves = (1..=200i64).map(|i| Move { us: i * 1000, to: [(i - 100).max(0) * 100_000; AXES], mark: None });
+        let to = |i: i64| AxisCommands([(i - 100).max(0) * 100_000; AXES]);
+        let moves = (1..=200i64).map(|i| Move { us: i * 1000, to: to(i), mark: None });
         let program = Program {
             kind: Kind::Xyzacuv,
             pens: Vec::new(),
             origin: Origin::default(),
-            start: [0; AXES],
+            start: AxisCommands::default(),
             moves: moves.collect(),
         };
         let found = peaks(&program)[0];

@@ -31,7 +31,7 @@ fn turning(step: f64) -> Motion {
 }
 
 /// Where a sample marks, by arithmetic of the test: the table turned back about its pivot, then the origin.
-fn marked(machine: &Machine, origin: Origin, at: &[i64; AXES]) -> [f64; 3] {
+fn marked(machine: &Machine, origin: Origin, at: &AxisCommands) -> [f64; 3] {
     let mm = |k: usize| at[k] as f64 / 1e6;
     let table = machine.tilt.as_ref().expect("a table");
     let sign = |k: usize| machine.axes()[k].1.sign() as f64;
@@ -67,6 +67,7 @@ fn program_reproduces_motion_for_any_axis_signs() {
         for (us, from, to) in program.steps() {
             for share in [0.0, 0.25, 0.5, 0.75, 1.0] {
                 let at = std::array::from_fn(|k| from[k] + (share * (to.to[k] - from[k]) as f64).round() as i64);
+                let at = AxisCommands(at);
                 let is = marked(&machine, origin, &at);
                 let t = (us as f64 + share * (to.us - us) as f64) * 1e-6;
                 while node + 2 < motion.waypoints.len() && motion.waypoints[node + 1].time < t {

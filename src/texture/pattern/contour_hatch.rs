@@ -16,9 +16,9 @@
 //! cell, in each along the normal that lies left of the lines. Units: nm as f64 in the turned part frame, rounded once.
 
 use crate::diag::Error;
-use crate::geom::{Box2, Grid, NM_PER_MM, P2, cos_sin};
+use crate::geom::{Box2, BoxMm, Grid, NM_PER_MM, P2, cos_sin};
 use crate::texture::Figure;
-use crate::texture::place::{NM, Turn, corners};
+use crate::texture::place::{NM, Turn};
 use crate::texture::{MAX_STROKES, too_large};
 
 /// The direction of the lines in every cell of a grid, turned part frame.
@@ -43,8 +43,8 @@ impl Directions {
 /// An area to be filled.
 #[derive(Clone, Debug)]
 pub struct Contour {
-    /// x0, y0, x1, y1 in the part frame.
-    area: [f64; 4],
+    /// Lower and upper corner, nm in the part frame.
+    area: [[f64; 2]; 2],
     /// The part frame's axes.
     axes: [[f64; 2]; 2],
     corners: [[f64; 2]; 4],
@@ -114,16 +114,16 @@ impl Figure for Contour {
 }
 
 impl Contour {
-    pub(in crate::texture) fn new(area_mm: [f64; 4], pitch_mm: f64, phase: f64, turn: Turn) -> Result<Self, Error> {
+    pub(in crate::texture) fn new(area_mm: BoxMm<2>, pitch_mm: f64, phase: f64, turn: Turn) -> Result<Self, Error> {
         if !(pitch_mm >= NM && pitch_mm.is_finite()) {
             return Err(super::hatch::bad_pitch(pitch_mm));
         }
         let mut bounds = Box2::EMPTY;
-        corners(area_mm).map(|c| turn.nm(c)).into_iter().for_each(|c| bounds.add(c));
+        area_mm.corners().map(|c| turn.nm(c)).into_iter().for_each(|c| bounds.add(c));
         Ok(Self {
-            area: area_mm.map(|v| v * NM_PER_MM),
+            area: [area_mm.lo, area_mm.hi].map(|corner| corner.map(|v| v * NM_PER_MM)),
             axes: [turn.turned([1.0, 0.0]), turn.turned([0.0, 1.0])],
-            corners: corners(area_mm).map(|c| turn.turned(c).map(|v| v * NM_PER_MM)),
+            corners: area_mm.corners().map(|c| turn.turned(c).map(|v| v * NM_PER_MM)),
             bounds,
             pitch: pitch_mm * NM_PER_MM,
             begin: pitch_mm * NM_PER_MM * (0.5 + phase),
@@ -259,7 +259,7 @@ impl Contour {
         let offset = k as f64 * self.pitch;
         let p = [lattice.anchor.x as f64 + offset * n[0], lattice.anchor.y as f64 + offset * n[1]];
         let Box2 { lo, hi } = lattice.cell;
-        let [x0, y0, x1, y1] = self.area;
+        let [[x0, y0], [x1, y1]] = self.area;
         let slabs = [
             ([1.0, 0.0], lo.x as f64, hi.x as f64, lattice.open[0]),
             ([0.0, 1.0], lo.y as f64, hi.y as f64, lattice.open[1]),

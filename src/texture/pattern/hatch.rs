@@ -5,14 +5,14 @@
 //! that lies left of the direction, and runs along the direction.
 
 use crate::diag::{Diag, Error};
-use crate::geom::{Box2, P2, cos_sin};
+use crate::geom::{Box2, BoxMm, P2, cos_sin};
 use crate::texture::Figure;
-use crate::texture::place::{NM, Turn, corners, steps};
+use crate::texture::place::{NM, Turn, steps};
 use crate::texture::{MAX_STROKES, too_large};
 
 #[derive(Debug)]
 pub(in crate::texture) struct Hatch {
-    area: [f64; 4],
+    area: BoxMm<2>,
     direction: [f64; 2],
     pitch: f64,
     /// Number of the first line in the lattice.
@@ -45,7 +45,7 @@ impl Figure for Hatch {
         if self.count == 0 {
             return bounds;
         }
-        for corner in corners(self.area) {
+        for corner in self.area.corners() {
             let k = (self.height(corner) / self.pitch).round() as i64;
             for k in k - 1..=k + 1 {
                 self.line(k.clamp(self.first, last)).into_iter().flatten().for_each(|p| bounds.add(p));
@@ -65,13 +65,13 @@ impl Figure for Hatch {
 }
 
 impl Hatch {
-    pub(in crate::texture) fn new(area: [f64; 4], pitch: f64, direction: f64, turn: Turn) -> Result<Self, Error> {
+    pub(in crate::texture) fn new(area: BoxMm<2>, pitch: f64, direction: f64, turn: Turn) -> Result<Self, Error> {
         if !(pitch >= NM && pitch.is_finite() && direction.is_finite()) {
             return Err(bad_pitch(pitch));
         }
         let direction = cos_sin(direction);
         let mut hatch = Self { area, direction, pitch, first: 0, count: 0, turn };
-        let heights = corners(area).map(|c| hatch.height(c));
+        let heights = area.corners().map(|c| hatch.height(c));
         let lowest = heights.into_iter().fold(0.0, f64::min);
         let highest = heights.into_iter().fold(0.0, f64::max);
         let (below, above) = (steps(-lowest, pitch), steps(highest, pitch));
@@ -95,15 +95,14 @@ impl Hatch {
     /// Distance of a point from line 0, along the normal.
     fn height(&self, p: [f64; 2]) -> f64 {
         let [c, s] = self.direction;
-        c * (p[1] - self.area[1]) - s * (p[0] - self.area[0])
+        c * (p[1] - self.area.lo[1]) - s * (p[0] - self.area.lo[0])
     }
 
     /// The ends of line `k`; None where it has no length in the area.
     fn line(&self, k: i64) -> Option<[P2; 2]> {
-        let [x0, y0, x1, y1] = self.area;
-        let (lo, hi, d) = ([x0, y0], [x1, y1], self.direction);
+        let (BoxMm { lo, hi }, d) = (self.area, self.direction);
         let offset = k as f64 * self.pitch;
-        let mut p = [x0 - d[1] * offset, y0 + d[0] * offset];
+        let mut p = [lo[0] - d[1] * offset, lo[1] + d[0] * offset];
         let (mut t0, mut t1) = (f64::NEG_INFINITY, f64::INFINITY);
         for a in 0..2 {
             if d[a] == 0.0 {

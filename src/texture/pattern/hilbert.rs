@@ -4,9 +4,9 @@
 //! area's border. One stroke.
 
 use crate::diag::{Diag, Error};
-use crate::geom::{Box2, P2};
+use crate::geom::{Box2, BoxMm, P2};
 use crate::texture::Figure;
-use crate::texture::place::{LEAST, Turn, corners};
+use crate::texture::place::{LEAST, Turn};
 
 /// The highest order: 67 million points, which is 1 GB while the stroke is held.
 const MAX_ORDER: u32 = 13;
@@ -14,7 +14,7 @@ const MAX_ORDER: u32 = 13;
 #[derive(Debug)]
 pub(in crate::texture) struct Hilbert {
     order: u32,
-    area: [f64; 4],
+    area: BoxMm<2>,
     /// Coordinates of the columns and rows, mm.
     xs: Vec<f64>,
     ys: Vec<f64>,
@@ -32,7 +32,7 @@ impl Figure for Hilbert {
 
     fn bounds(&self) -> Box2 {
         let mut bounds = Box2::EMPTY;
-        corners(self.area).into_iter().for_each(|c| bounds.add(self.turn.nm(c)));
+        self.area.corners().into_iter().for_each(|c| bounds.add(self.turn.nm(c)));
         bounds
     }
 
@@ -47,14 +47,14 @@ impl Figure for Hilbert {
 }
 
 impl Hilbert {
-    pub(in crate::texture) fn new(area: [f64; 4], order: u32, turn: Turn) -> Result<Self, Error> {
+    pub(in crate::texture) fn new(area: BoxMm<2>, order: u32, turn: Turn) -> Result<Self, Error> {
         if !(1..=MAX_ORDER).contains(&order) {
             let text = format!("Hilbert order {order} is not between 1 and {MAX_ORDER}");
             return Err(Diag::input("texture-order", text).into());
         }
         let last = (1u32 << order) - 1;
-        let [x0, y0, x1, y1] = area;
-        let spacing = (x1 - x0).min(y1 - y0) / f64::from(last);
+        let [width, height] = area.size();
+        let spacing = width.min(height) / f64::from(last);
         if spacing < LEAST {
             let text =
                 format!("the area is too small for Hilbert order {order}: neighbours would be {spacing} mm apart");
@@ -63,7 +63,8 @@ impl Hilbert {
         let along = |lo: f64, hi: f64| {
             (0..=last).map(|i| if i == last { hi } else { lo + (hi - lo) * f64::from(i) / f64::from(last) }).collect()
         };
-        Ok(Self { order, area, xs: along(x0, x1), ys: along(y0, y1), turn })
+        let [xs, ys] = [0, 1].map(|k| along(area.lo[k], area.hi[k]));
+        Ok(Self { order, area, xs, ys, turn })
     }
 
     /// Visits the `n` × `n` cells spanned by the unit steps `u` and `v` from cell `p`: starts at `p`,

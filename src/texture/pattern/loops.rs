@@ -8,7 +8,7 @@
 use std::f64::consts::TAU;
 
 use crate::diag::{Diag, Error};
-use crate::geom::{Box2, P2};
+use crate::geom::{Box2, BoxMm, P2};
 use crate::texture::Figure;
 use crate::texture::place::{LEAST, Turn, push, steps};
 use crate::texture::{MAX_STROKES, too_large};
@@ -66,13 +66,13 @@ impl Figure for Loops {
 }
 
 impl Loops {
-    pub(in crate::texture) fn squares(area: [f64; 4], cell: f64, pitch: f64, turn: Turn) -> Result<Self, Error> {
+    pub(in crate::texture) fn squares(area: BoxMm<2>, cell: f64, pitch: f64, turn: Turn) -> Result<Self, Error> {
         let r = cell / 2.0;
         Self::new(area, cell, pitch, turn, vec![[-r, -r], [r, -r], [r, r], [-r, r], [-r, -r]])
     }
 
     pub(in crate::texture) fn circles(
-        area: [f64; 4],
+        area: BoxMm<2>,
         cell: f64,
         pitch: f64,
         tolerance: f64,
@@ -93,7 +93,7 @@ impl Loops {
         Self::new(area, cell, pitch, turn, vertices)
     }
 
-    fn new(area: [f64; 4], cell: f64, pitch: f64, turn: Turn, vertices: Vec<[f64; 2]>) -> Result<Self, Error> {
+    fn new(area: BoxMm<2>, cell: f64, pitch: f64, turn: Turn, vertices: Vec<[f64; 2]>) -> Result<Self, Error> {
         // Eight chords of a circle of 6 nm are longer than two nanometres.
         if !(cell >= 3.0 * LEAST && cell.is_finite()) {
             return Err(Diag::input("texture-cell", format!("a cell of {cell} mm is too small to mark")).into());
@@ -102,13 +102,12 @@ impl Loops {
             let text = format!("cells of {cell} mm do not fit a pitch of {pitch} mm");
             return Err(Diag::input("texture-cell", text).hint("use a pitch of at least the cell's size").into());
         }
-        let [x0, y0, x1, y1] = area;
-        let (columns, rows) = (steps(x1 - x0, pitch), steps(y1 - y0, pitch));
+        let [columns, rows] = area.size().map(|side| steps(side, pitch));
         if columns * rows > MAX_STROKES as f64 {
             let n = (columns * rows) as u64;
             return Err(too_large(n, n.saturating_mul(vertices.len() as u64)).into());
         }
-        let first = [x0 + 0.5 * pitch, y0 + 0.5 * pitch];
+        let first = area.lo.map(|v| v + 0.5 * pitch);
         Ok(Self { first, pitch, columns: columns as u64, rows: rows as u64, vertices, turn })
     }
 

@@ -1,7 +1,7 @@
 //! Generated patterns: every stroke is computed from its index in constant time, none is stored.
 //!
 //! A pattern is a file here, a variant of [`Pattern`] and of [`Kind`], and a row of the table below; `place`
-//! builds it. Areas are rectangles [x0, y0, x1, y1] in the part frame, mm, borders included.
+//! builds it. Areas are boxes in the part frame, mm, borders included.
 
 mod contour_hatch;
 mod hatch;

@@ -31,6 +31,7 @@ use roxmltree::{Document, ParsingOptions};
 
 use super::clip::{Lines, clip, is_inside, snap};
 use crate::diag::{Diag, Error, Place, memory};
+use crate::geom::BoxMm;
 use page::Frame;
 use sheet::{Sheet, without_comments};
 pub(super) use source::foreign_name;
@@ -152,7 +153,7 @@ fn parse(
 
 /// Cuts the lines at the border of the page, which is what a viewer shows.
 fn on_page(mut lines: Lines, name_of: Vec<u32>, names: Vec<String>, size: [f64; 2], mut tally: Tally) -> (Page, Tally) {
-    let rect = [0.0, 0.0, size[0], size[1]];
+    let rect = BoxMm { lo: [0.0; 2], hi: size };
     if is_inside(&lines.points, rect) {
         snap(&mut lines.points, rect);
         return (Page { size, lines, name_of, names }, tally);

@@ -14,6 +14,7 @@ use super::source::MAX_DEPTH;
 use super::style::{Declared, Style};
 use super::tally::{Issue, Tally};
 use crate::diag::Diag;
+use crate::geom::BoxMm;
 use crate::texture::clip::Lines;
 
 const SVG: &str = "http://www.w3.org/2000/svg";
@@ -32,8 +33,8 @@ pub(super) struct State {
     pub(super) style: Style,
     /// Size of the nearest viewport, which percentages refer to.
     pub(super) port: [f64; 2],
-    /// The frame that a nested viewport would clip at: x0, y0, x1, y1 in page mm.
-    pub(super) frame: Option<[f64; 4]>,
+    /// The frame that a nested viewport would clip at, page mm.
+    pub(super) frame: Option<BoxMm<2>>,
     pub(super) depth: usize,
 }
 
@@ -233,9 +234,8 @@ impl<'a, 'input> Walk<'a, 'input> {
             state.map = state.map.after(Map::shift(corner));
         }
         let corners = [[0.0, 0.0], [size[0], 0.0], size, [0.0, size[1]]].map(|c| state.map.at(c));
-        let bound = |k: usize, pick: fn(f64, f64) -> f64| corners.map(|c| c[k]).into_iter().reduce(pick).unwrap_or(0.0);
         let clips = !matches!(node.attribute("overflow"), Some("visible" | "auto"));
-        state.frame = clips.then(|| [bound(0, f64::min), bound(1, f64::min), bound(0, f64::max), bound(1, f64::max)]);
+        state.frame = clips.then(|| BoxMm::of(corners));
         state.port = size;
         match page::view_box(node) {
             Ok(Some(view)) => {
@@ -272,9 +272,9 @@ impl<'a, 'input> Walk<'a, 'input> {
         if dropped.hairlines {
             self.note(Issue::Hairline, node);
         }
-        let overhangs = |[x0, y0, x1, y1]: [f64; 4]| {
+        let overhangs = |BoxMm { lo, hi }: BoxMm<2>| {
             let t = self.tolerance;
-            let out = |p: &[f64; 2]| p[0] < x0 - t || p[0] > x1 + t || p[1] < y0 - t || p[1] > y1 + t;
+            let out = |p: &[f64; 2]| (0..2).any(|k| p[k] < lo[k] - t || p[k] > hi[k] + t);
             (first..self.lines.len()).any(|i| self.lines.get(i).iter().any(out))
         };
         if state.frame.is_some_and(overhangs) {

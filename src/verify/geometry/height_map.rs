@@ -2,7 +2,8 @@
 //! lower left to its upper right node, and a triangle with a hole among its nodes is not there.
 
 use super::grid::Grid;
-use super::{Crossing, Line, nm};
+use super::{BoxNm, Crossing, Line, nm};
+use crate::geom::BoxMm;
 use crate::surface::Heightmap;
 
 /// A height map, turned with its part.
@@ -24,8 +25,8 @@ impl Map {
         Some(Self { map, grid, turn: [cos, sin] })
     }
 
-    /// Box of all samples that are no holes, x0 y0 x1 y1 in mm, unturned; None where all are holes.
-    pub(in crate::verify) fn box_mm(map: &Heightmap) -> Option<[f64; 4]> {
+    /// Box of all samples that are no holes, mm, unturned; None where all are holes.
+    pub(in crate::verify) fn box_mm(map: &Heightmap) -> Option<BoxMm<2>> {
         let mut nodes = [usize::MAX, usize::MAX, 0, 0];
         for (row, values) in map.samples.chunks(map.columns.max(1)).enumerate() {
             let solid = |v: &u16| Some(*v) != map.nodata;
@@ -34,7 +35,9 @@ impl Map {
             }
         }
         let at = |k: usize, i: usize| map.origin_mm[k] + i as f64 * map.pixel_mm;
-        (nodes[0] != usize::MAX).then(|| [at(0, nodes[0]), at(1, nodes[1]), at(0, nodes[2]), at(1, nodes[3])])
+        let corner = |[i, j]: [usize; 2]| [at(0, i), at(1, j)];
+        let [i0, j0, i1, j1] = nodes;
+        (i0 != usize::MAX).then(|| BoxMm { lo: corner([i0, j0]), hi: corner([i1, j1]) })
     }
 
     pub(super) fn altitude(&self) -> f64 {
@@ -48,15 +51,14 @@ impl Map {
     }
 
     /// Hands the corners of all triangles that touch a box of the turned part, and some around, to `sink`.
-    pub(super) fn facets_in(&self, [x0, y0, x1, y1]: [f64; 4], sink: &mut dyn FnMut([[f64; 3]; 3])) {
+    pub(super) fn facets_in(&self, area: BoxNm, sink: &mut dyn FnMut([[f64; 3]; 3])) {
         let [cos, sin] = self.turn;
-        let corners = [[x0, y0], [x1, y0], [x0, y1], [x1, y1]].map(|[x, y]| [x * cos + y * sin, y * cos - x * sin]);
-        let range = |k: usize| {
-            let v = corners.map(|c| c[k]);
-            let end = |v: f64| self.grid.index(k, v);
-            end(v.iter().fold(f64::INFINITY, |a, &b| a.min(b)))
-                ..end(v.iter().fold(f64::NEG_INFINITY, |a, &b| a.max(b))) + 1
-        };
+        let ([x0, y0], [x1, y1]) = (area.lo, area.hi);
+        let mut flat = BoxNm::EMPTY;
+        for [x, y] in [[x0, y0], [x1, y0], [x0, y1], [x1, y1]] {
+            flat.add([x * cos + y * sin, y * cos - x * sin]);
+        }
+        let range = |k: usize| self.grid.index(k, flat.lo[k])..self.grid.index(k, flat.hi[k]) + 1;
         let node = |column: usize, row: usize| {
             let value = self.map.samples[row * self.map.columns + column];
             let at = |k: usize, i: usize| self.grid.lo[k] + i as f64 * self.grid.size;

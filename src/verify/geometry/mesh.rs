@@ -4,7 +4,8 @@
 //! each cell lists the facets that touch it in one flat array.
 
 use super::grid::Grid;
-use super::{Crossing, Line, Scratch, Turn, nm};
+use super::{BoxNm, Crossing, Line, Scratch, Turn, nm};
+use crate::geom::BoxMm;
 
 /// A facet in plan view and its plane: z = z0 + grad · (p - corner 0).
 #[derive(Clone, Copy, Debug)]
@@ -32,8 +33,8 @@ pub(in crate::verify) struct MeshBuilder {
     lo: [f64; 2],
     hi: [f64; 2],
     extent: f64,
-    /// Box of all corners in the file's own frame, x0 y0 x1 y1, mm.
-    pub(in crate::verify) box_mm: [f64; 4],
+    /// Box of all corners in the file's own frame, mm.
+    pub(in crate::verify) box_mm: BoxMm<2>,
 }
 
 impl MeshBuilder {
@@ -48,15 +49,14 @@ impl MeshBuilder {
             lo: [f64::INFINITY; 2],
             hi: [f64::NEG_INFINITY; 2],
             extent: 0.0,
-            box_mm: [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY],
+            box_mm: BoxMm::EMPTY,
         }
     }
 
     /// Adds a facet with corners in mm, part frame.
     pub(in crate::verify) fn push(&mut self, corners_mm: [[f64; 3]; 3]) {
         for [x, y, _] in corners_mm {
-            let b = &mut self.box_mm;
-            *b = [b[0].min(x), b[1].min(y), b[2].max(x), b[3].max(y)];
+            self.box_mm.add([x, y]);
         }
         let [cos, sin] = self.turn;
         let corners = corners_mm.map(|[x, y, z]| [nm(x * cos - y * sin), nm(x * sin + y * cos), nm(z)]);
@@ -276,18 +276,15 @@ impl Mesh {
         z.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], z| [lo.min(z), hi.max(z)])
     }
 
-    /// Hands the corners of all facets that touch a box to `sink`, walls among them.
-    pub(super) fn facets_in(&self, area: [f64; 4], sink: &mut dyn FnMut([[f64; 3]; 3])) {
+    /// Hands the corners of all facets that touch an area to `sink`, walls among them.
+    pub(super) fn facets_in(&self, area: BoxNm, sink: &mut dyn FnMut([[f64; 3]; 3])) {
         let touches = |corners: &[[f64; 3]; 3]| {
-            let range = |k: usize| {
-                let v = corners.map(|c| c[k]);
-                [v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2])]
-            };
-            let ([x0, x1], [y0, y1]) = (range(0), range(1));
-            x0 <= area[2] && area[0] <= x1 && y0 <= area[3] && area[1] <= y1
+            let mut around = BoxNm::EMPTY;
+            corners.iter().for_each(|&[x, y, _]| around.add([x, y]));
+            area.touches(&around)
         };
         // Cells list facets by their boxes, several times where a facet is large: once each, and only if it touches.
-        let [columns, rows] = [0, 1].map(|k| self.grid.index(k, area[k])..self.grid.index(k, area[k + 2]) + 1);
+        let [columns, rows] = [0, 1].map(|k| self.grid.index(k, area.lo[k])..self.grid.index(k, area.hi[k]) + 1);
         let cells = rows.flat_map(|row| columns.clone().map(move |column| row * self.grid.count[0] + column));
         let mut found: Vec<u32> = cells
             .flat_map(|cell| &self.listed[self.first[cell] as usize..self.first[cell + 1] as usize])

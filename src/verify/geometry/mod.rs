@@ -9,12 +9,14 @@
 //! the [grain](Geometry::grain) in the plan view, vertical walls among them, have no height of their own
 //! and are left out; the gap that they leave is narrower than the grain.
 
+mod box_nm;
 mod grid;
 mod height_map;
 mod mesh;
 mod topmost;
 mod turn;
 
+pub(super) use box_nm::BoxNm;
 pub(super) use height_map::Map;
 pub(super) use mesh::{Mesh, MeshBuilder};
 pub(super) use turn::Turn;
@@ -162,8 +164,8 @@ impl Shape {
         }
     }
 
-    /// Hands the corners (nm) of all facets that touch a box of the plane to `sink`.
-    fn facets_in(&self, area: [f64; 4], sink: &mut dyn FnMut([[f64; 3]; 3])) {
+    /// Hands the corners (nm) of all facets that touch an area to `sink`.
+    fn facets_in(&self, area: BoxNm, sink: &mut dyn FnMut([[f64; 3]; 3])) {
         match self {
             Self::Mesh(mesh) => mesh.facets_in(area, sink),
             Self::Map(map) => map.facets_in(area, sink),
@@ -188,14 +190,13 @@ impl Geometry {
         Self { shape, limit2: max_incidence_rad.tan().powi(2), weld: weld_nm.max(0.0), beside: 0.0 }
     }
 
-    /// The geometry as a turned part shows it, under and around the box [x0, y0, x1, y1] of the part, nm.
-    pub(super) fn turned(&self, turn: &Turn, [x0, y0, x1, y1]: [f64; 4]) -> Self {
+    /// The geometry as a turned part shows it, under and around an area of the part.
+    pub(super) fn turned(&self, turn: &Turn, area: BoxNm) -> Self {
         // What hides a place from a leaning beam lies next to it by as much as it is higher.
         let [lowest, highest] = self.shape.heights();
         let around = (highest - lowest) * turn.lean() / (1.0 - turn.lean().powi(2)).max(1e-6).sqrt() + 1e5;
         let mut builder = MeshBuilder::new(0.0, 2.0);
-        let area = [x0 - around, y0 - around, x1 + around, y1 + around];
-        self.shape.facets_in(area, &mut |corners| builder.push_turned(corners, turn));
+        self.shape.facets_in(area.grown(around), &mut |corners| builder.push_turned(corners, turn));
         Self { shape: Shape::Mesh(builder.finish()), limit2: self.limit2, weld: self.weld, beside: CHORD_NM }
     }
 
@@ -204,8 +205,8 @@ impl Geometry {
         self.shape.heights()
     }
 
-    /// Hands the corners (nm) of all facets that touch the box x0, y0, x1, y1 of the plane to `sink`, walls among them.
-    pub(super) fn facets_in(&self, area: [f64; 4], sink: &mut dyn FnMut([[f64; 3]; 3])) {
+    /// Hands the corners (nm) of all facets that touch an area to `sink`, walls among them.
+    pub(super) fn facets_in(&self, area: BoxNm, sink: &mut dyn FnMut([[f64; 3]; 3])) {
         self.shape.facets_in(area, sink);
     }
 

@@ -104,11 +104,11 @@ pub(super) fn summary(manifest: &Manifest, course: &Course, chain: &Chain, lengt
     let (mut on_us, mut away, mut fastest, mut mark_nm) = (0, 0.0f64, 0.0f64, 0.0);
     for (us, from, step) in course.moves().filter(|(_, _, s)| s.mark.is_some()) {
         on_us += step.us - us;
-        let [a, b] = [from, &step.to].map(|to| to.map(|v| v as f64));
-        for field in [a, b].map(|to| chain.field(to)) {
+        let [a, b] = [from, &step.to].map(|to| to.float());
+        for field in [&a, &b].map(|to| chain.field(to)) {
             away = away.max(field[0].hypot(field[1]));
         }
-        let way = chain.beam(a).way(&chain.beam(b));
+        let way = chain.beam(&a).way(&chain.beam(&b));
         mark_nm += way;
         fastest = fastest.max(way / (step.us - us) as f64);
     }

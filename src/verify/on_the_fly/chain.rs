@@ -4,7 +4,7 @@
 //! table frame and is turned about the pivot, by the inner axis first; the beam runs along z of the table frame.
 
 use crate::machine::{Axis, Carries, Machine};
-use crate::verify::read::on_the_fly::AXES;
+use crate::verify::read::on_the_fly::Commands;
 
 /// A beam: where it meets the focal plane, and the direction back along it, of length 1.
 #[derive(Clone, Copy, Debug)]
@@ -14,6 +14,11 @@ pub(super) struct Beam {
 }
 
 impl Beam {
+    /// How far apart two beams meet their focal planes, nm.
+    pub(super) fn distance(&self, to: &Self) -> f64 {
+        (0..3).map(|k| (to.at[k] - self.at[k]).powi(2)).sum::<f64>().sqrt()
+    }
+
     /// How far it moves across itself to where another meets its focal plane, nm.
     pub(super) fn way(&self, to: &Self) -> f64 {
         let (d, up) = ([0, 1, 2].map(|k| to.at[k] - self.at[k]), self.up);
@@ -70,14 +75,14 @@ impl Chain {
     }
 
     /// The point of the field under a sample.
-    pub(super) fn field(&self, to: [f64; AXES]) -> [f64; 2] {
+    pub(super) fn field(&self, to: &Commands<f64>) -> [f64; 2] {
         let u = if self.mirror[0] { -to[5] } else { to[5] };
         let v = if self.mirror[1] { -to[6] } else { to[6] };
         if self.swap { [v, u] } else { [u, v] }
     }
 
     /// The beam of a sample.
-    pub(super) fn beam(&self, to: [f64; AXES]) -> Beam {
+    pub(super) fn beam(&self, to: &Commands<f64>) -> Beam {
         let [u, v] = self.field(to);
         let table = [self.stage[0] * to[0] + u, self.stage[1] * to[1] + v, self.stage[2] * to[2]];
         let Some(turns) = &self.turns else {

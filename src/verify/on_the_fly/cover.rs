@@ -38,10 +38,10 @@ pub(super) fn between(stroke: u32, line: &Stroke, from: f64, to: f64) -> Vec<Cov
 }
 
 /// What marks cover. Where a stroke runs back over itself a mark may lie in more than one place. Those that have but
-/// one are placed first, then the others, the longest first, each where least is covered already. Marks are cut at the
-/// same places of the plan wherever the stroke passes them, so of two marks over one place the shorter lies within the
-/// longer: a place that a mark takes from a longer one would have been free for the longer one, and between marks of
-/// one length it does not matter which lies where.
+/// one are placed first, then the others, the longest first, each where least is covered already or stated as left out.
+/// Marks are cut at the same places of the plan wherever the stroke passes them, but for what is left out, so of two
+/// marks over one place the shorter lies within the longer: a place that a mark takes from a longer one would have been
+/// free for the longer one, and between marks of one length it does not matter which lies where.
 #[derive(Default)]
 pub(super) struct Covers {
     sure: Vec<Cover>,
@@ -59,11 +59,12 @@ impl Covers {
         }
     }
 
-    /// All, by strokes and places.
-    pub(super) fn sorted(self) -> Vec<Cover> {
+    /// All, by strokes and places, where the program says that it leaves out some stretches.
+    pub(super) fn sorted(self, left_out: &[Cover]) -> Vec<Cover> {
         // By where they begin; places are not negative (nor -0), and so their bits are in the order of their values.
         let key = |c: &Cover| (c.stroke, c.from.to_bits(), c.to.to_bits());
-        let mut taken: BTreeMap<(u32, u64, u64), Cover> = self.sure.iter().map(|c| (key(c), *c)).collect();
+        let sure = self.sure.iter().chain(left_out);
+        let mut taken: BTreeMap<(u32, u64, u64), Cover> = sure.map(|c| (key(c), *c)).collect();
         let mut out = self.sure;
         let length = |places: &Vec<Vec<Cover>>| places[0].iter().map(|c| c.to - c.from).sum::<f64>();
         let mut open = self.open;

@@ -10,7 +10,7 @@ use super::chain::Chain;
 use crate::machine::Machine;
 use crate::program::Pen;
 use crate::verify::proof::Rule;
-use crate::verify::read::on_the_fly::{AXES, Course};
+use crate::verify::read::on_the_fly::Course;
 
 const OVER: f64 = 1.0 + 1e-6;
 const APART_US: [i64; 2] = [5_000, 10_000];
@@ -75,7 +75,6 @@ pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machin
         }
     }
     let [jump, mark] = [machine.scanner.jump_speed, machine.scanner.max_mark_speed].map(|v| v.as_mm_s());
-    let float = |to: &[i64; AXES]| to.map(|v| v as f64);
     let half = machine.usable_field().map(|f| f.f64() / 2.0 + 1.0);
     for (us, from, step) in course.moves() {
         rule.checked += 1;
@@ -91,7 +90,7 @@ pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machin
                 broken(format!("{name} runs at {:.4} {unit}, above its limit of {} {unit}", way / s, limit.speed));
             }
         }
-        let field = chain.field(float(&step.to));
+        let field = chain.field(&step.to.float());
         let circle = machine.lens.shape == crate::machine::FieldShape::Circle;
         // Of a circle the usable square lies inside.
         let radius = machine.lens.field.map(|f| f.as_mm()).into_iter().fold(f64::INFINITY, f64::min) / 2.0;
@@ -103,7 +102,7 @@ pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machin
         if !inside {
             broken(format!("the scanner leaves its field: ({:.6}, {:.6}) mm", field[0] / 1e6, field[1] / 1e6));
         }
-        let before = chain.field(float(from));
+        let before = chain.field(&from.float());
         let way = ((field[0] - before[0]).hypot(field[1] - before[1]) - 2.0) * 1e-6;
         let limit = if step.mark.is_some() { mark } else { jump };
         if way > limit * OVER * s {
@@ -112,7 +111,7 @@ pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machin
         let pen = step.mark.and_then(|m| pens.get(usize::from(m.pen.wrapping_sub(1))));
         if let Some(pen) = pen {
             // Across the beam: that is what a pen's speed is of.
-            let (a, b) = (chain.beam(float(from)), chain.beam(float(&step.to)));
+            let (a, b) = (chain.beam(&from.float()), chain.beam(&step.to.float()));
             let way = (a.way(&b) - 2.0) * 1e-6;
             if way > pen.speed.as_mm_s() * OVER * s {
                 broken(format!(

@@ -9,7 +9,7 @@ use super::chain::{Beam, Chain};
 use super::track::{Stroke, Trace};
 use crate::verify::geometry::{Geometry, Line, Scratch};
 use crate::verify::proof::Rule;
-use crate::verify::read::on_the_fly::{AXES, Step};
+use crate::verify::read::on_the_fly::{Commands, Step};
 
 /// Largest distance of places that are looked at, nm.
 const APART: f64 = 50_000.0;
@@ -77,31 +77,39 @@ impl<'a> MarkChecker<'a> {
     pub(super) fn mark(
         &mut self,
         place: &str,
-        moves: &[([i64; AXES], Step)],
+        moves: &[(Commands, Step)],
         stroke: &Stroke,
         rules: &mut Rules<'_>,
     ) -> Vec<Trace> {
         self.hit_points.clear();
         let mut off_part = false;
+        let mut last: Option<(Beam, BeamHit)> = None;
         for (i, (from, step)) in moves.iter().enumerate() {
-            let (a, b) = (from.map(|v| v as f64), step.to.map(|v| v as f64));
+            let [a, b] = [from, &step.to].map(|to| to.float());
             let place = || format!("{place}:{}", step.line);
-            let [start, end] = [a, b].map(|to| self.chain.beam(to));
-            let way = (0..3).map(|k| (end.at[k] - start.at[k]).powi(2)).sum::<f64>().sqrt();
+            let [start, end] = [&a, &b].map(|to| self.chain.beam(to));
+            let length = start.distance(&end);
             let count =
-                if self.chain.leans() { ((way / APART) as usize + 1).max(4) } else { (way / APART) as usize + 2 };
+                if self.chain.leans() { ((length / APART) as usize + 1).max(4) } else { (length / APART) as usize + 2 };
+            let way = [0, 1].map(|k| end.at[k] - start.at[k]);
             // A leaning beam is followed at samples, closer than the facets bend; an upright one facet by facet below.
             // The first sample of a later move is the last one of the move before.
             for k in usize::from(i > 0)..=count {
-                let share = k as f64 / count as f64;
-                let beam = self.chain.beam(std::array::from_fn(|k| a[k] + share * (b[k] - a[k])));
+                let at = |k: usize| self.chain.beam(&a.between(&b, k as f64 / count as f64));
+                let beam = at(k);
                 if !self.chain.leans() {
                     self.hit_points.push([beam.at[0], beam.at[1]]);
                     continue;
                 }
                 rules.surface.checked += 1;
-                match self.hit(&beam, [0, 1].map(|k| end.at[k] - start.at[k])) {
+                // The first sample is held to the next one.
+                let beside = last.or_else(|| {
+                    let next = at(k + 1);
+                    self.hit(&next, way, None).map(|hit| (next, hit))
+                });
+                match self.hit(&beam, way, beside) {
                     Some(hit) => {
+                        last = Some((beam, hit));
                         self.hit_points.push(hit.xy);
                         self.hold(&hit, &place, rules.focus);
                     }
@@ -196,12 +204,17 @@ impl<'a> MarkChecker<'a> {
     }
 
     /// Where a leaning beam of a mark that runs along `way` meets the part. Where it misses the part, or meets it
-    /// beyond the limits, as a beam does that passes a border by the rounding of its axes, any place within [`EDGE`]
-    /// along and across the mark counts: at a corner of the part both are needed, and across it less where the corner
-    /// is sharp.
-    fn hit(&mut self, beam: &Beam, way: [f64; 2]) -> Option<BeamHit> {
+    /// beyond the limits or far from a beam beside it, as a beam does that passes a border by the rounding of its axes,
+    /// any place within [`EDGE`] along and across the mark counts: at a corner of the part both are needed, and across
+    /// it less where the corner is sharp.
+    fn hit(&mut self, beam: &Beam, way: [f64; 2], beside: Option<(Beam, BeamHit)>) -> Option<BeamHit> {
+        let is_near = |hit: &BeamHit| {
+            beside.is_none_or(|(other, there)| {
+                (hit.xy[0] - there.xy[0]).hypot(hit.xy[1] - there.xy[1]) <= STRAY + 2.0 * beam.distance(&other)
+            })
+        };
         let straight = self.met(beam);
-        if straight.is_some_and(|hit| self.holds(&hit)) {
+        if straight.is_some_and(|hit| self.holds(&hit) && is_near(&hit)) {
             return straight;
         }
         let length = way[0].hypot(way[1]);
@@ -212,10 +225,11 @@ impl<'a> MarkChecker<'a> {
             let at = [beam.at[0] + shift[0], beam.at[1] + shift[1], beam.at[2]];
             let Some(met) = self.met(&Beam { at, up: beam.up }) else { continue };
             let hit = BeamHit { xy: [met.xy[0] - shift[0], met.xy[1] - shift[1]], ..met };
-            if self.holds(&hit) {
+            if self.holds(&hit) && is_near(&hit) {
                 return Some(hit);
             }
-            first = first.or(Some(hit));
+            // One that keeps the limits is better than one that does not.
+            first = first.filter(|first| self.holds(first) || !self.holds(&hit)).or(Some(hit));
         }
         first
     }

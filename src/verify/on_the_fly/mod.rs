@@ -16,7 +16,7 @@ mod track;
 use std::path::Path;
 
 use chain::Chain;
-use cover::{CoverageChecker, Covers};
+use cover::{Cover, CoverageChecker, Covers};
 use marks::{MarkChecker, Rules, Wanted, Worst};
 use track::Stroke;
 
@@ -26,7 +26,7 @@ use super::job_facts::{self, JobFacts};
 use super::proof::{Lengths, Proof, Rule};
 use super::read::manifest::{self, Listed};
 use super::read::on_the_fly::manifest::Manifest;
-use super::read::on_the_fly::{AXES, Course, Step};
+use super::read::on_the_fly::{Commands, Course, Step};
 use super::rules::hash;
 use crate::diag::Error;
 use crate::geom::{Nm, P2};
@@ -165,7 +165,7 @@ fn check_marks(
     let mut covers = Covers::default();
     let mut points: Vec<P2> = Vec::new();
     let mut kept: Option<(u32, PenId, Stroke)> = None;
-    let mut moves: Vec<([i64; AXES], Step)> = Vec::new();
+    let mut moves: Vec<(Commands, Step)> = Vec::new();
     let mut all = course.moves().map(|(_, from, step)| (*from, *step)).peekable();
     while let Some((from, step)) = all.next() {
         let Some(claim) = step.mark else { continue };
@@ -206,6 +206,22 @@ fn check_marks(
     check_coverage(covers, manifest, (facts, texture, geometry), findings);
 }
 
+/// What the manifest says is left out, by strokes and places.
+fn left_out(manifest: &Manifest, texture: &Texture, coverage: &mut Rule) -> Vec<Cover> {
+    let mut points: Vec<P2> = Vec::new();
+    let mut out: Vec<Cover> = Vec::new();
+    for l in &manifest.left_out {
+        if l.stroke as usize >= texture.len() {
+            coverage.broken("", "manifest.json", "`left_out` names strokes that the texture does not have");
+            continue;
+        }
+        texture.stroke(l.stroke as usize, &mut points);
+        out.extend(cover::between(l.stroke, &Stroke::new(&points), l.from_mm * 1e6, l.to_mm * 1e6));
+    }
+    out.sort_by(|a, b| a.stroke.cmp(&b.stroke).then(a.from.total_cmp(&b.from)));
+    out
+}
+
 /// What the marks cover of every stroke, against what the manifest says is left out.
 fn check_coverage(
     covers: Covers,
@@ -215,29 +231,22 @@ fn check_coverage(
 ) {
     let Findings { once, coverage, .. } = findings;
     let mut points: Vec<P2> = Vec::new();
-    let covers = covers.sorted();
+    let left_out = left_out(manifest, texture, coverage);
+    let covers = covers.sorted(&left_out);
     let mut coverage_checker =
         CoverageChecker { geometry, facts, scratch: Scratch::default(), lengths: Lengths::default() };
-    let mut rest = covers.as_slice();
-    let mut stated = manifest.left_out.clone();
-    stated.sort_by(|a, b| a.stroke.cmp(&b.stroke).then(a.from_mm.total_cmp(&b.from_mm)));
-    let mut stated = stated.as_slice();
+    let (mut rest, mut stated) = (covers.as_slice(), left_out.as_slice());
+    // What of a list in the order of strokes belongs to stroke `i`, the next one.
+    let own = |list: &mut &[Cover], i: usize| {
+        let (own, others) = list.split_at(list.iter().take_while(|c| c.stroke as usize == i).count());
+        *list = others;
+        own.to_vec()
+    };
     for i in 0..texture.len() {
         texture.stroke(i, &mut points);
-        let line = Stroke::new(&points);
-        let count = stated.iter().take_while(|l| l.stroke as usize == i).count();
-        let (left_out, others) = stated.split_at(count);
-        stated = others;
-        let pieces = left_out.iter().flat_map(|l| cover::between(l.stroke, &line, l.from_mm * 1e6, l.to_mm * 1e6));
-        let mut left_out: Vec<_> = pieces.collect();
-        left_out.sort_by(|a, b| a.from.total_cmp(&b.from));
-        let count = rest.iter().take_while(|c| c.stroke as usize == i).count();
-        let (own, others) = rest.split_at(count);
-        rest = others;
-        coverage_checker.stroke(&line, own, &left_out, &texture.element(i), [&mut *once, &mut *coverage]);
-    }
-    if !stated.is_empty() {
-        coverage.broken("", "manifest.json", "`left_out` names strokes that the texture does not have");
+        let (own, left_out) = (own(&mut rest, i), own(&mut stated, i));
+        let rules = [&mut *once, &mut *coverage];
+        coverage_checker.stroke(&Stroke::new(&points), &own, &left_out, &texture.element(i), rules);
     }
     findings.lengths = coverage_checker.lengths;
 }

@@ -20,7 +20,7 @@ use super::stage::{Positions, StageFile};
 use crate::geom::{NM_PER_MM, Nm};
 use crate::machine::{Commanded, Machine, TiltAngles};
 use crate::program::{Block, SetupId};
-use crate::verify::geometry::{Geometry, Turn};
+use crate::verify::geometry::{BoxNm, Geometry, Turn};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::program::ProgramFile;
@@ -207,7 +207,7 @@ struct Tiles {
 impl Tiles {
     /// Tiles of an eighth of the head's diameter, or larger where these were too many.
     fn of(geometry: &Geometry, machine: &Machine) -> Self {
-        let everywhere = [-EVERYWHERE, -EVERYWHERE, EVERYWHERE, EVERYWHERE];
+        let everywhere = BoxNm { lo: [-EVERYWHERE; 2], hi: [EVERYWHERE; 2] };
         let (mut lo, mut hi) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         let mut highest = f64::NEG_INFINITY;
         geometry.facets_in(everywhere, &mut |corners| {
@@ -249,19 +249,19 @@ impl Tiles {
         Self { boxes: kept, lo, size, columns: count[0], of_tile, highest }
     }
 
-    /// Boxes x0, y0, x1, y1 of the tiles that may rise above `limit` in the sweep, while every place goes no farther
+    /// Boxes in the plane of the tiles that may rise above `limit` in the sweep, while every place goes no farther
     /// than its distance from the pivot times `spread` from where `turn` brings it.
-    fn doubtful(&self, turn: Option<&Turn>, spread: f64, pivot: &[f64; 3], sweep: &Sweep, limit: f64) -> Vec<[f64; 4]> {
+    fn doubtful(&self, turn: Option<&Turn>, spread: f64, pivot: &[f64; 3], sweep: &Sweep, limit: f64) -> Vec<BoxNm> {
         match turn {
             Some(turn) => self.swung(|p| turn.apply(p), spread, pivot, sweep, limit),
             None if spread > 0.0 => self.swung(|p| p, spread, pivot, sweep, limit),
-            None => self.under(sweep).filter(|b| b[5] > limit).map(|b| [b[0], b[1], b[3], b[4]]).collect(),
+            None => self.under(sweep).filter(|b| b[5] > limit).map(in_plane).collect(),
         }
     }
 
     /// The tiles under the bounds of a sweep.
     fn under(&self, sweep: &Sweep) -> impl Iterator<Item = &[f64; 6]> {
-        let [x0, y0, x1, y1] = sweep.bounds;
+        let ([x0, y0], [x1, y1]) = (sweep.bounds.lo, sweep.bounds.hi);
         let range = |k: usize, from: f64, to: f64, count: usize| {
             let at = |v: f64| ((v - self.lo[k]) / self.size).floor().clamp(-1.0, count as f64) as i64;
             at(from).max(0)..(at(to) + 1).min(count as i64)
@@ -279,35 +279,34 @@ impl Tiles {
         pivot: &[f64; 3],
         sweep: &Sweep,
         limit: f64,
-    ) -> Vec<[f64; 4]> {
-        let [x0, y0, x1, y1] = sweep.bounds;
+    ) -> Vec<BoxNm> {
         let is_doubtful = |b: &&[f64; 6]| {
             // A box turned about the pivot lies within the box of its turned corners, and that widened by the farthest
             // way.
-            let (mut lo, mut hi, mut far) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 3], 0.0f64);
+            let (mut around, mut highest, mut far) = (BoxNm::EMPTY, f64::NEG_INFINITY, 0.0f64);
             for i in 0..8 {
                 let p = [0, 1, 2].map(|k| b[if i >> k & 1 == 0 { k } else { k + 3 }]);
                 far = far.max((0..3).map(|k| (p[k] - pivot[k]).powi(2)).sum::<f64>().sqrt());
-                let q = turn(p);
-                for k in 0..3 {
-                    hi[k] = hi[k].max(q[k]);
-                }
-                for k in 0..2 {
-                    lo[k] = lo[k].min(q[k]);
-                }
+                let [x, y, z] = turn(p);
+                around.add([x, y]);
+                highest = highest.max(z);
             }
             let way = far * spread;
-            hi[2] + way > limit && lo[0] - way <= x1 && hi[0] + way >= x0 && lo[1] - way <= y1 && hi[1] + way >= y0
+            highest + way > limit && around.grown(way).touches(&sweep.bounds)
         };
-        self.boxes.iter().filter(is_doubtful).map(|b| [b[0], b[1], b[3], b[4]]).collect()
+        self.boxes.iter().filter(is_doubtful).map(in_plane).collect()
     }
+}
+
+/// A tile's box in the plane.
+fn in_plane(&[x0, y0, _, x1, y1, _]: &[f64; 6]) -> BoxNm {
+    BoxNm { lo: [x0, y0], hi: [x1, y1] }
 }
 
 /// What a square sweeps along a straight way: the places p of the plane with n · p ≤ c for each of these.
 struct Sweep {
     sides: [([f64; 2], f64); 6],
-    /// x0, y0, x1, y1.
-    bounds: [f64; 4],
+    bounds: BoxNm,
 }
 
 impl Sweep {
@@ -326,7 +325,7 @@ impl Sweep {
             (n, across + wide),
             ([-n[0], -n[1]], wide - across),
         ];
-        Self { sides, bounds: [lo[0], lo[1], hi[0], hi[1]] }
+        Self { sides, bounds: BoxNm { lo, hi } }
     }
 
     /// The highest place of a facet over the swept area.

@@ -331,6 +331,7 @@ fn area(outline: &[[f64; 2]]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geom::BoxMm;
     use crate::program::PenId;
     use crate::texture::{self, Kind, Request};
 
@@ -339,9 +340,9 @@ mod tests {
     /// Verdicts on the lines of 50 x 40 mm in sections of 20 mm, after a change to the list of lines.
     fn faults(hundredths: [u16; 6], change: impl FnOnce(&mut Vec<[P2; 2]>)) -> Vec<String> {
         let kind = Kind::Contour { pitch_mm: 1.0, phase: 0.0 };
-        let area = texture::Area::Rectangle([0.0, 0.0, 50.0, 40.0]);
+        let area = texture::Area::Rectangle(BoxMm::rectangle(0.0, 0.0, 50.0, 40.0));
         let request = Request { kind, area, tolerance_mm: 0.001, pen: PenId(0) };
-        let mut texture = Texture::load(&[request], [0.0; 4], 0.2, &mut Vec::new()).expect("an area");
+        let mut texture = Texture::load(&[request], BoxMm::of([[0.0; 2]]), 0.2, &mut Vec::new()).expect("an area");
         let grid = Sections::over(texture.bounds(), [Nm(20 * MM), Nm(30 * MM)], Nm(100), [Nm(0); 2]);
         assert_eq!(grid.count, [3, 2]);
         let directions = Directions { grid, hundredths: hundredths.to_vec() };

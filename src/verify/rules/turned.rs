@@ -8,7 +8,7 @@ use super::part_place_nm;
 use crate::geom::{FieldPoint, P2};
 use crate::machine::{Origin, TiltAngles};
 use crate::program::{Block, CHORD_NM, PassId};
-use crate::verify::geometry::{Geometry, Line, Scratch, Turn};
+use crate::verify::geometry::{BoxNm, Geometry, Line, Scratch, Turn};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::program::ProgramFile;
@@ -17,7 +17,7 @@ use crate::verify::read::program::ProgramFile;
 pub(super) struct Turned {
     tilt: TiltAngles,
     pass: PassId,
-    area: [f64; 4],
+    area: BoxNm,
     pub(super) turn: Turn,
     pub(super) geometry: Geometry,
 }
@@ -77,16 +77,10 @@ impl Turned {
         let Origin([x, y, z]) = file.origin(block);
         let turn = Turn::of(table, tilt, Origin([x, y, z.saturating_sub(facts.passes.lowered(block.pass).0)]));
         let block = &facts.raised(block);
-        let [x0, y0, x1, y1] = area(file, block, &turn);
-        let serves = |t: &Self| {
-            (t.tilt, t.pass) == (tilt, block.pass)
-                && t.area[0] <= x0
-                && t.area[1] <= y0
-                && x1 <= t.area[2]
-                && y1 <= t.area[3]
-        };
+        let needed = area(file, block, &turn);
+        let serves = |t: &Self| (t.tilt, t.pass) == (tilt, block.pass) && t.area.holds(&needed);
         if !last.as_ref().is_some_and(serves) {
-            let area = [x0 - SPARE, y0 - SPARE, x1 + SPARE, y1 + SPARE];
+            let area = needed.grown(SPARE);
             *last = Some(Self { tilt, pass: block.pass, area, turn, geometry: flat.turned(&turn, area) });
         }
         true
@@ -317,9 +311,9 @@ fn farthest([first, last]: [[f64; 2]; 2], points: impl Iterator<Item = [f64; 2]>
     points.map(|p| (p, aside(p))).fold((first, 0.0), |worst, p| if p.1 > worst.1 { p } else { worst })
 }
 
-/// The box of the part under a block's marks, as x0, y0, x1, y1 in nm.
-fn area(file: &ProgramFile, block: &Block, turn: &Turn) -> [f64; 4] {
-    let mut area = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+/// The box of the part under a block's marks.
+fn area(file: &ProgramFile, block: &Block, turn: &Turn) -> BoxNm {
+    let mut area = BoxNm::EMPTY;
     let points = file.program.strokes_of(block).iter().flat_map(|s| file.program.points_of(s));
     let (lo, hi) = points.fold(([i32::MAX; 2], [i32::MIN; 2]), |(lo, hi), p| {
         ([lo[0].min(p.x), lo[1].min(p.y)], [hi[0].max(p.x), hi[1].max(p.y)])
@@ -328,7 +322,7 @@ fn area(file: &ProgramFile, block: &Block, turn: &Turn) -> [f64; 4] {
         for z in [block.stop.z_lo, block.stop.z_hi] {
             let at = [block.stop.centre.x + i64::from(u), block.stop.centre.y + i64::from(v), z.0];
             let [x, y, _] = turn.back(at.map(|v| v as f64));
-            area = [area[0].min(x), area[1].min(y), area[2].max(x), area[3].max(y)];
+            area.add([x, y]);
         }
     }
     area

@@ -8,10 +8,39 @@ pub(in crate::verify) mod linuxcnc;
 pub(in crate::verify) mod manifest;
 pub(in crate::verify) mod pmac;
 
+use std::ops::Index;
+
 use super::Fault;
 
 /// Axes of a sample: X Y Z A C U V.
 pub(in crate::verify) const AXES: usize = 7;
+
+/// What the axes of a sample are commanded, in the order X Y Z A C U V: nm, of A and C millionths of a degree, with the
+/// machine's signs. Between samples the values are f64.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(in crate::verify) struct Commands<T = i64>(pub(in crate::verify) [T; AXES]);
+
+impl Commands {
+    /// The same values as f64.
+    pub(in crate::verify) fn float(&self) -> Commands<f64> {
+        Commands(self.0.map(|v| v as f64))
+    }
+}
+
+impl Commands<f64> {
+    /// The values at a share, 0 to 1, of the straight way to others.
+    pub(in crate::verify) fn between(&self, to: &Self, share: f64) -> Self {
+        Self(std::array::from_fn(|k| self[k] + share * (to[k] - self[k])))
+    }
+}
+
+impl<T> Index<usize> for Commands<T> {
+    type Output = T;
+
+    fn index(&self, axis: usize) -> &T {
+        &self.0[axis]
+    }
+}
 
 /// What a mark says that it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +61,7 @@ pub(in crate::verify) struct Step {
     /// When it ends, us.
     pub(in crate::verify) us: i64,
     /// Where it ends.
-    pub(in crate::verify) to: [i64; AXES],
+    pub(in crate::verify) to: Commands,
     /// What is marked; None with the laser off.
     pub(in crate::verify) mark: Option<Claim>,
 }
@@ -41,7 +70,7 @@ pub(in crate::verify) struct Step {
 #[derive(Clone, Debug, Default)]
 pub(in crate::verify) struct Course {
     /// Where the first timed move begins.
-    pub(in crate::verify) start: [i64; AXES],
+    pub(in crate::verify) start: Commands,
     /// The timed moves and rests.
     pub(in crate::verify) steps: Vec<Step>,
     /// Where rapids go, by line.
@@ -58,7 +87,7 @@ pub(in crate::verify) struct Course {
 
 impl Course {
     /// Every step with the time and place where it begins.
-    pub(in crate::verify) fn moves(&self) -> impl Iterator<Item = (i64, &[i64; AXES], &Step)> {
+    pub(in crate::verify) fn moves(&self) -> impl Iterator<Item = (i64, &Commands, &Step)> {
         let before = std::iter::once((0, &self.start)).chain(self.steps.iter().map(|s| (s.us, &s.to)));
         before.zip(&self.steps).map(|((us, from), step)| (us, from, step))
     }
@@ -142,7 +171,7 @@ impl Runner {
             if (0..AXES).any(|k| known >> k & 1 == 1 && self.at[k].is_none()) {
                 self.fault("a move before all axes have a place");
             }
-            self.course.start = self.at.map(Option::unwrap_or_default);
+            self.course.start = Commands(self.at.map(Option::unwrap_or_default));
         }
         for (at, to) in self.at.iter_mut().zip(words) {
             *at = to.or(*at);
@@ -161,7 +190,7 @@ impl Runner {
         self.last = mark;
         let Some(end) = self.us.checked_add(us) else { return self.fault("the program does not end") };
         self.us = end;
-        let to = self.at.map(Option::unwrap_or_default);
+        let to = Commands(self.at.map(Option::unwrap_or_default));
         self.course.steps.push(Step { line: self.line, us: end, to, mark });
     }
 
