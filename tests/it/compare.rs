@@ -10,9 +10,9 @@ use serde_json::Value;
 /// A bulge of a millimetre under hatch and squares.
 fn job(dir: &Path) -> PathBuf {
     let stl = dir.join("bulge.stl");
-    write_stl(&stl, &mesh(40, [0.0, 0.0, 60.0, 50.0], |x, y| (x / 20.0).sin() * (y / 17.0).cos()));
+    write_stl(&stl, &mesh(30, [0.0, 0.0, 60.0, 50.0], |x, y| (x / 20.0).sin() * (y / 17.0).cos()));
     JobText::on(&stl)
-        .texture("pattern = \"hatch\"\npitch = \"5 mm\"")
+        .texture("pattern = \"hatch\"\npitch = \"10 mm\"")
         .texture("pattern = \"squares\"\npitch = \"20 mm\"\ncell = \"8 mm\"")
         .write(dir, "bulge.toml")
 }

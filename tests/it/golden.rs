@@ -14,11 +14,11 @@ use crate::support::{JobText, files, folder, said, terrace};
 
 const TABLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden.txt");
 
-/// A part of 100 x 80 mm with two humps and a slope.
+/// A part of 60 x 50 mm with two humps and a slope.
 fn part(dir: &Path) -> std::path::PathBuf {
     let path = dir.join("part.stl");
     let z = |x: f64, y: f64| 0.03 * x + 0.9 * (x / 11.0).sin() * (y / 14.0).cos();
-    write_stl(&path, &mesh(60, [0.0, 0.0, 100.0, 80.0], z));
+    write_stl(&path, &mesh(40, [0.0, 0.0, 60.0, 50.0], z));
     path
 }
 
@@ -52,7 +52,7 @@ fn jobs(dir: &Path) -> Vec<(&'static str, JobText, &'static str)> {
     };
     let mut setups = stepped("z-range");
     setups.more = "[emit]\nformats = [\"dxf\", \"linuxcnc\", \"gcode\"]\n[setups]\ncolumns = 2\nrows = 1\n\
-                   registration = [[\"30 mm\", \"10 mm\"], [\"60 mm\", \"70 mm\"]]\n"
+                   registration = [[\"20 mm\", \"10 mm\"], [\"40 mm\", \"40 mm\"]]\n"
         .into();
     let passes = "[passes]\ncount = 3\nlower = \"8 um\"\nrotate = \"30 deg\"\n[dose]\ncompensate = \"power\"\n";
     let fly = |texture: &str, profile: &str| {
@@ -68,7 +68,7 @@ fn jobs(dir: &Path) -> Vec<(&'static str, JobText, &'static str)> {
         ("tilt", tilt(stepped("tilt")), "stepped"),
         ("passes", with(stepped("z-range"), passes), "stepped"),
         ("setups", setups, "stepped"),
-        ("fly-5", fly("pattern = \"hatch\"\npitch = \"2 mm\"", "xyz-galvo-100"), "on-the-fly"),
+        ("fly-5", fly("pattern = \"hatch\"\npitch = \"4 mm\"", "xyz-galvo-100"), "on-the-fly"),
         ("fly-7", fly("pattern = \"hilbert\"\norder = 4", "xyzac-galvo-10"), "on-the-fly"),
     ]
 }

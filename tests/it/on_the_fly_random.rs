@@ -151,7 +151,7 @@ fn random_on_the_fly_jobs_verify_or_name_a_limit() {
     // Of 1013 a mark of a stroke that runs back over itself ends where the stroke turns. Of 3030 a mark begins less than
     // a nanometre before a vertex, of 3153 a border of facets lies as near to one. Of 3118 a mark along the border of the
     // part begins at the corner of a facet that is too steep.
-    check((1..5).chain([1013, 3027, 3030, 3075, 3090, 3111, 3118, 3153, 3222]));
+    check((1..3).chain([1013, 3027, 3030, 3075, 3090, 3111, 3118, 3153, 3222]));
 }
 
 #[test]

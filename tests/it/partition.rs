@@ -162,9 +162,9 @@ fn window_method_needs_no_more_stops_than_a_fitting_grid() {
 
 /// A height map of a part of the dome with white noise of `noise` um at 0.05 mm; answers its job.
 fn rough(dir: &Path, noise: f64) -> JobText {
-    const N: u32 = 1201;
+    const N: u32 = 801;
     let at = |i: u32| 60.0 + f64::from(i) * 0.05;
-    let (lo, hi) = (dome(60.0, 60.0) - 0.05, dome(120.0, 120.0) + 0.05);
+    let (lo, hi) = (dome(60.0, 60.0) - 0.05, dome(100.0, 100.0) + 0.05);
     let mut random = Random::new(7);
     // Twelve numbers of even density have a deviation of 1.
     let mut normal = || (0..12).map(|_| random.half()).sum::<f64>();

@@ -28,9 +28,7 @@ fn blocks(manifest: &Value, pass: u64) -> Vec<&Value> {
 #[test]
 fn passes_with_rotation_lowering_and_shift_verify() {
     let dir = folder();
-    for (method, direction) in
-        [("contour", "0 deg"), ("z-range", "20 deg"), ("window", "0 deg"), ("auto", "90 deg"), ("z-range", "contour")]
-    {
+    for (method, direction) in [("contour", "90 deg"), ("window", "20 deg"), ("z-range", "contour")] {
         let out = dir.path().join("job.job");
         let one = compile(&job(dir.path(), method, direction, ""), &out);
         let summary = compile(&job(dir.path(), method, direction, PASSES), &out);

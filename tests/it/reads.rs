@@ -36,7 +36,7 @@ fn opened(dir: &Path, args: &[&str]) -> BTreeMap<String, usize> {
 fn every_command_opens_each_input_once_and_once_for_its_hash() {
     let dir = folder();
     let path = |name: &str| dir.path().join(name).display().to_string();
-    write_stl(Path::new(&path("part.stl")), &mesh(30, [-12.0, -10.0, 12.0, 10.0], |x, y| 0.004 * (x * x + y * y)));
+    write_stl(Path::new(&path("part.stl")), &mesh(20, [-12.0, -10.0, 12.0, 10.0], |x, y| 0.004 * (x * x + y * y)));
     let drawing = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"8mm\" height=\"8mm\" viewBox=\"0 0 8 8\">\
                    <path d=\"M1 1 L7 7 L1 7 Z\"/></svg>";
     std::fs::write(path("drawing.svg"), drawing).expect("written");
@@ -44,7 +44,7 @@ fn every_command_opens_each_input_once_and_once_for_its_hash() {
     let mut job = JobText::on(Path::new(&path("part.stl")))
         .texture("file = \"drawing.svg\"")
         .texture("file = \"drawing.svg\"\norigin = [\"-10 mm\", \"-9 mm\"]")
-        .texture("pattern = \"hatch\"\npitch = \"5 mm\"")
+        .texture("pattern = \"hatch\"\npitch = \"9 mm\"")
         .method("auto");
     job.machine = "file = \"machine.toml\"".into();
     job.write(dir.path(), "one.toml");

@@ -108,9 +108,9 @@ fn table(dir: &Path, axes: [(&str, bool); 2], travel: f64) -> String {
 fn jobs_for_every_kind_of_tilt_table_verify() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");
-    write_stl(&stl, &mesh(80, [0.0, 0.0, 140.0, 120.0], |x, y| dome(3.0 * x, 3.0 * y)));
+    write_stl(&stl, &mesh(50, [0.0, 0.0, 140.0, 120.0], |x, y| dome(3.0 * x, 3.0 * y)));
     let job = |machine: String| {
-        let mut job = tilted(&stl, "pattern = \"hatch\"\npitch = \"1.9 mm\"\ndirection = \"20 deg\"");
+        let mut job = tilted(&stl, "pattern = \"hatch\"\npitch = \"3 mm\"\ndirection = \"20 deg\"");
         job.machine = machine;
         job
     };
@@ -223,7 +223,7 @@ fn figures_that_lie_across_shaded_blocks_are_marked_in_full() {
 fn auto_chooses_tilt_where_it_is_fastest_for_any_number_of_threads() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");
-    write_stl(&stl, &mesh(80, [0.0, 0.0, 140.0, 120.0], |x, y| dome(3.0 * x, 3.0 * y)));
+    write_stl(&stl, &mesh(50, [0.0, 0.0, 140.0, 120.0], |x, y| dome(3.0 * x, 3.0 * y)));
     let job = tilted(&stl, "pattern = \"hatch\"\npitch = \"0.5 mm\"").method("auto");
     let summary = proved(&job, dir.path());
     let time = |c: &Value| number(&c["time_s"], "total");

@@ -39,9 +39,9 @@ pub fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
 }
 
-/// Runs the program.
+/// Runs the program, which leaves its output to the system: what is flushed when is for `cli` and `batch` to test.
 pub fn terrace<I: AsRef<std::ffi::OsStr>>(args: impl IntoIterator<Item = I>) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_terrace")).args(args).output().expect("the program starts")
+    Command::new(env!("CARGO_BIN_EXE_terrace")).args(args).arg("--no-sync").output().expect("the program starts")
 }
 
 /// stderr and stdout as text, for messages.
@@ -109,7 +109,7 @@ impl JobText {
 /// Compiles a job and answers with the summary; panics with what the program said where it fails.
 pub fn compile(job: &Path, folder: &Path) -> Value {
     // The folder goes with the test: nothing is won by waiting for the disk.
-    let args = [Path::new("compile"), job, Path::new("-o"), folder, Path::new("--json"), Path::new("--no-sync")];
+    let args = [Path::new("compile"), job, Path::new("-o"), folder, Path::new("--json")];
     let out = terrace(args);
     assert!(out.status.success(), "{}: {}", job.display(), said(&out));
     serde_json::from_slice(&out.stdout).expect("compile --json prints one JSON object")
