@@ -2,7 +2,7 @@
 CARGO ?= cargo
 DEMO := target/demo/hood.job
 
-.PHONY: demo test test-all check bench method-table method-pictures setup clean
+.PHONY: demo test tests test-all check bench method-table method-pictures setup clean
 
 # Compiles leather on a car hood, verifies it, and says where everything lies.
 demo:
@@ -14,8 +14,12 @@ demo:
 	@echo "operator:  $(DEMO)/runsheet.txt"
 
 # The tests of every change; installs the foreign readers first.
-test: setup
+test: setup tests
 	$(CARGO) test
+
+# Builds them; with -j beside the set-up.
+tests:
+	$(CARGO) test --no-run
 
 # The slow ones too, and those that read ../shared; they fail where it is absent. Lints first.
 test-all: setup check
