@@ -9,6 +9,11 @@ use terrace::order::stops::{self, EFFORT, HeightOrder, Stage};
 use terrace::order::strokes::{self, Path, Visit};
 use terrace::units::Time;
 
+#[path = "../src/random.rs"]
+mod random;
+
+use random::Random;
+
 type Strokes = Vec<Vec<FieldPoint>>;
 
 const MM: i32 = 1_000_000;
@@ -101,19 +106,10 @@ fn cpu_s() -> f64 {
     stat.split(' ').next().and_then(|ns| ns.parse::<f64>().ok()).expect("ns") / 1e9
 }
 
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, n: i64) -> i64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) as i64 % n
-    }
-}
-
 fn shuffled(mut list: Strokes, seed: u64) -> Strokes {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     for i in (1..list.len()).rev() {
-        list.swap(i, random.below(i as i64 + 1) as usize);
+        list.swap(i, random.below(i + 1));
     }
     list
 }
@@ -157,10 +153,10 @@ fn dashes(columns: i32, rows: i32, pitch: i32, rise: i32) -> Strokes {
 
 /// Dashes of up to 1 mm in a field of 40 mm.
 fn random(n: usize, seed: u64) -> Strokes {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let mut dash = |_| {
-        let [x, y] = [0, 1].map(|_| random.below(40 * i64::from(MM)) as i32 - 20 * MM);
-        points(&[[x, y], [x + random.below(i64::from(MM)) as i32, y + random.below(i64::from(MM)) as i32]])
+        let [x, y] = [0, 1].map(|_| random.below(40 * MM as usize) as i32 - 20 * MM);
+        points(&[[x, y], [x + random.below(MM as usize) as i32, y + random.below(MM as usize) as i32]])
     };
     (0..n).map(&mut dash).collect()
 }

@@ -15,6 +15,7 @@ pub mod manifest;
 pub mod motion;
 pub mod on_the_fly;
 pub mod order;
+pub mod parallel;
 pub mod partition;
 pub mod plan;
 pub mod program;

@@ -4,9 +4,8 @@
 //! to a label that is nearest among those that may have it. What comes first in a ring depends on the order
 //! of the cells alone.
 
-use rayon::prelude::*;
-
 use crate::geom::{Grid, Nm, P2};
+use crate::parallel;
 use crate::surface::{Cursor, Surface};
 
 /// Heights of the surface at the centres of the cells of some rows.
@@ -21,28 +20,29 @@ impl Heights {
     pub(super) fn under(surface: &Surface, grid: &Grid, dense: &[bool]) -> Self {
         let columns = grid.columns();
         let mut heights = vec![NONE; grid.len()];
-        heights.par_chunks_mut(columns).enumerate().filter(|(row, _)| !dense[*row]).for_each_init(
-            || (Cursor::default(), Vec::new()),
-            |(cursor, spans), (row, heights)| {
-                let b = grid.centre((row + 1) * columns - 1);
-                let a = P2::new(grid.origin.x, b.y);
-                surface.walk(a, b, cursor, spans);
-                let mut span = 0;
-                for (column, height) in heights.iter_mut().enumerate() {
-                    let Nm(x) = grid.pitch[0] * column as i64 + grid.pitch[0] / 2;
-                    let t = x as f64 / (b.x - a.x) as f64;
-                    // Spans tile 0 to 1 and columns come in order, so both are gone through once.
-                    while spans[span].t1 < t {
-                        span += 1;
-                    }
-                    let s = &spans[span];
-                    if s.facet().is_some() {
-                        let z = s.z0 + (s.z1 - s.z0) * ((t - s.t0) / (s.t1 - s.t0));
-                        *height = (z / STEP_NM) as i32;
-                    }
+        parallel::map_items(heights.chunks_mut(columns).collect(), |row, heights: &mut [i32]| {
+            if dense[row] {
+                return;
+            }
+            let (mut cursor, mut spans) = (Cursor::default(), Vec::new());
+            let b = grid.centre((row + 1) * columns - 1);
+            let a = P2::new(grid.origin.x, b.y);
+            surface.walk(a, b, &mut cursor, &mut spans);
+            let mut span = 0;
+            for (column, height) in heights.iter_mut().enumerate() {
+                let Nm(x) = grid.pitch[0] * column as i64 + grid.pitch[0] / 2;
+                let t = x as f64 / (b.x - a.x) as f64;
+                // Spans tile 0 to 1 and columns come in order, so both are gone through once.
+                while spans[span].t1 < t {
+                    span += 1;
                 }
-            },
-        );
+                let s = &spans[span];
+                if s.facet().is_some() {
+                    let z = s.z0 + (s.z1 - s.z0) * ((t - s.t0) / (s.t1 - s.t0));
+                    *height = (z / STEP_NM) as i32;
+                }
+            }
+        });
         Self(heights)
     }
 

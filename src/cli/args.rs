@@ -144,6 +144,11 @@ pub enum Command {
         /// The shell.
         shell: clap_complete::Shell,
     },
+    /// Print a manual page, for `man -l`.
+    Man {
+        /// Of a command; of terrace itself without.
+        command: Option<String>,
+    },
 }
 
 /// Options that override keys of the job file.

@@ -147,8 +147,28 @@ fn run(args: &Args) -> Result<u8, Error> {
             clap_complete::generate(*shell, &mut Args::command(), "terrace", &mut out);
             print(&String::from_utf8_lossy(&out))?;
         }
+        Command::Man { command } => print(&manual(command.as_deref())?)?,
     }
     Ok(0)
+}
+
+/// The manual page of a command, or of the program, as roff.
+fn manual(command: Option<&str>) -> Result<String, Error> {
+    let mut all = Args::command();
+    all.build();
+    let shown = match command {
+        None => all,
+        Some(name) => {
+            let Some(found) = all.find_subcommand(name) else {
+                let text = format!("there is no command {name:?}");
+                return Err(Diag::input("command-unknown", text).hint("see `terrace help` for the commands").into());
+            };
+            found.clone()
+        }
+    };
+    let mut out = Vec::new();
+    clap_mangen::Man::new(shown).render(&mut out).map_err(|e| Diag::input("output-unwritable", e.to_string()))?;
+    Ok(String::from_utf8_lossy(&out).into_owned())
 }
 
 /// Whether results must be on the disk before the program ends.

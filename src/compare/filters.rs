@@ -1,12 +1,11 @@
 //! The same path taken apart for scanner and stage by every decomposition there is.
 
-use rayon::prelude::*;
-
 use crate::machine::Machine;
 use crate::on_the_fly::decompose::{Family, largest, paced, peak, rms_acceleration, stage, within};
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::schedule::{Samples, Schedule};
 use crate::on_the_fly::xyzuv::{Peaks, ScannerLimits};
+use crate::parallel;
 
 /// What a decomposition makes of the path, as strong as field and focus allow.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,8 +60,8 @@ pub(super) fn filters(
             time_s: schedule.total_s() * slower(made),
         }
     };
-    let (made, least): (Vec<_>, _) = rayon::join(
-        || FAMILIES.into_par_iter().map(|(_, family)| filtered(&even, family, allowed)).collect(),
+    let (made, least): (Vec<_>, _) = parallel::both(
+        || parallel::map(FAMILIES.len(), |i| filtered(&even, FAMILIES[i].1, allowed)),
         || least(&even, allowed),
     );
     let mut out: Vec<Filter> = FAMILIES

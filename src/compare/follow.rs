@@ -1,7 +1,5 @@
 //! The systems that mark on the fly.
 
-use rayon::prelude::*;
-
 use super::filters::{FAMILIES, filters};
 use super::{Curves, Figures, Split, Subject, marked, path_of};
 use crate::block_map::BlockMap;
@@ -22,8 +20,8 @@ use crate::on_the_fly::xyzacuv::{AxisFigures, KinematicModel, Seven, ToolPath, d
 use crate::on_the_fly::xyzuv::{
     Decomposition, ScannerLimits, Timed, Turnaround, quickest, step_scan_s, synchronise, synchronised_s,
 };
+use crate::parallel;
 use crate::plan::strokes::{self, Strokes};
-use crate::program::Block;
 
 /// Samples of a synchronised path, and of one band of it.
 const SAMPLES: usize = 300_000;
@@ -167,7 +165,8 @@ impl<'a> Follower<'a> {
         let (program, allowed) = (&program, self.allowed()?);
         let upright = vec![None; program.blocks.len()];
         let map = BlockMap::new(program, &section, &upright, section.pitch, &subject.inputs.surface, texture);
-        let band = |(i, block): (usize, &Block)| {
+        let band = |i: usize| {
+            let block = &program.blocks[i];
             let mut path = path_of(subject, program, i..i + 1);
             let plane = block.stop.focus.mm();
             let heights: Vec<f64> = path.nodes.iter().map(|node| node.at[2]).collect();
@@ -181,7 +180,7 @@ impl<'a> Follower<'a> {
                 .map(|[x, y, _]| Commanded([x, y, block.stop.focus.0]));
             Ok((self.followed(&path, &schedule, &sync)?, time, sync.slower, schedule.total_s(), ends))
         };
-        let bands = program.blocks.par_iter().enumerate().map(band).collect::<Result<Vec<_>, Error>>()?;
+        let bands = parallel::map(program.blocks.len(), band).into_iter().collect::<Result<Vec<_>, Error>>()?;
         let (mut all, mut time, mut slowest, mut process_s) = (Followed::default(), Split::default(), 1.0f64, 0.0);
         let mut before: Option<Commanded> = None;
         for (followed, own, slow, own_s, [first, last]) in bands {
@@ -254,11 +253,11 @@ impl<'a> Follower<'a> {
         let first = self.thin.piece(0..count);
         let mut all = FAMILIES.map(|(name, family)| (name, ToolPath::Filtered(family))).to_vec();
         all.push(("least acceleration", ToolPath::LeastAcceleration));
-        let of = |(name, tools)| {
+        let of = |_, (name, tools)| {
             let made = decompose_and_time(&first, &self.subject.height_field, model, allowed, tools)?;
             Ok((name, made.axis_figures(model)))
         };
-        all.into_par_iter().map(of).collect()
+        parallel::map_items(all, of).into_iter().collect()
     }
 
     fn draw(&self, model: &KinematicModel<'_>, made: &Seven, curves: &mut Curves) {

@@ -3,13 +3,12 @@
 use std::fs;
 use std::path::Path;
 
-use rayon::prelude::*;
-
 use super::{failed, inputs, job_file_from};
 use crate::diag::Error;
 use crate::emit::{self, Files, Stepped};
 use crate::job::Job;
 use crate::manifest::{self, Facts, FileFact, Head, MANIFEST, OnTheFlyFacts};
+use crate::parallel;
 use crate::plan::{OnTheFlyPlan, Pass, SteppedPlan};
 use crate::program::{self, BlockId, Program};
 use crate::report;
@@ -105,10 +104,9 @@ fn blocks(
     if !inner.exists() {
         make(&inner)?;
     }
-    let written: Result<Vec<FileFact>, Error> = (0..emitted.checked.program().blocks.len())
-        .into_par_iter()
-        .map(|i| put(folder, &Program::block_file(BlockId::new(i), ending), &write(emitted, i)))
-        .collect();
+    let blocks = emitted.checked.program().blocks.len();
+    let one = |i: usize| put(folder, &Program::block_file(BlockId::new(i), ending), &write(emitted, i));
+    let written: Result<Vec<FileFact>, Error> = parallel::map(blocks, one).into_iter().collect();
     filling.files.extend(written?);
     Ok(())
 }

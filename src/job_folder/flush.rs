@@ -8,7 +8,7 @@ use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Whether a command waits until what it wrote is on the disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -56,7 +56,7 @@ pub(super) fn flush_tree(folder: &Path, flush: &Flush<'_>) -> io::Result<()> {
         // A folder stands behind the one that holds it.
         folders.push(folder);
     }
-    files.par_iter().try_for_each(|file| flush(file))?;
+    parallel::map(files.len(), |i| flush(&files[i])).into_iter().collect::<io::Result<()>>()?;
     folders.iter().rev().try_for_each(|folder| flush(folder))
 }
 

@@ -344,3 +344,53 @@ impl Finder<'_> {
         Some(BeamHit { focus: off.abs(), angle: cos.clamp(-1.0, 1.0).acos(), beside: x.hypot(y) })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A plate at z = 0 that ends at x = 1, over one at z = -0.05 that goes on to x = 2.
+    fn ledge() -> Surface {
+        let plate = |x0: f64, x1: f64, z: f64| {
+            let [a, b, c, d] = [[x0, -1.0, z], [x1, -1.0, z], [x1, 1.0, z], [x0, 1.0, z]];
+            [[a, b, c], [a, c, d]]
+        };
+        let facets = [plate(-1.0, 1.0, 0.0), plate(1.0, 2.0, -0.05)].concat();
+        Surface::from_facets(facets, &mut Vec::new()).expect("facets")
+    }
+
+    /// A beam through a point of the upper plate that leans by 30 degrees, so that it goes down towards +x.
+    fn through(x: f64) -> Beam {
+        Beam { at: [x, 0.0, 0.0], up: [-0.5, 0.0, 0.75f64.sqrt()] }
+    }
+
+    #[test]
+    fn a_leaning_beam_that_passes_an_edge_meets_the_part_beside_its_path() {
+        let surface = ledge();
+        let limits = Limits { focus: 0.1, angle: 1.0, beside: 1e-3 };
+        let mut finder = Finder { tracer: Tracer::new(&surface, f64::INFINITY), limits, top: 0.0 };
+        let hit = finder.hit(&through(0.9), [0.9, 0.0]).expect("the upper plate");
+        assert!(hit.focus < 1e-9 && hit.beside < 1e-9 && (hit.angle.to_degrees() - 30.0).abs() < 1e-6, "{hit:?}");
+        assert!(finder.holds(hit));
+        // Past the edge it falls on the lower one: 0.05 tan 30 deg farther on.
+        let hit = finder.hit(&through(1.01), [1.01, 0.0]).expect("the lower plate");
+        assert!((hit.beside - 0.05 / 3f64.sqrt()).abs() < 1e-6, "{hit:?}");
+        assert!((hit.focus - 0.05 / 0.75f64.sqrt()).abs() < 1e-6 && !finder.holds(hit), "{hit:?}");
+        // Past it by less than rounding, a beam beside it counts.
+        let near = finder.near(&through(1.0 + 5e-5), [1.0 + 5e-5, 0.0], [1.0, 0.0]);
+        assert!(finder.holds(near), "{near:?}");
+    }
+
+    #[test]
+    fn beams_are_followed_along_the_path_of_their_mark() {
+        let mut mark = Marked { nodes: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1e-3, 0.0]], at: 0 };
+        // There and back: the path goes on, though the first leg is as near.
+        for (x, leg) in [(0.2, 0), (0.9, 0), (1.0, 0), (0.9, 1), (0.2, 1)] {
+            let y = if leg == 0 { 0.0 } else { 1e-3 * (1.0 - x) };
+            let beam = Beam { at: [x - 0.5, y, 0.75f64.sqrt()], up: [-0.5, 0.0, 0.75f64.sqrt()] };
+            let place = mark.place(&beam);
+            assert!((place[0] - x).abs() < 1e-4 && (place[1] - y).abs() < 1e-4, "{x}: {place:?}");
+        }
+        assert_eq!(mark.at, 1);
+    }
+}

@@ -9,8 +9,6 @@
 //! Ma et al. (2025): Gaussian smoothing in arc length, as strong as focal offset, beam angle and displacement
 //! allow, searched from 30,000 um down by 0.95; here then by bisection up to the limit.
 
-use rayon::prelude::*;
-
 use crate::diag::Error;
 use crate::machine::{Letter, Machine};
 use crate::on_the_fly::axes::following_error::Servo;
@@ -21,6 +19,7 @@ use crate::on_the_fly::path::c_rewind::rewound;
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::{Node, NodeKind, Path};
 use crate::on_the_fly::topp::{self, Limit, Timed};
+use crate::parallel;
 use crate::program::Pen;
 
 /// How the tool's path is found.
@@ -286,17 +285,16 @@ impl Resampled {
     fn tools(&self, family: Family, strength: f64, height_field: &HeightField, s: &[f64]) -> Vec<Pose> {
         let smooth = stage(&self.plan, family.at(strength / self.step));
         let last = smooth.len() - 2;
-        s.par_iter()
-            .with_min_len(4096)
-            .map(|&s| {
-                let at = s / self.step;
-                let i = (at as usize).min(last);
-                let t = at - i as f64;
-                let xy = [0, 1].map(|c| smooth[i][c] + t * (smooth[i + 1][c] - smooth[i][c]));
-                let h = height_field.at(xy);
-                Pose { p: [xy[0], xy[1], h.z], n: h.normal() }
-            })
-            .collect()
+        let tool = |s: &f64| {
+            let at = s / self.step;
+            let i = (at as usize).min(last);
+            let t = at - i as f64;
+            let xy = [0, 1].map(|c| smooth[i][c] + t * (smooth[i + 1][c] - smooth[i][c]));
+            let h = height_field.at(xy);
+            Pose { p: [xy[0], xy[1], h.z], n: h.normal() }
+        };
+        let some: Vec<&[f64]> = s.chunks(4096).collect();
+        parallel::map(some.len(), |k| some[k].iter().map(tool).collect::<Vec<_>>()).concat()
     }
 
     /// The article's back-off search, strengths in mm and the worst deviations there; and the largest strength that

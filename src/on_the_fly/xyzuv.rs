@@ -13,8 +13,6 @@
 //! Cui et al. (2021): eq. 1 to 4 the decomposition, eq. 8 and 9 the times. Their average makes the acceleration
 //! step; where the machine states a jerk two more averages make it a ramp. Dark runs and longer waits are ours.
 
-use rayon::prelude::*;
-
 use crate::diag::Error;
 use crate::geom::BoxMm;
 use crate::machine::Machine;
@@ -23,6 +21,7 @@ use crate::on_the_fly::axes::motion::{Motion, Waypoint};
 use crate::on_the_fly::decompose::{Method, stage};
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::schedule::Schedule;
+use crate::parallel;
 use crate::program::{Pen, PenId, PieceId};
 
 /// Time of a job that steps through `stops` and processes between moves (eq. 8).
@@ -453,7 +452,7 @@ impl<const N: usize, F: Fn(&[[f64; N]]) -> bool + std::marker::Sync> Search<'_, 
                 let tried = ramps.into_iter().map_while(|ramp| self.attempt(samples, ramp));
                 tried.min_by(|a, b| a.slower.total_cmp(&b.slower))
             };
-            let found: Vec<Option<Choice>> = some.par_iter().map(of).collect();
+            let found: Vec<Option<Choice>> = parallel::map(some.len(), |i| of(&some[i]));
             let misses = found.iter().all(Option::is_none);
             for choice in found.into_iter().flatten() {
                 if choice.slower < best.slower {
@@ -481,7 +480,7 @@ impl<const N: usize, F: Fn(&[[f64; N]]) -> bool + std::marker::Sync> Search<'_, 
                 let mut near: Vec<(usize, usize)> = Vec::new();
                 near.extend(longer(best.samples, p).into_iter().flatten().map(|p| (p, best.ramp)));
                 near.extend(longer(best.ramp, r).into_iter().flatten().map(|r| (best.samples, r)));
-                let found: Vec<Option<Choice>> = near.par_iter().map(|&(p, r)| self.attempt(p, r)).collect();
+                let found: Vec<Option<Choice>> = parallel::map(near.len(), |i| self.attempt(near[i].0, near[i].1));
                 let next = found.into_iter().flatten().min_by(|a, b| a.slower.total_cmp(&b.slower));
                 // Gains of a thousandth are not worth a step.
                 match next.filter(|n| n.slower < 0.999 * best.slower) {

@@ -1,8 +1,6 @@
 //! From fragments to a program: gathered by stop, focal planes set, stops and strokes ordered, all laid
 //! out flat.
 
-use rayon::prelude::*;
-
 use super::dose;
 use super::focal_plane::focal_plane;
 use super::setups::{CellId, Setups, Used};
@@ -15,6 +13,7 @@ use crate::order;
 use crate::order::clearance::Clearance;
 use crate::order::stops::HeightOrder;
 use crate::order::strokes::{Path, Visit};
+use crate::parallel;
 use crate::partition::{Lattice, Stops};
 use crate::program::{Block, Program, Stop, StopId, Stroke};
 use crate::split::{Fragment, Fragments};
@@ -92,8 +91,10 @@ pub(super) fn assemble(
     let targets: Vec<Commanded> = placed.iter().zip(&cells).map(target).collect();
     let used = Used::new(cells.clone());
     let in_order = |p: &Placed| members.ordered(parts, p.index, how.strokes);
-    let (tour, orders): (_, Vec<Vec<Visit>>) =
-        rayon::join(|| stage.tours(&placed, &targets, &cells, &used), || placed.par_iter().map(in_order).collect());
+    let (tour, orders): (_, Vec<Vec<Visit>>) = parallel::both(
+        || stage.tours(&placed, &targets, &cells, &used),
+        || parallel::map(placed.len(), |i| in_order(&placed[i])),
+    );
     let mut program = Program { pens: pens.list.clone(), ..Program::default() };
     program.strokes.reserve_exact(members.len());
     program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());

@@ -12,10 +12,9 @@
 //!
 //! Units: nm. Cost: walks of 32 section widths, and the square of the places.
 
-use rayon::prelude::*;
-
 use crate::diag::Error;
 use crate::geom::{Box2, Nm, P2, nearest};
+use crate::parallel;
 use crate::program::Sections;
 use crate::projection::Tracer;
 use crate::surface::Surface;
@@ -41,13 +40,12 @@ pub fn along_contours(
     }
     let depth = depth.max(Nm(1)).f64();
     let filled = &texture;
-    let hundredths = (0..sections.len()).into_par_iter().map(|i| {
+    let hundredths = parallel::map(sections.len(), |i| {
         let mut section = Section::default();
         let mut tracer = Tracer::new(surface, max_slope);
         filled.contours().for_each(|(_, area)| section.add(area, sections.area(i), depth, &mut tracer));
         section.best()
     });
-    let hundredths = hundredths.collect();
     texture.fill(Directions { grid: *sections, hundredths })?;
     Ok(texture)
 }

@@ -9,8 +9,6 @@
 //! The points sampled are those that the lens sees of the part as placed. What a fixture angle hides or makes too steep
 //! is not searched for; compiling the job with the rotated part reports it.
 
-use rayon::prelude::*;
-
 use super::grid::Layout;
 use super::hatch_direction;
 use super::inputs::Inputs;
@@ -20,6 +18,7 @@ use crate::geom::{Box2, Nm, P2, P3, Turn};
 use crate::job::Job;
 use crate::machine::Commanded;
 use crate::motion;
+use crate::parallel;
 use crate::program::{PassId, Sections};
 
 /// One way to set the part up.
@@ -159,7 +158,7 @@ impl Scale {
             .collect();
         // Measured in any order, compared in one.
         let least = |leans: Vec<[f64; 2]>| {
-            let measured: Vec<_> = leans.into_par_iter().map(|lean| (measure(lean), lean)).collect();
+            let measured: Vec<_> = parallel::map_items(leans, |_, lean| (measure(lean), lean));
             measured.into_iter().min_by(|a, b| a.0.0.total_cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)))
         };
         let Some((mut best, mut at)) = least(coarse) else { return [0.0; 2] };

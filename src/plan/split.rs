@@ -2,12 +2,11 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-use rayon::prelude::*;
-
 use super::stroke_chunks::{Sweep, chunks};
 use crate::diag::{Diag, Error, memory};
 use crate::geom::{NM_PER_MM, Nm, length_mm};
 use crate::job::Partition;
+use crate::parallel;
 use crate::partition::Stops;
 use crate::program::{Pen, Sections, Stroke, StrokeId};
 use crate::projection::{Keep, Tracer};
@@ -100,27 +99,28 @@ pub(super) fn split(
     let Sweep { surface, texture, max_slope } = sweep;
     Estimate::of(texture, candidates, sections).hold(texture)?;
     let (fragment_count, point_count) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let chunks = chunks(texture)
-        .into_par_iter()
-        .map(|chunk| {
-            let tracer = Tracer::new(surface, max_slope);
-            let mut splitter = Splitter::new(tracer, candidates, cuts.min_mark.f64(), cuts.keep, cuts.seam);
-            let mut points = Vec::new();
-            for i in chunk {
-                let pen = texture.stroke(i, &mut points);
-                splitter.stroke(StrokeId(i as u32), pen, pens[pen.index()].passes, &points);
-            }
-            let parts: Vec<Fragments> = splitter.finish().collect();
-            // Counted while it grows: what is too large must be refused before it fills the memory.
-            let grown = |count: &AtomicUsize, of: fn(&Fragments) -> usize| {
-                let by = parts.iter().map(of).sum();
-                count.fetch_add(by, Relaxed) + by
-            };
-            let fits = grown(&fragment_count, |p| p.list.len()) <= MAX_FRAGMENTS
-                && grown(&point_count, |p| p.points.len()) <= MAX_POINTS;
-            if fits { Ok(parts) } else { Err(too_large(texture)) }
-        })
-        .collect::<Result<Vec<_>, _>>()?;
+    let too_many = || fragment_count.load(Relaxed) > MAX_FRAGMENTS || point_count.load(Relaxed) > MAX_POINTS;
+    let made = parallel::map_items(chunks(texture), |_, chunk| {
+        // Counted while it grows: what is too large must be refused before it fills the memory.
+        if too_many() {
+            return Err(too_large(texture));
+        }
+        let tracer = Tracer::new(surface, max_slope);
+        let mut splitter = Splitter::new(tracer, candidates, cuts.min_mark.f64(), cuts.keep, cuts.seam);
+        let mut points = Vec::new();
+        for i in chunk {
+            let pen = texture.stroke(i, &mut points);
+            splitter.stroke(StrokeId(i as u32), pen, pens[pen.index()].passes, &points);
+        }
+        let parts: Vec<Fragments> = splitter.finish().collect();
+        let grow = |count: &AtomicUsize, of: fn(&Fragments) -> usize| {
+            count.fetch_add(parts.iter().map(of).sum(), Relaxed);
+        };
+        grow(&fragment_count, |p| p.list.len());
+        grow(&point_count, |p| p.points.len());
+        if too_many() { Err(too_large(texture)) } else { Ok(parts) }
+    });
+    let chunks = made.into_iter().collect::<Result<Vec<_>, _>>()?;
     // Collected in the order of the chunks, whatever thread made them.
     let mut by_candidate: Vec<Vec<Fragments>> = candidates.iter().map(|_| Vec::with_capacity(chunks.len())).collect();
     for chunk in chunks {

@@ -3,9 +3,8 @@
 //! Strokes are taken in chunks whose number does not depend on the number of threads; what the chunks give
 //! must be the same in whatever order it is joined.
 
-use rayon::prelude::*;
-
 use crate::geom::{Nm, P2};
+use crate::parallel;
 use crate::partition::Fine;
 use crate::program::Sections;
 use crate::projection::{Cells, Footprint, GridTracer, Keep, Marks, Samples, Sampling, TiltedFields, Tracer, Turned};
@@ -42,23 +41,17 @@ impl Sweep<'_> {
         merge: impl Fn(&mut T, T) + Sync + Send,
     ) -> T {
         let Self { surface, texture, max_slope } = self;
-        chunks(texture)
-            .into_par_iter()
-            // Rayon groups the chunks as it likes: what is found must not depend on how. Sets, extremes and sums of
-            // integers do not.
-            .fold(&none, |mut found, chunk| {
-                let mut tracer = GridTracer::new(Tracer::new(surface, max_slope), grid);
-                let mut points = Vec::new();
-                for i in chunk {
-                    texture.stroke(i, &mut points);
-                    add(&mut found, i, &points, &mut tracer);
-                }
-                found
-            })
-            .reduce(&none, |mut a, b| {
-                merge(&mut a, b);
-                a
-            })
+        let chunks = chunks(texture);
+        // What is found must not depend on how chunks are grouped: sets, extremes and sums of integers do not.
+        let trace = |found: &mut T, k: usize| {
+            let mut tracer = GridTracer::new(Tracer::new(surface, max_slope), grid);
+            let mut points = Vec::new();
+            for i in chunks[k].clone() {
+                texture.stroke(i, &mut points);
+                add(found, i, &points, &mut tracer);
+            }
+        };
+        parallel::fold(chunks.len(), none, trace, merge)
     }
 
     /// The heights of the marks in every section, and points of marks for the lower bound.

@@ -101,6 +101,7 @@ fn help_version_and_bad_use() {
         "inspect",
         "machines",
         "completions",
+        "man",
         "--json",
         "--seed",
     ] {
@@ -381,6 +382,16 @@ fn completions_are_scripts_of_their_shell() {
             assert!(o.status.success(), "{shell}: {}", said(&o));
         }
     }
+}
+
+#[test]
+fn manual_pages_have_every_command_and_its_options() {
+    let dir = folder();
+    let whole = done(dir.path(), &["man"]);
+    assert!(whole.contains(".TH terrace 1") && whole.contains("terrace\\-compile(1)"), "{whole}");
+    let page = done(dir.path(), &["man", "compile"]);
+    assert!(page.contains(".TH terrace-compile 1") && page.contains("\\-\\-output"), "{page}");
+    refused(&run(dir.path(), &["man", "burn"]), 2, "command-unknown");
 }
 
 #[test]

@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use super::corridor::{least_from, within};
 use crate::on_the_fly::axes::kinematics::{Axes, Deviation, Pose, machine_from_part, nearest_half_turn};
 use crate::on_the_fly::banded_qp::Row;
+use crate::parallel;
 
 /// How far a mark may lie from what its tool would like best.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,7 +61,7 @@ pub fn seven_axes(marks: &[Pose], steps: &[f64], limits: Limits) -> Vec<Axes> {
         let ends: Vec<[f64; 2]> = heights.iter().map(|z| [z - focus, z + focus]).collect();
         within(heights, steps, &ends)
     };
-    let (plan, z) = rayon::join(|| in_field(&seen, steps, limits.field * INSIDE), in_focus);
+    let (plan, z) = parallel::both(|| in_field(&seen, steps, limits.field * INSIDE), in_focus);
     (0..marks.len()).map(|i| Axes { xyz: [plan[2 * i], plan[2 * i + 1], z[i]], a: a[i], c: c[i] }).collect()
 }
 

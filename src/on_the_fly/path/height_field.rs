@@ -10,9 +10,8 @@
 //! Holes and the outside are filled by continuing the part, so that jumps across them have heights; a cliff
 //! is smeared over four steps, and over a dozen where nodes are smoothed.
 
-use rayon::prelude::*;
-
 use crate::geom::{Box2, NM_PER_MM, Nm, P2};
+use crate::parallel;
 use crate::projection::Tracer;
 use crate::surface::Surface;
 
@@ -162,11 +161,12 @@ fn smooth(heights: &mut [f64], columns: usize, near: f64) {
     let mut across = heights.to_vec();
     for round in 0..ROUNDS + LAST {
         let hold = if round < ROUNDS { near } else { f64::INFINITY };
-        across.par_chunks_exact_mut(columns).zip(heights.par_chunks_exact(columns)).for_each(|(to, from)| {
+        parallel::map_items(across.chunks_exact_mut(columns).collect(), |row, to: &mut [f64]| {
+            let from = &heights[row * columns..][..columns];
             to.iter_mut().enumerate().for_each(|(i, z)| *z = blurred(i, columns, |i| from[i]));
         });
         let rows = first.len() / columns;
-        heights.par_chunks_exact_mut(columns).enumerate().for_each(|(row, to)| {
+        parallel::map_items(heights.chunks_exact_mut(columns).collect(), |row, to: &mut [f64]| {
             for (i, z) in to.iter_mut().enumerate() {
                 let was = first[row * columns + i];
                 *z = blurred(row, rows, |r| across[r * columns + i]).clamp(was - hold, was + hold);

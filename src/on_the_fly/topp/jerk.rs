@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
+use crate::parallel;
 
 use super::grid::Grid;
 use super::interior_point::Stretch;
@@ -54,7 +54,7 @@ pub(super) fn smooth(grid: &Grid, mut most: Vec<f64>, b: &mut [f64], options: &O
             let quick = fast.iter().map(|fast| begin(fast));
             quick.chain([b[range.clone()].to_vec()]).find_map(|start| stretch.descend(&start, gain))
         };
-        let solved: Vec<Option<(usize, Vec<f64>)>> = round.par_iter().map(solve).collect();
+        let solved: Vec<Option<(usize, Vec<f64>)>> = parallel::map(round.len(), |i| solve(&round[i]));
         for (range, found) in round.into_iter().zip(solved) {
             if let Some((count, found)) = found {
                 b[range].copy_from_slice(&found);

@@ -36,9 +36,8 @@ mod jerk_rows;
 mod ratio;
 mod reachability;
 
-use rayon::prelude::*;
-
 use crate::diag::{Diag, Error};
+use crate::parallel;
 use grid::Grid;
 use reachability::Reach;
 
@@ -200,13 +199,10 @@ pub fn time_optimal(path: &Path, limits: &[Limit], options: &Options) -> Result<
         parts.push((w[0], w[1], part));
         rest = tail;
     }
-    let solved: Vec<Solved> = parts
-        .into_par_iter()
-        .map(|(first, last, bends)| {
-            grid::bends(path, axes, first, last, bends);
-            run(path, limits, options, first, last, bends)
-        })
-        .collect();
+    let solved: Vec<Solved> = parallel::map_items(parts, |_, (first, last, bends)| {
+        grid::bends(path, axes, first, last, bends);
+        run(path, limits, options, first, last, bends)
+    });
     Ok(join(path, axes, bends, &solved))
 }
 

@@ -212,3 +212,21 @@ impl CoverageChecker<'_> {
 fn place([x, y]: [f64; 2]) -> String {
     format!("part at ({:.6}, {:.6}) mm", x / 1e6, y / 1e6)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mark_over_two_legs_is_placed_where_nothing_is_left_out() {
+        let cover = |from: f64, to: f64| Cover { stroke: 0, from, to };
+        // A stroke of 1000 there and back, which leaves 300 to 400 out on its way, and 50 less on the way back.
+        let mut covers = Covers::default();
+        covers.add(vec![vec![cover(400.0, 1600.0)]]);
+        covers.add(vec![vec![cover(0.0, 300.0)], vec![cover(1700.0, 2000.0)]]);
+        covers.add(vec![vec![cover(0.0, 350.0)], vec![cover(1650.0, 2000.0)]]);
+        let left_out = [cover(300.0, 400.0), cover(1600.0, 1650.0)];
+        let placed: Vec<[f64; 2]> = covers.sorted(&left_out).iter().map(|c| [c.from, c.to]).collect();
+        assert_eq!(placed, [[0.0, 300.0], [400.0, 1600.0], [1650.0, 2000.0]]);
+    }
+}

@@ -1,0 +1,88 @@
+//! Work on all threads, a task for each index.
+//!
+//! Promises results in the order of the indices, whatever the number of threads. All work goes through one instance of
+//! rayon's scheduler ([`each`]), which takes a function by reference: an instance for every caller would be a tenth of
+//! the program.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use rayon::prelude::*;
+
+/// Does `work` for 0 to `count`, in any order.
+pub fn each(count: usize, work: &(dyn Fn(usize) + Sync)) {
+    (0..count).into_par_iter().for_each(work);
+}
+
+/// What `of` makes of 0 to `count`, in their order.
+pub fn map<T: Send>(count: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let made: Vec<Mutex<Option<T>>> = (0..count).map(|_| Mutex::new(None)).collect();
+    each(count, &|i| {
+        let one = of(i);
+        *locked(&made[i]) = Some(one);
+    });
+    made.into_iter().filter_map(|one| one.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()
+}
+
+/// What `of` makes of items that are its own, in their order; it is told their indices.
+pub fn map_items<I: Send, T: Send>(items: Vec<I>, of: impl Fn(usize, I) -> T + Sync) -> Vec<T> {
+    let items: Vec<Mutex<Option<I>>> = items.into_iter().map(|item| Mutex::new(Some(item))).collect();
+    let made = map(items.len(), |i| locked(&items[i]).take().map(|item| of(i, item)));
+    made.into_iter().flatten().collect()
+}
+
+/// What two functions make, at the same time.
+pub fn both<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    rayon::join(a, b)
+}
+
+/// What folding makes of 0 to `count`: `add` adds an index to something that begins as `none`, and `merge` joins two of
+/// these. Which indices are added to which one is chance: neither order nor grouping may matter.
+pub fn fold<T: Send>(
+    count: usize,
+    none: impl Fn() -> T + Sync,
+    add: impl Fn(&mut T, usize) + Sync,
+    merge: impl Fn(&mut T, T),
+) -> T {
+    let idle: Mutex<Vec<T>> = Mutex::new(Vec::new());
+    each(count, &|i| {
+        let mut mine = locked(&idle).pop().unwrap_or_else(&none);
+        add(&mut mine, i);
+        locked(&idle).push(mine);
+    });
+    let mut all = idle.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter();
+    let mut out = all.next().unwrap_or_else(none);
+    all.for_each(|one| merge(&mut out, one));
+    out
+}
+
+/// A panic of another task ends the program's run; what it has locked is not looked at again.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_are_in_order_on_any_number_of_threads() {
+        for threads in [1, 2, 7] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            pool.install(|| {
+                assert_eq!(map(1000, |i| i * i), (0..1000).map(|i| i * i).collect::<Vec<_>>());
+                let mut rows = vec![0; 300];
+                let items: Vec<&mut [i32]> = rows.chunks_mut(7).collect();
+                let lengths = map_items(items, |i, row| {
+                    row.fill(i as i32);
+                    row.len()
+                });
+                assert_eq!((lengths.len(), lengths[0], lengths[42]), (43, 7, 6));
+                assert!(rows.iter().enumerate().all(|(k, &v)| v == k as i32 / 7));
+                assert_eq!(fold(1000, || 0, |sum, i| *sum += i, |a, b| *a += b), 499_500);
+                assert_eq!(both(|| 1, || "two"), (1, "two"));
+            });
+        }
+        assert_eq!(map(0, |i| i), []);
+        assert_eq!(fold(0, || 5, |_, _| {}, |_, _| {}), 5);
+    }
+}
