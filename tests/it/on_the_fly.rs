@@ -157,6 +157,7 @@ fn hood(drawing: &Path, size: f64, profile: &str, origin: &str) {
 const ON_THE_TURNTABLE: &str = "placement = { origin = [\"-650 mm\", \"0 mm\", \"-100 mm\"] }\n";
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn drawing_on_a_hood_verifies_with_five_axes() {
     hood(&fixture("leather.svg"), 8.0, "xyz-galvo-40", "");
 }

@@ -153,11 +153,11 @@ fn random_on_the_fly_jobs_verify_or_name_a_limit() {
     // part begins at the corner of a facet that is too steep. Of 3027 beams lean by 60 degrees over facets that are not
     // flat, of 3075 and 3090 the last beam of a mark passes by the edge at which it ends. Of 3111 and 3222 axes start so
     // slowly that a mark stands still at first; of 3222 two marks over one line differ in what is left out beside them.
-    check((1..3).chain([1013, 3027, 3030, 3075, 3090, 3111, 3118, 3153, 3222]));
+    check([1013, 3027, 3030, 3075, 3090, 3111, 3118, 3153, 3222]);
 }
 
 #[test]
 #[ignore = "an hour; run by make test-all"]
 fn two_thousand_random_on_the_fly_jobs_verify_or_name_a_limit() {
-    check(seeds(1000..3000));
+    check(seeds(0..2000));
 }
