@@ -181,11 +181,11 @@ fn distance() -> Machine {
 
 /// Free windows over a dome of 400 mm, 8 mm high.
 fn windows(n: usize) -> Vec<Commanded> {
-    let mut random = Random(7);
+    let mut random = Random::new(7);
     let mut stop = |_| {
-        let [x, y] = [0, 1].map(|_| random.below(400_000) - 200_000);
+        let [x, y] = [0, 1].map(|_| random.between(-200_000, 199_999));
         let sag = (x * x + y * y) as f64 / 1e4;
-        Commanded([x * 1000, y * 1000, random.below(2000) * 1000 - sag as i64])
+        Commanded([x * 1000, y * 1000, random.between(0, 1999) * 1000 - sag as i64])
     };
     (0..n).map(&mut stop).collect()
 }

@@ -15,10 +15,8 @@ impl BoxNm {
 
     /// Grows the box to hold `p`.
     pub(in crate::verify) fn add(&mut self, p: [f64; 2]) {
-        for k in 0..2 {
-            self.lo[k] = self.lo[k].min(p[k]);
-            self.hi[k] = self.hi[k].max(p[k]);
-        }
+        self.lo = [0, 1].map(|k| self.lo[k].min(p[k]));
+        self.hi = [0, 1].map(|k| self.hi[k].max(p[k]));
     }
     /// The box that reaches `by` beyond this one on all sides.
     pub(in crate::verify) fn grown(self, by: f64) -> Self {
