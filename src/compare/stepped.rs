@@ -170,12 +170,15 @@ fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
     let path = path_of(subject, &program, 0..program.blocks.len());
     let blocks = &plan.program.blocks;
     let deviation = |i: usize| {
-        let block = owner[path.nodes[i].stroke.index()] as usize;
-        let (stop, turn, [x, y, z]) = (&blocks[block].stop, &turns[block], path.nodes[i].at);
+        let number = owner[path.nodes[i].stroke.index()] as usize;
+        let (block, turn, [x, y, z]) = (&blocks[number], &turns[number], path.nodes[i].at);
+        let stop = &block.stop;
         let p = turn.apply(P3::new([x, y, z].map(|v| v * NM_PER_MM))).at.map(|v| v / NM_PER_MM);
         let centre = stop.centre.mm();
+        // On a slope a place that is some nanometres off lies at another height: no mark lies beyond its block's depth.
+        let height = p[2].clamp(block.z_lo.mm(), block.z_hi.mm());
         Deviation {
-            focus: (p[2] - stop.focus.mm()).abs(),
+            focus: (height - stop.focus.mm()).abs(),
             angle: turn.slope2(subject.height_field.at([x, y]).normal()).sqrt().atan(),
             lateral: (p[0] - centre[0]).hypot(p[1] - centre[1]),
         }
