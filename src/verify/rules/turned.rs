@@ -212,7 +212,7 @@ impl Turned {
                 Some(s) => pieces.push(OnSheet { d: p.d, z: s.z, slope2: s.slope2 }),
                 None => widest_gap = widest_gap.max(p.len()),
             });
-            self.leave_out_other_sheets(line.len, pieces);
+            self.leave_out_other_sheets(line, after, pieces);
             under = self.drawn_from(line, pieces);
             let Some([first, _]) = under.ends else { continue };
             let beside = self.beside(under.slope2);
@@ -227,17 +227,24 @@ impl Turned {
     /// Keeps the pieces that the mark lies on. No mark runs over a step between sheets (the program ends it there), so
     /// a short piece beyond a step at either end is what lies next to the rim on which the mark begins or ends, and a
     /// short one in between is an edge that the line grazes. The pieces that stay at the ends are drawn out over them.
-    fn leave_out_other_sheets(&self, len: f64, pieces: &mut Vec<OnSheet>) {
-        let short = self.short();
+    /// Of a line that is short itself, the first piece stays if the mark comes from it, from `after`.
+    fn leave_out_other_sheets(&self, line: &Line, after: Option<[f64; 2]>, pieces: &mut Vec<OnSheet>) {
+        let (short, len) = (self.short(), line.len);
         // The program ends a mark at a step that would move it by more than half of [`CHORD_NM`].
         let least = CHORD_NM / 2.0 / self.turn.lean();
         let steps = |a: &OnSheet, b: &OnSheet| {
             let known = self.geometry.z_tolerance(a.slope2.max(b.slope2));
             (a.z[1] - b.z[0]).abs() > least.min(2.0 * known)
         };
+        let comes_from = |a: &OnSheet| {
+            let ([x, y], known) = (line.at(a.d[0]), self.beside(a.slope2));
+            let [x, y, _] = self.turn.back([x, y, a.z[0]]);
+            len <= short && after.is_some_and(|after| (after[0] - x).hypot(after[1] - y) <= known)
+        };
         while let [a, b, ..] = pieces[..]
             && a.d[1] <= short
             && steps(&a, &b)
+            && !comes_from(&a)
         {
             pieces.remove(0);
         }
