@@ -318,7 +318,8 @@ fn trials(seeds: impl IntoIterator<Item = u64>, table: Table) {
 
 #[test]
 fn random_jobs_verify_or_are_refused() {
-    trials(0..60, Table::Fixed);
+    // 21891, 23145: texture that is cut short at the corner of four sections of one pass lies within one of another.
+    trials((0..60).chain([21_891, 23_145]), Table::Fixed);
 }
 
 #[test]

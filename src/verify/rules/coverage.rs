@@ -62,6 +62,7 @@ pub(in crate::verify) fn check(
     let mut cover = Cover {
         file,
         facts,
+        pass: PassId(0),
         drawing: first,
         geometry,
         drawn,
@@ -79,8 +80,8 @@ pub(in crate::verify) fn check(
         out: Pieces::default(),
     };
     for (pass, drawing) in (0..).map(PassId).zip(drawings) {
-        cover.drawing = drawing;
-        cover.pass(&strokes_of(file, |p| p == pass));
+        (cover.pass, cover.drawing) = (pass, drawing);
+        cover.check_pass(&strokes_of(file, |p| p == pass));
     }
     for i in strokes_of(file, |p| p.index() >= drawings.len()) {
         cover.report_unmatched(i, "the job has no such pass");
@@ -117,6 +118,8 @@ fn noise(a: Option<&Span>, b: Option<&Span>) -> f64 {
 struct Cover<'a> {
     file: &'a ProgramFile,
     facts: &'a JobFacts,
+    /// The pass at hand and what it marks.
+    pass: PassId,
     drawing: &'a Drawing<'a>,
     geometry: &'a Geometry,
     /// Points of tilted blocks in the drawing; empty where nothing is tilted.
@@ -150,7 +153,7 @@ struct Missing {
 
 impl Cover<'_> {
     /// The marks of one pass, by the stroke that they claim.
-    fn pass(&mut self, order: &[u32]) {
+    fn check_pass(&mut self, order: &[u32]) {
         let file = self.file;
         let source = |i: u32| file.program.strokes[i as usize].source.index();
         let beyond = order.partition_point(|&i| source(i) < self.drawing.len);
@@ -561,9 +564,10 @@ impl Cover<'_> {
             return false;
         }
         let start = run.stretches.first().map(|s| self.line(s.segment).at(s.d[0])).unwrap_or_default();
+        // Sections of another pass have other borders.
         let near = |b: &&Block| {
             let c = [b.stop.centre.x as f64, b.stop.centre.y as f64];
-            (0..2).all(|k| (start[k] - c[k]).abs() <= self.facts.section_nm[k] / 2.0 + run.len)
+            b.pass == self.pass && (0..2).all(|k| (start[k] - c[k]).abs() <= self.facts.section_nm[k] / 2.0 + run.len)
         };
         !self
             .file
