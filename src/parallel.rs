@@ -1,8 +1,8 @@
 //! Work on all threads, a task for each index.
 //!
-//! Promises results in the order of the indices, whatever the number of threads. All work goes through one instance of
-//! rayon's scheduler ([`each`]), which takes a function by reference: an instance for every caller would be a tenth of
-//! the program.
+//! Promises results in the order of the indices, whatever the number of threads. Loops go through one instance of
+//! rayon's parallel iterators ([`each`]), which takes its function by reference: an instance for every caller would make
+//! the program larger and slower to compile.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

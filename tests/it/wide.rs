@@ -143,7 +143,7 @@ fn trap(name: &str, facets: &Facets, texture: &str, path: Option<String>) {
 const HATCH: &str = "pattern = \"hatch\"\npitch = \"0.1 mm\"";
 
 #[test]
-fn time_is_not_quadratic_in_the_input() {
+fn parts_with_very_many_facets_in_one_place_compile_and_verify() {
     // Two fans of many facets, one over the other.
     let fan = |n: usize, z: f64| -> Facets {
         let at = |i: usize| {
