@@ -143,7 +143,18 @@ fn trap(name: &str, facets: &Facets, texture: &str, path: Option<String>) {
 const HATCH: &str = "pattern = \"hatch\"\npitch = \"0.1 mm\"";
 
 #[test]
-fn parts_with_very_many_facets_in_one_place_compile_and_verify() {
+fn parts_with_many_facets_in_one_place_compile_and_verify() {
+    crowded([3_000, 60, 15_000, 100]);
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn time_is_not_quadratic_in_the_facets_of_one_place() {
+    crowded([10_000, 150, 50_000, 200]);
+}
+
+/// Parts with so many facets: in each of two fans, in tiny rows, in a strip, and in rows of facets that do not touch.
+fn crowded([fans, tiny_rows, strip, rows]: [usize; 4]) {
     // Two fans of many facets, one over the other.
     let fan = |n: usize, z: f64| -> Facets {
         let at = |i: usize| {
@@ -152,25 +163,27 @@ fn parts_with_very_many_facets_in_one_place_compile_and_verify() {
         };
         (0..n).map(|i| [[0.0, 0.0, z], at(i), at(i + 1)]).collect()
     };
-    trap("fans", &[fan(3_000, 0.0), fan(3_000, 5.0)].concat(), "pattern = \"hatch\"\npitch = \"1 mm\"", None);
+    trap("fans", &[fan(fans, 0.0), fan(fans, 5.0)].concat(), "pattern = \"hatch\"\npitch = \"1 mm\"", None);
     // Tiny facets on a huge one.
     let mut tiny = plate(400.0, 0.0);
-    for f in crate::support::surfaces::mesh(60, [200.0, 200.0, 201.0, 201.0], |x, _| 0.01 + 1e-3 * (x * 9.0).sin()) {
+    for f in
+        crate::support::surfaces::mesh(tiny_rows, [200.0, 200.0, 201.0, 201.0], |x, _| 0.01 + 1e-3 * (x * 9.0).sin())
+    {
         tiny.push(f);
     }
     let there = "area = [\"199.5 mm\", \"199.5 mm\", \"201.5 mm\", \"201.5 mm\"]";
     trap("tiny", &tiny, &format!("pattern = \"hatch\"\npitch = \"0.005 mm\"\n{there}"), None);
     // A strip of facets along a diagonal.
-    let strip: Facets = (0..15_000)
-        .map(|i| (f64::from(i) * 15e-4, f64::from(i + 1) * 15e-4))
+    let strip: Facets = (0..strip)
+        .map(|i| (i as f64 * 25.0 / strip as f64, (i + 1) as f64 * 25.0 / strip as f64))
         .flat_map(|(x, y)| {
             [[[x, x, 0.0], [y, y, 0.0], [y, y + 0.1, 0.0]], [[x, x, 0.0], [y, y + 0.1, 0.0], [x, x + 0.1, 0.0]]]
         })
         .collect();
     trap("strip", &strip, HATCH, None);
     // Nothing but borders.
-    let apart: Facets = (0..10_000)
-        .map(|i| (f64::from(i % 100) * 0.1, f64::from(i / 100) * 0.1))
+    let apart: Facets = (0..rows * rows)
+        .map(|i| ((i % rows) as f64 * 0.1, (i / rows) as f64 * 0.1))
         .map(|(x, y)| [[x, y, 0.0], [x + 0.08, y, 0.0], [x, y + 0.08, 0.0]])
         .collect();
     trap("apart", &apart, HATCH, None);
