@@ -334,12 +334,23 @@ impl Cover<'_> {
         if segment + 1 >= self.points.len() {
             return Err("the stroke has no such segment");
         }
-        let near = |p: P2, k: usize| self.points.get(k).is_some_and(|&v| v.distance(p) <= off);
         if self.is_closed_whole(segment, off) {
             return Ok([0.0, self.along[self.points.len() - 1]]);
         }
-        // A cut point may have been rounded onto the end of its segment.
-        let mut k = segment + usize::from(near(self.mark[0], segment + 1) && self.points.len() > segment + 2);
+        self.fit_turned_from(segment, off).or_else(|why| {
+            // A cut point may have been rounded onto the end of its segment.
+            let is_end = self.is_vertex(self.mark[0], segment + 1, off) && segment + 2 < self.points.len();
+            if is_end { self.fit_turned_from(segment + 1, off) } else { Err(why) }
+        })
+    }
+
+    /// Whether a point is vertex `k` of the stroke, to `off` nm.
+    fn is_vertex(&self, p: P2, k: usize, off: f64) -> bool {
+        self.points.get(k).is_some_and(|&v| v.distance(p) <= off)
+    }
+
+    /// As [`Cover::fit_turned`], for a mark that begins on segment `k`.
+    fn fit_turned_from(&self, mut k: usize, off: f64) -> Result<[f64; 2], &'static str> {
         let from = self.beside(k, self.mark[0], off).ok_or("it does not begin on that segment")?;
         let mut at = from;
         for (i, &p) in self.mark.iter().enumerate().skip(1) {
@@ -350,7 +361,7 @@ impl Cover<'_> {
                 return Err("it runs against the direction that it claims");
             }
             at = to;
-            if near(p, k + 1) && i + 1 < self.mark.len() && k + 2 < self.points.len() {
+            if self.is_vertex(p, k + 1, off) && i + 1 < self.mark.len() && k + 2 < self.points.len() {
                 k += 1;
             }
         }

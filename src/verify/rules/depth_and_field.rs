@@ -73,7 +73,7 @@ pub(in crate::verify) fn check(
         let found = if Turned::of(file, block, facts, geometry, &mut turned)
             && let Some(here) = &turned
         {
-            here.draw(id, file, block, &mut out.drawn, source);
+            here.draw(id, file, &facts.raised(block), &mut out.drawn, source);
             search.on(&here.geometry).block(id, block)
         } else {
             search.block(id, block)

@@ -8,7 +8,7 @@ use super::part_place_nm;
 use crate::geom::{FieldPoint, P2};
 use crate::machine::{Origin, TiltAngles};
 use crate::program::{Block, CHORD_NM, PassId};
-use crate::verify::geometry::{BoxNm, Geometry, Line, Scratch, Turn};
+use crate::verify::geometry::{BoxNm, Geometry, Line, Scratch, Sheet, Turn};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::program::ProgramFile;
@@ -87,9 +87,10 @@ impl Turned {
     }
 
     /// Finds where the points of a block's strokes lie in the drawing; between them a mark must run straight
-    /// there as well.
+    /// there as well. The block's heights are those of the surface as the file has it.
     pub(super) fn draw(&self, id: &str, file: &ProgramFile, block: &Block, drawn: &mut Drawn, source: &mut Rule) {
         drawn.reserve(file);
+        let heights = [block.z_lo.f64(), block.z_hi.f64()];
         let mut scratch = Scratch::default();
         let (mut found, mut pieces) = (Vec::new(), Vec::new());
         let strokes = file.program.strokes[block.strokes.clone()].iter().zip(block.strokes.clone());
@@ -103,22 +104,23 @@ impl Turned {
                 [(block.stop.centre.x + i64::from(p.x)) as f64, (block.stop.centre.y + i64::from(p.y)) as f64]
             };
             let (mut unmatched, mut slope2) = (None, 0.0);
-            // A mark along the top of a wall: the side on which it begins must be one from which it can go on. Where
-            // no side fits, the line itself tells.
+            // A mark along the top of a wall: the side on which it begins must be one from which it can go on, and what
+            // lies there is at a height of the block. Where no side fits, the line itself tells.
             let all = self.sides();
             for begin in 0..=all.len() {
-                let mut sides = all;
+                let (mut sides, mut within) = (all, heights);
                 if begin < all.len() {
                     sides.rotate_left(begin)
                 } else {
-                    sides = [0.0; 5]
+                    (sides, within) = ([0.0; 5], [f64::NEG_INFINITY, f64::INFINITY])
                 }
                 found.clear();
                 (unmatched, slope2) = (None, 0.0f64);
                 let mut fits = true;
                 for w in points.windows(2) {
                     let line = Line::new(field(w[0]), field(w[1]));
-                    let (under, is_fit) = self.under(&line, found.last().copied(), sides, &mut scratch, &mut pieces);
+                    let from = found.last().copied();
+                    let (under, is_fit) = self.under(&line, from, sides, within, &mut scratch, &mut pieces);
                     fits &= is_fit;
                     let Some([first, last]) = under.ends else {
                         // Off the part, which the rule `surface` says.
@@ -193,12 +195,13 @@ impl Turned {
 
     /// What lies under a line of the turned part. A line along the rim or the top of a wall may run next to it by as
     /// much as a mark may run off its stroke: then the part next to it tells the heights. A mark goes on where it was,
-    /// at `after`. Answers too whether one of the sides fits.
+    /// at `after`, and stays `within` its block's heights. Answers too whether one of the sides fits.
     fn under(
         &self,
         line: &Line,
         after: Option<[f64; 2]>,
         sides: [f64; 5],
+        within: [f64; 2],
         scratch: &mut Scratch,
         pieces: &mut Vec<OnSheet>,
     ) -> (Under, bool) {
@@ -208,7 +211,11 @@ impl Turned {
         for side in sides {
             let mut widest_gap = 0.0f64;
             pieces.clear();
-            self.geometry.along(&line.part([0.0, line.len], side), scratch, |p| match p.sheet {
+            let is_near = |s: &Sheet| {
+                let known = self.geometry.z_tolerance(s.slope2);
+                s.z.iter().any(|&z| z >= within[0] - known) && s.z.iter().any(|&z| z <= within[1] + known)
+            };
+            self.geometry.along(&line.part([0.0, line.len], side), scratch, |p| match p.sheet.filter(is_near) {
                 Some(s) => pieces.push(OnSheet { d: p.d, z: s.z, slope2: s.slope2 }),
                 None => widest_gap = widest_gap.max(p.len()),
             });
