@@ -10,6 +10,11 @@ impl Random {
         Self(seed.wrapping_mul(2) | 1)
     }
 
+    /// For a test of many cases: neighbouring seeds give unrelated numbers, the first ones too.
+    pub fn case(seed: u64) -> Self {
+        Self::new((seed + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15))
+    }
+
     pub fn next(&mut self) -> u64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
@@ -39,6 +44,56 @@ impl Random {
     /// Uniform in [0, 1).
     pub fn unit(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Uniform in [lo, hi).
+    pub fn range(&mut self, lo: f64, hi: f64) -> f64 {
+        lo + self.unit() * (hi - lo)
+    }
+
+    /// Any number: of all magnitudes, and often a special one.
+    pub fn float(&mut self) -> f64 {
+        let subnormal = f64::from_bits(self.next() >> 12);
+        let finite = [0.0, 1.0, subnormal, f64::MIN_POSITIVE, f64::MAX];
+        match self.below(20) {
+            0 => f64::NAN,
+            1 => f64::INFINITY,
+            2 => f64::NEG_INFINITY,
+            3..6 => finite[self.below(finite.len())],
+            6..9 => -finite[self.below(finite.len())],
+            _ => f64::from_bits(self.next()),
+        }
+    }
+
+    /// From the space to the tilde.
+    fn ascii(&mut self) -> char {
+        char::from(b' ' + self.below(95) as u8)
+    }
+
+    /// Up to `most` characters, each of printable ASCII or, often, of `more`.
+    pub fn words(&mut self, most: usize, more: &str) -> String {
+        let more: Vec<char> = more.chars().collect();
+        let count = self.below(most + 1);
+        (0..count).map(|_| if self.chance(30) { more[self.below(more.len())] } else { self.ascii() }).collect()
+    }
+
+    /// Up to `most` characters of any kind but the line feed.
+    pub fn text(&mut self, most: usize) -> String {
+        // Markup; controls; spaces; letters; a combining one; some without width; noncharacters.
+        let special: Vec<char> = "<>&\"'\\|\0\t\r\u{b}\u{1b}\u{7f}\u{85}\u{a0}\u{2028}µȺѨ漢🕴\
+                                  \u{301}\u{200d}\u{202e}\u{feff}\u{fffd}\u{fffe}\u{ffff}\u{10ffff}"
+            .chars()
+            .collect();
+        let count = self.below(most + 1);
+        let one = |_| match self.below(4) {
+            0 => special[self.below(special.len())],
+            1 => {
+                let code = self.below(0x11_0000) >> self.below(16);
+                char::from_u32(code as u32).filter(|c| *c != '\n').unwrap_or(' ')
+            }
+            _ => self.ascii(),
+        };
+        (0..count).map(one).collect()
     }
 
     pub fn shuffle<T>(&mut self, list: &mut [T]) {

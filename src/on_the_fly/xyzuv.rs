@@ -386,7 +386,11 @@ fn back_off(longest: usize) -> Vec<usize> {
 /// [`Choice::reach`] or more.
 fn ramped<const N: usize>(path: &[[f64; N]], lead: usize, samples: usize, ramp: usize) -> Vec<[f64; N]> {
     // Each average turns a step of one derivative into a ramp of it over its samples.
-    let once = stage(&held(path, lead), Method::MovingAverage { samples });
+    with_ramp(stage(&held(path, lead), Method::MovingAverage { samples }), ramp)
+}
+
+/// An average, averaged twice more.
+fn with_ramp<const N: usize>(once: Vec<[f64; N]>, ramp: usize) -> Vec<[f64; N]> {
     if ramp < 2 {
         return once;
     }
@@ -427,13 +431,18 @@ struct Search<'a, const N: usize, F> {
 }
 
 impl<const N: usize, F: Fn(&[[f64; N]]) -> bool + std::marker::Sync> Search<'_, N, F> {
-    /// What comes of an average and a ramp, if it fits.
-    fn attempt(&self, samples: usize, ramp: usize) -> Option<Choice> {
-        let choice = Choice { samples, ramp, slower: f64::INFINITY };
-        let lead = choice.reach();
-        let made = ramped(self.path, lead, samples, ramp);
-        let fits = (self.fits)(&made[lead..made.len() - lead]);
-        fits.then(|| Choice { slower: slowed(&made, self.step_s, &self.limits), ..choice })
+    /// What comes of an average with ramps from short to long, up to the first that does not fit; the best of them.
+    fn attempt(&self, samples: usize, ramps: &[usize]) -> Option<Choice> {
+        // Before and after that it rests.
+        let once = stage(&held(self.path, samples / 2), Method::MovingAverage { samples });
+        let with = |&ramp: &usize| {
+            let choice = Choice { samples, ramp, slower: f64::INFINITY };
+            let lead = choice.reach();
+            let made = with_ramp(held(&once, lead - samples / 2), ramp);
+            let fits = (self.fits)(&made[lead..made.len() - lead]);
+            fits.then(|| Choice { slower: slowed(&made, self.step_s, &self.limits), ..choice })
+        };
+        ramps.iter().map_while(with).min_by(|a, b| a.slower.total_cmp(&b.slower))
     }
 
     /// The shortest average with which the stage keeps up at full speed; where there is none, the one with
@@ -447,11 +456,7 @@ impl<const N: usize, F: Fn(&[[f64; N]]) -> bool + std::marker::Sync> Search<'_, 
         let jerks = self.limits.iter().any(|l| l.jerk.is_finite());
         let mut best = Choice { samples: 1, ramp: 1, slower: f64::INFINITY };
         for some in back_off(2 * self.path.len() + 1).chunks(SOME) {
-            let of = |&samples: &usize| {
-                let ramps = back_off(if jerks { samples } else { 1 });
-                let tried = ramps.into_iter().map_while(|ramp| self.attempt(samples, ramp));
-                tried.min_by(|a, b| a.slower.total_cmp(&b.slower))
-            };
+            let of = |&samples: &usize| self.attempt(samples, &back_off(if jerks { samples } else { 1 }));
             let found: Vec<Option<Choice>> = parallel::map(some.len(), |i| of(&some[i]));
             let misses = found.iter().all(Option::is_none);
             for choice in found.into_iter().flatten() {
@@ -480,7 +485,7 @@ impl<const N: usize, F: Fn(&[[f64; N]]) -> bool + std::marker::Sync> Search<'_, 
                 let mut near: Vec<(usize, usize)> = Vec::new();
                 near.extend(longer(best.samples, p).into_iter().flatten().map(|p| (p, best.ramp)));
                 near.extend(longer(best.ramp, r).into_iter().flatten().map(|r| (best.samples, r)));
-                let found: Vec<Option<Choice>> = parallel::map(near.len(), |i| self.attempt(near[i].0, near[i].1));
+                let found: Vec<Option<Choice>> = parallel::map(near.len(), |i| self.attempt(near[i].0, &[near[i].1]));
                 let next = found.into_iter().flatten().min_by(|a, b| a.slower.total_cmp(&b.slower));
                 // Gains of a thousandth are not worth a step.
                 match next.filter(|n| n.slower < 0.999 * best.slower) {

@@ -1,9 +1,6 @@
 //! Properties of the drawing and of the report, on made-up jobs.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::time::Instant;
-
-use proptest::prelude::*;
 
 use super::layout::{LIMIT, within};
 use super::outline::{Grid, area2, simplify, trace};
@@ -12,6 +9,7 @@ use super::{layout_svg, report_html};
 use crate::block_map::BlockMap;
 use crate::geom::{Box2, FieldPoint, Nm, P2};
 use crate::machine::Origin;
+use crate::random::Random;
 
 fn map(columns: u32, labels: &[u32]) -> BlockMap {
     let rows = labels.len() as u32 / columns;
@@ -41,22 +39,29 @@ fn check_outlines(map: &BlockMap, blocks: usize) {
     assert_eq!(area, cells);
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
-
-    #[test]
-    fn traced_area_is_the_area_of_the_cells(columns in 1u32..12, labels in prop::collection::vec(0u32..5, 12..120)) {
+#[test]
+fn traced_area_is_the_area_of_the_cells() {
+    for seed in 0..200 {
+        // Shown where the check fails.
+        eprintln!("seed {seed}");
+        let mut noise = Random::case(seed);
+        let columns = noise.between(1, 11) as u32;
+        let labels: Vec<u32> = (0..noise.between(12, 119)).map(|_| noise.below(5) as u32).collect();
         let whole = labels.len() / columns as usize * columns as usize;
         check_outlines(&map(columns, &labels[..whole]), 3);
     }
+}
 
-    /// What two neighbours draw along their border is the same: each edge inside the map is drawn
-    /// once forth and once back. Blocks are the cells nearest to random sites.
-    #[test]
-    fn neighbours_share_the_simplified_border(
-        sites in prop::collection::vec((0i32..64, 0i32..64), 3..14),
-        tolerance in 0.3..1.0f64,
-    ) {
+/// What two neighbours draw along their border is the same: each edge inside the map is drawn
+/// once forth and once back. Blocks are the cells nearest to random sites.
+#[test]
+fn neighbours_share_the_simplified_border() {
+    let mut tried = 0;
+    for seed in 0..250 {
+        let mut noise = Random::case(seed);
+        let sites: Vec<(i32, i32)> =
+            (0..noise.between(3, 13)).map(|_| (noise.below(64) as i32, noise.below(64) as i32)).collect();
+        let tolerance = noise.range(0.3, 1.0);
         let nearest = |x: i32, y: i32| {
             let site = (0..sites.len()).min_by_key(|&k| (sites[k].0 - x).pow(2) + (sites[k].1 - y).pow(2));
             site.expect("a site") as u32 + 1
@@ -64,23 +69,28 @@ proptest! {
         let labels: Vec<u32> = (0..64 * 64).map(|i| nearest(i % 64, i / 64)).collect();
         let outlines = trace(&Grid::of(&map(64, &labels), sites.len()));
         let mut edges: BTreeMap<([i32; 2], [i32; 2]), i32> = BTreeMap::new();
-        let mut points = Vec::new();
+        let (mut points, mut has_sliver) = (Vec::new(), false);
         for ring in &outlines.rings {
             let corners = outlines.corners_of(ring);
             simplify(corners, tolerance, &mut points);
-            // A sliver that keeps its corners has a border of its own.
-            prop_assume!(!points.iter().copied().eq(corners.iter().map(|c| c.at.map(|v| 2 * v))));
+            has_sliver |= points.iter().copied().eq(corners.iter().map(|c| c.at.map(|v| 2 * v)));
             for (a, b) in points.iter().zip(points.iter().cycle().skip(1)) {
                 *edges.entry((*a.min(b), *a.max(b))).or_default() += if a < b { 1 } else { -1 };
             }
         }
+        // A sliver that keeps its corners has a border of its own.
+        if has_sliver {
+            continue;
+        }
+        tried += 1;
         // The rim of the map has a block on one side only; in half cells it is at 2 and 130, and a
         // border may cut its corners by a cell.
         let on_rim = |a: &[i32; 2], b: &[i32; 2]| (0..2).any(|k| a[k].max(b[k]) <= 4 || a[k].min(b[k]) >= 128);
         for ((a, b), n) in &edges {
-            prop_assert!(*n == 0 || on_rim(a, b), "the edge from {a:?} to {b:?} is drawn by one side only");
+            assert!(*n == 0 || on_rim(a, b), "seed {seed}: the edge from {a:?} to {b:?} is drawn by one side only");
         }
     }
+    assert!(tried >= 200, "{tried} maps without slivers");
 }
 
 #[test]
@@ -158,9 +168,7 @@ fn the_dome_of_3500_blocks_fits_the_budget_and_shows_every_block() {
     let sample = Sample::dome().with_sliver();
     let blocks = sample.checked.program().blocks.len();
     assert!((3_400..3_700).contains(&blocks), "{blocks} blocks");
-    let start = Instant::now();
     let svg = layout_svg(&sample.layout());
-    eprintln!("{blocks} blocks: {} bytes of layout in {:?}", svg.len(), start.elapsed());
     assert!(svg.len() < LIMIT.min(900 * blocks), "{} bytes", svg.len());
     let ids = ids(&svg);
     assert!((0..blocks).all(|i| ids.contains(&format!("block-B{:04}", i + 1))));
@@ -253,7 +261,7 @@ fn empty_program_and_random_map_are_drawn() {
 
 #[test]
 fn a_drawing_too_large_is_simplified_until_it_fits() {
-    let sample = Sample::dome();
+    let sample = Sample::of("dome", [180.0, 180.0], 0.07, Nm(250_000), |x, y| -(x * x + y * y) / 10_000.0);
     let whole = layout_svg(&sample.layout()).len();
     let mut last = whole;
     for limit in [whole - 1, whole * 6 / 10] {
@@ -271,7 +279,7 @@ fn a_drawing_too_large_is_simplified_until_it_fits() {
 fn size_of_the_drawing_is_bounded_for_single_cell_blocks() {
     let mut sample = Sample::of("specks", [100.0, 100.0], 0.07, Nm(250_000), |x, y| x * 0.04 + y * 0.03);
     let blocks = sample.checked.program().blocks.len() as u32;
-    let mut random = crate::random::Random::new(1);
+    let mut random = Random::new(1);
     for label in sample.map.labels_mut() {
         *label = random.below(blocks as usize) as u32 + 1;
     }

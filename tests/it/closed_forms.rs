@@ -8,19 +8,19 @@ use crate::support::{JobText, ONE_FILE, assert_balance, compile, folder, manifes
 fn flat_plate_has_one_block_per_field() {
     let dir = folder();
     let stl = dir.path().join("plate.stl");
-    write_stl(&stl, &mesh(20, [0.0, 0.0, 450.0, 450.0], |_, _| 3.0));
+    write_stl(&stl, &mesh(20, [0.0, 0.0, 330.0, 250.0], |_, _| 3.0));
     for method in ["contour", "z-range", "auto"] {
         let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"5 mm\"").method(method);
         let out = dir.path().join(format!("{method}.job"));
         let summary = compile(&job.write(dir.path(), "plate.toml"), &out);
-        assert_eq!((summary["stops"].as_u64(), summary["sub_blocks"].as_u64()), (Some(144), Some(144)), "{method}");
+        assert_eq!((summary["stops"].as_u64(), summary["sub_blocks"].as_u64()), (Some(63), Some(63)), "{method}");
         assert_balance(&summary, &verify(&out));
     }
-    // 400 mm are ten fields of 40 mm, not eleven.
+    // 240 mm are six fields of 40 mm, not seven.
     let job = JobText::on(&stl)
-        .texture("pattern = \"hatch\"\npitch = \"5 mm\"\narea = [\"0 mm\", \"0 mm\", \"400 mm\", \"400 mm\"]");
+        .texture("pattern = \"hatch\"\npitch = \"5 mm\"\narea = [\"0 mm\", \"0 mm\", \"240 mm\", \"240 mm\"]");
     let summary = compile(&job.write(dir.path(), "plate.toml"), &dir.path().join("b.job"));
-    assert_eq!(summary["stops"], 100);
+    assert_eq!(summary["stops"], 36);
 }
 
 #[test]

@@ -9,8 +9,13 @@ use serde_json::Value;
 
 /// A bulge of a millimetre under hatch and squares.
 fn job(dir: &Path) -> PathBuf {
+    job_of(dir, [60.0, 50.0])
+}
+
+/// Some of it.
+fn job_of(dir: &Path, [w, h]: [f64; 2]) -> PathBuf {
     let stl = dir.join("bulge.stl");
-    write_stl(&stl, &mesh(30, [0.0, 0.0, 60.0, 50.0], |x, y| (x / 20.0).sin() * (y / 17.0).cos()));
+    write_stl(&stl, &mesh(30, [0.0, 0.0, w, h], |x, y| (x / 20.0).sin() * (y / 17.0).cos()));
     JobText::on(&stl)
         .texture("pattern = \"hatch\"\npitch = \"10 mm\"")
         .texture("pattern = \"squares\"\npitch = \"20 mm\"\ncell = \"8 mm\"")
@@ -158,7 +163,7 @@ fn a_drawing_on_450_mm_of_a_hood_is_marked_in_every_way() {
 #[test]
 fn compare_writes_tables_and_charts_to_a_folder_whatever_the_threads() {
     let dir = folder();
-    let job = job(dir.path());
+    let job = job_of(dir.path(), [24.0, 20.0]);
     let out = dir.path().join("out");
     let args = ["--systems", "flat,contour,sync,7-axis", "-o", out.to_str().expect("UTF-8")];
     compared(&args, &job);

@@ -177,7 +177,7 @@ fn rough(dir: &Path, noise: f64) -> JobText {
     }
     std::fs::write(dir.join("rough.png"), height_map(N as usize, &samples)).expect("a writable folder");
     let mut job =
-        JobText::on(Path::new("rough.png")).texture("pattern = \"hatch\"\npitch = \"0.1 mm\"").method("z-range");
+        JobText::on(Path::new("rough.png")).texture("pattern = \"hatch\"\npitch = \"0.2 mm\"").method("z-range");
     job.surface =
         format!("file = \"rough.png\"\n[surface.heightmap]\npixel = \"0.05 mm\"\nz = [\"{lo} mm\", \"{hi} mm\"]");
     job

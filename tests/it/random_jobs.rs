@@ -335,11 +335,11 @@ fn random_jobs_for_tilt_tables_verify_or_are_refused() {
     // its stroke has a point at a step that it runs over. 5460: lines shorter than welding tells end at a step.
     // 5156, 6844, 7424: a mark along a rim, under which another sheet lies beyond its block's heights. 6062: the rim of a
     // wall, which leaves a mark's place on its stroke unknown.
-    trials((0..16).chain([422, 512, 1527, 3916, 5156, 5460, 6062, 6844, 7424]), Table::Tilting);
+    trials((0..8).chain([422, 512, 1527, 3916, 5156, 5460, 6062, 6844, 7424]), Table::Tilting);
 }
 
 #[test]
 #[ignore = "slow: make test-all"]
 fn random_jobs_for_tilt_tables_verify_or_are_refused_at_length() {
-    trials(seeds(16..2_040), Table::Tilting);
+    trials(seeds(8..2_040), Table::Tilting);
 }

@@ -10,16 +10,16 @@ use serde_json::Value;
 const HOLES: &str = "registration = [[\"12 mm\", \"30 mm\"], [\"300 mm\", \"30 mm\"], [\"600 mm\", \"30 mm\"], \
     [\"888 mm\", \"30 mm\"], [\"12 mm\", \"470 mm\"], [\"300 mm\", \"470 mm\"], [\"600 mm\", \"470 mm\"], [\"888 mm\", \"470 mm\"]]\n";
 
-const FORMATS: &str = "[emit]\nformats = [\"dxf\", \"linuxcnc\", \"gcode\"]\n";
+const FORMATS: &str = "[emit]\nformats = [\"csv\", \"linuxcnc\", \"gcode\"]\n";
 
 /// A hatch on a gentle dome of 900 x 500 mm; the stage travels 500 mm in x and y.
 fn job(dir: &Path, method: &'static str, more: &str) -> PathBuf {
     let stl = dir.join("dome.stl");
     if !stl.exists() {
-        let dome = |x: f64, y: f64| 0.5 - ((x - 450.0) / 900.0).powi(2) - ((y - 250.0) / 500.0).powi(2);
+        let dome = |x: f64, y: f64| 0.2 - 0.4 * ((x - 450.0) / 900.0).powi(2) - 0.4 * ((y - 250.0) / 500.0).powi(2);
         write_stl(&stl, &mesh(40, [0.0, 0.0, 900.0, 500.0], dome));
     }
-    let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"9 mm\"").method(method);
+    let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"19 mm\"").method(method);
     job.more = format!("{more}\n{FORMATS}");
     job.write(dir, "job.toml")
 }

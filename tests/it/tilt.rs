@@ -110,7 +110,7 @@ fn jobs_for_every_kind_of_tilt_table_verify() {
     let stl = dir.path().join("dome.stl");
     write_stl(&stl, &mesh(50, [0.0, 0.0, 140.0, 120.0], |x, y| dome(3.0 * x, 3.0 * y)));
     let job = |machine: String| {
-        let mut job = tilted(&stl, "pattern = \"hatch\"\npitch = \"3 mm\"\ndirection = \"20 deg\"");
+        let mut job = tilted(&stl, "pattern = \"hatch\"\npitch = \"7 mm\"\ndirection = \"20 deg\"");
         job.machine = machine;
         job
     };
@@ -222,14 +222,14 @@ fn auto_chooses_tilt_where_it_is_fastest_for_any_number_of_threads() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");
     write_stl(&stl, &mesh(50, [0.0, 0.0, 140.0, 120.0], |x, y| dome(3.0 * x, 3.0 * y)));
-    let job = tilted(&stl, "pattern = \"hatch\"\npitch = \"0.5 mm\"").method("auto");
+    let job = tilted(&stl, "pattern = \"hatch\"\npitch = \"2 mm\"").method("auto");
     let summary = proved(&job, dir.path());
     let time = |c: &Value| number(&c["time_s"], "total");
     let candidates = summary["candidates"].as_array().expect("candidates");
     let least = candidates.iter().map(time).fold(f64::INFINITY, f64::min);
     assert!(candidates.iter().any(|c| c["method"] == "tilt"), "{summary}");
     assert_eq!(time(&summary), least);
-    let file = tilted(&stl, "pattern = \"hatch\"\npitch = \"0.5 mm\"").write(dir.path(), "threads.toml");
+    let file = tilted(&stl, "pattern = \"hatch\"\npitch = \"2 mm\"").write(dir.path(), "threads.toml");
     crate::support::same_on_any_threads(&file, dir.path());
 }
 

@@ -49,6 +49,8 @@ pub(super) struct Made {
     pub(super) summary: Value,
     /// Facets, corners in mm.
     pub(super) facets: Vec<[[f64; 3]; 3]>,
+    /// Mean and least cosine of the incidence under the marks of a block.
+    pub(super) cosines: fn(&MadeBlock) -> [f64; 2],
 }
 
 pub(super) fn p(x: f64, y: f64) -> P2 {
@@ -96,6 +98,8 @@ impl Made {
             blocks,
             summary: json!({}),
             facets: ramp(),
+            // The ramp rises by 1 in 50 under every mark.
+            cosines: |_| [1.0 / 0.02f64.hypot(1.0); 2],
         };
         made.renew();
         made
@@ -196,11 +200,10 @@ impl Made {
                 .into();
         files.extend((0..program.blocks.len()).map(|i| format!("blocks/{}.dxf", BlockId::new(i))));
         let block_s = super::times(&program, &self.facts.machine).1;
-        // The ramp rises by 1 in 50 under every mark.
-        let cos = 1.0 / 0.02f64.hypot(1.0);
-        let [incidence, stretch, dose] = [cos.acos().to_degrees(), 1.0 / cos, cos].map(|v| [v; 2]);
         let blocks: Vec<Value> = self.blocks.iter().zip(&program.blocks).enumerate().map(|(i, (m, b))| {
             let id = BlockId::new(i).to_string();
+            let dose = (self.cosines)(m);
+            let (incidence, stretch) = (dose.map(|cos| cos.acos().to_degrees()), dose.map(|cos| 1.0 / cos));
             json!({
                 "id": id, "pass": b.pass.number(), "setup": b.setup.number(), "section": b.stop.section.0, "level": b.stop.level, "centre_mm": b.stop.centre.mm(),
                 "tilt_deg": b.stop.tilt.deg(),

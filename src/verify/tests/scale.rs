@@ -1,6 +1,4 @@
-//! A measurement at the size of a real job; run it with `--ignored --nocapture`.
-
-use std::time::Instant;
+//! A job of the size of a real one.
 
 use serde_json::json;
 
@@ -12,18 +10,24 @@ use crate::program::{PenId, SectionId, Stop, StrokeId};
 /// Pieces of this length, nm: about 690,000 on the whole part.
 const PIECE: i64 = 2_930_000;
 
+/// Side of a cell of the dome, mm.
+const CELL: f64 = 0.45;
+
+/// A corner of the cells, mm.
+fn at(i: usize, j: usize) -> [f64; 3] {
+    let (x, y) = (CELL * i as f64, CELL * j as f64);
+    [x, y, 40.0 - ((x - 225.0).powi(2) + (y - 225.0).powi(2)) / 2531.25]
+}
+
 /// A dome of 2 M facets over 450 x 450 mm, hatched at 0.1 mm, in 144 blocks.
 fn dome() -> Made {
     let mut made = Made::new();
     let cells = 1000;
-    let at = |i: usize, j: usize| {
-        let (x, y) = (0.45 * i as f64, 0.45 * j as f64);
-        [x, y, 40.0 - ((x - 225.0).powi(2) + (y - 225.0).powi(2)) / 2531.25]
-    };
     let quads = (0..cells).flat_map(|i| (0..cells).map(move |j| (i, j)));
     made.facets = quads
         .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
         .collect();
+    made.cosines = cosines;
     (made.facts.pdof, made.facts.depth_range) = (Nm(90_000_000), Nm(90_000_000));
     made.origin = Origin([-225 * MM, -225 * MM, 0]);
     made.strokes = (0..4500)
@@ -68,17 +72,38 @@ fn block(column: u32, row: u32) -> MadeBlock {
     MadeBlock { pass: 0, stop, z: [Nm(-41 * MM), Nm(41 * MM)], retract: false, marks: marks.collect() }
 }
 
+/// Mean and least cosine of the incidence under marks along x, cell by cell: both facets of a cell lie under a line.
+fn cosines(block: &MadeBlock) -> [f64; 2] {
+    let (mut sum, mut length, mut least) = (0.0, 0.0, f64::INFINITY);
+    for [a, b] in block.marks.iter().map(|m| [m.points[0].mm(), m.points[1].mm()]) {
+        let j = (a[1] / CELL) as usize;
+        let up = a[1] / CELL - j as f64;
+        for i in (a[0] / CELL) as usize..=(b[0] / CELL) as usize {
+            let [h00, h10, h01, h11] =
+                [at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)].map(|corner| corner[2] / CELL);
+            // The upper facet lies on the left of the cell's diagonal, the lower one on its right.
+            let x = CELL * i as f64;
+            let facets =
+                [([x, x + CELL * up], [h11 - h01, h01 - h00]), ([x + CELL * up, x + CELL], [h10 - h00, h11 - h10])];
+            for ([from, to], [dx, dy]) in facets {
+                let under = to.min(b[0]) - from.max(a[0]);
+                if under > 1e-9 {
+                    let cos = 1.0 / (1.0 + dx * dx + dy * dy).sqrt();
+                    (sum, length, least) = (sum + under * cos, length + under, cos.min(least));
+                }
+            }
+        }
+    }
+    [sum / length, least]
+}
+
 #[test]
-#[ignore = "slow, a measurement: make test-all"]
-fn job_of_two_million_facets_verifies_in_seconds() {
+#[ignore = "slow: make test-all"]
+fn job_of_two_million_facets_verifies() {
     let made = dome();
     let dir = tempfile::tempdir().expect("folder");
     let folder = dir.path().join("made.job");
     made.write(&folder);
-    let start = Instant::now();
     let proof = made.verify(&folder);
-    let seconds = start.elapsed().as_secs_f64();
-    eprintln!("{}verified in {seconds:.2} s, facets in memory", proof.to_text());
-    assert!(proof.ok);
-    assert!(seconds < 10.0);
+    assert!(proof.ok, "{}", proof.to_text());
 }
