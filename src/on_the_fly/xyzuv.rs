@@ -200,28 +200,36 @@ pub fn quickest(
     // Turns are tried on the middle of the path, in steps as fine as it needs without them.
     let step_s = best.sync.step_s / best.sync.slower;
     let piece = path.middle(TRIED as f64 * step_s / best.schedule.total_s());
-    let time = |turn: Turnaround| {
+    // What takes longer than the best that will be tried on the whole path is not looked for to its end.
+    let time = |turn: Turnaround, tried: &[(f64, Turnaround)]| {
         let (path, schedule) = turned(&piece, turn);
-        total(&schedule, &decomposed(&path, &schedule, machine, allowed, step_s))
+        let mut times: Vec<f64> = tried.iter().map(|t| t.0).collect();
+        times.sort_by(f64::total_cmp);
+        let useless = times.get(SERIOUS - 1).map_or(f64::INFINITY, |worst| worst / schedule.total_s());
+        if useless <= 1.0 {
+            return f64::INFINITY;
+        }
+        total(&schedule, &decomposed(&path, &schedule, machine, allowed, step_s, useless))
     };
     // The scanner's own delays must fit into a run.
     let least = machine.delays.jump.as_s().max(machine.delays.mark.as_s()).max(SHORTEST);
     let times = || std::iter::successors(Some(least), |t| Some(4.0 * t)).take_while(|&t| t <= LONGEST);
     let mut tried: Vec<(f64, Turnaround)> = Vec::new();
-    tried.extend(
-        times().map(Turnaround::Skywriting).chain(times().map(Turnaround::Dwell)).map(|turn| (time(turn), turn)),
-    );
+    for turn in times().map(Turnaround::Skywriting).chain(times().map(Turnaround::Dwell)) {
+        tried.push((time(turn, &tried), turn));
+    }
     for share in [2.0, 1.4] {
         let Some(&(_, middle)) = tried.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-        let near = [1.0 / share, share].map(|by| middle.times(by)).into_iter().filter(|t| t.s() >= least);
-        tried.extend(near.map(|turn| (time(turn), turn)).collect::<Vec<_>>());
+        for turn in [1.0 / share, share].map(|by| middle.times(by)).into_iter().filter(|t| t.s() >= least) {
+            tried.push((time(turn, &tried), turn));
+        }
     }
     tried.sort_by(|a, b| a.0.total_cmp(&b.0));
     // What is best there may not be possible everywhere.
     let before = total(&best.schedule, &best.sync);
     for (_, turn) in tried.into_iter().filter(|t| t.0.is_finite()).take(SERIOUS) {
         let (path, schedule) = turned(path, turn);
-        let sync = decomposed(&path, &schedule, machine, allowed, step_s);
+        let sync = decomposed(&path, &schedule, machine, allowed, step_s, f64::INFINITY);
         if total(&schedule, &sync) < before {
             best = Timed { turn, path, schedule, sync };
             break;
@@ -253,12 +261,12 @@ pub fn synchronise(
     step_s: f64,
 ) -> Decomposition {
     const ENOUGH: usize = 7;
-    let mut best = decomposed(path, schedule, machine, allowed, step_s);
+    let mut best = decomposed(path, schedule, machine, allowed, step_s, f64::INFINITY);
     for finer in FINER {
         if best.fits && (best.samples[1] >= ENOUGH || best.slower <= 1.0 || !best.z_is_slowest) {
             break;
         }
-        let next = decomposed(path, schedule, machine, allowed, step_s / finer);
+        let next = decomposed(path, schedule, machine, allowed, step_s / finer, f64::INFINITY);
         if next.fits && (!best.fits || next.slower < best.slower) {
             best = next;
         }
@@ -266,13 +274,15 @@ pub fn synchronise(
     best
 }
 
-/// Shares a scheduled path out, in even steps of `step_s` or a little less.
+/// Shares a scheduled path out, in even steps of `step_s` or a little less; does not fit where it runs `useless` times
+/// slower or more.
 fn decomposed(
     path: &Path,
     schedule: &Schedule,
     machine: &Machine,
     allowed: ScannerLimits,
     step_s: f64,
+    useless: f64,
 ) -> Decomposition {
     let limits = Peaks::limits(machine);
     let even = schedule.samples(path, step_s);
@@ -307,6 +317,9 @@ fn decomposed(
         let fits = |made: &[[f64; 2]]| inside(made, &plan, 1);
         let search = Search { path: &plan, step_s: even.step_s, limits: limits_xy, enough: coarse, fits };
         xy = search.polished(xy);
+    }
+    if xy.slower >= useless {
+        return Decomposition { slower: xy.slower, ..Decomposition::default() };
     }
 
     let height: Vec<[f64; 1]> = even.at.iter().map(|p| [p[2]]).collect();

@@ -4,18 +4,19 @@ use super::{at_or_end, peak, rest};
 
 /// Mean over `samples` around each sample, ends repeated.
 pub(super) fn moving_average<const N: usize>(path: &[[f64; N]], samples: usize) -> Vec<[f64; N]> {
+    let half = samples / 2;
+    let (Some(&first), Some(&last)) = (path.first(), path.last()) else { return Vec::new() };
+    let ends = |end, by| std::iter::repeat_n(end, by);
+    let held: Vec<[f64; N]> = ends(first, half).chain(path.iter().copied()).chain(ends(last, half + 1)).collect();
     // Invariant: before sample i the sums are those of the samples i - half to i + half.
-    let half = (samples / 2) as isize;
-    let count = (2 * half + 1) as f64;
+    let window = 2 * half + 1;
     let mut sums = [Sum::default(); N];
-    for i in -half..=half {
-        let x = at_or_end(path, i);
+    for x in &held[..window] {
         (0..N).for_each(|k| sums[k].add(x[k]));
     }
     let mut out = Vec::with_capacity(path.len());
-    for i in 0..path.len() as isize {
-        out.push(std::array::from_fn(|k| sums[k].value() / count));
-        let (comes, goes) = (at_or_end(path, i + half + 1), at_or_end(path, i - half));
+    for (goes, comes) in held.iter().zip(&held[window..]) {
+        out.push(std::array::from_fn(|k| sums[k].value() / window as f64));
         for k in 0..N {
             sums[k].add(comes[k]);
             sums[k].add(-goes[k]);
