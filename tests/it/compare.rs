@@ -9,7 +9,7 @@ use serde_json::Value;
 
 /// A bulge of a millimetre under hatch and squares.
 fn job(dir: &Path) -> PathBuf {
-    job_of(dir, [60.0, 50.0])
+    job_of(dir, [48.0, 42.0])
 }
 
 /// Some of it.

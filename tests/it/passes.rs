@@ -12,7 +12,7 @@ const PASSES: &str = "[passes]\ncount = 3\nrotate = \"67 deg\"\nlower = \"8 um\"
 fn job(dir: &Path, method: &'static str, direction: &str, passes: &str) -> PathBuf {
     let stl = dir.join("dome.stl");
     if !stl.exists() {
-        write_stl(&stl, &mesh(120, [100.0, 60.0, 220.0, 160.0], dome));
+        write_stl(&stl, &mesh(90, [100.0, 60.0, 190.0, 150.0], dome));
     }
     let hatch = format!("pattern = \"hatch\"\npitch = \"1.1 mm\"\ndirection = \"{direction}\"");
     let mut job = JobText::on(&stl).texture(&hatch).method(method);
@@ -153,7 +153,7 @@ fn impossible_passes_are_refused_with_place_and_hint() {
 fn rotated_passes_with_tilt_verify() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");
-    write_stl(&stl, &mesh(120, [100.0, 60.0, 220.0, 160.0], dome));
+    write_stl(&stl, &mesh(90, [100.0, 60.0, 190.0, 150.0], dome));
     let run = |method, passes: &str| {
         let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.7 mm\"").method(method);
         job.machine = "profile = \"xyz-tilt-galvo-40\"".into();

@@ -3,24 +3,27 @@
 use std::path::{Path, PathBuf};
 
 use crate::support::surfaces::{mesh, write_stl};
-use crate::support::{JobText, assert_balance, compile, folder, manifest, number, verify};
+use crate::support::{JobText, assert_balance, compile, folder, machine_file, manifest, number, verify};
 use serde_json::Value;
 
-/// Tooling holes along two edges of the part, every 300 mm.
-const HOLES: &str = "registration = [[\"12 mm\", \"30 mm\"], [\"300 mm\", \"30 mm\"], [\"600 mm\", \"30 mm\"], \
-    [\"888 mm\", \"30 mm\"], [\"12 mm\", \"470 mm\"], [\"300 mm\", \"470 mm\"], [\"600 mm\", \"470 mm\"], [\"888 mm\", \"470 mm\"]]\n";
+/// Tooling holes along two edges of the part, every 75 mm.
+const HOLES: &str = "registration = [[\"3 mm\", \"15 mm\"], [\"75 mm\", \"15 mm\"], [\"150 mm\", \"15 mm\"], \
+    [\"222 mm\", \"15 mm\"], [\"3 mm\", \"110 mm\"], [\"75 mm\", \"110 mm\"], [\"150 mm\", \"110 mm\"], [\"222 mm\", \"110 mm\"]]\n";
 
 const FORMATS: &str = "[emit]\nformats = [\"csv\", \"linuxcnc\", \"gcode\"]\n";
 
-/// A hatch on a gentle dome of 900 x 500 mm; the stage travels 500 mm in x and y.
+/// A hatch on a gentle dome of 225 x 125 mm; the stage travels 125 mm in x and y.
 fn job(dir: &Path, method: &'static str, more: &str) -> PathBuf {
     let stl = dir.join("dome.stl");
     if !stl.exists() {
-        let dome = |x: f64, y: f64| 0.2 - 0.4 * ((x - 450.0) / 900.0).powi(2) - 0.4 * ((y - 250.0) / 500.0).powi(2);
-        write_stl(&stl, &mesh(40, [0.0, 0.0, 900.0, 500.0], dome));
+        let dome = |x: f64, y: f64| 0.5 - ((x - 112.5) / 225.0).powi(2) - ((y - 62.5) / 125.0).powi(2);
+        write_stl(&stl, &mesh(40, [0.0, 0.0, 225.0, 125.0], dome));
     }
-    let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"19 mm\"").method(method);
+    let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"5 mm\"").method(method);
     job.more = format!("{more}\n{FORMATS}");
+    let text = machine_file("xyz-galvo-40").replace("250 mm", "62.5 mm").replace("\"40 mm\"", "\"25 mm\"");
+    std::fs::write(dir.join("machine.txt"), text).expect("a writable folder");
+    job.machine = "file = \"machine.txt\"".into();
     job.write(dir, "job.toml")
 }
 
@@ -65,7 +68,7 @@ fn part_beyond_the_travel_is_marked_in_set_ups_and_verifies() {
             for k in 0..2 {
                 let [at, o, c] = [&b["stage"][k], &origin[k], &b["centre_mm"][k]].map(|v| v.as_f64().expect("mm"));
                 // The table carries the part in x and y: commands count against it.
-                assert!((at + c + o).abs() < 1e-9 && at.abs() <= 250.0, "{b}");
+                assert!((at + c + o).abs() < 1e-9 && at.abs() <= 62.5, "{b}");
             }
         }
         for s in all {
@@ -75,7 +78,7 @@ fn part_beyond_the_travel_is_marked_in_set_ups_and_verifies() {
                 for k in 0..2 {
                     let [at, o, p] =
                         [&r["stage"][k], &s["origin_mm"][k], &r["point_mm"][k]].map(|v| v.as_f64().expect("mm"));
-                    assert!((at + p + o).abs() <= 1e-4 && at.abs() <= 250.0, "{r}");
+                    assert!((at + p + o).abs() <= 1e-4 && at.abs() <= 62.5, "{r}");
                 }
             }
         }
@@ -178,10 +181,10 @@ fn impossible_set_ups_are_refused_with_a_hint() {
     says("", "travel", "[setups] with columns = 2 and rows = 1");
     says(&setups("columns = 1\n"), "travel", "[setups] with columns = 2 and rows = 1");
     // Both points lie in the first set-up.
-    let near = "[setups]\nregistration = [[\"12 mm\", \"30 mm\"], [\"100 mm\", \"30 mm\"]]\n";
+    let near = "[setups]\nregistration = [[\"3 mm\", \"7 mm\"], [\"25 mm\", \"7 mm\"]]\n";
     says(near, "registration", "set-up 2 of 2 reaches 0 registration points");
-    says(near, "registration", "it reaches x 430 to 930 mm and y 10 to 510 mm");
-    says("[setups]\nregistration = [[\"12 mm\", \"30 mm\"]]\n", "setups-registration", "fewer than two points");
+    says(near, "registration", "it reaches x 100 to 225 mm and y 0 to 125 mm");
+    says("[setups]\nregistration = [[\"3 mm\", \"7 mm\"]]\n", "setups-registration", "fewer than two points");
     says("[setups]\nregistration = [[\"1 mm\", \"3 mm\"], [\"1 mm\", \"3 mm\"]]\n", "setups-registration", "the same");
     says("[setups]\nregistration = [[\"1 mm\", \"3 mm\"], [\"9 m\", \"3 mm\"]]\n", "length-far", "beyond 4 m");
     says("[setups]\ncolumns = 2\n", "toml", "registration");

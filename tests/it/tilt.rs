@@ -200,7 +200,7 @@ fn texture_occluded_by_a_boss_is_marked_untilted() {
     let dir = folder();
     let stl = dir.path().join("boss.stl");
     write_stl(&stl, &bosses(120));
-    let hatch = "pattern = \"hatch\"\npitch = \"0.2 mm\"";
+    let hatch = "pattern = \"hatch\"\npitch = \"0.5 mm\"";
     let tilt = proved(&tilted(&stl, hatch), dir.path());
     let upright = proved(&tilted(&stl, hatch).method("z-range"), dir.path());
     assert!(number(&tilt, "stops") < number(&upright, "stops"), "{tilt} {upright}");
@@ -221,7 +221,7 @@ fn figures_that_lie_across_shaded_blocks_are_marked_in_full() {
 fn auto_chooses_tilt_where_it_is_fastest_for_any_number_of_threads() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");
-    write_stl(&stl, &mesh(50, [0.0, 0.0, 140.0, 120.0], |x, y| dome(3.0 * x, 3.0 * y)));
+    write_stl(&stl, &mesh(50, [0.0, 0.0, 100.0, 80.0], |x, y| dome(4.0 * x, 4.0 * y)));
     let job = tilted(&stl, "pattern = \"hatch\"\npitch = \"2 mm\"").method("auto");
     let summary = proved(&job, dir.path());
     let time = |c: &Value| number(&c["time_s"], "total");

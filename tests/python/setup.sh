@@ -28,7 +28,7 @@ if ! python3 -c 'import ensurepip, venv' 2>/dev/null; then
     fi
 fi
 if ! cmp -s "$here/requirements.txt" "$stamp"; then
-    if python3 -m venv "$venv" && "$venv/bin/pip" install --quiet --disable-pip-version-check -r "$here/requirements.txt"; then
+    if python3 -m venv "$venv" && "$venv/bin/pip" install --quiet --no-compile --disable-pip-version-check -r "$here/requirements.txt"; then
         cp "$here/requirements.txt" "$stamp"
     else
         complain "the Python packages of tests/python/requirements.txt (needs python3-venv and PyPI)"

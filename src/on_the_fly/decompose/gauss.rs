@@ -30,17 +30,21 @@ pub(super) fn lengthened<const N: usize>(
 /// Sums under weights that are the same to both sides, of a path lengthened by as many samples as there are weights
 /// next to the middle one.
 pub(super) fn symmetric<const N: usize>(longer: &[[f64; N]], weights: &[f64]) -> Vec<[f64; N]> {
+    // Some sums at a time, since each has to wait for its last addition.
+    const SOME: usize = 8;
     let reach = weights.len() - 1;
-    longer
-        .windows(2 * reach + 1)
-        .map(|w| {
-            // Small weights first.
-            let mut sum = [0.0; N];
-            for (i, weight) in weights.iter().enumerate().skip(1).rev() {
-                let (left, right) = (&w[reach - i], &w[reach + i]);
-                (0..N).for_each(|k| sum[k] += weight * (left[k] + right[k]));
+    let mut out: Vec<[f64; N]> = vec![[0.0; N]; longer.len() - 2 * reach];
+    for (at, sums) in (0..).step_by(SOME).zip(out.chunks_mut(SOME)) {
+        // Small weights first.
+        for (i, weight) in weights.iter().enumerate().rev() {
+            for (j, sum) in sums.iter_mut().enumerate() {
+                let middle = at + j + reach;
+                let (left, right) = (&longer[middle - i], &longer[middle + i]);
+                for k in 0..N {
+                    sum[k] += weight * if i > 0 { left[k] + right[k] } else { left[k] };
+                }
             }
-            std::array::from_fn(|k| sum[k] + weights[0] * w[reach][k])
-        })
-        .collect()
+        }
+    }
+    out
 }
