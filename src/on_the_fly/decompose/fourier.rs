@@ -1,7 +1,16 @@
 //! The low-pass filter in waves.
 
-use rustfft::FftPlanner;
+use std::sync::Arc;
+
+use rustfft::algorithm::{BluesteinsAlgorithm, Radix4};
 use rustfft::num_complex::Complex;
+use rustfft::{Fft, FftDirection};
+
+/// A Fourier transform of any length. The planner of the library would be quicker for some lengths, and generates thirty
+/// times as much code.
+fn transform(len: usize, direction: FftDirection) -> BluesteinsAlgorithm<f64> {
+    BluesteinsAlgorithm::new(len, Arc::new(Radix4::new((2 * len).next_power_of_two(), direction)))
+}
 
 /// Takes away all waves shorter than `wavelength` samples.
 ///
@@ -10,8 +19,7 @@ use rustfft::num_complex::Complex;
 pub(super) fn low_pass<const N: usize>(path: &[[f64; N]], wavelength: f64) -> Vec<[f64; N]> {
     let last = path.len() - 1;
     let period = 2 * last;
-    let mut planner = FftPlanner::new();
-    let (there, back) = (planner.plan_fft_forward(period), planner.plan_fft_inverse(period));
+    let [there, back] = [FftDirection::Forward, FftDirection::Inverse].map(|direction| transform(period, direction));
     let mut allowed = vec![Complex::default(); there.get_inplace_scratch_len().max(back.get_inplace_scratch_len())];
     let mut waves = vec![Complex::default(); period];
     let mut out = path.to_vec();
