@@ -54,7 +54,7 @@ fn row(name: &str, job: &Path) {
     let json: serde_json::Value = serde_json::from_slice(&first).expect("JSON");
     let grids = json["convergence"].as_array().map(Vec::as_slice).unwrap_or_default();
     let off: Vec<String> =
-        grids.iter().filter_map(|g| g["beside_the_finest_percent"].as_f64()).map(|p| format!("{p:.2} %")).collect();
+        grids.iter().filter_map(|g| g["above_the_finest_percent"].as_f64()).map(|p| format!("{p:.2} %")).collect();
     assert!(first == again, "{name}: one and two threads must make the same figures");
     println!("{name:<34}{wall:>9.1}{cpu:>9.1}  {}", off.join(", "));
 }

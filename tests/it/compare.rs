@@ -115,7 +115,7 @@ fn holds(found: &Value) {
         assert!(number(s, "within_limits_percent") > 99.9, "{s}");
     }
     let grids = found["convergence"].as_array().expect("grids");
-    let off: Vec<f64> = grids.iter().map(|g| number(g, "beside_the_finest_percent")).collect();
+    let off: Vec<f64> = grids.iter().map(|g| number(g, "above_the_finest_percent")).collect();
     assert!(off.len() == 3 && off[0].abs() < 10.0 && off[1].abs() < 0.5 * off[0].abs(), "{off:?}");
     let filters = found["decompositions"].as_array().expect("decompositions");
     let (four, least) = filters.split_at(4);
