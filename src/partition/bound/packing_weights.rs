@@ -45,7 +45,10 @@ impl PackingWeights {
 
     fn entries(&self, piece: &Item, mut f: impl FnMut(&Entry) -> bool) {
         // Pieces that fit one box have lower corners no farther apart than its size, which no bin is narrower than.
-        for bin in self.grid.around(cell_of(&self.grid, piece.lo)).map(|bin| &self.bins[bin]) {
+        // Most often they lie in its own.
+        let own = cell_of(&self.grid, piece.lo);
+        let others = self.grid.around(own).filter(|&bin| bin != own);
+        for bin in std::iter::once(own).chain(others).map(|bin| &self.bins[bin]) {
             let first = bin.partition_point(|e| e.piece.lo[2] < piece.hi[2] - self.size[2]);
             let top = piece.lo[2] + self.size[2];
             for e in bin[first..].iter().take_while(|e| e.piece.lo[2] <= top) {
