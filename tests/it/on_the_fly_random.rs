@@ -148,12 +148,20 @@ fn check(seeds: impl IntoIterator<Item = u64>) {
 
 #[test]
 fn random_on_the_fly_jobs_verify_or_name_a_limit() {
-    // Of 1013 a mark of a stroke that runs back over itself ends where the stroke turns. Of 3030 a mark begins less than
-    // a nanometre before a vertex, of 3153 a border of facets lies as near to one. Of 3118 a mark along the border of the
-    // part begins at the corner of a facet that is too steep. Of 3027 beams lean by 60 degrees over facets that are not
-    // flat, of 3075 and 3090 the last beam of a mark passes by the edge at which it ends. Of 3111 and 3222 axes start so
-    // slowly that a mark stands still at first; of 3222 two marks over one line differ in what is left out beside them.
-    check([1013, 3027, 3030, 3075, 3090, 3111, 3118, 3153, 3222]);
+    // Of 1013 a mark of a stroke that runs back over itself ends where the stroke turns. Of 3027 beams lean by 60 degrees
+    // over facets that are not flat, of 3090 the last beam of a mark passes by the edge at which it ends. Of 3111 and 3222
+    // axes start so slowly that a mark stands still at first; of 3222 two marks over one line differ in what is left out
+    // beside them.
+    check([1013, 3027, 3090, 3111, 3222]);
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn more_random_on_the_fly_jobs_verify_or_name_a_limit() {
+    // Of 3030 a mark begins less than a nanometre before a vertex, of 3153 a border of facets lies as near to one. Of 3118
+    // a mark along the border of the part begins at the corner of a facet that is too steep. Of 3054 and 3075 beams lean
+    // as of 3027 and 3090.
+    check([3030, 3054, 3075, 3118, 3153]);
 }
 
 #[test]
