@@ -127,6 +127,26 @@ fn clone(job: &JobText) -> JobText {
     }
 }
 
+#[test]
+fn a_steeper_facet_beyond_a_cut_does_not_count_as_under_the_mark() {
+    // The first level ends exactly where the slope rises from 0.0035 to 0.25.
+    let dir = folder();
+    let stl = dir.path().join("bend.stl");
+    let strip = |[x0, z0]: [f64; 2], [x1, z1]: [f64; 2]| {
+        let [a, b, c, d] = [[x0, 0.0, z0], [x1, 0.0, z1], [x1, 30.0, z1], [x0, 30.0, z0]];
+        [[a, b, c], [a, c, d]]
+    };
+    write_stl(&stl, &[strip([0.0, 0.0], [20.0, 0.07]), strip([20.0, 0.07], [22.0, 0.57])].concat());
+    let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"5 mm\"");
+    let out = dir.path().join("bend.job");
+    assert_balance(&compile(&job.write(dir.path(), "bend.toml"), &out), &verify(&out));
+    let m = manifest(&out);
+    let blocks = m["blocks"].as_array().expect("blocks");
+    let low = blocks.iter().find(|b| number(b, "z_lo_mm") == 0.0).expect("the first level");
+    let worst = low["incidence_deg"][1].as_f64().expect("deg");
+    assert!((worst - 0.0035f64.atan().to_degrees()).abs() < 1e-3, "{worst}");
+}
+
 /// Writes a square 16-bit height map; row 0 of the file is the top.
 fn write_height_map(path: &std::path::Path, n: usize, pixel: f64, value: impl Fn(f64, f64) -> u16) {
     let places = (0..n).rev().flat_map(|j| (0..n).map(move |i| (i, j)));

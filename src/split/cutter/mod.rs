@@ -425,7 +425,10 @@ impl<'a> Cutter<'a> {
         let length = ends.map_or(drawn, |[a, b]| (b[0] - a[0]).hypot(b[1] - a[1]));
         open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
         open.cos_length += length / (1.0 + slope2).sqrt();
-        open.slope2 = open.slope2.max(slope2);
+        // A facet that the mark only touches where it is cut is not under it: the grid takes the piece away.
+        if length > 1.0 {
+            open.slope2 = open.slope2.max(slope2);
+        }
         // The mean of the ends times the length is the integral: the height is linear.
         open.z_length += (z[0] + z[1]) / 2.0 * length;
         open.length += length;
