@@ -57,6 +57,8 @@ struct Under {
     aside: ([f64; 2], f64),
     /// Square of the steepest slope under it.
     slope2: f64,
+    /// How far beside it the geometry was looked at, nm.
+    side: f64,
 }
 
 impl Turned {
@@ -103,7 +105,7 @@ impl Turned {
             let field = |p: FieldPoint| {
                 [(block.stop.centre.x + i64::from(p.x)) as f64, (block.stop.centre.y + i64::from(p.y)) as f64]
             };
-            let (mut unmatched, mut slope2) = (None, 0.0);
+            let (mut unmatched, mut slope2, mut side) = (None, 0.0, 0.0);
             // A mark along the top of a wall: the side on which it begins must be one from which it can go on, and what
             // lies there is at a height of the block. Where no side fits, the line itself tells.
             let all = self.sides();
@@ -115,7 +117,7 @@ impl Turned {
                     (sides, within) = ([0.0; 5], [f64::NEG_INFINITY, f64::INFINITY])
                 }
                 found.clear();
-                (unmatched, slope2) = (None, 0.0f64);
+                (unmatched, slope2, side) = (None, 0.0f64, 0.0f64);
                 let mut fits = true;
                 for w in points.windows(2) {
                     let line = Line::new(field(w[0]), field(w[1]));
@@ -133,7 +135,7 @@ impl Turned {
                         found.push(first);
                     }
                     found.push(last);
-                    slope2 = slope2.max(under.slope2);
+                    (slope2, side) = (slope2.max(under.slope2), side.max(under.side));
                     if under.aside.1 > self.beside(under.slope2) {
                         unmatched = Some(under.aside);
                     }
@@ -148,7 +150,9 @@ impl Turned {
             for (slot, p) in drawn.points[stroke.first as usize..].iter_mut().zip(&found) {
                 *slot = P2::new(p[0].round() as i64, p[1].round() as i64);
             }
-            drawn.off[number] = self.off(slope2);
+            // Beside the mark the part is higher or lower by its slope, and the point found lies as much aside along
+            // the beam.
+            drawn.off[number] = self.off(slope2) + self.turn.lean() * side * slope2.sqrt();
             source.checked += 1;
             if let Some((at, aside)) = unmatched {
                 let text =
@@ -220,7 +224,7 @@ impl Turned {
                 None => widest_gap = widest_gap.max(p.len()),
             });
             self.leave_out_other_sheets(line, after, pieces);
-            under = self.drawn_from(line, pieces);
+            under = Under { side: side.abs(), ..self.drawn_from(line, pieces) };
             let Some([first, _]) = under.ends else { continue };
             let beside = self.beside(under.slope2);
             let goes_on = after.is_none_or(|a| (a[0] - first[0]).hypot(a[1] - first[1]) <= beside);
@@ -295,6 +299,7 @@ impl Turned {
             ends: Some(chord),
             aside: farthest(chord, pieces.iter().flat_map(ends)),
             slope2: pieces.iter().map(|p| p.slope2).fold(0.0, f64::max),
+            side: 0.0,
         }
     }
 }
