@@ -200,16 +200,16 @@ pub fn quickest(
     // Turns are tried on the middle of the path, in steps as fine as it needs without them.
     let step_s = best.sync.step_s / best.sync.slower;
     let piece = path.middle(TRIED as f64 * step_s / best.schedule.total_s());
-    // What takes longer than the best that will be tried on the whole path is not looked for to its end.
+    // A turnaround that cannot be among the best few, which are tried on the whole path, is given up early.
     let time = |turn: Turnaround, tried: &[(f64, Turnaround)]| {
         let (path, schedule) = turned(&piece, turn);
         let mut times: Vec<f64> = tried.iter().map(|t| t.0).collect();
         times.sort_by(f64::total_cmp);
-        let useless = times.get(SERIOUS - 1).map_or(f64::INFINITY, |worst| worst / schedule.total_s());
-        if useless <= 1.0 {
+        let cutoff = times.get(SERIOUS - 1).map_or(f64::INFINITY, |worst| worst / schedule.total_s());
+        if cutoff <= 1.0 {
             return f64::INFINITY;
         }
-        total(&schedule, &decomposed(&path, &schedule, machine, allowed, step_s, useless))
+        total(&schedule, &decomposed(&path, &schedule, machine, allowed, step_s, cutoff))
     };
     // The scanner's own delays must fit into a run.
     let least = machine.delays.jump.as_s().max(machine.delays.mark.as_s()).max(SHORTEST);
@@ -274,15 +274,15 @@ pub fn synchronise(
     best
 }
 
-/// Shares a scheduled path out, in even steps of `step_s` or a little less; does not fit where it runs `useless` times
-/// slower or more.
+/// Shares a scheduled path out, in even steps of `step_s` or a little less. Gives up, and answers that nothing fits, if
+/// everything would have to run `cutoff` times slower or more.
 fn decomposed(
     path: &Path,
     schedule: &Schedule,
     machine: &Machine,
     allowed: ScannerLimits,
     step_s: f64,
-    useless: f64,
+    cutoff: f64,
 ) -> Decomposition {
     let limits = Peaks::limits(machine);
     let even = schedule.samples(path, step_s);
@@ -318,7 +318,7 @@ fn decomposed(
         let search = Search { path: &plan, step_s: even.step_s, limits: limits_xy, enough: coarse, fits };
         xy = search.polished(xy);
     }
-    if xy.slower >= useless {
+    if xy.slower >= cutoff {
         return Decomposition { slower: xy.slower, ..Decomposition::default() };
     }
 
@@ -446,7 +446,7 @@ struct Search<'a, const N: usize, F> {
 impl<const N: usize, F: Fn(&[[f64; N]]) -> bool + std::marker::Sync> Search<'_, N, F> {
     /// What comes of an average with ramps from short to long, up to the first that does not fit; the best of them.
     fn attempt(&self, samples: usize, ramps: &[usize]) -> Option<Choice> {
-        // Before and after that it rests.
+        // Before and after these samples the stage rests.
         let once = stage(&held(self.path, samples / 2), Method::MovingAverage { samples });
         let with = |&ramp: &usize| {
             let choice = Choice { samples, ramp, slower: f64::INFINITY };

@@ -286,8 +286,7 @@ fn mm(facets: &[Facet]) -> Vec<[[f64; 3]; 3]> {
 
 /// One random mesh and a few strokes on it; None where there is nothing to walk on.
 fn trial(seed: u64) -> Option<Result<(), String>> {
-    let mut noise = Random::new(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15));
-    (0..4).for_each(|_| _ = noise.next());
+    let mut noise = Random::case(seed);
     let facets = mesh(&mut noise);
     let surface = Surface::from_facets(mm(&facets), &mut Vec::new()).ok()?;
     let walked = walk_about(&mut noise, &facets, &surface);
@@ -330,7 +329,7 @@ fn walk_equals_brute_force_over_all_facets_at_length() {
 
 #[test]
 fn walk_on_a_height_map_equals_brute_force_over_its_facets() {
-    height_maps(1..500);
+    height_maps(0..500);
 }
 
 #[test]
@@ -342,7 +341,7 @@ fn walk_on_a_height_map_equals_brute_force_over_its_facets_at_length() {
 /// A height map is walked as its own facets are, holes included.
 fn height_maps(seeds: std::ops::Range<u64>) {
     for seed in seeds {
-        let mut noise = Random::new(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15));
+        let mut noise = Random::case(seed);
         let (columns, rows) = (2 + noise.below(9), 2 + noise.below(9));
         let holes = [0, 5, 40][noise.below(3)];
         let sample = |n: &mut Random| if n.chance(holes) { 0 } else { 1 + n.below(500) as u16 };

@@ -30,11 +30,11 @@ pub(super) fn lengthened<const N: usize>(
 /// Sums under weights that are the same to both sides, of a path lengthened by as many samples as there are weights
 /// next to the middle one.
 pub(super) fn symmetric<const N: usize>(longer: &[[f64; N]], weights: &[f64]) -> Vec<[f64; N]> {
-    // Some sums at a time, since each has to wait for its last addition.
-    const SOME: usize = 8;
+    // Several sums at a time: the additions of one depend on each other, those of different ones do not.
+    const TOGETHER: usize = 8;
     let reach = weights.len() - 1;
     let mut out: Vec<[f64; N]> = vec![[0.0; N]; longer.len() - 2 * reach];
-    for (at, sums) in (0..).step_by(SOME).zip(out.chunks_mut(SOME)) {
+    for (at, sums) in (0..).step_by(TOGETHER).zip(out.chunks_mut(TOGETHER)) {
         // Small weights first.
         for (i, weight) in weights.iter().enumerate().rev() {
             for (j, sum) in sums.iter_mut().enumerate() {

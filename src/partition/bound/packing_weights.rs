@@ -45,7 +45,7 @@ impl PackingWeights {
 
     fn entries(&self, piece: &Item, mut f: impl FnMut(&Entry) -> bool) {
         // Pieces that fit one box have lower corners no farther apart than its size, which no bin is narrower than.
-        // Most often they lie in its own.
+        // Its own bin comes first, since most of them lie there.
         let own = cell_of(&self.grid, piece.lo);
         let others = self.grid.around(own).filter(|&bin| bin != own);
         for bin in std::iter::once(own).chain(others).map(|bin| &self.bins[bin]) {

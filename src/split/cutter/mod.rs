@@ -425,7 +425,7 @@ impl<'a> Cutter<'a> {
         let length = ends.map_or(drawn, |[a, b]| (b[0] - a[0]).hypot(b[1] - a[1]));
         open.z = [open.z[0].min(z[0]).min(z[1]), open.z[1].max(z[0]).max(z[1])];
         open.cos_length += length / (1.0 + slope2).sqrt();
-        // A facet that the mark only touches where it is cut is not under it: the grid takes the piece away.
+        // A piece no longer than the grid is only rounding of a cut: the mark touches that facet but does not lie on it.
         if length > 1.0 {
             open.slope2 = open.slope2.max(slope2);
         }

@@ -8,9 +8,10 @@
 //! a time.
 
 use super::stretch::{Run, Stretch, confirmed, note, whole};
+use super::texture_stroke::TextureStroke;
 use super::turned::Drawn;
 use super::{Findings, part_place, part_place_nm};
-use crate::geom::{NM_PER_MM, P2, orient};
+use crate::geom::{NM_PER_MM, P2};
 use crate::program::{Block, PassId, PenId, Stroke};
 use crate::verify::Drawing;
 use crate::verify::geometry::{Geometry, Line, Piece, Scratch, Slope};
@@ -18,18 +19,11 @@ use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::{Lengths, Rule};
 use crate::verify::read::program::ProgramFile;
 
-/// A cut point is a point of the stroke rounded to the grid: it lies this near, nm.
-const ON_STROKE: f64 = 1.0;
-
 /// Shares and gaps up to this, nm, are noise of the lengths along a stroke.
 const NOISE: f64 = 0.5;
 
 /// By how much an overlap may be longer than declared, nm: both its ends are rounded.
 const ROUNDED: f64 = 2.0;
-
-/// A mark that is not where it claims to be is laid on its stroke if that is this near, nm, so that
-/// one fault is not reported as three.
-const NEAR: f64 = 10_000.0;
 
 /// At most this many unmatched marks are looked for: the search is slow, and one is enough to refuse.
 const UNMATCHED: usize = 1000;
@@ -71,8 +65,7 @@ pub(in crate::verify) fn check(
         once,
         coverage,
         scratch: Scratch::default(),
-        points: Vec::new(),
-        along: Vec::new(),
+        stroke: TextureStroke::default(),
         spans: Vec::new(),
         mark: Vec::new(),
         unmatched: Vec::new(),
@@ -130,9 +123,8 @@ struct Cover<'a> {
     once: &'a mut Rule,
     coverage: &'a mut Rule,
     scratch: Scratch,
-    /// The texture stroke at hand, and the length along it to each of its points.
-    points: Vec<P2>,
-    along: Vec<f64>,
+    /// The texture stroke at hand.
+    stroke: TextureStroke,
     spans: Vec<Span>,
     /// The mark at hand in drawing direction, part frame.
     mark: Vec<P2>,
@@ -163,25 +155,18 @@ impl Cover<'_> {
         let mut rest = &order[..beyond];
         for wanted in 0..self.drawing.len {
             let count = rest.iter().take_while(|&&i| source(i) == wanted).count();
-            self.stroke(wanted, &rest[..count]);
+            self.check_stroke(wanted, &rest[..count]);
             rest = &rest[count..];
         }
         self.report_missing();
         self.unmatched.clear();
     }
 
-    fn stroke(&mut self, number: usize, marks: &[u32]) {
-        let pen = (self.drawing.stroke)(number, &mut self.points);
-        if self.points.len() < 2 {
+    fn check_stroke(&mut self, number: usize, marks: &[u32]) {
+        let Some(pen) = self.stroke.place(self.drawing, number) else {
             return marks.iter().for_each(|&i| self.report_unmatched(i, "the texture has no points there"));
-        }
-        self.along.clear();
-        let mut sum = 0.0;
-        self.along.push(0.0);
-        for w in self.points.windows(2) {
-            sum += w[0].distance(w[1]);
-            self.along.push(sum);
-        }
+        };
+        let sum = self.stroke.len();
         let passes = self.file.program.pens.get(pen.index()).map_or(1.0, |p| f64::from(p.passes));
         self.out.lengths.texture_mm += sum * passes / NM_PER_MM;
         self.spans.clear();
@@ -238,8 +223,8 @@ impl Cover<'_> {
         let length: f64 = self.mark.windows(2).map(|w| w[0].distance(w[1])).sum();
         let segment = stroke.segment as usize;
         let fit = match self.off {
-            Some(off) => self.fit_turned(segment, off + ON_STROKE),
-            None => self.fit(segment).or_else(|why| self.fit_otherwise(segment).ok_or(why)),
+            Some(off) => self.stroke.fit_turned(&self.mark, segment, off),
+            None => self.stroke.fit(&self.mark, segment),
         };
         // On a tilted part lengths are those along the stroke.
         let length = fit.ok().filter(|_| self.off.is_some()).map_or(length, |[from, to]| to - from);
@@ -312,146 +297,10 @@ impl Cover<'_> {
         Some([*self.mark.first()?, *self.mark.last()?])
     }
 
-    /// Where the mark lies along the stroke, if it is the piece that begins on `segment`.
-    fn fit(&self, segment: usize) -> Result<[f64; 2], &'static str> {
-        // Between its cut points a mark has the very vertices of its stroke, one after another.
-        let inner = &self.mark[1..self.mark.len() - 1];
-        let last = segment.saturating_add(inner.len());
-        if last.saturating_add(1) >= self.points.len() {
-            return Err("the stroke has no such segment");
-        }
-        if self.points[segment + 1..=last] != *inner {
-            return Err("its inner points are not the stroke's");
-        }
-        let from = self.on_segment(segment, self.mark[0]).ok_or("it does not begin on that segment")?;
-        let to = self.on_segment(last, self.mark[self.mark.len() - 1]).ok_or("it does not end on its last segment")?;
-        if from < to { Ok([from, to]) } else { Err("it runs against the direction that it claims") }
-    }
-
-    /// As [`Cover::fit`] for a mark on a tilted part: all its points lie on the stroke one after another, every
-    /// vertex of the stroke among them, to `off` nm each.
-    fn fit_turned(&self, segment: usize, off: f64) -> Result<[f64; 2], &'static str> {
-        if segment + 1 >= self.points.len() {
-            return Err("the stroke has no such segment");
-        }
-        if self.is_closed_whole(segment, off) {
-            return Ok([0.0, self.along[self.points.len() - 1]]);
-        }
-        self.fit_turned_from(segment, off).or_else(|why| {
-            // A cut point may have been rounded onto the end of its segment.
-            let is_end = self.is_vertex(self.mark[0], segment + 1, off) && segment + 2 < self.points.len();
-            if is_end { self.fit_turned_from(segment + 1, off) } else { Err(why) }
-        })
-    }
-
-    /// Whether a point is vertex `k` of the stroke, to `off` nm.
-    fn is_vertex(&self, p: P2, k: usize, off: f64) -> bool {
-        self.points.get(k).is_some_and(|&v| v.distance(p) <= off)
-    }
-
-    /// As [`Cover::fit_turned`], for a mark that begins on segment `k`.
-    fn fit_turned_from(&self, mut k: usize, off: f64) -> Result<[f64; 2], &'static str> {
-        let from = self.beside(k, self.mark[0], off).ok_or("it does not begin on that segment")?;
-        let mut at = from;
-        for (i, &p) in self.mark.iter().enumerate().skip(1) {
-            let Some(to) = self.beside(k, p, off) else {
-                return Err("its points are not on the stroke");
-            };
-            if to < at - off {
-                return Err("it runs against the direction that it claims");
-            }
-            at = to;
-            if self.is_vertex(p, k + 1, off) && i + 1 < self.mark.len() && k + 2 < self.points.len() {
-                k += 1;
-            }
-        }
-        if from < at { Ok([from, at]) } else { Err("it runs against the direction that it claims") }
-    }
-
-    /// Whether the mark is a whole closed figure that begins at the vertex where `segment` does.
-    fn is_closed_whole(&self, segment: usize, off: f64) -> bool {
-        let n = self.points.len();
-        let same = |i: usize| {
-            let k = if segment + i < n { segment + i } else { segment + i + 1 - n };
-            self.points[k].distance(self.mark[i]) <= off
-        };
-        n == self.mark.len() && segment > 0 && self.points[0] == self.points[n - 1] && (0..n).all(same)
-    }
-
-    /// Length along the stroke of a point that lies next to segment `k` by no more than `off` nm.
-    fn beside(&self, k: usize, p: P2, off: f64) -> Option<f64> {
-        let (d, aside) = self.project(k, p);
-        let len = self.along[k + 1] - self.along[k];
-        let on = (-off..=len + off).contains(&d) && aside <= off;
-        on.then(|| self.along[k] + d.clamp(0.0, len))
-    }
-
-    fn fit_otherwise(&self, segment: usize) -> Option<[f64; 2]> {
-        self.fit_beyond(segment).or_else(|| self.fit_around(segment))
-    }
-
-    /// A whole closed figure may begin where `segment` does and run on over the point where it was drawn
-    /// from.
-    fn fit_around(&self, segment: usize) -> Option<[f64; 2]> {
-        let (drawn, around) = (self.points.get(segment..)?, self.points.get(1..=segment)?);
-        let is_turned = self.is_whole() && drawn.iter().chain(around).eq(&self.mark);
-        is_turned.then(|| [0.0, self.along[self.points.len() - 1]])
-    }
-
-    /// Whether stroke and mark are closed and have equally many points.
-    fn is_whole(&self) -> bool {
-        let is_closed = |points: &[P2]| points.first() == points.last();
-        self.points.len() == self.mark.len() && is_closed(&self.points) && is_closed(&self.mark)
-    }
-
-    /// A cut point that was rounded onto the end of its segment is the beginning of the next.
-    fn fit_beyond(&self, segment: usize) -> Option<[f64; 2]> {
-        let next = segment.checked_add(1)?;
-        (self.points.get(next) == self.mark.first()).then(|| self.fit(next).ok()).flatten()
-    }
-
-    /// Length along the stroke of a point of segment `k`.
-    fn on_segment(&self, k: usize, p: P2) -> Option<f64> {
-        let (d, aside) = self.project(k, p);
-        let len = self.along[k + 1] - self.along[k];
-        let end = (-ON_STROKE..=len + ON_STROKE).contains(&d);
-        (end && aside <= ON_STROKE).then(|| self.along[k] + d.clamp(0.0, len))
-    }
-
-    /// Distance of `p` along and aside of segment `k`.
-    fn project(&self, k: usize, p: P2) -> (f64, f64) {
-        let (a, b) = (self.points[k], self.points[k + 1]);
-        let len = a.distance(b);
-        let dot = (b.x - a.x) as f64 * (p.x - a.x) as f64 + (b.y - a.y) as f64 * (p.y - a.y) as f64;
-        // The end itself, whatever the rounding of its length.
-        let d = if p == b { self.along[k + 1] - self.along[k] } else { dot / len };
-        (d, orient(a, b, p).abs() / len)
-    }
-
-    /// Lays a mark that is not what it claims on the stroke where its ends come nearest.
+    /// Where on the stroke a mark lies that is not what it claims.
     fn search(&self) -> Option<[f64; 2]> {
-        if self.unmatched.len() >= UNMATCHED || self.source.violated >= UNMATCHED as u64 {
-            return None;
-        }
-        // Of equally near places the first for the beginning, the last for the end: closed figures.
-        let nearest = |p: P2, last: bool| {
-            let mut best = (NEAR, None);
-            for k in 0..self.points.len() - 1 {
-                let (d, aside) = self.project(k, p);
-                let len = self.along[k + 1] - self.along[k];
-                let away = aside.hypot((-d).max(d - len).max(0.0));
-                if away < best.0 || (last && away == best.0) {
-                    best = (away, Some(self.along[k] + d.clamp(0.0, len)));
-                }
-            }
-            best.1
-        };
-        let [first, last] = self.ends()?;
-        let (a, b) = (nearest(first, false)?, nearest(last, true)?);
-        if self.is_whole() {
-            return Some([0.0, self.along[self.points.len() - 1]]);
-        }
-        Some([a.min(b), a.max(b)])
+        let is_slow = self.unmatched.len() >= UNMATCHED || self.source.violated >= UNMATCHED as u64;
+        if is_slow { None } else { self.stroke.nearest(&self.mark) }
     }
 
     /// Whether what two marks share is an overlap as the job declares it, the end of one block's mark and the beginning
@@ -466,35 +315,19 @@ impl Cover<'_> {
         }
         self.out.lengths.overlap_mm += shared * passes / NM_PER_MM;
         // Both ends lie up to 0.7 nm off the stroke.
-        let is_straight = self.locate(span.from).0 == self.locate(span.from + shared).0;
+        let is_straight = self.stroke.locate(span.from).0 == self.stroke.locate(span.from + shared).0;
         let longer = if is_straight { (1.0 / shared).min(NOISE) } else { NOISE };
         self.out.rounding_mm += longer * passes / NM_PER_MM;
         if declared {
             return;
         }
         let text = format!("{:.6} mm of this mark are marked by another mark of the same pass", shared / NM_PER_MM);
-        let (block, place) = (self.block_of(span.mark), part_place_nm(self.at(span.from)));
+        let (block, place) = (self.block_of(span.mark), part_place_nm(self.stroke.at(span.from)));
         self.once.broken(&self.file.ids[block], place, text);
     }
 
     fn block_of(&self, mark: u32) -> usize {
         self.file.program.blocks.partition_point(|b| b.strokes.end <= mark as usize)
-    }
-
-    /// The segment that holds length `s` of the stroke, and how far along it.
-    fn locate(&self, s: f64) -> (usize, f64) {
-        let k = self.along.partition_point(|&a| a <= s).clamp(1, self.points.len() - 1) - 1;
-        (k, s - self.along[k])
-    }
-
-    fn at(&self, s: f64) -> [f64; 2] {
-        let (k, d) = self.locate(s);
-        self.line(k).at(d)
-    }
-
-    fn line(&self, k: usize) -> Line {
-        let [a, b] = [self.points[k], self.points[k + 1]].map(|p| [p.x as f64, p.y as f64]);
-        Line::new(a, b)
     }
 
     /// Judges an unmarked part of the stroke.
@@ -506,11 +339,11 @@ impl Cover<'_> {
         let (mut off, mut steep, mut doubt, mut open) = (0.0, 0.0, 0.0, 0.0);
         let mut list: Vec<Stretch> = Vec::new();
         let mut scratch = std::mem::take(&mut self.scratch);
-        let (first, last) = (self.locate(from).0, self.locate(to).0);
+        let (first, last) = (self.stroke.locate(from).0, self.stroke.locate(to).0);
         // Each stretch of the gap is off the part, too steep, or could have been marked; only the last needs a reason.
         for k in first..=last {
-            let line = self.line(k);
-            let d = [(from - self.along[k]).max(0.0), (to - self.along[k]).min(line.len)];
+            let line = self.stroke.line(k);
+            let d = [(from - self.stroke.along(k)).max(0.0), (to - self.stroke.along(k)).min(line.len)];
             if d[1] <= d[0] {
                 continue;
             }
@@ -529,7 +362,7 @@ impl Cover<'_> {
         let runs = if list.is_empty() {
             Vec::new()
         } else {
-            confirmed(&list, self.geometry, &mut scratch, |k| self.line(k), gentle)
+            confirmed(&list, self.geometry, &mut scratch, |k| self.stroke.line(k), gentle)
         };
         let small: f64 = runs.iter().map(|r| r.len).sum();
         // What rounding may have put off the part counts as that; so does a cut through a wall.
@@ -574,7 +407,7 @@ impl Cover<'_> {
         if least == 0.0 {
             return false;
         }
-        let start = run.stretches.first().map(|s| self.line(s.segment).at(s.d[0])).unwrap_or_default();
+        let start = run.stretches.first().map(|s| self.stroke.line(s.segment).at(s.d[0])).unwrap_or_default();
         // Sections of another pass have other borders.
         let near = |b: &&Block| {
             let c = [b.stop.centre.x as f64, b.stop.centre.y as f64];
@@ -596,7 +429,7 @@ impl Cover<'_> {
         let half = self.facts.section_nm.map(|s| s / 2.0);
         let (mut longest, mut length) = (0.0f64, 0.0);
         for s in &run.stretches {
-            let line = self.line(s.segment);
+            let line = self.stroke.line(s.segment);
             let Some(d) = line.inside(s.d, centre, half) else {
                 length = 0.0;
                 continue;
@@ -620,7 +453,7 @@ impl Cover<'_> {
 
     fn missing(&mut self, number: usize, run: &Run, beside: [Option<Span>; 2]) {
         let (Some(s), Some(e)) = (run.stretches.first(), run.stretches.last()) else { return };
-        let ends = [self.line(s.segment).at(s.d[0]), self.line(e.segment).at(e.d[1])];
+        let ends = [self.stroke.line(s.segment).at(s.d[0]), self.stroke.line(e.segment).at(e.d[1])];
         let missing = Missing {
             ends,
             block: beside.into_iter().flatten().next().map(|s| self.block_of(s.mark)),

@@ -15,6 +15,7 @@ mod slopes;
 mod stage;
 mod stretch;
 pub(super) mod summary;
+mod texture_stroke;
 mod times;
 pub(super) mod travel;
 mod turned;

@@ -150,9 +150,7 @@ impl Turned {
             for (slot, p) in drawn.points[stroke.first as usize..].iter_mut().zip(&found) {
                 *slot = P2::new(p[0].round() as i64, p[1].round() as i64);
             }
-            // Beside the mark the part is higher or lower by its slope, and the point found lies as much aside along
-            // the beam.
-            drawn.off[number] = self.off(slope2) + self.turn.lean() * side * slope2.sqrt();
+            drawn.off[number] = self.off(slope2, side);
             source.checked += 1;
             if let Some((at, aside)) = unmatched {
                 let text =
@@ -163,25 +161,26 @@ impl Turned {
     }
 
     /// How far a point may be off that is found in the drawing from its place in the field, nm, where the beam meets
-    /// the part at the slope `slope2`. With the sine l of the tilt, the slope t against the beam and the slope s of
+    /// the part at the slope `slope2` and the height was taken `side` nm beside the mark. With the sine l of the tilt, the slope t against the beam and the slope s of
     /// the drawing, of angles b and a:
     ///
-    /// - The point of the field was rounded: [`GRID`] sideways, and the geometry there is t times as much higher.
+    /// - The point of the field was rounded: [`GRID`] sideways, and the geometry there is t times as much higher. So it
+    ///   is, by t times `side`, where the height was taken.
     /// - The cut point was rounded in the drawing, but has the height of the cut: s [`GRID`] off the geometry.
     /// - The geometry itself is known to [`Geometry::z_tolerance`] at s. Along the beam both come to cos a / cos b
     ///   times as much, which with a height of c + s d is at most hypot(c, d) / cos b.
     /// - A height that is off by 1 along the beam moves the point by l in the drawing.
     /// - The point found is rounded there once more: [`GRID`].
-    fn off(&self, slope2: f64) -> f64 {
+    fn off(&self, slope2: f64, side: f64) -> f64 {
         let [level, slope] = self.geometry.z_tolerance_parts();
         let geometry = level.hypot(slope + GRID) * (1.0 + slope2).sqrt();
-        2.0 * GRID + self.turn.lean() * (GRID * slope2.sqrt() + geometry)
+        2.0 * GRID + self.turn.lean() * ((GRID + side) * slope2.sqrt() + geometry)
     }
 
     /// How far a mark may run off the line between its points in the drawing, nm: [`CHORD_NM`] in the field, which the
     /// slope against the beam turns into height and the tilt into a way sideways; and ends and place as each is known.
     fn beside(&self, slope2: f64) -> f64 {
-        CHORD_NM * (1.0 + self.turn.lean() * slope2.sqrt()) + 2.0 * self.off(slope2)
+        CHORD_NM * (1.0 + self.turn.lean() * slope2.sqrt()) + 2.0 * self.off(slope2, 0.0)
     }
 
     /// Where the geometry is looked at for a mark, nm next to it: a little, where it lies on an edge as far as rounding
@@ -224,7 +223,7 @@ impl Turned {
                 None => widest_gap = widest_gap.max(p.len()),
             });
             self.leave_out_other_sheets(line, after, pieces);
-            under = Under { side: side.abs(), ..self.drawn_from(line, pieces) };
+            under = self.drawn_from(line, side, pieces);
             let Some([first, _]) = under.ends else { continue };
             let beside = self.beside(under.slope2);
             let goes_on = after.is_none_or(|a| (a[0] - first[0]).hypot(a[1] - first[1]) <= beside);
@@ -283,8 +282,8 @@ impl Turned {
         }
     }
 
-    /// The ends of the pieces in the drawing.
-    fn drawn_from(&self, line: &Line, pieces: &[OnSheet]) -> Under {
+    /// The ends of the pieces in the drawing; the pieces lie `side` nm beside the line.
+    fn drawn_from(&self, line: &Line, side: f64, pieces: &[OnSheet]) -> Under {
         let back = |d: f64, z: f64| {
             let [x, y] = line.at(d);
             let [x, y, _] = self.turn.back([x, y, z]);
@@ -299,7 +298,7 @@ impl Turned {
             ends: Some(chord),
             aside: farthest(chord, pieces.iter().flat_map(ends)),
             slope2: pieces.iter().map(|p| p.slope2).fold(0.0, f64::max),
-            side: 0.0,
+            side: side.abs(),
         }
     }
 }
