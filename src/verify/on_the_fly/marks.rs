@@ -31,6 +31,13 @@ pub(super) struct Wanted {
     pub(super) lean: f64,
 }
 
+impl Wanted {
+    /// Whether a hit keeps focus and angle.
+    fn holds(&self, hit: &BeamHit) -> bool {
+        hit.off.abs() <= self.defocus + FOCUS && hit.lean <= self.lean + LEAN
+    }
+}
+
 /// The rules that look at marks.
 pub(super) struct Rules<'a> {
     pub(super) position: &'a mut Rule,
@@ -47,11 +54,13 @@ pub(super) struct Worst {
 }
 
 /// Where a beam meets the part.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct BeamHit {
     xy: [f64; 2],
     off: f64,
     lean: f64,
+    /// It comes to the part from the side, at a step or at the border, below the sheet that begins there.
+    aside: bool,
 }
 
 /// Looks at marks.
@@ -162,17 +171,21 @@ impl<'a> MarkChecker<'a> {
         let mut best: Option<(f64, BeamHit)> = None;
         // A mark along an edge: either side of it will do.
         for side in [0.0, EDGE, -EDGE] {
-            let (mut bare, mut worst) = (0.0, BeamHit { xy: ends[0], off: 0.0, lean: 0.0 });
+            let (mut bare, mut worst) = (0.0, BeamHit { xy: ends[0], off: 0.0, lean: 0.0, aside: false });
             let shifted = line.part([0.0, line.len], side);
             self.geometry.along(&shifted, &mut self.scratch, |piece| {
                 let Some(sheet) = piece.sheet else {
                     bare += piece.len();
                     return;
                 };
-                // Beside the line, its first and last stretch may lie on a facet of which the mark touches a corner:
-                // any place within EDGE along and across the mark counts.
-                let is_end = side != 0.0 && (piece.d[0] < 1.0 || piece.d[1] > line.len - 1.0);
-                let least = if is_end { EDGE.min(line.len / 2.0) } else { line.len.min(1.0) };
+                // Beside the line a stretch may lie on a facet of which the mark touches a corner: any place within EDGE
+                // along and across the mark counts, to one side at its ends and to both between them.
+                let is_end = piece.d[0] < 1.0 || piece.d[1] > line.len - 1.0;
+                let least = match side {
+                    0.0 => line.len.min(1.0),
+                    _ if is_end => EDGE.min(line.len / 2.0),
+                    _ => (2.0 * EDGE).min(line.len / 2.0),
+                };
                 if piece.len() < least {
                     return;
                 }
@@ -185,7 +198,7 @@ impl<'a> MarkChecker<'a> {
                 worst.lean = worst.lean.max(sheet.slope2.sqrt().atan());
             });
             let bare = if bare > 2.0 * EDGE { bare } else { 0.0 };
-            let over = |f: &BeamHit| !self.holds(f);
+            let over = |f: &BeamHit| !self.wanted.holds(f);
             let is_better = best.as_ref().is_none_or(|(b, f)| bare < *b || (bare == *b && over(f) && !over(&worst)));
             if is_better {
                 best = Some((bare, worst));
@@ -204,17 +217,19 @@ impl<'a> MarkChecker<'a> {
     }
 
     /// Where a leaning beam of a mark that runs along `way` meets the part. Where it misses the part, or meets it
-    /// beyond the limits or far from a beam beside it, as a beam does that passes a border by the rounding of its axes,
-    /// any place within [`EDGE`] along and across the mark counts: at a corner of the part both are needed, and across
-    /// it less where the corner is sharp.
+    /// beyond the limits, from the side or far from a beam beside it, as a beam does that passes a border by the
+    /// rounding of its axes, any place within [`EDGE`] along and across the mark counts: at a corner of the part both
+    /// are needed, and across it less where the corner is sharp.
     fn hit(&mut self, beam: &Beam, way: [f64; 2], beside: Option<(Beam, BeamHit)>) -> Option<BeamHit> {
         let is_near = |hit: &BeamHit| {
             beside.is_none_or(|(other, there)| {
                 (hit.xy[0] - there.xy[0]).hypot(hit.xy[1] - there.xy[1]) <= STRAY + 2.0 * beam.distance(&other)
             })
         };
+        let wanted = self.wanted;
+        let is_sure = |hit: &BeamHit| !hit.aside && wanted.holds(hit) && is_near(hit);
         let straight = self.met(beam);
-        if straight.is_some_and(|hit| self.holds(&hit) && is_near(&hit)) {
+        if straight.as_ref().is_some_and(is_sure) {
             return straight;
         }
         let length = way[0].hypot(way[1]);
@@ -225,18 +240,13 @@ impl<'a> MarkChecker<'a> {
             let at = [beam.at[0] + shift[0], beam.at[1] + shift[1], beam.at[2]];
             let Some(met) = self.met(&Beam { at, up: beam.up }) else { continue };
             let hit = BeamHit { xy: [met.xy[0] - shift[0], met.xy[1] - shift[1]], ..met };
-            if self.holds(&hit) && is_near(&hit) {
+            if is_sure(&hit) {
                 return Some(hit);
             }
             // One that keeps the limits is better than one that does not.
-            first = first.filter(|first| self.holds(first) || !self.holds(&hit)).or(Some(hit));
+            first = first.filter(|first| self.wanted.holds(first) || !self.wanted.holds(&hit)).or(Some(hit));
         }
         first
-    }
-
-    /// Whether a hit keeps focus and angle.
-    fn holds(&self, hit: &BeamHit) -> bool {
-        hit.off.abs() <= self.wanted.defocus + FOCUS && hit.lean <= self.wanted.lean + LEAN
     }
 
     fn met(&mut self, beam: &Beam) -> Option<BeamHit> {
@@ -253,7 +263,7 @@ impl<'a> MarkChecker<'a> {
         // How high the beam is at the beginning of the line, and how it falls along it.
         let fall = if across < 1.0 { 0.0 } else { (top - bottom) / line.len };
         let height = |d: f64| if across < 1.0 { bottom } else { top - d * fall };
-        let mut found: Option<([f64; 3], [f64; 2])> = None;
+        let mut found: Option<([f64; 3], [f64; 2], bool)> = None;
         self.geometry.along(&line, &mut self.scratch, |piece| {
             let Some(sheet) = piece.sheet.filter(|_| found.is_none()) else { return };
             let over = [0, 1].map(|k| sheet.z[k] - height(piece.d[k]));
@@ -267,9 +277,9 @@ impl<'a> MarkChecker<'a> {
             let d = piece.d[0] + share * piece.len();
             let [x, y] = line.at(d);
             let z = if across < 1.0 { sheet.z[0] } else { height(d) };
-            found = Some(([x, y, z], sheet.grad));
+            found = Some(([x, y, z], sheet.grad, across >= 1.0 && over[0] > EDGE));
         });
-        let (p, grad) = found?;
+        let (p, grad, aside) = found?;
         let off = (0..3).map(|k| (p[k] - beam.at[k]) * up[k]).sum();
         let size = (1.0 + grad[0] * grad[0] + grad[1] * grad[1]).sqrt();
         let normal = [-grad[0] / size, -grad[1] / size, 1.0 / size];
@@ -280,7 +290,7 @@ impl<'a> MarkChecker<'a> {
         ];
         let sin = cross.iter().map(|v| v * v).sum::<f64>().sqrt();
         let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
-        Some(BeamHit { xy: [p[0], p[1]], off, lean: sin.atan2(cos) })
+        Some(BeamHit { xy: [p[0], p[1]], off, lean: sin.atan2(cos), aside })
     }
 }
 
@@ -291,4 +301,68 @@ fn point(start: [f64; 2]) -> Line {
 
 fn shown(beam: &Beam) -> String {
     format!("({:.6}, {:.6}) mm", beam.at[0] / 1e6, beam.at[1] / 1e6)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::machine::Machine;
+    use crate::verify::geometry::{MeshBuilder, Shape};
+
+    fn geometry(facets: &[[[f64; 3]; 3]]) -> Geometry {
+        let mut builder = MeshBuilder::new(0.0, 2.0);
+        facets.iter().for_each(|&f| builder.push(f));
+        Geometry::new(Shape::Mesh(builder.finish()), 60f64.to_radians(), 0.0)
+    }
+
+    fn checker<'a>(chain: &'a Chain, geometry: &'a Geometry) -> MarkChecker<'a> {
+        MarkChecker::new(chain, geometry, Wanted { defocus: 250e3, lean: 60f64.to_radians() })
+    }
+
+    fn chain() -> Chain {
+        let machine = Machine::built_in("xyz-galvo-40").expect("a built-in machine");
+        Chain::of(&machine, [0; 3], "XYZUV").expect("five axes")
+    }
+
+    #[test]
+    fn a_beam_that_passes_the_border_by_rounding_does_not_meet_the_part_from_the_side() {
+        // A plate that ends at x = 1, and a beam that goes down towards it from beyond.
+        let chain = chain();
+        let geometry = geometry(&[[[0.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, -0.4]]]);
+        let mut checker = checker(&chain, &geometry);
+        let up = [0.5, 0.0, 0.75f64.sqrt()];
+        let through = |x: f64| Beam { at: [x, -0.8e6, 0.0], up };
+        let inside = checker.hit(&through(0.999e6), [0.0, 1.0], None).expect("a hit");
+        assert!(inside.off < -30e3 && (inside.xy[0] - inside.off * 0.5 - 0.999e6).abs() < 1.0, "{inside:?}");
+        // Past the edge of the plate it would be met at its border, far below.
+        let beyond = through(1e6 + 0.5 * 40e3 / 0.75f64.sqrt() + 120.0);
+        let met = checker.met(&beyond).expect("from the side");
+        assert!(met.aside, "{met:?}");
+        let hit = checker.hit(&beyond, [0.0, 1.0], None).expect("beside it");
+        assert!(!hit.aside, "{hit:?}");
+        // Farther out that is where it meets the part.
+        let hit = checker.hit(&through(1.03e6), [0.0, 1.0], None).expect("from the side");
+        assert!(hit.aside, "{hit:?}");
+    }
+
+    #[test]
+    fn a_move_along_the_border_passes_the_corner_of_a_steep_facet() {
+        // Level above the x axis but for a steep facet, which touches the axis with a corner of `width` mm.
+        let passes = |width: f64| {
+            let [a, b, c, d] = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5 + width, 0.0, 5.0 * width], [1.0, 0.0, 0.0]];
+            let [l, t, u, r] = [[0.0, 1.0, 0.0], [0.4, 1.0, 0.0], [0.6, 1.0, 0.5], [1.0, 1.0, 0.0]];
+            let steep = if width == 0.0 { vec![[b, t, u]] } else { vec![[b, t, u], [b, c, u]] };
+            let facets = [vec![[a, b, t], [a, t, l], [c, d, r], [c, r, u]], steep].concat();
+            let (chain, geometry) = (chain(), geometry(&facets));
+            let mut checker = checker(&chain, &geometry);
+            let [start, end] = [0.2e6, 0.8e6].map(|x| Beam { at: [x, -2.0, 0.0], up: [0.0, 0.0, 1.0] });
+            let [mut position, mut focus, mut surface] =
+                ["position", "focus", "surface"].map(|code| Rule::new(code, ""));
+            let mut rules = Rules { position: &mut position, focus: &mut focus, surface: &mut surface };
+            checker.upright(&start, &end, &|| String::new(), &mut rules);
+            (focus.violated, surface.violated)
+        };
+        assert_eq!(passes(0.0), (0, 0));
+        assert_eq!(passes(2e-3), (1, 0));
+    }
 }

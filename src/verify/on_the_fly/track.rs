@@ -43,7 +43,7 @@ impl Stroke {
             sum += if i == 0 { 0.0 } else { distance(points[i - 1], *p) };
             along.push(sum);
         }
-        let closed = points.len() > 3 && points.first() == points.last();
+        let closed = points.len() > 2 && points.first() == points.last();
         Self { points, along, closed }
     }
 
@@ -266,6 +266,14 @@ mod tests {
         // From where it turns, one way or the other.
         let turn = places(&foot_points(&[[1000.0, 0.0], [900.0, 0.0]]));
         assert_eq!(turn, [[1_000_000.0, 900_000.0], [1_000_000.0, 1_100_000.0]]);
+    }
+
+    #[test]
+    fn a_stroke_there_and_back_is_closed_and_may_begin_where_it_turns() {
+        let s = stroke(&[[0, 0], [1000, 0], [0, 0]]);
+        let t =
+            s.follow(&foot_points(&[[1000.0, 0.0], [500.0, 0.0], [0.0, 0.0], [500.0, 0.0], [1000.0, 0.0]]), 1000.0)[0];
+        assert!(((t.to - t.from).abs() - 2_000_000.0).abs() < 1.0 && t.back == 0.0, "{t:?}");
     }
 
     #[test]
