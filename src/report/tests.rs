@@ -290,6 +290,7 @@ fn size_of_the_drawing_is_bounded_for_single_cell_blocks() {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn windows_that_lie_freely_fit_the_budget_and_show_every_block() {
     let sample = Sample::dome_of_windows();
     let program = sample.checked.program();

@@ -30,7 +30,7 @@ fn drawing(path: &Path, radius: u32) {
     );
 }
 
-const HATCH: &str = "pattern = \"hatch\"\npitch = \"1 mm\"";
+const HATCH: &str = "pattern = \"hatch\"\npitch = \"3 mm\"";
 const DRAWING: &str = "file = \"a.svg\"\norigin = [\"5 mm\", \"5 mm\"]";
 /// The jobs that fail, with the code of their error.
 const BROKEN: [(&str, &str); 3] = [("b07", "toml"), ("b11", "file-unreadable"), ("b15", "travel")];

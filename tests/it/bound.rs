@@ -110,7 +110,7 @@ fn certificates_of_made_surfaces_hold() {
         // The cylinder's hatch runs along its rulings, at one height each.
         let turned = if name == "cyl" { "direction = \"90 deg\"\n" } else { "" };
         let hatch = format!(
-            "pattern = \"hatch\"\npitch = \"2 mm\"\n{turned}area = [\"40 mm\", \"60 mm\", \"180 mm\", \"180 mm\"]"
+            "pattern = \"hatch\"\npitch = \"2 mm\"\n{turned}area = [\"40 mm\", \"60 mm\", \"130 mm\", \"140 mm\"]"
         );
         let job = JobText::on(&stl).texture(&hatch).method("auto").partition("objective = \"stops\"");
         let plan = plan(dir.path(), &job);
@@ -120,7 +120,7 @@ fn certificates_of_made_surfaces_hold() {
         assert!(ratio < 1.35, "{name}: {ratio}");
         for (piece, _) in &certificate.pieces {
             let [x, y] = [piece.lo[0], piece.lo[1]].map(|v| f64::from(v) / MM);
-            let off = f64::from(piece.lo[2]) - z(x + 110.0, y + 120.0) * MM;
+            let off = f64::from(piece.lo[2]) - z(x + 85.0, y + 100.0) * MM;
             assert!(off.abs() < 20e3, "{name}: {piece:?} is {off} nm off the surface");
         }
         // A box that is a little larger than the one for which the points were set holds two of them.
@@ -136,7 +136,7 @@ fn figures_that_stay_whole_count_as_one_piece() {
     for (name, z) in [("dome", dome as fn(f64, f64) -> f64), ("saddle", saddle), ("wave", wave)] {
         write_stl(&stl, &mesh(100, [0.0, 0.0, 450.0, 450.0], z));
         let squares = "pattern = \"squares\"\npitch = \"1.5 mm\"\ncell = \"1 mm\"\n\
-                       area = [\"20 mm\", \"20 mm\", \"80 mm\", \"60 mm\"]";
+                       area = [\"20 mm\", \"20 mm\", \"65 mm\", \"55 mm\"]";
         let bound = |method, keep: &str| {
             let plan = plan(dir.path(), &JobText::on(&stl).texture(squares).method(method).partition(keep));
             assert_sound(&format!("{name}, {method}, {keep}"), &plan).stops()

@@ -77,7 +77,7 @@ fn stops_on_a_hood(area: [f64; 4], machine: &str, sections: f64) -> f64 {
 
 #[test]
 fn lengths_balance_on_a_hood() {
-    stops_on_a_hood([600.0, -35.0, 670.0, 35.0], &large_machine(), 4.0);
+    stops_on_a_hood([605.0, -25.0, 655.0, 25.0], &large_machine(), 4.0);
 }
 
 #[test]

@@ -12,7 +12,7 @@ const PASSES: &str = "[passes]\ncount = 3\nrotate = \"67 deg\"\nlower = \"8 um\"
 fn job(dir: &Path, method: &'static str, direction: &str, passes: &str) -> PathBuf {
     let stl = dir.join("dome.stl");
     if !stl.exists() {
-        write_stl(&stl, &mesh(90, [100.0, 60.0, 190.0, 150.0], dome));
+        write_stl(&stl, &mesh(60, [110.0, 70.0, 170.0, 130.0], dome));
     }
     let hatch = format!("pattern = \"hatch\"\npitch = \"1.1 mm\"\ndirection = \"{direction}\"");
     let mut job = JobText::on(&stl).texture(&hatch).method(method);

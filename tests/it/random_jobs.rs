@@ -319,23 +319,29 @@ fn trials(seeds: impl IntoIterator<Item = u64>, table: Table) {
 #[test]
 fn random_jobs_verify_or_are_refused() {
     // 21891, 23145: texture that is cut short at the corner of four sections of one pass lies within one of another.
-    trials((0..20).chain([21_891, 23_145]), Table::Fixed);
+    trials((0..12).chain([21_891, 23_145]), Table::Fixed);
 }
 
 #[test]
 #[ignore = "slow: make test-all"]
 fn random_jobs_verify_or_are_refused_at_length() {
-    trials(seeds(20..8_000), Table::Fixed);
+    trials(seeds(12..8_000), Table::Fixed);
 }
 
 #[test]
 fn random_jobs_for_tilt_tables_verify_or_are_refused() {
     // 422: welding moves a step at which a mark begins. 512: a mark has less of its own than is known of its ends,
     // next to what it shares. 1527: a wall hides 19 nm of the marks at its foot. 3916: a mark against the direction of
-    // its stroke has a point at a step that it runs over. 5460: lines shorter than welding tells end at a step.
-    // 5156, 6844, 7424: a mark along a rim, under which another sheet lies beyond its block's heights. 6062: the rim of a
-    // wall, which leaves a mark's place on its stroke unknown.
-    trials((0..6).chain([422, 512, 1527, 3916, 5156, 5460, 6062, 6844, 7424]), Table::Tilting);
+    // its stroke has a point at a step that it runs over. 5460: lines shorter than welding tells end at a step. 5156: a
+    // mark along a rim, under which another sheet lies beyond its block's heights.
+    trials((0..6).chain([422, 512, 1527, 3916, 5156, 5460]), Table::Tilting);
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn more_random_jobs_for_tilt_tables_verify_or_are_refused() {
+    // 6844, 7424: as 5156. 6062: the rim of a wall, which leaves a mark's place on its stroke unknown.
+    trials([6062, 6844, 7424], Table::Tilting);
 }
 
 #[test]

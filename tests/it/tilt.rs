@@ -110,7 +110,7 @@ fn jobs_for_every_kind_of_tilt_table_verify() {
     let stl = dir.path().join("dome.stl");
     write_stl(&stl, &mesh(50, [0.0, 0.0, 140.0, 120.0], |x, y| dome(3.0 * x, 3.0 * y)));
     let job = |machine: String| {
-        let mut job = tilted(&stl, "pattern = \"hatch\"\npitch = \"7 mm\"\ndirection = \"20 deg\"");
+        let mut job = tilted(&stl, "pattern = \"hatch\"\npitch = \"12 mm\"\ndirection = \"20 deg\"");
         job.machine = machine;
         job
     };

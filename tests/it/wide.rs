@@ -144,7 +144,7 @@ const HATCH: &str = "pattern = \"hatch\"\npitch = \"0.1 mm\"";
 
 #[test]
 fn parts_with_many_facets_in_one_place_compile_and_verify() {
-    crowded([3_000, 60, 15_000, 100]);
+    crowded([1_000, 30, 5_000, 50]);
 }
 
 #[test]

@@ -257,8 +257,8 @@ mod tests {
     #[test]
     fn height_field_of_a_plane_is_exact_to_its_rim_and_beyond() {
         let height_field =
-            HeightField::over(&surface(40, 50.0, |x, y| 0.2 * x - 0.1 * y), area(0.0, 50.0), 0.0, 1e-3).expect("part");
-        for p in [[0.0, 0.0], [50.0, 50.0], [50.0, 0.02], [25.3, 11.7], [0.0, 33.0]] {
+            HeightField::over(&surface(20, 20.0, |x, y| 0.2 * x - 0.1 * y), area(0.0, 20.0), 0.0, 1e-3).expect("part");
+        for p in [[0.0, 0.0], [20.0, 20.0], [20.0, 0.02], [15.3, 11.7], [0.0, 13.0]] {
             let h = height_field.at(p);
             assert!((h.z - 0.2 * p[0] + 0.1 * p[1]).abs() < 1e-6, "{p:?}: {h:?}");
             assert!((h.slope[0] - 0.2).abs() < 1e-5 && (h.slope[1] + 0.1).abs() < 1e-5, "{p:?}: {h:?}");

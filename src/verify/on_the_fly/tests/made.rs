@@ -2,6 +2,7 @@
 //! the stage a moving average of it, taken three times, the scanner the rest.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use crate::job::{Job, Mode, Overrides};
 use crate::job_folder::write_on_the_fly;
@@ -79,33 +80,33 @@ pub(super) struct Bench {
     lengths: FlyLengths,
 }
 
-impl Bench {
+/// A motion along the strokes of a sort's job, and the program of it.
+#[derive(Clone)]
+pub(super) struct Planned {
+    machine: Machine,
+    motion: Motion,
+    program: Program,
+    lengths: FlyLengths,
+}
+
+impl Planned {
+    /// The one of a sort, planned once for all tests.
+    fn of(sort: Sort) -> Self {
+        static FIVE: OnceLock<Planned> = OnceLock::new();
+        static SEVEN: OnceLock<Planned> = OnceLock::new();
+        let once = if sort.kind == Kind::Xyzuv { &FIVE } else { &SEVEN };
+        once.get_or_init(|| Self::new(sort)).clone()
+    }
+
     pub(super) fn new(sort: Sort) -> Self {
         let dir = tempfile::tempdir().expect("a folder");
-        std::fs::write(dir.path().join("part.stl"), stl(&sort)).expect("write");
-        let text = format!(
-            "surface = {{ file = \"part.stl\", unit = \"mm\" }}\nfocus = {{ pdof = \"{} mm\" }}\n\
-             partition = {{ method = \"z-range\" }}\nmachine = {{ profile = {:?} }}\n{}\
-             [[pen]]\nname = \"fine\"\nspeed = \"{} mm/s\"\npower = \"60 %\"\nfrequency = \"60 kHz\"\n\
-             [[pen]]\nname = \"deep\"\nspeed = \"{} mm/s\"\npower = \"3 W\"\nfrequency = \"40 kHz\"\n",
-            sort.pdof,
-            sort.profile,
-            sort.textures,
-            sort.speed[0],
-            sort.speed[0] * 0.8,
-        );
-        let path = dir.path().join("job.toml");
-        std::fs::write(&path, text).expect("write");
-        let load = |mode| {
-            let overrides = Overrides { mode: Some(mode), ..Overrides::default() };
-            Job::load(&path, &overrides).unwrap_or_else(|e| panic!("{e}"))
-        };
-        let job = load(Mode::OnTheFly);
+        let path = write_job(&sort, dir.path());
         // Strokes in the order of a stepped program, whose machine has the same field.
-        let plan = plan::plan(load(Mode::Stepped), &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+        let plan = plan::plan(load(&path, Mode::Stepped), &|_| {}).unwrap_or_else(|e| panic!("{e}"));
         let plan = plan.stepped().expect("a stepped job");
         let stepped = plan.checked.program();
-        let Inputs { machine, surface, .. } = Inputs::load(&job).unwrap_or_else(|e| panic!("{e}"));
+        let Inputs { machine, surface, .. } =
+            Inputs::load(&load(&path, Mode::OnTheFly)).unwrap_or_else(|e| panic!("{e}"));
         let height_field =
             HeightField::over(&surface, plan.passes[0].texture, sort.height_field_step, 0.0).expect("a part");
         let path = path::Path::of(stepped, 0..stepped.blocks.len(), &surface, &height_field, sort.spacing);
@@ -118,6 +119,43 @@ impl Bench {
             skipped_mm: plan.summary.skipped_mm,
             ..FlyLengths::default()
         };
+        Self { machine, motion, program, lengths }
+    }
+}
+
+/// Writes the job of a sort with its surface, and answers with its path.
+fn write_job(sort: &Sort, dir: &Path) -> PathBuf {
+    std::fs::write(dir.join("part.stl"), stl(sort)).expect("write");
+    let text = format!(
+        "surface = {{ file = \"part.stl\", unit = \"mm\" }}\nfocus = {{ pdof = \"{} mm\" }}\n\
+         partition = {{ method = \"z-range\" }}\nmachine = {{ profile = {:?} }}\n{}\
+         [[pen]]\nname = \"fine\"\nspeed = \"{} mm/s\"\npower = \"60 %\"\nfrequency = \"60 kHz\"\n\
+         [[pen]]\nname = \"deep\"\nspeed = \"{} mm/s\"\npower = \"3 W\"\nfrequency = \"40 kHz\"\n",
+        sort.pdof,
+        sort.profile,
+        sort.textures,
+        sort.speed[0],
+        sort.speed[0] * 0.8,
+    );
+    let path = dir.join("job.toml");
+    std::fs::write(&path, text).expect("write");
+    path
+}
+
+fn load(path: &Path, mode: Mode) -> Job {
+    let overrides = Overrides { mode: Some(mode), ..Overrides::default() };
+    Job::load(path, &overrides).unwrap_or_else(|e| panic!("{e}"))
+}
+
+impl Bench {
+    pub(super) fn new(sort: Sort) -> Self {
+        Self::of(sort, Planned::of(sort))
+    }
+
+    /// A folder of its own for what is planned.
+    pub(super) fn of(sort: Sort, Planned { machine, motion, program, lengths }: Planned) -> Self {
+        let dir = tempfile::tempdir().expect("a folder");
+        let job = load(&write_job(&sort, dir.path()), Mode::OnTheFly);
         Self { dir, job, machine, motion, program, lengths }
     }
 

@@ -2,7 +2,7 @@
 
 mod made;
 
-use made::{BOWL, Bench, DOME};
+use made::{BOWL, Bench, DOME, Planned};
 
 use crate::on_the_fly::check::Checked;
 use crate::on_the_fly::program::{Move, Program};
@@ -325,7 +325,7 @@ fn programs_are_the_same_bytes_each_time() {
         let folder = bench.written(bench.checked());
         ["fly.pmc", "manifest.json"].map(|f| std::fs::read(folder.join(f)).expect("bytes"))
     };
-    assert_eq!(files(&Bench::new(BOWL)), files(&Bench::new(BOWL)));
+    assert_eq!(files(&Bench::new(BOWL)), files(&Bench::of(BOWL, Planned::new(BOWL))));
 }
 
 #[test]
