@@ -110,6 +110,7 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
         machine,
         pens,
         formats,
+        names_formats: file.emit.formats.is_some(),
         warnings,
         source,
     })
@@ -340,12 +341,13 @@ fn formats(file: &JobFile, mode: Mode, f: &mut Faults<'_>) -> Vec<Format> {
     if mode != file.mode {
         // The job file is of the other mode: keys that only the other mode has are not faults.
         let (kept, left): (Vec<Format>, Vec<Format>) = formats.iter().partition(|f| writes(f.target(), mode));
-        if !left.is_empty() {
-            let left: Vec<String> = left.iter().map(|f| format!("{:?}", f.name())).collect();
-            let text = format!("emit.formats {} cannot be written for {} jobs", left.join(", "), mode.name());
-            f.warn(key, Diag::warning("emit-mode", text).hint(format!("formats written: {}", names(&|_| true))));
-        }
         formats = if kept.is_empty() { default_formats(mode).to_vec() } else { kept };
+        if !left.is_empty() {
+            let list =
+                |formats: &[Format]| formats.iter().map(|f| format!("{:?}", f.name())).collect::<Vec<_>>().join(", ");
+            let text = format!("emit.formats {} cannot be written for {} jobs", list(&left), mode.name());
+            f.warn(key, Diag::warning("emit-mode", text).hint(format!("formats of this job: {}", list(&formats))));
+        }
     }
     for target in formats.iter().map(|format| format.target()) {
         if !writes(target, mode) {

@@ -62,6 +62,8 @@ pub struct Job {
     pub pens: Vec<Pen>,
     /// What is written, at least one.
     pub formats: Vec<Format>,
+    /// Whether the job file names these formats; they are the default of its mode otherwise.
+    pub names_formats: bool,
     /// What the user should know of the file.
     pub warnings: Vec<Diag>,
 }

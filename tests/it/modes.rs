@@ -131,6 +131,39 @@ fn the_job_file_states_the_mode_and_the_command_line_overrides_it() {
 }
 
 #[test]
+fn on_the_fly_jobs_of_any_formats_verify_and_formats_without_the_axes_are_refused() {
+    let dir = folder();
+    let path = dir.path().join("job.toml");
+    for (profile, formats, want) in [
+        ("xyz-galvo-100", "\"linuxcnc\"", Ok(vec!["fly.ngc"])),
+        ("xyz-galvo-100", "\"pmac\"", Ok(vec!["fly.pmc"])),
+        ("xyz-galvo-100", "\"linuxcnc\", \"pmac\"", Ok(vec!["fly.ngc", "fly.pmc"])),
+        ("xyzac-galvo-10", "\"linuxcnc\", \"pmac\"", Ok(vec!["fly.pmc"])),
+        ("xyzac-galvo-10", "\"linuxcnc\"", Err("formats for these axes: \"pmac\"")),
+    ] {
+        job(dir.path(), "");
+        let text = std::fs::read_to_string(&path).expect("a job").replace("xyz-galvo-100", profile);
+        std::fs::write(&path, format!("mode = \"on-the-fly\"\n{text}[emit]\nformats = [{formats}]\n"))
+            .expect("written");
+        let out = run(dir.path(), &["compile", "job.toml"]);
+        match want {
+            Ok(want) => {
+                assert!(out.status.success(), "{profile} {formats}: {}", said(&out));
+                assert_eq!(said(&out).contains("warning[emit-mode]"), profile == "xyzac-galvo-10", "{}", said(&out));
+                let written = files(&dir.path().join("job.fly.job")).into_iter().map(|(name, _)| name);
+                let programs: Vec<String> = written.filter(|name| name.starts_with("fly.")).collect();
+                assert_eq!(programs, want, "{profile} {formats}");
+                assert_read_right(dir.path(), "on-the-fly");
+            }
+            Err(hint) => {
+                assert_eq!(out.status.code(), Some(2), "{}", said(&out));
+                assert!(said(&out).contains("error[emit-mode]") && said(&out).contains(hint), "{}", said(&out));
+            }
+        }
+    }
+}
+
+#[test]
 fn job_with_another_objective_is_recompiled() {
     let dir = folder();
     job(dir.path(), "");

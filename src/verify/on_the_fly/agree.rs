@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use super::chain::Chain;
+use crate::job::Format;
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::{Lengths, Rule};
-use crate::verify::read::formats::{self, FORMATS};
+use crate::verify::read::formats::{self, FORMATS, OnTheFly};
 use crate::verify::read::number::nm_from_mm;
 use crate::verify::read::on_the_fly::Course;
 use crate::verify::read::on_the_fly::manifest::Manifest;
@@ -17,11 +18,20 @@ const PERCENT: f64 = 0.0006;
 /// How far a blending controller may round a corner, nm.
 const ROUNDED: f64 = 200.5;
 
-/// Reads the programs of all formats that are written for a machine of these axes.
+/// The formats of programs for a machine of these axes.
+fn targets(axes: &str) -> impl Iterator<Item = (Format, OnTheFly)> {
+    let targets = FORMATS.iter().filter_map(|row| row.on_the_fly.map(|target| (row.format, target)));
+    targets.filter(move |(_, target)| target.axes.contains(&axes))
+}
+
+/// Reads the programs that the manifest lists, one at least.
 pub(super) fn read(folder: &Path, manifest: &Manifest, rule: &mut Rule) -> Vec<(&'static str, Course)> {
     rule.ran = true;
     let mut out = Vec::new();
-    for target in FORMATS.iter().filter_map(|row| row.on_the_fly).filter(|t| t.axes.contains(&manifest.axes.as_str())) {
+    for (_, target) in targets(&manifest.axes) {
+        if !manifest.files.iter().any(|f| f.file == target.file) {
+            continue;
+        }
         rule.checked += 1;
         let name = target.file;
         match formats::bytes(folder, name).map(|bytes| (target.read)(&bytes, &manifest.axes)) {
@@ -79,6 +89,11 @@ pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, course: &Course, r
     hold((manifest.placement.turn_deg - facts.turn_deg).abs() <= SAME, "its turn differs from the job file");
     let origin = manifest.placement.origin_mm.map(nm_from_mm);
     hold(facts.origin.is_none_or(|o| o.0.map(Some) == origin), "its origin differs from the job file");
+    for (format, target) in targets(&manifest.axes) {
+        let is_listed = manifest.files.iter().any(|f| f.file == target.file);
+        let text = format!("{} is not listed, which the job asks for", target.file);
+        hold(is_listed || !facts.formats.contains(&format), &text);
+    }
     let full = facts.machine.laser.max_power;
     let pens = facts.pens.as_deref().unwrap_or_default();
     let same = manifest.pens.len() == pens.len()

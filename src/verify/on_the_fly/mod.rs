@@ -113,8 +113,11 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Pr
         }
     }
     let origin = manifest.placement.origin_mm.map(|v| Nm::from_mm(v).unwrap_or_default().0);
-    let (Some((name, course)), Some(chain)) = (programs.first(), Chain::of(&manifest.machine, origin, &manifest.axes))
-    else {
+    let Some((name, course)) = programs.first() else {
+        findings.agreement.broken("", "manifest.json", "no program is listed that can be read");
+        return Ok(findings.into_proof());
+    };
+    let Some(chain) = Chain::of(&manifest.machine, origin, &manifest.axes) else {
         findings.agreement.broken("", "manifest.json", "the machine does not have the axes that are named");
         return Ok(findings.into_proof());
     };
