@@ -6,7 +6,7 @@
 //! stage follows a moving average, the scanner is the rest.
 
 use crate::diag::{Diag, Error, Place};
-use crate::emit;
+use crate::emit::{self, TARGETS, Target};
 use crate::geom::{BoxMm, NM_PER_MM, Nm, P2, length_mm};
 use crate::job::Job;
 use crate::machine::{Machine, Origin};
@@ -24,7 +24,7 @@ use crate::on_the_fly::program::{Kind, Program};
 use crate::on_the_fly::topp::State;
 use crate::on_the_fly::xyzacuv::{KinematicModel, Seven, ToolPath, decompose_and_time};
 use crate::on_the_fly::xyzuv::{ScannerLimits, quickest};
-use crate::program::PieceId;
+use crate::program::{Pen, PieceId};
 use crate::surface::Surface;
 use crate::texture::Texture;
 use crate::units::Speed;
@@ -107,10 +107,11 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
     let Strokes { program: strokes, origin, texture, texture_mm, skipped, warnings: found, .. } =
         strokes::in_order(job, machine, inputs, None)?;
     warnings.extend(found);
+    warnings.extend(formats(job, machine, &strokes.pens, origin)?);
     let focus = job.focus.half_depth_mm();
     let Some(height_field) = HeightField::followed(&inputs.surface, texture, focus) else {
         let hint = "compare its area with the part's box";
-        return Err(Diag::limit("job-empty", "the texture lies nowhere on the part").hint(hint).into());
+        return Err(Diag::limit("job-empty", "the texture lies entirely off the part").hint(hint).into());
     };
     let max_incidence = job.limits.max_incidence.as_rad();
     let half_field = machine.usable_field().map(|f| f.mm() / 2.0);
@@ -138,6 +139,28 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
     warnings.extend(planner.skipped(&lengths, &made.followed.left_out));
     let deviations = Deviations { worst_fod_um: worst.focus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
     Ok(Planned { checked, deviations, lengths, left_out })
+}
+
+/// What of the job's formats cannot be written for the axes of the machine.
+///
+/// # Errors
+/// Where that is all of them.
+fn formats(job: &Job, machine: &Machine, pens: &[Pen], origin: Origin) -> Result<Option<Diag>, Error> {
+    let kind = if KinematicModel::of(machine, pens, origin.mm()).is_some() { Kind::Xyzacuv } else { Kind::Xyzuv };
+    let writes = |target: &Target| target.on_the_fly.is_some_and(|file| file.kinds.contains(&kind));
+    let quoted = |names: Vec<&str>| names.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ");
+    let left: Vec<&str> = job.formats.iter().map(|f| f.target()).filter(|t| !writes(t)).map(|t| t.name).collect();
+    if left.is_empty() || !job.names_formats && left.len() < job.formats.len() {
+        return Ok(None);
+    }
+    let text = format!("emit.formats {} cannot be written for the axes {}", quoted(left.clone()), kind.letters());
+    let possible = quoted(TARGETS.iter().filter(|t| writes(t)).map(|t| t.name).collect());
+    let hint = format!("leave it out; formats for these axes: {possible}");
+    let place = job.place_of("emit.formats");
+    if left.len() == job.formats.len() {
+        return Err(Diag::input("emit-mode", text).at(place).hint(hint).into());
+    }
+    Ok(Some(Diag::warning("emit-mode", text).at(place).hint(hint)))
 }
 
 /// The machine with jumps so slow that the scanner keeps its speed while the stage runs against it; no slower than
@@ -303,7 +326,7 @@ impl Planner<'_> {
         let points = self.points_of(first.stroke);
         let [x_mm, y_mm] = place(&points, first.from);
         let text = format!(
-            "{:.3} mm of texture are not marked: next to steps of the part the axes cannot keep focus and incidence",
+            "{:.3} mm of texture is not marked: next to steps of the part the axes cannot keep focus and incidence",
             lengths.skipped_focus_mm
         );
         let place = Place::Part { x_mm, y_mm };
