@@ -14,6 +14,10 @@ use crate::texture::Kind;
 /// focal plane: at 2 z_R from it the spot is sqrt(1 + 2^2) = 2.2 times as wide, and its fluence a fifth.
 const MOST_DEPTHS: f64 = 2.0;
 
+/// Smallest depth range of a block, in depths of focus of the optics. Nobody needs a thousandth of it: um were written
+/// for mm.
+const LEAST_DEPTHS: f64 = 1e-3;
+
 /// Least pitch of a hatch, in spots. Lines that overlap to more than three quarters mark every place more than four
 /// times.
 const LEAST_PITCH: f64 = 0.25;
@@ -26,32 +30,36 @@ impl Job {
     /// what they make implausible.
     ///
     /// # Errors
-    /// `pdof-large`, `pitch-small`.
+    /// `pdof-large`, `pdof-small`, `pitch-small`.
     pub fn plausible(&self, machine: &Machine) -> Result<Vec<Diag>, Error> {
-        let found: Vec<Diag> = self.deep(machine).into_iter().chain(self.dense(machine)).collect();
+        let found: Vec<Diag> = self.depth(machine).into_iter().chain(self.dense(machine)).collect();
         match self.limits.implausible {
             Implausible::Refuse if !found.is_empty() => Err(Error::many(found)),
             _ => Ok(found),
         }
     }
 
-    /// A depth range that is far beyond the depth of focus of the optics.
-    fn deep(&self, machine: &Machine) -> Option<Diag> {
+    /// A depth range that is far beyond the depth of focus of the optics, or far below it.
+    fn depth(&self, machine: &Machine) -> Option<Diag> {
         let (depth, optics) = (self.focus.depth.mm(), machine.depth_of_focus_mm());
-        if depth <= MOST_DEPTHS * optics {
+        let depths = depth / optics;
+        if (LEAST_DEPTHS..=MOST_DEPTHS).contains(&depths) {
             return None;
         }
+        let is_large = depths > MOST_DEPTHS;
+        let digits = if is_large { 1 } else { 6 };
         let text = format!(
-            "blocks {depth} mm deep are {:.1} times the depth of focus of the optics (2 z_R = {optics:.3} mm for a \
+            "blocks {depth} mm deep are {depths:.digits$} times the depth of focus of the optics (2 z_R = {optics:.3} mm for a \
              spot of {}, {:.0} nm and M2 = {})",
-            depth / optics,
             machine.lens.spot,
             machine.laser.wavelength.as_mm() * 1e6,
             machine.laser.m2
         );
-        let d = match self.limits.implausible {
-            Implausible::Refuse => Diag::limit("pdof-large", text).hint(ALLOW),
-            Implausible::Allow => Diag::warning("pdof-large", text),
+        let d = match (self.limits.implausible, is_large) {
+            (Implausible::Refuse, true) => Diag::limit("pdof-large", text).hint(ALLOW),
+            (Implausible::Refuse, false) => Diag::limit("pdof-small", text).hint(ALLOW),
+            (Implausible::Allow, true) => Diag::warning("pdof-large", text),
+            (Implausible::Allow, false) => Diag::warning("pdof-small", text),
         };
         Some(d.at(self.place_of("focus.pdof")))
     }
@@ -126,6 +134,15 @@ mod tests {
         let half = ("rule = \"range\"", "rule = \"half\"");
         assert_eq!(found(&[(PDOF, "pdof = \"1.7 mm\""), half]), []);
         assert_eq!(found(&[(PDOF, "pdof = \"1.8 mm\""), half]), refused);
+    }
+
+    #[test]
+    fn pdof_below_a_thousandth_of_the_depth_of_focus_is_refused_at_its_key() {
+        assert_eq!(found(&[(PDOF, "pdof = \"1.8 um\"")]), []);
+        let refused = [("pdof-small", Kind::Limit, place("pdof"))];
+        assert_eq!(found(&[(PDOF, "pdof = \"1.7 um\"")]), refused);
+        let allowed = found(&[(PDOF, "pdof = \"0.07 um\""), ALLOWED]);
+        assert!(matches!(allowed[..], [("pdof-small", Kind::Warning, _)]), "{allowed:?}");
     }
 
     #[test]

@@ -26,7 +26,7 @@ impl Inputs {
     /// Reads machine, surface and drawings, and holds the job to what the machine can be.
     ///
     /// # Errors
-    /// Faults of the files; pens that the machine cannot give; `pdof-large`, `pitch-small`; `job-empty` where the
+    /// Faults of the files; pens that the machine cannot give; `pdof-large`, `pdof-small`, `pitch-small`; `job-empty` where the
     /// texture lies off the part.
     pub fn load(job: &Job) -> Result<Self, Error> {
         let machine = job.machine().map_err(|e| job.at_keys(&e))?;
