@@ -3,6 +3,7 @@
 pub mod batch;
 pub mod block_map;
 pub mod check;
+pub mod clearance;
 pub mod cli;
 pub mod compare;
 pub mod diag;

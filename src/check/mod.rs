@@ -7,10 +7,10 @@
 
 mod limits;
 
+use crate::clearance::Clearance;
 use crate::diag::{Diag, Error, Place};
 use crate::geom::Nm;
 use crate::machine::{Machine, Origin};
-use crate::order::clearance::Clearance;
 use crate::program::{Block, BlockId, PassId, Pen, Program, SetupId, Stop};
 
 /// A program that may be emitted.

@@ -1,6 +1,5 @@
-//! Order: of stops along the stage's way, of strokes within a block, and where the stage must lift.
+//! Order: of stops along the stage's way, and of strokes within a block.
 
-pub mod clearance;
 mod endpoints;
 mod kd_tree;
 mod move_times;

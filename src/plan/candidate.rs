@@ -5,12 +5,12 @@ use super::setups::{Setups, Used};
 use super::split::join;
 use super::start::{Laid, Start};
 use crate::check::{self, Limits};
+use crate::clearance::Clearance;
 use crate::diag::Diag;
 use crate::geom::Nm;
 use crate::job::{Method, Objective, Passes};
 use crate::machine::{Machine, Origin};
 use crate::manifest::{self, Slope, Times};
-use crate::order::clearance::Clearance;
 use crate::program::{PassId, PenId, Program, Stop};
 use crate::split::Fragments;
 

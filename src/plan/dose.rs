@@ -1,5 +1,5 @@
-//! Pens that compensate for the slope: where the beam meets the surface at an angle, its energy spreads over one over
-//! the cosine as much.
+//! Pens that compensate for the slope: where the beam meets the surface at an angle, its energy spreads over an
+//! area larger by one over the cosine.
 //!
 //! Every fragment is marked with a pen of its own factor: the mean cosine over its length, or one over it,
 //! rounded to the job's step and held within its cap. A factor of 1 is the job's own pen. The others come

@@ -1,4 +1,4 @@
-//! The stations of a compilation, and who is told of them.
+//! The phases of a compilation, and the callback that reports them.
 
 /// Phases of a compilation, in order, for progress displays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

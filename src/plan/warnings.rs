@@ -53,7 +53,7 @@ pub(super) fn warn(
         warnings.push(Diag::warning("off-part", text).hint("see limits.max_off_part"));
     }
     if split.skipped.small > 0.0 {
-        let text = format!("{} of texture are fragments below partition.min_mark", mm(split.skipped.small));
+        let text = format!("{} of texture is in fragments shorter than partition.min_mark", mm(split.skipped.small));
         warnings.push(Diag::warning("small", text));
     }
     if worst_defocus > depth / 2 {

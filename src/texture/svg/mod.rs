@@ -19,9 +19,9 @@
 mod outline;
 mod page;
 mod path;
-mod sheet;
 mod source;
 mod style;
+mod style_sheet;
 mod tally;
 mod walk;
 
@@ -33,9 +33,9 @@ use super::clip::{Lines, clip, is_inside, snap};
 use crate::diag::{Diag, Error, Place, memory};
 use crate::geom::BoxMm;
 use page::Frame;
-use sheet::{Sheet, without_comments};
 pub(super) use source::foreign_name;
 use style::Style;
+use style_sheet::{Sheet, without_comments};
 use tally::{Issue, Tally};
 use walk::{State, Walk, style_text};
 

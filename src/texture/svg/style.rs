@@ -6,7 +6,7 @@ use roxmltree::Node;
 use simplecss::DeclarationTokenizer;
 use svgtypes::{Paint, PaintFallback};
 
-use super::sheet::{NAMES, Sheet, Work, declarations};
+use super::style_sheet::{NAMES, Sheet, Work, declarations};
 use crate::diag::Diag;
 
 /// What an element itself says about the properties.

@@ -9,8 +9,8 @@ pub(super) mod fill;
 pub(super) mod hash;
 pub(super) mod laser;
 mod planes;
+mod runsheets;
 mod setups;
-mod sheets;
 mod slopes;
 mod stage;
 mod stretch;
@@ -128,7 +128,7 @@ pub(super) fn without_inputs(
     stage::agreement(&stages, program, &facts.machine, &mut findings.agreement);
     travel::check(&stages, program, &facts.machine, &mut findings.travel);
     laser::check(&stages, &facts.machine, &mut findings.laser);
-    sheets::check(folder, manifest, program, facts, &mut findings.agreement);
+    runsheets::check(folder, manifest, program, facts, &mut findings.agreement);
     depth_and_field::field(program, &facts.machine, &mut findings.field);
     stages
 }
