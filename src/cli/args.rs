@@ -93,7 +93,7 @@ pub enum Command {
         /// Job file, or - for standard input.
         job: PathBuf,
     },
-    /// Estimate the same job on eleven systems: stepped by each method, flat, with a zoom optic, tilted, scanner and
+    /// Estimate the same job on several systems: stepped by each method, flat, with a zoom optic, tilted, scanner and
     /// stage synchronised, five and seven axes; times, deviations and seams side by side.
     Compare {
         /// Job file, or - for standard input.

@@ -218,7 +218,7 @@ pub fn compare(
     let size = whole.texture.size().map(Nm::mm);
     let focus = job.focus.half_depth_mm();
     let height_field = HeightField::followed(&inputs.surface, whole.texture, focus).ok_or_else(|| {
-        Diag::limit("compare-surface", "the texture lies nowhere on the part")
+        Diag::limit("compare-surface", "the texture lies entirely off the part")
             .hint("compare its area with the part's box")
     })?;
     let half = machine.usable_field().map(|f| f.mm() / 2.0);

@@ -223,7 +223,7 @@ pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
     }
     if !c.curves.paths.is_empty() {
         let series = c.curves.paths.iter().map(|(name, points)| Series::new(name, points.clone())).collect();
-        let title = "Scanner and stage synchronised: the first of the path".into();
+        let title = "Scanner and stage synchronised: the start of the path".into();
         out.push(("paths", Paths { title, x: "x".into(), y: "y".into(), unit: "mm".into(), series }.draw()));
     }
     out

@@ -94,7 +94,7 @@ pub(super) fn zoom(subject: &Subject<'_>) -> Result<Figures, Error> {
     };
     let plan = subject.z_range()?;
     let mut figures = measured(subject, &Measured::of(plan));
-    let range = zoom.range.as_nm().unwrap_or(Nm::MAX);
+    let range = Nm::round(zoom.range.as_mm() * NM_PER_MM);
     let blocks = &plan.checked.program().blocks;
     let (mut at, mut planes) = (blocks[0].stage, [Nm::MAX, Nm::MIN]);
     let (mut time, mut focus) = (Split { stage: 0.0, settle: 0.0, ..figures.time }, blocks[0].stop.focus);

@@ -126,8 +126,8 @@ pub const TARGETS: [Target; 6] = [
         sheet: &[
             "stage.ngc (LinuxCNC) goes to each block, settles, sets digital output 0 (START) and waits for",
             "digital input 0 (BUSY) of the scan card to rise and to fall. BUSY must last 20 ms or more. If a",
-            "wait takes too long the program ends and does not step on: see what the laser does, then start",
-            "again at that block.",
+            "wait takes too long the program ends without moving on: check the laser, then continue by hand.",
+            "Lift, go to X and Y of that block, then to its Z: a program that is started at a block may not lift.",
         ],
     },
     Target {

@@ -16,9 +16,6 @@ use crate::units::{
     Angle, Frequency, Length, Power, Share, Speed, non_negative, non_negative_option, positive, positive_option,
 };
 
-/// Largest job file that is read.
-pub const MAX_FILE: u64 = 4 << 20;
-
 /// The keys of a job file.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -205,7 +202,7 @@ pub enum AreaName {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TextureKeys {
-    /// A made pattern; or give `file`.
+    /// A generated pattern; or give `file`.
     #[serde(default)]
     pub pattern: Option<Pattern>,
     /// An SVG drawing, relative to the job file; or give `pattern`.

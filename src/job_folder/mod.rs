@@ -1,7 +1,7 @@
 //! The job folder: what it holds, and that it is written whole or not at all.
 //!
 //! Files are written into a hidden folder next to the target, the manifest last; when all are there the folder takes
-//! the target's name (`target`). A job folder belongs to the program: replacing it removes everything in it.
+//! the target's name (`exchange`). A job folder belongs to the program: replacing it removes everything in it.
 
 mod exchange;
 mod files;

@@ -108,7 +108,7 @@ pub struct OnTheFlySummary {
     pub mark_speed_mm_s: f64,
     /// Period of the servo in which the laser is switched, s.
     pub servo_period_s: f64,
-    /// Way of the spot in that period, mm.
+    /// Distance that the spot travels in that period, mm.
     pub laser_error_mm: f64,
     /// How far blending rounds a corner of a mark, mm: by the program for PMAC.
     pub blend_mm: f64,

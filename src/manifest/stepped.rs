@@ -1,4 +1,4 @@
-//! `manifest.json`: what a job folder holds and how it came to be.
+//! `manifest.json` of a stepped job: what its folder holds and how it came to be. What both modes have is in `head`.
 
 use std::collections::BTreeMap;
 

@@ -16,7 +16,7 @@ use crate::surface::Surface;
 
 /// A beam this far next to a border may be on either side of it, nm: what marks may stray from rounding.
 const BORDER: f64 = 120.0;
-/// Places of a move at which leaning beams are followed, besides its begin.
+/// Places of a move at which leaning beams are followed, besides its start.
 const PLACES: usize = 4;
 /// A beam this near to the path passes through it, mm: what marks may stray from rounding, or cut off at a corner.
 const THROUGH: f64 = 2.5e-4;

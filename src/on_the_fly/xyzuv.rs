@@ -11,7 +11,7 @@
 //!
 //! # Sources
 //! Cui et al. (2021): eq. 1 to 4 the decomposition, eq. 8 and 9 the times. Their average makes the acceleration
-//! step; where the machine states a jerk two more averages make it a ramp. Dark runs and longer waits are ours.
+//! step; where the machine states a jerk two more averages make it a ramp. Skywriting and longer waits are ours.
 
 use crate::diag::Error;
 use crate::geom::BoxMm;

@@ -2,7 +2,7 @@
 //!
 //! Consumes strokes of the texture and the surface; promises pieces that tile every segment of the
 //! stroke: the height of each is linear, or it says why it is not marked. Partition and split both
-//! look at the part through this one window, so what the first saw is what the second cuts. What
+//! read the part through this module alone, so what the first saw is what the second cuts. What
 //! partition sees is the [`Footprint`], the heights of the marks in every section, and the [`Cells`],
 //! the texture as small boxes; lower bounds see the [`Samples`], points of it. Units: nm; slopes as squared tangents.
 

@@ -6,7 +6,7 @@
 //! admits it; then, of the stops that admit what follows, the one whose box the stroke leaves last continues, which
 //! gives the fewest cuts. Of several that are left at the same place the last of the list continues, so
 //! that in a grid the upper level and the upper section have what lies on their borders. A fragment whose
-//! points all round to one is none.
+//! points all round to one point is dropped.
 //!
 //! Where an overlap is wanted, the fragment that continues after a cut begins that much before it, as far as
 //! its own stop admits the stroke there: no mark leaves what its stop admits. It reaches over at most half

@@ -114,7 +114,7 @@ pub fn read(
         "png" => match &options.heightmap {
             Some(scale) => heightmap::read(path, scale, notes),
             None => Err(refuse("heightmap-scale", "a PNG image carries no scale".into())
-                .hint("add [surface.heightmap] with pixel (distance of samples) and z (heights of two values)")
+                .hint("add [surface.heightmap] with pixel (sample spacing) and z (heights of two values)")
                 .into()),
         },
         "xyz" | "csv" | "txt" | "asc" => points::read(path, unit("a point cloud")?, options.max_edge_mm, notes, sink),

@@ -9,7 +9,7 @@ pub struct Span {
     pub t0: f64,
     /// Parameter where it ends.
     pub t1: f64,
-    /// Height at its begin, nm.
+    /// Height at its start, nm.
     pub z0: f64,
     /// Height at its end, nm.
     pub z1: f64,

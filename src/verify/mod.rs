@@ -5,7 +5,7 @@
 //! found on the surface file's own facets (`depth`), texture strokes are placed anew; nothing here calls what divided,
 //! cut, ordered or wrote the program.
 //!
-//! Every fault has one owner. The rules of geometry judge `program.txt`; `agreement` ties the drawings,
+//! Every fault is reported by one rule. The rules of geometry judge `program.txt`; `agreement` ties the drawings,
 //! the stage programs, the OVF and the manifest to it, number by number; `hash` ties bytes to the
 //! manifest. So a damaged drawing breaks agreement and leaves depth alone. `docs/verify.md` lists the
 //! rules with their tolerances and limits.

@@ -407,7 +407,8 @@ fn too_long(text: &str) -> Vec<String> {
 
 #[test]
 fn documents_keep_to_100_columns_and_short_table_cells() {
-    for file in documents() {
+    let others = ["CHANGELOG.md", "tests/README.md", "src/lib.md"].map(str::to_owned);
+    for file in documents().into_iter().chain(others) {
         let found = too_long(&text_of(&file));
         assert!(found.is_empty(), "{file}:{}", found.join("\n"));
     }

@@ -141,10 +141,8 @@ fn part_longer_than_travel_gets_hints_about_unit_and_set_ups() {
 }
 
 #[test]
+#[cfg(target_os = "linux")]
 fn strokes_beyond_the_limit_of_memory_are_refused_with_the_figure() {
-    if !cfg!(target_os = "linux") {
-        return;
-    }
     let dir = folder();
     let mut job = panel(dir.path());
     job.textures = vec!["pattern = \"hatch\"\npitch = \"5 um\"".into()];

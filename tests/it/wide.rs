@@ -144,17 +144,18 @@ const HATCH: &str = "pattern = \"hatch\"\npitch = \"0.1 mm\"";
 
 #[test]
 fn parts_with_many_facets_in_one_place_compile_and_verify() {
-    crowded([1_000, 30, 5_000, 50]);
+    crowded([1_000, 30, 5_000, 50], 8_000);
 }
 
 #[test]
 #[ignore = "slow: make test-all"]
 fn time_is_not_quadratic_in_the_facets_of_one_place() {
-    crowded([10_000, 150, 50_000, 200]);
+    crowded([10_000, 150, 50_000, 200], 40_000);
 }
 
-/// Parts with so many facets: in each of two fans, in tiny rows, in a strip, and in rows of facets that do not touch.
-fn crowded([fans, tiny_rows, strip, rows]: [usize; 4]) {
+/// Parts with so many facets: in each of two fans, in tiny rows, in a strip, and in rows of facets that do not touch;
+/// and plates under so many strokes.
+fn crowded([fans, tiny_rows, strip, rows]: [usize; 4], strokes: u32) {
     // Two fans of many facets, one over the other.
     let fan = |n: usize, z: f64| -> Facets {
         let at = |i: usize| {
@@ -188,11 +189,11 @@ fn crowded([fans, tiny_rows, strip, rows]: [usize; 4]) {
         .collect();
     trap("apart", &apart, HATCH, None);
     // The same stroke again and again; a star; dashes at as many heights.
-    trap("stack", &plate(40.0, 0.0), "", Some("M3 3L20 25".repeat(50_000)));
+    trap("stack", &plate(40.0, 0.0), "", Some("M3 3L20 25".repeat(strokes as usize)));
     let mut star = String::new();
     let mut dashes = String::new();
-    for i in 0..40_000u32 {
-        let a = f64::from(i) * 1e-3;
+    for i in 0..strokes {
+        let a = f64::from(i) * 40.0 / f64::from(strokes);
         write!(star, "M20 20L{:.4} {:.4}", 20.0 + 19.0 * a.cos(), 20.0 + 19.0 * a.sin()).expect("text");
         let [x, y] = [i.wrapping_mul(2_654_435_761), i.wrapping_mul(40_503_551)].map(|v| f64::from(v) / 4.3e9 * 39.0);
         write!(dashes, "M{x:.4} {y:.4}h.02").expect("text");

@@ -1,4 +1,4 @@
-//! The gate before the writers of on-the-fly programs: a [`Checked`] one holds what a program must, and the
+//! Validation before the writers of on-the-fly programs: a [`Checked`] one holds what a program must, and the
 //! limits of its machine at every sample. There is no other way to make one.
 //!
 //! Held are: times that rise, pens that there are, marks that move; travel of X, Y, Z, A and C, the field of U and V,

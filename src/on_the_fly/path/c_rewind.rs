@@ -24,7 +24,7 @@ pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> (Path, Vec<Axes>
     let mut out = (Path::default(), Vec::with_capacity(axes.len()));
     let (mut turns, mut at) = (Revolutions { by: 0.0, fit: true }, 0);
     while at < axes.len() {
-        // From the end of a mark, or the path's begin, to the begin of the next.
+        // From the end of a mark, or the path's start, to the start of the next.
         let begin = (at..axes.len()).find(|&i| marks(i + 1));
         let first = begin.unwrap_or(axes.len() - 1);
         let end = (first + 1..axes.len()).find(|&i| !marks(i)).unwrap_or(axes.len());

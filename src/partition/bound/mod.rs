@@ -1,7 +1,7 @@
 //! How many stops there are at least, with a certificate that anyone can check.
 //!
-//! If no box of the size of a stop holds pieces of more weight than one whole, then every stop holds at
-//! most one whole of the weight, and there are at least as many stops as there are wholes. Pieces are
+//! If no box of the size of a stop holds pieces of more than unit weight, then every stop holds at
+//! most unit weight, and there are at least as many stops as units of weight in all. Pieces are
 //! points of marks, or whole figures where those are not to be cut; boxes are closed, upright and stand
 //! anywhere, so the bound holds for every method without tilt. All is exact: integers, nm.
 //!
@@ -16,7 +16,7 @@ use super::box_index::Item;
 
 pub use rows::{row_heights, rows};
 
-/// Weighted pieces of which no stop holds more than one whole.
+/// Weighted pieces of which no stop holds more than unit weight.
 #[derive(Clone, Debug)]
 pub struct Certificate {
     /// Boxes of this size are what a stop holds, nm.

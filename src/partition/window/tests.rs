@@ -1,6 +1,6 @@
 use super::*;
 
-/// Numbers of chance.
+/// Random numbers.
 pub(in crate::partition) fn noise(seed: u64) -> impl FnMut(i32) -> i32 {
     let mut random = crate::random::Random::new(seed);
     move |n| random.below(n as usize) as i32
