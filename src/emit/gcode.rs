@@ -19,13 +19,8 @@ const LEAST_DWELL_MS: u64 = 50;
 
 /// The program for LinuxCNC. Of the estimated time of every block (marks, jumps and delays) the wait for its end is
 /// given twice that and 10 s.
-///
-/// # Panics
-/// If there is not one time per block.
 pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
-    let Stepped { checked, machine, block_times: marking_s, block_file, .. } = *job;
-    let program = checked.program();
-    assert_eq!(marking_s.len(), program.blocks.len(), "one marking time per block");
+    let Stepped { checked, machine, figures, block_file, .. } = *job;
     let mut p = Writer::new(machine, machine.controller.max_line, "M65 P0", block_file);
     p.comment("terrace: stage program for LinuxCNC, absolute, mm");
     p.comment(&format!("machine: {}", super::quoted(&machine.name)));
@@ -35,14 +30,14 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     p.comment("not a safety system: the laser needs its own interlock");
     p.line("G21 G90 G94 G17 G40 G49 G80 G61.1");
     p.line("M65 P0");
-    for (i, &time) in marking_s.iter().enumerate() {
+    for i in 0..checked.program().blocks.len() {
         let id = BlockId::new(i);
         p.block(checked, i);
         p.line("M64 P0");
         p.line("M66 P0 L3 Q5");
         p.stop_on_timeout(2 * i + 1, &format!("no BUSY, block {id}"));
         p.line("M65 P0");
-        p.line(&format!("M66 P0 L4 Q{}", (2.0 * time + 10.0).ceil()));
+        p.line(&format!("M66 P0 L4 Q{}", (2.0 * figures[i].time_s + 10.0).ceil()));
         p.stop_on_timeout(2 * i + 2, &format!("still BUSY, block {id}"));
     }
     p.end();
@@ -212,12 +207,17 @@ mod tests {
     fn job<'a>(
         checked: &'a Checked,
         machine: &'a Machine,
-        block_times: &'a [f64],
+        figures: &'a [BlockFigures],
         block_file: Option<&'static str>,
     ) -> Stepped<'a> {
-        Stepped { checked, machine, block_times, job: "job.toml", part: "part.stl", block_file }
+        Stepped { checked, machine, figures, job: "job.toml", part: "part.stl", block_file }
     }
-    use crate::program::{SetupId, sample};
+
+    fn timed(times: [f64; 3]) -> [BlockFigures; 3] {
+        times.map(|time_s| BlockFigures { time_s, ..BlockFigures::default() })
+    }
+
+    use crate::program::{BlockFigures, SetupId, sample};
     use crate::units::Time;
 
     fn sample() -> (Checked, Machine) {
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn handshake_program_equals_the_documented_text() {
         let (checked, machine) = sample();
-        let text = text(linuxcnc(&job(&checked, &machine, &[1.0, 0.5, 60.3], Some("dxf"))));
+        let text = text(linuxcnc(&job(&checked, &machine, &timed([1.0, 0.5, 60.3]), Some("dxf"))));
         let body = text.split_once("G61.1\n").expect("modes").1;
         let first = "M65 P0\n(BLOCK B0001 FILE blocks/B0001.dxf)\nM65 P0\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\n\
                      G0 Z0.335000\nG4 P0.100\nM64 P0\nM66 P0 L3 Q5\no1 if [#5399 LT 0]\n(MSG, no BUSY, block B0001)\n\
@@ -252,7 +252,7 @@ mod tests {
     fn the_output_is_off_before_every_move_and_a_dwell_comes_before_every_start() {
         let (checked, machine) = sample();
         for (text, off, on) in [
-            (text(linuxcnc(&job(&checked, &machine, &[0.0; 3], None))), "M65 P0", "M64 P0"),
+            (text(linuxcnc(&job(&checked, &machine, &timed([0.0; 3]), None))), "M65 P0", "M64 P0"),
             (text(m0(&job(&checked, &machine, &[], Some("dxf")))), "M5", "M0"),
         ] {
             let (mut is_off, mut settled) = (false, false);
@@ -281,9 +281,10 @@ mod tests {
         let (checked, mut machine) = sample();
         machine.controller.max_line = 40;
         machine.name = "Fräse (alt) ; ".repeat(12);
-        for bytes in
-            [linuxcnc(&job(&checked, &machine, &[1e5; 3], Some("dxf"))), m0(&job(&checked, &machine, &[], Some("dxf")))]
-        {
+        for bytes in [
+            linuxcnc(&job(&checked, &machine, &timed([1e5; 3]), Some("dxf"))),
+            m0(&job(&checked, &machine, &[], Some("dxf"))),
+        ] {
             for line in text(bytes).lines() {
                 assert!(line.len() <= 40 && line.is_ascii(), "{line}");
                 assert_eq!(line.matches('(').count(), usize::from(line.contains(')')), "{line}");
@@ -302,7 +303,7 @@ mod tests {
                     machine.controller.max_line = max_line;
                     machine.name = format!("{} {word},x(y)\n%;{word} BLOCK B0001", "x".repeat(pad));
                     for bytes in [
-                        linuxcnc(&job(&checked, &machine, &[0.0; 3], Some("dxf"))),
+                        linuxcnc(&job(&checked, &machine, &timed([0.0; 3]), Some("dxf"))),
                         m0(&job(&checked, &machine, &[], Some("dxf"))),
                     ] {
                         let text = text(bytes);
@@ -341,7 +342,7 @@ mod tests {
         let machine = Machine::built_in("xyz-galvo-40").expect("profile");
         let checked = Checked::unchecked_setups(program, vec![origin, origin]);
         for (text, off) in [
-            (text(linuxcnc(&job(&checked, &machine, &[0.0; 3], None))), "M65 P0"),
+            (text(linuxcnc(&job(&checked, &machine, &timed([0.0; 3]), None))), "M65 P0"),
             (text(m0(&job(&checked, &machine, &[], None))), "M5"),
         ] {
             let stop = |n: u32| format!("(SETUP {n} OF 2)\n{off}\nG0 Z200.000000\n(MSG, set-up {n} of 2)\nM0\n");

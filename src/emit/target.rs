@@ -10,6 +10,7 @@ use crate::check::Checked;
 use crate::machine::Machine;
 use crate::on_the_fly::check::Checked as FlyChecked;
 use crate::on_the_fly::program::Kind;
+use crate::program::BlockFigures;
 
 /// Program formats, by the names that job files give them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize, schemars::JsonSchema)]
@@ -36,8 +37,8 @@ pub struct Stepped<'a> {
     pub checked: &'a Checked,
     /// Its machine.
     pub machine: &'a Machine,
-    /// Estimated time of every block without the stage's moves, s.
-    pub block_times: &'a [f64],
+    /// The figures of every block.
+    pub figures: &'a [BlockFigures],
     /// Name of the job file.
     pub job: &'a str,
     /// Name of the surface file.

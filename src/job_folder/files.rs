@@ -51,11 +51,11 @@ pub(super) fn fill(job: &Job, folder: &Path, target: &Path, fill: &Fill<'_>) -> 
 
 /// Writes the files of a stepped job; answers with its manifest.
 pub(super) fn stepped(plan: &SteppedPlan, head: &Head, filling: &mut Filling<'_>) -> Result<Vec<u8>, Error> {
-    let SteppedPlan { job, machine, checked, passes, summary, block_times, slopes, .. } = plan;
+    let SteppedPlan { job, machine, checked, passes, summary, figures, .. } = plan;
     let (part, name) = (file_name(&job.surface.file), file_name(&job.path));
     filling.put("program.txt", &program::text::write(checked.program(), checked.origins()))?;
     let block_file = emit::block_file(&job.formats);
-    let emitted = Stepped { checked, machine, block_times, job: &name, part: &part, block_file };
+    let emitted = Stepped { checked, machine, figures, job: &name, part: &part, block_file };
     for target in job.formats.iter().map(|f| f.target()) {
         match target.stepped {
             Some(Files::Whole(file, write)) => filling.put(file, &write(&emitted))?,
@@ -81,8 +81,7 @@ pub(super) fn stepped(plan: &SteppedPlan, head: &Head, filling: &mut Filling<'_>
         checked,
         passes: passes.iter().map(|p| (&p.sections, p.directions.as_slice())).collect(),
         depth_mm: plan.depth.mm(),
-        block_times,
-        slopes,
+        figures,
         summary,
     };
     let sheets = [("runsheet.csv", report::runsheet::csv(&facts)), ("runsheet.txt", report::runsheet::txt(&facts))];
@@ -142,9 +141,8 @@ fn layout<'a>(plan: &'a SteppedPlan, pass: &'a Pass, job: &'a str) -> report::La
         map: &pass.map,
         texture: pass.texture,
         turn_rad: plan.job.placement.turn.as_rad(),
-        block_s: &plan.block_times,
+        figures: &plan.figures,
         drawn: report::drawn(&plan.checked, &plan.machine),
-        slopes: &plan.slopes,
         shade: report::Shade::Height,
         summary: &plan.summary,
     }

@@ -21,7 +21,7 @@ use crate::diag::Message;
 use crate::emit;
 use crate::job::Job;
 use crate::machine::Machine;
-use crate::program::{Block, BlockId, Program, Sections};
+use crate::program::{Block, BlockFigures, BlockId, Program, Sections};
 
 /// Parts of the job time, s. They sum to the total.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -116,54 +116,6 @@ impl Summary {
     }
 }
 
-/// How the surface lies under the marks of a block, and what dose they get; means are over the length of
-/// the marks.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Slope {
-    length: f64,
-    cos_length: f64,
-    dose_length: f64,
-    least_cos: f64,
-    least_dose: f64,
-}
-
-impl Default for Slope {
-    fn default() -> Self {
-        Self { length: 0.0, cos_length: 0.0, dose_length: 0.0, least_cos: 1.0, least_dose: f64::INFINITY }
-    }
-}
-
-impl Slope {
-    /// Adds marks of a length over which the cosine of the slope has the given mean, at most a squared slope,
-    /// whose pen raises the dose by `gain`.
-    pub fn add(&mut self, length: f64, cos: f64, slope2: f64, gain: f64) {
-        let least = 1.0 / (1.0 + slope2).sqrt();
-        self.length += length;
-        self.cos_length += length * cos;
-        self.dose_length += length * cos * gain;
-        self.least_cos = self.least_cos.min(least);
-        self.least_dose = self.least_dose.min(least * gain);
-    }
-    /// Mean and least cosine of the angle between beam and surface normal.
-    pub fn cos(&self) -> [f64; 2] {
-        [if self.length > 0.0 { (self.cos_length / self.length).min(1.0) } else { self.least_cos }, self.least_cos]
-    }
-    /// That angle: of the mean cosine, and the largest.
-    pub fn incidence_deg(&self) -> [f64; 2] {
-        self.cos().map(|c| c.acos().to_degrees())
-    }
-    /// How much longer the texture is on the surface than in the drawing, straight uphill: of the mean cosine,
-    /// and at most.
-    pub fn stretch(&self) -> [f64; 2] {
-        self.cos().map(|c| 1.0 / c)
-    }
-    /// Energy on the area, 1 as on a level surface with the job's own pen: mean and least.
-    pub fn dose(&self) -> [f64; 2] {
-        let least = if self.least_dose.is_finite() { self.least_dose } else { 1.0 };
-        [if self.length > 0.0 { self.dose_length / self.length } else { least }, least]
-    }
-}
-
 /// Everything that manifest and run sheet tell.
 #[derive(Clone)]
 pub struct Facts<'a> {
@@ -180,10 +132,8 @@ pub struct Facts<'a> {
     pub passes: Vec<(&'a Sections, &'a [u16])>,
     /// Largest depth range of a block, as used.
     pub depth_mm: f64,
-    /// Time of every block: marks, jumps and delays, s.
-    pub block_times: &'a [f64],
-    /// Slope under the marks of every block, against the beam.
-    pub slopes: &'a [Slope],
+    /// The figures of every block.
+    pub figures: &'a [BlockFigures],
     /// The figures.
     pub summary: &'a Summary,
 }
@@ -197,9 +147,6 @@ impl Facts<'_> {
     pub(crate) fn pen_names(&self, block: &Block) -> Vec<&str> {
         let program = self.checked.program();
         program.pens_of(block).into_iter().map(|pen| program.pens[pen.index()].name.as_str()).collect()
-    }
-    pub(crate) fn block_time_s(&self, index: usize) -> f64 {
-        self.block_times.get(index).copied().unwrap_or(0.0)
     }
 }
 

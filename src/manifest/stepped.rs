@@ -190,7 +190,7 @@ struct BlockEntry<'a> {
     jump_mm: f64,
     time_s: f64,
     #[serde(flatten)]
-    slope: Option<SlopeEntry>,
+    slope: SlopeEntry,
 }
 
 /// Means and worst.
@@ -213,7 +213,7 @@ fn files(facts: &Facts<'_>, index: usize) -> BTreeMap<&'static str, String> {
 
 fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
     let program = facts.checked.program();
-    let block = &program.blocks[index];
+    let (block, figures) = (&program.blocks[index], &facts.figures[index]);
     BlockEntry {
         id: BlockId::new(index).to_string(),
         pass: block.pass.number(),
@@ -231,11 +231,11 @@ fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
         strokes: block.strokes.len(),
         mark_mm: program.mark_mm(block),
         jump_mm: program.jump_mm(block),
-        time_s: facts.block_time_s(index),
-        slope: facts.slopes.get(index).copied().map(|s| SlopeEntry {
-            incidence_deg: s.incidence_deg(),
-            stretch: s.stretch(),
-            dose: s.dose(),
-        }),
+        time_s: figures.time_s,
+        slope: SlopeEntry {
+            incidence_deg: figures.slope.incidence_deg(),
+            stretch: figures.slope.stretch(),
+            dose: figures.slope.dose(),
+        },
     }
 }

@@ -5,7 +5,7 @@ use crate::diag::Diag;
 use crate::geom::Nm;
 use crate::job::{Overrides, SAMPLE_JOB};
 use crate::machine::{FieldShape, Origin};
-use crate::program::sample;
+use crate::program::{BlockFigures, sample};
 use crate::report::runsheet::{csv as runsheet_csv, txt as runsheet_txt};
 use crate::units::Length;
 
@@ -19,7 +19,7 @@ fn with_sample<R>(use_them: impl FnOnce(&Facts<'_>) -> R) -> R {
 }
 
 fn with<R>((program, origin): (Program, Origin), machine: &Machine, use_them: impl FnOnce(&Facts<'_>) -> R) -> R {
-    let block_times = vec![0.125; program.blocks.len()];
+    let figures = vec![BlockFigures { time_s: 0.125, ..BlockFigures::default() }; program.blocks.len()];
     let checked = Checked::unchecked(program, origin);
     let job = Job::parse(Path::new("hood.toml"), SAMPLE_JOB, &Overrides::default()).expect("sample job");
     let sections =
@@ -37,8 +37,7 @@ fn with<R>((program, origin): (Program, Origin), machine: &Machine, use_them: im
         checked: &checked,
         passes: vec![(&sections, &[])],
         depth_mm: 0.07,
-        block_times: &block_times,
-        slopes: &[],
+        figures: &figures,
         summary: &summary,
     })
 }

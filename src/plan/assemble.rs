@@ -9,13 +9,12 @@ use crate::clearance::Clearance;
 use crate::geom::{Box2, Buckets, FieldPoint, Nm, P2, Turned};
 use crate::job::{Level, StopOrder, StrokeOrder};
 use crate::machine::{Commanded, Machine, Origin, TiltAngles};
-use crate::manifest::Slope;
 use crate::order;
 use crate::order::stops::HeightOrder;
 use crate::order::strokes::{Path, Visit};
 use crate::parallel;
 use crate::partition::{Lattice, Stops};
-use crate::program::{Block, Program, Stop, StopId, Stroke};
+use crate::program::{Block, Program, Slope, Stop, StopId, Stroke};
 use crate::split::{Fragment, Fragments};
 
 /// A program in order, and how far its marks lie from their focal planes at most.

@@ -10,8 +10,8 @@ use crate::diag::Diag;
 use crate::geom::Nm;
 use crate::job::{Method, Objective, Passes};
 use crate::machine::{Machine, Origin};
-use crate::manifest::{self, Slope, Times};
-use crate::program::{PassId, PenId, Program, Stop};
+use crate::manifest::{self, Times};
+use crate::program::{BlockFigures, PassId, PenId, Program, Stop};
 use crate::split::Fragments;
 
 /// What one method gives.
@@ -22,8 +22,8 @@ pub(super) struct Candidate {
     /// The cells of its set-ups.
     pub(super) used: Used,
     pub(super) times: Times,
-    pub(super) block_times: Vec<f64>,
-    pub(super) slopes: Vec<Slope>,
+    /// Those of every block of the program.
+    pub(super) figures: Vec<BlockFigures>,
     pub(super) fragments: usize,
     pub(super) split: Fragments,
     pub(super) worst_defocus: Nm,
@@ -97,8 +97,7 @@ impl Candidate {
         s.jump += t.jump;
         s.delay += t.delay;
         s.total += t.total;
-        self.block_times.extend(next.block_times);
-        self.slopes.extend(next.slopes);
+        self.figures.extend(next.figures);
         self.fragments += next.fragments;
         self.split = join(std::mem::take(&mut self.split), next.split);
         self.worst_defocus = self.worst_defocus.max(next.worst_defocus);

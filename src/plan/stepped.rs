@@ -34,9 +34,9 @@ use crate::diag::{Diag, Error};
 use crate::geom::Nm;
 use crate::job::{Job, Method};
 use crate::machine::{Machine, Origin};
-use crate::manifest::{self, Slope, Summary, Times};
+use crate::manifest::{self, Summary, Times};
 use crate::partition::Stops;
-use crate::program::{Block, PassId, Program};
+use crate::program::{Block, BlockFigures, PassId, Program};
 use crate::projection::{Footprint, Samples};
 use crate::split::Fragments;
 use crate::texture::Texture;
@@ -54,10 +54,8 @@ pub struct SteppedPlan {
     pub passes: Vec<Pass>,
     /// The figures; its warnings are those of the plan.
     pub summary: Summary,
-    /// Time of every block: marks, jumps and delays, s.
-    pub block_times: Vec<f64>,
-    /// Slope under the marks of every block, against the beam.
-    pub slopes: Vec<Slope>,
+    /// The figures of every block of the program.
+    pub figures: Vec<BlockFigures>,
     /// Largest depth range of a block as used.
     pub depth: Nm,
     /// What the user should know.
@@ -227,8 +225,7 @@ impl<'a> Draft<'a> {
             checked,
             passes,
             summary,
-            block_times: best.block_times,
-            slopes: best.slopes,
+            figures: best.figures,
             depth: grid.lattice.depth,
             warnings,
         })
@@ -299,19 +296,9 @@ impl Ready {
         let fragments = parts.iter().map(|p| p.list.len()).sum();
         let split = parts.into_iter().fold(Fragments::default(), join);
         let (times, block_times) = times(machine, &self.start, &program);
-        Candidate {
-            method,
-            times,
-            block_times,
-            slopes,
-            fragments,
-            split,
-            worst_defocus,
-            worst_defocus_mean,
-            program,
-            setups,
-            used,
-        }
+        let figures =
+            block_times.into_iter().zip(slopes).map(|(time_s, slope)| BlockFigures { time_s, slope }).collect();
+        Candidate { method, times, figures, fragments, split, worst_defocus, worst_defocus_mean, program, setups, used }
     }
 
     /// What the pass is remembered by, once `made` of it.

@@ -28,12 +28,14 @@
 //! commanded axis values, integer nm. At a stop with a tilt the part is the tilted one: centres and
 //! heights are those of the part as the table has turned it, in the frame that it had before.
 
+mod figures;
 mod ids;
 #[cfg(test)]
 pub(crate) mod sample;
 mod sections;
 pub mod text;
 
+pub use figures::{BlockFigures, Slope};
 pub use ids::{BlockId, PassId, PenId, PieceId, SectionId, SetupId, StopId, StrokeId};
 pub use sections::Sections;
 

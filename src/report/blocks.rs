@@ -190,7 +190,7 @@ fn tooltip(job: &Layout<'_>, sheet: &Sheet, i: usize, block: &Block, detail: Det
         block.strokes.len(),
         plain(program.mark_mm(block), 2),
         plain(program.jump_mm(block), 2),
-        plain(job.block_s(i), 2),
+        plain(job.figures(i).time_s, 2),
     )
 }
 

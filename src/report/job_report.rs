@@ -10,8 +10,8 @@ use super::legend::{PARTS, seconds};
 use super::page::{self, escape};
 use super::{Layout, length_text, mm, pass_file, plain};
 use crate::geom::Nm;
-use crate::manifest::{Slope, duration};
-use crate::program::{Block, BlockId, PassId};
+use crate::manifest::duration;
+use crate::program::{Block, BlockId, PassId, Slope};
 
 /// The report as the text of an HTML file.
 pub fn report_html(job: &Layout<'_>) -> String {
@@ -185,7 +185,7 @@ fn defocus(h: &mut String, job: &Layout<'_>) {
 
 /// Slope effects over all blocks.
 fn slopes(h: &mut String, job: &Layout<'_>) {
-    let all: Vec<Slope> = (0..job.blocks().len()).filter_map(|i| job.slope(i)).collect();
+    let all: Vec<Slope> = (0..job.blocks().len()).map(|i| job.figures(i).slope).collect();
     if all.is_empty() {
         return;
     }
@@ -284,9 +284,8 @@ fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
         } else {
             [mm(Nm(b.stop.centre.x), 3), mm(Nm(b.stop.centre.y), 3)]
         };
-        let slope = job.slope(i);
-        let angle = slope.map_or(String::new(), |s| plain(s.incidence_deg()[0], 2));
-        let dose = slope.map_or(String::new(), |s| plain(s.dose()[0], 3));
+        let slope = job.figures(i).slope;
+        let (angle, dose) = (plain(slope.incidence_deg()[0], 2), plain(slope.dose()[0], 3));
         let _ = writeln!(
             h,
             "<tr><td>{}<td>{first}<td>{second}<td>{}<td>{x}<td>{y}<td>{z}<td>{angle}<td>{dose}<td>{}<td>{}<td>{}<td>{}",
@@ -295,7 +294,7 @@ fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
             b.strokes.len(),
             plain(program.mark_mm(b), 2),
             plain(program.jump_mm(b), 2),
-            plain(job.block_s(i), 2),
+            plain(job.figures(i).time_s, 2),
         );
     }
     h.push_str("</table>\n");

@@ -38,8 +38,8 @@ use crate::block_map::BlockMap;
 use crate::check::Checked;
 use crate::geom::{Box2, Nm, P2, P3};
 use crate::machine::Machine;
-use crate::manifest::{Slope, Summary};
-use crate::program::{Block, BlockId, Sections};
+use crate::manifest::Summary;
+use crate::program::{Block, BlockFigures, BlockId, Sections};
 use crate::report::table::plain;
 
 /// Everything the pictures are made of.
@@ -63,12 +63,10 @@ pub struct Layout<'a> {
     pub texture: Box2,
     /// By how much the part is turned against its file, rad.
     pub turn_rad: f64,
-    /// Time of each block in s: marks, jumps and delays, in the order of the program.
-    pub block_s: &'a [f64],
+    /// The figures of each block of the program.
+    pub figures: &'a [BlockFigures],
     /// The blocks as they lie over the part.
     pub drawn: Vec<Block>,
-    /// Slope under the marks of each block, where it is known.
-    pub slopes: &'a [Slope],
     /// What the colours of blocks stand for.
     pub shade: Shade,
     /// The figures of the job.
@@ -104,19 +102,16 @@ impl Layout<'_> {
         crate::block_map::is_gridded(self.blocks(), &self.sections)
     }
 
-    fn block_s(&self, i: usize) -> f64 {
-        self.block_s.get(self.blocks.start + i).copied().unwrap_or(0.0)
-    }
-
-    fn slope(&self, i: usize) -> Option<Slope> {
-        self.slopes.get(self.blocks.start + i).copied()
+    /// The figures of the block with that number in [`Layout::blocks`].
+    fn figures(&self, i: usize) -> &BlockFigures {
+        &self.figures[self.blocks.start + i]
     }
 
     /// What the colour of a block stands for: nm, or millionths of a degree.
     fn shade_of(&self, i: usize) -> i64 {
         match self.shade {
             Shade::Height => self.blocks()[i].stop.focus.0,
-            Shade::Incidence => self.slope(i).map_or(0, |s| (s.incidence_deg()[0] * 1e6).round() as i64),
+            Shade::Incidence => (self.figures(i).slope.incidence_deg()[0] * 1e6).round() as i64,
         }
     }
 

@@ -31,7 +31,7 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
             block.strokes.len().to_string(),
             format!("{:.3}", program.mark_mm(block)),
             format!("{:.3}", program.jump_mm(block)),
-            format!("{:.3}", facts.block_time_s(i)),
+            format!("{:.3}", facts.figures[i].time_s),
             csv_cell(&facts.pen_names(block).join("; ")),
             block.pass.number().to_string(),
             block.setup.number().to_string(),
@@ -275,7 +275,7 @@ fn block_line(out: &mut String, facts: &Facts<'_>, i: usize, block: &Block) -> s
         block.stop.focus.mm(),
         block.strokes.len(),
         program.mark_mm(block),
-        facts.block_time_s(i),
+        facts.figures[i].time_s,
         pens.join(" "),
         facts.block_file(i).unwrap_or_default(),
     )

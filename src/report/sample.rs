@@ -8,8 +8,9 @@ use crate::diag::{Message, Severity};
 use crate::geom::{Box2, FieldPoint, Nm, P2};
 use crate::machine::{Machine, Origin, TiltAngles};
 use crate::manifest::{Candidate, Summary, Times};
-use crate::program::Sections;
-use crate::program::{Block, PassId, Pen, PenId, Program, SectionId, SetupId, Stop, Stroke, StrokeId};
+use crate::program::{
+    Block, BlockFigures, PassId, Pen, PenId, Program, SectionId, Sections, SetupId, Stop, Stroke, StrokeId,
+};
 use crate::surface::Surface;
 use crate::units::{Frequency, Power, Speed};
 
@@ -21,7 +22,7 @@ pub(super) struct Sample {
     pub map: BlockMap,
     pub texture: Box2,
     pub turn_rad: f64,
-    pub block_s: Vec<f64>,
+    pub figures: Vec<BlockFigures>,
     pub summary: Summary,
 }
 
@@ -37,9 +38,8 @@ impl Sample {
             map: &self.map,
             texture: self.texture,
             turn_rad: self.turn_rad,
-            block_s: &self.block_s,
+            figures: &self.figures,
             drawn: self.checked.program().blocks.clone(),
-            slopes: &[],
             shade: super::Shade::Height,
             summary: &self.summary,
         }
@@ -90,7 +90,7 @@ impl Sample {
             let [lo, hi] = range.map(|mm| Nm::round(mm * 1e6));
             push_block(&mut program, sections, SectionId(section), level, [lo, (lo + hi) / 2, hi], &machine);
         }
-        let block_s = (0..program.blocks.len()).map(|i| 1.5 + (i % 7) as f64 * 0.21).collect();
+        let figures = (0..program.blocks.len()).map(|i| timed(1.5 + (i % 7) as f64 * 0.21)).collect();
         let summary = summary(&program);
         Self {
             name: name.into(),
@@ -100,7 +100,7 @@ impl Sample {
             map,
             texture,
             turn_rad: 0.0,
-            block_s,
+            figures,
             summary,
         }
     }
@@ -228,7 +228,7 @@ impl Sample {
                 strokes: start..program.strokes.len(),
             });
         }
-        self.block_s = vec![1.7; program.blocks.len()];
+        self.figures = vec![timed(1.7); program.blocks.len()];
         self.summary = Summary { method: "window".into(), ..summary(&program) };
         self.checked = Checked::unchecked(program, Origin::default());
     }
@@ -257,10 +257,15 @@ impl Sample {
     pub(super) fn with_sliver(mut self) -> Self {
         let mut program = self.checked.program().clone();
         push_block(&mut program, self.sections, SectionId([0, 0]), 99, [Nm(6_000_000); 3], &self.machine);
-        self.block_s.push(0.5);
+        self.figures.push(timed(0.5));
         self.checked = Checked::unchecked(program, Origin::default());
         self
     }
+}
+
+/// The figures of a block of that time on level ground.
+fn timed(time_s: f64) -> BlockFigures {
+    BlockFigures { time_s, ..BlockFigures::default() }
 }
 
 fn dome(x: f64, y: f64) -> f64 {

@@ -17,7 +17,7 @@ use crate::job_folder;
 use crate::machine::Origin;
 use crate::manifest::MANIFEST;
 use crate::plan::{self, Plan, SteppedPlan};
-use crate::program::{Block, PenId, Program};
+use crate::program::{Block, BlockFigures, PenId, Program};
 use crate::verify::{Proof, verify};
 
 /// A compiled job in a folder of its own: a wavy sheet with a hole, hatched along contours beyond its border, and
@@ -168,7 +168,10 @@ impl Bench {
         s.jump_mm = program.blocks.iter().map(|b| program.jump_mm(b)).sum();
         let off = |b: &Block| (b.z_hi - b.stop.focus).max(b.stop.focus - b.z_lo);
         s.worst_defocus_um = program.blocks.iter().map(off).max().unwrap_or_default().f64() / 1000.0;
-        (s.time_s, self.plan.block_times) = super::times(&program, &self.plan.machine);
+        let (time_s, block_times) = super::times(&program, &self.plan.machine);
+        s.time_s = time_s;
+        self.plan.figures.resize(program.blocks.len(), BlockFigures::default());
+        self.plan.figures.iter_mut().zip(block_times).for_each(|(f, time_s)| f.time_s = time_s);
         let origins = self.plan.checked.origins().to_vec();
         self.plan.checked = Checked::unchecked_setups(program, origins);
         verified(&self.write())
