@@ -79,7 +79,7 @@ pub(super) fn stepped(plan: &SteppedPlan, head: &Head, filling: &mut Filling<'_>
         job,
         machine,
         checked,
-        passes: passes.iter().map(|p| (&p.sections, p.directions.as_slice())).collect(),
+        passes: passes.iter().map(|p| (&p.sections, p.directions.as_ref())).collect(),
         depth_mm: plan.depth.mm(),
         figures,
         summary,

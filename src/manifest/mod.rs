@@ -22,6 +22,7 @@ use crate::emit;
 use crate::job::Job;
 use crate::machine::Machine;
 use crate::program::{Block, BlockFigures, BlockId, Program, Sections};
+use crate::texture::Directions;
 
 /// Parts of the job time, s. They sum to the total.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -127,9 +128,8 @@ pub struct Facts<'a> {
     pub machine: &'a Machine,
     /// Its program.
     pub checked: &'a Checked,
-    /// Of every pass its grid of sections and the direction of what is filled along contours, by section, in
-    /// hundredths of a degree, empty where nothing is.
-    pub passes: Vec<(&'a Sections, &'a [u16])>,
+    /// Of every pass its grid of sections, and the directions of what is filled along contours, if anything is.
+    pub passes: Vec<(&'a Sections, Option<&'a Directions>)>,
     /// Largest depth range of a block, as used.
     pub depth_mm: f64,
     /// The figures of every block.

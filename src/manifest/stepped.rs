@@ -10,6 +10,7 @@ use crate::geom::Nm;
 use crate::job::{DepthRule, Level};
 use crate::machine::{Machine, Origin};
 use crate::program::{self, BlockId, PassId, Pen, Program};
+use crate::texture::Directions;
 
 /// The manifest: JSON, keys in a fixed order, a line feed at the end.
 pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
@@ -103,10 +104,10 @@ struct PassEntry {
 
 fn passes(facts: &Facts<'_>) -> Vec<PassEntry> {
     let passes = &facts.job.passes;
-    let entry = |(k, (grid, directions)): (u32, &(&program::Sections, &[u16]))| PassEntry {
+    let entry = |(k, &(grid, directions)): (u32, &(&program::Sections, Option<&Directions>))| PassEntry {
         turn_deg: f64::from(k) * passes.rotate.as_deg(),
         lowered_mm: passes.lowered(PassId(k)).mm(),
-        sections: Sections::new(grid, directions),
+        sections: Sections::new(grid, directions.map_or(&[], |d| &d.hundredths)),
     };
     (0..).zip(&facts.passes).map(entry).collect()
 }

@@ -35,7 +35,7 @@ fn with<R>((program, origin): (Program, Origin), machine: &Machine, use_them: im
         job: &job,
         machine,
         checked: &checked,
-        passes: vec![(&sections, &[])],
+        passes: vec![(&sections, None)],
         depth_mm: 0.07,
         figures: &figures,
         summary: &summary,

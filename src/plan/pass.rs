@@ -6,15 +6,15 @@ use crate::block_map::BlockMap;
 use crate::geom::Box2;
 use crate::partition::bound::Certificate;
 use crate::program::Sections;
+use crate::texture::Directions;
 
 /// One pass over the texture.
 #[derive(Debug)]
 pub struct Pass {
     /// Its grid of sections.
     pub sections: Sections,
-    /// Directions of what is filled along contours, by section, in hundredths of a degree; empty where nothing
-    /// is.
-    pub directions: Vec<u16>,
+    /// Directions of what is filled along contours, by section; None where nothing is.
+    pub directions: Option<Directions>,
     /// Which of its blocks owns which place; numbered from its first.
     pub map: BlockMap,
     /// The box of its texture, turned part frame.

@@ -309,7 +309,7 @@ impl Ready {
         let field = machine.usable_field();
         let map = BlockMap::new(&made.program, &grid.sections, &turns, field, &inputs.surface, texture.bounds());
         Pass {
-            directions: texture.directions().map_or_else(Vec::new, |d| d.hundredths.clone()),
+            directions: texture.directions().cloned(),
             map,
             texture: texture.bounds(),
             bound: bound::certificate(&grid, samples, stop_size, made.method),

@@ -102,9 +102,9 @@ impl JobFacts {
         }
     }
 
-    /// By how much the grid of sections of pass `k` lies lower than that of the first.
-    pub(super) fn shift(&self, k: u32, pitch: [Nm; 2]) -> [Nm; 2] {
-        self.passes.grid_shift(PassId(k), pitch, self.figure_pitch.unwrap_or(Nm(1)))
+    /// By how much the grid of sections of a pass lies lower than that of the first.
+    pub(super) fn shift(&self, pass: PassId, pitch: [Nm; 2]) -> [Nm; 2] {
+        self.passes.grid_shift(pass, pitch, self.figure_pitch.unwrap_or(Nm(1)))
     }
 
     /// A block with its heights on the surface before it was lowered.
@@ -162,7 +162,7 @@ pub(super) fn shape(job: &Job) -> Result<(Shape, BoxMm<2>), Error> {
     }
 }
 
-/// Places the textures of pass `k` of the job.
-pub(super) fn texture(job: &Job, k: u32, part_box_mm: BoxMm<2>) -> Result<Texture, Error> {
-    Texture::load(&job.textures_of_pass(PassId(k)), part_box_mm, job.placement.turn.as_rad(), &mut Vec::new())
+/// Places the textures of a pass of the job.
+pub(super) fn texture(job: &Job, pass: PassId, part_box_mm: BoxMm<2>) -> Result<Texture, Error> {
+    Texture::load(&job.textures_of_pass(pass), part_box_mm, job.placement.turn.as_rad(), &mut Vec::new())
 }

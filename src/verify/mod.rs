@@ -29,7 +29,7 @@ pub use proof::{Lengths, Proof, Rule, Violation};
 use crate::diag::{Diag, Error, Place};
 use crate::geom::P2;
 use crate::job::Mode;
-use crate::program::PenId;
+use crate::program::{PassId, PenId};
 use crate::texture::Texture;
 use geometry::Geometry;
 use inputs::Inputs;
@@ -89,7 +89,7 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
     let (shape, box_mm) = job_facts::shape(&job)?;
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
     let mut textures = Vec::new();
-    for pass in 0..facts.passes.count {
+    for pass in (0..facts.passes.count).map(PassId) {
         let mut texture = job_facts::texture(&job, pass, box_mm)?;
         if !rules::fill::check(&manifest, &facts, pass, &mut texture, &mut findings.fill) {
             // Without its lines the texture is not known.

@@ -5,7 +5,7 @@
 
 use super::grid::Grid;
 use super::{BoxNm, Crossing, Line, Scratch, Turn, nm};
-use crate::geom::BoxMm;
+use crate::geom::{BoxMm, P3};
 
 /// A facet in plan view and its plane: z = z0 + grad · (p - corner 0).
 #[derive(Clone, Copy, Debug)]
@@ -69,7 +69,7 @@ impl MeshBuilder {
         let [u, v] = [b, c].map(|p| [0, 1, 2].map(|k| p[k] - a[k]));
         let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
         let drawn2 = (normal[0].powi(2) + normal[1].powi(2)) / normal[2].powi(2);
-        self.add(corners.map(|p| turn.apply(p)), Some(drawn2));
+        self.add(corners.map(|p| turn.apply(P3::new(p)).at), Some(drawn2));
     }
 
     fn add(&mut self, solid: [[f64; 3]; 3], drawn2: Option<f64>) {

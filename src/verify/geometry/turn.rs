@@ -1,5 +1,6 @@
 //! The part on a tilt table, by arithmetic of its own.
 
+use crate::geom::{P3, Turned};
 use crate::machine::{Letter, Origin, Tilt, TiltAngles};
 
 /// How a table turns the part about its pivot, nm.
@@ -29,15 +30,15 @@ impl Turn {
     }
 
     /// Where a point of the part comes to lie.
-    pub(in crate::verify) fn apply(&self, p: [f64; 3]) -> [f64; 3] {
+    pub(in crate::verify) fn apply(&self, p: P3) -> P3<Turned> {
         let d = [0, 1, 2].map(|k| p[k] - self.pivot[k]);
-        [0, 1, 2].map(|k| self.pivot[k] + (0..3).map(|j| self.rows[k][j] * d[j]).sum::<f64>())
+        P3::new([0, 1, 2].map(|k| self.pivot[k] + (0..3).map(|j| self.rows[k][j] * d[j]).sum::<f64>()))
     }
 
     /// Which point of the part comes to lie at `p`.
-    pub(in crate::verify) fn back(&self, p: [f64; 3]) -> [f64; 3] {
+    pub(in crate::verify) fn back(&self, p: P3<Turned>) -> P3 {
         let d = [0, 1, 2].map(|k| p[k] - self.pivot[k]);
-        [0, 1, 2].map(|k| self.pivot[k] + (0..3).map(|j| self.rows[j][k] * d[j]).sum::<f64>())
+        P3::new([0, 1, 2].map(|k| self.pivot[k] + (0..3).map(|j| self.rows[j][k] * d[j]).sum::<f64>()))
     }
 
     /// How far a point moves sideways on the part where its height is off by 1, and that height where the

@@ -8,7 +8,7 @@ use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::{Lengths, Rule};
 use crate::verify::read::formats::{self, FORMATS, OnTheFly};
 use crate::verify::read::number::nm_from_mm;
-use crate::verify::read::on_the_fly::Course;
+use crate::verify::read::on_the_fly::FlyProgram;
 use crate::verify::read::on_the_fly::manifest::Manifest;
 
 /// Relative difference at which two figures are still the same.
@@ -25,7 +25,7 @@ fn targets(axes: &str) -> impl Iterator<Item = (Format, OnTheFly)> {
 }
 
 /// Reads the programs that the manifest lists, one at least.
-pub(super) fn read(folder: &Path, manifest: &Manifest, rule: &mut Rule) -> Vec<(&'static str, Course)> {
+pub(super) fn read(folder: &Path, manifest: &Manifest, rule: &mut Rule) -> Vec<(&'static str, FlyProgram)> {
     rule.ran = true;
     let mut out = Vec::new();
     for (_, target) in targets(&manifest.axes) {
@@ -35,7 +35,7 @@ pub(super) fn read(folder: &Path, manifest: &Manifest, rule: &mut Rule) -> Vec<(
         rule.checked += 1;
         let name = target.file;
         match formats::bytes(folder, name).map(|bytes| (target.read)(&bytes, &manifest.axes)) {
-            Ok(Ok(course)) => out.push((name, course)),
+            Ok(Ok(program)) => out.push((name, program)),
             Ok(Err(fault)) => rule.broken("", format!("{name}:{}", fault.line), fault.message),
             Err(unread) => rule.broken("", name, unread),
         }
@@ -44,11 +44,11 @@ pub(super) fn read(folder: &Path, manifest: &Manifest, rule: &mut Rule) -> Vec<(
 }
 
 /// The programs of one job say the same; one violation for each, the first difference.
-pub(super) fn programs(all: &[(&'static str, Course)], rule: &mut Rule) {
-    for (name, course) in all {
+pub(super) fn programs(all: &[(&'static str, FlyProgram)], rule: &mut Rule) {
+    for (name, program) in all {
         rule.checked += 1;
-        if course.rounded_nm > ROUNDED {
-            let um = course.rounded_nm / 1e3;
+        if program.rounded_nm > ROUNDED {
+            let um = program.rounded_nm / 1e3;
             rule.broken("", *name, format!("lets corners be rounded by {um} um"));
         }
     }
@@ -62,7 +62,7 @@ pub(super) fn programs(all: &[(&'static str, Course)], rule: &mut Rule) {
 }
 
 /// Where the program `b` first differs from `a`, and how.
-fn differs(first: &str, a: &Course, name: &str, b: &Course) -> Option<(String, String)> {
+fn differs(first: &str, a: &FlyProgram, name: &str, b: &FlyProgram) -> Option<(String, String)> {
     if a.start != b.start || !a.rapids.iter().map(|r| r.1).eq(b.rapids.iter().map(|r| r.1)) {
         return Some((name.into(), format!("begins or ends elsewhere than {first}")));
     }
@@ -78,7 +78,7 @@ fn differs(first: &str, a: &Course, name: &str, b: &Course) -> Option<(String, S
 }
 
 /// Manifest and program against the job.
-pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, course: &Course, rule: &mut Rule) {
+pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, program: &FlyProgram, rule: &mut Rule) {
     let mut hold = |holds: bool, text: &str| {
         rule.checked += 1;
         if !holds {
@@ -102,9 +102,9 @@ pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, course: &Course, r
             m.name == p.name && m.speed_mm_s == p.speed.as_mm_s() && (m.power_percent - percent).abs() <= PERCENT
         });
     hold(same, "its pens differ from those of the job file");
-    for (line, pen, power) in &course.powers {
+    for (line, pen, power) in &program.powers {
         rule.checked += 1;
-        let wanted = pens.get(usize::from(pen.wrapping_sub(1))).map(|p| p.power.as_w(full) / full.as_w() * 100.0);
+        let wanted = pens.get(pen.index()).map(|p| p.power.as_w(full) / full.as_w() * 100.0);
         let near = wanted.zip(*power).is_some_and(|(w, p)| (w - p).abs() <= PERCENT);
         if !near {
             rule.broken("", format!("line {line}"), "a mark does not have the power of its pen");
@@ -113,11 +113,11 @@ pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, course: &Course, r
 }
 
 /// Figures of the manifest.
-pub(super) fn summary(manifest: &Manifest, course: &Course, chain: &Chain, lengths: &Lengths, rule: &mut Rule) {
+pub(super) fn summary(manifest: &Manifest, program: &FlyProgram, chain: &Chain, lengths: &Lengths, rule: &mut Rule) {
     rule.ran = true;
     let s = &manifest.summary;
     let (mut on_us, mut away, mut fastest, mut mark_nm) = (0, 0.0f64, 0.0f64, 0.0);
-    for (us, from, step) in course.moves().filter(|(_, _, s)| s.mark.is_some()) {
+    for (us, from, step) in program.moves().filter(|(_, _, s)| s.mark.is_some()) {
         on_us += step.us - us;
         let [a, b] = [from, &step.to].map(|to| to.float());
         for field in [&a, &b].map(|to| chain.field(to)) {
@@ -136,13 +136,13 @@ pub(super) fn summary(manifest: &Manifest, course: &Course, chain: &Chain, lengt
     };
     hold("texture_mm", s.texture_mm, lengths.texture_mm, 1e-6 + SAME * lengths.texture_mm);
     // Both ends of every piece are rounded and merged.
-    let ends = 4e-4 * (1.0 + course.powers.len() as f64 + manifest.left_out.len() as f64);
+    let ends = 4e-4 * (1.0 + program.powers.len() as f64 + manifest.left_out.len() as f64);
     hold("skipped_mm", s.skipped_mm, lengths.skipped_mm, ends);
     let left_out: f64 = manifest.left_out.iter().map(|l| l.to_mm - l.from_mm).sum();
     hold("skipped_focus_mm", s.skipped_focus_mm, left_out, 1e-6 + SAME * left_out);
-    hold("moves", s.moves as f64, course.steps.len() as f64, 0.0);
-    hold("marks", s.marks as f64, course.powers.len() as f64, 0.0);
-    let total = course.steps.last().map_or(0.0, |l| l.us as f64 / 1e6);
+    hold("moves", s.moves as f64, program.steps.len() as f64, 0.0);
+    hold("marks", s.marks as f64, program.powers.len() as f64, 0.0);
+    let total = program.steps.last().map_or(0.0, |l| l.us as f64 / 1e6);
     hold("time_s", s.time_s, total, SAME * total);
     hold("mark_s", s.mark_s, on_us as f64 / 1e6, SAME * total);
     hold("mark_mm", s.mark_mm, mark_nm / 1e6, SAME * mark_nm / 1e6);

@@ -3,7 +3,7 @@
 //! Units: nm and millionths of a degree in; nm out, part frame. The part lies at the placement's origin in the
 //! table frame and is turned about the pivot, by the inner axis first; the beam runs along z of the table frame.
 
-use crate::machine::{Axis, Carries, Machine};
+use crate::machine::{Axis, Carries, Machine, Origin};
 use crate::verify::read::on_the_fly::Commands;
 
 /// A beam: where it meets the focal plane, and the direction back along it, of length 1.
@@ -45,7 +45,7 @@ struct Turns {
 
 impl Chain {
     /// None where the machine does not have these axes.
-    pub(super) fn of(machine: &Machine, origin: [i64; 3], axes: &str) -> Option<Self> {
+    pub(super) fn of(machine: &Machine, Origin(origin): Origin, axes: &str) -> Option<Self> {
         let stage = [&machine.stage.x, &machine.stage.y, &machine.stage.z].map(|axis: &Axis| {
             let carried = if axis.carries == Carries::Head { 1.0 } else { -1.0 };
             if axis.reversed { -carried } else { carried }

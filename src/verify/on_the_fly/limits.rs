@@ -10,7 +10,7 @@ use super::chain::Chain;
 use crate::machine::Machine;
 use crate::program::Pen;
 use crate::verify::proof::Rule;
-use crate::verify::read::on_the_fly::Course;
+use crate::verify::read::on_the_fly::FlyProgram;
 
 const OVER: f64 = 1.0 + 1e-6;
 const APART_US: [i64; 2] = [5_000, 10_000];
@@ -64,9 +64,9 @@ fn all(machine: &Machine, leans: bool) -> Vec<Limit> {
 }
 
 /// Holds the rule.
-pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machine, pens: &[Pen], rule: &mut Rule) {
+pub(super) fn check(program: &FlyProgram, name: &str, chain: &Chain, machine: &Machine, pens: &[Pen], rule: &mut Rule) {
     let limits = all(machine, chain.leans());
-    for (line, to) in &course.rapids {
+    for (line, to) in &program.rapids {
         for limit in &limits {
             rule.checked += 1;
             if to[limit.axis].is_some_and(|v| !within(v, limit)) {
@@ -76,7 +76,7 @@ pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machin
     }
     let [jump, mark] = [machine.scanner.jump_speed, machine.scanner.max_mark_speed].map(|v| v.as_mm_s());
     let half = machine.usable_field().map(|f| f.f64() / 2.0 + 1.0);
-    for (us, from, step) in course.moves() {
+    for (us, from, step) in program.moves() {
         rule.checked += 1;
         let s = (step.us - us) as f64 * 1e-6;
         let mut broken = |text: String| rule.broken("", format!("{name}:{}", step.line), text);
@@ -108,7 +108,7 @@ pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machin
         if way > limit * OVER * s {
             broken(format!("the scanner runs at {:.4} mm/s, above its limit of {limit} mm/s", way / s));
         }
-        let pen = step.mark.and_then(|m| pens.get(usize::from(m.pen.wrapping_sub(1))));
+        let pen = step.mark.and_then(|m| pens.get(m.pen.index()));
         if let Some(pen) = pen {
             // Across the beam: that is what a pen's speed is of.
             let (a, b) = (chain.beam(&from.float()), chain.beam(&step.to.float()));
@@ -123,7 +123,7 @@ pub(super) fn check(course: &Course, name: &str, chain: &Chain, machine: &Machin
         }
     }
     for limit in &limits {
-        curved(course, name, limit, rule);
+        curved(program, name, limit, rule);
     }
 }
 
@@ -132,19 +132,19 @@ fn within(v: i64, limit: &Limit) -> bool {
 }
 
 /// Acceleration and jerk of an axis.
-fn curved(course: &Course, name: &str, limit: &Limit, rule: &mut Rule) {
+fn curved(program: &FlyProgram, name: &str, limit: &Limit, rule: &mut Rule) {
     for (order, apart, most) in [(2, APART_US[0], limit.acceleration), (3, APART_US[1], limit.jerk)] {
         if most.is_infinite() {
             continue;
         }
         // The program begins and ends at rest.
-        let rest = |k: i64| (-(k * apart) as f64 / 1e6, course.start[limit.axis] as f64 / 1e6);
+        let rest = |k: i64| (-(k * apart) as f64 / 1e6, program.start[limit.axis] as f64 / 1e6);
         let mut taken: Vec<(f64, f64)> = (0..=order as i64).rev().map(rest).collect();
-        let end = course.steps.last().map(|s| (s.us, s.to[limit.axis], s.line));
+        let end = program.steps.last().map(|s| (s.us, s.to[limit.axis], s.line));
         let after = end.into_iter().flat_map(|(us, to, line)| (1..=3).map(move |k| (us + k * apart, to, line)));
         let mut last = 0;
         let mut worst = (most * OVER, 0);
-        for (us, to, line) in course.steps.iter().map(|s| (s.us, s.to[limit.axis], s.line)).chain(after) {
+        for (us, to, line) in program.steps.iter().map(|s| (s.us, s.to[limit.axis], s.line)).chain(after) {
             if us - last < apart {
                 continue;
             }

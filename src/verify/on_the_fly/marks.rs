@@ -306,7 +306,7 @@ fn shown(beam: &Beam) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::machine::Machine;
+    use crate::machine::{Machine, Origin};
     use crate::verify::geometry::{MeshBuilder, Shape};
 
     fn geometry(facets: &[[[f64; 3]; 3]]) -> Geometry {
@@ -321,7 +321,7 @@ mod tests {
 
     fn chain() -> Chain {
         let machine = Machine::built_in("xyz-galvo-40").expect("a built-in machine");
-        Chain::of(&machine, [0; 3], "XYZUV").expect("five axes")
+        Chain::of(&machine, Origin::default(), "XYZUV").expect("five axes")
     }
 
     #[test]

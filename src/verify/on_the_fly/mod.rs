@@ -26,12 +26,13 @@ use super::job_facts::{self, JobFacts};
 use super::proof::{Lengths, Proof, Rule};
 use super::read::manifest::{self, Listed};
 use super::read::on_the_fly::manifest::Manifest;
-use super::read::on_the_fly::{Commands, Course, Step};
+use super::read::on_the_fly::{Commands, FlyProgram, Step};
 use super::rules::hash;
 use crate::diag::Error;
 use crate::geom::{Nm, P2};
 use crate::job::Mode;
-use crate::program::{Pen, PenId};
+use crate::machine::Origin;
+use crate::program::{PassId, Pen, PenId, StrokeId};
 use crate::texture::Texture;
 
 /// The rules and figures while they are being found.
@@ -106,14 +107,14 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Pr
     let programs = agree::read(folder, &manifest, &mut findings.agreement);
     agree::programs(&programs, &mut findings.agreement);
     findings.laser.ran = !programs.is_empty();
-    for (name, course) in &programs {
-        findings.laser.checked += course.steps.len() as u64;
-        for fault in &course.faults {
+    for (name, program) in &programs {
+        findings.laser.checked += program.steps.len() as u64;
+        for fault in &program.faults {
             findings.laser.broken("", format!("{name}:{}", fault.line), &fault.message);
         }
     }
-    let origin = manifest.placement.origin_mm.map(|v| Nm::from_mm(v).unwrap_or_default().0);
-    let Some((name, course)) = programs.first() else {
+    let origin = Origin(manifest.placement.origin_mm.map(|v| Nm::from_mm(v).unwrap_or_default().0));
+    let Some((name, program)) = programs.first() else {
         findings.agreement.broken("", "manifest.json", "no program is listed that can be read");
         return Ok(findings.into_proof());
     };
@@ -121,39 +122,39 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Pr
         findings.agreement.broken("", "manifest.json", "the machine does not have the axes that are named");
         return Ok(findings.into_proof());
     };
-    findings.marks = course.powers.len();
+    findings.marks = program.powers.len();
     if !unchanged {
-        check_program(name, course, &chain, &manifest, &[], &mut findings);
+        check_program(name, program, &chain, &manifest, &[], &mut findings);
         return Ok(findings.into_proof());
     }
     let (job, facts) = job_facts::load(&inputs, Mode::OnTheFly)?;
-    agree::with_job(&manifest, &facts, course, &mut findings.agreement);
+    agree::with_job(&manifest, &facts, program, &mut findings.agreement);
     let pens = facts.pens.clone().unwrap_or_default();
-    check_program(name, course, &chain, &manifest, &pens, &mut findings);
+    check_program(name, program, &chain, &manifest, &pens, &mut findings);
     let (shape, box_mm) = job_facts::shape(&job)?;
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
-    let texture = job_facts::texture(&job, 0, box_mm)?;
-    check_marks(name, course, &chain, &manifest, (&facts, &texture, &geometry), &mut findings);
-    agree::summary(&manifest, course, &chain, &findings.lengths, &mut findings.summary);
+    let texture = job_facts::texture(&job, PassId(0), box_mm)?;
+    check_marks(name, program, &chain, &manifest, (&facts, &texture, &geometry), &mut findings);
+    agree::summary(&manifest, program, &chain, &findings.lengths, &mut findings.summary);
     Ok(findings.into_proof())
 }
 
 fn check_program(
     name: &str,
-    course: &Course,
+    program: &FlyProgram,
     chain: &Chain,
     manifest: &Manifest,
     pens: &[Pen],
     findings: &mut Findings,
 ) {
     findings.limits.ran = true;
-    limits::check(course, name, chain, &manifest.machine, pens, &mut findings.limits);
+    limits::check(program, name, chain, &manifest.machine, pens, &mut findings.limits);
 }
 
 /// The rules of geometry.
 fn check_marks(
     name: &str,
-    course: &Course,
+    program: &FlyProgram,
     chain: &Chain,
     manifest: &Manifest,
     (facts, texture, geometry): (&JobFacts, &Texture, &Geometry),
@@ -167,9 +168,9 @@ fn check_marks(
     let mut checker = MarkChecker::new(chain, geometry, wanted);
     let mut covers = Covers::default();
     let mut points: Vec<P2> = Vec::new();
-    let mut kept: Option<(u32, PenId, Stroke)> = None;
+    let mut kept: Option<(StrokeId, PenId, Stroke)> = None;
     let mut moves: Vec<(Commands, Step)> = Vec::new();
-    let mut all = course.moves().map(|(_, from, step)| (*from, *step)).peekable();
+    let mut all = program.moves().map(|(_, from, step)| (*from, *step)).peekable();
     while let Some((from, step)) = all.next() {
         let Some(claim) = step.mark else { continue };
         moves.push((from, step));
@@ -177,21 +178,21 @@ fn check_marks(
             continue;
         }
         let place = || format!("{name}:{}", step.line);
-        if claim.stroke as usize >= texture.len() {
-            position.broken("", place(), format!("the texture has no stroke {}", claim.stroke));
+        if claim.stroke.index() >= texture.len() {
+            position.broken("", place(), format!("the texture has no stroke {}", claim.stroke.0));
             moves.clear();
             continue;
         }
         if kept.as_ref().is_none_or(|k| k.0 != claim.stroke) {
-            let pen = texture.stroke(claim.stroke as usize, &mut points);
+            let pen = texture.stroke(claim.stroke.index(), &mut points);
             kept = Some((claim.stroke, pen, Stroke::new(&points)));
         }
         let Some((_, pen, stroke)) = &kept else { continue };
-        if pen.number() != u32::from(claim.pen) {
+        if *pen != claim.pen {
             position.broken(
                 "",
                 place(),
-                format!("a mark has pen {}, its stroke is drawn with pen {}", claim.pen, pen.number()),
+                format!("a mark has pen {}, its stroke is drawn with pen {}", claim.pen.number(), pen.number()),
             );
         }
         let mut rules = Rules { position: &mut *position, focus: &mut *focus, surface: &mut *bare };
@@ -201,7 +202,7 @@ fn check_marks(
             once.broken("", place(), format!("a mark runs back over {:.6} mm", back / 1e6));
         }
         // What lies elsewhere covers nothing.
-        let places = traces.iter().filter(|t| t.worst <= marks::STRAY).map(|t| cover::of(claim.stroke, stroke, t));
+        let places = traces.iter().filter(|t| t.worst <= marks::STRAY).map(|t| cover::of(claim.stroke.0, stroke, t));
         covers.add(places.collect());
         moves.clear();
     }

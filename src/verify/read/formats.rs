@@ -2,14 +2,14 @@
 //! reader of those files.
 //!
 //! The variant that a row holds says what a file of that format tells, and so which rules are checked against it: the
-//! rules take [`Strokes`], statements, work planes or a [`Course`] and know nothing of formats. Adding a target is a
+//! rules take [`Strokes`], statements, work planes or a [`FlyProgram`] and know nothing of formats. Adding a target is a
 //! reader next to this file and a row here. The table is written apart from the one of the writers; a test compares the
 //! two.
 
 use std::path::Path;
 
 use super::manifest::{BlockEntry, FileEntry};
-use super::on_the_fly::{self, Course};
+use super::on_the_fly::{self, FlyProgram};
 use super::{Fault, Strokes, csv, dxf, gcode, ovf};
 use crate::diag;
 use crate::job::Format;
@@ -39,7 +39,7 @@ pub(in crate::verify) struct OnTheFly {
     /// The machines that it is written for, by the letters of their axes.
     pub(in crate::verify) axes: &'static [&'static str],
     /// Reads a program of the axes of these letters.
-    pub(in crate::verify) read: fn(&[u8], &str) -> Result<Course, Fault>,
+    pub(in crate::verify) read: fn(&[u8], &str) -> Result<FlyProgram, Fault>,
 }
 
 /// One format.

@@ -17,7 +17,7 @@
 
 use super::Findings;
 use super::stage::{Positions, StageFile};
-use crate::geom::{NM_PER_MM, Nm};
+use crate::geom::{NM_PER_MM, Nm, P3};
 use crate::machine::{Commanded, Machine, TiltAngles};
 use crate::program::{Block, SetupId};
 use crate::verify::geometry::{BoxNm, Geometry, Turn};
@@ -166,7 +166,7 @@ impl Head<'_> {
         let mut highest = f64::NEG_INFINITY;
         for area in &doubtful {
             self.geometry.facets_in(*area, &mut |corners| {
-                let corners = turn.as_ref().map_or(corners, |turn| corners.map(|p| turn.apply(p)));
+                let corners = turn.as_ref().map_or(corners, |turn| corners.map(|p| turn.apply(P3::new(p)).at));
                 highest = highest.max(sweep.highest(corners));
             });
         }
@@ -253,7 +253,7 @@ impl Tiles {
     /// than its distance from the pivot times `spread` from where `turn` brings it.
     fn doubtful(&self, turn: Option<&Turn>, spread: f64, pivot: &[f64; 3], sweep: &Sweep, limit: f64) -> Vec<BoxNm> {
         match turn {
-            Some(turn) => self.swung(|p| turn.apply(p), spread, pivot, sweep, limit),
+            Some(turn) => self.swung(|p| turn.apply(P3::new(p)).at, spread, pivot, sweep, limit),
             None if spread > 0.0 => self.swung(|p| p, spread, pivot, sweep, limit),
             None => self.under(sweep).filter(|b| b[5] > limit).map(in_plane).collect(),
         }

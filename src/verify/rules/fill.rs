@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use super::part_place_nm;
 use crate::geom::{Box2, Nm, P2};
-use crate::program::Sections;
+use crate::program::{PassId, Sections};
 use crate::texture::{Directions, Texture};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
@@ -36,7 +36,7 @@ struct Area {
 pub(in crate::verify) fn check(
     manifest: &Manifest,
     facts: &JobFacts,
-    pass: u32,
+    pass: PassId,
     texture: &mut Texture,
     rule: &mut Rule,
 ) -> bool {
@@ -72,8 +72,8 @@ pub(in crate::verify) fn check(
 }
 
 /// The directions that the manifest states, for the grid of sections that the job has.
-fn directions(manifest: &Manifest, facts: &JobFacts, pass: u32, bounds: Box2) -> Result<Directions, &'static str> {
-    let stated = manifest.passes.get(pass as usize).map(|p| &p.sections);
+fn directions(manifest: &Manifest, facts: &JobFacts, pass: PassId, bounds: Box2) -> Result<Directions, &'static str> {
+    let stated = manifest.passes.get(pass.index()).map(|p| &p.sections);
     let stated = stated.ok_or("it does not state the sections of a pass")?;
     let step = facts.machine.increment_nm();
     let [x, y] = stated.pitch_mm.map(|v| Nm::from_mm(v).unwrap_or_default());

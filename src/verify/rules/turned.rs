@@ -5,7 +5,7 @@
 //! A mark that the part hides from the beam comes out on what hides it, and so off its stroke.
 
 use super::part_place_nm;
-use crate::geom::{FieldPoint, P2};
+use crate::geom::{FieldPoint, P2, P3};
 use crate::machine::{Origin, TiltAngles};
 use crate::program::{Block, CHORD_NM, PassId};
 use crate::verify::geometry::{BoxNm, Geometry, Line, Scratch, Sheet, Turn};
@@ -127,7 +127,7 @@ impl Turned {
                     let Some([first, last]) = under.ends else {
                         // Off the part, which the rule `surface` says.
                         let [x, y] = field(w[0]);
-                        let [x, y, _] = self.turn.back([x, y, block.stop.focus.f64()]);
+                        let [x, y, _] = self.turn.back(P3::new([x, y, block.stop.focus.f64()])).at;
                         found.push([x, y]);
                         continue;
                     };
@@ -248,7 +248,7 @@ impl Turned {
         };
         let comes_from = |a: &OnSheet| {
             let ([x, y], known) = (line.at(a.d[0]), self.beside(a.slope2));
-            let [x, y, _] = self.turn.back([x, y, a.z[0]]);
+            let [x, y, _] = self.turn.back(P3::new([x, y, a.z[0]])).at;
             len <= short && after.is_some_and(|after| (after[0] - x).hypot(after[1] - y) <= known)
         };
         while let [a, b, ..] = pieces[..]
@@ -286,7 +286,7 @@ impl Turned {
     fn drawn_from(&self, line: &Line, side: f64, pieces: &[OnSheet]) -> Under {
         let back = |d: f64, z: f64| {
             let [x, y] = line.at(d);
-            let [x, y, _] = self.turn.back([x, y, z]);
+            let [x, y, _] = self.turn.back(P3::new([x, y, z])).at;
             [x, y]
         };
         let ends = |p: &OnSheet| [0, 1].map(|k| back(p.d[k], p.z[k]));
@@ -339,7 +339,7 @@ fn area(file: &ProgramFile, block: &Block, turn: &Turn) -> BoxNm {
     for [u, v] in [[lo[0], lo[1]], [hi[0], lo[1]], [lo[0], hi[1]], [hi[0], hi[1]]] {
         for z in [block.stop.z_lo, block.stop.z_hi] {
             let at = [block.stop.centre.x + i64::from(u), block.stop.centre.y + i64::from(v), z.0];
-            let [x, y, _] = turn.back(at.map(|v| v as f64));
+            let [x, y, _] = turn.back(P3::new(at.map(|v| v as f64))).at;
             area.add([x, y]);
         }
     }

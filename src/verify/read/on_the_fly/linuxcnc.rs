@@ -1,6 +1,6 @@
 //! Reader of `fly.ngc`.
 
-use super::{AXES, Course, Runner, axis, scaled};
+use super::{AXES, FlyProgram, Runner, axis, scaled};
 use crate::verify::read::Fault;
 use crate::verify::read::gcode::{split_comments, words};
 use crate::verify::read::number::nm_from_decimal;
@@ -21,7 +21,7 @@ struct Modes {
 }
 
 /// Reads a program. Its axes are X Y Z U V, the only ones that it is written for.
-pub(in crate::verify) fn read(bytes: &[u8], _letters: &str) -> Result<Course, Fault> {
+pub(in crate::verify) fn read(bytes: &[u8], _letters: &str) -> Result<FlyProgram, Fault> {
     let text = std::str::from_utf8(bytes).map_err(|_| Fault::new(0, "the file is not text"))?;
     if !text.ends_with('\n') {
         return Err(Fault::new(text.lines().count(), "ends in the middle of a line"));
@@ -54,7 +54,7 @@ fn statement(words: &[(char, &str)], run: &mut Runner, modes: &mut Modes) -> Opt
             if scaled(joined, 6)? != 0 {
                 return None;
             }
-            run.course.rounded_nm = run.course.rounded_nm.max(corner as f64);
+            run.program.rounded_nm = run.program.rounded_nm.max(corner as f64);
             modes.path = true;
         }
         [('G', "4"), ('P', seconds)] => run.rest(scaled(seconds, 6)?, false),

@@ -1,8 +1,8 @@
 //! Readers of on-the-fly programs: what the axes do and when, and what the laser does meanwhile.
 //!
-//! Each consumes the text of one program and promises a [`Course`]: exact nanometres, millionths of a degree and
+//! Each consumes the text of one program and promises a [`FlyProgram`]: exact nanometres, millionths of a degree and
 //! microseconds. The laser is followed as the controller switches it; what is not known, and what could fire
-//! where nothing is marked, is a fault of the course.
+//! where nothing is marked, is a fault of the program.
 
 pub(in crate::verify) mod linuxcnc;
 pub(in crate::verify) mod manifest;
@@ -11,6 +11,7 @@ pub(in crate::verify) mod pmac;
 use std::ops::Index;
 
 use super::Fault;
+use crate::program::{PenId, StrokeId};
 
 /// Axes of a sample: X Y Z A C U V.
 pub(in crate::verify) const AXES: usize = 7;
@@ -45,10 +46,8 @@ impl<T> Index<usize> for Commands<T> {
 /// What a mark says that it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::verify) struct Claim {
-    /// Stroke of the texture, from 0.
-    pub(in crate::verify) stroke: u32,
-    /// Pen, from 1.
-    pub(in crate::verify) pen: u16,
+    pub(in crate::verify) stroke: StrokeId,
+    pub(in crate::verify) pen: PenId,
     /// Number of the mark in its program, from 1.
     pub(in crate::verify) run: u32,
 }
@@ -68,7 +67,7 @@ pub(in crate::verify) struct Step {
 
 /// A program as its controller runs it.
 #[derive(Clone, Debug, Default)]
-pub(in crate::verify) struct Course {
+pub(in crate::verify) struct FlyProgram {
     /// Where the first timed move begins.
     pub(in crate::verify) start: Commands,
     /// The timed moves and rests.
@@ -76,7 +75,7 @@ pub(in crate::verify) struct Course {
     /// Where rapids go, by line.
     pub(in crate::verify) rapids: Vec<(usize, [Option<i64>; AXES])>,
     /// Power in percent and pen of every mark as it begins, by line.
-    pub(in crate::verify) powers: Vec<(usize, u16, Option<f64>)>,
+    pub(in crate::verify) powers: Vec<(usize, PenId, Option<f64>)>,
     /// Time over which moves are blended into each other, us.
     pub(in crate::verify) blend_us: i64,
     /// The largest distance by which corners may be rounded as the program asks, nm.
@@ -85,7 +84,7 @@ pub(in crate::verify) struct Course {
     pub(in crate::verify) faults: Vec<Fault>,
 }
 
-impl Course {
+impl FlyProgram {
     /// Every step with the time and place where it begins.
     pub(in crate::verify) fn moves(&self) -> impl Iterator<Item = (i64, &Commands, &Step)> {
         let before = std::iter::once((0, &self.start)).chain(self.steps.iter().map(|s| (s.us, &s.to)));
@@ -96,7 +95,7 @@ impl Course {
 /// A controller while its program runs.
 #[derive(Default)]
 struct Runner {
-    course: Course,
+    program: FlyProgram,
     line: usize,
     at: [Option<i64>; AXES],
     us: i64,
@@ -115,7 +114,7 @@ struct Runner {
 
 impl Runner {
     fn fault(&mut self, message: impl Into<String>) {
-        self.course.faults.push(Fault::new(self.line, message));
+        self.program.faults.push(Fault::new(self.line, message));
     }
 
     /// A comment may begin a mark.
@@ -124,8 +123,10 @@ impl Runner {
         if words.next() != Some("MARK") {
             return;
         }
-        let stroke = words.next().and_then(|w| w.parse().ok());
-        let pen = words.next().filter(|w| *w == "PEN").and(words.next()).and_then(|w| w.parse().ok());
+        // Strokes are counted from 0, pens from 1.
+        let stroke = words.next().and_then(|w| w.parse().ok()).map(StrokeId);
+        let pen = words.next().filter(|w| *w == "PEN").and(words.next()).and_then(|w| w.parse::<u16>().ok());
+        let pen = pen.and_then(|number| number.checked_sub(1)).map(PenId);
         let (Some(stroke), Some(pen)) = (stroke, pen) else { return self.fault("a mark does not say what it is") };
         self.runs += 1;
         self.claim = Some(Claim { stroke, pen, run: self.runs });
@@ -144,7 +145,7 @@ impl Runner {
         for (at, to) in self.at.iter_mut().zip(words) {
             *at = to.or(*at);
         }
-        self.course.rapids.push((self.line, words));
+        self.program.rapids.push((self.line, words));
     }
 
     /// A rest; `waits` says whether a switch that waits for a move has its effect before it.
@@ -167,11 +168,11 @@ impl Runner {
         if us <= 0 {
             return self.fault("a move without a time");
         }
-        if self.course.steps.is_empty() {
+        if self.program.steps.is_empty() {
             if (0..AXES).any(|k| known >> k & 1 == 1 && self.at[k].is_none()) {
                 self.fault("a move before all axes have a place");
             }
-            self.course.start = Commands(self.at.map(Option::unwrap_or_default));
+            self.program.start = Commands(self.at.map(Option::unwrap_or_default));
         }
         for (at, to) in self.at.iter_mut().zip(words) {
             *at = to.or(*at);
@@ -185,23 +186,23 @@ impl Runner {
             }
         };
         if let Some(claim) = mark.filter(|c| self.last.is_none_or(|l| l.run != c.run)) {
-            self.course.powers.push((self.line, claim.pen, self.power));
+            self.program.powers.push((self.line, claim.pen, self.power));
         }
         self.last = mark;
         let Some(end) = self.us.checked_add(us) else { return self.fault("the program does not end") };
         self.us = end;
         let to = Commands(self.at.map(Option::unwrap_or_default));
-        self.course.steps.push(Step { line: self.line, us: end, to, mark });
+        self.program.steps.push(Step { line: self.line, us: end, to, mark });
     }
 
-    fn finish(mut self, ended: bool) -> Course {
+    fn finish(mut self, ended: bool) -> FlyProgram {
         if !ended {
             self.fault("the program does not end");
         }
         if self.laser != Some(false) || self.waiting.is_some() {
             self.fault("the laser is not switched off immediately (M65) at the end");
         }
-        self.course
+        self.program
     }
 }
 

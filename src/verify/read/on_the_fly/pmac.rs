@@ -1,6 +1,6 @@
 //! Reader of `fly.pmc`.
 
-use super::{AXES, Course, Runner, axis, scaled};
+use super::{AXES, FlyProgram, Runner, axis, scaled};
 use crate::verify::read::Fault;
 use crate::verify::read::number::nm_from_decimal;
 
@@ -15,7 +15,7 @@ struct Modes {
 }
 
 /// Reads a program of the axes named by `letters`.
-pub(in crate::verify) fn read(bytes: &[u8], letters: &str) -> Result<Course, Fault> {
+pub(in crate::verify) fn read(bytes: &[u8], letters: &str) -> Result<FlyProgram, Fault> {
     let text = std::str::from_utf8(bytes).map_err(|_| Fault::new(0, "the file is not text"))?;
     if !text.ends_with('\n') {
         return Err(Fault::new(text.lines().count(), "ends in the middle of a line"));
@@ -65,7 +65,7 @@ fn statement(line: &str, run: &mut Runner, modes: &mut Modes) -> Option<()> {
                 run.rapid(places(rest, modes)?);
             } else if let Some(times) = line.strip_prefix("linear TA") {
                 let (blend, curve) = times.split_once(" TS")?;
-                run.course.blend_us = scaled(blend, 3)?;
+                run.program.blend_us = scaled(blend, 3)?;
                 if scaled(curve, 3)? != 0 {
                     return None;
                 }
@@ -76,7 +76,7 @@ fn statement(line: &str, run: &mut Runner, modes: &mut Modes) -> Option<()> {
                 if !modes.linear || !modes.absolute {
                     run.fault("a timed move before abs and linear");
                 }
-                if us < run.course.blend_us {
+                if us < run.program.blend_us {
                     run.fault("a move shorter than TA, which would take longer");
                 }
                 run.step(us, places(rest, modes)?, modes.known);
