@@ -168,7 +168,7 @@ pub fn run(entries: &[Entry], durability: Durability, told: &(dyn Fn(&Outcome) +
 }
 
 fn outcome(entry: &Entry, durability: Durability) -> Outcome {
-    // A panic is our own fault and is reported as such; the other jobs go on.
+    // A panic is our own fault and is reported as such; the other jobs continue.
     let caught = std::panic::catch_unwind(|| one(entry, durability));
     let state = caught.unwrap_or_else(|_| Err(Diag::bug("panic", "an invariant of the program broke").into()));
     Outcome { job: entry.path.clone(), folder: entry.folder.clone(), state: state.unwrap_or_else(State::Failed) }

@@ -16,7 +16,7 @@ use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::statistics::Statistics;
 use crate::on_the_fly::stop_at_every_point::stop_at_every_point;
 use crate::on_the_fly::topp::{self, State};
-use crate::on_the_fly::xyzacuv::{AxisFigures, KinematicModel, Seven, ToolPath, decompose_and_time};
+use crate::on_the_fly::xyzacuv::{AxisFigures, KinematicModel, TimedAxes, ToolPath, decompose_and_time};
 use crate::on_the_fly::xyzuv::{
     Decomposition, ScannerLimits, Timed, Turnaround, quickest, step_scan_s, synchronise, synchronised_s,
 };
@@ -260,7 +260,7 @@ impl<'a> Follower<'a> {
         parallel::map_items(all, of).into_iter().collect()
     }
 
-    fn draw(&self, model: &KinematicModel<'_>, made: &Seven, curves: &mut Curves) {
+    fn draw(&self, model: &KinematicModel<'_>, made: &TimedAxes, curves: &mut Curves) {
         let path = &made.path;
         let way = path.distances();
         let times = made.timed.node_times();
@@ -279,7 +279,7 @@ impl<'a> Follower<'a> {
     }
 
     /// Figures of a turning system.
-    fn turned(&self, machine: &Machine, made: Seven, tools: ToolPath, limits: Limits) -> Result<Figures, Error> {
+    fn turned(&self, machine: &Machine, made: TimedAxes, tools: ToolPath, limits: Limits) -> Result<Figures, Error> {
         let mut time = Split::default();
         let times: Vec<f64> = made.timed.node_times().collect();
         for (i, w) in times.windows(2).enumerate() {

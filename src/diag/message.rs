@@ -8,7 +8,7 @@ use super::{Diag, Error, Kind, Place, line_and_column};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
-    /// The work goes on.
+    /// The command continues.
     Warning,
     /// The input is at fault, or the machine cannot do what is asked.
     Error,

@@ -20,7 +20,7 @@ use serde::de::DeserializeOwned;
 /// Severity, which also decides the exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Worth knowing; the work goes on.
+    /// Worth knowing; the command continues.
     Warning,
     /// The input is at fault (exit code 2).
     Input,

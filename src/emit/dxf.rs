@@ -1,6 +1,6 @@
 //! One DXF R12 drawing per block, for marking software that imports drawings.
 //!
-//! mm in controller coordinates, origin on the optical axis, z = 0: the focus is the stage's matter. A
+//! mm in controller coordinates, origin on the optical axis, z = 0: the stage sets the focus. A
 //! stroke of two points is a LINE, a longer one a POLYLINE, in marking order. A stroke of four or more
 //! points that ends where it starts is a closed POLYLINE that does not repeat its first point. One layer
 //! per pen, `B0001_P1`, in the colour with the pen's number. R12 has no unit: the run sheet says mm.

@@ -38,7 +38,7 @@ pub type BackOff = Vec<Trial<Deviation>>;
 
 /// A path decomposed between five stage axes and the scanner.
 #[derive(Clone, Debug)]
-pub struct Seven {
+pub struct TimedAxes {
     /// The strengths of smoothing that were tried, to the first that holds.
     pub back_off: BackOff,
     /// The one that was taken, mm of path (of the Gaussian sigma); None where nothing is smoothed.
@@ -159,7 +159,7 @@ pub fn decompose_and_time(
     model: &KinematicModel<'_>,
     limits: Limits,
     tools: ToolPath,
-) -> Result<Seven, Error> {
+) -> Result<TimedAxes, Error> {
     let s = path.distances();
     let marks = marks(path, height_field);
     let filtered = |family: Family| {
@@ -180,10 +180,10 @@ pub fn decompose_and_time(
     let deviation: Vec<Deviation> = marks.iter().zip(&axes).map(|(m, a)| Deviation::of(m, &a.tool())).collect();
     let timed = model.time(&path, &s, &axes, 1)?;
     let (back_off, strength, _) = filtered.unwrap_or_default();
-    Ok(Seven { back_off, strength, path, axes, deviation, timed })
+    Ok(TimedAxes { back_off, strength, path, axes, deviation, timed })
 }
 
-impl Seven {
+impl TimedAxes {
     /// Cells and least times, s, of the first `length` mm of the path on grids that are 1, 2 and 4 times as fine.
     ///
     /// # Errors
@@ -212,7 +212,7 @@ pub struct AxisFigures {
     pub time_s: f64,
 }
 
-impl Seven {
+impl TimedAxes {
     /// Worst deviations of its marks.
     pub fn worst(&self) -> Deviation {
         let marks = self.deviation.iter().zip(self.path.weights()).filter(|(_, w)| *w > 0.0);

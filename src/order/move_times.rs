@@ -8,14 +8,14 @@ use crate::machine::{Commanded, Machine, MoveTimes};
 use crate::motion;
 
 /// Times of a machine's stage.
-pub(super) enum Clock {
+pub(super) enum MoveTimer {
     /// Measured times.
     Fixed(MoveTimes),
     /// Profiles of the axes, the settling after every move, and the command that z is lifted to.
     Profiles { axes: [AxisTimes; 3], settle_s: f64, top: f64 },
 }
 
-impl Clock {
+impl MoveTimer {
     pub(super) fn new(machine: &Machine) -> Self {
         if let Some(times) = machine.stage.move_times {
             return Self::Fixed(times);
@@ -112,7 +112,7 @@ mod tests {
             for times in [None, Some(MoveTimes { xy: Time::s(3.7), z: Time::s(0.3) })] {
                 let mut machine = Machine::built_in(name).expect("profile");
                 machine.stage.move_times = times.or(machine.stage.move_times);
-                let clock = Clock::new(&machine);
+                let timer = MoveTimer::new(&machine);
                 for i in 0..3000 {
                     let a = [next(28), next(28), next(26)];
                     let b = if i % 3 == 0 { [a[0], a[1], next(26)] } else { [next(28), next(28), next(26)] };
@@ -120,13 +120,13 @@ mod tests {
                     let close =
                         |t: f64, want: f64| assert!((t - want).abs() <= 2e-4 * want, "{name} {a:?} {b:?}: {t} {want}");
                     close(
-                        clock.between(at[0], at[1]),
+                        timer.between(at[0], at[1]),
                         motion::stage_move(&machine, Commanded(a), Commanded(b), None).total_s(),
                     );
                     if a[..2] != b[..2] {
                         let top = Some(machine.retract_z());
                         close(
-                            clock.lifted(at[0], at[1]),
+                            timer.lifted(at[0], at[1]),
                             motion::stage_move(&machine, Commanded(a), Commanded(b), top).total_s(),
                         );
                     }

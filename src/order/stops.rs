@@ -14,7 +14,7 @@
 
 use super::endpoints::{Endpoints, greedy};
 use super::kd_tree::Tree;
-use super::move_times::Clock;
+use super::move_times::MoveTimer;
 use super::tour::Tour;
 use crate::machine::{Commanded, Machine};
 use crate::motion;
@@ -102,8 +102,8 @@ fn path(stops: &[Commanded], stage: &Stage<'_>, some: Vec<usize>, effort: usize)
     let at: Vec<[f64; 3]> =
         std::iter::once(stage.from).chain(some.iter().map(|&i| stops[i])).map(|p| p.0.map(|v| v as f64)).collect();
     let mut tree = Tree::new(at[1..].iter().copied());
-    let clock = Clock::new(stage.machine);
-    let far = |gap: [f64; 3]| clock.over(gap) + TIE * gap.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let timer = MoveTimer::new(stage.machine);
+    let far = |gap: [f64; 3]| timer.over(gap) + TIE * gap.iter().map(|v| v * v).sum::<f64>().sqrt();
     let of_endpoints =
         |seq: &[u32]| seq[1..].iter().map(|&endpoint| some[endpoint as usize - 1]).collect::<Vec<usize>>();
     // 2-opt and Or-opt end in a local optimum: which one is decided by where they start, so the best of eleven
@@ -116,9 +116,9 @@ fn path(stops: &[Commanded], stage: &Stage<'_>, some: Vec<usize>, effort: usize)
 
     let both_ways = |a: u32, b: u32| {
         let [from, to] = [a, b].map(|endpoint| at[endpoint as usize]);
-        let Some(lifts) = stage.lifts.filter(|_| a > 0 && b > 0) else { return clock.between(from, to) };
+        let Some(lifts) = stage.lifts.filter(|_| a > 0 && b > 0) else { return timer.between(from, to) };
         let [i, j] = [a, b].map(|endpoint| some[endpoint as usize - 1]);
-        let way = |is_lifted, from, to| if is_lifted { clock.lifted(from, to) } else { clock.between(from, to) };
+        let way = |is_lifted, from, to| if is_lifted { timer.lifted(from, to) } else { timer.between(from, to) };
         0.5 * (way(lifts(i, j), from, to) + way(lifts(j, i), to, from))
     };
     let lists = neighbours(&tree, &at, far, both_ways);

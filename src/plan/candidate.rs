@@ -1,4 +1,4 @@
-//! What one method of partition gives: a program in order with its figures, to be compared and gone on with.
+//! What one method of partition gives: a program in order with its figures, to be compared and continued.
 
 use super::grid::Grid;
 use super::setups::{Setups, Used};

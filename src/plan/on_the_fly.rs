@@ -22,7 +22,7 @@ use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::path::{Followed, Node, Path};
 use crate::on_the_fly::program::{Kind, Program};
 use crate::on_the_fly::topp::State;
-use crate::on_the_fly::xyzacuv::{KinematicModel, Seven, ToolPath, decompose_and_time};
+use crate::on_the_fly::xyzacuv::{KinematicModel, TimedAxes, ToolPath, decompose_and_time};
 use crate::on_the_fly::xyzuv::{ScannerLimits, quickest};
 use crate::program::{Pen, PieceId};
 use crate::surface::Surface;
@@ -376,7 +376,7 @@ fn too_sharp(job: &Job) -> Error {
 
 /// The motion of seven axes at the nodes of the path and the borders of the cells it was timed by; the spot runs
 /// straight from node to node.
-fn turning(model: &KinematicModel<'_>, found: &Seven) -> Motion {
+fn turning(model: &KinematicModel<'_>, found: &TimedAxes) -> Motion {
     let path = &found.path;
     let s = path.distances();
     let mut motion = Motion::default();

@@ -1,4 +1,4 @@
-//! What the user must know of a plan, or must not go on with.
+//! Warnings about a plan, and the faults that stop it.
 
 use super::grid::Grid;
 use super::methods::row;
@@ -9,7 +9,7 @@ use crate::program::Program;
 use crate::projection::Footprint;
 use crate::split::Fragments;
 
-/// What the user must know, or must not go on with.
+/// Warnings, or the faults that stop the plan.
 pub(super) fn warn(
     limits: &Limits,
     split: &Fragments,

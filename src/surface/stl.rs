@@ -121,7 +121,7 @@ fn not_finite(path: &Path, facet: usize, corners: [[f64; 3]; 3]) -> Diag {
         .hint("repair the surface: a facet without a place cannot be marked")
 }
 
-/// What an ASCII file may go on with.
+/// What may follow in an ASCII file.
 #[derive(Clone, Copy, PartialEq)]
 enum Next {
     Solid,

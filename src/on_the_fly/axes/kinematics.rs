@@ -167,7 +167,7 @@ pub enum Branches {
     },
 }
 
-/// Axes along a path of tools. C goes on by the nearest turn and rests where the tool is upright; before the
+/// Axes along a path of tools. C continues by the nearest turn and rests where the tool is upright; before the
 /// first tool that leans it stands as that one needs it.
 pub fn follow(tools: &[Pose], branches: Branches) -> Vec<Axes> {
     let taken: Vec<Branch> = match branches {

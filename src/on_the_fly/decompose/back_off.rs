@@ -61,17 +61,17 @@ pub fn back_off<T>(start: f64, factor: f64, least: f64, mut attempt: impl FnMut(
     trials
 }
 
-/// Bisection between a strength that holds and a larger one that does not, until they differ by less than
+/// Bisection between a strength within the limits and a larger one beyond them, until they differ by less than
 /// `tolerance`: the largest that was seen to hold, or none if none was tried that holds.
 ///
 /// Exact where limits fail from some strength on for good. They need not: the moving average's do not always.
 pub fn refine<T>(
-    holds: f64,
-    fails: f64,
+    within: f64,
+    beyond: f64,
     tolerance: f64,
     mut attempt: impl FnMut(f64) -> (T, bool),
 ) -> Option<Trial<T>> {
-    let (mut low, mut high) = (holds, fails);
+    let (mut low, mut high) = (within, beyond);
     let mut best = None;
     while high - low > tolerance {
         let strength = 0.5 * (low + high);

@@ -2,7 +2,7 @@
 
 use super::gauss::{lengthened, symmetric};
 
-/// Fits over `samples` of degree `order`. Beyond its ends the path goes on as if turned about them by half
+/// Fits over `samples` of degree `order`. Beyond its ends the path continues as if turned about them by half
 /// a turn, which keeps its direction there.
 pub(super) fn savitzky_golay<const N: usize>(path: &[[f64; N]], samples: usize, order: usize) -> Vec<[f64; N]> {
     let n = path.len();

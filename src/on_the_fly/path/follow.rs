@@ -115,7 +115,7 @@ impl Segment {
     }
 }
 
-/// The segments of a stroke with the part under them; off the part the height goes on from the nearest that is known,
+/// The segments of a stroke with the part under them; off the part the height continues from the nearest that is known,
 /// as the height field does.
 pub(super) fn segments(points: &[P2], tracer: &mut Tracer<'_>, height_field: &HeightField) -> Vec<Segment> {
     let mut out: Vec<Segment> = Vec::with_capacity(points.len() - 1);
@@ -207,7 +207,7 @@ fn steps(segments: &[Segment], near: f64, out: &mut Vec<[f64; 2]>) {
 
 /// Where no mark holds: from the last place that does to the next one.
 fn unfollowed(segments: &[Segment], follow: &Follow<'_>, spacing: f64, out: &mut Vec<[f64; 2]>) {
-    let (mut last, mut lost) = (0.0, None);
+    let (mut last, mut left_out) = (0.0, None);
     for segment in segments {
         for under in &segment.under {
             let Some(normal) = under.normal else { continue };
@@ -216,16 +216,16 @@ fn unfollowed(segments: &[Segment], follow: &Follow<'_>, spacing: f64, out: &mut
                 let t = under.t[0] + (under.t[1] - under.t[0]) * k as f64 / count as f64;
                 let ([x, y], along) = (segment.at(t), segment.along(t));
                 if !(follow.holds)([x, y, under.z(t)], normal) {
-                    lost.get_or_insert(last);
+                    left_out.get_or_insert(last);
                 } else {
-                    out.extend(lost.take().map(|from| [from, along]));
+                    out.extend(left_out.take().map(|from| [from, along]));
                     last = along;
                 }
             }
         }
     }
     let length = segments.last().map_or(0.0, |s| s.along(1.0));
-    out.extend(lost.map(|from| [from, length]));
+    out.extend(left_out.map(|from| [from, length]));
 }
 
 /// Parameters of the nodes of a segment from `from` to `to`: even ones, and those between that keep the part within

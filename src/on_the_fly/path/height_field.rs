@@ -175,7 +175,7 @@ fn smooth(heights: &mut [f64], columns: usize, near: f64) {
     }
 }
 
-/// The binomial mean of five neighbours in a line; beyond its ends the line goes on as if turned about them.
+/// The binomial mean of five neighbours in a line; beyond its ends the line continues as if turned about them.
 #[inline]
 fn blurred(i: usize, count: usize, line: impl Fn(usize) -> f64) -> f64 {
     let last = count - 1;
@@ -202,7 +202,7 @@ fn fill(heights: &mut [f64], count: [usize; 2]) -> bool {
         .filter(|&i| heights[i].is_nan())
         .filter(|&i| AROUND.iter().any(|&d| step(i, d, 1).is_some_and(|n| heights[n].is_finite())))
         .collect();
-    // The part goes on as it ends for a few rings; farther out only its height does.
+    // The part continues as it ends for a few rings; farther out only its height does.
     for number in 0.. {
         if ring.is_empty() {
             break;

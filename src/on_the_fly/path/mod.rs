@@ -3,9 +3,9 @@
 //! Consumes a program, whose blocks are read one after the other, and the part; promises nodes so close that straight
 //! lines between them stand for the path, with every vertex of a stroke among them. Units: mm; the frame is the part's.
 //! Under marks the height is the part's own, along jumps the height field's. Where rounding has put a mark off the part
-//! its height goes on from the nearest that is known, as the height field does.
+//! its height continues from the nearest that is known, as the height field does.
 //!
-//! [`Path::with_skywriting`] puts run-ins and run-outs before and after the marks, which go on as the marks do, and one
+//! [`Path::with_skywriting`] puts run-ins and run-outs before and after the marks, which continue as the marks do, and one
 //! straight jump between two runs; [`Path::evened`] leaves vertices of gentle turns out.
 
 pub mod c_rewind;

@@ -17,9 +17,9 @@ use crate::program::Pen;
 pub struct Visit {
     /// When it comes, s.
     pub arrive: f64,
-    /// When it goes on.
+    /// When it leaves.
     pub leave: f64,
-    /// Height that z should have when it comes, and when it goes on.
+    /// Height that z should have when it arrives, and when it leaves.
     pub z: [f64; 2],
 }
 

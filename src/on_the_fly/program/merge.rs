@@ -6,7 +6,7 @@ use crate::on_the_fly::axes::motion::AXES;
 /// The same moves, those joined that run on in one line within the tolerances. What is kept is kept as it was.
 ///
 /// From a kept sample a cone is left open for every axis: the slopes of lines that pass all samples since. The
-/// move goes on as long as the line to the next sample stays within all tolerances.
+/// move continues as long as the line to the next sample stays within all tolerances.
 ///
 /// Where axes start slowly, a mark may stand still for some milliseconds: such a sample is left out too if the mark goes
 /// on, and the laser is off meanwhile if it ends there.

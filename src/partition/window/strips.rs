@@ -2,7 +2,7 @@
 //! by sweeps.
 //!
 //! On a sloping surface a band is a narrow strip along the level lines, and the best that windows can
-//! do is to follow it end to end. A sweep takes the first piece that is not held yet, in the order of
+//! do is to follow it end to end. A sweep takes the first piece that is not assigned yet, in the order of
 //! a direction, and lets the window grow over all pieces that still fit, in the same order. In a wide
 //! band, where the surface is flat, the same rule lays out rows of full windows.
 
@@ -55,7 +55,7 @@ struct Flat {
     lo: [i32; 2],
     hi: [i32; 2],
     key: i64,
-    held: bool,
+    assigned: bool,
 }
 
 impl Strip {
@@ -129,7 +129,7 @@ impl Strip {
             self.flat.clear();
             self.flat.extend(self.order.iter().map(|&(key, i)| {
                 let Item { lo, hi } = items[i as usize];
-                Flat { lo: [lo[0], lo[1]], hi: [hi[0], hi[1]], key, held: false }
+                Flat { lo: [lo[0], lo[1]], hi: [hi[0], hi[1]], key, assigned: false }
             }));
             // Forwards, then backwards.
             for _ in 0..2 {
@@ -146,13 +146,13 @@ impl Strip {
     }
 }
 
-/// Windows in the order of the sweep: each starts at the first piece that is not held and grows over
+/// Windows in the order of the sweep: each starts at the first piece that is not assigned and grows over
 /// every piece in order with which it still fits. `reach` is how far keys in one window lie apart.
 fn absorb(pieces: &mut [Flat], size: [i32; 2], reach: i64, corners: &mut Vec<[i32; 2]>) {
     corners.clear();
-    pieces.iter_mut().for_each(|p| p.held = false);
+    pieces.iter_mut().for_each(|p| p.assigned = false);
     for n in 0..pieces.len() {
-        if pieces[n].held {
+        if pieces[n].assigned {
             continue;
         }
         let Flat { mut lo, mut hi, key, .. } = pieces[n];
@@ -161,14 +161,14 @@ fn absorb(pieces: &mut [Flat], size: [i32; 2], reach: i64, corners: &mut Vec<[i3
             if p.key.abs_diff(key) > reach as u64 {
                 break;
             }
-            if p.held {
+            if p.assigned {
                 continue;
             }
             let l = [lo[0].min(p.lo[0]), lo[1].min(p.lo[1])];
             let h = [hi[0].max(p.hi[0]), hi[1].max(p.hi[1])];
             if h[0] - l[0] <= size[0] && h[1] - l[1] <= size[1] {
                 (lo, hi) = (l, h);
-                p.held = true;
+                p.assigned = true;
             }
         }
         corners.push(lo);

@@ -1,5 +1,5 @@
 //! A first cover of pieces that are tall against the depth of a stop, such as whole figures: no band
-//! holds most of them, so every stop takes its level from the lowest piece that is not held yet, and
+//! holds most of them, so every stop takes its level from the lowest piece that is not assigned yet, and
 //! its place from counting.
 
 use crate::partition::box_index::{Index, Item};
@@ -56,7 +56,7 @@ fn place(
     let mut best = ([seed.lo[0], seed.lo[1]], 0);
     for &x in lefts.iter().step_by(lefts.len().div_ceil(LEFTS)) {
         ends.clear();
-        // With the left end fixed, a piece is held by the boxes that begin between `first` and `last` along y, both
+        // With the left end fixed, a piece is assigned by the boxes that begin between `first` and `last` along y, both
         // ends included; the most such intervals over one place are found by going through their ends.
         for &n in near {
             let i = &items[n];
@@ -69,11 +69,11 @@ fn place(
             }
         }
         ends.sort_unstable();
-        let mut held = 0;
+        let mut assigned = 0;
         for &(y, change) in ends.iter() {
-            held += change;
-            if held > best.1 {
-                best = ([x, y], held);
+            assigned += change;
+            if assigned > best.1 {
+                best = ([x, y], assigned);
             }
         }
     }

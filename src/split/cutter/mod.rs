@@ -63,7 +63,7 @@ pub(super) struct Cutter<'a> {
     /// Fragments and skipped lengths before the stroke.
     before: (usize, Skipped),
     /// Stops that admit a point; scratch space.
-    accepting: Vec<StopId>,
+    admitting: Vec<StopId>,
     seam: Seam,
     /// Where the open fragment is to be cut although its stop would continue, and the stop that continues.
     cut: Option<(usize, f64, StopId)>,
@@ -86,7 +86,7 @@ impl<'a> Cutter<'a> {
             pen: PenId(0),
             passes: 1.0,
             before,
-            accepting: Vec::new(),
+            admitting: Vec::new(),
             seam,
             cut: None,
         }
@@ -295,17 +295,17 @@ impl<'a> Cutter<'a> {
     fn choose(&mut self, run: &Run, k: usize, i: usize, t: f64) -> (StopId, f64) {
         let (s, p) = (&run.segments[k], &run.pieces[i]);
         let at = s.at(t, p.z(t));
-        let mut accepting = std::mem::take(&mut self.accepting);
-        accepting.clear();
-        accepting.extend(self.stops.near(at, EPS).filter(|&stop| {
+        let mut admitting = std::mem::take(&mut self.admitting);
+        admitting.clear();
+        admitting.extend(self.stops.near(at, EPS).filter(|&stop| {
             let ([lo, hi], at) = (self.bounds(stop), self.seen(stop, at));
             let holds = (0..2).all(|axis| lo[axis] - EPS <= at[axis] && at[axis] <= hi[axis] + EPS);
             holds && self.exit(stop, self.window_end(stop, s), s, p, t) > t
         }));
-        if self.seam.overlap > 0.0 && accepting.len() > 1 {
-            self.overlapping(&mut accepting, run, i, t);
+        if self.seam.overlap > 0.0 && admitting.len() > 1 {
+            self.overlapping(&mut admitting, run, i, t);
         }
-        let best = match accepting[..] {
+        let best = match admitting[..] {
             [] => self.nearest(at),
             [one] => one,
             _ => {
@@ -315,10 +315,10 @@ impl<'a> Cutter<'a> {
                 let later = |a: &((usize, f64), StopId), b: &((usize, f64), StopId)| {
                     a.0.0.cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)).then(a.1.cmp(&b.1))
                 };
-                accepting.iter().map(left).max_by(later).map_or(accepting[0], |l| l.1)
+                admitting.iter().map(left).max_by(later).map_or(admitting[0], |l| l.1)
             }
         };
-        self.accepting = accepting;
+        self.admitting = admitting;
         (best, self.window_end(best, s))
     }
 
@@ -339,7 +339,7 @@ impl<'a> Cutter<'a> {
         (run.pieces.len(), 0.0)
     }
 
-    /// The stop that comes nearest to accepting a point: methods cover all that was traced, up to rounding.
+    /// The stop that comes nearest to admitting a point: methods cover all that was traced, up to rounding.
     fn nearest(&self, at: P3) -> StopId {
         let beyond = |&stop: &StopId| {
             let ([lo, hi], at) = (self.bounds(stop), self.seen(stop, at));

@@ -50,16 +50,16 @@ impl Cutter<'_> {
         let cuts = self.out.list.len() - self.before.0;
         let mut back = self.seam.zone * self.seam.random(self.source, cuts);
         // The zone may be shorter than asked for: the cut then lies at the same share of what there is.
-        let whole = self.accepted_before(next, run, (j, exit), (i, t), self.seam.zone).1;
+        let whole = self.admitted_before(next, run, (j, exit), (i, t), self.seam.zone).1;
         back *= whole / self.seam.zone;
-        let ((piece, at), _) = self.accepted_before(next, run, (j, exit), (i, t), back);
+        let ((piece, at), _) = self.admitted_before(next, run, (j, exit), (i, t), back);
         let begin = piece == i && (at - t) * run.segments[k].a.distance(run.segments[k].b) < 2.0;
         (!begin).then_some((piece, at, next))
     }
 
     /// Goes back from one place of a stroke to another as long as `stop` admits it, at most `most` nm;
     /// answers where that ends and how far it is.
-    pub(super) fn accepted_before(
+    pub(super) fn admitted_before(
         &self,
         stop: StopId,
         run: &Run,
@@ -116,7 +116,7 @@ impl Cutter<'_> {
     pub(super) fn overlapping(&self, stops: &mut Vec<StopId>, run: &Run, i: usize, t: f64) {
         let Some(open) = &self.open else { return };
         let wanted = self.seam.overlap.min((open.drawn_exact - open.shared) / 2.0);
-        let is_full = |&stop: &StopId| self.accepted_before(stop, run, (i, t), (0, 0.0), wanted).1 >= wanted - SHORT;
+        let is_full = |&stop: &StopId| self.admitted_before(stop, run, (i, t), (0, 0.0), wanted).1 >= wanted - SHORT;
         if stops.iter().any(is_full) {
             stops.retain(is_full);
         }
@@ -134,7 +134,7 @@ impl Cutter<'_> {
         }
         // Half of what the fragment before has for itself, so that nothing is marked three times.
         let wanted = self.seam.overlap;
-        let ((first, from), length) = self.accepted_before(stop, run, (i, t), (0, 0.0), wanted.min(own / 2.0));
+        let ((first, from), length) = self.admitted_before(stop, run, (i, t), (0, 0.0), wanted.min(own / 2.0));
         self.out.cuts += 1;
         self.out.short += usize::from(length < wanted - SHORT);
         if length < LEAST_OVERLAP.min(wanted / 2.0) {

@@ -6,7 +6,7 @@
 //! line along the border of two cells belongs to the upper one. So lines fill every cell to its border
 //! and none reaches over it.
 //!
-//! A lattice goes on from the cell below, or from the one on the left where its lines rather run upwards: in the middle
+//! A lattice continues from the cell below, or from the one on the left where its lines rather run upwards: in the middle
 //! of the border they share, lines of both are a pitch apart. Cells of one direction so share one lattice, and an even
 //! slope is hatched as if there were no cells; the first lies half a pitch inside the area's box, and a stated part of
 //! a pitch further. Where directions differ, lines end on the border, and next to it up to one pitch stays free.
@@ -179,7 +179,7 @@ impl Contour {
         Ok(())
     }
 
-    /// A point of line 0 of a lattice that goes on from the one of the cell before it.
+    /// A point of line 0 of a lattice that continues the one of the cell before it.
     fn anchor(&self, lattice: &Lattice, before: Option<&Lattice>) -> P2 {
         let normal = lattice.normal();
         let shifted =

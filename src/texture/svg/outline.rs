@@ -71,7 +71,7 @@ pub(super) struct Dropped {
     pub(super) hairlines: bool,
 }
 
-/// Why an outline cannot go on.
+/// Why an outline cannot be continued.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stop {
     /// More than [`MAX_POINTS`].
