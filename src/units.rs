@@ -41,7 +41,7 @@ macro_rules! quantity {
                     "" => Err(format!(
                         "{} {text:?} has no unit; write it as {:?}", $what, $example)),
                     other => Err(format!(
-                        "unknown unit {other:?} for a {}; known units: {}", $what,
+                        "unknown unit {other:?} for {}; known units: {}", article($what),
                         [$($unit),+].join(", "))),
                 }
             }
@@ -70,7 +70,7 @@ macro_rules! quantity {
             fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
                 schemars::json_schema!({
                     "type": "string",
-                    "description": concat!("A ", $what, " with its unit, for example \"", $example, "\"."),
+                    "description": format!("Text: {} with its unit, for example {:?}.", article($what), $example),
                     "pattern": pattern(&[$($unit),+]),
                     "examples": [$example],
                 })
@@ -105,17 +105,17 @@ quantity!(
     Jerk, "jerk", "mm/s3", "20000 mm/s3",
     ["mm/s3" => 1.0, "mm/s³" => 1.0, "m/s3" => 1e3, "m/s³" => 1e3]);
 quantity!(
-    /// A speed of turning; base unit deg/s.
-    AngularSpeed, "speed of turning", "deg/s", "20 deg/s",
+    /// An angular speed; base unit deg/s.
+    AngularSpeed, "angular speed", "deg/s", "20 deg/s",
     ["deg/s" => 1.0, "°/s" => 1.0, "rad/s" => 180.0 / std::f64::consts::PI]);
 quantity!(
-    /// An acceleration of turning; base unit deg/s².
-    AngularAcceleration, "acceleration of turning", "deg/s2", "100 deg/s2",
+    /// An angular acceleration; base unit deg/s².
+    AngularAcceleration, "angular acceleration", "deg/s2", "100 deg/s2",
     ["deg/s2" => 1.0, "deg/s²" => 1.0, "rad/s2" => 180.0 / std::f64::consts::PI,
      "rad/s²" => 180.0 / std::f64::consts::PI]);
 quantity!(
-    /// A jerk of turning; base unit deg/s³.
-    AngularJerk, "jerk of turning", "deg/s3", "1000 deg/s3",
+    /// An angular jerk; base unit deg/s³.
+    AngularJerk, "angular jerk", "deg/s3", "1000 deg/s3",
     ["deg/s3" => 1.0, "deg/s³" => 1.0, "rad/s3" => 180.0 / std::f64::consts::PI,
      "rad/s³" => 180.0 / std::f64::consts::PI]);
 quantity!(
@@ -336,6 +336,12 @@ fn pattern(units: &[&str]) -> String {
     format!("^\\s*[-+]?([0-9]+[.]?[0-9]*|[.][0-9]+)([eE][-+]?[0-9]+)?\\s*({})\\s*$", units.join("|"))
 }
 
+/// What a quantity is, after its article.
+fn article(what: &str) -> String {
+    let article = if what.starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" };
+    format!("{article} {what}")
+}
+
 /// Splits "12.5 mm" into its number and its unit. Refuses what is not finite, and decimal commas.
 fn number_and_unit<'a>(text: &'a str, what: &str, example: &str) -> Result<(f64, &'a str), String> {
     let text = text.trim();
@@ -351,7 +357,8 @@ fn number_and_unit<'a>(text: &'a str, what: &str, example: &str) -> Result<(f64,
     if unit.starts_with(',') {
         return Err(format!("{text:?} has a decimal comma; write a point, as in {example:?}"));
     }
-    let value: f64 = number.parse().map_err(|_| format!("{text:?} is not a {what}; write it as {example:?}"))?;
+    let value: f64 =
+        number.parse().map_err(|_| format!("{text:?} is not {}; write it as {example:?}", article(what)))?;
     if !value.is_finite() {
         return Err(format!("{text:?} is not a finite {what}"));
     }
@@ -368,7 +375,7 @@ where
     impl<T: FromStr<Err = String>> Visitor<'_> for Text<T> {
         type Value = T;
         fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            write!(f, "a {} as text with its unit, such as {:?}", self.0, self.1)
+            write!(f, "{} as text with its unit, such as {:?}", article(self.0), self.1)
         }
         fn visit_str<E: de::Error>(self, text: &str) -> Result<T, E> {
             text.parse().map_err(E::custom)
@@ -445,5 +452,6 @@ mod tests {
             assert!(err.contains(say), "{text}: {err}");
         }
         assert!("140 %".parse::<Power>().is_err());
+        assert!("deg".parse::<Angle>().is_err_and(|e| e.contains("is not an angle")));
     }
 }

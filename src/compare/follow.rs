@@ -26,7 +26,7 @@ use crate::plan::strokes::{self, Strokes};
 /// Samples of a synchronised path, and of one band of it.
 const SAMPLES: usize = 300_000;
 const COARSE: usize = 30_000;
-/// How far apart nodes of a path of turning axes may be, mm.
+/// How far apart nodes of a path of rotary axes may be, mm.
 const STEP: f64 = 1.0;
 /// Samples to compare decompositions by.
 const FILTERED: usize = 20_000;

@@ -167,6 +167,9 @@ pub fn decompose_and_time(
         let (trials, strength) = even.smoothing(family, &marks, &path.weights(), height_field, &s, limits);
         (trials, Some(strength), model.all(even.tools(family, strength, height_field, &s)))
     };
+    // Ma et al. (2025): the tool goes along the marks smoothed over their arc length, as strongly as focus, incidence
+    // and displacement allow; A and C turn the tool upright (eq. 11 to 13), and the scanner makes up the difference
+    // between tool and mark. Without a filter the tool is the mark itself, or the path of least acceleration.
     let filtered = if let ToolPath::Filtered(family) = tools { Some(filtered(family)) } else { None };
     let marks = model.all(marks);
     let axes = match (&filtered, tools) {
@@ -174,6 +177,7 @@ pub fn decompose_and_time(
         (None, ToolPath::LeastAcceleration) => seven_axes(&marks, &steps(&s), limits),
         (None, _) => follow(&marks, model.branches()),
     };
+    // A rewind of C in a jump adds nodes, so distances, marks and deviations are those of the longer path.
     let (path, axes) = rewound(path, &axes, model.c_travel);
     let s = path.distances();
     let marks = model.all(self::marks(&path, height_field));

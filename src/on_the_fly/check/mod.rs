@@ -181,7 +181,7 @@ struct Limited {
     most: [Option<f64>; 3],
 }
 
-/// The limits of the stage, of turning axes and of the scanner.
+/// The limits of the stage, of rotary axes and of the scanner.
 fn limited(program: &Program, machine: &Machine) -> Vec<Limited> {
     let stage = machine.axes().into_iter().enumerate().map(|(axis, (_, a))| Limited {
         axis,
@@ -238,7 +238,7 @@ fn scanner_way(from: &AxisCommands, to: &Move) -> f64 {
     u.hypot(v)
 }
 
-/// Speed, acceleration and jerk of the stage, of turning axes and of the scanner.
+/// Speed, acceleration and jerk of the stage, of rotary axes and of the scanner.
 fn dynamics(peaks: &[Peaks; AXES], program: &Program, machine: &Machine) -> Vec<Diag> {
     let mut faults = Vec::new();
     for Limited { axis, name, unit, most } in limited(program, machine) {
