@@ -5,7 +5,7 @@
 //! ones the cell nearest to the piece's centroid; there the number is turned along the piece if that
 //! makes it clearly larger. Time follows the cells. Units: cells, rim included.
 
-use super::outline::Grid;
+use super::outline::PaddedMap;
 
 /// One number on the drawing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +30,7 @@ const WORTH: f64 = 0.4;
 
 /// Spots for the numbers 1, 2, … of all blocks that have cells, sorted by block, a block's largest
 /// piece first. No font is larger than `limit` cells.
-pub(super) fn place(grid: &Grid, limit: f64) -> Vec<Spot> {
+pub(super) fn place(grid: &PaddedMap, limit: f64) -> Vec<Spot> {
     let pieces = Pieces::of(grid);
     let deep = depths(grid, &pieces.of_cell);
     let mut cores: Vec<Core> = pieces.blocks.iter().map(|&block| Core { block, ..Core::default() }).collect();
@@ -89,7 +89,7 @@ struct Pieces {
 
 impl Pieces {
     /// Two passes over the cells with a union-find of provisional pieces.
-    fn of(grid: &Grid) -> Self {
+    fn of(grid: &PaddedMap) -> Self {
         let (c, w) = (&grid.cells, grid.width);
         let mut of_cell = vec![0u32; c.len()];
         let mut parent = vec![0u32];
@@ -140,7 +140,7 @@ fn join(parent: &mut [u32], a: u32, b: u32) -> u32 {
 }
 
 /// Calls `f` with piece, x, y and index of every cell that belongs to one.
-fn cells_of(pieces: &Pieces, grid: &Grid, mut f: impl FnMut(usize, usize, usize, usize)) {
+fn cells_of(pieces: &Pieces, grid: &PaddedMap, mut f: impl FnMut(usize, usize, usize, usize)) {
     for y in 1..grid.height - 1 {
         for x in 1..grid.width - 1 {
             let i = y * grid.width + x;
@@ -153,7 +153,7 @@ fn cells_of(pieces: &Pieces, grid: &Grid, mut f: impl FnMut(usize, usize, usize,
 
 /// Thirds of a cell to the nearest cell of another piece: chamfer 3-4, two sweeps. A map of four
 /// million cells is nowhere deeper than 1,000, so 16 bits hold it.
-fn depths(grid: &Grid, of_cell: &[u32]) -> Vec<u16> {
+fn depths(grid: &PaddedMap, of_cell: &[u32]) -> Vec<u16> {
     let w = grid.width;
     let mut deep = vec![0u16; of_cell.len()];
     let relax = |deep: &mut [u16], i: usize, near: [(usize, u16); 4]| {
@@ -184,7 +184,7 @@ const TURNS: [i32; 12] = [0, 15, -15, 30, -30, 45, -45, 60, -60, 75, -75, 90];
 const WORTH_TURNING: f64 = 1.25;
 
 /// The largest font at cell `i`.
-fn fit(grid: &Grid, of_cell: &[u32], core: &Core, i: usize, limit: f64) -> Spot {
+fn fit(grid: &PaddedMap, of_cell: &[u32], core: &Core, i: usize, limit: f64) -> Spot {
     let (x, y) = (i % grid.width, i / grid.width);
     let at = [x as f64 + 0.5, y as f64 + 0.5];
     let digits = (core.block + 1).ilog10() + 1;
@@ -210,7 +210,7 @@ fn fit(grid: &Grid, of_cell: &[u32], core: &Core, i: usize, limit: f64) -> Spot 
 
 /// Whether the box of half sizes `half` round `at`, turned, lies in the piece of cell `i`: its long
 /// sides and its middle line are probed every half cell or, for large boxes, at 24 places.
-fn holds(grid: &Grid, of_cell: &[u32], i: usize, at: [f64; 2], half: [f64; 2], turn: i32) -> bool {
+fn holds(grid: &PaddedMap, of_cell: &[u32], i: usize, at: [f64; 2], half: [f64; 2], turn: i32) -> bool {
     let (sin, cos) = f64::from(turn).to_radians().sin_cos();
     let steps = ((half[0] * 4.0).ceil() as i32).clamp(2, 24);
     for k in 0..=steps {
@@ -230,7 +230,7 @@ fn holds(grid: &Grid, of_cell: &[u32], i: usize, at: [f64; 2], half: [f64; 2], t
 mod tests {
     use super::*;
 
-    fn grid(rows: &[&str]) -> Grid {
+    fn grid(rows: &[&str]) -> PaddedMap {
         let width = rows[0].len() + 2;
         let mut cells = vec![0; width];
         for row in rows.iter().rev() {
@@ -239,7 +239,7 @@ mod tests {
             cells.push(0);
         }
         cells.extend(vec![0; width]);
-        Grid { width, height: rows.len() + 2, cells }
+        PaddedMap { width, height: rows.len() + 2, cells }
     }
 
     #[test]

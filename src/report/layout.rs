@@ -15,7 +15,7 @@ use std::fmt::Write;
 use svg::Node;
 use svg::node::element::Element;
 
-use super::outline::{self, Grid, Outlines};
+use super::outline::{self, Outlines, PaddedMap};
 use super::sheet::{Detail, FONTS, Sheet, el, grid_box, layer, num, rectangle, sheet_box, text, titled};
 use super::{Layout, blocks, clean, label, legend, stage};
 use crate::geom::Nm;
@@ -41,7 +41,7 @@ pub fn layout_svg(job: &Layout<'_>) -> String {
 
 /// The layout in at most `limit` bytes, or as few as there can be.
 pub(super) fn within(job: &Layout<'_>, limit: usize) -> String {
-    let grid = Grid::of(job.map, job.blocks().len());
+    let grid = PaddedMap::of(job.map, job.blocks().len());
     let sheet = Sheet::of(job);
     let outlines = outline::trace(&grid);
     let spots = label::place(&grid, 2.6 * sheet.unit / job.map.cell().mm());

@@ -15,7 +15,7 @@ use std::ops::Range;
 use super::BlockMap;
 
 /// The map with a rim of empty cells, so that every cell has neighbours.
-pub(super) struct Grid {
+pub(super) struct PaddedMap {
     /// Cells in a row, rim included.
     pub width: usize,
     /// Rows, rim included.
@@ -24,7 +24,7 @@ pub(super) struct Grid {
     pub cells: Vec<u32>,
 }
 
-impl Grid {
+impl PaddedMap {
     pub(super) fn of(map: &BlockMap, blocks: usize) -> Self {
         let [columns, rows] = map.size().map(|n| n as usize);
         let (width, height) = (columns + 2, rows + 2);
@@ -72,7 +72,7 @@ impl Outlines {
 }
 
 /// Traces all blocks; time and memory follow the cells and the borders.
-pub(super) fn trace(grid: &Grid) -> Outlines {
+pub(super) fn trace(grid: &PaddedMap) -> Outlines {
     let w = grid.width;
     let mut out = Outlines::default();
     let mut seen = vec![false; grid.cells.len()];
@@ -90,7 +90,7 @@ pub(super) fn trace(grid: &Grid) -> Outlines {
 
 /// Follows the ring that runs in +x under cell `start`. A vertex of the grid is named by the cell
 /// up and right of it; `seen` marks the cells whose lower edge was walked.
-fn follow(grid: &Grid, start: usize, seen: &mut [bool], corners: &mut Vec<Corner>) {
+fn follow(grid: &PaddedMap, start: usize, seen: &mut [bool], corners: &mut Vec<Corner>) {
     let w = grid.width;
     let c = &grid.cells;
     let label = c[start];

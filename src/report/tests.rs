@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::layout::{LIMIT, within};
-use super::outline::{Grid, area2, simplify, trace};
+use super::outline::{PaddedMap, area2, simplify, trace};
 use super::sample::Sample;
 use super::{layout_svg, report_html};
 use crate::block_map::BlockMap;
@@ -22,7 +22,7 @@ fn map(columns: u32, labels: &[u32]) -> BlockMap {
 
 /// Every ring closed and rectilinear, areas of each block's rings equal to its cells.
 fn check_outlines(map: &BlockMap, blocks: usize) {
-    let outlines = trace(&Grid::of(map, blocks));
+    let outlines = trace(&PaddedMap::of(map, blocks));
     let mut area: BTreeMap<u32, i64> = BTreeMap::new();
     for ring in &outlines.rings {
         let corners = outlines.corners_of(ring);
@@ -67,7 +67,7 @@ fn neighbours_share_the_simplified_border() {
             site.expect("a site") as u32 + 1
         };
         let labels: Vec<u32> = (0..64 * 64).map(|i| nearest(i % 64, i / 64)).collect();
-        let outlines = trace(&Grid::of(&map(64, &labels), sites.len()));
+        let outlines = trace(&PaddedMap::of(&map(64, &labels), sites.len()));
         let mut edges: BTreeMap<([i32; 2], [i32; 2]), i32> = BTreeMap::new();
         let (mut points, mut has_sliver) = (Vec::new(), false);
         for ring in &outlines.rings {
@@ -97,14 +97,14 @@ fn neighbours_share_the_simplified_border() {
 fn holes_single_cells_and_corner_contacts() {
     check_outlines(&map(1, &[1]), 1);
     check_outlines(&map(5, &[1, 1, 1, 1, 1, 1, 0, 2, 0, 1, 1, 2, 1, 2, 1, 1, 0, 2, 0, 1, 1, 1, 1, 1, 1]), 2);
-    let outlines = trace(&Grid::of(&map(3, &[1, 1, 1, 1, 0, 1, 1, 1, 1]), 1));
+    let outlines = trace(&PaddedMap::of(&map(3, &[1, 1, 1, 1, 0, 1, 1, 1, 1]), 1));
     let areas: Vec<_> = outlines.rings.iter().map(|r| area2(outlines.corners_of(r).iter().map(|c| c.at))).collect();
     assert_eq!(areas, [18, -2], "the hole runs the other way");
 }
 
 #[test]
 fn a_rectangle_keeps_its_corners_and_a_disc_few_points_within_half_a_cell() {
-    let rectangle = trace(&Grid::of(&map(40, &[1; 1200]), 1));
+    let rectangle = trace(&PaddedMap::of(&map(40, &[1; 1200]), 1));
     let mut points = Vec::new();
     simplify(rectangle.corners_of(&rectangle.rings[0]), 0.5, &mut points);
     assert_eq!(points.iter().collect::<BTreeSet<_>>(), BTreeSet::from([&[2, 2], &[82, 2], &[82, 62], &[2, 62]]));
@@ -113,7 +113,7 @@ fn a_rectangle_keeps_its_corners_and_a_disc_few_points_within_half_a_cell() {
     let distance = |x: f64, y: f64| (x - 100.0).hypot(y - 100.0);
     let labels: Vec<u32> =
         (0..n * n).map(|i| u32::from(distance(f64::from(i % n) + 0.5, f64::from(i / n) + 0.5) < r)).collect();
-    let disc = trace(&Grid::of(&map(200, &labels), 1));
+    let disc = trace(&PaddedMap::of(&map(200, &labels), 1));
     simplify(disc.corners_of(&disc.rings[0]), 0.5, &mut points);
     assert!(points.len() < 50, "{} points", points.len());
     for (a, b) in points.iter().zip(points.iter().cycle().skip(1)) {

@@ -9,8 +9,8 @@ mod bins;
 #[cfg(test)]
 mod brute;
 mod facets;
-mod grid;
 mod heightmap;
+mod implicit_mesh;
 mod lines;
 mod mesh;
 mod obj;
@@ -23,7 +23,7 @@ mod walk;
 use std::path::Path;
 
 use bins::{Bins, Class};
-use grid::Grid;
+use implicit_mesh::ImplicitMesh;
 use mesh::{Mesh, Welder};
 pub use topmost::Span;
 pub use walk::Cursor;
@@ -150,7 +150,7 @@ pub struct Surface {
 enum Kind {
     Mesh(Mesh, Bins),
     /// Classes of the bins: the cells with one ring of bins around them.
-    Grid(Grid, Vec<Class>),
+    Implicit(ImplicitMesh, Vec<Class>),
 }
 
 impl Surface {
@@ -188,14 +188,14 @@ impl Surface {
     /// An unturned height map; None where every sample is a hole.
     fn from_heightmap(map: Heightmap) -> Option<Self> {
         let (origin, pixel) = (map.origin_mm, map.pixel_mm);
-        let grid = Grid::new(map);
+        let grid = ImplicitMesh::new(map);
         let [i0, j0, i1, j1] = grid.node_box()?;
         let at = |o: f64, i: usize| o + i as f64 * pixel;
         let corner = |[i, j]: [usize; 2]| [at(origin[0], i), at(origin[1], j)];
         let part_box_mm = BoxMm { lo: corner([i0, j0]), hi: corner([i1, j1]) };
         let facets = 2 * grid.cells()[0] * grid.cells()[1];
         let class = grid.classes();
-        Some(Self { kind: Kind::Grid(grid, class), part_box_mm, facets })
+        Some(Self { kind: Kind::Implicit(grid, class), part_box_mm, facets })
     }
 
     /// A surface of the given facets (mm), for tests and benches.
@@ -233,14 +233,14 @@ impl Surface {
     fn origin(&self) -> P2 {
         match &self.kind {
             Kind::Mesh(m, _) => m.origin,
-            Kind::Grid(g, _) => g.origin,
+            Kind::Implicit(g, _) => g.origin,
         }
     }
 
     fn bin_count(&self, axis: usize) -> i64 {
         match &self.kind {
             Kind::Mesh(_, b) => i64::from(b.grid.count[axis]),
-            Kind::Grid(g, _) => g.cells()[axis] as i64 + 2,
+            Kind::Implicit(g, _) => g.cells()[axis] as i64 + 2,
         }
     }
 
@@ -248,7 +248,7 @@ impl Surface {
     fn bin_line(&self, axis: usize, i: i64) -> i64 {
         match &self.kind {
             Kind::Mesh(_, b) => b.grid.line(axis, i),
-            Kind::Grid(g, _) => g.line(i - 1),
+            Kind::Implicit(g, _) => g.line(i - 1),
         }
     }
 
@@ -256,14 +256,14 @@ impl Surface {
     fn bin_of(&self, axis: usize, v: i64) -> i64 {
         match &self.kind {
             Kind::Mesh(_, b) => b.grid.along(axis, v, 0),
-            Kind::Grid(g, _) => (g.cell_of(v) + 1).clamp(0, self.bin_count(axis) - 1),
+            Kind::Implicit(g, _) => (g.cell_of(v) + 1).clamp(0, self.bin_count(axis) - 1),
         }
     }
 
     fn class(&self, bin: usize) -> Class {
         match &self.kind {
             Kind::Mesh(_, b) => b.class[bin],
-            Kind::Grid(_, class) => class[bin],
+            Kind::Implicit(_, class) => class[bin],
         }
     }
 
@@ -272,7 +272,7 @@ impl Surface {
     fn bin_facets(&self, bin: usize, [from, to]: [P2; 2], out: &mut Vec<u32>) {
         match &self.kind {
             Kind::Mesh(_, b) => b.facets_under(bin, from, to, out),
-            Kind::Grid(g, _) => {
+            Kind::Implicit(g, _) => {
                 let columns = self.bin_count(0) as usize;
                 let (i, j) = ((bin % columns) as i64 - 1, (bin / columns) as i64 - 1);
                 for y in j - 1..=j + 1 {
@@ -335,7 +335,7 @@ impl Surface {
     fn for_each_facet(&self, mut f: impl FnMut([mesh::Vertex; 3])) {
         match &self.kind {
             Kind::Mesh(m, _) => m.facets.iter().for_each(|c| f(c.map(|v| m.vertices[v as usize]))),
-            Kind::Grid(g, _) => {
+            Kind::Implicit(g, _) => {
                 let all = 0..self.facets as u32;
                 all.filter(|&i| g.exists(i)).for_each(|i| f([0, 1, 2].map(|k| g.corner(i, k).0)));
             }

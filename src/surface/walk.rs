@@ -402,7 +402,7 @@ impl Surface {
                 let v = m.facets[f as usize][k];
                 (m.vertices[v as usize], v)
             }
-            Kind::Grid(g, _) => g.corner(f, k),
+            Kind::Implicit(g, _) => g.corner(f, k),
         }
     }
 
@@ -410,7 +410,7 @@ impl Surface {
     pub(super) fn twin(&self, he: u32) -> u32 {
         match &self.kind {
             Kind::Mesh(m, _) => m.twins[he as usize],
-            Kind::Grid(g, _) => g.twin(he),
+            Kind::Implicit(g, _) => g.twin(he),
         }
     }
 }

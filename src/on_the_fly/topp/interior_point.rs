@@ -198,6 +198,7 @@ impl<'a> Stretch<'a> {
             if gap.max(unbalanced) <= 2.0 * accuracy * total && excess <= EXCESS {
                 return Some((round, self.b[self.free.clone()].to_vec()));
             }
+            // Predictor: Newton's step towards products slack × multiplier of zero. One factorisation serves both solves.
             self.factor();
             for i in self.free.clone() {
                 self.predictor[i] = self.target[i];
@@ -209,6 +210,7 @@ impl<'a> Stretch<'a> {
             // Mehrotra's σ = (gap after / gap)³ (Nocedal and Wright, algorithms 14.3 and 16.4).
             // Products must not fall faster than the gradient is balanced, or a bent measure runs into a corner.
             let centre = ((after / gap).clamp(0.0, 1.0).powi(3) * gap).max(UNBALANCED * unbalanced) / count;
+            // Corrector: towards equal products, with what the predictor's step leaves of second order taken back.
             for i in self.free.clone() {
                 self.step[i] = centre * self.pull[i][0] - self.pull[i][1] + self.target[i];
             }
@@ -291,6 +293,8 @@ impl<'a> Stretch<'a> {
             let tau = &view.slope;
             let (weight, lift) = (total(&sum), total(&lift));
             let lean = [0, 1, 2].map(|k| dot(&turn, &c[k]));
+            // Both sides of a row are τ · b ∓ c · b, so with their quotients multiplier / slack u and d the normal matrix
+            // gets u (τ - c)(τ - c)ᵀ + d (τ + c)(τ + c)ᵀ, multiplied out here.
             for i in 0..3 {
                 self.target[at + i] += pack.excess * (tau[i] * weight - lean[i]);
                 self.rest[at + i] -= tau[i] * lift - dot(&force, &c[i]);

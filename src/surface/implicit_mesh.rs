@@ -10,9 +10,9 @@ use super::bins::Class;
 use super::mesh::{NONE, Vertex};
 use crate::geom::{NM_PER_MM, P2};
 
-/// A height map on the nanometre grid, local coordinates: part frame less [`Grid::origin`].
+/// A height map on the nanometre grid, local coordinates: part frame less [`ImplicitMesh::origin`].
 #[derive(Debug)]
-pub struct Grid {
+pub struct ImplicitMesh {
     pub(crate) origin: P2,
     pub(crate) columns: usize,
     pub(crate) rows: usize,
@@ -22,7 +22,7 @@ pub struct Grid {
     z_nm: [f64; 2],
 }
 
-impl Grid {
+impl ImplicitMesh {
     pub(crate) fn new(map: Heightmap) -> Self {
         let origin = map.origin_mm.map(|o| (o * NM_PER_MM).round() as i64);
         Self {
