@@ -141,7 +141,7 @@ mod tests {
         assert_eq!(found(&[(PDOF, "pdof = \"1.8 um\"")]), []);
         let refused = [("pdof-small", Kind::Limit, place("pdof"))];
         assert_eq!(found(&[(PDOF, "pdof = \"1.7 um\"")]), refused);
-        let allowed = found(&[(PDOF, "pdof = \"0.07 um\""), ALLOWED]);
+        let allowed = found(&[(PDOF, "pdof = \"0.5 um\""), ALLOWED]);
         assert!(matches!(allowed[..], [("pdof-small", Kind::Warning, _)]), "{allowed:?}");
     }
 

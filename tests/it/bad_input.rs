@@ -500,6 +500,11 @@ fn a_limit_of_the_machine_that_the_job_breaks_exits_1_and_writes_nothing() {
     let section = edited(dir.path(), "method = \"contour\"", "method = \"contour\"\nsection = \"41 mm\"");
     check(&section, "section", &Limit("section-large"));
     let shallow = edited(dir.path(), "0.07 mm", "0.1 um");
+    check(&shallow, "depth", &Limit("pdof-small"));
+    // Allowed, it is still below two increments of the stage.
+    let text = std::fs::read_to_string(&shallow).expect("readable") + "[limits]\nimplausible = \"allow\"\n";
+    assert_eq!(text.matches("[limits]").count(), 1);
+    std::fs::write(&shallow, text).expect("writable");
     check(&shallow, "depth", &Limit("depth-small"));
     for speed in ["1e-300 mm/s", "0.0099 mm/s", "900 m/s"] {
         let pen = edited(dir.path(), "1000 mm/s", speed);
