@@ -30,14 +30,14 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     p.comment("not a safety system: the laser needs its own interlock");
     p.line("G21 G90 G94 G17 G40 G49 G80 G61.1");
     p.line("M65 P0");
-    for i in 0..checked.program().blocks.len() {
+    for (i, figures) in figures.iter().enumerate() {
         let id = BlockId::new(i);
         p.block(checked, i);
         p.line("M64 P0");
         p.line("M66 P0 L3 Q5");
         p.stop_on_timeout(2 * i + 1, &format!("no BUSY, block {id}"));
         p.line("M65 P0");
-        p.line(&format!("M66 P0 L4 Q{}", (2.0 * figures[i].time_s + 10.0).ceil()));
+        p.line(&format!("M66 P0 L4 Q{}", (2.0 * figures.time_s + 10.0).ceil()));
         p.stop_on_timeout(2 * i + 2, &format!("still BUSY, block {id}"));
     }
     p.end();
