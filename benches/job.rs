@@ -20,6 +20,7 @@ use std::time::Instant;
 use surfaces::{dome, mesh, write_stl};
 use terrace::geom::P2;
 use terrace::job::{Job, Overrides};
+use terrace::job_folder::Durability;
 use terrace::surface::{Cursor, Options, Surface};
 use terrace::{job_folder, plan, verify};
 
@@ -36,7 +37,7 @@ fn main() {
         if !stl.exists() {
             write_stl(&stl, &mesh(n, [0.0, 0.0, 450.0, 450.0], dome));
         }
-        for case in ["load", "walk", "contour", "z-range", "auto", "squares", "verify"] {
+        for case in ["load", "walk", "contour", "z-range", "auto", "squares", "verify", "flush"] {
             let me = std::env::current_exe().expect("this program");
             let out = Command::new(me).arg(case).arg(&stl).output().expect("this program starts");
             assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
@@ -85,6 +86,7 @@ fn walk(surface: &Surface) -> String {
 /// Compiles to a folder on disk.
 fn job(case: &str, stl: &Path) -> String {
     let (method, texture) = match case {
+        "flush" => ("z-range", "pattern = \"hatch\"\npitch = \"1 mm\""),
         "squares" => ("z-range", "pattern = \"squares\"\npitch = \"1 mm\"\ncell = \"0.6 mm\""),
         method => (method, "pattern = \"hatch\"\npitch = \"0.1 mm\""),
     };
@@ -98,7 +100,16 @@ fn job(case: &str, stl: &Path) -> String {
     std::fs::write(&path, &text).expect("a writable folder");
     let job = Job::parse(&path, &text, &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
     let plan = plan::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
-    job_folder::write(&plan, &stl.with_extension(format!("{case}.job"))).unwrap_or_else(|e| panic!("{e}"));
+    let write = |durability| {
+        let begin = Instant::now();
+        let target = stl.with_extension(format!("{case}.job"));
+        job_folder::write_with(&plan, &target, durability).unwrap_or_else(|e| panic!("{e}"));
+        begin.elapsed().as_secs_f64()
+    };
+    let written = write(Durability::Unsynced);
+    if case == "flush" {
+        return format!("written in {written:.2} s, and flushed to disk in {:.2} s", write(Durability::Synced));
+    }
     let s = &plan.stepped().expect("a stepped job").summary;
     let per_figure = s.jump_mm / s.fragments.max(1) as f64;
     format!("{} stops, {} fragments, jumps {per_figure:.3} mm each", s.stops, s.fragments)

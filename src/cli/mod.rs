@@ -13,6 +13,7 @@ use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use clap::error::ContextKind;
 use clap::{CommandFactory, Parser};
 
 use crate::batch;
@@ -29,7 +30,9 @@ use args::{Args, Choice, Command};
 pub fn main() -> ExitCode {
     let args = match Args::try_parse() {
         Ok(args) => args,
-        Err(e) => {
+        Err(mut e) => {
+            // An option that a command does not have is no file name: no hint to pass it as one.
+            e.remove(ContextKind::Suggested);
             let _ = e.print();
             // Help and version are not errors.
             if !e.use_stderr() {

@@ -280,6 +280,9 @@ fn with_json_an_error_is_one_object_on_stdout() {
     assert!(found["errors"].as_array().expect("a list").iter().all(|e| e["line"].is_u64()), "{found}");
     // What was typed, and a folder that is none.
     assert_eq!(of(&["--json", "compile"])["errors"][0]["code"], "usage");
+    let unknown = run(dir.path(), &["check", "-o", "x", "job.toml"]);
+    assert!(unknown.status.code() == Some(2) && said(&unknown).contains("'-o'"), "{}", said(&unknown));
+    assert!(!said(&unknown).contains("-- -o"), "{}", said(&unknown));
     assert_eq!(of(&["verify", "absent", "--json"])["errors"][0]["message"], "there is no such folder");
     // Without it nothing is on stdout.
     refused(&run(dir.path(), &["check", "b.toml"]), 2, "toml");
