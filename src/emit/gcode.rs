@@ -19,6 +19,9 @@ const LEAST_DWELL_MS: u64 = 50;
 
 /// The program for LinuxCNC. Of the estimated time of every block (marks, jumps and delays) the wait for its end is
 /// given twice that and 10 s.
+///
+/// # Panics
+/// If a block has no figures.
 pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     let Stepped { checked, machine, figures, block_file, .. } = *job;
     let mut p = Writer::new(machine, machine.controller.max_line, "M65 P0", block_file);
@@ -30,14 +33,15 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     p.comment("not a safety system: the laser needs its own interlock");
     p.line("G21 G90 G94 G17 G40 G49 G80 G61.1");
     p.line("M65 P0");
-    for (i, figures) in figures.iter().enumerate() {
+    let wait_s = |i: usize| (2.0 * figures[i].time_s + 10.0).ceil();
+    for i in 0..checked.program().blocks.len() {
         let id = BlockId::new(i);
         p.block(checked, i);
         p.line("M64 P0");
         p.line("M66 P0 L3 Q5");
         p.stop_on_timeout(2 * i + 1, &format!("no BUSY, block {id}"));
         p.line("M65 P0");
-        p.line(&format!("M66 P0 L4 Q{}", (2.0 * figures.time_s + 10.0).ceil()));
+        p.line(&format!("M66 P0 L4 Q{}", wait_s(i)));
         p.stop_on_timeout(2 * i + 2, &format!("still BUSY, block {id}"));
     }
     p.end();
@@ -203,6 +207,8 @@ impl Writer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::program::{BlockFigures, SetupId, sample};
+    use crate::units::Time;
 
     fn job<'a>(
         checked: &'a Checked,
@@ -216,9 +222,6 @@ mod tests {
     fn timed(times: [f64; 3]) -> [BlockFigures; 3] {
         times.map(|time_s| BlockFigures { time_s, ..BlockFigures::default() })
     }
-
-    use crate::program::{BlockFigures, SetupId, sample};
-    use crate::units::Time;
 
     fn sample() -> (Checked, Machine) {
         let (program, origin) = sample::program();

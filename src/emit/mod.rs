@@ -15,7 +15,7 @@ pub mod on_the_fly;
 pub mod ovf;
 mod target;
 
-pub use target::{Files, FlyFile, Format, Stepped, TARGETS, Target, block_file};
+pub use target::{Files, FlyFile, Format, Stepped, TARGETS, Target, block_file, names};
 
 /// The digits 00 to 99, one pair after another.
 const PAIRS: [u8; 200] = {

@@ -128,7 +128,8 @@ pub const TARGETS: [Target; 6] = [
             "stage.ngc (LinuxCNC) goes to each block, settles, sets digital output 0 (START) and waits for",
             "digital input 0 (BUSY) of the scan card to rise and to fall. BUSY must last 20 ms or more. If a",
             "wait takes too long the program ends without moving on: check the laser, then continue by hand.",
-            "Lift, go to X and Y of that block, then to its Z: a program that is started at a block may not lift.",
+            "Lift, go to X and Y of that block, then to its Z. Do not start the program at a block: the lift",
+            "before it may be missing.",
         ],
     },
     Target {
@@ -176,6 +177,12 @@ impl Format {
     pub fn name(self) -> &'static str {
         self.target().name
     }
+}
+
+/// The names of targets in quotes, for messages.
+pub fn names<'a>(targets: impl IntoIterator<Item = &'a Target>) -> String {
+    let quoted: Vec<String> = targets.into_iter().map(|target| format!("{:?}", target.name)).collect();
+    quoted.join(", ")
 }
 
 /// The ending of the files of single blocks among what `formats` write, the first where there are several.

@@ -14,8 +14,8 @@ use crate::texture::Kind;
 /// focal plane: at 2 z_R from it the spot is sqrt(1 + 2^2) = 2.2 times as wide, and its fluence a fifth.
 const MOST_DEPTHS: f64 = 2.0;
 
-/// Smallest depth range of a block, in depths of focus of the optics. Nobody needs a thousandth of it: um were written
-/// for mm.
+/// Smallest depth range of a block, in depths of focus of the optics. Below it the unit is most likely wrong: um in
+/// place of mm.
 const LEAST_DEPTHS: f64 = 1e-3;
 
 /// Least pitch of a hatch, in spots. Lines that overlap to more than three quarters mark every place more than four
@@ -49,8 +49,8 @@ impl Job {
         let is_large = depths > MOST_DEPTHS;
         let digits = if is_large { 1 } else { 6 };
         let text = format!(
-            "blocks {depth} mm deep are {depths:.digits$} times the depth of focus of the optics (2 z_R = {optics:.3} mm for a \
-             spot of {}, {:.0} nm and M2 = {})",
+            "blocks {depth} mm deep are {depths:.digits$} times the depth of focus of the optics (2 z_R = {optics:.3} mm \
+             for a spot of {}, {:.0} nm and M2 = {})",
             machine.lens.spot,
             machine.laser.wavelength.as_mm() * 1e6,
             machine.laser.m2

@@ -14,7 +14,7 @@ use super::resolved::{
     Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
 };
 use crate::diag::{Diag, Error};
-use crate::emit::{Format, TARGETS, Target};
+use crate::emit::{Format, TARGETS, Target, names};
 use crate::geom::{BoxMm, MAX_NM, Nm, P2};
 use crate::machine::Origin;
 use crate::program::{Pen, PenId};
@@ -334,17 +334,13 @@ fn formats(file: &JobFile, mode: Mode, f: &mut Faults<'_>) -> Vec<Format> {
     let mut formats = formats.clone();
     formats.sort_unstable();
     formats.dedup();
-    let names = |fits: &dyn Fn(&Target) -> bool| {
-        let fits = TARGETS.iter().filter(|t| writes(t, mode) && fits(t));
-        fits.map(|t| format!("{:?}", t.name)).collect::<Vec<_>>().join(", ")
-    };
+    let possible = |fits: &dyn Fn(&Target) -> bool| names(TARGETS.iter().filter(|t| writes(t, mode) && fits(t)));
     if mode != file.mode {
         // The job file is of the other mode: keys that only the other mode has are not faults.
         let (kept, left): (Vec<Format>, Vec<Format>) = formats.iter().partition(|f| writes(f.target(), mode));
         formats = if kept.is_empty() { default_formats(mode).to_vec() } else { kept };
         if !left.is_empty() {
-            let list =
-                |formats: &[Format]| formats.iter().map(|f| format!("{:?}", f.name())).collect::<Vec<_>>().join(", ");
+            let list = |formats: &[Format]| names(formats.iter().map(|f| f.target()));
             let text = format!("emit.formats {} cannot be written for {} jobs", list(&left), mode.name());
             f.warn(key, Diag::warning("emit-mode", text).hint(format!("formats of this job: {}", list(&formats))));
         }
@@ -352,11 +348,11 @@ fn formats(file: &JobFile, mode: Mode, f: &mut Faults<'_>) -> Vec<Format> {
     for target in formats.iter().map(|format| format.target()) {
         if !writes(target, mode) {
             let text = format!("{:?} cannot be written for {} jobs", target.name, mode.name());
-            let hint = format!("leave it out; formats for this mode: {}", names(&|_| true));
+            let hint = format!("leave it out; formats for this mode: {}", possible(&|_| true));
             f.push(key, Diag::input("emit-mode", text).hint(hint));
         } else if file.setups.is_some() && !target.allows_setups {
             let text = format!("{:?} has no stop between set-ups, at which the part could be moved", target.name);
-            let hint = format!("leave it out; formats that stop between set-ups: {}", names(&|t| t.allows_setups));
+            let hint = format!("leave it out; formats that stop between set-ups: {}", possible(&|t| t.allows_setups));
             f.push(key, Diag::input("setups-format", text).hint(hint));
         }
     }

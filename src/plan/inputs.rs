@@ -26,8 +26,8 @@ impl Inputs {
     /// Reads machine, surface and drawings, and holds the job to what the machine can be.
     ///
     /// # Errors
-    /// Faults of the files; pens that the machine cannot give; `pdof-large`, `pdof-small`, `pitch-small`; `job-empty` where the
-    /// texture lies off the part.
+    /// Faults of the files; pens that the machine cannot give; `pdof-large`, `pdof-small`, `pitch-small`; `job-empty`
+    /// where the texture lies off the part.
     pub fn load(job: &Job) -> Result<Self, Error> {
         let machine = job.machine().map_err(|e| job.at_keys(&e))?;
         let pens = pen_faults(&job.pens, &machine);

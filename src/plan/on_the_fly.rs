@@ -148,14 +148,13 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
 fn formats(job: &Job, machine: &Machine, pens: &[Pen], origin: Origin) -> Result<Option<Diag>, Error> {
     let kind = if KinematicModel::of(machine, pens, origin.mm()).is_some() { Kind::Xyzacuv } else { Kind::Xyzuv };
     let writes = |target: &Target| target.on_the_fly.is_some_and(|file| file.kinds.contains(&kind));
-    let quoted = |names: Vec<&str>| names.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ");
-    let left: Vec<&str> = job.formats.iter().map(|f| f.target()).filter(|t| !writes(t)).map(|t| t.name).collect();
+    let left: Vec<&Target> = job.formats.iter().map(|f| f.target()).filter(|t| !writes(t)).collect();
     if left.is_empty() || !job.names_formats && left.len() < job.formats.len() {
         return Ok(None);
     }
-    let text = format!("emit.formats {} cannot be written for the axes {}", quoted(left.clone()), kind.letters());
-    let possible = quoted(TARGETS.iter().filter(|t| writes(t)).map(|t| t.name).collect());
-    let hint = format!("leave it out; formats for these axes: {possible}");
+    let text =
+        format!("emit.formats {} cannot be written for the axes {}", emit::names(left.iter().copied()), kind.letters());
+    let hint = format!("leave it out; formats for these axes: {}", emit::names(TARGETS.iter().filter(|t| writes(t))));
     let place = job.place_of("emit.formats");
     if left.len() == job.formats.len() {
         return Err(Diag::input("emit-mode", text).at(place).hint(hint).into());

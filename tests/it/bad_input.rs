@@ -265,7 +265,7 @@ fn style_sheets(n: usize) {
         ("four", "x g g g g rect{fill:none}".to_owned(), groups(square), Compiled(&[])),
         ("twelve", format!("x {}rect{{fill:none}}", "g ".repeat(12)), groups(square), Compiled(&[])),
         ("deep", "g ".repeat(n) + "rect{fill:none}", groups(square), Compiled(&[])),
-        // One that is as many siblings long as there are, and one that each of them is held against.
+        // As many siblings as the row has elements, and a selector that each of them is matched against.
         ("long", "g+".repeat(n) + "rect{fill:red}", row.clone(), Compiled(&[])),
         ("wide", format!("x+{}rect{{fill:none}}", "*+".repeat(n)), row.clone(), Compiled(&[])),
         ("costly", format!("x+{}*{{fill:none}}", "*+".repeat(n)), row, Refused("svg-css", ".svg")),
