@@ -48,6 +48,7 @@ fn program(blocks: &[Made]) -> Program {
                 z_hi,
             },
             stage: Commanded::default(),
+            focus_shift: Nm(0),
             retract: false,
             z_lo,
             z_hi,

@@ -90,7 +90,7 @@ fn clearance(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
         let turn = limits.machine.turn(stop.tilt, limits.origins[block.setup.index()]);
         limits.clearance.lowest_focus_turned(&turn, stop.centre)
     };
-    let found = excess(program, |b| lowest(b).saturating_sub(b.stop.focus).0)?;
+    let found = excess(program, |b| lowest(b).saturating_sub(b.plane()).0)?;
     let text = format!(
         "at {} the head would come too near to a higher place of the part, by up to {} mm",
         share(&found, program),

@@ -11,7 +11,7 @@ use crate::clearance::Clearance;
 use crate::diag::{Diag, Error, Place};
 use crate::geom::Nm;
 use crate::machine::{Machine, Origin};
-use crate::program::{Block, BlockId, PassId, Pen, Program, SetupId, Stop};
+use crate::program::{Block, BlockId, PassId, Pen, Program, SetupId};
 
 /// A program that may be emitted.
 #[derive(Debug)]
@@ -206,8 +206,10 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
             block.stop.focus.0, z[0].0, z[1].0
         ));
     }
-    let Stop { centre, focus, .. } = block.stop;
-    let at = limits.machine.stage_from_part(centre, focus, limits.origins[block.setup.index()]);
+    let at = limits.machine.stage_from_part(stop.centre, block.plane(), limits.origins[block.setup.index()]);
+    if block.focus_shift.abs() > limits.machine.most_focus_shift() {
+        broken(format!("P4: the focus shift {} nm is beyond the range of the zoom optic", block.focus_shift.0));
+    }
     let axes = limits.machine.tilt.as_ref().map(|t| &t.axes);
     if !axes.map_or(block.stop.tilt.is_upright(), |axes| (0..2).all(|k| axes[k].takes(block.stop.tilt[k]))) {
         broken(format!("P4: no tilt axes go to {:?} millionths of a degree", block.stop.tilt.0));
@@ -305,6 +307,10 @@ mod tests {
             p.blocks.iter_mut().for_each(|b| b.stop.centre.x += 50);
             p.blocks.iter_mut().for_each(|b| b.stage[0] += 50 * m.stage.x.sign());
             keep(p, 1);
+        });
+        assert_breaks("P4: the focus shift", |p, m| {
+            p.blocks[1].focus_shift = Nm(100);
+            p.blocks[1].stage[2] -= 100 * m.stage.z.sign();
         });
         assert_breaks("P4: no tilt axes", |p, _| p.blocks[1].stop.tilt = TiltAngles([0, 100]));
         assert_breaks("P5", |p, _| p.strokes[0].pen = PenId(2));

@@ -104,6 +104,11 @@ impl BatchView {
     }
 }
 
+/// How many blocks are marked at the stops, where a zoom optic makes them more.
+fn blocks(s: &Summary) -> String {
+    if s.blocks > s.stops { format!(", {} blocks", s.blocks) } else { String::new() }
+}
+
 /// How many stops any partition needs, and how near the job comes.
 fn at_least(s: &Summary) -> String {
     let ratio = s.lower_bound_stops.filter(|&n| n > 0).zip(s.over_bound());
@@ -122,7 +127,7 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
     let t = &s.time_s;
     let mut lines = vec![
         format!("method         {}", s.method),
-        format!("stops          {} ({} sub-blocks){}", s.stops, s.sub_blocks, at_least(s)),
+        format!("stops          {}{} ({} sub-blocks){}", s.stops, blocks(s), s.sub_blocks, at_least(s)),
         format!(
             "marks          {:.3} mm in {} fragments ({} texture strokes cut)",
             s.mark_mm, s.fragments, s.strokes_cut
@@ -138,10 +143,11 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
         ),
         format!("worst slope    {:.2} deg", s.worst_incidence_deg),
         format!(
-            "time           {} (stage {}, settling {}, marks {}, jumps {}, delays {})",
+            "time           {} (stage {}, settling {},{} marks {}, jumps {}, delays {})",
             duration(t.total),
             duration(t.stage),
             duration(t.settle),
+            if s.blocks > s.stops { format!(" zoom {},", duration(t.zoom)) } else { String::new() },
             duration(t.mark),
             duration(t.jump),
             duration(t.delay)

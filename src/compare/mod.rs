@@ -177,6 +177,7 @@ pub struct Comparison {
 /// What all systems share.
 struct Subject<'a> {
     job: &'a Job,
+    /// The job's machine without its zoom optic, which one system alone uses.
     machine: &'a Machine,
     inputs: &'a Inputs,
     height_field: HeightField,
@@ -213,7 +214,7 @@ pub fn compare(
 ) -> Result<Comparison, Error> {
     progress("reading");
     let inputs = Inputs::load(job)?;
-    let machine = &inputs.machine;
+    let machine = &Machine { zoom: None, ..inputs.machine.clone() };
     let whole = strokes::in_order(job, machine, &inputs, None).map_err(|e| e.after(inputs.warnings.clone()))?;
     let size = whole.texture.size().map(Nm::mm);
     let focus = job.focus.half_depth_mm();

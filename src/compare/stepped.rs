@@ -8,7 +8,6 @@ use crate::geom::{Box2, FieldPoint, NM_PER_MM, Nm, P2, P3, Turn, mm_from_nm};
 use crate::job::{DepthRule, Focus, Method, Partition};
 use crate::machine::{Commanded, Machine, Origin};
 use crate::manifest::Times;
-use crate::motion;
 use crate::on_the_fly::axes::kinematics::Deviation;
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::xyzuv::step_scan_s;
@@ -81,52 +80,16 @@ pub(super) fn z_range(subject: &Subject<'_>) -> Result<Figures, Error> {
     Ok(measured(subject, &Measured::of(subject.z_range()?)))
 }
 
-/// Levels changed by a zoom optic; the stage moves for a new section, or where the zoom's range ends.
+/// Levels changed by a zoom optic; the stage moves for a new section, or where the optic's range ends.
 pub(super) fn zoom(subject: &Subject<'_>) -> Result<Figures, Error> {
-    let machine = subject.machine;
+    let mut machine = subject.inputs.machine.clone();
     let mut notes = Vec::new();
-    let zoom = match machine.zoom.clone() {
-        Some(zoom) => zoom,
-        None => {
-            notes.push("zoom optic of xyz-zoom-40 added".into());
-            Machine::built_in("xyz-zoom-40")?.zoom.expect("the profile has a zoom optic")
-        }
-    };
-    let plan = subject.z_range()?;
-    let mut figures = measured(subject, &Measured::of(plan));
-    let range = Nm::round(zoom.range.as_mm() * NM_PER_MM);
-    let blocks = &plan.checked.program().blocks;
-    let (mut at, mut planes) = (blocks[0].stage, [Nm::MAX, Nm::MIN]);
-    let (mut time, mut focus) = (Split { stage: 0.0, settle: 0.0, ..figures.time }, blocks[0].stop.focus);
-    (figures.stops, figures.stage_travel_mm) = (1, 0.0);
-    for (i, block) in blocks.iter().enumerate() {
-        let stop = &block.stop;
-        let reached = [planes[0].min(stop.focus), planes[1].max(stop.focus)];
-        let stays = i > 0 && blocks[i - 1].stop.section == stop.section && reached[1] - reached[0] <= range;
-        if stays {
-            planes = reached;
-            let moved = (stop.focus - focus).abs().mm();
-            if moved > 0.0 {
-                time.zoom += moved / zoom.speed.as_mm_s() + zoom.settle.as_s();
-            }
-        } else {
-            planes = [stop.focus; 2];
-            if i > 0 {
-                let lift = block.retract.then(|| machine.retract_z());
-                let moved = motion::stage_move(machine, at, block.stage, lift);
-                time.stage += moved.travel_s;
-                time.settle += moved.settle_s;
-                figures.stops += 1;
-                figures.stage_travel_mm += way(at, block.stage);
-            }
-            at = block.stage;
-        }
-        focus = stop.focus;
+    if machine.zoom.is_none() {
+        machine.zoom = Machine::built_in("xyz-zoom-40")?.zoom;
+        notes.push("zoom optic of xyz-zoom-40 added".into());
     }
-    figures.model_s = Some(step_scan_s(figures.stops, subject.move_s, time.zoom + time.mark + time.jump + time.delay));
-    figures.time = time;
-    figures.notes.extend(notes);
-    Ok(figures)
+    let plan = planned(subject, &machine, Method::ZRange)?;
+    Ok(Figures { notes, ..measured(subject, &Measured::of(&plan)) })
 }
 
 /// The part tilted at every stop.
@@ -144,11 +107,11 @@ pub(super) fn tilt(subject: &Subject<'_>) -> Result<Figures, Error> {
 /// What marks get, with time, stops and ways of a stepped plan.
 fn stepping(marks: Figures, subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
     let program = plan.program;
-    let Times { stage, settle, mark, jump, delay, .. } = plan.times;
-    let stops = program.blocks.len();
+    let Times { stage, settle, zoom, mark, jump, delay, .. } = plan.times;
+    let stops = program.stops();
     Figures {
-        time: Split { stage, settle, zoom: 0.0, mark, jump, delay },
-        model_s: Some(step_scan_s(stops, subject.move_s, mark + jump + delay)),
+        time: Split { stage, settle, zoom, mark, jump, delay },
+        model_s: Some(step_scan_s(stops, subject.move_s, zoom + mark + jump + delay)),
         stops,
         seam_mm: plan.seam_mm,
         // Two stops stand off by this much each, and independently.

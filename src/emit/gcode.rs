@@ -84,6 +84,7 @@ struct Writer {
     /// Letters and positions of the tilt axes; empty where there is no tilt table.
     letters: Option<[char; 2]>,
     tilt: Option<TiltAngles>,
+    has_zoom: bool,
 }
 
 impl Writer {
@@ -99,6 +100,7 @@ impl Writer {
             at: None,
             letters: machine.tilt.as_ref().map(|t| t.axes.each_ref().map(|a| a.letter.char())),
             tilt: None,
+            has_zoom: machine.zoom.is_some(),
         }
     }
 
@@ -138,6 +140,9 @@ impl Writer {
             None => format!("BLOCK {}", BlockId::new(i)),
         };
         self.comment(&title);
+        if self.has_zoom {
+            self.focus_shift(block.focus_shift.0);
+        }
         self.line(self.off);
         let [x, y, z] = block.stage.0;
         // The stage position is unknown at the start, so the first move lifts as well.
@@ -168,6 +173,13 @@ impl Writer {
         self.line(&format!("(MSG, set-up {number} of {count})"));
         self.line("M0");
         (self.at, self.tilt) = (None, None);
+    }
+
+    /// What the zoom optic has to be set to; the stage program cannot do it.
+    fn focus_shift(&mut self, nm: i64) {
+        self.out.extend_from_slice(b"(FOCUS SHIFT ");
+        super::push_mm(&mut self.out, nm);
+        self.out.extend_from_slice(b")\n");
     }
 
     fn lift(&mut self) {
@@ -207,6 +219,7 @@ impl Writer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geom::Nm;
     use crate::program::{BlockFigures, SetupId, sample};
     use crate::units::Time;
 
@@ -353,6 +366,23 @@ mod tests {
             let second = stop(2) + &format!("(BLOCK B0002)\n{off}\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\nG0 Z0.40");
             assert!(text.contains(&first) && text.contains(&second), "{text}");
             assert_eq!(text.matches("(SETUP ").count(), 2);
+        }
+    }
+
+    #[test]
+    fn a_block_that_the_zoom_optic_alone_goes_to_states_its_focus_shift_and_has_no_move() {
+        let (mut program, origin) = sample::program();
+        let machine = Machine::built_in("xyz-zoom-40").expect("profile");
+        (program.blocks[0].focus_shift, program.blocks[1].focus_shift) = (Nm(-35_000), Nm(35_000));
+        program.blocks[0].stage = machine.stage_from_part(program.blocks[0].stop.centre, Nm(70_000), origin);
+        program.blocks[1].stage = program.blocks[0].stage;
+        let checked = Checked::unchecked(program, origin);
+        let text = text(linuxcnc(&job(&checked, &machine, &timed([0.0; 3]), None)));
+        let first = "(BLOCK B0001)\n(FOCUS SHIFT -0.035000)\nM65 P0\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\nG0 Z0.37";
+        let second = "(BLOCK B0002)\n(FOCUS SHIFT 0.035000)\nM65 P0\nG4 P0.100\nM64 P0\n";
+        let third = "(BLOCK B0003)\n(FOCUS SHIFT 0.000000)\nM65 P0\n";
+        for part in [first, second, third] {
+            assert!(text.contains(part), "{part}: {text}");
         }
     }
 

@@ -79,6 +79,8 @@ pub struct Target {
     pub on_the_fly: Option<FlyFile>,
     /// Whether a file of a stepped job tells which pen each stroke is marked with.
     pub carries_pens: bool,
+    /// Whether a file of a stepped job sets the zoom optic for each block.
+    pub carries_focus_shift: bool,
     /// Whether it is a program for the control of the stage.
     pub moves_stage: bool,
     /// Whether the operator can move the part in the middle of a stepped job.
@@ -95,6 +97,7 @@ pub const TARGETS: [Target; 6] = [
         stepped: Some(Files::Blocks("dxf", |job, i| dxf::block(job.checked, job.machine, i))),
         on_the_fly: None,
         carries_pens: true,
+        carries_focus_shift: false,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -109,6 +112,7 @@ pub const TARGETS: [Target; 6] = [
         stepped: Some(Files::Blocks("csv", |job, i| csv::block(job.checked, job.machine, i))),
         on_the_fly: None,
         carries_pens: true,
+        carries_focus_shift: false,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -122,6 +126,7 @@ pub const TARGETS: [Target; 6] = [
         stepped: Some(Files::Whole("stage.ngc", gcode::linuxcnc)),
         on_the_fly: Some(FlyFile { name: "fly.ngc", kinds: &[Kind::Xyzuv], write: on_the_fly::linuxcnc }),
         carries_pens: false,
+        carries_focus_shift: false,
         moves_stage: true,
         allows_setups: true,
         sheet: &[
@@ -138,6 +143,7 @@ pub const TARGETS: [Target; 6] = [
         stepped: Some(Files::Whole("stage_m0.nc", gcode::m0)),
         on_the_fly: None,
         carries_pens: false,
+        carries_focus_shift: false,
         moves_stage: true,
         allows_setups: true,
         sheet: &[
@@ -151,6 +157,7 @@ pub const TARGETS: [Target; 6] = [
         stepped: Some(Files::Whole("job.ovf", |job| ovf::write(job.checked, job.machine, job.job, job.part))),
         on_the_fly: None,
         carries_pens: true,
+        carries_focus_shift: true,
         moves_stage: false,
         allows_setups: false,
         sheet: &["job.ovf holds the whole job, stage places and pens included: work plane 0 is block B0001."],
@@ -161,6 +168,7 @@ pub const TARGETS: [Target; 6] = [
         stepped: None,
         on_the_fly: Some(FlyFile { name: "fly.pmc", kinds: &[Kind::Xyzuv, Kind::Xyzacuv], write: on_the_fly::pmac }),
         carries_pens: false,
+        carries_focus_shift: false,
         moves_stage: true,
         allows_setups: false,
         sheet: &[],

@@ -49,7 +49,7 @@ pub struct Machine {
     /// What the controllers accept.
     #[serde(default)]
     pub controller: Controller,
-    /// A focus shifter in the head, where there is one.
+    /// A zoom optic in the head, where there is one.
     #[serde(default)]
     pub zoom: Option<Zoom>,
     /// A two-axis tilt table, where there is one.
@@ -299,11 +299,11 @@ impl Default for Controller {
     }
 }
 
-/// A focus shifter: moves the focal plane inside a field without the stage.
+/// A zoom optic (focus shifter, 3-axis head): moves the focal plane inside a field without the stage.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Zoom {
-    /// Full range of the focal plane.
+    /// Full range of the focal plane, half of it above and half below where the stage sets it.
     #[serde(deserialize_with = "positive")]
     pub range: Length,
     /// Speed of the focal plane.
@@ -491,6 +491,18 @@ impl Machine {
             out[i] = axis.sign() * (p[i] + origin[i]);
         }
         out
+    }
+
+    /// How far the zoom optic shifts the focal plane up or down at most, in whole stage increments; 0 without one.
+    pub fn most_focus_shift(&self) -> Nm {
+        let half = self.zoom.as_ref().map_or(0.0, |zoom| zoom.range.as_mm() / 2.0 * NM_PER_MM);
+        Nm::floor(half + 1e-3).down_to(self.increment_nm())
+    }
+
+    /// Time in which the zoom optic goes from one focus shift to another, settling included, s.
+    pub fn zoom_time_s(&self, from: Nm, to: Nm) -> f64 {
+        let Some(zoom) = self.zoom.as_ref().filter(|_| from != to) else { return 0.0 };
+        (to - from).abs().mm() / zoom.speed.as_mm_s() + zoom.settle.as_s()
     }
 
     /// How commanded angles turn a part whose origin lies at `origin`; not at all where the machine has no tilt table.

@@ -31,6 +31,8 @@ pub struct Times {
     pub stage: f64,
     /// Settling after them.
     pub settle: f64,
+    /// Moves of the zoom optic beyond those of the stage, settling included.
+    pub zoom: f64,
     /// Marks.
     pub mark: f64,
     /// Jumps.
@@ -58,8 +60,10 @@ pub struct Candidate {
 /// xy plane.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
-    /// Standstills of the stage, which are the blocks.
+    /// Standstills of the stage. Each is a block; with a zoom optic it may be several.
     pub stops: usize,
+    /// Blocks: what is marked at one focal plane of one stop.
+    pub blocks: usize,
     /// How many times the texture is marked, each time with its own stops.
     pub passes: u32,
     /// How often the part is placed on the table, where it is beyond the stage travel.

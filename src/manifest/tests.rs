@@ -97,8 +97,8 @@ fn table_has_a_line_per_block_and_quotes_separators() {
     assert_eq!(lines.len(), 4);
     let third = "B0003,1,0,1,-41.000000,2.000000,0.405000,0.105000,blocks/B0003.dxf,2,250.000,";
     assert!(lines[3].starts_with(third), "{}", lines[3]);
-    assert!(lines[3].ends_with(",0.125,fill; edge (fine),1,1,200.000000"), "{}", lines[3]);
-    assert!(lines.iter().all(|l| l.split(',').count() == 17));
+    assert!(lines[3].ends_with(",0.125,fill; edge (fine),1,1,200.000000,0.000000"), "{}", lines[3]);
+    assert!(lines.iter().all(|l| l.split(',').count() == 18));
 }
 
 #[test]
@@ -119,7 +119,7 @@ fn run_sheets_say_where_to_lift() {
     // The third block asks for it. Before the first block the stage position is unknown.
     let (csv, txt) = with_sample(|facts| (runsheet_csv(facts), runsheet_txt(facts)));
     let [csv, txt] = [csv, txt].map(|bytes| String::from_utf8(bytes).expect("UTF-8"));
-    let lifts: Vec<&str> = csv.lines().filter_map(|l| l.rsplit(',').next()).collect();
+    let lifts: Vec<&str> = csv.lines().filter_map(|l| l.rsplit(',').nth(1)).collect();
     assert_eq!(lifts, ["lift_z_mm", "200.000000", "", "200.000000"]);
     let lines: Vec<&str> = txt.lines().collect();
     let follows = |id: &str| {

@@ -3,7 +3,8 @@
 
 use super::dose;
 use super::focal_plane::focal_plane;
-use super::setups::{CellId, Setups, Used};
+use super::setups::{self, CellId, Setups, Used};
+use super::standstills::{Place, standstills};
 use super::start::Start;
 use crate::clearance::Clearance;
 use crate::geom::{Box2, Buckets, FieldPoint, Nm, P2, Turned};
@@ -56,6 +57,16 @@ struct Placed {
     z: [Nm; 2],
 }
 
+/// A position of the stage, from which one or more stops are marked.
+struct Position {
+    /// Their indices, by rising focal plane.
+    members: Vec<usize>,
+    /// Where the head stands, its focus the plane that the stage sets.
+    stop: Stop,
+    target: Commanded,
+    cell: CellId,
+}
+
 /// Gathers fragments by stop, orders stops and strokes, and lays the program out flat. `setups` finds those of
 /// the stops' centres where the passes before have not.
 pub(super) fn assemble(
@@ -83,15 +94,11 @@ pub(super) fn assemble(
     let centres: Vec<P2<Turned>> = placed.iter().map(|p| p.stop.centre).collect();
     let setups = stage.start.laid.as_ref().map_or_else(|| setups(&centres), |laid| laid.setups.clone());
     let cells: Vec<CellId> = centres.iter().map(|&c| setups.cell(c)).collect();
-    let target = |(p, &cell): (&Placed, &CellId)| {
-        let Stop { centre, focus, .. } = p.stop;
-        stage.machine.stage_from_part(centre, focus, setups.origin(cell, stage.origin))
-    };
-    let targets: Vec<Commanded> = placed.iter().zip(&cells).map(target).collect();
-    let used = Used::new(cells.clone());
+    let positions = stage.positions(&placed, &cells, &setups, &how.lattice);
+    let used = Used::new(cells);
     let in_order = |p: &Placed| members.ordered(parts, p.index, how.strokes);
     let (tour, orders): (_, Vec<Vec<Visit>>) = parallel::both(
-        || stage.tours(&placed, &targets, &cells, &used),
+        || stage.sequence(&placed, &positions, &used),
         || parallel::map(placed.len(), |i| in_order(&placed[i])),
     );
     let mut program = Program { pens: pens.list.clone(), ..Program::default() };
@@ -99,19 +106,20 @@ pub(super) fn assemble(
     program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
     program.blocks.reserve_exact(tour.len());
     let mut last = stage.start.before.as_ref().map(|(stop, cell)| (stop, *cell));
-    for &t in &tour {
-        let Placed { index, stop, z } = &placed[t];
+    for &(at, t) in &tour {
+        let (Placed { index, stop, z }, Position { stop: stand, target, cell, .. }) = (&placed[t], &positions[at]);
         let first_stroke = program.strokes.len();
         let list = members.of(*index);
         orders[t]
             .iter()
             .for_each(|visit| append_stroke(&mut program, parts, list[visit.stroke as usize], *visit, pens));
-        let retract = last.is_some_and(|(last, cell)| cell != cells[t] || stage.lifts(last, stop));
-        last = Some((stop, cells[t]));
+        let retract = last.is_some_and(|(last, of)| of != *cell || stage.lifts(last, stand));
+        last = Some((stand, *cell));
         program.blocks.push(Block {
             pass: stage.start.pass,
-            setup: used.number(cells[t]),
-            stage: targets[t],
+            setup: used.number(*cell),
+            stage: *target,
+            focus_shift: stop.focus - stand.focus,
             retract,
             z_lo: z[0],
             z_hi: z[1],
@@ -119,7 +127,7 @@ pub(super) fn assemble(
             stop: stop.clone(),
         });
     }
-    let slopes = tour.iter().map(|&t| slopes[placed[t].index.index()]).collect();
+    let slopes = tour.iter().map(|&(_, t)| slopes[placed[t].index.index()]).collect();
     Assembly { program, setups, used, worst_defocus: worst[0], worst_defocus_mean: worst[1], slopes }
 }
 
@@ -236,21 +244,74 @@ pub(super) fn append_stroke(
 }
 
 impl Stage<'_> {
-    /// The order in which the stage visits the stops: set-up after set-up, backwards in every other pass.
-    fn tours(&self, placed: &[Placed], targets: &[Commanded], cells: &[CellId], used: &Used) -> Vec<usize> {
-        let all: Vec<&Placed> = placed.iter().collect();
+    /// The positions from which the stops are marked.
+    fn positions(&self, placed: &[Placed], cells: &[CellId], setups: &Setups, lattice: &Lattice) -> Vec<Position> {
+        let machine = self.machine;
+        let place = |(p, &cell): (&Placed, &CellId)| {
+            let Stop { tilt, centre, focus, .. } = p.stop;
+            Place { cell, tilt, centre, focus }
+        };
+        let places: Vec<Place> = placed.iter().zip(cells).map(place).collect();
+        let [lowest, highest] = setups::range(machine, 2).map(|z| z - Nm(self.origin[2]));
+        let allowed = |i: usize| {
+            let at = &placed[i].stop;
+            let clear = self.lowest_over(at, at).saturating_add(self.start.lowered);
+            [lattice.floor((lowest.max(clear) + lattice.step - Nm(1)).f64()), lattice.floor(highest.f64())]
+        };
+        let shares = self.climb() == HeightOrder::Free;
+        let found = standstills(&places, lattice, machine.most_focus_shift(), shares, allowed);
+        let position = |found: super::standstills::Standstill| {
+            let (Place { cell, .. }, head) = (places[found.members[0]], &placed[found.members[0]].stop);
+            let target = machine.stage_from_part(head.centre, found.plane, setups.origin(cell, self.origin));
+            Position { stop: Stop { focus: found.plane, ..head.clone() }, members: found.members, target, cell }
+        };
+        found.into_iter().map(position).collect()
+    }
+
+    /// The order in which the stops are marked: positions as the stage visits them, and at each the stops from the end
+    /// that is nearer to where the zoom optic is. Indices of position and stop.
+    fn sequence(&self, placed: &[Placed], positions: &[Position], used: &Used) -> Vec<(usize, usize)> {
+        let mut out = Vec::with_capacity(placed.len());
+        let mut focus_shift = self.start.focus_shift;
+        for at in self.tours(placed, positions, used) {
+            let Position { members, stop, .. } = &positions[at];
+            let shift = |i: usize| placed[i].stop.focus - stop.focus;
+            let [low, high] = [members[0], members[members.len() - 1]].map(shift);
+            if (high - focus_shift).abs() < (low - focus_shift).abs() {
+                out.extend(members.iter().rev().map(|&i| (at, i)));
+                focus_shift = low;
+            } else {
+                out.extend(members.iter().map(|&i| (at, i)));
+                focus_shift = high;
+            }
+        }
+        out
+    }
+
+    /// The order in which the stage visits the positions: set-up after set-up, backwards in every other pass.
+    fn tours(&self, placed: &[Placed], positions: &[Position], used: &Used) -> Vec<usize> {
+        // Where levels have to come one after another, their focal planes decide, not those that the stage sets.
+        let target = |p: &Position| {
+            let mut target = p.target;
+            if self.climb() != HeightOrder::Free {
+                target[2] += self.machine.stage.z.sign() * (placed[p.members[0]].stop.focus - p.stop.focus).0;
+            }
+            target
+        };
+        let targets: Vec<Commanded> = positions.iter().map(target).collect();
+        let all: Vec<&Stop> = positions.iter().map(|p| &p.stop).collect();
         let mut used: Vec<CellId> = used.iter().collect();
         if used.len() <= 1 {
-            return self.tour(&all, targets, self.start.from);
+            return self.tour(&all, &targets, self.start.from);
         }
         if self.start.pass.0 % 2 == 1 {
             used.reverse();
         }
         let mut from = self.start.from;
-        let mut order = Vec::with_capacity(placed.len());
+        let mut order = Vec::with_capacity(positions.len());
         for cell in used {
-            let members: Vec<usize> = (0..placed.len()).filter(|&i| cells[i] == cell).collect();
-            let stops: Vec<&Placed> = members.iter().map(|&i| &placed[i]).collect();
+            let members: Vec<usize> = (0..positions.len()).filter(|&i| positions[i].cell == cell).collect();
+            let stops: Vec<&Stop> = members.iter().map(|&i| all[i]).collect();
             let at: Vec<Commanded> = members.iter().map(|&i| targets[i]).collect();
             order.extend(self.tour(&stops, &at, from).into_iter().map(|i| members[i]));
             from =
@@ -259,20 +320,20 @@ impl Stage<'_> {
         order
     }
 
-    /// The order in which the stage visits stops of one set-up.
-    fn tour(&self, placed: &[&Placed], targets: &[Commanded], from: Commanded) -> Vec<usize> {
-        if placed.is_empty() {
+    /// The order in which the stage visits positions of one set-up.
+    fn tour(&self, stops: &[&Stop], targets: &[Commanded], from: Commanded) -> Vec<usize> {
+        if stops.is_empty() {
             return Vec::new();
         }
         // Most parts are so flat that the head never needs to lift.
         let mut area = Box2::EMPTY;
-        placed.iter().for_each(|p| area.add(p.stop.centre));
+        stops.iter().for_each(|stop| area.add(stop.centre));
         let lowest = self.clearance.lowest_focus(area.lo, area.hi) + self.start.lowered;
-        if placed.iter().any(|p| !p.stop.tilt.is_upright()) {
-            return self.tilted_tour(targets, placed);
+        if stops.iter().any(|stop| !stop.tilt.is_upright()) {
+            return self.tilted_tour(targets, stops);
         }
-        let lifts = |a: usize, b: usize| placed[a].stop.focus < lowest && self.lifts(&placed[a].stop, &placed[b].stop);
-        let is_low = placed.iter().any(|p| p.stop.focus < lowest);
+        let lifts = |a: usize, b: usize| stops[a].focus < lowest && self.lifts(stops[a], stops[b]);
+        let is_low = stops.iter().any(|stop| stop.focus < lowest);
         let stage = order::stops::Stage { machine: self.machine, from, lifts: is_low.then_some(&lifts) };
         order::stops::tour(targets, &stage, self.climb(), order::stops::EFFORT)
     }
@@ -287,18 +348,18 @@ impl Stage<'_> {
 
     /// The tour of tilted stops: levels of one place and tilt follow each other, alternately up and down, since
     /// every other move turns the part.
-    fn tilted_tour(&self, targets: &[Commanded], placed: &[&Placed]) -> Vec<usize> {
+    fn tilted_tour(&self, targets: &[Commanded], stops: &[&Stop]) -> Vec<usize> {
         let stage = order::stops::Stage { machine: self.machine, from: self.start.from, lifts: None };
         if self.climb() != HeightOrder::Free {
             return order::stops::tour(targets, &stage, self.climb(), order::stops::EFFORT);
         }
-        let mut columns: Vec<usize> = (0..placed.len()).collect();
-        let key = |i: usize| (placed[i].stop.centre, placed[i].stop.tilt);
+        let mut columns: Vec<usize> = (0..stops.len()).collect();
+        let key = |i: usize| (stops[i].centre, stops[i].tilt);
         columns.sort_by_key(|&i| (key(i), targets[i][2]));
         let columns: Vec<&[usize]> = columns.chunk_by(|&a, &b| key(a) == key(b)).collect();
         let middle: Vec<Commanded> = columns.iter().map(|c| targets[c[c.len() / 2]]).collect();
         let mut z = stage.from[2];
-        let mut order = Vec::with_capacity(placed.len());
+        let mut order = Vec::with_capacity(stops.len());
         for c in order::stops::tour(&middle, &stage, HeightOrder::Free, order::stops::EFFORT) {
             let column = columns[c];
             let [low, high] = [column[0], column[column.len() - 1]].map(|i| targets[i][2]);

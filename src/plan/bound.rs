@@ -2,13 +2,14 @@
 //!
 //! The bound holds for all upright stops that the machine can take, whatever the method: for closed boxes
 //! of the usable field by the depth range. Points of marks are rounded to the nanometre, as are cuts, so
-//! boxes are taken a few nm larger than they are. Where `keep_whole` asks for whole figures and the method
+//! boxes are taken a few nm larger than they are. With a zoom optic a stop holds all that lies within the optic's reach. Where `keep_whole` asks for whole figures and the method
 //! keeps them, figures that a stop holds count as one piece.
 
 use super::grid::Grid;
 use super::methods::row;
 use crate::geom::{Nm, P2};
-use crate::job::Method;
+use crate::job::{Focus, Level, Method};
+use crate::machine::Machine;
 use crate::partition::bound::{self, Certificate};
 use crate::partition::box_index::Item;
 use crate::projection::{Samples, Sampling};
@@ -21,8 +22,14 @@ const ROUNDING: Nm = Nm(4);
 const CELLS: i64 = 64;
 
 /// What a stop holds at most, nm; None where it is out of reach of 32 bits.
-pub(super) fn size(field: [Nm; 2], depth: Nm) -> Option<[i32; 3]> {
-    let size = [field[0], field[1], depth].map(|v| i32::try_from((v + ROUNDING).0));
+pub(super) fn size(machine: &Machine, focus: &Focus) -> Option<[i32; 3]> {
+    let [width, height] = machine.usable_field();
+    let depth = match (machine.most_focus_shift(), focus.level) {
+        (Nm(0), _) => focus.depth,
+        (shift, Level::Mid) => shift * 2 + focus.depth + machine.increment_nm() * 2,
+        (shift, Level::Mean) => (shift + focus.depth) * 2,
+    };
+    let size = [width, height, depth].map(|v| i32::try_from((v + ROUNDING).0));
     let [Ok(x), Ok(y), Ok(z)] = size else { return None };
     [x, y, z].iter().all(|&v| v < 1 << 30).then_some([x, y, z])
 }

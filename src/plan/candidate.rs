@@ -11,7 +11,7 @@ use crate::geom::Nm;
 use crate::job::{Method, Objective, Passes};
 use crate::machine::{Machine, Origin};
 use crate::manifest::{self, Times};
-use crate::program::{BlockFigures, PassId, PenId, Program, Stop};
+use crate::program::{Block, BlockFigures, PassId, PenId, Program, Stop};
 use crate::split::Fragments;
 
 /// What one method gives.
@@ -35,7 +35,7 @@ impl Candidate {
     pub(super) fn listed(&self) -> manifest::Candidate {
         manifest::Candidate {
             method: self.method.name().into(),
-            stops: self.program.blocks.len(),
+            stops: self.program.stops(),
             fragments: self.fragments,
             time_s: self.times,
         }
@@ -64,7 +64,7 @@ impl Candidate {
     pub(super) fn measure(&self, objective: Objective) -> (f64, f64) {
         match objective {
             Objective::Time => (self.times.total, 0.0),
-            Objective::Stops => (self.program.blocks.len() as f64, self.times.total),
+            Objective::Stops => (self.program.stops() as f64, self.times.total),
         }
     }
 
@@ -73,13 +73,14 @@ impl Candidate {
         let lowered = passes.lowered(pass);
         let Origin([x, y, z]) = first.origin;
         let last = self.program.blocks.last();
-        let raised = |s: &Stop| Stop { focus: s.focus + lowered, ..s.clone() };
+        let stood = |b: &Block| Stop { focus: b.plane() + lowered, ..b.stop.clone() };
         Start {
             pass,
             lowered,
             laid: Some(Laid { origin: Origin([x, y, z - lowered.0]), setups: self.setups.clone() }),
             from: last.map_or(begin.from, |b| b.stage),
-            before: last.map(|b| (raised(&b.stop), self.used.cell(b.setup))),
+            before: last.map(|b| (stood(b), self.used.cell(b.setup))),
+            focus_shift: last.map_or(begin.focus_shift, |b| b.focus_shift),
         }
     }
 
@@ -93,6 +94,7 @@ impl Candidate {
         let (s, t) = (&mut self.times, next.times);
         s.stage += t.stage;
         s.settle += t.settle;
+        s.zoom += t.zoom;
         s.mark += t.mark;
         s.jump += t.jump;
         s.delay += t.delay;

@@ -9,6 +9,7 @@ use crate::program::Program;
 /// The time of a program that begins at `start`, and that of every block without the stage's moves, s.
 pub(super) fn times(machine: &Machine, start: &Start, program: &Program) -> (Times, Vec<f64>) {
     let mut t = Times::default();
+    let mut focus_shift = start.focus_shift;
     let (mut at, mut tilt) = (start.from, start.before.as_ref().map_or(TiltAngles::UPRIGHT, |(stop, _)| stop.tilt));
     let mut blocks = Vec::with_capacity(program.blocks.len());
     for block in &program.blocks {
@@ -18,7 +19,9 @@ pub(super) fn times(machine: &Machine, start: &Start, program: &Program) -> (Tim
         tilt = block.stop.tilt;
         t.stage += moved.travel_s;
         t.settle += moved.settle_s;
-        at = block.stage;
+        // The optic moves together with the stage.
+        t.zoom += (machine.zoom_time_s(focus_shift, block.focus_shift) - moved.total_s()).max(0.0);
+        (at, focus_shift) = (block.stage, block.focus_shift);
         let marks = program.strokes_of(block).iter().map(|s| {
             let pen = &program.pens[s.pen.index()];
             motion::Mark { points: program.points_of(s), speed: pen.speed, passes: pen.passes }
@@ -29,6 +32,6 @@ pub(super) fn times(machine: &Machine, start: &Start, program: &Program) -> (Tim
         t.delay += m.delay_s;
         blocks.push(m.total_s());
     }
-    t.total = t.stage + t.settle + t.mark + t.jump + t.delay;
+    t.total = t.stage + t.settle + t.zoom + t.mark + t.jump + t.delay;
     (t, blocks)
 }

@@ -26,6 +26,7 @@ mod progress;
 mod setups;
 mod site;
 mod split;
+mod standstills;
 mod start;
 mod stepped;
 mod stroke_chunks;

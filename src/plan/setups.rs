@@ -25,7 +25,7 @@ pub(super) struct Setups {
 }
 
 /// A cell, row by row; a set-up where it has stops.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct CellId(usize);
 
 /// The cells along one axis.
@@ -107,7 +107,7 @@ impl Setups {
 }
 
 /// What an axis reaches in the table frame.
-fn range(machine: &Machine, k: usize) -> [Nm; 2] {
+pub(super) fn range(machine: &Machine, k: usize) -> [Nm; 2] {
     let (_, axis) = machine.axes()[k];
     let [lo, hi] = axis.travel_nm();
     if axis.sign() > 0 { [lo, hi] } else { [-hi, -lo] }

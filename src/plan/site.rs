@@ -51,7 +51,12 @@ impl Site<'_> {
             let moved = motion::stage_move(self.machine, Commanded::default(), Commanded(to), None);
             moved.travel_s + moved.settle_s
         };
-        let (xy, z) = (time([w, h, 0]), time([0, 0, self.grid.lattice.depth.0]));
+        let depth = self.grid.lattice.depth;
+        let z = match self.machine.most_focus_shift() {
+            Nm(0) => time([0, 0, depth.0]),
+            _ => self.machine.zoom_time_s(Nm(0), depth),
+        };
+        let xy = time([w, h, 0]);
         let sections = (0..self.grid.sections.len()).filter(|&i| self.footprint.is_used(i)).count() as f64;
         let stops = grid.stops.len() as f64;
         0.6 * stops * time([w / 2, h / 2, 0]) > sections * xy + (stops - sections) * z

@@ -15,8 +15,11 @@ pub(super) struct Start {
     pub(super) laid: Option<Laid>,
     /// Position of the stage.
     pub(super) from: Commanded,
-    /// The stop where it stands, in heights of the surface as it was, and the cell of its set-up.
+    /// The stop where it stands, its focus the plane that the stage sets, in heights of the surface as it was, and the
+    /// cell of its set-up.
     pub(super) before: Option<(Stop, CellId)>,
+    /// What the zoom optic is at.
+    pub(super) focus_shift: Nm,
 }
 
 /// Where the first pass has laid the part.
@@ -31,6 +34,6 @@ impl Start {
     pub(super) fn first(machine: &Machine) -> Self {
         let [x, y, _] = machine.axes().map(|(_, axis)| axis.middle().0);
         let from = Commanded([x, y, machine.retract_z().0]);
-        Self { pass: PassId(0), lowered: Nm(0), laid: None, from, before: None }
+        Self { pass: PassId(0), lowered: Nm(0), laid: None, from, before: None, focus_shift: Nm(0) }
     }
 }

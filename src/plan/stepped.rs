@@ -208,6 +208,7 @@ impl<'a> Draft<'a> {
         setups::registered(job, machine, &origins)?;
         warnings::warn(&job.limits, &best.split, best.worst_defocus, grid.lattice.depth, &mut warnings)?;
         warnings.extend(warnings::not_carried(job, checked.program()));
+        warnings.extend(warnings::set_by_hand(job, checked.program()));
         warnings.extend(divided);
         warnings.extend(warnings::short_overlaps(&best.split));
         let figures = summary::Figures {
@@ -252,8 +253,7 @@ impl Ready {
             hatch_direction::along_contours(texture, &inputs.surface, &layout.sections, max_slope, job.focus.depth)?;
         let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
         // Slivers that may be left out need no stop: no bound is to be had then.
-        let stop_size =
-            bound::size(machine.usable_field(), job.focus.depth).filter(|_| job.partition.min_mark == Nm(0));
+        let stop_size = bound::size(machine, &job.focus).filter(|_| job.partition.min_mark == Nm(0));
         let sampling = stop_size.map(|size| bound::sampling(size, &texture));
         let half = layout.window.map(|w| w / 2);
         let (footprint, samples) = sweep.footprint(&layout.sections, layout.keep, half, sampling);

@@ -109,6 +109,7 @@ fn laid(job: &Job, stops: &Stops, parts: &[Fragments]) -> Program {
             setup: SetupId(0),
             stop,
             stage: Commanded::default(),
+            focus_shift: Nm(0),
             retract: false,
             z_lo,
             z_hi,

@@ -34,7 +34,8 @@ pub(super) fn summary(
     let blocks = |pick: fn(&Program, &Block) -> f64| program.blocks.iter().map(|b| pick(program, b)).sum::<f64>();
     let bounds: Option<Vec<usize>> = passes.iter().map(|p| p.bound.as_ref().map(Certificate::stops)).collect();
     Summary {
-        stops: program.blocks.len(),
+        stops: program.stops(),
+        blocks: program.blocks.len(),
         passes: passes.len() as u32,
         setups: checked.origins().len(),
         sub_blocks: passes.iter().map(|p| p.map.sub_blocks()).sum(),

@@ -76,6 +76,16 @@ pub(super) fn not_carried(job: &Job, program: &Program) -> Option<Diag> {
     })
 }
 
+/// A zoom optic, and no file that sets it.
+pub(super) fn set_by_hand(job: &Job, program: &Program) -> Option<Diag> {
+    let carried = job.formats.iter().any(|f| f.target().carries_focus_shift);
+    let shifted = program.blocks.iter().filter(|b| b.focus_shift != Nm(0)).count();
+    (shifted > 0 && !carried).then(|| {
+        let text = format!("none of emit.formats sets the zoom optic, which {shifted} blocks need shifted");
+        Diag::warning("focus-shift-lost", text).hint("add \"ovf\", or set it before each block from the run sheet")
+    })
+}
+
 /// What was to stay whole and does not, and why.
 pub(super) fn not_kept(grid: &Grid, footprint: &Footprint, method: Method, split: &Fragments) -> Option<Diag> {
     if split.not_kept == 0 {

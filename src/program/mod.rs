@@ -10,7 +10,7 @@
 //! - P3 the marks of a block lie within what its stop admits and span at most the depth range, to what rounding a
 //!   cut point does to its height;
 //! - P4 stage targets lie on multiples of the stage increment, inside travel, and say the same place
-//!   as the block's centre and focus;
+//!   as the block's centre and plane; the focus shift is within the range of the zoom optic;
 //! - P5 every pen exists;
 //! - P6 the focal plane of a block lies among its marks, to a stage increment;
 //! - P7 passes follow each other, and within each the set-ups.
@@ -94,6 +94,8 @@ pub struct Block {
     pub stop: Stop,
     /// Commanded axis values x, y, z.
     pub stage: Commanded,
+    /// By how much the zoom optic raises the focal plane above the one that the stage sets; 0 without an optic.
+    pub focus_shift: Nm,
     /// Whether the stage must lift to the clearance height on its way here.
     pub retract: bool,
     /// Lowest height of a mark.
@@ -102,6 +104,18 @@ pub struct Block {
     pub z_hi: Nm,
     /// Its strokes, as a range of [`Program::strokes`], in marking order.
     pub strokes: Range<usize>,
+}
+
+impl Block {
+    /// Height of the plane that the stage sets: the focal plane with the zoom optic at rest.
+    pub fn plane(&self) -> Nm {
+        self.stop.focus - self.focus_shift
+    }
+    /// Whether the zoom optic alone goes to this block from the one before it; the stage stands still.
+    pub fn is_reached_by_zoom(&self, before: &Block) -> bool {
+        let at = |b: &Block| (b.pass, b.setup, b.stage, b.stop.tilt);
+        at(self) == at(before) && self.focus_shift != before.focus_shift && !self.retract
+    }
 }
 
 /// One mark: the beam is on from its first point to its last.
@@ -137,6 +151,11 @@ pub struct Program {
 }
 
 impl Program {
+    /// Standstills of the stage: the blocks but those that the zoom optic alone goes to.
+    pub fn stops(&self) -> usize {
+        let by_zoom = self.blocks.windows(2).filter(|w| w[1].is_reached_by_zoom(&w[0])).count();
+        self.blocks.len() - by_zoom
+    }
     /// The strokes of a block in marking order.
     pub fn strokes_of(&self, block: &Block) -> &[Stroke] {
         &self.strokes[block.strokes.clone()]

@@ -62,6 +62,7 @@ pub fn program() -> (Program, Origin) {
                 z_hi,
             },
             stage: machine.stage_from_part(P2::new(x, y), focus, origin),
+            focus_shift: Nm(0),
             retract,
             z_lo: z_lo + Nm(100),
             z_hi,

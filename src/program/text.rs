@@ -27,7 +27,7 @@ pub fn write(program: &Program, origins: &[Origin]) -> Vec<u8> {
         out.text(&format!("pen {} | {speed} | {power} | {frequency} | {passes}\n", escaped(name)));
     }
     out.text(&format!("blocks {}\n", program.blocks.len()));
-    let (mut pass, mut setup) = (PassId(0), SetupId(0));
+    let (mut pass, mut setup, mut focus_shift) = (PassId(0), SetupId(0), Nm(0));
     for (i, block) in program.blocks.iter().enumerate() {
         if block.pass != pass {
             pass = block.pass;
@@ -36,6 +36,10 @@ pub fn write(program: &Program, origins: &[Origin]) -> Vec<u8> {
         if block.setup != setup {
             setup = block.setup;
             out.text(&format!("setup {}\n", setup.number()));
+        }
+        if block.focus_shift != focus_shift {
+            focus_shift = block.focus_shift;
+            out.text(&format!("focus_shift {}\n", focus_shift.0));
         }
         out.block(BlockId::new(i), block);
         for stroke in program.strokes_of(block) {
@@ -64,7 +68,7 @@ impl Text {
         }
     }
     fn block(&mut self, id: BlockId, block: &Block) {
-        let Block { pass: _, setup: _, stop, stage, retract, z_lo, z_hi, strokes } = block;
+        let Block { pass: _, setup: _, focus_shift: _, stop, stage, retract, z_lo, z_hi, strokes } = block;
         self.text("block ");
         self.text(&id.to_string());
         self.numbers(stop.section.0);
@@ -145,7 +149,7 @@ fn read(lines: &mut Lines<'_>) -> Result<(Program, Vec<Origin>), String> {
         let line = std::str::from_utf8(lines.next()?).map_err(|_| "the line is not UTF-8 text")?;
         program.pens.push(pen(line)?);
     }
-    let (mut pass, mut setup) = (PassId(0), SetupId(0));
+    let (mut pass, mut setup, mut focus_shift) = (PassId(0), SetupId(0), Nm(0));
     for i in 0..lines.count("blocks ")? {
         if lines.rest.starts_with(b"pass ") {
             let number = u32::try_from(lines.count("pass ")?).map_err(|_| "there is no such pass")?;
@@ -157,8 +161,14 @@ fn read(lines: &mut Lines<'_>) -> Result<(Program, Vec<Origin>), String> {
             let changed = number.checked_sub(1).filter(|&n| n < origins.len() && n != setup.index());
             setup = SetupId(changed.ok_or("no other set-up begins here")? as u32);
         }
+        if lines.rest.starts_with(b"focus_shift ") {
+            let mut fields = lines.fields("focus_shift ")?;
+            let changed = Some(fields.nm()?).filter(|&shift| shift != focus_shift);
+            fields.end()?;
+            focus_shift = changed.ok_or("no other focus shift begins here")?;
+        }
         let (mut block, strokes) = block(lines.fields("block ")?, i)?;
-        (block.pass, block.setup) = (pass, setup);
+        (block.pass, block.setup, block.focus_shift) = (pass, setup, focus_shift);
         let start = program.strokes.len();
         for _ in 0..strokes {
             stroke(Fields(lines.next()?), &mut program)?;
@@ -204,7 +214,8 @@ fn block(mut f: Fields<'_>, index: usize) -> Result<(Block, usize), String> {
     let (z_lo, z_hi) = (f.nm()?, f.nm()?);
     let strokes = f.number()?;
     f.end()?;
-    Ok((Block { pass: PassId(0), setup: SetupId(0), stop, stage, retract, z_lo, z_hi, strokes: 0..0 }, strokes))
+    let (pass, setup, focus_shift) = (PassId(0), SetupId(0), Nm(0));
+    Ok((Block { pass, setup, stop, stage, focus_shift, retract, z_lo, z_hi, strokes: 0..0 }, strokes))
 }
 
 fn stroke(mut f: Fields<'_>, program: &mut Program) -> Result<(), String> {
@@ -322,6 +333,7 @@ mod tests {
         (program.blocks[1].pass, program.blocks[2].pass) = (PassId(1), PassId(4));
         program.points[0] = FieldPoint::new(i32::MIN, i32::MAX);
         (program.blocks[1].setup, program.blocks[2].setup) = (SetupId(1), SetupId(0));
+        (program.blocks[0].focus_shift, program.blocks[1].focus_shift) = (Nm(-4_900_000), Nm(0));
         let origins = vec![origin, Origin([1, 2, 3])];
         let text = write(&program, &origins);
         assert_eq!(parse("program.txt", &text).expect("own text"), (program, origins));
@@ -339,6 +351,7 @@ mod tests {
         program.blocks[2].pass = PassId(1);
         program.blocks[1].setup = SetupId(1);
         program.blocks[2].setup = SetupId(1);
+        program.blocks[2].focus_shift = Nm(1_500);
         let text = write(&program, &[origin, origin]);
         for end in 0..text.len() {
             assert!(parse("p", &text[..end]).is_err(), "cut at {end}");
@@ -360,7 +373,10 @@ mod tests {
             ("pass 2", "pass 1", 14),
             ("pass 2", "pass 0", 14),
             ("pass 2", "pass 4294967296", 14),
-            ("end\n", "end\n\n", 18),
+            ("focus_shift 1500", "focus_shift 0", 15),
+            ("focus_shift 1500", "focus_shift 1500 1", 15),
+            ("focus_shift 1500", "focus_shift 1.5", 15),
+            ("end\n", "end\n\n", 19),
         ] {
             assert!(text.contains(from), "{from}");
             let error = parse("p", text.replacen(from, to, 1).as_bytes()).expect_err(to);

@@ -176,13 +176,18 @@ fn tooltip(job: &Layout<'_>, sheet: &Sheet, i: usize, block: &Block, detail: Det
     }
     let program = job.checked.program();
     let [x, y, z] = block.stage.0.map(|v| mm(Nm(v), 4));
+    let zoom = job
+        .machine
+        .zoom
+        .as_ref()
+        .map_or_else(String::new, |_| format!(", focus shift {} mm", mm(block.focus_shift, 4)));
     let place = if sheet.gridded {
         format!("section {},{} level {}", s.section.0[0], s.section.0[1], s.level)
     } else {
         format!("window at x {} y {} mm", mm(Nm(s.centre.x), 3), mm(Nm(s.centre.y), 3))
     };
     format!(
-        "{id}: {place}\nfocus (LPFL) {} mm, marks {} to {} mm\nstage x {x} y {y} z {z} mm\n\
+        "{id}: {place}\nfocus (LPFL) {} mm, marks {} to {} mm\nstage x {x} y {y} z {z} mm{zoom}\n\
          {} strokes, mark {} mm, jump {} mm, {} s",
         mm(s.focus, 4),
         mm(block.z_lo, 4),

@@ -6,7 +6,7 @@
 use std::fmt::Write;
 
 use super::colour::hex;
-use super::legend::{PARTS, seconds};
+use super::legend::seconds;
 use super::page::{self, escape};
 use super::{Layout, length_text, mm, pass_file, plain};
 use crate::geom::Nm;
@@ -103,12 +103,12 @@ fn figures(h: &mut String, job: &Layout<'_>, is_gridded: bool) {
 
 fn times(h: &mut String, job: &Layout<'_>) {
     let parts = seconds(job);
-    let sum: f64 = parts.iter().sum();
+    let sum: f64 = parts.iter().map(|p| p.2).sum();
     let share = |s: f64| if sum > 0.0 { s / sum } else { 0.0 };
     h.push_str("<h2>Estimated time</h2>\n<svg width=\"420\" height=\"24\" role=\"img\" aria-label=\"time split\">");
     let mut x = 0.0;
-    for ((name, fill), s) in PARTS.iter().zip(parts) {
-        let fill = hex(*fill);
+    for &(name, fill, s) in &parts {
+        let fill = hex(fill);
         let w = 420.0 * share(s);
         let (at, width) = (plain(x, 2), plain(w, 2));
         let _ =
@@ -116,8 +116,8 @@ fn times(h: &mut String, job: &Layout<'_>) {
         x += w;
     }
     h.push_str("</svg>\n<table>\n<tr><th>part</th><th>s</th><th>time</th><th>share</th></tr>\n");
-    for ((name, fill), s) in PARTS.iter().zip(parts) {
-        let fill = hex(*fill);
+    for (name, fill, s) in parts {
+        let fill = hex(fill);
         let _ = writeln!(
             h,
             "<tr><td><svg width=\"12\" height=\"12\"><rect width=\"12\" height=\"12\" fill=\"{fill}\"/></svg> {name}</td>\

@@ -223,13 +223,21 @@ fn ramp(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
 }
 
 /// The parts of the job time as a bar and as lines.
-pub(super) const PARTS: [(&str, Colour); 5] =
-    [("mark", FILLS[0]), ("jump", FILLS[1]), ("delay", FILLS[2]), ("stage", FILLS[3]), ("settle", FILLS[4])];
+pub(super) const PARTS: [(&str, Colour); 6] = [
+    ("mark", FILLS[0]),
+    ("jump", FILLS[1]),
+    ("delay", FILLS[2]),
+    ("stage", FILLS[3]),
+    ("settle", FILLS[4]),
+    ("zoom", FILLS[5]),
+];
 
-/// Seconds of each of [`PARTS`].
-pub(super) fn seconds(job: &Layout<'_>) -> [f64; 5] {
+/// The parts that the machine of the job can have, and the seconds of each.
+pub(super) fn seconds(job: &Layout<'_>) -> Vec<(&'static str, Colour, f64)> {
     let t = job.summary.time_s;
-    [t.mark, t.jump, t.delay, t.stage, t.settle]
+    let all = PARTS.into_iter().zip([t.mark, t.jump, t.delay, t.stage, t.settle, t.zoom]);
+    let has = |name: &str| name != "zoom" || job.machine.zoom.is_some();
+    all.filter(|((name, _), _)| has(name)).map(|((name, fill), s)| (name, fill, s)).collect()
 }
 
 fn times(pen: &mut Column<'_>, job: &Layout<'_>, _: &Sheet) {
@@ -237,23 +245,24 @@ fn times(pen: &mut Column<'_>, job: &Layout<'_>, _: &Sheet) {
     let total = job.summary.time_s.total;
     pen.put("estimated time", FONT, "bold");
     pen.g.append(text([pen.at[0] + COLUMN * u, pen.at[1]], FONT * u, "end", &duration(total)));
-    let sum: f64 = seconds(job).iter().sum();
+    let parts = seconds(job);
+    let sum: f64 = parts.iter().map(|p| p.2).sum();
     let (mut x, y) = (pen.at[0], pen.at[1] + u);
-    for ((_, fill), s) in PARTS.iter().zip(seconds(job)) {
+    for &(_, fill, s) in &parts {
         let width = if sum > 0.0 { COLUMN * u * s / sum } else { 0.0 };
         if width > 0.0 {
-            pen.g.append(rectangle([x, y, x + width, y + 1.6 * u], &[("fill", &hex(*fill))]));
+            pen.g.append(rectangle([x, y, x + width, y + 1.6 * u], &[("fill", &hex(fill))]));
         }
         x += width;
     }
     pen.at[1] += 2.8 * u;
-    for ((name, fill), s) in PARTS.iter().zip(seconds(job)) {
+    for (name, fill, s) in parts {
         let x = pen.at[0];
         pen.at[0] = x + 2.2 * u;
         pen.line(name);
         pen.at[0] = x;
         let y = pen.at[1];
-        pen.g.append(rectangle([x, y - 1.2 * u, x + 1.3 * u, y + 0.1 * u], &[("fill", &hex(*fill))]));
+        pen.g.append(rectangle([x, y - 1.2 * u, x + 1.3 * u, y + 0.1 * u], &[("fill", &hex(fill))]));
         let share = if sum > 0.0 { 100.0 * s / sum } else { 0.0 };
         let words = format!("{}, {} %", duration(s), plain(share, 0));
         pen.g.append(text([x + COLUMN * u, y], FONT * u, "end", &words));

@@ -13,7 +13,7 @@ use crate::units::Length;
 pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
     let program = facts.checked.program();
     let mut out = String::from(
-        "block,column,row,level,stage_x_mm,stage_y_mm,stage_z_mm,lpfl_mm,file,strokes,mark_mm,jump_mm,time_s,pens,pass,setup,lift_z_mm\n",
+        "block,column,row,level,stage_x_mm,stage_y_mm,stage_z_mm,lpfl_mm,file,strokes,mark_mm,jump_mm,time_s,pens,pass,setup,lift_z_mm,focus_shift_mm\n",
     );
     for (i, block) in program.blocks.iter().enumerate() {
         let [column, row] = block.stop.section.0;
@@ -36,6 +36,7 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
             block.pass.number().to_string(),
             block.setup.number().to_string(),
             lift(facts, i).map_or_else(String::new, |z| format!("{z:.6}")),
+            format!("{:.6}", block.focus_shift.mm()),
         ];
         out += &cells.join(",");
         out.push('\n');
@@ -92,7 +93,10 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         n => writeln!(out, "part zero  {n} set-ups, each with its own: see SET-UPS")?,
     }
     writeln!(out, "part turn  {} deg about z", facts.job.placement.turn.as_deg())?;
-    writeln!(out, "blocks     {} ({})", s.stops, s.method)?;
+    match &facts.machine.zoom {
+        None => writeln!(out, "blocks     {} ({})", s.blocks, s.method)?,
+        Some(_) => writeln!(out, "blocks     {} at {} stops of the stage ({})", s.blocks, s.stops, s.method)?,
+    }
     if s.passes > 1 {
         let passes = &facts.job.passes;
         writeln!(
@@ -113,10 +117,11 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     )?;
     writeln!(
         out,
-        "time       {} (stage {}, settling {}, marks {}, jumps {}, delays {}), estimated",
+        "time       {} (stage {}, settling {},{} marks {}, jumps {}, delays {}), estimated",
         clock(t.total),
         clock(t.stage),
         clock(t.settle),
+        facts.machine.zoom.as_ref().map_or_else(String::new, |_| format!(" zoom {},", clock(t.zoom))),
         clock(t.mark),
         clock(t.jump),
         clock(t.delay)
@@ -176,6 +181,14 @@ fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         "  - If you move the stage by hand: laser off, then X Y, then Z. Where a line below says LIFT, go to Z{lift:.4}"
     )?;
     writeln!(out, "    before X Y, or the lens may touch the part. Lift after the last block too.")?;
+    if let Some(zoom) = &facts.machine.zoom {
+        writeln!(
+            out,
+            "  - SHIFT is what the zoom optic adds to the focal plane that the stage sets, up is positive, within {} of 0.",
+            Length::mm(zoom.range.as_mm() / 2.0)
+        )?;
+        writeln!(out, "    At 0 the focal plane is the working distance below the lens. Set it before each block.")?;
+    }
     writeln!(
         out,
         "  - This program is not a safety system. Enclosure, interlock and eye protection are your responsibility."
@@ -238,9 +251,10 @@ fn blocks(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         out,
         "\nBLOCKS (X Y Z: commanded stage position, mm; LPFL: focal plane on the part, mm; time without the move)"
     )?;
+    let shift = facts.machine.zoom.as_ref().map_or_else(String::new, |_| format!(" {:>11}", "SHIFT"));
     writeln!(
         out,
-        "  {:<7} {:>9} {:>6} {:>11} {:>11} {:>11} {:>11} {:>8} {:>11} {:>9}  pens  file",
+        "  {:<7} {:>9} {:>6} {:>11} {:>11} {:>11} {:>11}{shift} {:>8} {:>11} {:>9}  pens  file",
         "block", "section", "level", "X", "Y", "Z", "LPFL", "strokes", "marks mm", "time s"
     )?;
     let (mut pass, mut setup) = (PassId(0), None);
@@ -266,9 +280,11 @@ fn block_line(out: &mut String, facts: &Facts<'_>, i: usize, block: &Block) -> s
     let pens: Vec<String> = program.pens_of(block).into_iter().map(|pen| pen.number().to_string()).collect();
     let [column, row] = block.stop.section.0;
     let [x, y, z] = block.stage.mm();
+    let shift = block.focus_shift.mm();
+    let shift = facts.machine.zoom.as_ref().map_or_else(String::new, |_| format!(" {shift:>11.4}"));
     writeln!(
         out,
-        "  {:<7} {:>9} {:>6} {x:>11.4} {y:>11.4} {z:>11.4} {:>11.4} {:>8} {:>11.1} {:>9.1}  {:<4}  {}",
+        "  {:<7} {:>9} {:>6} {x:>11.4} {y:>11.4} {z:>11.4} {:>11.4}{shift} {:>8} {:>11.1} {:>9.1}  {:<4}  {}",
         BlockId::new(i).to_string(),
         format!("{column},{row}"),
         block.stop.level,

@@ -222,6 +222,7 @@ impl Sample {
                     z_hi,
                 },
                 stage: self.machine.stage_from_part(centre, focus, Origin::default()),
+                focus_shift: Nm(0),
                 retract: false,
                 z_lo,
                 z_hi,
@@ -318,6 +319,7 @@ fn push_block(program: &mut Program, grid: Sections, section: SectionId, level: 
         setup: SetupId(0),
         stop: Stop { section, level, tilt: TiltAngles::UPRIGHT, centre, focus: z[1], z_lo: z[0], z_hi: z[2] },
         stage: machine.stage_from_part(centre, z[1], Origin::default()),
+        focus_shift: Nm(0),
         retract: false,
         z_lo: z[0],
         z_hi: z[2],
@@ -327,9 +329,11 @@ fn push_block(program: &mut Program, grid: Sections, section: SectionId, level: 
 
 fn summary(program: &Program) -> Summary {
     let stops = program.blocks.len();
-    let time_s = Times { stage: 900.0, settle: 357.0, mark: 2030.0, jump: 240.0, delay: 180.0, total: 3707.0 };
+    let time_s =
+        Times { stage: 900.0, settle: 357.0, zoom: 0.0, mark: 2030.0, jump: 240.0, delay: 180.0, total: 3707.0 };
     Summary {
         stops,
+        blocks: stops,
         sub_blocks: stops + 3,
         method: "contour".into(),
         lower_bound_stops: Some(stops / 2),

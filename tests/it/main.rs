@@ -35,3 +35,4 @@ mod textures;
 mod tilt;
 mod turned;
 mod wide;
+mod zoom;

@@ -49,7 +49,7 @@ fn passes_with_rotation_lowering_and_shift_verify() {
         }
         assert_eq!(at as f64, number(&summary, "stops"));
         let csv = std::fs::read_to_string(out.join("runsheet.csv")).expect("a run sheet");
-        assert_eq!(csv.lines().filter(|l| l.rsplit(',').nth(2) == Some("2")).count(), blocks(&m, 2).len());
+        assert_eq!(csv.lines().filter(|l| l.rsplit(',').nth(3) == Some("2")).count(), blocks(&m, 2).len());
         assert!(out.join("layout-pass3.svg").is_file() && !out.join("layout-pass4.svg").exists());
         let text = std::fs::read_to_string(out.join("program.txt")).expect("program.txt");
         assert_eq!(text.lines().filter(|l| l.starts_with("pass ")).collect::<Vec<_>>(), ["pass 2", "pass 3"]);

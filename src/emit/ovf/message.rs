@@ -48,6 +48,8 @@ pub(super) struct MarkingParams {
     pub laser_power_w: f32,
     #[prost(float, tag = "2")]
     pub mark_speed_mm_s: f32,
+    #[prost(float, tag = "3")]
+    pub focus_shift_mm: f32,
     #[prost(float, tag = "5")]
     pub jump_speed_mm_s: f32,
     #[prost(uint64, tag = "7")]

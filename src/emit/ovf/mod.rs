@@ -4,12 +4,15 @@
 //! Positions of a work plane are the commanded axis values (mm); points are mm in controller coordinates
 //! from the optical axis. Both are single precision, as the format has it: 3.8 nm at 50 mm. Strokes keep
 //! their marking order: consecutive strokes of two points and one pen share a vector block of hatches, a
-//! longer stroke is a line sequence of its own. Pens are marking parameters with keys from 1.
+//! longer stroke is a line sequence of its own. Pens are marking parameters with keys from 1; where a zoom optic shifts
+//! the focus, there is a set of them for every pen and shift.
 //!
 //! The format fixes no sign for what an axis moves, so `machine_type` says it: `x-part` is an axis that
 //! carries the part, `x-head` one that carries the head, `-reversed` one that counts against the frame.
 
 mod message;
+
+use std::collections::BTreeMap;
 
 use prost::Message;
 
@@ -18,9 +21,9 @@ use self::message::{
     WorkPlane, WorkPlaneLut, WorkPlaneMetaData,
 };
 use crate::check::Checked;
-use crate::geom::{Box2, Controller, FieldPoint, mm_from_nm};
+use crate::geom::{Box2, Controller, FieldPoint, Nm, mm_from_nm};
 use crate::machine::{Carries, Machine};
-use crate::program::{Program, Stroke};
+use crate::program::{PenId, Program, Stroke};
 
 /// Most points in one vector block; readers load a vector block as a whole.
 const MOST_POINTS: usize = 1_000_000;
@@ -37,11 +40,12 @@ pub fn write(checked: &Checked, machine: &Machine, job_name: &str, source_name: 
     let mut file = File { bytes: b"LVF!".to_vec() };
     let lut_place = file.reserve_offset();
     let machine_type = machine_type(machine);
+    let settings = Settings::of(program);
     let mut planes = Vec::with_capacity(program.blocks.len());
     let mut bounds = Box2::EMPTY;
     for index in 0..program.blocks.len() {
         planes.push(file.end());
-        bounds = bounds.union(work_plane(&mut file, program, machine, index, &machine_type));
+        bounds = bounds.union(work_plane(&mut file, program, machine, index, &settings, &machine_type));
     }
     let shell = file.end();
     file.message(&Job {
@@ -51,7 +55,9 @@ pub fn write(checked: &Checked, machine: &Machine, job_name: &str, source_name: 
             description: "mm; positions are axis commands, points lie around the optical axis".into(),
             bounds: bounds_mm(&bounds),
         }),
-        marking_params: (1..).zip(program.pens.iter().map(|pen| marking_params(pen, machine))).collect(),
+        marking_params: (1..)
+            .zip(settings.list.iter().map(|&(pen, shift)| marking_params(program, pen, shift, machine)))
+            .collect(),
         parts: [(PART_KEY, Part { name: source_name.into() })].into(),
         num_work_planes: i32::try_from(planes.len()).expect("fewer than 2^31 blocks"),
     });
@@ -67,6 +73,7 @@ fn work_plane(
     program: &Program,
     machine: &Machine,
     index: usize,
+    settings: &Settings,
     machine_type: &str,
 ) -> Box2<Controller> {
     let block = &program.blocks[index];
@@ -77,7 +84,8 @@ fn work_plane(
     let mut at = FieldPoint::AXIS;
     while let [first, ..] = strokes {
         let (now, later) = strokes.split_at(run_length(strokes));
-        let (vectors, bounds) = vector_block(program, machine, first, now, &mut at);
+        let key = settings.key(first.pen, block.focus_shift);
+        let (vectors, bounds) = vector_block(program, machine, key, now, &mut at);
         starts.push(file.end());
         file.message(&vectors);
         extent = extent.union(bounds);
@@ -114,6 +122,33 @@ fn work_plane(
     extent
 }
 
+/// The sets of marking parameters: pens with focus shifts, the first of which has the key 1.
+struct Settings {
+    list: Vec<(PenId, Nm)>,
+    keys: BTreeMap<(PenId, Nm), i32>,
+}
+
+impl Settings {
+    /// All pens without a shift, and then what else the blocks use, in their order.
+    fn of(program: &Program) -> Self {
+        let mut list: Vec<_> = (0..program.pens.len() as u16).map(|pen| (PenId(pen), Nm(0))).collect();
+        let mut keys: BTreeMap<_, _> = list.iter().copied().zip(1..).collect();
+        for block in program.blocks.iter().filter(|b| b.focus_shift != Nm(0)) {
+            for setting in program.pens_of(block).into_iter().map(|pen| (pen, block.focus_shift)) {
+                keys.entry(setting).or_insert_with(|| {
+                    list.push(setting);
+                    i32::try_from(list.len()).expect("fewer than 2^31 settings")
+                });
+            }
+        }
+        Self { list, keys }
+    }
+
+    fn key(&self, pen: PenId, shift: Nm) -> i32 {
+        self.keys[&(pen, shift)]
+    }
+}
+
 /// How many of the strokes, from the first on, go into one vector block.
 fn run_length(strokes: &[Stroke]) -> usize {
     let first = &strokes[0];
@@ -129,10 +164,11 @@ fn run_length(strokes: &[Stroke]) -> usize {
 fn vector_block(
     program: &Program,
     machine: &Machine,
-    first: &Stroke,
+    key: i32,
     strokes: &[Stroke],
     at: &mut FieldPoint,
 ) -> (VectorBlock, Box2<Controller>) {
+    let first = &strokes[0];
     let mut extent = Box2::EMPTY;
     let mut xy_mm = Vec::with_capacity(2 * strokes.iter().map(|s| s.len as usize).sum::<usize>());
     let (mut scan, mut jump) = (0.0, 0.0);
@@ -158,7 +194,7 @@ fn vector_block(
     let block = VectorBlock {
         line_sequence,
         hatches,
-        marking_params_key: i32::from(first.pen.0) + 1,
+        marking_params_key: key,
         repeats: u64::from(program.pens[first.pen.index()].passes.saturating_sub(1)),
         meta_data: Some(meta_data),
         micro_structuring: Some(Empty {}),
@@ -166,11 +202,12 @@ fn vector_block(
     (block, extent)
 }
 
-fn marking_params(pen: &crate::program::Pen, machine: &Machine) -> MarkingParams {
-    let delays = &machine.delays;
+fn marking_params(program: &Program, pen: PenId, shift: Nm, machine: &Machine) -> MarkingParams {
+    let (pen, delays) = (&program.pens[pen.index()], &machine.delays);
     MarkingParams {
         laser_power_w: pen.power.as_w(machine.laser.max_power) as f32,
         mark_speed_mm_s: pen.speed.as_mm_s() as f32,
+        focus_shift_mm: single_mm(shift.0),
         jump_speed_mm_s: machine.scanner.jump_speed.as_mm_s() as f32,
         repetition_rate_hz: (pen.frequency.as_khz() * 1e3).round() as u64,
         jump_delay_us: delays.jump.as_us() as f32,
@@ -184,7 +221,8 @@ fn marking_params(pen: &crate::program::Pen, machine: &Machine) -> MarkingParams
 
 /// Who moves, and which way, so that a controller for another machine can refuse the file.
 fn machine_type(machine: &Machine) -> String {
-    let mut name = String::from("terrace/xyz-galvo2d");
+    let head = if machine.zoom.is_some() { "galvo3d" } else { "galvo2d" };
+    let mut name = format!("terrace/xyz-{head}");
     for (axis, data) in machine.axes() {
         let carries = match data.carries {
             Carries::Part => "part",

@@ -14,6 +14,8 @@ pub(in crate::verify) enum Step {
     Block(String, Option<String>),
     /// The comment that begins a set-up, with its number.
     Setup(u32),
+    /// The comment that states the shift of the zoom optic, nm.
+    FocusShift(i64),
     /// Modal G words, in tenths: G61.1 is 611.
     Modal(Vec<u32>),
     /// A rapid move to the axis values given: x, y and z in nm, a, b and c in millionths of a degree.
@@ -38,6 +40,13 @@ pub(in crate::verify) enum Step {
     End,
     /// Anything else.
     Unknown(String),
+}
+
+impl Step {
+    /// Whether it may stand between the title of a block and its moves.
+    pub(in crate::verify) fn is_before_moves(&self) -> bool {
+        matches!(self, Self::OutputOff | Self::SpindleOff | Self::Modal(_) | Self::FocusShift(_))
+    }
 }
 
 /// A step and its line, from 1.
@@ -76,6 +85,9 @@ pub(in crate::verify) fn read(bytes: &[u8]) -> Result<Program, Fault> {
             } else if let Some(rest) = comment.trim().strip_prefix("SETUP ") {
                 let number = rest.split_whitespace().next().and_then(|n| n.parse().ok());
                 push(number.map_or_else(|| Step::Unknown(comment.to_owned()), Step::Setup));
+            } else if let Some(rest) = comment.trim().strip_prefix("FOCUS SHIFT ") {
+                let shift = nm_from_decimal(rest.trim().as_bytes());
+                push(shift.map_or_else(|| Step::Unknown(comment.to_owned()), Step::FocusShift));
             } else {
                 comment.split_whitespace().filter(|w| is_block(w)).for_each(|w| names.push((i + 1, w.to_owned())));
             }

@@ -14,7 +14,7 @@ use crate::machine::Machine;
 pub(in crate::verify) const NAME: &str = "manifest.json";
 
 /// Version of the keys that is known.
-const SCHEMA: u32 = 2;
+const SCHEMA: u32 = 3;
 
 /// Largest manifest that is read: some 600 bytes for each of a million blocks.
 const MAX_FILE: u64 = 1 << 30;
@@ -124,6 +124,7 @@ pub(in crate::verify) struct BlockEntry {
     pub(in crate::verify) level: i32,
     pub(in crate::verify) centre_mm: [f64; 2],
     pub(in crate::verify) lpfl_mm: f64,
+    pub(in crate::verify) focus_shift_mm: f64,
     pub(in crate::verify) stage: [f64; 3],
     pub(in crate::verify) tilt_deg: [f64; 2],
     pub(in crate::verify) z_lo_mm: f64,
@@ -145,6 +146,7 @@ pub(in crate::verify) struct BlockEntry {
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct Summary {
     pub(in crate::verify) stops: usize,
+    pub(in crate::verify) blocks: usize,
     pub(in crate::verify) setups: usize,
     pub(in crate::verify) fragments: usize,
     pub(in crate::verify) texture_mm: f64,
@@ -166,6 +168,7 @@ pub(in crate::verify) struct Summary {
 pub(in crate::verify) struct Times {
     pub(in crate::verify) stage: f64,
     pub(in crate::verify) settle: f64,
+    pub(in crate::verify) zoom: f64,
     pub(in crate::verify) mark: f64,
     pub(in crate::verify) jump: f64,
     pub(in crate::verify) delay: f64,

@@ -68,7 +68,7 @@ pub(in crate::verify) fn parse(input: impl BufRead) -> Result<ProgramFile, Fault
     }
     let blocks = lines.keyed(b"blocks", |w| w.count())?;
     let mut ids = Vec::new();
-    let (mut pass, mut setup) = (0, 0);
+    let (mut pass, mut setup, mut focus_shift) = (0, 0, Nm(0));
     for _ in 0..blocks {
         if lines.begins_with(b'p')? {
             pass = lines.keyed(b"pass", |w| w.count()?.checked_sub(1))?;
@@ -77,8 +77,11 @@ pub(in crate::verify) fn parse(input: impl BufRead) -> Result<ProgramFile, Fault
             let is_known = |n: &u32| (*n as usize) < origins.len();
             setup = lines.keyed(b"setup", |w| w.count()?.checked_sub(1).filter(is_known))?;
         }
+        if lines.begins_with(b'f')? {
+            focus_shift = lines.keyed(b"focus_shift", |w| w.height())?;
+        }
         let (id, mut block, strokes) = lines.keyed(b"block", block)?;
-        (block.pass, block.setup) = (PassId(pass), SetupId(setup));
+        (block.pass, block.setup, block.focus_shift) = (PassId(pass), SetupId(setup), focus_shift);
         block.strokes = program.strokes.len()..program.strokes.len();
         for _ in 0..strokes {
             let text = lines.next()?;
@@ -208,7 +211,8 @@ fn block(w: &mut Words<'_>) -> Option<(String, Block, u32)> {
         _ => return None,
     };
     let (z_lo, z_hi) = (w.height()?, w.height()?);
-    let block = Block { pass: PassId(0), setup: SetupId(0), stop, stage, retract, z_lo, z_hi, strokes: 0..0 };
+    let (pass, setup, focus_shift) = (PassId(0), SetupId(0), Nm(0));
+    let block = Block { pass, setup, stop, stage, focus_shift, retract, z_lo, z_hi, strokes: 0..0 };
     Some((id, block, w.count()?))
 }
 
@@ -237,7 +241,7 @@ fn stroke(w: &mut Words<'_>, program: &mut Program) -> Option<()> {
 mod tests {
     use super::*;
 
-    const TEXT: &str = "terrace program 1\norigin 1 -2 3\norigin 4 5 6\npens 1\npen fill | 1000 mm/s | 60 % | 60 kHz | 2\nblocks 1\npass 3\nsetup 2\n\
+    const TEXT: &str = "terrace program 1\norigin 1 -2 3\norigin 4 5 6\npens 1\npen fill | 1000 mm/s | 60 % | 60 kHz | 2\nblocks 1\npass 3\nsetup 2\nfocus_shift -7\n\
         block B0001 0 1 -2 0 -5 10 20 30 25 35 -11 -18 33 1 28 31 2\n0 7 3 + 0 0 5 5\n0 8 0 - 1 1 2 2 3 -3\nend\n";
 
     #[test]
@@ -250,7 +254,7 @@ mod tests {
         let p = &file.program;
         assert_eq!((p.pens[0].name.as_str(), p.pens[0].passes), ("fill", 2));
         let b = &p.blocks[0];
-        assert_eq!((b.pass, b.setup), (PassId(2), SetupId(1)));
+        assert_eq!((b.pass, b.setup, b.focus_shift), (PassId(2), SetupId(1), Nm(-7)));
         assert_eq!((b.stop.section, b.stop.level, b.stop.centre), (SectionId([0, 1]), -2, P2::new(10, 20)));
         assert_eq!(b.stop.tilt, TiltAngles([0, -5]));
         assert_eq!((b.stop.focus, b.stop.z_lo, b.stop.z_hi, b.z_lo, b.z_hi), (Nm(30), Nm(25), Nm(35), Nm(28), Nm(31)));
@@ -270,18 +274,20 @@ mod tests {
             ("origin 4", "other 4", 3),
             ("pens 1", "pens 99999999999", 4),
             ("60 %", "60", 5),
-            ("blocks 1", "blocks 4000000000", 12),
+            ("blocks 1", "blocks 4000000000", 13),
             ("pass 3", "pass 0", 7),
             ("pass 3", "past 3", 7),
             ("setup 2", "setup 3", 8),
             ("setup 2", "setup 0", 8),
-            ("block B0001 0", "block B0001 -1", 9),
-            ("30 25", "99999999999999999999 25", 9),
-            ("5 5\n", "5 2147483648\n", 10),
-            ("5 5\n", "5\n", 10),
-            ("0 7", "1 7", 10),
-            ("8 0 -", "8 0 *", 11),
-            ("end\n", "end\nmore\n", 12),
+            ("focus_shift -7", "focus_shift 1e3", 9),
+            ("focus_shift -7", "focus -7", 9),
+            ("block B0001 0", "block B0001 -1", 10),
+            ("30 25", "99999999999999999999 25", 10),
+            ("5 5\n", "5 2147483648\n", 11),
+            ("5 5\n", "5\n", 11),
+            ("0 7", "1 7", 11),
+            ("8 0 -", "8 0 *", 12),
+            ("end\n", "end\nmore\n", 13),
         ] {
             let fault = parse(TEXT.replace(from, to).as_bytes()).expect_err(to);
             assert_eq!(fault.line, line, "{from} -> {to}: {}", fault.message);

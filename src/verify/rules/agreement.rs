@@ -131,6 +131,7 @@ fn differs(e: &BlockEntry, id: &str, b: &Block) -> Option<&'static str> {
         ("level", e.level == b.stop.level),
         ("centre", e.centre_mm.map(nm) == [Some(x), Some(y)]),
         ("focus (lpfl)", Nm::from_mm(e.lpfl_mm) == Some(b.stop.focus)),
+        ("focus shift", Nm::from_mm(e.focus_shift_mm) == Some(b.focus_shift)),
         ("tilt", e.tilt_deg.map(nm) == b.stop.tilt.0.map(Some)),
         ("stage target", e.stage.map(nm) == b.stage.0.map(Some)),
         ("depth interval", [e.z_lo_mm, e.z_hi_mm].map(Nm::from_mm) == [Some(b.z_lo), Some(b.z_hi)]),

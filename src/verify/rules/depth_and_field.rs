@@ -2,7 +2,8 @@
 //! the machine and against the surface file's own facets.
 //!
 //! Depth: a mark lies within the block's stated interval of heights, within the largest deviation from
-//! its focal plane, and the marks of a block within the depth range. Heights carry the tolerance
+//! its focal plane, and the marks of a block within the depth range. Where there is a zoom optic, the plane that the
+//! stage sets and the focus shift sum to the focal plane, and the optic reaches it. Heights carry the tolerance
 //! [`Geometry::z_tolerance`].
 
 use super::stretch::{Parts, Stretch, confirmed, note, whole};
@@ -130,6 +131,27 @@ struct Search<'a> {
     off: Vec<Stretch>,
 }
 
+/// What is wrong with the focus shift of a block, whose heights are those of the program.
+fn zoom_fault(block: &Block, file: &ProgramFile, machine: &Machine) -> Option<String> {
+    let mm = |nm: i64| crate::geom::mm_from_nm(nm);
+    let Some(zoom) = &machine.zoom else {
+        let shift = block.focus_shift.0;
+        return (shift != 0)
+            .then(|| format!("the focus is shifted by {} mm, the machine has no zoom optic", mm(shift)));
+    };
+    let reach = zoom.range.as_mm() / 2.0;
+    if block.focus_shift.mm().abs() > reach + 1e-9 {
+        let text = format!("the focus is shifted by {} mm, the optic reaches {reach} mm", block.focus_shift.mm());
+        return Some(text);
+    }
+    let plane = machine.stage.z.sign() * block.stage[2] - file.origin(block)[2];
+    let found = plane + block.focus_shift.0;
+    (found != block.stop.focus.0).then(|| {
+        let wanted = block.stop.focus.mm();
+        format!("stage and optic focus on {} mm, the block's focal plane is at {wanted} mm", mm(found))
+    })
+}
+
 impl Search<'_> {
     /// The same search on another geometry.
     fn on<'b>(&'b mut self, geometry: &'b Geometry) -> Search<'b> {
@@ -139,6 +161,7 @@ impl Search<'_> {
     }
 
     fn block(&mut self, id: &str, block: &Block) -> Found {
+        let zoom_fault = zoom_fault(block, self.file, &self.facts.machine);
         // Heights are compared on the surface as the file has it.
         let block = &self.facts.raised(block);
         let focus = block.stop.focus.f64();
@@ -156,6 +179,9 @@ impl Search<'_> {
         if (block.stop.z_lo - block.z_lo).f64() > slack || (block.z_hi - block.stop.z_hi).f64() > slack {
             let text = "the stated interval of its marks is not inside the one that the stop admits";
             self.depth.broken(id, part_place(block.stop.centre), text);
+        }
+        if let Some(fault) = zoom_fault {
+            self.depth.broken(id, part_place(block.stop.centre), fault);
         }
         for stroke in self.file.program.strokes_of(block) {
             self.stroke(id, block, stroke, allowed, &mut found);

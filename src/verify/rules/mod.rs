@@ -28,6 +28,7 @@ use super::read::manifest::Manifest;
 use super::read::program::ProgramFile;
 use crate::geom::P2;
 use crate::machine::Commanded;
+use crate::program::{Block, Program};
 
 /// The rules and figures while they are being found.
 pub(super) struct Findings {
@@ -121,7 +122,7 @@ pub(super) fn without_inputs(
     facts: &JobFacts,
     findings: &mut Findings,
 ) -> Vec<stage::StageFile> {
-    findings.stops = program.program.blocks.len();
+    findings.stops = stops(&program.program);
     findings.fragments = program.program.strokes.len();
     let stages = stage::read(folder, manifest, facts, &mut findings.agreement);
     agreement::check(folder, manifest, program, facts, &mut findings.agreement);
@@ -131,6 +132,15 @@ pub(super) fn without_inputs(
     runsheets::check(folder, manifest, program, facts, &mut findings.agreement);
     depth_and_field::field(program, &facts.machine, &mut findings.field);
     stages
+}
+
+/// Standstills of the stage: a block is one, unless the zoom optic alone changes on the way to it.
+fn stops(program: &Program) -> usize {
+    let stays = |w: &&[Block]| {
+        let place = |b: &Block| (b.pass, b.setup, b.stop.tilt, b.stage);
+        place(&w[0]) == place(&w[1]) && w[0].focus_shift != w[1].focus_shift && !w[1].retract
+    };
+    program.blocks.len() - program.blocks.windows(2).filter(stays).count()
 }
 
 /// A point of the part as the place of a violation.

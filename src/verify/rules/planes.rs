@@ -1,11 +1,11 @@
 //! `agreement` of the OVF: one work plane per block, each mark to one step of f32; settings as the pens and the machine
 //! file state them, and who carries what on each axis, which decides the signs of all positions.
 
-use crate::geom::{ControllerPoint, mm_from_nm};
+use crate::geom::{ControllerPoint, Nm, mm_from_nm};
 use crate::machine::{Axis, Carries, Machine};
-use crate::program::{Block, Program};
+use crate::program::{Block, Pen, Program};
 use crate::verify::proof::Rule;
-use crate::verify::read::ovf::{Mark, OvfFile, WorkPlane};
+use crate::verify::read::ovf::{Mark, MarkingParams, OvfFile, WorkPlane};
 use crate::verify::read::program::ProgramFile;
 
 /// Compares the OVF with the program.
@@ -18,36 +18,39 @@ pub(super) fn check(ovf: &OvfFile<'_>, name: &str, file: &ProgramFile, machine: 
             format!("holds {} work planes, program.txt has {} blocks", ovf.len(), program.blocks.len()),
         );
     }
-    // Settings have the number of their pen, from 1, as key.
+    // The settings of a pen without a shift of the focus have its number, from 1, as key.
     for (i, pen) in program.pens.iter().enumerate() {
         let found = i32::try_from(i + 1).ok().and_then(|key| ovf.params.get(&key));
-        let delays = &machine.delays;
-        let same = found.is_some_and(|p| {
-            let waits = [
-                (p.jump_delay_us, delays.jump),
-                (p.laser_off_delay_us, delays.laser_off),
-                (p.laser_on_delay_us, delays.laser_on),
-                (p.mark_delay_us, delays.mark),
-                (p.polygon_delay_us, delays.polygon),
-            ];
-            step(p.power_w, pen.power.as_w(machine.laser.max_power))
-                && step(p.speed_mm_s, pen.speed.as_mm_s())
-                && p.rate_hz == (pen.frequency.as_khz() * 1e3).round() as u64
-                && p.focus_shift_mm == 0.0
-                && p.name == pen.name
-                && step(p.jump_speed_mm_s, machine.scanner.jump_speed.as_mm_s())
-                && waits.iter().all(|(found, wanted)| step(*found, wanted.as_us()))
-        });
+        let same = found.is_some_and(|p| same_settings(p, pen, Nm(0), machine));
         if !same {
             let text = format!("the settings of pen {:?} differ from program.txt or the machine", pen.name);
             rule.broken("", name, text);
         }
     }
-    for (i, (id, block)) in file.ids.iter().zip(&program.blocks).enumerate().take(ovf.len()) {
+    for (i, (id, block)) in file.ids.iter().zip(&file.program.blocks).enumerate().take(ovf.len()) {
         if let Err(fault) = plane(ovf, i, program, block, machine, rule) {
             rule.broken(id, name, fault);
         }
     }
+}
+
+/// Whether settings are those of a pen with the focus shifted.
+fn same_settings(p: &MarkingParams, pen: &Pen, shift: Nm, machine: &Machine) -> bool {
+    let delays = &machine.delays;
+    let waits = [
+        (p.jump_delay_us, delays.jump),
+        (p.laser_off_delay_us, delays.laser_off),
+        (p.laser_on_delay_us, delays.laser_on),
+        (p.mark_delay_us, delays.mark),
+        (p.polygon_delay_us, delays.polygon),
+    ];
+    step(p.power_w, pen.power.as_w(machine.laser.max_power))
+        && step(p.speed_mm_s, pen.speed.as_mm_s())
+        && p.rate_hz == (pen.frequency.as_khz() * 1e3).round() as u64
+        && step(p.focus_shift_mm, shift.mm())
+        && p.name == pen.name
+        && step(p.jump_speed_mm_s, machine.scanner.jump_speed.as_mm_s())
+        && waits.iter().all(|(found, wanted)| step(*found, wanted.as_us()))
 }
 
 fn plane(
@@ -64,7 +67,8 @@ fn plane(
     let plane = ovf.plane(i, |mark| {
         if let Some(stroke) = strokes.get(count) {
             let points = program.points_of(stroke).iter().map(|&p| machine.scanner.controller_from_field(p));
-            if mark.params != i32::from(stroke.pen.0) + 1 {
+            let is_pen = |p| same_settings(p, &program.pens[stroke.pen.index()], block.focus_shift, machine);
+            if !ovf.params.get(&mark.params).is_some_and(is_pen) {
                 first.get_or_insert((count, "has other pen settings"));
             } else if !same_points(&mark, points) {
                 first.get_or_insert((count, "has other points"));
@@ -121,7 +125,8 @@ fn machine_type(machine: &Machine) -> String {
         let carries = if axis.carries == Carries::Head { "head" } else { "part" };
         format!("/{name}-{carries}{}", if axis.reversed { "-reversed" } else { "" })
     };
-    format!("terrace/xyz-galvo2d{}", machine.axes().map(axis).concat())
+    let head = if machine.zoom.is_some() { "galvo3d" } else { "galvo2d" };
+    format!("terrace/xyz-{head}{}", machine.axes().map(axis).concat())
 }
 
 fn same_points(mark: &Mark<'_>, points: impl ExactSizeIterator<Item = ControllerPoint>) -> bool {

@@ -151,6 +151,7 @@ impl Sheets<'_> {
         let is = |name: &str, value: i64| cell(name).is_none_or(|c| number::integer(c.as_bytes()) == Some(value));
         let [column, line] = block.stop.section.0.map(i64::from);
         let jump = times::jump_mm(&self.file.program, block);
+        let shift = cell("focus_shift_mm").or_else(|| cell("SHIFT"));
         // A lift that is not asked for does no harm.
         let lifts = |c: &str| !matches!(c.trim(), "" | "0" | "-" | "no" | "false");
         [
@@ -159,6 +160,10 @@ impl Sheets<'_> {
             ("level", is("level", block.stop.level.into())),
             ("pass", is("pass", i64::from(block.pass.0) + 1)),
             ("set-up", is("setup", i64::from(block.setup.0) + 1)),
+            (
+                "focus shift",
+                shift.map_or(self.facts.machine.zoom.is_none(), |c| is_written(c, block.focus_shift.mm(), 4)),
+            ),
             ("jump length", cell("jump_mm").is_none_or(|c| is_written(c, jump, 3))),
             ("lift", !block.retract || cell("lift").is_none_or(lifts)),
         ]

@@ -207,8 +207,14 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
         if begins.take() != is_next.then_some(block.setup.number()) {
             rule.broken(id, stage.place(s.line), "it does not begin a set-up here as in program.txt");
         }
-        while rest.peek().is_some_and(|n| matches!(n.step, Step::OutputOff | Step::SpindleOff | Step::Modal(_))) {
-            rest.next();
+        let mut focus_shift = None;
+        while let Some(n) = rest.next_if(|n| n.step.is_before_moves()) {
+            if let Step::FocusShift(nm) = n.step {
+                focus_shift = Some(Nm(nm));
+            }
+        }
+        if focus_shift != machine.zoom.as_ref().map(|_| block.focus_shift) {
+            rule.broken(id, stage.place(s.line), "the focus shift that it states is not the block's");
         }
         let (mut first, mut before) = (None, at);
         while let Some(Statement { step: Step::Move(to), .. }) = rest.peek().copied() {

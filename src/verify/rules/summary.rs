@@ -51,7 +51,9 @@ pub(in crate::verify) fn check(
         }
     };
     let tiny = LENGTH * found.texture_mm;
-    hold("", "stops", s.stops as f64, file.program.blocks.len() as f64, 0.0);
+    let stops = super::stops(&file.program) as f64;
+    hold("", "stops", s.stops as f64, stops, 0.0);
+    hold("", "blocks", s.blocks as f64, file.program.blocks.len() as f64, 0.0);
     hold("", "setups", s.setups as f64, file.origins.len() as f64, 0.0);
     hold("", "fragments", s.fragments as f64, file.program.strokes.len() as f64, 0.0);
     hold("", "texture_mm", s.texture_mm, found.texture_mm, tiny);
@@ -60,7 +62,7 @@ pub(in crate::verify) fn check(
         hold(id, "mark_mm of the block", entry.mark_mm, mm, LENGTH * mm);
     }
     let bound = s.lower_bound_stops.unwrap_or(0.0);
-    hold("", "lower_bound_stops", bound, bound.clamp(0.0, file.program.blocks.len() as f64), 0.0);
+    hold("", "lower_bound_stops", bound, bound.clamp(0.0, stops), 0.0);
     if placed {
         timing(manifest, file, facts, &mut hold);
     }
@@ -108,6 +110,7 @@ fn timing(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, hold: &mut 
     let parts = [
         ("time_s.stage", t.stage, all.stage),
         ("time_s.settle", t.settle, all.settle),
+        ("time_s.zoom", t.zoom, all.zoom),
         ("time_s.mark", t.mark, all.mark),
         ("time_s.jump", t.jump, all.jump),
         ("time_s.delay", t.delay, all.delay),

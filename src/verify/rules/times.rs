@@ -11,6 +11,7 @@ use crate::verify::read::program::ProgramFile;
 pub(super) struct Times {
     pub(super) stage: f64,
     pub(super) settle: f64,
+    pub(super) zoom: f64,
     pub(super) mark: f64,
     pub(super) jump: f64,
     pub(super) delay: f64,
@@ -18,7 +19,7 @@ pub(super) struct Times {
 
 impl Times {
     pub(super) fn total(&self) -> f64 {
-        self.stage + self.settle + self.mark + self.jump + self.delay
+        self.stage + self.settle + self.zoom + self.mark + self.jump + self.delay
     }
 }
 
@@ -62,14 +63,32 @@ pub(super) fn jump_mm(program: &Program, block: &Block) -> f64 {
     sum
 }
 
-/// Stage and settling of the whole job: from the centre of travel, lifted, over all blocks in order.
+/// Stage, settling and zoom optic of the whole job: from the centre of travel, lifted and in focus, over all blocks in
+/// order. The optic moves together with the stage; what it takes longer counts.
 pub(super) fn stage(file: &ProgramFile, machine: &Machine) -> Times {
+    let mut out = Times::default();
+    let mut shift = Nm(0);
+    for (block, moved) in file.program.blocks.iter().zip(moves(file, machine)) {
+        let way = (block.focus_shift - shift).abs().mm();
+        let optic = machine.zoom.as_ref().filter(|_| block.focus_shift != shift);
+        let optic = optic.map_or(0.0, |zoom| way / zoom.speed.as_mm_s() + zoom.settle.as_s());
+        out.stage += moved.stage;
+        out.settle += moved.settle;
+        out.zoom += (optic - moved.stage - moved.settle).max(0.0);
+        shift = block.focus_shift;
+    }
+    out
+}
+
+/// The move of the stage to every block.
+fn moves(file: &ProgramFile, machine: &Machine) -> Vec<Times> {
     let centre = |axis: &Axis| axis.travel.iter().map(|t| t.as_nm().unwrap_or_default().0).sum::<i64>() / 2;
     let Nm(top) = machine.retract_z();
     let (mut at, mut tilt) =
         (Commanded([centre(&machine.stage.x), centre(&machine.stage.y), top]), TiltAngles::UPRIGHT);
-    let mut out = Times::default();
+    let mut all = Vec::with_capacity(file.program.blocks.len());
     for block in &file.program.blocks {
+        let mut out = Times::default();
         let turning = machine.tilt.iter().flat_map(|t| &t.axes).zip(tilt.0.iter().zip(block.stop.tilt.0));
         let turning = turning.filter(|(_, (from, to))| **from != *to).map(|(axis, _)| axis.move_time.as_s());
         let turning = turning.fold(0.0, f64::max);
@@ -77,22 +96,22 @@ pub(super) fn stage(file: &ProgramFile, machine: &Machine) -> Times {
         let lifted = block.retract && at[2] != top;
         let across = x.0 != x.1 || y.0 != y.1 || turning > 0.0;
         (at, tilt) = (block.stage, block.stop.tilt);
-        if !across && z.0 == z.1 && !lifted {
-            continue;
+        if across || z.0 != z.1 || lifted {
+            if let Some(measured) = machine.stage.move_times {
+                // They hold the settling; a move of z alone that lifts first is one measured move of z.
+                let base = if across { measured.xy.as_s().max(turning) } else { measured.z.as_s() };
+                out.stage = base + if lifted && across { measured.z.as_s() } else { 0.0 };
+            } else {
+                let high = if block.retract { top } else { z.0 };
+                let axes = &machine.stage;
+                let across = axis_time(&axes.x, x.0, x.1).max(axis_time(&axes.y, y.0, y.1)).max(turning);
+                out.stage = axis_time(&axes.z, z.0, high) + axis_time(&axes.z, high, z.1) + across;
+                out.settle = axes.settle.as_s();
+            }
         }
-        if let Some(measured) = machine.stage.move_times {
-            // They hold the settling; a move of z alone that lifts first is one measured move of z.
-            let base = if across { measured.xy.as_s().max(turning) } else { measured.z.as_s() };
-            out.stage += base + if lifted && across { measured.z.as_s() } else { 0.0 };
-            continue;
-        }
-        let high = if block.retract { top } else { z.0 };
-        let axes = &machine.stage;
-        out.stage += axis_time(&axes.z, z.0, high) + axis_time(&axes.z, high, z.1);
-        out.stage += axis_time(&axes.x, x.0, x.1).max(axis_time(&axes.y, y.0, y.1)).max(turning);
-        out.settle += axes.settle.as_s();
+        all.push(out);
     }
-    out
+    all
 }
 
 /// An axis from rest to rest by the symmetric profile that is fastest under its limits. At the peak speed p each ramp

@@ -17,7 +17,11 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
     for (id, block) in file.ids.iter().zip(&file.program.blocks) {
         rule.checked += 1;
         let (c, place) = (block.stop.centre, super::part_place(block.stop.centre));
-        let wanted = machine.stage_from_part(c, block.stop.focus, file.origin(block));
+        // The heights that stage and zoom optic set together are for `depth`.
+        let mut wanted = machine.stage_from_part(c, block.stop.focus, file.origin(block));
+        if machine.zoom.is_some() {
+            wanted[2] = block.stage[2];
+        }
         if block.stage != wanted {
             let text =
                 format!("the stage is at {}, but the block is at {}", stage_text(block.stage), stage_text(wanted));

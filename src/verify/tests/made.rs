@@ -120,7 +120,7 @@ impl Made {
         let program = self.program();
         let time = super::times(&program, &self.facts.machine).0;
         self.summary = json!({
-            "stops": self.blocks.len(), "setups": 1,
+            "stops": self.blocks.len(), "blocks": self.blocks.len(), "setups": 1,
             "fragments": self.blocks.iter().map(|b| b.marks.len()).sum::<usize>(),
             "texture_mm": texture, "mark_mm": mark, "overlap_mm": 0.0, "skipped_mm": skipped,
             "skipped_off_part_mm": skipped - 9.0, "skipped_steep_mm": 9.0,
@@ -150,6 +150,7 @@ impl Made {
                 setup: SetupId(0),
                 stop: b.stop.clone(),
                 stage: self.stage(b),
+                focus_shift: Nm(0),
                 retract: b.retract,
                 z_lo: b.z[0],
                 z_hi: b.z[1],
@@ -207,7 +208,7 @@ impl Made {
             json!({
                 "id": id, "pass": b.pass.number(), "setup": b.setup.number(), "section": b.stop.section.0, "level": b.stop.level, "centre_mm": b.stop.centre.mm(),
                 "tilt_deg": b.stop.tilt.deg(),
-                "lpfl_mm": b.stop.focus.mm(), "stage": b.stage.mm(), "z_lo_mm": b.z_lo.mm(),
+                "lpfl_mm": b.stop.focus.mm(), "focus_shift_mm": b.focus_shift.mm(), "stage": b.stage.mm(), "z_lo_mm": b.z_lo.mm(),
                 "z_hi_mm": b.z_hi.mm(), "files": {"dxf": format!("blocks/{id}.dxf")},
                 "strokes": b.strokes.len(), "mark_mm": self.mark_mm(m), "jump_mm": program.jump_mm(b), "time_s": block_s[i],
                 "incidence_deg": incidence, "stretch": stretch, "dose": dose,
@@ -215,7 +216,7 @@ impl Made {
         }).collect();
         let job = entry(folder.parent().expect("inside"), "job.toml");
         let manifest = json!({
-            "schema": 2, "terrace": "0.1.0", "mode": "stepped", "job": {"file": "../job.toml", "blake3": job["blake3"]},
+            "schema": 3, "terrace": "0.1.0", "mode": "stepped", "job": {"file": "../job.toml", "blake3": job["blake3"]},
             "inputs": [entry(folder.parent().expect("inside"), "part.stl")], "machine": self.facts.machine,
             "placement": {"origin_mm": self.origin.mm(), "turn_deg": 0.0},
             "focus": {"pdof_mm": self.facts.pdof.mm(), "depth_range_mm": self.facts.depth_range.mm(), "level": "mid", "rule": "range"},

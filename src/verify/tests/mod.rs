@@ -24,12 +24,13 @@ fn times(program: &Program, machine: &Machine) -> (Times, Vec<f64>) {
         ((travel[0] + travel[1]) / 2).0
     };
     let (mut at, mut tilt) = (Commanded([centre(0), centre(1), machine.retract_z().0]), TiltAngles::UPRIGHT);
-    let (mut t, mut blocks) = (Times::default(), Vec::new());
+    let (mut t, mut blocks, mut shift) = (Times::default(), Vec::new(), Nm(0));
     for block in &program.blocks {
         let turning = machine.tilt_time_s(tilt, block.stop.tilt);
         let retract = block.retract.then(|| machine.retract_z());
         let moved = motion::tilting_move(machine, at, block.stage, retract, turning);
-        (at, tilt) = (block.stage, block.stop.tilt);
+        t.zoom += (machine.zoom_time_s(shift, block.focus_shift) - moved.total_s()).max(0.0);
+        (at, tilt, shift) = (block.stage, block.stop.tilt, block.focus_shift);
         let marks = program.strokes_of(block).iter().map(|s| {
             let pen = &program.pens[s.pen.index()];
             motion::Mark { points: program.points_of(s), speed: pen.speed, passes: pen.passes }
@@ -39,7 +40,7 @@ fn times(program: &Program, machine: &Machine) -> (Times, Vec<f64>) {
         (t.mark, t.jump, t.delay) = (t.mark + m.mark_s, t.jump + m.jump_s, t.delay + m.delay_s);
         blocks.push(m.total_s());
     }
-    t.total = t.stage + t.settle + t.mark + t.jump + t.delay;
+    t.total = t.stage + t.settle + t.zoom + t.mark + t.jump + t.delay;
     (t, blocks)
 }
 
@@ -440,7 +441,7 @@ fn folder_with_an_invalid_manifest_is_an_error_with_a_hint() {
     in_folder(&made, |folder| {
         let path = folder.join("manifest.json");
         let sound = std::fs::read_to_string(&path).expect("text");
-        for text in [&sound[..sound.len() / 2], "", "{}", "[1e999]", &sound.replace("\"schema\":2", "\"schema\":3")] {
+        for text in [&sound[..sound.len() / 2], "", "{}", "[1e999]", &sound.replace("\"schema\":3", "\"schema\":2")] {
             std::fs::write(&path, text).expect("write");
             assert_eq!(code(folder), "manifest");
         }

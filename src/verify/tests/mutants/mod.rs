@@ -6,6 +6,7 @@ mod right;
 mod setups;
 mod sheets;
 mod tilted;
+mod zoom;
 
 use std::path::{Path, PathBuf};
 
@@ -160,7 +161,7 @@ impl Bench {
         change(&mut program, &self.plan);
         assert_ne!(&program, self.plan.checked.program(), "the mutant is one");
         let s = &mut self.plan.summary;
-        s.stops = program.blocks.len();
+        (s.stops, s.blocks) = (program.stops(), program.blocks.len());
         s.fragments = program.strokes.len();
         if program.blocks.iter().all(|b| b.stop.tilt.is_upright()) {
             s.mark_mm = program.blocks.iter().map(|b| program.mark_mm(b)).sum();
