@@ -2,7 +2,7 @@
 CARGO ?= cargo
 DEMO := target/demo/hood.job
 
-.PHONY: demo test tests test-all check bench method-table method-pictures setup clean
+.PHONY: demo test tests test-all check bench method-table method-pictures setup setup-all clean
 
 # Compiles leather on a car hood, verifies it, and says where everything lies.
 demo:
@@ -22,7 +22,7 @@ tests:
 	$(CARGO) test --no-run
 
 # The slow ones too, and those that read ../shared; they fail where it is absent. Lints first.
-test-all: setup check
+test-all: setup-all check
 	$(CARGO) test --profile test-all -- --include-ignored
 
 # Formatting, lints, documentation.
@@ -51,6 +51,9 @@ method-pictures:
 
 setup:
 	sh tests/python/setup.sh
+
+setup-all:
+	sh tests/python/setup.sh all
 
 clean:
 	$(CARGO) clean

@@ -11,11 +11,14 @@
 pub mod csv;
 pub mod dxf;
 pub mod gcode;
+pub mod lightburn;
+pub mod lmc;
 pub mod on_the_fly;
 pub mod ovf;
+pub mod rtc;
 mod target;
 
-pub use target::{Files, FlyFile, Format, Stepped, TARGETS, Target, block_file, names};
+pub use target::{Files, FlyFile, Format, Stepped, TARGETS, Target, block_file, faults, names};
 
 /// The digits 00 to 99, one pair after another.
 const PAIRS: [u8; 200] = {

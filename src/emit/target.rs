@@ -5,12 +5,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{csv, dxf, gcode, on_the_fly, ovf};
+use super::{csv, dxf, gcode, lightburn, lmc, on_the_fly, ovf, rtc};
 use crate::check::Checked;
+use crate::diag::{Diag, Error};
 use crate::machine::Machine;
 use crate::on_the_fly::check::Checked as FlyChecked;
 use crate::on_the_fly::program::Kind;
-use crate::program::BlockFigures;
+use crate::program::{BlockFigures, Program};
 
 /// Program formats, by the names that job files give them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize, schemars::JsonSchema)]
@@ -24,10 +25,16 @@ pub enum Format {
     Csv,
     /// Plain G-code stage program that waits with M0.
     Gcode,
+    /// One LightBurn project per block.
+    Lightburn,
+    /// One list for a BJJCZ (LMC) card per block.
+    Lmc,
     /// OpenVectorFormat.
     Ovf,
     /// On-the-fly program for Power PMAC.
     Pmac,
+    /// One text with lists for a SCANLAB RTC board per block.
+    Rtc,
 }
 
 /// What the writers of a stepped job are given.
@@ -77,8 +84,12 @@ pub struct Target {
     pub stepped: Option<Files>,
     /// What it writes of an on-the-fly job; None where it cannot.
     pub on_the_fly: Option<FlyFile>,
+    /// What keeps a program of a stepped job from being written in it on a machine.
+    pub faults: fn(&Program, &Machine) -> Vec<Diag>,
     /// Whether a file of a stepped job tells which pen each stroke is marked with.
     pub carries_pens: bool,
+    /// Whether it also tells speed, power, frequency and passes of that pen.
+    pub carries_settings: bool,
     /// Whether a file of a stepped job sets the zoom optic for each block.
     pub carries_focus_shift: bool,
     /// Whether it is a program for the control of the stage.
@@ -90,13 +101,15 @@ pub struct Target {
 }
 
 /// All targets, in the order in which files are written.
-pub const TARGETS: [Target; 6] = [
+pub const TARGETS: [Target; 9] = [
     Target {
         format: Format::Dxf,
         name: "dxf",
         stepped: Some(Files::Blocks("dxf", |job, i| dxf::block(job.checked, job.machine, i))),
         on_the_fly: None,
+        faults: no_faults,
         carries_pens: true,
+        carries_settings: false,
         carries_focus_shift: false,
         moves_stage: false,
         allows_setups: true,
@@ -111,7 +124,9 @@ pub const TARGETS: [Target; 6] = [
         name: "csv",
         stepped: Some(Files::Blocks("csv", |job, i| csv::block(job.checked, job.machine, i))),
         on_the_fly: None,
+        faults: no_faults,
         carries_pens: true,
+        carries_settings: false,
         carries_focus_shift: false,
         moves_stage: false,
         allows_setups: true,
@@ -121,11 +136,62 @@ pub const TARGETS: [Target; 6] = [
         ],
     },
     Target {
+        format: Format::Lightburn,
+        name: "lightburn",
+        stepped: Some(Files::Blocks("lbrn2", |job, i| lightburn::block(job.checked, job.machine, i))),
+        on_the_fly: None,
+        faults: lightburn::faults,
+        carries_pens: true,
+        carries_settings: true,
+        carries_focus_shift: false,
+        moves_stage: false,
+        allows_setups: true,
+        sheet: &[
+            "blocks/B0001.lbrn2 and so on are LightBurn projects of one block each, with speed, power, frequency",
+            "and passes of every pen; layer 00 is pen 1. LightBurn marks layer after layer, and the paths of a",
+            "layer in the order of the file only with all cut optimization switched off. Switch it off.",
+        ],
+    },
+    Target {
+        format: Format::Lmc,
+        name: "lmc",
+        stepped: Some(Files::Blocks("lmc", |job, i| lmc::block(job.checked, job.machine, i))),
+        on_the_fly: None,
+        faults: lmc::faults,
+        carries_pens: true,
+        carries_settings: true,
+        carries_focus_shift: false,
+        moves_stage: false,
+        allows_setups: true,
+        sheet: &[
+            "blocks/B0001.lmc and so on are lists of one block each for a BJJCZ (LMC) card, in units of the card,",
+            "with all settings of the pens. They hold no correction of the field: load it before.",
+        ],
+    },
+    Target {
+        format: Format::Rtc,
+        name: "rtc",
+        stepped: Some(Files::Blocks("rtc", |job, i| rtc::block(job.checked, job.machine, i))),
+        on_the_fly: None,
+        faults: rtc::faults,
+        carries_pens: true,
+        carries_settings: true,
+        carries_focus_shift: true,
+        moves_stage: false,
+        allows_setups: true,
+        sheet: &[
+            "blocks/B0001.rtc and so on are lists of one block each for a SCANLAB RTC board, as text in the units",
+            "of the board, for a program of your own that goes through them line by line.",
+        ],
+    },
+    Target {
         format: Format::Linuxcnc,
         name: "linuxcnc",
         stepped: Some(Files::Whole("stage.ngc", gcode::linuxcnc)),
         on_the_fly: Some(FlyFile { name: "fly.ngc", kinds: &[Kind::Xyzuv], write: on_the_fly::linuxcnc }),
+        faults: no_faults,
         carries_pens: false,
+        carries_settings: false,
         carries_focus_shift: false,
         moves_stage: true,
         allows_setups: true,
@@ -142,7 +208,9 @@ pub const TARGETS: [Target; 6] = [
         name: "gcode",
         stepped: Some(Files::Whole("stage_m0.nc", gcode::m0)),
         on_the_fly: None,
+        faults: no_faults,
         carries_pens: false,
+        carries_settings: false,
         carries_focus_shift: false,
         moves_stage: true,
         allows_setups: true,
@@ -156,7 +224,9 @@ pub const TARGETS: [Target; 6] = [
         name: "ovf",
         stepped: Some(Files::Whole("job.ovf", |job| ovf::write(job.checked, job.machine, job.job, job.part))),
         on_the_fly: None,
+        faults: no_faults,
         carries_pens: true,
+        carries_settings: true,
         carries_focus_shift: true,
         moves_stage: false,
         allows_setups: false,
@@ -167,7 +237,9 @@ pub const TARGETS: [Target; 6] = [
         name: "pmac",
         stepped: None,
         on_the_fly: Some(FlyFile { name: "fly.pmc", kinds: &[Kind::Xyzuv, Kind::Xyzacuv], write: on_the_fly::pmac }),
+        faults: no_faults,
         carries_pens: false,
+        carries_settings: false,
         carries_focus_shift: false,
         moves_stage: true,
         allows_setups: false,
@@ -185,6 +257,20 @@ impl Format {
     pub fn name(self) -> &'static str {
         self.target().name
     }
+}
+
+/// Holds a program against what its formats can carry.
+///
+/// # Errors
+/// What a controller would clip, drop or truncate, by format.
+pub fn faults(formats: &[Format], program: &Program, machine: &Machine) -> Result<(), Error> {
+    let faults: Vec<Diag> = formats.iter().flat_map(|f| (f.target().faults)(program, machine)).collect();
+    if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
+}
+
+/// Formats that take every program that the check takes.
+fn no_faults(_: &Program, _: &Machine) -> Vec<Diag> {
+    Vec::new()
 }
 
 /// The names of targets in quotes, for messages.
@@ -207,9 +293,15 @@ mod tests {
 
     #[test]
     fn every_format_has_one_row() {
-        for format in [Format::Dxf, Format::Csv, Format::Linuxcnc, Format::Gcode, Format::Ovf, Format::Pmac] {
+        // The list of all formats is that of the schema of job files.
+        let schema = schemars::schema_for!(Format).to_value();
+        let names = schema["oneOf"].as_array().expect("one entry a format").iter().map(|e| e["const"].clone());
+        let names: Vec<serde_json::Value> = names.collect();
+        assert_eq!(names.len(), TARGETS.len());
+        for name in names {
+            let format: Format = serde_json::from_value(name.clone()).expect("a format");
             assert_eq!(TARGETS.iter().filter(|t| t.format == format).count(), 1, "{format:?}");
-            assert_eq!(serde_json::to_value(format).expect("plain"), format.name());
+            assert_eq!(name, format.name());
         }
     }
 

@@ -55,6 +55,12 @@ pub struct Machine {
     /// A two-axis tilt table, where there is one.
     #[serde(default)]
     pub tilt: Option<Tilt>,
+    /// A BJJCZ (LMC) card, where lists are written for one.
+    #[serde(default)]
+    pub lmc: Option<Lmc>,
+    /// A SCANLAB RTC board, where lists are written for one.
+    #[serde(default)]
+    pub rtc: Option<Rtc>,
 }
 
 /// Shape of the scan field.
@@ -314,6 +320,60 @@ pub struct Zoom {
     pub settle: Time,
 }
 
+/// A BJJCZ (LMC) card: how it counts.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Lmc {
+    /// Units of the card per mm; it has 65536 along each axis.
+    pub units_per_mm: f64,
+    /// What it drives.
+    #[serde(default)]
+    pub laser: LmcLaser,
+}
+
+/// Lasers that an LMC card drives, which take power and frequency by different commands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema, Default)]
+#[serde(rename_all = "lowercase")]
+pub enum LmcLaser {
+    /// A fibre laser: pump current and Q-switch period.
+    #[default]
+    Fiber,
+    /// A CO2 laser: pulse period and duty ratio.
+    Co2,
+}
+
+/// A SCANLAB RTC board: how it counts.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Rtc {
+    /// Which board.
+    pub board: RtcBoard,
+    /// Bits per mm, from the correction file of the lens.
+    pub bits_per_mm: f64,
+    /// Bits per mm of the focus shift, where the board drives a zoom optic.
+    #[serde(default)]
+    pub focus_bits_per_mm: Option<f64>,
+    /// Most commands in one list.
+    #[serde(default = "default_list")]
+    pub list_memory: usize,
+}
+
+fn default_list() -> usize {
+    4000
+}
+
+/// SCANLAB boards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum RtcBoard {
+    /// RTC4: 16 bits along each axis.
+    Rtc4,
+    /// RTC5: 20 bits.
+    Rtc5,
+    /// RTC6: 20 bits.
+    Rtc6,
+}
+
 /// The built-in profiles: name and text.
 pub const PROFILES: [(&str, &str); 5] = [
     ("xyz-galvo-40", include_str!("profiles/xyz-galvo-40.toml")),
@@ -416,6 +476,27 @@ impl Machine {
         if !(40..=1_000_000).contains(&self.controller.max_line) {
             let text = "controller.max_line is not between 40 and 1000000 characters";
             fault("machine-line", "controller.max_line", text.into(), "255 is usual, 80 with GRBL");
+        }
+        let scales = [
+            ("lmc.units_per_mm", self.lmc.map(|lmc| lmc.units_per_mm)),
+            ("rtc.bits_per_mm", self.rtc.map(|rtc| rtc.bits_per_mm)),
+            ("rtc.focus_bits_per_mm", self.rtc.and_then(|rtc| rtc.focus_bits_per_mm)),
+        ];
+        for (key, scale) in scales {
+            if scale.is_some_and(|scale| !(1.0..=1e6).contains(&scale)) {
+                let hint = "it is the range of the card divided by the width of the field";
+                faults.push((
+                    key.into(),
+                    Diag::input("machine-scale", format!("{key} is not between 1 and 1e6")).hint(hint),
+                ));
+            }
+        }
+        if self.rtc.is_some_and(|rtc| !(100..=8_000_000).contains(&rtc.list_memory)) {
+            let text = "rtc.list_memory is not between 100 and 8000000 commands";
+            faults.push((
+                "rtc.list_memory".into(),
+                Diag::input("machine-list", text).hint("4000 is the default of the boards"),
+            ));
         }
         faults.extend(self.tilt.iter().flat_map(Tilt::faults));
         faults

@@ -31,6 +31,7 @@ use crate::block_map::BlockMap;
 use crate::check::{Checked, Limits};
 use crate::clearance::Clearance;
 use crate::diag::{Diag, Error};
+use crate::emit;
 use crate::geom::Nm;
 use crate::job::{Job, Method};
 use crate::machine::{Machine, Origin};
@@ -206,6 +207,7 @@ impl<'a> Draft<'a> {
         };
         let checked = Checked::new(best.program, &limits)?;
         setups::registered(job, machine, &origins)?;
+        emit::faults(&job.formats, checked.program(), machine)?;
         warnings::warn(&job.limits, &best.split, best.worst_defocus, grid.lattice.depth, &mut warnings)?;
         warnings.extend(warnings::not_carried(job, checked.program()));
         warnings.extend(warnings::set_by_hand(job, checked.program()));

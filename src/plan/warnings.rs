@@ -82,7 +82,8 @@ pub(super) fn set_by_hand(job: &Job, program: &Program) -> Option<Diag> {
     let shifted = program.blocks.iter().filter(|b| b.focus_shift != Nm(0)).count();
     (shifted > 0 && !carried).then(|| {
         let text = format!("none of emit.formats sets the zoom optic, which {shifted} blocks need shifted");
-        Diag::warning("focus-shift-lost", text).hint("add \"ovf\", or set it before each block from the run sheet")
+        Diag::warning("focus-shift-lost", text)
+            .hint("add \"ovf\" or \"rtc\", or set it before each block from the run sheet")
     })
 }
 

@@ -133,7 +133,13 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
 }
 
 fn pens(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
-    writeln!(out, "\nPENS (drawings do not carry these values: set them in the marking software)")?;
+    let carried = facts.job.formats.iter().map(|f| f.target()).filter(|t| t.stepped.is_some() && !t.moves_stage);
+    let note = match carried.map(|t| t.carries_settings).collect::<Vec<_>>()[..] {
+        [] => "set them in the marking software",
+        ref all if all.iter().all(|&c| c) => "the files of the blocks carry these values",
+        _ => "DXF and CSV do not carry these values: set them in the marking software",
+    };
+    writeln!(out, "\nPENS ({note})")?;
     writeln!(out, "  no  speed mm/s  power               frequency kHz  passes  name")?;
     for (i, pen) in facts.checked.program().pens.iter().enumerate() {
         let watts = pen.power.as_w(facts.machine.laser.max_power);

@@ -1,4 +1,4 @@
-//! Foreign readers agree with the written files: ezdxf, protobuf, and LinuxCNC's interpreter.
+//! Foreign readers agree with the written files: ezdxf, protobuf, LinuxCNC's interpreter, galvoplotter and meerk40t.
 //!
 //! `tests/python/setup.sh` installs them (`make test` runs it). Without them these tests fail.
 
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::support::surfaces::{dome, mesh, write_stl};
-use crate::support::{JobText, compile, folder, said, shared};
+use crate::support::{JobText, compile, folder, machine_file, said, shared, verify};
 use serde_json::Value;
 
 /// The folder of the foreign readers.
@@ -65,6 +65,38 @@ fn ezdxf_protobuf_and_linuxcnc_read_what_was_written() {
     let hilbert = "order = 4\narea = [\"10 mm\", \"10 mm\", \"50 mm\", \"40 mm\"]";
     let summary = assert_read(&every_entity(&stl, hilbert), dir.path());
     assert!(summary["stops"].as_u64() > Some(10), "{summary}");
+}
+
+/// A bump on a machine with a zoom optic, an LMC card and an RTC board, in the formats of these, and the checks of them.
+fn assert_cards_are_read(formats: &str, scripts: &[&str], pitch: &str) {
+    let dir = folder();
+    let stl = dir.path().join("bump.stl");
+    write_stl(&stl, &mesh(40, [0.0, 0.0, 60.0, 50.0], |x, y| 0.6 * (x / 9.0).sin() * (y / 8.0).cos()));
+    let machine = machine_file("xyz-zoom-40").replacen("mirror_y = false", "mirror_y = true", 1)
+        + "\n[lmc]\nunits_per_mm = 1500\n[rtc]\nboard = \"rtc5\"\nbits_per_mm = 20000\nfocus_bits_per_mm = 4000\n";
+    std::fs::write(dir.path().join("machine.toml"), machine).expect("a writable folder");
+    let mut job = every_entity(&stl, "order = 3").partition("min_mark = \"3 um\"");
+    job.machine = "file = \"machine.toml\"".into();
+    job.textures[0] = format!("pattern = \"hatch\"\npitch = {pitch:?}\ndirection = \"30 deg\"");
+    job.more = job.more.replace("[\"dxf\", \"csv\", \"linuxcnc\", \"gcode\", \"ovf\"]", formats);
+    let out = dir.path().join("out.job");
+    let summary = compile(&job.write(dir.path(), "job.toml"), &out);
+    assert!(summary["blocks"].as_u64() > summary["stops"].as_u64(), "{summary}");
+    verify(&out);
+    let venv = readers();
+    scripts.iter().for_each(|script| check(&venv, script, &out));
+}
+
+#[test]
+fn galvoplotter_protobuf_and_linuxcnc_read_a_job_for_cards_with_zoom_optic() {
+    let scripts = ["check_lmc.py", "check_rtc.py", "check_ovf.py", "check_gcode.py"];
+    assert_cards_are_read("[\"lmc\", \"rtc\", \"linuxcnc\", \"gcode\", \"ovf\"]", &scripts, "2 mm");
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn meerk40t_loads_projects_for_lightburn() {
+    assert_cards_are_read("[\"lightburn\"]", &["check_lightburn.py"], "0.2 mm");
 }
 
 #[test]

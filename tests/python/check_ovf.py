@@ -66,11 +66,15 @@ def unknown(message):
 
 def check_params(job, shell):
     pens = job.manifest["pens"]
-    demand(sorted(shell.params) == list(range(1, len(pens) + 1)), "keys of the marking parameters")
+    # A set for every pen, and one for every other pair of pen and focus shift.
+    shifts = {(s.pen, b.focus_shift) for b in job.program.blocks if b.focus_shift for s in b.strokes}
+    demand(sorted(shell.params) == list(range(1, len(pens) + len(shifts) + 1)), "keys of the marking parameters")
     delays = job.manifest["machine"]["delays"]
-    for key, pen in enumerate(pens, 1):
-        p = shell.params[key]
-        demand(p.name == pen["name"], f"pen {key} is named {p.name!r}")
+    names = {pen["name"]: pen for pen in pens}
+    for key, p in sorted(shell.params.items()):
+        demand(p.name in names, f"pen {key} is named {p.name!r}")
+        pen = names[p.name]
+        demand(key > len(pens) or pen is pens[key - 1] and p.shift_mm == 0, f"pen {key} has other parameters")
         demand(p.power_w == single(pen["power_w"]), f"pen {key}: power")
         demand(p.speed_mm_s == single(pen["speed_mm_s"]), f"pen {key}: speed")
         demand(p.rate_hz == round(pen["frequency_khz"] * 1000), f"pen {key}: frequency")
@@ -89,7 +93,7 @@ def around(points):
     return (min(xs), min(ys), max(xs), max(ys))
 
 
-def check_vectors(job, vectors, strokes, at):
+def check_vectors(job, vectors, strokes, shift, params, at):
     """One vector block against the strokes left; answers with how many of them it holds."""
     kind = vectors.WhichOneof("data")
     xy = list(vectors.line.xy if kind == "line" else vectors.hatches.xy)
@@ -100,7 +104,9 @@ def check_vectors(job, vectors, strokes, at):
     expected = []
     for stroke in mine:
         demand((len(stroke.points) == 2) == (kind == "hatches"), f"{at}: wrong kind {kind}")
-        demand(vectors.params == stroke.pen + 1, f"{at}: pen {vectors.params}, not {stroke.pen + 1}")
+        p, pen = params[vectors.params], job.manifest["pens"][stroke.pen]
+        is_own = p.name == pen["name"] and p.shift_mm == single(shift / 1e6)
+        demand(is_own, f"{at}: not the parameters of pen {stroke.pen + 1} and its focus")
         expected += [single(c / 1e6) for p in stroke.points for c in job.controller(p)]
     demand(xy == expected, f"{at}: points differ from program.txt")
     passes = job.manifest["pens"][mine[0].pen]["passes"]
@@ -111,7 +117,7 @@ def check_vectors(job, vectors, strokes, at):
     return count, around(xy)
 
 
-def check_plane(job, file, pb, start, index):
+def check_plane(job, file, pb, start, index, params):
     block, entry = job.program.blocks[index], job.manifest["blocks"][index]
     at = f"work plane {index}"
     table = file.message(file.offset(start), pb.PlaneTable())
@@ -125,7 +131,8 @@ def check_plane(job, file, pb, start, index):
     strokes, boxes = block.strokes, []
     for number, offset in enumerate(table.blocks):
         vectors = file.message(offset, pb.Vectors())
-        count, bounds = check_vectors(job, vectors, strokes, f"{at}, vector block {number}")
+        count, bounds = check_vectors(
+            job, vectors, strokes, block.focus_shift, params, f"{at}, vector block {number}")
         strokes = strokes[count:]
         boxes.append(bounds)
     demand(not strokes, f"{at}: {len(strokes)} strokes are missing")
@@ -150,7 +157,7 @@ def check(folder):
     demand(shell.about.created == 0, "a time of creation makes every file different")
     demand(list(shell.pieces) == [1] and shell.pieces[1].name, "one part with a name")
     check_params(job, shell)
-    results = [check_plane(job, file, pb, start, i) for i, start in enumerate(table.planes)]
+    results = [check_plane(job, file, pb, start, i, shell.params) for i, start in enumerate(table.planes)]
     demand(len({machine for _, machine, _ in results}) == 1, "more than one machine")
     demand(box(shell.about.box) == join([b for _, _, b in results]), "bounds of the job")
     file.check_gap_free()

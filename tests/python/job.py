@@ -24,7 +24,10 @@ class Stroke:
 
 
 class Block:
-    __slots__ = ("id", "section", "level", "tilt", "centre", "focus", "accepts", "stage", "retract", "marks", "strokes")
+    __slots__ = (
+        "id", "section", "level", "tilt", "centre", "focus", "accepts", "stage", "focus_shift", "retract", "marks",
+        "strokes",
+    )
 
 
 class Program:
@@ -39,16 +42,16 @@ class Program:
         self.pens = []
         for _ in range(int(line.removeprefix("pens "))):
             self.pens.append(next(lines).removeprefix("pen ").rsplit(" | ", 4))
-        self.blocks = []
+        self.blocks, self.focus_shift = [], 0
         for _ in range(int(next(lines).removeprefix("blocks "))):
             self.blocks.append(self._block(lines))
         demand(list(lines) == ["end", ""], f"{path}: the end is missing")
 
-    @staticmethod
-    def _block(lines):
-        # The pass and the set-up are said where they change.
-        while (words := next(lines).split())[0] in ("pass", "setup"):
-            pass
+    def _block(self, lines):
+        # The pass, the set-up and the focus shift are said where they change.
+        while (words := next(lines).split())[0] in ("pass", "setup", "focus_shift"):
+            if words[0] == "focus_shift":
+                self.focus_shift = int(words[1])
         demand(words[0] == "block" and len(words) == 19, "program.txt: no block line")
         numbers = [int(w) for w in words[2:]]
         block = Block()
@@ -56,7 +59,7 @@ class Program:
         block.section, block.level, block.tilt = numbers[0:2], numbers[2], numbers[3:5]
         block.centre, block.focus, block.accepts = numbers[5:7], numbers[7], numbers[8:10]
         block.stage, block.retract, block.marks = numbers[10:13], bool(numbers[13]), numbers[14:16]
-        block.strokes = []
+        block.focus_shift, block.strokes = self.focus_shift, []
         for _ in range(numbers[16]):
             words = next(lines).split()
             stroke = Stroke()

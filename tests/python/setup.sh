@@ -1,7 +1,8 @@
 #!/bin/sh
 # Installs the foreign readers that the tests check the job folders with, below .venv in the root of the
 # repository: Python packages (requirements.txt) and the G-code interpreter of Debian's linuxcnc-uspace,
-# unpacked without root. Running it again costs nothing. Ends with an error if anything is missing.
+# unpacked without root; with `all` also the packages that slow tests need (requirements-all.txt). Running it again
+# costs nothing. Ends with an error if anything is missing.
 set -eu
 
 root=$(cd "$(dirname "$0")/../.." && pwd)
@@ -15,7 +16,6 @@ complain() {
 }
 
 # --- Python packages
-stamp="$venv/requirements.stamp"
 if ! python3 -c 'import ensurepip, venv' 2>/dev/null; then
     # Debian keeps these apart from python3 itself.
     install='apt-get install -y --no-install-recommends python3 python3-venv'
@@ -27,13 +27,20 @@ if ! python3 -c 'import ensurepip, venv' 2>/dev/null; then
         complain "python3-venv ($install)"
     fi
 fi
-if ! cmp -s "$here/requirements.txt" "$stamp"; then
-    if python3 -m venv "$venv" && "$venv/bin/pip" install --quiet --no-compile --disable-pip-version-check -r "$here/requirements.txt"; then
-        cp "$here/requirements.txt" "$stamp"
-    else
-        complain "the Python packages of tests/python/requirements.txt (needs python3-venv and PyPI)"
-    fi
+lists="$here/requirements.txt"
+if [ "${1:-}" = all ]; then
+    lists="$lists $here/requirements-all.txt"
 fi
+for list in $lists; do
+    stamp="$venv/$(basename "$list" .txt).stamp"
+    if ! cmp -s "$list" "$stamp"; then
+        if python3 -m venv "$venv" && "$venv/bin/pip" install --quiet --no-compile --disable-pip-version-check -r "$list"; then
+            cp "$list" "$stamp"
+        else
+            complain "the Python packages of $list (needs python3-venv and PyPI)"
+        fi
+    fi
+done
 
 # --- rs274, the interpreter of LinuxCNC
 cnc="$venv/linuxcnc"

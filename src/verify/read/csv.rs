@@ -4,10 +4,10 @@
 //! are numbered 1, 2, 3 ... without a gap: a line that is missing, repeated or out of place is a fault.
 
 use super::number::{integer, nm_from_decimal};
-use super::{Fault, Strokes};
+use super::{Fault, FileStroke, Strokes};
 
 /// Reads the file of a block.
-pub(super) fn strokes(bytes: &[u8], _block: &str, visit: &mut Strokes<'_>) -> Result<(), Fault> {
+pub(super) fn strokes(bytes: &[u8], visit: &mut Strokes<'_>) -> Result<(), Fault> {
     let mut lines = (1..).zip(bytes.split(|&c| c == b'\n'));
     let (_, head) = lines.next().expect("a split has a first part");
     if head.trim_ascii_end() != b"stroke,pen,x_mm,y_mm" {
@@ -51,7 +51,7 @@ fn finish(line: usize, pen: i64, points: &mut Vec<[i64; 2]>, visit: &mut Strokes
     match points.len() {
         0 => return Ok(()),
         1 => return Err(Fault::new(line, "a stroke has one point")),
-        _ => visit(usize::try_from(pen).ok(), points),
+        _ => visit(FileStroke { pen: usize::try_from(pen).ok(), points, settings: &[] }),
     }
     points.clear();
     Ok(())
@@ -68,7 +68,7 @@ mod tests {
 
     fn read(text: &str) -> Result<Vec<Drawn>, Fault> {
         let mut out = Vec::new();
-        strokes(text.as_bytes(), "B0001", &mut |pen, points| out.push((pen, points.to_vec())))?;
+        strokes(text.as_bytes(), &mut |s| out.push((s.pen, s.points.to_vec())))?;
         Ok(out)
     }
 

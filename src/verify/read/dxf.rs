@@ -5,14 +5,14 @@
 //! fault: a controller would mark it or lose it, and neither is what the program says.
 
 use super::number::{integer, nm_from_decimal};
-use super::{Fault, Strokes};
+use super::{Fault, FileStroke, Strokes};
 
 /// Takes layer and points of a stroke.
 type Visit<'v> = dyn FnMut(&[u8], &[[i64; 2]]) + 'v;
 
 /// Reads the drawing of a block, whose layers are `B0001_P1` and so on: block and pen from 1.
 pub(super) fn strokes(bytes: &[u8], id: &str, visit: &mut Strokes<'_>) -> Result<(), Fault> {
-    read(bytes, &mut |layer, points| visit(pen(layer, id), points))
+    read(bytes, &mut |layer, points| visit(FileStroke { pen: pen(layer, id), points, settings: &[] }))
 }
 
 /// The pen that a layer of the block stands for.

@@ -10,21 +10,50 @@ use std::path::Path;
 
 use super::manifest::{BlockEntry, FileEntry};
 use super::on_the_fly::{self, FlyProgram};
-use super::{Fault, Strokes, csv, dxf, gcode, ovf};
+use super::{BlockOf, Fault, Strokes, csv, dxf, gcode, lightburn, lmc, ovf, rtc};
 use crate::diag;
+use crate::geom::ControllerPoint;
 use crate::job::Format;
+use crate::machine::Machine;
+use crate::program::Pen;
 
 /// Largest file that is read.
 const MAX_FILE: u64 = 4 << 30;
 
-/// Reads the file of the block that is named.
-pub(in crate::verify) type ReadStrokes = fn(&[u8], &str, &mut Strokes<'_>) -> Result<(), Fault>;
+/// Files of single blocks in one format: what they hold, and in which units.
+#[derive(Clone, Copy)]
+pub(in crate::verify) struct BlockFiles {
+    pub(in crate::verify) ending: &'static str,
+    pub(in crate::verify) read: fn(&[u8], &BlockOf<'_>, &mut Strokes<'_>) -> Result<(), Fault>,
+    /// A point of the controller in the units of the file.
+    pub(in crate::verify) units: fn(&Machine, ControllerPoint) -> [i64; 2],
+    /// Whether strokes name their pen.
+    pub(in crate::verify) names_pens: bool,
+    /// Whether a stroke is there as often as its pen has passes.
+    pub(in crate::verify) repeats: bool,
+    /// The settings that a stroke with a pen should have.
+    pub(in crate::verify) settings: fn(&BlockOf<'_>, &Pen) -> Vec<i64>,
+}
+
+/// Points in nm.
+fn in_nm(_: &Machine, ControllerPoint { x, y }: ControllerPoint) -> [i64; 2] {
+    [x, y].map(i64::from)
+}
+
+/// Drawings that name pens and leave their settings to the marking software.
+const fn drawing(
+    ending: &'static str,
+    read: fn(&[u8], &BlockOf<'_>, &mut Strokes<'_>) -> Result<(), Fault>,
+) -> Option<Stepped> {
+    let settings = |_: &BlockOf<'_>, _: &Pen| Vec::new();
+    Some(Stepped::Blocks(BlockFiles { ending, read, units: in_nm, names_pens: true, repeats: false, settings }))
+}
 
 /// The files of a stepped job in one format, and what they hold.
 #[derive(Clone, Copy)]
 pub(in crate::verify) enum Stepped {
-    /// One file for every block, with this ending: its strokes, in order.
-    Blocks { ending: &'static str, read: ReadStrokes },
+    /// One file for every block: its strokes, in order.
+    Blocks(BlockFiles),
     /// A program of the stage: its moves and what fires the laser between them, over a handshake with the scan card or
     /// by an operator.
     Stage { file: &'static str, handshake: bool, read: fn(&[u8]) -> Result<gcode::Program, Fault> },
@@ -52,17 +81,56 @@ pub(in crate::verify) struct Row {
 }
 
 /// All formats.
-pub(in crate::verify) const FORMATS: [Row; 6] = [
+pub(in crate::verify) const FORMATS: [Row; 9] = [
     Row {
         format: Format::Dxf,
         name: "dxf",
-        stepped: Some(Stepped::Blocks { ending: "dxf", read: dxf::strokes }),
+        stepped: drawing("dxf", |bytes, of, visit| dxf::strokes(bytes, of.id, visit)),
         on_the_fly: None,
     },
     Row {
         format: Format::Csv,
         name: "csv",
-        stepped: Some(Stepped::Blocks { ending: "csv", read: csv::strokes }),
+        stepped: drawing("csv", |bytes, _, visit| csv::strokes(bytes, visit)),
+        on_the_fly: None,
+    },
+    Row {
+        format: Format::Lightburn,
+        name: "lightburn",
+        stepped: Some(Stepped::Blocks(BlockFiles {
+            ending: "lbrn2",
+            read: lightburn::strokes,
+            units: in_nm,
+            names_pens: true,
+            repeats: false,
+            settings: lightburn::settings,
+        })),
+        on_the_fly: None,
+    },
+    Row {
+        format: Format::Lmc,
+        name: "lmc",
+        stepped: Some(Stepped::Blocks(BlockFiles {
+            ending: "lmc",
+            read: |bytes, _, visit| lmc::strokes(bytes, visit),
+            units: lmc::units,
+            names_pens: false,
+            repeats: true,
+            settings: lmc::settings,
+        })),
+        on_the_fly: None,
+    },
+    Row {
+        format: Format::Rtc,
+        name: "rtc",
+        stepped: Some(Stepped::Blocks(BlockFiles {
+            ending: "rtc",
+            read: rtc::strokes,
+            units: rtc::units,
+            names_pens: false,
+            repeats: true,
+            settings: rtc::settings,
+        })),
         on_the_fly: None,
     },
     Row {
@@ -100,7 +168,7 @@ pub(in crate::verify) fn expected<'a>(
 ) -> impl Iterator<Item = (&'static Row, Stepped)> + 'a {
     FORMATS.iter().filter_map(|row| row.stepped.map(|files| (row, files))).filter(move |(row, files)| {
         let is_listed = match files {
-            Stepped::Blocks { .. } => blocks.iter().any(|b| b.files.contains_key(row.name)),
+            Stepped::Blocks(_) => blocks.iter().any(|b| b.files.contains_key(row.name)),
             Stepped::Stage { file, .. } | Stepped::Planes { file, .. } => listed.iter().any(|f| f.file == *file),
         };
         is_listed || asked.contains(&row.format)
@@ -114,9 +182,7 @@ pub(in crate::verify) fn of_block(id: &str, ending: &str) -> String {
 
 /// Whether `file` is the name of a file of that block in any format.
 pub(in crate::verify) fn is_of_block(file: &str, id: &str) -> bool {
-    FORMATS
-        .iter()
-        .any(|row| matches!(row.stepped, Some(Stepped::Blocks { ending, .. }) if file == of_block(id, ending)))
+    FORMATS.iter().any(|row| matches!(row.stepped, Some(Stepped::Blocks(files)) if file == of_block(id, files.ending)))
 }
 
 /// The bytes of a file of the job folder, or why they cannot be had.
@@ -139,7 +205,7 @@ mod tests {
             assert_eq!(row.name, target.name);
             let is_same = match (row.stepped, target.stepped) {
                 (None, None) => true,
-                (Some(Stepped::Blocks { ending, .. }), Some(Files::Blocks(written, _))) => ending == written,
+                (Some(Stepped::Blocks(files)), Some(Files::Blocks(written, _))) => files.ending == written,
                 (Some(Stepped::Stage { file, .. } | Stepped::Planes { file, .. }), Some(Files::Whole(written, _))) => {
                     file == written
                 }

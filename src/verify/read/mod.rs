@@ -7,16 +7,39 @@ mod csv;
 mod dxf;
 pub(super) mod formats;
 pub(super) mod gcode;
+mod lightburn;
+mod lmc;
 pub(super) mod manifest;
 pub(super) mod number;
 pub(super) mod on_the_fly;
 pub(super) mod ovf;
 pub(super) mod program;
+mod rtc;
 pub(super) mod runsheet;
 
-/// Takes the strokes of a block one by one: the pen from 1, None where the file names none that the block can have,
-/// and the points in nm in the controller's coordinates.
-pub(in crate::verify) type Strokes<'v> = dyn FnMut(Option<usize>, &[[i64; 2]]) + 'v;
+use crate::machine::Machine;
+use crate::program::Block;
+
+/// The block whose file is read.
+#[derive(Clone, Copy)]
+pub(in crate::verify) struct BlockOf<'a> {
+    pub(in crate::verify) id: &'a str,
+    pub(in crate::verify) block: &'a Block,
+    pub(in crate::verify) machine: &'a Machine,
+}
+
+/// A stroke in the file of a block.
+pub(in crate::verify) struct FileStroke<'a> {
+    /// Its pen, from 1; None where the file names none that the block can have.
+    pub(in crate::verify) pen: Option<usize>,
+    /// Its points in the controller's coordinates, in the units of the format.
+    pub(in crate::verify) points: &'a [[i64; 2]],
+    /// The settings that it is marked with, in the format's own order and units; empty where the file has none.
+    pub(in crate::verify) settings: &'a [i64],
+}
+
+/// Takes the strokes of a block one by one.
+pub(in crate::verify) type Strokes<'v> = dyn FnMut(FileStroke<'_>) + 'v;
 
 /// What is wrong with a text file, and in which line (from 1).
 #[derive(Clone, Debug, PartialEq, Eq)]

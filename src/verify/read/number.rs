@@ -32,6 +32,11 @@ pub(in crate::verify) fn nm_from_mm(mm: f64) -> Option<i64> {
 
 /// A plain decimal in mm as nm; None where it is not a plain decimal, finer than 1 nm or beyond 4 m.
 pub(in crate::verify) fn nm_from_decimal(text: &[u8]) -> Option<i64> {
+    millionths(text).filter(|nm| nm.abs() <= MAX_NM.0)
+}
+
+/// A plain decimal in millionths; None where it is none, or finer.
+pub(in crate::verify) fn millionths(text: &[u8]) -> Option<i64> {
     let (negative, digits) = match text {
         [b'-', rest @ ..] => (true, rest),
         [b'+', rest @ ..] => (false, rest),
@@ -55,7 +60,7 @@ pub(in crate::verify) fn nm_from_decimal(text: &[u8]) -> Option<i64> {
     for _ in decimals.unwrap_or(0)..DECIMALS {
         value = value.checked_mul(10)?;
     }
-    (seen && value <= MAX_NM.0).then_some(if negative { -value } else { value })
+    seen.then_some(if negative { -value } else { value })
 }
 
 #[cfg(test)]

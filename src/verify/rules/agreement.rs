@@ -9,10 +9,11 @@ use super::hash::is_inside;
 use super::{planes, setups};
 use crate::geom::{NM_PER_MM, Nm, P2};
 use crate::machine::Machine;
-use crate::program::{Block, BlockId, PassId, Program};
+use crate::program::{Block, BlockId, PassId, Program, Stroke};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
-use crate::verify::read::formats::{self, ReadStrokes, Stepped};
+use crate::verify::read::BlockOf;
+use crate::verify::read::formats::{self, BlockFiles, Stepped};
 use crate::verify::read::manifest::{BlockEntry, Manifest};
 use crate::verify::read::number::nm_from_mm;
 use crate::verify::read::program::ProgramFile;
@@ -64,11 +65,11 @@ pub(in crate::verify) fn check(
     }
     for (row, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
         match files {
-            Stepped::Blocks { ending, read } => {
-                let drawings = Drawings { folder, read, program, machine: &facts.machine };
+            Stepped::Blocks(files) => {
+                let drawings = Drawings { folder, files, program, machine: &facts.machine };
                 for (i, (id, block)) in file.ids.iter().zip(&program.blocks).enumerate() {
                     let named = manifest.blocks.get(i).and_then(|e| e.files.get(row.name));
-                    let name = named.cloned().unwrap_or_else(|| formats::of_block(id, ending));
+                    let name = named.cloned().unwrap_or_else(|| formats::of_block(id, files.ending));
                     drawings.check(&name, id, block, rule);
                 }
             }
@@ -144,7 +145,7 @@ fn differs(e: &BlockEntry, id: &str, b: &Block) -> Option<&'static str> {
 /// The files of single blocks in one format.
 struct Drawings<'a> {
     folder: &'a Path,
-    read: ReadStrokes,
+    files: BlockFiles,
     program: &'a Program,
     machine: &'a Machine,
 }
@@ -159,17 +160,26 @@ impl Drawings<'_> {
             Ok(bytes) => bytes,
             Err(unread) => return rule.broken(id, name, unread),
         };
-        let Self { program, machine, .. } = *self;
-        let strokes = program.strokes_of(block);
-        let (mut count, mut first) = (0, None);
-        let read = (self.read)(&bytes, id, &mut |pen, points| {
-            if let Some(stroke) = strokes.get(count) {
-                let wanted = program.points_of(stroke).iter().map(|&p| machine.scanner.controller_from_field(p));
-                let wanted = wanted.map(|p| [p.x, p.y].map(i64::from));
-                if pen != Some(stroke.pen.index() + 1) {
+        let Self { program, machine, files, .. } = *self;
+        let of = BlockOf { id, block, machine };
+        let times = |stroke: &Stroke| if files.repeats { program.pens[stroke.pen.index()].passes as usize } else { 1 };
+        let all = program.strokes_of(block).iter().flat_map(|stroke| std::iter::repeat_n(stroke, times(stroke)));
+        let total: usize = program.strokes_of(block).iter().map(times).sum();
+        let (mut strokes, mut count, mut first) = (all, 0, None);
+        let mut wanted = Vec::new();
+        let read = (files.read)(&bytes, &of, &mut |found| {
+            if let Some(stroke) = strokes.next() {
+                let points = program.points_of(stroke).iter().map(|&p| machine.scanner.controller_from_field(p));
+                wanted.clear();
+                wanted.extend(points.map(|p| (files.units)(machine, p)));
+                // Points that are one in coarse units are marked once.
+                wanted.dedup();
+                if files.names_pens && found.pen != Some(stroke.pen.index() + 1) {
                     first.get_or_insert((count, "has another pen"));
-                } else if !wanted.eq(points.iter().copied()) {
+                } else if wanted != found.points {
                     first.get_or_insert((count, "has other points"));
+                } else if (files.settings)(&of, &program.pens[stroke.pen.index()]) != found.settings {
+                    first.get_or_insert((count, "has other settings"));
                 }
             }
             count += 1;
@@ -179,8 +189,8 @@ impl Drawings<'_> {
             rule.broken(id, format!("{name}:{}", fault.line), fault.message);
         } else if let Some((stroke, what)) = first {
             rule.broken(id, name, format!("stroke {} {what} than in program.txt", stroke + 1));
-        } else if count != strokes.len() {
-            rule.broken(id, name, format!("holds {count} strokes, program.txt has {}", strokes.len()));
+        } else if count != total {
+            rule.broken(id, name, format!("holds {count} strokes, program.txt has {total}"));
         }
     }
 }

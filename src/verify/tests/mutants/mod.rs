@@ -1,6 +1,7 @@
 //! Rules on compiled jobs: real programs, damaged in all formats alike by the real emitters, lengths
 //! and hashes renewed, that one rule and no other reports.
 
+mod cards;
 mod passes;
 mod right;
 mod setups;
