@@ -6,6 +6,7 @@
 
 use super::Fault;
 use super::number::nm_from_decimal;
+use crate::geom::Nm;
 
 /// What one line asks for.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +47,10 @@ impl Step {
     /// Whether it may stand between the title of a block and its moves.
     pub(in crate::verify) fn is_before_moves(&self) -> bool {
         matches!(self, Self::OutputOff | Self::SpindleOff | Self::Modal(_) | Self::FocusShift(_))
+    }
+    /// The focus shift that it states, if it is such a comment.
+    pub(in crate::verify) fn focus_shift(&self) -> Option<Nm> {
+        if let Self::FocusShift(nm) = self { Some(Nm(*nm)) } else { None }
     }
 }
 

@@ -155,7 +155,10 @@ mod tests {
         all.iter().flatten().flat_map(|word| word.to_le_bytes()).collect()
     }
 
-    fn read(bytes: &[u8]) -> Result<Vec<(Vec<[i64; 2]>, Vec<i64>)>, Fault> {
+    type Change = &'static dyn Fn(&mut Vec<[u16; 6]>);
+    type Found = (Vec<[i64; 2]>, Vec<i64>);
+
+    fn read(bytes: &[u8]) -> Result<Vec<Found>, Fault> {
         let mut out = Vec::new();
         strokes(bytes, &mut |s| out.push((s.points.to_vec(), s.settings.to_vec())))?;
         Ok(out)
@@ -172,7 +175,7 @@ mod tests {
 
     #[test]
     fn malformed_lists_are_faults() {
-        let changes: [&dyn Fn(&mut Vec<[u16; 6]>); 13] = [
+        let changes: [Change; 13] = [
             &|all| all[12][4] = 6,
             &|all| all[12][3] = 1,
             &|all| _ = all.remove(11),

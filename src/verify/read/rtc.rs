@@ -122,7 +122,9 @@ mod tests {
         jump_speed 100000.5\npower 2457\nhalf_period 533\nmark_speed 20000.000001\njump -1 0\nmark 2 -3\nmark 4 5\n\
         jump 7 7\nmark 8 8\nend\n";
 
-    fn read(text: &str) -> Result<Vec<(Vec<[i64; 2]>, Vec<i64>)>, Fault> {
+    type Found = (Vec<[i64; 2]>, Vec<i64>);
+
+    fn read(text: &str) -> Result<Vec<Found>, Fault> {
         let mut out = Vec::new();
         lists(text.as_bytes(), "B0001", "rtc5", 20, &mut |s| out.push((s.points.to_vec(), s.settings.to_vec())))?;
         Ok(out)

@@ -207,12 +207,8 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
         if begins.take() != is_next.then_some(block.setup.number()) {
             rule.broken(id, stage.place(s.line), "it does not begin a set-up here as in program.txt");
         }
-        let mut focus_shift = None;
-        while let Some(n) = rest.next_if(|n| n.step.is_before_moves()) {
-            if let Step::FocusShift(nm) = n.step {
-                focus_shift = Some(Nm(nm));
-            }
-        }
+        let heading = std::iter::from_fn(|| rest.next_if(|n| n.step.is_before_moves()));
+        let focus_shift = heading.filter_map(|n| n.step.focus_shift()).last();
         if focus_shift != machine.zoom.as_ref().map(|_| block.focus_shift) {
             rule.broken(id, stage.place(s.line), "the focus shift that it states is not the block's");
         }
