@@ -234,7 +234,10 @@ fn job(path: &Path) -> Result<Shown, Error> {
 fn folder(path: &Path) -> Result<Shown, Error> {
     let found = manifest::read(path)?;
     let (figures, time_s, mark_mm) = match &found.summary {
-        AnySummary::Stepped(s) => (format!("stops    {}", s.stops), s.time_s.total, s.mark_mm),
+        AnySummary::Stepped(s) => {
+            let by_hand = duration(s.by_hand.total_s);
+            (format!("stops    {}\nby hand  {by_hand}", s.stops), s.time_s.total, s.mark_mm)
+        }
         AnySummary::OnTheFly(s) => (format!("moves    {}", s.moves), s.time_s, s.mark_mm),
     };
     let text = format!(

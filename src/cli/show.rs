@@ -109,6 +109,14 @@ fn blocks(s: &Summary) -> String {
     if s.blocks > s.stops { format!(", {} blocks", s.blocks) } else { String::new() }
 }
 
+/// The time with a person who loads the blocks.
+fn by_hand(s: &Summary) -> String {
+    let hand = &s.by_hand;
+    let [who, source] =
+        [if hand.needed { "a person loads" } else { "if a person loads" }, if hand.assumed { ", assumed" } else { "" }];
+    format!("by hand        {}, {who} {} files at {} s each{source}", duration(hand.total_s), s.blocks, hand.load_s)
+}
+
 /// How many stops any partition needs, and how near the job comes.
 fn at_least(s: &Summary) -> String {
     let ratio = s.lower_bound_stops.filter(|&n| n > 0).zip(s.over_bound());
@@ -153,6 +161,7 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
             duration(t.delay)
         ),
     ];
+    lines.push(by_hand(s));
     if s.setups > 1 {
         lines.insert(1, format!("set-ups        {}", s.setups));
     }

@@ -85,6 +85,8 @@ pub struct Figures {
     /// What a simple model says, s: eq. 8 of Cui et al. for what steps and eq. 9 for what is synchronised, every move
     /// as long as that of a field; for turning axes a stop at every node of the path.
     pub model_s: Option<f64>,
+    /// Time with a person who loads the file of each block, s; None for systems that need none.
+    pub by_hand_s: Option<f64>,
     /// Standstills of the stage between marks.
     pub stops: usize,
     /// Focal offset, um.

@@ -10,6 +10,7 @@ fn systems(c: &Comparison) -> Table {
     let columns = vec![
         Column::text("system"),
         Column::time("total"),
+        Column::time("by hand"),
         Column::time("model"),
         Column::time("stage"),
         Column::time("settle"),
@@ -49,7 +50,7 @@ fn systems(c: &Comparison) -> Table {
 
 fn figures(f: &Figures) -> Vec<Cell> {
     let t = &f.time;
-    let mut cells: Vec<Cell> = vec![t.total().into(), f.model_s.into()];
+    let mut cells: Vec<Cell> = vec![t.total().into(), f.by_hand_s.into(), f.model_s.into()];
     cells.extend(t.parts().map(|(_, s)| Cell::from(s)));
     cells.extend([f.stops.into(), f.speed.into(), (f.marked_mm / 1000.0).into()]);
     cells.extend([f.focus_um.worst, f.incidence_deg.worst, f.displacement_mm.worst].map(Cell::from));

@@ -112,6 +112,7 @@ fn stepping(marks: Figures, subject: &Subject<'_>, plan: &Measured<'_>) -> Figur
     Figures {
         time: Split { stage, settle, zoom, mark, jump, delay },
         model_s: Some(step_scan_s(stops, subject.move_s, zoom + mark + jump + delay)),
+        by_hand_s: Some(plan.times.total + plan.machine.load_s() * program.blocks.len() as f64),
         stops,
         seam_mm: plan.seam_mm,
         // Two stops stand off by this much each, and independently.

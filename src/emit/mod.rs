@@ -18,7 +18,7 @@ pub mod ovf;
 pub mod rtc;
 mod target;
 
-pub use target::{Files, FlyFile, Format, Stepped, TARGETS, Target, block_file, faults, names};
+pub use target::{Files, FlyFile, Format, Stepped, TARGETS, Target, block_file, faults, names, needs_person};
 
 /// The digits 00 to 99, one pair after another.
 const PAIRS: [u8; 200] = {

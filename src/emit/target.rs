@@ -92,6 +92,8 @@ pub struct Target {
     pub carries_settings: bool,
     /// Whether a file of a stepped job sets the zoom optic for each block.
     pub carries_focus_shift: bool,
+    /// Whether one file of a stepped job holds all its blocks, so that nobody loads them one by one.
+    pub holds_job: bool,
     /// Whether it is a program for the control of the stage.
     pub moves_stage: bool,
     /// Whether the operator can move the part in the middle of a stepped job.
@@ -111,6 +113,7 @@ pub const TARGETS: [Target; 9] = [
         carries_pens: true,
         carries_settings: false,
         carries_focus_shift: false,
+        holds_job: false,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -128,6 +131,7 @@ pub const TARGETS: [Target; 9] = [
         carries_pens: true,
         carries_settings: false,
         carries_focus_shift: false,
+        holds_job: false,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -144,6 +148,7 @@ pub const TARGETS: [Target; 9] = [
         carries_pens: true,
         carries_settings: true,
         carries_focus_shift: false,
+        holds_job: false,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -161,6 +166,7 @@ pub const TARGETS: [Target; 9] = [
         carries_pens: true,
         carries_settings: true,
         carries_focus_shift: false,
+        holds_job: false,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -177,6 +183,7 @@ pub const TARGETS: [Target; 9] = [
         carries_pens: true,
         carries_settings: true,
         carries_focus_shift: true,
+        holds_job: false,
         moves_stage: false,
         allows_setups: true,
         sheet: &[
@@ -193,6 +200,7 @@ pub const TARGETS: [Target; 9] = [
         carries_pens: false,
         carries_settings: false,
         carries_focus_shift: false,
+        holds_job: false,
         moves_stage: true,
         allows_setups: true,
         sheet: &[
@@ -212,6 +220,7 @@ pub const TARGETS: [Target; 9] = [
         carries_pens: false,
         carries_settings: false,
         carries_focus_shift: false,
+        holds_job: false,
         moves_stage: true,
         allows_setups: true,
         sheet: &[
@@ -228,6 +237,7 @@ pub const TARGETS: [Target; 9] = [
         carries_pens: true,
         carries_settings: true,
         carries_focus_shift: true,
+        holds_job: true,
         moves_stage: false,
         allows_setups: false,
         sheet: &["job.ovf holds the whole job, stage places and pens included: work plane 0 is block B0001."],
@@ -241,6 +251,7 @@ pub const TARGETS: [Target; 9] = [
         carries_pens: false,
         carries_settings: false,
         carries_focus_shift: false,
+        holds_job: false,
         moves_stage: true,
         allows_setups: false,
         sheet: &[],
@@ -266,6 +277,11 @@ impl Format {
 pub fn faults(formats: &[Format], program: &Program, machine: &Machine) -> Result<(), Error> {
     let faults: Vec<Diag> = formats.iter().flat_map(|f| (f.target().faults)(program, machine)).collect();
     if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
+}
+
+/// Whether a person has to load the files of the blocks, because no file of a stepped job in these formats holds all.
+pub fn needs_person(formats: &[Format]) -> bool {
+    !formats.iter().any(|f| f.target().holds_job)
 }
 
 /// Formats that take every program that the check takes.

@@ -55,6 +55,9 @@ pub struct Machine {
     /// A two-axis tilt table, where there is one.
     #[serde(default)]
     pub tilt: Option<Tilt>,
+    /// What a person at the machine takes, where that is stated.
+    #[serde(default)]
+    pub operator: Option<Operator>,
     /// A BJJCZ (LMC) card, where lists are written for one.
     #[serde(default)]
     pub lmc: Option<Lmc>,
@@ -320,6 +323,18 @@ pub struct Zoom {
     pub settle: Time,
 }
 
+/// What a person at the machine takes.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Operator {
+    /// Time to load the file of one block and to start it.
+    #[serde(deserialize_with = "non_negative")]
+    pub load: Time,
+}
+
+/// Time to load the file of one block where the machine file does not state it, s.
+const ASSUMED_LOAD_S: f64 = 15.0;
+
 /// A BJJCZ (LMC) card: how it counts.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -572,6 +587,11 @@ impl Machine {
             out[i] = axis.sign() * (p[i] + origin[i]);
         }
         out
+    }
+
+    /// Time in which a person loads the file of one block and starts it, s.
+    pub fn load_s(&self) -> f64 {
+        self.operator.map_or(ASSUMED_LOAD_S, |operator| operator.load.as_s())
     }
 
     /// How far the zoom optic shifts the focal plane up or down at most, in whole stage increments; 0 without one.

@@ -52,6 +52,7 @@ fn ranges(m: &Machine) -> Vec<Range> {
     hold(&mut out, "delays.jump", Some(m.delays.jump), ["0 s", "1 s"]);
     hold(&mut out, "delays.mark", Some(m.delays.mark), ["0 s", "1 s"]);
     hold(&mut out, "delays.polygon", Some(m.delays.polygon), ["0 s", "1 s"]);
+    hold(&mut out, "operator.load", m.operator.map(|o| o.load), ["0 s", "60 min"]);
     let zoom = m.zoom.as_ref();
     hold(&mut out, "zoom.range", zoom.map(|z| z.range), ["1 um", "1 m"]);
     hold(&mut out, "zoom.speed", zoom.map(|z| z.speed), ["0.001 mm/s", "100 m/s"]);
@@ -91,7 +92,7 @@ mod tests {
             assert!(text.contains(&format!("| `{key}` | {lo} | {hi} |\n")), "{key} {lo} {hi}");
             rows.insert(key);
         }
-        assert_eq!(rows.len(), 32);
+        assert_eq!(rows.len(), 33);
     }
 
     #[test]

@@ -43,6 +43,28 @@ pub struct Times {
     pub total: f64,
 }
 
+/// The job if a person loads the files of the blocks one by one and starts each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ByHand {
+    /// Time for the file of one block, s.
+    pub load_s: f64,
+    /// Whether the machine file does not state that time.
+    pub assumed: bool,
+    /// Whether the job cannot be marked otherwise with its files: none holds all blocks.
+    pub needed: bool,
+    /// Time of the machine and of the person, one after the other, s; the person attends all of it.
+    pub total_s: f64,
+}
+
+impl ByHand {
+    /// For so many blocks of a job that takes the machine `machine_s`.
+    pub(crate) fn new(job: &Job, machine: &Machine, blocks: usize, machine_s: f64) -> Self {
+        let load_s = machine.load_s();
+        let needed = emit::needs_person(&job.formats);
+        Self { load_s, assumed: machine.operator.is_none(), needed, total_s: machine_s + load_s * blocks as f64 }
+    }
+}
+
 /// One candidate of `auto`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Candidate {
@@ -106,8 +128,10 @@ pub struct Summary {
     pub worst_defocus_mean_um: f64,
     /// Largest angle between the beam and the normal of a marked place.
     pub worst_incidence_deg: f64,
-    /// The job's time.
+    /// The job's time: that of the machine, nobody attending.
     pub time_s: Times,
+    /// The job by hand.
+    pub by_hand: ByHand,
     /// What `auto` compared; empty where one method was asked for.
     pub candidates: Vec<Candidate>,
     /// What the user should know.

@@ -1,6 +1,7 @@
 //! What one method of partition gives: a program in order with its figures, to be compared and continued.
 
 use super::grid::Grid;
+use super::job_time::load_s;
 use super::setups::{Setups, Used};
 use super::split::join;
 use super::start::{Laid, Start};
@@ -8,7 +9,7 @@ use crate::check::{self, Limits};
 use crate::clearance::Clearance;
 use crate::diag::Diag;
 use crate::geom::Nm;
-use crate::job::{Method, Objective, Passes};
+use crate::job::{Job, Method, Objective, Passes};
 use crate::machine::{Machine, Origin};
 use crate::manifest::{self, Times};
 use crate::program::{Block, BlockFigures, PassId, PenId, Program, Stop};
@@ -61,10 +62,11 @@ impl Candidate {
     }
 
     /// What the best candidate has least of.
-    pub(super) fn measure(&self, objective: Objective) -> (f64, f64) {
-        match objective {
-            Objective::Time => (self.times.total, 0.0),
-            Objective::Stops => (self.program.stops() as f64, self.times.total),
+    pub(super) fn measure(&self, job: &Job, machine: &Machine) -> (f64, f64) {
+        let spent = self.times.total + load_s(job, machine) * self.program.blocks.len() as f64;
+        match job.partition.objective {
+            Objective::Time => (spent, 0.0),
+            Objective::Stops => (self.program.stops() as f64, spent),
         }
     }
 

@@ -1,10 +1,17 @@
 //! The time of a program by the machine's motion model.
 
 use super::start::Start;
+use crate::emit;
+use crate::job::Job;
 use crate::machine::{Machine, TiltAngles};
 use crate::manifest::Times;
 use crate::motion;
 use crate::program::Program;
+
+/// What a person takes for each block, s, where the job cannot be marked without one.
+pub(super) fn load_s(job: &Job, machine: &Machine) -> f64 {
+    if emit::needs_person(&job.formats) { machine.load_s() } else { 0.0 }
+}
 
 /// The time of a program that begins at `start`, and that of every block without the stage's moves, s.
 pub(super) fn times(machine: &Machine, start: &Start, program: &Program) -> (Times, Vec<f64>) {

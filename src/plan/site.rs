@@ -17,6 +17,8 @@ pub(super) struct Site<'a> {
     pub(super) footprint: &'a Footprint,
     /// What two stops may both mark at a cut.
     pub(super) overlap: Nm,
+    /// What a person takes for each block, s.
+    pub(super) load_s: f64,
     /// The pass, from 0.
     pub(super) pass: PassId,
 }
@@ -59,6 +61,7 @@ impl Site<'_> {
         let xy = time([w, h, 0]);
         let sections = (0..self.grid.sections.len()).filter(|&i| self.footprint.is_used(i)).count() as f64;
         let stops = grid.stops.len() as f64;
-        0.6 * stops * time([w / 2, h / 2, 0]) > sections * xy + (stops - sections) * z
+        let free = 0.6 * stops * (time([w / 2, h / 2, 0]) + self.load_s);
+        free > sections * xy + (stops - sections) * z + stops * self.load_s
     }
 }

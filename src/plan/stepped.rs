@@ -17,7 +17,7 @@ use super::dose;
 use super::grid::{Grid, Layout};
 use super::hatch_direction;
 use super::inputs::Inputs;
-use super::job_time::times;
+use super::job_time::{load_s, times};
 use super::pass::Pass;
 use super::progress::{Phase, Progress};
 use super::setups::{self, Setups};
@@ -118,7 +118,7 @@ impl<'a> Draft<'a> {
             }
             (*method, made, fault)
         });
-        let best = best_of(made, |made| made.measure(job.partition.objective), &mut warnings)?;
+        let best = best_of(made, |made| made.measure(job, machine), &mut warnings)?;
         if found.len() == 1 {
             tried.clear();
         }
@@ -221,7 +221,7 @@ impl<'a> Draft<'a> {
             worst_defocus: best.worst_defocus,
             worst_defocus_mean: best.worst_defocus_mean,
         };
-        let summary = summary::summary(&checked, &passes, &figures, tried, &warnings);
+        let summary = summary::summary((job, machine), &checked, &passes, &figures, tried, &warnings);
         Ok(SteppedPlan {
             job: job.clone(),
             machine: machine.clone(),
@@ -275,6 +275,7 @@ impl Ready {
             grid: &self.grid,
             footprint: &self.footprint,
             overlap: job.partition.overlap,
+            load_s: load_s(job, machine),
             pass: self.start.pass,
         }
     }

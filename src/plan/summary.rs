@@ -4,8 +4,9 @@ use super::pass::Pass;
 use crate::check::Checked;
 use crate::diag::{Diag, Message};
 use crate::geom::Nm;
-use crate::job::Method;
-use crate::manifest::{Candidate, Summary, Times};
+use crate::job::{Job, Method};
+use crate::machine::Machine;
+use crate::manifest::{ByHand, Candidate, Summary, Times};
 use crate::partition::bound::Certificate;
 use crate::program::{Block, Program};
 use crate::split::Fragments;
@@ -24,6 +25,7 @@ pub(super) struct Figures<'a> {
 
 /// The summary of a checked program.
 pub(super) fn summary(
+    (job, machine): (&Job, &Machine),
     checked: &Checked,
     passes: &[Pass],
     figures: &Figures<'_>,
@@ -58,6 +60,7 @@ pub(super) fn summary(
         worst_defocus_mean_um: figures.worst_defocus_mean.f64() / 1000.0,
         worst_incidence_deg: split.worst_slope2.sqrt().atan().to_degrees(),
         time_s: figures.times,
+        by_hand: ByHand::new(job, machine, program.blocks.len(), figures.times.total),
         candidates,
         warnings: warnings.iter().map(Message::from).collect(),
     }

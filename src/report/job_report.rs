@@ -69,7 +69,8 @@ fn figures(h: &mut String, job: &Layout<'_>, is_gridded: bool) {
         ("Method", escape(&s.method)),
         ("Passes", job.passes.to_string()),
         ("Set-ups", s.setups.max(1).to_string()),
-        ("Stops", job.blocks().len().to_string()),
+        ("Stops", s.stops.to_string()),
+        ("Number of blocks", s.blocks.to_string()),
         ("Lower bound of stops", s.lower_bound_stops.filter(|&n| n > 0).map_or("not known".into(), |n| n.to_string())),
         ("Stops over their lower bound", s.over_bound().map_or("not known".into(), |r| plain(r, 3))),
         ("Sub-blocks", s.sub_blocks.to_string()),
@@ -128,11 +129,16 @@ fn times(h: &mut String, job: &Layout<'_>) {
         );
     }
     let total = job.summary.time_s.total;
+    let _ = writeln!(h, "<tr><th>total</th><th>{}</th><th>{}</th><th></th></tr>", plain(total, 2), duration(total));
+    let hand = &job.summary.by_hand;
     let _ = writeln!(
         h,
-        "<tr><th>total</th><th>{}</th><th>{}</th><th></th></tr>\n</table>",
-        plain(total, 2),
-        duration(total)
+        "<tr><td>by hand: {} files at {} s{}</td><td>{}</td><td>{}</td><td></td></tr>\n</table>",
+        job.summary.blocks,
+        hand.load_s,
+        if hand.assumed { ", assumed" } else { "" },
+        plain(hand.total_s, 2),
+        duration(hand.total_s)
     );
 }
 

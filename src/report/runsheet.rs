@@ -126,6 +126,11 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         clock(t.jump),
         clock(t.delay)
     )?;
+    let hand = &s.by_hand;
+    let who = if hand.needed { "a person loads" } else { "if a person loads" };
+    let source =
+        if hand.assumed { "assumed: see operator.load of the machine file" } else { "as the machine file states" };
+    writeln!(out, "by hand    {}, {who} {} files at {} s each ({source})", clock(hand.total_s), s.blocks, hand.load_s)?;
     for warning in &s.warnings {
         writeln!(out, "WARNING    {}", warning.message)?;
     }

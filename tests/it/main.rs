@@ -23,6 +23,7 @@ mod method;
 mod modes;
 mod on_the_fly;
 mod on_the_fly_random;
+mod operator;
 mod order;
 mod orient;
 mod partition;

@@ -159,8 +159,16 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) worst_defocus_um: f64,
     pub(in crate::verify) jump_mm: f64,
     pub(in crate::verify) time_s: Times,
+    pub(in crate::verify) by_hand: ByHand,
     #[serde(default)]
     pub(in crate::verify) lower_bound_stops: Option<f64>,
+}
+
+/// The job with a person who loads the blocks.
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct ByHand {
+    pub(in crate::verify) load_s: f64,
+    pub(in crate::verify) total_s: f64,
 }
 
 /// Estimated times, s.

@@ -107,6 +107,9 @@ fn timing(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, hold: &mut 
         (all.mark, all.jump, all.delay, jumps) = (all.mark + mark, all.jump + jump_s, all.delay + delay, jumps + jump);
     }
     let t = &manifest.summary.time_s;
+    // Where the machine file does not state it, 15 s are taken.
+    let load_s = facts.machine.operator.map_or(15.0, |o| o.load.as_s());
+    let hand = &manifest.summary.by_hand;
     let parts = [
         ("time_s.stage", t.stage, all.stage),
         ("time_s.settle", t.settle, all.settle),
@@ -116,6 +119,8 @@ fn timing(manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, hold: &mut 
         ("time_s.delay", t.delay, all.delay),
         ("time_s.total", t.total, all.total()),
         ("jump_mm", manifest.summary.jump_mm, jumps),
+        ("by_hand.load_s", hand.load_s, load_s),
+        ("by_hand.total_s", hand.total_s, all.total() + load_s * file.program.blocks.len() as f64),
     ];
     for (name, stated, found) in parts {
         hold("", name, stated, found, near(found));

@@ -125,7 +125,7 @@ impl Made {
             "texture_mm": texture, "mark_mm": mark, "overlap_mm": 0.0, "skipped_mm": skipped,
             "skipped_off_part_mm": skipped - 9.0, "skipped_steep_mm": 9.0,
             "skipped_small_mm": 0.0, "worst_defocus_um": 200.0,
-            "jump_mm": program.blocks.iter().map(|b| program.jump_mm(b)).sum::<f64>(), "time_s": time, "other": "is not read",
+            "by_hand": {"load_s": 15.0, "total_s": time.total + 15.0 * self.blocks.len() as f64}, "jump_mm": program.blocks.iter().map(|b| program.jump_mm(b)).sum::<f64>(), "time_s": time, "other": "is not read",
         });
     }
 
