@@ -26,6 +26,7 @@ mod random;
 pub mod report;
 pub mod split;
 pub mod surface;
+pub mod sweep;
 pub mod texture;
 pub mod units;
 pub mod verify;

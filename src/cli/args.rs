@@ -6,7 +6,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 
 use crate::compare::{SYSTEMS, System};
-use crate::job::{FileUnit, Mode, Objective};
+use crate::job::{FileUnit, Mode, Objective, Setting};
 use crate::on_the_fly::axes::following_error::Protection;
 
 /// Compiles a texture on a freeform part into a stepped 3+2 job, and verifies it.
@@ -108,6 +108,23 @@ pub enum Command {
         /// Folder to write tables and pictures to.
         #[arg(short, long, value_name = "FOLDER")]
         output: Option<PathBuf>,
+    },
+    /// Plan a job with keys set to many values, and compare stops, times and seams; writes no job folder.
+    Sweep {
+        /// Job file, or - for standard input.
+        job: PathBuf,
+        /// A key and its values: focus.pdof=0.05..0.3mm/12 (12 values, evenly spaced; 6 without /12), or
+        /// partition.method=z-range,window. Several settings are combined.
+        #[arg(long, required = true, value_name = "KEY=VALUES")]
+        set: Vec<Setting>,
+        /// Write the table as CSV to this file.
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
+        /// Draw stops and times over the first setting to this SVG file.
+        #[arg(long, value_name = "FILE")]
+        plot: Option<PathBuf>,
+        #[command(flatten)]
+        choice: Choice,
     },
     /// Compile many jobs; skip unchanged ones and continue after a failure.
     Batch {

@@ -8,6 +8,7 @@ mod compare;
 mod inspect;
 mod orient;
 mod show;
+mod sweep;
 
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -135,6 +136,9 @@ fn run(args: &Args) -> Result<u8, Error> {
             }
             print(&if args.json { show::json(&compare::json(&found)) } else { compare::text(&found) })?;
         }
+        Command::Sweep { job, set, output, plot, choice } => {
+            sweep::run(args, (job, choice), set, [output, plot].map(Option::as_deref))?;
+        }
         Command::Batch { jobs, output, report, choice } => {
             return batch(args, jobs, output.as_deref(), report.as_deref(), choice);
         }
@@ -190,8 +194,14 @@ fn load(args: &Args, path: &Path, choice: &Choice) -> Result<Job, Error> {
     if path != Path::new("-") {
         return Job::load(path, &overrides);
     }
-    let text = job::read_text(Path::new("standard input"), &mut std::io::stdin().lock())?;
-    Job::parse(Path::new("stdin.toml"), &text, &overrides)
+    Job::parse(Path::new(STDIN), &job_from_stdin()?, &overrides)
+}
+
+/// The name that a job from standard input has.
+const STDIN: &str = "stdin.toml";
+
+fn job_from_stdin() -> Result<String, Error> {
+    job::read_text(Path::new("standard input"), &mut std::io::stdin().lock())
 }
 
 fn compile(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> Result<(), Error> {

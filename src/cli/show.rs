@@ -104,6 +104,25 @@ impl BatchView {
     }
 }
 
+/// One bar for the combinations of a sweep.
+pub struct SweepView(ProgressBar);
+
+impl SweepView {
+    pub fn new(quiet: bool, count: usize) -> Self {
+        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(count as u64) };
+        if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} settings, {elapsed}, left {eta}") {
+            bar.set_style(style);
+        }
+        Self(bar)
+    }
+    pub fn done(&self) {
+        self.0.inc(1);
+    }
+    pub fn finish(&self) {
+        self.0.finish_and_clear();
+    }
+}
+
 /// How many blocks are marked at the stops, where a zoom optic makes them more.
 fn blocks(s: &Summary) -> String {
     if s.blocks > s.stops { format!(", {} blocks", s.blocks) } else { String::new() }

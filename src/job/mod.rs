@@ -13,15 +13,17 @@ mod read;
 mod resolve;
 mod resolved;
 mod sample;
+mod setting;
 
 pub use crate::emit::Format;
 pub use file::{
     Compensate, DepthRule, Dose, FileUnit, Implausible, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder,
     json_schema,
 };
-pub use read::read_text;
+pub use read::{read_file, read_text};
 pub use resolve::MAX_SETUPS;
 pub use resolved::{
     Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
 };
 pub use sample::{SAMPLE_DRAWING, SAMPLE_DRAWING_NAME, SAMPLE_JOB, SAMPLE_SURFACE_NAME, SCHEMA_NAME, sample_surface};
+pub use setting::{KeyValue, Keys, Setting};

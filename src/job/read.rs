@@ -35,14 +35,22 @@ pub fn read_text(path: &Path, from: &mut dyn Read) -> Result<String, Error> {
     utf8.map_err(|_| Diag::input("job-utf8", "the job file is not UTF-8 text").at(place()).into())
 }
 
+/// Reads the text of the job file at `path`.
+///
+/// # Errors
+/// As [`read_text`].
+pub fn read_file(path: &Path) -> Result<String, Error> {
+    let bytes = diag::read_file(path, MAX_FILE)?;
+    read_text(path, &mut bytes.as_slice())
+}
+
 impl Job {
     /// Reads and resolves a job file.
     ///
     /// # Errors
     /// Every fault of the file, each with its place.
     pub fn load(path: &Path, overrides: &Overrides) -> Result<Self, Error> {
-        let bytes = diag::read_file(path, MAX_FILE)?;
-        Self::parse(path, &read_text(path, &mut bytes.as_slice())?, overrides)
+        Self::parse(path, &read_file(path)?, overrides)
     }
 
     /// Resolves the text of a job file that lies, or would lie, at `path`.

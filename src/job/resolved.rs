@@ -69,7 +69,7 @@ pub struct Job {
 }
 
 /// The surface file and how it is read.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceInput {
     /// The file as named in the job file, relative to it.
     pub file: PathBuf,

@@ -1,5 +1,7 @@
 //! The input files of a job, each opened once.
 
+use std::sync::Arc;
+
 use crate::check::pen_faults;
 use crate::diag::{Diag, Error};
 use crate::geom::{BoxMm, cos_sin};
@@ -15,7 +17,7 @@ pub struct Inputs {
     /// The machine.
     pub machine: Machine,
     /// The part's surface, turned as the job says.
-    pub surface: Surface,
+    pub surface: Arc<Surface>,
     /// The texture of the first pass.
     pub texture: Texture,
     /// What the user should know of the files.
@@ -29,6 +31,21 @@ impl Inputs {
     /// Faults of the files; pens that the machine cannot give; `pdof-large`, `pdof-small`, `pitch-small`; `job-empty`
     /// where the texture lies off the part.
     pub fn load(job: &Job) -> Result<Self, Error> {
+        Self::with(job, None)
+    }
+
+    /// Those of a job that was made of another, whose inputs these are: the surface is not read again where both jobs
+    /// read and turn it alike.
+    ///
+    /// # Errors
+    /// As [`Inputs::load`].
+    pub fn of_variant(&self, of: &Job, job: &Job) -> Result<Self, Error> {
+        let turns = [of, job].map(|j| j.placement.turn.as_rad());
+        let is_same = of.surface == job.surface && turns[0] == turns[1] && of.path == job.path;
+        Self::with(job, is_same.then_some(&self.surface))
+    }
+
+    fn with(job: &Job, surface: Option<&Arc<Surface>>) -> Result<Self, Error> {
         let machine = job.machine().map_err(|e| job.at_keys(&e))?;
         let pens = pen_faults(&job.pens, &machine);
         if !pens.is_empty() {
@@ -37,16 +54,23 @@ impl Inputs {
         let mut warnings = job.warnings.clone();
         warnings.extend(job.plausible(&machine)?);
         // Warnings before an error often show its cause.
-        match Self::read(job, &mut warnings) {
+        match Self::read(job, surface, &mut warnings) {
             Ok((surface, texture)) => Ok(Self { machine, surface, texture, warnings }),
             Err(e) => Err(job.at_keys(&e).after(warnings)),
         }
     }
 
-    fn read(job: &Job, warnings: &mut Vec<Diag>) -> Result<(Surface, Texture), Error> {
+    fn read(
+        job: &Job,
+        surface: Option<&Arc<Surface>>,
+        warnings: &mut Vec<Diag>,
+    ) -> Result<(Arc<Surface>, Texture), Error> {
         let turn = job.placement.turn.as_rad();
         let weld = job.surface.weld.mm();
-        let surface = Surface::load(&job.surface_path(), &job.surface.options, weld, turn, warnings)?;
+        let surface = match surface {
+            Some(surface) => Arc::clone(surface),
+            None => Arc::new(Surface::load(&job.surface_path(), &job.surface.options, weld, turn, warnings)?),
+        };
         let texture = Texture::load(&job.textures, surface.part_box_mm(), turn, warnings)?;
         let (part, marks) = (turned(surface.part_box_mm(), turn), texture.bounds());
         let marks = BoxMm { lo: marks.lo.mm(), hi: marks.hi.mm() };

@@ -100,6 +100,14 @@ pub fn plan(job: Job, progress: Progress<'_>) -> Result<Plan, Error> {
     }
 }
 
+/// Plans a stepped job whose inputs were read.
+///
+/// # Errors
+/// Limits of the machine that the job breaks.
+pub fn stepped(job: Job, inputs: Inputs) -> Result<SteppedPlan, Error> {
+    stepped::plan(job, inputs, &|_| {})
+}
+
 /// Folder of a job file's outputs: `hood.toml` makes `hood.job` next to it, or `hood.fly.job` of an on-the-fly job, so
 /// that neither replaces the other.
 pub fn default_output(job: &Path, mode: Mode) -> PathBuf {

@@ -32,7 +32,7 @@ use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, BoxMm, MAX_NM, NM_PER_MM, Nm, P2};
 
 /// How a surface file is to be read.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Options {
     /// mm in one unit of the file; None where the job states none (height maps need none).
     pub unit_mm: Option<f64>,
@@ -43,7 +43,7 @@ pub struct Options {
 }
 
 /// Scale of a height map, mm.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
     /// Distance of neighbouring samples.
     pub pixel_mm: f64,

@@ -32,6 +32,7 @@ mod random_jobs;
 mod reads;
 mod refusals;
 mod setups;
+mod sweep;
 mod textures;
 mod tilt;
 mod turned;

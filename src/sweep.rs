@@ -1,0 +1,186 @@
+//! One job with some keys set to many values, planned side by side: what each setting costs in stops, time, fragments
+//! and seams.
+//!
+//! Consumes the text of a job file and settings; promises a row for every combination of their values, in the order in
+//! which they are given, the last setting changing first. The surface file is read once for all combinations that read
+//! and turn it alike. Nothing is written. A combination that cannot be planned says why in its row.
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use crate::diag::{Diag, Error, Place};
+use crate::job::{Job, KeyValue, Keys, Mode, Overrides, Setting};
+use crate::manifest::Summary;
+use crate::parallel;
+use crate::plan::{self, Inputs};
+use crate::report::plot::{Axis, LineChart, Panel, Plot, Series};
+use crate::report::table::{Cell, Column, Table};
+
+/// Most combinations of one sweep.
+const MOST: usize = 10_000;
+
+/// One combination of values.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// The value of every setting.
+    pub values: Vec<KeyValue>,
+    /// The figures of the job so set, or why it cannot be planned.
+    pub summary: Result<Summary, Error>,
+}
+
+/// A whole sweep.
+#[derive(Clone, Debug)]
+pub struct Sweep {
+    /// The keys that were set.
+    pub keys: Vec<String>,
+    /// A row for every combination.
+    pub rows: Vec<Row>,
+}
+
+/// Plans the job of `text`, which lies or would lie at `path`, with every combination of the settings' values.
+/// `done` is called after each.
+///
+/// # Errors
+/// Faults of the job file as it is; `sweep-key` where a setting names no place in it; `sweep-many`; `sweep-mode`; the
+/// first fault where no combination can be planned.
+pub fn sweep(
+    (path, text): (&Path, &str),
+    overrides: &Overrides,
+    settings: &[Setting],
+    done: &(dyn Fn() + Sync),
+) -> Result<Sweep, Error> {
+    let job = Job::parse(path, text, overrides)?;
+    if job.mode != Mode::Stepped {
+        let text = "a sweep compares stepped jobs";
+        return Err(Diag::input("sweep-mode", text).at(job.place_of("mode")).hint("add --mode stepped").into());
+    }
+    let count = settings.iter().try_fold(1usize, |n, s| n.checked_mul(s.values.len()).filter(|&n| n <= MOST));
+    let Some(count) = count else {
+        let text = format!("the settings have more than {MOST} combinations");
+        return Err(Diag::input("sweep-many", text).hint("give fewer values").into());
+    };
+    let keys = Keys::of(text).expect("the job was read from this text");
+    let mut rows: Vec<(Vec<KeyValue>, String)> = Vec::with_capacity(count);
+    for number in 0..count {
+        let (mut rest, mut values) = (number, Vec::new());
+        for setting in settings.iter().rev() {
+            values.push(setting.values[rest % setting.values.len()].clone());
+            rest /= setting.values.len();
+        }
+        values.reverse();
+        let mut edited = keys.clone();
+        for (setting, value) in settings.iter().zip(&values) {
+            edited.set(&setting.key, value).map_err(|what| {
+                let d = Diag::input("sweep-key", format!("{} cannot be set: {what}", setting.key));
+                d.at(Place::file(path.display().to_string())).hint("name a key as docs/job-file.md does")
+            })?;
+        }
+        rows.push((values, edited.text()));
+    }
+    let shared = OnceLock::new();
+    let one = |i: usize| {
+        let summary = planned((path, &rows[i].1), overrides, &shared);
+        done();
+        Row { values: rows[i].0.clone(), summary }
+    };
+    // The first reads the surface for the others.
+    let mut found = vec![one(0)];
+    found.extend(parallel::map(count - 1, |i| one(i + 1)));
+    if let (true, Some(Row { summary: Err(e), .. })) = (found.iter().all(|r| r.summary.is_err()), found.first()) {
+        return Err(e.clone());
+    }
+    Ok(Sweep { keys: settings.iter().map(|s| s.key.clone()).collect(), rows: found })
+}
+
+/// The figures of one job; the inputs of the first are shared where they can be.
+fn planned(
+    (path, text): (&Path, &str),
+    overrides: &Overrides,
+    shared: &OnceLock<(Job, Inputs)>,
+) -> Result<Summary, Error> {
+    let job = Job::parse(path, text, overrides)?;
+    let inputs = match shared.get() {
+        Some((of, inputs)) => inputs.of_variant(of, &job)?,
+        None => {
+            let inputs = Inputs::load(&job)?;
+            let first = inputs.of_variant(&job, &job)?;
+            drop(shared.set((job.clone(), first)));
+            inputs
+        }
+    };
+    Ok(plan::stepped(job, inputs)?.summary)
+}
+
+/// The rows as a table; a row that cannot be planned says why.
+pub fn table(sweep: &Sweep) -> Table {
+    let mut columns: Vec<Column> = sweep.keys.iter().map(|key| Column::text(key)).collect();
+    columns.extend([
+        Column::text("method"),
+        Column::count("stops"),
+        Column::count("blocks"),
+        Column::time("machine time"),
+        Column::time("by hand"),
+        Column::count("fragments"),
+        Column::number("seam", "mm", 0),
+        Column::number("worst incidence", "deg", 2),
+        Column::number("worst defocus", "um", 1),
+        Column::text("note"),
+    ]);
+    let mut table = Table::new("Sweep", columns);
+    for row in &sweep.rows {
+        let mut cells: Vec<Cell> = row.values.iter().map(|v| v.to_string().as_str().into()).collect();
+        match &row.summary {
+            Ok(s) => {
+                cells.push(s.method.as_str().into());
+                cells.extend([s.stops.into(), s.blocks.into(), s.time_s.total.into(), s.by_hand.total_s.into()]);
+                cells.extend([s.fragments.into(), s.seam_mm.into(), s.worst_incidence_deg.into()]);
+                cells.extend([s.worst_defocus_um.into(), "".into()]);
+            }
+            Err(e) => {
+                cells.push("-".into());
+                cells.extend((0..8).map(|_| Cell::from(None::<f64>)));
+                let why = e.diags().iter().find(|d| d.kind != crate::diag::Kind::Warning).map(|d| d.message.as_str());
+                cells.push(why.unwrap_or("cannot be planned").into());
+            }
+        }
+        table.push(cells);
+    }
+    table
+}
+
+/// Stops and times over the first setting, a line for every combination of the others; None where it has no numbers.
+pub fn chart(sweep: &Sweep) -> Option<Plot> {
+    let key = sweep.keys.first()?;
+    let number = |v: &KeyValue| {
+        let text = v.to_string();
+        let end = text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '-'))).unwrap_or(text.len());
+        text[..end].parse::<f64>().ok().map(|n| (n, text[end..].trim().to_owned()))
+    };
+    let xs: Option<Vec<(f64, String)>> = sweep.rows.iter().map(|r| number(&r.values[0])).collect();
+    let xs = xs?;
+    let unit = xs.first()?.1.clone();
+    if xs.iter().any(|x| x.1 != unit) {
+        return None;
+    }
+    let mut names: Vec<String> = Vec::new();
+    let name = |row: &Row| row.values[1..].iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    sweep.rows.iter().for_each(|row| {
+        if !names.contains(&name(row)) {
+            names.push(name(row));
+        }
+    });
+    let panel = |y: Axis, of: fn(&Summary) -> f64| {
+        let series = names.iter().map(|of_name| {
+            let mine = sweep.rows.iter().zip(&xs).filter(|(row, _)| name(row) == *of_name);
+            let points = mine.map(|(row, x)| [x.0, row.summary.as_ref().map_or(f64::NAN, of)]);
+            Series::new(of_name, points.collect()).marked()
+        });
+        Panel { y, series: series.collect(), limits: Vec::new() }
+    };
+    let panels = vec![
+        panel(Axis::new("stops", ""), |s| s.stops as f64),
+        panel(Axis::new("machine time", "min"), |s| s.time_s.total / 60.0),
+        panel(Axis::new("by hand", "min"), |s| s.by_hand.total_s / 60.0),
+    ];
+    Some(LineChart { title: format!("Sweep of {key}"), x: Axis::new(key, &unit), panels, limits: Vec::new() }.draw())
+}
