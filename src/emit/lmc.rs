@@ -47,7 +47,7 @@ const SPEED_ERROR: f64 = 0.05;
 /// The list of block `index`.
 ///
 /// # Panics
-/// If there is no such block, or the machine has no LMC card, which [`faults`] reports.
+/// If there is no such block, or the machine has no LMC card, as the table of targets makes sure.
 pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
     let program = checked.program();
     let strokes = program.strokes_of(&program.blocks[index]);

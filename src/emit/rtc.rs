@@ -43,7 +43,7 @@ fn counts(board: RtcBoard) -> Counts {
 /// The lists of block `index`.
 ///
 /// # Panics
-/// If there is no such block, or the machine has no RTC board, which [`faults`] reports.
+/// If there is no such block, or the machine has no RTC board, as the table of targets makes sure.
 pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
     let program = checked.program();
     let block = &program.blocks[index];
