@@ -55,7 +55,7 @@ pub struct Machine {
     /// A two-axis tilt table, where there is one.
     #[serde(default)]
     pub tilt: Option<Tilt>,
-    /// What a person at the machine takes, where that is stated.
+    /// How long a person at the machine takes, where that is stated.
     #[serde(default)]
     pub operator: Option<Operator>,
     /// A BJJCZ (LMC) card, where lists are written for one.
@@ -323,7 +323,7 @@ pub struct Zoom {
     pub settle: Time,
 }
 
-/// What a person at the machine takes.
+/// How long a person at the machine takes.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Operator {

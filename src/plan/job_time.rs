@@ -8,7 +8,7 @@ use crate::manifest::Times;
 use crate::motion;
 use crate::program::Program;
 
-/// What a person takes for each block, s, where the job cannot be marked without one.
+/// Time that a person needs for each block, s; 0 where nobody is needed.
 pub(super) fn load_s(job: &Job, machine: &Machine) -> f64 {
     if emit::needs_person(&job.formats) { machine.load_s() } else { 0.0 }
 }

@@ -17,7 +17,7 @@ pub(super) struct Site<'a> {
     pub(super) footprint: &'a Footprint,
     /// What two stops may both mark at a cut.
     pub(super) overlap: Nm,
-    /// What a person takes for each block, s.
+    /// Time that a person needs for each block, s.
     pub(super) load_s: f64,
     /// The pass, from 0.
     pub(super) pass: PassId,

@@ -179,10 +179,8 @@ fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         "  - Put the part so that its zero and its turn are as above. Show the red-light frame of the first"
     )?;
     writeln!(out, "    and the last block on the part and compare it with layout.svg.")?;
-    writeln!(
-        out,
-        "  - Find the focus on the part at the first block: its Z below is where the spot must be smallest."
-    )?;
+    let place = if facts.machine.zoom.is_some() { "at its Z and SHIFT below" } else { "its Z below is where" };
+    writeln!(out, "  - Find the focus on the part at the first block: {place} the spot must be smallest.")?;
     if facts.job.formats.iter().any(|f| f.target().moves_stage) {
         writeln!(out, "  - Run the stage program once without laser power.")?;
     }
