@@ -68,10 +68,10 @@ fn ezdxf_protobuf_and_linuxcnc_read_what_was_written() {
 }
 
 /// A bump on a machine with a zoom optic, an LMC card and an RTC board, in the formats of these, and the checks of them.
-fn assert_cards_are_read(formats: &str, scripts: &[&str], pitch: &str) {
+fn assert_cards_are_read(formats: &str, scripts: &[&str], [w, h]: [f64; 2], pitch: &str) {
     let dir = folder();
     let stl = dir.path().join("bump.stl");
-    write_stl(&stl, &mesh(40, [0.0, 0.0, 60.0, 50.0], |x, y| 0.6 * (x / 9.0).sin() * (y / 8.0).cos()));
+    write_stl(&stl, &mesh(40, [0.0, 0.0, w, h], |x, y| 0.6 * (x / 9.0).sin() * (y / 8.0).cos()));
     let machine = machine_file("xyz-zoom-40").replacen("mirror_y = false", "mirror_y = true", 1)
         + "\n[lmc]\nunits_per_mm = 1500\n[rtc]\nboard = \"rtc5\"\nbits_per_mm = 20000\nfocus_bits_per_mm = 4000\n";
     std::fs::write(dir.path().join("machine.toml"), machine).expect("a writable folder");
@@ -90,13 +90,13 @@ fn assert_cards_are_read(formats: &str, scripts: &[&str], pitch: &str) {
 #[test]
 fn galvoplotter_protobuf_and_linuxcnc_read_a_job_for_cards_with_zoom_optic() {
     let scripts = ["check_lmc.py", "check_rtc.py", "check_ovf.py", "check_gcode.py"];
-    assert_cards_are_read("[\"lmc\", \"rtc\", \"linuxcnc\", \"gcode\", \"ovf\"]", &scripts, "2 mm");
+    assert_cards_are_read("[\"lmc\", \"rtc\", \"linuxcnc\", \"gcode\", \"ovf\"]", &scripts, [46.0, 24.0], "2 mm");
 }
 
 #[test]
 #[ignore = "slow: make test-all"]
 fn meerk40t_loads_projects_for_lightburn() {
-    assert_cards_are_read("[\"lightburn\"]", &["check_lightburn.py"], "0.2 mm");
+    assert_cards_are_read("[\"lightburn\"]", &["check_lightburn.py"], [60.0, 50.0], "0.2 mm");
 }
 
 #[test]

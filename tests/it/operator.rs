@@ -26,9 +26,8 @@ fn summary_has_the_time_with_a_person_and_says_whether_one_is_needed() {
     let dir = folder();
     for (formats, load, load_s, is_needed) in [
         ("[\"dxf\", \"linuxcnc\"]", None, 15.0, true),
-        ("[\"lightburn\", \"gcode\"]", Some("40 s"), 40.0, true),
-        ("[\"dxf\", \"linuxcnc\", \"ovf\"]", None, 15.0, false),
-        ("[\"ovf\"]", Some("0 s"), 0.0, false),
+        ("[\"lightburn\"]", Some("40 s"), 40.0, true),
+        ("[\"linuxcnc\", \"ovf\"]", None, 15.0, false),
     ] {
         let out = dir.path().join("wave.job");
         let summary = compile(&job(dir.path(), formats, load), &out);
