@@ -184,6 +184,7 @@ fn rough(dir: &Path, noise: f64) -> JobText {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn overlapping_levels_keep_strokes_whole_on_a_rough_surface() {
     let dir = folder();
     let run = |job: &JobText| {

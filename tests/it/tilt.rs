@@ -105,6 +105,7 @@ fn table(dir: &Path, axes: [(&str, bool); 2], travel: f64) -> String {
 }
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn jobs_for_every_kind_of_tilt_table_verify() {
     let dir = folder();
     let stl = dir.path().join("dome.stl");

@@ -250,6 +250,7 @@ const FAMILIES: [Family; 4] =
 const ARTICLE: Limits = Limits { focus: 0.1, angle: 10.0 * std::f64::consts::PI / 180.0, field: 5.0 };
 
 #[test]
+#[ignore = "slow: make test-all"]
 fn smoothing_strengths_match_the_reference_of_the_seven_axis_part() {
     let part = Part::stored();
     let plan = part.hilbert();
