@@ -6,7 +6,7 @@
 //! and turn it alike. Nothing is written. A combination that cannot be planned says why in its row.
 
 use std::path::Path;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use crate::diag::{Diag, Error, Place};
 use crate::job::{Job, KeyValue, Keys, Mode, Overrides, Setting};
@@ -15,6 +15,7 @@ use crate::parallel;
 use crate::plan::{self, Inputs};
 use crate::report::plot::{Axis, LineChart, Panel, Plot, Series};
 use crate::report::table::{Cell, Column, Table};
+use crate::surface::Surface;
 
 /// Most combinations of one sweep.
 const MOST: usize = 10_000;
@@ -35,6 +36,20 @@ pub struct Sweep {
     pub keys: Vec<String>,
     /// A row for every combination.
     pub rows: Vec<Row>,
+    /// The job as its file has it.
+    pub job: Job,
+}
+
+/// How many combinations the settings have.
+///
+/// # Errors
+/// `sweep-many`.
+pub fn combinations(settings: &[Setting]) -> Result<usize, Error> {
+    let count = settings.iter().try_fold(1usize, |n, s| n.checked_mul(s.values.len()).filter(|&n| n <= MOST));
+    count.ok_or_else(|| {
+        let text = format!("the settings have more than {MOST} combinations");
+        Diag::input("sweep-many", text).hint("give fewer values").into()
+    })
 }
 
 /// Plans the job of `text`, which lies or would lie at `path`, with every combination of the settings' values.
@@ -54,11 +69,7 @@ pub fn sweep(
         let text = "a sweep compares stepped jobs";
         return Err(Diag::input("sweep-mode", text).at(job.place_of("mode")).hint("add --mode stepped").into());
     }
-    let count = settings.iter().try_fold(1usize, |n, s| n.checked_mul(s.values.len()).filter(|&n| n <= MOST));
-    let Some(count) = count else {
-        let text = format!("the settings have more than {MOST} combinations");
-        return Err(Diag::input("sweep-many", text).hint("give fewer values").into());
-    };
+    let count = combinations(settings)?;
     let keys = Keys::of(text).expect("the job was read from this text");
     let mut rows: Vec<(Vec<KeyValue>, String)> = Vec::with_capacity(count);
     for number in 0..count {
@@ -83,35 +94,42 @@ pub fn sweep(
         done();
         Row { values: rows[i].0.clone(), summary }
     };
-    // The first reads the surface for the others.
-    let mut found = vec![one(0)];
-    found.extend(parallel::map(count - 1, |i| one(i + 1)));
+    // One after another until one has read the surface for the others.
+    let mut found = Vec::with_capacity(count);
+    while shared.get().is_none() && found.len() < count {
+        found.push(one(found.len()));
+    }
+    let first = found.len();
+    found.extend(parallel::map(count - first, |i| one(first + i)));
     if let (true, Some(Row { summary: Err(e), .. })) = (found.iter().all(|r| r.summary.is_err()), found.first()) {
         return Err(e.clone());
     }
-    Ok(Sweep { keys: settings.iter().map(|s| s.key.clone()).collect(), rows: found })
+    Ok(Sweep { keys: settings.iter().map(|s| s.key.clone()).collect(), rows: found, job })
 }
 
-/// The figures of one job; the inputs of the first are shared where they can be.
+/// The figures of one job; the surface that the first has read is shared where it can be.
 fn planned(
     (path, text): (&Path, &str),
     overrides: &Overrides,
-    shared: &OnceLock<(Job, Inputs)>,
+    shared: &OnceLock<(Job, Arc<Surface>)>,
 ) -> Result<Summary, Error> {
-    let job = Job::parse(path, text, overrides)?;
-    let inputs = match shared.get() {
-        Some((of, inputs)) => inputs.of_variant(of, &job)?,
-        None => {
-            let inputs = Inputs::load(&job)?;
-            let first = inputs.of_variant(&job, &job)?;
-            drop(shared.set((job.clone(), first)));
-            inputs
+    let plan = || {
+        let job = Job::parse(path, text, overrides)?;
+        let inputs = Inputs::load_beside(&job, shared.get().map(|(of, surface)| (of, surface)))?;
+        if shared.get().is_none() {
+            drop(shared.set((job.clone(), Arc::clone(&inputs.surface))));
         }
+        Ok(plan::stepped(job, inputs)?.summary)
     };
-    Ok(plan::stepped(job, inputs)?.summary)
+    // Lines and columns are those of the text with its keys set, which nobody has.
+    let whole = |d: &Diag| match &d.place {
+        Place::Text { path, .. } | Place::File { path, .. } => d.clone().at(Place::file(path.clone())),
+        _ => d.clone(),
+    };
+    plan().map_err(|e: Error| Error::many(e.diags().iter().map(whole).collect()))
 }
 
-/// The rows as a table; a row that cannot be planned says why.
+/// The rows as a table. The note has the codes of warnings, or why the row cannot be planned.
 pub fn table(sweep: &Sweep) -> Table {
     let mut columns: Vec<Column> = sweep.keys.iter().map(|key| Column::text(key)).collect();
     columns.extend([
@@ -134,7 +152,8 @@ pub fn table(sweep: &Sweep) -> Table {
                 cells.push(s.method.as_str().into());
                 cells.extend([s.stops.into(), s.blocks.into(), s.time_s.total.into(), s.by_hand.total_s.into()]);
                 cells.extend([s.fragments.into(), s.seam_mm.into(), s.worst_incidence_deg.into()]);
-                cells.extend([s.worst_defocus_um.into(), "".into()]);
+                let warnings: Vec<&str> = s.warnings.iter().map(|w| w.code.as_str()).collect();
+                cells.extend([s.worst_defocus_um.into(), warnings.join(", ").into()]);
             }
             Err(e) => {
                 cells.push("-".into());

@@ -281,6 +281,10 @@ impl Power {
             Self::Absolute(w) => w.as_w(),
         }
     }
+    /// Its share of the machine's full power, 0 to 1.
+    pub fn share(self, max_power: Watts) -> f64 {
+        self.as_w(max_power) / max_power.as_w()
+    }
 }
 
 impl FromStr for Power {

@@ -261,8 +261,8 @@ fn batch(
     choice: &Choice,
 ) -> Result<u8, Error> {
     let list = batch::jobs(jobs, output, &overrides(args, choice))?;
-    let view = show::BatchView::new(args.quiet, list.len());
-    let outcome = batch::run(&list, durability(args), &|done| view.done(done));
+    let view = show::Progress::new(args.quiet, list.len(), "jobs");
+    let outcome = batch::run(&list, durability(args), &|done| view.job(done));
     view.finish();
     let json = show::json(&outcome.to_json());
     // Before the result is printed: where the report cannot be written, its error is the only JSON object.

@@ -81,42 +81,29 @@ fn say_every(every: Duration, told: &Receiver<&'static str>, say: &mut dyn FnMut
     }
 }
 
-/// One bar for a whole batch; on a terminal jobs that fail are told above it as they do.
-pub struct BatchView(ProgressBar);
+/// A bar for many jobs or settings.
+pub struct Progress(ProgressBar);
 
-impl BatchView {
-    pub fn new(quiet: bool, jobs: usize) -> Self {
-        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(jobs as u64) };
-        if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} jobs, {elapsed}, left {eta}  {msg}") {
+impl Progress {
+    /// `items` says what is counted.
+    pub fn new(quiet: bool, count: usize, items: &str) -> Self {
+        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(count as u64) };
+        let style = format!("{{bar:30}} {{pos}}/{{len}} {items}, {{elapsed}}, left {{eta}}  {{msg}}");
+        if let Ok(style) = ProgressStyle::with_template(&style) {
             bar.set_style(style);
         }
         Self(bar)
     }
-    pub fn done(&self, outcome: &Outcome) {
-        self.0.set_message(outcome.job.display().to_string());
+    pub fn step(&self) {
         self.0.inc(1);
+    }
+    /// A job of a batch; on a terminal one that fails is told above the bar as it does.
+    pub fn job(&self, outcome: &Outcome) {
+        self.0.set_message(outcome.job.display().to_string());
+        self.step();
         if let State::Failed(e) = &outcome.state {
             self.0.println(format!("failed  {}: {}", outcome.job.display(), e.diags()[0].message));
         }
-    }
-    pub fn finish(&self) {
-        self.0.finish_and_clear();
-    }
-}
-
-/// One bar for the combinations of a sweep.
-pub struct SweepView(ProgressBar);
-
-impl SweepView {
-    pub fn new(quiet: bool, count: usize) -> Self {
-        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(count as u64) };
-        if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} settings, {elapsed}, left {eta}") {
-            bar.set_style(style);
-        }
-        Self(bar)
-    }
-    pub fn done(&self) {
-        self.0.inc(1);
     }
     pub fn finish(&self) {
         self.0.finish_and_clear();

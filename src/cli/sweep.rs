@@ -6,10 +6,11 @@ use super::args::{Args, Choice};
 use super::{STDIN, job_from_stdin, overrides, print, show, write_file};
 use crate::diag::{Diag, Error, Place};
 use crate::job::{Setting, read_file};
+use crate::job_folder;
 use crate::report::table::TERMINAL;
 use crate::sweep;
 
-/// Plans all combinations and shows them; `files` are those of the table and of the chart.
+/// Plans all combinations and shows them; table and chart are written where files are named for them.
 pub(super) fn run(
     args: &Args,
     (job, choice): (&Path, &Choice),
@@ -18,22 +19,23 @@ pub(super) fn run(
 ) -> Result<(), Error> {
     let (path, text) =
         if job == Path::new("-") { (Path::new(STDIN), job_from_stdin()?) } else { (job, read_file(job)?) };
-    let count = settings.iter().map(|s| s.values.len()).product();
-    let view = show::SweepView::new(args.quiet, count);
-    let found = sweep::sweep((path, &text), &overrides(args, choice), settings, &|| view.done());
+    let view = show::Progress::new(args.quiet, sweep::combinations(settings)?, "settings");
+    let found = sweep::sweep((path, &text), &overrides(args, choice), settings, &|| view.step());
     view.finish();
     let found = found?;
     let table = sweep::table(&found);
-    let inputs = [job.to_owned()];
+    let mut files = Vec::new();
     if let Some(file) = csv {
-        write_file(args, file, table.csv().as_bytes(), &inputs)?;
+        files.push((file, table.csv()));
     }
     if let Some(file) = plot {
         let chart = sweep::chart(&found).ok_or_else(|| {
             let d = Diag::input("sweep-plot", "the values of the first setting are not numbers of one unit");
             d.at(Place::file(file.display().to_string())).hint("put a setting with numbers first")
         })?;
-        write_file(args, file, chart.file().as_bytes(), &inputs)?;
+        files.push((file, chart.file()));
     }
+    let inputs = job_folder::input_paths(&found.job);
+    files.iter().try_for_each(|(file, text)| write_file(args, file, text.as_bytes(), &inputs))?;
     print(&if args.json { show::json(&serde_json::json!({ "sweep": table })) } else { table.text(TERMINAL) })
 }

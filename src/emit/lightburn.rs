@@ -63,7 +63,7 @@ fn run_length(strokes: &[Stroke]) -> usize {
 }
 
 fn cut_setting(out: &mut Vec<u8>, block: usize, layer: usize, pen: &Pen, machine: &Machine) {
-    let percent = 100.0 * pen.power.as_w(machine.laser.max_power) / machine.laser.max_power.as_w();
+    let percent = 100.0 * pen.power.share(machine.laser.max_power);
     let name = format!("{}_P{}", BlockId::new(block), layer + 1);
     let text = format!(
         "<CutSetting type=\"Cut\">\n<index Value=\"{layer}\"/>\n<name Value=\"{name}\"/>\n\

@@ -8,11 +8,12 @@
 //! The card is documented by its users alone: commands and units are those of the free controllers galvoplotter and
 //! balor. Opening the laser, sending packets and waiting is left to whoever sends them.
 
+use super::cards;
 use crate::check::Checked;
-use crate::diag::{Diag, Place};
+use crate::diag::Diag;
 use crate::geom::{ControllerPoint, FieldPoint, NM_PER_MM};
 use crate::machine::{Lmc, LmcLaser, Machine};
-use crate::program::{BlockId, Pen, Program};
+use crate::program::{Pen, Program};
 use crate::units::Time;
 
 const JUMP_TO: u16 = 0x8001;
@@ -121,19 +122,10 @@ pub(super) fn faults(program: &Program, machine: &Machine) -> Vec<Diag> {
         let hint = "check lmc.units_per_mm; a smaller partition.section keeps marks near the centre";
         faults.push(Diag::limit("lmc-field", text).hint(hint));
     }
-    let lost = |b: &&crate::program::Block| {
-        program.strokes_of(b).iter().any(|s| {
-            let points = program.points_of(s);
-            points.iter().all(|&p| units(&lmc, machine, p) == units(&lmc, machine, points[0]))
-        })
-    };
-    let blocks: Vec<usize> = (0..program.blocks.len()).filter(|&i| lost(&&program.blocks[i])).collect();
-    if let [first, ..] = blocks[..] {
+    if let Some((blocks, place)) = cards::lost(program, |p| units(&lmc, machine, p)) {
         let um = 1000.0 / lmc.units_per_mm;
-        let text =
-            format!("marks in {} blocks are shorter than a unit of the card, {um} um, and would be lost", blocks.len());
-        let hint = format!("leave them out with partition.min_mark = \"{} um\"", (2.0 * um).ceil());
-        faults.push(Diag::limit("lmc-short", text).at(Place::Block(BlockId::new(first).to_string())).hint(hint));
+        let text = format!("marks in {blocks} blocks are shorter than a unit of the card, {um} um, and would be lost");
+        faults.push(Diag::limit("lmc-short", text).at(place).hint(cards::min_mark(um)));
     }
     faults
 }
@@ -189,7 +181,7 @@ fn settings(lmc: &Lmc, machine: &Machine, pen: &Pen) -> Vec<(u16, [u16; 2])> {
         let us = time.as_us().round();
         [us.abs() as u16, if us < 0.0 { 0x8000 } else { 0 }]
     };
-    let percent = 100.0 * pen.power.as_w(machine.laser.max_power) / machine.laser.max_power.as_w();
+    let percent = 100.0 * pen.power.share(machine.laser.max_power);
     let (khz, period) = (pen.frequency.as_khz(), [period(lmc, pen) as u16, 0]);
     let delays = &machine.delays;
     let [first, second] = match lmc.laser {

@@ -8,6 +8,7 @@
 //! Points leave here in controller coordinates: the field frame after the scanner's swap and mirrors.
 //! What each file holds is written down in `docs/formats.md`.
 
+mod cards;
 pub mod csv;
 pub mod dxf;
 pub mod gcode;

@@ -7,6 +7,7 @@
 
 use std::io::Write;
 
+use super::cards;
 use crate::check::Checked;
 use crate::diag::{Diag, Place};
 use crate::geom::{ControllerPoint, FieldPoint, NM_PER_MM, Nm};
@@ -115,19 +116,10 @@ pub(super) fn faults(program: &Program, machine: &Machine) -> Vec<Diag> {
         };
         faults.push(Diag::limit("rtc-focus", text).at(place(i)).hint("state rtc.focus_bits_per_mm of the zoom optic"));
     }
-    let lost = |b: &Block| {
-        program.strokes_of(b).iter().any(|s| {
-            let points = program.points_of(s);
-            points.windows(2).all(|w| bits(&rtc, machine, w[0]) == bits(&rtc, machine, w[1]))
-        })
-    };
-    let short: Vec<usize> = (0..program.blocks.len()).filter(|&i| lost(&program.blocks[i])).collect();
-    if let [first, ..] = short[..] {
+    if let Some((blocks, place)) = cards::lost(program, |p| bits(&rtc, machine, p)) {
         let um = 1000.0 / rtc.bits_per_mm;
-        let text =
-            format!("marks in {} blocks are shorter than a bit of the board, {um} um, and would be lost", short.len());
-        let hint = format!("leave them out with partition.min_mark = \"{} um\"", (2.0 * um).ceil());
-        faults.push(Diag::limit("rtc-short", text).at(place(first)).hint(hint));
+        let text = format!("marks in {blocks} blocks are shorter than a bit of the board, {um} um, and would be lost");
+        faults.push(Diag::limit("rtc-short", text).at(place).hint(cards::min_mark(um)));
     }
     let long = |b: &Block| program.strokes_of(b).iter().any(|s| s.len as usize + 2 * SETTINGS > rtc.list_memory);
     if let Some(i) = program.blocks.iter().position(long) {
@@ -174,8 +166,7 @@ impl Text<'_> {
     }
 
     fn pen(&mut self, pen: &Pen) {
-        let full = self.machine.laser.max_power;
-        let power = (pen.power.as_w(full) / full.as_w() * 4095.0).round() as i64;
+        let power = (pen.power.share(self.machine.laser.max_power) * 4095.0).round() as i64;
         self.line(format_args!("power {power}"));
         let half = (1000.0 / pen.frequency.as_khz() / 2.0 * self.counts.period).round() as i64;
         self.line(format_args!("half_period {half}"));

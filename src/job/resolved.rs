@@ -259,6 +259,8 @@ impl Job {
         job.passes = Passes::default();
         job.setups = None;
         job.dose = None;
+        // Nothing is written, so nothing has to be written in the formats of the job.
+        job.formats = Vec::new();
         job
     }
 

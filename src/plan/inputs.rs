@@ -31,21 +31,19 @@ impl Inputs {
     /// Faults of the files; pens that the machine cannot give; `pdof-large`, `pdof-small`, `pitch-small`; `job-empty`
     /// where the texture lies off the part.
     pub fn load(job: &Job) -> Result<Self, Error> {
-        Self::with(job, None)
+        Self::load_beside(job, None)
     }
 
-    /// Those of a job that was made of another, whose inputs these are: the surface is not read again where both jobs
-    /// read and turn it alike.
+    /// The same for one of several jobs; the surface of another is taken over where both read and turn it alike.
     ///
     /// # Errors
     /// As [`Inputs::load`].
-    pub fn of_variant(&self, of: &Job, job: &Job) -> Result<Self, Error> {
-        let turns = [of, job].map(|j| j.placement.turn.as_rad());
-        let is_same = of.surface == job.surface && turns[0] == turns[1] && of.path == job.path;
-        Self::with(job, is_same.then_some(&self.surface))
-    }
-
-    fn with(job: &Job, surface: Option<&Arc<Surface>>) -> Result<Self, Error> {
+    pub fn load_beside(job: &Job, other: Option<(&Job, &Arc<Surface>)>) -> Result<Self, Error> {
+        let read_alike = |of: &Job| {
+            let turns = [of, job].map(|j| j.placement.turn.as_rad());
+            of.surface == job.surface && turns[0] == turns[1] && of.path == job.path
+        };
+        let surface = other.filter(|(of, _)| read_alike(of)).map(|(_, surface)| surface);
         let machine = job.machine().map_err(|e| job.at_keys(&e))?;
         let pens = pen_faults(&job.pens, &machine);
         if !pens.is_empty() {

@@ -2,8 +2,8 @@
 //!
 //! Consumes a job; promises a table of set-ups: the part as placed, in one tilted fixture, and in two set-ups with a
 //! fixture angle each. Stops and times are estimates from sample points of the marks ([`crate::projection::Marks`]):
-//! sections of the usable field over the rotated part, in each the levels that its heights need, the moves timed by
-//! `crate::motion`. Angles are searched on a coarse grid, then halved.
+//! sections of the usable field over the rotated part, in each the levels that its heights need, those within the range
+//! of a zoom optic at one stop, the moves timed by `crate::motion`. Angles are searched on a coarse grid, then halved.
 //!
 //! # Limits
 //! The points sampled are those that the lens sees of the part as placed. What a fixture angle hides or makes too steep
@@ -91,6 +91,8 @@ pub fn orient(job: &Job) -> Result<Vec<Orientation>, Error> {
         depth: grid.lattice.depth.f64(),
         xy_s: moved([grid.window[0], Nm(0), Nm(0)]),
         z_s: moved([Nm(0), Nm(0), grid.lattice.depth]),
+        reach: (grid.lattice.depth + machine.most_focus_shift() * 2).f64(),
+        zoom_s: machine.zoom_time_s(Nm(0), grid.lattice.depth),
     };
     let whole = |points: &[P3], area: Box2| -> [SetUp; 2] {
         let set_up = |lean_deg: [f64; 2]| {
@@ -125,6 +127,10 @@ struct Scale {
     depth: f64,
     xy_s: f64,
     z_s: f64,
+    /// Heights that one stop serves: the depth range, and with a zoom optic the optic's range more.
+    reach: f64,
+    /// Time of the optic from level to level.
+    zoom_s: f64,
 }
 
 impl Scale {
@@ -143,10 +149,15 @@ impl Scale {
             let [lo, hi] = &mut heights[row * columns + column];
             (*lo, *hi) = (lo.min(p[2]), hi.max(p[2]));
         }
-        let used = heights.iter().filter(|h| h[0] <= h[1]);
-        let levels = used.map(|[lo, hi]| ((hi - lo) / self.depth).ceil().max(1.0) as u64);
-        let (sections, stops) = levels.fold((0u64, 0u64), |(n, sum), levels| (n + 1, sum + levels));
-        (stops, sections as f64 * self.xy_s + (stops - sections) as f64 * self.z_s)
+        let (mut sections, mut stops, mut levels) = (0u64, 0u64, 0u64);
+        for [lo, hi] in heights.iter().filter(|h| h[0] <= h[1]) {
+            let count = |height: f64| ((hi - lo) / height).ceil().max(1.0) as u64;
+            sections += 1;
+            stops += count(self.reach);
+            levels += count(self.depth);
+        }
+        let moves = (stops - sections) as f64 * self.z_s + (levels - stops) as f64 * self.zoom_s;
+        (stops, sections as f64 * self.xy_s + moves)
     }
 
     /// The fixture angle with the least stage time; of equal ones the smallest.

@@ -138,11 +138,12 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
 }
 
 fn pens(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
-    let carried = facts.job.formats.iter().map(|f| f.target()).filter(|t| t.stepped.is_some() && !t.moves_stage);
-    let note = match carried.map(|t| t.carries_settings).collect::<Vec<_>>()[..] {
-        [] => "set them in the marking software",
-        ref all if all.iter().all(|&c| c) => "the files of the blocks carry these values",
-        _ => "DXF and CSV do not carry these values: set them in the marking software",
+    let note = if has_drawings(facts) {
+        "DXF and CSV do not carry these values: set them in the marking software"
+    } else if facts.job.formats.iter().any(|f| f.target().carries_settings) {
+        "the files of the job carry these values"
+    } else {
+        "set them in the marking software"
     };
     writeln!(out, "\nPENS ({note})")?;
     writeln!(out, "  no  speed mm/s  power               frequency kHz  passes  name")?;
@@ -162,18 +163,27 @@ fn pens(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     Ok(())
 }
 
+/// Whether there are drawings for marking software, which leave the settings of pens to it.
+fn has_drawings(facts: &Facts<'_>) -> bool {
+    facts.job.formats.iter().map(|f| f.target()).any(|t| t.carries_pens && !t.carries_settings)
+}
+
 /// What to do, in order; only what the files of this folder need.
 fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     writeln!(out, "\nBEFORE THE FIRST BLOCK")?;
-    writeln!(
-        out,
-        "  - All lengths are mm, at scale 1. Drawings of this kind carry no unit: choose mm on import, mark"
-    )?;
-    writeln!(out, "    a line of 10 mm on scrap and measure it.")?;
-    writeln!(
-        out,
-        "  - The zero of every drawing is the optical axis. Import it there: no centring, no fit to the field."
-    )?;
+    if has_drawings(facts) {
+        writeln!(
+            out,
+            "  - All lengths are mm, at scale 1. Drawings of this kind carry no unit: choose mm on import, mark"
+        )?;
+        writeln!(out, "    a line of 10 mm on scrap and measure it.")?;
+        writeln!(
+            out,
+            "  - The zero of every drawing is the optical axis. Import it there: no centring, no fit to the field."
+        )?;
+    } else {
+        writeln!(out, "  - Mark a line of 10 mm on scrap and measure it.")?;
+    }
     writeln!(
         out,
         "  - Put the part so that its zero and its turn are as above. Show the red-light frame of the first"

@@ -7,7 +7,7 @@ from galvo.consts import list_command_lookup
 from galvo.controller import GalvoController
 from galvo.mock_connection import MockConnection
 
-from job import Job, demand, run
+from job import Job, demand, half_up, run
 
 PACKET = 3072
 
@@ -24,10 +24,6 @@ def quiet(controller):
 def us(text):
     # Whole: the controller cuts fractions off.
     return round(float(text.removesuffix(" s")) * 1e6)
-
-
-def half_up(value):
-    return int(abs(value) + 0.5) * (1 if value >= 0 else -1)
 
 
 def units(point, scale):

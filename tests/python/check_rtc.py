@@ -1,14 +1,10 @@
 """Every list for an RTC board of a job folder, gone through as a caller of the board's library would: coordinates,
 settings in force at every mark, and lengths of lists."""
 
-from job import Job, demand, run
+from job import Job, demand, half_up, run
 
 # Laser delays and pulse periods in one us, and the greatest coordinate.
 BOARDS = {"rtc4": (1, 8, 0x7FFF), "rtc5": (2, 64, 0x7FFFF), "rtc6": (64, 64, 0x7FFFF)}
-
-
-def half_up(value):
-    return int(abs(value) + 0.5) * (1 if value >= 0 else -1)
 
 
 def us(text):

@@ -19,6 +19,11 @@ def demand(condition, message):
         raise Fault(message)
 
 
+def half_up(value):
+    """The nearest whole number; halves go away from 0."""
+    return int(abs(value) + 0.5) * (1 if value >= 0 else -1)
+
+
 class Stroke:
     __slots__ = ("pen", "source", "segment", "reversed", "points")
 

@@ -20,9 +20,8 @@ const KNOWN: [&str; 8] = ["index", "name", "maxPower", "maxPower2", "speed", "fr
 
 /// The settings that a stroke with this pen should have.
 pub(super) fn settings(of: &BlockOf<'_>, pen: &Pen) -> Vec<i64> {
-    let full = of.machine.laser.max_power;
     let rounded = |v: f64| (v * 1e6).round() as i64;
-    let percent = pen.power.as_w(full) / full.as_w() * 100.0;
+    let percent = pen.power.share(of.machine.laser.max_power) * 100.0;
     let hz = (pen.frequency.as_khz() * 1e3).round() as i64;
     vec![rounded(percent), rounded(pen.speed.as_mm_s()), hz, i64::from(pen.passes)]
 }

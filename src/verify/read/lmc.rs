@@ -36,7 +36,7 @@ pub(super) fn settings(of: &BlockOf<'_>, pen: &Pen) -> Vec<i64> {
     let Some(lmc) = machine.lmc else { return Vec::new() };
     let whole = |v: f64| v.round() as i64;
     let per_ms = |mm_s: f64| whole(mm_s * lmc.units_per_mm / 1e3);
-    let share = pen.power.as_w(machine.laser.max_power) / machine.laser.max_power.as_w();
+    let share = pen.power.share(machine.laser.max_power);
     let khz = pen.frequency.as_khz();
     let (power, period, is_co2) = match lmc.laser {
         LmcLaser::Fiber => (whole(100.0 * share * 4095.0 / 100.0), whole(2e4 / khz), 0),

@@ -43,7 +43,7 @@ pub(super) fn settings(of: &BlockOf<'_>, pen: &Pen) -> Vec<i64> {
     let laser = |t: Time| (t.as_us() * delay).round() as i64;
     let scanner = |t: Time| (t.as_us() / 10.0).ceil() as i64;
     let speed = |mm_s: f64| (mm_s * rtc.bits_per_mm / 1000.0 * 1e6).round() as i64;
-    let power = pen.power.as_w(machine.laser.max_power) / machine.laser.max_power.as_w() * 4095.0;
+    let power = pen.power.share(machine.laser.max_power) * 4095.0;
     let half = 500.0 / pen.frequency.as_khz() * period;
     let mut out = vec![laser(d.laser_on), laser(d.laser_off), scanner(d.jump), scanner(d.mark), scanner(d.polygon)];
     out.extend([speed(machine.scanner.jump_speed.as_mm_s()), power.round() as i64, half.round() as i64]);
