@@ -171,6 +171,12 @@ impl Facts<'_> {
     pub(crate) fn block_file(&self, index: usize) -> Option<String> {
         emit::block_file(&self.job.formats).map(|ending| Program::block_file(BlockId::new(index), ending))
     }
+    /// The z to which the stage lifts before it moves to block `index`, mm; None where it goes there at the z where it
+    /// stands. Before the first block that is unknown.
+    pub(crate) fn lift_mm(&self, index: usize) -> Option<f64> {
+        let lifts = index == 0 || self.checked.program().blocks[index].retract;
+        lifts.then(|| self.machine.retract_z().mm())
+    }
     /// Names of the pens of a block.
     pub(crate) fn pen_names(&self, block: &Block) -> Vec<&str> {
         let program = self.checked.program();

@@ -35,20 +35,13 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
             csv_cell(&facts.pen_names(block).join("; ")),
             block.pass.number().to_string(),
             block.setup.number().to_string(),
-            lift(facts, i).map_or_else(String::new, |z| format!("{z:.6}")),
+            facts.lift_mm(i).map_or_else(String::new, |z| format!("{z:.6}")),
             format!("{:.6}", block.focus_shift.mm()),
         ];
         out += &cells.join(",");
         out.push('\n');
     }
     out.into_bytes()
-}
-
-/// The z to which the stage lifts before it moves to block `i`, mm; None where it goes there at the z where it stands.
-/// Before the first block that is unknown.
-fn lift(facts: &Facts<'_>, i: usize) -> Option<f64> {
-    let lifts = i == 0 || facts.checked.program().blocks[i].retract;
-    lifts.then(|| facts.machine.retract_z().mm())
 }
 
 /// The sheet for the operator, plain text of fixed width.
@@ -286,7 +279,7 @@ fn blocks(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
             setup = Some(block.setup);
             writeln!(out, "  SET-UP {}", block.setup.number())?;
         }
-        if let Some(z) = lift(facts, i) {
+        if let Some(z) = facts.lift_mm(i) {
             writeln!(out, "  LIFT to Z{z:.4}, then go to {}", BlockId::new(i))?;
         }
         block_line(out, facts, i, block)?;

@@ -125,6 +125,8 @@ pub(in crate::verify) struct BlockEntry {
     pub(in crate::verify) centre_mm: [f64; 2],
     pub(in crate::verify) lpfl_mm: f64,
     pub(in crate::verify) focus_shift_mm: f64,
+    /// Where the stage lifts to on its way here; None where it does not.
+    pub(in crate::verify) lift_z_mm: Option<f64>,
     pub(in crate::verify) stage: [f64; 3],
     pub(in crate::verify) tilt_deg: [f64; 2],
     pub(in crate::verify) z_lo_mm: f64,

@@ -59,7 +59,8 @@ pub(in crate::verify) fn check(
             rule.broken(id, "program.txt", "the blocks of its set-up are not consecutive");
         }
         let entry = manifest.blocks.get(i);
-        if let Some(difference) = entry.and_then(|e| differs(e, id, block)) {
+        let lift = (i == 0 || block.retract).then(|| facts.machine.retract_z());
+        if let Some(difference) = entry.and_then(|e| differs(e, id, block, lift)) {
             rule.broken(id, "manifest.json", format!("its {difference} differs from program.txt"));
         }
     }
@@ -121,7 +122,7 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
 }
 
 /// The first thing that differs between a block of the manifest and of the program.
-fn differs(e: &BlockEntry, id: &str, b: &Block) -> Option<&'static str> {
+fn differs(e: &BlockEntry, id: &str, b: &Block, lift: Option<Nm>) -> Option<&'static str> {
     let nm = nm_from_mm;
     let P2 { x, y, .. } = b.stop.centre;
     [
@@ -134,6 +135,7 @@ fn differs(e: &BlockEntry, id: &str, b: &Block) -> Option<&'static str> {
         ("focus (lpfl)", Nm::from_mm(e.lpfl_mm) == Some(b.stop.focus)),
         ("focus shift", Nm::from_mm(e.focus_shift_mm) == Some(b.focus_shift)),
         ("tilt", e.tilt_deg.map(nm) == b.stop.tilt.0.map(Some)),
+        ("lift", e.lift_z_mm.map(Nm::from_mm) == lift.map(Some)),
         ("stage target", e.stage.map(nm) == b.stage.0.map(Some)),
         ("depth interval", [e.z_lo_mm, e.z_hi_mm].map(Nm::from_mm) == [Some(b.z_lo), Some(b.z_hi)]),
         ("number of strokes", e.strokes == b.strokes.len()),

@@ -1,0 +1,66 @@
+//! Lasers: each driver hands the file of a block to one kind of marking software or card, and says when it is marked.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use super::Interrupt;
+use super::stage::Stage;
+use crate::diag::Diag;
+
+/// A block as a laser is given it; the stage stands still at its place.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Work {
+    /// Its name, such as B0133.
+    pub block: String,
+    /// Its file in the format that the driver takes; None of a driver that takes none.
+    pub file: Option<PathBuf>,
+    /// What the zoom optic adds to the focal plane, nm; 0 without an optic.
+    pub focus_shift: i64,
+    /// Estimated time of its marks, jumps and delays.
+    pub estimate: Duration,
+}
+
+impl Work {
+    /// The longest time to wait for its end: twice the estimate and 10 s, as the stage programs wait.
+    pub fn longest(&self) -> Duration {
+        2 * self.estimate + Duration::from_secs(10)
+    }
+}
+
+/// What a block is marked with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Beam {
+    /// The pilot laser: it shows the marks and leaves none.
+    Pilot,
+    /// The laser.
+    Fire,
+}
+
+/// A laser with its scanner.
+pub trait Laser {
+    /// The format whose files it takes, by its name in `emit.formats`; None where it takes none.
+    fn format(&self) -> Option<&'static str>;
+
+    /// Whether it can show a block with the pilot laser.
+    fn has_pilot(&self) -> bool;
+
+    /// Connects, and makes sure that it is ready and off. Answers with what it says that it is, for the log.
+    ///
+    /// # Errors
+    /// Where there is no answer or it is not ready.
+    fn open(&mut self) -> Result<String, Diag>;
+
+    /// Marks a block, and returns when the beam is off for certain. `stage` is for drivers that hand over through its
+    /// control; they never move it.
+    ///
+    /// # Errors
+    /// Where it cannot be said that all of the block is marked, or the run is aborted; the beam is then off as far as
+    /// the driver can tell, and the message says where that is not certain.
+    fn mark(&mut self, work: &Work, beam: Beam, stage: &mut dyn Stage, interrupt: &Interrupt) -> Result<(), Diag>;
+
+    /// Switches the beam off; called at every end of a run, after faults too.
+    ///
+    /// # Errors
+    /// Where that is not certain.
+    fn off(&mut self) -> Result<(), Diag>;
+}
