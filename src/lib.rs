@@ -24,6 +24,7 @@ pub mod projection;
 #[cfg(test)]
 mod random;
 pub mod report;
+pub mod resume;
 pub mod run;
 pub mod split;
 pub mod surface;

@@ -81,6 +81,10 @@ impl Checked {
         Err(refused(faults))
     }
 
+    /// A program, or blocks of one, that was checked before it was written, as the bytes say that were written.
+    pub(crate) fn as_written(program: Program, origins: Vec<Origin>) -> Self {
+        Self { program, origins }
+    }
     /// The program.
     pub fn program(&self) -> &Program {
         &self.program

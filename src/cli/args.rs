@@ -8,6 +8,7 @@ use clap::{Parser, Subcommand};
 use crate::compare::{SYSTEMS, System};
 use crate::job::{FileUnit, Mode, Objective, Setting};
 use crate::on_the_fly::axes::following_error::Protection;
+use crate::program::BlockId;
 
 /// Compiles a texture on a freeform part into a stepped 3+2 job, and verifies it.
 #[derive(Debug, Parser)]
@@ -37,6 +38,21 @@ fn threads(text: &str) -> Result<usize, String> {
         Ok(n) if (1..=1024).contains(&n) => Ok(n),
         _ => Err("give a number between 1 and 1024".into()),
     }
+}
+
+/// Which blocks of a job are left.
+#[derive(Debug, clap::Args)]
+#[group(required = true, multiple = true)]
+pub struct Left {
+    /// The first block that is left.
+    #[arg(long, value_name = "BLOCK", value_parser = str::parse::<BlockId>)]
+    pub from: Option<BlockId>,
+    /// Blocks and ranges of blocks, such as B0133,B0200-B0210.
+    #[arg(long, value_name = "BLOCKS", value_delimiter = ',', value_parser = super::resume::range)]
+    pub only: Vec<[BlockId; 2]>,
+    /// Leave out the blocks that this file lists.
+    #[arg(long, value_name = "FILE")]
+    pub done: Option<PathBuf>,
 }
 
 /// The commands.
@@ -125,6 +141,17 @@ pub enum Command {
         plot: Option<PathBuf>,
         #[command(flatten)]
         choice: Choice,
+    },
+    /// Write a job folder of what is left of a job that was marked in part. Blocks keep their names and bytes; the
+    /// stage lifts before the first one.
+    Resume {
+        /// Job folder.
+        folder: PathBuf,
+        #[command(flatten)]
+        left: Left,
+        /// Folder to write. An existing job folder is replaced; anything else is refused.
+        #[arg(short, long, value_name = "FOLDER")]
+        output: PathBuf,
     },
     /// Compile many jobs; skip unchanged ones and continue after a failure.
     Batch {

@@ -7,6 +7,7 @@ mod args;
 mod compare;
 mod inspect;
 mod orient;
+mod resume;
 mod show;
 mod sweep;
 
@@ -139,6 +140,7 @@ fn run(args: &Args) -> Result<u8, Error> {
         Command::Sweep { job, set, output, plot, choice } => {
             sweep::run(args, (job, choice), set, [output, plot].map(Option::as_deref))?;
         }
+        Command::Resume { folder, left, output } => resume::run(args, folder, left, output)?,
         Command::Batch { jobs, output, report, choice } => {
             return batch(args, jobs, output.as_deref(), report.as_deref(), choice);
         }

@@ -2,7 +2,7 @@
 
 use crate::diag::Place;
 use crate::geom::FieldPoint;
-use crate::program::{BlockId, Program};
+use crate::program::Program;
 
 /// Blocks with marks that are a single point in these units, and the first of them; None where there is none.
 pub(super) fn lost(program: &Program, units: impl Fn(FieldPoint) -> [i64; 2]) -> Option<(usize, Place)> {
@@ -13,7 +13,7 @@ pub(super) fn lost(program: &Program, units: impl Fn(FieldPoint) -> [i64; 2]) ->
         })
     };
     let blocks: Vec<usize> = (0..program.blocks.len()).filter(is_lost).collect();
-    blocks.first().map(|&first| (blocks.len(), Place::Block(BlockId::new(first).to_string())))
+    blocks.first().map(|&first| (blocks.len(), Place::Block(program.id(first).to_string())))
 }
 
 /// The `partition.min_mark` that leaves out what a unit of this many um would lose.

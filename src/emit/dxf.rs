@@ -19,7 +19,7 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
     let block = &program.blocks[index];
     let strokes = program.strokes_of(block);
     let points: usize = strokes.iter().map(|s| s.len as usize).sum();
-    let id = BlockId::new(index);
+    let id = program.id(index);
     let pens = program.pens_of(block);
 
     let mut out = Vec::with_capacity(1024 + strokes.len() * 70 + points * 60);

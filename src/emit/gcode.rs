@@ -8,14 +8,20 @@
 //! never both at once; first of all, at the end, before a set-up and where a block asks for it, z goes to the far end
 //! of its travel. The laser output is switched off at once (not with the next motion) before every group of moves and
 //! at the end, and a dwell follows every group: a motion queue otherwise lets the laser overlap the move.
+//!
+//! The first line of block B0133 has the number N133. A comment says to which z the stage must be lifted before the
+//! program is begun there, where the block's own moves do not lift.
 
 use super::Stepped;
 use crate::check::Checked;
 use crate::machine::{Commanded, Machine, TiltAngles};
-use crate::program::{BlockId, PassId, Program};
+use crate::program::{PassId, Program};
 
 /// Shortest dwell after a move: a controller's last following error, whatever the machine file says.
 const LEAST_DWELL_MS: u64 = 50;
+
+/// Largest number of a line that GRBL and LinuxCNC take.
+const MOST_LINES: u64 = 9_999_999;
 
 /// The program for LinuxCNC. Of the estimated time of every block (marks, jumps and delays) the wait for its end is
 /// given twice that and 10 s.
@@ -35,7 +41,7 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     p.line("M65 P0");
     let wait_s = |i: usize| (2.0 * figures[i].time_s + 10.0).ceil();
     for i in 0..checked.program().blocks.len() {
-        let id = BlockId::new(i);
+        let id = checked.program().id(i);
         p.block(checked, i);
         p.line("M64 P0");
         p.line("M66 P0 L3 Q5");
@@ -62,7 +68,7 @@ pub fn m0(job: &Stepped<'_>) -> Vec<u8> {
     p.line("M5");
     for i in 0..checked.program().blocks.len() {
         p.block(checked, i);
-        p.line(&format!("M0 (mark {})", BlockId::new(i)));
+        p.line(&format!("M0 (mark {})", checked.program().id(i)));
     }
     p.end();
     p.line("M2");
@@ -135,18 +141,26 @@ impl Writer {
         if setups > 1 && before.is_none_or(|b| b.setup != block.setup) {
             self.setup(block.setup.number(), setups);
         }
+        let id = program.id(i);
         let title = match self.block_file {
-            Some(ending) => format!("BLOCK {} FILE {}", BlockId::new(i), Program::block_file(BlockId::new(i), ending)),
-            None => format!("BLOCK {}", BlockId::new(i)),
+            Some(ending) => format!("BLOCK {id} FILE {}", Program::block_file(id, ending)),
+            None => format!("BLOCK {id}"),
         };
         self.comment(&title);
         if self.has_zoom {
             self.focus_shift(block.focus_shift.0);
         }
-        self.line(self.off);
-        let [x, y, z] = block.stage.0;
         // The stage position is unknown at the start, so the first move lifts as well.
-        if block.retract || self.at.is_none() {
+        let lifts = block.retract || self.at.is_none();
+        if !lifts || self.is_lifted() {
+            self.entry();
+        }
+        match id.number() {
+            number @ ..=MOST_LINES => self.line(&format!("N{number} {}", self.off)),
+            _ => self.line(self.off),
+        }
+        let [x, y, z] = block.stage.0;
+        if lifts {
             self.lift();
         }
         let tilt = self.letters.filter(|_| self.tilt != Some(block.stop.tilt)).map(|l| (l, block.stop.tilt));
@@ -182,8 +196,19 @@ impl Writer {
         self.out.extend_from_slice(b")\n");
     }
 
+    /// The z to lift to first where the program is begun at this block, whose own moves do not lift.
+    fn entry(&mut self) {
+        self.out.extend_from_slice(b"(ENTRY LIFT Z");
+        super::push_mm(&mut self.out, self.retract_z);
+        self.out.extend_from_slice(b")\n");
+    }
+
+    fn is_lifted(&self) -> bool {
+        self.at.is_some_and(|at| at[2] == self.retract_z)
+    }
+
     fn lift(&mut self) {
-        if self.at.is_none_or(|at| at[2] != self.retract_z) {
+        if !self.is_lifted() {
             self.travel(&[('Z', self.retract_z)]);
         }
         if let Some(at) = &mut self.at {
@@ -250,15 +275,14 @@ mod tests {
         let (checked, machine) = sample();
         let text = text(linuxcnc(&job(&checked, &machine, &timed([1.0, 0.5, 60.3]), Some("dxf"))));
         let body = text.split_once("G61.1\n").expect("modes").1;
-        let first = "M65 P0\n(BLOCK B0001 FILE blocks/B0001.dxf)\nM65 P0\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\n\
+        let first = "M65 P0\n(BLOCK B0001 FILE blocks/B0001.dxf)\nN1 M65 P0\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\n\
                      G0 Z0.335000\nG4 P0.100\nM64 P0\nM66 P0 L3 Q5\no1 if [#5399 LT 0]\n(MSG, no BUSY, block B0001)\n\
                      M65 P0\nM2\no1 endif\nM65 P0\nM66 P0 L4 Q12\no2 if [#5399 LT 0]\n(MSG, still BUSY, block B0001)\n\
                      M65 P0\nM2\no2 endif\n";
         assert!(body.starts_with(first), "{body}");
-        let second = "(BLOCK B0002 FILE blocks/B0002.dxf)\nM65 P0\nG0 Z0.405000\nG4 P0.100\nM64 P0\n";
+        let second = "(BLOCK B0002 FILE blocks/B0002.dxf)\n(ENTRY LIFT Z200.000000)\nN2 M65 P0\nG0 Z0.405000\nG4 P0.100\nM64 P0\n";
         assert!(body.contains(second), "a move of z alone");
-        let third =
-            "(BLOCK B0003 FILE blocks/B0003.dxf)\nM65 P0\nG0 Z200.000000\nG0 X-41.000000 Y2.000000\nG0 Z0.405000\nG4";
+        let third = "(BLOCK B0003 FILE blocks/B0003.dxf)\nN3 M65 P0\nG0 Z200.000000\nG0 X-41.000000 Y2.000000\nG0 Z0.405000\nG4";
         assert!(body.contains(third), "lifted");
         assert!(body.contains("M66 P0 L4 Q131\n"), "twice 60.3 s and 10 s, rounded up");
         assert!(body.ends_with("o6 endif\nM65 P0\nG0 Z200.000000\nM65 P0\nM2\n"));
@@ -274,6 +298,8 @@ mod tests {
             let (mut is_off, mut settled) = (false, false);
             for line in text.lines() {
                 assert!(line.len() <= 255);
+                let line =
+                    line.strip_prefix('N').map_or(line, |l| l.trim_start_matches(|c: char| c.is_ascii_digit()).trim());
                 if line.starts_with(off) {
                     is_off = true;
                 } else if line.starts_with(on) {
@@ -325,8 +351,8 @@ mod tests {
                         let text = text(bytes);
                         for comment in text.lines().filter_map(|l| l.strip_prefix('(')) {
                             let ours = [
-                                "terrace:", "machine:", "digital", "BUSY", "output", "not", "at", "BLOCK", "...",
-                                "MSG,",
+                                "terrace:", "machine:", "digital", "BUSY", "output", "not", "at", "BLOCK", "ENTRY",
+                                "...", "MSG,",
                             ];
                             let first = comment.split([' ', ')']).next().unwrap_or_default();
                             assert!(ours.contains(&first), "{comment}");
@@ -362,8 +388,10 @@ mod tests {
             (text(m0(&job(&checked, &machine, &[], None))), "M5"),
         ] {
             let stop = |n: u32| format!("(SETUP {n} OF 2)\n{off}\nG0 Z200.000000\n(MSG, set-up {n} of 2)\nM0\n");
-            let first = stop(1) + &format!("(BLOCK B0001)\n{off}\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\nG0 Z0.33");
-            let second = stop(2) + &format!("(BLOCK B0002)\n{off}\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\nG0 Z0.40");
+            let first =
+                stop(1) + &format!("(BLOCK B0001)\nN1 {off}\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\nG0 Z0.33");
+            let second =
+                stop(2) + &format!("(BLOCK B0002)\nN2 {off}\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\nG0 Z0.40");
             assert!(text.contains(&first) && text.contains(&second), "{text}");
             assert_eq!(text.matches("(SETUP ").count(), 2);
         }
@@ -378,9 +406,10 @@ mod tests {
         program.blocks[1].stage = program.blocks[0].stage;
         let checked = Checked::unchecked(program, origin);
         let text = text(linuxcnc(&job(&checked, &machine, &timed([0.0; 3]), None)));
-        let first = "(BLOCK B0001)\n(FOCUS SHIFT -0.035000)\nM65 P0\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\nG0 Z0.37";
-        let second = "(BLOCK B0002)\n(FOCUS SHIFT 0.035000)\nM65 P0\nG4 P0.100\nM64 P0\n";
-        let third = "(BLOCK B0003)\n(FOCUS SHIFT 0.000000)\nM65 P0\n";
+        let first =
+            "(BLOCK B0001)\n(FOCUS SHIFT -0.035000)\nN1 M65 P0\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\nG0 Z0.37";
+        let second = "(BLOCK B0002)\n(FOCUS SHIFT 0.035000)\n(ENTRY LIFT Z200.000000)\nN2 M65 P0\nG4 P0.100\nM64 P0\n";
+        let third = "(BLOCK B0003)\n(FOCUS SHIFT 0.000000)\nN3 M65 P0\n";
         for part in [first, second, third] {
             assert!(text.contains(part), "{part}: {text}");
         }

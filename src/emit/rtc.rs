@@ -12,7 +12,7 @@ use crate::check::Checked;
 use crate::diag::{Diag, Place};
 use crate::geom::{ControllerPoint, FieldPoint, NM_PER_MM, Nm};
 use crate::machine::{Machine, Rtc, RtcBoard};
-use crate::program::{Block, BlockId, Pen, Program};
+use crate::program::{Block, Pen, Program};
 use crate::units::{Speed, Time};
 
 /// Lines of a list that are not jumps and marks: its settings, its end, and a change of pen.
@@ -51,7 +51,7 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
     let rtc = machine.rtc.expect("a job for a board has one");
     let mut out = Text { bytes: Vec::new(), machine, rtc, counts: counts(rtc.board) };
     let name = out.counts.name;
-    out.line(format_args!("terrace rtc 1\nboard {name}\nblock {}", BlockId::new(index)));
+    out.line(format_args!("terrace rtc 1\nboard {name}\nblock {}", program.id(index)));
     let (mut list, mut used, mut set) = (0, usize::MAX, None);
     for stroke in program.strokes_of(block) {
         let points = program.points_of(stroke);
@@ -106,7 +106,7 @@ pub(super) fn faults(program: &Program, machine: &Machine) -> Vec<Diag> {
         let hint = "check rtc.bits_per_mm; a smaller partition.section keeps marks near the centre";
         faults.push(Diag::limit("rtc-field", text).hint(hint));
     }
-    let place = |i: usize| Place::Block(BlockId::new(i).to_string());
+    let place = |i: usize| Place::Block(program.id(i).to_string());
     let focus = |b: &Block| rtc.focus_bits_per_mm.map(|scale| (b.focus_shift.mm() * scale).round() as i64);
     let unfocused = |b: &Block| b.focus_shift != Nm(0) && !focus(b).is_some_and(is_within);
     if let Some(i) = program.blocks.iter().position(unfocused) {

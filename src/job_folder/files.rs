@@ -10,7 +10,7 @@ use crate::job::Job;
 use crate::manifest::{self, Facts, FileFact, Head, MANIFEST, OnTheFlyFacts};
 use crate::parallel;
 use crate::plan::{OnTheFlyPlan, Pass, SteppedPlan};
-use crate::program::{self, BlockId, Program};
+use crate::program::{self, Program};
 use crate::report;
 
 /// A folder being filled.
@@ -31,7 +31,8 @@ fn make(path: &Path) -> Result<(), Error> {
     fs::create_dir(path).map_err(|e| failed("make the folder", path, &e))
 }
 
-fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<FileFact, Error> {
+/// Writes one file of a job folder; answers with what the manifest says of it.
+pub(crate) fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<FileFact, Error> {
     let path = folder.join(name);
     fs::write(&path, bytes).map_err(|e| failed("write the file", &path, &e))?;
     Ok(FileFact { file: name.into(), bytes: bytes.len() as u64, blake3: blake3::hash(bytes).to_hex().to_string() })
@@ -84,7 +85,8 @@ pub(super) fn stepped(plan: &SteppedPlan, head: &Head, filling: &mut Filling<'_>
         figures,
         summary,
     };
-    let sheets = [("runsheet.csv", report::runsheet::csv(&facts)), ("runsheet.txt", report::runsheet::txt(&facts))];
+    let sheet = report::runsheet::Sheet::new(&facts);
+    let sheets = [("runsheet.csv", report::runsheet::csv(&sheet)), ("runsheet.txt", report::runsheet::txt(&sheet))];
     sheets.iter().try_for_each(|(name, bytes)| filling.put(name, bytes))?;
     let mut files = std::mem::take(&mut filling.files);
     files.sort_by(|a, b| a.file.cmp(&b.file));
@@ -103,9 +105,9 @@ fn blocks(
     if !inner.exists() {
         make(&inner)?;
     }
-    let blocks = emitted.checked.program().blocks.len();
-    let one = |i: usize| put(folder, &Program::block_file(BlockId::new(i), ending), &write(emitted, i));
-    let written: Result<Vec<FileFact>, Error> = parallel::map(blocks, one).into_iter().collect();
+    let program = emitted.checked.program();
+    let one = |i: usize| put(folder, &Program::block_file(program.id(i), ending), &write(emitted, i));
+    let written: Result<Vec<FileFact>, Error> = parallel::map(program.blocks.len(), one).into_iter().collect();
     filling.files.extend(written?);
     Ok(())
 }

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use files::Fill;
 pub use files::layout_svg;
+pub(crate) use files::put;
 pub use flush::Durability;
 use flush::{Flush, make_all};
 
@@ -106,6 +107,20 @@ pub(crate) fn replace(
         fill(new)
     };
     exchange(&Target::find(target, sign)?, durability.flush(), allowed, &fill)
+}
+
+/// Lets `fill` make a job folder of a stepped job, and puts it in the place of `target`.
+///
+/// # Errors
+/// As [`prepare`], and what `fill` says. An older folder is then unchanged.
+pub(crate) fn replace_stepped(
+    target: &Path,
+    durability: Durability,
+    fill: &dyn Fn(&Path) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let found = Target::find(target, MANIFEST)?;
+    let allowed = || found.may_be_replaced(Mode::Stepped, &[]);
+    replace(target, MANIFEST, durability, &allowed, fill)
 }
 
 fn exchange(

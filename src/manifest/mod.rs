@@ -21,7 +21,7 @@ use crate::diag::Message;
 use crate::emit;
 use crate::job::Job;
 use crate::machine::Machine;
-use crate::program::{Block, BlockFigures, BlockId, Program, Sections};
+use crate::program::{BlockFigures, Sections};
 use crate::texture::Directions;
 
 /// Parts of the job time, s. They sum to the total.
@@ -145,7 +145,22 @@ impl Summary {
     }
 }
 
-/// Everything that manifest and run sheet tell.
+/// Some blocks of a job, of which alone a folder holds files.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Subset {
+    /// Their names, in machining order.
+    pub blocks: Vec<String>,
+    /// Standstills of the stage.
+    pub stops: usize,
+    /// Their marks, every pass counted.
+    pub mark_mm: f64,
+    /// Their time, as that of a job.
+    pub time_s: f64,
+    /// The same by hand.
+    pub by_hand_s: f64,
+}
+
+/// Everything that the manifest tells.
 #[derive(Clone)]
 pub struct Facts<'a> {
     /// Path from the job folder to the job file.
@@ -166,22 +181,11 @@ pub struct Facts<'a> {
     pub summary: &'a Summary,
 }
 
-impl Facts<'_> {
-    /// The file of block `index`, where blocks have files of their own.
-    pub(crate) fn block_file(&self, index: usize) -> Option<String> {
-        emit::block_file(&self.job.formats).map(|ending| Program::block_file(BlockId::new(index), ending))
-    }
-    /// The z to which the stage lifts before it moves to block `index`, mm; None where it goes there at the z where it
-    /// stands. Before the first block that is unknown.
-    pub(crate) fn lift_mm(&self, index: usize) -> Option<f64> {
-        let lifts = index == 0 || self.checked.program().blocks[index].retract;
-        lifts.then(|| self.machine.retract_z().mm())
-    }
-    /// Names of the pens of a block.
-    pub(crate) fn pen_names(&self, block: &Block) -> Vec<&str> {
-        let program = self.checked.program();
-        program.pens_of(block).into_iter().map(|pen| program.pens[pen.index()].name.as_str()).collect()
-    }
+/// The z to which the stage lifts before it moves to block `index` of a program, mm; None where it goes there at the z
+/// where it stands. Before the first block that is unknown.
+pub(crate) fn lift_mm(machine: &Machine, checked: &Checked, index: usize) -> Option<f64> {
+    let lifts = index == 0 || checked.program().blocks[index].retract;
+    lifts.then(|| machine.retract_z().mm())
 }
 
 /// A duration for reading: `4.2 s`, `12 min 5 s`, `3 h 12 min`.

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use serde::{Serialize, Serializer};
 
-use super::{Facts, Head, Summary, registration};
+use super::{Facts, Head, Summary, lift_mm, registration};
 use crate::emit::Files;
 use crate::geom::Nm;
 use crate::job::{DepthRule, Level};
 use crate::machine::{Machine, Origin};
-use crate::program::{self, BlockId, PassId, Pen, Program};
+use crate::program::{self, PassId, Pen, Program};
 use crate::texture::Directions;
 
 /// The manifest: JSON, keys in a fixed order, a line feed at the end.
@@ -207,8 +207,9 @@ struct SlopeEntry {
 /// The files of a block, by format.
 fn files(facts: &Facts<'_>, index: usize) -> BTreeMap<&'static str, String> {
     let targets = facts.job.formats.iter().map(|f| f.target());
+    let id = facts.checked.program().id(index);
     let of_block = targets.filter_map(|t| match t.stepped {
-        Some(Files::Blocks(ending, _)) => Some((t.name, Program::block_file(BlockId::new(index), ending))),
+        Some(Files::Blocks(ending, _)) => Some((t.name, Program::block_file(id, ending))),
         _ => None,
     });
     of_block.collect()
@@ -218,7 +219,7 @@ fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
     let program = facts.checked.program();
     let (block, figures) = (&program.blocks[index], &facts.figures[index]);
     BlockEntry {
-        id: BlockId::new(index).to_string(),
+        id: program.id(index).to_string(),
         pass: block.pass.number(),
         setup: block.setup.number(),
         section: block.stop.section.0,
@@ -226,12 +227,12 @@ fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
         centre_mm: block.stop.centre.mm(),
         lpfl_mm: block.stop.focus.mm(),
         focus_shift_mm: block.focus_shift.mm(),
-        lift_z_mm: facts.lift_mm(index),
+        lift_z_mm: lift_mm(facts.machine, facts.checked, index),
         stage: block.stage.mm(),
         tilt_deg: block.stop.tilt.deg(),
         z_lo_mm: block.z_lo.mm(),
         z_hi_mm: block.z_hi.mm(),
-        pens: facts.pen_names(block),
+        pens: program.pen_names(block),
         files: files(facts, index),
         strokes: block.strokes.len(),
         mark_mm: program.mark_mm(block),

@@ -5,8 +5,8 @@ use crate::diag::Diag;
 use crate::geom::Nm;
 use crate::job::{Overrides, SAMPLE_JOB};
 use crate::machine::{FieldShape, Origin};
-use crate::program::{BlockFigures, sample};
-use crate::report::runsheet::{csv as runsheet_csv, txt as runsheet_txt};
+use crate::program::{BlockFigures, Program, sample};
+use crate::report::runsheet::{Sheet, csv as runsheet_csv, txt as runsheet_txt};
 use crate::units::Length;
 
 fn machine() -> Machine {
@@ -92,7 +92,7 @@ fn the_manifest_has_its_keys_in_order_and_exact_millimetres() {
 
 #[test]
 fn table_has_a_line_per_block_and_quotes_separators() {
-    let text = with_sample(|facts| String::from_utf8(runsheet_csv(facts)).expect("UTF-8"));
+    let text = with_sample(|facts| String::from_utf8(runsheet_csv(&Sheet::new(facts))).expect("UTF-8"));
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(lines.len(), 4);
     let third = "B0003,1,0,1,-41.000000,2.000000,0.405000,0.105000,blocks/B0003.dxf,2,250.000,";
@@ -103,13 +103,13 @@ fn table_has_a_line_per_block_and_quotes_separators() {
 
 #[test]
 fn run_sheet_lists_settings_that_the_files_do_not_carry() {
-    let text = with_sample(|facts| String::from_utf8(runsheet_txt(facts)).expect("UTF-8"));
+    let text = with_sample(|facts| String::from_utf8(runsheet_txt(&Sheet::new(facts))).expect("UTF-8"));
     for needed in ["10 mm", "red-light", "not a safety system", "60 % = 8.4 W", "hood.toml", "WARNING    steep places"]
     {
         assert!(text.contains(needed), "{needed}\n{text}");
     }
     for i in 1..=3 {
-        assert_eq!(text.matches(&format!("\n  B000{i} ")).count(), 1);
+        assert_eq!(text.matches(&format!("\n[ ] B000{i} ")).count(), 1);
     }
     assert!(text.lines().all(|l| l.len() <= 132), "fits on paper");
 }
@@ -117,7 +117,7 @@ fn run_sheet_lists_settings_that_the_files_do_not_carry() {
 #[test]
 fn run_sheets_say_where_to_lift() {
     // The third block asks for it. Before the first block the stage position is unknown.
-    let (csv, txt) = with_sample(|facts| (runsheet_csv(facts), runsheet_txt(facts)));
+    let (csv, txt) = with_sample(|facts| (runsheet_csv(&Sheet::new(facts)), runsheet_txt(&Sheet::new(facts))));
     let [csv, txt] = [csv, txt].map(|bytes| String::from_utf8(bytes).expect("UTF-8"));
     let lifts: Vec<&str> = csv.lines().filter_map(|l| l.rsplit(',').nth(1)).collect();
     assert_eq!(lifts, ["lift_z_mm", "200.000000", "", "200.000000"]);
@@ -125,7 +125,7 @@ fn run_sheets_say_where_to_lift() {
     let follows = |id: &str| {
         lines
             .windows(2)
-            .any(|w| w[0] == format!("  LIFT to Z200.0000, then go to {id}") && w[1].starts_with(&format!("  {id} ")))
+            .any(|w| w[0] == format!("  LIFT to Z200.0000, then go to {id}") && w[1].starts_with(&format!("[ ] {id} ")))
     };
     assert_eq!(["B0001", "B0002", "B0003"].map(follows), [true, false, true], "{txt}");
 }
@@ -140,7 +140,7 @@ fn durations_are_formatted_in_words() {
 #[test]
 fn the_run_sheet_says_what_of_the_field_is_used() {
     let sheet = |machine: &Machine| {
-        with(sample::program(), machine, |facts| String::from_utf8(runsheet_txt(facts)).expect("UTF-8"))
+        with(sample::program(), machine, |facts| String::from_utf8(runsheet_txt(&Sheet::new(facts))).expect("UTF-8"))
     };
     let mut m = machine();
     assert!(sheet(&m).contains("field      40 x 40 mm\n"));

@@ -13,6 +13,11 @@ pub(super) fn load_s(job: &Job, machine: &Machine) -> f64 {
     if emit::needs_person(&job.formats) { machine.load_s() } else { 0.0 }
 }
 
+/// The time of a program that begins as every job does.
+pub fn of_program(machine: &Machine, program: &Program) -> Times {
+    times(machine, &Start::first(machine), program).0
+}
+
 /// The time of a program that begins at `start`, and that of every block without the stage's moves, s.
 pub(super) fn times(machine: &Machine, start: &Start, program: &Program) -> (Times, Vec<f64>) {
     let mut t = Times::default();

@@ -38,6 +38,7 @@ mod warnings;
 use std::path::{Path, PathBuf};
 
 pub use inputs::Inputs;
+pub use job_time::of_program;
 pub use on_the_fly::OnTheFlyPlan;
 pub use pass::Pass;
 pub use progress::{Phase, Progress};

@@ -43,7 +43,7 @@ ids! {
 }
 
 impl BlockId {
-    /// The block at that place of [`Program::blocks`](super::Program::blocks).
+    /// The block at that place of [`Program::blocks`](super::Program::blocks) of a whole program.
     ///
     /// # Panics
     /// From 2^32 on, which no program has.
@@ -52,9 +52,26 @@ impl BlockId {
     }
 }
 
+impl std::str::FromStr for BlockId {
+    type Err = String;
+    fn from_str(name: &str) -> Result<Self, String> {
+        let number: Option<u32> = name.strip_prefix('B').and_then(|digits| digits.parse().ok());
+        let id = number.and_then(|n| n.checked_sub(1)).map(Self);
+        id.filter(|id| id.to_string() == name)
+            .ok_or_else(|| format!("{name:?} is not the name of a block, such as B0133"))
+    }
+}
+
+impl BlockId {
+    /// The number that people and controllers read, from 1.
+    pub const fn number(self) -> u64 {
+        self.0 as u64 + 1
+    }
+}
+
 impl fmt::Display for BlockId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "B{:04}", u64::from(self.0) + 1)
+        write!(f, "B{:04}", self.number())
     }
 }
 

@@ -148,9 +148,30 @@ pub struct Program {
     pub strokes: Vec<Stroke>,
     /// All points, field frame, nm.
     pub points: Vec<FieldPoint>,
+    /// The names that its blocks have in the program that it is a subset of; empty where it is whole, and blocks are
+    /// named by their place.
+    pub subset_of: Vec<BlockId>,
 }
 
 impl Program {
+    /// The name of the block at a place of the list.
+    pub fn id(&self, index: usize) -> BlockId {
+        self.subset_of.get(index).copied().unwrap_or_else(|| BlockId::new(index))
+    }
+    /// These blocks alone, in their order and under their names. The stage lifts on its way to each that follows on
+    /// another one now.
+    #[must_use]
+    pub fn subset(mut self, chosen: &[usize]) -> Self {
+        self.subset_of = chosen.iter().map(|&i| self.id(i)).collect();
+        let follows = |at: usize| at > 0 && chosen[at - 1] + 1 == chosen[at];
+        self.blocks = (0..chosen.len())
+            .map(|at| {
+                let block = self.blocks[chosen[at]].clone();
+                Block { retract: block.retract || !follows(at), ..block }
+            })
+            .collect();
+        self
+    }
     /// Standstills of the stage: the blocks but those that the zoom optic alone goes to.
     pub fn stops(&self) -> usize {
         let by_zoom = self.blocks.windows(2).filter(|w| w[1].is_reached_by_zoom(&w[0])).count();
@@ -169,6 +190,10 @@ impl Program {
         let mut used = vec![false; self.pens.len()];
         self.strokes_of(block).iter().for_each(|s| used[s.pen.index()] = true);
         (0..used.len()).filter(|&pen| used[pen]).map(|pen| PenId(pen as u16)).collect()
+    }
+    /// Names of the pens of a block.
+    pub(crate) fn pen_names(&self, block: &Block) -> Vec<&str> {
+        self.pens_of(block).into_iter().map(|pen| self.pens[pen.index()].name.as_str()).collect()
     }
     /// Where the file of a block with an ending lies in the job folder.
     pub fn block_file(block: BlockId, ending: &str) -> String {

@@ -2,16 +2,73 @@
 
 use std::fmt::Write;
 
+use crate::check::Checked;
+use crate::emit::{self, Format};
 use crate::geom::Nm;
 use crate::machine::{FieldShape, Machine};
-use crate::manifest::{Facts, registration};
-use crate::program::{Block, BlockId, PassId, Program, SetupId};
+use crate::manifest::{Facts, Registered, Subset, Summary, lift_mm, registration};
+use crate::program::{Block, BlockFigures, PassId, Program, SetupId};
 use crate::report::table::csv_cell;
-use crate::units::Length;
+use crate::units::{Angle, Length};
+
+/// What run sheets are written from.
+pub struct Sheet<'a> {
+    /// Path from the job folder to the job file.
+    pub job_file: &'a str,
+    /// The surface file.
+    pub surface: String,
+    /// The machine.
+    pub machine: &'a Machine,
+    /// By how much the part is turned about z.
+    pub turn_deg: f64,
+    /// By how much the focus is lowered, mm, and the texture turned, degrees, from pass to pass.
+    pub per_pass: [f64; 2],
+    /// The formats of the job.
+    pub formats: Vec<Format>,
+    /// Registration points by set-up; None where the job asks for no set-ups.
+    pub registration: Option<Vec<Vec<Registered>>>,
+    /// The program, or the subset of it that the folder holds.
+    pub checked: &'a Checked,
+    /// Largest depth range of a block, as used.
+    pub depth_mm: f64,
+    /// The figures of every block.
+    pub figures: Vec<BlockFigures>,
+    /// The figures of the whole job.
+    pub summary: &'a Summary,
+    /// Those of the subset, where the folder does not hold the whole job.
+    pub subset: Option<&'a Subset>,
+}
+
+impl<'a> Sheet<'a> {
+    /// Of a whole job.
+    pub fn new(facts: &Facts<'a>) -> Self {
+        let Facts { job, machine, checked, .. } = *facts;
+        let points = |&origin: &_| registration(job, machine, origin);
+        Self {
+            job_file: facts.job_file,
+            surface: job.surface.file.display().to_string(),
+            machine,
+            turn_deg: job.placement.turn.as_deg(),
+            per_pass: [job.passes.lower.mm(), job.passes.rotate.as_deg()],
+            formats: job.formats.clone(),
+            registration: job.setups.as_ref().map(|_| checked.origins().iter().map(points).collect()),
+            checked,
+            depth_mm: facts.depth_mm,
+            figures: facts.figures.to_vec(),
+            summary: facts.summary,
+            subset: None,
+        }
+    }
+    /// The file of block `index`, where blocks have files of their own.
+    fn block_file(&self, index: usize) -> Option<String> {
+        let id = self.checked.program().id(index);
+        emit::block_file(&self.formats).map(|ending| Program::block_file(id, ending))
+    }
+}
 
 /// The blocks as a table for spreadsheets: comma separated, point as decimal mark.
-pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
-    let program = facts.checked.program();
+pub fn csv(sheet: &Sheet<'_>) -> Vec<u8> {
+    let program = sheet.checked.program();
     let mut out = String::from(
         "block,column,row,level,stage_x_mm,stage_y_mm,stage_z_mm,lpfl_mm,file,strokes,mark_mm,jump_mm,time_s,pens,pass,setup,lift_z_mm,focus_shift_mm\n",
     );
@@ -19,7 +76,7 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
         let [column, row] = block.stop.section.0;
         let [x, y, z] = block.stage.mm();
         let cells = [
-            BlockId::new(i).to_string(),
+            program.id(i).to_string(),
             column.to_string(),
             row.to_string(),
             block.stop.level.to_string(),
@@ -27,15 +84,15 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
             format!("{y:.6}"),
             format!("{z:.6}"),
             format!("{:.6}", block.stop.focus.mm()),
-            facts.block_file(i).unwrap_or_default(),
+            sheet.block_file(i).unwrap_or_default(),
             block.strokes.len().to_string(),
             format!("{:.3}", program.mark_mm(block)),
             format!("{:.3}", program.jump_mm(block)),
-            format!("{:.3}", facts.figures[i].time_s),
-            csv_cell(&facts.pen_names(block).join("; ")),
+            format!("{:.3}", sheet.figures[i].time_s),
+            csv_cell(&program.pen_names(block).join("; ")),
             block.pass.number().to_string(),
             block.setup.number().to_string(),
-            facts.lift_mm(i).map_or_else(String::new, |z| format!("{z:.6}")),
+            lift_mm(sheet.machine, sheet.checked, i).map_or_else(String::new, |z| format!("{z:.6}")),
             format!("{:.6}", block.focus_shift.mm()),
         ];
         out += &cells.join(",");
@@ -45,14 +102,14 @@ pub fn csv(facts: &Facts<'_>) -> Vec<u8> {
 }
 
 /// The sheet for the operator, plain text of fixed width.
-pub fn txt(facts: &Facts<'_>) -> Vec<u8> {
+pub fn txt(sheet: &Sheet<'_>) -> Vec<u8> {
     let mut out = String::new();
     // Writing to a String cannot fail.
-    let _ = head(&mut out, facts)
-        .and_then(|()| pens(&mut out, facts))
-        .and_then(|()| steps(&mut out, facts))
-        .and_then(|()| setups(&mut out, facts))
-        .and_then(|()| blocks(&mut out, facts));
+    let _ = head(&mut out, sheet)
+        .and_then(|()| pens(&mut out, sheet))
+        .and_then(|()| steps(&mut out, sheet))
+        .and_then(|()| setups(&mut out, sheet))
+        .and_then(|()| blocks(&mut out, sheet));
     out.into_bytes()
 }
 
@@ -70,34 +127,39 @@ fn field(machine: &Machine) -> String {
     format!("{whole}, of which {u} x {v} mm are used")
 }
 
-fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
-    let s = facts.summary;
+fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
+    let s = sheet.summary;
     let t = &s.time_s;
-    let part = facts.job.surface.file.display().to_string();
-    let [x, y, z] = facts.checked.origin().mm();
+    let [x, y, z] = sheet.checked.origin().mm();
     writeln!(out, "RUN SHEET")?;
     writeln!(out)?;
-    writeln!(out, "job        {}", facts.job_file.replace('\\', "/"))?;
-    writeln!(out, "part       {}", part.replace('\\', "/"))?;
-    writeln!(out, "machine    {}", facts.machine.name)?;
-    writeln!(out, "field      {}", field(facts.machine))?;
-    match facts.checked.origins().len() {
+    writeln!(out, "job        {}", sheet.job_file.replace('\\', "/"))?;
+    writeln!(out, "part       {}", sheet.surface.replace('\\', "/"))?;
+    writeln!(out, "machine    {}", sheet.machine.name)?;
+    writeln!(out, "field      {}", field(sheet.machine))?;
+    match sheet.checked.origins().len() {
         1 => writeln!(out, "part zero  X{x:.4} Y{y:.4} Z{z:.4} mm in the table frame")?,
         n => writeln!(out, "part zero  {n} set-ups, each with its own: see SET-UPS")?,
     }
-    writeln!(out, "part turn  {} deg about z", facts.job.placement.turn.as_deg())?;
-    match &facts.machine.zoom {
+    writeln!(out, "part turn  {} deg about z", sheet.turn_deg)?;
+    if let Some(subset) = sheet.subset {
+        let program = sheet.checked.program();
+        let [first, last] = [0, program.blocks.len() - 1].map(|i| program.id(i));
+        writeln!(out, "left       {} of the {} blocks of the job, {first} to {last}", program.blocks.len(), s.blocks)?;
+        writeln!(out, "           {:.1} mm of marks, {}", subset.mark_mm, clock(subset.time_s))?;
+    }
+    match &sheet.machine.zoom {
         None => writeln!(out, "blocks     {} ({})", s.blocks, s.method)?,
         Some(_) => writeln!(out, "blocks     {} at {} stops of the stage ({})", s.blocks, s.stops, s.method)?,
     }
     if s.passes > 1 {
-        let passes = &facts.job.passes;
+        let [lower, turn] = sheet.per_pass;
         writeln!(
             out,
             "passes     {} (focus lowered {} and hatch rotated {} per pass)",
             s.passes,
-            Length::mm(passes.lower.mm()),
-            passes.rotate
+            Length::mm(lower),
+            Angle::deg(turn)
         )?;
     }
     writeln!(out, "marks      {:.1} mm", s.mark_mm)?;
@@ -106,7 +168,7 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         out,
         "defocus    {:.1} um at most (depth range of a block {:.1} um)",
         s.worst_defocus_um,
-        facts.depth_mm * 1e3
+        sheet.depth_mm * 1e3
     )?;
     writeln!(
         out,
@@ -114,7 +176,7 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         clock(t.total),
         clock(t.stage),
         clock(t.settle),
-        facts.machine.zoom.as_ref().map_or_else(String::new, |_| format!(" zoom {},", clock(t.zoom))),
+        sheet.machine.zoom.as_ref().map_or_else(String::new, |_| format!(" zoom {},", clock(t.zoom))),
         clock(t.mark),
         clock(t.jump),
         clock(t.delay)
@@ -123,25 +185,26 @@ fn head(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     let who = if hand.needed { "a person loads" } else { "if a person loads" };
     let source =
         if hand.assumed { "assumed: see operator.load of the machine file" } else { "as the machine file states" };
-    writeln!(out, "by hand    {}, {who} {} files at {} s each ({source})", clock(hand.total_s), s.blocks, hand.load_s)?;
+    let (total_s, files) = sheet.subset.map_or((hand.total_s, s.blocks), |t| (t.by_hand_s, t.blocks.len()));
+    writeln!(out, "by hand    {}, {who} {files} files at {} s each ({source})", clock(total_s), hand.load_s)?;
     for warning in &s.warnings {
         writeln!(out, "WARNING    {}", warning.message)?;
     }
     Ok(())
 }
 
-fn pens(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
-    let note = if has_drawings(facts) {
+fn pens(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
+    let note = if has_drawings(sheet) {
         "DXF and CSV do not carry these values: set them in the marking software"
-    } else if facts.job.formats.iter().any(|f| f.target().carries_settings) {
+    } else if sheet.formats.iter().any(|f| f.target().carries_settings) {
         "the files of the job carry these values"
     } else {
         "set them in the marking software"
     };
     writeln!(out, "\nPENS ({note})")?;
     writeln!(out, "  no  speed mm/s  power               frequency kHz  passes  name")?;
-    for (i, pen) in facts.checked.program().pens.iter().enumerate() {
-        let watts = pen.power.as_w(facts.machine.laser.max_power);
+    for (i, pen) in sheet.checked.program().pens.iter().enumerate() {
+        let watts = pen.power.as_w(sheet.machine.laser.max_power);
         writeln!(
             out,
             "  {:>2}  {:>10}  {:<18}  {:>13}  {:>6}  {}",
@@ -157,14 +220,14 @@ fn pens(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
 }
 
 /// Whether there are drawings for marking software, which leave the settings of pens to it.
-fn has_drawings(facts: &Facts<'_>) -> bool {
-    facts.job.formats.iter().map(|f| f.target()).any(|t| t.carries_pens && !t.carries_settings)
+fn has_drawings(sheet: &Sheet<'_>) -> bool {
+    sheet.formats.iter().map(|f| f.target()).any(|t| t.carries_pens && !t.carries_settings)
 }
 
 /// What to do, in order; only what the files of this folder need.
-fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
+fn steps(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     writeln!(out, "\nBEFORE THE FIRST BLOCK")?;
-    if has_drawings(facts) {
+    if has_drawings(sheet) {
         writeln!(
             out,
             "  - All lengths are mm, at scale 1. Drawings of this kind carry no unit: choose mm on import, mark"
@@ -182,18 +245,18 @@ fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         "  - Put the part so that its zero and its turn are as above. Show the red-light frame of the first"
     )?;
     writeln!(out, "    and the last block on the part and compare it with layout.svg.")?;
-    let place = if facts.machine.zoom.is_some() { "at its Z and SHIFT below" } else { "its Z below is where" };
+    let place = if sheet.machine.zoom.is_some() { "at its Z and SHIFT below" } else { "its Z below is where" };
     writeln!(out, "  - Find the focus on the part at the first block: {place} the spot must be smallest.")?;
-    if facts.job.formats.iter().any(|f| f.target().moves_stage) {
+    if sheet.formats.iter().any(|f| f.target().moves_stage) {
         writeln!(out, "  - Run the stage program once without laser power.")?;
     }
-    let lift = facts.machine.retract_z().mm();
+    let lift = sheet.machine.retract_z().mm();
     writeln!(
         out,
         "  - If you move the stage by hand: laser off, then X Y, then Z. Where a line below says LIFT, go to Z{lift:.4}"
     )?;
     writeln!(out, "    before X Y, or the lens may touch the part. Lift after the last block too.")?;
-    if let Some(zoom) = &facts.machine.zoom {
+    if let Some(zoom) = &sheet.machine.zoom {
         writeln!(
             out,
             "  - SHIFT is what the zoom optic adds to the focal plane that the stage sets, up is positive, within {} of 0.",
@@ -206,7 +269,7 @@ fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
         "  - This program is not a safety system. Enclosure, interlock and eye protection are your responsibility."
     )?;
     writeln!(out, "\nHOW THE FILES GO TOGETHER")?;
-    for target in facts.job.formats.iter().map(|f| f.target()) {
+    for target in sheet.formats.iter().map(|f| f.target()) {
         for (i, line) in target.sheet.iter().enumerate() {
             writeln!(out, "  {} {line}", if i == 0 { '-' } else { ' ' })?;
         }
@@ -215,9 +278,9 @@ fn steps(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
 }
 
 /// Where the part lies in each set-up, and how to find that.
-fn setups(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
-    let origins = facts.checked.origins();
-    if facts.job.setups.is_none() {
+fn setups(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
+    let origins = sheet.checked.origins();
+    if sheet.registration.is_none() {
         return Ok(());
     }
     writeln!(
@@ -240,9 +303,9 @@ fn setups(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
     }
     for (i, &origin) in origins.iter().enumerate() {
         let [x, y, z] = origin.mm();
-        let blocks = runs(facts.checked.program(), SetupId(i as u32));
+        let blocks = runs(sheet.checked.program(), SetupId(i as u32));
         writeln!(out, "  SET-UP {} OF {}  part zero X{x:.4} Y{y:.4} Z{z:.4}  blocks {blocks}", i + 1, origins.len())?;
-        for found in registration(facts.job, facts.machine, origin) {
+        for found in sheet.registration.iter().flatten().nth(i).into_iter().flatten() {
             let ([px, py], [x, y]) = (found.point_mm, found.at.map(Nm::mm));
             writeln!(out, "    point {px:>9.4} {py:>9.4} of the part: stage X{x:.4} Y{y:.4}")?;
         }
@@ -253,20 +316,20 @@ fn setups(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
 /// The blocks of a set-up, as runs.
 fn runs(program: &Program, setup: SetupId) -> String {
     let mine: Vec<usize> = (0..program.blocks.len()).filter(|&i| program.blocks[i].setup == setup).collect();
-    let run = |run: &[usize]| format!("{} to {}", BlockId::new(run[0]), BlockId::new(run[run.len() - 1]));
+    let run = |run: &[usize]| format!("{} to {}", program.id(run[0]), program.id(run[run.len() - 1]));
     mine.chunk_by(|a, b| a + 1 == *b).map(run).collect::<Vec<_>>().join(", ")
 }
 
-fn blocks(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
-    let program = facts.checked.program();
+fn blocks(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
+    let program = sheet.checked.program();
     writeln!(
         out,
         "\nBLOCKS (X Y Z: commanded stage position, mm; LPFL: focal plane on the part, mm; time without the move)"
     )?;
-    let shift = facts.machine.zoom.as_ref().map_or_else(String::new, |_| format!(" {:>11}", "SHIFT"));
+    let shift = sheet.machine.zoom.as_ref().map_or_else(String::new, |_| format!(" {:>11}", "SHIFT"));
     writeln!(
         out,
-        "  {:<7} {:>9} {:>6} {:>11} {:>11} {:>11} {:>11}{shift} {:>8} {:>11} {:>9}  pens  file",
+        "    {:<7} {:>9} {:>6} {:>11} {:>11} {:>11} {:>11}{shift} {:>8} {:>11} {:>9}  pens  file",
         "block", "section", "level", "X", "Y", "Z", "LPFL", "strokes", "marks mm", "time s"
     )?;
     let (mut pass, mut setup) = (PassId(0), None);
@@ -275,37 +338,37 @@ fn blocks(out: &mut String, facts: &Facts<'_>) -> std::fmt::Result {
             pass = block.pass;
             writeln!(out, "  PASS {}", pass.number())?;
         }
-        if facts.checked.origins().len() > 1 && setup != Some(block.setup) {
+        if sheet.checked.origins().len() > 1 && setup != Some(block.setup) {
             setup = Some(block.setup);
             writeln!(out, "  SET-UP {}", block.setup.number())?;
         }
-        if let Some(z) = facts.lift_mm(i) {
-            writeln!(out, "  LIFT to Z{z:.4}, then go to {}", BlockId::new(i))?;
+        if let Some(z) = lift_mm(sheet.machine, sheet.checked, i) {
+            writeln!(out, "  LIFT to Z{z:.4}, then go to {}", program.id(i))?;
         }
-        block_line(out, facts, i, block)?;
+        block_line(out, sheet, i, block)?;
     }
     Ok(())
 }
 
-fn block_line(out: &mut String, facts: &Facts<'_>, i: usize, block: &Block) -> std::fmt::Result {
-    let program = facts.checked.program();
+fn block_line(out: &mut String, sheet: &Sheet<'_>, i: usize, block: &Block) -> std::fmt::Result {
+    let program = sheet.checked.program();
     let pens: Vec<String> = program.pens_of(block).into_iter().map(|pen| pen.number().to_string()).collect();
     let [column, row] = block.stop.section.0;
     let [x, y, z] = block.stage.mm();
     let shift = block.focus_shift.mm();
-    let shift = facts.machine.zoom.as_ref().map_or_else(String::new, |_| format!(" {shift:>11.4}"));
+    let shift = sheet.machine.zoom.as_ref().map_or_else(String::new, |_| format!(" {shift:>11.4}"));
     writeln!(
         out,
-        "  {:<7} {:>9} {:>6} {x:>11.4} {y:>11.4} {z:>11.4} {:>11.4}{shift} {:>8} {:>11.1} {:>9.1}  {:<4}  {}",
-        BlockId::new(i).to_string(),
+        "[ ] {:<7} {:>9} {:>6} {x:>11.4} {y:>11.4} {z:>11.4} {:>11.4}{shift} {:>8} {:>11.1} {:>9.1}  {:<4}  {}",
+        program.id(i).to_string(),
         format!("{column},{row}"),
         block.stop.level,
         block.stop.focus.mm(),
         block.strokes.len(),
         program.mark_mm(block),
-        facts.figures[i].time_s,
+        sheet.figures[i].time_s,
         pens.join(" "),
-        facts.block_file(i).unwrap_or_default(),
+        sheet.block_file(i).unwrap_or_default(),
     )
 }
 

@@ -75,17 +75,17 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
     let mut findings = Findings::new();
     let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
     let unchanged = rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.hash);
-    let program = read_program(folder, &mut findings);
+    let mut program = read_program(folder, &mut findings);
     if !unchanged {
         // The job cannot be loaded again, but the files of the folder can still be compared with each other.
         let facts = JobFacts::from_manifest(&manifest);
-        if let Some(program) = &program {
+        if let Some(program) = &mut program {
             rules::without_inputs(folder, &manifest, program, &facts, &mut findings);
         }
         return Ok(findings.into_proof());
     }
     let (job, facts) = job_facts::load(&inputs, Mode::Stepped)?;
-    let Some(program) = program else { return Ok(findings.into_proof()) };
+    let Some(mut program) = program else { return Ok(findings.into_proof()) };
     let (shape, box_mm) = job_facts::shape(&job)?;
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
     let mut textures = Vec::new();
@@ -93,13 +93,13 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
         let mut texture = job_facts::texture(&job, pass, box_mm)?;
         if !rules::fill::check(&manifest, &facts, pass, &mut texture, &mut findings.fill) {
             // Without its lines the texture is not known.
-            rules::without_inputs(folder, &manifest, &program, &facts, &mut findings);
+            rules::without_inputs(folder, &manifest, &mut program, &facts, &mut findings);
             return Ok(findings.into_proof());
         }
         textures.push(texture);
     }
     let drawings: Vec<Drawing<'_>> = textures.iter().map(Drawing::of).collect();
-    check_folder(folder, &manifest, &program, &facts, &drawings, &geometry, &mut findings);
+    check_folder(folder, &manifest, &mut program, &facts, &drawings, &geometry, &mut findings);
     Ok(findings.into_proof())
 }
 
@@ -107,14 +107,14 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
 fn check_folder(
     folder: &Path,
     manifest: &Manifest,
-    program: &ProgramFile,
+    program: &mut ProgramFile,
     facts: &JobFacts,
     drawings: &[Drawing<'_>],
     geometry: &Geometry,
     findings: &mut Findings,
 ) {
     let stages = rules::without_inputs(folder, manifest, program, facts, findings);
-    rules::clearance::check(&stages, program, facts, geometry, findings);
+    rules::moves(&stages, manifest, program, facts, geometry, findings);
     rules::agreement::with_job(manifest, program, facts, &mut findings.agreement);
     let marks = rules::depth_and_field::check(program, facts, geometry, findings);
     rules::dose::check(program, facts, geometry, findings);

@@ -17,6 +17,12 @@ fn readers() -> PathBuf {
     venv
 }
 
+/// Has foreign readers compare the files of a job folder with its program.txt.
+pub fn check_folder(job: &Path, scripts: &[&str]) {
+    let venv = readers();
+    scripts.iter().for_each(|script| check(&venv, script, job));
+}
+
 fn check(venv: &Path, script: &str, job: &Path) {
     let script_path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python").join(script);
     let mut command = Command::new(venv.join("bin/python"));

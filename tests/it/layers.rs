@@ -96,7 +96,7 @@ fn named(text: &str) -> BTreeSet<String> {
 }
 
 /// The modules of the library, lowest first: each may name those above it in this list and none below.
-const ORDER: [&str; 28] = [
+const ORDER: [&str; 29] = [
     "parallel",
     "geom",
     "units",
@@ -121,6 +121,7 @@ const ORDER: [&str; 28] = [
     "report",
     "job_folder",
     "compare",
+    "resume",
     "run",
     "sweep",
     "batch",

@@ -31,6 +31,7 @@ mod passes;
 mod random_jobs;
 mod reads;
 mod refusals;
+mod resume;
 mod setups;
 mod sweep;
 mod textures;

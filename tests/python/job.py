@@ -84,6 +84,12 @@ class Job:
         ids = [b["id"] for b in self.manifest["blocks"]]
         demand(ids == [b.id for b in self.program.blocks], "manifest and program.txt list different blocks")
         demand(len(ids) > 0, "the job has no block")
+        if "subset" in self.manifest:
+            # The folder holds files of these blocks alone.
+            held = set(self.manifest["subset"]["blocks"])
+            self.manifest["blocks"] = [b for b in self.manifest["blocks"] if b["id"] in held]
+            self.program.blocks = [b for b in self.program.blocks if b.id in held]
+            demand(len(self.program.blocks) == len(held), "the subset lists blocks that the job does not have")
 
     def controller(self, point):
         """Controller coordinates of a field point, nm: swap first, then mirrors."""

@@ -17,6 +17,8 @@ pub(in crate::verify) enum Step {
     Setup(u32),
     /// The comment that states the shift of the zoom optic, nm.
     FocusShift(i64),
+    /// The comment that states the z to lift to first where the program is begun here, nm.
+    EntryLift(i64),
     /// Modal G words, in tenths: G61.1 is 611.
     Modal(Vec<u32>),
     /// A rapid move to the axis values given: x, y and z in nm, a, b and c in millionths of a degree.
@@ -46,11 +48,15 @@ pub(in crate::verify) enum Step {
 impl Step {
     /// Whether it may stand between the title of a block and its moves.
     pub(in crate::verify) fn is_before_moves(&self) -> bool {
-        matches!(self, Self::OutputOff | Self::SpindleOff | Self::Modal(_) | Self::FocusShift(_))
+        matches!(self, Self::OutputOff | Self::SpindleOff | Self::Modal(_) | Self::FocusShift(_) | Self::EntryLift(_))
     }
     /// The focus shift that it states, if it is such a comment.
     pub(in crate::verify) fn focus_shift(&self) -> Option<Nm> {
         if let Self::FocusShift(nm) = self { Some(Nm(*nm)) } else { None }
+    }
+    /// The z to lift to before the program is begun here, if it is such a comment.
+    pub(in crate::verify) fn entry_lift(&self) -> Option<Nm> {
+        if let Self::EntryLift(nm) = self { Some(Nm(*nm)) } else { None }
     }
 }
 
@@ -70,6 +76,8 @@ pub(in crate::verify) struct Program {
     pub(in crate::verify) statements: Vec<Statement>,
     /// Blocks that comments name in addition to those that begin a block, each with its line.
     pub(in crate::verify) names: Vec<(usize, String)>,
+    /// Numbers of lines (N words), each with its line.
+    pub(in crate::verify) numbers: Vec<(usize, u64)>,
 }
 
 /// Reads a stage program.
@@ -78,7 +86,7 @@ pub(in crate::verify) fn read(bytes: &[u8]) -> Result<Program, Fault> {
     if !text.ends_with('\n') {
         return Err(Fault::new(text.lines().count(), "ends in the middle of a line"));
     }
-    let (mut out, mut names) = (Vec::new(), Vec::new());
+    let (mut out, mut names, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
     for (i, line) in text.lines().enumerate() {
         let (code, comments) = split_comments(line).map_err(|m| Fault::new(i + 1, m))?;
         let mut push = |step| out.push(Statement { line: i + 1, step });
@@ -93,16 +101,27 @@ pub(in crate::verify) fn read(bytes: &[u8]) -> Result<Program, Fault> {
             } else if let Some(rest) = comment.trim().strip_prefix("FOCUS SHIFT ") {
                 let shift = nm_from_decimal(rest.trim().as_bytes());
                 push(shift.map_or_else(|| Step::Unknown(comment.to_owned()), Step::FocusShift));
+            } else if let Some(rest) = comment.trim().strip_prefix("ENTRY LIFT Z") {
+                let lift = nm_from_decimal(rest.trim().as_bytes());
+                push(lift.map_or_else(|| Step::Unknown(comment.to_owned()), Step::EntryLift));
             } else {
                 comment.split_whitespace().filter(|w| is_block(w)).for_each(|w| names.push((i + 1, w.to_owned())));
             }
         }
-        let code = code.trim();
+        let (number, code) = numbered(code.trim());
+        numbers.extend(number.map(|n| (i + 1, n)));
         if !code.is_empty() && code != "%" {
             push(step(code).unwrap_or_else(|| Step::Unknown(code.to_owned())));
         }
     }
-    Ok(Program { statements: out, names })
+    Ok(Program { statements: out, names, numbers })
+}
+
+/// The number of a line, and its code after it.
+fn numbered(code: &str) -> (Option<u64>, &str) {
+    let Some(rest) = code.strip_prefix(['N', 'n']) else { return (None, code) };
+    let end = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
+    rest[..end].parse().map_or((None, code), |number| (Some(number), rest[end..].trim_start()))
 }
 
 /// Whether a word is the name of a block: B and four digits or more.

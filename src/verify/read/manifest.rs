@@ -37,6 +37,9 @@ pub(in crate::verify) struct Manifest {
     pub(in crate::verify) setups: Vec<SetupEntry>,
     pub(in crate::verify) pens: Vec<PenEntry>,
     pub(in crate::verify) blocks: Vec<BlockEntry>,
+    /// The blocks whose files the folder holds, where these are not all.
+    #[serde(default)]
+    pub(in crate::verify) subset: Option<SubsetEntry>,
     /// Every file of the folder but the manifest itself.
     pub(in crate::verify) files: Vec<FileEntry>,
     pub(in crate::verify) summary: Summary,
@@ -107,6 +110,17 @@ pub(in crate::verify) struct SetupEntry {
 pub(in crate::verify) struct RegistrationEntry {
     pub(in crate::verify) point_mm: [f64; 2],
     pub(in crate::verify) stage: [f64; 2],
+}
+
+/// Some blocks of the job.
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct SubsetEntry {
+    /// Names of its blocks, in machining order.
+    pub(in crate::verify) blocks: Vec<String>,
+    pub(in crate::verify) stops: usize,
+    pub(in crate::verify) mark_mm: f64,
+    pub(in crate::verify) time_s: f64,
+    pub(in crate::verify) by_hand_s: f64,
 }
 
 #[derive(Clone, Debug, Deserialize)]

@@ -91,6 +91,8 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
             part = head;
             continue;
         }
+        // A box to tick stands before each block.
+        let line = line.strip_prefix("[ ]").unwrap_or(line);
         let words: Vec<&str> = line.split_whitespace().collect();
         match (part, words.as_slice()) {
             ("", ["part", "zero", zero @ ..]) => out.zero = axes(zero),

@@ -21,11 +21,11 @@ use crate::verify::read::program::ProgramFile;
 /// Relative difference at which two stated lengths or angles are still the same number.
 const SAME: f64 = 1e-12;
 
-/// Holds manifest, drawings and OVF against the program.
+/// Holds the manifest against the program; the folder has files of the `chosen` blocks.
 pub(in crate::verify) fn check(
-    folder: &Path,
     manifest: &Manifest,
     file: &ProgramFile,
+    chosen: &[usize],
     facts: &JobFacts,
     rule: &mut Rule,
 ) {
@@ -59,16 +59,32 @@ pub(in crate::verify) fn check(
             rule.broken(id, "program.txt", "the blocks of its set-up are not consecutive");
         }
         let entry = manifest.blocks.get(i);
-        let lift = (i == 0 || block.retract).then(|| facts.machine.retract_z());
+        let place = chosen.binary_search(&i).ok();
+        let follows = i > 0 && place.is_none_or(|at| at > 0 && chosen[at - 1] + 1 == i);
+        let lift = (!follows || block.retract).then(|| facts.machine.retract_z());
+        if entry.is_some_and(|e| place.is_none() && !e.files.is_empty()) {
+            rule.broken(id, "manifest.json", "it is not of the subset, but has files");
+        }
         if let Some(difference) = entry.and_then(|e| differs(e, id, block, lift)) {
             rule.broken(id, "manifest.json", format!("its {difference} differs from program.txt"));
         }
     }
+}
+
+/// Holds drawings and OVF against the blocks of which the folder has files, and their places in the whole program.
+pub(in crate::verify) fn files(
+    folder: &Path,
+    manifest: &Manifest,
+    (file, places): (&ProgramFile, &[usize]),
+    facts: &JobFacts,
+    rule: &mut Rule,
+) {
+    let program = &file.program;
     for (row, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
         match files {
             Stepped::Blocks(files) => {
                 let drawings = Drawings { folder, files, program, machine: &facts.machine };
-                for (i, (id, block)) in file.ids.iter().zip(&program.blocks).enumerate() {
+                for ((id, block), &i) in file.ids.iter().zip(&program.blocks).zip(places) {
                     let named = manifest.blocks.get(i).and_then(|e| e.files.get(row.name));
                     let name = named.cloned().unwrap_or_else(|| formats::of_block(id, files.ending));
                     drawings.check(&name, id, block, rule);

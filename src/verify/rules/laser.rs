@@ -126,7 +126,7 @@ impl<'a> Run<'a> {
             match step {
                 Step::Block(id, _) => self.begin(id, *line),
                 Step::Setup(_) => self.setup(*line),
-                Step::FocusShift(_) => {}
+                Step::FocusShift(_) | Step::EntryLift(_) => {}
                 Step::Pause if self.is_moved(*line) => {}
                 Step::Modal(codes) => self.modal(codes, *line),
                 Step::Move(_) => self.moves(*line),
@@ -215,7 +215,7 @@ impl<'a> Run<'a> {
             match step {
                 Step::Block(id, _) => self.begin(id, *line),
                 Step::Setup(_) => self.setup(*line),
-                Step::FocusShift(_) => {}
+                Step::FocusShift(_) | Step::EntryLift(_) => {}
                 Step::Pause if self.is_moved(*line) => {}
                 Step::Modal(codes) => self.modal(codes, *line),
                 Step::Move(_) => self.moves(*line),
@@ -249,6 +249,7 @@ fn name(step: &Step) -> String {
         Step::Block(..) => "a block".into(),
         Step::Setup(_) => "a set-up".into(),
         Step::FocusShift(_) => "a focus shift".into(),
+        Step::EntryLift(_) => "a lift to begin with".into(),
         Step::Modal(_) => "a modal word".into(),
         Step::Move(_) => "a move".into(),
         Step::Dwell(_) => "a dwell".into(),

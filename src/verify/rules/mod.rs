@@ -1,7 +1,7 @@
 //! The rules, each with its own file and its own entry in the proof.
 
 pub(super) mod agreement;
-pub(super) mod clearance;
+mod clearance;
 pub(super) mod coverage;
 pub(super) mod depth_and_field;
 pub(super) mod dose;
@@ -14,6 +14,7 @@ mod setups;
 mod slopes;
 mod stage;
 mod stretch;
+mod subset;
 pub(super) mod summary;
 mod texture_stroke;
 mod times;
@@ -22,6 +23,7 @@ mod turned;
 
 use std::path::Path;
 
+use super::geometry::Geometry;
 use super::job_facts::JobFacts;
 use super::proof::{Lengths, Proof, Rule};
 use super::read::manifest::Manifest;
@@ -118,20 +120,41 @@ impl Findings {
 pub(super) fn without_inputs(
     folder: &Path,
     manifest: &Manifest,
-    program: &ProgramFile,
+    program: &mut ProgramFile,
     facts: &JobFacts,
     findings: &mut Findings,
 ) -> Vec<stage::StageFile> {
     findings.stops = stops(&program.program);
     findings.fragments = program.program.strokes.len();
     let stages = stage::read(folder, manifest, facts, &mut findings.agreement);
-    agreement::check(folder, manifest, program, facts, &mut findings.agreement);
-    stage::agreement(&stages, program, &facts.machine, &mut findings.agreement);
+    let chosen = subset::chosen(manifest, program, &mut findings.agreement);
+    agreement::check(manifest, program, &chosen, facts, &mut findings.agreement);
+    subset::with(program, &chosen, |program| {
+        agreement::files(folder, manifest, (program, &chosen), facts, &mut findings.agreement);
+        stage::agreement(&stages, program, &facts.machine, &mut findings.agreement);
+        runsheets::check(folder, manifest, program, facts, &mut findings.agreement);
+    });
     travel::check(&stages, program, &facts.machine, &mut findings.travel);
     laser::check(&stages, &facts.machine, &mut findings.laser);
-    runsheets::check(folder, manifest, program, facts, &mut findings.agreement);
     depth_and_field::field(program, &facts.machine, &mut findings.field);
     stages
+}
+
+/// The moves between the blocks whose files the folder holds, and the figures of these.
+pub(super) fn moves(
+    stages: &[stage::StageFile],
+    manifest: &Manifest,
+    program: &mut ProgramFile,
+    facts: &JobFacts,
+    geometry: &Geometry,
+    findings: &mut Findings,
+) {
+    // A list that cannot be was reported with the files.
+    let chosen = subset::chosen(manifest, program, &mut Rule::new("", ""));
+    subset::with(program, &chosen, |program| {
+        clearance::check(stages, program, facts, geometry, findings);
+        subset::figures(manifest, program, facts, &mut findings.summary);
+    });
 }
 
 /// Standstills of the stage: a block is one, unless the zoom optic alone changes on the way to it.

@@ -22,6 +22,8 @@ pub(in crate::verify) struct StageFile {
     pub(super) statements: Vec<Statement>,
     /// Blocks that comments name in addition to those that begin a block, each with its line.
     names: Vec<(usize, String)>,
+    /// Numbers of lines.
+    numbers: Vec<(usize, u64)>,
 }
 
 impl StageFile {
@@ -36,7 +38,9 @@ pub(super) fn read(folder: &Path, manifest: &Manifest, facts: &JobFacts, rule: &
     for (_, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
         let Stepped::Stage { file: name, handshake, read } = files else { continue };
         match formats::bytes(folder, name).map(|bytes| read(&bytes)) {
-            Ok(Ok(Program { statements, names })) => out.push(StageFile { name, handshake, statements, names }),
+            Ok(Ok(Program { statements, names, numbers })) => {
+                out.push(StageFile { name, handshake, statements, names, numbers });
+            }
             Ok(Err(fault)) => rule.broken("", format!("{name}:{}", fault.line), fault.message),
             Err(unread) => rule.broken("", name, unread),
         }
@@ -94,6 +98,7 @@ pub(super) fn agreement(stages: &[StageFile], file: &ProgramFile, machine: &Mach
         units(stage, rule);
         first_lifts(stage, machine, rule);
         names(stage, rule);
+        numbers(stage, rule);
         targets(stage, file, machine, rule);
     }
 }
@@ -153,6 +158,22 @@ fn names(stage: &StageFile, rule: &mut Rule) {
     names.for_each(|(line, id)| misnamed(stage, block, *line, id, rule));
 }
 
+/// Whoever begins the program at the number of a block begins that block, and there alone.
+fn numbers(stage: &StageFile, rule: &mut Rule) {
+    let titles: Vec<(usize, &str)> = stage
+        .statements
+        .iter()
+        .filter_map(|s| if let Step::Block(id, _) = &s.step { Some((s.line, id.as_str())) } else { None })
+        .collect();
+    for &(line, number) in &stage.numbers {
+        let at = titles.partition_point(|t| t.0 <= line);
+        let block = at.checked_sub(1).map_or("", |i| titles[i].1);
+        if block.trim_start_matches(['B', '0']) != number.to_string() {
+            rule.broken(block, stage.place(line), format!("N{number} is not the number of its block"));
+        }
+    }
+}
+
 /// Reports a comment that names a block other than the current one.
 fn misnamed(stage: &StageFile, block: Option<(&str, usize)>, line: usize, id: &str, rule: &mut Rule) {
     if let Some((here, _)) = block.filter(|(here, _)| *here != id) {
@@ -207,8 +228,9 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
         if begins.take() != is_next.then_some(block.setup.number()) {
             rule.broken(id, stage.place(s.line), "it does not begin a set-up here as in program.txt");
         }
-        let heading = std::iter::from_fn(|| rest.next_if(|n| n.step.is_before_moves()));
-        let focus_shift = heading.filter_map(|n| n.step.focus_shift()).last();
+        let heading: Vec<&Step> =
+            std::iter::from_fn(|| rest.next_if(|n| n.step.is_before_moves())).map(|n| &n.step).collect();
+        let focus_shift = heading.iter().filter_map(|step| step.focus_shift()).next_back();
         if focus_shift != machine.zoom.as_ref().map(|_| block.focus_shift) {
             rule.broken(id, stage.place(s.line), "the focus shift that it states is not the block's");
         }
@@ -220,6 +242,7 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
             apply(&mut at, *to);
             rest.next();
         }
+        entry(stage, (id, s.line), heading.iter().find_map(|step| step.entry_lift()), first, machine, rule);
         let [x, y, z, rotary @ ..] = at;
         for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt.0) {
             if rotary[axis.letter as usize] != Some(command) {
@@ -239,6 +262,24 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
     }
     if let Some((id, _)) = blocks.next() {
         rule.broken(id, stage.name, "this block is missing");
+    }
+}
+
+/// A block whose first move does not lift to the end of z says that this comes first where the program is begun there.
+fn entry(
+    stage: &StageFile,
+    (id, line): (&str, usize),
+    stated: Option<Nm>,
+    first: Option<[Option<i64>; 6]>,
+    machine: &Machine,
+    rule: &mut Rule,
+) {
+    let (sign, Nm(top)) = (machine.stage.z.sign(), machine.retract_z());
+    // Beyond the end is a fault of `travel`.
+    let lifts = matches!(first, Some([None, None, Some(z), None, None, None]) if sign * z >= sign * top);
+    if stated.is_some_and(|z| z != machine.retract_z()) || stated.is_none() && !lifts {
+        let text = "it does not state the lift with which the program may be begun at this block";
+        rule.broken(id, stage.place(line), text);
     }
 }
 

@@ -208,7 +208,8 @@ impl Made {
             json!({
                 "id": id, "pass": b.pass.number(), "setup": b.setup.number(), "section": b.stop.section.0, "level": b.stop.level, "centre_mm": b.stop.centre.mm(),
                 "tilt_deg": b.stop.tilt.deg(),
-                "lpfl_mm": b.stop.focus.mm(), "focus_shift_mm": b.focus_shift.mm(), "stage": b.stage.mm(), "z_lo_mm": b.z_lo.mm(),
+                "lpfl_mm": b.stop.focus.mm(), "focus_shift_mm": b.focus_shift.mm(), "stage": b.stage.mm(),
+                "lift_z_mm": (b.retract || i == 0).then(|| self.facts.machine.retract_z().mm()), "z_lo_mm": b.z_lo.mm(),
                 "z_hi_mm": b.z_hi.mm(), "files": {"dxf": format!("blocks/{id}.dxf")},
                 "strokes": b.strokes.len(), "mark_mm": self.mark_mm(m), "jump_mm": program.jump_mm(b), "time_s": block_s[i],
                 "incidence_deg": incidence, "stretch": stretch, "dose": dose,
@@ -239,7 +240,9 @@ impl Made {
         findings.fill.ran = true;
         let inputs = Inputs::locate(folder, &manifest.job.file, None);
         crate::verify::rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.hash);
-        let Some(program) = crate::verify::read_program(folder, &mut findings) else { return findings.into_proof() };
+        let Some(mut program) = crate::verify::read_program(folder, &mut findings) else {
+            return findings.into_proof();
+        };
         let drawing = Drawing {
             len: self.strokes.len(),
             stroke: Box::new(|i, out: &mut Vec<P2>| {
@@ -249,7 +252,7 @@ impl Made {
             }),
             element: Box::new(|i| format!("stroke {i}")),
         };
-        check_folder(folder, &manifest, &program, &self.facts, &[drawing], &self.geometry(), &mut findings);
+        check_folder(folder, &manifest, &mut program, &self.facts, &[drawing], &self.geometry(), &mut findings);
         findings.into_proof()
     }
 

@@ -79,9 +79,7 @@ pub(super) fn stage(program: &Program, handshake: bool) -> String {
         let [x, y, z] = b.stage.mm();
         let id = BlockId::new(i).to_string();
         writeln!(t, "(BLOCK {id} FILE blocks/{id}.dxf)\n{off}").expect("text");
-        if b.retract || i == 0 {
-            t.push_str("G0 Z200\n");
-        }
+        t.push_str(if b.retract || i == 0 { "G0 Z200\n" } else { "(ENTRY LIFT Z200)\n" });
         writeln!(t, "G0 X{x:.6} Y{y:.6}\nG0 Z{z:.6}\nG4 P0.1").expect("text");
         if !handshake {
             writeln!(t, "M0 (mark {id})").expect("text");

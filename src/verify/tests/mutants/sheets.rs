@@ -43,6 +43,22 @@ fn agreement_reports_comments_that_name_another_block_or_drawing() {
 }
 
 #[test]
+fn agreement_reports_a_line_number_of_another_block_and_an_entry_without_its_lift() {
+    let bench = Bench::written("0 deg", "", "", 1.0, "[\"linuxcnc\"]");
+    for (old, new) in [
+        ("\nN3 M65 P0\n", "\nN4 M65 P0\n"),
+        ("(ENTRY LIFT Z200.000000)\n", ""),
+        ("(ENTRY LIFT Z200.000000)\n", "(ENTRY LIFT Z100.000000)\n"),
+    ] {
+        let proof = edited(&bench, "stage.ngc", |t| {
+            assert!(t.contains(old), "{old}");
+            t.replacen(old, new, 1)
+        });
+        assert_only("agreement", &proof);
+    }
+}
+
+#[test]
 fn agreement_reports_run_sheets_with_another_place_order_drawing_or_pen() {
     let bench = Bench::written("0 deg", "", "", 1.0, "[\"dxf\"]");
     assert!(verified(&bench.write()).ok);
@@ -60,13 +76,13 @@ fn agreement_reports_run_sheets_with_another_place_order_drawing_or_pen() {
     assert_only("agreement", &edited(&bench, "runsheet.csv", |t| exchanged(t, "B0003,", "B0004,", 6)));
     assert_only("agreement", &edited(&bench, "runsheet.csv", |t| csv(t, "blocks/B0003.dxf", "blocks/B0004.dxf")));
     let txt = |t: &str, old: &str, new: &str| {
-        let at = t.find("\n  B0003 ").expect("a row");
+        let at = t.find("\n[ ] B0003 ").expect("a row");
         t[..at].to_owned() + &t[at..].replacen(old, new, 1)
     };
     let proof = edited(&bench, "runsheet.txt", |t| txt(t, &format!("{x:>11.4}"), &format!("{:>11.4}", x + 1.0)));
     assert_only("agreement", &proof);
-    assert_only("agreement", &edited(&bench, "runsheet.txt", |t| exchanged(t, "  B0003 ", "  B0004 ", 0)));
-    assert_only("agreement", &edited(&bench, "runsheet.txt", |t| exchanged(t, "  B0003 ", "  B0004 ", 10)));
+    assert_only("agreement", &edited(&bench, "runsheet.txt", |t| exchanged(t, "[ ] B0003 ", "[ ] B0004 ", 0)));
+    assert_only("agreement", &edited(&bench, "runsheet.txt", |t| exchanged(t, "[ ] B0003 ", "[ ] B0004 ", 10)));
     assert_only("agreement", &edited(&bench, "runsheet.txt", |t| txt(t, "blocks/B0003.dxf", "blocks/B0004.dxf")));
     assert_only("agreement", &edited(&bench, "runsheet.txt", |t| t.replacen("part zero  X", "part zero  X1", 1)));
     assert_only("agreement", &edited(&bench, "runsheet.txt", |t| t.replacen("8 W = 8 W", "8 W = 9 W", 1)));

@@ -89,7 +89,7 @@ fn agreement_reports_a_focus_shift_that_one_file_states_otherwise() {
     let proof = bench.damaged("runsheet.csv", |b| replace(b, &format!("\n{id},"), &format!(",{shift:.6}\n"), ",9.0\n"));
     assert_only("agreement", &proof);
     let proof = bench.damaged("runsheet.txt", |b| {
-        replace(b, &format!("\n  {id} "), &format!(" {shift:.4} "), &format!(" {:.4} ", shift + 0.01));
+        replace(b, &format!("\n[ ] {id} "), &format!(" {shift:.4} "), &format!(" {:.4} ", shift + 0.01));
     });
     assert_only("agreement", &proof);
     let target = bench.write();

@@ -1,0 +1,42 @@
+//! `terrace resume`: which blocks are left, and what was written.
+
+use std::path::Path;
+
+use super::args::{Args, Left};
+use super::{durability, print, show};
+use crate::diag::Error;
+use crate::manifest::duration;
+use crate::program::BlockId;
+use crate::resume::{self, Choice};
+
+/// Writes the folder of what is left.
+pub(super) fn run(args: &Args, folder: &Path, left: &Left, target: &Path) -> Result<(), Error> {
+    let done = left.done.as_deref().map(resume::listed).transpose()?.unwrap_or_default();
+    let choice = Choice { from: left.from, only: left.only.clone(), done };
+    let found = resume::resume(folder, &choice, target, durability(args))?;
+    let s = &found.subset;
+    if args.json {
+        return print(&show::json(&serde_json::json!({"of": found.of, "subset": s})));
+    }
+    let [first, last] = [s.blocks.first(), s.blocks.last()].map(|id| id.map_or("", String::as_str));
+    print(&format!(
+        "left           {} of {} blocks, {first} to {last}, at {} stops\nmarks          {:.3} mm\ntime           {}\n\
+         by hand        {}\njob folder     {}\nopen           {}\nthen run       terrace verify {}\n",
+        s.blocks.len(),
+        found.of,
+        s.stops,
+        s.mark_mm,
+        duration(s.time_s),
+        duration(s.by_hand_s),
+        target.display(),
+        target.join("layout.svg").display(),
+        target.display()
+    ))
+}
+
+/// A range of blocks, such as B0200-B0210, or one block.
+pub(super) fn range(text: &str) -> Result<[BlockId; 2], String> {
+    let (first, last) = text.split_once('-').unwrap_or((text, text));
+    let range: [BlockId; 2] = [first.parse()?, last.parse()?];
+    if range[0] > range[1] { Err(format!("{first} comes after {last}")) } else { Ok(range) }
+}
