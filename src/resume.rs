@@ -71,6 +71,16 @@ pub fn listed(path: &Path) -> Result<BTreeSet<BlockId>, Error> {
     Ok(out)
 }
 
+/// A range of blocks, such as `B0200-B0210`, or one block.
+///
+/// # Errors
+/// What is wrong with the text.
+pub fn range(text: &str) -> Result<[BlockId; 2], String> {
+    let (first, last) = text.split_once('-').unwrap_or((text, text));
+    let range: [BlockId; 2] = [first.parse()?, last.parse()?];
+    if range[0] > range[1] { Err(format!("{first} comes after {last}")) } else { Ok(range) }
+}
+
 /// What was written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resumed {

@@ -48,7 +48,7 @@ pub struct Left {
     #[arg(long, value_name = "BLOCK", value_parser = str::parse::<BlockId>)]
     pub from: Option<BlockId>,
     /// Blocks and ranges of blocks, such as B0133,B0200-B0210.
-    #[arg(long, value_name = "BLOCKS", value_delimiter = ',', value_parser = super::resume::range)]
+    #[arg(long, value_name = "BLOCKS", value_delimiter = ',', value_parser = crate::resume::range)]
     pub only: Vec<[BlockId; 2]>,
     /// Leave out the blocks that this file lists.
     #[arg(long, value_name = "FILE")]

@@ -6,7 +6,6 @@ use super::args::{Args, Left};
 use super::{durability, print, show};
 use crate::diag::Error;
 use crate::manifest::duration;
-use crate::program::BlockId;
 use crate::resume::{self, Choice};
 
 /// Writes the folder of what is left.
@@ -32,11 +31,4 @@ pub(super) fn run(args: &Args, folder: &Path, left: &Left, target: &Path) -> Res
         target.join("layout.svg").display(),
         target.display()
     ))
-}
-
-/// A range of blocks, such as B0200-B0210, or one block.
-pub(super) fn range(text: &str) -> Result<[BlockId; 2], String> {
-    let (first, last) = text.split_once('-').unwrap_or((text, text));
-    let range: [BlockId; 2] = [first.parse()?, last.parse()?];
-    if range[0] > range[1] { Err(format!("{first} comes after {last}")) } else { Ok(range) }
 }
