@@ -154,19 +154,7 @@ pub enum Command {
         output: PathBuf,
     },
     /// Compile many jobs; skip unchanged ones and continue after a failure.
-    Batch {
-        /// Folders of job files (*.toml), list files with one job file per line, or job files (*.toml).
-        #[arg(required = true)]
-        jobs: Vec<PathBuf>,
-        /// Folder for the job folders; default: next to each job file.
-        #[arg(short, long, value_name = "FOLDER")]
-        output: Option<PathBuf>,
-        /// Write the report as JSON to this file too.
-        #[arg(long, value_name = "FILE")]
-        report: Option<PathBuf>,
-        #[command(flatten)]
-        choice: Choice,
-    },
+    Batch(Batch),
     /// Say what a surface, a drawing, a job file or a job folder holds.
     Inspect {
         /// The file or folder.
@@ -193,6 +181,31 @@ pub enum Command {
         /// Of a command; of terrace itself without.
         command: Option<String>,
     },
+}
+
+/// Arguments of `batch`.
+#[derive(Debug, clap::Args)]
+pub struct Batch {
+    /// Folders of job files (*.toml), list files with one job file per line, or job files (*.toml).
+    #[arg(required = true)]
+    pub jobs: Vec<PathBuf>,
+    /// Folder for the job folders; default: next to each job file.
+    #[arg(short, long, value_name = "FOLDER")]
+    pub output: Option<PathBuf>,
+    /// Verify every folder, unchanged ones too; one that breaks a rule is a failed job.
+    #[arg(long)]
+    pub verify: bool,
+    /// Write the report as JSON to this file too, when the batch ends.
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Append one line of JSON to this file as each job ends.
+    #[arg(long, value_name = "FILE")]
+    pub log: Option<PathBuf>,
+    /// Write a page (HTML) with a picture of every job to this file when the batch ends.
+    #[arg(long, value_name = "FILE")]
+    pub index: Option<PathBuf>,
+    #[command(flatten)]
+    pub choice: Choice,
 }
 
 /// Options that override keys of the job file.

@@ -4,6 +4,7 @@
 //! refused by checks or verification, 2 bad use or input, 3 internal.
 
 mod args;
+mod batch;
 mod compare;
 mod inspect;
 mod orient;
@@ -18,12 +19,10 @@ use std::process::ExitCode;
 use clap::error::ContextKind;
 use clap::{CommandFactory, Parser};
 
-use crate::batch;
 use crate::diag::{Diag, Error, Failure, Kind, Place};
 use crate::job::{self, Job, Mode, Overrides};
 use crate::job_folder::{self, Durability};
 use crate::machine::{Machine, PROFILES};
-use crate::manifest::AnySummary;
 use crate::plan::{self, Phase, Plan};
 use crate::verify;
 use args::{Args, Choice, Command};
@@ -141,9 +140,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             sweep::run(args, (job, choice), set, [output, plot].map(Option::as_deref))?;
         }
         Command::Resume { folder, left, output } => resume::run(args, folder, left, output)?,
-        Command::Batch { jobs, output, report, choice } => {
-            return batch(args, jobs, output.as_deref(), report.as_deref(), choice);
-        }
+        Command::Batch(asked) => return batch::run(args, asked),
         Command::Inspect { file, unit } => {
             let shown = inspect::inspect(file, *unit)?;
             warn(args, &shown.warnings);
@@ -255,27 +252,6 @@ fn preview(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> 
     wrote(args, &[file])
 }
 
-fn batch(
-    args: &Args,
-    jobs: &[PathBuf],
-    output: Option<&Path>,
-    report: Option<&Path>,
-    choice: &Choice,
-) -> Result<u8, Error> {
-    let list = batch::jobs(jobs, output, &overrides(args, choice))?;
-    let view = show::Progress::new(args.quiet, list.len(), "jobs");
-    let outcome = batch::run(&list, durability(args), &|done| view.job(done));
-    view.finish();
-    let json = show::json(&outcome.to_json());
-    // Before the result is printed: where the report cannot be written, its error is the only JSON object.
-    if let Some(path) = report {
-        let inputs: Vec<PathBuf> = list.into_iter().map(|e| e.path).chain(jobs.iter().cloned()).collect();
-        write_file(args, path, json.as_bytes(), &inputs)?;
-    }
-    print(&if args.json { json } else { outcome.to_string() })?;
-    Ok(outcome.exit_code())
-}
-
 fn planned(args: &Args, path: &Path, choice: &Choice) -> Result<Plan, Error> {
     planned_of(args, load(args, path, choice)?)
 }
@@ -299,22 +275,24 @@ fn warn(args: &Args, warnings: &[Diag]) {
 }
 
 fn report(args: &Args, plan: &Plan, folder: Option<&Path>) -> Result<(), Error> {
-    let summary = match plan {
-        Plan::Stepped(plan) => AnySummary::Stepped(Box::new(plan.summary.clone())),
-        Plan::OnTheFly(plan) => AnySummary::OnTheFly(Box::new(plan.summary.clone())),
-    };
+    let summary = plan.summary();
     print(&if args.json { show::json(&summary.to_json()) } else { show::summary(&summary, folder) })
 }
 
 /// Writes a result that is one file, never over one of the `inputs`.
 fn write_file(args: &Args, path: &Path, bytes: &[u8], inputs: &[PathBuf]) -> Result<(), Error> {
-    let place = || Place::file(path.display().to_string());
+    refuse_input(path, inputs)?;
+    job_folder::write_file(path, bytes, durability(args))
+}
+
+/// Refuses one of the `inputs` as the file of a result.
+fn refuse_input(path: &Path, inputs: &[PathBuf]) -> Result<(), Error> {
     let real = |p: &Path| std::fs::canonicalize(p).ok();
     if real(path).is_some_and(|to| inputs.iter().any(|i| real(i).as_ref() == Some(&to))) {
-        let d = Diag::input("output-is-input", "the output would overwrite an input").at(place());
-        return Err(d.hint("name another file").into());
+        let d = Diag::input("output-is-input", "the output would overwrite an input");
+        return Err(d.at(Place::file(path.display().to_string())).hint("name another file").into());
     }
-    job_folder::write_file(path, bytes, durability(args))
+    Ok(())
 }
 
 /// Says which files were written.

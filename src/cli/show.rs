@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::batch::{Outcome, State};
+use crate::batch::Outcome;
 use crate::manifest::{AnySummary, OnTheFlySummary, Summary, duration};
 use crate::plan::Phase;
 
@@ -82,7 +82,12 @@ fn say_every(every: Duration, told: &Receiver<&'static str>, say: &mut dyn FnMut
 }
 
 /// A bar for many jobs or settings.
-pub struct Progress(ProgressBar);
+#[derive(Clone)]
+pub struct Progress {
+    bar: ProgressBar,
+    quiet: bool,
+    begin: Instant,
+}
 
 impl Progress {
     /// `items` says what is counted.
@@ -92,21 +97,24 @@ impl Progress {
         if let Ok(style) = ProgressStyle::with_template(&style) {
             bar.set_style(style);
         }
-        Self(bar)
+        Self { bar, quiet, begin: Instant::now() }
     }
     pub fn step(&self) {
-        self.0.inc(1);
+        self.bar.inc(1);
     }
-    /// A job of a batch; on a terminal one that fails is told above the bar as it does.
-    pub fn job(&self, outcome: &Outcome) {
-        self.0.set_message(outcome.job.display().to_string());
-        self.step();
-        if let State::Failed(e) = &outcome.state {
-            self.0.println(format!("failed  {}: {}", outcome.job.display(), e.diags()[0].message));
+    /// A job of a batch that has ended, and of how many it is which.
+    pub fn job(&self, outcome: &Outcome, [ended, all]: [usize; 2]) {
+        if !self.quiet {
+            self.say(&format!("{outcome} ({ended} of {all} after {})", duration(self.begin.elapsed().as_secs_f64())));
         }
+        self.step();
+    }
+    /// A line above the bar, on a terminal or not.
+    pub fn say(&self, line: &str) {
+        self.bar.suspend(|| super::eprintln_all(line));
     }
     pub fn finish(&self) {
-        self.0.finish_and_clear();
+        self.bar.finish_and_clear();
     }
 }
 

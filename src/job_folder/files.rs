@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use super::{failed, inputs, job_file_from};
+use super::{failed, inputs, path_from};
 use crate::diag::Error;
 use crate::emit::{self, Files, Stepped};
 use crate::job::Job;
@@ -44,7 +44,7 @@ pub(super) type Fill<'a> = dyn Fn(&mut Filling<'_>, &Head) -> Result<Vec<u8>, Er
 /// Makes the new folder of a job at `folder`, which will stand at `target`.
 pub(super) fn fill(job: &Job, folder: &Path, target: &Path, fill: &Fill<'_>) -> Result<(), Error> {
     make(folder)?;
-    let head = Head::new(job, job_file_from(&job.path, target)?, inputs(job)?);
+    let head = Head::new(job, path_from(&job.path, target)?, inputs(job)?);
     let manifest = fill(&mut Filling { folder, files: Vec::new() }, &head)?;
     put(folder, MANIFEST, &manifest)?;
     Ok(())

@@ -186,23 +186,23 @@ pub fn input_paths(job: &Job) -> Vec<PathBuf> {
 pub fn is_unchanged(job: &Job, folder: &Path) -> bool {
     let made = || {
         let found = Head::read(folder).ok()?;
-        let wanted = Head::new(job, job_file_from(&job.path, folder).ok()?, inputs(job).ok()?);
+        let wanted = Head::new(job, path_from(&job.path, folder).ok()?, inputs(job).ok()?);
         let is_there = |f: &FileFact| fs::metadata(folder.join(&f.file)).is_ok_and(|m| m.len() == f.bytes);
         Some(found.is_same(&wanted) && found.files.iter().all(is_there))
     };
     made().unwrap_or(false)
 }
 
-/// The job file as seen from inside the folder at `target`, which need not exist yet.
+/// A file as seen from inside the folder at `target`; neither need exist yet.
 ///
 /// # Errors
 /// Where a folder on the way cannot be read.
-pub fn job_file_from(job: &Path, target: &Path) -> Result<String, Error> {
+pub fn path_from(file: &Path, target: &Path) -> Result<String, Error> {
     let real = |p: &Path| resolved(p).map_err(|e| failed("find the folder", p, &e));
     let from = real(target)?;
-    // The job file may be a link: its inputs are relative to where it is named, not to where it leads.
-    let folder = job.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let file = real(folder)?.join(job.file_name().unwrap_or_default());
+    // A job file may be a link: its inputs are relative to where it is named, not to where it leads.
+    let folder = file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let file = real(folder)?.join(file.file_name().unwrap_or_default());
     let common = file.components().zip(from.components()).take_while(|(a, b)| a == b).count();
     let mut out = vec!["..".to_owned(); from.components().count() - common];
     out.extend(file.components().skip(common).map(|c| c.as_os_str().to_string_lossy().into_owned()));

@@ -47,6 +47,7 @@ pub use stepped::{Draft, SteppedPlan};
 use crate::diag::{Diag, Error};
 use crate::job::{Job, Mode};
 use crate::machine::Machine;
+use crate::manifest::AnySummary;
 
 /// A job that was planned and checked, not yet written.
 #[derive(Debug)]
@@ -77,6 +78,13 @@ impl Plan {
         match self {
             Self::Stepped(plan) => Some(plan),
             Self::OnTheFly(_) => None,
+        }
+    }
+    /// Its figures.
+    pub fn summary(&self) -> AnySummary {
+        match self {
+            Self::Stepped(plan) => AnySummary::Stepped(Box::new(plan.summary.clone())),
+            Self::OnTheFly(plan) => AnySummary::OnTheFly(Box::new(plan.summary.clone())),
         }
     }
     /// What the user should know.

@@ -48,14 +48,7 @@ pub fn report_html(job: &Layout<'_>) -> String {
 fn warnings(h: &mut String, job: &Layout<'_>) {
     let all = &job.summary.warnings;
     let _ = writeln!(h, "<h2>Warnings: {}</h2>", if all.is_empty() { "none".into() } else { all.len().to_string() });
-    for w in all {
-        let _ = write!(h, "<p class=\"warn\">{}<br/><small>{}", escape(&w.message), escape(&w.code));
-        let line = w.line.map(|line| format!("line {line}"));
-        for part in [&w.file, &line, &w.place, &w.help].into_iter().flatten() {
-            let _ = write!(h, " &#183; {}", escape(part));
-        }
-        h.push_str("</small></p>\n");
-    }
+    all.iter().for_each(|message| page::message(h, message));
 }
 
 fn figures(h: &mut String, job: &Layout<'_>, is_gridded: bool) {

@@ -6,6 +6,7 @@
 
 use super::clean;
 use super::plot::Plot;
+use crate::diag::Message;
 use crate::report::table::Table;
 
 /// The look of every page.
@@ -81,7 +82,7 @@ fn table(h: &mut String, table: &Table) {
 }
 
 /// Head of a page up to its heading; titles are any text, `style` adds to the common style.
-pub(super) fn open(title: &str, heading: &str, style: &str) -> String {
+pub(crate) fn open(title: &str, heading: &str, style: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width\"/>\n<title>{}</title>\n\
@@ -91,7 +92,17 @@ pub(super) fn open(title: &str, heading: &str, style: &str) -> String {
     )
 }
 
+/// A warning or an error as a paragraph: what it says, and below it code, place and remedy.
+pub(crate) fn message(h: &mut String, m: &Message) {
+    *h += &format!("<p class=\"warn\">{}<br/><small>{}", escape(&m.message), escape(&m.code));
+    let line = m.line.map(|line| format!("line {line}"));
+    for part in [&m.file, &line, &m.place, &m.help].into_iter().flatten() {
+        *h += &format!(" &#183; {}", escape(part));
+    }
+    *h += "</small></p>\n";
+}
+
 /// Any text as text of a page.
-pub(super) fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     clean(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -157,29 +157,28 @@ fn batch_of_twenty_reports_its_three_broken_jobs() {
     made.iter().for_each(|name| _ = verify(&job_folder(name)));
     assert_eq!(std::fs::read_dir(&out).expect("readable").count(), 17, "{:?}", hidden(&out));
 
-    // As text: one line a job, the errors below theirs, the sum at the end.
+    // As text: a line as each job ends; then the failed ones with their errors, and the sums.
     let text = batch(&jobs, &out, &[]);
-    let shown = String::from_utf8_lossy(&text.stdout).into_owned();
+    let [shown, lines] = [&text.stdout, &text.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
     assert_eq!(text.status.code(), Some(2));
-    assert!(text.stderr.is_empty(), "{}", said(&text));
-    assert!(
-        shown.contains("\n0 compiled, 17 unchanged, 3 failed; job time ") && shown.matches(": ").count() >= 3,
-        "{shown}"
-    );
+    assert_eq!(lines.lines().count(), 20, "{lines}");
+    let counted = lines.lines().enumerate().all(|(i, line)| line.contains(&format!(" ({} of 20 after ", i + 1)));
+    assert!(counted && lines.contains("b08.toml  1 stop, "), "{lines}");
+    assert!(shown.contains("\n0 compiled, 17 unchanged, 3 failed\nmachine time "), "{shown}");
     for (name, code) in BROKEN {
         assert!(shown.contains(&format!("{name}.toml\n           error[{code}]")), "{shown}");
     }
 
-    // A report of a run that is taken up again has the figures of all jobs.
-    let (_, again) = report(&jobs, &out);
-    let figures = |report: &Value| {
-        let jobs = report["jobs"].as_array().expect("a list").iter();
-        jobs.map(|j| (j["job"].clone(), j["stops"].clone(), j["time_s"].clone())).collect::<Vec<_>>()
-    };
+    // A report of a run that is taken up again differs in the states only.
+    let (_, mut again) = report(&jobs, &out);
     assert_eq!(in_state(&again, "unchanged").len(), 17);
-    assert_eq!((figures(&again), &again["time_s"]), (figures(&first), &first["time_s"]));
-    let total: f64 = figures(&first).iter().filter_map(|(_, _, time)| time.as_f64()).sum();
-    assert!(total > 0.0 && (first["time_s"].as_f64().expect("a number") - total).abs() < 1e-9 * total);
+    let total: f64 = again["jobs"].as_array().expect("a list").iter().filter_map(|j| j["time_s"].as_f64()).sum();
+    assert!(total > 0.0 && (again["time_s"].as_f64().expect("a number") - total).abs() < 1e-9 * total);
+    for job in again["jobs"].as_array_mut().expect("a list").iter_mut().filter(|j| j["state"] == "unchanged") {
+        job["state"] = "compiled".into();
+    }
+    (again["compiled"], again["unchanged"]) = (17.into(), 0.into());
+    assert_eq!(again, first);
 
     // Only what has changed is compiled again: a drawing, a job, a folder that lost a file.
     let before = files(&out);
@@ -282,19 +281,159 @@ fn several_arguments_are_one_batch_and_a_job_named_twice_is_one_job() {
     assert!(!out.exists(), "nothing is written");
 }
 
-/// A few jobs of many small files, so that most of a run's time is the writing of folders.
-fn small_jobs(jobs: &Path) {
+/// Jobs of many small files, so that most of a run's time is the writing of folders.
+fn small_jobs(jobs: &Path, count: usize) {
     std::fs::create_dir(jobs).expect("made");
     write_stl(&jobs.join("slope.stl"), &mesh(10, [0.0, 0.0, 60.0, 60.0], |x, y| 0.1 * x + 0.05 * y));
-    for i in 0..5 {
+    for i in 0..count {
         let keys = format!("pattern = \"hatch\"\npitch = \"5 mm\"\ndirection = \"{} deg\"", 20 * i);
         JobText::on(Path::new("slope.stl")).texture(&keys).write(jobs, &format!("s{i}.toml"));
     }
 }
 
+/// The report of a batch of files that are given one by one.
+fn report_of(args: &[&Path]) -> (Output, Value) {
+    let done = terrace([Path::new("batch"), Path::new("--json")].iter().chain(args));
+    let report = serde_json::from_slice(&done.stdout).unwrap_or_else(|e| panic!("{e}: {}", said(&done)));
+    (done, report)
+}
+
+#[test]
+fn a_folder_that_does_not_verify_is_a_failed_job() {
+    let dir = folder();
+    let (jobs, out) = (dir.path().join("jobs"), dir.path().join("out"));
+    small_jobs(&jobs, 2);
+    let [one, two] = ["s0.toml", "s1.toml"].map(|name| jobs.join(name));
+    let run = || report_of(&[&one, &two, Path::new("-o"), &out, Path::new("--verify")]);
+    let (done, report) = run();
+    assert_eq!(done.status.code(), Some(0), "{}", said(&done));
+    assert!(report["jobs"].as_array().expect("a list").iter().all(|j| j["verified"] == true), "{report}");
+    // Damage that keeps the length: without --verify the folder counts as unchanged.
+    let drawing = out.join("s1.job/blocks/B0001.dxf");
+    let mut bytes = std::fs::read(&drawing).expect("readable");
+    bytes[100] ^= 1;
+    write(&drawing, bytes);
+    let (unverified, report) = report_of(&[&two, Path::new("-o"), &out]);
+    assert_eq!((unverified.status.code(), in_state(&report, "unchanged")), (Some(0), vec!["s1".to_owned()]));
+    assert_eq!(report["jobs"][0]["verified"], Value::Null);
+    let (done, report) = run();
+    assert_eq!(done.status.code(), Some(1), "{}", said(&done));
+    let [first, second] = [0, 1].map(|i| report["jobs"][i].clone());
+    assert_eq!((&first["state"], &second["state"]), (&"unchanged".into(), &"failed".into()));
+    let error = &second["errors"][0];
+    assert!(error["code"] == "batch-verify" && error["message"].to_string().contains("hash: 1"), "{error}");
+    assert_eq!(report["time_s"], first["time_s"], "a folder that does not hold adds nothing");
+}
+
+#[test]
+fn log_has_a_line_as_each_job_ends_and_the_index_links_pictures() {
+    let dir = folder();
+    let (jobs, out) = (dir.path().join("jobs"), dir.path().join("out"));
+    small_jobs(&jobs, 2);
+    let odd = jobs.join("s & <i>#1.toml");
+    std::fs::rename(jobs.join("s0.toml"), &odd).expect("renamed");
+    let by_hand = std::fs::read_to_string(jobs.join("s1.toml")).expect("readable") + "\n[emit]\nformats = [\"dxf\"]\n";
+    write(&jobs.join("s1.toml"), by_hand);
+    write(&jobs.join("bad.toml"), "[surface]\nfile = \"<u>\"\nunit = mm\n");
+    let [log, index] = ["pages/batch.jsonl", "pages/index.html"].map(|name| dir.path().join(name));
+    let args = ["--log", log.to_str().expect("text"), "--index", index.to_str().expect("text"), "--json"];
+    let done = batch(&jobs, &out, &args);
+    let report: Value = serde_json::from_slice(&done.stdout).unwrap_or_else(|e| panic!("{e}: {}", said(&done)));
+    let text = std::fs::read_to_string(&log).expect("a log");
+    let mut lines: Vec<Value> = text.lines().map(|l| serde_json::from_str(l).expect("JSON in one line")).collect();
+    let name = |v: &Value| v["job"].as_str().expect("text").to_owned();
+    lines.sort_by_key(name);
+    assert_eq!(&lines, report["jobs"].as_array().expect("a list"));
+    // A person loads the blocks of one job.
+    let by_hand: Vec<&Value> = lines.iter().filter(|j| j["by_hand_s"].is_number()).collect();
+    assert!(by_hand.len() == 1 && by_hand[0]["by_hand_s"] == report["by_hand_s"], "{lines:?}");
+    // A second run adds its lines.
+    assert!(batch(&jobs, &out, &[&args[..], &["-q"]].concat()).stderr.is_empty(), "quiet");
+    assert_eq!(std::fs::read_to_string(&log).expect("a log").lines().count(), 2 * lines.len());
+
+    let page = std::fs::read_to_string(&index).expect("the page");
+    let parsed = roxmltree::Document::parse_with_options(
+        &page,
+        roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() },
+    );
+    let parsed = parsed.expect("well-formed");
+    let rows = parsed.descendants().filter(|n| n.has_tag_name("tr")).skip(1);
+    let rows: Vec<(bool, String)> = rows
+        .map(|row| {
+            let words: String = row.descendants().filter_map(|n| n.text()).collect::<Vec<_>>().join(" ");
+            (row.descendants().any(|n| n.has_tag_name("img")), words)
+        })
+        .collect();
+    let order: Vec<String> = report["jobs"].as_array().expect("a list").iter().map(name).collect();
+    assert_eq!(rows.len(), order.len());
+    assert!(rows.iter().zip(&order).all(|(row, job)| row.1.contains(job)), "{rows:?}");
+    assert_eq!(rows.iter().filter(|row| !row.0).count(), 1, "all but the job that failed have a picture");
+    let links: Vec<&str> = parsed.descendants().filter_map(|n| n.attribute("src").or(n.attribute("href"))).collect();
+    assert!(links.contains(&"../out/s%20%26%20%3Ci%3E%231.job/report.html"), "{links:?}");
+    for link in links {
+        let path = link.replace("%20", " ").replace("%26", "&").replace("%3C", "<").replace("%3E", ">");
+        assert!(dir.path().join("pages").join(path.replace("%23", "#")).is_file(), "{link}");
+    }
+}
+
+/// Lines of a child's stderr as they come.
+#[cfg(unix)]
+fn lines_of(child: &mut std::process::Child) -> impl Iterator<Item = String> + use<> {
+    use std::io::BufRead;
+    let stderr = child.stderr.take().expect("piped");
+    std::io::BufReader::new(stderr).lines().map(|line| line.expect("text"))
+}
+
+/// Ctrl-C, as a terminal sends it.
+#[cfg(unix)]
+fn interrupt(child: &std::process::Child) {
+    let sent = Command::new("kill").arg("-INT").arg(child.id().to_string()).status().expect("kill starts");
+    assert!(sent.success());
+}
+
+#[test]
+#[cfg(unix)]
+fn ctrl_c_lets_the_running_job_end_and_the_next_run_goes_on() {
+    let dir = folder();
+    let (jobs, out) = (dir.path().join("jobs"), dir.path().join("out"));
+    small_jobs(&jobs, 4);
+    // Longer than it takes to send a signal.
+    let text = std::fs::read_to_string(jobs.join("s1.toml")).expect("readable").replace("\"5 mm\"", "\"0.6 mm\"");
+    write(&jobs.join("s1.toml"), text);
+    let start = || {
+        let mut command = command(&jobs, &out, 1);
+        command.args(["-j1", "--no-sync"]).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.spawn().expect("it starts")
+    };
+    let mut child = start();
+    let mut lines = lines_of(&mut child);
+    assert!(lines.next().expect("a line").contains("s0.toml"));
+    interrupt(&child);
+    assert!(lines.next().expect("a line").contains("Ctrl-C again"));
+    assert!(lines.next().expect("a line").contains("s1.toml"));
+    let done = child.wait_with_output().expect("ended");
+    let shown = said(&done);
+    assert_eq!(done.status.code(), Some(1), "{shown}");
+    assert!(shown.contains("2 of 4 jobs left: run the same command again"), "{shown}");
+    let (_, report) = report_of(&[&jobs, Path::new("-o"), &out, Path::new("--seed"), Path::new("1")]);
+    assert_eq!((in_state(&report, "unchanged").len(), in_state(&report, "compiled").len()), (2, 2), "{report}");
+
+    // The second one ends it at once.
+    std::fs::remove_dir_all(&out).expect("removed");
+    let mut child = start();
+    let mut lines = lines_of(&mut child);
+    lines.next();
+    interrupt(&child);
+    lines.next();
+    interrupt(&child);
+    assert_eq!(lines.next(), None, "the job that runs does not end");
+    assert_eq!(child.wait().expect("ended").code(), Some(1));
+    assert!(out.join("s0.job").exists() && !out.join("s1.job").exists());
+}
+
 fn command(jobs: &Path, out: &Path, seed: u64) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_terrace"));
-    command.arg("batch").arg(jobs).arg("-o").arg(out).args(["-j2", "--seed", &seed.to_string()]);
+    command.arg("batch").arg(jobs).arg("-o").arg(out).args(["--seed", &seed.to_string()]);
     command.stdout(Stdio::null()).stderr(Stdio::null());
     command
 }
@@ -304,13 +443,13 @@ fn command(jobs: &Path, out: &Path, seed: u64) -> Command {
 fn killed_batch_leaves_whole_folders_and_reruns_to_the_same_bytes() {
     let dir = folder();
     let (jobs, out) = (dir.path().join("jobs"), dir.path().join("out"));
-    small_jobs(&jobs);
+    small_jobs(&jobs, 5);
     // Another seed makes every job a changed one, so every round replaces all folders of the last.
     let mut longest = Duration::ZERO;
     let undisturbed = [1, 2].map(|seed| {
         let calm = dir.path().join(format!("calm{seed}"));
         let start = Instant::now();
-        assert!(command(&jobs, &calm, seed).status().expect("it runs").success());
+        assert!(command(&jobs, &calm, seed).arg("-j2").status().expect("it runs").success());
         longest = longest.max(start.elapsed());
         files(&calm)
     });
@@ -318,7 +457,7 @@ fn killed_batch_leaves_whole_folders_and_reruns_to_the_same_bytes() {
     let (mut noise, mut interrupted) = (Random::new(20), 0);
     for round in 0..8 {
         let seed = round % 2 + 1;
-        let mut child = command(&jobs, &out, seed).spawn().expect("it starts");
+        let mut child = command(&jobs, &out, seed).arg("-j2").spawn().expect("it starts");
         std::thread::sleep(longest.mul_f64((noise.half() + 0.5) * 0.95));
         interrupted += usize::from(child.try_wait().expect("asked").is_none());
         // SIGKILL: nothing of the program runs after it.
@@ -330,7 +469,7 @@ fn killed_batch_leaves_whole_folders_and_reruns_to_the_same_bytes() {
                 assert_whole(&target);
             }
         }
-        assert!(command(&jobs, &out, seed).status().expect("it runs").success());
+        assert!(command(&jobs, &out, seed).arg("-j2").status().expect("it runs").success());
         assert_eq!(hidden(&out), Vec::<PathBuf>::new(), "round {round}");
         let now = files(&out);
         assert!(now == undisturbed[seed as usize - 1], "round {round} ends with other bytes");
@@ -342,9 +481,9 @@ fn killed_batch_leaves_whole_folders_and_reruns_to_the_same_bytes() {
 fn two_concurrent_batches_give_valid_folders() {
     let dir = folder();
     let (jobs, out) = (dir.path().join("jobs"), dir.path().join("out"));
-    small_jobs(&jobs);
+    small_jobs(&jobs, 5);
     for seed in 1..=2 {
-        let mut pair = [0, 1].map(|_| command(&jobs, &out, seed).spawn().expect("it starts"));
+        let mut pair = [0, 1].map(|_| command(&jobs, &out, seed).arg("-j2").spawn().expect("it starts"));
         for child in &mut pair {
             assert!(child.wait().expect("ended").success(), "seed {seed}");
         }
