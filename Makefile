@@ -31,9 +31,10 @@ check:
 	$(CARGO) clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps --document-private-items
 
-# Speed and memory on three sizes, stops against their lower bounds, quality of orders, on the fly; prints tables.
+# Speed and memory on three sizes, speed of the writers, stops against their lower bounds, quality of orders, on the fly; prints tables.
 bench:
 	$(CARGO) bench --bench job
+	$(CARGO) bench --bench emit
 	$(CARGO) bench --bench partition
 	$(CARGO) bench --bench order
 	$(CARGO) bench --bench on_the_fly
