@@ -62,9 +62,12 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
     // Output 0 is the laser's enable.
     list.command(WRITE_PORT, [1, 0]);
     let mark_wait = tens_of_us(machine.delays.mark);
+    let mut set = None;
     for stroke in strokes {
         let pen = &program.pens[stroke.pen.index()];
-        settings(&lmc, machine, pen).into_iter().for_each(|(command, values)| list.set(command, values));
+        if set.replace(stroke.pen) != Some(stroke.pen) {
+            settings(&lmc, machine, pen).into_iter().for_each(|(command, values)| list.set(command, values));
+        }
         for _ in 0..pen.passes {
             let mut points = program.points_of(stroke).iter().map(|&p| units(&lmc, machine, p));
             let first = points.next().expect("a stroke has two points or more");
@@ -171,7 +174,7 @@ fn tens_of_us(time: Time) -> u16 {
 /// A point of the field in units of the card.
 fn units(lmc: &Lmc, machine: &Machine, point: FieldPoint) -> [i64; 2] {
     let ControllerPoint { x, y } = machine.scanner.controller_from_field(point);
-    [x, y].map(|nm| CENTRE + (f64::from(nm) * lmc.units_per_mm / NM_PER_MM).round() as i64)
+    [x, y].map(|nm| CENTRE + cards::rounded(f64::from(nm) * lmc.units_per_mm / NM_PER_MM))
 }
 
 /// All settings that a pen is marked with.
@@ -215,7 +218,9 @@ impl List {
     }
 
     fn words(&mut self, words: [u16; 6]) {
-        words.iter().for_each(|word| self.out.extend_from_slice(&word.to_le_bytes()));
+        let mut bytes = [0; 12];
+        bytes.as_chunks_mut().0.iter_mut().zip(words).for_each(|(pair, word)| *pair = word.to_le_bytes());
+        self.out.extend_from_slice(&bytes);
     }
 
     /// Sends a setting unless the card has it.
@@ -230,8 +235,9 @@ impl List {
 
     /// Goes to a point with the beam on or off; the last value is the way, whole units.
     fn go(&mut self, command: u16, to: [i64; 2]) {
+        // Squares of card units are exact, and so is their sum.
         let [dx, dy] = [0, 1].map(|k| (to[k] - self.at[k]) as f64);
-        let way = dx.hypot(dy).min(65535.0) as u16;
+        let way = (dx * dx + dy * dy).sqrt().min(65535.0) as u16;
         let [x, y] = to.map(|unit| unit.clamp(0, 0xFFFF) as u16);
         self.words([command, x, y, 0, way, 0]);
         self.at = to;

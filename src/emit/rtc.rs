@@ -132,7 +132,7 @@ pub(super) fn faults(program: &Program, machine: &Machine) -> Vec<Diag> {
 /// A point of the field in bits.
 fn bits(rtc: &Rtc, machine: &Machine, point: FieldPoint) -> [i64; 2] {
     let ControllerPoint { x, y } = machine.scanner.controller_from_field(point);
-    [x, y].map(|nm| (f64::from(nm) * rtc.bits_per_mm / NM_PER_MM).round() as i64)
+    [x, y].map(|nm| cards::rounded(f64::from(nm) * rtc.bits_per_mm / NM_PER_MM))
 }
 
 /// The text as it grows.

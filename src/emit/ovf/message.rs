@@ -137,11 +137,12 @@ pub(super) struct VectorBlock {
     pub micro_structuring: Option<Empty>,
 }
 
-/// x0 y0 x1 y1 …; of hatches, four numbers a line.
+/// x0 y0 x1 y1 …; of hatches, four numbers a line. A packed list of floats is written as its bytes, which is the same
+/// on the wire.
 #[derive(Clone, PartialEq, Message)]
 pub(super) struct Points {
-    #[prost(float, repeated, tag = "1")]
-    pub xy_mm: Vec<f32>,
+    #[prost(bytes = "vec", tag = "1")]
+    pub xy_mm: Vec<u8>,
 }
 
 #[derive(Clone, Copy, PartialEq, Message)]

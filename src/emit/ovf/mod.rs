@@ -37,7 +37,8 @@ const PART_KEY: i32 = 1;
 /// If there are 2^31 blocks or more, which no program has.
 pub fn write(checked: &Checked, machine: &Machine, job_name: &str, source_name: &str) -> Vec<u8> {
     let program = checked.program();
-    let mut file = File { bytes: b"LVF!".to_vec() };
+    let mut file = File { bytes: Vec::with_capacity(1000 + room(program)) };
+    file.bytes.extend_from_slice(b"LVF!");
     let lut_place = file.reserve_offset();
     let machine_type = machine_type(machine);
     let settings = Settings::of(program);
@@ -67,6 +68,12 @@ pub fn write(checked: &Checked, machine: &Machine, job_name: &str, source_name: 
     file.bytes
 }
 
+/// Bytes that the work planes take, or some more.
+fn room(program: &Program) -> usize {
+    let Program { points, strokes, blocks, .. } = program;
+    8 * points.len() + 90 * strokes.iter().filter(|s| s.len > 2).count() + 500 * blocks.len()
+}
+
 /// Appends one work plane with its vector blocks and its table; answers with the extent of its points.
 fn work_plane(
     file: &mut File,
@@ -81,11 +88,11 @@ fn work_plane(
     let mut extent = Box2::EMPTY;
     let mut starts = Vec::new();
     let mut strokes = program.strokes_of(block);
-    let mut at = FieldPoint::AXIS;
+    let mut beam = Beam { at: FieldPoint::AXIS, mark_mm: 0.0, jump_mm: 0.0 };
     while let [first, ..] = strokes {
         let (now, later) = strokes.split_at(run_length(strokes));
         let key = settings.key(first.pen, block.focus_shift);
-        let (vectors, bounds) = vector_block(program, machine, key, now, &mut at);
+        let (vectors, bounds) = vector_block(program, machine, key, now, &mut beam);
         starts.push(file.end());
         file.message(&vectors);
         extent = extent.union(bounds);
@@ -110,8 +117,8 @@ fn work_plane(
         work_plane_number: i32::try_from(index).expect("fewer than 2^31 blocks"),
         machine_type: machine_type.into(),
         meta_data: Some(WorkPlaneMetaData {
-            scan_distance_mm: program.mark_mm(block),
-            jump_distance_mm: program.jump_mm(block),
+            scan_distance_mm: beam.mark_mm,
+            jump_distance_mm: beam.jump_mm,
             patches: [(0, centre)].into(),
             bounds: bounds_mm(&extent),
         }),
@@ -159,28 +166,40 @@ fn run_length(strokes: &[Stroke]) -> usize {
     alike.count()
 }
 
-/// One vector block; `at` is where the beam stands before and after it. Distances are those of one
-/// repeat.
+/// The beam on its way through a work plane.
+struct Beam {
+    at: FieldPoint,
+    /// As [`Program::mark_mm`] and [`Program::jump_mm`] of the whole block.
+    mark_mm: f64,
+    jump_mm: f64,
+}
+
+/// One vector block. Its own distances are those of one repeat.
 fn vector_block(
     program: &Program,
     machine: &Machine,
     key: i32,
     strokes: &[Stroke],
-    at: &mut FieldPoint,
+    beam: &mut Beam,
 ) -> (VectorBlock, Box2<Controller>) {
     let first = &strokes[0];
+    let passes = program.pens[first.pen.index()].passes;
     let mut extent = Box2::EMPTY;
-    let mut xy_mm = Vec::with_capacity(2 * strokes.iter().map(|s| s.len as usize).sum::<usize>());
+    let mut xy_mm = Vec::with_capacity(8 * strokes.iter().map(|s| s.len as usize).sum::<usize>());
     let (mut scan, mut jump) = (0.0, 0.0);
     for stroke in strokes {
         let points = program.points_of(stroke);
-        jump += crate::program::stroke_mm(&[*at, points[0]]);
-        scan += crate::program::stroke_mm(points);
-        *at = points[points.len() - 1];
+        let to_mm = crate::program::stroke_mm(&[beam.at, points[0]]);
+        let mark_mm = crate::program::stroke_mm(points);
+        (jump, scan) = (jump + to_mm, scan + mark_mm);
+        beam.jump_mm += to_mm;
+        beam.mark_mm += mark_mm * f64::from(passes);
+        beam.at = points[points.len() - 1];
         for &point in points {
             let point = machine.scanner.controller_from_field(point);
             extent.add(point.p2());
-            xy_mm.extend([point.x, point.y].map(|nm| single_mm(i64::from(nm))));
+            let [x, y] = [point.x, point.y].map(|nm| u64::from(single_mm(i64::from(nm)).to_bits()));
+            xy_mm.extend_from_slice(&(x | y << 32).to_le_bytes());
         }
     }
     let points = Some(Points { xy_mm });
@@ -195,7 +214,7 @@ fn vector_block(
         line_sequence,
         hatches,
         marking_params_key: key,
-        repeats: u64::from(program.pens[first.pen.index()].passes.saturating_sub(1)),
+        repeats: u64::from(passes.saturating_sub(1)),
         meta_data: Some(meta_data),
         micro_structuring: Some(Empty {}),
     };

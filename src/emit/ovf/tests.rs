@@ -63,7 +63,10 @@ fn every_byte_belongs_to_one_message_of_the_layout() {
             let vectors: VectorBlock = r.message(at);
             assert!(vectors.micro_structuring.is_some());
             assert_eq!(vectors.repeats, if vectors.marking_params_key == 2 { 2 } else { 0 });
-            points.extend(vectors.line_sequence.or(vectors.hatches).expect("points").xy_mm);
+            let bytes = vectors.line_sequence.or(vectors.hatches).expect("points").xy_mm;
+            let (floats, rest) = bytes.as_chunks();
+            assert!(rest.is_empty());
+            points.extend(floats.iter().map(|&float| f32::from_le_bytes(float)));
         }
         let expected: Vec<f32> = program
             .strokes_of(block)
