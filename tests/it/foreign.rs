@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::support::surfaces::{dome, mesh, write_stl};
-use crate::support::{JobText, compile, folder, machine_file, said, shared, verify};
+use crate::support::{JobText, compile, folder, machine_file, manifest, said, shared, verify};
 use serde_json::Value;
 
 /// The folder of the foreign readers.
@@ -103,6 +103,40 @@ fn galvoplotter_protobuf_and_linuxcnc_read_a_job_for_cards_with_zoom_optic() {
 #[ignore = "slow: make test-all"]
 fn meerk40t_loads_projects_for_lightburn() {
     assert_cards_are_read("[\"lightburn\"]", &["check_lightburn.py"], [60.0, 50.0], "0.2 mm");
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn galvoplotter_meerk40t_and_a_player_of_lists_read_a_block_of_10_000_marks() {
+    let dir = folder();
+    let stl = dir.path().join("plate.stl");
+    write_stl(&stl, &mesh(2, [0.0, 0.0, 36.0, 25.0], |_, _| 0.0));
+    let machine =
+        machine_file("xyz-galvo-40") + "\n[lmc]\nunits_per_mm = 1500\n[rtc]\nboard = \"rtc5\"\nbits_per_mm = 20000\n";
+    std::fs::write(dir.path().join("machine.toml"), machine).expect("a writable folder");
+    let squares = "pattern = \"squares\"\npitch = \"0.25 mm\"\ncell = \"0.2 mm\"";
+    let lines = "pattern = \"hatch\"\npitch = \"0.1 mm\"\npen = \"deep\"";
+    let mut job = JobText::on(&stl)
+        .texture(&format!("{squares}\narea = [\"0 mm\", \"0 mm\", \"30 mm\", \"25 mm\"]"))
+        .texture(&format!("{lines}\narea = [\"31 mm\", \"0 mm\", \"35 mm\", \"25 mm\"]"));
+    job.machine = "file = \"machine.toml\"".into();
+    job.more = every_entity(&stl, "")
+        .more
+        .replace("[\"dxf\", \"csv\", \"linuxcnc\", \"gcode\", \"ovf\"]", "[\"lmc\", \"lightburn\", \"rtc\"]");
+    let out = dir.path().join("out.job");
+    compile(&job.write(dir.path(), "job.toml"), &out);
+    verify(&out);
+    let blocks = manifest(&out)["blocks"].clone();
+    assert_eq!(blocks.as_array().map(Vec::len), Some(1));
+    assert!(blocks[0]["strokes"].as_u64() >= Some(10_000), "{blocks}");
+    // More than a packet, a shape and a list can hold.
+    let bytes =
+        |ending: &str| std::fs::read(out.join("blocks/B0001").with_extension(ending)).expect("a file of the block");
+    let count = |ending: &str, word: &str| String::from_utf8(bytes(ending)).expect("text").matches(word).count();
+    assert!(bytes("lmc").len() > 200 * 3072);
+    assert!(count("lbrn2", "<Shape ") >= 3 && count("rtc", "\nlist ") >= 15);
+    let venv = readers();
+    ["check_lmc.py", "check_lightburn.py", "check_rtc.py"].iter().for_each(|script| check(&venv, script, &out));
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use crate::support::surfaces::{mesh, write_stl};
-use crate::support::{JobText, folder, said, terrace};
+use crate::support::{JobText, folder, machine_file, said, terrace};
 
 /// A panel of 60 x 50 mm under a hatch of 0.5 mm, at the origin of its file.
 fn panel(dir: &Path) -> JobText {
@@ -175,4 +175,42 @@ fn a_missing_file_and_an_impossible_pen_point_at_their_keys() {
     let fast = std::fs::read_to_string(&path).expect("readable").replace("1000 mm/s", "9 m/s");
     std::fs::write(&path, fast).expect("writable");
     assert!(refused(&path, &["pen-speed"]).contains("speed = \"9 m/s\""));
+}
+
+#[test]
+fn what_a_card_would_clip_and_what_is_no_number_is_refused_before_anything_is_written() {
+    let dir = folder();
+    let out = dir.path().join("out.job");
+    let machine = machine_file("xyz-galvo-40");
+    let refused = |cards: &str, format: &str, job: &dyn Fn(&mut JobText), exit: i32, code: &str| {
+        std::fs::write(dir.path().join("ours.toml"), format!("{machine}\n{cards}")).expect("writable");
+        let mut text = panel(dir.path());
+        text.machine = "file = \"ours.toml\"".into();
+        text.more = format!("[emit]\nformats = [{format:?}]\n");
+        job(&mut text);
+        let path = text.write(dir.path(), "job.toml");
+        let done = terrace([Path::new("compile"), &path, Path::new("-o"), &out]);
+        let shown = said(&done);
+        assert_eq!(done.status.code(), Some(exit), "{cards}: {shown}");
+        assert!(shown.contains(&format!("error[{code}]")), "{cards}: {shown}");
+        let left = std::fs::read_dir(dir.path()).expect("readable").map(|e| e.expect("readable").file_name());
+        assert!(left.into_iter().all(|name| !name.to_string_lossy().contains("out.job")), "{cards}");
+    };
+    let lmc = |scale: &str| format!("[lmc]\nunits_per_mm = {scale}\n");
+    let rtc = |scale: &str| format!("[rtc]\nboard = \"rtc5\"\nbits_per_mm = {scale}\n");
+    let as_is = |_: &mut JobText| {};
+    // 40 mm of field: 16 bits are 1638 units per mm, 20 bits 26214.
+    refused(&lmc("3000"), "lmc", &as_is, 1, "lmc-field");
+    refused(&rtc("40000"), "rtc", &as_is, 1, "rtc-field");
+    for scale in ["nan", "-nan", "inf", "0"] {
+        refused(&lmc(scale), "lmc", &as_is, 2, "machine-scale");
+        refused(&rtc(scale), "rtc", &as_is, 2, "machine-scale");
+    }
+    for number in ["nan", "inf", "1e999"] {
+        let pitch = |job: &mut JobText| job.textures[0] = format!("pattern = \"hatch\"\npitch = \"{number} mm\"");
+        refused("", "dxf", &pitch, 2, "toml");
+        let focus =
+            |job: &mut JobText| job.focus = format!("dof = \"0.07 mm\"\nfactor = {}", number.replace("1e999", "nan"));
+        refused("", "lightburn", &focus, 2, "focus-factor");
+    }
 }
