@@ -172,7 +172,7 @@ pub fn resume(folder: &Path, choice: &Choice, target: &Path, durability: Durabil
     let checked = Checked::as_written(program.subset(&chosen), origins);
     let subset = whole.subset(checked.program());
     let rest = Rest { whole: &whole, lifts, chosen: &chosen, figures, checked, subset };
-    let job_file = job_folder::job_file_from(&folder.join(&whole.head.job.file), target)?;
+    let job_file = job_folder::path_from(&folder.join(&whole.head.job.file), target)?;
     job_folder::replace_stepped(target, durability, &|new| rest.write(new, &job_file))?;
     Ok(Resumed { subset: rest.subset, of })
 }
