@@ -53,8 +53,13 @@ pub(super) fn warn(
         warnings.push(Diag::warning("off-part", text).hint("see limits.max_off_part"));
     }
     if split.skipped.small > 0.0 {
-        let text = format!("{} of texture is in fragments shorter than partition.min_mark", mm(split.skipped.small));
-        warnings.push(Diag::warning("small", text));
+        let text = format!(
+            "{} of texture is in {} fragments shorter than partition.min_mark and not marked",
+            mm(split.skipped.small),
+            split.slivers.len()
+        );
+        let hint = "by default what lies within half the spot of a mark's cut end; \"0 mm\" marks all";
+        warnings.push(Diag::warning("small", text).hint(hint));
     }
     if worst_defocus > depth / 2 {
         let text = format!(
