@@ -443,7 +443,7 @@ mod tests {
             }
             for e in &first {
                 let holds = |n: &&Node| (0..3).all(|k| n.extent.lo[k] <= e.lo[k] && e.hi[k] <= n.extent.hi[k]);
-                assert!(left.iter().any(|n| holds(n)));
+                assert!(left.iter().any(holds));
             }
         }
     }

@@ -212,7 +212,7 @@ impl<'a> Draft<'a> {
         let checked = Checked::new(best.program, &limits)?;
         setups::registered(job, machine, &origins)?;
         emit::faults(&job.formats, checked.program(), machine)?;
-        warnings::warn(&job.limits, &best.split, best.worst_defocus, grid.lattice.depth, &mut warnings)?;
+        warnings::warn(job, &best.split, best.worst_defocus, grid.lattice.depth, &mut warnings)?;
         warnings.extend(warnings::not_carried(job, checked.program()));
         warnings.extend(warnings::set_by_hand(job, checked.program()));
         warnings.extend(divided);

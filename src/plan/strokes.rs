@@ -78,7 +78,7 @@ pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<Nm>)
     let program = laid(job, &stops, &parts);
     let found = parts.into_iter().fold(Fragments::default(), join);
     let mut notes = Vec::new();
-    warnings::warn(&job.limits, &found, Nm(0), everything, &mut notes)?;
+    warnings::warn(job, &found, Nm(0), everything, &mut notes)?;
     let Fragments { texture_mm, skipped, .. } = found;
     Ok(Strokes { program, origin, texture: area, section, texture_mm, skipped, warnings: notes })
 }
