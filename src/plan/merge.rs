@@ -79,6 +79,9 @@ const ROUNDING: i64 = 2;
 /// How often all stops look for a partner.
 const ROUNDS: usize = 8;
 
+/// For less than one in so many stops the strokes are not cut again.
+const LEAST: usize = 100;
+
 /// A stop of the tour.
 struct Node {
     /// Where it stands among the stops of the method.
@@ -106,7 +109,7 @@ struct Merger {
     loss_s: f64,
 }
 
-/// The stops of a candidate merged; None where none can be.
+/// The stops of a candidate merged; None where too few can be.
 pub(super) fn merged(stops: &Stops, made: &Candidate, costs: &Costs<'_>) -> Option<Stops> {
     if stops.is_tilted() {
         return None;
@@ -131,7 +134,8 @@ pub(super) fn merged(stops: &Stops, made: &Candidate, costs: &Costs<'_>) -> Opti
             break;
         }
     }
-    (poorest.len() < tour.nodes.len()).then(|| tour.stops(stops, &made.split.slivers))
+    let gone = tour.nodes.len() - poorest.len();
+    (gone > 0 && gone * LEAST >= tour.nodes.len()).then(|| tour.stops(stops, &made.split.slivers))
 }
 
 /// The stops in order, linked.
