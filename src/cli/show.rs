@@ -137,6 +137,11 @@ fn at_least(s: &Summary) -> String {
     ratio.map_or(String::new(), |(n, ratio)| format!(", at least {n} (x {ratio:.3})"))
 }
 
+/// How many stops were merged with others.
+fn merged(s: &Summary) -> String {
+    if s.stops_merged == 0 { String::new() } else { format!(", {} more merged into these", s.stops_merged) }
+}
+
 /// The figures of a job as a person reads them.
 pub fn summary(s: &AnySummary, folder: Option<&Path>) -> String {
     match s {
@@ -149,7 +154,7 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
     let t = &s.time_s;
     let mut lines = vec![
         format!("method         {}", s.method),
-        format!("stops          {}{} ({} sub-blocks){}", s.stops, blocks(s), s.sub_blocks, at_least(s)),
+        format!("stops          {}{} ({} sub-blocks){}{}", s.stops, blocks(s), s.sub_blocks, at_least(s), merged(s)),
         format!(
             "marks          {:.3} mm in {} fragments ({} texture strokes cut)",
             s.mark_mm, s.fragments, s.strokes_cut

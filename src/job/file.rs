@@ -333,9 +333,10 @@ pub struct PartitionKeys {
     /// Pitch of the grid of sections; default: the usable field.
     #[serde(default, deserialize_with = "positive_option")]
     pub section: Option<Length>,
-    /// Fragments shorter than this are skipped and counted; default: none.
-    #[serde(default, deserialize_with = "non_negative")]
-    pub min_mark: Length,
+    /// Fragments shorter than this are skipped and counted; default: those shorter than half the spot that a cut made,
+    /// next to a mark of their stroke.
+    #[serde(default, deserialize_with = "non_negative_option")]
+    pub min_mark: Option<Length>,
     /// What `auto` minimises.
     #[serde(default)]
     pub objective: Objective,

@@ -215,7 +215,7 @@ fn partition(file: &JobFile, f: &mut Faults<'_>) -> Partition {
         method: keys.method,
         objective: keys.objective,
         section: f.nm_option("partition.section", keys.section),
-        min_mark: f.nm("partition.min_mark", keys.min_mark),
+        min_mark: f.nm_option("partition.min_mark", keys.min_mark),
         keep_whole: f.nm("partition.keep_whole", keys.keep_whole),
         zone: f.nm("partition.zone", keys.zone),
         overlap: f.nm("partition.overlap", keys.overlap),
@@ -375,7 +375,7 @@ fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
     let unused = [
         ("partition.method", partition.method != Method::Auto),
         ("partition.section", partition.section.is_some()),
-        ("partition.min_mark", partition.min_mark.as_mm() > 0.0),
+        ("partition.min_mark", partition.min_mark.is_some()),
         ("partition.objective", partition.objective != Objective::Time),
         ("partition.keep_whole", partition.keep_whole.as_mm() > 0.0),
         ("partition.zone", partition.zone.as_mm() > 0.0),

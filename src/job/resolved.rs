@@ -118,8 +118,8 @@ pub struct Partition {
     pub objective: Objective,
     /// Pitch of the sections; None: from the usable field.
     pub section: Option<Nm>,
-    /// Fragments shorter than this are skipped and counted.
-    pub min_mark: Nm,
+    /// Fragments shorter than this are skipped and counted; None: slivers below half the spot, next to a mark.
+    pub min_mark: Option<Nm>,
     /// Closed figures and strokes no larger than this along x and y stay whole where a stop can hold them.
     pub keep_whole: Nm,
     /// Strokes are cut at a random place within this length before a border; 0: on it.

@@ -84,6 +84,8 @@ pub struct Candidate {
 pub struct Summary {
     /// Standstills of the stage. Each is a block; with a zoom optic it may be several.
     pub stops: usize,
+    /// How many stops more the method had chosen: each was merged with another.
+    pub stops_merged: usize,
     /// Blocks: what is marked at one focal plane of one stop.
     pub blocks: usize,
     /// How many times the texture is marked, each time with its own stops.
@@ -108,7 +110,7 @@ pub struct Summary {
     pub skipped_off_part_mm: f64,
     /// Not marked: steeper than the limit.
     pub skipped_steep_mm: f64,
-    /// Not marked: slivers below the stated length.
+    /// Not marked: fragments that are too short.
     pub skipped_small_mm: f64,
     /// Pieces that the texture's strokes were cut into.
     pub fragments: usize,

@@ -174,6 +174,11 @@ impl Stops {
         self.half
     }
 
+    /// Size of the boxes along x, y and z.
+    pub fn size(&self) -> [Nm; 3] {
+        [self.half[0] * 2, self.half[1] * 2, self.depth]
+    }
+
     /// Lower and upper corner of the window of stop `i`, nm.
     #[inline]
     pub fn window(&self, StopId(i): StopId) -> [[f64; 2]; 2] {

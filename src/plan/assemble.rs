@@ -21,6 +21,8 @@ use crate::split::{Fragment, Fragments};
 /// A program in order, and how far its marks lie from their focal planes at most.
 pub(super) struct Assembly {
     pub(super) program: Program,
+    /// The stop of every block, among those of the method.
+    pub(super) ids: Vec<StopId>,
     pub(super) setups: Setups,
     /// The cells of its set-ups.
     pub(super) used: Used,
@@ -127,8 +129,9 @@ pub(super) fn assemble(
             stop: stop.clone(),
         });
     }
-    let slopes = tour.iter().map(|&(_, t)| slopes[placed[t].index.index()]).collect();
-    Assembly { program, setups, used, worst_defocus: worst[0], worst_defocus_mean: worst[1], slopes }
+    let ids: Vec<StopId> = tour.iter().map(|&(_, t)| placed[t].index).collect();
+    let slopes = ids.iter().map(|id| slopes[id.index()]).collect();
+    Assembly { program, ids, setups, used, worst_defocus: worst[0], worst_defocus_mean: worst[1], slopes }
 }
 
 /// Heights of one block's marks, nm.

@@ -3,7 +3,9 @@
 //! The bound holds for all upright stops that the machine can take, whatever the method: for closed boxes
 //! of the usable field by the depth range. Points of marks are rounded to the nanometre, as are cuts, so
 //! boxes are taken a few nm larger than they are. With a zoom optic a stop holds all that lies within the optic's reach. Where `keep_whole` asks for whole figures and the method
-//! keeps them, figures that a stop holds count as one piece.
+//! keeps them, figures that a stop holds count as one piece. What was too short to be marked does not count.
+
+use std::collections::HashSet;
 
 use super::grid::Grid;
 use super::methods::row;
@@ -13,6 +15,7 @@ use crate::machine::Machine;
 use crate::partition::bound::{self, Certificate};
 use crate::partition::box_index::Item;
 use crate::projection::{Samples, Sampling};
+use crate::split::Sliver;
 use crate::texture::Texture;
 
 /// What rounding may do to a box.
@@ -65,23 +68,60 @@ pub(super) fn certificate(
     marks: Option<Samples>,
     size: Option<[i32; 3]>,
     method: Method,
+    slivers: &[Sliver],
 ) -> Option<Certificate> {
     // Tilted stops hold more than upright boxes.
     if !row(method).has_bound {
         return None;
     }
     let (mut marks, size) = (marks?, size?);
-    let by_points = bound::lower_bound(&marks.points(), size);
+    let unmarked = Unmarked::new(slivers, marks.origin());
+    let mut points = marks.points();
+    points.retain(|&p| !unmarked.touches(p, p));
+    let by_points = bound::lower_bound(&points, size);
     // `contour` cuts figures at its levels.
     if grid.keep.0 == Nm(0) || !row(method).keeps_figures {
         return Some(by_points);
     }
     let held = |f: &[[i32; 3]; 2]| grid.lattice.holds(f64::from(f[0][2]), f64::from(f[1][2]));
-    let mut figures: Vec<Item> = marks.figures().into_iter().filter(held).map(|[lo, hi]| Item { lo, hi }).collect();
+    let is_whole = |f: &[[i32; 3]; 2]| held(f) && !unmarked.touches(f[0], f[1]);
+    let mut figures: Vec<Item> = marks.figures().into_iter().filter(is_whole).map(|[lo, hi]| Item { lo, hi }).collect();
     let most = figures.len().div_ceil(MOST_FIGURES).max(1);
     figures = figures.into_iter().step_by(most).collect();
     let by_figures = bound::lower_bound_whole(&figures, size);
     Some(if by_figures.stops() > by_points.stops() { by_figures } else { by_points })
+}
+
+/// Places about what was too short to be marked, of which the bound does not speak: cells of the plane.
+struct Unmarked {
+    cells: HashSet<[i64; 2]>,
+    width: i64,
+}
+
+impl Unmarked {
+    /// The cells of the slivers; `origin` is what points are counted from. Cells are as wide as the longest sliver.
+    fn new(slivers: &[Sliver], origin: P2) -> Self {
+        let longest = slivers.iter().flat_map(|s| [0, 1].map(|k| s.hi[k] - s.lo[k])).max();
+        let width = longest.unwrap_or_default() + ROUNDING.0;
+        let mut it = Self { cells: HashSet::new(), width };
+        for s in slivers {
+            let local = |at: [i64; 3], by: i64| [at[0] - origin.x + by, at[1] - origin.y + by];
+            let cells: Vec<_> = it.over(local(s.lo, -ROUNDING.0), local(s.hi, ROUNDING.0)).collect();
+            it.cells.extend(cells);
+        }
+        it
+    }
+
+    /// Whether a box from `lo` to `hi` touches one of the cells.
+    fn touches(&self, lo: [i32; 3], hi: [i32; 3]) -> bool {
+        let local = |at: [i32; 3]| [at[0], at[1]].map(i64::from);
+        !self.cells.is_empty() && self.over(local(lo), local(hi)).any(|cell| self.cells.contains(&cell))
+    }
+
+    fn over(&self, lo: [i64; 2], hi: [i64; 2]) -> impl Iterator<Item = [i64; 2]> + use<> {
+        let [lo, hi] = [lo, hi].map(|at| at.map(|v| v.div_euclid(self.width)));
+        (lo[1]..=hi[1]).flat_map(move |y| (lo[0]..=hi[0]).map(move |x| [x, y]))
+    }
 }
 
 /// Figures that are looked at, at most: the search takes seconds for more.

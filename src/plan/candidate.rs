@@ -12,13 +12,24 @@ use crate::geom::Nm;
 use crate::job::{Job, Method, Objective, Passes};
 use crate::machine::{Machine, Origin};
 use crate::manifest::{self, Times};
-use crate::program::{Block, BlockFigures, PassId, PenId, Program, Stop};
+use crate::program::{Block, BlockFigures, PassId, PenId, Program, Stop, StopId};
 use crate::split::Fragments;
+
+/// The stops and the measure of a candidate before stops were merged.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Unmerged {
+    pub(super) stops: usize,
+    pub(super) measure: (f64, f64),
+}
 
 /// What one method gives.
 pub(super) struct Candidate {
     pub(super) method: Method,
     pub(super) program: Program,
+    /// The stop of every block of a pass, among those of the method.
+    pub(super) ids: Vec<StopId>,
+    /// What it was before stops were merged.
+    pub(super) unmerged: Unmerged,
     pub(super) setups: Setups,
     /// The cells of its set-ups.
     pub(super) used: Used,
@@ -70,6 +81,18 @@ impl Candidate {
         }
     }
 
+    /// Whether `self` marks all that `other` does, no worse and at fewer stops.
+    pub(super) fn improves(&self, other: &Self, job: &Job, machine: &Machine) -> bool {
+        let ([new, old], noise) = ([&self.split, &other.split], 1e-9);
+        self.program.stops() < other.program.stops()
+            && self.program.blocks.len() < other.program.blocks.len()
+            && self.measure(job, machine) <= other.measure(job, machine)
+            && new.skipped.small <= old.skipped.small + noise
+            && new.figures_whole >= old.figures_whole
+            && new.not_kept <= old.not_kept
+            && new.short <= old.short
+    }
+
     /// Where pass `pass` begins after all passes before it, the first of which began at `begin` on the grid `first`.
     pub(super) fn start_of(&self, pass: PassId, begin: &Start, passes: &Passes, first: &Grid) -> Start {
         let lowered = passes.lowered(pass);
@@ -101,6 +124,7 @@ impl Candidate {
         s.jump += t.jump;
         s.delay += t.delay;
         s.total += t.total;
+        self.unmerged.stops += next.unmerged.stops;
         self.figures.extend(next.figures);
         self.fragments += next.fragments;
         self.split = join(std::mem::take(&mut self.split), next.split);

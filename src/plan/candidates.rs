@@ -1,5 +1,6 @@
 //! The methods of partition that a job is planned by, the stops of each, and the choice between them.
 
+use super::candidate::{Candidate, Unmerged};
 use super::methods::{METHODS, row};
 use super::site::Site;
 use crate::diag::{Diag, Error};
@@ -47,6 +48,23 @@ pub(super) fn stops(site: &Site<'_>, methods: &[Method], objective: Objective) -
         return Err(Diag::limit("window-wide", text).hint("use partition.method = \"z-range\"").into());
     }
     Ok(found)
+}
+
+/// The candidates without those that have more stops than the one that would be the best if none were merged: what
+/// merging gains in time is not paid with stops.
+pub(super) fn no_more_stops(
+    mut made: Vec<(Method, Candidate, Option<Diag>)>,
+) -> Vec<(Method, Candidate, Option<Diag>)> {
+    let sound = made.iter().filter(|(.., fault)| fault.is_none()).map(|(_, made, _)| made.unmerged);
+    let mut best: Option<Unmerged> = None;
+    for one in sound {
+        if best.is_none_or(|b| one.measure < b.measure) {
+            best = Some(one);
+        }
+    }
+    let most = best.map_or(usize::MAX, |b| b.stops);
+    made.retain(|(_, made, fault)| fault.is_some() || made.program.stops() <= most);
+    made
 }
 
 /// The candidate of the least measure. One that breaks an invariant is a fault of ours: where another method

@@ -18,6 +18,7 @@ mod grid;
 mod hatch_direction;
 mod inputs;
 mod job_time;
+mod merge;
 mod methods;
 mod on_the_fly;
 pub mod orient;

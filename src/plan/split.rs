@@ -5,12 +5,13 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use super::stroke_chunks::{Sweep, chunks};
 use crate::diag::{Diag, Error, memory};
 use crate::geom::{NM_PER_MM, Nm, length_mm};
-use crate::job::Partition;
+use crate::job::Job;
+use crate::machine::Machine;
 use crate::parallel;
 use crate::partition::Stops;
 use crate::program::{Pen, Sections, Stroke, StrokeId};
 use crate::projection::{Keep, Tracer};
-use crate::split::{Fragment, Fragments, Seam, Splitter};
+use crate::split::{Fragment, Fragments, Least, Seam, Splitter};
 use crate::texture::Texture;
 
 /// Most fragments and most points of all candidates, which are held in memory whole: some 8 GB.
@@ -19,18 +20,21 @@ pub(super) const MAX_FRAGMENTS: usize = 50_000_000;
 pub(super) const MAX_POINTS: usize = 500_000_000;
 
 /// How strokes are cut.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(super) struct Cuts {
     /// Shorter fragments are skipped.
-    pub(super) min_mark: Nm,
+    pub(super) least: Least,
     pub(super) keep: Keep,
     pub(super) seam: Seam,
 }
 
 impl Cuts {
-    pub(super) fn new(partition: &Partition, keep: Keep, seed: u64) -> Self {
-        let [zone, overlap] = [partition.zone, partition.overlap].map(Nm::f64);
-        Self { min_mark: partition.min_mark, keep, seam: Seam { zone, overlap, seed } }
+    pub(super) fn new(job: &Job, machine: &Machine, keep: Keep) -> Self {
+        let [zone, overlap] = [job.partition.zone, job.partition.overlap].map(Nm::f64);
+        // The spot on the mark beside a sliver covers all of it.
+        let slivers = || Least { mark: 0.0, sliver: machine.lens.spot.as_mm() * NM_PER_MM / 2.0 };
+        let least = job.partition.min_mark.map_or_else(slivers, |Nm(v)| Least { mark: v as f64, sliver: 0.0 });
+        Self { least, keep, seam: Seam { zone, overlap, seed: job.seed } }
     }
 }
 
@@ -106,7 +110,7 @@ pub(super) fn split(
             return Err(too_large(texture));
         }
         let tracer = Tracer::new(surface, max_slope);
-        let mut splitter = Splitter::new(tracer, candidates, cuts.min_mark.f64(), cuts.keep, cuts.seam);
+        let mut splitter = Splitter::new(tracer, candidates, cuts.least, cuts.keep, cuts.seam);
         let mut points = Vec::new();
         for i in chunk {
             let pen = texture.stroke(i, &mut points);
@@ -148,6 +152,7 @@ pub(super) fn join(mut a: Fragments, b: Fragments) -> Fragments {
     a.skipped.off_part += b.skipped.off_part;
     a.skipped.steep += b.skipped.steep;
     a.skipped.small += b.skipped.small;
+    a.slivers.extend(b.slivers);
     a.strokes_cut += b.strokes_cut;
     a.figures_whole += b.figures_whole;
     a.figures_cut += b.figures_cut;

@@ -11,13 +11,14 @@ use std::ops::Range;
 
 use super::assemble::{self, Assembly, Stage};
 use super::bound;
-use super::candidate::Candidate;
-use super::candidates::{best_of, divide, methods, stops};
+use super::candidate::{Candidate, Unmerged};
+use super::candidates::{best_of, divide, methods, no_more_stops, stops};
 use super::dose;
 use super::grid::{Grid, Layout};
 use super::hatch_direction;
 use super::inputs::Inputs;
 use super::job_time::{load_s, times};
+use super::merge::{self, Pairs};
 use super::pass::Pass;
 use super::progress::{Phase, Progress};
 use super::setups::{self, Setups};
@@ -105,20 +106,22 @@ impl<'a> Draft<'a> {
         let found = stops(&first.site(job, machine, inputs), &methods, job.partition.objective)?;
         progress(Phase::Split);
         let candidates: Vec<&Stops> = found.iter().map(|(_, stops)| stops).collect();
-        let cuts = Cuts::new(&job.partition, first.grid.keep, job.seed);
+        let cuts = Cuts::new(job, machine, first.grid.keep);
         let parts = split(first.sweep(job, inputs), &candidates, &first.grid.sections, &job.pens, cuts)?;
         progress(Phase::Order);
+        let on = Given { job, machine, inputs, clearance: &clearance };
         let (mut tried, mut warnings) = (Vec::new(), Vec::new());
         let made = found.iter().zip(parts).map(|((method, stops), parts)| {
-            let made = first.candidate(job, machine, &clearance, *method, stops, parts);
+            let made = first.merged(&on, stops, first.candidate(&on, (*method, stops), parts, None))?;
             // A single method is checked in the end, with everything else.
             let fault = if found.len() > 1 { made.fault(machine, &first.grid, &clearance) } else { None };
             if fault.is_none() {
                 tried.push(made.listed());
             }
-            (*method, made, fault)
+            Ok((*method, made, fault))
         });
-        let best = best_of(made, |made| made.measure(job, machine), &mut warnings)?;
+        let made = no_more_stops(made.collect::<Result<_, Error>>()?);
+        let best = best_of(made.into_iter(), |made| made.measure(job, machine), &mut warnings)?;
         if found.len() == 1 {
             tried.clear();
         }
@@ -157,10 +160,11 @@ impl<'a> Draft<'a> {
         let Some(stops) = divide(&ready.site(job, machine, inputs), method) else {
             return Err(Diag::bug("no-candidate", "a pass cannot be divided as the first was").into());
         };
-        let cuts = Cuts::new(&job.partition, ready.grid.keep, job.seed);
+        let cuts = Cuts::new(job, machine, ready.grid.keep);
         let mut parts = split(ready.sweep(job, inputs), &[&stops], &ready.grid.sections, &job.pens, cuts)?;
         let parts = parts.pop().unwrap_or_default();
-        let next = ready.candidate(job, machine, &self.clearance, method, &stops, parts);
+        let on = Given { job, machine, inputs, clearance: &self.clearance };
+        let next = ready.merged(&on, &stops, ready.candidate(&on, (method, &stops), parts, None))?;
         let first = self.best.program.blocks.len();
         let blocks = first..first + next.program.blocks.len();
         if self.best.fragments + next.fragments > MAX_FRAGMENTS
@@ -208,7 +212,7 @@ impl<'a> Draft<'a> {
         let checked = Checked::new(best.program, &limits)?;
         setups::registered(job, machine, &origins)?;
         emit::faults(&job.formats, checked.program(), machine)?;
-        warnings::warn(&job.limits, &best.split, best.worst_defocus, grid.lattice.depth, &mut warnings)?;
+        warnings::warn(job, &best.split, best.worst_defocus, grid.lattice.depth, &mut warnings)?;
         warnings.extend(warnings::not_carried(job, checked.program()));
         warnings.extend(warnings::set_by_hand(job, checked.program()));
         warnings.extend(divided);
@@ -220,6 +224,7 @@ impl<'a> Draft<'a> {
             split: &best.split,
             worst_defocus: best.worst_defocus,
             worst_defocus_mean: best.worst_defocus_mean,
+            unmerged: best.unmerged.stops,
         };
         let summary = summary::summary((job, machine), &checked, &passes, &figures, tried, &warnings);
         Ok(SteppedPlan {
@@ -233,6 +238,14 @@ impl<'a> Draft<'a> {
             warnings,
         })
     }
+}
+
+/// What all passes are planned from.
+struct Given<'a> {
+    job: &'a Job,
+    machine: &'a Machine,
+    inputs: &'a Inputs,
+    clearance: &'a Clearance,
 }
 
 /// A pass that is ready to be divided.
@@ -254,8 +267,7 @@ impl Ready {
         let texture =
             hatch_direction::along_contours(texture, &inputs.surface, &layout.sections, max_slope, job.focus.depth)?;
         let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
-        // Slivers that may be left out need no stop: no bound is to be had then.
-        let stop_size = bound::size(machine, &job.focus).filter(|_| job.partition.min_mark == Nm(0));
+        let stop_size = bound::size(machine, &job.focus);
         let sampling = stop_size.map(|size| bound::sampling(size, &texture));
         let half = layout.window.map(|w| w / 2);
         let (footprint, samples) = sweep.footprint(&layout.sections, layout.keep, half, sampling);
@@ -280,28 +292,68 @@ impl Ready {
         }
     }
 
-    /// One candidate, ordered and timed.
+    /// One candidate, ordered and timed; `setups` are those of the part where it lies in some already.
     fn candidate(
         &self,
-        job: &Job,
-        machine: &Machine,
-        clearance: &Clearance,
-        method: Method,
-        stops: &Stops,
+        on: &Given<'_>,
+        (method, stops): (Method, &Stops),
         parts: Vec<Fragments>,
+        setups: Option<&Setups>,
     ) -> Candidate {
+        let &Given { job, machine, clearance, .. } = on;
         let pens = dose::Pens::new(job.dose, &job.pens, parts.iter().flat_map(|p| &p.list));
         let stage = Stage { machine, clearance, start: &self.start, origin: self.grid.origin, climb: job.order.stops };
-        let setups = |centres: &[_]| Setups::of(job, machine, &self.grid, self.texture.bounds(), centres);
+        let new = |centres: &[_]| Setups::of(job, machine, &self.grid, self.texture.bounds(), centres);
+        let setups = |centres: &[_]| setups.map_or_else(|| new(centres), Setups::clone);
         let how = assemble::How { level: job.focus.level, strokes: job.order.strokes, lattice: self.grid.lattice };
-        let Assembly { program, setups, used, worst_defocus, worst_defocus_mean, slopes } =
+        let Assembly { program, ids, setups, used, worst_defocus, worst_defocus_mean, slopes } =
             assemble::assemble(stops, &parts, &pens, &stage, how, &setups);
         let fragments = parts.iter().map(|p| p.list.len()).sum();
         let split = parts.into_iter().fold(Fragments::default(), join);
         let (times, block_times) = times(machine, &self.start, &program);
         let figures =
             block_times.into_iter().zip(slopes).map(|(time_s, slope)| BlockFigures { time_s, slope }).collect();
-        Candidate { method, times, figures, fragments, split, worst_defocus, worst_defocus_mean, program, setups, used }
+        Candidate {
+            method,
+            times,
+            figures,
+            fragments,
+            split,
+            worst_defocus,
+            worst_defocus_mean,
+            program,
+            ids,
+            unmerged: Unmerged::default(),
+            setups,
+            used,
+        }
+    }
+
+    /// A candidate with stops merged where that makes it better.
+    ///
+    /// # Errors
+    /// `program-large`, `memory`: strokes are cut once more.
+    fn merged(&self, on: &Given<'_>, stops: &Stops, mut made: Candidate) -> Result<Candidate, Error> {
+        let &Given { job, machine, inputs, clearance } = on;
+        made.unmerged = Unmerged { stops: made.program.stops(), measure: made.measure(job, machine) };
+        // Asked for by name, `contour` is the method of the article: a stop for every section and level.
+        if job.partition.method == Method::Contour {
+            return Ok(made);
+        }
+        for pairs in [Pairs::All, Pairs::Saving] {
+            let costs = merge::Costs { machine, from: self.start.from, load_s: load_s(job, machine), pairs };
+            let Some(fewer) = merge::merged(stops, &made, &costs) else { break };
+            let cuts = Cuts::new(job, machine, self.grid.keep);
+            let mut parts = split(self.sweep(job, inputs), &[&fewer], &self.grid.sections, &job.pens, cuts)?;
+            let parts = parts.pop().unwrap_or_default();
+            // The part stays where it lies: two stops of a set-up are merged within it.
+            let mut next = self.candidate(on, (made.method, &fewer), parts, Some(&made.setups));
+            next.unmerged = made.unmerged;
+            if next.improves(&made, job, machine) && next.fault(machine, &self.grid, clearance).is_none() {
+                return Ok(next);
+            }
+        }
+        Ok(made)
     }
 
     /// What the pass is remembered by, once `made` of it.
@@ -315,7 +367,7 @@ impl Ready {
             directions: texture.directions().cloned(),
             map,
             texture: texture.bounds(),
-            bound: bound::certificate(&grid, samples, stop_size, made.method),
+            bound: bound::certificate(&grid, samples, stop_size, made.method, &made.split.slivers),
             blocks,
             sections: grid.sections,
         }

@@ -13,7 +13,7 @@ use super::stroke_chunks::Sweep;
 use super::{dose, hatch_direction, warnings};
 use crate::diag::{Diag, Error};
 use crate::geom::{Box2, Nm};
-use crate::job::{Job, Partition};
+use crate::job::Job;
 use crate::machine::{Commanded, Machine, Origin};
 use crate::partition::{self, Lattice, Stops};
 use crate::program::{Block, PassId, Program, Sections, SetupId, StopId};
@@ -74,12 +74,11 @@ pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<Nm>)
     };
     let lattice = lattice.with_hysteresis(footprint.roughness());
     let stops = partition::z_range(&footprint, &section, pitch, &lattice);
-    let cuts = Cuts::new(&Partition::default(), Keep(Nm(0)), job.seed);
-    let parts = split(sweep, &[&stops], &section, &job.pens, cuts)?.pop().unwrap_or_default();
+    let parts = split(sweep, &[&stops], &section, &job.pens, Cuts::default())?.pop().unwrap_or_default();
     let program = laid(job, &stops, &parts);
     let found = parts.into_iter().fold(Fragments::default(), join);
     let mut notes = Vec::new();
-    warnings::warn(&job.limits, &found, Nm(0), everything, &mut notes)?;
+    warnings::warn(job, &found, Nm(0), everything, &mut notes)?;
     let Fragments { texture_mm, skipped, .. } = found;
     Ok(Strokes { program, origin, texture: area, section, texture_mm, skipped, warnings: notes })
 }

@@ -21,6 +21,8 @@ pub(super) struct Figures<'a> {
     pub(super) worst_defocus: Nm,
     /// What it would be with every focal plane at the mean height of its marks.
     pub(super) worst_defocus_mean: Nm,
+    /// Stops before any were merged.
+    pub(super) unmerged: usize,
 }
 
 /// The summary of a checked program.
@@ -37,6 +39,7 @@ pub(super) fn summary(
     let bounds: Option<Vec<usize>> = passes.iter().map(|p| p.bound.as_ref().map(Certificate::stops)).collect();
     Summary {
         stops: program.stops(),
+        stops_merged: figures.unmerged.saturating_sub(program.stops()),
         blocks: program.blocks.len(),
         passes: passes.len() as u32,
         setups: checked.origins().len(),

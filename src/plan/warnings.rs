@@ -4,19 +4,20 @@ use super::grid::Grid;
 use super::methods::row;
 use crate::diag::{Diag, Error, Place};
 use crate::geom::Nm;
-use crate::job::{Job, Limits, Method, Steep};
+use crate::job::{Job, Method, Steep};
 use crate::program::Program;
 use crate::projection::Footprint;
 use crate::split::Fragments;
 
 /// Warnings, or the faults that stop the plan.
 pub(super) fn warn(
-    limits: &Limits,
+    job: &Job,
     split: &Fragments,
     worst_defocus: Nm,
     depth: Nm,
     warnings: &mut Vec<Diag>,
 ) -> Result<(), Error> {
+    let limits = &job.limits;
     let mm = |v: f64| if v < 0.001 { format!("{:.3} um", v * 1000.0) } else { format!("{v:.3} mm") };
     if split.skipped.steep > 0.0 {
         let limit = limits.max_incidence.as_deg();
@@ -52,7 +53,8 @@ pub(super) fn warn(
         }
         warnings.push(Diag::warning("off-part", text).hint("see limits.max_off_part"));
     }
-    if split.skipped.small > 0.0 {
+    // Slivers that are left out by default are counted only: the spot beside them covers them.
+    if split.skipped.small > 0.0 && job.partition.min_mark.is_some() {
         let text = format!("{} of texture is in fragments shorter than partition.min_mark", mm(split.skipped.small));
         warnings.push(Diag::warning("small", text));
     }

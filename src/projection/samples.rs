@@ -129,6 +129,11 @@ impl Samples {
         }
     }
 
+    /// What points and figures are counted from.
+    pub fn origin(&self) -> P2 {
+        self.sampling.origin
+    }
+
     /// Joins what was taken of other strokes.
     pub fn merge(&mut self, other: Self) {
         self.points.merge(other.points);

@@ -63,6 +63,7 @@ fn figures(h: &mut String, job: &Layout<'_>, is_gridded: bool) {
         ("Passes", job.passes.to_string()),
         ("Set-ups", s.setups.max(1).to_string()),
         ("Stops", s.stops.to_string()),
+        ("Stops merged into these", s.stops_merged.to_string()),
         ("Number of blocks", s.blocks.to_string()),
         ("Lower bound of stops", s.lower_bound_stops.filter(|&n| n > 0).map_or("not known".into(), |n| n.to_string())),
         ("Stops over their lower bound", s.over_bound().map_or("not known".into(), |r| plain(r, 3))),

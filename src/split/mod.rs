@@ -8,6 +8,9 @@
 //! that in a grid the upper level and the upper section have what lies on their borders. A fragment whose
 //! points all round to one point is dropped.
 //!
+//! A sliver is a fragment shorter than a given length that a cut between two stops made. Slivers next to a mark of their
+//! stroke may be left out: what is not marked then lies no farther from a mark than that length, and no stroke vanishes.
+//!
 //! Where an overlap is wanted, the fragment that continues after a cut begins that much before it, as far as
 //! its own stop admits the stroke there: no mark leaves what its stop admits. It reaches over at most half
 //! of what the fragment before it has for itself, so that nothing is marked three times; and never over the
@@ -67,8 +70,29 @@ pub struct Skipped {
     pub off_part: f64,
     /// Steeper than the limit.
     pub steep: f64,
-    /// Fragments below the shortest mark.
+    /// Fragments that are too short.
     pub small: f64,
+}
+
+/// Which fragments are left out, nm.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Least {
+    /// All that are shorter than this.
+    pub mark: f64,
+    /// Slivers next to a mark that are shorter than this.
+    pub sliver: f64,
+}
+
+/// A fragment that was left out because it is short: its stop, and lower and upper corner of a box around it in the
+/// part frame of that stop, nm.
+#[derive(Clone, Copy, Debug)]
+pub struct Sliver {
+    /// The stop that would have marked it.
+    pub stop: StopId,
+    /// Lower corner: x, y, z.
+    pub lo: [i64; 3],
+    /// Upper corner.
+    pub hi: [i64; 3],
 }
 
 /// What became of a run of strokes.
@@ -86,6 +110,8 @@ pub struct Fragments {
     pub overlap_mm: f64,
     /// What was not marked.
     pub skipped: Skipped,
+    /// The fragments that are too short.
+    pub slivers: Vec<Sliver>,
     /// Cuts between two blocks that were to overlap.
     pub cuts: usize,
     /// Those of them that do not in full.
@@ -139,11 +165,10 @@ impl Segment {
 }
 
 impl<'a> Splitter<'a> {
-    /// Fragments shorter than `min_mark_nm` are skipped and counted. What `keep` wants whole stays whole
+    /// Fragments shorter than `least` are skipped and counted. What `keep` wants whole stays whole
     /// where a stop holds it, as every stroke does; cuts of it are counted.
-    pub fn new(tracer: Tracer<'a>, candidates: &[&'a Stops], min_mark_nm: f64, keep: Keep, seam: Seam) -> Self {
-        let cutters =
-            candidates.iter().map(|stops| Cutter::new(tracer.normals(), stops, min_mark_nm, keep, seam)).collect();
+    pub fn new(tracer: Tracer<'a>, candidates: &[&'a Stops], least: Least, keep: Keep, seam: Seam) -> Self {
+        let cutters = candidates.iter().map(|stops| Cutter::new(tracer.normals(), stops, least, keep, seam)).collect();
         Self { tracer, cutters, run: Run::default() }
     }
 

@@ -28,6 +28,8 @@ pub(super) struct JobFacts {
     pub(super) rule: DepthRule,
     pub(super) max_incidence_rad: f64,
     pub(super) min_mark_nm: f64,
+    /// Whether only slivers next to a mark may be left out, not every mark shorter than `min_mark_nm`.
+    pub(super) only_slivers: bool,
     /// What two blocks may both mark at a cut, nm.
     pub(super) overlap_nm: f64,
     /// How often, how turned, how lowered, how shifted.
@@ -63,6 +65,7 @@ impl JobFacts {
             rule: m.focus.rule,
             max_incidence_rad: 0.0,
             min_mark_nm: 0.0,
+            only_slivers: false,
             overlap_nm: m.seams.overlap_mm * NM_PER_MM,
             passes: Passes::default(),
             setups: None,
@@ -80,6 +83,8 @@ impl JobFacts {
         // Sections measure an even number of increments.
         let grid = 2.0 * machine.increment_nm().f64();
         let section = job.partition.section.map_or(f64::INFINITY, Nm::f64);
+        let by_spot = job.partition.min_mark.is_none() && job.mode == Mode::Stepped;
+        let half_spot_nm = machine.lens.spot.as_mm() * NM_PER_MM / 2.0;
         Self {
             section_nm: machine.usable_field().map(|f| (section.min(f.f64()) / grid).floor() * grid),
             machine,
@@ -88,7 +93,8 @@ impl JobFacts {
             level: job.focus.level,
             rule: job.focus.rule,
             max_incidence_rad: job.limits.max_incidence.as_rad(),
-            min_mark_nm: job.partition.min_mark.f64(),
+            min_mark_nm: if by_spot { half_spot_nm } else { job.partition.min_mark.unwrap_or_default().f64() },
+            only_slivers: by_spot,
             overlap_nm: job.partition.overlap.f64(),
             passes: job.passes,
             setups: job.setups.clone(),

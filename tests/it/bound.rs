@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::support::surfaces::{FIVE, cyl, dome, mesh, saddle, wave, write_stl};
+use crate::support::surfaces::{FIVE, dome, mesh, saddle, wave, write_stl};
 use crate::support::{JobText, fixture, folder, planned, shared};
 use terrace::geom::{FieldPoint, Nm};
 use terrace::partition::bound::Certificate;
@@ -185,12 +185,17 @@ fn bound_of_a_flat_plate_is_one_stop_per_field() {
 }
 
 #[test]
-fn no_bound_is_stated_with_min_mark() {
+fn the_bound_does_not_speak_of_what_is_too_short_to_be_marked() {
     let dir = folder();
     let stl = dir.path().join("part.stl");
-    write_stl(&stl, &mesh(20, [0.0, 0.0, 50.0, 50.0], cyl));
-    let job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"1 mm\"");
-    assert!(plan(dir.path(), &job).passes[0].bound.is_some());
-    let plan = plan(dir.path(), &job.partition("min_mark = \"0.1 mm\""));
-    assert!(plan.passes[0].bound.is_none() && plan.summary.lower_bound_stops.is_none());
+    write_stl(&stl, &mesh(60, [0.0, 0.0, 60.0, 50.0], |x, y| 0.03 * x + 0.9 * (x / 11.0).sin() * (y / 14.0).cos()));
+    let hatch = "pattern = \"hatch\"\npitch = \"1 mm\"\ndirection = \"20 deg\"";
+    let bound = |min_mark: &str| {
+        let partition = format!("min_mark = \"{min_mark}\"");
+        let plan = plan(dir.path(), &JobText::on(&stl).texture(hatch).method("z-range").partition(&partition));
+        (assert_sound(min_mark, &plan).stops(), plan.summary.skipped_small_mm)
+    };
+    let (all, none) = bound("0 mm");
+    let (marked, small) = bound("0.3 mm");
+    assert!(none == 0.0 && small > 1.0 && marked <= all && marked * 10 > all * 9, "{all} {marked} {small}");
 }

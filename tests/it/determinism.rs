@@ -74,7 +74,8 @@ fn turning_the_part_by_a_quarter_keeps_every_length() {
     let stl = dir.path().join("part.stl");
     write_stl(&stl, &mesh(60, [0.0, 0.0, 60.0, 40.0], |x, y| 0.02 * x + 0.3 * (y / 9.0).sin()));
     let run = |turn: u32| {
-        let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"0.5 mm\"");
+        let hatch = "pattern = \"hatch\"\npitch = \"0.5 mm\"";
+        let mut job = JobText::on(&stl).texture(hatch).partition("min_mark = \"0 mm\"");
         job.more = format!("[placement]\nturn = \"{turn} deg\"\n");
         let out = dir.path().join(format!("{turn}.job"));
         let summary = compile(&job.write(dir.path(), &format!("{turn}.toml")), &out);
@@ -99,6 +100,7 @@ fn scaling_part_texture_machine_and_depth_together_keeps_the_counts() {
         let machine = machine_file("xyz-galvo-40");
         let machine =
             machine.replace("field = [\"40 mm\", \"40 mm\"]", &format!("field = [\"{0} mm\", \"{0} mm\"]", 40.0 * k));
+        let machine = machine.replace("spot = \"0.02 mm\"", &format!("spot = \"{} mm\"", 0.02 * k));
         std::fs::write(dir.path().join("machine.txt"), machine).expect("a writable folder");
         let mut job = JobText::on(&stl).texture(&format!("pattern = \"hatch\"\npitch = \"{} mm\"", 0.5 * k));
         job.focus = format!("pdof = \"{} mm\"", 0.07 * k);

@@ -39,7 +39,7 @@ fn lengths_balance_on_the_dome() {
     let stl = dir.path().join("dome.stl");
     write_stl(&stl, &mesh(200, [0.0, 0.0, 450.0, 450.0], dome));
     for (name, texture) in textures([0.0, 0.0, 450.0, 450.0], 2.0, &fixture("leather.svg")) {
-        let mut job = JobText::on(&stl).texture(&texture).method("z-range");
+        let mut job = JobText::on(&stl).texture(&texture).method("z-range").partition("min_mark = \"0 mm\"");
         job.more = ONE_FILE.into();
         let summary = check(&job, dir.path(), name);
         assert_eq!(number(&summary, "skipped_mm"), 0.0, "{name}: the whole texture lies on the part");
@@ -57,7 +57,8 @@ fn stops_on_a_hood(area: [f64; 4], machine: &str, sections: f64) -> f64 {
     let dir = folder();
     std::fs::write(dir.path().join("machine.txt"), machine).expect("a writable folder");
     let panel = |texture: &str, method| {
-        let mut job = JobText::on(&fixture("hood.stl")).texture(texture).method(method);
+        let mut job =
+            JobText::on(&fixture("hood.stl")).texture(texture).method(method).partition("min_mark = \"0 mm\"");
         job.machine = "file = \"machine.txt\"".into();
         job.more = ONE_FILE.into();
         job

@@ -19,6 +19,7 @@ mod foreign;
 mod golden;
 mod layers;
 mod lengths;
+mod merge;
 mod method;
 mod modes;
 mod on_the_fly;

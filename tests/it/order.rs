@@ -49,7 +49,7 @@ fn focal_planes_rise_or_fall_where_that_is_asked() {
     let (up, up_time) = heights("stops = \"z-up\"");
     let (down, down_time) = heights("stops = \"z-down\"");
     assert!(up.is_sorted() && down.iter().rev().is_sorted() && !free.is_sorted(), "{up:?} {down:?}");
-    assert!(up.len() > 10 && up.len() == free.len());
+    assert!(up.len() > 10 && down.len() > 10 && free.len() > 10);
     assert!(least < up_time && least < down_time, "{least} {up_time} {down_time}");
 }
 

@@ -7,8 +7,8 @@ pub use seam::Seam;
 
 use bend::Bend;
 
-use super::{Fragment, Fragments, Run, Segment, Skipped};
-use crate::geom::{FieldPoint, NM_PER_MM, Nm, P2, P3, Turn, Turned, nearest};
+use super::{Fragment, Fragments, Least, Run, Segment, Skipped, Sliver};
+use crate::geom::{Box2, FieldPoint, NM_PER_MM, Nm, P2, P3, Turn, Turned, nearest};
 use crate::partition::Stops;
 use crate::program::{CHORD_NM, PenId, StopId, StrokeId};
 use crate::projection::{Keep, Normals, Piece, Skip};
@@ -43,16 +43,32 @@ struct Open {
     bend: Bend,
     /// How much of it the fragment before has marked too, nm.
     shared: f64,
+    /// What became of the fragment that it goes on from.
+    from: Before,
+}
+
+/// What became of the fragment that ended where another begins.
+#[derive(Clone, Copy, Default, PartialEq)]
+enum Before {
+    /// There is none, or a gap between them.
+    #[default]
+    None,
+    /// It is marked; `spare` if it is a sliver that no mark before it adjoins, and how long it is, nm.
+    Marked { spare: Option<f64> },
+    /// It was too short.
+    Skipped,
 }
 
 /// Cuts strokes between the stops of one candidate.
 pub(super) struct Cutter<'a> {
     normals: Normals<'a>,
     stops: &'a Stops,
-    min_mark: f64,
+    least: Least,
     keep: Keep,
     out: Fragments,
     open: Option<Open>,
+    /// What became of the fragment that ended last, if the stroke goes on from there.
+    last: Before,
     /// Height of the surface at the end of the last stretch that was marked.
     z: f64,
     /// Why the stroke is not marked here, and since where on the segment.
@@ -70,16 +86,17 @@ pub(super) struct Cutter<'a> {
 }
 
 impl<'a> Cutter<'a> {
-    pub(super) fn new(normals: Normals<'a>, stops: &'a Stops, min_mark: f64, keep: Keep, seam: Seam) -> Self {
+    pub(super) fn new(normals: Normals<'a>, stops: &'a Stops, least: Least, keep: Keep, seam: Seam) -> Self {
         let out = Fragments::default();
         let before = (0, out.skipped);
         Self {
             normals,
             stops,
-            min_mark,
+            least,
             keep,
             out,
             open: None,
+            last: Before::None,
             z: 0.0,
             unmarked: None,
             source: StrokeId(0),
@@ -103,6 +120,7 @@ impl<'a> Cutter<'a> {
     pub(super) fn begin(&mut self, source: StrokeId, pen: PenId, passes: u32) {
         (self.source, self.pen, self.passes) = (source, pen, f64::from(passes));
         self.before = (self.out.list.len(), self.out.skipped);
+        self.last = Before::None;
     }
 
     pub(super) fn end(&mut self, points: &[P2]) {
@@ -354,6 +372,7 @@ impl<'a> Cutter<'a> {
         if self.unmarked.is_none_or(|(why, _)| why != skip) {
             let from = s.a.lerp(s.b, t);
             self.close(from);
+            self.last = Before::None;
             self.end_unmarked(from, [s.a, s.b]);
             self.unmarked = Some((skip, from));
         }
@@ -385,6 +404,9 @@ impl<'a> Cutter<'a> {
         let jumps = self.stops.turn(stop).is_some_and(|turn| jump * turn.lean() > CHORD_NM / 2.0);
         if self.open.as_ref().is_some_and(|o| o.stop != stop || jumps) {
             self.close(s.a.lerp(s.b, t[0]));
+            if jumps {
+                self.last = Before::None;
+            }
         }
         let z = [p.z(t[0]), p.z(t[1])];
         let ends = self.stops.turn(stop).map(|turn| [0, 1].map(|k| turn.apply(s.at(t[k], z[k]))));
@@ -408,6 +430,7 @@ impl<'a> Cutter<'a> {
                 drawn: 0.0,
                 bend,
                 shared: 0.0,
+                from: self.last,
             });
         }
         self.z = z[1];
@@ -472,24 +495,31 @@ impl<'a> Cutter<'a> {
         if self.out.points[self.out.points.len() - 1] != p {
             self.out.points.push(p);
         }
-        let points = &self.out.points[open.first..];
+        let count = self.out.points.len() - open.first;
         let length = open.drawn + open.last.distance(end);
         // Either way `length` is accounted for, so that mark - overlap + skipped = texture; what the fragment
         // before has marked of it was counted there.
-        if points.len() < 2 || length < self.min_mark {
+        let is_sliver = length < self.least.sliver;
+        let adjoins = matches!(open.from, Before::Marked { .. });
+        if count < 2 || length < self.least.mark || is_sliver && adjoins {
             self.out.skipped.small += self.passes * (length - open.shared) / NM_PER_MM;
-            self.out.points.truncate(open.first);
+            self.leave_out(open.stop, open.first, open.z);
+            self.last = Before::Skipped;
             return false;
         }
         self.out.mark_mm += self.passes * length / NM_PER_MM;
         self.out.overlap_mm += self.passes * open.shared / NM_PER_MM;
+        let mut first = open.first;
+        if let Before::Marked { spare: Some(before) } = open.from {
+            first = self.drop_before(first, before, open.shared);
+        }
         self.out.list.push(Fragment {
             stop: open.stop,
             source: self.source,
             segment: open.segment,
             pen: self.pen,
-            first: open.first as u32,
-            len: points.len() as u32,
+            first: first as u32,
+            len: count as u32,
             is_figure: false,
             z: open.z,
             z_length: open.z_length,
@@ -497,6 +527,33 @@ impl<'a> Cutter<'a> {
             slope2: open.slope2,
             length: open.length,
         });
+        self.last = Before::Marked { spare: is_sliver.then_some(length) };
         true
+    }
+
+    /// Leaves out the sliver before the fragment that begins at point `first` and shares `shared` with it; `length` is
+    /// that of the sliver. Answers where the fragment begins then.
+    fn drop_before(&mut self, first: usize, length: f64, shared: f64) -> usize {
+        let Some(sliver) = self.out.list.pop() else { return first };
+        self.out.mark_mm -= self.passes * length / NM_PER_MM;
+        self.out.overlap_mm -= self.passes * shared / NM_PER_MM;
+        self.out.skipped.small += self.passes * (length - shared) / NM_PER_MM;
+        let follows = self.out.points.split_off(first);
+        let first = sliver.first as usize;
+        self.leave_out(sliver.stop, first, sliver.z);
+        self.out.points.extend(follows);
+        first
+    }
+
+    /// Takes back the points from `first` on: they would be too short a mark of `stop` between heights `z`.
+    fn leave_out(&mut self, stop: StopId, first: usize, z: [f64; 2]) {
+        let c = self.stops.stops[stop.index()].stop.centre;
+        let mut area = Box2::<Turned>::EMPTY;
+        let points = self.out.points.drain(first..);
+        points.for_each(|p| area.add(P2::new(c.x + i64::from(p.x), c.y + i64::from(p.y))));
+        // What is no longer than a point on a vertex has no height yet.
+        let z = if z[0] <= z[1] { z } else { [self.z; 2] };
+        let [lo, hi] = [z[0].floor(), z[1].ceil()].map(|z| z as i64);
+        self.out.slivers.push(Sliver { stop, lo: [area.lo.x, area.lo.y, lo], hi: [area.hi.x, area.hi.y, hi] });
     }
 }

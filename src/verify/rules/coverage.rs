@@ -372,7 +372,7 @@ impl Cover<'_> {
         lengths.skipped_small_mm += small * per_nm;
         self.out.doubt_mm += (doubt + open - small) * per_nm;
         for run in &runs {
-            if !self.is_small(run, &mut scratch) {
+            if !self.is_small(run, [from, to], beside, &mut scratch) {
                 self.missing(number, run, beside);
             }
         }
@@ -396,10 +396,14 @@ impl Cover<'_> {
         differs(left) + differs(right)
     }
 
-    /// Whether the job lets so short a run go unmarked: shorter than `min_mark` between two cuts, or
-    /// cut again where its height leaves what a block accepts.
-    fn is_small(&self, run: &Run, scratch: &mut Scratch) -> bool {
+    /// Whether the job lets so short a run in the gap between two marks go unmarked: shorter than `min_mark` between
+    /// two cuts, or cut again where its height leaves what a block accepts.
+    fn is_small(&self, run: &Run, gap: [f64; 2], beside: [Option<Span>; 2], scratch: &mut Scratch) -> bool {
         let least = 2.0 * self.facts.min_mark_nm;
+        if self.facts.only_slivers {
+            let marks = self.marks_beside(run, gap, beside);
+            return marks > 0 && run.len < marks as f64 * self.facts.min_mark_nm + self.known(beside);
+        }
         // What tilted blocks would accept is not looked into.
         if run.len < if self.drawn.is_empty() { least } else { 2.0 * least } {
             return true;
@@ -420,6 +424,20 @@ impl Cover<'_> {
             .iter()
             .filter(near)
             .any(|b| self.longest_inside(run, &self.facts.raised(b), scratch) >= least)
+    }
+
+    /// How many ends of the run are ends of marks, from which less than `min_mark` each may have been left out.
+    fn marks_beside(&self, run: &Run, [from, to]: [f64; 2], beside: [Option<Span>; 2]) -> usize {
+        let [Some(first), Some(last)] = [run.stretches.first(), run.stretches.last()] else { return 0 };
+        let away =
+            [self.stroke.along(first.segment) + first.d[0] - from, to - self.stroke.along(last.segment) - last.d[1]];
+        let reach = self.geometry.grain() + self.known(beside);
+        (0..2).filter(|&k| beside[k].is_some() && away[k] <= reach).count()
+    }
+
+    /// How far lengths between two marks may be off, nm.
+    fn known(&self, [before, after]: [Option<Span>; 2]) -> f64 {
+        2.0 * noise(before.as_ref(), after.as_ref())
     }
 
     /// The longest part of the run in a block's section whose heights the block accepts.

@@ -75,6 +75,7 @@ impl Made {
             rule: DepthRule::Range,
             max_incidence_rad: 60f64.to_radians(),
             min_mark_nm: 0.0,
+            only_slivers: false,
             overlap_nm: 0.0,
             passes: Passes::default(),
             setups: None,

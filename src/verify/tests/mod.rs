@@ -250,9 +250,9 @@ fn coverage_reports_missing_marks() {
     // 12 nm between two blocks: more than rounding, less than anyone would see.
     assert_only("coverage", &mutant(|m| m.blocks[0].marks[0].points[1].x -= 12));
     // Stretches below min_mark may be skipped, but not longer ones.
-    let skip = |min_mark_nm| {
+    let skip = |min_mark_nm, only_slivers| {
         let mut made = Made::new();
-        made.facts.min_mark_nm = min_mark_nm;
+        (made.facts.min_mark_nm, made.facts.only_slivers) = (min_mark_nm, only_slivers);
         made.blocks[0].marks[0].points[1].x -= 3_000;
         made.renew();
         for (key, by) in [("skipped_off_part_mm", -0.003), ("skipped_small_mm", 0.003)] {
@@ -261,8 +261,34 @@ fn coverage_reports_missing_marks() {
         }
         made.proof()
     };
-    assert!(skip(5_000.0).ok, "{}", skip(5_000.0).to_text());
-    assert_only("coverage", &skip(1_000.0));
+    for only_slivers in [false, true] {
+        let proof = skip(5_000.0, only_slivers);
+        assert!(proof.ok, "{}", proof.to_text());
+        assert_only("coverage", &skip(1_000.0, only_slivers));
+    }
+}
+
+#[test]
+fn coverage_reports_what_is_no_sliver_next_to_a_mark() {
+    let proof = |change: fn(&mut Made)| {
+        mutant(|m| {
+            (m.facts.min_mark_nm, m.facts.only_slivers) = (30e6, true);
+            change(m);
+        })
+    };
+    let whole = proof(|m| m.blocks[1].marks.retain(|mark| mark.source != StrokeId(9)));
+    assert!(broken(&whole).contains(&"coverage"), "a figure is missing: {}", whole.to_text());
+    // A line of two marks at its ends lacks less than it may between them; with one mark it lacks more.
+    let between = proof(|m| {
+        m.blocks[1].marks.remove(0);
+        m.blocks[2].marks.remove(0);
+    });
+    assert!(!broken(&between).contains(&"coverage"), "{}", between.to_text());
+    let beyond = proof(|m| {
+        m.blocks[2].marks.remove(0);
+        m.blocks[3].marks.remove(0);
+    });
+    assert!(broken(&beyond).contains(&"coverage"), "{}", beyond.to_text());
 }
 
 #[test]
