@@ -106,13 +106,13 @@ impl Journal {
             }
             Some(_) => {}
         }
-        let done = journal.settle(&found, &order.settled)?;
-        let left: Vec<usize> = (0..folder.blocks.len()).filter(|&i| !done.contains(&folder.blocks[i].id)).collect();
-        if left.is_empty() {
+        if folder.blocks.iter().all(|b| found.done.contains(&b.id)) {
             let d = Diag::input("run-finished", format!("all {} blocks of this job are done", folder.blocks.len()));
             let hint = format!("for another part remove {}, or name another --journal", journal.path.display());
             return Err(journal.at(d).hint(hint).into());
         }
+        let done = journal.settle(&found, &order.settled)?;
+        let left = (0..folder.blocks.len()).filter(|&i| !done.contains(&folder.blocks[i].id)).collect();
         Ok((journal, left))
     }
 

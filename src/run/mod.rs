@@ -364,6 +364,3 @@ impl Run<'_> {
         faults
     }
 }
-
-#[cfg(test)]
-mod tests;

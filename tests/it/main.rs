@@ -32,6 +32,7 @@ mod random_jobs;
 mod reads;
 mod refusals;
 mod resume;
+mod run;
 mod setups;
 mod sweep;
 mod textures;

@@ -258,6 +258,8 @@ impl Stage for LinuxCnc {
             return Err(alarm("LinuxCNC does not count in mm".into()).hint("[TRAJ]LINEAR_UNITS must be mm"));
         }
         self.was_open = true;
+        // Whatever another program has left: a queue, a motion.
+        self.set("abort")?;
         self.set("mode mdi")?;
         self.mdi("G21 G90 G94 G17 G40 G49 G80 G61.1")?;
         self.mdi("M65 P0")?;
@@ -339,11 +341,7 @@ impl Link {
         if !self.set(&format!("enable {enable}"))? {
             return Ok(Err("enable"));
         }
-        for how in ["set_wait received", "set_timeout 3"] {
-            if !self.set(how)? {
-                return Err(format!("it refuses {how}"));
-            }
-        }
+        self.set("set_wait received")?;
         Ok(Ok(server.split(' ').next().unwrap_or_default().to_owned()))
     }
 
