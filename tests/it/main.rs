@@ -33,6 +33,7 @@ mod reads;
 mod refusals;
 mod resume;
 mod run;
+mod run_linuxcnc;
 mod setups;
 mod sweep;
 mod textures;

@@ -74,8 +74,9 @@ impl LinuxCnc {
         if is_taken {
             return Ok(());
         }
-        let why = self.error().unwrap_or_default();
-        Err(alarm(format!("LinuxCNC refuses {what:?} {why}").trim_end().to_owned()))
+        // It says why when it is off or has an error; otherwise another client has taken control.
+        self.watch()?;
+        Err(alarm(format!("LinuxCNC refuses {what:?}: another client of linuxcncrsh may have taken control")))
     }
 
     fn mdi(&mut self, code: &str) -> Result<(), Diag> {
@@ -298,8 +299,12 @@ impl Stage for LinuxCnc {
         if !self.was_open {
             return Ok(());
         }
-        // A link that failed is made anew once.
-        self.stop().or_else(|_| self.stop()).map_err(|d| {
+        // A link that failed, or has lost control to another client, is made anew once.
+        let stopped = self.stop().or_else(|_| {
+            self.link = None;
+            self.stop()
+        });
+        stopped.map_err(|d| {
             let start = if self.is_started { "START is off" } else { "the stage stands still" };
             Diag::limit("run-stage-halt", format!("it is not certain that {start}: {}", d.message))
                 .hint("press the emergency stop, and make sure that the laser is off")
