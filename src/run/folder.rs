@@ -11,7 +11,7 @@ use crate::emit::{Files, TARGETS};
 use crate::geom::Nm;
 use crate::job::Mode;
 use crate::machine::Machine;
-use crate::manifest::{FileFact, Head, MANIFEST, Times};
+use crate::manifest::{FileFact, Head, MANIFEST, Subset, Times};
 
 /// Largest file of a block that is read.
 const MAX_FILE: u64 = 1 << 32;
@@ -28,7 +28,7 @@ pub(super) struct Folder {
     pub machine: Machine,
     /// Where the part's zero lies in the table frame in each set-up, mm.
     pub origins: Vec<[f64; 3]>,
-    /// The blocks to be marked, in machining order.
+    /// The blocks to be marked, in machining order; of a resumed job those that are left.
     pub blocks: Vec<Block>,
     /// Time for a block beyond its marks, s.
     between_s: f64,
@@ -63,7 +63,7 @@ struct Document {
     blocks: Vec<Entry>,
     summary: Summary,
     #[serde(default)]
-    part: Option<Part>,
+    subset: Option<Subset>,
 }
 
 #[derive(Deserialize)]
@@ -74,12 +74,6 @@ struct Setup {
 #[derive(Deserialize)]
 struct Summary {
     time_s: Times,
-}
-
-/// Of a job of which only some blocks are to be marked.
-#[derive(Deserialize)]
-struct Part {
-    blocks: Vec<String>,
 }
 
 #[derive(Deserialize)]
@@ -140,8 +134,8 @@ impl Folder {
         let marks_s: f64 = document.blocks.iter().map(|b| b.time_s).sum();
         let between_s = ((document.summary.time_s.total - marks_s) / count.max(1) as f64).max(0.0);
         let mut blocks = document.blocks.into_iter().map(Entry::block).collect::<Option<Vec<Block>>>();
-        if let (Some(blocks), Some(part)) = (&mut blocks, &document.part) {
-            blocks.retain(|b| part.blocks.contains(&b.id));
+        if let (Some(blocks), Some(subset)) = (&mut blocks, &document.subset) {
+            blocks.retain(|b| subset.blocks.contains(&b.id));
         }
         let blocks = blocks.ok_or_else(|| unreadable("a position is beyond all travel".into()))?;
         let setups = document.setups.len();

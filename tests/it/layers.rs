@@ -164,7 +164,7 @@ fn the_verifier_uses_nothing_that_the_planner_uses_of_the_same_modules() {
 #[test]
 fn each_dependency_is_used_in_its_own_modules_only() {
     // Crate, and the modules or files that may name it.
-    let owners: [(&str, &[&str]); 15] = [
+    let owners: [(&str, &[&str]); 16] = [
         ("rayon", &["src/parallel", "src/batch", "src/cli", "src/compare/mod.rs"]),
         ("nalgebra", &["src/geom"]),
         ("spade", &["src/surface/points"]),
@@ -173,6 +173,7 @@ fn each_dependency_is_used_in_its_own_modules_only() {
         // The texture module has a module of this name.
         ("svg", &["src/report", "src/texture/mod.rs"]),
         ("clap", &["src/cli"]),
+        ("ctrlc", &["src/cli"]),
         ("indicatif", &["src/cli"]),
         ("roxmltree", &["src/texture/svg", "src/verify/read/lightburn.rs"]),
         ("svgtypes", &["src/texture/svg"]),

@@ -416,6 +416,23 @@ fn the_part_is_placed_before_each_set_up() {
 }
 
 #[test]
+fn a_resumed_job_is_run_from_its_own_folder() {
+    let mut bench = Bench::new(2);
+    let rest = bench.path("rest.job");
+    let args = [Path::new("resume"), &bench.job, Path::new("--from"), Path::new("B0003"), Path::new("-o"), &rest];
+    assert_ended(&crate::support::terrace(args), 0, &[]);
+    bench.job = rest;
+    let shell = Shell::new();
+    bench.shell_and_command(&shell);
+    assert_ended(&bench.run(&["--arm"]), 0, &["2 of 2 done"]);
+    assert_eq!(bench.marked(), blocks(4)[2..]);
+    let mdi = &shell.control().mdi;
+    let moves: Vec<&str> = mdi.iter().filter_map(|line| line.strip_prefix("G53 G0 ")).collect();
+    assert_eq!(moves, moves_of(&bench.job.join("stage.ngc")));
+    assert!(bench.path("rest.run.jsonl").exists());
+}
+
+#[test]
 fn a_line_that_was_not_completed_is_removed_and_a_wrong_one_refused() {
     let bench = Bench::new(1);
     let shell = Shell::new();
