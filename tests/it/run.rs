@@ -416,6 +416,17 @@ fn the_part_is_placed_before_each_set_up() {
 }
 
 #[test]
+fn example_of_the_document_is_a_run_file() {
+    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/run-file.md")).expect("a document");
+    let example = text.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("an example");
+    let dir = folder();
+    let path = dir.path().join("run.toml");
+    std::fs::write(&path, example).expect("written");
+    let keys = terrace::run::settings::RunFile::read(&path).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(keys.machine, "xyz-galvo-40");
+}
+
+#[test]
 fn a_resumed_job_is_run_from_its_own_folder() {
     let mut bench = Bench::new(2);
     let rest = bench.path("rest.job");
