@@ -98,7 +98,12 @@ impl Simulation {
 
     fn set(&mut self, what: &str) {
         let word = format!("SET {}", what.split(' ').next().unwrap_or_default().to_uppercase());
-        assert_eq!(self.ask(&format!("set {what}"), &word), "ACK", "{what}");
+        // What was set before shows in its status a little later.
+        let begun = Instant::now();
+        while self.ask(&format!("set {what}"), &word) != "ACK" {
+            assert!(begun.elapsed() < Duration::from_secs(5), "{what} is refused");
+            std::thread::sleep(Duration::from_millis(50));
+        }
     }
 
     /// Sets when BUSY rises and how long it stays, s; START and BUSY as they are then.
