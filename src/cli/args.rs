@@ -93,6 +93,9 @@ pub enum Command {
         #[arg(long, value_name = "FOLDER")]
         inputs: Option<PathBuf>,
     },
+    /// Mark a job: move the stage from block to block and hand each to the laser; without --arm a dry run with the pilot
+    /// laser, or without laser.
+    Run(RunArgs),
     /// Draw only the block layout (of the first pass, if there are several).
     Preview {
         /// Job file, or - for standard input.
@@ -206,6 +209,37 @@ pub struct Batch {
     pub index: Option<PathBuf>,
     #[command(flatten)]
     pub choice: Choice,
+}
+
+/// What is to be run, and how.
+#[derive(Debug, clap::Args)]
+pub struct RunArgs {
+    /// Job folder; it must verify.
+    pub folder: PathBuf,
+    /// Run file: the machine with its stage and laser drivers.
+    #[arg(long, value_name = "RUN.toml")]
+    pub with: PathBuf,
+    /// Fire the laser.
+    #[arg(long)]
+    pub arm: bool,
+    /// Folder that holds the job file and its inputs, where they have moved.
+    #[arg(long, value_name = "FOLDER")]
+    pub inputs: Option<PathBuf>,
+    /// Journal of what is marked; default: the folder's name with .run.jsonl in place of .job.
+    #[arg(long, value_name = "FILE", requires = "arm")]
+    pub journal: Option<PathBuf>,
+    /// Append a log to this file, as JSON lines.
+    #[arg(long, value_name = "FILE")]
+    pub log: Option<PathBuf>,
+    /// Go on after the blocks that the journal has as marked.
+    #[arg(long, requires = "arm")]
+    pub go_on: bool,
+    /// Mark the block in doubt again.
+    #[arg(long, value_name = "BLOCK", requires = "go_on", conflicts_with = "skip")]
+    pub redo: Option<String>,
+    /// Take the block in doubt as marked.
+    #[arg(long, value_name = "BLOCK", requires = "go_on")]
+    pub skip: Option<String>,
 }
 
 /// Options that override keys of the job file.

@@ -9,6 +9,7 @@ mod compare;
 mod inspect;
 mod orient;
 mod resume;
+mod run;
 mod show;
 mod sweep;
 
@@ -116,6 +117,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             print(&if args.json { show::json(&proof.to_json()) } else { proof.to_text() })?;
             return Ok(u8::from(!proof.ok));
         }
+        Command::Run(asked) => return run::run(args, asked),
         Command::Preview { job, output, choice } => preview(args, job, output.as_deref(), choice)?,
         Command::Orient { job } => {
             let found = plan::orient::orient(&load(args, job, &Choice::default())?)?;

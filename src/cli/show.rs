@@ -10,6 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::batch::Outcome;
 use crate::manifest::{AnySummary, OnTheFlySummary, Summary, duration};
 use crate::plan::Phase;
+use crate::run;
 
 /// Pretty JSON with a line end.
 pub fn json(value: &serde_json::Value) -> String {
@@ -115,6 +116,39 @@ impl Progress {
     }
     pub fn finish(&self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// How far a run is, in blocks.
+pub struct Blocks(ProgressBar);
+
+impl Blocks {
+    pub fn new(quiet: bool) -> Self {
+        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
+        bar.enable_steady_tick(Duration::from_millis(120));
+        Self(bar)
+    }
+    pub fn phase(&self, text: &'static str) {
+        self.0.set_message(text);
+    }
+    pub fn block(&self, progress: &run::Progress<'_>) {
+        if self.0.length().is_none() {
+            self.0.set_length(progress.blocks as u64);
+            if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} blocks, {elapsed}, {msg}") {
+                self.0.set_style(style);
+            }
+        }
+        self.0.set_position(progress.done as u64);
+        let file = progress.file.map_or(String::new(), |file| format!(" ({file})"));
+        let left = duration(progress.left.as_secs_f64());
+        self.0.set_message(format!("left {left}, now {}{file}", progress.block));
+    }
+    /// A line above the bar, also where nothing else is shown.
+    pub fn say(&self, text: &str) {
+        self.0.suspend(|| super::eprintln_all(text));
+    }
+    pub fn finish(&self) {
+        self.0.finish_and_clear();
     }
 }
 

@@ -3,13 +3,40 @@
 //! Consumes a job folder that verifies and a run file, which names the machine's two drivers; writes a journal. A
 //! driver is one file under [`stage`] or [`laser`] behind one trait. Nothing is fired unless the user asks for it.
 //!
+//! The journal is on the disk before a block is begun and after it has ended, so whatever ends the run, at most one
+//! block is in doubt, and it is named. Going on begins with a lift, as every run does, and never marks a block again
+//! that has ended.
+//!
 //! Positions are commanded axis values: nm, and millionths of a degree for tilt axes.
 
+mod drivers;
+mod folder;
+pub mod journal;
 pub mod laser;
+mod log;
+mod moves;
 pub mod settings;
 pub mod stage;
 
+use std::path::Path;
+use std::rc::Rc;
 use std::sync::atomic::{AtomicU8, Ordering};
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+
+use crate::diag::{Diag, Error, Message, Place};
+use crate::verify;
+use folder::{Block, Folder};
+use journal::{Journal, Settled};
+use laser::{Beam, Laser, Work};
+use log::Log;
+use moves::Moves;
+use settings::RunFile;
+use stage::{Move, Stage};
+
+/// Shortest wait after a move, whatever the machine file says, as in the stage programs.
+const LEAST_SETTLE: Duration = Duration::from_millis(50);
 
 /// What the user has asked of a run that is going on, by Ctrl-C.
 #[derive(Debug, Default)]
@@ -27,5 +54,313 @@ impl Interrupt {
     /// Whether the run is to end at once; drivers look at it while they wait.
     pub fn is_abort(&self) -> bool {
         self.0.load(Ordering::SeqCst) >= 2
+    }
+    /// Waits so long, or until the run is aborted.
+    ///
+    /// # Errors
+    /// `run-aborted` then.
+    pub fn wait(&self, time: Duration) -> Result<(), Diag> {
+        let end = Instant::now() + time;
+        loop {
+            self.check()?;
+            let left = end.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Ok(());
+            }
+            std::thread::sleep(left.min(Duration::from_millis(20)));
+        }
+    }
+    /// Goes on unless the run is aborted.
+    ///
+    /// # Errors
+    /// `run-aborted` then.
+    pub fn check(&self) -> Result<(), Diag> {
+        let aborted = || Diag::limit("run-aborted", "the run was aborted by a second Ctrl-C");
+        if self.is_abort() { Err(aborted()) } else { Ok(()) }
+    }
+}
+
+/// The person at the machine, and what shows them how the run goes.
+pub trait Console {
+    /// What the run is doing before the first block.
+    fn phase(&self, text: &'static str);
+    /// A block is begun.
+    fn block(&self, progress: &Progress<'_>);
+    /// Asks the person to do something, and returns when they say that it is done.
+    ///
+    /// # Errors
+    /// Where they refuse, nobody answers, or the run is aborted.
+    fn ask(&self, what: &str, interrupt: &Interrupt) -> Result<(), Diag>;
+}
+
+/// How far a run is.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress<'a> {
+    /// Blocks that need nothing more, those of earlier runs included.
+    pub done: usize,
+    /// Blocks of the job.
+    pub blocks: usize,
+    /// The block that is begun.
+    pub block: &'a str,
+    /// Its drawing or list, as a path inside the folder; None where the job has none.
+    pub file: Option<&'a str>,
+    /// Estimated time for it and all that follow.
+    pub left: Duration,
+}
+
+/// What is to be run, and how.
+#[derive(Clone, Copy, Debug)]
+pub struct Order<'a> {
+    /// The job folder.
+    pub folder: &'a Path,
+    /// The run file.
+    pub run_file: &'a Path,
+    /// Where the job file and its inputs are, where they have moved.
+    pub inputs: Option<&'a Path>,
+    /// The journal; None for its usual place beside the folder.
+    pub journal: Option<&'a Path>,
+    /// A file that JSON lines on the run are appended to.
+    pub log: Option<&'a Path>,
+    /// What the blocks are marked with; only a run that fires has a journal.
+    pub beam: Beam,
+    /// What the user says of blocks that a journal holds.
+    pub settled: Settled<'a>,
+}
+
+/// What has become of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Outcome {
+    /// Whether the laser was to fire.
+    pub armed: bool,
+    /// Blocks of the job.
+    pub blocks: usize,
+    /// Blocks that this run marked, or showed where it was not armed.
+    pub marked: usize,
+    /// Blocks that need nothing more, those of earlier runs included; 0 where the run was not armed.
+    pub finished: usize,
+    /// The block that was begun and has not ended: whether it is marked is not certain.
+    pub in_work: Option<String>,
+    /// What stopped the run; empty where it came to its end.
+    pub errors: Vec<Message>,
+    /// The same, for the terminal.
+    #[serde(skip)]
+    pub stop: Option<Error>,
+}
+
+/// Runs a job.
+///
+/// # Errors
+/// What keeps it from being begun. A run that was begun and then stopped is an outcome that says so.
+pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) -> Result<Outcome, Error> {
+    let keys = RunFile::read(order.run_file)?;
+    let mut folder = Folder::read(order.folder)?;
+    if folder.machine.name != keys.machine {
+        let text = format!("the job is for machine {:?}, the run file for {:?}", folder.machine.name, keys.machine);
+        return Err(Diag::limit("run-machine", text)
+            .at(Place::file(order.run_file.display().to_string()))
+            .hint("compile the job for this machine, or use the run file of the other")
+            .into());
+    }
+    let mut stage = drivers::stage(&keys.stage, console)?;
+    let mut laser = drivers::laser(&keys, &folder, console)?;
+    folder.choose_files(laser.format())?;
+    console.phase("verifying the job folder");
+    check(order, &folder)?;
+    let mut log = Log::open(order.log)?;
+    let (mut journal, left) = match order.beam {
+        Beam::Fire => {
+            let (journal, left) = Journal::open(order, &folder)?;
+            (Some(journal), left)
+        }
+        Beam::Pilot => (None, (0..folder.blocks.len()).collect()),
+    };
+    console.phase("connecting to stage and laser");
+    let says = laser.open()?;
+    log.write("laser", &says)?;
+    // From here on both are switched off at the end, whatever happens.
+    let mut run = Run {
+        folder: &folder,
+        console: &**console,
+        interrupt,
+        log: &mut log,
+        journal: journal.as_mut(),
+        stage: &mut *stage,
+        laser: &mut *laser,
+        beam: order.beam,
+        moves: Moves::new(&folder),
+        marked: 0,
+        in_work: None,
+    };
+    let result = run.open_stage().and_then(|()| run.blocks(&left));
+    let faults = run.end(result);
+    let (marked, in_work) = (run.marked, run.in_work.take());
+    let finished = journal.as_ref().map_or(0, |_| folder.blocks.len() - left.len() + marked);
+    let mut outcome = Outcome {
+        armed: order.beam == Beam::Fire,
+        blocks: folder.blocks.len(),
+        marked,
+        finished,
+        in_work,
+        errors: Vec::new(),
+        stop: None,
+    };
+    if !faults.is_empty() {
+        let mut diags = faults;
+        if outcome.armed {
+            diags.push(certain(&outcome));
+        }
+        outcome.errors = diags.iter().map(Message::from).collect();
+        outcome.stop = Some(Error::many(diags));
+    }
+    log.write("outcome", &outcome)?;
+    Ok(outcome)
+}
+
+/// Refuses a folder that does not verify.
+fn check(order: &Order<'_>, folder: &Folder) -> Result<(), Error> {
+    let proof = verify::verify(order.folder, order.inputs)?;
+    folder.is_unchanged()?;
+    if proof.ok {
+        return Ok(());
+    }
+    let broken = proof.rules.iter().find(|rule| !rule.ran || rule.violated > 0);
+    let rule = broken.map_or(String::new(), |rule| format!(": rule {} ({})", rule.code, rule.what));
+    Err(Diag::limit("run-unverified", format!("the job folder does not verify{rule}"))
+        .at(Place::file(order.folder.display().to_string()))
+        .hint(format!("see `terrace verify {}`; compile the job again", order.folder.display()))
+        .into())
+}
+
+/// What is certain of an armed run that has stopped, and what is not.
+fn certain(outcome: &Outcome) -> Diag {
+    let Outcome { finished, blocks, in_work, .. } = outcome;
+    let done = format!("{finished} of {blocks} blocks are done");
+    match in_work {
+        Some(block) => Diag::limit(
+            "run-stopped",
+            format!("{done}; block {block} was begun, and may be marked not at all, in part or completely"),
+        )
+        .hint(format!("look at it, then run again with --go-on --redo {block}, or with --go-on --skip {block}")),
+        None => {
+            let go_on = if *finished > 0 { "run again with --go-on" } else { "run again" };
+            Diag::limit("run-stopped", format!("{done}; no other block was begun")).hint(go_on)
+        }
+    }
+}
+
+/// A run that is going on.
+struct Run<'a> {
+    folder: &'a Folder,
+    console: &'a dyn Console,
+    interrupt: &'a Interrupt,
+    log: &'a mut Log,
+    journal: Option<&'a mut Journal>,
+    stage: &'a mut dyn Stage,
+    laser: &'a mut dyn Laser,
+    beam: Beam,
+    moves: Moves<'a>,
+    marked: usize,
+    in_work: Option<String>,
+}
+
+impl Run<'_> {
+    fn open_stage(&mut self) -> Result<(), Diag> {
+        let says = self.stage.open()?;
+        self.log.write("stage", &says)
+    }
+
+    /// All blocks that are left, by their numbers, and the lift after the last.
+    fn blocks(&mut self, left: &[usize]) -> Result<(), Diag> {
+        let folder = self.folder;
+        let mut setup = None;
+        for (n, &index) in left.iter().enumerate() {
+            let block = &folder.blocks[index];
+            if self.interrupt.is_requested() {
+                self.lift()?;
+                return Err(Diag::limit("run-interrupted", format!("the run was ended before block {}", block.id)));
+            }
+            self.console.block(&Progress {
+                done: folder.blocks.len() - left.len() + n,
+                blocks: folder.blocks.len(),
+                block: &block.id,
+                file: block.file.as_deref(),
+                left: left[n..].iter().map(|&i| folder.time(i)).sum(),
+            });
+            if folder.origins.len() > 1 && setup != Some(block.setup) {
+                self.set_up(block)?;
+                setup = Some(block.setup);
+            }
+            self.block(block)
+                .map_err(|d| if d.place == Place::Nowhere { d.at(Place::Block(block.id.clone())) } else { d })?;
+        }
+        self.lift()
+    }
+
+    /// Goes to a block and marks it.
+    fn block(&mut self, block: &Block) -> Result<(), Diag> {
+        for to in self.moves.to(block) {
+            self.go(&to)?;
+        }
+        self.interrupt.wait(LEAST_SETTLE.max(Duration::from_secs_f64(self.folder.machine.stage.settle.as_s())))?;
+        let work = Work {
+            block: block.id.clone(),
+            file: self.folder.file(block)?,
+            focus_shift: block.focus_shift,
+            estimate: block.estimate,
+        };
+        self.log.write("begin", &block.id)?;
+        if let Some(journal) = &mut self.journal {
+            journal.begin(&block.id)?;
+            self.in_work = Some(block.id.clone());
+        }
+        if self.beam == Beam::Fire || self.laser.has_pilot() {
+            self.laser.mark(&work, self.beam, self.stage, self.interrupt)?;
+        }
+        if let Some(journal) = &mut self.journal {
+            journal.end(&block.id)?;
+            self.in_work = None;
+        }
+        self.marked += 1;
+        self.log.write("end", &block.id)
+    }
+
+    /// Lifts, switches the laser off, and asks for the part to be placed.
+    fn set_up(&mut self, block: &Block) -> Result<(), Diag> {
+        self.laser.off()?;
+        self.lift()?;
+        let [x, y, z] = self.folder.origins[block.setup as usize - 1];
+        let count = self.folder.origins.len();
+        let text = format!(
+            "set-up {} of {count}: place the part with its zero at X {x} Y {y} Z {z} mm of the table (run sheet)",
+            block.setup
+        );
+        self.console.ask(&text, self.interrupt)?;
+        // Whoever places the part may have moved the axes.
+        self.moves.forget();
+        Ok(())
+    }
+
+    fn lift(&mut self) -> Result<(), Diag> {
+        self.moves.lift().map_or(Ok(()), |to| self.go(&to))
+    }
+
+    fn go(&mut self, to: &Move) -> Result<(), Diag> {
+        self.interrupt.check()?;
+        self.log.write("move", &to.to_string())?;
+        self.stage.go(to, self.interrupt)
+    }
+
+    /// Switches laser and stage off, and answers with all that went wrong.
+    fn end(&mut self, result: Result<(), Diag>) -> Vec<Diag> {
+        let ends = [result, self.laser.off(), self.stage.halt()];
+        let mut faults: Vec<Diag> = ends.into_iter().filter_map(Result::err).collect();
+        faults.dedup_by(|a, b| a.message == b.message);
+        let note = faults.first().map_or("end", |d| d.code);
+        if let Some(journal) = &mut self.journal
+            && let Err(d) = journal.stop(note)
+        {
+            faults.push(d);
+        }
+        faults
     }
 }

@@ -1,6 +1,18 @@
 //! The run file: which machine it is for, and how its stage and its laser are driven.
 
+use std::path::Path;
+use std::sync::Arc;
+
 use serde::Deserialize;
+
+use crate::diag::{self, Diag, Error, Place};
+use crate::units::{Length, positive_option};
+
+/// Where all keys of a run file are listed.
+const KEYS: &str = "docs/run-file.md lists all keys of a run file";
+
+/// Largest run file that is read.
+const MAX_FILE: u64 = 1 << 20;
 
 /// The keys of a run file.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -14,21 +26,26 @@ pub struct RunFile {
     pub laser: LaserKeys,
 }
 
+impl RunFile {
+    /// Reads a run file.
+    ///
+    /// # Errors
+    /// The file's faults with their places.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        let shown = path.display().to_string();
+        let text = String::from_utf8(diag::read_file(path, MAX_FILE)?)
+            .map_err(|_| Diag::input("run-file-utf8", "the run file is not UTF-8 text").at(Place::file(&shown)))?;
+        let source: Arc<str> = text.into();
+        diag::from_toml(&shown, &source, KEYS)
+    }
+}
+
 /// A stage driver and its keys.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "driver", rename_all = "lowercase", deny_unknown_fields)]
 pub enum StageKeys {
     /// LinuxCNC through its network shell, linuxcncrsh.
-    Linuxcnc {
-        /// Host and port, such as `localhost:5007`.
-        address: String,
-        /// Connection password of linuxcncrsh (-p); default: EMC.
-        password: Option<String>,
-        /// Enable password of linuxcncrsh (-e); default: EMCTOO.
-        enable: Option<String>,
-        /// MACHINE of section EMC of its INI file, which must be the same.
-        identity: Option<String>,
-    },
+    Linuxcnc(LinuxCncKeys),
     /// GRBL 1.1 on a serial port.
     Grbl {
         /// The port, such as `/dev/ttyUSB0` or `COM3`.
@@ -63,18 +80,40 @@ pub enum LaserKeys {
         serial: Option<String>,
     },
     /// A command of the user's, which ends when the block is marked, with 0 where it is.
-    Command {
-        /// Format of the files that it takes; default: those that the job holds, where there is one kind.
-        format: Option<String>,
-        /// The program and its arguments; `{file}`, `{block}` and `{shift}` (mm) are replaced.
-        mark: Vec<String>,
-        /// The same with the pilot laser.
-        pilot: Option<Vec<String>>,
-        /// A command that switches the laser off; called at every end.
-        off: Option<Vec<String>>,
-    },
+    Command(CommandKeys),
     /// A scan card that listens to START and answers with BUSY, through the stage's control.
     Handshake {},
     /// A person loads and marks each block and says when it is done.
     Manual {},
+}
+
+/// LinuxCNC and how it is reached.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LinuxCncKeys {
+    /// Host and port of linuxcncrsh, such as `localhost:5007`.
+    pub address: String,
+    /// Connection password of linuxcncrsh (-w); default: EMC.
+    pub password: Option<String>,
+    /// Enable password of linuxcncrsh (-e); default: EMCTOO.
+    pub enable: Option<String>,
+    /// Name of the server (linuxcncrsh -n), which must be the same.
+    pub identity: Option<String>,
+    /// How far an axis may stand from its target when the laser is started; default: 0.01 mm.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub tolerance: Option<Length>,
+}
+
+/// A command and what it takes.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CommandKeys {
+    /// Format of the files that it takes; default: those that the job holds, where there is one kind.
+    pub format: Option<String>,
+    /// The program and its arguments; `{file}`, `{block}` and `{shift}` (mm) are replaced.
+    pub mark: Vec<String>,
+    /// The same with the pilot laser.
+    pub pilot: Option<Vec<String>>,
+    /// A command that switches the laser off; called before the first block and at every end.
+    pub off: Option<Vec<String>>,
 }

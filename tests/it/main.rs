@@ -33,6 +33,8 @@ mod random_jobs;
 mod reads;
 mod refusals;
 mod resume;
+mod run;
+mod run_linuxcnc;
 mod setups;
 mod sweep;
 mod textures;

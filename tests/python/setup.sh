@@ -47,7 +47,9 @@ cnc="$venv/linuxcnc"
 libraries="$cnc/root/usr/lib:$cnc/root/usr/lib/x86_64-linux-gnu"
 
 missing_libraries() {
-    LD_LIBRARY_PATH="$libraries" ldd "$cnc/root/usr/bin/rs274" | awk '/not found/ { print $1 }'
+    for program in "$@"; do
+        LD_LIBRARY_PATH="$libraries" ldd "$cnc/root/usr/bin/$program" | awk '/not found/ { print $1 }'
+    done | sort -u
 }
 
 unpack() {
@@ -56,21 +58,33 @@ unpack() {
     dpkg -x "$cnc/deb/$1"_*.deb "$cnc/root"
 }
 
-install_rs274() {
-    mkdir -p "$cnc/deb" "$cnc/root"
-    unpack linuxcnc-uspace || { apt-get update >/dev/null 2>&1 || true; unpack linuxcnc-uspace; } || return 1
-    unpack libboost-python1.74.0 || return 1
-    for library in $(missing_libraries); do
+# The packages of the libraries that these programs lack.
+add_libraries() {
+    for library in $(missing_libraries "$@"); do
         case "$library" in
             libpython3.11.so*) unpack libpython3.11 && unpack libpython3.11-minimal && unpack libpython3.11-stdlib ;;
             libedit.so*) unpack libedit2 ;;
             libbsd.so*) unpack libbsd0 ;;
             libmd.so*) unpack libmd0 ;;
             libtinfo.so*) unpack libtinfo6 ;;
+            libtirpc.so*) unpack libtirpc3 ;;
+            libgssapi_krb5.so*) unpack libgssapi-krb5-2 ;;
+            libkrb5.so*) unpack libkrb5-3 ;;
+            libkrb5support.so*) unpack libkrb5support0 ;;
+            libk5crypto.so*) unpack libk5crypto3 ;;
+            libcom_err.so*) unpack libcom-err2 ;;
+            libkeyutils.so*) unpack libkeyutils1 ;;
             *) printf 'no package is known for %s\n' "$library" >&2; return 1 ;;
         esac || return 1
     done
-    [ -z "$(missing_libraries)" ] || return 1
+    [ -z "$(missing_libraries "$@")" ]
+}
+
+install_rs274() {
+    mkdir -p "$cnc/deb" "$cnc/root"
+    unpack linuxcnc-uspace || { apt-get update >/dev/null 2>&1 || true; unpack linuxcnc-uspace; } || return 1
+    unpack libboost-python1.74.0 || return 1
+    add_libraries rs274 || return 1
     # A tool table of one tool: the interpreter stops without one.
     echo 'T1 P1 D0 Z+0' >"$cnc/tool.tbl"
     cat >"$cnc/rs274" <<SCRIPT
@@ -85,6 +99,23 @@ if [ ! -x "$cnc/rs274" ]; then
         mkdir -p "$venv"
     fi
     install_rs274 || complain "rs274 of linuxcnc-uspace (needs apt-get, dpkg and the packages of Debian 12)"
+fi
+
+# --- The whole controller, for linuxcnc_sim.py: paths that are compiled in become relative ones of the same length, so
+# it runs from the unpacked package, without root.
+install_controller() {
+    add_libraries rtapi_app halcmd halsampler linuxcncrsh linuxcncsvr milltask io || return 1
+    for tool in setpriv ipcrm; do
+        command -v "$tool" >/dev/null || { printf 'there is no %s (util-linux)\n' "$tool" >&2; return 1; }
+    done
+    # A running one keeps its file.
+    cp "$cnc/root/usr/bin/rtapi_app" "$cnc/rtapi_app" && chmod 755 "$cnc/rtapi_app" || return 1
+    sed -i 's|/usr/lib/linuxcnc/modules|.///lib/linuxcnc//modules|g; s|/usr/bin/rtapi_app|.////bin/rtapi_app|g' \
+        "$cnc/rtapi_app" && mv "$cnc/rtapi_app" "$cnc/root/usr/bin/rtapi_app" && : >"$cnc/controller.stamp"
+}
+
+if [ "${1:-}" = all ] && [ ! -e "$cnc/controller.stamp" ]; then
+    install_controller || complain "the controller of linuxcnc-uspace in simulation (needs Debian 12 and util-linux)"
 fi
 
 if [ "$failed" = 0 ]; then

@@ -1,5 +1,9 @@
 //! Lasers: each driver hands the file of a block to one kind of marking software or card, and says when it is marked.
 
+pub mod command;
+pub mod handshake;
+pub mod manual;
+
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -43,6 +47,11 @@ pub trait Laser {
 
     /// Whether it can show a block with the pilot laser.
     fn has_pilot(&self) -> bool;
+
+    /// Whether it sets the zoom optic of a block; jobs that need that are refused otherwise.
+    fn sets_focus_shift(&self) -> bool {
+        false
+    }
 
     /// Connects, and makes sure that it is ready and off. Answers with what it says that it is, for the log.
     ///

@@ -1,5 +1,9 @@
 //! Stages: each driver moves one kind of control, and says when the stage stands still.
 
+pub mod linuxcnc;
+pub mod manual;
+
+use std::fmt;
 use std::time::Duration;
 
 use super::Interrupt;
@@ -9,6 +13,24 @@ use crate::diag::Diag;
 /// the tilt axes), nm or millionths of a degree.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Move(pub Vec<(char, i64)>);
+
+impl fmt::Display for Move {
+    /// As words of a program, with all six decimals: `X-1.000000 Y2.500000`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, &(letter, value)) in self.0.iter().enumerate() {
+            let (space, sign) = (if i > 0 { " " } else { "" }, if value < 0 { "-" } else { "" });
+            let size = value.unsigned_abs();
+            write!(f, "{space}{letter}{sign}{}.{:06}", size / 1_000_000, size % 1_000_000)?;
+        }
+        Ok(())
+    }
+}
+
+/// The refusal of a stage that has no START and BUSY.
+pub(super) fn no_handshake() -> Diag {
+    Diag::input("run-handshake", "this stage driver has no START and BUSY")
+        .hint("use laser.driver = \"handshake\" with stage.driver = \"linuxcnc\"")
+}
 
 /// A stage and its control.
 pub trait Stage {
@@ -31,8 +53,7 @@ pub trait Stage {
     /// Where BUSY does not rise or fall in time; START is then off. Controls without such outputs refuse.
     fn hand_over(&mut self, longest: Duration, interrupt: &Interrupt) -> Result<(), Diag> {
         let _ = (longest, interrupt);
-        Err(Diag::input("run-handshake", "this stage driver has no START and BUSY")
-            .hint("use laser.driver = \"handshake\" with stage.driver = \"linuxcnc\""))
+        Err(no_handshake())
     }
 
     /// Switches its output off and ends any motion as fast as the control can; called at every end of a run, after

@@ -3,6 +3,7 @@
 #![allow(dead_code, reason = "every test binary uses a part of it")]
 
 pub mod image;
+pub mod linuxcncrsh;
 pub mod malformed;
 pub mod surfaces;
 

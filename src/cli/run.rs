@@ -1,0 +1,125 @@
+//! `terrace run`: Ctrl-C, the bar, the person's answers, the outcome.
+
+use std::io::{BufRead, IsTerminal};
+use std::path::Path;
+use std::rc::Rc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, OnceLock};
+use std::time::Duration;
+
+use super::args::{Args, RunArgs};
+use super::{eprintln_all, print, show};
+use crate::diag::{Diag, Error};
+use crate::run::journal::Settled;
+use crate::run::laser::Beam;
+use crate::run::{self, Console, Interrupt, Order, Outcome, Progress};
+
+/// Runs a job and says what has become of it.
+pub(super) fn run(args: &Args, asked: &RunArgs) -> Result<u8, Error> {
+    let interrupt = Arc::new(Interrupt::default());
+    let told = Arc::clone(&interrupt);
+    let heard = ctrlc::set_handler(move || {
+        told.request();
+        let text = if told.is_abort() { "aborting" } else { "ending after this block; again to abort at once" };
+        eprintln_all(text);
+    });
+    if let Err(e) = heard {
+        return Err(Diag::bug("run-interrupt", format!("cannot watch for Ctrl-C: {e}")).into());
+    }
+    let console = Terminal::new(args.quiet);
+    let shared: Rc<dyn Console> = Rc::clone(&console) as Rc<dyn Console>;
+    let outcome = run::run(&order(asked), &shared, &interrupt);
+    console.bar.finish();
+    let outcome = outcome?;
+    print(&if args.json { show::json(&serde_json::json!(outcome)) } else { text(&outcome, &asked.folder) })?;
+    let Some(stop) = &outcome.stop else { return Ok(0) };
+    let color = std::io::stderr().is_terminal();
+    stop.diags().iter().for_each(|d| eprintln_all(&d.render(color)));
+    Ok(1)
+}
+
+fn order(asked: &RunArgs) -> Order<'_> {
+    Order {
+        folder: &asked.folder,
+        run_file: &asked.with,
+        inputs: asked.inputs.as_deref(),
+        journal: asked.journal.as_deref(),
+        log: asked.log.as_deref(),
+        beam: if asked.arm { Beam::Fire } else { Beam::Pilot },
+        settled: Settled { go_on: asked.go_on, redo: asked.redo.as_deref(), skip: asked.skip.as_deref() },
+    }
+}
+
+fn text(outcome: &Outcome, folder: &Path) -> String {
+    let Outcome { armed, blocks, marked, finished, .. } = outcome;
+    match armed {
+        true => format!("marked         {marked} blocks, {finished} of {blocks} done\n"),
+        false if outcome.stop.is_some() => format!("dry run        {marked} of {blocks} blocks, nothing marked\n"),
+        false => format!(
+            "dry run        {marked} of {blocks} blocks, nothing marked\nthen run       terrace run {} with --arm to \
+             mark\n",
+            folder.display()
+        ),
+    }
+}
+
+/// The bar on stderr, and lines of stdin.
+struct Terminal {
+    bar: show::Blocks,
+    lines: OnceLock<Mutex<Receiver<String>>>,
+}
+
+impl Terminal {
+    fn new(quiet: bool) -> Rc<Self> {
+        Rc::new(Self { bar: show::Blocks::new(quiet), lines: OnceLock::new() })
+    }
+
+    /// Lines of stdin from now on; read by a thread, so that a wait for one can be ended.
+    fn lines(&self) -> &Mutex<Receiver<String>> {
+        self.lines.get_or_init(|| {
+            let (tell, told) = channel();
+            std::thread::spawn(move || {
+                for line in std::io::stdin().lock().lines() {
+                    let Ok(line) = line else { return };
+                    if tell.send(line).is_err() {
+                        return;
+                    }
+                }
+            });
+            Mutex::new(told)
+        })
+    }
+}
+
+impl Console for Terminal {
+    fn phase(&self, text: &'static str) {
+        self.bar.phase(text);
+    }
+
+    fn block(&self, progress: &Progress<'_>) {
+        self.bar.block(progress);
+    }
+
+    fn ask(&self, what: &str, interrupt: &Interrupt) -> Result<(), Diag> {
+        const EVERY: Duration = Duration::from_millis(20);
+        let lines = self.lines().lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        // What was typed before the question is no answer to it.
+        while std::io::stdin().is_terminal() && lines.try_recv().is_ok() {}
+        self.bar.say(&format!("[ready?] {what}. Enter when done, stop to end the run"));
+        let refused = |text: &str| Err(Diag::limit("run-person", format!("{text}: {what}")));
+        loop {
+            interrupt.check()?;
+            match lines.recv_timeout(EVERY) {
+                Ok(line) if ["", "ready", "y", "yes", "done"].contains(&line.trim().to_lowercase().as_str()) => {
+                    return Ok(());
+                }
+                Ok(line) if ["stop", "n", "no"].contains(&line.trim().to_lowercase().as_str()) => {
+                    return refused("stopped at the question");
+                }
+                Ok(_) => self.bar.say("Enter when done, stop to end the run"),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return refused("nobody answers (end of standard input)"),
+            }
+        }
+    }
+}

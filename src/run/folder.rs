@@ -1,0 +1,219 @@
+//! A job folder as a run reads it: from `manifest.json`, whose numbers are exact.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use serde::Deserialize;
+
+use crate::diag::{self, Diag, Error, Place};
+use crate::emit::{Files, TARGETS};
+use crate::geom::Nm;
+use crate::job::Mode;
+use crate::machine::Machine;
+use crate::manifest::{FileFact, Head, MANIFEST, Subset, Times};
+
+/// Largest file of a block that is read.
+const MAX_FILE: u64 = 1 << 32;
+
+/// Largest manifest that is read.
+const MAX_MANIFEST: u64 = 1 << 30;
+
+/// What is read of a job folder.
+#[derive(Debug)]
+pub(super) struct Folder {
+    pub path: PathBuf,
+    /// BLAKE3 of the manifest, hex.
+    pub manifest: String,
+    pub machine: Machine,
+    /// Where the part's zero lies in the table frame in each set-up, mm.
+    pub origins: Vec<[f64; 3]>,
+    /// The blocks to be marked, in machining order; of a resumed job those that are left.
+    pub blocks: Vec<Block>,
+    /// Time for a block beyond its marks, s.
+    between_s: f64,
+    files: BTreeMap<String, FileFact>,
+}
+
+/// A block.
+#[derive(Debug)]
+pub(super) struct Block {
+    pub id: String,
+    /// From 1.
+    pub setup: u32,
+    /// Commanded positions of x, y and z, nm.
+    pub stage: [i64; 3],
+    /// Commanded angles of the tilt axes, millionths of a degree.
+    pub tilt: [i64; 2],
+    /// Where to lift to before the move, nm.
+    pub lift: Option<i64>,
+    /// nm.
+    pub focus_shift: i64,
+    pub estimate: Duration,
+    /// The file that the laser takes, inside the folder.
+    pub file: Option<String>,
+    /// All its files by format.
+    files: BTreeMap<String, String>,
+}
+
+#[derive(Deserialize)]
+struct Document {
+    machine: Machine,
+    setups: Vec<Setup>,
+    blocks: Vec<Entry>,
+    summary: Summary,
+    #[serde(default)]
+    subset: Option<Subset>,
+}
+
+#[derive(Deserialize)]
+struct Setup {
+    origin_mm: [f64; 3],
+}
+
+#[derive(Deserialize)]
+struct Summary {
+    time_s: Times,
+}
+
+#[derive(Deserialize)]
+struct Entry {
+    id: String,
+    setup: u32,
+    stage: [f64; 3],
+    tilt_deg: [f64; 2],
+    lift_z_mm: Option<f64>,
+    focus_shift_mm: f64,
+    files: BTreeMap<String, String>,
+    time_s: f64,
+}
+
+impl Entry {
+    fn block(self) -> Option<Block> {
+        let nm = |mm: f64| Nm::from_mm(mm).map(|nm| nm.0);
+        let [x, y, z] = self.stage.map(nm);
+        let lift = match self.lift_z_mm {
+            Some(mm) => Some(nm(mm)?),
+            None => None,
+        };
+        Some(Block {
+            id: self.id,
+            setup: self.setup,
+            stage: [x?, y?, z?],
+            tilt: self.tilt_deg.map(|deg| (deg * 1e6).round() as i64),
+            lift,
+            focus_shift: nm(self.focus_shift_mm)?,
+            estimate: Duration::try_from_secs_f64(self.time_s).ok()?,
+            file: None,
+            files: self.files,
+        })
+    }
+}
+
+impl Folder {
+    /// Reads the manifest of a stepped job.
+    ///
+    /// # Errors
+    /// `run-mode` of an on-the-fly job; `manifest` and `file-…` where there is no readable manifest.
+    pub fn read(path: &std::path::Path) -> Result<Self, Error> {
+        let head = Head::read(path)?;
+        let file = path.join(MANIFEST);
+        let place = || Place::file(file.display().to_string());
+        if head.mode != Mode::Stepped {
+            let d =
+                Diag::input("run-mode", "this is an on-the-fly job, which its controller runs by itself").at(place());
+            return Err(d.hint("run its program on the controller").into());
+        }
+        let bytes = diag::read_file(&file, MAX_MANIFEST)?;
+        let unreadable = |why: String| {
+            let d = Diag::input("run-manifest", format!("the manifest cannot be run: {why}")).at(place());
+            Error::from(d.hint("compile the job again"))
+        };
+        let document: Document = serde_json::from_slice(&bytes).map_err(|e| unreadable(e.to_string()))?;
+        let count = document.blocks.len();
+        let marks_s: f64 = document.blocks.iter().map(|b| b.time_s).sum();
+        let between_s = ((document.summary.time_s.total - marks_s) / count.max(1) as f64).max(0.0);
+        let mut blocks = document.blocks.into_iter().map(Entry::block).collect::<Option<Vec<Block>>>();
+        if let (Some(blocks), Some(subset)) = (&mut blocks, &document.subset) {
+            blocks.retain(|b| subset.blocks.contains(&b.id));
+        }
+        let blocks = blocks.ok_or_else(|| unreadable("a position is beyond all travel".into()))?;
+        let setups = document.setups.len();
+        if blocks.iter().any(|b| !(1..=setups).contains(&(b.setup as usize))) {
+            return Err(unreadable("a block names a set-up that is not there".into()));
+        }
+        if blocks.is_empty() {
+            return Err(unreadable("it has no blocks".into()));
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            manifest: blake3::hash(&bytes).to_hex().to_string(),
+            machine: document.machine,
+            origins: document.setups.into_iter().map(|s| s.origin_mm).collect(),
+            blocks,
+            between_s,
+            files: head.files.into_iter().map(|f| (f.file.clone(), f)).collect(),
+        })
+    }
+
+    /// Refuses a folder that was made anew since it was read.
+    pub fn is_unchanged(&self) -> Result<(), Error> {
+        let bytes = diag::read_file(&self.path.join(MANIFEST), MAX_MANIFEST)?;
+        if blake3::hash(&bytes).to_hex().as_str() == self.manifest { Ok(()) } else { Err(changed(MANIFEST).into()) }
+    }
+
+    /// The formats of which every block has a file.
+    pub fn formats(&self) -> Vec<&'static str> {
+        let of_blocks = TARGETS.iter().filter(|t| matches!(t.stepped, Some(Files::Blocks(..))));
+        of_blocks.map(|t| t.name).filter(|name| self.blocks.iter().all(|b| b.files.contains_key(*name))).collect()
+    }
+
+    /// Chooses the files that the laser takes.
+    ///
+    /// # Errors
+    /// `run-format` where the job has none of this format.
+    pub fn choose_files(&mut self, format: Option<&'static str>) -> Result<(), Diag> {
+        let held = self.formats();
+        if let Some(format) = format
+            && !held.contains(&format)
+        {
+            let text = format!("the laser driver takes {format} files, the job holds {}", list(&held));
+            return Err(Diag::input("run-format", text)
+                .at(Place::file(self.path.display().to_string()))
+                .hint(format!("add \"{format}\" to emit.formats in the job file and compile again")));
+        }
+        // Without one that the laser takes, a file is still shown to the person.
+        let shown = format.or(held.first().copied());
+        for block in &mut self.blocks {
+            block.file = shown.and_then(|name| block.files.get(name).cloned());
+        }
+        Ok(())
+    }
+
+    /// The path of the file of a block, whose bytes are those that were verified.
+    ///
+    /// # Errors
+    /// `run-file-changed` where they are not.
+    pub fn file(&self, block: &Block) -> Result<Option<PathBuf>, Diag> {
+        let Some(name) = &block.file else { return Ok(None) };
+        let path = self.path.join(name);
+        let bytes = diag::read_file(&path, MAX_FILE).map_err(|e| e.diags()[0].clone())?;
+        let is_same = self.files.get(name).is_some_and(|f| blake3::hash(&bytes).to_hex().as_str() == f.blake3);
+        if is_same { Ok(Some(path)) } else { Err(changed(name)) }
+    }
+
+    /// Estimated time of block `index` with the way to it.
+    pub fn time(&self, index: usize) -> Duration {
+        self.blocks[index].estimate + Duration::try_from_secs_f64(self.between_s).unwrap_or_default()
+    }
+}
+
+/// Names of formats for a sentence.
+pub(super) fn list(formats: &[&str]) -> String {
+    if formats.is_empty() { "no files of single blocks".into() } else { formats.join(", ") }
+}
+
+fn changed(file: &str) -> Diag {
+    Diag::limit("run-file-changed", format!("{file} is not what it was when the folder was verified"))
+        .hint("see `terrace verify`; leave the folder alone while it is run")
+}

@@ -1,0 +1,158 @@
+//! A command of the user's that marks one block.
+
+use std::io;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+use super::{Beam, Laser, Work};
+use crate::diag::Diag;
+use crate::emit::TARGETS;
+use crate::geom::Nm;
+use crate::run::Interrupt;
+use crate::run::settings::CommandKeys;
+use crate::run::stage::Stage;
+
+/// How long the command that switches the laser off may take.
+const OFF: Duration = Duration::from_secs(10);
+
+/// What stands for the focus shift in an argument.
+const SHIFT: &str = "{shift}";
+
+/// Runs a command for each block, without a shell.
+pub struct Command {
+    keys: CommandKeys,
+    format: Option<&'static str>,
+    /// Whether a command for a block had to be ended, and the laser may still be on.
+    is_doubtful: bool,
+}
+
+impl Command {
+    /// For a job that holds files of these formats.
+    ///
+    /// # Errors
+    /// `run-command` where a command is empty or the format is unknown or not stated among several.
+    pub fn new(keys: &CommandKeys, held: Vec<&'static str>) -> Result<Self, Diag> {
+        let commands = [Some(&keys.mark), keys.pilot.as_ref(), keys.off.as_ref()];
+        if commands.into_iter().flatten().any(|c| c.first().is_none_or(String::is_empty)) {
+            return Err(Diag::input("run-command", "a command of the laser is empty")
+                .hint("write the program and its arguments as a list: [\"program\", \"{file}\"]"));
+        }
+        let takes_file = commands.into_iter().flatten().flatten().any(|word| word.contains("{file}"));
+        let format = match (&keys.format, held.as_slice()) {
+            (Some(name), _) => Some(TARGETS.iter().map(|t| t.name).find(|n| n == name).ok_or_else(|| {
+                Diag::input("run-command", format!("there is no format {name:?}"))
+                    .hint(format!("laser.format is one of those in emit.formats; this job holds {}", held.join(", ")))
+            })?),
+            (None, _) if !takes_file => None,
+            (None, &[only]) => Some(only),
+            (None, _) => {
+                let text = format!("laser.format must say which files the command takes: the job holds {held:?}");
+                return Err(Diag::input("run-command", text).hint("such as laser.format = \"dxf\""));
+            }
+        };
+        Ok(Self { keys: keys.clone(), format, is_doubtful: false })
+    }
+
+    fn start(words: &[String], work: Option<&Work>) -> Result<Child, Diag> {
+        let replaced = |word: &String| {
+            let Some(work) = work else { return word.clone() };
+            let file = work.file.as_ref().map_or(String::new(), |file| file.display().to_string());
+            let shift = Nm(work.focus_shift).mm().to_string();
+            word.replace("{file}", &file).replace("{block}", &work.block).replace(SHIFT, &shift)
+        };
+        let words: Vec<String> = words.iter().map(replaced).collect();
+        let mut command = std::process::Command::new(&words[0]);
+        // Its output is not the result of this program.
+        command.args(&words[1..]).stdin(Stdio::null()).stdout(io::stderr());
+        // Ctrl-C at the terminal is not for it: the first one lets the block end.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        command.spawn().map_err(|e| {
+            Diag::limit("run-laser-command", format!("cannot start {:?}: {e}", words[0]))
+                .hint("check laser.mark, laser.pilot and laser.off in the run file")
+        })
+    }
+
+    /// Waits for the end of a command; ends it after `longest` or when the run is aborted.
+    fn wait(mut child: Child, longest: Duration, interrupt: &Interrupt) -> Result<(), Diag> {
+        let begun = Instant::now();
+        let failed = |text: String| Diag::limit("run-laser-command", text);
+        loop {
+            match child.try_wait() {
+                Ok(Some(status)) if status.success() => return Ok(()),
+                Ok(Some(status)) => return Err(failed(format!("the command of the laser failed with {status}"))),
+                Err(e) => return Err(failed(format!("the command of the laser cannot be watched: {e}"))),
+                Ok(None) if begun.elapsed() > longest => {
+                    kill(&mut child);
+                    let text = format!("the command of the laser had not ended after {} s", longest.as_secs());
+                    return Err(failed(text).hint("it may take twice the estimated time of the block and 10 s"));
+                }
+                Ok(None) => {}
+            }
+            if let Err(d) = interrupt.wait(Duration::from_millis(5)) {
+                kill(&mut child);
+                return Err(d);
+            }
+        }
+    }
+}
+
+/// Ends a command and what it has started.
+fn kill(child: &mut Child) {
+    #[cfg(unix)]
+    let _ = std::process::Command::new("kill").args(["-KILL", "--", &format!("-{}", child.id())]).status();
+    let _ = child.kill();
+    let _ = child.wait();
+}
+
+impl Laser for Command {
+    fn format(&self) -> Option<&'static str> {
+        self.format
+    }
+
+    fn has_pilot(&self) -> bool {
+        self.keys.pilot.is_some()
+    }
+
+    fn sets_focus_shift(&self) -> bool {
+        let has = |words: &Vec<String>| words.iter().any(|word| word.contains(SHIFT));
+        let in_file = TARGETS.iter().any(|t| Some(t.name) == self.format && t.carries_focus_shift);
+        in_file || has(&self.keys.mark) && self.keys.pilot.as_ref().is_none_or(has)
+    }
+
+    fn open(&mut self) -> Result<String, Diag> {
+        self.off()?;
+        Ok(format!("command {:?}", self.keys.mark))
+    }
+
+    fn mark(&mut self, work: &Work, beam: Beam, _: &mut dyn Stage, interrupt: &Interrupt) -> Result<(), Diag> {
+        let words = match (beam, &self.keys.pilot) {
+            (Beam::Pilot, Some(pilot)) => pilot,
+            (Beam::Pilot, None) => return Ok(()),
+            (Beam::Fire, _) => &self.keys.mark,
+        };
+        let child = Self::start(words, Some(work))?;
+        self.is_doubtful = true;
+        Self::wait(child, work.longest(), interrupt)?;
+        self.is_doubtful = false;
+        Ok(())
+    }
+
+    fn off(&mut self) -> Result<(), Diag> {
+        let Some(words) = &self.keys.off else {
+            if !self.is_doubtful {
+                return Ok(());
+            }
+            let text = "it is not certain that the laser is off: its command did not end well";
+            return Err(Diag::limit("run-laser-off", text).hint("make sure; laser.off names a command for that"));
+        };
+        // The run may be aborted already: this has to be done all the same.
+        let done = Self::start(words, None).and_then(|child| Self::wait(child, OFF, &Interrupt::default()));
+        done.map_err(|d| {
+            let text = format!("it is not certain that the laser is off: {}", d.message);
+            Diag::limit("run-laser-off", text).hint("switch it off by hand")
+        })?;
+        self.is_doubtful = false;
+        Ok(())
+    }
+}

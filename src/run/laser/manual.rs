@@ -1,0 +1,55 @@
+//! A laser that a person starts.
+
+use std::rc::Rc;
+
+use super::{Beam, Laser, Work};
+use crate::diag::Diag;
+use crate::geom::Nm;
+use crate::run::stage::Stage;
+use crate::run::{Console, Interrupt};
+
+/// Asks a person to mark every block.
+pub struct Manual(Rc<dyn Console>);
+
+impl Manual {
+    /// Asks through this console.
+    pub fn new(console: &Rc<dyn Console>) -> Self {
+        Self(Rc::clone(console))
+    }
+}
+
+impl Laser for Manual {
+    fn format(&self) -> Option<&'static str> {
+        None
+    }
+
+    fn has_pilot(&self) -> bool {
+        true
+    }
+
+    fn sets_focus_shift(&self) -> bool {
+        true
+    }
+
+    fn open(&mut self) -> Result<String, Diag> {
+        Ok("a person marks the blocks".into())
+    }
+
+    fn mark(&mut self, work: &Work, beam: Beam, _: &mut dyn Stage, interrupt: &Interrupt) -> Result<(), Diag> {
+        let what = match beam {
+            Beam::Pilot => "show with the pilot laser, never fire,",
+            Beam::Fire => "mark",
+        };
+        let file = work.file.as_ref().map_or(String::new(), |file| format!(" ({})", file.display()));
+        let shift = if work.focus_shift == 0 {
+            String::new()
+        } else {
+            format!(" with the focus shifted by {} mm", Nm(work.focus_shift).mm())
+        };
+        self.0.ask(&format!("{what} block {}{file}{shift}; go on when the laser is off", work.block), interrupt)
+    }
+
+    fn off(&mut self) -> Result<(), Diag> {
+        Ok(())
+    }
+}

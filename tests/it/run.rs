@@ -1,0 +1,464 @@
+//! `terrace run` against a stand-in for LinuxCNC's network shell, with the person on standard input, and with a command
+//! as laser. `run_linuxcnc` has LinuxCNC itself.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::support::linuxcncrsh::{Card, Shell, Trip};
+use crate::support::surfaces::{mesh, write_stl};
+use crate::support::{JobText, compile, folder, machine_file, said};
+
+/// A compiled job of some blocks, with its folder and a shell for its stage.
+pub struct Bench {
+    pub dir: TempDir,
+    pub job: PathBuf,
+}
+
+impl Bench {
+    /// A job of `columns` by 2 blocks of 5 mm on a slope.
+    pub fn new(columns: u32) -> Self {
+        Self::with(columns, "")
+    }
+
+    fn with(columns: u32, more: &str) -> Self {
+        let dir = folder();
+        let machine = machine_file("xyz-galvo-40").replace("\"40 mm\"", "\"5 mm\"").replace("\"0.1 s\"", "\"50 ms\"");
+        std::fs::write(dir.path().join("machine.txt"), machine).expect("written");
+        let stl = dir.path().join("part.stl");
+        let size = [f64::from(columns) * 5.0, 10.0];
+        write_stl(&stl, &mesh(10, [0.0, 0.0, size[0], size[1]], |x, y| 0.02 * x / 5.0 + 0.001 * y));
+        let text = JobText {
+            machine: "file = \"machine.txt\"".into(),
+            focus: "pdof = \"0.2 mm\"".into(),
+            more: format!("[emit]\nformats = [\"dxf\", \"linuxcnc\"]\n{more}"),
+            ..JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"2.5 mm\"").method("window")
+        };
+        let job = dir.path().join("part.job");
+        compile(&text.write(dir.path(), "part.toml"), &job);
+        Self { dir, job }
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    /// Writes a run file with these drivers.
+    pub fn run_file(&self, stage: &str, laser: &str) {
+        let text = format!("machine = \"xyz-galvo-40\"\n\n[stage]\n{stage}\n\n[laser]\n{laser}\n");
+        std::fs::write(self.path("run.toml"), text).expect("written");
+    }
+
+    /// The command that appends the name of each block to `marked.txt` and takes so many s.
+    pub fn command_laser(&self, seconds: &str) -> String {
+        let [marked, off] = ["marked.txt", "off.txt"].map(|name| self.path(name).display().to_string());
+        format!(
+            "driver = \"command\"\nmark = ['sh', '-c', 'echo $0 >> \"{marked}\"; sleep {seconds}', '{{block}}']\n\
+             off = ['sh', '-c', 'echo off >> \"{off}\"']"
+        )
+    }
+
+    /// A stage behind the shell, and a command as laser.
+    fn shell_and_command(&self, shell: &Shell) {
+        self.run_file(&stage_of(shell), &self.command_laser("0"));
+    }
+
+    pub fn command(&self, more: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_terrace"));
+        command.arg("run").arg(&self.job).arg("--with").arg(self.path("run.toml")).args(more);
+        command
+    }
+
+    pub fn run(&self, more: &[&str]) -> Output {
+        self.command(more).stdin(Stdio::null()).output().expect("the program starts")
+    }
+
+    pub fn marked(&self) -> Vec<String> {
+        let text = std::fs::read_to_string(self.path("marked.txt")).unwrap_or_default();
+        text.lines().map(str::to_owned).collect()
+    }
+
+    /// Lines of the journal: event and block.
+    pub fn journal(&self) -> Vec<(String, String)> {
+        let text = std::fs::read_to_string(self.path("part.run.jsonl")).unwrap_or_default();
+        let word = |line: &Value, key: &str| line[key].as_str().unwrap_or_default().to_owned();
+        let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
+        let lines = whole.map(|line| serde_json::from_str::<Value>(line).expect("a line of JSON"));
+        lines.map(|line| (word(&line, "event"), word(&line, "block"))).collect()
+    }
+}
+
+fn stage_of(shell: &Shell) -> String {
+    format!("driver = \"linuxcnc\"\naddress = \"{}\"", shell.address)
+}
+
+/// Names of the first blocks.
+pub fn blocks(count: usize) -> Vec<String> {
+    (1..=count).map(|n| format!("B{n:04}")).collect()
+}
+
+#[track_caller]
+pub fn assert_ended(out: &Output, code: i32, words: &[&str]) {
+    assert_eq!(out.status.code(), Some(code), "{}", said(out));
+    for word in words {
+        assert!(said(out).contains(word), "{word}: {}", said(out));
+    }
+}
+
+/// The moves of a stage program, as `X.. Y..`.
+fn moves_of(program: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(program).expect("a stage program");
+    text.lines().filter_map(|line| line.strip_prefix("G0 ")).map(str::to_owned).collect()
+}
+
+#[test]
+fn every_block_is_marked_once_and_the_stage_moves_as_in_the_stage_program() {
+    let bench = Bench::new(3);
+    let shell = Shell::new();
+    bench.shell_and_command(&shell);
+    // The dry run: all moves, no laser, no journal.
+    assert_ended(&bench.run(&[]), 0, &["6 of 6 blocks, nothing marked"]);
+    assert!(bench.marked().is_empty() && !bench.path("part.run.jsonl").exists());
+    let moves = |shell: &Shell| -> Vec<String> {
+        let mdi = std::mem::take(&mut shell.control().mdi);
+        mdi.iter().filter_map(|line| line.strip_prefix("G53 G0 ")).map(str::to_owned).collect()
+    };
+    let programmed = moves_of(&bench.job.join("stage.ngc"));
+    assert_eq!(moves(&shell), programmed);
+
+    let log = bench.path("log.jsonl");
+    let out = bench.run(&["--arm", "--json", "--log", log.to_str().expect("UTF-8")]);
+    assert_ended(&out, 0, &[]);
+    let outcome: Value = serde_json::from_slice(&out.stdout).expect("one JSON object");
+    assert_eq!((&outcome["marked"], &outcome["finished"], &outcome["in_work"]), (&6.into(), &6.into(), &Value::Null));
+    assert_eq!((bench.marked(), moves(&shell)), (blocks(6), programmed));
+    assert!(!shell.control().start);
+    let journal = bench.journal();
+    let marks: Vec<(String, String)> =
+        blocks(6).into_iter().flat_map(|b| ["begin", "end"].map(|e| (e.to_owned(), b.clone()))).collect();
+    assert_eq!((journal[0].0.as_str(), &journal[1..13], journal[13].0.as_str()), ("run", &marks[..], "stop"));
+    let log = std::fs::read_to_string(log).expect("a log");
+    assert!(log.lines().count() > 20 && log.lines().all(|l| serde_json::from_str::<Value>(l).is_ok()), "{log}");
+
+    // What is done is not done again, and a journal is of one job.
+    assert_ended(&bench.run(&["--arm", "--go-on"]), 2, &["run-finished", "all 6 blocks"]);
+    compile(&bench.path("part.toml"), &bench.job);
+    let text = std::fs::read_to_string(bench.path("part.toml")).expect("read").replace("60 %", "61 %");
+    std::fs::write(bench.path("part.toml"), text).expect("written");
+    compile(&bench.path("part.toml"), &bench.job);
+    assert_ended(&bench.run(&["--arm", "--go-on"]), 2, &["run-journal-other", "--journal"]);
+    assert_eq!(bench.marked().len(), 6);
+}
+
+/// Starts a run and waits until so many lines are in the journal.
+fn until_lines(bench: &Bench, more: &[&str], lines: usize) -> Child {
+    let mut child =
+        bench.command(more).stdin(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the program starts");
+    let begun = Instant::now();
+    while bench.journal().len() < lines {
+        assert!(child.try_wait().expect("a child").is_none(), "it has ended: {:?}", bench.journal());
+        assert!(begun.elapsed() < Duration::from_secs(20), "{:?}", bench.journal());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child
+}
+
+#[test]
+fn a_run_that_was_killed_goes_on_and_names_the_block_in_doubt() {
+    let bench = Bench::new(3);
+    let shell = Shell::new();
+    bench.run_file(&stage_of(&shell), &bench.command_laser("0.1"));
+    let mut lines = 0;
+    let mut more: Vec<String> = vec!["--arm".into()];
+    let mut redone = Vec::new();
+    // After the first line, inside a block, after its end, inside another.
+    for further in [1, 2, 3, 4] {
+        let words: Vec<&str> = more.iter().map(String::as_str).collect();
+        lines = bench.journal().len().max(lines) + further + usize::from(words.contains(&"--redo"));
+        let mut child = until_lines(&bench, &words, lines);
+        child.kill().expect("killed");
+        child.wait().expect("ended");
+        let begun: Vec<String> = bench.journal().into_iter().filter(|l| l.0 == "begin").map(|l| l.1).collect();
+        let out = bench.run(&["--arm"]);
+        more = vec!["--arm".into(), "--go-on".into()];
+        let is_in_doubt = bench.journal().last().is_some_and(|l| l.0 == "begin");
+        if is_in_doubt {
+            let block = begun.last().expect("a block");
+            assert_ended(&out, 2, &["run-in-doubt", &format!("block {block} was begun"), &format!("--redo {block}")]);
+            assert_ended(&bench.run(&["--arm", "--go-on"]), 2, &["run-in-doubt"]);
+            assert_ended(&bench.run(&["--arm", "--go-on", "--skip", "B0006"]), 2, &["run-in-doubt"]);
+            more.extend(["--redo".into(), block.clone()]);
+            redone.push(block.clone());
+        } else if begun.is_empty() {
+            // It has begun nothing, and this run does all of it: end it there.
+            assert_ended(&out, 0, &[]);
+            std::fs::remove_file(bench.path("part.run.jsonl")).expect("removed");
+            std::fs::remove_file(bench.path("marked.txt")).expect("removed");
+            (lines, more) = (0, vec!["--arm".into()]);
+        } else {
+            assert_ended(&out, 2, &["run-go-on"]);
+        }
+    }
+    assert!(!redone.is_empty());
+    let words: Vec<&str> = more.iter().map(String::as_str).collect();
+    assert_ended(&bench.run(&words), 0, &["6 of 6 done"]);
+    for block in blocks(6) {
+        let times = bench.marked().iter().filter(|b| **b == block).count();
+        let most = 1 + redone.iter().filter(|b| **b == block).count();
+        assert!((1..=most).contains(&times), "{block} {times} times, redone {redone:?}");
+    }
+    // Every run begins with a lift.
+    let mdi = &shell.control().mdi;
+    for (i, _) in mdi.iter().enumerate().filter(|(_, line)| line.starts_with("G21")) {
+        let first = mdi[i..].iter().find(|line| line.starts_with("G53")).expect("a move");
+        assert_eq!(first, "G53 G0 Z200.000000");
+    }
+}
+
+#[test]
+fn faults_of_the_control_stop_the_run_with_the_output_off() {
+    let bench = Bench::new(2);
+    let journal = bench.path("part.run.jsonl");
+    // Moves: lift, to B0001, z; to B0002, z; ...
+    for (trip, words) in [
+        (Trip::EmergencyStop, ["run-linuxcnc", "emergency stop", "block B0002"]),
+        (Trip::Error, ["run-linuxcnc", "following error", "block B0002"]),
+        (Trip::Close, ["run-linuxcnc-link", "no connection", "block B0002"]),
+    ] {
+        let shell = Shell::new();
+        bench.shell_and_command(&shell);
+        shell.control().trip = Some((4, trip));
+        let _ = std::fs::remove_file(&journal);
+        let out = bench.run(&["--arm"]);
+        assert_ended(&out, 1, &words);
+        assert_ended(&out, 1, &["1 of 4 blocks are done; no other block was begun", "--go-on"]);
+        assert!(!shell.control().start, "{trip:?}");
+        assert_eq!(bench.journal().last().expect("a line").0, "stop");
+        let (mut control, count) = (shell.control(), bench.marked().len());
+        (control.machine_on, control.trip) = (true, None);
+        drop(control);
+        assert_ended(&bench.run(&["--arm", "--go-on"]), 0, &["4 of 4 done"]);
+        assert_eq!(bench.marked().len(), count + 3, "{trip:?}");
+    }
+}
+
+#[test]
+fn a_control_that_is_not_ready_or_another_is_refused_without_a_move() {
+    let bench = Bench::new(1);
+    let shell = Shell::new();
+    let refused = |more: &str, words: &[&str]| {
+        bench.run_file(&format!("{}\n{more}", stage_of(&shell)), &bench.command_laser("0"));
+        assert_ended(&bench.run(&[]), 1, words);
+        assert!(!shell.control().mdi.iter().any(|line| line.starts_with("G53")), "{words:?}");
+    };
+    refused("identity = \"other\"", &["run-identity", "EMCNETSVR"]);
+    refused("password = \"x\"", &["run-linuxcnc-password", "connection"]);
+    refused("enable = \"x\"", &["run-linuxcnc-password", "enable"]);
+    shell.control().homed = false;
+    refused("", &["run-linuxcnc", "not homed"]);
+    shell.control().homed = true;
+    shell.control().machine_on = false;
+    refused("", &["run-linuxcnc", "emergency stop"]);
+    shell.control().machine_on = true;
+    shell.control().offset = 1.5;
+    refused("", &["run-offset", "1.5"]);
+    bench.run_file("driver = \"linuxcnc\"\naddress = \"127.0.0.1:1\"", &bench.command_laser("0"));
+    assert_ended(&bench.run(&[]), 1, &["run-linuxcnc-link"]);
+}
+
+#[test]
+fn a_scan_card_is_started_and_watched_and_one_that_does_not_answer_stops_the_run() {
+    let bench = Bench::new(1);
+    let journal = bench.path("part.run.jsonl");
+    let shell = Shell::new();
+    bench.run_file(&stage_of(&shell), "driver = \"handshake\"");
+    assert_ended(&bench.run(&["--arm"]), 0, &["2 of 2 done"]);
+    let starts = |shell: &Shell| shell.control().mdi.iter().filter(|line| *line == "M64 P0").count();
+    assert_eq!(starts(&shell), 2);
+    for (card, words) in [
+        (Card::Dead, ["run-busy", "not risen", "block B0001"]),
+        (Card::Stuck, ["run-busy", "not fallen", "block B0001"]),
+        (Card::Busy, ["run-busy", "before START", "block B0001"]),
+    ] {
+        std::fs::remove_file(&journal).expect("removed");
+        let before = starts(&shell);
+        shell.control().card = card;
+        let out = bench.run(&["--arm"]);
+        assert_ended(&out, 1, &words);
+        assert_ended(&out, 1, &["block B0001 was begun, and may be marked not at all"]);
+        assert!(!shell.control().start);
+        assert_eq!(starts(&shell), before + usize::from(card != Card::Busy), "{card:?}");
+    }
+    bench.run_file("driver = \"manual\"", "driver = \"handshake\"");
+    assert_ended(&bench.run(&[]), 2, &["run-handshake"]);
+}
+
+/// Runs with these lines as the person's answers.
+fn with_answers(bench: &Bench, more: &[&str], answers: &str) -> Output {
+    let mut child = bench
+        .command(more)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    child.stdin.take().expect("piped").write_all(answers.as_bytes()).expect("taken");
+    child.wait_with_output().expect("ended")
+}
+
+#[test]
+fn a_person_moves_marks_and_can_stop() {
+    let bench = Bench::new(1);
+    bench.run_file("driver = \"manual\"", "driver = \"manual\"");
+    // Lift, x and y, z, mark; y, z where it changes, mark; lift.
+    let out = with_answers(&bench, &[], &"\n".repeat(9));
+    assert_ended(&out, 0, &["[ready?] move the stage to Z200.000000", "pilot laser, never fire, block B0001"]);
+    let out = with_answers(&bench, &["--arm"], "\n\n\n\nstop\n");
+    assert_ended(&out, 1, &["run-person", "1 of 2 blocks are done; no other block was begun"]);
+    let out = with_answers(&bench, &["--arm", "--go-on"], "\n\n\n");
+    assert_ended(&out, 1, &["nobody answers", "block B0002 was begun", "blocks/B0002.dxf"]);
+    let out = with_answers(&bench, &["--arm", "--go-on", "--skip", "B0001"], "");
+    assert_ended(&out, 2, &["run-in-doubt", "--skip B0002"]);
+    assert_ended(&with_answers(&bench, &["--arm", "--go-on", "--redo", "B0002"], "\n\n\n\n\n"), 0, &["2 of 2 done"]);
+}
+
+#[test]
+fn jobs_that_may_not_be_run_are_refused() {
+    let bench = Bench::new(1);
+    let shell = Shell::new();
+    bench.shell_and_command(&shell);
+    let with = |from: &str, to: &str| {
+        let text = std::fs::read_to_string(bench.path("run.toml")).expect("read");
+        std::fs::write(bench.path("run.toml"), text.replace(from, to)).expect("written");
+    };
+    with("xyz-galvo-40", "other");
+    assert_ended(&bench.run(&[]), 1, &["run-machine", "xyz-galvo-40"]);
+    with("other", "xyz-galvo-40");
+    with("off = ", "format = \"csv\"\noff = ");
+    assert_ended(&bench.run(&[]), 2, &["run-format", "the job holds dxf", "emit.formats"]);
+    with("format = \"csv\"", "format = \"xyz\"");
+    assert_ended(&bench.run(&[]), 2, &["run-command", "xyz"]);
+    with("format = \"xyz\"", "colour = 1");
+    assert_ended(&bench.run(&[]), 2, &["toml", "colour"]);
+    with("colour = 1", "");
+    // A drawing that is not the one of the manifest.
+    let drawing = bench.job.join("blocks/B0002.dxf");
+    let text = std::fs::read_to_string(&drawing).expect("read");
+    std::fs::write(&drawing, text.replace("2.5", "2.4")).expect("written");
+    assert_ended(&bench.run(&["--arm"]), 1, &["run-unverified", "terrace verify"]);
+    assert!(shell.control().mdi.is_empty() && bench.journal().is_empty());
+    std::fs::write(&drawing, &text).expect("written");
+    // The same while the run goes on: a block before it damages it.
+    bench.run_file(
+        &stage_of(&shell),
+        &format!("driver = \"command\"\nformat = \"dxf\"\nmark = ['sh', '-c', 'echo >> {:?}']", drawing.display()),
+    );
+    assert_ended(&bench.run(&["--arm"]), 1, &["run-file-changed", "B0002.dxf", "1 of 2 blocks are done; no other"]);
+}
+
+#[test]
+fn a_command_that_fails_or_cannot_be_started_leaves_its_block_in_doubt() {
+    let bench = Bench::new(1);
+    let shell = Shell::new();
+    bench.run_file(&stage_of(&shell), "driver = \"command\"\nmark = ['sh', '-c', 'exit 7']");
+    let out = bench.run(&["--arm"]);
+    assert_ended(&out, 1, &["run-laser-command", "exit status: 7", "run-laser-off", "block B0001 was begun"]);
+    bench.run_file(&stage_of(&shell), "driver = \"command\"\nmark = ['no-such-program-here', '{file}']");
+    assert_ended(&bench.run(&["--arm", "--go-on", "--redo", "B0001"]), 1, &["run-laser-command", "cannot start"]);
+    bench.run_file(&stage_of(&shell), "driver = \"command\"\nmark = ['true']\noff = ['false']");
+    assert_ended(&bench.run(&[]), 1, &["run-laser-off", "switch it off by hand"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_after_the_block_and_twice_at_once() {
+    let bench = Bench::new(2);
+    let shell = Shell::new();
+    bench.run_file(&stage_of(&shell), &bench.command_laser("0.4"));
+    let interrupt = |child: &Child| {
+        let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+        assert!(sent.success());
+    };
+    let child = until_lines(&bench, &["--arm"], 2);
+    interrupt(&child);
+    let out = child.wait_with_output().expect("ended");
+    assert_ended(&out, 1, &["run-interrupted", "1 of 4 blocks are done; no other block was begun"]);
+    assert_eq!(shell.control().mdi.iter().filter(|l| *l == "G53 G0 Z200.000000").count(), 2, "lifted at the end");
+
+    bench.run_file(&stage_of(&shell), &bench.command_laser("30"));
+    let child = until_lines(&bench, &["--arm", "--go-on"], bench.journal().len() + 1);
+    // A second run of the same job is kept out.
+    assert_ended(&bench.run(&["--arm", "--go-on"]), 2, &["run-journal-locked"]);
+    let begun = Instant::now();
+    interrupt(&child);
+    std::thread::sleep(Duration::from_millis(100));
+    interrupt(&child);
+    let out = child.wait_with_output().expect("ended");
+    assert_ended(&out, 1, &["run-aborted", "block B0002 was begun"]);
+    assert!(begun.elapsed() < Duration::from_secs(10));
+    let off = std::fs::read_to_string(bench.path("off.txt")).expect("switched off");
+    assert_eq!(off.lines().count(), 4, "before and after each run");
+}
+
+#[test]
+fn the_part_is_placed_before_each_set_up() {
+    let bench = Bench::with(2, "[setups]\ncolumns = 2\nregistration = [[\"1 mm\", \"1 mm\"], [\"9 mm\", \"9 mm\"]]\n");
+    let shell = Shell::new();
+    bench.shell_and_command(&shell);
+    let out = with_answers(&bench, &["--arm"], "\n\n");
+    assert_ended(&out, 0, &["[ready?] set-up 1 of 2", "[ready?] set-up 2 of 2", "4 of 4 done"]);
+    let out = with_answers(&bench, &[], "\n");
+    assert_ended(&out, 1, &["nobody answers", "set-up 2 of 2"]);
+}
+
+#[test]
+fn example_of_the_document_is_a_run_file() {
+    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/run-file.md")).expect("a document");
+    let example = text.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("an example");
+    let dir = folder();
+    let path = dir.path().join("run.toml");
+    std::fs::write(&path, example).expect("written");
+    let keys = terrace::run::settings::RunFile::read(&path).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(keys.machine, "xyz-galvo-40");
+}
+
+#[test]
+fn a_resumed_job_is_run_from_its_own_folder() {
+    let mut bench = Bench::new(2);
+    let rest = bench.path("rest.job");
+    let args = [Path::new("resume"), &bench.job, Path::new("--from"), Path::new("B0003"), Path::new("-o"), &rest];
+    assert_ended(&crate::support::terrace(args), 0, &[]);
+    bench.job = rest;
+    let shell = Shell::new();
+    bench.shell_and_command(&shell);
+    assert_ended(&bench.run(&["--arm"]), 0, &["2 of 2 done"]);
+    assert_eq!(bench.marked(), blocks(4)[2..]);
+    let mdi = &shell.control().mdi;
+    let moves: Vec<&str> = mdi.iter().filter_map(|line| line.strip_prefix("G53 G0 ")).collect();
+    assert_eq!(moves, moves_of(&bench.job.join("stage.ngc")));
+    assert!(bench.path("rest.run.jsonl").exists());
+}
+
+#[test]
+fn a_line_that_was_not_completed_is_removed_and_a_wrong_one_refused() {
+    let bench = Bench::new(1);
+    let shell = Shell::new();
+    bench.shell_and_command(&shell);
+    assert_ended(&bench.run(&["--arm"]), 0, &[]);
+    let journal = bench.path("part.run.jsonl");
+    let text = std::fs::read_to_string(&journal).expect("a journal");
+    // Up to the middle of the last block's end: it was marked, and nothing says so.
+    let cut = text.rfind("\"end\",\"block\"").expect("a line");
+    std::fs::write(&journal, &text[..cut]).expect("written");
+    assert_ended(&bench.run(&["--arm"]), 2, &["run-in-doubt", "--redo B0002"]);
+    assert_ended(&bench.run(&["--arm", "--go-on", "--skip", "B0002"]), 0, &["0 blocks, 2 of 2 done"]);
+    assert_eq!(bench.marked(), blocks(2));
+    for wrong in ["no JSON\n", "{\"time_s\":1,\"event\":\"end\",\"block\":\"B0001\"}\n"] {
+        std::fs::write(&journal, wrong).expect("written");
+        assert_ended(&bench.run(&["--arm"]), 2, &["run-journal", "part.run.jsonl:1"]);
+    }
+}

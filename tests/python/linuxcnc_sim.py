@@ -1,0 +1,204 @@
+"""The whole controller of LinuxCNC in simulation, with a scan card made of HAL components.
+
+    linuxcnc_sim.py ROOT FOLDER PORT
+
+ROOT is the unpacked package (setup.sh), FOLDER an empty folder for its files, PORT that of linuxcncrsh. Needs no
+display, no realtime kernel and no installation; LinuxCNC refuses to run as root, so as root it runs as nobody.
+
+Prints `ready` when linuxcncrsh answers. Then takes lines on standard input: `card DELAY WIDTH` sets, in s, how long
+after START BUSY rises and for how long it stays, and `pins` asks for START and BUSY; the answer to both is those two. Samples of every ms go to
+FOLDER/samples.txt: number, x, y, z (commanded, mm), START, BUSY. Ends with its standard input.
+"""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+ROOT, FOLDER, PORT = sys.argv[1], sys.argv[2], sys.argv[3]
+USR = f"{ROOT}/usr"
+# Keys of the shared memory of NML, HAL, motion and sampler: one controller at a time on a computer.
+KEYS = [0x3E9, 0x3EA, 0x3EB, 0x3EC, 0x3ED, 0x48484C34, 0x48414C32, 0x64, 0x48534130]
+
+INI = """[EMC]
+MACHINE = terrace-test
+VERSION = 1.1
+NML_FILE = {folder}/linuxcnc.nml
+[TASK]
+TASK = milltask
+CYCLE_TIME = 0.005
+[RS274NGC]
+PARAMETER_FILE = {folder}/sim.var
+[EMCMOT]
+COMM_TIMEOUT = 1.0
+SERVO_PERIOD = 1000000
+[EMCIO]
+CYCLE_TIME = 0.1
+TOOL_TABLE = {folder}/tool.tbl
+[TRAJ]
+COORDINATES = XYZ
+LINEAR_UNITS = mm
+ANGULAR_UNITS = degree
+MAX_LINEAR_VELOCITY = 500
+DEFAULT_LINEAR_ACCELERATION = 2000
+MAX_LINEAR_ACCELERATION = 5000
+[KINS]
+JOINTS = 3
+KINEMATICS = trivkins coordinates=XYZ
+"""
+AXIS = """[{section}]
+TYPE = LINEAR
+MIN_LIMIT = -1000
+MAX_LIMIT = 1000
+MAX_VELOCITY = 300
+MAX_ACCELERATION = 3000
+FERROR = 1
+MIN_FERROR = 1
+HOME = 0
+HOME_OFFSET = 0
+HOME_SEARCH_VEL = 0
+HOME_LATCH_VEL = 0
+HOME_SEQUENCE = 0
+"""
+HAL = """addf motion-command-handler servo-thread
+addf motion-controller servo-thread
+addf timedelay.0 servo-thread
+addf oneshot.0 servo-thread
+addf sampler.0 servo-thread
+net x joint.0.motor-pos-cmd => joint.0.motor-pos-fb sampler.0.pin.0
+net y joint.1.motor-pos-cmd => joint.1.motor-pos-fb sampler.0.pin.1
+net z joint.2.motor-pos-cmd => joint.2.motor-pos-fb sampler.0.pin.2
+net estop iocontrol.0.user-enable-out => iocontrol.0.emc-enable-in
+net prepare iocontrol.0.tool-prepare => iocontrol.0.tool-prepared
+net change iocontrol.0.tool-change => iocontrol.0.tool-changed
+net start motion.digital-out-00 => timedelay.0.in sampler.0.pin.3
+net begun timedelay.0.out => oneshot.0.in
+net busy oneshot.0.out => motion.digital-in-00 sampler.0.pin.4
+setp timedelay.0.on-delay 0.02
+setp oneshot.0.width 0.05
+"""
+
+children = []
+
+
+def command(words):
+    return (["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"] if os.getuid() == 0 else []) + words
+
+
+def environment():
+    libraries = f"{USR}/lib:{USR}/lib/x86_64-linux-gnu"
+    own = {"LD_LIBRARY_PATH": libraries, "HOME": FOLDER, "RTAPI_FIFO_PATH": f"{FOLDER}/fifo", "EMC2_HOME": USR}
+    return {**os.environ, **own, "INI_FILE_NAME": f"{FOLDER}/sim.ini", "PATH": f"{USR}/bin:{os.environ['PATH']}"}
+
+
+def start(*words):
+    """Starts a program that stays; its output goes to a file of its name."""
+    out = open(f"{FOLDER}/{words[0]}.log", "ab")
+    child = subprocess.Popen(command(list(words)), cwd=USR, env=environment(), stdin=subprocess.DEVNULL, stdout=out,
+                             stderr=out, start_new_session=True)
+    children.append(child)
+    return child
+
+
+def call(*words):
+    done = subprocess.run(command(list(words)), cwd=USR, env=environment(), stdin=subprocess.DEVNULL,
+                          capture_output=True, text=True, timeout=20)
+    if done.returncode != 0:
+        sys.exit(f"{' '.join(words)}: {done.stdout}{done.stderr}")
+    return done.stdout
+
+
+def wait_for(what, is_there):
+    end = time.monotonic() + 10
+    while not is_there():
+        if time.monotonic() > end:
+            sys.exit(f"{what} is not there after 10 s: see {FOLDER}")
+        time.sleep(0.02)
+
+
+def answers():
+    try:
+        socket.create_connection(("localhost", int(PORT)), 1).close()
+        return True
+    except OSError:
+        return False
+
+
+def write(name, text):
+    with open(f"{FOLDER}/{name}", "w") as file:
+        file.write(text)
+
+
+def free_memory():
+    """Removes what a controller that was killed has left; refuses beside one that runs."""
+    for line in open("/proc/sysvipc/shm").read().splitlines()[1:]:
+        words = line.split()
+        if int(words[0]) & 0xFFFFFFFF in KEYS:
+            if int(words[6]) > 0:
+                sys.exit("another LinuxCNC runs on this computer")
+            subprocess.run(["ipcrm", "-m", words[1]], check=True)
+
+
+def up():
+    free_memory()
+    axes = "".join(AXIS.format(section=s) for n, a in enumerate("XYZ") for s in (f"AXIS_{a}", f"JOINT_{n}"))
+    write("sim.ini", INI.format(folder=FOLDER) + axes)
+    write("sim.hal", HAL)
+    write("tool.tbl", "T1 P1 D0 Z+0\n")
+    write("linuxcnc.nml", open(f"{USR}/share/linuxcnc/linuxcnc.nml").read())
+    if os.getuid() == 0:
+        for path, _, names in os.walk(FOLDER):
+            for name in [path] + [f"{path}/{n}" for n in names]:
+                os.chown(name, 65534, 65534)
+    start("linuxcncsvr", "-ini", f"{FOLDER}/sim.ini")
+    # The first one stays and loads what the others ask for.
+    start("rtapi_app", "load", "tpmod")
+    wait_for("rtapi_app", lambda: os.path.exists(f"{FOLDER}/fifo"))
+    time.sleep(0.3)
+    start("io", "-ini", f"{FOLDER}/sim.ini")
+    for module in (["homemod"], ["trivkins", "coordinates=XYZ"],
+                   ["motmod", "servo_period_nsec=1000000", "num_joints=3", "num_dio=1"],
+                   ["timedelay", "count=1"], ["oneshot", "count=1"], ["sampler", "depth=8000", "cfg=fffbb"]):
+        call("rtapi_app", "load", *module)
+    call("halcmd", "-f", f"{FOLDER}/sim.hal")
+    call("halcmd", "start")
+    start("halsampler", "-t", f"{FOLDER}/samples.txt")
+    start("milltask", "-ini", f"{FOLDER}/sim.ini")
+    time.sleep(0.5)
+    start("linuxcncrsh", "--port", PORT, "--name", "terrace-test", "--", "-ini", f"{FOLDER}/sim.ini")
+    wait_for("linuxcncrsh", answers)
+
+
+def down():
+    for child in reversed(children):
+        child.terminate()
+    # The server goes on as a child of what was started; its arguments name this folder.
+    for pid in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            if f"{FOLDER}/sim.ini" in open(f"/proc/{pid}/cmdline").read().split("\0"):
+                os.kill(int(pid), signal.SIGTERM)
+        except OSError:
+            pass
+    time.sleep(0.5)
+    for child in children:
+        child.kill()
+    for child in children:
+        child.wait()
+    free_memory()
+
+
+signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+try:
+    up()
+    print("ready", flush=True)
+    for line in sys.stdin:
+        words = line.split()
+        if words[0] == "card":
+            call("halcmd", "setp", "timedelay.0.on-delay", words[1])
+            call("halcmd", "setp", "oneshot.0.width", words[2])
+        pins = [call("halcmd", "-s", "gets", signal_name).strip() for signal_name in ("start", "busy")]
+        print(*pins, flush=True)
+finally:
+    down()
