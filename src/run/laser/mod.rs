@@ -1,5 +1,8 @@
 //! Lasers: each driver hands the file of a block to one kind of marking software or card, and says when it is marked.
 
+pub mod lightburn;
+pub mod lmc;
+
 use std::path::PathBuf;
 use std::time::Duration;
 

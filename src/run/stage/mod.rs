@@ -1,5 +1,7 @@
 //! Stages: each driver moves one kind of control, and says when the stage stands still.
 
+pub mod grbl;
+
 use std::time::Duration;
 
 use super::Interrupt;

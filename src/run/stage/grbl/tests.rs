@@ -1,0 +1,231 @@
+//! The driver against the simulator of `tests/python`, over a pseudo-terminal.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+
+use super::*;
+
+/// A running simulator.
+struct Simulator {
+    child: Child,
+    port: String,
+    log: PathBuf,
+    _folder: tempfile::TempDir,
+}
+
+impl Simulator {
+    fn start(arguments: &[&str]) -> Self {
+        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/grbl_simulator.py");
+        let folder = tempfile::tempdir().expect("a folder");
+        let log = folder.path().join("log");
+        let mut child = Command::new("python3")
+            .args([script, "--log"])
+            .arg(&log)
+            .args(["--wco=-300,-300,-200", "--name", "stage 7"])
+            .args(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("python3 starts");
+        let mut port = String::new();
+        BufReader::new(child.stdout.take().expect("piped")).read_line(&mut port).expect("the name of the terminal");
+        Self { child, port: port.trim().into(), log, _folder: folder }
+    }
+
+    /// A driver that waits less long than for a board.
+    fn driver(&self) -> Grbl {
+        let mut grbl = Grbl::new(&self.port, None, Some("stage 7".into()));
+        let ms = Duration::from_millis;
+        let (answer, repeat, boot, motion) = (ms(400), ms(100), ms(400), ms(3000));
+        grbl.waits = Waits { answer, repeat, boot, motion, hold: ms(400), begin: ms(200), spare: ms(300) };
+        grbl
+    }
+
+    fn opened(&self) -> Grbl {
+        let mut grbl = self.driver();
+        grbl.open().expect("it is ready");
+        grbl
+    }
+
+    /// What it has logged, without times.
+    fn log(&self) -> Vec<String> {
+        let text = std::fs::read_to_string(&self.log).unwrap_or_default();
+        text.lines().filter_map(|line| line.split_once(' ')).map(|(_, event)| event.to_owned()).collect()
+    }
+}
+
+impl Drop for Simulator {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn to(words: &[(char, i64)]) -> Move {
+    Move(words.to_vec())
+}
+
+fn go(grbl: &mut Grbl, words: &[(char, i64)]) -> Result<(), Diag> {
+    grbl.go(&to(words), &Interrupt::default())
+}
+
+#[test]
+fn moves_arrive_and_lines_are_those_of_the_stage_program() {
+    let simulator = Simulator::start(&[]);
+    let mut grbl = simulator.driver();
+    let opened = grbl.open().expect("it is ready");
+    assert!(opened.contains("VER:1.1h.20190825:stage 7") && opened.ends_with("X300.000 Y300.000 Z200.000"), "{opened}");
+    go(&mut grbl, &[('Z', 150_000_000)]).expect("there");
+    go(&mut grbl, &[('X', 250_001_000), ('Y', 280_123_457)]).expect("there");
+    assert_eq!(simulator.log().last().map(String::as_str), Some("at 250.0000 280.1225 150.0000"), "rounded to steps");
+    // No motion at all.
+    go(&mut grbl, &[('Z', 150_000_000)]).expect("there");
+    grbl.halt().expect("off");
+    let lines: Vec<String> = simulator.log().into_iter().filter(|l| l.starts_with("line ")).collect();
+    let wanted = ["$I", "$$", "G21G90G94G17G40G80", "M5", "$#", "G90G21G0Z150.000000"].map(|l| format!("line {l}"));
+    assert_eq!(lines[..6], wanted);
+    assert_eq!(lines[6], "line G90G21G0X250.001000Y280.123457");
+    assert_eq!(lines.last().map(String::as_str), Some("line M5"));
+    assert!(!simulator.log().iter().any(|l| l == "reset"), "an idle control is not reset");
+}
+
+#[test]
+fn reports_in_work_coordinates_are_read_too() {
+    let simulator = Simulator::start(&["--set", "10=2"]);
+    go(&mut simulator.opened(), &[('X', 299_000_000)]).expect("there");
+    assert_eq!(simulator.log().last().map(String::as_str), Some("at 299.0000 300.0000 200.0000"));
+}
+
+#[test]
+fn every_fault_in_a_move_stops_the_stage_and_says_what_is_certain() {
+    let kept = "the stage is halted and its output off; its position is kept";
+    let lost = "the stage is halted and its output off; its position is not certain: home it";
+    let unknown = "whether the stage stands and where it is are not certain";
+    let cases = [
+        ("alarm", "grbl-alarm", lost),
+        ("door", "grbl-state", kept),
+        ("hold", "grbl-state", kept),
+        ("reset", "grbl-reset", lost),
+        ("silent", "grbl-answer", unknown),
+        ("drop-ok", "grbl-answer", kept),
+        ("drop-end", "grbl-answer", kept),
+        ("drop-digit", "grbl-position", kept),
+        ("stuck", "grbl-time", kept),
+    ];
+    let case = |(fault, code, certain): (&str, &str, &str)| {
+        let quick = ["--set", "120=50000", "--set", "121=50000"];
+        let simulator = Simulator::start(&[&quick[..], &["--fault", &format!("{fault}@2")]].concat());
+        let mut grbl = simulator.opened();
+        go(&mut grbl, &[('X', 299_000_000), ('Y', 299_000_000)]).expect("there");
+        let e = go(&mut grbl, &[('X', 289_000_000), ('Y', 289_000_000)]).expect_err(fault);
+        assert_eq!(e.code, code, "{fault}: {e}");
+        assert!(e.message.contains(certain) && !e.hint.is_empty(), "{fault}: {e}");
+        let log = simulator.log();
+        let moved = log.iter().filter(|l| l.starts_with("at ")).count();
+        // GRBL ends a move that arrives elsewhere, and one that it does not answer to before the driver gives up.
+        let is_whole = ["drop-digit", "drop-ok", "silent"].contains(&fault);
+        assert_eq!(moved, 1 + usize::from(is_whole), "{fault}: {log:?}");
+        assert_eq!(log.iter().any(|l| l == "reset"), fault != "drop-digit", "{fault}: {log:?}");
+        assert_eq!(grbl.halt().is_err(), fault == "silent", "{fault}");
+    };
+    std::thread::scope(|scope| cases.map(|fault| scope.spawn(move || case(fault))).map(|t| t.join().expect("as wanted")));
+}
+
+#[test]
+fn a_control_that_is_not_ready_or_another_one_is_refused() {
+    let cases = [
+        (["--start", "alarm"], "grbl-homing"),
+        (["--name", "stage 8"], "grbl-identity"),
+        (["--set", "22=0"], "grbl-setting"),
+        (["--set", "13=1"], "grbl-setting"),
+        (["--set", "110=0"], "grbl-setting"),
+        (["--g92", "1,0,0"], "grbl-zero"),
+        (["--fault", "silent@0"], "grbl-answer"),
+    ];
+    let case = |(arguments, code): ([&str; 2], &str)| {
+        let simulator = Simulator::start(&arguments);
+        let e = simulator.driver().open().expect_err(code);
+        assert_eq!(e.code, code, "{arguments:?}: {e}");
+        assert!(!simulator.log().iter().any(|l| l.starts_with("line G0") || l.starts_with("at ")), "it never moves");
+    };
+    std::thread::scope(|scope| cases.map(|refused| scope.spawn(move || case(refused))).map(|t| t.join().expect("refused")));
+    let e = Grbl::new("/dev/no-such-port", None, None).open().expect_err("no port");
+    assert_eq!(e.code, "grbl-port");
+}
+
+#[test]
+fn abort_holds_and_keeps_the_position() {
+    let simulator = Simulator::start(&["--set", "110=600"]);
+    let mut grbl = simulator.opened();
+    let interrupt = Interrupt::default();
+    let e = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            std::thread::sleep(Duration::from_millis(100));
+            interrupt.request();
+            std::thread::sleep(Duration::from_millis(50));
+            interrupt.request();
+        });
+        grbl.go(&to(&[('X', 200_000_000)]), &interrupt).expect_err("aborted")
+    });
+    assert!(e.code == "grbl-aborted" && e.message.ends_with("its position is kept"), "{e}");
+    assert!(!simulator.log().iter().any(|l| l.starts_with("at ")), "not arrived");
+}
+
+#[test]
+fn a_broken_line_is_told_and_nothing_is_certain() {
+    let simulator = Simulator::start(&["--fault", "hang-up@1"]);
+    let mut grbl = simulator.opened();
+    let e = go(&mut grbl, &[('X', 200_000_000)]).expect_err("hung up");
+    assert!(["grbl-link", "grbl-answer"].contains(&e.code) && e.message.contains("not certain"), "{e}");
+    assert_eq!(grbl.halt().expect_err("no line").code, "grbl-off");
+}
+
+#[test]
+fn a_new_run_waits_for_the_move_of_a_killed_one() {
+    let simulator = Simulator::start(&["--set", "110=6000"]);
+    let mut first = simulator.opened();
+    let link = first.link.as_mut().expect("open");
+    link.send("G90 G21 G0 X270.000000").expect("sent");
+    assert_eq!(link.next(Instant::now() + Duration::from_secs(1)), Ok(Some(Reply::Ok)));
+    drop(first);
+    let mut second = simulator.opened();
+    assert_eq!(simulator.log().iter().filter(|l| *l == "at 270.0000 300.0000 200.0000").count(), 1);
+    go(&mut second, &[('X', 271_000_000)]).expect("there");
+}
+
+#[test]
+fn a_line_that_a_killed_run_left_unfinished_never_moves() {
+    let simulator = Simulator::start(&[]);
+    let mut first = simulator.opened();
+    let port = first.link.as_mut().expect("open");
+    port.real_time(b'G').expect("sent");
+    b"0 X27".iter().for_each(|byte| port.real_time(*byte).expect("sent"));
+    drop(first);
+    simulator.opened();
+    assert!(!simulator.log().iter().any(|l| l.starts_with("at ")), "{:?}", simulator.log());
+}
+
+#[test]
+fn lines_that_do_not_fit_are_refused_before_they_are_sent() {
+    let simulator = Simulator::start(&[]);
+    let mut grbl = simulator.opened();
+    for words in [&[('A', 0), ('X', 0)][..], &[('X', i64::MIN); 8], &[]] {
+        assert_eq!(go(&mut grbl, words).expect_err("refused").code, "grbl-axes");
+    }
+    let link = grbl.link.as_mut().expect("open");
+    link.send(&"x".repeat(79)).expect("80 bytes");
+    assert_eq!(link.send(&"x".repeat(47)).expect_err("128 bytes").code, "grbl-buffer");
+    link.send(&"x".repeat(46)).expect("127 bytes");
+}
+
+#[test]
+fn simulator_ends_when_its_receive_buffer_is_overrun() {
+    let mut simulator = Simulator::start(&[]);
+    // Its end would end the simulator as well.
+    let _stdin = simulator.child.stdin.take();
+    let mut port = serialport::new(&simulator.port, 115_200).open().expect("a port");
+    port.write_all(&b"G0 X1\n".repeat(30)).expect("written");
+    assert_eq!(simulator.child.wait().expect("it ends").code(), Some(3));
+}
