@@ -9,8 +9,8 @@
 //! when more answers tell it than answers are missing. LightBurn has no command that stops it: an abort leaves it
 //! marking, and the message says so.
 //!
-//! Source: "Automation With UDP Commands" of LightBurn's documentation, and programs that use it. Not tried with
-//! LightBurn itself.
+//! Ports: "Automation With UDP Commands" of LightBurn's documentation; commands and answers: programs for it, such as
+//! ioBroker.lightburn and lightburn_udp. Not tried with LightBurn itself.
 
 #[cfg(test)]
 mod tests;

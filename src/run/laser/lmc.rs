@@ -84,11 +84,8 @@ struct Waits {
     settle: Duration,
 }
 
-const WAITS: Waits = Waits {
-    begin: Duration::from_secs(1),
-    stop: Duration::from_secs(2),
-    settle: Duration::from_millis(50),
-};
+const WAITS: Waits =
+    Waits { begin: Duration::from_secs(1), stop: Duration::from_secs(2), settle: Duration::from_millis(50) };
 
 /// The two pipes of a card.
 pub trait Transport: Send {
@@ -131,8 +128,7 @@ impl Lmc {
 
     fn write(&mut self, packet: &[u8]) -> Result<(), Diag> {
         let transport = self.transport.as_mut();
-        let transport =
-            transport.ok_or_else(|| Diag::bug("lmc-closed", "the card was used before it was opened"))?;
+        let transport = transport.ok_or_else(|| Diag::bug("lmc-closed", "the card was used before it was opened"))?;
         transport.write(packet).map_err(|e| broken(&e))
     }
 
@@ -289,10 +285,14 @@ impl Lmc {
                 format!("the card could not be stopped ({}): the beam may be on until its list ends", e.message)
             }
         };
-        fault.message = format!("{}; {end}; {}", fault.message, match self.was_started {
-            true => format!("whether block {block} is marked, in part or not at all, is not certain"),
-            false => format!("block {block} is not marked"),
-        });
+        fault.message = format!(
+            "{}; {end}; {}",
+            fault.message,
+            match self.was_started {
+                true => format!("whether block {block} is marked, in part or not at all, is not certain"),
+                false => format!("block {block} is not marked"),
+            }
+        );
         if fault.hint.is_empty() {
             fault.hint = "look at the part, and decide whether the block is marked again".into();
         }

@@ -292,7 +292,8 @@ impl Grbl {
                 Ok(_) => return Ok(()),
                 Err(fault) if fault.code == "grbl-offset" => {
                     let text = "the active work offset of GRBL is not that of G54";
-                    let hint = "a reset clears G92, G43.1 and G55 to G59: switch to G54 and set the zero with G10 L20 P1";
+                    let hint =
+                        "a reset clears G92, G43.1 and G55 to G59: switch to G54 and set the zero with G10 L20 P1";
                     return Err(Diag::input("grbl-zero", text).hint(hint));
                 }
                 Err(fault) => return Err(fault),
@@ -457,7 +458,8 @@ impl Stage for Grbl {
             // A line without its end would become one with M5, and move.
             let is_clear = self.link()?.is_answered();
             if is_clear && state == Some(State::Idle) && self.command("M5").is_ok() {
-                return Ok(self.is_locked = false);
+                self.is_locked = false;
+                return Ok(());
             }
             self.reset(state)
         };

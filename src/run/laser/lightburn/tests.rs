@@ -172,7 +172,9 @@ fn silence_and_error_answers_stop_the_run_and_say_what_is_certain() {
         assert_eq!(responder.received().iter().filter(|c| *c == "START").count(), starts);
         assert_eq!(off.is_err(), faults.silent_from.is_some(), "{faults:?}");
     };
-    std::thread::scope(|scope| cases.map(|fault| scope.spawn(move || case(fault))).map(|t| t.join().expect("as wanted")));
+    std::thread::scope(|scope| {
+        cases.map(|fault| scope.spawn(move || case(fault))).map(|t| t.join().expect("as wanted"))
+    });
 }
 
 #[test]

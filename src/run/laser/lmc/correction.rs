@@ -26,9 +26,13 @@ pub(super) fn read(file: &Path) -> Result<Vec<[u16; 2]>, Diag> {
             .at(Place::file(file.display().to_string()))
             .hint("state the .cor file that EzCad uses for this lens")
     };
-    let values = values.filter(|v| v.len() >= 2 * POINTS).ok_or_else(|| fault("this is no field correction of 65 x 65 points"))?;
+    let values = values
+        .filter(|v| v.len() >= 2 * POINTS)
+        .ok_or_else(|| fault("this is no field correction of 65 x 65 points"))?;
     let shifts: Option<Vec<u16>> = values[..2 * POINTS].iter().map(|v| shift(*v)).collect();
-    shifts.map(|s| s.as_chunks().0.to_vec()).ok_or_else(|| fault("a shift of the field correction is beyond 32767 units"))
+    shifts
+        .map(|s| s.as_chunks().0.to_vec())
+        .ok_or_else(|| fault("a shift of the field correction is beyond 32767 units"))
 }
 
 fn shift(value: f64) -> Option<u16> {

@@ -77,7 +77,9 @@ impl List {
     }
 
     fn commands(&self) -> impl Iterator<Item = Words> {
-        self.0.chunks_exact(12).map(|bytes| [0, 1, 2, 3, 4, 5].map(|k| u16::from_le_bytes([bytes[2 * k], bytes[2 * k + 1]])))
+        self.0
+            .chunks_exact(12)
+            .map(|bytes| [0, 1, 2, 3, 4, 5].map(|k| u16::from_le_bytes([bytes[2 * k], bytes[2 * k + 1]])))
     }
 
     /// The same points with the pilot laser, all jumps at the speed of the marks, and the longest time to wait for its

@@ -291,8 +291,14 @@ fn lists_that_terrace_does_not_write_are_refused_before_anything_is_sent() {
         bytes[at..at + 2].copy_from_slice(&word.to_le_bytes());
         bytes
     };
-    let damaged =
-        [vec![], whole[..3071].to_vec(), changed(0, 0x8001), changed(26, 3), changed(12, 0x8003), changed(3060, 0x8001)];
+    let damaged = [
+        vec![],
+        whole[..3071].to_vec(),
+        changed(0, 0x8001),
+        changed(26, 3),
+        changed(12, 0x8003),
+        changed(3060, 0x8001),
+    ];
     for bytes in damaged {
         assert_eq!(mark(&mut lmc, &file(&bytes).work, Beam::Fire).expect_err("damaged").code, "lmc-list");
     }
@@ -302,7 +308,14 @@ fn lists_that_terrace_does_not_write_are_refused_before_anything_is_sent() {
 #[test]
 fn pilot_list_holds_nothing_of_the_laser_and_waits_as_long_as_it_takes() {
     let (list, longest) = List::read(&list(450), Path::new("B0007.lmc")).expect("a list").pilot();
-    let words: Vec<u16> = list.packets().flatten().copied().collect::<Vec<u8>>().chunks(12).map(|c| u16::from_le_bytes([c[0], c[1]])).collect();
+    let words: Vec<u16> = list
+        .packets()
+        .flatten()
+        .copied()
+        .collect::<Vec<u8>>()
+        .chunks(12)
+        .map(|c| u16::from_le_bytes([c[0], c[1]]))
+        .collect();
     assert!(words.iter().all(|w| [0x8051, 0x8011, 0x8006, 0x800D, 0x8001, 0x8002].contains(w)));
     assert_eq!(words.iter().filter(|w| **w == 0x8001).count(), 900);
     // 900 ways of 8192 units at 500 units per ms, and the delays.

@@ -28,8 +28,7 @@ impl Usb {
     pub(super) fn open(serial: Option<&str>) -> Result<Self, Diag> {
         let devices = nusb::list_devices().wait().map_err(|e| fault(&e.to_string()))?;
         let cards: Vec<_> = devices.filter(|d| (d.vendor_id(), d.product_id()) == (VENDOR, PRODUCT)).collect();
-        let found: Vec<_> =
-            cards.iter().filter(|d| serial.is_none() || d.serial_number() == serial).collect();
+        let found: Vec<_> = cards.iter().filter(|d| serial.is_none() || d.serial_number() == serial).collect();
         let [card] = found[..] else {
             let numbers: Vec<_> = cards.iter().map(|d| d.serial_number().unwrap_or("none")).collect();
             let text = format!("{} of {} BJJCZ cards fit; their serial numbers: {numbers:?}", found.len(), cards.len());

@@ -197,9 +197,15 @@ mod tests {
 
     #[test]
     fn damaged_lines_are_not_taken_for_anything() {
-        for line in
-            ["<Idle|MPos:0.000,0.000,0.000", "<Idl|MPos:0,0,0>", "<Idle|MPos:0,0>", "<Idle|MPos:0,,0>", "error:", "k", ""]
-        {
+        for line in [
+            "<Idle|MPos:0.000,0.000,0.000",
+            "<Idl|MPos:0,0,0>",
+            "<Idle|MPos:0,0>",
+            "<Idle|MPos:0,,0>",
+            "error:",
+            "k",
+            "",
+        ] {
             assert_eq!(Reply::parse(line), Reply::Other(line.into()));
         }
         assert_eq!(Reply::parse("<Idle|MPos:nan,0,0>"), Reply::Other("<Idle|MPos:nan,0,0>".into()));

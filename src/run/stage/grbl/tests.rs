@@ -130,7 +130,9 @@ fn every_fault_in_a_move_stops_the_stage_and_says_what_is_certain() {
         assert_eq!(log.iter().any(|l| l == "reset"), fault != "drop-digit", "{fault}: {log:?}");
         assert_eq!(grbl.halt().is_err(), fault == "silent", "{fault}");
     };
-    std::thread::scope(|scope| cases.map(|fault| scope.spawn(move || case(fault))).map(|t| t.join().expect("as wanted")));
+    std::thread::scope(|scope| {
+        cases.map(|fault| scope.spawn(move || case(fault))).map(|t| t.join().expect("as wanted"))
+    });
 }
 
 #[test]
@@ -150,7 +152,9 @@ fn a_control_that_is_not_ready_or_another_one_is_refused() {
         assert_eq!(e.code, code, "{arguments:?}: {e}");
         assert!(!simulator.log().iter().any(|l| l.starts_with("line G0") || l.starts_with("at ")), "it never moves");
     };
-    std::thread::scope(|scope| cases.map(|refused| scope.spawn(move || case(refused))).map(|t| t.join().expect("refused")));
+    std::thread::scope(|scope| {
+        cases.map(|refused| scope.spawn(move || case(refused))).map(|t| t.join().expect("refused"))
+    });
     let e = Grbl::new("/dev/no-such-port", None, None).open().expect_err("no port");
     assert_eq!(e.code, "grbl-port");
 }
