@@ -3,7 +3,7 @@
 Prints the path of the terminal and runs until its standard input ends. Modelled after the firmware's documentation and
 sources: one `ok` or `error:N` for each line, the receive buffer of 128 bytes and lines of 79 characters, the planner,
 real-time commands (`?`, `!`, `~`, 0x18, 0x84), status reports with MPos or WPos and with WCO in every tenth, alarms that
-lock, the state after a power-up with homing, soft limits, and $$, $I, $G, $H, $X. Not modelled: acceleration, arcs,
+lock, the state after a power-up with homing, soft limits, and $$, $N=VALUE, $I, $G, $#, $H, $X. Not modelled: acceleration, arcs,
 probing, jogging, tools, parking.
 
 Ends with 3 if a sender overruns the receive buffer. `--fault KIND@N` fails at move N, counted from 1:
@@ -277,6 +277,11 @@ class Grbl:
                 raise Refused(5)
             self.steps = [round(-self.settings[27] * self.settings[100 + k]) for k in range(3)]
             self.state = "Idle"
+        elif re.fullmatch(r"\$[0-9]+=[0-9.]+", text):
+            if self.state not in ("Idle", "Alarm"):
+                raise Refused(8)
+            key, value = setting(text[1:])
+            self.settings[key] = value
         else:
             raise Refused(3)
 
@@ -341,10 +346,7 @@ class Grbl:
 def run(master, options):
     grbl = Grbl(master, options)
     while True:
-        if grbl.blocks or grbl.held_until:
-            wait = 0.001
-        else:
-            wait = 0.05
+        wait = 0.003 if grbl.blocks or grbl.held_until else 0.05
         ready, _, _ = select.select([master, sys.stdin], [], [], wait)
         if sys.stdin in ready and not os.read(sys.stdin.fileno(), 4096):
             return

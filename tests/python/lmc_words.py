@@ -1,11 +1,10 @@
-"""Prints what galvoplotter's controller sends to a BJJCZ card, one packet a line in hex.
+"""Prints what galvoplotter's controller sends to a BJJCZ card, one packet a line in hex, an empty line after each order.
 
-  lmc_words.py open fiber|co2 [FILE.cor]   connecting
-  lmc_words.py mark fiber|co2 FILE.lmc     a list, with the controller's own switching and its own order of packets
-  lmc_words.py light fiber|co2 FILE.lmc    the points of a list with the pilot laser
-  lmc_words.py abort fiber|co2             an abort
+  lmc_words.py fiber|co2 ORDER...
 
-Requests for the version, with which it polls, are left out of all but the first."""
+Orders: `open` and `open=FILE.cor` (connecting), `mark=FILE.lmc` (a list, with the controller's own switching and its own
+order of packets), `light=FILE.lmc` (the points of a list with the pilot laser), `abort`. Requests for the version, with
+which it polls, are left out."""
 
 import struct
 import sys
@@ -53,20 +52,24 @@ def light(controller, path):
     controller.light_off()
 
 
-def main():
-    what, source, *rest = sys.argv[1:]
+def words(source, order):
+    what, _, path = order.partition("=")
     sent = []
-    MockConnection.read = lambda self, index=0: struct.pack("<4H", 0, 0, 0, 0x20)
     MockConnection.write = lambda self, index=0, packet=None: sent.append(bytes(packet))
-    controller = GalvoController(mock=True, galvos_per_mm=SCALE, cor_file=rest[0] if what == "open" and rest else None)
+    controller = GalvoController(mock=True, galvos_per_mm=SCALE, cor_file=path if what == "open" and path else None)
     controller.source = source
     controller.connect_if_needed()
     if what != "open":
         sent.clear()
-        {"mark": mark, "light": light, "abort": GalvoController.abort}[what](controller, *rest)
-    for packet in sent:
-        if what == "open" or packet[:2] != struct.pack("<H", GetVersion):
-            print(packet.hex())
+        {"mark": mark, "light": light, "abort": lambda c, _: c.abort()}[what](controller, path)
+    return [packet.hex() for packet in sent if packet[:2] != struct.pack("<H", GetVersion)]
+
+
+def main():
+    source, *orders = sys.argv[1:]
+    MockConnection.read = lambda self, index=0: struct.pack("<4H", 0, 0, 0, 0x20)
+    for order in orders:
+        print("\n".join(words(source, order)), end="\n\n")
 
 
 if __name__ == "__main__":

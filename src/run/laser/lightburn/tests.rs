@@ -9,7 +9,7 @@ use crate::run::stage::Move;
 /// What the responder does wrong.
 #[derive(Clone, Copy, Debug, Default)]
 struct Faults {
-    /// Requests and answers are lost again and again; it marks longer.
+    /// Requests and answers are lost again and again, the first load among them; it marks longer.
     lossy: bool,
     /// It answers nothing from this command on.
     silent_from: Option<&'static str>,
@@ -54,13 +54,15 @@ impl Responder {
 }
 
 fn respond(socket: &UdpSocket, faults: Faults, log: &Sender<String>) {
-    let (mut busy_until, mut is_silent, mut has_started, mut buffer) = (Instant::now(), false, false, [0; 512]);
+    let (mut is_silent, mut has_started, mut has_lost) = (false, false, false);
+    let (mut busy_until, mut buffer) = (Instant::now(), [0; 512]);
     for number in 1.. {
         let Ok((count, from)) = socket.recv_from(&mut buffer) else { return };
         let command = String::from_utf8_lossy(&buffer[..count]).into_owned();
         let name = command.split(':').next().unwrap_or_default();
         is_silent |= faults.silent_from == Some(name);
-        if is_silent || faults.lossy && name != "START" && number % 6 == 0 {
+        if is_silent || faults.lossy && name != "START" && (number % 6 == 0 || name == "FORCELOAD" && !has_lost) {
+            has_lost |= name == "FORCELOAD";
             continue;
         }
         if log.send(command.clone()).is_err() {

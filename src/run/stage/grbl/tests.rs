@@ -49,6 +49,13 @@ impl Simulator {
         grbl
     }
 
+    /// Stores a setting, as a terminal does.
+    fn set(&self, setting: &str) {
+        let mut link = Link::open(&self.port, DEFAULT_BAUD).expect("a port");
+        link.send(setting).expect("sent");
+        assert_eq!(link.next(Instant::now() + Duration::from_secs(1)), Ok(Some(Reply::Ok)));
+    }
+
     /// What it has logged, without times.
     fn log(&self) -> Vec<String> {
         let text = std::fs::read_to_string(&self.log).unwrap_or_default();
@@ -89,13 +96,11 @@ fn moves_arrive_and_lines_are_those_of_the_stage_program() {
     assert_eq!(lines[6], "line G90G21G0X250.001000Y280.123457");
     assert_eq!(lines.last().map(String::as_str), Some("line M5"));
     assert!(!simulator.log().iter().any(|l| l == "reset"), "an idle control is not reset");
-}
-
-#[test]
-fn reports_in_work_coordinates_are_read_too() {
-    let simulator = Simulator::start(&["--set", "10=2"]);
+    drop(grbl);
+    // Reports in work coordinates.
+    simulator.set("$10=2");
     go(&mut simulator.opened(), &[('X', 299_000_000)]).expect("there");
-    assert_eq!(simulator.log().last().map(String::as_str), Some("at 299.0000 300.0000 200.0000"));
+    assert_eq!(simulator.log().last().map(String::as_str), Some("at 299.0000 280.1225 150.0000"));
 }
 
 #[test]
@@ -137,24 +142,27 @@ fn every_fault_in_a_move_stops_the_stage_and_says_what_is_certain() {
 
 #[test]
 fn a_control_that_is_not_ready_or_another_one_is_refused() {
-    let cases = [
+    for (arguments, code) in [
         (["--start", "alarm"], "grbl-homing"),
-        (["--name", "stage 8"], "grbl-identity"),
-        (["--set", "22=0"], "grbl-setting"),
-        (["--set", "13=1"], "grbl-setting"),
-        (["--set", "110=0"], "grbl-setting"),
         (["--g92", "1,0,0"], "grbl-zero"),
         (["--fault", "silent@0"], "grbl-answer"),
-    ];
-    let case = |(arguments, code): ([&str; 2], &str)| {
-        let simulator = Simulator::start(&arguments);
-        let e = simulator.driver().open().expect_err(code);
+    ] {
+        let e = Simulator::start(&arguments).driver().open().expect_err(code);
         assert_eq!(e.code, code, "{arguments:?}: {e}");
-        assert!(!simulator.log().iter().any(|l| l.starts_with("line G0") || l.starts_with("at ")), "it never moves");
-    };
-    std::thread::scope(|scope| {
-        cases.map(|refused| scope.spawn(move || case(refused))).map(|t| t.join().expect("refused"))
-    });
+    }
+    let simulator = Simulator::start(&[]);
+    let mut other = simulator.driver();
+    other.identity = Some("stage 8".into());
+    assert_eq!(other.open().expect_err("another stage").code, "grbl-identity");
+    drop(other);
+    for [wrong, right] in [["$22=0", "$22=1"], ["$13=1", "$13=0"], ["$110=0", "$110=60000"]] {
+        simulator.set(wrong);
+        let e = simulator.driver().open().expect_err(wrong);
+        assert_eq!(e.code, "grbl-setting", "{wrong}: {e}");
+        simulator.set(right);
+    }
+    simulator.opened();
+    assert!(!simulator.log().iter().any(|l| l.starts_with("line G0") || l.starts_with("at ")), "it never moves");
     let e = Grbl::new("/dev/no-such-port", None, None).open().expect_err("no port");
     assert_eq!(e.code, "grbl-port");
 }
@@ -187,7 +195,7 @@ fn a_broken_line_is_told_and_nothing_is_certain() {
 }
 
 #[test]
-fn a_new_run_waits_for_the_move_of_a_killed_one() {
+fn a_new_run_waits_for_the_move_of_a_killed_one_and_never_ends_its_line() {
     let simulator = Simulator::start(&["--set", "110=6000"]);
     let mut first = simulator.opened();
     let link = first.link.as_mut().expect("open");
@@ -197,18 +205,11 @@ fn a_new_run_waits_for_the_move_of_a_killed_one() {
     let mut second = simulator.opened();
     assert_eq!(simulator.log().iter().filter(|l| *l == "at 270.0000 300.0000 200.0000").count(), 1);
     go(&mut second, &[('X', 271_000_000)]).expect("there");
-}
-
-#[test]
-fn a_line_that_a_killed_run_left_unfinished_never_moves() {
-    let simulator = Simulator::start(&[]);
-    let mut first = simulator.opened();
-    let port = first.link.as_mut().expect("open");
-    port.real_time(b'G').expect("sent");
-    b"0 X27".iter().for_each(|byte| port.real_time(*byte).expect("sent"));
-    drop(first);
+    let link = second.link.as_mut().expect("open");
+    b"G0 X27".iter().for_each(|byte| link.real_time(*byte).expect("sent"));
+    drop(second);
     simulator.opened();
-    assert!(!simulator.log().iter().any(|l| l.starts_with("at ")), "{:?}", simulator.log());
+    assert_eq!(simulator.log().iter().filter(|l| l.starts_with("at ")).count(), 2, "{:?}", simulator.log());
 }
 
 #[test]
