@@ -6,7 +6,8 @@ real-time commands (`?`, `!`, `~`, 0x18, 0x84), status reports with MPos or WPos
 lock, the state after a power-up with homing, soft limits, and $$, $N=VALUE, $I, $G, $#, $H, $X. Not modelled: acceleration, arcs,
 probing, jogging, tools, parking.
 
-Ends with 3 if a sender overruns the receive buffer. `--fault KIND@N` fails at move N, counted from 1:
+Ends with 3 if a sender overruns the receive buffer. `--fault KIND@N` fails at move N, counted from 1; given several times,
+each fault has its own terminal and its own log, FILE.0 and so on:
 
   alarm, door, hold, reset   in mid-move: hard limit, door opened, feed hold pressed, power cycled
   silent                     sends nothing more, from then on (0: from the start); it still moves
@@ -387,14 +388,23 @@ def main():
     parser.add_argument("--g92", type=lambda t: [float(v) for v in t.split(",")], default=[0.0] * 3, metavar="X,Y,Z",
                         help="offset of G92 until a reset, mm")
     parser.add_argument("--set", type=setting, action="append", default=[], metavar="N=VALUE", help="a setting of $$")
-    parser.add_argument("--fault", type=fault, default=("", 0), metavar="KIND@N")
+    parser.add_argument("--fault", type=fault, action="append", default=[], metavar="KIND@N")
     parser.add_argument("--log", help="appends the lines, moves and resets to this file, each with its time in s")
     options = parser.parse_args()
-    master, slave = os.openpty()
-    tty.setraw(slave)
-    print(os.ttyname(slave), flush=True)
-    os.close(slave)
-    run(master, options)
+    faults = options.fault or [("", 0)]
+    for number, options.fault in enumerate(faults):
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        print(os.ttyname(slave), flush=True)
+        os.close(slave)
+        if len(faults) > 1:
+            if os.fork() > 0:
+                os.close(master)
+                continue
+            options.log = options.log and f"{options.log}.{number}"
+        return run(master, options)
+    for _ in faults:
+        os.wait()
 
 
 if __name__ == "__main__":

@@ -3,43 +3,66 @@
 use std::io::{BufRead, BufReader, Write};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Mutex};
 
 use super::*;
 
+/// The process of one or more simulators.
+struct Process(Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // They end with their standard input.
+        let _ = self.0.wait();
+    }
+}
+
 /// A running simulator.
 struct Simulator {
-    child: Child,
+    process: Arc<Mutex<Process>>,
     port: String,
     log: PathBuf,
-    _folder: tempfile::TempDir,
+    _folder: Arc<tempfile::TempDir>,
 }
 
 impl Simulator {
     fn start(arguments: &[&str]) -> Self {
+        Self::start_all(arguments, &[]).remove(0)
+    }
+
+    /// One simulator for each fault.
+    fn start_all(arguments: &[&str], faults: &[String]) -> Vec<Self> {
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/grbl_simulator.py");
-        let folder = tempfile::tempdir().expect("a folder");
+        let folder = Arc::new(tempfile::tempdir().expect("a folder"));
         let log = folder.path().join("log");
         let mut child = Command::new("python3")
-            .args([script, "--log"])
+            .args(["-I", "-S", script, "--log"])
             .arg(&log)
             .args(["--wco=-300,-300,-200", "--name", "stage 7"])
             .args(arguments)
+            .args(faults.iter().flat_map(|fault| ["--fault", fault]))
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
             .expect("python3 starts");
-        let mut port = String::new();
-        BufReader::new(child.stdout.take().expect("piped")).read_line(&mut port).expect("the name of the terminal");
-        Self { child, port: port.trim().into(), log, _folder: folder }
+        let ports = BufReader::new(child.stdout.take().expect("piped")).lines();
+        let process = Arc::new(Mutex::new(Process(child)));
+        let all = ports.take(faults.len().max(1)).enumerate().map(|(i, port)| Self {
+            process: process.clone(),
+            port: port.expect("the name of a terminal"),
+            log: if faults.len() > 1 { folder.path().join(format!("log.{i}")) } else { log.clone() },
+            _folder: folder.clone(),
+        });
+        all.collect()
     }
 
     /// A driver that waits less long than for a board.
     fn driver(&self) -> Grbl {
         let mut grbl = Grbl::new(&self.port, None, Some("stage 7".into()));
         let ms = Duration::from_millis;
-        let (answer, repeat, boot, motion) = (ms(400), ms(100), ms(400), ms(3000));
-        grbl.waits = Waits { answer, repeat, boot, motion, hold: ms(400), begin: ms(200), spare: ms(300) };
+        let (answer, repeat, boot, motion) = (ms(800), ms(200), ms(800), ms(3000));
+        grbl.waits = Waits { answer, repeat, boot, motion, hold: ms(800), begin: ms(200), spare: ms(500) };
         grbl
     }
 
@@ -60,13 +83,6 @@ impl Simulator {
     fn log(&self) -> Vec<String> {
         let text = std::fs::read_to_string(&self.log).unwrap_or_default();
         text.lines().filter_map(|line| line.split_once(' ')).map(|(_, event)| event.to_owned()).collect()
-    }
-}
-
-impl Drop for Simulator {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 
@@ -119,9 +135,9 @@ fn every_fault_in_a_move_stops_the_stage_and_says_what_is_certain() {
         ("drop-digit", "grbl-position", kept),
         ("stuck", "grbl-time", kept),
     ];
-    let case = |(fault, code, certain): (&str, &str, &str)| {
-        let quick = ["--set", "120=50000", "--set", "121=50000"];
-        let simulator = Simulator::start(&[&quick[..], &["--fault", &format!("{fault}@2")]].concat());
+    let quick = ["--set", "120=50000", "--set", "121=50000"];
+    let faults = cases.map(|(fault, ..)| format!("{fault}@2"));
+    let case = |(simulator, (fault, code, certain)): (Simulator, (&str, &str, &str))| {
         let mut grbl = simulator.opened();
         go(&mut grbl, &[('X', 299_000_000), ('Y', 299_000_000)]).expect("there");
         let e = go(&mut grbl, &[('X', 289_000_000), ('Y', 289_000_000)]).expect_err(fault);
@@ -135,8 +151,11 @@ fn every_fault_in_a_move_stops_the_stage_and_says_what_is_certain() {
         assert_eq!(log.iter().any(|l| l == "reset"), fault != "drop-digit", "{fault}: {log:?}");
         assert_eq!(grbl.halt().is_err(), fault == "silent", "{fault}");
     };
+    let simulators = Simulator::start_all(&quick, &faults);
+    assert_eq!(simulators.len(), cases.len());
     std::thread::scope(|scope| {
-        cases.map(|fault| scope.spawn(move || case(fault))).map(|t| t.join().expect("as wanted"))
+        let running: Vec<_> = simulators.into_iter().zip(cases).map(|one| scope.spawn(move || case(one))).collect();
+        running.into_iter().for_each(|one| one.join().expect("as wanted"));
     });
 }
 
@@ -227,10 +246,11 @@ fn lines_that_do_not_fit_are_refused_before_they_are_sent() {
 
 #[test]
 fn simulator_ends_when_its_receive_buffer_is_overrun() {
-    let mut simulator = Simulator::start(&[]);
-    // Its end would end the simulator as well.
-    let _stdin = simulator.child.stdin.take();
+    let simulator = Simulator::start(&[]);
     let mut port = serialport::new(&simulator.port, 115_200).open().expect("a port");
     port.write_all(&b"G0 X1\n".repeat(30)).expect("written");
-    assert_eq!(simulator.child.wait().expect("it ends").code(), Some(3));
+    let mut process = simulator.process.lock().expect("one test");
+    // The end of its input would end it as well.
+    let _input = process.0.stdin.take();
+    assert_eq!(process.0.wait().expect("it ends").code(), Some(3));
 }
