@@ -32,6 +32,9 @@ const PORTS: [u16; 2] = [19840, 19841];
 /// Time between two requests for status.
 const POLL: Duration = Duration::from_millis(10);
 
+/// The longest time until an abort is seen.
+const SLICE: Duration = Duration::from_millis(100);
+
 /// Requests that may be repeated are sent so often.
 const TRIES: usize = 3;
 
@@ -117,19 +120,25 @@ impl Link {
     }
 
     /// Sends a command and waits for an answer; those that came before are dropped.
-    fn request(&mut self, command: &str, longest: Duration) -> Result<Option<Answer>, Diag> {
+    fn request(&mut self, command: &str, longest: Duration, interrupt: &Interrupt) -> Result<Option<Answer>, Diag> {
         while self.receive(Duration::ZERO)?.is_some() {}
-        self.unanswered.push_back(Instant::now());
-        match self.socket.send_to(command.as_bytes(), self.to) {
-            Ok(_) => self.receive(longest),
-            Err(e) => Err(broken(&e)),
+        let begin = Instant::now();
+        self.unanswered.push_back(begin);
+        self.socket.send_to(command.as_bytes(), self.to).map_err(|e| broken(&e))?;
+        loop {
+            let left = longest.saturating_sub(begin.elapsed());
+            match self.receive(left.min(SLICE))? {
+                None if interrupt.is_abort() => return Err(aborted()),
+                None if left > SLICE => {}
+                answer => return Ok(answer),
+            }
         }
     }
 
     /// The same, repeated where no answer comes: for commands that may be done twice.
-    fn repeat(&mut self, command: &str, longest: Duration) -> Result<Option<Answer>, Diag> {
+    fn repeat(&mut self, command: &str, longest: Duration, interrupt: &Interrupt) -> Result<Option<Answer>, Diag> {
         for _ in 0..TRIES {
-            if let Some(answer) = self.request(command, longest)? {
+            if let Some(answer) = self.request(command, longest, interrupt)? {
                 return Ok(Some(answer));
             }
         }
@@ -168,9 +177,9 @@ impl LightBurn {
         let (begin, mut heard) = (Instant::now(), Instant::now());
         loop {
             if interrupt.is_abort() {
-                return Err(Diag::limit("lightburn-aborted", "the run was aborted"));
+                return Err(aborted());
             }
-            match link.request("STATUS", answer)? {
+            match link.request("STATUS", answer, interrupt)? {
                 Some(Answer::Other(text)) => return Err(unknown("STATUS", &text)),
                 Some(state) => {
                     heard = Instant::now();
@@ -190,13 +199,13 @@ impl LightBurn {
     }
 
     /// Loads the file of a block. Nothing is marked by that.
-    fn load(&mut self, work: &Work) -> Result<(), Diag> {
+    fn load(&mut self, work: &Work, interrupt: &Interrupt) -> Result<(), Diag> {
         let file = work.file.as_deref().ok_or_else(|| {
             Diag::bug("lightburn-file", format!("block {} was handed to LightBurn without its file", work.block))
         })?;
         let path = self.path_there(file);
         let longest = self.waits.load;
-        match self.link()?.repeat(&format!("FORCELOAD:{path}"), longest)? {
+        match self.link()?.repeat(&format!("FORCELOAD:{path}"), longest, interrupt)? {
             Some(Answer::Ok) => Ok(()),
             Some(Answer::No) => {
                 let text = format!("LightBurn cannot load {path}; block {} is not marked", work.block);
@@ -228,7 +237,7 @@ impl LightBurn {
     fn start(&mut self, work: &Work, interrupt: &Interrupt) -> Result<(), Diag> {
         let Waits { answer, begin, .. } = self.waits;
         let block = &work.block;
-        match self.link()?.request("START", answer)? {
+        match self.link()?.request("START", answer, interrupt)? {
             Some(Answer::No) => {
                 let text = format!("LightBurn does not start: it says that block {block} is not marked");
                 return Err(Diag::limit("lightburn-start", text).hint("is the laser connected and ready in LightBurn?"));
@@ -285,7 +294,7 @@ impl Laser for LightBurn {
     fn open(&mut self) -> Result<String, Diag> {
         let mut link = self.connect()?;
         let to = link.to;
-        match link.repeat("PING", self.waits.answer)? {
+        match link.repeat("PING", self.waits.answer, &Interrupt::default())? {
             Some(Answer::Ok) => {}
             Some(Answer::No) => return Err(unknown("PING", "!")),
             Some(Answer::Other(text)) => return Err(unknown("PING", &text)),
@@ -310,7 +319,7 @@ impl Laser for LightBurn {
             let text = format!("LightBurn is marking something else; block {} is not marked", work.block);
             return Err(Diag::limit("lightburn-busy", text).hint("nothing else may start it during a run"));
         }
-        self.load(work)?;
+        self.load(work, interrupt)?;
         self.start(work, interrupt).map_err(|mut fault| {
             if ["lightburn-aborted", "lightburn-answer", "lightburn-link"].contains(&fault.code) {
                 let block = &work.block;
@@ -346,6 +355,10 @@ fn silent(longest: Duration) -> Diag {
 fn unknown(command: &str, answer: &str) -> Diag {
     Diag::limit("lightburn-unknown", format!("LightBurn answers {answer:?} to {command}"))
         .hint("this version of LightBurn may have other commands")
+}
+
+fn aborted() -> Diag {
+    Diag::limit("lightburn-aborted", "the run was aborted")
 }
 
 fn broken(e: &std::io::Error) -> Diag {

@@ -87,18 +87,12 @@ struct Waits {
 const WAITS: Waits =
     Waits { begin: Duration::from_secs(1), stop: Duration::from_secs(2), settle: Duration::from_millis(50) };
 
-/// The two pipes of a card.
-pub trait Transport: Send {
+/// The two pipes of a card: USB, or a stand-in in tests.
+trait Transport {
     /// Writes a command of 12 bytes or a packet of 3072.
-    ///
-    /// # Errors
-    /// Where the card does not take it.
     fn write(&mut self, packet: &[u8]) -> std::io::Result<()>;
 
     /// Reads the answer to a command.
-    ///
-    /// # Errors
-    /// Where there is none.
     fn read(&mut self) -> std::io::Result<[u8; 8]>;
 }
 
@@ -119,11 +113,6 @@ impl Lmc {
     /// connects.
     pub fn new(serial: Option<String>, correction: Option<PathBuf>, laser: LmcLaser) -> Self {
         Self { serial, correction, laser, waits: WAITS, transport: None, was_started: false }
-    }
-
-    /// The card behind a transport, such as a stand-in.
-    pub fn with_transport(transport: Box<dyn Transport>, correction: Option<PathBuf>, laser: LmcLaser) -> Self {
-        Self { transport: Some(transport), ..Self::new(None, correction, laser) }
     }
 
     fn write(&mut self, packet: &[u8]) -> Result<(), Diag> {

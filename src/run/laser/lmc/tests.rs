@@ -63,7 +63,8 @@ impl Transport for Pipe {
 
 fn driver(card: Card, laser: LmcLaser) -> (Lmc, Arc<Mutex<Card>>) {
     let card = Arc::new(Mutex::new(card));
-    let mut lmc = Lmc::with_transport(Box::new(Pipe(card.clone())), None, laser);
+    let mut lmc = Lmc::new(None, None, laser);
+    lmc.transport = Some(Box::new(Pipe(card.clone())));
     let ms = Duration::from_millis;
     lmc.waits = Waits { begin: ms(50), stop: ms(100), settle: ms(0) };
     (lmc, card)

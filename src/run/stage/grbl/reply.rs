@@ -104,7 +104,7 @@ impl Reply {
         if let Some(number) = line.strip_prefix("ALARM:") {
             return Some(Self::Alarm(number.parse().ok()?));
         }
-        if line.starts_with("Grbl ") && line.ends_with(']') {
+        if line.starts_with("Grbl") && line.ends_with(']') {
             return Some(Self::Banner);
         }
         if let Some(setting) = line.strip_prefix('$') {
