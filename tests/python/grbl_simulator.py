@@ -2,12 +2,12 @@
 
 Prints the path of the terminal and runs until its standard input ends. Modelled after the firmware's documentation and
 sources: one `ok` or `error:N` for each line, the receive buffer of 128 bytes and lines of 79 characters, the planner,
-real-time commands (`?`, `!`, `~`, 0x18, 0x84), status reports with MPos or WPos and with WCO in every tenth, alarms that
-lock, the state after a power-up with homing, soft limits, and $$, $N=VALUE, $I, $G, $#, $H, $X. Not modelled: acceleration, arcs,
-probing, jogging, tools, parking.
+real-time commands (`?`, `!`, `~`, 0x18, 0x84), status reports with MPos or WPos and with WCO in every tenth, alarms
+that lock, the state after a power-up with homing, soft limits, and $$, $N=VALUE, $I, $G, $#, $H, $X. Not modelled:
+acceleration, arcs, probing, jogging, tools, parking.
 
-Ends with 3 if a sender overruns the receive buffer. `--fault KIND@N` fails at move N, counted from 1; given several times,
-each fault has its own terminal and its own log, FILE.0 and so on:
+Ends with 3 if a sender overruns the receive buffer. `--fault KIND@N` fails at move N, counted from 1; given several
+times, each fault has its own terminal and its own log, FILE.0 and so on:
 
   alarm, door, hold, reset   in mid-move: hard limit, door opened, feed hold pressed, power cycled
   silent                     sends nothing more, from then on (0: from the start); it still moves
@@ -263,8 +263,8 @@ class Grbl:
             self.say(f"[VER:1.1h.20190825:{self.options.name}]")
             self.say(f"[OPT:V,{PLANNER_BLOCKS},{RECEIVE_BUFFER}]")
         elif text == "$G":
-            modes = self.modes
-            self.say(f"[GC:{modes['motion']} G54 G17 {modes['units']} {modes['distance']} G94 {modes['spindle']} M9 T0 F0 S0]")
+            motion, units, distance, spindle = (self.modes[k] for k in ("motion", "units", "distance", "spindle"))
+            self.say(f"[GC:{motion} G54 G17 {units} {distance} G94 {spindle} M9 T0 F0 S0]")
         elif text == "$#":
             for name, values in (("G54", self.options.wco), ("G92", self.options.g92)):
                 self.say(f"[{name}:" + ",".join(f"{v:.3f}" for v in values) + "]")

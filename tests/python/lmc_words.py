@@ -1,10 +1,11 @@
-"""Prints what galvoplotter's controller sends to a BJJCZ card, one packet a line in hex, an empty line after each order.
+"""Prints what galvoplotter's controller sends to a BJJCZ card, one packet a line in hex, an empty line after each
+order.
 
   lmc_words.py fiber|co2 ORDER...
 
-Orders: `open` and `open=FILE.cor` (connecting), `mark=FILE.lmc` (a list, with the controller's own switching and its own
-order of packets), `light=FILE.lmc` (the points of a list with the pilot laser), `abort`. Requests for the version, with
-which it polls, are left out."""
+Orders: `open` and `open=FILE.cor` (connecting), `mark=FILE.lmc` (a list, with the controller's own switching and its
+own order of packets), `light=FILE.lmc` (the points of a list with the pilot laser), `abort`. Requests for the version,
+with which it polls, are left out."""
 
 import struct
 import sys

@@ -423,7 +423,7 @@ impl Grbl {
     /// A fault of a move, with what is certain after the stage was halted.
     fn halted(&mut self, mut fault: Diag) -> Diag {
         let end = match self.halt() {
-            Ok(()) if self.is_locked => {
+            Ok(()) if self.is_locked || fault.code == "grbl-reset" => {
                 "the stage is halted and its output off; its position is not certain: home it".to_owned()
             }
             Ok(()) => "the stage is halted and its output off; its position is kept".to_owned(),
