@@ -49,8 +49,6 @@ struct Waits {
     silence: Duration,
     /// Until it is busy after START, as the stage programs wait for BUSY.
     begin: Duration,
-    /// Until it is idle where it should be.
-    idle: Duration,
 }
 
 const WAITS: Waits = Waits {
@@ -58,7 +56,6 @@ const WAITS: Waits = Waits {
     load: Duration::from_secs(20),
     silence: Duration::from_secs(3),
     begin: Duration::from_secs(5),
-    idle: Duration::from_secs(2),
 };
 
 /// An answer of LightBurn.
@@ -168,34 +165,47 @@ impl LightBurn {
         self.link.as_mut().ok_or_else(|| Diag::bug("lightburn-closed", "LightBurn was used before it was opened"))
     }
 
-    /// Polls until LightBurn is in a state; whether it was in time.
-    fn reaches(&mut self, wanted: &Answer, longest: Duration, interrupt: &Interrupt) -> Result<bool, Diag> {
+    /// Whether LightBurn is idle or busy now.
+    fn state(&mut self, interrupt: &Interrupt) -> Result<Answer, Diag> {
         let Waits { answer, silence, .. } = self.waits;
         let link = self.link()?;
         // An answer that is late tells a state of the past: of so many answers one must be a new one.
-        let (mut needed, mut seen) = (link.missing() + 1, 0);
-        let (begin, mut heard) = (Instant::now(), Instant::now());
+        let (mut needed, mut seen, mut last) = (link.missing() + 1, 0, None);
+        let mut heard = Instant::now();
         loop {
-            if interrupt.is_abort() {
-                return Err(aborted());
-            }
             match link.request("STATUS", answer, interrupt)? {
                 Some(Answer::Other(text)) => return Err(unknown("STATUS", &text)),
                 Some(state) => {
                     heard = Instant::now();
-                    (needed, seen) = if state == *wanted { (needed, seen + 1) } else { (link.missing() + 1, 0) };
+                    if last.as_ref().is_some_and(|last| *last != state) {
+                        (needed, seen) = (link.missing() + 1, 0);
+                    }
+                    seen += 1;
+                    if seen >= needed {
+                        return Ok(state);
+                    }
+                    last = Some(state);
                 }
                 None if heard.elapsed() > silence => return Err(silent(silence)),
                 None => {}
             }
-            if seen == needed {
-                return Ok(true);
+            std::thread::sleep(POLL);
+        }
+    }
+
+    /// Polls until LightBurn is in a state; whether it was in time.
+    fn reaches(&mut self, wanted: &Answer, longest: Duration, interrupt: &Interrupt) -> Result<bool, Diag> {
+        let begin = Instant::now();
+        while self.state(interrupt)? != *wanted {
+            if interrupt.is_abort() {
+                return Err(aborted());
             }
             if begin.elapsed() > longest {
                 return Ok(false);
             }
             std::thread::sleep(POLL);
         }
+        Ok(true)
     }
 
     /// Loads the file of a block. Nothing is marked by that.
@@ -304,7 +314,7 @@ impl Laser for LightBurn {
             }
         }
         self.link = Some(link);
-        if !self.reaches(&Answer::Ok, self.waits.idle, &Interrupt::default())? {
+        if self.state(&Interrupt::default())? != Answer::Ok {
             return Err(Diag::input("lightburn-busy", "LightBurn is marking").hint("wait for its end or stop it there"));
         }
         Ok(format!("LightBurn at {to}, idle"))
@@ -315,7 +325,7 @@ impl Laser for LightBurn {
             let text = "LightBurn cannot be asked over UDP to show a block with the pilot laser";
             return Err(Diag::input("lightburn-pilot", text).hint("frame it by hand in LightBurn"));
         }
-        if !self.reaches(&Answer::Ok, self.waits.idle, interrupt)? {
+        if self.state(interrupt)? != Answer::Ok {
             let text = format!("LightBurn is marking something else; block {} is not marked", work.block);
             return Err(Diag::limit("lightburn-busy", text).hint("nothing else may start it during a run"));
         }
@@ -337,9 +347,9 @@ impl Laser for LightBurn {
         if self.link.is_none() {
             return Ok(());
         }
-        let why = match self.reaches(&Answer::Ok, self.waits.idle, &Interrupt::default()) {
-            Ok(true) => return Ok(()),
-            Ok(false) => "LightBurn is still marking, and has no command over UDP that stops it".to_owned(),
+        let why = match self.state(&Interrupt::default()) {
+            Ok(Answer::Ok) => return Ok(()),
+            Ok(_) => "LightBurn is still marking, and has no command over UDP that stops it".to_owned(),
             Err(e) => e.message,
         };
         let text = format!("{why}: the beam may be on");
