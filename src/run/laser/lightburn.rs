@@ -5,8 +5,8 @@
 //! and polled (STATUS) until LightBurn is idle again. A block counts as marked where LightBurn was seen busy after START
 //! and idle after that; where it was never seen busy nobody can say whether it marked anything.
 //!
-//! Answers do not name their command and can come late. START is therefore never repeated, and a state is believed
-//! when more answers tell it than answers are missing. LightBurn has no command that stops it: an abort leaves it
+//! Answers do not name their command and can come late. START is therefore never repeated; load and START are sent when
+//! no late answer can come any more; and a state is believed when more answers tell it than answers are missing. LightBurn has no command that stops it: an abort leaves it
 //! marking, and the message says so.
 //!
 //! Ports: "Automation With UDP Commands" of LightBurn's documentation; commands and answers: programs for it, such as
@@ -116,6 +116,17 @@ impl Link {
         }
     }
 
+    /// Waits until no late answer can come any more: it would be taken for that to the next command.
+    fn quiet(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
+        while self.missing() > 0 {
+            if interrupt.is_abort() {
+                return Err(aborted());
+            }
+            self.receive(SLICE)?;
+        }
+        Ok(())
+    }
+
     /// Sends a command and waits for an answer; those that came before are dropped.
     fn request(&mut self, command: &str, longest: Duration, interrupt: &Interrupt) -> Result<Option<Answer>, Diag> {
         while self.receive(Duration::ZERO)?.is_some() {}
@@ -215,6 +226,7 @@ impl LightBurn {
         })?;
         let path = self.path_there(file);
         let longest = self.waits.load;
+        self.link()?.quiet(interrupt)?;
         match self.link()?.repeat(&format!("FORCELOAD:{path}"), longest, interrupt)? {
             Some(Answer::Ok) => Ok(()),
             Some(Answer::No) => {
@@ -247,6 +259,7 @@ impl LightBurn {
     fn start(&mut self, work: &Work, interrupt: &Interrupt) -> Result<(), Diag> {
         let Waits { answer, begin, .. } = self.waits;
         let block = &work.block;
+        self.link()?.quiet(interrupt)?;
         match self.link()?.request("START", answer, interrupt)? {
             Some(Answer::No) => {
                 let text = format!("LightBurn does not start: it says that block {block} is not marked");

@@ -212,6 +212,37 @@ fn a_refusal_of_start_that_comes_late_is_not_taken_for_busy() {
 }
 
 #[test]
+fn a_late_answer_is_not_taken_for_that_of_a_load_that_fails() {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a port");
+    let port = socket.local_addr().expect("bound").port();
+    let (log, received) = channel();
+    std::thread::spawn(move || {
+        let (mut buffer, mut number) = ([0; 512], 0);
+        while let Ok((count, from)) = socket.recv_from(&mut buffer) {
+            let command = String::from_utf8_lossy(&buffer[..count]).into_owned();
+            number += 1;
+            // The third request is the first STATUS of the block.
+            let (answer, late_ms) = match command.split(':').next() {
+                _ if number == 3 => ("OK", 100),
+                Some("FORCELOAD") => ("!", 50),
+                _ => ("OK", 0),
+            };
+            let _ = log.send(command);
+            let socket = socket.try_clone().expect("a socket");
+            std::thread::spawn(move || {
+                std::thread::sleep(Duration::from_millis(late_ms));
+                socket.send_to(answer.as_bytes(), from)
+            });
+        }
+    });
+    let responder = Responder { port, received: Mutex::new(received) };
+    let mut laser = responder.driver(None);
+    laser.open().expect("it answers");
+    assert_eq!(mark(&mut laser, &Interrupt::default()).expect_err("not loaded").code, "lightburn-load");
+    assert!(!responder.received().contains(&"START".to_owned()), "another file would be marked");
+}
+
+#[test]
 fn block_that_does_not_end_times_out_and_an_abort_says_that_the_beam_may_be_on() {
     // Busy for as long as the test runs.
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a port");
