@@ -13,7 +13,9 @@ use crate::diag::Diag;
 pub(super) fn stage(keys: &StageKeys, console: &Rc<dyn Console>) -> Result<Box<dyn Stage>, Diag> {
     Ok(match keys {
         StageKeys::Linuxcnc(keys) => Box::new(stage::linuxcnc::LinuxCnc::new(keys)),
-        StageKeys::Grbl { .. } => return Err(missing("grbl")),
+        StageKeys::Grbl { port, baud, identity } => {
+            Box::new(stage::grbl::Grbl::new(port.clone(), *baud, identity.clone()))
+        }
         StageKeys::Manual {} => Box::new(stage::manual::Manual::new(console)),
     })
 }
@@ -22,8 +24,13 @@ pub(super) fn stage(keys: &StageKeys, console: &Rc<dyn Console>) -> Result<Box<d
 pub(super) fn laser(keys: &RunFile, folder: &Folder, console: &Rc<dyn Console>) -> Result<Box<dyn Laser>, Diag> {
     let shifts = folder.blocks.iter().find(|b| b.focus_shift != 0);
     let driver: Box<dyn Laser> = match &keys.laser {
-        LaserKeys::Lightburn { .. } => return Err(missing("lightburn")),
-        LaserKeys::Lmc { .. } => return Err(missing("lmc")),
+        LaserKeys::Lightburn { address, folder, port, answers } => {
+            Box::new(laser::lightburn::LightBurn::new(address.clone(), folder.clone(), *port, *answers))
+        }
+        LaserKeys::Lmc { serial, correction } => {
+            let source = folder.machine.lmc.map(|l| l.laser).unwrap_or_default();
+            Box::new(laser::lmc::Lmc::new(serial.clone(), correction.as_ref().map(Into::into), source))
+        }
         LaserKeys::Command(keys) => Box::new(laser::command::Command::new(keys, folder.formats())?),
         LaserKeys::Handshake {} => {
             if !matches!(keys.stage, StageKeys::Linuxcnc(_)) {
@@ -41,8 +48,4 @@ pub(super) fn laser(keys: &RunFile, folder: &Folder, console: &Rc<dyn Console>) 
         }
         _ => Ok(driver),
     }
-}
-
-fn missing(driver: &str) -> Diag {
-    Diag::input("run-driver", format!("the driver {driver} is not part of this build"))
 }

@@ -78,6 +78,8 @@ pub enum LaserKeys {
     Lmc {
         /// Serial number of the USB device, where there are several.
         serial: Option<String>,
+        /// Field correction (.cor) that the card is given; default: none.
+        correction: Option<String>,
     },
     /// A command of the user's, which ends when the block is marked, with 0 where it is.
     Command(CommandKeys),

@@ -2,6 +2,8 @@
 
 pub mod command;
 pub mod handshake;
+pub mod lightburn;
+pub mod lmc;
 pub mod manual;
 
 use std::path::PathBuf;

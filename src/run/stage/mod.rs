@@ -1,5 +1,6 @@
 //! Stages: each driver moves one kind of control, and says when the stage stands still.
 
+pub mod grbl;
 pub mod linuxcnc;
 pub mod manual;
 

@@ -1,0 +1,389 @@
+//! LightBurn, by the commands that it takes over UDP.
+//!
+//! LightBurn listens on port 19840 and answers to port 19841 of the sender: `OK`, `!` for a command that failed and for
+//! a STATUS while it marks, `?` for a command that it does not know. Each block is loaded (FORCELOAD), started (START)
+//! and polled (STATUS) until LightBurn is idle again. A block counts as marked where LightBurn was seen busy after START
+//! and idle after that; where it was never seen busy nobody can say whether it marked anything.
+//!
+//! Answers do not name their command and can come late. START is therefore never repeated; load and START are sent when
+//! no late answer can come any more; and a state is believed when more answers tell it than answers are missing. LightBurn has no command that stops it: an abort leaves it
+//! marking, and the message says so.
+//!
+//! Ports: "Automation With UDP Commands" of LightBurn's documentation; commands and answers: programs for it, such as
+//! ioBroker.lightburn and lightburn_udp. Not tried with LightBurn itself.
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::VecDeque;
+use std::io::ErrorKind;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs, UdpSocket};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use super::super::Interrupt;
+use super::super::stage::Stage;
+use super::{Beam, Laser, Work};
+use crate::diag::Diag;
+
+/// LightBurn's port for commands, and the port that it answers to.
+const PORTS: [u16; 2] = [19840, 19841];
+
+/// Time between two requests for status.
+const POLL: Duration = Duration::from_millis(10);
+
+/// The longest time until an abort is seen.
+const SLICE: Duration = Duration::from_millis(100);
+
+/// Requests that may be repeated are sent so often.
+const TRIES: usize = 3;
+
+/// How long the driver waits.
+#[derive(Clone, Copy, Debug)]
+struct Waits {
+    /// For an answer, until the request counts as lost.
+    answer: Duration,
+    /// For the answer to a load, each time.
+    load: Duration,
+    /// Without any answer, until the link counts as broken; less than the wait for it to begin.
+    silence: Duration,
+    /// Until it is busy after START, as the stage programs wait for BUSY.
+    begin: Duration,
+}
+
+const WAITS: Waits = Waits {
+    answer: Duration::from_millis(500),
+    load: Duration::from_secs(20),
+    silence: Duration::from_secs(3),
+    begin: Duration::from_secs(5),
+};
+
+/// An answer of LightBurn.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Answer {
+    /// Done, or idle.
+    Ok,
+    /// Failed, or busy.
+    No,
+    /// Anything else.
+    Other(String),
+}
+
+/// The socket to LightBurn.
+struct Link {
+    socket: UdpSocket,
+    to: SocketAddr,
+    /// When requests were sent that have no answer yet: so many answers may still come late.
+    unanswered: VecDeque<Instant>,
+    /// After this time an answer does not come any more.
+    silence: Duration,
+}
+
+impl Link {
+    /// Answers that may still come late.
+    fn missing(&mut self) -> usize {
+        self.unanswered.retain(|sent| sent.elapsed() <= self.silence);
+        self.unanswered.len()
+    }
+
+    /// One answer within a time; None where none comes.
+    fn receive(&mut self, longest: Duration) -> Result<Option<Answer>, Diag> {
+        let until = Instant::now() + longest;
+        let mut buffer = [0; 512];
+        loop {
+            let left = until.saturating_duration_since(Instant::now()).max(Duration::from_micros(1));
+            self.socket.set_read_timeout(Some(left)).map_err(|e| broken(&e))?;
+            match self.socket.recv_from(&mut buffer) {
+                Ok((count, from)) if from.ip() == self.to.ip() => {
+                    // Whichever request it belongs to: the younger ones stay.
+                    self.unanswered.pop_front();
+                    let text = String::from_utf8_lossy(&buffer[..count]);
+                    return Ok(Some(match text.trim_matches(|c: char| c.is_whitespace() || c == '\0') {
+                        "OK" => Answer::Ok,
+                        "!" => Answer::No,
+                        other => Answer::Other(other.into()),
+                    }));
+                }
+                Ok(_) => {}
+                // Windows tells that nobody listens as a reset of the connection.
+                Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => return Ok(None),
+                Err(e) if matches!(e.kind(), ErrorKind::Interrupted | ErrorKind::ConnectionReset) => {}
+                Err(e) => return Err(broken(&e)),
+            }
+            if Instant::now() >= until {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// Waits until no late answer can come any more: it would be taken for that to the next command.
+    fn quiet(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
+        while self.missing() > 0 {
+            if interrupt.is_abort() {
+                return Err(aborted());
+            }
+            self.receive(SLICE)?;
+        }
+        Ok(())
+    }
+
+    /// Sends a command and waits for an answer; those that came before are dropped.
+    fn request(&mut self, command: &str, longest: Duration, interrupt: &Interrupt) -> Result<Option<Answer>, Diag> {
+        while self.receive(Duration::ZERO)?.is_some() {}
+        let begin = Instant::now();
+        self.unanswered.push_back(begin);
+        self.socket.send_to(command.as_bytes(), self.to).map_err(|e| broken(&e))?;
+        loop {
+            let left = longest.saturating_sub(begin.elapsed());
+            match self.receive(left.min(SLICE))? {
+                None if interrupt.is_abort() => return Err(aborted()),
+                None if left > SLICE => {}
+                answer => return Ok(answer),
+            }
+        }
+    }
+
+    /// The same, repeated where no answer comes: for commands that may be done twice.
+    fn repeat(&mut self, command: &str, longest: Duration, interrupt: &Interrupt) -> Result<Option<Answer>, Diag> {
+        for _ in 0..TRIES {
+            if let Some(answer) = self.request(command, longest, interrupt)? {
+                return Ok(Some(answer));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// LightBurn on this or another computer.
+pub struct LightBurn {
+    host: String,
+    folder: Option<String>,
+    ports: [u16; 2],
+    waits: Waits,
+    link: Option<Link>,
+}
+
+impl LightBurn {
+    /// LightBurn at a host, localhost where it is None. `folder` is the job folder as that computer sees it, where that
+    /// is another path; `port` takes the commands and `answers` receives the answers, 19840 and 19841 where they are
+    /// None. [`Laser::open`] connects.
+    pub fn new(host: Option<String>, folder: Option<String>, port: Option<u16>, answers: Option<u16>) -> Self {
+        let ports = [port.unwrap_or(PORTS[0]), answers.unwrap_or(PORTS[1])];
+        Self { host: host.unwrap_or_else(|| "localhost".into()), folder, ports, waits: WAITS, link: None }
+    }
+
+    fn link(&mut self) -> Result<&mut Link, Diag> {
+        self.link.as_mut().ok_or_else(|| Diag::bug("lightburn-closed", "LightBurn was used before it was opened"))
+    }
+
+    /// Whether LightBurn is idle or busy now.
+    fn state(&mut self, interrupt: &Interrupt) -> Result<Answer, Diag> {
+        let Waits { answer, silence, .. } = self.waits;
+        let link = self.link()?;
+        // An answer that is late tells a state of the past: of so many answers one must be a new one.
+        let (mut needed, mut seen, mut last) = (link.missing() + 1, 0, None);
+        let mut heard = Instant::now();
+        loop {
+            match link.request("STATUS", answer, interrupt)? {
+                Some(Answer::Other(text)) => return Err(unknown("STATUS", &text)),
+                Some(state) => {
+                    heard = Instant::now();
+                    if last.as_ref().is_some_and(|last| *last != state) {
+                        (needed, seen) = (link.missing() + 1, 0);
+                    }
+                    seen += 1;
+                    if seen >= needed {
+                        return Ok(state);
+                    }
+                    last = Some(state);
+                }
+                None if heard.elapsed() > silence => return Err(silent(silence)),
+                None => {}
+            }
+            std::thread::sleep(POLL);
+        }
+    }
+
+    /// Polls until LightBurn is in a state; whether it was in time.
+    fn reaches(&mut self, wanted: &Answer, longest: Duration, interrupt: &Interrupt) -> Result<bool, Diag> {
+        let begin = Instant::now();
+        while self.state(interrupt)? != *wanted {
+            if interrupt.is_abort() {
+                return Err(aborted());
+            }
+            if begin.elapsed() > longest {
+                return Ok(false);
+            }
+            std::thread::sleep(POLL);
+        }
+        Ok(true)
+    }
+
+    /// Loads the file of a block. Nothing is marked by that.
+    fn load(&mut self, work: &Work, interrupt: &Interrupt) -> Result<(), Diag> {
+        let file = work.file.as_deref().ok_or_else(|| {
+            Diag::bug("lightburn-file", format!("block {} was handed to LightBurn without its file", work.block))
+        })?;
+        let path = self.path_there(file);
+        let longest = self.waits.load;
+        self.link()?.quiet(interrupt)?;
+        match self.link()?.repeat(&format!("FORCELOAD:{path}"), longest, interrupt)? {
+            Some(Answer::Ok) => Ok(()),
+            Some(Answer::No) => {
+                let text = format!("LightBurn cannot load {path}; block {} is not marked", work.block);
+                let hint = "does LightBurn's computer see this path? If not, state laser.folder in the run file";
+                Err(Diag::limit("lightburn-load", text).hint(hint))
+            }
+            Some(Answer::Other(text)) => Err(unknown("FORCELOAD", &text)),
+            None => Err(silent(longest * TRIES as u32)),
+        }
+    }
+
+    /// A file of the job folder as LightBurn's computer sees it.
+    fn path_there(&self, file: &Path) -> String {
+        let Some(folder) = &self.folder else {
+            return std::path::absolute(file).unwrap_or_else(|_| file.to_owned()).display().to_string();
+        };
+        let separator = if folder.contains('\\') || folder.get(1..2) == Some(":") { '\\' } else { '/' };
+        // Files of blocks lie in a folder of the job folder.
+        let inner: Vec<_> = file.iter().rev().take(2).map(|part| part.to_string_lossy()).collect();
+        let mut path = folder.trim_end_matches(['/', '\\']).to_owned();
+        for part in inner.iter().rev() {
+            path.push(separator);
+            path.push_str(part);
+        }
+        path
+    }
+
+    /// Starts what is loaded and waits for its end.
+    fn start(&mut self, work: &Work, interrupt: &Interrupt) -> Result<(), Diag> {
+        let Waits { answer, begin, .. } = self.waits;
+        let block = &work.block;
+        self.link()?.quiet(interrupt)?;
+        match self.link()?.request("START", answer, interrupt)? {
+            Some(Answer::No) => {
+                let text = format!("LightBurn does not start: it says that block {block} is not marked");
+                return Err(Diag::limit("lightburn-start", text).hint("is the laser connected and ready in LightBurn?"));
+            }
+            Some(Answer::Other(text)) => return Err(unknown("START", &text)),
+            // Whether it has started is seen from its state.
+            Some(Answer::Ok) | None => {}
+        }
+        if !self.reaches(&Answer::No, begin, interrupt)? {
+            let text = format!(
+                "LightBurn was not seen marking within {} s after START: whether block {block} is marked is not certain",
+                begin.as_secs_f64()
+            );
+            return Err(Diag::limit("lightburn-unseen", text).hint("look at the part; see the notes of operating.md"));
+        }
+        if !self.reaches(&Answer::Ok, work.longest(), interrupt)? {
+            let text = format!("LightBurn still marks block {block} after {} s", work.longest().as_secs());
+            return Err(Diag::limit("lightburn-time", text));
+        }
+        Ok(())
+    }
+
+    fn connect(&self) -> Result<Link, Diag> {
+        let [port, answers] = self.ports;
+        let found = (self.host.as_str(), port).to_socket_addrs().map(Iterator::collect::<Vec<_>>);
+        let to = found.ok().and_then(|all| all.iter().find(|a| a.is_ipv4()).or(all.first()).copied());
+        let to = to.ok_or_else(|| {
+            Diag::input("lightburn-address", format!("there is no host {:?}", self.host))
+                .hint("check laser.address of the run file")
+        })?;
+        let here: IpAddr = match to.ip() {
+            ip if ip.is_loopback() => ip,
+            IpAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
+            IpAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
+        };
+        let socket = UdpSocket::bind((here, answers)).map_err(|e| {
+            Diag::input("lightburn-port", format!("the port {answers} for LightBurn's answers cannot be used: {e}"))
+                .hint("end the other program that talks to LightBurn")
+        })?;
+        Ok(Link { socket, to, unanswered: VecDeque::new(), silence: self.waits.silence })
+    }
+}
+
+impl Laser for LightBurn {
+    fn format(&self) -> Option<&'static str> {
+        Some("lightburn")
+    }
+
+    fn has_pilot(&self) -> bool {
+        // Its framing is started by hand.
+        false
+    }
+
+    fn open(&mut self) -> Result<String, Diag> {
+        let mut link = self.connect()?;
+        let to = link.to;
+        match link.repeat("PING", self.waits.answer, &Interrupt::default())? {
+            Some(Answer::Ok) => {}
+            Some(Answer::No) => return Err(unknown("PING", "!")),
+            Some(Answer::Other(text)) => return Err(unknown("PING", &text)),
+            None => {
+                return Err(Diag::input("lightburn-answer", format!("LightBurn does not answer at {to}"))
+                    .hint("start LightBurn there; check laser.address, and that no firewall blocks UDP"));
+            }
+        }
+        self.link = Some(link);
+        if self.state(&Interrupt::default())? != Answer::Ok {
+            return Err(Diag::input("lightburn-busy", "LightBurn is marking").hint("wait for its end or stop it there"));
+        }
+        Ok(format!("LightBurn at {to}, idle"))
+    }
+
+    fn mark(&mut self, work: &Work, beam: Beam, _stage: &mut dyn Stage, interrupt: &Interrupt) -> Result<(), Diag> {
+        if beam == Beam::Pilot {
+            let text = "LightBurn cannot be asked over UDP to show a block with the pilot laser";
+            return Err(Diag::input("lightburn-pilot", text).hint("frame it by hand in LightBurn"));
+        }
+        if self.state(interrupt)? != Answer::Ok {
+            let text = format!("LightBurn is marking something else; block {} is not marked", work.block);
+            return Err(Diag::limit("lightburn-busy", text).hint("nothing else may start it during a run"));
+        }
+        self.load(work, interrupt)?;
+        self.start(work, interrupt).map_err(|mut fault| {
+            if ["lightburn-aborted", "lightburn-answer", "lightburn-link"].contains(&fault.code) {
+                let block = &work.block;
+                fault.message = format!("{}; whether block {block} is marked is not certain", fault.message);
+            }
+            if fault.code != "lightburn-start" && fault.code != "lightburn-unseen" {
+                fault.message += "; the beam may be on: LightBurn has no command over UDP that stops it";
+                fault.hint = "stop it in LightBurn or at the machine, and look at the part".into();
+            }
+            fault
+        })
+    }
+
+    fn off(&mut self) -> Result<(), Diag> {
+        if self.link.is_none() {
+            return Ok(());
+        }
+        let why = match self.state(&Interrupt::default()) {
+            Ok(Answer::Ok) => return Ok(()),
+            Ok(_) => "LightBurn is still marking, and has no command over UDP that stops it".to_owned(),
+            Err(e) => e.message,
+        };
+        let text = format!("{why}: the beam may be on");
+        Err(Diag::limit("lightburn-off", text).hint("stop it in LightBurn or at the machine"))
+    }
+}
+
+fn silent(longest: Duration) -> Diag {
+    Diag::limit("lightburn-answer", format!("LightBurn has not answered for {} s", longest.as_secs_f64()))
+        .hint("look at LightBurn: a dialog may be open; check the network")
+}
+
+fn unknown(command: &str, answer: &str) -> Diag {
+    Diag::limit("lightburn-unknown", format!("LightBurn answers {answer:?} to {command}"))
+        .hint("this version of LightBurn may have other commands")
+}
+
+fn aborted() -> Diag {
+    Diag::limit("lightburn-aborted", "the run was aborted")
+}
+
+fn broken(e: &std::io::Error) -> Diag {
+    Diag::limit("lightburn-link", format!("the network to LightBurn failed: {e}")).hint("check the network")
+}
