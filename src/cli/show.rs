@@ -215,6 +215,7 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
         ),
     ];
     lines.push(by_hand(s));
+    lines.push(format!("by run         {} with `terrace run`, nobody loads files", duration(t.total)));
     if s.setups > 1 {
         lines.insert(1, format!("set-ups        {}", s.setups));
     }

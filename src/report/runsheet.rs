@@ -187,6 +187,8 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
         if hand.assumed { "assumed: see operator.load of the machine file" } else { "as the machine file states" };
     let (total_s, files) = sheet.subset.map_or((hand.total_s, s.blocks), |t| (t.by_hand_s, t.blocks.len()));
     writeln!(out, "by hand    {}, {who} {files} files at {} s each ({source})", clock(total_s), hand.load_s)?;
+    let machine_s = sheet.subset.map_or(t.total, |subset| subset.time_s);
+    writeln!(out, "by run     {} with `terrace run`, nobody loads files", clock(machine_s))?;
     for warning in &s.warnings {
         writeln!(out, "WARNING    {}", warning.message)?;
     }
