@@ -52,7 +52,8 @@ impl Simulation {
         let mut new = Self { child, stdin, stdout, port, dir, shell: None, _one: one };
         assert_eq!(new.line(), "ready");
         new.connect();
-        for line in ["estop off", "machine on", "mode manual", "home -1"] {
+        new.switch_on();
+        for line in ["mode manual", "home -1"] {
             new.set(line);
         }
         let begun = Instant::now();
@@ -72,6 +73,17 @@ impl Simulation {
         self.shell.as_mut().expect("open").get_mut().write_all(b"set echo off\n").expect("sent");
         assert_eq!(self.ask("set verbose on", "SET VERBOSE"), "ACK");
         self.set("enable EMCTOO");
+    }
+
+    /// Out of emergency stop and on; each is acknowledged before it has happened.
+    fn switch_on(&mut self) {
+        let begun = Instant::now();
+        while self.get("machine") != "ON" {
+            assert!(begun.elapsed() < Duration::from_secs(10), "it cannot be switched on");
+            let next = if self.get("estop") == "ON" { "estop off" } else { "machine on" };
+            self.set(next);
+            std::thread::sleep(Duration::from_millis(200));
+        }
     }
 
     fn line(&mut self) -> String {
@@ -266,10 +278,8 @@ fn a_run_that_loses_the_control_in_the_middle_stops_and_says_where() {
     assert!(said(&out).contains(&format!("{done} of 4 blocks are done")), "{}", said(&out));
     // It is not switched on by the run.
     assert_ended(&bench.run(&["--arm", "--go-on"]), 1, &["emergency stop"]);
-    for line in ["estop off", "machine on"] {
-        control.connect();
-        control.set(line);
-    }
+    control.connect();
+    control.switch_on();
     assert_ended(&bench.run(&["--arm", "--go-on"]), 0, &["4 of 4 done"]);
     assert_eq!(bench.marked(), blocks(4));
 }
