@@ -25,22 +25,28 @@ KEYS = [0x3E9, 0x3EA, 0x3EB, 0x3EC, 0x3ED, 0x48484C34, 0x48414C32, 0x64, 0x48534
 INI = """[EMC]
 MACHINE = terrace-test
 VERSION = 1.1
+DEBUG = 0
 NML_FILE = {folder}/linuxcnc.nml
 [TASK]
 TASK = milltask
 CYCLE_TIME = 0.005
 [RS274NGC]
 PARAMETER_FILE = {folder}/sim.var
+[DISPLAY]
+DISPLAY = linuxcncrsh
 [EMCMOT]
+EMCMOT = motmod
 COMM_TIMEOUT = 1.0
 SERVO_PERIOD = 1000000
 [EMCIO]
+EMCIO = io
 CYCLE_TIME = 0.1
 TOOL_TABLE = {folder}/tool.tbl
 [TRAJ]
 COORDINATES = XYZ
 LINEAR_UNITS = mm
 ANGULAR_UNITS = degree
+DEFAULT_LINEAR_VELOCITY = 100
 MAX_LINEAR_VELOCITY = 500
 DEFAULT_LINEAR_ACCELERATION = 2000
 MAX_LINEAR_ACCELERATION = 5000
@@ -77,6 +83,7 @@ net start motion.digital-out-00 => timedelay.0.in sampler.0.pin.3
 net begun timedelay.0.out => oneshot.0.in
 net busy oneshot.0.out => motion.digital-in-00 sampler.0.pin.4
 setp timedelay.0.on-delay 0.02
+setp timedelay.0.off-delay 0
 setp oneshot.0.width 0.05
 """
 
