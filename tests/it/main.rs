@@ -34,6 +34,7 @@ mod reads;
 mod refusals;
 mod resume;
 mod run;
+mod run_grbl;
 mod run_linuxcnc;
 mod setups;
 mod sweep;

@@ -10,7 +10,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::support::linuxcncrsh::{Card, Shell, Trip};
-use crate::support::surfaces::{mesh, write_stl};
+use crate::support::surfaces::{Random, mesh, write_stl};
 use crate::support::{JobText, compile, folder, machine_file, said};
 
 /// A compiled job of some blocks, with its folder and a shell for its stage.
@@ -89,6 +89,62 @@ impl Bench {
         let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
         let lines = whole.map(|line| serde_json::from_str::<Value>(line).expect("a line of JSON"));
         lines.map(|line| (word(&line, "event"), word(&line, "block"))).collect()
+    }
+
+    /// Kills an armed run so many times, each within so many ms of its start, and lets it go on: every block is marked
+    /// once, but for those that were named as in doubt.
+    pub fn assert_survives_kills(&self, count: usize, longest_ms: usize) {
+        let all = std::fs::read_dir(self.job.join("blocks")).expect("blocks").count();
+        let mut random = Random::new(7);
+        let mut more: Vec<String> = Vec::new();
+        let (mut named, mut kills): (Vec<String>, usize) = (Vec::new(), 0);
+        while kills < count {
+            let mut child = self
+                .command(&["--arm"])
+                .args(&more)
+                .stdin(Stdio::null())
+                .stderr(Stdio::null())
+                .stdout(Stdio::null())
+                .spawn()
+                .expect("started");
+            std::thread::sleep(Duration::from_millis(random.below(longest_ms) as u64));
+            child.kill().expect("killed");
+            child.wait().expect("ended");
+            kills += 1;
+            // The command that marks the last block may still be at it.
+            std::thread::sleep(Duration::from_millis(250));
+            let journal = self.journal();
+            let in_work = journal.last().filter(|l| l.0 == "begin").map(|l| l.1.clone());
+            let done = journal.iter().filter(|l| l.0 == "end").count();
+            assert!(done < all, "all is marked after {kills} kills");
+            more = match &in_work {
+                Some(block) => {
+                    let out = self.run(&["--arm"]);
+                    assert_ended(
+                        &out,
+                        2,
+                        &["run-in-doubt", &format!("block {block} was begun"), &format!("{done} blocks are done")],
+                    );
+                    named.push(block.clone());
+                    ["--go-on", "--redo", block].map(str::to_owned).to_vec()
+                }
+                None if done > 0 => vec!["--go-on".into()],
+                None => Vec::new(),
+            };
+        }
+        let words: Vec<&str> = std::iter::once("--arm").chain(more.iter().map(String::as_str)).collect();
+        assert_ended(&self.run(&words), 0, &[&format!("{all} of {all} done")]);
+        for block in blocks(all) {
+            let times = self.marked().iter().filter(|b| **b == block).count();
+            let most = 1 + named.iter().filter(|b| **b == block).count();
+            assert!((1..=most).contains(&times), "{block} {times} times, named {named:?}");
+            assert_eq!(self.journal().iter().filter(|l| l.0 == "end" && l.1 == block).count(), 1);
+        }
+        // In the order of the job, those that were redone in their place.
+        let mut order = self.marked();
+        order.dedup();
+        assert_eq!(order, blocks(all));
+        println!("{kills} kills, {} blocks named: {named:?}", named.len());
     }
 }
 

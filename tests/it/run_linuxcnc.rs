@@ -11,7 +11,6 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 use crate::run::{Bench, assert_ended, blocks};
-use crate::support::surfaces::Random;
 use crate::support::{folder, said};
 
 /// One controller at a time on a computer.
@@ -299,55 +298,6 @@ fn a_run_killed_at_30_random_moments_marks_every_block_once_but_those_it_names()
     let bench = Bench::new(15);
     let control = Simulation::new();
     bench.run_file(&stage_of(&control), &bench.command_laser("0.2"));
-    let mut random = Random::new(7);
-    let mut more: Vec<String> = Vec::new();
-    let (mut named, mut kills): (Vec<String>, usize) = (Vec::new(), 0);
-    while kills < 30 {
-        let mut child = bench
-            .command(&["--arm"])
-            .args(&more)
-            .stdin(Stdio::null())
-            .stderr(Stdio::null())
-            .stdout(Stdio::null())
-            .spawn()
-            .expect("started");
-        std::thread::sleep(Duration::from_millis(random.below(4_000) as u64));
-        child.kill().expect("killed");
-        child.wait().expect("ended");
-        kills += 1;
-        // The command that marks the last block may still be at it.
-        std::thread::sleep(Duration::from_millis(250));
-        let journal = bench.journal();
-        let in_work = journal.last().filter(|l| l.0 == "begin").map(|l| l.1.clone());
-        let done = journal.iter().filter(|l| l.0 == "end").count();
-        assert!(done < 30, "all is marked after {kills} kills");
-        more = match &in_work {
-            Some(block) => {
-                let out = bench.run(&["--arm"]);
-                assert_ended(
-                    &out,
-                    2,
-                    &["run-in-doubt", &format!("block {block} was begun"), &format!("{done} blocks are done")],
-                );
-                named.push(block.clone());
-                ["--go-on", "--redo", block].map(str::to_owned).to_vec()
-            }
-            None if done > 0 => vec!["--go-on".into()],
-            None => Vec::new(),
-        };
-    }
-    let words: Vec<&str> = std::iter::once("--arm").chain(more.iter().map(String::as_str)).collect();
-    assert_ended(&bench.run(&words), 0, &["30 of 30 done"]);
-    for block in blocks(30) {
-        let times = bench.marked().iter().filter(|b| **b == block).count();
-        let most = 1 + named.iter().filter(|b| **b == block).count();
-        assert!((1..=most).contains(&times), "{block} {times} times, named {named:?}");
-        assert_eq!(bench.journal().iter().filter(|l| l.0 == "end" && l.1 == block).count(), 1);
-    }
-    // In the order of the job, those that were redone in their place.
-    let mut order = bench.marked();
-    order.dedup();
-    assert_eq!(order, blocks(30));
-    println!("{kills} kills, {} blocks named: {named:?}", named.len());
+    bench.assert_survives_kills(30, 4_000);
     assert_eq!(rises(&control.samples()), [0, 0]);
 }
