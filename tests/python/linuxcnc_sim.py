@@ -29,7 +29,7 @@ DEBUG = 0
 NML_FILE = {folder}/linuxcnc.nml
 [TASK]
 TASK = milltask
-CYCLE_TIME = 0.005
+CYCLE_TIME = 0.001
 [RS274NGC]
 PARAMETER_FILE = {folder}/sim.var
 [DISPLAY]
