@@ -12,9 +12,6 @@
 //! Ports: "Automation With UDP Commands" of LightBurn's documentation; commands and answers: programs for it, such as
 //! ioBroker.lightburn and lightburn_udp. Not tried with LightBurn itself.
 
-#[cfg(test)]
-mod tests;
-
 use std::collections::VecDeque;
 use std::io::ErrorKind;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs, UdpSocket};
@@ -387,3 +384,6 @@ fn aborted() -> Diag {
 fn broken(e: &std::io::Error) -> Diag {
     Diag::limit("lightburn-link", format!("the network to LightBurn failed: {e}")).hint("check the network")
 }
+
+#[cfg(test)]
+mod tests;

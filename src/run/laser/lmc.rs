@@ -14,8 +14,6 @@
 
 mod correction;
 mod list;
-#[cfg(test)]
-mod tests;
 mod usb;
 
 use std::path::PathBuf;
@@ -366,3 +364,6 @@ fn aborted() -> Diag {
 fn broken(e: &std::io::Error) -> Diag {
     Diag::limit("lmc-link", format!("the USB connection to the card failed: {e}"))
 }
+
+#[cfg(test)]
+mod tests;

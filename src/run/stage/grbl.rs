@@ -11,8 +11,6 @@
 
 mod link;
 mod reply;
-#[cfg(test)]
-mod tests;
 
 use std::time::{Duration, Instant};
 
@@ -524,3 +522,6 @@ fn not_homed(port: &str, was_reset: bool) -> Diag {
     };
     Diag::input("grbl-homing", text).hint(hint)
 }
+
+#[cfg(test)]
+mod tests;
