@@ -18,7 +18,7 @@ impl Simulator {
     fn new(bench: &Bench) -> Self {
         let log = bench.path("grbl.log");
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/grbl_simulator.py");
-        let rates = ["110", "111", "112"].map(|n| format!("--set={n}=6000"));
+        let rates = ["110", "111", "112"].map(|n| format!("--set={n}=120000"));
         let mut child = Command::new("python3")
             .arg(script)
             .args(["--wco=-300,-300,-300", "--name", "stage 7", "--log"])
