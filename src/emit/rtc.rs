@@ -71,9 +71,13 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
                 out.pen(pen);
             }
             used += points.len();
-            for (i, &point) in points.iter().enumerate() {
-                let [x, y] = bits(&rtc, machine, point);
-                out.line(format_args!("{} {x} {y}", if i == 0 { "jump" } else { "mark" }));
+            let mut last = None;
+            for at @ [x, y] in points.iter().map(|&point| bits(&rtc, machine, point)) {
+                // Points that are one in bits are marked once.
+                if last != Some(at) {
+                    out.line(format_args!("{} {x} {y}", if last.is_none() { "jump" } else { "mark" }));
+                }
+                last = Some(at);
             }
         }
     }
@@ -212,6 +216,19 @@ mod tests {
                       jump_speed 5000.000000\npower 2457\nhalf_period 67\nmark_speed 1000.000000\n\
                       jump -5000 0\nmark 5000 0\njump -5000 -500\nmark 5000 -500\nend\n";
         assert_eq!(text(&checked, &machine, 0), wanted);
+    }
+
+    #[test]
+    fn points_that_are_one_in_bits_are_marked_once() {
+        let (checked, machine) = sample();
+        let mut program = checked.program().clone();
+        program.points = [0, 1_000_000, 1_000_010, 2_000_000].map(|x| FieldPoint { x, y: 0 }).to_vec();
+        program.strokes.truncate(1);
+        program.strokes[0].len = 4;
+        program.blocks.truncate(1);
+        program.blocks[0].strokes = 0..1;
+        let text = text(&Checked::unchecked(program, checked.origin()), &machine, 0);
+        assert!(text.ends_with("\njump 0 0\nmark 20000 0\nmark 40000 0\nend\n"), "{text}");
     }
 
     #[test]

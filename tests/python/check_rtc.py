@@ -60,7 +60,7 @@ def check_block(job, block, entry):
         points = [tuple(map(bit, job.controller(p))) for p in stroke.points]
         demand(all(abs(c) <= most for p in points for c in p), f"{path}: a coordinate beyond the board")
         for _ in range(pen["passes"]):
-            wanted += [(a, b, settings) for a, b in zip(points, points[1:])]
+            wanted += [(a, b, settings) for a, b in zip(points, points[1:]) if a != b]
     found = played(path, block, rtc)
     demand(len(found) == len(wanted), f"{path}: {len(found)} marks, program.txt has {len(wanted)}")
     for (a, b, s), (c, d, t) in zip(found, wanted):
