@@ -266,7 +266,8 @@ struct Run<'a> {
 impl Run<'_> {
     fn open_stage(&mut self) -> Result<(), Diag> {
         let says = self.stage.open()?;
-        self.log.write("stage", &says)
+        self.log.write("stage", &says)?;
+        self.laser.is_idle(self.stage, self.interrupt)
     }
 
     /// All blocks that are left, by their numbers, and the lift after the last.

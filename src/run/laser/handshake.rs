@@ -21,6 +21,10 @@ impl Laser for Handshake {
         Ok("START and BUSY of the stage's control".into())
     }
 
+    fn is_idle(&mut self, stage: &mut dyn Stage, interrupt: &Interrupt) -> Result<(), Diag> {
+        stage.card_is_idle(interrupt)
+    }
+
     fn mark(&mut self, work: &Work, _: Beam, stage: &mut dyn Stage, interrupt: &Interrupt) -> Result<(), Diag> {
         stage.hand_over(work.longest(), interrupt)
     }

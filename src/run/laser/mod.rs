@@ -61,6 +61,15 @@ pub trait Laser {
     /// Where there is no answer or it is not ready.
     fn open(&mut self) -> Result<String, Diag>;
 
+    /// Makes sure through the control of the stage that nothing is being marked, before the stage moves.
+    ///
+    /// # Errors
+    /// Where something is.
+    fn is_idle(&mut self, stage: &mut dyn Stage, interrupt: &Interrupt) -> Result<(), Diag> {
+        let _ = (stage, interrupt);
+        Ok(())
+    }
+
     /// Marks a block, and returns when the beam is off for certain. `stage` is for drivers that hand over through its
     /// control; they never move it.
     ///

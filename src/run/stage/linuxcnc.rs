@@ -202,11 +202,7 @@ impl LinuxCnc {
 
     /// START, BUSY, and what came of them.
     fn exchange(&mut self, longest: Duration, interrupt: &Interrupt) -> Result<(), Diag> {
-        self.mdi("M66 P0 L0")?;
-        self.answer("#5399")?;
-        if self.answered(ANSWER, interrupt)? != 0 {
-            return Err(busy("BUSY of the scan card is on before START"));
-        }
+        self.card_is_idle(interrupt)?;
         let queue = ["G4 P0.6", "M64 P0", "M66 P0 L3 Q5", "#<_terrace>=[#5399+1]", "M65 P0"];
         self.is_started = true;
         for code in queue {
@@ -285,6 +281,13 @@ impl Stage for LinuxCnc {
             let _ = self.halt();
         }
         moved
+    }
+
+    fn card_is_idle(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
+        self.mdi("M66 P0 L0")?;
+        self.answer("#5399")?;
+        let is_busy = self.answered(ANSWER, interrupt)? != 0;
+        if is_busy { Err(busy("BUSY of the scan card is on before START")) } else { Ok(()) }
     }
 
     fn hand_over(&mut self, longest: Duration, interrupt: &Interrupt) -> Result<(), Diag> {

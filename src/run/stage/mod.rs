@@ -48,6 +48,15 @@ pub trait Stage {
     /// Where the control reports an alarm or does not answer, or the run is aborted; the stage is then halted.
     fn go(&mut self, to: &Move, interrupt: &Interrupt) -> Result<(), Diag>;
 
+    /// Makes sure that BUSY of the scan card is off.
+    ///
+    /// # Errors
+    /// Where it is on. Controls without such an input refuse.
+    fn card_is_idle(&mut self, interrupt: &Interrupt) -> Result<(), Diag> {
+        let _ = interrupt;
+        Err(no_handshake())
+    }
+
     /// Sets START and waits for BUSY of the scan card to rise and to fall, at most so long.
     ///
     /// # Errors
