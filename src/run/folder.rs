@@ -1,6 +1,6 @@
 //! A job folder as a run reads it: from `manifest.json`, whose numbers are exact.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -135,7 +135,8 @@ impl Folder {
         let between_s = ((document.summary.time_s.total - marks_s) / count.max(1) as f64).max(0.0);
         let mut blocks = document.blocks.into_iter().map(Entry::block).collect::<Option<Vec<Block>>>();
         if let (Some(blocks), Some(subset)) = (&mut blocks, &document.subset) {
-            blocks.retain(|b| subset.blocks.contains(&b.id));
+            let held: BTreeSet<&String> = subset.blocks.iter().collect();
+            blocks.retain(|b| held.contains(&b.id));
         }
         let blocks = blocks.ok_or_else(|| unreadable("a position is beyond all travel".into()))?;
         let setups = document.setups.len();

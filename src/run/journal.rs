@@ -82,8 +82,9 @@ impl Journal {
         let opened = File::options().create(true).read(true).append(true).open(&path);
         let mut journal = Self { file: opened.map_err(|e| unwritable(&path, &e))?, path };
         if matches!(journal.file.try_lock(), Err(std::fs::TryLockError::WouldBlock)) {
-            let d = Diag::input("run-journal-locked", "another run of this job is going on");
-            return Err(journal.at(d).hint("wait for its end, or end it").into());
+            let text = "another run of this job is going on, or the laser's command of one that was killed";
+            let d = Diag::input("run-journal-locked", text);
+            return Err(journal.at(d).hint("wait for its end").into());
         }
         let found = journal.read()?;
         match &found.of {
@@ -114,6 +115,11 @@ impl Journal {
         let done = journal.settle(&found, &order.settled)?;
         let left = (0..folder.blocks.len()).filter(|&i| !done.contains(&folder.blocks[i].id)).collect();
         Ok((journal, left))
+    }
+
+    /// Another handle of it, under the same lock.
+    pub(super) fn handle(&self) -> Result<File, Diag> {
+        self.file.try_clone().map_err(|e| unwritable(&self.path, &e))
     }
 
     /// The block is about to be marked.

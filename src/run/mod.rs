@@ -174,6 +174,9 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
         }
         Beam::Pilot => (None, (0..folder.blocks.len()).collect()),
     };
+    if let Some(journal) = &journal {
+        laser.hold(journal.handle()?);
+    }
     console.phase("connecting to stage and laser");
     let says = laser.open()?;
     log.write("laser", &says)?;

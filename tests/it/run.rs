@@ -239,6 +239,8 @@ fn a_run_that_was_killed_goes_on_and_names_the_block_in_doubt() {
         child.kill().expect("killed");
         child.wait().expect("ended");
         let begun: Vec<String> = bench.journal().into_iter().filter(|l| l.0 == "begin").map(|l| l.1).collect();
+        // The command of the block may still be at it.
+        std::thread::sleep(Duration::from_millis(150));
         let out = bench.run(&["--arm"]);
         more = vec!["--arm".into(), "--go-on".into()];
         let is_in_doubt = bench.journal().last().is_some_and(|l| l.0 == "begin");
@@ -273,6 +275,21 @@ fn a_run_that_was_killed_goes_on_and_names_the_block_in_doubt() {
         let first = mdi[i..].iter().find(|line| line.starts_with("G53")).expect("a move");
         assert_eq!(first, "G53 G0 Z200.000000");
     }
+}
+
+#[test]
+fn no_run_begins_while_the_command_of_a_killed_one_still_marks() {
+    let bench = Bench::new(1);
+    let shell = Shell::new();
+    bench.run_file(&stage_of(&shell), &bench.command_laser("1"));
+    let mut child = until_lines(&bench, &["--arm"], 2);
+    child.kill().expect("killed");
+    child.wait().expect("ended");
+    let moved = shell.control().mdi.len();
+    assert_ended(&bench.run(&["--arm"]), 2, &["run-journal-locked", "command of one that was killed"]);
+    assert_eq!(shell.control().mdi.len(), moved, "nothing moves");
+    std::thread::sleep(Duration::from_millis(1100));
+    assert_ended(&bench.run(&["--arm"]), 2, &["run-in-doubt", "block B0001 was begun"]);
 }
 
 #[test]

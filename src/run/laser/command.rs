@@ -1,5 +1,6 @@
 //! A command of the user's that marks one block.
 
+use std::fs::File;
 use std::io;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
@@ -22,6 +23,8 @@ const SHIFT: &str = "{shift}";
 pub struct Command {
     keys: CommandKeys,
     format: Option<&'static str>,
+    /// A handle of the locked journal.
+    journal: Option<File>,
     /// Whether a command for a block had to be ended, and the laser may still be on.
     is_doubtful: bool,
 }
@@ -50,10 +53,10 @@ impl Command {
                 return Err(Diag::input("run-command", text).hint("such as laser.format = \"dxf\""));
             }
         };
-        Ok(Self { keys: keys.clone(), format, is_doubtful: false })
+        Ok(Self { keys: keys.clone(), format, journal: None, is_doubtful: false })
     }
 
-    fn start(words: &[String], work: Option<&Work>) -> Result<Child, Diag> {
+    fn start(words: &[String], work: Option<&Work>, stdin: Stdio) -> Result<Child, Diag> {
         let replaced = |word: &String| {
             let Some(work) = work else { return word.clone() };
             let file = work.file.as_ref().map_or(String::new(), |file| file.display().to_string());
@@ -63,7 +66,7 @@ impl Command {
         let words: Vec<String> = words.iter().map(replaced).collect();
         let mut command = std::process::Command::new(&words[0]);
         // Its output is not the result of this program.
-        command.args(&words[1..]).stdin(Stdio::null()).stdout(io::stderr());
+        command.args(&words[1..]).stdin(stdin).stdout(io::stderr());
         // Ctrl-C at the terminal is not for it: the first one lets the block end.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
@@ -120,6 +123,10 @@ impl Laser for Command {
         in_file || has(&self.keys.mark) && self.keys.pilot.as_ref().is_none_or(has)
     }
 
+    fn hold(&mut self, journal: File) {
+        self.journal = Some(journal);
+    }
+
     fn open(&mut self) -> Result<String, Diag> {
         self.off()?;
         Ok(format!("command {:?}", self.keys.mark))
@@ -131,7 +138,11 @@ impl Laser for Command {
             (Beam::Pilot, None) => return Ok(()),
             (Beam::Fire, _) => &self.keys.mark,
         };
-        let child = Self::start(words, Some(work))?;
+        // At its end, so nothing can be read from it. The lock lasts as long as the command, even where this program is
+        // killed.
+        let held = self.journal.as_ref().map(File::try_clone).transpose();
+        let stdin = held.map_err(|e| Diag::limit("run-laser-command", format!("cannot hold the journal: {e}")))?;
+        let child = Self::start(words, Some(work), stdin.map_or_else(Stdio::null, Stdio::from))?;
         self.is_doubtful = true;
         Self::wait(child, work.longest(), interrupt)?;
         self.is_doubtful = false;
@@ -147,7 +158,8 @@ impl Laser for Command {
             return Err(Diag::limit("run-laser-off", text).hint("make sure; laser.off names a command for that"));
         };
         // The run may be aborted already: this has to be done all the same.
-        let done = Self::start(words, None).and_then(|child| Self::wait(child, OFF, &Interrupt::default()));
+        let done =
+            Self::start(words, None, Stdio::null()).and_then(|child| Self::wait(child, OFF, &Interrupt::default()));
         done.map_err(|d| {
             let text = format!("it is not certain that the laser is off: {}", d.message);
             Diag::limit("run-laser-off", text).hint("switch it off by hand")

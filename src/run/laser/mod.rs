@@ -6,6 +6,7 @@ pub mod lightburn;
 pub mod lmc;
 pub mod manual;
 
+use std::fs::File;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -61,6 +62,12 @@ pub trait Laser {
     /// Where there is no answer or it is not ready.
     fn open(&mut self) -> Result<String, Diag>;
 
+    /// Takes a handle of the locked journal, for drivers whose marking goes on where this program is killed: what marks
+    /// keeps it open, and no other run begins until that has ended.
+    fn hold(&mut self, journal: File) {
+        drop(journal);
+    }
+
     /// Makes sure through the control of the stage that nothing is being marked, before the stage moves.
     ///
     /// # Errors
@@ -83,4 +90,25 @@ pub trait Laser {
     /// # Errors
     /// Where that is not certain.
     fn off(&mut self) -> Result<(), Diag>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::stage::Move;
+
+    /// A stage that must not be touched.
+    pub(super) struct Rest;
+
+    impl Stage for Rest {
+        fn open(&mut self) -> Result<String, Diag> {
+            unreachable!("the laser does not open the stage")
+        }
+        fn go(&mut self, _: &Move, _: &Interrupt) -> Result<(), Diag> {
+            unreachable!("the laser does not move the stage")
+        }
+        fn halt(&mut self) -> Result<(), Diag> {
+            unreachable!("the laser does not halt the stage")
+        }
+    }
 }

@@ -4,7 +4,7 @@ use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use super::*;
-use crate::run::stage::Move;
+use crate::run::laser::tests::Rest;
 
 /// What the responder does wrong.
 #[derive(Clone, Copy, Debug, Default)]
@@ -95,21 +95,6 @@ fn respond(socket: &UdpSocket, faults: Faults, log: &Sender<String>) {
         } else {
             let _ = socket.send_to(answer.as_bytes(), from);
         }
-    }
-}
-
-/// A stage that must not be touched.
-struct Rest;
-
-impl Stage for Rest {
-    fn open(&mut self) -> Result<String, Diag> {
-        unreachable!("the laser does not open the stage")
-    }
-    fn go(&mut self, _: &Move, _: &Interrupt) -> Result<(), Diag> {
-        unreachable!("the laser does not move the stage")
-    }
-    fn halt(&mut self) -> Result<(), Diag> {
-        unreachable!("the laser does not halt the stage")
     }
 }
 

@@ -5,7 +5,7 @@ use std::process::Command;
 use std::sync::{Arc, Mutex};
 
 use super::*;
-use crate::run::stage::Move;
+use crate::run::laser::tests::Rest;
 
 /// A card that executes a list for some requests.
 #[derive(Debug, Default)]
@@ -68,21 +68,6 @@ fn driver(card: Card, laser: LmcLaser) -> (Lmc, Arc<Mutex<Card>>) {
     let ms = Duration::from_millis;
     lmc.waits = Waits { begin: ms(50), stop: ms(100), settle: ms(0) };
     (lmc, card)
-}
-
-/// A stage that must not be touched.
-struct Rest;
-
-impl Stage for Rest {
-    fn open(&mut self) -> Result<String, Diag> {
-        unreachable!("the laser does not open the stage")
-    }
-    fn go(&mut self, _: &Move, _: &Interrupt) -> Result<(), Diag> {
-        unreachable!("the laser does not move the stage")
-    }
-    fn halt(&mut self) -> Result<(), Diag> {
-        unreachable!("the laser does not halt the stage")
-    }
 }
 
 /// The list of a block with so many strokes of two points, as terrace writes it.
