@@ -65,7 +65,8 @@ fn table(name: &str, plan: &SteppedPlan) {
     let (points, blocks) = (program.points.len(), program.blocks.len());
     println!("{name}: {points} points, {} strokes, {blocks} blocks", program.strokes.len());
     println!("{:<10} {:>14} {:>12} {:>10}", "writer", "points/s", "blocks/s", "bytes");
-    let job = Stepped { checked, machine, figures, job: "job.toml", part: "dome.stl", block_file: Some("dxf") };
+    let job =
+        Stepped { checked, machine, figures, job: "job.toml", part: "dome.stl", block_file: Some("dxf"), frames: None };
     for target in TARGETS {
         let Some(files) = target.stepped else { continue };
         let write = || match files {

@@ -15,14 +15,14 @@ use serde_json::Value;
 
 use crate::check::Checked;
 use crate::diag::{self, Diag, Error, Place};
-use crate::emit::{Files, Stepped, TARGETS, Target, block_file};
+use crate::emit::{Files, Stepped, TARGETS, Target, block_file, frames};
 use crate::geom::Nm;
 use crate::job::Mode;
 use crate::job_folder::{self, Durability};
 use crate::machine::Machine;
-use crate::manifest::{self, FileFact, Head, MANIFEST, Registered, Subset, Summary};
+use crate::manifest::{self, FileFact, Frames, Head, MANIFEST, Registered, Subset, Summary};
 use crate::plan;
-use crate::program::{BlockFigures, BlockId, Program, text};
+use crate::program::{BlockFigures, BlockId, PenId, Program, text};
 use crate::report::runsheet::{self, Sheet};
 
 /// Which blocks are left; every choice takes some away.
@@ -101,6 +101,8 @@ struct Told {
     blocks: Vec<BlockTold>,
     #[serde(default)]
     subset: Option<Subset>,
+    #[serde(default)]
+    frames: Option<Frames>,
     summary: Summary,
 }
 
@@ -296,18 +298,39 @@ impl Rest<'_> {
             job: &job,
             part: &part,
             block_file: block_file(&formats),
+            frames: None,
+        };
+        let corners = self.corners();
+        let corners = corners.as_ref().map(|(checked, figures, points)| Stepped {
+            checked,
+            figures,
+            frames: Some(points),
+            ..emitted
+        });
+        let make_inner = |name: &str| {
+            let inner = new.join(name);
+            if inner.exists() { Ok(()) } else { fs::create_dir(&inner).map_err(|e| unread(&inner, &e)) }
         };
         for target in &whole.formats {
             match target.stepped {
-                Some(Files::Whole(name, write)) => put(name, &write(&emitted))?,
-                Some(Files::Blocks(ending, _)) => {
-                    let inner = new.join("blocks");
-                    if !inner.exists() {
-                        fs::create_dir(&inner).map_err(|e| unread(&inner, &e))?;
+                Some(Files::Whole(name, write)) => {
+                    put(name, &write(&emitted))?;
+                    if let Some(corners) = &corners {
+                        make_inner("frames")?;
+                        put(&frames::of_whole(name), &write(corners))?;
                     }
-                    for i in 0..checked.program().blocks.len() {
-                        let name = Program::block_file(checked.program().id(i), ending);
+                }
+                Some(Files::Blocks(ending, _)) => {
+                    make_inner("blocks")?;
+                    let ids = || (0..checked.program().blocks.len()).map(|i| checked.program().id(i));
+                    for name in ids().map(|id| Program::block_file(id, ending)) {
                         put(&name, &copied(&name)?)?;
+                    }
+                    if corners.is_some() {
+                        make_inner("frames")?;
+                        for name in ids().map(|id| frames::of_block(id, ending)) {
+                            put(&name, &copied(&name)?)?;
+                        }
                     }
                 }
                 None => {}
@@ -325,6 +348,18 @@ impl Rest<'_> {
         Ok(())
     }
 
+    /// The frames of the outline with their figures, and the registration points; None where the job has no frames.
+    fn corners(&self) -> Option<(Checked, Vec<BlockFigures>, Vec<Vec<[Nm; 2]>>)> {
+        let told = &self.whole.told;
+        let name = &told.frames.as_ref()?.pen;
+        let pen = self.checked.program().pens.iter().position(|pen| pen.name == *name)?;
+        let outline = frames::outline(&self.checked, &told.machine);
+        let framed = frames::frames(&self.checked, PenId(pen as u16));
+        let checked = Checked::as_written(framed.program().clone().subset(&outline), self.checked.origins().to_vec());
+        let points = told.setups.iter().map(|s| s.registration.iter().map(|r| registered(r).at).collect());
+        Some((checked, outline.iter().map(|&i| self.figures[i]).collect(), points.collect()))
+    }
+
     /// The surface file, as the manifest names it.
     fn surface(&self) -> Option<String> {
         self.whole.head.inputs.iter().find(|i| i.role == "surface").map(|i| i.file.clone())
@@ -332,11 +367,7 @@ impl Rest<'_> {
 
     fn sheet<'a>(&'a self, job_file: &'a str) -> Sheet<'a> {
         let told = &self.whole.told;
-        let point = |r: &RegistrationTold| Registered {
-            point_mm: r.point_mm,
-            at: r.stage.map(|mm| Nm::from_mm(mm).unwrap_or_default()),
-        };
-        let points = |s: &SetupTold| s.registration.iter().map(point).collect();
+        let points = |s: &SetupTold| s.registration.iter().map(registered).collect();
         let has_setups = told.setups.len() > 1 || told.setups.iter().any(|s| !s.registration.is_empty());
         let second = told.passes.get(1).map_or([0.0; 2], |pass| [pass.lowered_mm, pass.turn_deg]);
         Sheet {
@@ -351,6 +382,7 @@ impl Rest<'_> {
             depth_mm: told.focus.depth_range_mm,
             figures: self.figures.clone(),
             summary: &told.summary,
+            frames: told.frames.as_ref().map(|frames| frames.pen.clone()),
             subset: Some(&self.subset),
         }
     }
@@ -392,10 +424,17 @@ impl Rest<'_> {
             }
         }
         document["subset"] = serde_json::json!(self.subset);
+        if let Some(frames) = &self.whole.told.frames {
+            document["frames"] = serde_json::json!(Frames::new(&frames.pen, &self.checked, machine));
+        }
         let mut out = serde_json::to_vec_pretty(&document).expect("all keys are text");
         out.push(b'\n');
         out
     }
+}
+
+fn registered(told: &RegistrationTold) -> Registered {
+    Registered { point_mm: told.point_mm, at: told.stage.map(|mm| Nm::from_mm(mm).unwrap_or_default()) }
 }
 
 /// Words at the lower edge of a picture.

@@ -222,6 +222,10 @@ pub struct RunArgs {
     /// Fire the laser.
     #[arg(long)]
     pub arm: bool,
+    /// Show frames in place of the blocks, until you press Enter at each: after the registration points those of the
+    /// outline, or those of the blocks named (B0133,B0200-B0210). With --arm they are fired with their pen.
+    #[arg(long, value_name = "BLOCKS", num_args = 0..=1, value_delimiter = ',', value_parser = crate::resume::range, conflicts_with_all = ["journal", "go_on"])]
+    pub frames: Option<Vec<[BlockId; 2]>>,
     /// Folder that holds the job file and its inputs, where they have moved.
     #[arg(long, value_name = "FOLDER")]
     pub inputs: Option<PathBuf>,

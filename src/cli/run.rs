@@ -45,14 +45,16 @@ fn order(asked: &RunArgs) -> Order<'_> {
         inputs: asked.inputs.as_deref(),
         journal: asked.journal.as_deref(),
         log: asked.log.as_deref(),
+        frames: asked.frames.as_deref(),
         beam: if asked.arm { Beam::Fire } else { Beam::Pilot },
         settled: Settled { go_on: asked.go_on, redo: asked.redo.as_deref(), skip: asked.skip.as_deref() },
     }
 }
 
 fn text(outcome: &Outcome, folder: &Path) -> String {
-    let Outcome { armed, blocks, marked, finished, .. } = outcome;
+    let Outcome { armed, frames, blocks, marked, finished, .. } = outcome;
     match armed {
+        _ if *frames => format!("frames         {marked} of {blocks} shown\n"),
         true => format!("marked         {marked} blocks, {finished} of {blocks} done\n"),
         false if outcome.stop.is_some() => format!("dry run        {marked} of {blocks} blocks, nothing marked\n"),
         false => format!(
@@ -100,7 +102,12 @@ impl Console for Terminal {
         self.bar.block(progress);
     }
 
-    fn ask(&self, what: &str, interrupt: &Interrupt) -> Result<(), Diag> {
+    fn ask_while(
+        &self,
+        what: &str,
+        interrupt: &Interrupt,
+        meanwhile: &mut dyn FnMut() -> Result<(), Diag>,
+    ) -> Result<(), Diag> {
         const EVERY: Duration = Duration::from_millis(20);
         let lines = self.lines().lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         // What was typed before the question is no answer to it.
@@ -109,6 +116,7 @@ impl Console for Terminal {
         let refused = |text: &str| Err(Diag::limit("run-person", format!("{text}: {what}")));
         loop {
             interrupt.check()?;
+            meanwhile()?;
             match lines.recv_timeout(EVERY) {
                 Ok(line) if ["", "ready", "y", "yes", "done"].contains(&line.trim().to_lowercase().as_str()) => {
                     return Ok(());

@@ -9,13 +9,16 @@
 //! of its travel. The laser output is switched off at once (not with the next motion) before every group of moves and
 //! at the end, and a dwell follows every group: a motion queue otherwise lets the laser overlap the move.
 //!
+//! The programs of frames go to the registration points and the frames of the outline, and stop at each (M0) in both
+//! dialects: a scan card that is started would mark the block that it has loaded.
+//!
 //! The first line of block B0133 has the number N133. A comment says to which z the stage must be lifted before the
 //! program is begun there, where the block's own moves do not lift.
 
 use super::Stepped;
-use crate::check::Checked;
-use crate::machine::{Commanded, Machine, TiltAngles};
-use crate::program::{PassId, Program};
+use crate::geom::Nm;
+use crate::machine::{Commanded, TiltAngles};
+use crate::program::PassId;
 
 /// Shortest dwell after a move: a controller's last following error, whatever the machine file says.
 const LEAST_DWELL_MS: u64 = 50;
@@ -29,8 +32,11 @@ const MOST_LINES: u64 = 9_999_999;
 /// # Panics
 /// If a block has no figures.
 pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
-    let Stepped { checked, machine, figures, block_file, .. } = *job;
-    let mut p = Writer::new(machine, machine.controller.max_line, "M65 P0", block_file);
+    let Stepped { checked, machine, figures, .. } = *job;
+    let mut p = Writer::new(job, machine.controller.max_line, "M65 P0");
+    if job.frames.is_some() {
+        return p.all_frames("G21 G90 G94 G17 G40 G49 G80 G61.1");
+    }
     p.comment("terrace: stage program for LinuxCNC, absolute, mm");
     p.comment(&format!("machine: {}", super::quoted(&machine.name)));
     p.comment("digital output 0 is START to the scan card, digital input 0 is its BUSY");
@@ -42,7 +48,7 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
     let wait_s = |i: usize| (2.0 * figures[i].time_s + 10.0).ceil();
     for i in 0..checked.program().blocks.len() {
         let id = checked.program().id(i);
-        p.block(checked, i);
+        p.block(i);
         p.line("M64 P0");
         p.line("M66 P0 L3 Q5");
         p.stop_on_timeout(2 * i + 1, &format!("no BUSY, block {id}"));
@@ -57,9 +63,12 @@ pub fn linuxcnc(job: &Stepped<'_>) -> Vec<u8> {
 
 /// The program that stops at every block for the operator (M0).
 pub fn m0(job: &Stepped<'_>) -> Vec<u8> {
-    let Stepped { checked, machine, block_file, .. } = *job;
+    let Stepped { checked, machine, .. } = *job;
     // GRBL's line buffer holds 80 characters at most, 70 on small boards.
-    let mut p = Writer::new(machine, machine.controller.max_line.min(70), "M5", block_file);
+    let mut p = Writer::new(job, machine.controller.max_line.min(70), "M5");
+    if job.frames.is_some() {
+        return p.all_frames("G21 G90 G94 G17 G40 G80");
+    }
     p.comment("terrace: stage program with stops, absolute, mm, dwell in s");
     p.comment(&format!("machine: {}", super::quoted(&machine.name)));
     p.comment("at every M0 mark the block named, wait for its end, then press cycle start");
@@ -67,7 +76,7 @@ pub fn m0(job: &Stepped<'_>) -> Vec<u8> {
     p.line("G21 G90 G94 G17 G40 G80");
     p.line("M5");
     for i in 0..checked.program().blocks.len() {
-        p.block(checked, i);
+        p.block(i);
         p.line(&format!("M0 (mark {})", checked.program().id(i)));
     }
     p.end();
@@ -76,13 +85,13 @@ pub fn m0(job: &Stepped<'_>) -> Vec<u8> {
 }
 
 /// A stage program as it grows.
-struct Writer {
+struct Writer<'a> {
+    job: &'a Stepped<'a>,
     out: Vec<u8>,
     /// Longest line, in characters.
     longest: usize,
     /// The line that switches the laser off at once.
     off: &'static str,
-    block_file: Option<&'static str>,
     retract_z: i64,
     dwell: String,
     /// Position of the stage; None before the first move.
@@ -93,14 +102,15 @@ struct Writer {
     has_zoom: bool,
 }
 
-impl Writer {
-    fn new(machine: &Machine, longest: usize, off: &'static str, block_file: Option<&'static str>) -> Self {
+impl<'a> Writer<'a> {
+    fn new(job: &'a Stepped<'a>, longest: usize, off: &'static str) -> Self {
+        let machine = job.machine;
         let ms = ((machine.stage.settle.as_s() * 1e3).ceil() as u64).max(LEAST_DWELL_MS);
         Self {
+            job,
             out: Vec::new(),
             longest,
             off,
-            block_file,
             retract_z: machine.retract_z().0,
             dwell: format!("G4 P{}.{:03}", ms / 1000, ms % 1000),
             at: None,
@@ -129,8 +139,28 @@ impl Writer {
         }
     }
 
+    /// The program of frames.
+    fn all_frames(mut self, modes: &str) -> Vec<u8> {
+        let machine = self.job.machine;
+        self.comment("terrace: registration points and frames of the outline, absolute, mm");
+        self.comment(&format!("machine: {}", super::quoted(&machine.name)));
+        self.comment("at every M0 show the frame named with the pilot laser, then press cycle start");
+        self.comment("at registration points the head is lifted: lower it by hand if the spot is too large");
+        self.comment("not a safety system: the laser needs its own interlock");
+        self.line(modes);
+        self.line(self.off);
+        for i in 0..self.job.checked.program().blocks.len() {
+            self.block(i);
+            self.line(&format!("M0 (frame {})", self.job.checked.program().id(i)));
+        }
+        self.end();
+        self.line("M2");
+        self.out
+    }
+
     /// Title, moves and dwell of block `i`; the stage then stands still with the output off.
-    fn block(&mut self, checked: &Checked, i: usize) {
+    fn block(&mut self, i: usize) {
+        let checked = self.job.checked;
         let program = checked.program();
         let block = &program.blocks[i];
         let before = i.checked_sub(1).map(|i| &program.blocks[i]);
@@ -138,12 +168,16 @@ impl Writer {
             self.comment(&format!("PASS {}", block.pass.number()));
         }
         let setups = checked.origins().len();
-        if setups > 1 && before.is_none_or(|b| b.setup != block.setup) {
-            self.setup(block.setup.number(), setups);
+        if before.is_none_or(|b| b.setup != block.setup) {
+            if setups > 1 {
+                self.setup(block.setup.number(), setups);
+            }
+            let points = self.job.frames.and_then(|setups| setups.get(block.setup.index()));
+            points.into_iter().flatten().zip(1..).for_each(|(&at, number)| self.registration(number, at));
         }
         let id = program.id(i);
-        let title = match self.block_file {
-            Some(ending) => format!("BLOCK {id} FILE {}", Program::block_file(id, ending)),
+        let title = match self.job.file_of(id) {
+            Some(file) => format!("BLOCK {id} FILE {file}"),
             None => format!("BLOCK {id}"),
         };
         self.comment(&title);
@@ -185,6 +219,19 @@ impl Writer {
         self.line(self.off);
         self.lift();
         self.line(&format!("(MSG, set-up {number} of {count})"));
+        self.line("M0");
+        (self.at, self.tilt) = (None, None);
+    }
+
+    /// The stop at a registration point, lifted and with the output off: the operator may move the axes.
+    fn registration(&mut self, number: usize, [x, y]: [Nm; 2]) {
+        self.comment(&format!("REGISTRATION {number}"));
+        self.line(self.off);
+        self.lift();
+        let upright = self.letters.into_iter().flatten().map(|letter| (letter, 0));
+        let words: Vec<(char, i64)> = [('X', x.0), ('Y', y.0)].into_iter().chain(upright).collect();
+        self.travel(&words);
+        self.line(&format!("(MSG, registration point {number})"));
         self.line("M0");
         (self.at, self.tilt) = (None, None);
     }
@@ -244,7 +291,8 @@ impl Writer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::Nm;
+    use crate::check::Checked;
+    use crate::machine::Machine;
     use crate::program::{BlockFigures, SetupId, sample};
     use crate::units::Time;
 
@@ -254,7 +302,7 @@ mod tests {
         figures: &'a [BlockFigures],
         block_file: Option<&'static str>,
     ) -> Stepped<'a> {
-        Stepped { checked, machine, figures, job: "job.toml", part: "part.stl", block_file }
+        Stepped { checked, machine, figures, job: "job.toml", part: "part.stl", block_file, frames: None }
     }
 
     fn timed(times: [f64; 3]) -> [BlockFigures; 3] {
@@ -362,6 +410,28 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    #[test]
+    fn programs_of_frames_go_to_registration_points_first_and_never_fire() {
+        let (checked, mut machine) = sample();
+        machine.controller.max_line = 60;
+        machine.name = "MSG, (a) ".repeat(12);
+        let points = [vec![[Nm(1_500_000), Nm(-2_000_000)], [Nm(0), Nm(0)]]];
+        let framed = crate::emit::frames::frames(&checked, crate::program::PenId(0));
+        let job = Stepped { frames: Some(&points), ..job(&framed, &machine, &[], Some("dxf")) };
+        for (text, off) in [(text(linuxcnc(&job)), "M65 P0"), (text(m0(&job)), "M5")] {
+            let first = format!(
+                "(REGISTRATION 1)\n{off}\nG0 Z200.000000\nG0 X1.500000 Y-2.000000\n(MSG, registration point 1)\nM0\n\
+                 (REGISTRATION 2)\n{off}\nG0 Z200.000000\nG0 X0.000000 Y0.000000\n(MSG, registration point 2)\nM0\n\
+                 (BLOCK B0001 FILE frames/B0001-frame.dxf)\nN1 {off}\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\n\
+                 G0 Z0.335000\nG4 P0.100\nM0 (frame B0001)\n(BLOCK B0002 FILE frames/B0002-frame.dxf)\nN2 {off}\n\
+                 G0 Z200.000000\nG0 Z0.405000\n"
+            );
+            assert!(text.contains(&first), "{text}");
+            assert!(!text.contains("M64") && !text.contains("M66") && !text.contains("\n(MSG, ("), "{text}");
+            assert!(text.lines().all(|l| l.len() <= 60), "{text}");
         }
     }
 

@@ -11,6 +11,7 @@
 mod cards;
 pub mod csv;
 pub mod dxf;
+pub mod frames;
 pub mod gcode;
 pub mod lightburn;
 pub mod lmc;

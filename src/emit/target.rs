@@ -5,13 +5,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{csv, dxf, gcode, lightburn, lmc, on_the_fly, ovf, rtc};
+use super::{csv, dxf, frames, gcode, lightburn, lmc, on_the_fly, ovf, rtc};
 use crate::check::Checked;
 use crate::diag::{Diag, Error};
+use crate::geom::Nm;
 use crate::machine::Machine;
 use crate::on_the_fly::check::Checked as FlyChecked;
 use crate::on_the_fly::program::Kind;
-use crate::program::{BlockFigures, Program};
+use crate::program::{BlockFigures, BlockId, Program};
 
 /// Program formats, by the names that job files give them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize, schemars::JsonSchema)]
@@ -52,6 +53,16 @@ pub struct Stepped<'a> {
     pub part: &'a str,
     /// Ending of the files of single blocks, which stage programs name; None where there are none.
     pub block_file: Option<&'static str>,
+    /// Where the strokes are frames: commanded x and y of the registration points of every set-up.
+    pub frames: Option<&'a [Vec<[Nm; 2]>]>,
+}
+
+impl Stepped<'_> {
+    /// The file of a block that stage programs name.
+    pub(super) fn file_of(&self, block: BlockId) -> Option<String> {
+        let name = if self.frames.is_some() { frames::of_block } else { Program::block_file };
+        self.block_file.map(|ending| name(block, ending))
+    }
 }
 
 /// The files of a stepped job.

@@ -622,6 +622,10 @@ pub struct EmitKeys {
     /// The formats; default: those that the job's mode is usually marked with.
     #[serde(default)]
     pub formats: Option<Vec<Format>>,
+    /// Pen that the frames of the blocks are drawn with, of a power that leaves no mark; no texture may use it. Default:
+    /// no frames.
+    #[serde(default)]
+    pub frames: Option<String>,
 }
 
 /// The JSON schema of a job file.

@@ -81,6 +81,7 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
     let setups = file.setups.as_ref().map(|setups| set_ups(setups, file, f));
     dose(file, f);
     let formats = formats(file, mode, f);
+    let frames = frames(file, f);
     if mode == Mode::OnTheFly {
         on_the_fly(file, f);
     }
@@ -111,6 +112,7 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
         pens,
         formats,
         names_formats: file.emit.formats.is_some(),
+        frames,
         warnings,
         source,
     })
@@ -359,6 +361,26 @@ fn formats(file: &JobFile, mode: Mode, f: &mut Faults<'_>) -> Vec<Format> {
     formats
 }
 
+/// The pen of frames: one that marks nothing.
+fn frames(file: &JobFile, f: &mut Faults<'_>) -> Option<PenId> {
+    let key = "emit.frames";
+    let name = file.emit.frames.as_ref()?;
+    let Some(pen) = file.pen.iter().position(|pen| pen.name == *name) else {
+        let known: Vec<String> = file.pen.iter().map(|pen| format!("{:?}", pen.name)).collect();
+        let hint = format!("the pens of the job: {}", known.join(", "));
+        f.push(key, Diag::input("frames-pen", format!("there is no pen {name:?}")).hint(hint));
+        return None;
+    };
+    let marks = |t: &TextureKeys| t.pen.as_ref().map_or(pen == 0, |used| used == name);
+    if let Some(i) = file.texture.iter().position(marks) {
+        let text = format!("pen {name:?} of the frames marks texture {}", i + 1);
+        let hint = "add a [[pen]] for the frames alone, of a power that leaves no mark; it cannot be the first where a \
+                    texture names none";
+        f.push(key, Diag::input("frames-pen", text).hint(hint));
+    }
+    Some(PenId(pen as u16))
+}
+
 /// What on-the-fly programs cannot do.
 fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
     let contour = |t: &TextureKeys| t.direction == Some(Direction::Contour);
@@ -368,6 +390,7 @@ fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
         ((file.passes.count > 1).then(|| "passes.count".to_owned()), "several passes (passes.count)"),
         (file.setups.is_some().then(|| "setups".to_owned()), "set-ups ([setups])"),
         (file.dose.is_some().then(|| "dose".to_owned()), "dose compensation ([dose])"),
+        (file.emit.frames.is_some().then(|| "emit.frames".to_owned()), "frames of blocks (emit.frames)"),
         (repeated, "pens of several passes (pen.passes)"),
         (along_contours, "areas filled along contours (direction = \"contour\")"),
     ];

@@ -8,7 +8,7 @@ use crate::diag::{Diag, Error, Place};
 use crate::emit::Format;
 use crate::geom::{NM_PER_MM, Nm, P2};
 use crate::machine::{Machine, Origin};
-use crate::program::{PassId, Pen};
+use crate::program::{PassId, Pen, PenId};
 use crate::units::{Angle, Share};
 use crate::{surface, texture};
 
@@ -64,6 +64,8 @@ pub struct Job {
     pub formats: Vec<Format>,
     /// Whether the job file names these formats; they are the default of its mode otherwise.
     pub names_formats: bool,
+    /// The pen of frames, if they are asked for.
+    pub frames: Option<PenId>,
     /// What the user should know of the file.
     pub warnings: Vec<Diag>,
 }

@@ -4,13 +4,14 @@ use std::fs;
 use std::path::Path;
 
 use super::{failed, inputs, path_from};
+use crate::check::Checked;
 use crate::diag::Error;
 use crate::emit::{self, Files, Stepped};
 use crate::job::Job;
 use crate::manifest::{self, Facts, FileFact, Head, MANIFEST, OnTheFlyFacts};
 use crate::parallel;
 use crate::plan::{OnTheFlyPlan, Pass, SteppedPlan};
-use crate::program::{self, Program};
+use crate::program::{self, BlockFigures, PenId, Program};
 use crate::report;
 
 /// A folder being filled.
@@ -56,13 +57,16 @@ pub(super) fn stepped(plan: &SteppedPlan, head: &Head, filling: &mut Filling<'_>
     let (part, name) = (file_name(&job.surface.file), file_name(&job.path));
     filling.put("program.txt", &program::text::write(checked.program(), checked.origins()))?;
     let block_file = emit::block_file(&job.formats);
-    let emitted = Stepped { checked, machine, figures, job: &name, part: &part, block_file };
+    let emitted = Stepped { checked, machine, figures, job: &name, part: &part, block_file, frames: None };
     for target in job.formats.iter().map(|f| f.target()) {
         match target.stepped {
             Some(Files::Whole(file, write)) => filling.put(file, &write(&emitted))?,
             Some(Files::Blocks(ending, write)) => blocks(&emitted, ending, write, filling)?,
             None => {}
         }
+    }
+    if let Some(pen) = job.frames {
+        frames(&emitted, pen, job, filling)?;
     }
     for (k, pass) in passes.iter().enumerate() {
         let layout = layout(plan, pass, &name);
@@ -101,14 +105,44 @@ fn blocks(
     filling: &mut Filling<'_>,
 ) -> Result<(), Error> {
     let folder = filling.folder;
-    let inner = folder.join("blocks");
-    if !inner.exists() {
-        make(&inner)?;
-    }
     let program = emitted.checked.program();
-    let one = |i: usize| put(folder, &Program::block_file(program.id(i), ending), &write(emitted, i));
+    let name = |i: usize| match emitted.frames {
+        None => Program::block_file(program.id(i), ending),
+        Some(_) => emit::frames::of_block(program.id(i), ending),
+    };
+    let one = |i: usize| put(folder, &name(i), &write(emitted, i));
+    make_inner(folder, if emitted.frames.is_some() { "frames" } else { "blocks" })?;
     let written: Result<Vec<FileFact>, Error> = parallel::map(program.blocks.len(), one).into_iter().collect();
     filling.files.extend(written?);
+    Ok(())
+}
+
+/// Makes a folder inside a job folder, unless it is there.
+fn make_inner(folder: &Path, name: &str) -> Result<(), Error> {
+    let inner = folder.join(name);
+    if inner.exists() { Ok(()) } else { make(&inner) }
+}
+
+/// Writes the frames of all blocks, drawn with a pen, and those of the outline where one file holds the job.
+fn frames(emitted: &Stepped<'_>, pen: PenId, job: &Job, filling: &mut Filling<'_>) -> Result<(), Error> {
+    let Stepped { checked, machine, figures, .. } = *emitted;
+    let points = manifest::registered(job, machine, checked);
+    let framed = emit::frames::frames(checked, pen);
+    let all = Stepped { checked: &framed, frames: Some(&points), ..*emitted };
+    let outline = emit::frames::outline(checked, machine);
+    let of_outline: Vec<BlockFigures> = outline.iter().map(|&i| figures[i]).collect();
+    let corners = Checked::as_written(framed.program().clone().subset(&outline), checked.origins().to_vec());
+    let corners = Stepped { checked: &corners, figures: &of_outline, ..all };
+    for target in job.formats.iter().map(|f| f.target()) {
+        match target.stepped {
+            Some(Files::Whole(file, write)) => {
+                make_inner(filling.folder, "frames")?;
+                filling.put(&emit::frames::of_whole(file), &write(&corners))?;
+            }
+            Some(Files::Blocks(ending, write)) => blocks(&all, ending, write, filling)?,
+            None => {}
+        }
+    }
     Ok(())
 }
 

@@ -11,7 +11,7 @@ mod stepped;
 
 pub use head::{AnySummary, FileFact, Found, Head, InputFact, JobRef, MANIFEST, read};
 pub use on_the_fly::{AxisPeaks, Deviations, FlyLengths, LeftOut, OnTheFlyFacts, OnTheFlySummary, on_the_fly_manifest};
-pub use registration::{Registered, registration};
+pub use registration::{Registered, registered, registration};
 pub use stepped::manifest;
 
 use serde::{Deserialize, Serialize};
@@ -160,6 +160,23 @@ pub struct Subset {
     pub time_s: f64,
     /// The same by hand.
     pub by_hand_s: f64,
+}
+
+/// The frames of a job folder.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Frames {
+    /// Name of the pen that they are drawn with.
+    pub pen: String,
+    /// The blocks of the outline, in machining order.
+    pub outline: Vec<String>,
+}
+
+impl Frames {
+    /// Of a program, or of the blocks of one that a folder holds.
+    pub(crate) fn new(pen: &str, checked: &Checked, machine: &Machine) -> Self {
+        let outline = emit::frames::outline(checked, machine);
+        Self { pen: pen.into(), outline: outline.into_iter().map(|i| checked.program().id(i).to_string()).collect() }
+    }
 }
 
 /// Everything that the manifest tells.

@@ -1,5 +1,6 @@
 //! Registration: the stage position at which a known point of the part lies under the optical axis.
 
+use crate::check::Checked;
 use crate::geom::{Nm, P2, cos_sin};
 use crate::job::Job;
 use crate::machine::{Machine, Origin};
@@ -11,6 +12,12 @@ pub struct Registered {
     pub point_mm: [f64; 2],
     /// Commanded x and y, on the increment.
     pub at: [Nm; 2],
+}
+
+/// Commanded x and y of the registration points of every set-up; none where the job has no set-ups.
+pub fn registered(job: &Job, machine: &Machine, checked: &Checked) -> Vec<Vec<[Nm; 2]>> {
+    let points = |&origin: &Origin| registration(job, machine, origin).into_iter().map(|r| r.at).collect();
+    checked.origins().iter().map(points).collect()
 }
 
 /// The registration points of a job that the stage reaches while the part's origin lies at `origin`, nm.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Serialize, Serializer};
 
-use super::{Facts, Head, Summary, lift_mm, registration};
+use super::{Facts, Frames, Head, Summary, lift_mm, registration};
 use crate::emit::Files;
 use crate::geom::Nm;
 use crate::job::{DepthRule, Level};
@@ -29,6 +29,7 @@ pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
         passes: passes(facts),
         setups: setups(facts),
         pens: program.pens.iter().map(|pen| pen_entry(pen, facts.machine)).collect(),
+        frames: facts.job.frames.map(|pen| Frames::new(&program.pens[pen.index()].name, facts.checked, facts.machine)),
         blocks: Blocks(facts),
         summary: facts.summary,
     };
@@ -54,6 +55,8 @@ struct Document<'a> {
     passes: Vec<PassEntry>,
     setups: Vec<SetupEntry>,
     pens: Vec<PenEntry<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    frames: Option<Frames>,
     blocks: Blocks<'a>,
     summary: &'a Summary,
 }

@@ -14,6 +14,7 @@ mod candidate;
 mod candidates;
 mod dose;
 mod focal_plane;
+mod frames;
 mod grid;
 mod hatch_direction;
 mod inputs;

@@ -14,6 +14,7 @@ use super::bound;
 use super::candidate::{Candidate, Unmerged};
 use super::candidates::{best_of, divide, methods, no_more_stops, stops};
 use super::dose;
+use super::frames;
 use super::grid::{Grid, Layout};
 use super::hatch_direction;
 use super::inputs::Inputs;
@@ -212,6 +213,7 @@ impl<'a> Draft<'a> {
         let checked = Checked::new(best.program, &limits)?;
         setups::registered(job, machine, &origins)?;
         emit::faults(&job.formats, checked.program(), machine)?;
+        frames::may_be_shown(job, machine, &checked)?;
         warnings::warn(job, &best.split, best.worst_defocus, grid.lattice.depth, &mut warnings)?;
         warnings.extend(warnings::not_carried(job, checked.program()));
         warnings.extend(warnings::set_by_hand(job, checked.program()));

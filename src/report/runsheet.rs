@@ -35,6 +35,8 @@ pub struct Sheet<'a> {
     pub figures: Vec<BlockFigures>,
     /// The figures of the whole job.
     pub summary: &'a Summary,
+    /// Name of the pen of the frames, where the folder has them.
+    pub frames: Option<String>,
     /// Those of the subset, where the folder does not hold the whole job.
     pub subset: Option<&'a Subset>,
 }
@@ -56,6 +58,7 @@ impl<'a> Sheet<'a> {
             depth_mm: facts.depth_mm,
             figures: facts.figures.to_vec(),
             summary: facts.summary,
+            frames: job.frames.map(|pen| job.pens[pen.index()].name.clone()),
             subset: None,
         }
     }
@@ -247,6 +250,16 @@ fn steps(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
         "  - Put the part so that its zero and its turn are as above. Show the red-light frame of the first"
     )?;
     writeln!(out, "    and the last block on the part and compare it with layout.svg.")?;
+    if let Some(pen) = &sheet.frames {
+        writeln!(
+            out,
+            "  - frames holds the rectangle around the marks of each block, drawn with pen {pen}, and programs that go to"
+        )?;
+        writeln!(
+            out,
+            "    the registration points and to the outermost blocks. Power of that pen must leave no mark: try on scrap."
+        )?;
+    }
     let place = if sheet.machine.zoom.is_some() { "at its Z and SHIFT below" } else { "its Z below is where" };
     writeln!(out, "  - Find the focus on the part at the first block: {place} the spot must be smallest.")?;
     if sheet.formats.iter().any(|f| f.target().moves_stage) {

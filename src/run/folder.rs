@@ -7,11 +7,12 @@ use std::time::Duration;
 use serde::Deserialize;
 
 use crate::diag::{self, Diag, Error, Place};
-use crate::emit::{Files, TARGETS};
+use crate::emit::{self, Files, TARGETS};
 use crate::geom::Nm;
 use crate::job::Mode;
 use crate::machine::Machine;
-use crate::manifest::{FileFact, Head, MANIFEST, Subset, Times};
+use crate::manifest::{FileFact, Frames, Head, MANIFEST, Subset, Times};
+use crate::program::BlockId;
 
 /// Largest file of a block that is read.
 const MAX_FILE: u64 = 1 << 32;
@@ -28,8 +29,11 @@ pub(super) struct Folder {
     pub machine: Machine,
     /// Where the part's zero lies in the table frame in each set-up, mm.
     pub origins: Vec<[f64; 3]>,
+    /// Registration points of each set-up.
+    pub registration: Vec<Vec<Point>>,
     /// The blocks to be marked, in machining order; of a resumed job those that are left.
     pub blocks: Vec<Block>,
+    frames: Option<Frames>,
     /// Time for a block beyond its marks, s.
     between_s: f64,
     files: BTreeMap<String, FileFact>,
@@ -56,6 +60,15 @@ pub(super) struct Block {
     files: BTreeMap<String, String>,
 }
 
+/// A registration point.
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub(super) struct Point {
+    /// On the part, mm.
+    pub point_mm: [f64; 2],
+    /// Commanded x and y, mm.
+    pub stage: [f64; 2],
+}
+
 #[derive(Deserialize)]
 struct Document {
     machine: Machine,
@@ -64,11 +77,14 @@ struct Document {
     summary: Summary,
     #[serde(default)]
     subset: Option<Subset>,
+    #[serde(default)]
+    frames: Option<Frames>,
 }
 
 #[derive(Deserialize)]
 struct Setup {
     origin_mm: [f64; 3],
+    registration: Vec<Point>,
 }
 
 #[derive(Deserialize)]
@@ -150,8 +166,10 @@ impl Folder {
             path: path.to_owned(),
             manifest: blake3::hash(&bytes).to_hex().to_string(),
             machine: document.machine,
-            origins: document.setups.into_iter().map(|s| s.origin_mm).collect(),
+            origins: document.setups.iter().map(|s| s.origin_mm).collect(),
+            registration: document.setups.into_iter().map(|s| s.registration).collect(),
             blocks,
+            frames: document.frames,
             between_s,
             files: head.files.into_iter().map(|f| (f.file.clone(), f)).collect(),
         })
@@ -187,6 +205,41 @@ impl Folder {
         let shown = format.or(held.first().copied());
         for block in &mut self.blocks {
             block.file = shown.and_then(|name| block.files.get(name).cloned());
+        }
+        Ok(())
+    }
+
+    /// Takes the frames of some blocks in place of the blocks: those in these ranges, or of the outline where there are
+    /// none. The stage lifts on its way to each.
+    ///
+    /// # Errors
+    /// `run-frames` where the job has no frames, or not that one.
+    pub fn choose_frames(&mut self, ranges: &[[BlockId; 2]]) -> Result<(), Diag> {
+        let place = Place::file(self.path.display().to_string());
+        let Some(frames) = &self.frames else {
+            let d = Diag::input("run-frames", "the job has no frames").at(place);
+            return Err(d.hint("name a pen for them as emit.frames in the job file and compile again"));
+        };
+        let id = |block: &Block| block.id.parse::<BlockId>().ok();
+        let outline: BTreeSet<&String> = frames.outline.iter().collect();
+        let is_within = |id: BlockId| ranges.iter().any(|[first, last]| (*first..=*last).contains(&id));
+        for end in ranges.iter().flatten() {
+            if !self.blocks.iter().any(|block| id(block) == Some(*end)) {
+                let d = Diag::input("run-frames", format!("the folder holds no frame of block {end}")).at(place);
+                return Err(d.hint("name blocks of the run sheet"));
+            }
+        }
+        if ranges.is_empty() {
+            self.blocks.retain(|block| outline.contains(&block.id));
+        } else {
+            self.blocks.retain(|block| id(block).is_some_and(is_within));
+            self.registration.iter_mut().for_each(Vec::clear);
+        }
+        for block in &mut self.blocks {
+            block.lift = Some(self.machine.retract_z().0);
+            let ending = block.file.as_ref().and_then(|file| file.rsplit_once('.'));
+            let name = block.id.parse::<BlockId>().ok().zip(ending);
+            block.file = name.map(|(id, (_, ending))| emit::frames::of_block(id, ending));
         }
         Ok(())
     }

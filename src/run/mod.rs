@@ -26,6 +26,8 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use crate::diag::{Diag, Error, Message, Place};
+use crate::geom::Nm;
+use crate::program::BlockId;
 use crate::verify;
 use folder::{Block, Folder};
 use journal::{Journal, Settled};
@@ -86,11 +88,24 @@ pub trait Console {
     fn phase(&self, text: &'static str);
     /// A block is begun.
     fn block(&self, progress: &Progress<'_>);
+    /// Asks the person to do something, and returns when they say that it is done. What is done `meanwhile` is done at
+    /// least once, and again until they answer.
+    ///
+    /// # Errors
+    /// Where they refuse, nobody answers, or the run is aborted; those of `meanwhile`.
+    fn ask_while(
+        &self,
+        what: &str,
+        interrupt: &Interrupt,
+        meanwhile: &mut dyn FnMut() -> Result<(), Diag>,
+    ) -> Result<(), Diag>;
     /// Asks the person to do something, and returns when they say that it is done.
     ///
     /// # Errors
     /// Where they refuse, nobody answers, or the run is aborted.
-    fn ask(&self, what: &str, interrupt: &Interrupt) -> Result<(), Diag>;
+    fn ask(&self, what: &str, interrupt: &Interrupt) -> Result<(), Diag> {
+        self.ask_while(what, interrupt, &mut || Ok(()))
+    }
 }
 
 /// How far a run is.
@@ -123,6 +138,8 @@ pub struct Order<'a> {
     pub log: Option<&'a Path>,
     /// What the blocks are marked with; only a run that fires has a journal.
     pub beam: Beam,
+    /// Frames to be shown in place of the blocks: of blocks in these ranges, or of the outline where there are none.
+    pub frames: Option<&'a [[BlockId; 2]]>,
     /// What the user says of blocks that a journal holds.
     pub settled: Settled<'a>,
 }
@@ -132,7 +149,9 @@ pub struct Order<'a> {
 pub struct Outcome {
     /// Whether the laser was to fire.
     pub armed: bool,
-    /// Blocks of the job.
+    /// Whether frames were shown, and no blocks marked.
+    pub frames: bool,
+    /// Blocks of the job, or frames.
     pub blocks: usize,
     /// Blocks that this run marked, or showed where it was not armed.
     pub marked: usize,
@@ -164,15 +183,19 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
     let mut stage = drivers::stage(&keys.stage, console)?;
     let mut laser = drivers::laser(&keys, &folder, console)?;
     folder.choose_files(laser.format())?;
+    if let Some(ranges) = order.frames {
+        folder.choose_frames(ranges)?;
+        may_fire_frames(order, &*laser)?;
+    }
     console.phase("verifying the job folder");
     check(order, &folder)?;
     let mut log = Log::open(order.log)?;
     let (mut journal, left) = match order.beam {
-        Beam::Fire => {
+        Beam::Fire if order.frames.is_none() => {
             let (journal, left) = Journal::open(order, &folder)?;
             (Some(journal), left)
         }
-        Beam::Pilot => (None, (0..folder.blocks.len()).collect()),
+        _ => (None, (0..folder.blocks.len()).collect()),
     };
     if let Some(journal) = &journal {
         laser.hold(journal.handle()?);
@@ -190,6 +213,7 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
         stage: &mut *stage,
         laser: &mut *laser,
         beam: order.beam,
+        is_frames: order.frames.is_some(),
         moves: Moves::new(&folder),
         marked: 0,
         in_work: None,
@@ -200,6 +224,7 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
     let finished = journal.as_ref().map_or(0, |_| folder.blocks.len() - left.len() + marked);
     let mut outcome = Outcome {
         armed: order.beam == Beam::Fire,
+        frames: order.frames.is_some(),
         blocks: folder.blocks.len(),
         marked,
         finished,
@@ -209,7 +234,7 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
     };
     if !faults.is_empty() {
         let mut diags = faults;
-        if outcome.armed {
+        if outcome.armed && !outcome.frames {
             diags.push(certain(&outcome));
         }
         outcome.errors = diags.iter().map(Message::from).collect();
@@ -217,6 +242,15 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
     }
     log.write("outcome", &outcome)?;
     Ok(outcome)
+}
+
+/// Frames are fired by drivers alone that load the file of each: whatever else is loaded would be marked.
+fn may_fire_frames(order: &Order<'_>, laser: &dyn Laser) -> Result<(), Diag> {
+    if order.beam == Beam::Pilot || laser.format().is_some() {
+        return Ok(());
+    }
+    let text = "this laser driver loads no files: it would mark what is loaded, not the frame";
+    Err(Diag::limit("run-frames", text).hint("leave --arm out, and show the frames with the pilot laser"))
 }
 
 /// Refuses a folder that does not verify.
@@ -261,6 +295,7 @@ struct Run<'a> {
     stage: &'a mut dyn Stage,
     laser: &'a mut dyn Laser,
     beam: Beam,
+    is_frames: bool,
     moves: Moves<'a>,
     marked: usize,
     in_work: Option<String>,
@@ -290,28 +325,70 @@ impl Run<'_> {
                 file: block.file.as_deref(),
                 left: left[n..].iter().map(|&i| folder.time(i)).sum(),
             });
-            if folder.origins.len() > 1 && setup != Some(block.setup) {
-                self.set_up(block)?;
+            if setup != Some(block.setup) {
+                if folder.origins.len() > 1 {
+                    self.set_up(block)?;
+                }
+                if self.is_frames {
+                    self.registration(block.setup)?;
+                }
                 setup = Some(block.setup);
             }
-            self.block(block)
-                .map_err(|d| if d.place == Place::Nowhere { d.at(Place::Block(block.id.clone())) } else { d })?;
+            let done = if self.is_frames { self.frame(block) } else { self.block(block) };
+            done.map_err(|d| if d.place == Place::Nowhere { d.at(Place::Block(block.id.clone())) } else { d })?;
         }
         self.lift()
     }
 
-    /// Goes to a block and marks it.
-    fn block(&mut self, block: &Block) -> Result<(), Diag> {
+    /// Goes to a block; answers with what is to be marked there.
+    fn approach(&mut self, block: &Block) -> Result<Work, Diag> {
         for to in self.moves.to(block) {
             self.go(&to)?;
         }
         self.interrupt.wait(LEAST_SETTLE.max(Duration::from_secs_f64(self.folder.machine.stage.settle.as_s())))?;
-        let work = Work {
+        Ok(Work {
             block: block.id.clone(),
             file: self.folder.file(block)?,
             focus_shift: block.focus_shift,
             estimate: block.estimate,
-        };
+        })
+    }
+
+    /// Goes to a block and shows its frame until the person has seen it.
+    fn frame(&mut self, block: &Block) -> Result<(), Diag> {
+        let work = self.approach(block)?;
+        self.log.write("frame", &block.id)?;
+        let shows = self.laser.format().is_some() && (self.beam == Beam::Fire || self.laser.has_pilot());
+        let file = block.file.as_ref().map_or(String::new(), |file| format!(" ({file})"));
+        let what = if shows { "is shown: compare it with" } else { "lies here: show it and compare it with" };
+        let text = format!("the frame of block {}{file} {what} layout.svg", block.id);
+        let Self { laser, stage, interrupt, beam, .. } = self;
+        let mut show = || if shows { laser.mark(&work, *beam, &mut **stage, interrupt) } else { Ok(()) };
+        self.console.ask_while(&text, interrupt, &mut show)?;
+        self.marked += 1;
+        Ok(())
+    }
+
+    /// Goes to the registration points of a set-up, lifted, and waits at each.
+    fn registration(&mut self, setup: u32) -> Result<(), Diag> {
+        let folder = self.folder;
+        for (point, number) in folder.registration[setup as usize - 1].iter().zip(1..) {
+            for to in self.moves.over(point.stage.map(|mm| Nm::from_mm(mm).unwrap_or_default().0)) {
+                self.go(&to)?;
+            }
+            let [x, y] = point.point_mm;
+            let text =
+                format!("registration point {number} (X {x} Y {y} mm of the part) must lie under the pilot laser");
+            self.console.ask(&text, self.interrupt)?;
+            // Whoever looks for it may have moved the axes.
+            self.moves.forget();
+        }
+        Ok(())
+    }
+
+    /// Goes to a block and marks it.
+    fn block(&mut self, block: &Block) -> Result<(), Diag> {
+        let work = self.approach(block)?;
         self.log.write("begin", &block.id)?;
         if let Some(journal) = &mut self.journal {
             journal.begin(&block.id)?;

@@ -38,6 +38,16 @@ impl<'a> Moves<'a> {
         moves
     }
 
+    /// The moves to a place in x and y, lifted and not tilted.
+    pub fn over(&mut self, [x, y]: [i64; 2]) -> Vec<Move> {
+        let letters = self.folder.machine.tilt.as_ref().map(|t| t.axes.each_ref().map(|axis| axis.letter.char()));
+        let upright = letters.into_iter().flatten().map(|letter| (letter, 0));
+        let across = Move([('X', x), ('Y', y)].into_iter().chain(upright).collect());
+        let moves = self.lift().into_iter().chain([across]).collect();
+        (self.at, self.tilt) = (Some([x, y, self.folder.machine.retract_z().0]), Some([0; 2]));
+        moves
+    }
+
     /// The lift to the far end of z, unless the stage is there.
     pub fn lift(&mut self) -> Option<Move> {
         self.lift_to(self.folder.machine.retract_z().0)

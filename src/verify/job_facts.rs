@@ -48,6 +48,8 @@ pub(super) struct JobFacts {
     pub(super) pens: Option<Vec<Pen>>,
     /// How pens compensate for the slope, if they do.
     pub(super) dose: Option<Dose>,
+    /// Name of the pen of the frames that the job asks for; None where the job could not be read.
+    pub(super) frames: Option<Option<String>>,
     /// Formats that the job asks for.
     pub(super) formats: Vec<Format>,
 }
@@ -75,6 +77,7 @@ impl JobFacts {
             origin: None,
             pens: None,
             dose: None,
+            frames: None,
             formats: Vec::new(),
         }
     }
@@ -104,6 +107,7 @@ impl JobFacts {
             origin: job.placement.origin,
             pens: Some(job.pens.clone()),
             dose: job.dose,
+            frames: Some(job.frames.map(|pen| job.pens[pen.index()].name.clone())),
             formats: job.formats.clone(),
         }
     }

@@ -387,6 +387,32 @@ fn commands_of_the_documents_run_and_print_what_is_shown() {
     assert!(commands >= 15 && shown >= 5, "commands and outputs are found: {commands}, {shown}");
 }
 
+#[test]
+#[cfg(unix)]
+fn picture_and_numbers_of_the_readme_are_those_of_its_jobs() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let script = "terrace init try >&2 && terrace compile --json try/job.toml";
+    let summary: Value = serde_json::from_str(&printed(dir.path(), script, "README.md")).expect("JSON");
+    let made = std::fs::read_to_string(dir.path().join("try/job.job/layout.svg")).expect("a picture");
+    let shown = root().join("docs/layout.svg");
+    if std::env::var_os("DOCS").is_some_and(|v| v == "write") {
+        std::fs::write(shown, made).expect("written");
+    } else {
+        assert!(std::fs::read_to_string(shown).expect("a picture") == made, "DOCS=write takes it over");
+    }
+    let demo = crate::support::summary_of(&root().join("fixtures/hood.toml"));
+    let text = text_of("README.md");
+    let thousands = |n: u64| format!("{},{:03}", n / 1000, n % 1000);
+    for said in [
+        format!("![{} blocks on a curved panel", summary["blocks"]),
+        format!("a field of 40 x 40 mm, {} stops.", summary["stops"]),
+        format!("{} stops and", thousands(demo["stops"].as_u64().expect("a number"))),
+        format!("stops and {:.0} m of marks", demo["mark_mm"].as_f64().expect("a number") / 1000.0),
+    ] {
+        assert!(text.contains(&said), "README.md says {said:?}");
+    }
+}
+
 // --- Lines
 
 /// Lines that are too long to read in a diff, and table cells that hold a paragraph.

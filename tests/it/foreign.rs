@@ -27,7 +27,7 @@ fn check(venv: &Path, script: &str, job: &Path) {
     let script_path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python").join(script);
     let mut command = Command::new(venv.join("bin/python"));
     command.arg(script_path).arg(job);
-    if script == "check_gcode.py" {
+    if ["check_gcode.py", "check_frames.py"].contains(&script) {
         command.arg(venv.join("linuxcnc/rs274")).arg(venv.join("linuxcnc/tool.tbl"));
     }
     let out = command.output().expect("python starts");

@@ -16,6 +16,7 @@ mod docs;
 mod dose;
 mod fill;
 mod foreign;
+mod frames;
 mod golden;
 mod layers;
 mod lengths;

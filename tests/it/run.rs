@@ -401,6 +401,38 @@ fn a_person_moves_marks_and_can_stop() {
 }
 
 #[test]
+fn frames_are_shown_at_the_outermost_blocks_until_the_person_goes_on() {
+    let pilot = "[[pen]]\nname = \"pilot\"\nspeed = \"500 mm/s\"\npower = \"1 %\"\nfrequency = \"60 kHz\"";
+    let points = "[setups]\nregistration = [[\"0 mm\", \"0 mm\"], [\"15 mm\", \"10 mm\"]]";
+    let bench = Bench::with(3, &format!("frames = \"pilot\"\n{pilot}\n{points}"));
+    let shell = Shell::new();
+    let shown = bench.path("shown.txt");
+    let pilot = format!("\npilot = ['sh', '-c', 'echo $0 >> \"{}\"', '{{file}}']", shown.display());
+    bench.run_file(&stage_of(&shell), &(bench.command_laser("0") + &pilot));
+    let moves = || -> Vec<String> {
+        let mdi = std::mem::take(&mut shell.control().mdi);
+        mdi.iter().filter_map(|line| line.strip_prefix("G53 G0 ")).map(str::to_owned).collect()
+    };
+    // Two registration points, the four corners of three by two blocks; as the program of frames goes.
+    let out = with_answers(&bench, &["--frames"], &"\n".repeat(6));
+    assert_ended(&out, 0, &["registration point 2 (X 15 Y 10 mm of the part)", "frames         4 of 4 shown"]);
+    assert_eq!(moves(), moves_of(&bench.job.join("frames/stage-frame.ngc")));
+    let files = std::fs::read_to_string(&shown).expect("frames were shown");
+    assert!(files.lines().all(|file| file.contains("/frames/B") && file.ends_with("-frame.dxf")), "{files}");
+    assert!(files.lines().count() >= 4 && bench.marked().is_empty(), "{files}");
+    // One block, with its pen; nothing is journalled.
+    assert_ended(&with_answers(&bench, &["--frames", "B0002", "--arm"], "\n"), 0, &["1 of 1 shown"]);
+    assert!(bench.marked().contains(&"B0002".to_owned()) && bench.journal().is_empty());
+    assert_ended(&bench.run(&["--frames", "B0009"]), 2, &["run-frames", "B0009"]);
+    // A card that is started marks what it has loaded.
+    bench.run_file(&stage_of(&shell), "driver = \"handshake\"");
+    assert_ended(&bench.run(&["--frames", "--arm"]), 1, &["run-frames", "loads no files"]);
+    let other = Bench::new(1);
+    other.shell_and_command(&shell);
+    assert_ended(&other.run(&["--frames"]), 2, &["run-frames", "emit.frames"]);
+}
+
+#[test]
 fn jobs_that_may_not_be_run_are_refused() {
     let bench = Bench::new(1);
     let shell = Shell::new();

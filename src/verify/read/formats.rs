@@ -180,9 +180,20 @@ pub(in crate::verify) fn of_block(id: &str, ending: &str) -> String {
     format!("blocks/{id}.{ending}")
 }
 
-/// Whether `file` is the name of a file of that block in any format.
-pub(in crate::verify) fn is_of_block(file: &str, id: &str) -> bool {
-    FORMATS.iter().any(|row| matches!(row.stepped, Some(Stepped::Blocks(files)) if file == of_block(id, files.ending)))
+/// The name that the frame of a block has in a format with this ending.
+pub(in crate::verify) fn of_frame(id: &str, ending: &str) -> String {
+    format!("frames/{id}-frame.{ending}")
+}
+
+/// The name of the frames' version of a file for the whole job.
+pub(in crate::verify) fn of_frames(file: &str) -> String {
+    let (stem, ending) = file.split_once('.').unwrap_or((file, ""));
+    format!("frames/{stem}-frame.{ending}")
+}
+
+/// Whether `file` is the name that `named` gives the file of that block in any format.
+pub(in crate::verify) fn is_of_block(file: &str, id: &str, named: fn(&str, &str) -> String) -> bool {
+    FORMATS.iter().any(|row| matches!(row.stepped, Some(Stepped::Blocks(files)) if file == named(id, files.ending)))
 }
 
 /// The bytes of a file of the job folder, or why they cannot be had.

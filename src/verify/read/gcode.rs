@@ -15,6 +15,8 @@ pub(in crate::verify) enum Step {
     Block(String, Option<String>),
     /// The comment that begins a set-up, with its number.
     Setup(u32),
+    /// The comment that begins a stop at a registration point, with its number in the set-up.
+    Registration(usize),
     /// The comment that states the shift of the zoom optic, nm.
     FocusShift(i64),
     /// The comment that states the z to lift to first where the program is begun here, nm.
@@ -98,6 +100,9 @@ pub(in crate::verify) fn read(bytes: &[u8]) -> Result<Program, Fault> {
             } else if let Some(rest) = comment.trim().strip_prefix("SETUP ") {
                 let number = rest.split_whitespace().next().and_then(|n| n.parse().ok());
                 push(number.map_or_else(|| Step::Unknown(comment.to_owned()), Step::Setup));
+            } else if let Some(rest) = comment.trim().strip_prefix("REGISTRATION ") {
+                let number = rest.trim().parse().ok();
+                push(number.map_or_else(|| Step::Unknown(comment.to_owned()), Step::Registration));
             } else if let Some(rest) = comment.trim().strip_prefix("FOCUS SHIFT ") {
                 let shift = nm_from_decimal(rest.trim().as_bytes());
                 push(shift.map_or_else(|| Step::Unknown(comment.to_owned()), Step::FocusShift));

@@ -40,6 +40,8 @@ pub(in crate::verify) struct Manifest {
     /// The blocks whose files the folder holds, where these are not all.
     #[serde(default)]
     pub(in crate::verify) subset: Option<SubsetEntry>,
+    #[serde(default)]
+    pub(in crate::verify) frames: Option<FramesEntry>,
     /// Every file of the folder but the manifest itself.
     pub(in crate::verify) files: Vec<FileEntry>,
     pub(in crate::verify) summary: Summary,
@@ -121,6 +123,15 @@ pub(in crate::verify) struct SubsetEntry {
     pub(in crate::verify) mark_mm: f64,
     pub(in crate::verify) time_s: f64,
     pub(in crate::verify) by_hand_s: f64,
+}
+
+/// The frames of the blocks.
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct FramesEntry {
+    /// Name of their pen.
+    pub(in crate::verify) pen: String,
+    /// Names of the blocks of the outline, in machining order.
+    pub(in crate::verify) outline: Vec<String>,
 }
 
 #[derive(Clone, Debug, Deserialize)]

@@ -16,6 +16,7 @@ use crate::verify::read::BlockOf;
 use crate::verify::read::formats::{self, BlockFiles, Stepped};
 use crate::verify::read::manifest::{BlockEntry, Manifest};
 use crate::verify::read::number::nm_from_mm;
+use crate::verify::read::ovf::OvfFile;
 use crate::verify::read::program::ProgramFile;
 
 /// Relative difference at which two stated lengths or angles are still the same number.
@@ -90,16 +91,22 @@ pub(in crate::verify) fn files(
                     drawings.check(&name, id, block, rule);
                 }
             }
-            Stepped::Planes { file: name, open } => match formats::bytes(folder, name) {
-                Ok(bytes) => match open(&bytes) {
-                    Ok(planes) => planes::check(&planes, name, file, &facts.machine, rule),
-                    Err(fault) => rule.broken("", name, fault),
-                },
-                Err(unread) => rule.broken("", name, unread),
-            },
+            Stepped::Planes { file: name, open } => whole(folder, name, open, file, &facts.machine, rule),
             // The rules of `stage` hold these.
             Stepped::Stage { .. } => {}
         }
+    }
+}
+
+/// An opener of a file that holds the whole job.
+pub(super) type Open = for<'a> fn(&'a [u8]) -> Result<OvfFile<'a>, String>;
+
+/// Holds a file of the whole job against the program.
+pub(super) fn whole(folder: &Path, name: &str, open: Open, file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
+    let bytes = formats::bytes(folder, name);
+    match bytes.as_ref().map_err(Clone::clone).and_then(|bytes| open(bytes)) {
+        Ok(planes) => planes::check(&planes, name, file, machine, rule),
+        Err(fault) => rule.broken("", name, fault),
     }
 }
 
@@ -135,6 +142,9 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
     let is_made = (0..pens.len()).all(|pen| super::dose::is_made(pens, pen, facts));
     let own = facts.pens.as_ref();
     hold(own.is_none_or(|p| pens.starts_with(p) && is_made), "its pens differ from those of the job file");
+    let drawn_with = manifest.frames.as_ref().map(|frames| &frames.pen);
+    let asked = facts.frames.as_ref().is_none_or(|asked| asked.as_ref() == drawn_with);
+    hold(asked, "its frames differ from those of the job file");
 }
 
 /// The first thing that differs between a block of the manifest and of the program.
@@ -161,16 +171,16 @@ fn differs(e: &BlockEntry, id: &str, b: &Block, lift: Option<Nm>) -> Option<&'st
 }
 
 /// The files of single blocks in one format.
-struct Drawings<'a> {
-    folder: &'a Path,
-    files: BlockFiles,
-    program: &'a Program,
-    machine: &'a Machine,
+pub(super) struct Drawings<'a> {
+    pub(super) folder: &'a Path,
+    pub(super) files: BlockFiles,
+    pub(super) program: &'a Program,
+    pub(super) machine: &'a Machine,
 }
 
 impl Drawings<'_> {
     /// Compares the file `name` with its block.
-    fn check(&self, name: &str, id: &str, block: &Block, rule: &mut Rule) {
+    pub(super) fn check(&self, name: &str, id: &str, block: &Block, rule: &mut Rule) {
         if !is_inside(name) {
             return rule.broken(id, "manifest.json", format!("{name:?} is not a path inside the job folder"));
         }

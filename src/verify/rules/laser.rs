@@ -20,7 +20,7 @@ pub(super) fn check(stages: &[StageFile], machine: &Machine, rule: &mut Rule) {
     for stage in stages {
         let settle = machine.stage.settle.as_s();
         let run = Run { stage, rule, settle, block: "", off: false, settled: true, fired: true, part: Part::Lies };
-        if stage.handshake { run.handshake() } else { run.operator() }
+        if stage.handshake && !stage.is_frames { run.handshake() } else { run.operator() }
     }
 }
 
@@ -58,10 +58,15 @@ impl<'a> Run<'a> {
         if !self.fired {
             self.broken(line, "this block ends without START or M0");
         }
+        self.is_placed(line);
+        (self.block, self.fired, self.part) = (id, false, Part::Lies);
+    }
+
+    /// Holds that the stop of a set-up has come.
+    fn is_placed(&mut self, line: usize) {
         if self.part == Part::Moves {
             self.broken(line, "the set-up begins without a stop (M0) at which the part is moved");
         }
-        (self.block, self.fired, self.part) = (id, false, Part::Lies);
     }
 
     fn setup(&mut self, line: usize) {
@@ -220,7 +225,13 @@ impl<'a> Run<'a> {
                 Step::Modal(codes) => self.modal(codes, *line),
                 Step::Move(_) => self.moves(*line),
                 Step::Dwell(seconds) => self.dwell(*seconds, *line),
-                Step::SpindleOff => self.off = true,
+                Step::Registration(_) => {
+                    self.is_placed(*line);
+                    self.setup(*line);
+                }
+                // What switches off is what switches on in the program that marks.
+                Step::SpindleOff if !self.stage.handshake => self.off = true,
+                Step::OutputOff if self.stage.handshake => self.off = true,
                 Step::Pause => self.fired = true,
                 Step::End => {
                     self.end(*line);
@@ -248,6 +259,7 @@ fn name(step: &Step) -> String {
     match step {
         Step::Block(..) => "a block".into(),
         Step::Setup(_) => "a set-up".into(),
+        Step::Registration(_) => "a registration point".into(),
         Step::FocusShift(_) => "a focus shift".into(),
         Step::EntryLift(_) => "a lift to begin with".into(),
         Step::Modal(_) => "a modal word".into(),

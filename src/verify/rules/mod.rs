@@ -6,6 +6,7 @@ pub(super) mod coverage;
 pub(super) mod depth_and_field;
 pub(super) mod dose;
 pub(super) mod fill;
+mod frames;
 pub(super) mod hash;
 pub(super) mod laser;
 mod planes;
@@ -123,26 +124,39 @@ pub(super) fn without_inputs(
     program: &mut ProgramFile,
     facts: &JobFacts,
     findings: &mut Findings,
-) -> Vec<stage::StageFile> {
+) -> Stages {
     findings.stops = stops(&program.program);
     findings.fragments = program.program.strokes.len();
-    let stages = stage::read(folder, manifest, facts, &mut findings.agreement);
+    let stages = stage::read(folder, manifest, facts, false, &mut findings.agreement);
     let chosen = subset::chosen(manifest, program, &mut findings.agreement);
     agreement::check(manifest, program, &chosen, facts, &mut findings.agreement);
     subset::with(program, &chosen, |program| {
         agreement::files(folder, manifest, (program, &chosen), facts, &mut findings.agreement);
-        stage::agreement(&stages, program, &facts.machine, &mut findings.agreement);
+        stage::agreement(&stages, manifest, program, &facts.machine, &mut findings.agreement);
         runsheets::check(folder, manifest, program, facts, &mut findings.agreement);
     });
     travel::check(&stages, program, &facts.machine, &mut findings.travel);
     laser::check(&stages, &facts.machine, &mut findings.laser);
     depth_and_field::field(program, &facts.machine, &mut findings.field);
-    stages
+    let frames = frames::Frames::read(folder, manifest, (program, &chosen), facts, &mut findings.agreement);
+    if let Some(frames) = &frames {
+        travel::moves(&frames.stages, &frames.outline, &facts.machine, &mut findings.travel);
+        laser::check(&frames.stages, &facts.machine, &mut findings.laser);
+    }
+    Stages { blocks: stages, frames }
+}
+
+/// The stage programs of a folder.
+pub(super) struct Stages {
+    /// Those of the blocks.
+    blocks: Vec<stage::StageFile>,
+    /// Those of their frames, where it has frames.
+    frames: Option<frames::Frames>,
 }
 
 /// The moves between the blocks whose files the folder holds, and the figures of these.
 pub(super) fn moves(
-    stages: &[stage::StageFile],
+    stages: &Stages,
     manifest: &Manifest,
     program: &mut ProgramFile,
     facts: &JobFacts,
@@ -152,9 +166,12 @@ pub(super) fn moves(
     // A list that cannot be was reported with the files.
     let chosen = subset::chosen(manifest, program, &mut Rule::new("", ""));
     subset::with(program, &chosen, |program| {
-        clearance::check(stages, program, facts, geometry, findings);
+        clearance::check(&stages.blocks, program, facts, geometry, findings);
         subset::figures(manifest, program, facts, &mut findings.summary);
     });
+    if let Some(frames) = stages.frames.as_ref().filter(|frames| !frames.stages.is_empty()) {
+        clearance::check(&frames.stages, &frames.outline, facts, geometry, findings);
+    }
 }
 
 /// Standstills of the stage: a block is one, unless the zoom optic alone changes on the way to it.

@@ -12,13 +12,16 @@ use crate::verify::proof::Rule;
 use crate::verify::read::formats::{self, Stepped};
 use crate::verify::read::gcode::{Program, Statement, Step};
 use crate::verify::read::manifest::Manifest;
+use crate::verify::read::number::nm_from_mm;
 use crate::verify::read::program::ProgramFile;
 
 /// A stage program that could be read.
 pub(in crate::verify) struct StageFile {
-    pub(super) name: &'static str,
+    pub(super) name: String,
     /// Whether it fires by a handshake with the scan card; otherwise an operator does.
     pub(super) handshake: bool,
+    /// Whether it shows frames: it then never fires, and goes to registration points too.
+    pub(super) is_frames: bool,
     pub(super) statements: Vec<Statement>,
     /// Blocks that comments name in addition to those that begin a block, each with its line.
     names: Vec<(usize, String)>,
@@ -32,14 +35,21 @@ impl StageFile {
     }
 }
 
-/// Reads the stage programs that the job asks for or the manifest lists.
-pub(super) fn read(folder: &Path, manifest: &Manifest, facts: &JobFacts, rule: &mut Rule) -> Vec<StageFile> {
+/// Reads the stage programs that the job asks for or the manifest lists, of the blocks or of their frames.
+pub(super) fn read(
+    folder: &Path,
+    manifest: &Manifest,
+    facts: &JobFacts,
+    is_frames: bool,
+    rule: &mut Rule,
+) -> Vec<StageFile> {
     let mut out = Vec::new();
     for (_, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
-        let Stepped::Stage { file: name, handshake, read } = files else { continue };
-        match formats::bytes(folder, name).map(|bytes| read(&bytes)) {
+        let Stepped::Stage { file, handshake, read } = files else { continue };
+        let name = if is_frames { formats::of_frames(file) } else { file.to_owned() };
+        match formats::bytes(folder, &name).map(|bytes| read(&bytes)) {
             Ok(Ok(Program { statements, names, numbers })) => {
-                out.push(StageFile { name, handshake, statements, names, numbers });
+                out.push(StageFile { name, handshake, is_frames, statements, names, numbers });
             }
             Ok(Err(fault)) => rule.broken("", format!("{name}:{}", fault.line), fault.message),
             Err(unread) => rule.broken("", name, unread),
@@ -63,6 +73,7 @@ pub(super) struct Moved<'a> {
 pub(super) struct Positions<'a> {
     statements: std::slice::Iter<'a, Statement>,
     block: &'a str,
+    /// Whether a set-up or a registration point has begun, at whose stop the axes may be moved by hand.
     in_setup: bool,
     is_anew: bool,
 }
@@ -79,7 +90,7 @@ impl<'a> Iterator for Positions<'a> {
         for s in self.statements.by_ref() {
             match &s.step {
                 Step::Block(id, _) => (self.block, self.in_setup) = (id, false),
-                Step::Setup(_) => self.in_setup = true,
+                Step::Setup(_) | Step::Registration(_) => self.in_setup = true,
                 Step::Pause if self.in_setup => self.is_anew = true,
                 Step::Move(to) => {
                     let is_anew = std::mem::take(&mut self.is_anew);
@@ -93,8 +104,15 @@ impl<'a> Iterator for Positions<'a> {
 }
 
 /// Compares the stage programs with the program.
-pub(super) fn agreement(stages: &[StageFile], file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
+pub(super) fn agreement(
+    stages: &[StageFile],
+    manifest: &Manifest,
+    file: &ProgramFile,
+    machine: &Machine,
+    rule: &mut Rule,
+) {
     for stage in stages {
+        registration(stage, manifest, file, rule);
         units(stage, rule);
         first_lifts(stage, machine, rule);
         names(stage, rule);
@@ -144,7 +162,7 @@ fn names(stage: &StageFile, rule: &mut Rule) {
         }
         match &s.step {
             Step::Block(id, _) => block = Some((id, s.line)),
-            Step::Setup(_) => block = None,
+            Step::Setup(_) | Step::Registration(_) => block = None,
             Step::Pause => {
                 let Some((here, title)) = block else { continue };
                 let from = stage.names.partition_point(|(line, _)| *line < title);
@@ -174,6 +192,34 @@ fn numbers(stage: &StageFile, rule: &mut Rule) {
     }
 }
 
+/// Programs of frames stop at every registration point of each of their set-ups, and no others do.
+fn registration(stage: &StageFile, manifest: &Manifest, file: &ProgramFile, rule: &mut Rule) {
+    let mut setups: Vec<usize> = file.program.blocks.iter().map(|b| b.setup.index()).collect();
+    setups.dedup();
+    let points = |setup: usize| manifest.setups.get(setup).map_or(&[][..], |s| &s.registration);
+    let all = setups.iter().flat_map(|&setup| points(setup).iter().zip(1..));
+    let mut wanted = all.filter(|_| stage.is_frames).map(|(r, number)| (number, r.stage.map(nm_from_mm)));
+    let (mut at, mut open) = ([None; 6], None);
+    for s in &stage.statements {
+        match &s.step {
+            Step::Move(to) => apply(&mut at, *to),
+            Step::Registration(number) => open = Some(*number),
+            Step::Pause => {
+                let Some(number) = open.take() else { continue };
+                rule.checked += 1;
+                if wanted.next() != Some((number, [at[0], at[1]])) {
+                    let text = format!("the stop at registration point {number} is not that of the manifest");
+                    rule.broken("", stage.place(s.line), text);
+                }
+            }
+            _ => {}
+        }
+    }
+    if wanted.next().is_some() || open.is_some() {
+        rule.broken("", &stage.name, "the stop at a registration point is missing");
+    }
+}
+
 /// Reports a comment that names a block other than the current one.
 fn misnamed(stage: &StageFile, block: Option<(&str, usize)>, line: usize, id: &str, rule: &mut Rule) {
     if let Some((here, _)) = block.filter(|(here, _)| *here != id) {
@@ -186,7 +232,7 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
     let mut at: [Option<i64>; 6] = [None; 6];
     let mut blocks = file.ids.iter().zip(&file.program.blocks);
     // The set-up that begins before the next block, and the one that was marked last.
-    let (mut begins, mut setup) = (None, None);
+    let (mut begins, mut setup, mut by_hand) = (None, None, false);
     let mut rest = stage.statements.iter().peekable();
     while let Some(s) = rest.next() {
         let (id, drawing) = match &s.step {
@@ -196,12 +242,20 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
                 continue;
             }
             Step::Setup(number) => {
-                begins = Some(*number);
+                (begins, by_hand) = (Some(*number), true);
                 continue;
             }
-            Step::Pause if begins.is_some() => {
+            Step::Registration(_) => {
+                by_hand = true;
+                continue;
+            }
+            Step::Pause if by_hand => {
                 if at[2] != Some(machine.retract_z().0) {
-                    rule.broken("", stage.place(s.line), "the stage is not lifted while the part is moved");
+                    rule.broken(
+                        "",
+                        stage.place(s.line),
+                        "the stage is not lifted where the part or the axes are moved by hand",
+                    );
                 }
                 // Whoever moves the part may move the axes too.
                 at = [None; 6];
@@ -210,6 +264,7 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
             _ => continue,
         };
         rule.checked += 1;
+        by_hand = false;
         let Some((wanted, block)) = blocks.next() else {
             return rule.broken(id, stage.place(s.line), "the program has no further block");
         };
@@ -220,7 +275,8 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
                 format!("block {id} is here, but the program has {wanted}"),
             );
         }
-        if drawing.as_ref().is_some_and(|name| !formats::is_of_block(name, id)) {
+        let named = if stage.is_frames { formats::of_frame } else { formats::of_block };
+        if drawing.as_ref().is_some_and(|name| !formats::is_of_block(name, id, named)) {
             rule.broken(id, stage.place(s.line), "it names the drawing of another block");
         }
         let is_next = file.origins.len() > 1 && setup != Some(block.setup);
@@ -261,7 +317,7 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
         }
     }
     if let Some((id, _)) = blocks.next() {
-        rule.broken(id, stage.name, "this block is missing");
+        rule.broken(id, &stage.name, "this block is missing");
     }
 }
 

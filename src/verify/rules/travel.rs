@@ -38,6 +38,11 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
             rule.broken("", "program.txt", text);
         }
     }
+    moves(stages, file, machine, rule);
+}
+
+/// Holds it for the moves of stage programs.
+pub(super) fn moves(stages: &[StageFile], file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
     let blocks: BTreeMap<&str, &Block> = file.ids.iter().map(String::as_str).zip(&file.program.blocks).collect();
     for stage in stages {
         for moved in Positions::of(&stage.statements) {

@@ -86,6 +86,7 @@ impl Made {
             origin: None,
             pens: Some(vec![pen("fill", 1), pen("edge", 3)]),
             dose: None,
+            frames: Some(None),
             formats: vec![Format::Dxf, Format::Linuxcnc, Format::Gcode, Format::Ovf],
         };
         let mut strokes: Vec<(PenId, Vec<P2>)> =
