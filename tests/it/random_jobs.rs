@@ -177,14 +177,8 @@ fn tilting(noise: &mut Random, text: &mut String) {
     }
 }
 
-/// Writes a job with its machine, surface and textures into `dir`.
-fn job(noise: &mut Random, dir: &Path, wanted: Machine) -> std::path::PathBuf {
-    let is_tilting = wanted == Machine::Tilting;
-    let size = pick(
-        noise,
-        if is_tilting { &[20.0, 20.0, 60.0, 60.0, 1.0, 300.0] } else { &[0.05, 1.0, 20.0, 20.0, 60.0, 300.0] },
-    );
-    write_stl(&dir.join("part.stl"), &surface(noise, size));
+/// Writes the machine file of a part of this size into `dir`; answers with the field's width and the increment, mm.
+fn machine(noise: &mut Random, dir: &Path, wanted: Machine, size: f64) -> [f64; 2] {
     let increment = pick(noise, &[0.0001, 0.0001, 0.001, 0.01]);
     let field = (size / between(noise, 0.5, 6.0)).max(0.02);
     let machine =
@@ -204,6 +198,18 @@ fn job(noise: &mut Random, dir: &Path, wanted: Machine) -> std::path::PathBuf {
         Machine::Tilting => machine + &tilt_table(noise),
     };
     std::fs::write(dir.join("machine.toml"), machine).expect("a writable folder");
+    [field, increment]
+}
+
+/// Writes a job with its machine, surface and textures into `dir`.
+fn job(noise: &mut Random, dir: &Path, wanted: Machine) -> std::path::PathBuf {
+    let is_tilting = wanted == Machine::Tilting;
+    let size = pick(
+        noise,
+        if is_tilting { &[20.0, 20.0, 60.0, 60.0, 1.0, 300.0] } else { &[0.05, 1.0, 20.0, 20.0, 60.0, 300.0] },
+    );
+    write_stl(&dir.join("part.stl"), &surface(noise, size));
+    let [field, increment] = machine(noise, dir, wanted, size);
     let pens = 1 + below(noise, 2) as usize;
     let mut text = String::from("[surface]\nfile = \"part.stl\"\nunit = \"mm\"\n");
     if chance(noise, if is_tilting { 30 } else { 10 }) {
@@ -270,6 +276,10 @@ fn job(noise: &mut Random, dir: &Path, wanted: Machine) -> std::path::PathBuf {
             pick(noise, &[1, 1, 3])
         )
         .expect("text");
+    }
+    if chance(noise, 30) {
+        let pilot = "[[pen]]\nname = \"pilot\"\nspeed = \"1000 mm/s\"\npower = \"1 %\"\nfrequency = \"60 kHz\"";
+        write!(text, "\n{pilot}\n\n[emit]\nframes = \"pilot\"\n").expect("text");
     }
     let path = dir.join("job.toml");
     std::fs::write(&path, text).expect("a writable folder");

@@ -7,6 +7,7 @@ use std::path::Path;
 use super::stage_text;
 use crate::geom::{Nm, mm_from_nm};
 use crate::machine::{Axis, Machine};
+use crate::program::Block;
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::formats::{self, Stepped};
@@ -286,38 +287,49 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
         }
         let heading: Vec<&Step> =
             std::iter::from_fn(|| rest.next_if(|n| n.step.is_before_moves())).map(|n| &n.step).collect();
-        let focus_shift = heading.iter().filter_map(|step| step.focus_shift()).next_back();
-        if focus_shift != machine.zoom.as_ref().map(|_| block.focus_shift) {
-            rule.broken(id, stage.place(s.line), "the focus shift that it states is not the block's");
-        }
-        let (mut first, mut before) = (None, at);
+        let from = at;
+        let mut moves = Vec::new();
         while let Some(Statement { step: Step::Move(to), .. }) = rest.peek().copied() {
-            if first.is_none() {
-                (first, before) = (Some(*to), at);
-            }
+            moves.push(*to);
             apply(&mut at, *to);
             rest.next();
         }
-        entry(stage, (id, s.line), heading.iter().find_map(|step| step.entry_lift()), first, machine, rule);
-        let [x, y, z, rotary @ ..] = at;
-        for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt.0) {
-            if rotary[axis.letter as usize] != Some(command) {
-                let text = format!("axis {} is not commanded to the tilt of the block", axis.letter.char());
-                rule.broken(id, stage.place(s.line), text);
-            }
+        let (first, line) = (moves.first().copied(), s.line);
+        let focus_shift = heading.iter().filter_map(|step| step.focus_shift()).next_back();
+        if focus_shift != machine.zoom.as_ref().map(|_| block.focus_shift) {
+            rule.broken(id, stage.place(line), "the focus shift that it states is not the block's");
         }
-        if [x, y, z] != block.stage.0.map(Some) {
-            let found = [x, y, z].map(|v| v.map_or("unknown".to_owned(), |v| mm_from_nm(v).to_string())).join(", ");
-            let text =
-                format!("the stage is commanded to ({found}) mm, but the program has {}", stage_text(block.stage));
-            rule.broken(id, stage.place(s.line), text);
-        }
-        if block.retract && !lifts(first, before[2], block.stage[2], &machine.stage.z) {
-            rule.broken(id, stage.place(s.line), "the program has a lift before this block, but none is commanded");
+        entry(stage, (id, line), heading.iter().find_map(|step| step.entry_lift()), first, machine, rule);
+        arrival(stage, (id, line), at, block, machine, rule);
+        if block.retract && !lifts(first, from[2], block.stage[2], &machine.stage.z) {
+            rule.broken(id, stage.place(line), "the program has a lift before this block, but none is commanded");
         }
     }
     if let Some((id, _)) = blocks.next() {
         rule.broken(id, &stage.name, "this block is missing");
+    }
+}
+
+/// Where the moves of a block end is its place, and its tilt.
+fn arrival(
+    stage: &StageFile,
+    (id, line): (&str, usize),
+    at: [Option<i64>; 6],
+    block: &Block,
+    machine: &Machine,
+    rule: &mut Rule,
+) {
+    let [x, y, z, rotary @ ..] = at;
+    for (axis, command) in machine.tilt.iter().flat_map(|t| &t.axes).zip(block.stop.tilt.0) {
+        if rotary[axis.letter as usize] != Some(command) {
+            let text = format!("axis {} is not commanded to the tilt of the block", axis.letter.char());
+            rule.broken(id, stage.place(line), text);
+        }
+    }
+    if [x, y, z] != block.stage.0.map(Some) {
+        let found = [x, y, z].map(|v| v.map_or("unknown".to_owned(), |v| mm_from_nm(v).to_string())).join(", ");
+        let text = format!("the stage is commanded to ({found}) mm, but the program has {}", stage_text(block.stage));
+        rule.broken(id, stage.place(line), text);
     }
 }
 
