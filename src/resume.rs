@@ -301,9 +301,9 @@ impl Rest<'_> {
             frames: None,
         };
         let corners = self.corners();
-        let corners = corners.as_ref().map(|(checked, figures, points)| Stepped {
+        let corners = corners.as_ref().map(|(checked, points)| Stepped {
             checked,
-            figures,
+            figures: &[],
             frames: Some(points),
             ..emitted
         });
@@ -348,8 +348,8 @@ impl Rest<'_> {
         Ok(())
     }
 
-    /// The frames of the outline with their figures, and the registration points; None where the job has no frames.
-    fn corners(&self) -> Option<(Checked, Vec<BlockFigures>, Vec<Vec<[Nm; 2]>>)> {
+    /// The frames of the outline, and the registration points; None where the job has no frames.
+    fn corners(&self) -> Option<(Checked, Vec<Vec<[Nm; 2]>>)> {
         let told = &self.whole.told;
         let name = &told.frames.as_ref()?.pen;
         let pen = self.checked.program().pens.iter().position(|pen| pen.name == *name)?;
@@ -357,7 +357,7 @@ impl Rest<'_> {
         let framed = frames::frames(&self.checked, PenId(pen as u16));
         let checked = Checked::as_written(framed.program().clone().subset(&outline), self.checked.origins().to_vec());
         let points = told.setups.iter().map(|s| s.registration.iter().map(|r| registered(r).at).collect());
-        Some((checked, outline.iter().map(|&i| self.figures[i]).collect(), points.collect()))
+        Some((checked, points.collect()))
     }
 
     /// The surface file, as the manifest names it.

@@ -45,7 +45,7 @@ pub struct Stepped<'a> {
     pub checked: &'a Checked,
     /// Its machine.
     pub machine: &'a Machine,
-    /// The figures of every block.
+    /// The figures of every block; none where the strokes are frames.
     pub figures: &'a [BlockFigures],
     /// Name of the job file.
     pub job: &'a str,

@@ -11,7 +11,7 @@ use crate::job::Job;
 use crate::manifest::{self, Facts, FileFact, Head, MANIFEST, OnTheFlyFacts};
 use crate::parallel;
 use crate::plan::{OnTheFlyPlan, Pass, SteppedPlan};
-use crate::program::{self, BlockFigures, PenId, Program};
+use crate::program::{self, PenId, Program};
 use crate::report;
 
 /// A folder being filled.
@@ -125,14 +125,13 @@ fn make_inner(folder: &Path, name: &str) -> Result<(), Error> {
 
 /// Writes the frames of all blocks, drawn with a pen, and those of the outline where one file holds the job.
 fn frames(emitted: &Stepped<'_>, pen: PenId, job: &Job, filling: &mut Filling<'_>) -> Result<(), Error> {
-    let Stepped { checked, machine, figures, .. } = *emitted;
+    let Stepped { checked, machine, .. } = *emitted;
     let points = manifest::registered(job, machine, checked);
     let framed = emit::frames::frames(checked, pen);
-    let all = Stepped { checked: &framed, frames: Some(&points), ..*emitted };
+    let all = Stepped { checked: &framed, figures: &[], frames: Some(&points), ..*emitted };
     let outline = emit::frames::outline(checked, machine);
-    let of_outline: Vec<BlockFigures> = outline.iter().map(|&i| figures[i]).collect();
     let corners = Checked::as_written(framed.program().clone().subset(&outline), checked.origins().to_vec());
-    let corners = Stepped { checked: &corners, figures: &of_outline, ..all };
+    let corners = Stepped { checked: &corners, ..all };
     for target in job.formats.iter().map(|f| f.target()) {
         match target.stepped {
             Some(Files::Whole(file, write)) => {
