@@ -166,6 +166,11 @@ pub fn resume(folder: &Path, choice: &Choice, target: &Path, durability: Durabil
         text::parse(&name.display().to_string(), &fs::read(&name).map_err(|e| unread(&name, &e))?)?;
     let chosen = whole.chosen(&program, choice)?;
     let of = program.blocks.len();
+    if whole.told.blocks.len() != of {
+        let text = format!("the manifest lists {} blocks, program.txt has {of}", whole.told.blocks.len());
+        let d = Diag::input("manifest", text).at(place(&folder.join(MANIFEST)));
+        return Err(d.hint("restore the job folder from a copy").into());
+    }
     let figures: Vec<BlockFigures> = chosen
         .iter()
         .map(|&i| BlockFigures { time_s: whole.told.blocks[i].time_s, ..BlockFigures::default() })
@@ -234,7 +239,15 @@ impl<'a> Whole<'a> {
         let whole = program.blocks.len();
         if let Some(id) = choice.named().find(|id| id.index() >= whole) {
             let d = Diag::input("resume-block", format!("the job has no block {id}")).at(place(self.folder));
-            return Err(d.hint(format!("its blocks are {} to {}", program.id(0), program.id(whole - 1))).into());
+            return Err(d
+                .hint(format!("its blocks are {} to {}", BlockId::new(0), BlockId::new(whole.max(1) - 1)))
+                .into());
+        }
+        // What is marked may lie outside of a rest; what is asked for may not.
+        let asked = choice.from.into_iter().chain(choice.only.iter().flatten().copied());
+        if let Some(id) = asked.into_iter().find(|id| ids.binary_search(id).is_err()) {
+            let d = Diag::input("resume-block", format!("the folder does not hold block {id}")).at(place(self.folder));
+            return Err(d.hint("name blocks of its run sheet, or resume from the folder of the whole job").into());
         }
         let chosen: Vec<usize> = ids.into_iter().filter(|&id| choice.takes(id)).map(BlockId::index).collect();
         if chosen.is_empty() {
@@ -353,11 +366,8 @@ impl Rest<'_> {
         let told = &self.whole.told;
         let name = &told.frames.as_ref()?.pen;
         let pen = self.checked.program().pens.iter().position(|pen| pen.name == *name)?;
-        let outline = frames::outline(&self.checked, &told.machine);
-        let framed = frames::frames(&self.checked, PenId(pen as u16));
-        let checked = Checked::as_written(framed.program().clone().subset(&outline), self.checked.origins().to_vec());
         let points = told.setups.iter().map(|s| s.registration.iter().map(|r| registered(r).at).collect());
-        Some((checked, points.collect()))
+        Some((frames::of_outline(&self.checked, PenId(pen as u16), &told.machine), points.collect()))
     }
 
     /// The surface file, as the manifest names it.
@@ -397,10 +407,17 @@ impl Rest<'_> {
             false => format!("<style>{}{{fill:#eee;stroke:#ccc}}</style>\n", gone.join(",")),
         };
         let told = format!("{} of {} blocks are left", left.len(), self.whole.told.blocks.len());
+        // A picture of a rest says what was left there.
+        let lines = svg.lines().filter(|line| !line.ends_with("blocks are left</text>"));
+        let whole = |line: &str| match line.strip_suffix(" blocks are left</title>").and_then(|l| l.rsplit_once(": ")) {
+            Some((title, _)) => format!("{title}</title>\n"),
+            None => format!("{line}\n"),
+        };
+        let svg: String = lines.map(whole).collect();
         let drawn = svg.replacen("</title>\n", &format!(": {told}</title>\n{style}"), 1);
         let end = drawn.rfind("</svg>").unwrap_or(drawn.len());
         let (before, after) = drawn.split_at(end);
-        format!("{before}{}{after}", caption(svg, &told).unwrap_or_default())
+        format!("{before}{}{after}", caption(&svg, &told).unwrap_or_default())
     }
 
     /// The manifest of the whole job, with the files of this folder and the blocks that it holds.

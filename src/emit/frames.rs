@@ -46,6 +46,12 @@ pub fn frames(checked: &Checked, pen: PenId) -> Checked {
     Checked::as_written(framed, checked.origins().to_vec())
 }
 
+/// The frames of the outline alone.
+pub fn of_outline(checked: &Checked, pen: PenId, machine: &Machine) -> Checked {
+    let framed = frames(checked, pen).program().clone();
+    Checked::as_written(framed.subset(&outline(checked, machine)), checked.origins().to_vec())
+}
+
 /// The rectangle around the marks of a block; of marks on one line there and back.
 fn rectangle(program: &Program, block: &Block) -> Vec<FieldPoint> {
     let points = program.strokes_of(block).iter().flat_map(|stroke| program.points_of(stroke));

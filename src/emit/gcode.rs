@@ -152,6 +152,7 @@ impl<'a> Writer<'a> {
         for i in 0..self.job.checked.program().blocks.len() {
             self.block(i);
             self.line(&format!("M0 (frame {})", self.job.checked.program().id(i)));
+            (self.at, self.tilt) = (None, None);
         }
         self.end();
         self.line("M2");
@@ -427,7 +428,7 @@ mod tests {
                  (REGISTRATION 2)\n{off}\nG0 Z200.000000\nG0 X0.000000 Y0.000000\n(MSG, registration point 2)\nM0\n\
                  (BLOCK B0001 FILE frames/B0001-frame.dxf)\nN1 {off}\nG0 Z200.000000\nG0 X-1.000000 Y2.000000\n\
                  G0 Z0.335000\nG4 P0.100\nM0 (frame B0001)\n(BLOCK B0002 FILE frames/B0002-frame.dxf)\nN2 {off}\n\
-                 G0 Z200.000000\nG0 Z0.405000\n"
+                 G0 Z200.000000\nG0 X-1.000000 Y2.000000\nG0 Z0.405000\n"
             );
             assert!(text.contains(&first), "{text}");
             assert!(!text.contains("M64") && !text.contains("M66") && !text.contains("\n(MSG, ("), "{text}");

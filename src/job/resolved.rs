@@ -261,8 +261,10 @@ impl Job {
         job.passes = Passes::default();
         job.setups = None;
         job.dose = None;
-        // Nothing is written, so nothing has to be written in the formats of the job.
-        job.formats = Vec::new();
+        // Nothing is written, so nothing has to be carried by the formats of the job; but whether a person loads files
+        // decides between methods.
+        job.formats.retain(|format| format.target().holds_job);
+        job.frames = None;
         job
     }
 

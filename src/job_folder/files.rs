@@ -4,7 +4,6 @@ use std::fs;
 use std::path::Path;
 
 use super::{failed, inputs, path_from};
-use crate::check::Checked;
 use crate::diag::Error;
 use crate::emit::{self, Files, Stepped};
 use crate::job::Job;
@@ -129,8 +128,7 @@ fn frames(emitted: &Stepped<'_>, pen: PenId, job: &Job, filling: &mut Filling<'_
     let points = manifest::registered(job, machine, checked);
     let framed = emit::frames::frames(checked, pen);
     let all = Stepped { checked: &framed, figures: &[], frames: Some(&points), ..*emitted };
-    let outline = emit::frames::outline(checked, machine);
-    let corners = Checked::as_written(framed.program().clone().subset(&outline), checked.origins().to_vec());
+    let corners = emit::frames::of_outline(checked, pen, machine);
     let corners = Stepped { checked: &corners, ..all };
     for target in job.formats.iter().map(|f| f.target()) {
         match target.stepped {

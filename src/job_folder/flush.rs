@@ -24,7 +24,7 @@ pub enum Durability {
 pub(super) type Flush<'a> = dyn Fn(&Path) -> io::Result<()> + Sync + 'a;
 
 impl Durability {
-    pub(super) fn flush(self) -> &'static Flush<'static> {
+    pub(crate) fn flush(self) -> &'static Flush<'static> {
         match self {
             Self::Synced => &synced,
             Self::Unsynced => &|_| Ok(()),

@@ -69,6 +69,14 @@ pub struct Head {
     pub objective: Objective,
     /// The files of the folder but the manifest.
     pub files: Vec<FileFact>,
+    /// Whether the folder holds some blocks of the job alone.
+    #[serde(default, rename = "subset", skip_serializing, deserialize_with = "is_there")]
+    pub is_subset: bool,
+}
+
+/// Whatever the value is.
+fn is_there<'a, D: serde::Deserializer<'a>>(value: D) -> Result<bool, D::Error> {
+    serde::de::IgnoredAny::deserialize(value).map(|_| true)
 }
 
 impl Head {
@@ -84,6 +92,7 @@ impl Head {
             seed: job.seed,
             objective: job.partition.objective,
             files: Vec::new(),
+            is_subset: false,
         }
     }
 

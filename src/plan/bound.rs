@@ -21,6 +21,9 @@ use crate::texture::Texture;
 /// What rounding may do to a box.
 const ROUNDING: Nm = Nm(4);
 
+/// Cells along a window that places without marks are noted in, at most.
+const FINE_CELLS: i64 = 1_000;
+
 /// Cells along a window; no window holds both ends of this many.
 const CELLS: i64 = 64;
 
@@ -75,7 +78,7 @@ pub(super) fn certificate(
         return None;
     }
     let (mut marks, size) = (marks?, size?);
-    let unmarked = Unmarked::new(slivers, marks.origin());
+    let unmarked = Unmarked::new(slivers, marks.origin(), i64::from(size[0].min(size[1])) / FINE_CELLS);
     let mut points = marks.points();
     points.retain(|&p| !unmarked.touches(p, p));
     let by_points = bound::lower_bound(&points, size);
@@ -85,9 +88,10 @@ pub(super) fn certificate(
     }
     let held = |f: &[[i32; 3]; 2]| grid.lattice.holds(f64::from(f[0][2]), f64::from(f[1][2]));
     let is_whole = |f: &[[i32; 3]; 2]| held(f) && !unmarked.touches(f[0], f[1]);
-    let mut figures: Vec<Item> = marks.figures().into_iter().filter(is_whole).map(|[lo, hi]| Item { lo, hi }).collect();
+    let figures = marks.figures();
     let most = figures.len().div_ceil(MOST_FIGURES).max(1);
-    figures = figures.into_iter().step_by(most).collect();
+    let whole = figures.into_iter().step_by(most).filter(is_whole);
+    let figures: Vec<Item> = whole.map(|[lo, hi]| Item { lo, hi }).collect();
     let by_figures = bound::lower_bound_whole(&figures, size);
     Some(if by_figures.stops() > by_points.stops() { by_figures } else { by_points })
 }
@@ -99,10 +103,11 @@ struct Unmarked {
 }
 
 impl Unmarked {
-    /// The cells of the slivers; `origin` is what points are counted from. Cells are as wide as the longest sliver.
-    fn new(slivers: &[Sliver], origin: P2) -> Self {
+    /// The cells of the slivers; `origin` is what points are counted from. Cells are as wide as the longest sliver, and
+    /// `least`, so that a box covers few of them.
+    fn new(slivers: &[Sliver], origin: P2, least: i64) -> Self {
         let longest = slivers.iter().flat_map(|s| [0, 1].map(|k| s.hi[k] - s.lo[k])).max();
-        let width = longest.unwrap_or_default() + ROUNDING.0;
+        let width = (longest.unwrap_or_default() + ROUNDING.0).max(least);
         let mut it = Self { cells: HashSet::new(), width };
         for s in slivers {
             let local = |at: [i64; 3], by: i64| [at[0] - origin.x + by, at[1] - origin.y + by];

@@ -120,7 +120,7 @@ pub(super) fn split(
         let grow = |count: &AtomicUsize, of: fn(&Fragments) -> usize| {
             count.fetch_add(parts.iter().map(of).sum(), Relaxed);
         };
-        grow(&fragment_count, |p| p.list.len());
+        grow(&fragment_count, |p| p.list.len() + p.slivers.len());
         grow(&point_count, |p| p.points.len());
         if too_many() { Err(too_large(texture)) } else { Ok(parts) }
     });

@@ -113,15 +113,15 @@ impl<'a> Draft<'a> {
         let on = Given { job, machine, inputs, clearance: &clearance };
         let (mut tried, mut warnings) = (Vec::new(), Vec::new());
         let made = found.iter().zip(parts).map(|((method, stops), parts)| {
-            let made = first.merged(&on, stops, first.candidate(&on, (*method, stops), parts, None))?;
+            let made = first.merged(&on, stops, first.candidate(&on, (*method, stops), parts, None));
             // A single method is checked in the end, with everything else.
             let fault = if found.len() > 1 { made.fault(machine, &first.grid, &clearance) } else { None };
             if fault.is_none() {
                 tried.push(made.listed());
             }
-            Ok((*method, made, fault))
+            (*method, made, fault)
         });
-        let made = no_more_stops(made.collect::<Result<_, Error>>()?);
+        let made = no_more_stops(made.collect());
         let best = best_of(made.into_iter(), |made| made.measure(job, machine), &mut warnings)?;
         if found.len() == 1 {
             tried.clear();
@@ -165,7 +165,7 @@ impl<'a> Draft<'a> {
         let mut parts = split(ready.sweep(job, inputs), &[&stops], &ready.grid.sections, &job.pens, cuts)?;
         let parts = parts.pop().unwrap_or_default();
         let on = Given { job, machine, inputs, clearance: &self.clearance };
-        let next = ready.merged(&on, &stops, ready.candidate(&on, (method, &stops), parts, None))?;
+        let next = ready.merged(&on, &stops, ready.candidate(&on, (method, &stops), parts, None));
         let first = self.best.program.blocks.len();
         let blocks = first..first + next.program.blocks.len();
         if self.best.fragments + next.fragments > MAX_FRAGMENTS
@@ -332,30 +332,28 @@ impl Ready {
     }
 
     /// A candidate with stops merged where that makes it better.
-    ///
-    /// # Errors
-    /// `program-large`, `memory`: strokes are cut once more.
-    fn merged(&self, on: &Given<'_>, stops: &Stops, mut made: Candidate) -> Result<Candidate, Error> {
+    fn merged(&self, on: &Given<'_>, stops: &Stops, mut made: Candidate) -> Candidate {
         let &Given { job, machine, inputs, clearance } = on;
         made.unmerged = Unmerged { stops: made.program.stops(), measure: made.measure(job, machine) };
         // Asked for by name, `contour` is the method of the article: a stop for every section and level.
         if job.partition.method == Method::Contour {
-            return Ok(made);
+            return made;
         }
         for pairs in [Pairs::All, Pairs::Saving] {
             let costs = merge::Costs { machine, from: self.start.from, load_s: load_s(job, machine), pairs };
             let Some(fewer) = merge::merged(stops, &made, &costs) else { break };
             let cuts = Cuts::new(job, machine, self.grid.keep);
-            let mut parts = split(self.sweep(job, inputs), &[&fewer], &self.grid.sections, &job.pens, cuts)?;
-            let parts = parts.pop().unwrap_or_default();
+            // Strokes are cut once more: where memory does not suffice for that, the stops stay.
+            let parts = split(self.sweep(job, inputs), &[&fewer], &self.grid.sections, &job.pens, cuts);
+            let Some(parts) = parts.ok().and_then(|mut parts| parts.pop()) else { break };
             // The part stays where it lies: two stops of a set-up are merged within it.
             let mut next = self.candidate(on, (made.method, &fewer), parts, Some(&made.setups));
             next.unmerged = made.unmerged;
             if next.improves(&made, job, machine) && next.fault(machine, &self.grid, clearance).is_none() {
-                return Ok(next);
+                return next;
             }
         }
-        Ok(made)
+        made
     }
 
     /// What the pass is remembered by, once `made` of it.

@@ -61,12 +61,12 @@ pub(super) struct Block {
 }
 
 /// A registration point.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Point {
     /// On the part, mm.
     pub point_mm: [f64; 2],
-    /// Commanded x and y, mm.
-    pub stage: [f64; 2],
+    /// Commanded x and y, nm.
+    pub stage: [i64; 2],
 }
 
 #[derive(Deserialize)]
@@ -84,7 +84,20 @@ struct Document {
 #[derive(Deserialize)]
 struct Setup {
     origin_mm: [f64; 3],
-    registration: Vec<Point>,
+    registration: Vec<PointEntry>,
+}
+
+#[derive(Deserialize)]
+struct PointEntry {
+    point_mm: [f64; 2],
+    stage: [f64; 2],
+}
+
+impl PointEntry {
+    fn point(&self) -> Option<Point> {
+        let [x, y] = self.stage.map(Nm::from_mm);
+        Some(Point { point_mm: self.point_mm, stage: [x?.0, y?.0] })
+    }
 }
 
 #[derive(Deserialize)]
@@ -155,6 +168,8 @@ impl Folder {
             blocks.retain(|b| held.contains(&b.id));
         }
         let blocks = blocks.ok_or_else(|| unreadable("a position is beyond all travel".into()))?;
+        let points = |setup: &Setup| setup.registration.iter().map(PointEntry::point).collect();
+        let registration: Option<Vec<Vec<Point>>> = document.setups.iter().map(points).collect();
         let setups = document.setups.len();
         if blocks.iter().any(|b| !(1..=setups).contains(&(b.setup as usize))) {
             return Err(unreadable("a block names a set-up that is not there".into()));
@@ -167,7 +182,7 @@ impl Folder {
             manifest: blake3::hash(&bytes).to_hex().to_string(),
             machine: document.machine,
             origins: document.setups.iter().map(|s| s.origin_mm).collect(),
-            registration: document.setups.into_iter().map(|s| s.registration).collect(),
+            registration: registration.ok_or_else(|| unreadable("a registration point is beyond all travel".into()))?,
             blocks,
             frames: document.frames,
             between_s,

@@ -4,6 +4,7 @@
 //! is in doubt: the user settles it with `redo` or `skip`, which are lines as well. A last line without its line feed
 //! was not written when its writer was killed, and nothing that follows it has happened: it is removed.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -14,6 +15,7 @@ use super::Order;
 use super::folder::Folder;
 use super::log::{now_s, unwritable};
 use crate::diag::{Diag, Error, Place};
+use crate::job_folder::Durability;
 
 /// What the user says of the blocks that a journal holds.
 #[derive(Clone, Copy, Debug, Default)]
@@ -63,13 +65,16 @@ struct Found {
     /// The manifest and the machine of the first line.
     of: Option<String>,
     done: Vec<String>,
+    /// The same, to look them up.
+    known: BTreeSet<String>,
     in_doubt: Option<String>,
 }
 
 /// The usual place: beside the folder, `hood.run.jsonl` for `hood.job`.
 pub fn beside(folder: &Path) -> PathBuf {
-    let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
-    whole.with_extension("run.jsonl")
+    // By whatever link or path the folder is named.
+    let whole = std::fs::canonicalize(folder).or_else(|_| std::path::absolute(folder));
+    whole.unwrap_or_else(|_| folder.to_owned()).with_extension("run.jsonl")
 }
 
 impl Journal {
@@ -82,11 +87,16 @@ impl Journal {
         let opened = File::options().create(true).read(true).append(true).open(&path);
         let mut journal = Self { file: opened.map_err(|e| unwritable(&path, &e))?, path };
         if matches!(journal.file.try_lock(), Err(std::fs::TryLockError::WouldBlock)) {
-            let text = "another run of this job is going on, or the laser's command of one that was killed";
-            let d = Diag::input("run-journal-locked", text);
+            let d = Diag::input("run-journal-locked", "another run of this job is in progress");
             return Err(journal.at(d).hint("wait for its end").into());
         }
         let found = journal.read()?;
+        if found.of.is_none() {
+            // A new name is on the disk when its folder is.
+            let whole = std::path::absolute(&journal.path).unwrap_or_else(|_| journal.path.clone());
+            let flushed = whole.parent().map_or(Ok(()), |folder| Durability::Synced.flush()(folder));
+            flushed.map_err(|e| unwritable(&journal.path, &e))?;
+        }
         match &found.of {
             None => journal.write(Event::Run {
                 terrace: env!("CARGO_PKG_VERSION").into(),
@@ -95,31 +105,28 @@ impl Journal {
                 armed: true,
             })?,
             Some(manifest) if *manifest != folder.manifest => {
-                let d =
-                    Diag::input("run-journal-other", "this journal is of another job, or of this job compiled anew");
+                let d = Diag::input(
+                    "run-journal-other",
+                    "this journal belongs to another job, or to an earlier compilation of this one",
+                );
                 return Err(journal
                     .at(d)
                     .hint(format!(
-                        "remove {} if its part is done with, or name another --journal",
+                        "delete {} if that part is finished, or name another with --journal",
                         journal.path.display()
                     ))
                     .into());
             }
             Some(_) => {}
         }
-        if folder.blocks.iter().all(|b| found.done.contains(&b.id)) {
+        if folder.blocks.iter().all(|b| found.is_done(&b.id)) {
             let d = Diag::input("run-finished", format!("all {} blocks of this job are done", folder.blocks.len()));
-            let hint = format!("for another part remove {}, or name another --journal", journal.path.display());
+            let hint = format!("to mark another part, delete {}", journal.path.display());
             return Err(journal.at(d).hint(hint).into());
         }
-        let done = journal.settle(&found, &order.settled)?;
+        let done: BTreeSet<String> = journal.settle(&found, &order.settled)?.into_iter().collect();
         let left = (0..folder.blocks.len()).filter(|&i| !done.contains(&folder.blocks[i].id)).collect();
         Ok((journal, left))
-    }
-
-    /// Another handle of it, under the same lock.
-    pub(super) fn handle(&self) -> Result<File, Diag> {
-        self.file.try_clone().map_err(|e| unwritable(&self.path, &e))
     }
 
     /// The block is about to be marked.
@@ -139,7 +146,13 @@ impl Journal {
     fn write(&mut self, event: Event) -> Result<(), Diag> {
         let mut line = serde_json::to_vec(&Line { time_s: now_s(), event }).expect("plain JSON");
         line.push(b'\n');
-        self.file.write_all(&line).and_then(|()| self.file.sync_data()).map_err(|e| unwritable(&self.path, &e))
+        let before = self.file.metadata().map_err(|e| unwritable(&self.path, &e))?.len();
+        let written = self.file.write_all(&line).and_then(|()| self.file.sync_data());
+        written.map_err(|e| {
+            // Half a line would make the next one unreadable. Where even this fails, the file is read up to it.
+            let _ = self.file.set_len(before);
+            unwritable(&self.path, &e)
+        })
     }
 
     /// Reads the lines, and removes a last one that was not completed.
@@ -182,7 +195,7 @@ impl Journal {
             None => {
                 let text = format!("{count} blocks are done by an earlier run, the last is {}", done[count - 1]);
                 return Err(self.at(Diag::input("run-go-on", text)).hint(format!(
-                    "no other block was begun: go on with --go-on; for another part remove {}",
+                    "no other block was begun: continue with --go-on; to mark another part, delete {}",
                     self.path.display()
                 )));
             }
@@ -192,8 +205,8 @@ impl Journal {
                      part or completely"
                 );
                 let hint = format!(
-                    "look at it, then go on with --go-on --redo {block} to mark it again, or with --go-on --skip {block} \
-                     to take it as marked; for another part remove {}",
+                    "look at it, then continue with --go-on --redo {block} to mark it again, or with --go-on --skip \
+                     {block} to count it as marked; to mark another part, delete {}",
                     self.path.display()
                 );
                 return Err(self.at(Diag::input("run-in-doubt", text)).hint(hint));
@@ -213,12 +226,16 @@ impl Journal {
 }
 
 impl Found {
+    fn is_done(&self, block: &str) -> bool {
+        self.known.contains(block)
+    }
+
     /// Takes one more line; false where it cannot follow those before.
     fn take(&mut self, event: Event) -> bool {
         match event {
             Event::Run { manifest, .. } => self.of = Some(manifest),
             Event::Begin { block } => {
-                if self.in_doubt.is_some() || self.done.contains(&block) {
+                if self.in_doubt.is_some() || self.is_done(&block) {
                     return false;
                 }
                 self.in_doubt = Some(block);
@@ -227,6 +244,7 @@ impl Found {
                 if self.in_doubt.take().as_ref() != Some(&block) {
                     return false;
                 }
+                self.known.insert(block.clone());
                 self.done.push(block);
             }
             Event::Redo { block } => return self.in_doubt.take() == Some(block),

@@ -18,6 +18,8 @@ mod moves;
 pub mod settings;
 pub mod stage;
 
+use std::fs::{File, TryLockError};
+use std::io::{Seek, SeekFrom};
 use std::path::Path;
 use std::rc::Rc;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -26,7 +28,6 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use crate::diag::{Diag, Error, Message, Place};
-use crate::geom::Nm;
 use crate::program::BlockId;
 use crate::verify;
 use folder::{Block, Folder};
@@ -172,6 +173,7 @@ pub struct Outcome {
 /// What keeps it from being begun. A run that was begun and then stopped is an outcome that says so.
 pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) -> Result<Outcome, Error> {
     let keys = RunFile::read(order.run_file)?;
+    let lock = lock(order.run_file)?;
     let mut folder = Folder::read(order.folder)?;
     if folder.machine.name != keys.machine {
         let text = format!("the job is for machine {:?}, the run file for {:?}", folder.machine.name, keys.machine);
@@ -197,9 +199,7 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
         }
         _ => (None, (0..folder.blocks.len()).collect()),
     };
-    if let Some(journal) = &journal {
-        laser.hold(journal.handle()?);
-    }
+    laser.hold(lock.try_clone().map_err(|e| Diag::limit("run-locked", format!("cannot hold the lock: {e}")))?);
     console.phase("connecting to stage and laser");
     let says = laser.open()?;
     log.write("laser", &says)?;
@@ -244,6 +244,19 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
     Ok(outcome)
 }
 
+/// One run at a time with a run file, which is that of a machine; the lock lasts as long as the handle.
+fn lock(run_file: &Path) -> Result<File, Diag> {
+    let place = || Place::file(run_file.display().to_string());
+    let opened = File::open(run_file).and_then(|mut file| file.seek(SeekFrom::End(0)).map(|_| file));
+    let file = opened.map_err(|e| Diag::input("file-unreadable", format!("cannot read the file: {e}")).at(place()))?;
+    if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+        let text =
+            "another run with this run file is in progress, or the laser's command of a killed one is still marking";
+        return Err(Diag::input("run-locked", text).at(place()).hint("wait for its end"));
+    }
+    Ok(file)
+}
+
 /// Frames are fired by drivers alone that load the file of each: whatever else is loaded would be marked.
 fn may_fire_frames(order: &Order<'_>, laser: &dyn Laser) -> Result<(), Diag> {
     if order.beam == Beam::Pilot || laser.format().is_some() {
@@ -285,6 +298,10 @@ fn certain(outcome: &Outcome) -> Diag {
     }
 }
 
+fn interrupted(before: &Block) -> Diag {
+    Diag::limit("run-interrupted", format!("the run was ended before block {}", before.id))
+}
+
 /// A run that is going on.
 struct Run<'a> {
     folder: &'a Folder,
@@ -316,7 +333,7 @@ impl Run<'_> {
             let block = &folder.blocks[index];
             if self.interrupt.is_requested() {
                 self.lift()?;
-                return Err(Diag::limit("run-interrupted", format!("the run was ended before block {}", block.id)));
+                return Err(interrupted(block));
             }
             self.console.block(&Progress {
                 done: folder.blocks.len() - left.len() + n,
@@ -333,6 +350,9 @@ impl Run<'_> {
                     self.registration(block.setup)?;
                 }
                 setup = Some(block.setup);
+                if self.interrupt.is_requested() {
+                    return Err(interrupted(block));
+                }
             }
             let done = if self.is_frames { self.frame(block) } else { self.block(block) };
             done.map_err(|d| if d.place == Place::Nowhere { d.at(Place::Block(block.id.clone())) } else { d })?;
@@ -360,11 +380,25 @@ impl Run<'_> {
         self.log.write("frame", &block.id)?;
         let shows = self.laser.format().is_some() && (self.beam == Beam::Fire || self.laser.has_pilot());
         let file = block.file.as_ref().map_or(String::new(), |file| format!(" ({file})"));
-        let what = if shows { "is shown: compare it with" } else { "lies here: show it and compare it with" };
-        let text = format!("the frame of block {}{file} {what} layout.svg", block.id);
+        let what = match self.beam {
+            Beam::Fire => "was fired",
+            Beam::Pilot if shows => "is shown",
+            Beam::Pilot => "lies here: show it",
+        };
+        let text = format!("the frame of block {}{file} {what}; compare it with layout.svg", block.id);
         let Self { laser, stage, interrupt, beam, .. } = self;
-        let mut show = || if shows { laser.mark(&work, *beam, &mut **stage, interrupt) } else { Ok(()) };
+        let mut is_fired = false;
+        let mut show = || {
+            // The pilot laser shows it again and again, the other fires once.
+            if !shows || is_fired {
+                return Ok(());
+            }
+            is_fired = *beam == Beam::Fire;
+            laser.mark(&work, *beam, &mut **stage, interrupt)
+        };
         self.console.ask_while(&text, interrupt, &mut show)?;
+        // As at a registration point.
+        self.moves.forget();
         self.marked += 1;
         Ok(())
     }
@@ -373,7 +407,7 @@ impl Run<'_> {
     fn registration(&mut self, setup: u32) -> Result<(), Diag> {
         let folder = self.folder;
         for (point, number) in folder.registration[setup as usize - 1].iter().zip(1..) {
-            for to in self.moves.over(point.stage.map(|mm| Nm::from_mm(mm).unwrap_or_default().0)) {
+            for to in self.moves.over(point.stage) {
                 self.go(&to)?;
             }
             let [x, y] = point.point_mm;

@@ -108,6 +108,12 @@ fn the_rest_of_a_job_is_a_verified_folder_with_the_same_bytes() {
     let again = dir.path().join("again.job");
     let found = resumed(&dir.path().join("tail1.job"), &["--from", "B0006"], &again);
     assert_eq!(blocks(&found), ["B0006", "B0007"]);
+    let svg = std::fs::read_to_string(again.join("layout.svg")).expect("a picture");
+    assert_eq!(svg.matches("blocks are left").count(), 2, "in the title and below");
+    assert_eq!(
+        refused(&dir.path().join("tail1.job"), &["--only", "B0001,B0006"], &dir.path().join("no.job")),
+        "resume-block"
+    );
     assert_is_of(&again, &whole, &blocks(&found));
     foreign::check_folder(&again, &["check_dxf.py", "check_csv.py", "check_ovf.py", "check_gcode.py"]);
 }

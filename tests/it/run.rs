@@ -286,7 +286,7 @@ fn no_run_begins_while_the_command_of_a_killed_one_still_marks() {
     child.kill().expect("killed");
     child.wait().expect("ended");
     let moved = shell.control().mdi.len();
-    assert_ended(&bench.run(&["--arm"]), 2, &["run-journal-locked", "command of one that was killed"]);
+    assert_ended(&bench.run(&["--arm"]), 2, &["run-locked", "command of a killed one"]);
     assert_eq!(shell.control().mdi.len(), moved, "nothing moves");
     std::thread::sleep(Duration::from_millis(1100));
     assert_ended(&bench.run(&["--arm"]), 2, &["run-in-doubt", "block B0001 was begun"]);
@@ -497,8 +497,14 @@ fn ctrl_c_ends_after_the_block_and_twice_at_once() {
 
     bench.run_file(&stage_of(&shell), &bench.command_laser("30"));
     let child = until_lines(&bench, &["--arm", "--go-on"], bench.journal().len() + 1);
-    // A second run of the same job is kept out.
-    assert_ended(&bench.run(&["--arm", "--go-on"]), 2, &["run-journal-locked"]);
+    // A second run on the machine is kept out, a dry one too; and one of the same job, by whatever path.
+    assert_ended(&bench.run(&["--arm", "--go-on"]), 2, &["run-locked"]);
+    assert_ended(&bench.run(&[]), 2, &["run-locked", "in progress"]);
+    std::fs::copy(bench.path("run.toml"), bench.path("other.toml")).expect("copied");
+    std::os::unix::fs::symlink(&bench.job, bench.path("link")).expect("a link");
+    let mut other = Command::new(env!("CARGO_BIN_EXE_terrace"));
+    other.arg("run").arg(bench.path("link")).arg("--with").arg(bench.path("other.toml")).args(["--arm", "--go-on"]);
+    assert_ended(&other.output().expect("the program starts"), 2, &["run-journal-locked"]);
     let begun = Instant::now();
     interrupt(&child);
     std::thread::sleep(Duration::from_millis(100));

@@ -23,8 +23,7 @@ const SHIFT: &str = "{shift}";
 pub struct Command {
     keys: CommandKeys,
     format: Option<&'static str>,
-    /// A handle of the locked journal.
-    journal: Option<File>,
+    lock: Option<File>,
     /// Whether a command for a block had to be ended, and the laser may still be on.
     is_doubtful: bool,
 }
@@ -53,7 +52,7 @@ impl Command {
                 return Err(Diag::input("run-command", text).hint("such as laser.format = \"dxf\""));
             }
         };
-        Ok(Self { keys: keys.clone(), format, journal: None, is_doubtful: false })
+        Ok(Self { keys: keys.clone(), format, lock: None, is_doubtful: false })
     }
 
     fn start(words: &[String], work: Option<&Work>, stdin: Stdio) -> Result<Child, Diag> {
@@ -123,8 +122,8 @@ impl Laser for Command {
         in_file || has(&self.keys.mark) && self.keys.pilot.as_ref().is_none_or(has)
     }
 
-    fn hold(&mut self, journal: File) {
-        self.journal = Some(journal);
+    fn hold(&mut self, lock: File) {
+        self.lock = Some(lock);
     }
 
     fn open(&mut self) -> Result<String, Diag> {
@@ -140,8 +139,8 @@ impl Laser for Command {
         };
         // At its end, so nothing can be read from it. The lock lasts as long as the command, even where this program is
         // killed.
-        let held = self.journal.as_ref().map(File::try_clone).transpose();
-        let stdin = held.map_err(|e| Diag::limit("run-laser-command", format!("cannot hold the journal: {e}")))?;
+        let held = self.lock.as_ref().map(File::try_clone).transpose();
+        let stdin = held.map_err(|e| Diag::limit("run-laser-command", format!("cannot hold the lock: {e}")))?;
         let child = Self::start(words, Some(work), stdin.map_or_else(Stdio::null, Stdio::from))?;
         self.is_doubtful = true;
         Self::wait(child, work.longest(), interrupt)?;

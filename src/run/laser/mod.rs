@@ -62,10 +62,10 @@ pub trait Laser {
     /// Where there is no answer or it is not ready.
     fn open(&mut self) -> Result<String, Diag>;
 
-    /// Takes a handle of the locked journal, for drivers whose marking goes on where this program is killed: what marks
-    /// keeps it open, and no other run begins until that has ended.
-    fn hold(&mut self, journal: File) {
-        drop(journal);
+    /// Takes a handle of the machine's lock: no other run begins while one is open. A driver whose marking goes on where
+    /// this program is killed lets what marks keep it open.
+    fn hold(&mut self, lock: File) {
+        drop(lock);
     }
 
     /// Makes sure through the control of the stage that nothing is being marked, before the stage moves.

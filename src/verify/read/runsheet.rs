@@ -40,6 +40,8 @@ pub(in crate::verify) struct Sheet {
     pub(in crate::verify) blocks: Table,
     /// By row of the table, the pass and the set-up under whose heading it stands, from 1.
     pub(in crate::verify) under: Vec<(u32, Option<u32>)>,
+    /// By row of the table, the z in mm that a line before it says to lift to, and the block that it is on the way to.
+    pub(in crate::verify) lifts: Vec<Option<(f64, String)>>,
 }
 
 /// Reads `runsheet.csv`: cells apart by commas, in quotes where they hold one.
@@ -83,7 +85,7 @@ pub(in crate::verify) fn csv(bytes: &[u8]) -> Result<Table, Fault> {
 pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
     let mut out = Sheet::default();
     let mut part = "";
-    let (mut pass, mut setup) = (1, None);
+    let (mut pass, mut setup, mut lift) = (1, None, None);
     for (i, line) in text(bytes)?.lines().enumerate() {
         let fault = |what: &str| Fault::new(i + 1, what);
         // Headings in capitals part the sheet; what a part does not know is text for people.
@@ -110,6 +112,10 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
             }
             ("BLOCKS", ["block", ..]) => out.blocks.columns = cells(line, usize::MAX),
             ("BLOCKS", ["PASS", number]) => pass = number.parse().map_err(|_| fault("the pass has no number"))?,
+            ("BLOCKS", ["LIFT", "to", z, "then", "go", "to", id]) => {
+                let z = z.strip_prefix('Z').and_then(|z| z.strip_suffix(',')).and_then(|z| z.parse().ok());
+                lift = Some((z.ok_or_else(|| fault("the z of a lift cannot be read"))?, (*id).to_owned()));
+            }
             ("BLOCKS", ["SET-UP", number]) => {
                 setup = Some(number.parse().map_err(|_| fault("the set-up has no number"))?);
             }
@@ -117,6 +123,7 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
                 let row = row(&out.blocks.columns, &words).ok_or_else(|| fault("a block has too few cells"))?;
                 out.blocks.rows.push((i + 1, row));
                 out.under.push((pass, setup));
+                out.lifts.push(lift.take());
             }
             _ => {}
         }

@@ -98,6 +98,33 @@ pub(in crate::verify) fn files(
     }
 }
 
+/// Holds that every listed file below `blocks` and `frames` is one that was read: whoever loads another marks what nobody
+/// has compared.
+pub(in crate::verify) fn all_are_read(manifest: &Manifest, chosen: &[usize], facts: &JobFacts, rule: &mut Rule) {
+    let mut known = BTreeSet::new();
+    for (row, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
+        match files {
+            Stepped::Blocks(files) => {
+                for entry in chosen.iter().filter_map(|&i| manifest.blocks.get(i)) {
+                    let name = formats::of_block(&entry.id, files.ending);
+                    if entry.files.get(row.name) != Some(&name) {
+                        rule.broken(&entry.id, "manifest.json", format!("its {} file is not {name}", row.name));
+                    }
+                    known.extend([name, formats::of_frame(&entry.id, files.ending)]);
+                }
+            }
+            Stepped::Stage { file, .. } | Stepped::Planes { file, .. } => _ = known.insert(formats::of_frames(file)),
+        }
+    }
+    let is_marked = |name: &str| name.starts_with("blocks/") || name.starts_with("frames/");
+    for entry in manifest.files.iter().filter(|f| is_marked(&f.file)) {
+        rule.checked += 1;
+        if !known.contains(&entry.file) || entry.file.starts_with("frames/") && manifest.frames.is_none() {
+            rule.broken("", &entry.file, "is listed, but is no file of the job's blocks or frames");
+        }
+    }
+}
+
 /// An opener of a file that holds the whole job.
 pub(super) type Open = for<'a> fn(&'a [u8]) -> Result<OvfFile<'a>, String>;
 

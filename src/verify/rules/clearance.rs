@@ -6,8 +6,7 @@
 //! cut at the hexagon, so the highest place in it is found as it is, not bounded. Each pass is checked against the
 //! surface before it was lowered. Fixtures are not known.
 //!
-//! Moves are those of the stage programs, or where a job has none those of `program.txt` as run sheets and OVF give
-//! them: a lift where the block asks for one, x, y and the tilt axes together, then z alone. From an unknown position
+//! Moves are those of the stage programs, and those of `program.txt` as run sheets, OVF and `terrace run` give them: a lift where the block asks for one, x, y and the tilt axes together, then z alone. From an unknown position
 //! (at the start, after a stop at which the part is moved) a move is checked at its end point.
 //!
 //! While tilt axes turn, each in its own time, the part may be at any pair of angles between the two ends. Over a range
@@ -49,9 +48,7 @@ pub(in crate::verify) fn check(
     rule.ran = true;
     let tiles = Tiles::of(geometry, &facts.machine);
     let mut head = Head { geometry, tiles, machine: &facts.machine, file, rule };
-    if stages.is_empty() {
-        head.program();
-    }
+    head.program();
     stages.iter().for_each(|stage| head.stage_program(stage));
 }
 
@@ -93,7 +90,7 @@ impl Head<'_> {
         let letters = self.machine.tilt.as_ref().map(|t| t.axes.each_ref().map(|a| a.letter as usize));
         let mut at: [Option<i64>; 6] = [None; 6];
         let mut block = 0;
-        for moved in Positions::of(&stage.statements) {
+        for moved in Positions::of(stage) {
             if moved.is_anew {
                 at = [None; 6];
             }
@@ -108,6 +105,12 @@ impl Head<'_> {
                 let tilt = letters.map_or([Some(0); 2], |l| l.map(|k| at[3 + k]));
                 Some(Pose { at: Commanded([at[0]?, at[1]?, at[2]?]), tilt: TiltAngles([tilt[0]?, tilt[1]?]) })
             };
+            // A move on the way to the first block of a set-up belongs to that block.
+            let is_of = |b: &&Block| moved.setup.is_none_or(|setup| b.setup.number() == setup);
+            if self.file.program.blocks.get(block).filter(is_of).is_none() {
+                let found = self.file.program.blocks[block..].iter().position(|b| is_of(&b));
+                block += found.unwrap_or_default();
+            }
             if let Some(to) = pose(&at) {
                 self.go(block, pose(&from).unwrap_or(to), to, &stage.place(moved.line));
             }

@@ -7,7 +7,7 @@
 //! where nothing can be marked. Every pass is a job of its own. Memory: four bytes per mark, and one texture stroke at
 //! a time.
 
-use super::stretch::{Run, Stretch, confirmed, note, whole};
+use super::stretch::{self, Run, Stretch, confirmed, note, whole};
 use super::texture_stroke::TextureStroke;
 use super::turned::Drawn;
 use super::{Findings, part_place, part_place_nm};
@@ -50,6 +50,7 @@ pub(in crate::verify) fn check(
     drawn: &Drawn,
     findings: &mut Findings,
 ) -> Pieces {
+    let depth_holds = findings.depth.violated == 0;
     let Findings { source, once, coverage, .. } = findings;
     (source.ran, once.ran, coverage.ran) = (true, true, true);
     let Some(first) = drawings.first() else { return Pieces::default() };
@@ -59,6 +60,7 @@ pub(in crate::verify) fn check(
         pass: PassId(0),
         drawing: first,
         geometry,
+        depth_holds,
         drawn,
         off: None,
         source,
@@ -115,6 +117,7 @@ struct Cover<'a> {
     pass: PassId,
     drawing: &'a Drawing<'a>,
     geometry: &'a Geometry,
+    depth_holds: bool,
     /// Points of tilted blocks in the drawing; empty where nothing is tilted.
     drawn: &'a Drawn,
     /// How far the points of the mark at hand may be off, nm, if it is one of these.
@@ -371,8 +374,12 @@ impl Cover<'_> {
         lengths.skipped_steep_mm += steep * per_nm;
         lengths.skipped_small_mm += small * per_nm;
         self.out.doubt_mm += (doubt + open - small) * per_nm;
+        // What rounding decides may part a run that the job let go unmarked as a whole.
+        let joined = stretch::runs(&list);
         for run in &runs {
-            if !self.is_small(run, [from, to], beside, &mut scratch) {
+            let around = joined.iter().find(|j| j.holds(run));
+            let mut is_small = |run: &Run| self.is_small(run, [from, to], beside, &mut scratch);
+            if !is_small(run) && !around.is_some_and(is_small) {
                 self.missing(number, run, beside);
             }
         }
@@ -401,8 +408,7 @@ impl Cover<'_> {
     fn is_small(&self, run: &Run, gap: [f64; 2], beside: [Option<Span>; 2], scratch: &mut Scratch) -> bool {
         let least = 2.0 * self.facts.min_mark_nm;
         if self.facts.only_slivers {
-            let marks = self.marks_beside(run, gap, beside);
-            return marks > 0 && run.len < marks as f64 * self.facts.min_mark_nm + self.known(beside);
+            return self.is_sliver(run, gap, beside, scratch);
         }
         // What tilted blocks would accept is not looked into.
         if run.len < if self.drawn.is_empty() { least } else { 2.0 * least } {
@@ -426,13 +432,24 @@ impl Cover<'_> {
             .any(|b| self.longest_inside(run, &self.facts.raised(b), scratch) >= least)
     }
 
-    /// How many ends of the run are ends of marks, from which less than `min_mark` each may have been left out.
-    fn marks_beside(&self, run: &Run, [from, to]: [f64; 2], beside: [Option<Span>; 2]) -> usize {
-        let [Some(first), Some(last)] = [run.stretches.first(), run.stretches.last()] else { return 0 };
+    /// Whether the run is what cuts left over next to marks: shorter than `min_mark` for each end that is the end of a
+    /// mark, and not all within what the block of such a mark accepts, which then would have gone on.
+    fn is_sliver(&self, run: &Run, [from, to]: [f64; 2], beside: [Option<Span>; 2], scratch: &mut Scratch) -> bool {
+        let [Some(first), Some(last)] = [run.stretches.first(), run.stretches.last()] else { return false };
         let away =
             [self.stroke.along(first.segment) + first.d[0] - from, to - self.stroke.along(last.segment) - last.d[1]];
         let reach = self.geometry.grain() + self.known(beside);
-        (0..2).filter(|&k| beside[k].is_some() && away[k] <= reach).count()
+        let marks: Vec<Span> = (0..2).filter(|&k| away[k] <= reach).filter_map(|k| beside[k]).collect();
+        let is_short = run.len < marks.len() as f64 * self.facts.min_mark_nm + self.known(beside);
+        !marks.is_empty() && is_short && !marks.iter().any(|mark| self.could_go_on(mark, run, scratch))
+    }
+
+    /// Whether the block of a mark accepts all of the run. What tilted blocks accept is not looked into, nor what blocks
+    /// do that `depth` has reported.
+    fn could_go_on(&self, mark: &Span, run: &Run, scratch: &mut Scratch) -> bool {
+        let block = &self.file.program.blocks[self.block_of(mark.mark)];
+        let is_known = self.depth_holds && block.stop.tilt.is_upright() && run.len > 2.0 * ROUNDED;
+        is_known && self.longest_inside(run, &self.facts.raised(block), scratch) > run.len - ROUNDED
     }
 
     /// How far lengths between two marks may be off, nm.

@@ -44,10 +44,10 @@ impl Frames {
         if file.program.strokes.iter().any(|stroke| stroke.pen.index() == pen) {
             rule.broken("", "manifest.json", "the pen of its frames marks the part");
         }
-        let places: Option<Vec<usize>> =
-            stated.outline.iter().map(|id| file.ids.iter().position(|i| i == id)).collect();
-        let is_rising = |places: &Vec<usize>| places.windows(2).all(|w| w[0] < w[1]);
-        let Some(places) = places.filter(|p| !p.is_empty() && is_rising(p)) else {
+        let mut ids = file.ids.iter().enumerate();
+        let place = |wanted: &String| ids.find(|(_, id)| *id == wanted).map(|(i, _)| i);
+        let places: Option<Vec<usize>> = stated.outline.iter().map(place).collect();
+        let Some(places) = places.filter(|p| !p.is_empty()) else {
             rule.broken("", "manifest.json", "its outline is not a list of blocks in the order of program.txt");
             return None;
         };

@@ -130,6 +130,7 @@ pub(super) fn without_inputs(
     let stages = stage::read(folder, manifest, facts, false, &mut findings.agreement);
     let chosen = subset::chosen(manifest, program, &mut findings.agreement);
     agreement::check(manifest, program, &chosen, facts, &mut findings.agreement);
+    agreement::all_are_read(manifest, &chosen, facts, &mut findings.agreement);
     subset::with(program, &chosen, |program| {
         agreement::files(folder, manifest, (program, &chosen), facts, &mut findings.agreement);
         stage::agreement(&stages, manifest, program, &facts.machine, &mut findings.agreement);
@@ -169,7 +170,7 @@ pub(super) fn moves(
         clearance::check(&stages.blocks, program, facts, geometry, findings);
         subset::figures(manifest, program, facts, &mut findings.summary);
     });
-    if let Some(frames) = stages.frames.as_ref().filter(|frames| !frames.stages.is_empty()) {
+    if let Some(frames) = &stages.frames {
         clearance::check(&frames.stages, &frames.outline, facts, geometry, findings);
     }
 }

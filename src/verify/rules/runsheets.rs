@@ -3,11 +3,12 @@
 //! stand the part's place and the pens. Numbers agree to the decimals that they are written with. One violation per
 //! block.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::times;
 use crate::diag;
-use crate::geom::NM_PER_MM;
+use crate::geom::{NM_PER_MM, Nm};
 use crate::program::Block;
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
@@ -24,7 +25,8 @@ const DECIMALS: [i32; 2] = [4, 6];
 
 /// Holds the run sheets that are there against the program.
 pub(super) fn check(folder: &Path, manifest: &Manifest, file: &ProgramFile, facts: &JobFacts, rule: &mut Rule) {
-    let mut sheets = Sheets { manifest, file, facts, rule };
+    let entries = manifest.blocks.iter().map(|e| (e.id.as_str(), e)).collect();
+    let mut sheets = Sheets { manifest, entries, file, facts, rule };
     if let Some(table) = sheets.read(folder, "runsheet.csv", runsheet::csv) {
         let columns = Columns {
             names: CSV,
@@ -43,6 +45,7 @@ pub(super) fn check(folder: &Path, manifest: &Manifest, file: &ProgramFile, fact
         };
         sheets.head(&sheet);
         sheets.headings(&sheet);
+        sheets.lifts(&sheet);
         sheets.table("runsheet.txt", &sheet.blocks, &columns);
     }
 }
@@ -71,6 +74,7 @@ fn pens_of(file: &ProgramFile, block: &Block) -> impl Iterator<Item = usize> {
 
 struct Sheets<'a> {
     manifest: &'a Manifest,
+    entries: BTreeMap<&'a str, &'a BlockEntry>,
     file: &'a ProgramFile,
     facts: &'a JobFacts,
     rule: &'a mut Rule,
@@ -106,7 +110,10 @@ impl Sheets<'_> {
         for ((id, block), (line, row)) in blocks.zip(&table.rows) {
             self.rule.checked += 1;
             let cells = at.map(|i| row[i].as_str());
-            if let Some(what) = self.differs(id, block, cells, columns).or_else(|| self.more(table, row, block)) {
+            let is_first = self.file.ids.first() == Some(id);
+            let lift = (is_first || block.retract).then(|| self.facts.machine.retract_z());
+            let differs = self.differs(id, block, cells, columns).or_else(|| self.more(table, row, block));
+            if let Some(what) = differs.or_else(|| lift_differs(table, row, lift)) {
                 self.rule.broken(id, format!("{name}:{line}"), format!("its {what} differs from program.txt"));
             }
         }
@@ -125,7 +132,7 @@ impl Sheets<'_> {
                 .is_some_and(|found| 2 * (found - nm).abs() <= 10i64.pow((6 - place) as u32))
         };
         // Any one of the block's own files; none where it has none.
-        let entry = self.manifest.blocks.iter().find(|e| e.id == *id);
+        let entry = self.entries.get(id).copied();
         let is_own =
             |e: &BlockEntry| e.files.is_empty() && drawing.is_empty() || e.files.values().any(|f| f == drawing);
         let program = &self.file.program;
@@ -152,8 +159,6 @@ impl Sheets<'_> {
         let [column, line] = block.stop.section.0.map(i64::from);
         let jump = times::jump_mm(&self.file.program, block);
         let shift = cell("focus_shift_mm").or_else(|| cell("SHIFT"));
-        // A lift that is not asked for does no harm.
-        let lifts = |c: &str| !matches!(c.trim(), "" | "0" | "-" | "no" | "false");
         [
             ("section", is("column", column) && is("row", line)),
             ("section", cell("section").is_none_or(|c| c == format!("{column},{line}"))),
@@ -165,7 +170,6 @@ impl Sheets<'_> {
                 shift.map_or(self.facts.machine.zoom.is_none(), |c| is_written(c, block.focus_shift.mm(), 4)),
             ),
             ("jump length", cell("jump_mm").is_none_or(|c| is_written(c, jump, 3))),
-            ("lift", !block.retract || cell("lift").is_none_or(lifts)),
         ]
         .into_iter()
         .find_map(|(what, same)| (!same).then_some(what))
@@ -218,6 +222,22 @@ impl Sheets<'_> {
         hold(setups && sheet.setups.len() == origins.len(), "its set-ups differ from those of program.txt");
     }
 
+    /// Holds the lines that say where to lift to before a block.
+    fn lifts(&mut self, sheet: &Sheet) {
+        let z = self.facts.machine.retract_z();
+        let blocks = self.file.ids.iter().zip(&self.file.program.blocks).enumerate();
+        for (((i, (id, block)), found), (line, _)) in blocks.zip(&sheet.lifts).zip(&sheet.blocks.rows) {
+            let same = match found {
+                None => i > 0 && !block.retract,
+                Some((to, of)) => (i == 0 || block.retract) && of == id && is_written(&to.to_string(), z.mm(), 4),
+            };
+            if !same {
+                let text = "the lift before it differs from program.txt";
+                return self.rule.broken(id, format!("runsheet.txt:{line}"), text);
+            }
+        }
+    }
+
     /// Holds the headings over the rows: the pass, and where there are several the set-up.
     fn headings(&mut self, sheet: &Sheet) {
         let several = self.file.origins.len() > 1;
@@ -229,6 +249,14 @@ impl Sheets<'_> {
             }
         }
     }
+}
+
+/// The lift of a row of `runsheet.csv`; the other sheet has lines for it.
+fn lift_differs(table: &Table, row: &[String], lift: Option<Nm>) -> Option<&'static str> {
+    let cell = row[table.column("lift_z_mm")?].as_str();
+    let found = number::nm_from_decimal(cell.as_bytes());
+    let same = lift.map_or(cell.is_empty(), |Nm(z)| found == Some(z));
+    (!same).then_some("lift")
 }
 
 /// Whether a cell is a number rounded to this many decimals.

@@ -66,8 +66,10 @@ pub(super) struct Moved<'a> {
     pub(super) line: usize,
     /// x, y, z, a, b, c.
     pub(super) to: [Option<i64>; 6],
-    /// Whether the stage position is unknown: at the start, and after a stop at which the part is moved.
+    /// Whether the stage position is unknown: at the start, and after a stop at which the part or an axis may be moved.
     pub(super) is_anew: bool,
+    /// The set-up that has begun last, from 1; None where the program names none.
+    pub(super) setup: Option<u32>,
 }
 
 /// Walks over the moves of a stage program.
@@ -77,11 +79,14 @@ pub(super) struct Positions<'a> {
     /// Whether a set-up or a registration point has begun, at whose stop the axes may be moved by hand.
     in_setup: bool,
     is_anew: bool,
+    is_frames: bool,
+    setup: Option<u32>,
 }
 
 impl<'a> Positions<'a> {
-    pub(super) fn of(statements: &'a [Statement]) -> Self {
-        Self { statements: statements.iter(), block: "", in_setup: false, is_anew: true }
+    pub(super) fn of(stage: &'a StageFile) -> Self {
+        let (statements, is_frames) = (stage.statements.iter(), stage.is_frames);
+        Self { statements, block: "", in_setup: false, is_anew: true, is_frames, setup: None }
     }
 }
 
@@ -91,11 +96,12 @@ impl<'a> Iterator for Positions<'a> {
         for s in self.statements.by_ref() {
             match &s.step {
                 Step::Block(id, _) => (self.block, self.in_setup) = (id, false),
-                Step::Setup(_) | Step::Registration(_) => self.in_setup = true,
-                Step::Pause if self.in_setup => self.is_anew = true,
+                Step::Setup(number) => (self.in_setup, self.setup) = (true, Some(*number)),
+                Step::Registration(_) => self.in_setup = true,
+                Step::Pause if self.in_setup || self.is_frames => self.is_anew = true,
                 Step::Move(to) => {
                     let is_anew = std::mem::take(&mut self.is_anew);
-                    return Some(Moved { block: self.block, line: s.line, to: *to, is_anew });
+                    return Some(Moved { block: self.block, line: s.line, to: *to, is_anew, setup: self.setup });
                 }
                 _ => {}
             }
@@ -113,7 +119,7 @@ pub(super) fn agreement(
     rule: &mut Rule,
 ) {
     for stage in stages {
-        registration(stage, manifest, file, rule);
+        registration(stage, manifest, file, machine, rule);
         units(stage, rule);
         first_lifts(stage, machine, rule);
         names(stage, rule);
@@ -142,7 +148,7 @@ fn units(stage: &StageFile, rule: &mut Rule) {
 /// Where the stage position is unknown, it lifts first, to the end of z.
 fn first_lifts(stage: &StageFile, machine: &Machine, rule: &mut Rule) {
     let sign = machine.stage.z.sign();
-    for moved in Positions::of(&stage.statements).filter(|m| m.is_anew) {
+    for moved in Positions::of(stage).filter(|m| m.is_anew) {
         // Beyond the end is a fault of `travel`.
         if !matches!(moved.to, [None, None, Some(z), None, None, None] if sign * z >= sign * machine.retract_z().0) {
             let text =
@@ -177,24 +183,33 @@ fn names(stage: &StageFile, rule: &mut Rule) {
     names.for_each(|(line, id)| misnamed(stage, block, *line, id, rule));
 }
 
-/// Whoever begins the program at the number of a block begins that block, and there alone.
+/// Whoever begins the program at the number of a block begins that block: it is that of the line which switches the
+/// output off between title and moves.
 fn numbers(stage: &StageFile, rule: &mut Rule) {
-    let titles: Vec<(usize, &str)> = stage
-        .statements
-        .iter()
-        .filter_map(|s| if let Step::Block(id, _) = &s.step { Some((s.line, id.as_str())) } else { None })
-        .collect();
-    for &(line, number) in &stage.numbers {
-        let at = titles.partition_point(|t| t.0 <= line);
-        let block = at.checked_sub(1).map_or("", |i| titles[i].1);
-        if block.trim_start_matches(['B', '0']) != number.to_string() {
-            rule.broken(block, stage.place(line), format!("N{number} is not the number of its block"));
+    let mut numbers = stage.numbers.iter().peekable();
+    let mut title: Option<&str> = None;
+    for s in &stage.statements {
+        if let Step::Block(id, _) = &s.step {
+            title = Some(id);
+        } else if !s.step.is_before_moves() {
+            title = None;
         }
+        let is_off = matches!(s.step, Step::OutputOff | Step::SpindleOff);
+        while let Some(&(line, number)) = numbers.next_if(|(line, _)| *line <= s.line) {
+            let is_its = |id: &str| id.trim_start_matches(['B', '0']) == number.to_string();
+            if line != s.line || !is_off || !title.take().is_some_and(is_its) {
+                let text = format!("N{number} does not stand where the block of that number begins");
+                rule.broken("", stage.place(line), text);
+            }
+        }
+    }
+    for &(line, number) in numbers {
+        rule.broken("", stage.place(line), format!("N{number} stands after the end"));
     }
 }
 
 /// Programs of frames stop at every registration point of each of their set-ups, and no others do.
-fn registration(stage: &StageFile, manifest: &Manifest, file: &ProgramFile, rule: &mut Rule) {
+fn registration(stage: &StageFile, manifest: &Manifest, file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
     let mut setups: Vec<usize> = file.program.blocks.iter().map(|b| b.setup.index()).collect();
     setups.dedup();
     let points = |setup: usize| manifest.setups.get(setup).map_or(&[][..], |s| &s.registration);
@@ -208,7 +223,9 @@ fn registration(stage: &StageFile, manifest: &Manifest, file: &ProgramFile, rule
             Step::Pause => {
                 let Some(number) = open.take() else { continue };
                 rule.checked += 1;
-                if wanted.next() != Some((number, [at[0], at[1]])) {
+                let letters = machine.tilt.iter().flat_map(|t| &t.axes).map(|axis| axis.letter as usize);
+                let is_upright = letters.into_iter().all(|letter| at[3 + letter] == Some(0));
+                if wanted.next() != Some((number, [at[0], at[1]])) || !is_upright {
                     let text = format!("the stop at registration point {number} is not that of the manifest");
                     rule.broken("", stage.place(s.line), text);
                 }
@@ -259,6 +276,10 @@ fn targets(stage: &StageFile, file: &ProgramFile, machine: &Machine, rule: &mut 
                     );
                 }
                 // Whoever moves the part may move the axes too.
+                at = [None; 6];
+                continue;
+            }
+            Step::Pause if stage.is_frames => {
                 at = [None; 6];
                 continue;
             }

@@ -91,8 +91,17 @@ pub(super) fn confirmed(
     runs(&kept).into_iter().filter(|r| r.len > grain).collect()
 }
 
+impl Run {
+    /// Whether the other run lies within this one.
+    pub(super) fn holds(&self, other: &Self) -> bool {
+        let place = |s: &Stretch, k: usize| (s.segment, s.d[k]);
+        let ends = |run: &Self| Some((place(run.stretches.first()?, 0), place(run.stretches.last()?, 1)));
+        ends(self).zip(ends(other)).is_some_and(|(a, b)| a.0 <= b.0 && b.1 <= a.1)
+    }
+}
+
 /// Joins stretches that follow each other.
-fn runs(list: &[Stretch]) -> Vec<Run> {
+pub(super) fn runs(list: &[Stretch]) -> Vec<Run> {
     let mut out: Vec<Run> = Vec::new();
     for &s in list {
         if let Some(run) = out.last_mut()

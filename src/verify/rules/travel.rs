@@ -45,7 +45,7 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
 pub(super) fn moves(stages: &[StageFile], file: &ProgramFile, machine: &Machine, rule: &mut Rule) {
     let blocks: BTreeMap<&str, &Block> = file.ids.iter().map(String::as_str).zip(&file.program.blocks).collect();
     for stage in stages {
-        for moved in Positions::of(&stage.statements) {
+        for moved in Positions::of(stage) {
             rule.checked += 1;
             // The targets themselves were checked above; a lift on the way is a position of its own.
             let target = blocks.get(moved.block).map(|b| b.stage);

@@ -261,11 +261,11 @@ fn coverage_reports_missing_marks() {
         }
         made.proof()
     };
-    for only_slivers in [false, true] {
-        let proof = skip(5_000.0, only_slivers);
-        assert!(proof.ok, "{}", proof.to_text());
-        assert_only("coverage", &skip(1_000.0, only_slivers));
-    }
+    let proof = skip(5_000.0, false);
+    assert!(proof.ok, "{}", proof.to_text());
+    assert_only("coverage", &skip(1_000.0, false));
+    // The block could have gone on: no cut made a sliver of it.
+    assert_only("coverage", &skip(5_000.0, true));
 }
 
 #[test]

@@ -237,6 +237,9 @@ impl Sheets<'_> {
         for (id, b, [x, y, z], mm, time, pens) in self.rows() {
             let pens: Vec<String> = pens.iter().map(|p| (p + 1).to_string()).collect();
             let (focus, strokes, pens) = (b.stop.focus.mm(), b.strokes.len(), pens.join(" "));
+            if b.retract || id == "B0001" {
+                writeln!(t, "LIFT to Z200, then go to {id}").expect("text");
+            }
             writeln!(
                 t,
                 "{id}  {x:.4}  {y:.4}  {z:.4}  {focus:.4}  {strokes}  {mm:.1}  {time:.1}  {pens}  blocks/{id}.dxf"
