@@ -150,7 +150,8 @@ pub fn jobs(paths: &[PathBuf], output: Option<&Path>, overrides: &Overrides) -> 
 /// The files that one argument stands for.
 fn listed(path: &Path) -> Result<Vec<PathBuf>, Error> {
     let place = || Place::file(path.display().to_string());
-    let unreadable = |e: std::io::Error| Diag::input("batch-unreadable", format!("cannot read it: {e}")).at(place());
+    let unreadable =
+        |e: std::io::Error| Diag::input("batch-unreadable", format!("cannot read the folder or list: {e}")).at(place());
     let is_toml = |file: &Path| file.extension().is_some_and(|e| e == "toml");
     if is_toml(path) && !path.is_dir() {
         return Ok(vec![path.to_owned()]);

@@ -157,7 +157,9 @@ impl Report {
         }
         if left > 0 {
             let all = self.0.len();
-            lines.push(format!("{left} of {all} jobs left: run the same command again; finished folders are kept"));
+            lines.push(format!(
+                "{left} of {all} jobs not started: run the same command again; finished folders are kept"
+            ));
         }
         lines
     }

@@ -222,8 +222,8 @@ pub struct RunArgs {
     /// Fire the laser.
     #[arg(long)]
     pub arm: bool,
-    /// Show frames in place of the blocks, until you press Enter at each: after the registration points those of the
-    /// outline, or those of the blocks named (B0133,B0200-B0210). With --arm they are fired with their pen.
+    /// Show frames instead of marking, each until you press Enter: first the registration points, then the blocks of the
+    /// outline; or only the blocks named (B0133,B0200-B0210). With --arm the laser fires each once, with its pen.
     #[arg(long, value_name = "BLOCKS", num_args = 0..=1, value_delimiter = ',', value_parser = crate::resume::range, conflicts_with_all = ["journal", "go_on"])]
     pub frames: Option<Vec<[BlockId; 2]>>,
     /// Folder that holds the job file and its inputs, where they have moved.

@@ -86,7 +86,7 @@ fn stop_on_ctrl_c(view: &show::Progress) -> Arc<AtomicBool> {
         if stopped.swap(true, Ordering::Relaxed) {
             std::process::exit(1);
         }
-        view.say("stopping: the jobs that run are finished, no other begins; Ctrl-C again ends at once");
+        view.say("stopping: running jobs are completed, no others are started; press Ctrl-C again to quit at once");
     });
     stop
 }

@@ -20,7 +20,8 @@ pub(super) fn run(args: &Args, asked: &RunArgs) -> Result<u8, Error> {
     let told = Arc::clone(&interrupt);
     let heard = ctrlc::set_handler(move || {
         told.request();
-        let text = if told.is_abort() { "aborting" } else { "ending after this block; again to abort at once" };
+        let text =
+            if told.is_abort() { "aborting" } else { "ending after this block; press Ctrl-C again to abort at once" };
         eprintln_all(text);
     });
     if let Err(e) = heard {
@@ -112,7 +113,7 @@ impl Console for Terminal {
         let lines = self.lines().lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         // What was typed before the question is no answer to it.
         while std::io::stdin().is_terminal() && lines.try_recv().is_ok() {}
-        self.bar.say(&format!("[ready?] {what}. Enter when done, stop to end the run"));
+        self.bar.say(&format!("[ready?] {what}. Press Enter when done, or type stop to end the run"));
         let refused = |text: &str| Err(Diag::limit("run-person", format!("{text}: {what}")));
         loop {
             interrupt.check()?;
@@ -124,7 +125,7 @@ impl Console for Terminal {
                 Ok(line) if ["stop", "n", "no"].contains(&line.trim().to_lowercase().as_str()) => {
                     return refused("stopped at the question");
                 }
-                Ok(_) => self.bar.say("Enter when done, stop to end the run"),
+                Ok(_) => self.bar.say("press Enter when done, or type stop to end the run"),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return refused("nobody answers (end of standard input)"),
             }

@@ -215,7 +215,10 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
         ),
     ];
     lines.push(by_hand(s));
-    lines.push(format!("by run         {} with `terrace run`, nobody loads files", duration(t.total)));
+    lines.push(format!(
+        "by run         {} at least with `terrace run`; loading and handshake come on top",
+        duration(t.total)
+    ));
     if s.setups > 1 {
         lines.insert(1, format!("set-ups        {}", s.setups));
     }

@@ -145,7 +145,7 @@ impl<'a> Writer<'a> {
         self.comment("terrace: registration points and frames of the outline, absolute, mm");
         self.comment(&format!("machine: {}", super::quoted(&machine.name)));
         self.comment("at every M0 show the frame named with the pilot laser, then press cycle start");
-        self.comment("at registration points the head is lifted: lower it by hand if the spot is too large");
+        self.comment("at registration points the head is lifted: the spot is large, judge its centre");
         self.comment("not a safety system: the laser needs its own interlock");
         self.line(modes);
         self.line(self.off);

@@ -252,7 +252,9 @@ pub const TARGETS: [Target; 9] = [
         holds_job: true,
         moves_stage: false,
         allows_setups: false,
-        sheet: &["job.ovf holds the whole job, stage places and pens included: work plane 0 is block B0001."],
+        sheet: &[
+            "job.ovf holds all blocks of this sheet in its order, with stage positions and pens; planes count from 0.",
+        ],
     },
     Target {
         format: Format::Pmac,

@@ -104,7 +104,8 @@ fn table_has_a_line_per_block_and_quotes_separators() {
 #[test]
 fn run_sheet_lists_settings_that_the_files_do_not_carry() {
     let text = with_sample(|facts| String::from_utf8(runsheet_txt(&Sheet::new(facts))).expect("UTF-8"));
-    for needed in ["10 mm", "red-light", "not a safety system", "60 % = 8.4 W", "hood.toml", "WARNING    steep places"]
+    for needed in
+        ["10 mm", "pilot laser", "not a safety system", "60 % = 8.4 W", "hood.toml", "WARNING    steep places"]
     {
         assert!(text.contains(needed), "{needed}\n{text}");
     }

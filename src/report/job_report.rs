@@ -136,7 +136,7 @@ fn times(h: &mut String, job: &Layout<'_>) {
     );
     let _ = writeln!(
         h,
-        "<tr><td>by terrace run: nobody loads files; without the time in which the laser takes each</td><td>{}</td>\
+        "<tr><td>by terrace run, at least: loading and handshake of each block come on top</td><td>{}</td>\
          <td>{}</td><td></td></tr>\n</table>",
         plain(total, 2),
         duration(total)

@@ -191,7 +191,11 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     let (total_s, files) = sheet.subset.map_or((hand.total_s, s.blocks), |t| (t.by_hand_s, t.blocks.len()));
     writeln!(out, "by hand    {}, {who} {files} files at {} s each ({source})", clock(total_s), hand.load_s)?;
     let machine_s = sheet.subset.map_or(t.total, |subset| subset.time_s);
-    writeln!(out, "by run     {} with `terrace run`, nobody loads files", clock(machine_s))?;
+    writeln!(
+        out,
+        "by run     {} at least with `terrace run`; loading and handshake of each block come on top",
+        clock(machine_s)
+    )?;
     for warning in &s.warnings {
         writeln!(out, "WARNING    {}", warning.message)?;
     }
@@ -247,9 +251,9 @@ fn steps(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     }
     writeln!(
         out,
-        "  - Put the part so that its zero and its turn are as above. Show the red-light frame of the first"
+        "  - Place the part so that its zero and turn are as this sheet says. Show the first and the last block"
     )?;
-    writeln!(out, "    and the last block on the part and compare it with layout.svg.")?;
+    writeln!(out, "    with the pilot laser and compare them with layout.svg.")?;
     if let Some(pen) = &sheet.frames {
         writeln!(
             out,
@@ -257,13 +261,16 @@ fn steps(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
         )?;
         writeln!(
             out,
-            "    the registration points and to the outermost blocks. Power of that pen must leave no mark: try on scrap."
+            "    the registration points and to the outermost blocks. That pen must leave no mark: try it on scrap."
         )?;
     }
     let place = if sheet.machine.zoom.is_some() { "at its Z and SHIFT below" } else { "its Z below is where" };
     writeln!(out, "  - Find the focus on the part at the first block: {place} the spot must be smallest.")?;
     if sheet.formats.iter().any(|f| f.target().moves_stage) {
-        writeln!(out, "  - Run the stage program once without laser power.")?;
+        writeln!(
+            out,
+            "  - Run the stage program once with the laser source off; with stage.ngc the scan card must answer with BUSY."
+        )?;
     }
     let lift = sheet.machine.retract_z().mm();
     writeln!(
@@ -281,7 +288,7 @@ fn steps(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     }
     writeln!(
         out,
-        "  - This program is not a safety system. Enclosure, interlock and eye protection are your responsibility."
+        "  - terrace is not a safety system. Enclosure, interlock, eye protection and emergency stop are your own."
     )?;
     writeln!(out, "\nHOW THE FILES GO TOGETHER")?;
     for target in sheet.formats.iter().map(|f| f.target()) {

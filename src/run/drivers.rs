@@ -36,7 +36,7 @@ pub(super) fn laser(keys: &RunFile, folder: &Folder, console: &Rc<dyn Console>) 
             if !matches!(keys.stage, StageKeys::Linuxcnc(_)) {
                 return Err(stage::no_handshake());
             }
-            Box::new(laser::handshake::Handshake)
+            Box::new(laser::handshake::Handshake::default())
         }
         LaserKeys::Manual {} => Box::new(laser::manual::Manual::new(console)),
     };

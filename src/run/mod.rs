@@ -199,7 +199,7 @@ pub fn run(order: &Order<'_>, console: &Rc<dyn Console>, interrupt: &Interrupt) 
         }
         _ => (None, (0..folder.blocks.len()).collect()),
     };
-    laser.hold(lock.try_clone().map_err(|e| Diag::limit("run-locked", format!("cannot hold the lock: {e}")))?);
+    laser.hold(lock.try_clone().map_err(|e| Diag::input("run-locked", format!("cannot hold the lock: {e}")))?);
     console.phase("connecting to stage and laser");
     let says = laser.open()?;
     log.write("laser", &says)?;

@@ -414,7 +414,7 @@ fn ctrl_c_lets_the_running_job_end_and_the_next_run_goes_on() {
     let done = child.wait_with_output().expect("ended");
     let shown = said(&done);
     assert_eq!(done.status.code(), Some(1), "{shown}");
-    assert!(shown.contains("2 of 4 jobs left: run the same command again"), "{shown}");
+    assert!(shown.contains("2 of 4 jobs not started: run the same command again"), "{shown}");
     let (_, report) = report_of(&[&jobs, Path::new("-o"), &out, Path::new("--seed"), Path::new("1")]);
     assert_eq!((in_state(&report, "unchanged").len(), in_state(&report, "compiled").len()), (2, 2), "{report}");
 

@@ -17,8 +17,8 @@ fn mean(values: &[f64]) -> f64 {
     (values.iter().map(|v| v.ln()).sum::<f64>() / values.len() as f64).exp()
 }
 
-/// Stops of a smooth hatch over one of the five surfaces, by contour and by window, and their lower bound: the method
-/// with the fewest is kept.
+/// Stops of a smooth hatch over one of the five surfaces, by contour as the article has it and by window, and their lower
+/// bound: the method with the fewest is kept.
 fn fewest(dir: &Path, name: &str, cells: usize, pitch: &str) -> [f64; 3] {
     let z = FIVE.iter().find(|(n, _)| *n == name).expect("one of the five").1;
     let stl = dir.join("part.stl");
@@ -29,10 +29,12 @@ fn fewest(dir: &Path, name: &str, cells: usize, pitch: &str) -> [f64; 3] {
         .partition("objective = \"stops\"");
     let summary = summary_of(&job.write(dir, "job.toml"));
     let stops = |method: &str| number(candidate(&summary, method), "stops");
-    let (contour, z_range, window) = (stops("contour"), stops("z-range"), stops("window"));
+    let (merged, z_range, window) = (stops("contour"), stops("z-range"), stops("window"));
+    // By name its stops are not merged.
+    let contour = number(&summary_of(&job.method("contour").write(dir, "contour.toml")), "stops");
     let least = number(&summary, "lower_bound_stops");
     eprintln!("{name}: contour {contour}, z-range {z_range}, window {window}, at least {least}");
-    assert!(least <= window && window <= z_range && z_range <= contour, "{name}");
+    assert!(least <= window && window <= z_range.min(merged) && z_range.max(merged) <= contour, "{name}");
     assert_eq!(number(&summary, "stops"), window, "{name}: the fewest are kept");
     [contour, window, least]
 }
@@ -111,7 +113,9 @@ fn least_time(dir: &Path, z: fn(f64, f64) -> f64, (cells, pitch): (usize, &str),
         let (single, out) = job(method);
         // Windows are left out where they cannot win.
         if method != "window" || xy_s == z_s {
-            assert_eq!(number(candidate(&summary, method), "stops"), number(&single, "stops"), "{method}");
+            let [listed, alone] = [candidate(&summary, method), &single].map(|s| number(s, "stops"));
+            // Asked for by name, contour keeps the stops of the article.
+            assert!(if method == "contour" { listed <= alone } else { listed == alone }, "{method}: {listed} {alone}");
         }
         let total = |s: &Value| number(&s["time_s"], "total");
         assert!(total(&summary) <= total(&single), "{method} is faster than what was kept");
@@ -187,6 +191,8 @@ fn rough(dir: &Path, noise: f64) -> JobText {
 #[ignore = "slow: make test-all"]
 fn overlapping_levels_keep_strokes_whole_on_a_rough_surface() {
     let dir = folder();
+    // Slivers are fragments here, too.
+    let rough = |dir: &Path, noise: f64| rough(dir, noise).partition("min_mark = \"0 mm\"");
     let run = |job: &JobText| {
         let out = dir.path().join("job.job");
         let summary = compile(&job.write(dir.path(), "job.toml"), &out);
@@ -195,12 +201,12 @@ fn overlapping_levels_keep_strokes_whole_on_a_rough_surface() {
         (number(&summary, "stops"), number(&summary, "fragments"))
     };
     let (stops, fragments) = run(&rough(dir.path(), 0.0));
-    let none = run(&rough(dir.path(), 0.0).partition("hysteresis = \"0 mm\""));
+    let none = run(&rough(dir.path(), 0.0).partition("min_mark = \"0 mm\"\nhysteresis = \"0 mm\""));
     assert_eq!((stops, fragments), none, "a smooth surface needs no hysteresis");
     let (rough_stops, rough_fragments) = run(&rough(dir.path(), 3.0));
     assert!(rough_fragments <= 1.22 * fragments, "{rough_fragments} {fragments}");
     assert!(rough_stops <= 1.2 * stops, "{rough_stops} {stops}");
-    let (_, shredded) = run(&rough(dir.path(), 3.0).partition("hysteresis = \"0 mm\""));
+    let (_, shredded) = run(&rough(dir.path(), 3.0).partition("min_mark = \"0 mm\"\nhysteresis = \"0 mm\""));
     assert!(shredded >= 2.4 * fragments, "{shredded} {fragments}");
 }
 

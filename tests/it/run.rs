@@ -390,7 +390,7 @@ fn a_person_moves_marks_and_can_stop() {
     bench.run_file("driver = \"manual\"", "driver = \"manual\"");
     // Lift, x and y, z, mark; y, z where it changes, mark; lift.
     let out = with_answers(&bench, &[], &"\n".repeat(9));
-    assert_ended(&out, 0, &["[ready?] move the stage to Z200.000000", "pilot laser, never fire, block B0001"]);
+    assert_ended(&out, 0, &["[ready?] move the stage to Z200.000000", "pilot laser: block B0001", "do not fire"]);
     let out = with_answers(&bench, &["--arm"], "\n\n\n\nstop\n");
     assert_ended(&out, 1, &["run-person", "1 of 2 blocks are done; no other block was begun"]);
     let out = with_answers(&bench, &["--arm", "--go-on"], "\n\n\n");

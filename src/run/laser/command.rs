@@ -87,7 +87,7 @@ impl Command {
                 Ok(None) if begun.elapsed() > longest => {
                     kill(&mut child);
                     let text = format!("the command of the laser had not ended after {} s", longest.as_secs());
-                    return Err(failed(text).hint("it may take twice the estimated time of the block and 10 s"));
+                    return Err(failed(text).hint("the limit is twice the estimated time of the block plus 10 s"));
                 }
                 Ok(None) => {}
             }
@@ -154,7 +154,8 @@ impl Laser for Command {
                 return Ok(());
             }
             let text = "it is not certain that the laser is off: its command did not end well";
-            return Err(Diag::limit("run-laser-off", text).hint("make sure; laser.off names a command for that"));
+            return Err(Diag::limit("run-laser-off", text)
+                .hint("make sure that it is; state laser.off in the run file, so that terrace can switch it off"));
         };
         // The run may be aborted already: this has to be done all the same.
         let done =

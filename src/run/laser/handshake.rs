@@ -6,7 +6,11 @@ use crate::run::Interrupt;
 use crate::run::stage::Stage;
 
 /// Hands over by START and BUSY; the card has its drawings already.
-pub struct Handshake;
+#[derive(Default)]
+pub struct Handshake {
+    /// Whether the card was started and has not said that it has ended.
+    is_doubtful: bool,
+}
 
 impl Laser for Handshake {
     fn format(&self) -> Option<&'static str> {
@@ -26,11 +30,18 @@ impl Laser for Handshake {
     }
 
     fn mark(&mut self, work: &Work, _: Beam, stage: &mut dyn Stage, interrupt: &Interrupt) -> Result<(), Diag> {
-        stage.hand_over(work.longest(), interrupt)
+        self.is_doubtful = true;
+        stage.hand_over(work.longest(), interrupt)?;
+        self.is_doubtful = false;
+        Ok(())
     }
 
-    /// The stage switches START off when it is halted.
+    /// The stage switches START off when it is halted; a card that was started goes on all the same.
     fn off(&mut self) -> Result<(), Diag> {
-        Ok(())
+        if !self.is_doubtful {
+            return Ok(());
+        }
+        let text = "it is not certain that the laser is off: the scan card may still be marking";
+        Err(Diag::limit("run-laser-off", text).hint("switch it off by hand"))
     }
 }

@@ -36,17 +36,18 @@ impl Laser for Manual {
     }
 
     fn mark(&mut self, work: &Work, beam: Beam, _: &mut dyn Stage, interrupt: &Interrupt) -> Result<(), Diag> {
-        let what = match beam {
-            Beam::Pilot => "show with the pilot laser, never fire,",
-            Beam::Fire => "mark",
+        let (what, end) = match beam {
+            Beam::Pilot => ("show with the pilot laser", "do not fire"),
+            Beam::Fire => ("mark", "continue only when the laser is off"),
         };
+
         let file = work.file.as_ref().map_or(String::new(), |file| format!(" ({})", file.display()));
         let shift = if work.focus_shift == 0 {
             String::new()
         } else {
             format!(" with the focus shifted by {} mm", Nm(work.focus_shift).mm())
         };
-        self.0.ask(&format!("{what} block {}{file}{shift}; go on when the laser is off", work.block), interrupt)
+        self.0.ask(&format!("{what}: block {}{file}{shift}; {end}", work.block), interrupt)
     }
 
     fn off(&mut self) -> Result<(), Diag> {

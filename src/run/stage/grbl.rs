@@ -152,7 +152,7 @@ impl Grbl {
             if let Some(report) = found {
                 if report.offset.is_some_and(|offset| offset != self.offset) {
                     return Err(Diag::limit("grbl-offset", "the work offset of GRBL has changed during the run")
-                        .hint("nothing else may command the control during a run; check the zero of the part"));
+                        .hint("nothing else may command the controller during a run; check the zero of the part"));
                 }
                 return Ok(report);
             }
@@ -226,12 +226,12 @@ impl Grbl {
         });
         let info = lines.collect::<Vec<_>>().join(" ");
         if !info.contains("[VER:1.1") {
-            let text = format!("the control on {} is not GRBL 1.1: $I answers {info:?}", self.port);
+            let text = format!("the controller on {} is not GRBL 1.1: $I answers {info:?}", self.port);
             return Err(Diag::input("grbl-identity", text).hint("this driver is for GRBL 1.1"));
         }
         match &self.identity {
             Some(name) if !info.contains(name.as_str()) => {
-                let text = format!("the control on {} is not {name:?}: $I answers {info:?}", self.port);
+                let text = format!("the controller on {} is not {name:?}: $I answers {info:?}", self.port);
                 Err(Diag::input("grbl-identity", text).hint("check stage.port and stage.identity; $I=NAME sets a name"))
             }
             _ => Ok(info),
@@ -270,7 +270,7 @@ impl Grbl {
         self.learn_offset()?;
         let report = self.report()?;
         if report.is_on {
-            return Err(Diag::limit("grbl-output", "GRBL's output is on after M5").hint("check the control"));
+            return Err(Diag::limit("grbl-output", "GRBL's output is on after M5").hint("check the controller"));
         }
         Ok(report)
     }
@@ -349,7 +349,7 @@ impl Grbl {
                         let at = mm(&self.work(&report));
                         let text = format!("GRBL took {line:?}, is idle, and the stage is at {at}");
                         let hint = "a character was lost on the line, or something else moved the stage: check the \
-                                    cable, and that nothing else commands the control";
+                                    cable, and that nothing else commands the controller";
                         return Err(Diag::limit("grbl-position", text).hint(hint));
                     }
                 }
@@ -481,7 +481,7 @@ fn target(to: &Move) -> Result<Vec<(usize, i64)>, Diag> {
     let fits = line(to).len() <= LONGEST_LINE;
     target.filter(|target| fits && !target.is_empty()).ok_or_else(|| {
         Diag::input("grbl-axes", format!("GRBL cannot go to {:?}", line(to)))
-            .hint("GRBL 1.1 has the axes X, Y and Z: use another control for tilt axes")
+            .hint("GRBL 1.1 has the axes X, Y and Z: use another controller for tilt axes")
     })
 }
 
@@ -502,12 +502,12 @@ fn in_state(state: State) -> Diag {
 
 fn silence(longest: Duration) -> Diag {
     Diag::limit("grbl-answer", format!("GRBL has not answered for {:.1} s", longest.as_secs_f64()))
-        .hint("check the cable, the supply of the board and its limit switches; home the stage, then start again")
+        .hint("check the cable, the power supply of the board and its limit switches; home the stage, then start again")
 }
 
 fn uncertain(why: &str) -> Diag {
     let text = format!(
-        "{why}: whether the stage stands and where it is are not certain; its output was off when GRBL last answered"
+        "{why}: it is not certain that the stage has stopped, nor where it is; its output was switched off when the run began"
     );
     Diag::limit("grbl-off", text).hint("use the emergency stop; home the stage before anything else")
 }

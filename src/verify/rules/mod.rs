@@ -70,7 +70,7 @@ impl Findings {
             clearance: Rule::new("clearance", "the head keeps clear of the part in every move"),
             laser: Rule::new(
                 "laser",
-                "the laser is off during every stage move, and the stage settles before the next mark",
+                "the laser output is off during every stage move, and the stage settles before the next mark",
             ),
             surface: Rule::new("surface", "no mark lies off the part or on a slope beyond the limit"),
             dose: Rule::new("dose", "pens compensate for the slope under their marks as the job specifies"),

@@ -123,7 +123,7 @@ fn moves_arrive_and_lines_are_those_of_the_stage_program() {
 fn every_fault_in_a_move_stops_the_stage_and_says_what_is_certain() {
     let kept = "the stage is halted and its output off; its position is kept";
     let lost = "the stage is halted and its output off; its position is not certain: home it";
-    let unknown = "whether the stage stands and where it is are not certain";
+    let unknown = "it is not certain that the stage has stopped, nor where it is";
     let cases = [
         ("alarm", "grbl-alarm", lost),
         ("door", "grbl-state", kept),
