@@ -32,6 +32,8 @@ pub(super) struct JobFacts {
     pub(super) only_slivers: bool,
     /// What two blocks may both mark at a cut, nm.
     pub(super) overlap_nm: f64,
+    /// Whether cuts fall at random places before borders.
+    pub(super) has_zone: bool,
     /// How often, how turned, how lowered, how shifted.
     pub(super) passes: Passes,
     /// Set-ups and their registration points.
@@ -69,6 +71,7 @@ impl JobFacts {
             min_mark_nm: 0.0,
             only_slivers: false,
             overlap_nm: m.seams.overlap_mm * NM_PER_MM,
+            has_zone: false,
             passes: Passes::default(),
             setups: None,
             figure_pitch: None,
@@ -99,6 +102,7 @@ impl JobFacts {
             min_mark_nm: if by_spot { half_spot_nm } else { job.partition.min_mark.unwrap_or_default().f64() },
             only_slivers: by_spot,
             overlap_nm: job.partition.overlap.f64(),
+            has_zone: job.partition.zone > Nm(0),
             passes: job.passes,
             setups: job.setups.clone(),
             figure_pitch: job.figure_pitch(),

@@ -118,7 +118,7 @@ fn check_folder(
     rules::agreement::with_job(manifest, program, facts, &mut findings.agreement);
     let marks = rules::depth_and_field::check(program, facts, geometry, findings);
     rules::dose::check(program, facts, geometry, findings);
-    let pieces = rules::coverage::check(program, facts, drawings, geometry, &marks.drawn, findings);
+    let pieces = rules::coverage::check(manifest, program, facts, drawings, geometry, &marks.drawn, findings);
     rules::summary::check(manifest, program, facts, &marks, &pieces, findings);
     rules::summary::slopes(manifest, program, facts, geometry, findings);
 }

@@ -17,6 +17,7 @@ use crate::verify::Drawing;
 use crate::verify::geometry::{Geometry, Line, Piece, Scratch, Slope};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::{Lengths, Rule};
+use crate::verify::read::manifest::Manifest;
 use crate::verify::read::program::ProgramFile;
 
 /// Shares and gaps up to this, nm, are noise of the lengths along a stroke.
@@ -43,6 +44,7 @@ pub(in crate::verify) struct Pieces {
 
 /// Holds the three rules.
 pub(in crate::verify) fn check(
+    manifest: &Manifest,
     file: &ProgramFile,
     facts: &JobFacts,
     drawings: &[Drawing<'_>],
@@ -51,6 +53,9 @@ pub(in crate::verify) fn check(
     findings: &mut Findings,
 ) -> Pieces {
     let depth_holds = findings.depth.violated == 0;
+    let pitch = |k: usize| manifest.passes.get(k).map_or([0.0; 2], |p| p.sections.pitch_mm.map(|mm| mm * NM_PER_MM));
+    let window = |k| [0, 1].map(|axis| pitch(k)[axis].min(facts.section_nm[axis]));
+    let windows = (0..drawings.len()).map(window).collect();
     let Findings { source, once, coverage, .. } = findings;
     (source.ran, once.ran, coverage.ran) = (true, true, true);
     let Some(first) = drawings.first() else { return Pieces::default() };
@@ -61,6 +66,7 @@ pub(in crate::verify) fn check(
         drawing: first,
         geometry,
         depth_holds,
+        windows,
         drawn,
         off: None,
         source,
@@ -118,6 +124,8 @@ struct Cover<'a> {
     drawing: &'a Drawing<'a>,
     geometry: &'a Geometry,
     depth_holds: bool,
+    /// What a block of a pass accepts at least along x and y, nm: its section.
+    windows: Vec<[f64; 2]>,
     /// Points of tilted blocks in the drawing; empty where nothing is tilted.
     drawn: &'a Drawn,
     /// How far the points of the mark at hand may be off, nm, if it is one of these.
@@ -374,16 +382,47 @@ impl Cover<'_> {
         lengths.skipped_steep_mm += steep * per_nm;
         lengths.skipped_small_mm += small * per_nm;
         self.out.doubt_mm += (doubt + open - small) * per_nm;
-        // What rounding decides may part a run that the job let go unmarked as a whole.
-        let joined = stretch::runs(&list);
         for run in &runs {
-            let around = joined.iter().find(|j| j.holds(run));
-            let mut is_small = |run: &Run| self.is_small(run, [from, to], beside, &mut scratch);
-            if !is_small(run) && !around.is_some_and(is_small) {
+            if self.is_small(run, [from, to], beside, &mut scratch) {
+                continue;
+            }
+            // What rounding decides may part a run that the job let go unmarked as a whole.
+            let around = self.around(run, [from, to], &mut scratch);
+            if !around.is_some_and(|around| self.is_small(&around, [from, to], beside, &mut scratch)) {
                 self.missing(number, run, beside);
             }
         }
         self.scratch = scratch;
+    }
+
+    /// The run of a gap that holds this one, with all that could be marked if the line lay a little aside.
+    fn around(&self, run: &Run, [from, to]: [f64; 2], scratch: &mut Scratch) -> Option<Run> {
+        let (reach, grain) = (self.geometry.reach(), self.geometry.grain());
+        let mut list: Vec<Stretch> = Vec::new();
+        for k in self.stroke.locate(from).0..=self.stroke.locate(to).0 {
+            let line = self.stroke.line(k);
+            let d = [(from - self.stroke.along(k)).max(0.0), (to - self.stroke.along(k)).min(line.len)];
+            if d[1] <= d[0] {
+                continue;
+            }
+            let mut parts: Vec<[f64; 2]> = Vec::new();
+            for side in [0.0, reach, -reach] {
+                self.geometry.along(&line.part(d, side), scratch, |p| {
+                    if p.sheet.is_some_and(|s| s.slope != Slope::Steep) {
+                        parts.push([p.d[0] + d[0], p.d[1] + d[0]]);
+                    }
+                });
+            }
+            parts.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            for [a, b] in parts {
+                let a = if a <= grain { 0.0 } else { a };
+                let b = if b >= line.len - grain { line.len } else { b };
+                // Parts as near to each other as the grain are one.
+                let a = list.last().filter(|l| l.segment == k && a - l.d[1] <= grain).map_or(a, |l| a.min(l.d[1]));
+                note(&mut list, k, [a, b], line.len);
+            }
+        }
+        stretch::runs(&list).into_iter().find(|around| around.holds(run))
     }
 
     /// How much of a stretch runs along a border between gentle places, steep ones and none, so that
@@ -429,7 +468,7 @@ impl Cover<'_> {
             .blocks
             .iter()
             .filter(near)
-            .any(|b| self.longest_inside(run, &self.facts.raised(b), scratch) >= least)
+            .any(|b| self.longest_inside(run, &self.facts.raised(b), self.facts.section_nm, scratch) >= least)
     }
 
     /// Whether the run is what cuts left over next to marks: shorter than `min_mark` for each end that is the end of a
@@ -441,15 +480,28 @@ impl Cover<'_> {
         let reach = self.geometry.grain() + self.known(beside);
         let marks: Vec<Span> = (0..2).filter(|&k| away[k] <= reach).filter_map(|k| beside[k]).collect();
         let is_short = run.len < marks.len() as f64 * self.facts.min_mark_nm + self.known(beside);
-        !marks.is_empty() && is_short && !marks.iter().any(|mark| self.could_go_on(mark, run, scratch))
+        if marks.is_empty() || !is_short {
+            return false;
+        }
+        // Cuts in a zone or with an overlap lie elsewhere than where the block ends; without them the mark after would
+        // have begun with what its block accepts, too.
+        let goes_on: &[Option<Span>] = match () {
+            () if self.facts.has_zone => &[],
+            () if self.facts.overlap_nm > 0.0 => &beside[..1],
+            () => &beside,
+        };
+        let goes_on = goes_on.iter().zip(away).filter(|(_, away)| *away <= reach).filter_map(|(mark, _)| *mark);
+        !goes_on.into_iter().any(|mark| self.could_go_on(&mark, run, scratch))
     }
 
     /// Whether the block of a mark accepts all of the run. What tilted blocks accept is not looked into, nor what blocks
-    /// do that `depth` has reported.
+    /// do that `depth` has reported, or that share a standstill by a zoom optic: these are not centred on their windows.
     fn could_go_on(&self, mark: &Span, run: &Run, scratch: &mut Scratch) -> bool {
         let block = &self.file.program.blocks[self.block_of(mark.mark)];
-        let is_known = self.depth_holds && block.stop.tilt.is_upright() && run.len > 2.0 * ROUNDED;
-        is_known && self.longest_inside(run, &self.facts.raised(block), scratch) > run.len - ROUNDED
+        let is_centred = block.stop.tilt.is_upright() && self.facts.machine.zoom.is_none();
+        let is_known = self.depth_holds && is_centred && run.len > 2.0 * ROUNDED;
+        let window = self.windows[block.pass.index()];
+        is_known && self.longest_inside(run, &self.facts.raised(block), window, scratch) > run.len - ROUNDED
     }
 
     /// How far lengths between two marks may be off, nm.
@@ -457,11 +509,11 @@ impl Cover<'_> {
         2.0 * noise(before.as_ref(), after.as_ref())
     }
 
-    /// The longest part of the run in a block's section whose heights the block accepts.
-    fn longest_inside(&self, run: &Run, block: &Block, scratch: &mut Scratch) -> f64 {
+    /// The longest part of the run in a block's window whose heights the block accepts.
+    fn longest_inside(&self, run: &Run, block: &Block, window: [f64; 2], scratch: &mut Scratch) -> f64 {
         let (lo, hi) = (block.stop.z_lo.f64(), block.stop.z_hi.f64());
         let centre = [block.stop.centre.x as f64, block.stop.centre.y as f64];
-        let half = self.facts.section_nm.map(|s| s / 2.0);
+        let half = window.map(|s| s / 2.0);
         let (mut longest, mut length) = (0.0f64, 0.0);
         for s in &run.stretches {
             let line = self.stroke.line(s.segment);

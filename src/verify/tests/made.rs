@@ -77,6 +77,7 @@ impl Made {
             min_mark_nm: 0.0,
             only_slivers: false,
             overlap_nm: 0.0,
+            has_zone: false,
             passes: Passes::default(),
             setups: None,
             figure_pitch: None,
@@ -223,7 +224,7 @@ impl Made {
             "inputs": [entry(folder.parent().expect("inside"), "part.stl")], "machine": self.facts.machine,
             "placement": {"origin_mm": self.origin.mm(), "turn_deg": 0.0},
             "focus": {"pdof_mm": self.facts.pdof.mm(), "depth_range_mm": self.facts.depth_range.mm(), "level": "mid", "rule": "range"},
-            "passes": [{"turn_deg": 0.0, "lowered_mm": 0.0, "sections": {}}], "setups": [{"origin_mm": self.origin.mm(), "registration": []}], "seams": {"zone_mm": 0.0, "overlap_mm": self.facts.overlap_nm / 1e6}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
+            "passes": [{"turn_deg": 0.0, "lowered_mm": 0.0, "sections": {"pitch_mm": [40.0, 40.0]}}], "setups": [{"origin_mm": self.origin.mm(), "registration": []}], "seams": {"zone_mm": 0.0, "overlap_mm": self.facts.overlap_nm / 1e6}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
             "blocks": blocks, "files": files.iter().map(|f| entry(folder, f)).collect::<Vec<_>>(), "summary": self.summary,
         });
         std::fs::write(folder.join("manifest.json"), manifest.to_string()).expect("write");
