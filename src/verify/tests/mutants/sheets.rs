@@ -189,3 +189,36 @@ fn summary_reports_wrong_times_slopes_dose_and_bound() {
     }
     assert_only("summary", &wrong(&|m| m["summary"]["lower_bound_stops"] = 1_000_000.into()));
 }
+
+#[test]
+fn agreement_reports_numbers_of_lines_where_no_block_begins() {
+    let bench = Bench::new();
+    // Who begins there fires where the stage stands, or skips its moves.
+    let moved = |after: &'static str| {
+        edited(&bench, "stage.ngc", move |t| {
+            let at = t.find("N4 M65 P0").expect("block 4");
+            let to = at + t[at..].find(after).expect("a line of it");
+            t[..at].to_owned() + &t[at + 3..to] + "N4 " + &t[to..]
+        })
+    };
+    assert_only("agreement", &moved("M64 P0"));
+    assert_only("agreement", &moved("G0 Z"));
+    assert_only("agreement", &edited(&bench, "stage.ngc", |t| t.replacen("N4 M65 P0", "N4 M65 P0\nN4 M65 P0", 1)));
+}
+
+#[test]
+fn agreement_reports_files_that_nobody_has_read() {
+    let bench = Bench::with("", "");
+    for name in ["blocks/B0001.rtc", "blocks/B9999.dxf", "frames/B0001-frame.dxf"] {
+        let target = bench.write();
+        let path = target.join(name);
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("a writable folder");
+        std::fs::write(&path, "burn").expect("a writable folder");
+        alter_manifest(&target, |m| {
+            let hash = blake3::hash(b"burn").to_hex();
+            let entry = serde_json::json!({ "file": name, "bytes": 4, "blake3": hash.as_str() });
+            m["files"].as_array_mut().expect("files").push(entry);
+        });
+        assert_only("agreement", &verified(&target));
+    }
+}
