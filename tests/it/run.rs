@@ -181,7 +181,7 @@ fn every_block_is_marked_once_and_the_stage_moves_as_in_the_stage_program() {
     assert!(bench.marked().is_empty() && !bench.path("part.run.jsonl").exists());
     let moves = |shell: &Shell| -> Vec<String> {
         let mdi = std::mem::take(&mut shell.control().mdi);
-        mdi.iter().filter_map(|line| line.strip_prefix("G53 G0 ")).map(str::to_owned).collect()
+        mdi.iter().filter_map(|line| line.strip_prefix("G21 G90 G53 G0 ")).map(str::to_owned).collect()
     };
     let programmed = moves_of(&bench.job.join("stage.ngc"));
     assert_eq!(moves(&shell), programmed);
@@ -271,9 +271,9 @@ fn a_run_that_was_killed_goes_on_and_names_the_block_in_doubt() {
     }
     // Every run begins with a lift.
     let mdi = &shell.control().mdi;
-    for (i, _) in mdi.iter().enumerate().filter(|(_, line)| line.starts_with("G21")) {
-        let first = mdi[i..].iter().find(|line| line.starts_with("G53")).expect("a move");
-        assert_eq!(first, "G53 G0 Z200.000000");
+    for (i, _) in mdi.iter().enumerate().filter(|(_, line)| line.starts_with("G21 G90 G94")) {
+        let first = mdi[i..].iter().find(|line| line.starts_with("G21 G90 G53")).expect("a move");
+        assert_eq!(first, "G21 G90 G53 G0 Z200.000000");
     }
 }
 
@@ -326,7 +326,7 @@ fn a_control_that_is_not_ready_or_another_is_refused_without_a_move() {
     let refused = |more: &str, words: &[&str]| {
         bench.run_file(&format!("{}\n{more}", stage_of(&shell)), &bench.command_laser("0"));
         assert_ended(&bench.run(&[]), 1, words);
-        assert!(!shell.control().mdi.iter().any(|line| line.starts_with("G53")), "{words:?}");
+        assert!(!shell.control().mdi.iter().any(|line| line.starts_with("G21 G90 G53")), "{words:?}");
     };
     refused("identity = \"other\"", &["run-identity", "EMCNETSVR"]);
     refused("password = \"x\"", &["run-linuxcnc-password", "connection"]);
@@ -351,7 +351,7 @@ fn a_scan_card_is_started_and_watched_and_one_that_does_not_answer_stops_the_run
     bench.run_file(&stage_of(&shell), "driver = \"handshake\"");
     assert_ended(&bench.run(&["--arm"]), 0, &["2 of 2 done"]);
     let starts = |shell: &Shell| shell.control().mdi.iter().filter(|line| *line == "M64 P0").count();
-    let moves = |shell: &Shell| shell.control().mdi.iter().filter(|line| line.starts_with("G53 G0")).count();
+    let moves = |shell: &Shell| shell.control().mdi.iter().filter(|line| line.starts_with("G21 G90 G53 G0")).count();
     assert_eq!(starts(&shell), 2);
     for (card, words) in [
         (Card::Dead, ["run-busy", "not risen", "block B0001 was begun, and may be marked not at all"]),
@@ -411,7 +411,7 @@ fn frames_are_shown_at_the_outermost_blocks_until_the_person_goes_on() {
     bench.run_file(&stage_of(&shell), &(bench.command_laser("0") + &pilot));
     let moves = || -> Vec<String> {
         let mdi = std::mem::take(&mut shell.control().mdi);
-        mdi.iter().filter_map(|line| line.strip_prefix("G53 G0 ")).map(str::to_owned).collect()
+        mdi.iter().filter_map(|line| line.strip_prefix("G21 G90 G53 G0 ")).map(str::to_owned).collect()
     };
     // Two registration points, the four corners of three by two blocks; as the program of frames goes.
     let out = with_answers(&bench, &["--frames"], &"\n".repeat(6));
@@ -493,7 +493,11 @@ fn ctrl_c_ends_after_the_block_and_twice_at_once() {
     interrupt(&child);
     let out = child.wait_with_output().expect("ended");
     assert_ended(&out, 1, &["run-interrupted", "1 of 4 blocks are done; no other block was begun"]);
-    assert_eq!(shell.control().mdi.iter().filter(|l| *l == "G53 G0 Z200.000000").count(), 2, "lifted at the end");
+    assert_eq!(
+        shell.control().mdi.iter().filter(|l| *l == "G21 G90 G53 G0 Z200.000000").count(),
+        2,
+        "lifted at the end"
+    );
 
     bench.run_file(&stage_of(&shell), &bench.command_laser("30"));
     let child = until_lines(&bench, &["--arm", "--go-on"], bench.journal().len() + 1);
@@ -550,7 +554,7 @@ fn a_resumed_job_is_run_from_its_own_folder() {
     assert_ended(&bench.run(&["--arm"]), 0, &["2 of 2 done"]);
     assert_eq!(bench.marked(), blocks(4)[2..]);
     let mdi = &shell.control().mdi;
-    let moves: Vec<&str> = mdi.iter().filter_map(|line| line.strip_prefix("G53 G0 ")).collect();
+    let moves: Vec<&str> = mdi.iter().filter_map(|line| line.strip_prefix("G21 G90 G53 G0 ")).collect();
     assert_eq!(moves, moves_of(&bench.job.join("stage.ngc")));
     assert!(bench.path("rest.run.jsonl").exists());
 }

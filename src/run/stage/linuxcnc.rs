@@ -1,6 +1,6 @@
 //! LinuxCNC through its network shell, linuxcncrsh: lines of text over TCP.
 //!
-//! Moves are `G53 G0` in MDI, so they are positions of the machine; work offsets, which the stage programs would
+//! Moves are `G21 G90 G53 G0` in MDI, so they are positions of the machine; work offsets, which the stage programs would
 //! follow, must be zero. A move has ended when the commanded position is the target and the actual one is near it.
 //!
 //! START is digital output 0, BUSY digital input 0. The control runs the whole exchange from its own queue, so START is
@@ -28,6 +28,9 @@ const EVERY: Duration = Duration::from_millis(10);
 
 /// How long the position may stay the same before the target is reached.
 const STALLED: Duration = Duration::from_secs(10);
+
+/// How much nearer to its target an axis must come to count as moving, millionths of mm or degrees.
+const NEARER: i64 = 1_000;
 
 /// How long BUSY may take to rise, as in the stage program.
 const RISE: Duration = Duration::from_secs(5);
@@ -134,7 +137,7 @@ impl LinuxCnc {
 
     /// Waits until the moves that were sent have ended at the target.
     fn arrive(&mut self, target: &[(usize, i64)], interrupt: &Interrupt) -> Result<(), Diag> {
-        let (mut last, mut moved, mut arrived) = ([i64::MIN; 6], Instant::now(), 0);
+        let (mut least, mut moved, mut arrived) = (i64::MAX, Instant::now(), 0);
         loop {
             interrupt.wait(EVERY)?;
             self.watch()?;
@@ -146,11 +149,13 @@ impl LinuxCnc {
             if arrived == 2 {
                 return Ok(());
             }
-            if last != actual {
-                (last, moved) = (actual, Instant::now());
+            // An axis that only trembles comes no nearer.
+            let left: i64 = target.iter().map(|&(axis, to)| (actual[axis] - to).abs()).sum();
+            if left < least.saturating_sub(NEARER) {
+                (least, moved) = (left, Instant::now());
             }
             if moved.elapsed() > STALLED {
-                let text = "the stage has not moved for 10 s and is not at its target";
+                let text = "the stage has come no nearer to its target for 10 s";
                 return Err(alarm(text.into()).hint("check feed override, feed hold and stage.tolerance"));
             }
         }
@@ -275,7 +280,7 @@ impl Stage for LinuxCnc {
         let axis = |letter| AXES.iter().position(|&a| a == letter);
         let target: Option<Vec<(usize, i64)>> = to.0.iter().map(|&(l, v)| Some((axis(l)?, v))).collect();
         let target = target.ok_or_else(|| alarm(format!("linuxcncrsh has no axis for {to}")))?;
-        let moved = self.mdi(&format!("G53 G0 {to}")).and_then(|()| self.arrive(&target, interrupt));
+        let moved = self.mdi(&format!("G21 G90 G53 G0 {to}")).and_then(|()| self.arrive(&target, interrupt));
         if moved.is_err() {
             // What matters is the fault; the end of the run halts again and tells.
             let _ = self.halt();

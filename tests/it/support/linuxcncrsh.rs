@@ -186,7 +186,7 @@ impl Control {
 
     /// What a line of MDI does.
     fn run(&mut self, code: &str) {
-        if let Some(words) = code.strip_prefix("G53 G0 ") {
+        if let Some(words) = code.strip_prefix("G21 G90 G53 G0 ") {
             self.moves += 1;
             match self.trip.filter(|(at, _)| *at == self.moves) {
                 Some((_, Trip::EmergencyStop)) => self.machine_on = false,
