@@ -130,9 +130,9 @@ impl FileUnit {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SurfaceKeys {
-    /// STL, OBJ, PNG height map, or XYZ / CSV point cloud; relative to the job file.
+    /// STL, OBJ, PLY, PNG height map, or XYZ / CSV point cloud; relative to the job file.
     pub file: PathBuf,
-    /// Unit of the file's numbers; required for STL, OBJ and point clouds.
+    /// Unit of the file's numbers; required for STL, OBJ, PLY and point clouds.
     #[serde(default)]
     pub unit: Option<FileUnit>,
     /// Vertices nearer to each other than this become one; default: only those equal to the nanometre.

@@ -14,7 +14,9 @@ mod implicit_mesh;
 mod lines;
 mod mesh;
 mod obj;
+mod ply;
 mod points;
+mod polygon;
 mod rim;
 mod stl;
 mod topmost;
@@ -111,6 +113,7 @@ pub fn read(
     match extension.as_str() {
         "stl" => stl::read(path, unit("an STL file")?, notes, sink),
         "obj" => obj::read(path, unit("an OBJ file")?, notes, sink),
+        "ply" => ply::read(path, unit("a PLY file")?, notes, sink),
         "png" => match &options.heightmap {
             Some(scale) => heightmap::read(path, scale, notes),
             None => Err(refuse("heightmap-scale", "a PNG image carries no scale".into())
@@ -131,10 +134,10 @@ fn way_in(extension: &str) -> &'static str {
         "step" | "stp" | "iges" | "igs" | "x_t" | "x_b" | "sldprt" | "ipt" | "catpart" | "prt" | "3dm" | "fcstd" => {
             "export it from the CAD program as STL, with a chord tolerance of a tenth of focus.pdof or finer"
         }
-        "3mf" | "ply" | "amf" | "off" | "glb" | "gltf" | "fbx" | "dae" => {
+        "3mf" | "amf" | "off" | "glb" | "gltf" | "fbx" | "dae" => {
             "open it in MeshLab or Blender and export it as binary STL"
         }
-        _ => "surfaces are read from .stl, .obj, .png (height map), and .xyz, .csv, .txt or .asc (points)",
+        _ => "surfaces are read from .stl, .obj, .ply, .png (height map), and .xyz, .csv, .txt or .asc (points)",
     }
 }
 

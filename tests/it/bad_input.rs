@@ -57,6 +57,12 @@ const SURFACES: &[(&str, Outcome)] = &[
     ("obj_neg_out_of_range.obj", Refused("obj-index", ".obj:4")),
     ("obj_no_faces.obj", Refused("surface-empty", ".obj")),
     ("obj_overflow_float.obj", Refused("surface-number", ".obj:1")),
+    ("ply_bad_format.ply", Refused("ply-header", ".ply:2")),
+    ("ply_huge_vertex_count.ply", Refused("ply-truncated", ".ply")),
+    ("ply_index_range.ply", Refused("ply-index", ".ply")),
+    ("ply_neg_index.ply", Refused("ply-index", ".ply")),
+    ("ply_no_end_header.ply", Refused("ply-header", ".ply:10000")),
+    ("ply_truncated.ply", Refused("ply-truncated", ".ply")),
     ("png_bad_idat_crc.png", Refused("png-damaged", ".png")),
     ("png_bad_ihdr_crc.png", Refused("png-damaged", ".png")),
     ("png_decompression_bomb.png", Refused("heightmap-size", ".png")),
@@ -227,7 +233,7 @@ fn malformed_drawings_give_the_expected_messages() {
 fn every_malformed_file_is_in_a_table() {
     let tables = || SURFACES.iter().chain(DRAWINGS).map(|(name, _)| *name);
     for name in malformed::names() {
-        let ours = ["stl_", "obj_", "png", "svg", "xyz_"].iter().any(|p| name.starts_with(p));
+        let ours = ["stl_", "obj_", "ply_", "png", "svg", "xyz_"].iter().any(|p| name.starts_with(p));
         assert!(!ours || tables().any(|n| n == name), "{name} has no outcome");
     }
 }
@@ -337,7 +343,7 @@ fn files_of_other_programs_are_named_with_a_way_to_convert_them() {
         ("door.step", "chord tolerance of a tenth of focus.pdof"),
         ("door.IGS", "chord tolerance of a tenth of focus.pdof"),
         ("door.3mf", "MeshLab"),
-        ("door.ply", "MeshLab"),
+        ("door.off", "MeshLab"),
         ("door.xlsx", "surfaces are read from .stl"),
     ] {
         std::fs::write(dir.path().join(name), b"whatever").expect("writable");

@@ -171,7 +171,7 @@ fn each_dependency_is_used_in_its_own_modules_only() {
         ("nalgebra", &["src/geom"]),
         ("spade", &["src/surface/points"]),
         ("parry2d", &["src/clearance"]),
-        ("geo", &["src/report", "src/surface/obj"]),
+        ("geo", &["src/report", "src/surface/polygon"]),
         // The texture module has a module of this name.
         ("svg", &["src/report", "src/texture/mod.rs"]),
         ("clap", &["src/cli"]),

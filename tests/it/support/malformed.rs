@@ -13,8 +13,9 @@ const PAGE: &str = r#"<svg xmlns="http://www.w3.org/2000/svg" width="100mm" heig
 /// A made file: its name and what makes its bytes.
 type Made = (&'static str, fn() -> Vec<u8>);
 
-const MADE: [Made; 11] = [
+const MADE: [Made; 12] = [
     ("obj_huge_ngon.obj", huge_ngon),
+    ("ply_no_end_header.ply", || format!("ply\nformat ascii 1.0\n{}", "comment x\n".repeat(10_000)).into_bytes()),
     ("png_decompression_bomb.png", png_bomb),
     ("png_one_bit.png", || image::zeros(32, 1, Colour::Grey)),
     ("png_one_bit_no_idat.png", || [image::head([32; 2], 1, Colour::Grey, false), image::chunk(b"IEND", b"")].concat()),
