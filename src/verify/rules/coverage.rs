@@ -11,7 +11,7 @@ use super::stretch::{self, Run, Stretch, confirmed, note, whole};
 use super::texture_stroke::TextureStroke;
 use super::turned::Drawn;
 use super::{Findings, part_place, part_place_nm};
-use crate::geom::{NM_PER_MM, P2};
+use crate::geom::{NM_PER_MM, Nm, P2};
 use crate::program::{Block, PassId, PenId, Stroke};
 use crate::verify::Drawing;
 use crate::verify::geometry::{Geometry, Line, Piece, Scratch, Slope};
@@ -25,6 +25,9 @@ const NOISE: f64 = 0.5;
 
 /// By how much an overlap may be longer than declared, nm: both its ends are rounded.
 const ROUNDED: f64 = 2.0;
+
+/// How much of what follows a mark, nm, tells whether its block would have gone on.
+const SURE: f64 = 100.0;
 
 /// At most this many unmatched marks are looked for: the search is slow, and one is enough to refuse.
 const UNMATCHED: usize = 1000;
@@ -490,18 +493,25 @@ impl Cover<'_> {
             () if self.facts.overlap_nm > 0.0 => &beside[..1],
             () => &beside,
         };
-        let goes_on = goes_on.iter().zip(away).filter(|(_, away)| *away <= reach).filter_map(|(mark, _)| *mark);
-        !goes_on.into_iter().any(|mark| self.could_go_on(&mark, run, scratch))
+        let next_to = |k: usize| goes_on.get(k).copied().flatten().filter(|_| away[k] <= reach);
+        let begun = next_to(0).zip(run.begin(SURE));
+        let would_go_on = begun.is_some_and(|(mark, begin)| self.accepts(&mark, &begin, scratch));
+        !would_go_on && !next_to(1).is_some_and(|mark| self.accepts(&mark, run, scratch))
     }
 
-    /// Whether the block of a mark accepts all of the run. What tilted blocks accept is not looked into, nor what blocks
-    /// do that `depth` has reported, or that share a standstill by a zoom optic: these are not centred on their windows.
-    fn could_go_on(&self, mark: &Span, run: &Run, scratch: &mut Scratch) -> bool {
+    /// Whether the block of a mark accepts all of the run. Not looked into on machines with a tilt table or a zoom
+    /// optic, whose blocks need not be centred on their windows, nor where `depth` has found a fault.
+    fn accepts(&self, mark: &Span, run: &Run, scratch: &mut Scratch) -> bool {
         let block = &self.file.program.blocks[self.block_of(mark.mark)];
-        let is_centred = block.stop.tilt.is_upright() && self.facts.machine.zoom.is_none();
+        let machine = &self.facts.machine;
+        let is_centred = machine.tilt.is_none() && machine.zoom.is_none();
         let is_known = self.depth_holds && is_centred && run.len > 2.0 * ROUNDED;
         let window = self.windows[block.pass.index()];
-        is_known && self.longest_inside(run, &self.facts.raised(block), window, scratch) > run.len - ROUNDED
+        // Rounding in the plane moves heights by as much as the slope makes of it.
+        let undecided = Nm((self.geometry.grain() * self.facts.max_incidence_rad.tan().max(1.0)).ceil() as i64);
+        let mut sure = self.facts.raised(block);
+        (sure.stop.z_lo, sure.stop.z_hi) = (sure.stop.z_lo + undecided, sure.stop.z_hi - undecided);
+        is_known && self.longest_inside(run, &sure, window, scratch) > run.len - ROUNDED
     }
 
     /// How far lengths between two marks may be off, nm.

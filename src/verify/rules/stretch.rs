@@ -92,6 +92,15 @@ pub(super) fn confirmed(
 }
 
 impl Run {
+    /// Its first stretch, cut to this length.
+    pub(super) fn begin(&self, most: f64) -> Option<Self> {
+        let first = *self.stretches.first()?;
+        let len = first.len().min(most);
+        let stretch =
+            Stretch { d: [first.d[0], first.d[0] + len], to_end: first.to_end && len == first.len(), ..first };
+        Some(Self { stretches: vec![stretch], len })
+    }
+
     /// Whether the other run lies within this one.
     pub(super) fn holds(&self, other: &Self) -> bool {
         let place = |s: &Stretch, k: usize| (s.segment, s.d[k]);

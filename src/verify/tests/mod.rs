@@ -250,22 +250,22 @@ fn coverage_reports_missing_marks() {
     // 12 nm between two blocks: more than rounding, less than anyone would see.
     assert_only("coverage", &mutant(|m| m.blocks[0].marks[0].points[1].x -= 12));
     // Stretches below min_mark may be skipped, but not longer ones.
-    let skip = |min_mark_nm, only_slivers| {
+    let skip = |by_nm: i64, min_mark_nm, only_slivers| {
         let mut made = Made::new();
         (made.facts.min_mark_nm, made.facts.only_slivers) = (min_mark_nm, only_slivers);
-        made.blocks[0].marks[0].points[1].x -= 3_000;
+        made.blocks[0].marks[0].points[1].x -= by_nm;
         made.renew();
-        for (key, by) in [("skipped_off_part_mm", -0.003), ("skipped_small_mm", 0.003)] {
+        for (key, by) in [("skipped_off_part_mm", -by_nm as f64 / 1e6), ("skipped_small_mm", by_nm as f64 / 1e6)] {
             let stated = made.summary[key].as_f64().expect("a number");
             made.summary[key] = (stated + by).into();
         }
         made.proof()
     };
-    let proof = skip(5_000.0, false);
+    let proof = skip(3_000, 5_000.0, false);
     assert!(proof.ok, "{}", proof.to_text());
-    assert_only("coverage", &skip(1_000.0, false));
+    assert_only("coverage", &skip(3_000, 1_000.0, false));
     // The block could have gone on: no cut made a sliver of it.
-    assert_only("coverage", &skip(5_000.0, true));
+    assert_only("coverage", &skip(30_000, 50_000.0, true));
 }
 
 #[test]
