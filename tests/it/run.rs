@@ -119,7 +119,9 @@ impl Bench {
             if done == all {
                 // The part is finished: the next kills are for another.
                 self.assert_marked_once(all, &named);
-                ["part.run.jsonl", "marked.txt"].map(|name| std::fs::remove_file(self.path(name)).expect("removed"));
+                for name in ["part.run.jsonl", "marked.txt"] {
+                    std::fs::remove_file(self.path(name)).expect("removed");
+                }
                 (more, named, parts) = (Vec::new(), Vec::new(), parts + 1);
                 continue;
             }
