@@ -4,9 +4,10 @@
 //! follow, must be zero. A move has ended when the commanded position is the target and the actual one is near it.
 //!
 //! START is digital output 0, BUSY digital input 0. The control runs the whole exchange from its own queue, so START is
-//! cleared even where this program ends in the middle of it. An MDI command takes 0.1 s to be received: a dwell holds
-//! the queue until it is filled. A BUSY of 20 ms is missed at times all the same, one of 50 ms was not. What the exchange found is read from the F word,
-//! which no rapid uses: messages of the control are given to one of its user interfaces only, and that may be another.
+//! cleared even where this program ends after it has filled the queue. An MDI command takes 0.1 s to be received: a
+//! dwell holds the queue until it is filled. A BUSY of 20 ms is missed at times all the same, one of 50 ms was not. What
+//! the exchange found is read from the F word, which no rapid uses: messages of the control are given to one of its user
+//! interfaces only, and that may be another.
 //!
 //! Found with LinuxCNC 2.9: `get ini` does not answer, so the server's name tells machines apart; digital outputs keep
 //! their state in an emergency stop.
