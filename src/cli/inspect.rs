@@ -9,7 +9,7 @@ use crate::job::{FileUnit, Job, Overrides};
 use crate::manifest::{self, AnySummary, duration};
 use crate::program::PenId;
 use crate::surface::{self, Content};
-use crate::texture::{Area, Kind, Request, Texture};
+use crate::texture::{Area, FillMode, Kind, Marking, Request, StrokeMode, Texture};
 
 /// What was found.
 pub struct Shown {
@@ -154,21 +154,33 @@ fn in_units(facets: &Facets, mut json: Value) -> (String, Value) {
     (text, json)
 }
 
+/// All lines of a drawing and the contours of its areas: what does not depend on a machine.
+fn outlines() -> Marking {
+    Marking { stroke: StrokeMode::Centre, fill: FillMode::Outline, ..Marking::default() }
+}
+
 fn drawing(path: &Path) -> Result<Shown, Error> {
     let mut warnings = Vec::new();
     let request = |size_mm| Request {
-        kind: Kind::Drawing { path: path.to_owned(), size_mm, origin_mm: Some([0.0, 0.0]), turn_rad: 0.0, tile: false },
+        kind: Kind::Drawing {
+            path: path.to_owned(),
+            size_mm,
+            origin_mm: Some([0.0, 0.0]),
+            turn_rad: 0.0,
+            tile: false,
+            marking: Box::new(outlines()),
+        },
         area: Area::Unlimited,
         tolerance_mm: 1e-3,
         pen: PenId(0),
     };
     let anywhere = crate::geom::BoxMm::of([[0.0; 2]]);
     // Without a physical size only what does not depend on it is shown; any page will do to count it.
-    let (texture, sized) = match Texture::load(&[request(None)], anywhere, 0.0, &mut warnings) {
+    let (texture, sized) = match Texture::load(&[request(None)], anywhere, 0.0, 0.0, &mut warnings) {
         Ok(t) => (t, true),
         Err(e) if e.diags().iter().any(|d| d.code == "svg-size") => {
             warnings.clear();
-            let texture = Texture::load(&[request(Some([100.0; 2]))], anywhere, 0.0, &mut warnings)?;
+            let texture = Texture::load(&[request(Some([100.0; 2]))], anywhere, 0.0, 0.0, &mut warnings)?;
             warnings.retain(|w| w.code != "svg-stretched");
             (texture, false)
         }

@@ -4,6 +4,7 @@
 //! have the same meaning in both. They are the authority for the JSON schema (`terrace init --schema`) and
 //! for `docs/job-file.md`.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
@@ -12,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::direction::Direction;
 use crate::emit::Format;
 use crate::texture::pattern::Pattern;
+use crate::texture::{ContourPass, FillMode, StrokeMode};
 use crate::units::{
     Angle, Frequency, Length, Power, Share, Speed, non_negative, non_negative_option, positive, positive_option,
 };
@@ -212,11 +214,12 @@ pub struct TextureKeys {
     /// Default for patterns: the part's box. Default for drawings: no limit.
     #[serde(default)]
     pub area: Option<AreaKeys>,
-    /// Hatch: distance of lines. Squares and circles: distance of centres.
+    /// Hatch: distance of lines. Squares and circles: distance of centres. Drawing: distance of the lines that fill
+    /// areas; default: half the spot.
     #[serde(default, deserialize_with = "positive_option")]
     pub pitch: Option<Length>,
     /// Hatch: direction of the lines from +x, counter-clockwise; or `"contour"`: in every section along
-    /// the level lines of the part.
+    /// the level lines of the part. Drawing: direction of the lines that fill areas.
     #[serde(default)]
     pub direction: Option<Direction>,
     /// Hilbert: 4^order points.
@@ -238,12 +241,54 @@ pub struct TextureKeys {
     /// Drawing: repeat the page over the area.
     #[serde(default)]
     pub tile: bool,
+    /// Drawing: how strokes are marked.
+    #[serde(default)]
+    pub stroke: Option<StrokeMode>,
+    /// Drawing: how areas are marked; by lines at `pitch` along `direction`.
+    #[serde(default)]
+    pub fill: Option<FillMode>,
+    /// Drawing: a second set of lines crosses the first at a right angle in filled areas.
+    #[serde(default)]
+    pub cross: bool,
+    /// Drawing: all lines of filled areas have one direction; else each is opposite to its neighbours.
+    #[serde(default)]
+    pub one_way: bool,
+    /// Drawing: distance of the lines of filled areas from the border; default: half the spot.
+    #[serde(default)]
+    pub inset: Option<Length>,
+    /// Drawing: whether the contour of filled areas is marked too, `inset` inside.
+    #[serde(default)]
+    pub contour: Option<ContourPass>,
+    /// Drawing: what is done with elements that cannot be reproduced.
+    #[serde(default)]
+    pub on_unsupported: Option<OnUnsupported>,
+    /// Drawing: pens by colour (`"#ff0000"`, `"red"`) or label (`"layer:Grain"`, `"id:rim"`, `"class:fine"`); all else is
+    /// marked with `pen`.
+    #[serde(default)]
+    pub pens: BTreeMap<String, String>,
+    /// Drawing: the colours and labels that exist; default: all.
+    #[serde(default)]
+    pub only: Vec<String>,
+    /// Drawing: the colours and labels that do not exist.
+    #[serde(default)]
+    pub except: Vec<String>,
     /// Largest distance between a curve and its polyline.
     #[serde(default = "default_tolerance", deserialize_with = "positive")]
     pub tolerance: Length,
     /// Name of the pen; default: the first.
     #[serde(default)]
     pub pen: Option<String>,
+}
+
+/// What is done with elements of a drawing that cannot be reproduced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum OnUnsupported {
+    /// The job is refused.
+    #[default]
+    Error,
+    /// They are left out, with a warning.
+    Warn,
 }
 
 fn default_tolerance() -> Length {

@@ -8,7 +8,7 @@ use super::direction::Direction;
 use super::faults::Faults;
 use super::file::{
     AreaKeys, AreaName, DepthRule, FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, Method, Mode, Objective,
-    Parts, PassesKeys, PenKeys, SetupsKeys, StopOrder, SurfaceKeys, TextureKeys,
+    OnUnsupported, Parts, PassesKeys, PenKeys, SetupsKeys, StopOrder, SurfaceKeys, TextureKeys,
 };
 use super::resolved::{
     Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
@@ -371,7 +371,8 @@ fn frames(file: &JobFile, f: &mut Faults<'_>) -> Option<PenId> {
         f.push(key, Diag::input("frames-pen", format!("there is no pen {name:?}")).hint(hint));
         return None;
     };
-    let marks = |t: &TextureKeys| t.pen.as_ref().map_or(pen == 0, |used| used == name);
+    let marks =
+        |t: &TextureKeys| t.pen.as_ref().map_or(pen == 0, |used| used == name) || t.pens.values().any(|p| p == name);
     if let Some(i) = file.texture.iter().position(marks) {
         let text = format!("pen {name:?} of the frames marks texture {}", i + 1);
         let hint = "add a [[pen]] for the frames alone, of a power that leaves no mark; it cannot be the first where a \
@@ -423,6 +424,26 @@ fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
     }
 }
 
+/// Keys of drawings.
+const DRAWING: [&str; 16] = [
+    "size",
+    "origin",
+    "turn",
+    "tile",
+    "stroke",
+    "fill",
+    "pitch",
+    "direction",
+    "cross",
+    "one_way",
+    "inset",
+    "contour",
+    "on_unsupported",
+    "pens",
+    "only",
+    "except",
+];
+
 /// One `[[texture]]`.
 struct Texture<'a> {
     i: usize,
@@ -445,13 +466,17 @@ impl Texture<'_> {
 
     /// The index of its pen; the first where none is named.
     fn pen(&self, f: &mut Faults<'_>) -> PenId {
-        let Some(name) = &self.keys.pen else { return PenId(0) };
-        match self.pens.iter().position(|p| p.name == *name) {
+        self.keys.pen.as_ref().map_or(PenId(0), |name| self.named_pen("pen", name, f))
+    }
+
+    /// The index of a pen that a key names.
+    fn named_pen(&self, key: &str, name: &str, f: &mut Faults<'_>) -> PenId {
+        match self.pens.iter().position(|p| p.name == name) {
             Some(i) => PenId(i as u16),
             None => {
                 let names: Vec<_> = self.pens.iter().map(|p| p.name.as_str()).collect();
                 f.push(
-                    &self.key("pen"),
+                    &self.key(key),
                     Diag::input("pen-unknown", format!("there is no pen named {name:?}"))
                         .hint(format!("pens of this job: {}", names.join(", "))),
                 );
@@ -506,7 +531,7 @@ impl Texture<'_> {
                 (row.kind)(&self.values(row.needs, f))
             }
             (None, Some(file)) => {
-                self.only("a drawing", &[], &["size", "origin", "turn", "tile"], f);
+                self.only("a drawing", &[], &DRAWING, f);
                 Some(self.drawing(file, f))
             }
         }
@@ -527,7 +552,58 @@ impl Texture<'_> {
             origin_mm: keys.origin.map(|o| o.map(Length::as_mm)),
             turn_rad: keys.turn.as_rad(),
             tile: keys.tile,
+            marking: Box::new(self.marking(f)),
         }
+    }
+
+    /// How a drawing is marked.
+    fn marking(&self, f: &mut Faults<'_>) -> texture::Marking {
+        let keys = self.keys;
+        let direction_rad = match keys.direction.unwrap_or(Direction::Angle(Angle::default())) {
+            Direction::Angle(angle) => angle.as_rad(),
+            Direction::Contour => {
+                let fault = Diag::input("texture-key", "direction = \"contour\" does not apply to a drawing");
+                f.push(&self.key("direction"), fault.hint("write an angle, or use pattern = \"hatch\""));
+                0.0
+            }
+        };
+        if let Some(inset) = keys.inset.filter(|inset| inset.as_mm() < 0.0) {
+            let fault = Diag::input("texture-key", format!("inset {inset} lies outside the area"));
+            f.push(&self.key("inset"), fault.hint("write 0 or more"));
+        }
+        let mut selectors = |key: &str, names: &[String]| -> Vec<texture::Selector> {
+            names.iter().filter_map(|name| self.selector(key, name, f)).collect()
+        };
+        let (only, except) = (selectors("only", &keys.only), selectors("except", &keys.except));
+        let mut pens = Vec::new();
+        for (name, pen) in &keys.pens {
+            let pen = self.named_pen("pens", pen, f);
+            pens.extend(self.selector("pens", name, f).map(|selector| (selector, pen)));
+        }
+        texture::Marking {
+            stroke: keys.stroke.unwrap_or_default(),
+            fill: keys.fill.unwrap_or_default(),
+            contour: keys.contour.unwrap_or_default(),
+            pens,
+            pitch_mm: keys.pitch.map(Length::as_mm),
+            direction_rad,
+            cross: keys.cross,
+            one_way: keys.one_way,
+            inset_mm: keys.inset.map(Length::as_mm),
+            is_lenient: keys.on_unsupported == Some(OnUnsupported::Warn),
+            only,
+            except,
+        }
+    }
+
+    /// What a name chooses: shapes with a label, or of a colour.
+    fn selector(&self, key: &str, name: &str, f: &mut Faults<'_>) -> Option<texture::Selector> {
+        let selector = texture::Selector::parse(name);
+        if selector.is_none() {
+            let fault = Diag::input("texture-pens", format!("{name:?} is neither a colour nor a label"));
+            f.push(&self.key(key), fault.hint("write \"#ff0000\", \"layer:NAME\", \"id:NAME\" or \"class:NAME\""));
+        }
+        selector
     }
 
     /// The values of a pattern.
@@ -567,6 +643,16 @@ impl Texture<'_> {
             ("origin", keys.origin.is_some()),
             ("turn", keys.turn != Angle::default()),
             ("tile", keys.tile),
+            ("stroke", keys.stroke.is_some()),
+            ("fill", keys.fill.is_some()),
+            ("cross", keys.cross),
+            ("one_way", keys.one_way),
+            ("inset", keys.inset.is_some()),
+            ("contour", keys.contour.is_some()),
+            ("on_unsupported", keys.on_unsupported.is_some()),
+            ("pens", !keys.pens.is_empty()),
+            ("only", !keys.only.is_empty()),
+            ("except", !keys.except.is_empty()),
         ] {
             let fault = match (needs.contains(&key), is_given) {
                 (true, false) => format!("{what} needs {key}"),

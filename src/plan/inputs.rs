@@ -52,7 +52,7 @@ impl Inputs {
         let mut warnings = job.warnings.clone();
         warnings.extend(job.plausible(&machine)?);
         // Warnings before an error often show its cause.
-        match Self::read(job, surface, &mut warnings) {
+        match Self::read(job, surface, &machine, &mut warnings) {
             Ok((surface, texture)) => Ok(Self { machine, surface, texture, warnings }),
             Err(e) => Err(job.at_keys(&e).after(warnings)),
         }
@@ -61,6 +61,7 @@ impl Inputs {
     fn read(
         job: &Job,
         surface: Option<&Arc<Surface>>,
+        machine: &Machine,
         warnings: &mut Vec<Diag>,
     ) -> Result<(Arc<Surface>, Texture), Error> {
         let turn = job.placement.turn.as_rad();
@@ -69,7 +70,7 @@ impl Inputs {
             Some(surface) => Arc::clone(surface),
             None => Arc::new(Surface::load(&job.surface_path(), &job.surface.options, weld, turn, warnings)?),
         };
-        let texture = Texture::load(&job.textures, surface.part_box_mm(), turn, warnings)?;
+        let texture = Texture::load(&job.textures, surface.part_box_mm(), turn, machine.lens.spot.as_mm(), warnings)?;
         let (part, marks) = (turned(surface.part_box_mm(), turn), texture.bounds());
         let marks = BoxMm { lo: marks.lo.mm(), hi: marks.hi.mm() };
         if (0..2).any(|k| part.lo[k] > marks.hi[k] || part.hi[k] < marks.lo[k]) {

@@ -67,11 +67,6 @@ pub(super) fn is_inside(points: &[[f64; 2]], rect: BoxMm<2>) -> bool {
     points.iter().all(|&p| holds(rect, p))
 }
 
-/// Moves points that miss the rectangle by noise onto its border.
-pub(super) fn snap(points: &mut [[f64; 2]], rect: BoxMm<2>) {
-    points.iter_mut().for_each(|p| *p = onto(rect, *p));
-}
-
 fn holds(BoxMm { lo, hi }: BoxMm<2>, p: [f64; 2]) -> bool {
     (0..2).all(|a| lo[a] - SLACK <= p[a] && p[a] <= hi[a] + SLACK)
 }
@@ -98,6 +93,30 @@ pub(super) fn clip(points: &[[f64; 2]], rect: BoxMm<2>, out: &mut Lines) {
     } else {
         pieces(points.windows(2).map(|w| [w[0], w[1]]), rect, out);
     }
+}
+
+/// What a rectangle holds of a contour, as one contour that may run along the rectangle's border: how often it goes
+/// round a point inside stays the same.
+pub(super) fn clip_contour(contour: &[[f64; 2]], BoxMm { lo, hi }: BoxMm<2>) -> Vec<[f64; 2]> {
+    let mut ring = contour.to_vec();
+    for (axis, limit, sign) in [(0, lo[0], 1.0), (0, hi[0], -1.0), (1, lo[1], 1.0), (1, hi[1], -1.0)] {
+        let inside = |p: [f64; 2]| sign * (p[axis] - limit) >= 0.0;
+        let mut kept = Vec::with_capacity(ring.len());
+        for (k, &p) in ring.iter().enumerate() {
+            let q = ring[(k + 1) % ring.len()];
+            if inside(p) {
+                kept.push(p);
+            }
+            if inside(p) != inside(q) {
+                let t = (limit - p[axis]) / (q[axis] - p[axis]);
+                let mut cut = [0, 1].map(|k| p[k] + t * (q[k] - p[k]));
+                cut[axis] = limit;
+                kept.push(cut);
+            }
+        }
+        ring = kept;
+    }
+    ring
 }
 
 fn pieces(segments: impl Iterator<Item = [[f64; 2]; 2]>, rect: BoxMm<2>, out: &mut Lines) {

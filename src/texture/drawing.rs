@@ -4,12 +4,13 @@
 //! page's pitch that is turned with the page; strokes of tiles wholly inside the area are computed from
 //! their index, those of tiles on its border are listed one by one (16 bytes each) and cut on request.
 
+use super::artwork::Page;
 use super::clip::{Lines, clip, is_inside};
 use super::place::{SLACK, Site, Turn, far_in, is_near, push};
-use super::svg::Page;
 use super::{Area, Figure, Kind, MAX_POINTS, Request, too_large};
 use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, BoxMm, P2, Strokes, cos_sin};
+use crate::program::PenId;
 
 /// Most strokes on the border of a tiled area.
 const MAX_LISTED: usize = 16_000_000;
@@ -84,6 +85,8 @@ pub(super) struct Drawing {
     names: Vec<String>,
     /// Per line of the page, or per stroke of a single drawing.
     name_of: Vec<u32>,
+    /// The same of pens; None for that of the texture.
+    pen_of: Vec<Option<PenId>>,
     layout: Layout,
     bounds: Box2,
     points: u64,
@@ -150,6 +153,13 @@ impl Figure for Drawing {
         }
     }
 
+    fn pen(&self, i: u64) -> Option<PenId> {
+        match &self.layout {
+            Layout::Single(_) => self.pen_of[i as usize],
+            Layout::Tiled(tiles) => self.pen_of[tiles.find(i).2],
+        }
+    }
+
     fn element(&self, i: u64) -> String {
         let name = |line: usize| &self.names[self.name_of[line] as usize];
         match &self.layout {
@@ -169,7 +179,8 @@ impl Drawing {
             unreachable!("a drawing was asked for")
         };
         let limit = (request.area != Area::Unlimited).then_some(site.area);
-        let placed = Placed::new(page.size, *origin_mm, *turn_rad, limit, site.part_box, site.turn);
+        let origin = origin_mm.or(if limit.is_none() { page.corner } else { None });
+        let placed = Placed::new(page.size, origin, *turn_rad, limit, site.part_box, site.turn);
         let file = path.display().to_string();
         if *tile { Self::tiled(page, &placed, limit, &file) } else { Self::single(page, &placed, limit, &file) }
     }
@@ -177,9 +188,9 @@ impl Drawing {
     /// A drawing placed once, cut at `area`.
     pub(super) fn single(page: Page, placed: &Placed, area: Option<BoxMm<2>>, path: &str) -> Result<Self, Error> {
         let mut strokes = Strokes::default();
-        let mut name_of = Vec::new();
+        let (mut name_of, mut pen_of) = (Vec::new(), Vec::new());
         let (mut line, mut pieces) = (Vec::new(), Lines::default());
-        for (points, &name) in page.lines.iter().zip(&page.name_of) {
+        for ((points, &name), &pen) in page.lines.iter().zip(&page.name_of).zip(&page.pen_of) {
             line.clear();
             line.extend(points.iter().map(|&p| placed.part(p)));
             pieces.clear();
@@ -193,6 +204,7 @@ impl Drawing {
                 }
                 if strokes.push(piece.iter().map(|&p| placed.turn.nm(p))) {
                     name_of.push(name);
+                    pen_of.push(pen);
                 }
             }
         }
@@ -200,7 +212,7 @@ impl Drawing {
             return Err(outside(path).into());
         }
         let (bounds, points) = (strokes.bounds(), strokes.point_count() as u64);
-        Ok(Self { names: page.names, name_of, layout: Layout::Single(strokes), bounds, points })
+        Ok(Self { names: page.names, name_of, pen_of, layout: Layout::Single(strokes), bounds, points })
     }
 
     /// A drawing repeated over `area`.
@@ -214,6 +226,7 @@ impl Drawing {
         let mut drawing = Self {
             names: page.names,
             name_of: page.name_of,
+            pen_of: page.pen_of,
             layout: Layout::Single(Strokes::default()),
             bounds: Box2::EMPTY,
             points: 0,

@@ -15,6 +15,7 @@
 //!
 //! Limits: 2^31 strokes, 2·10^9 points (20 million in one drawing), coordinates up to 4 m.
 
+mod artwork;
 mod clip;
 mod drawing;
 pub mod pattern;
@@ -27,6 +28,8 @@ use std::sync::Arc;
 use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, BoxMm, P2};
 use crate::program::PenId;
+use artwork::Artwork;
+pub use artwork::{ContourPass, FillMode, Marking, Selector, StrokeMode};
 use drawing::Drawing;
 pub use pattern::{Contour, Directions, Kind};
 use place::Turn;
@@ -78,10 +81,17 @@ pub(crate) trait Figure: std::fmt::Debug + Send + Sync {
     fn stroke(&self, i: u64, out: &mut Vec<P2>);
     /// What stroke `i` comes from, for messages.
     fn element(&self, i: u64) -> String;
+    /// The pen of stroke `i`; None for that of the texture.
+    fn pen(&self, _: u64) -> Option<PenId> {
+        None
+    }
 }
 
+/// A placed drawing, with what it was made from where another pass hatches it anew.
+type PlacedDrawing = (Arc<dyn Figure>, Option<Arc<Artwork>>);
+
 /// The drawing of request k; None where it is a pattern.
-type DrawingOf<'a> = dyn FnMut(usize, &Request, &place::Site) -> Result<Option<Arc<dyn Figure>>, Error> + 'a;
+type DrawingOf<'a> = dyn FnMut(usize, &Request, &place::Site) -> Result<Option<PlacedDrawing>, Error> + 'a;
 
 /// One placed request.
 #[derive(Clone, Debug)]
@@ -104,6 +114,7 @@ impl Placed {
 #[derive(Clone, Debug)]
 struct Part {
     placed: Placed,
+    artwork: Option<Arc<Artwork>>,
     pen: PenId,
     /// Index of its first stroke in the whole texture.
     start: u64,
@@ -118,11 +129,13 @@ pub struct Texture {
     bounds: Box2,
     /// Those that areas were filled by.
     directions: Option<Directions>,
+    spot_mm: f64,
 }
 
 impl Texture {
     /// Places the requested textures on a part whose box (part frame) is `part_box_mm` and that is
-    /// turned by `turn_rad` about the z axis of its frame. Warnings go to `notes`.
+    /// turned by `turn_rad` about the z axis of its frame. The spot tells lines of drawings from areas, and areas are
+    /// filled by lines half a spot apart unless the request says otherwise. Warnings go to `notes`.
     ///
     /// # Errors
     /// Faults of drawings (`svg-…`), `texture-empty`, `texture-far` (beyond 4 m), `texture-large`,
@@ -131,14 +144,38 @@ impl Texture {
         requests: &[Request],
         part_box_mm: BoxMm<2>,
         turn_rad: f64,
+        spot_mm: f64,
         notes: &mut Vec<Diag>,
     ) -> Result<Self, Error> {
         let mut sources = svg::Sources::default();
-        Self::place(requests, part_box_mm, turn_rad, &mut |_, request, place| {
-            let Kind::Drawing { path, size_mm, .. } = &request.kind else { return Ok(None) };
-            let page = svg::load(sources.read(path)?, path, *size_mm, place.tolerance, notes)?;
-            Drawing::place(page, request, place).map(|d| Some(Arc::new(d) as Arc<dyn Figure>))
+        Self::place(requests, part_box_mm, turn_rad, spot_mm, &mut |_, request, site| {
+            let Kind::Drawing { path, size_mm, marking, .. } = &request.kind else { return Ok(None) };
+            let art = svg::load(sources.read(path)?, path, *size_mm, site, marking, notes)?;
+            let figure = Self::drawing(&art, request, site, notes)?;
+            Ok(Some((figure, art.has_areas().then(|| Arc::new(art)))))
         })
+    }
+
+    /// Marks and places a drawing.
+    fn drawing(
+        art: &Artwork,
+        request: &Request,
+        site: &place::Site,
+        notes: &mut Vec<Diag>,
+    ) -> Result<Arc<dyn Figure>, Error> {
+        let Kind::Drawing { path, turn_rad, marking, .. } = &request.kind else { unreachable!("it is a drawing") };
+        let file = Place::file(path.display().to_string());
+        let mut told = Vec::new();
+        let page = artwork::marks(art, marking, site.spot_mm, *turn_rad, &mut told)
+            .map_err(|d| Error::from(d.at(file.clone())))?;
+        notes.extend(told.into_iter().map(|d| d.at(file.clone())));
+        if page.lines.len() == 0 {
+            return Err(Diag::input("texture-empty", "nothing of the drawing is marked")
+                .at(file)
+                .hint("check fill, stroke, inset, only and except of the texture")
+                .into());
+        }
+        Ok(Arc::new(Drawing::place(page, request, site)?))
     }
 
     /// The texture of another pass of the same job: its patterns are placed anew, its drawings are shared, and no
@@ -147,9 +184,13 @@ impl Texture {
     /// # Errors
     /// Those of patterns that [`Texture::load`] has.
     pub fn of_pass(&self, requests: &[Request], part_box_mm: BoxMm<2>, turn_rad: f64) -> Result<Self, Error> {
-        Self::place(requests, part_box_mm, turn_rad, &mut |k, request, _| {
-            Ok(match (&request.kind, &self.parts[k].placed) {
-                (Kind::Drawing { .. }, Placed::Figure(drawing)) => Some(drawing.clone()),
+        Self::place(requests, part_box_mm, turn_rad, self.spot_mm, &mut |k, request, site| {
+            let part = &self.parts[k];
+            Ok(match (&request.kind, &part.placed, &part.artwork) {
+                (Kind::Drawing { .. }, _, Some(art)) => {
+                    Some((Self::drawing(art, request, site, &mut Vec::new())?, Some(art.clone())))
+                }
+                (Kind::Drawing { .. }, Placed::Figure(drawing), None) => Some((drawing.clone(), None)),
                 _ => None,
             })
         })
@@ -160,21 +201,22 @@ impl Texture {
         requests: &[Request],
         part_box_mm: BoxMm<2>,
         turn_rad: f64,
+        spot_mm: f64,
         drawing: &mut DrawingOf<'_>,
     ) -> Result<Self, Error> {
         let turn = Turn::new(turn_rad);
-        let mut texture = Self { parts: Vec::new(), len: 0, points: 0, bounds: Box2::EMPTY, directions: None };
+        let mut texture = Self { parts: Vec::new(), len: 0, points: 0, bounds: Box2::EMPTY, directions: None, spot_mm };
         for (k, request) in requests.iter().enumerate() {
             let mut placed = || {
-                let place = place::Site::new(request, part_box_mm, turn)?;
+                let place = place::Site::new(request, part_box_mm, turn, spot_mm)?;
                 match drawing(k, request, &place)? {
-                    Some(figure) => Ok(Placed::Figure(figure)),
-                    None => pattern::place(&request.kind, &place),
+                    Some((figure, artwork)) => Ok((Placed::Figure(figure), artwork)),
+                    None => pattern::place(&request.kind, &place).map(|p| (p, None)),
                 }
             };
-            let placed = placed().map_err(|e| numbered(&e, k))?;
+            let (placed, artwork) = placed().map_err(|e: Error| numbered(&e, k))?;
             texture.bounds = texture.bounds.union(placed.figure().bounds());
-            texture.parts.push(Part { placed, pen: request.pen, start: 0 });
+            texture.parts.push(Part { placed, artwork, pen: request.pen, start: 0 });
             texture.count(k)?;
         }
         if texture.parts.is_empty() { Err(empty().into()) } else { Ok(texture) }
@@ -253,8 +295,9 @@ impl Texture {
         out.clear();
         let (k, i) = self.find(i);
         let part = &self.parts[k];
-        part.placed.figure().stroke(i, out);
-        part.pen
+        let figure = part.placed.figure();
+        figure.stroke(i, out);
+        figure.pen(i).unwrap_or(part.pen)
     }
 
     /// What stroke `i` comes from, for messages: texture number, element, tile.

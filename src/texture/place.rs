@@ -51,12 +51,14 @@ pub(super) struct Site {
     pub(super) tolerance: f64,
     /// The part's turn.
     pub(super) turn: Turn,
+    /// Diameter of the spot.
+    pub(super) spot_mm: f64,
 }
 
 impl Site {
     /// # Errors
     /// `texture-area` where the area is empty or not finite, `texture-far` where it is beyond 4 m.
-    pub(super) fn new(request: &Request, part_box: BoxMm<2>, turn: Turn) -> Result<Self, Error> {
+    pub(super) fn new(request: &Request, part_box: BoxMm<2>, turn: Turn, spot_mm: f64) -> Result<Self, Error> {
         let area = match request.area {
             Area::Part | Area::Unlimited => part_box,
             Area::Rectangle(r) => r,
@@ -64,7 +66,7 @@ impl Site {
         if request.area != Area::Unlimited || !matches!(request.kind, Kind::Drawing { .. }) {
             check_area(area, turn)?;
         }
-        Ok(Self { area, part_box, tolerance: request.tolerance_mm.max(NM), turn })
+        Ok(Self { area, part_box, tolerance: request.tolerance_mm.max(NM), turn, spot_mm })
     }
 }
 

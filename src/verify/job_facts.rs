@@ -177,6 +177,7 @@ pub(super) fn shape(job: &Job) -> Result<(Shape, BoxMm<2>), Error> {
 }
 
 /// Places the textures of a pass of the job.
-pub(super) fn texture(job: &Job, pass: PassId, part_box_mm: BoxMm<2>) -> Result<Texture, Error> {
-    Texture::load(&job.textures_of_pass(pass), part_box_mm, job.placement.turn.as_rad(), &mut Vec::new())
+pub(super) fn texture(job: &Job, machine: &Machine, pass: PassId, part_box_mm: BoxMm<2>) -> Result<Texture, Error> {
+    let (turn, spot) = (job.placement.turn.as_rad(), machine.lens.spot.as_mm());
+    Texture::load(&job.textures_of_pass(pass), part_box_mm, turn, spot, &mut Vec::new())
 }

@@ -90,7 +90,7 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
     let mut textures = Vec::new();
     for pass in (0..facts.passes.count).map(PassId) {
-        let mut texture = job_facts::texture(&job, pass, box_mm)?;
+        let mut texture = job_facts::texture(&job, &facts.machine, pass, box_mm)?;
         if !rules::fill::check(&manifest, &facts, pass, &mut texture, &mut findings.fill) {
             // Without its lines the texture is not known.
             rules::without_inputs(folder, &manifest, &mut program, &facts, &mut findings);

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use crate::support::surfaces::Random;
-use crate::support::{folder, malformed};
+use crate::support::{folder, malformed, outlines};
 use terrace::geom::BoxMm;
 use terrace::program::PenId;
 use terrace::texture::{Area, Kind, Request, Texture};
@@ -57,10 +57,17 @@ const SIZED: [(&str, Outcome); 4] = [
 
 fn check(path: &Path, size_mm: Option<[f64; 2]>, (expected, warnings): Outcome) {
     let name = path.file_name().expect("a name").to_string_lossy();
-    let kind = Kind::Drawing { path: path.to_owned(), size_mm, origin_mm: None, turn_rad: 0.0, tile: false };
+    let kind = Kind::Drawing {
+        path: path.to_owned(),
+        size_mm,
+        origin_mm: None,
+        turn_rad: 0.0,
+        tile: false,
+        marking: outlines(),
+    };
     let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0) };
     let (start, mut notes) = (Instant::now(), Vec::new());
-    let loaded = Texture::load(&[request], BoxMm::rectangle(0.0, 0.0, 100.0, 100.0), 0.0, &mut notes);
+    let loaded = Texture::load(&[request], BoxMm::rectangle(0.0, 0.0, 100.0, 100.0), 0.0, 0.05, &mut notes);
     assert!(start.elapsed() < Duration::from_secs(5), "{name}: {:?}", start.elapsed());
     let codes: Vec<_> = notes.iter().map(|n| n.code).collect();
     match (&loaded, expected) {
@@ -159,10 +166,18 @@ fn damaged_drawings_never_panic_and_yield_valid_strokes() {
         }
         let file = tempfile::Builder::new().suffix(".svg").tempfile().expect("a file");
         std::fs::write(file.path(), text).expect("written");
-        let kind =
-            Kind::Drawing { path: file.path().into(), size_mm: None, origin_mm: None, turn_rad: 0.3, tile: which == 2 };
+        let kind = Kind::Drawing {
+            path: file.path().into(),
+            size_mm: None,
+            origin_mm: None,
+            turn_rad: 0.3,
+            tile: which == 2,
+            marking: outlines(),
+        };
         let request = Request { kind, area: Area::Part, tolerance_mm: 1e-2, pen: PenId(0) };
-        if let Ok(texture) = Texture::load(&[request], BoxMm::rectangle(0.0, 0.0, 30.0, 20.0), 0.1, &mut Vec::new()) {
+        if let Ok(texture) =
+            Texture::load(&[request], BoxMm::rectangle(0.0, 0.0, 30.0, 20.0), 0.1, 0.05, &mut Vec::new())
+        {
             let mut out = Vec::new();
             for i in (0..texture.len()).take(1000) {
                 texture.stroke(i, &mut out);

@@ -61,7 +61,7 @@ fn filled(
 ) -> (Vec<[P2; 2]>, Sections) {
     let kind = Kind::Contour { pitch_mm, phase: 0.0 };
     let request = Request { kind, area: Area::Rectangle(area), tolerance_mm: 1e-3, pen: PenId(0) };
-    let mut texture = Texture::load(&[request], area, turn_deg.to_radians(), &mut Vec::new()).expect("an area");
+    let mut texture = Texture::load(&[request], area, turn_deg.to_radians(), 0.05, &mut Vec::new()).expect("an area");
     assert_eq!(texture.len(), 0, "an area holds no line until it is filled");
     let side = Nm(side_mm * 1_000_000);
     let grid = Sections::over(texture.bounds(), [side, side], Nm(100), [Nm(0); 2]);

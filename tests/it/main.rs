@@ -37,6 +37,7 @@ mod resume;
 mod run;
 mod run_grbl;
 mod run_linuxcnc;
+mod seen;
 mod setups;
 mod sweep;
 mod textures;

@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::{Path, PathBuf};
 
 use crate::support::surfaces::Random;
-use crate::support::{fixture, folder, shared};
+use crate::support::{fixture, folder, outlines, shared};
 use terrace::diag::{Diag, Error};
 use terrace::geom::{Box2, BoxMm, P2, length_mm};
 use terrace::program::PenId;
@@ -18,7 +18,7 @@ fn request(kind: Kind, area: Area) -> Request {
 
 fn load(request: Request, part_box: BoxMm<2>, turn_rad: f64) -> Result<(Texture, Vec<Diag>), Error> {
     let mut notes = Vec::new();
-    Texture::load(&[request], part_box, turn_rad, &mut notes).map(|t| (t, notes))
+    Texture::load(&[request], part_box, turn_rad, 0.05, &mut notes).map(|t| (t, notes))
 }
 
 fn made(kind: Kind, area: BoxMm<2>) -> Texture {
@@ -205,7 +205,7 @@ impl Sheet {
         Self(file)
     }
     fn kind(&self, origin_mm: Option<[f64; 2]>, turn_rad: f64, tile: bool) -> Kind {
-        Kind::Drawing { path: self.0.path().to_owned(), size_mm: None, origin_mm, turn_rad, tile }
+        Kind::Drawing { path: self.0.path().to_owned(), size_mm: None, origin_mm, turn_rad, tile, marking: outlines() }
     }
 }
 
@@ -314,7 +314,14 @@ fn tiles_repeat_the_page_and_are_cut_at_the_area() {
     assert_eq!(code(load(request(sheet.kind(None, 0.0, true), Area::Unlimited), PLATE, 0.0)), "texture-tile");
     let tiny = Sheet::new(r#"<path d="M0 0L60 40"/>"#);
     let Kind::Drawing { path, .. } = tiny.kind(None, 0.0, true) else { unreachable!() };
-    let kind = Kind::Drawing { path, size_mm: Some([3e-5, 2e-5]), origin_mm: None, turn_rad: 0.0, tile: true };
+    let kind = Kind::Drawing {
+        path,
+        size_mm: Some([3e-5, 2e-5]),
+        origin_mm: None,
+        turn_rad: 0.0,
+        tile: true,
+        marking: outlines(),
+    };
     assert_eq!(code(load(request(kind, Area::Part), PLATE, 0.0)), "texture-large");
 }
 
@@ -370,8 +377,8 @@ fn text_of_a_job_with_several_textures_keeps_order_and_pens() {
         tolerance_mm: 1e-3,
         pen: PenId(0),
     };
-    let t =
-        Texture::load(&[hatch, curve], BoxMm::rectangle(0.0, 0.0, 10.0, 10.0), 0.0, &mut Vec::new()).expect("textures");
+    let t = Texture::load(&[hatch, curve], BoxMm::rectangle(0.0, 0.0, 10.0, 10.0), 0.0, 0.05, &mut Vec::new())
+        .expect("textures");
     let mut out = Vec::new();
     assert_eq!((t.len(), t.stroke(10, &mut out), t.stroke(11, &mut out)), (12, PenId(1), PenId(0)));
     assert_eq!(
@@ -394,7 +401,14 @@ fn drawings(dir: &Path) -> Vec<PathBuf> {
 
 fn real_request(path: &Path, size_mm: Option<[f64; 2]>) -> Request {
     request(
-        Kind::Drawing { path: path.to_owned(), size_mm, origin_mm: None, turn_rad: 0.0, tile: false },
+        Kind::Drawing {
+            path: path.to_owned(),
+            size_mm,
+            origin_mm: None,
+            turn_rad: 0.0,
+            tile: false,
+            marking: outlines(),
+        },
         Area::Unlimited,
     )
 }
@@ -543,6 +557,7 @@ fn tiles_cover_an_area_with_the_density_of_their_page() {
             origin_mm: None,
             turn_rad: 0.0,
             tile,
+            marking: outlines(),
         };
         let one = total_mm(&load(request(kind(false), Area::Unlimited), PLATE, 0.0).expect("a page").0);
         let nine = total_mm(
@@ -559,6 +574,7 @@ fn tiles_cover_an_area_with_the_density_of_their_page() {
                 origin_mm: Some([-12.5, -12.5]),
                 turn_rad: 0.0,
                 tile: true,
+                marking: outlines(),
             },
             Area::Rectangle(BoxMm::rectangle(0.0, 0.0, 100.0, 100.0)),
         );

@@ -18,6 +18,7 @@ use hatch::Hatch;
 use hilbert::Hilbert;
 use loops::Loops;
 
+use super::artwork::Marking;
 use super::{Figure, Placed, place::Site};
 use crate::diag::Error;
 
@@ -83,6 +84,8 @@ pub enum Kind {
         turn_rad: f64,
         /// Whether the page is repeated over the area.
         tile: bool,
+        /// How its lines and areas are marked.
+        marking: Box<Marking>,
     },
 }
 
@@ -172,6 +175,7 @@ impl Kind {
         match &mut self {
             Self::Hatch { direction_rad, .. } => *direction_rad += turned_rad,
             Self::Contour { phase, .. } => *phase = share,
+            Self::Drawing { marking, .. } => marking.direction_rad += turned_rad,
             _ => {}
         }
         self

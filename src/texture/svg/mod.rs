@@ -1,16 +1,17 @@
-//! SVG drawings: the outline of every visible shape as polylines on a page of known size in mm.
+//! SVG drawings: what is seen of each element, as lines and areas on a page of known size in mm.
 //!
-//! Consumes an SVG 1.1 / 2 file (also svgz). Promises a [`Page`] whose lower left corner is the origin, y up: lines,
+//! Consumes an SVG 1.1 / 2 file (also svgz). Promises an [`Artwork`] whose lower left corner is the origin, y up: lines,
 //! polylines, polygons, rectangles, circles, ellipses and paths, with groups, uses, symbols, nested drawings,
-//! transforms, viewBox, style sheets and the style attribute resolved, in document order, each subpath its own
-//! polyline, closed ones ending on their start. Fill and stroke are alike: the outline is marked. What is not marked,
-//! or not as it looks, is counted and reported by a warning: text, images, hidden elements, paint servers, clip paths,
-//! masks, filters, markers, dashes, what overhangs the page (and is cut at it), faulty data (drawn up to the fault).
+//! transforms, viewBox, style sheets and the style attribute resolved, in the order of painting. A fill is an area by its
+//! rule. A stroke is the line along its centre, or, where it is wide or the job asks for it, the area that it covers with
+//! its caps and joins; dashes are cut out. Clip paths, masks of opaque black and white shapes, and patterns are applied.
+//! What cannot be reproduced (text, images, gradients, filters, blend modes, markers) is refused by name, or left out
+//! with a warning where the job asks for that. Faulty data is drawn up to its fault, as viewers do.
 //!
-//! A closed subpath thinner than the tolerance would be one line marked twice; it is left out, with a
-//! count. No other file is ever opened, no network reached, no entity expanded; time and memory are
-//! bounded: 64 MB unpacked, 256 levels, 2 million elements once uses are expanded, 20 million points,
-//! 40 million comparisons with selectors of style sheets.
+//! A closed subpath thinner than the tolerance is left out, with a count. No other file is ever opened, no network
+//! reached, no entity expanded; time and memory are bounded: 64 MB unpacked, 256 levels, 2 million elements once uses are
+//! expanded, 20 million points, 1 million copies of a pattern's shapes, 40 million comparisons with selectors of style
+//! sheets.
 //!
 //! Everything is f64 from the text of the number to the page, and arcs are flattened as arcs: a reader
 //! in f32 that first makes Bézier curves of them misses a circle of 40 mm radius by up to 11 µm, and loses
@@ -19,7 +20,10 @@
 mod outline;
 mod page;
 mod path;
+mod servers;
+mod shape;
 mod source;
+mod stroke;
 mod style;
 mod style_sheet;
 mod tally;
@@ -29,7 +33,9 @@ use std::path::{Path, PathBuf};
 
 use roxmltree::{Document, ParsingOptions};
 
-use super::clip::{Lines, clip, is_inside, snap};
+use super::artwork::{Artwork, Marking};
+use super::clip::is_inside;
+use super::place::Site;
 use crate::diag::{Diag, Error, Place, memory};
 use crate::geom::BoxMm;
 use page::Frame;
@@ -41,19 +47,6 @@ use walk::{State, Walk, style_text};
 
 /// Most nodes of the XML tree.
 const MAX_NODES: u32 = 4_000_000;
-
-/// The polylines of a drawing on its page.
-#[derive(Debug)]
-pub(super) struct Page {
-    /// Width and height, mm.
-    pub(super) size: [f64; 2],
-    /// In page mm, all on the page.
-    pub(super) lines: Lines,
-    /// Per line, the place of its element among the names.
-    pub(super) name_of: Vec<u32>,
-    /// Elements: their id, or tag and number.
-    pub(super) names: Vec<String>,
-}
 
 /// The texts of drawings, each file read once.
 #[derive(Default)]
@@ -85,30 +78,33 @@ pub(super) fn load(
     text: &str,
     path: &Path,
     size_mm: Option<[f64; 2]>,
-    tolerance: f64,
+    site: &Site,
+    marking: &Marking,
     notes: &mut Vec<Diag>,
-) -> Result<Page, Error> {
+) -> Result<Artwork, Error> {
     let name = path.display().to_string();
     // A node of the tree for every tag and the text after it; of the text, three copies at most as numbers.
     let need = 3 * text.len() + 200 * text.bytes().filter(|&b| b == b'<').count();
     memory::ask("the drawing", need as u64).map_err(|d| d.at(Place::file(&name)))?;
-    parse(&name, text, size_mm, tolerance, notes).map_err(|d| {
-        let place = if d.place == Place::Nowhere { Place::file(&name) } else { d.place.clone() };
-        d.at(place).into()
-    })
+    parse(&name, text, size_mm, site, marking, notes)
 }
 
 fn parse(
     name: &str,
     text: &str,
     size_mm: Option<[f64; 2]>,
-    tolerance: f64,
+    site: &Site,
+    marking: &Marking,
     notes: &mut Vec<Diag>,
-) -> Result<Page, Box<Diag>> {
+) -> Result<Artwork, Error> {
+    let here = |d: Box<Diag>| {
+        let place = if d.place == Place::Nowhere { Place::file(name) } else { d.place.clone() };
+        Error::from(d.at(place))
+    };
     // A document type without entities is harmless and common.
     let options =
         ParsingOptions { allow_dtd: !source::has_entities(text), nodes_limit: MAX_NODES, ..Default::default() };
-    let doc = Document::parse_with_options(text, options).map_err(|e| Box::new(xml_fault(name, &e)))?;
+    let doc = Document::parse_with_options(text, options).map_err(|e| here(Box::new(xml_fault(name, &e))))?;
     let root = doc.root_element();
     match (root.tag_name().name(), root.tag_name().namespace()) {
         ("svg", Some("http://www.w3.org/2000/svg")) => {}
@@ -119,10 +115,10 @@ fn parse(
         ),
         (tag, _) => {
             let text = format!("this is not an SVG drawing: its first element is {tag:?}");
-            return Err(Diag::input("svg-root", text).hint("save it as plain SVG").into());
+            return Err(here(Diag::input("svg-root", text).hint("save it as plain SVG").into()));
         }
     }
-    let frame = Frame::new(root, size_mm)?;
+    let frame = Frame::new(root, size_mm).map_err(here)?;
     if frame.is_stretched {
         let text = format!("the drawing is stretched to a page of {} mm x {} mm", frame.size[0], frame.size[1]);
         notes.push(
@@ -132,43 +128,49 @@ fn parse(
         );
     }
     let texts: Vec<String> = doc.descendants().filter_map(style_text).map(without_comments).collect();
-    let mut walk = Walk::new(&doc, Sheet::new(&texts)?, tolerance);
-    let state = State { map: frame.map, style: Style::INITIAL, port: frame.port, frame: None, depth: 0 };
-    let walked = walk.root(root, state);
-    let Walk { lines, name_of, names, tally, .. } = walk;
-    let page = walked.map(|()| on_page(lines, name_of, names, frame.size, tally));
-    let (page, tally) = page?;
-    let (unseen, texts) = (tally.count(Issue::Hidden), tally.count(Issue::Text));
-    notes.extend(tally.warnings(name));
-    if page.lines.len() == 0 {
-        let hint = match (texts, unseen) {
-            (1.., _) => "convert text to paths in the drawing program",
+    let sheet = Sheet::new(&texts).map_err(here)?;
+    let mut walk = Walk::new(&doc, sheet, site, frame.map.enlarges(), marking);
+    let state = State {
+        map: frame.map,
+        style: Style::INITIAL,
+        port: frame.port,
+        clip: None,
+        labels: 0,
+        stretch: 1.0,
+        depth: 0,
+    };
+    walk.root(root, state).map_err(here)?;
+    let Walk { mut art, mut tally, .. } = walk;
+    art.size = frame.size;
+    overhangs(&art, site.tolerance, &mut tally);
+    let (unseen, faults) = (tally.count(Issue::Hidden), tally.refused());
+    let (errors, warnings) = tally.messages(name, marking);
+    notes.extend(warnings);
+    if !errors.is_empty() {
+        return Err(Error::many(errors));
+    }
+    if art.shapes.is_empty() {
+        let hint = match (faults, unseen) {
+            (1.., _) => "all that it holds is left out, as on_unsupported = \"warn\" asks for",
             (_, 1..) => "give the shapes a fill or a stroke and show them",
             _ => "draw lines or shapes on the page",
         };
-        return Err(Diag::input("texture-empty", "the drawing holds nothing to mark").hint(hint).into());
+        return Err(here(Diag::input("texture-empty", "the drawing holds nothing to mark").hint(hint).into()));
     }
-    Ok(page)
+    Ok(art)
 }
 
-/// Cuts the lines at the border of the page, which is what a viewer shows.
-fn on_page(mut lines: Lines, name_of: Vec<u32>, names: Vec<String>, size: [f64; 2], mut tally: Tally) -> (Page, Tally) {
-    let rect = BoxMm { lo: [0.0; 2], hi: size };
-    if is_inside(&lines.points, rect) {
-        snap(&mut lines.points, rect);
-        return (Page { size, lines, name_of, names }, tally);
-    }
-    let mut page = Page { size, lines: Lines::default(), name_of: Vec::new(), names };
+/// Notes the elements that reach beyond the page, where a viewer shows nothing of them.
+fn overhangs(art: &Artwork, tolerance: f64, tally: &mut Tally) {
+    let page = BoxMm { lo: [-tolerance; 2], hi: art.size.map(|side| side + tolerance) };
     let mut cut = u32::MAX;
-    for (line, &name) in lines.iter().zip(&name_of) {
-        if !is_inside(line, rect) && cut != name {
-            tally.add(Issue::Overhang, || page.names[name as usize].clone());
-            cut = name;
+    for shape in &art.shapes {
+        let mut lines = shape.lines.clone().map(|k| art.lines.get(k));
+        if shape.name != cut && shape.clip.is_none() && !lines.all(|line| is_inside(line, page)) {
+            tally.add(Issue::Overhang, || art.names[shape.name as usize].clone());
+            cut = shape.name;
         }
-        clip(line, rect, &mut page.lines);
-        page.name_of.resize(page.lines.len(), name);
     }
-    (page, tally)
 }
 
 fn xml_fault(name: &str, e: &roxmltree::Error) -> Diag {

@@ -51,6 +51,25 @@ impl Map {
         }
     }
 
+    /// The map that takes it back; it must be regular.
+    pub(super) fn inverse(self) -> Self {
+        let det = self.a * self.d - self.b * self.c;
+        let (a, b, c, d) = (self.d / det, -self.b / det, -self.c / det, self.a / det);
+        Self { a, b, c, d, e: -(a * self.e + c * self.f), f: -(b * self.e + d * self.f) }
+    }
+
+    /// By how much it enlarges: the side of the square that a unit square's area makes.
+    pub(super) fn enlarges(self) -> f64 {
+        (self.a * self.d - self.b * self.c).abs().sqrt()
+    }
+
+    /// Whether it keeps angles.
+    pub(super) fn is_similar(self) -> bool {
+        let scale = self.enlarges();
+        let near = |x: f64, y: f64| (x - y).abs() <= 1e-9 * scale;
+        (near(self.a, self.d) && near(self.b, -self.c)) || (near(self.a, -self.d) && near(self.b, self.c))
+    }
+
     pub(super) fn at(self, [x, y]: Point) -> Point {
         [self.a * x + self.c * y + self.e, self.b * x + self.d * y + self.f]
     }
@@ -80,7 +99,25 @@ pub(super) enum Stop {
     Far,
 }
 
-/// Draws one element's subpaths into `lines`. Coordinates are those of the element.
+/// What the subpaths of an element are drawn into, in the element's coordinates.
+pub(super) trait Sink {
+    /// The last point.
+    fn at(&self) -> Point;
+    fn move_to(&mut self, p: Point);
+    fn line_to(&mut self, p: Point);
+    fn quad_to(&mut self, c: Point, p: Point);
+    fn cubic_to(&mut self, c: Point, d: Point, p: Point);
+    /// The elliptic arc of path data, by SVG 1.1 appendix F.6: `turn` is the angle of the first radius
+    /// in degrees.
+    fn arc_to(&mut self, radii: [f64; 2], turn: f64, large: bool, sweep: bool, p: Point);
+    /// A whole ellipse with axes along x and y, starting on +x, as one closed subpath.
+    fn ellipse(&mut self, centre: Point, rx: f64, ry: f64);
+    fn close(&mut self);
+    /// Notes a figure that has no extent.
+    fn dot(&mut self);
+}
+
+/// Draws one element's subpaths into `lines` as polylines.
 pub(super) struct Outline<'a> {
     map: Map,
     tolerance: f64,
@@ -94,96 +131,6 @@ pub(super) struct Outline<'a> {
 impl<'a> Outline<'a> {
     pub(super) fn new(map: Map, tolerance: f64, lines: &'a mut Lines) -> Self {
         Self { map, tolerance, lines, start: [0.0; 2], at: [0.0; 2], stop: None, dropped: Dropped::default() }
-    }
-
-    /// The last point.
-    pub(super) fn at(&self) -> Point {
-        self.at
-    }
-
-    pub(super) fn move_to(&mut self, p: Point) {
-        self.end_line();
-        (self.start, self.at) = (p, p);
-    }
-
-    pub(super) fn line_to(&mut self, p: Point) {
-        self.curve(1.0, p, |_| p);
-    }
-
-    pub(super) fn quad_to(&mut self, c: Point, p: Point) {
-        let (a, m) = (self.at, self.map);
-        let steps = self.steps(2.0 * bend(m, a, c, p), 1.0);
-        self.curve(steps, p, |t| {
-            let s = 1.0 - t;
-            [0, 1].map(|k| s * s * a[k] + 2.0 * s * t * c[k] + t * t * p[k])
-        });
-    }
-
-    pub(super) fn cubic_to(&mut self, c: Point, d: Point, p: Point) {
-        let (a, m) = (self.at, self.map);
-        let steps = self.steps(6.0 * bend(m, a, c, d).max(bend(m, c, d, p)), 1.0);
-        self.curve(steps, p, |t| {
-            let s = 1.0 - t;
-            [0, 1].map(|k| s * s * s * a[k] + 3.0 * s * t * (s * c[k] + t * d[k]) + t * t * t * p[k])
-        });
-    }
-
-    /// The elliptic arc of path data, by SVG 1.1 appendix F.6: `turn` is the angle of the first radius
-    /// in degrees.
-    pub(super) fn arc_to(&mut self, radii: [f64; 2], turn: f64, large: bool, sweep: bool, p: Point) {
-        let from = self.at;
-        let [mut rx, mut ry] = radii.map(f64::abs);
-        if from == p {
-            return;
-        }
-        if rx == 0.0 || ry == 0.0 {
-            return self.line_to(p);
-        }
-        let (sin, cos) = turn.to_radians().sin_cos();
-        let half = [(from[0] - p[0]) / 2.0, (from[1] - p[1]) / 2.0];
-        // The half chord in the frame of a unit circle.
-        let mut u = [(cos * half[0] + sin * half[1]) / rx, (cos * half[1] - sin * half[0]) / ry];
-        let reach = u[0].hypot(u[1]);
-        if reach > 1.0 {
-            // Radii that cannot span the chord grow until they do.
-            (rx, ry) = (rx * reach, ry * reach);
-            u = u.map(|v| v / reach);
-        }
-        let q = (u[0] * u[0] + u[1] * u[1]).min(1.0);
-        if q == 0.0 {
-            // So flat that it cannot be told from its chord.
-            return self.line_to(p);
-        }
-        let side = if large == sweep { -1.0 } else { 1.0 } * ((1.0 - q) / q).sqrt();
-        let centre = [side * u[1], -side * u[0]];
-        let a0 = (u[1] - centre[1]).atan2(u[0] - centre[0]);
-        // From the chord, not from two angles: their difference would be noise on flat arcs.
-        let minor = 2.0 * q.sqrt().asin();
-        let by = if large { TAU - minor } else { minor } * if sweep { 1.0 } else { -1.0 };
-        let mid = [(from[0] + p[0]) / 2.0, (from[1] + p[1]) / 2.0];
-        let axes = Map { a: cos * rx, b: sin * rx, c: -sin * ry, d: cos * ry, e: mid[0], f: mid[1] };
-        self.sweep(axes.after(Map::shift(centre)), a0, by, p);
-    }
-
-    /// A whole ellipse with axes along x and y, starting on +x, as one closed subpath.
-    pub(super) fn ellipse(&mut self, centre: Point, rx: f64, ry: f64) {
-        let start = [centre[0] + rx, centre[1]];
-        self.move_to(start);
-        self.sweep(Map::scale(rx, ry, centre), 0.0, TAU, start);
-        self.end_line();
-    }
-
-    /// Notes a figure that has no extent.
-    pub(super) fn dot(&mut self) {
-        self.dropped.dots = true;
-    }
-
-    pub(super) fn close(&mut self) {
-        if self.at != self.start {
-            self.line_to(self.start);
-        }
-        self.end_line();
-        self.at = self.start;
     }
 
     /// Ends the element: what was left out, or why it could not be drawn.
@@ -257,6 +204,93 @@ impl<'a> Outline<'a> {
         }
         *(if w.max(h) < LEAST { &mut self.dropped.dots } else { &mut self.dropped.hairlines }) = true;
         self.lines.points.truncate(tail);
+    }
+}
+
+impl Sink for Outline<'_> {
+    fn at(&self) -> Point {
+        self.at
+    }
+
+    fn move_to(&mut self, p: Point) {
+        self.end_line();
+        (self.start, self.at) = (p, p);
+    }
+
+    fn line_to(&mut self, p: Point) {
+        self.curve(1.0, p, |_| p);
+    }
+
+    fn quad_to(&mut self, c: Point, p: Point) {
+        let (a, m) = (self.at, self.map);
+        let steps = self.steps(2.0 * bend(m, a, c, p), 1.0);
+        self.curve(steps, p, |t| {
+            let s = 1.0 - t;
+            [0, 1].map(|k| s * s * a[k] + 2.0 * s * t * c[k] + t * t * p[k])
+        });
+    }
+
+    fn cubic_to(&mut self, c: Point, d: Point, p: Point) {
+        let (a, m) = (self.at, self.map);
+        let steps = self.steps(6.0 * bend(m, a, c, d).max(bend(m, c, d, p)), 1.0);
+        self.curve(steps, p, |t| {
+            let s = 1.0 - t;
+            [0, 1].map(|k| s * s * s * a[k] + 3.0 * s * t * (s * c[k] + t * d[k]) + t * t * t * p[k])
+        });
+    }
+
+    fn arc_to(&mut self, radii: [f64; 2], turn: f64, large: bool, sweep: bool, p: Point) {
+        let from = self.at;
+        let [mut rx, mut ry] = radii.map(f64::abs);
+        if from == p {
+            return;
+        }
+        if rx == 0.0 || ry == 0.0 {
+            return self.line_to(p);
+        }
+        let (sin, cos) = turn.to_radians().sin_cos();
+        let half = [(from[0] - p[0]) / 2.0, (from[1] - p[1]) / 2.0];
+        // The half chord in the frame of a unit circle.
+        let mut u = [(cos * half[0] + sin * half[1]) / rx, (cos * half[1] - sin * half[0]) / ry];
+        let reach = u[0].hypot(u[1]);
+        if reach > 1.0 {
+            // Radii that cannot span the chord grow until they do.
+            (rx, ry) = (rx * reach, ry * reach);
+            u = u.map(|v| v / reach);
+        }
+        let q = (u[0] * u[0] + u[1] * u[1]).min(1.0);
+        if q == 0.0 {
+            // So flat that it cannot be told from its chord.
+            return self.line_to(p);
+        }
+        let side = if large == sweep { -1.0 } else { 1.0 } * ((1.0 - q) / q).sqrt();
+        let centre = [side * u[1], -side * u[0]];
+        let a0 = (u[1] - centre[1]).atan2(u[0] - centre[0]);
+        // From the chord, not from two angles: their difference would be noise on flat arcs.
+        let minor = 2.0 * q.sqrt().asin();
+        let by = if large { TAU - minor } else { minor } * if sweep { 1.0 } else { -1.0 };
+        let mid = [(from[0] + p[0]) / 2.0, (from[1] + p[1]) / 2.0];
+        let axes = Map { a: cos * rx, b: sin * rx, c: -sin * ry, d: cos * ry, e: mid[0], f: mid[1] };
+        self.sweep(axes.after(Map::shift(centre)), a0, by, p);
+    }
+
+    fn ellipse(&mut self, centre: Point, rx: f64, ry: f64) {
+        let start = [centre[0] + rx, centre[1]];
+        self.move_to(start);
+        self.sweep(Map::scale(rx, ry, centre), 0.0, TAU, start);
+        self.end_line();
+    }
+
+    fn dot(&mut self) {
+        self.dropped.dots = true;
+    }
+
+    fn close(&mut self) {
+        if self.at != self.start {
+            self.line_to(self.start);
+        }
+        self.end_line();
+        self.at = self.start;
     }
 }
 

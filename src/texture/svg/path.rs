@@ -1,8 +1,8 @@
-//! Path data and lists of points, drawn into an [`Outline`].
+//! Path data and lists of points, drawn into a [`Sink`].
 
 use svgtypes::{NumberListParser, PathParser, PathSegment};
 
-use super::outline::Outline;
+use super::outline::Sink;
 
 /// What the short forms of curves refer to.
 enum Last {
@@ -12,7 +12,7 @@ enum Last {
 }
 
 /// Draws path data up to its end or its first fault; answers whether it was faultless.
-pub(super) fn path(data: &str, out: &mut Outline<'_>) -> bool {
+pub(super) fn path(data: &str, out: &mut impl Sink) -> bool {
     let mut last = Last::Other;
     for segment in PathParser::from(data) {
         let Ok(segment) = segment else { return false };
@@ -24,7 +24,7 @@ pub(super) fn path(data: &str, out: &mut Outline<'_>) -> bool {
     true
 }
 
-fn draw(segment: PathSegment, last: Last, out: &mut Outline<'_>) -> Last {
+fn draw(segment: PathSegment, last: Last, out: &mut impl Sink) -> Last {
     let [x0, y0] = out.at();
     let place = |abs: bool, x: f64, y: f64| if abs { [x, y] } else { [x0 + x, y0 + y] };
     let mirrored = |c: [f64; 2]| [2.0 * x0 - c[0], 2.0 * y0 - c[1]];
@@ -79,7 +79,7 @@ fn is_finite(segment: &PathSegment) -> bool {
 }
 
 /// Draws the points of a polyline or polygon; answers whether they were faultless.
-pub(super) fn points(list: &str, close: bool, out: &mut Outline<'_>) -> bool {
+pub(super) fn points(list: &str, close: bool, out: &mut impl Sink) -> bool {
     let mut numbers = NumberListParser::from(list);
     let (mut first, mut whole) = (true, true);
     while let Some(x) = numbers.next() {
@@ -103,7 +103,7 @@ pub(super) fn points(list: &str, close: bool, out: &mut Outline<'_>) -> bool {
 mod tests {
     use super::*;
     use crate::texture::clip::Lines;
-    use crate::texture::svg::outline::Map;
+    use crate::texture::svg::outline::{Map, Outline};
 
     fn drawn(data: &str) -> (Vec<Vec<[f64; 2]>>, bool) {
         let mut lines = Lines::default();

@@ -12,7 +12,7 @@ use simplecss::{AttributeOperator, Declaration, SelectorToken, SelectorTokenizer
 use crate::diag::Diag;
 
 /// Properties that are looked at, in the order in which their values are kept.
-pub(super) const NAMES: [&str; 17] = [
+pub(super) const NAMES: [&str; 30] = [
     "display",
     "visibility",
     "opacity",
@@ -22,6 +22,19 @@ pub(super) const NAMES: [&str; 17] = [
     "stroke-opacity",
     "stroke-width",
     "stroke-dasharray",
+    "stroke-dashoffset",
+    "stroke-linecap",
+    "stroke-linejoin",
+    "stroke-miterlimit",
+    "fill-rule",
+    "clip-rule",
+    "color",
+    "paint-order",
+    "vector-effect",
+    "mix-blend-mode",
+    "overflow",
+    "mask-type",
+    "transform-origin",
     "transform",
     "clip-path",
     "mask",

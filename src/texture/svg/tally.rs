@@ -1,8 +1,9 @@
-//! What a drawing holds that is not marked, or not marked as drawn: counted, one warning per issue.
+//! What a drawing holds that is not marked, or not as drawn: counted, one message per issue.
 
+use super::super::artwork::Marking;
 use crate::diag::{Diag, Place};
 
-/// Something that causes a warning.
+/// Something that is told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Issue {
     Hidden,
@@ -11,84 +12,114 @@ pub(super) enum Issue {
     External,
     Use,
     Paint,
-    Clip,
+    Effect,
     Marker,
-    Dash,
-    Fault,
     Transform,
+    Fault,
+    Flat,
     Unit,
+    Translucent,
     Dot,
     Hairline,
     Overhang,
 }
 
-/// Issue, code, sentence after "elements", hint.
-const ISSUES: [(Issue, &str, &str, &str); 15] = [
+/// Whether the marks show what the drawing shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Weight {
+    /// They do, or what is missing has no extent.
+    Told,
+    /// Something that is seen would be missing: refused unless the job asks for warnings.
+    Refused,
+}
+
+use Weight::{Refused, Told};
+
+/// Issue, weight, code, sentence after "elements", hint.
+const ISSUES: [(Issue, Weight, &str, &str, &str); 16] = [
     (
         Issue::Hidden,
+        Told,
         "svg-hidden",
         "hidden, or with neither fill nor stroke, are not marked",
         "show them, or ignore this",
     ),
-    (Issue::Text, "svg-text", "of text are not marked", "convert text to paths in the drawing program"),
-    (Issue::Image, "svg-image", "that are images are not marked", "trace images to paths in the drawing program"),
-    (Issue::External, "svg-external", "refer to other files, which are never opened", "embed what they refer to"),
+    (Issue::Text, Refused, "svg-text", "of text have no outlines", "convert text to paths in the drawing program"),
+    (Issue::Image, Refused, "svg-image", "are images", "trace images to paths in the drawing program"),
+    (
+        Issue::External,
+        Refused,
+        "svg-external",
+        "refer to other files, which are never opened",
+        "embed what they refer to",
+    ),
     (
         Issue::Use,
+        Told,
         "svg-use",
         "refer (use) to something missing or to themselves, and are not marked",
         "repair the references",
     ),
     (
         Issue::Paint,
-        "svg-pattern",
-        "are painted by a pattern or a gradient: only their outlines are marked",
-        "draw the pattern as paths, or tile it with tile = true",
+        Refused,
+        "svg-paint",
+        "are painted by a gradient, by a pattern that cannot be drawn, or have a stroke painted by either",
+        "paint them in one colour, or draw the pattern as paths",
     ),
     (
-        Issue::Clip,
-        "svg-clip",
-        "have a clip path, a mask, a filter or a clipping frame, which is not applied",
+        Issue::Effect,
+        Refused,
+        "svg-effect",
+        "have a filter, a blend mode, a clip path or mask that is missing or not of plain shapes, a join of kind arcs or \
+         miter-clip, or a stroke that does not scale under a transform that distorts it",
         "apply it in the drawing program",
     ),
+    (Issue::Marker, Refused, "svg-marker", "have markers", "convert markers to paths in the drawing program"),
     (
-        Issue::Marker,
-        "svg-marker",
-        "have markers, which are not marked",
-        "convert markers to paths in the drawing program",
-    ),
-    (
-        Issue::Dash,
-        "svg-dash",
-        "are dashed and are marked as full lines",
-        "convert dashes to paths in the drawing program",
+        Issue::Transform,
+        Refused,
+        "svg-transform",
+        "have a transform that is faulty or sits on the drawing itself, or a transform-origin",
+        "apply the transform in the drawing program",
     ),
     (
         Issue::Fault,
+        Told,
         "svg-path",
-        "have faulty path data, points or lengths; each is marked up to its fault",
+        "have faulty path data, points or lengths; each is drawn up to its fault, as viewers do",
         "repair them in the drawing program",
     ),
     (
-        Issue::Transform,
-        "svg-transform",
-        "have a transform that is faulty, flattens them or sits on the drawing itself, or a transform-origin: it is not applied",
-        "apply the transform in the drawing program",
+        Issue::Flat,
+        Told,
+        "svg-flat",
+        "have a transform that flattens them to a line, and are not marked",
+        "remove them, or repair the transform",
     ),
-    (Issue::Unit, "svg-unit", "have lengths in em or ex, taken as 16 px and 8 px", "use mm or user units"),
+    (Issue::Unit, Told, "svg-unit", "have lengths in em or ex, taken as 16 px and 8 px", "use mm or user units"),
+    (
+        Issue::Translucent,
+        Told,
+        "svg-opacity",
+        "are partly transparent and are marked like opaque ones",
+        "give them a colour and a pen of their own, or ignore this",
+    ),
     (
         Issue::Dot,
+        Told,
         "svg-dot",
         "have parts without extent, which are not marked",
         "draw them with an extent, or ignore this",
     ),
     (
         Issue::Hairline,
+        Told,
         "svg-hairline",
         "have closed parts thinner than the tolerance, which are not marked",
         "draw a thin line as an open path, or lower the tolerance",
     ),
-    (Issue::Overhang, "svg-overhang", "reach beyond the page and are cut at its border", "enlarge the page"),
+    (Issue::Overhang, Told, "svg-overhang", "reach beyond the page and are cut at its border", "enlarge the page"),
 ];
 
 /// Counts per issue, each with the first element.
@@ -108,13 +139,30 @@ impl Tally {
         self.0[issue as usize].as_ref().map_or(0, |(n, _)| *n)
     }
 
-    /// One warning per issue that was met.
-    pub(super) fn warnings(self, path: &str) -> impl Iterator<Item = Diag> {
-        self.0.into_iter().zip(ISSUES).filter_map(move |(met, (_, code, says, hint))| {
-            let (n, element) = met?;
+    /// How many times something was met that is refused.
+    pub(super) fn refused(&self) -> usize {
+        ISSUES.iter().filter(|row| row.1 == Refused).map(|row| self.count(row.0)).sum()
+    }
+
+    /// One message per issue that was met: errors, and warnings.
+    pub(super) fn messages(self, path: &str, marking: &Marking) -> (Vec<Diag>, Vec<Diag>) {
+        let (mut errors, mut warnings) = (Vec::new(), Vec::new());
+        for (met, (_, weight, code, says, hint)) in self.0.into_iter().zip(ISSUES) {
+            let Some((n, element)) = met else { continue };
             let place = Place::Element { path: path.to_owned(), element };
-            Some(Diag::warning(code, format!("elements {says} ({n})")).at(place).hint(hint))
-        })
+            match weight {
+                Refused if marking.is_lenient => {
+                    let text = format!("elements {says}, and are not marked ({n})");
+                    warnings.push(Diag::warning(code, text).at(place).hint(hint));
+                }
+                Refused => {
+                    let hint = format!("{hint}, or leave them out with on_unsupported = \"warn\"");
+                    errors.push(Diag::input(code, format!("elements {says} ({n})")).at(place).hint(hint));
+                }
+                Told => warnings.push(Diag::warning(code, format!("elements {says} ({n})")).at(place).hint(hint)),
+            }
+        }
+        (errors, warnings)
     }
 }
 

@@ -6,60 +6,90 @@ use std::str::FromStr;
 use roxmltree::{Document, Node, NodeId};
 use svgtypes::{Length, LengthUnit};
 
-use super::outline::{Map, Outline, Stop};
+use super::outline::{Map, Stop};
 use super::page::{self, view_map};
-use super::path;
+use super::shape::SHAPES;
 use super::source::MAX_DEPTH;
 use super::style::{Declared, Style};
 use super::style_sheet::{Sheet, Work};
 use super::tally::{Issue, Tally};
 use crate::diag::Diag;
-use crate::geom::BoxMm;
-use crate::texture::clip::Lines;
+use crate::texture::artwork::{Area, Artwork, Labels, Marking, Rule, TooMany};
+use crate::texture::place::Site;
 
 const SVG: &str = "http://www.w3.org/2000/svg";
 const XLINK: &str = "http://www.w3.org/1999/xlink";
+const INKSCAPE: &str = "http://www.inkscape.org/namespaces/inkscape";
 
 /// Most elements that are walked, uses expanded.
 const MAX_VISITS: usize = 2_000_000;
 
-const SHAPES: [&str; 7] = ["rect", "circle", "ellipse", "line", "polyline", "polygon", "path"];
-
 /// What an element inherits.
 #[derive(Clone, Copy)]
-pub(super) struct State {
+pub(super) struct State<'a> {
     /// From the element's units to page mm.
     pub(super) map: Map,
-    pub(super) style: Style,
+    pub(super) style: Style<'a>,
     /// Size of the nearest viewport, which percentages refer to.
     pub(super) port: [f64; 2],
-    /// The frame that a nested viewport would clip at, page mm.
-    pub(super) frame: Option<BoxMm<2>>,
+    /// Index of the area that it is cut at.
+    pub(super) clip: Option<u32>,
+    /// Index of its set of labels.
+    pub(super) labels: u32,
+    /// Factor of widths and dashes of strokes.
+    pub(super) stretch: f64,
     pub(super) depth: usize,
 }
 
+/// What shapes are drawn for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Purpose {
+    /// To be marked.
+    Mark,
+    /// As parts of a clip path: their areas.
+    Clip,
+    /// As parts of a mask: all that they paint, lines as areas too.
+    Mask,
+    /// To find how far they reach.
+    Bounds,
+}
+
 pub(super) struct Walk<'a, 'input> {
-    doc: &'a Document<'input>,
+    pub(super) doc: &'a Document<'input>,
     sheet: Sheet<'a>,
     ids: HashMap<&'a str, NodeId>,
-    tolerance: f64,
+    pub(super) tolerance: f64,
+    pub(super) marking: &'a Marking,
+    /// Width up to which a stroke is a line, mm.
+    pub(super) widest_line: f64,
+    /// Enlargement of the drawing's own units.
+    pub(super) scale: f64,
+    pub(super) purpose: Purpose,
     /// Elements that are being used right now, from the outside in.
-    uses: Vec<NodeId>,
+    pub(super) uses: Vec<NodeId>,
     visits: usize,
     work: Work,
-    /// Number of each element among those of its tag, from 1, and its place in `names`.
+    /// Whether notes are dropped, where an element is drawn again.
+    pub(super) is_quiet: bool,
+    /// Number of each element among those of its tag, from 1, and its place in the names.
     numbers: Vec<u32>,
     named: HashMap<NodeId, u32>,
-    pub(super) names: Vec<String>,
-    pub(super) lines: Lines,
-    pub(super) name_of: Vec<u32>,
+    labelled: HashMap<(u32, NodeId), u32>,
+    pub(super) art: Artwork,
     pub(super) tally: Tally,
 }
 
-type Done = Result<(), Box<Diag>>;
+pub(super) type Done = Result<(), Box<Diag>>;
 
 impl<'a, 'input> Walk<'a, 'input> {
-    pub(super) fn new(doc: &'a Document<'input>, sheet: Sheet<'a>, tolerance: f64) -> Self {
+    pub(super) fn new(
+        doc: &'a Document<'input>,
+        sheet: Sheet<'a>,
+        site: &Site,
+        scale: f64,
+        marking: &'a Marking,
+    ) -> Self {
+        let (tolerance, widest_line) = (site.tolerance, marking.widest_line_mm(site.spot_mm));
         let mut ids = HashMap::new();
         let mut counts: HashMap<&str, u32> = HashMap::new();
         let mut numbers = Vec::new();
@@ -75,22 +105,41 @@ impl<'a, 'input> Walk<'a, 'input> {
                 tally.add(Issue::External, || format!("style {n}"));
             }
         }
-        let (uses, names, lines, name_of) = <_>::default();
-        let (visits, work, named) = <_>::default();
-        Self { doc, sheet, ids, tolerance, uses, visits, work, numbers, named, names, lines, name_of, tally }
+        let art = Artwork { labels: vec![Labels::default()], ..Artwork::default() };
+        let (uses, visits, work, named, labelled) = <_>::default();
+        let (purpose, is_quiet) = (Purpose::Mark, false);
+        Self {
+            doc,
+            sheet,
+            ids,
+            tolerance,
+            marking,
+            widest_line,
+            scale,
+            purpose,
+            uses,
+            visits,
+            work,
+            is_quiet,
+            numbers,
+            named,
+            labelled,
+            art,
+            tally,
+        }
     }
 
     /// Walks the children of the root.
-    pub(super) fn root(&mut self, root: Node<'a, 'input>, state: State) -> Done {
+    pub(super) fn root(&mut self, root: Node<'a, 'input>, state: State<'a>) -> Done {
         let Some(state) = self.enter(root, state)? else { return Ok(()) };
         self.children(root, state)
     }
 
-    fn children(&mut self, node: Node<'a, 'input>, state: State) -> Done {
+    pub(super) fn children(&mut self, node: Node<'a, 'input>, state: State<'a>) -> Done {
         node.children().filter(Node::is_element).try_for_each(|child| self.element(child, state))
     }
 
-    fn element(&mut self, node: Node<'a, 'input>, state: State) -> Done {
+    pub(super) fn element(&mut self, node: Node<'a, 'input>, state: State<'a>) -> Done {
         if !is_svg(node) {
             return Ok(());
         }
@@ -119,7 +168,11 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// The state inside an element; None where nothing of it is drawn.
-    fn enter(&mut self, node: Node<'a, 'input>, mut state: State) -> Result<Option<State>, Box<Diag>> {
+    pub(super) fn enter(
+        &mut self,
+        node: Node<'a, 'input>,
+        mut state: State<'a>,
+    ) -> Result<Option<State<'a>>, Box<Diag>> {
         self.visits += 1;
         state.depth += 1;
         if self.visits > MAX_VISITS {
@@ -138,49 +191,107 @@ impl<'a, 'input> Walk<'a, 'input> {
             return Ok(None);
         }
         state.style = state.style.with(&own, |id| self.ids.contains_key(id));
-        if own.has_any(&["clip-path", "mask", "filter"]) {
-            self.note(Issue::Clip, node);
-        }
-        if let Some(text) = own.get("transform").filter(|t| *t != "none") {
-            // On the root it would turn the page itself.
-            match svgtypes::Transform::from_str(text) {
-                Ok(t) if node.parent_element().is_some() => {
-                    state.map = state.map.after(Map { a: t.a, b: t.b, c: t.c, d: t.d, e: t.e, f: t.f })
-                }
-                _ => self.note(Issue::Transform, node),
-            }
-            if node.has_attribute("transform-origin") {
+        match transform(node, &own) {
+            Some(map) => state.map = state.map.after(map),
+            None => {
                 self.note(Issue::Transform, node);
+                return Ok(None);
             }
         }
         if !state.map.is_regular() {
-            self.note(Issue::Transform, node);
+            self.note(Issue::Flat, node);
             return Ok(None);
         }
-        if SHAPES.contains(&node.tag_name().name()) {
-            self.judge(node, &own, &state.style);
+        let is_effect = own.has_any(&["filter"]) || own.get("mix-blend-mode").is_some_and(|v| v != "normal");
+        if is_effect && self.purpose != Purpose::Bounds {
+            self.note(Issue::Effect, node);
+            return Ok(None);
+        }
+        state.labels = self.labels(node, state.labels);
+        for (name, is_mask) in [("clip-path", false), ("mask", true)] {
+            let Some(value) = own.get(name).filter(|v| !matches!(*v, "" | "none")) else { continue };
+            if self.purpose != Purpose::Bounds && !self.cut(node, value, is_mask, &mut state)? {
+                return Ok(None);
+            }
+        }
+        if SHAPES.contains(&node.tag_name().name()) && self.purpose != Purpose::Bounds {
+            if !self.judge(node, &own, &state.style) {
+                return Ok(None);
+            }
+            if own.get("vector-effect") == Some("non-scaling-stroke") {
+                state = self.unscaled(node, state);
+            }
         }
         Ok(Some(state))
     }
 
-    /// Notes what of a shape's looks is not marked.
-    fn judge(&mut self, node: Node<'a, 'input>, own: &Declared<'_>, style: &Style) {
+    /// What an element without a parent in the tree of what is drawn inherits: the style of its ancestors.
+    pub(super) fn style_of(&mut self, node: Node<'a, 'input>) -> Result<Style<'a>, Box<Diag>> {
+        let mut chain: Vec<_> = node.ancestors().filter(Node::is_element).collect();
+        chain.reverse();
+        let mut style = Style::INITIAL;
+        for node in chain {
+            style = style.with(&self.declared(node)?, |id| self.ids.contains_key(id));
+        }
+        Ok(style)
+    }
+
+    pub(super) fn declared(&mut self, node: Node<'a, 'input>) -> Result<Declared<'a>, Box<Diag>> {
+        Declared::new(node, &self.sheet, &mut self.work)
+    }
+
+    /// The element of an id, unless it is being used right now.
+    pub(super) fn target(&self, id: &str) -> Option<Node<'a, 'input>> {
+        let node = self.ids.get(id).and_then(|&id| self.doc.get_node(id))?;
+        (!self.uses.contains(&node.id())).then_some(node)
+    }
+
+    /// The labels of an element, which has those of what holds it too.
+    fn labels(&mut self, node: Node<'a, 'input>, parent: u32) -> u32 {
+        if !self.marking.chooses() {
+            return parent;
+        }
+        let mut own = Vec::new();
+        if node.attribute((INKSCAPE, "groupmode")) == Some("layer") {
+            own.extend(node.attribute((INKSCAPE, "label")).or(node.attribute("id")).map(|l| format!("layer:{l}")));
+        }
+        own.extend(node.attribute("id").map(|id| format!("id:{id}")));
+        own.extend(node.attribute("class").unwrap_or_default().split_whitespace().map(|c| format!("class:{c}")));
+        if own.is_empty() {
+            return parent;
+        }
+        let labels = &mut self.art.labels;
+        *self.labelled.entry((parent, node.id())).or_insert_with(|| {
+            labels.push(Labels { parent: Some(parent), own });
+            u32::try_from(labels.len() - 1).expect("fewer elements than visits")
+        })
+    }
+
+    /// Notes what of a shape's looks is not marked; answers whether the rest can be.
+    fn judge(&mut self, node: Node<'a, 'input>, own: &Declared<'_>, style: &Style<'a>) -> bool {
         if !style.is_seen() {
-            return self.note(Issue::Hidden, node);
-        }
-        if style.is_served() {
-            self.note(Issue::Paint, node);
-        }
-        if style.is_dashed() {
-            self.note(Issue::Dash, node);
-        }
-        if own.has_any(&["marker", "marker-start", "marker-mid", "marker-end"]) {
+            self.note(Issue::Hidden, node);
+        } else if own.has_any(&["marker", "marker-start", "marker-mid", "marker-end"]) {
             self.note(Issue::Marker, node);
+            return false;
+        } else if style.is_translucent {
+            self.note(Issue::Translucent, node);
         }
+        true
+    }
+
+    /// The state in which strokes have the width that they would have without the element's transforms.
+    fn unscaled(&mut self, node: Node<'a, 'input>, mut state: State<'a>) -> State<'a> {
+        if state.map.is_similar() {
+            state.stretch = self.scale / state.map.enlarges();
+        } else {
+            self.note(Issue::Effect, node);
+        }
+        state
     }
 
     /// Notes an element of a kind that cannot be marked, unless it is hidden anyway.
-    fn unmarked(&mut self, node: Node<'a, 'input>, state: State, issue: Issue) -> Done {
+    fn unmarked(&mut self, node: Node<'a, 'input>, state: State<'a>, issue: Issue) -> Done {
         if self.enter(node, state)?.is_some() {
             self.note(issue, node);
             let link = href(node).unwrap_or_default();
@@ -191,14 +302,13 @@ impl<'a, 'input> Walk<'a, 'input> {
         Ok(())
     }
 
-    fn used(&mut self, node: Node<'a, 'input>, state: State) -> Done {
+    fn used(&mut self, node: Node<'a, 'input>, state: State<'a>) -> Done {
         let Some(mut state) = self.enter(node, state)? else { return Ok(()) };
         let Some(id) = href(node).and_then(|h| h.strip_prefix('#')) else {
             self.note(Issue::External, node);
             return Ok(());
         };
-        let target = self.ids.get(id).and_then(|&id| self.doc.get_node(id));
-        let Some(target) = target.filter(|t| !self.uses.contains(&t.id()) && !node.ancestors().any(|a| a == *t)) else {
+        let Some(target) = self.target(id).filter(|t| !node.ancestors().any(|a| a == *t)) else {
             self.note(Issue::Use, node);
             return Ok(());
         };
@@ -224,7 +334,7 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// Draws the children of a nested drawing or a symbol.
-    fn viewport(&mut self, node: Node<'a, 'input>, size: [f64; 2], mut state: State) -> Done {
+    fn viewport(&mut self, node: Node<'a, 'input>, size: [f64; 2], mut state: State<'a>) -> Done {
         if !(size[0] > 0.0 && size[1] > 0.0) {
             self.note(Issue::Dot, node);
             return Ok(());
@@ -233,9 +343,8 @@ impl<'a, 'input> Walk<'a, 'input> {
             let corner = [self.length(node, "x", 0, state), self.length(node, "y", 1, state)];
             state.map = state.map.after(Map::shift(corner));
         }
+        let overflow = self.declared(node)?.get("overflow");
         let corners = [[0.0, 0.0], [size[0], 0.0], size, [0.0, size[1]]].map(|c| state.map.at(c));
-        let clips = !matches!(node.attribute("overflow"), Some("visible" | "auto"));
-        state.frame = clips.then(|| BoxMm::of(corners));
         state.port = size;
         match page::view_box(node) {
             Ok(Some(view)) => {
@@ -248,80 +357,64 @@ impl<'a, 'input> Walk<'a, 'input> {
                 return Ok(());
             }
         }
-        self.children(node, state)
+        let first = self.art.shapes.len();
+        self.children(node, state)?;
+        if matches!(overflow, Some("visible" | "auto")) { Ok(()) } else { self.frame(corners, first, node) }
     }
 
-    fn shape(&mut self, node: Node<'a, 'input>, tag: &str, state: State) -> Done {
-        let Some(state) = self.enter(node, state)? else { return Ok(()) };
-        if !state.style.is_seen() {
-            return Ok(());
+    /// Cuts the shapes from `first` on at a frame with these corners, page mm.
+    fn frame(&mut self, corners: [[f64; 2]; 4], first: usize, node: Node<'a, 'input>) -> Done {
+        let mut made: HashMap<Option<u32>, u32> = HashMap::new();
+        let quadrangle = Quadrangle::new(corners);
+        for i in first..self.art.shapes.len() {
+            let shape = &self.art.shapes[i];
+            let mut lines = shape.lines.clone().map(|k| self.art.lines.get(k));
+            if lines.all(|line| line.iter().all(|&p| quadrangle.holds(p, self.tolerance))) {
+                continue;
+            }
+            let outer = shape.clip;
+            let clip = match made.get(&outer) {
+                Some(&clip) => clip,
+                None => self.clip(outer, quadrangle.area(), node)?,
+            };
+            made.insert(outer, clip);
+            self.art.shapes[i].clip = Some(clip);
         }
-        let first = self.lines.len();
-        let mut lines = std::mem::take(&mut self.lines);
-        let mut out = Outline::new(state.map, self.tolerance, &mut lines);
-        let whole = self.draw(node, tag, state, &mut out);
-        let ended = out.end();
-        self.lines = lines;
-        if !whole {
-            self.note(Issue::Fault, node);
-        }
-        let dropped = ended.map_err(|stop| Box::new(self.stopped(stop, node)))?;
-        if dropped.dots {
-            self.note(Issue::Dot, node);
-        }
-        if dropped.hairlines {
-            self.note(Issue::Hairline, node);
-        }
-        let overhangs = |BoxMm { lo, hi }: BoxMm<2>| {
-            let t = self.tolerance;
-            let out = |p: &[f64; 2]| (0..2).any(|k| p[k] < lo[k] - t || p[k] > hi[k] + t);
-            (first..self.lines.len()).any(|i| self.lines.get(i).iter().any(out))
-        };
-        if state.frame.is_some_and(overhangs) {
-            self.note(Issue::Clip, node);
-        }
-        let name = self.name(node);
-        self.name_of.resize(self.lines.len(), name);
         Ok(())
     }
 
-    /// Draws a shape; answers whether its description was faultless.
-    fn draw(&mut self, node: Node<'a, 'input>, tag: &str, state: State, out: &mut Outline<'_>) -> bool {
-        let text = |name: &str| node.attribute(name).unwrap_or_default();
-        let mut get = |name: &str, axis: usize| self.length(node, name, axis, state);
-        match tag {
-            "path" => return path::path(text("d"), out),
-            "polyline" => return path::points(text("points"), false, out),
-            "polygon" => return path::points(text("points"), true, out),
-            "line" => {
-                out.move_to([get("x1", 0), get("y1", 1)]);
-                out.line_to([get("x2", 0), get("y2", 1)]);
-            }
-            "rect" => {
-                let (p, size) = ([get("x", 0), get("y", 1)], [get("width", 0), get("height", 1)]);
-                let radii = radii(node, size, &mut get);
-                rect(p, size, radii, out);
-            }
-            "circle" => {
-                let r = get("r", 2);
-                ellipse([get("cx", 0), get("cy", 1)], [r, r], out);
-            }
-            _ => {
-                let centre = [get("cx", 0), get("cy", 1)];
-                let radii = radii(node, [f64::INFINITY; 2], &mut get);
-                ellipse(centre, radii, out);
-            }
-        }
-        true
+    /// Notes an area that shapes are cut at, within an outer one; answers with its index.
+    pub(super) fn clip(&mut self, outer: Option<u32>, area: Area, node: Node<'a, 'input>) -> Result<u32, Box<Diag>> {
+        let area = match outer {
+            None => Ok(area),
+            Some(outer) => area.within(&self.art.clips[outer as usize]),
+        };
+        self.art.clips.push(area.map_err(|TooMany| self.tangled(node))?);
+        Ok(u32::try_from(self.art.clips.len() - 1).expect("fewer clips than visits"))
+    }
+
+    pub(super) fn tangled(&self, node: Node<'a, 'input>) -> Box<Diag> {
+        let text = format!("the area of {} has contours that cross each other too often", self.called(node));
+        Diag::limit("texture-crossings", text).hint("simplify it in the drawing program").into()
     }
 
     /// A length in user units; 0 where it is not given or faulty. Axis 0 is x, 1 is y, 2 neither.
-    fn length(&mut self, node: Node<'a, 'input>, name: &str, axis: usize, state: State) -> f64 {
-        let Some(text) = node.attribute(name) else { return 0.0 };
-        let Some(length) = Length::from_str(text.trim()).ok().filter(|l| l.number.is_finite()) else {
-            self.note(Issue::Fault, node);
-            return 0.0;
-        };
+    pub(super) fn length(&mut self, node: Node<'a, 'input>, name: &str, axis: usize, state: State<'a>) -> f64 {
+        node.attribute(name).and_then(|text| self.parsed(node, text, axis, state)).unwrap_or(0.0)
+    }
+
+    /// As [`Walk::length`], of a text; None where it is faulty.
+    pub(super) fn parsed(&mut self, node: Node<'a, 'input>, text: &str, axis: usize, state: State<'a>) -> Option<f64> {
+        match Length::from_str(text.trim()).ok().filter(|l| l.number.is_finite()) {
+            Some(length) => Some(self.resolved(node, length, axis, state)),
+            None => {
+                self.note(Issue::Fault, node);
+                None
+            }
+        }
+    }
+
+    pub(super) fn resolved(&mut self, node: Node<'a, 'input>, length: Length, axis: usize, state: State<'a>) -> f64 {
         if matches!(length.unit, LengthUnit::Em | LengthUnit::Ex) {
             self.note(Issue::Unit, node);
         }
@@ -331,14 +424,14 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// A side of a nested viewport: that of the outer one unless it says otherwise.
-    fn side(&mut self, node: Node<'a, 'input>, name: &str, axis: usize, state: State) -> f64 {
+    fn side(&mut self, node: Node<'a, 'input>, name: &str, axis: usize, state: State<'a>) -> f64 {
         match node.attribute(name) {
             None | Some("auto") => state.port[axis],
             Some(_) => self.length(node, name, axis, state),
         }
     }
 
-    fn stopped(&self, stop: Stop, node: Node<'a, 'input>) -> Diag {
+    pub(super) fn stopped(&self, stop: Stop, node: Node<'a, 'input>) -> Diag {
         let name = self.called(node);
         match stop {
             Stop::Far => Diag::input("texture-far", format!("{name} reaches beyond any part"))
@@ -350,23 +443,33 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
     }
 
-    fn note(&mut self, issue: Issue, node: Node<'a, 'input>) {
-        let name = || called(node, &self.numbers);
-        self.tally.add(issue, name);
+    pub(super) fn note(&mut self, issue: Issue, node: Node<'a, 'input>) {
+        if !self.is_quiet {
+            self.tally.add(issue, || called(node, &self.numbers));
+        }
     }
 
-    fn called(&self, node: Node<'a, 'input>) -> String {
+    pub(super) fn called(&self, node: Node<'a, 'input>) -> String {
         called(node, &self.numbers)
     }
 
     /// The place of the element's name among the names.
-    fn name(&mut self, node: Node<'a, 'input>) -> u32 {
-        let next = u32::try_from(self.names.len()).expect("fewer elements than visits");
+    pub(super) fn name(&mut self, node: Node<'a, 'input>) -> u32 {
+        let names = &mut self.art.names;
         *self.named.entry(node.id()).or_insert_with(|| {
-            self.names.push(called(node, &self.numbers));
-            next
+            names.push(called(node, &self.numbers));
+            u32::try_from(names.len() - 1).expect("fewer elements than visits")
         })
     }
+}
+
+/// The transform of an element; None where it is faulty, or of a kind that is not read.
+pub(super) fn transform(node: Node<'_, '_>, own: &Declared<'_>) -> Option<Map> {
+    let Some(text) = own.get("transform").filter(|t| *t != "none") else { return Some(Map::shift([0.0; 2])) };
+    // On the root it would turn the page itself.
+    let is_plain = node.parent_element().is_some() && own.get("transform-origin").is_none();
+    let t = svgtypes::Transform::from_str(text).ok().filter(|_| is_plain)?;
+    Some(Map { a: t.a, b: t.b, c: t.c, d: t.d, e: t.e, f: t.f })
 }
 
 /// The id of an element, or its tag and number, from 1, among all of its tag.
@@ -388,7 +491,7 @@ pub(super) fn style_text<'a>(node: Node<'a, '_>) -> Option<&'a str> {
 }
 
 /// What an element refers to; `href` wins over `xlink:href`.
-fn href<'a>(node: Node<'a, '_>) -> Option<&'a str> {
+pub(super) fn href<'a>(node: Node<'a, '_>) -> Option<&'a str> {
     let named = |ns: Option<&str>| node.attributes().find(|a| a.name() == "href" && a.namespace() == ns);
     named(None).or_else(|| named(Some(XLINK))).map(|a| a.value().trim())
 }
@@ -404,38 +507,26 @@ fn chosen<'a, 'input>(switch: Node<'a, 'input>) -> Option<Node<'a, 'input>> {
     })
 }
 
-/// Radii of a rectangle's corners or of an ellipse: one that is not given equals the other.
-fn radii(node: Node<'_, '_>, size: [f64; 2], get: &mut impl FnMut(&str, usize) -> f64) -> [f64; 2] {
-    let given = |name: &str| node.attribute(name).is_some_and(|t| t.trim() != "auto");
-    let [rx, ry] = match [given("rx"), given("ry")] {
-        [true, true] => [get("rx", 0), get("ry", 1)],
-        [true, false] => [get("rx", 0); 2],
-        [false, true] => [get("ry", 1); 2],
-        [false, false] => [0.0; 2],
-    };
-    [rx.clamp(0.0, (size[0] / 2.0).max(0.0)), ry.clamp(0.0, (size[1] / 2.0).max(0.0))]
-}
+/// A convex figure of four sides, page mm.
+struct Quadrangle([[f64; 2]; 4]);
 
-fn rect([x, y]: [f64; 2], [w, h]: [f64; 2], [rx, ry]: [f64; 2], out: &mut Outline<'_>) {
-    if !(w > 0.0 && h > 0.0) {
-        return out.dot();
+impl Quadrangle {
+    fn new(corners: [[f64; 2]; 4]) -> Self {
+        Self(corners)
     }
-    out.move_to([x + rx, y]);
-    let sides = [
-        ([x + w - rx, y], [x + w, y + ry]),
-        ([x + w, y + h - ry], [x + w - rx, y + h]),
-        ([x + rx, y + h], [x, y + h - ry]),
-        ([x, y + ry], [x + rx, y]),
-    ];
-    for (line_end, arc_end) in sides {
-        if line_end != out.at() {
-            out.line_to(line_end);
-        }
-        out.arc_to([rx, ry], 0.0, false, true, arc_end);
-    }
-    out.close();
-}
 
-fn ellipse(centre: [f64; 2], [rx, ry]: [f64; 2], out: &mut Outline<'_>) {
-    if rx > 0.0 && ry > 0.0 { out.ellipse(centre, rx, ry) } else { out.dot() }
+    /// Whether a point lies in it, or at most `by` outside.
+    fn holds(&self, p: [f64; 2], by: f64) -> bool {
+        let side = |k: usize| {
+            let (a, b) = (self.0[k], self.0[(k + 1) % 4]);
+            let d = [b[0] - a[0], b[1] - a[1]];
+            (d[0] * (p[1] - a[1]) - d[1] * (p[0] - a[0])) / d[0].hypot(d[1])
+        };
+        let sides = [0, 1, 2, 3].map(side);
+        sides.iter().all(|&s| s >= -by) || sides.iter().all(|&s| s <= by)
+    }
+
+    fn area(&self) -> Area {
+        Area::new([self.0.as_slice()].into_iter(), Rule::NonZero).expect("four edges")
+    }
 }

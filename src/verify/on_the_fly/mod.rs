@@ -133,7 +133,7 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Pr
     check_program(name, program, &chain, &manifest, &pens, &mut findings);
     let (shape, box_mm) = job_facts::shape(&job)?;
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
-    let texture = job_facts::texture(&job, PassId(0), box_mm)?;
+    let texture = job_facts::texture(&job, &facts.machine, PassId(0), box_mm)?;
     check_marks(name, program, &chain, &manifest, (&facts, &texture, &geometry), &mut findings);
     agree::summary(&manifest, program, &chain, &findings.lengths, &mut findings.summary);
     Ok(findings.into_proof())

@@ -342,7 +342,8 @@ mod tests {
         let kind = Kind::Contour { pitch_mm: 1.0, phase: 0.0 };
         let area = texture::Area::Rectangle(BoxMm::rectangle(0.0, 0.0, 50.0, 40.0));
         let request = Request { kind, area, tolerance_mm: 0.001, pen: PenId(0) };
-        let mut texture = Texture::load(&[request], BoxMm::of([[0.0; 2]]), 0.2, &mut Vec::new()).expect("an area");
+        let mut texture =
+            Texture::load(&[request], BoxMm::of([[0.0; 2]]), 0.2, 0.05, &mut Vec::new()).expect("an area");
         let grid = Sections::over(texture.bounds(), [Nm(20 * MM), Nm(30 * MM)], Nm(100), [Nm(0); 2]);
         assert_eq!(grid.count, [3, 2]);
         let directions = Directions { grid, hundredths: hundredths.to_vec() };

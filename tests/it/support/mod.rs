@@ -9,6 +9,7 @@ pub mod surfaces;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use terrace::texture::{FillMode, Marking, StrokeMode};
 
 use serde_json::Value;
 use tempfile::TempDir;
@@ -38,6 +39,11 @@ pub fn seeds(usual: std::ops::Range<u64>) -> std::ops::Range<u64> {
 /// A file of `fixtures`.
 pub fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
+}
+
+/// Every line and every contour of a drawing, without hatch; what cannot be reproduced is left out.
+pub fn outlines() -> Box<Marking> {
+    Box::new(Marking { stroke: StrokeMode::Centre, fill: FillMode::Outline, is_lenient: true, ..Marking::default() })
 }
 
 /// Runs the program, which leaves its output to the system: what is flushed when is for `cli` and `batch` to test.

@@ -1,0 +1,73 @@
+//! Which shapes of a drawing exist, and which pen marks them.
+
+use std::collections::BTreeSet;
+
+use super::{Artwork, Marking, Selector, Shape, WHITE};
+use crate::diag::Diag;
+use crate::program::PenId;
+
+/// Most colours or labels that a message lists.
+const MAX_LISTED: usize = 24;
+
+/// What a shape is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Class {
+    /// It does not exist.
+    Skip,
+    /// Painted like the page.
+    Page,
+    /// It is marked by this pen, or by that of the texture.
+    Pen(Option<PenId>),
+}
+
+/// The class of each shape.
+///
+/// # Errors
+/// `texture-pens` where a selector chooses nothing, or two give one shape different pens.
+pub(super) fn classes(art: &Artwork, marking: &Marking) -> Result<Vec<Class>, Box<Diag>> {
+    let holds = |s: &Selector, shape: &Shape| match s {
+        Selector::Colour(c) => *c == shape.colour,
+        Selector::Label(label) => art.labels(shape.labels).any(|l| l == label),
+    };
+    let named =
+        [("pens", marking.pens.iter().map(|(s, _)| s).collect()), ("only", marking.only.iter().collect::<Vec<_>>())];
+    for (key, selectors) in named.into_iter().chain([("except", marking.except.iter().collect())]) {
+        if let Some(s) = selectors.into_iter().find(|s| !art.shapes.iter().any(|shape| holds(s, shape))) {
+            let text = format!("{key} names {s}, and the drawing holds no such thing");
+            return Err(Diag::input("texture-pens", text).hint(format!("the drawing holds {}", held(art))).into());
+        }
+    }
+    let class = |shape: &Shape| {
+        let any = |selectors: &[Selector]| selectors.iter().any(|s| holds(s, shape));
+        if (!marking.only.is_empty() && !any(&marking.only)) || any(&marking.except) {
+            return Ok(Class::Skip);
+        }
+        let mut pens = marking.pens.iter().filter(|(s, _)| holds(s, shape));
+        let Some((first, pen)) = pens.next() else {
+            return Ok(if shape.colour == WHITE { Class::Page } else { Class::Pen(None) });
+        };
+        if let Some((second, _)) = pens.find(|(_, other)| other != pen) {
+            let element = &art.names[shape.name as usize];
+            let text = format!("pens gives {element} two pens: by {first} and by {second}");
+            return Err(Diag::input("texture-pens", text)
+                .hint("name what tells them apart, or use two textures with only and except")
+                .into());
+        }
+        Ok(Class::Pen(Some(*pen)))
+    };
+    art.shapes.iter().map(class).collect()
+}
+
+/// The colours and labels of a drawing, for a message.
+fn held(art: &Artwork) -> String {
+    let colours: BTreeSet<String> = art.shapes.iter().map(|s| Selector::Colour(s.colour).to_string()).collect();
+    let labels: BTreeSet<&String> = art.shapes.iter().flat_map(|s| art.labels(s.labels)).collect();
+    let layers = labels.iter().filter(|l| l.starts_with("layer:"));
+    let others = labels.iter().filter(|l| !l.starts_with("layer:"));
+    let all: Vec<&str> = colours.iter().map(String::as_str).chain(layers.chain(others).map(|l| l.as_str())).collect();
+    match all.len() {
+        0 => "no shapes".to_owned(),
+        n if n > MAX_LISTED => format!("{} and {} more", all[..MAX_LISTED].join(", "), n - MAX_LISTED),
+        _ => all.join(", "),
+    }
+}

@@ -1,0 +1,144 @@
+//! How the lines and areas of a drawing are marked.
+
+use std::str::FromStr;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use svgtypes::Color;
+
+use super::{Colour, Hatch};
+use crate::program::PenId;
+
+/// How strokes of a drawing are marked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum StrokeMode {
+    /// As it looks: strokes wider than one and a half spots are hatched, thinner ones marked along their centre.
+    #[default]
+    Shown,
+    /// Along their centre.
+    Centre,
+    /// Along the border of the area that they cover.
+    Outline,
+    /// As areas.
+    Hatch,
+}
+
+/// How areas of a drawing are marked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum FillMode {
+    /// By parallel lines.
+    #[default]
+    Hatch,
+    /// By rings along their contours, from outside in.
+    Rings,
+    /// Along their contours.
+    Outline,
+    /// Not at all; they hide what lies below all the same.
+    None,
+}
+
+/// When the contour of a hatched area is marked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ContourPass {
+    /// Never.
+    #[default]
+    None,
+    /// Before its hatch.
+    Before,
+    /// After its hatch.
+    After,
+}
+
+/// What chooses shapes of a drawing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Selector {
+    /// Those of a colour, red, green, blue.
+    Colour([u8; 3]),
+    /// Those with a label, such as `layer:Grain`.
+    Label(String),
+}
+
+impl Selector {
+    /// What a colour (`#ff0000`, `red`) or a label with its kind (`layer:Grain`) chooses.
+    pub fn parse(name: &str) -> Option<Self> {
+        let is_label =
+            ["layer:", "id:", "class:", "block:"].iter().any(|kind| name.len() > kind.len() && name.starts_with(kind));
+        if is_label {
+            return Some(Self::Label(name.to_owned()));
+        }
+        Color::from_str(name).ok().filter(|c| c.alpha == 255).map(|c| Self::Colour([c.red, c.green, c.blue]))
+    }
+}
+
+impl std::fmt::Display for Selector {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Colour([r, g, b]) => write!(f, "#{r:02x}{g:02x}{b:02x}"),
+            Self::Label(label) => f.write_str(label),
+        }
+    }
+}
+
+/// How a drawing is marked.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Marking {
+    /// Lines.
+    pub stroke: StrokeMode,
+    /// Areas.
+    pub fill: FillMode,
+    /// Distance of the lines that fill areas, mm; None for half a spot.
+    pub pitch_mm: Option<f64>,
+    /// Direction of these lines in the part frame.
+    pub direction_rad: f64,
+    /// Whether a second set of lines crosses the first at a right angle.
+    pub cross: bool,
+    /// Whether all lines have one direction.
+    pub one_way: bool,
+    /// Distance of these lines from the border of the area, mm; None for half a spot.
+    pub inset_mm: Option<f64>,
+    /// When the contour of a hatched area is marked.
+    pub contour: ContourPass,
+    /// Whether elements that cannot be reproduced are left out with a warning instead of refused.
+    pub is_lenient: bool,
+    /// Pens of colours and labels; all else takes the pen of the texture.
+    pub pens: Vec<(Selector, PenId)>,
+    /// Where not empty, only these exist.
+    pub only: Vec<Selector>,
+    /// These do not exist.
+    pub except: Vec<Selector>,
+}
+
+/// Strokes wider than this are areas, in spots.
+const WIDEST_LINE: f64 = 1.5;
+
+impl Marking {
+    /// Width up to which a stroke is a line, mm.
+    pub(in crate::texture) fn widest_line_mm(&self, spot_mm: f64) -> f64 {
+        WIDEST_LINE * spot_mm
+    }
+
+    /// The hatch of areas on a page that is turned by `page_rad`.
+    pub(super) fn hatch(&self, spot_mm: f64, page_rad: f64) -> Hatch {
+        Hatch {
+            pitch_mm: self.pitch_mm.unwrap_or(spot_mm / 2.0),
+            direction_rad: self.direction_rad - page_rad,
+            cross: self.cross,
+            one_way: self.one_way,
+            inset_mm: self.inset_mm.unwrap_or(spot_mm / 2.0),
+            contour: self.contour,
+        }
+    }
+
+    /// Whether a colour has a pen of its own.
+    pub(in crate::texture) fn names(&self, colour: Colour) -> bool {
+        self.pens.iter().any(|(selector, _)| *selector == Selector::Colour(colour))
+    }
+
+    /// Whether it tells shapes apart.
+    pub(in crate::texture) fn chooses(&self) -> bool {
+        !(self.pens.is_empty() && self.only.is_empty() && self.except.is_empty())
+    }
+}

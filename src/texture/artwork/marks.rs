@@ -1,0 +1,364 @@
+//! From a drawing to the lines that are marked: what is seen of each shape, filled or outlined, with its pen.
+//!
+//! A shape is seen where no later shape lies over it. Areas of one pen that touch or overlap are one area, so that no
+//! place is hatched twice. White areas are the page: they hide, and are not marked.
+
+use std::borrow::Cow;
+use std::collections::BTreeSet;
+
+use rstar::primitives::{GeomWithData, Rectangle};
+use rstar::{AABB, RTree};
+
+use super::area::{Area, TooMany};
+use super::choice::{Class, classes};
+use super::cut::{Cutter, Keep};
+use super::hatch::{Hatch, TooFine};
+use super::{Artwork, Figure, FillMode, Marking, Shape, StrokeMode};
+use crate::diag::Diag;
+use crate::geom::BoxMm;
+use crate::parallel;
+use crate::program::PenId;
+use crate::texture::clip::{Lines, clip, clip_contour, is_closed, is_inside};
+
+/// Most edges of covering areas that are looked at, counted again for each shape that they may cover.
+const MAX_COVERED: usize = 100_000_000;
+
+/// The lines of a drawing that are marked.
+#[derive(Debug)]
+pub(in crate::texture) struct Page {
+    /// Width and height, mm.
+    pub(in crate::texture) size: [f64; 2],
+    /// As [`Artwork::corner`].
+    pub(in crate::texture) corner: Option<[f64; 2]>,
+    /// In page mm.
+    pub(in crate::texture) lines: Lines,
+    /// Per line, the index of its element's name.
+    pub(in crate::texture) name_of: Vec<u32>,
+    /// Per line, its pen; None for the pen of the texture.
+    pub(in crate::texture) pen_of: Vec<Option<PenId>>,
+    /// Names of elements.
+    pub(in crate::texture) names: Vec<String>,
+}
+
+/// What is done with a shape.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum How {
+    Line,
+    Hatch,
+    Rings,
+    /// The contours of an area as lines.
+    Outline,
+    /// It hides what lies below, and is not marked.
+    Hide,
+    /// It does not exist.
+    Skip,
+}
+
+/// A shape with what became of it.
+struct Seen<'a> {
+    shape: &'a Shape,
+    how: How,
+    pen: Option<PenId>,
+    /// Of shapes that have one; cut at its clip.
+    area: Area,
+    bounds: BoxMm<2>,
+}
+
+/// Lines of one pen and name.
+struct Made {
+    name: u32,
+    pen: Option<PenId>,
+    lines: Lines,
+    /// Polygons that no line fits into.
+    thin: usize,
+}
+
+/// The lines of a drawing on a page that is turned by `page_rad`.
+///
+/// # Errors
+/// `texture-pens`, `texture-crossings`, `texture-overlap`, `texture-large`.
+pub(in crate::texture) fn marks(
+    art: &Artwork,
+    marking: &Marking,
+    spot_mm: f64,
+    page_rad: f64,
+    notes: &mut Vec<Diag>,
+) -> Result<Page, Box<Diag>> {
+    let hatch = marking.hatch(spot_mm, page_rad);
+    let classes = classes(art, marking)?;
+    let seen: Result<Vec<Seen<'_>>, _> =
+        parallel::map(art.shapes.len(), |i| Seen::new(art, i, classes[i], marking)).into_iter().collect();
+    let seen = seen?;
+    let index = Index::new(&seen);
+    let covered = covers(&index, &seen)?;
+    let groups = groups(&index, &seen);
+    let made = parallel::map(groups.len(), |g| {
+        let members = &groups[g];
+        let first = &seen[members[0]];
+        let of = || match first.how {
+            How::Line | How::Outline => Ok(lines(art, &seen, members[0], &covered)?),
+            _ => filled(&seen, members, &covered, &hatch),
+        };
+        of().map_err(|fault: Fault| fault.diag(&art.names[first.shape.name as usize]))
+    });
+    let mut page = Page {
+        size: art.size,
+        corner: art.corner,
+        lines: Lines::default(),
+        name_of: Vec::new(),
+        pen_of: Vec::new(),
+        names: art.names.clone(),
+    };
+    let mut thin: Option<(usize, u32)> = None;
+    for made in made {
+        let Made { name, pen, lines, thin: n } = made?;
+        lines.iter().for_each(|line| page.lines.push(line));
+        page.name_of.resize(page.lines.len(), name);
+        page.pen_of.resize(page.lines.len(), pen);
+        if n > 0 {
+            thin = Some(thin.map_or((n, name), |(all, name)| (all + n, name)));
+        }
+    }
+    if let Some((n, name)) = thin {
+        let text = format!(
+            "areas thinner than twice the inset of the hatch hold no line and are not marked ({n}, first {})",
+            art.names[name as usize]
+        );
+        notes.push(Diag::warning("texture-thin", text).hint("lower inset, draw them wider, or ignore this"));
+    }
+    Ok(page)
+}
+
+/// Why a shape cannot be marked.
+enum Fault {
+    Crossings,
+    Fine,
+}
+
+impl From<TooMany> for Fault {
+    fn from(_: TooMany) -> Self {
+        Self::Crossings
+    }
+}
+
+impl From<TooFine> for Fault {
+    fn from(_: TooFine) -> Self {
+        Self::Fine
+    }
+}
+
+impl Fault {
+    fn diag(self, element: &str) -> Box<Diag> {
+        Box::new(match self {
+            Self::Crossings => {
+                let text = format!("the area of {element} has contours that cross each other too often (400000 times)");
+                Diag::limit("texture-crossings", text)
+                    .hint("simplify it in the drawing program, or mark it with fill = \"outline\"")
+            }
+            Self::Fine => {
+                let text = format!("the hatch of {element} has more than 20 million lines");
+                Diag::limit("texture-large", text).hint("use a larger pitch")
+            }
+        })
+    }
+}
+
+impl<'a> Seen<'a> {
+    fn new(art: &'a Artwork, i: usize, class: Class, marking: &Marking) -> Result<Self, Box<Diag>> {
+        let shape = &art.shapes[i];
+        let (mut how, pen) = match class {
+            Class::Skip => (How::Skip, None),
+            Class::Page => (if shape.figure == Figure::Lines { How::Skip } else { How::Hide }, None),
+            Class::Pen(pen) => (how(&shape.figure, marking), pen),
+        };
+        let mut seen = Self { shape, how, pen, area: Area::default(), bounds: BoxMm::EMPTY };
+        if how == How::Skip {
+            return Ok(seen);
+        }
+        let contours = || shape.lines.clone().map(|k| art.lines.get(k));
+        let rule = match shape.figure {
+            Figure::Lines => None,
+            Figure::Fill(rule) => Some(rule),
+            Figure::Stroke => Some(super::Rule::NonZero),
+        };
+        if let Some(rule) = rule {
+            let page = BoxMm { lo: [0.0; 2], hi: art.size };
+            let on_page = |c| if is_inside(c, page) { Cow::Borrowed(c) } else { Cow::Owned(clip_contour(c, page)) };
+            let contours: Vec<Cow<'_, [[f64; 2]]>> = contours().map(on_page).collect();
+            let clipped = || {
+                let area = Area::new(contours.iter().map(|c| &**c), rule)?;
+                shape.clip.map_or(Ok(area.clone()), |clip| area.within(&art.clips[clip as usize]))
+            };
+            seen.area = clipped().map_err(|TooMany| Fault::Crossings.diag(&art.names[shape.name as usize]))?;
+        }
+        seen.bounds = BoxMm::of(contours().flatten().copied());
+        // The line of a stroke stands for the contour of its area.
+        let has_line = |next: &Shape| next.name == shape.name && !matches!(next.figure, Figure::Fill(_));
+        if how == How::Outline && matches!(shape.figure, Figure::Fill(_)) && art.shapes.get(i + 1).is_some_and(has_line)
+        {
+            how = How::Hide;
+        }
+        seen.how = how;
+        Ok(seen)
+    }
+
+    fn is_area(&self) -> bool {
+        !self.area.is_empty()
+    }
+
+    fn is_filled(&self) -> bool {
+        matches!(self.how, How::Hatch | How::Rings)
+    }
+
+    /// Whether both are parts of one filled area.
+    fn is_one_with(&self, other: &Self) -> bool {
+        self.is_filled() && self.how == other.how && self.pen == other.pen
+    }
+}
+
+fn how(figure: &Figure, marking: &Marking) -> How {
+    match (figure, marking.fill, marking.stroke) {
+        (Figure::Lines, ..) => How::Line,
+        (Figure::Stroke, _, StrokeMode::Outline) | (Figure::Fill(_), FillMode::Outline, _) => How::Outline,
+        (_, FillMode::Rings, _) => How::Rings,
+        (Figure::Fill(_), FillMode::None, _) => How::Hide,
+        _ => How::Hatch,
+    }
+}
+
+type Entry = GeomWithData<Rectangle<[f64; 2]>, usize>;
+
+/// The areas by their boxes.
+struct Index(RTree<Entry>);
+
+impl Index {
+    fn new(seen: &[Seen<'_>]) -> Self {
+        let areas = seen.iter().enumerate().filter(|(_, s)| s.is_area());
+        let entry = |(i, s): (usize, &Seen<'_>)| {
+            let BoxMm { lo, hi } = s.area.bounds();
+            Entry::new(Rectangle::from_corners(lo, hi), i)
+        };
+        Self(RTree::bulk_load(areas.map(entry).collect()))
+    }
+
+    /// The areas whose boxes meet a box, in the order of painting.
+    fn near(&self, bounds: BoxMm<2>) -> BTreeSet<usize> {
+        let envelope = AABB::from_corners(bounds.lo, bounds.hi);
+        self.0.locate_in_envelope_intersecting(&envelope).map(|e| e.data).collect()
+    }
+}
+
+/// For each shape the areas that may hide some of it.
+fn covers(index: &Index, seen: &[Seen<'_>]) -> Result<Vec<Vec<usize>>, Box<Diag>> {
+    let mut work = 0;
+    let of = |(i, s): (usize, &Seen<'_>)| {
+        if matches!(s.how, How::Skip | How::Hide) {
+            return Ok(Vec::new());
+        }
+        let above = index.near(s.bounds).split_off(&(i + 1));
+        let covers: Vec<usize> = above.into_iter().filter(|&j| !s.is_one_with(&seen[j])).collect();
+        work += covers.iter().map(|&j| seen[j].area.edge_count()).sum::<usize>();
+        if work > MAX_COVERED {
+            let text = "too many shapes of the drawing lie over others";
+            return Err(Box::new(
+                Diag::limit("texture-overlap", text)
+                    .hint("remove what is hidden in the drawing program (Path, Difference), or split the drawing"),
+            ));
+        }
+        Ok(covers)
+    };
+    seen.iter().enumerate().map(of).collect()
+}
+
+/// Shapes that are marked together, in the order of painting of their first: areas that are one, and single lines.
+fn groups(index: &Index, seen: &[Seen<'_>]) -> Vec<Vec<usize>> {
+    let mut out = Vec::new();
+    let mut is_taken = vec![false; seen.len()];
+    for (i, s) in seen.iter().enumerate() {
+        let is_marked = !matches!(s.how, How::Skip | How::Hide) && (!s.is_filled() || s.is_area());
+        if !is_marked || std::mem::replace(&mut is_taken[i], true) {
+            continue;
+        }
+        let mut group = vec![i];
+        let mut done = 0;
+        while s.is_filled() && done < group.len() {
+            for j in index.near(seen[group[done]].bounds) {
+                if !is_taken[j] && s.is_one_with(&seen[j]) {
+                    is_taken[j] = true;
+                    group.push(j);
+                }
+            }
+            done += 1;
+        }
+        group.sort_unstable();
+        out.push(group);
+    }
+    out
+}
+
+/// What is seen of a shape's lines, or of the contours of an area that is outlined.
+fn lines(art: &Artwork, seen: &[Seen<'_>], i: usize, covered: &[Vec<usize>]) -> Result<Made, TooMany> {
+    let Seen { shape, how, pen, .. } = &seen[i];
+    let cutter = shape.clip.map(|clip| Cutter::new(&art.clips[clip as usize]));
+    let hidden = match covered[i].as_slice() {
+        [] => None,
+        above => Some(Cutter::new(&Area::union(above.iter().map(|&j| &seen[j].area))?)),
+    };
+    let mut made = Made { name: shape.name, pen: *pen, lines: Lines::default(), thin: 0 };
+    let page = BoxMm { lo: [0.0; 2], hi: art.size };
+    let (mut on_page, mut clipped) = (Lines::default(), Lines::default());
+    for k in shape.lines.clone() {
+        let line = art.lines.get(k);
+        let line = match how {
+            How::Outline if !is_closed(line) => {
+                let mut ring = line.to_vec();
+                ring.extend(line.first());
+                Cow::Owned(ring)
+            }
+            _ => Cow::Borrowed(line),
+        };
+        on_page.clear();
+        clip(&line, page, &mut on_page);
+        clipped.clear();
+        let whole = match &cutter {
+            Some(cutter) => {
+                on_page.iter().for_each(|piece| cutter.cut(piece, Keep::Inside, &mut clipped));
+                &clipped
+            }
+            None => &on_page,
+        };
+        for piece in whole.iter() {
+            match &hidden {
+                Some(hidden) => hidden.cut(piece, Keep::Outside, &mut made.lines),
+                None => made.lines.push(piece),
+            }
+        }
+    }
+    Ok(made)
+}
+
+/// The lines that fill what is seen of areas that are one.
+fn filled(seen: &[Seen<'_>], group: &[usize], covered: &[Vec<usize>], hatch: &Hatch) -> Result<Made, Fault> {
+    let first = &seen[group[0]];
+    let mut parts = Vec::new();
+    for &i in group {
+        let area = match covered[i].as_slice() {
+            [] => seen[i].area.clone(),
+            above => seen[i].area.without(&Area::union(above.iter().map(|&j| &seen[j].area))?)?,
+        };
+        parts.push(area);
+    }
+    let area = if let [one] = parts.as_slice() { one.clone() } else { Area::union(parts.iter())? };
+    let mut made = Made { name: first.shape.name, pen: first.pen, lines: Lines::default(), thin: 0 };
+    if first.how == How::Rings {
+        hatch.rings(&area, &mut made.lines)?;
+        made.thin = usize::from(made.lines.len() == 0 && !area.is_empty());
+        return Ok(made);
+    }
+    for polygon in area.polygons() {
+        let before = made.lines.len();
+        hatch.fill(polygon, &mut made.lines)?;
+        made.thin += usize::from(made.lines.len() == before);
+    }
+    Ok(made)
+}

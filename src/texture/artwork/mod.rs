@@ -1,0 +1,105 @@
+//! A drawing as its author sees it: lines and areas in the order of painting, each with its colour and labels.
+//!
+//! Readers (`svg`, `dxf`) make an [`Artwork`]; [`marks`] turns it into the lines that are marked: what lies below
+//! other areas is left out, areas are hatched or outlined, and colours and labels choose the pens. Everything is f64 in
+//! mm on a page whose lower left corner is the origin, y up.
+
+mod area;
+mod choice;
+mod crossings;
+mod cut;
+mod hatch;
+mod marking;
+mod marks;
+
+use std::ops::Range;
+
+pub(super) use area::{Area, TooMany};
+use hatch::Hatch;
+pub use marking::{ContourPass, FillMode, Marking, Selector, StrokeMode};
+pub(super) use marks::{Page, marks};
+
+use super::clip::Lines;
+
+/// A drawing before it is said how it is marked.
+#[derive(Debug, Default)]
+pub(super) struct Artwork {
+    /// Width and height of the page, mm.
+    pub(super) size: [f64; 2],
+    /// Where the page's lower left corner lies in the part frame unless the job says otherwise, mm; None where the
+    /// drawing has no coordinates of its own.
+    pub(super) corner: Option<[f64; 2]>,
+    /// In the order of painting: later shapes lie over earlier ones.
+    pub(super) shapes: Vec<Shape>,
+    /// The polylines that shapes refer to, page mm.
+    pub(super) lines: Lines,
+    /// The areas that shapes are cut at, page mm.
+    pub(super) clips: Vec<Area>,
+    /// What elements are called in messages: their id, or tag and number.
+    pub(super) names: Vec<String>,
+    /// Sets of labels by which shapes can be chosen.
+    pub(super) labels: Vec<Labels>,
+}
+
+/// The labels of an element, such as `layer:Grain`, `id:rim`, `class:fine`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Labels {
+    /// Index of the set of the element that holds it.
+    pub(super) parent: Option<u32>,
+    /// Its own.
+    pub(super) own: Vec<String>,
+}
+
+impl Artwork {
+    /// Whether something may be hatched.
+    pub(super) fn has_areas(&self) -> bool {
+        self.shapes.iter().any(|s| s.figure != Figure::Lines)
+    }
+
+    /// All labels of a set, from the element outwards.
+    pub(super) fn labels(&self, set: u32) -> impl Iterator<Item = &String> {
+        let outer = |l: &&Labels| l.parent.map(|p| &self.labels[p as usize]);
+        std::iter::successors(self.labels.get(set as usize), outer).flat_map(|l| &l.own)
+    }
+}
+
+/// One line or area of one colour.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Shape {
+    /// Index of its element's name.
+    pub(super) name: u32,
+    /// Index of its set of labels.
+    pub(super) labels: u32,
+    pub(super) colour: Colour,
+    pub(super) figure: Figure,
+    /// Its polylines among those of the artwork.
+    pub(super) lines: Range<usize>,
+    /// Index of the area that it is cut at.
+    pub(super) clip: Option<u32>,
+}
+
+/// Red, green, blue.
+pub(super) type Colour = [u8; 3];
+
+/// The colour of the page: what is painted in it hides what lies below, and is not marked unless a pen is given to it.
+pub(super) const WHITE: Colour = [255; 3];
+
+/// What the polylines of a shape mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Figure {
+    /// They are marked along themselves.
+    Lines,
+    /// They bound a filled area; open ones are closed by a straight line.
+    Fill(Rule),
+    /// They bound the area of a wide line.
+    Stroke,
+}
+
+/// Which points the contours of an area hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Rule {
+    /// Those that the contours go round, one way more often than the other.
+    NonZero,
+    /// Those that the contours go round an odd number of times.
+    EvenOdd,
+}

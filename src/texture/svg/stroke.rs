@@ -1,0 +1,157 @@
+//! Wide and dashed lines (kurbo): dashes cut out of an element's subpaths, and the area that a wide line covers.
+
+use kurbo::{Arc, BezPath, Ellipse, PathEl, Point as At, Shape, StrokeOpts, SvgArc};
+
+use super::outline::Sink;
+use super::style::{Cap, Join};
+
+/// Most dashes of one element.
+const MAX_DASHES: f64 = 1e6;
+
+/// Dashes shorter than this share of the width are dots, which have a shape if their ends are not cut straight.
+const DOT: f64 = 1e-6;
+
+type Point = [f64; 2];
+
+/// How a line is drawn, in the element's units.
+pub(super) struct Pen {
+    pub(super) width: f64,
+    pub(super) cap: Cap,
+    pub(super) join: Join,
+    pub(super) miter: f64,
+    /// Lengths of dashes and gaps in turn, an even number; none for a full line.
+    pub(super) dashes: Vec<f64>,
+    pub(super) offset: f64,
+}
+
+/// More than [`MAX_DASHES`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct TooMany;
+
+/// An element's subpaths as Bézier curves.
+pub(super) struct Curves {
+    path: BezPath,
+    start: Point,
+    at: Point,
+    /// Largest distance of an arc from its curves, in the element's units.
+    tolerance: f64,
+}
+
+impl Curves {
+    pub(super) fn new(tolerance: f64) -> Self {
+        Self { path: BezPath::new(), start: [0.0; 2], at: [0.0; 2], tolerance }
+    }
+
+    /// Cuts the subpaths into dashes.
+    pub(super) fn dash(&mut self, pen: &Pen) -> Result<(), TooMany> {
+        let period: f64 = pen.dashes.iter().sum();
+        if self.path.perimeter(self.tolerance) / period * pen.dashes.len() as f64 > MAX_DASHES {
+            return Err(TooMany);
+        }
+        // A dash of no length has no direction.
+        let least = pen.width.max(self.tolerance) * DOT;
+        let dashes: Vec<f64> = pen.dashes.iter().map(|d| d.max(least)).collect();
+        self.path = kurbo::dash(self.path.iter(), pen.offset, &dashes).collect();
+        Ok(())
+    }
+
+    /// Replaces the lines by the area that they cover; contours may overlap and count by the rule nonzero.
+    pub(super) fn widen(&mut self, pen: &Pen) {
+        let style = kurbo::Stroke {
+            width: pen.width,
+            join: pen.join,
+            miter_limit: pen.miter,
+            start_cap: pen.cap,
+            end_cap: pen.cap,
+            ..Default::default()
+        };
+        self.path = kurbo::stroke(self.path.iter(), &style, &StrokeOpts::default(), self.tolerance);
+    }
+
+    /// Draws what there is now.
+    pub(super) fn draw(&self, out: &mut impl Sink) {
+        let of = |p: At| [p.x, p.y];
+        for el in &self.path {
+            match el {
+                PathEl::MoveTo(p) => out.move_to(of(p)),
+                PathEl::LineTo(p) => out.line_to(of(p)),
+                PathEl::QuadTo(c, p) => out.quad_to(of(c), of(p)),
+                PathEl::CurveTo(c, d, p) => out.cubic_to(of(c), of(d), of(p)),
+                PathEl::ClosePath => out.close(),
+            }
+        }
+    }
+
+    /// Path data may go on after it has been closed.
+    fn begin(&mut self) {
+        if matches!(self.path.elements().last(), None | Some(PathEl::ClosePath)) {
+            self.path.move_to(At::from((self.at[0], self.at[1])));
+        }
+    }
+}
+
+fn at([x, y]: Point) -> At {
+    At::new(x, y)
+}
+
+impl Sink for Curves {
+    fn at(&self) -> Point {
+        self.at
+    }
+
+    fn move_to(&mut self, p: Point) {
+        (self.start, self.at) = (p, p);
+        self.path.move_to(at(p));
+    }
+
+    fn line_to(&mut self, p: Point) {
+        self.begin();
+        self.path.line_to(at(p));
+        self.at = p;
+    }
+
+    fn quad_to(&mut self, c: Point, p: Point) {
+        self.begin();
+        self.path.quad_to(at(c), at(p));
+        self.at = p;
+    }
+
+    fn cubic_to(&mut self, c: Point, d: Point, p: Point) {
+        self.begin();
+        self.path.curve_to(at(c), at(d), at(p));
+        self.at = p;
+    }
+
+    fn arc_to(&mut self, radii: Point, turn: f64, large: bool, sweep: bool, p: Point) {
+        self.begin();
+        let arc = SvgArc {
+            from: at(self.at),
+            to: at(p),
+            radii: kurbo::Vec2::new(radii[0].abs(), radii[1].abs()),
+            x_rotation: turn.to_radians(),
+            large_arc: large,
+            sweep,
+        };
+        match Arc::from_svg_arc(&arc) {
+            Some(arc) => self.path.extend(arc.append_iter(self.tolerance)),
+            None if self.at != p => self.path.line_to(at(p)),
+            None => {}
+        }
+        self.at = p;
+    }
+
+    fn ellipse(&mut self, centre: Point, rx: f64, ry: f64) {
+        self.path.extend(Ellipse::new(at(centre), (rx, ry), 0.0).path_elements(self.tolerance));
+        self.start = [centre[0] + rx, centre[1]];
+        self.at = self.start;
+    }
+
+    fn close(&mut self) {
+        if !matches!(self.path.elements().last(), None | Some(PathEl::ClosePath)) {
+            self.path.close_path();
+        }
+        self.at = self.start;
+    }
+
+    fn dot(&mut self) {}
+}
