@@ -28,7 +28,7 @@ fn main() {
         return;
     }
     let texture = format!(
-        "file = {:?}\nsize = [\"100 mm\", \"100 mm\"]\ntile = true\n\
+        "file = {:?}\nsize = [\"100 mm\", \"100 mm\"]\ntile = true\nfill = \"outline\"\nstroke = \"centre\"\n\
          area = [\"415 mm\", \"-225 mm\", \"865 mm\", \"225 mm\"]",
         drawing.display().to_string()
     );

@@ -62,6 +62,21 @@ pub(super) fn is_closed(points: &[[f64; 2]]) -> bool {
     points.len() > 2 && points.first() == points.last()
 }
 
+/// Whether a figure is closed and all its points lie between two lines nearer to each other than the
+/// tolerance: it would be marked as one line, twice.
+pub(super) fn is_hairline(line: &[[f64; 2]], tolerance: f64) -> bool {
+    if !is_closed(line) {
+        return false;
+    }
+    let [x, y] = line[0];
+    let away = |p: &[f64; 2]| (p[0] - x).hypot(p[1] - y);
+    let far = line.iter().copied().fold(line[0], |far, p| if away(&p) > away(&far) { p } else { far });
+    let length = away(&far);
+    let sides = line.iter().map(|p| ((far[0] - x) * (p[1] - y) - (far[1] - y) * (p[0] - x)) / length);
+    let (lo, hi) = sides.fold((0.0_f64, 0.0_f64), |(lo, hi), s| (lo.min(s), hi.max(s)));
+    hi - lo < tolerance
+}
+
 /// Whether the whole polyline lies in the rectangle, borders included.
 pub(super) fn is_inside(points: &[[f64; 2]], rect: BoxMm<2>) -> bool {
     points.iter().all(|&p| holds(rect, p))

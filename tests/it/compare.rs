@@ -152,7 +152,7 @@ fn a_dome_of_450_mm_under_hatch_is_marked_in_every_way() {
 fn a_drawing_on_450_mm_of_a_hood_is_marked_in_every_way() {
     let (hood, drawing) = (fixture("hood.stl"), shared().join("textures/hero_topography.svg"));
     let keys = format!(
-        "file = {:?}\nsize = [\"100 mm\", \"100 mm\"]\ntile = true\n\
+        "file = {:?}\nsize = [\"100 mm\", \"100 mm\"]\ntile = true\nfill = \"outline\"\nstroke = \"centre\"\n\
          area = [\"415 mm\", \"-225 mm\", \"865 mm\", \"225 mm\"]",
         drawing.display().to_string()
     );

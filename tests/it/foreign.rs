@@ -155,7 +155,10 @@ fn ezdxf_protobuf_and_linuxcnc_read_contour_lines_on_a_mirror() {
     let (dir, data) = (folder(), shared());
     let svg = data.join("textures/contours_jacksboro_40m.svg");
     let job = JobText::on(&data.join("surfaces/mirror_freeform.stl"))
-        .texture(&format!("file = {:?}\norigin = [\"-50 mm\", \"80 mm\"]", svg.display().to_string()))
+        .texture(&format!(
+            "file = {:?}\norigin = [\"-50 mm\", \"80 mm\"]\nfill = \"outline\"\nstroke = \"centre\"",
+            svg.display().to_string()
+        ))
         .method("z-range");
     assert!(assert_read(&job, dir.path())["fragments"].as_u64() > Some(1000));
 }

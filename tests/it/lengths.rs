@@ -28,7 +28,12 @@ fn textures(area: [f64; 4], hatch_mm: f64, drawing: &Path) -> Vec<(&'static str,
         ("hatch", format!("pattern = \"hatch\"\npitch = \"{hatch_mm} mm\"\ndirection = \"17 deg\"\n{place}")),
         ("hilbert", format!("pattern = \"hilbert\"\norder = 8\n{place}")),
         ("squares", format!("pattern = \"squares\"\npitch = \"{pitch} mm\"\ncell = \"{} mm\"\n{place}", 0.6 * pitch)),
-        ("svg", format!("file = {file:?}\nsize = [\"{page} mm\", \"{page} mm\"]\ntile = true\n{place}")),
+        (
+            "svg",
+            format!(
+                "file = {file:?}\nsize = [\"{page} mm\", \"{page} mm\"]\ntile = true\nfill = \"outline\"\nstroke = \"centre\"\n{place}"
+            ),
+        ),
     ]
 }
 

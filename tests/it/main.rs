@@ -3,6 +3,7 @@
 
 mod support;
 
+mod areas;
 mod bad_input;
 mod bad_surfaces;
 mod bad_svg;

@@ -37,7 +37,12 @@ fn real_parts_by_every_method() {
         let drawing = data.join("textures/hero_topography.svg").display().to_string();
         for (texture, keys) in [
             ("hatch", format!("pattern = \"hatch\"\npitch = \"1 mm\"\n{area}")),
-            ("drawing", format!("file = {drawing:?}\nsize = [\"100 mm\", \"100 mm\"]\ntile = true\n{area}")),
+            (
+                "drawing",
+                format!(
+                    "file = {drawing:?}\nsize = [\"100 mm\", \"100 mm\"]\ntile = true\nfill = \"outline\"\nstroke = \"centre\"\n{area}"
+                ),
+            ),
         ] {
             let job = |method| {
                 let mut job = JobText::on(&path).texture(&keys).method(method);

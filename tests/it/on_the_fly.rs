@@ -144,7 +144,7 @@ fn dome_of_450_mm_verifies_with_five_axes() {
 /// A drawing on a patch of the hood, whose lower corner is at (600, -50) mm.
 fn hood(drawing: &Path, size: f64, profile: &str, origin: &str) {
     let drawing = format!(
-        "file = {:?}\nsize = [\"100 mm\", \"100 mm\"]\norigin = [\"600 mm\", \"-50 mm\"]\n\
+        "file = {:?}\nsize = [\"100 mm\", \"100 mm\"]\norigin = [\"600 mm\", \"-50 mm\"]\nfill = \"outline\"\nstroke = \"centre\"\n\
          area = [\"600 mm\", \"-50 mm\", \"{} mm\", \"{} mm\"]",
         drawing.display().to_string(),
         600.0 + size,
@@ -199,7 +199,7 @@ fn rings(pitch: f64, travel: [&str; 2], reversed: bool) {
         (0..5).map(|i| format!("<circle cx=\"18\" cy=\"18\" r=\"{}\"/>", 13.0 + pitch * f64::from(i))).collect();
     let svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"36mm\" height=\"36mm\" viewBox=\"0 0 36 36\">\
-         <g fill=\"none\" stroke=\"black\">{rings}</g></svg>"
+         <g fill=\"none\" stroke=\"black\" stroke-width=\"0.001\">{rings}</g></svg>"
     );
     std::fs::write(dir.path().join("rings.svg"), svg).expect("a file");
     let text = "surface = { file = \"part.stl\", unit = \"mm\" }\nfocus = { pdof = \"0.1 mm\" }\n\
@@ -300,7 +300,7 @@ fn strokes_that_run_back_over_themselves_are_marked_as_often_as_they_are_drawn()
         let dir = folder();
         write_stl(&dir.path().join("part.stl"), &mesh(4, [0.0, 0.0, 20.0, 20.0], |x, _| 0.01 * x));
         let svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"12mm\" height=\"9mm\" viewBox=\"0 0 12 9\">\
-                   <g fill=\"none\" stroke=\"black\"><polyline points=\"1,8 9,8 3,8 6,8\"/></g></svg>";
+                   <g fill=\"none\" stroke=\"black\" stroke-width=\"0.001\"><polyline points=\"1,8 9,8 3,8 6,8\"/></g></svg>";
         std::fs::write(dir.path().join("back.svg"), svg).expect("a file");
         let job = job(dir.path(), "xyz-galvo-40", "0.1 mm", "200 mm/s", "2 mm", "");
         let text = std::fs::read_to_string(&job).expect("a job");

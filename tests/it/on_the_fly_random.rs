@@ -63,7 +63,7 @@ fn texture(noise: &mut Random, dir: &Path, [w, h]: [f64; 2]) -> String {
                 (0..4).map(|_| format!("{:.3},{:.3} ", between(noise, 0.0, w), between(noise, 0.0, h))).collect();
             let svg = format!(
                 "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}mm\" height=\"{h}mm\" viewBox=\"0 0 {w} {h}\">\
-                 <g fill=\"none\" stroke=\"black\"><polyline points=\"{back}\"/><polyline points=\"{bend}\"/></g></svg>"
+                 <g fill=\"none\" stroke=\"black\" stroke-width=\"0.001\"><polyline points=\"{back}\"/><polyline points=\"{bend}\"/></g></svg>"
             );
             std::fs::write(dir.join("lines.svg"), svg).expect("a file");
             "file = \"lines.svg\"\n".into()

@@ -111,7 +111,7 @@ fn texture(noise: &mut Random, dir: &Path, number: usize, size: f64, pens: usize
             }
             let svg = format!(
                 "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 100 100\"><path fill=\"none\" \
-                 stroke=\"black\" d=\"{path}\"/></svg>"
+                 stroke=\"black\" stroke-width=\"0.001\" d=\"{path}\"/></svg>"
             );
             let name = format!("t{number}.svg");
             std::fs::write(dir.join(&name), svg).expect("a writable folder");

@@ -198,7 +198,7 @@ struct Sheet(tempfile::NamedTempFile);
 impl Sheet {
     fn new(body: &str) -> Self {
         let text = format!(
-            r#"<svg xmlns="http://www.w3.org/2000/svg" width="30mm" height="2cm" viewBox="0 0 60 40">{body}</svg>"#
+            r#"<svg xmlns="http://www.w3.org/2000/svg" width="30mm" height="2cm" viewBox="0 0 60 40"><g fill="none" stroke="black">{body}</g></svg>"#
         );
         let file = tempfile::Builder::new().suffix(".svg").tempfile().expect("a file");
         std::fs::write(file.path(), text).expect("written");
@@ -535,7 +535,7 @@ fn drawings_keep_their_own_size_or_ask_for_one() {
     let dir = folder();
     let [bare, sized] = ["bare.svg", "sized.svg"].map(|name| dir.path().join(name));
     for (path, size) in [(&bare, "width=\"40\" height=\"40\""), (&sized, "width=\"40mm\" height=\"40mm\"")] {
-        let path_of = "<path d=\"M1 1h9v9\" fill=\"none\" stroke=\"black\"/>";
+        let path_of = "<path d=\"M1 1h9v9\" fill=\"none\" stroke=\"black\" stroke-width=\"0.001\"/>";
         let text = format!("<svg xmlns=\"http://www.w3.org/2000/svg\" {size} viewBox=\"0 0 40 40\">{path_of}</svg>");
         std::fs::write(path, text).expect("written");
     }

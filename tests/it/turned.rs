@@ -63,7 +63,7 @@ fn marks_beside_the_part_are_skipped() {
             let points: String = (0..=40).map(|i| format!("{},{} ", f64::from(i) * 0.5, 0)).collect();
             let svg = format!(
                 "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"20mm\" height=\"1mm\" viewBox=\"0 -1 20 1\">\
-                 <polyline fill=\"none\" stroke=\"black\" points=\"{points}\"/></svg>"
+                 <polyline fill=\"none\" stroke=\"black\" stroke-width=\"0.001\" points=\"{points}\"/></svg>"
             );
             std::fs::write(dir.path().join("line.svg"), svg).expect("a writable folder");
             let texture =

@@ -77,7 +77,7 @@ fn every_surface_compiles_and_verifies() {
             job = job.texture(&format!("pattern = \"hatch\"\npitch = \"{pitch} mm\"\ndirection = \"{direction} deg\""));
         }
         job = job.texture(&format!(
-            "file = {:?}\nsize = [\"{size} mm\", \"{size} mm\"]\ntile = true\narea = \"part\"",
+            "file = {:?}\nsize = [\"{size} mm\", \"{size} mm\"]\ntile = true\narea = \"part\"\nfill = \"outline\"\nstroke = \"centre\"",
             leather.display().to_string(),
             size = extent / 3.0
         ));
@@ -105,7 +105,7 @@ fn every_drawing_compiles_and_verifies_on_a_curved_surface() {
     for path in names {
         for (tile, size) in [(false, 98.0), (true, 37.3)] {
             let mut job = JobText::on(&stl).texture(&format!(
-                "file = {:?}\nsize = [\"{size} mm\", \"{size} mm\"]\ntile = {tile}\narea = \"part\"",
+                "file = {:?}\nsize = [\"{size} mm\", \"{size} mm\"]\ntile = {tile}\narea = \"part\"\nfill = \"outline\"\nstroke = \"centre\"",
                 path.display().to_string()
             ));
             job.focus = "pdof = \"0.3 mm\"".into();
@@ -130,7 +130,7 @@ fn trap(name: &str, facets: &Facets, texture: &str, path: Option<String>) {
     if let Some(path) = path {
         let svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"40mm\" height=\"40mm\" viewBox=\"0 0 40 40\"><path \
-             fill=\"none\" stroke=\"black\" d=\"{path}\"/></svg>"
+             fill=\"none\" stroke=\"black\" stroke-width=\"0.001\" d=\"{path}\"/></svg>"
         );
         std::fs::write(dir.path().join("trap.svg"), svg).expect("a writable folder");
         texture = "file = \"trap.svg\"".into();

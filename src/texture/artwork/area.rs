@@ -7,7 +7,7 @@ use i_overlay::mesh::outline::offset::OutlineOffset;
 use i_overlay::mesh::style::{LineJoin, OutlineStyle};
 
 use super::Rule;
-use super::crossings::are_few;
+use super::crossings::{TooMany, are_few};
 use super::cut::{Cutter, Keep};
 use crate::geom::BoxMm;
 use crate::texture::clip::Lines;
@@ -19,10 +19,6 @@ pub(in crate::texture) type Polygon = Vec<Vec<Point>>;
 
 /// Angle between the points of round corners, rad: they lie within 0.3 % of the radius.
 const ROUND: f64 = 0.05 * std::f64::consts::PI;
-
-/// More crossings of contours than an area may have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::texture) struct TooMany;
 
 /// Polygons that do not overlap, mm. Points lie on a grid of 2^-30 of the size of what they were computed from.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -79,9 +75,14 @@ impl Area {
         Self(self.0.outline(&style))
     }
 
+    /// What cuts lines at its border.
+    pub(super) fn cutter(&self) -> Cutter {
+        Cutter::new(self.contours())
+    }
+
     /// Appends what of lines lies in it.
     pub(in crate::texture) fn cut<'a>(&self, lines: impl Iterator<Item = &'a [Point]>, out: &mut Lines) {
-        let cutter = Cutter::new(self);
+        let cutter = self.cutter();
         lines.for_each(|line| cutter.cut(line, Keep::Inside, out));
     }
 
@@ -116,14 +117,10 @@ fn open(contour: &[Point]) -> &[Point] {
     }
 }
 
-/// The edges of a contour.
-pub(in crate::texture) fn edges(contour: &[Point]) -> impl Iterator<Item = [Point; 2]> {
-    contour.iter().zip(contour.iter().cycle().skip(1)).map(|(&a, &b)| [a, b])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::texture::artwork::crossings::edges;
 
     fn square(x: f64, y: f64, side: f64) -> Vec<Point> {
         vec![[x, y], [x + side, y], [x + side, y + side], [x, y + side]]

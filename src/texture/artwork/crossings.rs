@@ -1,6 +1,5 @@
 //! How often contours cross each other, before a boolean operation takes time and memory for each crossing.
 
-use super::area::{TooMany, edges};
 use crate::geom::BoxMm;
 
 /// Most crossings that an operation computes.
@@ -13,6 +12,15 @@ const MAX_TRIED: usize = 60_000_000;
 const FEW: usize = 800;
 
 type Point = [f64; 2];
+
+/// More crossings of contours than an area may have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::texture) struct TooMany;
+
+/// The edges of a contour.
+pub(in crate::texture) fn edges(contour: &[Point]) -> impl Iterator<Item = [Point; 2]> {
+    contour.iter().zip(contour.iter().cycle().skip(1)).map(|(&a, &b)| [a, b])
+}
 
 /// Whether the contours cross, themselves and each other, at most [`MAX_CROSSINGS`] times.
 ///

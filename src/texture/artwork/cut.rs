@@ -1,7 +1,6 @@
 //! Lines cut at the border of an area.
 
-use super::Area;
-use super::area::edges;
+use super::crossings::edges;
 use crate::geom::BoxMm;
 use crate::texture::clip::{Lines, extent, is_closed};
 use crate::texture::place::{LEAST, NM};
@@ -32,9 +31,10 @@ pub(super) struct Cutter {
 }
 
 impl Cutter {
-    pub(super) fn new(area: &Area) -> Self {
-        let edges: Vec<_> = area.contours().flat_map(|c| edges(c)).collect();
-        let bounds = area.bounds();
+    /// The contours of an area bound it by the rule evenodd.
+    pub(super) fn new<'a>(contours: impl Iterator<Item = &'a Vec<Point>>) -> Self {
+        let edges: Vec<_> = contours.flat_map(|c| edges(c)).collect();
+        let bounds = BoxMm::of(edges.iter().flatten().copied());
         let count = (edges.len() / 2).clamp(1, MAX_ROWS);
         let step = ((bounds.hi[1] - bounds.lo[1]) / count as f64).max(ON);
         let mut cutter = Self { edges, rows: vec![Vec::new(); count], bounds, step };
@@ -61,8 +61,7 @@ impl Cutter {
             let at = |t: f64| [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])];
             self.crossings([a, b], &mut ts);
             for t in ts.windows(2) {
-                let is_kept =
-                    self.holds(at((t[0] + t[1]) / 2.0)).unwrap_or(keep == Keep::Inside) == (keep == Keep::Inside);
+                let is_kept = self.holds(at((t[0] + t[1]) / 2.0)).unwrap_or(true) == (keep == Keep::Inside);
                 if is_kept {
                     if !is_open {
                         pieces.push(vec![if t[0] == 0.0 { a } else { at(t[0]) }]);
@@ -149,14 +148,14 @@ fn distance(p: Point, [a, b]: [Point; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::texture::artwork::Rule;
+    use crate::texture::artwork::{Area, Rule};
 
     fn pieces(line: &[Point], keep: Keep) -> Vec<Vec<Point>> {
         let ring: [&[Point]; 2] =
             [&[[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 9.0]], &[[3.0, 3.0], [6.0, 3.0], [6.0, 6.0], [3.0, 6.0]]];
         let area = Area::new(ring.into_iter(), Rule::EvenOdd).expect("few");
         let mut out = Lines::default();
-        Cutter::new(&area).cut(line, keep, &mut out);
+        area.cutter().cut(line, keep, &mut out);
         out.iter().map(|l| l.iter().map(|p| p.map(|v| (v * 1e5).round() / 1e5)).collect()).collect()
     }
 

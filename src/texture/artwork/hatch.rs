@@ -5,7 +5,8 @@
 //! of the line inside the polygon, those nearer than the inset to an edge are taken away, each an interval. At an inset
 //! of 2 nm or more (the least) no line leaves its area once its ends are rounded to nanometres.
 
-use super::area::{Area, Polygon, edges};
+use super::area::{Area, Polygon};
+use super::crossings::edges;
 use super::marking::ContourPass;
 use crate::geom::cos_sin;
 use crate::texture::clip::Lines;

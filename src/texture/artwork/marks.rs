@@ -9,16 +9,18 @@ use std::collections::BTreeSet;
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
 
-use super::area::{Area, TooMany};
+use super::area::Area;
 use super::choice::{Class, classes};
-use super::cut::{Cutter, Keep};
+use super::crossings::TooMany;
+use super::cut::Keep;
 use super::hatch::{Hatch, TooFine};
 use super::{Artwork, Figure, FillMode, Marking, Shape, StrokeMode};
 use crate::diag::Diag;
 use crate::geom::BoxMm;
 use crate::parallel;
 use crate::program::PenId;
-use crate::texture::clip::{Lines, clip, clip_contour, is_closed, is_inside};
+use crate::texture::clip::{Lines, clip, clip_contour, is_hairline, is_inside};
+use crate::texture::place::NM;
 
 /// Most edges of covering areas that are looked at, counted again for each shape that they may cover.
 const MAX_COVERED: usize = 100_000_000;
@@ -299,10 +301,10 @@ fn groups(index: &Index, seen: &[Seen<'_>]) -> Vec<Vec<usize>> {
 /// What is seen of a shape's lines, or of the contours of an area that is outlined.
 fn lines(art: &Artwork, seen: &[Seen<'_>], i: usize, covered: &[Vec<usize>]) -> Result<Made, TooMany> {
     let Seen { shape, how, pen, .. } = &seen[i];
-    let cutter = shape.clip.map(|clip| Cutter::new(&art.clips[clip as usize]));
+    let cutter = shape.clip.map(|clip| art.clips[clip as usize].cutter());
     let hidden = match covered[i].as_slice() {
         [] => None,
-        above => Some(Cutter::new(&Area::union(above.iter().map(|&j| &seen[j].area))?)),
+        above => Some(Area::union(above.iter().map(|&j| &seen[j].area))?.cutter()),
     };
     let mut made = Made { name: shape.name, pen: *pen, lines: Lines::default(), thin: 0 };
     let page = BoxMm { lo: [0.0; 2], hi: art.size };
@@ -310,13 +312,13 @@ fn lines(art: &Artwork, seen: &[Seen<'_>], i: usize, covered: &[Vec<usize>]) -> 
     for k in shape.lines.clone() {
         let line = art.lines.get(k);
         let line = match how {
-            How::Outline if !is_closed(line) => {
-                let mut ring = line.to_vec();
-                ring.extend(line.first());
-                Cow::Owned(ring)
-            }
+            How::Outline => Cow::Owned(ring(line)),
             _ => Cow::Borrowed(line),
         };
+        if *how == How::Outline && is_hairline(&line, NM) {
+            // It encloses nothing, so nothing of it is seen.
+            continue;
+        }
         on_page.clear();
         clip(&line, page, &mut on_page);
         clipped.clear();
@@ -335,6 +337,15 @@ fn lines(art: &Artwork, seen: &[Seen<'_>], i: usize, covered: &[Vec<usize>]) -> 
         }
     }
     Ok(made)
+}
+
+/// A contour that ends where it starts.
+fn ring(contour: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let mut ring = contour.to_vec();
+    if contour.first() != contour.last() {
+        ring.extend(contour.first());
+    }
+    ring
 }
 
 /// The lines that fill what is seen of areas that are one.

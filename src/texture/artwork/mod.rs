@@ -14,7 +14,8 @@ mod marks;
 
 use std::ops::Range;
 
-pub(super) use area::{Area, TooMany};
+pub(super) use area::Area;
+pub(super) use crossings::TooMany;
 use hatch::Hatch;
 pub use marking::{ContourPass, FillMode, Marking, Selector, StrokeMode};
 pub(super) use marks::{Page, marks};

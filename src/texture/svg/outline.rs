@@ -6,7 +6,7 @@
 
 use std::f64::consts::{FRAC_PI_4, TAU};
 
-use crate::texture::clip::{Lines, extent, is_closed};
+use crate::texture::clip::{Lines, extent, is_hairline};
 use crate::texture::place::LEAST;
 
 /// Most points of one drawing.
@@ -294,21 +294,6 @@ impl Sink for Outline<'_> {
     }
 }
 
-/// Whether a figure is closed and all its points lie between two lines nearer to each other than the
-/// tolerance: it would be marked as one line, twice.
-fn is_hairline(line: &[Point], tolerance: f64) -> bool {
-    if !is_closed(line) {
-        return false;
-    }
-    let [x, y] = line[0];
-    let away = |p: &Point| (p[0] - x).hypot(p[1] - y);
-    let far = line.iter().copied().fold(line[0], |far, p| if away(&p) > away(&far) { p } else { far });
-    let length = away(&far);
-    let sides = line.iter().map(|p| ((far[0] - x) * (p[1] - y) - (far[1] - y) * (p[0] - x)) / length);
-    let (lo, hi) = sides.fold((0.0_f64, 0.0_f64), |(lo, hi), s| (lo.min(s), hi.max(s)));
-    hi - lo < tolerance
-}
-
 /// Length of the second difference of three points after the map.
 fn bend(m: Map, p: Point, q: Point, r: Point) -> f64 {
     let [x, y] = [0, 1].map(|k| p[k] - 2.0 * q[k] + r[k]);
@@ -326,6 +311,7 @@ fn largest_radius(m: Map) -> f64 {
 mod tests {
     use super::*;
     use crate::random::Random;
+    use crate::texture::clip::is_closed;
 
     fn drawn(map: Map, tolerance: f64, draw: impl FnOnce(&mut Outline<'_>)) -> Lines {
         let mut lines = Lines::default();

@@ -430,7 +430,7 @@ mod tests {
             ("rect{fill:none}", 1),
             ("rect{fill:none;fill:red;fill:blue}", 1),
             ("rect{fill:none;fill:red!important}", 2),
-            ("rect{color:red}", 0),
+            ("rect{cursor:help}", 0),
             ("g,rect , .b{fill:none}", 2),
             ("g:not(.x),rect{fill:none}", 1),
             ("g:hover,:first-child{fill:none}", 2),
