@@ -28,7 +28,7 @@ const AS_IS: [(&str, Outcome); 30] = [
     ("svg_negative_size.svg", (Err("svg-viewbox"), &[])),
     ("svg_not_closed.svg", (Err("svg-xml"), &[])),
     ("svg_only_text.svg", (Err("texture-empty"), &["svg-text"])),
-    ("svg_path_garbage.svg", (Ok(1), &["svg-path"])),
+    ("svg_path_garbage.svg", (Err("texture-empty"), &["svg-path"])),
     ("svg_pattern_self_ref.svg", (Err("texture-empty"), &["svg-paint"])),
     ("svg_pattern_tiny_tile.svg", (Err("svg-large"), &[])),
     ("svg_quadratic_blowup.svg", (Err("svg-dtd"), &[])),

@@ -136,7 +136,7 @@ fn marks_are_what_a_renderer_shows() {
 }
 
 #[test]
-#[ignore = "reads ../shared"]
+#[ignore = "needs ../shared"]
 fn marks_of_foreign_cases_are_what_a_renderer_shows() {
     let paths = drawings(&shared().join("textures"), "resvg_");
     assert_eq!(paths.len(), 15);

@@ -251,7 +251,7 @@ fn drawings_lie_where_they_are_placed() {
 }
 
 #[test]
-fn skipped_length_is_counted() {
+fn elements_that_are_not_marked_are_counted() {
     let sheet = Sheet::new(
         r##"<style>.no{display:none} @import url(x.css);</style><defs><path id="d" d="M1 1h5"/><linearGradient id="l"/></defs>
         <g class="no"><path d="M1 1h9"/></g><path d="M1 1h9" visibility="hidden"/><path d="M1 1h9" fill="none"/>
@@ -266,25 +266,23 @@ fn skipped_length_is_counted() {
     assert_eq!(
         said,
         [
-            ("svg-hidden", "3"),
+            ("svg-hidden", "2"),
             ("svg-text", "1"),
             ("svg-image", "1"),
             ("svg-external", "2"),
             ("svg-use", "1"),
-            ("svg-pattern", "1"),
-            ("svg-clip", "1"),
-            ("svg-marker", "1"),
-            ("svg-dash", "1"),
-            ("svg-path", "1"),
+            ("svg-paint", "1"),
+            ("svg-effect", "1"),
             ("svg-transform", "1"),
+            ("svg-path", "1"),
             ("svg-unit", "1"),
-            ("svg-dot", "1"),
             ("svg-hairline", "1"),
             ("svg-overhang", "1"),
         ]
     );
     assert!(notes.iter().all(|n| !n.hint.is_empty() && n.place.to_string().contains("element")));
-    assert_eq!(t.len(), 8, "use, rect, path, dashed, overhanging, faulty, turned, line");
+    // Nine: eight shapes are marked, one of them in two dashes.
+    assert_eq!(t.len(), 9);
 }
 
 #[test]
@@ -419,7 +417,11 @@ fn length_by_usvg(path: &Path, size: [f64; 2]) -> Option<f64> {
     let scale = [size[0] / f64::from(tree.size().width()), size[1] / f64::from(tree.size().height())];
     let mut total = 0.0;
     walk(tree.root(), &mut |p: &usvg::Path| {
-        let Some(data) = p.data().clone().transform(p.abs_transform()) else { return };
+        let dashed = p.stroke().and_then(|s| {
+            let array = s.dasharray()?.to_vec();
+            p.data().clone().dash(&usvg::tiny_skia_path::StrokeDash::new(array, s.dashoffset())?, 1.0)
+        });
+        let Some(data) = dashed.unwrap_or_else(|| p.data().clone()).transform(p.abs_transform()) else { return };
         let at = |p: usvg::tiny_skia_path::Point| [f64::from(p.x) * scale[0], f64::from(p.y) * scale[1]];
         let (mut last, mut start) = ([0.0; 2], [0.0; 2]);
         let mut to = |last: &mut [f64; 2], p: [f64; 2]| {
@@ -465,6 +467,9 @@ fn walk(group: &usvg::Group, visit: &mut dyn FnMut(&usvg::Path)) {
     }
 }
 
+/// Drawings in which areas hide lines.
+const HIDING: [&str; 2] = ["twill.svg", "made_carbon_twill_2x2.svg"];
+
 /// Loads drawings and compares their lengths with usvg; answers with the number compared.
 fn compared_with_usvg(paths: &[PathBuf]) -> usize {
     const SIZE: [f64; 2] = [100.0, 100.0];
@@ -492,8 +497,12 @@ fn compared_with_usvg(paths: &[PathBuf]) -> usize {
         if let Some((_, n)) = COUNTS.iter().find(|(n, _)| *n == name) {
             assert_eq!(t.len(), *n, "{name}: strokes");
         }
-        if codes.iter().all(|c| !matches!(*c, "svg-overhang" | "svg-hairline")) {
-            assert!((length / by_usvg - 1.0).abs() < 1e-3, "{name}: {length} mm, by usvg {by_usvg} mm");
+        // usvg states what elements are before they are cut; what others hide is not marked.
+        let text = std::fs::read_to_string(path).expect("readable");
+        if !text.contains("clip-path") && codes.iter().all(|c| !matches!(*c, "svg-overhang" | "svg-hairline")) {
+            let hides = HIDING.contains(&name.as_str());
+            assert!(length < by_usvg * 1.001, "{name}: {length} mm, by usvg {by_usvg} mm");
+            assert_eq!(length < by_usvg * 0.999, hides, "{name}: {length} mm, by usvg {by_usvg} mm");
             compared += 1;
         }
     }
@@ -503,7 +512,7 @@ fn compared_with_usvg(paths: &[PathBuf]) -> usize {
 #[test]
 fn lengths_of_drawings_agree_with_usvg() {
     let compared = compared_with_usvg(&drawings(&fixture("")));
-    assert_eq!(compared, 3, "aerofoil, leather and twill; the logo reaches beyond its page");
+    assert_eq!(compared, 2, "aerofoil and twill; leather reaches beyond its page, the logo is cut");
 }
 
 #[test]

@@ -14,7 +14,7 @@ use super::choice::{Class, classes};
 use super::crossings::TooMany;
 use super::cut::Keep;
 use super::hatch::{Hatch, TooFine};
-use super::{Artwork, Figure, FillMode, Marking, Shape, StrokeMode};
+use super::{Artwork, Figure, FillMode, Marking, Rule, Shape, StrokeMode};
 use crate::diag::Diag;
 use crate::geom::BoxMm;
 use crate::parallel;
@@ -61,8 +61,7 @@ struct Seen<'a> {
     shape: &'a Shape,
     how: How,
     pen: Option<PenId>,
-    /// Of shapes that have one; cut at its clip.
-    area: Area,
+    /// Those of its polylines.
     bounds: BoxMm<2>,
 }
 
@@ -88,18 +87,17 @@ pub(in crate::texture) fn marks(
 ) -> Result<Page, Box<Diag>> {
     let hatch = marking.hatch(spot_mm, page_rad);
     let classes = classes(art, marking)?;
-    let seen: Result<Vec<Seen<'_>>, _> =
-        parallel::map(art.shapes.len(), |i| Seen::new(art, i, classes[i], marking)).into_iter().collect();
-    let seen = seen?;
+    let seen: Vec<Seen<'_>> = parallel::map(art.shapes.len(), |i| Seen::new(art, i, classes[i], marking));
     let index = Index::new(&seen);
-    let covered = covers(&index, &seen)?;
+    let covered = covers(art, &index, &seen)?;
     let groups = groups(&index, &seen);
+    let areas = areas(art, &seen, &covered)?;
     let made = parallel::map(groups.len(), |g| {
         let members = &groups[g];
         let first = &seen[members[0]];
         let of = || match first.how {
-            How::Line | How::Outline => Ok(lines(art, &seen, members[0], &covered)?),
-            _ => filled(&seen, members, &covered, &hatch),
+            How::Line | How::Outline => Ok(lines(art, first, &covered[members[0]], &areas)?),
+            _ => filled(&seen, members, &covered, &areas, &hatch),
         };
         of().map_err(|fault: Fault| fault.diag(&art.names[first.shape.name as usize]))
     });
@@ -166,46 +164,27 @@ impl Fault {
 }
 
 impl<'a> Seen<'a> {
-    fn new(art: &'a Artwork, i: usize, class: Class, marking: &Marking) -> Result<Self, Box<Diag>> {
+    fn new(art: &'a Artwork, i: usize, class: Class, marking: &Marking) -> Self {
         let shape = &art.shapes[i];
         let (mut how, pen) = match class {
             Class::Skip => (How::Skip, None),
             Class::Page => (if shape.figure == Figure::Lines { How::Skip } else { How::Hide }, None),
             Class::Pen(pen) => (how(&shape.figure, marking), pen),
         };
-        let mut seen = Self { shape, how, pen, area: Area::default(), bounds: BoxMm::EMPTY };
-        if how == How::Skip {
-            return Ok(seen);
-        }
-        let contours = || shape.lines.clone().map(|k| art.lines.get(k));
-        let rule = match shape.figure {
-            Figure::Lines => None,
-            Figure::Fill(rule) => Some(rule),
-            Figure::Stroke => Some(super::Rule::NonZero),
-        };
-        if let Some(rule) = rule {
-            let page = BoxMm { lo: [0.0; 2], hi: art.size };
-            let on_page = |c| if is_inside(c, page) { Cow::Borrowed(c) } else { Cow::Owned(clip_contour(c, page)) };
-            let contours: Vec<Cow<'_, [[f64; 2]]>> = contours().map(on_page).collect();
-            let clipped = || {
-                let area = Area::new(contours.iter().map(|c| &**c), rule)?;
-                shape.clip.map_or(Ok(area.clone()), |clip| area.within(&art.clips[clip as usize]))
-            };
-            seen.area = clipped().map_err(|TooMany| Fault::Crossings.diag(&art.names[shape.name as usize]))?;
-        }
-        seen.bounds = BoxMm::of(contours().flatten().copied());
         // The line of a stroke stands for the contour of its area.
         let has_line = |next: &Shape| next.name == shape.name && !matches!(next.figure, Figure::Fill(_));
         if how == How::Outline && matches!(shape.figure, Figure::Fill(_)) && art.shapes.get(i + 1).is_some_and(has_line)
         {
             how = How::Hide;
         }
-        seen.how = how;
-        Ok(seen)
+        let points = shape.lines.clone().flat_map(|k| art.lines.get(k)).copied();
+        let bounds = if how == How::Skip { BoxMm::EMPTY } else { BoxMm::of(points) };
+        Self { shape, how, pen, bounds }
     }
 
+    /// Whether it hides what lies below.
     fn is_area(&self) -> bool {
-        !self.area.is_empty()
+        self.how != How::Skip && self.shape.figure != Figure::Lines
     }
 
     fn is_filled(&self) -> bool {
@@ -237,7 +216,7 @@ impl Index {
     fn new(seen: &[Seen<'_>]) -> Self {
         let areas = seen.iter().enumerate().filter(|(_, s)| s.is_area());
         let entry = |(i, s): (usize, &Seen<'_>)| {
-            let BoxMm { lo, hi } = s.area.bounds();
+            let BoxMm { lo, hi } = s.bounds;
             Entry::new(Rectangle::from_corners(lo, hi), i)
         };
         Self(RTree::bulk_load(areas.map(entry).collect()))
@@ -251,7 +230,8 @@ impl Index {
 }
 
 /// For each shape the areas that may hide some of it.
-fn covers(index: &Index, seen: &[Seen<'_>]) -> Result<Vec<Vec<usize>>, Box<Diag>> {
+fn covers(art: &Artwork, index: &Index, seen: &[Seen<'_>]) -> Result<Vec<Vec<usize>>, Box<Diag>> {
+    let points = |j: usize| seen[j].shape.lines.clone().map(|k| art.lines.get(k).len()).sum::<usize>();
     let mut work = 0;
     let of = |(i, s): (usize, &Seen<'_>)| {
         if matches!(s.how, How::Skip | How::Hide) {
@@ -259,7 +239,7 @@ fn covers(index: &Index, seen: &[Seen<'_>]) -> Result<Vec<Vec<usize>>, Box<Diag>
         }
         let above = index.near(s.bounds).split_off(&(i + 1));
         let covers: Vec<usize> = above.into_iter().filter(|&j| !s.is_one_with(&seen[j])).collect();
-        work += covers.iter().map(|&j| seen[j].area.edge_count()).sum::<usize>();
+        work += covers.iter().map(|&j| points(j)).sum::<usize>();
         if work > MAX_COVERED {
             let text = "too many shapes of the drawing lie over others";
             return Err(Box::new(
@@ -272,13 +252,33 @@ fn covers(index: &Index, seen: &[Seen<'_>]) -> Result<Vec<Vec<usize>>, Box<Diag>
     seen.iter().enumerate().map(of).collect()
 }
 
+/// The areas of the shapes that are filled or may hide others; empty for the rest.
+fn areas(art: &Artwork, seen: &[Seen<'_>], covered: &[Vec<usize>]) -> Result<Vec<Area>, Box<Diag>> {
+    let mut needed: Vec<bool> = seen.iter().map(Seen::is_filled).collect();
+    covered.iter().flatten().for_each(|&j| needed[j] = true);
+    let page = BoxMm { lo: [0.0; 2], hi: art.size };
+    let of = |i: usize| {
+        let shape = seen[i].shape;
+        let rule = match shape.figure {
+            Figure::Fill(rule) if needed[i] => rule,
+            Figure::Stroke if needed[i] => Rule::NonZero,
+            _ => return Ok(Area::default()),
+        };
+        let on_page = |c| if is_inside(c, page) { Cow::Borrowed(c) } else { Cow::Owned(clip_contour(c, page)) };
+        let contours: Vec<Cow<'_, [[f64; 2]]>> = shape.lines.clone().map(|k| on_page(art.lines.get(k))).collect();
+        let area = Area::new(contours.iter().map(|c| &**c), rule);
+        let area = area.and_then(|a| shape.clip.map_or(Ok(a.clone()), |clip| a.within(&art.clips[clip as usize])));
+        area.map_err(|TooMany| Fault::Crossings.diag(&art.names[shape.name as usize]))
+    };
+    parallel::map(seen.len(), of).into_iter().collect()
+}
+
 /// Shapes that are marked together, in the order of painting of their first: areas that are one, and single lines.
 fn groups(index: &Index, seen: &[Seen<'_>]) -> Vec<Vec<usize>> {
     let mut out = Vec::new();
     let mut is_taken = vec![false; seen.len()];
     for (i, s) in seen.iter().enumerate() {
-        let is_marked = !matches!(s.how, How::Skip | How::Hide) && (!s.is_filled() || s.is_area());
-        if !is_marked || std::mem::replace(&mut is_taken[i], true) {
+        if matches!(s.how, How::Skip | How::Hide) || std::mem::replace(&mut is_taken[i], true) {
             continue;
         }
         let mut group = vec![i];
@@ -299,12 +299,12 @@ fn groups(index: &Index, seen: &[Seen<'_>]) -> Vec<Vec<usize>> {
 }
 
 /// What is seen of a shape's lines, or of the contours of an area that is outlined.
-fn lines(art: &Artwork, seen: &[Seen<'_>], i: usize, covered: &[Vec<usize>]) -> Result<Made, TooMany> {
-    let Seen { shape, how, pen, .. } = &seen[i];
+fn lines(art: &Artwork, seen: &Seen<'_>, above: &[usize], areas: &[Area]) -> Result<Made, TooMany> {
+    let Seen { shape, how, pen, .. } = seen;
     let cutter = shape.clip.map(|clip| art.clips[clip as usize].cutter());
-    let hidden = match covered[i].as_slice() {
+    let hidden = match above {
         [] => None,
-        above => Some(Area::union(above.iter().map(|&j| &seen[j].area))?.cutter()),
+        above => Some(Area::union(above.iter().map(|&j| &areas[j]))?.cutter()),
     };
     let mut made = Made { name: shape.name, pen: *pen, lines: Lines::default(), thin: 0 };
     let page = BoxMm { lo: [0.0; 2], hi: art.size };
@@ -349,13 +349,19 @@ fn ring(contour: &[[f64; 2]]) -> Vec<[f64; 2]> {
 }
 
 /// The lines that fill what is seen of areas that are one.
-fn filled(seen: &[Seen<'_>], group: &[usize], covered: &[Vec<usize>], hatch: &Hatch) -> Result<Made, Fault> {
+fn filled(
+    seen: &[Seen<'_>],
+    group: &[usize],
+    covered: &[Vec<usize>],
+    areas: &[Area],
+    hatch: &Hatch,
+) -> Result<Made, Fault> {
     let first = &seen[group[0]];
     let mut parts = Vec::new();
     for &i in group {
         let area = match covered[i].as_slice() {
-            [] => seen[i].area.clone(),
-            above => seen[i].area.without(&Area::union(above.iter().map(|&j| &seen[j].area))?)?,
+            [] => areas[i].clone(),
+            above => areas[i].without(&Area::union(above.iter().map(|&j| &areas[j]))?)?,
         };
         parts.push(area);
     }

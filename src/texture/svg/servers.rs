@@ -6,9 +6,8 @@ use roxmltree::Node;
 
 use super::outline::Map;
 use super::page::{self, view_map};
-use super::shape::SHAPES;
 use super::tally::Issue;
-use super::walk::{Done, Purpose, State, Walk, href, transform};
+use super::walk::{Done, Purpose, SHAPES, State, Walk, href, transform};
 use crate::diag::Diag;
 use crate::geom::BoxMm;
 use crate::texture::artwork::{Area, Figure, Rule, Shape, TooMany, WHITE};
@@ -151,7 +150,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             self.note(Issue::Paint, node);
             return Ok(());
         };
-        if area.is_empty() || tile.art.shapes.is_empty() {
+        if area.is_empty() {
             return Ok(());
         }
         let back = tile.map.inverse();
@@ -163,9 +162,10 @@ impl<'a, 'input> Walk<'a, 'input> {
         let ranges = [range(0), range(1)];
         let copies: f64 = ranges.iter().map(|[from, to]| to - from).product();
         let points = copies * tile.art.lines.points.len() as f64 + self.art.lines.points.len() as f64;
-        if !(copies * tile.art.shapes.len() as f64 <= MAX_COPIES && points <= super::outline::MAX_POINTS as f64) {
+        if !(copies * tile.art.shapes.len().max(1) as f64 <= MAX_COPIES && points <= super::outline::MAX_POINTS as f64)
+        {
             let text = format!("the pattern of {} has too many tiles ({copies:.0})", self.called(node));
-            return Err(Diag::limit("svg-large", text)
+            return Err(Diag::input("svg-large", text)
                 .hint("draw the pattern on a page of its own and repeat it with tile = true")
                 .into());
         }

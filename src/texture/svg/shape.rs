@@ -14,9 +14,6 @@ use super::walk::{Done, Purpose, State, Walk};
 use crate::diag::Diag;
 use crate::texture::artwork::{Colour, Figure, Shape, StrokeMode, WHITE};
 
-/// Tags of shapes.
-pub(super) const SHAPES: [&str; 7] = ["rect", "circle", "ellipse", "line", "polyline", "polygon", "path"];
-
 /// How finely curves of strokes are approximated, as a share of the tolerance, before they are flattened.
 const FINE: f64 = 0.1;
 

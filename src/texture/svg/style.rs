@@ -10,8 +10,15 @@ use super::style_sheet::{NAMES, Sheet, Work, declarations};
 use crate::diag::Diag;
 use crate::texture::artwork::{Colour, Rule};
 
-/// What an element itself says about the properties.
-pub(super) struct Declared<'a>([Option<&'a str>; NAMES.len()]);
+/// What an element itself says about the properties, each once.
+pub(super) struct Declared<'a>(Vec<Value<'a>>);
+
+/// A property of [`NAMES`].
+struct Value<'a> {
+    name: &'static str,
+    text: &'a str,
+    important: bool,
+}
 
 impl<'a> Declared<'a> {
     /// Attributes first, then the rules of the style sheet in their order, then the `style` attribute;
@@ -20,14 +27,17 @@ impl<'a> Declared<'a> {
     /// # Errors
     /// `svg-css` where the style sheet takes too much work.
     pub(super) fn new(node: Node<'a, '_>, sheet: &Sheet<'a>, work: &mut Work) -> Result<Self, Box<Diag>> {
-        let mut values = NAMES.map(|name| node.attribute(name));
-        let mut important = [false; NAMES.len()];
+        let known = |name: &str| NAMES.iter().copied().find(|&n| n == name);
+        let attributes = node.attributes().filter(|a| a.namespace().is_none());
+        let mut values: Vec<Value<'a>> = attributes
+            .filter_map(|a| Some(Value { name: known(a.name())?, text: a.value(), important: false }))
+            .collect();
         let mut set = |d: &simplecss::Declaration<'a>| {
-            if let Some(i) = NAMES.iter().position(|&n| n == d.name)
-                && (d.important || !important[i])
-            {
-                values[i] = Some(d.value);
-                important[i] = d.important;
+            let Some(name) = known(d.name) else { return };
+            match values.iter_mut().find(|v| v.name == name) {
+                Some(v) if d.important || !v.important => (v.text, v.important) = (d.value, d.important),
+                Some(_) => {}
+                None => values.push(Value { name, text: d.value, important: d.important }),
             }
         };
         sheet.apply(node, work, &mut set)?;
@@ -46,7 +56,7 @@ impl<'a> Declared<'a> {
 
     /// The value of a property of [`NAMES`].
     pub(super) fn get(&self, name: &str) -> Option<&'a str> {
-        NAMES.iter().position(|&n| n == name).and_then(|i| self.0[i]).map(str::trim)
+        self.0.iter().find(|v| v.name == name).map(|v| v.text.trim())
     }
 
     /// Whether it refers to something by one of the names.

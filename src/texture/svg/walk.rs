@@ -8,7 +8,6 @@ use svgtypes::{Length, LengthUnit};
 
 use super::outline::{Map, Stop};
 use super::page::{self, view_map};
-use super::shape::SHAPES;
 use super::source::MAX_DEPTH;
 use super::style::{Declared, Style};
 use super::style_sheet::{Sheet, Work};
@@ -23,6 +22,9 @@ const INKSCAPE: &str = "http://www.inkscape.org/namespaces/inkscape";
 
 /// Most elements that are walked, uses expanded.
 const MAX_VISITS: usize = 2_000_000;
+
+/// Tags of shapes.
+pub(super) const SHAPES: [&str; 7] = ["rect", "circle", "ellipse", "line", "polyline", "polygon", "path"];
 
 /// What an element inherits.
 #[derive(Clone, Copy)]
