@@ -153,7 +153,7 @@ impl Fault {
             Self::Crossings => {
                 let text = format!("the area of {element} has contours that cross each other too often (400000 times)");
                 Diag::limit("texture-crossings", text)
-                    .hint("simplify it in the drawing program, or mark it with fill = \"outline\"")
+                    .hint("simplify it in the drawing program, or mark lines: fill = \"outline\" for areas, stroke = \"centre\" for wide strokes")
             }
             Self::Fine => {
                 let text = format!("the hatch of {element} has more than 20 million lines");
