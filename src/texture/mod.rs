@@ -15,6 +15,7 @@
 //!
 //! Limits: 2^31 strokes, 2·10^9 points (20 million in one drawing), coordinates up to 4 m.
 
+mod artwork;
 mod clip;
 mod drawing;
 pub mod pattern;
