@@ -18,6 +18,8 @@
 mod artwork;
 mod clip;
 mod drawing;
+#[cfg(test)]
+mod dxf;
 pub mod pattern;
 mod place;
 mod svg;

@@ -1,0 +1,253 @@
+//! What a drawing holds that is not marked, or not marked as drawn: counted by type, one warning per issue.
+
+use std::collections::BTreeMap;
+
+use crate::diag::{Diag, Place};
+
+/// Something that causes a warning.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Issue {
+    Text,
+    Dimension,
+    Image,
+    Mesh,
+    Infinite,
+    Mline,
+    Point,
+    Unread,
+    Gradient,
+    Dots,
+    Width,
+    Dash,
+    Block,
+    Clip,
+    Fault,
+    Bulge,
+    Hidden,
+    NoPlot,
+    Paper,
+    Dot,
+    Ignored,
+    Outside,
+}
+
+/// Issue, code, sentence after "entities", hint.
+const ISSUES: [(Issue, &str, &str, &str); 22] = [
+    (Issue::Text, "dxf-text", "of text are not marked", "explode text to lines in the drawing program"),
+    (
+        Issue::Dimension,
+        "dxf-dimension",
+        "that are dimensions or leaders are not marked",
+        "explode them in the drawing program, or hide their layer",
+    ),
+    (
+        Issue::Image,
+        "dxf-image",
+        "that are images, wipeouts or embedded documents are not marked",
+        "trace images in the drawing program; what a wipeout covers is marked",
+    ),
+    (
+        Issue::Mesh,
+        "dxf-mesh",
+        "that are faces, meshes, regions or solids are not marked",
+        "draw their edges as lines, or use them as the surface",
+    ),
+    (Issue::Infinite, "dxf-infinite", "that are endless lines are not marked", "draw lines that end"),
+    (Issue::Mline, "dxf-mline", "that are multilines are not marked", "explode them in the drawing program"),
+    (Issue::Point, "dxf-point", "that are points are not marked", "draw small circles"),
+    (
+        Issue::Unread,
+        "dxf-unread",
+        "of types that are not read are not marked",
+        "explode them in the drawing program",
+    ),
+    (
+        Issue::Gradient,
+        "dxf-gradient",
+        "are filled by a gradient and are not marked",
+        "fill them with one colour or a pattern",
+    ),
+    (
+        Issue::Dots,
+        "dxf-pattern-dots",
+        "have a hatch pattern with dots, which are not marked",
+        "use a pattern of lines",
+    ),
+    (
+        Issue::Width,
+        "dxf-width",
+        "are polylines with a width, of which the centre line is marked",
+        "set their width to 0, or draw their outline",
+    ),
+    (
+        Issue::Dash,
+        "dxf-dash",
+        "have a dashed line type and are marked as full lines",
+        "use the line type Continuous, or draw the dashes",
+    ),
+    (
+        Issue::Block,
+        "dxf-block",
+        "insert a block that is missing or in another file, and are not marked",
+        "bind external references, or remove the inserts",
+    ),
+    (
+        Issue::Clip,
+        "dxf-clip",
+        "are clips of inserted blocks, which are not applied: more may be marked than is shown",
+        "explode and trim the blocks in the drawing program",
+    ),
+    (
+        Issue::Fault,
+        "dxf-fault",
+        "have a faulty description, such as a radius of 0 or too few knots, and are not marked",
+        "repair them in the drawing program",
+    ),
+    (
+        Issue::Bulge,
+        "dxf-bulge",
+        "have arcs of a radius beyond 1000 km; these are marked as straight lines",
+        "repair them in the drawing program",
+    ),
+    (
+        Issue::Hidden,
+        "dxf-hidden",
+        "are invisible or on layers that are frozen or off, and are not marked",
+        "show them, or ignore this",
+    ),
+    (
+        Issue::NoPlot,
+        "dxf-noplot",
+        "are on layers that are shown but not plotted; they are marked",
+        "turn these layers off, or ignore this",
+    ),
+    (
+        Issue::Paper,
+        "dxf-paper",
+        "lie in paper space and are not marked",
+        "move them to model space, or ignore this",
+    ),
+    (
+        Issue::Dot,
+        "dxf-dot",
+        "have parts without extent, which are not marked",
+        "draw them with an extent, or ignore this",
+    ),
+    (Issue::Ignored, "dxf-ignored", "that show nothing are left out", "ignore this"),
+    (
+        Issue::Outside,
+        "dxf-outside",
+        "stand outside of the sections of the file and are not read",
+        "save the drawing again as DXF",
+    ),
+];
+
+/// Types of entities and what is said of them; all others are [`Issue::Unread`].
+const TYPES: [(Issue, &[&str]); 8] = [
+    (Issue::Text, &["TEXT", "MTEXT", "ATTRIB", "ATTDEF", "RTEXT", "ARCALIGNEDTEXT"]),
+    (
+        Issue::Dimension,
+        &["DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "LEADER", "MULTILEADER", "MLEADER", "TOLERANCE"],
+    ),
+    (
+        Issue::Image,
+        &["IMAGE", "WIPEOUT", "OLEFRAME", "OLE2FRAME", "PDFUNDERLAY", "DWFUNDERLAY", "DGNUNDERLAY", "POINTCLOUD"],
+    ),
+    (
+        Issue::Mesh,
+        &[
+            "3DFACE",
+            "3DSOLID",
+            "BODY",
+            "REGION",
+            "MESH",
+            "SURFACE",
+            "PLANESURFACE",
+            "EXTRUDEDSURFACE",
+            "LOFTEDSURFACE",
+            "REVOLVEDSURFACE",
+            "SWEPTSURFACE",
+        ],
+    ),
+    (Issue::Infinite, &["RAY", "XLINE"]),
+    (Issue::Mline, &["MLINE"]),
+    (Issue::Point, &["POINT"]),
+    (Issue::Ignored, &["VIEWPORT", "LIGHT", "CAMERA", "SUN", "SEQEND", "LAYOUTPRINTCONFIG"]),
+];
+
+impl Issue {
+    /// What is said of entities of a type that is not read.
+    pub(super) fn of_kind(kind: &[u8]) -> Self {
+        let row = TYPES.iter().find(|(_, types)| types.iter().any(|t| t.as_bytes() == kind));
+        row.map_or(Self::Unread, |(issue, _)| *issue)
+    }
+}
+
+/// How often a type was met, and the name of its first entity.
+type Met = (u64, String);
+
+/// Most types of one issue that are told apart; only files made to have more do.
+const MAX_TYPES: usize = 40;
+
+/// Counts per issue and type.
+#[derive(Debug, Default)]
+pub(super) struct Tally([BTreeMap<String, Met>; ISSUES.len()]);
+
+impl Tally {
+    /// Counts one more of a type; `name` is asked for the entity's name only the first time.
+    pub(super) fn add(&mut self, issue: Issue, what: &str, name: impl FnOnce() -> String) {
+        let types = &mut self.0[issue as usize];
+        let what = if types.len() < MAX_TYPES || types.contains_key(what) { what } else { "others" };
+        match types.get_mut(what) {
+            Some((n, _)) => *n += 1,
+            None => drop(types.insert(what.to_owned(), (1, name()))),
+        }
+    }
+
+    /// Issue, type, count and first entity of everything.
+    #[cfg(test)]
+    pub(super) fn rows(&self) -> impl Iterator<Item = (&'static str, &str, u64, &str)> {
+        let rows = self.0.iter().zip(ISSUES);
+        rows.flat_map(|(types, row)| types.iter().map(move |(what, (n, name))| (row.1, &**what, *n, &**name)))
+    }
+
+    /// One warning per issue that was met.
+    pub(super) fn warnings(&self, path: &str) -> impl Iterator<Item = Diag> {
+        self.0.iter().zip(ISSUES).filter_map(move |(types, (_, code, says, hint))| {
+            let (_, (_, first)) = types.first_key_value()?;
+            let list: Vec<String> =
+                types.iter().map(|(what, (n, name))| format!("{n} {what} (first: {name})")).collect();
+            let place = Place::Element { path: path.to_owned(), element: first.clone() };
+            Some(Diag::warning(code, format!("entities {says}: {}", list.join(", "))).at(place).hint(hint))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn warning_table_follows_enum_order() {
+        for (i, row) in ISSUES.iter().enumerate() {
+            assert_eq!(row.0 as usize, i);
+        }
+    }
+
+    #[test]
+    fn types_are_listed_with_count_and_first_entity_and_are_bounded() {
+        let mut tally = Tally::default();
+        for (what, name) in [("TEXT", "TEXT 1F"), ("MTEXT", "MTEXT 20"), ("TEXT", "TEXT 21")] {
+            tally.add(Issue::of_kind(what.as_bytes()), what, || name.to_owned());
+        }
+        (0..1000).for_each(|i| tally.add(Issue::of_kind(b"NEW"), &format!("NEW{i}"), String::new));
+        let warnings: Vec<Diag> = tally.warnings("a.dxf").collect();
+        assert_eq!(warnings.len(), 2);
+        assert_eq!(
+            warnings[0].message,
+            "entities of text are not marked: 1 MTEXT (first: MTEXT 20), 2 TEXT (first: TEXT 1F)"
+        );
+        assert_eq!(tally.rows().filter(|r| r.0 == "dxf-unread").count(), MAX_TYPES + 1);
+        assert_eq!(tally.rows().map(|r| r.2).sum::<u64>(), 1003);
+    }
+}
