@@ -51,6 +51,8 @@ fn codes_of(shown: &str, text: &str, out: &mut BTreeMap<String, BTreeSet<String>
         ("src/machine/mod.rs", "fault(", "input"),
         ("src/verify/", "unusable(", "input"),
         ("src/texture/svg/tally.rs", "Issue::", "warning"),
+        ("src/texture/dxf/tally.rs", "Issue::", "warning"),
+        ("src/texture/dxf/", "fault(", "input"),
     ];
     let mut add = |code: &str, kind: &str| {
         out.entry(code.to_owned()).or_default().insert(kind.to_owned());

@@ -31,12 +31,21 @@ def polylines(doc, m):
     m.add_lwpolyline([(80, 30), (90, 30), (90, 40)], dxfattribs={"linetype": "DASHED"})
     m.add_lwpolyline([(80, 30), (80, 30), (80, 42)], dxfattribs={"const_width": 0})
     m.add_polyline2d([(0, 60, 0.2), (10, 60, 0), (10, 70, -0.7)], format="xyb", close=True)
+    wide(m)
     fitted = m.add_polyline2d([(20, 60), (25, 64), (30, 66), (40, 60)])
     fitted.dxf.flags |= 4
     for k in (0, 3):
         fitted.vertices[k].dxf.flags = 16
     m.add_polyline3d([(40, 60, 1), (50, 65, 2), (55, 75, -9)])
     m.add_polyline3d([(60, 60, 1), (70, 65, 2), (65, 75, -9)], close=True)
+
+
+def wide(m):
+    m.add_lwpolyline([(100, 60, 1, 2), (110, 60, 2, 2), (120, 70, 2, 0.5), (118, 80, 0, 0)], "xyse")
+    ring = [(130, 60), (140, 60), (145, 70), (130, 70)]
+    m.add_lwpolyline(ring, close=True, dxfattribs={"const_width": 1.5, "extrusion": (0, 0, -1)})
+    m.add_lwpolyline([(150, 60, 1, 1, 0), (160, 60, 1, 1, 1), (160, 68, 1, 3, 0)], "xyseb")
+    m.add_lwpolyline([(170, 60, 0, 0), (180, 60, 4, 0), (186, 60, 0, 0)], "xyse")
 
 
 def splines(doc, m):
@@ -140,7 +149,6 @@ def unread(doc, m):
     m.add_polymesh((2, 2))
     face = m.add_polyface()
     face.append_face([(0, 370), (5, 370), (5, 375)])
-    m.add_lwpolyline([(0, 380, 1, 2), (10, 380, 2, 2), (20, 390, 0, 0)], "xyse")
     gradient = m.add_hatch()
     gradient.set_gradient()
     gradient.paths.add_polyline_path([(0, 400), (5, 400), (5, 405)])

@@ -2,7 +2,8 @@
 //!
 //! Consumes a DXF file of R12 to 2018, text or binary. Promises an [`Artwork`] whose page is the box of all that is
 //! drawn and whose corner is where that box lies in the drawing's coordinates: lines, arcs, circles, ellipses,
-//! polylines with bulges, splines and the lines of hatch patterns as lines; solids, traces and solid hatches as areas;
+//! polylines with bulges, splines and the lines of hatch patterns as lines; solids, traces, solid hatches and polylines
+//! with a width as areas;
 //! blocks inserted with their scales, turns, mirrors and arrays; in drawing order, each with its colour, its layer and
 //! the blocks that it comes from. A drawing that shows nothing gives an artwork without shapes.
 //!
@@ -29,6 +30,7 @@ mod tally;
 mod tests;
 mod units;
 mod walk;
+mod wide;
 
 use std::path::Path;
 

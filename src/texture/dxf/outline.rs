@@ -46,6 +46,12 @@ impl Arc {
         add(self.centre, add(times(self.a, cos), times(self.b, sin)))
     }
 
+    /// The direction in which it runs where `by` is positive.
+    pub(super) fn slope(&self, t: f64) -> Point {
+        let (sin, cos) = t.sin_cos();
+        add(times(self.a, -sin), times(self.b, cos))
+    }
+
     /// The arc from `p` to `q` in the plane of their z whose included angle is four times the arctangent of `bulge`,
     /// counter-clockwise where that is positive. None where it cannot be told from its chord, or has no finite radius.
     pub(super) fn of_bulge(p: Point, q: Point, bulge: f64) -> Option<Self> {
@@ -122,6 +128,25 @@ impl<'a> Outline<'a> {
         self.at = end;
     }
 
+    /// What runs beside an arc of a circle, at distances from its centre that change evenly from one end to the
+    /// other; from the end of the arc to its start where it is not to go forward.
+    pub(super) fn spiral(&mut self, arc: &Arc, radii: [f64; 2], forward: bool) {
+        let [a, b] = [arc.a, arc.b].map(|v| self.map.along(v));
+        let [r, s] = radii.map(|v| v / length(arc.a));
+        // |p''| over the angle is at most r + 2 r', times the stretch of the map.
+        let bend = largest_radius(a, b) * (r.abs().max(s.abs()) + 2.0 * ((s - r) / arc.by).abs());
+        let steps = (arc.by * arc.by * bend / (8.0 * self.tolerance)).sqrt().ceil().max((arc.by.abs() / FRAC_PI_4).ceil());
+        if steps.is_nan() || steps > MAX_POINTS as f64 {
+            self.stop = Some(Stop::Full);
+            return;
+        }
+        for k in 0..=steps as usize {
+            let t = if forward { k as f64 / steps } else { 1.0 - k as f64 / steps };
+            let on = sub(arc.at(arc.start + arc.by * t), arc.centre);
+            self.line_to(add(arc.centre, times(on, r + (s - r) * t)));
+        }
+    }
+
     /// A line or arc to the next vertex of a polyline; answers whether the bulge could be drawn as it is.
     pub(super) fn bulge_to(&mut self, p: Point, bulge: f64) -> bool {
         if bulge == 0.0 || p == self.at {
@@ -195,7 +220,7 @@ impl<'a> Outline<'a> {
         if self.stop.is_some() {
             return;
         }
-        if !(x.abs() <= MAX_MM && y.abs() <= MAX_MM) {
+        if [x, y].iter().any(|v| v.is_nan() || v.abs() > MAX_MM) {
             self.stop = Some(Stop::Far);
         } else if self.lines.points.len() >= MAX_POINTS {
             self.stop = Some(Stop::Full);

@@ -39,7 +39,7 @@ impl Ruling<'_> {
         let area = d[0] * o[1] - d[1] * o[0];
         let distance = area.abs() / d[0].hypot(d[1]);
         // Lines closer than a nanometre would fill memory, not areas.
-        if !(distance >= NM) {
+        if distance.is_nan() || distance < NM {
             return Ok(Ruled { is_faulty: true, has_dots: false });
         }
         let coordinates = |[x, y]: [f64; 2]| {
@@ -94,7 +94,7 @@ impl Ruling<'_> {
         }
         let has_dots = self.dashes.contains(&0.0);
         let (first, last) = ((t0 / period).floor(), (t1 / period).floor());
-        if !(last - first < MAX_POINTS as f64) {
+        if last - first >= MAX_POINTS as f64 {
             return Err(Stop::Full);
         }
         // The dash that is being drawn: it may go on over the end of the period.

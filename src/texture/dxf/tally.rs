@@ -76,8 +76,8 @@ const ISSUES: [(Issue, &str, &str, &str); 22] = [
     (
         Issue::Width,
         "dxf-width",
-        "are polylines with a width, of which the centre line is marked",
-        "set their width to 0, or draw their outline",
+        "are wide polylines with corners that are sharp, between different widths or narrower than the width: there the area may differ",
+        "round these corners, or draw the outline",
     ),
     (
         Issue::Dash,

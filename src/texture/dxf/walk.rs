@@ -11,6 +11,7 @@ use super::outline::{Arc, MAX_POINTS, Outline, Stop};
 use super::pattern::Ruling;
 use super::space::{Map, Point, cross, length, times, unit};
 use super::tally::{Issue, Tally};
+use super::wide::{areas, hairlines};
 use crate::diag::Diag;
 use crate::texture::artwork::{Artwork, Colour, Figure, Rule, Shape};
 use crate::texture::clip::Lines;
@@ -106,25 +107,52 @@ impl<'a> Walk<'a> {
             return Ok(());
         }
         let first = self.art.lines.len();
-        let figure = self.draw(entity, state.map).map_err(|stop| self.stopped(stop, entity))?;
-        if self.art.lines.len() == first {
-            return Ok(());
-        }
-        if !layer.is_plotted {
+        let look = State { layer: number, colour, is_dashed, ..state };
+        let drawn = match &entity.kind {
+            Kind::Polyline(line) if is_wide(line) => self.wide(entity, line, look),
+            _ => self.draw(entity, state.map).map(|figure| self.shape(entity, figure, first, look)),
+        };
+        drawn.map_err(|stop| self.stopped(stop, entity))?;
+        if self.art.lines.len() > first && !layer.is_plotted {
             self.note(Issue::NoPlot, entity);
         }
-        if is_dashed && figure == Figure::Lines && !matches!(entity.kind, Kind::Hatch(_)) {
+        Ok(())
+    }
+
+    /// Makes a shape of the lines from `first` on, if there are any.
+    fn shape(&mut self, entity: &Entity, figure: Figure, first: usize, look: State) {
+        if self.art.lines.len() == first {
+            return;
+        }
+        if look.is_dashed && figure == Figure::Lines && !matches!(entity.kind, Kind::Hatch(_)) {
             self.note(Issue::Dash, entity);
         }
         let shape = Shape {
             name: self.name(entity),
-            labels: self.labels(state.chain, number),
-            colour,
+            labels: self.labels(look.chain, look.layer),
+            colour: look.colour,
             figure,
             lines: first..self.art.lines.len(),
             clip: None,
         };
         self.art.shapes.push(shape);
+    }
+
+    /// A polyline of which segments have a width: what has none as lines, and the rest as an area over it.
+    fn wide(&mut self, entity: &Entity, line: &Polyline, look: State) -> Result<(), Stop> {
+        let flat = look.map.after(Map::of_extrusion(entity.extrusion));
+        let first = self.art.lines.len();
+        for run in hairlines(line) {
+            if !self.outline(entity, flat, |out| polyline(&run, out))? {
+                self.note(Issue::Bulge, entity);
+            }
+        }
+        self.shape(entity, Figure::Lines, first, look);
+        let first = self.art.lines.len();
+        if !self.outline(entity, flat, |out| areas(line, out))? {
+            self.note(Issue::Width, entity);
+        }
+        self.shape(entity, Figure::Stroke, first, look);
         Ok(())
     }
 
@@ -187,10 +215,9 @@ impl<'a> Walk<'a> {
     fn draw(&mut self, entity: &Entity, map: Map) -> Result<Figure, Stop> {
         let flat = map.after(Map::of_extrusion(entity.extrusion));
         match &entity.kind {
-            Kind::Line([a, b]) => self.outline(entity, map, |out| {
+            Kind::Line([a, b]) => self.line(entity, map, |out| {
                 out.move_to(*a);
                 out.line_to(*b);
-                true
             })?,
             // A radius that is not positive draws nothing.
             Kind::Arc { radius, .. } if *radius <= 0.0 => self.note(Issue::Fault, entity),
@@ -201,10 +228,7 @@ impl<'a> Walk<'a> {
                     [from, span(from, to)]
                 });
                 let arc = Arc { centre: *centre, a: [r, 0.0, 0.0], b: [0.0, r, 0.0], start, by };
-                self.outline(entity, flat, |out| {
-                    out.arc(&arc);
-                    true
-                })?;
+                self.line(entity, flat, |out| out.arc(&arc))?;
             }
             Kind::Ellipse { major, ratio, .. } if *ratio == 0.0 || *major == [0.0; 3] => self.note(Issue::Fault, entity),
             Kind::Ellipse { centre, major, ratio, params: [from, to] } => {
@@ -217,30 +241,20 @@ impl<'a> Walk<'a> {
                     start: *from,
                     by: span(*from, *to),
                 };
-                self.outline(entity, map, |out| {
-                    out.arc(&arc);
-                    true
-                })?
+                self.line(entity, map, |out| out.arc(&arc))?;
             }
             Kind::Polyline(line) => {
                 let map = if line.is_spatial { map } else { flat };
-                if line.vertices.iter().any(|v| v.widths != [0.0; 2]) {
-                    self.note(Issue::Width, entity);
+                if !self.outline(entity, map, |out| polyline(line, out))? {
+                    self.note(Issue::Bulge, entity);
                 }
-                self.outline(entity, map, |out| polyline(line, out))?
             }
             Kind::Spline(spline) => match spline.pieces() {
-                Some(pieces) => self.outline(entity, map, |out| {
-                    out.spline(&pieces);
-                    true
-                })?,
+                Some(pieces) => self.line(entity, map, |out| out.spline(&pieces))?,
                 None => self.note(Issue::Fault, entity),
             },
             Kind::Solid(corners) => {
-                self.outline(entity, flat, |out| {
-                    ring(corners, out);
-                    true
-                })?;
+                self.line(entity, flat, |out| ring(corners, out))?;
                 return Ok(Figure::Fill(Rule::EvenOdd));
             }
             Kind::Hatch(hatch) => return self.hatch(entity, hatch, flat),
@@ -249,25 +263,31 @@ impl<'a> Walk<'a> {
         Ok(Figure::Lines)
     }
 
-    /// Draws lines of an entity; `draw` answers whether its bulges could be drawn as they are.
-    fn outline(&mut self, entity: &Entity, map: Map, draw: impl FnOnce(&mut Outline<'_>) -> bool) -> Result<(), Stop> {
+    fn line(&mut self, entity: &Entity, map: Map, draw: impl FnOnce(&mut Outline<'_>)) -> Result<(), Stop> {
+        let draw = |out: &mut Outline<'_>| {
+            draw(out);
+            true
+        };
+        self.outline(entity, map, draw).map(|_| ())
+    }
+
+    /// Draws lines of an entity; answers as `draw` does.
+    fn outline(&mut self, entity: &Entity, map: Map, draw: impl FnOnce(&mut Outline<'_>) -> bool) -> Result<bool, Stop> {
         let mut out = Outline::new(map, self.tolerance, &mut self.art.lines);
         let is_sound = draw(&mut out);
-        let has_dots = out.end()?;
-        if has_dots {
+        if out.end()? {
             self.note(Issue::Dot, entity);
         }
-        if !is_sound {
-            self.note(Issue::Bulge, entity);
-        }
-        Ok(())
+        Ok(is_sound)
     }
 
     fn hatch(&mut self, entity: &Entity, hatch: &Hatch, map: Map) -> Result<Figure, Stop> {
         let mut rings = Lines::default();
         let mut is_sound = true;
+        // Where a line meets its boundary at a small angle, an error of the boundary moves its end by more.
+        let part = if matches!(hatch.fill, Fill::Pattern(_)) { 10.0 } else { 1.0 };
         for path in hatch.bounds() {
-            is_sound &= self.rings(path, map, &mut rings)?;
+            is_sound &= rings_of(path, map, self.tolerance / part, &mut rings)?;
         }
         if rings.points.len() + self.art.lines.points.len() > MAX_POINTS {
             return Err(Stop::Full);
@@ -305,33 +325,6 @@ impl<'a> Walk<'a> {
             self.note(Issue::Fault, entity);
         }
         Ok(Figure::Lines)
-    }
-
-    /// The closed lines of a boundary path, in mm; answers whether all its edges could be drawn.
-    fn rings(&self, path: &Path, map: Map, rings: &mut Lines) -> Result<bool, Stop> {
-        let mut edges = Lines::default();
-        let mut is_sound = true;
-        for edge in &path.edges {
-            let mut out = Outline::new(map, self.tolerance, &mut edges);
-            match edge {
-                Edge::Polyline(vertices) => {
-                    let line = Polyline { vertices: vertices.clone(), is_closed: true, is_spatial: false };
-                    is_sound &= polyline(&line, &mut out);
-                }
-                Edge::Line([a, b]) => {
-                    out.move_to(*a);
-                    out.line_to(*b);
-                }
-                Edge::Arc(arc) => out.arc(arc),
-                Edge::Spline(spline) => match spline.pieces() {
-                    Some(pieces) => out.spline(&pieces),
-                    None => is_sound = false,
-                },
-            }
-            out.end()?;
-        }
-        join(&edges, self.tolerance, rings);
-        Ok(is_sound)
     }
 
     fn visit(&mut self, entity: &Entity, n: u64) -> Done {
@@ -389,6 +382,12 @@ impl<'a> Walk<'a> {
     }
 }
 
+/// Whether a segment has a width.
+fn is_wide(line: &Polyline) -> bool {
+    let ends = line.vertices.len().saturating_sub(usize::from(!line.is_closed));
+    line.vertices[..ends].iter().any(|v| v.widths != [0.0; 2])
+}
+
 fn polyline(line: &Polyline, out: &mut Outline<'_>) -> bool {
     let Some(first) = line.vertices.first() else { return true };
     out.move_to(first.p);
@@ -408,6 +407,33 @@ fn ring(corners: &[Point; 4], out: &mut Outline<'_>) {
     out.move_to(corners[0]);
     corners[1..].iter().for_each(|&p| out.line_to(p));
     out.close();
+}
+
+/// The closed lines of a boundary path, in mm; answers whether all its edges could be drawn.
+fn rings_of(path: &Path, map: Map, tolerance: f64, rings: &mut Lines) -> Result<bool, Stop> {
+    let mut edges = Lines::default();
+    let mut is_sound = true;
+    for edge in &path.edges {
+        let mut out = Outline::new(map, tolerance, &mut edges);
+        match edge {
+            Edge::Polyline(vertices) => {
+                let line = Polyline { vertices: vertices.clone(), is_closed: true, is_spatial: false };
+                is_sound &= polyline(&line, &mut out);
+            }
+            Edge::Line([a, b]) => {
+                out.move_to(*a);
+                out.line_to(*b);
+            }
+            Edge::Arc(arc) => out.arc(arc),
+            Edge::Spline(spline) => match spline.pieces() {
+                Some(pieces) => out.spline(&pieces),
+                None => is_sound = false,
+            },
+        }
+        out.end()?;
+    }
+    join(&edges, tolerance, rings);
+    Ok(is_sound)
 }
 
 /// Joins edges end to end to closed rings, each edge turned as it fits. An edge that fits nowhere begins a new ring
