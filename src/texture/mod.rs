@@ -20,6 +20,8 @@ mod clip;
 mod drawing;
 #[cfg(test)]
 mod dxf;
+#[cfg(test)]
+mod hpgl;
 pub mod pattern;
 mod place;
 mod svg;

@@ -33,17 +33,8 @@ impl Paint {
 
 /// 10 to 249 are 24 hues in ten shades each: five values, full or half saturated.
 fn of_index(index: usize) -> Colour {
-    const BASIC: [Colour; 9] = [
-        [255, 0, 0],
-        [255, 255, 0],
-        [0, 255, 0],
-        [0, 255, 255],
-        [0, 0, 255],
-        [255, 0, 255],
-        BLACK,
-        [128; 3],
-        [192; 3],
-    ];
+    const BASIC: [Colour; 9] =
+        [[255, 0, 0], [255, 255, 0], [0, 255, 0], [0, 255, 255], [0, 0, 255], [255, 0, 255], BLACK, [128; 3], [192; 3]];
     const GREY: [u8; 6] = [51, 91, 132, 173, 214, 255];
     match index {
         1..=9 => return BASIC[index - 1],

@@ -73,8 +73,17 @@ pub(super) struct Entity {
 pub(super) enum Kind {
     Line([Point; 2]),
     /// An arc, counter-clockwise between angles in degrees; without them a circle.
-    Arc { centre: Point, radius: f64, angles: Option<[f64; 2]> },
-    Ellipse { centre: Point, major: Point, ratio: f64, params: [f64; 2] },
+    Arc {
+        centre: Point,
+        radius: f64,
+        angles: Option<[f64; 2]>,
+    },
+    Ellipse {
+        centre: Point,
+        major: Point,
+        ratio: f64,
+        params: [f64; 2],
+    },
     Polyline(Polyline),
     Spline(Box<Spline>),
     /// In the order round it.

@@ -132,7 +132,8 @@ fn vertices(tags: &[Tag<'_>], height: f64) -> Result<Vec<Vertex>, Fault> {
 
 fn edge(what: i64, tags: &[Tag<'_>], height: f64) -> Result<Option<Edge>, Fault> {
     let real = |code: i32| tags.iter().find(|t| t.code == code).map(Tag::real).transpose();
-    let point = |code: i32, z: f64| Ok::<Point, Fault>([real(code)?.unwrap_or(0.0), real(code + 10)?.unwrap_or(0.0), z]);
+    let point =
+        |code: i32, z: f64| Ok::<Point, Fault>([real(code)?.unwrap_or(0.0), real(code + 10)?.unwrap_or(0.0), z]);
     let is_left = real(73)?.unwrap_or(1.0) != 0.0;
     Ok(match what {
         1 => Some(Edge::Line([point(10, height)?, point(11, height)?])),

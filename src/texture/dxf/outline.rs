@@ -135,7 +135,8 @@ impl<'a> Outline<'a> {
         let [r, s] = radii.map(|v| v / length(arc.a));
         // |p''| over the angle is at most r + 2 r', times the stretch of the map.
         let bend = largest_radius(a, b) * (r.abs().max(s.abs()) + 2.0 * ((s - r) / arc.by).abs());
-        let steps = (arc.by * arc.by * bend / (8.0 * self.tolerance)).sqrt().ceil().max((arc.by.abs() / FRAC_PI_4).ceil());
+        let steps =
+            (arc.by * arc.by * bend / (8.0 * self.tolerance)).sqrt().ceil().max((arc.by.abs() / FRAC_PI_4).ceil());
         if steps.is_nan() || steps > MAX_POINTS as f64 {
             self.stop = Some(Stop::Full);
             return;
@@ -171,7 +172,8 @@ impl<'a> Outline<'a> {
             let piece = piece.mapped(self.map);
             let start = piece.start();
             let tail = self.lines.tail();
-            let joins = self.lines.points[tail..].last().is_some_and(|p| (p[0] - start[0]).hypot(p[1] - start[1]) < 1e-6);
+            let joins =
+                self.lines.points[tail..].last().is_some_and(|p| (p[0] - start[0]).hypot(p[1] - start[1]) < 1e-6);
             if !joins {
                 self.end_line();
                 self.put_mm(start);
@@ -296,7 +298,9 @@ mod tests {
     #[test]
     fn bulges_have_the_centre_and_angle_of_the_reference() {
         let (p, q) = ([0.0; 3], [2.0, 0.0, 0.0]);
-        for (bulge, centre, by) in [(1.0, [1.0, 0.0], PI), (-1.0, [1.0, 0.0], -PI), (FRAC_PI_2.tan(), [1.0, -1e16], TAU)] {
+        for (bulge, centre, by) in
+            [(1.0, [1.0, 0.0], PI), (-1.0, [1.0, 0.0], -PI), (FRAC_PI_2.tan(), [1.0, -1e16], TAU)]
+        {
             let arc = Arc::of_bulge(p, q, bulge).expect("an arc");
             assert!((arc.by - by).abs() < 1e-9, "{bulge}");
             assert!(bulge > 2.0 || (arc.centre[0] - centre[0]).hypot(arc.centre[1] - centre[1]) < 1e-12, "{bulge}");

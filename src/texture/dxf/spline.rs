@@ -207,8 +207,9 @@ mod tests {
 
     #[test]
     fn pieces_are_the_curve_of_the_definition() {
-        let control: Vec<Point> =
-            [[0.0, 0.0], [1.0, 2.0], [3.0, -1.0], [4.0, 4.0], [6.0, 0.0], [7.0, 1.0]].map(|[x, y]| [x, y, x * y]).to_vec();
+        let control: Vec<Point> = [[0.0, 0.0], [1.0, 2.0], [3.0, -1.0], [4.0, 4.0], [6.0, 0.0], [7.0, 1.0]]
+            .map(|[x, y]| [x, y, x * y])
+            .to_vec();
         let weights = vec![1.0, 0.5, 3.0, 1.0, 2.0, 1.0];
         for (degree, knots) in [
             (3, vec![0.0, 0.0, 0.0, 0.0, 0.3, 0.6, 1.0, 1.0, 1.0, 1.0]),
@@ -219,10 +220,8 @@ mod tests {
             for weights in [Vec::new(), weights.clone()] {
                 let s = Spline { degree, knots: knots.clone(), control: control.clone(), weights, ..Spline::default() };
                 let pieces = s.pieces().expect("sound");
-                let spans: Vec<[f64; 2]> = (degree..control.len())
-                    .map(|k| [knots[k], knots[k + 1]])
-                    .filter(|[a, b]| a < b)
-                    .collect();
+                let spans: Vec<[f64; 2]> =
+                    (degree..control.len()).map(|k| [knots[k], knots[k + 1]]).filter(|[a, b]| a < b).collect();
                 assert_eq!(pieces.len(), spans.len());
                 for (piece, [a, b]) in pieces.iter().zip(spans) {
                     for t in [0.0, 0.25, 0.7, 0.999] {
@@ -264,7 +263,12 @@ mod tests {
 
     #[test]
     fn faulty_descriptions_are_refused() {
-        let sound = Spline { degree: 1, knots: vec![0.0, 0.0, 1.0, 1.0], control: vec![[0.0; 3], [1.0; 3]], ..Spline::default() };
+        let sound = Spline {
+            degree: 1,
+            knots: vec![0.0, 0.0, 1.0, 1.0],
+            control: vec![[0.0; 3], [1.0; 3]],
+            ..Spline::default()
+        };
         assert!(sound.pieces().is_some());
         let faults: [(&str, fn(&mut Spline)); 7] = [
             ("one knot too few", |s| s.knots.truncate(3)),

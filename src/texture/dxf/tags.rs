@@ -229,8 +229,17 @@ impl<'a> Tags<'a> {
         let cut = || -> Fault { at.fault("dxf-syntax", "the file ends within a tag").hint(EXPORT).into() };
         let code = self.binary_code().ok_or_else(cut)?;
         let value = match code {
-            0..=9 | 100..=109 | 300..=309 | 320..=369 | 390..=399 | 410..=419 | 430..=439 | 470..=489 | 999
-            | 1000..=1003 | 1005..=1009 => self.binary_text().map(Value::Text),
+            0..=9
+            | 100..=109
+            | 300..=309
+            | 320..=369
+            | 390..=399
+            | 410..=419
+            | 430..=439
+            | 470..=489
+            | 999
+            | 1000..=1003
+            | 1005..=1009 => self.binary_text().map(Value::Text),
             10..=59 | 110..=149 | 210..=239 | 460..=469 | 1010..=1059 => {
                 self.take().map(|b| Value::Real(f64::from_le_bytes(b)))
             }

@@ -55,24 +55,14 @@ const ISSUES: [(Issue, &str, &str, &str); 22] = [
     (Issue::Infinite, "dxf-infinite", "that are endless lines are not marked", "draw lines that end"),
     (Issue::Mline, "dxf-mline", "that are multilines are not marked", "explode them in the drawing program"),
     (Issue::Point, "dxf-point", "that are points are not marked", "draw small circles"),
-    (
-        Issue::Unread,
-        "dxf-unread",
-        "of types that are not read are not marked",
-        "explode them in the drawing program",
-    ),
+    (Issue::Unread, "dxf-unread", "of types that are not read are not marked", "explode them in the drawing program"),
     (
         Issue::Gradient,
         "dxf-gradient",
         "are filled by a gradient and are not marked",
         "fill them with one colour or a pattern",
     ),
-    (
-        Issue::Dots,
-        "dxf-pattern-dots",
-        "have a hatch pattern with dots, which are not marked",
-        "use a pattern of lines",
-    ),
+    (Issue::Dots, "dxf-pattern-dots", "have a hatch pattern with dots, which are not marked", "use a pattern of lines"),
     (
         Issue::Width,
         "dxf-width",
@@ -121,12 +111,7 @@ const ISSUES: [(Issue, &str, &str, &str); 22] = [
         "are on layers that are shown but not plotted; they are marked",
         "turn these layers off, or ignore this",
     ),
-    (
-        Issue::Paper,
-        "dxf-paper",
-        "lie in paper space and are not marked",
-        "move them to model space, or ignore this",
-    ),
+    (Issue::Paper, "dxf-paper", "lie in paper space and are not marked", "move them to model space, or ignore this"),
     (
         Issue::Dot,
         "dxf-dot",

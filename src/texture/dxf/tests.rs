@@ -205,7 +205,11 @@ fn all_forms_of_a_file_are_one_drawing() {
         let (art, other) = loaded(&bytes, None);
         let art = art.unwrap_or_else(|e| panic!("{what}: {e}"));
         assert_eq!(art.lines.points, expected.lines.points, "{what}");
-        assert_eq!((&art.shapes, &art.names, &art.labels), (&expected.shapes, &expected.names, &expected.labels), "{what}");
+        assert_eq!(
+            (&art.shapes, &art.names, &art.labels),
+            (&expected.shapes, &expected.names, &expected.labels),
+            "{what}"
+        );
         assert_eq!(other, notes, "{what}");
     }
 }
@@ -262,7 +266,10 @@ fn tolerance_holds_after_all_maps() {
 const ODD: [(&str, Outcome); 21] = [
     ("0 LWPOLYLINE 43 1 10 0 20 0 10 10 20 0 10 0 20 2", (Ok(1), &["dxf-width"])),
     ("0 LWPOLYLINE 90 2000000000 70 1 10 0 20 0 10 5 20 5", (Ok(1), &[])),
-    ("0 LWPOLYLINE 70 1 10 0 20 0 42 1e308 10 10 20 0 42 1e-320 10 10 20 10 42 -1 10 10 20 10 42 5", (Ok(1), &["dxf-bulge"])),
+    (
+        "0 LWPOLYLINE 70 1 10 0 20 0 42 1e308 10 10 20 0 42 1e-320 10 10 20 10 42 -1 10 10 20 10 42 5",
+        (Ok(1), &["dxf-bulge"]),
+    ),
     ("0 LINE 10 0,5 20 0 11 5 21 5", (Err("dxf-number"), &[])),
     ("0 LINE 10 nan 20 0 11 inf 21 5", (Err("dxf-number"), &[])),
     ("0 LINE 10 0 20 0 11 1e400 21 5", (Err("dxf-number"), &[])),
@@ -270,7 +277,10 @@ const ODD: [(&str, Outcome); 21] = [
     ("0 INSERT 2 NOPE 10 0 20 0", (Ok(0), &["dxf-block"])),
     ("0 ARC 10 10 20 0 40 5 50 0 51 90 210 0 220 0 230 -1", (Ok(1), &[])),
     ("0 ARC 10 0 20 0 40 0 50 0 51 90 0 CIRCLE 10 0 20 0 40 -5", (Ok(0), &["dxf-fault"])),
-    ("0 SPLINE 70 8 71 3 72 5 73 4 40 0 40 0 40 0 40 0 40 1 10 0 20 0 10 1 20 1 10 2 20 1 10 3 20 0", (Ok(0), &["dxf-fault"])),
+    (
+        "0 SPLINE 70 8 71 3 72 5 73 4 40 0 40 0 40 0 40 0 40 1 10 0 20 0 10 1 20 1 10 2 20 1 10 3 20 0",
+        (Ok(0), &["dxf-fault"]),
+    ),
     ("0 SPLINE 70 1 71 3 11 0 21 0 11 1 21 1 11 2 21 0", (Ok(0), &["dxf-fault"])),
     ("0 LINE 10 1 20 1 11 1 21 1", (Ok(0), &["dxf-dot"])),
     ("0 LINE 60 1 10 1 20 1 11 1 21 2", (Ok(0), &["dxf-hidden"])),
@@ -329,9 +339,12 @@ fn damaged_files_are_refused_with_their_line() {
     // Each level has ten of the one below.
     let level = |i: u32| format!("0 BLOCK 2 L{i} {} 0 ENDBLK ", format!("0 INSERT 2 L{} ", i + 1).repeat(10));
     let levels: String = (0..12).map(level).collect();
-    let nested = format!("0 SECTION 2 BLOCKS {levels} 0 BLOCK 2 L12 0 LINE 11 1 0 ENDBLK 0 ENDSEC 0 SECTION 2 ENTITIES 0 INSERT 2 L0 0 EOF");
+    let nested = format!(
+        "0 SECTION 2 BLOCKS {levels} 0 BLOCK 2 L12 0 LINE 11 1 0 ENDBLK 0 ENDSEC 0 SECTION 2 ENTITIES 0 INSERT 2 L0 0 EOF"
+    );
     let chain: String = (0..70).map(|i| format!("0 BLOCK 2 L{i} 0 INSERT 2 L{} 0 ENDBLK ", i + 1)).collect();
-    let deep = format!("0 SECTION 2 BLOCKS {chain} 0 BLOCK 2 L70 0 ENDBLK 0 ENDSEC 0 SECTION 2 ENTITIES 0 INSERT 2 L0 0 EOF");
+    let deep =
+        format!("0 SECTION 2 BLOCKS {chain} 0 BLOCK 2 L70 0 ENDBLK 0 ENDSEC 0 SECTION 2 ENTITIES 0 INSERT 2 L0 0 EOF");
     let tags = |text: &str| text.split_whitespace().map(|t| format!("{t}\n")).collect::<String>().into_bytes();
     let hatch = "0 SECTION 2 ENTITIES 0 HATCH 70 0 91 1 92 3 72 0 73 1 93 3 10 0 20 0 10 1000 20 0 10 0 20 1000 75 0 78 1 \
         53 0 43 0 44 0 45 0 46 0.00001 79 0 0 ENDSEC 0 EOF";

@@ -124,7 +124,7 @@ impl<'a> Walk<'a> {
         if self.art.lines.len() == first {
             return;
         }
-        if look.is_dashed && figure == Figure::Lines && !matches!(entity.kind, Kind::Hatch(_)) {
+        if look.is_dashed && !matches!(entity.kind, Kind::Hatch(_) | Kind::Solid(_)) {
             self.note(Issue::Dash, entity);
         }
         let shape = Shape {
@@ -230,7 +230,9 @@ impl<'a> Walk<'a> {
                 let arc = Arc { centre: *centre, a: [r, 0.0, 0.0], b: [0.0, r, 0.0], start, by };
                 self.line(entity, flat, |out| out.arc(&arc))?;
             }
-            Kind::Ellipse { major, ratio, .. } if *ratio == 0.0 || *major == [0.0; 3] => self.note(Issue::Fault, entity),
+            Kind::Ellipse { major, ratio, .. } if *ratio == 0.0 || *major == [0.0; 3] => {
+                self.note(Issue::Fault, entity)
+            }
             Kind::Ellipse { centre, major, ratio, params: [from, to] } => {
                 let normal = unit(entity.extrusion).unwrap_or(super::space::Z);
                 let minor = unit(cross(normal, *major)).unwrap_or_default();
@@ -272,7 +274,12 @@ impl<'a> Walk<'a> {
     }
 
     /// Draws lines of an entity; answers as `draw` does.
-    fn outline(&mut self, entity: &Entity, map: Map, draw: impl FnOnce(&mut Outline<'_>) -> bool) -> Result<bool, Stop> {
+    fn outline(
+        &mut self,
+        entity: &Entity,
+        map: Map,
+        draw: impl FnOnce(&mut Outline<'_>) -> bool,
+    ) -> Result<bool, Stop> {
         let mut out = Outline::new(map, self.tolerance, &mut self.art.lines);
         let is_sound = draw(&mut out);
         if out.end()? {

@@ -36,7 +36,9 @@ impl Segment {
         let arc = Arc::of_bulge(a.p, b.p, a.bulge);
         let along = match &arc {
             None => [chord; 2],
-            Some(arc) => [arc.start, arc.start + arc.by].map(|t| times(unit(arc.slope(t)).unwrap_or(chord), arc.by.signum())),
+            Some(arc) => {
+                [arc.start, arc.start + arc.by].map(|t| times(unit(arc.slope(t)).unwrap_or(chord), arc.by.signum()))
+            }
         };
         Some(Self { from: a.p, to: b.p, arc, widths, along })
     }
@@ -222,7 +224,10 @@ mod tests {
         for (what, rows) in [
             ("sharp", [[0.0, 0.0, 0.0, 1.0, 1.0], [10.0, 0.0, 0.0, 1.0, 1.0], [0.0, 4.0, 0.0, 0.0, 0.0]]),
             ("other width", [[0.0, 0.0, 0.0, 1.0, 1.0], [10.0, 0.0, 0.0, 3.0, 1.0], [10.0, 9.0, 0.0, 0.0, 0.0]]),
-            ("wider than its radius", [[0.0, 0.0, 1.0, 9.0, 9.0], [4.0, 0.0, 0.0, 1.0, 1.0], [9.0, 0.0, 0.0, 0.0, 0.0]]),
+            (
+                "wider than its radius",
+                [[0.0, 0.0, 1.0, 9.0, 9.0], [4.0, 0.0, 0.0, 1.0, 1.0], [9.0, 0.0, 0.0, 0.0, 0.0]],
+            ),
         ] {
             assert!(!drawn(&polyline(&rows, false)).1, "{what}");
         }
@@ -230,9 +235,15 @@ mod tests {
 
     #[test]
     fn parts_without_width_are_lines() {
-        let rows = [[0.0, 0.0, 0.5, 0.0, 0.0], [3.0, 0.0, 0.0, 0.0, 0.0], [6.0, 0.0, 0.0, 2.0, 0.0], [9.0, 0.0, 0.0, 0.0, 0.0]];
+        let rows = [
+            [0.0, 0.0, 0.5, 0.0, 0.0],
+            [3.0, 0.0, 0.0, 0.0, 0.0],
+            [6.0, 0.0, 0.0, 2.0, 0.0],
+            [9.0, 0.0, 0.0, 0.0, 0.0],
+        ];
         let runs = hairlines(&polyline(&rows, true));
-        let shown: Vec<(usize, f64, f64)> = runs.iter().map(|r| (r.vertices.len(), r.vertices[0].p[0], r.vertices[0].bulge)).collect();
+        let shown: Vec<(usize, f64, f64)> =
+            runs.iter().map(|r| (r.vertices.len(), r.vertices[0].p[0], r.vertices[0].bulge)).collect();
         assert_eq!(shown, [(3, 0.0, 0.5), (2, 9.0, 0.0)]);
     }
 }
