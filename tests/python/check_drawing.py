@@ -213,8 +213,16 @@ class Walk:
         thin = [flat([Vec2(a[:2]), Vec2(b[:2])]) for a, b in ends if not (a[2] or a[3] or a[4] or e.dxf.const_width)]
         if thin:
             self.shapes.append(("LWPOLYLINE", e.dxf.handle, thin))
-        trace = TraceBuilder.from_polyline(e, segments=400)
-        faces = [flat(face) for face in trace.faces() if max(a.distance(b) for a in face for b in face) > 1e-9]
+        # ezdxf mitres where the width jumps, as at the base of an arrow head; these parts are drawn one by one.
+        whole = e.dxf.const_width or all(a[3] == b[2] for a, b in ends[:-1])
+        faces = []
+        for pair in [None] if whole else ends:
+            part = e if whole else LWPolyline.new(dxfattribs={"elevation": height})
+            if pair:
+                part.set_points(pair)
+            if whole or any(pair[0][2:4]):
+                faces += TraceBuilder.from_polyline(part, segments=400).faces()
+        faces = [flat(face) for face in faces if max(a.distance(b) for a in face for b in face) > 1e-9]
         self.shapes.append(("LWPOLYLINE", e.dxf.handle, Faces(faces)))
 
     def insert(self, e, matrix, layer, depth):
@@ -266,7 +274,6 @@ def farthest(points, lines):
 def check(path):
     with open(path, encoding="utf-8") as stream:
         ours = json.load(stream)
-    import os, shutil; os.path.exists('/dev/shm/dxfkeep') and '/dev/shm/dxfkeep' not in path and shutil.copy(path, '/dev/shm/dxfkeep/' + os.path.basename(ours['file']) + '.json')
     doc = read(ours["file"])
     walk = Walk(doc, ours["unit_mm"])
     for e in doc.modelspace():
