@@ -26,8 +26,6 @@ mod space;
 mod spline;
 mod tags;
 mod tally;
-#[cfg(test)]
-mod tests;
 mod units;
 mod walk;
 mod wide;
@@ -125,3 +123,6 @@ fn open_contours(art: &Artwork, tolerance: f64) -> Option<(Diag, String)> {
     );
     Some((Diag::warning("dxf-open", text), art.names[first.name as usize].clone()))
 }
+
+#[cfg(test)]
+mod tests;

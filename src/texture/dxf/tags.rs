@@ -193,7 +193,8 @@ impl<'a> Tags<'a> {
         let Some(line) = self.line(end) else { return Ok(None) };
         let at = At::Line(self.line);
         let Some(code) = parsed::<i32>(line).filter(|c| (-9999..=9999).contains(c)) else {
-            if line.trim_ascii().is_empty() && self.bytes[self.pos..].trim_ascii().is_empty() {
+            let rest = self.bytes.get(self.pos..).unwrap_or_default();
+            if line.trim_ascii().is_empty() && rest.trim_ascii().is_empty() {
                 return Ok(None);
             }
             let found = Tag { code: 0, value: Value::Text(line), at };

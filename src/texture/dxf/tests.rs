@@ -350,8 +350,9 @@ fn damaged_files_are_refused_with_their_line() {
         53 0 43 0 44 0 45 0 46 0.00001 79 0 0 ENDSEC 0 EOF";
     let noise: Vec<u8> = (0..4096u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
     let binary = binary(line.as_bytes(), false);
-    let cases: [(&str, Vec<u8>, Outcome, &str); 17] = [
+    let cases: [(&str, Vec<u8>, Outcome, &str); 18] = [
         ("no end", line.into(), (Ok(1), &["dxf-eof"]), ""),
+        ("a blank without a line end", format!("{line} ").into(), (Ok(1), &["dxf-eof"]), ""),
         ("no end mark in binary", binary.clone(), (Ok(1), &["dxf-eof"]), ""),
         ("binary that is cut", binary[..binary.len() - 3].into(), (Err("dxf-syntax"), &[]), "byte 80"),
         ("no value", format!("{line}11\n").into(), (Err("dxf-syntax"), &[]), ":15"),
