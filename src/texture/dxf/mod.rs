@@ -1,11 +1,11 @@
 //! DXF drawings: the lines and areas of model space, in mm.
 //!
 //! Consumes a DXF file of R12 to 2018, text or binary. Promises an [`Artwork`] whose page is the box of all that is
-//! drawn and whose corner is where that box lies in the drawing's coordinates: lines, arcs, circles, ellipses,
-//! polylines with bulges, splines and the lines of hatch patterns as lines; solids, traces, solid hatches and polylines
-//! with a width as areas;
-//! blocks inserted with their scales, turns, mirrors and arrays; in drawing order, each with its colour, its layer and
-//! the blocks that it comes from. A drawing that shows nothing gives an artwork without shapes.
+//! drawn and whose corner is where that box lies in the drawing's coordinates. Lines, arcs, circles, ellipses,
+//! polylines with bulges, splines and the lines of hatch patterns are lines; solids, traces, solid hatches and
+//! polylines with a width are areas. Blocks are inserted with their scales, turns, mirrors and arrays. Shapes are in
+//! drawing order, each with its colour, its layer and the blocks that it comes from. A drawing that shows nothing gives
+//! an artwork without shapes.
 //!
 //! What is not drawn, or not as it looks, is counted by type and reported by one warning per issue (`tally`).
 //!

@@ -144,6 +144,17 @@ fn colours_layers_and_blocks_are_those_of_the_insert_where_the_entity_says_so() 
 }
 
 #[test]
+fn names_are_read_in_every_code_page_and_case_does_not_part_them() {
+    let mut bytes = b"0\nSECTION\n2\nENTITIES\n".to_vec();
+    for name in [&b"Caf\xc3\xa9"[..], b"Caf\xe9", b"Caf\\U+00E9", b"CAF\\U+00C9", b"Caf\\U+zz"] {
+        bytes.extend([b"0\nLINE\n8\n", name, b"\n11\n1\n"].concat());
+    }
+    bytes.extend(b"0\nENDSEC\n0\nEOF\n");
+    let art = loaded(&bytes, Some(1.0)).0.expect("read");
+    assert_eq!(art.labels, [["layer:Caf\u{e9}"], ["layer:Caf\\U+zz"]].map(|l| l.map(str::to_owned).to_vec()));
+}
+
+#[test]
 fn drawings_keep_their_coordinates_in_mm() {
     let (art, _) = loaded(&file("0 LINE 10 -3 20 7 11 1 21 9 0 SOLID 10 0 20 8 11 1 21 8 12 0 22 9"), Some(25.4));
     let art = art.expect("read");
