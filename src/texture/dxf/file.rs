@@ -200,29 +200,28 @@ impl Parser {
             _ => {}
         }
         match (self.section, r.kind) {
-            (Section::Tables, b"LAYER") => self.layer(r),
+            (Section::Tables, b"LAYER") => return self.layer(r),
             (Section::Tables, b"LTYPE") => {
                 let name = r.tag(2).map(Tag::text).unwrap_or_default();
                 let number = self.file.line_type(&name);
                 self.file.line_types.list[number as usize].is_dashed = r.whole(73)?.unwrap_or(0) > 0;
-                Ok(())
             }
-            (Section::Blocks, b"BLOCK") => self.begin_block(r),
+            (Section::Blocks, b"BLOCK") => return self.begin_block(r),
             (Section::Blocks, b"ENDBLK") => {
                 self.end_polyline();
                 self.block = None;
-                Ok(())
             }
             (Section::Blocks, _) => match self.block {
-                Some(block) => self.entity(r, Place::Block(block)),
-                None => Ok(self.outside(r)),
+                Some(block) => return self.entity(r, Place::Block(block)),
+                None => self.outside(r),
             },
-            (Section::Entities, _) => self.entity(r, Place::Model),
+            (Section::Entities, _) => return self.entity(r, Place::Model),
             // Clips of blocks hang on inserts by way of dictionaries; that there are any is what can be told.
-            (Section::Objects, b"SPATIAL_FILTER") => Ok(self.count(Issue::Clip, r)),
-            (Section::Outside, _) => Ok(self.outside(r)),
-            _ => Ok(()),
+            (Section::Objects, b"SPATIAL_FILTER") => self.count(Issue::Clip, r),
+            (Section::Outside, _) => self.outside(r),
+            _ => {}
         }
+        Ok(())
     }
 
     fn header(&mut self, tags: &[Tag<'_>]) -> Result<(), Fault> {

@@ -263,6 +263,7 @@ mod tests {
 
     #[test]
     fn faulty_descriptions_are_refused() {
+        type Spoil = fn(&mut Spline);
         let sound = Spline {
             degree: 1,
             knots: vec![0.0, 0.0, 1.0, 1.0],
@@ -270,7 +271,7 @@ mod tests {
             ..Spline::default()
         };
         assert!(sound.pieces().is_some());
-        let faults: [(&str, fn(&mut Spline)); 7] = [
+        let faults: [(&str, Spoil); 7] = [
             ("one knot too few", |s| s.knots.truncate(3)),
             ("knots that fall", |s| s.knots[2] = -1.0),
             ("no length", |s| s.knots = vec![0.0; 4]),
