@@ -49,6 +49,7 @@ fn row(name: &str, body: &str, marking: Marking) {
         let kind = Kind::Drawing {
             path: path.clone(),
             size_mm: None,
+            unit_mm: None,
             origin_mm: Some([0.0; 2]),
             turn_rad: 0.0,
             tile: false,

@@ -165,6 +165,7 @@ fn drawing(path: &Path) -> Result<Shown, Error> {
         kind: Kind::Drawing {
             path: path.to_owned(),
             size_mm,
+            unit_mm: None,
             origin_mm: Some([0.0, 0.0]),
             turn_rad: 0.0,
             tile: false,

@@ -207,7 +207,7 @@ pub struct TextureKeys {
     /// A generated pattern; or give `file`.
     #[serde(default)]
     pub pattern: Option<Pattern>,
-    /// An SVG drawing, relative to the job file; or give `pattern`.
+    /// A drawing (SVG, DXF, HPGL), relative to the job file; or give `pattern`.
     #[serde(default)]
     pub file: Option<PathBuf>,
     /// The area: filled by a pattern or by tiles of a drawing, and the limit of a single drawing.
@@ -231,6 +231,9 @@ pub struct TextureKeys {
     /// Drawing: width and height that the whole page gets; required where the file has no physical size.
     #[serde(default)]
     pub size: Option<[Length; 2]>,
+    /// DXF drawing: a drawing unit; required where the file states none.
+    #[serde(default)]
+    pub unit: Option<FileUnit>,
     /// Drawing: part-frame position of the page's lower left corner; default: lower left of the area, or,
     /// without an area, the page in the middle of the part.
     #[serde(default)]

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use super::direction::Direction;
 use super::faults::Faults;
 use super::file::{
-    AreaKeys, AreaName, DepthRule, FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, Method, Mode, Objective,
-    OnUnsupported, Parts, PassesKeys, PenKeys, SetupsKeys, StopOrder, SurfaceKeys, TextureKeys,
+    AreaKeys, AreaName, DepthRule, FileUnit, FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, Method, Mode,
+    Objective, OnUnsupported, Parts, PassesKeys, PenKeys, SetupsKeys, StopOrder, SurfaceKeys, TextureKeys,
 };
 use super::resolved::{
     Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
@@ -425,8 +425,9 @@ fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
 }
 
 /// Keys of drawings.
-const DRAWING: [&str; 16] = [
+const DRAWING: [&str; 17] = [
     "size",
+    "unit",
     "origin",
     "turn",
     "tile",
@@ -539,6 +540,11 @@ impl Texture<'_> {
 
     fn drawing(&self, file: &Path, f: &mut Faults<'_>) -> texture::Kind {
         let keys = self.keys;
+        let is_dxf = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("dxf"));
+        if keys.unit.is_some() && !is_dxf {
+            let fault = Diag::input("texture-key", "unit applies to DXF drawings alone");
+            f.push(&self.key("unit"), fault.hint("use size for the width and height of the page"));
+        }
         if keys.tile && keys.area.is_none() {
             f.push(
                 &self.key("tile"),
@@ -549,6 +555,7 @@ impl Texture<'_> {
         texture::Kind::Drawing {
             path: self.folder.join(file),
             size_mm: keys.size.map(|s| s.map(Length::as_mm)),
+            unit_mm: keys.unit.map(FileUnit::in_mm),
             origin_mm: keys.origin.map(|o| o.map(Length::as_mm)),
             turn_rad: keys.turn.as_rad(),
             tile: keys.tile,
@@ -640,6 +647,7 @@ impl Texture<'_> {
             ("order", keys.order.is_some()),
             ("cell", keys.cell.is_some()),
             ("size", keys.size.is_some()),
+            ("unit", keys.unit.is_some()),
             ("origin", keys.origin.is_some()),
             ("turn", keys.turn != Angle::default()),
             ("tile", keys.tile),
@@ -697,11 +705,11 @@ mod tests {
     }
 
     #[test]
-    fn a_drawing_that_is_not_svg_is_refused_before_its_keys_are_looked_at() {
-        for (file, what) in [("panel.dxf", "a DXF drawing"), ("a/logo.PNG", "a PNG image"), ("x.pdf", "a PDF document")]
+    fn a_drawing_that_is_not_read_is_refused_before_its_keys_are_looked_at() {
+        for (file, what) in [("panel.dwg", "a DWG drawing"), ("a/logo.PNG", "a PNG image"), ("x.pdf", "a PDF document")]
         {
             let found = faults("pattern = \"hatch\"", &format!("file = \"{file}\""));
-            let wanted = format!("this is {what}, which is not read yet: textures are SVG drawings");
+            let wanted = format!("this is {what}, which is not read yet: textures are SVG, DXF and HPGL drawings");
             assert_eq!(found, [("svg-format", wanted)], "{file}");
         }
         // Patterns have no other keys to blame.

@@ -42,6 +42,12 @@ impl Lines {
         self.finish();
     }
 
+    /// Takes back the lines from `count` on, and what was begun.
+    pub(super) fn truncate(&mut self, count: usize) {
+        self.points.truncate(self.start(count));
+        self.ends.truncate(count);
+    }
+
     pub(super) fn clear(&mut self) {
         self.points.clear();
         self.ends.clear();

@@ -18,8 +18,11 @@
 mod artwork;
 mod clip;
 mod drawing;
+mod dxf;
+mod hpgl;
 pub mod pattern;
 mod place;
+mod source;
 mod svg;
 
 use std::ops::Range;
@@ -147,10 +150,12 @@ impl Texture {
         spot_mm: f64,
         notes: &mut Vec<Diag>,
     ) -> Result<Self, Error> {
-        let mut sources = svg::Sources::default();
+        let mut sources = source::Sources::default();
         Self::place(requests, part_box_mm, turn_rad, spot_mm, &mut |_, request, site| {
-            let Kind::Drawing { path, size_mm, marking, .. } = &request.kind else { return Ok(None) };
-            let art = svg::load(sources.read(path)?, path, *size_mm, site, marking, notes)?;
+            if !matches!(request.kind, Kind::Drawing { .. }) {
+                return Ok(None);
+            }
+            let art = sources.artwork(request, site, notes)?;
             let figure = Self::drawing(&art, request, site, notes)?;
             Ok(Some((figure, art.has_areas().then(|| Arc::new(art)))))
         })

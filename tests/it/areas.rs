@@ -23,6 +23,7 @@ fn load(body: &str, marking: Marking) -> Result<(Texture, Vec<Diag>), Error> {
     let kind = Kind::Drawing {
         path,
         size_mm: None,
+        unit_mm: None,
         origin_mm: Some([0.0; 2]),
         turn_rad: 0.0,
         tile: false,

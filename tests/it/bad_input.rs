@@ -329,7 +329,7 @@ fn files_of_other_programs_are_named_with_a_way_to_convert_them() {
     for (name, bytes, code, remedy) in [
         ("logo.png", &b"\x89PNG\r\n\x1a\n\0"[..], "svg-format", "Trace Bitmap"),
         ("logo.jpg", b"\xff\xd8\xff\xe0", "svg-format", "Trace Bitmap"),
-        ("panel.DXF", b"0\nSECTION\n2\nHEADER\n", "svg-format", "Inkscape"),
+        ("panel.svg", b"AutoCAD Binary DXF\r\n", "svg-format", ".dxf"),
         ("panel.svg", b"%PDF-1.7\n", "svg-format", "Inkscape"),
     ] {
         std::fs::write(dir.path().join(name), bytes).expect("writable");

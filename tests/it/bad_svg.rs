@@ -60,6 +60,7 @@ fn check(path: &Path, size_mm: Option<[f64; 2]>, (expected, warnings): Outcome) 
     let kind = Kind::Drawing {
         path: path.to_owned(),
         size_mm,
+        unit_mm: None,
         origin_mm: None,
         turn_rad: 0.0,
         tile: false,
@@ -169,6 +170,7 @@ fn damaged_drawings_never_panic_and_yield_valid_strokes() {
         let kind = Kind::Drawing {
             path: file.path().into(),
             size_mm: None,
+            unit_mm: None,
             origin_mm: None,
             turn_rad: 0.3,
             tile: which == 2,

@@ -53,6 +53,10 @@ fn codes_of(shown: &str, text: &str, out: &mut BTreeMap<String, BTreeSet<String>
         ("src/texture/svg/tally.rs", "Told", "warning"),
         ("src/texture/svg/tally.rs", "Refused", "input"),
         ("src/texture/svg/tally.rs", "Refused", "warning"),
+        ("src/texture/dxf/tally.rs", "Told", "warning"),
+        ("src/texture/dxf/tally.rs", "Refused", "input"),
+        ("src/texture/dxf/tally.rs", "Refused", "warning"),
+        ("src/texture/dxf/", "fault(", "input"),
     ];
     let mut add = |code: &str, kind: &str| {
         out.entry(code.to_owned()).or_default().insert(kind.to_owned());

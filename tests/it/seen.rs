@@ -24,6 +24,7 @@ fn load(path: &Path, marking: Marking) -> Result<Texture, Error> {
     let kind = Kind::Drawing {
         path: path.to_owned(),
         size_mm: Some([SIDE; 2]),
+        unit_mm: None,
         origin_mm: Some([0.0; 2]),
         turn_rad: 0.0,
         tile: false,

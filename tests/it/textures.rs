@@ -205,7 +205,15 @@ impl Sheet {
         Self(file)
     }
     fn kind(&self, origin_mm: Option<[f64; 2]>, turn_rad: f64, tile: bool) -> Kind {
-        Kind::Drawing { path: self.0.path().to_owned(), size_mm: None, origin_mm, turn_rad, tile, marking: outlines() }
+        Kind::Drawing {
+            path: self.0.path().to_owned(),
+            size_mm: None,
+            unit_mm: None,
+            origin_mm,
+            turn_rad,
+            tile,
+            marking: outlines(),
+        }
     }
 }
 
@@ -315,6 +323,7 @@ fn tiles_repeat_the_page_and_are_cut_at_the_area() {
     let kind = Kind::Drawing {
         path,
         size_mm: Some([3e-5, 2e-5]),
+        unit_mm: None,
         origin_mm: None,
         turn_rad: 0.0,
         tile: true,
@@ -402,6 +411,7 @@ fn real_request(path: &Path, size_mm: Option<[f64; 2]>) -> Request {
         Kind::Drawing {
             path: path.to_owned(),
             size_mm,
+            unit_mm: None,
             origin_mm: None,
             turn_rad: 0.0,
             tile: false,
@@ -563,6 +573,7 @@ fn tiles_cover_an_area_with_the_density_of_their_page() {
         let kind = |tile| Kind::Drawing {
             path: path.clone(),
             size_mm: Some([50.0, 50.0]),
+            unit_mm: None,
             origin_mm: None,
             turn_rad: 0.0,
             tile,
@@ -580,6 +591,7 @@ fn tiles_cover_an_area_with_the_density_of_their_page() {
             Kind::Drawing {
                 path: path.clone(),
                 size_mm: Some([50.0, 50.0]),
+                unit_mm: None,
                 origin_mm: Some([-12.5, -12.5]),
                 turn_rad: 0.0,
                 tile: true,

@@ -32,7 +32,12 @@ pub(super) fn classes(art: &Artwork, marking: &Marking) -> Result<Vec<Class>, Bo
     let named =
         [("pens", marking.pens.iter().map(|(s, _)| s).collect()), ("only", marking.only.iter().collect::<Vec<_>>())];
     for (key, selectors) in named.into_iter().chain([("except", marking.except.iter().collect())]) {
-        if let Some(s) = selectors.into_iter().find(|s| !art.shapes.iter().any(|shape| holds(s, shape))) {
+        let is_known = |s: &&Selector| match s {
+            Selector::Colour(_) => art.shapes.iter().any(|shape| holds(s, shape)),
+            // Also where nothing of the element is marked.
+            Selector::Label(label) => art.labels.iter().any(|set| set.own.contains(label)),
+        };
+        if let Some(s) = selectors.into_iter().find(|s| !is_known(s)) {
             let text = format!("{key} names {s}, and the drawing holds no such thing");
             return Err(Diag::input("texture-pens", text).hint(format!("the drawing holds {}", held(art))).into());
         }
@@ -61,7 +66,7 @@ pub(super) fn classes(art: &Artwork, marking: &Marking) -> Result<Vec<Class>, Bo
 /// The colours and labels of a drawing, for a message.
 fn held(art: &Artwork) -> String {
     let colours: BTreeSet<String> = art.shapes.iter().map(|s| Selector::Colour(s.colour).to_string()).collect();
-    let labels: BTreeSet<&String> = art.shapes.iter().flat_map(|s| art.labels(s.labels)).collect();
+    let labels: BTreeSet<&String> = art.labels.iter().flat_map(|set| &set.own).collect();
     let layers = labels.iter().filter(|l| l.starts_with("layer:"));
     let others = labels.iter().filter(|l| !l.starts_with("layer:"));
     let all: Vec<&str> = colours.iter().map(String::as_str).chain(layers.chain(others).map(|l| l.as_str())).collect();

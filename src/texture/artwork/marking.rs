@@ -52,6 +52,15 @@ pub enum ContourPass {
     After,
 }
 
+/// Whether marks show what a drawing shows where it holds something that is not read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::texture) enum Weight {
+    /// They do, or what is missing has no extent, or is marked as viewers show it.
+    Told,
+    /// Something that is seen would be missing: refused unless the job asks for warnings.
+    Refused,
+}
+
 /// What chooses shapes of a drawing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Selector {
@@ -130,6 +139,20 @@ impl Marking {
             inset_mm: self.inset_mm.unwrap_or(spot_mm / 2.0),
             contour: self.contour,
         }
+    }
+
+    /// Whether elements with these labels do not exist, whatever they hold.
+    pub(in crate::texture) fn excepts<'a>(&self, mut labels: impl Iterator<Item = &'a String>) -> bool {
+        labels.any(|label| self.except.iter().any(|s| matches!(s, Selector::Label(l) if l == label)))
+    }
+
+    /// Whether an element with these labels that holds no others does not exist, whatever its colour.
+    pub(in crate::texture) fn leaves_out<'a>(&self, labels: impl Iterator<Item = &'a String> + Clone) -> bool {
+        let has = |s: &Selector| match s {
+            Selector::Colour(_) => true,
+            Selector::Label(label) => labels.clone().any(|l| l == label),
+        };
+        self.excepts(labels.clone()) || !(self.only.is_empty() || self.only.iter().any(has))
     }
 
     /// Whether a colour has a pen of its own.

@@ -17,6 +17,7 @@ use std::ops::Range;
 pub(super) use area::Area;
 pub(super) use crossings::TooMany;
 use hatch::Hatch;
+pub(super) use marking::Weight;
 pub use marking::{ContourPass, FillMode, Marking, Selector, StrokeMode};
 pub(super) use marks::{Page, marks};
 
@@ -57,8 +58,16 @@ impl Artwork {
         self.shapes.iter().any(|s| s.figure != Figure::Lines)
     }
 
+    /// Gives the page another size.
+    pub(super) fn stretch(&mut self, size: [f64; 2]) {
+        let factor = [0, 1].map(|k| if self.size[k] > 0.0 { size[k] / self.size[k] } else { 1.0 });
+        self.lines.points.iter_mut().for_each(|p| *p = [p[0] * factor[0], p[1] * factor[1]]);
+        self.corner = self.corner.map(|c| [c[0] * factor[0], c[1] * factor[1]]);
+        self.size = size;
+    }
+
     /// All labels of a set, from the element outwards.
-    pub(super) fn labels(&self, set: u32) -> impl Iterator<Item = &String> {
+    pub(super) fn labels(&self, set: u32) -> impl Iterator<Item = &String> + Clone {
         let outer = |l: &&Labels| l.parent.map(|p| &self.labels[p as usize]);
         std::iter::successors(self.labels.get(set as usize), outer).flat_map(|l| &l.own)
     }

@@ -72,12 +72,14 @@ pub enum Kind {
         /// Distance of centres.
         pitch_mm: f64,
     },
-    /// An SVG drawing.
+    /// A drawing: SVG, DXF or HPGL.
     Drawing {
         /// The file.
         path: PathBuf,
         /// Width and height of the whole page; None for those that the file states.
         size_mm: Option<[f64; 2]>,
+        /// A drawing unit where the file may not say so; None for that of the file.
+        unit_mm: Option<f64>,
         /// Lower left corner of the page; None for that of the area.
         origin_mm: Option<[f64; 2]>,
         /// Turn of the page about its lower left corner, counter-clockwise.

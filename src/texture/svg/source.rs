@@ -21,7 +21,7 @@ pub(super) const MAX_DEPTH: usize = 256;
 const MAX_ATTRIBUTES: usize = 2000;
 
 /// Reads and checks the text of a drawing.
-pub(super) fn read(path: &Path) -> Result<String, Error> {
+pub(in crate::texture) fn read(path: &Path) -> Result<String, Error> {
     let place = Place::file(path.display().to_string());
     let mut bytes = diag::read_file(path, MAX_FILE)?;
     if bytes.starts_with(&[0x1f, 0x8b]) {
@@ -54,7 +54,7 @@ const FOREIGN: [(&[u8], &[&str], &str, &str); 8] = [
     (b"II*\0", &["tif", "tiff"], "a TIFF image", IMAGE),
     (b"%PDF", &["pdf"], "a PDF document", DRAWING),
     (b"%!PS", &["ps", "eps", "ai"], "a PostScript drawing", DRAWING),
-    (b"AutoCAD Binary DXF", &["dxf"], "a DXF drawing", DRAWING),
+    (b"AutoCAD Binary DXF", &[], "a DXF drawing", "give its name the extension .dxf"),
     (b"AC10", &["dwg"], "a DWG drawing", DRAWING),
 ];
 
@@ -73,7 +73,8 @@ fn foreign_text(bytes: &[u8]) -> Option<Diag> {
 }
 
 fn unread(what: &str, hint: &str) -> Diag {
-    Diag::input("svg-format", format!("this is {what}, which is not read yet: textures are SVG drawings")).hint(hint)
+    Diag::input("svg-format", format!("this is {what}, which is not read yet: textures are SVG, DXF and HPGL drawings"))
+        .hint(hint)
 }
 
 fn unpacked(bytes: &[u8]) -> Result<Vec<u8>, Box<Diag>> {

@@ -1,7 +1,8 @@
 //! What a drawing holds that is not marked, or not as drawn: counted, one message per issue.
 
-use super::super::artwork::Marking;
 use crate::diag::{Diag, Place};
+use crate::texture::artwork::Marking;
+use crate::texture::artwork::Weight::{self, Refused, Told};
 
 /// Something that is told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,17 +24,6 @@ pub(super) enum Issue {
     Hairline,
     Overhang,
 }
-
-/// Whether the marks show what the drawing shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Weight {
-    /// They do, or what is missing has no extent.
-    Told,
-    /// Something that is seen would be missing: refused unless the job asks for warnings.
-    Refused,
-}
-
-use Weight::{Refused, Told};
 
 /// Issue, weight, code, sentence after "elements", hint.
 const ISSUES: [(Issue, Weight, &str, &str, &str); 16] = [

@@ -187,6 +187,10 @@ impl<'a, 'input> Walk<'a, 'input> {
             let text = format!("the drawing nests elements deeper than {MAX_DEPTH} once its uses are expanded");
             return Err(Diag::input("svg-deep", text).hint("ungroup the drawing").into());
         }
+        state.labels = self.labels(node, state.labels);
+        if self.is_left_out(node, state.labels) {
+            return Ok(None);
+        }
         let own = Declared::new(node, &self.sheet, &mut self.work)?;
         if own.is_gone() {
             self.note(Issue::Hidden, node);
@@ -209,7 +213,6 @@ impl<'a, 'input> Walk<'a, 'input> {
             self.note(Issue::Effect, node);
             return Ok(None);
         }
-        state.labels = self.labels(node, state.labels);
         for (name, is_mask) in [("clip-path", false), ("mask", true)] {
             let Some(value) = own.get(name).filter(|v| !matches!(*v, "" | "none")) else { continue };
             if self.purpose != Purpose::Bounds && !self.cut(node, value, is_mask, &mut state)? {
@@ -246,6 +249,17 @@ impl<'a, 'input> Walk<'a, 'input> {
     pub(super) fn target(&self, id: &str) -> Option<Node<'a, 'input>> {
         let node = self.ids.get(id).and_then(|&id| self.doc.get_node(id))?;
         (!self.uses.contains(&node.id())).then_some(node)
+    }
+
+    /// Whether the job leaves out an element by its labels.
+    fn is_left_out(&self, node: Node<'a, 'input>, labels: u32) -> bool {
+        let tag = node.tag_name().name();
+        let is_leaf = SHAPES.contains(&tag) || matches!(tag, "text" | "foreignObject" | "image");
+        match (self.marking.chooses(), is_leaf) {
+            (false, _) => false,
+            (true, true) => self.marking.leaves_out(self.art.labels(labels)),
+            (true, false) => self.marking.excepts(self.art.labels(labels)),
+        }
     }
 
     /// The labels of an element, which has those of what holds it too.

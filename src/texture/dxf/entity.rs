@@ -1,0 +1,218 @@
+//! Entities as they are defined: numbers are finite, nothing is mapped or flattened yet.
+
+use super::colour::Paint;
+use super::hatch::Hatch;
+use super::record::{Record, Vertex};
+use super::space::{Point, Z};
+use super::spline::Spline;
+use super::tags::{At, Fault, Tag};
+use super::tally::Issue;
+
+/// A line type as an entity or layer gives it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum LineType {
+    Layer,
+    Block,
+    /// Its number among those of the file.
+    Own(u32),
+}
+
+#[derive(Debug)]
+pub(super) struct Entity {
+    pub(super) kind: Kind,
+    /// The number of its type's name.
+    pub(super) what: u16,
+    pub(super) handle: Option<u64>,
+    pub(super) at: At,
+    pub(super) layer: u32,
+    pub(super) paint: Paint,
+    pub(super) line_type: LineType,
+    pub(super) is_hidden: bool,
+    pub(super) extrusion: Point,
+}
+
+#[derive(Debug)]
+pub(super) enum Kind {
+    Line([Point; 2]),
+    /// An arc, counter-clockwise between angles in degrees; without them a circle.
+    Arc {
+        centre: Point,
+        radius: f64,
+        angles: Option<[f64; 2]>,
+    },
+    Ellipse {
+        centre: Point,
+        major: Point,
+        ratio: f64,
+        params: [f64; 2],
+    },
+    Polyline(Polyline),
+    Spline(Box<Spline>),
+    /// In the order round it.
+    Solid([Point; 4]),
+    Hatch(Box<Hatch>),
+    Insert(Box<Insert>),
+    /// What is counted, not drawn.
+    Unread(Issue),
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Polyline {
+    pub(super) vertices: Vec<Vertex>,
+    pub(super) is_closed: bool,
+    /// Whether its points are those of space, not of a plane.
+    pub(super) is_spatial: bool,
+}
+
+#[derive(Debug)]
+pub(super) struct Insert {
+    /// The number of its block.
+    pub(super) block: u32,
+    pub(super) place: Point,
+    pub(super) scale: Point,
+    /// Degrees.
+    pub(super) turn: f64,
+    /// Columns and rows of an array, at least 1.
+    pub(super) counts: [u64; 2],
+    pub(super) steps: [f64; 2],
+}
+
+/// What a record of an entity draws; `block` numbers the blocks by their names.
+///
+/// # Errors
+/// `dxf-number`.
+pub(super) fn kind(r: &Record<'_, '_>, block: impl FnOnce(&str) -> u32) -> Result<Kind, Fault> {
+    Ok(match r.kind {
+        b"LINE" => Kind::Line([r.place(10)?, r.place(11)?]),
+        b"CIRCLE" => Kind::Arc { centre: r.place(10)?, radius: r.real(40)?.unwrap_or(0.0), angles: None },
+        b"ARC" => {
+            let angles = [r.real(50)?.unwrap_or(0.0), r.real(51)?.unwrap_or(360.0)];
+            Kind::Arc { centre: r.place(10)?, radius: r.real(40)?.unwrap_or(0.0), angles: Some(angles) }
+        }
+        b"ELLIPSE" => {
+            let params = [r.real(41)?.unwrap_or(0.0), r.real(42)?.unwrap_or(std::f64::consts::TAU)];
+            Kind::Ellipse { centre: r.place(10)?, major: r.place(11)?, ratio: r.real(40)?.unwrap_or(1.0), params }
+        }
+        b"LWPOLYLINE" => Kind::Polyline(light_polyline(r)?),
+        b"POLYLINE" if r.has(70, 16 | 64)? => Kind::Unread(Issue::Mesh),
+        b"POLYLINE" => {
+            Kind::Polyline(Polyline { is_closed: r.has(70, 1)?, is_spatial: r.has(70, 8)?, ..Polyline::default() })
+        }
+        b"SPLINE" => Kind::Spline(Box::new(spline(r)?)),
+        b"SOLID" | b"TRACE" => {
+            let [a, b, c] = [r.place(10)?, r.place(11)?, r.place(12)?];
+            let d = r.point(13)?.unwrap_or(c);
+            Kind::Solid([a, b, d, c])
+        }
+        b"HATCH" => Kind::Hatch(Box::new(Hatch::of(r)?)),
+        b"INSERT" => Kind::Insert(Box::new(insert(r, block)?)),
+        other => Kind::Unread(Issue::of_kind(other)),
+    })
+}
+
+fn light_polyline(r: &Record<'_, '_>) -> Result<Polyline, Fault> {
+    let height = r.real(38)?.unwrap_or(0.0);
+    let width = r.real(43)?.unwrap_or(0.0);
+    let mut vertices: Vec<Vertex> = Vec::new();
+    for tag in r.tags {
+        if tag.code == 10 {
+            vertices.push(Vertex { p: [tag.real()?, 0.0, height], bulge: 0.0, widths: [width; 2] });
+            continue;
+        }
+        let Some(last) = vertices.last_mut() else { continue };
+        match tag.code {
+            20 => last.p[1] = tag.real()?,
+            40 => last.widths[0] = tag.real()?,
+            41 => last.widths[1] = tag.real()?,
+            42 => last.bulge = tag.real()?,
+            _ => {}
+        }
+    }
+    Ok(Polyline { vertices, is_closed: r.has(70, 1)?, is_spatial: false })
+}
+
+/// The vertex of a POLYLINE whose height, widths and flags are these; None for a point of the frame of a spline.
+pub(super) fn vertex(r: &Record<'_, '_>, frame: &Frame) -> Result<Option<Vertex>, Fault> {
+    const FRAME_POINT: i64 = 16;
+    if r.has(70, FRAME_POINT)? {
+        return Ok(None);
+    }
+    let mut p = r.place(10)?;
+    if let Some(height) = frame.height {
+        p[2] = height;
+    }
+    let [from, to] = frame.widths;
+    let widths = [r.real(40)?.unwrap_or(from), r.real(41)?.unwrap_or(to)];
+    let bulge = if frame.height.is_some() { r.real(42)?.unwrap_or(0.0) } else { 0.0 };
+    Ok(Some(Vertex { p, bulge, widths }))
+}
+
+/// What the vertices of a POLYLINE take from it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Frame {
+    /// Of all points of a flat one.
+    height: Option<f64>,
+    widths: [f64; 2],
+}
+
+impl Frame {
+    pub(super) fn of(r: &Record<'_, '_>) -> Result<Self, Fault> {
+        let height = if r.has(70, 8)? { None } else { Some(r.real(30)?.unwrap_or(0.0)) };
+        Ok(Self { height, widths: [r.real(40)?.unwrap_or(0.0), r.real(41)?.unwrap_or(0.0)] })
+    }
+}
+
+fn spline(r: &Record<'_, '_>) -> Result<Spline, Fault> {
+    let mut s = Spline { degree: usize::try_from(r.whole(71)?.unwrap_or(3)).unwrap_or(0), ..Spline::default() };
+    // The list that coordinates y and z belong to.
+    for tag in r.tags {
+        let (list, axis) = match tag.code {
+            40 => {
+                s.knots.push(tag.real()?);
+                continue;
+            }
+            41 => {
+                s.weights.push(tag.real()?);
+                continue;
+            }
+            10 | 20 | 30 => (&mut s.control, tag.code / 10 - 1),
+            11 | 21 | 31 => (&mut s.fit, tag.code / 10 - 1),
+            _ => continue,
+        };
+        if axis == 0 {
+            list.push([tag.real()?, 0.0, 0.0]);
+        } else if let Some(last) = list.last_mut() {
+            last[axis as usize] = tag.real()?;
+        }
+    }
+    let tangents = [r.place(12)?, r.place(13)?];
+    s.tangents = (!tangents.contains(&[0.0; 3])).then_some(tangents);
+    const CLOSED: i64 = 1;
+    s.is_open_loop = r.has(70, CLOSED)? && s.control.is_empty() && s.fit.first() != s.fit.last();
+    Ok(s)
+}
+
+fn insert(r: &Record<'_, '_>, block: impl FnOnce(&str) -> u32) -> Result<Insert, Fault> {
+    let name = r.tag(2).map(Tag::text).unwrap_or_default();
+    // A scale of 0 would leave nothing; drawing programs take it as 1.
+    let scale = |code| Ok::<f64, Fault>(r.real(code)?.filter(|&s| s != 0.0).unwrap_or(1.0));
+    let steps = [r.real(44)?.unwrap_or(0.0), r.real(45)?.unwrap_or(0.0)];
+    let count = |code, step: f64| {
+        let n = u64::try_from(r.whole(code)?.unwrap_or(1)).unwrap_or(1).max(1);
+        // Copies at one place are one.
+        Ok::<u64, Fault>(if step == 0.0 { 1 } else { n })
+    };
+    Ok(Insert {
+        block: block(&name),
+        place: r.place(10)?,
+        scale: [scale(41)?, scale(42)?, scale(43)?],
+        turn: r.real(50)?.unwrap_or(0.0),
+        counts: [count(70, steps[0])?, count(71, steps[1])?],
+        steps,
+    })
+}
+
+/// The direction that the plane of an entity faces.
+pub(super) fn extrusion(r: &Record<'_, '_>) -> Result<Point, Fault> {
+    Ok(r.point(210)?.unwrap_or(Z))
+}
