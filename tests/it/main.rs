@@ -38,6 +38,7 @@ mod run;
 mod run_grbl;
 mod run_linuxcnc;
 mod setups;
+mod surface_formats;
 mod sweep;
 mod textures;
 mod tilt;

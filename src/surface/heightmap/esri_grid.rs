@@ -222,7 +222,7 @@ mod tests {
             (whole.replace("cellsize 2", "dx 2\ndy 3"), "grid-header", "2 x 3"),
             (whole.replace("cellsize 2", "cellsize 0"), "grid-header", "cellsize is 0"),
             (whole.replace("XLLCORNER", "dx"), "grid-header", "no xllcorner"),
-            (whole.replace("1 2 3\r", "").replace('4', "-1").replace('5', "-1"), "", ""),
+            (whole.replace("4 5 6", "-1 -1 -1"), "", ""),
             (format!("{HEAD}-1 -1 -1 -1 -1 -1"), "heightmap-empty", "nodata"),
             (whole.replace("XLLCORNER 10", "XLLCORNER 5e6"), "surface-size", "subtract (5000001"),
             (whole.replace("cellsize 2", "cellsize 1e5"), "surface-size", "[surface.heightmap]"),

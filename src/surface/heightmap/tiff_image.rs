@@ -218,7 +218,7 @@ mod tests {
 
     /// The values, the lowest row first.
     fn values(bytes: &[u8], scale: &Scale) -> Vec<Option<f64>> {
-        let map = read_bytes(bytes, scale).0.unwrap_or_else(|e| panic!("{e}"));
+        let map = read_bytes(bytes, &Scale { z_mm: [0.0, 1e-6], ..scale.clone() }).0.unwrap_or_else(|e| panic!("{e}"));
         (0..map.samples.len()).map(|i| map.samples.value(i)).collect()
     }
 

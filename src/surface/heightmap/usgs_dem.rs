@@ -70,8 +70,9 @@ impl Records<'_> {
 
     /// The number in columns `from` (counted from 1) and following, with an exponent of E or D.
     fn number(&self, from: usize, width: usize) -> Result<f64, Error> {
-        let text = String::from_utf8_lossy(&self.record[from - 1..from - 1 + width]).trim().replace(['D', 'd'], "E");
-        let v: Option<f64> = text.parse().ok().filter(|v: &f64| v.is_finite());
+        let text = String::from_utf8_lossy(&self.record[from - 1..from - 1 + width]);
+        let text = text.trim();
+        let v: Option<f64> = text.replace(['D', 'd'], "E").parse().ok().filter(|v: &f64| v.is_finite());
         v.ok_or_else(|| self.fault(&format!("\"{}\" in column {from} is no number", text.escape_debug())))
     }
 }
