@@ -65,7 +65,11 @@ fn mm(v: [f64; 3]) -> String {
 
 /// The remedy for a surface of the wrong size whose file carries no unit.
 pub(crate) fn check_unit(unit_mm: f64) -> String {
-    format!("check unit in [surface]: one unit of the file is taken as {unit_mm} mm; parts lie near their origin")
+    format!(
+        "check unit in [surface]: one unit of the file is taken as {unit_mm} mm; parts lie within {} mm of their origin, \
+         so a map of land is scaled and moved there first",
+        MAX_NM.mm()
+    )
 }
 
 /// Hands facets on in mm.

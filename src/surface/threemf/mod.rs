@@ -24,6 +24,8 @@ use crate::diag::{Diag, Error, memory};
 
 /// Most instances of objects, components within components included.
 const MAX_INSTANCES: u64 = 1_000_000;
+/// Most facets of all instances together: 13 GB of mesh.
+const MAX_FACETS: u64 = 200_000_000;
 /// Deepest nesting of components.
 const MAX_NESTING: usize = 100;
 
@@ -50,8 +52,12 @@ pub(crate) fn read(
         let count = scene.count(0, item, &mut counts, 0).map_err(at)?;
         total = total.plus(count);
     }
-    if total.instances > MAX_INSTANCES {
-        let text = format!("components place objects more than {MAX_INSTANCES} times");
+    if total.instances > MAX_INSTANCES || total.facets > MAX_FACETS {
+        let text = format!(
+            "items and components place objects {} times, {} facets in all; at most {MAX_INSTANCES} and {MAX_FACETS} \
+             are read",
+            total.instances, total.facets
+        );
         return Err(at(Diag::input("3mf-components", text)).hint("export the part alone, as one mesh").into());
     }
     memory::ask("the mesh", super::FACET_BYTES.saturating_mul(total.facets)).map_err(at)?;

@@ -403,7 +403,7 @@ impl Parser<'_> {
         } else {
             return Ok(());
         };
-        Err(self.fault("3mf-metadata", text).hint("export the file by a program that keeps to the 3MF specification"))
+        Err(self.fault("3mf-metadata", text).hint("remove it, or export the surface as STL"))
     }
 }
 
