@@ -60,8 +60,8 @@ impl Transform {
         let length = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
         let [x, y, z, _] = self.0;
         let full = length(x) * length(y) * length(z);
-        // Not a number where lengths overflow.
-        !(self.determinant().abs() > 1e-12 * full)
+        let volume = self.determinant().abs();
+        volume <= 1e-12 * full || !volume.is_finite() || !full.is_finite()
     }
 }
 
