@@ -81,35 +81,89 @@ impl Facets {
 }
 
 fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
-    let mut warnings = Vec::new();
-    let scale = surface::Scale { pixel_mm: 1.0, z_mm: [0.0, 1.0], values: None, nodata: None, origin_mm: [0.0; 2] };
-    let unit_mm = unit.map_or(1.0, FileUnit::in_mm);
-    let options = surface::Options { unit_mm: Some(unit_mm), heightmap: Some(scale), max_edge_mm: None };
-    let mut facets = Facets { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3], area: 0.0, down: 0.0, steep: 0.0 };
-    let content = surface::read(path, &options, &mut warnings, &mut |facet| facets.add(facet))?;
+    let Read { content, facets, is_unit_known, is_scaled, mut warnings } = read_surface(path, unit)?;
+    let shown = |json: Value| if is_unit_known { in_mm(&facets, json) } else { in_units(&facets, json) };
     Ok(match content {
         Content::Facets(n) => {
             let json = json!({"kind": "surface", "facets": n,
                 "steep_percent": facets.percent(facets.steep), "down_percent": facets.percent(facets.down)});
-            let (text, json) = match unit {
-                Some(_) => in_mm(&facets, json),
-                None => in_units(&facets, json),
-            };
+            let (text, json) = shown(json);
             Shown { text: format!("surface, {n} facets\n{text}{}", facets.text()), json, warnings }
         }
         Content::Heightmap(map) => {
-            let (min, max) = map.samples.iter().fold((u16::MAX, 0), |(a, b), &v| (a.min(v), b.max(v)));
-            Shown {
-                text: format!(
-                    "height map, {} x {} samples, values {min} to {max}\n\
-                     the job file gives its scale: [surface.heightmap] pixel, z, values, nodata\n",
-                    map.columns, map.rows
-                ),
-                json: json!({"kind": "heightmap", "columns": map.columns, "rows": map.rows, "values": [min, max]}),
-                warnings,
-            }
+            let values = map.samples.range().unwrap_or_default();
+            let holes = (0..map.samples.len()).filter(|&i| map.samples.value(i).is_none()).count();
+            let [columns, rows] = [map.columns, map.rows];
+            // As the file has them: whole numbers without a fraction.
+            let ends = values.map(|v| if v.fract() == 0.0 && v.abs() < 1e15 { json!(v as i64) } else { json!(v) });
+            let json = json!({"kind": "heightmap", "columns": columns, "rows": rows, "values": ends, "holes": holes});
+            let head = format!(
+                "height map, {columns} x {rows} samples, values {} to {}, {holes} hole{}\n",
+                values[0],
+                values[1],
+                plural(holes)
+            );
+            let (text, json) = if is_scaled {
+                shown(json)
+            } else {
+                // They speak of heights that the job states.
+                warnings.retain(|w| !["surface-tiny", "heightmap-flat", "heightmap-8-bit"].contains(&w.code));
+                ("the job file gives its scale: [surface.heightmap] pixel, z, values, nodata\n".into(), json)
+            };
+            Shown { text: format!("{head}{text}"), json, warnings }
         }
     })
+}
+
+/// A surface file as it was read.
+struct Read {
+    content: Content,
+    facets: Facets,
+    /// The file states its unit, or it was given.
+    is_unit_known: bool,
+    /// Heights and places of a height map are those of its file.
+    is_scaled: bool,
+    warnings: Vec<Diag>,
+}
+
+/// Reads a surface in its own unit, in the one given, or as mm where neither is there; a height map without a scale in
+/// any that shows its samples.
+fn read_surface(path: &Path, unit: Option<FileUnit>) -> Result<Read, Error> {
+    let attempt = |unit_mm: Option<f64>, values: Option<Option<[f64; 2]>>| {
+        let scale =
+            |values| surface::Scale { pixel_mm: 0.1, z_mm: [0.0, 1.0], values, nodata: None, origin_mm: [0.0; 2] };
+        let options = surface::Options { unit_mm, heightmap: values.map(scale), max_edge_mm: None };
+        let mut facets =
+            Facets { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3], area: 0.0, down: 0.0, steep: 0.0 };
+        let mut warnings = Vec::new();
+        let content = surface::read(path, &options, &mut warnings, &mut |facet| facets.add(facet))?;
+        if let Content::Heightmap(map) = &content {
+            let z = map.samples.range().unwrap_or_default().map(|v| map.z_mm[0] + v * map.z_mm[1]);
+            let far = |k: usize, n: usize| map.origin_mm[k] + (n - 1) as f64 * map.pixel_mm;
+            facets.lo = [map.origin_mm[0], map.origin_mm[1], z[0]];
+            facets.hi = [far(0, map.columns), far(1, map.rows), z[1]];
+        }
+        let is_unit_known = unit_mm.is_none() || unit.is_some();
+        Ok::<_, Error>(Read { content, facets, is_unit_known, is_scaled: values.is_none(), warnings })
+    };
+    // Whole numbers have a range; of floats it is not known before they are read, and any will do.
+    const ANY: Option<[f64; 2]> = Some([-1e300, 1e300]);
+    let is =
+        |read: &Result<Read, Error>, code: &str| read.as_ref().is_err_and(|e| e.diags().iter().any(|d| d.code == code));
+    let mut found = attempt(unit.map(FileUnit::in_mm), None);
+    if unit.is_none() && is(&found, "surface-unit") {
+        found = attempt(Some(1.0), None);
+        if is(&found, "surface-size") {
+            // A map of land, whose place and size are no part's.
+            found = attempt(None, Some(ANY)).or(found);
+        }
+    }
+    for values in [None, ANY] {
+        if is(&found, "heightmap-scale") {
+            found = attempt(None, Some(values));
+        }
+    }
+    found
 }
 
 fn triple(v: [f64; 3], between: &str) -> String {

@@ -132,15 +132,16 @@ impl FileUnit {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SurfaceKeys {
-    /// STL, OBJ, PLY, PNG height map, or XYZ / CSV point cloud; relative to the job file.
+    /// STL, OBJ, PLY, 3MF, height map (PNG, TIFF, ESRI ASCII grid, USGS DEM), or XYZ / CSV point cloud; relative to the
+    /// job file.
     pub file: PathBuf,
-    /// Unit of the file's numbers; required for STL, OBJ, PLY and point clouds.
+    /// Unit of the file's numbers; required for STL, OBJ, PLY and point clouds. 3MF files state theirs.
     #[serde(default)]
     pub unit: Option<FileUnit>,
     /// Vertices nearer to each other than this become one; default: only those equal to the nanometre.
     #[serde(default, deserialize_with = "non_negative")]
     pub weld: Length,
-    /// Scale of a height map; required for PNG.
+    /// Scale of a height map; required for PNG, TIFF and USGS DEM.
     #[serde(default)]
     pub heightmap: Option<HeightmapKeys>,
     /// Longest triangle edge that a point cloud may be meshed with; default: eight times the typical
@@ -158,12 +159,13 @@ pub struct HeightmapKeys {
     pub pixel: Length,
     /// Heights that the two `values` stand for.
     pub z: [Length; 2],
-    /// Sample values that stand for the two heights; default the full range of the file's depth.
+    /// Sample values that stand for the two heights; default the full range of the file's depth, where its samples are
+    /// whole numbers.
     #[serde(default)]
-    pub values: Option<[u32; 2]>,
-    /// Sample value that means "no surface here".
+    pub values: Option<[f64; 2]>,
+    /// Sample value that means "no surface here", beside NaN and the value that the file states.
     #[serde(default)]
-    pub nodata: Option<u32>,
+    pub nodata: Option<f64>,
     /// Part-frame position of the lower left sample; default (0, 0).
     #[serde(default)]
     pub origin: [Length; 2],

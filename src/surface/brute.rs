@@ -2,7 +2,7 @@
 //! checked against every facet on its own. A place within [`NEAR`] of a facet's border may count as on it or off it;
 //! everywhere else there is one right answer.
 
-use super::{Cursor, Heightmap, Span, Surface};
+use super::{Cursor, Heightmap, Samples, Span, Surface};
 use crate::geom::{NM_PER_MM, P2};
 use crate::random::Random;
 
@@ -349,8 +349,7 @@ fn height_maps(seeds: std::ops::Range<u64>) {
         let map = Heightmap {
             columns,
             rows,
-            samples,
-            nodata: Some(0),
+            samples: Samples::Whole(samples, Some(0)),
             origin_mm: [noise.between(-5_000, 5_000) as f64 * 1e-3, noise.between(-5_000, 5_000) as f64 * 1e-3],
             pixel_mm: [1e-5, 0.000_333_333, 0.1, 1.0 / 3.0, 7.25][noise.below(5)],
             z_mm: [-0.01, 1e-4],

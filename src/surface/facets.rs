@@ -17,8 +17,15 @@ impl BoxMm<3> {
         self.lo.iter().chain(&self.hi).all(|v| v.abs() <= MAX_NM.mm())
     }
 
-    /// The diagnostic for a box that reaches beyond 4 m.
+    /// The diagnostic for a box that reaches beyond 4 m. Where it is only its place that is far, the remedy says how far
+    /// it is to be moved.
     pub(crate) fn beyond(&self, place: Place, remedy: &str) -> Diag {
+        let fits = |size: f64| size <= MAX_NM.mm();
+        let shift = format!(
+            "its size fits: subtract ({}) mm from all coordinates, so that it lies at its origin",
+            mm(self.lo.map(f64::floor))
+        );
+        let remedy = if self.size().into_iter().all(fits) { shift.as_str() } else { remedy };
         let text = format!(
             "the surface reaches from ({}) to ({}) mm, more than 4000 mm from the origin",
             mm(self.lo),
@@ -46,7 +53,7 @@ pub(crate) fn fits(v: f64) -> bool {
 /// Coordinates as a message shows them.
 fn mm(v: [f64; 3]) -> String {
     let one = |v: f64| {
-        if v == 0.0 || (1e-3..1e6).contains(&v.abs()) {
+        if v == 0.0 || (1e-3..1e9).contains(&v.abs()) {
             // At most micrometres, without the zeros behind.
             format!("{}", (v * 1e3).round() / 1e3)
         } else {
@@ -58,13 +65,19 @@ fn mm(v: [f64; 3]) -> String {
 
 /// The remedy for a surface of the wrong size whose file carries no unit.
 pub(crate) fn check_unit(unit_mm: f64) -> String {
-    format!("check unit in [surface]: one unit of the file is taken as {unit_mm} mm; parts lie near their origin")
+    format!(
+        "check unit in [surface]: one unit of the file is taken as {unit_mm} mm; parts lie within {} mm of their origin, \
+         so a map of land is scaled and moved there first",
+        MAX_NM.mm()
+    )
 }
 
 /// Hands facets on in mm.
 pub(crate) struct Facets<'a> {
     path: &'a Path,
     unit_mm: f64,
+    /// What to do about a wrong size.
+    remedy: String,
     sink: &'a mut dyn FnMut([[f64; 3]; 3]),
     extent: BoxMm<3>,
     count: usize,
@@ -72,9 +85,19 @@ pub(crate) struct Facets<'a> {
 }
 
 impl<'a> Facets<'a> {
-    /// Nothing handed on yet.
+    /// Nothing handed on yet, of a file whose unit the job states.
     pub(crate) fn new(path: &'a Path, unit_mm: f64, sink: &'a mut dyn FnMut([[f64; 3]; 3])) -> Self {
-        Self { path, unit_mm, sink, extent: BoxMm::EMPTY, count: 0, first_beyond: None }
+        Self::with_remedy(path, unit_mm, check_unit(unit_mm), sink)
+    }
+
+    /// The same with another remedy for a wrong size.
+    pub(crate) fn with_remedy(
+        path: &'a Path,
+        unit_mm: f64,
+        remedy: String,
+        sink: &'a mut dyn FnMut([[f64; 3]; 3]),
+    ) -> Self {
+        Self { path, unit_mm, remedy, sink, extent: BoxMm::EMPTY, count: 0, first_beyond: None }
     }
 
     /// Facets so far.
@@ -107,9 +130,9 @@ impl<'a> Facets<'a> {
         }
         if let Some(facet) = self.first_beyond {
             let place = Place::Facet { path: self.path.display().to_string(), facet };
-            return Err(self.extent.beyond(place, &check_unit(self.unit_mm)).into());
+            return Err(self.extent.beyond(place, &self.remedy).into());
         }
-        notes.extend(self.extent.tiny(place(self.path), &check_unit(self.unit_mm)));
+        notes.extend(self.extent.tiny(place(self.path), &self.remedy));
         Ok(Content::Facets(self.count))
     }
 }

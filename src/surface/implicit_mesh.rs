@@ -5,9 +5,9 @@
 //! it). A facet exists where its three nodes do. Nothing but the samples and one class byte per cell
 //! is held in memory.
 
-use super::Heightmap;
 use super::bins::Class;
 use super::mesh::{NONE, Vertex};
+use super::{Heightmap, Samples};
 use crate::geom::{NM_PER_MM, P2};
 
 /// A height map on the nanometre grid, local coordinates: part frame less [`ImplicitMesh::origin`].
@@ -16,8 +16,7 @@ pub struct ImplicitMesh {
     pub(crate) origin: P2,
     pub(crate) columns: usize,
     pub(crate) rows: usize,
-    samples: Vec<u16>,
-    nodata: Option<u16>,
+    samples: Samples,
     pitch_nm: f64,
     z_nm: [f64; 2],
 }
@@ -30,7 +29,6 @@ impl ImplicitMesh {
             columns: map.columns,
             rows: map.rows,
             samples: map.samples,
-            nodata: map.nodata,
             pitch_nm: map.pixel_mm * NM_PER_MM,
             z_nm: map.z_mm.map(|z| z * NM_PER_MM),
         }
@@ -54,12 +52,12 @@ impl ImplicitMesh {
     }
 
     fn has(&self, i: usize, j: usize) -> bool {
-        Some(self.samples[j * self.columns + i]) != self.nodata
+        self.samples.value(j * self.columns + i).is_some()
     }
 
-    /// Node (i, j).
+    /// Node (i, j), which is no hole.
     pub(crate) fn node(&self, i: usize, j: usize) -> Vertex {
-        let v = f64::from(self.samples[j * self.columns + i]);
+        let v = self.samples.value(j * self.columns + i).unwrap_or(f64::NAN);
         Vertex { x: self.line(i as i64) as i32, y: self.line(j as i64) as i32, z: self.z_nm[0] + v * self.z_nm[1] }
     }
 
@@ -158,9 +156,9 @@ impl Heightmap {
     /// Hands the facets of the implicit triangulation to `sink`, corners in mm.
     pub(crate) fn facets(&self, sink: &mut dyn FnMut([[f64; 3]; 3])) {
         let node = |i: usize, j: usize| {
-            let v = self.samples[j * self.columns + i];
             let at = |axis: usize, n: usize| self.origin_mm[axis] + n as f64 * self.pixel_mm;
-            (Some(v) != self.nodata).then(|| [at(0, i), at(1, j), self.z_mm[0] + f64::from(v) * self.z_mm[1]])
+            let value = self.samples.value(j * self.columns + i);
+            value.map(|v| [at(0, i), at(1, j), self.z_mm[0] + v * self.z_mm[1]])
         };
         for j in 0..self.rows.saturating_sub(1) {
             for i in 0..self.columns.saturating_sub(1) {

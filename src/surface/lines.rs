@@ -90,6 +90,11 @@ impl Lines {
         Ok(Self { path, input, line: Vec::new(), number: 0, after_cr: false, length })
     }
 
+    /// The bytes ahead, some thousand at least where the file has them.
+    pub(crate) fn head(&self) -> &[u8] {
+        self.input.buffer()
+    }
+
     /// Bytes of the whole file.
     pub(crate) fn length(&self) -> u64 {
         self.length

@@ -19,13 +19,17 @@ mod points;
 mod polygon;
 mod rim;
 mod stl;
+mod threemf;
 mod topmost;
 mod walk;
 
 use std::path::Path;
 
 use bins::{Bins, Class};
+pub use heightmap::Samples;
+use heightmap::esri_grid::By;
 use implicit_mesh::ImplicitMesh;
+use lines::Lines;
 use mesh::{Mesh, Welder};
 pub use topmost::Span;
 pub use walk::Cursor;
@@ -36,7 +40,7 @@ use crate::geom::{Box2, BoxMm, MAX_NM, NM_PER_MM, Nm, P2};
 /// How a surface file is to be read.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Options {
-    /// mm in one unit of the file; None where the job states none (height maps need none).
+    /// mm in one unit of the file; None where the job states none (height maps and files that state theirs need none).
     pub unit_mm: Option<f64>,
     /// Scale of a height map.
     pub heightmap: Option<Scale>,
@@ -51,15 +55,15 @@ pub struct Scale {
     pub pixel_mm: f64,
     /// Heights of the two values.
     pub z_mm: [f64; 2],
-    /// The two values; None for the full range of the file's depth.
-    pub values: Option<[u32; 2]>,
-    /// Value of samples that are holes.
-    pub nodata: Option<u32>,
+    /// The two values; None for the full range of the file's depth, where its samples are whole numbers.
+    pub values: Option<[f64; 2]>,
+    /// Value of samples that are holes, beside those that the file states.
+    pub nodata: Option<f64>,
     /// Part-frame position of the lower left sample.
     pub origin_mm: [f64; 2],
 }
 
-/// A height map: samples are nodes of a grid; row 0 of `samples` is the lowest y (the file's last row).
+/// A height map: samples are nodes of a grid; row 0 of `samples` is the lowest y (an image's last row).
 #[derive(Clone, Debug)]
 pub struct Heightmap {
     /// Samples along x.
@@ -67,9 +71,7 @@ pub struct Heightmap {
     /// Samples along y.
     pub rows: usize,
     /// Values, row by row from the lowest y.
-    pub samples: Vec<u16>,
-    /// Value of holes.
-    pub nodata: Option<u16>,
+    pub samples: Samples,
     /// Position of sample (0, 0), mm.
     pub origin_mm: [f64; 2],
     /// Distance of samples, mm.
@@ -104,23 +106,51 @@ pub fn read(
     sink: &mut dyn FnMut([[f64; 3]; 3]),
 ) -> Result<Content, Error> {
     let refuse = |code, text: String| Diag::input(code, text).at(lines::place(path));
-    let unit = |kind: &str| match options.unit_mm {
-        Some(unit) if unit > 0.0 && unit.is_finite() => Ok(unit),
-        Some(unit) => Err(refuse("surface-unit", format!("a unit of {unit} mm is not a unit"))),
-        None => Err(refuse("surface-unit", format!("{kind} carries no unit")).hint("add unit = \"mm\" to [surface]")),
+    let stated = |kind: &str| match options.unit_mm {
+        Some(unit) if !(unit > 0.0 && unit.is_finite()) => {
+            Err(refuse("surface-unit", format!("{kind}: {unit} mm is no unit")).hint("correct unit in [surface]"))
+        }
+        unit => Ok(unit),
+    };
+    let unit = |kind: &str| {
+        let none = || refuse("surface-unit", format!("{kind} carries no unit")).hint("add unit = \"mm\" to [surface]");
+        stated(kind)?.ok_or_else(none)
+    };
+    let scale = |kind: &str| {
+        let none = || {
+            refuse("heightmap-scale", format!("{kind} carries no scale"))
+                .hint("add [surface.heightmap] with pixel (sample spacing) and z (heights of two values)")
+        };
+        options.heightmap.as_ref().ok_or_else(none)
     };
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     match extension.as_str() {
         "stl" => stl::read(path, unit("an STL file")?, notes, sink),
         "obj" => obj::read(path, unit("an OBJ file")?, notes, sink),
         "ply" => ply::read(path, unit("a PLY file")?, notes, sink),
-        "png" => match &options.heightmap {
-            Some(scale) => heightmap::read(path, scale, notes),
-            None => Err(refuse("heightmap-scale", "a PNG image carries no scale".into())
-                .hint("add [surface.heightmap] with pixel (sample spacing) and z (heights of two values)")
-                .into()),
-        },
-        "xyz" | "csv" | "txt" | "asc" => points::read(path, unit("a point cloud")?, options.max_edge_mm, notes, sink),
+        "3mf" => threemf::read(path, stated("a 3MF file")?, notes, sink),
+        "png" => heightmap::png_image::read(path, scale("a PNG image")?, notes),
+        "tif" | "tiff" => heightmap::tiff_image::read(path, scale("a TIFF image")?, notes),
+        "dem" => heightmap::usgs_dem::read(path, scale("a USGS DEM")?, notes),
+        "xyz" | "csv" | "txt" | "asc" => {
+            // A grid may have its scale from either.
+            if options.heightmap.is_none() {
+                unit("a point cloud")?;
+            }
+            let lines = Lines::open(path, "a point cloud")?;
+            if !heightmap::esri_grid::begins(lines.head()) {
+                return points::read(lines, path, unit("a point cloud")?, options.max_edge_mm, notes, sink);
+            }
+            let by = match (&options.heightmap, stated("a grid")?) {
+                (Some(scale), None) => By::Scale(scale),
+                (None, Some(unit_mm)) => By::Unit(unit_mm),
+                _ => {
+                    let d = refuse("heightmap-scale", "unit and [surface.heightmap] both give the grid a scale".into());
+                    return Err(d.hint("keep unit to use the numbers of its header, or [surface.heightmap]").into());
+                }
+            };
+            heightmap::esri_grid::read(lines, path, &by, notes)
+        }
         other => {
             let what = if other.is_empty() { "no extension".into() } else { format!("the extension .{other}") };
             Err(refuse("surface-format", format!("a surface file with {what} is not read")).hint(way_in(other)).into())
@@ -134,10 +164,14 @@ fn way_in(extension: &str) -> &'static str {
         "step" | "stp" | "iges" | "igs" | "x_t" | "x_b" | "sldprt" | "ipt" | "catpart" | "prt" | "3dm" | "fcstd" => {
             "export it from the CAD program as STL, with a chord tolerance of a tenth of focus.pdof or finer"
         }
-        "3mf" | "amf" | "off" | "glb" | "gltf" | "fbx" | "dae" => {
-            "open it in MeshLab or Blender and export it as binary STL"
+        "amf" | "off" | "glb" | "gltf" | "fbx" | "dae" => "open it in MeshLab or Blender and export it as binary STL",
+        "grd" | "flt" | "bil" | "hgt" | "adf" | "img" | "vrt" => {
+            "convert it to GeoTIFF or an ESRI ASCII grid (.asc), with gdal_translate or QGIS"
         }
-        _ => "surfaces are read from .stl, .obj, .ply, .png (height map), and .xyz, .csv, .txt or .asc (points)",
+        _ => {
+            "surfaces are read from .stl, .obj, .ply, .3mf, .png, .tif or .dem (height maps), and .xyz, .csv, .txt or \
+             .asc (points, or an ESRI grid)"
+        }
     }
 }
 

@@ -24,13 +24,14 @@ const EDGE_FACTOR: f64 = 8.0;
 
 /// Reads a point cloud; `unit_mm` is the length of its unit, `max_edge_mm` the longest edge in plan.
 pub(crate) fn read(
+    lines: Lines,
     path: &Path,
     unit_mm: f64,
     max_edge_mm: Option<f64>,
     notes: &mut Vec<Diag>,
     sink: &mut dyn FnMut([[f64; 3]; 3]),
 ) -> Result<Content, Error> {
-    let points = unique(path, rows(path, unit_mm, notes)?, notes);
+    let points = unique(path, rows(lines, path, unit_mm, notes)?, notes);
     let Some(third) = off_line(&points) else {
         let text = format!("the {} points lie on one line in plan: that is not a surface", points.len());
         return Err(no_surface(path, text, "check which columns are x, y and z").into());
@@ -180,8 +181,7 @@ fn unique(path: &Path, mut points: Vec<Point>, notes: &mut Vec<Diag>) -> Vec<Poi
 }
 
 /// The points of the file, in its order; those that are not finite are left out with a warning.
-fn rows(path: &Path, unit_mm: f64, notes: &mut Vec<Diag>) -> Result<Vec<Point>, Error> {
-    let mut lines = Lines::open(path, "a point cloud")?;
+fn rows(mut lines: Lines, path: &Path, unit_mm: f64, notes: &mut Vec<Diag>) -> Result<Vec<Point>, Error> {
     // Three numbers a line, some 24 bytes.
     memory::ask("the cloud", super::POINT_BYTES * (lines.length() / 24)).map_err(|d| d.at(place(path)))?;
     let mut layout: Option<Layout> = None;
@@ -304,10 +304,6 @@ impl Layout {
     fn of(line: &[u8]) -> Result<(Self, bool), Diag> {
         let separator = Separator::of(line);
         let fields: Vec<&[u8]> = fields(line, separator).collect();
-        if fields[0].eq_ignore_ascii_case(b"ncols") {
-            let d = Diag::input("points-columns", "this is a grid (ncols, nrows, ...), not a cloud of points");
-            return Err(d.hint("export it as a 16-bit PNG height map or as rows of x y z"));
-        }
         if fields.len() < 3 {
             let text = format!("a point has three numbers, this row has {} columns", fields.len());
             return Err(Diag::input("points-columns", text).hint("export the cloud as rows of x y z"));
@@ -386,7 +382,8 @@ mod tests {
         let path = dir.path().join("a.csv");
         std::fs::write(&path, text).expect("written");
         let (mut got, mut notes) = (vec![], vec![]);
-        let result = read(&path, 1.0, max_edge_mm, &mut notes, &mut |f| got.push(f));
+        let lines = Lines::open(&path, "a point cloud").expect("text");
+        let result = read(lines, &path, 1.0, max_edge_mm, &mut notes, &mut |f| got.push(f));
         (result, got, notes)
     }
 
@@ -505,7 +502,6 @@ mod tests {
         for (text, code, say) in [
             ("0 0 0\n1 0\n", "points-columns", ":2: this row has 2 columns, the first one has 3"),
             ("3\nmolecule\nC 0 0 0\n", "points-columns", ":1: a point has three numbers, this row has 1"),
-            ("ncols 4\nnrows 4\n", "points-columns", ":1: this is a grid"),
             ("0 0 0\n1 0 0\nfoo bar baz\n", "surface-number", ":3: \"foo\" is not a number"),
             ("0,5;1;2\n", "surface-number", ":1: coordinate \"0,5\" has a decimal comma"),
             ("0,5\t1\t2\n", "surface-number", ":1: coordinate \"0,5\" has a decimal comma"),
@@ -514,7 +510,7 @@ mod tests {
             (
                 "0 0 0\n9 0 0\n0 4e3 1\n0 5e6 7\n",
                 "surface-size",
-                ":4: the surface reaches from (0, 0, 0) to (9, 5.000e6, 7)",
+                ":4: the surface reaches from (0, 0, 0) to (9, 5000000, 7)",
             ),
             ("0 0 0\n9 0 0\n0 1 -1e300\n", "surface-size", ":3: "),
             ("0 0 0\n1 2 0\n2 4 0\n3 6 1\n", "points-no-surface", "the 4 points lie on one line"),

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
-use crate::support::{JobText, folder, machine_file, malformed, said, terrace, verify};
+use crate::support::{JobText, folder, machine_file, malformed, said, shared, terrace, verify};
 use serde_json::Value;
 
 /// What `terrace compile` comes to.
@@ -20,6 +20,9 @@ enum Outcome {
     Compiled(&'static [&'static str]),
 }
 use Outcome::{Compiled, Limit, Refused};
+
+/// Keys of height maps.
+const SCALE: &str = "[surface.heightmap]\npixel = \"1 mm\"\nz = [\"0 mm\", \"1 mm\"]";
 
 const HATCH: &str = "pattern = \"hatch\"\npitch = \"0.5 mm\"";
 
@@ -75,6 +78,23 @@ const SURFACES: &[(&str, Outcome)] = &[
     ("png_one_bit.png", Refused("heightmap-samples", ".png")),
     ("png_one_bit_no_idat.png", Refused("heightmap-samples", ".png")),
     ("png_newline_in_signature.png", Refused("surface-format", ".png")),
+    ("3mf_bad_crc.3mf", Refused("3mf-archive", ".3mf")),
+    ("3mf_component_bomb_10e10.3mf", Refused("3mf-components", ".3mf")),
+    ("3mf_component_cycle.3mf", Refused("3mf-components", ".3mf")),
+    ("3mf_identical_vertices.3mf", Refused("surface-zero-area", ".3mf")),
+    ("3mf_index_out_of_range.3mf", Refused("3mf-index", ".3mf")),
+    ("3mf_missing_model_part.3mf", Refused("3mf-part", ".3mf")),
+    ("3mf_nan_transform.3mf", Refused("3mf-transform", ".3mf")),
+    ("3mf_no_build_items.3mf", Refused("3mf-object", ".3mf")),
+    ("3mf_path_traversal.3mf", Compiled(&["incidence", "off-part"])),
+    ("3mf_singular_transform.3mf", Refused("3mf-transform", ".3mf")),
+    ("3mf_target_outside.3mf", Refused("3mf-part", ".3mf")),
+    ("3mf_truncated_zip.3mf", Refused("3mf-archive", ".3mf")),
+    ("3mf_unknown_unit.3mf", Refused("surface-unit", ".3mf")),
+    ("3mf_xml_bomb.3mf", Refused("3mf-xml", ".3mf")),
+    ("3mf_zip_bomb.3mf", Refused("3mf-archive", ".3mf")),
+    ("tiff_cyclic_ifd.tif", Refused("tiff-damaged", ".tif")),
+    ("tiff_huge_strip.tif", Refused("heightmap-samples", ".tif")),
     ("xyz_all_one_line.xyz", Refused("points-no-surface", ".xyz")),
     ("xyz_mixed_columns.xyz", Refused("points-columns", ".xyz:2")),
     ("xyz_nan.xyz", Compiled(&["points-not-finite", "incidence"])),
@@ -197,11 +217,8 @@ fn malformed_surfaces_give_the_expected_messages() {
         let path = malformed::file(dir.path(), name);
         let mut job = JobText::on(&path);
         job.more = "[limits]\nmax_off_part = \"100 %\"\n".into();
-        if name.starts_with("png") {
-            job.surface = format!(
-                "file = {:?}\n[surface.heightmap]\npixel = \"1 mm\"\nz = [\"0 mm\", \"1 mm\"]",
-                path.display().to_string()
-            );
+        if name.starts_with("png") || name.starts_with("tiff") {
+            job.surface = job.surface.replace("unit = \"mm\"", SCALE);
         }
         let texture = match *name {
             "stl_binary_starts_with_solid.stl" | "stl_upside_down.stl" => {
@@ -210,6 +227,50 @@ fn malformed_surfaces_give_the_expected_messages() {
             _ => HATCH,
         };
         check(&job.texture(texture).write(dir.path(), "job.toml"), name, want);
+    }
+}
+
+/// 3MF files that the consortium gives as ones that must fail, by what follows "3mfc_MUSTFAIL_Chapter".
+const MUST_FAIL: &[(&str, &str)] = &[
+    ("2.1.1a_PartsRelationships_NonExist3DModelPart", "3mf-part"),
+    ("2.1.1b_PartsRelationships_LinkToExternal", "3mf-part"),
+    ("2.1.2_PartsRelationships_MoreThanOne3DModelPart", "3mf-part"),
+    ("2.1.3_PartsRelationships_NonExistThumbnailPart", "3mf-part"),
+    ("2.1.4_PartsRelationships_MoreThanOnePrintTicket", "3mf-part"),
+    ("2.3.2a_NonUTF_Encoding", "3mf-xml"),
+    ("2.3.2b_DataTypeDefinitionInXMLMarkup", "3mf-xml"),
+    ("2.3.2c_UndefinedNameSpaceInXDS", "3mf-xml"),
+    ("2.3.2d_UndefinedXMLXSIInXSDSchema", "3mf-xml"),
+    ("2.3.4_WhiteSpace", "3mf-xml"),
+    ("3.4.1a_MissingMetadataName", "3mf-metadata"),
+    ("3.4.1b_DuplicatedMetadataName", "3mf-metadata"),
+    ("3.4.3.1a_NotMatchingObjectIdInBuildItem", "3mf-object"),
+    ("3.4.3.1b_BuildItemReferToObjectOfTypeOther", "3mf-object"),
+];
+
+#[test]
+#[ignore = "needs ../shared: make test-all"]
+fn malformed_surfaces_of_other_sources_give_the_expected_messages() {
+    let bad = shared().join("bad");
+    let dir = folder();
+    let mut rows: Vec<(String, &Outcome)> = SURFACES.iter().map(|(name, want)| ((*name).to_owned(), want)).collect();
+    rows.retain(|(name, _)| ["3mf_", "tiff_", "ply_"].iter().any(|p| name.starts_with(p)) && bad.join(name).exists());
+    let must_fail: Vec<_> = MUST_FAIL.iter().map(|(name, code)| (name, Refused(code, ".3mf"))).collect();
+    rows.extend(must_fail.iter().map(|(name, want)| (format!("3mfc_MUSTFAIL_Chapter{name}.3mf"), want)));
+    rows.push(("3mf_bomb_2M_identical_verts.3mf".into(), &Refused("surface-zero-area", ".3mf")));
+    rows.push(("3mf_zip_bomb_200MB.3mf".into(), &Refused("3mf-archive", ".3mf")));
+    for (name, want) in &rows {
+        let mut job = JobText::on(&bad.join(name));
+        job.more = "[limits]\nmax_off_part = \"100 %\"\n".into();
+        if name.starts_with("tiff") {
+            job.surface = job.surface.replace("unit = \"mm\"", SCALE);
+        }
+        check(&job.texture(HATCH).write(dir.path(), "job.toml"), name, want);
+    }
+    for entry in std::fs::read_dir(&bad).expect("a readable folder") {
+        let name = entry.expect("an entry").file_name().to_string_lossy().into_owned();
+        let ours = ["3mf", "tiff_", "ply_"].iter().any(|p| name.starts_with(p));
+        assert!(!ours || rows.iter().any(|(known, _)| *known == name), "{name} has no outcome");
     }
 }
 
@@ -235,7 +296,7 @@ fn malformed_drawings_give_the_expected_messages() {
 fn every_malformed_file_is_in_a_table() {
     let tables = || SURFACES.iter().chain(DRAWINGS).map(|(name, _)| *name);
     for name in malformed::names() {
-        let ours = ["stl_", "obj_", "ply_", "png", "svg", "xyz_"].iter().any(|p| name.starts_with(p));
+        let ours = ["stl_", "obj_", "ply_", "png", "3mf_", "tiff_", "svg", "xyz_"].iter().any(|p| name.starts_with(p));
         assert!(!ours || tables().any(|n| n == name), "{name} has no outcome");
     }
 }
@@ -344,7 +405,7 @@ fn files_of_other_programs_are_named_with_a_way_to_convert_them() {
     for (name, remedy) in [
         ("door.step", "chord tolerance of a tenth of focus.pdof"),
         ("door.IGS", "chord tolerance of a tenth of focus.pdof"),
-        ("door.3mf", "MeshLab"),
+        ("door.glb", "MeshLab"),
         ("door.off", "MeshLab"),
         ("door.xlsx", "surfaces are read from .stl"),
     ] {

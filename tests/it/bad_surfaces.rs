@@ -1,5 +1,6 @@
 //! Malformed and odd surface files, one row each, and real ones: the outcome is fixed here.
 
+use std::io::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -7,7 +8,7 @@ use crate::support::image::{self, Colour};
 use crate::support::surfaces::Random;
 use crate::support::{fixture, folder, malformed, shared};
 use terrace::diag::{Diag, Error, Kind};
-use terrace::surface::{Content, Options, Scale, read};
+use terrace::surface::{Content, Options, Samples, Scale, read};
 
 /// What reading a file comes to.
 #[derive(Debug)]
@@ -69,6 +70,24 @@ const BAD: &[(&str, Outcome)] = &[
     ("png_one_bit.png", Refused("heightmap-samples", ".png", "1-bit greyscale")),
     ("png_one_bit_no_idat.png", Refused("heightmap-samples", ".png", "1-bit greyscale")),
     ("png_newline_in_signature.png", Refused("surface-format", ".png", "signature")),
+    ("3mf_bad_crc.3mf", Refused("3mf-archive", ".3mf", "3D/3dmodel.model is damaged")),
+    ("3mf_component_bomb_10e10.3mf", Refused("3mf-components", ".3mf", "at most 1000000")),
+    ("3mf_component_cycle.3mf", Refused("3mf-components", ".3mf", "component of itself")),
+    // Refused as a mesh, like STL files without area.
+    ("3mf_identical_vertices.3mf", Accepted(200_000, &["surface-tiny"])),
+    ("3mf_index_out_of_range.3mf", Refused("3mf-index", ".3mf", "4294967295")),
+    ("3mf_missing_model_part.3mf", Refused("3mf-part", ".3mf", "is not in the archive")),
+    ("3mf_nan_transform.3mf", Refused("3mf-transform", ".3mf", "\"nan\"")),
+    ("3mf_no_build_items.3mf", Refused("3mf-object", ".3mf", "no build items")),
+    ("3mf_path_traversal.3mf", Accepted(4, &[])),
+    ("3mf_singular_transform.3mf", Refused("3mf-transform", ".3mf", "flat")),
+    ("3mf_target_outside.3mf", Refused("3mf-part", ".3mf", "etc/passwd\", which lies outside")),
+    ("3mf_truncated_zip.3mf", Refused("3mf-archive", ".3mf", "the archive is damaged")),
+    ("3mf_unknown_unit.3mf", Refused("surface-unit", ".3mf", "furlong")),
+    ("3mf_xml_bomb.3mf", Refused("3mf-xml", ".3mf", "DTD")),
+    ("3mf_zip_bomb.3mf", Refused("3mf-archive", ".3mf", "has 500001")),
+    ("tiff_cyclic_ifd.tif", Refused("tiff-damaged", ".tif", "cycle")),
+    ("tiff_huge_strip.tif", Refused("heightmap-samples", ".tif", "photometric")),
     ("xyz_all_one_line.xyz", Refused("points-no-surface", ".xyz", "one line")),
     ("xyz_mixed_columns.xyz", Refused("points-columns", ":2", "2 columns")),
     ("xyz_nan.xyz", Accepted(160, &["points-not-finite"])),
@@ -109,7 +128,10 @@ struct Got {
 
 fn read_at(path: &Path, unit_mm: f64) -> Got {
     let scale = Scale { pixel_mm: 2.0, z_mm: [0.0, 100.0], values: None, nodata: None, origin_mm: [0.0; 2] };
-    let options = Options { unit_mm: Some(unit_mm), heightmap: Some(scale), max_edge_mm: None };
+    let has_scale = ["png", "tif", "dem"].iter().any(|e| path.extension().is_some_and(|of| of == *e));
+    let heightmap = has_scale.then_some(scale);
+    let unit_mm = path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("3mf")).then_some(unit_mm);
+    let options = Options { unit_mm, heightmap, max_edge_mm: None };
     let (mut notes, mut facets) = (vec![], vec![]);
     let start = Instant::now();
     let result = read(path, &options, &mut notes, &mut |f| facets.push(f));
@@ -163,7 +185,7 @@ fn malformed_files_give_the_expected_messages() {
 fn the_table_has_a_row_for_every_malformed_file() {
     let missing: Vec<String> = malformed::names()
         .into_iter()
-        .filter(|name| ["stl_", "obj_", "png_", "xyz_"].iter().any(|p| name.starts_with(p)))
+        .filter(|name| ["stl_", "obj_", "ply_", "png_", "3mf_", "tiff_", "xyz_"].iter().any(|p| name.starts_with(p)))
         .filter(|name| !BAD.iter().any(|(known, _)| known == name))
         .collect();
     assert_eq!(missing, Vec::<String>::new());
@@ -277,7 +299,9 @@ fn interlaced_height_maps_equal_plain_ones() {
         // In one IDAT chunk, and in one for every byte.
         for (interlaced, size) in [(false, 1 << 20), (true, 1 << 20), (false, 1), (true, 1)] {
             match read(image::grey16(side, &samples, interlaced, size)).expect("a height map") {
-                Content::Heightmap(map) => assert_eq!(map.samples, want, "{side} {interlaced} {size}"),
+                Content::Heightmap(map) => {
+                    assert_eq!(map.samples, Samples::Whole(want.clone(), None), "{side} {interlaced} {size}");
+                }
                 Content::Facets(_) => panic!("a height map has samples"),
             }
         }
@@ -308,7 +332,11 @@ fn a_file_without_unit_scale_or_known_extension_is_refused() {
         ("a.Png", "heightmap-scale", "add [surface.heightmap]"),
         ("a.step", "surface-format", "chord tolerance"),
         ("a.ply", "surface-unit", "a PLY file carries no unit"),
-        ("a.doc", "surface-format", ".stl, .obj, .ply, .png"),
+        ("a.doc", "surface-format", ".stl, .obj, .ply, .3mf, .png, .tif or .dem"),
+        ("a.TIFF", "heightmap-scale", "add [surface.heightmap]"),
+        ("a.dem", "heightmap-scale", "a USGS DEM carries no scale"),
+        ("a.asc", "surface-unit", "a point cloud carries no unit"),
+        ("a.grd", "surface-format", "gdal_translate"),
         ("stl", "surface-format", "no extension"),
     ] {
         let e = read(Path::new(name), &Options::default(), &mut vec![], &mut |_| {}).err().expect(name);
@@ -352,7 +380,45 @@ fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     }
     let mut all = vec![("stl", ascii.into()), ("stl", binary), ("obj", obj.into()), ("xyz", points.into())];
     all.extend(images);
+    let grid =
+        "ncols 4\nnrows 3\nxllcorner 1\nyllcorner 2\ncellsize 2.5\nNODATA_value -9\n1 2 3 4\n5 -9 7 8\n9 1 2 3\n";
+    all.extend([("asc", grid.into()), ("3mf", threemf()), ("tif", tiff())]);
     all
+}
+
+/// A 3MF file of one triangle, its parts stored as they are.
+fn threemf() -> Vec<u8> {
+    let mut out = std::io::Cursor::new(Vec::new());
+    let mut archive = zip::ZipWriter::new(&mut out);
+    let options = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    for (name, text) in [
+        (
+            "_rels/.rels",
+            "<Relationships><Relationship Target=\"/a.model\" \
+             Type=\"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel\"/></Relationships>",
+        ),
+        (
+            "a.model",
+            "<model xmlns=\"http://schemas.microsoft.com/3dmanufacturing/core/2015/02\"><resources><object id=\"1\">\
+             <mesh><vertices><vertex x=\"0\" y=\"0\" z=\"1\"/><vertex x=\"9\" y=\"0\" z=\"1\"/>\
+             <vertex x=\"0\" y=\"9\" z=\"1\"/></vertices><triangles><triangle v1=\"0\" v2=\"1\" v3=\"2\"/></triangles>\
+             </mesh></object></resources><build><item objectid=\"1\"/></build></model>",
+        ),
+    ] {
+        archive.start_file(name, options).expect("a part");
+        archive.write_all(text.as_bytes()).expect("written");
+    }
+    archive.finish().expect("an archive");
+    out.into_inner()
+}
+
+/// A TIFF of 6 x 5 samples in 16 bits.
+fn tiff() -> Vec<u8> {
+    let mut out = std::io::Cursor::new(Vec::new());
+    let data: Vec<u16> = (0..30).map(|i| i * 2111).collect();
+    let mut encoder = tiff::encoder::TiffEncoder::new(&mut out).expect("an encoder");
+    encoder.write_image::<tiff::encoder::colortype::Gray16>(6, 5, &data).expect("an image");
+    out.into_inner()
 }
 
 /// Damages a file in one of the ways that files get damaged.

@@ -6,7 +6,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use crate::support::{JobText, files, folder, said, verify};
+use crate::support::{JobText, files, fixture, folder, said, verify};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -409,6 +409,9 @@ fn inspect_describes_surfaces_drawings_jobs_and_folders() {
     let facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 2 0 0\nvertex 0 3 1\nendloop\nendfacet\n";
     write(at.join("a.stl"), format!("solid a\n{facet}endsolid a\n"));
     write(at.join("a.png"), crate::support::image::height_map(3, &[7, 9, 256, 7, 7, 7]));
+    write(at.join("a.asc"), "ncols 2\nnrows 3\nxllcenter 1\nyllcenter 2\ncellsize 60\n1 2\n3 -9999\n5 6.5\n");
+    write(at.join("land.asc"), "ncols 2\nnrows 2\nxllcorner 5e5\nyllcorner 5e6\ncellsize 60\n1 2\n3 4\n");
+    write(at.join("own.3mf"), std::fs::read(fixture("bad/3mf_path_traversal.3mf")).expect("a fixture"));
     let shown = |args: &[&str]| json(&done(at, &[&["inspect", "--json"], args].concat()));
     let stl = shown(&["a.stl", "--unit", "mm"]);
     assert_eq!((&stl["kind"], &stl["facets"]), (&"surface".into(), &1.into()));
@@ -440,6 +443,10 @@ fn inspect_describes_surfaces_drawings_jobs_and_folders() {
         ("a.stl", "0 % of the area steeper than 30 deg, 0 % facing down\n"),
         ("a.svg", "1 stroke (1 closed)"),
         ("a.png", "3 x 2 samples, values 7 to 256"),
+        ("a.asc", "2 x 3 samples, values 1 to 6.5, 1 hole\nsize  60.0000 x 120.0000 x 5.5000 (the file does not"),
+        ("a.asc", "  if mm  60.0000 x 120.0000 x 5.5000 mm   <- most likely"),
+        ("land.asc", "2 x 2 samples, values 1 to 4, 0 holes\nthe job file gives its scale"),
+        ("own.3mf", "surface, 4 facets\nsize  10.0000 x 10.0000 x 10.0000 mm\n"),
         ("a.toml", "0.07 mm"),
         ("a.job", "stops    1\n"),
     ] {

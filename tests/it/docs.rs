@@ -48,6 +48,7 @@ fn codes_of(shown: &str, text: &str, out: &mut BTreeMap<String, BTreeSet<String>
     // A file, the text that stands before its codes, and their kind.
     let helpers = [
         ("src/surface/mod.rs", "refuse(", "input"),
+        ("src/surface/threemf/", "fault(", "input"),
         ("src/machine/mod.rs", "fault(", "input"),
         ("src/verify/", "unusable(", "input"),
         ("src/texture/svg/tally.rs", "Told", "warning"),

@@ -40,6 +40,7 @@ mod run_grbl;
 mod run_linuxcnc;
 mod seen;
 mod setups;
+mod surface_formats;
 mod sweep;
 mod textures;
 mod tilt;

@@ -28,9 +28,10 @@ impl Map {
     /// Box of all samples that are no holes, mm, unturned; None where all are holes.
     pub(in crate::verify) fn box_mm(map: &Heightmap) -> Option<BoxMm<2>> {
         let mut nodes = [usize::MAX, usize::MAX, 0, 0];
-        for (row, values) in map.samples.chunks(map.columns.max(1)).enumerate() {
-            let solid = |v: &u16| Some(*v) != map.nodata;
-            if let (Some(first), Some(last)) = (values.iter().position(solid), values.iter().rposition(solid)) {
+        for row in 0..map.rows {
+            let solid = |column: &usize| map.samples.value(row * map.columns + column).is_some();
+            let last = || (0..map.columns).rev().find(solid);
+            if let Some((first, last)) = (0..map.columns).find(solid).zip(last()) {
                 nodes = [nodes[0].min(first), nodes[1].min(row), nodes[2].max(last), nodes[3].max(row)];
             }
         }
@@ -45,8 +46,8 @@ impl Map {
     }
 
     pub(super) fn heights(&self) -> [f64; 2] {
-        let solid = self.map.samples.iter().filter(|&&v| Some(v) != self.map.nodata);
-        let z = solid.map(|&v| nm(self.map.z_mm[0] + f64::from(v) * self.map.z_mm[1]));
+        let solid = (0..self.map.samples.len()).filter_map(|i| self.map.samples.value(i));
+        let z = solid.map(|v| nm(self.map.z_mm[0] + v * self.map.z_mm[1]));
         z.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], z| [lo.min(z), hi.max(z)])
     }
 
@@ -60,10 +61,10 @@ impl Map {
         }
         let range = |k: usize| self.grid.index(k, flat.lo[k])..self.grid.index(k, flat.hi[k]) + 1;
         let node = |column: usize, row: usize| {
-            let value = self.map.samples[row * self.map.columns + column];
+            let value = self.map.samples.value(row * self.map.columns + column)?;
             let at = |k: usize, i: usize| self.grid.lo[k] + i as f64 * self.grid.size;
-            let (x, y, z) = (at(0, column), at(1, row), nm(self.map.z_mm[0] + f64::from(value) * self.map.z_mm[1]));
-            (Some(value) != self.map.nodata).then_some([x * cos - y * sin, x * sin + y * cos, z])
+            let (x, y, z) = (at(0, column), at(1, row), nm(self.map.z_mm[0] + value * self.map.z_mm[1]));
+            Some([x * cos - y * sin, x * sin + y * cos, z])
         };
         for row in range(1) {
             for column in range(0) {
@@ -89,8 +90,8 @@ impl Map {
     /// The triangle right below or left above the diagonal.
     fn triangle(&self, line: &Line, [column, row]: [usize; 2], upper: bool, out: &mut Vec<Crossing>) {
         let z = |dx: usize, dy: usize| {
-            let value = self.map.samples[(row + dy) * self.map.columns + column + dx];
-            (Some(value) != self.map.nodata).then(|| nm(self.map.z_mm[0] + f64::from(value) * self.map.z_mm[1]))
+            let value = self.map.samples.value((row + dy) * self.map.columns + column + dx);
+            value.map(|v| nm(self.map.z_mm[0] + v * self.map.z_mm[1]))
         };
         let (Some(z00), Some(z11)) = (z(0, 0), z(1, 1)) else { return };
         let Some(corner) = (if upper { z(0, 1) } else { z(1, 0) }) else { return };

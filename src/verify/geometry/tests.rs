@@ -1,7 +1,7 @@
 //! Closed forms: plane, sphere, undercut shell, height map.
 
 use super::*;
-use crate::surface::Heightmap;
+use crate::surface::{Heightmap, Samples};
 
 const LIMIT: f64 = std::f64::consts::FRAC_PI_3;
 
@@ -128,21 +128,19 @@ fn of_several_sheets_the_topmost_counts_and_changes_where_they_cross() {
 #[test]
 fn a_height_map_is_the_mesh_of_its_lower_left_diagonals() {
     let (columns, rows) = (7, 5);
-    let samples: Vec<u16> = (0..columns * rows).map(|i| ((i * 7919) % 1000) as u16 + 1).collect();
-    let mut map = Heightmap {
+    let mut samples: Vec<u16> = (0..columns * rows).map(|i| ((i * 7919) % 1000) as u16 + 1).collect();
+    samples[2 * columns + 3] = 0;
+    let map = Heightmap {
         columns,
         rows,
-        samples,
-        nodata: Some(0),
+        samples: Samples::Whole(samples, Some(0)),
         origin_mm: [-2.0, 3.0],
         pixel_mm: 0.7,
         z_mm: [1.0, 0.0005],
     };
-    map.samples[2 * columns + 3] = 0;
     let node = |i: usize, j: usize| {
-        let v = map.samples[j * columns + i];
-        let at = [map.origin_mm[0] + i as f64 * 0.7, map.origin_mm[1] + j as f64 * 0.7, 1.0 + f64::from(v) * 0.0005];
-        (v != 0).then_some(at)
+        let v = map.samples.value(j * columns + i)?;
+        Some([map.origin_mm[0] + i as f64 * 0.7, map.origin_mm[1] + j as f64 * 0.7, 1.0 + v * 0.0005])
     };
     let mut facets = Vec::new();
     for i in 0..columns - 1 {

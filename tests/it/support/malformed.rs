@@ -13,7 +13,9 @@ const PAGE: &str = r#"<svg xmlns="http://www.w3.org/2000/svg" width="100mm" heig
 /// A made file: its name and what makes its bytes.
 type Made = (&'static str, fn() -> Vec<u8>);
 
-const MADE: [Made; 12] = [
+const MADE: [Made; 14] = [
+    ("3mf_identical_vertices.3mf", identical_vertices),
+    ("3mf_zip_bomb.3mf", || threemf(&mut text_with_spaces(50_000_000))),
     ("obj_huge_ngon.obj", huge_ngon),
     ("ply_no_end_header.ply", || format!("ply\nformat ascii 1.0\n{}", "comment x\n".repeat(10_000)).into_bytes()),
     ("png_decompression_bomb.png", png_bomb),
@@ -53,6 +55,38 @@ pub fn names() -> Vec<String> {
 
 fn committed() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/bad")
+}
+
+/// A 3MF file of one model.
+fn threemf(model: &mut dyn Read) -> Vec<u8> {
+    let mut out = std::io::Cursor::new(Vec::new());
+    let mut archive = zip::ZipWriter::new(&mut out);
+    let options = zip::write::SimpleFileOptions::default();
+    archive.start_file("_rels/.rels", options).expect("memory");
+    let space = "http://schemas.openxmlformats.org/package/2006/relationships";
+    let kind = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
+    let one = format!("<Relationship Target=\"/3D/3dmodel.model\" Id=\"a\" Type=\"{kind}\"/>");
+    write!(archive, "<Relationships xmlns=\"{space}\">{one}</Relationships>").expect("memory");
+    archive.start_file("3D/3dmodel.model", options).expect("memory");
+    std::io::copy(model, &mut archive).expect("memory");
+    archive.finish().expect("memory");
+    out.into_inner()
+}
+
+const MODEL: &str = "<model xmlns=\"http://schemas.microsoft.com/3dmanufacturing/core/2015/02\"><resources>\
+                     <object id=\"1\"><mesh><vertices>";
+
+/// 200,000 vertices in one place, and as many triangles without area.
+fn identical_vertices() -> Vec<u8> {
+    let vertices = "<vertex x=\"0\" y=\"0\" z=\"0\"/>".repeat(200_000);
+    let triangles = "<triangle v1=\"0\" v2=\"1\" v3=\"2\"/>".repeat(200_000);
+    let end = "</triangles></mesh></object></resources><build><item objectid=\"1\"/></build></model>";
+    threemf(&mut format!("{MODEL}{vertices}</vertices><triangles>{triangles}{end}").as_bytes())
+}
+
+/// The beginning of a model and so many spaces.
+fn text_with_spaces(count: u64) -> impl Read {
+    MODEL.as_bytes().chain(repeat(b' ').take(count))
 }
 
 /// One face of 20,000 corners.

@@ -10,20 +10,16 @@ use std::path::Path;
 
 use png::{BitDepth, ColorType, Decoder, DecodingError, Limits};
 
-use super::lines::{self, place};
-use super::{Content, Heightmap, Scale};
-use crate::diag::{Diag, Error, Place, memory, unreadable};
-use crate::geom::BoxMm;
+use super::super::lines::{self, place};
+use super::super::{Content, Scale};
+use super::{Grid, MAX_SAMPLES, Samples, check_size};
+use crate::diag::{Diag, Error, memory, unreadable};
 
-/// Most samples along one side.
-const MAX_SIDE: u32 = 20_000;
-/// Most samples in all: 400 MB. Interlaced files have half of it, being held twice.
-const MAX_SAMPLES: u64 = 200_000_000;
 /// What the decoder may allocate for rows and chunks, in bytes.
 const DECODER_BYTES: usize = 32 << 20;
 
 /// Reads a height map.
-pub(crate) fn read(path: &Path, scale: &Scale, notes: &mut Vec<Diag>) -> Result<Content, Error> {
+pub(in crate::surface) fn read(path: &Path, scale: &Scale, notes: &mut Vec<Diag>) -> Result<Content, Error> {
     let (mut file, _) = lines::open(path)?;
     let mut head = Vec::with_capacity(8);
     file.by_ref().take(8).read_to_end(&mut head).map_err(|e| unreadable(path, &e))?;
@@ -32,7 +28,7 @@ pub(crate) fn read(path: &Path, scale: &Scale, notes: &mut Vec<Diag>) -> Result<
     }
     file.rewind().map_err(|e| unreadable(path, &e))?;
     let image = decode(BufReader::with_capacity(1 << 18, file)).map_err(|d| d.at(place(path)))?;
-    scaled(image, scale, notes, &place(path)).map_err(|d| d.at(place(path)).into())
+    image.grid().scaled(scale, notes, &place(path)).map_err(|d| d.at(place(path)).into())
 }
 
 fn no_png(head: &[u8]) -> Diag {
@@ -64,6 +60,14 @@ impl Image {
             self.samples.extend(bytes.as_chunks::<2>().0.iter().map(|&b| u16::from_be_bytes(b)));
         }
     }
+
+    fn grid(self) -> Grid {
+        let Self { columns, rows, is_8_bit, samples } = self;
+        let mut samples = Samples::Whole(samples, None);
+        samples.flip(columns);
+        let full = Some([0.0, if is_8_bit { 255.0 } else { 65_535.0 }]);
+        Grid { columns, rows, samples, full, is_8_bit }
+    }
 }
 
 fn decode(input: impl std::io::BufRead + Seek) -> Result<Image, Diag> {
@@ -74,7 +78,7 @@ fn decode(input: impl std::io::BufRead + Seek) -> Result<Image, Diag> {
     let (width, height, is_interlaced) = (info.width, info.height, info.interlaced);
     let is_8_bit = info.bit_depth == BitDepth::Eight;
     check_samples(info.color_type, info.bit_depth)?;
-    check_size(width, height, if is_interlaced { MAX_SAMPLES / 2 } else { MAX_SAMPLES })?;
+    check_size(width.into(), height.into(), if is_interlaced { MAX_SAMPLES / 2 } else { MAX_SAMPLES })?;
     let (columns, rows) = (width as usize, height as usize);
     // Samples of 16 bits and a class for each cell; while they grow, the samples are there twice.
     memory::ask("the height map", 5 * u64::from(width) * u64::from(height))?;
@@ -113,21 +117,6 @@ fn check_samples(color: ColorType, depth: BitDepth) -> Result<(), Diag> {
         .hint("save it as 16-bit greyscale without transparency"))
 }
 
-fn check_size(width: u32, height: u32, most: u64) -> Result<(), Diag> {
-    let samples = u64::from(width) * u64::from(height);
-    if width < 2 || height < 2 {
-        let text = format!("a height map has at least 2 x 2 samples; this image is {width} x {height}");
-        return Err(Diag::input("heightmap-size", text).hint("export the height map again"));
-    }
-    if width > MAX_SIDE || height > MAX_SIDE || samples > most {
-        let text = format!(
-            "the image is {width} x {height}; a height map has at most {MAX_SIDE} samples a side and {most} in all"
-        );
-        return Err(Diag::input("heightmap-size", text).hint("export it coarser or in parts"));
-    }
-    Ok(())
-}
-
 fn damaged(e: DecodingError) -> Diag {
     let text = match e {
         DecodingError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
@@ -140,84 +129,9 @@ fn damaged(e: DecodingError) -> Diag {
     Diag::input("png-damaged", text).hint("save or copy the image again")
 }
 
-/// Gives the samples their heights and turns the rows: the lowest y first.
-fn scaled(mut image: Image, scale: &Scale, notes: &mut Vec<Diag>, place: &Place) -> Result<Content, Diag> {
-    let full = if image.is_8_bit { 255 } else { 65_535 };
-    let (z_mm, nodata) = check_scale(scale, full)?;
-    let (mut lowest, mut highest) = (u16::MAX, 0);
-    for &v in image.samples.iter().filter(|&&v| Some(v) != nodata) {
-        lowest = lowest.min(v);
-        highest = highest.max(v);
-    }
-    if lowest > highest {
-        let text = format!("every sample is nodata ({})", nodata.unwrap_or_default());
-        return Err(Diag::input("heightmap-empty", text).hint("check nodata in [surface.heightmap]"));
-    }
-    let z = |v: u16| z_mm[0] + f64::from(v) * z_mm[1];
-    let mut extent = BoxMm::EMPTY;
-    let far = |k: usize, n: usize| scale.origin_mm[k] + (n - 1) as f64 * scale.pixel_mm;
-    extent.add([scale.origin_mm[0], scale.origin_mm[1], z(lowest)]);
-    extent.add([far(0, image.columns), far(1, image.rows), z(highest)]);
-    let remedy = "check pixel, z and origin in [surface.heightmap]";
-    if !extent.fits_part() {
-        return Err(extent.beyond(Place::Nowhere, remedy));
-    }
-    notes.extend(extent.tiny(place.clone(), remedy));
-    if z(lowest) == z(highest) {
-        let text = format!("the height map is flat: every height is {} mm", z(lowest));
-        notes.push(Diag::warning("heightmap-flat", text).at(place.clone()).hint("check that it is the right file"));
-    } else if image.is_8_bit {
-        let text = format!("the image has 8 bits: one step of its values is {:.1} um in z", z_mm[1].abs() * 1e3);
-        let hint = "use 16 bits where that is coarse against the depth of focus";
-        notes.push(Diag::warning("heightmap-8-bit", text).at(place.clone()).hint(hint));
-    }
-    for row in 0..image.rows / 2 {
-        let (top, rest) = image.samples.split_at_mut((image.rows - 1 - row) * image.columns);
-        top[row * image.columns..][..image.columns].swap_with_slice(&mut rest[..image.columns]);
-    }
-    Ok(Content::Heightmap(Heightmap {
-        columns: image.columns,
-        rows: image.rows,
-        samples: image.samples,
-        nodata,
-        origin_mm: scale.origin_mm,
-        pixel_mm: scale.pixel_mm,
-        z_mm,
-    }))
-}
-
-/// The line from values to heights (z of value 0, step of one value), and the value of holes.
-fn check_scale(scale: &Scale, full: u32) -> Result<([f64; 2], Option<u16>), Diag> {
-    let bad = |text: String, key: &str| {
-        Diag::input("heightmap-scale", text).hint(format!("correct {key} in [surface.heightmap]"))
-    };
-    let numbers = [scale.pixel_mm, scale.z_mm[0], scale.z_mm[1], scale.origin_mm[0], scale.origin_mm[1]];
-    if scale.pixel_mm <= 0.0 || numbers.iter().any(|v| !v.is_finite()) {
-        return Err(bad(
-            "the scale of the height map is invalid: pixel must be positive, and z and origin finite".to_owned(),
-            "pixel, z or origin",
-        ));
-    }
-    let [from, to] = scale.values.unwrap_or([0, full]);
-    if from == to {
-        return Err(bad(format!("values are both {from}: two heights need two values"), "values"));
-    }
-    if let Some(v) = [from, to].into_iter().find(|&v| v > full) {
-        return Err(bad(format!("value {v} does not occur in this file: its samples go from 0 to {full}"), "values"));
-    }
-    let nodata = match scale.nodata {
-        Some(v) if v > full => {
-            let text = format!("nodata {v} does not occur in this file: its samples go from 0 to {full}");
-            return Err(bad(text, "nodata"));
-        }
-        v => v.and_then(|v| u16::try_from(v).ok()),
-    };
-    let step = (scale.z_mm[1] - scale.z_mm[0]) / (f64::from(to) - f64::from(from));
-    Ok(([scale.z_mm[0] - f64::from(from) * step, step], nodata))
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::super::Heightmap;
     use super::*;
 
     const SCALE: Scale =
@@ -270,8 +184,8 @@ mod tests {
             let map = map.expect("read");
             assert!(notes.is_empty(), "{notes:?}");
             assert_eq!((map.columns, map.rows), (3, rows as usize));
-            for (i, &v) in map.samples.iter().enumerate() {
-                assert_eq!(u32::from(v), 100 * (rows - 1 - i as u32 / 3) + i as u32 % 3);
+            for i in 0..3 * rows {
+                assert_eq!(map.samples.value(i as usize), Some(f64::from(100 * (rows - 1 - i / 3) + i % 3)));
             }
             assert!((map.z_mm[0] + 401.0 * map.z_mm[1] - 0.401).abs() < 1e-12);
         }
@@ -279,17 +193,17 @@ mod tests {
 
     #[test]
     fn values_and_their_heights_may_run_either_way() {
-        let scale = Scale { values: Some([1000, 200]), z_mm: [1.0, 9.0], nodata: Some(7), ..SCALE };
+        let scale = Scale { values: Some([1000.0, 200.0]), z_mm: [1.0, 9.0], nodata: Some(7.0), ..SCALE };
         let (map, _) = read_bytes(&grey16(2, 2, |x, _| if x == 0 { 7 } else { 600 }), &scale);
         let map = map.expect("read");
         assert!((map.z_mm[0] + 600.0 * map.z_mm[1] - 5.0).abs() < 1e-12);
-        assert_eq!(map.nodata, Some(7));
+        assert_eq!([0, 1].map(|i| map.samples.value(i)), [None, Some(600.0)]);
     }
 
     #[test]
     fn eight_bits_and_flat_maps_are_noted() {
         let (map, notes) = read_bytes(&png(2, 2, ColorType::Grayscale, BitDepth::Eight, &[0, 255, 3, 4]), &SCALE);
-        assert_eq!(map.expect("read").samples, [3, 4, 0, 255]);
+        assert_eq!(map.expect("read").samples, Samples::Whole(vec![3, 4, 0, 255], None));
         assert_eq!(notes[0].code, "heightmap-8-bit");
         assert!(notes[0].message.contains("257.0 um"), "{}", notes[0].message);
         let (map, notes) = read_bytes(&grey16(2, 2, |_, _| 0), &SCALE);
@@ -325,10 +239,11 @@ mod tests {
     fn a_scale_that_does_not_fit_the_file_is_refused() {
         let map = grey16(3, 3, |x, _| x as u16);
         let byte = png(2, 2, ColorType::Grayscale, BitDepth::Eight, &[1; 4]);
-        refused(&map, &Scale { values: Some([5, 5]), ..SCALE }, "heightmap-scale", "both 5");
-        refused(&byte, &Scale { values: Some([0, 65_535]), ..SCALE }, "heightmap-scale", "from 0 to 255");
-        refused(&byte, &Scale { nodata: Some(256), ..SCALE }, "heightmap-scale", "nodata 256");
-        refused(&byte, &Scale { nodata: Some(1), ..SCALE }, "heightmap-empty", "every sample is nodata (1)");
+        refused(&map, &Scale { values: Some([5.0, 5.0]), ..SCALE }, "heightmap-scale", "both 5");
+        refused(&byte, &Scale { values: Some([0.0, 65_535.0]), ..SCALE }, "heightmap-scale", "from 0 to 255");
+        refused(&byte, &Scale { nodata: Some(256.0), ..SCALE }, "heightmap-scale", "nodata 256");
+        refused(&byte, &Scale { nodata: Some(0.5), ..SCALE }, "heightmap-scale", "nodata 0.5");
+        refused(&byte, &Scale { nodata: Some(1.0), ..SCALE }, "heightmap-empty", "every sample is nodata");
         refused(&map, &Scale { pixel_mm: 3000.0, ..SCALE }, "surface-size", "5999, 6005");
         refused(&map, &Scale { pixel_mm: f64::NAN, ..SCALE }, "heightmap-scale", "scale of the height map is invalid");
         let (_, notes) = read_bytes(&map, &Scale { pixel_mm: 0.1, z_mm: [0.0, 1.0], ..SCALE });
