@@ -9,7 +9,7 @@ use super::clip::{Lines, clip, is_inside};
 use super::place::{SLACK, Site, Turn, far_in, is_near, push};
 use super::{Area, Figure, Kind, MAX_POINTS, Request, too_large};
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{Box2, BoxMm, P2, Strokes, cos_sin};
+use crate::geom::{Box2, BoxMm, NM_PER_MM, P2, Strokes, cos_sin};
 use crate::program::PenId;
 
 /// Most strokes on the border of a tiled area.
@@ -88,6 +88,7 @@ pub(super) struct Drawing {
     /// The same of pens; None for that of the texture.
     pen_of: Vec<Option<PenId>>,
     layout: Layout,
+    placed: Placed,
     bounds: Box2,
     points: u64,
 }
@@ -153,6 +154,15 @@ impl Figure for Drawing {
         }
     }
 
+    fn on_page(&self, p: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
+        let Placed { size, turn, .. } = self.placed;
+        let mut at = self.placed.on_page(turn.back(p.map(|v| v / NM_PER_MM)));
+        if let Layout::Tiled(_) = self.layout {
+            at = [0, 1].map(|k| at[k].rem_euclid(size[k]));
+        }
+        Some((at, size))
+    }
+
     fn pen(&self, i: u64) -> Option<PenId> {
         match &self.layout {
             Layout::Single(_) => self.pen_of[i as usize],
@@ -212,7 +222,15 @@ impl Drawing {
             return Err(outside(path).into());
         }
         let (bounds, points) = (strokes.bounds(), strokes.point_count() as u64);
-        Ok(Self { names: page.names, name_of, pen_of, layout: Layout::Single(strokes), bounds, points })
+        Ok(Self {
+            names: page.names,
+            name_of,
+            pen_of,
+            layout: Layout::Single(strokes),
+            placed: *placed,
+            bounds,
+            points,
+        })
     }
 
     /// A drawing repeated over `area`.
@@ -228,6 +246,7 @@ impl Drawing {
             name_of: page.name_of,
             pen_of: page.pen_of,
             layout: Layout::Single(Strokes::default()),
+            placed: *placed,
             bounds: Box2::EMPTY,
             points: 0,
         };

@@ -84,6 +84,10 @@ pub(crate) trait Figure: std::fmt::Debug + Send + Sync {
     fn stroke(&self, i: u64, out: &mut Vec<P2>);
     /// What stroke `i` comes from, for messages.
     fn element(&self, i: u64) -> String;
+    /// Where a point, nm, lies on the page of a drawing, and the size of the page, mm; None for other figures.
+    fn on_page(&self, _: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
+        None
+    }
     /// The pen of stroke `i`; None for that of the texture.
     fn pen(&self, _: u64) -> Option<PenId> {
         None
@@ -313,6 +317,19 @@ impl Texture {
         let (k, i) = self.find(i);
         let what = self.parts[k].placed.figure().element(i);
         format!("texture {}, {what}", k + 1)
+    }
+
+    /// The strokes of a request.
+    pub fn strokes_of(&self, request: usize) -> Range<usize> {
+        let part = &self.parts[request];
+        part.start as usize..(part.start + part.placed.figure().len()) as usize
+    }
+
+    /// Where a point of stroke `i` (turned part frame, nm) lies on the page of its drawing, and the size of the page, mm;
+    /// None where the stroke is not that of a drawing. Of tiles the point in one tile.
+    pub fn on_page(&self, i: usize, p: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
+        let (k, _) = self.find(i);
+        self.parts[k].placed.figure().on_page(p)
     }
 
     /// The part that holds stroke `i`, and the stroke's index in it.

@@ -32,6 +32,11 @@ impl Turn {
         [self.cos * x - self.sin * y, self.sin * x + self.cos * y]
     }
 
+    /// From the turned frame back, mm.
+    pub(super) fn back(self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [self.cos * x + self.sin * y, self.cos * y - self.sin * x]
+    }
+
     /// The point in the turned frame on the nanometre grid. Callers hold it within 4 m.
     #[inline]
     pub(super) fn nm(self, p: [f64; 2]) -> P2 {

@@ -96,6 +96,7 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
             rules::without_inputs(folder, &manifest, &mut program, &facts, &mut findings);
             return Ok(findings.into_proof());
         }
+        rules::drawing::check(&job, &texture, &mut findings.drawing);
         textures.push(texture);
     }
     let drawings: Vec<Drawing<'_>> = textures.iter().map(Drawing::of).collect();

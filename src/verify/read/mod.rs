@@ -13,6 +13,7 @@ pub(super) mod manifest;
 pub(super) mod number;
 pub(super) mod on_the_fly;
 pub(super) mod ovf;
+pub(super) mod picture;
 pub(super) mod program;
 mod rtc;
 pub(super) mod runsheet;

@@ -5,6 +5,7 @@ mod clearance;
 pub(super) mod coverage;
 pub(super) mod depth_and_field;
 pub(super) mod dose;
+pub(super) mod drawing;
 pub(super) mod fill;
 mod frames;
 pub(super) mod hash;
@@ -45,6 +46,7 @@ pub(super) struct Findings {
     pub(super) surface: Rule,
     pub(super) dose: Rule,
     pub(super) fill: Rule,
+    pub(super) drawing: Rule,
     pub(super) source: Rule,
     pub(super) once: Rule,
     pub(super) coverage: Rule,
@@ -75,6 +77,10 @@ impl Findings {
             surface: Rule::new("surface", "no mark lies off the part or on a slope beyond the limit"),
             dose: Rule::new("dose", "pens compensate for the slope under their marks as the job specifies"),
             fill: Rule::new("fill", "lines along contours keep their pitch and fill the job's sections"),
+            drawing: Rule::new(
+                "drawing",
+                "SVG drawings are marked where they show something, with the pen of its colour",
+            ),
             source: Rule::new("source", "every mark is the piece of texture that it claims to be"),
             once: Rule::new("once", "nothing is marked twice in a pass except declared overlaps"),
             coverage: Rule::new("coverage", "all texture is marked where the part can be marked"),
@@ -99,6 +105,7 @@ impl Findings {
             self.surface,
             self.dose,
             self.fill,
+            self.drawing,
             self.source,
             self.once,
             self.coverage,

@@ -1,0 +1,279 @@
+//! What an SVG drawing shows at a point, by a reader of the verifier's own (usvg): the topmost element that covers it.
+//!
+//! Consumes the bytes of a drawing. Points are in its own px, x to the right, y down. Coordinates of usvg are f32. Text
+//! is not drawn; what is painted by a gradient and groups with a filter count as not being there.
+
+use rstar::primitives::{GeomWithData, Rectangle};
+use rstar::{AABB, RTree};
+use usvg::tiny_skia_path::{Path, PathSegment, PathStroker, Point, StrokeDash, Transform};
+use usvg::{FillRule, Group, MaskType, Node, PaintOrder, Tree};
+
+/// Steps in which a curve is followed.
+const STEPS: u16 = 64;
+
+type Entry = GeomWithData<Rectangle<[f64; 2]>, usize>;
+
+/// A drawing that can be asked for its colours.
+pub(in crate::verify) struct Picture {
+    /// Width and height, px.
+    pub(in crate::verify) size: [f64; 2],
+    root: Layer,
+}
+
+/// The elements of a group in the order of painting.
+struct Layer {
+    items: Vec<Item>,
+    index: RTree<Entry>,
+}
+
+enum Item {
+    Area { contours: Vec<Vec<[f64; 2]>>, is_evenodd: bool, paint: Paint },
+    Group { layer: Layer, clip: Option<Box<Clip>>, mask: Option<Box<Mask>> },
+}
+
+enum Paint {
+    Colour([u8; 3]),
+    /// From the drawing to the pattern, and one of its tiles.
+    Pattern {
+        to: Transform,
+        rect: [f64; 4],
+        tile: Box<Layer>,
+    },
+}
+
+/// The area of a clip path, in the coordinates of the drawing.
+struct Clip {
+    layer: Layer,
+    inner: Option<Box<Clip>>,
+}
+
+struct Mask {
+    layer: Layer,
+    /// From the drawing to where the rectangle lies.
+    to: Transform,
+    rect: [f64; 4],
+    is_alpha: bool,
+    inner: Option<Box<Mask>>,
+}
+
+impl Picture {
+    /// Reads a drawing; None where usvg cannot.
+    pub(in crate::verify) fn read(bytes: &[u8]) -> Option<Self> {
+        let tree = Tree::from_data(bytes, &usvg::Options::default()).ok()?;
+        let size = [f64::from(tree.size().width()), f64::from(tree.size().height())];
+        Some(Self { size, root: Layer::new(tree.root(), Transform::identity(), false) })
+    }
+
+    /// The colour of the topmost element at a point; None where nothing is painted.
+    pub(in crate::verify) fn colour_at(&self, p: [f64; 2]) -> Option<[u8; 3]> {
+        self.root.colour_at(p)
+    }
+}
+
+impl Layer {
+    /// The contents of a group; `to` takes its coordinates to those of the drawing. Of clip paths all areas count.
+    fn new(group: &Group, to: Transform, is_clip: bool) -> Self {
+        let mut layer = Self { items: Vec::new(), index: RTree::new() };
+        let mut boxes = Vec::new();
+        for node in group.children() {
+            let before = layer.items.len();
+            match node {
+                Node::Group(g) => layer.group(g, to, is_clip),
+                Node::Path(path) if path.is_visible() => layer.path(path, to, is_clip),
+                _ => {}
+            }
+            boxes.extend((before..layer.items.len()).filter_map(|i| Some((layer.items[i].bounds()?, i))));
+        }
+        let entry = |([lo, hi], i): ([[f64; 2]; 2], usize)| Entry::new(Rectangle::from_corners(lo, hi), i);
+        layer.index = RTree::bulk_load(boxes.into_iter().map(entry).collect());
+        layer
+    }
+
+    fn group(&mut self, group: &Group, to: Transform, is_clip: bool) {
+        if !group.filters().is_empty() || group.opacity().get() == 0.0 {
+            return;
+        }
+        let here = to.pre_concat(group.abs_transform());
+        let layer = Self::new(group, to, is_clip);
+        let clip = group.clip_path().map(|clip| Box::new(Clip::new(clip, here)));
+        let mask = group.mask().map(|mask| Box::new(Mask::new(mask, here)));
+        self.items.push(Item::Group { layer, clip, mask });
+    }
+
+    fn path(&mut self, path: &usvg::Path, to: Transform, is_clip: bool) {
+        let here = to.pre_concat(path.abs_transform());
+        let mut items = Vec::new();
+        if let Some(fill) = path.fill() {
+            let is_evenodd = fill.rule() == FillRule::EvenOdd;
+            if let Some(paint) = Paint::new(fill.paint(), here) {
+                items.push(Item::Area { contours: contours(path.data(), here), is_evenodd, paint });
+            }
+        }
+        let stroke = path.stroke().filter(|_| !is_clip);
+        if let Some((stroke, paint)) = stroke.and_then(|s| Some((s, Paint::new(s.paint(), here)?))) {
+            let mut style = stroke.to_tiny_skia();
+            style.dash = None;
+            let dashed = stroke.dasharray().and_then(|d| StrokeDash::new(d.to_vec(), stroke.dashoffset()));
+            let scale = PathStroker::compute_resolution_scale(&here);
+            let line = match dashed {
+                Some(dash) => path.data().dash(&dash, scale),
+                None => Some(path.data().clone()),
+            };
+            if let Some(outline) = line.and_then(|line| line.stroke(&style, scale)) {
+                items.push(Item::Area { contours: contours(&outline, here), is_evenodd: false, paint });
+            }
+        }
+        if path.paint_order() == PaintOrder::StrokeAndFill {
+            items.reverse();
+        }
+        self.items.append(&mut items);
+    }
+
+    fn colour_at(&self, p: [f64; 2]) -> Option<[u8; 3]> {
+        let at = AABB::from_point(p);
+        let mut near: Vec<usize> = self.index.locate_in_envelope_intersecting(&at).map(|e| e.data).collect();
+        near.sort_unstable_by(|a, b| b.cmp(a));
+        near.into_iter().find_map(|i| self.items[i].colour_at(p))
+    }
+}
+
+impl Item {
+    fn bounds(&self) -> Option<[[f64; 2]; 2]> {
+        let grow = |a: Option<[[f64; 2]; 2]>, p: [f64; 2]| {
+            Some(a.map_or([p, p], |[lo, hi]| [[lo[0].min(p[0]), lo[1].min(p[1])], [hi[0].max(p[0]), hi[1].max(p[1])]]))
+        };
+        match self {
+            Self::Area { contours, .. } => contours.iter().flatten().copied().fold(None, grow),
+            Self::Group { layer, .. } => layer.items.iter().filter_map(Self::bounds).flatten().fold(None, grow),
+        }
+    }
+
+    fn colour_at(&self, p: [f64; 2]) -> Option<[u8; 3]> {
+        match self {
+            Self::Area { contours, is_evenodd, paint } => {
+                let turns = turns(contours, p);
+                let is_inside = if *is_evenodd { turns % 2 != 0 } else { turns != 0 };
+                if is_inside { paint.colour_at(p) } else { None }
+            }
+            Self::Group { layer, clip, mask } => {
+                let shows = clip.as_ref().is_none_or(|c| c.holds(p)) && mask.as_ref().is_none_or(|m| m.shows(p));
+                if shows { layer.colour_at(p) } else { None }
+            }
+        }
+    }
+}
+
+impl Paint {
+    fn new(paint: &usvg::Paint, here: Transform) -> Option<Self> {
+        match paint {
+            usvg::Paint::Color(c) => Some(Self::Colour([c.red, c.green, c.blue])),
+            usvg::Paint::Pattern(pattern) => {
+                let to = here.pre_concat(pattern.transform()).invert()?;
+                let r = pattern.rect();
+                let rect = [r.x(), r.y(), r.width(), r.height()].map(f64::from);
+                let tile = Box::new(Layer::new(pattern.root(), Transform::identity(), false));
+                Some(Self::Pattern { to, rect, tile })
+            }
+            usvg::Paint::LinearGradient(_) | usvg::Paint::RadialGradient(_) => None,
+        }
+    }
+
+    fn colour_at(&self, p: [f64; 2]) -> Option<[u8; 3]> {
+        match self {
+            Self::Colour(colour) => Some(*colour),
+            Self::Pattern { to, rect: [x, y, w, h], tile } => {
+                let [u, v] = mapped(to, p);
+                // The contents of a tile have their origin in its corner.
+                tile.colour_at([(u - x).rem_euclid(*w), (v - y).rem_euclid(*h)])
+            }
+        }
+    }
+}
+
+impl Clip {
+    fn new(clip: &usvg::ClipPath, here: Transform) -> Self {
+        let inner = clip.clip_path().map(|c| Box::new(Self::new(c, here)));
+        Self { layer: Layer::new(clip.root(), here.pre_concat(clip.transform()), true), inner }
+    }
+
+    fn holds(&self, p: [f64; 2]) -> bool {
+        self.layer.colour_at(p).is_some() && self.inner.as_ref().is_none_or(|c| c.holds(p))
+    }
+}
+
+impl Mask {
+    fn new(mask: &usvg::Mask, here: Transform) -> Self {
+        let r = mask.rect();
+        Self {
+            layer: Layer::new(mask.root(), here, false),
+            to: here.invert().unwrap_or_default(),
+            rect: [r.x(), r.y(), r.width(), r.height()].map(f64::from),
+            is_alpha: mask.kind() == MaskType::Alpha,
+            inner: mask.mask().map(|m| Box::new(Self::new(m, here))),
+        }
+    }
+
+    fn shows(&self, p: [f64; 2]) -> bool {
+        let [u, v] = mapped(&self.to, p);
+        let [x, y, w, h] = self.rect;
+        let in_frame = (x..=x + w).contains(&u) && (y..=y + h).contains(&v);
+        let is_lit = |c: [u8; 3]| self.is_alpha || c.iter().map(|&v| u32::from(v)).sum::<u32>() > 3 * 127;
+        in_frame && self.layer.colour_at(p).is_some_and(is_lit) && self.inner.as_ref().is_none_or(|m| m.shows(p))
+    }
+}
+
+fn mapped(map: &Transform, [x, y]: [f64; 2]) -> [f64; 2] {
+    let [sx, ky, kx, sy, tx, ty] = [map.sx, map.ky, map.kx, map.sy, map.tx, map.ty].map(f64::from);
+    [sx * x + kx * y + tx, ky * x + sy * y + ty]
+}
+
+/// The contours of a path as polylines, each closed by its last side.
+fn contours(path: &Path, map: Transform) -> Vec<Vec<[f64; 2]>> {
+    let at = |p: Point| mapped(&map, [f64::from(p.x), f64::from(p.y)]);
+    let mut out: Vec<Vec<[f64; 2]>> = Vec::new();
+    let mut last = [0.0; 2];
+    for segment in path.segments() {
+        let mut curve = |controls: &[[f64; 2]]| {
+            let contour = out.last_mut().expect("paths begin with a move");
+            let from = last;
+            for k in 1..=STEPS {
+                let t = f64::from(k) / f64::from(STEPS);
+                // De Casteljau.
+                let mut points = [from].iter().chain(controls).copied().collect::<Vec<_>>();
+                while points.len() > 1 {
+                    points = points.windows(2).map(|w| [0, 1].map(|i| w[0][i] + t * (w[1][i] - w[0][i]))).collect();
+                }
+                contour.push(points[0]);
+            }
+            last = controls[controls.len() - 1];
+        };
+        match segment {
+            PathSegment::MoveTo(p) => {
+                last = at(p);
+                out.push(vec![last]);
+            }
+            PathSegment::LineTo(p) => {
+                last = at(p);
+                out.last_mut().expect("paths begin with a move").push(last);
+            }
+            PathSegment::QuadTo(c, p) => curve(&[at(c), at(p)]),
+            PathSegment::CubicTo(c, d, p) => curve(&[at(c), at(d), at(p)]),
+            PathSegment::Close => last = out.last().map_or(last, |c| c[0]),
+        }
+    }
+    out
+}
+
+/// How often the contours go round a point.
+fn turns(contours: &[Vec<[f64; 2]>], [x, y]: [f64; 2]) -> i32 {
+    let mut turns = 0;
+    for contour in contours {
+        for (k, a) in contour.iter().enumerate() {
+            let b = contour[(k + 1) % contour.len()];
+            if (a[1] <= y) != (b[1] <= y) && a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]) > x {
+                turns += if b[1] > a[1] { 1 } else { -1 };
+            }
+        }
+    }
+    turns
+}
