@@ -1,50 +1,13 @@
 //! Entities as they are defined: numbers are finite, nothing is mapped or flattened yet.
 
 use super::colour::Paint;
-use super::hatch::Hatch;
+use super::hatch::{Edge, Hatch};
+use super::outline::Vertex;
+use super::record::Record;
 use super::space::{Point, Z};
 use super::spline::Spline;
 use super::tags::{At, Fault, Tag};
 use super::tally::Issue;
-
-/// The tags from one of group 0 to the next.
-pub(super) struct Record<'a, 'r> {
-    /// What it is, such as `LINE`.
-    pub(super) kind: &'a [u8],
-    pub(super) at: At,
-    pub(super) tags: &'r [Tag<'a>],
-}
-
-impl<'a> Record<'a, '_> {
-    /// The first tag of a group.
-    pub(super) fn tag(&self, code: i32) -> Option<&Tag<'a>> {
-        self.tags.iter().find(|t| t.code == code)
-    }
-
-    pub(super) fn real(&self, code: i32) -> Result<Option<f64>, Fault> {
-        self.tag(code).map(Tag::real).transpose()
-    }
-
-    pub(super) fn whole(&self, code: i32) -> Result<Option<i64>, Fault> {
-        self.tag(code).map(Tag::whole).transpose()
-    }
-
-    /// Whether the bits are set in the whole number of a group.
-    pub(super) fn has(&self, code: i32, bits: i64) -> Result<bool, Fault> {
-        Ok(self.whole(code)?.unwrap_or(0) & bits != 0)
-    }
-
-    /// A point whose x has this group, y one 10 above and z one 20 above.
-    pub(super) fn point(&self, code: i32) -> Result<Option<Point>, Fault> {
-        let Some(x) = self.real(code)? else { return Ok(None) };
-        Ok(Some([x, self.real(code + 10)?.unwrap_or(0.0), self.real(code + 20)?.unwrap_or(0.0)]))
-    }
-
-    /// As [`Record::point`]; the origin where there is none.
-    fn place(&self, code: i32) -> Result<Point, Fault> {
-        Ok(self.point(code)?.unwrap_or_default())
-    }
-}
 
 /// A line type as an entity or layer gives it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,13 +57,26 @@ pub(super) enum Kind {
     Unread(Issue),
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Vertex {
-    pub(super) p: Point,
-    /// Tangent of a quarter of the angle of the arc to the next vertex.
-    pub(super) bulge: f64,
-    /// At both ends of what leads to the next vertex.
-    pub(super) widths: [f64; 2],
+impl Kind {
+    /// About how many points it is described by.
+    pub(super) fn size(&self) -> usize {
+        let of_spline = |s: &Spline| (s.control.len() + s.fit.len()) * (s.degree + 1);
+        match self {
+            Self::Polyline(line) => line.vertices.len(),
+            Self::Spline(spline) => of_spline(spline),
+            Self::Hatch(hatch) => hatch
+                .paths
+                .iter()
+                .flat_map(|p| &p.edges)
+                .map(|edge| match edge {
+                    Edge::Polyline(vertices) => vertices.len(),
+                    Edge::Spline(spline) => of_spline(spline),
+                    Edge::Line(_) | Edge::Arc(_) => 1,
+                })
+                .sum(),
+            _ => 1,
+        }
+    }
 }
 
 #[derive(Debug, Default)]

@@ -6,7 +6,8 @@
 use std::collections::HashMap;
 
 use super::colour::{BLACK, Paint};
-use super::entity::{Entity, Frame, Kind, LineType, Record, extrusion, kind, vertex};
+use super::entity::{Entity, Frame, Kind, LineType, extrusion, kind, vertex};
+use super::record::Record;
 use super::space::Point;
 use super::tags::{At, EXPORT, Fault, Tag, Tags};
 use super::tally::{Issue, Tally};

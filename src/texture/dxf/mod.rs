@@ -22,6 +22,7 @@ mod gaps;
 mod hatch;
 mod outline;
 mod pattern;
+mod record;
 mod space;
 mod spline;
 mod tags;

@@ -30,6 +30,16 @@ pub(super) enum Stop {
     Far,
 }
 
+/// A vertex of a polyline, and what leads to the next one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Vertex {
+    pub(super) p: Point,
+    /// Tangent of a quarter of the angle of the arc to the next vertex.
+    pub(super) bulge: f64,
+    /// At both ends of what leads to the next vertex.
+    pub(super) widths: [f64; 2],
+}
+
 /// Part of an ellipse: centre + a cos t + b sin t for t from `start` over `by`, rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Arc {

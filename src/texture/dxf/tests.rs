@@ -356,12 +356,17 @@ fn damaged_files_are_refused_with_their_line() {
     let chain: String = (0..70).map(|i| format!("0 BLOCK 2 L{i} 0 INSERT 2 L{} 0 ENDBLK ", i + 1)).collect();
     let deep =
         format!("0 SECTION 2 BLOCKS {chain} 0 BLOCK 2 L70 0 ENDBLK 0 ENDSEC 0 SECTION 2 ENTITIES 0 INSERT 2 L0 0 EOF");
+    let idle = format!(
+        "0 SECTION 2 BLOCKS 0 BLOCK 2 A 0 LWPOLYLINE {} 0 ENDBLK 0 ENDSEC \
+        0 SECTION 2 ENTITIES 0 INSERT 2 A 70 1000 71 1000 44 1 45 1 0 ENDSEC 0 EOF",
+        "10 0 20 0 ".repeat(2000)
+    );
     let tags = |text: &str| text.split_whitespace().map(|t| format!("{t}\n")).collect::<String>().into_bytes();
     let hatch = "0 SECTION 2 ENTITIES 0 HATCH 70 0 91 1 92 3 72 0 73 1 93 3 10 0 20 0 10 1000 20 0 10 0 20 1000 75 0 78 1 \
         53 0 43 0 44 0 45 0 46 0.00001 79 0 0 ENDSEC 0 EOF";
     let noise: Vec<u8> = (0..4096u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
     let binary = binary(line.as_bytes(), false);
-    let cases: [(&str, Vec<u8>, Outcome, &str); 18] = [
+    let cases: [(&str, Vec<u8>, Outcome, &str); 19] = [
         ("no end", line.into(), (Ok(1), &["dxf-eof"]), ""),
         ("a blank without a line end", format!("{line} ").into(), (Ok(1), &["dxf-eof"]), ""),
         ("no end mark in binary", binary.clone(), (Ok(1), &["dxf-eof"]), ""),
@@ -379,6 +384,7 @@ fn damaged_files_are_refused_with_their_line() {
         ("a cycle", tags(cycle), (Err("dxf-cycle"), &[]), "\"A\""),
         ("10^9 copies", tags(bomb), (Err("dxf-large"), &[]), "INSERT at line"),
         ("10^12 copies, nested", tags(&nested), (Err("dxf-large"), &[]), "at line"),
+        ("much work without a point", tags(&idle), (Err("texture-large"), &[]), "LWPOLYLINE at line"),
         ("a narrow hatch", tags(hatch), (Err("texture-large"), &[]), "HATCH at line 6"),
     ];
     for (name, bytes, outcome, place) in cases {

@@ -8,8 +8,8 @@
 //! Where straight segments meet at less than 30 deg, or with different widths, AutoCAD cuts the corner by rules that
 //! are not documented: there the corner is bevelled, and the polyline reported.
 
-use super::entity::{Polyline, Vertex};
-use super::outline::{Arc, Outline};
+use super::entity::Polyline;
+use super::outline::{Arc, Outline, Vertex};
 use super::space::{Point, add, cross, dot, length, sub, times, unit};
 
 /// Cosine of the turn beyond which two segments meet at less than 30 deg.
