@@ -58,9 +58,9 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// About how many points it is described by.
+    /// What it costs to draw it at least, in points.
     pub(super) fn size(&self) -> usize {
-        let of_spline = |s: &Spline| (s.control.len() + s.fit.len()) * (s.degree + 1);
+        let of_spline = |s: &Spline| s.fit.len() + s.control.len() * (s.degree + 1).min(100).pow(2) / 4;
         match self {
             Self::Polyline(line) => line.vertices.len(),
             Self::Spline(spline) => of_spline(spline),

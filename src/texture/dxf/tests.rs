@@ -356,17 +356,12 @@ fn damaged_files_are_refused_with_their_line() {
     let chain: String = (0..70).map(|i| format!("0 BLOCK 2 L{i} 0 INSERT 2 L{} 0 ENDBLK ", i + 1)).collect();
     let deep =
         format!("0 SECTION 2 BLOCKS {chain} 0 BLOCK 2 L70 0 ENDBLK 0 ENDSEC 0 SECTION 2 ENTITIES 0 INSERT 2 L0 0 EOF");
-    let idle = format!(
-        "0 SECTION 2 BLOCKS 0 BLOCK 2 A 0 LWPOLYLINE {} 0 ENDBLK 0 ENDSEC \
-        0 SECTION 2 ENTITIES 0 INSERT 2 A 70 1000 71 1000 44 1 45 1 0 ENDSEC 0 EOF",
-        "10 0 20 0 ".repeat(2000)
-    );
     let tags = |text: &str| text.split_whitespace().map(|t| format!("{t}\n")).collect::<String>().into_bytes();
     let hatch = "0 SECTION 2 ENTITIES 0 HATCH 70 0 91 1 92 3 72 0 73 1 93 3 10 0 20 0 10 1000 20 0 10 0 20 1000 75 0 78 1 \
         53 0 43 0 44 0 45 0 46 0.00001 79 0 0 ENDSEC 0 EOF";
     let noise: Vec<u8> = (0..4096u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
     let binary = binary(line.as_bytes(), false);
-    let cases: [(&str, Vec<u8>, Outcome, &str); 19] = [
+    let cases: [(&str, Vec<u8>, Outcome, &str); 18] = [
         ("no end", line.into(), (Ok(1), &["dxf-eof"]), ""),
         ("a blank without a line end", format!("{line} ").into(), (Ok(1), &["dxf-eof"]), ""),
         ("no end mark in binary", binary.clone(), (Ok(1), &["dxf-eof"]), ""),
@@ -384,7 +379,6 @@ fn damaged_files_are_refused_with_their_line() {
         ("a cycle", tags(cycle), (Err("dxf-cycle"), &[]), "\"A\""),
         ("10^9 copies", tags(bomb), (Err("dxf-large"), &[]), "INSERT at line"),
         ("10^12 copies, nested", tags(&nested), (Err("dxf-large"), &[]), "at line"),
-        ("much work without a point", tags(&idle), (Err("texture-large"), &[]), "LWPOLYLINE at line"),
         ("a narrow hatch", tags(hatch), (Err("texture-large"), &[]), "HATCH at line 6"),
     ];
     for (name, bytes, outcome, place) in cases {
@@ -453,4 +447,46 @@ fn malformed_files_have_one_outcome() {
         let has_unit = file::read(&bytes).is_ok_and(|f| f.unit.is_some_and(|u| u != 0));
         check(name, &bytes, (!has_unit).then_some(1.0), outcome);
     }
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn copies_that_cost_time_and_draw_nothing_are_bounded() {
+    for (kind, points) in [("LWPOLYLINE", 2000), ("SPLINE 71 25", 2000), ("HATCH 70 1 91 1 92 3 72 0 73 1 93 9", 2000)]
+    {
+        let points = "10 0 20 0 ".repeat(points);
+        let text = format!(
+            "0 SECTION 2 BLOCKS 0 BLOCK 2 A 0 {kind} {points} 0 ENDBLK 0 ENDSEC \
+            0 SECTION 2 ENTITIES 0 INSERT 2 A 70 1000 71 1000 44 1 45 1 0 ENDSEC 0 EOF"
+        );
+        let text: String = text.split_whitespace().map(|t| format!("{t}\n")).collect();
+        let start = Instant::now();
+        check(kind, text.as_bytes(), Some(1.0), (Err("texture-large"), &[]));
+        println!("{kind}: {:?}", start.elapsed());
+    }
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn large_drawing_is_read_in_time() {
+    let mut text = String::from(
+        "0\nSECTION\n2\nBLOCKS\n0\nBLOCK\n2\nA\n0\nCIRCLE\n40\n1.5\n0\nENDBLK\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n",
+    );
+    let mut noise = crate::random::Random::case(1);
+    for i in 0..10_000 {
+        text += &format!("0\nLWPOLYLINE\n5\n{i:X}\n8\nlayer {}\n70\n1\n", i % 7);
+        for k in 0..34 {
+            let [x, y, bulge] = [0; 3].map(|_| noise.range(-1.0, 1.0));
+            text += &format!("10\n{}\n20\n{y}\n42\n{}\n", x + f64::from(i), if k % 4 == 0 { bulge } else { 0.0 });
+        }
+        text += &format!("0\nINSERT\n2\nA\n10\n{i}\n20\n3\n41\n2\n42\n0.5\n");
+        text += &format!("0\nLINE\n10\n{i}\n20\n0\n11\n{}\n21\n1\n", i + 1).repeat(10);
+    }
+    text += "0\nENDSEC\n0\nEOF\n";
+    let start = Instant::now();
+    let art = loaded(text.as_bytes(), Some(1.0)).0.expect("read");
+    let took = start.elapsed();
+    println!("{} MB, {} shapes, {} points: {took:?}", text.len() >> 20, art.shapes.len(), art.lines.points.len());
+    assert_eq!(art.shapes.len(), 120_000);
+    assert!(took < Duration::from_secs(5), "{took:?}");
 }

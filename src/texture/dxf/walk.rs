@@ -21,7 +21,7 @@ const MAX_VISITS: u64 = 2_000_000;
 
 /// Most vertices, control points and crossings that are looked at, copies counted: what bounds the time of drawings
 /// that are made to cost it without drawing a point.
-const MAX_WORK: usize = 50_000_000;
+const MAX_WORK: usize = 20_000_000;
 
 /// Deepest nesting of blocks; drawings made by people stay below 10.
 const MAX_DEPTH: usize = 64;
