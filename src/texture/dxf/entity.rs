@@ -60,7 +60,7 @@ pub(super) enum Kind {
 impl Kind {
     /// What it costs to draw it at least, in points.
     pub(super) fn size(&self) -> usize {
-        let of_spline = |s: &Spline| s.fit.len() + s.control.len() * (s.degree + 1).min(100).pow(2) / 4;
+        let of_spline = |s: &Spline| s.fit.len() + s.control.len() * (s.degree + 1).min(100).pow(3) / 8;
         match self {
             Self::Polyline(line) => line.vertices.len(),
             Self::Spline(spline) => of_spline(spline),

@@ -232,7 +232,8 @@ impl<'a> Outline<'a> {
         if self.stop.is_some() {
             return;
         }
-        if [x, y].iter().any(|v| v.is_nan() || v.abs() > MAX_MM) {
+        let is_near = x.abs() <= MAX_MM && y.abs() <= MAX_MM;
+        if !is_near {
             self.stop = Some(Stop::Far);
         } else if self.lines.points.len() >= MAX_POINTS {
             self.stop = Some(Stop::Full);
