@@ -1,8 +1,9 @@
 //! Entities as they are defined: numbers are finite, nothing is mapped or flattened yet.
 
 use super::colour::Paint;
-use super::hatch::Hatch;
-use super::record::{Record, Vertex};
+use super::hatch::{Edge, Hatch};
+use super::outline::Vertex;
+use super::record::Record;
 use super::space::{Point, Z};
 use super::spline::Spline;
 use super::tags::{At, Fault, Tag};
@@ -54,6 +55,28 @@ pub(super) enum Kind {
     Insert(Box<Insert>),
     /// What is counted, not drawn.
     Unread(Issue),
+}
+
+impl Kind {
+    /// What it costs to draw it at least, in points.
+    pub(super) fn size(&self) -> usize {
+        let of_spline = |s: &Spline| s.fit.len() + s.control.len() * (s.degree + 1).min(100).pow(3) / 8;
+        match self {
+            Self::Polyline(line) => line.vertices.len(),
+            Self::Spline(spline) => of_spline(spline),
+            Self::Hatch(hatch) => hatch
+                .paths
+                .iter()
+                .flat_map(|p| &p.edges)
+                .map(|edge| match edge {
+                    Edge::Polyline(vertices) => vertices.len(),
+                    Edge::Spline(spline) => of_spline(spline),
+                    Edge::Line(_) | Edge::Arc(_) => 1,
+                })
+                .sum(),
+            _ => 1,
+        }
+    }
 }
 
 #[derive(Debug, Default)]

@@ -2,8 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::outline::Arc;
-use super::record::{Record, Vertex};
+use super::outline::{Arc, Vertex};
+use super::record::Record;
 use super::space::{Point, cos_sin, length};
 use super::spline::Spline;
 use super::tags::{Fault, Tag};

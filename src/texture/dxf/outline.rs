@@ -30,6 +30,16 @@ pub(super) enum Stop {
     Far,
 }
 
+/// A vertex of a polyline, and what leads to the next one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Vertex {
+    pub(super) p: Point,
+    /// Tangent of a quarter of the angle of the arc to the next vertex.
+    pub(super) bulge: f64,
+    /// At both ends of what leads to the next vertex.
+    pub(super) widths: [f64; 2],
+}
+
 /// Part of an ellipse: centre + a cos t + b sin t for t from `start` over `by`, rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Arc {
@@ -222,7 +232,8 @@ impl<'a> Outline<'a> {
         if self.stop.is_some() {
             return;
         }
-        if [x, y].iter().any(|v| v.is_nan() || v.abs() > MAX_MM) {
+        let is_near = x.abs() <= MAX_MM && y.abs() <= MAX_MM;
+        if !is_near {
             self.stop = Some(Stop::Far);
         } else if self.lines.points.len() >= MAX_POINTS {
             self.stop = Some(Stop::Full);

@@ -27,6 +27,8 @@ pub(super) struct Ruled {
     pub(super) is_faulty: bool,
     /// It has dots, which are left out.
     pub(super) has_dots: bool,
+    /// How often its lines meet the boundary.
+    pub(super) crossings: usize,
 }
 
 impl Ruling<'_> {
@@ -40,7 +42,7 @@ impl Ruling<'_> {
         let distance = area.abs() / d[0].hypot(d[1]);
         // Lines closer than a nanometre would fill memory, not areas.
         if distance.is_nan() || distance < NM {
-            return Ok(Ruled { is_faulty: true, has_dots: false });
+            return Ok(Ruled { is_faulty: true, ..Ruled::default() });
         }
         let coordinates = |[x, y]: [f64; 2]| {
             let v = [x - self.base[0], y - self.base[1]];
@@ -66,7 +68,7 @@ impl Ruling<'_> {
             }
         }
         crossings.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let mut ruled = Ruled::default();
+        let mut ruled = Ruled { crossings: crossings.len(), ..Ruled::default() };
         for pair in crossings.chunks_exact(2) {
             ruled.has_dots |= self.dash(pair[0].0, [pair[0].1, pair[1].1], out)?;
         }

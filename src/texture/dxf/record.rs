@@ -1,4 +1,4 @@
-//! The tags of one entity, and what several types of entities have in common.
+//! The tags of one entity or table row, by their group codes.
 
 use super::space::Point;
 use super::tags::{At, Fault, Tag};
@@ -40,14 +40,4 @@ impl<'a> Record<'a, '_> {
     pub(super) fn place(&self, code: i32) -> Result<Point, Fault> {
         Ok(self.point(code)?.unwrap_or_default())
     }
-}
-
-/// A vertex of a polyline.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Vertex {
-    pub(super) p: Point,
-    /// Tangent of a quarter of the angle of the arc to the next vertex.
-    pub(super) bulge: f64,
-    /// At both ends of what leads to the next vertex.
-    pub(super) widths: [f64; 2],
 }

@@ -37,7 +37,8 @@ impl Map {
 
     /// First `o`, then this.
     pub(super) fn after(self, o: Self) -> Self {
-        Self { axes: o.axes.map(|v| self.along(v)), origin: self.at(o.origin) }
+        let [x, y, z] = o.axes;
+        Self { axes: [self.along(x), self.along(y), self.along(z)], origin: self.at(o.origin) }
     }
 
     /// The image of a point.
@@ -47,7 +48,12 @@ impl Map {
 
     /// The image of a vector.
     pub(super) fn along(self, v: Point) -> Point {
-        [0, 1, 2].map(|k| self.axes[0][k] * v[0] + self.axes[1][k] * v[1] + self.axes[2][k] * v[2])
+        let [x, y, z] = self.axes;
+        [
+            x[0] * v[0] + y[0] * v[1] + z[0] * v[2],
+            x[1] * v[0] + y[1] * v[1] + z[1] * v[2],
+            x[2] * v[0] + y[2] * v[1] + z[2] * v[2],
+        ]
     }
 
     pub(super) fn is_finite(self) -> bool {
@@ -68,15 +74,15 @@ pub(super) fn cos_sin(degrees: f64) -> [f64; 2] {
 }
 
 pub(super) fn add(a: Point, b: Point) -> Point {
-    [0, 1, 2].map(|k| a[k] + b[k])
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 pub(super) fn sub(a: Point, b: Point) -> Point {
-    [0, 1, 2].map(|k| a[k] - b[k])
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 pub(super) fn times(a: Point, s: f64) -> Point {
-    a.map(|v| v * s)
+    [a[0] * s, a[1] * s, a[2] * s]
 }
 
 pub(super) fn dot(a: Point, b: Point) -> f64 {

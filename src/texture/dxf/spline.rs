@@ -73,7 +73,7 @@ fn span(knots: &[f64], control: &[[f64; 4]], p: usize, k: usize) -> Vec<[f64; 4]
                 for i in (r..=p).rev() {
                     let (lo, hi) = (knots[k + i - p], knots[k + 1 + i - r]);
                     let s = (t - lo) / (hi - lo);
-                    d[i] = [0, 1, 2, 3].map(|c| (1.0 - s) * d[i - 1][c] + s * d[i][c]);
+                    d[i] = between(d[i - 1], d[i], s);
                 }
             }
             d[p]
@@ -161,13 +161,18 @@ impl Bezier {
         let mut row = self.0.clone();
         let (mut first, mut second) = (vec![row[0]], vec![row[row.len() - 1]]);
         while row.len() > 1 {
-            row = row.windows(2).map(|w| [0, 1, 2, 3].map(|c| (w[0][c] + w[1][c]) / 2.0)).collect();
+            row = row.windows(2).map(|w| between(w[0], w[1], 0.5)).collect();
             first.push(row[0]);
             second.push(row[row.len() - 1]);
         }
         second.reverse();
         [Self(first), Self(second)]
     }
+}
+
+fn between(a: [f64; 4], b: [f64; 4], s: f64) -> [f64; 4] {
+    let r = 1.0 - s;
+    [r * a[0] + s * b[0], r * a[1] + s * b[1], r * a[2] + s * b[2], r * a[3] + s * b[3]]
 }
 
 fn point([x, y, z, w]: [f64; 4]) -> Point {

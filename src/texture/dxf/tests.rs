@@ -459,3 +459,45 @@ fn malformed_files_have_one_outcome() {
         check(name, &bytes, (!has_unit).then_some(1.0), outcome);
     }
 }
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn copies_that_cost_time_and_draw_nothing_are_bounded() {
+    for (kind, points) in [("LWPOLYLINE", 2000), ("SPLINE 71 25", 2000), ("HATCH 70 1 91 1 92 3 72 0 73 1 93 9", 2000)]
+    {
+        let points = "10 0 20 0 ".repeat(points);
+        let text = format!(
+            "0 SECTION 2 BLOCKS 0 BLOCK 2 A 0 {kind} {points} 0 ENDBLK 0 ENDSEC \
+            0 SECTION 2 ENTITIES 0 INSERT 2 A 70 1000 71 1000 44 1 45 1 0 ENDSEC 0 EOF"
+        );
+        let text: String = text.split_whitespace().map(|t| format!("{t}\n")).collect();
+        let start = Instant::now();
+        check(kind, text.as_bytes(), Some(1.0), (Err("texture-large"), &[]));
+        println!("{kind}: {:?}", start.elapsed());
+    }
+}
+
+#[test]
+#[ignore = "slow: make test-all"]
+fn large_drawing_is_read_in_time() {
+    let mut text = String::from(
+        "0\nSECTION\n2\nBLOCKS\n0\nBLOCK\n2\nA\n0\nCIRCLE\n40\n1.5\n0\nENDBLK\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n",
+    );
+    let mut noise = crate::random::Random::case(1);
+    for i in 0..10_000 {
+        text += &format!("0\nLWPOLYLINE\n5\n{i:X}\n8\nlayer {}\n70\n1\n", i % 7);
+        for k in 0..34 {
+            let [x, y, bulge] = [0; 3].map(|_| noise.range(-1.0, 1.0));
+            text += &format!("10\n{}\n20\n{y}\n42\n{}\n", x + f64::from(i), if k % 4 == 0 { bulge } else { 0.0 });
+        }
+        text += &format!("0\nINSERT\n2\nA\n10\n{i}\n20\n3\n41\n2\n42\n0.5\n");
+        text += &format!("0\nLINE\n10\n{i}\n20\n0\n11\n{}\n21\n1\n", i + 1).repeat(10);
+    }
+    text += "0\nENDSEC\n0\nEOF\n";
+    let start = Instant::now();
+    let art = loaded(text.as_bytes(), Some(1.0)).0.expect("read");
+    let took = start.elapsed();
+    println!("{} MB, {} shapes, {} points: {took:?}", text.len() >> 20, art.shapes.len(), art.lines.points.len());
+    assert_eq!(art.shapes.len(), 120_000);
+    assert!(took < Duration::from_secs(20), "{took:?}");
+}

@@ -19,6 +19,10 @@ use crate::texture::clip::Lines;
 /// Most entities that are drawn, copies by inserts counted one by one.
 const MAX_VISITS: u64 = 2_000_000;
 
+/// Most vertices, control points and crossings that are looked at, copies counted: what bounds the time of drawings
+/// that are made to cost it without drawing a point.
+const MAX_WORK: usize = 20_000_000;
+
 /// Deepest nesting of blocks; drawings made by people stay below 10.
 const MAX_DEPTH: usize = 64;
 
@@ -43,6 +47,7 @@ pub(super) struct Walk<'a> {
     art: Artwork,
     pub(super) tally: Tally,
     visits: u64,
+    work: usize,
     /// Blocks that are being inserted right now, from the outside in.
     open: Vec<u32>,
     /// Chains of blocks: the number of the one around it, and the block.
@@ -69,6 +74,7 @@ pub(super) fn walk(file: &File, unit: f64, tolerance: f64, marking: &Marking) ->
         art: Artwork::default(),
         tally: Tally::default(),
         visits: 0,
+        work: 0,
         open: Vec::new(),
         chains: HashMap::new(),
         blocks_of: vec![Vec::new()],
@@ -113,10 +119,10 @@ impl<'a> Walk<'a> {
         }
         let first = self.art.lines.len();
         let look = State { layer: number, colour, is_dashed, ..state };
-        let drawn = match &entity.kind {
+        let drawn = self.spend(entity.kind.size()).and_then(|()| match &entity.kind {
             Kind::Polyline(line) if is_wide(line) => self.wide(entity, line, look),
             _ => self.draw(entity, state.map).map(|figure| self.shape(entity, figure, first, look)),
-        };
+        });
         drawn.map_err(|stop| self.stopped(stop, entity))?;
         if self.art.lines.len() > first && !layer.is_plotted {
             self.note(Issue::NoPlot, entity);
@@ -305,6 +311,7 @@ impl<'a> Walk<'a> {
         for path in hatch.bounds() {
             is_sound &= rings_of(path, map, self.tolerance / part, &mut rings)?;
         }
+        self.spend(rings.points.len())?;
         if rings.points.len() + self.art.lines.points.len() > MAX_POINTS {
             return Err(Stop::Full);
         }
@@ -331,6 +338,7 @@ impl<'a> Walk<'a> {
                 dashes: &family.dashes,
             };
             let ruled = ruling.draw(rings.iter(), &mut self.art.lines)?;
+            self.spend(rings.points.len() + ruled.crossings)?;
             is_sound &= !ruled.is_faulty;
             has_dots |= ruled.has_dots;
         }
@@ -353,13 +361,18 @@ impl<'a> Walk<'a> {
         Err(Diag::limit("dxf-large", text).hint("draw one copy and tile it, or split the drawing").into())
     }
 
+    fn spend(&mut self, work: usize) -> Result<(), Stop> {
+        self.work = self.work.saturating_add(work);
+        if self.work > MAX_WORK { Err(Stop::Full) } else { Ok(()) }
+    }
+
     fn stopped(&self, stop: Stop, entity: &Entity) -> Box<Diag> {
         let name = self.file.name(entity);
         Box::new(match stop {
             Stop::Far => Diag::input("texture-far", format!("{name} reaches beyond any part"))
                 .hint("check its coordinates, the scales of its blocks and the unit of the drawing"),
             Stop::Full => {
-                let text = format!("the drawing has more than {MAX_POINTS} points at {name}");
+                let text = format!("the drawing has more than {MAX_POINTS} points, or costs as much, at {name}");
                 Diag::limit("texture-large", text).hint("use a larger tolerance or a simpler drawing")
             }
         })

@@ -9,8 +9,7 @@
 //! are not documented: there the corner is bevelled, and the polyline reported.
 
 use super::entity::Polyline;
-use super::outline::{Arc, Outline};
-use super::record::Vertex;
+use super::outline::{Arc, Outline, Vertex};
 use super::space::{Point, add, cross, dot, length, sub, times, unit};
 
 /// Cosine of the turn beyond which two segments meet at less than 30 deg.

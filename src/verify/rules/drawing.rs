@@ -157,7 +157,11 @@ mod tests {
     fn a_pen_of_another_colour_and_a_mark_beside_its_figure_are_found() {
         let drawn = layers(COLOURS);
         let [a, b, c, d, e, f] = COLOURS;
-        for other in [layers([b, a, c, d, e, f]), drawn.replacen("width=\"2\"", "width=\"1\"", 1), drawn.replacen("M1 6", "M1 7", 1)] {
+        for other in [
+            layers([b, a, c, d, e, f]),
+            drawn.replacen("width=\"2\"", "width=\"1\"", 1),
+            drawn.replacen("M1 6", "M1 7", 1),
+        ] {
             let rule = found("pitch = \"0.1 mm\"", &drawn, &other);
             assert!(rule.violated > 0, "{other}");
         }
