@@ -130,7 +130,7 @@ impl FileUnit {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SurfaceKeys {
-    /// STL, OBJ, PLY, PNG height map, or XYZ / CSV point cloud; relative to the job file.
+    /// STL, OBJ, PLY, STEP, IGES, PNG height map, or XYZ / CSV point cloud; relative to the job file.
     pub file: PathBuf,
     /// Unit of the file's numbers; required for STL, OBJ, PLY and point clouds.
     #[serde(default)]

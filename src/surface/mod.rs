@@ -8,6 +8,7 @@
 mod bins;
 #[cfg(test)]
 mod brute;
+mod cad;
 mod facets;
 mod heightmap;
 mod implicit_mesh;
@@ -25,6 +26,7 @@ mod walk;
 use std::path::Path;
 
 use bins::{Bins, Class};
+pub use cad::{About, CadMesh, Tessellation, is_cad, load as load_cad};
 use implicit_mesh::ImplicitMesh;
 use mesh::{Mesh, Welder};
 pub use topmost::Span;
@@ -42,6 +44,8 @@ pub struct Options {
     pub heightmap: Option<Scale>,
     /// Longest triangle edge for point clouds, mm.
     pub max_edge_mm: Option<f64>,
+    /// How finely STEP and IGES become facets; default: within 10 um.
+    pub tessellation: Option<Tessellation>,
 }
 
 /// Scale of a height map, mm.
@@ -114,6 +118,9 @@ pub fn read(
         "stl" => stl::read(path, unit("an STL file")?, notes, sink),
         "obj" => obj::read(path, unit("an OBJ file")?, notes, sink),
         "ply" => ply::read(path, unit("a PLY file")?, notes, sink),
+        "step" | "stp" | "iges" | "igs" => {
+            cad::read(path, options.tessellation.unwrap_or(Tessellation::within(0.01)), notes, sink)
+        }
         "png" => match &options.heightmap {
             Some(scale) => heightmap::read(path, scale, notes),
             None => Err(refuse("heightmap-scale", "a PNG image carries no scale".into())
@@ -131,13 +138,15 @@ pub fn read(
 /// How a surface comes to be read whose file has an extension that is not.
 fn way_in(extension: &str) -> &'static str {
     match extension {
-        "step" | "stp" | "iges" | "igs" | "x_t" | "x_b" | "sldprt" | "ipt" | "catpart" | "prt" | "3dm" | "fcstd" => {
-            "export it from the CAD program as STL, with a chord tolerance of a tenth of focus.pdof or finer"
+        "x_t" | "x_b" | "sldprt" | "ipt" | "catpart" | "prt" | "3dm" | "fcstd" => {
+            "export it from the CAD program as STEP"
         }
         "3mf" | "amf" | "off" | "glb" | "gltf" | "fbx" | "dae" => {
             "open it in MeshLab or Blender and export it as binary STL"
         }
-        _ => "surfaces are read from .stl, .obj, .ply, .png (height map), and .xyz, .csv, .txt or .asc (points)",
+        _ => {
+            "surfaces are read from .stl, .obj, .ply, .step, .iges, .png (height map), and .xyz, .csv, .txt or .asc (points)"
+        },
     }
 }
 

@@ -109,7 +109,7 @@ struct Got {
 
 fn read_at(path: &Path, unit_mm: f64) -> Got {
     let scale = Scale { pixel_mm: 2.0, z_mm: [0.0, 100.0], values: None, nodata: None, origin_mm: [0.0; 2] };
-    let options = Options { unit_mm: Some(unit_mm), heightmap: Some(scale), max_edge_mm: None };
+    let options = Options { unit_mm: Some(unit_mm), heightmap: Some(scale), max_edge_mm: None, tessellation: None };
     let (mut notes, mut facets) = (vec![], vec![]);
     let start = Instant::now();
     let result = read(path, &options, &mut notes, &mut |f| facets.push(f));
@@ -306,7 +306,8 @@ fn a_file_without_unit_scale_or_known_extension_is_refused() {
         ("a.OBJ", "surface-unit", "an OBJ file carries no unit"),
         ("a.csv", "surface-unit", "a point cloud carries no unit"),
         ("a.Png", "heightmap-scale", "add [surface.heightmap]"),
-        ("a.step", "surface-format", "chord tolerance"),
+        ("a.step", "file-unreadable", "cannot read"),
+        ("a.sldprt", "surface-format", "export it from the CAD program as STEP"),
         ("a.ply", "surface-unit", "a PLY file carries no unit"),
         ("a.doc", "surface-format", ".stl, .obj, .ply, .png"),
         ("stl", "surface-format", "no extension"),
