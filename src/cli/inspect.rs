@@ -85,7 +85,8 @@ fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
     let mut warnings = Vec::new();
     let scale = surface::Scale { pixel_mm: 1.0, z_mm: [0.0, 1.0], values: None, nodata: None, origin_mm: [0.0; 2] };
     let unit_mm = unit.map_or(1.0, FileUnit::in_mm);
-    let options = surface::Options { unit_mm: Some(unit_mm), heightmap: Some(scale), max_edge_mm: None, tessellation: None };
+    let options =
+        surface::Options { unit_mm: Some(unit_mm), heightmap: Some(scale), max_edge_mm: None, tessellation: None };
     let mut facets = Facets { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3], area: 0.0, down: 0.0, steep: 0.0 };
     let content = surface::read(path, &options, &mut warnings, &mut |facet| facets.add(facet))?;
     Ok(match content {

@@ -130,8 +130,12 @@ fn surface_input(keys: &SurfaceKeys, f: &mut Faults<'_>) -> SurfaceInput {
         origin_mm: h.origin.map(Length::as_mm),
     };
     if keys.unit.is_some() && surface::is_cad(&keys.file) {
-        let fault = Diag::input("surface-unit-stated", "surface.unit is stated, but STEP and IGES files state their own unit");
-        f.push("surface.unit", fault.hint("leave out surface.unit; correct the unit in the CAD program if it is wrong"));
+        let fault =
+            Diag::input("surface-unit-stated", "surface.unit is stated, but STEP and IGES files state their own unit");
+        f.push(
+            "surface.unit",
+            fault.hint("leave out surface.unit; correct the unit in the CAD program if it is wrong"),
+        );
     }
     SurfaceInput {
         file: keys.file.clone(),

@@ -146,7 +146,7 @@ fn way_in(extension: &str) -> &'static str {
         }
         _ => {
             "surfaces are read from .stl, .obj, .ply, .step, .iges, .png (height map), and .xyz, .csv, .txt or .asc (points)"
-        },
+        }
     }
 }
 

@@ -72,18 +72,30 @@ impl About {
                 parts.push(listed("what could not be read", &self.failed, self.failed_count));
             }
             let text = format!("parts of the file are missing in the surface: {}", parts.join("; "));
-            notes.push(Diag::warning("cad-left-out", text).at(at()).hint("nothing is marked there: look at the picture of the job"));
+            notes.push(
+                Diag::warning("cad-left-out", text)
+                    .at(at())
+                    .hint("nothing is marked there: look at the picture of the job"),
+            );
         }
         if self.remarks_count > 0 {
             let text = listed("remarks of the reader", &self.remarks, self.remarks_count);
-            notes.push(Diag::warning("cad-remarks", text).at(at()).hint("compare size and faces with the part in the CAD program"));
+            notes.push(
+                Diag::warning("cad-remarks", text)
+                    .at(at())
+                    .hint("compare size and faces with the part in the CAD program"),
+            );
         }
         if self.worst_mm > 1.01 * fine.chord_mm {
             let text = format!(
                 "facets lie up to {:.4} mm off the surface, more than the chord tolerance of {} mm",
                 self.worst_mm, fine.chord_mm
             );
-            notes.push(Diag::warning("cad-chord", text).at(at()).hint("borders of faces do not lie on them: heal the part in CAD"));
+            notes.push(
+                Diag::warning("cad-chord", text)
+                    .at(at())
+                    .hint("borders of faces do not lie on them: heal the part in CAD"),
+            );
         }
     }
 }

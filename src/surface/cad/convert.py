@@ -101,29 +101,26 @@ def length_units(reader):
 
 def complaints(reader):
     """What the reader could not make of entities, and what it remarks."""
-    work, model = reader.WS(), reader.Model()
+    work = reader.WS()
     failed, remarks = [], []
     for found in (work.ModelCheckList(), work.TransferReader().TransientProcess().CheckList(True)):
         found.Start()
         while found.More():
             check, entity = found.Value(), found.Value().Entity()
-            name = ""
-            if entity is not None:
-                name = entity.DynamicType().Name().split("_", 1)[-1]
-                try:
-                    label = model.IdentLabel(entity) if hasattr(model, "IdentLabel") else 0
-                except Exception:
-                    label = 0
-                name += f" #{label}: " if label else ": "
+            name = entity.DynamicType().Name().split("_", 1)[-1] + ": " if entity is not None else ""
             failed += [name + check.CFail(i).strip() for i in range(1, check.NbFails() + 1)]
             remarks += [name + check.CWarning(i).strip() for i in range(1, check.NbWarnings() + 1)]
             found.Next()
+    failed = [text for text in failed if "NOT AVAILABLE FOR CHECK" not in text]
     return failed, remarks
 
 
 def read(path, kind):
     """The shape of the file in mm, its length units, and what could not be read."""
     reader = STEPControl_Reader() if kind == "step" else IGESControl_Reader()
+    if kind == "iges":
+        # Not what the CAD program hides.
+        reader.SetReadVisible(True)
     Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
     if reader.ReadFile(path) != IFSelect_RetDone:
         fail("unreadable", "; ".join(sum(complaints(reader), [])[:MESSAGES]))

@@ -30,7 +30,10 @@ pub(super) fn check(path: &Path) -> Result<(), Error> {
         }
         let fault = |text: String| Error::from(Diag::input("iges-syntax", text).at(lines.place()).hint(AGAIN));
         let Some(&letter) = line.get(LETTER) else {
-            return Err(fault(format!("the record has {} columns of 80: the file is cut short or no IGES", line.len())));
+            return Err(fault(format!(
+                "the record has {} columns of 80: the file is cut short or no IGES",
+                line.len()
+            )));
         };
         if counts == [0; 5] && (letter == b'C' || letter == b'B') {
             return Err(fault("compressed and binary IGES files are not read: export it as ASCII".into()));
@@ -48,9 +51,8 @@ pub(super) fn check(path: &Path) -> Result<(), Error> {
             return Err(fault(format!("{text} {}", char::from(letter))));
         }
         if letter == b'P' {
-            finite(&line[..PARAMETERS]).map_err(|text| {
-                Error::from(Diag::input("surface-number", text).at(lines.place()).hint(AGAIN))
-            })?;
+            finite(&line[..PARAMETERS])
+                .map_err(|text| Error::from(Diag::input("surface-number", text).at(lines.place()).hint(AGAIN)))?;
         }
         if letter == b'T' {
             last = line[..LETTER].to_vec();
@@ -61,7 +63,8 @@ pub(super) fn check(path: &Path) -> Result<(), Error> {
         return Err(fault("the file is cut short: the last record, with the letter T in column 73, is missing"));
     }
     // Letter and count of each section, eight columns each.
-    let stated = |i: usize| -> Option<u64> { std::str::from_utf8(&last[8 * i + 1..8 * i + 8]).ok()?.trim().parse().ok() };
+    let stated =
+        |i: usize| -> Option<u64> { std::str::from_utf8(&last[8 * i + 1..8 * i + 8]).ok()?.trim().parse().ok() };
     if (0..4).any(|i| last[8 * i] != SECTIONS[i] || stated(i) != Some(counts[i])) {
         return Err(fault("the last record states other numbers of records than the file has"));
     }

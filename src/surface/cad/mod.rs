@@ -100,13 +100,18 @@ pub fn load(path: &Path, fine: Tessellation, notes: &mut Vec<Diag>) -> Result<Ca
     }
     let bytes = converter::run(path, format.name(), fine)?;
     let mesh = CadMesh::read(&bytes).map_err(|why| converter::garbage(path, &why))?;
+    if mesh.facet_count() == 0 {
+        let d = Diag::input("surface-empty", format!("none of the {} faces has facets", mesh.about.faces));
+        return Err(d.at(lines::place(path)).hint(AGAIN).into());
+    }
     if cache::hash(path)? != file {
         let d = Diag::input("file-unreadable", "the file was changed while it was read").at(lines::place(path));
         return Err(d.hint("run the command again when the file is complete").into());
     }
     if let Err(e) = cache::put(&key, &bytes) {
         let text = format!("the facets of the file cannot be kept, so the next command converts it again: {e}");
-        notes.push(Diag::warning("cad-cache", text).at(lines::place(path)).hint("check the cache folder and its space"));
+        notes
+            .push(Diag::warning("cad-cache", text).at(lines::place(path)).hint("check the cache folder and its space"));
     }
     mesh.about.notes(path, fine, notes);
     Ok(mesh)
