@@ -309,7 +309,7 @@ fn a_file_without_unit_scale_or_known_extension_is_refused() {
         ("a.step", "file-unreadable", "cannot read"),
         ("a.sldprt", "surface-format", "export it from the CAD program as STEP"),
         ("a.ply", "surface-unit", "a PLY file carries no unit"),
-        ("a.doc", "surface-format", ".stl, .obj, .ply, .png"),
+        ("a.doc", "surface-format", ".stl, .obj, .ply, .step, .iges, .png"),
         ("stl", "surface-format", "no extension"),
     ] {
         let e = read(Path::new(name), &Options::default(), &mut vec![], &mut |_| {}).err().expect(name);

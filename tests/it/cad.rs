@@ -190,7 +190,7 @@ fn a_job_names_the_step_file_and_is_verified_from_the_cache() {
         let mut job = JobText::on(Path::new("hood.step"))
             .texture("pattern = \"hatch\"\npitch = \"2 mm\"\narea = [\"600 mm\", \"0 mm\", \"640 mm\", \"40 mm\"]");
         job.surface = format!("file = \"part.StEp\"\n{keys}");
-        job.focus = "pdof = \"1 mm\"".into();
+        job.focus = "pdof = \"0.8 mm\"".into();
         job.write(dir.path(), "job.toml")
     };
     std::fs::copy(fixture("cad/hood_ap203_inch.step"), dir.path().join("part.StEp")).expect("copied");

@@ -7,7 +7,7 @@ where the bindings are not there. The second is {"error": kind, "text": ...} or 
 the vertices (three doubles each, mm) and the triangles (three 32-bit indices each), lowest byte first.
 
 Triangles face as their face does. Each face is first meshed coarsely inside and within CHORD_MM along its edges, then
-triangles are divided on the exact surface until edges and centres lie within CHORD_MM of it: Open CASCADE's own mesher
+triangles are divided on the exact surface until edges and centres lie within SHARE of CHORD_MM of it: Open CASCADE's own mesher
 needs time with the square of the number of triangles, and exceeds the chord tolerance inside of faces."""
 
 import array
@@ -19,6 +19,9 @@ import sys
 ANSWER = os.fdopen(os.dup(1), "wb")
 os.dup2(2, 1)
 
+# Facets are divided until they lie within this part of the chord tolerance at the places measured: between those the
+# distance is a little larger.
+SHARE = 0.9
 # How much coarser the inside of faces is meshed at first.
 COARSER = 16
 # Rounds of division; each halves the edges that it divides.
@@ -342,7 +345,7 @@ def mesh_of(shape, chord, angle):
         if mesh is None or mesh.NbTriangles() == 0:
             without += 1
             continue
-        patch = Patch(face, mesh, location, chord)
+        patch = Patch(face, mesh, location, SHARE * chord)
         patch.refine()
         worst2 = max(worst2, patch.worst2)
         first = len(vertices) // 3

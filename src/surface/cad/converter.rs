@@ -142,7 +142,9 @@ fn run_with(
             // No word before the bindings were loaded: this is no Python that has them.
             Err(End::Absent(format!("it ended with {status}{}", quoted(&said))))
         }
-        (Ok(Heard::Garbage(why)), Some(status)) if status.success() => Err(End::Fault(garbage(path, &why))),
+        // Its pipe was closed before it had written all of that.
+        (Ok(Heard::Garbage(why)), _) => Err(End::Fault(garbage(path, &why))),
+        (Ok(Heard::Short(why)), Some(status)) if status.success() => Err(End::Fault(garbage(path, &why))),
         (_, Some(status)) => Err(End::Fault(crashed(status, limits, &said))),
     }
 }
@@ -165,6 +167,8 @@ enum Heard {
     TooMuch(Diag),
     /// Nothing at all.
     Nothing,
+    /// An answer that ends too early: what is missing.
+    Short(String),
     /// Something else: what is wrong with it.
     Garbage(String),
 }
@@ -189,6 +193,9 @@ fn listen(stdout: ChildStdout) -> Heard {
         Err(why) => return Heard::Garbage(why),
     }
     let second = line(&mut all);
+    if second.is_empty() || (all.last() != Some(&b'\n') && second.len() < MAX_LINE) {
+        return Heard::Short("it ends within its header".into());
+    }
     let about = match header(&all[second]) {
         Ok(Header::Mesh(about)) => about,
         Ok(Header::Error { error, text }) => return Heard::Refused { error, text },
@@ -201,7 +208,7 @@ fn listen(stdout: ChildStdout) -> Heard {
     }
     match input.take(body.saturating_add(1)).read_to_end(&mut all) {
         Ok(read) if read as u64 == body => Heard::Mesh(all),
-        Ok(read) if (read as u64) < body => Heard::Garbage(format!("{read} of {body} bytes follow its header")),
+        Ok(read) if (read as u64) < body => Heard::Short(format!("{read} of {body} bytes follow its header")),
         Ok(_) => Heard::Garbage("more follows than its header says".into()),
         Err(e) => Heard::Garbage(format!("it cannot be read: {e}")),
     }
