@@ -126,7 +126,7 @@ mod tests {
             (with(3, record("     116       0", 'Q', 2)), "iges-syntax", ":4", "'Q'"),
             (with(3, record("     116       0", 'S', 2)), "iges-syntax", ":4", "'S'"),
             (with(3, record("     116       0", 'D', 3)), "iges-syntax", ":4", "number is not 2"),
-            (with(4, "116,1.".into()), "iges-syntax", ":5", "cut short"),
+            (with(4, "116,1.\n".into()), "iges-syntax", ":5", "cut short"),
             (whole()[..5].to_vec(), "iges-syntax", ":5", "cut short"),
             (with(5, record("S      1G      1D      2P      7", 'T', 1)), "iges-syntax", ":6", "other numbers"),
             (with(4, record("116,1.,1.E999999,2;", 'P', 1)), "surface-number", ":5", "1.E999999"),
