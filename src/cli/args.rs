@@ -9,6 +9,7 @@ use crate::compare::{SYSTEMS, System};
 use crate::job::{FileUnit, Mode, Objective, Setting};
 use crate::on_the_fly::axes::following_error::Protection;
 use crate::program::BlockId;
+use crate::units::{Angle, Length};
 
 /// Compiles a texture on a freeform part into a stepped 3+2 job, and verifies it.
 #[derive(Debug, Parser)]
@@ -165,6 +166,21 @@ pub enum Command {
         /// Unit of a surface file that carries none.
         #[arg(long, value_parser = one_of(&FileUnit::ALL, FileUnit::name))]
         unit: Option<FileUnit>,
+    },
+    /// Convert a STEP or IGES file into facets within a chord tolerance, and write them as PLY in mm. A job can name the
+    /// STEP or IGES file itself: its chord tolerance is then a tenth of focus.pdof.
+    Import {
+        /// STEP (.step, .stp) or IGES (.iges, .igs) file.
+        file: PathBuf,
+        /// PLY file to write; default: the file's name with .ply.
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
+        /// Chord tolerance: how far facets may lie off the surface.
+        #[arg(long, value_name = "LENGTH", default_value = "0.01 mm")]
+        tolerance: Length,
+        /// Largest angle between neighbouring segments of an edge.
+        #[arg(long, value_name = "ANGLE", default_value = "5 deg")]
+        angle: Angle,
     },
     /// List the built-in machines, or print one as a file to start from.
     Machines {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::diag::{Diag, Error};
+use crate::diag::{Diag, Error, Place};
 use crate::job::{FileUnit, Job, Overrides};
 use crate::manifest::{self, AnySummary, duration};
 use crate::program::PenId;
@@ -30,6 +30,7 @@ pub fn inspect(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
     match extension.as_str() {
         "toml" => job(path),
         "svg" | "svgz" => drawing(path),
+        _ if surface::is_cad(path) => cad(path, unit),
         _ => surface_file(path, unit),
     }
 }
@@ -132,7 +133,7 @@ fn read_surface(path: &Path, unit: Option<FileUnit>) -> Result<Read, Error> {
     let attempt = |unit_mm: Option<f64>, values: Option<Option<[f64; 2]>>| {
         let scale =
             |values| surface::Scale { pixel_mm: 0.1, z_mm: [0.0, 1.0], values, nodata: None, origin_mm: [0.0; 2] };
-        let options = surface::Options { unit_mm, heightmap: values.map(scale), max_edge_mm: None };
+        let options = surface::Options { unit_mm, heightmap: values.map(scale), max_edge_mm: None, tessellation: None };
         let mut facets =
             Facets { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3], area: 0.0, down: 0.0, steep: 0.0 };
         let mut warnings = Vec::new();
@@ -164,6 +165,19 @@ fn read_surface(path: &Path, unit: Option<FileUnit>) -> Result<Read, Error> {
         }
     }
     found
+}
+
+/// A STEP or IGES file, with facets coarse enough to be made at once.
+fn cad(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
+    if unit.is_some() {
+        let d = Diag::input("surface-unit-stated", "--unit is given, but STEP and IGES files state their own unit");
+        return Err(d.at(Place::file(path.display().to_string())).hint("leave out --unit").into());
+    }
+    let mut warnings = Vec::new();
+    let fine = surface::Tessellation::within(0.1);
+    let mesh = surface::load_cad(path, fine, &mut warnings)?;
+    let (text, json) = super::import::shown(&mesh, fine);
+    Ok(Shown { text, json, warnings })
 }
 
 fn triple(v: [f64; 3], between: &str) -> String {

@@ -6,6 +6,7 @@
 mod args;
 mod batch;
 mod compare;
+mod import;
 mod inspect;
 mod orient;
 mod resume;
@@ -147,6 +148,9 @@ fn run(args: &Args) -> Result<u8, Error> {
             let shown = inspect::inspect(file, *unit)?;
             warn(args, &shown.warnings);
             print(&if args.json { show::json(&shown.json) } else { shown.text })?;
+        }
+        Command::Import { file, output, tolerance, angle } => {
+            import::run(args, file, output.as_deref(), *tolerance, *angle)?;
         }
         Command::Machines { schema: true, .. } => print(&format!("{}\n", crate::machine::json_schema()))?,
         Command::Machines { name, .. } => machines(args, name.as_deref())?,

@@ -132,8 +132,8 @@ impl FileUnit {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SurfaceKeys {
-    /// STL, OBJ, PLY, 3MF, height map (PNG, TIFF, ESRI ASCII grid, USGS DEM), or XYZ / CSV point cloud; relative to the
-    /// job file.
+    /// STL, OBJ, PLY, 3MF, STEP, IGES, height map (PNG, TIFF, ESRI ASCII grid, USGS DEM), or XYZ / CSV point cloud;
+    /// relative to the job file.
     pub file: PathBuf,
     /// Unit of the file's numbers; required for STL, OBJ, PLY and point clouds. 3MF files state theirs.
     #[serde(default)]

@@ -54,9 +54,12 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
     let mut faults = Faults::new(path, &source);
     let f = &mut faults;
     let mode = overrides.mode.unwrap_or(file.mode);
-    let surface = surface_input(&file.surface, f);
+    let mut surface = surface_input(&file.surface, f);
     let origin = file.placement.origin.map(|o| Origin(o.map(|length| f.nm("placement.origin", length).0)));
     let focus = focus(&file.focus, f);
+    // Facets of exact surfaces may use a tenth of the depth.
+    let is_cad = surface::is_cad(&surface.file);
+    surface.options.tessellation = is_cad.then(|| surface::Tessellation::within(focus.pdof.mm() / 10.0));
     let pens = pens(&file.pen, f);
     if file.texture.is_empty() {
         f.push("texture", Diag::input("texture-none", "the job has no [[texture]]"));
@@ -126,12 +129,21 @@ fn surface_input(keys: &SurfaceKeys, f: &mut Faults<'_>) -> SurfaceInput {
         nodata: h.nodata,
         origin_mm: h.origin.map(Length::as_mm),
     };
+    if keys.unit.is_some() && surface::is_cad(&keys.file) {
+        let fault =
+            Diag::input("surface-unit-stated", "surface.unit is stated, but STEP and IGES files state their own unit");
+        f.push(
+            "surface.unit",
+            fault.hint("leave out surface.unit; correct the unit in the CAD program if it is wrong"),
+        );
+    }
     SurfaceInput {
         file: keys.file.clone(),
         options: surface::Options {
             unit_mm: keys.unit.map(|u| u.in_mm()),
             heightmap: keys.heightmap.as_ref().map(scale),
             max_edge_mm: keys.max_edge.map(Length::as_mm),
+            tessellation: None,
         },
         weld: f.nm("surface.weld", keys.weld),
     }

@@ -8,6 +8,7 @@
 mod bins;
 #[cfg(test)]
 mod brute;
+mod cad;
 mod facets;
 mod heightmap;
 mod implicit_mesh;
@@ -26,6 +27,7 @@ mod walk;
 use std::path::Path;
 
 use bins::{Bins, Class};
+pub use cad::{About, CadMesh, Tessellation, is_cad, load as load_cad};
 pub use heightmap::Samples;
 use heightmap::esri_grid::By;
 use implicit_mesh::ImplicitMesh;
@@ -46,6 +48,8 @@ pub struct Options {
     pub heightmap: Option<Scale>,
     /// Longest triangle edge for point clouds, mm.
     pub max_edge_mm: Option<f64>,
+    /// How finely STEP and IGES become facets; default: within 10 um.
+    pub tessellation: Option<Tessellation>,
 }
 
 /// Scale of a height map, mm.
@@ -128,6 +132,9 @@ pub fn read(
         "stl" => stl::read(path, unit("an STL file")?, notes, sink),
         "obj" => obj::read(path, unit("an OBJ file")?, notes, sink),
         "ply" => ply::read(path, unit("a PLY file")?, notes, sink),
+        "step" | "stp" | "iges" | "igs" => {
+            cad::read(path, options.tessellation.unwrap_or(Tessellation::within(0.01)), notes, sink)
+        }
         "3mf" => threemf::read(path, stated("a 3MF file")?, notes, sink),
         "png" => heightmap::png_image::read(path, scale("a PNG image")?, notes),
         "tif" | "tiff" => heightmap::tiff_image::read(path, scale("a TIFF image")?, notes),
@@ -161,16 +168,16 @@ pub fn read(
 /// How a surface comes to be read whose file has an extension that is not.
 fn way_in(extension: &str) -> &'static str {
     match extension {
-        "step" | "stp" | "iges" | "igs" | "x_t" | "x_b" | "sldprt" | "ipt" | "catpart" | "prt" | "3dm" | "fcstd" => {
-            "export it from the CAD program as STL, with a chord tolerance of a tenth of focus.pdof or finer"
+        "x_t" | "x_b" | "sldprt" | "ipt" | "catpart" | "prt" | "3dm" | "fcstd" => {
+            "export it from the CAD program as STEP"
         }
         "amf" | "off" | "glb" | "gltf" | "fbx" | "dae" => "open it in MeshLab or Blender and export it as binary STL",
         "grd" | "flt" | "bil" | "hgt" | "adf" | "img" | "vrt" => {
             "convert it to GeoTIFF or an ESRI ASCII grid (.asc), with gdal_translate or QGIS"
         }
         _ => {
-            "surfaces are read from .stl, .obj, .ply, .3mf, .png, .tif or .dem (height maps), and .xyz, .csv, .txt or \
-             .asc (points, or an ESRI grid)"
+            "surfaces are read from .stl, .obj, .ply, .3mf, .step, .iges, .png, .tif or .dem (height maps), and .xyz, .csv, \
+             .txt or .asc (points, or an ESRI grid)"
         }
     }
 }

@@ -131,7 +131,7 @@ fn read_at(path: &Path, unit_mm: f64) -> Got {
     let has_scale = ["png", "tif", "dem"].iter().any(|e| path.extension().is_some_and(|of| of == *e));
     let heightmap = has_scale.then_some(scale);
     let unit_mm = path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("3mf")).then_some(unit_mm);
-    let options = Options { unit_mm, heightmap, max_edge_mm: None };
+    let options = Options { unit_mm, heightmap, max_edge_mm: None, tessellation: None };
     let (mut notes, mut facets) = (vec![], vec![]);
     let start = Instant::now();
     let result = read(path, &options, &mut notes, &mut |f| facets.push(f));
@@ -330,9 +330,10 @@ fn a_file_without_unit_scale_or_known_extension_is_refused() {
         ("a.OBJ", "surface-unit", "an OBJ file carries no unit"),
         ("a.csv", "surface-unit", "a point cloud carries no unit"),
         ("a.Png", "heightmap-scale", "add [surface.heightmap]"),
-        ("a.step", "surface-format", "chord tolerance"),
+        ("a.step", "file-unreadable", "cannot read"),
+        ("a.sldprt", "surface-format", "export it from the CAD program as STEP"),
         ("a.ply", "surface-unit", "a PLY file carries no unit"),
-        ("a.doc", "surface-format", ".stl, .obj, .ply, .3mf, .png, .tif or .dem"),
+        ("a.doc", "surface-format", ".stl, .obj, .ply, .3mf, .step, .iges, .png, .tif or .dem"),
         ("a.TIFF", "heightmap-scale", "add [surface.heightmap]"),
         ("a.dem", "heightmap-scale", "a USGS DEM carries no scale"),
         ("a.asc", "surface-unit", "a point cloud carries no unit"),

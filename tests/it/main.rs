@@ -9,6 +9,7 @@ mod bad_surfaces;
 mod bad_svg;
 mod batch;
 mod bound;
+mod cad;
 mod cli;
 mod closed_forms;
 mod compare;
