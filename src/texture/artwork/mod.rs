@@ -11,14 +11,16 @@ mod cut;
 mod hatch;
 mod marking;
 mod marks;
+mod screen;
 
 use std::ops::Range;
 
 pub(super) use area::Area;
 pub(super) use crossings::TooMany;
 use hatch::Hatch;
-pub use marking::{ContourPass, FillMode, Marking, Selector, StrokeMode};
+pub use marking::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
 pub(super) use marks::{Page, marks};
+pub(super) use screen::Grey;
 
 use super::clip::Lines;
 
@@ -36,6 +38,8 @@ pub(super) struct Artwork {
     pub(super) lines: Lines,
     /// The areas that shapes are cut at, page mm.
     pub(super) clips: Vec<Area>,
+    /// The pictures that shapes refer to; each fills the page.
+    pub(super) greys: Vec<Grey>,
     /// What elements are called in messages: their id, or tag and number.
     pub(super) names: Vec<String>,
     /// Sets of labels by which shapes can be chosen.
@@ -55,6 +59,15 @@ impl Artwork {
     /// Whether something may be hatched.
     pub(super) fn has_areas(&self) -> bool {
         self.shapes.iter().any(|s| s.figure != Figure::Lines)
+    }
+
+    /// Mirrors the page about its middle.
+    pub(super) fn mirror(&mut self, mirror: Mirror) {
+        let axis = if mirror == Mirror::X { 0 } else { 1 };
+        let side = self.size[axis];
+        self.lines.points.iter_mut().for_each(|p| p[axis] = side - p[axis]);
+        self.clips.iter_mut().for_each(|clip| clip.mirror(axis, side));
+        self.greys.iter_mut().for_each(|grey| grey.mirror(axis));
     }
 
     /// All labels of a set, from the element outwards.
@@ -94,6 +107,8 @@ pub(super) enum Figure {
     Fill(Rule),
     /// They bound the area of a wide line.
     Stroke,
+    /// The picture of this index, by lines; it has no polylines.
+    Grey(u32),
 }
 
 /// Which points the contours of an area hold.

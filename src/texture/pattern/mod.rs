@@ -72,7 +72,7 @@ pub enum Kind {
         /// Distance of centres.
         pitch_mm: f64,
     },
-    /// An SVG drawing.
+    /// An SVG drawing or a bitmap.
     Drawing {
         /// The file.
         path: PathBuf,

@@ -29,7 +29,7 @@ mod style_sheet;
 mod tally;
 mod walk;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use roxmltree::{Document, ParsingOptions};
 
@@ -39,7 +39,7 @@ use super::place::Site;
 use crate::diag::{Diag, Error, Place, memory};
 use crate::geom::BoxMm;
 use page::Frame;
-pub(super) use source::foreign_name;
+pub(super) use source::{foreign_name, is_svg, text};
 use style::Style;
 use style_sheet::{Sheet, without_comments};
 use tally::{Issue, Tally};
@@ -47,28 +47,6 @@ use walk::{State, Walk, style_text};
 
 /// Most nodes of the XML tree.
 const MAX_NODES: u32 = 4_000_000;
-
-/// The texts of drawings, each file read once.
-#[derive(Default)]
-pub(super) struct Sources(Vec<(PathBuf, String)>);
-
-impl Sources {
-    /// The text of a file.
-    ///
-    /// # Errors
-    /// `file-…`, `svg-…` where it cannot be read or is not text.
-    pub(super) fn read(&mut self, path: &Path) -> Result<&str, Error> {
-        let known = self.0.iter().position(|(p, _)| p == path);
-        let i = match known {
-            Some(i) => i,
-            None => {
-                self.0.push((path.to_owned(), source::read(path)?));
-                self.0.len() - 1
-            }
-        };
-        Ok(&self.0[i].1)
-    }
-}
 
 /// Reads the text of a drawing; `size_mm` wins over the file's own size.
 ///
