@@ -116,6 +116,21 @@ const SIZED: &[(&str, Outcome)] = &[
     ("svg_wrong_namespace.svg", Compiled(&["svg-namespace"])),
 ];
 
+/// As textures, with `size = ["10 mm", "10 mm"]`.
+const BITMAPS: &[(&str, Outcome)] = &[
+    ("png_bad_idat_crc.png", Refused("bitmap-damaged", ".png")),
+    ("png_bad_ihdr_crc.png", Refused("bitmap-damaged", ".png")),
+    ("png_decompression_bomb.png", Limit("bitmap-large")),
+    ("png_flat_black.png", Compiled(&[])),
+    ("png_huge_dims.png", Limit("bitmap-large")),
+    ("png_is_jpeg.png", Refused("bitmap-truncated", ".png")),
+    ("png_truncated.png", Refused("bitmap-truncated", ".png")),
+    ("png_zero_dims.png", Refused("bitmap-damaged", ".png")),
+    ("png_one_bit.png", Compiled(&[])),
+    ("png_one_bit_no_idat.png", Refused("bitmap-damaged", ".png")),
+    ("png_newline_in_signature.png", Refused("bitmap-damaged", ".png")),
+];
+
 /// Compiles under a limit of 512 MB. The limit is one of address space, which is never less than the
 /// memory in use; where it strikes the program aborts, and that is not an outcome of any table.
 fn compile(job: &Path, out: &Path) -> Output {
@@ -221,7 +236,8 @@ fn plate(dir: &Path) -> JobText {
 #[test]
 fn malformed_drawings_give_the_expected_messages() {
     let dir = folder();
-    for (table, size) in [(DRAWINGS, ""), (SIZED, "\nsize = [\"100 mm\", \"100 mm\"]")] {
+    let sized = |side: u32| format!("\nsize = [\"{side} mm\", \"{side} mm\"]");
+    for (table, size) in [(DRAWINGS, String::new()), (SIZED, sized(100)), (BITMAPS, sized(10))] {
         for (name, want) in table {
             let texture = format!("file = {:?}{size}", malformed::file(dir.path(), name).display().to_string());
             check(&plate(dir.path()).texture(&texture).write(dir.path(), "job.toml"), name, want);
@@ -235,6 +251,8 @@ fn every_malformed_file_is_in_a_table() {
     for name in malformed::names() {
         let ours = ["stl_", "obj_", "ply_", "png", "svg", "xyz_"].iter().any(|p| name.starts_with(p));
         assert!(!ours || tables().any(|n| n == name), "{name} has no outcome");
+        let is_bitmap = BITMAPS.iter().any(|(n, _)| *n == name);
+        assert!(is_bitmap || !name.starts_with("png"), "{name} has no outcome as a texture");
     }
 }
 
@@ -325,8 +343,7 @@ fn a_mesh_beyond_the_limit_of_memory_is_refused_with_the_figure() {
 fn files_of_other_programs_are_named_with_a_way_to_convert_them() {
     let dir = folder();
     for (name, bytes, code, remedy) in [
-        ("logo.png", &b"\x89PNG\r\n\x1a\n\0"[..], "svg-format", "Trace Bitmap"),
-        ("logo.jpg", b"\xff\xd8\xff\xe0", "svg-format", "Trace Bitmap"),
+        ("logo.png", &b"GIF89a"[..], "bitmap-format", "as PNG"),
         ("panel.DXF", b"0\nSECTION\n2\nHEADER\n", "svg-format", "Inkscape"),
         ("panel.svg", b"%PDF-1.7\n", "svg-format", "Inkscape"),
     ] {

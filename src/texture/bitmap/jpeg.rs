@@ -19,6 +19,10 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, Diag> {
     let (columns, rows) = decoder.dimensions().ok_or_else(|| damaged("it states no size"))?;
     // Three bands of coefficients of a progressive file, and the samples.
     check_size(columns as u64, rows as u64, 8)?;
+    // A block of 8 x 8 pixels takes a bit at least.
+    if columns * rows / 512 > bytes.len() {
+        return Err(truncated(&format!("{columns} x {rows} pixels cannot be in {} bytes", bytes.len())));
+    }
     let (bands, out) = match decoder.input_colorspace() {
         Some(ColorSpace::Luma | ColorSpace::YCbCr) => (Bands::Grey, ColorSpace::Luma),
         Some(ColorSpace::RGB) => (Bands::Rgb, ColorSpace::RGB),

@@ -10,6 +10,9 @@ use crate::diag::Diag;
 /// What the decoder may allocate for rows and chunks, in bytes.
 const DECODER_BYTES: usize = 64 << 20;
 
+/// Most bytes that one of the file stands for: Deflate reaches 1032, and bits become bytes.
+const MAX_RATIO: usize = 9000;
+
 pub(super) fn decode(bytes: &[u8]) -> Result<Image, Diag> {
     let input = std::io::Cursor::new(bytes);
     let mut decoder = Decoder::new_with_limits(input, Limits { bytes: DECODER_BYTES });
@@ -31,6 +34,9 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, Diag> {
     let mut image = Image::new(width as usize, height as usize);
     if is_interlaced {
         let size = reader.output_buffer_size().ok_or_else(|| damaged("its size is not possible"))?;
+        if size / MAX_RATIO > bytes.len() {
+            return Err(truncated(&format!("{width} x {height} pixels cannot be in {} bytes", bytes.len())));
+        }
         let mut frame = vec![0; size];
         reader.next_frame(&mut frame).map_err(fault)?;
         image.push(&frame, form);
