@@ -236,12 +236,21 @@ fn plate(dir: &Path) -> JobText {
 #[test]
 fn malformed_drawings_give_the_expected_messages() {
     let dir = folder();
-    let sized = |side: u32| format!("\nsize = [\"{side} mm\", \"{side} mm\"]");
-    for (table, size) in [(DRAWINGS, String::new()), (SIZED, sized(100)), (BITMAPS, sized(10))] {
+    for (table, size) in [(DRAWINGS, ""), (SIZED, "\nsize = [\"100 mm\", \"100 mm\"]")] {
         for (name, want) in table {
             let texture = format!("file = {:?}{size}", malformed::file(dir.path(), name).display().to_string());
             check(&plate(dir.path()).texture(&texture).write(dir.path(), "job.toml"), name, want);
         }
+    }
+}
+
+#[test]
+fn malformed_bitmaps_give_the_expected_messages() {
+    let dir = folder();
+    for (name, want) in BITMAPS {
+        let file = malformed::file(dir.path(), name).display().to_string();
+        let texture = format!("file = {file:?}\nsize = [\"10 mm\", \"10 mm\"]");
+        check(&plate(dir.path()).texture(&texture).write(dir.path(), "job.toml"), name, want);
     }
 }
 

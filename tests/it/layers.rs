@@ -173,7 +173,7 @@ fn each_dependency_is_used_in_its_own_modules_only() {
         ("parry2d", &["src/clearance"]),
         ("geo", &["src/report", "src/surface/polygon"]),
         // The texture module has a module of this name.
-        ("svg", &["src/report", "src/texture/mod.rs"]),
+        ("svg", &["src/report", "src/texture/mod.rs", "src/texture/source.rs"]),
         ("clap", &["src/cli"]),
         ("ctrlc", &["src/cli"]),
         ("indicatif", &["src/cli"]),

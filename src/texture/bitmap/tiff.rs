@@ -24,9 +24,9 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, Diag> {
     limits.decoding_buffer_size = STRIP_BYTES;
     let mut decoder = Decoder::new(std::io::Cursor::new(bytes)).map_err(fault)?.with_limits(limits);
     let (width, height) = decoder.dimensions().map_err(fault)?;
+    check_size(width.into(), height.into(), 1)?;
     let (bands, bits) = form(&mut decoder)?;
     let size = u64::from(width) * u64::from(height);
-    check_size(width.into(), height.into(), 1)?;
     // Fax packs blank rows without bound.
     let is_fax = matches!(short(&mut decoder, Tag::Compression)?, Some(2..=4));
     if !is_fax && size * u64::from(bits) * bands.count() as u64 / 8 > bytes.len() as u64 * MAX_RATIO {
