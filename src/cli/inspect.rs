@@ -29,7 +29,8 @@ pub fn inspect(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     match extension.as_str() {
         "toml" => job(path),
-        "svg" | "svgz" => drawing(path),
+        // PNG and TIFF are taken for height maps.
+        "svg" | "svgz" | "dxf" | "plt" | "hpgl" | "jpg" | "jpeg" | "bmp" => drawing(path),
         _ if surface::is_cad(path) => cad(path, unit),
         _ => surface_file(path, unit),
     }
@@ -247,10 +248,10 @@ fn drawing(path: &Path) -> Result<Shown, Error> {
     // Without a physical size only what does not depend on it is shown; any page will do to count it.
     let (texture, sized) = match Texture::load(&[request(None)], anywhere, 0.0, 0.0, &mut warnings) {
         Ok(t) => (t, true),
-        Err(e) if e.diags().iter().any(|d| d.code == "svg-size") => {
+        Err(e) if e.diags().iter().any(|d| ["svg-size", "bitmap-size"].contains(&d.code)) => {
             warnings.clear();
             let texture = Texture::load(&[request(Some([100.0; 2]))], anywhere, 0.0, 0.0, &mut warnings)?;
-            warnings.retain(|w| w.code != "svg-stretched");
+            warnings.retain(|w| !["svg-stretched", "bitmap-stretched"].contains(&w.code));
             (texture, false)
         }
         Err(e) => return Err(e),
@@ -268,7 +269,7 @@ fn drawing(path: &Path) -> Result<Shown, Error> {
     if !sized {
         let text = format!(
             "{strokes}\nno physical size in the file: write width and height in mm into it, or state size = [...] \
-             with the texture\n"
+             with the texture (of a bitmap also dpi)\n"
         );
         return Ok(Shown { text, json, warnings });
     }

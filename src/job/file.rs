@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::direction::Direction;
 use crate::emit::Format;
 use crate::texture::pattern::Pattern;
-use crate::texture::{ContourPass, FillMode, StrokeMode};
+use crate::texture::{ContourPass, FillMode, Mirror, Screen, StrokeMode};
 use crate::units::{
     Angle, Frequency, Length, Power, Share, Speed, non_negative, non_negative_option, positive, positive_option,
 };
@@ -209,7 +209,7 @@ pub struct TextureKeys {
     /// A generated pattern; or give `file`.
     #[serde(default)]
     pub pattern: Option<Pattern>,
-    /// A drawing (SVG, DXF, HPGL), relative to the job file; or give `pattern`.
+    /// A drawing (SVG, DXF, HPGL) or a bitmap (PNG, TIFF, BMP, JPEG), relative to the job file; or give `pattern`.
     #[serde(default)]
     pub file: Option<PathBuf>,
     /// The area: filled by a pattern or by tiles of a drawing, and the limit of a single drawing.
@@ -243,6 +243,9 @@ pub struct TextureKeys {
     /// Drawing: turn of the page about its lower left corner, counter-clockwise.
     #[serde(default)]
     pub turn: Angle,
+    /// Drawing: mirror the page about its middle, before it is turned: `"x"` exchanges left and right.
+    #[serde(default)]
+    pub mirror: Option<Mirror>,
     /// Drawing: repeat the page over the area.
     #[serde(default)]
     pub tile: bool,
@@ -277,12 +280,48 @@ pub struct TextureKeys {
     /// Drawing: the colours and labels that do not exist.
     #[serde(default)]
     pub except: Vec<String>,
+    /// Bitmap: pixels in an inch, or `"file"` for what the file states; or give `size`.
+    #[serde(default)]
+    pub dpi: Option<DpiKeys>,
+    /// Bitmap: the density of a sample from 0 (black) to 1 (white) is 1 - sample^gamma; default: 1.
+    #[serde(default)]
+    pub gamma: Option<f64>,
+    /// Bitmap: mark what is light.
+    #[serde(default)]
+    pub invert: bool,
+    /// Bitmap: how grey becomes marks; lines and dashes lie at `pitch`, by default the spot, along `direction`.
+    #[serde(default)]
+    pub screen: Option<Screen>,
+    /// Bitmap with `screen = "threshold"`: density above which an area is marked; default: 50 %.
+    #[serde(default)]
+    pub threshold: Option<Share>,
+    /// Bitmap with `screen = "dashes"`: distance of the dashes on their line; default: ten pitches.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub period: Option<Length>,
     /// Largest distance between a curve and its polyline.
     #[serde(default = "default_tolerance", deserialize_with = "positive")]
     pub tolerance: Length,
     /// Name of the pen; default: the first.
     #[serde(default)]
     pub pen: Option<String>,
+}
+
+/// Resolution of a bitmap: a number, or `"file"`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum DpiKeys {
+    /// Pixels in an inch.
+    Number(f64),
+    /// From the file.
+    Stated(DpiName),
+}
+
+/// Resolutions with a name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum DpiName {
+    /// What the file states.
+    File,
 }
 
 /// What is done with elements of a drawing that cannot be reproduced.

@@ -14,6 +14,7 @@ mod resolve;
 mod resolved;
 mod sample;
 mod setting;
+mod tone;
 
 pub use crate::emit::Format;
 pub use file::{

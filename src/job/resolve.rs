@@ -13,6 +13,7 @@ use super::file::{
 use super::resolved::{
     Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
 };
+use super::tone;
 use crate::diag::{Diag, Error};
 use crate::emit::{Format, TARGETS, Target, names};
 use crate::geom::{BoxMm, MAX_NM, Nm, P2};
@@ -437,7 +438,7 @@ fn on_the_fly(file: &JobFile, f: &mut Faults<'_>) {
 }
 
 /// Keys of drawings.
-const DRAWING: [&str; 17] = [
+const DRAWING: [&str; 24] = [
     "size",
     "unit",
     "origin",
@@ -455,6 +456,13 @@ const DRAWING: [&str; 17] = [
     "pens",
     "only",
     "except",
+    "mirror",
+    "dpi",
+    "gamma",
+    "invert",
+    "screen",
+    "threshold",
+    "period",
 ];
 
 /// One `[[texture]]`.
@@ -612,6 +620,8 @@ impl Texture<'_> {
             is_lenient: keys.on_unsupported == Some(OnUnsupported::Warn),
             only,
             except,
+            mirror: keys.mirror,
+            tone: tone::resolve(keys, &|name| self.key(name), f),
         }
     }
 
@@ -673,6 +683,13 @@ impl Texture<'_> {
             ("pens", !keys.pens.is_empty()),
             ("only", !keys.only.is_empty()),
             ("except", !keys.except.is_empty()),
+            ("mirror", keys.mirror.is_some()),
+            ("dpi", keys.dpi.is_some()),
+            ("gamma", keys.gamma.is_some()),
+            ("invert", keys.invert),
+            ("screen", keys.screen.is_some()),
+            ("threshold", keys.threshold.is_some()),
+            ("period", keys.period.is_some()),
         ] {
             let fault = match (needs.contains(&key), is_given) {
                 (true, false) => format!("{what} needs {key}"),
@@ -718,10 +735,12 @@ mod tests {
 
     #[test]
     fn a_drawing_that_is_not_read_is_refused_before_its_keys_are_looked_at() {
-        for (file, what) in [("panel.dwg", "a DWG drawing"), ("a/logo.PNG", "a PNG image"), ("x.pdf", "a PDF document")]
+        for (file, what) in
+            [("panel.dwg", "a DWG drawing"), ("a/logo.EPS", "a PostScript drawing"), ("x.pdf", "a PDF document")]
         {
             let found = faults("pattern = \"hatch\"", &format!("file = \"{file}\""));
-            let wanted = format!("this is {what}, which is not read yet: textures are SVG, DXF and HPGL drawings");
+            let wanted =
+                format!("this is {what}, which is not read yet: textures are SVG, DXF and HPGL drawings and bitmaps");
             assert_eq!(found, [("svg-format", wanted)], "{file}");
         }
         // Patterns have no other keys to blame.

@@ -1,6 +1,6 @@
 //! What is to be marked: strokes on the nanometre grid of the turned part frame.
 //!
-//! Consumes the requests of a job (patterns and SVG drawings, lengths in mm, angles in rad) and the
+//! Consumes the requests of a job (patterns, SVG drawings and bitmaps, lengths in mm, angles in rad) and the
 //! part's box. Promises an indexed stream of polylines: every stroke has at least two points,
 //! neighbours differ, closed figures end on the point they start with, nothing is NaN or beyond 4 m,
 //! and stroke `i` is the same whenever and wherever it is asked for. Strokes of patterns and of tiles
@@ -16,6 +16,7 @@
 //! Limits: 2^31 strokes, 2·10^9 points (20 million in one drawing), coordinates up to 4 m.
 
 mod artwork;
+mod bitmap;
 mod clip;
 mod drawing;
 mod dxf;
@@ -32,7 +33,7 @@ use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, BoxMm, P2};
 use crate::program::PenId;
 use artwork::Artwork;
-pub use artwork::{ContourPass, FillMode, Marking, Selector, StrokeMode};
+pub use artwork::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
 use drawing::Drawing;
 pub use pattern::{Contour, Directions, Kind};
 use place::Turn;
@@ -54,7 +55,7 @@ pub enum Area {
     Unlimited,
 }
 
-/// What is said of a drawing whose name shows that it is not SVG, such as `panel.dxf`.
+/// What is said of a drawing whose name shows that it is not read, such as `panel.dxf`.
 pub fn foreign_drawing(path: &std::path::Path) -> Option<Diag> {
     svg::foreign_name(path)
 }
@@ -145,7 +146,7 @@ impl Texture {
     /// filled by lines half a spot apart unless the request says otherwise. Warnings go to `notes`.
     ///
     /// # Errors
-    /// Faults of drawings (`svg-…`), `texture-empty`, `texture-far` (beyond 4 m), `texture-large`,
+    /// Faults of drawings (`svg-…`, `bitmap-…`), `texture-key`, `texture-empty`, `texture-far` (beyond 4 m), `texture-large`,
     /// `texture-area`, `texture-pitch`, `texture-cell`, `texture-order`, `texture-tile`.
     pub fn load(
         requests: &[Request],

@@ -1,57 +1,73 @@
-//! The files of drawings: each is read once, by the reader of its format.
+//! The files of drawings, each read once, by the reader that their first bytes or their name ask for.
 
 use std::path::{Path, PathBuf};
 
 use super::artwork::Artwork;
 use super::place::Site;
-use super::{Kind, Request, dxf, hpgl, svg};
-use crate::diag::{self, Diag, Error};
+use super::{Kind, Request, bitmap, dxf, hpgl, svg};
+use crate::diag::{self, Diag, Error, Place};
 
-/// Largest plot, bytes.
-const MAX_PLOT: u64 = 256 << 20;
+/// Largest file of a drawing.
+const MAX_FILE: u64 = 256 << 20;
 
-/// What a file holds.
-enum Content {
+/// A file that was read.
+enum Source {
     Svg(String),
     Dxf(Vec<u8>),
     Plot(Vec<u8>),
+    Bitmap(bitmap::Image),
 }
 
-/// The contents of the drawings of a job.
+/// The drawings of a job.
 #[derive(Default)]
-pub(super) struct Sources(Vec<(PathBuf, Content)>);
+pub(super) struct Sources(Vec<(PathBuf, Source)>);
 
 impl Sources {
     /// The drawing of a request of kind drawing.
     ///
     /// # Errors
-    /// `file-…`, `svg-…`, `dxf-…`, `hpgl-…`, `texture-…`.
+    /// `file-…`; faults of the drawing (`svg-…`, `dxf-…`, `hpgl-…`, `bitmap-…`), `texture-…`.
     pub(super) fn artwork(&mut self, request: &Request, site: &Site, notes: &mut Vec<Diag>) -> Result<Artwork, Error> {
         let Kind::Drawing { path, size_mm, unit_mm, marking, .. } = &request.kind else {
             unreachable!("a drawing was asked for")
         };
-        let mut art = match self.read(path)? {
-            Content::Svg(text) => return svg::load(text, path, *size_mm, site, marking, notes),
-            Content::Dxf(bytes) => dxf::load(bytes, path, *unit_mm, site.tolerance, marking, notes)?,
-            Content::Plot(bytes) => hpgl::load(bytes, path, site.tolerance, marking, notes)?,
+        let source = self.read(path)?;
+        if marking.tone.is_some() && !matches!(source, Source::Bitmap(_)) {
+            return Err(Diag::input("texture-key", "a key of bitmaps does not apply to this drawing")
+                .at(Place::file(path.display().to_string()))
+                .hint("leave out dpi, gamma, invert, screen, threshold and period")
+                .into());
+        }
+        let mut art = match source {
+            Source::Svg(text) => svg::load(text, path, *size_mm, site, marking, notes)?,
+            Source::Bitmap(image) => bitmap::load(image, path, *size_mm, site, marking, notes)?,
+            Source::Dxf(bytes) => dxf::load(bytes, path, *unit_mm, site.tolerance, marking, notes)?,
+            Source::Plot(bytes) => hpgl::load(bytes, path, site.tolerance, marking, notes)?,
         };
-        if let Some(size) = size_mm {
+        if let (Some(size), Source::Dxf(_) | Source::Plot(_)) = (size_mm, source) {
             art.stretch(*size);
+        }
+        if let Some(mirror) = marking.mirror {
+            art.mirror(mirror);
         }
         Ok(art)
     }
 
-    fn read(&mut self, path: &Path) -> Result<&Content, Error> {
+    fn read(&mut self, path: &Path) -> Result<&Source, Error> {
         let known = self.0.iter().position(|(p, _)| p == path);
         let i = match known {
             Some(i) => i,
             None => {
-                let content = match extension(path).as_str() {
-                    "dxf" => Content::Dxf(diag::read_file(path, dxf::MAX_FILE)?),
-                    "plt" | "hpgl" | "hpg" => Content::Plot(diag::read_file(path, MAX_PLOT)?),
-                    _ => Content::Svg(svg::read(path)?),
+                let bytes = diag::read_file(path, MAX_FILE)?;
+                let is_text = svg::is_svg(&bytes);
+                let source = match extension(path).as_str() {
+                    _ if bitmap::is_bitmap(&bytes) => Source::Bitmap(bitmap::decode(&bytes, path)?),
+                    "dxf" if !is_text => Source::Dxf(bytes),
+                    "plt" | "hpgl" | "hpg" if !is_text => Source::Plot(bytes),
+                    _ if bitmap::has_name(path) && !is_text => Source::Bitmap(bitmap::decode(&bytes, path)?),
+                    _ => Source::Svg(svg::text(bytes, path)?),
                 };
-                self.0.push((path.to_owned(), content));
+                self.0.push((path.to_owned(), source));
                 self.0.len() - 1
             }
         };

@@ -136,6 +136,21 @@ const SIZED: &[(&str, Outcome)] = &[
     ("svg_wrong_namespace.svg", Compiled(&["svg-namespace"])),
 ];
 
+/// As textures, with `size = ["10 mm", "10 mm"]`.
+const BITMAPS: &[(&str, Outcome)] = &[
+    ("png_bad_idat_crc.png", Refused("bitmap-damaged", ".png")),
+    ("png_bad_ihdr_crc.png", Refused("bitmap-damaged", ".png")),
+    ("png_decompression_bomb.png", Limit("bitmap-large")),
+    ("png_flat_black.png", Compiled(&[])),
+    ("png_huge_dims.png", Limit("bitmap-large")),
+    ("png_is_jpeg.png", Refused("bitmap-truncated", ".png")),
+    ("png_truncated.png", Refused("bitmap-truncated", ".png")),
+    ("png_zero_dims.png", Refused("bitmap-damaged", ".png")),
+    ("png_one_bit.png", Compiled(&[])),
+    ("png_one_bit_no_idat.png", Refused("bitmap-damaged", ".png")),
+    ("png_newline_in_signature.png", Refused("bitmap-damaged", ".png")),
+];
+
 /// Compiles under a limit of 512 MB. The limit is one of address space, which is never less than the
 /// memory in use; where it strikes the program aborts, and that is not an outcome of any table.
 fn compile(job: &Path, out: &Path) -> Output {
@@ -293,11 +308,23 @@ fn malformed_drawings_give_the_expected_messages() {
 }
 
 #[test]
+fn malformed_bitmaps_give_the_expected_messages() {
+    let dir = folder();
+    for (name, want) in BITMAPS {
+        let file = malformed::file(dir.path(), name).display().to_string();
+        let texture = format!("file = {file:?}\nsize = [\"10 mm\", \"10 mm\"]");
+        check(&plate(dir.path()).texture(&texture).write(dir.path(), "job.toml"), name, want);
+    }
+}
+
+#[test]
 fn every_malformed_file_is_in_a_table() {
     let tables = || SURFACES.iter().chain(DRAWINGS).map(|(name, _)| *name);
     for name in malformed::names() {
         let ours = ["stl_", "obj_", "ply_", "png", "3mf_", "tiff_", "svg", "xyz_"].iter().any(|p| name.starts_with(p));
         assert!(!ours || tables().any(|n| n == name), "{name} has no outcome");
+        let is_bitmap = BITMAPS.iter().any(|(n, _)| *n == name);
+        assert!(is_bitmap || !name.starts_with("png"), "{name} has no outcome as a texture");
     }
 }
 
@@ -388,8 +415,7 @@ fn a_mesh_beyond_the_limit_of_memory_is_refused_with_the_figure() {
 fn files_of_other_programs_are_named_with_a_way_to_convert_them() {
     let dir = folder();
     for (name, bytes, code, remedy) in [
-        ("logo.png", &b"\x89PNG\r\n\x1a\n\0"[..], "svg-format", "Trace Bitmap"),
-        ("logo.jpg", b"\xff\xd8\xff\xe0", "svg-format", "Trace Bitmap"),
+        ("logo.png", &b"GIF89a"[..], "bitmap-format", "as PNG"),
         ("panel.svg", b"AutoCAD Binary DXF\r\n", "svg-format", ".dxf"),
         ("panel.svg", b"%PDF-1.7\n", "svg-format", "Inkscape"),
     ] {

@@ -40,7 +40,7 @@ const AS_IS: [(&str, Outcome); 30] = [
     ("svg_wrong_namespace.svg", (Err("svg-size"), &["svg-namespace"])),
     ("svg_zero_viewbox.svg", (Err("svg-viewbox"), &[])),
     ("svgz_bomb.svgz", (Err("svg-large"), &[])),
-    ("png_truncated.png", (Err("svg-format"), &[])),
+    ("png_truncated.png", (Err("bitmap-truncated"), &[])),
     ("stl_ascii_nan.stl", (Err("svg-xml"), &[])),
     ("stl_empty_file.stl", (Err("svg-xml"), &[])),
     ("3mf_xml_bomb.3mf", (Err("svg-encoding"), &[])),

@@ -166,7 +166,7 @@ fn the_verifier_uses_nothing_that_the_planner_uses_of_the_same_modules() {
 #[test]
 fn each_dependency_is_used_in_its_own_modules_only() {
     // Crate, and the modules or files that may name it.
-    let owners: [(&str, &[&str]); 25] = [
+    let owners: [(&str, &[&str]); 26] = [
         ("rayon", &["src/parallel", "src/batch", "src/cli", "src/compare/mod.rs"]),
         ("nalgebra", &["src/geom"]),
         ("spade", &["src/surface/points"]),
@@ -184,10 +184,11 @@ fn each_dependency_is_used_in_its_own_modules_only() {
         ("rstar", &["src/texture/artwork/marks.rs", "src/verify/read/picture.rs"]),
         ("usvg", &["src/verify/read/picture.rs"]),
         ("rustfft", &["src/on_the_fly/decompose"]),
-        ("png", &["src/surface/heightmap"]),
+        ("png", &["src/surface/heightmap", "src/texture/bitmap"]),
         ("quick_xml", &["src/surface/threemf"]),
-        ("tiff", &["src/surface/heightmap"]),
+        ("tiff", &["src/surface/heightmap", "src/texture/bitmap"]),
         ("zip", &["src/surface/threemf"]),
+        ("zune_jpeg", &["src/texture/bitmap/jpeg.rs"]),
         ("prost", &["src/emit/ovf", "src/verify/read/ovf"]),
         ("toml", &["src/diag", "src/job"]),
         ("serialport", &["src/run/stage/grbl"]),

@@ -8,6 +8,7 @@ mod bad_input;
 mod bad_surfaces;
 mod bad_svg;
 mod batch;
+mod bitmaps;
 mod bound;
 mod cad;
 mod cli;

@@ -7,7 +7,7 @@ use std::path::Path;
 use inotify::{EventMask, Inotify, WatchMask};
 
 use crate::support::surfaces::{mesh, write_stl};
-use crate::support::{JobText, folder, said, terrace};
+use crate::support::{JobText, folder, image, said, terrace};
 
 /// Runs the program and counts how often each file of `dir` was opened by it.
 fn opened(dir: &Path, args: &[&str]) -> BTreeMap<String, usize> {
@@ -40,10 +40,13 @@ fn every_command_opens_each_input_once_and_once_for_its_hash() {
     let drawing = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"8mm\" height=\"8mm\" viewBox=\"0 0 8 8\">\
                    <path d=\"M1 1 L7 7 L1 7 Z\"/></svg>";
     std::fs::write(path("drawing.svg"), drawing).expect("written");
+    std::fs::write(path("grey.png"), image::height_map(2, &[0, 20_000, 40_000, 60_000])).expect("written");
     std::fs::write(path("machine.toml"), terrace(["machines", "xyz-galvo-100"]).stdout).expect("written");
     let mut job = JobText::on(Path::new(&path("part.stl")))
         .texture("file = \"drawing.svg\"")
         .texture("file = \"drawing.svg\"\norigin = [\"-10 mm\", \"-9 mm\"]")
+        .texture("file = \"grey.png\"\nsize = [\"2 mm\", \"2 mm\"]\npitch = \"0.1 mm\"")
+        .texture("file = \"grey.png\"\nsize = [\"2 mm\", \"2 mm\"]\nscreen = \"lines\"\norigin = [\"-9 mm\", \"0 mm\"]")
         .texture("pattern = \"hatch\"\npitch = \"9 mm\"")
         .method("auto");
     job.machine = "file = \"machine.toml\"".into();

@@ -75,6 +75,15 @@ impl Area {
         Self(self.0.outline(&style))
     }
 
+    /// Mirrors it between 0 and `side` along an axis.
+    pub(super) fn mirror(&mut self, axis: usize, side: f64) {
+        for contour in self.0.iter_mut().flatten() {
+            contour.iter_mut().for_each(|p| p[axis] = side - p[axis]);
+            // Outer contours stay anticlockwise.
+            contour.reverse();
+        }
+    }
+
     /// What cuts lines at its border.
     pub(super) fn cutter(&self) -> Cutter {
         Cutter::new(self.contours())

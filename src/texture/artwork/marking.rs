@@ -61,6 +61,62 @@ pub(in crate::texture) enum Weight {
     Refused,
 }
 
+/// How the grey of a bitmap becomes marks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Screen {
+    /// What is darker than a threshold is an area.
+    #[default]
+    Threshold,
+    /// By the number of parallel lines.
+    Lines,
+    /// By the length of dashes on parallel lines.
+    Dashes,
+}
+
+/// The axis along which a drawing is mirrored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Mirror {
+    /// Left and right are exchanged.
+    X,
+    /// Top and bottom are exchanged.
+    Y,
+}
+
+/// Where a bitmap's resolution comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Resolution {
+    /// Pixels in an inch.
+    Dpi(f64),
+    /// What the file states.
+    File,
+}
+
+/// What is said of bitmaps alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tone {
+    /// Where no size is given.
+    pub resolution: Option<Resolution>,
+    /// The density of a sample is 1 - sample^gamma.
+    pub gamma: f64,
+    /// Whether light is marked instead of dark.
+    pub invert: bool,
+    /// How grey becomes marks.
+    pub screen: Screen,
+    /// Density above which an area is marked, 0 to 1.
+    pub threshold: f64,
+    /// Distance of dashes on their line, mm; None for ten pitches.
+    pub period_mm: Option<f64>,
+}
+
+impl Default for Tone {
+    fn default() -> Self {
+        let screen = Screen::default();
+        Self { resolution: None, gamma: 1.0, invert: false, screen, threshold: 0.5, period_mm: None }
+    }
+}
+
 /// What chooses shapes of a drawing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Selector {
@@ -118,6 +174,10 @@ pub struct Marking {
     pub only: Vec<Selector>,
     /// These do not exist.
     pub except: Vec<Selector>,
+    /// Whether the page is mirrored about its middle, before it is turned.
+    pub mirror: Option<Mirror>,
+    /// Where the drawing is a bitmap; None where nothing is said of it.
+    pub tone: Option<Tone>,
 }
 
 /// Strokes wider than this are areas, in spots.

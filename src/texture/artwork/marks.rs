@@ -14,6 +14,7 @@ use super::choice::{Class, classes};
 use super::crossings::TooMany;
 use super::cut::Keep;
 use super::hatch::{Hatch, TooFine};
+use super::screen::LineScreen;
 use super::{Artwork, Figure, FillMode, Marking, Rule, Shape, StrokeMode};
 use crate::diag::Diag;
 use crate::geom::BoxMm;
@@ -50,6 +51,8 @@ enum How {
     Rings,
     /// The contours of an area as lines.
     Outline,
+    /// A picture by lines.
+    Screen,
     /// It hides what lies below, and is not marked.
     Hide,
     /// It does not exist.
@@ -86,6 +89,7 @@ pub(in crate::texture) fn marks(
     notes: &mut Vec<Diag>,
 ) -> Result<Page, Box<Diag>> {
     let hatch = marking.hatch(spot_mm, page_rad);
+    let screen = LineScreen::new(marking, spot_mm, page_rad);
     let classes = classes(art, marking)?;
     let seen: Vec<Seen<'_>> = parallel::map(art.shapes.len(), |i| Seen::new(art, i, classes[i], marking));
     let index = Index::new(&seen);
@@ -97,6 +101,7 @@ pub(in crate::texture) fn marks(
         let first = &seen[members[0]];
         let of = || match first.how {
             How::Line | How::Outline => Ok(lines(art, first, &covered[members[0]], &areas)?),
+            How::Screen => screened(art, first, &screen),
             _ => filled(&seen, members, &covered, &areas, &hatch),
         };
         of().map_err(|fault: Fault| fault.diag(&art.names[first.shape.name as usize]))
@@ -119,6 +124,7 @@ pub(in crate::texture) fn marks(
             thin = Some(thin.map_or((n, name), |(all, name)| (all + n, name)));
         }
     }
+    notes.extend(art.greys.iter().filter_map(|grey| screen.pale(grey)));
     if let Some((n, name)) = thin {
         let text = format!(
             "areas thinner than twice the inset of the hatch hold no line and are not marked ({n}, first {})",
@@ -168,7 +174,8 @@ impl<'a> Seen<'a> {
         let shape = &art.shapes[i];
         let (mut how, pen) = match class {
             Class::Skip => (How::Skip, None),
-            Class::Page => (if shape.figure == Figure::Lines { How::Skip } else { How::Hide }, None),
+            Class::Page if matches!(shape.figure, Figure::Lines | Figure::Grey(_)) => (How::Skip, None),
+            Class::Page => (How::Hide, None),
             Class::Pen(pen) => (how(&shape.figure, marking), pen),
         };
         // The line of a stroke stands for the contour of its area.
@@ -200,6 +207,7 @@ impl<'a> Seen<'a> {
 fn how(figure: &Figure, marking: &Marking) -> How {
     match (figure, marking.fill, marking.stroke) {
         (Figure::Lines, ..) => How::Line,
+        (Figure::Grey(_), ..) => How::Screen,
         (Figure::Stroke, _, StrokeMode::Outline) | (Figure::Fill(_), FillMode::Outline, _) => How::Outline,
         (_, FillMode::Rings, _) => How::Rings,
         (Figure::Fill(_), FillMode::None, _) => How::Hide,
@@ -335,6 +343,15 @@ fn lines(art: &Artwork, seen: &Seen<'_>, above: &[usize], areas: &[Area]) -> Res
                 None => made.lines.push(piece),
             }
         }
+    }
+    Ok(made)
+}
+
+/// The lines of a picture.
+fn screened(art: &Artwork, seen: &Seen<'_>, screen: &LineScreen) -> Result<Made, Fault> {
+    let mut made = Made { name: seen.shape.name, pen: seen.pen, lines: Lines::default(), thin: 0 };
+    if let Figure::Grey(k) = seen.shape.figure {
+        screen.mark(&art.greys[k as usize], art.size, &mut made.lines)?;
     }
     Ok(made)
 }

@@ -11,6 +11,7 @@ mod cut;
 mod hatch;
 mod marking;
 mod marks;
+mod screen;
 
 use std::ops::Range;
 
@@ -18,8 +19,9 @@ pub(super) use area::Area;
 pub(super) use crossings::TooMany;
 use hatch::Hatch;
 pub(super) use marking::Weight;
-pub use marking::{ContourPass, FillMode, Marking, Selector, StrokeMode};
+pub use marking::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
 pub(super) use marks::{Page, marks};
+pub(super) use screen::Grey;
 
 use super::clip::Lines;
 
@@ -37,6 +39,8 @@ pub(super) struct Artwork {
     pub(super) lines: Lines,
     /// The areas that shapes are cut at, page mm.
     pub(super) clips: Vec<Area>,
+    /// The pictures that shapes refer to; each fills the page.
+    pub(super) greys: Vec<Grey>,
     /// What elements are called in messages: their id, or tag and number.
     pub(super) names: Vec<String>,
     /// Sets of labels by which shapes can be chosen.
@@ -64,6 +68,15 @@ impl Artwork {
         self.lines.points.iter_mut().for_each(|p| *p = [p[0] * factor[0], p[1] * factor[1]]);
         self.corner = self.corner.map(|c| [c[0] * factor[0], c[1] * factor[1]]);
         self.size = size;
+    }
+
+    /// Mirrors the page about its middle.
+    pub(super) fn mirror(&mut self, mirror: Mirror) {
+        let axis = if mirror == Mirror::X { 0 } else { 1 };
+        let side = self.size[axis];
+        self.lines.points.iter_mut().for_each(|p| p[axis] = side - p[axis]);
+        self.clips.iter_mut().for_each(|clip| clip.mirror(axis, side));
+        self.greys.iter_mut().for_each(|grey| grey.mirror(axis));
     }
 
     /// All labels of a set, from the element outwards.
@@ -103,6 +116,8 @@ pub(super) enum Figure {
     Fill(Rule),
     /// They bound the area of a wide line.
     Stroke,
+    /// The picture of this index, by lines; it has no polylines.
+    Grey(u32),
 }
 
 /// Which points the contours of an area hold.

@@ -72,7 +72,7 @@ pub enum Kind {
         /// Distance of centres.
         pitch_mm: f64,
     },
-    /// A drawing: SVG, DXF or HPGL.
+    /// A drawing (SVG, DXF or HPGL) or a bitmap.
     Drawing {
         /// The file.
         path: PathBuf,

@@ -39,7 +39,7 @@ use super::place::Site;
 use crate::diag::{Diag, Error, Place, memory};
 use crate::geom::BoxMm;
 use page::Frame;
-pub(super) use source::{foreign_name, read};
+pub(super) use source::{foreign_name, is_svg, text};
 use style::Style;
 use style_sheet::{Sheet, without_comments};
 use tally::{Issue, Tally};

@@ -8,9 +8,6 @@ use std::path::Path;
 
 use crate::diag::{self, Diag, Error, Place};
 
-/// Largest drawing file.
-const MAX_FILE: u64 = 256 << 20;
-
 /// Largest drawing after unpacking an svgz.
 const MAX_UNPACKED: u64 = 64 << 20;
 
@@ -20,15 +17,21 @@ pub(super) const MAX_DEPTH: usize = 256;
 /// Most attributes of one element: the XML parser compares each with all others.
 const MAX_ATTRIBUTES: usize = 2000;
 
-/// Reads and checks the text of a drawing.
-pub(in crate::texture) fn read(path: &Path) -> Result<String, Error> {
+/// Whether a file begins as SVG does.
+pub(in crate::texture) fn is_svg(bytes: &[u8]) -> bool {
+    bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'<')
+}
+
+/// The text of a drawing, checked.
+///
+/// # Errors
+/// `svg-…` where it is no text, or not one that is safe to parse.
+pub(in crate::texture) fn text(mut bytes: Vec<u8>, path: &Path) -> Result<String, Error> {
     let place = Place::file(path.display().to_string());
-    let mut bytes = diag::read_file(path, MAX_FILE)?;
     if bytes.starts_with(&[0x1f, 0x8b]) {
         bytes = unpacked(&bytes).map_err(|d| d.at(place.clone()))?;
     }
-    let is_svg = bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'<');
-    if let Some(d) = foreign_text(&bytes).or_else(|| foreign_name(path).filter(|_| !is_svg)) {
+    if let Some(d) = foreign_text(&bytes).or_else(|| foreign_name(path).filter(|_| !is_svg(&bytes))) {
         return Err(d.at(place).into());
     }
     let text = decoded(bytes).map_err(|d| d.at(place))?;
@@ -39,19 +42,11 @@ pub(in crate::texture) fn read(path: &Path) -> Result<String, Error> {
     Ok(text)
 }
 
-/// What is said of images.
-const IMAGE: &str = "trace it to paths in Inkscape (Path, Trace Bitmap) and save it as plain SVG; \
-                     an image of heights is a surface, not a texture";
-
 /// What is said of drawings in other formats.
 const DRAWING: &str = "open it in Inkscape and save it as plain SVG, with the page's size in mm";
 
 /// Formats of other programs: how their files begin, the extensions of their names, what they are, what to do.
-const FOREIGN: [(&[u8], &[&str], &str, &str); 8] = [
-    (b"\x89PNG", &["png"], "a PNG image", IMAGE),
-    (b"\xff\xd8\xff", &["jpg", "jpeg"], "a JPEG image", IMAGE),
-    (b"BM", &["bmp"], "a BMP image", IMAGE),
-    (b"II*\0", &["tif", "tiff"], "a TIFF image", IMAGE),
+const FOREIGN: [(&[u8], &[&str], &str, &str); 4] = [
     (b"%PDF", &["pdf"], "a PDF document", DRAWING),
     (b"%!PS", &["ps", "eps", "ai"], "a PostScript drawing", DRAWING),
     (b"AutoCAD Binary DXF", &[], "a DXF drawing", "give its name the extension .dxf"),
@@ -73,8 +68,11 @@ fn foreign_text(bytes: &[u8]) -> Option<Diag> {
 }
 
 fn unread(what: &str, hint: &str) -> Diag {
-    Diag::input("svg-format", format!("this is {what}, which is not read yet: textures are SVG, DXF and HPGL drawings"))
-        .hint(hint)
+    Diag::input(
+        "svg-format",
+        format!("this is {what}, which is not read yet: textures are SVG, DXF and HPGL drawings and bitmaps"),
+    )
+    .hint(hint)
 }
 
 fn unpacked(bytes: &[u8]) -> Result<Vec<u8>, Box<Diag>> {

@@ -6,7 +6,7 @@
 
 use crate::geom::P2;
 use crate::job::Job;
-use crate::texture::{FillMode, Kind, Selector, Texture};
+use crate::texture::{FillMode, Kind, Mirror, Selector, Texture};
 use crate::verify::proof::Rule;
 use crate::verify::read::picture::Picture;
 
@@ -41,7 +41,12 @@ pub(in crate::verify) fn check(job: &Job, texture: &Texture, rule: &mut Rule) {
         for i in strokes.step_by(stride) {
             let pen = texture.stroke(i, &mut points);
             for p in samples(&points) {
-                let Some((at, page)) = texture.on_page(i, p) else { continue };
+                let Some((mut at, page)) = texture.on_page(i, p) else { continue };
+                match marking.mirror {
+                    Some(Mirror::X) => at[0] = page[0] - at[0],
+                    Some(Mirror::Y) => at[1] = page[1] - at[1],
+                    None => {}
+                }
                 rule.checked += 1;
                 let scale = [picture.size[0] / page[0], picture.size[1] / page[1]];
                 let slack = slack + page[0].max(page[1]) * F32;
@@ -147,7 +152,7 @@ mod tests {
     #[test]
     fn six_colours_have_their_pens() {
         let drawn = layers(COLOURS);
-        for more in ["", "tile = true\narea = \"part\"", "fill = \"outline\"", "fill = \"rings\""] {
+        for more in ["", "mirror = \"x\"", "tile = true\narea = \"part\"", "fill = \"outline\"", "fill = \"rings\""] {
             let rule = found(&format!("{more}\npitch = \"0.1 mm\""), &drawn, &drawn);
             assert!(rule.checked >= 36 && rule.violated == 0, "{more}: {:?}", rule.violations);
         }

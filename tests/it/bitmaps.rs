@@ -1,0 +1,129 @@
+//! Bitmaps as texture: jobs on a dome, and files of other sources.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use crate::support::surfaces::{dome, mesh, write_stl};
+use crate::support::{JobText, assert_balance, compile, folder, image, number, said, shared, terrace, verify};
+use terrace::geom::BoxMm;
+use terrace::program::PenId;
+use terrace::texture::{Area, Kind, Marking, Request, Screen, Texture, Tone};
+
+/// A PNG of 16 bits: a disc whose grey rises from its middle to its border, on white.
+fn disc() -> Vec<u8> {
+    let samples: Vec<u16> = (0..64 * 64)
+        .map(|i| {
+            let [x, y] = [i % 64, i / 64].map(|v| (f64::from(v) - 31.5) / 28.0);
+            if x.hypot(y) < 1.0 { (x.hypot(y) * 65_535.0) as u16 } else { u16::MAX }
+        })
+        .collect();
+    image::height_map(64, &samples)
+}
+
+#[test]
+fn bitmaps_on_a_dome_are_compiled_and_verified() {
+    let dir = folder();
+    let part = dir.path().join("dome.stl");
+    write_stl(&part, &mesh(24, [165.0, 165.0, 285.0, 285.0], dome));
+    std::fs::write(dir.path().join("disc.png"), disc()).expect("written");
+    let texture = |keys: &str| format!("file = \"disc.png\"\n{keys}");
+    let spot = 0.02;
+    for method in ["z-range", "window"] {
+        let job = JobText::on(&part)
+            .method(method)
+            .texture(&texture("size = [\"6 mm\", \"6 mm\"]\nscreen = \"lines\"\norigin = [\"175 mm\", \"228 mm\"]"))
+            .texture(&texture(
+                "dpi = 300\nscreen = \"dashes\"\ndirection = \"45 deg\"\norigin = [\"250 mm\", \"180 mm\"]",
+            ))
+            .texture(&texture("dpi = 254\nthreshold = \"40 %\"\nmirror = \"x\"\nturn = \"30 deg\"\npitch = \"0.1 mm\""))
+            .write(dir.path(), "job.toml");
+        let out = dir.path().join("out.job");
+        let summary = compile(&job, &out);
+        assert_balance(&summary, &verify(&out));
+        // A cone of density 1 in its middle: a third of its base, marked as if all of it were lines a spot apart.
+        let disc = |side: f64| std::f64::consts::PI * (side * 28.0 / 64.0_f64).powi(2);
+        let grey = (disc(6.0) + disc(64.0 / 300.0 * 25.4)) / 3.0 / spot;
+        // Up to 0.6 of its radius the cone is darker than 40 %.
+        let area = 0.36 * disc(6.4) / 0.1;
+        let texture_mm = number(&summary, "texture_mm");
+        assert!((texture_mm / (grey + area) - 1.0).abs() < 0.02, "{texture_mm} mm instead of {}", grey + area);
+        std::fs::remove_dir_all(out).expect("removed");
+    }
+}
+
+#[test]
+fn keys_that_do_not_apply_are_refused() {
+    let dir = folder();
+    let part = dir.path().join("dome.stl");
+    write_stl(&part, &mesh(4, [165.0, 165.0, 285.0, 285.0], dome));
+    std::fs::write(dir.path().join("disc.png"), disc()).expect("written");
+    std::fs::write(dir.path().join("leaf.svg"), terrace::job::SAMPLE_DRAWING).expect("written");
+    for (keys, code, say) in [
+        ("file = \"leaf.svg\"\ngamma = 2", "texture-key", "does not apply to this drawing"),
+        ("file = \"disc.png\"\ndpi = 300\nstroke = \"hatch\"", "texture-key", "stroke does not apply to a bitmap"),
+        ("file = \"disc.png\"\ndpi = 300\nsize = [\"1 mm\", \"1 mm\"]", "texture-key", "both size and dpi"),
+        ("file = \"disc.png\"\ndpi = -3", "texture-key", "dpi -3 is not possible"),
+        ("file = \"disc.png\"\ndpi = 300\ngamma = 0", "texture-key", "gamma 0 is not possible"),
+        ("file = \"disc.png\"\ndpi = 300\nthreshold = \"100 %\"", "texture-key", "threshold 100 is not possible"),
+        ("file = \"disc.png\"\ndpi = 300\nscreen = \"lines\"\nperiod = \"1 mm\"", "texture-key", "screen = \"lines\""),
+        ("file = \"disc.png\"\ndpi = 300\nscreen = \"dashes\"\nfill = \"rings\"", "texture-key", "screen = \"dashes\""),
+        ("pattern = \"hatch\"\npitch = \"1 mm\"\ninvert = true", "texture-key", "invert does not apply to hatch"),
+        ("file = \"disc.png\"", "bitmap-size", "64 x 64 pixels"),
+        ("file = \"disc.png\"\ndpi = \"file\"", "bitmap-size", "states no resolution"),
+    ] {
+        let job = JobText::on(&part).texture(keys).write(dir.path(), "job.toml");
+        let text = said(&terrace([Path::new("check"), &job]));
+        assert!(text.contains(&format!("error[{code}]")) && text.contains(say), "{keys}: {text}");
+    }
+}
+
+/// Reads a bitmap and marks it in a way.
+fn load(path: &Path, screen: Screen, spot_mm: f64) -> Result<Texture, &'static str> {
+    let marking = Marking { tone: Some(Tone { screen, ..Tone::default() }), ..Marking::default() };
+    let kind = Kind::Drawing {
+        path: path.to_owned(),
+        size_mm: Some([20.0, 20.0]),
+        unit_mm: None,
+        origin_mm: Some([0.0; 2]),
+        turn_rad: 0.0,
+        tile: false,
+        marking: Box::new(marking),
+    };
+    let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0) };
+    let start = Instant::now();
+    let texture = Texture::load(&[request], BoxMm::rectangle(0.0, 0.0, 20.0, 20.0), 0.0, spot_mm, &mut Vec::new());
+    assert!(start.elapsed() < Duration::from_secs(5), "{} took {:?}", path.display(), start.elapsed());
+    texture.map_err(|e| e.diags()[0].code)
+}
+
+#[test]
+#[ignore = "needs ../shared: make test-all"]
+fn bitmaps_of_other_sources_are_read_and_damaged_ones_refused() {
+    let mut names: Vec<_> = std::fs::read_dir(shared().join("textures"))
+        .expect("../shared/data/textures")
+        .map(|e| e.expect("an entry").path())
+        .filter(|p| p.extension().is_some_and(|e| e == "png"))
+        .collect();
+    names.sort();
+    assert!(names.len() > 25, "{}", names.len());
+    for path in names {
+        for screen in [Screen::Threshold, Screen::Lines, Screen::Dashes] {
+            let texture = load(&path, screen, 0.04).unwrap_or_else(|code| panic!("{}: {code}", path.display()));
+            assert!(!texture.is_empty());
+        }
+    }
+    for (name, code) in [
+        ("png_bad_idat_crc.png", "bitmap-damaged"),
+        ("png_decompression_bomb.png", "bitmap-large"),
+        ("png_huge_dims.png", "bitmap-large"),
+        ("pngsuite_xcsn0g01.png", "bitmap-damaged"),
+        ("pngsuite_xdtn0g01.png", "bitmap-damaged"),
+        ("pngsuite_xhdn0g08.png", "bitmap-damaged"),
+        ("pngsuite_xlfn0g04.png", "bitmap-damaged"),
+        ("tiff_cyclic_ifd.tif", "bitmap-damaged"),
+        ("tiff_huge_strip.tif", "bitmap-large"),
+    ] {
+        let path = shared().join("bad").join(name);
+        assert_eq!(load(&path, Screen::Threshold, 0.04).expect_err(name), code, "{name}");
+    }
+}
