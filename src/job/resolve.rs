@@ -528,6 +528,13 @@ impl Texture<'_> {
             (Some(pattern), None) => {
                 let row = texture::pattern::row(pattern);
                 self.only(row.name, row.needs, row.takes, f);
+                if self.keys.direction == Some(Direction::Contour)
+                    && pattern != texture::pattern::Pattern::Hatch
+                    && row.takes.contains(&"direction")
+                {
+                    let text = format!("direction = \"contour\" does not apply to {}", row.name);
+                    f.push(&self.key("direction"), Diag::input("texture-key", text).hint("write an angle"));
+                }
                 (row.kind)(&self.values(row.needs, f))
             }
             (None, Some(file)) => {
@@ -628,6 +635,12 @@ impl Texture<'_> {
                 Direction::Angle(angle) => Some(angle.as_rad()),
                 Direction::Contour => None,
             },
+            lattice: keys.lattice,
+            width_mm: keys.width.map(Length::as_mm),
+            bar_mm: keys.bar.map(Length::as_mm),
+            inner_mm: keys.inner.map(Length::as_mm),
+            line_mm: keys.line.map(Length::as_mm),
+            centre_mm: keys.centre.map(|c| c.map(Length::as_mm)),
         }
     }
 
@@ -639,6 +652,12 @@ impl Texture<'_> {
             ("direction", keys.direction.is_some()),
             ("order", keys.order.is_some()),
             ("cell", keys.cell.is_some()),
+            ("lattice", keys.lattice.is_some()),
+            ("width", keys.width.is_some()),
+            ("bar", keys.bar.is_some()),
+            ("inner", keys.inner.is_some()),
+            ("line", keys.line.is_some()),
+            ("centre", keys.centre.is_some()),
             ("size", keys.size.is_some()),
             ("origin", keys.origin.is_some()),
             ("turn", keys.turn != Angle::default()),
