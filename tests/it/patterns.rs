@@ -95,11 +95,11 @@ fn cells_have_their_number_and_their_lengths() {
             assert_within(&all, area);
             assert!(all.iter().all(|s| s.first() == s.last()), "{shape:?}: closed");
             let total = all.iter().map(|s| length_mm(s)).sum::<f64>();
-            // Chords of circles are shorter, by 2/3 of 8/3 of their sagitta and chord at most.
+            // Chords are shorter than their arcs.
             assert!((total / (count as f64 * length) - 1.0).abs() < 2.5e-3, "{shape:?}: {total}");
             let centres: Vec<[f64; 2]> = all.iter().step_by(loops).map(|s| centre(s)).collect();
             let first = if lattice == Lattice::Hex { [3.5, -4.0 + 1.0 / root] } else { [3.5, -3.5] };
-            assert!((centres[0][0] - first[0]).hypot(centres[0][1] - first[1]) < 2e-6, "{:?}", centres[0]);
+            assert!((centres[0][0] - first[0]).hypot(centres[0][1] - first[1]) < 2e-3, "{:?}", centres[0]);
             for (i, a) in centres.iter().enumerate() {
                 let near = centres.iter().enumerate().filter(|(k, _)| *k != i);
                 let near = near.map(|(_, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(f64::INFINITY, f64::min);
@@ -163,14 +163,16 @@ fn cells_that_do_not_fit_their_tile_are_refused() {
     assert_eq!(code(one(riblets(1.0, 1.0, 0.1))), "texture-cell");
     assert_eq!(code(one(riblets(1.0, 0.5, 0.6))), "texture-cell");
     assert_eq!(code(one(riblets(1.0, 0.5, 0.0))), "texture-pitch");
-    assert_eq!(code(one(riblets(1.0, 0.5, 1e-6))), "texture-large");
     for pitch_mm in [0.0, -1.0, f64::NAN, 1e-6] {
         assert_eq!(code(one(Kind::Honeycomb { pitch_mm })), "texture-pitch");
         assert_eq!(code(one(Kind::Concentric { pitch_mm, centre_mm: None })), "texture-pitch");
         assert_eq!(code(one(Kind::Spiral { pitch_mm, centre_mm: None })), "texture-pitch");
     }
     assert_eq!(code(one(Kind::Honeycomb { pitch_mm: 2e-5 })), "texture-large");
-    assert_eq!(code(one(Kind::Concentric { pitch_mm: 1e-5, centre_mm: Some([4000.0, 0.0]) })), "texture-large");
+    let wide = Area::Rectangle(BoxMm::rectangle(0.0, 0.0, 3000.0, 3000.0));
+    for kind in [riblets(1.0, 0.9999, 1e-6), Kind::Concentric { pitch_mm: 1e-3, centre_mm: None }] {
+        assert_eq!(code(load(request(kind, wide.clone()), PLATE, 0.0)), "texture-large");
+    }
     assert_eq!(code(one(Kind::Spiral { pitch_mm: 2e-5, centre_mm: None })), "texture-large");
     assert_eq!(code(one(Kind::Spiral { pitch_mm: 1.0, centre_mm: Some([4001.0, 0.0]) })), "texture-far");
     assert_eq!(code(one(Kind::Concentric { pitch_mm: 20.0, centre_mm: None })), "texture-empty");
@@ -208,7 +210,6 @@ fn honeycomb_has_every_wall_once() {
         let side = pitch / 3f64.sqrt();
         let [w, h] = [0; 2].map(|_| noise.range(0.2, 9.0));
         let area = BoxMm::rectangle(1.0, -2.0, 1.0 + w, -2.0 + h);
-        let t = made(Kind::Honeycomb { pitch_mm: pitch }, area);
         // The three walls of every tile that lie on its right, cut by hand.
         let mut want = 0.0;
         for row in -2..=(h / side) as i32 + 2 {
@@ -222,25 +223,17 @@ fn honeycomb_has_every_wall_once() {
                 want += (-2..1).map(|k| left_of([at(k), at(k + 1)], area)).sum::<f64>();
             }
         }
+        let Some(t) = seen(Kind::Honeycomb { pitch_mm: pitch }, area) else {
+            assert!(want < 1e-5, "seed {seed}: {want} mm");
+            continue;
+        };
         let all = strokes(&t);
         assert_within(&all, area);
         let total = all.iter().map(|s| length_mm(s)).sum::<f64>();
         assert!((total - want).abs() < 2e-6 * points_of(&all) as f64, "seed {seed}: {total} of {want}");
-        let walls = all.iter().flat_map(|s| s.windows(2)).map(|w| (w[0].min_max(w[1])));
-        let walls: Vec<_> = walls.collect();
+        let ends = |w: &[P2]| (w[0].x.min(w[1].x), w[0].x.max(w[1].x), w[0].y.min(w[1].y), w[0].y.max(w[1].y));
+        let walls: Vec<_> = all.iter().flat_map(|s| s.windows(2)).map(ends).collect();
         assert_eq!(walls.iter().collect::<BTreeSet<_>>().len(), walls.len(), "seed {seed}: no wall twice");
-    }
-}
-
-/// A segment without a direction.
-trait MinMax {
-    fn min_max(self, other: Self) -> [[i64; 2]; 2];
-}
-
-impl MinMax for P2 {
-    fn min_max(self, other: Self) -> [[i64; 2]; 2] {
-        let (a, b) = ([self.x, self.y], [other.x, other.y]);
-        [a.min(b), a.max(b)]
     }
 }
 
@@ -278,8 +271,8 @@ fn riblets_are_grooves_of_lines() {
     }
 }
 
-/// Where the curve about a centre lies, by walking along it in small steps: its length in the area, and whether every
-/// point inside is on a stroke. `at` is the radius at an angle; the walk ends at `last`.
+/// The length of a curve about a centre in the area, found by small steps along it up to the angle `last`; `at` is the
+/// radius at an angle.
 fn walked(area: BoxMm<2>, centre: [f64; 2], at: impl Fn(f64) -> f64, last: f64, step: f64) -> f64 {
     let mut length = 0.0;
     let point = |t: f64| [centre[0] + at(t) * t.cos(), centre[1] + at(t) * t.sin()];
@@ -305,8 +298,8 @@ fn any_centre(noise: &mut Random, area: BoxMm<2>) -> [f64; 2] {
     })
 }
 
-fn seen(kind: Kind, area: BoxMm<2>, turn: f64) -> Option<Texture> {
-    load(request(kind, Area::Rectangle(area)), PLATE, turn).ok().map(|t| t.0)
+fn seen(kind: Kind, area: BoxMm<2>) -> Option<Texture> {
+    load(request(kind, Area::Rectangle(area)), PLATE, 0.0).ok().map(|t| t.0)
 }
 
 #[test]
@@ -326,12 +319,12 @@ fn concentric_circles_fill_their_area() {
         let mut noise = Random::case(seed);
         let [w, h] = [0; 2].map(|_| noise.range(0.7, 9.0));
         let area = BoxMm::rectangle(1.0, -2.0, 1.0 + w, -2.0 + h);
-        let (c, pitch) = (any_centre(&mut noise, area), noise.range(0.05, 2.0));
+        let (c, pitch) = (any_centre(&mut noise, area), noise.range(0.2, 2.0));
         let far = corners_away(area, c);
-        let lengths = (1..=(far / pitch) as u64).map(|m| m as f64 * pitch).map(|r| walked(area, c, |_| r, TAU, 1e-3));
+        let lengths = (1..=(far / pitch) as u64).map(|m| m as f64 * pitch).map(|r| walked(area, c, |_| r, TAU, 4e-3));
         let want: f64 = lengths.sum();
         let kind = Kind::Concentric { pitch_mm: pitch, centre_mm: Some(c) };
-        let Some(t) = seen(kind, area, 0.0) else {
+        let Some(t) = seen(kind, area) else {
             assert!(want < 1e-2, "seed {seed}: {want} mm");
             continue;
         };
@@ -357,11 +350,11 @@ fn the_spiral_runs_from_its_centre_to_the_corners() {
         let mut noise = Random::case(seed);
         let [w, h] = [0; 2].map(|_| noise.range(0.7, 9.0));
         let area = BoxMm::rectangle(1.0, -2.0, 1.0 + w, -2.0 + h);
-        let (c, pitch) = (any_centre(&mut noise, area), noise.range(0.05, 2.0));
+        let (c, pitch) = (any_centre(&mut noise, area), noise.range(0.2, 2.0));
         let far = corners_away(area, c);
         let at = |t: f64| pitch * t / TAU;
-        let want = walked(area, c, at, (far / pitch + 1.0) * TAU, 1e-3);
-        let Some(t) = seen(Kind::Spiral { pitch_mm: pitch, centre_mm: Some(c) }, area, 0.0) else {
+        let want = walked(area, c, at, (far / pitch + 1.0) * TAU, 4e-3);
+        let Some(t) = seen(Kind::Spiral { pitch_mm: pitch, centre_mm: Some(c) }, area) else {
             assert!(want < 1e-2, "seed {seed}: {want} mm");
             continue;
         };

@@ -164,10 +164,8 @@ impl Radial {
             return Err(too_large(last as u64, 8 * last as u64).into());
         }
         let first = u64::from(curve == Curve::Concentric);
-        let end = last as u64 + 1;
-        if end <= first {
-            return Ok(all);
-        }
+        // A turn of the spiral may begin on the ray before it, and the last piece with it.
+        let end = last as u64 + 2;
         if curve == Curve::Spiral {
             all.leaves = all.first_exit(end);
             if let Some((turn, _)) = all.leaves {
@@ -318,7 +316,7 @@ impl Radial {
                 let step = t - h / slope(t);
                 let is_between = (below.min(above)..=below.max(above)).contains(&step);
                 let next = if is_between { step } else { (below + above) / 2.0 };
-                if next == t {
+                if (next - t).abs() <= f64::EPSILON * t.abs().max(1.0) {
                     break;
                 }
                 t = next;
@@ -397,7 +395,8 @@ impl Radial {
                     let span = (a.to.max(b.to) - a.from.min(b.from)) / TAU;
                     (span * self.segments(last + 1) as f64) as u64 + 1
                 };
-                points += (last + 1 - turn) * (most + 2);
+                // Both ends, and one more where it runs on into the next turn of the spiral.
+                points += (last + 1 - turn) * (most + 3);
             }
             turn = last + 1;
         }
@@ -428,9 +427,10 @@ impl Radial {
             };
             let n = self.segments(turn);
             let step = TAU / n as f64;
-            for k in (0..n).map(|k| k as f64 * step) {
-                if ahead * TAU + k > piece.from && ahead * TAU + k < ends {
-                    add(turn, k);
+            let [from, to] = [piece.from, ends].map(|t| (t - ahead * TAU) / step);
+            for k in from.max(0.0) as u64..(to.max(0.0) as u64 + 1).min(n) {
+                if from < k as f64 && (k as f64) < to {
+                    add(turn, k as f64 * step);
                 }
             }
             ahead += 1.0;
