@@ -713,6 +713,12 @@ mod tests {
         let direction = faults("pattern = \"hatch\"", "pattern = \"squares\"\ncell = \"0.6 mm\"");
         assert_eq!(direction[0].1, "direction does not apply to squares");
         assert_eq!(direction[1].0, "texture-cell");
+        let riblets = "pattern = \"riblets\"\nline = \"0.1 mm\"\ncell = \"0.2 mm\"\nwidth = \"1 mm\"";
+        assert_eq!(faults("pattern = \"hatch\"", riblets)[0].1, "width does not apply to riblets");
+        let contour = SAMPLE_JOB.replacen("direction = \"0 deg\"", "direction = \"contour\"", 1);
+        let contour = contour.replacen("pattern = \"hatch\"", &riblets.replace("width = \"1 mm\"", ""), 1);
+        let refused = Job::parse(Path::new("job.toml"), &contour, &Overrides::default()).expect_err("refused");
+        assert_eq!(refused.diags()[0].message, "direction = \"contour\" does not apply to riblets");
     }
 
     #[test]

@@ -96,7 +96,7 @@ impl Loops {
         if !(pitch * (1.0 + SLACK) >= room && pitch.is_finite()) {
             let text = format!("cells of {size} mm do not fit a pitch of {pitch} mm");
             return Err(Diag::input("texture-cell", text)
-                .hint(format!("use a pitch of at least {room} mm, or smaller cells"))
+                .hint(format!("use a pitch of at least {} mm, or smaller cells", (room * 1e6).ceil() / 1e6))
                 .into());
         }
         let [width, height] = area.size();

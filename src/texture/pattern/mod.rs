@@ -314,9 +314,11 @@ pub fn row(pattern: Pattern) -> &'static Row {
 }
 
 impl Kind {
-    /// Distance of the figures of patterns that repeat closed ones in columns and rows, mm. None on a hexagonal lattice:
-    /// every line along y that passes between the tiles of one row passes through the middle of tiles of the next, so
-    /// no pitch of sections keeps all figures off their borders.
+    /// Distance of the figures of patterns that repeat closed ones in columns and rows, mm.
+    ///
+    /// None on a hexagonal lattice: its rows are another distance apart than its cells, and a line along y that passes
+    /// between the tiles of one row halves those of the next, so that no pitch of sections keeps cells wider than half
+    /// a pitch off their borders. Windows that reach over the border of their section keep such cells whole.
     pub fn figure_pitch_mm(&self) -> Option<f64> {
         match self {
             Self::Cells { pitch_mm, lattice: Lattice::Square, .. } => Some(*pitch_mm),
@@ -396,6 +398,21 @@ pub(super) fn place(kind: &Kind, site: &Site) -> Result<Placed, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sections_keep_step_with_cells_on_a_square_lattice_only() {
+        let v = Values { pitch_mm: Some(2.0), cell_mm: Some(1.0), inner_mm: Some(0.5), ..Values::default() };
+        for (pattern, lattice, pitch) in [
+            (Pattern::Rings, None, Some(2.0)),
+            (Pattern::Rings, Some(Lattice::Hex), None),
+            (Pattern::Hexagons, None, None),
+            (Pattern::Hexagons, Some(Lattice::Square), Some(2.0)),
+            (Pattern::Honeycomb, None, None),
+        ] {
+            let kind = (row(pattern).kind)(&Values { lattice, ..v }).expect("all keys are there");
+            assert_eq!(kind.figure_pitch_mm(), pitch, "{pattern:?} {lattice:?}");
+        }
+    }
 
     #[test]
     fn every_pattern_row_builds_from_its_required_keys() {
