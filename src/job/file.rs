@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::direction::Direction;
 use crate::emit::Format;
-use crate::texture::pattern::Pattern;
+use crate::texture::pattern::{Lattice, Pattern};
 use crate::texture::{ContourPass, FillMode, Mirror, Screen, StrokeMode};
 use crate::units::{
     Angle, Frequency, Length, Power, Share, Speed, non_negative, non_negative_option, positive, positive_option,
@@ -216,20 +216,40 @@ pub struct TextureKeys {
     /// Default for patterns: the part's box. Default for drawings: no limit.
     #[serde(default)]
     pub area: Option<AreaKeys>,
-    /// Hatch: distance of lines. Squares and circles: distance of centres. Drawing: distance of the lines that fill
-    /// areas; default: half the spot.
+    /// Hatch: distance of lines. Cells and honeycomb: distance of neighbouring centres. Riblets: distance of grooves.
+    /// Concentric and spiral: distance of circles or turns. Drawing: distance of the lines that fill areas; default:
+    /// half the spot.
     #[serde(default, deserialize_with = "positive_option")]
     pub pitch: Option<Length>,
-    /// Hatch: direction of the lines from +x, counter-clockwise; or `"contour"`: in every section along
-    /// the level lines of the part. Drawing: direction of the lines that fill areas.
+    /// Hatch and riblets: direction of the lines from +x, counter-clockwise; hatch also `"contour"`: in every section
+    /// along the level lines of the part. Drawing: direction of the lines that fill areas.
     #[serde(default)]
     pub direction: Option<Direction>,
     /// Hilbert: 4^order points.
     #[serde(default)]
     pub order: Option<u32>,
-    /// Squares: side. Circles: diameter.
+    /// Squares: side. Circles, rings: (outer) diameter. Hexagons: width across flats. Crosses, jerusalem: width from tip
+    /// to tip. Riblets: width of a groove.
     #[serde(default, deserialize_with = "positive_option")]
     pub cell: Option<Length>,
+    /// Cells: how their centres lie; default: `"hex"` for hexagons, `"square"` for all others.
+    #[serde(default)]
+    pub lattice: Option<Lattice>,
+    /// Crosses, jerusalem: width of the arms, and of the bars.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub width: Option<Length>,
+    /// Jerusalem: length of the bars across the ends of the arms.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub bar: Option<Length>,
+    /// Rings: inner diameter.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub inner: Option<Length>,
+    /// Riblets: distance of the lines in a groove.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub line: Option<Length>,
+    /// Concentric and spiral: part-frame position of the centre; default: the middle of the area.
+    #[serde(default)]
+    pub centre: Option<[Length; 2]>,
     /// Drawing: width and height that the whole page gets; required where the file has no physical size.
     #[serde(default)]
     pub size: Option<[Length; 2]>,

@@ -8,7 +8,6 @@ use super::resolved::Job;
 use crate::diag::{Diag, Error};
 use crate::geom::NM_PER_MM;
 use crate::machine::Machine;
-use crate::texture::Kind;
 
 /// Largest depth range of a block, in depths of focus of the optics (2 z_R). Marks lie up to half of it from their
 /// focal plane: at 2 z_R from it the spot is sqrt(1 + 2^2) = 2.2 times as wide, and its fluence a fifth.
@@ -68,9 +67,9 @@ impl Job {
     fn dense(&self, machine: &Machine) -> impl Iterator<Item = Diag> {
         let spot = machine.lens.spot.as_mm();
         self.textures.iter().enumerate().filter_map(move |(i, texture)| {
-            let (Kind::Hatch { pitch_mm, .. } | Kind::Contour { pitch_mm, .. }) = &texture.kind else { return None };
+            let (pitch_mm, key) = texture.kind.line_pitch_mm()?;
             let nm = |mm: f64| (mm * NM_PER_MM).round();
-            if nm(*pitch_mm) >= nm(LEAST_PITCH * spot) {
+            if nm(pitch_mm) >= nm(LEAST_PITCH * spot) {
                 return None;
             }
             let times = (spot / pitch_mm).round();
@@ -79,7 +78,7 @@ impl Job {
                 Implausible::Refuse => Diag::limit("pitch-small", text).hint(ALLOW),
                 Implausible::Allow => Diag::warning("pitch-small", text),
             };
-            Some(d.at(self.place_of(&format!("texture.{i}.pitch"))))
+            Some(d.at(self.place_of(&format!("texture.{i}.{key}"))))
         })
     }
 }

@@ -549,6 +549,13 @@ impl Texture<'_> {
             (Some(pattern), None) => {
                 let row = texture::pattern::row(pattern);
                 self.only(row.name, row.needs, row.takes, f);
+                if self.keys.direction == Some(Direction::Contour)
+                    && pattern != texture::pattern::Pattern::Hatch
+                    && row.takes.contains(&"direction")
+                {
+                    let text = format!("direction = \"contour\" does not apply to {}", row.name);
+                    f.push(&self.key("direction"), Diag::input("texture-key", text).hint("write an angle"));
+                }
                 (row.kind)(&self.values(row.needs, f))
             }
             (None, Some(file)) => {
@@ -657,6 +664,12 @@ impl Texture<'_> {
                 Direction::Angle(angle) => Some(angle.as_rad()),
                 Direction::Contour => None,
             },
+            lattice: keys.lattice,
+            width_mm: keys.width.map(Length::as_mm),
+            bar_mm: keys.bar.map(Length::as_mm),
+            inner_mm: keys.inner.map(Length::as_mm),
+            line_mm: keys.line.map(Length::as_mm),
+            centre_mm: keys.centre.map(|c| c.map(Length::as_mm)),
         }
     }
 
@@ -668,6 +681,12 @@ impl Texture<'_> {
             ("direction", keys.direction.is_some()),
             ("order", keys.order.is_some()),
             ("cell", keys.cell.is_some()),
+            ("lattice", keys.lattice.is_some()),
+            ("width", keys.width.is_some()),
+            ("bar", keys.bar.is_some()),
+            ("inner", keys.inner.is_some()),
+            ("line", keys.line.is_some()),
+            ("centre", keys.centre.is_some()),
             ("size", keys.size.is_some()),
             ("unit", keys.unit.is_some()),
             ("origin", keys.origin.is_some()),
@@ -731,6 +750,12 @@ mod tests {
         let direction = faults("pattern = \"hatch\"", "pattern = \"squares\"\ncell = \"0.6 mm\"");
         assert_eq!(direction[0].1, "direction does not apply to squares");
         assert_eq!(direction[1].0, "texture-cell");
+        let riblets = "pattern = \"riblets\"\nline = \"0.1 mm\"\ncell = \"0.2 mm\"\nwidth = \"1 mm\"";
+        assert_eq!(faults("pattern = \"hatch\"", riblets)[0].1, "width does not apply to riblets");
+        let contour = SAMPLE_JOB.replacen("direction = \"0 deg\"", "direction = \"contour\"", 1);
+        let contour = contour.replacen("pattern = \"hatch\"", &riblets.replace("width = \"1 mm\"", ""), 1);
+        let refused = Job::parse(Path::new("job.toml"), &contour, &Overrides::default()).expect_err("refused");
+        assert_eq!(refused.diags()[0].message, "direction = \"contour\" does not apply to riblets");
     }
 
     #[test]

@@ -268,7 +268,7 @@ impl Job {
         job
     }
 
-    /// Distance of squares or circles, with whose rows sections keep step where they are to stay whole.
+    /// Distance of cells on a square lattice, with whose rows sections keep step where they are to stay whole.
     pub fn figure_pitch(&self) -> Option<Nm> {
         let pitch = |t: &texture::Request| t.kind.figure_pitch_mm().map(|p| Nm::round(p * NM_PER_MM));
         if self.partition.keep_whole > Nm(0) { self.textures.iter().find_map(pitch) } else { None }

@@ -37,6 +37,11 @@ impl Turn {
         [self.cos * x + self.sin * y, self.cos * y - self.sin * x]
     }
 
+    /// The axes of the turned frame, in the part frame.
+    pub(super) fn axes(self) -> [[f64; 2]; 2] {
+        [[self.cos, -self.sin], [self.sin, self.cos]]
+    }
+
     /// The point in the turned frame on the nanometre grid. Callers hold it within 4 m.
     #[inline]
     pub(super) fn nm(self, p: [f64; 2]) -> P2 {

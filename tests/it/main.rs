@@ -33,6 +33,7 @@ mod order;
 mod orient;
 mod partition;
 mod passes;
+mod patterns;
 mod random_jobs;
 mod reads;
 mod refusals;

@@ -91,11 +91,15 @@ fn texture(noise: &mut Random, dir: &Path, number: usize, size: f64, pens: usize
             line(&mut t, "order", (1 + below(noise, 5)).to_string());
         }
         3 => {
-            line(&mut t, "pattern", pick(noise, &["\"squares\"", "\"circles\""]).into());
+            let patterns = ["squares", "circles", "hexagons", "honeycomb", "concentric", "spiral"];
+            let k = below(noise, patterns.len() as u64) as usize;
+            line(&mut t, "pattern", format!("{:?}", patterns[k]));
             line(&mut t, "area", area);
             let pitch = size / between(noise, 2.0, 25.0);
             line(&mut t, "pitch", mm(pitch));
-            line(&mut t, "cell", mm(pitch * between(noise, 0.1, 0.95)));
+            if k < 3 {
+                line(&mut t, "cell", mm(pitch * between(noise, 0.1, 0.95)));
+            }
         }
         _ => {
             let mut path = String::new();

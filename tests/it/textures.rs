@@ -3,34 +3,36 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::{Path, PathBuf};
 
+use crate::patterns;
 use crate::support::surfaces::Random;
 use crate::support::{fixture, folder, outlines, shared};
 use terrace::diag::{Diag, Error};
 use terrace::geom::{Box2, BoxMm, P2, length_mm};
 use terrace::program::PenId;
+use terrace::texture::pattern::{Lattice, Shape};
 use terrace::texture::{Area, Kind, Request, Texture};
 
-const PLATE: BoxMm<2> = BoxMm::rectangle(0.0, 0.0, 450.0, 450.0);
+pub(crate) const PLATE: BoxMm<2> = BoxMm::rectangle(0.0, 0.0, 450.0, 450.0);
 
-fn request(kind: Kind, area: Area) -> Request {
+pub(crate) fn request(kind: Kind, area: Area) -> Request {
     Request { kind, area, tolerance_mm: 1e-3, pen: PenId(3) }
 }
 
-fn load(request: Request, part_box: BoxMm<2>, turn_rad: f64) -> Result<(Texture, Vec<Diag>), Error> {
+pub(crate) fn load(request: Request, part_box: BoxMm<2>, turn_rad: f64) -> Result<(Texture, Vec<Diag>), Error> {
     let mut notes = Vec::new();
     Texture::load(&[request], part_box, turn_rad, 0.05, &mut notes).map(|t| (t, notes))
 }
 
-fn made(kind: Kind, area: BoxMm<2>) -> Texture {
+pub(crate) fn made(kind: Kind, area: BoxMm<2>) -> Texture {
     load(request(kind, Area::Rectangle(area)), PLATE, 0.0).expect("a texture").0
 }
 
-fn code(result: Result<(Texture, Vec<Diag>), Error>) -> &'static str {
+pub(crate) fn code(result: Result<(Texture, Vec<Diag>), Error>) -> &'static str {
     result.expect_err("refused").diags()[0].code
 }
 
 /// All strokes, with the promises of the stream checked.
-fn strokes(t: &Texture) -> Vec<Vec<P2>> {
+pub(crate) fn strokes(t: &Texture) -> Vec<Vec<P2>> {
     let (mut out, mut bounds) = (Vec::new(), Box2::EMPTY);
     let all: Vec<_> = (0..t.len())
         .map(|i| {
@@ -45,8 +47,13 @@ fn strokes(t: &Texture) -> Vec<Vec<P2>> {
     all
 }
 
-fn total_mm(t: &Texture) -> f64 {
+pub(crate) fn total_mm(t: &Texture) -> f64 {
     strokes(t).iter().map(|s| length_mm(s)).sum()
+}
+
+/// Cells on a square lattice.
+pub(crate) fn cells(shape: Shape, cell_mm: f64, pitch_mm: f64) -> Kind {
+    Kind::Cells { shape, cell_mm, pitch_mm, lattice: Lattice::Square }
 }
 
 fn nm(mm: f64) -> i64 {
@@ -109,11 +116,12 @@ fn four_quarter_turns_give_the_original() {
         // Shown where the strokes break a promise.
         eprintln!("seed {seed}");
         let mut noise = Random::case(seed);
-        let kind = match noise.below(4) {
+        let kind = match noise.below(5) {
             0 => Kind::Hatch { pitch_mm: noise.range(0.3, 2.0), direction_rad: noise.range(0.0, PI) },
             1 => Kind::Hilbert { order: noise.between(1, 5) as u32 },
-            2 => Kind::Circles { cell_mm: noise.range(0.1, 0.5), pitch_mm: 0.7 },
-            _ => Kind::Squares { cell_mm: noise.range(0.1, 0.5), pitch_mm: 0.7 },
+            4 => patterns::any(&mut noise),
+            2 => cells(Shape::Circle, noise.range(0.1, 0.5), 0.7),
+            _ => cells(Shape::Square, noise.range(0.1, 0.5), 0.7),
         };
         let x = noise.range(-50.0, 50.0);
         let turned = |quarters: i32| {
@@ -156,7 +164,7 @@ fn hilbert_visits_every_point_once_by_unit_steps() {
 
 #[test]
 fn loops_are_whole_closed_and_in_their_place() {
-    let t = made(Kind::Squares { cell_mm: 0.6, pitch_mm: 1.0 }, PLATE);
+    let t = made(cells(Shape::Square, 0.6, 1.0), PLATE);
     assert_eq!((t.len(), t.points_estimate()), (202_500, 5 * 202_500));
     let all = strokes(&t);
     assert_eq!(
@@ -166,12 +174,12 @@ fn loops_are_whole_closed_and_in_their_place() {
     assert_eq!(all[450][0], P2::new(nm(449.2), nm(1.2)), "the second row runs back");
     assert!(all.iter().all(|s| (length_mm(s) - 2.4).abs() < 1e-5));
     assert_eq!(
-        made(Kind::Squares { cell_mm: 1.0, pitch_mm: 1.0 }, BoxMm::rectangle(0.0, 0.0, 2.99, 1.5)).len(),
+        made(cells(Shape::Square, 1.0, 1.0), BoxMm::rectangle(0.0, 0.0, 2.99, 1.5)).len(),
         2,
         "whole cells only"
     );
 
-    let t = made(Kind::Circles { cell_mm: 8.0, pitch_mm: 10.0 }, BoxMm::rectangle(0.0, 0.0, 20.0, 10.0));
+    let t = made(cells(Shape::Circle, 8.0, 10.0), BoxMm::rectangle(0.0, 0.0, 20.0, 10.0));
     for (s, x) in strokes(&t).iter().zip([5.0, 15.0]) {
         assert_eq!(s.first(), s.last());
         let away = |[a, b]: [f64; 2]| (a - x).hypot(b - 5.0);
@@ -181,13 +189,13 @@ fn loops_are_whole_closed_and_in_their_place() {
         }
     }
     let one = |kind| load(request(kind, Area::Rectangle(BoxMm::rectangle(0.0, 0.0, 5.0, 5.0))), PLATE, 0.0);
-    assert_eq!(code(one(Kind::Squares { cell_mm: 6.0, pitch_mm: 6.0 })), "texture-empty");
-    assert_eq!(code(one(Kind::Squares { cell_mm: 2.0, pitch_mm: 1.0 })), "texture-cell");
-    assert_eq!(code(one(Kind::Circles { cell_mm: 1e-9, pitch_mm: 1.0 })), "texture-cell");
+    assert_eq!(code(one(cells(Shape::Square, 6.0, 6.0))), "texture-empty");
+    assert_eq!(code(one(cells(Shape::Square, 2.0, 1.0))), "texture-cell");
+    assert_eq!(code(one(cells(Shape::Circle, 1e-9, 1.0))), "texture-cell");
     assert_eq!(code(one(Kind::Hatch { pitch_mm: 0.0, direction_rad: 0.0 })), "texture-pitch");
     // The line through the lower left corner runs away from the area, the next misses it.
     assert_eq!(code(one(Kind::Hatch { pitch_mm: 20.0, direction_rad: -0.5 })), "texture-empty");
-    assert_eq!(code(one(Kind::Squares { cell_mm: 1e-5, pitch_mm: 1e-5 })), "texture-large");
+    assert_eq!(code(one(cells(Shape::Square, 1e-5, 1e-5))), "texture-large");
     let far = request(Kind::Hilbert { order: 3 }, Area::Rectangle(BoxMm::rectangle(0.0, 0.0, 5000.0, 5.0)));
     assert_eq!(code(load(far, PLATE, 0.0)), "texture-far");
 }

@@ -116,7 +116,7 @@ impl Figure for Contour {
 impl Contour {
     pub(in crate::texture) fn new(area_mm: BoxMm<2>, pitch_mm: f64, phase: f64, turn: Turn) -> Result<Self, Error> {
         if !(pitch_mm >= NM && pitch_mm.is_finite()) {
-            return Err(super::hatch::bad_pitch(pitch_mm));
+            return Err(super::bad_pitch("hatch", pitch_mm, NM));
         }
         let mut bounds = Box2::EMPTY;
         area_mm.corners().map(|c| turn.nm(c)).into_iter().for_each(|c| bounds.add(c));
