@@ -7,7 +7,7 @@ use crate::support::surfaces::Random;
 use terrace::diag::{Diag, Error};
 use terrace::geom::{BoxMm, P2};
 use terrace::program::PenId;
-use terrace::texture::{Area, ContourPass, FillMode, Kind, Marking, Request, Selector, StrokeMode, Texture};
+use terrace::texture::{Area, ContourPass, FillMode, Kind, Marking, Mirror, Request, Selector, StrokeMode, Texture};
 
 const SPOT: f64 = 0.04;
 
@@ -87,6 +87,26 @@ fn a_square_with_a_hole_has_the_lines_of_its_closed_form() {
     let towards = |points: &[P2]| points[1].x > points[0].x;
     let lines = strokes(&texture);
     assert!(lines.iter().any(|(_, l)| towards(l)) && lines.iter().any(|(_, l)| !towards(l)));
+}
+
+#[test]
+fn a_mirrored_page_has_the_mirrored_marks() {
+    // Cut at a clip path with a corner of its own, so that both are mirrored alike.
+    let body = r#"<clipPath id="c"><path d="M2 2h12l-7 9z"/></clipPath><path clip-path="url(#c)" d="M1 3h9v5h-9z"/>
+        <path fill="none" stroke="black" stroke-width="0.01" d="M1 15l4 3l6 1"/>"#;
+    for fill in [FillMode::Outline, FillMode::Hatch] {
+        let marks = |mirror| load(body, Marking { fill, mirror, ..Marking::default() }).expect("a texture").0;
+        let plain = marks(None);
+        for (mirror, axis) in [(Mirror::X, 0), (Mirror::Y, 1)] {
+            let mirrored = marks(Some(mirror));
+            assert!((total(&mirrored) - total(&plain)).abs() < 1e-3 * total(&plain), "{mirror:?}");
+            let [plain, mirrored] = [&plain, &mirrored].map(|t| [t.bounds().lo.mm(), t.bounds().hi.mm()]);
+            let mut want = plain;
+            (want[0][axis], want[1][axis]) = (20.0 - plain[1][axis], 20.0 - plain[0][axis]);
+            let near = |a: [f64; 2], b: [f64; 2]| (0..2).all(|k| (a[k] - b[k]).abs() < SPOT / 2.0);
+            assert!(near(mirrored[0], want[0]) && near(mirrored[1], want[1]), "{mirror:?}: {mirrored:?} {want:?}");
+        }
+    }
 }
 
 /// Twice the area of a triangle, exactly.

@@ -177,7 +177,7 @@ fn each_dependency_is_used_in_its_own_modules_only() {
         ("clap", &["src/cli"]),
         ("ctrlc", &["src/cli"]),
         ("indicatif", &["src/cli"]),
-        ("roxmltree", &["src/texture/svg", "src/verify/read/lightburn.rs"]),
+        ("roxmltree", &["src/texture/svg", "src/verify/read/lightburn.rs", "src/verify/read/picture.rs"]),
         ("svgtypes", &["src/texture/svg", "src/texture/artwork/marking.rs"]),
         ("kurbo", &["src/texture/svg"]),
         ("i_overlay", &["src/texture/artwork/area.rs"]),

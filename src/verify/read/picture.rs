@@ -1,12 +1,24 @@
 //! What an SVG drawing shows at a point, by a reader of the verifier's own (usvg): the topmost element that covers it.
 //!
-//! Consumes the bytes of a drawing. Points are in its own px, x to the right, y down. Coordinates of usvg are f32. Text
+//! Consumes the text of a drawing. Points are in its own px, x to the right, y down. Coordinates of usvg are f32. Text
 //! is not drawn; what is painted by a gradient and groups with a filter count as not being there.
 
+use std::collections::HashMap;
+
+use roxmltree::{Document, Node as XmlNode, ParsingOptions};
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
 use usvg::tiny_skia_path::{Path, PathSegment, PathStroker, Point, StrokeDash, Transform};
 use usvg::{FillRule, Group, MaskType, Node, PaintOrder, Tree};
+
+/// Most nodes of a drawing.
+const MAX_NODES: u32 = 2_000_000;
+
+/// Most elements of a drawing once what they refer to is expanded.
+const MAX_ELEMENTS: u32 = 300_000;
+
+/// Most references within each other.
+const MAX_OPEN: usize = 32;
 
 /// Steps in which a curve is followed.
 const STEPS: u16 = 64;
@@ -57,9 +69,12 @@ struct Mask {
 }
 
 impl Picture {
-    /// Reads a drawing; None where usvg cannot.
-    pub(in crate::verify) fn read(bytes: &[u8]) -> Option<Self> {
-        let tree = Tree::from_data(bytes, &usvg::Options::default()).ok()?;
+    /// Reads the text of a drawing; None where usvg cannot, or could take any time and memory.
+    pub(in crate::verify) fn read(text: &str) -> Option<Self> {
+        if !is_plain(text) {
+            return None;
+        }
+        let tree = Tree::from_str(text, &usvg::Options::default()).ok()?;
         let size = [f64::from(tree.size().width()), f64::from(tree.size().height())];
         Some(Self { size, root: Layer::new(tree.root(), Transform::identity(), false) })
     }
@@ -68,6 +83,51 @@ impl Picture {
     pub(in crate::verify) fn colour_at(&self, p: [f64; 2]) -> Option<[u8; 3]> {
         self.root.colour_at(p)
     }
+}
+
+/// Whether usvg reads a drawing in bounded time and memory: no selectors with combinators in its style sheets, no
+/// markers, and not too many elements once uses and patterns are expanded.
+fn is_plain(text: &str) -> bool {
+    let options =
+        ParsingOptions { allow_dtd: !text.contains("<!ENTITY"), nodes_limit: MAX_NODES, ..Default::default() };
+    let Ok(doc) = Document::parse_with_options(text, options) else { return false };
+    let is_simple = |css: &str| {
+        let selectors = css.split('}').filter_map(|rule| rule.split('{').next());
+        selectors
+            .flat_map(|s| s.split(','))
+            .all(|s| !s.trim().contains([' ', '\t', '\n', '\r', '>', '+', '~', '@', ':', '/']))
+    };
+    let styles = doc.descendants().filter(|n| n.tag_name().name() == "style");
+    if text.contains("marker") || !styles.clone().all(|n| n.text().is_none_or(is_simple)) {
+        return false;
+    }
+    let ids: HashMap<&str, XmlNode<'_, '_>> = doc.descendants().filter_map(|n| Some((n.attribute("id")?, n))).collect();
+    elements(doc.root_element(), &ids, &mut Vec::new(), &mut 0).is_some()
+}
+
+/// Counts the elements below one with what they refer to; None where there are too many.
+fn elements<'a, 'i>(
+    node: XmlNode<'a, 'i>,
+    ids: &HashMap<&str, XmlNode<'a, 'i>>,
+    open: &mut Vec<XmlNode<'a, 'i>>,
+    count: &mut u32,
+) -> Option<()> {
+    *count += 1;
+    if *count > MAX_ELEMENTS || open.len() > MAX_OPEN {
+        return None;
+    }
+    for attribute in node.attributes() {
+        // Links and url(#id), in attributes and in styles.
+        for part in attribute.value().split('#').skip(1) {
+            let id = part.split([')', '"', '\'', ' ', ';']).next().unwrap_or_default();
+            if let Some(&target) = ids.get(id).filter(|t| !open.contains(t)) {
+                open.push(target);
+                elements(target, ids, open, count)?;
+                open.pop();
+            }
+        }
+    }
+    node.children().filter(XmlNode::is_element).try_for_each(|child| elements(child, ids, open, count))
 }
 
 impl Layer {

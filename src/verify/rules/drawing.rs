@@ -26,8 +26,9 @@ pub(in crate::verify) fn check(job: &Job, texture: &Texture, rule: &mut Rule) {
         if !(marking.only.is_empty() && marking.except.is_empty()) {
             continue;
         }
-        let is_svg = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg") || e.eq_ignore_ascii_case("svgz"));
-        let Some(picture) = std::fs::read(path).ok().filter(|_| is_svg).and_then(|b| Picture::read(&b)) else {
+        let is_svg = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg"));
+        let Some(picture) = std::fs::read_to_string(path).ok().filter(|_| is_svg).and_then(|text| Picture::read(&text))
+        else {
             continue;
         };
         let strokes = texture.strokes_of(number);
