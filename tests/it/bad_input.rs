@@ -429,8 +429,8 @@ fn files_of_other_programs_are_named_with_a_way_to_convert_them() {
         assert!(text.contains(name) && !dir.path().join("out.job").exists(), "{name}: {text}");
     }
     for (name, remedy) in [
-        ("door.step", "chord tolerance of a tenth of focus.pdof"),
-        ("door.IGS", "chord tolerance of a tenth of focus.pdof"),
+        ("door.x_t", "export it from the CAD program as STEP"),
+        ("door.SLDPRT", "export it from the CAD program as STEP"),
         ("door.glb", "MeshLab"),
         ("door.off", "MeshLab"),
         ("door.xlsx", "surfaces are read from .stl"),

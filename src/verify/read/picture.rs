@@ -17,8 +17,14 @@ const MAX_NODES: u32 = 2_000_000;
 /// Most elements of a drawing once what they refer to is expanded.
 const MAX_ELEMENTS: u32 = 300_000;
 
+/// Most bytes of style sheets, counted again for each element.
+const MAX_CSS: usize = 30_000_000;
+
 /// Most references within each other.
 const MAX_OPEN: usize = 32;
+
+/// How much finer than for pixels of a px outlines of strokes are.
+const FINE: f32 = 2000.0;
 
 /// Steps in which a curve is followed.
 const STEPS: u16 = 64;
@@ -86,7 +92,7 @@ impl Picture {
 }
 
 /// Whether usvg reads a drawing in bounded time and memory: no selectors with combinators in its style sheets, no
-/// markers, and not too many elements once uses and patterns are expanded.
+/// markers, not too many elements once uses and patterns are expanded, and not too long a style sheet for them.
 fn is_plain(text: &str) -> bool {
     let options =
         ParsingOptions { allow_dtd: !text.contains("<!ENTITY"), nodes_limit: MAX_NODES, ..Default::default() };
@@ -102,7 +108,11 @@ fn is_plain(text: &str) -> bool {
         return false;
     }
     let ids: HashMap<&str, XmlNode<'_, '_>> = doc.descendants().filter_map(|n| Some((n.attribute("id")?, n))).collect();
-    elements(doc.root_element(), &ids, &mut Vec::new(), &mut 0).is_some()
+    let mut count = 0;
+    let is_small = elements(doc.root_element(), &ids, &mut Vec::new(), &mut count).is_some();
+    // Each rule is tried on each element, and copies its declarations.
+    let css: usize = styles.filter_map(|n| n.text()).map(str::len).sum();
+    is_small && css.saturating_mul(count as usize) <= MAX_CSS
 }
 
 /// Counts the elements below one with what they refer to; None where there are too many.
@@ -174,7 +184,8 @@ impl Layer {
             let mut style = stroke.to_tiny_skia();
             style.dash = None;
             let dashed = stroke.dasharray().and_then(|d| StrokeDash::new(d.to_vec(), stroke.dashoffset()));
-            let scale = PathStroker::compute_resolution_scale(&here);
+            // Outlines are approximated for a picture of this many pixels a px.
+            let scale = FINE * PathStroker::compute_resolution_scale(&here);
             let line = match dashed {
                 Some(dash) => path.data().dash(&dash, scale),
                 None => Some(path.data().clone()),

@@ -4,6 +4,8 @@
 //! [`MAX_LINES`] lines of a drawing, evenly. Colours alone tell pens: labels are not read here, so drawings of which a
 //! texture leaves something out by `only` or `except` are not checked.
 
+use std::path::Path;
+
 use crate::geom::P2;
 use crate::job::Job;
 use crate::texture::{FillMode, Kind, Mirror, Selector, Texture};
@@ -21,16 +23,17 @@ const WHITE: [u8; 3] = [255; 3];
 /// Holds the rule for the textures of a pass.
 pub(in crate::verify) fn check(job: &Job, texture: &Texture, rule: &mut Rule) {
     rule.ran = true;
+    let mut pictures: Vec<(&Path, Option<Picture>)> = Vec::new();
     for (number, request) in job.textures.iter().enumerate() {
         let Kind::Drawing { path, size_mm, marking, .. } = &request.kind else { continue };
         if !(marking.only.is_empty() && marking.except.is_empty()) {
             continue;
         }
-        let is_svg = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg"));
-        let Some(picture) = std::fs::read_to_string(path).ok().filter(|_| is_svg).and_then(|text| Picture::read(&text))
-        else {
-            continue;
-        };
+        if !pictures.iter().any(|(known, _)| known == path) {
+            pictures.push((path, read(path)));
+        }
+        let picture = pictures.iter().find(|(known, _)| known == path).and_then(|(_, picture)| picture.as_ref());
+        let Some(picture) = picture else { continue };
         let strokes = texture.strokes_of(number);
         let stride = strokes.len().div_ceil(MAX_LINES).max(1);
         let pens =
@@ -79,6 +82,12 @@ pub(in crate::verify) fn check(job: &Job, texture: &Texture, rule: &mut Rule) {
     }
 }
 
+/// The picture of an SVG drawing, if it can be read.
+fn read(path: &Path) -> Option<Picture> {
+    let is_svg = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg"));
+    if is_svg { Picture::read(&std::fs::read_to_string(path).ok()?) } else { None }
+}
+
 /// Points of a line, not at its ends.
 fn samples(points: &[P2]) -> impl Iterator<Item = [f64; 2]> + '_ {
     let sides = points.len() - 1;
@@ -96,8 +105,6 @@ fn around(p: [f64; 2], by: f64) -> impl Iterator<Item = [f64; 2]> {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
     use crate::geom::BoxMm;
     use crate::job::Overrides;
