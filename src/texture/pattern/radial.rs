@@ -375,7 +375,9 @@ impl Radial {
                 return None;
             }
             if let Some(w) = angles.windows(2).find(|w| !self.is_inside(turn, w[0], w[1])) {
-                return Some((turn, w[0]));
+                // The turn itself, of those around it that were looked at.
+                let ahead = (w[0] / TAU).floor();
+                return Some((turn.saturating_add_signed(ahead as i64), w[0] - ahead * TAU));
             }
         }
         None
