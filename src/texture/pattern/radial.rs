@@ -218,10 +218,10 @@ impl Radial {
         let [u, v] = self.turn.axes();
         for d in [u, v, u.map(|c| -c), v.map(|c| -c), [cos, sin]] {
             let (mut t0, mut t1) = (0.0_f64, f64::INFINITY);
-            for a in 0..2 {
+            for (a, along) in d.into_iter().enumerate() {
                 let (lo, hi) = (self.area.lo[a] - self.centre[a], self.area.hi[a] - self.centre[a]);
-                if d[a] != 0.0 {
-                    let (ta, tb) = (lo / d[a], hi / d[a]);
+                if along != 0.0 {
+                    let (ta, tb) = (lo / along, hi / along);
                     t0 = t0.max(ta.min(tb));
                     t1 = t1.min(ta.max(tb));
                 }
