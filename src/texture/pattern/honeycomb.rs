@@ -160,7 +160,7 @@ impl Honeycomb {
 
     /// Distance of the first lower corner of a level from the left border.
     fn low(&self, level: u64) -> f64 {
-        if level % 2 == 0 { self.pitch / 2.0 } else { 0.0 }
+        if level.is_multiple_of(2) { self.pitch / 2.0 } else { 0.0 }
     }
 
     /// Corners of a zig-zag line that is whole.
@@ -210,7 +210,7 @@ impl Honeycomb {
         let (foot, half, width) = (self.foot(level), self.pitch / 2.0, self.width());
         let rise = self.side / 2.0;
         // Corners of even levels begin above, those of odd ones below.
-        let height = |corner: u64| if (corner + level) % 2 == 0 { rise } else { 0.0 };
+        let height = |corner: u64| if (corner + level).is_multiple_of(2) { rise } else { 0.0 };
         let n = self.corners();
         for corner in 0..n {
             self.add(corner as f64 * half, foot + height(corner), out);
@@ -237,7 +237,7 @@ impl Honeycomb {
     }
 
     fn upright(&self, level: u64, k: u64, is_down: bool, out: &mut Vec<P2>) {
-        let x = k as f64 * self.pitch + if level % 2 == 0 { 0.0 } else { self.pitch / 2.0 };
+        let x = k as f64 * self.pitch + if level.is_multiple_of(2) { 0.0 } else { self.pitch / 2.0 };
         let (foot, top) = (self.foot(level) + self.side / 2.0, self.foot(level + 1));
         let [from, to] = if is_down { [top, foot] } else { [foot, top] };
         self.add(x, from, out);

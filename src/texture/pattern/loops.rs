@@ -129,7 +129,7 @@ impl Loops {
     }
 
     fn draw(&self, row: u64, column: u64, outline: &[[f64; 2]], out: &mut Vec<P2>) {
-        let shift = if row % 2 == 0 { 0.0 } else { self.shift };
+        let shift = if row.is_multiple_of(2) { 0.0 } else { self.shift };
         let x = self.first[0] + column as f64 * self.pitch[0] + shift;
         let y = self.first[1] + row as f64 * self.pitch[1];
         for v in outline {

@@ -218,10 +218,10 @@ impl Radial {
         let [u, v] = self.turn.axes();
         for d in [u, v, u.map(|c| -c), v.map(|c| -c), [cos, sin]] {
             let (mut t0, mut t1) = (0.0_f64, f64::INFINITY);
-            for a in 0..2 {
+            for (a, along) in d.into_iter().enumerate() {
                 let (lo, hi) = (self.area.lo[a] - self.centre[a], self.area.hi[a] - self.centre[a]);
-                if d[a] != 0.0 {
-                    let (ta, tb) = (lo / d[a], hi / d[a]);
+                if along != 0.0 {
+                    let (ta, tb) = (lo / along, hi / along);
                     t0 = t0.max(ta.min(tb));
                     t1 = t1.min(ta.max(tb));
                 }
@@ -375,7 +375,9 @@ impl Radial {
                 return None;
             }
             if let Some(w) = angles.windows(2).find(|w| !self.is_inside(turn, w[0], w[1])) {
-                return Some((turn, w[0]));
+                // The turn itself, of those around it that were looked at.
+                let ahead = (w[0] / TAU).floor();
+                return Some((turn.saturating_add_signed(ahead as i64), w[0] - ahead * TAU));
             }
         }
         None
