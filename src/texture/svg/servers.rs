@@ -61,7 +61,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         outer: State<'a>,
     ) -> Result<Option<Area>, Box<Diag>> {
         let mut state = State { clip: None, style: self.style_of(clip)?, ..outer };
-        if !self.to_units(clip, "clipPathUnits", false, node, &mut state)? {
+        if !self.scaled_to_box(clip, "clipPathUnits", false, node, &mut state)? {
             return Ok(Some(Area::default()));
         }
         // Its own transform, clip path and the like.
@@ -94,7 +94,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         let is_alpha = self.declared(mask)?.get("mask-type") == Some("alpha");
         // Where the mask itself ends.
         let mut frame = state;
-        if !self.to_units(mask, "maskUnits", true, node, &mut frame)? {
+        if !self.scaled_to_box(mask, "maskUnits", true, node, &mut frame)? {
             return Ok(Some(Area::default()));
         }
         let is_box = mask.attribute("maskUnits") != Some("userSpaceOnUse");
@@ -106,7 +106,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         let at = [side(self, "x", 0, -0.1), side(self, "y", 1, -0.1)];
         let size = [side(self, "width", 0, 1.2), side(self, "height", 1, 1.2)];
         let corners = corners(at, size).map(|c| frame.map.at(c));
-        if !self.to_units(mask, "maskContentUnits", false, node, &mut state)? {
+        if !self.scaled_to_box(mask, "maskContentUnits", false, node, &mut state)? {
             return Ok(Some(Area::default()));
         }
         let Some(state) = self.enter(mask, state)? else { return Ok(None) };
@@ -329,7 +329,7 @@ impl<'a, 'input> Walk<'a, 'input> {
     }
 
     /// Scales the state to the box of an element where an attribute says so; answers whether that has a size.
-    fn to_units(
+    fn scaled_to_box(
         &mut self,
         server: Node<'a, 'input>,
         attribute: &str,
