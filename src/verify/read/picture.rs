@@ -17,11 +17,20 @@ const MAX_NODES: u32 = 2_000_000;
 /// Most elements of a drawing once what they refer to is expanded.
 const MAX_ELEMENTS: u32 = 300_000;
 
+/// Most bytes of style sheets.
+const MAX_SHEET: usize = 20_000;
+
 /// Most bytes of style sheets, counted again for each element.
 const MAX_CSS: usize = 30_000_000;
 
 /// Most references within each other.
 const MAX_OPEN: usize = 32;
+
+/// The least width of a line, px: usvg leaves out what is shorter than 1/4096.
+const LEAST_WIDTH: f32 = 0.02;
+
+/// Largest number of a drawing: of larger ones f32 leaves too little.
+const LARGEST: f64 = 1e6;
 
 /// How much finer than for pixels of a px outlines of strokes are.
 const FINE: f32 = 2000.0;
@@ -104,6 +113,9 @@ fn is_plain(text: &str) -> bool {
             .all(|s| !s.trim().contains([' ', '\t', '\n', '\r', '>', '+', '~', '@', ':', '/']))
     };
     let styles = doc.descendants().filter(|n| n.tag_name().name() == "style");
+    if !doc.descendants().flat_map(|n| n.attributes()).all(|a| is_near(a.name(), a.value())) {
+        return false;
+    }
     if text.contains("marker") || !styles.clone().all(|n| n.text().is_none_or(is_simple)) {
         return false;
     }
@@ -112,7 +124,14 @@ fn is_plain(text: &str) -> bool {
     let is_small = elements(doc.root_element(), &ids, &mut Vec::new(), &mut count).is_some();
     // Each rule is tried on each element, and copies its declarations.
     let css: usize = styles.filter_map(|n| n.text()).map(str::len).sum();
-    is_small && css.saturating_mul(count as usize) <= MAX_CSS
+    is_small && css <= MAX_SHEET && css.saturating_mul(count as usize) <= MAX_CSS
+}
+
+/// Whether an attribute holds no number that f32 has too few digits for.
+fn is_near(name: &str, value: &str) -> bool {
+    let is_part = |c: char| c.is_ascii_digit() || matches!(c, '.' | 'e' | 'E' | '+' | '-');
+    let mut numbers = value.split(|c| !is_part(c)).filter_map(|word| word.parse::<f64>().ok());
+    matches!(name, "id" | "class" | "href" | "fill" | "stroke" | "style") || numbers.all(|v| v.abs() <= LARGEST)
 }
 
 /// Counts the elements below one with what they refer to; None where there are too many.
@@ -183,6 +202,8 @@ impl Layer {
         if let Some((stroke, paint)) = stroke.and_then(|s| Some((s, Paint::new(s.paint(), here)?))) {
             let mut style = stroke.to_tiny_skia();
             style.dash = None;
+            let least = LEAST_WIDTH / PathStroker::compute_resolution_scale(&here);
+            style.width = style.width.max(least);
             let dashed = stroke.dasharray().and_then(|d| StrokeDash::new(d.to_vec(), stroke.dashoffset()));
             // Outlines are approximated for a picture of this many pixels a px.
             let scale = FINE * PathStroker::compute_resolution_scale(&here);
