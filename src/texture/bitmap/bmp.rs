@@ -197,7 +197,7 @@ fn runs(data: &[u8], columns: usize, rows: usize, bits: u16) -> Result<Vec<u8>, 
     let half = |v: u8, i: usize| {
         if bits == 8 {
             v
-        } else if i % 2 == 0 {
+        } else if i.is_multiple_of(2) {
             v >> 4
         } else {
             v & 15

@@ -43,8 +43,10 @@ const MM_PER_INCH: f64 = 25.4;
 
 type Decode = fn(&[u8]) -> Result<Image, Diag>;
 
-/// How the files begin, the extensions of their names, and their readers.
-const FORMATS: [(&[&[u8]], &[&str], Decode); 4] = [
+/// How the files of a format begin, the extensions of their names, and their reader.
+type Format = (&'static [&'static [u8]], &'static [&'static str], Decode);
+
+const FORMATS: [Format; 4] = [
     (&[b"\x89PNG"], &["png"], png::decode),
     (&[b"\xff\xd8\xff"], &["jpg", "jpeg"], jpeg::decode),
     (&[b"BM"], &["bmp"], bmp::decode),

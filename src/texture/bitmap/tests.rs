@@ -60,7 +60,7 @@ fn jpeg_of_blocks(columns: u16, rows: u16, blocks: &[u8]) -> Vec<u8> {
         bits += &if size > 0 { format!("{value:0size$b}") } else { String::new() };
         bits += "00";
     }
-    while bits.len() % 8 != 0 {
+    while !bits.len().is_multiple_of(8) {
         bits.push('1');
     }
     for byte in bits.as_bytes().chunks(8) {
