@@ -1,6 +1,6 @@
 //! A drawing as its author sees it: lines and areas in the order of painting, each with its colour and labels.
 //!
-//! Readers (`svg`, `dxf`) make an [`Artwork`]; [`marks`] turns it into the lines that are marked: what lies below
+//! Readers (`svg`, `dxf`) make an [`Artwork`]; [`marks()`] turns it into the lines that are marked: what lies below
 //! other areas is left out, areas are hatched or outlined, and colours and labels choose the pens. Everything is f64 in
 //! mm on a page whose lower left corner is the origin, y up.
 
