@@ -8,19 +8,21 @@
 mod direction;
 mod faults;
 pub mod file;
+mod file_unit;
 mod plausible;
 mod read;
 mod resolve;
 mod resolved;
 mod sample;
 mod setting;
-mod tone;
+mod texture;
 
 pub use crate::emit::Format;
 pub use file::{
-    Compensate, DepthRule, Dose, FileUnit, Implausible, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder,
+    Compensate, DepthRule, Dose, Implausible, Level, Method, Mode, Objective, Steep, StopOrder, StrokeOrder,
     json_schema,
 };
+pub use file_unit::FileUnit;
 pub use read::{read_file, read_text};
 pub use resolve::MAX_SETUPS;
 pub use resolved::{

@@ -1,8 +1,8 @@
 //! The keys of a `[[texture]]` that say how a bitmap is marked.
 
-use super::faults::Faults;
-use super::file::{DpiKeys, DpiName, TextureKeys};
+use super::keys::{DpiKeys, DpiName, TextureKeys};
 use crate::diag::Diag;
+use crate::job::faults::Faults;
 use crate::texture::{Resolution, Screen, Tone};
 use crate::units::{Length, Share};
 

@@ -1,0 +1,188 @@
+//! `[[texture]]` as written.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::job::direction::Direction;
+use crate::job::file_unit::FileUnit;
+use crate::texture::pattern::{Lattice, Pattern};
+use crate::texture::{ContourPass, FillMode, Mirror, Screen, StrokeMode};
+use crate::units::{Angle, Length, Share, positive, positive_option};
+
+/// Where a texture lies: over the whole part, or in a rectangle [x0, y0, x1, y1] of the part frame.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum AreaKeys {
+    /// `"part"`.
+    Named(AreaName),
+    /// Lower left and upper right corner.
+    Rectangle([Length; 4]),
+}
+
+/// Areas with a name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum AreaName {
+    /// The part's box seen from the lens.
+    Part,
+}
+
+/// `[[texture]]`: a pattern or a drawing, where it lies, and its pen.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TextureKeys {
+    /// A generated pattern; or give `file`.
+    #[serde(default)]
+    pub pattern: Option<Pattern>,
+    /// A drawing (SVG, DXF, HPGL) or a bitmap (PNG, TIFF, BMP, JPEG), relative to the job file; or give `pattern`.
+    #[serde(default)]
+    pub file: Option<PathBuf>,
+    /// The area: filled by a pattern or by tiles of a drawing, and the limit of a single drawing.
+    /// Default for patterns: the part's box. Default for drawings: no limit.
+    #[serde(default)]
+    pub area: Option<AreaKeys>,
+    /// Hatch: distance of lines. Cells and honeycomb: distance of neighbouring centres. Riblets: distance of grooves.
+    /// Concentric and spiral: distance of circles or turns. Drawing: distance of the lines that fill areas; default:
+    /// half the spot.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub pitch: Option<Length>,
+    /// Hatch and riblets: direction of the lines from +x, counter-clockwise; hatch also `"contour"`: in every section
+    /// along the level lines of the part. Drawing: direction of the lines that fill areas.
+    #[serde(default)]
+    pub direction: Option<Direction>,
+    /// Hilbert: 4^order points.
+    #[serde(default)]
+    pub order: Option<u32>,
+    /// Squares: side. Circles, rings: (outer) diameter. Hexagons: width across flats. Crosses, jerusalem: width from tip
+    /// to tip. Riblets: width of a groove.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub cell: Option<Length>,
+    /// Cells: how their centres lie; default: `"hex"` for hexagons, `"square"` for all others.
+    #[serde(default)]
+    pub lattice: Option<Lattice>,
+    /// Crosses, jerusalem: width of the arms, and of the bars.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub width: Option<Length>,
+    /// Jerusalem: length of the bars across the ends of the arms.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub bar: Option<Length>,
+    /// Rings: inner diameter.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub inner: Option<Length>,
+    /// Riblets: distance of the lines in a groove.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub line: Option<Length>,
+    /// Concentric and spiral: part-frame position of the centre; default: the middle of the area.
+    #[serde(default)]
+    pub centre: Option<[Length; 2]>,
+    /// Drawing: width and height that the whole page gets; required where the file has no physical size.
+    #[serde(default)]
+    pub size: Option<[Length; 2]>,
+    /// DXF drawing: a drawing unit; required where the file states none.
+    #[serde(default)]
+    pub unit: Option<FileUnit>,
+    /// Drawing: part-frame position of the page's lower left corner; default: lower left of the area, or,
+    /// without an area, the page in the middle of the part.
+    #[serde(default)]
+    pub origin: Option<[Length; 2]>,
+    /// Drawing: turn of the page about its lower left corner, counter-clockwise.
+    #[serde(default)]
+    pub turn: Angle,
+    /// Drawing: mirror the page about its middle, before it is turned: `"x"` exchanges left and right.
+    #[serde(default)]
+    pub mirror: Option<Mirror>,
+    /// Drawing: repeat the page over the area.
+    #[serde(default)]
+    pub tile: bool,
+    /// Drawing: how strokes are marked.
+    #[serde(default)]
+    pub stroke: Option<StrokeMode>,
+    /// Drawing: how areas are marked; by lines at `pitch` along `direction`.
+    #[serde(default)]
+    pub fill: Option<FillMode>,
+    /// Drawing: a second set of lines crosses the first at a right angle in filled areas.
+    #[serde(default)]
+    pub cross: bool,
+    /// Drawing: all lines of filled areas have one direction; else each is opposite to its neighbours.
+    #[serde(default)]
+    pub one_way: bool,
+    /// Drawing: distance of the lines of filled areas from the border; default: half the spot.
+    #[serde(default)]
+    pub inset: Option<Length>,
+    /// Drawing: whether the contour of filled areas is marked too, `inset` inside.
+    #[serde(default)]
+    pub contour: Option<ContourPass>,
+    /// Drawing: what is done with elements that cannot be reproduced.
+    #[serde(default)]
+    pub on_unsupported: Option<OnUnsupported>,
+    /// Drawing: pens by colour (`"#ff0000"`, `"red"`) or label (`"layer:Grain"`, `"id:rim"`, `"class:fine"`); all else is
+    /// marked with `pen`.
+    #[serde(default)]
+    pub pens: BTreeMap<String, String>,
+    /// Drawing: the colours and labels that exist; default: all.
+    #[serde(default)]
+    pub only: Vec<String>,
+    /// Drawing: the colours and labels that do not exist.
+    #[serde(default)]
+    pub except: Vec<String>,
+    /// Bitmap: pixels in an inch, or `"file"` for what the file states; or give `size`.
+    #[serde(default)]
+    pub dpi: Option<DpiKeys>,
+    /// Bitmap: the density of a sample from 0 (black) to 1 (white) is 1 - sample^gamma; default: 1.
+    #[serde(default)]
+    pub gamma: Option<f64>,
+    /// Bitmap: mark what is light.
+    #[serde(default)]
+    pub invert: bool,
+    /// Bitmap: how grey becomes marks; lines and dashes lie at `pitch`, by default the spot, along `direction`.
+    #[serde(default)]
+    pub screen: Option<Screen>,
+    /// Bitmap with `screen = "threshold"`: density above which an area is marked; default: 50 %.
+    #[serde(default)]
+    pub threshold: Option<Share>,
+    /// Bitmap with `screen = "dashes"`: distance of the dashes on their line; default: ten pitches.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub period: Option<Length>,
+    /// Largest distance between a curve and its polyline.
+    #[serde(default = "default_tolerance", deserialize_with = "positive")]
+    pub tolerance: Length,
+    /// Name of the pen; default: the first.
+    #[serde(default)]
+    pub pen: Option<String>,
+}
+
+/// Resolution of a bitmap: a number, or `"file"`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum DpiKeys {
+    /// Pixels in an inch.
+    Number(f64),
+    /// From the file.
+    Stated(DpiName),
+}
+
+/// Resolutions with a name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum DpiName {
+    /// What the file states.
+    File,
+}
+
+/// What is done with elements of a drawing that cannot be reproduced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum OnUnsupported {
+    /// The job is refused.
+    #[default]
+    Error,
+    /// They are left out, with a warning.
+    Warn,
+}
+
+fn default_tolerance() -> Length {
+    Length::um(1.0)
+}
