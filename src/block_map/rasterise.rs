@@ -14,6 +14,9 @@ use crate::program::{Block, Program};
 /// A block needs more than this length in a cell, nm: a corner that is clipped by rounding is none.
 const LEAST_NM: f32 = 1.0;
 
+/// What a dot counts for, nm.
+const DOT_NM: f32 = 1000.0;
+
 /// Index of the block with the longest marks plus 1 for every cell, 0 where there are none; among
 /// equals the first.
 pub(super) fn marked_cells(program: &Program, turns: &[Option<Turn>], grid: &Grid) -> Vec<u32> {
@@ -28,6 +31,14 @@ pub(super) fn marked_cells(program: &Program, turns: &[Option<Turn>], grid: &Gri
         for stroke in program.strokes_of(block) {
             let mut points = program.points_of(stroke).iter().map(|p| on_part(block, turn, p));
             let Some(mut a) = points.next() else { continue };
+            if stroke.is_dot() {
+                let cell = grid.along(1, a[1], 0) as usize * grid.columns() + grid.along(0, a[0], 0) as usize;
+                let own = &mut own[cell - first];
+                if *own == 0.0 {
+                    touched.push(cell as u32);
+                }
+                *own += DOT_NM;
+            }
             for b in points {
                 pass(a, b, grid, |cell, length| {
                     let own = &mut own[cell - first];

@@ -180,14 +180,18 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
     }
     for stroke in program.strokes_of(block) {
         let points = program.points_of(stroke);
-        if points.len() < 2 || points.windows(2).any(|w| w[0] == w[1]) {
+        if points.is_empty() || points.windows(2).any(|w| w[0] == w[1]) {
             broken(format!("P1: a stroke of texture stroke {} has a segment without length", stroke.source.0));
         }
         if let Some(p) = points.iter().find(|&&p| !limits.machine.field_holds(p)) {
             broken(format!("P2: {:?} nm lies outside of the usable field", [p.x, p.y]));
         }
-        if stroke.pen.index() >= program.pens.len() {
-            broken(format!("P5: there is no pen {}", stroke.pen.0));
+        match program.pens.get(stroke.pen.index()) {
+            None => broken(format!("P5: there is no pen {}", stroke.pen.0)),
+            Some(pen) if stroke.is_dot() && pen.dwell.is_none() => {
+                broken(format!("P1: a dot is marked with pen {}, which has no dwell", stroke.pen.0));
+            }
+            Some(_) => {}
         }
     }
     // A cut point is rounded by up to a nanometre in the plane, which the slope turns into height.

@@ -214,6 +214,15 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
             duration(t.delay)
         ),
     ];
+    if s.dots.texture > 0 {
+        lines.insert(
+            2,
+            format!(
+                "dots           {} of {} (off the part {}, too steep {})",
+                s.dots.marked, s.dots.texture, s.dots.off_part, s.dots.steep
+            ),
+        );
+    }
     lines.push(by_hand(s));
     lines.push(format!(
         "by run         {} at least with `terrace run`; loading and handshake come on top",

@@ -1,8 +1,15 @@
 //! What lists for cards have in common: points are whole units of the card.
 
-use crate::diag::Place;
+use crate::diag::{Diag, Place};
 use crate::geom::FieldPoint;
-use crate::program::Program;
+use crate::program::{Pen, Program};
+use crate::units::Time;
+
+/// Dwells are counted in 10 us; after rounding they may be off by this share.
+const DWELL_ERROR: f64 = 0.05;
+
+/// Longest dwell, in 10 us.
+const LONGEST_DWELL: f64 = 60_000.0;
 
 /// The nearest whole number, halves away from zero: `f64::round`, which calls a library on processors for which Rust
 /// builds by default. Beyond 2^63 it saturates as a cast does.
@@ -12,12 +19,31 @@ pub(super) fn rounded(value: f64) -> i64 {
     whole.saturating_add((2.0 * (value - whole as f64)) as i64)
 }
 
-/// Blocks with marks that are a single point in these units, and the first of them; None where there is none.
+/// A dwell in 10 us; None where a card cannot keep it.
+pub(super) fn dwell(time: Time) -> Option<u16> {
+    let exact = time.as_us() / 10.0;
+    let whole = exact.round();
+    let is_kept = (1.0..=LONGEST_DWELL).contains(&whole) && (whole - exact).abs() <= DWELL_ERROR * exact;
+    is_kept.then_some(whole as u16)
+}
+
+/// A pen whose dwell a card cannot keep.
+pub(super) fn dwell_fault(pens: &[Pen], code: &'static str) -> Option<Diag> {
+    let (pen, time) = pens.iter().find_map(|pen| Some((pen, pen.dwell.filter(|&t| dwell(t).is_none())?)))?;
+    let text = format!(
+        "pen {:?} has a dwell of {} us: the card counts 10 us, 1 to 60000 of them, which miss that by more than 5 %",
+        pen.name,
+        time.as_us()
+    );
+    Some(Diag::limit(code, text).hint("choose a multiple of 10 us, or pulses and a frequency that come to one"))
+}
+
+/// Blocks with lines that are a single point in these units, and the first of them; None where there is none.
 pub(super) fn lost(program: &Program, units: impl Fn(FieldPoint) -> [i64; 2]) -> Option<(usize, Place)> {
     let is_lost = |i: &usize| {
         program.strokes_of(&program.blocks[*i]).iter().any(|stroke| {
             let points = program.points_of(stroke);
-            points.iter().all(|&p| units(p) == units(points[0]))
+            !stroke.is_dot() && points.iter().all(|&p| units(p) == units(points[0]))
         })
     };
     let blocks: Vec<usize> = (0..program.blocks.len()).filter(is_lost).collect();

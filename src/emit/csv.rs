@@ -2,7 +2,8 @@
 //!
 //! A header line, then one line per point in marking order: number of the stroke and of its pen, both from 1, and x
 //! and y in mm in controller coordinates, origin on the optical axis. The beam is on between two lines of the same
-//! stroke. A closed figure ends on the point it starts with.
+//! stroke. A closed figure ends on the point it starts with. A stroke of one line is a dot: the beam is on there for the
+//! dwell of its pen.
 
 use crate::check::Checked;
 use crate::geom::ControllerPoint;

@@ -1,7 +1,7 @@
 //! One DXF R12 drawing per block, for marking software that imports drawings.
 //!
 //! mm in controller coordinates, origin on the optical axis, z = 0: the stage sets the focus. A
-//! stroke of two points is a LINE, a longer one a POLYLINE, in marking order. A stroke of four or more
+//! stroke of two points is a LINE, a longer one a POLYLINE, a dot a POINT, in marking order. A stroke of four or more
 //! points that ends where it starts is a closed POLYLINE that does not repeat its first point. One layer
 //! per pen, `B0001_P1`, in the colour with the pen's number. R12 has no unit: the run sheet says mm.
 
@@ -84,6 +84,7 @@ fn colour(pen: PenId) -> usize {
 
 /// The constant text of the entities on one layer.
 struct Layer {
+    dot: Vec<u8>,
     line: Vec<u8>,
     polyline: Vec<u8>,
     vertex: Vec<u8>,
@@ -95,6 +96,7 @@ impl Layer {
         let layer = layer_name(id, pen);
         let entity = |kind: &str, rest: &str| format!("0\r\n{kind}\r\n8\r\n{layer}\r\n{rest}").into_bytes();
         Self {
+            dot: entity("POINT", "10\r\n"),
             line: entity("LINE", "10\r\n"),
             polyline: entity("POLYLINE", "66\r\n1\r\n10\r\n0.0\r\n20\r\n0.0\r\n30\r\n0.0\r\n"),
             vertex: entity("VERTEX", "10\r\n"),
@@ -104,6 +106,11 @@ impl Layer {
 
     fn stroke(&self, out: &mut Vec<u8>, mut points: impl ExactSizeIterator<Item = ControllerPoint> + Clone) {
         let count = points.len();
+        if count == 1 {
+            out.extend_from_slice(&self.dot);
+            let point = points.next().expect("one point");
+            return coordinates(out, point, b"\r\n20\r\n", b"\r\n30\r\n0.0\r\n");
+        }
         if count == 2 {
             let mut next = || points.next().expect("two points");
             out.extend_from_slice(&self.line);

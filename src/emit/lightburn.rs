@@ -49,7 +49,13 @@ pub(super) fn faults(program: &Program, _machine: &Machine) -> Vec<Diag> {
     let highest = program.strokes.iter().map(|s| s.pen.index() + 1).max().unwrap_or(0);
     let text = format!("the job marks with pen {highest}, but a LightBurn project has {MOST_LAYERS} layers");
     let hint = "use fewer pens, or a larger dose.step where the dose makes pens; or leave \"lightburn\" out";
-    (highest > MOST_LAYERS).then(|| Diag::limit("lightburn-layers", text).hint(hint)).into_iter().collect()
+    let mut faults: Vec<Diag> =
+        (highest > MOST_LAYERS).then(|| Diag::limit("lightburn-layers", text).hint(hint)).into_iter().collect();
+    if program.strokes.iter().any(Stroke::is_dot) {
+        let text = "the job has dots, and a path of a LightBurn project cannot be a point with a dwell";
+        faults.push(Diag::limit("lightburn-dots", text).hint("leave \"lightburn\" out of emit.formats"));
+    }
+    faults
 }
 
 /// How many of the strokes, from the first on, go into one shape.
@@ -167,6 +173,14 @@ mod tests {
         assert!(faults(&program, &machine).is_empty(), "pens that mark nothing need no layer");
         program.strokes[0].pen = crate::program::PenId(30);
         assert_eq!(faults(&program, &machine)[0].code, "lightburn-layers");
+    }
+
+    #[test]
+    fn dots_are_refused() {
+        let (checked, machine) = sample();
+        let mut program = checked.program().clone();
+        program.strokes[0].len = 1;
+        assert_eq!(faults(&program, &machine)[0].code, "lightburn-dots");
     }
 
     #[test]

@@ -2,8 +2,8 @@
 //!
 //! Packets of 3072 bytes, each 256 commands of six 16-bit words, little endian: the command and five values. Points are
 //! card units: 0x8000 is the optical axis, `lmc.units_per_mm` of the machine file the scale, controller coordinates the
-//! axes. A stroke is a JumpTo to its first point and a MarkTo to every other, and is repeated as often as its pen has
-//! passes. Settings are sent where they change. The last packet is filled up with EndOfList.
+//! axes. A stroke is a JumpTo to its first point and a MarkTo to every other, a dot a JumpTo and a LaserOnPoint with its
+//! dwell in 10 us; either is repeated as often as its pen has passes. Settings are sent where they change. The last packet is filled up with EndOfList.
 //!
 //! The card is documented by its users alone: commands and units are those of the free controllers galvoplotter and
 //! balor. Opening the laser, sending packets and waiting is left to whoever sends them.
@@ -18,6 +18,7 @@ use crate::units::Time;
 
 const JUMP_TO: u16 = 0x8001;
 const END_OF_LIST: u16 = 0x8002;
+const LASER_ON_POINT: u16 = 0x8003;
 const DELAY_TIME: u16 = 0x8004;
 const MARK_TO: u16 = 0x8005;
 const JUMP_SPEED: u16 = 0x8006;
@@ -53,7 +54,7 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
     let program = checked.program();
     let strokes = program.strokes_of(&program.blocks[index]);
     let lmc = machine.lmc.expect("a job for a card has one");
-    let marks = strokes.iter().map(|s| s.len as usize * program.pens[s.pen.index()].passes as usize).sum::<usize>();
+    let marks = strokes.iter().map(|s| (s.len as usize + 2) * program.pens[s.pen.index()].passes as usize).sum::<usize>();
     let mut list = List { out: Vec::with_capacity((marks + 32) * 12 + PACKET), at: [CENTRE; 2], set: Vec::new() };
     list.command(READY_MARK, [0; 2]);
     if lmc.laser == LmcLaser::Fiber {
@@ -70,8 +71,12 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
         }
         for _ in 0..pen.passes {
             let mut points = program.points_of(stroke).iter().map(|&p| units(&lmc, machine, p));
-            let first = points.next().expect("a stroke has two points or more");
+            let first = points.next().expect("a stroke has points");
             list.go(JUMP_TO, first);
+            if stroke.is_dot() {
+                let dwell = pen.dwell.and_then(cards::dwell).expect("the faults of the card were looked for");
+                list.command(LASER_ON_POINT, [dwell, 0]);
+            }
             for point in points {
                 if point != list.at {
                     list.go(MARK_TO, point);
@@ -101,6 +106,7 @@ pub(super) fn faults(program: &Program, machine: &Machine) -> Vec<Diag> {
     for pen in &program.pens {
         faults.extend(pen_fault(&lmc, pen));
     }
+    faults.extend(cards::dwell_fault(&program.pens, "lmc-dwell"));
     let jump = speed(&lmc, machine.scanner.jump_speed.as_mm_s());
     if jump.is_none() {
         let text = format!("the card cannot jump at {}", machine.scanner.jump_speed);
@@ -291,6 +297,22 @@ mod tests {
     }
 
     #[test]
+    fn dot_is_a_jump_and_a_dwell_for_every_pass() {
+        let (checked, machine) = sample();
+        let mut program = checked.program().clone();
+        (program.pens[0].dwell, program.pens[0].passes) = (Some(Time::us(120.0)), 2);
+        program.points.truncate(1);
+        program.strokes.truncate(1);
+        program.strokes[0].len = 1;
+        program.blocks.truncate(1);
+        program.blocks[0].strokes = 0..1;
+        let list = commands(&block(&Checked::unchecked(program, checked.origin()), &machine, 0));
+        let [jump, again] = [2500, 0].map(|way| [0x8001, 0x8000 - 2500, 0x8000, 0, way, 0]);
+        let (dwell, wait) = ([0x8003, 12, 0, 0, 0, 0], [0x8004, 10, 0, 0, 0, 0]);
+        assert_eq!(list[11..18], [jump, dwell, wait, again, dwell, wait, [0x8002, 0, 0, 0, 0, 0]]);
+    }
+
+    #[test]
     fn settings_are_sent_where_they_change_and_passes_repeat_the_stroke() {
         let (checked, machine) = sample();
         let list = commands(&block(&checked, &machine, 2));
@@ -317,5 +339,9 @@ mod tests {
         assert_eq!(code(&|p, _| p.pens[0].speed = Speed::mm_s(140_000.0)), Some("lmc-speed"));
         assert_eq!(code(&|p, _| p.pens[1].frequency = Frequency::khz(0.1)), Some("lmc-frequency"));
         assert_eq!(code(&|_, m| m.delays.jump = Time::s(0.1)), Some("lmc-delay"));
+        assert_eq!(code(&|p, _| p.pens[0].dwell = Some(Time::us(100.0))), None);
+        for us in [4.0, 15.0, 1e6] {
+            assert_eq!(code(&|p, _| p.pens[0].dwell = Some(Time::us(us))), Some("lmc-dwell"), "{us}");
+        }
     }
 }

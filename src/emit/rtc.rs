@@ -3,7 +3,8 @@
 //! The boards are programmed through a library, not by files: whoever calls it goes through the lines, one call a line.
 //! A keyword and its integers or decimals; points are bits in controller coordinates from the optical axis. A list has
 //! at most `rtc.list_memory` commands and begins with all settings, so that each can be loaded by itself; no stroke is
-//! divided between two. A stroke is repeated as often as its pen has passes.
+//! divided between two. A dot is a jump, and `laser_on` with its dwell in 10 us. A stroke is repeated as often as its pen
+//! has passes.
 
 use std::io::Write;
 
@@ -70,7 +71,7 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
                 used += 3;
                 out.pen(pen);
             }
-            used += points.len();
+            used += points.len() + usize::from(stroke.is_dot());
             let mut last = None;
             for at @ [x, y] in points.iter().map(|&point| bits(&rtc, machine, point)) {
                 // Points that are one in bits are marked once.
@@ -78,6 +79,10 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
                     out.line(format_args!("{} {x} {y}", if last.is_none() { "jump" } else { "mark" }));
                 }
                 last = Some(at);
+            }
+            if stroke.is_dot() {
+                let dwell = pen.dwell.and_then(cards::dwell).expect("the faults of the board were looked for");
+                out.line(format_args!("laser_on {dwell}"));
             }
         }
     }
@@ -104,6 +109,7 @@ pub(super) fn faults(program: &Program, machine: &Machine) -> Vec<Diag> {
             faults.push(Diag::limit("rtc-speed", text).hint("check rtc.bits_per_mm"));
         }
     }
+    faults.extend(cards::dwell_fault(&program.pens, "rtc-dwell"));
     if let Some(p) = program.points.iter().find(|&&p| !bits(&rtc, machine, p).into_iter().all(is_within)) {
         let [x, y] = bits(&rtc, machine, *p);
         let text = format!("a mark lies at ({x}, {y}) bits, {name} has {} to {}", range[0], range[1]);
@@ -232,6 +238,20 @@ mod tests {
     }
 
     #[test]
+    fn dot_is_a_jump_and_a_dwell() {
+        let (checked, machine) = sample();
+        let mut program = checked.program().clone();
+        program.pens[0].dwell = Some(Time::us(120.0));
+        program.points.truncate(1);
+        program.strokes.truncate(1);
+        program.strokes[0].len = 1;
+        program.blocks.truncate(1);
+        program.blocks[0].strokes = 0..1;
+        let text = text(&Checked::unchecked(program, checked.origin()), &machine, 0);
+        assert!(text.ends_with("\njump -100000 0\nlaser_on 12\nend\n"), "{text}");
+    }
+
+    #[test]
     fn lists_are_as_long_as_the_memory_and_each_has_all_settings() {
         let (checked, mut machine) = sample();
         machine.rtc.as_mut().expect("a board").list_memory = 25;
@@ -270,6 +290,7 @@ mod tests {
             Some("rtc-focus")
         );
         assert_eq!(code(&|_, r| r.list_memory = 20), Some("rtc-list"));
+        assert_eq!(code(&|p, _| p.pens[0].dwell = Some(Time::us(15.0))), Some("rtc-dwell"));
         let (checked, mut machine) = sample();
         machine.rtc = None;
         assert_eq!(faults(checked.program(), &machine)[0].code, "emit-rtc");

@@ -26,6 +26,11 @@ impl Strokes {
         self.ends.push(u32::try_from(self.points.len()).expect("fewer than 2^32 points in one drawing"));
         true
     }
+    /// Appends a dot: a stroke of one point.
+    pub fn push_dot(&mut self, p: P2) {
+        self.points.push(p);
+        self.ends.push(u32::try_from(self.points.len()).expect("fewer than 2^32 points in one drawing"));
+    }
     /// How many strokes there are.
     pub fn len(&self) -> usize {
         self.ends.len()
@@ -34,7 +39,7 @@ impl Strokes {
     pub fn is_empty(&self) -> bool {
         self.ends.is_empty()
     }
-    /// The points of stroke `i`, at least two.
+    /// The points of stroke `i`: one of a dot, else at least two.
     pub fn get(&self, i: usize) -> &[P2] {
         let start = if i == 0 { 0 } else { self.ends[i - 1] as usize };
         &self.points[start..self.ends[i] as usize]

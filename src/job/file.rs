@@ -12,9 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::file_unit::FileUnit;
 use super::texture::keys::TextureKeys;
 use crate::emit::Format;
-use crate::units::{
-    Angle, Frequency, Length, Power, Share, Speed, non_negative, non_negative_option, positive, positive_option,
-};
+use crate::units::{Angle, Frequency, Length, Power, Share, Speed, Time, non_negative, non_negative_option, positive, positive_option};
 
 /// The keys of a job file.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
@@ -495,6 +493,12 @@ pub struct PenKeys {
     /// How often every stroke is marked.
     #[serde(default = "once")]
     pub passes: u32,
+    /// How long the beam is on at a dot; or give `pulses`. Dots need one of the two.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub dwell: Option<Time>,
+    /// Pulses of a dot: the dwell is so many periods of `frequency`.
+    #[serde(default)]
+    pub pulses: Option<u32>,
 }
 
 fn once() -> u32 {

@@ -21,7 +21,7 @@ use crate::geom::{MAX_NM, Nm, P2};
 use crate::machine::Origin;
 use crate::program::{Pen, PenId};
 use crate::surface;
-use crate::units::Length;
+use crate::units::{Length, Time};
 
 /// Most pens of a job: no controller holds more, and marks count them in 16 bits.
 const MAX_PENS: usize = 1000;
@@ -208,14 +208,36 @@ fn pens(keys: &[PenKeys], f: &mut Faults<'_>) -> Vec<Pen> {
             f.push(&format!("pen.{i}.passes"), Diag::input("pen-passes", text).hint("1 to 1000 are possible"));
         }
     }
+    for (i, pen) in keys.iter().enumerate() {
+        dwell_faults(i, pen, f);
+    }
     let pen = |p: &PenKeys| Pen {
         name: p.name.clone(),
         speed: p.speed,
         power: p.power,
         frequency: p.frequency,
         passes: p.passes,
+        dwell: p.dwell.or(p.pulses.map(|n| Time::s(f64::from(n) / (p.frequency.as_khz() * 1e3)))),
     };
     keys.iter().map(pen).collect()
+}
+
+/// Longest dwell of a dot, s: a metre of dots would take days.
+const LONGEST_DWELL: f64 = 10.0;
+
+/// What is wrong with how long a pen marks a dot.
+fn dwell_faults(i: usize, pen: &PenKeys, f: &mut Faults<'_>) {
+    if pen.dwell.is_some() && pen.pulses.is_some() {
+        let text = format!("pen {:?} has both dwell and pulses", pen.name);
+        f.push(&format!("pen.{i}.pulses"), Diag::input("pen-dwell", text).hint("keep one of them"));
+    }
+    let s = pen.pulses.map(|n| f64::from(n) / (pen.frequency.as_khz() * 1e3)).or(pen.dwell.map(Time::as_s));
+    if s.is_some_and(|s| !(1e-9..=LONGEST_DWELL).contains(&s)) {
+        let key = if pen.dwell.is_some() { "dwell" } else { "pulses" };
+        let text = format!("a dot of pen {:?} takes {} s", pen.name, s.unwrap_or_default());
+        let fault = Diag::input("pen-dwell", text).hint(format!("1 ns to {LONGEST_DWELL} s are possible"));
+        f.push(&format!("pen.{i}.{key}"), fault);
+    }
 }
 
 fn partition(file: &JobFile, f: &mut Faults<'_>) -> Partition {

@@ -78,6 +78,19 @@ pub struct Candidate {
     pub time_s: Times,
 }
 
+/// How many dots there are; each counts once, whatever the passes of its pen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Dots {
+    /// Dots of the texture.
+    pub texture: u64,
+    /// Dots that are marked.
+    pub marked: u64,
+    /// Not marked: off the part or over a hole.
+    pub off_part: u64,
+    /// Not marked: steeper than the limit.
+    pub steep: u64,
+}
+
 /// The figures of a job; the keys are a promise, units are in the suffix. Lengths are measured in the
 /// xy plane.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -112,7 +125,10 @@ pub struct Summary {
     pub skipped_steep_mm: f64,
     /// Not marked: fragments that are too short.
     pub skipped_small_mm: f64,
-    /// Pieces that the texture's strokes were cut into.
+    /// Dots; no length counts them.
+    #[serde(default)]
+    pub dots: Dots,
+    /// Pieces that the texture's strokes were cut into, dots among them.
     pub fragments: usize,
     /// Texture strokes that were cut.
     pub strokes_cut: usize,

@@ -11,6 +11,7 @@ use crate::job::{DepthRule, Level};
 use crate::machine::{Machine, Origin};
 use crate::program::{self, PassId, Pen, Program};
 use crate::texture::Directions;
+use crate::units::Time;
 
 /// The manifest: JSON, keys in a fixed order, a line feed at the end.
 pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
@@ -152,6 +153,8 @@ struct PenEntry<'a> {
     power_w: f64,
     frequency_khz: f64,
     passes: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    dwell_us: Option<f64>,
 }
 
 fn pen_entry<'a>(pen: &'a Pen, machine: &Machine) -> PenEntry<'a> {
@@ -162,6 +165,7 @@ fn pen_entry<'a>(pen: &'a Pen, machine: &Machine) -> PenEntry<'a> {
         power_w: pen.power.as_w(machine.laser.max_power),
         frequency_khz: pen.frequency.as_khz(),
         passes: pen.passes,
+        dwell_us: pen.dwell.map(Time::as_us),
     }
 }
 

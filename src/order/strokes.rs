@@ -17,7 +17,7 @@ use crate::geom::FieldPoint;
 /// A stroke as far as its order needs it.
 #[derive(Clone, Copy, Debug)]
 pub struct Path<'a> {
-    /// Points in the direction of drawing, field frame, nm; two or more.
+    /// Points in the direction of drawing, field frame, nm; one of a dot.
     pub points: &'a [FieldPoint],
     /// Whether it ends where it begins and may begin at any of its vertices.
     pub is_closed: bool,
@@ -109,7 +109,11 @@ struct Place {
 
 impl Known {
     fn new(paths: &[Path<'_>]) -> Self {
-        let size = |p: &Path<'_>| if p.is_closed { CORNERS.min(p.points.len() - 1) } else { 2 };
+        let size = |p: &Path<'_>| match p.points.len() {
+            1 => 1,
+            n if p.is_closed => CORNERS.min(n - 1),
+            _ => 2,
+        };
         let count = paths.iter().map(size).sum::<usize>() + 1;
         let mut known =
             Self { endpoints: Endpoints::with_capacity(paths.len() + 1, count), places: Vec::with_capacity(count) };
@@ -117,7 +121,10 @@ impl Known {
         known.endpoints.closed(1);
         for path in paths {
             let last = path.points.len() - 1;
-            if path.is_closed {
+            if last == 0 {
+                known.add(0, path.points[0]);
+                known.endpoints.closed(1);
+            } else if path.is_closed {
                 let before = known.places.len();
                 corners(&path.points[..last], |i| known.add(i, path.points[i]));
                 known.endpoints.closed(known.places.len() - before);
@@ -188,7 +195,7 @@ fn refine(paths: &[Path<'_>], visits: &mut [Visit]) {
     for i in 0..visits.len() {
         let Visit { stroke, start, .. } = visits[i];
         let path = &paths[stroke as usize];
-        let vertices = &path.points[..path.points.len() - 1];
+        let vertices = path.points.split_last().map_or(&[][..], |(_, vertices)| vertices);
         if path.is_closed && vertices.len() > CORNERS {
             // One pass in the order of marking: where the stroke before is left is final, where the next is entered
             // may still move.
@@ -331,6 +338,20 @@ mod tests {
         let both = jumps(&paths(&strokes), &order(&paths(&strokes)));
         // The outliers cost the way to and fro, and the crowd no more than before.
         assert!(both - alone < 80e6, "{alone} {both}");
+    }
+
+    #[test]
+    fn dots_are_marked_once_in_a_short_order() {
+        let dots: Vec<Vec<FieldPoint>> =
+            shuffled((0..900).map(|i| vec![[i % 30 * 1000, i / 30 * 1000].into()]).collect(), 5);
+        let paths = paths(&dots);
+        let visits = order(&paths);
+        let mut seen: Vec<u32> = visits.iter().map(|v| v.stroke).collect();
+        seen.sort_unstable();
+        assert_eq!(seen, (0..900).collect::<Vec<_>>());
+        assert!(visits.iter().all(|v| v.start == 0 && !v.reversed));
+        let each = jumps(&paths, &visits) / 900.0;
+        assert!(each < 1100.0, "{each} nm for a pitch of 1000");
     }
 
     #[test]

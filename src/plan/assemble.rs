@@ -142,21 +142,31 @@ struct Heights {
     /// Integral of the height over the length.
     z_length: f64,
     length: f64,
+    /// Sum over the dots, and how many there are.
+    z_dots: f64,
+    dots: f64,
 }
 
 impl Heights {
-    const NONE: Self = Self { lo: f64::INFINITY, hi: f64::NEG_INFINITY, z_length: 0.0, length: 0.0 };
+    const NONE: Self =
+        Self { lo: f64::INFINITY, hi: f64::NEG_INFINITY, z_length: 0.0, length: 0.0, z_dots: 0.0, dots: 0.0 };
 
     fn add(&mut self, f: &Fragment) {
         self.lo = self.lo.min(f.z[0]);
         self.hi = self.hi.max(f.z[1]);
         self.z_length += f.z_length;
         self.length += f.length;
+        if f.len == 1 {
+            self.z_dots += f.z[0];
+            self.dots += 1.0;
+        }
     }
 
     fn mean(&self) -> f64 {
         if self.length > 0.0 {
             (self.z_length / self.length).clamp(self.lo, self.hi)
+        } else if self.dots > 0.0 {
+            (self.z_dots / self.dots).clamp(self.lo, self.hi)
         } else {
             (self.lo + self.hi) / 2.0
         }

@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use crate::job::{Compensate, Dose};
 use crate::program::{Pen, PenId};
 use crate::split::Fragment;
-use crate::units::{Power, Speed, Watts};
+use crate::units::{Power, Speed, Time, Watts};
 
 /// The pens of a program.
 pub(super) struct Pens {
@@ -84,7 +84,10 @@ fn factor(dose: &Dose, steps: u32) -> f64 {
 fn made_of(pen: &Pen, dose: &Dose, factor: f64) -> Pen {
     let mut made = Pen { name: format!("{} x{factor}", pen.name), ..pen.clone() };
     match dose.compensate {
-        Compensate::Speed => made.speed = Speed::mm_s(pen.speed.as_mm_s() * factor),
+        Compensate::Speed => {
+            made.speed = Speed::mm_s(pen.speed.as_mm_s() * factor);
+            made.dwell = pen.dwell.map(|dwell| Time::s(dwell.as_s() / factor));
+        }
         Compensate::Power => {
             made.power = match pen.power {
                 Power::Percent(p) => Power::Percent(p * factor),

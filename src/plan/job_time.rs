@@ -36,7 +36,7 @@ pub(super) fn times(machine: &Machine, start: &Start, program: &Program) -> (Tim
         (at, focus_shift) = (block.stage, block.focus_shift);
         let marks = program.strokes_of(block).iter().map(|s| {
             let pen = &program.pens[s.pen.index()];
-            motion::Mark { points: program.points_of(s), speed: pen.speed, passes: pen.passes }
+            motion::Mark { points: program.points_of(s), speed: pen.speed, passes: pen.passes, dwell: pen.dwell }
         });
         let m = motion::marking(machine, marks);
         t.mark += m.mark_s;

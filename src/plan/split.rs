@@ -149,6 +149,7 @@ pub(super) fn join(mut a: Fragments, b: Fragments) -> Fragments {
     a.overlap_mm += b.overlap_mm;
     a.cuts += b.cuts;
     a.short += b.short;
+    a.dots += b.dots;
     a.skipped.off_part += b.skipped.off_part;
     a.skipped.steep += b.skipped.steep;
     a.skipped.small += b.skipped.small;

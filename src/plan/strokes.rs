@@ -46,6 +46,10 @@ pub struct Strokes {
 /// `job-empty`; `fly-large` where the texture is wider than block coordinates reach; `steep` where the job refuses
 /// steep places.
 pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<Nm>) -> Result<Strokes, Error> {
+    if !inputs.texture.dot_pens().is_empty() {
+        let text = "on-the-fly programs cannot mark dots: the beam would have to stand still";
+        return Err(Diag::limit("fly-job", text).at(job.place()).hint("compile a stepped job").into());
+    }
     let area = inputs.texture.bounds();
     let size = area.size();
     let everything = Nm(i64::from(i32::MAX));

@@ -6,7 +6,7 @@ use crate::diag::{Diag, Message};
 use crate::geom::Nm;
 use crate::job::{Job, Method};
 use crate::machine::Machine;
-use crate::manifest::{ByHand, Candidate, Summary, Times};
+use crate::manifest::{ByHand, Candidate, Dots, Summary, Times};
 use crate::partition::bound::Certificate;
 use crate::program::{Block, Program};
 use crate::split::Fragments;
@@ -53,6 +53,12 @@ pub(super) fn summary(
         skipped_off_part_mm: split.skipped.off_part,
         skipped_steep_mm: split.skipped.steep,
         skipped_small_mm: split.skipped.small,
+        dots: Dots {
+            texture: split.dots.texture,
+            marked: split.dots.marked(),
+            off_part: split.dots.off_part,
+            steep: split.dots.steep,
+        },
         fragments: figures.fragments,
         strokes_cut: split.strokes_cut,
         figures_whole: split.figures_whole,

@@ -19,10 +19,11 @@ pub(super) fn warn(
 ) -> Result<(), Error> {
     let limits = &job.limits;
     let mm = |v: f64| if v < 0.001 { format!("{:.3} um", v * 1000.0) } else { format!("{v:.3} mm") };
-    if split.skipped.steep > 0.0 {
+    let dots = split.dots;
+    if split.skipped.steep > 0.0 || dots.steep > 0 {
         let limit = limits.max_incidence.as_deg();
-        let text =
-            format!("{} of texture lie on slopes above {limit:.1} deg and are not marked", mm(split.skipped.steep));
+        let what = lengths_and_dots(mm(split.skipped.steep), split.skipped.steep, dots.steep);
+        let text = format!("{what} of texture lie on slopes above {limit:.1} deg and are not marked");
         let place = split.steep_at.map_or(Place::Nowhere, |p| {
             let [x_mm, y_mm] = p.mm();
             Place::Part { x_mm, y_mm }
@@ -38,12 +39,11 @@ pub(super) fn warn(
             format!("the beam meets the surface at up to {incidence:.1} deg: marks are stretched and the dose falls");
         warnings.push(Diag::warning("incidence", text).hint("see limits.warn_incidence"));
     }
-    if split.skipped.off_part > 0.0 {
-        let share = 100.0 * split.skipped.off_part / split.texture_mm;
-        let text = format!(
-            "{} of texture ({share:.1} % of it) lie off the part and are not marked",
-            mm(split.skipped.off_part)
-        );
+    if split.skipped.off_part > 0.0 || dots.off_part > 0 {
+        let of = |part: f64, all: f64| if all > 0.0 { 100.0 * part / all } else { 0.0 };
+        let share = of(split.skipped.off_part, split.texture_mm).max(of(dots.off_part as f64, dots.texture as f64));
+        let what = lengths_and_dots(mm(split.skipped.off_part), split.skipped.off_part, dots.off_part);
+        let text = format!("{what} of texture ({share:.1} % of it) lie off the part and are not marked");
         let most = limits.max_off_part.as_percent();
         if share > most {
             let hint = format!(
@@ -67,6 +67,15 @@ pub(super) fn warn(
         warnings.push(Diag::warning("defocus", text).hint("focus.level = \"mid\" keeps it at half the depth range"));
     }
     Ok(())
+}
+
+/// What is not marked: a length, dots, or both.
+fn lengths_and_dots(length: String, mm: f64, dots: u64) -> String {
+    match (mm > 0.0, dots) {
+        (_, 0) => length,
+        (false, dots) => format!("{dots} dots"),
+        (true, dots) => format!("{length} and {dots} dots"),
+    }
 }
 
 /// Pens that compensate for the slope, and no file that passes them to the marking software.

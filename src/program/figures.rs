@@ -10,27 +10,38 @@ pub struct BlockFigures {
 }
 
 /// How the surface lies under the marks of a block, and what dose they get; means are over the length of
-/// the marks.
+/// the lines, or over the dots where there are no lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slope {
     length: f64,
     cos_length: f64,
     dose_length: f64,
+    dots: f64,
+    cos_dots: f64,
+    dose_dots: f64,
     least_cos: f64,
     least_dose: f64,
 }
 
 impl Default for Slope {
     fn default() -> Self {
-        Self { length: 0.0, cos_length: 0.0, dose_length: 0.0, least_cos: 1.0, least_dose: f64::INFINITY }
+        let (length, cos_length, dose_length) = (0.0, 0.0, 0.0);
+        let (dots, cos_dots, dose_dots) = (0.0, 0.0, 0.0);
+        let (least_cos, least_dose) = (1.0, f64::INFINITY);
+        Self { length, cos_length, dose_length, dots, cos_dots, dose_dots, least_cos, least_dose }
     }
 }
 
 impl Slope {
     /// Adds marks of a length over which the cosine of the slope has the given mean, at most a squared slope,
-    /// whose pen raises the dose by `gain`.
+    /// whose pen raises the dose by `gain`; of a dot the length is 0.
     pub fn add(&mut self, length: f64, cos: f64, slope2: f64, gain: f64) {
         let least = 1.0 / (1.0 + slope2).sqrt();
+        if length == 0.0 {
+            self.dots += 1.0;
+            self.cos_dots += cos;
+            self.dose_dots += cos * gain;
+        }
         self.length += length;
         self.cos_length += length * cos;
         self.dose_length += length * cos * gain;
@@ -39,7 +50,7 @@ impl Slope {
     }
     /// Mean and least cosine of the angle between beam and surface normal.
     pub fn cos(&self) -> [f64; 2] {
-        [if self.length > 0.0 { (self.cos_length / self.length).min(1.0) } else { self.least_cos }, self.least_cos]
+        [self.mean(self.cos_length, self.cos_dots).map_or(self.least_cos, |cos| cos.min(1.0)), self.least_cos]
     }
     /// That angle: of the mean cosine, and the largest.
     pub fn incidence_deg(&self) -> [f64; 2] {
@@ -53,6 +64,11 @@ impl Slope {
     /// Energy on the area, 1 as on a level surface with the job's own pen: mean and least.
     pub fn dose(&self) -> [f64; 2] {
         let least = if self.least_dose.is_finite() { self.least_dose } else { 1.0 };
-        [if self.length > 0.0 { self.dose_length / self.length } else { least }, least]
+        [self.mean(self.dose_length, self.dose_dots).unwrap_or(least), least]
+    }
+
+    /// The mean of a sum over lines, or of one over dots where there are no lines.
+    fn mean(&self, of_lines: f64, of_dots: f64) -> Option<f64> {
+        if self.length > 0.0 { Some(of_lines / self.length) } else { (self.dots > 0.0).then(|| of_dots / self.dots) }
     }
 }

@@ -4,8 +4,8 @@
 //!
 //! # Invariants
 //! A [`Program`] holds P1 to P7 once [`crate::check`] has made it a `Checked` one:
-//! - P1 every block has at least one stroke, every stroke at least two points, no two neighbours equal; strokes
-//!   lie block by block, points stroke by stroke;
+//! - P1 every block has at least one stroke; a stroke has two points or more, no two neighbours equal, or is a dot: one
+//!   point, whose pen has a dwell; strokes lie block by block, points stroke by stroke;
 //! - P2 every point lies in the usable field of the machine;
 //! - P3 the marks of a block lie within what its stop admits and span at most the depth range, to what rounding a
 //!   cut point does to its height;
@@ -43,7 +43,7 @@ use std::ops::Range;
 
 use crate::geom::{FieldPoint, NM_PER_MM, Nm, P2, Turned};
 use crate::machine::{Commanded, TiltAngles};
-use crate::units::{Frequency, Power, Speed};
+use crate::units::{Frequency, Power, Speed, Time};
 
 /// How far a stroke on a tilted part may run off the exact projection of its line, nm: between two points of the
 /// program, where the projection bends with the surface.
@@ -62,6 +62,8 @@ pub struct Pen {
     pub frequency: Frequency,
     /// How often the controller marks every stroke.
     pub passes: u32,
+    /// How long the beam is on at a dot, each time; None where the pen marks none.
+    pub dwell: Option<Time>,
 }
 
 /// One stop of the stage: its position and what it admits.
@@ -118,7 +120,7 @@ impl Block {
     }
 }
 
-/// One mark: the beam is on from its first point to its last.
+/// One mark: the beam is on from its first point to its last, or for the dwell of its pen where it is a dot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stroke {
     /// Which stroke of the texture it is a piece of.
@@ -133,8 +135,15 @@ pub struct Stroke {
     pub pen: PenId,
     /// First point in [`Program::points`].
     pub first: u32,
-    /// How many points.
+    /// How many points; 1 of a dot.
     pub len: u32,
+}
+
+impl Stroke {
+    /// Whether it is a dot.
+    pub fn is_dot(&self) -> bool {
+        self.len == 1
+    }
 }
 
 /// Blocks in machining order.

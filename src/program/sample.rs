@@ -18,6 +18,7 @@ pub fn program() -> (Program, Origin) {
                 power: Power::Percent(60.0),
                 frequency: Frequency::khz(60.0),
                 passes: 1,
+                dwell: None,
             },
             Pen {
                 name: "edge (fine)".into(),
@@ -25,6 +26,7 @@ pub fn program() -> (Program, Origin) {
                 power: Power::Absolute(Watts::w(3.5)),
                 frequency: Frequency::khz(80.0),
                 passes: 3,
+                dwell: None,
             },
         ],
         ..Program::default()

@@ -9,6 +9,7 @@ use crate::diag::{Diag, Error, Place};
 use crate::geom::{FieldPoint, Nm, P2};
 use crate::machine::{Commanded, Origin, TiltAngles};
 use crate::program::{Block, BlockId, PassId, Pen, PenId, Program, SectionId, SetupId, Stop, Stroke, StrokeId};
+use crate::units::Time;
 
 const TITLE: &str = "terrace program 1";
 
@@ -23,8 +24,9 @@ pub fn write(program: &Program, origins: &[Origin]) -> Vec<u8> {
         out.numbers(origin.0);
     }
     out.text(&format!("\npens {}\n", program.pens.len()));
-    for Pen { name, speed, power, frequency, passes } in &program.pens {
-        out.text(&format!("pen {} | {speed} | {power} | {frequency} | {passes}\n", escaped(name)));
+    for Pen { name, speed, power, frequency, passes, dwell } in &program.pens {
+        let dwell = dwell.map_or_else(String::new, |dwell| format!(" | {dwell}"));
+        out.text(&format!("pen {} | {speed} | {power} | {frequency} | {passes}{dwell}\n", escaped(name)));
     }
     out.text(&format!("blocks {}\n", program.blocks.len()));
     let (mut pass, mut setup, mut focus_shift) = (PassId(0), SetupId(0), Nm(0));
@@ -184,6 +186,9 @@ fn read(lines: &mut Lines<'_>) -> Result<(Program, Vec<Origin>), String> {
 
 fn pen(line: &str) -> Result<Pen, String> {
     let rest = line.strip_prefix("pen ").ok_or("the line does not start with \"pen\"")?;
+    // Passes are a bare number, a dwell has a unit.
+    let dwell = rest.rsplit_once(" | ").and_then(|(rest, last)| Some((rest, last.parse::<Time>().ok()?)));
+    let (rest, dwell) = dwell.map_or((rest, None), |(rest, dwell)| (rest, Some(dwell)));
     let mut parts = rest.rsplitn(5, " | ");
     let mut next = || parts.next().ok_or_else(|| "a pen has a name and four values, separated by \" | \"".to_owned());
     let passes = next()?.parse().map_err(|_| "passes are not a number")?;
@@ -191,7 +196,7 @@ fn pen(line: &str) -> Result<Pen, String> {
     let power = next()?.parse()?;
     let speed = next()?.parse()?;
     let name = unescaped(next()?).ok_or("the name has a stray backslash")?;
-    Ok(Pen { name, speed, power, frequency, passes })
+    Ok(Pen { name, speed, power, frequency, passes, dwell })
 }
 
 /// A block without its strokes, and how many there are.
@@ -234,8 +239,11 @@ fn stroke(mut f: Fields<'_>, program: &mut Program) -> Result<(), String> {
         program.points.push(FieldPoint::new(f.number()?, f.number()?));
     }
     let len = program.points.len() - first;
-    if len < 2 {
-        return Err(format!("a stroke has {len} points, not two or more"));
+    if len == 0 {
+        return Err("a stroke has no points".into());
+    }
+    if len == 1 && program.pens[pen.index()].dwell.is_none() {
+        return Err(format!("a dot is marked with pen {}, which has no dwell", pen.0));
     }
     if u32::try_from(program.points.len()).is_err() {
         return Err("there are 2^32 points or more".into());
@@ -329,6 +337,7 @@ mod tests {
         let (mut program, origin) = sample::program();
         program.pens[0].name = "a | b\\ \n | 3 \r".into();
         program.pens[0].speed = crate::units::Speed::mm_s(1.0 / 3.0);
+        program.pens[0].dwell = Some(Time::s(1.0 / 30_000.0));
         program.blocks[1].stop.level = -3;
         (program.blocks[1].pass, program.blocks[2].pass) = (PassId(1), PassId(4));
         program.points[0] = FieldPoint::new(i32::MIN, i32::MAX);
@@ -386,13 +395,19 @@ mod tests {
     }
 
     #[test]
-    fn strokes_with_an_odd_count_or_one_point_are_refused() {
+    fn strokes_with_an_odd_count_and_dots_without_a_dwell_are_refused() {
         let start = "terrace program 1\norigin 0 0 0\npens 1\npen p | 1 mm/s | 5 W | 3 kHz | 1\nblocks 1\n\
                      block B0001 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 1\n";
-        for (stroke, good) in
-            [("0 0 0 + 1 2 3 4", true), ("0 0 0 + 1 2 3", false), ("0 0 0 + 1 2", false), ("0 0 0 +", false)]
-        {
-            assert_eq!(parse("p", format!("{start}{stroke}\nend\n").as_bytes()).is_ok(), good, "{stroke}");
+        let dwells = start.replace("| 1\n", "| 1 | 0.0001 s\n");
+        for (stroke, good) in [
+            ("0 0 0 + 1 2 3 4", [true, true]),
+            ("0 0 0 + 1 2 3", [false, false]),
+            ("0 0 0 + 1 2", [false, true]),
+            ("0 0 0 +", [false, false]),
+        ] {
+            for (start, good) in [start, &dwells].into_iter().zip(good) {
+                assert_eq!(parse("p", format!("{start}{stroke}\nend\n").as_bytes()).is_ok(), good, "{stroke}");
+            }
         }
     }
 }

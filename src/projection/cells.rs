@@ -1,6 +1,6 @@
 //! The texture as small boxes: what windows that are placed freely must hold.
 
-use super::{GridTracer, Keep, Piece};
+use super::{GridTracer, Keep, Piece, segments};
 use crate::geom::{Nm, P2};
 
 /// Slabs of height whose borders lie on the stage's lattice: any eight of them that follow each other
@@ -98,8 +98,8 @@ impl Cells {
                 tracer.replay(add);
             }
         } else {
-            for w in points.windows(2) {
-                tracer.segment(w[0], w[1], &mut add);
+            for (a, b) in segments(points) {
+                tracer.segment(a, b, &mut add);
             }
         }
         // Sorted again only when it has doubled: strokes next to each other add the same cells.

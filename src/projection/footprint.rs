@@ -4,7 +4,7 @@ use std::collections::hash_map::Entry;
 
 use rustc_hash::FxHashMap;
 
-use super::{GridTracer, Keep, Piece, Samples};
+use super::{GridTracer, Keep, Piece, Samples, segments};
 use crate::geom::{Box2, Nm, P2};
 
 /// Disjoint, sorted intervals of height, nm.
@@ -115,6 +115,9 @@ impl SlopeSpan {
 
     /// Adds a stretch that is `length` nm long and climbs `height` nm.
     fn add(&mut self, height: f64, length: f64) {
+        if length == 0.0 {
+            return;
+        }
         let height = height.abs();
         let step = (height / length * Self::PER_UNIT) as usize;
         self.by_slope[step.min(Self::STEPS - 1)] += height as u64;
@@ -230,11 +233,11 @@ impl Footprint {
             self.broken += usize::from(!whole && z[0] <= z[1]);
             tracer.replay(add);
         } else {
-            for w in points.windows(2) {
-                let length = w[0].distance(w[1]);
-                tracer.segment(w[0], w[1], |p, cell| {
+            for (a, b) in segments(points) {
+                let length = a.distance(b);
+                tracer.segment(a, b, |p, cell| {
                     climb.add(p.z1 - p.z0, (p.t1 - p.t0) * length);
-                    marks.iter_mut().for_each(|m| m.add(&p, w[0], w[1]));
+                    marks.iter_mut().for_each(|m| m.add(&p, a, b));
                     add(p, cell);
                 });
             }

@@ -2,7 +2,7 @@
 
 use rustc_hash::FxHashMap;
 
-use super::GridTracer;
+use super::{GridTracer, segments};
 use crate::geom::{P2, P3};
 
 /// Points of marks in space, nm: at most two for every cell.
@@ -17,8 +17,7 @@ impl Marks {
     /// Adds one stroke, traced over the grid.
     pub fn add(&mut self, points: &[P2], tracer: &mut GridTracer<'_>) {
         let columns = i64::from(tracer.grid.count[0]);
-        for w in points.windows(2) {
-            let (a, b) = (w[0], w[1]);
+        for (a, b) in segments(points) {
             tracer.segment(a, b, |p, [column, row]| {
                 for (t, z) in [(p.t0, p.z0), (p.t1, p.z1)] {
                     let [x, y] = [(a.x, b.x), (a.y, b.y)].map(|(a, b)| a as f64 + t * (b - a) as f64);

@@ -22,6 +22,12 @@ use crate::geom::{Box2, Nm, P2};
 use crate::program::Sections;
 use crate::surface::{Cursor, Span, Surface};
 
+/// The segments of a stroke; a dot has one without length.
+pub fn segments(points: &[P2]) -> impl Iterator<Item = (P2, P2)> + '_ {
+    let dot = if let [dot] = points { Some((*dot, *dot)) } else { None };
+    points.windows(2).map(|w| (w[0], w[1])).chain(dot)
+}
+
 /// Why a piece is not marked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Skip {
@@ -105,9 +111,14 @@ impl<'a> Tracer<'a> {
         Normals(self.surface)
     }
 
-    /// Hands the pieces of the segment from `a` to `b` (a ≠ b) to `sink` in order.
+    /// Hands the pieces of the segment from `a` to `b` to `sink` in order. A segment without length has one piece, whose
+    /// two heights are equal.
     pub fn segment(&mut self, a: P2, b: P2, mut sink: impl FnMut(Piece)) {
-        self.surface.walk(a, b, &mut self.cursor, &mut self.spans);
+        if a == b {
+            self.look_at(a);
+        } else {
+            self.surface.walk(a, b, &mut self.cursor, &mut self.spans);
+        }
         for span in &self.spans {
             let slope2 = span.facet().map_or(0.0, |f| self.surface.slope2(f));
             let skip = match span.facet() {
@@ -124,6 +135,22 @@ impl<'a> Tracer<'a> {
             let facet = span.facet().unwrap_or_default();
             sink(Piece { t0: span.t0, t1: span.t1, z0: span.z0, z1: span.z1, skip, slope2, facet });
         }
+    }
+
+    /// Leaves one span for the whole of a segment that is a point: what a walk away from it begins with. A point on the
+    /// rim of the part is on the part.
+    fn look_at(&mut self, p: P2) {
+        /// Above what walks snap to rims, nm.
+        const STEP: i64 = 16;
+        for (x, y) in [(STEP, 0), (-STEP, 0), (0, STEP), (0, -STEP)] {
+            self.surface.walk(p, P2::new(p.x + x, p.y + y), &mut self.cursor, &mut self.spans);
+            if self.spans[0].facet().is_some() {
+                break;
+            }
+        }
+        self.spans.truncate(1);
+        let span = &mut self.spans[0];
+        (span.t0, span.t1, span.z1) = (0.0, 1.0, span.z0);
     }
 }
 
@@ -146,7 +173,8 @@ impl Keep {
     pub fn bounds(self, points: &[P2]) -> Option<Box2> {
         let mut bounds = Box2::EMPTY;
         let fits = |b: &Box2| b.size().iter().all(|&s| s <= self.0);
-        (self.0 > Nm(0) && points.iter().all(|&p| (bounds.add(p), fits(&bounds)).1)).then_some(bounds)
+        // A dot cannot be cut.
+        (self.0 > Nm(0) && points.len() > 1 && points.iter().all(|&p| (bounds.add(p), fits(&bounds)).1)).then_some(bounds)
     }
 }
 
@@ -156,7 +184,7 @@ impl<'a> GridTracer<'a> {
         Self { tracer, grid, cuts: Vec::new(), gap: false, small: Vec::new() }
     }
 
-    /// Hands the marked pieces of the segment from `a` to `b` (a ≠ b) to `sink` in order, each with its
+    /// Hands the marked pieces of the segment from `a` to `b` to `sink` in order, each with its
     /// cell: column and row.
     pub fn segment(&mut self, a: P2, b: P2, mut sink: impl FnMut(Piece, [i64; 2])) {
         self.cut(a, b);
@@ -193,10 +221,10 @@ impl<'a> GridTracer<'a> {
         list.clear();
         self.gap = false;
         let mut z = [f64::INFINITY, f64::NEG_INFINITY];
-        for w in points.windows(2) {
-            self.segment(w[0], w[1], |p, cell| {
+        for (a, b) in segments(points) {
+            self.segment(a, b, |p, cell| {
                 z = [z[0].min(p.z0).min(p.z1), z[1].max(p.z0).max(p.z1)];
-                also(&p, w[0], w[1]);
+                also(&p, a, b);
                 list.push((p, cell));
             });
         }

@@ -99,6 +99,12 @@ impl Samples {
             let near = q.x.abs_diff(origin.x).max(q.y.abs_diff(origin.y)) < 1 << 30 && z.abs() < REACH;
             near.then(|| [(q.x - origin.x) as i32, (q.y - origin.y) as i32, z.round() as i32])
         };
+        if a == b {
+            if let Some(q) = at(0.0, p.z0) {
+                self.points.add(key(q, cell, i32::MIN), q);
+            }
+            return;
+        }
         let (lo, hi) = (p.z0.min(p.z1).max(-REACH).ceil(), p.z0.max(p.z1).min(REACH).floor());
         for h in rows.heights(lo as i32, hi as i32).take(CROSSINGS) {
             let share = if p.z0 == p.z1 { 0.0 } else { (f64::from(h) - p.z0) / (p.z1 - p.z0) };

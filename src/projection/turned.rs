@@ -5,7 +5,7 @@
 //! from points of the marks close to each other.
 
 use super::footprint::Heights;
-use super::{GridTracer, Keep, Piece};
+use super::{GridTracer, Keep, Piece, segments};
 use crate::geom::{Box2, Nm, P2, P3, Turn, Turned as TurnedFrame};
 use crate::machine::TiltAngles;
 use crate::program::Sections;
@@ -106,7 +106,8 @@ impl Turned {
             let field = &fields.list[i];
             let (mut z, mut beside, mut hidden) = ([f64::INFINITY, f64::NEG_INFINITY], false, false);
             tracer.gap = false;
-            for w in points.windows(2) {
+            for (a, b) in segments(points) {
+                let w = &[a, b];
                 let mut list = std::mem::take(&mut tracer.small);
                 list.clear();
                 tracer.segment(w[0], w[1], |p, cell| list.push((p, cell)));
@@ -129,7 +130,8 @@ impl Turned {
                 return here.figures.push((z[0], z[1]));
             }
         }
-        for w in points.windows(2) {
+        for (a, b) in segments(points) {
+            let w = &[a, b];
             let mut list = std::mem::take(&mut tracer.small);
             list.clear();
             tracer.segment(w[0], w[1], |p, cell| list.push((p, cell)));
@@ -252,7 +254,8 @@ impl super::Tracer<'_> {
             return false;
         }
         let length = a.distance(b);
-        let (count, inside) = ((length / SPACING).ceil().max(2.0) as i64, (INSIDE / length).min(0.5));
+        let inside = if length > 0.0 { (INSIDE / length).min(0.5) } else { 0.0 };
+        let count = (length / SPACING).ceil().max(2.0) as i64;
         (0..=count).any(|i| {
             let t = p.t0 + (p.t1 - p.t0) * (inside + (1.0 - 2.0 * inside) * i as f64 / count as f64);
             self.is_hidden(at(w, t, p.z(t)), lean, field.top)

@@ -295,6 +295,7 @@ fn pen() -> Pen {
         power: Power::Percent(60.0),
         frequency: Frequency::khz(60.0),
         passes: 1,
+        dwell: None,
     }
 }
 

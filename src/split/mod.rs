@@ -6,7 +6,8 @@
 //! admits it; then, of the stops that admit what follows, the one whose box the stroke leaves last continues, which
 //! gives the fewest cuts. Of several that are left at the same place the last of the list continues, so
 //! that in a grid the upper level and the upper section have what lies on their borders. A fragment whose
-//! points all round to one point is dropped.
+//! points all round to one point is dropped. A dot is one fragment of one point, in the stop whose box holds it (of
+//! several the last of the list).
 //!
 //! A sliver is a fragment shorter than a given length that a cut between two stops made. Slivers next to a mark of their
 //! stroke may be left out: what is not marked then lies no farther from a mark than that length, and no stroke vanishes.
@@ -28,7 +29,7 @@ use cutter::Cutter;
 use crate::geom::{FieldPoint, P2, P3};
 use crate::partition::Stops;
 use crate::program::{PenId, StopId, StrokeId};
-use crate::projection::{Keep, Piece, Tracer};
+use crate::projection::{Keep, Piece, Tracer, segments};
 
 /// Pieces that are looked ahead over at most.
 const RUN: usize = 1 << 14;
@@ -46,7 +47,7 @@ pub struct Fragment {
     pub pen: PenId,
     /// First point in [`Fragments::points`].
     pub first: u32,
-    /// How many points.
+    /// How many points; 1 of a dot.
     pub len: u32,
     /// Whether it is the whole of a closed stroke, which may be marked from any of its vertices.
     pub is_figure: bool,
@@ -72,6 +73,32 @@ pub struct Skipped {
     pub steep: f64,
     /// Fragments that are too short.
     pub small: f64,
+}
+
+/// Dots, each counted once whatever the passes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Dots {
+    /// Of the texture.
+    pub texture: u64,
+    /// Not marked: off the part.
+    pub off_part: u64,
+    /// Not marked: steeper than the limit.
+    pub steep: u64,
+}
+
+impl Dots {
+    /// Those that are marked.
+    pub fn marked(self) -> u64 {
+        self.texture - self.off_part - self.steep
+    }
+}
+
+impl std::ops::AddAssign for Dots {
+    fn add_assign(&mut self, other: Self) {
+        self.texture += other.texture;
+        self.off_part += other.off_part;
+        self.steep += other.steep;
+    }
 }
 
 /// Which fragments are left out, nm.
@@ -110,6 +137,8 @@ pub struct Fragments {
     pub overlap_mm: f64,
     /// What was not marked.
     pub skipped: Skipped,
+    /// The dots.
+    pub dots: Dots,
     /// The fragments that are too short.
     pub slivers: Vec<Sliver>,
     /// Cuts between two blocks that were to overlap.
@@ -182,17 +211,19 @@ impl<'a> Splitter<'a> {
     pub fn stroke(&mut self, source: StrokeId, pen: PenId, passes: u32, points: &[P2]) {
         let Self { tracer, cutters, run } = self;
         cutters.iter_mut().for_each(|c| c.begin(source, pen, passes));
-        let last = points.len() - 2;
-        for (i, w) in points.windows(2).enumerate() {
-            let (a, b, first) = (w[0], w[1], run.pieces.len());
+        let last = points.len().saturating_sub(2);
+        for (i, (a, b)) in segments(points).enumerate() {
+            let first = run.pieces.len();
             tracer.segment(a, b, |piece| run.pieces.push(piece));
             run.segments.push(Segment { index: i as u32, a, b, first, end: run.pieces.len() });
             if i == last || run.pieces.len() >= RUN {
-                cutters.iter_mut().for_each(|c| c.run(run));
+                cutters.iter_mut().for_each(|c| if a == b { c.dot(run) } else { c.run(run) });
                 run.pieces.clear();
                 run.segments.clear();
             }
         }
-        cutters.iter_mut().for_each(|c| c.end(points));
+        if points.len() > 1 {
+            cutters.iter_mut().for_each(|c| c.end(points));
+        }
     }
 }

@@ -4,6 +4,8 @@
 //! page's pitch that is turned with the page; strokes of tiles wholly inside the area are computed from
 //! their index, those of tiles on its border are listed one by one (16 bytes each) and cut on request.
 
+use std::collections::BTreeSet;
+
 use super::artwork::Page;
 use super::clip::{Lines, clip, is_inside};
 use super::place::{SLACK, Site, Turn, far_in, is_near, push};
@@ -163,6 +165,14 @@ impl Figure for Drawing {
         Some((at, size))
     }
 
+    fn dot_pens(&self, own: PenId) -> BTreeSet<PenId> {
+        let of = |len: usize, i: usize| (len == 1).then(|| self.pen_of[i].unwrap_or(own));
+        match &self.layout {
+            Layout::Single(strokes) => strokes.iter().enumerate().filter_map(|(i, s)| of(s.len(), i)).collect(),
+            Layout::Tiled(tiles) => tiles.lines.iter().enumerate().filter_map(|(i, s)| of(s.len(), i)).collect(),
+        }
+    }
+
     fn pen(&self, i: u64) -> Option<PenId> {
         match &self.layout {
             Layout::Single(_) => self.pen_of[i as usize],
@@ -212,7 +222,11 @@ impl Drawing {
                 if piece.iter().any(|&p| !is_near(placed.turn.turned(p))) {
                     return Err(far_in(path).into());
                 }
-                if strokes.push(piece.iter().map(|&p| placed.turn.nm(p))) {
+                if let [dot] = line[..] {
+                    strokes.push_dot(placed.turn.nm(dot));
+                    name_of.push(name);
+                    pen_of.push(pen);
+                } else if strokes.push(piece.iter().map(|&p| placed.turn.nm(p))) {
                     name_of.push(name);
                     pen_of.push(pen);
                 }

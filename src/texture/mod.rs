@@ -1,8 +1,8 @@
 //! What is to be marked: strokes on the nanometre grid of the turned part frame.
 //!
 //! Consumes the requests of a job (patterns, SVG drawings and bitmaps, lengths in mm, angles in rad) and the
-//! part's box. Promises an indexed stream of polylines: every stroke has at least two points,
-//! neighbours differ, closed figures end on the point they start with, nothing is NaN or beyond 4 m,
+//! part's box. Promises an indexed stream of polylines and dots: every stroke has at least two points, or is a dot and
+//! has one; neighbours differ, closed figures end on the point they start with, nothing is NaN or beyond 4 m,
 //! and stroke `i` is the same whenever and wherever it is asked for. Strokes of patterns and of tiles
 //! that lie wholly inside their area are computed from their index, so a texture of 10^8 points takes
 //! no memory. An area that is to be filled along contours ([`Contour`]) has a box and no strokes until
@@ -23,9 +23,11 @@ mod dxf;
 mod hpgl;
 pub mod pattern;
 mod place;
+mod random;
 mod source;
 mod svg;
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -88,6 +90,10 @@ pub(crate) trait Figure: std::fmt::Debug + Send + Sync {
     /// Where a point, nm, lies on the page of a drawing, and the size of the page, mm; None for other figures.
     fn on_page(&self, _: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
         None
+    }
+    /// The pens that its dots are marked with, where `own` is the pen of the texture.
+    fn dot_pens(&self, _own: PenId) -> BTreeSet<PenId> {
+        BTreeSet::new()
     }
     /// The pen of stroke `i`; None for that of the texture.
     fn pen(&self, _: u64) -> Option<PenId> {
@@ -296,7 +302,15 @@ impl Texture {
         self.bounds
     }
 
-    /// Writes the points of stroke `i` (at least two, neighbours differ) into `out`, which is cleared,
+    /// The pens that dots are marked with, each with the number of a texture, from 1, that has such dots.
+    pub fn dot_pens(&self) -> Vec<(PenId, usize)> {
+        let of = |(k, part): (usize, &Part)| {
+            part.placed.figure().dot_pens(part.pen).into_iter().map(move |pen| (pen, k + 1))
+        };
+        self.parts.iter().enumerate().flat_map(of).collect()
+    }
+
+    /// Writes the points of stroke `i` (at least two, neighbours differ; one of a dot) into `out`, which is cleared,
     /// and answers with the index of its pen. A closed figure ends on the point it starts with.
     ///
     /// # Panics

@@ -13,6 +13,7 @@ fn sample(kind: Kind) -> (Checked, Machine) {
         power,
         frequency: Frequency::khz(60.0),
         passes: 1,
+        dwell: None,
     };
     let mark = |pen, piece| Some(Mark { pen: PenId(pen), source: StrokeId(4 + piece), piece: PieceId(piece) });
     let turn = i64::from(kind == Kind::Xyzacuv);

@@ -50,6 +50,8 @@ pub(super) struct MarkingParams {
     pub mark_speed_mm_s: f32,
     #[prost(float, tag = "3")]
     pub focus_shift_mm: f32,
+    #[prost(float, tag = "4")]
+    pub point_exposure_time_us: f32,
     #[prost(float, tag = "5")]
     pub jump_speed_mm_s: f32,
     #[prost(uint64, tag = "7")]
@@ -119,13 +121,15 @@ pub(super) struct Patch {
     pub v_mm: f32,
 }
 
-/// Either a line sequence or hatches.
+/// A line sequence, hatches or a point sequence.
 #[derive(Clone, PartialEq, Message)]
 pub(super) struct VectorBlock {
     #[prost(message, optional, tag = "1")]
     pub line_sequence: Option<Points>,
     #[prost(message, optional, tag = "2")]
     pub hatches: Option<Points>,
+    #[prost(message, optional, tag = "3")]
+    pub point_sequence: Option<Points>,
     #[prost(int32, tag = "50")]
     pub marking_params_key: i32,
     #[prost(uint64, tag = "54")]
@@ -137,7 +141,7 @@ pub(super) struct VectorBlock {
     pub micro_structuring: Option<Empty>,
 }
 
-/// x0 y0 x1 y1 …; of hatches, four numbers a line. A packed list of floats is written as its bytes, which is the same
+/// x0 y0 x1 y1 …; of hatches, four numbers a line, of points, two. A packed list of floats is written as its bytes, which is the same
 /// on the wire.
 #[derive(Clone, PartialEq, Message)]
 pub(super) struct Points {

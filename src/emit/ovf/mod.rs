@@ -3,8 +3,8 @@
 //!
 //! Positions of a work plane are the commanded axis values (mm); points are mm in controller coordinates
 //! from the optical axis. Both are single precision, as the format has it: 3.8 nm at 50 mm. Strokes keep
-//! their marking order: consecutive strokes of two points and one pen share a vector block of hatches, a
-//! longer stroke is a line sequence of its own. Pens are marking parameters with keys from 1; where a zoom optic shifts
+//! their marking order: consecutive strokes of two points and one pen share a vector block of hatches,
+//! consecutive dots of one pen a point sequence; a longer stroke is a line sequence of its own. Pens are marking parameters with keys from 1; where a zoom optic shifts
 //! the focus, there is a set of them for every pen and shift.
 //!
 //! The format fixes no sign for what an axis moves, so `machine_type` says it: `x-part` is an axis that
@@ -71,7 +71,7 @@ pub fn write(checked: &Checked, machine: &Machine, job_name: &str, source_name: 
 /// Bytes that the work planes take, or some more.
 fn room(program: &Program) -> usize {
     let Program { points, strokes, blocks, .. } = program;
-    8 * points.len() + 90 * strokes.iter().filter(|s| s.len > 2).count() + 500 * blocks.len()
+    8 * points.len() + 90 * strokes.iter().filter(|s| s.len != 2).count() + 500 * blocks.len()
 }
 
 /// Appends one work plane with its vector blocks and its table; answers with the extent of its points.
@@ -162,7 +162,7 @@ fn run_length(strokes: &[Stroke]) -> usize {
     if first.len > 2 {
         return 1;
     }
-    let alike = strokes.iter().take(MOST_POINTS / 2).take_while(|s| s.pen == first.pen && s.len == 2);
+    let alike = strokes.iter().take(MOST_POINTS / 2).take_while(|s| s.pen == first.pen && s.len == first.len);
     alike.count()
 }
 
@@ -203,7 +203,11 @@ fn vector_block(
         }
     }
     let points = Some(Points { xy_mm });
-    let (line_sequence, hatches) = if first.len > 2 { (points, None) } else { (None, points) };
+    let (line_sequence, hatches, point_sequence) = match first.len {
+        1 => (None, None, points),
+        2 => (None, points, None),
+        _ => (points, None, None),
+    };
     let meta_data = VectorBlockMetaData {
         scan_distance_mm: scan,
         jump_distance_mm: jump,
@@ -213,6 +217,7 @@ fn vector_block(
     let block = VectorBlock {
         line_sequence,
         hatches,
+        point_sequence,
         marking_params_key: key,
         repeats: u64::from(passes.saturating_sub(1)),
         meta_data: Some(meta_data),
@@ -227,6 +232,7 @@ fn marking_params(program: &Program, pen: PenId, shift: Nm, machine: &Machine) -
         laser_power_w: pen.power.as_w(machine.laser.max_power) as f32,
         mark_speed_mm_s: pen.speed.as_mm_s() as f32,
         focus_shift_mm: single_mm(shift.0),
+        point_exposure_time_us: pen.dwell.map_or(0.0, |dwell| dwell.as_us() as f32),
         jump_speed_mm_s: machine.scanner.jump_speed.as_mm_s() as f32,
         repetition_rate_hz: (pen.frequency.as_khz() * 1e3).round() as u64,
         jump_delay_us: delays.jump.as_us() as f32,

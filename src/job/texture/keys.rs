@@ -45,7 +45,7 @@ pub struct TextureKeys {
     #[serde(default)]
     pub area: Option<AreaKeys>,
     /// Hatch: distance of lines. Cells and honeycomb: distance of neighbouring centres. Riblets: distance of grooves.
-    /// Concentric and spiral: distance of circles or turns. Drawing: distance of the lines that fill areas; default:
+    /// Concentric and spiral: distance of circles or turns. Dots: distance of sites. Poisson: least distance. Drawing: distance of the lines that fill areas; default:
     /// half the spot.
     #[serde(default, deserialize_with = "positive_option")]
     pub pitch: Option<Length>,
@@ -60,7 +60,7 @@ pub struct TextureKeys {
     /// to tip. Riblets: width of a groove.
     #[serde(default, deserialize_with = "positive_option")]
     pub cell: Option<Length>,
-    /// Cells: how their centres lie; default: `"hex"` for hexagons, `"square"` for all others.
+    /// Cells and dots: how their centres lie; default: `"hex"` for hexagons, `"square"` for all others.
     #[serde(default)]
     pub lattice: Option<Lattice>,
     /// Crosses, jerusalem: width of the arms, and of the bars.
@@ -78,6 +78,12 @@ pub struct TextureKeys {
     /// Concentric and spiral: part-frame position of the centre; default: the middle of the area.
     #[serde(default)]
     pub centre: Option<[Length; 2]>,
+    /// Dots: how far a dot may lie from its site, at random; 100 % is half a pitch. Default: 0 %.
+    #[serde(default)]
+    pub jitter: Option<Share>,
+    /// Dots, poisson, bitmap with `screen = "noise"`: what random places follow from; default: 0.
+    #[serde(default)]
+    pub seed: Option<u64>,
     /// Drawing: width and height that the whole page gets; required where the file has no physical size.
     #[serde(default)]
     pub size: Option<[Length; 2]>,
@@ -137,13 +143,14 @@ pub struct TextureKeys {
     /// Bitmap: mark what is light.
     #[serde(default)]
     pub invert: bool,
-    /// Bitmap: how grey becomes marks; lines and dashes lie at `pitch`, by default the spot, along `direction`.
+    /// Bitmap: how grey becomes marks; lines, dashes and dots lie at `pitch`, by default the spot, along `direction`.
     #[serde(default)]
     pub screen: Option<Screen>,
     /// Bitmap with `screen = "threshold"`: density above which an area is marked; default: 50 %.
     #[serde(default)]
     pub threshold: Option<Share>,
-    /// Bitmap with `screen = "dashes"`: distance of the dashes on their line; default: ten pitches.
+    /// Bitmap with `screen = "dashes"`: distance of the dashes on their line; with `"halftone"`: side of the cells;
+    /// default: ten pitches.
     #[serde(default, deserialize_with = "positive_option")]
     pub period: Option<Length>,
     /// Largest distance between a curve and its polyline.

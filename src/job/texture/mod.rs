@@ -16,7 +16,7 @@ use crate::units::{Angle, Length};
 use keys::{AreaKeys, AreaName, OnUnsupported, TextureKeys};
 
 /// Keys of drawings.
-const DRAWING: [&str; 24] = [
+const DRAWING: [&str; 25] = [
     "size",
     "unit",
     "origin",
@@ -41,6 +41,7 @@ const DRAWING: [&str; 24] = [
     "screen",
     "threshold",
     "period",
+    "seed",
 ];
 
 /// One `[[texture]]`.
@@ -235,6 +236,10 @@ impl Texture<'_> {
             let text = format!("cell {cell} is larger than pitch {pitch}, so figures would overlap");
             f.push(&self.key("cell"), Diag::input("texture-cell", text));
         }
+        if let Some(jitter) = keys.jitter.filter(|j| !(0.0..=100.0).contains(&j.as_percent())) {
+            let fault = Diag::input("texture-key", format!("jitter {jitter} is not between 0 % and 100 %"));
+            f.push(&self.key("jitter"), fault);
+        }
         texture::pattern::Values {
             pitch_mm: keys.pitch.map(Length::as_mm),
             cell_mm: keys.cell.map(Length::as_mm),
@@ -249,6 +254,8 @@ impl Texture<'_> {
             inner_mm: keys.inner.map(Length::as_mm),
             line_mm: keys.line.map(Length::as_mm),
             centre_mm: keys.centre.map(|c| c.map(Length::as_mm)),
+            jitter: keys.jitter.map(|jitter| jitter.as_percent() / 100.0),
+            seed: keys.seed,
         }
     }
 
@@ -266,6 +273,8 @@ impl Texture<'_> {
             ("inner", keys.inner.is_some()),
             ("line", keys.line.is_some()),
             ("centre", keys.centre.is_some()),
+            ("jitter", keys.jitter.is_some()),
+            ("seed", keys.seed.is_some()),
             ("size", keys.size.is_some()),
             ("unit", keys.unit.is_some()),
             ("origin", keys.origin.is_some()),

@@ -13,19 +13,16 @@ pub(super) fn resolve(keys: &TextureKeys, place: &dyn Fn(&str) -> String, f: &mu
     // Keys that the screen has no use for.
     for (key, is_given, applies) in [
         ("threshold", keys.threshold.is_some(), is_area),
-        ("period", keys.period.is_some(), screen == Screen::Dashes),
+        ("period", keys.period.is_some(), matches!(screen, Screen::Dashes | Screen::Halftone)),
+        ("seed", keys.seed.is_some(), screen == Screen::Noise),
+        ("one_way", keys.one_way, !screen.is_of_dots()),
         ("fill", keys.fill.is_some(), is_area),
         ("cross", keys.cross, is_area),
         ("inset", keys.inset.is_some(), is_area),
         ("contour", keys.contour.is_some(), is_area),
     ] {
         if is_given && !applies {
-            let name = match screen {
-                Screen::Threshold => "threshold",
-                Screen::Lines => "lines",
-                Screen::Dashes => "dashes",
-            };
-            let fault = format!("{key} does not apply to screen = \"{name}\"");
+            let fault = format!("{key} does not apply to screen = \"{}\"", screen.name());
             f.push(&place(key), Diag::input("texture-key", fault).hint("leave it out, or change screen"));
         }
     }
@@ -49,7 +46,8 @@ pub(super) fn resolve(keys: &TextureKeys, place: &dyn Fn(&str) -> String, f: &mu
         || keys.invert
         || keys.screen.is_some()
         || keys.threshold.is_some()
-        || keys.period.is_some();
+        || keys.period.is_some()
+        || keys.seed.is_some();
     let given = Tone::default();
     is_said.then(|| Tone {
         resolution: keys.dpi.map(|d| match d {
@@ -61,5 +59,6 @@ pub(super) fn resolve(keys: &TextureKeys, place: &dyn Fn(&str) -> String, f: &mu
         screen,
         threshold: threshold.map_or(given.threshold, |v| v / 100.0),
         period_mm: keys.period.map(Length::as_mm),
+        seed: keys.seed.unwrap_or(given.seed),
     })
 }

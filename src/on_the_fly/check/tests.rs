@@ -16,6 +16,7 @@ fn program() -> Program {
         power: Power::Percent(50.0),
         frequency: Frequency::khz(60.0),
         passes: 1,
+        dwell: None,
     };
     let mark = Some(Mark { pen: PenId(0), source: StrokeId(0), piece: PieceId(0) });
     let moves = (1..=100i64).map(|i| Move { us: i * 1000, to: AxisCommands([0, 0, 0, 0, 0, i * 100_000, 0]), mark });

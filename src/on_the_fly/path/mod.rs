@@ -417,6 +417,7 @@ mod tests {
             power: Power::Percent(50.0),
             frequency: Frequency::khz(60.0),
             passes: 1,
+            dwell: None,
         }]
     }
 

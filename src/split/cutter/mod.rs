@@ -123,6 +123,36 @@ impl<'a> Cutter<'a> {
         self.last = Before::None;
     }
 
+    /// Takes a dot: a run of one segment without length, and its piece.
+    pub(super) fn dot(&mut self, run: &Run) {
+        let (s, p) = (&run.segments[0], &run.pieces[0]);
+        self.out.dots.texture += 1;
+        match p.skip {
+            Some(Skip::OffPart) => return self.out.dots.off_part += 1,
+            Some(Skip::Steep) => {
+                self.out.dots.steep += 1;
+                self.out.steep_at.get_or_insert(s.a);
+                return;
+            }
+            None => {}
+        }
+        let (stop, _) = self.choose(run, 0, 0, 0.0);
+        let at = self.stops.turn(stop).map(|turn| (turn.apply(s.at(0.0, p.z0))[2], turn.slope2(self.normals.under(p))));
+        let (z, slope2) = at.unwrap_or((p.z0, p.slope2));
+        let first = self.out.points.len() as u32;
+        self.out.points.push(self.local(stop, s.a, p.z0));
+        self.out.list.push(Fragment {
+            stop,
+            source: self.source,
+            pen: self.pen,
+            first,
+            len: 1,
+            z: [z; 2],
+            slope2,
+            ..Fragment::default()
+        });
+    }
+
     pub(super) fn end(&mut self, points: &[P2]) {
         self.close(points[points.len() - 1]);
         let out = &mut self.out;

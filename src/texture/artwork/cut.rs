@@ -54,6 +54,12 @@ impl Cutter {
     /// Appends the pieces of a polyline on the side that is kept, in its direction. Of a closed one no piece is divided
     /// at its first point unless it is whole.
     pub(super) fn cut(&self, line: &[Point], keep: Keep, out: &mut Lines) {
+        if let [dot] = line {
+            if self.holds(*dot).unwrap_or(true) == (keep == Keep::Inside) {
+                out.push(line);
+            }
+            return;
+        }
         let mut pieces: Vec<Vec<Point>> = Vec::new();
         let (mut is_open, mut ts) = (false, Vec::new());
         for side in line.windows(2) {

@@ -72,6 +72,31 @@ pub enum Screen {
     Lines,
     /// By the length of dashes on parallel lines.
     Dashes,
+    /// By clusters of dots that grow.
+    Halftone,
+    /// By dots, by the diffusion of errors.
+    Diffusion,
+    /// By dots, with thresholds of blue noise.
+    Noise,
+}
+
+impl Screen {
+    /// Its name in job files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Threshold => "threshold",
+            Self::Lines => "lines",
+            Self::Dashes => "dashes",
+            Self::Halftone => "halftone",
+            Self::Diffusion => "diffusion",
+            Self::Noise => "noise",
+        }
+    }
+
+    /// Whether it makes dots.
+    pub fn is_of_dots(self) -> bool {
+        matches!(self, Self::Halftone | Self::Diffusion | Self::Noise)
+    }
 }
 
 /// The axis along which a drawing is mirrored.
@@ -106,14 +131,16 @@ pub struct Tone {
     pub screen: Screen,
     /// Density above which an area is marked, 0 to 1.
     pub threshold: f64,
-    /// Distance of dashes on their line, mm; None for ten pitches.
+    /// Distance of dashes on their line, or side of halftone cells, mm; None for ten pitches.
     pub period_mm: Option<f64>,
+    /// Seed of the noise.
+    pub seed: u64,
 }
 
 impl Default for Tone {
     fn default() -> Self {
         let screen = Screen::default();
-        Self { resolution: None, gamma: 1.0, invert: false, screen, threshold: 0.5, period_mm: None }
+        Self { resolution: None, gamma: 1.0, invert: false, screen, threshold: 0.5, period_mm: None, seed: 0 }
     }
 }
 

@@ -14,8 +14,9 @@ use super::choice::{Class, classes};
 use super::crossings::TooMany;
 use super::cut::Keep;
 use super::hatch::{Hatch, TooFine};
+use super::dot_screen::DotScreen;
 use super::screen::LineScreen;
-use super::{Artwork, Figure, FillMode, Marking, Rule, Shape, StrokeMode};
+use super::{Artwork, Figure, FillMode, Grey, Marking, Rule, Shape, StrokeMode};
 use crate::diag::Diag;
 use crate::geom::BoxMm;
 use crate::parallel;
@@ -89,7 +90,7 @@ pub(in crate::texture) fn marks(
     notes: &mut Vec<Diag>,
 ) -> Result<Page, Box<Diag>> {
     let hatch = marking.hatch(spot_mm, page_rad);
-    let screen = LineScreen::new(marking, spot_mm, page_rad);
+    let screen = Raster::new(marking, spot_mm, page_rad);
     let classes = classes(art, marking)?;
     let seen: Vec<Seen<'_>> = parallel::map(art.shapes.len(), |i| Seen::new(art, i, classes[i], marking));
     let index = Index::new(&seen);
@@ -347,8 +348,38 @@ fn lines(art: &Artwork, seen: &Seen<'_>, above: &[usize], areas: &[Area]) -> Res
     Ok(made)
 }
 
-/// The lines of a picture.
-fn screened(art: &Artwork, seen: &Seen<'_>, screen: &LineScreen) -> Result<Made, Fault> {
+/// What reproduces the grey of pictures.
+enum Raster {
+    Lines(LineScreen),
+    Dots(DotScreen),
+}
+
+impl Raster {
+    fn new(marking: &Marking, spot_mm: f64, page_rad: f64) -> Self {
+        if marking.tone.is_some_and(|tone| tone.screen.is_of_dots()) {
+            Self::Dots(DotScreen::new(marking, spot_mm, page_rad))
+        } else {
+            Self::Lines(LineScreen::new(marking, spot_mm, page_rad))
+        }
+    }
+
+    fn pale(&self, grey: &Grey) -> Option<Diag> {
+        match self {
+            Self::Lines(screen) => screen.pale(grey),
+            Self::Dots(screen) => screen.pale(grey),
+        }
+    }
+
+    fn mark(&self, grey: &Grey, size: [f64; 2], out: &mut Lines) -> Result<(), TooFine> {
+        match self {
+            Self::Lines(screen) => screen.mark(grey, size, out),
+            Self::Dots(screen) => screen.mark(grey, size, out),
+        }
+    }
+}
+
+/// The lines or dots of a picture.
+fn screened(art: &Artwork, seen: &Seen<'_>, screen: &Raster) -> Result<Made, Fault> {
     let mut made = Made { name: seen.shape.name, pen: seen.pen, lines: Lines::default(), thin: 0 };
     if let Figure::Grey(k) = seen.shape.figure {
         screen.mark(&art.greys[k as usize], art.size, &mut made.lines)?;

@@ -8,6 +8,7 @@ mod area;
 mod choice;
 mod crossings;
 mod cut;
+mod dot_screen;
 mod hatch;
 mod marking;
 mod marks;

@@ -131,18 +131,7 @@ impl LineScreen {
 
     /// What is said where the lines lie too far apart for the dark parts of a picture.
     pub(super) fn pale(&self, grey: &Grey) -> Option<Diag> {
-        let most = self.spot_mm / self.pitch_mm;
-        let share = if most < 1.0 { grey.darker(most) } else { 0.0 };
-        (share > 0.0).then(|| {
-            let text = format!(
-                "lines {} mm apart under a spot of {} mm cover at most {:.0} %; {:.0} % of the picture is darker and marked alike",
-                self.pitch_mm,
-                self.spot_mm,
-                100.0 * most,
-                100.0 * share
-            );
-            Diag::warning("bitmap-pale", text).hint("use a pitch of the spot or less")
-        })
+        pale(grey, self.spot_mm / self.pitch_mm, self.pitch_mm, self.spot_mm, "lines")
     }
 
     /// Appends the lines of a picture on a page.
@@ -152,7 +141,7 @@ impl LineScreen {
         let (lo, hi) = (corners.into_iter().fold(f64::MAX, f64::min), corners.into_iter().fold(f64::MIN, f64::max));
         let first = (lo / self.pitch_mm - 0.5).ceil();
         let count = ((hi / self.pitch_mm - 0.5).ceil() - first).max(0.0);
-        let picture = Picture { grey, size, step: [0, 1].map(|k| size[k] / grey.extent[k]) };
+        let picture = Picture::new(grey, size);
         // Twice in a pixel.
         let step = picture.step[0].min(picture.step[1]) / 2.0;
         if count * size[0].hypot(size[1]) / step > MAX_SAMPLES || count > MAX_LINES as f64 {
@@ -193,16 +182,33 @@ impl LineScreen {
     }
 }
 
+/// What is said where `what`, a pitch apart, cover at most a share of `most`.
+pub(super) fn pale(grey: &Grey, most: f64, pitch_mm: f64, spot_mm: f64, what: &str) -> Option<Diag> {
+    let share = if most < 1.0 { grey.darker(most) } else { 0.0 };
+    (share > 0.0).then(|| {
+        let text = format!(
+            "{what} {pitch_mm} mm apart under a spot of {spot_mm} mm cover at most {:.0} %; {:.0} % of the picture is darker and marked alike",
+            100.0 * most,
+            100.0 * share
+        );
+        Diag::warning("bitmap-pale", text).hint("use a pitch of the spot or less")
+    })
+}
+
 /// A picture on its page.
-struct Picture<'a> {
+pub(super) struct Picture<'a> {
     grey: &'a Grey,
     size: [f64; 2],
     /// Width and height of a pixel, mm.
     step: [f64; 2],
 }
 
-impl Picture<'_> {
-    fn at(&self, [x, y]: Point) -> f64 {
+impl<'a> Picture<'a> {
+    pub(super) fn new(grey: &'a Grey, size: [f64; 2]) -> Self {
+        Self { grey, size, step: [0, 1].map(|k| size[k] / grey.extent[k]) }
+    }
+
+    pub(super) fn at(&self, [x, y]: Point) -> f64 {
         self.grey.at([x / self.step[0], (self.size[1] - y) / self.step[1]])
     }
 

@@ -125,7 +125,7 @@ fn artwork(
             art.lines = areas(&grey, size, tone.threshold)?;
             Figure::Fill(Rule::EvenOdd)
         }
-        Screen::Lines | Screen::Dashes => {
+        _ => {
             // What is finer than the lines is seen by none of them alone, but by their mean.
             let pixel = [size[0] / image.columns as f64, size[1] / image.rows as f64];
             let fits = marking.pitch_mm.unwrap_or(site.spot_mm) / pixel[0].max(pixel[1]);

@@ -35,6 +35,7 @@ pub(super) struct Entity {
 #[derive(Debug)]
 pub(super) enum Kind {
     Line([Point; 2]),
+    Dot(Point),
     /// An arc, counter-clockwise between angles in degrees; without them a circle.
     Arc {
         centre: Point,
@@ -107,6 +108,7 @@ pub(super) struct Insert {
 pub(super) fn kind(r: &Record<'_, '_>, block: impl FnOnce(&str) -> u32) -> Result<Kind, Fault> {
     Ok(match r.kind {
         b"LINE" => Kind::Line([r.place(10)?, r.place(11)?]),
+        b"POINT" => Kind::Dot(r.place(10)?),
         b"CIRCLE" => Kind::Arc { centre: r.place(10)?, radius: r.real(40)?.unwrap_or(0.0), angles: None },
         b"ARC" => {
             let angles = [r.real(50)?.unwrap_or(0.0), r.real(51)?.unwrap_or(360.0)];

@@ -224,6 +224,15 @@ impl<'a> Outline<'a> {
         }
     }
 
+    /// Draws a line of one point.
+    pub(super) fn dot(&mut self, p: Point) {
+        self.end_line();
+        self.put(p);
+        if self.stop.is_none() {
+            self.lines.finish();
+        }
+    }
+
     fn put(&mut self, p: Point) {
         self.put_mm(self.map.at(p));
     }

@@ -15,7 +15,6 @@ pub(super) enum Issue {
     Mesh,
     Infinite,
     Mline,
-    Point,
     Unread,
     Gradient,
     Dots,
@@ -34,7 +33,7 @@ pub(super) enum Issue {
 }
 
 /// Issue, weight, code, sentence after "entities", hint.
-const ISSUES: [(Issue, Weight, &str, &str, &str); 22] = [
+const ISSUES: [(Issue, Weight, &str, &str, &str); 21] = [
     (Issue::Text, Refused, "dxf-text", "of text have no outlines", "explode text to lines in the drawing program"),
     (
         Issue::Dimension,
@@ -59,7 +58,6 @@ const ISSUES: [(Issue, Weight, &str, &str, &str); 22] = [
     ),
     (Issue::Infinite, Refused, "dxf-infinite", "are endless lines", "draw lines that end"),
     (Issue::Mline, Refused, "dxf-mline", "are multilines", "explode them in the drawing program"),
-    (Issue::Point, Refused, "dxf-point", "are points", "draw small circles"),
     (Issue::Unread, Refused, "dxf-unread", "are of types that are not read", "explode them in the drawing program"),
     (Issue::Gradient, Refused, "dxf-gradient", "are filled by a gradient", "fill them with one colour or a pattern"),
     (Issue::Dots, Refused, "dxf-pattern-dots", "have a hatch pattern with dots", "use a pattern of lines"),
@@ -138,7 +136,7 @@ const ISSUES: [(Issue, Weight, &str, &str, &str); 22] = [
 ];
 
 /// Types of entities and what is said of them; all others are [`Issue::Unread`].
-const TYPES: [(Issue, &[&str]); 8] = [
+const TYPES: [(Issue, &[&str]); 7] = [
     (Issue::Text, &["TEXT", "MTEXT", "ATTRIB", "ATTDEF", "RTEXT", "ARCALIGNEDTEXT"]),
     (
         Issue::Dimension,
@@ -166,7 +164,6 @@ const TYPES: [(Issue, &[&str]); 8] = [
     ),
     (Issue::Infinite, &["RAY", "XLINE"]),
     (Issue::Mline, &["MLINE"]),
-    (Issue::Point, &["POINT"]),
     (Issue::Ignored, &["VIEWPORT", "LIGHT", "CAMERA", "SUN", "SEQEND", "LAYOUTPRINTCONFIG"]),
 ];
 

@@ -230,6 +230,12 @@ impl<'a> Walk<'a> {
     fn draw(&mut self, entity: &Entity, map: Map) -> Result<Figure, Stop> {
         let flat = map.after(Map::of_extrusion(entity.extrusion));
         match &entity.kind {
+            Kind::Dot(p) => {
+                self.outline(entity, map, |out| {
+                    out.dot(*p);
+                    true
+                })?;
+            }
             Kind::Line([a, b]) => self.line(entity, map, |out| {
                 out.move_to(*a);
                 out.line_to(*b);

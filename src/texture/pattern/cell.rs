@@ -15,6 +15,8 @@ const LEAST_SEGMENTS: f64 = 8.0;
 /// What a cell shows; lengths in mm. Its size is that of [`super::Kind::Cells`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
+    /// A point.
+    Dot,
     /// A square of that side.
     Square,
     /// A circle of that diameter.
@@ -46,12 +48,16 @@ impl Shape {
     /// # Errors
     /// `texture-cell`.
     pub(super) fn outlines(self, size: f64, tolerance: f64) -> Result<Vec<Vec<[f64; 2]>>, Error> {
+        if self == Self::Dot {
+            return Ok(vec![vec![[0.0; 2]]]);
+        }
         // Eight chords of a circle of 6 nm are longer than two nanometres.
         if !(size >= 3.0 * LEAST && size.is_finite()) {
             return Err(Diag::input("texture-cell", format!("a cell of {size} mm is too small to mark")).into());
         }
         let r = size / 2.0;
         Ok(match self {
+            Self::Dot => unreachable!("it has no size"),
             Self::Square => vec![four_times(&[[-r, -r]])],
             Self::Circle => vec![circle(r, tolerance)],
             Self::Hexagon => {

@@ -122,16 +122,20 @@ impl Loops {
     }
 
     #[inline]
-    fn cell(&self, i: u64) -> (u64, u64) {
+    pub(super) fn cell(&self, i: u64) -> (u64, u64) {
         let [even, odd] = self.columns;
         let (pair, k) = (i / (even + odd), i % (even + odd));
         if k < even { (2 * pair, k) } else { (2 * pair + 1, odd - 1 - (k - even)) }
     }
 
-    fn draw(&self, row: u64, column: u64, outline: &[[f64; 2]], out: &mut Vec<P2>) {
+    /// The centre of a cell.
+    pub(super) fn centre(&self, row: u64, column: u64) -> [f64; 2] {
         let shift = if row.is_multiple_of(2) { 0.0 } else { self.shift };
-        let x = self.first[0] + column as f64 * self.pitch[0] + shift;
-        let y = self.first[1] + row as f64 * self.pitch[1];
+        [self.first[0] + column as f64 * self.pitch[0] + shift, self.first[1] + row as f64 * self.pitch[1]]
+    }
+
+    fn draw(&self, row: u64, column: u64, outline: &[[f64; 2]], out: &mut Vec<P2>) {
+        let [x, y] = self.centre(row, column);
         for v in outline {
             push(out, self.turn.nm([x + v[0], y + v[1]]));
         }

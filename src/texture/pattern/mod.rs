@@ -5,6 +5,7 @@
 
 mod cell;
 mod contour_hatch;
+mod dots;
 mod hatch;
 mod hilbert;
 mod honeycomb;
@@ -18,6 +19,7 @@ use serde::{Deserialize, Serialize};
 
 pub use cell::Shape;
 pub use contour_hatch::{Contour, Directions};
+use dots::{Dots, Scattered};
 use hatch::Hatch;
 use hilbert::Hilbert;
 use honeycomb::Honeycomb;
@@ -51,6 +53,10 @@ pub enum Pattern {
     Jerusalem,
     /// Pairs of circles about one centre on a lattice (FSS cells).
     Rings,
+    /// Dots on a lattice.
+    Dots,
+    /// Dots at random that keep a distance.
+    Poisson,
     /// The walls of a hexagonal tiling.
     Honeycomb,
     /// Parallel grooves of several lines each.
@@ -115,6 +121,24 @@ pub enum Kind {
         pitch_mm: f64,
         /// How the centres lie.
         lattice: Lattice,
+    },
+    /// Dots on a lattice.
+    Dots {
+        /// Distance of sites.
+        pitch_mm: f64,
+        /// How the sites lie.
+        lattice: Lattice,
+        /// How far a dot may lie from its site, in half pitches, 0 to 1.
+        jitter: f64,
+        /// What the places of moved dots follow from.
+        seed: u64,
+    },
+    /// Dots at random (Poisson-disc).
+    Poisson {
+        /// Least distance of two dots.
+        pitch_mm: f64,
+        /// What their places follow from.
+        seed: u64,
     },
     /// The walls of a hexagonal tiling.
     Honeycomb {
@@ -188,6 +212,10 @@ pub struct Values {
     pub line_mm: Option<f64>,
     /// `centre`, mm.
     pub centre_mm: Option<[f64; 2]>,
+    /// `jitter`, 0 to 1.
+    pub jitter: Option<f64>,
+    /// `seed`.
+    pub seed: Option<u64>,
 }
 
 impl Values {
@@ -214,7 +242,7 @@ pub struct Row {
 }
 
 /// All patterns.
-const PATTERNS: [Row; 12] = [
+const PATTERNS: [Row; 14] = [
     Row {
         pattern: Pattern::Hatch,
         name: "hatch",
@@ -276,6 +304,23 @@ const PATTERNS: [Row; 12] = [
         needs: &["pitch", "cell", "inner"],
         takes: &["lattice"],
         kind: |v| v.cells(Shape::Ring { inner_mm: v.inner_mm? }),
+    },
+    Row {
+        pattern: Pattern::Dots,
+        name: "dots",
+        needs: &["pitch"],
+        takes: &["lattice", "jitter", "seed"],
+        kind: |v| {
+            let (lattice, jitter) = (v.lattice.unwrap_or_default(), v.jitter.unwrap_or(0.0));
+            Some(Kind::Dots { pitch_mm: v.pitch_mm?, lattice, jitter, seed: v.seed.unwrap_or(0) })
+        },
+    },
+    Row {
+        pattern: Pattern::Poisson,
+        name: "poisson",
+        needs: &["pitch"],
+        takes: &["seed"],
+        kind: |v| Some(Kind::Poisson { pitch_mm: v.pitch_mm?, seed: v.seed.unwrap_or(0) }),
     },
     Row {
         pattern: Pattern::Honeycomb,
@@ -383,6 +428,10 @@ pub(super) fn place(kind: &Kind, site: &Site) -> Result<Placed, Error> {
         Kind::Cells { shape, cell_mm, pitch_mm, lattice } => {
             Arc::new(Loops::new(*shape, *cell_mm, *pitch_mm, *lattice, area, tolerance, turn)?)
         }
+        Kind::Dots { pitch_mm, lattice, jitter, seed } => {
+            Arc::new(Dots::new(area, *pitch_mm, *lattice, *jitter, *seed, turn)?)
+        }
+        Kind::Poisson { pitch_mm, seed } => Arc::new(Scattered::new(area, *pitch_mm, *seed, turn)?),
         Kind::Honeycomb { pitch_mm } => Arc::new(Honeycomb::new(area, *pitch_mm, turn)?),
         Kind::Riblets { pitch_mm, cell_mm, line_mm, direction_rad } => {
             Arc::new(Hatch::riblets(area, [*pitch_mm, *cell_mm, *line_mm], *direction_rad, turn)?)
@@ -429,6 +478,8 @@ mod tests {
             inner_mm: Some(0.5),
             line_mm: Some(0.1),
             centre_mm: Some([0.0, 0.0]),
+            jitter: Some(0.5),
+            seed: Some(1),
         };
         for Row { pattern, .. } in PATTERNS {
             let row = row(pattern);

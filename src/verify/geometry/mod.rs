@@ -269,6 +269,27 @@ impl Geometry {
         crossings.len() as u64
     }
 
+    /// What a point may lie on, to what rounding decides: the piece under it first, then those within reach.
+    pub(super) fn around(&self, [x, y]: [f64; 2], scratch: &mut Scratch) -> Vec<Piece> {
+        let reach = self.reach();
+        let mut out = Vec::new();
+        for side in [0.0, reach / 2.0, -reach / 2.0, reach, -reach] {
+            let line = Line { start: [x - reach, y + side], dir: [1.0, 0.0], len: 2.0 * reach };
+            self.along(&line, scratch, |p| {
+                let is_under = side == 0.0 && p.d[0] <= reach && reach <= p.d[1];
+                let at = if is_under && !out.is_empty() { 0 } else { out.len() };
+                let sheet = p.sheet.map(|s| {
+                    // Of the piece under the point the height at the point.
+                    let share = if p.len() > 0.0 { (reach - p.d[0]) / p.len() } else { 0.0 };
+                    let z = if is_under { [s.z[0] + share * (s.z[1] - s.z[0]); 2] } else { s.z };
+                    Sheet { z, ..s }
+                });
+                out.insert(at, Piece { sheet, ..p });
+            });
+        }
+        out
+    }
+
     /// How far the rounding and welding of a facet's vertices may change its slope.
     pub(super) fn slope_doubt(&self, sheet: &Sheet) -> f64 {
         self.doubt(sheet.facet, sheet.slope2.sqrt())

@@ -36,25 +36,23 @@ pub(super) fn strokes(bytes: &[u8], visit: &mut Strokes<'_>) -> Result<(), Fault
         };
         let (of, with, at) = (whole(of, "stroke")?, whole(with, "pen")?, [mm(x, "x_mm")?, mm(y, "y_mm")?]);
         if of == stroke + 1 {
-            finish(number - 1, pen, &mut points, visit)?;
+            finish(pen, &mut points, visit);
             (stroke, pen) = (of, with);
         } else if of != stroke || with != pen {
             return Err(Fault::new(number, format!("neither continues stroke {stroke} nor begins the next")));
         }
         points.push(at);
     }
-    finish(bytes.split(|&c| c == b'\n').count(), pen, &mut points, visit)
+    finish(pen, &mut points, visit);
+    Ok(())
 }
 
 /// Hands over a stroke whose last point was read.
-fn finish(line: usize, pen: i64, points: &mut Vec<[i64; 2]>, visit: &mut Strokes<'_>) -> Result<(), Fault> {
-    match points.len() {
-        0 => return Ok(()),
-        1 => return Err(Fault::new(line, "a stroke has one point")),
-        _ => visit(FileStroke { pen: usize::try_from(pen).ok(), points, settings: &[] }),
+fn finish(pen: i64, points: &mut Vec<[i64; 2]>, visit: &mut Strokes<'_>) {
+    if !points.is_empty() {
+        visit(FileStroke { pen: usize::try_from(pen).ok(), points, settings: &[] });
     }
     points.clear();
-    Ok(())
 }
 
 #[cfg(test)]
@@ -87,7 +85,6 @@ mod tests {
     fn lines_that_are_missing_repeated_or_malformed_are_faults() {
         for (from, to) in [
             ("stroke,pen,x_mm,y_mm", "x_mm,y_mm,stroke,pen"),
-            ("1,2,0.000001,2\r\n", ""),
             ("2,1,3,4\r\n2,1,5,6", "3,1,3,4\r\n3,1,5,6"),
             ("1,2,0.000001,2", "1,1,0.000001,2"),
             ("1,2,0.000001,2", "1,2,0.0000011,2"),

@@ -55,6 +55,7 @@ fn read(bytes: &[u8], visit: &mut Visit<'_>) -> Result<(), Fault> {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Entity {
     None,
+    Dot,
     Line,
     Polyline,
     Vertex,
@@ -86,10 +87,10 @@ impl<'a> Reader<'a> {
             || nm_from_decimal(value).ok_or_else(|| "a coordinate is not a decimal of whole nanometres".to_owned());
         match (code, self.entity) {
             (_, Entity::None) => return Err("there is data before the first entity".into()),
-            (8, Entity::Line | Entity::Polyline) => self.layer = value,
+            (8, Entity::Dot | Entity::Line | Entity::Polyline) => self.layer = value,
             (8, Entity::Vertex) if value != self.layer => return Err("a VERTEX lies on another layer".into()),
-            (10, Entity::Line | Entity::Vertex) => self.at.xy[0] = Some(mm()?),
-            (20, Entity::Line | Entity::Vertex) => self.at.xy[1] = Some(mm()?),
+            (10, Entity::Dot | Entity::Line | Entity::Vertex) => self.at.xy[0] = Some(mm()?),
+            (20, Entity::Dot | Entity::Line | Entity::Vertex) => self.at.xy[1] = Some(mm()?),
             (11, Entity::Line) => self.at.end[0] = Some(mm()?),
             (21, Entity::Line) => self.at.end[1] = Some(mm()?),
             (10 | 20 | 30 | 31 | 38 | 39, _) if mm()? != 0 => return Err("a height or thickness is not 0".into()),
@@ -106,6 +107,7 @@ impl<'a> Reader<'a> {
     fn begin(&mut self, name: &[u8], visit: &mut Visit<'_>) -> Result<(), String> {
         let inside = self.entity == Entity::Polyline; // finish() has ended any VERTEX
         match name {
+            b"POINT" if !inside => self.entity = Entity::Dot,
             b"LINE" if !inside => self.entity = Entity::Line,
             b"POLYLINE" if !inside => {
                 self.entity = Entity::Polyline;
@@ -135,6 +137,10 @@ impl<'a> Reader<'a> {
     fn finish(&mut self, visit: &mut Visit<'_>) -> Result<(), String> {
         let point = |[x, y]: [Option<i64>; 2]| Some([x?, y?]);
         match self.entity {
+            Entity::Dot => {
+                visit(self.layer, &[point(self.at.xy).ok_or("a POINT lacks a coordinate")?]);
+                self.entity = Entity::None;
+            }
             Entity::Line => {
                 let (Some(a), Some(b)) = (point(self.at.xy), point(self.at.end)) else {
                     return Err("a LINE lacks a coordinate".into());

@@ -33,11 +33,23 @@ pub(in crate::verify) struct BlockFiles {
     pub(in crate::verify) repeats: bool,
     /// The settings that a stroke with a pen should have.
     pub(in crate::verify) settings: fn(&BlockOf<'_>, &Pen) -> Vec<i64>,
+    /// What a dot has besides.
+    pub(in crate::verify) dwell: fn(&Pen) -> Option<i64>,
 }
 
 /// Points in nm.
 fn in_nm(_: &Machine, ControllerPoint { x, y }: ControllerPoint) -> [i64; 2] {
     [x, y].map(i64::from)
+}
+
+/// Of files that leave dwells to the marking software.
+const fn no_dwell(_: &Pen) -> Option<i64> {
+    None
+}
+
+/// The dwell of a pen in units of 10 us.
+fn tens_of_us(pen: &Pen) -> Option<i64> {
+    pen.dwell.map(|dwell| (dwell.as_us() / 10.0).round() as i64)
 }
 
 /// Drawings that name pens and leave their settings to the marking software.
@@ -46,7 +58,8 @@ const fn drawing(
     read: fn(&[u8], &BlockOf<'_>, &mut Strokes<'_>) -> Result<(), Fault>,
 ) -> Option<Stepped> {
     let settings = |_: &BlockOf<'_>, _: &Pen| Vec::new();
-    Some(Stepped::Blocks(BlockFiles { ending, read, units: in_nm, names_pens: true, repeats: false, settings }))
+    let dwell = no_dwell;
+    Some(Stepped::Blocks(BlockFiles { ending, read, units: in_nm, names_pens: true, repeats: false, settings, dwell }))
 }
 
 /// The files of a stepped job in one format, and what they hold.
@@ -104,6 +117,7 @@ pub(in crate::verify) const FORMATS: [Row; 9] = [
             names_pens: true,
             repeats: false,
             settings: lightburn::settings,
+            dwell: no_dwell,
         })),
         on_the_fly: None,
     },
@@ -117,6 +131,7 @@ pub(in crate::verify) const FORMATS: [Row; 9] = [
             names_pens: false,
             repeats: true,
             settings: lmc::settings,
+            dwell: tens_of_us,
         })),
         on_the_fly: None,
     },
@@ -130,6 +145,7 @@ pub(in crate::verify) const FORMATS: [Row; 9] = [
             names_pens: false,
             repeats: true,
             settings: rtc::settings,
+            dwell: tens_of_us,
         })),
         on_the_fly: None,
     },

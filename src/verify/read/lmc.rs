@@ -50,12 +50,12 @@ pub(super) fn settings(of: &BlockOf<'_>, pen: &Pen) -> Vec<i64> {
 }
 
 /// Reads the list of a block. Settings are jump speed, power, period, mark speed, the delays of laser on, laser off,
-/// polygon and jump, the wait after a stroke, and 1 for a CO2 laser.
+/// polygon and jump, the wait after a stroke, 1 for a CO2 laser, and the dwell of a dot in 10 us.
 pub(super) fn strokes(bytes: &[u8], visit: &mut Strokes<'_>) -> Result<(), Fault> {
     if bytes.is_empty() || !bytes.len().is_multiple_of(3072) {
         return Err(Fault::new(0, "is not made of packets of 3072 bytes"));
     }
-    let mut reader = Reader { set: BTreeMap::new(), points: Vec::new(), wait: 0, visit };
+    let mut reader = Reader { set: BTreeMap::new(), points: Vec::new(), dwell: None, wait: 0, visit };
     let (mut at, mut ended, mut opened) = ([0x8000; 2], false, 0);
     for (number, words) in (1..).zip(bytes.as_chunks::<12>().0) {
         let fault = |what: &str| Fault::new(number, what);
@@ -74,7 +74,10 @@ pub(super) fn strokes(bytes: &[u8], visit: &mut Strokes<'_>) -> Result<(), Fault
             0x8051 if number == 1 && w[1..] == [0; 5] => {}
             0x8004 if [b, c, d, e] == [0; 4] && number == 2 => opened = a,
             0x8011 if number <= 3 && w[1..] == [1, 0, 0, 0, 0] => {}
-            0x8004 if [b, c, d, e] == [0; 4] && reader.points.len() > 1 && reader.wait == 0 => reader.wait = a,
+            0x8004 if [b, c, d, e] == [0; 4] && reader.is_whole() && reader.wait == 0 => reader.wait = a,
+            0x8003 if [b, c, d, e] == [0; 4] && reader.points.len() == 1 && reader.dwell.is_none() && a > 0 => {
+                reader.dwell = Some(a);
+            }
             0x8001 | 0x8005 => {
                 let way = ((a - at[0]) as f64).hypot((b - at[1]) as f64).floor().min(65535.0) as i64;
                 if [c, e] != [0, 0] || d != way {
@@ -83,7 +86,7 @@ pub(super) fn strokes(bytes: &[u8], visit: &mut Strokes<'_>) -> Result<(), Fault
                 at = [a, b];
                 if command == 0x8001 {
                     reader.finish(number)?;
-                } else if reader.points.is_empty() || reader.wait > 0 {
+                } else if reader.points.is_empty() || reader.wait > 0 || reader.dwell.is_some() {
                     return Err(fault("a mark follows no jump"));
                 }
                 reader.points.push(at);
@@ -111,11 +114,17 @@ struct Reader<'a, 'v> {
     /// By place, the command and its value.
     set: BTreeMap<usize, (u16, i64)>,
     points: Vec<[i64; 2]>,
+    dwell: Option<i64>,
     wait: i64,
     visit: &'a mut Strokes<'v>,
 }
 
 impl Reader<'_, '_> {
+    /// Whether a line or a dot has been marked.
+    fn is_whole(&self) -> bool {
+        self.points.len() > 1 || self.dwell.is_some()
+    }
+
     /// Hands over a stroke that has ended.
     fn finish(&mut self, number: usize) -> Result<(), Fault> {
         if self.points.is_empty() {
@@ -126,10 +135,11 @@ impl Reader<'_, '_> {
         if settings.len() != SET.len() || lasers[0] != lasers[1] {
             return Err(Fault::new(number, "a stroke is marked before all settings of one laser are set"));
         }
-        if self.points.len() < 2 {
+        if !self.is_whole() {
             return Err(Fault::new(number, "a jump marks nothing"));
         }
         settings.extend([self.wait, i64::from(lasers[0] == Some(true))]);
+        settings.extend(self.dwell.take());
         (self.visit)(FileStroke { pen: None, points: &self.points, settings: &settings });
         self.points.clear();
         self.wait = 0;

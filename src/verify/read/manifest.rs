@@ -176,6 +176,8 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) blocks: usize,
     pub(in crate::verify) setups: usize,
     pub(in crate::verify) fragments: usize,
+    #[serde(default)]
+    pub(in crate::verify) dots: Dots,
     pub(in crate::verify) texture_mm: f64,
     pub(in crate::verify) mark_mm: f64,
     pub(in crate::verify) overlap_mm: f64,
@@ -189,6 +191,15 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) by_hand: ByHand,
     #[serde(default)]
     pub(in crate::verify) lower_bound_stops: Option<f64>,
+}
+
+/// How many dots there are.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+pub(in crate::verify) struct Dots {
+    pub(in crate::verify) texture: u64,
+    pub(in crate::verify) marked: u64,
+    pub(in crate::verify) off_part: u64,
+    pub(in crate::verify) steep: u64,
 }
 
 /// The job with a person who loads the blocks.

@@ -35,7 +35,8 @@ pub(in crate::verify) struct FileStroke<'a> {
     pub(in crate::verify) pen: Option<usize>,
     /// Its points in the controller's coordinates, in the units of the format.
     pub(in crate::verify) points: &'a [[i64; 2]],
-    /// The settings that it is marked with, in the format's own order and units; empty where the file has none.
+    /// The settings that it is marked with, in the format's own order and units, last the dwell of a dot; empty where the
+    /// file has none.
     pub(in crate::verify) settings: &'a [i64],
 }
 

@@ -36,6 +36,8 @@ pub(in crate::verify) struct MarkingParams {
     pub(in crate::verify) speed_mm_s: f32,
     #[prost(float, tag = "3")]
     pub(in crate::verify) focus_shift_mm: f32,
+    #[prost(float, tag = "4")]
+    pub(in crate::verify) exposure_us: f32,
     #[prost(float, tag = "5")]
     pub(in crate::verify) jump_speed_mm_s: f32,
     #[prost(uint64, tag = "7")]
@@ -99,11 +101,13 @@ enum Vectors {
     Sequence(Points),
     #[prost(message, tag = "2")]
     Hatches(Points),
+    #[prost(message, tag = "3")]
+    Dots(Points),
 }
 
 #[derive(Clone, PartialEq, Message)]
 struct VectorBlock {
-    #[prost(oneof = "Vectors", tags = "1, 2")]
+    #[prost(oneof = "Vectors", tags = "1, 2, 3")]
     vectors: Option<Vectors>,
     #[prost(int32, tag = "50")]
     params: i32,
@@ -197,8 +201,9 @@ fn hand_over(block: &VectorBlock, visit: &mut impl FnMut(Mark<'_>)) -> Result<()
     match &block.vectors {
         Some(Vectors::Sequence(p)) if p.xy.len() >= 4 && p.xy.len().is_multiple_of(2) => mark(&p.xy),
         Some(Vectors::Hatches(p)) if p.xy.len().is_multiple_of(4) => p.xy.chunks_exact(4).for_each(mark),
+        Some(Vectors::Dots(p)) if p.xy.len().is_multiple_of(2) => p.xy.chunks_exact(2).for_each(mark),
         Some(_) => return Err("a vector block has a broken number of coordinates".into()),
-        None => return Err("a vector block is neither hatches nor a line sequence".into()),
+        None => return Err("a vector block holds no lines, hatches or points".into()),
     }
     Ok(())
 }

@@ -63,7 +63,7 @@ pub(in crate::verify) fn parse(input: impl BufRead) -> Result<ProgramFile, Fault
         let text = lines.next()?;
         match pen(text) {
             Some(pen) => program.pens.push(pen),
-            None => return Err(lines.fault("is not a pen: name | speed | power | frequency | passes")),
+            None => return Err(lines.fault("is not a pen: name | speed | power | frequency | passes, and a dwell where it marks dots")),
         }
     }
     let blocks = lines.keyed(b"blocks", |w| w.count())?;
@@ -186,13 +186,17 @@ impl<'a> Words<'a> {
 fn pen(line: &[u8]) -> Option<Pen> {
     let text = std::str::from_utf8(line).ok()?.strip_prefix("pen ")?;
     let mut parts = text.split('|').map(str::trim);
-    let pen = Pen {
+    let mut pen = Pen {
         name: parts.next()?.to_owned(),
         speed: parts.next()?.parse().ok()?,
         power: parts.next()?.parse().ok()?,
         frequency: parts.next()?.parse().ok()?,
         passes: parts.next()?.parse().ok()?,
+        dwell: None,
     };
+    if let Some(dwell) = parts.next() {
+        pen.dwell = Some(dwell.parse().ok()?);
+    }
     parts.next().is_none().then_some(pen)
 }
 
@@ -229,7 +233,8 @@ fn stroke(w: &mut Words<'_>, program: &mut Program) -> Option<()> {
         program.points.push(FieldPoint::new(w.local()?, w.local()?));
     }
     let len = program.points.len() - first;
-    if usize::from(pen) >= program.pens.len() || len < 2 {
+    let dwell = program.pens.get(usize::from(pen))?.dwell;
+    if len == 0 || len == 1 && dwell.is_none() {
         return None;
     }
     let (first, len) = (u32::try_from(first).ok()?, u32::try_from(len).ok()?);

@@ -73,16 +73,26 @@ fn lists(bytes: &[u8], id: &str, board: &str, memory: usize, visit: &mut Strokes
     let (mut lists, mut open, mut commands) = (0, false, 0);
     let mut set: BTreeMap<usize, Vec<i64>> = BTreeMap::new();
     let mut points: Vec<[i64; 2]> = Vec::new();
+    let mut dwell: Option<i64> = None;
     for (number, line) in (4..).zip(rest.lines()) {
         let fault = |what: String| Fault::new(number, what);
         let words: Vec<&str> = line.split(' ').collect();
-        if words[0] != "mark" && !points.is_empty() {
-            let settings: Vec<i64> = set.values().flatten().copied().collect();
-            if points.len() < 2 || (0..SET.len() - 1).any(|place| !set.contains_key(&place)) {
+        if words[0] == "laser_on" && points.len() == 1 && dwell.is_none() {
+            dwell = words.get(1).filter(|_| words.len() == 2).and_then(|ticks| integer(ticks.as_bytes()));
+            if !dwell.is_some_and(|ticks| ticks > 0) {
+                return Err(fault("laser_on does not say how long".into()));
+            }
+            commands += 1;
+            continue;
+        }
+        if (words[0] != "mark" || dwell.is_some()) && !points.is_empty() {
+            let settings: Vec<i64> = set.values().flatten().copied().chain(dwell).collect();
+            if points.len() < 2 && dwell.take().is_none() || (0..SET.len() - 1).any(|place| !set.contains_key(&place)) {
                 return Err(fault("the stroke before has one point, or not all settings".into()));
             }
             visit(FileStroke { pen: None, points: &points, settings: &settings });
             points.clear();
+            dwell = None;
         }
         commands += 1;
         if open && commands > memory {

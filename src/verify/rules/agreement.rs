@@ -229,11 +229,14 @@ impl Drawings<'_> {
                 wanted.extend(points.map(|p| (files.units)(machine, p)));
                 // Points that are one in coarse units are marked once.
                 wanted.dedup();
+                let pen = &program.pens[stroke.pen.index()];
+                let mut settings = (files.settings)(&of, pen);
+                settings.extend((files.dwell)(pen).filter(|_| stroke.is_dot()));
                 if files.names_pens && found.pen != Some(stroke.pen.index() + 1) {
                     first.get_or_insert((count, "has another pen"));
                 } else if wanted != found.points {
                     first.get_or_insert((count, "has other points"));
-                } else if (files.settings)(&of, &program.pens[stroke.pen.index()]) != found.settings {
+                } else if settings != found.settings {
                     first.get_or_insert((count, "has other settings"));
                 }
             }

@@ -32,10 +32,22 @@ const SURE: f64 = 100.0;
 /// At most this many unmatched marks are looked for: the search is slow, and one is enough to refuse.
 const UNMATCHED: usize = 1000;
 
+/// The dots, each counted once.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Dots {
+    pub(super) texture: u64,
+    pub(super) marked: u64,
+    pub(super) off_part: u64,
+    pub(super) steep: u64,
+    /// Of the last two, those that may be the other.
+    pub(super) doubtful: u64,
+}
+
 /// What the pieces came to.
 #[derive(Default)]
 pub(in crate::verify) struct Pieces {
     pub(super) lengths: Lengths,
+    pub(super) dots: Dots,
     /// How far the division of what is skipped may be off, mm: ends of gaps, facets at the limit.
     pub(super) doubt_mm: f64,
     /// By how much marks are longer than the texture under them, since cut points lie on the grid beside
@@ -180,6 +192,9 @@ impl Cover<'_> {
         let Some(pen) = self.stroke.place(self.drawing, number) else {
             return marks.iter().for_each(|&i| self.report_unmatched(i, "the texture has no points there"));
         };
+        if let Some(dot) = self.stroke.dot() {
+            return self.check_dot(number, dot, pen, marks);
+        }
         let sum = self.stroke.len();
         let passes = self.file.program.pens.get(pen.index()).map_or(1.0, |p| f64::from(p.passes));
         self.out.lengths.texture_mm += sum * passes / NM_PER_MM;
@@ -218,6 +233,61 @@ impl Cover<'_> {
         self.spans = spans;
     }
 
+    /// A dot: marked once, with its pen and where it is drawn, or where nothing can be marked.
+    fn check_dot(&mut self, number: usize, dot: P2, pen: PenId, marks: &[u32]) {
+        self.out.dots.texture += 1;
+        self.coverage.checked += 1;
+        for (nth, &i) in marks.iter().enumerate() {
+            (self.source.checked, self.once.checked) = (self.source.checked + 1, self.once.checked + 1);
+            self.out.dots.marked += 1;
+            let stroke = self.file.program.strokes[i as usize];
+            let block = self.load(i, &stroke);
+            let off = self.off.unwrap_or(0.0);
+            let fault = match self.mark[..] {
+                [at] if at.distance(dot) > off => Some("it is not where the dot is drawn"),
+                [_] if stroke.segment != 0 || stroke.reversed => Some("a dot has no segments and no direction"),
+                [_] if !self.is_own(&stroke, pen) => Some("it is marked with another pen than it is drawn with"),
+                [_] => None,
+                _ => Some("it is a line, and the stroke a dot"),
+            };
+            if let Some(fault) = fault {
+                let text = format!("mark of {}: {fault}", (self.drawing.element)(number));
+                self.source.broken(&self.file.ids[block], part_place(dot), text);
+            }
+            if nth > 0 {
+                self.once.broken(&self.file.ids[block], part_place(dot), "this dot is marked twice in the same pass");
+            }
+        }
+        if marks.is_empty() {
+            self.skipped_dot(number, dot);
+        }
+    }
+
+    /// Judges a dot that is not marked.
+    fn skipped_dot(&mut self, number: usize, dot: P2) {
+        let around = self.geometry.around([dot.x as f64, dot.y as f64], &mut self.scratch);
+        let is_off = |p: &Piece| p.sheet.is_none();
+        let is_steep = |p: &Piece| p.sheet.is_some_and(|s| s.slope != Slope::Gentle);
+        let dots = &mut self.out.dots;
+        match around.first() {
+            Some(p) if is_steep(p) => dots.steep += 1,
+            _ => dots.off_part += 1,
+        }
+        dots.doubtful += u64::from(around.iter().any(is_off) && around.iter().any(is_steep));
+        if !around.is_empty() && !around.iter().any(|p| is_off(p) || is_steep(p)) {
+            let text = format!("the dot {} is not marked", (self.drawing.element)(number));
+            self.coverage.broken("", part_place(dot), text);
+        }
+    }
+
+    /// Whether a mark has the pen that its stroke is drawn with, or one made of it.
+    fn is_own(&self, stroke: &Stroke, pen: PenId) -> bool {
+        stroke.pen == pen || {
+            let made = super::dose::origin(&self.file.program.pens, stroke.pen.index(), self.facts);
+            made.is_some_and(|(own, _)| own == pen.index())
+        }
+    }
+
     /// Answers how far the gap (or, below 0, the share) between two marks may be off, nm. On a tilted part that may
     /// be counted as skipped or as an overlap although it is too small to be found here, and the other way round.
     fn joint(&mut self, gap: f64, passes: f64, beside: [Option<&Span>; 2]) -> f64 {
@@ -249,11 +319,7 @@ impl Cover<'_> {
             Ok([from, to]) => {
                 self.spans.push(Span { from, to, off, mark: i });
                 self.out.rounding_mm += (length - (to - from)).abs() * passes / NM_PER_MM;
-                let is_own = stroke.pen == pen || {
-                    let made = super::dose::origin(&self.file.program.pens, stroke.pen.index(), self.facts);
-                    made.is_some_and(|(own, _)| own == pen.index())
-                };
-                (!is_own).then(|| "it is marked with another pen than it is drawn with".to_owned())
+                (!self.is_own(&stroke, pen)).then(|| "it is marked with another pen than it is drawn with".to_owned())
             }
             Err(why) => {
                 if let Some([from, to]) = self.search() {

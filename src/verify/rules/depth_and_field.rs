@@ -226,12 +226,39 @@ impl Search<'_> {
             length += line.len;
             self.lines.push(line);
         }
+        if let [dot] = points {
+            self.dot(id, part(*dot), allowed, focus, found);
+        }
         found.mark_mm += length * f64::from(self.file.program.pens[stroke.pen.index()].passes) / crate::geom::NM_PER_MM;
         if !self.low.is_empty() {
             self.report_depth(id, block, allowed, found);
         }
         if !self.off.is_empty() {
             self.report_off_surface(id);
+        }
+    }
+
+    /// Judges a dot by what it may lie on.
+    fn dot(&mut self, id: &str, at: [f64; 2], allowed: [f64; 2], focus: f64, found: &mut Found) {
+        let geometry = self.geometry;
+        (self.depth.checked, self.solid.checked) = (self.depth.checked + 1, self.solid.checked + 1);
+        let around = geometry.around(at, &mut self.scratch);
+        let sheets = || around.iter().filter_map(|p| p.sheet.filter(|s| s.slope != Slope::Steep));
+        let is_within = |s: &Sheet| {
+            let tolerance = geometry.z_tolerance(s.slope2);
+            s.z.iter().any(|&z| allowed[0] - tolerance <= z && z <= allowed[1] + tolerance)
+        };
+        match (sheets().find(is_within), sheets().next()) {
+            (Some(sheet), _) => found.add(&sheet, focus, geometry),
+            (None, Some(sheet)) => {
+                let [z, lo, hi] = [sheet.z[0], allowed[0], allowed[1]].map(|z| z / 1e6);
+                let text = format!("a dot lies at z {z:.6} mm on the part; {lo:.6} to {hi:.6} mm is allowed");
+                found.worst = found.worst.max((sheet.z[0] - focus).abs());
+                self.depth.broken(id, part_place_nm(at), text);
+            }
+            (None, None) => {
+                self.solid.broken(id, part_place_nm(at), "a dot lies off the part or beyond the incidence limit");
+            }
         }
     }
 

@@ -44,6 +44,10 @@ pub(super) fn is_made(pens: &[Pen], pen: usize, facts: &JobFacts) -> bool {
         && near(watts(made), watts(base) * power)
         && made.frequency == base.frequency
         && made.passes == base.passes
+        && match (made.dwell, base.dwell) {
+            (Some(made), Some(base)) => near(made.as_s(), base.as_s() / speed),
+            (made, base) => made == base,
+        }
 }
 
 /// Holds `dose`.
@@ -112,6 +116,12 @@ fn mean_cos(
 ) -> Option<f64> {
     let c = block.stop.centre;
     let part = |p: FieldPoint| [c.x as f64 + f64::from(p.x), c.y as f64 + f64::from(p.y)];
+    if let [dot] = file.program.points_of(stroke) {
+        let [x, y] = part(*dot);
+        let around = geometry.around([x, y + shift], scratch);
+        let sheet = around.iter().find_map(|p| p.sheet.filter(|s| s.slope != Slope::Steep))?;
+        return Some(1.0 / (1.0 + sheet.slope2).sqrt());
+    }
     let (mut length, mut sum) = (0.0, 0.0);
     for w in file.program.points_of(stroke).windows(2).filter(|w| w[0] != w[1]) {
         let line = Line::new(part(w[0]), part(w[1]));

@@ -46,6 +46,7 @@ fn same_settings(p: &MarkingParams, pen: &Pen, shift: Nm, machine: &Machine) -> 
     ];
     step(p.power_w, pen.power.as_w(machine.laser.max_power))
         && step(p.speed_mm_s, pen.speed.as_mm_s())
+        && step(p.exposure_us, pen.dwell.map_or(0.0, |dwell| dwell.as_us()))
         && p.rate_hz == (pen.frequency.as_khz() * 1e3).round() as u64
         && step(p.focus_shift_mm, shift.mm())
         && p.name == pen.name

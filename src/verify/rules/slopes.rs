@@ -62,14 +62,25 @@ pub(super) fn of(
     sides: bool,
     scratch: &mut Scratch,
 ) -> Option<Bounds> {
-    let (mut length, mut off) = (0.0, 0.0);
+    let (mut length, mut off, mut dots) = (0.0, 0.0, 0.0);
     let (mut cos, mut dosed) = ([0.0; 2], [0.0; 2]);
+    let mut of_dots = [[0.0; 2]; 2];
     let mut least = [[f64::INFINITY; 2]; 2];
     // Lowest and highest cosine and dose of all marks.
     let mut all = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
     for stroke in file.program.strokes_of(block) {
         let gain = gain(file, stroke, facts);
         let mut u = under(file, block, stroke, sides, geometry, scratch);
+        if let [dot] = file.program.points_of(stroke) {
+            let c = block.stop.centre;
+            let at = [c.x as f64 + f64::from(dot.x), c.y as f64 + f64::from(dot.y)];
+            let [lo, hi] = under_dot(at, sides, geometry, scratch);
+            dots += 1.0;
+            for (sum, by) in of_dots.iter_mut().zip([1.0, gain]) {
+                *sum = [sum[0] + lo * by, sum[1] + hi * by];
+            }
+            (u.least, u.all) = ([lo, hi], [lo, hi]);
+        }
         if sides {
             u.least[0] = u.least[0].min(touched(file, block, stroke, geometry, scratch));
         }
@@ -90,7 +101,26 @@ pub(super) fn of(
         let by = off / length * (highest - lowest);
         [lo / length - by, hi / length + by]
     };
-    (length > 0.0).then(|| Bounds { cos: [mean(cos, all[0]), least[0]], dose: [mean(dosed, all[1]), least[1]] })
+    // Dots count where there are no lines.
+    let mean_of_dots = |[lo, hi]: Range| [lo / dots, hi / dots];
+    let means = match (length > 0.0, dots > 0.0) {
+        (true, _) => [mean(cos, all[0]), mean(dosed, all[1])],
+        (false, true) => of_dots.map(mean_of_dots),
+        (false, false) => return None,
+    };
+    Some(Bounds { cos: [means[0], least[0]], dose: [means[1], least[1]] })
+}
+
+/// Lowest and highest cosine of what a dot may lie on; with `sides`, of all within reach.
+fn under_dot(at: [f64; 2], sides: bool, geometry: &Geometry, scratch: &mut Scratch) -> Range {
+    let around = geometry.around(at, scratch);
+    let mut found = around.iter().filter_map(|p| cosines(p, geometry));
+    // `surface` reports a dot with nothing under it.
+    let Some(first) = found.next() else { return [geometry.least_cos(), 1.0] };
+    if !sides {
+        return first;
+    }
+    found.fold(first, |all, cos| [all[0].min(cos[0]), all[1].max(cos[1])])
 }
 
 /// By how much its pen raises the dose of a mark.

@@ -66,6 +66,15 @@ pub(in crate::verify) fn check(
     if placed {
         timing(manifest, file, facts, &mut hold);
     }
+    hold("", "dots.texture", s.dots.texture as f64, pieces.dots.texture as f64, 0.0);
+    hold("", "dots.marked", s.dots.marked as f64, pieces.dots.marked as f64, 0.0);
+    if covered {
+        let doubtful = pieces.dots.doubtful as f64;
+        let sum = s.dots.marked + s.dots.off_part + s.dots.steep;
+        hold("", "the sum of marked and skipped dots", sum as f64, s.dots.texture as f64, 0.0);
+        hold("", "dots.off_part", s.dots.off_part as f64, pieces.dots.off_part as f64, doubtful);
+        hold("", "dots.steep", s.dots.steep as f64, pieces.dots.steep as f64, doubtful);
+    }
     if once {
         hold("", "overlap_mm", s.overlap_mm, found.overlap_mm, tiny + pieces.rounding_mm);
     }

@@ -23,7 +23,7 @@ pub(super) struct TextureStroke {
 }
 
 impl TextureStroke {
-    /// Places stroke `number` of the drawing, and answers with its pen; None where it has no length.
+    /// Places stroke `number` of the drawing, and answers with its pen; None where it has no points.
     pub(super) fn place(&mut self, drawing: &Drawing<'_>, number: usize) -> Option<PenId> {
         let pen = (drawing.stroke)(number, &mut self.points);
         self.along.clear();
@@ -33,7 +33,12 @@ impl TextureStroke {
             sum += w[0].distance(w[1]);
             self.along.push(sum);
         }
-        (self.points.len() > 1).then_some(pen)
+        (!self.points.is_empty()).then_some(pen)
+    }
+
+    /// Its point where it is a dot.
+    pub(super) fn dot(&self) -> Option<P2> {
+        if let [dot] = self.points[..] { Some(dot) } else { None }
     }
 
     /// Its length, nm.
@@ -66,6 +71,9 @@ impl TextureStroke {
 
     /// Where a mark lies along the stroke, if it is the piece that begins on `segment`; else why it is not.
     pub(super) fn fit(&self, mark: &[P2], segment: usize) -> Result<[f64; 2], &'static str> {
+        if mark.len() < 2 {
+            return Err("it is a dot, and the stroke a line");
+        }
         let otherwise = || self.fit_beyond(mark, segment).or_else(|| self.fit_around(mark, segment));
         self.fit_from(mark, segment).or_else(|why| otherwise().ok_or(why))
     }
@@ -89,6 +97,9 @@ impl TextureStroke {
     /// As [`TextureStroke::fit`] for a mark on a tilted part, whose points are known to `off` nm: they lie on the stroke
     /// one after another, every vertex of the stroke among them.
     pub(super) fn fit_turned(&self, mark: &[P2], segment: usize, off: f64) -> Result<[f64; 2], &'static str> {
+        if mark.len() < 2 {
+            return Err("it is a dot, and the stroke a line");
+        }
         let off = off + ON_STROKE;
         if segment + 1 >= self.points.len() {
             return Err("the stroke has no such segment");

@@ -24,7 +24,8 @@ impl Times {
 }
 
 /// Marks, jumps and delays of a block. Each stroke is marked as often as its pen says before the next, with a jump back
-/// to its start in between; a pass of it costs a jump delay, a mark delay, and a polygon delay at each inner point.
+/// to its start in between; a pass of it costs a jump delay, a mark delay, and a polygon delay at each inner point; of a dot the dwell of
+/// its pen, and the first two.
 pub(super) fn marking(program: &Program, block: &Block, machine: &Machine) -> Times {
     let mut out = Times::default();
     let mut at = FieldPoint::AXIS;
@@ -33,6 +34,8 @@ pub(super) fn marking(program: &Program, block: &Block, machine: &Machine) -> Ti
         let points = program.points_of(stroke);
         let (Some(&first), Some(&last)) = (points.first(), points.last()) else { continue };
         let passes = f64::from(pen.passes);
+        let dwell = if points.len() == 1 { pen.dwell.map_or(0.0, |dwell| dwell.as_s()) } else { 0.0 };
+        out.mark += passes * dwell;
         out.mark += passes * points.windows(2).map(|w| way_mm(w[0], w[1])).sum::<f64>() / pen.speed.as_mm_s();
         let jumps = way_mm(at, first) + (passes - 1.0).max(0.0) * way_mm(last, first);
         out.jump += jumps / machine.scanner.jump_speed.as_mm_s();

@@ -105,6 +105,11 @@ impl Turned {
             let field = |p: FieldPoint| {
                 [(block.stop.centre.x + i64::from(p.x)) as f64, (block.stop.centre.y + i64::from(p.y)) as f64]
             };
+            if let [dot] = points[..] {
+                self.draw_dot(field(dot), block, number, stroke.first as usize, drawn, &mut scratch);
+                source.checked += 1;
+                continue;
+            }
             let (mut unmatched, mut slope2, mut side) = (None, 0.0, 0.0);
             // A mark along the top of a wall: the side on which it begins must be one from which it can go on, and what
             // lies there is at a height of the block. Where no side fits, the line itself tells.
@@ -158,6 +163,30 @@ impl Turned {
                 source.broken(id, part_place_nm(at), text);
             }
         }
+    }
+
+    /// Finds where a dot lies in the drawing: at the height under it that the block has.
+    fn draw_dot(
+        &self,
+        at: [f64; 2],
+        block: &Block,
+        number: usize,
+        point: usize,
+        drawn: &mut Drawn,
+        scratch: &mut Scratch,
+    ) {
+        let around = self.geometry.around(at, scratch);
+        let is_near = |s: &Sheet| {
+            let known = self.geometry.z_tolerance(s.slope2);
+            block.z_lo.f64() - known <= s.z[0] && s.z[0] <= block.z_hi.f64() + known
+        };
+        let sheets = || around.iter().filter_map(|p| p.sheet);
+        let found = sheets().find(is_near).or_else(|| sheets().next());
+        // Off the part, which the rule `surface` says, any height does.
+        let (z, slope2) = found.map_or((block.stop.focus.f64(), 0.0), |s| (s.z[0], s.slope2));
+        let [x, y, _] = self.turn.back(P3::new([at[0], at[1], z])).at;
+        drawn.points[point] = P2::new(x.round() as i64, y.round() as i64);
+        drawn.off[number] = self.off(slope2, self.geometry.reach());
     }
 
     /// How far a point may be off that is found in the drawing from its place in the field, nm, where the beam meets

@@ -66,6 +66,7 @@ impl Made {
             power: Power::Percent(60.0),
             frequency: "60 kHz".parse().expect("rate"),
             passes,
+            dwell: None,
         };
         let facts = JobFacts {
             machine,

@@ -33,7 +33,7 @@ fn times(program: &Program, machine: &Machine) -> (Times, Vec<f64>) {
         (at, tilt, shift) = (block.stage, block.stop.tilt, block.focus_shift);
         let marks = program.strokes_of(block).iter().map(|s| {
             let pen = &program.pens[s.pen.index()];
-            motion::Mark { points: program.points_of(s), speed: pen.speed, passes: pen.passes }
+            motion::Mark { points: program.points_of(s), speed: pen.speed, passes: pen.passes, dwell: pen.dwell }
         });
         let m = motion::marking(machine, marks);
         (t.stage, t.settle) = (t.stage + moved.travel_s, t.settle + moved.settle_s);
