@@ -54,7 +54,8 @@ pub fn block(checked: &Checked, machine: &Machine, index: usize) -> Vec<u8> {
     let program = checked.program();
     let strokes = program.strokes_of(&program.blocks[index]);
     let lmc = machine.lmc.expect("a job for a card has one");
-    let marks = strokes.iter().map(|s| (s.len as usize + 2) * program.pens[s.pen.index()].passes as usize).sum::<usize>();
+    let marks =
+        strokes.iter().map(|s| (s.len as usize + 2) * program.pens[s.pen.index()].passes as usize).sum::<usize>();
     let mut list = List { out: Vec::with_capacity((marks + 32) * 12 + PACKET), at: [CENTRE; 2], set: Vec::new() };
     list.command(READY_MARK, [0; 2]);
     if lmc.laser == LmcLaser::Fiber {

@@ -12,7 +12,9 @@ use serde::{Deserialize, Serialize};
 use super::file_unit::FileUnit;
 use super::texture::keys::TextureKeys;
 use crate::emit::Format;
-use crate::units::{Angle, Frequency, Length, Power, Share, Speed, Time, non_negative, non_negative_option, positive, positive_option};
+use crate::units::{
+    Angle, Frequency, Length, Power, Share, Speed, Time, non_negative, non_negative_option, positive, positive_option,
+};
 
 /// The keys of a job file.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]

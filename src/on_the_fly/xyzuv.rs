@@ -599,7 +599,14 @@ mod tests {
 
     fn pens(speed: f64) -> Vec<Pen> {
         let frequency = Frequency::khz(60.0);
-        vec![Pen { name: "a".into(), speed: Speed::mm_s(speed), power: Power::Percent(50.0), frequency, passes: 1, dwell: None }]
+        vec![Pen {
+            name: "a".into(),
+            speed: Speed::mm_s(speed),
+            power: Power::Percent(50.0),
+            frequency,
+            passes: 1,
+            dwell: None,
+        }]
     }
 
     const ROOM: ScannerLimits = ScannerLimits { half_field: [20.0, 20.0], focus: 0.035 };

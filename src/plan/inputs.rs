@@ -73,9 +73,13 @@ impl Inputs {
         let texture = Texture::load(&job.textures, surface.part_box_mm(), turn, machine.lens.spot.as_mm(), warnings)?;
         let is_without = |&(pen, _): &(PenId, usize)| job.pens[pen.index()].dwell.is_none();
         if let Some((pen, number)) = texture.dot_pens().into_iter().find(is_without) {
-            let text = format!("texture {number} has dots, and their pen {:?} has no dwell", job.pens[pen.index()].name);
+            let text =
+                format!("texture {number} has dots, and their pen {:?} has no dwell", job.pens[pen.index()].name);
             let hint = "add dwell = \"100 us\" or pulses = 10 to the pen; leave out points of a drawing with `except`";
-            return Err(Diag::input("pen-dwell", text).at(job.place_of(&format!("pen.{}", pen.index()))).hint(hint).into());
+            return Err(Diag::input("pen-dwell", text)
+                .at(job.place_of(&format!("pen.{}", pen.index())))
+                .hint(hint)
+                .into());
         }
         let (part, marks) = (turned(surface.part_box_mm(), turn), texture.bounds());
         let marks = BoxMm { lo: marks.lo.mm(), hi: marks.hi.mm() };

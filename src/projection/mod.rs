@@ -174,7 +174,8 @@ impl Keep {
         let mut bounds = Box2::EMPTY;
         let fits = |b: &Box2| b.size().iter().all(|&s| s <= self.0);
         // A dot cannot be cut.
-        (self.0 > Nm(0) && points.len() > 1 && points.iter().all(|&p| (bounds.add(p), fits(&bounds)).1)).then_some(bounds)
+        (self.0 > Nm(0) && points.len() > 1 && points.iter().all(|&p| (bounds.add(p), fits(&bounds)).1))
+            .then_some(bounds)
     }
 }
 

@@ -63,13 +63,22 @@ fn every_entity(stl: &Path, squares: &str) -> JobText {
     job
 }
 
+/// The job with dots and a pen for them.
+fn with_dots(mut job: JobText) -> JobText {
+    job = job.texture("pattern = \"dots\"\npitch = \"3 mm\"\nlattice = \"hex\"\njitter = \"40 %\"\npen = \"dot\"");
+    let pen = "[[pen]]\nname = \"dot\"\nspeed = \"500 mm/s\"\npower = \"40 %\"\nfrequency = \"50 kHz\"\npulses = 12\npasses = 2\n";
+    job.more = format!("{pen}\n{}", job.more);
+    job
+}
+
 #[test]
 fn ezdxf_protobuf_and_linuxcnc_read_what_was_written() {
     let dir = folder();
     let stl = dir.path().join("bump.stl");
     write_stl(&stl, &mesh(40, [0.0, 0.0, 60.0, 50.0], |x, y| 0.2 * (x / 9.0).sin() * (y / 8.0).cos()));
     let hilbert = "order = 4\narea = [\"10 mm\", \"10 mm\", \"50 mm\", \"40 mm\"]";
-    let summary = assert_read(&every_entity(&stl, hilbert), dir.path());
+    let summary = assert_read(&with_dots(every_entity(&stl, hilbert)), dir.path());
+    assert!(summary["dots"]["marked"].as_u64() > Some(300), "{summary}");
     assert!(summary["stops"].as_u64() > Some(10), "{summary}");
 }
 
@@ -82,6 +91,9 @@ fn assert_cards_are_read(formats: &str, scripts: &[&str], [w, h]: [f64; 2], pitc
         + "\n[lmc]\nunits_per_mm = 1500\n[rtc]\nboard = \"rtc5\"\nbits_per_mm = 20000\nfocus_bits_per_mm = 4000\n";
     std::fs::write(dir.path().join("machine.toml"), machine).expect("a writable folder");
     let mut job = every_entity(&stl, "order = 3").partition("min_mark = \"3 um\"");
+    if !formats.contains("lightburn") {
+        job = with_dots(job);
+    }
     job.machine = "file = \"machine.toml\"".into();
     job.textures[0] = format!("pattern = \"hatch\"\npitch = {pitch:?}\ndirection = \"30 deg\"");
     job.more = job.more.replace("[\"dxf\", \"csv\", \"linuxcnc\", \"gcode\", \"ovf\"]", formats);

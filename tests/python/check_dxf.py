@@ -11,6 +11,8 @@ def points_of(entity):
     """Points of an entity in nm, as ezdxf parsed them (its numbers are doubles: exact to the nm)."""
     if entity.dxftype() == "LINE":
         vectors = [entity.dxf.start, entity.dxf.end]
+    elif entity.dxftype() == "POINT":
+        vectors = [entity.dxf.location]
     else:
         vectors = [v.dxf.location for v in entity.vertices]
         if entity.is_closed:
@@ -45,7 +47,7 @@ def check_block(job, block, entry):
     for i, (entity, stroke) in enumerate(zip(entities, block.strokes)):
         at = f"{path}, entity {i}"
         expected = [job.controller(p) for p in stroke.points]
-        kind = "LINE" if len(expected) == 2 else "POLYLINE"
+        kind = {1: "POINT", 2: "LINE"}.get(len(expected), "POLYLINE")
         demand(entity.dxftype() == kind, f"{at}: {entity.dxftype()}, not {kind}")
         if kind == "POLYLINE":
             closed = len(expected) >= 4 and expected[0] == expected[-1]

@@ -52,6 +52,8 @@ def of_galvoplotter(job, block):
             controller.list_jump(*points[0])
             for point in points[1:]:
                 controller.mark(*point)
+            if len(points) == 1:
+                controller.list_laser_on_point(round(pen["dwell_us"] / 10))
             controller.list_delay_time(-(-us(delays["mark"]) // 10))
     controller.initial_configuration()
     return b"".join(p for p in sent if len(p) == PACKET)

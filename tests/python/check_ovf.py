@@ -77,6 +77,7 @@ def check_params(job, shell):
         demand(key > len(pens) or pen is pens[key - 1] and p.shift_mm == 0, f"pen {key} has other parameters")
         demand(p.power_w == single(pen["power_w"]), f"pen {key}: power")
         demand(p.speed_mm_s == single(pen["speed_mm_s"]), f"pen {key}: speed")
+        demand(p.exposure_us == single(pen.get("dwell_us", 0)), f"pen {key}: dwell")
         demand(p.rate_hz == round(pen["frequency_khz"] * 1000), f"pen {key}: frequency")
         for name, value in [("laser_on", p.on_delay_us), ("laser_off", p.off_delay_us), ("jump", p.jump_delay_us),
                             ("mark", p.mark_delay_us), ("polygon", p.polygon_delay_us)]:
@@ -96,14 +97,14 @@ def around(points):
 def check_vectors(job, vectors, strokes, shift, params, at):
     """One vector block against the strokes left; answers with how many of them it holds."""
     kind = vectors.WhichOneof("data")
-    xy = list(vectors.line.xy if kind == "line" else vectors.hatches.xy)
+    xy = list(getattr(vectors, kind).xy)
     demand(len(xy) <= 2_000_000, f"{at}: more than a million points")
-    count = len(xy) // 4 if kind == "hatches" else 1
+    count = {"hatches": len(xy) // 4, "dots": len(xy) // 2}.get(kind, 1)
     mine = strokes[:count]
     demand(count > 0 and len(mine) == count, f"{at}: more strokes than program.txt has")
     expected = []
     for stroke in mine:
-        demand((len(stroke.points) == 2) == (kind == "hatches"), f"{at}: wrong kind {kind}")
+        demand({1: "dots", 2: "hatches"}.get(len(stroke.points), "line") == kind, f"{at}: wrong kind {kind}")
         p, pen = params[vectors.params], job.manifest["pens"][stroke.pen]
         is_own = p.name == pen["name"] and p.shift_mm == single(shift / 1e6)
         demand(is_own, f"{at}: not the parameters of pen {stroke.pen + 1} and its focus")

@@ -12,7 +12,7 @@ def us(text):
 
 
 def played(path, block, rtc):
-    """The marks of a file, each from point to point, with the settings that hold there."""
+    """The marks of a file, each from point to point or a point with its dwell in 10 us, with the settings that hold there."""
     lines = path.read_text(encoding="ascii").split("\n")
     demand(lines[:3] == ["terrace rtc 1", f"board {rtc['board']}", f"block {block.id}"], f"{path}: its head")
     demand(lines[-1] == "" and lines[-2] == "end", f"{path}: its end")
@@ -32,6 +32,8 @@ def played(path, block, rtc):
             to = tuple(map(int, values))
             marks.append((at, to, dict(settings)))
             at = to
+        elif word == "laser_on":
+            marks.append((at, int(values[0]), dict(settings)))
         else:
             settings[word] = tuple(map(float, values))
     return marks
@@ -61,6 +63,8 @@ def check_block(job, block, entry):
         demand(all(abs(c) <= most for p in points for c in p), f"{path}: a coordinate beyond the board")
         for _ in range(pen["passes"]):
             wanted += [(a, b, settings) for a, b in zip(points, points[1:]) if a != b]
+            if len(points) == 1:
+                wanted.append((points[0], round(pen["dwell_us"] / 10), settings))
     found = played(path, block, rtc)
     demand(len(found) == len(wanted), f"{path}: {len(found)} marks, program.txt has {len(wanted)}")
     for (a, b, s), (c, d, t) in zip(found, wanted):

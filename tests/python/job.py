@@ -36,7 +36,7 @@ class Block:
 
 
 class Program:
-    """program.txt: pens as lists of five texts, blocks with strokes, all lengths integers in nm."""
+    """program.txt: pens as lists of five texts and a dwell or None, blocks with strokes, all lengths integers in nm."""
 
     def __init__(self, path):
         lines = iter(pathlib.Path(path).read_text(encoding="utf-8").split("\n"))
@@ -46,7 +46,10 @@ class Program:
             self.origins.append([int(n) for n in line.removeprefix("origin ").split()])
         self.pens = []
         for _ in range(int(line.removeprefix("pens "))):
-            self.pens.append(next(lines).removeprefix("pen ").rsplit(" | ", 4))
+            pen = next(lines).removeprefix("pen ")
+            # Passes are a bare number; a dwell follows where the pen marks dots.
+            pen, dwell = pen.rsplit(" | ", 1) if pen.endswith(" s") else (pen, None)
+            self.pens.append(pen.rsplit(" | ", 4) + [dwell])
         self.blocks, self.focus_shift = [], 0
         for _ in range(int(next(lines).removeprefix("blocks "))):
             self.blocks.append(self._block(lines))

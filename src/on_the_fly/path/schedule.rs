@@ -233,7 +233,14 @@ mod tests {
 
     fn pens() -> Vec<Pen> {
         let frequency = Frequency::khz(60.0);
-        vec![Pen { name: "a".into(), speed: Speed::mm_s(200.0), power: Power::Percent(50.0), frequency, passes: 1, dwell: None }]
+        vec![Pen {
+            name: "a".into(),
+            speed: Speed::mm_s(200.0),
+            power: Power::Percent(50.0),
+            frequency,
+            passes: 1,
+            dwell: None,
+        }]
     }
 
     #[test]

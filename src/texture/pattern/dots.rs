@@ -235,9 +235,7 @@ mod tests {
         assert_eq!(square.len(), 20 * 16);
         assert!(square.iter().all(|p| (p.x - 250_000) % 500_000 == 0 && (p.y - 250_000) % 500_000 == 0));
         let hex = dots(&Dots::new(AREA, 0.5, Lattice::Hex, 0.0, 0, turn).expect("dots"));
-        let nearest = |p: &P2| {
-            hex.iter().filter(|q| q != &p).map(|q| p.distance(*q)).fold(f64::INFINITY, f64::min)
-        };
+        let nearest = |p: &P2| hex.iter().filter(|q| q != &p).map(|q| p.distance(*q)).fold(f64::INFINITY, f64::min);
         assert!(hex.iter().all(|p| (nearest(p) - 500_000.0).abs() < 2.0));
     }
 

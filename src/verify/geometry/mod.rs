@@ -269,9 +269,10 @@ impl Geometry {
         crossings.len() as u64
     }
 
-    /// What a point may lie on, to what rounding decides: the piece under it first, then those within reach.
+    /// What a point may lie on, to what rounding decides: the piece under it first, then those within the grain, which
+    /// is as wide as the gaps that walls leave.
     pub(super) fn around(&self, [x, y]: [f64; 2], scratch: &mut Scratch) -> Vec<Piece> {
-        let reach = self.reach();
+        let reach = self.grain();
         let mut out = Vec::new();
         for side in [0.0, reach / 2.0, -reach / 2.0, reach, -reach] {
             let line = Line { start: [x - reach, y + side], dir: [1.0, 0.0], len: 2.0 * reach };

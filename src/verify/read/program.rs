@@ -63,7 +63,10 @@ pub(in crate::verify) fn parse(input: impl BufRead) -> Result<ProgramFile, Fault
         let text = lines.next()?;
         match pen(text) {
             Some(pen) => program.pens.push(pen),
-            None => return Err(lines.fault("is not a pen: name | speed | power | frequency | passes, and a dwell where it marks dots")),
+            None => {
+                return Err(lines
+                    .fault("is not a pen: name | speed | power | frequency | passes, and a dwell where it marks dots"));
+            }
         }
     }
     let blocks = lines.keyed(b"blocks", |w| w.count())?;

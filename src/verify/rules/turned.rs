@@ -186,7 +186,8 @@ impl Turned {
         let (z, slope2) = found.map_or((block.stop.focus.f64(), 0.0), |s| (s.z[0], s.slope2));
         let [x, y, _] = self.turn.back(P3::new([at[0], at[1], z])).at;
         drawn.points[point] = P2::new(x.round() as i64, y.round() as i64);
-        drawn.off[number] = self.off(slope2, self.geometry.reach());
+        let is_under = around.first().and_then(|p| p.sheet).is_some_and(|s| is_near(&s));
+        drawn.off[number] = self.off(slope2, if is_under { 0.0 } else { self.geometry.grain() });
     }
 
     /// How far a point may be off that is found in the drawing from its place in the field, nm, where the beam meets

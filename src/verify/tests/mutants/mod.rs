@@ -2,6 +2,7 @@
 //! and hashes renewed, that one rule and no other reports.
 
 mod cards;
+mod dots;
 mod frames;
 mod passes;
 mod right;
