@@ -2,6 +2,7 @@
 
 use super::grid::Grid;
 use super::methods::row;
+use super::off_part::OffPart;
 use crate::diag::{Diag, Error, Place};
 use crate::geom::Nm;
 use crate::job::{Job, Method, Steep};
@@ -13,6 +14,7 @@ use crate::split::Fragments;
 pub(super) fn warn(
     job: &Job,
     split: &Fragments,
+    off_part: &OffPart,
     worst_defocus: Nm,
     depth: Nm,
     warnings: &mut Vec<Diag>,
@@ -38,19 +40,15 @@ pub(super) fn warn(
             format!("the beam meets the surface at up to {incidence:.1} deg: marks are stretched and the dose falls");
         warnings.push(Diag::warning("incidence", text).hint("see limits.warn_incidence"));
     }
+    if let Some(fault) = off_part.fault(limits.max_off_part) {
+        return Err(fault.into());
+    }
     if split.skipped.off_part > 0.0 {
         let share = 100.0 * split.skipped.off_part / split.texture_mm;
         let text = format!(
             "{} of texture ({share:.1} % of it) lie off the part and are not marked",
             mm(split.skipped.off_part)
         );
-        let most = limits.max_off_part.as_percent();
-        if share > most {
-            let hint = format!(
-                "limits.max_off_part allows {most} %: move the texture with its area or origin, or raise the limit"
-            );
-            return Err(Diag::limit("off-part", text).hint(hint).into());
-        }
         warnings.push(Diag::warning("off-part", text).hint("see limits.max_off_part"));
     }
     // Slivers that are left out by default are counted only: the spot beside them covers them.
