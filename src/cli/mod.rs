@@ -26,6 +26,7 @@ use crate::job::{self, Job, Mode, Overrides};
 use crate::job_folder::{self, Durability};
 use crate::machine::{Machine, PROFILES};
 use crate::plan::{self, Phase, Plan};
+use crate::units::Share;
 use crate::verify;
 use args::{Args, Choice, Command};
 
@@ -237,7 +238,9 @@ fn preview(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> 
         let hint = format!("write {}, and convert it with Inkscape or a browser", path.with_extension("svg").display());
         return Err(d.at(Place::file(path.display().to_string())).hint(hint).into());
     }
-    let job = load(args, path, choice)?;
+    let mut job = load(args, path, choice)?;
+    // What is refused for it is what one wants to see.
+    let most = std::mem::replace(&mut job.limits.max_off_part, Share::percent(100.0));
     let blockless = Diag::input("preview-mode", "an on-the-fly job has no blocks to draw")
         .at(job.place_of("mode"))
         .hint("--mode stepped draws the blocks of the same job as a stepped one");
@@ -247,15 +250,19 @@ fn preview(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> 
     let plan = planned_of(args, job)?;
     let plan = plan.stepped().ok_or(blockless)?;
     let svg = job_folder::layout_svg(plan);
+    let refused = plan.off_part.fault(most).map_or(Ok(()), |fault| Err(fault.into()));
     let dash = Path::new("-");
     let file = match output {
-        Some(o) if o == dash => return print(&svg),
-        None if path == dash => return print(&svg),
+        Some(o) if o == dash => return print(&svg).and(refused),
+        None if path == dash => return print(&svg).and(refused),
         Some(o) => o.to_owned(),
         None => path.with_extension("layout.svg"),
     };
     write_file(args, &file, svg.as_bytes(), &job_folder::input_paths(&plan.job))?;
-    wrote(args, &[file])
+    if refused.is_ok() || !args.json {
+        wrote(args, &[file])?;
+    }
+    refused
 }
 
 fn planned(args: &Args, path: &Path, choice: &Choice) -> Result<Plan, Error> {

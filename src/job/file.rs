@@ -432,8 +432,8 @@ pub struct LimitsKeys {
     /// What happens to texture beyond it.
     #[serde(default)]
     pub steep: Steep,
-    /// Share of the texture's length that may lie off the part, where nothing is marked; beyond it the job is
-    /// refused.
+    /// Share of the length of a drawing, or of a pattern with an area, that may lie off the part, where nothing is
+    /// marked; beyond it the job is refused.
     #[serde(default = "default_max_off_part")]
     pub max_off_part: Share,
     /// What happens where a value is far from what the machine's optics allow: a depth of focus beyond twice that
@@ -443,7 +443,7 @@ pub struct LimitsKeys {
 }
 
 fn default_max_off_part() -> Share {
-    Share::percent(50.0)
+    Share::percent(1.0)
 }
 
 fn default_warn_incidence() -> Angle {

@@ -159,7 +159,7 @@ pub struct Limits {
     pub max_incidence: Angle,
     /// What happens to texture beyond it.
     pub steep: Steep,
-    /// Share of the texture's length that may lie off the part.
+    /// Share of the length of a texture that the job places that may lie off the part.
     pub max_off_part: Share,
     /// What happens to values that the machine's optics make implausible.
     pub implausible: Implausible,

@@ -173,6 +173,7 @@ fn layout<'a>(plan: &'a SteppedPlan, pass: &'a Pass, job: &'a str) -> report::La
         sections: pass.sections,
         map: &pass.map,
         texture: pass.texture,
+        off_part: &plan.off_part.places,
         turn_rad: plan.job.placement.turn.as_rad(),
         figures: &plan.figures,
         drawn: report::drawn(&plan.checked, &plan.machine),

@@ -21,6 +21,7 @@ mod inputs;
 mod job_time;
 mod merge;
 mod methods;
+mod off_part;
 mod on_the_fly;
 pub mod orient;
 mod pass;
@@ -41,6 +42,7 @@ use std::path::{Path, PathBuf};
 
 pub use inputs::Inputs;
 pub use job_time::of_program;
+pub use off_part::OffPart;
 pub use on_the_fly::OnTheFlyPlan;
 pub use pass::Pass;
 pub use progress::{Phase, Progress};

@@ -20,6 +20,7 @@ use super::hatch_direction;
 use super::inputs::Inputs;
 use super::job_time::{load_s, times};
 use super::merge::{self, Pairs};
+use super::off_part::OffPart;
 use super::pass::Pass;
 use super::progress::{Phase, Progress};
 use super::setups::{self, Setups};
@@ -55,6 +56,8 @@ pub struct SteppedPlan {
     pub checked: Checked,
     /// The passes, at least one.
     pub passes: Vec<Pass>,
+    /// What of the textures that the job places lies off the part.
+    pub off_part: OffPart,
     /// The figures; its warnings are those of the plan.
     pub summary: Summary,
     /// The figures of every block of the program.
@@ -73,6 +76,8 @@ pub struct Draft<'a> {
     /// What was compared; empty where one method was asked for.
     tried: Vec<manifest::Candidate>,
     passes: Vec<Pass>,
+    /// In the first pass.
+    off_part: OffPart,
     /// The grid of the first pass.
     grid: Grid,
     clearance: Clearance,
@@ -127,12 +132,15 @@ impl<'a> Draft<'a> {
             tried.clear();
         }
         let not_kept = warnings::not_kept(&first.grid, &first.footprint, best.method, &best.split);
+        let is_off = best.split.skipped.off_part > 0.0 || best.split.dots.off_part > 0;
+        let off_part = if is_off { OffPart::of(job, first.sweep(job, inputs)) } else { OffPart::default() };
         let mut draft = Self {
             job,
             machine,
             best,
             tried,
             passes: Vec::new(),
+            off_part,
             grid: first.grid.clone(),
             clearance,
             origins: Vec::new(),
@@ -201,7 +209,7 @@ impl<'a> Draft<'a> {
     /// # Errors
     /// Limits of the machine that the program breaks; what the job refuses.
     pub fn checked(self, mut warnings: Vec<Diag>) -> Result<SteppedPlan, Error> {
-        let Self { job, machine, best, tried, passes, grid, clearance, origins, warnings: divided } = self;
+        let Self { job, machine, best, tried, passes, off_part, grid, clearance, origins, warnings: divided } = self;
         let limits = Limits {
             machine,
             origins: &origins,
@@ -214,7 +222,7 @@ impl<'a> Draft<'a> {
         setups::registered(job, machine, &origins)?;
         emit::faults(&job.formats, checked.program(), machine)?;
         frames::may_be_shown(job, machine, &checked)?;
-        warnings::warn(job, &best.split, best.worst_defocus, grid.lattice.depth, &mut warnings)?;
+        warnings::warn(job, &best.split, &off_part, best.worst_defocus, grid.lattice.depth, &mut warnings)?;
         warnings.extend(warnings::not_carried(job, checked.program()));
         warnings.extend(warnings::set_by_hand(job, checked.program()));
         warnings.extend(divided);
@@ -234,6 +242,7 @@ impl<'a> Draft<'a> {
             machine: machine.clone(),
             checked,
             passes,
+            off_part,
             summary,
             figures: best.figures,
             depth: grid.lattice.depth,

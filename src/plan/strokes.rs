@@ -8,6 +8,7 @@
 use super::assemble::{Members, append_stroke, segments};
 use super::grid::{default_height, default_origin};
 use super::inputs::Inputs;
+use super::off_part::OffPart;
 use super::split::{Cuts, join, split};
 use super::stroke_chunks::Sweep;
 use super::{dose, hatch_direction, warnings};
@@ -44,7 +45,7 @@ pub struct Strokes {
 ///
 /// # Errors
 /// `job-empty`; `fly-large` where the texture is wider than block coordinates reach; `steep` where the job refuses
-/// steep places.
+/// steep places; `off-part`.
 pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<Nm>) -> Result<Strokes, Error> {
     if !inputs.texture.dot_pens().is_empty() {
         let text = "on-the-fly programs cannot mark dots: the beam would have to stand still";
@@ -82,7 +83,12 @@ pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<Nm>)
     let program = laid(job, &stops, &parts);
     let found = parts.into_iter().fold(Fragments::default(), join);
     let mut notes = Vec::new();
-    warnings::warn(job, &found, Nm(0), everything, &mut notes)?;
+    let off_part = if found.skipped.off_part > 0.0 || found.dots.off_part > 0 {
+        OffPart::of(job, sweep)
+    } else {
+        OffPart::default()
+    };
+    warnings::warn(job, &found, &off_part, Nm(0), everything, &mut notes)?;
     let Fragments { texture_mm, skipped, .. } = found;
     Ok(Strokes { program, origin, texture: area, section, texture_mm, skipped, warnings: notes })
 }

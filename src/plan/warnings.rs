@@ -2,6 +2,7 @@
 
 use super::grid::Grid;
 use super::methods::row;
+use super::off_part::OffPart;
 use crate::diag::{Diag, Error, Place};
 use crate::geom::Nm;
 use crate::job::{Job, Method, Steep};
@@ -13,16 +14,16 @@ use crate::split::Fragments;
 pub(super) fn warn(
     job: &Job,
     split: &Fragments,
+    off_part: &OffPart,
     worst_defocus: Nm,
     depth: Nm,
     warnings: &mut Vec<Diag>,
 ) -> Result<(), Error> {
     let limits = &job.limits;
-    let mm = |v: f64| if v < 0.001 { format!("{:.3} um", v * 1000.0) } else { format!("{v:.3} mm") };
     let dots = split.dots;
     if split.skipped.steep > 0.0 || dots.steep > 0 {
         let limit = limits.max_incidence.as_deg();
-        let what = lengths_and_dots(mm(split.skipped.steep), split.skipped.steep, dots.steep);
+        let what = lengths_and_dots(split.skipped.steep, dots.steep);
         let text = format!("{what} of texture lie on slopes above {limit:.1} deg and are not marked");
         let place = split.steep_at.map_or(Place::Nowhere, |p| {
             let [x_mm, y_mm] = p.mm();
@@ -39,23 +40,20 @@ pub(super) fn warn(
             format!("the beam meets the surface at up to {incidence:.1} deg: marks are stretched and the dose falls");
         warnings.push(Diag::warning("incidence", text).hint("see limits.warn_incidence"));
     }
+    if let Some(fault) = off_part.fault(limits.max_off_part) {
+        return Err(fault.into());
+    }
     if split.skipped.off_part > 0.0 || dots.off_part > 0 {
         let of = |part: f64, all: f64| if all > 0.0 { 100.0 * part / all } else { 0.0 };
         let share = of(split.skipped.off_part, split.texture_mm).max(of(dots.off_part as f64, dots.texture as f64));
-        let what = lengths_and_dots(mm(split.skipped.off_part), split.skipped.off_part, dots.off_part);
+        let what = lengths_and_dots(split.skipped.off_part, dots.off_part);
         let text = format!("{what} of texture ({share:.1} % of it) lie off the part and are not marked");
-        let most = limits.max_off_part.as_percent();
-        if share > most {
-            let hint = format!(
-                "limits.max_off_part allows {most} %: move the texture with its area or origin, or raise the limit"
-            );
-            return Err(Diag::limit("off-part", text).hint(hint).into());
-        }
         warnings.push(Diag::warning("off-part", text).hint("see limits.max_off_part"));
     }
     // Slivers that are left out by default are counted only: the spot beside them covers them.
     if split.skipped.small > 0.0 && job.partition.min_mark.is_some() {
-        let text = format!("{} of texture is in fragments shorter than partition.min_mark", mm(split.skipped.small));
+        let text =
+            format!("{} of texture is in fragments shorter than partition.min_mark", length(split.skipped.small));
         warnings.push(Diag::warning("small", text));
     }
     if worst_defocus > depth / 2 {
@@ -70,12 +68,16 @@ pub(super) fn warn(
 }
 
 /// What is not marked: a length, dots, or both.
-fn lengths_and_dots(length: String, mm: f64, dots: u64) -> String {
+pub(super) fn lengths_and_dots(mm: f64, dots: u64) -> String {
     match (mm > 0.0, dots) {
-        (_, 0) => length,
+        (_, 0) => length(mm),
         (false, dots) => format!("{dots} dots"),
-        (true, dots) => format!("{length} and {dots} dots"),
+        (true, dots) => format!("{} and {dots} dots", length(mm)),
     }
+}
+
+fn length(mm: f64) -> String {
+    if mm < 0.001 { format!("{:.3} um", mm * 1000.0) } else { format!("{mm:.3} mm") }
 }
 
 /// Pens that compensate for the slope, and no file that passes them to the marking software.

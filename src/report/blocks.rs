@@ -124,7 +124,7 @@ fn push_ring(d: &mut String, job: &Layout<'_>, sheet: &Sheet, points: &[Half]) {
 }
 
 /// A path command with as few characters as possible.
-fn push_command(d: &mut String, command: char, values: &[i64], decimals: usize) {
+pub(super) fn push_command(d: &mut String, command: char, values: &[i64], decimals: usize) {
     d.push(command);
     let scale = 10i64.pow(decimals as u32);
     for (k, &v) in values.iter().enumerate() {

@@ -13,6 +13,9 @@ pub(super) const PATH: &str = "#d5186b";
 /// Colour of the field frame.
 pub(super) const FIELD: &str = "#c2410c";
 
+/// Colour of texture off the part.
+pub(super) const OFF_PART: &str = "#e00000";
+
 const ANCHORS: [Colour; 9] = [
     [80, 46, 142],
     [59, 79, 172],

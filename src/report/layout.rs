@@ -1,7 +1,7 @@
 //! `layout.svg`: the blocks on the part, in mm, y up.
 //!
 //! Consumes a [`Layout`], promises the properties of [`super`]. Layers, bottom to top, each a group
-//! with an id and a name that Inkscape shows: texture box, blocks, sections or (where stops do not stand
+//! with an id and a name that Inkscape shows: texture box, texture off the part (where the job places some), blocks, sections or (where stops do not stand
 //! on the grid of sections) windows, stage path, field of the first stop, axes and scale, numbers,
 //! legend.
 //!
@@ -15,6 +15,7 @@ use std::fmt::Write;
 use svg::Node;
 use svg::node::element::Element;
 
+use super::colour::OFF_PART;
 use super::outline::{self, Outlines, PaddedMap};
 use super::sheet::{Detail, FONTS, Sheet, el, grid_box, layer, num, rectangle, sheet_box, text, titled};
 use super::{Layout, blocks, clean, label, legend, stage};
@@ -66,6 +67,9 @@ fn draw(job: &Layout<'_>, sheet: &Sheet, outlines: &Outlines, spots: &[label::Sp
         legend::measures(job, sheet),
         blocks::numbers(job, sheet, spots),
     ];
+    if !job.off_part.is_empty() {
+        layers.insert(1, off_part(job, sheet));
+    }
     let (legend, bounds) = legend::draw(job, sheet);
     layers.push(legend);
     let [x0, y0, x1, y1] = [bounds[0] - 2.0 * u, bounds[1] - 2.0 * u, bounds[2] + 2.0 * u, bounds[3] + 2.0 * u];
@@ -128,6 +132,22 @@ fn sections(job: &Layout<'_>, sheet: &Sheet) -> Element {
         captions.append(text([sheet.view[0] - u, y + size * 0.36], size, "end", &format!("{k}")));
     }
     g.append(captions);
+    g
+}
+
+/// Texture that the job places off the part, in red: nothing of it is marked.
+fn off_part(job: &Layout<'_>, sheet: &Sheet) -> Element {
+    let mut d = String::new();
+    for row in job.off_part {
+        let [x0, y0, x1, y1] = [row.lo.x, row.hi.y, row.hi.x, row.lo.y].map(|v| sheet.step(v as f64));
+        blocks::push_command(&mut d, 'M', &[x0, -y0], sheet.decimals);
+        blocks::push_command(&mut d, 'H', &[x1], sheet.decimals);
+        blocks::push_command(&mut d, 'V', &[-y1], sheet.decimals);
+        blocks::push_command(&mut d, 'H', &[x0], sheet.decimals);
+        d.push('z');
+    }
+    let mut g = layer("layer-off-part", "Texture off the part", &[("fill", OFF_PART), ("stroke", "none")]);
+    g.append(titled(el("path", &[("d", &d)]), "texture off the part or over a hole: not marked".into()));
     g
 }
 

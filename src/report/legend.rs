@@ -6,7 +6,7 @@
 use svg::Node;
 use svg::node::element::Element;
 
-use super::colour::{self, Colour, FIELD, FILLS, PATH, hex};
+use super::colour::{self, Colour, FIELD, FILLS, OFF_PART, PATH, hex};
 use super::sheet::{Sheet, el, num, rectangle, text};
 use super::{Layout, Shade, length_text, mm, plain, short};
 use crate::geom::Nm;
@@ -303,6 +303,14 @@ fn key(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
             );
             pen.g.append(el("path", &[("fill", stroke), ("d", &tip)]));
         }
+    }
+    if !job.off_part.is_empty() {
+        let [x, u] = [pen.at[0], pen.u];
+        pen.at[0] = x + 5.5 * u;
+        pen.line("red: texture off the part, not marked");
+        pen.at[0] = x;
+        let y = pen.at[1];
+        pen.g.append(rectangle([x, y - 1.2 * u, x + 4.2 * u, y + 0.1 * u], &[("fill", OFF_PART)]));
     }
     if !job.blocks().is_empty() {
         pen.line("number n: block Bn, in order of work");

@@ -61,6 +61,8 @@ pub struct Layout<'a> {
     pub map: &'a BlockMap,
     /// The box of the texture as placed.
     pub texture: Box2,
+    /// Where texture that the job places lies off the part: boxes that do not overlap.
+    pub off_part: &'a [Box2],
     /// By how much the part is turned against its file, rad.
     pub turn_rad: f64,
     /// The figures of each block of the program.

@@ -75,6 +75,17 @@ pub struct Request {
     pub pen: PenId,
 }
 
+impl Request {
+    /// Whether the job says where it lies, so that what of it lies off the part may be a mistake. Patterns over the part's
+    /// box, and drawings that are repeated over it, lie where the part does.
+    pub fn is_placed(&self) -> bool {
+        match self.kind {
+            Kind::Drawing { tile, .. } => !tile || self.area != Area::Part,
+            _ => matches!(self.area, Area::Rectangle(_)),
+        }
+    }
+}
+
 /// Strokes that are asked for by their index.
 pub(crate) trait Figure: std::fmt::Debug + Send + Sync {
     /// How many strokes there are.

@@ -74,7 +74,7 @@ fn beam_quality_lowers_the_depth_of_focus_of_the_optics() {
 }
 
 #[test]
-fn texture_mostly_off_the_part_is_refused_with_its_share() {
+fn texture_that_the_job_places_off_the_part_is_refused_with_its_share() {
     let dir = folder();
     let area = |x1: f64, more: &str| {
         let mut job = panel(dir.path());
@@ -84,11 +84,46 @@ fn texture_mostly_off_the_part_is_refused_with_its_share() {
     };
     // Lines along x: their share off the part is that of the length.
     let text = refused(&area(150.0, ""), &["off-part"]);
-    assert!(text.contains("(60.0 % of it) lie off the part") && text.contains("allows 50 %"), "{text}");
+    assert!(text.contains("(60.0 %) lie off the part") && text.contains("allows 1 %"), "{text}");
     let text = accepted(&area(150.0, "[limits]\nmax_off_part = \"60.1 %\"\n"));
     assert!(text.contains("warning[off-part]") && text.contains("(60.0 % of it)"), "{text}");
-    accepted(&area(100.0, ""));
+    accepted(&area(60.6, ""));
+    refused(&area(60.7, ""), &["off-part"]);
     refused(&area(66.0, "[limits]\nmax_off_part = \"9 %\"\n"), &["off-part"]);
+}
+
+#[test]
+fn patterns_over_the_part_are_not_held_to_the_limit_off_it_and_drawings_are_each() {
+    let dir = folder();
+    let stl = dir.path().join("triangle.stl");
+    write_stl(&stl, &[[[0.0, 0.0, 0.0], [60.0, 0.0, 0.0], [0.0, 60.0, 0.0]]]);
+    let drawing = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"10mm\" height=\"10mm\" viewBox=\"0 0 10 10\">\
+                   <path d=\"M0 5h10\" stroke=\"#000\" stroke-width=\".01\" fill=\"none\"/></svg>";
+    std::fs::write(dir.path().join("line.svg"), drawing).expect("writable");
+    let with = |textures: &[&str]| {
+        let mut job = JobText::on(&stl);
+        job.textures = textures.iter().map(|&t| t.to_owned()).collect();
+        job.write(dir.path(), "job.toml")
+    };
+    let hatch = "pattern = \"hatch\"\npitch = \"0.5 mm\"";
+    let text = accepted(&with(&[hatch]));
+    assert!(text.contains("warning[off-part]"), "half of it is off the part: {text}");
+    accepted(&with(&["file = \"line.svg\"\ntile = true\narea = \"part\""]));
+    accepted(&with(&[hatch, "file = \"line.svg\"\norigin = [\"10 mm\", \"10 mm\"]"]));
+    // A fifth of the line lies beyond the hypotenuse, which is little of the whole texture.
+    let job = with(&[hatch, "file = \"line.svg\"\norigin = [\"47 mm\", \"0 mm\"]"]);
+    let text = refused(&job, &["off-part"]);
+    assert!(text.contains("texture 2: 2.000 mm of it (20.0 %)") && text.contains("terrace preview"), "{text}");
+    // The picture is made all the same, with what lies off the part in red.
+    let done = terrace([Path::new("preview"), &job]);
+    assert!(done.status.code() == Some(1) && said(&done).contains("error[off-part]"), "{}", said(&done));
+    let picture = std::fs::read_to_string(job.with_extension("layout.svg")).expect("a picture");
+    let (_, red) = picture.split_once("id=\"layer-off-part\"").expect("a red layer");
+    let (_, d) = red.split_once(" d=\"M").expect("a path");
+    let x = d.split(['-', ' ']).next().and_then(|v| v.parse::<f64>().ok());
+    assert!(x.is_some_and(|x| (x - 55.0).abs() < 0.2), "red begins at the hypotenuse: {x:?}");
+    let folder = terrace([Path::new("compile"), &job]);
+    assert!(folder.status.code() == Some(1) && !job.with_extension("job").exists());
 }
 
 #[test]

@@ -64,8 +64,9 @@ pub(in crate::verify) fn parse(input: impl BufRead) -> Result<ProgramFile, Fault
         match pen(text) {
             Some(pen) => program.pens.push(pen),
             None => {
-                return Err(lines
-                    .fault("is not a pen: name | speed | power | frequency | passes, and a dwell where it marks dots"));
+                return Err(lines.fault(
+                    "is not a pen: name | speed | power | frequency | passes, and a dwell where it marks dots",
+                ));
             }
         }
     }
