@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::batch::Outcome;
-use crate::manifest::{AnySummary, OnTheFlySummary, Summary, duration};
+use crate::manifest::{AnySummary, OnTheFlySummary, SpaceCurves, Summary, duration};
 use crate::plan::Phase;
 use crate::run;
 
@@ -228,6 +228,7 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
         "by run         {} at least with `terrace run`; loading and handshake come on top",
         duration(t.total)
     ));
+    lines.extend(s.curves.as_ref().map(curves));
     if s.setups > 1 {
         lines.insert(1, format!("set-ups        {}", s.setups));
     }
@@ -262,11 +263,20 @@ fn on_the_fly(s: &OnTheFlySummary, folder: Option<&Path>) -> String {
             s.laser_error_mm, s.mark_speed_mm_s, s.servo_period_s
         ),
     ];
+    lines.extend(s.curves.as_ref().map(curves));
     if let Some(folder) = folder {
         lines.push(format!("job folder     {}", folder.display()));
         lines.push(format!("then run       terrace verify {}", folder.display()));
     }
     lines.join("\n") + "\n"
+}
+
+/// How space curves lie on the surface.
+fn curves(c: &SpaceCurves) -> String {
+    format!(
+        "space curves   {}, {:.3} mm seen from the lens, {:.3} mm on the surface, up to {:.3} um off it",
+        c.count, c.plan_mm, c.surface_mm, c.worst_distance_um
+    )
 }
 
 #[cfg(test)]

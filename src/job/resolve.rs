@@ -68,7 +68,9 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let textures = file.texture.iter().enumerate();
-    let textures = textures.filter_map(|(i, keys)| Texture { i, keys, folder, pens: &pens }.resolve(f)).collect();
+    let textures = textures
+        .filter_map(|(i, keys)| Texture { i, keys, folder, pens: &pens, pdof: focus.pdof }.resolve(f))
+        .collect();
     let mut partition = partition(file, f);
     if let Some(objective) = overrides.objective {
         partition.objective = objective;
@@ -99,7 +101,7 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
         surface,
         placement: Placement { origin, turn: file.placement.turn },
         textures,
-        drawings: file.texture.iter().filter_map(|t| t.file.clone()).collect(),
+        drawings: file.texture.iter().filter_map(|t| t.file.clone().or(t.curves.clone())).collect(),
         focus,
         partition,
         order: Order { stops: file.order.stops, strokes: file.order.strokes },

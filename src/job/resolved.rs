@@ -40,7 +40,7 @@ pub struct Job {
     pub placement: Placement,
     /// What is marked in the first pass, at least one.
     pub textures: Vec<texture::Request>,
-    /// The drawings among them as named in the job file, relative to it.
+    /// The drawings and space curves among them as named in the job file, relative to it.
     pub drawings: Vec<PathBuf>,
     /// Depth of focus.
     pub focus: Focus,
@@ -290,6 +290,7 @@ impl Job {
     pub fn at_keys(&self, e: &Error) -> Error {
         let drawing = |(i, t): (usize, &texture::Request)| match &t.kind {
             texture::Kind::Drawing { path, .. } => Some((format!("texture.{i}.file"), path.clone())),
+            texture::Kind::Curves { path, .. } => Some((format!("texture.{i}.curves"), path.clone())),
             _ => None,
         };
         let machine = match &self.machine {

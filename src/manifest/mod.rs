@@ -91,6 +91,19 @@ pub struct Dots {
     pub steep: u64,
 }
 
+/// The space curves of a job against the surface, as far as they may be marked; each counts once.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SpaceCurves {
+    /// How many there are.
+    pub count: usize,
+    /// Their length seen along z, mm.
+    pub plan_mm: f64,
+    /// Their length on the surface, mm.
+    pub surface_mm: f64,
+    /// Their largest distance from the surface along z, um.
+    pub worst_distance_um: f64,
+}
+
 /// The figures of a job; the keys are a promise, units are in the suffix. Lengths are measured in the
 /// xy plane.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -146,6 +159,9 @@ pub struct Summary {
     pub worst_defocus_mean_um: f64,
     /// Largest angle between the beam and the normal of a marked place.
     pub worst_incidence_deg: f64,
+    /// The space curves; left out where there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curves: Option<SpaceCurves>,
     /// The job's time: that of the machine, nobody attending.
     pub time_s: Times,
     /// The job by hand.

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::Head;
 use super::stepped::{Placement, bytes};
+use super::{Head, SpaceCurves};
 use crate::diag::{Diag, Message};
 use crate::job::Job;
 use crate::machine::Machine;
@@ -112,6 +112,9 @@ pub struct OnTheFlySummary {
     pub laser_error_mm: f64,
     /// How far blending rounds a corner of a mark, mm: by the program for PMAC.
     pub blend_mm: f64,
+    /// The space curves; left out where there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curves: Option<SpaceCurves>,
     /// Peak speed, acceleration and jerk, by axis letter.
     pub peaks: BTreeMap<String, AxisPeaks>,
     /// What the user should know.
@@ -159,6 +162,7 @@ impl OnTheFlySummary {
             servo_period_s: SERVO_S,
             laser_error_mm: figures.laser_error_mm,
             blend_mm,
+            curves: None,
             peaks: letters.zip(program.kind.axes().iter().map(peak)).collect(),
             warnings: warnings.iter().map(Message::from).collect(),
         }

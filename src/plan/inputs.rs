@@ -2,11 +2,13 @@
 
 use std::sync::Arc;
 
+use super::space_curves;
 use crate::check::pen_faults;
 use crate::diag::{Diag, Error};
 use crate::geom::{BoxMm, cos_sin};
 use crate::job::Job;
 use crate::machine::Machine;
+use crate::manifest::SpaceCurves;
 use crate::program::{PassId, PenId};
 use crate::surface::Surface;
 use crate::texture::Texture;
@@ -20,6 +22,8 @@ pub struct Inputs {
     pub surface: Arc<Surface>,
     /// The texture of the first pass.
     pub texture: Texture,
+    /// The space curves of the texture against the surface; None where it has none.
+    pub curves: Option<SpaceCurves>,
     /// What the user should know of the files.
     pub warnings: Vec<Diag>,
 }
@@ -29,7 +33,7 @@ impl Inputs {
     ///
     /// # Errors
     /// Faults of the files; pens that the machine cannot give; `pdof-large`, `pdof-small`, `pitch-small`; `job-empty`
-    /// where the texture lies off the part.
+    /// where the texture lies off the part; `curve-distance` where space curves lie off its surface.
     pub fn load(job: &Job) -> Result<Self, Error> {
         Self::load_beside(job, None)
     }
@@ -53,7 +57,7 @@ impl Inputs {
         warnings.extend(job.plausible(&machine)?);
         // Warnings before an error often show its cause.
         match Self::read(job, surface, &machine, &mut warnings) {
-            Ok((surface, texture)) => Ok(Self { machine, surface, texture, warnings }),
+            Ok((surface, texture, curves)) => Ok(Self { machine, surface, texture, curves, warnings }),
             Err(e) => Err(job.at_keys(&e).after(warnings)),
         }
     }
@@ -63,7 +67,7 @@ impl Inputs {
         surface: Option<&Arc<Surface>>,
         machine: &Machine,
         warnings: &mut Vec<Diag>,
-    ) -> Result<(Arc<Surface>, Texture), Error> {
+    ) -> Result<(Arc<Surface>, Texture, Option<SpaceCurves>), Error> {
         let turn = job.placement.turn.as_rad();
         let weld = job.surface.weld.mm();
         let surface = match surface {
@@ -93,7 +97,8 @@ impl Inputs {
             let hint = "move the texture with its area or origin, or check the unit of surface and drawing";
             return Err(Diag::limit("job-empty", text).at(job.place_of("texture")).hint(hint).into());
         }
-        Ok((surface, texture))
+        let curves = space_curves::compare(job, &surface, &texture, warnings)?;
+        Ok((surface, texture, curves))
     }
 
     /// The texture of pass `k`, from 0.

@@ -28,6 +28,7 @@ mod pass;
 mod progress;
 mod setups;
 mod site;
+mod space_curves;
 mod split;
 mod standstills;
 mod start;

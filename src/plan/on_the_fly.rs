@@ -86,7 +86,8 @@ pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<O
         Ok(Planned { checked, deviations, lengths, left_out }) => {
             let figures = checked.figures();
             let blend_mm = emit::on_the_fly::blend_us(figures) as f64 * 1e-6 * figures.corner_mm_s / 8.0;
-            let summary = OnTheFlySummary::new(&checked, deviations, lengths, blend_mm, &warnings);
+            let mut summary = OnTheFlySummary::new(&checked, deviations, lengths, blend_mm, &warnings);
+            summary.curves = inputs.curves;
             Ok(OnTheFlyPlan { job, machine: inputs.machine, checked, left_out, summary, warnings })
         }
         Err(e) => Err(e.after(warnings)),

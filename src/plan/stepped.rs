@@ -38,7 +38,7 @@ use crate::emit;
 use crate::geom::Nm;
 use crate::job::{Job, Method};
 use crate::machine::{Machine, Origin};
-use crate::manifest::{self, Summary, Times};
+use crate::manifest::{self, SpaceCurves, Summary, Times};
 use crate::partition::Stops;
 use crate::program::{Block, BlockFigures, PassId, Program};
 use crate::projection::{Footprint, Samples};
@@ -83,6 +83,8 @@ pub struct Draft<'a> {
     clearance: Clearance,
     /// Positions of the part's origin, by set-up.
     origins: Vec<Origin>,
+    /// The space curves of the texture against the surface.
+    curves: Option<SpaceCurves>,
     /// What the user should know of how it was divided.
     warnings: Vec<Diag>,
 }
@@ -144,6 +146,7 @@ impl<'a> Draft<'a> {
             grid: first.grid.clone(),
             clearance,
             origins: Vec::new(),
+            curves: inputs.curves,
             warnings,
         };
         draft.warnings.extend(not_kept);
@@ -209,7 +212,8 @@ impl<'a> Draft<'a> {
     /// # Errors
     /// Limits of the machine that the program breaks; what the job refuses.
     pub fn checked(self, mut warnings: Vec<Diag>) -> Result<SteppedPlan, Error> {
-        let Self { job, machine, best, tried, passes, off_part, grid, clearance, origins, warnings: divided } = self;
+        let Self { job, machine, best, tried, passes, off_part, grid, clearance, origins, curves, warnings: divided } =
+            self;
         let limits = Limits {
             machine,
             origins: &origins,
@@ -235,6 +239,7 @@ impl<'a> Draft<'a> {
             worst_defocus: best.worst_defocus,
             worst_defocus_mean: best.worst_defocus_mean,
             unmerged: best.unmerged.stops,
+            curves,
         };
         let summary = summary::summary((job, machine), &checked, &passes, &figures, tried, &warnings);
         Ok(SteppedPlan {

@@ -6,7 +6,7 @@ use crate::diag::{Diag, Message};
 use crate::geom::Nm;
 use crate::job::{Job, Method};
 use crate::machine::Machine;
-use crate::manifest::{ByHand, Candidate, Dots, Summary, Times};
+use crate::manifest::{ByHand, Candidate, Dots, SpaceCurves, Summary, Times};
 use crate::partition::bound::Certificate;
 use crate::program::{Block, Program};
 use crate::split::Fragments;
@@ -23,6 +23,7 @@ pub(super) struct Figures<'a> {
     pub(super) worst_defocus_mean: Nm,
     /// Stops before any were merged.
     pub(super) unmerged: usize,
+    pub(super) curves: Option<SpaceCurves>,
 }
 
 /// The summary of a checked program.
@@ -68,6 +69,7 @@ pub(super) fn summary(
         worst_defocus_um: figures.worst_defocus.f64() / 1000.0,
         worst_defocus_mean_um: figures.worst_defocus_mean.f64() / 1000.0,
         worst_incidence_deg: split.worst_slope2.sqrt().atan().to_degrees(),
+        curves: figures.curves,
         time_s: figures.times,
         by_hand: ByHand::new(job, machine, program.blocks.len(), figures.times.total),
         candidates,

@@ -11,10 +11,42 @@ const SLACK: f64 = 0.5 * NM;
 #[derive(Debug, Default)]
 pub(super) struct Lines {
     pub(super) points: Vec<[f64; 2]>,
+    /// z of every point of lines in space; empty for flat ones.
+    heights: Vec<f64>,
+    is_spatial: bool,
     ends: Vec<usize>,
 }
 
 impl Lines {
+    /// Lines that keep z.
+    pub(super) fn in_space() -> Self {
+        Self { is_spatial: true, ..Self::default() }
+    }
+
+    pub(super) fn is_spatial(&self) -> bool {
+        self.is_spatial
+    }
+
+    /// z of the points of line `i`, mm; empty for flat lines.
+    pub(super) fn heights(&self, i: usize) -> &[f64] {
+        if self.is_spatial { &self.heights[self.start(i)..self.ends[i]] } else { &[] }
+    }
+
+    /// Continues the line that is not finished yet, unless it ends in this point; flat lines leave out z.
+    pub(super) fn put(&mut self, [x, y, z]: [f64; 3]) {
+        let tail = self.tail();
+        let stays = self.points[tail..].last() == Some(&[x, y]);
+        if self.is_spatial {
+            if stays && self.heights.last() == Some(&z) {
+                return;
+            }
+            self.heights.push(z);
+        } else if stays {
+            return;
+        }
+        self.points.push([x, y]);
+    }
+
     pub(super) fn len(&self) -> usize {
         self.ends.len()
     }
@@ -44,12 +76,15 @@ impl Lines {
 
     /// Takes back the lines from `count` on, and what was begun.
     pub(super) fn truncate(&mut self, count: usize) {
-        self.points.truncate(self.start(count));
+        let start = self.start(count);
+        self.points.truncate(start);
+        self.heights.truncate(start);
         self.ends.truncate(count);
     }
 
     pub(super) fn clear(&mut self) {
         self.points.clear();
+        self.heights.clear();
         self.ends.clear();
     }
 

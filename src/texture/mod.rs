@@ -1,6 +1,6 @@
 //! What is to be marked: strokes on the nanometre grid of the turned part frame.
 //!
-//! Consumes the requests of a job (patterns, SVG drawings and bitmaps, lengths in mm, angles in rad) and the
+//! Consumes the requests of a job (patterns, drawings, bitmaps and space curves, lengths in mm, angles in rad) and the
 //! part's box. Promises an indexed stream of polylines and dots: every stroke has at least two points, or is a dot and
 //! has one; neighbours differ, closed figures end on the point they start with, nothing is NaN or beyond 4 m,
 //! and stroke `i` is the same whenever and wherever it is asked for. Strokes of patterns and of tiles
@@ -18,6 +18,7 @@
 mod artwork;
 mod bitmap;
 mod clip;
+mod curves;
 mod drawing;
 mod dxf;
 mod hpgl;
@@ -36,6 +37,7 @@ use crate::geom::{Box2, BoxMm, P2};
 use crate::program::PenId;
 use artwork::Artwork;
 pub use artwork::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
+pub use curves::{Curves, OnDistance, SpacePoint};
 use drawing::Drawing;
 pub use pattern::{Contour, Directions, Kind};
 use place::Turn;
@@ -112,17 +114,19 @@ pub(crate) trait Figure: std::fmt::Debug + Send + Sync {
     }
 }
 
-/// A placed drawing, with what it was made from where another pass hatches it anew.
-type PlacedDrawing = (Arc<dyn Figure>, Option<Arc<Artwork>>);
+/// What was placed from a file, with what it was made from where another pass hatches it anew.
+type PlacedFile = (Placed, Option<Arc<Artwork>>);
 
-/// The drawing of request k; None where it is a pattern.
-type DrawingOf<'a> = dyn FnMut(usize, &Request, &place::Site) -> Result<Option<PlacedDrawing>, Error> + 'a;
+/// The drawing or curves of request k; None where it is a pattern.
+type FileOf<'a> = dyn FnMut(usize, &Request, &place::Site) -> Result<Option<PlacedFile>, Error> + 'a;
 
 /// One placed request.
 #[derive(Clone, Debug)]
 enum Placed {
     /// Its strokes are known.
     Figure(Arc<dyn Figure>),
+    /// Space curves.
+    Curves(Arc<Curves>),
     /// Its strokes wait for, or follow from, the directions of its lines.
     Contour(Contour),
 }
@@ -131,6 +135,7 @@ impl Placed {
     fn figure(&self) -> &dyn Figure {
         match self {
             Self::Figure(figure) => figure.as_ref(),
+            Self::Curves(curves) => curves.as_ref(),
             Self::Contour(contour) => contour,
         }
     }
@@ -163,7 +168,7 @@ impl Texture {
     /// filled by lines half a spot apart unless the request says otherwise. Warnings go to `notes`.
     ///
     /// # Errors
-    /// Faults of drawings (`svg-…`, `bitmap-…`), `texture-key`, `texture-empty`, `texture-far` (beyond 4 m), `texture-large`,
+    /// Faults of drawings (`svg-…`, `dxf-…`, `bitmap-…`) and curves (`curve-…`), `texture-key`, `texture-empty`, `texture-far` (beyond 4 m), `texture-large`,
     /// `texture-area`, `texture-pitch`, `texture-cell`, `texture-order`, `texture-tile`.
     pub fn load(
         requests: &[Request],
@@ -173,13 +178,17 @@ impl Texture {
         notes: &mut Vec<Diag>,
     ) -> Result<Self, Error> {
         let mut sources = source::Sources::default();
-        Self::place(requests, part_box_mm, turn_rad, spot_mm, &mut |_, request, site| {
-            if !matches!(request.kind, Kind::Drawing { .. }) {
-                return Ok(None);
+        Self::place(requests, part_box_mm, turn_rad, spot_mm, &mut |_, request, site| match &request.kind {
+            Kind::Drawing { .. } => {
+                let art = sources.artwork(request, site, notes)?;
+                let figure = Self::drawing(&art, request, site, notes)?;
+                Ok(Some((Placed::Figure(figure), art.has_areas().then(|| Arc::new(art)))))
             }
-            let art = sources.artwork(request, site, notes)?;
-            let figure = Self::drawing(&art, request, site, notes)?;
-            Ok(Some((figure, art.has_areas().then(|| Arc::new(art)))))
+            Kind::Curves { .. } => {
+                let curves = Curves::load(request, site, notes)?;
+                Ok(Some((Placed::Curves(Arc::new(curves)), None)))
+            }
+            _ => Ok(None),
         })
     }
 
@@ -205,7 +214,7 @@ impl Texture {
         Ok(Arc::new(Drawing::place(page, request, site)?))
     }
 
-    /// The texture of another pass of the same job: its patterns are placed anew, its drawings are shared, and no
+    /// The texture of another pass of the same job: its patterns are placed anew, its drawings and curves are shared, and no
     /// file is read again.
     ///
     /// # Errors
@@ -215,29 +224,30 @@ impl Texture {
             let part = &self.parts[k];
             Ok(match (&request.kind, &part.placed, &part.artwork) {
                 (Kind::Drawing { .. }, _, Some(art)) => {
-                    Some((Self::drawing(art, request, site, &mut Vec::new())?, Some(art.clone())))
+                    let figure = Self::drawing(art, request, site, &mut Vec::new())?;
+                    Some((Placed::Figure(figure), Some(art.clone())))
                 }
-                (Kind::Drawing { .. }, Placed::Figure(drawing), None) => Some((drawing.clone(), None)),
+                (Kind::Drawing { .. } | Kind::Curves { .. }, placed, None) => Some((placed.clone(), None)),
                 _ => None,
             })
         })
     }
 
-    /// Places the requests; `drawing` answers with those that are drawings.
+    /// Places the requests; `file` answers with those that are files.
     fn place(
         requests: &[Request],
         part_box_mm: BoxMm<2>,
         turn_rad: f64,
         spot_mm: f64,
-        drawing: &mut DrawingOf<'_>,
+        file: &mut FileOf<'_>,
     ) -> Result<Self, Error> {
         let turn = Turn::new(turn_rad);
         let mut texture = Self { parts: Vec::new(), len: 0, points: 0, bounds: Box2::EMPTY, directions: None, spot_mm };
         for (k, request) in requests.iter().enumerate() {
             let mut placed = || {
                 let place = place::Site::new(request, part_box_mm, turn, spot_mm)?;
-                match drawing(k, request, &place)? {
-                    Some((figure, artwork)) => Ok((Placed::Figure(figure), artwork)),
+                match file(k, request, &place)? {
+                    Some(placed) => Ok(placed),
                     None => pattern::place(&request.kind, &place).map(|p| (p, None)),
                 }
             };
@@ -284,7 +294,15 @@ impl Texture {
     pub fn contours(&self) -> impl Iterator<Item = (Range<usize>, &Contour)> {
         self.parts.iter().filter_map(|p| match &p.placed {
             Placed::Contour(f) => Some((p.start as usize..(p.start + f.len()) as usize, f)),
-            Placed::Figure(_) => None,
+            Placed::Figure(_) | Placed::Curves(_) => None,
+        })
+    }
+
+    /// The space curves, each with the index of its request.
+    pub fn curves(&self) -> impl Iterator<Item = (usize, &Curves)> {
+        self.parts.iter().enumerate().filter_map(|(k, p)| match &p.placed {
+            Placed::Curves(curves) => Some((k, curves.as_ref())),
+            Placed::Figure(_) | Placed::Contour(_) => None,
         })
     }
 

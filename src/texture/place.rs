@@ -73,7 +73,8 @@ impl Site {
             Area::Part | Area::Unlimited => part_box,
             Area::Rectangle(r) => r,
         };
-        if request.area != Area::Unlimited || !matches!(request.kind, Kind::Drawing { .. }) {
+        let is_file = matches!(request.kind, Kind::Drawing { .. } | Kind::Curves { .. });
+        if request.area != Area::Unlimited || !is_file {
             check_area(area, turn)?;
         }
         Ok(Self { area, part_box, tolerance: request.tolerance_mm.max(NM), turn, spot_mm })

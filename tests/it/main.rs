@@ -14,6 +14,7 @@ mod cad;
 mod cli;
 mod closed_forms;
 mod compare;
+mod curves;
 mod determinism;
 mod docs;
 mod dose;

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::job::direction::Direction;
 use crate::job::file_unit::FileUnit;
 use crate::texture::pattern::{Lattice, Pattern};
-use crate::texture::{ContourPass, FillMode, Mirror, Screen, StrokeMode};
+use crate::texture::{ContourPass, FillMode, Mirror, OnDistance, Screen, StrokeMode};
 use crate::units::{Angle, Length, Share, positive, positive_option};
 
 /// Where a texture lies: over the whole part, or in a rectangle [x0, y0, x1, y1] of the part frame.
@@ -30,16 +30,19 @@ pub enum AreaName {
     Part,
 }
 
-/// `[[texture]]`: a pattern or a drawing, where it lies, and its pen.
+/// `[[texture]]`: a pattern, a drawing or space curves, where it lies, and its pen.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TextureKeys {
-    /// A generated pattern; or give `file`.
+    /// A generated pattern; or give `file` or `curves`.
     #[serde(default)]
     pub pattern: Option<Pattern>,
     /// A drawing (SVG, DXF, HPGL) or a bitmap (PNG, TIFF, BMP, JPEG), relative to the job file; or give `pattern`.
     #[serde(default)]
     pub file: Option<PathBuf>,
+    /// Space curves (CSV with columns x, y, z, or DXF) in the frame of the surface file, relative to the job file.
+    #[serde(default)]
+    pub curves: Option<PathBuf>,
     /// The area: filled by a pattern or by tiles of a drawing, and the limit of a single drawing.
     /// Default for patterns: the part's box. Default for drawings: no limit.
     #[serde(default)]
@@ -87,7 +90,7 @@ pub struct TextureKeys {
     /// Drawing: width and height that the whole page gets; required where the file has no physical size.
     #[serde(default)]
     pub size: Option<[Length; 2]>,
-    /// DXF drawing: a drawing unit; required where the file states none.
+    /// DXF drawing, curves: a unit of the file; required where it states none.
     #[serde(default)]
     pub unit: Option<FileUnit>,
     /// Drawing: part-frame position of the page's lower left corner; default: lower left of the area, or,
@@ -153,6 +156,12 @@ pub struct TextureKeys {
     /// default: ten pitches.
     #[serde(default, deserialize_with = "positive_option")]
     pub period: Option<Length>,
+    /// Curves: largest distance from the surface along z; default: half of `focus.pdof`.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub max_distance: Option<Length>,
+    /// Curves: what is done where a curve lies farther from the surface than that.
+    #[serde(default)]
+    pub on_distance: Option<OnDistance>,
     /// Largest distance between a curve and its polyline.
     #[serde(default = "default_tolerance", deserialize_with = "positive")]
     pub tolerance: Length,

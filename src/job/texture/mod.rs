@@ -9,7 +9,7 @@ use super::direction::Direction;
 use super::faults::Faults;
 use super::file_unit::FileUnit;
 use crate::diag::Diag;
-use crate::geom::BoxMm;
+use crate::geom::{BoxMm, Nm};
 use crate::program::{Pen, PenId};
 use crate::texture;
 use crate::units::{Angle, Length};
@@ -44,12 +44,17 @@ const DRAWING: [&str; 25] = [
     "seed",
 ];
 
+/// Keys of space curves.
+const CURVES: [&str; 7] = ["unit", "on_unsupported", "pens", "only", "except", "max_distance", "on_distance"];
+
 /// One `[[texture]]`.
 pub(super) struct Texture<'a> {
     pub(super) i: usize,
     pub(super) keys: &'a TextureKeys,
     pub(super) folder: &'a Path,
     pub(super) pens: &'a [Pen],
+    /// The processing depth of focus.
+    pub(super) pdof: Nm,
 }
 
 impl Texture<'_> {
@@ -89,7 +94,7 @@ impl Texture<'_> {
     fn area(&self, f: &mut Faults<'_>) -> texture::Area {
         match &self.keys.area {
             Some(AreaKeys::Named(AreaName::Part)) => texture::Area::Part,
-            None if self.keys.file.is_some() => texture::Area::Unlimited,
+            None if self.keys.file.is_some() || self.keys.curves.is_some() => texture::Area::Unlimited,
             None => texture::Area::Part,
             Some(AreaKeys::Rectangle(r)) => {
                 let [x0, y0, x1, y1] = r.map(Length::as_mm);
@@ -112,21 +117,31 @@ impl Texture<'_> {
             f.push(&self.key("file"), fault);
             return None;
         }
-        match (self.keys.pattern, &self.keys.file) {
-            (Some(_), Some(_)) => {
-                let fault = Diag::input("texture-both", "the texture has both pattern and file");
-                f.push(&self.key("pattern"), fault.hint("keep one"));
+        match (self.keys.pattern, &self.keys.file, &self.keys.curves) {
+            (None, None, Some(curves)) => {
+                self.only("space curves", &[], &CURVES, f);
+                Some(self.curves(curves, f))
+            }
+            (Some(_), Some(_), _) | (Some(_), _, Some(_)) | (_, Some(_), Some(_)) => {
+                let given = [
+                    ("pattern", self.keys.pattern.is_some()),
+                    ("file", self.keys.file.is_some()),
+                    ("curves", self.keys.curves.is_some()),
+                ];
+                let given: Vec<&str> = given.into_iter().filter(|(_, is)| *is).map(|(key, _)| key).collect();
+                let fault = Diag::input("texture-both", format!("the texture has both {}", given.join(" and ")));
+                f.push(&self.key(given[0]), fault.hint("keep one"));
                 None
             }
-            (None, None) => {
+            (None, None, None) => {
                 f.push(
                     &format!("texture.{}", self.i),
-                    Diag::input("texture-empty", "a texture has neither pattern nor file")
+                    Diag::input("texture-empty", "a texture has neither pattern nor file nor curves")
                         .hint("add pattern = \"hatch\" and pitch = \"0.1 mm\", or file = \"drawing.svg\""),
                 );
                 None
             }
-            (Some(pattern), None) => {
+            (Some(pattern), None, None) => {
                 let row = texture::pattern::row(pattern);
                 self.only(row.name, row.needs, row.takes, f);
                 if self.keys.direction == Some(Direction::Contour)
@@ -138,7 +153,7 @@ impl Texture<'_> {
                 }
                 (row.kind)(&self.values(row.needs, f))
             }
-            (None, Some(file)) => {
+            (None, Some(file), None) => {
                 self.only("a drawing", &[], &DRAWING, f);
                 Some(self.drawing(file, f))
             }
@@ -167,6 +182,25 @@ impl Texture<'_> {
             turn_rad: keys.turn.as_rad(),
             tile: keys.tile,
             marking: Box::new(self.marking(f)),
+        }
+    }
+
+    fn curves(&self, file: &Path, f: &mut Faults<'_>) -> texture::Kind {
+        let keys = self.keys;
+        if keys.area.is_some() {
+            let fault = Diag::input("texture-key", "area does not apply to space curves, which stay where they are");
+            f.push(
+                &self.key("area"),
+                fault.hint("leave out curves by only or except, or trim them in the CAD program"),
+            );
+        }
+        let half = self.pdof / 2;
+        texture::Kind::Curves {
+            path: self.folder.join(file),
+            unit_mm: keys.unit.map(FileUnit::in_mm),
+            marking: Box::new(self.marking(f)),
+            max_distance: keys.max_distance.map_or(half, |d| f.nm(&self.key("max_distance"), d)),
+            on_distance: keys.on_distance.unwrap_or_default(),
         }
     }
 
@@ -297,6 +331,8 @@ impl Texture<'_> {
             ("screen", keys.screen.is_some()),
             ("threshold", keys.threshold.is_some()),
             ("period", keys.period.is_some()),
+            ("max_distance", keys.max_distance.is_some()),
+            ("on_distance", keys.on_distance.is_some()),
         ] {
             let fault = match (needs.contains(&key), is_given) {
                 (true, false) => format!("{what} needs {key}"),

@@ -11,7 +11,7 @@ const MAX_LISTED: usize = 24;
 
 /// What a shape is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Class {
+pub(in crate::texture) enum Class {
     /// It does not exist.
     Skip,
     /// Painted like the page.
@@ -24,7 +24,7 @@ pub(super) enum Class {
 ///
 /// # Errors
 /// `texture-pens` where a selector chooses nothing, or two give one shape different pens.
-pub(super) fn classes(art: &Artwork, marking: &Marking) -> Result<Vec<Class>, Box<Diag>> {
+pub(in crate::texture) fn classes(art: &Artwork, marking: &Marking) -> Result<Vec<Class>, Box<Diag>> {
     let holds = |s: &Selector, shape: &Shape| match s {
         Selector::Colour(c) => *c == shape.colour,
         Selector::Label(label) => art.labels(shape.labels).any(|l| l == label),

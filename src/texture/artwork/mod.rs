@@ -17,6 +17,7 @@ mod screen;
 use std::ops::Range;
 
 pub(super) use area::Area;
+pub(super) use choice::{Class, classes};
 pub(super) use crossings::TooMany;
 use hatch::Hatch;
 pub(super) use marking::Weight;

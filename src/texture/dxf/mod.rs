@@ -10,8 +10,8 @@
 //! What is not drawn, or not as it looks, is counted by type, and refused or reported by one message per issue (`tally`).
 //!
 //! Everything is f64 from the text of the number to the page; curves are flattened after all maps, within the
-//! tolerance and with all points on the curve. z is read and mapped, and dropped where a point is put down. No other
-//! file is ever opened. Time and memory are bounded: 256 MB of file, 2 million entities once blocks are inserted, 64
+//! tolerance and with all points on the curve. z is read and mapped, and dropped where a point of a drawing is put
+//! down; [`curves`] keeps it, for lines in space, and takes no areas. No other file is ever opened. Time and memory are bounded: 256 MB of file, 2 million entities once blocks are inserted, 64
 //! levels of blocks, 20 million points, 8 million crossings of the lines of one hatch; counts in the file are never
 //! trusted.
 
@@ -31,12 +31,15 @@ mod units;
 mod walk;
 mod wide;
 
+use std::collections::HashMap;
 use std::path::Path;
 
-use super::artwork::{Artwork, Figure, Marking};
+use super::artwork::{Artwork, Figure, Marking, Shape};
+use super::clip::Lines;
 use crate::diag::{Diag, Error, Place, memory};
 use crate::geom::BoxMm;
 use gaps::{Ends, gaps};
+use walk::Walked;
 
 /// Largest drawing file, bytes.
 pub(super) const MAX_FILE: u64 = 256 << 20;
@@ -54,8 +57,58 @@ pub(super) fn load(
     notes: &mut Vec<Diag>,
 ) -> Result<Artwork, Error> {
     let name = path.display().to_string();
+    let how = How { name: &name, unit_mm, tolerance: tolerance_mm, marking, in_space: false };
+    let mut art = read(bytes, &how, notes)?;
+    on_page(&mut art);
+    Ok(art)
+}
+
+/// Reads the lines of a drawing as curves in space, mm, in its own coordinates; shapes are lines alone.
+///
+/// # Errors
+/// As [`load`]; `dxf-area`.
+pub(super) fn curves(
+    bytes: &[u8],
+    path: &Path,
+    unit_mm: Option<f64>,
+    tolerance_mm: f64,
+    marking: &Marking,
+    notes: &mut Vec<Diag>,
+) -> Result<Artwork, Error> {
+    let name = path.display().to_string();
+    let mut art = read(bytes, &How { name: &name, unit_mm, tolerance: tolerance_mm, marking, in_space: true }, notes)?;
+    // An entity is found in the drawing by handle and layer; copies by blocks have those of the block.
+    let mut known: HashMap<(u32, u32), u32> = HashMap::new();
+    let mut names = Vec::new();
+    let name_of = |s: &Shape| {
+        let name = || {
+            let labels: Vec<&str> = art.labels(s.labels).map(String::as_str).collect();
+            names.push(format!("{} ({})", art.names[s.name as usize], labels.join(", ")));
+            u32::try_from(names.len() - 1).expect("fewer names than shapes")
+        };
+        *known.entry((s.name, s.labels)).or_insert_with(name)
+    };
+    let name_of: Vec<u32> = art.shapes.iter().map(name_of).collect();
+    art.shapes.iter_mut().zip(name_of).for_each(|(shape, name)| shape.name = name);
+    art.names = names;
+    Ok(art)
+}
+
+/// How a drawing is read.
+struct How<'a> {
+    /// The file.
+    name: &'a str,
+    unit_mm: Option<f64>,
+    tolerance: f64,
+    marking: &'a Marking,
+    /// Whether z is kept.
+    in_space: bool,
+}
+
+fn read(bytes: &[u8], how: &How<'_>, notes: &mut Vec<Diag>) -> Result<Artwork, Error> {
     let mut errors = Vec::new();
-    let art = parse(&name, bytes, unit_mm, tolerance_mm, marking, &mut errors, notes).map_err(|mut d| {
+    let art = parse(bytes, how, &mut errors, notes).map_err(|mut d| {
+        let name = how.name.to_owned();
         match &mut d.place {
             Place::File { path, .. } if path.is_empty() => *path = name,
             Place::Nowhere => d.place = Place::file(name),
@@ -66,15 +119,8 @@ pub(super) fn load(
     if errors.is_empty() { Ok(art) } else { Err(Error::many(errors)) }
 }
 
-fn parse(
-    name: &str,
-    bytes: &[u8],
-    unit_mm: Option<f64>,
-    tolerance: f64,
-    marking: &Marking,
-    errors: &mut Vec<Diag>,
-    notes: &mut Vec<Diag>,
-) -> Result<Artwork, Box<Diag>> {
+fn parse(bytes: &[u8], how: &How<'_>, errors: &mut Vec<Diag>, notes: &mut Vec<Diag>) -> Result<Artwork, Box<Diag>> {
+    let &How { name, unit_mm, tolerance, marking, in_space } = how;
     if bytes.len() as u64 > MAX_FILE {
         let text = format!("the drawing has {} bytes, more than {MAX_FILE}", bytes.len());
         return Err(Diag::limit("dxf-large", text).hint("split it into several drawings").into());
@@ -87,14 +133,19 @@ fn parse(
         notes.push(d.at(Place::file(name)).hint("save the drawing again, and compare what is marked with it"));
     }
     let unit = units::unit_mm(file.unit, unit_mm)?;
-    let walked = walk::walk(&file, unit, tolerance, marking);
+    let lines = if in_space { Lines::in_space() } else { Lines::default() };
+    let walked = walk::walk(&file, unit, tolerance, marking, lines);
     file.tally.messages(name, marking, errors, notes);
-    let (mut art, tally) = walked?;
+    let Walked { art, tally, z } = walked?;
     tally.messages(name, marking, errors, notes);
+    if !in_space && z[1] - z[0] > tolerance {
+        let text = format!("the drawing is not flat (z {:.3} to {:.3} mm): its z is not used", z[0], z[1]);
+        let hint = "to hold it to the surface as space curves, give it by curves in place of file";
+        notes.push(Diag::warning("dxf-space", text).at(Place::file(name)).hint(hint));
+    }
     notes.extend(open_contours(&art, tolerance).map(|(d, element)| {
         d.at(Place::Element { path: name.to_owned(), element }).hint("join the ends in the drawing program")
     }));
-    on_page(&mut art);
     Ok(art)
 }
 

@@ -3,7 +3,7 @@
 //! A chord over the angle h of an ellipse misses it by at most R h² / 8, R being its longest half axis after the map;
 //! so the number of even steps follows from the tolerance, and all points lie on the curve. A Bézier curve with
 //! positive weights lies in the hull of its control points: it is halved until these lie within the tolerance of its
-//! chord. Everything is kept in space until a point is put down: there z is dropped, and nowhere else.
+//! chord. Everything is kept in space until a point is put down: there flat lines drop z, and nowhere else.
 
 use std::f64::consts::FRAC_PI_4;
 
@@ -84,11 +84,23 @@ pub(super) struct Outline<'a> {
     stop: Option<Stop>,
     /// Whether a part without extent was left out.
     has_dots: bool,
+    /// Lowest and highest point put down.
+    z: [f64; 2],
+}
+
+/// What became of an entity.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Drawn {
+    /// Whether a part without extent was left out.
+    pub(super) has_dots: bool,
+    /// Lowest and highest point, mm.
+    pub(super) z: [f64; 2],
 }
 
 impl<'a> Outline<'a> {
     pub(super) fn new(map: Map, tolerance: f64, lines: &'a mut Lines) -> Self {
-        Self { map, tolerance, lines, start: [0.0; 3], at: [0.0; 3], stop: None, has_dots: false }
+        let z = [f64::INFINITY, f64::NEG_INFINITY];
+        Self { map, tolerance, lines, start: [0.0; 3], at: [0.0; 3], stop: None, has_dots: false, z }
     }
 
     pub(super) fn move_to(&mut self, p: Point) {
@@ -209,12 +221,12 @@ impl<'a> Outline<'a> {
         }
     }
 
-    /// Ends the entity: whether a part without extent was left out, or why it could not be drawn.
-    pub(super) fn end(mut self) -> Result<bool, Stop> {
+    /// Ends the entity; or says why it could not be drawn.
+    pub(super) fn end(mut self) -> Result<Drawn, Stop> {
         self.end_line();
         match self.stop {
             Some(stop) => Err(stop),
-            None => Ok(self.has_dots),
+            None => Ok(Drawn { has_dots: self.has_dots, z: self.z }),
         }
     }
 
@@ -237,17 +249,19 @@ impl<'a> Outline<'a> {
         self.put_mm(self.map.at(p));
     }
 
-    fn put_mm(&mut self, [x, y, _]: Point) {
+    fn put_mm(&mut self, p: Point) {
         if self.stop.is_some() {
             return;
         }
-        let is_near = x.abs() <= MAX_MM && y.abs() <= MAX_MM;
+        let counts = if self.lines.is_spatial() { 3 } else { 2 };
+        let is_near = p[..counts].iter().all(|v| v.abs() <= MAX_MM);
         if !is_near {
             self.stop = Some(Stop::Far);
         } else if self.lines.points.len() >= MAX_POINTS {
             self.stop = Some(Stop::Full);
-        } else if self.lines.points[self.lines.tail()..].last() != Some(&[x, y]) {
-            self.lines.points.push([x, y]);
+        } else {
+            self.z = [self.z[0].min(p[2]), self.z[1].max(p[2])];
+            self.lines.put(p);
         }
     }
 
@@ -263,7 +277,7 @@ impl<'a> Outline<'a> {
             return self.lines.finish();
         }
         self.has_dots = true;
-        self.lines.points.truncate(tail);
+        self.lines.truncate(self.lines.len());
     }
 }
 

@@ -30,10 +30,11 @@ pub(super) enum Issue {
     Dot,
     Ignored,
     Outside,
+    Area,
 }
 
 /// Issue, weight, code, sentence after "entities", hint.
-const ISSUES: [(Issue, Weight, &str, &str, &str); 21] = [
+const ISSUES: [(Issue, Weight, &str, &str, &str); 22] = [
     (Issue::Text, Refused, "dxf-text", "of text have no outlines", "explode text to lines in the drawing program"),
     (
         Issue::Dimension,
@@ -132,6 +133,13 @@ const ISSUES: [(Issue, Weight, &str, &str, &str); 21] = [
         "dxf-outside",
         "stand outside of the sections of the file and are not read",
         "save the drawing again as DXF",
+    ),
+    (
+        Issue::Area,
+        Refused,
+        "dxf-area",
+        "are areas, and space curves have none",
+        "draw their borders as lines, or give the drawing as file",
     ),
 ];
 

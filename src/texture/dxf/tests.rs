@@ -51,7 +51,8 @@ fn write_json(path: &Path, to: &Path) {
     let bytes = std::fs::read(path).expect("readable");
     let file = file::read(&bytes).expect("read");
     let unit = units::unit_mm(file.unit, file.unit.filter(|&u| u != 0).is_none().then_some(1.0)).expect("a unit");
-    let (art, tally) = walk::walk(&file, unit, TOLERANCE, &Marking::default()).expect("drawn");
+    let Walked { art, tally, .. } =
+        walk::walk(&file, unit, TOLERANCE, &Marking::default(), Lines::default()).expect("drawn");
     let shape = |s: &crate::texture::artwork::Shape| {
         let lines: Vec<&[[f64; 2]]> = s.lines.clone().map(|i| art.lines.get(i)).collect();
         serde_json::json!({ "name": art.names[s.name as usize], "lines": lines })

@@ -46,6 +46,8 @@ pub(super) struct Walk<'a> {
     marking: &'a Marking,
     art: Artwork,
     pub(super) tally: Tally,
+    /// Lowest and highest point drawn, mm.
+    z: [f64; 2],
     visits: u64,
     work: usize,
     /// Blocks that are being inserted right now, from the outside in.
@@ -62,17 +64,33 @@ pub(super) struct Walk<'a> {
 
 type Done = Result<(), Box<Diag>>;
 
-/// Draws all that is visible in model space, in mm; `unit` is the length of a drawing unit.
+/// What a drawing came to.
+pub(super) struct Walked {
+    pub(super) art: Artwork,
+    pub(super) tally: Tally,
+    /// Lowest and highest point, mm.
+    pub(super) z: [f64; 2],
+}
+
+/// Draws all that is visible in model space, in mm, into `lines`, flat or in space; `unit` is the length of a drawing
+/// unit.
 ///
 /// # Errors
 /// `dxf-cycle`, `dxf-large`, `texture-far`, `texture-large`.
-pub(super) fn walk(file: &File, unit: f64, tolerance: f64, marking: &Marking) -> Result<(Artwork, Tally), Box<Diag>> {
+pub(super) fn walk(
+    file: &File,
+    unit: f64,
+    tolerance: f64,
+    marking: &Marking,
+    lines: Lines,
+) -> Result<Walked, Box<Diag>> {
     let mut walk = Walk {
         file,
         tolerance,
         marking,
-        art: Artwork::default(),
+        art: Artwork { lines, ..Artwork::default() },
         tally: Tally::default(),
+        z: [f64::INFINITY, f64::NEG_INFINITY],
         visits: 0,
         work: 0,
         open: Vec::new(),
@@ -83,7 +101,7 @@ pub(super) fn walk(file: &File, unit: f64, tolerance: f64, marking: &Marking) ->
     };
     let state = State { map: Map::scale([unit; 3]), layer: LAYER_0, colour: BLACK, is_dashed: false, chain: 0 };
     walk.entities(&file.entities, state)?;
-    Ok((walk.art, walk.tally))
+    Ok(Walked { art: walk.art, tally: walk.tally, z: walk.z })
 }
 
 impl<'a> Walk<'a> {
@@ -110,6 +128,7 @@ impl<'a> Walk<'a> {
                 return self.insert(entity, insert, State { layer: number, colour, is_dashed, ..state });
             }
             Kind::Unread(issue) => Some(*issue),
+            kind if self.art.lines.is_spatial() && is_area(kind) => Some(Issue::Area),
             Kind::Hatch(hatch) if hatch.fill == Fill::Gradient => Some(Issue::Gradient),
             _ => None,
         };
@@ -303,7 +322,9 @@ impl<'a> Walk<'a> {
     ) -> Result<bool, Stop> {
         let mut out = Outline::new(map, self.tolerance, &mut self.art.lines);
         let is_sound = draw(&mut out);
-        if out.end()? {
+        let drawn = out.end()?;
+        self.z = [self.z[0].min(drawn.z[0]), self.z[1].max(drawn.z[1])];
+        if drawn.has_dots {
             self.note(Issue::Dot, entity);
         }
         Ok(is_sound)
@@ -427,6 +448,15 @@ impl<'a> Walk<'a> {
             self.art.labels.push(Labels { parent: None, own: set });
             u32::try_from(self.art.labels.len() - 1).expect("fewer sets than visits")
         })
+    }
+}
+
+/// Whether an entity is more than a curve.
+fn is_area(kind: &Kind) -> bool {
+    match kind {
+        Kind::Solid(_) | Kind::Hatch(_) => true,
+        Kind::Polyline(line) => is_wide(line),
+        _ => false,
     }
 }
 

@@ -27,8 +27,10 @@ use loops::Loops;
 use radial::{Curve, Radial};
 
 use super::artwork::Marking;
+use super::curves::OnDistance;
 use super::{Figure, Placed, place, place::Site};
 use crate::diag::{Diag, Error};
+use crate::geom::Nm;
 
 /// Most points of one stroke, which is held while it is followed: 1 GB.
 const MAX_STROKE_POINTS: u64 = 1 << 26;
@@ -186,6 +188,19 @@ pub enum Kind {
         tile: bool,
         /// How its lines and areas are marked.
         marking: Box<Marking>,
+    },
+    /// Space curves (CSV or DXF), in the frame of the surface file.
+    Curves {
+        /// The file.
+        path: PathBuf,
+        /// A unit of the file where it may not say so; None for that of the file.
+        unit_mm: Option<f64>,
+        /// Which of its curves are marked, and their pens.
+        marking: Box<Marking>,
+        /// How far from the surface a curve may lie.
+        max_distance: Nm,
+        /// What is done with curves beyond that.
+        on_distance: OnDistance,
     },
 }
 
@@ -441,7 +456,7 @@ pub(super) fn place(kind: &Kind, site: &Site) -> Result<Placed, Error> {
             let middle = [0, 1].map(|a| (area.lo[a] + area.hi[a]) / 2.0);
             Arc::new(Radial::new(curve, area, centre_mm.unwrap_or(middle), *pitch_mm, tolerance, turn)?)
         }
-        Kind::Drawing { .. } => unreachable!("drawings are placed by their reader"),
+        Kind::Drawing { .. } | Kind::Curves { .. } => unreachable!("files are placed by their reader"),
     };
     Ok(Placed::Figure(figure))
 }
