@@ -1,6 +1,6 @@
 //! What lists for cards have in common: points are whole units of the card.
 
-use crate::diag::{Diag, Place};
+use crate::diag::Place;
 use crate::geom::FieldPoint;
 use crate::program::{Pen, Program};
 use crate::units::Time;
@@ -27,16 +27,18 @@ pub(super) fn dwell(time: Time) -> Option<u16> {
     is_kept.then_some(whole as u16)
 }
 
-/// A pen whose dwell a card cannot keep.
-pub(super) fn dwell_fault(pens: &[Pen], code: &'static str) -> Option<Diag> {
+/// What is said of a pen whose dwell a card cannot keep.
+pub(super) fn dwell_fault(pens: &[Pen]) -> Option<String> {
     let (pen, time) = pens.iter().find_map(|pen| Some((pen, pen.dwell.filter(|&t| dwell(t).is_none())?)))?;
-    let text = format!(
+    Some(format!(
         "pen {:?} has a dwell of {} us: the card counts 10 us, 1 to 60000 of them, which miss that by more than 5 %",
         pen.name,
         time.as_us()
-    );
-    Some(Diag::limit(code, text).hint("choose a multiple of 10 us, or pulses and a frequency that come to one"))
+    ))
 }
+
+/// What helps.
+pub(super) const DWELL_HINT: &str = "choose a multiple of 10 us, or pulses and a frequency that come to one";
 
 /// Blocks with lines that are a single point in these units, and the first of them; None where there is none.
 pub(super) fn lost(program: &Program, units: impl Fn(FieldPoint) -> [i64; 2]) -> Option<(usize, Place)> {

@@ -107,7 +107,9 @@ pub(super) fn faults(program: &Program, machine: &Machine) -> Vec<Diag> {
     for pen in &program.pens {
         faults.extend(pen_fault(&lmc, pen));
     }
-    faults.extend(cards::dwell_fault(&program.pens, "lmc-dwell"));
+    if let Some(text) = cards::dwell_fault(&program.pens) {
+        faults.push(Diag::limit("lmc-dwell", text).hint(cards::DWELL_HINT));
+    }
     let jump = speed(&lmc, machine.scanner.jump_speed.as_mm_s());
     if jump.is_none() {
         let text = format!("the card cannot jump at {}", machine.scanner.jump_speed);

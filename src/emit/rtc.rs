@@ -109,7 +109,9 @@ pub(super) fn faults(program: &Program, machine: &Machine) -> Vec<Diag> {
             faults.push(Diag::limit("rtc-speed", text).hint("check rtc.bits_per_mm"));
         }
     }
-    faults.extend(cards::dwell_fault(&program.pens, "rtc-dwell"));
+    if let Some(text) = cards::dwell_fault(&program.pens) {
+        faults.push(Diag::limit("rtc-dwell", text).hint(cards::DWELL_HINT));
+    }
     if let Some(p) = program.points.iter().find(|&&p| !bits(&rtc, machine, p).into_iter().all(is_within)) {
         let [x, y] = bits(&rtc, machine, *p);
         let text = format!("a mark lies at ({x}, {y}) bits, {name} has {} to {}", range[0], range[1]);

@@ -86,7 +86,7 @@ impl OffPart {
         let (number, found) = self.textures.iter().find(|(_, found)| found.off_percent() > most.as_percent())?;
         let text = format!(
             "texture {number}: {} of it ({:.1} %) lie off the part or over a hole",
-            super::warnings::lengths_and_dots(Nm(found.off).mm(), found.dots_off),
+            lengths_and_dots(Nm(found.off).mm(), found.dots_off),
             found.off_percent()
         );
         let hint = format!(
@@ -130,6 +130,19 @@ impl Found {
         self.cells.extend(other.cells);
     }
 }
+
+/// What is not marked: a length, dots, or both.
+pub(super) fn lengths_and_dots(mm: f64, dots: u64) -> String {
+    match (mm > 0.0, dots) {
+        (_, 0) => length(mm),
+        (false, dots) => format!("{dots} dots"),
+        (true, dots) => format!("{} and {dots} dots", length(mm)),
+    }
+}
+
+/// A length, mm, for messages.
+pub(super) fn length(mm: f64) -> String {
+    if mm < 0.001 { format!("{:.3} um", mm * 1000.0) } else { format!("{mm:.3} mm") }
 
 /// Square cells over a box.
 fn grid(area: Box2) -> Grid {

@@ -165,8 +165,9 @@ fn follow_one(points: &[SpacePoint], number: usize, tracer: &mut Tracer<'_>) -> 
     // Heights of the surface where the segments before and after a place meet it.
     let mut heights: Vec<[f64; 2]> = vec![[f64::INFINITY, f64::NEG_INFINITY]; stacks.len()];
     let mut meets = |i: usize, z: f64| heights[i] = [heights[i][0].min(z), heights[i][1].max(z)];
-    for (i, w) in stacks.windows(2).enumerate() {
-        let (a, b) = (&w[0], &w[1]);
+    // A dot is a segment without length.
+    let dot = if let [dot] = stacks.as_slice() { Some((dot, dot)) } else { None };
+    for (i, (a, b)) in stacks.windows(2).map(|w| (&w[0], &w[1])).chain(dot).enumerate() {
         let whole = a.at.distance(b.at);
         let height = |t: f64| a.ends[1] + t * (b.ends[0] - a.ends[1]);
         tracer.segment(a.at, b.at, |p| {
@@ -185,7 +186,7 @@ fn follow_one(points: &[SpacePoint], number: usize, tracer: &mut Tracer<'_>) -> 
             if p.t0 == 0.0 {
                 meets(i, p.z0);
             }
-            if p.t1 == 1.0 {
+            if p.t1 == 1.0 && whole > 0.0 {
                 meets(i + 1, p.z1);
             }
         });

@@ -2,7 +2,7 @@
 
 use super::grid::Grid;
 use super::methods::row;
-use super::off_part::OffPart;
+use super::off_part::{OffPart, length, lengths_and_dots};
 use crate::diag::{Diag, Error, Place};
 use crate::geom::Nm;
 use crate::job::{Job, Method, Steep};
@@ -67,17 +67,6 @@ pub(super) fn warn(
     Ok(())
 }
 
-/// What is not marked: a length, dots, or both.
-pub(super) fn lengths_and_dots(mm: f64, dots: u64) -> String {
-    match (mm > 0.0, dots) {
-        (_, 0) => length(mm),
-        (false, dots) => format!("{dots} dots"),
-        (true, dots) => format!("{} and {dots} dots", length(mm)),
-    }
-}
-
-fn length(mm: f64) -> String {
-    if mm < 0.001 { format!("{:.3} um", mm * 1000.0) } else { format!("{mm:.3} mm") }
 }
 
 /// Pens that compensate for the slope, and no file that passes them to the marking software.

@@ -345,7 +345,7 @@ fn what_is_not_a_curve_or_not_read_is_refused_by_name() {
         ("a.dxf", tags("0 SOLID 5 2 8 L 10 1 20 1 11 2 21 1 12 1 22 2 13 2 23 2"), mm, 2, "dxf-area"),
         ("a.dxf", tags("0 LWPOLYLINE 5 2 8 L 90 2 70 0 43 0.5 10 1 20 1 10 4 20 4"), mm, 2, "dxf-area"),
         ("a.dxf", tags("0 3DFACE 5 2 8 L 10 1 20 1 11 2 21 1 12 1 22 2"), mm, 2, "dxf-mesh"),
-        ("a.dxf", tags("0 POINT 5 2 8 L 10 1 20 1 30 0"), mm, 2, "dxf-point"),
+        ("a.dxf", tags("0 POINT 5 2 8 L 10 1 20 1 30 0"), mm, 2, "pen-dwell"),
         ("a.dxf", tags(""), "", 2, "dxf-unit"),
         ("a.dxf", entities(""), mm, 2, "texture-empty"),
         ("a.dxf", "0,0,0\n1,1,1\n".to_owned(), mm, 2, "dxf-syntax"),

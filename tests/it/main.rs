@@ -18,6 +18,7 @@ mod curves;
 mod determinism;
 mod docs;
 mod dose;
+mod dots;
 mod fill;
 mod foreign;
 mod frames;

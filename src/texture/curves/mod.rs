@@ -7,6 +7,7 @@
 
 mod csv;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::artwork::{Artwork, Class, Marking, classes};
@@ -180,6 +181,11 @@ impl Figure for Curves {
 
     fn element(&self, i: u64) -> String {
         self.name(i as usize).to_owned()
+    }
+
+    fn dot_pens(&self, own: PenId) -> BTreeSet<PenId> {
+        let is_dot = |&i: &usize| self.points(i).len() == 1;
+        (0..self.count()).filter(is_dot).map(|i| self.pen_of[i].unwrap_or(own)).collect()
     }
 
     fn pen(&self, i: u64) -> Option<PenId> {

@@ -246,7 +246,6 @@ fn every_ignored_entity_is_listed_with_count_and_handle() {
         "dxf-mesh",
         "dxf-infinite",
         "dxf-mline",
-        "dxf-point",
         "dxf-gradient",
         "dxf-pattern-dots",
         "dxf-dash",
