@@ -143,6 +143,7 @@ pub(super) fn lengths_and_dots(mm: f64, dots: u64) -> String {
 /// A length, mm, for messages.
 pub(super) fn length(mm: f64) -> String {
     if mm < 0.001 { format!("{:.3} um", mm * 1000.0) } else { format!("{mm:.3} mm") }
+}
 
 /// Square cells over a box.
 fn grid(area: Box2) -> Grid {

@@ -67,8 +67,6 @@ pub(super) fn warn(
     Ok(())
 }
 
-}
-
 /// Pens that compensate for the slope, and no file that passes them to the marking software.
 pub(super) fn not_carried(job: &Job, program: &Program) -> Option<Diag> {
     let carried = job.formats.iter().any(|f| f.target().carries_pens);
