@@ -97,6 +97,10 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
             return Ok(findings.into_proof());
         }
         rules::drawing::check(&job, &texture, &mut findings.drawing);
+        if pass == PassId(0) {
+            let rules = [&mut findings.curves, &mut findings.summary];
+            rules::curves::check(&job, &texture, &geometry, manifest.summary.curves.as_ref(), rules);
+        }
         textures.push(texture);
     }
     let drawings: Vec<Drawing<'_>> = textures.iter().map(Drawing::of).collect();

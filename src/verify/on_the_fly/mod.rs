@@ -27,7 +27,7 @@ use super::proof::{Lengths, Proof, Rule};
 use super::read::manifest::{self, Listed};
 use super::read::on_the_fly::manifest::Manifest;
 use super::read::on_the_fly::{Commands, FlyProgram, Step};
-use super::rules::hash;
+use super::rules::{curves, hash};
 use crate::diag::Error;
 use crate::geom::{Nm, P2};
 use crate::job::Mode;
@@ -46,6 +46,7 @@ struct Findings {
     surface: Rule,
     once: Rule,
     coverage: Rule,
+    curves: Rule,
     summary: Rule,
     marks: usize,
     lengths: Lengths,
@@ -64,6 +65,7 @@ impl Findings {
             surface: Rule::new("surface", "no beam of a mark misses the part"),
             once: Rule::new("once", "nothing is marked twice except declared overlaps"),
             coverage: Rule::new("coverage", "all texture is marked where the part can be marked"),
+            curves: Rule::new("curves", curves::WHAT),
             summary: Rule::new("summary", "counts, times and lengths are as stated"),
             marks: 0,
             lengths: Lengths::default(),
@@ -82,6 +84,7 @@ impl Findings {
             self.surface,
             self.once,
             self.coverage,
+            self.curves,
             self.summary,
         ];
         Proof {
@@ -134,6 +137,8 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Pr
     let (shape, box_mm) = job_facts::shape(&job)?;
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
     let texture = job_facts::texture(&job, &facts.machine, PassId(0), box_mm)?;
+    let rules = [&mut findings.curves, &mut findings.summary];
+    curves::check(&job, &texture, &geometry, manifest.summary.curves.as_ref(), rules);
     check_marks(name, program, &chain, &manifest, (&facts, &texture, &geometry), &mut findings);
     agree::summary(&manifest, program, &chain, &findings.lengths, &mut findings.summary);
     Ok(findings.into_proof())

@@ -191,6 +191,17 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) by_hand: ByHand,
     #[serde(default)]
     pub(in crate::verify) lower_bound_stops: Option<f64>,
+    #[serde(default)]
+    pub(in crate::verify) curves: Option<Curves>,
+}
+
+/// The space curves against the surface.
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct Curves {
+    pub(in crate::verify) count: usize,
+    pub(in crate::verify) plan_mm: f64,
+    pub(in crate::verify) surface_mm: f64,
+    pub(in crate::verify) worst_distance_um: f64,
 }
 
 /// How many dots there are.

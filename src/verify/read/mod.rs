@@ -4,6 +4,7 @@
 //! answers a fault with its line or place, never with a panic.
 
 mod csv;
+pub(super) mod curves;
 mod dxf;
 pub(super) mod formats;
 pub(super) mod gcode;

@@ -3,6 +3,7 @@
 pub(super) mod agreement;
 mod clearance;
 pub(super) mod coverage;
+pub(super) mod curves;
 pub(super) mod depth_and_field;
 pub(super) mod dose;
 pub(super) mod drawing;
@@ -47,6 +48,7 @@ pub(super) struct Findings {
     pub(super) dose: Rule,
     pub(super) fill: Rule,
     pub(super) drawing: Rule,
+    pub(super) curves: Rule,
     pub(super) source: Rule,
     pub(super) once: Rule,
     pub(super) coverage: Rule,
@@ -81,6 +83,7 @@ impl Findings {
                 "drawing",
                 "SVG drawings are marked where they show something, with the pen of its colour",
             ),
+            curves: Rule::new("curves", curves::WHAT),
             source: Rule::new("source", "every mark is the piece of texture that it claims to be"),
             once: Rule::new("once", "nothing is marked twice in a pass except declared overlaps"),
             coverage: Rule::new("coverage", "all texture is marked where the part can be marked"),
@@ -106,6 +109,7 @@ impl Findings {
             self.dose,
             self.fill,
             self.drawing,
+            self.curves,
             self.source,
             self.once,
             self.coverage,

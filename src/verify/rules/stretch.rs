@@ -65,6 +65,18 @@ pub(super) fn confirmed(
     line: impl Fn(usize) -> Line,
     bad: impl Fn(&Piece) -> Parts,
 ) -> Vec<Run> {
+    confirmed_along(list, geometry, scratch, line, |p, _, _| bad(p))
+}
+
+/// As [`confirmed`], where what is wrong depends on the place: `bad` is also told the segment, and how far along it
+/// the line of the piece begins.
+pub(super) fn confirmed_along(
+    list: &[Stretch],
+    geometry: &Geometry,
+    scratch: &mut Scratch,
+    line: impl Fn(usize) -> Line,
+    bad: impl Fn(&Piece, usize, f64) -> Parts,
+) -> Vec<Run> {
     let grain = geometry.grain();
     let mut kept = Vec::new();
     for run in runs(list).into_iter().filter(|r| r.len > grain) {
@@ -79,7 +91,7 @@ pub(super) fn confirmed(
                 }
                 let mut moved: Vec<Stretch> = Vec::new();
                 geometry.along(&line.part(s.d, side), scratch, |p| {
-                    for d in bad(&p).into_iter().filter(|d| d[0] < d[1]) {
+                    for d in bad(&p, s.segment, s.d[0]).into_iter().filter(|d| d[0] < d[1]) {
                         note(&mut moved, 0, d.map(|d| d + s.d[0]), line.len);
                     }
                 });

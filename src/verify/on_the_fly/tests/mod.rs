@@ -49,7 +49,8 @@ fn five_axis_program_on_a_dome_verifies() {
     let proof = verify(&bench.written(bench.checked()), None).unwrap_or_else(|e| panic!("{e}"));
     told("dome", &bench, &proof);
     assert!(proof.ok, "{}", proof.to_text());
-    assert!(proof.rules.iter().all(|r| r.checked > 0), "{}", proof.to_text());
+    // There are no space curves.
+    assert!(proof.rules.iter().all(|r| r.checked > 0 || r.code == "curves"), "{}", proof.to_text());
     assert!(proof.worst_position_um.is_some_and(|p| p < 0.1), "{}", proof.to_text());
     let l = proof.lengths;
     assert!((l.mark_mm - l.overlap_mm + l.skipped_mm - l.texture_mm).abs() < 1e-3, "{l:?}");

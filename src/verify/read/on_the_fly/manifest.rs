@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use crate::machine::Machine;
-use crate::verify::read::manifest::{FileEntry, JobRef, Placement};
+use crate::verify::read::manifest::{Curves, FileEntry, JobRef, Placement};
 
 /// The manifest of an on-the-fly job.
 #[derive(Clone, Debug, Deserialize)]
@@ -48,4 +48,6 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) mark_mm: f64,
     pub(in crate::verify) worst_displacement_mm: f64,
     pub(in crate::verify) laser_error_mm: f64,
+    #[serde(default)]
+    pub(in crate::verify) curves: Option<Curves>,
 }
