@@ -21,6 +21,7 @@ mod clip;
 mod drawing;
 mod dxf;
 mod hpgl;
+mod page;
 pub mod pattern;
 mod place;
 mod source;
@@ -35,6 +36,7 @@ use crate::program::PenId;
 use artwork::Artwork;
 pub use artwork::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
 use drawing::Drawing;
+pub use page::{Align, Fit, Position, Size};
 pub use pattern::{Contour, Directions, Kind};
 use place::Turn;
 
