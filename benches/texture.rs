@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use geo::{BooleanOps, LineString, MultiLineString, Polygon};
 use terrace::geom::BoxMm;
 use terrace::program::PenId;
-use terrace::texture::{Area, Kind, Marking, Request, Texture};
+use terrace::texture::{Area, Kind, Marking, Position, Request, Size, Texture};
 
 /// Figures in a row and in a column.
 const ROW: u32 = 100;
@@ -48,9 +48,9 @@ fn row(name: &str, body: &str, marking: Marking) {
     let load = || {
         let kind = Kind::Drawing {
             path: path.clone(),
-            size_mm: None,
+            size: Size::File,
             unit_mm: None,
-            origin_mm: Some([0.0; 2]),
+            position: Position::Origin([0.0; 2]),
             turn_rad: 0.0,
             tile: false,
             marking: Box::new(marking.clone()),

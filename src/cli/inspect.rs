@@ -9,7 +9,7 @@ use crate::job::{FileUnit, Job, Overrides};
 use crate::manifest::{self, AnySummary, duration};
 use crate::program::PenId;
 use crate::surface::{self, Content};
-use crate::texture::{Area, FillMode, Kind, Marking, Request, StrokeMode, Texture};
+use crate::texture::{Area, FillMode, Kind, Marking, Position, Request, Size, StrokeMode, Texture};
 
 /// What was found.
 pub struct Shown {
@@ -230,12 +230,12 @@ fn outlines() -> Marking {
 
 fn drawing(path: &Path) -> Result<Shown, Error> {
     let mut warnings = Vec::new();
-    let request = |size_mm| Request {
+    let request = |size| Request {
         kind: Kind::Drawing {
             path: path.to_owned(),
-            size_mm,
+            size,
             unit_mm: None,
-            origin_mm: Some([0.0, 0.0]),
+            position: Position::Origin([0.0, 0.0]),
             turn_rad: 0.0,
             tile: false,
             marking: Box::new(outlines()),
@@ -246,11 +246,11 @@ fn drawing(path: &Path) -> Result<Shown, Error> {
     };
     let anywhere = crate::geom::BoxMm::of([[0.0; 2]]);
     // Without a physical size only what does not depend on it is shown; any page will do to count it.
-    let (texture, sized) = match Texture::load(&[request(None)], anywhere, 0.0, 0.0, &mut warnings) {
+    let (texture, sized) = match Texture::load(&[request(Size::File)], anywhere, 0.0, 0.0, &mut warnings) {
         Ok(t) => (t, true),
         Err(e) if e.diags().iter().any(|d| ["svg-size", "bitmap-size"].contains(&d.code)) => {
             warnings.clear();
-            let texture = Texture::load(&[request(Some([100.0; 2]))], anywhere, 0.0, 0.0, &mut warnings)?;
+            let texture = Texture::load(&[request(Size::Mm([100.0; 2]))], anywhere, 0.0, 0.0, &mut warnings)?;
             warnings.retain(|w| !["svg-stretched", "bitmap-stretched"].contains(&w.code));
             (texture, false)
         }

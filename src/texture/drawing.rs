@@ -8,6 +8,7 @@ use std::collections::BTreeSet;
 
 use super::artwork::Page;
 use super::clip::{Lines, clip, is_inside};
+use super::page::{Position, aligned};
 use super::place::{SLACK, Site, Turn, far_in, is_near, push};
 use super::{Area, Figure, Kind, MAX_POINTS, Request, too_large};
 use crate::diag::{Diag, Error, Place};
@@ -38,25 +39,26 @@ pub(super) struct Placed {
 }
 
 impl Placed {
-    /// The page's lower left corner lies at `origin`; else in the lower left corner of the area; without
-    /// an area the page is centred on the part's box.
+    /// The page lies where `position` says, in the area or, without one, in the part's box.
     pub(super) fn new(
         size: [f64; 2],
-        origin: Option<[f64; 2]>,
+        position: Position,
         turn_rad: f64,
         area: Option<BoxMm<2>>,
         part_box: BoxMm<2>,
         turn: Turn,
     ) -> Self {
         let mut placed = Self { size, origin: [0.0; 2], page: cos_sin(turn_rad), turn };
-        placed.origin = origin.unwrap_or_else(|| match area {
-            Some(area) => area.lo,
-            None => {
+        placed.origin = match (position, area) {
+            (Position::Origin(origin), _) => origin,
+            (Position::Aligned(align), _) => aligned(align, size, area.unwrap_or(part_box), |p| placed.part(p)),
+            (Position::Usual, Some(area)) => area.lo,
+            (Position::Usual, None) => {
                 let middle = placed.part([size[0] / 2.0, size[1] / 2.0]);
                 let BoxMm { lo, hi } = part_box;
                 [0, 1].map(|k| (lo[k] + hi[k]) / 2.0 - middle[k])
             }
-        });
+        };
         placed
     }
 
@@ -195,12 +197,15 @@ impl Figure for Drawing {
 impl Drawing {
     /// Places a page as a request of kind drawing says.
     pub(super) fn place(page: Page, request: &Request, site: &Site) -> Result<Self, Error> {
-        let Kind::Drawing { path, origin_mm, turn_rad, tile, .. } = &request.kind else {
+        let Kind::Drawing { path, position, turn_rad, tile, .. } = &request.kind else {
             unreachable!("a drawing was asked for")
         };
         let limit = (request.area != Area::Unlimited).then_some(site.area);
-        let origin = origin_mm.or(if limit.is_none() { page.corner } else { None });
-        let placed = Placed::new(page.size, origin, *turn_rad, limit, site.part_box, site.turn);
+        let position = match (*position, page.corner) {
+            (Position::Usual, Some(corner)) if limit.is_none() => Position::Origin(corner),
+            (position, _) => position,
+        };
+        let placed = Placed::new(page.size, position, *turn_rad, limit, site.part_box, site.turn);
         let file = path.display().to_string();
         if *tile { Self::tiled(page, &placed, limit, &file) } else { Self::single(page, &placed, limit, &file) }
     }

@@ -22,6 +22,7 @@ mod curves;
 mod drawing;
 mod dxf;
 mod hpgl;
+mod page;
 pub mod pattern;
 mod place;
 mod random;
@@ -39,6 +40,7 @@ use artwork::Artwork;
 pub use artwork::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
 pub use curves::{Curves, OnDistance, SpacePoint};
 use drawing::Drawing;
+pub use page::{Align, Fit, Position, Size};
 pub use pattern::{Contour, Directions, Kind};
 use place::Turn;
 

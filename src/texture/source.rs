@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::artwork::Artwork;
+use super::page::Wanted;
 use super::place::Site;
 use super::{Kind, Request, bitmap, dxf, hpgl, svg};
 use crate::diag::{self, Diag, Error, Place};
@@ -28,9 +29,10 @@ impl Sources {
     /// # Errors
     /// `file-…`; faults of the drawing (`svg-…`, `dxf-…`, `hpgl-…`, `bitmap-…`), `texture-…`.
     pub(super) fn artwork(&mut self, request: &Request, site: &Site, notes: &mut Vec<Diag>) -> Result<Artwork, Error> {
-        let Kind::Drawing { path, size_mm, unit_mm, marking, .. } = &request.kind else {
+        let Kind::Drawing { path, unit_mm, marking, .. } = &request.kind else {
             unreachable!("a drawing was asked for")
         };
+        let wanted = request.wanted(site);
         let source = self.read(path)?;
         if marking.tone.is_some() && !matches!(source, Source::Bitmap(_)) {
             return Err(Diag::input("texture-key", "a key of bitmaps does not apply to this drawing")
@@ -39,14 +41,17 @@ impl Sources {
                 .into());
         }
         let mut art = match source {
-            Source::Svg(text) => svg::load(text, path, *size_mm, site, marking, notes)?,
-            Source::Bitmap(image) => bitmap::load(image, path, *size_mm, site, marking, notes)?,
-            Source::Dxf(bytes) => dxf::load(bytes, path, *unit_mm, site.tolerance, marking, notes)?,
-            Source::Plot(bytes) => hpgl::load(bytes, path, site.tolerance, marking, notes)?,
+            Source::Svg(text) => svg::load(text, path, wanted, site, marking, notes)?,
+            Source::Bitmap(image) => bitmap::load(image, path, wanted, site, marking, notes)?,
+            Source::Dxf(bytes) => {
+                let load = |t: f64, notes: &mut Vec<Diag>| dxf::load(bytes, path, *unit_mm, t, marking, notes);
+                stretched(load, wanted, path, site.tolerance, notes)?
+            }
+            Source::Plot(bytes) => {
+                let load = |t: f64, notes: &mut Vec<Diag>| hpgl::load(bytes, path, t, marking, notes);
+                stretched(load, wanted, path, site.tolerance, notes)?
+            }
         };
-        if let (Some(size), Source::Dxf(_) | Source::Plot(_)) = (size_mm, source) {
-            art.stretch(*size);
-        }
         if let Some(mirror) = marking.mirror {
             art.mirror(mirror);
         }
@@ -73,6 +78,34 @@ impl Sources {
         };
         Ok(&self.0[i].1)
     }
+}
+
+/// A drawing whose page gets the size that is wanted once it was read; one that grows is read again with a finer
+/// tolerance.
+fn stretched(
+    load: impl Fn(f64, &mut Vec<Diag>) -> Result<Artwork, Error>,
+    wanted: Wanted,
+    path: &Path,
+    tolerance: f64,
+    notes: &mut Vec<Diag>,
+) -> Result<Artwork, Error> {
+    let told = notes.len();
+    let mut art = load(tolerance, notes)?;
+    let size = |art: &Artwork| {
+        let size = wanted.size(art.size, true).map_err(|d| Error::from(d.at(Place::file(path.display().to_string()))));
+        size.map(|size| size.unwrap_or(art.size))
+    };
+    let grown = size(&art)?;
+    let growth = (0..2).map(|k| grown[k] / art.size[k]).filter(|f| f.is_finite()).fold(1.0, f64::max);
+    if growth > 1.0 {
+        notes.truncate(told);
+        art = load(tolerance / growth, notes)?;
+    }
+    let size = size(&art)?;
+    if size != art.size {
+        art.stretch(size);
+    }
+    Ok(art)
 }
 
 /// The extension of a file's name in small letters.

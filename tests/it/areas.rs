@@ -7,7 +7,9 @@ use crate::support::surfaces::Random;
 use terrace::diag::{Diag, Error};
 use terrace::geom::{BoxMm, P2};
 use terrace::program::PenId;
-use terrace::texture::{Area, ContourPass, FillMode, Kind, Marking, Mirror, Request, Selector, StrokeMode, Texture};
+use terrace::texture::{
+    Area, ContourPass, FillMode, Kind, Marking, Mirror, Position, Request, Selector, Size, StrokeMode, Texture,
+};
 
 const SPOT: f64 = 0.04;
 
@@ -22,9 +24,9 @@ fn load(body: &str, marking: Marking) -> Result<(Texture, Vec<Diag>), Error> {
     std::fs::write(&path, text).expect("written");
     let kind = Kind::Drawing {
         path,
-        size_mm: None,
+        size: Size::File,
         unit_mm: None,
-        origin_mm: Some([0.0; 2]),
+        position: Position::Origin([0.0; 2]),
         turn_rad: 0.0,
         tile: false,
         marking: Box::new(marking),

@@ -7,7 +7,7 @@ use crate::support::surfaces::Random;
 use crate::support::{folder, malformed, outlines};
 use terrace::geom::BoxMm;
 use terrace::program::PenId;
-use terrace::texture::{Area, Kind, Request, Texture};
+use terrace::texture::{Area, Kind, Position, Request, Size, Texture};
 
 /// What must come of a file: strokes, or the code of the error; and the codes of the warnings.
 type Outcome = (Result<usize, &'static str>, &'static [&'static str]);
@@ -59,9 +59,9 @@ fn check(path: &Path, size_mm: Option<[f64; 2]>, (expected, warnings): Outcome) 
     let name = path.file_name().expect("a name").to_string_lossy();
     let kind = Kind::Drawing {
         path: path.to_owned(),
-        size_mm,
+        size: size_mm.map_or(Size::File, Size::Mm),
         unit_mm: None,
-        origin_mm: None,
+        position: Position::Usual,
         turn_rad: 0.0,
         tile: false,
         marking: outlines(),
@@ -169,9 +169,9 @@ fn damaged_drawings_never_panic_and_yield_valid_strokes() {
         std::fs::write(file.path(), text).expect("written");
         let kind = Kind::Drawing {
             path: file.path().into(),
-            size_mm: None,
+            size: Size::File,
             unit_mm: None,
-            origin_mm: None,
+            position: Position::Usual,
             turn_rad: 0.3,
             tile: which == 2,
             marking: outlines(),

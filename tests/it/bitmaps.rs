@@ -7,7 +7,7 @@ use crate::support::surfaces::{dome, mesh, write_stl};
 use crate::support::{JobText, assert_balance, compile, folder, image, number, said, shared, terrace, verify};
 use terrace::geom::BoxMm;
 use terrace::program::PenId;
-use terrace::texture::{Area, Kind, Marking, Request, Screen, Texture, Tone};
+use terrace::texture::{Area, Kind, Marking, Position, Request, Screen, Size, Texture, Tone};
 
 /// A PNG of 16 bits: a disc whose grey rises from its middle to its border, on white.
 fn disc() -> Vec<u8> {
@@ -82,9 +82,9 @@ fn load(path: &Path, screen: Screen, spot_mm: f64) -> Result<Texture, &'static s
     let marking = Marking { tone: Some(Tone { screen, ..Tone::default() }), ..Marking::default() };
     let kind = Kind::Drawing {
         path: path.to_owned(),
-        size_mm: Some([20.0, 20.0]),
+        size: Size::Mm([20.0, 20.0]),
         unit_mm: None,
-        origin_mm: Some([0.0; 2]),
+        position: Position::Origin([0.0; 2]),
         turn_rad: 0.0,
         tile: false,
         marking: Box::new(marking),

@@ -180,7 +180,9 @@ fn results_go_to_stdout_and_messages_to_stderr() {
         assert!(!o.stdout.is_empty() && !out(&o).contains('\u{1b}'), "{args:?}");
     }
     let over = format!("{HATCH}\narea = [\"-2 mm\", \"0 mm\", \"8 mm\", \"8 mm\"]");
-    JobText::on(Path::new("plate.obj")).texture(&over).write(dir.path(), "over.toml");
+    let mut over = JobText::on(Path::new("plate.obj")).texture(&over);
+    over.more = "[limits]\nmax_off_part = \"20 %\"\n".into();
+    over.write(dir.path(), "over.toml");
     let loud = run(dir.path(), &["check", "over.toml"]);
     assert!(err(&loud).starts_with("warning[off-part]: ") && !out(&loud).contains("warning"), "{}", said(&loud));
     let quiet = run(dir.path(), &["check", "over.toml", "--quiet"]);

@@ -180,7 +180,7 @@ fn every_method_and_placement_marks_the_same_lines() {
             .texture(&format!("{}\n{area}", hatch("contour", "1.1 mm")))
             .texture("pattern = \"squares\"\npitch = \"5 mm\"\ncell = \"3 mm\"")
             .method(method);
-        job.more = format!("[placement]\nturn = \"{turn} deg\"\n");
+        job.more = format!("[placement]\nturn = \"{turn} deg\"\n\n[limits]\nmax_off_part = \"20 %\"\n");
         let job = job.write(dir.path(), "job.toml");
         let out = dir.path().join("out.job");
         let summary = compile(&job, &out);

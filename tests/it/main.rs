@@ -36,6 +36,7 @@ mod orient;
 mod partition;
 mod passes;
 mod patterns;
+mod placed;
 mod random_jobs;
 mod reads;
 mod refusals;

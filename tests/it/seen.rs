@@ -9,7 +9,7 @@ use crate::support::{fixture, shared};
 use terrace::diag::Error;
 use terrace::geom::BoxMm;
 use terrace::program::PenId;
-use terrace::texture::{Area, Kind, Marking, Request, Texture};
+use terrace::texture::{Area, Kind, Marking, Position, Request, Size, Texture};
 
 /// Pixels of a millimetre.
 const SCALE: f32 = 20.0;
@@ -23,9 +23,9 @@ const SIDE: f64 = 40.0;
 fn load(path: &Path, marking: Marking) -> Result<Texture, Error> {
     let kind = Kind::Drawing {
         path: path.to_owned(),
-        size_mm: Some([SIDE; 2]),
+        size: Size::Mm([SIDE; 2]),
         unit_mm: None,
-        origin_mm: Some([0.0; 2]),
+        position: Position::Origin([0.0; 2]),
         turn_rad: 0.0,
         tile: false,
         marking: Box::new(marking),

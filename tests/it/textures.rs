@@ -10,7 +10,7 @@ use terrace::diag::{Diag, Error};
 use terrace::geom::{Box2, BoxMm, P2, length_mm};
 use terrace::program::PenId;
 use terrace::texture::pattern::{Lattice, Shape};
-use terrace::texture::{Area, Kind, Request, Texture};
+use terrace::texture::{Area, Kind, Position, Request, Size, Texture};
 
 pub(crate) const PLATE: BoxMm<2> = BoxMm::rectangle(0.0, 0.0, 450.0, 450.0);
 
@@ -215,9 +215,9 @@ impl Sheet {
     fn kind(&self, origin_mm: Option<[f64; 2]>, turn_rad: f64, tile: bool) -> Kind {
         Kind::Drawing {
             path: self.0.path().to_owned(),
-            size_mm: None,
+            size: Size::File,
             unit_mm: None,
-            origin_mm,
+            position: origin_mm.map_or(Position::Usual, Position::Origin),
             turn_rad,
             tile,
             marking: outlines(),
@@ -330,9 +330,9 @@ fn tiles_repeat_the_page_and_are_cut_at_the_area() {
     let Kind::Drawing { path, .. } = tiny.kind(None, 0.0, true) else { unreachable!() };
     let kind = Kind::Drawing {
         path,
-        size_mm: Some([3e-5, 2e-5]),
+        size: Size::Mm([3e-5, 2e-5]),
         unit_mm: None,
-        origin_mm: None,
+        position: Position::Usual,
         turn_rad: 0.0,
         tile: true,
         marking: outlines(),
@@ -418,9 +418,9 @@ fn real_request(path: &Path, size_mm: Option<[f64; 2]>) -> Request {
     request(
         Kind::Drawing {
             path: path.to_owned(),
-            size_mm,
+            size: size_mm.map_or(Size::File, Size::Mm),
             unit_mm: None,
-            origin_mm: None,
+            position: Position::Usual,
             turn_rad: 0.0,
             tile: false,
             marking: outlines(),
@@ -582,9 +582,9 @@ fn tiles_cover_an_area_with_the_density_of_their_page() {
     for path in drawings(&fixture("")) {
         let kind = |tile| Kind::Drawing {
             path: path.clone(),
-            size_mm: Some([50.0, 50.0]),
+            size: Size::Mm([50.0, 50.0]),
             unit_mm: None,
-            origin_mm: None,
+            position: Position::Usual,
             turn_rad: 0.0,
             tile,
             marking: outlines(),
@@ -600,9 +600,9 @@ fn tiles_cover_an_area_with_the_density_of_their_page() {
         let cut = request(
             Kind::Drawing {
                 path: path.clone(),
-                size_mm: Some([50.0, 50.0]),
+                size: Size::Mm([50.0, 50.0]),
                 unit_mm: None,
-                origin_mm: Some([-12.5, -12.5]),
+                position: Position::Origin([-12.5, -12.5]),
                 turn_rad: 0.0,
                 tile: true,
                 marking: outlines(),

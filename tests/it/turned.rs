@@ -53,6 +53,9 @@ fn a_texture_that_reaches_the_border_is_marked_whole_at_any_turn() {
     }
 }
 
+/// A drawing may lie off the part as a whole.
+const ALL_OFF: &str = "\n[limits]\nmax_off_part = \"100 %\"\n";
+
 #[test]
 fn marks_beside_the_part_are_skipped() {
     let dir = folder();
@@ -68,7 +71,7 @@ fn marks_beside_the_part_are_skipped() {
             std::fs::write(dir.path().join("line.svg"), svg).expect("a writable folder");
             let texture =
                 format!("file = \"line.svg\"\norigin = [\"8 mm\", \"{y:.6} mm\"]\n\n[[texture]]\n{}", TEXTURES[3]);
-            let lost = number(&marked(dir.path(), &texture, turn, ""), "skipped_off_part_mm");
+            let lost = number(&marked(dir.path(), &texture, turn, ALL_OFF), "skipped_off_part_mm");
             let want = if is_lost { 20.0 } else { 0.0 };
             assert!((lost - want).abs() <= FEW_NM, "{beside} mm beside the part at {turn} deg: {lost} mm lost");
         }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::job::direction::Direction;
 use crate::job::file_unit::FileUnit;
 use crate::texture::pattern::{Lattice, Pattern};
-use crate::texture::{ContourPass, FillMode, Mirror, OnDistance, Screen, StrokeMode};
+use crate::texture::{Align, ContourPass, FillMode, Fit, Mirror, OnDistance, Screen, StrokeMode};
 use crate::units::{Angle, Length, Share, positive, positive_option};
 
 /// Where a texture lies: over the whole part, or in a rectangle [x0, y0, x1, y1] of the part frame.
@@ -90,6 +90,15 @@ pub struct TextureKeys {
     /// Drawing: width and height that the whole page gets; required where the file has no physical size.
     #[serde(default)]
     pub size: Option<[Length; 2]>,
+    /// Drawing: how many times as large as its file states; not together with `size` or `fit`.
+    #[serde(default)]
+    pub scale: Option<f64>,
+    /// Drawing: how large its page becomes in its area, or in the part's box.
+    #[serde(default)]
+    pub fit: Option<Fit>,
+    /// Drawing: which side or corner of its area, or of the part's box, the page touches; default with `fit`: the middle.
+    #[serde(default)]
+    pub align: Option<Align>,
     /// DXF drawing, curves: a unit of the file; required where it states none.
     #[serde(default)]
     pub unit: Option<FileUnit>,

@@ -1,6 +1,7 @@
 //! One `[[texture]]` of a job: its keys, and the request that they make.
 
 pub mod keys;
+mod page;
 mod tone;
 
 use std::path::Path;
@@ -16,8 +17,11 @@ use crate::units::{Angle, Length};
 use keys::{AreaKeys, AreaName, OnUnsupported, TextureKeys};
 
 /// Keys of drawings.
-const DRAWING: [&str; 25] = [
+const DRAWING: [&str; 28] = [
     "size",
+    "scale",
+    "fit",
+    "align",
     "unit",
     "origin",
     "turn",
@@ -174,11 +178,12 @@ impl Texture<'_> {
                     .hint("add area = \"part\" or area = [x0, y0, x1, y1]"),
             );
         }
+        let (size, position) = page::resolve(keys, &|name| self.key(name), f);
         texture::Kind::Drawing {
             path: self.folder.join(file),
-            size_mm: keys.size.map(|s| s.map(Length::as_mm)),
+            size,
             unit_mm: keys.unit.map(FileUnit::in_mm),
-            origin_mm: keys.origin.map(|o| o.map(Length::as_mm)),
+            position,
             turn_rad: keys.turn.as_rad(),
             tile: keys.tile,
             marking: Box::new(self.marking(f)),
@@ -310,6 +315,9 @@ impl Texture<'_> {
             ("jitter", keys.jitter.is_some()),
             ("seed", keys.seed.is_some()),
             ("size", keys.size.is_some()),
+            ("scale", keys.scale.is_some()),
+            ("fit", keys.fit.is_some()),
+            ("align", keys.align.is_some()),
             ("unit", keys.unit.is_some()),
             ("origin", keys.origin.is_some()),
             ("turn", keys.turn != Angle::default()),

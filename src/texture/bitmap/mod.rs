@@ -27,6 +27,7 @@ use std::path::Path;
 
 use super::artwork::{Artwork, Figure, Grey, Labels, Marking, Resolution, Rule, Screen, Shape, StrokeMode, Tone};
 use super::clip::Lines;
+use super::page::Wanted;
 use super::place::Site;
 use crate::diag::{Diag, Error, Place, memory};
 use crate::geom::{MAX_NM, NM_PER_MM};
@@ -89,21 +90,21 @@ pub(super) fn decode(bytes: &[u8], path: &Path) -> Result<Image, Error> {
 pub(super) fn load(
     image: &Image,
     path: &Path,
-    size_mm: Option<[f64; 2]>,
+    wanted: Wanted,
     site: &Site,
     marking: &Marking,
     notes: &mut Vec<Diag>,
 ) -> Result<Artwork, Error> {
     let file = Place::file(path.display().to_string());
     let mut told = image.notes.clone();
-    let art = artwork(image, size_mm, site, marking, &mut told).map_err(|d| Error::from(d.at(file.clone())))?;
+    let art = artwork(image, wanted, site, marking, &mut told).map_err(|d| Error::from(d.at(file.clone())))?;
     notes.extend(told.into_iter().map(|d| d.at(file.clone())));
     Ok(art)
 }
 
 fn artwork(
     image: &Image,
-    size_mm: Option<[f64; 2]>,
+    wanted: Wanted,
     site: &Site,
     marking: &Marking,
     notes: &mut Vec<Diag>,
@@ -113,7 +114,7 @@ fn artwork(
         return Err(fault.hint("leave it out: a bitmap has areas and grey, no strokes"));
     }
     let tone = marking.tone.unwrap_or_default();
-    let size = size(image, size_mm, tone.resolution, notes)?;
+    let size = size(image, wanted, tone.resolution, notes)?;
     memory::ask("the bitmap's densities", 2 * image.samples.len() as u64)?;
     let table: Vec<u16> = (0..=u16::MAX).map(|s| density(s, &tone)).collect();
     let grey = image.samples.iter().map(|&s| table[usize::from(s)]).collect();
@@ -193,28 +194,29 @@ fn levels(grey: &Grey) -> Vec<u16> {
 /// Width and height of the page, mm.
 fn size(
     image: &Image,
-    size_mm: Option<[f64; 2]>,
+    wanted: Wanted,
     resolution: Option<Resolution>,
     notes: &mut Vec<Diag>,
 ) -> Result<[f64; 2], Diag> {
     let pixels = [image.columns as f64, image.rows as f64];
     let at = |per_mm: [f64; 2]| [pixels[0] / per_mm[0], pixels[1] / per_mm[1]];
-    let size = match (size_mm, resolution, image.resolution) {
-        (Some(size), ..) => size,
-        (None, Some(Resolution::Dpi(dpi)), _) => at([dpi / MM_PER_INCH; 2]),
-        (None, Some(Resolution::File), Some(stated)) => at(stated),
-        (None, Some(Resolution::File), None) => {
+    let (sides, is_physical) = match (resolution, image.resolution) {
+        (Some(Resolution::Dpi(dpi)), _) => (at([dpi / MM_PER_INCH; 2]), true),
+        (Some(Resolution::File), Some(stated)) => (at(stated), true),
+        (Some(Resolution::File), None) => {
             return Err(Diag::input("bitmap-size", "the bitmap states no resolution").hint(SIZE_HINT));
         }
-        (None, None, stated) => {
-            let text = format!("the size of the bitmap ({} x {} pixels) is not given", image.columns, image.rows);
-            let hint = stated.map_or(SIZE_HINT.to_owned(), |stated| {
-                let [w, h] = at(stated);
-                let dpi = stated[0] * MM_PER_INCH;
-                format!("{SIZE_HINT}, or dpi = \"file\": it states {dpi:.1} dpi, which makes {w:.3} mm x {h:.3} mm")
-            });
-            return Err(Diag::input("bitmap-size", text).hint(hint));
-        }
+        (None, Some(stated)) => (at(stated), false),
+        (None, None) => (pixels, false),
+    };
+    let Some(size) = wanted.size(sides, is_physical).map_err(|d| *d)? else {
+        let text = format!("the size of the bitmap ({} x {} pixels) is not given", image.columns, image.rows);
+        let hint = image.resolution.map_or(SIZE_HINT.to_owned(), |stated| {
+            let [w, h] = at(stated);
+            let dpi = stated[0] * MM_PER_INCH;
+            format!("{SIZE_HINT}, or dpi = \"file\": it states {dpi:.1} dpi, which makes {w:.3} mm x {h:.3} mm")
+        });
+        return Err(Diag::input("bitmap-size", text).hint(hint));
     };
     if size.iter().any(|&s| !(s > 0.0 && s.is_finite())) {
         let text = format!("a bitmap of {} mm x {} mm is not possible", size[0], size[1]);
@@ -225,7 +227,7 @@ fn size(
         return Err(Diag::input("texture-far", text).hint("check size or dpi of the texture"));
     }
     let stretch = (size[0] / pixels[0]) / (size[1] / pixels[1]);
-    if size_mm.is_some() && (stretch - 1.0).abs() > 1e-3 {
+    if resolution.is_none() && (stretch - 1.0).abs() > 1e-3 {
         let text = format!("the pixels of the bitmap are stretched: {:.4} times as wide as high", stretch);
         let hint =
             format!("give the texture a size in the proportion of its {} x {} pixels", image.columns, image.rows);

@@ -86,9 +86,9 @@ fn load(bytes: &[u8], size: Option<[f64; 2]>, marking: Marking) -> Result<(Textu
     std::fs::write(&path, bytes).expect("written");
     let kind = Kind::Drawing {
         path,
-        size_mm: size,
+        size: size.map_or(texture::Size::File, texture::Size::Mm),
         unit_mm: None,
-        origin_mm: Some([0.0; 2]),
+        position: texture::Position::Origin([0.0; 2]),
         turn_rad: 0.0,
         tile: false,
         marking: Box::new(marking),

@@ -28,7 +28,7 @@ use radial::{Curve, Radial};
 
 use super::artwork::Marking;
 use super::curves::OnDistance;
-use super::{Figure, Placed, place, place::Site};
+use super::{Figure, Placed, Position, Size, place, place::Site};
 use crate::diag::{Diag, Error};
 use crate::geom::Nm;
 
@@ -176,12 +176,12 @@ pub enum Kind {
     Drawing {
         /// The file.
         path: PathBuf,
-        /// Width and height of the whole page; None for those that the file states.
-        size_mm: Option<[f64; 2]>,
+        /// Of the whole page.
+        size: Size,
         /// A drawing unit where the file may not say so; None for that of the file.
         unit_mm: Option<f64>,
-        /// Lower left corner of the page; None for that of the area.
-        origin_mm: Option<[f64; 2]>,
+        /// Of the page.
+        position: Position,
         /// Turn of the page about its lower left corner, counter-clockwise.
         turn_rad: f64,
         /// Whether the page is repeated over the area.

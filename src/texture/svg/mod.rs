@@ -35,6 +35,7 @@ use roxmltree::{Document, ParsingOptions};
 
 use super::artwork::{Artwork, Marking};
 use super::clip::is_inside;
+use super::page::Wanted;
 use super::place::Site;
 use crate::diag::{Diag, Error, Place, memory};
 use crate::geom::BoxMm;
@@ -48,14 +49,14 @@ use walk::{State, Walk, style_text};
 /// Most nodes of the XML tree.
 const MAX_NODES: u32 = 4_000_000;
 
-/// Reads the text of a drawing; `size_mm` wins over the file's own size.
+/// Reads the text of a drawing; the size that is `wanted` wins over the file's own size.
 ///
 /// # Errors
 /// `svg-…`, `texture-empty`, `texture-far`, `texture-large`.
 pub(super) fn load(
     text: &str,
     path: &Path,
-    size_mm: Option<[f64; 2]>,
+    wanted: Wanted,
     site: &Site,
     marking: &Marking,
     notes: &mut Vec<Diag>,
@@ -64,13 +65,13 @@ pub(super) fn load(
     // A node of the tree for every tag and the text after it; of the text, three copies at most as numbers.
     let need = 3 * text.len() + 200 * text.bytes().filter(|&b| b == b'<').count();
     memory::ask("the drawing", need as u64).map_err(|d| d.at(Place::file(&name)))?;
-    parse(&name, text, size_mm, site, marking, notes)
+    parse(&name, text, wanted, site, marking, notes)
 }
 
 fn parse(
     name: &str,
     text: &str,
-    size_mm: Option<[f64; 2]>,
+    wanted: Wanted,
     site: &Site,
     marking: &Marking,
     notes: &mut Vec<Diag>,
@@ -96,7 +97,7 @@ fn parse(
             return Err(here(Diag::input("svg-root", text).hint("save it as plain SVG").into()));
         }
     }
-    let frame = Frame::new(root, size_mm).map_err(here)?;
+    let frame = Frame::new(root, wanted).map_err(here)?;
     if frame.is_stretched {
         let text = format!("the drawing is stretched to a page of {} mm x {} mm", frame.size[0], frame.size[1]);
         notes.push(

@@ -8,6 +8,7 @@ use svgtypes::{Align, AspectRatio, Length, LengthUnit, ViewBox, ViewBoxError};
 use super::outline::Map;
 use crate::diag::Diag;
 use crate::geom::{MAX_NM, NM_PER_MM};
+use crate::texture::page::Wanted;
 
 /// CSS pixels in a millimetre.
 const PX_PER_MM: f64 = 96.0 / 25.4;
@@ -42,7 +43,7 @@ pub(super) struct Frame {
 
 impl Frame {
     /// The page of a root element; a wanted size wins over the file's own.
-    pub(super) fn new(root: Node<'_, '_>, wanted: Option<[f64; 2]>) -> Result<Self, Box<Diag>> {
+    pub(super) fn new(root: Node<'_, '_>, wanted: Wanted) -> Result<Self, Box<Diag>> {
         let view = view_box(root).map_err(|e| {
             Diag::input("svg-viewbox", format!("the drawing's {e}"))
                 .hint("give the viewBox a positive width and height")
@@ -51,11 +52,7 @@ impl Frame {
         let viewport = viewport(sides, view).ok_or_else(|| Box::new(no_size()))?;
         let is_physical =
             sides.iter().all(|s| s.is_none_or(|(_, physical)| physical)) && sides.iter().any(Option::is_some);
-        let size = match wanted {
-            Some(size) => size,
-            None if is_physical => viewport.map(|px| px / PX_PER_MM),
-            None => return Err(no_size().into()),
-        };
+        let size = wanted.size(viewport.map(|px| px / PX_PER_MM), is_physical)?.ok_or_else(no_size)?;
         if size.iter().any(|&s| !(s > 0.0 && s.is_finite())) {
             let text = format!("a page of {} mm x {} mm is not possible", size[0], size[1]);
             return Err(Diag::input("svg-size", text).hint(SIZE_HINT).into());

@@ -25,7 +25,7 @@ pub(in crate::verify) fn check(job: &Job, texture: &Texture, rule: &mut Rule) {
     rule.ran = true;
     let mut pictures: Vec<(&Path, Option<Picture>)> = Vec::new();
     for (number, request) in job.textures.iter().enumerate() {
-        let Kind::Drawing { path, size_mm, marking, .. } = &request.kind else { continue };
+        let Kind::Drawing { path, marking, .. } = &request.kind else { continue };
         if !(marking.only.is_empty() && marking.except.is_empty()) {
             continue;
         }
@@ -39,7 +39,7 @@ pub(in crate::verify) fn check(job: &Job, texture: &Texture, rule: &mut Rule) {
         let pens =
             |colour: [u8; 3]| marking.pens.iter().find(|(s, _)| *s == Selector::Colour(colour)).map(|(_, pen)| *pen);
         // Contours and centre lines may lie on a border, curves off it by the tolerance.
-        let slack = 2.0 * request.tolerance_mm + size_mm.map_or(0.0, |s| s[0].max(s[1])) * F32;
+        let slack = 2.0 * request.tolerance_mm;
         let is_outline = marking.fill == FillMode::Outline;
         let mut points = Vec::new();
         for i in strokes.step_by(stride) {
