@@ -197,7 +197,7 @@ fn around(corners: [Vertex; 3]) -> Box2 {
 }
 
 /// Calls `f` with every cell that the line from a to b touches, some nanometres around it included.
-fn cells_under(grid: &Grid, a: P2, b: P2, mut f: impl FnMut(usize)) {
+pub(super) fn cells_under(grid: &Grid, a: P2, b: P2, mut f: impl FnMut(usize)) {
     let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
     let dy = (b.y - a.y) as f64;
     let bounds = grid.bounds();

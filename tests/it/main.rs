@@ -37,6 +37,7 @@ mod patterns;
 mod random_jobs;
 mod reads;
 mod refusals;
+mod repair;
 mod resume;
 mod run;
 mod run_grbl;
