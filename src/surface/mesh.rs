@@ -11,26 +11,10 @@
 
 use rustc_hash::FxHashMap;
 
-use super::topology::{Fault, FaultKind, NonManifold, TURNED, UPRIGHT, survey};
+use super::topology::{Fault, FaultKind, Joining, Survey, TURNED, UPRIGHT, survey};
+pub(crate) use super::vertex::{NONE, Vertex};
 use crate::diag::{Diag, Error};
 use crate::geom::{BoxMm, MAX_NM, NM_PER_MM, P2, counting_sort, nearest, orient};
-
-/// Says that there is no facet or half-edge.
-pub(crate) const NONE: u32 = u32::MAX;
-
-/// A vertex in local coordinates: x and y integer nm, z nm.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Vertex {
-    pub x: i32,
-    pub y: i32,
-    pub z: f64,
-}
-
-impl Vertex {
-    pub fn p2(self) -> P2 {
-        P2::new(self.x.into(), self.y.into())
-    }
-}
 
 /// The mesh; see the module for what it promises.
 #[derive(Debug)]
@@ -39,21 +23,12 @@ pub struct Mesh {
     pub(crate) vertices: Vec<Vertex>,
     pub(crate) facets: Vec<[u32; 3]>,
     pub(crate) twins: Vec<u32>,
+    /// Facets that stand upright: the lens does not see them, but the head must keep clear of them.
+    pub(crate) upright: Vec<[u32; 3]>,
 }
 
 /// Corners welded in one go.
 const BATCH: usize = 3 * 64;
-
-/// How facets are joined to a mesh.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Joining {
-    /// Vertices nearer to each other than this become one, mm.
-    pub weld_mm: f64,
-    /// Rims that face each other across a gap up to this are cracks, mm: the spot.
-    pub narrow_mm: f64,
-    /// What is done about edges on which a sheet hangs.
-    pub non_manifold: NonManifold,
-}
 
 /// Gathers facets and welds their corners.
 pub(crate) struct Welder {
@@ -268,13 +243,13 @@ impl Welder {
                 .hint("fine for an open sheet with reversed normals; check that +z is the textured side"),
             );
         }
-        let (twins, placed) = survey(&vertices, &mut facets, states, &joining);
+        let Survey { twins, upright, faults: placed } = survey(&vertices, &mut facets, states, &joining);
         let mut faults = Vec::new();
         if degenerate > 0 {
             faults.push(Fault { kind: FaultKind::Degenerate, count: degenerate, at_mm: degenerate_at });
         }
         faults.extend(placed.into_iter().map(|(kind, count, at)| Fault { kind, count, at_mm: at_mm(at) }));
-        Ok((Mesh { origin, vertices, facets, twins }, faults))
+        Ok((Mesh { origin, vertices, facets, twins, upright }, faults))
     }
 }
 

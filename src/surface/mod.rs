@@ -24,6 +24,7 @@ mod stl;
 mod threemf;
 mod topmost;
 mod topology;
+mod vertex;
 mod walk;
 
 use std::path::Path;
@@ -34,10 +35,9 @@ pub use heightmap::Samples;
 use heightmap::esri_grid::By;
 use implicit_mesh::ImplicitMesh;
 use lines::Lines;
-pub use mesh::Joining;
 use mesh::{Mesh, Welder};
 pub use topmost::Span;
-pub use topology::{Fault, FaultKind, NonManifold};
+pub use topology::{Fault, FaultKind, Joining, NonManifold};
 pub use walk::Cursor;
 
 use crate::diag::{Diag, Error, Place};
@@ -413,10 +413,12 @@ impl Surface {
             .collect()
     }
 
-    /// Calls `f` with the corners (local coordinates) of every facet.
+    /// Calls `f` with the corners (local coordinates) of every facet, upright ones included.
     fn for_each_facet(&self, mut f: impl FnMut([mesh::Vertex; 3])) {
         match &self.kind {
-            Kind::Mesh(m, _) => m.facets.iter().for_each(|c| f(c.map(|v| m.vertices[v as usize]))),
+            Kind::Mesh(m, _) => {
+                m.facets.iter().chain(&m.upright).for_each(|c| f(c.map(|v| m.vertices[v as usize])));
+            }
             Kind::Implicit(g, _) => {
                 let all = 0..self.facets as u32;
                 all.filter(|&i| g.exists(i)).for_each(|i| f([0, 1, 2].map(|k| g.corner(i, k).0)));

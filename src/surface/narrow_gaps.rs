@@ -6,9 +6,7 @@
 //!
 //! Limit: of rims or comparisons beyond [`MAX_RIMS`] and [`MAX_COMPARED`] the rest is not looked at.
 
-use super::bins::cells_under;
-use super::mesh::Vertex;
-use super::walk::ON_RIM;
+use super::vertex::{ON_RIM, Vertex};
 use crate::geom::{Box2, Buckets, Grid, Nm, P2};
 
 /// Rims that are looked at: some 100 MB.
@@ -159,7 +157,7 @@ fn in_cells(vertices: &[Vertex], rims: &[Rim], narrow_nm: f64) -> (Grid, Buckets
         let mut listed = Vec::new();
         for (i, rim) in rims.iter().enumerate() {
             let [a, b] = ends(rim);
-            cells_under(&grid, a, b, |cell| {
+            grid.under(a, b, |cell| {
                 if listed.len() <= most {
                     listed.push((cell as u32, i as u32));
                 }

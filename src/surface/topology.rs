@@ -6,8 +6,8 @@
 //! one of its kind ([`Fault`]). What is wrong is mended, told or refused by the rule of its kind; `docs/job-file.md`
 //! has the table.
 
-use super::mesh::{Joining, NONE, Vertex};
 use super::narrow_gaps::{Gaps, narrow_gaps};
+use super::vertex::{NONE, Vertex};
 use crate::diag::{Diag, Place};
 use crate::geom::{Buckets, NM_PER_MM};
 
@@ -67,6 +67,17 @@ pub enum NonManifold {
     Topmost,
 }
 
+/// How facets are joined to a mesh.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Joining {
+    /// Vertices nearer to each other than this become one, mm.
+    pub weld_mm: f64,
+    /// Rims that face each other across a gap up to this are cracks, mm: the spot.
+    pub narrow_mm: f64,
+    /// What is done about edges on which a sheet hangs.
+    pub non_manifold: NonManifold,
+}
+
 impl FaultKind {
     /// The name in JSON, and the end of the code.
     pub fn name(self) -> &'static str {
@@ -115,33 +126,37 @@ impl Fault {
     /// What the compiler says of it: its rule.
     pub(super) fn diag(&self, place: Place, rule: NonManifold) -> Diag {
         let text = self.text("mm");
-        let warn = |code, done: &str, hint: &str| Diag::warning(code, format!("{text}; {done}")).hint(hint);
-        let repair = "repair the mesh in the program that made it";
+        let said = |done: &str| format!("{text}; {done}");
+        const TOPMOST: &str = "the topmost sheet is marked";
+        const REPAIR: &str = "repair the mesh in the program that made it";
         let d = match self.kind {
-            FaultKind::Degenerate => warn("surface-degenerate", "left out", "they cannot carry texture"),
-            FaultKind::Duplicate => warn("surface-duplicate", "left out", "the lens sees no difference"),
-            FaultKind::Winding => {
-                warn("surface-winding", "the topmost sheet is marked, whatever its winding", "check where it lies")
+            FaultKind::Degenerate => {
+                Diag::warning("surface-degenerate", said("left out")).hint("they cannot carry texture")
             }
-            FaultKind::Needle => warn("surface-needles", "the topmost sheet is marked", "they hide next to nothing"),
+            FaultKind::Duplicate => {
+                Diag::warning("surface-duplicate", said("left out")).hint("the lens sees no difference")
+            }
+            FaultKind::Winding => Diag::warning("surface-winding", said("the topmost sheet is marked all the same"))
+                .hint("nothing changes, but the file may be damaged in other ways"),
+            FaultKind::Needle => Diag::warning("surface-needles", said(TOPMOST)).hint("they hide next to nothing"),
             FaultKind::Touching => {
-                warn("surface-touching", "the topmost sheet is marked", "fine where bodies touch along an edge")
+                Diag::warning("surface-touching", said(TOPMOST)).hint("fine where bodies touch along an edge")
             }
             FaultKind::NonManifold if rule == NonManifold::Refuse => Diag::input("surface-non-manifold", text)
-                .hint(format!("{repair}; surface.non_manifold = \"topmost\" marks the topmost sheet")),
+                .hint(format!("{REPAIR}; surface.non_manifold = \"topmost\" marks the topmost sheet")),
             FaultKind::NonManifold => {
-                warn("surface-non-manifold", "the topmost sheet is marked", "check what it hides")
+                Diag::warning("surface-non-manifold", said(TOPMOST)).hint("check what the hanging sheet hides")
             }
             FaultKind::Crack { weldable: (corners, weld_mm), .. } => {
                 let weld = format!("surface.weld = \"{} um\" closes", microns(weld_mm));
                 let hint = if corners == self.count {
                     format!("{weld} them")
                 } else if corners > 0 {
-                    format!("{weld} {corners} of them; the others face no corner: {repair}")
+                    format!("{weld} {corners} of them; the others face no corner: {REPAIR}")
                 } else {
-                    format!("the corners are too far from each other to be welded: {repair}")
+                    format!("the corners are too far from each other to be welded: {REPAIR}")
                 };
-                warn("surface-cracks", "marks end on one side and begin on the other", &hint)
+                Diag::warning("surface-cracks", said("marks end on one side and begin on the other")).hint(hint)
             }
         };
         d.at(place)
@@ -162,14 +177,24 @@ fn microns(mm: f64) -> f64 {
 /// A fault with the vertex at which one of its kind is.
 pub(super) type Placed = (FaultKind, usize, u32);
 
-/// Finds the twin of every half-edge of the facets that stay, and what is wrong. Duplicates and upright facets are
-/// dropped; `states` has an entry for each facet as given.
+/// What [`survey`] finds.
+pub(super) struct Survey {
+    /// The twin of every half-edge of the facets that stay.
+    pub twins: Vec<u32>,
+    /// Upright facets: not seen by the lens, but the head must keep clear of them.
+    pub upright: Vec<[u32; 3]>,
+    /// What is wrong.
+    pub faults: Vec<Placed>,
+}
+
+/// Finds the twins of the facets that stay, and what is wrong. Duplicates and upright facets are taken out; `states`
+/// has an entry for each facet as given.
 pub(super) fn survey(
     vertices: &[Vertex],
     facets: &mut Vec<[u32; 3]>,
     mut states: Vec<u8>,
     joining: &Joining,
-) -> (Vec<u32>, Vec<Placed>) {
+) -> Survey {
     let [narrow_nm, weld_nm] = [joining.narrow_mm, joining.weld_mm].map(|mm| mm * NM_PER_MM);
     let mut faults = Vec::new();
     let mut push = |kind, (count, at): (usize, u32)| {
@@ -210,7 +235,8 @@ pub(super) fn survey(
         let [widest_mm, weld_mm] = [widest_nm, weld_nm].map(|nm| nm / NM_PER_MM);
         push(FaultKind::Crack { widest_mm, weldable: (corners, weld_mm) }, (count, at));
     }
-    (compact(facets, &states, twins), faults)
+    let upright = (0..facets.len()).filter(|&f| states[f] & UPRIGHT != 0).map(|f| facets[f]).collect();
+    Survey { twins: compact(facets, &states, twins), upright, faults }
 }
 
 /// The half-edges of every vertex that is the lower end of their edge, with the other end.

@@ -104,6 +104,18 @@ fn cracks_are_told_with_the_weld_that_closes_them() {
     assert!(codes.contains(&"off-part".into()) && !codes.contains(&"surface-cracks".into()), "{codes:?}");
 }
 
+#[test]
+fn the_head_keeps_clear_of_an_upright_sheet_that_nothing_joins() {
+    let dir = folder();
+    let path = dir.path().join("fin.stl");
+    let mut facets = sheet();
+    // Higher than the working distance of 150 mm less the clearance of 10 mm.
+    facets.push([[10.0, 5.0, 20.0], [10.0, 15.0, 20.0], [10.0, 10.0, 145.0]]);
+    write_stl(&path, &facets);
+    let out = terrace([Path::new("check"), &job(dir.path(), &path, "")]);
+    assert!(!out.status.success() && said(&out).contains("error[clearance"), "{}", said(&out));
+}
+
 /// File, unit, and the faults that `inspect` counts: duplicates, degenerate and winding as `INDEX.md` has them, where
 /// its reader welded alike.
 const FILES: &[(&str, &str, &[(&str, u64)])] = &[
