@@ -8,7 +8,7 @@ use crate::diag::{Diag, Error, Place};
 use crate::job::{FileUnit, Job, Overrides};
 use crate::manifest::{self, AnySummary, duration};
 use crate::program::PenId;
-use crate::surface::{self, Content};
+use crate::surface::{self, Content, Fault, FaultKind, MeshCheck};
 use crate::texture::{Area, FillMode, Kind, Marking, Position, Request, Size, StrokeMode, Texture};
 
 /// What was found.
@@ -83,14 +83,29 @@ impl Facets {
 }
 
 fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
-    let Read { content, facets, is_unit_known, is_scaled, mut warnings } = read_surface(path, unit)?;
+    let Read { content, facets, mesh, is_unit_known, is_scaled, mut warnings } = read_surface(path, unit)?;
     let shown = |json: Value| if is_unit_known { in_mm(&facets, json) } else { in_units(&facets, json) };
     Ok(match content {
         Content::Facets(n) => {
             let json = json!({"kind": "surface", "facets": n,
                 "steep_percent": facets.percent(facets.steep), "down_percent": facets.percent(facets.down)});
-            let (text, json) = shown(json);
-            Shown { text: format!("surface, {n} facets\n{text}{}", facets.text()), json, warnings }
+            let (text, mut json) = shown(json);
+            let narrow = if is_unit_known { 1.0 } else { 1.0 / likely_unit(&facets).map_or(1.0, FileUnit::in_mm) };
+            let faults = match mesh.finish(path, NARROW_MM * narrow) {
+                Ok(faults) => faults,
+                Err(e) => {
+                    // Nothing would be marked: told, since the file itself can be read.
+                    let told =
+                        |d: &Diag| Diag::warning(d.code, d.message.clone()).at(d.place.clone()).hint(d.hint.clone());
+                    warnings.extend(e.diags().iter().map(told));
+                    Vec::new()
+                }
+            };
+            json["faults"] = faults.iter().map(fault_json).collect();
+            let unit = if is_unit_known { "mm" } else { "units" };
+            let lines = faults.iter().map(|f| format!("fault   {}\n", f.text(unit)));
+            let text = format!("surface, {n} facets\n{text}{}{}", facets.text(), lines.collect::<String>());
+            Shown { text, json, warnings }
         }
         Content::Heightmap(map) => {
             let values = map.samples.range().unwrap_or_default();
@@ -121,6 +136,7 @@ fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
 struct Read {
     content: Content,
     facets: Facets,
+    mesh: MeshCheck,
     /// The file states its unit, or it was given.
     is_unit_known: bool,
     /// Heights and places of a height map are those of its file.
@@ -138,7 +154,11 @@ fn read_surface(path: &Path, unit: Option<FileUnit>) -> Result<Read, Error> {
         let mut facets =
             Facets { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3], area: 0.0, down: 0.0, steep: 0.0 };
         let mut warnings = Vec::new();
-        let content = surface::read(path, &options, &mut warnings, &mut |facet| facets.add(facet))?;
+        let mut mesh = MeshCheck::new();
+        let content = surface::read(path, &options, &mut warnings, &mut |facet| {
+            facets.add(facet);
+            mesh.facet(facet);
+        })?;
         if let Content::Heightmap(map) = &content {
             let z = map.samples.range().unwrap_or_default().map(|v| map.z_mm[0] + v * map.z_mm[1]);
             let far = |k: usize, n: usize| map.origin_mm[k] + (n - 1) as f64 * map.pixel_mm;
@@ -146,7 +166,7 @@ fn read_surface(path: &Path, unit: Option<FileUnit>) -> Result<Read, Error> {
             facets.hi = [far(0, map.columns), far(1, map.rows), z[1]];
         }
         let is_unit_known = unit_mm.is_none() || unit.is_some();
-        Ok::<_, Error>(Read { content, facets, is_unit_known, is_scaled: values.is_none(), warnings })
+        Ok::<_, Error>(Read { content, facets, mesh, is_unit_known, is_scaled: values.is_none(), warnings })
     };
     // Whole numbers have a range; of floats it is not known before they are read, and any will do.
     const ANY: Option<[f64; 2]> = Some([-1e300, 1e300]);
@@ -196,10 +216,32 @@ fn in_mm(facets: &Facets, mut json: Value) -> (String, Value) {
     (text, json)
 }
 
-/// The box of a surface whose unit is not: in its own units, and in mm for each unit that it may be.
-fn in_units(facets: &Facets, mut json: Value) -> (String, Value) {
+/// Width up to which a gap is looked at as a crack, mm: a spot is not known here.
+const NARROW_MM: f64 = 0.05;
+
+fn fault_json(fault: &Fault) -> Value {
+    let mut json = json!({"kind": fault.kind.name(), "count": fault.count, "at": fault.at_mm});
+    if let FaultKind::Crack { widest_mm, weldable: (corners, weld_mm) } = fault.kind {
+        json["widest"] = json!(widest_mm);
+        json["weldable"] = json!(corners);
+        json["weld"] = json!(weld_mm);
+    }
+    json
+}
+
+/// The unit of a file that does not state it, by its size.
+fn likely_unit(facets: &Facets) -> Option<FileUnit> {
     // Parts that are marked in steps are larger than a field and smaller than a machine.
     const LIKELY_MM: std::ops::RangeInclusive<f64> = 50.0..=2500.0;
+    let longest = facets.size()[0].max(facets.size()[1]);
+    UNITS.iter().map(|(_, unit)| *unit).find(|unit| LIKELY_MM.contains(&(longest * unit.in_mm())))
+}
+
+/// Units that a file without one may have, the likeliest first.
+const UNITS: [(&str, FileUnit); 3] = [("mm", FileUnit::Millimetre), ("in", FileUnit::Inch), ("m", FileUnit::Metre)];
+
+/// The box of a surface whose unit is not: in its own units, and in mm for each unit that it may be.
+fn in_units(facets: &Facets, mut json: Value) -> (String, Value) {
     let Facets { lo, hi, .. } = *facets;
     let corners = [lo, hi].map(|p| triple(p, ", "));
     let mut text = format!(
@@ -208,10 +250,8 @@ fn in_units(facets: &Facets, mut json: Value) -> (String, Value) {
         corners[0],
         corners[1]
     );
-    let longest = facets.size()[0].max(facets.size()[1]);
-    let units = [("mm", FileUnit::Millimetre), ("in", FileUnit::Inch), ("m", FileUnit::Metre)];
-    let likely = units.iter().find(|(_, unit)| LIKELY_MM.contains(&(longest * unit.in_mm()))).map(|(name, _)| *name);
-    for (name, unit) in units {
+    let likely = likely_unit(facets).and_then(|likely| UNITS.iter().find(|(_, unit)| *unit == likely)).map(|(n, _)| *n);
+    for (name, unit) in UNITS {
         let note = if likely == Some(name) { "   <- most likely" } else { "" };
         text += &format!("  if {name:<3} {} mm{note}\n", triple(facets.size().map(|s| s * unit.in_mm()), " x "));
     }

@@ -29,6 +29,16 @@ impl<T> Buckets<T> {
         &self.items
     }
 
+    /// How many buckets there are.
+    pub fn len(&self) -> usize {
+        self.starts.len().saturating_sub(1)
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
     /// Where in [`Buckets::items`] those of a bucket are.
     #[inline]
     pub fn range(&self, bucket: usize) -> Range<usize> {

@@ -93,6 +93,9 @@ pub struct SurfaceKeys {
     /// Vertices nearer to each other than this become one; default: only those equal to the nanometre.
     #[serde(default, deserialize_with = "non_negative")]
     pub weld: Length,
+    /// What happens where an edge joins three facets, or another odd number above: a sheet hangs on another.
+    #[serde(default)]
+    pub non_manifold: NonManifold,
     /// Scale of a height map; required for PNG, TIFF and USGS DEM.
     #[serde(default)]
     pub heightmap: Option<HeightmapKeys>,
@@ -100,6 +103,17 @@ pub struct SurfaceKeys {
     /// spacing. Longer ones are holes.
     #[serde(default, deserialize_with = "positive_option")]
     pub max_edge: Option<Length>,
+}
+
+/// What happens at an edge on which a sheet hangs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum NonManifold {
+    /// The surface is refused.
+    #[default]
+    Refuse,
+    /// The topmost sheet is marked, with a warning.
+    Topmost,
 }
 
 /// `[surface.heightmap]`: samples are nodes, row 0 is the top (+y).

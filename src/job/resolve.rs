@@ -7,8 +7,8 @@ use std::sync::Arc;
 use super::direction::Direction;
 use super::faults::Faults;
 use super::file::{
-    DepthRule, FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, Method, Mode, Objective, Parts, PassesKeys,
-    PenKeys, SetupsKeys, StopOrder, SurfaceKeys,
+    DepthRule, FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, Method, Mode, NonManifold, Objective, Parts,
+    PassesKeys, PenKeys, SetupsKeys, StopOrder, SurfaceKeys,
 };
 use super::resolved::{
     Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
@@ -150,6 +150,10 @@ fn surface_input(keys: &SurfaceKeys, f: &mut Faults<'_>) -> SurfaceInput {
             tessellation: None,
         },
         weld: f.nm("surface.weld", keys.weld),
+        non_manifold: match keys.non_manifold {
+            NonManifold::Refuse => surface::NonManifold::Refuse,
+            NonManifold::Topmost => surface::NonManifold::Topmost,
+        },
     }
 }
 

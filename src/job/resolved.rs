@@ -79,6 +79,8 @@ pub struct SurfaceInput {
     pub options: surface::Options,
     /// Vertices nearer to each other than this become one.
     pub weld: Nm,
+    /// What is done about edges on which a sheet hangs.
+    pub non_manifold: surface::NonManifold,
 }
 
 /// How the part lies on the table.

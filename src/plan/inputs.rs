@@ -10,7 +10,7 @@ use crate::job::Job;
 use crate::machine::Machine;
 use crate::manifest::SpaceCurves;
 use crate::program::{PassId, PenId};
-use crate::surface::Surface;
+use crate::surface::{Joining, Surface};
 use crate::texture::Texture;
 
 /// What a job is planned from.
@@ -69,10 +69,14 @@ impl Inputs {
         warnings: &mut Vec<Diag>,
     ) -> Result<(Arc<Surface>, Texture, Option<SpaceCurves>), Error> {
         let turn = job.placement.turn.as_rad();
-        let weld = job.surface.weld.mm();
+        let joining = Joining {
+            weld_mm: job.surface.weld.mm(),
+            narrow_mm: machine.lens.spot.as_mm(),
+            non_manifold: job.surface.non_manifold,
+        };
         let surface = match surface {
             Some(surface) => Arc::clone(surface),
-            None => Arc::new(Surface::load(&job.surface_path(), &job.surface.options, weld, turn, warnings)?),
+            None => Arc::new(Surface::load(&job.surface_path(), &job.surface.options, joining, turn, warnings)?),
         };
         let texture = Texture::load(&job.textures, surface.part_box_mm(), turn, machine.lens.spot.as_mm(), warnings)?;
         let is_without = |&(pen, _): &(PenId, usize)| job.pens[pen.index()].dwell.is_none();

@@ -97,7 +97,7 @@ impl Bins {
         let Some(Fine { grid, facets }) = self.fine.get(&(b as u32)) else {
             return out.extend_from_slice(self.facets(b));
         };
-        cells_under(grid, from, to, |cell| out.extend_from_slice(facets.of(cell)));
+        grid.under(from, to, |cell| out.extend_from_slice(facets.of(cell)));
     }
 
     /// The facets whose padded box touches bin `b`.
@@ -112,7 +112,7 @@ impl Bins {
         for he in (0..mesh.twins.len()).filter(|&he| mesh.twins[he] == NONE) {
             let f = &mesh.facets[he / 3];
             let (a, b) = (mesh.vertices[f[he % 3] as usize], mesh.vertices[f[(he % 3 + 1) % 3] as usize]);
-            cells_under(&self.grid, a.p2(), b.p2(), |bin| class[bin] = Class::Complex);
+            self.grid.under(a.p2(), b.p2(), |bin| class[bin] = Class::Complex);
         }
         let mut sheet = Vec::new();
         for (b, class) in class.iter_mut().enumerate() {
@@ -194,35 +194,6 @@ fn around(corners: [Vertex; 3]) -> Box2 {
     let mut area = Box2::EMPTY;
     corners.iter().for_each(|v| area.add(v.p2()));
     Box2 { lo: P2::new(area.lo.x - 2, area.lo.y - 2), hi: P2::new(area.hi.x + 2, area.hi.y + 2) }
-}
-
-/// Calls `f` with every cell that the line from a to b touches, some nanometres around it included.
-fn cells_under(grid: &Grid, a: P2, b: P2, mut f: impl FnMut(usize)) {
-    let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
-    let dy = (b.y - a.y) as f64;
-    let bounds = grid.bounds();
-    let beyond = |lo: i64, hi: i64, from: i64, to: i64| hi + 3 < from || lo - 3 > to;
-    if beyond(a.y, b.y, bounds.lo.y, bounds.hi.y) {
-        return;
-    }
-    for row in grid.along(1, a.y - 1, 0)..=grid.along(1, b.y + 1, 0) {
-        // The stretch of the line in this row, a nanometre more at both ends.
-        let y0 = (grid.line(1, row) - 1).clamp(a.y, b.y);
-        let y1 = (grid.line(1, row + 1) + 1).clamp(a.y, b.y);
-        let at = |y: i64| if dy > 0.0 { a.x as f64 + (b.x - a.x) as f64 * ((y - a.y) as f64 / dy) } else { a.x as f64 };
-        let (mut x0, mut x1) = if dy > 0.0 { (at(y0), at(y1)) } else { (a.x as f64, b.x as f64) };
-        if x0 > x1 {
-            std::mem::swap(&mut x0, &mut x1);
-        }
-        // Far more than f64 rounds by, which is below 1e-5 nm within 4 m.
-        let (x0, x1) = (x0.floor() as i64 - 2, x1.ceil() as i64 + 2);
-        if beyond(x0, x1, bounds.lo.x, bounds.hi.x) {
-            continue;
-        }
-        for column in grid.along(0, x0, 0)..=grid.along(0, x1, 0) {
-            f(row as usize * grid.columns() + column as usize);
-        }
-    }
 }
 
 /// Whether facet f holds the point shifted by an infinitesimal (ε, ε²): exactly one facet of a sheet

@@ -82,6 +82,9 @@ pub(crate) struct Facets<'a> {
     extent: BoxMm<3>,
     count: usize,
     first_beyond: Option<usize>,
+    /// Facets beyond, and the box of all others.
+    beyond: usize,
+    near: BoxMm<3>,
 }
 
 impl<'a> Facets<'a> {
@@ -97,7 +100,17 @@ impl<'a> Facets<'a> {
         remedy: String,
         sink: &'a mut dyn FnMut([[f64; 3]; 3]),
     ) -> Self {
-        Self { path, unit_mm, remedy, sink, extent: BoxMm::EMPTY, count: 0, first_beyond: None }
+        Self {
+            path,
+            unit_mm,
+            remedy,
+            sink,
+            extent: BoxMm::EMPTY,
+            count: 0,
+            first_beyond: None,
+            beyond: 0,
+            near: BoxMm::EMPTY,
+        }
     }
 
     /// Facets so far.
@@ -112,12 +125,14 @@ impl<'a> Facets<'a> {
         for &p in &corners {
             self.extent.add(p);
         }
-        if self.first_beyond.is_none() {
-            if corners.iter().flatten().all(|&v| fits(v)) {
+        if corners.iter().flatten().all(|&v| fits(v)) {
+            corners.iter().for_each(|&p| self.near.add(p));
+            if self.first_beyond.is_none() {
                 (self.sink)(corners);
-            } else {
-                self.first_beyond = Some(self.count);
             }
+        } else {
+            self.first_beyond.get_or_insert(self.count);
+            self.beyond += 1;
         }
         self.count += 1;
     }
@@ -130,7 +145,17 @@ impl<'a> Facets<'a> {
         }
         if let Some(facet) = self.first_beyond {
             let place = Place::Facet { path: self.path.display().to_string(), facet };
-            return Err(self.extent.beyond(place, &self.remedy).into());
+            let mut d = self.extent.beyond(place, &self.remedy);
+            // Few facets far away from all others are not the part.
+            if self.beyond * 100 <= self.count {
+                let (n, all) = (self.beyond, self.count);
+                d = d.hint(format!(
+                    "{n} of {all} facets reach so far, the others from ({}) to ({}) mm: remove them if they are strays",
+                    mm(self.near.lo),
+                    mm(self.near.hi)
+                ));
+            }
+            return Err(d.into());
         }
         notes.extend(self.extent.tiny(place(self.path), &self.remedy));
         Ok(Content::Facets(self.count))

@@ -11,25 +11,10 @@
 
 use rustc_hash::FxHashMap;
 
+use super::topology::{Fault, FaultKind, Joining, Survey, TURNED, UPRIGHT, survey};
+pub(crate) use super::vertex::{NONE, Vertex};
 use crate::diag::{Diag, Error};
-use crate::geom::{BoxMm, Buckets, MAX_NM, NM_PER_MM, P2, counting_sort, nearest, orient};
-
-/// Says that there is no facet or half-edge.
-pub(crate) const NONE: u32 = u32::MAX;
-
-/// A vertex in local coordinates: x and y integer nm, z nm.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Vertex {
-    pub x: i32,
-    pub y: i32,
-    pub z: f64,
-}
-
-impl Vertex {
-    pub fn p2(self) -> P2 {
-        P2::new(self.x.into(), self.y.into())
-    }
-}
+use crate::geom::{BoxMm, MAX_NM, NM_PER_MM, P2, counting_sort, nearest, orient};
 
 /// The mesh; see the module for what it promises.
 #[derive(Debug)]
@@ -38,6 +23,8 @@ pub struct Mesh {
     pub(crate) vertices: Vec<Vertex>,
     pub(crate) facets: Vec<[u32; 3]>,
     pub(crate) twins: Vec<u32>,
+    /// Facets that stand upright: the lens does not see them, but the head must keep clear of them.
+    pub(crate) upright: Vec<[u32; 3]>,
 }
 
 /// Corners welded in one go.
@@ -46,6 +33,7 @@ const BATCH: usize = 3 * 64;
 /// Gathers facets and welds their corners.
 pub(crate) struct Welder {
     turn: [f64; 2],
+    pub(super) joining: Joining,
     weld_nm: i64,
     points: Vec<(P2, f64)>,
     facets: Vec<[u32; 3]>,
@@ -53,7 +41,9 @@ pub(crate) struct Welder {
     table: Vec<u32>,
     /// Only with a weld distance: points by cell of that size.
     cells: FxHashMap<[i64; 3], Vec<u32>>,
+    /// Facets of which two corners are one, and where the first is, mm.
     degenerate: usize,
+    degenerate_at: [f64; 3],
     /// Corners that are not welded yet, three a facet.
     waiting: Vec<(P2, f64)>,
     touched: Vec<u32>,
@@ -63,15 +53,17 @@ pub(crate) struct Welder {
 
 impl Welder {
     /// `turn` is the cosine and sine of the part's turn.
-    pub fn new(turn: [f64; 2], weld_mm: f64) -> Self {
+    pub fn new(turn: [f64; 2], joining: Joining) -> Self {
         Self {
             turn,
-            weld_nm: (weld_mm * NM_PER_MM).round() as i64,
+            joining,
+            weld_nm: (joining.weld_mm * NM_PER_MM).round() as i64,
             points: Vec::new(),
             facets: Vec::new(),
             table: vec![NONE; 1 << 12],
             cells: FxHashMap::default(),
             degenerate: 0,
+            degenerate_at: [0.0; 3],
             waiting: Vec::with_capacity(BATCH),
             touched: Vec::with_capacity(BATCH),
             part_box_mm: BoxMm::EMPTY,
@@ -111,6 +103,9 @@ impl Welder {
                 *id = self.vertex(p, z);
             }
             if ids[0] == ids[1] || ids[1] == ids[2] || ids[2] == ids[0] {
+                if self.degenerate == 0 {
+                    self.degenerate_at = unturned(self.turn, &corners[0]);
+                }
                 self.degenerate += 1;
             } else {
                 self.facets.push(ids);
@@ -188,21 +183,24 @@ impl Welder {
         })
     }
 
-    /// The finished mesh. `path` names the file in messages.
+    /// The finished mesh, and what was wrong with it, each kind once. `path` names the file in messages.
     ///
     /// # Errors
     /// `surface-zero-area` where all facets are points or lines, `surface-edge-on` where all stand
     /// upright, `surface-large` beyond 4 m.
-    pub fn finish(mut self, path: &str, notes: &mut Vec<Diag>) -> Result<Mesh, Error> {
+    pub fn finish(mut self, path: &str, notes: &mut Vec<Diag>) -> Result<(Mesh, Vec<Fault>), Error> {
         self.flush();
         let place = || crate::diag::Place::file(path);
-        let Self { points, mut facets, table, degenerate, .. } = self;
+        let Self { points, mut facets, table, mut degenerate, mut degenerate_at, turn, joining, .. } = self;
         drop(table);
         let mut all = crate::geom::Box2::EMPTY;
         points.iter().for_each(|&(p, _)| all.add(p));
+        let no_area = |n: usize| {
+            let text = format!("all {n} facets have zero area");
+            Diag::input("surface-zero-area", text).at(place()).hint("export the surface again")
+        };
         if facets.is_empty() {
-            let text = format!("all {degenerate} facets have zero area");
-            return Err(Diag::input("surface-zero-area", text).at(place()).hint("export the surface again").into());
+            return Err(no_area(degenerate).into());
         }
         if all.size().iter().any(|&s| s > MAX_NM) {
             return Err(Diag::input("surface-large", "the part is larger than 4 m")
@@ -219,21 +217,23 @@ impl Welder {
         }
         drop(points);
         renumber(&mut vertices, &mut facets);
-        let (flipped, upright, flat) = make_counter_clockwise(&vertices, &mut facets);
-        if facets.is_empty() {
-            let d = if flat == 0 {
-                Diag::input(
-                    "surface-edge-on",
-                    format!("all {upright} facets stand upright: nothing is visible from +z"),
-                )
-                .hint("turn the part in the file so that the textured side faces +z")
-            } else {
-                Diag::input("surface-zero-area", format!("all {} facets have zero area", degenerate + flat))
-                    .hint("export the surface again")
-            };
-            return Err(d.at(place()).into());
+        let Oriented { states, flat, flat_at } = make_counter_clockwise(&vertices, &mut facets);
+        let at_mm = |v: u32| {
+            let Vertex { x, y, z } = vertices[v as usize];
+            unturned(turn, &(P2::new(origin.x + i64::from(x), origin.y + i64::from(y)), z))
+        };
+        if flat > 0 && degenerate == 0 {
+            degenerate_at = at_mm(flat_at);
         }
-        if flipped == facets.len() {
+        degenerate += flat;
+        let upright = states.iter().filter(|&s| s & UPRIGHT != 0).count();
+        if upright == facets.len() {
+            let text = format!("all {upright} facets stand upright: nothing is visible from +z");
+            let edge_on = Diag::input("surface-edge-on", text).at(place());
+            let hint = "turn the part in the file so that the textured side faces +z";
+            return Err(if flat == 0 { edge_on.hint(hint) } else { no_area(degenerate) }.into());
+        }
+        if states.iter().all(|s| s & (TURNED | UPRIGHT) != 0) {
             notes.push(
                 Diag::warning(
                     "surface-upside-down",
@@ -243,13 +243,20 @@ impl Welder {
                 .hint("fine for an open sheet with reversed normals; check that +z is the textured side"),
             );
         }
-        if degenerate + flat > 0 {
-            let text = format!("{} facets without area are left out", degenerate + flat);
-            notes.push(Diag::warning("surface-degenerate", text).at(place()));
+        let Survey { twins, upright, faults: placed } = survey(&vertices, &mut facets, states, &joining);
+        let mut faults = Vec::new();
+        if degenerate > 0 {
+            faults.push(Fault { kind: FaultKind::Degenerate, count: degenerate, at_mm: degenerate_at });
         }
-        let twins = twins(vertices.len(), &facets);
-        Ok(Mesh { origin, vertices, facets, twins })
+        faults.extend(placed.into_iter().map(|(kind, count, at)| Fault { kind, count, at_mm: at_mm(at) }));
+        Ok((Mesh { origin, vertices, facets, twins, upright }, faults))
     }
+}
+
+/// Where a corner lay before the turn, mm.
+fn unturned([c, s]: [f64; 2], &(p, z): &(P2, f64)) -> [f64; 3] {
+    let [x, y] = p.mm();
+    [c * x + s * y, c * y - s * x, z / NM_PER_MM]
 }
 
 /// A 64-bit mix of the three coordinates.
@@ -260,31 +267,48 @@ fn hash(p: P2, z: i64) -> u64 {
     h ^ (h >> 32)
 }
 
-/// Drops facets whose projection has no area and turns the others counter-clockwise. Answers how many
-/// were turned, how many stood upright, how many had no area at all.
-fn make_counter_clockwise(vertices: &[Vertex], facets: &mut Vec<[u32; 3]>) -> (usize, usize, usize) {
-    let (mut flipped, mut upright, mut flat) = (0, 0, 0);
+/// Facets that run counter-clockwise.
+struct Oriented {
+    /// Of each facet, how it was.
+    states: Vec<u8>,
+    /// Facets that had no area, and a corner of the first.
+    flat: usize,
+    flat_at: u32,
+}
+
+/// Drops facets without area and turns the others counter-clockwise, seen from the lens; upright ones stay as they
+/// are.
+fn make_counter_clockwise(vertices: &[Vertex], facets: &mut Vec<[u32; 3]>) -> Oriented {
+    let (mut states, mut flat, mut flat_at) = (Vec::with_capacity(facets.len()), 0, 0);
     facets.retain_mut(|f| {
         let [a, b, c] = f.map(|v| vertices[v as usize]);
         let area = orient(a.p2(), b.p2(), c.p2());
-        if area < 0.0 {
-            f.swap(1, 2);
-            flipped += 1;
-        } else if area == 0.0 {
+        if area == 0.0 {
             // Corners may lie 4 m apart, beyond the range of i32.
             let from_a = |p: Vertex| [f64::from(p.x) - f64::from(a.x), f64::from(p.y) - f64::from(a.y)];
             let (u, v) = (from_a(b), from_a(c));
             let (uz, vz) = (b.z - a.z, c.z - a.z);
-            let cross = [u[1] * vz - uz * v[1], uz * v[0] - u[0] * vz];
-            if cross == [0.0, 0.0] {
+            if [u[1] * vz - uz * v[1], uz * v[0] - u[0] * vz] == [0.0, 0.0] {
+                if flat == 0 {
+                    flat_at = f[0];
+                }
                 flat += 1;
-            } else {
-                upright += 1;
+                return false;
             }
         }
-        area != 0.0
+        if area < 0.0 {
+            f.swap(1, 2);
+        }
+        states.push(if area < 0.0 {
+            TURNED
+        } else if area == 0.0 {
+            UPRIGHT
+        } else {
+            0
+        });
+        true
     });
-    (flipped, upright, flat)
+    Oriented { states, flat, flat_at }
 }
 
 /// Renumbers vertices along a Morton curve of their places, and facets by their first vertex. Comes
@@ -329,31 +353,4 @@ fn radix_sort(keys: &mut Vec<(u32, u32)>) {
         counting_sort(0x800, keys.iter().map(|&k| (digit(k.0), k)), &mut starts, &mut sorted);
         std::mem::swap(keys, &mut sorted);
     }
-}
-
-/// The twin of every half-edge, by matching the half-edges of every vertex.
-fn twins(vertex_count: usize, facets: &[[u32; 3]]) -> Vec<u32> {
-    let ends = |he: usize| (facets[he / 3][he % 3], facets[he / 3][(he % 3 + 1) % 3]);
-    let count = facets.len() * 3;
-    let mut edges = Buckets::new(
-        vertex_count,
-        (0..count).map(|he| {
-            let (a, b) = ends(he);
-            (a.min(b) as usize, (a.max(b), he as u32))
-        }),
-    );
-    let mut twins = vec![NONE; count];
-    for list in edges.each_mut() {
-        list.sort_unstable();
-        for same in list.chunk_by(|x, y| x.0 == y.0) {
-            // Proper: exactly two, running in opposite directions, so on opposite sides.
-            if let [(_, e), (_, f)] = *same
-                && ends(e as usize).0 != ends(f as usize).0
-            {
-                twins[e as usize] = f;
-                twins[f as usize] = e;
-            }
-        }
-    }
-    twins
 }

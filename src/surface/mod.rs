@@ -14,6 +14,7 @@ mod heightmap;
 mod implicit_mesh;
 mod lines;
 mod mesh;
+mod narrow_gaps;
 mod obj;
 mod ply;
 mod points;
@@ -22,6 +23,8 @@ mod rim;
 mod stl;
 mod threemf;
 mod topmost;
+mod topology;
+mod vertex;
 mod walk;
 
 use std::path::Path;
@@ -34,6 +37,7 @@ use implicit_mesh::ImplicitMesh;
 use lines::Lines;
 use mesh::{Mesh, Welder};
 pub use topmost::Span;
+pub use topology::{Fault, FaultKind, Joining, NonManifold};
 pub use walk::Cursor;
 
 use crate::diag::{Diag, Error, Place};
@@ -182,6 +186,30 @@ fn way_in(extension: &str) -> &'static str {
     }
 }
 
+/// Looks for what is wrong with facets as they come.
+pub struct MeshCheck(Welder);
+
+impl MeshCheck {
+    /// No facets yet.
+    pub fn new() -> Self {
+        Self(Welder::new([1.0, 0.0], Joining::default()))
+    }
+
+    /// Takes a facet, corners in mm.
+    pub fn facet(&mut self, corners: [[f64; 3]; 3]) {
+        self.0.facet(corners);
+    }
+
+    /// What was wrong, each kind once; `narrow_mm` is the width up to which a gap is a crack.
+    ///
+    /// # Errors
+    /// As [`Surface::load`], where nothing would be marked.
+    pub fn finish(mut self, path: &Path, narrow_mm: f64) -> Result<Vec<Fault>, Error> {
+        self.0.joining.narrow_mm = narrow_mm;
+        Ok(self.0.finish(&path.display().to_string(), &mut Vec::new())?.1)
+    }
+}
+
 /// The surface as the lens sees it, ready to be walked.
 #[derive(Debug)]
 pub struct Surface {
@@ -202,17 +230,17 @@ impl Surface {
     /// height map becomes a mesh, an unturned one stays a grid.
     ///
     /// # Errors
-    /// Faults of the file; `surface-zero-area`, `surface-edge-on`, `surface-large`.
+    /// Faults of the file; `surface-zero-area`, `surface-edge-on`, `surface-large`, `surface-non-manifold`.
     pub fn load(
         path: &Path,
         options: &Options,
-        weld_mm: f64,
+        joining: Joining,
         turn_rad: f64,
         notes: &mut Vec<Diag>,
     ) -> Result<Self, Error> {
         let shown = path.display().to_string();
         let turn = crate::geom::cos_sin(turn_rad);
-        let mut welder = Welder::new(turn, weld_mm);
+        let mut welder = Welder::new(turn, joining);
         let map = match read(path, options, notes, &mut |facet| welder.facet(facet))? {
             Content::Facets(_) => return Self::from_welder(welder, &shown, notes),
             Content::Heightmap(map) => map,
@@ -247,7 +275,8 @@ impl Surface {
     /// # Errors
     /// As [`Surface::load`].
     pub fn from_facets(facets: impl IntoIterator<Item = [[f64; 3]; 3]>, notes: &mut Vec<Diag>) -> Result<Self, Error> {
-        let mut welder = Welder::new([1.0, 0.0], 0.0);
+        let joining = Joining { non_manifold: NonManifold::Topmost, ..Joining::default() };
+        let mut welder = Welder::new([1.0, 0.0], joining);
         facets.into_iter().for_each(|f| welder.facet(f));
         Self::from_welder(welder, "facets", notes)
     }
@@ -258,7 +287,16 @@ impl Surface {
             let d = Diag::input("surface-large", "the part lies beyond 4 m of its origin").at(Place::file(shown));
             return Err(d.hint("check surface.unit, or move the part to its origin").into());
         }
-        let mesh = welder.finish(shown, notes)?;
+        let rule = welder.joining.non_manifold;
+        let (mesh, faults) = welder.finish(shown, notes)?;
+        let (wrong, told): (Vec<_>, Vec<_>) = faults
+            .iter()
+            .map(|fault| fault.diag(Place::file(shown), rule))
+            .partition(|d| d.kind != crate::diag::Kind::Warning);
+        notes.extend(told);
+        if !wrong.is_empty() {
+            return Err(Error::many(wrong));
+        }
         let facets = mesh.facets.len();
         let bins = Bins::new(&mesh);
         Ok(Self { kind: Kind::Mesh(mesh, bins), part_box_mm, facets })
@@ -375,10 +413,12 @@ impl Surface {
             .collect()
     }
 
-    /// Calls `f` with the corners (local coordinates) of every facet.
+    /// Calls `f` with the corners (local coordinates) of every facet, upright ones included.
     fn for_each_facet(&self, mut f: impl FnMut([mesh::Vertex; 3])) {
         match &self.kind {
-            Kind::Mesh(m, _) => m.facets.iter().for_each(|c| f(c.map(|v| m.vertices[v as usize]))),
+            Kind::Mesh(m, _) => {
+                m.facets.iter().chain(&m.upright).for_each(|c| f(c.map(|v| m.vertices[v as usize])));
+            }
             Kind::Implicit(g, _) => {
                 let all = 0..self.facets as u32;
                 all.filter(|&i| g.exists(i)).for_each(|i| f([0, 1, 2].map(|k| g.corner(i, k).0)));

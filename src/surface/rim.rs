@@ -146,7 +146,7 @@ mod tests {
             let [x, y] = [[0.0, 0.0], [SIZE[0], 0.0], SIZE, [0.0, SIZE[1]]][k];
             [x, y, if up { LID + 0.1 * x } else { 0.0 }]
         };
-        let mut welder = super::super::Welder::new(turn, 0.0);
+        let mut welder = super::super::Welder::new(turn, super::super::Joining::default());
         for up in [false, true] {
             welder.facet([corner(0, up), corner(1, up), corner(2, up)]);
             welder.facet([corner(0, up), corner(2, up), corner(3, up)]);

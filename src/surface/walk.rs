@@ -16,12 +16,9 @@
 use super::bins::Class;
 use super::mesh::{NONE, Vertex};
 use super::topmost::{Sheets, Span, interpolate, push_gap, push_on, seal};
+pub(super) use super::vertex::ON_RIM;
 use super::{Kind, Surface};
 use crate::geom::{P2, normal, orient, slope2};
-
-/// A place so near to a rim, nm, lies on it: the grid's diagonal, half of it for the rounding of the stroke
-/// and half for that of the rim, and the noise of f64.
-pub(super) const ON_RIM: f64 = std::f64::consts::SQRT_2 + 0.05;
 
 /// Where the last segment ended, so that the next one starts there; and the walk's scratch space.
 #[derive(Debug, Default)]

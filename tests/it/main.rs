@@ -40,6 +40,7 @@ mod placed;
 mod random_jobs;
 mod reads;
 mod refusals;
+mod repair;
 mod resume;
 mod run;
 mod run_grbl;
