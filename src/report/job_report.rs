@@ -82,6 +82,7 @@ fn figures(h: &mut String, job: &Layout<'_>, is_gridded: bool) {
         ("&#8195;off the part", length_text(s.skipped_off_part_mm)),
         ("&#8195;too steep", length_text(s.skipped_steep_mm)),
         ("&#8195;too small", length_text(s.skipped_small_mm)),
+        ("Dots", format!("{} of {}", s.dots.marked, s.dots.texture)),
         ("Jumps", length_text(s.jump_mm)),
         ("Seams", length_text(s.seam_mm)),
         ("Strokes after splitting", s.fragments.to_string()),
@@ -254,16 +255,19 @@ fn histogram(h: &mut String, blocks: &[Block]) {
 
 fn pens(h: &mut String, job: &Layout<'_>) {
     h.push_str(
-        "<h2>Pens</h2>\n<table>\n<tr><th>pen</th><th>speed</th><th>power</th><th>frequency</th><th>passes</th></tr>\n",
+        "<h2>Pens</h2>\n<table>\n<tr><th>pen</th><th>speed</th><th>power</th><th>frequency</th><th>passes</th>\
+         <th>dwell of dots</th></tr>\n",
     );
     for pen in &job.checked.program().pens {
         let (name, watts) = (escape(&pen.name), plain(pen.power.as_w(job.machine.laser.max_power), 2));
         let (speed, frequency) = (pen.speed.as_mm_s(), pen.frequency.as_khz());
         let _ = writeln!(
             h,
-            "<tr><td>{name}</td><td>{speed} mm/s</td><td>{} ({watts} W)</td><td>{frequency} kHz</td><td>{}</td></tr>",
+            "<tr><td>{name}</td><td>{speed} mm/s</td><td>{} ({watts} W)</td><td>{frequency} kHz</td><td>{}</td>\
+             <td>{}</td></tr>",
             escape(&pen.power.to_string()),
-            pen.passes
+            pen.passes,
+            pen.dwell.map_or_else(String::new, |dwell| format!("{} us", dwell.as_us()))
         );
     }
     h.push_str("</table>\n");

@@ -172,6 +172,9 @@ fn heading(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
     pen.pair("worst defocus", &format!("{} um", plain(s.worst_defocus_um, 1)));
     pen.pair("worst incidence", &format!("{} deg", plain(s.worst_incidence_deg, 1)));
     pen.pair("marked", &length_text(s.mark_mm));
+    if s.dots.texture > 0 {
+        pen.pair("dots", &format!("{} of {}", s.dots.marked, s.dots.texture));
+    }
     pen.pair("skipped", &length_text(s.skipped_mm));
     let warnings = s.warnings.len();
     pen.pair("warnings", &if warnings == 0 { "none".to_owned() } else { format!("{warnings}, see report.html") });

@@ -166,6 +166,9 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
         )?;
     }
     writeln!(out, "marks      {:.1} mm", s.mark_mm)?;
+    if s.dots.texture > 0 {
+        writeln!(out, "dots       {} of {}", s.dots.marked, s.dots.texture)?;
+    }
     writeln!(out, "not marked {:.1} mm", s.skipped_mm)?;
     writeln!(
         out,
@@ -224,6 +227,11 @@ fn pens(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
             pen.passes,
             pen.name
         )?;
+    }
+    for (i, pen) in sheet.checked.program().pens.iter().enumerate() {
+        if let Some(dwell) = pen.dwell {
+            writeln!(out, "  dots of pen {}: dwell {} us", i + 1, dwell.as_us())?;
+        }
     }
     Ok(())
 }

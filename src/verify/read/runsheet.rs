@@ -35,6 +35,8 @@ pub(in crate::verify) struct Sheet {
     pub(in crate::verify) turn: Option<f64>,
     /// Cells of each pen: number, speed, power, frequency, passes, name.
     pub(in crate::verify) pens: Vec<Vec<String>>,
+    /// Of pens that mark dots their number and the dwell, us.
+    pub(in crate::verify) dwells: Vec<(usize, f64)>,
     pub(in crate::verify) setups: Vec<SheetSetup>,
     /// The table of blocks.
     pub(in crate::verify) blocks: Table,
@@ -99,6 +101,10 @@ pub(in crate::verify) fn txt(bytes: &[u8]) -> Result<Sheet, Fault> {
         match (part, words.as_slice()) {
             ("", ["part", "zero", zero @ ..]) => out.zero = axes(zero),
             ("", ["part", "turn", turn, ..]) => out.turn = turn.parse().ok(),
+            ("PENS", ["dots", "of", "pen", number, "dwell", us, "us"]) => {
+                let found = number.trim_end_matches(':').parse().ok().zip(us.parse().ok());
+                out.dwells.push(found.ok_or_else(|| fault("the dwell of a pen is not a number"))?);
+            }
             ("PENS", [number, ..]) if number.parse::<u32>().is_ok() => out.pens.push(cells(line, 6)),
             ("SET-UPS", ["SET-UP", _, "OF", _, "part", "zero", zero @ ..]) => {
                 let zero = axes(zero).ok_or_else(|| fault("the part zero of a set-up cannot be read"))?;

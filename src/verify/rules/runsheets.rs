@@ -205,6 +205,8 @@ impl Sheets<'_> {
                 && number(4) == f64::from(pen.passes)
                 && cells.get(5).is_some_and(|name| *name == pen.name.trim())
         });
+        let dwells = (1..).zip(&self.file.program.pens).filter_map(|(i, pen)| Some((i, pen.dwell?.as_us())));
+        let pens = pens && sheet.dwells.iter().copied().eq(dwells);
         hold(pens && sheet.pens.len() == self.file.program.pens.len(), "its pens differ from those of program.txt");
         if sheet.setups.is_empty() && origins.len() == 1 {
             return;

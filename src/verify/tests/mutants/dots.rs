@@ -110,3 +110,9 @@ fn dot_beyond_the_depth_of_its_block_is_reported_by_depth() {
     });
     assert_only("depth", &proof);
 }
+
+#[test]
+fn run_sheet_with_another_dwell_is_reported_by_agreement() {
+    let proof = bench("").damaged("runsheet.txt", |b| replace(b, "PENS", "dwell 200 us", "dwell 210 us"));
+    assert_only("agreement", &proof);
+}
