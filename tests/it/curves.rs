@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use crate::support::surfaces::{mesh, write_stl};
-use crate::support::{JobText, compile, folder, number, said, terrace, verify};
+use crate::support::{JobText, compile, folder, number, said, shared, terrace, verify};
+use terrace::geom::P2;
+use terrace::surface::{Cursor, Options, Surface};
 
 type Curve = Vec<[f64; 3]>;
 
@@ -149,6 +151,9 @@ fn fss_cells_in_space_need_the_stops_and_have_the_defocus_of_the_projected_cells
             assert!(flat["curves"].is_null());
             let proof = verify(&dir.path().join("space"));
             assert_eq!(proof["stops"], space["stops"]);
+            let rules = proof["rules"].as_array().expect("a list");
+            let rule = rules.iter().find(|r| r["code"] == "curves").expect("the rule");
+            assert_eq!((&rule["ran"], &rule["checked"]), (&true.into(), &400.into()));
         }
     }
 }
@@ -437,4 +442,91 @@ fn curves_are_marked_on_the_fly() {
     let summary = compile(&job_file, &dir.path().join("out"));
     assert_eq!(summary["curves"]["count"], 7, "{summary}");
     verify(&dir.path().join("out"));
+}
+
+#[test]
+fn verify_reports_figures_of_curves_that_are_not_theirs() {
+    let dir = folder();
+    let part = part(dir.path(), 20.0, plane);
+    let job = job(dir.path(), &part, "c.dxf", &entities(&on_plane()), "unit = \"mm\"\nmax_distance = \"1.1 um\"");
+    let out = dir.path().join("out");
+    compile(&job, &out);
+    let path = out.join("manifest.json");
+    let whole = std::fs::read_to_string(&path).expect("the manifest");
+    for key in ["count", "plan_mm", "surface_mm", "worst_distance_um"] {
+        let mut manifest: Value = serde_json::from_str(&whole).expect("JSON");
+        let value = &mut manifest["summary"]["curves"][key];
+        *value = if key == "count" { 8.into() } else { (value.as_f64().expect("a number") + 0.01).into() };
+        std::fs::write(&path, manifest.to_string()).expect("a writable folder");
+        let found = terrace([Path::new("verify"), &out, Path::new("--json")]);
+        let proof: Value = serde_json::from_slice(&found.stdout).expect("a proof");
+        let rules = proof["rules"].as_array().expect("a list");
+        let broken: Vec<&Value> = rules.iter().filter(|r| r["violated"] != 0).map(|r| &r["code"]).collect();
+        assert_eq!(broken, [&Value::from("summary")], "{key}");
+    }
+}
+
+/// Closed squares over an area, each laid on the surface: with a point at every facet edge below its sides.
+fn squares_on(surface: &Surface, [x0, y0, x1, y1]: [f64; 4], pitch: f64) -> Vec<Curve> {
+    let mut curves = Vec::new();
+    let (mut cursor, mut spans) = (Cursor::default(), Vec::new());
+    let mut y = y0 + pitch / 2.0;
+    while y < y1 {
+        let mut x = x0 + pitch / 2.0;
+        while x < x1 {
+            let side = pitch / 2.0;
+            let corners = [[x, y], [x + side, y], [x + side, y + side], [x, y + side], [x, y]];
+            let mut curve = Curve::new();
+            let mut is_whole = true;
+            for w in corners.windows(2) {
+                let [a, b] = [w[0], w[1]].map(|p| P2::new((p[0] * 1e6).round() as i64, (p[1] * 1e6).round() as i64));
+                surface.walk(a, b, &mut cursor, &mut spans);
+                is_whole &= spans.iter().all(|s| s.facet().is_some());
+                let at = |t: f64, z: f64| [0, 1].map(|k| w[0][k] + t * (w[1][k] - w[0][k])).map(|v| (v, z));
+                curve.extend(spans.iter().map(|s| at(s.t0, s.z0)).map(|[(x, z), (y, _)]| [x, y, z / 1e6]));
+            }
+            curve.extend(curve.first().copied());
+            if is_whole {
+                curves.push(curve);
+            }
+            x += pitch;
+        }
+        y += pitch;
+    }
+    curves
+}
+
+#[test]
+#[ignore = "needs ../shared: make test-all"]
+fn curves_on_hood_and_helens_are_marked_by_every_method_and_verify() {
+    let dir = folder();
+    for (file, area) in
+        [("hood_mm_bin.stl", [500.0, -150.0, 800.0, 150.0]), ("helens_relief_small.stl", [20.0, -200.0, 160.0, -60.0])]
+    {
+        let part = shared().join("surfaces").join(file);
+        let options = Options { unit_mm: Some(1.0), ..Options::default() };
+        let surface = Surface::load(&part, &options, 0.0, 0.0, &mut Vec::new()).expect("a surface");
+        let curves = squares_on(&surface, area, 10.0);
+        assert!(curves.len() > 150, "{file}: {}", curves.len());
+        for method in ["z-range", "window", "tilt"] {
+            std::fs::write(dir.path().join("c.csv"), csv(&curves, 1.0)).expect("a writable folder");
+            let mut job = JobText::on(&part).texture("curves = \"c.csv\"\nunit = \"mm\"").method(method);
+            job.machine = "profile = \"xyz-tilt-galvo-40\"".into();
+            job.focus = "pdof = \"0.5 mm\"".into();
+            let job = job.write(dir.path(), "job.toml");
+            let summary = compile(&job, &dir.path().join("out"));
+            let c = &summary["curves"];
+            eprintln!("{file} by {method}: {} stops, {c}", summary["stops"]);
+            assert_eq!(c["count"], curves.len() as u64);
+            // Points on facet edges are rounded to a nanometre in plan.
+            assert!(number(c, "worst_distance_um") < 0.02, "{c}");
+            verify(&dir.path().join("out"));
+        }
+        // Lifted by more than a half of pdof they are refused.
+        let lifted: Vec<Curve> =
+            curves.iter().map(|c| c.iter().map(|&[x, y, z]| [x, y, z + 0.251]).collect()).collect();
+        std::fs::write(dir.path().join("c.csv"), csv(&lifted, 1.0)).expect("a writable folder");
+        let (code, codes, json) = outcome(&dir.path().join("job.toml"));
+        assert_eq!((code, codes), (1, vec!["curve-distance".to_owned()]), "{json}");
+    }
 }

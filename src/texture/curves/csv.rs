@@ -19,8 +19,9 @@ const MAX_POINTS: usize = 20_000_000;
 /// Largest coordinate, mm, as for drawings.
 const MAX_MM: f64 = 1e9;
 
-/// Memory for each byte of a file: the shortest row of 6 bytes takes a point of 24 here and one of 24 once placed.
-const MEMORY: u64 = 8;
+/// Memory for each byte of a file: curves of two rows of 8 bytes with ids of their own take some 400, here and once
+/// placed.
+const MEMORY: u64 = 24;
 
 /// Reads curves in mm; a unit of the file measures `unit_mm`.
 ///

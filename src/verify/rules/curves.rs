@@ -34,6 +34,32 @@ pub(in crate::verify) fn check(
     [rule, summary]: [&mut Rule; 2],
 ) {
     rule.ran = true;
+    let mut found = search(job, texture, geometry, Aside::Ignored, rule);
+    // A curve that broke the rule has figures of its own.
+    if rule.violated > 0 {
+        return;
+    }
+    if found.is_some() {
+        summary.checked += 4;
+    }
+    if !faults(stated, found.as_ref()).is_empty() {
+        // Which facet counts along an edge may explain them.
+        found = search(job, texture, geometry, Aside::Followed, &mut Rule::new("", ""));
+    }
+    for fault in faults(stated, found.as_ref()) {
+        summary.broken("", "manifest.json", fault);
+    }
+}
+
+/// Whether what lies on both sides of a curve is looked at, where rounding decides between them.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Aside {
+    Ignored,
+    Followed,
+}
+
+/// Holds all curves to their files and to the surface; answers with what they came to, if there are any.
+fn search(job: &Job, texture: &Texture, geometry: &Geometry, aside: Aside, rule: &mut Rule) -> Option<Found> {
     let mut found: Option<Found> = None;
     for (k, of_texture) in texture.curves() {
         let Kind::Curves { path, unit_mm, marking, max_distance, on_distance, .. } = &job.textures[k].kind else {
@@ -45,6 +71,7 @@ pub(in crate::verify) fn check(
         let allowed = (*on_distance == OnDistance::Error).then_some(max_distance.f64());
         let mut search = Search {
             geometry,
+            aside,
             allowed: allowed.unwrap_or(f64::INFINITY),
             found: found.get_or_insert_default(),
             scratch: Scratch::default(),
@@ -79,22 +106,21 @@ pub(in crate::verify) fn check(
             rule.broken("", path.display().to_string(), "a curve at the end of the file is not marked");
         }
     }
-    figures(stated, found.as_ref(), summary);
+    found
 }
 
-/// Holds what the manifest states.
-fn figures(stated: Option<&Stated>, found: Option<&Found>, rule: &mut Rule) {
-    const PLACE: &str = "manifest.json";
+/// What is wrong with the figures that the manifest states.
+fn faults(stated: Option<&Stated>, found: Option<&Found>) -> Vec<String> {
     let (stated, found) = match (stated, found) {
         (Some(stated), Some(found)) => (stated, found),
-        (None, None) => return,
-        _ => return rule.broken("", PLACE, "it states space curves that the job does not have, or leaves them out"),
+        (None, None) => return Vec::new(),
+        _ => return vec!["it states space curves that the job does not have, or leaves them out".into()],
     };
+    let mut faults = Vec::new();
     let mut hold = |name: &str, value: f64, [lo, hi]: [f64; 2], tolerance: f64| {
-        rule.checked += 1;
         let near = lo - tolerance <= value && value <= hi + tolerance; // never of a NaN
         if !near {
-            rule.broken("", PLACE, format!("curves.{name} is given as {value}, but is {lo} to {hi}"));
+            faults.push(format!("curves.{name} is given as {value}, but is {lo} to {hi}"));
         }
     };
     hold("count", stated.count as f64, [found.count as f64; 2], 0.0);
@@ -106,6 +132,7 @@ fn figures(stated: Option<&Stated>, found: Option<&Found>, rule: &mut Rule) {
     let um = |nm: f64| nm / 1e3;
     let tolerance = um(found.tolerance) + SHARE * um(found.farthest);
     hold("worst_distance_um", stated.worst_distance_um, [um(found.surely), um(found.farthest)], tolerance);
+    faults
 }
 
 /// Curves in the turned part frame.
@@ -163,6 +190,7 @@ struct Found {
 
 struct Search<'a> {
     geometry: &'a Geometry,
+    aside: Aside,
     /// Largest distance that the job allows.
     allowed: f64,
     found: &'a mut Found,
@@ -225,9 +253,12 @@ impl Search<'_> {
         let grain = geometry.grain();
         let found = &mut *self.found;
         let mut worst: Option<([f64; 2], f64)> = None;
-        let mut off: Vec<[f64; 2]> = Vec::new();
+        let (mut off, mut doubtful) = (0, 0.0);
         geometry.along(line, &mut self.scratch, |p| {
-            let Some(sheet) = p.sheet.filter(|s| s.slope != Slope::Steep) else { return off.push(p.d) };
+            let Some(sheet) = p.sheet.filter(|s| s.slope != Slope::Steep) else {
+                off += 1;
+                return;
+            };
             let stretched = p.len().hypot(sheet.z[1] - sheet.z[0]);
             found.plan += p.len();
             found.surface += stretched;
@@ -235,7 +266,8 @@ impl Search<'_> {
             found.rounding += 2.0 * tolerance * (sheet.z[1] - sheet.z[0]).abs() / stretched.max(1.0);
             found.steepest = found.steepest.max((1.0 + sheet.slope2).sqrt());
             if sheet.slope == Slope::Doubtful {
-                return off.push(p.d);
+                doubtful += p.len();
+                return;
             }
             let above = slanted.above(&p, &sheet, 0.0);
             let distance = above[0].abs().max(above[1].abs());
@@ -252,11 +284,28 @@ impl Search<'_> {
             let sure = self.surely(line, d, slanted).min(distance);
             self.found.surely = self.found.surely.max(sure);
         }
-        // What a step to the side decides otherwise is not known; nor are the ends of what is left out.
-        for d in off {
-            let aside = [1.0, -1.0].map(|side| self.gentle(&line.part(d, side * self.geometry.reach())));
-            self.found.doubt += aside[0].max(aside[1]) + 2.0 * grain;
+        // The ends of what is left out.
+        self.found.doubt += 2.0 * grain * f64::from(off);
+        if self.aside == Aside::Followed {
+            let reach = self.geometry.reach();
+            let [here, left, right] = [0.0, reach, -reach].map(|side| self.beside(line, side, slanted));
+            self.found.doubt += (left - here).abs().max((right - here).abs());
         }
+        // Near the limit of slopes rounding decides.
+        self.found.doubt += doubtful;
+    }
+
+    /// How much of a line at a distance from its own may be marked, nm; what lies there is met.
+    fn beside(&mut self, line: &Line, side: f64, slanted: Slanted) -> f64 {
+        let (mut sum, mut farthest) = (0.0, 0.0f64);
+        self.geometry.along(&line.part([0.0, line.len], side), &mut self.scratch, |p| {
+            let Some(sheet) = p.sheet.filter(|s| s.slope != Slope::Steep) else { return };
+            sum += p.len();
+            let above = slanted.above(&p, &sheet, 0.0);
+            farthest = farthest.max(above[0].abs()).max(above[1].abs());
+        });
+        self.found.farthest = self.found.farthest.max(farthest);
+        sum
     }
 
     /// The least of the largest distances on a stretch and on parallels on both sides.
@@ -274,17 +323,6 @@ impl Search<'_> {
             least = least.min(largest);
         }
         least
-    }
-
-    /// How much of a line may be marked, nm.
-    fn gentle(&mut self, line: &Line) -> f64 {
-        let mut sum = 0.0;
-        self.geometry.along(line, &mut self.scratch, |p| {
-            if p.sheet.is_some_and(|s| s.slope != Slope::Steep) {
-                sum += p.len();
-            }
-        });
-        sum
     }
 }
 
