@@ -115,11 +115,22 @@ fn hostile_drawings_are_refused_or_bounded() {
         (0..2000).map(|i| format!(r##"<g id="d{i}"><use href="#d{}"/></g>"##, i + 1)).collect::<String>()
             + "<g id='d2000'/>";
     let rules: String = (0..20_000).map(|i| format!(".c{i} g{{fill:none}}")).collect();
+    // Each clip path asks thirty times for the one before it.
+    let circles = |k: u32| format!("<circle r='9' clip-path='url(#c{k})'/>").repeat(30);
+    let clips: String = (1..6).map(|k| format!("<clipPath id='c{k}'>{}</clipPath>", circles(k - 1))).collect();
+    let clips = format!("<clipPath id='c0'><circle r='9'/></clipPath>{clips}<path clip-path='url(#c5)' d='M0 0L9 9'/>");
     let attributes: String = (0..100_000).map(|i| format!(" a{i}=''")).collect();
     for (name, body, outcome) in [
         ("deep_uses", deep_uses, (Err("svg-deep"), &[][..])),
         ("rules", format!("<style>{rules}</style>{}", "<g/>".repeat(20_000)), (Err("svg-css"), &[])),
         ("attributes", format!("<path{attributes}/>"), (Err("svg-large"), &[])),
+        ("clips", clips, (Err("svg-large"), &[])),
+        (
+            "dots",
+            r#"<path d="M0 0L9 9"/><path d="M0 0h9" stroke-width="0.01" stroke-linecap="round" stroke-dasharray="0 1"/>"#
+                .into(),
+            (Ok(1), &["svg-dot"]),
+        ),
         ("many_points", r#"<circle r="1e8" cx="0" cy="0" transform="scale(100)"/>"#.into(), (Err("texture-far"), &[])),
         ("nan", r#"<rect width="nan" height="1e999"/><path d="M0 0L9 9"/>"#.into(), (Ok(1), &["svg-path", "svg-dot"])),
         (

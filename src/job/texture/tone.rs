@@ -36,7 +36,8 @@ pub(super) fn resolve(keys: &TextureKeys, place: &dyn Fn(&str) -> String, f: &mu
         }
     };
     let dpi = keys.dpi.and_then(|d| if let DpiKeys::Number(v) = d { Some(v) } else { None });
-    number("dpi", dpi, dpi.is_some_and(|v| v > 0.0), "write pixels in an inch, or \"file\"");
+    let is_dpi = dpi.is_some_and(|v| (0.01..=1e6).contains(&v));
+    number("dpi", dpi, is_dpi, "write pixels in an inch, 0.01 to 1000000, or \"file\"");
     number("gamma", keys.gamma, keys.gamma.is_some_and(|v| (0.01..=100.0).contains(&v)), "write 0.01 to 100");
     let threshold = keys.threshold.map(Share::as_percent);
     let is_share = threshold.is_some_and(|v| (0.0..100.0).contains(&v));

@@ -9,6 +9,8 @@
 //! - *dashes*: each line is divided into periods, those of every second line moved by half of one. In a period a dash is
 //!   marked whose length is the mean of q over it, in its middle.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use super::hatch::TooFine;
 use super::marking::{Marking, Screen};
 use crate::diag::Diag;
@@ -24,6 +26,9 @@ const MAX_LINES: usize = 20_000_000;
 
 /// Most places at which the picture is looked at.
 const MAX_SAMPLES: f64 = 4e9;
+
+/// Fewest places of a dash at which the picture is looked at.
+const SAMPLES: f64 = 4.0;
 
 /// Lines that are computed together.
 const CHUNK: usize = 64;
@@ -144,18 +149,25 @@ impl LineScreen {
         let picture = Picture::new(grey, size);
         // Twice in a pixel.
         let step = picture.step[0].min(picture.step[1]) / 2.0;
-        if count * size[0].hypot(size[1]) / step > MAX_SAMPLES || count > MAX_LINES as f64 {
+        let least = self.period_mm.map_or(step, |period| step.min(period / SAMPLES));
+        if count * size[0].hypot(size[1]) / least > MAX_SAMPLES || count > MAX_LINES as f64 {
             return Err(TooFine);
         }
         let count = count as usize;
+        // Whether there are too many does not depend on who counts first.
+        let found = AtomicUsize::new(0);
         let chunks = parallel::map(count.div_ceil(CHUNK), |chunk| {
             let mut lines = Vec::new();
+            if found.load(Ordering::Relaxed) > MAX_LINES {
+                return lines;
+            }
             for i in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
                 self.line(&picture, first as i64 + i as i64, step, &mut lines);
             }
+            found.fetch_add(lines.len(), Ordering::Relaxed);
             lines
         });
-        if chunks.iter().map(Vec::len).sum::<usize>() > MAX_LINES {
+        if found.into_inner() > MAX_LINES {
             return Err(TooFine);
         }
         chunks.iter().flatten().for_each(|line| out.push(line));
@@ -263,7 +275,7 @@ fn dashes(share: impl Fn(f64) -> f64, [from, to]: [f64; 2], period: f64, offset:
         if b - a < LEAST {
             continue;
         }
-        let samples = ((b - a) / step).ceil().max(4.0) as usize;
+        let samples = ((b - a) / step).ceil().max(SAMPLES) as usize;
         let middle = |i: usize| a + (i as f64 + 0.5) / samples as f64 * (b - a);
         let mean = (0..samples).map(|i| share(middle(i))).sum::<f64>() / samples as f64;
         let gap = (1.0 - mean.min(1.0)) / 2.0 * (b - a);

@@ -16,6 +16,9 @@ use crate::texture::clip::Lines;
 /// Most copies of the shapes of a pattern.
 const MAX_COPIES: f64 = 1e6;
 
+/// Most edges of clip paths and masks, counted again for each element that is cut at them.
+const MAX_CUT_EDGES: usize = 2_000_000;
+
 /// Most references from pattern to pattern.
 const MAX_LINKS: usize = 32;
 
@@ -49,6 +52,13 @@ impl<'a, 'input> Walk<'a, 'input> {
             self.note(Issue::Effect, node);
             return Ok(false);
         };
+        self.cut_edges += area.edge_count() + 1;
+        if self.cut_edges > MAX_CUT_EDGES {
+            let text = format!("the clip paths and masks of the drawing have more than {MAX_CUT_EDGES} edges");
+            return Err(Diag::limit("svg-large", format!("{text} once their uses are expanded"))
+                .hint("apply clip paths and masks in the drawing program")
+                .into());
+        }
         state.clip = Some(self.clip(state.clip, area, node)?);
         Ok(true)
     }

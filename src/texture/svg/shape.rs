@@ -98,7 +98,11 @@ impl<'a, 'input> Walk<'a, 'input> {
         if !is_line {
             curves.widen(&pen);
         }
-        let (lines, _) = self.flattened(node, state, |_, out| curves.draw(out))?;
+        let (lines, dropped) = self.flattened(node, state, |_, out| curves.draw(out))?;
+        // Of an area, contours without extent may be parts of its caps and joins.
+        if is_line || lines.is_empty() {
+            self.dropped(node, &dropped);
+        }
         self.push(node, state, colour, figure, lines);
         Ok(())
     }
@@ -144,14 +148,18 @@ impl<'a, 'input> Walk<'a, 'input> {
         if !whole {
             self.note(Issue::Fault, node);
         }
-        if dropped.dots {
-            self.note(Issue::Dot, node);
-        }
-        if dropped.hairlines {
-            self.note(Issue::Hairline, node);
-        }
+        self.dropped(node, &dropped);
         self.push(node, state, colour, figure, lines);
         Ok(())
+    }
+
+    /// Notes what of an element is too small to be marked.
+    fn dropped(&mut self, node: Node<'a, 'input>, dropped: &Dropped) {
+        for (is_met, issue) in [(dropped.dots, Issue::Dot), (dropped.hairlines, Issue::Hairline)] {
+            if is_met {
+                self.note(issue, node);
+            }
+        }
     }
 
     /// The polylines of what is drawn.

@@ -1,6 +1,6 @@
 //! Wide and dashed lines (kurbo): dashes cut out of an element's subpaths, and the area that a wide line covers.
 
-use kurbo::{Arc, BezPath, Ellipse, PathEl, Point as At, Shape, StrokeOpts, SvgArc};
+use kurbo::{Arc, BezPath, PathEl, Point as At, Shape, StrokeOpts, SvgArc, Vec2};
 
 use super::outline::Sink;
 use super::style::{Cap, Join};
@@ -10,6 +10,9 @@ const MAX_DASHES: f64 = 1e6;
 
 /// Dashes shorter than this share of the width are dots, which have a shape if their ends are not cut straight.
 const DOT: f64 = 1e-6;
+
+/// Joins that turn the line by less, rad, cut off nothing that shows.
+const LEAST_TURN: f64 = 0.05;
 
 type Point = [f64; 2];
 
@@ -65,7 +68,62 @@ impl Curves {
             end_cap: pen.cap,
             ..Default::default()
         };
+        let inner = self.inner_joins(pen);
         self.path = kurbo::stroke(self.path.iter(), &style, &StrokeOpts::default(), self.tolerance);
+        self.path.extend(inner);
+    }
+
+    /// What kurbo leaves out on the inner side of joins. There its outline goes from the side of one segment straight to
+    /// that of the next, which cuts off what a segment shorter than the width has; through the corner of the line it
+    /// would not. The triangle of both sides and the corner makes that difference in how often the outline goes round a
+    /// point, exactly.
+    fn inner_joins(&self, pen: &Pen) -> BezPath {
+        let mut out = BezPath::new();
+        let normal = |d: Vec2| pen.width / 2.0 * Vec2::new(-d.y, d.x) / d.hypot();
+        let mut join = |corner: At, from: Vec2, to: Vec2| {
+            let (cross, dot) = (from.cross(to), from.dot(to));
+            let hypot = cross.hypot(dot);
+            // Mitred joins go through the corner.
+            let is_mitred = pen.join == Join::Miter && 2.0 * hypot < (hypot + dot) * pen.miter.powi(2);
+            if is_mitred || cross.atan2(dot).abs() < LEAST_TURN {
+                return;
+            }
+            let [last, next] = [normal(from), normal(to)];
+            // kurbo goes there along the side -normal, and back along +normal.
+            let [a, b] = if cross > 0.0 { [next, last] } else { [-last, -next] };
+            out.extend([PathEl::MoveTo(corner + a), PathEl::LineTo(corner), PathEl::LineTo(corner + b)]);
+            out.close_path();
+        };
+        let (mut start, mut at) = (At::ZERO, At::ZERO);
+        // Direction at the begin of the subpath and at the end of its last segment.
+        let mut ends: Option<[Vec2; 2]> = None;
+        for &el in self.path.elements() {
+            let points: &[At] = match &el {
+                PathEl::MoveTo(p) => {
+                    (start, at, ends) = (*p, *p, None);
+                    continue;
+                }
+                PathEl::LineTo(p) => &[*p],
+                PathEl::QuadTo(c, p) => &[*c, *p],
+                PathEl::CurveTo(c, d, p) => &[*c, *d, *p],
+                PathEl::ClosePath => &[start],
+            };
+            let end = points[points.len() - 1];
+            let begins = points.iter().map(|p| *p - at).find(|d| d.hypot2() > 0.0);
+            let inner = points.iter().rev().skip(1).chain([&at]);
+            let stops = inner.map(|p| end - *p).find(|d| d.hypot2() > 0.0);
+            if let (Some(begins), Some(stops)) = (begins, stops) {
+                if let Some([_, last]) = ends {
+                    join(at, last, begins);
+                }
+                ends = Some([ends.map_or(begins, |[first, _]| first), stops]);
+            }
+            at = end;
+            if let Some([first, last]) = ends.take_if(|_| el == PathEl::ClosePath) {
+                join(start, last, first);
+            }
+        }
+        out
     }
 
     /// Draws what there is now.
@@ -141,9 +199,11 @@ impl Sink for Curves {
     }
 
     fn ellipse(&mut self, centre: Point, rx: f64, ry: f64) {
-        self.path.extend(Ellipse::new(at(centre), (rx, ry), 0.0).path_elements(self.tolerance));
-        self.start = [centre[0] + rx, centre[1]];
-        self.at = self.start;
+        // Not as kurbo's ellipse, which begins on its larger axis.
+        self.move_to([centre[0] + rx, centre[1]]);
+        let arc = Arc::new(at(centre), (rx, ry), 0.0, std::f64::consts::TAU, 0.0);
+        self.path.extend(arc.append_iter(self.tolerance));
+        self.close();
     }
 
     fn close(&mut self) {

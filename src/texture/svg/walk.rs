@@ -70,6 +70,8 @@ pub(super) struct Walk<'a, 'input> {
     /// Elements that are being used right now, from the outside in.
     pub(super) uses: Vec<NodeId>,
     visits: usize,
+    /// Edges of the areas that elements were cut at.
+    pub(super) cut_edges: usize,
     work: Work,
     /// Whether notes are dropped, where an element is drawn again.
     pub(super) is_quiet: bool,
@@ -108,7 +110,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             }
         }
         let art = Artwork { labels: vec![Labels::default()], ..Artwork::default() };
-        let (uses, visits, work, named, labelled) = <_>::default();
+        let (uses, visits, cut_edges, work, named, labelled) = <_>::default();
         let (purpose, is_quiet) = (Purpose::Mark, false);
         Self {
             doc,
@@ -121,6 +123,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             purpose,
             uses,
             visits,
+            cut_edges,
             work,
             is_quiet,
             numbers,

@@ -192,13 +192,15 @@ impl Layer {
     fn path(&mut self, path: &usvg::Path, to: Transform, is_clip: bool) {
         let here = to.pre_concat(path.abs_transform());
         let mut items = Vec::new();
-        if let Some(fill) = path.fill() {
+        // What is fully transparent hides nothing; clip paths have no opacity.
+        let is_seen = |opacity: usvg::Opacity| is_clip || opacity.get() > 0.0;
+        if let Some(fill) = path.fill().filter(|fill| is_seen(fill.opacity())) {
             let is_evenodd = fill.rule() == FillRule::EvenOdd;
             if let Some(paint) = Paint::new(fill.paint(), here) {
                 items.push(Item::Area { contours: contours(path.data(), here), is_evenodd, paint });
             }
         }
-        let stroke = path.stroke().filter(|_| !is_clip);
+        let stroke = path.stroke().filter(|stroke| !is_clip && is_seen(stroke.opacity()));
         if let Some((stroke, paint)) = stroke.and_then(|s| Some((s, Paint::new(s.paint(), here)?))) {
             let mut style = stroke.to_tiny_skia();
             style.dash = None;

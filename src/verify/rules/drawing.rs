@@ -167,6 +167,15 @@ mod tests {
     }
 
     #[test]
+    fn what_is_fully_transparent_hides_nothing() {
+        let glass = "<path d=\"M0 0h20v10h-20z\" fill=\"white\" fill-opacity=\"0\" stroke=\"white\" stroke-width=\"9\" \
+                     stroke-opacity=\"0\"/></svg>";
+        let drawn = layers(COLOURS).replace("</svg>", glass);
+        let rule = found("pitch = \"0.1 mm\"", &drawn, &drawn);
+        assert!(rule.checked >= 36 && rule.violated == 0, "{:?}", rule.violations);
+    }
+
+    #[test]
     fn a_pen_of_another_colour_and_a_mark_beside_its_figure_are_found() {
         let drawn = layers(COLOURS);
         let [a, b, c, d, e, f] = COLOURS;
