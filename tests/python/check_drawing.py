@@ -58,6 +58,8 @@ def curves(e, fine):
     kind = e.dxftype()
     if kind == "LINE":
         return [[e.dxf.start, e.dxf.end]]
+    if kind == "POINT":
+        return [[e.dxf.location]]
     if kind in ("ARC", "CIRCLE", "ELLIPSE"):
         return [list(e.flattening(fine))]
     if kind == "SPLINE":
@@ -161,7 +163,7 @@ def farthest_any(points, lines):
 
 # --- The walk
 
-READ = {"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE", "SOLID", "TRACE", "HATCH"}
+READ = {"LINE", "POINT", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE", "SOLID", "TRACE", "HATCH"}
 
 
 class Walk:
@@ -195,8 +197,8 @@ class Walk:
         else:
             scale = self.unit * max(matrix.transform_direction(v).magnitude for v in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
             parts = [np.array([(p.x, p.y) for p in matrix.transform_vertices(Vec3.list(part))]) * self.unit
-                     for part in curves(e, FINE / scale) if len(part) > 1]
-            parts = [part for part in parts if np.ptp(part, axis=0).max() > 2e-6]
+                     for part in curves(e, FINE / scale) if len(part) > 1 or kind == "POINT"]
+            parts = [part for part in parts if kind == "POINT" or np.ptp(part, axis=0).max() > 2e-6]
             if kind == "LWPOLYLINE" and e.has_width:
                 self.wide(e, matrix)
             elif parts:
@@ -290,6 +292,10 @@ def check(path):
     for (_, _, parts), shape in zip(walk.shapes, shapes):
         lines = [np.array(line) for line in shape["lines"]]
         points += sum(map(len, lines))
+        if len(parts[0]) == 1:
+            off = np.abs(lines[0] - parts[0]).max()
+            demand(len(lines) == 1 and lines[0].shape == (1, 2) and off <= LIMIT, f"{name}: {shape['name']}: {off} mm off")
+            continue
         if isinstance(parts, Faces):
             odd, inside = area_faults(parts, lines)
             demand(not odd and inside > 100, f"{name}: {shape['name']}: areas differ at {odd[:3]}, {inside} points inside")
