@@ -69,6 +69,11 @@ fn without_comment(row: &str) -> &str {
     row.match_indices('#').find(begins).map_or(row, |(at, _)| &row[..at])
 }
 
+/// A field as far as a message shows it.
+fn shortened(field: &str) -> String {
+    field.chars().take(40).collect()
+}
+
 /// What the columns of a file hold.
 struct Columns {
     separator: Separator,
@@ -147,7 +152,11 @@ impl Reader {
     fn columns(&self, row: &str, number: usize, notes: &mut Vec<Diag>) -> Result<Columns, Box<Diag>> {
         let separator = Separator::of(row);
         let mut fields = Vec::new();
-        let count = separator.fields(row, |_, field| fields.push(field));
+        let count = separator.fields(row, |i, field| {
+            if i < Self::COLUMNS {
+                fields.push(field);
+            }
+        });
         let is_number = |i: usize| fields.get(i).is_some_and(|f| f.parse::<f64>().is_ok());
         for first in [0, 1] {
             if count == first + 3 && (first..count).all(is_number) {
@@ -163,8 +172,8 @@ impl Reader {
         };
         let id = named("id");
         let used = [Some(x), Some(y), Some(z), id];
-        let others: Vec<&str> =
-            (0..count).filter(|i| !used.contains(&Some(*i))).map(|i| fields[i]).take(Self::LISTED).collect();
+        let others = (0..fields.len()).filter(|i| !used.contains(&Some(*i)));
+        let others: Vec<String> = others.map(|i| shortened(fields[i])).take(Self::LISTED).collect();
         if !others.is_empty() {
             let text = format!("columns other than id, x, y and z are not used: {}", others.join(", "));
             notes.push(Diag::warning("curve-columns", text).at(Place::line(&self.file, number)).hint("leave them out"));
@@ -172,7 +181,8 @@ impl Reader {
         Ok(Columns { separator, count, xyz: [x, y, z], id, is_named: true })
     }
 
-    /// Most columns that a message lists.
+    /// Most columns that are looked at, and most that a message lists.
+    const COLUMNS: usize = 1000;
     const LISTED: usize = 12;
 
     /// A row of numbers: another point of the curve, or the first of the next.
@@ -211,8 +221,7 @@ impl Reader {
 
     fn number(&self, field: &str, number: usize) -> Result<f64, Box<Diag>> {
         let value = field.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| {
-            let shown: String = field.chars().take(40).collect();
-            let d = Diag::input("curve-number", format!("{shown:?} is not a number"));
+            let d = Diag::input("curve-number", format!("{:?} is not a number", shortened(field)));
             self.at(d.hint("write numbers such as 12.5, with a point"), number)
         })?;
         let mm = value * self.unit_mm;
