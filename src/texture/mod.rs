@@ -18,6 +18,7 @@
 mod artwork;
 mod bitmap;
 mod clip;
+mod contour_areas;
 mod drawing;
 mod dxf;
 mod hpgl;
@@ -34,6 +35,7 @@ use crate::geom::{Box2, BoxMm, P2};
 use crate::program::PenId;
 use artwork::Artwork;
 pub use artwork::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
+pub use contour_areas::ContourAreas;
 use drawing::Drawing;
 pub use pattern::{Contour, Directions, Kind};
 use place::Turn;
@@ -96,7 +98,7 @@ pub(crate) trait Figure: std::fmt::Debug + Send + Sync {
 }
 
 /// A placed drawing, with what it was made from where another pass hatches it anew.
-type PlacedDrawing = (Arc<dyn Figure>, Option<Arc<Artwork>>);
+type PlacedDrawing = (Placed, Option<Arc<Artwork>>);
 
 /// The drawing of request k; None where it is a pattern.
 type DrawingOf<'a> = dyn FnMut(usize, &Request, &place::Site) -> Result<Option<PlacedDrawing>, Error> + 'a;
@@ -108,6 +110,8 @@ enum Placed {
     Figure(Arc<dyn Figure>),
     /// Its strokes wait for, or follow from, the directions of its lines.
     Contour(Contour),
+    /// A drawing some of whose strokes do.
+    Areas(Box<ContourAreas>),
 }
 
 impl Placed {
@@ -115,6 +119,7 @@ impl Placed {
         match self {
             Self::Figure(figure) => figure.as_ref(),
             Self::Contour(contour) => contour,
+            Self::Areas(areas) => areas.as_ref(),
         }
     }
 }
@@ -167,25 +172,20 @@ impl Texture {
     }
 
     /// Marks and places a drawing.
-    fn drawing(
-        art: &Artwork,
-        request: &Request,
-        site: &place::Site,
-        notes: &mut Vec<Diag>,
-    ) -> Result<Arc<dyn Figure>, Error> {
+    fn drawing(art: &Artwork, request: &Request, site: &place::Site, notes: &mut Vec<Diag>) -> Result<Placed, Error> {
         let Kind::Drawing { path, turn_rad, marking, .. } = &request.kind else { unreachable!("it is a drawing") };
         let file = Place::file(path.display().to_string());
         let mut told = Vec::new();
         let page = artwork::marks(art, marking, site.spot_mm, *turn_rad, &mut told)
             .map_err(|d| Error::from(d.at(file.clone())))?;
         notes.extend(told.into_iter().map(|d| d.at(file.clone())));
-        if page.lines.len() == 0 {
+        if page.lines.len() == 0 && page.waits.is_empty() {
             return Err(Diag::input("texture-empty", "nothing of the drawing is marked")
                 .at(file)
                 .hint("check fill, stroke, inset, only and except of the texture")
                 .into());
         }
-        Ok(Arc::new(Drawing::place(page, request, site)?))
+        Drawing::place(page, request, site)
     }
 
     /// The texture of another pass of the same job: its patterns are placed anew, its drawings are shared, and no
@@ -200,7 +200,7 @@ impl Texture {
                 (Kind::Drawing { .. }, _, Some(art)) => {
                     Some((Self::drawing(art, request, site, &mut Vec::new())?, Some(art.clone())))
                 }
-                (Kind::Drawing { .. }, Placed::Figure(drawing), None) => Some((drawing.clone(), None)),
+                (Kind::Drawing { .. }, placed, None) => Some((placed.clone(), None)),
                 _ => None,
             })
         })
@@ -220,7 +220,7 @@ impl Texture {
             let mut placed = || {
                 let place = place::Site::new(request, part_box_mm, turn, spot_mm)?;
                 match drawing(k, request, &place)? {
-                    Some((figure, artwork)) => Ok((Placed::Figure(figure), artwork)),
+                    Some(drawing) => Ok(drawing),
                     None => pattern::place(&request.kind, &place).map(|p| (p, None)),
                 }
             };
@@ -238,9 +238,12 @@ impl Texture {
     /// `texture-empty`, `texture-large`.
     pub fn fill(&mut self, directions: Directions) -> Result<(), Error> {
         for (k, part) in self.parts.iter_mut().enumerate() {
-            if let Placed::Contour(area) = &mut part.placed {
-                area.fill(&directions).map_err(|e| numbered(&e, k))?;
+            match &mut part.placed {
+                Placed::Contour(area) => area.fill(&directions),
+                Placed::Areas(areas) => areas.fill(&directions),
+                Placed::Figure(_) => Ok(()),
             }
+            .map_err(|e| numbered(&e, k))?;
         }
         self.directions = Some(directions);
         (self.len, self.points) = (0, 0);
@@ -250,7 +253,7 @@ impl Texture {
     /// Puts the strokes of part `k` after those of the parts before it.
     fn count(&mut self, k: usize) -> Result<(), Error> {
         let part = &mut self.parts[k];
-        let waits = matches!(part.placed, Placed::Contour(_)) && self.directions.is_none();
+        let waits = !matches!(part.placed, Placed::Figure(_)) && self.directions.is_none();
         part.start = self.len;
         self.len += part.placed.figure().len();
         self.points += part.placed.figure().points();
@@ -263,11 +266,21 @@ impl Texture {
         Ok(())
     }
 
-    /// The areas that are filled along contours, each with the indices of its strokes.
-    pub fn contours(&self) -> impl Iterator<Item = (Range<usize>, &Contour)> {
+    /// The boxes that are filled along contours, or areas in them. Of a box without areas that cut its lines, with the
+    /// indices of its strokes.
+    pub fn contours(&self) -> impl Iterator<Item = (Option<Range<usize>>, &Contour)> {
+        self.parts.iter().flat_map(|p| match &p.placed {
+            Placed::Contour(f) => vec![(Some(p.start as usize..(p.start + f.len()) as usize), f)],
+            Placed::Areas(areas) => areas.lattices().iter().map(|f| (None, f)).collect(),
+            Placed::Figure(_) => Vec::new(),
+        })
+    }
+
+    /// The drawings with areas that are filled along contours, each with the index of its first stroke.
+    pub fn contour_areas(&self) -> impl Iterator<Item = (usize, &ContourAreas)> {
         self.parts.iter().filter_map(|p| match &p.placed {
-            Placed::Contour(f) => Some((p.start as usize..(p.start + f.len()) as usize, f)),
-            Placed::Figure(_) => None,
+            Placed::Areas(areas) => Some((p.start as usize, areas.as_ref())),
+            _ => None,
         })
     }
 
