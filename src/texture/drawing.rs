@@ -5,12 +5,13 @@
 //! their index, those of tiles on its border are listed one by one (16 bytes each) and cut on request.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use super::artwork::Page;
 use super::clip::{Lines, clip, is_inside};
 use super::page::{Position, aligned};
 use super::place::{SLACK, Site, Turn, far_in, is_near, push};
-use super::{Area, Figure, Kind, MAX_POINTS, Request, too_large};
+use super::{Area, ContourAreas, Figure, Kind, MAX_POINTS, Request, too_large};
 use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, BoxMm, NM_PER_MM, P2, Strokes, cos_sin};
 use crate::program::PenId;
@@ -64,9 +65,14 @@ impl Placed {
 
     /// From the page to the part.
     #[inline]
-    fn part(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    pub(super) fn part(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [c, s] = self.page;
         [self.origin[0] + (c * x - s * y), self.origin[1] + (s * x + c * y)]
+    }
+
+    /// From the page to the turned part, mm.
+    pub(super) fn turned(&self, p: [f64; 2]) -> [f64; 2] {
+        self.turn.turned(self.part(p))
     }
 
     /// From the part to the page.
@@ -95,6 +101,8 @@ pub(super) struct Drawing {
     placed: Placed,
     bounds: Box2,
     points: u64,
+    /// How many strokes of a single drawing are marked before areas that wait for their lines.
+    before: u64,
 }
 
 #[derive(Debug)]
@@ -196,8 +204,8 @@ impl Figure for Drawing {
 
 impl Drawing {
     /// Places a page as a request of kind drawing says.
-    pub(super) fn place(page: Page, request: &Request, site: &Site) -> Result<Self, Error> {
-        let Kind::Drawing { path, position, turn_rad, tile, .. } = &request.kind else {
+    pub(super) fn place(mut page: Page, request: &Request, site: &Site) -> Result<super::Placed, Error> {
+        let Kind::Drawing { path, position, turn_rad, tile, marking, .. } = &request.kind else {
             unreachable!("a drawing was asked for")
         };
         let limit = (request.area != Area::Unlimited).then_some(site.area);
@@ -207,15 +215,46 @@ impl Drawing {
         };
         let placed = Placed::new(page.size, position, *turn_rad, limit, site.part_box, site.turn);
         let file = path.display().to_string();
-        if *tile { Self::tiled(page, &placed, limit, &file) } else { Self::single(page, &placed, limit, &file) }
+        if *tile {
+            return Ok(super::Placed::Figure(Arc::new(Self::tiled(page, &placed, limit, &file)?)));
+        }
+        let (waits, waiting) = (std::mem::take(&mut page.waits), page.waiting);
+        let drawing = Self::single(page, &placed, limit, &file)?;
+        let Some(phase) = marking.along_contours.filter(|_| !waits.is_empty()) else {
+            let drawing = if drawing.len() == 0 { Err(outside(&file)) } else { Ok(drawing) };
+            return Ok(super::Placed::Figure(Arc::new(drawing?)));
+        };
+        let is_far = |p: &[f64; 2]| !is_near(placed.turned(*p));
+        if waits.iter().flat_map(|w| w.polygons.iter().flatten().flatten()).any(is_far) {
+            return Err(far_in(&file).into());
+        }
+        let areas = ContourAreas::new(drawing, &waits, waiting, phase, limit, site)?;
+        if areas.len() == 0 && areas.lattices().is_empty() {
+            return Err(outside(&file).into());
+        }
+        Ok(super::Placed::Areas(Box::new(areas)))
     }
 
-    /// A drawing placed once, cut at `area`.
-    pub(super) fn single(page: Page, placed: &Placed, area: Option<BoxMm<2>>, path: &str) -> Result<Self, Error> {
+    pub(super) fn placed(&self) -> &Placed {
+        &self.placed
+    }
+
+    pub(super) fn before(&self) -> u64 {
+        self.before
+    }
+
+    pub(super) fn name(&self, i: u32) -> &str {
+        &self.names[i as usize]
+    }
+
+    /// A drawing placed once, cut at `area`; it may hold nothing.
+    fn single(page: Page, placed: &Placed, area: Option<BoxMm<2>>, path: &str) -> Result<Self, Error> {
         let mut strokes = Strokes::default();
         let (mut name_of, mut pen_of) = (Vec::new(), Vec::new());
         let (mut line, mut pieces) = (Vec::new(), Lines::default());
-        for ((points, &name), &pen) in page.lines.iter().zip(&page.name_of).zip(&page.pen_of) {
+        let mut before = 0;
+        for (k, ((points, &name), &pen)) in page.lines.iter().zip(&page.name_of).zip(&page.pen_of).enumerate() {
+            before = if k == page.before { strokes.len() } else { before };
             line.clear();
             line.extend(points.iter().map(|&p| placed.part(p)));
             pieces.clear();
@@ -237,9 +276,7 @@ impl Drawing {
                 }
             }
         }
-        if strokes.is_empty() {
-            return Err(outside(path).into());
-        }
+        before = if page.before >= page.lines.len() { strokes.len() } else { before };
         let (bounds, points) = (strokes.bounds(), strokes.point_count() as u64);
         Ok(Self {
             names: page.names,
@@ -249,11 +286,12 @@ impl Drawing {
             placed: *placed,
             bounds,
             points,
+            before: before as u64,
         })
     }
 
     /// A drawing repeated over `area`.
-    pub(super) fn tiled(page: Page, placed: &Placed, area: Option<BoxMm<2>>, path: &str) -> Result<Self, Error> {
+    fn tiled(page: Page, placed: &Placed, area: Option<BoxMm<2>>, path: &str) -> Result<Self, Error> {
         let Some(area) = area else {
             return Err(Diag::input("texture-tile", "tiling needs an area to fill")
                 .at(Place::file(path))
@@ -268,6 +306,7 @@ impl Drawing {
             placed: *placed,
             bounds: Box2::EMPTY,
             points: 0,
+            before: 0,
         };
         let mut tiles =
             Tiles { placed: *placed, area, lines: page.lines, rows: Vec::new(), listed: Vec::new(), len: 0 };

@@ -18,6 +18,7 @@
 mod artwork;
 mod bitmap;
 mod clip;
+mod contour_areas;
 mod curves;
 mod drawing;
 mod dxf;
@@ -38,6 +39,7 @@ use crate::geom::{Box2, BoxMm, P2};
 use crate::program::PenId;
 use artwork::Artwork;
 pub use artwork::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
+pub use contour_areas::ContourAreas;
 pub use curves::{Curves, OnDistance, SpacePoint};
 use drawing::Drawing;
 pub use page::{Align, Fit, Position, Size};
@@ -131,6 +133,8 @@ enum Placed {
     Curves(Arc<Curves>),
     /// Its strokes wait for, or follow from, the directions of its lines.
     Contour(Contour),
+    /// A drawing some of whose strokes do.
+    Areas(Box<ContourAreas>),
 }
 
 impl Placed {
@@ -139,6 +143,7 @@ impl Placed {
             Self::Figure(figure) => figure.as_ref(),
             Self::Curves(curves) => curves.as_ref(),
             Self::Contour(contour) => contour,
+            Self::Areas(areas) => areas.as_ref(),
         }
     }
 }
@@ -184,7 +189,7 @@ impl Texture {
             Kind::Drawing { .. } => {
                 let art = sources.artwork(request, site, notes)?;
                 let figure = Self::drawing(&art, request, site, notes)?;
-                Ok(Some((Placed::Figure(figure), art.has_areas().then(|| Arc::new(art)))))
+                Ok(Some((figure, art.has_areas().then(|| Arc::new(art)))))
             }
             Kind::Curves { .. } => {
                 let curves = Curves::load(request, site, notes)?;
@@ -195,25 +200,20 @@ impl Texture {
     }
 
     /// Marks and places a drawing.
-    fn drawing(
-        art: &Artwork,
-        request: &Request,
-        site: &place::Site,
-        notes: &mut Vec<Diag>,
-    ) -> Result<Arc<dyn Figure>, Error> {
+    fn drawing(art: &Artwork, request: &Request, site: &place::Site, notes: &mut Vec<Diag>) -> Result<Placed, Error> {
         let Kind::Drawing { path, turn_rad, marking, .. } = &request.kind else { unreachable!("it is a drawing") };
         let file = Place::file(path.display().to_string());
         let mut told = Vec::new();
         let page = artwork::marks(art, marking, site.spot_mm, *turn_rad, &mut told)
             .map_err(|d| Error::from(d.at(file.clone())))?;
         notes.extend(told.into_iter().map(|d| d.at(file.clone())));
-        if page.lines.len() == 0 {
+        if page.lines.len() == 0 && page.waits.is_empty() {
             return Err(Diag::input("texture-empty", "nothing of the drawing is marked")
                 .at(file)
                 .hint("check fill, stroke, inset, only and except of the texture")
                 .into());
         }
-        Ok(Arc::new(Drawing::place(page, request, site)?))
+        Drawing::place(page, request, site)
     }
 
     /// The texture of another pass of the same job: its patterns are placed anew, its drawings and curves are shared, and no
@@ -227,7 +227,7 @@ impl Texture {
             Ok(match (&request.kind, &part.placed, &part.artwork) {
                 (Kind::Drawing { .. }, _, Some(art)) => {
                     let figure = Self::drawing(art, request, site, &mut Vec::new())?;
-                    Some((Placed::Figure(figure), Some(art.clone())))
+                    Some((figure, Some(art.clone())))
                 }
                 (Kind::Drawing { .. } | Kind::Curves { .. }, placed, None) => Some((placed.clone(), None)),
                 _ => None,
@@ -267,9 +267,12 @@ impl Texture {
     /// `texture-empty`, `texture-large`.
     pub fn fill(&mut self, directions: Directions) -> Result<(), Error> {
         for (k, part) in self.parts.iter_mut().enumerate() {
-            if let Placed::Contour(area) = &mut part.placed {
-                area.fill(&directions).map_err(|e| numbered(&e, k))?;
+            match &mut part.placed {
+                Placed::Contour(area) => area.fill(&directions),
+                Placed::Areas(areas) => areas.fill(&directions),
+                Placed::Figure(_) | Placed::Curves(_) => Ok(()),
             }
+            .map_err(|e| numbered(&e, k))?;
         }
         self.directions = Some(directions);
         (self.len, self.points) = (0, 0);
@@ -279,7 +282,7 @@ impl Texture {
     /// Puts the strokes of part `k` after those of the parts before it.
     fn count(&mut self, k: usize) -> Result<(), Error> {
         let part = &mut self.parts[k];
-        let waits = matches!(part.placed, Placed::Contour(_)) && self.directions.is_none();
+        let waits = matches!(part.placed, Placed::Contour(_) | Placed::Areas(_)) && self.directions.is_none();
         part.start = self.len;
         self.len += part.placed.figure().len();
         self.points += part.placed.figure().points();
@@ -292,11 +295,21 @@ impl Texture {
         Ok(())
     }
 
-    /// The areas that are filled along contours, each with the indices of its strokes.
-    pub fn contours(&self) -> impl Iterator<Item = (Range<usize>, &Contour)> {
+    /// The boxes that are filled along contours, or areas in them. Of a box without areas that cut its lines, with the
+    /// indices of its strokes.
+    pub fn contours(&self) -> impl Iterator<Item = (Option<Range<usize>>, &Contour)> {
+        self.parts.iter().flat_map(|p| match &p.placed {
+            Placed::Contour(f) => vec![(Some(p.start as usize..(p.start + f.len()) as usize), f)],
+            Placed::Areas(areas) => areas.lattices().iter().map(|f| (None, f)).collect(),
+            Placed::Figure(_) | Placed::Curves(_) => Vec::new(),
+        })
+    }
+
+    /// The drawings with areas that are filled along contours, each with the index of its first stroke.
+    pub fn contour_areas(&self) -> impl Iterator<Item = (usize, &ContourAreas)> {
         self.parts.iter().filter_map(|p| match &p.placed {
-            Placed::Contour(f) => Some((p.start as usize..(p.start + f.len()) as usize, f)),
-            Placed::Figure(_) | Placed::Curves(_) => None,
+            Placed::Areas(areas) => Some((p.start as usize, areas.as_ref())),
+            _ => None,
         })
     }
 
@@ -304,7 +317,7 @@ impl Texture {
     pub fn curves(&self) -> impl Iterator<Item = (usize, &Curves)> {
         self.parts.iter().enumerate().filter_map(|(k, p)| match &p.placed {
             Placed::Curves(curves) => Some((k, curves.as_ref())),
-            Placed::Figure(_) | Placed::Contour(_) => None,
+            _ => None,
         })
     }
 

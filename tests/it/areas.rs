@@ -5,10 +5,11 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, SQRT_2};
 use crate::support::folder;
 use crate::support::surfaces::Random;
 use terrace::diag::{Diag, Error};
-use terrace::geom::{BoxMm, P2};
-use terrace::program::PenId;
+use terrace::geom::{BoxMm, Nm, P2};
+use terrace::program::{PenId, Sections};
 use terrace::texture::{
-    Area, ContourPass, FillMode, Kind, Marking, Mirror, Position, Request, Selector, Size, StrokeMode, Texture,
+    Area, ContourPass, Directions, FillMode, Kind, Marking, Mirror, Position, Request, Selector, Size, StrokeMode,
+    Texture,
 };
 
 const SPOT: f64 = 0.04;
@@ -132,19 +133,7 @@ fn inside(p: P2, ring: &[P2]) -> bool {
 fn no_line_leaves_its_area() {
     for seed in 0..40 {
         let mut noise = Random::case(seed);
-        // A star about (10, 10) whose corners are whole nanometres.
-        let corners: Vec<P2> = (0..noise.range(3.0, 40.0) as usize)
-            .map(|_| noise.range(0.0, std::f64::consts::TAU))
-            .collect::<Vec<_>>()
-            .into_iter()
-            .map(|angle| (angle, noise.range(0.5, 9.0)))
-            .map(|(a, r)| P2::new(((10.0 + r * a.cos()) * 1e6) as i64, ((10.0 + r * a.sin()) * 1e6) as i64))
-            .collect();
-        let mut corners = corners;
-        let angle = |p: &P2| ((p.y - 10_000_000) as f64).atan2((p.x - 10_000_000) as f64);
-        corners.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
-        let path: Vec<String> =
-            corners.iter().map(|p| format!("{:.6} {:.6}", p.x as f64 * 1e-6, 20.0 - p.y as f64 * 1e-6)).collect();
+        let (corners, path) = star(&mut noise);
         let marking = Marking {
             pitch_mm: Some(0.1),
             inset_mm: Some(if seed % 2 == 0 { 0.0 } else { 0.02 }),
@@ -152,17 +141,132 @@ fn no_line_leaves_its_area() {
             cross: seed % 3 == 0,
             ..Marking::default()
         };
-        let Ok((texture, _)) = load(&format!(r#"<path d="M{}Z"/>"#, path.join("L")), marking) else { continue };
-        for (_, line) in strokes(&texture) {
-            let [a, b] = line[..] else { panic!("seed {seed}: a line has two ends") };
-            assert!(inside(a, &corners) && inside(b, &corners), "seed {seed}: {a:?} {b:?}");
-            for (k, &c) in corners.iter().enumerate() {
-                let d = corners[(k + 1) % corners.len()];
-                let apart = (side(a, b, c) > 0) == (side(a, b, d) > 0) || (side(c, d, a) > 0) == (side(c, d, b) > 0);
-                assert!(apart, "seed {seed}: {a:?} {b:?} crosses the side at {c:?}");
-            }
+        let Ok((texture, _)) = load(&path, marking) else { continue };
+        lies_in(&texture, &corners, seed);
+    }
+}
+
+/// A star about (10, 10) whose corners are whole nanometres, and its element.
+fn star(noise: &mut Random) -> (Vec<P2>, String) {
+    let angles: Vec<f64> =
+        (0..noise.range(3.0, 40.0) as usize).map(|_| noise.range(0.0, std::f64::consts::TAU)).collect();
+    let corner = |(a, r): (f64, f64)| P2::new(((10.0 + r * a.cos()) * 1e6) as i64, ((10.0 + r * a.sin()) * 1e6) as i64);
+    let mut corners: Vec<P2> = angles.into_iter().map(|angle| (angle, noise.range(0.5, 9.0))).map(corner).collect();
+    let angle = |p: &P2| ((p.y - 10_000_000) as f64).atan2((p.x - 10_000_000) as f64);
+    corners.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
+    let path: Vec<String> =
+        corners.iter().map(|p| format!("{:.6} {:.6}", p.x as f64 * 1e-6, 20.0 - p.y as f64 * 1e-6)).collect();
+    (corners, format!(r#"<path d="M{}Z"/>"#, path.join("L")))
+}
+
+/// Holds every line of a texture to lie in a polygon, exactly.
+fn lies_in(texture: &Texture, corners: &[P2], seed: u64) {
+    for (_, line) in strokes(texture) {
+        let [a, b] = line[..] else { panic!("seed {seed}: a line has two ends") };
+        assert!(inside(a, corners) && inside(b, corners), "seed {seed}: {a:?} {b:?}");
+        for (k, &c) in corners.iter().enumerate() {
+            let d = corners[(k + 1) % corners.len()];
+            let apart = (side(a, b, c) > 0) == (side(a, b, d) > 0) || (side(c, d, a) > 0) == (side(c, d, b) > 0);
+            assert!(apart, "seed {seed}: {a:?} {b:?} crosses the side at {c:?}");
         }
     }
+}
+
+/// Fills the areas of a texture in sections of 4 mm.
+fn fill(texture: &mut Texture, mut direction: impl FnMut() -> u16) -> Sections {
+    let side = Nm(4_000_000);
+    let grid = Sections::over(texture.bounds(), [side, side], Nm(100), [Nm(0); 2]);
+    let hundredths = (0..grid.len()).map(|_| direction()).collect();
+    texture.fill(Directions { grid, hundredths }).expect("lines");
+    grid
+}
+
+#[test]
+fn lines_along_contours_stay_in_area_and_section() {
+    for seed in 0..40 {
+        let mut noise = Random::case(seed);
+        let (corners, path) = star(&mut noise);
+        let marking = Marking {
+            pitch_mm: Some(0.1),
+            inset_mm: Some(if seed % 2 == 0 { 0.0 } else { 0.02 }),
+            along_contours: Some(0.0),
+            cross: seed % 3 == 0,
+            ..Marking::default()
+        };
+        let sets = if marking.cross { 2.0 } else { 1.0 };
+        let Ok((mut texture, _)) = load(&path, marking) else { continue };
+        assert_eq!(texture.len(), 0, "areas hold no line until directions are known");
+        let mut directions = Vec::new();
+        let grid = fill(&mut texture, || {
+            directions.push((noise.next() % 18_000) as u16);
+            directions[directions.len() - 1]
+        });
+        lies_in(&texture, &corners, seed);
+        for (_, line) in strokes(&texture) {
+            let sections = (0..grid.len()).filter(|&i| line.iter().all(|&p| grid.area(i).holds(p)));
+            let is_along = |i: usize| {
+                let [c, s] = Directions::cos_sin(directions[i]);
+                let [dx, dy] = [(line[1].x - line[0].x) as f64, (line[1].y - line[0].y) as f64];
+                (c * dy - s * dx).abs() < 2.0 || sets > 1.0 && (c * dx + s * dy).abs() < 2.0
+            };
+            assert!(sections.clone().any(is_along), "seed {seed}: {line:?}");
+        }
+        let area: f64 = corners
+            .iter()
+            .zip(corners.iter().cycle().skip(1))
+            .map(|(a, b)| [*a, *b].map(P2::mm))
+            .map(|[a, b]| (a[0] * b[1] - b[0] * a[1]) / 2.0)
+            .sum();
+        let border: f64 = corners.windows(2).map(length).sum();
+        // At borders of areas and sections less than a pitch stays free.
+        let slack = sets * (border * 0.15 + 0.1 * 2.0 * 40.0) / 0.1;
+        let want = sets * area / 0.1;
+        assert!(
+            (total(&texture) - want).abs() < slack.min(0.5 * want + 40.0),
+            "seed {seed}: {} {want}",
+            total(&texture)
+        );
+    }
+}
+
+#[test]
+fn one_direction_along_contours_is_a_plain_hatch() {
+    let marking = || Marking { pitch_mm: Some(0.5), inset_mm: Some(0.25), ..Marking::default() };
+    // Sections begin with the area, so lines lie half a pitch inside its box, as on the page.
+    let square = r#"<rect x="5" y="5" width="8" height="8"/>"#;
+    for (what, marking, want) in [
+        ("lines", marking(), 16.0 * 7.5),
+        ("one way", Marking { one_way: true, ..marking() }, 16.0 * 7.5),
+        ("cross", Marking { cross: true, ..marking() }, 32.0 * 7.5),
+        ("contour", Marking { contour: ContourPass::After, ..marking() }, 20.0 * 7.5),
+        ("contour first", Marking { contour: ContourPass::Before, ..marking() }, 20.0 * 7.5),
+    ] {
+        let contour = marking.contour;
+        let marking = Marking { along_contours: Some(0.0), ..marking };
+        let one_way = marking.one_way;
+        let (mut texture, notes) = load(square, marking).expect("a texture");
+        assert!(notes.is_empty(), "{notes:?}");
+        fill(&mut texture, || 0);
+        assert!((total(&texture) - want).abs() < 1e-3, "{what}: {} mm instead of {want}", total(&texture));
+        let strokes = strokes(&texture);
+        let ring = strokes.iter().position(|(_, line)| line.len() == 5);
+        let want = match contour {
+            ContourPass::None => None,
+            ContourPass::Before => Some(0),
+            ContourPass::After => Some(strokes.len() - 1),
+        };
+        assert_eq!(ring, want, "{what}");
+        if one_way {
+            assert!(strokes.iter().all(|(_, l)| l[1].x > l[0].x), "all lines run along +x");
+        }
+    }
+    // An area narrower than the pitch has one line all the same; what has no room for one is said.
+    let thin = r#"<rect x="5" y="5.1" width="8" height="0.1"/><rect x="5" y="9" width="8" height="0.03"/>"#;
+    let marking = Marking { pitch_mm: Some(0.5), along_contours: Some(0.3), ..Marking::default() };
+    let (mut texture, notes) = load(thin, marking).expect("a texture");
+    assert_eq!(notes.iter().map(|d| d.code).collect::<Vec<_>>(), ["texture-thin"]);
+    fill(&mut texture, || 0);
+    assert!(!texture.is_empty() && total(&texture) <= 8.0);
 }
 
 #[test]
@@ -223,6 +327,29 @@ fn what_is_not_marked_is_said() {
         assert_eq!(notes[0].code, code);
         assert!(texture.bounds().lo.x > 9_000_000, "{body}");
     }
+}
+
+#[test]
+fn an_inset_that_leaves_nothing_is_told_from_too_many_lines() {
+    let body = format!(r#"{RING}<rect x="15" y="15" width="4" height="4"/>"#);
+    for (inset_mm, kept) in [(1.6, true), (2.1, false), (5.1, false), (1e6, false), (1e300, false)] {
+        for contour in [ContourPass::None, ContourPass::After] {
+            let loaded = load(&body, Marking { inset_mm: Some(inset_mm), contour, ..Marking::default() });
+            match loaded {
+                Ok((texture, _)) => assert!(kept && !texture.is_empty(), "{inset_mm}"),
+                Err(e) => assert!(!kept && e.diags()[0].code == "texture-empty", "{inset_mm}: {e}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn areas_that_all_overlap_are_refused_in_time() {
+    let body = r#"<path d="M1 1h9v9z"/>"#.repeat(20_000);
+    let start = std::time::Instant::now();
+    let error = load(&body, Marking::default()).expect_err("refused");
+    assert_eq!(error.diags()[0].code, "texture-crossings");
+    assert!(start.elapsed().as_secs() < 5, "{:?}", start.elapsed());
 }
 
 #[test]

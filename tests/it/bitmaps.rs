@@ -63,6 +63,12 @@ fn keys_that_do_not_apply_are_refused() {
         ("file = \"disc.png\"\ndpi = 300\nstroke = \"hatch\"", "texture-key", "stroke does not apply to a bitmap"),
         ("file = \"disc.png\"\ndpi = 300\nsize = [\"1 mm\", \"1 mm\"]", "texture-key", "both size and dpi"),
         ("file = \"disc.png\"\ndpi = -3", "texture-key", "dpi -3 is not possible"),
+        ("file = \"disc.png\"\ndpi = 1e300", "texture-key", "is not possible"),
+        (
+            "file = \"disc.png\"\ndpi = 300\nscreen = \"dashes\"\nperiod = \"1e-9 mm\"",
+            "texture-large",
+            "larger pitch or period",
+        ),
         ("file = \"disc.png\"\ndpi = 300\ngamma = 0", "texture-key", "gamma 0 is not possible"),
         ("file = \"disc.png\"\ndpi = 300\nthreshold = \"100 %\"", "texture-key", "threshold 100 is not possible"),
         ("file = \"disc.png\"\ndpi = 300\nscreen = \"lines\"\nperiod = \"1 mm\"", "texture-key", "screen = \"lines\""),

@@ -194,6 +194,48 @@ fn every_method_and_placement_marks_the_same_lines() {
     }
 }
 
+#[test]
+fn areas_of_drawings_follow_the_level_lines_with_every_method() {
+    let dir = folder();
+    let stl = dir.path().join("ridge.stl");
+    write_stl(&stl, &mesh(90, [0.0, 0.0, 90.0, 70.0], ridge));
+    let drawing = r#"<svg xmlns="http://www.w3.org/2000/svg" width="60mm" height="50mm" viewBox="0 0 60 50">
+        <path fill-rule="evenodd" fill="red" d="M5 5h40v40h-40zM15 15h20v20h-20z"/>
+        <path d="M48 5C70 20 40 30 52 45" stroke="blue" stroke-width="4" fill="none"/>
+        <path d="M1 1h58" stroke="black" stroke-width="0.01"/></svg>"#;
+    std::fs::write(dir.path().join("areas.svg"), drawing).expect("written");
+    let deep = "[[pen]]\nname = \"deep\"\nspeed = \"100 mm/s\"\npower = \"9 %\"\nfrequency = \"60 kHz\"\n";
+    for (turn, method, keys) in [
+        (0, "contour", ""),
+        (90, "z-range", "cross = true"),
+        (33, "window", "contour = \"after\"\nmirror = \"x\""),
+        (-12, "auto", "turn = \"20 deg\"\none_way = true"),
+    ] {
+        let texture = |keys: &str| {
+            format!(
+                "file = \"areas.svg\"\npitch = \"0.5 mm\"\norigin = [\"20 mm\", \"5 mm\"]\npens = {{ red = \"deep\" }}\n{keys}"
+            )
+        };
+        let compiled = |keys: &str| {
+            let mut job = JobText::on(&stl).texture(&texture(keys)).method(method).partition("min_mark = \"0 mm\"");
+            job.more = format!("[placement]\nturn = \"{turn} deg\"\n[passes]\ncount = 2\nlower = \"0.01 mm\"\n{deep}");
+            let out = dir.path().join("out.job");
+            let summary = compile(&job.write(dir.path(), "job.toml"), &out);
+            let proof = verify(&out);
+            assert_balance(&summary, &proof);
+            let rules = proof["rules"].as_array().expect("rules");
+            let checked = |code: &str| rules.iter().find(|r| r["code"] == code).expect("a rule")["checked"].as_u64();
+            assert!(checked("drawing") > Some(200));
+            (summary, checked("fill"))
+        };
+        let ((plain, none), (contour, lines)) = (compiled(keys), compiled(&format!("{keys}\ndirection = \"contour\"")));
+        assert!(none == Some(0) && lines > Some(200), "{none:?} {lines:?}");
+        let ratio = |key: &str| number(&contour, key) / number(&plain, key);
+        assert!((ratio("texture_mm") - 1.0).abs() < 0.03, "{method}: {}", ratio("texture_mm"));
+        assert!(ratio("fragments") < 1.3, "{method}: {}", ratio("fragments"));
+    }
+}
+
 /// The directions that a job on a surface comes to, degrees.
 fn directions(shape: impl Fn(f64, f64) -> f64, turn: u32) -> Vec<f64> {
     let dir = folder();

@@ -53,7 +53,7 @@ pub struct TextureKeys {
     #[serde(default, deserialize_with = "positive_option")]
     pub pitch: Option<Length>,
     /// Hatch and riblets: direction of the lines from +x, counter-clockwise; hatch also `"contour"`: in every section
-    /// along the level lines of the part. Drawing: direction of the lines that fill areas.
+    /// along the level lines of the part. Drawing: direction of the lines that fill areas, an angle or `"contour"`.
     #[serde(default)]
     pub direction: Option<Direction>,
     /// Hilbert: 4^order points.

@@ -212,14 +212,19 @@ impl Texture<'_> {
     /// How a drawing is marked.
     fn marking(&self, f: &mut Faults<'_>) -> texture::Marking {
         let keys = self.keys;
-        let direction_rad = match keys.direction.unwrap_or(Direction::Angle(Angle::default())) {
-            Direction::Angle(angle) => angle.as_rad(),
-            Direction::Contour => {
-                let fault = Diag::input("texture-key", "direction = \"contour\" does not apply to a drawing");
-                f.push(&self.key("direction"), fault.hint("write an angle, or use pattern = \"hatch\""));
-                0.0
-            }
+        let (direction_rad, along_contours) = match keys.direction.unwrap_or(Direction::Angle(Angle::default())) {
+            Direction::Angle(angle) => (angle.as_rad(), None),
+            Direction::Contour => (0.0, Some(0.0)),
         };
+        let no_contours = [
+            (keys.tile, "tile = true"),
+            (keys.screen.is_some_and(|s| s != texture::Screen::Threshold), "a screen of lines"),
+            (keys.fill.is_some_and(|fill| fill != texture::FillMode::Hatch), "areas that are not hatched"),
+        ];
+        if let Some((_, what)) = no_contours.iter().find(|(is_given, _)| *is_given && along_contours.is_some()) {
+            let fault = Diag::input("texture-key", format!("direction = \"contour\" does not apply to {what}"));
+            f.push(&self.key("direction"), fault.hint("write an angle"));
+        }
         if let Some(inset) = keys.inset.filter(|inset| inset.as_mm() < 0.0) {
             let fault = Diag::input("texture-key", format!("inset {inset} lies outside the area"));
             f.push(&self.key("inset"), fault.hint("write 0 or more"));
@@ -240,6 +245,7 @@ impl Texture<'_> {
             pens,
             pitch_mm: keys.pitch.map(Length::as_mm),
             direction_rad,
+            along_contours,
             cross: keys.cross,
             one_way: keys.one_way,
             inset_mm: keys.inset.map(Length::as_mm),

@@ -8,7 +8,7 @@
 use super::area::{Area, Polygon};
 use super::crossings::edges;
 use super::marking::ContourPass;
-use crate::geom::cos_sin;
+use crate::geom::{BoxMm, cos_sin};
 use crate::texture::clip::Lines;
 use crate::texture::place::{LEAST, NM};
 
@@ -30,6 +30,8 @@ pub(super) struct Hatch {
     pub(super) pitch_mm: f64,
     /// Direction of lines from +x, anticlockwise.
     pub(super) direction_rad: f64,
+    /// Whether lines wait for the directions of level lines.
+    pub(super) waits: bool,
     /// Whether a second set of lines crosses the first at a right angle.
     pub(super) cross: bool,
     /// Whether all lines have one direction; else each is opposite to its neighbours.
@@ -45,6 +47,11 @@ pub(super) struct Hatch {
 pub(super) struct TooFine;
 
 impl Hatch {
+    /// What waiting lines are laid by.
+    pub(super) fn waiting(&self) -> Waiting {
+        Waiting { pitch_mm: self.pitch_mm, inset_mm: self.inset(), cross: self.cross, one_way: self.one_way }
+    }
+
     fn inset(&self) -> f64 {
         self.inset_mm.max(LEAST_INSET)
     }
@@ -52,6 +59,9 @@ impl Hatch {
     /// Appends the lines of a polygon, with its contour where that is asked for. None fits into polygons thinner than
     /// twice the inset.
     pub(super) fn fill(&self, polygon: &Polygon, out: &mut Lines) -> Result<(), TooFine> {
+        if self.is_thin(polygon) {
+            return Ok(());
+        }
         if self.contour == ContourPass::Before {
             self.contour(polygon, out);
         }
@@ -63,6 +73,29 @@ impl Hatch {
             self.contour(polygon, out);
         }
         Ok(())
+    }
+
+    /// Whether a polygon is narrower than twice the inset along an axis; others may be too narrow all the same.
+    fn is_thin(&self, polygon: &Polygon) -> bool {
+        let size = BoxMm::of(polygon.iter().flatten().copied()).size();
+        size[0].min(size[1]) < 2.0 * (self.inset() - SLACK)
+    }
+
+    /// Whether a polygon whose lines wait will hold any, with its contour where that is asked for.
+    pub(super) fn prepare(&self, polygon: &Polygon, out: &mut Lines) -> Result<bool, TooFine> {
+        let ends: f64 = polygon
+            .iter()
+            .flat_map(|ring| edges(ring))
+            .map(|[p, q]| (p[0] - q[0]).hypot(p[1] - q[1]) / self.pitch_mm)
+            .sum();
+        if ends > MAX_ENDS {
+            return Err(TooFine);
+        }
+        let inner = if self.is_thin(polygon) { Area::default() } else { Area::of(polygon).inset(self.inset()) };
+        if self.contour != ContourPass::None {
+            push_contours(&inner, out);
+        }
+        Ok(!inner.is_empty())
     }
 
     /// Appends rings at the inset, and from there at each pitch, from outside in.
@@ -122,9 +155,18 @@ fn push_contours(area: &Area, out: &mut Lines) {
     }
 }
 
+/// How lines are laid once their directions are known.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::texture) struct Waiting {
+    pub(in crate::texture) pitch_mm: f64,
+    pub(in crate::texture) inset_mm: f64,
+    pub(in crate::texture) cross: bool,
+    pub(in crate::texture) one_way: bool,
+}
+
 /// Parallel lines along u, at v = first + k pitch.
 #[derive(Clone, Copy)]
-struct Set {
+pub(in crate::texture) struct Set {
     first: f64,
     pitch: f64,
     count: usize,
@@ -132,14 +174,19 @@ struct Set {
 }
 
 /// A stretch of a line.
-struct Span {
-    line: usize,
-    v: f64,
-    from: f64,
-    to: f64,
+pub(in crate::texture) struct Span {
+    pub(in crate::texture) line: usize,
+    pub(in crate::texture) v: f64,
+    pub(in crate::texture) from: f64,
+    pub(in crate::texture) to: f64,
 }
 
 impl Set {
+    /// Lines from v = `first` on, in areas of which they keep the inset.
+    pub(in crate::texture) fn new(first: f64, count: usize, hatch: &Waiting) -> Self {
+        Self { first, pitch: hatch.pitch_mm, count, inset: hatch.inset_mm - SLACK }
+    }
+
     fn v(&self, k: usize) -> f64 {
         self.first + k as f64 * self.pitch
     }
@@ -152,7 +199,7 @@ impl Set {
     }
 
     /// What of the lines lies inside the sides, farther than the inset from each of them.
-    fn spans(&self, sides: &[[Point; 2]]) -> Vec<Span> {
+    pub(in crate::texture) fn spans(&self, sides: &[[Point; 2]]) -> Vec<Span> {
         let mut ends: Vec<(usize, f64)> = Vec::new();
         let mut gaps: Vec<(usize, f64, f64)> = Vec::new();
         for &[p, q] in sides {

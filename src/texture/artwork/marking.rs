@@ -185,6 +185,8 @@ pub struct Marking {
     pub pitch_mm: Option<f64>,
     /// Direction of these lines in the part frame.
     pub direction_rad: f64,
+    /// Whether they follow the level lines of the part instead, and by which part of their distance they are moved then.
+    pub along_contours: Option<f64>,
     /// Whether a second set of lines crosses the first at a right angle.
     pub cross: bool,
     /// Whether all lines have one direction.
@@ -221,6 +223,7 @@ impl Marking {
         Hatch {
             pitch_mm: self.pitch_mm.unwrap_or(spot_mm / 2.0),
             direction_rad: self.direction_rad - page_rad,
+            waits: self.along_contours.is_some(),
             cross: self.cross,
             one_way: self.one_way,
             inset_mm: self.inset_mm.unwrap_or(spot_mm / 2.0),

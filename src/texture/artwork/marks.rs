@@ -4,19 +4,18 @@
 //! place is hatched twice. White areas are the page: they hide, and are not marked.
 
 use std::borrow::Cow;
-use std::collections::BTreeSet;
 
 use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
 
-use super::area::Area;
+use super::area::{Area, Polygon};
 use super::choice::{Class, classes};
 use super::crossings::TooMany;
 use super::cut::Keep;
 use super::dot_screen::DotScreen;
-use super::hatch::{Hatch, TooFine};
+use super::hatch::{Hatch, TooFine, Waiting};
 use super::screen::LineScreen;
-use super::{Artwork, Figure, FillMode, Grey, Marking, Rule, Shape, StrokeMode};
+use super::{Artwork, ContourPass, Figure, FillMode, Grey, Marking, Rule, Shape, StrokeMode};
 use crate::diag::Diag;
 use crate::geom::BoxMm;
 use crate::parallel;
@@ -42,6 +41,23 @@ pub(in crate::texture) struct Page {
     pub(in crate::texture) pen_of: Vec<Option<PenId>>,
     /// Names of elements.
     pub(in crate::texture) names: Vec<String>,
+    /// The areas whose lines follow the level lines of the part.
+    pub(in crate::texture) waits: Vec<Waits>,
+    /// How these are laid.
+    pub(in crate::texture) waiting: Waiting,
+    /// How many of the lines are marked before them.
+    pub(in crate::texture) before: usize,
+}
+
+/// Areas that are filled once directions are known.
+#[derive(Debug)]
+pub(in crate::texture) struct Waits {
+    /// Index of the element's name.
+    pub(in crate::texture) name: u32,
+    /// None for the pen of the texture.
+    pub(in crate::texture) pen: Option<PenId>,
+    /// In page mm.
+    pub(in crate::texture) polygons: Vec<Polygon>,
 }
 
 /// What is done with a shape.
@@ -74,6 +90,8 @@ struct Made {
     name: u32,
     pen: Option<PenId>,
     lines: Lines,
+    /// Polygons whose lines wait; the lines above are then their contours.
+    waits: Vec<Polygon>,
     /// Polygons that no line fits into.
     thin: usize,
 }
@@ -95,7 +113,7 @@ pub(in crate::texture) fn marks(
     let seen: Vec<Seen<'_>> = parallel::map(art.shapes.len(), |i| Seen::new(art, i, classes[i], marking));
     let index = Index::new(&seen);
     let covered = covers(art, &index, &seen)?;
-    let groups = groups(&index, &seen);
+    let groups = groups(index, &seen);
     let areas = areas(art, &seen, &covered)?;
     let made = parallel::map(groups.len(), |g| {
         let members = &groups[g];
@@ -114,13 +132,27 @@ pub(in crate::texture) fn marks(
         name_of: Vec::new(),
         pen_of: Vec::new(),
         names: art.names.clone(),
+        waits: Vec::new(),
+        waiting: hatch.waiting(),
+        before: 0,
     };
     let mut thin: Option<(usize, u32)> = None;
+    let mut made = made.into_iter().collect::<Result<Vec<_>, _>>()?;
+    if marking.contour == ContourPass::After {
+        // Contours of areas whose lines wait come after these.
+        made.sort_by_key(|m| !m.waits.is_empty());
+    }
     for made in made {
-        let Made { name, pen, lines, thin: n } = made?;
+        let Made { name, pen, lines, waits, thin: n } = made;
         lines.iter().for_each(|line| page.lines.push(line));
         page.name_of.resize(page.lines.len(), name);
         page.pen_of.resize(page.lines.len(), pen);
+        if waits.is_empty() || marking.contour != ContourPass::After {
+            page.before = page.lines.len();
+        }
+        if !waits.is_empty() {
+            page.waits.push(Waits { name, pen, polygons: waits });
+        }
         if n > 0 {
             thin = Some(thin.map_or((n, name), |(all, name)| (all + n, name)));
         }
@@ -140,6 +172,7 @@ pub(in crate::texture) fn marks(
 enum Fault {
     Crossings,
     Fine,
+    Screen,
 }
 
 impl From<TooMany> for Fault {
@@ -165,6 +198,10 @@ impl Fault {
             Self::Fine => {
                 let text = format!("the hatch of {element} has more than 20 million lines");
                 Diag::limit("texture-large", text).hint("use a larger pitch")
+            }
+            Self::Screen => {
+                let text = format!("the lines of {element} are more than 20 million, or follow too many pixels");
+                Diag::limit("texture-large", text).hint("use a larger pitch or period, or fewer pixels")
             }
         })
     }
@@ -199,9 +236,9 @@ impl<'a> Seen<'a> {
         matches!(self.how, How::Hatch | How::Rings)
     }
 
-    /// Whether both are parts of one filled area.
-    fn is_one_with(&self, other: &Self) -> bool {
-        self.is_filled() && self.how == other.how && self.pen == other.pen
+    /// What filled areas have in common that are parts of one, where they touch.
+    fn kind(&self) -> Option<Kind> {
+        self.is_filled().then_some((self.how, self.pen))
     }
 }
 
@@ -218,44 +255,69 @@ fn how(figure: &Figure, marking: &Marking) -> How {
 
 type Entry = GeomWithData<Rectangle<[f64; 2]>, usize>;
 
-/// The areas by their boxes.
-struct Index(RTree<Entry>);
+/// How filled areas are marked.
+type Kind = (How, Option<PenId>);
+
+/// The areas by their boxes: filled ones by kind, so that those that are one need not be told apart in pairs, and others.
+struct Index(Vec<(Option<Kind>, RTree<Entry>)>);
 
 impl Index {
     fn new(seen: &[Seen<'_>]) -> Self {
-        let areas = seen.iter().enumerate().filter(|(_, s)| s.is_area());
-        let entry = |(i, s): (usize, &Seen<'_>)| {
+        let mut entries: Vec<(Option<Kind>, Vec<Entry>)> = Vec::new();
+        for (i, s) in seen.iter().enumerate().filter(|(_, s)| s.is_area()) {
             let BoxMm { lo, hi } = s.bounds;
-            Entry::new(Rectangle::from_corners(lo, hi), i)
-        };
-        Self(RTree::bulk_load(areas.map(entry).collect()))
+            let entry = Entry::new(Rectangle::from_corners(lo, hi), i);
+            match entries.iter_mut().find(|(kind, _)| *kind == s.kind()) {
+                Some((_, others)) => others.push(entry),
+                None => entries.push((s.kind(), vec![entry])),
+            }
+        }
+        Self(entries.into_iter().map(|(kind, entries)| (kind, RTree::bulk_load(entries))).collect())
     }
 
-    /// The areas whose boxes meet a box, in the order of painting.
-    fn near(&self, bounds: BoxMm<2>) -> BTreeSet<usize> {
-        let envelope = AABB::from_corners(bounds.lo, bounds.hi);
-        self.0.locate_in_envelope_intersecting(&envelope).map(|e| e.data).collect()
+    /// The areas that are not one with `seen` and whose boxes meet its own.
+    fn others(&self, seen: &Seen<'_>) -> impl Iterator<Item = usize> {
+        let (kind, envelope) = (seen.kind(), envelope(seen));
+        let trees = self.0.iter().filter(move |(other, _)| other.is_none() || *other != kind);
+        trees.flat_map(move |(_, tree)| tree.locate_in_envelope_intersecting(&envelope)).map(|e| e.data)
+    }
+
+    /// Takes out the areas that are one with `seen` where they touch it, and whose boxes meet its own.
+    fn take(&mut self, seen: &Seen<'_>) -> Vec<usize> {
+        let kind = seen.kind();
+        let tree = self.0.iter_mut().find(|(other, _)| kind.is_some() && *other == kind);
+        tree.map_or(Vec::new(), |(_, t)| t.drain_in_envelope_intersecting(envelope(seen)).map(|e| e.data).collect())
     }
 }
 
-/// For each shape the areas that may hide some of it.
+fn envelope(seen: &Seen<'_>) -> AABB<[f64; 2]> {
+    AABB::from_corners(seen.bounds.lo, seen.bounds.hi)
+}
+
+/// For each shape the areas that may hide some of it, in the order of painting.
 fn covers(art: &Artwork, index: &Index, seen: &[Seen<'_>]) -> Result<Vec<Vec<usize>>, Box<Diag>> {
     let points = |j: usize| seen[j].shape.lines.clone().map(|k| art.lines.get(k).len()).sum::<usize>();
     let mut work = 0;
     let of = |(i, s): (usize, &Seen<'_>)| {
+        let mut covers = Vec::new();
         if matches!(s.how, How::Skip | How::Hide) {
-            return Ok(Vec::new());
+            return Ok(covers);
         }
-        let above = index.near(s.bounds).split_off(&(i + 1));
-        let covers: Vec<usize> = above.into_iter().filter(|&j| !s.is_one_with(&seen[j])).collect();
-        work += covers.iter().map(|&j| points(j)).sum::<usize>();
-        if work > MAX_COVERED {
-            let text = "too many shapes of the drawing lie over others";
-            return Err(Box::new(
-                Diag::limit("texture-overlap", text)
-                    .hint("remove what is hidden in the drawing program (Path, Difference), or split the drawing"),
-            ));
+        for j in index.others(s) {
+            work += 1;
+            if j > i {
+                covers.push(j);
+                work += points(j);
+            }
+            if work > MAX_COVERED {
+                let text = "too many shapes of the drawing lie over others";
+                return Err(Box::new(
+                    Diag::limit("texture-overlap", text)
+                        .hint("remove what is hidden in the drawing program (Path, Difference), or split the drawing"),
+                ));
+            }
         }
+        covers.sort_unstable();
         Ok(covers)
     };
     seen.iter().enumerate().map(of).collect()
@@ -283,19 +345,19 @@ fn areas(art: &Artwork, seen: &[Seen<'_>], covered: &[Vec<usize>]) -> Result<Vec
 }
 
 /// Shapes that are marked together, in the order of painting of their first: areas that are one, and single lines.
-fn groups(index: &Index, seen: &[Seen<'_>]) -> Vec<Vec<usize>> {
+fn groups(mut index: Index, seen: &[Seen<'_>]) -> Vec<Vec<usize>> {
     let mut out = Vec::new();
     let mut is_taken = vec![false; seen.len()];
     for (i, s) in seen.iter().enumerate() {
-        if matches!(s.how, How::Skip | How::Hide) || std::mem::replace(&mut is_taken[i], true) {
+        if matches!(s.how, How::Skip | How::Hide) || is_taken[i] {
             continue;
         }
         let mut group = vec![i];
         let mut done = 0;
-        while s.is_filled() && done < group.len() {
-            for j in index.near(seen[group[done]].bounds) {
-                if !is_taken[j] && s.is_one_with(&seen[j]) {
-                    is_taken[j] = true;
+        is_taken[i] = true;
+        while let Some(&next) = group.get(done) {
+            for j in index.take(&seen[next]) {
+                if !std::mem::replace(&mut is_taken[j], true) {
                     group.push(j);
                 }
             }
@@ -315,7 +377,7 @@ fn lines(art: &Artwork, seen: &Seen<'_>, above: &[usize], areas: &[Area]) -> Res
         [] => None,
         above => Some(Area::union(above.iter().map(|&j| &areas[j]))?.cutter()),
     };
-    let mut made = Made { name: shape.name, pen: *pen, lines: Lines::default(), thin: 0 };
+    let mut made = Made { name: shape.name, pen: *pen, lines: Lines::default(), waits: Vec::new(), thin: 0 };
     let page = BoxMm { lo: [0.0; 2], hi: art.size };
     let (mut on_page, mut clipped) = (Lines::default(), Lines::default());
     for k in shape.lines.clone() {
@@ -380,9 +442,9 @@ impl Raster {
 
 /// The lines or dots of a picture.
 fn screened(art: &Artwork, seen: &Seen<'_>, screen: &Raster) -> Result<Made, Fault> {
-    let mut made = Made { name: seen.shape.name, pen: seen.pen, lines: Lines::default(), thin: 0 };
+    let mut made = Made { name: seen.shape.name, pen: seen.pen, lines: Lines::default(), waits: Vec::new(), thin: 0 };
     if let Figure::Grey(k) = seen.shape.figure {
-        screen.mark(&art.greys[k as usize], art.size, &mut made.lines)?;
+        screen.mark(&art.greys[k as usize], art.size, &mut made.lines).map_err(|TooFine| Fault::Screen)?;
     }
     Ok(made)
 }
@@ -414,13 +476,20 @@ fn filled(
         parts.push(area);
     }
     let area = if let [one] = parts.as_slice() { one.clone() } else { Area::union(parts.iter())? };
-    let mut made = Made { name: first.shape.name, pen: first.pen, lines: Lines::default(), thin: 0 };
+    let mut made = Made { name: first.shape.name, pen: first.pen, lines: Lines::default(), waits: Vec::new(), thin: 0 };
     if first.how == How::Rings {
         hatch.rings(&area, &mut made.lines)?;
         made.thin = usize::from(made.lines.len() == 0 && !area.is_empty());
         return Ok(made);
     }
     for polygon in area.polygons() {
+        if hatch.waits {
+            match hatch.prepare(polygon, &mut made.lines)? {
+                true => made.waits.push(polygon.clone()),
+                false => made.thin += 1,
+            }
+            continue;
+        }
         let before = made.lines.len();
         hatch.fill(polygon, &mut made.lines)?;
         made.thin += usize::from(made.lines.len() == before);

@@ -16,13 +16,14 @@ mod screen;
 
 use std::ops::Range;
 
-pub(super) use area::Area;
+pub(super) use area::{Area, Polygon};
 pub(super) use choice::{Class, classes};
 pub(super) use crossings::TooMany;
 use hatch::Hatch;
+pub(super) use hatch::{Set, Waiting};
 pub(super) use marking::Weight;
 pub use marking::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
-pub(super) use marks::{Page, marks};
+pub(super) use marks::{Page, Waits, marks};
 pub(super) use screen::Grey;
 
 use super::clip::Lines;

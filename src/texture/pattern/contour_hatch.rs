@@ -34,6 +34,14 @@ impl Directions {
     /// Directions in half a turn.
     pub const COUNT: u16 = 18_000;
 
+    /// Those of a cross of lines: of its first set themselves, of its second at a right angle to them.
+    #[must_use]
+    pub fn turned(&self, set: usize) -> Self {
+        let by = if set == 0 { 0 } else { Self::COUNT / 2 };
+        let hundredths = self.hundredths.iter().map(|h| (h + by) % Self::COUNT).collect();
+        Self { grid: self.grid, hundredths }
+    }
+
     /// Cosine and sine of a direction in hundredths of a degree, exact along the axes.
     pub fn cos_sin(hundredths: u16) -> [f64; 2] {
         cos_sin((f64::from(hundredths) / 100.0).to_radians())
@@ -253,10 +261,32 @@ impl Contour {
         points
     }
 
+    /// The lines of each cell.
+    pub(in crate::texture) fn cells(&self) -> impl Iterator<Item = Cell<'_>> {
+        let starts = std::iter::once(0).chain(self.lattices.iter().map(|l| l.end));
+        let lattices = self.lattices.iter().zip(starts);
+        lattices.map(|(lattice, start)| Cell { area: self, lattice, count: (lattice.end - start) as usize })
+    }
+
     /// The ends of line `k` of a cell; None where it is too short.
     fn line(&self, lattice: &Lattice, k: i64) -> Option<[P2; 2]> {
-        let (d, n) = (lattice.direction, lattice.normal());
         let offset = k as f64 * self.pitch;
+        let [t0, t1] = self.reach(lattice, offset)?;
+        (t1 - t0 >= lattice.shortest()).then(|| [t0, t1].map(|t| self.place(lattice, offset, t)))
+    }
+
+    /// The point of the grid at `t` along a line, in the cell and in the area's box.
+    fn place(&self, lattice: &Lattice, offset: f64, t: f64) -> P2 {
+        let (d, n, Box2 { lo, hi }) = (lattice.direction, lattice.normal(), lattice.cell);
+        let anchor = [lattice.anchor.x as f64, lattice.anchor.y as f64];
+        let [x, y] = [0, 1].map(|a| (anchor[a] + offset * n[a] + t * d[a]).round() as i64);
+        let Box2 { lo: least, hi: most } = self.bounds;
+        P2::new(x.clamp(lo.x.max(least.x), hi.x.min(most.x)), y.clamp(lo.y.max(least.y), hi.y.min(most.y)))
+    }
+
+    /// Between which places along it a line at `offset` from line 0 lies in the cell and in the area.
+    fn reach(&self, lattice: &Lattice, offset: f64) -> Option<[f64; 2]> {
+        let (d, n) = (lattice.direction, lattice.normal());
         let p = [lattice.anchor.x as f64 + offset * n[0], lattice.anchor.y as f64 + offset * n[1]];
         let Box2 { lo, hi } = lattice.cell;
         let [[x0, y0], [x1, y1]] = self.area;
@@ -280,15 +310,40 @@ impl Contour {
             t0 = t0.max(ta.min(tb));
             t1 = t1.min(ta.max(tb));
         }
-        let (clamp_lo, clamp_hi) = (
-            <P2>::new(lo.x.max(self.bounds.lo.x), lo.y.max(self.bounds.lo.y)),
-            <P2>::new(hi.x.min(self.bounds.hi.x), hi.y.min(self.bounds.hi.y)),
-        );
-        let end = |t: f64| {
-            let [x, y] = [0, 1].map(|a| (p[a] + t * d[a]).round() as i64);
-            P2::new(x.clamp(clamp_lo.x, clamp_hi.x), y.clamp(clamp_lo.y, clamp_hi.y))
-        };
-        (t1 - t0 >= lattice.shortest()).then(|| [end(t0), end(t1)])
+        Some([t0, t1])
+    }
+}
+
+/// The lines of one cell of a filled area.
+pub(in crate::texture) struct Cell<'a> {
+    area: &'a Contour,
+    lattice: &'a Lattice,
+    /// How many there are.
+    pub(in crate::texture) count: usize,
+}
+
+impl Cell<'_> {
+    /// The cell's borders.
+    pub(in crate::texture) fn bounds(&self) -> Box2 {
+        self.lattice.cell
+    }
+
+    /// Along the lines, and across, from a point of line 0, nm.
+    pub(in crate::texture) fn along(&self, p: [f64; 2]) -> [f64; 2] {
+        let r = [p[0] - self.lattice.anchor.x as f64, p[1] - self.lattice.anchor.y as f64];
+        [dot(r, self.lattice.direction), dot(r, self.lattice.normal())]
+    }
+
+    /// Number of the first line.
+    pub(in crate::texture) fn first(&self) -> i64 {
+        self.lattice.first
+    }
+
+    /// What lies in the cell of a stretch of a line `offset` nm from line 0.
+    pub(in crate::texture) fn piece(&self, offset: f64, [from, to]: [f64; 2]) -> Option<[P2; 2]> {
+        let [t0, t1] = self.area.reach(self.lattice, offset)?;
+        let (t0, t1) = (t0.max(from), t1.min(to));
+        (t1 - t0 >= 2.0).then(|| [t0, t1].map(|t| self.area.place(self.lattice, offset, t)))
     }
 }
 

@@ -407,7 +407,10 @@ impl Kind {
         match &mut self {
             Self::Hatch { direction_rad, .. } => *direction_rad += turned_rad,
             Self::Contour { phase, .. } => *phase = share,
-            Self::Drawing { marking, .. } => marking.direction_rad += turned_rad,
+            Self::Drawing { marking, .. } => match &mut marking.along_contours {
+                Some(phase) => *phase = share,
+                None => marking.direction_rad += turned_rad,
+            },
             _ => {}
         }
         self

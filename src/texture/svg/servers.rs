@@ -55,7 +55,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         self.cut_edges += area.edge_count() + 1;
         if self.cut_edges > MAX_CUT_EDGES {
             let text = format!("the clip paths and masks of the drawing have more than {MAX_CUT_EDGES} edges");
-            return Err(Diag::limit("svg-large", format!("{text} once their uses are expanded"))
+            return Err(Diag::input("svg-large", format!("{text} once their uses are expanded"))
                 .hint("apply clip paths and masks in the drawing program")
                 .into());
         }

@@ -11,7 +11,7 @@ use std::ops::Range;
 use super::part_place_nm;
 use crate::geom::{Box2, Nm, P2};
 use crate::program::{PassId, Sections};
-use crate::texture::{Directions, Texture};
+use crate::texture::{ContourAreas, Directions, Figure, Texture};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::manifest::Manifest;
@@ -59,6 +59,7 @@ pub(in crate::verify) fn check(
         return false;
     }
     for (strokes, contour) in texture.contours() {
+        let Some(strokes) = strokes else { continue };
         let area = Area { corners: contour.corners(), pitch: contour.pitch(), strokes };
         let mut lines = Lines::new(&area, &directions, rule);
         let mut points = Vec::new();
@@ -68,7 +69,72 @@ pub(in crate::verify) fn check(
         }
         lines.finish();
     }
+    texture.contour_areas().for_each(|(start, areas)| drawn(texture, start, areas, &directions, rule));
     true
+}
+
+/// Holds the lines that areas of a drawing are cut from to the same, and each piece to lie on one of them.
+fn drawn(texture: &Texture, start: usize, areas: &ContourAreas, directions: &Directions, rule: &mut Rule) {
+    let mut lattices = Vec::new();
+    for (k, contour) in areas.lattices().iter().enumerate() {
+        let directions = directions.turned(k);
+        let area = Area { corners: contour.corners(), pitch: contour.pitch(), strokes: 0..contour.len() as usize };
+        let mut lines = Lines::new(&area, &directions, rule);
+        let mut points = Vec::new();
+        for i in area.strokes.clone() {
+            points.clear();
+            contour.stroke(i as u64, &mut points);
+            lines.add(&points);
+        }
+        let firsts = lines.finish();
+        lattices.push((directions, contour.pitch(), firsts));
+    }
+    let mut points = Vec::new();
+    for i in areas.own().map(|i| i as usize) {
+        texture.stroke(start + i, &mut points);
+        rule.checked += 1;
+        let &[a, b] = points.as_slice() else {
+            rule.broken("", texture.element(start + i), "a line of an area has more than two points");
+            continue;
+        };
+        let fault = |(directions, pitch, firsts): &(Directions, f64, Vec<Option<f64>>)| {
+            let grid = directions.grid;
+            let section = section(&grid, a, b);
+            let centre = grid.centre(section);
+            let direction = Directions::cos_sin(directions.hundredths[section]);
+            let [oa, ob] = [a, b].map(|p| across(direction, [p.x as f64, p.y as f64], centre));
+            let lines = firsts[section].map(|first| ((oa + ob) / 2.0 - first) / pitch);
+            if (oa - ob).abs() > 2.0 * ROUNDED {
+                Some("a line of an area does not run in the direction of its section")
+            } else if !(grid.area(section).holds(a) && grid.area(section).holds(b)) {
+                Some("a line of an area leaves its section")
+            } else if !areas.is_between(i as u64) && lines.is_none_or(|n| (n - n.round()).abs() * pitch > 3.0 * ROUNDED)
+            {
+                Some("a line of an area is not a whole number of pitches from the others of its section")
+            } else {
+                None
+            }
+        };
+        let mut faults: Vec<_> = lattices.iter().map(fault).collect();
+        if let Some(fault) = faults.pop().flatten().filter(|_| faults.iter().all(Option::is_some)) {
+            rule.broken("", texture.element(start + i), fault);
+        }
+    }
+}
+
+/// The section of a line by its middle, rounded towards where it comes from.
+fn section(grid: &Sections, a: P2, b: P2) -> usize {
+    let along = |axis: usize, sum: i64, d: i64| {
+        let middle = if d < 0 { (sum + 1).div_euclid(2) } else { sum.div_euclid(2) };
+        grid.along(axis, middle, d)
+    };
+    let [column, row] = [along(0, a.x + b.x, b.x - a.x), along(1, a.y + b.y, b.y - a.y)];
+    (row * i64::from(grid.count[0]) + column) as usize
+}
+
+/// Place of a point across lines, seen from `centre`.
+fn across(direction: [f64; 2], p: [f64; 2], centre: P2) -> f64 {
+    direction[0] * (p[1] - centre.y as f64) - direction[1] * (p[0] - centre.x as f64)
 }
 
 /// The directions that the manifest states, for the grid of sections that the job has.
@@ -111,6 +177,7 @@ struct Lines<'a> {
     hundredths: &'a [u16],
     rule: &'a mut Rule,
     seen: Vec<bool>,
+    firsts: Vec<Option<f64>>,
     run: Option<Run>,
 }
 
@@ -131,20 +198,14 @@ struct Run {
 impl<'a> Lines<'a> {
     fn new(area: &'a Area, directions: &'a Directions, rule: &'a mut Rule) -> Self {
         let Directions { grid, ref hundredths } = *directions;
-        Self { area, grid, hundredths, rule, seen: vec![false; grid.len()], run: None }
+        Self { area, grid, hundredths, rule, seen: vec![false; grid.len()], firsts: vec![None; grid.len()], run: None }
     }
 
     /// Takes the next line.
     fn add(&mut self, points: &[P2]) {
         self.rule.checked += 1;
         let &[a, b] = points else { return self.rule.broken("", "texture", "a line has more than two points") };
-        let (dx, dy) = (b.x - a.x, b.y - a.y);
-        // The section of its middle, rounded towards where it comes from.
-        let along = |axis: usize, sum: i64, d: i64| {
-            self.grid.along(axis, if d < 0 { -(-sum).div_euclid(2) } else { sum.div_euclid(2) }, d)
-        };
-        let [column, row] = [along(0, a.x + b.x, dx), along(1, a.y + b.y, dy)];
-        let section = (row * i64::from(self.grid.count[0]) + column) as usize;
+        let section = section(&self.grid, a, b);
         if self.run.as_ref().is_none_or(|run| run.section != section) {
             self.end_section();
             if std::mem::replace(&mut self.seen[section], true) {
@@ -163,15 +224,16 @@ impl<'a> Lines<'a> {
     }
 
     fn end_section(&mut self) {
-        if let Some(run) = self.run.take()
-            && let Some(fault) = run.end(self.grid.centre(run.section), self.area.pitch)
-        {
+        let Some(run) = self.run.take() else { return };
+        self.firsts[run.section] = Some(run.first);
+        if let Some(fault) = run.end(self.grid.centre(run.section), self.area.pitch) {
             self.fault(self.grid.centre(run.section), fault);
         }
     }
 
-    /// Ends the last section, and looks into those without a line.
-    fn finish(mut self) {
+    /// Ends the last section, and looks into those without a line; answers with the places of the first lines of
+    /// sections, across, seen from their centres.
+    fn finish(mut self) -> Vec<Option<f64>> {
         self.end_section();
         for section in 0..self.grid.len() {
             if self.seen[section] {
@@ -182,6 +244,7 @@ impl<'a> Lines<'a> {
                 self.fault(self.grid.centre(section), "a section of the area holds no line");
             }
         }
+        self.firsts
     }
 }
 
@@ -195,7 +258,7 @@ impl Run {
 
     /// Place of a point across the lines, seen from `centre`.
     fn across(&self, p: [f64; 2], centre: P2) -> f64 {
-        self.direction[0] * (p[1] - centre.y as f64) - self.direction[1] * (p[0] - centre.x as f64)
+        across(self.direction, p, centre)
     }
 
     /// Takes the next line of the section; answers with what is wrong with it.

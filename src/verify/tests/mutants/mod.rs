@@ -3,6 +3,7 @@
 
 mod cards;
 mod dots;
+mod drawings;
 mod frames;
 mod passes;
 mod right;
@@ -21,7 +22,7 @@ use crate::job_folder;
 use crate::machine::Origin;
 use crate::manifest::MANIFEST;
 use crate::plan::{self, Plan, SteppedPlan};
-use crate::program::{Block, BlockFigures, PenId, Program};
+use crate::program::{Block, BlockFigures, PenId, Program, Stroke};
 use crate::verify::{Proof, verify};
 
 /// A compiled job in a folder of its own: a wavy sheet with a hole, hatched along contours beyond its border, and
@@ -302,9 +303,14 @@ fn remove(program: &mut Program, i: usize) {
 
 /// A stroke with a long first segment in a block with many.
 fn long_stroke(program: &Program) -> usize {
-    let long = |s: &crate::program::Stroke| {
+    long_stroke_of(program, |_| true)
+}
+
+/// The same of those that `is_meant`.
+fn long_stroke_of(program: &Program, is_meant: impl Fn(&Stroke) -> bool) -> usize {
+    let long = |s: &Stroke| {
         let points = program.points_of(s);
-        points.first() != points.last() && crate::program::stroke_mm(&points[..2]) > 1.0
+        is_meant(s) && points.first() != points.last() && crate::program::stroke_mm(&points[..2]) > 1.0
     };
     let block = program.blocks.iter().find(|b| b.strokes.len() > 5 && program.strokes_of(b).iter().any(long));
     let block = block.expect("a block with a long stroke");
