@@ -62,7 +62,7 @@ impl Placed {
 
     /// From the page to the part.
     #[inline]
-    fn part(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    pub(super) fn part(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [c, s] = self.page;
         [self.origin[0] + (c * x - s * y), self.origin[1] + (s * x + c * y)]
     }
@@ -191,10 +191,7 @@ impl Drawing {
             unreachable!("a drawing was asked for")
         };
         let limit = (request.area != Area::Unlimited).then_some(site.area);
-        let position = match (*position, page.corner) {
-            (Position::Usual, Some(corner)) if limit.is_none() => Position::Origin(corner),
-            (position, _) => position,
-        };
+        let position = position.of_page(page.corner, limit.is_some());
         let placed = Placed::new(page.size, position, *turn_rad, limit, site.part_box, site.turn);
         let file = path.display().to_string();
         if *tile { Self::tiled(page, &placed, limit, &file) } else { Self::single(page, &placed, limit, &file) }

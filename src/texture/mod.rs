@@ -21,6 +21,7 @@ mod clip;
 mod drawing;
 mod dxf;
 mod hpgl;
+mod mask;
 mod page;
 pub mod pattern;
 mod place;
@@ -36,6 +37,8 @@ use crate::program::PenId;
 use artwork::Artwork;
 pub use artwork::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
 use drawing::Drawing;
+use mask::{Border, Masked};
+pub use mask::{Mask, Masks};
 pub use page::{Align, Fit, Position, Size};
 pub use pattern::{Contour, Directions, Kind};
 use place::Turn;
@@ -73,6 +76,8 @@ pub struct Request {
     pub tolerance_mm: f64,
     /// Index of its pen.
     pub pen: PenId,
+    /// Where it is marked in its area.
+    pub masks: Masks,
 }
 
 impl Request {
@@ -80,8 +85,8 @@ impl Request {
     /// box, and drawings that are repeated over it, lie where the part does.
     pub fn is_placed(&self) -> bool {
         match self.kind {
-            Kind::Drawing { tile, .. } => !tile || self.area != Area::Part,
-            _ => matches!(self.area, Area::Rectangle(_)),
+            Kind::Drawing { tile, .. } => !tile || self.masks.inside.is_some() || self.area != Area::Part,
+            _ => matches!(self.area, Area::Rectangle(_)) || self.masks.inside.is_some(),
         }
     }
 }
@@ -111,8 +116,11 @@ pub(crate) trait Figure: std::fmt::Debug + Send + Sync {
 /// A placed drawing, with what it was made from where another pass hatches it anew.
 type PlacedDrawing = (Arc<dyn Figure>, Option<Arc<Artwork>>);
 
-/// The drawing of request k; None where it is a pattern.
-type DrawingOf<'a> = dyn FnMut(usize, &Request, &place::Site) -> Result<Option<PlacedDrawing>, Error> + 'a;
+/// The drawing of a request, None where it is a pattern; and the border at which its strokes are cut.
+type FromFiles = (Option<PlacedDrawing>, Option<Arc<Border>>);
+
+/// What request k takes from files.
+type FilesOf<'a> = dyn FnMut(usize, &Request, &place::Site) -> Result<FromFiles, Error> + 'a;
 
 /// One placed request.
 #[derive(Clone, Debug)]
@@ -136,9 +144,27 @@ impl Placed {
 struct Part {
     placed: Placed,
     artwork: Option<Arc<Artwork>>,
+    border: Option<Arc<Border>>,
+    /// What the border leaves of its strokes, once they are known.
+    masked: Option<Arc<Masked>>,
     pen: PenId,
     /// Index of its first stroke in the whole texture.
     start: u64,
+}
+
+impl Part {
+    /// Its strokes.
+    fn figure(&self) -> &dyn Figure {
+        self.masked.as_deref().map_or_else(|| self.placed.figure(), |masked| masked)
+    }
+
+    /// Cuts strokes that are known at the border.
+    fn mask(&mut self, base: Arc<dyn Figure>) -> Result<(), Error> {
+        if let Some(border) = &self.border {
+            self.masked = Some(Arc::new(Masked::new(base, Arc::clone(border))?));
+        }
+        Ok(())
+    }
 }
 
 /// All strokes of a job, computed on request: nothing is stored that can be computed. Cheap to clone.
@@ -170,12 +196,13 @@ impl Texture {
     ) -> Result<Self, Error> {
         let mut sources = source::Sources::default();
         Self::place(requests, part_box_mm, turn_rad, spot_mm, &mut |_, request, site| {
+            let border = request.masks.border(request, part_box_mm, site.turn, spot_mm, &mut sources, notes)?;
             if !matches!(request.kind, Kind::Drawing { .. }) {
-                return Ok(None);
+                return Ok((None, border));
             }
             let art = sources.artwork(request, site, notes)?;
             let figure = Self::drawing(&art, request, site, notes)?;
-            Ok(Some((figure, art.has_areas().then(|| Arc::new(art)))))
+            Ok((Some((figure, art.has_areas().then(|| Arc::new(art)))), border))
         })
     }
 
@@ -209,37 +236,43 @@ impl Texture {
     pub fn of_pass(&self, requests: &[Request], part_box_mm: BoxMm<2>, turn_rad: f64) -> Result<Self, Error> {
         Self::place(requests, part_box_mm, turn_rad, self.spot_mm, &mut |k, request, site| {
             let part = &self.parts[k];
-            Ok(match (&request.kind, &part.placed, &part.artwork) {
+            let drawing = match (&request.kind, &part.placed, &part.artwork) {
                 (Kind::Drawing { .. }, _, Some(art)) => {
                     Some((Self::drawing(art, request, site, &mut Vec::new())?, Some(art.clone())))
                 }
                 (Kind::Drawing { .. }, Placed::Figure(drawing), None) => Some((drawing.clone(), None)),
                 _ => None,
-            })
+            };
+            Ok((drawing, part.border.clone()))
         })
     }
 
-    /// Places the requests; `drawing` answers with those that are drawings.
+    /// Places the requests; `files` answers with what they take from files.
     fn place(
         requests: &[Request],
         part_box_mm: BoxMm<2>,
         turn_rad: f64,
         spot_mm: f64,
-        drawing: &mut DrawingOf<'_>,
+        files: &mut FilesOf<'_>,
     ) -> Result<Self, Error> {
         let turn = Turn::new(turn_rad);
         let mut texture = Self { parts: Vec::new(), len: 0, points: 0, bounds: Box2::EMPTY, directions: None, spot_mm };
         for (k, request) in requests.iter().enumerate() {
             let mut placed = || {
-                let place = place::Site::new(request, part_box_mm, turn, spot_mm)?;
-                match drawing(k, request, &place)? {
-                    Some((figure, artwork)) => Ok((Placed::Figure(figure), artwork)),
-                    None => pattern::place(&request.kind, &place).map(|p| (p, None)),
-                }
+                let site = place::Site::new(request, part_box_mm, turn, spot_mm)?;
+                let (drawing, border) = files(k, request, &site)?;
+                let (placed, artwork) = match drawing {
+                    Some((figure, artwork)) => (Placed::Figure(figure), artwork),
+                    None => (pattern::place(&request.kind, &site)?, None),
+                };
+                let base = if let Placed::Figure(figure) = &placed { Some(Arc::clone(figure)) } else { None };
+                let mut part = Part { placed, artwork, border, masked: None, pen: request.pen, start: 0 };
+                base.map_or(Ok(()), |base| part.mask(base))?;
+                Ok(part)
             };
-            let (placed, artwork) = placed().map_err(|e: Error| numbered(&e, k))?;
-            texture.bounds = texture.bounds.union(placed.figure().bounds());
-            texture.parts.push(Part { placed, artwork, pen: request.pen, start: 0 });
+            let part = placed().map_err(|e: Error| numbered(&e, k))?;
+            texture.bounds = texture.bounds.union(part.figure().bounds());
+            texture.parts.push(part);
             texture.count(k)?;
         }
         if texture.parts.is_empty() { Err(empty().into()) } else { Ok(texture) }
@@ -253,6 +286,8 @@ impl Texture {
         for (k, part) in self.parts.iter_mut().enumerate() {
             if let Placed::Contour(area) = &mut part.placed {
                 area.fill(&directions).map_err(|e| numbered(&e, k))?;
+                let base: Arc<dyn Figure> = Arc::new(area.clone());
+                part.mask(base).map_err(|e| numbered(&e, k))?;
             }
         }
         self.directions = Some(directions);
@@ -265,8 +300,8 @@ impl Texture {
         let part = &mut self.parts[k];
         let waits = matches!(part.placed, Placed::Contour(_)) && self.directions.is_none();
         part.start = self.len;
-        self.len += part.placed.figure().len();
-        self.points += part.placed.figure().points();
+        self.len += part.figure().len();
+        self.points += part.figure().points();
         if self.len == part.start && !waits {
             return Err(numbered(&empty().into(), k));
         }
@@ -276,10 +311,10 @@ impl Texture {
         Ok(())
     }
 
-    /// The areas that are filled along contours, each with the indices of its strokes.
-    pub fn contours(&self) -> impl Iterator<Item = (Range<usize>, &Contour)> {
+    /// The areas that are filled along contours, as they are before a border cuts their lines.
+    pub fn contours(&self) -> impl Iterator<Item = &Contour> {
         self.parts.iter().filter_map(|p| match &p.placed {
-            Placed::Contour(f) => Some((p.start as usize..(p.start + f.len()) as usize, f)),
+            Placed::Contour(f) => Some(f),
             Placed::Figure(_) => None,
         })
     }
@@ -318,7 +353,7 @@ impl Texture {
         out.clear();
         let (k, i) = self.find(i);
         let part = &self.parts[k];
-        let figure = part.placed.figure();
+        let figure = part.figure();
         figure.stroke(i, out);
         figure.pen(i).unwrap_or(part.pen)
     }
@@ -329,21 +364,21 @@ impl Texture {
     /// Where `i` is not below [`Texture::len`].
     pub fn element(&self, i: usize) -> String {
         let (k, i) = self.find(i);
-        let what = self.parts[k].placed.figure().element(i);
+        let what = self.parts[k].figure().element(i);
         format!("texture {}, {what}", k + 1)
     }
 
     /// The strokes of a request.
     pub fn strokes_of(&self, request: usize) -> Range<usize> {
         let part = &self.parts[request];
-        part.start as usize..(part.start + part.placed.figure().len()) as usize
+        part.start as usize..(part.start + part.figure().len()) as usize
     }
 
     /// Where a point of stroke `i` (turned part frame, nm) lies on the page of its drawing, and the size of the page, mm;
     /// None where the stroke is not that of a drawing. Of tiles the point in one tile.
     pub fn on_page(&self, i: usize, p: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
         let (k, _) = self.find(i);
-        self.parts[k].placed.figure().on_page(p)
+        self.parts[k].figure().on_page(p)
     }
 
     /// The part that holds stroke `i`, and the stroke's index in it.
@@ -366,7 +401,7 @@ fn numbered(e: &Error, k: usize) -> Error {
 
 fn empty() -> Diag {
     Diag::input("texture-empty", "the texture holds nothing to mark")
-        .hint("check that its area holds at least one line or cell, and that a drawing lies in its area")
+        .hint("check that its area holds at least one line or cell, that a drawing lies in its area, and what inside and outside leave")
 }
 
 fn too_large(strokes: u64, points: u64) -> Diag {

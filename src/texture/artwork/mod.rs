@@ -17,6 +17,7 @@ use std::ops::Range;
 
 pub(super) use area::Area;
 pub(super) use crossings::TooMany;
+pub(super) use cut::{Cells, Cutter, Keep};
 use hatch::Hatch;
 pub(super) use marking::Weight;
 pub use marking::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};

@@ -6,8 +6,6 @@
 //!
 //! Units: nm.
 
-use std::ops::Range;
-
 use super::part_place_nm;
 use crate::geom::{Box2, Nm, P2};
 use crate::program::{PassId, Sections};
@@ -29,7 +27,6 @@ const SHORT: f64 = 2.0;
 struct Area {
     corners: [[f64; 2]; 4],
     pitch: f64,
-    strokes: Range<usize>,
 }
 
 /// Lays the lines that the manifest speaks of and holds the rule; answers whether they could be laid.
@@ -58,12 +55,12 @@ pub(in crate::verify) fn check(
         rule.broken("", PLACE, e.diags().first().map_or("its lines cannot be placed", |d| &d.message));
         return false;
     }
-    for (strokes, contour) in texture.contours() {
-        let area = Area { corners: contour.corners(), pitch: contour.pitch(), strokes };
+    for contour in texture.contours() {
+        let area = Area { corners: contour.corners(), pitch: contour.pitch() };
         let mut lines = Lines::new(&area, &directions, rule);
         let mut points = Vec::new();
-        for i in area.strokes.clone() {
-            texture.stroke(i, &mut points);
+        for i in 0..contour.line_count() {
+            contour.line_ends(i, &mut points);
             lines.add(&points);
         }
         lines.finish();
@@ -333,7 +330,7 @@ mod tests {
     use super::*;
     use crate::geom::BoxMm;
     use crate::program::PenId;
-    use crate::texture::{self, Kind, Request};
+    use crate::texture::{self, Kind, Masks, Request};
 
     const MM: i64 = 1_000_000;
 
@@ -341,7 +338,7 @@ mod tests {
     fn faults(hundredths: [u16; 6], change: impl FnOnce(&mut Vec<[P2; 2]>)) -> Vec<String> {
         let kind = Kind::Contour { pitch_mm: 1.0, phase: 0.0 };
         let area = texture::Area::Rectangle(BoxMm::rectangle(0.0, 0.0, 50.0, 40.0));
-        let request = Request { kind, area, tolerance_mm: 0.001, pen: PenId(0) };
+        let request = Request { kind, area, tolerance_mm: 0.001, pen: PenId(0), masks: Masks::default() };
         let mut texture =
             Texture::load(&[request], BoxMm::of([[0.0; 2]]), 0.2, 0.05, &mut Vec::new()).expect("an area");
         let grid = Sections::over(texture.bounds(), [Nm(20 * MM), Nm(30 * MM)], Nm(100), [Nm(0); 2]);
@@ -355,8 +352,8 @@ mod tests {
         });
         let mut lines: Vec<[P2; 2]> = lines.collect();
         change(&mut lines);
-        let (_, contour) = texture.contours().next().expect("one");
-        let area = Area { corners: contour.corners(), pitch: contour.pitch(), strokes: 0..lines.len() };
+        let contour = texture.contours().next().expect("one");
+        let area = Area { corners: contour.corners(), pitch: contour.pitch() };
         let mut rule = Rule::new("fill", "");
         let mut found = Lines::new(&area, &directions, &mut rule);
         lines.iter().for_each(|l| found.add(l));
