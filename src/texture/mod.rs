@@ -155,7 +155,10 @@ struct Part {
 impl Part {
     /// Its strokes.
     fn figure(&self) -> &dyn Figure {
-        self.masked.as_deref().map_or_else(|| self.placed.figure(), |masked| masked)
+        match &self.masked {
+            Some(masked) => masked.as_ref(),
+            None => self.placed.figure(),
+        }
     }
 
     /// Cuts strokes that are known at the border.
