@@ -51,7 +51,7 @@ impl Soft {
         let mut kept = Kept::new(line);
         let mut before = 0.0;
         for side in sides() {
-            self.edges_near(side, &mut found);
+            let at = |t: f64| [0, 1].map(|k| side[0][k] + t * (side[1][k] - side[0][k]));
             lost.clear();
             let own = length(side);
             // The lengths that the side has a part in.
@@ -60,6 +60,8 @@ impl Soft {
             while j < count && j * share < before + own {
                 let part = [(j * share - before) / own, ((j + 1.0) * share - before) / own].map(|t| t.clamp(0.0, 1.0));
                 let part = if j + 1.0 == count { [part[0], 1.0] } else { part };
+                // Of a long side each length has edges of its own.
+                self.edges_near(part.map(at), &mut found);
                 let reach = self.width * self.random(stroke, piece, j as u64);
                 for &edge in &found {
                     if let Some([t0, t1]) = nearer(side, edges[edge as usize], reach) {
