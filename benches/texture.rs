@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use geo::{BooleanOps, LineString, MultiLineString, Polygon};
 use terrace::geom::BoxMm;
 use terrace::program::PenId;
-use terrace::texture::{Area, Kind, Marking, Position, Request, Size, Texture};
+use terrace::texture::{Area, Kind, Marking, Masks, Position, Request, Size, Texture};
 
 /// Figures in a row and in a column.
 const ROW: u32 = 100;
@@ -55,7 +55,8 @@ fn row(name: &str, body: &str, marking: Marking) {
             tile: false,
             marking: Box::new(marking.clone()),
         };
-        let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0) };
+        let request =
+            Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0), masks: Masks::default() };
         let page = BoxMm::rectangle(0.0, 0.0, 400.0, 400.0);
         Texture::load(&[request], page, 0.0, 0.03, &mut Vec::new()).expect("a drawing").len()
     };

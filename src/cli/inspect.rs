@@ -9,7 +9,7 @@ use crate::job::{FileUnit, Job, Overrides};
 use crate::manifest::{self, AnySummary, duration};
 use crate::program::PenId;
 use crate::surface::{self, Content, Fault, FaultKind, MeshCheck};
-use crate::texture::{Area, FillMode, Kind, Marking, Position, Request, Size, StrokeMode, Texture};
+use crate::texture::{Area, FillMode, Kind, Marking, Masks, Position, Request, Size, StrokeMode, Texture};
 
 /// What was found.
 pub struct Shown {
@@ -283,6 +283,7 @@ fn drawing(path: &Path) -> Result<Shown, Error> {
         area: Area::Unlimited,
         tolerance_mm: 1e-3,
         pen: PenId(0),
+        masks: Masks::default(),
     };
     let anywhere = crate::geom::BoxMm::of([[0.0; 2]]);
     // Without a physical size only what does not depend on it is shown; any page will do to count it.

@@ -101,7 +101,7 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
         surface,
         placement: Placement { origin, turn: file.placement.turn },
         textures,
-        drawings: file.texture.iter().filter_map(|t| t.file.clone().or(t.curves.clone())).collect(),
+        drawings: file.texture.iter().flat_map(TextureKeys::files).collect(),
         focus,
         partition,
         order: Order { stops: file.order.stops, strokes: file.order.strokes },

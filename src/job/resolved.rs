@@ -290,10 +290,14 @@ impl Job {
     /// The same error; where a file that the job names cannot be read, the key that names it is the place.
     #[must_use]
     pub fn at_keys(&self, e: &Error) -> Error {
-        let drawing = |(i, t): (usize, &texture::Request)| match &t.kind {
-            texture::Kind::Drawing { path, .. } => Some((format!("texture.{i}.file"), path.clone())),
-            texture::Kind::Curves { path, .. } => Some((format!("texture.{i}.curves"), path.clone())),
-            _ => None,
+        let drawing = |(i, t): (usize, &texture::Request)| {
+            let masks = t.masks.list().map(|(key, mask)| (key, &mask.drawing));
+            let named = std::iter::once(("file", &t.kind)).chain(masks).filter_map(|(key, kind)| match kind {
+                texture::Kind::Drawing { path, .. } => Some((format!("texture.{i}.{key}"), path.clone())),
+                texture::Kind::Curves { path, .. } => Some((format!("texture.{i}.curves"), path.clone())),
+                _ => None,
+            });
+            named.collect::<Vec<_>>()
         };
         let machine = match &self.machine {
             MachineInput::File(file) => Some(("machine.file".to_owned(), self.relative(file))),
@@ -301,7 +305,7 @@ impl Job {
         };
         let surface = Some(("surface.file".to_owned(), self.surface_path()));
         let named: Vec<(String, PathBuf)> =
-            surface.into_iter().chain(machine).chain(self.textures.iter().enumerate().filter_map(drawing)).collect();
+            surface.into_iter().chain(machine).chain(self.textures.iter().enumerate().flat_map(drawing)).collect();
         let at = |d: &Diag| {
             let Place::File { path, line: None } = &d.place else { return d.clone() };
             let key = named.iter().find(|(_, file)| d.code == "file-unreadable" && file.display().to_string() == *path);

@@ -43,7 +43,7 @@ pub fn along_contours(
     let hundredths = parallel::map(sections.len(), |i| {
         let mut section = Section::default();
         let mut tracer = Tracer::new(surface, max_slope);
-        filled.contours().for_each(|(_, area)| section.add(area, sections.area(i), depth, &mut tracer));
+        filled.contours().for_each(|area| section.add(area, sections.area(i), depth, &mut tracer));
         section.best()
     });
     texture.fill(Directions { grid: *sections, hundredths })?;

@@ -209,10 +209,7 @@ impl Drawing {
             unreachable!("a drawing was asked for")
         };
         let limit = (request.area != Area::Unlimited).then_some(site.area);
-        let position = match (*position, page.corner) {
-            (Position::Usual, Some(corner)) if limit.is_none() => Position::Origin(corner),
-            (position, _) => position,
-        };
+        let position = position.of_page(page.corner, limit.is_some());
         let placed = Placed::new(page.size, position, *turn_rad, limit, site.part_box, site.turn);
         let file = path.display().to_string();
         if *tile {

@@ -23,6 +23,7 @@ mod curves;
 mod drawing;
 mod dxf;
 mod hpgl;
+mod mask;
 mod page;
 pub mod pattern;
 mod place;
@@ -42,6 +43,8 @@ pub use artwork::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Se
 pub use contour_areas::ContourAreas;
 pub use curves::{Curves, OnDistance, SpacePoint};
 use drawing::Drawing;
+use mask::{Border, Masked};
+pub use mask::{Mask, Masks};
 pub use page::{Align, Fit, Position, Size};
 pub use pattern::{Contour, Directions, Kind};
 use place::Turn;
@@ -79,6 +82,8 @@ pub struct Request {
     pub tolerance_mm: f64,
     /// Index of its pen.
     pub pen: PenId,
+    /// Where it is marked in its area.
+    pub masks: Masks,
 }
 
 impl Request {
@@ -86,8 +91,8 @@ impl Request {
     /// box, and drawings that are repeated over it, lie where the part does.
     pub fn is_placed(&self) -> bool {
         match self.kind {
-            Kind::Drawing { tile, .. } => !tile || self.area != Area::Part,
-            _ => matches!(self.area, Area::Rectangle(_)),
+            Kind::Drawing { tile, .. } => !tile || self.masks.inside.is_some() || self.area != Area::Part,
+            _ => matches!(self.area, Area::Rectangle(_)) || self.masks.inside.is_some(),
         }
     }
 }
@@ -121,8 +126,11 @@ pub(crate) trait Figure: std::fmt::Debug + Send + Sync {
 /// What was placed from a file, with what it was made from where another pass hatches it anew.
 type PlacedFile = (Placed, Option<Arc<Artwork>>);
 
-/// The drawing or curves of request k; None where it is a pattern.
-type FileOf<'a> = dyn FnMut(usize, &Request, &place::Site) -> Result<Option<PlacedFile>, Error> + 'a;
+/// The drawing or curves of a request, None where it is a pattern; and the border at which its strokes are cut.
+type FromFiles = (Option<PlacedFile>, Option<Arc<Border>>);
+
+/// What request k takes from files.
+type FilesOf<'a> = dyn FnMut(usize, &Request, &place::Site) -> Result<FromFiles, Error> + 'a;
 
 /// One placed request.
 #[derive(Clone, Debug)]
@@ -152,9 +160,30 @@ impl Placed {
 struct Part {
     placed: Placed,
     artwork: Option<Arc<Artwork>>,
+    border: Option<Arc<Border>>,
+    /// What the border leaves of its strokes, once they are known.
+    masked: Option<Arc<Masked>>,
     pen: PenId,
     /// Index of its first stroke in the whole texture.
     start: u64,
+}
+
+impl Part {
+    /// Its strokes.
+    fn figure(&self) -> &dyn Figure {
+        match &self.masked {
+            Some(masked) => masked.as_ref(),
+            None => self.placed.figure(),
+        }
+    }
+
+    /// Cuts strokes that are known at the border.
+    fn mask(&mut self, base: Arc<dyn Figure>) -> Result<(), Error> {
+        if let Some(border) = &self.border {
+            self.masked = Some(Arc::new(Masked::new(base, Arc::clone(border))?));
+        }
+        Ok(())
+    }
 }
 
 /// All strokes of a job, computed on request: nothing is stored that can be computed. Cheap to clone.
@@ -185,17 +214,18 @@ impl Texture {
         notes: &mut Vec<Diag>,
     ) -> Result<Self, Error> {
         let mut sources = source::Sources::default();
-        Self::place(requests, part_box_mm, turn_rad, spot_mm, &mut |_, request, site| match &request.kind {
-            Kind::Drawing { .. } => {
-                let art = sources.artwork(request, site, notes)?;
-                let figure = Self::drawing(&art, request, site, notes)?;
-                Ok(Some((figure, art.has_areas().then(|| Arc::new(art)))))
-            }
-            Kind::Curves { .. } => {
-                let curves = Curves::load(request, site, notes)?;
-                Ok(Some((Placed::Curves(Arc::new(curves)), None)))
-            }
-            _ => Ok(None),
+        Self::place(requests, part_box_mm, turn_rad, spot_mm, &mut |_, request, site| {
+            let border = request.masks.border(request, part_box_mm, site.turn, spot_mm, &mut sources, notes)?;
+            let file = match &request.kind {
+                Kind::Drawing { .. } => {
+                    let art = sources.artwork(request, site, notes)?;
+                    let figure = Self::drawing(&art, request, site, notes)?;
+                    Some((figure, art.has_areas().then(|| Arc::new(art))))
+                }
+                Kind::Curves { .. } => Some((Placed::Curves(Arc::new(Curves::load(request, site, notes)?)), None)),
+                _ => None,
+            };
+            Ok((file, border))
         })
     }
 
@@ -224,38 +254,44 @@ impl Texture {
     pub fn of_pass(&self, requests: &[Request], part_box_mm: BoxMm<2>, turn_rad: f64) -> Result<Self, Error> {
         Self::place(requests, part_box_mm, turn_rad, self.spot_mm, &mut |k, request, site| {
             let part = &self.parts[k];
-            Ok(match (&request.kind, &part.placed, &part.artwork) {
+            let drawing = match (&request.kind, &part.placed, &part.artwork) {
                 (Kind::Drawing { .. }, _, Some(art)) => {
                     let figure = Self::drawing(art, request, site, &mut Vec::new())?;
                     Some((figure, Some(art.clone())))
                 }
                 (Kind::Drawing { .. } | Kind::Curves { .. }, placed, None) => Some((placed.clone(), None)),
                 _ => None,
-            })
+            };
+            Ok((drawing, part.border.clone()))
         })
     }
 
-    /// Places the requests; `file` answers with those that are files.
+    /// Places the requests; `files` answers with what they take from files.
     fn place(
         requests: &[Request],
         part_box_mm: BoxMm<2>,
         turn_rad: f64,
         spot_mm: f64,
-        file: &mut FileOf<'_>,
+        files: &mut FilesOf<'_>,
     ) -> Result<Self, Error> {
         let turn = Turn::new(turn_rad);
         let mut texture = Self { parts: Vec::new(), len: 0, points: 0, bounds: Box2::EMPTY, directions: None, spot_mm };
         for (k, request) in requests.iter().enumerate() {
             let mut placed = || {
-                let place = place::Site::new(request, part_box_mm, turn, spot_mm)?;
-                match file(k, request, &place)? {
-                    Some(placed) => Ok(placed),
-                    None => pattern::place(&request.kind, &place).map(|p| (p, None)),
-                }
+                let site = place::Site::new(request, part_box_mm, turn, spot_mm)?;
+                let (file, border) = files(k, request, &site)?;
+                let (placed, artwork) = match file {
+                    Some(placed) => placed,
+                    None => (pattern::place(&request.kind, &site)?, None),
+                };
+                let base = if let Placed::Figure(figure) = &placed { Some(Arc::clone(figure)) } else { None };
+                let mut part = Part { placed, artwork, border, masked: None, pen: request.pen, start: 0 };
+                base.map_or(Ok(()), |base| part.mask(base))?;
+                Ok(part)
             };
-            let (placed, artwork) = placed().map_err(|e: Error| numbered(&e, k))?;
-            texture.bounds = texture.bounds.union(placed.figure().bounds());
-            texture.parts.push(Part { placed, artwork, pen: request.pen, start: 0 });
+            let part = placed().map_err(|e: Error| numbered(&e, k))?;
+            texture.bounds = texture.bounds.union(part.figure().bounds());
+            texture.parts.push(part);
             texture.count(k)?;
         }
         if texture.parts.is_empty() { Err(empty().into()) } else { Ok(texture) }
@@ -267,12 +303,18 @@ impl Texture {
     /// `texture-empty`, `texture-large`.
     pub fn fill(&mut self, directions: Directions) -> Result<(), Error> {
         for (k, part) in self.parts.iter_mut().enumerate() {
-            match &mut part.placed {
-                Placed::Contour(area) => area.fill(&directions),
-                Placed::Areas(areas) => areas.fill(&directions),
-                Placed::Figure(_) | Placed::Curves(_) => Ok(()),
-            }
-            .map_err(|e| numbered(&e, k))?;
+            let base: Arc<dyn Figure> = match &mut part.placed {
+                Placed::Contour(area) => {
+                    area.fill(&directions).map_err(|e| numbered(&e, k))?;
+                    Arc::new(area.clone())
+                }
+                Placed::Areas(areas) => {
+                    areas.fill(&directions).map_err(|e| numbered(&e, k))?;
+                    Arc::new(ContourAreas::clone(areas))
+                }
+                Placed::Figure(_) | Placed::Curves(_) => continue,
+            };
+            part.mask(base).map_err(|e| numbered(&e, k))?;
         }
         self.directions = Some(directions);
         (self.len, self.points) = (0, 0);
@@ -284,8 +326,8 @@ impl Texture {
         let part = &mut self.parts[k];
         let waits = matches!(part.placed, Placed::Contour(_) | Placed::Areas(_)) && self.directions.is_none();
         part.start = self.len;
-        self.len += part.placed.figure().len();
-        self.points += part.placed.figure().points();
+        self.len += part.figure().len();
+        self.points += part.figure().points();
         if self.len == part.start && !waits {
             return Err(numbered(&empty().into(), k));
         }
@@ -295,22 +337,24 @@ impl Texture {
         Ok(())
     }
 
-    /// The boxes that are filled along contours, or areas in them. Of a box without areas that cut its lines, with the
-    /// indices of its strokes.
-    pub fn contours(&self) -> impl Iterator<Item = (Option<Range<usize>>, &Contour)> {
+    /// The boxes that are filled along contours, as they are before a border cuts their lines; and those in which areas of
+    /// drawings are.
+    pub fn contours(&self) -> impl Iterator<Item = &Contour> {
         self.parts.iter().flat_map(|p| match &p.placed {
-            Placed::Contour(f) => vec![(Some(p.start as usize..(p.start + f.len()) as usize), f)],
-            Placed::Areas(areas) => areas.lattices().iter().map(|f| (None, f)).collect(),
-            Placed::Figure(_) | Placed::Curves(_) => Vec::new(),
+            Placed::Contour(f) => std::slice::from_ref(f),
+            Placed::Areas(areas) => areas.lattices(),
+            Placed::Figure(_) | Placed::Curves(_) => &[],
         })
     }
 
-    /// The drawings with areas that are filled along contours, each with the index of its first stroke.
-    pub fn contour_areas(&self) -> impl Iterator<Item = (usize, &ContourAreas)> {
-        self.parts.iter().filter_map(|p| match &p.placed {
-            Placed::Areas(areas) => Some((p.start as usize, areas.as_ref())),
-            _ => None,
-        })
+    /// The boxes that are filled along contours as wholes.
+    pub fn whole_contours(&self) -> impl Iterator<Item = &Contour> {
+        self.parts.iter().filter_map(|p| if let Placed::Contour(f) = &p.placed { Some(f) } else { None })
+    }
+
+    /// The drawings with areas that are filled along contours, as they are before a border cuts their lines.
+    pub fn contour_areas(&self) -> impl Iterator<Item = &ContourAreas> {
+        self.parts.iter().filter_map(|p| if let Placed::Areas(areas) = &p.placed { Some(areas.as_ref()) } else { None })
     }
 
     /// The space curves, each with the index of its request.
@@ -363,7 +407,7 @@ impl Texture {
         out.clear();
         let (k, i) = self.find(i);
         let part = &self.parts[k];
-        let figure = part.placed.figure();
+        let figure = part.figure();
         figure.stroke(i, out);
         figure.pen(i).unwrap_or(part.pen)
     }
@@ -374,21 +418,21 @@ impl Texture {
     /// Where `i` is not below [`Texture::len`].
     pub fn element(&self, i: usize) -> String {
         let (k, i) = self.find(i);
-        let what = self.parts[k].placed.figure().element(i);
+        let what = self.parts[k].figure().element(i);
         format!("texture {}, {what}", k + 1)
     }
 
     /// The strokes of a request.
     pub fn strokes_of(&self, request: usize) -> Range<usize> {
         let part = &self.parts[request];
-        part.start as usize..(part.start + part.placed.figure().len()) as usize
+        part.start as usize..(part.start + part.figure().len()) as usize
     }
 
     /// Where a point of stroke `i` (turned part frame, nm) lies on the page of its drawing, and the size of the page, mm;
     /// None where the stroke is not that of a drawing. Of tiles the point in one tile.
     pub fn on_page(&self, i: usize, p: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
         let (k, _) = self.find(i);
-        self.parts[k].placed.figure().on_page(p)
+        self.parts[k].figure().on_page(p)
     }
 
     /// The part that holds stroke `i`, and the stroke's index in it.
@@ -411,7 +455,7 @@ fn numbered(e: &Error, k: usize) -> Error {
 
 fn empty() -> Diag {
     Diag::input("texture-empty", "the texture holds nothing to mark")
-        .hint("check that its area holds at least one line or cell, and that a drawing lies in its area")
+        .hint("check that its area holds at least one line or cell, that a drawing lies in its area, and what inside and outside leave")
 }
 
 fn too_large(strokes: u64, points: u64) -> Diag {

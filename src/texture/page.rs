@@ -97,6 +97,16 @@ pub enum Position {
     Aligned(Align),
 }
 
+impl Position {
+    /// That of a page with coordinates of its own, which count where nothing is said and no area is given.
+    pub(super) fn of_page(self, corner: Option<[f64; 2]>, has_area: bool) -> Self {
+        match (self, corner) {
+            (Self::Usual, Some(corner)) if !has_area => Self::Origin(corner),
+            (position, _) => position,
+        }
+    }
+}
+
 /// The size that a request wants for a page.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wanted {

@@ -8,8 +8,8 @@ use terrace::diag::{Diag, Error};
 use terrace::geom::{BoxMm, Nm, P2};
 use terrace::program::{PenId, Sections};
 use terrace::texture::{
-    Area, ContourPass, Directions, FillMode, Kind, Marking, Mirror, Position, Request, Selector, Size, StrokeMode,
-    Texture,
+    Area, ContourPass, Directions, FillMode, Kind, Marking, Masks, Mirror, Position, Request, Selector, Size,
+    StrokeMode, Texture,
 };
 
 const SPOT: f64 = 0.04;
@@ -32,7 +32,7 @@ fn load(body: &str, marking: Marking) -> Result<(Texture, Vec<Diag>), Error> {
         tile: false,
         marking: Box::new(marking),
     };
-    let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0) };
+    let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0), masks: Masks::default() };
     let mut notes = Vec::new();
     Texture::load(&[request], BoxMm::rectangle(0.0, 0.0, 20.0, 20.0), 0.0, SPOT, &mut notes).map(|t| (t, notes))
 }

@@ -7,7 +7,7 @@ use crate::support::surfaces::Random;
 use crate::support::{folder, malformed, outlines};
 use terrace::geom::BoxMm;
 use terrace::program::PenId;
-use terrace::texture::{Area, Kind, Position, Request, Size, Texture};
+use terrace::texture::{Area, Kind, Masks, Position, Request, Size, Texture};
 
 /// What must come of a file: strokes, or the code of the error; and the codes of the warnings.
 type Outcome = (Result<usize, &'static str>, &'static [&'static str]);
@@ -66,7 +66,7 @@ fn check(path: &Path, size_mm: Option<[f64; 2]>, (expected, warnings): Outcome) 
         tile: false,
         marking: outlines(),
     };
-    let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0) };
+    let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0), masks: Masks::default() };
     let (start, mut notes) = (Instant::now(), Vec::new());
     let loaded = Texture::load(&[request], BoxMm::rectangle(0.0, 0.0, 100.0, 100.0), 0.0, 0.05, &mut notes);
     assert!(start.elapsed() < Duration::from_secs(5), "{name}: {:?}", start.elapsed());
@@ -187,7 +187,7 @@ fn damaged_drawings_never_panic_and_yield_valid_strokes() {
             tile: which == 2,
             marking: outlines(),
         };
-        let request = Request { kind, area: Area::Part, tolerance_mm: 1e-2, pen: PenId(0) };
+        let request = Request { kind, area: Area::Part, tolerance_mm: 1e-2, pen: PenId(0), masks: Masks::default() };
         if let Ok(texture) =
             Texture::load(&[request], BoxMm::rectangle(0.0, 0.0, 30.0, 20.0), 0.1, 0.05, &mut Vec::new())
         {

@@ -7,7 +7,7 @@ use crate::support::surfaces::{dome, mesh, write_stl};
 use crate::support::{JobText, assert_balance, compile, folder, image, number, said, shared, terrace, verify};
 use terrace::geom::BoxMm;
 use terrace::program::PenId;
-use terrace::texture::{Area, Kind, Marking, Position, Request, Screen, Size, Texture, Tone};
+use terrace::texture::{Area, Kind, Marking, Masks, Position, Request, Screen, Size, Texture, Tone};
 
 /// A PNG of 16 bits: a disc whose grey rises from its middle to its border, on white.
 fn disc() -> Vec<u8> {
@@ -95,7 +95,7 @@ fn load(path: &Path, screen: Screen, spot_mm: f64) -> Result<Texture, &'static s
         tile: false,
         marking: Box::new(marking),
     };
-    let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0) };
+    let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0), masks: Masks::default() };
     let start = Instant::now();
     let texture = Texture::load(&[request], BoxMm::rectangle(0.0, 0.0, 20.0, 20.0), 0.0, spot_mm, &mut Vec::new());
     assert!(start.elapsed() < Duration::from_secs(5), "{} took {:?}", path.display(), start.elapsed());

@@ -172,8 +172,9 @@ fn tables(schema: &Value) -> BTreeMap<String, BTreeMap<String, BTreeSet<String>>
     while let Some((name, at)) = open.pop() {
         let mut keys = BTreeMap::new();
         for (key, value) in at["properties"].as_object().expect("an object has keys") {
-            // A pair that is written in one line is explained as a key.
-            match object(schema, value).filter(|_| !["move", "servo"].contains(&key.as_str())) {
+            // What is written in one line is explained as a key.
+            let in_line = ["move", "servo", "inside", "outside"];
+            match object(schema, value).filter(|_| !in_line.contains(&key.as_str())) {
                 Some(inner) => {
                     let dot = if name.is_empty() { "" } else { "." };
                     open.push((format!("{name}{dot}{key}"), inner));

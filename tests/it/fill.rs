@@ -6,7 +6,7 @@ use crate::support::surfaces::{FIVE, Random, mesh, write_stl};
 use crate::support::{JobText, ONE_FILE, assert_balance, compile, folder, number, verify};
 use terrace::geom::{BoxMm, Nm, P2, length_mm};
 use terrace::program::{PenId, Sections};
-use terrace::texture::{Area, Directions, Kind, Request, Texture};
+use terrace::texture::{Area, Directions, Kind, Masks, Request, Texture};
 
 fn hatch(direction: &str, pitch: &str) -> String {
     format!("pattern = \"hatch\"\npitch = \"{pitch}\"\ndirection = \"{direction}\"")
@@ -60,7 +60,8 @@ fn filled(
     mut direction: impl FnMut() -> u16,
 ) -> (Vec<[P2; 2]>, Sections) {
     let kind = Kind::Contour { pitch_mm, phase: 0.0 };
-    let request = Request { kind, area: Area::Rectangle(area), tolerance_mm: 1e-3, pen: PenId(0) };
+    let request =
+        Request { kind, area: Area::Rectangle(area), tolerance_mm: 1e-3, pen: PenId(0), masks: Masks::default() };
     let mut texture = Texture::load(&[request], area, turn_deg.to_radians(), 0.05, &mut Vec::new()).expect("an area");
     assert_eq!(texture.len(), 0, "an area holds no line until it is filled");
     let side = Nm(side_mm * 1_000_000);

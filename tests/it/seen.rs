@@ -9,7 +9,7 @@ use crate::support::{fixture, shared};
 use terrace::diag::Error;
 use terrace::geom::BoxMm;
 use terrace::program::PenId;
-use terrace::texture::{Area, Kind, Marking, Position, Request, Size, Texture};
+use terrace::texture::{Area, Kind, Marking, Masks, Position, Request, Size, Texture};
 
 /// Pixels of a millimetre.
 const SCALE: f32 = 20.0;
@@ -30,7 +30,7 @@ fn load(path: &Path, marking: Marking) -> Result<Texture, Error> {
         tile: false,
         marking: Box::new(marking),
     };
-    let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0) };
+    let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0), masks: Masks::default() };
     Texture::load(&[request], BoxMm::rectangle(0.0, 0.0, SIDE, SIDE), 0.0, SPOT, &mut Vec::new())
 }
 

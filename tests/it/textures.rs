@@ -10,12 +10,12 @@ use terrace::diag::{Diag, Error};
 use terrace::geom::{Box2, BoxMm, P2, length_mm};
 use terrace::program::PenId;
 use terrace::texture::pattern::{Lattice, Shape};
-use terrace::texture::{Area, Kind, Position, Request, Size, Texture};
+use terrace::texture::{Area, Kind, Masks, Position, Request, Size, Texture};
 
 pub(crate) const PLATE: BoxMm<2> = BoxMm::rectangle(0.0, 0.0, 450.0, 450.0);
 
 pub(crate) fn request(kind: Kind, area: Area) -> Request {
-    Request { kind, area, tolerance_mm: 1e-3, pen: PenId(3) }
+    Request { kind, area, tolerance_mm: 1e-3, pen: PenId(3), masks: Masks::default() }
 }
 
 pub(crate) fn load(request: Request, part_box: BoxMm<2>, turn_rad: f64) -> Result<(Texture, Vec<Diag>), Error> {
@@ -385,12 +385,14 @@ fn text_of_a_job_with_several_textures_keeps_order_and_pens() {
         area: Area::Part,
         tolerance_mm: 1e-3,
         pen: PenId(1),
+        masks: Masks::default(),
     };
     let curve = Request {
         kind: Kind::Hilbert { order: 2 },
         area: Area::Rectangle(BoxMm::rectangle(20.0, 0.0, 30.0, 10.0)),
         tolerance_mm: 1e-3,
         pen: PenId(0),
+        masks: Masks::default(),
     };
     let t = Texture::load(&[hatch, curve], BoxMm::rectangle(0.0, 0.0, 10.0, 10.0), 0.0, 0.05, &mut Vec::new())
         .expect("textures");

@@ -84,7 +84,7 @@ pub struct TextureKeys {
     /// Dots: how far a dot may lie from its site, at random; 100 % is half a pitch. Default: 0 %.
     #[serde(default)]
     pub jitter: Option<Share>,
-    /// Dots, poisson, bitmap with `screen = "noise"`: what random places follow from; default: 0.
+    /// Dots, poisson, bitmap with `screen = "noise"`, and with `soft`: what random places follow from; default: 0.
     #[serde(default)]
     pub seed: Option<u64>,
     /// Drawing: width and height that the whole page gets; required where the file has no physical size.
@@ -99,6 +99,16 @@ pub struct TextureKeys {
     /// Drawing: which side or corner of its area, or of the part's box, the page touches; default with `fit`: the middle.
     #[serde(default)]
     pub align: Option<Align>,
+    /// Only what lies inside an area of a drawing is marked: `"mask.svg#outline"`, placed by the keys of this texture, or
+    /// a table with keys of its own.
+    #[serde(default)]
+    pub inside: Option<MaskKeys>,
+    /// What lies inside an area of a drawing is not marked.
+    #[serde(default)]
+    pub outside: Option<MaskKeys>,
+    /// Width over which marks fade at the border of `inside` and `outside`; default: a sharp border.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub soft: Option<Length>,
     /// DXF drawing, curves: a unit of the file; required where it states none.
     #[serde(default)]
     pub unit: Option<FileUnit>,
@@ -177,6 +187,72 @@ pub struct TextureKeys {
     /// Name of the pen; default: the first.
     #[serde(default)]
     pub pen: Option<String>,
+}
+
+/// The area of a drawing: its file, with `#` and the id, layer, class or block that makes the area; or a table.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum MaskKeys {
+    /// Placed as a drawing with the keys of the texture.
+    Named(String),
+    /// Placed by keys of its own.
+    Placed(Box<PlacedMaskKeys>),
+}
+
+/// The area of a drawing, and where that lies; the keys are those of a drawing.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlacedMaskKeys {
+    /// The drawing, relative to the job file, with `#` and the id, layer, class or block that makes the area.
+    pub file: String,
+    /// Width and height that the whole page gets.
+    #[serde(default)]
+    pub size: Option<[Length; 2]>,
+    /// How many times as large as its file states.
+    #[serde(default)]
+    pub scale: Option<f64>,
+    /// How large its page becomes in the part's box.
+    #[serde(default)]
+    pub fit: Option<Fit>,
+    /// Which side or corner of the part's box the page touches.
+    #[serde(default)]
+    pub align: Option<Align>,
+    /// A drawing unit of a DXF file.
+    #[serde(default)]
+    pub unit: Option<FileUnit>,
+    /// Part-frame position of the page's lower left corner.
+    #[serde(default)]
+    pub origin: Option<[Length; 2]>,
+    /// Turn of the page, counter-clockwise.
+    #[serde(default)]
+    pub turn: Angle,
+    /// Mirror the page about its middle, before it is turned.
+    #[serde(default)]
+    pub mirror: Option<Mirror>,
+}
+
+impl TextureKeys {
+    /// The files that it names.
+    pub fn files(&self) -> impl Iterator<Item = PathBuf> {
+        let masks = [&self.inside, &self.outside].into_iter().flatten().map(|mask| PathBuf::from(mask.file().0));
+        self.file.clone().into_iter().chain(self.curves.clone()).chain(masks)
+    }
+}
+
+impl MaskKeys {
+    /// File, and the name of what makes the area.
+    pub fn file(&self) -> (&str, Option<&str>) {
+        let text = match self {
+            Self::Named(text) => text,
+            Self::Placed(keys) => &keys.file,
+        };
+        // A name follows the last part of a path, and may hold # itself.
+        let folder = text.rfind(['/', '\\']).map_or(0, |at| at + 1);
+        match text[folder..].split_once('#') {
+            Some((file, name)) => (&text[..folder + file.len()], Some(name)),
+            None => (text, None),
+        }
+    }
 }
 
 /// Resolution of a bitmap: a number, or `"file"`.

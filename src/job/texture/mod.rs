@@ -1,6 +1,7 @@
 //! One `[[texture]]` of a job: its keys, and the request that they make.
 
 pub mod keys;
+mod mask;
 mod page;
 mod tone;
 
@@ -71,7 +72,8 @@ impl Texture<'_> {
         let pen = self.pen(f);
         let area = self.area(f);
         let kind = self.kind(f)?;
-        Some(texture::Request { kind, area, tolerance_mm: self.keys.tolerance.as_mm(), pen })
+        let masks = mask::resolve(self, f);
+        Some(texture::Request { kind, area, tolerance_mm: self.keys.tolerance.as_mm(), pen, masks })
     }
 
     /// The index of its pen; the first where none is named.
@@ -95,24 +97,31 @@ impl Texture<'_> {
         }
     }
 
-    fn area(&self, f: &mut Faults<'_>) -> texture::Area {
+    /// Its area, which may be empty.
+    fn area_as_given(&self) -> texture::Area {
         match &self.keys.area {
             Some(AreaKeys::Named(AreaName::Part)) => texture::Area::Part,
             None if self.keys.file.is_some() || self.keys.curves.is_some() => texture::Area::Unlimited,
             None => texture::Area::Part,
             Some(AreaKeys::Rectangle(r)) => {
                 let [x0, y0, x1, y1] = r.map(Length::as_mm);
-                if x0 >= x1 || y0 >= y1 {
-                    let text = format!("the area is empty: x from {x0} to {x1} mm, y from {y0} to {y1} mm");
-                    f.push(
-                        &self.key("area"),
-                        Diag::input("texture-area", text)
-                            .hint("write [x0, y0, x1, y1] with the lower left corner first"),
-                    );
-                }
                 texture::Area::Rectangle(BoxMm::rectangle(x0, y0, x1, y1))
             }
         }
+    }
+
+    fn area(&self, f: &mut Faults<'_>) -> texture::Area {
+        if let Some(AreaKeys::Rectangle(r)) = &self.keys.area {
+            let [x0, y0, x1, y1] = r.map(Length::as_mm);
+            if x0 >= x1 || y0 >= y1 {
+                let text = format!("the area is empty: x from {x0} to {x1} mm, y from {y0} to {y1} mm");
+                f.push(
+                    &self.key("area"),
+                    Diag::input("texture-area", text).hint("write [x0, y0, x1, y1] with the lower left corner first"),
+                );
+            }
+        }
+        self.area_as_given()
     }
 
     fn kind(&self, f: &mut Faults<'_>) -> Option<texture::Kind> {
@@ -166,8 +175,7 @@ impl Texture<'_> {
 
     fn drawing(&self, file: &Path, f: &mut Faults<'_>) -> texture::Kind {
         let keys = self.keys;
-        let is_dxf = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("dxf"));
-        if keys.unit.is_some() && !is_dxf {
+        if keys.unit.is_some() && !is_dxf(file) {
             let fault = Diag::input("texture-key", "unit applies to DXF drawings alone");
             f.push(&self.key("unit"), fault.hint("use size for the width and height of the page"));
         }
@@ -178,7 +186,7 @@ impl Texture<'_> {
                     .hint("add area = \"part\" or area = [x0, y0, x1, y1]"),
             );
         }
-        let (size, position) = page::resolve(keys, &|name| self.key(name), f);
+        let (size, position) = page::resolve(keys.into(), &|name| self.key(name), f);
         texture::Kind::Drawing {
             path: self.folder.join(file),
             size,
@@ -319,7 +327,7 @@ impl Texture<'_> {
             ("line", keys.line.is_some()),
             ("centre", keys.centre.is_some()),
             ("jitter", keys.jitter.is_some()),
-            ("seed", keys.seed.is_some()),
+            ("seed", keys.seed.is_some() && keys.soft.is_none()),
             ("size", keys.size.is_some()),
             ("scale", keys.scale.is_some()),
             ("fit", keys.fit.is_some()),
@@ -358,4 +366,8 @@ impl Texture<'_> {
             f.push(&self.key(if is_given { key } else { "pattern" }), fault);
         }
     }
+}
+
+fn is_dxf(file: &Path) -> bool {
+    file.extension().is_some_and(|e| e.eq_ignore_ascii_case("dxf"))
 }

@@ -14,7 +14,7 @@ pub(super) fn resolve(keys: &TextureKeys, place: &dyn Fn(&str) -> String, f: &mu
     for (key, is_given, applies) in [
         ("threshold", keys.threshold.is_some(), is_area),
         ("period", keys.period.is_some(), matches!(screen, Screen::Dashes | Screen::Halftone)),
-        ("seed", keys.seed.is_some(), screen == Screen::Noise),
+        ("seed", keys.seed.is_some() && keys.soft.is_none(), screen == Screen::Noise),
         ("one_way", keys.one_way, !screen.is_of_dots()),
         ("fill", keys.fill.is_some(), is_area),
         ("cross", keys.cross, is_area),
@@ -47,8 +47,7 @@ pub(super) fn resolve(keys: &TextureKeys, place: &dyn Fn(&str) -> String, f: &mu
         || keys.invert
         || keys.screen.is_some()
         || keys.threshold.is_some()
-        || keys.period.is_some()
-        || keys.seed.is_some();
+        || keys.period.is_some();
     let given = Tone::default();
     is_said.then(|| Tone {
         resolution: keys.dpi.map(|d| match d {

@@ -75,6 +75,13 @@ impl Area {
         Self(self.0.outline(&style))
     }
 
+    /// With all points moved by a map that keeps left and right.
+    #[must_use]
+    pub(in crate::texture) fn mapped(mut self, map: impl Fn(Point) -> Point) -> Self {
+        self.0.iter_mut().flatten().flatten().for_each(|p| *p = map(*p));
+        self
+    }
+
     /// Mirrors it between 0 and `side` along an axis.
     pub(super) fn mirror(&mut self, axis: usize, side: f64) {
         for contour in self.0.iter_mut().flatten() {

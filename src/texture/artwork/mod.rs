@@ -19,6 +19,7 @@ use std::ops::Range;
 pub(super) use area::{Area, Polygon};
 pub(super) use choice::{Class, classes};
 pub(super) use crossings::TooMany;
+pub(super) use cut::{Cells, Cutter, Keep, distance};
 use hatch::Hatch;
 pub(super) use hatch::{Set, Waiting};
 pub(super) use marking::Weight;

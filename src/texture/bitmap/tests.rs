@@ -93,7 +93,13 @@ fn load(bytes: &[u8], size: Option<[f64; 2]>, marking: Marking) -> Result<(Textu
         tile: false,
         marking: Box::new(marking),
     };
-    let request = Request { kind, area: texture::Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0) };
+    let request = Request {
+        kind,
+        area: texture::Area::Unlimited,
+        tolerance_mm: 1e-3,
+        pen: PenId(0),
+        masks: crate::texture::Masks::default(),
+    };
     let mut notes = Vec::new();
     Texture::load(&[request], BoxMm::rectangle(0.0, 0.0, 50.0, 50.0), 0.0, SPOT, &mut notes).map(|t| (t, notes))
 }

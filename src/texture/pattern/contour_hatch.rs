@@ -139,6 +139,17 @@ impl Contour {
         })
     }
 
+    /// How many lines fill it.
+    pub fn line_count(&self) -> u64 {
+        self.len()
+    }
+
+    /// Writes the ends of line `i` into `out`, which is cleared.
+    pub fn line_ends(&self, i: u64, out: &mut Vec<P2>) {
+        out.clear();
+        self.stroke(i, out);
+    }
+
     /// The corners of the area, counter-clockwise, nm.
     pub fn corners(&self) -> [[f64; 2]; 4] {
         self.corners

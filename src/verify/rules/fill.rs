@@ -6,8 +6,6 @@
 //!
 //! Units: nm.
 
-use std::ops::Range;
-
 use super::part_place_nm;
 use crate::geom::{Box2, Nm, P2};
 use crate::program::{PassId, Sections};
@@ -29,7 +27,6 @@ const SHORT: f64 = 2.0;
 struct Area {
     corners: [[f64; 2]; 4],
     pitch: f64,
-    strokes: Range<usize>,
 }
 
 /// Lays the lines that the manifest speaks of and holds the rule; answers whether they could be laid.
@@ -58,43 +55,42 @@ pub(in crate::verify) fn check(
         rule.broken("", PLACE, e.diags().first().map_or("its lines cannot be placed", |d| &d.message));
         return false;
     }
-    for (strokes, contour) in texture.contours() {
-        let Some(strokes) = strokes else { continue };
-        let area = Area { corners: contour.corners(), pitch: contour.pitch(), strokes };
+    for contour in texture.whole_contours() {
+        let area = Area { corners: contour.corners(), pitch: contour.pitch() };
         let mut lines = Lines::new(&area, &directions, rule);
         let mut points = Vec::new();
-        for i in area.strokes.clone() {
-            texture.stroke(i, &mut points);
+        for i in 0..contour.line_count() {
+            contour.line_ends(i, &mut points);
             lines.add(&points);
         }
         lines.finish();
     }
-    texture.contour_areas().for_each(|(start, areas)| drawn(texture, start, areas, &directions, rule));
+    texture.contour_areas().for_each(|areas| drawn(areas, &directions, rule));
     true
 }
 
 /// Holds the lines that areas of a drawing are cut from to the same, and each piece to lie on one of them.
-fn drawn(texture: &Texture, start: usize, areas: &ContourAreas, directions: &Directions, rule: &mut Rule) {
+fn drawn(areas: &ContourAreas, directions: &Directions, rule: &mut Rule) {
     let mut lattices = Vec::new();
     for (k, contour) in areas.lattices().iter().enumerate() {
         let directions = directions.turned(k);
-        let area = Area { corners: contour.corners(), pitch: contour.pitch(), strokes: 0..contour.len() as usize };
+        let area = Area { corners: contour.corners(), pitch: contour.pitch() };
         let mut lines = Lines::new(&area, &directions, rule);
         let mut points = Vec::new();
-        for i in area.strokes.clone() {
-            points.clear();
-            contour.stroke(i as u64, &mut points);
+        for i in 0..contour.line_count() {
+            contour.line_ends(i, &mut points);
             lines.add(&points);
         }
         let firsts = lines.finish();
         lattices.push((directions, contour.pitch(), firsts));
     }
     let mut points = Vec::new();
-    for i in areas.own().map(|i| i as usize) {
-        texture.stroke(start + i, &mut points);
+    for i in areas.own() {
+        points.clear();
+        areas.stroke(i, &mut points);
         rule.checked += 1;
         let &[a, b] = points.as_slice() else {
-            rule.broken("", texture.element(start + i), "a line of an area has more than two points");
+            rule.broken("", areas.element(i), "a line of an area has more than two points");
             continue;
         };
         let fault = |(directions, pitch, firsts): &(Directions, f64, Vec<Option<f64>>)| {
@@ -108,8 +104,7 @@ fn drawn(texture: &Texture, start: usize, areas: &ContourAreas, directions: &Dir
                 Some("a line of an area does not run in the direction of its section")
             } else if !(grid.area(section).holds(a) && grid.area(section).holds(b)) {
                 Some("a line of an area leaves its section")
-            } else if !areas.is_between(i as u64) && lines.is_none_or(|n| (n - n.round()).abs() * pitch > 3.0 * ROUNDED)
-            {
+            } else if !areas.is_between(i) && lines.is_none_or(|n| (n - n.round()).abs() * pitch > 3.0 * ROUNDED) {
                 Some("a line of an area is not a whole number of pitches from the others of its section")
             } else {
                 None
@@ -117,7 +112,7 @@ fn drawn(texture: &Texture, start: usize, areas: &ContourAreas, directions: &Dir
         };
         let mut faults: Vec<_> = lattices.iter().map(fault).collect();
         if let Some(fault) = faults.pop().flatten().filter(|_| faults.iter().all(Option::is_some)) {
-            rule.broken("", texture.element(start + i), fault);
+            rule.broken("", areas.element(i), fault);
         }
     }
 }
@@ -396,7 +391,7 @@ mod tests {
     use super::*;
     use crate::geom::BoxMm;
     use crate::program::PenId;
-    use crate::texture::{self, Kind, Request};
+    use crate::texture::{self, Kind, Masks, Request};
 
     const MM: i64 = 1_000_000;
 
@@ -404,7 +399,7 @@ mod tests {
     fn faults(hundredths: [u16; 6], change: impl FnOnce(&mut Vec<[P2; 2]>)) -> Vec<String> {
         let kind = Kind::Contour { pitch_mm: 1.0, phase: 0.0 };
         let area = texture::Area::Rectangle(BoxMm::rectangle(0.0, 0.0, 50.0, 40.0));
-        let request = Request { kind, area, tolerance_mm: 0.001, pen: PenId(0) };
+        let request = Request { kind, area, tolerance_mm: 0.001, pen: PenId(0), masks: Masks::default() };
         let mut texture =
             Texture::load(&[request], BoxMm::of([[0.0; 2]]), 0.2, 0.05, &mut Vec::new()).expect("an area");
         let grid = Sections::over(texture.bounds(), [Nm(20 * MM), Nm(30 * MM)], Nm(100), [Nm(0); 2]);
@@ -418,8 +413,8 @@ mod tests {
         });
         let mut lines: Vec<[P2; 2]> = lines.collect();
         change(&mut lines);
-        let (_, contour) = texture.contours().next().expect("one");
-        let area = Area { corners: contour.corners(), pitch: contour.pitch(), strokes: 0..lines.len() };
+        let contour = texture.contours().next().expect("one");
+        let area = Area { corners: contour.corners(), pitch: contour.pitch() };
         let mut rule = Rule::new("fill", "");
         let mut found = Lines::new(&area, &directions, &mut rule);
         lines.iter().for_each(|l| found.add(l));

@@ -121,6 +121,7 @@ impl Bench {
             surface = { file = "part.stl", unit = "mm" }
             focus = { pdof = "0.07 mm" }
             partition = { method = "z-range" }
+            limits = { max_off_part = "50 %" }
             machine = { profile = "xyz-galvo-40" }
             limits = { max_off_part = "50 %" }
             emit = { formats = ["dxf", "csv", "linuxcnc", "gcode", "ovf"] }
