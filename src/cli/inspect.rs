@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{Diag, Error, Kind as DiagKind, Place};
 use crate::job::{FileUnit, Job, Overrides};
 use crate::manifest::{self, AnySummary, duration};
 use crate::program::PenId;
@@ -95,9 +95,7 @@ fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
                 Ok(faults) => faults,
                 Err(e) => {
                     // Nothing would be marked: told, since the file itself can be read.
-                    let told =
-                        |d: &Diag| Diag::warning(d.code, d.message.clone()).at(d.place.clone()).hint(d.hint.clone());
-                    warnings.extend(e.diags().iter().map(told));
+                    warnings.extend(e.diags().iter().map(|d| Diag { kind: DiagKind::Warning, ..d.clone() }));
                     Vec::new()
                 }
             };
@@ -150,7 +148,7 @@ fn read_surface(path: &Path, unit: Option<FileUnit>) -> Result<Read, Error> {
     let attempt = |unit_mm: Option<f64>, values: Option<Option<[f64; 2]>>| {
         let scale =
             |values| surface::Scale { pixel_mm: 0.1, z_mm: [0.0, 1.0], values, nodata: None, origin_mm: [0.0; 2] };
-        let options = surface::Options { unit_mm, heightmap: values.map(scale), max_edge_mm: None, tessellation: None };
+        let options = surface::Options { unit_mm, heightmap: values.map(scale), ..Default::default() };
         let mut facets =
             Facets { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3], area: 0.0, down: 0.0, steep: 0.0 };
         let mut warnings = Vec::new();

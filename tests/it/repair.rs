@@ -186,3 +186,25 @@ fn the_dirty_hood_compiles_with_every_fault_counted_and_verifies() {
     }
     assert!(off[1] < off[0], "{off:?}");
 }
+
+#[test]
+#[ignore = "needs ../shared: make test-all"]
+fn the_refusal_of_a_survey_names_keys_with_which_it_compiles() {
+    let dir = folder();
+    let path = shared().join("surfaces/helens_cloud_utm.xyz");
+    let with = |keys: &str| {
+        let area = "area = [\"200 mm\", \"200 mm\", \"240 mm\", \"240 mm\"]";
+        let text = format!("pattern = \"hatch\"\npitch = \"2 mm\"\ndirection = \"0 deg\"\n{area}");
+        let mut job = JobText::on(&path).texture(&text);
+        job.surface = format!("file = {:?}\nunit = \"m\"\n{keys}", path.display().to_string());
+        job.focus = "pdof = \"1 mm\"".into();
+        job.write(dir.path(), "survey.toml")
+    };
+    let out = terrace([Path::new("check"), &with("")]);
+    let text = said(&out);
+    let want = "surface.datum = [557805, 5108025, 684] puts its lower corner at the origin, and surface.scale = 5e-5";
+    assert!(out.status.code() == Some(2) && text.contains(want), "{text}");
+    let to = dir.path().join("out");
+    compile(&with("datum = [557805, 5108025, 684]\nscale = 5e-5"), &to);
+    verify(&to);
+}

@@ -33,7 +33,7 @@ fn read_bytes(bytes: &[u8], stated_mm: Option<f64>) -> Outcome {
     let path = dir.path().join("a.3mf");
     std::fs::write(&path, bytes).expect("written");
     let (mut got, mut notes) = (vec![], vec![]);
-    let result = read(&path, stated_mm, &mut notes, &mut |f| got.push(f));
+    let result = read(&path, stated_mm, &crate::surface::Options::default(), &mut notes, &mut |f| got.push(f));
     (result, got, notes)
 }
 
