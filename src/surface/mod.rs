@@ -202,12 +202,13 @@ fn way_in(extension: &str) -> &'static str {
 /// Looks for what is wrong with facets as they come.
 pub struct MeshCheck(Welder);
 
-impl MeshCheck {
-    /// No facets yet.
-    pub fn new() -> Self {
+impl Default for MeshCheck {
+    fn default() -> Self {
         Self(Welder::new([1.0, 0.0], Joining::default()))
     }
+}
 
+impl MeshCheck {
     /// Takes a facet, corners in mm.
     pub fn facet(&mut self, corners: [[f64; 3]; 3]) {
         self.0.facet(corners);

@@ -560,12 +560,12 @@ mod tests {
             assert!((a - b).abs() < 1.1e-6, "{a} for {b}");
         }
         // The refusal names values that work.
-        let e = read_with(&far, Unit::mm(1.0)).err().expect("far away");
+        let e = read_with(&far, Unit::mm(1.0)).expect_err("far away");
         let hint = &e.diags()[0].hint;
         let numbers = hint.split(['[', ']']).nth(1).expect("a datum").split(", ").map(|v| v.parse().expect("a number"));
         let datum: Vec<f64> = numbers.collect();
         assert!(read_with(&far, Unit { mm: 1.0, datum: [datum[0], datum[1], datum[2]] }).is_ok(), "{hint}");
-        let e = read_with(&far, Unit::mm(1000.0)).err().expect("far away");
+        let e = read_with(&far, Unit::mm(1000.0)).expect_err("far away");
         assert!(e.diags()[0].hint.contains("surface.scale = 4e-3 (1 : 250)"), "{}", e.diags()[0].hint);
     }
 }

@@ -116,9 +116,12 @@ fn the_head_keeps_clear_of_an_upright_sheet_that_nothing_joins() {
     assert!(!out.status.success() && said(&out).contains("error[clearance"), "{}", said(&out));
 }
 
+/// Kinds of faults with their counts.
+type Faults = &'static [(&'static str, u64)];
+
 /// File, unit, and the faults that `inspect` counts: duplicates, degenerate and winding as `INDEX.md` has them, where
 /// its reader welded alike.
-const FILES: &[(&str, &str, &[(&str, u64)])] = &[
+const FILES: &[(&str, &str, Faults)] = &[
     ("hood_mm_bin.stl", "mm", &[]),
     ("hood_quads_uv.obj", "mm", &[]),
     ("mirror_cloud_shuffled.xyz", "mm", &[]),

@@ -141,6 +141,16 @@ fn other_models_of_the_archive_are_found_by_their_path() {
 }
 
 #[test]
+fn metadata_of_slicers_in_common_use_is_passed_over() {
+    let names =
+        ["BambuStudio:3mfVersion", "slic3rpe:Version3mf", "DesignerUserId", "Origin", "Thumbnail_Small", "License"];
+    let metadata: String = names.iter().map(|name| format!("<metadata name=\"{name}\">1</metadata>")).collect();
+    let text = plain().replace("<resources>", &format!("{metadata}<resources>"));
+    let (result, _, notes) = read_model(&text);
+    assert!(result.is_ok() && notes.is_empty(), "{:?} {notes:?}", result.err());
+}
+
+#[test]
 fn supports_and_foreign_elements_are_noted() {
     let lattice = format!("{}<b:beamlattice><b:beams/></b:beamlattice></mesh>", MESH.trim_end_matches("</mesh>"));
     let items = "<item objectid=\"1\"/><item objectid=\"2\"/><item objectid=\"2\"/>";
