@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::diag::{Diag, Error, Place};
+use crate::diag::{Diag, Error, Kind as DiagKind, Place};
 use crate::job::{FileUnit, Job, Overrides};
 use crate::manifest::{self, AnySummary, duration};
 use crate::program::PenId;
@@ -95,9 +95,7 @@ fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
                 Ok(faults) => faults,
                 Err(e) => {
                     // Nothing would be marked: told, since the file itself can be read.
-                    let told =
-                        |d: &Diag| Diag::warning(d.code, d.message.clone()).at(d.place.clone()).hint(d.hint.clone());
-                    warnings.extend(e.diags().iter().map(told));
+                    warnings.extend(e.diags().iter().map(|d| Diag { kind: DiagKind::Warning, ..d.clone() }));
                     Vec::new()
                 }
             };
@@ -150,11 +148,11 @@ fn read_surface(path: &Path, unit: Option<FileUnit>) -> Result<Read, Error> {
     let attempt = |unit_mm: Option<f64>, values: Option<Option<[f64; 2]>>| {
         let scale =
             |values| surface::Scale { pixel_mm: 0.1, z_mm: [0.0, 1.0], values, nodata: None, origin_mm: [0.0; 2] };
-        let options = surface::Options { unit_mm, heightmap: values.map(scale), max_edge_mm: None, tessellation: None };
+        let options = surface::Options { unit_mm, heightmap: values.map(scale), ..Default::default() };
         let mut facets =
             Facets { lo: [f64::INFINITY; 3], hi: [f64::NEG_INFINITY; 3], area: 0.0, down: 0.0, steep: 0.0 };
         let mut warnings = Vec::new();
-        let mut mesh = MeshCheck::new();
+        let mut mesh = MeshCheck::default();
         let content = surface::read(path, &options, &mut warnings, &mut |facet| {
             facets.add(facet);
             mesh.facet(facet);
@@ -229,12 +227,16 @@ fn fault_json(fault: &Fault) -> Value {
     json
 }
 
+/// Whether a surface in this unit is as large as parts that are marked in steps: larger than a field, smaller than a
+/// machine.
+fn is_likely(facets: &Facets, unit: FileUnit) -> bool {
+    const LIKELY_MM: std::ops::RangeInclusive<f64> = 50.0..=2500.0;
+    LIKELY_MM.contains(&(facets.size()[0].max(facets.size()[1]) * unit.in_mm()))
+}
+
 /// The unit of a file that does not state it, by its size.
 fn likely_unit(facets: &Facets) -> Option<FileUnit> {
-    // Parts that are marked in steps are larger than a field and smaller than a machine.
-    const LIKELY_MM: std::ops::RangeInclusive<f64> = 50.0..=2500.0;
-    let longest = facets.size()[0].max(facets.size()[1]);
-    UNITS.iter().map(|(_, unit)| *unit).find(|unit| LIKELY_MM.contains(&(longest * unit.in_mm())))
+    UNITS.iter().map(|(_, unit)| *unit).find(|unit| is_likely(facets, *unit))
 }
 
 /// Units that a file without one may have, the likeliest first.
@@ -252,7 +254,12 @@ fn in_units(facets: &Facets, mut json: Value) -> (String, Value) {
     );
     let likely = likely_unit(facets).and_then(|likely| UNITS.iter().find(|(_, unit)| *unit == likely)).map(|(n, _)| *n);
     for (name, unit) in UNITS {
-        let note = if likely == Some(name) { "   <- most likely" } else { "" };
+        // 60 units are a small part in mm and a large one in inches: neither can be told from the size.
+        let note = match is_likely(facets, unit) {
+            true if likely == Some(name) => "   <- most likely",
+            true => "   <- as likely by its size",
+            false => "",
+        };
         text += &format!("  if {name:<3} {} mm{note}\n", triple(facets.size().map(|s| s * unit.in_mm()), " x "));
     }
     text += "state it in the job, as unit = \"mm\" under [surface], and here with --unit\n";

@@ -90,6 +90,13 @@ pub struct SurfaceKeys {
     /// Unit of the file's numbers; required for STL, OBJ, PLY and point clouds. 3MF files state theirs.
     #[serde(default)]
     pub unit: Option<FileUnit>,
+    /// Where the part's origin lies in the file: x, y and z in its own unit, subtracted from all coordinates; default
+    /// (0, 0, 0). Not for height maps, STEP and IGES.
+    #[serde(default)]
+    pub datum: Option<[f64; 3]>,
+    /// Factor on all coordinates, such as 4e-5 for a map at 1 : 25000; default 1. Not for height maps, STEP and IGES.
+    #[serde(default)]
+    pub scale: Option<f64>,
     /// Vertices nearer to each other than this become one; default: only those equal to the nanometre.
     #[serde(default, deserialize_with = "non_negative")]
     pub weld: Length,

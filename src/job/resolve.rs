@@ -141,10 +141,20 @@ fn surface_input(keys: &SurfaceKeys, f: &mut Faults<'_>) -> SurfaceInput {
             fault.hint("leave out surface.unit; correct the unit in the CAD program if it is wrong"),
         );
     }
+    if keys.scale.is_some_and(|scale| !(scale > 0.0 && scale.is_finite())) {
+        let fault = Diag::input("surface-datum", "surface.scale must be above zero");
+        f.push("surface.scale", fault.hint("a map at 1 : 25000 has scale = 4e-5"));
+    }
+    if keys.datum.is_some_and(|datum| datum.iter().any(|v| !v.is_finite())) {
+        let fault = Diag::input("surface-datum", "surface.datum is not finite");
+        f.push("surface.datum", fault.hint("give the place of the part's origin in the numbers of the file"));
+    }
     SurfaceInput {
         file: keys.file.clone(),
         options: surface::Options {
             unit_mm: keys.unit.map(|u| u.in_mm()),
+            datum: keys.datum,
+            scale: keys.scale,
             heightmap: keys.heightmap.as_ref().map(scale),
             max_edge_mm: keys.max_edge.map(Length::as_mm),
             tessellation: None,

@@ -11,6 +11,51 @@ use super::lines::place;
 use crate::diag::{Diag, Error, Place};
 use crate::geom::{BoxMm, MAX_NM};
 
+/// How the numbers of a file become mm of the part frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Unit {
+    /// mm of the part in one unit of the file.
+    pub mm: f64,
+    /// Where the part's origin lies in the file, in its unit.
+    pub datum: [f64; 3],
+}
+
+impl Unit {
+    /// A unit of this many mm, the origin where the file has it.
+    pub(crate) fn mm(mm: f64) -> Self {
+        Self { mm, datum: [0.0; 3] }
+    }
+
+    /// A place of the part, mm. The difference is taken first: digits that large numbers share cost none of the others.
+    #[inline]
+    pub(crate) fn place(self, p: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|k| (p[k] - self.datum[k]) * self.mm)
+    }
+
+    /// The keys that bring a surface of this extent to the origin, and to the size of a part; None where it is larger
+    /// than any land.
+    fn keys(self, extent: &BoxMm<3>) -> Option<String> {
+        const LARGEST_MM: f64 = 1e10;
+        const WANTED_MM: f64 = 1000.0;
+        let longest = extent.size().into_iter().fold(0.0, f64::max);
+        if !(longest <= LARGEST_MM && extent.lo.iter().all(|v| v.abs() < 1e13)) {
+            return None;
+        }
+        let datum = [0, 1, 2].map(|k| (extent.lo[k] / self.mm + self.datum[k]).floor());
+        let text = format!("surface.datum = [{}, {}, {}]", datum[0], datum[1], datum[2]);
+        if longest <= MAX_NM.mm() {
+            return Some(format!("{text} puts its lower corner at the origin"));
+        }
+        let mut ratios = (0..10).flat_map(|k| [1.0, 2.0, 2.5, 5.0].map(|v| v * 10f64.powi(k)));
+        let ratio = ratios.find(|ratio| longest / ratio <= WANTED_MM)?;
+        Some(format!(
+            "{text} puts its lower corner at the origin, and surface.scale = {:e} (1 : {ratio}) makes it {} mm large",
+            1.0 / ratio,
+            mm(extent.size().map(|v| v / ratio))
+        ))
+    }
+}
+
 impl BoxMm<3> {
     /// Whether all of it lies within 4 m of the origin.
     pub(crate) fn fits_part(&self) -> bool {
@@ -25,13 +70,27 @@ impl BoxMm<3> {
             "its size fits: subtract ({}) mm from all coordinates, so that it lies at its origin",
             mm(self.lo.map(f64::floor))
         );
-        let remedy = if self.size().into_iter().all(fits) { shift.as_str() } else { remedy };
+        self.too_far(place).hint(if self.size().into_iter().all(fits) { shift.as_str() } else { remedy })
+    }
+
+    fn too_far(&self, place: Place) -> Diag {
         let text = format!(
             "the surface reaches from ({}) to ({}) mm, more than 4000 mm from the origin",
             mm(self.lo),
             mm(self.hi)
         );
-        Diag::input("surface-size", text).at(place).hint(remedy)
+        Diag::input("surface-size", text).at(place)
+    }
+
+    /// The same for a file whose coordinates the job can move and scale; the remedy has the keys.
+    pub(crate) fn beyond_in(&self, place: Place, unit: Unit, remedy: &str) -> Diag {
+        let is_large = self.size().into_iter().any(|size| size > MAX_NM.mm());
+        let remedy = match unit.keys(self) {
+            Some(keys) if is_large => format!("{remedy}; of a map of land {keys}"),
+            Some(keys) => keys,
+            None => remedy.to_owned(),
+        };
+        self.too_far(place).hint(remedy)
     }
 
     /// A warning where the whole surface is smaller than 1 mm.
@@ -64,18 +123,14 @@ fn mm(v: [f64; 3]) -> String {
 }
 
 /// The remedy for a surface of the wrong size whose file carries no unit.
-pub(crate) fn check_unit(unit_mm: f64) -> String {
-    format!(
-        "check unit in [surface]: one unit of the file is taken as {unit_mm} mm; parts lie within {} mm of their origin, \
-         so a map of land is scaled and moved there first",
-        MAX_NM.mm()
-    )
+pub(crate) fn check_unit(unit: Unit) -> String {
+    format!("check unit in [surface]: one unit of the file is taken as {} mm", unit.mm)
 }
 
 /// Hands facets on in mm.
 pub(crate) struct Facets<'a> {
     path: &'a Path,
-    unit_mm: f64,
+    unit: Unit,
     /// What to do about a wrong size.
     remedy: String,
     sink: &'a mut dyn FnMut([[f64; 3]; 3]),
@@ -89,20 +144,20 @@ pub(crate) struct Facets<'a> {
 
 impl<'a> Facets<'a> {
     /// Nothing handed on yet, of a file whose unit the job states.
-    pub(crate) fn new(path: &'a Path, unit_mm: f64, sink: &'a mut dyn FnMut([[f64; 3]; 3])) -> Self {
-        Self::with_remedy(path, unit_mm, check_unit(unit_mm), sink)
+    pub(crate) fn new(path: &'a Path, unit: Unit, sink: &'a mut dyn FnMut([[f64; 3]; 3])) -> Self {
+        Self::with_remedy(path, unit, check_unit(unit), sink)
     }
 
     /// The same with another remedy for a wrong size.
     pub(crate) fn with_remedy(
         path: &'a Path,
-        unit_mm: f64,
+        unit: Unit,
         remedy: String,
         sink: &'a mut dyn FnMut([[f64; 3]; 3]),
     ) -> Self {
         Self {
             path,
-            unit_mm,
+            unit,
             remedy,
             sink,
             extent: BoxMm::EMPTY,
@@ -121,7 +176,7 @@ impl<'a> Facets<'a> {
     /// Hands on a facet given in file units; its corners are finite.
     #[inline]
     pub(crate) fn push(&mut self, corners: [[f64; 3]; 3]) {
-        let corners = corners.map(|p| p.map(|v| v * self.unit_mm));
+        let corners = corners.map(|p| self.unit.place(p));
         for &p in &corners {
             self.extent.add(p);
         }
@@ -145,7 +200,7 @@ impl<'a> Facets<'a> {
         }
         if let Some(facet) = self.first_beyond {
             let place = Place::Facet { path: self.path.display().to_string(), facet };
-            let mut d = self.extent.beyond(place, &self.remedy);
+            let mut d = self.extent.beyond_in(place, self.unit, &self.remedy);
             // Few facets far away from all others are not the part.
             if self.beyond * 100 <= self.count {
                 let (n, all) = (self.beyond, self.count);

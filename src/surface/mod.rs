@@ -31,6 +31,7 @@ use std::path::Path;
 
 use bins::{Bins, Class};
 pub use cad::{About, CadMesh, Tessellation, is_cad, load as load_cad};
+use facets::Unit;
 pub use heightmap::Samples;
 use heightmap::esri_grid::By;
 use implicit_mesh::ImplicitMesh;
@@ -48,6 +49,10 @@ use crate::geom::{Box2, BoxMm, MAX_NM, NM_PER_MM, Nm, P2};
 pub struct Options {
     /// mm in one unit of the file; None where the job states none (height maps and files that state theirs need none).
     pub unit_mm: Option<f64>,
+    /// Where the part's origin lies in the file, in its unit; None: at its origin.
+    pub datum: Option<[f64; 3]>,
+    /// Factor on all coordinates, such as that of a map; None: 1.
+    pub scale: Option<f64>,
     /// Scale of a height map.
     pub heightmap: Option<Scale>,
     /// Longest triangle edge for point clouds, mm.
@@ -122,13 +127,19 @@ pub fn read(
     };
     let unit = |kind: &str| {
         let none = || refuse("surface-unit", format!("{kind} carries no unit")).hint("add unit = \"mm\" to [surface]");
-        stated(kind)?.ok_or_else(none)
+        let mm = stated(kind)?.ok_or_else(none)? * options.scale.unwrap_or(1.0);
+        Ok::<_, Diag>(Unit { mm, datum: options.datum.unwrap_or_default() })
+    };
+    let placed_by = |kind: &str, way: &str| match options.datum.is_some() || options.scale.is_some() {
+        true => Err(refuse("surface-datum", format!("surface.datum and surface.scale do not place {kind}")).hint(way)),
+        false => Ok(()),
     };
     let scale = |kind: &str| {
         let none = || {
             refuse("heightmap-scale", format!("{kind} carries no scale"))
                 .hint("add [surface.heightmap] with pixel (sample spacing) and z (heights of two values)")
         };
+        placed_by(kind, "use pixel, z and origin of [surface.heightmap]")?;
         options.heightmap.as_ref().ok_or_else(none)
     };
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
@@ -137,9 +148,10 @@ pub fn read(
         "obj" => obj::read(path, unit("an OBJ file")?, notes, sink),
         "ply" => ply::read(path, unit("a PLY file")?, notes, sink),
         "step" | "stp" | "iges" | "igs" => {
+            placed_by("STEP and IGES files", "move and scale the part in the CAD program")?;
             cad::read(path, options.tessellation.unwrap_or(Tessellation::within(0.01)), notes, sink)
         }
-        "3mf" => threemf::read(path, stated("a 3MF file")?, notes, sink),
+        "3mf" => threemf::read(path, stated("a 3MF file")?, options, notes, sink),
         "png" => heightmap::png_image::read(path, scale("a PNG image")?, notes),
         "tif" | "tiff" => heightmap::tiff_image::read(path, scale("a TIFF image")?, notes),
         "dem" => heightmap::usgs_dem::read(path, scale("a USGS DEM")?, notes),
@@ -152,6 +164,7 @@ pub fn read(
             if !heightmap::esri_grid::begins(lines.head()) {
                 return points::read(lines, path, unit("a point cloud")?, options.max_edge_mm, notes, sink);
             }
+            placed_by("a grid", "use pixel, z and origin of [surface.heightmap]")?;
             let by = match (&options.heightmap, stated("a grid")?) {
                 (Some(scale), None) => By::Scale(scale),
                 (None, Some(unit_mm)) => By::Unit(unit_mm),
@@ -189,12 +202,13 @@ fn way_in(extension: &str) -> &'static str {
 /// Looks for what is wrong with facets as they come.
 pub struct MeshCheck(Welder);
 
-impl MeshCheck {
-    /// No facets yet.
-    pub fn new() -> Self {
+impl Default for MeshCheck {
+    fn default() -> Self {
         Self(Welder::new([1.0, 0.0], Joining::default()))
     }
+}
 
+impl MeshCheck {
     /// Takes a facet, corners in mm.
     pub fn facet(&mut self, corners: [[f64; 3]; 3]) {
         self.0.facet(corners);

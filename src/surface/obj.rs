@@ -8,7 +8,7 @@
 use std::path::Path;
 
 use super::Content;
-use super::facets::Facets;
+use super::facets::{Facets, Unit};
 use super::lines::{Lines, MAX_LINE, no_number, number, place, shown, words};
 use super::polygon::{MAX_CORNERS, triangulate};
 use crate::diag::{Diag, Error, Place, memory};
@@ -16,14 +16,14 @@ use crate::diag::{Diag, Error, Place, memory};
 /// Keywords that say nothing about where the surface is.
 const PASSED_OVER: &[&[u8]] = &[b"vt", b"vn", b"g", b"o", b"s", b"l", b"p", b"usemtl", b"mtllib"];
 
-/// Reads an OBJ file; `unit_mm` is the length of its unit.
+/// Reads an OBJ file; `unit` is what its numbers are.
 pub(crate) fn read(
     path: &Path,
-    unit_mm: f64,
+    unit: Unit,
     notes: &mut Vec<Diag>,
     sink: &mut dyn FnMut([[f64; 3]; 3]),
 ) -> Result<Content, Error> {
-    let mut facets = Facets::new(path, unit_mm, sink);
+    let mut facets = Facets::new(path, unit, sink);
     let mut lines = Lines::open(path, "an OBJ file")?;
     // Half a line of a vertex and a line of a facet, some 40 bytes.
     memory::ask("the mesh", super::FACET_BYTES * (lines.length() / 40)).map_err(|d| d.at(place(path)))?;
@@ -174,7 +174,7 @@ mod tests {
         let path = dir.path().join("a.obj");
         std::fs::write(&path, text).expect("written");
         let (mut got, mut notes) = (vec![], vec![]);
-        let result = read(&path, 1.0, &mut notes, &mut |f| got.push(f));
+        let result = read(&path, Unit::mm(1.0), &mut notes, &mut |f| got.push(f));
         (result, got, notes)
     }
 

@@ -11,7 +11,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use super::Content;
-use super::facets::Facets;
+use super::facets::{Facets, Unit};
 use super::lines::{self, MAX_LINE, no_number, number, place, shown, words};
 use super::polygon::{MAX_CORNERS, triangulate};
 use crate::diag::{Diag, Error, Place, memory, unreadable};
@@ -91,10 +91,10 @@ struct Element {
     properties: Vec<Property>,
 }
 
-/// Reads a PLY file; `unit_mm` is the length of its unit.
+/// Reads a PLY file; `unit` is what its numbers are.
 pub(crate) fn read(
     path: &Path,
-    unit_mm: f64,
+    unit: Unit,
     notes: &mut Vec<Diag>,
     sink: &mut dyn FnMut([[f64; 3]; 3]),
 ) -> Result<Content, Error> {
@@ -103,7 +103,7 @@ pub(crate) fn read(
     let (encoding, elements) = input.header()?;
     check_counts(&elements, encoding, length).map_err(|d| d.at(place(path)))?;
     let mut reader = Reader { input, encoding, words: Vec::new() };
-    let mut facets = Facets::new(path, unit_mm, sink);
+    let mut facets = Facets::new(path, unit, sink);
     let mut vertices: Vec<[f64; 3]> = Vec::new();
     let mut others: Vec<String> = Vec::new();
     let mut crossed = None;
@@ -425,7 +425,7 @@ mod tests {
         let path = dir.path().join("a.ply");
         std::fs::write(&path, bytes).expect("written");
         let (mut got, mut notes) = (vec![], vec![]);
-        let result = read(&path, 1.0, &mut notes, &mut |f| got.push(f));
+        let result = read(&path, Unit::mm(1.0), &mut notes, &mut |f| got.push(f));
         (result, got, notes)
     }
 

@@ -12,7 +12,7 @@ use std::path::Path;
 use spade::{DelaunayTriangulation, HasPosition, InsertionError, Point2, Triangulation};
 
 use super::Content;
-use super::facets::{Facets, check_unit, fits};
+use super::facets::{Facets, Unit, check_unit, fits};
 use super::lines::{Lines, NoNumber, no_number, number, place, shown};
 use crate::diag::{Diag, Error, Place, memory};
 use crate::geom::{Box2, BoxMm, P2, orient};
@@ -22,16 +22,16 @@ const MAX_POINTS: usize = 20_000_000;
 /// Longest edge in units of the median of the triangles' shortest edges, where the job states none.
 const EDGE_FACTOR: f64 = 8.0;
 
-/// Reads a point cloud; `unit_mm` is the length of its unit, `max_edge_mm` the longest edge in plan.
+/// Reads a point cloud; `unit` is what its numbers are, `max_edge_mm` the longest edge in plan.
 pub(crate) fn read(
     lines: Lines,
     path: &Path,
-    unit_mm: f64,
+    unit: Unit,
     max_edge_mm: Option<f64>,
     notes: &mut Vec<Diag>,
     sink: &mut dyn FnMut([[f64; 3]; 3]),
 ) -> Result<Content, Error> {
-    let points = unique(path, rows(lines, path, unit_mm, notes)?, notes);
+    let points = unique(path, rows(lines, path, unit, notes)?, notes);
     let Some(third) = off_line(&points) else {
         let text = format!("the {} points lie on one line in plan: that is not a surface", points.len());
         return Err(no_surface(path, text, "check which columns are x, y and z").into());
@@ -39,7 +39,7 @@ pub(crate) fn read(
     let mesh = delaunay(points, third)
         .map_err(|e| Diag::bug("points-delaunay", format!("the triangulation refused a point: {e}")).at(place(path)))?;
     let max_edge = max_edge_mm.unwrap_or_else(|| EDGE_FACTOR * median_short_edge(&mesh));
-    let mut facets = Facets::new(path, 1.0, sink);
+    let mut facets = Facets::new(path, Unit::mm(1.0), sink);
     for face in mesh.inner_faces() {
         let corners = face.vertices().map(|v| v.data().mm());
         if edges(&corners)[2] <= max_edge {
@@ -181,11 +181,11 @@ fn unique(path: &Path, mut points: Vec<Point>, notes: &mut Vec<Diag>) -> Vec<Poi
 }
 
 /// The points of the file, in its order; those that are not finite are left out with a warning.
-fn rows(mut lines: Lines, path: &Path, unit_mm: f64, notes: &mut Vec<Diag>) -> Result<Vec<Point>, Error> {
+fn rows(mut lines: Lines, path: &Path, unit: Unit, notes: &mut Vec<Diag>) -> Result<Vec<Point>, Error> {
     // Three numbers a line, some 24 bytes.
     memory::ask("the cloud", super::POINT_BYTES * (lines.length() / 24)).map_err(|d| d.at(place(path)))?;
     let mut layout: Option<Layout> = None;
-    let mut cloud = Cloud::new(unit_mm);
+    let mut cloud = Cloud::new(unit);
     while lines.advance()? {
         let line = lines.line().trim_ascii();
         if line.is_empty() || line.starts_with(b"#") {
@@ -215,7 +215,7 @@ fn rows(mut lines: Lines, path: &Path, unit_mm: f64, notes: &mut Vec<Diag>) -> R
 
 /// The points so far, and those that cannot be used.
 struct Cloud {
-    unit_mm: f64,
+    unit: Unit,
     points: Vec<Point>,
     extent: BoxMm<3>,
     first_beyond: Option<Place>,
@@ -224,9 +224,9 @@ struct Cloud {
 }
 
 impl Cloud {
-    fn new(unit_mm: f64) -> Self {
+    fn new(unit: Unit) -> Self {
         let (points, extent) = (Vec::new(), BoxMm::EMPTY);
-        Self { unit_mm, points, extent, first_beyond: None, dropped: 0, first_dropped: None }
+        Self { unit, points, extent, first_beyond: None, dropped: 0, first_dropped: None }
     }
 
     /// Adds a row in file units.
@@ -236,7 +236,7 @@ impl Cloud {
             self.first_dropped.get_or_insert_with(place);
             return;
         }
-        let p = row.map(|v| v * self.unit_mm);
+        let p = self.unit.place(row);
         self.extent.add(p);
         match P2::from_mm(p[0], p[1]) {
             // Beyond 4 m the box of the rest is still wanted, for the message.
@@ -253,7 +253,7 @@ impl Cloud {
 
     fn finish(self, path: &Path, notes: &mut Vec<Diag>) -> Result<Vec<Point>, Error> {
         if let Some(place) = self.first_beyond {
-            return Err(self.extent.beyond(place, &check_unit(self.unit_mm)).into());
+            return Err(self.extent.beyond_in(place, self.unit, &check_unit(self.unit)).into());
         }
         if let Some(place) = self.first_dropped {
             let text = format!("{} points are not finite and were left out", self.dropped);
@@ -383,7 +383,7 @@ mod tests {
         std::fs::write(&path, text).expect("written");
         let (mut got, mut notes) = (vec![], vec![]);
         let lines = Lines::open(&path, "a point cloud").expect("text");
-        let result = read(lines, &path, 1.0, max_edge_mm, &mut notes, &mut |f| got.push(f));
+        let result = read(lines, &path, Unit::mm(1.0), max_edge_mm, &mut notes, &mut |f| got.push(f));
         (result, got, notes)
     }
 
@@ -530,5 +530,42 @@ mod tests {
         assert!(matches!(result, Ok(Content::Facets(1))));
         assert_eq!((notes[0].code, &notes[0].message[..8]), ("points-not-finite", "2 points"));
         assert!(notes[0].place.to_string().ends_with(":2"));
+    }
+
+    #[test]
+    fn coordinates_of_a_countrys_grid_lose_nothing_to_the_datum() {
+        let datum = [557_805.0, 5_108_025.0, 684.0];
+        let near = grid(12, |_, _| true);
+        let text = |offset: [f64; 3], by: f64| -> String {
+            let row = |p: &[f64; 3]| {
+                let [x, y, z] = [0, 1, 2].map(|k| offset[k] + (p[k] * by * 1e6).round() / 1e6);
+                format!("{x:.6} {y:.6} {z:.6}\n")
+            };
+            near.iter().map(row).collect()
+        };
+        let read_with = |text: &str, unit: Unit| {
+            let dir = tempfile::tempdir().expect("a folder");
+            let path = dir.path().join("a.xyz");
+            std::fs::write(&path, text).expect("written");
+            let mut got = Vec::new();
+            let lines = Lines::open(&path, "a point cloud").expect("text");
+            read(lines, &path, unit, None, &mut Vec::new(), &mut |f: Facet| got.push(f)).map(|_| got)
+        };
+        let want = read_with(&text([0.0; 3], 20.0), Unit::mm(0.05)).expect("near");
+        let far = text(datum, 20.0);
+        let got = read_with(&far, Unit { mm: 0.05, datum }).expect("moved");
+        assert_eq!(got.len(), want.len());
+        for (a, b) in got.iter().flatten().flatten().zip(want.iter().flatten().flatten()) {
+            // f64 holds 5 million to 1e-9 of these units.
+            assert!((a - b).abs() < 1.1e-6, "{a} for {b}");
+        }
+        // The refusal names values that work.
+        let e = read_with(&far, Unit::mm(1.0)).expect_err("far away");
+        let hint = &e.diags()[0].hint;
+        let numbers = hint.split(['[', ']']).nth(1).expect("a datum").split(", ").map(|v| v.parse().expect("a number"));
+        let datum: Vec<f64> = numbers.collect();
+        assert!(read_with(&far, Unit { mm: 1.0, datum: [datum[0], datum[1], datum[2]] }).is_ok(), "{hint}");
+        let e = read_with(&far, Unit::mm(1000.0)).expect_err("far away");
+        assert!(e.diags()[0].hint.contains("surface.scale = 4e-3 (1 : 250)"), "{}", e.diags()[0].hint);
     }
 }

@@ -9,7 +9,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::Content;
-use super::facets::Facets;
+use super::facets::{Facets, Unit};
 use super::lines::{self, Lines, no_number, number, place, shown, words};
 use crate::diag::{Diag, Error, Place, memory, unreadable};
 
@@ -20,14 +20,14 @@ const FACET: usize = 50;
 /// Facets read at a time.
 const CHUNK: usize = 40_000;
 
-/// Reads an STL file; `unit_mm` is the length of its unit.
+/// Reads an STL file; `unit` is what its numbers are.
 pub(crate) fn read(
     path: &Path,
-    unit_mm: f64,
+    unit: Unit,
     notes: &mut Vec<Diag>,
     sink: &mut dyn FnMut([[f64; 3]; 3]),
 ) -> Result<Content, Error> {
-    let mut facets = Facets::new(path, unit_mm, sink);
+    let mut facets = Facets::new(path, unit, sink);
     let (mut file, length) = lines::open(path)?;
     let mut head = Vec::with_capacity(1024);
     file.by_ref().take(1024).read_to_end(&mut head).map_err(|e| unreadable(path, &e))?;
@@ -228,7 +228,7 @@ mod tests {
         let path = dir.path().join("a.stl");
         std::fs::write(&path, bytes).expect("written");
         let (mut got, mut notes) = (vec![], vec![]);
-        let result = read(&path, unit_mm, &mut notes, &mut |f| got.push(f));
+        let result = read(&path, Unit::mm(unit_mm), &mut notes, &mut |f| got.push(f));
         (result, got, notes)
     }
 

@@ -131,7 +131,7 @@ fn read_at(path: &Path, unit_mm: f64) -> Got {
     let has_scale = ["png", "tif", "dem"].iter().any(|e| path.extension().is_some_and(|of| of == *e));
     let heightmap = has_scale.then_some(scale);
     let unit_mm = path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("3mf")).then_some(unit_mm);
-    let options = Options { unit_mm, heightmap, max_edge_mm: None, tessellation: None };
+    let options = Options { unit_mm, heightmap, ..Default::default() };
     let (mut notes, mut facets) = (vec![], vec![]);
     let start = Instant::now();
     let result = read(path, &options, &mut notes, &mut |f| facets.push(f));

@@ -116,9 +116,12 @@ fn the_head_keeps_clear_of_an_upright_sheet_that_nothing_joins() {
     assert!(!out.status.success() && said(&out).contains("error[clearance"), "{}", said(&out));
 }
 
+/// Kinds of faults with their counts.
+type Faults = &'static [(&'static str, u64)];
+
 /// File, unit, and the faults that `inspect` counts: duplicates, degenerate and winding as `INDEX.md` has them, where
 /// its reader welded alike.
-const FILES: &[(&str, &str, &[(&str, u64)])] = &[
+const FILES: &[(&str, &str, Faults)] = &[
     ("hood_mm_bin.stl", "mm", &[]),
     ("hood_quads_uv.obj", "mm", &[]),
     ("mirror_cloud_shuffled.xyz", "mm", &[]),
@@ -185,4 +188,26 @@ fn the_dirty_hood_compiles_with_every_fault_counted_and_verifies() {
         verify(&to);
     }
     assert!(off[1] < off[0], "{off:?}");
+}
+
+#[test]
+#[ignore = "needs ../shared: make test-all"]
+fn the_refusal_of_a_survey_names_keys_with_which_it_compiles() {
+    let dir = folder();
+    let path = shared().join("surfaces/helens_cloud_utm.xyz");
+    let with = |keys: &str| {
+        let area = "area = [\"200 mm\", \"200 mm\", \"240 mm\", \"240 mm\"]";
+        let text = format!("pattern = \"hatch\"\npitch = \"2 mm\"\ndirection = \"0 deg\"\n{area}");
+        let mut job = JobText::on(&path).texture(&text);
+        job.surface = format!("file = {:?}\nunit = \"m\"\n{keys}", path.display().to_string());
+        job.focus = "pdof = \"1 mm\"".into();
+        job.write(dir.path(), "survey.toml")
+    };
+    let out = terrace([Path::new("check"), &with("")]);
+    let text = said(&out);
+    let want = "surface.datum = [557805, 5108025, 684] puts its lower corner at the origin, and surface.scale = 5e-5";
+    assert!(out.status.code() == Some(2) && text.contains(want), "{text}");
+    let to = dir.path().join("out");
+    compile(&with("datum = [557805, 5108025, 684]\nscale = 5e-5"), &to);
+    verify(&to);
 }

@@ -99,7 +99,7 @@ fn load(path: &Path, unit_mm: f64) -> Result<(Facets, Option<Heightmap>), &'stat
         origin_mm: [0.0; 2],
     };
     let unit_mm = (unit_mm != OWN).then_some(unit_mm);
-    let options = Options { unit_mm, heightmap: is_map.then_some(scale), max_edge_mm: None, tessellation: None };
+    let options = Options { unit_mm, heightmap: is_map.then_some(scale), ..Default::default() };
     let mut facets = Vec::new();
     let start = Instant::now();
     let content = read(path, &options, &mut Vec::new(), &mut |f| facets.push(f));

@@ -19,7 +19,7 @@ use std::sync::Mutex;
 
 pub use answer::{About, CadMesh};
 
-use super::facets::Facets;
+use super::facets::{Facets, Unit};
 use super::{Content, lines};
 use crate::diag::{Diag, Error};
 
@@ -125,7 +125,7 @@ pub(super) fn read(
     sink: &mut dyn FnMut([[f64; 3]; 3]),
 ) -> Result<Content, Error> {
     let mesh = load(path, fine, notes)?;
-    let mut facets = Facets::new(path, 1.0, sink);
+    let mut facets = Facets::new(path, Unit::mm(1.0), sink);
     mesh.facets().for_each(|facet| facets.push(facet));
     facets.finish(notes)
 }

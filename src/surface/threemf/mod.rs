@@ -18,7 +18,7 @@ use package::Package;
 use transform::Transform;
 
 use super::Content;
-use super::facets::Facets;
+use super::facets::{Facets, Unit};
 use super::lines::place;
 use crate::diag::{Diag, Error, memory};
 
@@ -35,6 +35,7 @@ const AGAIN: &str = "export the surface again as 3MF or STL";
 pub(crate) fn read(
     path: &Path,
     stated_mm: Option<f64>,
+    options: &super::Options,
     notes: &mut Vec<Diag>,
     sink: &mut dyn FnMut([[f64; 3]; 3]),
 ) -> Result<Content, Error> {
@@ -62,7 +63,12 @@ pub(crate) fn read(
     }
     memory::ask("the mesh", super::FACET_BYTES.saturating_mul(total.facets)).map_err(at)?;
     let remedy = format!("the file is in {unit}: check the scale of its export; parts lie near their origin");
-    let mut facets = Facets::with_remedy(path, unit_mm, remedy, sink);
+    let mut facets = Facets::with_remedy(
+        path,
+        Unit { mm: unit_mm * options.scale.unwrap_or(1.0), datum: options.datum.unwrap_or_default() },
+        remedy,
+        sink,
+    );
     for item in &scene.models[0].items {
         scene.place(0, item, &Transform::IDENTITY, &mut facets).map_err(at)?;
     }

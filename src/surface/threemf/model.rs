@@ -43,6 +43,24 @@ const METADATA: [&str; 9] = [
     "Application",
 ];
 
+/// Names without a namespace that slicers in common use write all the same (Bambu Studio and what derives from it); the
+/// core specification (3.4.1) forbids them, but they say nothing of the geometry.
+const METADATA_OF_SLICERS: [&str; 13] = [
+    "CopyRight",
+    "DesignerCover",
+    "DesignerUserId",
+    "DesignModelId",
+    "DesignProfileId",
+    "DesignRegion",
+    "License",
+    "Origin",
+    "ProfileCover",
+    "ProfileDescription",
+    "ProfileTitle",
+    "Thumbnail_Middle",
+    "Thumbnail_Small",
+];
+
 const AGAIN: &str = "export the surface again as 3MF or STL";
 
 /// A model part.
@@ -396,7 +414,8 @@ impl Parser<'_> {
             Ok(())
         })?;
         let named = named.unwrap_or_default();
-        let text = if !named.contains(':') && !METADATA.contains(&named.as_str()) {
+        let known = METADATA.iter().chain(&METADATA_OF_SLICERS);
+        let text = if !named.contains(':') && !known.into_iter().any(|name| *name == named) {
             format!("metadata \"{}\" has no namespace and is none of 3MF", shown(named.as_bytes()))
         } else if !self.metadata.insert(named.clone()) {
             format!("metadata \"{}\" is there twice", shown(named.as_bytes()))

@@ -33,7 +33,7 @@ fn read_bytes(bytes: &[u8], stated_mm: Option<f64>) -> Outcome {
     let path = dir.path().join("a.3mf");
     std::fs::write(&path, bytes).expect("written");
     let (mut got, mut notes) = (vec![], vec![]);
-    let result = read(&path, stated_mm, &mut notes, &mut |f| got.push(f));
+    let result = read(&path, stated_mm, &crate::surface::Options::default(), &mut notes, &mut |f| got.push(f));
     (result, got, notes)
 }
 
@@ -138,6 +138,16 @@ fn other_models_of_the_archive_are_found_by_their_path() {
         assert_eq!(e.diags()[0].code, code, "{e}");
         assert!(e.to_string().contains(say), "{e}");
     }
+}
+
+#[test]
+fn metadata_of_slicers_in_common_use_is_passed_over() {
+    let names =
+        ["BambuStudio:3mfVersion", "slic3rpe:Version3mf", "DesignerUserId", "Origin", "Thumbnail_Small", "License"];
+    let metadata: String = names.iter().map(|name| format!("<metadata name=\"{name}\">1</metadata>")).collect();
+    let text = plain().replace("<resources>", &format!("{metadata}<resources>"));
+    let (result, _, notes) = read_model(&text);
+    assert!(result.is_ok() && notes.is_empty(), "{:?} {notes:?}", result.err());
 }
 
 #[test]
