@@ -52,6 +52,46 @@ fn bitmaps_on_a_dome_are_compiled_and_verified() {
 }
 
 #[test]
+#[ignore = "needs ../shared: make test-all"]
+fn areas_and_screens_on_dome_hood_and_relief_are_verified_with_every_method() {
+    let (dir, data) = (folder(), shared().join("surfaces"));
+    let made = dir.path().join("dome.stl");
+    write_stl(&made, &mesh(60, [165.0, 165.0, 285.0, 285.0], dome));
+    std::fs::write(dir.path().join("disc.png"), disc()).expect("written");
+    let areas = r##"<svg xmlns="http://www.w3.org/2000/svg" width="30mm" height="20mm" viewBox="0 0 30 20">
+        <path fill-rule="evenodd" fill="#f00" d="M1 1h12v18h-12zM4 4v8h6v-8z"/><circle cx="22" cy="10" r="7"/></svg>"##;
+    std::fs::write(dir.path().join("areas.svg"), areas).expect("written");
+    for (part, depth, pitch, size) in [
+        (made, "0.3 mm", "0.4 mm", "\"30 mm\", \"20 mm\""),
+        (data.join("hood_mm_bin.stl"), "2 mm", "2 mm", "\"300 mm\", \"200 mm\""),
+        (data.join("helens_relief_small.stl"), "0.3 mm", "0.4 mm", "\"30 mm\", \"20 mm\""),
+    ] {
+        for (method, profile) in
+            [("z-range", "xyz-galvo-40"), ("window", "xyz-galvo-40"), ("tilt", "xyz-tilt-galvo-40")]
+        {
+            for keys in [
+                "file = \"areas.svg\"",
+                "file = \"areas.svg\"\ndirection = \"contour\"",
+                "file = \"disc.png\"\nthreshold = \"40 %\"",
+                "file = \"disc.png\"\nscreen = \"lines\"",
+                "file = \"disc.png\"\nscreen = \"dashes\"",
+            ] {
+                let mut job =
+                    JobText::on(&part).method(method).texture(&format!("{keys}\nsize = [{size}]\npitch = \"{pitch}\""));
+                job.focus = format!("pdof = \"{depth}\"");
+                job.machine = format!("profile = \"{profile}\"");
+                job.more = "[limits]\nmax_off_part = \"100 %\"\n".into();
+                let out = dir.path().join("out.job");
+                let summary = compile(&job.write(dir.path(), "job.toml"), &out);
+                assert_balance(&summary, &verify(&out));
+                assert!(number(&summary, "mark_mm") > 100.0, "{}, {method}, {keys}: {summary}", part.display());
+                std::fs::remove_dir_all(out).expect("removed");
+            }
+        }
+    }
+}
+
+#[test]
 fn keys_that_do_not_apply_are_refused() {
     let dir = folder();
     let part = dir.path().join("dome.stl");
