@@ -123,7 +123,6 @@ impl Bench {
             partition = { method = "z-range" }
             limits = { max_off_part = "50 %" }
             machine = { profile = "xyz-galvo-40" }
-            limits = { max_off_part = "50 %" }
             emit = { formats = ["dxf", "csv", "linuxcnc", "gcode", "ovf"] }
             [[texture]]
             pattern = "hatch"
