@@ -18,6 +18,9 @@ const MAX_REFS: usize = 4;
 /// Cosine beyond which two rims do not face each other.
 const FACING: f64 = -0.7;
 
+/// Cosine of the direction across a gap against that out of either rim, at least.
+const ACROSS: f64 = 0.5;
+
 /// The narrow gaps of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Gaps {
@@ -102,9 +105,16 @@ pub(super) fn narrow_gaps(
             compared += 1;
             let other = &rims[other as usize];
             let own = at_corner.iter().map(|&(_, i)| rims[i as usize].out);
-            if let Some(wide) = facing(corner, place(v), own, other, narrow_nm) {
-                let beside = other.ends.map(|e| distance(place(v), place(vertices[e as usize])));
-                gap = [gap[0].min(wide), gap[1].min(beside[0]).min(beside[1])];
+            match between(corner, place(v), own, other, narrow_nm) {
+                Between::Nothing => {}
+                Between::Closed => {
+                    gap = [f64::INFINITY; 2];
+                    break;
+                }
+                Between::Gap(wide) => {
+                    let beside = other.ends.map(|e| distance(place(v), place(vertices[e as usize])));
+                    gap = [gap[0].min(wide), gap[1].min(beside[0]).min(beside[1])];
+                }
             }
         }
         if gap[0].is_finite() {
@@ -122,25 +132,36 @@ pub(super) fn narrow_gaps(
     found
 }
 
-/// How wide the gap is between a corner, whose own rims look out by `own`, and another rim that it faces.
-fn facing(
-    corner: u32,
-    at: [f64; 3],
-    mut own: impl Iterator<Item = [f64; 2]>,
-    other: &Rim,
-    narrow_nm: f64,
-) -> Option<f64> {
+/// What lies between a corner and another rim.
+enum Between {
+    /// They do not face each other.
+    Nothing,
+    /// They meet: whatever lies behind is not faced across a gap.
+    Closed,
+    /// A gap of this width, nm.
+    Gap(f64),
+}
+
+/// What lies between a corner, whose own rims look out by `own`, and another rim.
+fn between(corner: u32, at: [f64; 3], mut own: impl Iterator<Item = [f64; 2]>, other: &Rim, narrow_nm: f64) -> Between {
     if other.ends.contains(&corner) {
-        return None;
+        return Between::Nothing;
     }
     let near = other.nearest(at);
     let wide = distance(at, near);
     if wide > narrow_nm {
-        return None;
+        return Between::Nothing;
     }
     let across = [near[0] - at[0], near[1] - at[1]];
-    let is_gap = dot(across, across) > (2.0 * ON_RIM).powi(2) && dot(across, other.out) < 0.0;
-    (is_gap && own.any(|out| dot(out, across) > 0.0 && dot(out, other.out) < FACING)).then_some(wide)
+    let length = across[0].hypot(across[1]);
+    let is_closed = length <= 2.0 * ON_RIM;
+    // Along the rims lies the next corner, not the other side.
+    let looks = |out: [f64; 2]| is_closed || dot(out, across) > ACROSS * length;
+    if own.any(|out| looks(out) && looks(other.out.map(|v| -v)) && dot(out, other.out) < FACING) {
+        if is_closed { Between::Closed } else { Between::Gap(wide) }
+    } else {
+        Between::Nothing
+    }
 }
 
 /// A grid over the rims whose cells are at least as wide as a narrow gap, and the rims in each.

@@ -589,6 +589,10 @@ mod tests {
         };
         assert_eq!(counts(&without(&[10, 11])), []);
         assert_eq!(counts(&without(&[10])), []);
+        // Corners between those of the other rim meet it, whatever lies on the other side of its facet.
+        let thin = [[0.0, 0.0, 0.0], [4e-3, -5e-3, 0.0], [8e-3, 0.0, 0.0]];
+        let [p, q] = [[2e-3, 0.0, 0.0], [2e-3, 9e-3, 0.0]];
+        assert_eq!(counts(&[thin, [thin[0], p, q], [p, thin[2], q]]), []);
         // A fine border: its own corners lie within the width of each other.
         let fine: Vec<Facet> = sheet().into_iter().map(|f| f.map(|p| p.map(|v| v * 2e-3))).collect();
         assert_eq!(counts(&fine), []);
