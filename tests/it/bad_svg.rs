@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use crate::support::surfaces::Random;
-use crate::support::{folder, malformed, outlines};
+use crate::support::{folder, malformed, outlined, outlines};
 use terrace::geom::BoxMm;
 use terrace::program::PenId;
 use terrace::texture::{Area, Kind, Masks, Position, Request, Size, Texture};
@@ -57,16 +57,13 @@ const SIZED: [(&str, Outcome); 4] = [
 
 fn check(path: &Path, size_mm: Option<[f64; 2]>, (expected, warnings): Outcome) {
     let name = path.file_name().expect("a name").to_string_lossy();
-    let kind = Kind::Drawing {
-        path: path.to_owned(),
-        size: size_mm.map_or(Size::File, Size::Mm),
-        unit_mm: None,
-        position: Position::Usual,
-        turn_rad: 0.0,
-        tile: false,
-        marking: outlines(),
+    let request = Request {
+        kind: outlined(path, size_mm),
+        area: Area::Unlimited,
+        tolerance_mm: 1e-3,
+        pen: PenId(0),
+        masks: Masks::default(),
     };
-    let request = Request { kind, area: Area::Unlimited, tolerance_mm: 1e-3, pen: PenId(0), masks: Masks::default() };
     let (start, mut notes) = (Instant::now(), Vec::new());
     let loaded = Texture::load(&[request], BoxMm::rectangle(0.0, 0.0, 100.0, 100.0), 0.0, 0.05, &mut notes);
     assert!(start.elapsed() < Duration::from_secs(5), "{name}: {:?}", start.elapsed());

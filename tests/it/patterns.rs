@@ -317,10 +317,7 @@ fn concentric_circles_fill_their_area() {
     for seed in 0..150 {
         eprintln!("seed {seed}");
         let mut noise = Random::case(seed);
-        let [w, h] = [0; 2].map(|_| noise.range(0.7, 9.0));
-        let area = BoxMm::rectangle(1.0, -2.0, 1.0 + w, -2.0 + h);
-        let (c, pitch) = (any_centre(&mut noise, area), noise.range(0.2, 2.0));
-        let far = corners_away(area, c);
+        let (area, c, pitch, far) = any_rings(&mut noise);
         let lengths = (1..=(far / pitch) as u64).map(|m| m as f64 * pitch).map(|r| walked(area, c, |_| r, TAU, 4e-3));
         let want: f64 = lengths.sum();
         let kind = Kind::Concentric { pitch_mm: pitch, centre_mm: Some(c) };
@@ -343,15 +340,20 @@ fn concentric_circles_fill_their_area() {
     }
 }
 
+/// An area, a centre, a pitch, and how far the farthest corner lies from the centre.
+fn any_rings(noise: &mut Random) -> (BoxMm<2>, [f64; 2], f64, f64) {
+    let [w, h] = [0; 2].map(|_| noise.range(0.7, 9.0));
+    let area = BoxMm::rectangle(1.0, -2.0, 1.0 + w, -2.0 + h);
+    let (c, pitch) = (any_centre(noise, area), noise.range(0.2, 2.0));
+    (area, c, pitch, corners_away(area, c))
+}
+
 #[test]
 fn the_spiral_runs_from_its_centre_to_the_corners() {
     for seed in 0..150 {
         eprintln!("seed {seed}");
         let mut noise = Random::case(seed);
-        let [w, h] = [0; 2].map(|_| noise.range(0.7, 9.0));
-        let area = BoxMm::rectangle(1.0, -2.0, 1.0 + w, -2.0 + h);
-        let (c, pitch) = (any_centre(&mut noise, area), noise.range(0.2, 2.0));
-        let far = corners_away(area, c);
+        let (area, c, pitch, far) = any_rings(&mut noise);
         let at = |t: f64| pitch * t / TAU;
         let want = walked(area, c, at, (far / pitch + 1.0) * TAU, 4e-3);
         let Some(t) = seen(Kind::Spiral { pitch_mm: pitch, centre_mm: Some(c) }, area) else {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::patterns;
 use crate::support::surfaces::Random;
-use crate::support::{fixture, folder, outlines, shared};
+use crate::support::{fixture, folder, outlined, outlines, shared};
 use terrace::diag::{Diag, Error};
 use terrace::geom::{Box2, BoxMm, P2, length_mm};
 use terrace::program::PenId;
@@ -417,18 +417,7 @@ fn drawings(dir: &Path) -> Vec<PathBuf> {
 }
 
 fn real_request(path: &Path, size_mm: Option<[f64; 2]>) -> Request {
-    request(
-        Kind::Drawing {
-            path: path.to_owned(),
-            size: size_mm.map_or(Size::File, Size::Mm),
-            unit_mm: None,
-            position: Position::Usual,
-            turn_rad: 0.0,
-            tile: false,
-            marking: outlines(),
-        },
-        Area::Unlimited,
-    )
+    request(outlined(path, size_mm), Area::Unlimited)
 }
 
 /// Length of what usvg, an independent reader, draws: f32, curves sampled finely, scaled to the page.

@@ -158,15 +158,7 @@ mod tests {
     }
 
     fn read_bytes(bytes: &[u8], scale: &Scale) -> (Result<Heightmap, Error>, Vec<Diag>) {
-        let dir = tempfile::tempdir().expect("a folder");
-        let path = dir.path().join("a.png");
-        std::fs::write(&path, bytes).expect("written");
-        let mut notes = vec![];
-        let map = read(&path, scale, &mut notes).map(|c| match c {
-            Content::Heightmap(map) => map,
-            Content::Facets(_) => panic!("a height map"),
-        });
-        (map, notes)
+        super::super::read_bytes(read, bytes, scale)
     }
 
     #[track_caller]

@@ -205,15 +205,7 @@ mod tests {
     }
 
     fn read_bytes(bytes: &[u8], scale: &Scale) -> (Result<Heightmap, Error>, Vec<Diag>) {
-        let dir = tempfile::tempdir().expect("a folder");
-        let path = dir.path().join("a.tif");
-        std::fs::write(&path, bytes).expect("written");
-        let mut notes = vec![];
-        let map = read(&path, scale, &mut notes).map(|c| match c {
-            Content::Heightmap(map) => map,
-            Content::Facets(_) => panic!("a height map"),
-        });
-        (map, notes)
+        super::super::read_bytes(read, bytes, scale)
     }
 
     /// The values, the lowest row first.

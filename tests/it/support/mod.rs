@@ -9,7 +9,7 @@ pub mod surfaces;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use terrace::texture::{FillMode, Marking, StrokeMode};
+use terrace::texture::{FillMode, Kind, Marking, Position, Size, StrokeMode};
 
 use serde_json::Value;
 use tempfile::TempDir;
@@ -44,6 +44,19 @@ pub fn fixture(name: &str) -> PathBuf {
 /// Every line and every contour of a drawing, without hatch; what cannot be reproduced is left out.
 pub fn outlines() -> Box<Marking> {
     Box::new(Marking { stroke: StrokeMode::Centre, fill: FillMode::Outline, is_lenient: true, ..Marking::default() })
+}
+
+/// A drawing by its lines and contours, placed once.
+pub fn outlined(path: &Path, size_mm: Option<[f64; 2]>) -> Kind {
+    Kind::Drawing {
+        path: path.to_owned(),
+        size: size_mm.map_or(Size::File, Size::Mm),
+        unit_mm: None,
+        position: Position::Usual,
+        turn_rad: 0.0,
+        tile: false,
+        marking: outlines(),
+    }
 }
 
 /// Runs the program, which leaves its output to the system: what is flushed when is for `cli` and `batch` to test.
