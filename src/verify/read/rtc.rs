@@ -79,7 +79,7 @@ fn lists(bytes: &[u8], id: &str, board: &str, memory: usize, visit: &mut Strokes
         let words: Vec<&str> = line.split(' ').collect();
         if words[0] == "laser_on" && points.len() == 1 && dwell.is_none() {
             dwell = words.get(1).filter(|_| words.len() == 2).and_then(|ticks| integer(ticks.as_bytes()));
-            if !dwell.is_some_and(|ticks| ticks > 0) {
+            if dwell.is_none_or(|ticks| ticks <= 0) {
                 return Err(fault("laser_on does not say how long".into()));
             }
             commands += 1;

@@ -10,7 +10,7 @@ fn bench(tables: &str) -> Bench {
         let text = text.replacen("direction = \"contour\"", "jitter = \"80 %\"", 1);
         let pen = "[[pen]]\n            name = \"dot\"\n            speed = \"500 mm/s\"\n            power = \"8 W\"\n            \
                    frequency = \"40 kHz\"\n            pulses = 8\n            passes = 2\n            [[pen]]";
-        let text = text.replacen("[[pen]]", pen, 1).replacen("pen = \"deep\"", "pen = \"deep\"", 1);
+        let text = text.replacen("[[pen]]", pen, 1);
         let text = text.replacen("machine =", &format!("{tables}\n            machine ="), 1);
         text.replacen(
             "pattern = \"squares\"",
