@@ -202,15 +202,16 @@ fn check_scale(scale: &Scale, full: Option<[f64; 2]>) -> Result<[f64; 2], Diag> 
     Ok([scale.z_mm[0] - from * step, step])
 }
 
-/// What a reader makes of a file of these bytes, and what it says of it.
+/// What a reader makes of a file of this name and these bytes, and what it says of it.
 #[cfg(test)]
 fn read_bytes(
+    name: &str,
     read: fn(&std::path::Path, &Scale, &mut Vec<Diag>) -> Result<Content, crate::diag::Error>,
     bytes: &[u8],
     scale: &Scale,
 ) -> (Result<Heightmap, crate::diag::Error>, Vec<Diag>) {
     let dir = tempfile::tempdir().expect("a folder");
-    let path = dir.path().join("map");
+    let path = dir.path().join(name);
     std::fs::write(&path, bytes).expect("written");
     let mut notes = vec![];
     let map = read(&path, scale, &mut notes).map(|c| match c {

@@ -158,7 +158,7 @@ mod tests {
     }
 
     fn read_bytes(bytes: &[u8], scale: &Scale) -> (Result<Heightmap, Error>, Vec<Diag>) {
-        super::super::read_bytes(read, bytes, scale)
+        super::super::read_bytes("a.png", read, bytes, scale)
     }
 
     #[track_caller]

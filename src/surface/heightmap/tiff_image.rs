@@ -205,7 +205,7 @@ mod tests {
     }
 
     fn read_bytes(bytes: &[u8], scale: &Scale) -> (Result<Heightmap, Error>, Vec<Diag>) {
-        super::super::read_bytes(read, bytes, scale)
+        super::super::read_bytes("a.tif", read, bytes, scale)
     }
 
     /// The values, the lowest row first.
