@@ -17,7 +17,7 @@ use crate::texture::clip::Lines;
 const MAX_COPIES: f64 = 1e6;
 
 /// Most edges of clip paths and masks, counted again for each element that is cut at them.
-const MAX_CUT_EDGES: usize = 2_000_000;
+const MAX_CUT_EDGES: usize = 1_000_000;
 
 /// Most references from pattern to pattern.
 const MAX_LINKS: usize = 32;
