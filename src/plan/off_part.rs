@@ -110,6 +110,9 @@ impl Found {
                 if piece.skip == Some(Skip::OffPart) {
                     let part = length * (piece.t1 - piece.t0);
                     self.extent.dots_off += u64::from(is_dot);
+                    if is_dot {
+                        self.cells.extend(block(grid, a));
+                    }
                     off += part;
                     // At least two points in every cell that it crosses along an axis.
                     let steps = (2.0 * part / grid.pitch[0].f64()).ceil().max(1.0) as usize;
@@ -154,6 +157,15 @@ fn grid(area: Box2) -> Grid {
 
 fn cell(grid: &Grid, p: P2) -> usize {
     (grid.along(1, p.y, 0) * i64::from(grid.count[0]) + grid.along(0, p.x, 0)) as usize
+}
+
+/// The cells around a dot, so many that a picture shows them.
+fn block(grid: &Grid, p: P2) -> impl Iterator<Item = usize> {
+    const REACH: i64 = 2;
+    let [column, row] = [(0, p.x), (1, p.y)].map(|(axis, v)| grid.along(axis, v, 0));
+    let [columns, rows] = grid.count.map(i64::from);
+    let near = |at: i64, count: i64| (at - REACH).max(0)..(at + REACH + 1).min(count);
+    near(row, rows).flat_map(move |j| near(column, columns).map(move |i| (j * columns + i) as usize))
 }
 
 /// Neighbouring cells of a row as one box.

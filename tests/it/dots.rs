@@ -145,7 +145,7 @@ fn dots_on_hood_and_helens_are_marked_by_every_method() {
         (
             "hood_mm_bin.stl",
             "pattern = \"poisson\"\npitch = \"0.5 mm\"\narea = [\"-20 mm\", \"-20 mm\", \"40 mm\", \"20 mm\"]",
-            "",
+            "[limits]\nmax_off_part = \"50 %\"\n",
         ),
         (
             "helens_relief_small.stl",
