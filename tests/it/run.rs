@@ -295,14 +295,14 @@ fn a_run_that_was_killed_goes_on_and_names_the_block_in_doubt() {
 fn no_run_begins_while_the_command_of_a_killed_one_still_marks() {
     let bench = Bench::new(1);
     let shell = Shell::new();
-    bench.run_file(&stage_of(&shell), &bench.command_laser("1"));
+    bench.run_file(&stage_of(&shell), &bench.command_laser("4"));
     let mut child = until_lines(&bench, &["--arm"], 2);
     child.kill().expect("killed");
     child.wait().expect("ended");
     let moved = shell.control().mdi.len();
     assert_ended(&bench.run(&["--arm"]), 2, &["run-locked", "command of a killed one"]);
     assert_eq!(shell.control().mdi.len(), moved, "nothing moves");
-    std::thread::sleep(Duration::from_millis(1100));
+    std::thread::sleep(Duration::from_millis(4100));
     assert_ended(&bench.run(&["--arm"]), 2, &["run-in-doubt", "block B0001 was begun"]);
 }
 
