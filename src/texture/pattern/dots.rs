@@ -176,8 +176,8 @@ fn poisson(BoxMm { lo, hi }: BoxMm<2>, distance: f64, random: &mut Random) -> Re
         let at = random.below(active.len());
         let [x, y] = points[active[at]];
         let found = (0..TRIES).find_map(|_| {
-            let (r, a) = (distance * (1.0 + 3.0 * random.unit()).sqrt(), TAU * random.unit());
-            let p = [x + r * a.cos(), y + r * a.sin()];
+            let [dx, dy] = in_ring(random);
+            let p = [x + distance * dx, y + distance * dy];
             let is_inside = (0..2).all(|k| lo[k] <= p[k] && p[k] <= hi[k]);
             (is_inside && is_free(p, distance, cell(p), &grid, [columns, rows], &points)).then_some(p)
         });
@@ -194,6 +194,16 @@ fn poisson(BoxMm { lo, hi }: BoxMm<2>, distance: f64, random: &mut Random) -> Re
     Ok(points)
 }
 
+/// A place between 1 and 2 from the origin, uniform over this ring.
+fn in_ring(random: &mut Random) -> [f64; 2] {
+    loop {
+        let [x, y] = [0, 1].map(|_| 4.0 * random.unit() - 2.0);
+        if (1.0..=4.0).contains(&(x * x + y * y)) {
+            return [x, y];
+        }
+    }
+}
+
 /// Whether no point is nearer to `p`, in the cell (i, j), than `distance`.
 fn is_free(
     p: [f64; 2],
@@ -204,14 +214,16 @@ fn is_free(
     points: &[[f64; 2]],
 ) -> bool {
     let near = |v: usize, count: usize| v.saturating_sub(2)..(v + 3).min(count);
-    near(j, rows).all(|j| {
-        grid[j * columns..][near(i, columns)].iter().all(|&n| {
-            points.get(n as usize).is_none_or(|q| {
-                let [dx, dy] = [p[0] - q[0], p[1] - q[1]];
-                dx * dx + dy * dy >= distance * distance
+    // Most places that are taken have a point in their own cell, whose diagonal is the distance.
+    grid[j * columns + i] == u32::MAX
+        && near(j, rows).all(|j| {
+            grid[j * columns..][near(i, columns)].iter().all(|&n| {
+                points.get(n as usize).is_none_or(|q| {
+                    let [dx, dy] = [p[0] - q[0], p[1] - q[1]];
+                    dx * dx + dy * dy >= distance * distance
+                })
             })
         })
-    })
 }
 
 #[cfg(test)]
