@@ -37,7 +37,6 @@ use std::path::Path;
 use super::artwork::{Artwork, Figure, Marking, Shape};
 use super::clip::Lines;
 use crate::diag::{Diag, Error, Place, memory};
-use crate::geom::BoxMm;
 use gaps::{Ends, gaps};
 use walk::Walked;
 
@@ -61,7 +60,7 @@ pub(super) struct How<'a> {
 /// `dxf-…`, `texture-far`, `texture-large`, `memory`.
 pub(super) fn load(bytes: &[u8], how: &How<'_>, notes: &mut Vec<Diag>) -> Result<Artwork, Error> {
     let mut art = read(bytes, how, Lines::default(), notes)?;
-    on_page(&mut art);
+    art.fit_page();
     Ok(art)
 }
 
@@ -138,16 +137,6 @@ fn parse(
         d.at(Place::Element { path: name.to_owned(), element }).hint("join the ends in the drawing program")
     }));
     Ok(art)
-}
-
-/// Moves the lines to the page, which is their box.
-fn on_page(art: &mut Artwork) {
-    if art.lines.points.is_empty() {
-        return;
-    }
-    let all = BoxMm::of(art.lines.points.iter().copied());
-    art.lines.points.iter_mut().for_each(|p| *p = [p[0] - all.lo[0], p[1] - all.lo[1]]);
-    (art.size, art.corner) = (all.size(), Some(all.lo));
 }
 
 /// What is said of contours that look closed and are not, and the entity at the first gap.
