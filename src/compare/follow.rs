@@ -16,10 +16,9 @@ use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::statistics::Statistics;
 use crate::on_the_fly::stop_at_every_point::stop_at_every_point;
 use crate::on_the_fly::topp::{self, State};
+use crate::on_the_fly::turnaround::{Timed, Turnaround, quickest};
 use crate::on_the_fly::xyzacuv::{AxisFigures, KinematicModel, TimedAxes, ToolPath, decompose_and_time};
-use crate::on_the_fly::xyzuv::{
-    Decomposition, ScannerLimits, Timed, Turnaround, quickest, step_scan_s, synchronise, synchronised_s,
-};
+use crate::on_the_fly::xyzuv::{Decomposition, ScannerLimits, step_scan_s, synchronise, synchronised_s};
 use crate::parallel;
 use crate::plan::strokes::{self, Strokes};
 

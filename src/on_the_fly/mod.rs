@@ -20,5 +20,6 @@ pub mod program;
 pub mod statistics;
 pub mod stop_at_every_point;
 pub mod topp;
+pub mod turnaround;
 pub mod xyzacuv;
 pub mod xyzuv;

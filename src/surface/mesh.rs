@@ -11,7 +11,8 @@
 
 use rustc_hash::FxHashMap;
 
-use super::topology::{Fault, FaultKind, Joining, Survey, TURNED, UPRIGHT, survey};
+use super::faults::{Fault, FaultKind};
+use super::topology::{Joining, Survey, TURNED, UPRIGHT, survey};
 pub(crate) use super::vertex::{NONE, Vertex};
 use crate::diag::{Diag, Error};
 use crate::geom::{BoxMm, MAX_NM, NM_PER_MM, P2, counting_sort, nearest, orient};

@@ -11,20 +11,13 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use super::artwork::{Artwork, Colour, Figure, Labels, Marking, Rule, Shape};
+use super::artwork::{Artwork, Colour, Figure, Labels, MAX_MM, MAX_POINTS, Marking, Rule, Shape, steps};
 use super::clip::extent;
 use super::place::LEAST;
 use crate::diag::{Diag, Error, Place};
-use crate::geom::BoxMm;
 
 /// A plotter unit, mm.
 const UNIT: f64 = 0.025;
-
-/// Most points of one plot.
-const MAX_POINTS: usize = 20_000_000;
-
-/// Largest coordinate, mm.
-const MAX_MM: f64 = 1e9;
 
 const ETX: u8 = 3;
 const ESC: u8 = 27;
@@ -66,11 +59,7 @@ pub(super) fn load(
     }
     notes.extend(messages);
     let mut art = plotter.art;
-    if !art.lines.points.is_empty() {
-        let all = BoxMm::of(art.lines.points.iter().copied());
-        art.lines.points.iter_mut().for_each(|p| *p = [p[0] - all.lo[0], p[1] - all.lo[1]]);
-        (art.size, art.corner) = (all.size(), Some(all.lo));
-    }
+    art.fit_page();
     Ok(art)
 }
 
@@ -373,7 +362,7 @@ impl<'a> Plotter<'a> {
     fn sweep(&mut self, centre: Point, from: Point, by: f64) -> Result<(), Fault> {
         let d = [from[0] - centre[0], from[1] - centre[1]];
         let radius = d[0].hypot(d[1]) * self.scale[0][0].abs().max(self.scale[1][0].abs()) * UNIT;
-        let steps = (by * by * radius / (8.0 * self.tolerance)).sqrt().ceil().max((by.abs() * 2.0).ceil()).max(1.0);
+        let steps = steps(by * by * radius, self.tolerance, (by.abs() * 2.0).ceil().max(1.0));
         if steps > MAX_POINTS as f64 || steps.is_nan() {
             return Err(Diag::limit("texture-large", format!("an arc of the plot has more than {MAX_POINTS} points"))
                 .hint("use a larger tolerance")

@@ -215,7 +215,7 @@ impl Texture {
     ) -> Result<Self, Error> {
         let mut sources = source::Sources::default();
         Self::place(requests, part_box_mm, turn_rad, spot_mm, &mut |_, request, site| {
-            let border = request.masks.border(request, part_box_mm, site.turn, spot_mm, &mut sources, notes)?;
+            let border = request.masks.border(site, &mut sources, notes)?;
             let file = match &request.kind {
                 Kind::Drawing { .. } => {
                     let art = sources.artwork(request, site, notes)?;

@@ -44,7 +44,8 @@ impl Sources {
             Source::Svg(text) => svg::load(text, path, wanted, site, marking, notes)?,
             Source::Bitmap(image) => bitmap::load(image, path, wanted, site, marking, notes)?,
             Source::Dxf(bytes) => {
-                let load = |t: f64, notes: &mut Vec<Diag>| dxf::load(bytes, path, *unit_mm, t, marking, notes);
+                let how = |tolerance: f64| dxf::How { path, unit_mm: *unit_mm, tolerance, marking };
+                let load = |t: f64, notes: &mut Vec<Diag>| dxf::load(bytes, &how(t), notes);
                 stretched(load, wanted, path, site.tolerance, notes)?
             }
             Source::Plot(bytes) => {

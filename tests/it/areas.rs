@@ -134,15 +134,19 @@ fn no_line_leaves_its_area() {
     for seed in 0..40 {
         let mut noise = Random::case(seed);
         let (corners, path) = star(&mut noise);
-        let marking = Marking {
-            pitch_mm: Some(0.1),
-            inset_mm: Some(if seed % 2 == 0 { 0.0 } else { 0.02 }),
-            direction_rad: noise.range(-3.0, 3.0),
-            cross: seed % 3 == 0,
-            ..Marking::default()
-        };
+        let marking = Marking { direction_rad: noise.range(-3.0, 3.0), ..hatch(seed) };
         let Ok((texture, _)) = load(&path, marking) else { continue };
         lies_in(&texture, &corners, seed);
+    }
+}
+
+/// A hatch with or without an inset and a second set of lines.
+fn hatch(seed: u64) -> Marking {
+    Marking {
+        pitch_mm: Some(0.1),
+        inset_mm: Some(if seed.is_multiple_of(2) { 0.0 } else { 0.02 }),
+        cross: seed.is_multiple_of(3),
+        ..Marking::default()
     }
 }
 
@@ -186,13 +190,7 @@ fn lines_along_contours_stay_in_area_and_section() {
     for seed in 0..40 {
         let mut noise = Random::case(seed);
         let (corners, path) = star(&mut noise);
-        let marking = Marking {
-            pitch_mm: Some(0.1),
-            inset_mm: Some(if seed % 2 == 0 { 0.0 } else { 0.02 }),
-            along_contours: Some(0.0),
-            cross: seed % 3 == 0,
-            ..Marking::default()
-        };
+        let marking = Marking { along_contours: Some(0.0), ..hatch(seed) };
         let sets = if marking.cross { 2.0 } else { 1.0 };
         let Ok((mut texture, _)) = load(&path, marking) else { continue };
         assert_eq!(texture.len(), 0, "areas hold no line until directions are known");

@@ -215,6 +215,29 @@ fn job(noise: &mut Random, dir: &Path, wanted: Machine) -> std::path::PathBuf {
     write_stl(&dir.join("part.stl"), &surface(noise, size));
     let [field, increment] = machine(noise, dir, wanted, size);
     let pens = 1 + below(noise, 2) as usize;
+    let mut text = placed(noise, is_tilting, increment);
+    for number in 0..1 + below(noise, 2) as usize {
+        text += &texture(noise, dir, number, size, pens);
+    }
+    let pdof = pick(noise, &[0.07, 0.0715, 0.3, 2.0, size / 30.0]).max(increment * 2.0).max(size / 400.0);
+    partition(noise, &mut text, is_tilting, pdof, field);
+    writeln!(text, "\n[limits]\nmax_off_part = \"100 %\"\nimplausible = \"allow\"").expect("text");
+    writeln!(text, "max_incidence = \"{} deg\"", pick(noise, &[10, 60, 60, 85])).expect("text");
+    if chance(noise, 20) {
+        passes(noise, &mut text, pdof, field);
+    }
+    if is_tilting {
+        tilting(noise, &mut text);
+    }
+    text += "\n[machine]\nfile = \"machine.toml\"\n";
+    write_pens(noise, &mut text, pens);
+    let path = dir.join("job.toml");
+    std::fs::write(&path, text).expect("a writable folder");
+    path
+}
+
+/// The tables of surface and placement.
+fn placed(noise: &mut Random, is_tilting: bool, increment: f64) -> String {
     let mut text = String::from("[surface]\nfile = \"part.stl\"\nunit = \"mm\"\n");
     if chance(noise, if is_tilting { 30 } else { 10 }) {
         let weld = if is_tilting { pick(noise, &[1.0, 4.0]) } else { 1.0 };
@@ -230,10 +253,11 @@ fn job(noise: &mut Random, dir: &Path, wanted: Machine) -> std::path::PathBuf {
         let [x, y, z] = [0, 1, 2].map(|_| (between(noise, -40.0, 40.0) / increment).round() * increment);
         writeln!(text, "origin = [\"{x:.4} mm\", \"{y:.4} mm\", \"{z:.4} mm\"]").expect("text");
     }
-    for number in 0..1 + below(noise, 2) as usize {
-        text += &texture(noise, dir, number, size, pens);
-    }
-    let pdof = pick(noise, &[0.07, 0.0715, 0.3, 2.0, size / 30.0]).max(increment * 2.0).max(size / 400.0);
+    text
+}
+
+/// The tables of focus and partition.
+fn partition(noise: &mut Random, text: &mut String, is_tilting: bool, pdof: f64, field: f64) {
     writeln!(
         text,
         "\n[focus]\npdof = \"{pdof:.6} mm\"\nlevel = \"{}\"\nrule = \"{}\"\n\n[partition]\nmethod = \"{}\"",
@@ -259,20 +283,20 @@ fn job(noise: &mut Random, dir: &Path, wanted: Machine) -> std::path::PathBuf {
         1 => writeln!(text, "overlap = \"{:.6} mm\"", field * between(noise, 0.001, 0.1)).expect("text"),
         _ => {}
     }
-    writeln!(text, "\n[limits]\nmax_off_part = \"100 %\"\nimplausible = \"allow\"").expect("text");
-    writeln!(text, "max_incidence = \"{} deg\"", pick(noise, &[10, 60, 60, 85])).expect("text");
-    if chance(noise, 20) {
-        let lower = if chance(noise, 50) { pdof * between(noise, 0.0, 0.9) } else { 0.0 };
-        writeln!(text, "\n[passes]\ncount = {}\nlower = \"{lower:.6} mm\"", 2 + below(noise, 2)).expect("text");
-        writeln!(text, "rotate = \"{} deg\"", pick(noise, &["0", "67", "90", "-12.5"])).expect("text");
-        if chance(noise, 40) {
-            writeln!(text, "shift = \"{:.6} mm\"", field * pick(noise, &[0.0, 0.31, 3.7])).expect("text");
-        }
+}
+
+/// The table of passes.
+fn passes(noise: &mut Random, text: &mut String, pdof: f64, field: f64) {
+    let lower = if chance(noise, 50) { pdof * between(noise, 0.0, 0.9) } else { 0.0 };
+    writeln!(text, "\n[passes]\ncount = {}\nlower = \"{lower:.6} mm\"", 2 + below(noise, 2)).expect("text");
+    writeln!(text, "rotate = \"{} deg\"", pick(noise, &["0", "67", "90", "-12.5"])).expect("text");
+    if chance(noise, 40) {
+        writeln!(text, "shift = \"{:.6} mm\"", field * pick(noise, &[0.0, 0.31, 3.7])).expect("text");
     }
-    if is_tilting {
-        tilting(noise, &mut text);
-    }
-    text += "\n[machine]\nfile = \"machine.toml\"\n";
+}
+
+/// The pens of the textures, and at times one for frames.
+fn write_pens(noise: &mut Random, text: &mut String, pens: usize) {
     for pen in 0..pens {
         write!(
             text,
@@ -285,9 +309,6 @@ fn job(noise: &mut Random, dir: &Path, wanted: Machine) -> std::path::PathBuf {
         let pilot = "[[pen]]\nname = \"pilot\"\nspeed = \"1000 mm/s\"\npower = \"1 %\"\nfrequency = \"60 kHz\"";
         write!(text, "\n{pilot}\n\n[emit]\nframes = \"pilot\"\n").expect("text");
     }
-    let path = dir.join("job.toml");
-    std::fs::write(&path, text).expect("a writable folder");
-    path
 }
 
 /// Compiles and verifies; Ok says whether the job was compiled.

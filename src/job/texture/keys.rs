@@ -48,8 +48,8 @@ pub struct TextureKeys {
     #[serde(default)]
     pub area: Option<AreaKeys>,
     /// Hatch: distance of lines. Cells and honeycomb: distance of neighbouring centres. Riblets: distance of grooves.
-    /// Concentric and spiral: distance of circles or turns. Dots: distance of sites. Poisson: least distance. Drawing: distance of the lines that fill areas; default:
-    /// half the spot.
+    /// Concentric and spiral: distance of circles or turns. Dots: distance of sites. Poisson: least distance.
+    /// Drawing: distance of the lines that fill areas; default: half the spot.
     #[serde(default, deserialize_with = "positive_option")]
     pub pitch: Option<Length>,
     /// Hatch and riblets: direction of the lines from +x, counter-clockwise; hatch also `"contour"`: in every section

@@ -9,6 +9,7 @@ mod choice;
 mod crossings;
 mod cut;
 mod dot_screen;
+mod flatten;
 mod hatch;
 mod marking;
 mod marks;
@@ -20,6 +21,7 @@ pub(super) use area::{Area, Polygon};
 pub(super) use choice::{Class, classes};
 pub(super) use crossings::TooMany;
 pub(super) use cut::{Cells, Cutter, Keep, distance};
+pub(super) use flatten::{MAX_MM, MAX_POINTS, Stop, arc_steps, counted, steps};
 use hatch::Hatch;
 pub(super) use hatch::{Set, Waiting};
 pub(super) use marking::Weight;
@@ -28,6 +30,7 @@ pub(super) use marks::{Page, Waits, marks};
 pub(super) use screen::Grey;
 
 use super::clip::Lines;
+use crate::geom::BoxMm;
 
 /// A drawing before it is said how it is marked.
 #[derive(Debug, Default)]
@@ -72,6 +75,15 @@ impl Artwork {
         self.lines.points.iter_mut().for_each(|p| *p = [p[0] * factor[0], p[1] * factor[1]]);
         self.corner = self.corner.map(|c| [c[0] * factor[0], c[1] * factor[1]]);
         self.size = size;
+    }
+
+    /// Makes the page the box of the lines, and moves them there from their own coordinates.
+    pub(super) fn fit_page(&mut self) {
+        if !self.lines.points.is_empty() {
+            let all = BoxMm::of(self.lines.points.iter().copied());
+            self.lines.points.iter_mut().for_each(|p| *p = [p[0] - all.lo[0], p[1] - all.lo[1]]);
+            (self.size, self.corner) = (all.size(), Some(all.lo));
+        }
     }
 
     /// Mirrors the page about its middle.

@@ -9,15 +9,9 @@ use std::ops::Range;
 use std::path::Path;
 
 use crate::diag::{Diag, Place, memory};
-use crate::texture::artwork::{Artwork, Figure, Labels, Shape};
+use crate::texture::artwork::{Artwork, Figure, Labels, MAX_MM, MAX_POINTS, Shape};
 use crate::texture::clip::{Lines, extent};
 use crate::texture::place::LEAST;
-
-/// Most points of one file.
-const MAX_POINTS: usize = 20_000_000;
-
-/// Largest coordinate, mm, as for drawings.
-const MAX_MM: f64 = 1e9;
 
 /// Memory for each byte of a file: curves of two rows of 8 bytes with ids of their own take some 400, here and once
 /// placed.

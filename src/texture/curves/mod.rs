@@ -145,7 +145,7 @@ fn read(
     match extension.as_str() {
         "dxf" => {
             let bytes = diag::read_file(path, MAX_FILE)?;
-            dxf::curves(&bytes, path, unit_mm, site.tolerance, marking, notes)
+            dxf::curves(&bytes, &dxf::How { path, unit_mm, tolerance: site.tolerance, marking }, notes)
         }
         "csv" | "txt" | "xyz" => {
             let Some(unit_mm) = unit_mm else {

@@ -37,29 +37,30 @@ use std::path::Path;
 use super::artwork::{Artwork, Figure, Marking, Shape};
 use super::clip::Lines;
 use crate::diag::{Diag, Error, Place, memory};
-use crate::geom::BoxMm;
 use gaps::{Ends, gaps};
 use walk::Walked;
 
 /// Largest drawing file, bytes.
 pub(super) const MAX_FILE: u64 = 256 << 20;
 
-/// Reads a drawing. `unit_mm` is what the job says a drawing unit is, where the file may not.
+/// How a drawing is read.
+pub(super) struct How<'a> {
+    /// The file.
+    pub(super) path: &'a Path,
+    /// What the job says a drawing unit is, where the file may not.
+    pub(super) unit_mm: Option<f64>,
+    /// Largest distance between a curve and its polyline, mm.
+    pub(super) tolerance: f64,
+    pub(super) marking: &'a Marking,
+}
+
+/// Reads a drawing.
 ///
 /// # Errors
 /// `dxf-…`, `texture-far`, `texture-large`, `memory`.
-pub(super) fn load(
-    bytes: &[u8],
-    path: &Path,
-    unit_mm: Option<f64>,
-    tolerance_mm: f64,
-    marking: &Marking,
-    notes: &mut Vec<Diag>,
-) -> Result<Artwork, Error> {
-    let name = path.display().to_string();
-    let how = How { name: &name, unit_mm, tolerance: tolerance_mm, marking, in_space: false };
-    let mut art = read(bytes, &how, notes)?;
-    on_page(&mut art);
+pub(super) fn load(bytes: &[u8], how: &How<'_>, notes: &mut Vec<Diag>) -> Result<Artwork, Error> {
+    let mut art = read(bytes, how, Lines::default(), notes)?;
+    art.fit_page();
     Ok(art)
 }
 
@@ -67,16 +68,8 @@ pub(super) fn load(
 ///
 /// # Errors
 /// As [`load`]; `dxf-area`.
-pub(super) fn curves(
-    bytes: &[u8],
-    path: &Path,
-    unit_mm: Option<f64>,
-    tolerance_mm: f64,
-    marking: &Marking,
-    notes: &mut Vec<Diag>,
-) -> Result<Artwork, Error> {
-    let name = path.display().to_string();
-    let mut art = read(bytes, &How { name: &name, unit_mm, tolerance: tolerance_mm, marking, in_space: true }, notes)?;
+pub(super) fn curves(bytes: &[u8], how: &How<'_>, notes: &mut Vec<Diag>) -> Result<Artwork, Error> {
+    let mut art = read(bytes, how, Lines::in_space(), notes)?;
     // An entity is found in the drawing by handle and layer; copies by blocks have those of the block.
     let mut known: HashMap<(u32, u32), u32> = HashMap::new();
     let mut names = Vec::new();
@@ -94,21 +87,10 @@ pub(super) fn curves(
     Ok(art)
 }
 
-/// How a drawing is read.
-struct How<'a> {
-    /// The file.
-    name: &'a str,
-    unit_mm: Option<f64>,
-    tolerance: f64,
-    marking: &'a Marking,
-    /// Whether z is kept.
-    in_space: bool,
-}
-
-fn read(bytes: &[u8], how: &How<'_>, notes: &mut Vec<Diag>) -> Result<Artwork, Error> {
+fn read(bytes: &[u8], how: &How<'_>, lines: Lines, notes: &mut Vec<Diag>) -> Result<Artwork, Error> {
+    let name = how.path.display().to_string();
     let mut errors = Vec::new();
-    let art = parse(bytes, how, &mut errors, notes).map_err(|mut d| {
-        let name = how.name.to_owned();
+    let art = parse(bytes, how, &name, lines, &mut errors, notes).map_err(|mut d| {
         match &mut d.place {
             Place::File { path, .. } if path.is_empty() => *path = name,
             Place::Nowhere => d.place = Place::file(name),
@@ -119,8 +101,17 @@ fn read(bytes: &[u8], how: &How<'_>, notes: &mut Vec<Diag>) -> Result<Artwork, E
     if errors.is_empty() { Ok(art) } else { Err(Error::many(errors)) }
 }
 
-fn parse(bytes: &[u8], how: &How<'_>, errors: &mut Vec<Diag>, notes: &mut Vec<Diag>) -> Result<Artwork, Box<Diag>> {
-    let &How { name, unit_mm, tolerance, marking, in_space } = how;
+/// Reads a drawing into `lines`, which keep z or do not. What is refused goes to `errors`.
+fn parse(
+    bytes: &[u8],
+    how: &How<'_>,
+    name: &str,
+    lines: Lines,
+    errors: &mut Vec<Diag>,
+    notes: &mut Vec<Diag>,
+) -> Result<Artwork, Box<Diag>> {
+    let &How { unit_mm, tolerance, marking, .. } = how;
+    let is_flat = !lines.is_spatial();
     if bytes.len() as u64 > MAX_FILE {
         let text = format!("the drawing has {} bytes, more than {MAX_FILE}", bytes.len());
         return Err(Diag::limit("dxf-large", text).hint("split it into several drawings").into());
@@ -133,12 +124,11 @@ fn parse(bytes: &[u8], how: &How<'_>, errors: &mut Vec<Diag>, notes: &mut Vec<Di
         notes.push(d.at(Place::file(name)).hint("save the drawing again, and compare what is marked with it"));
     }
     let unit = units::unit_mm(file.unit, unit_mm)?;
-    let lines = if in_space { Lines::in_space() } else { Lines::default() };
     let walked = walk::walk(&file, unit, tolerance, marking, lines);
     file.tally.messages(name, marking, errors, notes);
     let Walked { art, tally, z } = walked?;
     tally.messages(name, marking, errors, notes);
-    if !in_space && z[1] - z[0] > tolerance {
+    if is_flat && z[1] - z[0] > tolerance {
         let text = format!("the drawing is not flat (z {:.3} to {:.3} mm): its z is not used", z[0], z[1]);
         let hint = "to hold it to the surface as space curves, give it by curves in place of file";
         notes.push(Diag::warning("dxf-space", text).at(Place::file(name)).hint(hint));
@@ -147,16 +137,6 @@ fn parse(bytes: &[u8], how: &How<'_>, errors: &mut Vec<Diag>, notes: &mut Vec<Di
         d.at(Place::Element { path: name.to_owned(), element }).hint("join the ends in the drawing program")
     }));
     Ok(art)
-}
-
-/// Moves the lines to the page, which is their box.
-fn on_page(art: &mut Artwork) {
-    if art.lines.points.is_empty() {
-        return;
-    }
-    let all = BoxMm::of(art.lines.points.iter().copied());
-    art.lines.points.iter_mut().for_each(|p| *p = [p[0] - all.lo[0], p[1] - all.lo[1]]);
-    (art.size, art.corner) = (all.size(), Some(all.lo));
 }
 
 /// What is said of contours that look closed and are not, and the entity at the first gap.

@@ -1,34 +1,19 @@
 //! Outlines as polylines in mm: curves are flattened after all maps, in f64, with a bound.
 //!
-//! A chord over the angle h of an ellipse misses it by at most R h² / 8, R being its longest half axis after the map;
-//! so the number of even steps follows from the tolerance, and all points lie on the curve. A Bézier curve with
-//! positive weights lies in the hull of its control points: it is halved until these lie within the tolerance of its
-//! chord. Everything is kept in space until a point is put down: there flat lines drop z, and nowhere else.
+//! An arc takes even [`steps`]. A Bézier curve with positive weights lies in the hull of its control points: it is
+//! halved until these lie within the tolerance of its chord. Everything is kept in space until a point is put down:
+//! there flat lines drop z, and nowhere else.
 
 use std::f64::consts::FRAC_PI_4;
 
 use super::space::{Map, Point, add, cross, dot, length, sub, times};
 use super::spline::Bezier;
+use crate::texture::artwork::{MAX_MM, MAX_POINTS, Stop, arc_steps, counted, steps};
 use crate::texture::clip::{Lines, extent};
 use crate::texture::place::LEAST;
 
-/// Most points of one drawing.
-pub(super) const MAX_POINTS: usize = 20_000_000;
-
-/// Largest coordinate, mm: f64 still tells a tenth of a nanometre there.
-pub(super) const MAX_MM: f64 = 1e9;
-
 /// Most halvings of a Bézier curve, one in the other; a curve within [`MAX_MM`] needs fewer.
 const MAX_HALVINGS: usize = 40;
-
-/// Why an outline cannot be continued.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Stop {
-    /// More than [`MAX_POINTS`].
-    Full,
-    /// Beyond [`MAX_MM`], or not finite.
-    Far,
-}
 
 /// A vertex of a polyline, and what leads to the next one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -132,22 +117,19 @@ impl<'a> Outline<'a> {
     /// The rest of an arc that begins at the last point; ends in `end`.
     pub(super) fn arc_to(&mut self, arc: &Arc, end: Point) {
         let [a, b] = [arc.a, arc.b].map(|v| self.map.along(v));
-        let least = (arc.by.abs() / FRAC_PI_4 - 1e-9).ceil().max(1.0);
-        let steps = (arc.by * arc.by * largest_radius(a, b) / (8.0 * self.tolerance)).sqrt().ceil().max(least);
+        let steps = arc_steps(arc.by, largest_radius(a, b), self.tolerance);
         self.begin();
-        if !steps.is_finite() {
-            self.stop = Some(Stop::Far);
-        } else if self.lines.points.len() as f64 + steps > MAX_POINTS as f64 {
-            self.stop = Some(Stop::Full);
-        }
         if self.stop.is_some() {
             return;
         }
-        for k in 1..steps as usize {
-            self.put(arc.at(arc.start + arc.by * (k as f64 / steps)));
+        match counted(steps, self.lines.points.len()) {
+            Ok(n) => {
+                (1..n).for_each(|k| self.put(arc.at(arc.start + arc.by * (k as f64 / steps))));
+                self.put(end);
+                self.at = end;
+            }
+            Err(stop) => self.stop = Some(stop),
         }
-        self.put(end);
-        self.at = end;
     }
 
     /// What runs beside an arc of a circle, at distances from its centre that change evenly from one end to the
@@ -157,8 +139,7 @@ impl<'a> Outline<'a> {
         let [r, s] = radii.map(|v| v / length(arc.a));
         // |p''| over the angle is at most r + 2 r', times the stretch of the map.
         let bend = largest_radius(a, b) * (r.abs().max(s.abs()) + 2.0 * ((s - r) / arc.by).abs());
-        let steps =
-            (arc.by * arc.by * bend / (8.0 * self.tolerance)).sqrt().ceil().max((arc.by.abs() / FRAC_PI_4).ceil());
+        let steps = steps(arc.by * arc.by * bend, self.tolerance, (arc.by.abs() / FRAC_PI_4).ceil());
         if steps.is_nan() || steps > MAX_POINTS as f64 {
             self.stop = Some(Stop::Full);
             return;

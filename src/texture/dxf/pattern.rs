@@ -4,7 +4,7 @@
 //! any affine map, so the lines are found after it. An edge crosses line s where one of its ends lies at or below s and
 //! the other above; so a corner on a line counts once or not at all, and crossings come in pairs.
 
-use super::outline::{MAX_POINTS, Stop};
+use crate::texture::artwork::{MAX_POINTS, Stop};
 use crate::texture::clip::Lines;
 use crate::texture::place::{LEAST, NM};
 

@@ -34,7 +34,8 @@ fn entities() -> Vec<u8> {
 
 fn loaded(bytes: &[u8], unit_mm: Option<f64>) -> (Result<Artwork, Error>, Vec<Diag>) {
     let mut notes = Vec::new();
-    let art = load(bytes, Path::new("a.dxf"), unit_mm, TOLERANCE, &lenient(), &mut notes);
+    let how = How { path: Path::new("a.dxf"), unit_mm, tolerance: TOLERANCE, marking: &lenient() };
+    let art = load(bytes, &how, &mut notes);
     (art, notes)
 }
 
@@ -270,8 +271,8 @@ fn tolerance_holds_after_all_maps() {
         0 INSERT 2 c 10 0 20 0 41 300 42 200 0 ENDSEC 0 EOF";
     let text: String = circle.split_whitespace().map(|t| format!("{t}\n")).collect();
     for tolerance in [1e-4, 1e-2] {
-        let art =
-            load(text.as_bytes(), Path::new("a"), Some(1.0), tolerance, &lenient(), &mut Vec::new()).expect("read");
+        let how = How { path: Path::new("a"), unit_mm: Some(1.0), tolerance, marking: &lenient() };
+        let art = load(text.as_bytes(), &how, &mut Vec::new()).expect("read");
         let line = art.lines.get(0);
         let corner = art.corner.expect("a corner");
         let on_ellipse = |p: [f64; 2]| ((p[0] + corner[0]) / 300.0).hypot((p[1] + corner[1]) / 200.0) - 1.0;

@@ -7,13 +7,13 @@ use super::colour::{BLACK, Paint};
 use super::entity::{Entity, Insert, Kind, LineType, Polyline};
 use super::file::{File, LAYER_0, Layer};
 use super::hatch::{Edge, Fill, Hatch, Path, span};
-use super::outline::{Arc, MAX_POINTS, Outline, Stop};
+use super::outline::{Arc, Outline};
 use super::pattern::Ruling;
 use super::space::{Map, Point, cross, length, times, unit};
 use super::tally::{Issue, Tally};
 use super::wide::{areas, hairlines};
 use crate::diag::Diag;
-use crate::texture::artwork::{Artwork, Colour, Figure, Labels, Marking, Rule, Shape};
+use crate::texture::artwork::{Artwork, Colour, Figure, Labels, MAX_POINTS, Marking, Rule, Shape, Stop};
 use crate::texture::clip::Lines;
 
 /// Most entities that are drawn, copies by inserts counted one by one.

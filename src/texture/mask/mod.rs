@@ -17,11 +17,10 @@ use std::sync::Arc;
 use super::artwork::{Area as Shape, Artwork};
 use super::drawing::Placed;
 use super::page::Position;
-use super::place::{Site, Turn};
+use super::place::Site;
 use super::source::Sources;
 use super::{Area, Kind, Request};
 use crate::diag::{Diag, Error, Place};
-use crate::geom::BoxMm;
 use crate::program::PenId;
 pub(super) use border::Border;
 pub(super) use masked::Masked;
@@ -56,20 +55,17 @@ impl Masks {
         [("inside", &self.inside), ("outside", &self.outside)].into_iter().filter_map(|(k, m)| Some((k, m.as_ref()?)))
     }
 
-    /// The border at which strokes are cut, in the turned part frame; None where none is.
+    /// The border at which the strokes of a texture at `site` are cut, in the turned part frame; None where none is.
     ///
     /// # Errors
     /// Faults of the drawings; `mask-…`, `texture-crossings`.
     pub(super) fn border(
         &self,
-        request: &Request,
-        part_box: BoxMm<2>,
-        turn: Turn,
-        spot_mm: f64,
+        site: &Site,
         sources: &mut Sources,
         notes: &mut Vec<Diag>,
     ) -> Result<Option<Arc<Border>>, Error> {
-        let mut shape = |mask: &Mask| mask.shape(request, part_box, turn, spot_mm, sources, notes);
+        let mut shape = |mask: &Mask| mask.shape(site, sources, notes);
         let (inside, outside) =
             (self.inside.as_ref().map(&mut shape).transpose()?, self.outside.as_ref().map(&mut shape));
         let border = match (inside, outside.transpose()?) {
@@ -83,30 +79,22 @@ impl Masks {
 }
 
 impl Mask {
-    /// Its area in the turned part frame, mm.
-    fn shape(
-        &self,
-        request: &Request,
-        part_box: BoxMm<2>,
-        turn: Turn,
-        spot_mm: f64,
-        sources: &mut Sources,
-        notes: &mut Vec<Diag>,
-    ) -> Result<Shape, Error> {
+    /// Its area in the turned part frame, mm, where the texture lies at `site`.
+    fn shape(&self, site: &Site, sources: &mut Sources, notes: &mut Vec<Diag>) -> Result<Shape, Error> {
         let drawing = Request {
             kind: self.drawing.clone(),
             area: self.area.clone(),
-            tolerance_mm: request.tolerance_mm,
+            tolerance_mm: site.tolerance,
             pen: PenId(0),
             masks: Masks::default(),
         };
         let Kind::Drawing { path, position, turn_rad, .. } = &self.drawing else { unreachable!("a mask is a drawing") };
-        let site = Site::new(&drawing, part_box, turn, spot_mm)?;
+        let site = Site::new(&drawing, site.part_box, site.turn, site.spot_mm)?;
         let art = sources.artwork(&drawing, &site, notes)?;
         let here = |d: Box<Diag>| Error::from(d.at(Place::file(path.display().to_string())));
         let shape = outline::outline(&art, self.name.as_deref(), site.tolerance).map_err(here)?;
         let placed = self.placed(&art, *position, *turn_rad, &site);
-        Ok(shape.mapped(|p| turn.turned(placed.part(p))))
+        Ok(shape.mapped(|p| site.turn.turned(placed.part(p))))
     }
 
     fn placed(&self, art: &Artwork, position: Position, turn_rad: f64, site: &Site) -> Placed {

@@ -61,42 +61,13 @@ pub(super) fn load(
     marking: &Marking,
     notes: &mut Vec<Diag>,
 ) -> Result<Artwork, Error> {
-    let name = path.display().to_string();
-    // A node of the tree for every tag and the text after it; of the text, three copies at most as numbers.
-    let need = 3 * text.len() + 200 * text.bytes().filter(|&b| b == b'<').count();
-    memory::ask("the drawing", need as u64).map_err(|d| d.at(Place::file(&name)))?;
-    parse(&name, text, wanted, site, marking, notes)
-}
-
-fn parse(
-    name: &str,
-    text: &str,
-    wanted: Wanted,
-    site: &Site,
-    marking: &Marking,
-    notes: &mut Vec<Diag>,
-) -> Result<Artwork, Error> {
+    let name = &path.display().to_string();
     let here = |d: Box<Diag>| {
         let place = if d.place == Place::Nowhere { Place::file(name) } else { d.place.clone() };
         Error::from(d.at(place))
     };
-    // A document type without entities is harmless and common.
-    let options =
-        ParsingOptions { allow_dtd: !source::has_entities(text), nodes_limit: MAX_NODES, ..Default::default() };
-    let doc = Document::parse_with_options(text, options).map_err(|e| here(Box::new(xml_fault(name, &e))))?;
+    let doc = document(name, text, notes).map_err(here)?;
     let root = doc.root_element();
-    match (root.tag_name().name(), root.tag_name().namespace()) {
-        ("svg", Some("http://www.w3.org/2000/svg")) => {}
-        ("svg", None) => notes.push(
-            Diag::warning("svg-namespace", "the drawing does not say that it is SVG")
-                .at(Place::file(name))
-                .hint("add xmlns=\"http://www.w3.org/2000/svg\" to its first element"),
-        ),
-        (tag, _) => {
-            let text = format!("this is not an SVG drawing: its first element is {tag:?}");
-            return Err(here(Diag::input("svg-root", text).hint("save it as plain SVG").into()));
-        }
-    }
     let frame = Frame::new(root, wanted).map_err(here)?;
     if frame.is_stretched {
         let text = format!("the drawing is stretched to a page of {} mm x {} mm", frame.size[0], frame.size[1]);
@@ -137,6 +108,31 @@ fn parse(
         return Err(here(Diag::input("texture-empty", "the drawing holds nothing to mark").hint(hint).into()));
     }
     Ok(art)
+}
+
+/// The tree of a drawing.
+fn document<'a>(name: &str, text: &'a str, notes: &mut Vec<Diag>) -> Result<Document<'a>, Box<Diag>> {
+    // A node of the tree for every tag and the text after it; of the text, three copies at most as numbers.
+    let need = 3 * text.len() + 200 * text.bytes().filter(|&b| b == b'<').count();
+    memory::ask("the drawing", need as u64)?;
+    // A document type without entities is harmless and common.
+    let options =
+        ParsingOptions { allow_dtd: !source::has_entities(text), nodes_limit: MAX_NODES, ..Default::default() };
+    let doc = Document::parse_with_options(text, options).map_err(|e| xml_fault(name, &e))?;
+    let root = doc.root_element();
+    match (root.tag_name().name(), root.tag_name().namespace()) {
+        ("svg", Some("http://www.w3.org/2000/svg")) => {}
+        ("svg", None) => notes.push(
+            Diag::warning("svg-namespace", "the drawing does not say that it is SVG")
+                .at(Place::file(name))
+                .hint("add xmlns=\"http://www.w3.org/2000/svg\" to its first element"),
+        ),
+        (tag, _) => {
+            let text = format!("this is not an SVG drawing: its first element is {tag:?}");
+            return Err(Diag::input("svg-root", text).hint("save it as plain SVG").into());
+        }
+    }
+    Ok(doc)
 }
 
 /// Notes the elements that reach beyond the page, where a viewer shows nothing of them.

@@ -1,19 +1,13 @@
 //! Outlines as polylines in page mm: curves are flattened after all scales, in f64, with a bound.
 //!
-//! A chord over the parameter step h of a curve with |B''| <= M misses it by at most M h² / 8. For a
-//! cubic M is 6 times its largest second difference of control points, for a quadratic twice the only
-//! one, for an elliptic arc its largest radius; so the number of even steps follows from the tolerance.
+//! The second derivative of a cubic is at most 6 times its largest second difference of control points, that of a
+//! quadratic twice the only one: from it follow the [`steps`] that a curve takes.
 
-use std::f64::consts::{FRAC_PI_4, TAU};
+use std::f64::consts::TAU;
 
+use crate::texture::artwork::{MAX_MM, Stop, arc_steps, counted, steps};
 use crate::texture::clip::{Lines, extent, is_hairline};
 use crate::texture::place::LEAST;
-
-/// Most points of one drawing.
-pub(super) const MAX_POINTS: usize = 20_000_000;
-
-/// Largest coordinate before the page clips, mm: f64 still tells a tenth of a nanometre there.
-const MAX_MM: f64 = 1e9;
 
 type Point = [f64; 2];
 
@@ -90,15 +84,6 @@ pub(super) struct Dropped {
     pub(super) hairlines: bool,
 }
 
-/// Why an outline cannot be continued.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Stop {
-    /// More than [`MAX_POINTS`].
-    Full,
-    /// Beyond [`MAX_MM`], or not finite.
-    Far,
-}
-
 /// What the subpaths of an element are drawn into, in the element's coordinates.
 pub(super) trait Sink {
     /// The last point.
@@ -144,17 +129,11 @@ impl<'a> Outline<'a> {
 
     /// The image under `axes` of the unit circle's arc from angle `a0` over `by`; ends in `p`.
     fn sweep(&mut self, axes: Map, a0: f64, by: f64, p: Point) {
-        let least = (by.abs() / FRAC_PI_4 - 1e-9).ceil().max(1.0);
-        let steps = self.steps(by * by * largest_radius(self.map.after(axes)), least);
+        let steps = arc_steps(by, largest_radius(self.map.after(axes)), self.tolerance);
         self.curve(steps, p, |t| {
             let (sin, cos) = (a0 + t * by).sin_cos();
             axes.at([cos, sin])
         });
-    }
-
-    /// Steps of a curve over parameters 0 to 1 whose second derivative is at most `m`.
-    fn steps(&self, m: f64, least: f64) -> f64 {
-        (m / (8.0 * self.tolerance)).sqrt().ceil().max(least)
     }
 
     /// Appends a curve from the last point to `p`.
@@ -167,19 +146,13 @@ impl<'a> Outline<'a> {
         if self.lines.points.len() == self.lines.tail() {
             self.put(from);
         }
-        if !steps.is_finite() {
-            self.stop = Some(Stop::Far);
-            return;
+        match counted(steps, self.lines.points.len()) {
+            Ok(n) => {
+                (1..n).for_each(|k| self.put(point(k as f64 / steps)));
+                self.put(p);
+            }
+            Err(stop) => self.stop = Some(stop),
         }
-        if self.lines.points.len() as f64 + steps > MAX_POINTS as f64 {
-            self.stop = Some(Stop::Full);
-            return;
-        }
-        let n = steps as usize;
-        for k in 1..n {
-            self.put(point(k as f64 / steps));
-        }
-        self.put(p);
     }
 
     fn put(&mut self, p: Point) {
@@ -223,7 +196,7 @@ impl Sink for Outline<'_> {
 
     fn quad_to(&mut self, c: Point, p: Point) {
         let (a, m) = (self.at, self.map);
-        let steps = self.steps(2.0 * bend(m, a, c, p), 1.0);
+        let steps = steps(2.0 * bend(m, a, c, p), self.tolerance, 1.0);
         self.curve(steps, p, |t| {
             let s = 1.0 - t;
             [0, 1].map(|k| s * s * a[k] + 2.0 * s * t * c[k] + t * t * p[k])
@@ -232,7 +205,7 @@ impl Sink for Outline<'_> {
 
     fn cubic_to(&mut self, c: Point, d: Point, p: Point) {
         let (a, m) = (self.at, self.map);
-        let steps = self.steps(6.0 * bend(m, a, c, d).max(bend(m, c, d, p)), 1.0);
+        let steps = steps(6.0 * bend(m, a, c, d).max(bend(m, c, d, p)), self.tolerance, 1.0);
         self.curve(steps, p, |t| {
             let s = 1.0 - t;
             [0, 1].map(|k| s * s * s * a[k] + 3.0 * s * t * (s * c[k] + t * d[k]) + t * t * t * p[k])

@@ -10,7 +10,7 @@ use super::tally::Issue;
 use super::walk::{Done, Purpose, SHAPES, State, Walk, href, transform};
 use crate::diag::Diag;
 use crate::geom::BoxMm;
-use crate::texture::artwork::{Area, Figure, Rule, Shape, TooMany, WHITE};
+use crate::texture::artwork::{Area, Figure, MAX_POINTS, Rule, Shape, TooMany, WHITE};
 use crate::texture::clip::Lines;
 
 /// Most copies of the shapes of a pattern.
@@ -172,8 +172,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         let ranges = [range(0), range(1)];
         let copies: f64 = ranges.iter().map(|[from, to]| to - from).product();
         let points = copies * tile.art.lines.points.len() as f64 + self.art.lines.points.len() as f64;
-        if !(copies * tile.art.shapes.len().max(1) as f64 <= MAX_COPIES && points <= super::outline::MAX_POINTS as f64)
-        {
+        if !(copies * tile.art.shapes.len().max(1) as f64 <= MAX_COPIES && points <= MAX_POINTS as f64) {
             let text = format!("the pattern of {} has too many tiles ({copies:.0})", self.called(node));
             return Err(Diag::input("svg-large", text)
                 .hint("draw the pattern on a page of its own and repeat it with tile = true")

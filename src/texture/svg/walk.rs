@@ -6,14 +6,14 @@ use std::str::FromStr;
 use roxmltree::{Document, Node, NodeId};
 use svgtypes::{Length, LengthUnit};
 
-use super::outline::{Map, Stop};
+use super::outline::Map;
 use super::page::{self, view_map};
 use super::source::MAX_DEPTH;
 use super::style::{Declared, Style};
 use super::style_sheet::{Sheet, Work};
 use super::tally::{Issue, Tally};
 use crate::diag::Diag;
-use crate::texture::artwork::{Area, Artwork, Labels, Marking, Rule, TooMany};
+use crate::texture::artwork::{Area, Artwork, Labels, MAX_POINTS, Marking, Rule, Stop, TooMany};
 use crate::texture::place::Site;
 
 const SVG: &str = "http://www.w3.org/2000/svg";
@@ -456,7 +456,7 @@ impl<'a, 'input> Walk<'a, 'input> {
             Stop::Far => Diag::input("texture-far", format!("{name} reaches beyond any part"))
                 .hint("check its transforms and coordinates"),
             Stop::Full => {
-                let text = format!("the drawing has more than {} points at {name}", super::outline::MAX_POINTS);
+                let text = format!("the drawing has more than {} points at {name}", MAX_POINTS);
                 Diag::limit("texture-large", text).hint("use a larger tolerance or a simpler drawing")
             }
         }

@@ -9,7 +9,7 @@
 use super::part_place_nm;
 use crate::geom::{Box2, Nm, P2};
 use crate::program::{PassId, Sections};
-use crate::texture::{ContourAreas, Directions, Figure, Texture};
+use crate::texture::{Contour, ContourAreas, Directions, Figure, Texture};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::manifest::Manifest;
@@ -56,17 +56,22 @@ pub(in crate::verify) fn check(
         return false;
     }
     for contour in texture.whole_contours() {
-        let area = Area { corners: contour.corners(), pitch: contour.pitch() };
-        let mut lines = Lines::new(&area, &directions, rule);
-        let mut points = Vec::new();
-        for i in 0..contour.line_count() {
-            contour.line_ends(i, &mut points);
-            lines.add(&points);
-        }
-        lines.finish();
+        follow(contour, &directions, rule);
     }
     texture.contour_areas().for_each(|areas| drawn(areas, &directions, rule));
     true
+}
+
+/// Follows all lines of an area; answers as [`Lines::finish`].
+fn follow(contour: &Contour, directions: &Directions, rule: &mut Rule) -> Vec<Option<f64>> {
+    let area = Area { corners: contour.corners(), pitch: contour.pitch() };
+    let mut lines = Lines::new(&area, directions, rule);
+    let mut points = Vec::new();
+    for i in 0..contour.line_count() {
+        contour.line_ends(i, &mut points);
+        lines.add(&points);
+    }
+    lines.finish()
 }
 
 /// Holds the lines that areas of a drawing are cut from to the same, and each piece to lie on one of them.
@@ -74,14 +79,7 @@ fn drawn(areas: &ContourAreas, directions: &Directions, rule: &mut Rule) {
     let mut lattices = Vec::new();
     for (k, contour) in areas.lattices().iter().enumerate() {
         let directions = directions.turned(k);
-        let area = Area { corners: contour.corners(), pitch: contour.pitch() };
-        let mut lines = Lines::new(&area, &directions, rule);
-        let mut points = Vec::new();
-        for i in 0..contour.line_count() {
-            contour.line_ends(i, &mut points);
-            lines.add(&points);
-        }
-        let firsts = lines.finish();
+        let firsts = follow(contour, &directions, rule);
         lattices.push((directions, contour.pitch(), firsts));
     }
     let mut points = Vec::new();

@@ -1,7 +1,7 @@
 //! A drawing of six layers with six pens, its areas hatched: damaged lines and exchanged pens.
 
 use super::super::{assert_only, broken};
-use super::{Bench, long_stroke_of, remove, verified};
+use super::{Bench, double, long_stroke_of, remove, verified};
 use crate::program::{PenId, Program};
 
 /// Names and colours of the layers; the pen of layer k is pen k + 1.
@@ -123,16 +123,7 @@ fn damaged_hatch_lines_are_reported_by_their_rules() {
             assert_eq!(broken(&proof), ["source", "coverage"], "{}", proof.to_text());
         }
         assert_only("coverage", &layered(keys).mutant(|program, _| remove(program, line(program))));
-        let proof = layered(keys).mutant(|program, _| {
-            let i = line(program);
-            let copy = program.strokes[i];
-            program.strokes.insert(i, copy);
-            for b in &mut program.blocks {
-                let shift = |at: usize| if at > i { at + 1 } else { at };
-                b.strokes = shift(b.strokes.start)..shift(b.strokes.end);
-            }
-        });
-        assert_only("once", &proof);
+        assert_only("once", &layered(keys).mutant(|program, _| double(program, line(program))));
     }
 }
 

@@ -301,6 +301,15 @@ fn remove(program: &mut Program, i: usize) {
     }
 }
 
+/// Marks stroke `i` twice, of the same points.
+fn double(program: &mut Program, i: usize) {
+    program.strokes.insert(i, program.strokes[i]);
+    for b in &mut program.blocks {
+        let shift = |at: usize| if at > i { at + 1 } else { at };
+        b.strokes = shift(b.strokes.start)..shift(b.strokes.end);
+    }
+}
+
 /// A stroke with a long first segment in a block with many.
 fn long_stroke(program: &Program) -> usize {
     long_stroke_of(program, |_| true)
@@ -413,16 +422,7 @@ fn field_reports_marks_beyond_the_field() {
 
 #[test]
 fn once_reports_a_doubled_stroke() {
-    let proof = Bench::new().mutant(|program, _| {
-        let i = long_stroke(program);
-        let copy = program.strokes[i];
-        program.strokes.insert(i, copy);
-        for b in &mut program.blocks {
-            let shift = |at: usize| if at > i { at + 1 } else { at };
-            b.strokes = shift(b.strokes.start)..shift(b.strokes.end);
-        }
-    });
-    assert_only("once", &proof);
+    assert_only("once", &Bench::new().mutant(|program, _| double(program, long_stroke(program))));
 }
 
 #[test]
