@@ -1,11 +1,12 @@
 //! Values of a job that the machine's optics make implausible: most often a slip of units.
 //!
 //! Such a job compiles and verifies, since every mark lies where the job asks; the part would be spoilt all the same.
-//! So it is refused unless `limits.implausible = "allow"`, which gives a warning instead.
+//! So it is refused unless `limits.implausible = "allow"`, which gives a warning instead. What is odd and may be meant
+//! (a depth range below [`ODD_DEPTHS`], lines of areas far apart) is a warning from the start.
 
 use super::file::Implausible;
 use super::resolved::Job;
-use crate::diag::{Diag, Error};
+use crate::diag::{Diag, Error, Kind};
 use crate::geom::NM_PER_MM;
 use crate::machine::Machine;
 
@@ -17,32 +18,37 @@ const MOST_DEPTHS: f64 = 2.0;
 /// place of mm.
 const LEAST_DEPTHS: f64 = 1e-3;
 
+/// Below this the depth range is odd: the optics would keep their focus over fifty times as much. A process may ask for
+/// it, as the article's does for a 25th.
+const ODD_DEPTHS: f64 = 0.02;
+
 /// Least pitch of a hatch, in spots. Lines that overlap to more than three quarters mark every place more than four
 /// times.
 const LEAST_PITCH: f64 = 0.25;
+
+/// Largest pitch of the lines that fill areas, in spots: they cover a tenth, and the area is seen as separate lines.
+const MOST_PITCH: f64 = 10.0;
 
 /// The hint where a job is refused.
 const ALLOW: &str = "check its unit; set limits.implausible = \"allow\" to accept it";
 
 impl Job {
-    /// Holds depth of focus and hatch pitch to the machine's optics; answers with warnings where the job allows
-    /// what they make implausible.
+    /// Holds depth of focus and hatch pitch to the machine's optics; answers with warnings about what is odd, and about
+    /// what they make implausible where the job allows that.
     ///
     /// # Errors
     /// `pdof-large`, `pdof-small`, `pitch-small`.
     pub fn plausible(&self, machine: &Machine) -> Result<Vec<Diag>, Error> {
-        let found: Vec<Diag> = self.depth(machine).into_iter().chain(self.dense(machine)).collect();
-        match self.limits.implausible {
-            Implausible::Refuse if !found.is_empty() => Err(Error::many(found)),
-            _ => Ok(found),
-        }
+        let found = self.depth(machine).into_iter().chain(self.dense(machine)).chain(self.sparse(machine));
+        let (faults, warnings): (Vec<Diag>, Vec<Diag>) = found.partition(|d| d.kind != Kind::Warning);
+        if faults.is_empty() { Ok(warnings) } else { Err(Error::many(faults).after(warnings)) }
     }
 
     /// A depth range that is far beyond the depth of focus of the optics, or far below it.
     fn depth(&self, machine: &Machine) -> Option<Diag> {
         let (depth, optics) = (self.focus.depth.mm(), machine.depth_of_focus_mm());
         let depths = depth / optics;
-        if (LEAST_DEPTHS..=MOST_DEPTHS).contains(&depths) {
+        if (ODD_DEPTHS..=MOST_DEPTHS).contains(&depths) {
             return None;
         }
         let is_large = depths > MOST_DEPTHS;
@@ -54,11 +60,14 @@ impl Job {
             machine.laser.wavelength.as_mm() * 1e6,
             machine.laser.m2
         );
-        let d = match (self.limits.implausible, is_large) {
-            (Implausible::Refuse, true) => Diag::limit("pdof-large", text).hint(ALLOW),
-            (Implausible::Refuse, false) => Diag::limit("pdof-small", text).hint(ALLOW),
-            (Implausible::Allow, true) => Diag::warning("pdof-large", text),
-            (Implausible::Allow, false) => Diag::warning("pdof-small", text),
+        let is_refused = is_large || depths < LEAST_DEPTHS;
+        let d = match (is_refused && self.limits.implausible == Implausible::Refuse, is_large) {
+            (true, true) => Diag::limit("pdof-large", text).hint(ALLOW),
+            (true, false) => Diag::limit("pdof-small", text).hint(ALLOW),
+            (false, true) => Diag::warning("pdof-large", text),
+            (false, false) if is_refused => Diag::warning("pdof-small", text),
+            (false, false) => Diag::warning("pdof-small", text)
+                .hint("check its unit, and spot and wavelength of the machine: shallower blocks mean more stops"),
         };
         Some(d.at(self.place_of("focus.pdof")))
     }
@@ -81,6 +90,30 @@ impl Job {
             Some(d.at(self.place_of(&format!("texture.{i}.{key}"))))
         })
     }
+
+    /// Lines that lie far apart: those that fill areas, beyond [`MOST_PITCH`]; those of patterns, which are textures of
+    /// separate lines at 25 spots as well as at 100, beyond the field, so that stops may hold none.
+    fn sparse(&self, machine: &Machine) -> impl Iterator<Item = Diag> {
+        let spot = machine.lens.spot.as_mm();
+        let field = machine.usable_field().map(|side| side.mm()).into_iter().fold(0.0, f64::max);
+        self.textures.iter().enumerate().filter_map(move |(i, texture)| {
+            let at = |text: String| {
+                let place = self.place_of(&format!("texture.{i}.pitch"));
+                Some(Diag::warning("pitch-large", text).at(place))
+            };
+            if let Some(pitch) = texture.kind.fill_pitch_mm().filter(|&pitch| pitch > MOST_PITCH * spot) {
+                let text = format!(
+                    "areas are filled by lines {pitch} mm apart, which a spot of {spot} mm covers to {:.2} %: they look like \
+                     separate lines",
+                    100.0 * spot / pitch
+                );
+                return at(text).map(|d| d.hint("check its unit; without it the lines are half a spot apart"));
+            }
+            let pitch = texture.kind.texture_pitch_mm().filter(|&pitch| pitch > field)?;
+            at(format!("lines {pitch} mm apart are farther from each other than the field is wide ({field} mm)"))
+                .map(|d| d.hint("check its unit"))
+        })
+    }
 }
 
 #[cfg(test)]
@@ -88,7 +121,6 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::diag::Kind;
     use crate::job::{Overrides, SAMPLE_JOB};
 
     /// Codes, kinds and places of what the sample job comes to with texts replaced.
@@ -137,7 +169,10 @@ mod tests {
 
     #[test]
     fn pdof_below_a_thousandth_of_the_depth_of_focus_is_refused_at_its_key() {
-        assert_eq!(found(&[(PDOF, "pdof = \"1.8 um\"")]), []);
+        let warned = [("pdof-small", Kind::Warning, place("pdof"))];
+        assert_eq!(found(&[(PDOF, "pdof = \"1.8 um\"")]), warned);
+        assert_eq!(found(&[(PDOF, "pdof = \"35 um\""), ALLOWED]), warned.clone());
+        assert_eq!(found(&[(PDOF, "pdof = \"35.5 um\"")]), []);
         let refused = [("pdof-small", Kind::Limit, place("pdof"))];
         assert_eq!(found(&[(PDOF, "pdof = \"1.7 um\"")]), refused);
         let allowed = found(&[(PDOF, "pdof = \"0.5 um\""), ALLOWED]);
@@ -151,6 +186,39 @@ mod tests {
         assert_eq!(found(&[(PITCH, "pitch = \"4.9 um\"")]), refused);
         let contour = ("direction = \"0 deg\"", "direction = \"contour\"");
         assert_eq!(found(&[(PITCH, "pitch = \"0.1 um\""), contour]), refused);
+    }
+
+    #[test]
+    fn lines_far_apart_are_told_where_they_fill_areas_and_of_textures_beyond_the_field() {
+        let plain = SAMPLE_JOB
+            .lines()
+            .filter(|l| !l.starts_with("pitch") && !l.starts_with("direction") && !l.starts_with("area"))
+            .map(|l| l.replace("pattern = \"hatch\"", "TEXTURE") + "\n")
+            .collect::<String>();
+        let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        for (texture, told) in [
+            ("file = \"a.svg\"\npitch = \"0.2 mm\"", false),
+            ("file = \"a.svg\"\npitch = \"0.201 mm\"", true),
+            ("file = \"a.svg\"\nfill = \"rings\"\npitch = \"1 mm\"", true),
+            ("file = \"a.svg\"\ndirection = \"contour\"\npitch = \"1 mm\"", true),
+            ("file = \"a.svg\"\nfill = \"outline\"\nstroke = \"hatch\"\npitch = \"1 mm\"", true),
+            ("file = \"a.svg\"", false),
+            ("file = \"a.png\"\ndpi = 300\npitch = \"1 mm\"", true),
+            ("file = \"a.png\"\ndpi = 300\nscreen = \"lines\"\npitch = \"1 mm\"", false),
+            ("pattern = \"hatch\"\ndirection = \"0 deg\"\npitch = \"40 mm\"", false),
+            ("pattern = \"hatch\"\ndirection = \"0 deg\"\npitch = \"40.1 mm\"", true),
+            ("pattern = \"hatch\"\ndirection = \"contour\"\npitch = \"500 mm\"", true),
+            ("pattern = \"concentric\"\npitch = \"500 mm\"", true),
+            ("pattern = \"riblets\"\npitch = \"500 mm\"\ncell = \"0.1 mm\"\nline = \"20 um\"", true),
+            ("pattern = \"dots\"\npitch = \"500 mm\"", false),
+        ] {
+            let text = plain.replace("TEXTURE", texture);
+            let job = Job::parse(Path::new("job.toml"), &text, &Overrides::default())
+                .unwrap_or_else(|e| panic!("{texture}: {e}"));
+            let found = job.plausible(&machine).unwrap_or_else(|e| panic!("{texture}: {e}"));
+            let codes: Vec<_> = found.iter().map(|d| (d.code, d.kind)).collect();
+            assert_eq!(codes == [("pitch-large", Kind::Warning)], told, "{texture}: {codes:?}");
+        }
     }
 
     #[test]

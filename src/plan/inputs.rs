@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::plausible;
 use super::space_curves;
 use crate::check::pen_faults;
 use crate::diag::{Diag, Error};
@@ -99,10 +100,16 @@ impl Inputs {
                 spanned(part)
             );
             let hint = "move the texture with its area or origin, or check the unit of surface and drawing";
-            return Err(Diag::limit("job-empty", text).at(job.place_of("texture")).hint(hint).into());
+            let e = Diag::limit("job-empty", text).at(job.place_of("texture")).hint(hint).into();
+            return Err(plausible::explained(&e, &texture));
         }
         let curves = space_curves::compare(job, &surface, &texture, warnings)?;
         Ok((surface, texture, curves))
+    }
+
+    /// The box of the part as the job turns it, mm.
+    pub(super) fn part_box(&self, job: &Job) -> BoxMm<2> {
+        turned(self.surface.part_box_mm(), job.placement.turn.as_rad())
     }
 
     /// The texture of pass `k`, from 0.

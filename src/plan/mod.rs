@@ -25,6 +25,7 @@ mod off_part;
 mod on_the_fly;
 pub mod orient;
 mod pass;
+mod plausible;
 mod progress;
 mod setups;
 mod site;

@@ -12,6 +12,7 @@ use crate::geom::{Box2, Grid, Nm, P2};
 use crate::job::Job;
 use crate::parallel;
 use crate::projection::{Skip, Tracer, segments};
+use crate::texture::Slip;
 use crate::units::Share;
 
 /// Cells along the longer side of the texture: fine enough for a picture, few enough for a file.
@@ -25,6 +26,8 @@ const CHUNK: usize = 4096;
 pub struct OffPart {
     /// Of every texture that the job places: its number from 1, and what was found.
     textures: Vec<(usize, Extent)>,
+    /// Those whose size does not go with the part, by their index.
+    slips: Vec<(usize, Slip)>,
     /// Where that is, turned part frame: rows of cells that do not overlap.
     pub places: Vec<Box2>,
 }
@@ -78,10 +81,11 @@ impl OffPart {
             textures.push((k + 1, found.extent));
             cells.extend(found.cells);
         }
-        Self { textures, places: rows(&grid, &cells) }
+        let slips = sweep.texture.slips().map(|(k, slip)| (k, slip.clone())).collect();
+        Self { textures, slips, places: rows(&grid, &cells) }
     }
 
-    /// The fault where more than a share of a texture lies off the part.
+    /// The fault where more than a share of a texture lies off the part; where its size explains it, the hint says so.
     pub fn fault(&self, most: Share) -> Option<Diag> {
         let (number, found) = self.textures.iter().find(|(_, found)| found.off_percent() > most.as_percent())?;
         let text = format!(
@@ -94,7 +98,8 @@ impl OffPart {
              origin, or raise the limit",
             most.as_percent()
         );
-        Some(Diag::limit("off-part", text).hint(hint))
+        let slip = self.slips.iter().find(|(k, _)| k + 1 == *number).map(|(_, slip)| slip.cause());
+        Some(Diag::limit("off-part", text).hint(slip.unwrap_or(hint)))
     }
 }
 

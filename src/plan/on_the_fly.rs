@@ -31,6 +31,7 @@ use crate::texture::Texture;
 use crate::units::Speed;
 
 use super::inputs::Inputs;
+use super::plausible;
 use super::progress::{Phase, Progress};
 use super::strokes::{self, Strokes};
 
@@ -91,7 +92,7 @@ pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<O
             summary.curves = inputs.curves;
             Ok(OnTheFlyPlan { job, machine: inputs.machine, checked, left_out, summary, warnings })
         }
-        Err(e) => Err(e.after(warnings)),
+        Err(e) => Err(plausible::explained(&e, &inputs.texture).after(warnings)),
     }
 }
 
@@ -106,7 +107,7 @@ struct Planned {
 fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result<Planned, Error> {
     let machine = &inputs.machine;
     progress(Phase::Order);
-    let Strokes { program: strokes, origin, texture, texture_mm, skipped, warnings: found, .. } =
+    let Strokes { program: strokes, origin, texture, texture_mm, skipped, shares, warnings: found, .. } =
         strokes::in_order(job, machine, inputs, None)?;
     warnings.extend(found);
     warnings.extend(formats(job, machine, &strokes.pens, origin)?);
@@ -136,6 +137,7 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
     if slow > 1.001 {
         warnings.push(slower(job, slow));
     }
+    warnings.extend(shares.warnings(job, checked.figures().time_s, machine));
     let left_out = planner.left_out(&inputs.texture, &made.followed.left_out);
     let lengths = FlyLengths::new(texture_mm, &skipped, &left_out);
     warnings.extend(planner.skipped(&lengths, &made.followed.left_out));

@@ -45,7 +45,9 @@ pub(super) fn compare(
         if found.beyond == 0 {
             continue;
         }
-        let (text, place, hint) = told(curves, &worst, found.beyond, request, job.placement.turn.as_rad());
+        let (text, place, usual) = told(curves, &worst, found.beyond, request, job.placement.turn.as_rad());
+        let slip = texture.slips().find(|(of, _)| *of == k);
+        let hint = slip.map_or(usual.to_owned(), |(_, slip)| slip.cause());
         match on_distance {
             OnDistance::Error => faults.push(Diag::limit("curve-distance", text).at(place).hint(hint)),
             OnDistance::Warn => warnings.push(Diag::warning("curve-distance", text).at(place).hint(hint)),

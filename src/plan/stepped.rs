@@ -22,6 +22,7 @@ use super::job_time::{load_s, times};
 use super::merge::{self, Pairs};
 use super::off_part::OffPart;
 use super::pass::Pass;
+use super::plausible::{self, Shares};
 use super::progress::{Phase, Progress};
 use super::setups::{self, Setups};
 use super::site::Site;
@@ -43,7 +44,7 @@ use crate::partition::Stops;
 use crate::program::{Block, BlockFigures, PassId, Program};
 use crate::projection::{Footprint, Samples};
 use crate::split::Fragments;
-use crate::texture::Texture;
+use crate::texture::{Slip, Texture};
 
 /// A stepped job that was planned and checked, not yet written.
 #[derive(Debug)]
@@ -85,6 +86,10 @@ pub struct Draft<'a> {
     origins: Vec<Origin>,
     /// The space curves of the texture against the surface.
     curves: Option<SpaceCurves>,
+    /// What each texture has of the marks of the first pass.
+    shares: Shares,
+    /// Drawings and curves whose size does not go with the part.
+    slips: Vec<(usize, Slip)>,
     /// What the user should know of how it was divided.
     warnings: Vec<Diag>,
 }
@@ -97,7 +102,7 @@ pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<S
     let Inputs { warnings, .. } = &inputs;
     let draft = Draft::new(&job, &inputs.machine, &inputs, progress);
     let plan = draft.and_then(|draft| draft.checked(warnings.clone()));
-    plan.map_err(|e| e.after(warnings.clone()))
+    plan.map_err(|e| plausible::explained(&e, &inputs.texture).after(warnings.clone()))
 }
 
 impl<'a> Draft<'a> {
@@ -136,6 +141,7 @@ impl<'a> Draft<'a> {
         let not_kept = warnings::not_kept(&first.grid, &first.footprint, best.method, &best.split);
         let is_off = best.split.skipped.off_part > 0.0 || best.split.dots.off_part > 0;
         let off_part = if is_off { OffPart::of(job, first.sweep(job, inputs)) } else { OffPart::default() };
+        let shares = Shares::of(job, &first.texture, &best.program, inputs.part_box(job), machine);
         let mut draft = Self {
             job,
             machine,
@@ -147,6 +153,8 @@ impl<'a> Draft<'a> {
             clearance,
             origins: Vec::new(),
             curves: inputs.curves,
+            shares,
+            slips: inputs.texture.slips().map(|(k, slip)| (k, slip.clone())).collect(),
             warnings,
         };
         draft.warnings.extend(not_kept);
@@ -212,8 +220,7 @@ impl<'a> Draft<'a> {
     /// # Errors
     /// Limits of the machine that the program breaks; what the job refuses.
     pub fn checked(self, mut warnings: Vec<Diag>) -> Result<SteppedPlan, Error> {
-        let Self { job, machine, best, tried, passes, off_part, grid, clearance, origins, curves, warnings: divided } =
-            self;
+        let Self { job, machine, best, tried, passes, off_part, grid, clearance, origins, curves, .. } = self;
         let limits = Limits {
             machine,
             origins: &origins,
@@ -226,10 +233,12 @@ impl<'a> Draft<'a> {
         setups::registered(job, machine, &origins)?;
         emit::faults(&job.formats, checked.program(), machine)?;
         frames::may_be_shown(job, machine, &checked)?;
-        warnings::warn(job, &best.split, &off_part, best.worst_defocus, grid.lattice.depth, &mut warnings)?;
+        let placed = (&off_part, self.slips.as_slice());
+        warnings::warn(job, &best.split, placed, best.worst_defocus, grid.lattice.depth, &mut warnings)?;
         warnings.extend(warnings::not_carried(job, checked.program()));
         warnings.extend(warnings::set_by_hand(job, checked.program()));
-        warnings.extend(divided);
+        warnings.extend(self.shares.warnings(job, best.times.total, machine));
+        warnings.extend(self.warnings);
         warnings.extend(warnings::short_overlaps(&best.split));
         let figures = summary::Figures {
             method: best.method,

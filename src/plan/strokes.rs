@@ -9,6 +9,7 @@ use super::assemble::{Members, append_stroke, segments};
 use super::grid::{default_height, default_origin};
 use super::inputs::Inputs;
 use super::off_part::OffPart;
+use super::plausible::Shares;
 use super::split::{Cuts, join, split};
 use super::stroke_chunks::Sweep;
 use super::{dose, hatch_direction, warnings};
@@ -37,6 +38,8 @@ pub struct Strokes {
     pub texture_mm: f64,
     /// What of it lies where nothing may be marked.
     pub skipped: Skipped,
+    /// What of it each texture has.
+    pub(super) shares: Shares,
     /// What the user should know of what is not marked.
     pub warnings: Vec<Diag>,
 }
@@ -88,9 +91,11 @@ pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<Nm>)
     } else {
         OffPart::default()
     };
-    warnings::warn(job, &found, &off_part, Nm(0), everything, &mut notes)?;
+    let slips: Vec<_> = inputs.texture.slips().map(|(k, slip)| (k, slip.clone())).collect();
+    warnings::warn(job, &found, (&off_part, &slips), Nm(0), everything, &mut notes)?;
+    let shares = Shares::of(job, &texture, &program, inputs.part_box(job), machine);
     let Fragments { texture_mm, skipped, .. } = found;
-    Ok(Strokes { program, origin, texture: area, section, texture_mm, skipped, warnings: notes })
+    Ok(Strokes { program, origin, texture: area, section, texture_mm, skipped, shares, warnings: notes })
 }
 
 /// The fragments of all bands as a program.

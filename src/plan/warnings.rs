@@ -3,18 +3,20 @@
 use super::grid::Grid;
 use super::methods::row;
 use super::off_part::{OffPart, length, lengths_and_dots};
+use super::plausible;
 use crate::diag::{Diag, Error, Place};
 use crate::geom::Nm;
 use crate::job::{Job, Method, Steep};
 use crate::program::Program;
 use crate::projection::Footprint;
 use crate::split::Fragments;
+use crate::texture::Slip;
 
 /// Warnings, or the faults that stop the plan.
 pub(super) fn warn(
     job: &Job,
     split: &Fragments,
-    off_part: &OffPart,
+    (off_part, slips): (&OffPart, &[(usize, Slip)]),
     worst_defocus: Nm,
     depth: Nm,
     warnings: &mut Vec<Diag>,
@@ -43,6 +45,7 @@ pub(super) fn warn(
     if let Some(fault) = off_part.fault(limits.max_off_part) {
         return Err(fault.into());
     }
+    warnings.extend(plausible::odd_sizes(job, slips));
     if split.skipped.off_part > 0.0 || dots.off_part > 0 {
         let of = |part: f64, all: f64| if all > 0.0 { 100.0 * part / all } else { 0.0 };
         let share = of(split.skipped.off_part, split.texture_mm).max(of(dots.off_part as f64, dots.texture as f64));

@@ -28,6 +28,7 @@ mod page;
 pub mod pattern;
 mod place;
 mod random;
+mod scale;
 mod source;
 mod svg;
 
@@ -48,6 +49,7 @@ pub use mask::{Mask, Masks};
 pub use page::{Align, Fit, Position, Size};
 pub use pattern::{Contour, Directions, Kind};
 use place::Turn;
+pub use scale::Slip;
 
 /// Most strokes of one job.
 const MAX_STROKES: u64 = 1 << 31;
@@ -123,8 +125,8 @@ pub(crate) trait Figure: std::fmt::Debug + Send + Sync {
     }
 }
 
-/// What was placed from a file, with what it was made from where another pass hatches it anew.
-type PlacedFile = (Placed, Option<Arc<Artwork>>);
+/// What was placed from a file, what it was made from where another pass hatches it anew, and whether its size is odd.
+type PlacedFile = (Placed, Option<Arc<Artwork>>, Option<Slip>);
 
 /// The drawing or curves of a request, None where it is a pattern; and the border at which its strokes are cut.
 type FromFiles = (Option<PlacedFile>, Option<Arc<Border>>);
@@ -163,6 +165,8 @@ struct Part {
     border: Option<Arc<Border>>,
     /// What the border leaves of its strokes, once they are known.
     masked: Option<Arc<Masked>>,
+    /// Where its size does not go with the part.
+    slip: Option<Slip>,
     pen: PenId,
     /// Index of its first stroke in the whole texture.
     start: u64,
@@ -219,10 +223,15 @@ impl Texture {
             let file = match &request.kind {
                 Kind::Drawing { .. } => {
                     let art = sources.artwork(request, site, notes)?;
-                    let figure = Self::drawing(&art, request, site, notes)?;
-                    Some((figure, art.has_areas().then(|| Arc::new(art))))
+                    let slip = Slip::of(&art, &request.kind, site);
+                    let figure = Self::drawing(&art, request, site, notes);
+                    let figure = figure.map_err(|e| slip.as_ref().map_or(e.clone(), |slip| slip.explain(&e)))?;
+                    Some((figure, art.has_areas().then(|| Arc::new(art)), slip))
                 }
-                Kind::Curves { .. } => Some((Placed::Curves(Arc::new(Curves::load(request, site, notes)?)), None)),
+                Kind::Curves { .. } => {
+                    let (curves, slip) = Curves::load(request, site, notes)?;
+                    Some((Placed::Curves(Arc::new(curves)), None, slip))
+                }
                 _ => None,
             };
             Ok((file, border))
@@ -257,9 +266,9 @@ impl Texture {
             let drawing = match (&request.kind, &part.placed, &part.artwork) {
                 (Kind::Drawing { .. }, _, Some(art)) => {
                     let figure = Self::drawing(art, request, site, &mut Vec::new())?;
-                    Some((figure, Some(art.clone())))
+                    Some((figure, Some(art.clone()), None))
                 }
-                (Kind::Drawing { .. } | Kind::Curves { .. }, placed, None) => Some((placed.clone(), None)),
+                (Kind::Drawing { .. } | Kind::Curves { .. }, placed, None) => Some((placed.clone(), None, None)),
                 _ => None,
             };
             Ok((drawing, part.border.clone()))
@@ -280,12 +289,12 @@ impl Texture {
             let mut placed = || {
                 let site = place::Site::new(request, part_box_mm, turn, spot_mm)?;
                 let (file, border) = files(k, request, &site)?;
-                let (placed, artwork) = match file {
+                let (placed, artwork, slip) = match file {
                     Some(placed) => placed,
-                    None => (pattern::place(&request.kind, &site)?, None),
+                    None => (pattern::place(&request.kind, &site)?, None, None),
                 };
                 let base = if let Placed::Figure(figure) = &placed { Some(Arc::clone(figure)) } else { None };
-                let mut part = Part { placed, artwork, border, masked: None, pen: request.pen, start: 0 };
+                let mut part = Part { placed, artwork, border, masked: None, slip, pen: request.pen, start: 0 };
                 base.map_or(Ok(()), |base| part.mask(base))?;
                 Ok(part)
             };
@@ -363,6 +372,16 @@ impl Texture {
             Placed::Curves(curves) => Some((k, curves.as_ref())),
             _ => None,
         })
+    }
+
+    /// The drawings and curves whose size does not go with the part, each with the index of its request.
+    pub fn slips(&self) -> impl Iterator<Item = (usize, &Slip)> {
+        self.parts.iter().enumerate().filter_map(|(k, p)| Some((k, p.slip.as_ref()?)))
+    }
+
+    /// The box of the strokes of a request, turned part frame.
+    pub fn bounds_of(&self, request: usize) -> Box2 {
+        self.parts[request].figure().bounds()
     }
 
     /// The directions that areas were filled by; None where none was.

@@ -126,6 +126,111 @@ fn patterns_over_the_part_are_not_held_to_the_limit_off_it_and_drawings_are_each
     assert!(folder.status.code() == Some(1) && !job.with_extension("job").exists());
 }
 
+/// The codes of errors and warnings, and what is said.
+fn told(job: &Path) -> (Vec<String>, String) {
+    let text = said(&check(job));
+    let codes = text.lines().filter_map(|l| {
+        let (kind, rest) = l.split_once('[')?;
+        (kind == "error" || kind == "warning").then(|| rest.split(']').next().unwrap_or_default().to_owned())
+    });
+    (codes.collect(), text)
+}
+
+#[test]
+fn drawings_and_curves_of_a_size_that_does_not_go_with_the_part_are_told_once_with_the_key_to_set() {
+    let dir = folder();
+    let square = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"40mm\" height=\"40mm\" viewBox=\"0 0 40 40\">\
+                  <path d=\"M1 1H39V39H1Z\" stroke=\"#000\" stroke-width=\".01\" fill=\"none\"/></svg>";
+    let line = |[x0, y0, x1, y1]: [f64; 4]| format!("0\nLINE\n8\n0\n10\n{x0}\n20\n{y0}\n11\n{x1}\n21\n{y1}\n");
+    let lines = [[10.0, 5.0, 50.0, 5.0], [50.0, 5.0, 50.0, 45.0], [50.0, 45.0, 10.0, 5.0]].map(line).concat();
+    let files = [
+        ("square.svg", square.to_owned()),
+        ("lines.dxf", format!("0\nSECTION\n2\nENTITIES\n{lines}0\nENDSEC\n0\nEOF\n")),
+        ("curves.csv", "id,x,y,z\n1,20,20,0\n1,40,40,0\n".to_owned()),
+    ];
+    files.into_iter().for_each(|(name, text)| std::fs::write(dir.path().join(name), text).expect("writable"));
+    let whole = "area = \"part\"";
+    for (texture, code, says) in [
+        ("file = \"square.svg\"".to_owned(), "", ""),
+        ("file = \"square.svg\"\nscale = 15".to_owned(), "job-empty", "25.4: set scale = 0.590551"),
+        ("file = \"square.svg\"\nscale = 25.4".to_owned(), "job-empty", "16.0909 times the part (60 mm x 50 mm)"),
+        (
+            format!("file = \"square.svg\"\nscale = 25.4\norigin = [\"-8 mm\", \"-9 mm\"]\n{whole}"),
+            "texture-scale",
+            "set scale = 1,",
+        ),
+        (
+            format!("file = \"square.svg\"\nsize = [\"1016 mm\", \"1016 mm\"]\norigin = [\"9 mm\", \"9 mm\"]\n{whole}"),
+            "texture-scale",
+            "set size = [\"40 mm\", \"40 mm\"]",
+        ),
+        ("file = \"square.svg\"\nscale = 0.001".to_owned(), "texture-scale", "1/1578.95 of the part"),
+        (
+            "file = \"square.svg\"\nscale = 0.01\ntile = true\narea = [\"1 mm\", \"1 mm\", \"3 mm\", \"3 mm\"]"
+                .to_owned(),
+            "",
+            "",
+        ),
+        ("file = \"lines.dxf\"\nunit = \"mm\"".to_owned(), "", ""),
+        ("file = \"lines.dxf\"\nunit = \"in\"".to_owned(), "job-empty", "set unit = \"mm\""),
+        ("file = \"lines.dxf\"\nunit = \"m\"".to_owned(), "texture-far", "a factor of 1000: set unit = \"mm\""),
+        ("file = \"lines.dxf\"\nunit = \"um\"".to_owned(), "texture-scale", "a factor of 1/1000: set unit = \"mm\""),
+        ("curves = \"curves.csv\"\nunit = \"in\"".to_owned(), "job-empty", "a factor of 25.4: set unit = \"mm\""),
+        ("curves = \"curves.csv\"\nunit = \"m\"".to_owned(), "texture-far", "a factor of 1000: set unit = \"mm\""),
+    ] {
+        let mut job = panel(dir.path());
+        job.focus = "pdof = \"3 mm\"".into();
+        job.textures = vec![texture.clone()];
+        let (codes, text) = told(&job.write(dir.path(), "job.toml"));
+        let wanted: Vec<&str> = Some(code).filter(|c| !c.is_empty()).into_iter().collect();
+        assert!(codes == wanted && text.contains(says), "{texture}: {codes:?}, not {wanted:?} and {says:?}: {text}");
+    }
+    // Most of it lies off the part: the refusal says why.
+    let mut job = panel(dir.path());
+    job.textures = vec!["file = \"square.svg\"\nscale = 10\norigin = [\"10 mm\", \"10 mm\"]".into()];
+    let (codes, text) = told(&job.write(dir.path(), "job.toml"));
+    assert!(codes == ["off-part"] && text.contains("a factor of 25.4: set scale = 0.393701"), "{codes:?}: {text}");
+}
+
+#[test]
+fn months_of_work_and_marks_on_marks_are_told_with_their_texture() {
+    let dir = folder();
+    let lines = |step: f64| (0..1000).map(|i| format!("M{} 1v.2", 1.0 + f64::from(i) * step)).collect::<String>();
+    let drawing = |lines: &str| {
+        let text = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"9mm\" height=\"9mm\" viewBox=\"0 0 9 9\">\
+             <path d=\"{lines}\" stroke=\"#000\" stroke-width=\".01\" fill=\"none\"/></svg>"
+        );
+        std::fs::write(dir.path().join("lines.svg"), text).expect("writable");
+    };
+    let said_of = |pitch: &str, speed: &str, passes: u32| {
+        let mut job = panel(dir.path());
+        job.textures = vec![format!("pattern = \"hatch\"\npitch = \"{pitch}\""), "file = \"lines.svg\"".to_owned()];
+        let path = job.write(dir.path(), "job.toml");
+        let text = std::fs::read_to_string(&path).expect("readable");
+        let changed = text.replace("1000 mm/s", speed);
+        assert!(changed != text || speed == "1000 mm/s");
+        std::fs::write(&path, changed + &format!("[passes]\ncount = {passes}\n")).expect("writable");
+        told(&path)
+    };
+    // 200 mm under a spot of 0.02 mm on a box of 0.12 x 0.22 mm: 152 times.
+    drawing(&lines(1e-4));
+    let (codes, text) = said_of("1 mm", "1000 mm/s", 1);
+    assert!(codes == ["marks-many"] && text.contains("texture 2 marks every place 15"), "{codes:?}: {text}");
+    // Passes are stated by the job, so they are not counted.
+    drawing(&lines(2e-4));
+    assert_eq!(said_of("1 mm", "1000 mm/s", 1).0, [""; 0]);
+    assert_eq!(said_of("1 mm", "1000 mm/s", 3).0, [""; 0]);
+    // 3.06 m at 13 um/s, near the least speed of pens: 2.7 days, and 33 in twelve passes.
+    drawing("M1 1h1");
+    assert_eq!(said_of("1 mm", "0.013 mm/s", 1).0, [""; 0]);
+    let (codes, text) = said_of("1 mm", "0.013 mm/s", 12);
+    assert!(
+        codes == ["job-long"] && text.contains("most of it is texture 1, 3060.000 mm (100 %)"),
+        "{codes:?}: {text}"
+    );
+}
+
 #[test]
 fn texture_off_the_part_is_refused_with_both_boxes() {
     let dir = folder();

@@ -13,7 +13,7 @@ use std::path::Path;
 use super::artwork::{Artwork, Class, Marking, classes};
 use super::dxf;
 use super::place::{Site, far, is_near, push};
-use super::{Figure, Kind, Request};
+use super::{Figure, Kind, Request, Slip};
 use crate::diag::{self, Diag, Error, Place};
 use crate::geom::{Box2, NM_PER_MM, P2};
 use crate::program::PenId;
@@ -54,14 +54,15 @@ pub struct Curves {
 }
 
 impl Curves {
-    /// Reads and places the curves of a request of that kind.
+    /// Reads and places the curves of a request of that kind; answers also with what is odd of their size.
     ///
     /// # Errors
     /// `file-…`, `curve-…`, `dxf-…`, `texture-pens`, `texture-empty`, `texture-far`.
-    pub(super) fn load(request: &Request, site: &Site, notes: &mut Vec<Diag>) -> Result<Self, Error> {
+    pub(super) fn load(request: &Request, site: &Site, notes: &mut Vec<Diag>) -> Result<(Self, Option<Slip>), Error> {
         let Kind::Curves { path, unit_mm, marking, .. } = &request.kind else { unreachable!("curves were asked for") };
         let file = Place::file(path.display().to_string());
         let art = read(path, *unit_mm, site, marking, notes)?;
+        let slip = Slip::of(&art, &request.kind, site);
         let classes = classes(&art, marking).map_err(|d| Error::from(d.at(file.clone())))?;
         let mut curves = Self {
             points: Vec::with_capacity(art.lines.points.len()),
@@ -82,7 +83,8 @@ impl Curves {
                 let points = art.lines.get(i).iter().copied().zip(art.lines.heights(i).iter().copied());
                 curves.push(points, site).map_err(|_| {
                     let element = art.names[shape.name as usize].clone();
-                    far().at(Place::Element { path: path.display().to_string(), element })
+                    let e = far().at(Place::Element { path: path.display().to_string(), element }).into();
+                    slip.as_ref().map_or(Error::clone(&e), |slip| slip.explain(&e))
                 })?;
                 curves.name_of.push(shape.name);
                 curves.pen_of.push(pen);
@@ -95,7 +97,7 @@ impl Curves {
                 .into());
         }
         curves.names = art.names;
-        Ok(curves)
+        Ok((curves, slip))
     }
 
     /// Appends a curve, part frame, mm; the readers have seen that it has an extent.

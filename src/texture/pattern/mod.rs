@@ -26,7 +26,7 @@ use honeycomb::Honeycomb;
 use loops::Loops;
 use radial::{Curve, Radial};
 
-use super::artwork::Marking;
+use super::artwork::{FillMode, Marking, Screen, StrokeMode};
 use super::curves::OnDistance;
 use super::{Figure, Placed, Position, Size, place, place::Site};
 use crate::diag::{Diag, Error};
@@ -398,6 +398,23 @@ impl Kind {
             Self::Riblets { line_mm, .. } => Some((*line_mm, "line")),
             _ => None,
         }
+    }
+
+    /// Distance of the lines of patterns of lines, of riblets that of the grooves, mm.
+    pub fn texture_pitch_mm(&self) -> Option<f64> {
+        match self {
+            Self::Riblets { pitch_mm, .. } => Some(*pitch_mm),
+            _ => self.line_pitch_mm().map(|(pitch, _)| pitch),
+        }
+    }
+
+    /// Distance of the lines that fill areas of a drawing or a bitmap, mm, where the job states it.
+    pub fn fill_pitch_mm(&self) -> Option<f64> {
+        let Self::Drawing { marking, .. } = self else { return None };
+        let is_area = marking.tone.is_none_or(|tone| tone.screen == Screen::Threshold);
+        let is_filled =
+            matches!(marking.fill, FillMode::Hatch | FillMode::Rings) || marking.stroke == StrokeMode::Hatch;
+        marking.pitch_mm.filter(|_| is_area && is_filled)
     }
 
     /// The pattern in a later pass: straight hatches turn by `turned_rad`, lines along contours move by a `share` of
