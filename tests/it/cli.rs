@@ -364,6 +364,8 @@ fn every_built_in_machine_is_listed_and_its_file_compiles() {
         write(dir.path().join("machine.toml"), done(dir.path(), &["machines", name]));
         assert_eq!(json(&done(dir.path(), &["machines", name, "--json"]))["name"], name);
         let mut job = JobText::on(Path::new("plate.obj")).texture(HATCH);
+        // Plausible for the optics of each.
+        job.focus = "pdof = \"0.15 mm\"".into();
         job.machine = "file = \"machine.toml\"".into();
         job.write(dir.path(), "by-file.toml");
         job.machine = format!("profile = \"{name}\"");
