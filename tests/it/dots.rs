@@ -144,8 +144,8 @@ fn dots_on_hood_and_helens_are_marked_by_every_method() {
     for (file, texture, more) in [
         (
             "hood_mm_bin.stl",
-            "pattern = \"poisson\"\npitch = \"0.5 mm\"\narea = [\"-20 mm\", \"-20 mm\", \"40 mm\", \"20 mm\"]",
-            "[limits]\nmax_off_part = \"50 %\"\n",
+            "pattern = \"poisson\"\npitch = \"0.5 mm\"\narea = [\"20 mm\", \"-20 mm\", \"80 mm\", \"20 mm\"]",
+            "",
         ),
         (
             "helens_relief_small.stl",
