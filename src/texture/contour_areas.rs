@@ -228,10 +228,6 @@ impl Figure for ContourAreas {
         }
     }
 
-    fn on_page(&self, p: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
-        self.drawing.on_page(p)
-    }
-
     fn dot_pens(&self, own: PenId) -> BTreeSet<PenId> {
         self.drawing.dot_pens(own)
     }

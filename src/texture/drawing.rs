@@ -13,7 +13,7 @@ use super::page::{Position, aligned};
 use super::place::{SLACK, Site, Turn, far_in, is_near, push};
 use super::{Area, ContourAreas, Figure, Kind, MAX_POINTS, Request, too_large};
 use crate::diag::{Diag, Error, Place};
-use crate::geom::{Box2, BoxMm, NM_PER_MM, P2, Strokes, cos_sin};
+use crate::geom::{Box2, BoxMm, P2, Strokes, cos_sin};
 use crate::program::PenId;
 
 /// Most strokes on the border of a tiled area.
@@ -164,15 +164,6 @@ impl Figure for Drawing {
             Layout::Single(strokes) => out.extend_from_slice(strokes.get(i as usize)),
             Layout::Tiled(tiles) => tiles.stroke(i, out),
         }
-    }
-
-    fn on_page(&self, p: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
-        let Placed { size, turn, .. } = self.placed;
-        let mut at = self.placed.on_page(turn.back(p.map(|v| v / NM_PER_MM)));
-        if let Layout::Tiled(_) = self.layout {
-            at = [0, 1].map(|k| at[k].rem_euclid(size[k]));
-        }
-        Some((at, size))
     }
 
     fn dot_pens(&self, own: PenId) -> BTreeSet<PenId> {

@@ -111,10 +111,6 @@ pub(crate) trait Figure: std::fmt::Debug + Send + Sync {
     fn stroke(&self, i: u64, out: &mut Vec<P2>);
     /// What stroke `i` comes from, for messages.
     fn element(&self, i: u64) -> String;
-    /// Where a point, nm, lies on the page of a drawing, and the size of the page, mm; None for other figures.
-    fn on_page(&self, _: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
-        None
-    }
     /// The pens that its dots are marked with, where `own` is the pen of the texture.
     fn dot_pens(&self, _own: PenId) -> BTreeSet<PenId> {
         BTreeSet::new()
@@ -447,11 +443,10 @@ impl Texture {
         part.start as usize..(part.start + part.figure().len()) as usize
     }
 
-    /// Where a point of stroke `i` (turned part frame, nm) lies on the page of its drawing, and the size of the page, mm;
-    /// None where the stroke is not that of a drawing. Of tiles the point in one tile.
-    pub fn on_page(&self, i: usize, p: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
-        let (k, _) = self.find(i);
-        self.parts[k].figure().on_page(p)
+    /// The strokes of a request before `inside` and `outside` cut them; None where neither does.
+    pub fn uncut(&self, request: usize) -> Option<Uncut<'_>> {
+        let part = &self.parts[request];
+        part.masked.as_ref().map(|masked| Uncut { figure: part.placed.figure(), masked, start: part.start })
     }
 
     /// The part that holds stroke `i`, and the stroke's index in it.
@@ -460,6 +455,38 @@ impl Texture {
         assert!(i < self.len, "stroke {i} of {}", self.len);
         let k = self.parts.partition_point(|p| p.start <= i) - 1;
         (k, i - self.parts[k].start)
+    }
+}
+
+/// The strokes of a request before they were cut at a border.
+#[derive(Clone, Copy, Debug)]
+pub struct Uncut<'a> {
+    figure: &'a dyn Figure,
+    masked: &'a Masked,
+    start: u64,
+}
+
+impl Uncut<'_> {
+    /// How many there are.
+    pub fn len(&self) -> u64 {
+        self.figure.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Writes the points of one into `out`, which is cleared.
+    pub fn stroke(&self, i: u64, out: &mut Vec<P2>) {
+        out.clear();
+        self.figure.stroke(i, out);
+    }
+
+    /// The strokes of the texture that are left of it.
+    pub fn pieces(&self, i: u64) -> Range<usize> {
+        let Range { start, end } = self.masked.pieces_of(i);
+        (self.start + start) as usize..(self.start + end) as usize
     }
 }
 

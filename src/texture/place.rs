@@ -32,11 +32,6 @@ impl Turn {
         [self.cos * x - self.sin * y, self.sin * x + self.cos * y]
     }
 
-    /// From the turned frame back, mm.
-    pub(super) fn back(self, [x, y]: [f64; 2]) -> [f64; 2] {
-        [self.cos * x + self.sin * y, self.cos * y - self.sin * x]
-    }
-
     /// The axes of the turned frame, in the part frame.
     pub(super) fn axes(self) -> [[f64; 2]; 2] {
         [[self.cos, -self.sin], [self.sin, self.cos]]

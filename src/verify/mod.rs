@@ -88,6 +88,8 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
     let Some(mut program) = program else { return Ok(findings.into_proof()) };
     let (shape, box_mm) = job_facts::shape(&job)?;
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
+    let site = rules::page::Site { part_box: box_mm, turn_rad: facts.turn_deg.to_radians() };
+    let mut pictures = rules::drawing::Pictures::default();
     let mut textures = Vec::new();
     for pass in (0..facts.passes.count).map(PassId) {
         let mut texture = job_facts::texture(&job, &facts.machine, pass, box_mm)?;
@@ -96,7 +98,10 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
             rules::without_inputs(folder, &manifest, &mut program, &facts, &mut findings);
             return Ok(findings.into_proof());
         }
-        rules::drawing::check(&job, &texture, &mut findings.drawing);
+        let drawing = Drawing::of(&texture);
+        rules::drawing::check(&job, &texture, &drawing, &site, &mut pictures, &mut findings.drawing);
+        rules::mask::check(&job, &texture, &drawing, &site, &mut pictures, &mut findings.mask);
+        drop(drawing);
         if pass == PassId(0) {
             let rules = [&mut findings.curves, &mut findings.summary];
             rules::curves::check(&job, &texture, &geometry, manifest.summary.curves.as_ref(), rules);

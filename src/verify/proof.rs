@@ -1,6 +1,7 @@
 //! What a verification found: one entry per rule, and the figures as re-read from the files.
 
 use std::fmt::Write;
+use std::path::Path;
 
 use serde_json::{Value, json};
 
@@ -33,11 +34,22 @@ pub struct Rule {
     pub violated: u64,
     /// The first of them, at most 20.
     pub violations: Vec<Violation>,
+    /// What it could not be checked for, and why.
+    pub left_out: Vec<String>,
 }
 
 impl Rule {
     pub(super) fn new(code: &'static str, what: &'static str) -> Self {
-        Self { code, what, ran: false, checked: 0, violated: 0, violations: Vec::new() }
+        Self { code, what, ran: false, checked: 0, violated: 0, violations: Vec::new(), left_out: Vec::new() }
+    }
+
+    /// Notes that the file of a texture, counted from 0, is not checked.
+    pub(super) fn leaves_out(&mut self, path: &Path, texture: usize, why: &str) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let text = format!("texture {}, {name}: {why}", texture + 1);
+        if !self.left_out.contains(&text) {
+            self.left_out.push(text);
+        }
     }
 
     /// Notes a violation; beyond the first ones only their number is kept.
@@ -135,6 +147,9 @@ impl Proof {
                 let block = if v.block.is_empty() { String::new() } else { format!("block {}, ", v.block) };
                 writeln!(out, "           {block}{}: {}", v.place, v.message).expect("text grows");
             }
+            for text in &rule.left_out {
+                writeln!(out, "           not checked: {text}").expect("text grows");
+            }
             let more = rule.violated - rule.violations.len() as u64;
             if more > 0 {
                 writeln!(out, "           and {more} more").expect("text grows");
@@ -171,6 +186,6 @@ fn rule_json(rule: &Rule) -> Value {
         rule.violations.iter().map(|v| json!({ "block": v.block, "place": v.place, "message": v.message })).collect();
     json!({
         "code": rule.code, "what": rule.what, "ran": rule.ran, "checked": rule.checked,
-        "violated": rule.violated, "violations": violations,
+        "violated": rule.violated, "violations": violations, "left_out": rule.left_out,
     })
 }

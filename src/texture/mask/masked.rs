@@ -1,5 +1,6 @@
 //! A figure of which a border leaves a part: which strokes are whole, which are cut, and the pieces of these on request.
 
+use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::border::Border;
@@ -159,6 +160,20 @@ impl Masked {
         }
     }
 
+    /// The indices of the pieces of a stroke of the figure.
+    pub(in crate::texture) fn pieces_of(&self, base: u64) -> Range<u64> {
+        let next = self.list.partition_point(|e| u64::from(e.base) <= base);
+        let Some(entry) = next.checked_sub(1).map(|k| self.list[k]) else { return 0..0 };
+        let start = u64::from(entry.start);
+        let end = self.list.get(next).map_or(self.len, |e| u64::from(e.start));
+        let k = base - u64::from(entry.base);
+        match entry.pieces {
+            0 if start + k < end => start + k..start + k + 1,
+            pieces if k == 0 => start..start + u64::from(pieces),
+            _ => 0..0,
+        }
+    }
+
     /// The pieces of a stroke.
     fn pieces(&self, base: u64, count: u32) -> Arc<Lines> {
         let lock = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
@@ -211,10 +226,6 @@ impl Figure for Masked {
         let (base, piece, count) = self.find_base(i);
         let name = self.base.element(base);
         piece.filter(|_| count > 1).map_or(name.clone(), |k| format!("{name}, piece {}", k + 1))
-    }
-
-    fn on_page(&self, p: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
-        self.base.on_page(p)
     }
 
     fn pen(&self, i: u64) -> Option<PenId> {

@@ -1,7 +1,8 @@
 //! What an SVG drawing shows at a point, by a reader of the verifier's own (usvg): the topmost element that covers it.
 //!
-//! Consumes the text of a drawing. Points are in its own px, x to the right, y down. Coordinates of usvg are f32. Text
-//! is not drawn; what is painted by a gradient and groups with a filter count as not being there.
+//! Consumes the text of a drawing. Points are in its own px, x to the right, y down. Coordinates of usvg are f32, and it
+//! approximates arcs ([`Picture::slack`]). Each element is known by its labels (`labels`). Text is not drawn; what is
+//! painted by a gradient and groups with a filter count as not being there.
 
 use std::collections::HashMap;
 
@@ -10,6 +11,8 @@ use rstar::primitives::{GeomWithData, Rectangle};
 use rstar::{AABB, RTree};
 use usvg::tiny_skia_path::{Path, PathSegment, PathStroker, Point, StrokeDash, Transform};
 use usvg::{FillRule, Group, MaskType, Node, PaintOrder, Tree};
+
+use super::labels::{Known, Labels, UNKNOWN};
 
 /// Most nodes of a drawing.
 const MAX_NODES: u32 = 2_000_000;
@@ -35,8 +38,18 @@ const LARGEST: f64 = 1e6;
 /// How much finer than for pixels of a px outlines of strokes are.
 const FINE: f32 = 2000.0;
 
-/// Steps in which a curve is followed.
-const STEPS: u16 = 64;
+/// Most steps in which a curve is followed.
+const MAX_STEPS: f64 = 4096.0;
+
+/// How far a step may lie off its curve: a share of the drawing's size.
+const CURVE: f64 = 2.5e-7;
+
+/// How far usvg's cubics lie off an arc: a share of the extent of its path. Each spans a right angle at most, which
+/// takes it 0.00027 radii off, and has a chord of 1.41 radii then.
+const ARC: f64 = 2e-4;
+
+/// Polylines.
+pub(super) type Contours = Vec<Vec<[f64; 2]>>;
 
 type Entry = GeomWithData<Rectangle<[f64; 2]>, usize>;
 
@@ -44,7 +57,27 @@ type Entry = GeomWithData<Rectangle<[f64; 2]>, usize>;
 pub(in crate::verify) struct Picture {
     /// Width and height, px.
     pub(in crate::verify) size: [f64; 2],
+    /// The labels of its elements.
+    pub(in crate::verify) labels: Labels,
+    /// How far outlines may lie off those of the drawing, px.
+    pub(in crate::verify) slack: f64,
     root: Layer,
+}
+
+/// What is seen at a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::verify) struct Ink {
+    pub(in crate::verify) colour: [u8; 3],
+    /// Its element among the labels.
+    pub(in crate::verify) element: u32,
+}
+
+/// Reads groups and their paths.
+struct Reader<'a> {
+    labels: &'a Labels,
+    /// How far steps may lie off their curves, px.
+    fine: f64,
+    slack: f64,
 }
 
 /// The elements of a group in the order of painting.
@@ -54,8 +87,33 @@ struct Layer {
 }
 
 enum Item {
-    Area { contours: Vec<Vec<[f64; 2]>>, is_evenodd: bool, paint: Paint },
+    Area { contours: Contours, is_evenodd: bool, paint: Paint, element: u32, of: Of },
     Group { layer: Layer, clip: Option<Box<Clip>>, mask: Option<Box<Mask>> },
+}
+
+/// What an area is.
+enum Of {
+    Fill,
+    /// The stroke of a path that has a fill.
+    Border,
+    /// The stroke of one that has none, and its own lines.
+    Line {
+        centre: Contours,
+        is_dashed: bool,
+    },
+}
+
+/// A shape, for its area.
+pub(super) struct Shown<'a> {
+    pub(super) element: u32,
+    pub(super) is: Piece<'a>,
+    /// Whether a mask holds a part of it back, or a pattern shows a part of it.
+    pub(super) is_masked: bool,
+}
+
+pub(super) enum Piece<'a> {
+    Fill { contours: &'a Contours, is_evenodd: bool },
+    Line { centre: &'a Contours, is_dashed: bool },
 }
 
 enum Paint {
@@ -69,7 +127,7 @@ enum Paint {
 }
 
 /// The area of a clip path, in the coordinates of the drawing.
-struct Clip {
+pub(super) struct Clip {
     layer: Layer,
     inner: Option<Box<Clip>>,
 }
@@ -86,26 +144,45 @@ struct Mask {
 impl Picture {
     /// Reads the text of a drawing; None where usvg cannot, or could take any time and memory.
     pub(in crate::verify) fn read(text: &str) -> Option<Self> {
-        if !is_plain(text) {
+        let options =
+            ParsingOptions { allow_dtd: !text.contains("<!ENTITY"), nodes_limit: MAX_NODES, ..Default::default() };
+        let doc = Document::parse_with_options(text, options).ok()?;
+        if !is_plain(&doc) {
             return None;
         }
-        let tree = Tree::from_str(text, &usvg::Options::default()).ok()?;
+        let (labels, tagged) = Labels::tagged(&doc);
+        let tree = Tree::from_str(&tagged, &usvg::Options::default()).ok()?;
         let size = [f64::from(tree.size().width()), f64::from(tree.size().height())];
-        Some(Self { size, root: Layer::new(tree.root(), Transform::identity(), false) })
+        let mut reader = Reader { labels: &labels, fine: CURVE * size[0].max(size[1]), slack: 0.0 };
+        let root = reader.layer(tree.root(), Transform::identity(), false, UNKNOWN);
+        let slack = reader.slack;
+        Some(Self { size, labels, slack, root })
     }
 
-    /// The colour of the topmost element at a point; None where nothing is painted.
-    pub(in crate::verify) fn colour_at(&self, p: [f64; 2]) -> Option<[u8; 3]> {
-        self.root.colour_at(p)
+    /// What may be the topmost at a point of the elements that exist, the upper ones first: some of which it is not known,
+    /// and the first that does.
+    pub(in crate::verify) fn inks_at(&self, p: [f64; 2], exists: &dyn Fn(Ink) -> Known) -> Vec<Ink> {
+        let mut found = Vec::new();
+        self.root.find(p, &mut |ink| {
+            let known = exists(ink);
+            if known != Known::No {
+                found.push(ink);
+            }
+            known == Known::Yes
+        });
+        found
+    }
+
+    /// Offers every shape with the clip paths that cut it.
+    pub(super) fn pieces<'a>(&'a self, take: &mut dyn FnMut(Shown<'a>, &[&'a Clip])) {
+        self.root.pieces(&mut Vec::new(), false, take);
     }
 }
 
 /// Whether usvg reads a drawing in bounded time and memory: no selectors with combinators in its style sheets, no
 /// markers, not too many elements once uses and patterns are expanded, and not too long a style sheet for them.
-fn is_plain(text: &str) -> bool {
-    let options =
-        ParsingOptions { allow_dtd: !text.contains("<!ENTITY"), nodes_limit: MAX_NODES, ..Default::default() };
-    let Ok(doc) = Document::parse_with_options(text, options) else { return false };
+fn is_plain(doc: &Document<'_>) -> bool {
+    let text = doc.input_text();
     let is_simple = |css: &str| {
         let selectors = css.split('}').filter_map(|rule| rule.split('{').next());
         selectors
@@ -159,16 +236,17 @@ fn elements<'a, 'i>(
     node.children().filter(XmlNode::is_element).try_for_each(|child| elements(child, ids, open, count))
 }
 
-impl Layer {
-    /// The contents of a group; `to` takes its coordinates to those of the drawing. Of clip paths all areas count.
-    fn new(group: &Group, to: Transform, is_clip: bool) -> Self {
-        let mut layer = Self { items: Vec::new(), index: RTree::new() };
+impl Reader<'_> {
+    /// The contents of a group; `to` takes its coordinates to those of the drawing, `copied` is the use that shows it.
+    /// Of clip paths all areas count.
+    fn layer(&mut self, group: &Group, to: Transform, is_clip: bool, copied: u32) -> Layer {
+        let mut layer = Layer { items: Vec::new(), index: RTree::new() };
         let mut boxes = Vec::new();
         for node in group.children() {
             let before = layer.items.len();
             match node {
-                Node::Group(g) => layer.group(g, to, is_clip),
-                Node::Path(path) if path.is_visible() => layer.path(path, to, is_clip),
+                Node::Group(g) => layer.items.extend(self.group(g, to, is_clip, copied)),
+                Node::Path(path) if path.is_visible() => layer.items.append(&mut self.path(path, to, is_clip, copied)),
                 _ => {}
             }
             boxes.extend((before..layer.items.len()).filter_map(|i| Some((layer.items[i].bounds()?, i))));
@@ -178,30 +256,38 @@ impl Layer {
         layer
     }
 
-    fn group(&mut self, group: &Group, to: Transform, is_clip: bool) {
+    fn group(&mut self, group: &Group, to: Transform, is_clip: bool, copied: u32) -> Option<Item> {
         if !group.filters().is_empty() || group.opacity().get() == 0.0 {
-            return;
+            return None;
         }
         let here = to.pre_concat(group.abs_transform());
-        let layer = Self::new(group, to, is_clip);
-        let clip = group.clip_path().map(|clip| Box::new(Clip::new(clip, here)));
-        let mask = group.mask().map(|mask| Box::new(Mask::new(mask, here)));
-        self.items.push(Item::Group { layer, clip, mask });
+        // What a use shows has no ids.
+        let copied = if group.id().is_empty() { copied } else { self.labels.element(group.id()) };
+        let layer = self.layer(group, to, is_clip, copied);
+        let clip = group.clip_path().map(|clip| Box::new(self.clip(clip, here)));
+        let mask = group.mask().map(|mask| Box::new(self.mask(mask, here)));
+        Some(Item::Group { layer, clip, mask })
     }
 
-    fn path(&mut self, path: &usvg::Path, to: Transform, is_clip: bool) {
+    fn path(&mut self, path: &usvg::Path, to: Transform, is_clip: bool, copied: u32) -> Vec<Item> {
         let here = to.pre_concat(path.abs_transform());
+        let element = if path.id().is_empty() { copied } else { self.labels.element(path.id()) };
+        if self.labels.has_arcs(element) {
+            let r = path.data().bounds().transform(here).unwrap_or(path.data().bounds());
+            self.slack = self.slack.max(ARC * f64::from(r.width().max(r.height())));
+        }
         let mut items = Vec::new();
         // What is fully transparent hides nothing; clip paths have no opacity.
         let is_seen = |opacity: usvg::Opacity| is_clip || opacity.get() > 0.0;
         if let Some(fill) = path.fill().filter(|fill| is_seen(fill.opacity())) {
             let is_evenodd = fill.rule() == FillRule::EvenOdd;
-            if let Some(paint) = Paint::new(fill.paint(), here) {
-                items.push(Item::Area { contours: contours(path.data(), here), is_evenodd, paint });
+            if let Some(paint) = self.paint(fill.paint(), here) {
+                let contours = contours(path.data(), here, self.fine);
+                items.push(Item::Area { contours, is_evenodd, paint, element, of: Of::Fill });
             }
         }
         let stroke = path.stroke().filter(|stroke| !is_clip && is_seen(stroke.opacity()));
-        if let Some((stroke, paint)) = stroke.and_then(|s| Some((s, Paint::new(s.paint(), here)?))) {
+        if let Some((stroke, paint)) = stroke.and_then(|s| Some((s, self.paint(s.paint(), here)?))) {
             let mut style = stroke.to_tiny_skia();
             style.dash = None;
             let least = LEAST_WIDTH / PathStroker::compute_resolution_scale(&here);
@@ -209,25 +295,94 @@ impl Layer {
             let dashed = stroke.dasharray().and_then(|d| StrokeDash::new(d.to_vec(), stroke.dashoffset()));
             // Outlines are approximated for a picture of this many pixels a px.
             let scale = FINE * PathStroker::compute_resolution_scale(&here);
+            let is_dashed = dashed.is_some();
+            let of = match items.is_empty() {
+                true => Of::Line { centre: contours(path.data(), here, self.fine), is_dashed },
+                false => Of::Border,
+            };
             let line = match dashed {
                 Some(dash) => path.data().dash(&dash, scale),
                 None => Some(path.data().clone()),
             };
             if let Some(outline) = line.and_then(|line| line.stroke(&style, scale)) {
-                items.push(Item::Area { contours: contours(&outline, here), is_evenodd: false, paint });
+                let contours = contours(&outline, here, self.fine);
+                items.push(Item::Area { contours, is_evenodd: false, paint, element, of });
             }
         }
         if path.paint_order() == PaintOrder::StrokeAndFill {
             items.reverse();
         }
-        self.items.append(&mut items);
+        items
     }
 
-    fn colour_at(&self, p: [f64; 2]) -> Option<[u8; 3]> {
+    fn paint(&mut self, paint: &usvg::Paint, here: Transform) -> Option<Paint> {
+        match paint {
+            usvg::Paint::Color(c) => Some(Paint::Colour([c.red, c.green, c.blue])),
+            usvg::Paint::Pattern(pattern) => {
+                let to = here.pre_concat(pattern.transform()).invert()?;
+                let r = pattern.rect();
+                let rect = [r.x(), r.y(), r.width(), r.height()].map(f64::from);
+                let tile = Box::new(self.layer(pattern.root(), Transform::identity(), false, UNKNOWN));
+                Some(Paint::Pattern { to, rect, tile })
+            }
+            usvg::Paint::LinearGradient(_) | usvg::Paint::RadialGradient(_) => None,
+        }
+    }
+
+    fn clip(&mut self, clip: &usvg::ClipPath, here: Transform) -> Clip {
+        let inner = clip.clip_path().map(|c| Box::new(self.clip(c, here)));
+        Clip { layer: self.layer(clip.root(), here.pre_concat(clip.transform()), true, UNKNOWN), inner }
+    }
+
+    fn mask(&mut self, mask: &usvg::Mask, here: Transform) -> Mask {
+        let r = mask.rect();
+        Mask {
+            layer: self.layer(mask.root(), here, false, UNKNOWN),
+            to: here.invert().unwrap_or_default(),
+            rect: [r.x(), r.y(), r.width(), r.height()].map(f64::from),
+            is_alpha: mask.kind() == MaskType::Alpha,
+            inner: mask.mask().map(|m| Box::new(self.mask(m, here))),
+        }
+    }
+}
+
+impl Layer {
+    fn pieces<'a>(&'a self, clips: &mut Vec<&'a Clip>, is_masked: bool, take: &mut dyn FnMut(Shown<'a>, &[&'a Clip])) {
+        for item in &self.items {
+            match item {
+                Item::Area { contours, is_evenodd, element, of, paint } => {
+                    let is = match of {
+                        Of::Fill => Piece::Fill { contours, is_evenodd: *is_evenodd },
+                        Of::Border => continue,
+                        Of::Line { centre, is_dashed } => Piece::Line { centre, is_dashed: *is_dashed },
+                    };
+                    let is_masked = is_masked || matches!(paint, Paint::Pattern { .. });
+                    take(Shown { element: *element, is, is_masked }, clips);
+                }
+                Item::Group { layer, clip, mask } => {
+                    clips.extend(clip.as_deref());
+                    layer.pieces(clips, is_masked || mask.is_some(), take);
+                    clips.truncate(clips.len() - usize::from(clip.is_some()));
+                }
+            }
+        }
+    }
+
+    /// Offers what is painted at a point to `take`, the upper ones first, until it takes one.
+    fn find(&self, p: [f64; 2], take: &mut dyn FnMut(Ink) -> bool) -> bool {
         let at = AABB::from_point(p);
         let mut near: Vec<usize> = self.index.locate_in_envelope_intersecting(&at).map(|e| e.data).collect();
         near.sort_unstable_by(|a, b| b.cmp(a));
-        near.into_iter().find_map(|i| self.items[i].colour_at(p))
+        near.into_iter().any(|i| self.items[i].find(p, take))
+    }
+
+    fn colour_at(&self, p: [f64; 2]) -> Option<[u8; 3]> {
+        let mut colour = None;
+        self.find(p, &mut |ink| {
+            colour = Some(ink.colour);
+            true
+        });
+        colour
     }
 }
 
@@ -242,36 +397,23 @@ impl Item {
         }
     }
 
-    fn colour_at(&self, p: [f64; 2]) -> Option<[u8; 3]> {
+    fn find(&self, p: [f64; 2], take: &mut dyn FnMut(Ink) -> bool) -> bool {
         match self {
-            Self::Area { contours, is_evenodd, paint } => {
+            Self::Area { contours, is_evenodd, paint, element, .. } => {
                 let turns = turns(contours, p);
                 let is_inside = if *is_evenodd { turns % 2 != 0 } else { turns != 0 };
-                if is_inside { paint.colour_at(p) } else { None }
+                let colour = if is_inside { paint.colour_at(p) } else { None };
+                colour.is_some_and(|colour| take(Ink { colour, element: *element }))
             }
             Self::Group { layer, clip, mask } => {
                 let shows = clip.as_ref().is_none_or(|c| c.holds(p)) && mask.as_ref().is_none_or(|m| m.shows(p));
-                if shows { layer.colour_at(p) } else { None }
+                shows && layer.find(p, take)
             }
         }
     }
 }
 
 impl Paint {
-    fn new(paint: &usvg::Paint, here: Transform) -> Option<Self> {
-        match paint {
-            usvg::Paint::Color(c) => Some(Self::Colour([c.red, c.green, c.blue])),
-            usvg::Paint::Pattern(pattern) => {
-                let to = here.pre_concat(pattern.transform()).invert()?;
-                let r = pattern.rect();
-                let rect = [r.x(), r.y(), r.width(), r.height()].map(f64::from);
-                let tile = Box::new(Layer::new(pattern.root(), Transform::identity(), false));
-                Some(Self::Pattern { to, rect, tile })
-            }
-            usvg::Paint::LinearGradient(_) | usvg::Paint::RadialGradient(_) => None,
-        }
-    }
-
     fn colour_at(&self, p: [f64; 2]) -> Option<[u8; 3]> {
         match self {
             Self::Colour(colour) => Some(*colour),
@@ -285,28 +427,23 @@ impl Paint {
 }
 
 impl Clip {
-    fn new(clip: &usvg::ClipPath, here: Transform) -> Self {
-        let inner = clip.clip_path().map(|c| Box::new(Self::new(c, here)));
-        Self { layer: Layer::new(clip.root(), here.pre_concat(clip.transform()), true), inner }
+    /// Offers the contours of all its areas, and of the clip paths that cut it.
+    pub(super) fn contours(&self, take: &mut dyn FnMut(&Contours)) {
+        self.layer.pieces(&mut Vec::new(), false, &mut |shown, clips| {
+            if let Piece::Fill { contours, .. } = shown.is {
+                take(contours);
+            }
+            clips.iter().for_each(|clip| clip.contours(take));
+        });
+        self.inner.iter().for_each(|inner| inner.contours(take));
     }
 
-    fn holds(&self, p: [f64; 2]) -> bool {
+    pub(super) fn holds(&self, p: [f64; 2]) -> bool {
         self.layer.colour_at(p).is_some() && self.inner.as_ref().is_none_or(|c| c.holds(p))
     }
 }
 
 impl Mask {
-    fn new(mask: &usvg::Mask, here: Transform) -> Self {
-        let r = mask.rect();
-        Self {
-            layer: Layer::new(mask.root(), here, false),
-            to: here.invert().unwrap_or_default(),
-            rect: [r.x(), r.y(), r.width(), r.height()].map(f64::from),
-            is_alpha: mask.kind() == MaskType::Alpha,
-            inner: mask.mask().map(|m| Box::new(Self::new(m, here))),
-        }
-    }
-
     fn shows(&self, p: [f64; 2]) -> bool {
         let [u, v] = mapped(&self.to, p);
         let [x, y, w, h] = self.rect;
@@ -322,16 +459,17 @@ fn mapped(map: &Transform, [x, y]: [f64; 2]) -> [f64; 2] {
 }
 
 /// The contours of a path as polylines, each closed by its last side.
-fn contours(path: &Path, map: Transform) -> Vec<Vec<[f64; 2]>> {
+fn contours(path: &Path, map: Transform, fine: f64) -> Contours {
     let at = |p: Point| mapped(&map, [f64::from(p.x), f64::from(p.y)]);
-    let mut out: Vec<Vec<[f64; 2]>> = Vec::new();
+    let mut out: Contours = Vec::new();
     let mut last = [0.0; 2];
     for segment in path.segments() {
         let mut curve = |controls: &[[f64; 2]]| {
             let contour = out.last_mut().expect("paths begin with a move");
             let from = last;
-            for k in 1..=STEPS {
-                let t = f64::from(k) / f64::from(STEPS);
+            let steps = steps(from, controls, fine);
+            for k in 1..=steps {
+                let t = f64::from(k) / f64::from(steps);
                 // De Casteljau.
                 let mut points = [from].iter().chain(controls).copied().collect::<Vec<_>>();
                 while points.len() > 1 {
@@ -352,10 +490,24 @@ fn contours(path: &Path, map: Transform) -> Vec<Vec<[f64; 2]>> {
             }
             PathSegment::QuadTo(c, p) => curve(&[at(c), at(p)]),
             PathSegment::CubicTo(c, d, p) => curve(&[at(c), at(d), at(p)]),
-            PathSegment::Close => last = out.last().map_or(last, |c| c[0]),
+            PathSegment::Close => {
+                let contour = out.last_mut().expect("paths begin with a move");
+                last = contour[0];
+                contour.push(last);
+            }
         }
     }
     out
+}
+
+/// In how many steps a curve from a point is followed: each lies an eighth of its square times the second derivative off
+/// the curve at most.
+fn steps(from: [f64; 2], controls: &[[f64; 2]], fine: f64) -> u32 {
+    let points: Vec<[f64; 2]> = [from].iter().chain(controls).copied().collect();
+    let bend = |w: &[[f64; 2]]| (w[0][0] - 2.0 * w[1][0] + w[2][0]).hypot(w[0][1] - 2.0 * w[1][1] + w[2][1]);
+    let degree = controls.len() as f64;
+    let second = degree * (degree - 1.0) * points.windows(3).map(bend).fold(0.0, f64::max);
+    (second / 8.0 / fine).sqrt().ceil().clamp(1.0, MAX_STEPS) as u32
 }
 
 /// How often the contours go round a point.

@@ -1,103 +1,218 @@
-//! `drawing`: what is marked of an SVG drawing lies where the drawing shows something, and has the pen of its colour.
+//! `drawing`: what is marked of an SVG drawing lies where the drawing shows something that the texture chooses, and has
+//! the pen of its colour, layer, class or id.
 //!
-//! The drawing is read by the verifier's own reader (`read::picture`). Lines are sampled at three places each, at most
-//! [`MAX_LINES`] lines of a drawing, evenly. Colours alone tell pens: labels are not read here, so drawings of which a
-//! texture leaves something out by `only` or `except` are not checked.
+//! The drawing is read by the verifier's own readers (`read::picture`, `read::labels`) and placed by its own arithmetic
+//! ([`Page`]). Lines are sampled at three places each, at most [`MAX_LINES`] lines of a drawing, evenly.
 
 use std::path::Path;
 
+use super::page::{Page, Site};
 use crate::geom::P2;
 use crate::job::Job;
-use crate::texture::{FillMode, Kind, Mirror, Selector, Texture};
+use crate::program::PenId;
+use crate::texture::{FillMode, Kind, Marking, Request, Selector, Texture};
+use crate::verify::Drawing;
 use crate::verify::proof::Rule;
-use crate::verify::read::picture::Picture;
+use crate::verify::read::labels::{Having, Known};
+use crate::verify::read::picture::{Ink, Picture};
 
 /// Most lines of one drawing that are looked at.
 const MAX_LINES: usize = 30_000;
 
 /// Coordinates of the reader are f32: a share of the drawing's size.
-const F32: f64 = 1e-6;
+pub(super) const F32: f64 = 1e-6;
+
+/// CSS pixels in a mm.
+const PX_PER_MM: f64 = 96.0 / 25.4;
 
 const WHITE: [u8; 3] = [255; 3];
 
-/// Holds the rule for the textures of a pass.
-pub(in crate::verify) fn check(job: &Job, texture: &Texture, rule: &mut Rule) {
+/// The drawings that were read, each once; of the others why they are not.
+#[derive(Default)]
+pub(in crate::verify) struct Pictures(Vec<(std::path::PathBuf, Result<Picture, &'static str>)>);
+
+impl Pictures {
+    /// The picture of a drawing.
+    pub(super) fn get(&mut self, path: &Path) -> Result<&Picture, &'static str> {
+        let known = self.0.iter().position(|(known, _)| known == path);
+        let place = known.unwrap_or_else(|| {
+            self.0.push((path.to_owned(), read(path)));
+            self.0.len() - 1
+        });
+        self.0[place].1.as_ref().map_err(|why| *why)
+    }
+
+    /// One that was read.
+    pub(super) fn known(&self, path: &Path) -> Option<&Picture> {
+        self.0.iter().find(|(known, _)| known == path)?.1.as_ref().ok()
+    }
+}
+
+impl Picture {
+    /// The sides of its page, mm.
+    pub(super) fn sides_mm(&self) -> [f64; 2] {
+        self.size.map(|px| px / PX_PER_MM)
+    }
+}
+
+/// Holds the rule for the textures of a pass, whose strokes are `drawing`.
+pub(in crate::verify) fn check(
+    job: &Job,
+    texture: &Texture,
+    drawing: &Drawing<'_>,
+    site: &Site,
+    pictures: &mut Pictures,
+    rule: &mut Rule,
+) {
     rule.ran = true;
-    let mut pictures: Vec<(&Path, Option<Picture>)> = Vec::new();
     for (number, request) in job.textures.iter().enumerate() {
-        let Kind::Drawing { path, marking, .. } = &request.kind else { continue };
-        if !(marking.only.is_empty() && marking.except.is_empty()) {
-            continue;
+        let Kind::Drawing { path, .. } = &request.kind else { continue };
+        match pictures.get(path) {
+            Ok(picture) => one(picture, request, (drawing, texture.strokes_of(number)), site, rule),
+            Err(why) => rule.leaves_out(path, number, why),
         }
-        if !pictures.iter().any(|(known, _)| known == path) {
-            pictures.push((path, read(path)));
-        }
-        let picture = pictures.iter().find(|(known, _)| known == path).and_then(|(_, picture)| picture.as_ref());
-        let Some(picture) = picture else { continue };
-        let strokes = texture.strokes_of(number);
-        let stride = strokes.len().div_ceil(MAX_LINES).max(1);
-        let pens =
-            |colour: [u8; 3]| marking.pens.iter().find(|(s, _)| *s == Selector::Colour(colour)).map(|(_, pen)| *pen);
-        // Contours and centre lines may lie on a border, curves off it by the tolerance.
-        let slack = 2.0 * request.tolerance_mm;
-        let is_outline = marking.fill == FillMode::Outline;
-        let mut points = Vec::new();
-        for i in strokes.step_by(stride) {
-            let pen = texture.stroke(i, &mut points);
-            for p in samples(&points) {
-                let Some((mut at, page)) = texture.on_page(i, p) else { continue };
-                match marking.mirror {
-                    Some(Mirror::X) => at[0] = page[0] - at[0],
-                    Some(Mirror::Y) => at[1] = page[1] - at[1],
-                    None => {}
-                }
-                rule.checked += 1;
-                let scale = [picture.size[0] / page[0], picture.size[1] / page[1]];
-                let slack = slack + page[0].max(page[1]) * F32;
-                let is_ink = |c: &[u8; 3]| *c != WHITE || pens(WHITE).is_some();
-                let has_pen = |c: &[u8; 3]| match pens(*c) {
-                    Some(own) => own == pen,
-                    None => {
-                        pen == request.pen
-                            || marking.pens.iter().any(|(s, p)| matches!(s, Selector::Label(_)) && *p == pen)
-                    }
-                };
-                let colour_at = |q: [f64; 2]| picture.colour_at([q[0] * scale[0], (page[1] - q[1]) * scale[1]]);
-                // Nearly all marks are right, and where they are the point itself tells.
-                if colour_at(at).is_some_and(|c| is_ink(&c) && has_pen(&c)) {
-                    continue;
-                }
-                let seen: Vec<[u8; 3]> = around(at, slack).filter_map(colour_at).collect();
-                if !seen.iter().any(is_ink) {
-                    rule.broken(
-                        "",
-                        texture.element(i),
-                        format!(
-                            "it is marked where the drawing shows nothing, at {:.4}, {:.4} mm of the page",
-                            at[0], at[1]
-                        ),
-                    );
-                } else if !seen.iter().any(|c| is_ink(c) && has_pen(c)) && !is_outline {
-                    rule.broken("", texture.element(i), "its pen is not that of its colour");
-                }
+    }
+}
+
+/// Holds the rule for one texture.
+fn one(
+    picture: &Picture,
+    request: &Request,
+    (drawing, strokes): (&Drawing<'_>, std::ops::Range<usize>),
+    site: &Site,
+    rule: &mut Rule,
+) {
+    let Kind::Drawing { marking, .. } = &request.kind else { return };
+    let Some(page) = Page::new(&request.kind, &request.area, site, picture.sides_mm()) else { return };
+    let choice = Choice::new(marking, request.pen, picture);
+    let scale = [0, 1].map(|k| picture.size[k] / page.size[k]);
+    // Contours and centre lines may lie on a border, curves off it by the tolerance.
+    let slack =
+        2.0 * request.tolerance_mm + page.size[0].max(page.size[1]) * F32 + picture.slack / scale[0].min(scale[1]);
+    let stride = strokes.len().div_ceil(MAX_LINES).max(1);
+    let is_outline = marking.fill == FillMode::Outline;
+    let mut points = Vec::new();
+    for i in strokes.step_by(stride) {
+        let pen = (drawing.stroke)(i, &mut points);
+        for p in samples(&points) {
+            let at = page.at(p);
+            rule.checked += 1;
+            let inks_at = |q: [f64; 2]| {
+                let px = [q[0] * scale[0], (page.size[1] - q[1]) * scale[1]];
+                let inks = picture.inks_at(px, &|ink| choice.exists(ink)).into_iter();
+                inks.filter(|&ink| choice.is_marked(ink))
+            };
+            // Nearly all marks are right, and where they are the point itself tells.
+            if inks_at(at).any(|ink| choice.may_have(ink, pen)) {
+                continue;
+            }
+            let seen: Vec<Ink> = around(at, slack).flat_map(inks_at).collect();
+            if seen.is_empty() {
+                let [x, y] = at;
+                let text = format!("it is marked where the drawing shows nothing, at {x:.4}, {y:.4} mm of the page");
+                rule.broken("", (drawing.element)(i), text);
+            } else if !is_outline && !seen.iter().any(|&ink| choice.may_have(ink, pen)) {
+                rule.broken("", (drawing.element)(i), "its pen is not that of its colour or label");
             }
         }
     }
 }
 
-/// The picture of an SVG drawing, if it can be read.
-fn read(path: &Path) -> Option<Picture> {
-    let is_svg = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg"));
-    if is_svg { Picture::read(&std::fs::read_to_string(path).ok()?) } else { None }
+/// What a texture chooses of a drawing, and by which pens.
+struct Choice<'a> {
+    pens: Vec<(Chosen<'a>, PenId)>,
+    only: Vec<Chosen<'a>>,
+    except: Vec<Chosen<'a>>,
+    pen: PenId,
 }
 
-/// Points of a line, not at its ends.
-fn samples(points: &[P2]) -> impl Iterator<Item = [f64; 2]> + '_ {
-    let sides = points.len() - 1;
-    [(0, 0.25), (sides / 2, 0.5), (sides - 1, 0.75)].into_iter().map(move |(k, t)| {
+/// What one of its selectors chooses.
+enum Chosen<'a> {
+    Colour(&'a [u8; 3]),
+    Label(Having),
+}
+
+impl<'a> Chosen<'a> {
+    fn new(selector: &'a Selector, picture: &Picture) -> Self {
+        match selector {
+            Selector::Colour(colour) => Self::Colour(colour),
+            Selector::Label(label) => Self::Label(picture.labels.having(|l| l == label)),
+        }
+    }
+
+    fn holds(&self, ink: Ink) -> Known {
+        match self {
+            Self::Colour(colour) if **colour == ink.colour => Known::Yes,
+            Self::Colour(_) => Known::No,
+            Self::Label(having) => having.of(ink.element),
+        }
+    }
+}
+
+/// Whether one of them chooses it.
+fn any(all: &[Chosen<'_>], ink: Ink) -> Known {
+    let known = || all.iter().map(|c| c.holds(ink));
+    match (known().any(|k| k == Known::Yes), known().any(|k| k == Known::Maybe)) {
+        (true, _) => Known::Yes,
+        (false, true) => Known::Maybe,
+        (false, false) => Known::No,
+    }
+}
+
+impl<'a> Choice<'a> {
+    fn new(marking: &'a Marking, pen: PenId, picture: &Picture) -> Self {
+        let all = |list: &'a [Selector]| list.iter().map(|s| Chosen::new(s, picture)).collect();
+        Self {
+            pens: marking.pens.iter().map(|(s, pen)| (Chosen::new(s, picture), *pen)).collect(),
+            only: all(&marking.only),
+            except: all(&marking.except),
+            pen,
+        }
+    }
+
+    /// Whether what `only` and `except` leave holds it.
+    fn exists(&self, ink: Ink) -> Known {
+        let only = if self.only.is_empty() { Known::Yes } else { any(&self.only, ink) };
+        match (only, any(&self.except, ink)) {
+            (Known::No, _) | (_, Known::Yes) => Known::No,
+            (Known::Yes, Known::No) => Known::Yes,
+            _ => Known::Maybe,
+        }
+    }
+
+    /// Whether it is not the page: white has to have a pen.
+    fn is_marked(&self, ink: Ink) -> bool {
+        ink.colour != WHITE || self.pens.iter().any(|(c, _)| c.holds(ink) != Known::No)
+    }
+
+    /// Whether it may be marked with a pen.
+    fn may_have(&self, ink: Ink, pen: PenId) -> bool {
+        let is_named = self.pens.iter().any(|(c, _)| c.holds(ink) == Known::Yes);
+        let may = |k: Known| k == Known::Yes || (k == Known::Maybe && !is_named);
+        (!is_named && pen == self.pen) || self.pens.iter().any(|(c, own)| *own == pen && may(c.holds(ink)))
+    }
+}
+
+/// The picture of an SVG drawing, if it can be read.
+fn read(path: &Path) -> Result<Picture, &'static str> {
+    let is_svg = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg"));
+    if !is_svg {
+        return Err("only uncompressed SVG drawings are read");
+    }
+    let text = std::fs::read_to_string(path).map_err(|_| "it is not text in UTF-8")?;
+    Picture::read(&text).ok_or("usvg cannot read it in bounded time")
+}
+
+/// Points of a line, not at its ends; of a dot its point.
+pub(super) fn samples(points: &[P2]) -> impl Iterator<Item = [f64; 2]> + '_ {
+    let sides = points.len().saturating_sub(1);
+    let dot = points.first().filter(|_| sides == 0).map(|p| [p.x as f64, p.y as f64]);
+    let places = [(0, 0.25), (sides / 2, 0.5), (sides.saturating_sub(1), 0.75)];
+    let on_line = places.into_iter().filter(move |_| sides > 0).map(move |(k, t)| {
         let (a, b) = (points[k], points[k + 1]);
         [a.x as f64 + t * (b.x - a.x) as f64, a.y as f64 + t * (b.y - a.y) as f64]
-    })
+    });
+    dot.into_iter().chain(on_line)
 }
 
 /// A point and eight about it.
@@ -115,17 +230,18 @@ mod tests {
     const PENS: [&str; 6] = ["a", "b", "c", "d", "e", "f"];
     const COLOURS: [&str; 6] = ["#000000", "#ff0000", "#00ff00", "#0000ff", "#ff00ff", "#808080"];
 
-    /// A job of one drawing with a pen for each of six colours.
+    /// A job of one drawing with a pen for each of six colours, or with other keys.
     fn job(folder: &Path, more: &str) -> Job {
         let pens: Vec<String> = COLOURS.iter().zip(PENS).map(|(c, pen)| format!("{c:?} = {pen:?}")).collect();
+        let more =
+            if more.contains("pens =") { more.into() } else { format!("pens = {{ {} }}\n{more}", pens.join(", ")) };
         let made = |name: &&str| {
             format!("[[pen]]\nname = {name:?}\nspeed = \"100 mm/s\"\npower = \"5 %\"\nfrequency = \"60 kHz\"\n")
         };
         let text = format!(
             "surface = {{ file = \"x.stl\", unit = \"mm\" }}\nfocus = {{ pdof = \"0.1 mm\" }}\n\
              machine = {{ profile = \"xyz-galvo-40\" }}\n[[texture]]\nfile = \"d.svg\"\nturn = \"20 deg\"\n\
-             pens = {{ {} }}\n{more}\n{}",
-            pens.join(", "),
+             {more}\n{}",
             PENS.iter().map(made).collect::<String>()
         );
         Job::parse(&folder.join("job.toml"), &text, &Overrides::default()).expect("a job")
@@ -136,13 +252,15 @@ mod tests {
         let layer = |(k, colour): (usize, &&str)| {
             let x = 3 * k + 1;
             format!(
-                "<g id=\"l{k}\" fill=\"{colour}\" stroke=\"{colour}\" stroke-width=\"0.01\">\
-                 <rect x=\"{x}\" y=\"1\" width=\"2\" height=\"2\"/><path d=\"M{x} 6h2\" fill=\"none\"/></g>"
+                "<g id=\"l{k}\" inkscape:groupmode=\"layer\" inkscape:label=\"L{k}\" class=\"c{}\" fill=\"{colour}\" stroke=\"{colour}\" stroke-width=\"0.01\">\
+                 <rect x=\"{x}\" y=\"1\" width=\"2\" height=\"2\"/><path d=\"M{x} 6h2\" fill=\"none\"/></g>",
+                k % 2
             )
         };
         let body: String = colours.iter().enumerate().map(layer).collect();
         format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"20mm\" height=\"10mm\" viewBox=\"0 0 20 10\">{body}</svg>"
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" \
+             xmlns:inkscape=\"http://www.inkscape.org/namespaces/inkscape\" width=\"20mm\" height=\"10mm\" viewBox=\"0 0 20 10\">{body}</svg>"
         )
     }
 
@@ -156,7 +274,8 @@ mod tests {
         let texture = Texture::load(&job.textures, area, 0.3, 0.03, &mut Vec::new()).expect("a texture");
         std::fs::write(&drawing, after).expect("written");
         let mut rule = Rule::new("drawing", "");
-        check(&job, &texture, &mut rule);
+        let site = Site { part_box: area, turn_rad: 0.3 };
+        check(&job, &texture, &Drawing::of(&texture), &site, &mut Pictures::default(), &mut rule);
         rule
     }
 
@@ -190,5 +309,59 @@ mod tests {
             let rule = found("pitch = \"0.1 mm\"", &drawn, &other);
             assert!(rule.violated > 0, "{other}");
         }
+    }
+
+    /// Pens of the layers in this order, and more keys.
+    fn layer_pens(layers: [usize; 6], more: &str) -> String {
+        let pens: Vec<String> = layers.iter().zip(PENS).map(|(k, pen)| format!("\"layer:L{k}\" = {pen:?}")).collect();
+        format!("pens = {{ {} }}\npitch = \"0.1 mm\"\n{more}", pens.join(", "))
+    }
+
+    #[test]
+    fn layers_ids_and_classes_have_their_pens() {
+        // White is the page unless it has a pen, and a layer may give it one.
+        for colours in [COLOURS, ["#ff0000"; 6], ["white", "#ff0000", "#ff0000", "white", "white", "black"]] {
+            let drawn = layers(colours);
+            for more in ["", "only = [\"class:c1\", \"id:l2\"]", "except = [\"layer:L0\"]", "mirror = \"y\""] {
+                let rule = found(&layer_pens([0, 1, 2, 3, 4, 5], more), &drawn, &drawn);
+                assert!(rule.checked >= 24 && rule.violated == 0, "{more}: {:?}", rule.violations);
+            }
+        }
+        // A use has the labels of what it copies and of what holds it.
+        let copied = "<g inkscape:groupmode=\"layer\" inkscape:label=\"L7\"><use href=\"#l1\" y=\"5\"/></g></svg>";
+        let drawn = layers(COLOURS).replace("</svg>", copied);
+        let rule = found("pens = { \"layer:L7\" = \"b\", \"id:l3\" = \"d\" }\npitch = \"0.1 mm\"", &drawn, &drawn);
+        assert!(rule.checked >= 36 && rule.violated == 0, "{:?}", rule.violations);
+    }
+
+    #[test]
+    fn exchanged_layers_and_figures_that_are_left_out_are_found() {
+        let red = layers(["#ff0000"; 6]);
+        let exchanged = red.replace("\"L1\"", "\"L9\"").replace("\"L2\"", "\"L1\"").replace("\"L9\"", "\"L2\"");
+        let kept = layer_pens([0, 1, 2, 3, 4, 5], "");
+        let rule = found(&kept, &red, &exchanged);
+        assert!(rule.violated > 0 && rule.violations[0].message.contains("pen"), "{:?}", rule.violations);
+        for (keys, before, after) in [
+            ("except = [\"layer:L1\"]", "\"L2\"", "\"L1\""),
+            ("except = [\"id:l1\"]", "\"l2\"", "\"l1\""),
+            ("only = [\"class:c0\"]", "class=\"c0\"", "class=\"c2\""),
+        ] {
+            let other = red.replacen(before, after, 1).replacen(after, before, usize::from(after == "\"L1\""));
+            let rule = found(&format!("pens = {{}}\npitch = \"0.1 mm\"\n{keys}"), &red, &other);
+            assert!(rule.violated > 0, "{keys}: {}", rule.checked);
+            assert!(rule.violations[0].message.contains("shows nothing"), "{:?}", rule.violations);
+        }
+    }
+
+    #[test]
+    fn thin_lines_along_large_arcs_are_on_ink() {
+        // The cubics of usvg lie 10 um off this circle.
+        let drawn = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"100mm\" height=\"100mm\" viewBox=\"0 0 100 100\">\
+                     <circle cx=\"50\" cy=\"50\" r=\"49\" fill=\"none\" stroke=\"black\" stroke-width=\"0.01\"/>\
+                     <path d=\"M0 0Q50 90 100 0\" fill=\"none\" stroke=\"black\" stroke-width=\"0.005\"/></svg>";
+        let rule = found("pens = {}", drawn, drawn);
+        assert!(rule.checked == 6 && rule.violated == 0, "{:?}", rule.violations);
+        let other = drawn.replacen("r=\"49\"", "r=\"48.9\"", 1);
+        assert!(found("pens = {}", drawn, &other).violated > 0);
     }
 }

@@ -11,6 +11,8 @@ pub(super) mod fill;
 mod frames;
 pub(super) mod hash;
 pub(super) mod laser;
+pub(super) mod mask;
+pub(super) mod page;
 mod planes;
 mod runsheets;
 mod setups;
@@ -48,6 +50,7 @@ pub(super) struct Findings {
     pub(super) dose: Rule,
     pub(super) fill: Rule,
     pub(super) drawing: Rule,
+    pub(super) mask: Rule,
     pub(super) curves: Rule,
     pub(super) source: Rule,
     pub(super) once: Rule,
@@ -81,8 +84,9 @@ impl Findings {
             fill: Rule::new("fill", "lines along contours keep their pitch and fill the job's sections"),
             drawing: Rule::new(
                 "drawing",
-                "SVG drawings are marked where they show something, with the pen of its colour",
+                "SVG drawings are marked where they show something, with the pen of its colour or label",
             ),
+            mask: Rule::new("mask", "what inside and outside leave of a texture is marked, and nothing else"),
             curves: Rule::new("curves", curves::WHAT),
             source: Rule::new("source", "every mark is the piece of texture that it claims to be"),
             once: Rule::new("once", "nothing is marked twice in a pass except declared overlaps"),
@@ -109,6 +113,7 @@ impl Findings {
             self.dose,
             self.fill,
             self.drawing,
+            self.mask,
             self.curves,
             self.source,
             self.once,

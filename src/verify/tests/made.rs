@@ -243,6 +243,7 @@ impl Made {
         let mut findings = Findings::new();
         findings.fill.ran = true;
         findings.drawing.ran = true;
+        findings.mask.ran = true;
         findings.curves.ran = true;
         let inputs = Inputs::locate(folder, &manifest.job.file, None);
         crate::verify::rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.hash);

@@ -16,8 +16,14 @@ const LAYERS: [(&str, &str); 6] = [
 
 /// Beside the hatch of the sheet a drawing with an Inkscape layer of each colour: a square with a hole and a line.
 fn layered(keys: &str) -> Bench {
+    layered_by(keys, false)
+}
+
+/// The same with the pens by colour, or by layer in a drawing of one colour.
+fn layered_by(keys: &str, by_layer: bool) -> Bench {
     let layer = |(k, (name, colour)): (usize, &(&str, &str))| {
         let (x, y) = (3 + 19 * (k % 3), 3 + 20 * (k / 3));
+        let colour = if by_layer { &"#ff0000" } else { colour };
         format!(
             "<g inkscape:groupmode=\"layer\" inkscape:label=\"{name}\" fill=\"{colour}\" stroke=\"{colour}\">\
              <path stroke=\"none\" fill-rule=\"evenodd\" d=\"M{x} {y}h14v14h-14zm5 5v4h4v-4z\"/>\
@@ -31,8 +37,9 @@ fn layered(keys: &str) -> Bench {
          width=\"60mm\" height=\"42mm\" viewBox=\"0 0 60 42\">{body}</svg>"
     );
     let names = ["deep", "c", "d", "e", "f", "g"];
-    let pens: Vec<String> =
-        LAYERS.iter().zip(names).map(|((_, colour), pen)| format!("{colour:?} = {pen:?}")).collect();
+    let selector =
+        |(name, colour): &(&str, &str)| if by_layer { format!("layer:{name}") } else { (*colour).to_owned() };
+    let pens: Vec<String> = LAYERS.iter().zip(names).map(|(l, pen)| format!("{:?} = {pen:?}", selector(l))).collect();
     let texture = format!(
         "file = \"layers.svg\"\norigin = [\"0 mm\", \"0 mm\"]\npitch = \"0.8 mm\"\npens = {{ {} }}\n{keys}",
         pens.join(", ")
@@ -130,14 +137,50 @@ fn damaged_hatch_lines_are_reported_by_their_rules() {
 #[test]
 fn exchanged_pens_are_reported() {
     // In all files alike.
-    let proof = layered("").mutant(|program, _| {
-        for s in &mut program.strokes {
-            s.pen = match s.pen {
-                PenId(2) => PenId(3),
-                PenId(3) => PenId(2),
-                pen => pen,
-            };
-        }
-    });
-    assert_only("source", &proof);
+    for by_layer in [false, true] {
+        let proof = layered_by("", by_layer).mutant(|program, _| {
+            for s in &mut program.strokes {
+                s.pen = match s.pen {
+                    PenId(2) => PenId(3),
+                    PenId(3) => PenId(2),
+                    pen => pen,
+                };
+            }
+        });
+        assert_only("source", &proof);
+        assert!(proof.rule("drawing").is_some_and(|r| r.checked > 100 && r.left_out.is_empty()), "{}", proof.to_text());
+    }
+}
+
+/// Squares and a hatch in the area of a drawing.
+fn masked(keys: &str) -> Bench {
+    let mask = b"<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"50mm\" height=\"36mm\" viewBox=\"0 0 50 36\">\
+        <ellipse id=\"rim\" cx=\"25\" cy=\"18\" rx=\"24\" ry=\"17\"/></svg>";
+    Bench::edited_beside(1.0, &[("mask.svg", mask.to_vec())], |text| {
+        let mask = format!("inside = {{ file = \"mask.svg#rim\", align = \"centre\" }}\n{keys}");
+        let text = text.replacen("area = [\"-3 mm\"", &format!("{mask}\narea = [\"-3 mm\""), 1);
+        text.replacen("cell = \"2 mm\"", "cell = \"2 mm\"\noutside = \"mask.svg\"", 1)
+    })
+}
+
+#[test]
+fn damaged_strokes_in_a_mask_are_reported_by_their_rules() {
+    for keys in ["", "soft = \"3 mm\""] {
+        let proof = verified(&masked(keys).write());
+        assert!(proof.ok, "{}", proof.to_text());
+        assert!(proof.rule("mask").is_some_and(|r| r.checked > 1000 && r.left_out.is_empty()), "{}", proof.to_text());
+        assert_only("coverage", &masked(keys).mutant(|program, _| remove(program, long_stroke_of(program, |_| true))));
+        // Longer than the border leaves it: it claims a piece that ends before.
+        let proof = masked(keys).mutant(|program, _| {
+            let pieces = |source| program.strokes.iter().filter(|s| s.source == source).count();
+            let s = program.strokes[long_stroke_of(program, |s| pieces(s.source) == 1)];
+            let last = (s.first + s.len - 1) as usize;
+            let [a, b] = [program.points[last - 1], program.points[last]];
+            let length = f64::from(b.x - a.x).hypot(f64::from(b.y - a.y));
+            let end = &mut program.points[last];
+            let by = |d: i32| (f64::from(d) / length * 5_000.0).round() as i32;
+            (end.x, end.y) = (end.x + by(b.x - a.x), end.y + by(b.y - a.y));
+        });
+        assert_only("source", &proof);
+    }
 }

@@ -1,0 +1,120 @@
+//! Where the page of a drawing lies on the part, by the verifier's own arithmetic.
+//!
+//! Consumes what the job says of size, place, turn and mirror, the part's box, and the sides that the file gives to the
+//! page. Page mm have their origin in the lower left corner, y up, as the file has them before it is mirrored.
+
+use crate::geom::{BoxMm, NM_PER_MM};
+use crate::texture::{Align, Area, Fit, Kind, Mirror, Position, Size};
+
+/// The part as drawings are placed on it.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::verify) struct Site {
+    /// Part frame, mm.
+    pub(in crate::verify) part_box: BoxMm<2>,
+    /// The turn of the part about the origin of its frame.
+    pub(in crate::verify) turn_rad: f64,
+}
+
+/// A placed page.
+#[derive(Clone, Debug)]
+pub(super) struct Page {
+    /// Width and height, mm.
+    pub(super) size: [f64; 2],
+    origin: [f64; 2],
+    turn_rad: f64,
+    part_rad: f64,
+    mirror: Option<Mirror>,
+    tiles: bool,
+}
+
+/// A point turned about the origin.
+fn turned([x, y]: [f64; 2], rad: f64) -> [f64; 2] {
+    let (s, c) = rad.sin_cos();
+    [c * x - s * y, s * x + c * y]
+}
+
+/// The sides of the box around a turned rectangle.
+fn around([w, h]: [f64; 2], rad: f64) -> [f64; 2] {
+    let (s, c) = rad.sin_cos();
+    [(c * w).abs() + (s * h).abs(), (s * w).abs() + (c * h).abs()]
+}
+
+impl Page {
+    /// The page of a drawing in its area whose file gives it these sides, mm; None of what is no drawing.
+    pub(super) fn new(kind: &Kind, area: &Area, site: &Site, sides: [f64; 2]) -> Option<Self> {
+        let Kind::Drawing { size, position, turn_rad, tile, marking, .. } = kind else { return None };
+        let limit = match area {
+            Area::Part => Some(site.part_box),
+            Area::Rectangle(area) => Some(*area),
+            Area::Unlimited => None,
+        };
+        let place = limit.unwrap_or(site.part_box);
+        let [w, h] = [0, 1].map(|k| place.hi[k] - place.lo[k]);
+        let size = match *size {
+            Size::File => sides,
+            Size::Mm(size) => size,
+            Size::Scaled(by) => sides.map(|s| s * by),
+            Size::Fit(fit) => {
+                let [a, b] = around(sides, *turn_rad);
+                let by = match fit {
+                    Fit::Contain => (w / a).min(h / b),
+                    Fit::Width => w / a,
+                    Fit::Height => h / b,
+                    Fit::Cover => {
+                        let [a, b] = around([w, h], *turn_rad);
+                        (a / sides[0]).max(b / sides[1])
+                    }
+                };
+                sides.map(|s| s * by)
+            }
+        };
+        // Of a page turned about its lower left corner.
+        let corners = BoxMm { lo: [0.0; 2], hi: size }.corners().map(|c| turned(c, *turn_rad));
+        let seen = BoxMm::of(corners);
+        let origin = match (position, limit) {
+            (Position::Origin(origin), _) => *origin,
+            (Position::Usual, Some(area)) => area.lo,
+            (Position::Usual, None) => {
+                let middle = turned(size.map(|s| s / 2.0), *turn_rad);
+                [0, 1].map(|k| (place.lo[k] + place.hi[k]) / 2.0 - middle[k])
+            }
+            (Position::Aligned(align), _) => {
+                let share = shares(*align);
+                let free = [0, 1].map(|k| place.hi[k] - place.lo[k] - (seen.hi[k] - seen.lo[k]));
+                [0, 1].map(|k| place.lo[k] - seen.lo[k] + share[k] * free[k])
+            }
+        };
+        let (mirror, tiles) = (marking.mirror, *tile);
+        Some(Self { size, origin, turn_rad: *turn_rad, part_rad: site.turn_rad, mirror, tiles })
+    }
+
+    /// Where a point of the turned part, nm, lies on the page; of tiles on the one that it is on.
+    pub(super) fn at(&self, p: [f64; 2]) -> [f64; 2] {
+        let part = turned(p.map(|v| v / NM_PER_MM), -self.part_rad);
+        let mut at = turned([part[0] - self.origin[0], part[1] - self.origin[1]], -self.turn_rad);
+        if self.tiles {
+            at = [0, 1].map(|k| at[k].rem_euclid(self.size[k]));
+        }
+        match self.mirror {
+            Some(Mirror::X) => at[0] = self.size[0] - at[0],
+            Some(Mirror::Y) => at[1] = self.size[1] - at[1],
+            None => {}
+        }
+        at
+    }
+}
+
+/// Which part of the free length lies left of the page, and below it.
+fn shares(align: Align) -> [f64; 2] {
+    let x = match align {
+        Align::Left | Align::LeftTop | Align::LeftBottom => 0.0,
+        Align::Right | Align::RightTop | Align::RightBottom => 1.0,
+        Align::Centre | Align::Top | Align::Bottom => 0.5,
+    };
+    let y = match align {
+        Align::Bottom | Align::LeftBottom | Align::RightBottom => 0.0,
+        Align::Top | Align::LeftTop | Align::RightTop => 1.0,
+        Align::Centre | Align::Left | Align::Right => 0.5,
+    };
+    [x, y]
+}
