@@ -99,8 +99,9 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
             return Ok(findings.into_proof());
         }
         let drawing = Drawing::of(&texture);
-        rules::drawing::check(&job, &texture, &drawing, &site, &mut pictures, &mut findings.drawing);
-        rules::mask::check(&job, &texture, &drawing, &site, &mut pictures, &mut findings.mask);
+        let placed = rules::drawing::Placed { job: &job, texture: &texture, drawing: &drawing, site };
+        rules::drawing::check(&placed, &mut pictures, &mut findings.drawing);
+        rules::mask::check(&placed, &mut pictures, &mut findings.mask);
         drop(drawing);
         if pass == PassId(0) {
             let rules = [&mut findings.curves, &mut findings.summary];

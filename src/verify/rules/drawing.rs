@@ -55,15 +55,17 @@ impl Picture {
     }
 }
 
-/// Holds the rule for the textures of a pass, whose strokes are `drawing`.
-pub(in crate::verify) fn check(
-    job: &Job,
-    texture: &Texture,
-    drawing: &Drawing<'_>,
-    site: &Site,
-    pictures: &mut Pictures,
-    rule: &mut Rule,
-) {
+/// The textures of a pass as they were placed anew, and their strokes.
+pub(in crate::verify) struct Placed<'a> {
+    pub(in crate::verify) job: &'a Job,
+    pub(in crate::verify) texture: &'a Texture,
+    pub(in crate::verify) drawing: &'a Drawing<'a>,
+    pub(in crate::verify) site: Site,
+}
+
+/// Holds the rule for the textures of a pass.
+pub(in crate::verify) fn check(placed: &Placed<'_>, pictures: &mut Pictures, rule: &mut Rule) {
+    let Placed { job, texture, drawing, site } = placed;
     rule.ran = true;
     for (number, request) in job.textures.iter().enumerate() {
         let Kind::Drawing { path, .. } = &request.kind else { continue };
@@ -275,7 +277,8 @@ mod tests {
         std::fs::write(&drawing, after).expect("written");
         let mut rule = Rule::new("drawing", "");
         let site = Site { part_box: area, turn_rad: 0.3 };
-        check(&job, &texture, &Drawing::of(&texture), &site, &mut Pictures::default(), &mut rule);
+        let placed = Placed { job: &job, texture: &texture, drawing: &Drawing::of(&texture), site };
+        check(&placed, &mut Pictures::default(), &mut rule);
         rule
     }
 

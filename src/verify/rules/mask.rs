@@ -9,11 +9,10 @@
 //! one random place of each stroke, as strokes are left out independently: the sum of marked - c(d) over all places has
 //! the variance c (1 - c) of each, and must not be more than [`SIGMAS`] deviations off.
 
-use super::drawing::{F32, Pictures, samples};
+use super::drawing::{F32, Pictures, Placed, samples};
 use super::page::{Page, Site};
 use crate::geom::P2;
-use crate::job::Job;
-use crate::texture::{Kind, Mask, Request, Texture, Uncut};
+use crate::texture::{Kind, Mask, Request, Uncut};
 use crate::verify::Drawing;
 use crate::verify::proof::Rule;
 use crate::verify::read::labels::Known;
@@ -38,15 +37,9 @@ const ON_PIECE: f64 = 2.0;
 const SIGMAS: f64 = 6.0;
 const FEWEST: usize = 200;
 
-/// Holds the rule for the textures of a pass, whose strokes are `drawing`.
-pub(in crate::verify) fn check(
-    job: &Job,
-    texture: &Texture,
-    drawing: &Drawing<'_>,
-    site: &Site,
-    pictures: &mut Pictures,
-    rule: &mut Rule,
-) {
+/// Holds the rule for the textures of a pass.
+pub(in crate::verify) fn check(placed: &Placed<'_>, pictures: &mut Pictures, rule: &mut Rule) {
+    let Placed { job, texture, drawing, site } = placed;
     rule.ran = true;
     for (number, request) in job.textures.iter().enumerate() {
         let Some(uncut) = texture.uncut(number) else {
@@ -343,7 +336,8 @@ mod tests {
             ..Drawing::of(&texture)
         };
         let mut rule = Rule::new("mask", "");
-        check(&job, &texture, &drawing, &site, &mut Pictures::default(), &mut rule);
+        let placed = Placed { job: &job, texture: &texture, drawing: &drawing, site };
+        check(&placed, &mut Pictures::default(), &mut rule);
         rule
     }
 
