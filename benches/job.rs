@@ -37,7 +37,7 @@ fn main() {
         if !stl.exists() {
             write_stl(&stl, &mesh(n, [0.0, 0.0, 450.0, 450.0], dome));
         }
-        for case in ["load", "walk", "contour", "z-range", "auto", "squares", "verify", "flush"] {
+        for case in ["load", "walk", "contour", "z-range", "auto", "squares", "dots", "poisson", "verify", "flush"] {
             let me = std::env::current_exe().expect("this program");
             let out = Command::new(me).arg(case).arg(&stl).output().expect("this program starts");
             assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
@@ -83,23 +83,30 @@ fn walk(surface: &Surface) -> String {
     format!("{crossed} crossings, {rate:.1} M/s (check sum {sum:.0})")
 }
 
-/// Compiles to a folder on disk.
+/// Compiles to a folder on disk; dots are planned and ordered alone.
 fn job(case: &str, stl: &Path) -> String {
     let (method, texture) = match case {
         "flush" => ("z-range", "pattern = \"hatch\"\npitch = \"1 mm\""),
         "squares" => ("z-range", "pattern = \"squares\"\npitch = \"1 mm\"\ncell = \"0.6 mm\""),
+        "dots" => ("z-range", "pattern = \"dots\"\npitch = \"0.45 mm\"\njitter = \"50 %\""),
+        "poisson" => ("z-range", "pattern = \"poisson\"\npitch = \"0.4 mm\""),
         method => (method, "pattern = \"hatch\"\npitch = \"0.1 mm\""),
     };
     let name = stl.file_name().and_then(|n| n.to_str()).expect("a name");
     let text = format!(
         "[surface]\nfile = {name:?}\nunit = \"mm\"\n[[texture]]\n{texture}\n[focus]\npdof = \"0.07 mm\"\n[partition]\n\
          method = \"{method}\"\n[machine]\nprofile = \"xyz-galvo-40\"\n[[pen]]\nname = \"a\"\nspeed = \"1000 mm/s\"\n\
-         power = \"60 %\"\nfrequency = \"60 kHz\"\n"
+         power = \"60 %\"\nfrequency = \"60 kHz\"\ndwell = \"1 ms\"\n"
     );
     let path = stl.with_extension(format!("{case}.toml"));
     std::fs::write(&path, &text).expect("a writable folder");
     let job = Job::parse(&path, &text, &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
+    let begin = Instant::now();
     let plan = plan::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+    if let "dots" | "poisson" = case {
+        let (s, planned) = (&plan.stepped().expect("a stepped job").summary, begin.elapsed().as_secs_f64());
+        return format!("{} stops, {} dots, {:.0} a second", s.stops, s.dots.marked, s.dots.marked as f64 / planned);
+    }
     let write = |durability| {
         let begin = Instant::now();
         let target = stl.with_extension(format!("{case}.job"));
