@@ -18,6 +18,7 @@
 mod artwork;
 mod bitmap;
 mod clip;
+pub mod contents;
 mod contour_areas;
 mod curves;
 mod drawing;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::artwork::Artwork;
+use super::artwork::{Artwork, Figure};
 use super::page::Wanted;
 use super::place::Site;
 use super::{Kind, Request, bitmap, dxf, hpgl, svg};
@@ -12,7 +12,7 @@ use crate::diag::{self, Diag, Error, Place};
 const MAX_FILE: u64 = 256 << 20;
 
 /// A file that was read.
-enum Source {
+pub(super) enum Source {
     Svg(String),
     Dxf(Vec<u8>),
     Plot(Vec<u8>),
@@ -44,13 +44,18 @@ impl Sources {
             Source::Svg(text) => svg::load(text, path, wanted, site, marking, notes)?,
             Source::Bitmap(image) => bitmap::load(image, path, wanted, site, marking, notes)?,
             Source::Dxf(bytes) => {
-                let how = |tolerance: f64| dxf::How { path, unit_mm: *unit_mm, tolerance, marking };
-                let load = |t: f64, notes: &mut Vec<Diag>| dxf::load(bytes, &how(t), notes);
-                stretched(load, wanted, path, site.tolerance, notes)?
+                let load = |growth: f64, notes: &mut Vec<Diag>| {
+                    let [tolerance, widest_line] =
+                        [site.tolerance, marking.widest_line_mm(site.spot_mm)].map(|length| length / growth);
+                    dxf::load(bytes, &dxf::How { path, unit_mm: *unit_mm, tolerance, widest_line, marking }, notes)
+                };
+                stretched(load, wanted, path, notes)?
             }
             Source::Plot(bytes) => {
-                let load = |t: f64, notes: &mut Vec<Diag>| hpgl::load(bytes, path, t, marking, notes);
-                stretched(load, wanted, path, site.tolerance, notes)?
+                let tolerance = |growth: f64| site.tolerance / growth;
+                let load =
+                    |growth: f64, notes: &mut Vec<Diag>| hpgl::load(bytes, path, tolerance(growth), marking, notes);
+                stretched(load, wanted, path, notes)?
             }
         };
         if let Some(mirror) = marking.mirror {
@@ -59,7 +64,8 @@ impl Sources {
         Ok(art)
     }
 
-    fn read(&mut self, path: &Path) -> Result<&Source, Error> {
+    /// The file of a drawing.
+    pub(super) fn read(&mut self, path: &Path) -> Result<&Source, Error> {
         let known = self.0.iter().position(|(p, _)| p == path);
         let i = match known {
             Some(i) => i,
@@ -81,26 +87,25 @@ impl Sources {
     }
 }
 
-/// A drawing whose page gets the size that is wanted once it was read; one that grows is read again with a finer
-/// tolerance.
+/// A drawing whose page gets the size that is wanted once it was read. One that grows is read again with a finer
+/// tolerance; so is one with wide lines that shrinks, as they may become thin.
 fn stretched(
     load: impl Fn(f64, &mut Vec<Diag>) -> Result<Artwork, Error>,
     wanted: Wanted,
     path: &Path,
-    tolerance: f64,
     notes: &mut Vec<Diag>,
 ) -> Result<Artwork, Error> {
     let told = notes.len();
-    let mut art = load(tolerance, notes)?;
+    let mut art = load(1.0, notes)?;
     let size = |art: &Artwork| {
         let size = wanted.size(art.size, true).map_err(|d| Error::from(d.at(Place::file(path.display().to_string()))));
         size.map(|size| size.unwrap_or(art.size))
     };
     let grown = size(&art)?;
-    let growth = (0..2).map(|k| grown[k] / art.size[k]).filter(|f| f.is_finite()).fold(1.0, f64::max);
-    if growth > 1.0 {
+    let growth = (0..2).map(|k| grown[k] / art.size[k]).filter(|f| f.is_finite()).reduce(f64::max).unwrap_or(1.0);
+    if growth > 1.0 || growth > 0.0 && growth < 1.0 && art.shapes.iter().any(|s| s.figure == Figure::Stroke) {
         notes.truncate(told);
-        art = load(tolerance / growth, notes)?;
+        art = load(growth, notes)?;
     }
     let size = size(&art)?;
     if size != art.size {

@@ -6,12 +6,12 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use crate::support::{JobText, files, fixture, folder, said, verify};
+use crate::support::{JobText, files, folder, said, verify};
 use serde_json::Value;
 use tempfile::TempDir;
 
 const HATCH: &str = "pattern = \"hatch\"\npitch = \"1 mm\"";
-const DRAWING: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"8mm\" height=\"8mm\" viewBox=\"0 0 8 8\">\
+pub(crate) const DRAWING: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"8mm\" height=\"8mm\" viewBox=\"0 0 8 8\">\
                        <path d=\"M1 1 L7 7 L1 7 Z\"/></svg>";
 
 /// Runs the program in a folder, with a text on its standard input.
@@ -24,7 +24,7 @@ fn run_with(dir: &Path, args: &[&str], input: &[u8]) -> Output {
     child.wait_with_output().expect("it ends")
 }
 
-fn run(dir: &Path, args: &[&str]) -> Output {
+pub(crate) fn run(dir: &Path, args: &[&str]) -> Output {
     run_with(dir, args, b"")
 }
 
@@ -37,20 +37,20 @@ fn err(o: &Output) -> String {
 }
 
 /// The output of a run that must succeed.
-fn done(dir: &Path, args: &[&str]) -> String {
+pub(crate) fn done(dir: &Path, args: &[&str]) -> String {
     let o = run(dir, args);
     assert_eq!(o.status.code(), Some(0), "{args:?}: {}", said(&o));
     out(&o)
 }
 
 /// Panics unless the run is refused with this exit code and error, and prints no result.
-fn refused(o: &Output, exit: i32, code: &str) {
+pub(crate) fn refused(o: &Output, exit: i32, code: &str) {
     assert_eq!(o.status.code(), Some(exit), "{}", said(o));
     assert!(err(o).contains(&format!("error[{code}]: ")), "{code} expected: {}", said(o));
     assert!(o.stdout.is_empty(), "{}", said(o));
 }
 
-fn json(text: &str) -> Value {
+pub(crate) fn json(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|e| panic!("{e}: {text}"))
 }
 
@@ -62,12 +62,12 @@ fn read(path: impl AsRef<Path>) -> String {
     std::fs::read_to_string(path).expect("readable")
 }
 
-fn write(path: impl AsRef<Path>, text: impl AsRef<[u8]>) {
+pub(crate) fn write(path: impl AsRef<Path>, text: impl AsRef<[u8]>) {
     std::fs::write(path, text).expect("a writable folder");
 }
 
 /// A folder with a plate of 8 x 8 mm and a job `a.toml` on it that has nothing to warn of.
-fn job_folder_fixture() -> TempDir {
+pub(crate) fn job_folder_fixture() -> TempDir {
     let dir = folder();
     write(dir.path().join("plate.obj"), "v 0 0 0\nv 8 0 0\nv 8 8 0\nv 0 8 0\nf 1 2 3 4\n");
     JobText::on(Path::new("plate.obj")).texture(HATCH).write(dir.path(), "a.toml");
@@ -402,66 +402,6 @@ fn manual_pages_have_every_command_and_its_options() {
     let page = done(dir.path(), &["man", "compile"]);
     assert!(page.contains(".TH terrace-compile 1") && page.contains("\\-\\-output"), "{page}");
     refused(&run(dir.path(), &["man", "burn"]), 2, "command-unknown");
-}
-
-#[test]
-fn inspect_describes_surfaces_drawings_jobs_and_folders() {
-    let dir = job_folder_fixture();
-    let at = dir.path();
-    done(at, &["compile", "a.toml", "--json"]);
-    write(at.join("a.svg"), DRAWING);
-    write(at.join("unsized.svg"), DRAWING.replace("width=\"8mm\" height=\"8mm\" ", ""));
-    let facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 2 0 0\nvertex 0 3 1\nendloop\nendfacet\n";
-    write(at.join("a.stl"), format!("solid a\n{facet}endsolid a\n"));
-    write(at.join("a.png"), crate::support::image::height_map(3, &[7, 9, 256, 7, 7, 7]));
-    write(at.join("a.asc"), "ncols 2\nnrows 3\nxllcenter 1\nyllcenter 2\ncellsize 60\n1 2\n3 -9999\n5 6.5\n");
-    write(at.join("land.asc"), "ncols 2\nnrows 2\nxllcorner 5e5\nyllcorner 5e6\ncellsize 60\n1 2\n3 4\n");
-    write(at.join("own.3mf"), std::fs::read(fixture("bad/3mf_path_traversal.3mf")).expect("a fixture"));
-    let shown = |args: &[&str]| json(&done(at, &[&["inspect", "--json"], args].concat()));
-    let stl = shown(&["a.stl", "--unit", "mm"]);
-    assert_eq!((&stl["kind"], &stl["facets"]), (&"surface".into(), &1.into()));
-    assert_eq!(stl["hi_mm"], serde_json::json!([2.0, 3.0, 1.0]));
-    assert_eq!((&stl["steep_percent"], &stl["down_percent"]), (&0.0.into(), &0.0.into()));
-    // Without a unit nothing is said to be mm; 3 in is a part, 3 mm is none.
-    let stl = shown(&["a.stl"]);
-    assert_eq!((&stl["hi"], &stl["hi_mm"]), (&serde_json::json!([2.0, 3.0, 1.0]), &Value::Null));
-    assert_eq!((&stl["unit"], &stl["likely_unit"]), (&Value::Null, &"in".into()));
-    assert!((shown(&["a.stl", "--unit", "in"])["hi_mm"][0].as_f64().expect("a number") - 50.8).abs() < 1e-9);
-    let svg = shown(&["a.svg"]);
-    let length = 12.0 + 72f64.sqrt();
-    assert_eq!((&svg["kind"], &svg["strokes"], &svg["physical_size"]), (&"drawing".into(), &1.into(), &true.into()));
-    assert!((svg["length_mm"].as_f64().expect("a number") - length).abs() < 1e-5, "{svg}");
-    let bare = shown(&["unsized.svg"]);
-    assert_eq!((&bare["physical_size"], &bare["length_mm"]), (&false.into(), &Value::Null));
-    let text = said(&run(at, &["inspect", "unsized.svg"]));
-    assert!(text.contains("no physical size") && !text.contains("stretched") && !text.contains("100"), "{text}");
-    let png = shown(&["a.png"]);
-    assert_eq!((&png["kind"], &png["columns"], &png["rows"]), (&"heightmap".into(), &3.into(), &2.into()));
-    assert_eq!(png["values"], serde_json::json!([7, 256]));
-    let job = shown(&["a.toml"]);
-    assert_eq!((&job["kind"], &job["pdof_mm"], &job["machine"]), (&"job".into(), &0.07.into(), &"xyz-galvo-40".into()));
-    let made = shown(&["a.job"]);
-    assert_eq!((&made["kind"], &made["summary"]["stops"]), (&"folder".into(), &1.into()));
-    for (file, say) in [
-        ("a.stl", "size  2.0000 x 3.0000 x 1.0000 (the file does not state its unit)\n"),
-        ("a.stl", "  if in  50.8000 x 76.2000 x 25.4000 mm   <- most likely\n"),
-        ("a.stl", "0 % of the area steeper than 30 deg, 0 % facing down\n"),
-        ("a.svg", "1 stroke (1 closed)"),
-        ("a.png", "3 x 2 samples, values 7 to 256"),
-        ("a.asc", "2 x 3 samples, values 1 to 6.5, 1 hole\nsize  60.0000 x 120.0000 x 5.5000 (the file does not"),
-        ("a.asc", "  if mm  60.0000 x 120.0000 x 5.5000 mm   <- most likely"),
-        ("land.asc", "2 x 2 samples, values 1 to 4, 0 holes\nthe job file gives its scale"),
-        ("own.3mf", "surface, 4 facets\nsize  10.0000 x 10.0000 x 10.0000 mm\n"),
-        ("a.toml", "0.07 mm"),
-        ("a.job", "stops    1\n"),
-    ] {
-        let text = done(at, &["inspect", file]);
-        assert!(text.contains(say), "{file}: {text}");
-    }
-    std::fs::create_dir(at.join("empty")).expect("made");
-    for file in ["absent.stl", "absent", "empty"] {
-        assert_eq!(run(at, &["inspect", file]).status.code(), Some(2), "{file}");
-    }
 }
 
 #[test]

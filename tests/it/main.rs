@@ -23,6 +23,7 @@ mod fill;
 mod foreign;
 mod frames;
 mod golden;
+mod inspect;
 mod layers;
 mod lengths;
 mod merge;

@@ -260,6 +260,7 @@ impl Texture<'_> {
             is_lenient: keys.on_unsupported == Some(OnUnsupported::Warn),
             only,
             except,
+            lists_labels: false,
             mirror: keys.mirror,
             tone: tone::resolve(keys, &|name| self.key(name), f),
         }

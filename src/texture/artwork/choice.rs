@@ -1,8 +1,8 @@
 //! Which shapes of a drawing exist, and which pen marks them.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
-use super::{Artwork, Marking, Selector, Shape, WHITE};
+use super::{Artwork, Colour, Marking, Selector, Shape, WHITE};
 use crate::diag::Diag;
 use crate::program::PenId;
 
@@ -63,13 +63,29 @@ pub(in crate::texture) fn classes(art: &Artwork, marking: &Marking) -> Result<Ve
     art.shapes.iter().map(class).collect()
 }
 
-/// The colours and labels of a drawing, for a message.
+/// What can be named of a drawing, with the number of shapes that each name chooses: colours, layers, other labels.
+pub(in crate::texture) fn selectors(art: &Artwork) -> Vec<(Selector, usize)> {
+    let mut colours: BTreeMap<Colour, usize> = BTreeMap::new();
+    let mut sets = vec![0; art.labels.len()];
+    for shape in &art.shapes {
+        *colours.entry(shape.colour).or_default() += 1;
+        sets[shape.labels as usize] += 1;
+    }
+    let mut labels: BTreeMap<&String, usize> = BTreeMap::new();
+    for (set, shapes) in (0..).zip(sets) {
+        // A label may stand on an element and on what holds it.
+        let of_set: BTreeSet<&String> = if shapes > 0 { art.labels(set).collect() } else { BTreeSet::new() };
+        of_set.into_iter().for_each(|label| *labels.entry(label).or_default() += shapes);
+        art.labels[set as usize].own.iter().for_each(|label| _ = labels.entry(label).or_default());
+    }
+    let (layers, others): (Vec<_>, Vec<_>) = labels.into_iter().partition(|(label, _)| label.starts_with("layer:"));
+    let labels = layers.into_iter().chain(others).map(|(label, n)| (Selector::Label(label.clone()), n));
+    colours.into_iter().map(|(colour, n)| (Selector::Colour(colour), n)).chain(labels).collect()
+}
+
+/// What can be named of a drawing, for a message.
 fn held(art: &Artwork) -> String {
-    let colours: BTreeSet<String> = art.shapes.iter().map(|s| Selector::Colour(s.colour).to_string()).collect();
-    let labels: BTreeSet<&String> = art.labels.iter().flat_map(|set| &set.own).collect();
-    let layers = labels.iter().filter(|l| l.starts_with("layer:"));
-    let others = labels.iter().filter(|l| !l.starts_with("layer:"));
-    let all: Vec<&str> = colours.iter().map(String::as_str).chain(layers.chain(others).map(|l| l.as_str())).collect();
+    let all: Vec<String> = selectors(art).into_iter().map(|(selector, _)| selector.to_string()).collect();
     match all.len() {
         0 => "no shapes".to_owned(),
         n if n > MAX_LISTED => format!("{} and {} more", all[..MAX_LISTED].join(", "), n - MAX_LISTED),

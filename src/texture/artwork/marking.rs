@@ -153,11 +153,13 @@ pub enum Selector {
     Label(String),
 }
 
+/// How labels begin: of the layers, ids, classes and blocks of drawings, and of the pens of plots.
+const LABELS: [&str; 5] = ["layer:", "id:", "class:", "block:", "pen:"];
+
 impl Selector {
     /// What a colour (`#ff0000`, `red`) or a label with its kind (`layer:Grain`) chooses.
     pub fn parse(name: &str) -> Option<Self> {
-        let is_label =
-            ["layer:", "id:", "class:", "block:"].iter().any(|kind| name.len() > kind.len() && name.starts_with(kind));
+        let is_label = LABELS.iter().any(|kind| name.len() > kind.len() && name.starts_with(kind));
         if is_label {
             return Some(Self::Label(name.to_owned()));
         }
@@ -203,6 +205,8 @@ pub struct Marking {
     pub only: Vec<Selector>,
     /// These do not exist.
     pub except: Vec<Selector>,
+    /// Whether the labels of shapes are kept though nothing chooses by them.
+    pub lists_labels: bool,
     /// Whether the page is mirrored about its middle, before it is turned.
     pub mirror: Option<Mirror>,
     /// Where the drawing is a bitmap; None where nothing is said of it.

@@ -18,7 +18,7 @@ mod screen;
 use std::ops::Range;
 
 pub(super) use area::{Area, Polygon};
-pub(super) use choice::{Class, classes};
+pub(super) use choice::{Class, classes, selectors};
 pub(super) use crossings::TooMany;
 pub(super) use cut::{Cells, Cutter, Keep, distance};
 pub(super) use flatten::{MAX_MM, MAX_POINTS, Stop, arc_steps, counted, steps};

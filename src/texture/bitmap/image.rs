@@ -9,13 +9,13 @@ pub(super) const WHITE: u16 = u16::MAX;
 /// A decoded bitmap: rows from the top, each from the left, 0 black and 65535 white.
 #[derive(Debug)]
 pub(in crate::texture) struct Image {
-    pub(super) columns: usize,
-    pub(super) rows: usize,
-    pub(super) samples: Vec<u16>,
+    pub(in crate::texture) columns: usize,
+    pub(in crate::texture) rows: usize,
+    pub(in crate::texture) samples: Vec<u16>,
     /// Pixels in a mm along x and y, as the file states them.
-    pub(super) resolution: Option<[f64; 2]>,
+    pub(in crate::texture) resolution: Option<[f64; 2]>,
     /// What the user should know of the file.
-    pub(super) notes: Vec<Diag>,
+    pub(in crate::texture) notes: Vec<Diag>,
 }
 
 impl Image {

@@ -135,7 +135,7 @@ impl Curves {
 struct Far;
 
 /// Reads a file by its extension.
-fn read(
+pub(super) fn read(
     path: &Path,
     unit_mm: Option<f64>,
     site: &Site,
@@ -147,7 +147,8 @@ fn read(
     match extension.as_str() {
         "dxf" => {
             let bytes = diag::read_file(path, MAX_FILE)?;
-            dxf::curves(&bytes, &dxf::How { path, unit_mm, tolerance: site.tolerance, marking }, notes)
+            let (tolerance, widest_line) = (site.tolerance, marking.widest_line_mm(site.spot_mm));
+            dxf::curves(&bytes, &dxf::How { path, unit_mm, tolerance, widest_line, marking }, notes)
         }
         "csv" | "txt" | "xyz" => {
             let Some(unit_mm) = unit_mm else {

@@ -51,6 +51,8 @@ pub(super) struct How<'a> {
     pub(super) unit_mm: Option<f64>,
     /// Largest distance between a curve and its polyline, mm.
     pub(super) tolerance: f64,
+    /// Width up to which a polyline is a line where strokes are marked as they look, mm.
+    pub(super) widest_line: f64,
     pub(super) marking: &'a Marking,
 }
 
@@ -124,7 +126,7 @@ fn parse(
         notes.push(d.at(Place::file(name)).hint("save the drawing again, and compare what is marked with it"));
     }
     let unit = units::unit_mm(file.unit, unit_mm)?;
-    let walked = walk::walk(&file, unit, tolerance, marking, lines);
+    let walked = walk::walk(&file, unit, how, lines);
     file.tally.messages(name, marking, errors, notes);
     let Walked { art, tally, z } = walked?;
     tally.messages(name, marking, errors, notes);

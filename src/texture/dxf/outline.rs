@@ -6,7 +6,7 @@
 
 use std::f64::consts::FRAC_PI_4;
 
-use super::space::{Map, Point, add, cross, dot, length, sub, times};
+use super::space::{Map, Point, add, largest_radius, length, sub, times};
 use super::spline::Bezier;
 use crate::texture::artwork::{MAX_MM, MAX_POINTS, Stop, arc_steps, counted, steps};
 use crate::texture::clip::{Lines, extent};
@@ -260,13 +260,6 @@ impl<'a> Outline<'a> {
         self.has_dots = true;
         self.lines.truncate(self.lines.len());
     }
-}
-
-/// The longest radius of the ellipse with these conjugate radii.
-fn largest_radius(a: Point, b: Point) -> f64 {
-    let squares = (dot(a, a) + dot(b, b)) / 2.0;
-    let area = length(cross(a, b));
-    (squares + ((squares - area) * (squares + area)).max(0.0).sqrt()).sqrt()
 }
 
 #[cfg(test)]

@@ -56,9 +56,22 @@ impl Map {
         ]
     }
 
+    /// By how much it enlarges lengths of the xy plane at most, seen in plan.
+    pub(super) fn enlarges(self) -> f64 {
+        let [x, y, _] = self.axes;
+        largest_radius([x[0], x[1], 0.0], [y[0], y[1], 0.0])
+    }
+
     pub(super) fn is_finite(self) -> bool {
         self.axes.iter().chain([&self.origin]).flatten().all(|v| v.is_finite())
     }
+}
+
+/// The longest radius of the ellipse with these conjugate radii.
+pub(super) fn largest_radius(a: Point, b: Point) -> f64 {
+    let squares = (dot(a, a) + dot(b, b)) / 2.0;
+    let area = length(cross(a, b));
+    (squares + ((squares - area) * (squares + area)).max(0.0).sqrt()).sqrt()
 }
 
 /// Cosine and sine of an angle in degrees, exact for quarter turns.

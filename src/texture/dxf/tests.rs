@@ -6,7 +6,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use super::*;
-use crate::texture::artwork::{Marking, Rule};
+use crate::texture::artwork::{Marking, Rule, StrokeMode};
 
 /// What becomes of a file: how many shapes, or the code of the error; and the codes of the warnings.
 type Outcome = (Result<usize, &'static str>, &'static [&'static str]);
@@ -32,10 +32,15 @@ fn entities() -> Vec<u8> {
     std::fs::read(root().join("fixtures/entities.dxf")).expect("the fixture")
 }
 
+/// In mm, every width that of an area.
+fn how<'a>(path: &'a Path, marking: &'a Marking) -> How<'a> {
+    How { path, unit_mm: None, tolerance: TOLERANCE, widest_line: 0.0, marking }
+}
+
 fn loaded(bytes: &[u8], unit_mm: Option<f64>) -> (Result<Artwork, Error>, Vec<Diag>) {
     let mut notes = Vec::new();
-    let how = How { path: Path::new("a.dxf"), unit_mm, tolerance: TOLERANCE, marking: &lenient() };
-    let art = load(bytes, &how, &mut notes);
+    let marking = lenient();
+    let art = load(bytes, &How { unit_mm, ..how(Path::new("a.dxf"), &marking) }, &mut notes);
     (art, notes)
 }
 
@@ -53,7 +58,7 @@ fn write_json(path: &Path, to: &Path) {
     let file = file::read(&bytes).expect("read");
     let unit = units::unit_mm(file.unit, file.unit.filter(|&u| u != 0).is_none().then_some(1.0)).expect("a unit");
     let Walked { art, tally, .. } =
-        walk::walk(&file, unit, TOLERANCE, &Marking::default(), Lines::default()).expect("drawn");
+        walk::walk(&file, unit, &how(path, &Marking::default()), Lines::default()).expect("drawn");
     let shape = |s: &crate::texture::artwork::Shape| {
         let lines: Vec<&[[f64; 2]]> = s.lines.clone().map(|i| art.lines.get(i)).collect();
         serde_json::json!({ "name": art.names[s.name as usize], "lines": lines })
@@ -271,7 +276,8 @@ fn tolerance_holds_after_all_maps() {
         0 INSERT 2 c 10 0 20 0 41 300 42 200 0 ENDSEC 0 EOF";
     let text: String = circle.split_whitespace().map(|t| format!("{t}\n")).collect();
     for tolerance in [1e-4, 1e-2] {
-        let how = How { path: Path::new("a"), unit_mm: Some(1.0), tolerance, marking: &lenient() };
+        let marking = lenient();
+        let how = How { unit_mm: Some(1.0), tolerance, ..how(Path::new("a"), &marking) };
         let art = load(text.as_bytes(), &how, &mut Vec::new()).expect("read");
         let line = art.lines.get(0);
         let corner = art.corner.expect("a corner");
@@ -501,4 +507,29 @@ fn large_drawing_is_read_in_time() {
     println!("{} MB, {} shapes, {} points: {took:?}", text.len() >> 20, art.shapes.len(), art.lines.points.len());
     assert_eq!(art.shapes.len(), 120_000);
     assert!(took < Duration::from_secs(20), "{took:?}");
+}
+
+#[test]
+fn polylines_with_a_width_are_lines_or_areas_as_strokes_are() {
+    // 0.03 mm wide, once as it is and once three times as large.
+    let text = "0 SECTION 2 BLOCKS 0 BLOCK 2 c 0 LWPOLYLINE 43 0.03 10 0 20 0 10 5 20 0 10 5 20 5 0 ENDBLK 0 ENDSEC \
+        0 SECTION 2 ENTITIES 0 INSERT 2 c 10 0 20 0 0 INSERT 2 c 10 9 20 0 41 3 42 3 43 3 0 ENDSEC 0 EOF";
+    let text: String = text.split_whitespace().map(|t| format!("{t}\n")).collect();
+    for (stroke, widest_line, want) in [
+        (StrokeMode::Shown, 0.06, [Figure::Lines, Figure::Stroke]),
+        (StrokeMode::Shown, 0.02, [Figure::Stroke, Figure::Stroke]),
+        (StrokeMode::Centre, 0.0, [Figure::Lines, Figure::Lines]),
+        (StrokeMode::Outline, 0.06, [Figure::Stroke, Figure::Stroke]),
+    ] {
+        let marking = Marking { stroke, ..Marking::default() };
+        let how = How { unit_mm: Some(1.0), widest_line, ..how(Path::new("a"), &marking) };
+        let art = load(text.as_bytes(), &how, &mut Vec::new()).expect("read");
+        let figures: Vec<Figure> = art.shapes.iter().map(|s| s.figure).collect();
+        assert_eq!(figures, want, "{stroke:?} {widest_line}");
+        if let [Figure::Lines, _] = want {
+            let corner = art.corner.expect("a corner");
+            let line: Vec<[f64; 2]> = art.lines.get(0).iter().map(|p| [p[0] + corner[0], p[1] + corner[1]]).collect();
+            assert_eq!(line, [[0.0, 0.0], [5.0, 0.0], [5.0, 5.0]]);
+        }
+    }
 }

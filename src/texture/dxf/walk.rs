@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 
+use super::How;
 use super::colour::{BLACK, Paint};
 use super::entity::{Entity, Insert, Kind, LineType, Polyline};
 use super::file::{File, LAYER_0, Layer};
@@ -13,7 +14,7 @@ use super::space::{Map, Point, cross, length, times, unit};
 use super::tally::{Issue, Tally};
 use super::wide::{areas, hairlines};
 use crate::diag::Diag;
-use crate::texture::artwork::{Artwork, Colour, Figure, Labels, MAX_POINTS, Marking, Rule, Shape, Stop};
+use crate::texture::artwork::{Artwork, Colour, Figure, Labels, MAX_POINTS, Marking, Rule, Shape, Stop, StrokeMode};
 use crate::texture::clip::Lines;
 
 /// Most entities that are drawn, copies by inserts counted one by one.
@@ -43,6 +44,7 @@ struct State {
 pub(super) struct Walk<'a> {
     file: &'a File,
     tolerance: f64,
+    widest_line: f64,
     marking: &'a Marking,
     art: Artwork,
     pub(super) tally: Tally,
@@ -77,17 +79,12 @@ pub(super) struct Walked {
 ///
 /// # Errors
 /// `dxf-cycle`, `dxf-large`, `texture-far`, `texture-large`.
-pub(super) fn walk(
-    file: &File,
-    unit: f64,
-    tolerance: f64,
-    marking: &Marking,
-    lines: Lines,
-) -> Result<Walked, Box<Diag>> {
+pub(super) fn walk(file: &File, unit: f64, how: &How<'_>, lines: Lines) -> Result<Walked, Box<Diag>> {
     let mut walk = Walk {
         file,
-        tolerance,
-        marking,
+        tolerance: how.tolerance,
+        widest_line: how.widest_line,
+        marking: how.marking,
         art: Artwork { lines, ..Artwork::default() },
         tally: Tally::default(),
         z: [f64::INFINITY, f64::NEG_INFINITY],
@@ -172,10 +169,24 @@ impl<'a> Walk<'a> {
         self.art.shapes.push(shape);
     }
 
-    /// A polyline of which segments have a width: what has none as lines, and the rest as an area over it.
+    /// A polyline of which segments have a width: a line where the job or the spot makes it one; else what has no width
+    /// as lines, and the rest as an area over it.
     fn wide(&mut self, entity: &Entity, line: &Polyline, look: State) -> Result<(), Stop> {
         let flat = look.map.after(Map::of_extrusion(entity.extrusion));
         let first = self.art.lines.len();
+        let widest = || line.vertices.iter().flat_map(|v| v.widths).fold(0.0, |w: f64, width| w.max(width.abs()));
+        let is_line = match self.marking.stroke {
+            StrokeMode::Centre => true,
+            StrokeMode::Shown => widest() * flat.enlarges() <= self.widest_line,
+            StrokeMode::Outline | StrokeMode::Hatch => false,
+        };
+        if is_line {
+            if !self.outline(entity, flat, |out| polyline(line, out))? {
+                self.note(Issue::Bulge, entity);
+            }
+            self.shape(entity, Figure::Lines, first, look);
+            return Ok(());
+        }
         for run in hairlines(line) {
             if !self.outline(entity, flat, |out| polyline(&run, out))? {
                 self.note(Issue::Bulge, entity);

@@ -267,7 +267,7 @@ impl<'a, 'input> Walk<'a, 'input> {
 
     /// The labels of an element, which has those of what holds it too.
     fn labels(&mut self, node: Node<'a, 'input>, parent: u32) -> u32 {
-        if !self.marking.chooses() {
+        if !self.marking.chooses() && !self.marking.lists_labels {
             return parent;
         }
         let mut own = Vec::new();

@@ -305,7 +305,8 @@ fn is_on(line: &[P2], [x, y]: Point) -> bool {
 mod tests {
     use super::*;
     use crate::geom::{BoxMm, NM_PER_MM};
-    use crate::job::Overrides;
+    use crate::job::{Job, Overrides};
+    use crate::texture::Texture;
 
     const MASK: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"40mm\" height=\"30mm\" viewBox=\"0 0 40 30\">\
         <g id=\"area\"><circle cx=\"15\" cy=\"14\" r=\"11\"/><path fill=\"none\" stroke=\"#000\" \

@@ -1,40 +1,13 @@
-//! What a file or folder holds, for the first look: boxes in mm, counts, warnings.
+//! What files of surfaces hold.
 
 use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::diag::{Diag, Error, Kind as DiagKind, Place};
-use crate::job::{FileUnit, Job, Overrides};
-use crate::manifest::{self, AnySummary, duration};
-use crate::program::PenId;
+use super::{Shown, plural, triple};
+use crate::diag::{Diag, Error, Kind as DiagKind};
+use crate::job::FileUnit;
 use crate::surface::{self, Content, Fault, FaultKind, MeshCheck};
-use crate::texture::{Area, FillMode, Kind, Marking, Masks, Position, Request, Size, StrokeMode, Texture};
-
-/// What was found.
-pub struct Shown {
-    pub text: String,
-    pub json: serde_json::Value,
-    pub warnings: Vec<Diag>,
-}
-
-/// Looks at `path`; `unit` is taken for surface files that carry none.
-///
-/// # Errors
-/// Faults of the file.
-pub fn inspect(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
-    if path.is_dir() {
-        return folder(path);
-    }
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    match extension.as_str() {
-        "toml" => job(path),
-        // PNG and TIFF are taken for height maps.
-        "svg" | "svgz" | "dxf" | "plt" | "hpgl" | "jpg" | "jpeg" | "bmp" => drawing(path),
-        _ if surface::is_cad(path) => cad(path, unit),
-        _ => surface_file(path, unit),
-    }
-}
 
 /// What the facets of a surface come to, in the units of its file.
 struct Facets {
@@ -82,7 +55,8 @@ impl Facets {
     }
 }
 
-fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
+/// A file of facets, points or heights.
+pub(super) fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
     let Read { content, facets, mesh, is_unit_known, is_scaled, mut warnings } = read_surface(path, unit)?;
     let shown = |json: Value| if is_unit_known { in_mm(&facets, json) } else { in_units(&facets, json) };
     Ok(match content {
@@ -187,20 +161,12 @@ fn read_surface(path: &Path, unit: Option<FileUnit>) -> Result<Read, Error> {
 }
 
 /// A STEP or IGES file, with facets coarse enough to be made at once.
-fn cad(path: &Path, unit: Option<FileUnit>) -> Result<Shown, Error> {
-    if unit.is_some() {
-        let d = Diag::input("surface-unit-stated", "--unit is given, but STEP and IGES files state their own unit");
-        return Err(d.at(Place::file(path.display().to_string())).hint("leave out --unit").into());
-    }
+pub(super) fn cad(path: &Path) -> Result<Shown, Error> {
     let mut warnings = Vec::new();
     let fine = surface::Tessellation::within(0.1);
     let mesh = surface::load_cad(path, fine, &mut warnings)?;
-    let (text, json) = super::import::shown(&mesh, fine);
+    let (text, json) = crate::cli::import::shown(&mesh, fine);
     Ok(Shown { text, json, warnings })
-}
-
-fn triple(v: [f64; 3], between: &str) -> String {
-    v.map(|v| format!("{v:.4}")).join(between)
 }
 
 /// The box of a surface whose unit is known.
@@ -268,117 +234,4 @@ fn in_units(facets: &Facets, mut json: Value) -> (String, Value) {
     json["unit"] = Value::Null;
     json["likely_unit"] = json!(likely);
     (text, json)
-}
-
-/// All lines of a drawing and the contours of its areas: what does not depend on a machine.
-fn outlines() -> Marking {
-    Marking { stroke: StrokeMode::Centre, fill: FillMode::Outline, ..Marking::default() }
-}
-
-fn drawing(path: &Path) -> Result<Shown, Error> {
-    let mut warnings = Vec::new();
-    let request = |size| Request {
-        kind: Kind::Drawing {
-            path: path.to_owned(),
-            size,
-            unit_mm: None,
-            position: Position::Origin([0.0, 0.0]),
-            turn_rad: 0.0,
-            tile: false,
-            marking: Box::new(outlines()),
-        },
-        area: Area::Unlimited,
-        tolerance_mm: 1e-3,
-        pen: PenId(0),
-        masks: Masks::default(),
-    };
-    let anywhere = crate::geom::BoxMm::of([[0.0; 2]]);
-    // Without a physical size only what does not depend on it is shown; any page will do to count it.
-    let (texture, sized) = match Texture::load(&[request(Size::File)], anywhere, 0.0, 0.0, &mut warnings) {
-        Ok(t) => (t, true),
-        Err(e) if e.diags().iter().any(|d| ["svg-size", "bitmap-size"].contains(&d.code)) => {
-            warnings.clear();
-            let texture = Texture::load(&[request(Size::Mm([100.0; 2]))], anywhere, 0.0, 0.0, &mut warnings)?;
-            warnings.retain(|w| !["svg-stretched", "bitmap-stretched"].contains(&w.code));
-            (texture, false)
-        }
-        Err(e) => return Err(e),
-    };
-    let mut points = Vec::new();
-    let (mut length, mut count, mut closed) = (0.0, 0, 0);
-    for i in 0..texture.len() {
-        texture.stroke(i, &mut points);
-        length += crate::geom::length_mm(&points);
-        count += points.len();
-        closed += usize::from(points.first() == points.last());
-    }
-    let strokes = format!("drawing, {} stroke{} ({closed} closed)", texture.len(), plural(texture.len()));
-    let mut json = json!({"kind": "drawing", "strokes": texture.len(), "closed": closed, "physical_size": sized});
-    if !sized {
-        let text = format!(
-            "{strokes}\nno physical size in the file: write width and height in mm into it, or state size = [...] \
-             with the texture (of a bitmap also dpi)\n"
-        );
-        return Ok(Shown { text, json, warnings });
-    }
-    let b = texture.bounds();
-    let (lo, hi) = (b.lo.mm(), b.hi.mm());
-    for (key, value) in
-        [("points", json!(count)), ("length_mm", json!(length)), ("lo_mm", json!(lo)), ("hi_mm", json!(hi))]
-    {
-        json[key] = value;
-    }
-    Ok(Shown {
-        text: format!(
-            "{strokes}, {count} points, {length:.3} mm\nfrom ({:.4}, {:.4}) to ({:.4}, {:.4}) mm\n",
-            lo[0], lo[1], hi[0], hi[1]
-        ),
-        json,
-        warnings,
-    })
-}
-
-fn plural(n: usize) -> &'static str {
-    if n == 1 { "" } else { "s" }
-}
-
-fn job(path: &Path) -> Result<Shown, Error> {
-    let job = Job::load(path, &Overrides::default())?;
-    let machine = job.machine()?;
-    let surface = job.surface_path();
-    let pdof_mm = job.focus.pdof.mm();
-    let text = format!(
-        "job file\nmode      {}\nsurface   {}\ntextures  {}\npdof      {pdof_mm} mm\nmachine   {}\nmethod    {}\n",
-        job.mode.name(),
-        surface.display(),
-        job.textures.len(),
-        machine.name,
-        job.partition.method.name()
-    );
-    let json = json!({"kind": "job", "mode": job.mode.name(), "surface": surface.display().to_string(),
-        "textures": job.textures.len(), "pdof_mm": pdof_mm, "machine": machine.name,
-        "method": job.partition.method.name()});
-    Ok(Shown { text, json, warnings: Vec::new() })
-}
-
-fn folder(path: &Path) -> Result<Shown, Error> {
-    let found = manifest::read(path)?;
-    let (figures, time_s, mark_mm) = match &found.summary {
-        AnySummary::Stepped(s) => {
-            let by_hand = duration(s.by_hand.total_s);
-            (format!("stops    {}\nby hand  {by_hand}", s.stops), s.time_s.total, s.mark_mm)
-        }
-        AnySummary::OnTheFly(s) => (format!("moves    {}", s.moves), s.time_s, s.mark_mm),
-    };
-    let text = format!(
-        "job folder made by terrace {}\nmode     {}\nmachine  {}\n{figures}\nmarks    {mark_mm:.3} mm\ntime     {}\nfiles    {}\n",
-        found.head.terrace,
-        found.head.mode.name(),
-        found.machine,
-        duration(time_s),
-        found.head.files.len()
-    );
-    let json = json!({"kind": "folder", "mode": found.head.mode.name(), "summary": found.summary.to_json(),
-        "machine": found.machine});
-    Ok(Shown { text, json, warnings: Vec::new() })
 }
