@@ -6,6 +6,8 @@ DEMO := target/demo/hood.job
 
 # Compiles leather on a car hood, verifies it, and says where everything lies.
 demo:
+	@echo "building terrace: some minutes the first time, nothing after that"
+	$(CARGO) build --release
 	$(CARGO) run --release --quiet -- compile fixtures/hood.toml -o $(DEMO)
 	$(CARGO) run --release --quiet -- verify $(DEMO)
 	@echo

@@ -2,11 +2,14 @@
 
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Parser, Subcommand};
+use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+
+use super::{examples, explain};
 
 use crate::compare::{SYSTEMS, System};
 use crate::job::{FileUnit, Mode, Objective, Setting};
+use crate::machine::PROFILES;
 use crate::on_the_fly::axes::following_error::Protection;
 use crate::program::BlockId;
 use crate::units::{Angle, Length};
@@ -32,6 +35,32 @@ pub struct Args {
     pub no_sync: bool,
     #[command(subcommand)]
     pub command: Command,
+}
+
+impl Args {
+    /// The program's arguments with the examples of every command.
+    pub fn described() -> clap::Command {
+        let about = |command: clap::Command, name: &str| match examples::EXAMPLES.iter().find(|(n, _)| *n == name) {
+            Some((_, list)) => command.after_help(examples::help(list)),
+            None => command,
+        };
+        let mut all = about(Self::command(), "");
+        let names: Vec<String> = all.get_subcommands().map(|c| c.get_name().to_owned()).collect();
+        for name in names {
+            all = all.mut_subcommand(&name, |command| about(command, &name));
+        }
+        all
+    }
+
+    /// What was typed, from the program's name on.
+    pub fn of<I, T>(typed: I) -> Result<Self, clap::Error>
+    where
+        I: IntoIterator<Item = T>,
+        T: Into<std::ffi::OsString> + Clone,
+    {
+        let mut all = Self::described();
+        Self::from_arg_matches(&all.try_get_matches_from_mut(typed)?).map_err(|e| e.format(&mut all))
+    }
 }
 
 fn threads(text: &str) -> Result<usize, String> {
@@ -185,20 +214,31 @@ pub enum Command {
     /// List the built-in machines, or print one as a file to start from.
     Machines {
         /// Name of a built-in machine.
+        #[arg(value_parser = Known(|| PROFILES.iter().map(|(name, _)| *name).collect()))]
         name: Option<String>,
         /// Print the JSON schema of machine files instead.
         #[arg(long, conflicts_with = "name")]
         schema: bool,
+    },
+    /// Explain the code of a message, such as travel in error[travel].
+    Explain {
+        /// The code.
+        #[arg(hide_possible_values = true, value_parser = Known(|| explain::sections().map(|s| s.code).collect()))]
+        code: String,
     },
     /// Print completions for a shell.
     Completions {
         /// The shell.
         shell: clap_complete::Shell,
     },
-    /// Print a manual page, for `man -l`.
+    /// Print a manual page, for `man -l`, or write all to a folder.
     Man {
         /// Of a command; of terrace itself without.
+        #[arg(hide_possible_values = true, value_parser = Known(examples::commands))]
         command: Option<String>,
+        /// Folder to write the pages of terrace and of every command to: terrace.1, terrace-compile.1 and so on.
+        #[arg(short, long, value_name = "FOLDER", conflicts_with = "command")]
+        output: Option<PathBuf>,
     },
 }
 
@@ -281,4 +321,69 @@ fn one_of<T: Copy + Send + Sync + 'static>(
     let names = all.iter().map(|&value| name(value));
     PossibleValuesParser::new(names)
         .map(move |typed| all.iter().copied().find(|&value| name(value) == typed).expect("one of the names"))
+}
+
+/// A name of a set that help and completions tell; another is refused by the command, which knows what is near.
+#[derive(Clone)]
+struct Known(fn() -> Vec<&'static str>);
+
+impl TypedValueParser for Known {
+    type Value = String;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        arg: Option<&clap::Arg>,
+        value: &std::ffi::OsStr,
+    ) -> Result<String, clap::Error> {
+        StringValueParser::new().parse_ref(command, arg, value)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new((self.0)().into_iter().map(PossibleValue::new)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arguments_are_well_formed() {
+        Args::described().debug_assert();
+    }
+
+    #[test]
+    fn every_command_has_examples_and_each_can_be_typed() {
+        let all = Args::described();
+        for (name, list) in examples::EXAMPLES {
+            assert!(name.is_empty() || all.find_subcommand(name).is_some(), "{name} is not a command");
+            assert!(!list.is_empty(), "{name}");
+            for (typed, _) in list {
+                // The shell takes what follows a pipe or a redirection, and quotes.
+                let words = typed.split(" > ").next().and_then(|t| t.split(['|', '<']).next()).expect("a command");
+                let quoted = words.split('"').enumerate();
+                let words: Vec<&str> = quoted
+                    .flat_map(|(i, part)| if i % 2 == 1 { vec![part] } else { part.split_whitespace().collect() })
+                    .collect();
+                let args = Args::of(&words).unwrap_or_else(|e| panic!("{typed}: {e}"));
+                let is_of = |args: &Args| format!("{:?}", args.command).to_lowercase().starts_with(name);
+                assert!(name.is_empty() || is_of(&args), "{typed} is not an example of {name}");
+            }
+        }
+        for command in all.get_subcommands() {
+            let help = command.clone().render_help().to_string();
+            assert!(help.contains("\nExamples:\n"), "{}: {help}", command.get_name());
+        }
+    }
+
+    #[test]
+    fn every_argument_has_a_help_and_says_its_values() {
+        for command in Args::described().get_subcommands() {
+            for arg in command.get_arguments() {
+                let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
+                assert!(!help.is_empty(), "{} {}", command.get_name(), arg.get_id());
+            }
+        }
+    }
 }

@@ -6,8 +6,11 @@
 mod args;
 mod batch;
 mod compare;
+mod examples;
+mod explain;
 mod import;
 mod inspect;
+mod manual;
 mod orient;
 mod resume;
 mod run;
@@ -19,7 +22,6 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::error::ContextKind;
-use clap::{CommandFactory, Parser};
 
 use crate::diag::{Diag, Error, Failure, Kind, Place};
 use crate::job::{self, Job, Mode, Overrides};
@@ -32,7 +34,7 @@ use args::{Args, Choice, Command};
 
 /// Parses the command line, runs it, and answers with the exit code.
 pub fn main() -> ExitCode {
-    let args = match Args::try_parse() {
+    let args = match Args::of(std::env::args_os()) {
         Ok(args) => args,
         Err(mut e) => {
             // An option that a command does not have is no file name: no hint to pass it as one.
@@ -157,31 +159,17 @@ fn run(args: &Args) -> Result<u8, Error> {
         Command::Machines { name, .. } => machines(args, name.as_deref())?,
         Command::Completions { shell } => {
             let mut out = Vec::new();
-            clap_complete::generate(*shell, &mut Args::command(), "terrace", &mut out);
+            clap_complete::generate(*shell, &mut Args::described(), "terrace", &mut out);
             print(&String::from_utf8_lossy(&out))?;
         }
-        Command::Man { command } => print(&manual(command.as_deref())?)?,
+        Command::Explain { code } => {
+            let found = explain::find(code)?;
+            print(&if args.json { show::json(&found.json()) } else { found.text() })?;
+        }
+        Command::Man { output: Some(folder), .. } => manual::write(args, folder)?,
+        Command::Man { command, .. } => print(&manual::page(command.as_deref())?)?,
     }
     Ok(0)
-}
-
-/// The manual page of a command, or of the program, as roff.
-fn manual(command: Option<&str>) -> Result<String, Error> {
-    let mut all = Args::command();
-    all.build();
-    let shown = match command {
-        None => all,
-        Some(name) => {
-            let Some(found) = all.find_subcommand(name) else {
-                let text = format!("there is no command {name:?}");
-                return Err(Diag::input("command-unknown", text).hint("see `terrace help` for the commands").into());
-            };
-            found.clone()
-        }
-    };
-    let mut out = Vec::new();
-    clap_mangen::Man::new(shown).render(&mut out).map_err(|e| Diag::input("output-unwritable", e.to_string()))?;
-    Ok(String::from_utf8_lossy(&out).into_owned())
 }
 
 /// Whether results must be on the disk before the program ends.

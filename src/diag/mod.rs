@@ -299,7 +299,7 @@ fn near_names(path: &Path) -> Vec<String> {
 }
 
 /// How many characters must be put in, left out or changed to make one text of the other (Wagner and Fischer 1974).
-fn edits(a: &str, b: &str) -> usize {
+pub(crate) fn edits(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     // Row i holds the distances of the first i characters of `a` to all beginnings of `b`.
     let mut row: Vec<usize> = (0..=b.len()).collect();

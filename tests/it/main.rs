@@ -50,6 +50,7 @@ mod seen;
 mod setups;
 mod surface_formats;
 mod sweep;
+mod terminal;
 mod textures;
 mod tilt;
 mod turned;

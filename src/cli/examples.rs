@@ -1,0 +1,165 @@
+//! Examples of use, for the help and the manual page of each command.
+
+use std::fmt::Write;
+
+/// What is typed, and what it does.
+type Example = (&'static str, &'static str);
+
+/// Examples by command; "" is the program itself.
+pub const EXAMPLES: [(&str, &[Example]); 18] = [
+    (
+        "",
+        &[
+            ("terrace init try", "A job to start from, with samples"),
+            ("terrace compile try/job.toml", "Writes try/job.job"),
+            ("terrace verify try/job.job", "Reads it back and checks every mark"),
+            ("terrace explain travel", "What the message error[travel] means"),
+        ],
+    ),
+    (
+        "init",
+        &[
+            ("terrace init try", "Writes try/job.toml and the files that it names"),
+            ("terrace init --schema > job.schema.json", "The JSON schema for an editor"),
+        ],
+    ),
+    (
+        "check",
+        &[
+            ("terrace check job.toml", "Stops, times and warnings of the job"),
+            ("terrace check job.toml --objective stops", "With as few stops as possible"),
+            ("terrace check job.toml --json", "For a program"),
+        ],
+    ),
+    (
+        "compile",
+        &[
+            ("terrace compile job.toml", "Writes job.job"),
+            ("terrace compile job.toml -o panel.job", "Writes another folder"),
+            ("terrace compile job.toml --mode on-the-fly", "Writes job.fly.job: scanner and stage move together"),
+            ("terrace compile - -o panel.job < job.toml", "A job from standard input"),
+        ],
+    ),
+    (
+        "verify",
+        &[
+            ("terrace verify job.job", "Checks every rule; exit code 1 if one is broken"),
+            ("terrace verify job.job --inputs moved/", "The job file and its inputs lie elsewhere now"),
+        ],
+    ),
+    (
+        "run",
+        &[
+            ("terrace run job.job --with shop.toml", "Dry run: moves the stage, fires nothing"),
+            ("terrace run job.job --with shop.toml --frames B0012", "Shows the frame of one block"),
+            ("terrace run job.job --with shop.toml --arm", "Marks the part"),
+            ("terrace run job.job --with shop.toml --arm --go-on", "Goes on after an interruption"),
+        ],
+    ),
+    (
+        "preview",
+        &[
+            ("terrace preview job.toml", "Writes job.layout.svg"),
+            ("terrace preview job.toml -o layout.svg", "Writes another file"),
+        ],
+    ),
+    (
+        "orient",
+        &[
+            ("terrace orient job.toml", "Stage times for several fixture angles"),
+            ("terrace orient job.toml --json", "For a program"),
+        ],
+    ),
+    (
+        "compare",
+        &[
+            ("terrace compare job.toml", "All systems, as a table"),
+            ("terrace compare job.toml -o compare", "Writes tables and charts too; open compare/compare.html"),
+            ("terrace compare job.toml --systems flat,z-range,sync", "Three systems only"),
+        ],
+    ),
+    (
+        "sweep",
+        &[
+            ("terrace sweep job.toml --set focus.pdof=0.05..0.2mm/4", "Four values, evenly spaced"),
+            (
+                "terrace sweep job.toml --set focus.pdof=70um,140um --set partition.method=contour,z-range -o sweep.csv",
+                "All combinations, as a CSV file",
+            ),
+        ],
+    ),
+    (
+        "resume",
+        &[
+            ("terrace resume job.job --from B0020 -o rest.job", "Blocks B0020 to the last"),
+            ("terrace resume job.job --only B0020,B0025-B0031 -o rest.job", "These blocks"),
+            ("terrace resume job.job --done done.txt -o rest.job", "Blocks that the file does not list"),
+        ],
+    ),
+    (
+        "batch",
+        &[
+            ("terrace batch jobs -o out", "Every *.toml of the folder; unchanged jobs are skipped"),
+            ("terrace batch jobs -o out --verify --report out/batch.json", "Verifies each, writes a report"),
+            ("terrace batch jobs -o out --index out/index.html", "A page with a picture of every job"),
+        ],
+    ),
+    (
+        "inspect",
+        &[
+            ("terrace inspect part.stl --unit mm", "Size and place of a surface"),
+            ("terrace inspect leather.svg", "Size and strokes of a drawing"),
+            ("terrace inspect job.job", "What a job folder holds"),
+        ],
+    ),
+    (
+        "import",
+        &[
+            ("terrace import part.step", "Writes part.ply"),
+            ("terrace import part.step -o fine.ply --tolerance \"2 um\"", "Facets within 2 um of the surface"),
+        ],
+    ),
+    (
+        "machines",
+        &[
+            ("terrace machines", "Lists them"),
+            ("terrace machines xyz-galvo-40 > our-machine.toml", "A machine file to start from"),
+        ],
+    ),
+    (
+        "explain",
+        &[
+            ("terrace explain travel", "What error[travel] means and what to do"),
+            ("terrace explain steep --json", "For a program"),
+        ],
+    ),
+    (
+        "completions",
+        &[
+            ("terrace completions bash > ~/.local/share/bash-completion/completions/terrace", "For bash"),
+            ("terrace completions zsh > ~/.zfunc/_terrace", "For zsh; the folder must be in fpath"),
+            ("terrace completions fish > ~/.config/fish/completions/terrace.fish", "For fish"),
+        ],
+    ),
+    (
+        "man",
+        &[
+            ("terrace man compile | man -l -", "Reads a page"),
+            ("terrace man -o ~/.local/share/man/man1", "Writes the pages of all commands, then: man terrace-compile"),
+        ],
+    ),
+];
+
+/// The names of all commands.
+pub fn commands() -> Vec<&'static str> {
+    EXAMPLES.iter().map(|(name, _)| *name).filter(|name| !name.is_empty()).collect()
+}
+
+/// The end of a command's help: what each example does, and below it what is typed.
+pub fn help(examples: &[Example]) -> String {
+    let mut text = "Examples:".to_owned();
+    for (typed, does) in examples {
+        let _ = write!(text, "\n  {does}:\n    {typed}");
+    }
+    text
+}
