@@ -87,7 +87,7 @@ struct Layer {
 }
 
 enum Item {
-    Area { contours: Contours, is_evenodd: bool, paint: Paint, element: u32, of: Of },
+    Area { contours: Contours, band: Option<Band>, is_evenodd: bool, paint: Paint, element: u32, of: Of },
     Group { layer: Layer, clip: Option<Box<Clip>>, mask: Option<Box<Mask>> },
 }
 
@@ -101,6 +101,13 @@ enum Of {
         centre: Contours,
         is_dashed: bool,
     },
+}
+
+/// The lines of a stroke and half its width, px. What lies beside its lines is of its area whatever the outline is: that
+/// of a stroke much thinner than its curves bend may lie off them.
+struct Band {
+    lines: Contours,
+    half: f64,
 }
 
 /// A shape, for its area.
@@ -170,6 +177,14 @@ impl Picture {
             }
             known == Known::Yes
         });
+        found
+    }
+
+    /// The points of lines that are nearest to one and not farther than `reach`, of each line one. Lines of patterns are
+    /// left out.
+    pub(in crate::verify) fn line_points_near(&self, p: [f64; 2], reach: f64) -> Vec<[f64; 2]> {
+        let mut found = Vec::new();
+        self.root.line_points_near(p, reach, &mut found);
         found
     }
 
@@ -283,7 +298,7 @@ impl Reader<'_> {
             let is_evenodd = fill.rule() == FillRule::EvenOdd;
             if let Some(paint) = self.paint(fill.paint(), here) {
                 let contours = contours(path.data(), here, self.fine);
-                items.push(Item::Area { contours, is_evenodd, paint, element, of: Of::Fill });
+                items.push(Item::Area { contours, band: None, is_evenodd, paint, element, of: Of::Fill });
             }
         }
         let stroke = path.stroke().filter(|stroke| !is_clip && is_seen(stroke.opacity()));
@@ -304,9 +319,11 @@ impl Reader<'_> {
                 Some(dash) => path.data().dash(&dash, scale),
                 None => Some(path.data().clone()),
             };
-            if let Some(outline) = line.and_then(|line| line.stroke(&style, scale)) {
+            if let Some((outline, line)) = line.and_then(|line| Some((line.stroke(&style, scale)?, line))) {
+                let half = f64::from(style.width) / 2.0 * least_scale(&here);
+                let band = Some(Band { lines: contours(&line, here, self.fine), half });
                 let contours = contours(&outline, here, self.fine);
-                items.push(Item::Area { contours, is_evenodd: false, paint, element, of });
+                items.push(Item::Area { contours, band, is_evenodd: false, paint, element, of });
             }
         }
         if path.paint_order() == PaintOrder::StrokeAndFill {
@@ -350,7 +367,7 @@ impl Layer {
     fn pieces<'a>(&'a self, clips: &mut Vec<&'a Clip>, is_masked: bool, take: &mut dyn FnMut(Shown<'a>, &[&'a Clip])) {
         for item in &self.items {
             match item {
-                Item::Area { contours, is_evenodd, element, of, paint } => {
+                Item::Area { contours, is_evenodd, element, of, paint, .. } => {
                     let is = match of {
                         Of::Fill => Piece::Fill { contours, is_evenodd: *is_evenodd },
                         Of::Border => continue,
@@ -376,6 +393,18 @@ impl Layer {
         near.into_iter().any(|i| self.items[i].find(p, take))
     }
 
+    fn line_points_near(&self, p: [f64; 2], reach: f64, found: &mut Vec<[f64; 2]>) {
+        let about = AABB::from_corners([p[0] - reach, p[1] - reach], [p[0] + reach, p[1] + reach]);
+        let mut near: Vec<usize> = self.index.locate_in_envelope_intersecting(&about).map(|e| e.data).collect();
+        near.sort_unstable();
+        for i in near {
+            match &self.items[i] {
+                Item::Area { band, .. } => found.extend(band.iter().filter_map(|band| band.nearest(p, reach))),
+                Item::Group { layer, .. } => layer.line_points_near(p, reach, found),
+            }
+        }
+    }
+
     fn colour_at(&self, p: [f64; 2]) -> Option<[u8; 3]> {
         let mut colour = None;
         self.find(p, &mut |ink| {
@@ -392,16 +421,20 @@ impl Item {
             Some(a.map_or([p, p], |[lo, hi]| [[lo[0].min(p[0]), lo[1].min(p[1])], [hi[0].max(p[0]), hi[1].max(p[1])]]))
         };
         match self {
-            Self::Area { contours, .. } => contours.iter().flatten().copied().fold(None, grow),
+            Self::Area { contours, band, .. } => {
+                let lines = band.iter().flat_map(|band| &band.lines);
+                contours.iter().chain(lines).flatten().copied().fold(None, grow)
+            }
             Self::Group { layer, .. } => layer.items.iter().filter_map(Self::bounds).flatten().fold(None, grow),
         }
     }
 
     fn find(&self, p: [f64; 2], take: &mut dyn FnMut(Ink) -> bool) -> bool {
         match self {
-            Self::Area { contours, is_evenodd, paint, element, .. } => {
+            Self::Area { contours, band, is_evenodd, paint, element, .. } => {
                 let turns = turns(contours, p);
-                let is_inside = if *is_evenodd { turns % 2 != 0 } else { turns != 0 };
+                let is_inside = if *is_evenodd { turns % 2 != 0 } else { turns != 0 }
+                    || band.as_ref().is_some_and(|band| band.holds(p));
                 let colour = if is_inside { paint.colour_at(p) } else { None };
                 colour.is_some_and(|colour| take(Ink { colour, element: *element }))
             }
@@ -411,6 +444,41 @@ impl Item {
             }
         }
     }
+}
+
+impl Band {
+    /// Whether a point lies beside one of its lines, not beyond its ends.
+    fn holds(&self, p: [f64; 2]) -> bool {
+        self.sides().any(|[a, b]| {
+            let t = along(a, b, p);
+            (0.0..=1.0).contains(&t) && distance(p, between(a, b, t)) <= self.half
+        })
+    }
+
+    /// The point of its lines that is nearest to one, if not farther than `reach`; not quite at the end of a side.
+    fn nearest(&self, p: [f64; 2], reach: f64) -> Option<[f64; 2]> {
+        let points = self.sides().map(|[a, b]| between(a, b, along(a, b, p).clamp(1e-6, 1.0 - 1e-6)));
+        let near = points.map(|q| (distance(p, q), q)).filter(|(far, _)| *far <= reach);
+        near.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, q)| q)
+    }
+
+    fn sides(&self) -> impl Iterator<Item = [[f64; 2]; 2]> + '_ {
+        self.lines.iter().flat_map(|line| line.windows(2)).map(|w| [w[0], w[1]]).filter(|[a, b]| a != b)
+    }
+}
+
+/// How far along a side the point lies that is nearest to another, in lengths of the side.
+fn along(a: [f64; 2], b: [f64; 2], p: [f64; 2]) -> f64 {
+    let d = [b[0] - a[0], b[1] - a[1]];
+    (d[0] * (p[0] - a[0]) + d[1] * (p[1] - a[1])) / (d[0] * d[0] + d[1] * d[1])
+}
+
+fn between(a: [f64; 2], b: [f64; 2], t: f64) -> [f64; 2] {
+    [0, 1].map(|k| a[k] + t * (b[k] - a[k]))
+}
+
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
 impl Paint {
@@ -456,6 +524,13 @@ impl Mask {
 fn mapped(map: &Transform, [x, y]: [f64; 2]) -> [f64; 2] {
     let [sx, ky, kx, sy, tx, ty] = [map.sx, map.ky, map.kx, map.sy, map.tx, map.ty].map(f64::from);
     [sx * x + kx * y + tx, ky * x + sy * y + ty]
+}
+
+/// By how much a map makes the lengths shorter that it makes shortest.
+fn least_scale(map: &Transform) -> f64 {
+    let [a, b, c, d] = [map.sx, map.ky, map.kx, map.sy].map(f64::from);
+    let greatest = (a + d).hypot(b - c) / 2.0 + (a - d).hypot(b + c) / 2.0;
+    if greatest > 0.0 { (a * d - b * c).abs() / greatest } else { 0.0 }
 }
 
 /// The contours of a path as polylines, each closed by its last side.

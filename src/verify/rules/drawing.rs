@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use super::page::{Page, Site};
-use crate::geom::P2;
+use crate::geom::{NM_PER_MM, P2};
 use crate::job::Job;
 use crate::program::PenId;
 use crate::texture::{FillMode, Kind, Marking, Request, Selector, Texture};
@@ -97,20 +97,25 @@ fn one(
     for i in strokes.step_by(stride) {
         let pen = (drawing.stroke)(i, &mut points);
         for p in samples(&points) {
-            let at = page.at(p);
             rule.checked += 1;
-            let inks_at = |q: [f64; 2]| {
-                let px = [q[0] * scale[0], (page.size[1] - q[1]) * scale[1]];
+            let px = |q: [f64; 2]| {
+                let q = page.at(q);
+                [q[0] * scale[0], (page.size[1] - q[1]) * scale[1]]
+            };
+            let inks_at = |px: [f64; 2]| {
                 let inks = picture.inks_at(px, &|ink| choice.exists(ink)).into_iter();
                 inks.filter(|&ink| choice.is_marked(ink))
             };
             // Nearly all marks are right, and where they are the point itself tells.
-            if inks_at(at).any(|ink| choice.may_have(ink, pen)) {
+            if inks_at(px(p)).any(|ink| choice.may_have(ink, pen)) {
                 continue;
             }
-            let seen: Vec<Ink> = around(at, slack).flat_map(inks_at).collect();
+            // Of tiles, what lies beside a point near a border lies on the next one. A line may pass between the points.
+            let beside = around(p, slack * NM_PER_MM).map(px);
+            let on_lines = picture.line_points_near(px(p), slack * scale[0].max(scale[1]));
+            let seen: Vec<Ink> = beside.chain(on_lines).flat_map(inks_at).collect();
             if seen.is_empty() {
-                let [x, y] = at;
+                let [x, y] = page.at(p);
                 let text = format!("it is marked where the drawing shows nothing, at {x:.4}, {y:.4} mm of the page");
                 rule.broken("", (drawing.element)(i), text);
             } else if !is_outline && !seen.iter().any(|&ink| choice.may_have(ink, pen)) {
@@ -354,6 +359,22 @@ mod tests {
             assert!(rule.violated > 0, "{keys}: {}", rule.checked);
             assert!(rule.violations[0].message.contains("shows nothing"), "{:?}", rule.violations);
         }
+    }
+
+    #[test]
+    fn thin_lines_of_small_pages_and_marks_on_borders_of_tiles_are_on_ink() {
+        let of = |body: &str| format!("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 100 100\">{body}</svg>");
+        // On a page of 0.4 mm the tolerance is many times the width of the line.
+        let bent = of("<path d=\"M5 40Q50 90 95 41T5 39\" fill=\"none\" stroke=\"black\" stroke-width=\"0.001\"/>");
+        let size = "pens = {}\nsize = [\"0.4 mm\", \"0.4 mm\"]";
+        let rule = found(size, &bent, &bent);
+        assert!(rule.checked >= 3 && rule.violated == 0, "{} {:?}", rule.checked, rule.violations);
+        assert!(found(size, &bent, &bent.replacen("M5 40", "M5 60", 1)).violated > 0);
+        // Its outline runs along the lower border of every tile, where the next one shows nothing.
+        let cut = of("<path d=\"M30 80h20v30h-20z\"/>");
+        let tiles = "pens = {}\nsize = [\"37.3 mm\", \"37.3 mm\"]\ntile = true\narea = \"part\"\nfill = \"outline\"";
+        let rule = found(tiles, &cut, &cut);
+        assert!(rule.checked >= 9 && rule.violated == 0, "{} {:?}", rule.checked, rule.violations);
     }
 
     #[test]
