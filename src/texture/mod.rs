@@ -35,6 +35,7 @@ mod svg;
 
 use std::collections::BTreeSet;
 use std::ops::Range;
+use std::path::Path;
 use std::sync::Arc;
 
 use crate::diag::{Diag, Error, Place};
@@ -42,6 +43,7 @@ use crate::geom::{Box2, BoxMm, P2};
 use crate::program::PenId;
 use artwork::Artwork;
 pub use artwork::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
+pub(crate) use bitmap::Image;
 pub use contour_areas::ContourAreas;
 pub use curves::{Curves, OnDistance, SpacePoint};
 use drawing::Drawing;
@@ -57,6 +59,11 @@ const MAX_STROKES: u64 = 1 << 31;
 
 /// Most points of one job.
 const MAX_POINTS: u64 = 2_000_000_000;
+
+/// The samples of a bitmap, for the verifier; None where the file is none.
+pub(crate) fn read_bitmap(path: &Path) -> Option<Result<Image, Error>> {
+    source::bitmap(path)
+}
 
 /// Where a texture lies, part frame, mm.
 #[derive(Clone, Debug, PartialEq)]

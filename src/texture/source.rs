@@ -87,6 +87,17 @@ impl Sources {
     }
 }
 
+/// The samples of a bitmap; None where the file is none.
+pub(super) fn bitmap(path: &Path) -> Option<Result<bitmap::Image, Error>> {
+    let is_one = bitmap::has_name(path) || {
+        let mut begin = Vec::new();
+        let file = std::fs::File::open(path).ok()?;
+        std::io::Read::read_to_end(&mut std::io::Read::take(file, 8), &mut begin).ok()?;
+        bitmap::is_bitmap(&begin)
+    };
+    is_one.then(|| bitmap::decode(&diag::read_file(path, MAX_FILE)?, path))
+}
+
 /// A drawing whose page gets the size that is wanted once it was read. One that grows is read again with a finer
 /// tolerance; so is one with wide lines that shrinks, as they may become thin.
 fn stretched(

@@ -101,6 +101,8 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
         let drawing = Drawing::of(&texture);
         let placed = rules::drawing::Placed { job: &job, texture: &texture, drawing: &drawing, site };
         rules::drawing::check(&placed, &mut pictures, &mut findings.drawing);
+        let (requests, spot_mm) = (job.textures_of_pass(pass), facts.machine.lens.spot.as_mm());
+        rules::bitmap::check(&placed, &requests, spot_mm, &mut findings.bitmap);
         rules::mask::check(&placed, &mut pictures, &mut findings.mask);
         drop(drawing);
         if pass == PassId(0) {

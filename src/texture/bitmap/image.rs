@@ -8,12 +8,12 @@ pub(super) const WHITE: u16 = u16::MAX;
 
 /// A decoded bitmap: rows from the top, each from the left, 0 black and 65535 white.
 #[derive(Debug)]
-pub(in crate::texture) struct Image {
-    pub(in crate::texture) columns: usize,
-    pub(in crate::texture) rows: usize,
-    pub(in crate::texture) samples: Vec<u16>,
+pub(crate) struct Image {
+    pub(crate) columns: usize,
+    pub(crate) rows: usize,
+    pub(crate) samples: Vec<u16>,
     /// Pixels in a mm along x and y, as the file states them.
-    pub(in crate::texture) resolution: Option<[f64; 2]>,
+    pub(crate) resolution: Option<[f64; 2]>,
     /// What the user should know of the file.
     pub(in crate::texture) notes: Vec<Diag>,
 }

@@ -32,7 +32,7 @@ use super::place::Site;
 use crate::diag::{Diag, Error, Place, memory};
 use crate::geom::{MAX_NM, NM_PER_MM};
 use contour::{Borders, contours};
-pub(super) use image::Image;
+pub(crate) use image::Image;
 
 /// Most pixels.
 const MAX_PIXELS: u64 = 100_000_000;

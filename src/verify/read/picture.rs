@@ -48,6 +48,9 @@ const CURVE: f64 = 2.5e-7;
 /// takes it 0.00027 radii off, and has a chord of 1.41 radii then.
 const ARC: f64 = 2e-4;
 
+/// How far beside a border a point is offered: a share of the reach.
+const BESIDE: f64 = 0.02;
+
 /// Polylines.
 pub(super) type Contours = Vec<Vec<[f64; 2]>>;
 
@@ -180,11 +183,11 @@ impl Picture {
         found
     }
 
-    /// The points of lines that are nearest to one and not farther than `reach`, of each line one. Lines of patterns are
-    /// left out.
-    pub(in crate::verify) fn line_points_near(&self, p: [f64; 2], reach: f64) -> Vec<[f64; 2]> {
+    /// The points of lines and of borders of areas that are nearest to one and not farther than `reach`, of each element
+    /// one, and of borders a little to both sides. What patterns show is left out.
+    pub(in crate::verify) fn points_near(&self, p: [f64; 2], reach: f64) -> Vec<[f64; 2]> {
         let mut found = Vec::new();
-        self.root.line_points_near(p, reach, &mut found);
+        self.root.points_near(p, reach, &mut found);
         found
     }
 
@@ -393,14 +396,20 @@ impl Layer {
         near.into_iter().any(|i| self.items[i].find(p, take))
     }
 
-    fn line_points_near(&self, p: [f64; 2], reach: f64, found: &mut Vec<[f64; 2]>) {
+    fn points_near(&self, p: [f64; 2], reach: f64, found: &mut Vec<[f64; 2]>) {
         let about = AABB::from_corners([p[0] - reach, p[1] - reach], [p[0] + reach, p[1] + reach]);
         let mut near: Vec<usize> = self.index.locate_in_envelope_intersecting(&about).map(|e| e.data).collect();
         near.sort_unstable();
         for i in near {
             match &self.items[i] {
-                Item::Area { band, .. } => found.extend(band.iter().filter_map(|band| band.nearest(p, reach))),
-                Item::Group { layer, .. } => layer.line_points_near(p, reach, found),
+                Item::Area { contours, band, .. } => {
+                    found.extend(band.iter().filter_map(|band| Some(nearest(&band.lines, p, reach)?.0)));
+                    if let Some(([x, y], [dx, dy])) = nearest(contours, p, reach) {
+                        let beside = reach * BESIDE;
+                        found.extend([[x - dy * beside, y + dx * beside], [x + dy * beside, y - dx * beside]]);
+                    }
+                }
+                Item::Group { layer, .. } => layer.points_near(p, reach, found),
             }
         }
     }
@@ -449,22 +458,26 @@ impl Item {
 impl Band {
     /// Whether a point lies beside one of its lines, not beyond its ends.
     fn holds(&self, p: [f64; 2]) -> bool {
-        self.sides().any(|[a, b]| {
+        sides(&self.lines).any(|[a, b]| {
             let t = along(a, b, p);
             (0.0..=1.0).contains(&t) && distance(p, between(a, b, t)) <= self.half
         })
     }
+}
 
-    /// The point of its lines that is nearest to one, if not farther than `reach`; not quite at the end of a side.
-    fn nearest(&self, p: [f64; 2], reach: f64) -> Option<[f64; 2]> {
-        let points = self.sides().map(|[a, b]| between(a, b, along(a, b, p).clamp(1e-6, 1.0 - 1e-6)));
-        let near = points.map(|q| (distance(p, q), q)).filter(|(far, _)| *far <= reach);
-        near.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, q)| q)
-    }
+/// The point of polylines that is nearest to one, if not farther than `reach`, and the direction there; not quite at the
+/// end of a side.
+fn nearest(lines: &[Vec<[f64; 2]>], p: [f64; 2], reach: f64) -> Option<([f64; 2], [f64; 2])> {
+    let near = sides(lines).map(|[a, b]| (between(a, b, along(a, b, p).clamp(1e-6, 1.0 - 1e-6)), [a, b]));
+    let near = near.filter(|(q, _)| distance(p, *q) <= reach);
+    let (q, [a, b]) = near.min_by(|a, b| distance(p, a.0).total_cmp(&distance(p, b.0)))?;
+    let length = distance(a, b);
+    Some((q, [(b[0] - a[0]) / length, (b[1] - a[1]) / length]))
+}
 
-    fn sides(&self) -> impl Iterator<Item = [[f64; 2]; 2]> + '_ {
-        self.lines.iter().flat_map(|line| line.windows(2)).map(|w| [w[0], w[1]]).filter(|[a, b]| a != b)
-    }
+/// The sides of polylines that have a length.
+fn sides(lines: &[Vec<[f64; 2]>]) -> impl Iterator<Item = [[f64; 2]; 2]> + '_ {
+    lines.iter().flat_map(|line| line.windows(2)).map(|w| [w[0], w[1]]).filter(|[a, b]| a != b)
 }
 
 /// How far along a side the point lies that is nearest to another, in lengths of the side.

@@ -110,10 +110,11 @@ fn one(
             if inks_at(px(p)).any(|ink| choice.may_have(ink, pen)) {
                 continue;
             }
-            // Of tiles, what lies beside a point near a border lies on the next one. A line may pass between the points.
+            // Of tiles, what lies beside a point near a border lies on the next one. A line or
+            // a narrow area may lie between the points.
             let beside = around(p, slack * NM_PER_MM).map(px);
-            let on_lines = picture.line_points_near(px(p), slack * scale[0].max(scale[1]));
-            let seen: Vec<Ink> = beside.chain(on_lines).flat_map(inks_at).collect();
+            let on_edges = picture.points_near(px(p), slack * scale[0].max(scale[1]));
+            let seen: Vec<Ink> = beside.chain(on_edges).flat_map(inks_at).collect();
             if seen.is_empty() {
                 let [x, y] = page.at(p);
                 let text = format!("it is marked where the drawing shows nothing, at {x:.4}, {y:.4} mm of the page");

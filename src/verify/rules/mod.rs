@@ -1,6 +1,7 @@
 //! The rules, each with its own file and its own entry in the proof.
 
 pub(super) mod agreement;
+pub(super) mod bitmap;
 mod clearance;
 pub(super) mod coverage;
 pub(super) mod curves;
@@ -50,6 +51,7 @@ pub(super) struct Findings {
     pub(super) dose: Rule,
     pub(super) fill: Rule,
     pub(super) drawing: Rule,
+    pub(super) bitmap: Rule,
     pub(super) mask: Rule,
     pub(super) curves: Rule,
     pub(super) source: Rule,
@@ -86,6 +88,7 @@ impl Findings {
                 "drawing",
                 "SVG drawings are marked where they show something, with the pen of its colour or label",
             ),
+            bitmap: Rule::new("bitmap", "bitmaps are marked where they are dark, and as densely"),
             mask: Rule::new("mask", "what inside and outside leave of a texture is marked, and nothing else"),
             curves: Rule::new("curves", curves::WHAT),
             source: Rule::new("source", "every mark is the piece of texture that it claims to be"),
@@ -113,6 +116,7 @@ impl Findings {
             self.dose,
             self.fill,
             self.drawing,
+            self.bitmap,
             self.mask,
             self.curves,
             self.source,
