@@ -92,6 +92,74 @@ fn areas_and_screens_on_dome_hood_and_relief_are_verified_with_every_method() {
 }
 
 #[test]
+fn every_screen_reproduces_a_ramp_in_the_program() {
+    const STEPS: usize = 16;
+    const WIDE: usize = 8;
+    let dir = folder();
+    let part = dir.path().join("dome.stl");
+    write_stl(&part, &mesh(40, [-30.0, -30.0, 30.0, 30.0], |x, y| -(x * x + y * y) / 1500.0));
+    let samples: Vec<u16> = (0..STEPS * WIDE).map(|i| (i / WIDE * 4369) as u16).collect();
+    let samples = samples.repeat(12);
+    std::fs::write(dir.path().join("ramp.png"), image::height_map(STEPS * WIDE, &samples)).expect("written");
+    // 512 lines or rows, 30 sites or three periods in each step.
+    let (side, high, spot) = (0.6, 10.24, 0.02);
+    for (screen, method) in [
+        ("lines", "z-range"),
+        ("dashes", "window"),
+        ("halftone", "z-range"),
+        ("diffusion", "window"),
+        ("noise", "z-range"),
+    ] {
+        let mut job = JobText::on(&part).method(method).texture(&format!(
+            "file = \"ramp.png\"\nsize = [\"9.6 mm\", \"10.24 mm\"]\norigin = [\"0 mm\", \"-5 mm\"]\nscreen = {screen:?}\npen = \"grey\""
+        ));
+        job.more =
+            "[[pen]]\nname = \"grey\"\nspeed = \"500 mm/s\"\npower = \"40 %\"\nfrequency = \"50 kHz\"\ndwell = \"200 us\"\n".into();
+        let out = dir.path().join("out.job");
+        compile(&job.write(dir.path(), "job.toml"), &out);
+        let proof = verify(&out);
+        let rule = proof["rules"].as_array().expect("rules").iter().find(|r| r["code"] == "bitmap").expect("the rule");
+        assert!(
+            rule["checked"].as_u64() > Some(1000) && rule["left_out"].as_array().is_none_or(Vec::is_empty),
+            "{rule}"
+        );
+        // What is marked in each step, mm².
+        let mut marked = [0.0; STEPS];
+        let mut add = |x: f64, amount: f64| marked[(x / side) as usize] += amount;
+        let text = std::fs::read_to_string(out.join("program.txt")).expect("program.txt");
+        let mut centre = 0.0;
+        for line in text.lines() {
+            let words: Vec<&str> = line.split(' ').collect();
+            if words[0] == "block" {
+                centre = words[7].parse::<f64>().expect("nm") / 1e6;
+            } else if words.len() >= 6 && matches!(words[3], "+" | "-") {
+                let at = |i: usize| words[i].parse::<f64>().expect("nm") / 1e6 + centre;
+                if words.len() == 6 {
+                    add(at(4), spot * spot);
+                } else {
+                    assert_eq!((words.len(), words[5]), (8, words[7]), "lines of two points along x");
+                    let (a, b) = (at(4).min(at(6)), at(4).max(at(6)));
+                    let first = (a / side).floor();
+                    let mut from = a;
+                    for k in 1..=STEPS {
+                        let to = b.min((first + k as f64) * side);
+                        if to > from {
+                            add((from + to) / 2.0, (to - from) * spot);
+                            from = to;
+                        }
+                    }
+                }
+            }
+        }
+        for (k, marked) in marked.iter().enumerate() {
+            let (coverage, density) = (marked / (side * high), 1.0 - k as f64 / 15.0);
+            assert!((coverage - density).abs() < 0.01, "{screen}, step {k}: {coverage} instead of {density}");
+        }
+        std::fs::remove_dir_all(out).expect("removed");
+    }
+}
+
+#[test]
 fn keys_that_do_not_apply_are_refused() {
     let dir = folder();
     let part = dir.path().join("dome.stl");

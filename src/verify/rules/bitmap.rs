@@ -583,27 +583,10 @@ mod tests {
     use super::*;
     use crate::job::{Job, Overrides};
     use crate::texture::Texture;
+    use crate::verify::tests::made::bmp;
 
     const COLUMNS: usize = 240;
     const ROWS: usize = 150;
-
-    /// A BMP of 24 bits, its greys by column and row from the top.
-    fn bmp(grey: impl Fn(usize, usize) -> u8) -> Vec<u8> {
-        let row = (3 * COLUMNS).next_multiple_of(4);
-        let mut out = b"BM".to_vec();
-        out.extend((54 + (row * ROWS) as u32).to_le_bytes());
-        out.extend([0; 4]);
-        out.extend(54u32.to_le_bytes());
-        for v in [40, COLUMNS as u32, ROWS as u32, 1 | 24 << 16, 0, 0, 0, 0, 0, 0] {
-            out.extend(v.to_le_bytes());
-        }
-        for j in (0..ROWS).rev() {
-            let start = out.len();
-            (0..COLUMNS).for_each(|i| out.extend([grey(i, j); 3]));
-            out.resize(start + row, 0);
-        }
-        out
-    }
 
     /// A picture that looks like none of its mirror images: a ramp from the left, a white field, a black one.
     fn picture(i: usize, j: usize) -> u8 {
@@ -640,10 +623,10 @@ mod tests {
             Job::parse(&folder.path().join("job.toml"), &text, &Overrides::default()).expect("a job")
         };
         let part_box = BoxMm::rectangle(0.0, 0.0, 26.0, 17.0);
-        std::fs::write(&file, bmp(pictures[0])).expect("written");
+        std::fs::write(&file, bmp([COLUMNS, ROWS], pictures[0])).expect("written");
         let before = job(keys[0]);
         let texture = Texture::load(&before.textures, part_box, 0.3, 0.03, &mut Vec::new()).expect("a texture");
-        std::fs::write(&file, bmp(pictures[1])).expect("written");
+        std::fs::write(&file, bmp([COLUMNS, ROWS], pictures[1])).expect("written");
         let drawing = Drawing {
             stroke: Box::new(|i, out| {
                 let pen = texture.stroke(i, out);

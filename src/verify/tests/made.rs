@@ -318,3 +318,21 @@ fn block(k: u32, strokes: &[(PenId, Vec<P2>)]) -> MadeBlock {
     };
     MadeBlock { pass: 0, stop, z: [lo, hi], retract: k == 2, marks }
 }
+
+/// A BMP of 24 bits, its greys by column and row from the top.
+pub(in crate::verify) fn bmp([columns, rows]: [usize; 2], grey: impl Fn(usize, usize) -> u8) -> Vec<u8> {
+    let row = (3 * columns).next_multiple_of(4);
+    let mut out = b"BM".to_vec();
+    out.extend((54 + (row * rows) as u32).to_le_bytes());
+    out.extend([0; 4]);
+    out.extend(54u32.to_le_bytes());
+    for v in [40, columns as u32, rows as u32, 1 | 24 << 16, 0, 0, 0, 0, 0, 0] {
+        out.extend(v.to_le_bytes());
+    }
+    for j in (0..rows).rev() {
+        let start = out.len();
+        (0..columns).for_each(|i| out.extend([grey(i, j); 3]));
+        out.resize(start + row, 0);
+    }
+    out
+}

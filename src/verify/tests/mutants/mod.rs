@@ -7,6 +7,7 @@ mod drawings;
 mod frames;
 mod passes;
 mod right;
+mod screens;
 mod setups;
 mod sheets;
 mod tilted;
