@@ -191,6 +191,12 @@ impl Picture {
         found
     }
 
+    /// Whether the contour of an area that `exists` passes not farther than `reach` from a point where nothing is shown:
+    /// two contours may lie on each other there, with nothing between them.
+    pub(in crate::verify) fn has_bare_contour(&self, p: [f64; 2], reach: f64, exists: &dyn Fn(Ink) -> bool) -> bool {
+        !self.root.find(p, &mut |_| true) && self.root.has_contour(p, reach, exists)
+    }
+
     /// Offers every shape with the clip paths that cut it.
     pub(super) fn pieces<'a>(&'a self, take: &mut dyn FnMut(Shown<'a>, &[&'a Clip])) {
         self.root.pieces(&mut Vec::new(), false, take);
@@ -412,6 +418,19 @@ impl Layer {
                 Item::Group { layer, .. } => layer.points_near(p, reach, found),
             }
         }
+    }
+
+    fn has_contour(&self, p: [f64; 2], reach: f64, exists: &dyn Fn(Ink) -> bool) -> bool {
+        let about = AABB::from_corners([p[0] - reach, p[1] - reach], [p[0] + reach, p[1] + reach]);
+        self.index.locate_in_envelope_intersecting(&about).any(|e| match &self.items[e.data] {
+            Item::Area { contours, paint, element, .. } => nearest(contours, p, reach).is_some_and(|(q, _)| {
+                paint.colour_at(q).is_some_and(|colour| exists(Ink { colour, element: *element }))
+            }),
+            Item::Group { layer, clip, mask } => {
+                let shows = clip.as_ref().is_none_or(|c| c.holds(p)) && mask.as_ref().is_none_or(|m| m.shows(p));
+                shows && layer.has_contour(p, reach, exists)
+            }
+        })
     }
 
     fn colour_at(&self, p: [f64; 2]) -> Option<[u8; 3]> {

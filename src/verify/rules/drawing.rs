@@ -115,7 +115,10 @@ fn one(
             let beside = around(p, slack * NM_PER_MM).map(px);
             let on_edges = picture.points_near(px(p), slack * scale[0].max(scale[1]));
             let seen: Vec<Ink> = beside.chain(on_edges).flat_map(inks_at).collect();
-            if seen.is_empty() {
+            let is_marked = |ink| choice.exists(ink) != Known::No && choice.is_marked(ink);
+            let reach = slack * scale[0].max(scale[1]);
+            let is_contour = || is_outline && picture.has_bare_contour(px(p), reach, &is_marked);
+            if seen.is_empty() && !is_contour() {
                 let [x, y] = page.at(p);
                 let text = format!("it is marked where the drawing shows nothing, at {x:.4}, {y:.4} mm of the page");
                 rule.broken("", (drawing.element)(i), text);
@@ -376,6 +379,19 @@ mod tests {
         let tiles = "pens = {}\nsize = [\"37.3 mm\", \"37.3 mm\"]\ntile = true\narea = \"part\"\nfill = \"outline\"";
         let rule = found(tiles, &cut, &cut);
         assert!(rule.checked >= 9 && rule.violated == 0, "{} {:?}", rule.checked, rule.violations);
+    }
+
+    #[test]
+    fn contours_on_each_other_are_outlines() {
+        // The upper side of the square is that of its hole: no area lies on either side of it.
+        let drawn = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"20mm\" height=\"20mm\" viewBox=\"0 0 20 20\">\
+                     <path fill-rule=\"evenodd\" d=\"M2 3h16v12h-16zM4 3h12v3h-12z\"/></svg>";
+        let outline = "pens = {}\nfill = \"outline\"";
+        let rule = found(outline, drawn, drawn);
+        assert!(rule.checked > 0 && rule.violated == 0, "{:?}", rule.violations);
+        for (from, to) in [("M4 3h", "M4 3.5h"), ("/></svg>", "/><path fill=\"white\" d=\"M0 1h20v4h-20z\"/></svg>")] {
+            assert!(found(outline, drawn, &drawn.replacen(from, to, 1)).violated > 0, "{to}");
+        }
     }
 
     #[test]
