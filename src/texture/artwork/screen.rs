@@ -25,7 +25,7 @@ type Point = [f64; 2];
 const MAX_LINES: usize = 20_000_000;
 
 /// Most places at which the picture is looked at.
-const MAX_SAMPLES: f64 = 4e9;
+const MAX_SAMPLES: f64 = 1e9;
 
 /// Fewest places of a dash at which the picture is looked at.
 const SAMPLES: f64 = 4.0;
