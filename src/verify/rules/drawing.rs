@@ -22,6 +22,9 @@ const MAX_LINES: usize = 30_000;
 /// Coordinates of the reader are f32: a share of the drawing's size.
 pub(super) const F32: f64 = 1e-6;
 
+/// From a point to the farthest of those about it, at most, and a little more.
+const DIAGONAL: f64 = 1.5;
+
 /// CSS pixels in a mm.
 const PX_PER_MM: f64 = 96.0 / 25.4;
 
@@ -112,12 +115,13 @@ fn one(
             }
             // Of tiles, what lies beside a point near a border lies on the next one. A line or
             // a narrow area may lie between the points.
-            let beside = around(p, slack * NM_PER_MM).map(px);
-            let on_edges = picture.points_near(px(p), slack * scale[0].max(scale[1]));
-            let seen: Vec<Ink> = beside.chain(on_edges).flat_map(inks_at).collect();
-            let is_marked = |ink| choice.exists(ink) != Known::No && choice.is_marked(ink);
+            let beside = || around(p, slack * NM_PER_MM).map(px);
             let reach = slack * scale[0].max(scale[1]);
-            let is_contour = || is_outline && picture.has_bare_contour(px(p), reach, &is_marked);
+            let on_edges = picture.points_near(px(p), reach);
+            let seen: Vec<Ink> = beside().chain(on_edges).flat_map(inks_at).collect();
+            let is_marked = |ink| choice.exists(ink) != Known::No && choice.is_marked(ink);
+            let is_contour =
+                || is_outline && beside().any(|q| picture.has_bare_contour(q, DIAGONAL * reach, &is_marked));
             if seen.is_empty() && !is_contour() {
                 let [x, y] = page.at(p);
                 let text = format!("it is marked where the drawing shows nothing, at {x:.4}, {y:.4} mm of the page");
@@ -389,6 +393,11 @@ mod tests {
         let outline = "pens = {}\nfill = \"outline\"";
         let rule = found(outline, drawn, drawn);
         assert!(rule.checked > 0 && rule.violated == 0, "{:?}", rule.violations);
+        // Of tiles also on their borders.
+        let up = drawn.replace("M2 3h", "M2 0h").replace("M4 3h", "M4 0h");
+        let tiled = format!("{outline}\ntile = true\narea = \"part\"");
+        let rule = found(&tiled, &up, &up);
+        assert!(rule.checked > 50 && rule.violated == 0, "{:?}", rule.violations);
         for (from, to) in [("M4 3h", "M4 3.5h"), ("/></svg>", "/><path fill=\"white\" d=\"M0 1h20v4h-20z\"/></svg>")] {
             assert!(found(outline, drawn, &drawn.replacen(from, to, 1)).violated > 0, "{to}");
         }
