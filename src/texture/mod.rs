@@ -60,9 +60,14 @@ const MAX_STROKES: u64 = 1 << 31;
 /// Most points of one job.
 const MAX_POINTS: u64 = 2_000_000_000;
 
-/// The samples of a bitmap, for the verifier; None where the file is none.
-pub(crate) fn read_bitmap(path: &Path) -> Option<Result<Image, Error>> {
-    source::bitmap(path)
+/// Whether the file of a drawing is a bitmap.
+pub(crate) fn is_bitmap(path: &Path) -> bool {
+    source::is_bitmap(path)
+}
+
+/// The samples of a bitmap.
+pub(crate) fn read_bitmap(path: &Path) -> Result<Image, Error> {
+    source::read_bitmap(path)
 }
 
 /// Where a texture lies, part frame, mm.

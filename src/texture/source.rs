@@ -1,5 +1,6 @@
 //! The files of drawings, each read once, by the reader that their first bytes or their name ask for.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::artwork::{Artwork, Figure};
@@ -87,15 +88,19 @@ impl Sources {
     }
 }
 
-/// The samples of a bitmap; None where the file is none.
-pub(super) fn bitmap(path: &Path) -> Option<Result<bitmap::Image, Error>> {
-    let is_one = bitmap::has_name(path) || {
-        let mut begin = Vec::new();
-        let file = std::fs::File::open(path).ok()?;
-        std::io::Read::read_to_end(&mut std::io::Read::take(file, 8), &mut begin).ok()?;
-        bitmap::is_bitmap(&begin)
-    };
-    is_one.then(|| bitmap::decode(&diag::read_file(path, MAX_FILE)?, path))
+/// Whether a file is a bitmap, by how it begins; where it cannot be read, by its name.
+pub(super) fn is_bitmap(path: &Path) -> bool {
+    let mut begin = Vec::new();
+    let read = std::fs::File::open(path).and_then(|file| file.take(8).read_to_end(&mut begin));
+    if read.is_ok() { bitmap::is_bitmap(&begin) } else { bitmap::has_name(path) }
+}
+
+/// The samples of a bitmap.
+///
+/// # Errors
+/// `file-…`, `bitmap-…`, `memory`.
+pub(super) fn read_bitmap(path: &Path) -> Result<bitmap::Image, Error> {
+    bitmap::decode(&diag::read_file(path, MAX_FILE)?, path)
 }
 
 /// A drawing whose page gets the size that is wanted once it was read. One that grows is read again with a finer

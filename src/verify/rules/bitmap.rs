@@ -18,7 +18,7 @@ use std::collections::HashMap;
 use super::drawing::{F32, Placed};
 use super::page::Page;
 use crate::geom::{BoxMm, NM_PER_MM, P2};
-use crate::texture::{Area, FillMode, Image, Kind, Marking, Request, Resolution, Screen, Tone, read_bitmap};
+use crate::texture::{Area, FillMode, Image, Kind, Marking, Request, Resolution, Screen, Tone, is_bitmap, read_bitmap};
 use crate::verify::Drawing;
 use crate::verify::proof::Rule;
 
@@ -59,13 +59,12 @@ pub(in crate::verify) fn check(placed: &Placed<'_>, requests: &[Request], spot_m
     rule.ran = true;
     for (number, request) in requests.iter().enumerate() {
         let Kind::Drawing { path, marking, .. } = &request.kind else { continue };
-        let image = match read_bitmap(path) {
-            None => continue,
-            Some(Err(_)) => {
-                rule.leaves_out(path, number, "it cannot be read");
-                continue;
-            }
-            Some(Ok(image)) => image,
+        if !is_bitmap(path) {
+            continue;
+        }
+        let Ok(image) = read_bitmap(path) else {
+            rule.leaves_out(path, number, "it cannot be read");
+            continue;
         };
         let tone = marking.tone.unwrap_or_default();
         let Some(sides) = sides(&image, &tone) else {

@@ -10,7 +10,7 @@ use super::page::{Page, Site};
 use crate::geom::{NM_PER_MM, P2};
 use crate::job::Job;
 use crate::program::PenId;
-use crate::texture::{FillMode, Kind, Marking, Request, Selector, Texture};
+use crate::texture::{FillMode, Kind, Marking, Request, Selector, Texture, is_bitmap};
 use crate::verify::Drawing;
 use crate::verify::proof::Rule;
 use crate::verify::read::labels::{Having, Known};
@@ -72,6 +72,10 @@ pub(in crate::verify) fn check(placed: &Placed<'_>, pictures: &mut Pictures, rul
     rule.ran = true;
     for (number, request) in job.textures.iter().enumerate() {
         let Kind::Drawing { path, .. } = &request.kind else { continue };
+        if is_bitmap(path) {
+            // See `bitmap`.
+            continue;
+        }
         match pictures.get(path) {
             Ok(picture) => one(picture, request, (drawing, texture.strokes_of(number)), site, rule),
             Err(why) => rule.leaves_out(path, number, why),
