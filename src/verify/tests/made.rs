@@ -244,6 +244,7 @@ impl Made {
         findings.fill.ran = true;
         findings.drawing.ran = true;
         findings.mask.ran = true;
+        findings.bitmap.ran = true;
         findings.curves.ran = true;
         let inputs = Inputs::locate(folder, &manifest.job.file, None);
         crate::verify::rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.hash);
