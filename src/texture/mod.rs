@@ -60,9 +60,9 @@ const MAX_STROKES: u64 = 1 << 31;
 /// Most points of one job.
 const MAX_POINTS: u64 = 2_000_000_000;
 
-/// Whether the file of a drawing is a bitmap.
+/// Whether the file of a drawing is a bitmap, by its name.
 pub(crate) fn is_bitmap(path: &Path) -> bool {
-    source::is_bitmap(path)
+    bitmap::has_name(path)
 }
 
 /// The samples of a bitmap.

@@ -1,6 +1,5 @@
 //! The files of drawings, each read once, by the reader that their first bytes or their name ask for.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::artwork::{Artwork, Figure};
@@ -86,13 +85,6 @@ impl Sources {
         };
         Ok(&self.0[i].1)
     }
-}
-
-/// Whether a file is a bitmap, by how it begins; where it cannot be read, by its name.
-pub(super) fn is_bitmap(path: &Path) -> bool {
-    let mut begin = Vec::new();
-    let read = std::fs::File::open(path).and_then(|file| file.take(8).read_to_end(&mut begin));
-    if read.is_ok() { bitmap::is_bitmap(&begin) } else { bitmap::has_name(path) }
 }
 
 /// The samples of a bitmap.

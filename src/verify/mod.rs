@@ -90,6 +90,7 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
     let site = rules::page::Site { part_box: box_mm, turn_rad: facts.turn_deg.to_radians() };
     let mut pictures = rules::drawing::Pictures::default();
+    let mut bitmaps = rules::bitmap::Bitmaps::default();
     let mut textures = Vec::new();
     for pass in (0..facts.passes.count).map(PassId) {
         let mut texture = job_facts::texture(&job, &facts.machine, pass, box_mm)?;
@@ -102,7 +103,7 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
         let placed = rules::drawing::Placed { job: &job, texture: &texture, drawing: &drawing, site };
         rules::drawing::check(&placed, &mut pictures, &mut findings.drawing);
         let (requests, spot_mm) = (job.textures_of_pass(pass), facts.machine.lens.spot.as_mm());
-        rules::bitmap::check(&placed, &requests, spot_mm, &mut findings.bitmap);
+        rules::bitmap::check(&placed, &requests, spot_mm, &mut bitmaps, &mut findings.bitmap);
         rules::mask::check(&placed, &mut pictures, &mut findings.mask);
         drop(drawing);
         if pass == PassId(0) {

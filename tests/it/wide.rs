@@ -111,7 +111,8 @@ fn every_drawing_compiles_and_verifies_on_a_curved_surface() {
     for path in names {
         for (tile, size) in [(false, 98.0), (true, 37.3)] {
             let mut job = JobText::on(&stl).texture(&format!(
-                "file = {:?}\nsize = [\"{size} mm\", \"{size} mm\"]\ntile = {tile}\narea = \"part\"\nfill = \"outline\"\nstroke = \"centre\"",
+                "file = {:?}\nsize = [\"{size} mm\", \"{size} mm\"]\ntile = {tile}\narea = \"part\"\nfill = \"outline\"\nstroke = \"centre\"\n\
+                 on_unsupported = \"warn\"",
                 path.display().to_string()
             ));
             job.focus = "pdof = \"0.3 mm\"".into();

@@ -14,6 +14,7 @@
 //! - diffusion: 1.25 n dots, as no error handed over is above 1/2.
 
 use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 
 use super::drawing::{F32, Placed};
 use super::page::Page;
@@ -53,8 +54,29 @@ const BEYOND: &str = "it is marked beyond the page of the bitmap";
 
 const MM_PER_INCH: f64 = 25.4;
 
+/// The bitmaps that were read, each once; None where one cannot be.
+#[derive(Default)]
+pub(in crate::verify) struct Bitmaps(Vec<(PathBuf, Option<Image>)>);
+
+impl Bitmaps {
+    fn get(&mut self, path: &Path) -> Option<&Image> {
+        let known = self.0.iter().position(|(known, _)| known == path);
+        let place = known.unwrap_or_else(|| {
+            self.0.push((path.to_owned(), read_bitmap(path).ok()));
+            self.0.len() - 1
+        });
+        self.0[place].1.as_ref()
+    }
+}
+
 /// Holds the rule for the textures of a pass, as the job states them for it.
-pub(in crate::verify) fn check(placed: &Placed<'_>, requests: &[Request], spot_mm: f64, rule: &mut Rule) {
+pub(in crate::verify) fn check(
+    placed: &Placed<'_>,
+    requests: &[Request],
+    spot_mm: f64,
+    bitmaps: &mut Bitmaps,
+    rule: &mut Rule,
+) {
     let Placed { texture, drawing, site, .. } = placed;
     rule.ran = true;
     for (number, request) in requests.iter().enumerate() {
@@ -62,12 +84,12 @@ pub(in crate::verify) fn check(placed: &Placed<'_>, requests: &[Request], spot_m
         if !is_bitmap(path) {
             continue;
         }
-        let Ok(image) = read_bitmap(path) else {
+        let Some(image) = bitmaps.get(path) else {
             rule.leaves_out(path, number, "it cannot be read");
             continue;
         };
         let tone = marking.tone.unwrap_or_default();
-        let Some(sides) = sides(&image, &tone) else {
+        let Some(sides) = sides(image, &tone) else {
             rule.leaves_out(path, number, "it states no resolution");
             continue;
         };
@@ -80,7 +102,7 @@ pub(in crate::verify) fn check(placed: &Placed<'_>, requests: &[Request], spot_m
         let is_cut = request.masks.list().next().is_some();
         let slack_mm = 2.0 * request.tolerance_mm + page.size[0].max(page.size[1]) * F32;
         let strokes = texture.strokes_of(number);
-        let grey = Grey::new(&image, &tone, page.size);
+        let grey = Grey::new(image, &tone, page.size);
         let look = Look { page: &page, marking, spot_mm, slack_mm, limit, name: format!("texture {}", number + 1) };
         let marks = Marks { drawing, strokes };
         let compared = match tone.screen {
@@ -638,7 +660,7 @@ mod tests {
         let site = Site { part_box, turn_rad: 0.3 };
         let placed = Placed { job: &job, texture: &texture, drawing: &drawing, site };
         let mut rule = Rule::new("bitmap", "");
-        check(&placed, &job.textures, 0.03, &mut rule);
+        check(&placed, &job.textures, 0.03, &mut Bitmaps::default(), &mut rule);
         rule
     }
 
