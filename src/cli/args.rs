@@ -220,7 +220,7 @@ pub enum Command {
         #[arg(long, conflicts_with = "name")]
         schema: bool,
     },
-    /// Explain the code of a message, such as travel in error[travel].
+    /// Explain the code of a message, such as travel in `error[travel]`.
     Explain {
         /// The code.
         #[arg(hide_possible_values = true, value_parser = Known(|| explain::sections().map(|s| s.code).collect()))]
