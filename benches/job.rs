@@ -1,7 +1,8 @@
 //! Speed and memory of the whole job, on three sizes: `make bench` prints the table.
 //!
-//! Every case runs in a process of its own, on one thread, from files in the page cache, and reports
-//! its CPU seconds (user and system) and its peak memory, as the kernel counts them.
+//! Every case runs in a process of its own, on one thread (those that say so on two), from files in
+//! the page cache, and reports its CPU seconds (user and system) and its peak memory, as the kernel
+//! counts them.
 
 #[path = "../tests/it/support/surfaces.rs"]
 mod surfaces;
@@ -37,7 +38,20 @@ fn main() {
         if !stl.exists() {
             write_stl(&stl, &mesh(n, [0.0, 0.0, 450.0, 450.0], dome));
         }
-        for case in ["load", "walk", "contour", "z-range", "auto", "squares", "dots", "poisson", "verify", "flush"] {
+        for case in [
+            "load",
+            "walk",
+            "contour",
+            "z-range",
+            "auto",
+            "squares",
+            "dots",
+            "dots-2",
+            "poisson",
+            "poisson-2",
+            "verify",
+            "flush",
+        ] {
             let me = std::env::current_exe().expect("this program");
             let out = Command::new(me).arg(case).arg(&stl).output().expect("this program starts");
             assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
@@ -48,7 +62,8 @@ fn main() {
 
 /// Runs one case and prints what it took.
 fn run(case: &str, stl: &Path) {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    let (case, threads) = case.strip_suffix("-2").map_or((case, 1), |case| (case, 2));
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     let start = Instant::now();
     let note = pool.install(|| match case {
         "load" => format!("{} facets", load(stl).facet_count()),
