@@ -316,6 +316,17 @@ fn what_is_not_marked_is_said() {
             r#"<mask id="m"><rect width="9" height="9" fill="grey"/></mask><rect width="5" height="5" mask="url(#m)"/>"#,
             "svg-effect",
         ),
+        (
+            r#"<clipPath id="c" clipPathUnits="objectBoundingBox"><circle cx=".5" cy=".5" r=".4"/></clipPath>
+               <g clip-path="url(#c)"><ellipse cx="5" cy="5" rx="3" ry="1" transform="rotate(45 5 5)"/></g>"#,
+            "svg-box",
+        ),
+        (
+            r##"<mask id="m"><rect width="9" height="9" fill="white"/></mask>
+               <defs><rect id="r" width="3" height="3" transform="rotate(9)"/></defs>
+               <use href="#r" mask="url(#m)"/>"##,
+            "svg-box",
+        ),
     ] {
         let body = format!(r#"{body}<rect x="10" y="10" width="3" height="3"/>"#);
         let error = load(&body, Marking::default()).expect_err("refused");

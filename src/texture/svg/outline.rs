@@ -73,6 +73,13 @@ impl Map {
         let det = self.a * self.d - self.b * self.c;
         det.is_finite() && det != 0.0 && self.e.is_finite() && self.f.is_finite()
     }
+
+    /// Whether it takes the axes to the axes, up to rounding.
+    pub(super) fn is_aligned(self) -> bool {
+        let [a, b, c, d] = [self.a, self.b, self.c, self.d].map(f64::abs);
+        let tiny = 1e-6 * a.max(b).max(c).max(d);
+        b.max(c) <= tiny || a.max(d) <= tiny
+    }
 }
 
 /// What became of the subpaths of an element.

@@ -352,7 +352,13 @@ impl<'a, 'input> Walk<'a, 'input> {
             _ => is_box,
         };
         if wants_box {
+            self.holds_turned = false;
             let bounds = self.bounds(node, *state)?;
+            if self.holds_turned {
+                // SVG 2, 8.10 has the tightest box; some programs turn the box of each shape.
+                self.note(Issue::Box, node);
+                return Ok(false);
+            }
             let [w, h] = bounds.size();
             if !(w > 0.0 && h > 0.0) {
                 return Ok(false);

@@ -14,6 +14,7 @@ pub(super) enum Issue {
     Use,
     Paint,
     Effect,
+    Box,
     Marker,
     Transform,
     Fault,
@@ -26,7 +27,7 @@ pub(super) enum Issue {
 }
 
 /// Issue, weight, code, sentence after "elements", hint.
-const ISSUES: [(Issue, Weight, &str, &str, &str); 16] = [
+const ISSUES: [(Issue, Weight, &str, &str, &str); 17] = [
     (
         Issue::Hidden,
         Told,
@@ -64,6 +65,14 @@ const ISSUES: [(Issue, Weight, &str, &str, &str); 16] = [
         "have a filter, a blend mode, a clip path or mask that is missing or not of plain shapes, a join of kind arcs or \
          miter-clip, or a stroke that does not scale under a transform that distorts it",
         "apply it in the drawing program",
+    ),
+    (
+        Issue::Box,
+        Refused,
+        "svg-box",
+        "have a clip path or mask in units of their box (objectBoundingBox) and hold turned shapes, whose box is not \
+         the same in all programs",
+        "give the clip path or mask in user units (userSpaceOnUse)",
     ),
     (Issue::Marker, Refused, "svg-marker", "have markers", "convert markers to paths in the drawing program"),
     (
