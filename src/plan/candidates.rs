@@ -50,21 +50,28 @@ pub(super) fn stops(site: &Site<'_>, methods: &[Method], objective: Objective) -
     Ok(found)
 }
 
-/// The candidates without those that have more stops than the one that would be the best if none were merged: what
-/// merging gains in time is not paid with stops.
-pub(super) fn no_more_stops(
-    mut made: Vec<(Method, Candidate, Option<Diag>)>,
-) -> Vec<(Method, Candidate, Option<Diag>)> {
-    let sound = made.iter().filter(|(.., fault)| fault.is_none()).map(|(_, made, _)| made.unmerged);
+/// Drops candidates that another one beats in its measure without having more stops: they cannot be chosen, whatever
+/// is tried next, and their programs are large.
+pub(super) fn drop_beaten<T, M: PartialOrd>(made: &mut Vec<(Method, T, Option<Diag>)>, of: impl Fn(&T) -> (M, usize)) {
+    let sound = made.iter().filter(|(.., fault)| fault.is_none());
+    let all: Vec<(M, usize)> = sound.map(|(_, made, _)| of(made)).collect();
+    made.retain(|(_, made, fault)| {
+        let (measure, stops) = of(made);
+        fault.is_some() || !all.iter().any(|(m, n)| *m < measure && *n <= stops)
+    });
+}
+
+/// Drops candidates that have more stops than the one that would be the best if none were merged: what merging gains
+/// in time is not paid with stops. `unmerged` are all that were tried and are sound.
+pub(super) fn no_more_stops(made: &mut Vec<(Method, Candidate, Option<Diag>)>, unmerged: &[Unmerged]) {
     let mut best: Option<Unmerged> = None;
-    for one in sound {
+    for &one in unmerged {
         if best.is_none_or(|b| one.measure < b.measure) {
             best = Some(one);
         }
     }
     let most = best.map_or(usize::MAX, |b| b.stops);
     made.retain(|(_, made, fault)| fault.is_some() || made.program.stops() <= most);
-    made
 }
 
 /// The candidate of the least measure. One that breaks an invariant is a fault of ours: where another method
@@ -98,6 +105,23 @@ pub(super) fn best_of<T>(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_candidate_that_is_slower_and_has_no_fewer_stops_is_dropped() {
+        let fault = || Some(Diag::bug("program-invariant", "P2: out of the field"));
+        let mut made = vec![
+            (Method::Contour, (3.0, 30), None),
+            (Method::ZRange, (3.0, 33), None),
+            (Method::Window, (4.0, 29), None),
+            (Method::Tilt, (1.0, 1), fault()),
+        ];
+        drop_beaten(&mut made, |&of| of);
+        assert_eq!(made.len(), 4, "equal measures: the first is chosen, so both stay");
+        made.push((Method::Window, (2.0, 30), None));
+        drop_beaten(&mut made, |&of| of);
+        let left: Vec<(f64, usize)> = made.iter().map(|(_, of, _)| *of).collect();
+        assert_eq!(left, [(4.0, 29), (1.0, 1), (2.0, 30)]);
+    }
 
     #[test]
     fn auto_drops_a_method_whose_program_fails_the_check_with_a_warning() {

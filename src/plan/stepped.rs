@@ -12,7 +12,7 @@ use std::ops::Range;
 use super::assemble::{self, Assembly, Stage};
 use super::bound;
 use super::candidate::{Candidate, Unmerged};
-use super::candidates::{best_of, divide, methods, no_more_stops, stops};
+use super::candidates::{best_of, divide, drop_beaten, methods, no_more_stops, stops};
 use super::dose;
 use super::frames;
 use super::grid::{Grid, Layout};
@@ -124,16 +124,20 @@ impl<'a> Draft<'a> {
         progress(Phase::Order);
         let on = Given { job, machine, inputs, clearance: &clearance };
         let (mut tried, mut warnings) = (Vec::new(), Vec::new());
-        let made = found.iter().zip(parts).map(|((method, stops), parts)| {
-            let made = first.merged(&on, stops, first.candidate(&on, (*method, stops), parts, None));
+        let mut made = Vec::new();
+        let mut unmerged = Vec::new();
+        for ((method, stops), parts) in found.iter().zip(parts) {
+            let one = first.merged(&on, stops, first.candidate(&on, (*method, stops), parts, None));
             // A single method is checked in the end, with everything else.
-            let fault = if found.len() > 1 { made.fault(machine, &first.grid, &clearance) } else { None };
+            let fault = if found.len() > 1 { one.fault(machine, &first.grid, &clearance) } else { None };
             if fault.is_none() {
-                tried.push(made.listed());
+                tried.push(one.listed());
+                unmerged.push(one.unmerged);
             }
-            (*method, made, fault)
-        });
-        let made = no_more_stops(made.collect());
+            made.push((*method, one, fault));
+            drop_beaten(&mut made, |made| (made.measure(job, machine), made.program.stops()));
+        }
+        no_more_stops(&mut made, &unmerged);
         let best = best_of(made.into_iter(), |made| made.measure(job, machine), &mut warnings)?;
         if found.len() == 1 {
             tried.clear();
