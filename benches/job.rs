@@ -1,6 +1,6 @@
 //! Speed and memory of the whole job, on three sizes: `make bench` prints the table.
 //!
-//! Every case runs in a process of its own, on one thread (those that say so on two), from files in
+//! Every case runs in a process of its own, on one thread unless its name says two, from files in
 //! the page cache, and reports its CPU seconds (user and system) and its peak memory, as the kernel
 //! counts them.
 
@@ -46,9 +46,9 @@ fn main() {
             "auto",
             "squares",
             "dots",
-            "dots-2",
+            "dots, two threads",
             "poisson",
-            "poisson-2",
+            "poisson, two threads",
             "verify",
             "flush",
         ] {
@@ -62,7 +62,7 @@ fn main() {
 
 /// Runs one case and prints what it took.
 fn run(case: &str, stl: &Path) {
-    let (case, threads) = case.strip_suffix("-2").map_or((case, 1), |case| (case, 2));
+    let (case, threads) = case.strip_suffix(", two threads").map_or((case, 1), |case| (case, 2));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     let start = Instant::now();
     let note = pool.install(|| match case {

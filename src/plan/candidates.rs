@@ -50,9 +50,12 @@ pub(super) fn stops(site: &Site<'_>, methods: &[Method], objective: Objective) -
     Ok(found)
 }
 
-/// Drops candidates that another one beats in its measure without having more stops: they cannot be chosen, whatever
-/// is tried next, and their programs are large.
-pub(super) fn drop_beaten<T, M: PartialOrd>(made: &mut Vec<(Method, T, Option<Diag>)>, of: impl Fn(&T) -> (M, usize)) {
+/// Drops candidates that another one dominates, with a smaller measure and no more stops: they cannot be chosen,
+/// whatever is tried next, and their programs are large.
+pub(super) fn drop_dominated<T, M: PartialOrd>(
+    made: &mut Vec<(Method, T, Option<Diag>)>,
+    of: impl Fn(&T) -> (M, usize),
+) {
     let sound = made.iter().filter(|(.., fault)| fault.is_none());
     let all: Vec<(M, usize)> = sound.map(|(_, made, _)| of(made)).collect();
     made.retain(|(_, made, fault)| {
@@ -115,10 +118,10 @@ mod tests {
             (Method::Window, (4.0, 29), None),
             (Method::Tilt, (1.0, 1), fault()),
         ];
-        drop_beaten(&mut made, |&of| of);
+        drop_dominated(&mut made, |&of| of);
         assert_eq!(made.len(), 4, "equal measures: the first is chosen, so both stay");
         made.push((Method::Window, (2.0, 30), None));
-        drop_beaten(&mut made, |&of| of);
+        drop_dominated(&mut made, |&of| of);
         let left: Vec<(f64, usize)> = made.iter().map(|(_, of, _)| *of).collect();
         assert_eq!(left, [(4.0, 29), (1.0, 1), (2.0, 30)]);
     }

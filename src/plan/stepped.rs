@@ -12,7 +12,7 @@ use std::ops::Range;
 use super::assemble::{self, Assembly, Stage};
 use super::bound;
 use super::candidate::{Candidate, Unmerged};
-use super::candidates::{best_of, divide, drop_beaten, methods, no_more_stops, stops};
+use super::candidates::{best_of, divide, drop_dominated, methods, no_more_stops, stops};
 use super::dose;
 use super::frames;
 use super::grid::{Grid, Layout};
@@ -135,7 +135,7 @@ impl<'a> Draft<'a> {
                 unmerged.push(one.unmerged);
             }
             made.push((*method, one, fault));
-            drop_beaten(&mut made, |made| (made.measure(job, machine), made.program.stops()));
+            drop_dominated(&mut made, |made| (made.measure(job, machine), made.program.stops()));
         }
         no_more_stops(&mut made, &unmerged);
         let best = best_of(made.into_iter(), |made| made.measure(job, machine), &mut warnings)?;

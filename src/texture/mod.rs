@@ -35,7 +35,6 @@ mod svg;
 
 use std::collections::BTreeSet;
 use std::ops::Range;
-use std::path::Path;
 use std::sync::Arc;
 
 use crate::diag::{Diag, Error, Place};
@@ -43,7 +42,7 @@ use crate::geom::{Box2, BoxMm, P2};
 use crate::program::PenId;
 use artwork::Artwork;
 pub use artwork::{ContourPass, FillMode, Marking, Mirror, Resolution, Screen, Selector, StrokeMode, Tone};
-pub(crate) use bitmap::Image;
+pub(crate) use bitmap::{Image, decode as decode_bitmap};
 pub use contour_areas::ContourAreas;
 pub use curves::{Curves, OnDistance, SpacePoint};
 use drawing::Drawing;
@@ -53,22 +52,13 @@ pub use page::{Align, Fit, Position, Size};
 pub use pattern::{Contour, Directions, Kind};
 use place::Turn;
 pub use scale::Slip;
+pub(crate) use source::{DrawingFormat, read_drawing};
 
 /// Most strokes of one job.
 const MAX_STROKES: u64 = 1 << 31;
 
 /// Most points of one job.
 const MAX_POINTS: u64 = 2_000_000_000;
-
-/// Whether the file of a drawing is a bitmap, by its name.
-pub(crate) fn is_bitmap(path: &Path) -> bool {
-    bitmap::has_name(path)
-}
-
-/// The samples of a bitmap.
-pub(crate) fn read_bitmap(path: &Path) -> Result<Image, Error> {
-    source::read_bitmap(path)
-}
 
 /// Where a texture lies, part frame, mm.
 #[derive(Clone, Debug, PartialEq)]

@@ -70,14 +70,12 @@ impl Sources {
         let i = match known {
             Some(i) => i,
             None => {
-                let bytes = diag::read_file(path, MAX_FILE)?;
-                let is_text = svg::is_svg(&bytes);
-                let source = match extension(path).as_str() {
-                    _ if bitmap::is_bitmap(&bytes) => Source::Bitmap(bitmap::decode(&bytes, path)?),
-                    "dxf" if !is_text => Source::Dxf(bytes),
-                    "plt" | "hpgl" | "hpg" if !is_text => Source::Plot(bytes),
-                    _ if bitmap::has_name(path) && !is_text => Source::Bitmap(bitmap::decode(&bytes, path)?),
-                    _ => Source::Svg(svg::text(bytes, path)?),
+                let (bytes, format) = read_drawing(path)?;
+                let source = match format {
+                    DrawingFormat::Bitmap => Source::Bitmap(bitmap::decode(&bytes, path)?),
+                    DrawingFormat::Dxf => Source::Dxf(bytes),
+                    DrawingFormat::Plot => Source::Plot(bytes),
+                    DrawingFormat::Svg => Source::Svg(svg::text(bytes, path)?),
                 };
                 self.0.push((path.to_owned(), source));
                 self.0.len() - 1
@@ -87,12 +85,30 @@ impl Sources {
     }
 }
 
-/// The samples of a bitmap.
+/// What a drawing is read as.
+pub(crate) enum DrawingFormat {
+    Svg,
+    Dxf,
+    /// HPGL.
+    Plot,
+    Bitmap,
+}
+
+/// The file of a drawing, and what its first bytes or its name say that it is.
 ///
 /// # Errors
-/// `file-…`, `bitmap-…`, `memory`.
-pub(super) fn read_bitmap(path: &Path) -> Result<bitmap::Image, Error> {
-    bitmap::decode(&diag::read_file(path, MAX_FILE)?, path)
+/// `file-…`.
+pub(crate) fn read_drawing(path: &Path) -> Result<(Vec<u8>, DrawingFormat), Error> {
+    let bytes = diag::read_file(path, MAX_FILE)?;
+    let is_text = svg::is_svg(&bytes);
+    let format = match extension(path).as_str() {
+        _ if bitmap::is_bitmap(&bytes) => DrawingFormat::Bitmap,
+        "dxf" if !is_text => DrawingFormat::Dxf,
+        "plt" | "hpgl" | "hpg" if !is_text => DrawingFormat::Plot,
+        _ if bitmap::has_name(path) && !is_text => DrawingFormat::Bitmap,
+        _ => DrawingFormat::Svg,
+    };
+    Ok((bytes, format))
 }
 
 /// A drawing whose page gets the size that is wanted once it was read. One that grows is read again with a finer

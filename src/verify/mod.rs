@@ -89,8 +89,7 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
     let (shape, box_mm) = job_facts::shape(&job)?;
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
     let site = rules::page::Site { part_box: box_mm, turn_rad: facts.turn_deg.to_radians() };
-    let mut pictures = rules::drawing::Pictures::default();
-    let mut bitmaps = rules::bitmap::Bitmaps::default();
+    let mut files = rules::files::Files::default();
     let mut textures = Vec::new();
     for pass in (0..facts.passes.count).map(PassId) {
         let mut texture = job_facts::texture(&job, &facts.machine, pass, box_mm)?;
@@ -101,10 +100,10 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
         }
         let drawing = Drawing::of(&texture);
         let placed = rules::drawing::Placed { job: &job, texture: &texture, drawing: &drawing, site };
-        rules::drawing::check(&placed, &mut pictures, &mut findings.drawing);
+        rules::drawing::check(&placed, &mut files, &mut findings.drawing);
         let (requests, spot_mm) = (job.textures_of_pass(pass), facts.machine.lens.spot.as_mm());
-        rules::bitmap::check(&placed, &requests, spot_mm, &mut bitmaps, &mut findings.bitmap);
-        rules::mask::check(&placed, &mut pictures, &mut findings.mask);
+        rules::bitmap::check(&placed, &requests, spot_mm, &mut files, &mut findings.bitmap);
+        rules::mask::check(&placed, &mut files, &mut findings.mask);
         drop(drawing);
         if pass == PassId(0) {
             let rules = [&mut findings.curves, &mut findings.summary];

@@ -324,7 +324,12 @@ fn what_is_not_marked_is_said() {
         (
             r##"<mask id="m"><rect width="9" height="9" fill="white"/></mask>
                <defs><rect id="r" width="3" height="3" transform="rotate(9)"/></defs>
-               <use href="#r" mask="url(#m)"/>"##,
+               <use href="#r" mask="url(#m)" stroke="red"/>"##,
+            "svg-box",
+        ),
+        (
+            r#"<mask id="m" x="0"><rect width="9" height="9" fill="white"/></mask><g mask="url(#m)">
+               <g transform="rotate(20)"><rect width="3" height="3" transform="rotate(-20)"/></g></g>"#,
             "svg-box",
         ),
     ] {

@@ -73,7 +73,7 @@ fn format(bytes: &[u8]) -> Option<Decode> {
 ///
 /// # Errors
 /// `bitmap-format`, `bitmap-damaged`, `bitmap-truncated`, `bitmap-samples`, `bitmap-turned`, `bitmap-large`, `memory`.
-pub(super) fn decode(bytes: &[u8], path: &Path) -> Result<Image, Error> {
+pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Image, Error> {
     let decoded = match format(bytes) {
         Some(decode) => decode(bytes),
         None if bytes.is_empty() => Err(image::truncated("the file is empty")),

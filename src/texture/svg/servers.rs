@@ -1,8 +1,9 @@
 //! What elements refer to for their looks: clip paths, masks of plain shapes, and patterns.
 
+use std::collections::HashSet;
 use std::str::FromStr;
 
-use roxmltree::Node;
+use roxmltree::{Node, NodeId};
 
 use super::outline::Map;
 use super::page::{self, view_map};
@@ -299,6 +300,27 @@ impl<'a, 'input> Walk<'a, 'input> {
         Ok(BoxMm::of(aside?.lines.points.iter().copied()))
     }
 
+    /// Looks at what an element holds and uses.
+    fn look_into(
+        &mut self,
+        node: Node<'a, 'input>,
+        seen: &mut HashSet<NodeId>,
+        inside: &mut Inside,
+    ) -> Result<(), Box<Diag>> {
+        for inner in node.descendants().filter(Node::is_element) {
+            let own = self.declared(inner)?;
+            inside.is_stroked |= own.get("stroke").is_some_and(|stroke| stroke != "none");
+            inside.is_turned |= inner != node && transform(inner, &own).is_some_and(|t| !t.is_aligned());
+            let used = href(inner).filter(|_| inner.tag_name().name() == "use").and_then(|h| h.strip_prefix('#'));
+            if let Some(target) = used.and_then(|id| self.target(id)).filter(|t| seen.insert(t.id())) {
+                let own = self.declared(target)?;
+                inside.is_turned |= transform(target, &own).is_some_and(|t| !t.is_aligned());
+                self.look_into(target, seen, inside)?;
+            }
+        }
+        Ok(())
+    }
+
     /// The area of a shape, cut at its clip.
     fn area_of(&self, aside: &Aside, shape: &Shape) -> Result<Area, TooMany> {
         let rule = if let Figure::Fill(rule) = shape.figure { rule } else { Rule::NonZero };
@@ -352,13 +374,17 @@ impl<'a, 'input> Walk<'a, 'input> {
             _ => is_box,
         };
         if wants_box {
-            self.holds_turned = false;
-            let bounds = self.bounds(node, *state)?;
-            if self.holds_turned {
-                // SVG 2, 8.10 has the tightest box; some programs turn the box of each shape.
+            // SVG 2, 8.10 has the tightest box; some programs turn the box of each shape and get a larger one. The
+            // frame of a mask reaches a tenth beyond either, unless it says otherwise: it could cut strokes alone.
+            let mut inside = Inside { is_turned: false, is_stroked: state.style.has_stroke() };
+            self.look_into(node, &mut HashSet::new(), &mut inside)?;
+            let sides = ["x", "y", "width", "height"];
+            let is_roomy = attribute == "maskUnits" && !sides.iter().any(|name| server.has_attribute(*name));
+            if inside.is_turned && (inside.is_stroked || !is_roomy) {
                 self.note(Issue::Box, node);
                 return Ok(false);
             }
+            let bounds = self.bounds(node, *state)?;
             let [w, h] = bounds.size();
             if !(w > 0.0 && h > 0.0) {
                 return Ok(false);
@@ -368,6 +394,13 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
         Ok(true)
     }
+}
+
+/// What elements inside of another are like.
+struct Inside {
+    /// One of them is turned or skewed against what it lies in.
+    is_turned: bool,
+    is_stroked: bool,
 }
 
 /// Shapes that are drawn aside.

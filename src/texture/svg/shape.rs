@@ -22,10 +22,7 @@ impl<'a, 'input> Walk<'a, 'input> {
     pub(super) fn shape(&mut self, node: Node<'a, 'input>, tag: &str, state: State<'a>) -> Done {
         let Some(state) = self.enter(node, state)? else { return Ok(()) };
         match self.purpose {
-            Purpose::Bounds => {
-                self.holds_turned |= !state.map.is_aligned();
-                return self.subpaths(node, tag, state, [0; 3], Figure::Lines);
-            }
+            Purpose::Bounds => return self.subpaths(node, tag, state, [0; 3], Figure::Lines),
             Purpose::Clip if state.style.is_visible() => {
                 return self.subpaths(node, tag, state, [0; 3], Figure::Fill(state.style.clip_rule));
             }

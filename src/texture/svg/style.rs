@@ -145,6 +145,11 @@ impl<'a> Style<'a> {
         stroke_first: false,
     };
 
+    /// Whether lines are stroked.
+    pub(super) fn has_stroke(&self) -> bool {
+        self.stroke != Coat::None
+    }
+
     /// The style of an element that says `own`; `has_id` tells whether a paint server exists.
     pub(super) fn with(mut self, own: &Declared<'a>, has_id: impl Fn(&str) -> bool) -> Self {
         let said = |name: &str| own.get(name).filter(|&v| v != "inherit");

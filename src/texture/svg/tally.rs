@@ -70,8 +70,8 @@ const ISSUES: [(Issue, Weight, &str, &str, &str); 17] = [
         Issue::Box,
         Refused,
         "svg-box",
-        "have a clip path or mask in units of their box (objectBoundingBox) and hold turned shapes, whose box is not \
-         the same in all programs",
+        "have a clip path or mask in units of their box (objectBoundingBox) and hold turned or skewed elements, whose \
+         box is not the same in all programs",
         "give the clip path or mask in user units (userSpaceOnUse)",
     ),
     (Issue::Marker, Refused, "svg-marker", "have markers", "convert markers to paths in the drawing program"),

@@ -75,8 +75,6 @@ pub(super) struct Walk<'a, 'input> {
     work: Work,
     /// Whether notes are dropped, where an element is drawn again.
     pub(super) is_quiet: bool,
-    /// Whether an element whose box was asked for holds shapes turned against it.
-    pub(super) holds_turned: bool,
     /// Number of each element among those of its tag, from 1, and its place in the names.
     numbers: Vec<u32>,
     named: HashMap<NodeId, u32>,
@@ -113,7 +111,7 @@ impl<'a, 'input> Walk<'a, 'input> {
         }
         let art = Artwork { labels: vec![Labels::default()], ..Artwork::default() };
         let (uses, visits, cut_edges, work, named, labelled) = <_>::default();
-        let (purpose, is_quiet, holds_turned) = (Purpose::Mark, false, false);
+        let (purpose, is_quiet) = (Purpose::Mark, false);
         Self {
             doc,
             sheet,
@@ -128,7 +126,6 @@ impl<'a, 'input> Walk<'a, 'input> {
             cut_edges,
             work,
             is_quiet,
-            holds_turned,
             numbers,
             named,
             labelled,

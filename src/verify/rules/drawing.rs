@@ -4,13 +4,12 @@
 //! The drawing is read by the verifier's own readers (`read::picture`, `read::labels`) and placed by its own arithmetic
 //! ([`Page`]). Lines are sampled at three places each, at most [`MAX_LINES`] lines of a drawing, evenly.
 
-use std::path::Path;
-
+use super::files::{Content, Files};
 use super::page::{Page, Site};
 use crate::geom::{NM_PER_MM, P2};
 use crate::job::Job;
 use crate::program::PenId;
-use crate::texture::{FillMode, Kind, Marking, Request, Selector, Texture, is_bitmap};
+use crate::texture::{FillMode, Kind, Marking, Request, Selector, Texture};
 use crate::verify::Drawing;
 use crate::verify::proof::Rule;
 use crate::verify::read::labels::{Having, Known};
@@ -22,34 +21,14 @@ const MAX_LINES: usize = 30_000;
 /// Coordinates of the reader are f32: a share of the drawing's size.
 pub(super) const F32: f64 = 1e-6;
 
-/// From a point to the farthest of those about it, at most, and a little more.
+/// Reach of a search for contours from a point and from eight about it, in units of their distance along x and y: so
+/// far that what lies between them is found.
 const DIAGONAL: f64 = 1.5;
 
 /// CSS pixels in a mm.
 const PX_PER_MM: f64 = 96.0 / 25.4;
 
 const WHITE: [u8; 3] = [255; 3];
-
-/// The drawings that were read, each once; of the others why they are not.
-#[derive(Default)]
-pub(in crate::verify) struct Pictures(Vec<(std::path::PathBuf, Result<Picture, &'static str>)>);
-
-impl Pictures {
-    /// The picture of a drawing.
-    pub(super) fn get(&mut self, path: &Path) -> Result<&Picture, &'static str> {
-        let known = self.0.iter().position(|(known, _)| known == path);
-        let place = known.unwrap_or_else(|| {
-            self.0.push((path.to_owned(), read(path)));
-            self.0.len() - 1
-        });
-        self.0[place].1.as_ref().map_err(|why| *why)
-    }
-
-    /// One that was read.
-    pub(super) fn known(&self, path: &Path) -> Option<&Picture> {
-        self.0.iter().find(|(known, _)| known == path)?.1.as_ref().ok()
-    }
-}
 
 impl Picture {
     /// The sides of its page, mm.
@@ -67,17 +46,15 @@ pub(in crate::verify) struct Placed<'a> {
 }
 
 /// Holds the rule for the textures of a pass.
-pub(in crate::verify) fn check(placed: &Placed<'_>, pictures: &mut Pictures, rule: &mut Rule) {
+pub(in crate::verify) fn check(placed: &Placed<'_>, files: &mut Files, rule: &mut Rule) {
     let Placed { job, texture, drawing, site } = placed;
     rule.ran = true;
     for (number, request) in job.textures.iter().enumerate() {
         let Kind::Drawing { path, .. } = &request.kind else { continue };
-        if is_bitmap(path) {
+        match files.get(path) {
             // See `bitmap`.
-            continue;
-        }
-        match pictures.get(path) {
-            Ok(picture) => one(picture, request, (drawing, texture.strokes_of(number)), site, rule),
+            Ok(Content::Bitmap(_)) => {}
+            Ok(Content::Picture(picture)) => one(picture, request, (drawing, texture.strokes_of(number)), site, rule),
             Err(why) => rule.leaves_out(path, number, why),
         }
     }
@@ -213,15 +190,6 @@ impl<'a> Choice<'a> {
 }
 
 /// The picture of an SVG drawing, if it can be read.
-fn read(path: &Path) -> Result<Picture, &'static str> {
-    let is_svg = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg"));
-    if !is_svg {
-        return Err("only uncompressed SVG drawings are read");
-    }
-    let text = std::fs::read_to_string(path).map_err(|_| "it is not text in UTF-8")?;
-    Picture::read(&text).ok_or("usvg cannot read it in bounded time")
-}
-
 /// Points of a line, not at its ends; of a dot its point.
 pub(super) fn samples(points: &[P2]) -> impl Iterator<Item = [f64; 2]> + '_ {
     let sides = points.len().saturating_sub(1);
@@ -235,13 +203,15 @@ pub(super) fn samples(points: &[P2]) -> impl Iterator<Item = [f64; 2]> + '_ {
 }
 
 /// A point and eight about it.
-fn around(p: [f64; 2], by: f64) -> impl Iterator<Item = [f64; 2]> {
+pub(super) fn around(p: [f64; 2], by: f64) -> impl Iterator<Item = [f64; 2]> {
     let steps = [0.0, -by, by];
     steps.into_iter().flat_map(move |x| steps.map(|y| [p[0] + x, p[1] + y]))
 }
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
     use crate::geom::BoxMm;
     use crate::job::Overrides;
@@ -295,7 +265,7 @@ mod tests {
         let mut rule = Rule::new("drawing", "");
         let site = Site { part_box: area, turn_rad: 0.3 };
         let placed = Placed { job: &job, texture: &texture, drawing: &Drawing::of(&texture), site };
-        check(&placed, &mut Pictures::default(), &mut rule);
+        check(&placed, &mut Files::default(), &mut rule);
         rule
     }
 

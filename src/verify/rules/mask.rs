@@ -9,7 +9,8 @@
 //! one random place of each stroke, as strokes are left out independently: the sum of marked - c(d) over all places has
 //! the variance c (1 - c) of each, and must not be more than [`SIGMAS`] deviations off.
 
-use super::drawing::{F32, Pictures, Placed, samples};
+use super::drawing::{F32, Placed, samples};
+use super::files::{Content, Files};
 use super::page::{Page, Site};
 use crate::geom::P2;
 use crate::texture::{Kind, Mask, Request, Uncut};
@@ -38,7 +39,7 @@ const SIGMAS: f64 = 6.0;
 const FEWEST: usize = 200;
 
 /// Holds the rule for the textures of a pass.
-pub(in crate::verify) fn check(placed: &Placed<'_>, pictures: &mut Pictures, rule: &mut Rule) {
+pub(in crate::verify) fn check(placed: &Placed<'_>, files: &mut Files, rule: &mut Rule) {
     let Placed { job, texture, drawing, site } = placed;
     rule.ran = true;
     for (number, request) in job.textures.iter().enumerate() {
@@ -52,13 +53,14 @@ pub(in crate::verify) fn check(placed: &Placed<'_>, pictures: &mut Pictures, rul
         let mut borders = Vec::new();
         for (key, mask) in request.masks.list() {
             let Kind::Drawing { path, .. } = &mask.drawing else { continue };
-            match pictures.get(path) {
-                Ok(_) => borders.push((path, key == "inside", mask)),
+            match files.get(path) {
+                Ok(Content::Bitmap(_)) => rule.leaves_out(path, number, "only drawings are masks"),
+                Ok(Content::Picture(_)) => borders.push((path, key == "inside", mask)),
                 Err(why) => rule.leaves_out(path, number, why),
             }
         }
         let known = borders.iter().filter_map(|&(path, keeps_inside, mask)| {
-            let picture = pictures.known(path)?;
+            let picture = files.picture(path)?;
             match Border::new(picture, mask, keeps_inside, request.tolerance_mm, site) {
                 Ok(border) => Some(border),
                 Err(why) => {
@@ -338,7 +340,7 @@ mod tests {
         };
         let mut rule = Rule::new("mask", "");
         let placed = Placed { job: &job, texture: &texture, drawing: &drawing, site };
-        check(&placed, &mut Pictures::default(), &mut rule);
+        check(&placed, &mut Files::default(), &mut rule);
         rule
     }
 
