@@ -22,6 +22,7 @@ use system::Run;
 pub use system::{SYSTEMS, System};
 
 use std::ops::Range;
+use std::sync::Arc;
 use std::sync::OnceLock;
 
 use crate::diag::{Diag, Error};
@@ -181,7 +182,7 @@ struct Subject<'a> {
     job: &'a Job,
     /// The job's machine without its zoom optic, which one system alone uses.
     machine: &'a Machine,
-    inputs: &'a Inputs,
+    inputs: &'a Arc<Inputs>,
     height_field: HeightField,
     limits: Limits,
     /// Size of the texture's box, mm.
@@ -215,7 +216,7 @@ pub fn compare(
     progress: &(dyn Fn(&'static str) + Sync),
 ) -> Result<Comparison, Error> {
     progress("reading");
-    let inputs = Inputs::load(job)?;
+    let inputs = Arc::new(Inputs::load(job)?);
     let machine = &Machine { zoom: None, ..inputs.machine.clone() };
     let whole = strokes::in_order(job, machine, &inputs, None).map_err(|e| e.after(inputs.warnings.clone()))?;
     let size = whole.texture.size().map(Nm::mm);

@@ -5,6 +5,8 @@
 //! in focus. Machines whose swivel and turntable state their speeds mark with seven axes, all others with five: the
 //! stage follows a moving average, the scanner is the rest.
 
+use std::sync::Arc;
+
 use crate::diag::{Diag, Error, Place};
 use crate::emit::{self, TARGETS, Target};
 use crate::geom::{BoxMm, NM_PER_MM, Nm, P2, length_mm};
@@ -75,6 +77,8 @@ pub struct OnTheFlyPlan {
     pub summary: OnTheFlySummary,
     /// What the user should know.
     pub warnings: Vec<Diag>,
+    /// What it was planned from.
+    pub inputs: Arc<Inputs>,
 }
 
 /// Makes an on-the-fly program of a job.
@@ -90,7 +94,8 @@ pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<O
             let blend_mm = emit::on_the_fly::blend_us(figures) as f64 * 1e-6 * figures.corner_mm_s / 8.0;
             let mut summary = OnTheFlySummary::new(&checked, deviations, lengths, blend_mm, &warnings);
             summary.curves = inputs.curves;
-            Ok(OnTheFlyPlan { job, machine: inputs.machine, checked, left_out, summary, warnings })
+            let (machine, inputs) = (inputs.machine.clone(), Arc::new(inputs));
+            Ok(OnTheFlyPlan { job, machine, checked, left_out, summary, warnings, inputs })
         }
         Err(e) => Err(plausible::explained(&e, &inputs.texture).after(warnings)),
     }

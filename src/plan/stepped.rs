@@ -8,6 +8,7 @@
 //! focal planes lie where the stage can stand; its heights are lowered in the end.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::assemble::{self, Assembly, Stage};
 use super::bound;
@@ -67,12 +68,15 @@ pub struct SteppedPlan {
     pub depth: Nm,
     /// What the user should know.
     pub warnings: Vec<Diag>,
+    /// What it was planned from.
+    pub inputs: Arc<Inputs>,
 }
 
 /// A program before the check: for measuring what no machine may run. [`Draft::checked`] makes a plan of it.
 pub struct Draft<'a> {
     job: &'a Job,
     machine: &'a Machine,
+    inputs: Arc<Inputs>,
     best: Candidate,
     /// What was compared; empty where one method was asked for.
     tried: Vec<manifest::Candidate>,
@@ -99,7 +103,8 @@ pub struct Draft<'a> {
 /// # Errors
 /// Limits of the machine that the job breaks, after the warnings of the inputs.
 pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<SteppedPlan, Error> {
-    let Inputs { warnings, .. } = &inputs;
+    let inputs = Arc::new(inputs);
+    let warnings = &inputs.warnings;
     let draft = Draft::new(&job, &inputs.machine, &inputs, progress);
     let plan = draft.and_then(|draft| draft.checked(warnings.clone()));
     plan.map_err(|e| plausible::explained(&e, &inputs.texture).after(warnings.clone()))
@@ -110,7 +115,12 @@ impl<'a> Draft<'a> {
     ///
     /// # Errors
     /// Limits of the machine that keep the job from being divided.
-    pub fn new(job: &'a Job, machine: &'a Machine, inputs: &Inputs, progress: Progress<'_>) -> Result<Self, Error> {
+    pub fn new(
+        job: &'a Job,
+        machine: &'a Machine,
+        inputs: &Arc<Inputs>,
+        progress: Progress<'_>,
+    ) -> Result<Self, Error> {
         progress(Phase::Footprint);
         let clearance = Clearance::new(&inputs.surface.tiles(), machine);
         let start = Start::first(machine);
@@ -149,6 +159,7 @@ impl<'a> Draft<'a> {
         let mut draft = Self {
             job,
             machine,
+            inputs: Arc::clone(inputs),
             best,
             tried,
             passes: Vec::new(),
@@ -224,7 +235,7 @@ impl<'a> Draft<'a> {
     /// # Errors
     /// Limits of the machine that the program breaks; what the job refuses.
     pub fn checked(self, mut warnings: Vec<Diag>) -> Result<SteppedPlan, Error> {
-        let Self { job, machine, best, tried, passes, off_part, grid, clearance, origins, curves, .. } = self;
+        let Self { job, machine, best, tried, passes, off_part, grid, clearance, origins, curves, inputs, .. } = self;
         let limits = Limits {
             machine,
             origins: &origins,
@@ -265,6 +276,7 @@ impl<'a> Draft<'a> {
             figures: best.figures,
             depth: grid.lattice.depth,
             warnings,
+            inputs,
         })
     }
 }

@@ -2,6 +2,7 @@
 //! the stage a moving average of it, taken three times, the scanner the rest.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::OnceLock;
 
 use crate::job::{Job, Mode, Overrides};
@@ -176,6 +177,7 @@ impl Bench {
             checked,
             left_out: Vec::new(),
             warnings: Vec::new(),
+            inputs: Arc::new(Inputs::load(&self.job).expect("inputs")),
         };
         let folder = self.dir.path().join("made.job");
         write_on_the_fly(&plan, &folder).unwrap_or_else(|e| panic!("{e}"));
