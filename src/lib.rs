@@ -26,6 +26,7 @@ mod random;
 pub mod report;
 pub mod resume;
 pub mod run;
+pub mod scene;
 pub mod split;
 pub mod surface;
 pub mod sweep;

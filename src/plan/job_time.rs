@@ -5,7 +5,7 @@ use crate::emit;
 use crate::job::Job;
 use crate::machine::{Machine, TiltAngles};
 use crate::manifest::Times;
-use crate::motion;
+use crate::motion::{self, Marking, StageMove};
 use crate::program::Program;
 
 /// Time that a person needs for each block, s; 0 where nobody is needed.
@@ -21,29 +21,57 @@ pub fn of_program(machine: &Machine, program: &Program) -> Times {
 /// The time of a program that begins at `start`, and that of every block without the stage's moves, s.
 pub(super) fn times(machine: &Machine, start: &Start, program: &Program) -> (Times, Vec<f64>) {
     let mut t = Times::default();
+    let mut blocks = Vec::with_capacity(program.blocks.len());
+    for Step { moved, zoom_s, marking } in steps(machine, start, program) {
+        t.stage += moved.travel_s;
+        t.settle += moved.settle_s;
+        t.zoom += zoom_s;
+        t.mark += marking.mark_s;
+        t.jump += marking.jump_s;
+        t.delay += marking.delay_s;
+        blocks.push(marking.total_s());
+    }
+    t.total = t.stage + t.settle + t.zoom + t.mark + t.jump + t.delay;
+    (t, blocks)
+}
+
+/// For every block of a program that begins as every job does: when the stage begins to move there, when the first mark
+/// begins and when the last one ends, s.
+pub fn clock_of_program(machine: &Machine, program: &Program) -> Vec<[f64; 3]> {
+    let mut now = 0.0;
+    let tell = |Step { moved, zoom_s, marking }: Step| {
+        let begin = now;
+        let start = begin + moved.total_s() + zoom_s;
+        now = start + marking.total_s();
+        [begin, start, now]
+    };
+    steps(machine, &Start::first(machine), program).map(tell).collect()
+}
+
+/// What it takes to go to a block and mark it.
+struct Step {
+    moved: StageMove,
+    /// Of the zoom optic, beyond the move of the stage.
+    zoom_s: f64,
+    marking: Marking,
+}
+
+/// The steps of a program that begins at `start`.
+fn steps<'a>(machine: &'a Machine, start: &Start, program: &'a Program) -> impl Iterator<Item = Step> + use<'a> {
     let mut focus_shift = start.focus_shift;
     let (mut at, mut tilt) = (start.from, start.before.as_ref().map_or(TiltAngles::UPRIGHT, |(stop, _)| stop.tilt));
-    let mut blocks = Vec::with_capacity(program.blocks.len());
-    for block in &program.blocks {
+    program.blocks.iter().map(move |block| {
         let retract = block.retract.then(|| machine.retract_z());
         let turning = machine.tilt_time_s(tilt, block.stop.tilt);
         let moved = motion::tilting_move(machine, at, block.stage, retract, turning);
         tilt = block.stop.tilt;
-        t.stage += moved.travel_s;
-        t.settle += moved.settle_s;
         // The optic moves together with the stage.
-        t.zoom += (machine.zoom_time_s(focus_shift, block.focus_shift) - moved.total_s()).max(0.0);
+        let zoom_s = (machine.zoom_time_s(focus_shift, block.focus_shift) - moved.total_s()).max(0.0);
         (at, focus_shift) = (block.stage, block.focus_shift);
         let marks = program.strokes_of(block).iter().map(|s| {
             let pen = &program.pens[s.pen.index()];
             motion::Mark { points: program.points_of(s), speed: pen.speed, passes: pen.passes, dwell: pen.dwell }
         });
-        let m = motion::marking(machine, marks);
-        t.mark += m.mark_s;
-        t.jump += m.jump_s;
-        t.delay += m.delay_s;
-        blocks.push(m.total_s());
-    }
-    t.total = t.stage + t.settle + t.zoom + t.mark + t.jump + t.delay;
-    (t, blocks)
+        Step { moved, zoom_s, marking: motion::marking(machine, marks) }
+    })
 }

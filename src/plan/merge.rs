@@ -151,7 +151,7 @@ impl<'a> Tour<'a> {
         let (size, step) = (stops.size().map(|Nm(v)| v), costs.machine.increment_nm().0);
         let Candidate { program, ids, split, .. } = made;
         let mut unmarked: BTreeMap<StopId, Extent> = BTreeMap::new();
-        for &Sliver { stop, lo, hi } in &split.slivers {
+        for &Sliver { stop, lo, hi, .. } in &split.slivers {
             let one = Extent { lo, hi };
             unmarked.entry(stop).and_modify(|all| *all = all.union(&one)).or_insert(one);
         }

@@ -43,7 +43,7 @@ mod warnings;
 use std::path::{Path, PathBuf};
 
 pub use inputs::Inputs;
-pub use job_time::of_program;
+pub use job_time::{clock_of_program, of_program};
 pub use off_part::OffPart;
 pub use on_the_fly::OnTheFlyPlan;
 pub use pass::Pass;

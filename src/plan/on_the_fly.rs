@@ -77,6 +77,8 @@ pub struct OnTheFlyPlan {
     pub summary: OnTheFlySummary,
     /// What the user should know.
     pub warnings: Vec<Diag>,
+    /// The strokes as they were followed over the part.
+    pub texture: Texture,
     /// What it was planned from.
     pub inputs: Arc<Inputs>,
 }
@@ -89,13 +91,13 @@ pub struct OnTheFlyPlan {
 pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<OnTheFlyPlan, Error> {
     let mut warnings = inputs.warnings.clone();
     match planned(&job, &inputs, progress, &mut warnings) {
-        Ok(Planned { checked, deviations, lengths, left_out }) => {
+        Ok(Planned { checked, deviations, lengths, left_out, texture }) => {
             let figures = checked.figures();
             let blend_mm = emit::on_the_fly::blend_us(figures) as f64 * 1e-6 * figures.corner_mm_s / 8.0;
             let mut summary = OnTheFlySummary::new(&checked, deviations, lengths, blend_mm, &warnings);
             summary.curves = inputs.curves;
             let (machine, inputs) = (inputs.machine.clone(), Arc::new(inputs));
-            Ok(OnTheFlyPlan { job, machine, checked, left_out, summary, warnings, inputs })
+            Ok(OnTheFlyPlan { job, machine, checked, left_out, summary, warnings, texture, inputs })
         }
         Err(e) => Err(plausible::explained(&e, &inputs.texture).after(warnings)),
     }
@@ -107,13 +109,23 @@ struct Planned {
     deviations: Deviations,
     lengths: FlyLengths,
     left_out: Vec<LeftOut>,
+    texture: Texture,
 }
 
 fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result<Planned, Error> {
     let machine = &inputs.machine;
     progress(Phase::Order);
-    let Strokes { program: strokes, origin, texture, texture_mm, skipped, shares, warnings: found, .. } =
-        strokes::in_order(job, machine, inputs, None)?;
+    let Strokes {
+        program: strokes,
+        origin,
+        texture,
+        strokes: followed,
+        texture_mm,
+        skipped,
+        shares,
+        warnings: found,
+        ..
+    } = strokes::in_order(job, machine, inputs, None)?;
     warnings.extend(found);
     warnings.extend(formats(job, machine, &strokes.pens, origin)?);
     let focus = job.focus.half_depth_mm();
@@ -147,7 +159,7 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
     let lengths = FlyLengths::new(texture_mm, &skipped, &left_out);
     warnings.extend(planner.skipped(&lengths, &made.followed.left_out));
     let deviations = Deviations { worst_fod_um: worst.focus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
-    Ok(Planned { checked, deviations, lengths, left_out })
+    Ok(Planned { checked, deviations, lengths, left_out, texture: followed })
 }
 
 /// What of the job's formats cannot be written for the axes of the machine.

@@ -6,7 +6,7 @@ use crate::block_map::BlockMap;
 use crate::geom::Box2;
 use crate::partition::bound::Certificate;
 use crate::program::Sections;
-use crate::texture::Directions;
+use crate::texture::{Directions, Texture};
 
 /// One pass over the texture.
 #[derive(Debug)]
@@ -15,6 +15,8 @@ pub struct Pass {
     pub sections: Sections,
     /// Directions of what is filled along contours, by section; None where nothing is.
     pub directions: Option<Directions>,
+    /// Its strokes.
+    pub strokes: Texture,
     /// Which of its blocks owns which place; numbered from its first.
     pub map: BlockMap,
     /// The box of its texture, turned part frame.

@@ -44,7 +44,7 @@ use crate::manifest::{self, SpaceCurves, Summary, Times};
 use crate::partition::Stops;
 use crate::program::{Block, BlockFigures, PassId, Program};
 use crate::projection::{Footprint, Samples};
-use crate::split::Fragments;
+use crate::split::{Fragments, Sliver};
 use crate::texture::{Slip, Texture};
 
 /// A stepped job that was planned and checked, not yet written.
@@ -60,6 +60,8 @@ pub struct SteppedPlan {
     pub passes: Vec<Pass>,
     /// What of the textures that the job places lies off the part.
     pub off_part: OffPart,
+    /// The fragments of the first pass that are too short to be marked.
+    pub slivers: Vec<Sliver>,
     /// The figures; its warnings are those of the plan.
     pub summary: Summary,
     /// The figures of every block of the program.
@@ -83,6 +85,7 @@ pub struct Draft<'a> {
     passes: Vec<Pass>,
     /// In the first pass.
     off_part: OffPart,
+    slivers: Vec<Sliver>,
     /// The grid of the first pass.
     grid: Grid,
     clearance: Clearance,
@@ -156,6 +159,7 @@ impl<'a> Draft<'a> {
         let is_off = best.split.skipped.off_part > 0.0 || best.split.dots.off_part > 0;
         let off_part = if is_off { OffPart::of(job, first.sweep(job, inputs)) } else { OffPart::default() };
         let shares = Shares::of(job, &first.texture, &best.program, inputs.part_box(job), machine);
+        let slivers = best.split.slivers.clone();
         let mut draft = Self {
             job,
             machine,
@@ -164,6 +168,7 @@ impl<'a> Draft<'a> {
             tried,
             passes: Vec::new(),
             off_part,
+            slivers,
             grid: first.grid.clone(),
             clearance,
             origins: Vec::new(),
@@ -235,7 +240,8 @@ impl<'a> Draft<'a> {
     /// # Errors
     /// Limits of the machine that the program breaks; what the job refuses.
     pub fn checked(self, mut warnings: Vec<Diag>) -> Result<SteppedPlan, Error> {
-        let Self { job, machine, best, tried, passes, off_part, grid, clearance, origins, curves, inputs, .. } = self;
+        let Self { job, machine, best, tried, passes, off_part, slivers, grid, clearance, .. } = self;
+        let (origins, curves, inputs) = (self.origins, self.curves, self.inputs);
         let limits = Limits {
             machine,
             origins: &origins,
@@ -272,6 +278,7 @@ impl<'a> Draft<'a> {
             checked,
             passes,
             off_part,
+            slivers,
             summary,
             figures: best.figures,
             depth: grid.lattice.depth,
@@ -406,6 +413,7 @@ impl Ready {
             directions: texture.directions().cloned(),
             map,
             texture: texture.bounds(),
+            strokes: texture,
             bound: bound::certificate(&grid, samples, stop_size, made.method, &made.split.slivers),
             blocks,
             sections: grid.sections,

@@ -21,6 +21,7 @@ use crate::partition::{self, Lattice, Stops};
 use crate::program::{Block, PassId, Program, Sections, SetupId, StopId};
 use crate::projection::Keep;
 use crate::split::{Fragments, Skipped};
+use crate::texture::Texture;
 
 /// Strokes in order.
 #[derive(Clone, Debug)]
@@ -32,6 +33,8 @@ pub struct Strokes {
     pub origin: Origin,
     /// The box of the texture, turned part frame.
     pub texture: Box2,
+    /// The strokes as they were followed over the part.
+    pub strokes: Texture,
     /// One section over all of it.
     pub section: Sections,
     /// Length of the texture, mm.
@@ -95,7 +98,17 @@ pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<Nm>)
     warnings::warn(job, &found, (&off_part, &slips), Nm(0), everything, &mut notes)?;
     let shares = Shares::of(job, &texture, &program, inputs.part_box(job), machine);
     let Fragments { texture_mm, skipped, .. } = found;
-    Ok(Strokes { program, origin, texture: area, section, texture_mm, skipped, shares, warnings: notes })
+    Ok(Strokes {
+        program,
+        origin,
+        texture: area,
+        strokes: texture,
+        section,
+        texture_mm,
+        skipped,
+        shares,
+        warnings: notes,
+    })
 }
 
 /// The fragments of all bands as a program.

@@ -120,6 +120,10 @@ pub struct Sliver {
     pub lo: [i64; 3],
     /// Upper corner.
     pub hi: [i64; 3],
+    /// Stroke of the texture.
+    pub source: StrokeId,
+    /// Its ends in the part frame, nm, at the mean of its heights.
+    pub ends: [[f64; 3]; 2],
 }
 
 /// What became of a run of strokes.

@@ -446,6 +446,11 @@ impl Texture {
         part.start as usize..(part.start + part.figure().len()) as usize
     }
 
+    /// The request that stroke `i` is of, by its index.
+    pub fn part_of(&self, i: usize) -> usize {
+        self.find(i).0
+    }
+
     /// The strokes of a request before `inside` and `outside` cut them; None where neither does.
     pub fn uncut(&self, request: usize) -> Option<Uncut<'_>> {
         let part = &self.parts[request];

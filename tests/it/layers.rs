@@ -96,7 +96,7 @@ fn named(text: &str) -> BTreeSet<String> {
 }
 
 /// The modules of the library, lowest first: each may name those above it in this list and none below.
-const ORDER: [&str; 29] = [
+const ORDER: [&str; 31] = [
     "parallel",
     "geom",
     "units",
@@ -118,7 +118,9 @@ const ORDER: [&str; 29] = [
     "job",
     "manifest",
     "plan",
+    "scene",
     "report",
+    "view",
     "job_folder",
     "compare",
     "resume",

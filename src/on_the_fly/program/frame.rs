@@ -21,7 +21,7 @@ pub(super) struct Frame {
 }
 
 /// Where a beam meets its focal plane.
-pub(in crate::on_the_fly) struct Spot {
+pub(crate) struct Spot {
     /// In the part frame, mm.
     pub part: [f64; 3],
     /// Against the beam, part frame.

@@ -29,7 +29,8 @@ use crate::geom::mm_from_nm;
 use crate::machine::{Machine, Origin};
 use crate::on_the_fly::axes::motion::{AXES, Motion, Waypoint};
 use crate::program::{self, Pen, PenId, PieceId, StrokeId};
-use frame::{Frame, Spot};
+use frame::Frame;
+pub(crate) use frame::Spot;
 
 /// How far a move may bow off its line in the part where axes turn, nm.
 pub const BOW: f64 = 20.0;
@@ -176,7 +177,7 @@ impl Program {
     }
 
     /// Where the beam of a sample meets the focal plane.
-    pub(super) fn spots(&self, machine: &Machine) -> Result<impl Fn(&AxisCommands) -> Spot, Error> {
+    pub(crate) fn spots(&self, machine: &Machine) -> Result<impl Fn(&AxisCommands) -> Spot, Error> {
         let frame = Frame::new(machine, self.origin, self.kind)?;
         Ok(move |at: &AxisCommands| frame.spot(at))
     }

@@ -579,11 +579,20 @@ impl<'a> Cutter<'a> {
     fn leave_out(&mut self, stop: StopId, first: usize, z: [f64; 2]) {
         let c = self.stops.stops[stop.index()].stop.centre;
         let mut area = Box2::<Turned>::EMPTY;
-        let points = self.out.points.drain(first..);
-        points.for_each(|p| area.add(P2::new(c.x + i64::from(p.x), c.y + i64::from(p.y))));
+        let place = |p: FieldPoint| P2::<Turned>::new(c.x + i64::from(p.x), c.y + i64::from(p.y));
+        let points: Vec<P2<Turned>> = self.out.points.drain(first..).map(place).collect();
+        points.iter().for_each(|&p| area.add(p));
         // What is no longer than a point on a vertex has no height yet.
         let z = if z[0] <= z[1] { z } else { [self.z; 2] };
+        let middle = (z[0] + z[1]) / 2.0;
+        let in_part = |p: P2<Turned>| {
+            let at = [p.x as f64, p.y as f64, middle];
+            self.stops.turn(stop).map_or(at, |turn| turn.back(P3::new(at)).at)
+        };
+        let (Some(&from), Some(&to)) = (points.first(), points.last()) else { return };
+        let ends = [from, to].map(in_part);
         let [lo, hi] = [z[0].floor(), z[1].ceil()].map(|z| z as i64);
-        self.out.slivers.push(Sliver { stop, lo: [area.lo.x, area.lo.y, lo], hi: [area.hi.x, area.hi.y, hi] });
+        let (lo, hi) = ([area.lo.x, area.lo.y, lo], [area.hi.x, area.hi.y, hi]);
+        self.out.slivers.push(Sliver { stop, lo, hi, source: self.source, ends });
     }
 }
