@@ -33,3 +33,4 @@ pub mod sweep;
 pub mod texture;
 pub mod units;
 pub mod verify;
+pub mod view;

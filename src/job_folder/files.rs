@@ -6,12 +6,16 @@ use std::path::Path;
 use super::{failed, inputs, path_from};
 use crate::diag::Error;
 use crate::emit::{self, Files, Stepped};
+use crate::geom::Box2;
 use crate::job::Job;
 use crate::manifest::{self, Facts, FileFact, Head, MANIFEST, OnTheFlyFacts};
 use crate::parallel;
 use crate::plan::{OnTheFlyPlan, Pass, SteppedPlan};
 use crate::program::{self, PenId, Program};
 use crate::report;
+use crate::scene::{self, Relief};
+use crate::surface::Surface;
+use crate::view;
 
 /// A folder being filled.
 pub(super) struct Filling<'a> {
@@ -67,6 +71,9 @@ pub(super) fn stepped(plan: &SteppedPlan, head: &Head, filling: &mut Filling<'_>
     if let Some(pen) = job.frames {
         frames(&emitted, pen, job, filling)?;
     }
+    let relief = relief(&plan.inputs.surface, passes[0].texture);
+    let scene = scene::of_stepped(plan, &relief);
+    filling.put("view.html", view::of_stepped(plan, &scene, &name).as_bytes())?;
     for (k, pass) in passes.iter().enumerate() {
         let layout = layout(plan, pass, &name);
         if k == 0 {
@@ -151,10 +158,22 @@ pub(super) fn on_the_fly(plan: &OnTheFlyPlan, head: &Head, filling: &mut Filling
     for file in files.filter(|f| f.kinds.contains(&kind)) {
         filling.put(file.name, &(file.write)(checked, machine))?;
     }
-    let files = std::mem::take(&mut filling.files);
+    let relief = relief(&plan.inputs.surface, plan.inputs.texture.bounds());
+    let scene = scene::of_on_the_fly(plan, &relief)?;
+    filling.put("view.html", view::of_on_the_fly(plan, &scene, &file_name(&job.path)).as_bytes())?;
+    let mut files = std::mem::take(&mut filling.files);
+    files.sort_by(|a, b| a.file.cmp(&b.file));
     let facts =
         OnTheFlyFacts { job, machine, program: checked.program(), left_out: &plan.left_out, summary: &plan.summary };
     Ok(manifest::on_the_fly_manifest(&Head { files, ..head.clone() }, &facts))
+}
+
+/// Cells of the heights that pictures are shaded by, along the longer side.
+const RELIEF_CELLS: i64 = 400;
+
+/// The part as the lens sees it, under a texture.
+fn relief(surface: &Surface, texture: Box2) -> Relief {
+    Relief::under(surface, texture, RELIEF_CELLS)
 }
 
 /// The picture of a plan's first pass, as `layout.svg` has it.

@@ -7,6 +7,9 @@ use crate::surface::Surface;
 /// Steps until the place where a leaning beam meets a smooth surface is known to a nanometre.
 const STEPS: usize = 24;
 
+/// A place so near to the part lies at its rim, nm: a beam that is followed from above or below it may miss the part.
+const RIM: f64 = 2000.0;
+
 /// Follows beams to the surface; holds what can be reused from one to the next.
 pub(super) struct Beams<'a> {
     tracer: Tracer<'a>,
@@ -46,7 +49,8 @@ impl<'a> Beams<'a> {
         let mut hit = None;
         for _ in 0..STEPS {
             let p = [0, 1, 2].map(|k| at[k] + w * up[k]);
-            let Some((z, normal)) = self.look(p[0], p[1]) else { break };
+            let near = || [[0.0; 2], [RIM, 0.0], [-RIM, 0.0], [0.0, RIM], [0.0, -RIM]].into_iter();
+            let Some((z, normal)) = near().find_map(|[x, y]| self.look(p[0] + x, p[1] + y)) else { break };
             let cos: f64 = (0..3).map(|k| normal[k] * up[k]).sum();
             // A facet that looks away from the beam is met by none; the search goes on from the height under the place.
             let step = if cos > 1e-3 { (z - p[2]) * normal[2] / cos } else { (z - p[2]) / up[2].max(1e-3) };

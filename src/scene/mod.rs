@@ -18,9 +18,10 @@ mod thin;
 mod unmarked;
 
 pub use histogram::Histogram;
-pub use on_the_fly::{Motion, of_on_the_fly};
+pub use on_the_fly::{Motion, MotionSample, of_on_the_fly};
 pub use relief::Relief;
 pub use stepped::of_stepped;
+pub(crate) use stepped::turn_at;
 pub use unmarked::{Reason, Unmarked, UnmarkedLine, UnmarkedRow};
 
 use std::ops::Range;

@@ -5,7 +5,7 @@ use super::relief::Relief;
 use super::thin::thin;
 use super::{Frame, Group, Mark, Point, Scene, Thinned, unmarked};
 use crate::geom::{FieldPoint, P2, P3, Turn, Turned};
-use crate::machine::{Machine, Origin};
+use crate::machine::Origin;
 use crate::parallel;
 use crate::plan::{SteppedPlan, clock_of_program};
 use crate::program::{Block, stroke_mm};
@@ -60,9 +60,8 @@ struct Lies {
 
 impl Lies {
     fn of(block: &Block, plan: &SteppedPlan) -> Self {
-        let (machine, stop) = (&plan.machine, &block.stop);
         let centre = centre(block, plan);
-        let turn = (!stop.tilt.is_upright()).then(|| turn(block, plan, machine));
+        let turn = (!block.stop.tilt.is_upright()).then(|| turn_at(block, plan));
         let frame = match &turn {
             Some(turn) => Frame::turned(turn, centre),
             None => Frame::upright(centre.map(|v| v / 1e6)),
@@ -79,9 +78,9 @@ fn centre(block: &Block, plan: &SteppedPlan) -> [f64; 3] {
 }
 
 /// How the part is turned at a block.
-fn turn(block: &Block, plan: &SteppedPlan, machine: &Machine) -> Turn {
+pub(crate) fn turn_at(block: &Block, plan: &SteppedPlan) -> Turn {
     let Origin([x, y, z]) = plan.checked.origins()[block.setup.index()];
-    machine.turn(block.stop.tilt, Origin([x, y, z - plan.job.passes.lowered(block.pass).0]))
+    plan.machine.turn(block.stop.tilt, Origin([x, y, z - plan.job.passes.lowered(block.pass).0]))
 }
 
 /// The marks of a block.

@@ -9,6 +9,7 @@ mod bins;
 #[cfg(test)]
 mod brute;
 mod cad;
+mod decimate;
 mod facets;
 mod faults;
 mod heightmap;
@@ -32,6 +33,7 @@ use std::path::Path;
 
 use bins::{Bins, Class};
 pub use cad::{About, CadMesh, Tessellation, is_cad, load as load_cad};
+pub use decimate::Decimated;
 use facets::Unit;
 pub use faults::{Fault, FaultKind, NonManifold};
 pub use heightmap::Samples;

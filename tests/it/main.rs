@@ -54,5 +54,6 @@ mod terminal;
 mod textures;
 mod tilt;
 mod turned;
+mod view;
 mod wide;
 mod zoom;
