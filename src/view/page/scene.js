@@ -1,0 +1,465 @@
+// @ts-check
+/**
+ * What WebGL draws: the part with the blocks draped on it, the marks, and the texture that is not marked.
+ *
+ * Consumes decoded data and, for each picture, a `Look`. Promises that a picture is drawn within a budget of lines: while
+ * something moves, every k-th line of the marks in sight; at rest all of them, a piece in each frame. Data of marks is
+ * asked for when it comes into sight, nearest first.
+ */
+
+/**
+ * @typedef {object} Look
+ * @property {Camera} camera
+ * @property {Turn} turn of the table
+ * @property {ColourBy} by
+ * @property {number} now time up to which marks are drawn, s; Infinity for all
+ * @property {number} present index of the present block, -1 for none
+ * @property {number} pen index, -1 for all
+ * @property {[number, number]|null} defocus um, of what is shown
+ * @property {[number, number]|null} incidence deg, of what is shown
+ * @property {Record<Layer, boolean>} layers
+ * @property {number} pass whose blocks are draped, from 1
+ * @property {(block: number) => boolean} isShown
+ * @property {Theme} theme
+ * @property {boolean} moving
+ */
+/** @typedef {{ground: Colour, part: Colour, ink: Colour, accent: Colour}} Theme */
+/** @typedef {"part"|"blocks"|"borders"|"marks"|"skipped"|"path"|"field"|"lens"|"travel"|"seams"|"labels"} Layer */
+
+/** Fewest and most lines drawn in a frame while something moves. */
+const BUDGET = [20_000, 3_000_000];
+/** Lines that a frame adds at rest. */
+const PIECE = 400_000;
+/** Marks nearer to each other than this are drawn as their blocks' colour, CSS pixels. */
+const MERGED_PX = 1.1;
+
+class Scene {
+  /** @param {HTMLCanvasElement} canvas @param {Head} head @param {Blocks} blocks @param {() => void} changed */
+  constructor(canvas, head, blocks, changed) {
+    const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true, alpha: false });
+    if (!gl) throw new Error("this browser does not offer WebGL 2");
+    this.gl = gl;
+    this.canvas = canvas;
+    this.head = head;
+    this.blocks = blocks;
+    this.changed = changed;
+    this.meshProgram = new Program(gl, MESH_VERTEX, MESH_FRAGMENT);
+    this.markProgram = new Program(gl, MARK_VERTEX, MARK_FRAGMENT);
+    this.skippedProgram = new Program(gl, SKIPPED_VERTEX, SKIPPED_FRAGMENT);
+    this.probe = new Probe(gl, 11);
+    this.blockValues = new Values(gl, gl.RGBA32F, gl.RGBA, gl.FLOAT);
+    this.palette = new Values(gl, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE);
+    this.ramps = new Values(gl, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE);
+    this.ramps.set(RAMP_TEXELS, 3, rampTexels());
+    const rows = Math.max(1, Math.ceil(head.blocks.count / BLOCKS_PER_ROW));
+    this.paletteTexels = new Uint8Array(BLOCKS_PER_ROW * rows * 4);
+    this.blockValues.set(4 * BLOCKS_PER_ROW, rows, this.valuesOfBlocks(rows));
+    /** @type {(Values|null)[]} */
+    this.labels = head.maps.map(() => null);
+    this.noLabels = new Values(gl, gl.R32UI, gl.RED_INTEGER, gl.UNSIGNED_INT);
+    this.noLabels.set(1, 1, new Uint32Array(1));
+    /** @type {{array: WebGLVertexArrayObject, corners: number}|null} */
+    this.mesh = null;
+    /** @type {{array: WebGLVertexArrayObject, points: number}|null} */
+    this.skipped = null;
+    /** @type {({data: Chunk, array: WebGLVertexArrayObject, buffer: WebGLBuffer}|null)[]} */
+    this.chunks = head.chunks.map(() => null);
+    /** @type {(Promise<void>|null)[]} */
+    this.loads = head.chunks.map(() => null);
+    this.loading = 0;
+    this.budget = 300_000;
+    /** Chunks that are not drawn yet in the picture at rest. @type {number[]} */
+    this.waiting = [];
+    /** Where the next piece of the first of them begins. */
+    this.waitingAt = 0;
+    /** Whether marks are drawn, or blocks stand for them. */
+    this.drawsMarks = false;
+    const size = minus(head.box[1], head.box[0]);
+    /** Mean distance of marks, mm. */
+    this.pitch_mm = (size[0] * size[1]) / Math.max(head.mark_mm, 1e-9);
+  }
+
+  /** Four texels for each block. @param {number} rows */
+  valuesOfBlocks(rows) {
+    const values = new Float32Array(4 * 4 * BLOCKS_PER_ROW * rows);
+    const { blocks } = this;
+    /** @type {Map<string, number>} */
+    const tilts = new Map();
+    for (let i = 0; i < this.head.blocks.count; i++) {
+      const m = blocks.frame?.[i] ?? [1, 0, 0, 0, 1, 0, 0, 0, 1, ...blocks.origin[i]];
+      const tilt = String(blocks.tilt?.[i] ?? "");
+      if (!tilts.has(tilt)) tilts.set(tilt, tilts.size);
+      const section = blocks.section?.[i] ?? [i, 0];
+      const key = [section[0] + 4096 * section[1], blocks.level?.[i] ?? 0, tilts.get(tilt) ?? 0, blocks.setup[i]];
+      for (let r = 0; r < 3; r++) values.set([m[3 * r], m[3 * r + 1], m[3 * r + 2], m[9 + r]], 16 * i + 4 * r);
+      values.set(key, 16 * i + 12);
+    }
+    return values;
+  }
+
+  /** @param {Mesh} mesh */
+  setMesh(mesh) {
+    const gl = this.gl;
+    const array = /** @type {WebGLVertexArrayObject} */ (gl.createVertexArray());
+    gl.bindVertexArray(array);
+    bufferOf(gl, gl.ARRAY_BUFFER, mesh.positions);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 3, gl.UNSIGNED_SHORT, true, 8, 0);
+    bufferOf(gl, gl.ARRAY_BUFFER, mesh.normals);
+    gl.enableVertexAttribArray(1);
+    gl.vertexAttribPointer(1, 3, gl.BYTE, true, 4, 0);
+    bufferOf(gl, gl.ELEMENT_ARRAY_BUFFER, mesh.corners);
+    gl.bindVertexArray(null);
+    this.mesh = { array, corners: mesh.corners.length };
+  }
+
+  /** @param {number} k of `head.maps` @param {Uint32Array<ArrayBuffer>} labels */
+  setMap(k, labels) {
+    const gl = this.gl;
+    const values = new Values(gl, gl.R32UI, gl.RED_INTEGER, gl.UNSIGNED_INT);
+    values.set(this.head.maps[k].columns, this.head.maps[k].rows, labels);
+    this.labels[k] = values;
+  }
+
+  /** @param {{words: Uint32Array<ArrayBuffer>, points: number}} skipped */
+  setSkipped(skipped) {
+    const gl = this.gl;
+    const array = /** @type {WebGLVertexArrayObject} */ (gl.createVertexArray());
+    gl.bindVertexArray(array);
+    bufferOf(gl, gl.ARRAY_BUFFER, skipped.words);
+    for (const k of [0, 1, 2]) {
+      gl.enableVertexAttribArray(k);
+      gl.vertexAttribDivisor(k, 1);
+    }
+    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, STRIDE, 0);
+    gl.vertexAttribIPointer(1, 1, gl.UNSIGNED_INT, STRIDE, 12);
+    gl.vertexAttribPointer(2, 3, gl.FLOAT, false, STRIDE, STRIDE);
+    gl.bindVertexArray(null);
+    this.skipped = { array, points: skipped.points };
+  }
+
+  /** Reads a chunk, once. @param {number} k @returns {Promise<void>} */
+  load(k) {
+    this.loads[k] ??= this.read(k);
+    return /** @type {Promise<void>} */ (this.loads[k]);
+  }
+
+  /** @param {number} k */
+  async read(k) {
+    const gl = this.gl;
+    this.loading += 1;
+    try {
+      const data = await readChunk(this.head, this.blocks, this.head.chunks[k]);
+      const buffer = bufferOf(gl, gl.ARRAY_BUFFER, data.words);
+      const array = /** @type {WebGLVertexArrayObject} */ (gl.createVertexArray());
+      this.chunks[k] = { data, array, buffer };
+    } finally {
+      this.loading -= 1;
+    }
+    this.changed();
+  }
+
+  /** The chunk of a block, -1 if it has no marks. @param {number} block */
+  chunkOf(block) {
+    return this.head.chunks.findIndex((c) => c.first <= block && block < c.last);
+  }
+
+  /** Colours of the blocks and which are shown. @param {Look} look */
+  setPalette(look) {
+    const { head, blocks, paletteTexels: texels } = this;
+    for (let i = 0; i < head.blocks.count; i++) {
+      texels.set(ofBlock(look.by, head, blocks, i), 4 * i);
+      texels[4 * i + 3] = look.isShown(i) && blocks.start[i] <= look.now ? 255 : 0;
+    }
+    this.palette.set(BLOCKS_PER_ROW, texels.length / BLOCKS_PER_ROW / 4, texels);
+  }
+
+  /** Draws a picture from its beginning. @param {Look} look */
+  draw(look) {
+    const { gl, canvas } = this;
+    const ratio = canvas.width / look.camera.width;
+    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.clearColor(...unitColour(look.theme.ground), 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.enable(gl.DEPTH_TEST);
+    const { projection } = look.camera.matrices();
+    const merged = this.pitch_mm / look.camera.pixel_mm() < MERGED_PX;
+    const filtered = look.defocus !== null || look.incidence !== null || look.pen >= 0;
+    this.drawsMarks = look.layers.marks && (!merged || filtered || this.head.maps.length === 0);
+    if (look.layers.part) this.drawMesh(look, projection, ratio, false);
+    if (look.layers.skipped) this.drawSkipped(look, projection, ratio);
+    this.waiting = this.drawsMarks ? this.chunksInSight(look) : [];
+    this.waitingAt = 0;
+    if (look.moving) {
+      const lines = this.waiting.reduce((sum, k) => sum + (this.chunks[k]?.data.points ?? 0), 0);
+      const every = Math.max(1, Math.ceil(lines / this.budget));
+      this.beginMarks(look, projection, [canvas.width, canvas.height], ratio, false);
+      for (const k of this.waiting) this.drawChunk(k, 0, Infinity, every);
+      if (every === 1) this.waiting = this.waiting.filter((k) => !this.chunks[k]);
+    }
+  }
+
+  /** Adds a piece of the marks to the picture at rest; false when it is complete. @param {Look} look */
+  drawMore(look) {
+    if (this.waiting.length === 0) return false;
+    const { gl, canvas } = this;
+    gl.viewport(0, 0, canvas.width, canvas.height);
+    const { projection } = look.camera.matrices();
+    this.beginMarks(look, projection, [canvas.width, canvas.height], canvas.width / look.camera.width, false);
+    let left = PIECE;
+    while (left > 0 && this.waiting.length > 0) {
+      const k = this.waiting[0];
+      const chunk = this.chunks[k];
+      if (!chunk) {
+        // Its arrival begins the picture anew.
+        this.waiting.shift();
+        continue;
+      }
+      const to = Math.min(this.waitingAt + left, chunk.data.points);
+      this.drawChunk(k, this.waitingAt, to, 1);
+      left -= to - this.waitingAt;
+      this.waitingAt = to;
+      if (to === chunk.data.points) {
+        this.waiting.shift();
+        this.waitingAt = 0;
+      }
+    }
+    return this.waiting.length > 0;
+  }
+
+  /** Chunks in the picture, nearest to its middle first; those that are not read yet are asked for.
+   * @param {Look} look */
+  chunksInSight(look) {
+    const view = product(look.camera.matrices().both, matrixOfTurn(look.turn));
+    /** @type {[number, number][]} */
+    const seen = [];
+    this.head.chunks.forEach((chunk, k) => {
+      let [outside, distance] = [63, Infinity];
+      for (let c = 0; c < 8; c++) {
+        const [x, y, z] = [0, 1, 2].map((a) => chunk.box[(c >> a) & 1][a]);
+        const [u, v, , w] = [0, 1, 2, 3].map((r) => view[r] * x + view[4 + r] * y + view[8 + r] * z + view[12 + r]);
+        outside &= (u < -w ? 1 : 0) | (u > w ? 2 : 0) | (v < -w ? 4 : 0) | (v > w ? 8 : 0) | (w < 0 ? 16 : 0);
+        distance = Math.min(distance, Math.hypot(u / w, v / w));
+      }
+      if (outside === 0) seen.push([distance, k]);
+    });
+    seen.sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+    for (const [, k] of seen) {
+      if (this.loading >= 2) break;
+      if (!this.loads[k]) this.load(k).catch((error) => reportError(error));
+    }
+    return seen.map(([, k]) => k);
+  }
+
+  /** @param {Look} look @param {Matrix} projection @param {number} ratio device pixels of a CSS pixel
+   * @param {boolean} pick whether blocks are drawn as their numbers */
+  drawMesh(look, projection, ratio, pick) {
+    if (!this.mesh) return;
+    const { gl, head, meshProgram: p } = this;
+    p.use();
+    const { view } = look.camera.matrices();
+    const [low, high] = head.part.box;
+    p.floats({
+      uView: product(view, matrixOfTurn(look.turn)),
+      uProjection: projection,
+      uLow: low,
+      uSize: minus(high, low),
+      uPart: unitColour(look.theme.part),
+      uInk: unitColour(look.theme.ink),
+      uAccent: unitColour(look.theme.accent),
+      uTint: !look.layers.blocks ? 0 : this.drawsMarks ? 0.22 : 1,
+      uPixels: ratio,
+    });
+    p.ints({
+      uPresent: look.present + 1,
+      uBorders: look.layers.borders,
+      uSeams: look.layers.seams || look.by === "seam",
+      uPick: pick,
+    });
+    this.bindBlocks(p, look.pass);
+    gl.bindVertexArray(this.mesh.array);
+    gl.drawElements(gl.TRIANGLES, this.mesh.corners, gl.UNSIGNED_INT, 0);
+    gl.bindVertexArray(null);
+  }
+
+  /** @param {Program} p @param {number} pass */
+  bindBlocks(p, pass) {
+    const k = this.head.maps.findIndex((m, i) => m.pass === pass && this.labels[i]);
+    const map = this.head.maps[k];
+    this.blockValues.bind(0);
+    this.palette.bind(1);
+    (this.labels[k] ?? this.noLabels).bind(2);
+    this.ramps.bind(3);
+    p.ints({ uBlocks: 0, uPalette: 1, uLabels: 2, uRamps: 3 });
+    p.floats({ uMap: map ? [...map.origin, map.cell] : [0, 0, 1] });
+    this.gl.uniform2i(p.at("uMapCells"), map?.columns ?? 0, map?.rows ?? 0);
+  }
+
+  /** @param {Look} look @param {Matrix} projection @param {number} ratio */
+  drawSkipped(look, projection, ratio) {
+    if (!this.skipped) return;
+    const { gl, canvas, skippedProgram: p } = this;
+    p.use();
+    p.floats({
+      uView: product(look.camera.matrices().view, matrixOfTurn(look.turn)),
+      uProjection: projection,
+      uViewport: [canvas.width, canvas.height],
+      uWidth: 1.2 * ratio,
+      uBias: this.bias(look),
+      uRed: unitColour(SKIPPED),
+      uGrey: unitColour(BEYOND),
+    });
+    gl.bindVertexArray(this.skipped.array);
+    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.skipped.points);
+    gl.bindVertexArray(null);
+  }
+
+  /** How far marks are moved towards the eye, mm: the decimated part must not hide them. @param {Look} look */
+  bias(look) {
+    return 1.3 * this.head.part.within_mm + 0.6 * look.camera.pixel_mm();
+  }
+
+  /** @param {Look} look @param {Matrix} projection @param {[number, number]} viewport @param {number} ratio
+   * @param {boolean} pick */
+  beginMarks(look, projection, viewport, ratio, pick) {
+    const { head, markProgram: p } = this;
+    p.use();
+    const { histograms, ranges } = head;
+    const all = /** @type {[number, number]} */ ([-1e30, 1e30]);
+    const [defocus, incidence] = [look.defocus ?? all, look.incidence ?? all];
+    const isOpen = (/** @type {number} */ v, /** @type {number[]} */ edges) => Number(v >= edges[edges.length - 1]);
+    /** @type {Record<string, [number, number]>} */
+    const rangeBy = {
+      defocus: aboutZero(ranges.defocus_um), incidence: ranges.incidence_deg, height: ranges.height_mm,
+    };
+    p.floats({
+      uView: product(look.camera.matrices().view, matrixOfTurn(look.turn)),
+      uProjection: projection,
+      uViewport: viewport,
+      uWidth: (pick ? 2 : lineWidth(this.pitch_mm / look.camera.pixel_mm())) * ratio,
+      uBias: this.bias(look),
+      uValueStep: [head.defocus_um_per_step, head.incidence_deg_per_step],
+      uShownDefocus: defocus,
+      uShownIncidence: incidence,
+      uShownHalf: [
+        isOpen(defocus[1], histograms.defocus_um.edges), isOpen(incidence[1], histograms.incidence_deg.edges),
+        Number(histograms.defocus_um.edges[0] >= 0), 0,
+      ],
+      uAccent: unitColour(look.theme.accent),
+      uRange: look.by === "time" ? [0, 1] : rangeBy[look.by] ?? [0, 1],
+      uSeamReach: (head.maps[0]?.cell ?? 0) * 1.5,
+    });
+    p.ints({
+      uNow: Math.min(Math.floor((look.now / head.time_s) * CLOCK_STEPS), CLOCK_STEPS),
+      uMode: this.markMode(look.by),
+      uShownPen: look.pen,
+      uPresentBlock: look.present,
+      uPick: pick,
+      uAsDot: false,
+    });
+    this.bindBlocks(p, look.pass);
+  }
+
+  /** @param {ColourBy} by */
+  markMode(by) {
+    if (by === "height") return this.blocks.focus.every((f) => f == null) ? MARK_MODES.height : MARK_MODES.palette;
+    return MARK_MODES[/** @type {"pen"} */ (by)] ?? MARK_MODES.palette;
+  }
+
+  /** Lines from one point to another, or every k-th of them. @param {number} k of the chunk @param {number} from
+   * @param {number} to @param {number} every */
+  drawChunk(k, from, to, every) {
+    const chunk = this.chunks[k];
+    if (!chunk) return;
+    const { gl, markProgram: p } = this;
+    const { xy_mm, z_mm, first } = chunk.data.head;
+    p.floats({ uStep: [xy_mm, z_mm] });
+    p.ints({ uFirst: first });
+    gl.bindVertexArray(chunk.array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, chunk.buffer);
+    const stride = STRIDE * every;
+    for (const [slot, start] of [[0, from * STRIDE], [3, (from + 1) * STRIDE]]) {
+      for (let s = slot; s < slot + 3; s++) {
+        gl.enableVertexAttribArray(s);
+        gl.vertexAttribDivisor(s, 1);
+      }
+      gl.vertexAttribIPointer(slot, 4, gl.SHORT, stride, start);
+      gl.vertexAttribIPointer(slot + 1, 1, gl.UNSIGNED_INT, stride, start + 8);
+      gl.vertexAttribIPointer(slot + 2, 1, gl.UNSIGNED_INT, stride, start + 12);
+    }
+    const count = Math.floor((Math.min(to, chunk.data.points) - from) / every);
+    if (count > 0) gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, count);
+    gl.bindVertexArray(null);
+  }
+
+  /**
+   * The block at a place of the picture, -1 for none: that of the nearest mark in reach, else that of the part there.
+   * @param {Look} look @param {number} x CSS pixels from the left @param {number} y from the top
+   */
+  pick(look, x, y) {
+    const { gl, probe, canvas } = this;
+    const ratio = canvas.width / look.camera.width;
+    const [px, py] = [x * ratio, canvas.height - y * ratio];
+    const [sx, sy] = [canvas.width / probe.side, canvas.height / probe.side];
+    const [tx, ty] = [sx * (1 - (2 * px) / canvas.width), sy * (1 - (2 * py) / canvas.height)];
+    const part = [sx, 0, 0, 0, 0, sy, 0, 0, 0, 0, 1, 0, tx, ty, 0, 1];
+    const projection = product(part, look.camera.matrices().projection);
+    const pixels = probe.read(() => {
+      gl.enable(gl.DEPTH_TEST);
+      this.drawMesh(look, projection, ratio, true);
+      if (!this.drawsMarks) return;
+      this.beginMarks(look, projection, [probe.side, probe.side], ratio, true);
+      for (const k of this.chunksInSight(look)) this.drawChunk(k, 0, Infinity, 1);
+    });
+    const middle = (probe.side - 1) / 2;
+    let [best, near] = [-1, Infinity];
+    for (let i = 0; i < probe.side * probe.side; i++) {
+      const id = pixels[4 * i] | (pixels[4 * i + 1] << 8) | (pixels[4 * i + 2] << 16);
+      const d = Math.hypot((i % probe.side) - middle, Math.floor(i / probe.side) - middle);
+      const isMark = pixels[4 * i + 3] === 255;
+      if (id > 0 && (isMark || d === 0) && (isMark ? d : 100) < near) [best, near] = [id - 1, isMark ? d : 100];
+    }
+    return best;
+  }
+
+  /** The colour that the shader gives to a point of a mark, null where it is not drawn.
+   * @param {Look} look @param {number} k of the chunk @param {number} point @returns {Colour|null} */
+  colourOfPoint(look, k, point) {
+    const chunk = this.chunks[k];
+    if (!chunk) return null;
+    const { gl, probe } = this;
+    const [x, y, z] = pointInPart(this.blocks, chunk.data, point);
+    const pixels = probe.read(() => {
+      gl.disable(gl.DEPTH_TEST);
+      this.beginMarks(look, NO_PROJECTION, [probe.side, probe.side], 1, false);
+      this.markProgram.floats({ uView: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, -x, -y, -z, 1], uBias: 0, uWidth: 3 });
+      this.markProgram.ints({ uAsDot: true });
+      this.drawChunk(k, point, point + 1, 1);
+    });
+    const middle = 4 * ((probe.side * probe.side - 1) / 2);
+    return pixels[middle + 3] === 0 ? null : [pixels[middle], pixels[middle + 1], pixels[middle + 2]];
+  }
+}
+
+const NO_PROJECTION = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+
+/** @param {Colour} c @returns {Vec3} */
+function unitColour(c) {
+  return [c[0] / 255, c[1] / 255, c[2] / 255];
+}
+
+/** Width of marks whose mean distance is `pitch` CSS pixels: they must not grow together. @param {number} pitch */
+function lineWidth(pitch) {
+  return Math.min(Math.max(pitch * 0.22, 0.9), 2.4);
+}
+
+/** A point of a mark in the part frame, mm. @param {Blocks} blocks @param {Chunk} chunk @param {number} point
+ * @returns {Vec3} */
+function pointInPart(blocks, chunk, point) {
+  const { shorts, head } = chunk;
+  const block = head.first + (shorts[8 * point + 3] & 0xffff);
+  /** @type {Vec3} */
+  const local = [shorts[8 * point] * head.xy_mm, shorts[8 * point + 1] * head.xy_mm, shorts[8 * point + 2] * head.z_mm];
+  const frame = blocks.frame?.[block];
+  return frame ? turned(frame, local) : add(blocks.origin[block], local);
+}

@@ -1,0 +1,291 @@
+// @ts-check
+/**
+ * The shaders. Lengths are in mm in the part frame until `uView`, which holds the turn of the table and the camera.
+ *
+ * A block is four texels of `uBlocks`: three rows of the matrix that takes local places into the part frame, then
+ * section, level, tilt and set-up by number. Its colour is a texel of `uPalette`; alpha 0 hides it.
+ */
+
+/** Blocks in one row of the textures. */
+const BLOCKS_PER_ROW = 256;
+
+/** How marks are coloured: from the palette, or by a value of their own. */
+const MARK_MODES = { palette: 0, defocus: 1, incidence: 2, pen: 3, time: 4, seam: 5, height: 6 };
+
+const COMMON = `
+uniform highp sampler2D uBlocks;
+uniform highp sampler2D uPalette;
+uniform highp usampler2D uLabels;
+uniform vec3 uMap; // lowest corner, side of a cell
+uniform ivec2 uMapCells;
+
+vec4 blockTexel(int block, int k) {
+  return texelFetch(uBlocks, ivec2(4 * (block % ${BLOCKS_PER_ROW}) + k, block / ${BLOCKS_PER_ROW}), 0);
+}
+
+vec4 blockColour(int block) {
+  return texelFetch(uPalette, ivec2(block % ${BLOCKS_PER_ROW}, block / ${BLOCKS_PER_ROW}), 0);
+}
+
+// 0 for none, else the block's index plus 1.
+int labelAt(vec2 p) {
+  ivec2 c = ivec2(floor((p - uMap.xy) / uMap.z));
+  bool isIn = all(greaterThanEqual(c, ivec2(0))) && all(lessThan(c, uMapCells));
+  return isIn ? int(texelFetch(uLabels, c, 0).r) : 0;
+}
+
+// 0 for none, else the kind of seam between two labels.
+int seamBetween(int a, int b) {
+  if (a == b || a == 0 || b == 0) return 0;
+  vec4 p = blockTexel(a - 1, 3), q = blockTexel(b - 1, 3);
+  return p.w != q.w ? 4 : p.z != q.z ? 3 : p.x == q.x && p.y != q.y ? 2 : 1;
+}
+
+// The kind of seam next to a place, looked for along two directions.
+int seamNear(vec2 p, vec2 u, vec2 v) {
+  int here = labelAt(p);
+  int kind = max(seamBetween(here, labelAt(p + u)), seamBetween(here, labelAt(p - u)));
+  return max(kind, max(seamBetween(here, labelAt(p + v)), seamBetween(here, labelAt(p - v))));
+}
+
+vec4 idColour(int id, float kind) {
+  return vec4(float(id & 255), float((id >> 8) & 255), float((id >> 16) & 255), kind) / 255.0;
+}
+`;
+
+const MESH_VERTEX = `
+layout(location = 0) in vec3 aPlace;
+layout(location = 1) in vec3 aNormal;
+uniform mat4 uView;
+uniform mat4 uProjection;
+uniform vec3 uLow;
+uniform vec3 uSize;
+out vec3 vPart;
+out vec3 vNormal;
+out vec3 vLit;
+void main() {
+  vPart = uLow + aPlace * uSize;
+  vNormal = aNormal;
+  vLit = mat3(uView) * aNormal;
+  gl_Position = uProjection * (uView * vec4(vPart, 1.0));
+}`;
+
+const MESH_FRAGMENT = `${COMMON}
+in vec3 vPart;
+in vec3 vNormal;
+in vec3 vLit;
+uniform highp sampler2D uRamps;
+uniform vec3 uPart;    // colour of the part
+uniform vec3 uInk;     // of borders
+uniform vec3 uAccent;  // of the present block
+uniform float uTint;   // how much of a block's colour is laid over the part
+uniform float uPixels; // device pixels of a CSS pixel
+uniform int uPresent;  // label, 0 for none
+uniform bool uBorders;
+uniform bool uSeams;
+uniform bool uPick;
+out vec4 colour;
+void main() {
+  bool isUp = vNormal.z > 0.0;
+  int here = isUp ? labelAt(vPart.xy) : 0;
+  if (uPick) {
+    colour = idColour(here, 128.0);
+    return;
+  }
+  vec3 n = normalize(vLit);
+  if (n.z < 0.0) n = -n;
+  float light = 0.5 + 0.42 * max(dot(n, normalize(vec3(-0.35, 0.55, 0.75))), 0.0) + 0.12 * n.z;
+  vec3 c = uPart;
+  vec2 dx = dFdx(vPart.xy) * uPixels, dy = dFdy(vPart.xy) * uPixels;
+  if (here > 0) {
+    vec4 block = blockColour(here - 1);
+    c = mix(c, block.rgb, uTint * block.a);
+    light = mix(light, 0.72 + 0.34 * (light - 0.2), uTint * block.a);
+  }
+  c *= light;
+  if (isUp && uBorders) {
+    int there[4] = int[4](labelAt(vPart.xy + dx * 0.5), labelAt(vPart.xy - dx * 0.5), labelAt(vPart.xy + dy * 0.5),
+                          labelAt(vPart.xy - dy * 0.5));
+    bool isBorder = false;
+    for (int k = 0; k < 4; k++) isBorder = isBorder || there[k] != here;
+    if (isBorder) c = mix(c, uInk, 0.4);
+  }
+  if (here > 0 && uSeams) {
+    int kind = seamNear(vPart.xy, dx * 0.9, dy * 0.9);
+    if (kind > 0) c = texelFetch(uRamps, ivec2(kind - 1, 2), 0).rgb;
+  }
+  if (uPresent > 0 && isUp) {
+    bool isEdge = false;
+    for (int k = 0; k < 8; k++) {
+      float a = float(k) * 0.7853982;
+      int there = labelAt(vPart.xy + (dx * cos(a) + dy * sin(a)) * 1.6);
+      isEdge = isEdge || (there == uPresent) != (here == uPresent);
+    }
+    if (isEdge) c = uAccent;
+  }
+  colour = vec4(c, 1.0);
+}`;
+
+const MARK_VERTEX = `${COMMON}
+layout(location = 0) in ivec4 aPlace;
+layout(location = 1) in uint aValue;
+layout(location = 2) in uint aClock;
+layout(location = 3) in ivec4 bPlace;
+layout(location = 4) in uint bValue;
+layout(location = 5) in uint bClock;
+uniform mat4 uView;
+uniform mat4 uProjection;
+uniform vec2 uViewport;  // device pixels
+uniform float uWidth;    // of a line, device pixels
+uniform float uBias;     // towards the eye, mm
+uniform vec2 uStep;      // mm of a step of x and y, of z
+uniform vec2 uValueStep; // um, deg
+uniform int uFirst;      // block from which those of the chunk count
+uniform int uNow;        // clock up to which marks are drawn
+uniform bool uAsDot;
+out float vDefocus;
+out float vIncidence;
+out float vAfter;        // clock later than now, steps
+out float vTime;         // 0 to 1
+out vec2 vPart;
+out float vHeight;
+flat out int vPen;
+flat out int vBlock;
+
+vec3 placeInPart(ivec4 p, int block) {
+  vec4 local = vec4(vec2(p.xy) * uStep.x, float(p.z) * uStep.y, 1.0);
+  return vec3(dot(blockTexel(block, 0), local), dot(blockTexel(block, 1), local), dot(blockTexel(block, 2), local));
+}
+
+vec4 projected(vec3 p) {
+  vec4 e = uView * vec4(p, 1.0);
+  vec4 c = uProjection * e;
+  vec4 nearer = uProjection * vec4(e.xyz + vec3(0.0, 0.0, uBias), 1.0);
+  c.z = nearer.z / nearer.w * c.w;
+  return c;
+}
+
+void main() {
+  int block = uFirst + (aPlace.w & 0xffff);
+  bool isDot = (aClock & 2u) != 0u || uAsDot;
+  bool isLast = (aClock & 1u) != 0u;
+  gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+  vBlock = block;
+  vPen = int(aValue >> 24);
+  bool atA = gl_VertexID < 2 || isDot;
+  uint value = atA ? aValue : bValue;
+  uint clock = (atA ? aClock : bClock) >> 2;
+  vDefocus = float(int(value << 16) >> 16) * uValueStep.x;
+  vIncidence = float((value >> 16) & 255u) * uValueStep.y;
+  vAfter = float(int(clock) - uNow);
+  vTime = float(clock) / ${CLOCK_STEPS}.0;
+  if ((isLast && !isDot) || blockColour(block).a == 0.0) return;
+
+  vec3 pa = placeInPart(aPlace, block);
+  vec3 pb = isDot ? pa : placeInPart(bPlace, block);
+  vPart = atA ? pa.xy : pb.xy;
+  vHeight = atA ? pa.z : pb.z;
+  vec4 a = projected(pa), b = projected(pb);
+  if (a.w <= 0.0 || b.w <= 0.0) return;
+  vec2 along = (b.xy / b.w - a.xy / a.w) * uViewport;
+  along = isDot || length(along) < 1e-6 ? vec2(1.0, 0.0) : normalize(along);
+  float side = (gl_VertexID & 1) == 0 ? -1.0 : 1.0;
+  float width = isDot ? uWidth * 1.8 : uWidth;
+  vec2 offset = vec2(-along.y, along.x) * side * width;
+  if (isDot) offset += along * width * (gl_VertexID < 2 ? -1.0 : 1.0);
+  gl_Position = atA && gl_VertexID < 2 ? a : b;
+  gl_Position.xy += offset / uViewport * gl_Position.w;
+}`;
+
+const MARK_FRAGMENT = `${COMMON}
+in float vDefocus;
+in float vIncidence;
+in float vAfter;
+in float vTime;
+in vec2 vPart;
+in float vHeight;
+flat in int vPen;
+flat in int vBlock;
+uniform highp sampler2D uRamps;
+uniform int uMode;
+uniform vec2 uShownDefocus;   // um
+uniform vec2 uShownIncidence; // deg
+uniform vec4 uShownHalf;      // 1 where the upper limit of defocus, incidence is open; 1 where defocus has no sign
+uniform int uShownPen;        // -1 for all
+uniform int uPresentBlock;    // -1 for none
+uniform vec3 uAccent;
+uniform vec2 uRange;          // of the value that colours, in its unit
+uniform float uSeamReach;     // mm
+uniform bool uPick;
+out vec4 colour;
+
+vec3 ramp(float value, int row) {
+  float span = uRange.y - uRange.x;
+  float share = span > 0.0 ? clamp((value - uRange.x) / span, 0.0, 1.0) : 0.5;
+  return texelFetch(uRamps, ivec2(floor(share * ${RAMP_TEXELS - 1}.0 + 0.5), row), 0).rgb;
+}
+
+void main() {
+  float defocus = uShownHalf.z > 0.0 ? abs(vDefocus) : vDefocus;
+  if (vAfter > 0.0 || defocus < uShownDefocus.x || vIncidence < uShownIncidence.x) discard;
+  if (defocus > uShownDefocus.y || (defocus == uShownDefocus.y && uShownHalf.x == 0.0)) discard;
+  if (vIncidence > uShownIncidence.y || (vIncidence == uShownIncidence.y && uShownHalf.y == 0.0)) discard;
+  if (uShownPen >= 0 && vPen != uShownPen) discard;
+  if (uPick) {
+    colour = idColour(vBlock + 1, 255.0);
+    return;
+  }
+  vec3 c = blockColour(vBlock).rgb;
+  if (uMode == ${MARK_MODES.defocus}) c = ramp(vDefocus, 1);
+  if (uMode == ${MARK_MODES.incidence}) c = ramp(vIncidence, 0);
+  if (uMode == ${MARK_MODES.pen}) c = texelFetch(uRamps, ivec2(vPen, 2), 0).rgb;
+  if (uMode == ${MARK_MODES.time}) c = ramp(vTime, 0);
+  if (uMode == ${MARK_MODES.height}) c = ramp(vHeight, 0);
+  if (uMode == ${MARK_MODES.seam}) {
+    int kind = seamNear(vPart, vec2(uSeamReach, 0.0), vec2(0.0, uSeamReach));
+    if (kind > 0) c = texelFetch(uRamps, ivec2(kind - 1, 2), 0).rgb;
+  }
+  colour = vec4(c, 1.0);
+}`;
+
+const SKIPPED_VERTEX = `
+layout(location = 0) in vec3 aPlace;
+layout(location = 1) in uint aFlags;
+layout(location = 2) in vec3 bPlace;
+uniform mat4 uView;
+uniform mat4 uProjection;
+uniform vec2 uViewport;
+uniform float uWidth;
+uniform float uBias;
+flat out int vIsBeyond;
+vec4 projected(vec3 p) {
+  vec4 e = uView * vec4(p, 1.0);
+  vec4 c = uProjection * e;
+  vec4 nearer = uProjection * vec4(e.xyz + vec3(0.0, 0.0, uBias), 1.0);
+  c.z = nearer.z / nearer.w * c.w;
+  return c;
+}
+void main() {
+  bool isDot = (aFlags & 2u) != 0u;
+  gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+  vIsBeyond = int((aFlags >> 2) & 1u);
+  if ((aFlags & 1u) != 0u && !isDot) return;
+  vec4 a = projected(aPlace), b = projected(isDot ? aPlace : bPlace);
+  if (a.w <= 0.0 || b.w <= 0.0) return;
+  vec2 along = (b.xy / b.w - a.xy / a.w) * uViewport;
+  along = isDot || length(along) < 1e-6 ? vec2(1.0, 0.0) : normalize(along);
+  float side = (gl_VertexID & 1) == 0 ? -1.0 : 1.0;
+  vec2 offset = vec2(-along.y, along.x) * side * uWidth;
+  if (isDot) offset += along * uWidth * (gl_VertexID < 2 ? -1.0 : 1.0);
+  gl_Position = gl_VertexID < 2 ? a : b;
+  gl_Position.xy += offset / uViewport * gl_Position.w;
+}`;
+
+const SKIPPED_FRAGMENT = `
+flat in int vIsBeyond;
+uniform vec3 uRed;
+uniform vec3 uGrey;
+out vec4 colour;
+void main() {
+  colour = vec4(vIsBeyond == 1 ? uGrey : uRed, 1.0);
+}`;
