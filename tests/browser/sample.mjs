@@ -86,7 +86,11 @@ function makeBlocks(kind) {
         const setup = kind.setups > 1 && section[0] * kind.cell - shift >= SIZE[0] / 2 ? 2 : 1;
         const key = [pass, setup, section[0], section[1], level].join();
         if (!blocks.has(key)) blocks.set(key, { pass, setup, section, level, tilt, turn, marks: [] });
-        if (open && open.key !== key) open.mark.points.push({ p, q });
+        if (open && open.key !== key) {
+          // Both blocks reach the cut, each as its own tilt has it.
+          const { turn: other } = blocks.get(open.key);
+          open.mark.points.push({ p, q: other ? apply(other, p) : p });
+        }
         if (!open || open.key !== key) {
           open = { key, mark: { pen: line % 7 === 3 ? 1 : 0, points: [{ p, q }] } };
           blocks.get(key).marks.push(open.mark);

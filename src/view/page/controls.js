@@ -16,7 +16,8 @@ function connect(app) {
     change();
     app.cameraMoved();
   };
-  button("whole").addEventListener("click", move(() => camera.reset()));
+  button("texture").addEventListener("click", move(() => camera.reset()));
+  button("whole").addEventListener("click", move(() => camera.whole()));
   button("above").addEventListener("click", move(() => camera.fromAbove()));
   button("nearer").addEventListener("click", move(() => camera.zoom(1 / 1.5)));
   button("farther").addEventListener("click", move(() => camera.zoom(1.5)));
@@ -109,6 +110,7 @@ function onKey(app, e) {
     "=": () => camera.zoom(1 / 1.5),
     "-": () => camera.zoom(1.5),
     r: () => camera.reset(),
+    w: () => camera.whole(),
     t: () => camera.fromAbove(),
     b: () => app.showPresent(),
     "?": () => element("keys", HTMLDialogElement).showModal(),
@@ -184,11 +186,22 @@ function connectPointers(app) {
  * the part frame, pixels CSS pixels from the upper left corner of the picture.
  */
 class Api {
-  /** @param {App} app @param {Promise<void>} ready */
-  constructor(app, ready) {
-    this.app = app;
-    /** Fulfilled when all but the marks is read. */
-    this.ready = ready;
+  /** @type {App|undefined} */
+  opened;
+
+  /** @param {Promise<App>} app */
+  constructor(app) {
+    /** Fulfilled when all but the marks is read, with what was thrown if the job cannot be drawn. */
+    this.ready = app.then(
+      (a) => void (this.opened = a),
+      (/** @type {unknown} */ error) => error,
+    );
+  }
+
+  /** What all else works on, once `ready` is fulfilled. */
+  get app() {
+    if (!this.opened) throw new Error("the page is not ready");
+    return this.opened;
   }
 
   /** What is shown. */

@@ -10,10 +10,10 @@ class App {
   constructor(head, blocks) {
     this.head = head;
     this.blocks = blocks;
-    this.scene = new Scene(element("scene", HTMLCanvasElement), head, blocks, () => this.changed());
+    this.scene = new Scene(element("scene", HTMLCanvasElement), head, blocks, (stale) => this.changed(stale));
     this.timeline = new Timeline(head, blocks);
     this.overlay = new Overlay(element("overlay", HTMLCanvasElement), head, this.timeline);
-    this.camera = new Camera(head.box);
+    this.camera = new Camera(head.box, boxOfMarks(head));
     /** The clock, s. */
     this.time = 0;
     this.playing = false;
@@ -94,9 +94,9 @@ class App {
     this.changed();
   }
 
-  /** The picture is to be drawn anew. */
-  changed() {
-    this.isStale = true;
+  /** The next frame is to draw: the picture anew, or what is still to be added. @param {boolean} [isStale] */
+  changed(isStale = true) {
+    this.isStale ||= isStale;
     if (!this.isDue) {
       this.isDue = true;
       requestAnimationFrame((now) => this.frame(now));
@@ -283,20 +283,21 @@ function showFailure(error) {
   failure.textContent = `The job cannot be drawn: ${words}. The figures of the job are beside or below.`;
 }
 
+/** Shows the words, then the picture; throws if there can be none. */
 async function begin() {
   setTheme(matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
-  const head = readHead();
-  fillPage(head);
   try {
+    const head = readHead();
+    fillPage(head);
+    // Words are painted before the graphics card is asked for anything, which may take it a second.
+    await new Promise((painted) => requestAnimationFrame(() => setTimeout(painted)));
     if (typeof DecompressionStream === "undefined") throw new Error("this browser is too old to unpack the data");
-    const blocks = await readBlocks(head);
-    const app = new App(head, blocks);
+    const app = new App(head, await readBlocks(head));
     connect(app);
     fillLegend(head, app.by);
     app.changed();
-    const ready = readRest(app);
-    Object.assign(window, { terraceView: new Api(app, ready) });
-    await ready;
+    await readRest(app);
+    return app;
   } catch (error) {
     showFailure(error);
     throw error;
@@ -320,4 +321,4 @@ async function readRest(app) {
   app.changed();
 }
 
-begin();
+Object.assign(window, { terraceView: new Api(begin()) });

@@ -70,6 +70,7 @@ function fillChoice(select, options) {
 /** What of the page never changes. @param {Head} head */
 function fillPage(head) {
   const isFly = head.mode === "on-the-fly";
+  place("job").textContent = head.job;
   place("subtitle").textContent = `${head.mode} job for ${head.machine}, ${duration(head.time_s)}`;
   place("block-word").textContent = isFly ? "Run of marks" : "Block";
   place("stop-word").textContent = isFly ? "Run" : "Stop";

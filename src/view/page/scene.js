@@ -34,7 +34,7 @@ const PIECE = 400_000;
 const MERGED_PX = 1.1;
 
 class Scene {
-  /** @param {HTMLCanvasElement} canvas @param {Head} head @param {Blocks} blocks @param {() => void} changed */
+  /** @param {HTMLCanvasElement} canvas @param {Head} head @param {Blocks} blocks @param {(isStale: boolean) => void} changed */
   constructor(canvas, head, blocks, changed) {
     const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true, alpha: false });
     if (!gl) throw new Error("this browser does not offer WebGL 2");
@@ -70,11 +70,15 @@ class Scene {
     this.budget = 300_000;
     /** Chunks that are not drawn yet in the picture at rest. @type {number[]} */
     this.waiting = [];
+    /** Chunks in sight that were not read when the picture was begun. @type {Set<number>} */
+    this.wanted = new Set();
     /** Where the next piece of the first of them begins. */
     this.waitingAt = 0;
     /** Whether marks are drawn, or blocks stand for them. */
     this.drawsMarks = false;
-    const size = minus(head.box[1], head.box[0]);
+    const size = minus(...boxOfMarks(head)).map(Math.abs);
+    /** Mean side of a block, mm. */
+    this.block_mm = Math.sqrt((size[0] * size[1] * head.passes) / Math.max(head.blocks.count, 1));
     /** Mean distance of marks, mm. */
     this.pitch_mm = (size[0] * size[1]) / Math.max(head.mark_mm, 1e-9);
   }
@@ -156,7 +160,9 @@ class Scene {
     } finally {
       this.loading -= 1;
     }
-    this.changed();
+    // It joins the picture at rest, or the next one.
+    if (this.wanted.has(k)) this.waiting.push(k);
+    this.changed(false);
   }
 
   /** The chunk of a block, -1 if it has no marks. @param {number} block */
@@ -190,17 +196,20 @@ class Scene {
     if (look.layers.skipped) this.drawSkipped(look, projection, ratio);
     this.waiting = this.drawsMarks ? this.chunksInSight(look) : [];
     this.waitingAt = 0;
+    this.wanted = new Set(this.waiting.filter((k) => !this.chunks[k]));
+    this.waiting = this.waiting.filter((k) => this.chunks[k]);
     if (look.moving) {
       const lines = this.waiting.reduce((sum, k) => sum + (this.chunks[k]?.data.points ?? 0), 0);
       const every = Math.max(1, Math.ceil(lines / this.budget));
       this.beginMarks(look, projection, [canvas.width, canvas.height], ratio, false);
       for (const k of this.waiting) this.drawChunk(k, 0, Infinity, every);
-      if (every === 1) this.waiting = this.waiting.filter((k) => !this.chunks[k]);
+      if (every === 1) this.waiting = [];
     }
   }
 
   /** Adds a piece of the marks to the picture at rest; false when it is complete. @param {Look} look */
   drawMore(look) {
+    this.readWanted();
     if (this.waiting.length === 0) return false;
     const { gl, canvas } = this;
     gl.viewport(0, 0, canvas.width, canvas.height);
@@ -209,12 +218,7 @@ class Scene {
     let left = PIECE;
     while (left > 0 && this.waiting.length > 0) {
       const k = this.waiting[0];
-      const chunk = this.chunks[k];
-      if (!chunk) {
-        // Its arrival begins the picture anew.
-        this.waiting.shift();
-        continue;
-      }
+      const chunk = /** @type {{data: Chunk}} */ (this.chunks[k]);
       const to = Math.min(this.waitingAt + left, chunk.data.points);
       this.drawChunk(k, this.waitingAt, to, 1);
       left -= to - this.waitingAt;
@@ -227,7 +231,15 @@ class Scene {
     return this.waiting.length > 0;
   }
 
-  /** Chunks in the picture, nearest to its middle first; those that are not read yet are asked for.
+  /** Reads what is in sight, two chunks at a time. */
+  readWanted() {
+    for (const k of this.wanted) {
+      if (this.loading >= 2) break;
+      if (!this.loads[k]) this.load(k).catch((error) => reportError(error));
+    }
+  }
+
+  /** Chunks in the picture, nearest to its middle first.
    * @param {Look} look */
   chunksInSight(look) {
     const view = product(look.camera.matrices().both, matrixOfTurn(look.turn));
@@ -244,10 +256,6 @@ class Scene {
       if (outside === 0) seen.push([distance, k]);
     });
     seen.sort((a, b) => a[0] - b[0] || a[1] - b[1]);
-    for (const [, k] of seen) {
-      if (this.loading >= 2) break;
-      if (!this.loads[k]) this.load(k).catch((error) => reportError(error));
-    }
     return seen.map(([, k]) => k);
   }
 
@@ -267,12 +275,13 @@ class Scene {
       uPart: unitColour(look.theme.part),
       uInk: unitColour(look.theme.ink),
       uAccent: unitColour(look.theme.accent),
-      uTint: !look.layers.blocks ? 0 : this.drawsMarks ? 0.22 : 1,
+      uTint: !look.layers.blocks ? 0 : !this.drawsMarks ? 1 : this.markMode(look.by) === MARK_MODES.palette ? 0.22 : 0,
       uPixels: ratio,
+      // Where blocks are a few pixels wide, their borders would hide their colours.
+      uBorders: look.layers.borders ? Math.min(Math.max((this.block_mm / look.camera.pixel_mm() - 5) / 10, 0), 1) : 0,
     });
     p.ints({
       uPresent: look.present + 1,
-      uBorders: look.layers.borders,
       uSeams: look.layers.seams || look.by === "seam",
       uPick: pick,
     });
@@ -442,6 +451,16 @@ class Scene {
 }
 
 const NO_PROJECTION = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+
+/** The box of all marks; of the job where there are none. @param {Head} head @returns {Box} */
+function boxOfMarks(head) {
+  const boxes = head.chunks.map((c) => c.box);
+  if (boxes.length === 0) return head.box;
+  /** @param {0|1} end @param {(a: number, b: number) => number} pick @returns {Vec3} */
+  const corner = (end, pick) =>
+    boxes.map((b) => b[end]).reduce((a, b) => [pick(a[0], b[0]), pick(a[1], b[1]), pick(a[2], b[2])]);
+  return [corner(0, Math.min), corner(1, Math.max)];
+}
 
 /** @param {Colour} c @returns {Vec3} */
 function unitColour(c) {

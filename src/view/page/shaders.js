@@ -81,7 +81,7 @@ uniform vec3 uAccent;  // of the present block
 uniform float uTint;   // how much of a block's colour is laid over the part
 uniform float uPixels; // device pixels of a CSS pixel
 uniform int uPresent;  // label, 0 for none
-uniform bool uBorders;
+uniform float uBorders; // how dark borders are, 0 to 1
 uniform bool uSeams;
 uniform bool uPick;
 out vec4 colour;
@@ -103,12 +103,12 @@ void main() {
     light = mix(light, 0.72 + 0.34 * (light - 0.2), uTint * block.a);
   }
   c *= light;
-  if (isUp && uBorders) {
+  if (isUp && uBorders > 0.0) {
     int there[4] = int[4](labelAt(vPart.xy + dx * 0.5), labelAt(vPart.xy - dx * 0.5), labelAt(vPart.xy + dy * 0.5),
                           labelAt(vPart.xy - dy * 0.5));
     bool isBorder = false;
     for (int k = 0; k < 4; k++) isBorder = isBorder || there[k] != here;
-    if (isBorder) c = mix(c, uInk, 0.4);
+    if (isBorder) c = mix(c, uInk, 0.4 * uBorders);
   }
   if (here > 0 && uSeams) {
     int kind = seamNear(vPart.xy, dx * 0.9, dy * 0.9);
