@@ -168,7 +168,7 @@ function writeJob(folder, name) {
     manifestBlocks.push({
       id, pass: row.pass, setup: row.setup, section: row.section, level: row.level, centre_mm: centre, lpfl_mm: focus,
       stage: row.stage, tilt_deg: row.tilt, z_lo_mm: row.z[0], z_hi_mm: row.z[1], pens: row.pens.map((p) => PENS[p].name),
-      files: row.files, strokes: row.strokes, mark_mm: row.mark_mm, jump_mm: row.jump_mm, time_s: round(end - begin),
+      files: row.files, strokes: row.strokes, mark_mm: row.mark_mm, jump_mm: row.jump_mm, time_s: round(end - start),
       incidence_deg: row.incidence, stretch: row.stretch, dose: row.dose,
     });
   });

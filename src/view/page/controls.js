@@ -279,11 +279,16 @@ class Api {
       const wanted = Math.floor(((s + 0.5) * total) / Math.min(n, total));
       while (wanted >= before + head.chunks[k].points) before += head.chunks[k++].points;
       await scene.load(k);
-      const { words, shorts } = /** @type {{data: Chunk}} */ (scene.chunks[k]).data;
+      const { data } = /** @type {{data: Chunk}} */ (scene.chunks[k]);
+      const { words, shorts } = data;
       const point = wanted - before;
       const block = head.chunks[k].first + (shorts[8 * point + 3] & 0xffff);
+      const at = pointInPart(blocks, data, point);
+      const isLast = (words[4 * point + 3] & LAST_OF_MARK) !== 0;
       out.push({
-        block, id: blocks.id[block], at: pointInPart(blocks, /** @type {{data: Chunk}} */ (scene.chunks[k]).data, point),
+        block, id: blocks.id[block], at,
+        /** Half way to the next point of the mark, or to the one before. */
+        middle: words[4 * point + 3] & IS_DOT ? at : between(at, pointInPart(blocks, data, point + (isLast ? -1 : 1)), 0.5),
         defocus_um: shorts[8 * point + 4] * head.defocus_um_per_step,
         incidence_deg: ((words[4 * point + 2] >>> 16) & 255) * head.incidence_deg_per_step,
         pen: words[4 * point + 2] >>> 24, time_s: ((words[4 * point + 3] >>> 2) / CLOCK_STEPS) * head.time_s,

@@ -12,7 +12,7 @@ class App {
     this.blocks = blocks;
     this.scene = new Scene(element("scene", HTMLCanvasElement), head, blocks, (stale) => this.changed(stale));
     this.timeline = new Timeline(head, blocks);
-    this.overlay = new Overlay(element("overlay", HTMLCanvasElement), head, this.timeline);
+    this.overlay = new Overlay(element("overlay", HTMLCanvasElement), head, this.timeline, this.scene.block_mm);
     this.camera = new Camera(head.box, boxOfMarks(head));
     /** The clock, s. */
     this.time = 0;
@@ -33,6 +33,8 @@ class App {
     this.touching = [];
     /** Until when the picture counts as moving, ms. */
     this.movingUntil = 0;
+    /** Whether pictures are drawn with half the pixels while something moves: the graphics card is slow. */
+    this.isCoarse = false;
     this.isDue = false;
     this.isStale = true;
     /** Centre of the field to which the camera was last moved. @type {Vec3|null} */
@@ -115,8 +117,8 @@ class App {
     const past = now - this.lastFrame;
     this.lastFrame = now;
     if (this.playing) this.advance(past / 1000);
-    this.resize();
     const moving = this.playing || now < this.movingUntil;
+    this.resize(moving && this.isCoarse ? 0.5 : 1);
     const moment = this.moment();
     if (this.follow && this.soFollowed(moment)) this.isStale = true;
     const look = this.look(moment, moving);
@@ -138,7 +140,8 @@ class App {
       if (this.frames.length > 120) this.frames.shift();
       // Frames are kept between 20 and 40 ms by how many lines they draw.
       if (past > 40) this.scene.budget = Math.max(BUDGET[0], this.scene.budget * 0.75);
-      else if (past < 20) this.scene.budget = Math.min(BUDGET[1], this.scene.budget * 1.1);
+      if (past > 80 && this.scene.budget < 2 * BUDGET[0]) this.isCoarse = true;
+      if (past < 20) this.scene.budget = Math.min(BUDGET[1], this.scene.budget * 1.1);
     } else isMore = this.scene.drawMore(look);
     place("progress").textContent = this.scene.loading > 0 || isMore ? "Drawing marks" : "";
     if (moving && !this.playing) this.isStale = true;
@@ -167,15 +170,17 @@ class App {
     return true;
   }
 
-  /** Fits the canvases to their place. */
-  resize() {
+  /** Fits the canvases to their place. @param {number} share of the pixels of a side that are drawn */
+  resize(share) {
     const view = place("view");
     const ratio = Math.min(window.devicePixelRatio || 1, 3);
     const [w, h] = [Math.max(view.clientWidth, 1), Math.max(view.clientHeight, 1)];
-    const [pw, ph] = [Math.round(w * ratio), Math.round(h * ratio)];
-    const { canvas } = this.scene;
-    if (canvas.width !== pw || canvas.height !== ph) {
-      for (const c of [canvas, this.overlay.canvas]) [c.width, c.height] = [pw, ph];
+    for (const [canvas, r] of /** @type {[HTMLCanvasElement, number][]} */ ([
+      [this.scene.canvas, ratio * share], [this.overlay.canvas, ratio],
+    ])) {
+      const [pw, ph] = [Math.round(w * r), Math.round(h * r)];
+      if (canvas.width === pw && canvas.height === ph) continue;
+      [canvas.width, canvas.height] = [pw, ph];
       this.isStale = true;
     }
     const isFirst = this.camera.width === 1;

@@ -13,8 +13,10 @@ const FIELD_COLOUR = "#c2410c";
 const PATH_PIECES = 6000;
 
 class Overlay {
-  /** @param {HTMLCanvasElement} canvas @param {Head} head @param {Timeline} timeline */
-  constructor(canvas, head, timeline) {
+  /** @param {HTMLCanvasElement} canvas @param {Head} head @param {Timeline} timeline
+   * @param {number} block_mm mean side of a block */
+  constructor(canvas, head, timeline, block_mm) {
+    this.block_mm = block_mm;
     const context = canvas.getContext("2d");
     if (!context) throw new Error("this browser does not draw on a canvas");
     this.canvas = canvas;
@@ -211,21 +213,20 @@ class Overlay {
   labels(look, moment, colours) {
     const { c, timeline, head } = this;
     if (head.mode === "on-the-fly") return;
-    const gap = Math.min(...head.field.size) / this.camera.pixel_mm();
     c.textAlign = "center";
     c.font = "600 12px system-ui, sans-serif";
     c.lineWidth = 3;
-    /** @type {Set<string>} */
-    const taken = new Set();
+    /** Middles of names that are written. @type {[number, number][]} */
+    const written = [];
     const order = [moment.block];
-    if (gap > 70) for (let i = 0; i < head.blocks.count; i++) if (i !== moment.block) order.push(i);
+    if (this.block_mm / this.camera.pixel_mm() > 32)
+      for (let i = 0; i < head.blocks.count; i++) if (i !== moment.block) order.push(i);
     for (const i of order) {
       if (!look.isShown(i) || timeline.blocks.pass[i] !== look.pass) continue;
       const at = this.camera.project(this.both, turned(moment.turn, inPart(timeline.turnOf(i), timeline.centreOf(i))));
       if (!at || at[0] < 0 || at[1] < 0 || at[0] > this.camera.width || at[1] > this.camera.height) continue;
-      const [u, v] = [Math.round(at[0] / 60), Math.round(at[1] / 22)];
-      if ([-1, 0, 1].some((d) => taken.has(`${u + d} ${v}`) || taken.has(`${u} ${v + d}`))) continue;
-      taken.add(`${u} ${v}`);
+      if (written.some(([u, v]) => Math.abs(u - at[0]) < 54 && Math.abs(v - at[1]) < 17)) continue;
+      written.push(at);
       c.strokeStyle = colours.halo;
       c.strokeText(timeline.blocks.id[i], at[0], at[1] - 8);
       c.fillStyle = colours.ink;

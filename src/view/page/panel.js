@@ -83,7 +83,8 @@ function fillPage(head) {
       : `The part is drawn from ${part.triangles} of ${part.of} triangles, within ${micrometres(part.within_mm * 1000)}.`) +
     (thinned.points_left_out > 0
       ? ` ${thinned.points_left_out} points of marks within ${micrometres(thinned.within_um)} of their lines are left out.`
-      : " No point of the marks is left out.");
+      : " No point of the marks is left out.") +
+    ((head.skipped_lines?.left_out ?? 0) > 0 ? ` ${head.skipped_lines?.left_out} pieces that are not marked are not drawn.` : "");
   place("skipped-section").hidden = head.skipped.length === 0;
   fillTable(
     "skipped",
@@ -92,7 +93,7 @@ function fillPage(head) {
       swatch.className = "swatch";
       swatch.style.background = css(s.reason === "beyond" ? BEYOND : SKIPPED);
       const words = document.createElement("span");
-      words.append(swatch, REASONS[s.reason] ?? s.reason);
+      words.append(swatch, s.text ?? REASONS[s.reason] ?? s.reason);
       const dots = s.dots > 0 ? `${s.dots} dots` : "";
       const length = s.length_mm > 0 || !dots ? lengthText(s.length_mm) : "";
       return [words, String(s.texture), [length, dots].filter(Boolean).join(", "), `${shortNumber(s.share_percent)} %`];
@@ -102,7 +103,8 @@ function fillPage(head) {
   place("warnings").replaceChildren(
     ...head.warnings.map((w) => {
       const item = document.createElement("li");
-      item.append(w.message, Object.assign(document.createElement("small"), { textContent: w.code }));
+      const more = [w.place, w.help, w.code].filter(Boolean).join("; ");
+      item.append(w.message, Object.assign(document.createElement("small"), { textContent: more }));
       return item;
     }),
   );
@@ -146,6 +148,11 @@ function fixed(v, digits) {
   return v.toFixed(digits).replace(/^-(0\.?0*)$/, "$1");
 }
 
+/** A short time. @param {number} s */
+function seconds(s) {
+  return s < 9.95 ? `${fixed(s, 3)} s` : duration(s);
+}
+
 /** @param {ArrayLike<number>} values @param {number} [digits] */
 function places(values, digits = 3) {
   return Array.from(values, (v) => fixed(v, digits)).join(", ");
@@ -173,7 +180,8 @@ function rowsOfBlock(head, blocks, i) {
   row("Lift of z", blocks.lift?.[i] != null && `${fixed(blocks.lift[i] ?? 0, 3)} mm`);
   row("Focus shift", Boolean(blocks.shift?.[i]) && `${fixed(blocks.shift[i] ?? 0, 3)} mm`);
   row("Clock", `${fixed(blocks.start[i], 1)} to ${fixed(blocks.end[i], 1)} s`);
-  row("Time here", duration(blocks.end[i] - blocks.begin[i]));
+  row("Marking", seconds(blocks.end[i] - blocks.start[i]));
+  row("Stage move", head.mode === "stepped" && `${seconds(blocks.start[i] - blocks.begin[i])} with settling`);
   row("Strokes", String(blocks.strokes[i]));
   row("Marks", lengthText(blocks.mark_mm[i]));
   row("Jumps", lengthText(blocks.jump_mm[i]));

@@ -62,7 +62,7 @@ class Scene {
     this.mesh = null;
     /** @type {{array: WebGLVertexArrayObject, points: number}|null} */
     this.skipped = null;
-    /** @type {({data: Chunk, array: WebGLVertexArrayObject, buffer: WebGLBuffer}|null)[]} */
+    /** @type {({data: Chunk, points: Values}|null)[]} */
     this.chunks = head.chunks.map(() => null);
     /** @type {(Promise<void>|null)[]} */
     this.loads = head.chunks.map(() => null);
@@ -74,6 +74,8 @@ class Scene {
     this.wanted = new Set();
     /** Where the next piece of the first of them begins. */
     this.waitingAt = 0;
+    /** Whether marks are drawn as lines of one device pixel. */
+    this.isThin = false;
     /** Whether marks are drawn, or blocks stand for them. */
     this.drawsMarks = false;
     const size = minus(...boxOfMarks(head)).map(Math.abs);
@@ -154,9 +156,9 @@ class Scene {
     this.loading += 1;
     try {
       const data = await readChunk(this.head, this.blocks, this.head.chunks[k]);
-      const buffer = bufferOf(gl, gl.ARRAY_BUFFER, data.words);
-      const array = /** @type {WebGLVertexArrayObject} */ (gl.createVertexArray());
-      this.chunks[k] = { data, array, buffer };
+      const points = new Values(gl, gl.RGBA32UI, gl.RGBA_INTEGER, gl.UNSIGNED_INT);
+      points.set(POINTS_PER_ROW, data.words.length / 4 / POINTS_PER_ROW, data.words);
+      this.chunks[k] = { data, points };
     } finally {
       this.loading -= 1;
     }
@@ -341,11 +343,13 @@ class Scene {
     const rangeBy = {
       defocus: aboutZero(ranges.defocus_um), incidence: ranges.incidence_deg, height: ranges.height_mm,
     };
+    const width = (pick ? 2 : lineWidth(this.pitch_mm / look.camera.pixel_mm())) * ratio;
+    this.isThin = width < 1.2;
     p.floats({
       uView: product(look.camera.matrices().view, matrixOfTurn(look.turn)),
       uProjection: projection,
       uViewport: viewport,
-      uWidth: (pick ? 2 : lineWidth(this.pitch_mm / look.camera.pixel_mm())) * ratio,
+      uWidth: width,
       uBias: this.bias(look),
       uValueStep: [head.defocus_um_per_step, head.incidence_deg_per_step],
       uShownDefocus: defocus,
@@ -365,6 +369,7 @@ class Scene {
       uPresentBlock: look.present,
       uPick: pick,
       uAsDot: false,
+      uThin: this.isThin,
     });
     this.bindBlocks(p, look.pass);
   }
@@ -382,23 +387,12 @@ class Scene {
     if (!chunk) return;
     const { gl, markProgram: p } = this;
     const { xy_mm, z_mm, first } = chunk.data.head;
-    p.floats({ uStep: [xy_mm, z_mm] });
-    p.ints({ uFirst: first });
-    gl.bindVertexArray(chunk.array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, chunk.buffer);
-    const stride = STRIDE * every;
-    for (const [slot, start] of [[0, from * STRIDE], [3, (from + 1) * STRIDE]]) {
-      for (let s = slot; s < slot + 3; s++) {
-        gl.enableVertexAttribArray(s);
-        gl.vertexAttribDivisor(s, 1);
-      }
-      gl.vertexAttribIPointer(slot, 4, gl.SHORT, stride, start);
-      gl.vertexAttribIPointer(slot + 1, 1, gl.UNSIGNED_INT, stride, start + 8);
-      gl.vertexAttribIPointer(slot + 2, 1, gl.UNSIGNED_INT, stride, start + 12);
-    }
     const count = Math.floor((Math.min(to, chunk.data.points) - from) / every);
-    if (count > 0) gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, count);
-    gl.bindVertexArray(null);
+    if (count <= 0) return;
+    p.floats({ uStep: [xy_mm, z_mm] });
+    chunk.points.bind(4);
+    p.ints({ uFirst: first, uPoints: 4, uFrom: from, uEvery: every });
+    gl.drawArrays(this.isThin ? gl.LINES : gl.TRIANGLES, 0, (this.isThin ? 2 : 6) * count);
   }
 
   /**
@@ -442,7 +436,8 @@ class Scene {
       gl.disable(gl.DEPTH_TEST);
       this.beginMarks(look, NO_PROJECTION, [probe.side, probe.side], 1, false);
       this.markProgram.floats({ uView: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, -x, -y, -z, 1], uBias: 0, uWidth: 3 });
-      this.markProgram.ints({ uAsDot: true });
+      this.isThin = false;
+      this.markProgram.ints({ uAsDot: true, uThin: false });
       this.drawChunk(k, point, point + 1, 1);
     });
     const middle = 4 * ((probe.side * probe.side - 1) / 2);
