@@ -263,7 +263,7 @@ export async function checks(page, manifest, check, options) {
         return apart(m.colour, along(DIVERGING, m.defocus_um, -reach, reach));
       }
       if (by === "incidence") return apart(m.colour, along(RAMP, m.incidence_deg, ...head.ranges.incidence_deg));
-      if (by === "dose") return isFly ? 0 : apart(m.colour, along(RAMP, b.dose[0], ...span(manifest.blocks.map((c) => c.dose[0]))));
+      if (by === "dose") return isFly ? 0 : apart(m.colour, along(RAMP, b.dose[0], ...head.ranges.dose));
       if (by === "pen") return apart(m.colour, SERIES[m.pen % 8]);
       if (by === "pass") return apart(m.colour, SERIES[((b?.pass ?? 1) - 1) % 8]);
       if (by === "time") return apart(m.colour, along(RAMP, m.time_s, 0, total));

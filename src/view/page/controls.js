@@ -56,14 +56,19 @@ function connect(app) {
   });
   button("theme").addEventListener("click", () => {
     setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+    app.readStyle();
     app.changed();
   });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", (e) => {
     setTheme(e.matches ? "dark" : "light");
+    app.readStyle();
     app.changed();
   });
   button("help").addEventListener("click", () => element("keys", HTMLDialogElement).showModal());
-  new ResizeObserver(() => app.changed()).observe(place("view"));
+  new ResizeObserver(() => {
+    app.readStyle();
+    app.changed();
+  }).observe(place("view"));
   app.scene.canvas.addEventListener("webglcontextlost", (e) => {
     e.preventDefault();
     showFailure("the browser took the graphics card away; load the page again");

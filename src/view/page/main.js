@@ -14,6 +14,11 @@ class App {
     this.timeline = new Timeline(head, blocks);
     this.overlay = new Overlay(element("overlay", HTMLCanvasElement), head, this.timeline, this.scene.block_mm);
     this.camera = new Camera(head.box, boxOfMarks(head));
+    /** @type {Theme} */
+    this.theme = { ground: [0, 0, 0], part: [0, 0, 0], ink: [0, 0, 0], accent: [0, 0, 0] };
+    this.strokes = { ink: "", halo: "" };
+    this.size = 1;
+    this.readStyle();
     /** The clock, s. */
     this.time = 0;
     this.playing = false;
@@ -66,19 +71,21 @@ class App {
       present: moment.block, pen: this.pen, defocus: this.defocus, incidence: this.incidence, layers: this.layers,
       pass: pass || blocks.pass[moment.block],
       isShown: (i) => (pass === 0 || blocks.pass[i] === pass) && (setup === 0 || blocks.setup[i] === setup),
-      theme: this.theme, moving,
+      theme: this.theme, moving, size: this.size,
     };
   }
 
-  /** @returns {Theme} */
-  get theme() {
+  /** What the style sheet says of colours and of the size of text. */
+  readStyle() {
     const style = getComputedStyle(document.documentElement);
     /** @param {string} name @returns {Colour} */
     const colour = (name) => {
       const n = parseInt(style.getPropertyValue(name).trim().slice(1), 16);
       return [n >> 16, (n >> 8) & 255, n & 255];
     };
-    return { ground: colour("--ground"), part: colour("--part"), ink: colour("--ink"), accent: colour("--accent") };
+    this.theme = { ground: colour("--ground"), part: colour("--part"), ink: colour("--ink"), accent: colour("--accent") };
+    this.strokes = { ink: style.getPropertyValue("--ink").trim(), halo: style.getPropertyValue("--halo").trim() };
+    this.size = parseFloat(style.fontSize) / 15;
   }
 
   moment() {
@@ -129,10 +136,7 @@ class App {
       if (key !== this.paletteKey) this.scene.setPalette(look);
       this.paletteKey = key;
       this.scene.draw(look);
-      const style = getComputedStyle(document.documentElement);
-      this.overlay.draw(look, moment, {
-        ink: style.getPropertyValue("--ink").trim(), halo: style.getPropertyValue("--halo").trim(),
-      });
+      this.overlay.draw(look, moment, this.strokes);
       this.showClock(moment);
     }
     if (moving) {
@@ -317,7 +321,9 @@ async function readRest(app) {
   for (let k = 0; k < head.maps.length; k++) {
     const labels = await readMap(head.maps[k]);
     scene.setMap(k, labels);
-    app.touching[k] = neighboursIn(labels, head.maps[k].columns);
+    const { touching, width } = neighboursIn(labels, head.maps[k].columns);
+    app.touching[k] = touching;
+    scene.width_mm = Math.min(scene.width_mm, width * head.maps[k].cell);
     app.changed();
   }
   if (head.motion) app.timeline.motion = await readMotion(head.motion);

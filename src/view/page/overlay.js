@@ -25,6 +25,8 @@ class Overlay {
     this.c = context;
     this.camera = new Camera(head.box);
     this.both = /** @type {Matrix} */ ([]);
+    /** Text of the page relative to that of a small screen. */
+    this.size = 1;
   }
 
   /**
@@ -37,6 +39,8 @@ class Overlay {
     const ratio = canvas.width / look.camera.width;
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.clearRect(0, 0, look.camera.width, look.camera.height);
+    // Lines and words grow with the text of the page, on large screens.
+    this.size = look.size;
     c.lineJoin = "round";
     if (look.layers.travel) this.travel(moment, colours);
     if (look.layers.path) this.path(look, moment);
@@ -68,8 +72,8 @@ class Overlay {
   /** @param {string} colour @param {number} width @param {number[]} [dash] */
   stroke(colour, width, dash = []) {
     this.c.strokeStyle = colour;
-    this.c.lineWidth = width;
-    this.c.setLineDash(dash);
+    this.c.lineWidth = width * this.size;
+    this.c.setLineDash(dash.map((d) => d * this.size));
     this.c.stroke();
     this.c.setLineDash([]);
   }
@@ -144,7 +148,7 @@ class Overlay {
     if (!at) return;
     const { c } = this;
     c.beginPath();
-    c.arc(at[0], at[1], 5, 0, 2 * Math.PI);
+    c.arc(at[0], at[1], 5 * this.size, 0, 2 * Math.PI);
     if (beam.on) {
       c.fillStyle = "#ff2a12";
       c.fill();
@@ -203,7 +207,7 @@ class Overlay {
         const at = this.camera.project(this.both, p);
         if (!at) continue;
         this.c.beginPath();
-        this.c.arc(at[0], at[1], 2.6, 0, 2 * Math.PI);
+        this.c.arc(at[0], at[1], 2.6 * this.size, 0, 2 * Math.PI);
         this.c.fill();
       }
   }
@@ -214,23 +218,23 @@ class Overlay {
     const { c, timeline, head } = this;
     if (head.mode === "on-the-fly") return;
     c.textAlign = "center";
-    c.font = "600 12px system-ui, sans-serif";
-    c.lineWidth = 3;
+    c.font = `600 ${12 * this.size}px system-ui, sans-serif`;
+    c.lineWidth = 3 * this.size;
     /** Middles of names that are written. @type {[number, number][]} */
     const written = [];
     const order = [moment.block];
-    if (this.block_mm / this.camera.pixel_mm() > 32)
+    if (this.block_mm / this.camera.pixel_mm() > 32 * this.size)
       for (let i = 0; i < head.blocks.count; i++) if (i !== moment.block) order.push(i);
     for (const i of order) {
       if (!look.isShown(i) || timeline.blocks.pass[i] !== look.pass) continue;
       const at = this.camera.project(this.both, turned(moment.turn, inPart(timeline.turnOf(i), timeline.centreOf(i))));
       if (!at || at[0] < 0 || at[1] < 0 || at[0] > this.camera.width || at[1] > this.camera.height) continue;
-      if (written.some(([u, v]) => Math.abs(u - at[0]) < 54 && Math.abs(v - at[1]) < 17)) continue;
+      if (written.some(([u, v]) => Math.abs(u - at[0]) < 54 * this.size && Math.abs(v - at[1]) < 17 * this.size)) continue;
       written.push(at);
       c.strokeStyle = colours.halo;
-      c.strokeText(timeline.blocks.id[i], at[0], at[1] - 8);
+      c.strokeText(timeline.blocks.id[i], at[0], at[1] - 8 * this.size);
       c.fillStyle = colours.ink;
-      c.fillText(timeline.blocks.id[i], at[0], at[1] - 8);
+      c.fillText(timeline.blocks.id[i], at[0], at[1] - 8 * this.size);
     }
   }
 
@@ -239,25 +243,25 @@ class Overlay {
   scale(look, colours) {
     const { c } = this;
     const px = look.camera.pixel_mm();
-    const wanted = 110 * px;
+    const wanted = 110 * this.size * px;
     const power = 10 ** Math.floor(Math.log10(wanted));
     const mm = [5, 2, 1].map((k) => k * power).find((v) => v <= wanted) ?? power;
-    const [x, y] = [look.camera.width - 16, look.camera.height - 16];
+    const [x, y] = [look.camera.width - 16 * this.size, look.camera.height - 16 * this.size];
     c.beginPath();
-    c.moveTo(x - mm / px, y - 5);
+    c.moveTo(x - mm / px, y - 5 * this.size);
     c.lineTo(x - mm / px, y);
     c.lineTo(x, y);
-    c.lineTo(x, y - 5);
+    c.lineTo(x, y - 5 * this.size);
     this.stroke(colours.halo, 4);
     this.stroke(colours.ink, 1.5);
     c.textAlign = "right";
-    c.font = "12px system-ui, sans-serif";
+    c.font = `${12 * this.size}px system-ui, sans-serif`;
     const text = mm >= 1 ? `${mm} mm` : `${Number((mm * 1000).toPrecision(3))} µm`;
-    c.lineWidth = 3;
+    c.lineWidth = 3 * this.size;
     c.strokeStyle = colours.halo;
-    c.strokeText(text, x, y - 8);
+    c.strokeText(text, x, y - 8 * this.size);
     c.fillStyle = colours.ink;
-    c.fillText(text, x, y - 8);
+    c.fillText(text, x, y - 8 * this.size);
   }
 }
 

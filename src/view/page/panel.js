@@ -243,14 +243,16 @@ function fillLegend(head, by) {
   else list(SEAMS);
 }
 
-/** Blocks that touch each block in a map of labels. @param {Uint32Array} labels @param {number} columns
- * @returns {Map<number, Set<number>>} */
+/** Blocks that touch each block in a map of labels, and the mean width of blocks in cells.
+ * @param {Uint32Array} labels @param {number} columns */
 function neighboursIn(labels, columns) {
   /** @type {Map<number, Set<number>>} */
   const touching = new Map();
+  let [borders, cells] = [0, 0];
   /** @param {number} a @param {number} b */
   const touch = (a, b) => {
     if (a === b || a === 0 || b === 0) return;
+    borders += 1;
     for (const [p, q] of [[a - 1, b - 1], [b - 1, a - 1]]) {
       let set = touching.get(p);
       if (!set) touching.set(p, (set = new Set()));
@@ -258,8 +260,9 @@ function neighboursIn(labels, columns) {
     }
   };
   for (let i = 0; i < labels.length; i++) {
+    if (labels[i] > 0) cells += 1;
     if ((i + 1) % columns !== 0) touch(labels[i], labels[i + 1]);
     if (i + columns < labels.length) touch(labels[i], labels[i + columns]);
   }
-  return touching;
+  return { touching, width: cells / Math.max(borders, 1) };
 }

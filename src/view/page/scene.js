@@ -21,6 +21,7 @@
  * @property {number} pass whose blocks are draped, from 1
  * @property {(block: number) => boolean} isShown
  * @property {Theme} theme
+ * @property {number} size of words and lines, 1 on a small screen
  * @property {boolean} moving
  */
 /** @typedef {{ground: Colour, part: Colour, ink: Colour, accent: Colour}} Theme */
@@ -81,6 +82,8 @@ class Scene {
     const size = minus(...boxOfMarks(head)).map(Math.abs);
     /** Mean side of a block, mm. */
     this.block_mm = Math.sqrt((size[0] * size[1] * head.passes) / Math.max(head.blocks.count, 1));
+    /** Mean width of a block between its borders, mm. */
+    this.width_mm = this.block_mm;
     /** Mean distance of marks, mm. */
     this.pitch_mm = (size[0] * size[1]) / Math.max(head.mark_mm, 1e-9);
   }
@@ -280,7 +283,7 @@ class Scene {
       uTint: !look.layers.blocks ? 0 : !this.drawsMarks ? 1 : this.markMode(look.by) === MARK_MODES.palette ? 0.22 : 0,
       uPixels: ratio,
       // Where blocks are a few pixels wide, their borders would hide their colours.
-      uBorders: look.layers.borders ? Math.min(Math.max((this.block_mm / look.camera.pixel_mm() - 5) / 10, 0), 1) : 0,
+      uBorders: look.layers.borders ? Math.min(Math.max((this.width_mm / look.camera.pixel_mm() - 5) / 10, 0), 1) : 0,
     });
     p.ints({
       uPresent: look.present + 1,
@@ -343,7 +346,7 @@ class Scene {
     const rangeBy = {
       defocus: aboutZero(ranges.defocus_um), incidence: ranges.incidence_deg, height: ranges.height_mm,
     };
-    const width = (pick ? 2 : lineWidth(this.pitch_mm / look.camera.pixel_mm())) * ratio;
+    const width = (pick ? 2 : lineWidth(this.pitch_mm / look.camera.pixel_mm()) * look.size) * ratio;
     this.isThin = width < 1.2;
     p.floats({
       uView: product(look.camera.matrices().view, matrixOfTurn(look.turn)),
@@ -360,7 +363,7 @@ class Scene {
       ],
       uAccent: unitColour(look.theme.accent),
       uRange: look.by === "time" ? [0, 1] : rangeBy[look.by] ?? [0, 1],
-      uSeamReach: (head.maps[0]?.cell ?? 0) * 1.5,
+      uSeamReach: (head.maps[0]?.cell ?? 0) * 0.5,
     });
     p.ints({
       uNow: Math.min(Math.floor((look.now / head.time_s) * CLOCK_STEPS), CLOCK_STEPS),
