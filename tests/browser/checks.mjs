@@ -219,6 +219,8 @@ export async function checks(page, manifest, check, options) {
     for (const mark of samples) {
       const b = manifest.blocks[mark.block];
       const q = turned(blocks.turn?.[mark.block] ?? [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0], mark.at);
+      // Marks of a later pass are drawn on the part as it was, above the surface that this pass marks.
+      q[2] -= manifest.passes?.[b.pass - 1]?.lowered_mm ?? 0;
       const reach = head.field.size.map((s) => s / 2 + 0.01);
       if (q[2] < b.z_lo_mm - 0.002 || q[2] > b.z_hi_mm + 0.002) out += 1;
       else if ([0, 1].some((k) => Math.abs(q[k] - b.centre_mm[k]) > reach[k])) out += 1;
@@ -257,7 +259,7 @@ export async function checks(page, manifest, check, options) {
     const deviations = shown.map((m) => {
       if (m.colour === null) return 999;
       const b = isFly ? null : manifest.blocks[m.block];
-      if (by === "height") return isFly ? apart(m.colour, along(RAMP, m.at[2], ...head.ranges.height_mm)) : apart(m.colour, along(RAMP, b.lpfl_mm, ...lpfl).map(Math.round));
+      if (by === "height") return isFly ? apart(m.colour, along(RAMP, m.at[2] - m.defocus_um / 1000, ...head.ranges.height_mm)) : apart(m.colour, along(RAMP, b.lpfl_mm, ...lpfl).map(Math.round));
       if (by === "defocus") {
         const reach = Math.max(...head.ranges.defocus_um.map(Math.abs));
         return apart(m.colour, along(DIVERGING, m.defocus_um, -reach, reach));
@@ -358,8 +360,7 @@ export async function checks(page, manifest, check, options) {
   await page.locator("#theme").click();
   check("light and dark by the switch", before !== after && (await theme()) === before);
   await page.emulateMedia({ colorScheme: "dark" });
-  await page.waitForTimeout(60);
-  const dark = await theme();
+  const dark = await page.waitForFunction(() => document.documentElement.dataset.theme === "dark").then(() => "dark");
   await page.emulateMedia({ colorScheme: "light" });
   check("light and dark by the system", dark === "dark");
   check("the present stop is said in words", (await page.locator("#spoken").innerText()).includes((await state()).id));

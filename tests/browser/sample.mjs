@@ -297,6 +297,8 @@ function writeJob(folder, name) {
     w.u8s(motion.map((m) => Number(m.on)));
     data += dataElement("motion", w.bytes);
   }
+  // What runs on the fly do not have is left out as a whole.
+  if (kind.fly) for (const key of ["section", "level", "stage", "lift", "files", "turn", "frame", "shift", "tilt", "stretch", "dose", "jump_mm"]) columns[key] = null;
   data += dataElement("blocks", Buffer.from(JSON.stringify(columns)));
 
   const range = (values) => [values.reduce((a, c) => Math.min(a, c), Infinity), values.reduce((a, c) => Math.max(a, c), -Infinity)];
@@ -324,7 +326,7 @@ function writeJob(folder, name) {
     ],
     skipped_lines: { name: "skipped", lines: skippedLines.length, points: flat.length },
     motion: kind.fly ? { name: "motion", samples: motion.length } : null,
-    ranges: { height_mm: kind.fly ? [partBox[0][2], partBox[1][2]] : range(columns.focus), defocus_um: d, incidence_deg: inc, dose: range(columns.dose.map((v) => v[0])) },
+    ranges: { height_mm: kind.fly ? [partBox[0][2], partBox[1][2]] : range(columns.focus), defocus_um: d, incidence_deg: inc, dose: kind.fly ? [1, 1] : range(columns.dose.map((v) => v[0])) },
     histograms: { defocus_um: histogram(all.map((a) => a[0]), ...d, 24), incidence_deg: histogram(all.map((a) => a[1]), 0, inc[1], 24) },
     thinned: { within_um: 2, points_left_out: 1234 }, marks, mark_mm,
     warnings: [{ code: "off-part", message: "72 mm of the texture lie beside the part and are not marked." }],

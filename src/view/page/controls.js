@@ -51,7 +51,6 @@ function connect(app) {
     e.preventDefault();
     if (app.goToName(input("block-id").value) >= 0) {
       input("block-id").blur();
-      app.shownBlock = -1;
     }
   });
   button("theme").addEventListener("click", () => {

@@ -53,32 +53,32 @@
  * @property {[string, string][]} figures
  */
 /**
- * Columns of the blocks in machining order; of an on-the-fly job, of its runs of marks.
+ * Columns of the blocks in machining order; of an on-the-fly job, of its runs of marks, which lack some columns.
  * @typedef {object} Blocks
  * @property {string[]} id
  * @property {number[]} pass
  * @property {number[]} setup
  * @property {([number, number]|null)[]|null} section
  * @property {(number|null)[]|null} level
- * @property {([number, number]|null)[]} centre
- * @property {(number|null)[]} focus
- * @property {([number, number]|null)[]} tilt
- * @property {(number[]|null)[]} turn
- * @property {(number[]|null)[]} frame
+ * @property {([number, number]|null)[]|null} centre
+ * @property {(number|null)[]|null} focus
+ * @property {([number, number]|null)[]|null} tilt
+ * @property {(number[]|null)[]|null} turn
+ * @property {(number[]|null)[]|null} frame
  * @property {Vec3[]} origin
  * @property {(Vec3|null)[]|null} stage
- * @property {(number|null)[]} lift
- * @property {(number|null)[]} shift
- * @property {([number, number]|null)[]} z
+ * @property {(number|null)[]|null} lift
+ * @property {(number|null)[]|null} shift
+ * @property {([number, number]|null)[]|null} z
  * @property {number[]} begin
  * @property {number[]} start
  * @property {number[]} end
  * @property {number[]} strokes
  * @property {number[]} mark_mm
- * @property {number[]} jump_mm
- * @property {([number, number]|null)[]} incidence
- * @property {([number, number]|null)[]} stretch
- * @property {([number, number]|null)[]} dose
+ * @property {number[]|null} jump_mm
+ * @property {([number, number]|null)[]|null} incidence
+ * @property {([number, number]|null)[]|null} stretch
+ * @property {([number, number]|null)[]|null} dose
  * @property {number[][]} pens
  * @property {(Record<string, string>|null)[]|null} files
  */

@@ -258,6 +258,8 @@ class App {
   goToBlock(i) {
     const k = Math.min(Math.max(i, 0), this.head.blocks.count - 1);
     place("find-note").textContent = "";
+    // What was typed gives way to the name of the block.
+    this.shownBlock = -1;
     this.setTime(this.blocks.start[k]);
   }
 

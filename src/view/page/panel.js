@@ -108,7 +108,7 @@ function fillPage(head) {
       return item;
     }),
   );
-  fillChoice(choice("by"), COLOURS.filter(([by]) => !isFly || by !== "seam").map(([by, words]) => [by, words]));
+  fillChoice(choice("by"), COLOURS.filter(([by]) => !isFly || !["seam", "dose", "pass"].includes(by)).map(([by, words]) => [by, words]));
   const numbers = (/** @type {number} */ n) =>
     /** @type {[string, string][]} */ ([
       ["0", "all"],
@@ -168,6 +168,7 @@ function rowsOfBlock(head, blocks, i) {
   const [incidence, stretch, dose, z, tilt] = [
     blocks.incidence?.[i], blocks.stretch?.[i], blocks.dose?.[i], blocks.z?.[i], blocks.tilt?.[i],
   ];
+  const [lift, shift] = [blocks.lift?.[i], blocks.shift?.[i]];
   const [section, stage, centre, focus] = [blocks.section?.[i], blocks.stage?.[i], blocks.centre?.[i], blocks.focus?.[i]];
   row("Pass", head.passes > 1 && `${blocks.pass[i]} of ${head.passes}`);
   row("Set-up", head.setups > 1 && `${blocks.setup[i]} of ${head.setups}`);
@@ -177,14 +178,14 @@ function rowsOfBlock(head, blocks, i) {
   row("Section, level", section && `${section.join(", ")}; ${blocks.level?.[i] ?? "-"}`);
   row("Tilt", tilt && (tilt[0] !== 0 || tilt[1] !== 0) && `${places(tilt, 2)} deg`);
   row("Stage", stage && `${places(stage)} mm`);
-  row("Lift of z", blocks.lift?.[i] != null && `${fixed(blocks.lift[i] ?? 0, 3)} mm`);
-  row("Focus shift", Boolean(blocks.shift?.[i]) && `${fixed(blocks.shift[i] ?? 0, 3)} mm`);
+  row("Lift of z", lift != null && `to ${fixed(lift, 3)} mm`);
+  row("Focus shift", Boolean(shift) && `${fixed(shift ?? 0, 3)} mm`);
   row("Clock", `${fixed(blocks.start[i], 1)} to ${fixed(blocks.end[i], 1)} s`);
   row("Marking", seconds(blocks.end[i] - blocks.start[i]));
   row("Stage move", head.mode === "stepped" && `${seconds(blocks.start[i] - blocks.begin[i])} with settling`);
   row("Strokes", String(blocks.strokes[i]));
   row("Marks", lengthText(blocks.mark_mm[i]));
-  row("Jumps", lengthText(blocks.jump_mm[i]));
+  row("Jumps", blocks.jump_mm && lengthText(blocks.jump_mm[i]));
   row("Incidence", incidence && `mean ${fixed(incidence[0], 1)}, worst ${fixed(incidence[1], 1)} deg`);
   row("Stretch", stretch && `mean ${fixed(stretch[0], 3)}, worst ${fixed(stretch[1], 3)}`);
   row("Dose", dose && `mean ${fixed(dose[0], 3)}, least ${fixed(dose[1], 3)}`);

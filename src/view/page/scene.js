@@ -379,7 +379,8 @@ class Scene {
 
   /** @param {ColourBy} by */
   markMode(by) {
-    if (by === "height") return this.blocks.focus.every((f) => f == null) ? MARK_MODES.height : MARK_MODES.palette;
+    // On the fly the focal plane moves while a run is marked.
+    if (by === "height" && this.head.mode === "on-the-fly") return MARK_MODES.height;
     return MARK_MODES[/** @type {"pen"} */ (by)] ?? MARK_MODES.palette;
   }
 

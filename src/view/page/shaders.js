@@ -145,7 +145,7 @@ out float vIncidence;
 out float vAfter;        // clock later than now, steps
 out float vTime;         // 0 to 1
 out vec2 vPart;
-out float vHeight;
+out float vHeight;       // of the focal plane at that moment
 flat out int vPen;
 flat out int vBlock;
 
@@ -193,7 +193,7 @@ void main() {
   vTime = float(here.w >> 2) / ${CLOCK_STEPS}.0;
   vec3 part = placeInPart(here, block);
   vPart = part.xy;
-  vHeight = part.z;
+  vHeight = part.z - vDefocus / 1000.0;
   gl_Position = projected(part);
   if (uThin && !isDot) return;
 

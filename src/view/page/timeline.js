@@ -61,7 +61,7 @@ class Timeline {
   centreOf(block) {
     const centre = this.blocks.centre?.[block];
     const origin = this.blocks.origin[block];
-    return centre ? [centre[0], centre[1], this.blocks.focus[block] ?? origin[2]] : origin;
+    return centre ? [centre[0], centre[1], this.blocks.focus?.[block] ?? origin[2]] : origin;
   }
 
   /**
