@@ -82,10 +82,11 @@ export async function checks(page, manifest, check, options) {
   // --- play, pause, step, keys
   await view((v) => v.setTime(0));
   await page.locator("#play").click();
-  await page.waitForTimeout(700);
+  await page.waitForFunction(() => globalThis.terraceView.state().time > 0);
   const playing = await state();
   check("play moves the clock and hides what is not marked yet", playing.playing && playing.time > 0 && playing.soFar);
   await page.locator("#play").click();
+  await drawn();
   const paused = (await state()).time;
   await page.waitForTimeout(150);
   check("pause holds the clock", (await state()).time === paused && paused > 0);

@@ -338,10 +338,10 @@ function writeJob(folder, name) {
     title: `${name}.toml`, css: text("page.css"), head: JSON.stringify(head).replaceAll("<", "\\u003c"), data,
     js: `(() => {\n"use strict";\n${scripts}\n})();`,
   };
-  mkdirSync(join(folder, name), { recursive: true });
-  writeFileSync(join(folder, name, "view.html"), text("page.html").replaceAll(/\{\{(\w+)\}\}/g, (_, key) => fills[key]));
+  mkdirSync(join(folder, `sample-${name}`), { recursive: true });
+  writeFileSync(join(folder, `sample-${name}`, "view.html"), text("page.html").replaceAll(/\{\{(\w+)\}\}/g, (_, key) => fills[key]));
   const summary = { time_s: kind.fly ? time : { total: time }, mark_mm };
-  writeFileSync(join(folder, name, "manifest.json"), JSON.stringify({ mode: head.mode, pens: PENS, blocks: kind.fly ? [] : manifestBlocks, summary }));
+  writeFileSync(join(folder, `sample-${name}`, "manifest.json"), JSON.stringify({ mode: head.mode, pens: PENS, blocks: kind.fly ? [] : manifestBlocks, summary }));
   console.log(`${name}: ${list.length} blocks, ${marks} marks, ${all.length} points`);
 }
 

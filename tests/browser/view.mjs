@@ -172,7 +172,7 @@ try {
     const name = basename(folder).replace(/\.job$/, "");
     const manifest = JSON.parse(readFileSync(join(folder, "manifest.json"), "utf8"));
     try {
-      const opened = await open(browser, folder, 1280, 800);
+      const opened = await open(browser, folder, 960, 640);
       report(name, "opens offline", opened.error === null, opened.error ?? "");
       if (opened.error === null) {
         await checks(opened.page, manifest, (check, ok, detail) => report(name, check, ok, detail), o);

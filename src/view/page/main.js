@@ -16,7 +16,8 @@ class App {
     this.camera = new Camera(head.box, boxOfMarks(head));
     /** @type {Theme} */
     this.theme = { ground: [0, 0, 0], part: [0, 0, 0], ink: [0, 0, 0], accent: [0, 0, 0] };
-    this.strokes = { ink: "", halo: "" };
+    /** @type {Strokes} */
+    this.strokes = { ink: "", halo: "", path: "", field: "" };
     this.size = 1;
     this.readStyle();
     /** The clock, s. */
@@ -84,7 +85,9 @@ class App {
       return [n >> 16, (n >> 8) & 255, n & 255];
     };
     this.theme = { ground: colour("--ground"), part: colour("--part"), ink: colour("--ink"), accent: colour("--accent") };
-    this.strokes = { ink: style.getPropertyValue("--ink").trim(), halo: style.getPropertyValue("--halo").trim() };
+    /** @param {string} name */
+    const line = (name) => style.getPropertyValue(name).trim();
+    this.strokes = { ink: line("--ink"), halo: line("--halo"), path: line("--path"), field: line("--field") };
     this.size = parseFloat(style.fontSize) / 15;
   }
 

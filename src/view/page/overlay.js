@@ -6,8 +6,7 @@
  * seen wherever it is.
  */
 
-const PATH_COLOUR = "#d5186b";
-const FIELD_COLOUR = "#c2410c";
+/** Colours of lines, as CSS. @typedef {{ink: string, halo: string, path: string, field: string}} Strokes */
 
 /** Most pieces of the path that are drawn. */
 const PATH_PIECES = 6000;
@@ -30,7 +29,7 @@ class Overlay {
   }
 
   /**
-   * @param {Look} look @param {Moment} moment @param {{ink: string, halo: string}} colours
+   * @param {Look} look @param {Moment} moment @param {Strokes} colours
    */
   draw(look, moment, colours) {
     const { c, canvas } = this;
@@ -43,7 +42,7 @@ class Overlay {
     this.size = look.size;
     c.lineJoin = "round";
     if (look.layers.travel) this.travel(moment, colours);
-    if (look.layers.path) this.path(look, moment);
+    if (look.layers.path) this.path(look, moment, colours);
     if (look.layers.lens) this.lens(moment, colours);
     if (look.layers.field) this.field(moment, colours);
     if (moment.beam && look.layers.field) this.beam(moment.beam);
@@ -96,17 +95,17 @@ class Overlay {
     });
   }
 
-  /** @param {Moment} moment @param {{halo: string}} colours */
+  /** @param {Moment} moment @param {Strokes} colours */
   field(moment, colours) {
     const { size, shape } = this.head.field;
     this.trace(this.rim(moment, moment.centre, size[0], size[1], shape === "circle"), true);
     this.c.fillStyle = "rgb(194 65 12 / 0.07)";
     this.c.fill();
     this.stroke(colours.halo, 4);
-    this.stroke(FIELD_COLOUR, 2);
+    this.stroke(colours.field, 2);
   }
 
-  /** @param {Moment} moment @param {{ink: string}} colours */
+  /** @param {Moment} moment @param {Strokes} colours */
   lens(moment, colours) {
     const { lens, field } = this.head;
     const isKnown = lens.working_distance_mm !== null;
@@ -138,7 +137,7 @@ class Overlay {
     const through = this.rim(moment, low, size[0], size[1], shape === "circle");
     for (let k = 0; k < at.length; k += shape === "circle" ? 12 : 1) {
       this.trace([at[k], through[k]]);
-      this.stroke(FIELD_COLOUR, 0.8, [2, 4]);
+      this.stroke(colours.field, 0.8, [2, 4]);
     }
   }
 
@@ -157,7 +156,7 @@ class Overlay {
     this.stroke(beam.on ? "#b00000" : "#555", 1.5);
   }
 
-  /** @param {Moment} moment @param {{ink: string}} colours */
+  /** @param {Moment} moment @param {Strokes} colours */
   travel(moment, colours) {
     const box = this.head.travel[(this.timeline.blocks.setup[moment.block] ?? 1) - 1];
     if (!box) return;
@@ -171,8 +170,8 @@ class Overlay {
       }
   }
 
-  /** @param {Look} look @param {Moment} moment */
-  path(look, moment) {
+  /** @param {Look} look @param {Moment} moment @param {Strokes} colours */
+  path(look, moment, colours) {
     const { timeline } = this;
     const motion = timeline.motion;
     const { blocks } = timeline;
@@ -183,7 +182,7 @@ class Overlay {
       for (let i = 0; i < motion.t.length && motion.t[i] <= look.now; i += every)
         points.push([motion.centre[0][i], motion.centre[1][i], motion.centre[2][i]]);
       this.trace(points);
-      this.stroke(PATH_COLOUR, 1.3);
+      this.stroke(colours.path, 1.3);
       return;
     }
     // Each stop is where the part has it, whatever the table does at the moment.
@@ -196,12 +195,12 @@ class Overlay {
     }
     for (const run of runs) {
       this.trace(run);
-      this.stroke("rgb(255 255 255 / 0.55)", 3);
-      this.stroke(PATH_COLOUR, 1.3);
+      this.stroke(colours.halo, 3);
+      this.stroke(colours.path, 1.3);
     }
     const gap = this.head.field.size[0] / this.camera.pixel_mm();
     if (gap < 14) return;
-    this.c.fillStyle = PATH_COLOUR;
+    this.c.fillStyle = colours.path;
     for (const run of runs)
       for (const p of run) {
         const at = this.camera.project(this.both, p);
@@ -213,7 +212,7 @@ class Overlay {
   }
 
   /** Names of blocks, where there is room. @param {Look} look @param {Moment} moment
-   * @param {{ink: string, halo: string}} colours */
+   * @param {Strokes} colours */
   labels(look, moment, colours) {
     const { c, timeline, head } = this;
     if (head.mode === "on-the-fly") return;
@@ -239,7 +238,7 @@ class Overlay {
   }
 
   /** A length of a round number of mm, at the depth of the camera's target. @param {Look} look
-   * @param {{ink: string, halo: string}} colours */
+   * @param {Strokes} colours */
   scale(look, colours) {
     const { c } = this;
     const px = look.camera.pixel_mm();

@@ -84,6 +84,7 @@ function fillPage(head) {
     (thinned.points_left_out > 0
       ? ` ${thinned.points_left_out} points of marks within ${micrometres(thinned.within_um)} of their lines are left out.`
       : " No point of the marks is left out.") +
+    (head.lens.working_distance_mm === null ? " The machine file states no working distance: the lens is drawn at one of our own." : "") +
     ((head.skipped_lines?.left_out ?? 0) > 0 ? ` ${head.skipped_lines?.left_out} pieces that are not marked are not drawn.` : "");
   place("skipped-section").hidden = head.skipped.length === 0;
   fillTable(

@@ -52,6 +52,8 @@ class Scene {
     this.palette = new Values(gl, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE);
     this.ramps = new Values(gl, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE);
     this.ramps.set(RAMP_TEXELS, 3, rampTexels());
+    /** What the colours of the palette stand for. @type {ColourBy|null} */
+    this.paletteBy = null;
     const rows = Math.max(1, Math.ceil(head.blocks.count / BLOCKS_PER_ROW));
     this.paletteTexels = new Uint8Array(BLOCKS_PER_ROW * rows * 4);
     this.blockValues.set(4 * BLOCKS_PER_ROW, rows, this.valuesOfBlocks(rows));
@@ -178,8 +180,10 @@ class Scene {
   /** Colours of the blocks and which are shown. @param {Look} look */
   setPalette(look) {
     const { head, blocks, paletteTexels: texels } = this;
+    if (this.paletteBy !== look.by)
+      for (let i = 0; i < head.blocks.count; i++) texels.set(ofBlock(look.by, head, blocks, i), 4 * i);
+    this.paletteBy = look.by;
     for (let i = 0; i < head.blocks.count; i++) {
-      texels.set(ofBlock(look.by, head, blocks, i), 4 * i);
       texels[4 * i + 3] = look.isShown(i) && blocks.start[i] <= look.now ? 255 : 0;
     }
     this.palette.set(BLOCKS_PER_ROW, texels.length / BLOCKS_PER_ROW / 4, texels);
@@ -203,6 +207,7 @@ class Scene {
     this.waitingAt = 0;
     this.wanted = new Set(this.waiting.filter((k) => !this.chunks[k]));
     this.waiting = this.waiting.filter((k) => this.chunks[k]);
+    this.readWanted();
     if (look.moving) {
       const lines = this.waiting.reduce((sum, k) => sum + (this.chunks[k]?.data.points ?? 0), 0);
       const every = Math.max(1, Math.ceil(lines / this.budget));
