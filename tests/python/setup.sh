@@ -1,7 +1,8 @@
 #!/bin/sh
 # Installs the foreign readers that the tests check the job folders with, below .venv in the root of the
 # repository: Python packages (requirements.txt) and the G-code interpreter of Debian's linuxcnc-uspace,
-# unpacked without root; with `all` also the packages that slow tests need (requirements-all.txt). Running it again
+# unpacked without root; with `all` also the packages that slow tests need (requirements-all.txt) and Chromium
+# with the packages that drive it (../browser/package.json). Running it again
 # costs nothing. Ends with an error if anything is missing.
 set -eu
 
@@ -116,6 +117,37 @@ install_controller() {
 
 if [ "${1:-}" = all ] && [ ! -e "$cnc/controller.stamp" ]; then
     install_controller || complain "the controller of linuxcnc-uspace in simulation (needs Debian 12 and util-linux)"
+fi
+
+# --- Chromium, which opens view.html for tests/browser/view.mjs, and the packages of Node that drive it
+install_debian() {
+    if [ "$(id -u)" = 0 ]; then
+        { apt-get update && apt-get install -y --no-install-recommends "$@"; } >/dev/null 2>&1
+    elif command -v sudo >/dev/null; then
+        { sudo -n apt-get update && sudo -n apt-get install -y --no-install-recommends "$@"; } >/dev/null 2>&1
+    else
+        return 1
+    fi
+}
+
+if [ "${1:-}" = all ]; then
+    for tool in chromium node npm; do
+        if ! command -v "$tool" >/dev/null; then
+            package=$([ "$tool" = node ] && echo nodejs || echo "$tool")
+            install_debian "$package" || complain "$tool (apt-get install -y --no-install-recommends $package)"
+        fi
+    done
+    list="$root/tests/browser/package.json"
+    browser="$venv/browser"
+    if ! cmp -s "$list" "$browser/package.stamp"; then
+        mkdir -p "$browser"
+        cp "$list" "$browser/package.json"
+        if npm install --prefix "$browser" --no-audit --no-fund --silent >/dev/null; then
+            cp "$list" "$browser/package.stamp"
+        else
+            complain "the packages of $list (needs npm and its registry)"
+        fi
+    fi
 fi
 
 if [ "$failed" = 0 ]; then

@@ -76,9 +76,10 @@ function turnBetween(a, b, share, pivot) {
 
 /** The camera about a box of the world. */
 class Camera {
-  /** @param {Box} box */
-  constructor(box) {
+  /** @param {Box} box all that is drawn @param {Box} [subject] what is looked at first */
+  constructor(box, subject = box) {
     this.box = box;
+    this.subject = subject;
     this.width = 1;
     this.height = 1;
     /** Angle of view from top to bottom, rad. */
@@ -91,20 +92,26 @@ class Camera {
     this.reset();
   }
 
-  /** Shows the whole box, from the front and above. */
+  /** Shows the subject, from the front and above. */
   reset() {
-    this.look(-0.45, 0.9);
+    this.look(-0.45, 0.9, this.subject);
   }
 
-  /** Shows the whole box from above, as drawings show it. */
+  /** Shows all from the same side. */
+  whole() {
+    this.look(this.yaw, this.pitch, this.box);
+  }
+
+  /** Shows the subject from above, as drawings show it. */
   fromAbove() {
-    this.look(0, Math.PI / 2);
+    this.look(0, Math.PI / 2, this.subject);
   }
 
-  /** @param {number} yaw @param {number} pitch */
-  look(yaw, pitch) {
-    [this.yaw, this.pitch] = [yaw, pitch];
-    const [low, high] = this.box;
+  /** Shows a box. @param {number} yaw @param {number} pitch @param {Box} box */
+  look(yaw, pitch, box) {
+    this.yaw = yaw;
+    this.pitch = pitch;
+    const [low, high] = box;
     this.target = between(low, high, 0.5);
     this.distance = 1;
     // The least distance at which each corner lies within the picture.
@@ -115,7 +122,7 @@ class Camera {
     for (let k = 0; k < 8; k++) {
       const p = minus([k & 1 ? high[0] : low[0], k & 2 ? high[1] : low[1], k & 4 ? high[2] : low[2]], this.target);
       const reach = Math.max(Math.abs(dot(p, right)) / wide, Math.abs(dot(p, up)) / tall);
-      distance = Math.max(distance, dot(p, back) + reach * 1.06);
+      distance = Math.max(distance, dot(p, back) + reach * 1.1);
     }
     this.distance = distance;
   }

@@ -101,21 +101,21 @@ function ofBlock(by, head, blocks, i) {
   const ranges = head.ranges;
   switch (by) {
     case "height": {
-      const height = blocks.focus[i];
+      const height = blocks.focus?.[i];
       return height == null ? SPARE : ofHeight(height, ranges.height_mm);
     }
     case "defocus": {
-      const [z, focus] = [blocks.z[i], blocks.focus[i]];
+      const [z, focus] = [blocks.z?.[i], blocks.focus?.[i]];
       if (!z || focus == null) return SPARE;
       const [low, high] = [(z[0] - focus) * 1000, (z[1] - focus) * 1000];
       return ofValue(DIVERGING, -low > high ? low : high, aboutZero(ranges.defocus_um));
     }
     case "incidence": {
-      const incidence = blocks.incidence[i];
+      const incidence = blocks.incidence?.[i];
       return incidence ? ofValue(RAMP, incidence[0], ranges.incidence_deg) : SPARE;
     }
     case "dose": {
-      const dose = blocks.dose[i];
+      const dose = blocks.dose?.[i];
       return dose ? ofValue(RAMP, dose[0], ranges.dose) : SPARE;
     }
     case "pen":

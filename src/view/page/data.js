@@ -14,7 +14,7 @@
 /** @typedef {{name: string, pass: number, origin: [number, number], cell: number, columns: number, rows: number}} MapHead */
 /** @typedef {{name: string, first: number, last: number, marks: number, points: number, box: Box, xy_mm: number,
  *   z_mm: number}} ChunkHead */
-/** @typedef {{reason: string, texture: number, length_mm: number, share_percent: number, dots: number,
+/** @typedef {{reason: string, text?: string, texture: number, length_mm: number, share_percent: number, dots: number,
  *   box: [number, number, number, number]}} Skipped */
 /** @typedef {{edges: number[], length_mm: number[]}} Histogram */
 /**
@@ -41,7 +41,7 @@
  * @property {number} incidence_deg_per_step
  * @property {number} defocus_um_per_step
  * @property {Skipped[]} skipped
- * @property {{name: string, lines: number, points: number}|null} skipped_lines
+ * @property {{name: string, lines: number, points: number, left_out?: number}|null} skipped_lines
  * @property {{name: string, samples: number}|null} motion
  * @property {{height_mm: [number, number], defocus_um: [number, number], incidence_deg: [number, number],
  *   dose: [number, number]}} ranges
@@ -49,43 +49,44 @@
  * @property {{within_um: number, points_left_out: number}} thinned
  * @property {number} marks
  * @property {number} mark_mm
- * @property {{code: string, message: string}[]} warnings
+ * @property {{code: string, message: string, place?: string|null, help?: string|null}[]} warnings
  * @property {[string, string][]} figures
  */
 /**
- * Columns of the blocks in machining order; of an on-the-fly job, of its runs of marks.
+ * Columns of the blocks in machining order; of an on-the-fly job, of its runs of marks, which lack some columns.
  * @typedef {object} Blocks
  * @property {string[]} id
  * @property {number[]} pass
  * @property {number[]} setup
  * @property {([number, number]|null)[]|null} section
  * @property {(number|null)[]|null} level
- * @property {([number, number]|null)[]} centre
- * @property {(number|null)[]} focus
- * @property {([number, number]|null)[]} tilt
- * @property {(number[]|null)[]} turn
- * @property {(number[]|null)[]} frame
+ * @property {([number, number]|null)[]|null} centre
+ * @property {(number|null)[]|null} focus
+ * @property {([number, number]|null)[]|null} tilt
+ * @property {(number[]|null)[]|null} turn
+ * @property {(number[]|null)[]|null} frame
  * @property {Vec3[]} origin
  * @property {(Vec3|null)[]|null} stage
- * @property {(number|null)[]} lift
- * @property {(number|null)[]} shift
- * @property {([number, number]|null)[]} z
+ * @property {(number|null)[]|null} lift
+ * @property {(number|null)[]|null} shift
+ * @property {([number, number]|null)[]|null} z
  * @property {number[]} begin
  * @property {number[]} start
  * @property {number[]} end
  * @property {number[]} strokes
  * @property {number[]} mark_mm
- * @property {number[]} jump_mm
- * @property {([number, number]|null)[]} incidence
- * @property {([number, number]|null)[]} stretch
- * @property {([number, number]|null)[]} dose
+ * @property {number[]|null} jump_mm
+ * @property {([number, number]|null)[]|null} incidence
+ * @property {([number, number]|null)[]|null} stretch
+ * @property {([number, number]|null)[]|null} dose
  * @property {number[][]} pens
  * @property {(Record<string, string>|null)[]|null} files
  */
 /**
  * The marks of some blocks as the shader reads them, `STRIDE` bytes for each point: x, y, z (i16, steps), block (u16,
  * from `first`), defocus (i16, steps), incidence (u8, steps), pen (u8), clock (u32: upper 30 bits of the job's time,
- * then `LAST_OF_MARK` and `IS_DOT`). One point more than there are, so that each has a next.
+ * then `LAST_OF_MARK` and `IS_DOT`). At least one point more than there are, so that each has a next; whole rows of the
+ * texture that they become.
  * @typedef {{head: ChunkHead, words: Uint32Array<ArrayBuffer>, shorts: Int16Array<ArrayBuffer>, points: number,
  *   pointOfBlock: Uint32Array<ArrayBuffer>}} Chunk
  */
@@ -250,7 +251,7 @@ async function readChunk(head, blocks, chunk) {
   const clock_us = onTheFly ? reader.u32Deltas(points) : null;
   const toSteps = (chunk.z_mm * 1000) / head.defocus_um_per_step;
 
-  const words = new Uint32Array((points + 1) * (STRIDE / 4));
+  const words = new Uint32Array(Math.ceil((points + 1) / POINTS_PER_ROW) * POINTS_PER_ROW * (STRIDE / 4));
   const shorts = new Int16Array(words.buffer);
   const bytes = new Uint8Array(words.buffer);
   const pointOfBlock = new Uint32Array(chunk.last - chunk.first + 1).fill(points);
@@ -270,9 +271,6 @@ async function readChunk(head, blocks, chunk) {
       words[s / 2 + 3] = flags | (at === end - 1 ? LAST_OF_MARK : 0);
     }
   }
-  // Read again as the end of the last point's line; the same place keeps it out of sight.
-  if (points > 0) words.copyWithin(4 * points, 4 * (points - 1), 4 * points);
-
   const steps = CLOCK_STEPS / Math.max(head.time_s, 1e-9);
   /** @param {number} point @param {number} t */
   const setClock = (point, t) => {

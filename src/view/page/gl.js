@@ -67,9 +67,13 @@ class Program {
 class Values {
   /** @param {WebGL2RenderingContext} gl @param {number} inner @param {number} format @param {number} type */
   constructor(gl, inner, format, type) {
-    [this.gl, this.inner, this.format, this.type] = [gl, inner, format, type];
+    this.gl = gl;
+    this.inner = inner;
+    this.format = format;
+    this.type = type;
     this.texture = gl.createTexture();
-    [this.width, this.height] = [0, 0];
+    this.width = 0;
+    this.height = 0;
   }
 
   /** @param {number} width @param {number} height @param {ArrayBufferView} values */
@@ -88,7 +92,8 @@ class Values {
     for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
     for (const way of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
       gl.texParameteri(gl.TEXTURE_2D, way, gl.NEAREST);
-    [this.width, this.height] = [width, height];
+    this.width = width;
+    this.height = height;
   }
 
   /** @param {number} unit */
@@ -110,7 +115,8 @@ function bufferOf(gl, target, values) {
 class Probe {
   /** @param {WebGL2RenderingContext} gl @param {number} side pixels, odd */
   constructor(gl, side) {
-    [this.gl, this.side] = [gl, side];
+    this.gl = gl;
+    this.side = side;
     this.framebuffer = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
     for (const [format, point] of [

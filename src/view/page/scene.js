@@ -21,6 +21,7 @@
  * @property {number} pass whose blocks are draped, from 1
  * @property {(block: number) => boolean} isShown
  * @property {Theme} theme
+ * @property {number} size of words and lines, 1 on a small screen
  * @property {boolean} moving
  */
 /** @typedef {{ground: Colour, part: Colour, ink: Colour, accent: Colour}} Theme */
@@ -34,11 +35,15 @@ const PIECE = 400_000;
 const MERGED_PX = 1.1;
 
 class Scene {
-  /** @param {HTMLCanvasElement} canvas @param {Head} head @param {Blocks} blocks @param {() => void} changed */
+  /** @param {HTMLCanvasElement} canvas @param {Head} head @param {Blocks} blocks @param {(isStale: boolean) => void} changed */
   constructor(canvas, head, blocks, changed) {
     const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true, alpha: false });
     if (!gl) throw new Error("this browser does not offer WebGL 2");
-    [this.gl, this.canvas, this.head, this.blocks, this.changed] = [gl, canvas, head, blocks, changed];
+    this.gl = gl;
+    this.canvas = canvas;
+    this.head = head;
+    this.blocks = blocks;
+    this.changed = changed;
     this.meshProgram = new Program(gl, MESH_VERTEX, MESH_FRAGMENT);
     this.markProgram = new Program(gl, MARK_VERTEX, MARK_FRAGMENT);
     this.skippedProgram = new Program(gl, SKIPPED_VERTEX, SKIPPED_FRAGMENT);
@@ -47,6 +52,8 @@ class Scene {
     this.palette = new Values(gl, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE);
     this.ramps = new Values(gl, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE);
     this.ramps.set(RAMP_TEXELS, 3, rampTexels());
+    /** What the colours of the palette stand for. @type {ColourBy|null} */
+    this.paletteBy = null;
     const rows = Math.max(1, Math.ceil(head.blocks.count / BLOCKS_PER_ROW));
     this.paletteTexels = new Uint8Array(BLOCKS_PER_ROW * rows * 4);
     this.blockValues.set(4 * BLOCKS_PER_ROW, rows, this.valuesOfBlocks(rows));
@@ -58,7 +65,7 @@ class Scene {
     this.mesh = null;
     /** @type {{array: WebGLVertexArrayObject, points: number}|null} */
     this.skipped = null;
-    /** @type {({data: Chunk, array: WebGLVertexArrayObject, buffer: WebGLBuffer}|null)[]} */
+    /** @type {({data: Chunk, points: Values}|null)[]} */
     this.chunks = head.chunks.map(() => null);
     /** @type {(Promise<void>|null)[]} */
     this.loads = head.chunks.map(() => null);
@@ -66,11 +73,19 @@ class Scene {
     this.budget = 300_000;
     /** Chunks that are not drawn yet in the picture at rest. @type {number[]} */
     this.waiting = [];
+    /** Chunks in sight that were not read when the picture was begun. @type {Set<number>} */
+    this.wanted = new Set();
     /** Where the next piece of the first of them begins. */
     this.waitingAt = 0;
+    /** Whether marks are drawn as lines of one device pixel. */
+    this.isThin = false;
     /** Whether marks are drawn, or blocks stand for them. */
     this.drawsMarks = false;
-    const size = minus(head.box[1], head.box[0]);
+    const size = minus(...boxOfMarks(head)).map(Math.abs);
+    /** Mean side of a block, mm. */
+    this.block_mm = Math.sqrt((size[0] * size[1] * head.passes) / Math.max(head.blocks.count, 1));
+    /** Mean width of a block between its borders, mm. */
+    this.width_mm = this.block_mm;
     /** Mean distance of marks, mm. */
     this.pitch_mm = (size[0] * size[1]) / Math.max(head.mark_mm, 1e-9);
   }
@@ -146,13 +161,15 @@ class Scene {
     this.loading += 1;
     try {
       const data = await readChunk(this.head, this.blocks, this.head.chunks[k]);
-      const buffer = bufferOf(gl, gl.ARRAY_BUFFER, data.words);
-      const array = /** @type {WebGLVertexArrayObject} */ (gl.createVertexArray());
-      this.chunks[k] = { data, array, buffer };
+      const points = new Values(gl, gl.RGBA32UI, gl.RGBA_INTEGER, gl.UNSIGNED_INT);
+      points.set(POINTS_PER_ROW, data.words.length / 4 / POINTS_PER_ROW, data.words);
+      this.chunks[k] = { data, points };
     } finally {
       this.loading -= 1;
     }
-    this.changed();
+    // It joins the picture at rest, or the next one.
+    if (this.wanted.has(k)) this.waiting.push(k);
+    this.changed(false);
   }
 
   /** The chunk of a block, -1 if it has no marks. @param {number} block */
@@ -163,8 +180,10 @@ class Scene {
   /** Colours of the blocks and which are shown. @param {Look} look */
   setPalette(look) {
     const { head, blocks, paletteTexels: texels } = this;
+    if (this.paletteBy !== look.by)
+      for (let i = 0; i < head.blocks.count; i++) texels.set(ofBlock(look.by, head, blocks, i), 4 * i);
+    this.paletteBy = look.by;
     for (let i = 0; i < head.blocks.count; i++) {
-      texels.set(ofBlock(look.by, head, blocks, i), 4 * i);
       texels[4 * i + 3] = look.isShown(i) && blocks.start[i] <= look.now ? 255 : 0;
     }
     this.palette.set(BLOCKS_PER_ROW, texels.length / BLOCKS_PER_ROW / 4, texels);
@@ -186,17 +205,21 @@ class Scene {
     if (look.layers.skipped) this.drawSkipped(look, projection, ratio);
     this.waiting = this.drawsMarks ? this.chunksInSight(look) : [];
     this.waitingAt = 0;
+    this.wanted = new Set(this.waiting.filter((k) => !this.chunks[k]));
+    this.waiting = this.waiting.filter((k) => this.chunks[k]);
+    this.readWanted();
     if (look.moving) {
       const lines = this.waiting.reduce((sum, k) => sum + (this.chunks[k]?.data.points ?? 0), 0);
       const every = Math.max(1, Math.ceil(lines / this.budget));
       this.beginMarks(look, projection, [canvas.width, canvas.height], ratio, false);
       for (const k of this.waiting) this.drawChunk(k, 0, Infinity, every);
-      if (every === 1) this.waiting = this.waiting.filter((k) => !this.chunks[k]);
+      if (every === 1) this.waiting = [];
     }
   }
 
   /** Adds a piece of the marks to the picture at rest; false when it is complete. @param {Look} look */
   drawMore(look) {
+    this.readWanted();
     if (this.waiting.length === 0) return false;
     const { gl, canvas } = this;
     gl.viewport(0, 0, canvas.width, canvas.height);
@@ -205,12 +228,7 @@ class Scene {
     let left = PIECE;
     while (left > 0 && this.waiting.length > 0) {
       const k = this.waiting[0];
-      const chunk = this.chunks[k];
-      if (!chunk) {
-        // Its arrival begins the picture anew.
-        this.waiting.shift();
-        continue;
-      }
+      const chunk = /** @type {{data: Chunk}} */ (this.chunks[k]);
       const to = Math.min(this.waitingAt + left, chunk.data.points);
       this.drawChunk(k, this.waitingAt, to, 1);
       left -= to - this.waitingAt;
@@ -223,7 +241,15 @@ class Scene {
     return this.waiting.length > 0;
   }
 
-  /** Chunks in the picture, nearest to its middle first; those that are not read yet are asked for.
+  /** Reads what is in sight, two chunks at a time. */
+  readWanted() {
+    for (const k of this.wanted) {
+      if (this.loading >= 2) break;
+      if (!this.loads[k]) this.load(k).catch((error) => reportError(error));
+    }
+  }
+
+  /** Chunks in the picture, nearest to its middle first.
    * @param {Look} look */
   chunksInSight(look) {
     const view = product(look.camera.matrices().both, matrixOfTurn(look.turn));
@@ -240,10 +266,6 @@ class Scene {
       if (outside === 0) seen.push([distance, k]);
     });
     seen.sort((a, b) => a[0] - b[0] || a[1] - b[1]);
-    for (const [, k] of seen) {
-      if (this.loading >= 2) break;
-      if (!this.loads[k]) this.load(k).catch((error) => reportError(error));
-    }
     return seen.map(([, k]) => k);
   }
 
@@ -263,12 +285,13 @@ class Scene {
       uPart: unitColour(look.theme.part),
       uInk: unitColour(look.theme.ink),
       uAccent: unitColour(look.theme.accent),
-      uTint: !look.layers.blocks ? 0 : this.drawsMarks ? 0.22 : 1,
+      uTint: !look.layers.blocks ? 0 : !this.drawsMarks ? 1 : this.markMode(look.by) === MARK_MODES.palette ? 0.22 : 0,
       uPixels: ratio,
+      // Where blocks are a few pixels wide, their borders would hide their colours.
+      uBorders: look.layers.borders ? Math.min(Math.max((this.width_mm / look.camera.pixel_mm() - 5) / 10, 0), 1) : 0,
     });
     p.ints({
       uPresent: look.present + 1,
-      uBorders: look.layers.borders,
       uSeams: look.layers.seams || look.by === "seam",
       uPick: pick,
     });
@@ -328,11 +351,13 @@ class Scene {
     const rangeBy = {
       defocus: aboutZero(ranges.defocus_um), incidence: ranges.incidence_deg, height: ranges.height_mm,
     };
+    const width = (pick ? 2 : lineWidth(this.pitch_mm / look.camera.pixel_mm()) * look.size) * ratio;
+    this.isThin = width < 1.2;
     p.floats({
       uView: product(look.camera.matrices().view, matrixOfTurn(look.turn)),
       uProjection: projection,
       uViewport: viewport,
-      uWidth: (pick ? 2 : lineWidth(this.pitch_mm / look.camera.pixel_mm())) * ratio,
+      uWidth: width,
       uBias: this.bias(look),
       uValueStep: [head.defocus_um_per_step, head.incidence_deg_per_step],
       uShownDefocus: defocus,
@@ -343,7 +368,7 @@ class Scene {
       ],
       uAccent: unitColour(look.theme.accent),
       uRange: look.by === "time" ? [0, 1] : rangeBy[look.by] ?? [0, 1],
-      uSeamReach: (head.maps[0]?.cell ?? 0) * 1.5,
+      uSeamReach: (head.maps[0]?.cell ?? 0) * 0.5,
     });
     p.ints({
       uNow: Math.min(Math.floor((look.now / head.time_s) * CLOCK_STEPS), CLOCK_STEPS),
@@ -352,13 +377,15 @@ class Scene {
       uPresentBlock: look.present,
       uPick: pick,
       uAsDot: false,
+      uThin: this.isThin,
     });
     this.bindBlocks(p, look.pass);
   }
 
   /** @param {ColourBy} by */
   markMode(by) {
-    if (by === "height") return this.blocks.focus.every((f) => f == null) ? MARK_MODES.height : MARK_MODES.palette;
+    // On the fly the focal plane moves while a run is marked.
+    if (by === "height" && this.head.mode === "on-the-fly") return MARK_MODES.height;
     return MARK_MODES[/** @type {"pen"} */ (by)] ?? MARK_MODES.palette;
   }
 
@@ -369,23 +396,12 @@ class Scene {
     if (!chunk) return;
     const { gl, markProgram: p } = this;
     const { xy_mm, z_mm, first } = chunk.data.head;
-    p.floats({ uStep: [xy_mm, z_mm] });
-    p.ints({ uFirst: first });
-    gl.bindVertexArray(chunk.array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, chunk.buffer);
-    const stride = STRIDE * every;
-    for (const [slot, start] of [[0, from * STRIDE], [3, (from + 1) * STRIDE]]) {
-      for (let s = slot; s < slot + 3; s++) {
-        gl.enableVertexAttribArray(s);
-        gl.vertexAttribDivisor(s, 1);
-      }
-      gl.vertexAttribIPointer(slot, 4, gl.SHORT, stride, start);
-      gl.vertexAttribIPointer(slot + 1, 1, gl.UNSIGNED_INT, stride, start + 8);
-      gl.vertexAttribIPointer(slot + 2, 1, gl.UNSIGNED_INT, stride, start + 12);
-    }
     const count = Math.floor((Math.min(to, chunk.data.points) - from) / every);
-    if (count > 0) gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, count);
-    gl.bindVertexArray(null);
+    if (count <= 0) return;
+    p.floats({ uStep: [xy_mm, z_mm] });
+    chunk.points.bind(4);
+    p.ints({ uFirst: first, uPoints: 4, uFrom: from, uEvery: every });
+    gl.drawArrays(this.isThin ? gl.LINES : gl.TRIANGLES, 0, (this.isThin ? 2 : 6) * count);
   }
 
   /**
@@ -429,7 +445,8 @@ class Scene {
       gl.disable(gl.DEPTH_TEST);
       this.beginMarks(look, NO_PROJECTION, [probe.side, probe.side], 1, false);
       this.markProgram.floats({ uView: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, -x, -y, -z, 1], uBias: 0, uWidth: 3 });
-      this.markProgram.ints({ uAsDot: true });
+      this.isThin = false;
+      this.markProgram.ints({ uAsDot: true, uThin: false });
       this.drawChunk(k, point, point + 1, 1);
     });
     const middle = 4 * ((probe.side * probe.side - 1) / 2);
@@ -438,6 +455,16 @@ class Scene {
 }
 
 const NO_PROJECTION = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+
+/** The box of all marks; of the job where there are none. @param {Head} head @returns {Box} */
+function boxOfMarks(head) {
+  const boxes = head.chunks.map((c) => c.box);
+  if (boxes.length === 0) return head.box;
+  /** @param {0|1} end @param {(a: number, b: number) => number} pick @returns {Vec3} */
+  const corner = (end, pick) =>
+    boxes.map((b) => b[end]).reduce((a, b) => [pick(a[0], b[0]), pick(a[1], b[1]), pick(a[2], b[2])]);
+  return [corner(0, Math.min), corner(1, Math.max)];
+}
 
 /** @param {Colour} c @returns {Vec3} */
 function unitColour(c) {

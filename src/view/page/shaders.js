@@ -6,6 +6,9 @@
  * section, level, tilt and set-up by number. Its colour is a texel of `uPalette`; alpha 0 hides it.
  */
 
+/** Points of marks in one row of their texture. */
+const POINTS_PER_ROW = 2048;
+
 /** Blocks in one row of the textures. */
 const BLOCKS_PER_ROW = 256;
 
@@ -81,7 +84,7 @@ uniform vec3 uAccent;  // of the present block
 uniform float uTint;   // how much of a block's colour is laid over the part
 uniform float uPixels; // device pixels of a CSS pixel
 uniform int uPresent;  // label, 0 for none
-uniform bool uBorders;
+uniform float uBorders; // how dark borders are, 0 to 1
 uniform bool uSeams;
 uniform bool uPick;
 out vec4 colour;
@@ -103,36 +106,30 @@ void main() {
     light = mix(light, 0.72 + 0.34 * (light - 0.2), uTint * block.a);
   }
   c *= light;
-  if (isUp && uBorders) {
-    int there[4] = int[4](labelAt(vPart.xy + dx * 0.5), labelAt(vPart.xy - dx * 0.5), labelAt(vPart.xy + dy * 0.5),
-                          labelAt(vPart.xy - dy * 0.5));
-    bool isBorder = false;
-    for (int k = 0; k < 4; k++) isBorder = isBorder || there[k] != here;
-    if (isBorder) c = mix(c, uInk, 0.4);
+  // Whether a border passes within half a pixel, and that of the present block within a pixel and a half.
+  bool isNear = isUp && (here > 0 || all(greaterThan(vPart.xy, uMap.xy)));
+  if (isNear && (uBorders > 0.0 || uPresent > 0)) {
+    bool isBorder = false, isEdge = false;
+    for (int k = 0; k < 4; k++) {
+      vec2 d = (k < 2 ? dx : dy) * ((k & 1) == 0 ? 1.0 : -1.0);
+      isBorder = isBorder || labelAt(vPart.xy + d * 0.5) != here;
+      isEdge = isEdge || (labelAt(vPart.xy + d * 1.5) == uPresent) != (here == uPresent);
+    }
+    if (isBorder) c = mix(c, uInk, 0.4 * uBorders);
+    if (isEdge && uPresent > 0) c = uAccent;
   }
   if (here > 0 && uSeams) {
     int kind = seamNear(vPart.xy, dx * 0.9, dy * 0.9);
     if (kind > 0) c = texelFetch(uRamps, ivec2(kind - 1, 2), 0).rgb;
   }
-  if (uPresent > 0 && isUp) {
-    bool isEdge = false;
-    for (int k = 0; k < 8; k++) {
-      float a = float(k) * 0.7853982;
-      int there = labelAt(vPart.xy + (dx * cos(a) + dy * sin(a)) * 1.6);
-      isEdge = isEdge || (there == uPresent) != (here == uPresent);
-    }
-    if (isEdge) c = uAccent;
-  }
   colour = vec4(c, 1.0);
 }`;
 
 const MARK_VERTEX = `${COMMON}
-layout(location = 0) in ivec4 aPlace;
-layout(location = 1) in uint aValue;
-layout(location = 2) in uint aClock;
-layout(location = 3) in ivec4 bPlace;
-layout(location = 4) in uint bValue;
-layout(location = 5) in uint bClock;
+uniform highp usampler2D uPoints; // a texel for each point, as Chunk has them
+uniform int uFrom;       // first point
+uniform int uEvery;      // 1 for each line, k for every k-th
+uniform bool uThin;      // lines of one device pixel: two vertices for each, else six
 uniform mat4 uView;
 uniform mat4 uProjection;
 uniform vec2 uViewport;  // device pixels
@@ -148,12 +145,20 @@ out float vIncidence;
 out float vAfter;        // clock later than now, steps
 out float vTime;         // 0 to 1
 out vec2 vPart;
-out float vHeight;
+out float vHeight;       // of the focal plane at that moment
 flat out int vPen;
 flat out int vBlock;
 
-vec3 placeInPart(ivec4 p, int block) {
-  vec4 local = vec4(vec2(p.xy) * uStep.x, float(p.z) * uStep.y, 1.0);
+uvec4 pointAt(int i) {
+  return texelFetch(uPoints, ivec2(i % ${POINTS_PER_ROW}, i / ${POINTS_PER_ROW}), 0);
+}
+
+int signedLow(uint v) {
+  return int(v << 16) >> 16;
+}
+
+vec3 placeInPart(uvec4 p, int block) {
+  vec4 local = vec4(float(signedLow(p.x)) * uStep.x, float(int(p.x) >> 16) * uStep.x, float(signedLow(p.y)) * uStep.y, 1.0);
   return vec3(dot(blockTexel(block, 0), local), dot(blockTexel(block, 1), local), dot(blockTexel(block, 2), local));
 }
 
@@ -166,34 +171,39 @@ vec4 projected(vec3 p) {
 }
 
 void main() {
-  int block = uFirst + (aPlace.w & 0xffff);
-  bool isDot = (aClock & 2u) != 0u || uAsDot;
-  bool isLast = (aClock & 1u) != 0u;
+  int corners = uThin ? 2 : 6;
+  int i = uFrom + gl_VertexID / corners * uEvery;
+  int k = gl_VertexID % corners;
+  // Corners of two triangles, by number: 0 and 1 at the first point, 2 and 3 at the second.
+  int corner = uThin ? 2 * k : k == 3 ? 2 : k == 4 ? 1 : k == 5 ? 3 : k;
+  uvec4 a = pointAt(i);
+  int block = uFirst + int(a.y >> 16);
+  bool isDot = (a.w & 2u) != 0u || uAsDot;
+  bool isLast = (a.w & 1u) != 0u;
   gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
   vBlock = block;
-  vPen = int(aValue >> 24);
-  bool atA = gl_VertexID < 2 || isDot;
-  uint value = atA ? aValue : bValue;
-  uint clock = (atA ? aClock : bClock) >> 2;
-  vDefocus = float(int(value << 16) >> 16) * uValueStep.x;
-  vIncidence = float((value >> 16) & 255u) * uValueStep.y;
-  vAfter = float(int(clock) - uNow);
-  vTime = float(clock) / ${CLOCK_STEPS}.0;
+  vPen = int(a.z >> 24);
   if ((isLast && !isDot) || blockColour(block).a == 0.0) return;
 
-  vec3 pa = placeInPart(aPlace, block);
-  vec3 pb = isDot ? pa : placeInPart(bPlace, block);
-  vPart = atA ? pa.xy : pb.xy;
-  vHeight = atA ? pa.z : pb.z;
-  vec4 a = projected(pa), b = projected(pb);
-  if (a.w <= 0.0 || b.w <= 0.0) return;
-  vec2 along = (b.xy / b.w - a.xy / a.w) * uViewport;
+  uvec4 b = isDot ? a : pointAt(i + 1);
+  uvec4 here = corner < 2 ? a : b;
+  vDefocus = float(signedLow(here.z)) * uValueStep.x;
+  vIncidence = float((here.z >> 16) & 255u) * uValueStep.y;
+  vAfter = float(int(here.w >> 2) - uNow);
+  vTime = float(here.w >> 2) / ${CLOCK_STEPS}.0;
+  vec3 part = placeInPart(here, block);
+  vPart = part.xy;
+  vHeight = part.z - vDefocus / 1000.0;
+  gl_Position = projected(part);
+  if (uThin && !isDot) return;
+
+  vec4 other = projected(placeInPart(corner < 2 ? b : a, block));
+  if (gl_Position.w <= 0.0 || other.w <= 0.0) return;
+  vec2 along = (other.xy / other.w - gl_Position.xy / gl_Position.w) * uViewport * (corner < 2 ? 1.0 : -1.0);
   along = isDot || length(along) < 1e-6 ? vec2(1.0, 0.0) : normalize(along);
-  float side = (gl_VertexID & 1) == 0 ? -1.0 : 1.0;
   float width = isDot ? uWidth * 1.8 : uWidth;
-  vec2 offset = vec2(-along.y, along.x) * side * width;
-  if (isDot) offset += along * width * (gl_VertexID < 2 ? -1.0 : 1.0);
-  gl_Position = atA && gl_VertexID < 2 ? a : b;
+  vec2 offset = vec2(-along.y, along.x) * width * (uThin ? 0.0 : (corner & 1) == 0 ? -1.0 : 1.0);
+  if (isDot) offset += along * width * (corner < 2 ? -1.0 : 1.0);
   gl_Position.xy += offset / uViewport * gl_Position.w;
 }`;
 
