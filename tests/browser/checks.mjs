@@ -1,9 +1,38 @@
 // What must hold on the page of one job. `manifest` is that of the job folder; `check(name, ok, detail)` takes results.
 // Colours are computed here from the manifest, apart from the page's own arithmetic.
 
-const RAMP = [[80, 46, 142], [59, 79, 172], [0, 112, 182], [0, 141, 173], [2, 167, 170], [9, 194, 158], [110, 213, 131], [186, 224, 108], [252, 231, 101]];
-const DIVERGING = [[23, 84, 186], [52, 120, 211], [101, 157, 225], [152, 184, 219], [178, 184, 190], [224, 178, 134], [232, 146, 72], [220, 106, 24], [178, 66, 6]];
-const SERIES = [[31, 108, 196], [236, 146, 28], [205, 38, 112], [38, 160, 112], [110, 198, 236], [124, 66, 182], [214, 204, 60], [150, 92, 48]];
+const RAMP = [
+  [80, 46, 142],
+  [59, 79, 172],
+  [0, 112, 182],
+  [0, 141, 173],
+  [2, 167, 170],
+  [9, 194, 158],
+  [110, 213, 131],
+  [186, 224, 108],
+  [252, 231, 101],
+];
+const DIVERGING = [
+  [23, 84, 186],
+  [52, 120, 211],
+  [101, 157, 225],
+  [152, 184, 219],
+  [178, 184, 190],
+  [224, 178, 134],
+  [232, 146, 72],
+  [220, 106, 24],
+  [178, 66, 6],
+];
+const SERIES = [
+  [31, 108, 196],
+  [236, 146, 28],
+  [205, 38, 112],
+  [38, 160, 112],
+  [110, 198, 236],
+  [124, 66, 182],
+  [214, 204, 60],
+  [150, 92, 48],
+];
 
 /** The colour at a share of a ramp. */
 function along(anchors, value, low, high) {
@@ -13,27 +42,45 @@ function along(anchors, value, low, high) {
 }
 
 const apart = (a, b) => Math.max(...a.map((v, i) => Math.abs(v - b[i])));
-const span = (values) => [values.reduce((a, b) => Math.min(a, b), Infinity), values.reduce((a, b) => Math.max(a, b), -Infinity)];
+const span = (values) => [
+  values.reduce((a, b) => Math.min(a, b), Infinity),
+  values.reduce((a, b) => Math.max(a, b), -Infinity),
+];
 const turned = (m, p) => [0, 1, 2].map((r) => m[3 * r] * p[0] + m[3 * r + 1] * p[1] + m[3 * r + 2] * p[2] + m[9 + r]);
 
 export async function checks(page, manifest, check, options) {
   const isFly = manifest.mode === "on-the-fly";
   const total = isFly ? manifest.summary.time_s : manifest.summary.time_s.total;
-  const view = (f, ...a) => page.evaluate(([text, args]) => new Function("v", "args", `return (${text})(v, ...args)`)(globalThis.terraceView, args), [f.toString(), a]);
+  const view = (f, ...a) =>
+    page.evaluate(
+      ([text, args]) => new Function("v", "args", `return (${text})(v, ...args)`)(globalThis.terraceView, args),
+      [f.toString(), a],
+    );
   const state = () => view((v) => v.state());
   const drawn = () => view((v) => v.drawn());
   const head = await view((v) => v.app.head);
   const blocks = await view((v) => v.app.blocks);
 
   // --- what is there at once
-  const paint = await page.evaluate(() => performance.getEntriesByType("paint").find((e) => e.name === "first-contentful-paint")?.startTime);
+  const paint = await page.evaluate(
+    () => performance.getEntriesByType("paint").find((e) => e.name === "first-contentful-paint")?.startTime,
+  );
   check("first paint", paint < options.paintMs, `${Math.round(paint)} ms`);
   await drawn();
   const ready = await page.evaluate(() => Math.round(performance.now()));
   check("marks of the first picture are drawn", true, `${ready} ms`);
-  check("title and figures are words", (await page.title()).length > 0 && (await page.locator("#figures tr").count()) === head.figures.length);
+  check(
+    "title and figures are words",
+    (await page.title()).length > 0 && (await page.locator("#figures tr").count()) === head.figures.length,
+  );
   check("its approximations are stated", /triangles/.test(await page.locator("#accuracy").innerText()));
-  const nameless = await page.evaluate(() => [...document.querySelectorAll("button, select, input")].filter((e) => !(e.getAttribute("aria-label") || e.labels?.length || e.textContent?.trim() || e.id === "block-id")).map((e) => e.id));
+  const nameless = await page.evaluate(() =>
+    [...document.querySelectorAll("button, select, input")]
+      .filter(
+        (e) => !(e.getAttribute("aria-label") || e.labels?.length || e.textContent?.trim() || e.id === "block-id"),
+      )
+      .map((e) => e.id),
+  );
   check("every control has a name", nameless.length === 0, nameless.join(" "));
 
   /** The part of the picture that is not background, as one number for each of some pixels. */
@@ -52,10 +99,18 @@ export async function checks(page, manifest, check, options) {
 
   // --- the clock
   const seconds = async () => Number(/([\d.]+) s of/.exec(await page.locator("#time").innerText())[1]);
-  const slide = (id, value) => page.locator(id).evaluate((e, v) => { e.value = String(v); e.dispatchEvent(new Event("input")); }, value);
+  const slide = (id, value) =>
+    page.locator(id).evaluate((e, v) => {
+      e.value = String(v);
+      e.dispatchEvent(new Event("input"));
+    }, value);
   await slide("#seek", total);
   await drawn();
-  check("the clock ends at the manifest's time", Math.abs((await seconds()) - total) <= 0.1, `${await seconds()} s, manifest ${total.toFixed(3)} s`);
+  check(
+    "the clock ends at the manifest's time",
+    Math.abs((await seconds()) - total) <= 0.1,
+    `${await seconds()} s, manifest ${total.toFixed(3)} s`,
+  );
   check("the page's time is the manifest's", Math.abs(head.time_s - total) < 1e-3);
   if (!isFly) {
     let [worst, marking] = [0, 0];
@@ -64,8 +119,16 @@ export async function checks(page, manifest, check, options) {
       marking += b.time_s;
     });
     const moving = blocks.begin.reduce((sum, t, i) => sum + blocks.start[i] - t, 0);
-    check("the time of each block is the manifest's", blocks.id.length === manifest.blocks.length && worst < 1e-3, `${blocks.id.length} blocks`);
-    check("blocks follow each other to the end", Math.abs(marking + moving - total) <= 0.1, `${(marking + moving - total).toFixed(4)} s`);
+    check(
+      "the time of each block is the manifest's",
+      blocks.id.length === manifest.blocks.length && worst < 1e-3,
+      `${blocks.id.length} blocks`,
+    );
+    check(
+      "blocks follow each other to the end",
+      Math.abs(marking + moving - total) <= 0.1,
+      `${(marking + moving - total).toFixed(4)} s`,
+    );
   }
   let worst = 0;
   const count = head.blocks.count;
@@ -77,7 +140,11 @@ export async function checks(page, manifest, check, options) {
     if (s.block !== i || s.id !== blocks.id[i]) worst = Infinity;
     worst = Math.max(worst, Math.abs((await seconds()) - blocks.start[i]));
   }
-  check("the slider over stops shows each stop's clock", worst <= 0.1, `within ${worst.toFixed(3)} s of ${chosen.length} stops`);
+  check(
+    "the slider over stops shows each stop's clock",
+    worst <= 0.1,
+    `within ${worst.toFixed(3)} s of ${chosen.length} stops`,
+  );
 
   // --- play, pause, step, keys
   await view((v) => v.setTime(0));
@@ -97,8 +164,13 @@ export async function checks(page, manifest, check, options) {
   check("the space bar plays and pauses", spaced && !(await state()).playing);
   for (const value of await page.locator("#speed option").evaluateAll((o) => o.map((e) => e.value))) {
     await page.locator("#speed").selectOption(value);
-    await view((v) => { v.setTime(0); v.app.play(true); });
-    await page.waitForFunction(() => globalThis.terraceView.state().time > 0 || !globalThis.terraceView.state().playing);
+    await view((v) => {
+      v.setTime(0);
+      v.app.play(true);
+    });
+    await page.waitForFunction(
+      () => globalThis.terraceView.state().time > 0 || !globalThis.terraceView.state().playing,
+    );
     const s = await state();
     await view((v) => v.app.play(false));
     check(`speed ${value}`, s.time > 0, `${s.time.toFixed(2)} s`);
@@ -115,9 +187,21 @@ export async function checks(page, manifest, check, options) {
   await page.keyboard.press("End");
   const end = (await state()).block;
   await page.keyboard.press("Home");
-  check("arrow keys, Home and End step", right === Math.min(1, count - 1) && end === count - 1 && (await state()).block === 0);
+  check(
+    "arrow keys, Home and End step",
+    right === Math.min(1, count - 1) && end === count - 1 && (await state()).block === 0,
+  );
   const camera = async () => JSON.stringify((await state()).camera);
-  for (const [key, words] of [["+", "nearer"], ["-", "farther"], ["Shift+ArrowLeft", "turn"], ["Alt+ArrowUp", "move"], ["t", "above"], ["w", "part"], ["b", "block"], ["r", "texture"]]) {
+  for (const [key, words] of [
+    ["+", "nearer"],
+    ["-", "farther"],
+    ["Shift+ArrowLeft", "turn"],
+    ["Alt+ArrowUp", "move"],
+    ["t", "above"],
+    ["w", "part"],
+    ["b", "block"],
+    ["r", "texture"],
+  ]) {
     const before = await camera();
     await page.keyboard.press(key);
     check(`key ${key}: ${words}`, (await camera()) !== before || (key === "w" && head.chunks.length === 0));
@@ -149,7 +233,10 @@ export async function checks(page, manifest, check, options) {
     if (modifier) await page.keyboard.up(modifier);
     return (await camera()) !== before;
   };
-  check("dragging turns, the right button and Shift move", (await drag("left")) && (await drag("right")) && (await drag("left", "Shift")));
+  check(
+    "dragging turns, the right button and Shift move",
+    (await drag("left")) && (await drag("right")) && (await drag("left", "Shift")),
+  );
   const far = (await state()).camera.distance;
   await page.mouse.move(...middle);
   await page.mouse.wheel(0, -300);
@@ -163,7 +250,10 @@ export async function checks(page, manifest, check, options) {
   await page.keyboard.type(blocks.id[wanted]);
   await page.keyboard.press("Enter");
   await drawn();
-  check("a typed block is shown", (await state()).block === wanted && (await page.locator("#block-id").inputValue()) === blocks.id[wanted]);
+  check(
+    "a typed block is shown",
+    (await state()).block === wanted && (await page.locator("#block-id").inputValue()) === blocks.id[wanted],
+  );
   await page.locator("#block-id").fill("B99999");
   await page.locator("#find button").click();
   check("an unknown block is said to be unknown", /no block/.test(await page.locator("#find-note").innerText()));
@@ -171,7 +261,12 @@ export async function checks(page, manifest, check, options) {
     const text = await page.locator("#block").innerText();
     const b = manifest.blocks[(await state()).block];
     const files = Object.values(b.files);
-    check("the data of the block is the manifest's", text.includes(`${b.lpfl_mm.toFixed(3).replace(/^-(0\.0*)$/, "$1")} mm`) && text.includes(String(b.strokes)) && files.every((f) => text.includes(f)));
+    check(
+      "the data of the block is the manifest's",
+      text.includes(`${b.lpfl_mm.toFixed(3).replace(/^-(0\.0*)$/, "$1")} mm`) &&
+        text.includes(String(b.strokes)) &&
+        files.every((f) => text.includes(f)),
+    );
     const near = page.locator("#neighbours button");
     if ((await near.count()) > 0) {
       const id = await near.first().innerText();
@@ -185,12 +280,23 @@ export async function checks(page, manifest, check, options) {
   let [hits, draped, asked] = [0, 0, 0];
   const misses = [];
   for (const mark of clicks) {
-    if (!isFly) await view((v, i) => { v.app.pass = v.app.blocks.pass[i]; v.app.setup = v.app.blocks.setup[i]; }, mark.block);
-    await view((v, m) => { v.goToBlock(m.block); v.lookAt(m.middle, v.app.head.field.size[0] * 0.15); }, mark);
+    if (!isFly)
+      await view((v, i) => {
+        v.app.pass = v.app.blocks.pass[i];
+        v.app.setup = v.app.blocks.setup[i];
+      }, mark.block);
+    await view((v, m) => {
+      v.goToBlock(m.block);
+      v.lookAt(m.middle, v.app.head.field.size[0] * 0.15);
+    }, mark);
     await drawn();
     const [x, y] = await view((v, p) => v.project(p), mark.middle);
     await view((v, i) => v.goToBlock(i === 0 ? 1 : 0), mark.block);
-    if (blocks.turn?.[mark.block]) await view((v, m) => { v.goToBlock(m.block); v.lookAt(m.middle, v.app.head.field.size[0] * 0.15); }, mark);
+    if (blocks.turn?.[mark.block])
+      await view((v, m) => {
+        v.goToBlock(m.block);
+        v.lookAt(m.middle, v.app.head.field.size[0] * 0.15);
+      }, mark);
     await drawn();
     await page.mouse.click(canvas.x + x, canvas.y + y);
     await drawn();
@@ -209,8 +315,15 @@ export async function checks(page, manifest, check, options) {
       await page.locator("#layer-marks").check();
     }
   }
-  await view((v) => { v.app.pass = 0; v.app.setup = 0; });
-  check("the block clicked is the block named", hits === clicks.length, `${hits} of ${clicks.length} marks; ${misses.slice(0, 3).join(", ")}`);
+  await view((v) => {
+    v.app.pass = 0;
+    v.app.setup = 0;
+  });
+  check(
+    "the block clicked is the block named",
+    hits === clicks.length,
+    `${hits} of ${clicks.length} marks; ${misses.slice(0, 3).join(", ")}`,
+  );
   if (asked > 0) check("a click on the part names the block draped there", draped === asked, `${draped} of ${asked}`);
   await page.locator("#texture").click();
 
@@ -232,12 +345,21 @@ export async function checks(page, manifest, check, options) {
     if (tilted >= 0) {
       await view((v, i) => v.goToBlock(i), tilted);
       const s = await state();
-      check("at a tilted stop the part is turned", JSON.stringify(s.turn) === JSON.stringify(blocks.turn[tilted]) && s.up[2] === 1);
-      const i = blocks.turn.findIndex((t, k) => k > 0 && blocks.start[k] > blocks.begin[k] && JSON.stringify(t) !== JSON.stringify(blocks.turn[k - 1]));
+      check(
+        "at a tilted stop the part is turned",
+        JSON.stringify(s.turn) === JSON.stringify(blocks.turn[tilted]) && s.up[2] === 1,
+      );
+      const i = blocks.turn.findIndex(
+        (t, k) =>
+          k > 0 && blocks.start[k] > blocks.begin[k] && JSON.stringify(t) !== JSON.stringify(blocks.turn[k - 1]),
+      );
       if (i > 0) {
         await view((v, t) => v.setTime(t), (blocks.begin[i] + blocks.start[i]) / 2);
         const half = await state();
-        check("between stops the part is between their turns", half.does === "moves" && JSON.stringify(half.turn) !== JSON.stringify(blocks.turn[i]));
+        check(
+          "between stops the part is between their turns",
+          half.does === "moves" && JSON.stringify(half.turn) !== JSON.stringify(blocks.turn[i]),
+        );
       }
     }
   } else {
@@ -247,7 +369,10 @@ export async function checks(page, manifest, check, options) {
     const b = await state();
     const reach = Math.hypot(...head.field.size) / 2 + 0.5;
     const off = (s) => Math.hypot(s.beam.at[0] - s.centre[0], s.beam.at[1] - s.centre[1]);
-    check("on the fly the head moves and the beam stays in its field", Math.hypot(...a.centre.map((v, k) => v - b.centre[k])) > 0 && off(a) <= reach && off(b) <= reach);
+    check(
+      "on the fly the head moves and the beam stays in its field",
+      Math.hypot(...a.centre.map((v, k) => v - b.centre[k])) > 0 && off(a) <= reach && off(b) <= reach,
+    );
   }
 
   // --- colours
@@ -260,7 +385,10 @@ export async function checks(page, manifest, check, options) {
     const deviations = shown.map((m) => {
       if (m.colour === null) return 999;
       const b = isFly ? null : manifest.blocks[m.block];
-      if (by === "height") return isFly ? apart(m.colour, along(RAMP, m.at[2] - m.defocus_um / 1000, ...head.ranges.height_mm)) : apart(m.colour, along(RAMP, b.lpfl_mm, ...lpfl).map(Math.round));
+      if (by === "height")
+        return isFly
+          ? apart(m.colour, along(RAMP, m.at[2] - m.defocus_um / 1000, ...head.ranges.height_mm))
+          : apart(m.colour, along(RAMP, b.lpfl_mm, ...lpfl).map(Math.round));
       if (by === "defocus") {
         const reach = Math.max(...head.ranges.defocus_um.map(Math.abs));
         return apart(m.colour, along(DIVERGING, m.defocus_um, -reach, reach));
@@ -273,7 +401,11 @@ export async function checks(page, manifest, check, options) {
       return Math.min(...[[134, 142, 150], ...SERIES.slice(0, 4)].map((c) => apart(m.colour, c)));
     });
     const most = Math.max(...deviations);
-    check(`colour by ${by}: 50 marks as the manifest's values`, most <= (by === "height" || by === "pen" || by === "pass" ? 1 : 3), `${shown.length} marks, within ${most.toFixed(2)} of 255`);
+    check(
+      `colour by ${by}: 50 marks as the manifest's values`,
+      most <= (by === "height" || by === "pen" || by === "pass" ? 1 : 3),
+      `${shown.length} marks, within ${most.toFixed(2)} of 255`,
+    );
     check(`legend of ${by}`, (await page.locator("#legend").innerText()).length > 3);
     if (["incidence", "time"].includes(by)) check(`the picture changes with ${by}`, differs(base, await picture()));
   }
@@ -281,7 +413,13 @@ export async function checks(page, manifest, check, options) {
     const within = samples.every((m) => {
       const b = manifest.blocks[m.block];
       const reach = Math.max(Math.abs(b.z_lo_mm - b.lpfl_mm), Math.abs(b.z_hi_mm - b.lpfl_mm)) * 1000;
-      return Math.abs(m.defocus_um) <= reach + 0.6 && m.incidence_deg <= b.incidence_deg[1] + 0.3 && b.pens.includes(head.pens[m.pen].name) && m.time_s >= blocks.start[m.block] - 1e-3 && m.time_s <= blocks.end[m.block] + 1e-3;
+      return (
+        Math.abs(m.defocus_um) <= reach + 0.6 &&
+        m.incidence_deg <= b.incidence_deg[1] + 0.3 &&
+        b.pens.includes(head.pens[m.pen].name) &&
+        m.time_s >= blocks.start[m.block] - 1e-3 &&
+        m.time_s <= blocks.end[m.block] + 1e-3
+      );
     });
     check("defocus, incidence, pen and time of marks within those of the manifest's blocks", within);
   }
@@ -297,8 +435,19 @@ export async function checks(page, manifest, check, options) {
     await page.locator(`#${id}`).click();
     const three = await picture();
     // What lies under marks, or out of the picture, changes little.
-    const mayHide = ["layer-borders", "layer-blocks", "layer-seams", "layer-skipped", "layer-travel", "layer-path"].includes(id);
-    check(`layer ${id.slice(6)}`, (mayHide || differs(one, two)) && !differs(one, three), differs(one, two) ? "" : "no difference in sight");
+    const mayHide = [
+      "layer-borders",
+      "layer-blocks",
+      "layer-seams",
+      "layer-skipped",
+      "layer-travel",
+      "layer-path",
+    ].includes(id);
+    check(
+      `layer ${id.slice(6)}`,
+      (mayHide || differs(one, two)) && !differs(one, three),
+      differs(one, two) ? "" : "no difference in sight",
+    );
     if (id === "layer-labels" || id === "layer-field") await page.locator("#texture").click();
   }
 
@@ -311,10 +460,19 @@ export async function checks(page, manifest, check, options) {
     const interval = (await state())[which];
     const [low, high] = [histogram.edges[longest], histogram.edges[longest + 1]];
     const shown = await view((v) => v.sampleMarks(50));
-    const value = (m) => (which === "defocus" ? (histogram.edges[0] >= 0 ? Math.abs(m.defocus_um) : m.defocus_um) : m.incidence_deg);
+    const value = (m) =>
+      which === "defocus" ? (histogram.edges[0] >= 0 ? Math.abs(m.defocus_um) : m.defocus_um) : m.incidence_deg;
     const margin = 1e-3 + (high - low) * 1e-4;
-    const wrong = shown.filter((m) => (value(m) > low + margin && value(m) < high - margin && m.colour === null) || ((value(m) < low - margin || value(m) > high + margin) && m.colour !== null));
-    check(`a bar of ${which} shows only its marks`, interval?.[0] === low && interval[1] === high && wrong.length === 0, `${shown.filter((m) => m.colour).length} of ${shown.length} marks`);
+    const wrong = shown.filter(
+      (m) =>
+        (value(m) > low + margin && value(m) < high - margin && m.colour === null) ||
+        ((value(m) < low - margin || value(m) > high + margin) && m.colour !== null),
+    );
+    check(
+      `a bar of ${which} shows only its marks`,
+      interval?.[0] === low && interval[1] === high && wrong.length === 0,
+      `${shown.filter((m) => m.colour).length} of ${shown.length} marks`,
+    );
     const other = longest === histogram.length_mm.length - 1 ? longest - 1 : longest + 1;
     await bars.nth(other).click({ modifiers: ["Shift"] });
     const wider = (await state())[which];
@@ -325,23 +483,35 @@ export async function checks(page, manifest, check, options) {
   }
 
   // --- set-ups, passes, pens, what is marked so far
-  for (const [id, key, of] of [["#pass", "pass", "pass"], ["#setup", "setup", "setup"]]) {
+  for (const [id, key, of] of [
+    ["#pass", "pass", "pass"],
+    ["#setup", "setup", "setup"],
+  ]) {
     if (!(await page.locator(id).isVisible())) continue;
     await page.locator(id).selectOption("2");
     const shown = await view((v) => v.sampleMarks(50));
-    check(`${key} 2 alone is shown`, shown.every((m) => (m.colour !== null) === (manifest.blocks[m.block][of] === 2)));
+    check(
+      `${key} 2 alone is shown`,
+      shown.every((m) => (m.colour !== null) === (manifest.blocks[m.block][of] === 2)),
+    );
     await page.locator(id).selectOption("0");
   }
   if (await page.locator("#pen").isVisible()) {
     await page.locator("#pen").selectOption("0");
     const shown = await view((v) => v.sampleMarks(50));
-    check("one pen alone is shown", shown.every((m) => (m.colour !== null) === (m.pen === 0)));
+    check(
+      "one pen alone is shown",
+      shown.every((m) => (m.colour !== null) === (m.pen === 0)),
+    );
     await page.locator("#pen").selectOption("-1");
   }
   await page.locator("#so-far").check();
   await view((v) => v.setTime(v.app.head.time_s / 2));
   const shown = await view((v) => v.sampleMarks(50));
-  check("only what is marked so far is shown", shown.every((m) => Math.abs(m.time_s - total / 2) < 1e-3 || (m.colour !== null) === m.time_s < total / 2));
+  check(
+    "only what is marked so far is shown",
+    shown.every((m) => Math.abs(m.time_s - total / 2) < 1e-3 || (m.colour !== null) === m.time_s < total / 2),
+  );
   await page.locator("#so-far").uncheck();
   await page.locator("#follow").check();
   const followed = await camera();

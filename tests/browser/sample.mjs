@@ -1,4 +1,4 @@
-// Makes job folders of a mathematical part, each with a view.html and the parts of manifest.json that view.mjs compares:
+// Makes job folders of a mathematical part, each with a view.html and what view.mjs compares of a manifest.json:
 // node sample.mjs FOLDER [demo|tilt|passes|fly|large ...]
 // The data is written as src/view/ writes it, by other code, so the page can be developed and measured alone.
 import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
@@ -12,16 +12,27 @@ const page = join(dirname(fileURLToPath(import.meta.url)), "../../src/view/page"
 
 class Writer {
   parts = [];
-  u32(v) { this.parts.push(Buffer.from(Uint32Array.of(v).buffer)); }
-  u8s(values) { this.parts.push(Buffer.from(values)); }
+  u32(v) {
+    this.parts.push(Buffer.from(Uint32Array.of(v).buffer));
+  }
+  u8s(values) {
+    this.parts.push(Buffer.from(values));
+  }
   planes(values, bytes) {
     for (let k = 0; k < bytes; k++) this.parts.push(Buffer.from(values.map((v) => (v >>> (8 * k)) & 255)));
   }
   deltas(values, bytes) {
-    this.planes(values.map((v, i) => (i ? v - values[i - 1] : v) >>> 0), bytes);
+    this.planes(
+      values.map((v, i) => (i ? v - values[i - 1] : v) >>> 0),
+      bytes,
+    );
   }
-  f32s(values) { this.parts.push(Buffer.from(Float32Array.from(values).buffer)); }
-  get bytes() { return Buffer.concat(this.parts); }
+  f32s(values) {
+    this.parts.push(Buffer.from(Float32Array.from(values).buffer));
+  }
+  get bytes() {
+    return Buffer.concat(this.parts);
+  }
 }
 
 const dataElement = (name, bytes) =>
@@ -30,7 +41,8 @@ const dataElement = (name, bytes) =>
 // --- a part: a height and a slope for each place
 
 const SIZE = [160, 100];
-const height = (x, y) => 7 * Math.sin(x / 24) * Math.cos(y / 19) + 0.02 * x + 3 * Math.exp(-((x - 110) ** 2 + (y - 60) ** 2) / 90);
+const height = (x, y) =>
+  7 * Math.sin(x / 24) * Math.cos(y / 19) + 0.02 * x + 3 * Math.exp(-((x - 110) ** 2 + (y - 60) ** 2) / 90);
 const normal = (x, y) => {
   const e = 1e-4;
   const n = [-(height(x + e, y) - height(x - e, y)) / (2 * e), -(height(x, y + e) - height(x, y - e)) / (2 * e), 1];
@@ -107,12 +119,14 @@ function makeBlocks(kind) {
   return list;
 }
 
-const length = (points) => points.slice(1).reduce((s, b, i) => s + Math.hypot(...b.p.map((v, k) => v - points[i].p[k])), 0);
+const length = (points) =>
+  points.slice(1).reduce((s, b, i) => s + Math.hypot(...b.p.map((v, k) => v - points[i].p[k])), 0);
 
 function makeRuns(kind) {
   const all = makeBlocks({ ...kind, cell: 1e6, level: 1e6 }).flatMap((b) => b.marks);
   const runs = [];
-  for (let i = 0; i < all.length; i += 6) runs.push({ pass: 1, setup: 1, section: null, level: null, tilt: 0, turn: null, marks: all.slice(i, i + 6) });
+  for (let i = 0; i < all.length; i += 6)
+    runs.push({ pass: 1, setup: 1, section: null, level: null, tilt: 0, turn: null, marks: all.slice(i, i + 6) });
   return runs;
 }
 
@@ -120,8 +134,13 @@ function writeJob(folder, name) {
   const kind = KINDS[name];
   const list = kind.fly ? makeRuns(kind) : makeBlocks(kind);
   const columns = Object.fromEntries(
-    ("id pass setup section level centre focus tilt turn frame origin stage lift shift z begin start end strokes mark_mm " +
-      "jump_mm incidence stretch dose pens files").split(" ").map((k) => [k, []]));
+    (
+      "id pass setup section level centre focus tilt turn frame origin stage lift shift z begin start end strokes " +
+      "mark_mm jump_mm incidence stretch dose pens files"
+    )
+      .split(" ")
+      .map((k) => [k, []]),
+  );
   const round = (v, n = 6) => Number(v.toFixed(n));
   let t = 0;
   let before = null;
@@ -131,7 +150,8 @@ function writeJob(folder, name) {
     const points = b.marks.flatMap((m) => m.points);
     const zs = points.map((a) => a.q[2]);
     const [lo, hi] = [zs.reduce((a, c) => Math.min(a, c)), zs.reduce((a, c) => Math.max(a, c))];
-    const xs = points.map((a) => a.q[0]), ys = points.map((a) => a.q[1]);
+    const xs = points.map((a) => a.q[0]),
+      ys = points.map((a) => a.q[1]);
     const mid = (v) => round((v.reduce((a, c) => Math.min(a, c)) + v.reduce((a, c) => Math.max(a, c))) / 2, 3);
     const centre = [mid(xs), mid(ys)];
     const focus = round(kind.fly ? mid(zs) : (b.level + 0.5) * kind.level, 6);
@@ -145,7 +165,10 @@ function writeJob(folder, name) {
     const mean = angles.reduce((a, c) => a + c) / angles.length;
     const worst = angles.reduce((a, c) => Math.max(a, c));
     const move = before ? 0.05 + Math.hypot(centre[0] - before[0], centre[1] - before[1]) / 100 : 0.2;
-    const work = b.marks.reduce((s, m) => s + (length(m.points) / PENS[m.pen].speed_mm_s) * PENS[m.pen].passes + 0.002, 0);
+    const work = b.marks.reduce(
+      (s, m) => s + (length(m.points) / PENS[m.pen].speed_mm_s) * PENS[m.pen].passes + 0.002,
+      0,
+    );
     const [begin, start, end] = kind.fly ? [t, t, t + work] : [t, t + move, t + move + work];
     t = end;
     before = centre;
@@ -154,22 +177,56 @@ function writeJob(folder, name) {
     const id = kind.fly ? String(i + 1) : `B${String(i + 1).padStart(4, "0")}`;
     const origin = inv ? apply(inv, local) : local;
     const row = {
-      id, pass: b.pass, setup: b.setup, section: b.section, level: b.level, centre: kind.fly ? null : centre,
-      focus: kind.fly ? null : focus, tilt: kind.fly ? null : [0, round(b.tilt * -deg, 3)], turn: b.turn,
-      frame: inv ? [...inv.slice(0, 9), ...origin] : null, origin, stage: kind.fly ? null : [-centre[0], -centre[1], round(100 - focus)],
-      lift: null, shift: 0, z: [round(lo), round(hi)], begin: round(begin), start: round(start), end: round(end),
-      strokes: b.marks.length, mark_mm: round(mark, 3), jump_mm: round(mark / 3, 3), incidence: [round(mean, 2), round(worst, 2)],
+      id,
+      pass: b.pass,
+      setup: b.setup,
+      section: b.section,
+      level: b.level,
+      centre: kind.fly ? null : centre,
+      focus: kind.fly ? null : focus,
+      tilt: kind.fly ? null : [0, round(b.tilt * -deg, 3)],
+      turn: b.turn,
+      frame: inv ? [...inv.slice(0, 9), ...origin] : null,
+      origin,
+      stage: kind.fly ? null : [-centre[0], -centre[1], round(100 - focus)],
+      lift: null,
+      shift: 0,
+      z: [round(lo), round(hi)],
+      begin: round(begin),
+      start: round(start),
+      end: round(end),
+      strokes: b.marks.length,
+      mark_mm: round(mark, 3),
+      jump_mm: round(mark / 3, 3),
+      incidence: [round(mean, 2), round(worst, 2)],
       stretch: [round(1 / Math.cos(mean / deg), 4), round(1 / Math.cos(worst / deg), 4)],
-      dose: [round(Math.cos(mean / deg), 4), round(Math.cos(worst / deg), 4)], pens: [...new Set(b.marks.map((m) => m.pen))].sort(),
+      dose: [round(Math.cos(mean / deg), 4), round(Math.cos(worst / deg), 4)],
+      pens: [...new Set(b.marks.map((m) => m.pen))].sort(),
       files: kind.fly ? null : { dxf: `blocks/${id}.dxf` },
     };
     for (const key of Object.keys(columns)) columns[key].push(row[key]);
     b.row = row;
     manifestBlocks.push({
-      id, pass: row.pass, setup: row.setup, section: row.section, level: row.level, centre_mm: centre, lpfl_mm: focus,
-      stage: row.stage, tilt_deg: row.tilt, z_lo_mm: row.z[0], z_hi_mm: row.z[1], pens: row.pens.map((p) => PENS[p].name),
-      files: row.files, strokes: row.strokes, mark_mm: row.mark_mm, jump_mm: row.jump_mm, time_s: round(end - start),
-      incidence_deg: row.incidence, stretch: row.stretch, dose: row.dose,
+      id,
+      pass: row.pass,
+      setup: row.setup,
+      section: row.section,
+      level: row.level,
+      centre_mm: centre,
+      lpfl_mm: focus,
+      stage: row.stage,
+      tilt_deg: row.tilt,
+      z_lo_mm: row.z[0],
+      z_hi_mm: row.z[1],
+      pens: row.pens.map((p) => PENS[p].name),
+      files: row.files,
+      strokes: row.strokes,
+      mark_mm: row.mark_mm,
+      jump_mm: row.jump_mm,
+      time_s: round(end - start),
+      incidence_deg: row.incidence,
+      stretch: row.stretch,
+      dose: row.dose,
     });
   });
   const time = t;
@@ -185,7 +242,10 @@ function writeJob(folder, name) {
     while (last < list.length && count < 40000) count += list[last++].marks.reduce((s, m) => s + m.points.length, 0);
     const w = new Writer();
     const columnsOf = { block: [], pen: [], len: [], x: [], y: [], z: [], incidence: [], defocus: [], time: [] };
-    const box = [[1e9, 1e9, 1e9], [-1e9, -1e9, -1e9]];
+    const box = [
+      [1e9, 1e9, 1e9],
+      [-1e9, -1e9, -1e9],
+    ];
     for (let b = first; b < last; b++) {
       const { row, marks } = list[b];
       let clock = row.begin;
@@ -206,7 +266,13 @@ function writeJob(folder, name) {
           columnsOf.defocus.push(Math.round(defocus / defocusStep));
           columnsOf.time.push(Math.round(clock * 1e6));
           if (kind.fly && columnsOf.time.length % 3 === 0)
-            motion.push({ t: clock, centre: [p[0] * 0.9 + 8, p[1] * 0.9 + 5, p[2] * 0.5], up: [0, 0, 1], spot: p, on: i < m.points.length - 1 });
+            motion.push({
+              t: clock,
+              centre: [p[0] * 0.9 + 8, p[1] * 0.9 + 5, p[2] * 0.5],
+              up: [0, 0, 1],
+              spot: p,
+              on: i < m.points.length - 1,
+            });
           clock += rate;
           for (let k = 0; k < 3; k++) {
             box[0][k] = Math.min(box[0][k], p[k]);
@@ -230,28 +296,44 @@ function writeJob(folder, name) {
     }
     const chunk = `marks-${chunks.length}`;
     data += dataElement(chunk, w.bytes);
-    chunks.push({ name: chunk, first, last, marks: c.block.length, points: c.x.length, box, xy_mm: kind.fly ? 0.005 : xy_mm, z_mm: kind.fly ? 0.005 : z_mm });
+    chunks.push({
+      name: chunk,
+      first,
+      last,
+      marks: c.block.length,
+      points: c.x.length,
+      box,
+      xy_mm: kind.fly ? 0.005 : xy_mm,
+      z_mm: kind.fly ? 0.005 : z_mm,
+    });
     first = last;
   }
 
   // The part.
   const [nx, ny] = [161, 101];
   const vertices = [];
-  for (let j = 0; j < ny; j++) for (let i = 0; i < nx; i++) {
-    const [x, y] = [(i / (nx - 1)) * SIZE[0], (j / (ny - 1)) * SIZE[1]];
-    vertices.push({ p: [x, y, height(x, y)], n: normal(x, y) });
-  }
-  const partBox = [0, 1].map((e) => [0, 1, 2].map((k) => vertices.reduce((a, v) => (e ? Math.max(a, v.p[k]) : Math.min(a, v.p[k])), e ? -1e9 : 1e9)));
+  for (let j = 0; j < ny; j++)
+    for (let i = 0; i < nx; i++) {
+      const [x, y] = [(i / (nx - 1)) * SIZE[0], (j / (ny - 1)) * SIZE[1]];
+      vertices.push({ p: [x, y, height(x, y)], n: normal(x, y) });
+    }
+  const partBox = [0, 1].map((e) =>
+    [0, 1, 2].map((k) => vertices.reduce((a, v) => (e ? Math.max(a, v.p[k]) : Math.min(a, v.p[k])), e ? -1e9 : 1e9)),
+  );
   const corners = [];
-  for (let j = 0; j + 1 < ny; j++) for (let i = 0; i + 1 < nx; i++) {
-    const a = j * nx + i;
-    corners.push(a, a + 1, a + nx + 1, a, a + nx + 1, a + nx);
-  }
+  for (let j = 0; j + 1 < ny; j++)
+    for (let i = 0; i + 1 < nx; i++) {
+      const a = j * nx + i;
+      corners.push(a, a + 1, a + nx + 1, a, a + nx + 1, a + nx);
+    }
   const mesh = new Writer();
   mesh.u32(vertices.length);
   mesh.u32(corners.length / 3);
   for (let k = 0; k < 3; k++)
-    mesh.deltas(vertices.map((v) => Math.round(((v.p[k] - partBox[0][k]) / (partBox[1][k] - partBox[0][k])) * 65535)), 2);
+    mesh.deltas(
+      vertices.map((v) => Math.round(((v.p[k] - partBox[0][k]) / (partBox[1][k] - partBox[0][k])) * 65535)),
+      2,
+    );
   for (let k = 0; k < 3; k++) mesh.u8s(vertices.map((v) => Math.round(v.n[k] * 127) & 255));
   mesh.deltas(corners, 4);
   data += dataElement("mesh", mesh.bytes);
@@ -264,12 +346,14 @@ function writeJob(folder, name) {
     const labels = new Uint32Array(mc * mr);
     list.forEach((b, index) => {
       if (b.pass !== pass) return;
-      for (const m of b.marks) for (const { p } of m.points.slice(0, -1)) {
-        const half = Math.ceil(kind.pitch / cell / 2);
-        const [c, r] = [Math.floor(p[0] / cell), Math.floor(p[1] / cell)];
-        for (let d = -half; d <= half; d++) for (const e of [0, 1])
-          if (r + d >= 0 && r + d < mr && c + e < mc) labels[(r + d) * mc + c + e] = index + 1;
-      }
+      for (const m of b.marks)
+        for (const { p } of m.points.slice(0, -1)) {
+          const half = Math.ceil(kind.pitch / cell / 2);
+          const [c, r] = [Math.floor(p[0] / cell), Math.floor(p[1] / cell)];
+          for (let d = -half; d <= half; d++)
+            for (const e of [0, 1])
+              if (r + d >= 0 && r + d < mr && c + e < mc) labels[(r + d) * mc + c + e] = index + 1;
+        }
     });
     const w = new Writer();
     w.planes(labels, 4);
@@ -280,13 +364,34 @@ function writeJob(folder, name) {
 
   // Texture beside the part and over a steep place.
   const skippedLines = [];
-  for (let k = 0; k < 12; k++) skippedLines.push({ row: 0, points: [[SIZE[0] - 2, 5 + 7 * k, height(158, 5 + 7 * k)], [SIZE[0] + 4, 5 + 7 * k, height(158, 5 + 7 * k)]] });
-  for (let k = 0; k < 20; k++) skippedLines.push({ row: 1, points: [0, 1, 2, 3].map((s) => [20 + k * 0.6, 30 + s, height(20 + k * 0.6, 30 + s)]) });
-  for (let k = 0; k < 8; k++) skippedLines.push({ row: 2, points: [[-3, 10 + 10 * k, height(0, 10 + 10 * k)], [2, 10 + 10 * k, height(2, 10 + 10 * k)]] });
+  for (let k = 0; k < 12; k++)
+    skippedLines.push({
+      row: 0,
+      points: [
+        [SIZE[0] - 2, 5 + 7 * k, height(158, 5 + 7 * k)],
+        [SIZE[0] + 4, 5 + 7 * k, height(158, 5 + 7 * k)],
+      ],
+    });
+  for (let k = 0; k < 20; k++)
+    skippedLines.push({
+      row: 1,
+      points: [0, 1, 2, 3].map((s) => [20 + k * 0.6, 30 + s, height(20 + k * 0.6, 30 + s)]),
+    });
+  for (let k = 0; k < 8; k++)
+    skippedLines.push({
+      row: 2,
+      points: [
+        [-3, 10 + 10 * k, height(0, 10 + 10 * k)],
+        [2, 10 + 10 * k, height(2, 10 + 10 * k)],
+      ],
+    });
   const flat = skippedLines.flatMap((l) => l.points);
   const skipped = new Writer();
   skipped.u8s(skippedLines.map((l) => l.row));
-  skipped.planes(skippedLines.map((l) => l.points.length), 2);
+  skipped.planes(
+    skippedLines.map((l) => l.points.length),
+    2,
+  );
   for (let k = 0; k < 3; k++) skipped.f32s(flat.map((p) => p[k]));
   data += dataElement("skipped", skipped.bytes);
 
@@ -298,27 +403,68 @@ function writeJob(folder, name) {
     data += dataElement("motion", w.bytes);
   }
   // What runs on the fly do not have is left out as a whole.
-  if (kind.fly) for (const key of ["section", "level", "stage", "lift", "files", "turn", "frame", "shift", "tilt", "stretch", "dose", "jump_mm"]) columns[key] = null;
+  if (kind.fly)
+    for (const key of [
+      "section",
+      "level",
+      "stage",
+      "lift",
+      "files",
+      "turn",
+      "frame",
+      "shift",
+      "tilt",
+      "stretch",
+      "dose",
+      "jump_mm",
+    ])
+      columns[key] = null;
   data += dataElement("blocks", Buffer.from(JSON.stringify(columns)));
 
-  const range = (values) => [values.reduce((a, c) => Math.min(a, c), Infinity), values.reduce((a, c) => Math.max(a, c), -Infinity)];
+  const range = (values) => [
+    values.reduce((a, c) => Math.min(a, c), Infinity),
+    values.reduce((a, c) => Math.max(a, c), -Infinity),
+  ];
   const histogram = (values, low, high, n) => {
     const length_mm = new Array(n).fill(0);
-    for (const v of values) length_mm[Math.max(0, Math.min(n - 1, Math.floor(((v - low) / (high - low)) * n)))] += kind.step;
+    for (const v of values)
+      length_mm[Math.max(0, Math.min(n - 1, Math.floor(((v - low) / (high - low)) * n)))] += kind.step;
     return { edges: Array.from({ length: n + 1 }, (_, k) => round(low + ((high - low) * k) / n)), length_mm };
   };
   const marks = chunks.reduce((s, c) => s + c.marks, 0);
-  const mark_mm = round(columns.mark_mm.reduce((a, c) => a + c, 0), 3);
+  const mark_mm = round(
+    columns.mark_mm.reduce((a, c) => a + c, 0),
+    3,
+  );
   const [d, inc] = [range(all.map((a) => a[0])), range(all.map((a) => a[1]))];
   const head = {
-    schema: 1, job: `${name}.toml`, machine: "xyz-galvo-40", mode: kind.fly ? "on-the-fly" : "stepped", terrace: "0.1.0",
-    time_s: time, box: [[-3, 0, partBox[0][2]], [SIZE[0] + 4, SIZE[1], partBox[1][2]]],
+    schema: 1,
+    job: `${name}.toml`,
+    machine: "xyz-galvo-40",
+    mode: kind.fly ? "on-the-fly" : "stepped",
+    terrace: "0.1.0",
+    time_s: time,
+    box: [
+      [-3, 0, partBox[0][2]],
+      [SIZE[0] + 4, SIZE[1], partBox[1][2]],
+    ],
     part: { triangles: corners.length / 3, of: 64000, within_mm: 0.02, vertices: vertices.length, box: partBox },
-    field: { size: [kind.cell + 4, kind.cell + 4], shape: "rectangle" }, lens: { working_distance_mm: 60, diameter_mm: 30 },
+    field: { size: [kind.cell + 4, kind.cell + 4], shape: "rectangle" },
+    lens: { working_distance_mm: 60, diameter_mm: 30 },
     pivot: kind.tilts ? PIVOT : null,
-    travel: Array.from({ length: kind.setups }, (_, k) => [[k * 70 - 10, -10, -20], [kind.setups > 1 ? k * 70 + 100 : 170, 110, 40]]),
-    pens: PENS, scanner: SCANNER, passes: kind.passes, setups: kind.setups, maps, blocks: { name: "blocks", count: list.length }, chunks,
-    incidence_deg_per_step: 0.25, defocus_um_per_step: defocusStep,
+    travel: Array.from({ length: kind.setups }, (_, k) => [
+      [k * 70 - 10, -10, -20],
+      [kind.setups > 1 ? k * 70 + 100 : 170, 110, 40],
+    ]),
+    pens: PENS,
+    scanner: SCANNER,
+    passes: kind.passes,
+    setups: kind.setups,
+    maps,
+    blocks: { name: "blocks", count: list.length },
+    chunks,
+    incidence_deg_per_step: 0.25,
+    defocus_um_per_step: defocusStep,
     skipped: [
       { reason: "off-part", texture: 1, length_mm: 72, share_percent: 0.5, dots: 0, box: [158, 5, 164, 82] },
       { reason: "steep", texture: 1, length_mm: 60, share_percent: 0.4, dots: 0, box: [20, 30, 32, 33] },
@@ -326,22 +472,55 @@ function writeJob(folder, name) {
     ],
     skipped_lines: { name: "skipped", lines: skippedLines.length, points: flat.length },
     motion: kind.fly ? { name: "motion", samples: motion.length } : null,
-    ranges: { height_mm: kind.fly ? [partBox[0][2], partBox[1][2]] : range(columns.focus), defocus_um: d, incidence_deg: inc, dose: kind.fly ? [1, 1] : range(columns.dose.map((v) => v[0])) },
-    histograms: { defocus_um: histogram(all.map((a) => a[0]), ...d, 24), incidence_deg: histogram(all.map((a) => a[1]), 0, inc[1], 24) },
-    thinned: { within_um: 2, points_left_out: 1234 }, marks, mark_mm,
+    ranges: {
+      height_mm: kind.fly ? [partBox[0][2], partBox[1][2]] : range(columns.focus),
+      defocus_um: d,
+      incidence_deg: inc,
+      dose: kind.fly ? [1, 1] : range(columns.dose.map((v) => v[0])),
+    },
+    histograms: {
+      defocus_um: histogram(
+        all.map((a) => a[0]),
+        ...d,
+        24,
+      ),
+      incidence_deg: histogram(
+        all.map((a) => a[1]),
+        0,
+        inc[1],
+        24,
+      ),
+    },
+    thinned: { within_um: 2, points_left_out: 1234 },
+    marks,
+    mark_mm,
     warnings: [{ code: "off-part", message: "72 mm of the texture lie beside the part and are not marked." }],
-    figures: [["stops", String(list.length)], ["marks", `${(mark_mm / 1000).toFixed(1)} m`], ["time", `${time.toFixed(1)} s`], ["worst defocus", `${range(d.map(Math.abs))[1].toFixed(0)} um`]],
+    figures: [
+      ["stops", String(list.length)],
+      ["marks", `${(mark_mm / 1000).toFixed(1)} m`],
+      ["time", `${time.toFixed(1)} s`],
+      ["worst defocus", `${range(d.map(Math.abs))[1].toFixed(0)} um`],
+    ],
   };
   const text = (file) => readFileSync(join(page, file), "utf8");
   const scripts = JSON.parse(text("tsconfig.json")).files.map(text).join("\n");
   const fills = {
-    title: `${name}.toml`, css: text("page.css"), head: JSON.stringify(head).replaceAll("<", "\\u003c"), data,
+    title: `${name}.toml`,
+    css: text("page.css"),
+    head: JSON.stringify(head).replaceAll("<", "\\u003c"),
+    data,
     js: `(() => {\n"use strict";\n${scripts}\n})();`,
   };
   mkdirSync(join(folder, `sample-${name}`), { recursive: true });
-  writeFileSync(join(folder, `sample-${name}`, "view.html"), text("page.html").replaceAll(/\{\{(\w+)\}\}/g, (_, key) => fills[key]));
+  writeFileSync(
+    join(folder, `sample-${name}`, "view.html"),
+    text("page.html").replaceAll(/\{\{(\w+)\}\}/g, (_, key) => fills[key]),
+  );
   const summary = { time_s: kind.fly ? time : { total: time }, mark_mm };
-  writeFileSync(join(folder, `sample-${name}`, "manifest.json"), JSON.stringify({ mode: head.mode, pens: PENS, blocks: kind.fly ? [] : manifestBlocks, summary }));
+  writeFileSync(
+    join(folder, `sample-${name}`, "manifest.json"),
+    JSON.stringify({ mode: head.mode, pens: PENS, blocks: kind.fly ? [] : manifestBlocks, summary }),
+  );
   console.log(`${name}: ${list.length} blocks, ${marks} marks, ${all.length} points`);
 }
 

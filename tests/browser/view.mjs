@@ -3,8 +3,8 @@
 //
 //   node view.mjs [--shots FOLDER] [--golden FOLDER [--update]] [--paint-ms N] [--quick] JOB...
 //
-// One line for each check; exits with 1 if one fails. A golden picture is compared where there is one by the name of the
-// job folder. --quick leaves the pictures out.
+// One line for each check; exits with 1 if one fails. A golden picture is compared where there is one by the name of
+// the job folder. --quick leaves the pictures out.
 import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
@@ -17,13 +17,25 @@ const installed = process.env.TERRACE_BROWSER ?? join(here, "../../.venv/browser
 const { chromium } = createRequire(join(installed, "package.json"))("playwright-core");
 
 const ARGUMENTS = [
-  "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic",
-  "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
-  "--force-color-profile=srgb", "--font-render-hinting=none",
+  "--no-sandbox",
+  "--use-gl=angle",
+  "--use-angle=swiftshader",
+  "--enable-unsafe-swiftshader",
+  "--disable-quic",
+  "--no-first-run",
+  "--disable-background-networking",
+  "--disable-component-update",
+  "--disable-sync",
+  "--force-color-profile=srgb",
+  "--font-render-hinting=none",
 ];
 
 /** Width and height of the window in CSS pixels, and the width of the golden picture. */
-const SIZES = [[420, 900, 210], [1280, 800, 426], [3840, 2160, 480]];
+const SIZES = [
+  [420, 900, 210],
+  [1280, 800, 426],
+  [3840, 2160, 480],
+];
 
 /** Largest mean difference of a channel from the golden picture, of 255. */
 const GOLDEN_DIFFERENCE = 6;
@@ -123,7 +135,12 @@ async function pictures(browser, folder, name, o) {
     } else if (golden && existsSync(golden)) {
       const other = `data:image/jpeg;base64,${readFileSync(golden).toString("base64")}`;
       const { difference } = await reduced(blank, png, small, other);
-      report(name, `picture at ${width} px as before`, difference < GOLDEN_DIFFERENCE, `mean difference ${difference.toFixed(2)}`);
+      report(
+        name,
+        `picture at ${width} px as before`,
+        difference < GOLDEN_DIFFERENCE,
+        `mean difference ${difference.toFixed(2)}`,
+      );
     }
     await context.close();
   }
@@ -142,7 +159,12 @@ async function refusals(browser, folder, name) {
   });
   const words = await without.page.locator("#failure").innerText();
   const figures = await without.page.locator("#figures tr").count();
-  report(name, "without WebGL 2 it says so and shows the figures", /WebGL 2/.test(words) && figures > 0 && without.noise.length === 0, without.noise[0]);
+  report(
+    name,
+    "without WebGL 2 it says so and shows the figures",
+    /WebGL 2/.test(words) && figures > 0 && without.noise.length === 0,
+    without.noise[0],
+  );
   await without.context.close();
 
   const { context, page } = await open(browser, folder, 800, 600, { offline: false });
@@ -164,7 +186,9 @@ async function refusals(browser, folder, name) {
 const o = options();
 const profile = mkdtempSync(join(tmpdir(), "terrace-browser-"));
 const browser = await chromium.launch({
-  executablePath: process.env.TERRACE_CHROMIUM ?? "/usr/bin/chromium", headless: true, args: ARGUMENTS,
+  executablePath: process.env.TERRACE_CHROMIUM ?? "/usr/bin/chromium",
+  headless: true,
+  args: ARGUMENTS,
   env: { ...process.env, HOME: profile },
 });
 try {
@@ -176,7 +200,12 @@ try {
       report(name, "opens offline", opened.error === null, opened.error ?? "");
       if (opened.error === null) {
         await checks(opened.page, manifest, (check, ok, detail) => report(name, check, ok, detail), o);
-        report(name, "no message on the console, no request", opened.noise.length === 0, opened.noise.slice(0, 3).join("; "));
+        report(
+          name,
+          "no message on the console, no request",
+          opened.noise.length === 0,
+          opened.noise.slice(0, 3).join("; "),
+        );
       }
       await opened.context.close();
       await refusals(browser, folder, name);

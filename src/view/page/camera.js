@@ -66,9 +66,18 @@ function turnBetween(a, b, share, pivot) {
   const size = Math.hypot(...mixed);
   const [w, x, y, z] = mixed.map((v) => v / size);
   const turn = [
-    1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-    2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-    2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y), 0, 0, 0,
+    1 - 2 * (y * y + z * z),
+    2 * (x * y - w * z),
+    2 * (x * z + w * y),
+    2 * (x * y + w * z),
+    1 - 2 * (x * x + z * z),
+    2 * (y * z - w * x),
+    2 * (x * z - w * y),
+    2 * (y * z + w * x),
+    1 - 2 * (x * x + y * y),
+    0,
+    0,
+    0,
   ];
   const at = minus(between(turned(a, pivot), turned(b, pivot), share), turned(turn, pivot));
   return [...turn.slice(0, 9), ...at];
@@ -147,8 +156,22 @@ class Camera {
   matrices() {
     const { right, up, back, eye } = this.axes();
     const view = [
-      right[0], up[0], back[0], 0, right[1], up[1], back[1], 0, right[2], up[2], back[2], 0,
-      -dot(right, eye), -dot(up, eye), -dot(back, eye), 1,
+      right[0],
+      up[0],
+      back[0],
+      0,
+      right[1],
+      up[1],
+      back[1],
+      0,
+      right[2],
+      up[2],
+      back[2],
+      0,
+      -dot(right, eye),
+      -dot(up, eye),
+      -dot(back, eye),
+      1,
     ];
     const middle = between(this.box[0], this.box[1], 0.5);
     const radius = Math.hypot(...minus(this.box[1], this.box[0])) * 0.75 + 1;
@@ -157,8 +180,22 @@ class Camera {
     const far = Math.max(depth + radius, 2 * near);
     const f = 1 / Math.tan(this.angle / 2);
     const projection = [
-      (f * this.height) / this.width, 0, 0, 0, 0, f, 0, 0, 0, 0, -(far + near) / (far - near), -1,
-      0, 0, (-2 * far * near) / (far - near), 0,
+      (f * this.height) / this.width,
+      0,
+      0,
+      0,
+      0,
+      f,
+      0,
+      0,
+      0,
+      0,
+      -(far + near) / (far - near),
+      -1,
+      0,
+      0,
+      (-2 * far * near) / (far - near),
+      0,
     ];
     return { view, projection, both: product(projection, view) };
   }

@@ -16,11 +16,26 @@ function connect(app) {
     change();
     app.cameraMoved();
   };
-  button("texture").addEventListener("click", move(() => camera.reset()));
-  button("whole").addEventListener("click", move(() => camera.whole()));
-  button("above").addEventListener("click", move(() => camera.fromAbove()));
-  button("nearer").addEventListener("click", move(() => camera.zoom(1 / 1.5)));
-  button("farther").addEventListener("click", move(() => camera.zoom(1.5)));
+  button("texture").addEventListener(
+    "click",
+    move(() => camera.reset()),
+  );
+  button("whole").addEventListener(
+    "click",
+    move(() => camera.whole()),
+  );
+  button("above").addEventListener(
+    "click",
+    move(() => camera.fromAbove()),
+  );
+  button("nearer").addEventListener(
+    "click",
+    move(() => camera.zoom(1 / 1.5)),
+  );
+  button("farther").addEventListener(
+    "click",
+    move(() => camera.zoom(1.5)),
+  );
   button("to-block").addEventListener("click", () => app.showPresent());
   button("play").addEventListener("click", () => app.play(!app.playing));
   button("previous").addEventListener("click", () => step(app, -1));
@@ -213,12 +228,29 @@ class Api {
     const { app } = this;
     const moment = app.moment();
     return {
-      time: app.time, playing: app.playing, by: app.by, block: moment.block, id: app.blocks.id[moment.block],
-      does: moment.does, turn: moment.turn, centre: moment.centre, up: moment.up, beam: moment.beam,
-      camera: { ...app.camera }, layers: { ...app.layers }, defocus: app.defocus, incidence: app.incidence,
-      pass: app.pass, setup: app.setup, pen: app.pen, soFar: app.soFar,
-      drawsMarks: app.scene.drawsMarks, chunks: app.scene.chunks.filter(Boolean).length, budget: app.scene.budget,
-      frames: [...app.frames], idle: !app.isDue && app.scene.loading === 0,
+      time: app.time,
+      playing: app.playing,
+      by: app.by,
+      block: moment.block,
+      id: app.blocks.id[moment.block],
+      does: moment.does,
+      turn: moment.turn,
+      centre: moment.centre,
+      up: moment.up,
+      beam: moment.beam,
+      camera: { ...app.camera },
+      layers: { ...app.layers },
+      defocus: app.defocus,
+      incidence: app.incidence,
+      pass: app.pass,
+      setup: app.setup,
+      pen: app.pen,
+      soFar: app.soFar,
+      drawsMarks: app.scene.drawsMarks,
+      chunks: app.scene.chunks.filter(Boolean).length,
+      budget: app.scene.budget,
+      frames: [...app.frames],
+      idle: !app.isDue && app.scene.loading === 0,
     };
   }
 
@@ -290,13 +322,17 @@ class Api {
       const at = pointInPart(blocks, data, point);
       const isLast = (words[4 * point + 3] & LAST_OF_MARK) !== 0;
       out.push({
-        block, id: blocks.id[block], at,
+        block,
+        id: blocks.id[block],
+        at,
         /** Half way to the next point of the mark, or to the one before. */
-        middle: words[4 * point + 3] & IS_DOT ? at : between(at, pointInPart(blocks, data, point + (isLast ? -1 : 1)), 0.5),
+        middle:
+          words[4 * point + 3] & IS_DOT ? at : between(at, pointInPart(blocks, data, point + (isLast ? -1 : 1)), 0.5),
         defocus_um: shorts[8 * point + 4] * head.defocus_um_per_step,
         incidence_deg: ((words[4 * point + 2] >>> 16) & 255) * head.incidence_deg_per_step,
-        pen: words[4 * point + 2] >>> 24, time_s: ((words[4 * point + 3] >>> 2) / CLOCK_STEPS) * head.time_s,
-        colour: scene.colourOfPoint(look, k, point),
+        pen: words[4 * point + 2] >>> 24,
+        time_s: ((words[4 * point + 3] >>> 2) / CLOCK_STEPS) * head.time_s,
+        colour: app.probe.colourOfPoint(look, k, point),
       });
     }
     app.changed();

@@ -11,7 +11,8 @@
 /** @typedef {[Vec3, Vec3]} Box lowest and highest corner, mm */
 /** @typedef {{name: string, speed_mm_s: number, power: string|number, frequency_khz: number, passes: number,
  *   dwell_us: number|null}} Pen */
-/** @typedef {{name: string, pass: number, origin: [number, number], cell: number, columns: number, rows: number}} MapHead */
+/** @typedef {{name: string, pass: number, origin: [number, number], cell: number, columns: number,
+ *   rows: number}} MapHead */
 /** @typedef {{name: string, first: number, last: number, marks: number, points: number, box: Box, xy_mm: number,
  *   z_mm: number}} ChunkHead */
 /** @typedef {{reason: string, text?: string, texture: number, length_mm: number, share_percent: number, dots: number,
@@ -90,8 +91,10 @@
  * @typedef {{head: ChunkHead, words: Uint32Array<ArrayBuffer>, shorts: Int16Array<ArrayBuffer>, points: number,
  *   pointOfBlock: Uint32Array<ArrayBuffer>}} Chunk
  */
-/** @typedef {{positions: Uint16Array<ArrayBuffer>, normals: Int8Array<ArrayBuffer>, corners: Uint32Array<ArrayBuffer>}} Mesh */
-/** @typedef {{t: Float32Array, centre: Float32Array[], up: Float32Array[], spot: Float32Array[], on: Uint8Array}} Motion */
+/** @typedef {{positions: Uint16Array<ArrayBuffer>, normals: Int8Array<ArrayBuffer>,
+ *   corners: Uint32Array<ArrayBuffer>}} Mesh */
+/** @typedef {{t: Float32Array, centre: Float32Array[], up: Float32Array[], spot: Float32Array[],
+ *   on: Uint8Array}} Motion */
 
 /** Bytes of a point of a mark. */
 const STRIDE = 16;
@@ -319,8 +322,8 @@ function setBlockClock(head, blocks, chunk, block, setClock) {
 }
 
 /**
- * Texture that is not marked: x, y, z (f32) and, in the fourth word, the two flags and above them whether the pattern is
- * meant to lie beyond the part.
+ * Texture that is not marked: x, y, z (f32) and, in the fourth word, the two flags and above them whether the pattern
+ * is meant to lie beyond the part.
  * @param {{name: string, lines: number, points: number}} skipped @param {Skipped[]} kinds
  */
 async function readSkipped(skipped, kinds) {

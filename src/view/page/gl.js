@@ -1,6 +1,6 @@
 // @ts-check
 /**
- * What WebGL2 is asked for, made short: programs, textures, buffers and a small target to read colours from.
+ * What WebGL2 is asked for, made short: programs, textures and buffers.
  *
  * Promises an error in words where a shader does not compile or a texture is too large for the graphics card.
  */
@@ -90,8 +90,7 @@ class Values {
       throw new Error(`a map of ${width} by ${height} cells is too large for this graphics card, which takes ${most}`);
     gl.texImage2D(gl.TEXTURE_2D, 0, this.inner, width, height, 0, this.format, this.type, values);
     for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
-    for (const way of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
-      gl.texParameteri(gl.TEXTURE_2D, way, gl.NEAREST);
+    for (const way of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, way, gl.NEAREST);
     this.width = width;
     this.height = height;
   }
@@ -109,40 +108,4 @@ function bufferOf(gl, target, values) {
   gl.bindBuffer(target, buffer);
   gl.bufferData(target, values, gl.STATIC_DRAW);
   return buffer;
-}
-
-/** A square of pixels that is drawn out of sight and read back. */
-class Probe {
-  /** @param {WebGL2RenderingContext} gl @param {number} side pixels, odd */
-  constructor(gl, side) {
-    this.gl = gl;
-    this.side = side;
-    this.framebuffer = gl.createFramebuffer();
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
-    for (const [format, point] of [
-      [gl.RGBA8, gl.COLOR_ATTACHMENT0],
-      [gl.DEPTH_COMPONENT24, gl.DEPTH_ATTACHMENT],
-    ]) {
-      const store = gl.createRenderbuffer();
-      gl.bindRenderbuffer(gl.RENDERBUFFER, store);
-      gl.renderbufferStorage(gl.RENDERBUFFER, format, side, side);
-      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, point, gl.RENDERBUFFER, store);
-    }
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-  }
-
-  /** The pixels of what is drawn, RGBA, from the lowest row up.
-   * @param {() => void} draw */
-  read(draw) {
-    const { gl, side } = this;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
-    gl.viewport(0, 0, side, side);
-    gl.clearColor(0, 0, 0, 0);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    draw();
-    const pixels = new Uint8Array(4 * side * side);
-    gl.readPixels(0, 0, side, side, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    return pixels;
-  }
 }

@@ -89,7 +89,8 @@ class HistogramView {
     });
     const sum = length_mm.slice(first, last + 1).reduce((a, b) => a + b, 0);
     this.words.textContent = this.chosen
-      ? `Shown: ${shortNumber(edges[first])} to ${shortNumber(edges[last + 1])} ${this.unit}, ${lengthText(sum)} of marks.`
+      ? `Shown: ${shortNumber(edges[first])} to ${shortNumber(edges[last + 1])} ${this.unit}, ` +
+        `${lengthText(sum)} of marks.`
       : `${lengthText(sum)} of marks in all. Choose a bar to show only its marks.`;
   }
 }

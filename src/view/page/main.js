@@ -11,6 +11,7 @@ class App {
     this.head = head;
     this.blocks = blocks;
     this.scene = new Scene(element("scene", HTMLCanvasElement), head, blocks, (stale) => this.changed(stale));
+    this.probe = new Probe(this.scene);
     this.timeline = new Timeline(head, blocks);
     this.overlay = new Overlay(element("overlay", HTMLCanvasElement), head, this.timeline, this.scene.block_mm);
     this.camera = new Camera(head.box, boxOfMarks(head));
@@ -54,12 +55,18 @@ class App {
     this.paletteKey = "";
     this.histograms = [
       new HistogramView(
-        place("defocus"), head.histograms.defocus_um, "µm",
-        (v) => ofValue(DIVERGING, v, aboutZero(head.ranges.defocus_um)), (v) => this.set({ defocus: v }),
+        place("defocus"),
+        head.histograms.defocus_um,
+        "µm",
+        (v) => ofValue(DIVERGING, v, aboutZero(head.ranges.defocus_um)),
+        (v) => this.set({ defocus: v }),
       ),
       new HistogramView(
-        place("incidence"), head.histograms.incidence_deg, "deg",
-        (v) => ofValue(RAMP, v, head.ranges.incidence_deg), (v) => this.set({ incidence: v }),
+        place("incidence"),
+        head.histograms.incidence_deg,
+        "deg",
+        (v) => ofValue(RAMP, v, head.ranges.incidence_deg),
+        (v) => this.set({ incidence: v }),
       ),
     ];
   }
@@ -68,11 +75,20 @@ class App {
   look(moment, moving) {
     const { blocks, pass, setup } = this;
     return {
-      camera: this.camera, turn: moment.turn, by: this.by, now: this.soFar ? this.time : Infinity,
-      present: moment.block, pen: this.pen, defocus: this.defocus, incidence: this.incidence, layers: this.layers,
+      camera: this.camera,
+      turn: moment.turn,
+      by: this.by,
+      now: this.soFar ? this.time : Infinity,
+      present: moment.block,
+      pen: this.pen,
+      defocus: this.defocus,
+      incidence: this.incidence,
+      layers: this.layers,
       pass: pass || blocks.pass[moment.block],
       isShown: (i) => (pass === 0 || blocks.pass[i] === pass) && (setup === 0 || blocks.setup[i] === setup),
-      theme: this.theme, moving, size: this.size,
+      theme: this.theme,
+      moving,
+      size: this.size,
     };
   }
 
@@ -84,7 +100,12 @@ class App {
       const n = parseInt(style.getPropertyValue(name).trim().slice(1), 16);
       return [n >> 16, (n >> 8) & 255, n & 255];
     };
-    this.theme = { ground: colour("--ground"), part: colour("--part"), ink: colour("--ink"), accent: colour("--accent") };
+    this.theme = {
+      ground: colour("--ground"),
+      part: colour("--part"),
+      ink: colour("--ink"),
+      accent: colour("--accent"),
+    };
     /** @param {string} name */
     const line = (name) => style.getPropertyValue(name).trim();
     this.strokes = { ink: line("--ink"), halo: line("--halo"), path: line("--path"), field: line("--field") };
@@ -135,7 +156,7 @@ class App {
     let isMore = false;
     if (this.isStale || moving) {
       this.isStale = false;
-      const key = `${look.by} ${this.pass} ${this.setup} ${this.soFar ? this.timeline.blockAt(this.time) + this.time : ""}`;
+      const key = `${look.by} ${this.pass} ${this.setup} ${look.now}`;
       if (key !== this.paletteKey) this.scene.setPalette(look);
       this.paletteKey = key;
       this.scene.draw(look);
@@ -183,7 +204,8 @@ class App {
     const ratio = Math.min(window.devicePixelRatio || 1, 3);
     const [w, h] = [Math.max(view.clientWidth, 1), Math.max(view.clientHeight, 1)];
     for (const [canvas, r] of /** @type {[HTMLCanvasElement, number][]} */ ([
-      [this.scene.canvas, ratio * share], [this.overlay.canvas, ratio],
+      [this.scene.canvas, ratio * share],
+      [this.overlay.canvas, ratio],
     ])) {
       const [pw, ph] = [Math.round(w * r), Math.round(h * r)];
       if (canvas.width === pw && canvas.height === ph) continue;
@@ -217,7 +239,8 @@ class App {
     if (!this.playing || now - this.spokenAt > 3000) {
       this.spokenAt = now;
       const words = { moves: isFly ? "jumps" : "the stage moves", marks: "marks", done: "done" }[moment.does];
-      const spoken = `${isFly ? "Run" : "Block"} ${id}, ${moment.block + 1} of ${head.blocks.count}, ${words}, ${duration(this.time)}.`;
+      const which = `${isFly ? "Run" : "Block"} ${id}, ${moment.block + 1} of ${head.blocks.count}`;
+      const spoken = `${which}, ${words}, ${duration(this.time)}.`;
       if (place("spoken").textContent !== spoken) place("spoken").textContent = spoken;
     }
   }
@@ -272,7 +295,9 @@ class App {
     const number = wanted.replace(/^B?0*/, "");
     const i = this.blocks.id.findIndex((id) => id.toUpperCase() === wanted || id.replace(/^B?0*/, "") === number);
     if (i >= 0) this.goToBlock(i);
-    else place("find-note").textContent = `There is no block ${text.trim()}: they are ${this.blocks.id[0]} to ${this.blocks.id[this.blocks.id.length - 1]}.`;
+    else
+      place("find-note").textContent =
+        `There is no block ${text.trim()}: they are ${this.blocks.id[0]} to ${this.blocks.id.at(-1)}.`;
     return i;
   }
 
@@ -285,7 +310,7 @@ class App {
 
   /** @param {number} x CSS pixels @param {number} y */
   pick(x, y) {
-    return this.scene.pick(this.look(this.moment(), false), x, y);
+    return this.probe.pick(this.look(this.moment(), false), x, y);
   }
 }
 

@@ -228,7 +228,8 @@ class Overlay {
       if (!look.isShown(i) || timeline.blocks.pass[i] !== look.pass) continue;
       const at = this.camera.project(this.both, turned(moment.turn, inPart(timeline.turnOf(i), timeline.centreOf(i))));
       if (!at || at[0] < 0 || at[1] < 0 || at[0] > this.camera.width || at[1] > this.camera.height) continue;
-      if (written.some(([u, v]) => Math.abs(u - at[0]) < 54 * this.size && Math.abs(v - at[1]) < 17 * this.size)) continue;
+      if (written.some(([u, v]) => Math.abs(u - at[0]) < 54 * this.size && Math.abs(v - at[1]) < 17 * this.size))
+        continue;
       written.push(at);
       c.strokeStyle = colours.halo;
       c.strokeText(timeline.blocks.id[i], at[0], at[1] - 8 * this.size);

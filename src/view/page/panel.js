@@ -7,8 +7,12 @@
 
 /** @type {[ColourBy, string, string][]} */
 const COLOURS = [
-  ["height", "focus height", "Height of the focal plane of each block, as in layout.svg."],
-  ["defocus", "defocus", "Distance of each mark from the focal plane along the beam; a block has the colour of its worst."],
+  ["height", "focus height", "Height of the focal plane of each block, coloured as in layout.svg."],
+  [
+    "defocus",
+    "defocus",
+    "Distance of each mark from the focal plane along the beam; a block has the colour of its worst.",
+  ],
   ["incidence", "incidence", "Angle between beam and surface normal; a block has the colour of its mean."],
   ["dose", "dose", "Energy per area relative to a level surface, mean of each block."],
   ["pen", "pen", "Pen of each mark; a block has the colour of its first."],
@@ -19,14 +23,25 @@ const COLOURS = [
 
 /** @type {[Layer, string, boolean][]} */
 const LAYERS = [
-  ["part", "part", true], ["blocks", "blocks", true], ["borders", "borders", true], ["marks", "marks", true],
-  ["seams", "seams", false], ["skipped", "not marked", true], ["path", "stage path", false], ["field", "field and beam", true],
-  ["lens", "lens", true], ["travel", "travel limits", false], ["labels", "block names", true],
+  ["part", "part", true],
+  ["blocks", "blocks", true],
+  ["borders", "borders", true],
+  ["marks", "marks", true],
+  ["seams", "seams", false],
+  ["skipped", "not marked", true],
+  ["path", "stage path", false],
+  ["field", "field and beam", true],
+  ["lens", "lens", true],
+  ["travel", "travel limits", false],
+  ["labels", "block names", true],
 ];
 
 /** @type {Record<string, string>} */
 const REASONS = {
-  "off-part": "off the part", beyond: "beyond the edge, as meant", steep: "too steep", small: "too short",
+  "off-part": "off the part",
+  beyond: "beyond the edge, as meant",
+  steep: "too steep",
+  small: "too short",
   focus: "out of focus",
 };
 
@@ -80,12 +95,18 @@ function fillPage(head) {
   place("accuracy").textContent =
     (whole
       ? `The part is drawn from all ${part.of} triangles.`
-      : `The part is drawn from ${part.triangles} of ${part.of} triangles, within ${micrometres(part.within_mm * 1000)}.`) +
+      : `The part is drawn from ${part.triangles} of ${part.of} triangles, ` +
+        `within ${micrometres(part.within_mm * 1000)}.`) +
     (thinned.points_left_out > 0
-      ? ` ${thinned.points_left_out} points of marks within ${micrometres(thinned.within_um)} of their lines are left out.`
+      ? ` ${thinned.points_left_out} points of marks within ${micrometres(thinned.within_um)} of their lines ` +
+        "are left out."
       : " No point of the marks is left out.") +
-    (head.lens.working_distance_mm === null ? " The machine file states no working distance: the lens is drawn at one of our own." : "") +
-    ((head.skipped_lines?.left_out ?? 0) > 0 ? ` ${head.skipped_lines?.left_out} pieces that are not marked are not drawn.` : "");
+    (head.lens.working_distance_mm === null
+      ? " The machine file states no working distance: the lens is drawn at one of our own."
+      : "") +
+    ((head.skipped_lines?.left_out ?? 0) > 0
+      ? ` ${head.skipped_lines?.left_out} pieces that are not marked are not drawn.`
+      : "");
   place("skipped-section").hidden = head.skipped.length === 0;
   fillTable(
     "skipped",
@@ -109,7 +130,10 @@ function fillPage(head) {
       return item;
     }),
   );
-  fillChoice(choice("by"), COLOURS.filter(([by]) => !isFly || !["seam", "dose", "pass"].includes(by)).map(([by, words]) => [by, words]));
+  fillChoice(
+    choice("by"),
+    COLOURS.filter(([by]) => !isFly || !["seam", "dose", "pass"].includes(by)).map(([by, words]) => [by, words]),
+  );
   const numbers = (/** @type {number} */ n) =>
     /** @type {[string, string][]} */ ([
       ["0", "all"],
@@ -117,12 +141,18 @@ function fillPage(head) {
     ]);
   fillChoice(choice("pass"), numbers(head.passes));
   fillChoice(choice("setup"), numbers(head.setups));
-  fillChoice(choice("pen"), [["-1", "all"], ...head.pens.map((p, k) => /** @type {[string, string]} */ ([`${k}`, p.name]))]);
+  fillChoice(choice("pen"), [
+    ["-1", "all"],
+    ...head.pens.map((p, k) => /** @type {[string, string]} */ ([`${k}`, p.name])),
+  ]);
   place("pass-filter").hidden = head.passes < 2;
   place("setup-filter").hidden = head.setups < 2;
   place("pen-filter").hidden = head.pens.length < 2;
   fillChoice(choice("speed"), [
-    ["whole", "whole job in 60 s"], ["1", "real time"], ["10", "10 times as fast"], ["100", "100 times as fast"],
+    ["whole", "whole job in 60 s"],
+    ["1", "real time"],
+    ["10", "10 times as fast"],
+    ["100", "100 times as fast"],
     ["1000", "1000 times as fast"],
   ]);
   if (head.time_s < 60) choice("speed").value = "1";
@@ -167,10 +197,19 @@ function rowsOfBlock(head, blocks, i) {
   /** @param {string} words @param {string|Node|null|undefined|false} value */
   const row = (words, value) => value && rows.push([words, value]);
   const [incidence, stretch, dose, z, tilt] = [
-    blocks.incidence?.[i], blocks.stretch?.[i], blocks.dose?.[i], blocks.z?.[i], blocks.tilt?.[i],
+    blocks.incidence?.[i],
+    blocks.stretch?.[i],
+    blocks.dose?.[i],
+    blocks.z?.[i],
+    blocks.tilt?.[i],
   ];
   const [lift, shift] = [blocks.lift?.[i], blocks.shift?.[i]];
-  const [section, stage, centre, focus] = [blocks.section?.[i], blocks.stage?.[i], blocks.centre?.[i], blocks.focus?.[i]];
+  const [section, stage, centre, focus] = [
+    blocks.section?.[i],
+    blocks.stage?.[i],
+    blocks.centre?.[i],
+    blocks.focus?.[i],
+  ];
   row("Pass", head.passes > 1 && `${blocks.pass[i]} of ${head.passes}`);
   row("Set-up", head.setups > 1 && `${blocks.setup[i]} of ${head.setups}`);
   row("Focus height (LPFL)", focus != null && `${fixed(focus, 3)} mm`);
@@ -230,7 +269,11 @@ function fillLegend(head, by) {
     legend.replaceChildren(title, items);
   };
   /** @param {[number, number]} r @param {number} digits @param {string} unitWords */
-  const ends = ([a, b], digits, unitWords) => [fixed(a, digits), fixed((a + b) / 2, digits), `${fixed(b, digits)} ${unitWords}`];
+  const ends = ([a, b], digits, unitWords) => [
+    fixed(a, digits),
+    fixed((a + b) / 2, digits),
+    `${fixed(b, digits)} ${unitWords}`,
+  ];
   title.textContent = words[0].toUpperCase() + words.slice(1);
   const { ranges } = head;
   if (by === "height") ramp(RAMP, ends(ranges.height_mm, 2, "mm"));
@@ -238,7 +281,11 @@ function fillLegend(head, by) {
     const [a, b] = aboutZero(ranges.defocus_um);
     ramp(DIVERGING, [`${fixed(a, 0)} (below)`, "0", `${fixed(b, 0)} µm (above)`]);
   } else if (by === "incidence") ramp(RAMP, ends(ranges.incidence_deg, 1, "deg"));
-  else if (by === "dose") ramp(RAMP, ends(ranges.dose, 3, "").map((e) => e.trim()));
+  else if (by === "dose")
+    ramp(
+      RAMP,
+      ends(ranges.dose, 3, "").map((e) => e.trim()),
+    );
   else if (by === "time") ramp(RAMP, ["start", duration(head.time_s / 2), duration(head.time_s)]);
   else if (by === "pen") list(head.pens.map((p) => p.name));
   else if (by === "pass") list(Array.from({ length: head.passes }, (_, k) => `pass ${k + 1}`));
@@ -255,7 +302,10 @@ function neighboursIn(labels, columns) {
   const touch = (a, b) => {
     if (a === b || a === 0 || b === 0) return;
     borders += 1;
-    for (const [p, q] of [[a - 1, b - 1], [b - 1, a - 1]]) {
+    for (const [p, q] of [
+      [a - 1, b - 1],
+      [b - 1, a - 1],
+    ]) {
       let set = touching.get(p);
       if (!set) touching.set(p, (set = new Set()));
       set.add(q);

@@ -2,9 +2,9 @@
 /**
  * What WebGL draws: the part with the blocks draped on it, the marks, and the texture that is not marked.
  *
- * Consumes decoded data and, for each picture, a `Look`. Promises that a picture is drawn within a budget of lines: while
- * something moves, every k-th line of the marks in sight; at rest all of them, a piece in each frame. Data of marks is
- * asked for when it comes into sight, nearest first.
+ * Consumes decoded data and, for each picture, a `Look`. Promises that a picture is drawn within a budget of lines:
+ * while something moves, every k-th line of the marks in sight; at rest all of them, a piece in each frame. Data of
+ * marks is asked for when it comes into sight, nearest first.
  */
 
 /**
@@ -35,7 +35,8 @@ const PIECE = 400_000;
 const MERGED_PX = 1.1;
 
 class Scene {
-  /** @param {HTMLCanvasElement} canvas @param {Head} head @param {Blocks} blocks @param {(isStale: boolean) => void} changed */
+  /** @param {HTMLCanvasElement} canvas @param {Head} head @param {Blocks} blocks
+   * @param {(isStale: boolean) => void} changed */
   constructor(canvas, head, blocks, changed) {
     const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true, alpha: false });
     if (!gl) throw new Error("this browser does not offer WebGL 2");
@@ -47,7 +48,6 @@ class Scene {
     this.meshProgram = new Program(gl, MESH_VERTEX, MESH_FRAGMENT);
     this.markProgram = new Program(gl, MARK_VERTEX, MARK_FRAGMENT);
     this.skippedProgram = new Program(gl, SKIPPED_VERTEX, SKIPPED_FRAGMENT);
-    this.probe = new Probe(gl, 11);
     this.blockValues = new Values(gl, gl.RGBA32F, gl.RGBA, gl.FLOAT);
     this.palette = new Values(gl, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE);
     this.ramps = new Values(gl, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE);
@@ -290,11 +290,7 @@ class Scene {
       // Where blocks are a few pixels wide, their borders would hide their colours.
       uBorders: look.layers.borders ? Math.min(Math.max((this.width_mm / look.camera.pixel_mm() - 5) / 10, 0), 1) : 0,
     });
-    p.ints({
-      uPresent: look.present + 1,
-      uSeams: look.layers.seams || look.by === "seam",
-      uPick: pick,
-    });
+    p.ints({ uPresent: look.present + 1, uSeams: look.layers.seams || look.by === "seam", uPick: pick });
     this.bindBlocks(p, look.pass);
     gl.bindVertexArray(this.mesh.array);
     gl.drawElements(gl.TRIANGLES, this.mesh.corners, gl.UNSIGNED_INT, 0);
@@ -349,7 +345,9 @@ class Scene {
     const isOpen = (/** @type {number} */ v, /** @type {number[]} */ edges) => Number(v >= edges[edges.length - 1]);
     /** @type {Record<string, [number, number]>} */
     const rangeBy = {
-      defocus: aboutZero(ranges.defocus_um), incidence: ranges.incidence_deg, height: ranges.height_mm,
+      defocus: aboutZero(ranges.defocus_um),
+      incidence: ranges.incidence_deg,
+      height: ranges.height_mm,
     };
     const width = (pick ? 2 : lineWidth(this.pitch_mm / look.camera.pixel_mm()) * look.size) * ratio;
     this.isThin = width < 1.2;
@@ -363,11 +361,13 @@ class Scene {
       uShownDefocus: defocus,
       uShownIncidence: incidence,
       uShownHalf: [
-        isOpen(defocus[1], histograms.defocus_um.edges), isOpen(incidence[1], histograms.incidence_deg.edges),
-        Number(histograms.defocus_um.edges[0] >= 0), 0,
+        isOpen(defocus[1], histograms.defocus_um.edges),
+        isOpen(incidence[1], histograms.incidence_deg.edges),
+        Number(histograms.defocus_um.edges[0] >= 0),
+        0,
       ],
       uAccent: unitColour(look.theme.accent),
-      uRange: look.by === "time" ? [0, 1] : rangeBy[look.by] ?? [0, 1],
+      uRange: look.by === "time" ? [0, 1] : (rangeBy[look.by] ?? [0, 1]),
       uSeamReach: (head.maps[0]?.cell ?? 0) * 0.5,
     });
     p.ints({
@@ -385,7 +385,7 @@ class Scene {
   /** @param {ColourBy} by */
   markMode(by) {
     // On the fly the focal plane moves while a run is marked.
-    if (by === "height" && this.head.mode === "on-the-fly") return MARK_MODES.height;
+    if (by === "height" && this.head.mode === "on-the-fly") return MARK_MODES.plane;
     return MARK_MODES[/** @type {"pen"} */ (by)] ?? MARK_MODES.palette;
   }
 
@@ -403,58 +403,7 @@ class Scene {
     p.ints({ uFirst: first, uPoints: 4, uFrom: from, uEvery: every });
     gl.drawArrays(this.isThin ? gl.LINES : gl.TRIANGLES, 0, (this.isThin ? 2 : 6) * count);
   }
-
-  /**
-   * The block at a place of the picture, -1 for none: that of the nearest mark in reach, else that of the part there.
-   * @param {Look} look @param {number} x CSS pixels from the left @param {number} y from the top
-   */
-  pick(look, x, y) {
-    const { gl, probe, canvas } = this;
-    const ratio = canvas.width / look.camera.width;
-    const [px, py] = [x * ratio, canvas.height - y * ratio];
-    const [sx, sy] = [canvas.width / probe.side, canvas.height / probe.side];
-    const [tx, ty] = [sx * (1 - (2 * px) / canvas.width), sy * (1 - (2 * py) / canvas.height)];
-    const part = [sx, 0, 0, 0, 0, sy, 0, 0, 0, 0, 1, 0, tx, ty, 0, 1];
-    const projection = product(part, look.camera.matrices().projection);
-    const pixels = probe.read(() => {
-      gl.enable(gl.DEPTH_TEST);
-      this.drawMesh(look, projection, ratio, true);
-      if (!this.drawsMarks) return;
-      this.beginMarks(look, projection, [probe.side, probe.side], ratio, true);
-      for (const k of this.chunksInSight(look)) this.drawChunk(k, 0, Infinity, 1);
-    });
-    const middle = (probe.side - 1) / 2;
-    let [best, near] = [-1, Infinity];
-    for (let i = 0; i < probe.side * probe.side; i++) {
-      const id = pixels[4 * i] | (pixels[4 * i + 1] << 8) | (pixels[4 * i + 2] << 16);
-      const d = Math.hypot((i % probe.side) - middle, Math.floor(i / probe.side) - middle);
-      const isMark = pixels[4 * i + 3] === 255;
-      if (id > 0 && (isMark || d === 0) && (isMark ? d : 100) < near) [best, near] = [id - 1, isMark ? d : 100];
-    }
-    return best;
-  }
-
-  /** The colour that the shader gives to a point of a mark, null where it is not drawn.
-   * @param {Look} look @param {number} k of the chunk @param {number} point @returns {Colour|null} */
-  colourOfPoint(look, k, point) {
-    const chunk = this.chunks[k];
-    if (!chunk) return null;
-    const { gl, probe } = this;
-    const [x, y, z] = pointInPart(this.blocks, chunk.data, point);
-    const pixels = probe.read(() => {
-      gl.disable(gl.DEPTH_TEST);
-      this.beginMarks(look, NO_PROJECTION, [probe.side, probe.side], 1, false);
-      this.markProgram.floats({ uView: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, -x, -y, -z, 1], uBias: 0, uWidth: 3 });
-      this.isThin = false;
-      this.markProgram.ints({ uAsDot: true, uThin: false });
-      this.drawChunk(k, point, point + 1, 1);
-    });
-    const middle = 4 * ((probe.side * probe.side - 1) / 2);
-    return pixels[middle + 3] === 0 ? null : [pixels[middle], pixels[middle + 1], pixels[middle + 2]];
-  }
 }
-
-const NO_PROJECTION = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 
 /** The box of all marks; of the job where there are none. @param {Head} head @returns {Box} */
 function boxOfMarks(head) {

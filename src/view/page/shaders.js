@@ -13,7 +13,7 @@ const POINTS_PER_ROW = 2048;
 const BLOCKS_PER_ROW = 256;
 
 /** How marks are coloured: from the palette, or by a value of their own. */
-const MARK_MODES = { palette: 0, defocus: 1, incidence: 2, pen: 3, time: 4, seam: 5, height: 6 };
+const MARK_MODES = { palette: 0, defocus: 1, incidence: 2, pen: 3, time: 4, seam: 5, plane: 6 };
 
 const COMMON = `
 uniform highp sampler2D uBlocks;
@@ -158,7 +158,8 @@ int signedLow(uint v) {
 }
 
 vec3 placeInPart(uvec4 p, int block) {
-  vec4 local = vec4(float(signedLow(p.x)) * uStep.x, float(int(p.x) >> 16) * uStep.x, float(signedLow(p.y)) * uStep.y, 1.0);
+  vec2 xy = vec2(float(signedLow(p.x)), float(int(p.x) >> 16)) * uStep.x;
+  vec4 local = vec4(xy, float(signedLow(p.y)) * uStep.y, 1.0);
   return vec3(dot(blockTexel(block, 0), local), dot(blockTexel(block, 1), local), dot(blockTexel(block, 2), local));
 }
 
@@ -250,7 +251,7 @@ void main() {
   if (uMode == ${MARK_MODES.incidence}) c = ramp(vIncidence, 0);
   if (uMode == ${MARK_MODES.pen}) c = texelFetch(uRamps, ivec2(vPen, 2), 0).rgb;
   if (uMode == ${MARK_MODES.time}) c = ramp(vTime, 0);
-  if (uMode == ${MARK_MODES.height}) c = ramp(vHeight, 0);
+  if (uMode == ${MARK_MODES.plane}) c = ramp(vHeight, 0);
   if (uMode == ${MARK_MODES.seam}) {
     int kind = seamNear(vPart, vec2(uSeamReach, 0.0), vec2(0.0, uSeamReach));
     if (kind > 0) c = texelFetch(uRamps, ivec2(kind - 1, 2), 0).rgb;

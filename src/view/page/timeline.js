@@ -87,7 +87,14 @@ class Timeline {
     const turn = this.turnOf(block);
     const chunk = does === "marks" ? marksOf(block) : null;
     const beam = chunk && this.beam(chunk, block, t);
-    return { block, does, turn, centre: this.centreOf(block), up, beam: beam && { ...beam, at: turned(turn, beam.at) } };
+    return {
+      block,
+      does,
+      turn,
+      centre: this.centreOf(block),
+      up,
+      beam: beam && { ...beam, at: turned(turn, beam.at) },
+    };
   }
 
   /** The beam in a block, part frame. @param {Chunk} chunk @param {number} block @param {number} t */
@@ -120,7 +127,9 @@ class Timeline {
     /** @param {Float32Array[]} axes @returns {Vec3} */
     const mix = ([x, y, z]) => between([x[i], y[i], z[i]], [x[j], y[j], z[j]], share);
     return {
-      turn: NO_TURN, centre: mix(motion.centre), up: unit(mix(motion.up)),
+      turn: NO_TURN,
+      centre: mix(motion.centre),
+      up: unit(mix(motion.up)),
       beam: { at: mix(motion.spot), on: motion.on[i] !== 0 },
     };
   }
