@@ -402,7 +402,7 @@ function writeJob(folder, name) {
     w.u8s(motion.map((m) => Number(m.on)));
     data += dataElement("motion", w.bytes);
   }
-  // What runs on the fly do not have is left out as a whole.
+  // What runs on the fly do not have.
   if (kind.fly)
     for (const key of [
       "section",
@@ -418,7 +418,7 @@ function writeJob(folder, name) {
       "dose",
       "jump_mm",
     ])
-      columns[key] = null;
+      columns[key].fill(null);
   data += dataElement("blocks", Buffer.from(JSON.stringify(columns)));
 
   const range = (values) => [

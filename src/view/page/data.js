@@ -76,7 +76,7 @@
  * @property {number[]} end
  * @property {number[]} strokes
  * @property {number[]} mark_mm
- * @property {number[]|null} jump_mm
+ * @property {(number|null)[]|null} jump_mm
  * @property {([number, number]|null)[]|null} incidence
  * @property {([number, number]|null)[]|null} stretch
  * @property {([number, number]|null)[]|null} dose

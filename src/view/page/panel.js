@@ -203,7 +203,7 @@ function rowsOfBlock(head, blocks, i) {
     blocks.z?.[i],
     blocks.tilt?.[i],
   ];
-  const [lift, shift] = [blocks.lift?.[i], blocks.shift?.[i]];
+  const [lift, shift, jump_mm] = [blocks.lift?.[i], blocks.shift?.[i], blocks.jump_mm?.[i]];
   const [section, stage, centre, focus] = [
     blocks.section?.[i],
     blocks.stage?.[i],
@@ -225,7 +225,7 @@ function rowsOfBlock(head, blocks, i) {
   row("Stage move", head.mode === "stepped" && `${seconds(blocks.start[i] - blocks.begin[i])} with settling`);
   row("Strokes", String(blocks.strokes[i]));
   row("Marks", lengthText(blocks.mark_mm[i]));
-  row("Jumps", blocks.jump_mm && lengthText(blocks.jump_mm[i]));
+  row("Jumps", jump_mm != null && lengthText(jump_mm));
   row("Incidence", incidence && `mean ${fixed(incidence[0], 1)}, worst ${fixed(incidence[1], 1)} deg`);
   row("Stretch", stretch && `mean ${fixed(stretch[0], 3)}, worst ${fixed(stretch[1], 3)}`);
   row("Dose", dose && `mean ${fixed(dose[0], 3)}, least ${fixed(dose[1], 3)}`);
