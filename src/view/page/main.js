@@ -42,6 +42,7 @@ class App {
     this.movingUntil = 0;
     /** Whether pictures are drawn with half the pixels while something moves: the graphics card is slow. */
     this.isCoarse = false;
+    this.wasMoving = false;
     this.isDue = false;
     this.isStale = true;
     /** Centre of the field to which the camera was last moved. @type {Vec3|null} */
@@ -163,14 +164,16 @@ class App {
       this.overlay.draw(look, moment, this.strokes);
       this.showClock(moment);
     }
-    if (moving) {
-      if (past < 1000) this.frames.push(past);
+    if (moving && this.wasMoving) {
+      this.frames.push(past);
       if (this.frames.length > 120) this.frames.shift();
       // Frames are kept between 20 and 40 ms by how many lines they draw.
       if (past > 40) this.scene.budget = Math.max(BUDGET[0], this.scene.budget * 0.75);
       if (past > 80 && this.scene.budget < 2 * BUDGET[0]) this.isCoarse = true;
       if (past < 20) this.scene.budget = Math.min(BUDGET[1], this.scene.budget * 1.1);
-    } else isMore = this.scene.drawMore(look);
+    }
+    this.wasMoving = moving;
+    if (!moving) isMore = this.scene.drawMore(look);
     place("progress").textContent = this.scene.loading > 0 || isMore ? "Drawing marks" : "";
     if (moving && !this.playing) this.isStale = true;
     if (moving || isMore || this.isStale) {
@@ -183,7 +186,7 @@ class App {
   advance(seconds) {
     const speed = choice("speed").value;
     const factor = speed === "whole" ? this.head.time_s / 60 : Number(speed);
-    this.time = Math.min(this.time + Math.min(seconds, 0.25) * factor, this.head.time_s);
+    this.time = Math.min(this.time + Math.min(seconds, 1) * factor, this.head.time_s);
     if (this.time >= this.head.time_s) this.play(false);
   }
 

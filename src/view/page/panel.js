@@ -220,7 +220,7 @@ function rowsOfBlock(head, blocks, i) {
   row("Stage", stage && `${places(stage)} mm`);
   row("Lift of z", lift != null && `to ${fixed(lift, 3)} mm`);
   row("Focus shift", Boolean(shift) && `${fixed(shift ?? 0, 3)} mm`);
-  row("Clock", `${fixed(blocks.start[i], 1)} to ${fixed(blocks.end[i], 1)} s`);
+  row("Clock", `${fixed(blocks.start[i], 2)} to ${fixed(blocks.end[i], 2)} s`);
   row("Marking", seconds(blocks.end[i] - blocks.start[i]));
   row("Stage move", head.mode === "stepped" && `${seconds(blocks.start[i] - blocks.begin[i])} with settling`);
   row("Strokes", String(blocks.strokes[i]));
