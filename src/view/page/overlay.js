@@ -198,8 +198,7 @@ class Overlay {
       this.stroke(colours.halo, 3);
       this.stroke(colours.path, 1.3);
     }
-    const gap = this.head.field.size[0] / this.camera.pixel_mm();
-    if (gap < 14) return;
+    if (this.block_mm / this.camera.pixel_mm() < 14 * this.size) return;
     this.c.fillStyle = colours.path;
     for (const run of runs)
       for (const p of run) {
