@@ -131,7 +131,7 @@ class Camera {
     for (let k = 0; k < 8; k++) {
       const p = minus([k & 1 ? high[0] : low[0], k & 2 ? high[1] : low[1], k & 4 ? high[2] : low[2]], this.target);
       const reach = Math.max(Math.abs(dot(p, right)) / wide, Math.abs(dot(p, up)) / tall);
-      distance = Math.max(distance, dot(p, back) + reach * 1.1);
+      distance = Math.max(distance, dot(p, back) + reach * 1.16);
     }
     this.distance = distance;
   }

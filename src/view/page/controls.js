@@ -51,7 +51,7 @@ function connect(app) {
     app.set({ follow: input("follow").checked });
   });
   choice("by").addEventListener("change", () => setColour(app, /** @type {ColourBy} */ (choice("by").value)));
-  place("by-note").textContent = COLOURS[0][2];
+  place("by-note").textContent = noteOf(head, app.by);
   choice("pass").addEventListener("change", () => app.set({ pass: Number(choice("pass").value) }));
   choice("setup").addEventListener("change", () => app.set({ setup: Number(choice("setup").value) }));
   choice("pen").addEventListener("change", () => app.set({ pen: Number(choice("pen").value) }));
@@ -102,7 +102,7 @@ function step(app, by) {
 /** @param {App} app @param {ColourBy} by */
 function setColour(app, by) {
   choice("by").value = by;
-  place("by-note").textContent = COLOURS.find(([b]) => b === by)?.[2] ?? "";
+  place("by-note").textContent = noteOf(app.head, by);
   fillLegend(app.head, by);
   app.set({ by });
 }

@@ -45,6 +45,12 @@ const REASONS = {
   focus: "out of focus",
 };
 
+/** What a colour stands for. @param {Head} head @param {ColourBy} by */
+function noteOf(head, by) {
+  if (by === "height" && head.mode === "on-the-fly") return "Height of the focal plane at the moment of each mark.";
+  return COLOURS.find(([b]) => b === by)?.[2] ?? "";
+}
+
 /** @template {HTMLElement} T @param {string} id @param {new () => T} kind @returns {T} */
 function element(id, kind) {
   const found = document.getElementById(id);
@@ -149,11 +155,11 @@ function fillPage(head) {
   place("setup-filter").hidden = head.setups < 2;
   place("pen-filter").hidden = head.pens.length < 2;
   fillChoice(choice("speed"), [
-    ["whole", "whole job in 60 s"],
+    ["whole", "job in 60 s"],
     ["1", "real time"],
-    ["10", "10 times as fast"],
-    ["100", "100 times as fast"],
-    ["1000", "1000 times as fast"],
+    ["10", "10 times"],
+    ["100", "100 times"],
+    ["1000", "1000 times"],
   ]);
   if (head.time_s < 60) choice("speed").value = "1";
   const absent = new Set(isFly ? ["blocks", "borders", "seams", "labels"] : []);
