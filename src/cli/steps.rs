@@ -169,20 +169,21 @@ mod tests {
     #[test]
     fn a_step_begins_with_its_name() {
         let steps = Steps::new(true);
+        let now = || locked(&steps.step).clone();
         steps.told("reading", 0);
-        steps.told("reading", 50);
-        let begin = locked(&steps.step).begin;
+        let begin = now().begin;
         steps.told("reading", 60);
-        assert_eq!((locked(&steps.step).begin, locked(&steps.step).done.map(|d| d.0)), (begin, Some(60)));
+        assert_eq!((now().begin, now().done.map(|d| d.0)), (begin, Some(60)));
         std::thread::sleep(Duration::from_millis(2));
-        steps.told("writing", 0);
-        assert!(locked(&steps.step).begin > begin);
-        let begin = locked(&steps.step).begin;
-        steps.rename("flushing");
+        steps.numbered(&[1, 2], |_| "writing")(2, 0);
+        assert_eq!((now().text.as_str(), now().done.map(|d| d.0)), ("step 2 of 2: writing", Some(0)));
+        assert!(now().begin > begin);
+        let begin = now().begin;
+        steps.rename("comparing");
         steps.percent(70);
-        assert_eq!((locked(&steps.step).text.as_str(), locked(&steps.step).begin), ("flushing", begin));
+        assert_eq!((now().text.as_str(), now().begin, now().done.map(|d| d.0)), ("comparing", begin, Some(70)));
         steps.begin("waiting");
-        assert_eq!(locked(&steps.step).done, None);
+        assert!(now().done.is_none() && now().text == "waiting");
     }
 
     #[test]
