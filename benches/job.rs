@@ -80,7 +80,8 @@ fn run(case: &str, stl: &Path) {
 
 fn load(stl: &Path) -> Surface {
     let options = Options { unit_mm: Some(1.0), ..Options::default() };
-    Surface::load(stl, &options, Joining::default(), 0.0, &mut Vec::new()).unwrap_or_else(|e| panic!("{e}"))
+    Surface::load(stl, &options, Joining::default(), 0.0, &mut Vec::new(), terrace::progress::Task::untold())
+        .unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Facets crossed in a second by the lines of a 0.1 mm hatch.
@@ -117,7 +118,7 @@ fn job(case: &str, stl: &Path) -> String {
     std::fs::write(&path, &text).expect("a writable folder");
     let job = Job::parse(&path, &text, &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
     let begin = Instant::now();
-    let plan = plan::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+    let plan = plan::plan(job, &|_, _| {}).unwrap_or_else(|e| panic!("{e}"));
     if let "dots" | "poisson" = case {
         let (s, planned) = (&plan.stepped().expect("a stepped job").summary, begin.elapsed().as_secs_f64());
         return format!("{} stops, {} dots, {:.0} a second", s.stops, s.dots.marked, s.dots.marked as f64 / planned);

@@ -20,6 +20,7 @@ pub mod parallel;
 pub mod partition;
 pub mod plan;
 pub mod program;
+pub mod progress;
 pub mod projection;
 #[cfg(test)]
 mod random;

@@ -240,7 +240,7 @@ fn compiled(entry: &Entry, durability: Durability) -> Result<State, Error> {
     {
         return Ok(State::Unchanged(Figures::from(&found.summary)));
     }
-    let plan = plan::plan(job, &|_| {})?;
-    job_folder::write_with(&plan, &entry.folder, durability)?;
+    let plan = plan::plan(job, &|_, _| {})?;
+    job_folder::write_with(&plan, &entry.folder, durability, &|_, _| {})?;
     Ok(State::Compiled(Figures::from(&plan.summary())))
 }

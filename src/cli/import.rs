@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::args::Args;
+use super::steps::Steps;
 use super::{show, write_file};
 use crate::diag::{Diag, Error};
 use crate::geom::BoxMm;
@@ -20,7 +21,10 @@ pub fn run(args: &Args, file: &Path, output: Option<&Path>, chord: Length, angle
     }
     let mut warnings = Vec::new();
     let fine = Tessellation { chord_mm: chord.as_mm(), angle_rad: angle.as_rad() };
+    let steps = Steps::new(args.quiet);
+    steps.begin(format!("converting {}", file.display()));
     let mesh = load_cad(file, fine, &mut warnings)?;
+    steps.done();
     super::warn(args, &warnings);
     let target = output.map_or_else(|| file.with_extension("ply"), Path::to_owned);
     let name = file.file_name().unwrap_or_default().to_string_lossy();

@@ -15,6 +15,7 @@ mod orient;
 mod resume;
 mod run;
 mod show;
+mod steps;
 mod sweep;
 
 use std::io::{ErrorKind, IsTerminal, Write};
@@ -27,10 +28,11 @@ use crate::diag::{Diag, Error, Failure, Kind, Place};
 use crate::job::{self, Job, Mode, Overrides};
 use crate::job_folder::{self, Durability};
 use crate::machine::{Machine, PROFILES};
-use crate::plan::{self, Phase, Plan};
+use crate::plan::{self, Plan};
 use crate::units::Share;
 use crate::verify;
 use args::{Args, Choice, Command};
+use steps::Steps;
 
 /// Parses the command line, runs it, and answers with the exit code.
 pub fn main() -> ExitCode {
@@ -114,28 +116,35 @@ fn run(args: &Args) -> Result<u8, Error> {
         }
         Command::Compile { job, output, choice } => compile(args, job, output.as_deref(), choice)?,
         Command::Verify { folder, inputs } => {
-            let spinner = show::Spinner::new(args.quiet);
-            spinner.text("verifying");
-            let proof = verify::verify(folder, inputs.as_deref())?;
-            spinner.done();
+            let steps = Steps::new(args.quiet);
+            let told = steps.numbered(&verify::Phase::ALL, show::proving);
+            let proof = verify::verify_told(folder, inputs.as_deref(), &told)?;
+            steps.done();
             print(&if args.json { show::json(&proof.to_json()) } else { proof.to_text() })?;
             return Ok(u8::from(!proof.ok));
         }
         Command::Run(asked) => return run::run(args, asked),
         Command::Preview { job, output, choice } => preview(args, job, output.as_deref(), choice)?,
         Command::Orient { job } => {
-            let found = plan::orient::orient(&load(args, job, &Choice::default())?)?;
+            let job = load(args, job, &Choice::default())?;
+            let steps = Steps::new(args.quiet);
+            let found = plan::orient::orient(&job, &steps.numbered(&plan::orient::PHASES, show::phase))?;
+            steps.done();
             print(&if args.json { show::json(&orient::json(&found)) } else { orient::text(&found) })?;
         }
         Command::Compare { job, systems, protection, output } => {
             if let Some(folder) = output {
                 compare::may_be_replaced(folder)?;
             }
-            let spinner = show::Spinner::new(args.quiet);
+            let steps = Steps::new(args.quiet);
             let job = load(args, job, &Choice { mode: Some(Mode::Stepped), ..Choice::default() })?;
             let asked = if systems.is_empty() { &crate::compare::SYSTEMS[..] } else { systems };
-            let found = crate::compare::compare(&job, asked, *protection, &|name| spinner.text(name))?;
-            spinner.done();
+            let progress = crate::compare::Progress {
+                begins: &|name| steps.rename(format!("comparing {} systems, now {name}", asked.len())),
+                percent: &|percent| steps.percent(percent),
+            };
+            let found = crate::compare::compare(&job, asked, *protection, progress)?;
+            steps.done();
             warn(args, &found.warnings);
             if let Some(folder) = output {
                 compare::write(&found, folder, durability(args))?;
@@ -148,7 +157,10 @@ fn run(args: &Args) -> Result<u8, Error> {
         Command::Resume { folder, left, output } => resume::run(args, folder, left, output)?,
         Command::Batch(asked) => return batch::run(args, asked),
         Command::Inspect { file, unit } => {
+            let steps = Steps::new(args.quiet);
+            steps.begin(format!("reading {}", file.display()));
             let shown = inspect::inspect(file, *unit)?;
+            steps.done();
             warn(args, &shown.warnings);
             print(&if args.json { show::json(&shown.json) } else { shown.text })?;
         }
@@ -202,11 +214,12 @@ fn compile(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> 
     let job = load(args, path, choice)?;
     let target = output.map_or_else(|| plan::default_output(&job.path, job.mode), Path::to_owned);
     job_folder::prepare(&target, job.mode)?;
-    let spinner = show::Spinner::new(args.quiet);
-    let plan = plan::plan(job, &|s| spinner.phase(s))?;
-    spinner.phase(Phase::Write);
-    job_folder::write_with(&plan, &target, durability(args))?;
-    spinner.done();
+    let steps = Steps::new(args.quiet);
+    let phases = [plan::phases(&job), plan::phases_of_writing(&job)].concat();
+    let told = steps.numbered(&phases, show::phase);
+    let plan = plan::plan(job, &told)?;
+    job_folder::write_with(&plan, &target, durability(args), &told)?;
+    steps.done();
     warn(args, plan.warnings());
     if path == Path::new("-") {
         let d = Diag::warning("job-from-stdin", "the job came from standard input, and verify reads it again");
@@ -258,9 +271,10 @@ fn planned(args: &Args, path: &Path, choice: &Choice) -> Result<Plan, Error> {
 }
 
 fn planned_of(args: &Args, job: Job) -> Result<Plan, Error> {
-    let spinner = show::Spinner::new(args.quiet);
-    let plan = plan::plan(job, &|s| spinner.phase(s))?;
-    spinner.done();
+    let steps = Steps::new(args.quiet);
+    let phases = plan::phases(&job);
+    let plan = plan::plan(job, &steps.numbered(&phases, show::phase))?;
+    steps.done();
     warn(args, plan.warnings());
     Ok(plan)
 }

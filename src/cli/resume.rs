@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::args::{Args, Left};
+use super::steps::Steps;
 use super::{durability, print, show};
 use crate::diag::Error;
 use crate::manifest::duration;
@@ -12,7 +13,10 @@ use crate::resume::{self, Choice};
 pub(super) fn run(args: &Args, folder: &Path, left: &Left, target: &Path) -> Result<(), Error> {
     let done = left.done.as_deref().map(resume::listed).transpose()?.unwrap_or_default();
     let choice = Choice { from: left.from, only: left.only.clone(), done };
+    let steps = Steps::new(args.quiet);
+    steps.begin("writing what is left");
     let found = resume::resume(folder, &choice, target, durability(args))?;
+    steps.done();
     let s = &found.subset;
     if args.json {
         return print(&show::json(&serde_json::json!({"of": found.of, "subset": s})));

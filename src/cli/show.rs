@@ -1,8 +1,6 @@
 //! How results and progress look on a terminal.
 
-use std::io::IsTerminal;
 use std::path::Path;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -11,78 +9,39 @@ use crate::batch::Outcome;
 use crate::manifest::{AnySummary, OnTheFlySummary, SpaceCurves, Summary, duration};
 use crate::plan::Phase;
 use crate::run;
+use crate::verify;
 
 /// Pretty JSON with a line end.
 pub fn json(value: &serde_json::Value) -> String {
     format!("{value:#}\n")
 }
 
-/// How often a run that is not watched on a terminal says what it is doing.
-const EVERY: Duration = Duration::from_secs(10);
-
-/// What is being done: on a terminal a line that moves, with the time so far; elsewhere a line every ten seconds.
-pub struct Spinner {
-    bar: ProgressBar,
-    /// Tells the thread that writes lines; it ends with this.
-    lines: Option<Sender<&'static str>>,
-}
-
-impl Spinner {
-    pub fn new(quiet: bool) -> Self {
-        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
-        if let Ok(style) = ProgressStyle::with_template("{spinner} {msg}, {elapsed}") {
-            bar.set_style(style);
-        }
-        bar.enable_steady_tick(Duration::from_millis(120));
-        let is_watched = quiet || std::io::stderr().is_terminal();
-        let lines = (!is_watched).then(|| {
-            let (tell, told) = channel();
-            std::thread::spawn(move || say_every(EVERY, &told, &mut |line| super::eprintln_all(line)));
-            tell
-        });
-        Self { bar, lines }
-    }
-    pub fn text(&self, text: &'static str) {
-        self.bar.set_message(text);
-        // A thread that has ended says nothing more.
-        let _ = self.lines.as_ref().map(|lines| lines.send(text));
-    }
-    pub fn phase(&self, s: Phase) {
-        self.text(match s {
-            Phase::Read => "step 1 of 5: reading surface and texture",
-            Phase::Footprint => "step 2 of 5: tracing the texture",
-            Phase::Split => "step 3 of 5: cutting strokes",
-            Phase::Order => "step 4 of 5: ordering strokes and stops",
-            Phase::Write => "step 5 of 5: writing the job folder",
-        });
-    }
-    /// Ends it: results and messages begin on a clean line.
-    pub fn done(self) {}
-}
-
-impl Drop for Spinner {
-    fn drop(&mut self) {
-        self.bar.finish_and_clear();
+/// What a phase of a compilation does.
+pub fn phase(phase: Phase) -> &'static str {
+    match phase {
+        Phase::Read => "reading surface and texture",
+        Phase::Footprint => "tracing the texture",
+        Phase::Split => "cutting strokes",
+        Phase::Order => "ordering strokes and stops",
+        Phase::Passes => "planning the other passes",
+        Phase::Motion => "planning the motion",
+        Phase::Lean => "searching fixture angles",
+        Phase::Write => "writing the job folder",
+        Phase::Draw => "drawing pictures and report",
     }
 }
 
-/// Says what is being done, and for how long so far, whenever `every` has passed without news.
-fn say_every(every: Duration, told: &Receiver<&'static str>, say: &mut dyn FnMut(&str)) {
-    let (begin, mut doing) = (Instant::now(), "");
-    let mut next = begin + every;
-    loop {
-        match told.recv_timeout(next.saturating_duration_since(Instant::now())) {
-            Ok(text) => doing = text,
-            Err(RecvTimeoutError::Timeout) => {
-                say(&format!("{doing}, {} so far", duration(begin.elapsed().as_secs_f64())));
-                next += every;
-            }
-            Err(RecvTimeoutError::Disconnected) => return,
-        }
+/// What a phase of a verification does.
+pub fn proving(phase: verify::Phase) -> &'static str {
+    match phase {
+        verify::Phase::Read => "reading program, surface and texture",
+        verify::Phase::Files => "comparing files",
+        verify::Phase::Marks => "checking every mark",
+        verify::Phase::Coverage => "checking coverage",
     }
 }
 
-/// A bar for many jobs or settings.
+/// A bar for many jobs.
 #[derive(Clone)]
 pub struct Progress {
     bar: ProgressBar,
@@ -277,28 +236,4 @@ fn curves(c: &SpaceCurves) -> String {
         "space curves   {}, {:.3} mm seen from the lens, {:.3} mm on the surface, up to {:.3} um off it",
         c.count, c.plan_mm, c.surface_mm, c.worst_distance_um
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_run_that_is_not_watched_says_what_it_does_whenever_time_has_passed() {
-        let (tell, told) = channel();
-        let mut lines = Vec::new();
-        let mut tell = Some(tell);
-        tell.as_ref().map(|t| t.send("cutting strokes")).transpose().expect("heard");
-        say_every(Duration::from_millis(5), &told, &mut |line| {
-            lines.push(line.to_owned());
-            if lines.len() == 2 {
-                tell.take();
-            }
-        });
-        assert!(lines.len() >= 2 && lines.iter().all(|l| l.starts_with("cutting strokes, 0.")), "{lines:?}");
-        // What ends before says nothing.
-        let (tell, told) = channel::<&'static str>();
-        drop(tell);
-        say_every(Duration::from_secs(60), &told, &mut |line| panic!("{line}"));
-    }
 }

@@ -3,10 +3,12 @@
 use std::path::Path;
 
 use super::args::{Args, Choice};
+use super::steps::Steps;
 use super::{STDIN, job_from_stdin, overrides, print, show, write_file};
 use crate::diag::{Diag, Error, Place};
 use crate::job::{Setting, read_file};
 use crate::job_folder;
+use crate::progress::Task;
 use crate::report::table::TERMINAL;
 use crate::sweep;
 
@@ -19,10 +21,12 @@ pub(super) fn run(
 ) -> Result<(), Error> {
     let (path, text) =
         if job == Path::new("-") { (Path::new(STDIN), job_from_stdin()?) } else { (job, read_file(job)?) };
-    let view = show::Progress::new(args.quiet, sweep::combinations(settings)?, "settings");
-    let found = sweep::sweep((path, &text), &overrides(args, choice), settings, &|| view.step());
-    view.finish();
-    let found = found?;
+    let steps = Steps::new(args.quiet);
+    let count = sweep::combinations(settings)?;
+    let task = Task::new(|percent| steps.told(&format!("planning {count} settings"), percent)).of_steps(count);
+    let found = sweep::sweep((path, &text), &overrides(args, choice), settings, &|| task.step())?;
+    drop(task);
+    steps.done();
     let table = sweep::table(&found);
     let mut files = Vec::new();
     if let Some(file) = csv {

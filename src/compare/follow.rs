@@ -21,6 +21,7 @@ use crate::on_the_fly::xyzacuv::{AxisFigures, KinematicModel, TimedAxes, ToolPat
 use crate::on_the_fly::xyzuv::{Decomposition, ScannerLimits, step_scan_s, synchronise, synchronised_s};
 use crate::parallel;
 use crate::plan::strokes::{self, Strokes};
+use crate::progress::Task;
 
 /// Samples of a synchronised path, and of one band of it.
 const SAMPLES: usize = 300_000;
@@ -63,7 +64,8 @@ impl<'a> Follower<'a> {
         let (pens, allowed) = (&self.whole.program.pens, self.allowed()?);
         // Where the part lies is the machine's affair: its travel must be long enough.
         let fits = |ends: BoxMm<3>| beyond(machine, ends).is_none();
-        let Timed { turn, path, schedule, sync } = quickest(&self.path, machine, pens, allowed, SAMPLES, &fits);
+        let Timed { turn, path, schedule, sync } =
+            quickest(&self.path, machine, pens, allowed, SAMPLES, &fits, Task::untold());
         // The texture's middle lies where the stage rests.
         let (area, first) = (self.whole.texture, nm(path.nodes[0].at));
         let middle = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, first[2]];
@@ -160,7 +162,7 @@ impl<'a> Follower<'a> {
         let subject = self.subject;
         let depth = Some(subject.job.focus.depth);
         let Strokes { program, section, texture, .. } =
-            strokes::in_order(subject.job, subject.machine, subject.inputs, depth)?;
+            strokes::in_order(subject.job, subject.machine, subject.inputs, depth, &|_, _| {})?;
         let (program, allowed) = (&program, self.allowed()?);
         let upright = vec![None; program.blocks.len()];
         let map = BlockMap::new(program, &section, &upright, section.pitch, &subject.inputs.surface, texture);

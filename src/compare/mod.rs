@@ -22,8 +22,7 @@ use system::Run;
 pub use system::{SYSTEMS, System};
 
 use std::ops::Range;
-use std::sync::Arc;
-use std::sync::OnceLock;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use crate::diag::{Diag, Error};
 use crate::geom::Nm;
@@ -41,6 +40,7 @@ use crate::on_the_fly::xyzacuv::{AxisFigures, BackOff};
 use crate::plan::strokes;
 use crate::plan::{Inputs, SteppedPlan};
 use crate::program::Program;
+use crate::progress::Task;
 
 /// Parts of a job's time, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -196,10 +196,19 @@ struct Subject<'a> {
 }
 
 impl Subject<'_> {
-    fn z_range(&self) -> Result<&SteppedPlan, Error> {
-        let plan = || stepped::planned(self, self.machine, Method::ZRange);
+    fn z_range(&self, task: Task<'_>) -> Result<&SteppedPlan, Error> {
+        let plan = || stepped::planned(self, self.machine, Method::ZRange, task);
         self.z_range.get_or_init(plan).as_ref().map_err(Clone::clone)
     }
+}
+
+/// Who is told how far a comparison is.
+#[derive(Clone, Copy)]
+pub struct Progress<'a> {
+    /// Told of every system as it begins; several run at the same time.
+    pub begins: &'a (dyn Fn(&'static str) + Sync),
+    /// Told of the whole percent that is done of all systems together, from 0 to 100.
+    pub percent: &'a (dyn Fn(u8) + Sync),
 }
 
 /// How far apart nodes of a path may lie: this part of the field, or of the texture where that is smaller.
@@ -213,12 +222,14 @@ pub fn compare(
     job: &Job,
     systems: &[&'static System],
     protection: Protection,
-    progress: &(dyn Fn(&'static str) + Sync),
+    progress: Progress<'_>,
 ) -> Result<Comparison, Error> {
-    progress("reading");
-    let inputs = Arc::new(Inputs::load(job)?);
+    let [reading, ordering, measuring] = Task::new(progress.percent).split([2, 1, 17]);
+    (progress.begins)("reading surface and texture");
+    let inputs = Arc::new(Inputs::load_told(job, reading)?);
     let machine = &Machine { zoom: None, ..inputs.machine.clone() };
-    let whole = strokes::in_order(job, machine, &inputs, None).map_err(|e| e.after(inputs.warnings.clone()))?;
+    let whole =
+        strokes::in_order(job, machine, &inputs, None, &|_, _| {}).map_err(|e| e.after(inputs.warnings.clone()))?;
     let size = whole.texture.size().map(Nm::mm);
     let focus = job.focus.half_depth_mm();
     let height_field = HeightField::followed(&inputs.surface, whole.texture, focus).ok_or_else(|| {
@@ -245,7 +256,8 @@ pub fn compare(
         z_range: OnceLock::new(),
     };
     let follower = Follower::new(&subject, &whole);
-    let found = run(systems, &subject, &follower, progress);
+    drop(ordering);
+    let found = run(systems, &subject, &follower, (progress, measuring));
     let (mut rows, mut curves) = (Vec::new(), Curves::default());
     for (&system, (figures, more)) in systems.iter().zip(found) {
         curves.add(more);
@@ -261,14 +273,18 @@ fn run(
     systems: &[&'static System],
     subject: &Subject<'_>,
     follower: &Follower<'_>,
-    progress: &(dyn Fn(&'static str) + Sync),
+    (progress, task): (Progress<'_>, Task<'_>),
 ) -> Vec<(Result<Figures, Error>, Curves)> {
     let found: Vec<OnceLock<_>> = systems.iter().map(|_| OnceLock::new()).collect();
+    let tasks: Vec<Mutex<Option<Task<'_>>>> =
+        task.parts(systems.len()).into_iter().map(|t| Mutex::new(Some(t))).collect();
     let one = |i: usize| {
+        let task = tasks[i].lock().unwrap_or_else(PoisonError::into_inner).take();
         let mut curves = Curves::default();
-        progress(systems[i].name);
+        (progress.begins)(systems[i].name);
         let figures = match systems[i].run {
-            Run::Stepped(figures) => figures(subject),
+            Run::Stepped(figures) => figures(subject, task.unwrap_or_else(Task::untold)),
+            // Done with the end of this.
             Run::OnTheFly(figures) => figures(follower, &mut curves),
         };
         drop(found[i].set((figures, curves)));

@@ -13,24 +13,35 @@ use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::xyzuv::step_scan_s;
 use crate::plan::{Draft, SteppedPlan};
 use crate::program::Program;
+use crate::progress::Task;
 
 /// Planes of focus so far apart, nm, that every field has one.
 const ONE_PLANE: Nm = Nm(2_000_000_000);
 
+/// What a plan tells of its three phases, 0 to 100 percent each.
+const PERCENTS: usize = 3 * 101;
+
 /// Fields side by side, each focused on the middle of its marks. The program is not checked: the lens may come as
 /// near to the part as it must, the figures tell.
-pub(super) fn flat(subject: &Subject<'_>) -> Result<Figures, Error> {
+pub(super) fn flat(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Error> {
     let mut job = subject.job.plain(Method::ZRange);
     job.focus = Focus { pdof: ONE_PLANE, depth: ONE_PLANE, rule: DepthRule::Range, ..job.focus };
     job.partition = Partition { method: Method::ZRange, ..Partition::default() };
-    let draft = Draft::new(&job, subject.machine, subject.inputs, &|_| {})?;
+    let task = task.of_steps(PERCENTS);
+    let draft = Draft::new(&job, subject.machine, subject.inputs, &|_, _| task.step())?;
     Ok(measured(subject, &Measured::of_draft(&draft, subject.machine)))
 }
 
 /// A job by a method on a machine.
-pub(super) fn planned(subject: &Subject<'_>, machine: &Machine, method: Method) -> Result<SteppedPlan, Error> {
+pub(super) fn planned(
+    subject: &Subject<'_>,
+    machine: &Machine,
+    method: Method,
+    task: Task<'_>,
+) -> Result<SteppedPlan, Error> {
+    let task = task.of_steps(PERCENTS);
     let job = subject.job.plain(method);
-    let draft = Draft::new(&job, machine, subject.inputs, &|_| {});
+    let draft = Draft::new(&job, machine, subject.inputs, &|_, _| task.step());
     draft.and_then(|draft| draft.checked(Vec::new()))
 }
 
@@ -71,36 +82,36 @@ impl<'a> Measured<'a> {
 }
 
 /// Stepped by a method.
-pub(super) fn measure_method(subject: &Subject<'_>, method: Method) -> Result<Figures, Error> {
-    Ok(measured(subject, &Measured::of(&planned(subject, subject.machine, method)?)))
+pub(super) fn measure_method(subject: &Subject<'_>, method: Method, task: Task<'_>) -> Result<Figures, Error> {
+    Ok(measured(subject, &Measured::of(&planned(subject, subject.machine, method, task)?)))
 }
 
 /// Stepped, fewest levels in each section.
-pub(super) fn z_range(subject: &Subject<'_>) -> Result<Figures, Error> {
-    Ok(measured(subject, &Measured::of(subject.z_range()?)))
+pub(super) fn z_range(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Error> {
+    Ok(measured(subject, &Measured::of(subject.z_range(task)?)))
 }
 
 /// Levels changed by a zoom optic; the stage moves for a new section, or where the optic's range ends.
-pub(super) fn zoom(subject: &Subject<'_>) -> Result<Figures, Error> {
+pub(super) fn zoom(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Error> {
     let mut machine = subject.inputs.machine.clone();
     let mut notes = Vec::new();
     if machine.zoom.is_none() {
         machine.zoom = Machine::built_in("xyz-zoom-40")?.zoom;
         notes.push("zoom optic of xyz-zoom-40 added".into());
     }
-    let plan = planned(subject, &machine, Method::ZRange)?;
+    let plan = planned(subject, &machine, Method::ZRange, task)?;
     Ok(Figures { notes, ..measured(subject, &Measured::of(&plan)) })
 }
 
 /// The part tilted at every stop.
-pub(super) fn tilt(subject: &Subject<'_>) -> Result<Figures, Error> {
+pub(super) fn tilt(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Error> {
     let mut machine = subject.machine.clone();
     let mut notes = Vec::new();
     if machine.tilt.is_none() {
         machine.tilt = Machine::built_in("xyz-tilt-galvo-40")?.tilt;
         notes.push("tilt table of xyz-tilt-galvo-40 added".into());
     }
-    let plan = planned(subject, &machine, Method::Tilt)?;
+    let plan = planned(subject, &machine, Method::Tilt, task)?;
     Ok(Figures { notes, ..measured(subject, &Measured::of(&plan)) })
 }
 

@@ -8,12 +8,13 @@ use crate::diag::Error;
 use crate::job::Method;
 use crate::on_the_fly::decompose::Family;
 use crate::on_the_fly::xyzacuv::ToolPath;
+use crate::progress::Task;
 
 /// How the figures of a system are found.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Run {
     /// Of a stepped plan. These share a plan, so they run one after the other.
-    Stepped(fn(&Subject<'_>) -> Result<Figures, Error>),
+    Stepped(fn(&Subject<'_>, Task<'_>) -> Result<Figures, Error>),
     /// Of the beam's path on the fly, with what the system has to show. Each of these runs by itself.
     OnTheFly(fn(&Follower<'_>, &mut Curves) -> Result<Figures, Error>),
 }
@@ -33,9 +34,9 @@ pub static SYSTEMS: [&System; 11] = [
     // Fields side by side, one focal plane each.
     &System { name: "flat", run: Run::Stepped(stepped::flat), start: 1 },
     // The methods of partition.
-    &System { name: "contour", run: Run::Stepped(|s| stepped::measure_method(s, Method::Contour)), start: 1 },
+    &System { name: "contour", run: Run::Stepped(|s, t| stepped::measure_method(s, Method::Contour, t)), start: 1 },
     &System { name: "z-range", run: Run::Stepped(stepped::z_range), start: 1 },
-    &System { name: "window", run: Run::Stepped(|s| stepped::measure_method(s, Method::Window)), start: 1 },
+    &System { name: "window", run: Run::Stepped(|s, t| stepped::measure_method(s, Method::Window, t)), start: 1 },
     // Levels changed by a zoom optic in the head.
     &System { name: "zoom", run: Run::Stepped(stepped::zoom), start: 1 },
     // The part tilted at each stop.

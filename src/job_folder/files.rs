@@ -10,8 +10,9 @@ use crate::geom::Box2;
 use crate::job::Job;
 use crate::manifest::{self, Facts, FileFact, Head, MANIFEST, OnTheFlyFacts};
 use crate::parallel;
-use crate::plan::{OnTheFlyPlan, Pass, SteppedPlan};
+use crate::plan::{OnTheFlyPlan, Pass, Phase, Progress, SteppedPlan};
 use crate::program::{self, PenId, Program};
+use crate::progress::Task;
 use crate::report;
 use crate::scene::{self, Relief};
 use crate::surface::Surface;
@@ -55,36 +56,53 @@ pub(super) fn fill(job: &Job, folder: &Path, target: &Path, fill: &Fill<'_>) -> 
 }
 
 /// Writes the files of a stepped job; answers with its manifest.
-pub(super) fn stepped(plan: &SteppedPlan, head: &Head, filling: &mut Filling<'_>) -> Result<Vec<u8>, Error> {
+pub(super) fn stepped(
+    plan: &SteppedPlan,
+    head: &Head,
+    filling: &mut Filling<'_>,
+    progress: Progress<'_>,
+) -> Result<Vec<u8>, Error> {
+    let [whole, formats, framed] = Phase::Write.task(progress).split([1, 6, 3]);
     let SteppedPlan { job, machine, checked, passes, summary, figures, .. } = plan;
     let (part, name) = (file_name(&job.surface.file), file_name(&job.path));
     filling.put("program.txt", &program::text::write(checked.program(), checked.origins()))?;
+    drop(whole);
     let block_file = emit::block_file(&job.formats);
     let emitted = Stepped { checked, machine, figures, job: &name, part: &part, block_file, frames: None };
-    for target in job.formats.iter().map(|f| f.target()) {
-        match target.stepped {
+    for (format, task) in job.formats.iter().zip(formats.parts(job.formats.len())) {
+        match format.target().stepped {
             Some(Files::Whole(file, write)) => filling.put(file, &write(&emitted))?,
-            Some(Files::Blocks(ending, write)) => blocks(&emitted, ending, write, filling)?,
+            Some(Files::Blocks(ending, write)) => blocks(&emitted, ending, write, filling, task)?,
             None => {}
         }
     }
     if let Some(pen) = job.frames {
-        frames(&emitted, pen, job, filling)?;
+        frames(&emitted, pen, job, filling, framed)?;
+    } else {
+        drop(framed);
     }
+<<<<<<< HEAD
     let relief = relief(&plan.inputs.surface, passes[0].texture);
     let scene = scene::of_stepped(plan, &relief);
     filling.put("view.html", view::of_stepped(plan, &scene, &name).as_bytes())?;
+=======
+    let drawing = Phase::Draw.task(progress).of_steps(passes.len() + 2);
+>>>>>>> term
     for (k, pass) in passes.iter().enumerate() {
         let layout = layout(plan, pass, &name);
         if k == 0 {
             filling.put("layout.svg", report::layout_svg(&layout).as_bytes())?;
+            drawing.step();
             let by_slope = report::Layout { shade: report::Shade::Incidence, ..layout.clone() };
             filling.put("slope.svg", report::layout_svg(&by_slope).as_bytes())?;
+            drawing.step();
             filling.put("report.html", report::report_html(&layout).as_bytes())?;
         } else {
             filling.put(&report::pass_file(k as u32), report::layout_svg(&layout).as_bytes())?;
         }
+        drawing.step();
     }
+    drop(drawing);
     let facts = Facts {
         job_file: &head.job.file,
         job,
@@ -109,6 +127,7 @@ fn blocks(
     ending: &str,
     write: fn(&Stepped<'_>, usize) -> Vec<u8>,
     filling: &mut Filling<'_>,
+    task: Task<'_>,
 ) -> Result<(), Error> {
     let folder = filling.folder;
     let program = emitted.checked.program();
@@ -116,7 +135,12 @@ fn blocks(
         None => Program::block_file(program.id(i), ending),
         Some(_) => emit::frames::of_block(program.id(i), ending),
     };
-    let one = |i: usize| put(folder, &name(i), &write(emitted, i));
+    let task = task.of_steps(program.blocks.len());
+    let one = |i: usize| {
+        let fact = put(folder, &name(i), &write(emitted, i));
+        task.step();
+        fact
+    };
     make_inner(folder, if emitted.frames.is_some() { "frames" } else { "blocks" })?;
     let written: Result<Vec<FileFact>, Error> = parallel::map(program.blocks.len(), one).into_iter().collect();
     filling.files.extend(written?);
@@ -130,20 +154,26 @@ fn make_inner(folder: &Path, name: &str) -> Result<(), Error> {
 }
 
 /// Writes the frames of all blocks, drawn with a pen, and those of the outline where one file holds the job.
-fn frames(emitted: &Stepped<'_>, pen: PenId, job: &Job, filling: &mut Filling<'_>) -> Result<(), Error> {
+fn frames(
+    emitted: &Stepped<'_>,
+    pen: PenId,
+    job: &Job,
+    filling: &mut Filling<'_>,
+    task: Task<'_>,
+) -> Result<(), Error> {
     let Stepped { checked, machine, .. } = *emitted;
     let points = manifest::registered(job, machine, checked);
     let framed = emit::frames::frames(checked, pen);
     let all = Stepped { checked: &framed, figures: &[], frames: Some(&points), ..*emitted };
     let corners = emit::frames::of_outline(checked, pen, machine);
     let corners = Stepped { checked: &corners, ..all };
-    for target in job.formats.iter().map(|f| f.target()) {
-        match target.stepped {
+    for (format, task) in job.formats.iter().zip(task.parts(job.formats.len())) {
+        match format.target().stepped {
             Some(Files::Whole(file, write)) => {
                 make_inner(filling.folder, "frames")?;
                 filling.put(&emit::frames::of_whole(file), &write(&corners))?;
             }
-            Some(Files::Blocks(ending, write)) => blocks(&all, ending, write, filling)?,
+            Some(Files::Blocks(ending, write)) => blocks(&all, ending, write, filling, task)?,
             None => {}
         }
     }
@@ -151,12 +181,19 @@ fn frames(emitted: &Stepped<'_>, pen: PenId, job: &Job, filling: &mut Filling<'_
 }
 
 /// Writes the programs of an on-the-fly job; answers with its manifest.
-pub(super) fn on_the_fly(plan: &OnTheFlyPlan, head: &Head, filling: &mut Filling<'_>) -> Result<Vec<u8>, Error> {
+pub(super) fn on_the_fly(
+    plan: &OnTheFlyPlan,
+    head: &Head,
+    filling: &mut Filling<'_>,
+    progress: Progress<'_>,
+) -> Result<Vec<u8>, Error> {
+    let writing = Phase::Write.task(progress).of_steps(plan.job.formats.len());
     let OnTheFlyPlan { job, machine, checked, .. } = plan;
     let kind = checked.program().kind;
     let files = job.formats.iter().filter_map(|f| f.target().on_the_fly);
     for file in files.filter(|f| f.kinds.contains(&kind)) {
         filling.put(file.name, &(file.write)(checked, machine))?;
+        writing.step();
     }
     let relief = relief(&plan.inputs.surface, plan.inputs.texture.bounds());
     let scene = scene::of_on_the_fly(plan, &relief)?;

@@ -19,9 +19,9 @@ use flush::{Flush, make_all};
 use crate::diag::{Diag, Error, Place};
 use crate::job::{Job, Mode};
 use crate::manifest::{FileFact, Head, InputFact, MANIFEST};
-use crate::plan::Plan;
 #[cfg(test)]
 use crate::plan::{OnTheFlyPlan, SteppedPlan};
+use crate::plan::{Plan, Progress};
 use exchange::{Target, resolved};
 
 fn place(path: &Path) -> Place {
@@ -54,19 +54,21 @@ pub fn prepare(target: &Path, mode: Mode) -> Result<(), Error> {
 /// As [`prepare`]; `output-holds-input` where the folder to be replaced holds an input of the job. Whatever fails, an
 /// older folder is unchanged.
 pub fn write(plan: &Plan, target: &Path) -> Result<(), Error> {
-    write_with(plan, target, Durability::Synced)
+    write_with(plan, target, Durability::Synced, &|_, _| {})
 }
 
-/// [`write()`] that waits for the disk or does not.
+/// [`write()`] that waits for the disk or does not, and tells how far it is.
 ///
 /// # Errors
 /// As [`write()`].
-pub fn write_with(plan: &Plan, target: &Path, durability: Durability) -> Result<(), Error> {
+pub fn write_with(plan: &Plan, target: &Path, durability: Durability, progress: Progress<'_>) -> Result<(), Error> {
     let job = plan.job();
     match plan {
-        Plan::Stepped(plan) => write_job(job, target, durability, &|filling, head| files::stepped(plan, head, filling)),
+        Plan::Stepped(plan) => {
+            write_job(job, target, durability, &|filling, head| files::stepped(plan, head, filling, progress))
+        }
         Plan::OnTheFly(plan) => {
-            write_job(job, target, durability, &|filling, head| files::on_the_fly(plan, head, filling))
+            write_job(job, target, durability, &|filling, head| files::on_the_fly(plan, head, filling, progress))
         }
     }
 }
@@ -74,13 +76,15 @@ pub fn write_with(plan: &Plan, target: &Path, durability: Durability) -> Result<
 /// For mutants of the verifier: the folder of a plan that was tampered with.
 #[cfg(test)]
 pub(crate) fn write_stepped(plan: &SteppedPlan, target: &Path) -> Result<(), Error> {
-    write_job(&plan.job, target, Durability::Unsynced, &|filling, head| files::stepped(plan, head, filling))
+    write_job(&plan.job, target, Durability::Unsynced, &|filling, head| files::stepped(plan, head, filling, &|_, _| {}))
 }
 
 /// The same on the fly.
 #[cfg(test)]
 pub(crate) fn write_on_the_fly(plan: &OnTheFlyPlan, target: &Path) -> Result<(), Error> {
-    write_job(&plan.job, target, Durability::Unsynced, &|filling, head| files::on_the_fly(plan, head, filling))
+    write_job(&plan.job, target, Durability::Unsynced, &|filling, head| {
+        files::on_the_fly(plan, head, filling, &|_, _| {})
+    })
 }
 
 /// Lets `fill` make a job folder, whose manifest it answers with, and puts it in the place of `target`.

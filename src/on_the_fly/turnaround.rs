@@ -13,6 +13,7 @@ use super::xyzuv::{Decomposition, ScannerLimits, decomposed, synchronise};
 use crate::geom::BoxMm;
 use crate::machine::Machine;
 use crate::program::Pen;
+use crate::progress::Task;
 
 /// Shortest and longest turnarounds that are tried, s at the pens' speeds, and samples they are tried with.
 const SHORTEST: f64 = 5e-4;
@@ -72,7 +73,9 @@ pub fn quickest(
     allowed: ScannerLimits,
     most: usize,
     travels: &dyn Fn(BoxMm<3>) -> bool,
+    task: Task<'_>,
 ) -> Timed {
+    let [plainly, trying, whole] = task.split([2, 4, 2]);
     let turned = |path: &Path, turn: Turnaround| {
         let path =
             if let Turnaround::Skywriting(run_s) = turn { path.with_skywriting(run_s, pens) } else { path.clone() };
@@ -87,6 +90,7 @@ pub fn quickest(
     let (own, schedule) = turned(path, plain);
     let sync = synchronise(&own, &schedule, machine, allowed, schedule.step_s(most));
     let mut best = Timed { turn: plain, path: own, schedule, sync };
+    drop(plainly);
     // Where the pens' speeds are kept no turn can be a better one.
     if best.sync.fits && best.sync.slower <= 1.0 {
         return best;
@@ -109,16 +113,21 @@ pub fn quickest(
     let least = machine.delays.jump.as_s().max(machine.delays.mark.as_s()).max(SHORTEST);
     let times = || std::iter::successors(Some(least), |t| Some(4.0 * t)).take_while(|&t| t <= LONGEST);
     let mut tried: Vec<(f64, Turnaround)> = Vec::new();
+    let trying = trying.of_steps(2 * times().count() + 4);
     for turn in times().map(Turnaround::Skywriting).chain(times().map(Turnaround::Dwell)) {
         tried.push((time(turn, &tried), turn));
+        trying.step();
     }
     for share in [2.0, 1.4] {
         let Some(&(_, middle)) = tried.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
         for turn in [1.0 / share, share].map(|by| middle.times(by)).into_iter().filter(|t| t.s() >= least) {
             tried.push((time(turn, &tried), turn));
+            trying.step();
         }
     }
+    drop(trying);
     tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let whole = whole.of_steps(SERIOUS);
     // What is best there may not be possible everywhere.
     let before = total(&best.schedule, &best.sync);
     for (_, turn) in tried.into_iter().filter(|t| t.0.is_finite()).take(SERIOUS) {
@@ -128,6 +137,7 @@ pub fn quickest(
             best = Timed { turn, path, schedule, sync };
             break;
         }
+        whole.step();
     }
     best
 }
@@ -171,7 +181,8 @@ mod tests {
     fn stage_keeps_its_limits_and_marks_stay_in_field_and_focus() {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         let (path, pens) = (lines(9, 200.0), pens(1000.0));
-        let Timed { turn, path, schedule, sync } = quickest(&path, &machine, &pens, ROOM, 100_000, &|_| true);
+        let Timed { turn, path, schedule, sync } =
+            quickest(&path, &machine, &pens, ROOM, 100_000, &|_| true, Task::untold());
         assert!(turn.s() > 0.0 && sync.fits && sync.slower > 1.0, "{turn:?} {}", sync.slower);
         let limits = Peaks::limits(&machine);
         for (k, limit) in limits.iter().enumerate() {
@@ -202,10 +213,10 @@ mod tests {
         let (path, fast) = (lines(5, 200.0), pens(1000.0));
         let schedule = Schedule::of(&path, &machine, &fast, 0.0);
         let plain = synchronise(&path, &schedule, &machine, ROOM, schedule.step_s(100_000));
-        let found = quickest(&path, &machine, &fast, ROOM, 100_000, &|_| true);
+        let found = quickest(&path, &machine, &fast, ROOM, 100_000, &|_| true, Task::untold());
         assert!(total(&found) < 0.7 * schedule.total_s() * plain.slower, "{} {}", total(&found), plain.slower);
         // What lies within the field needs no stage: the pens' speed is kept.
-        let small = quickest(&lines(5, 0.3), &machine, &pens(100.0), ROOM, 100_000, &|_| true);
+        let small = quickest(&lines(5, 0.3), &machine, &pens(100.0), ROOM, 100_000, &|_| true, Task::untold());
         assert!(small.turn == Turnaround::Dwell(0.0) && small.sync.slower == 1.0, "{}", small.sync.slower);
     }
 
@@ -213,7 +224,7 @@ mod tests {
     fn path_of_a_single_mark_is_accepted() {
         let machine = Machine::built_in("xyz-galvo-40").expect("a profile");
         for length in [1e-6, 0.01, 300.0] {
-            let found = quickest(&lines(1, length), &machine, &pens(1000.0), ROOM, 1000, &|_| true);
+            let found = quickest(&lines(1, length), &machine, &pens(1000.0), ROOM, 1000, &|_| true, Task::untold());
             assert!(found.sync.slower.is_finite() && found.sync.stage.iter().flatten().all(|v| v.is_finite()));
         }
     }

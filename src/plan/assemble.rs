@@ -16,6 +16,7 @@ use crate::order::strokes::{Path, Visit};
 use crate::parallel;
 use crate::partition::{Lattice, Stops};
 use crate::program::{Block, Program, Slope, Stop, StopId, Stroke};
+use crate::progress::Task;
 use crate::split::{Fragment, Fragments};
 
 /// A program in order, and how far its marks lie from their focal planes at most.
@@ -78,6 +79,7 @@ pub(super) fn assemble(
     stage: &Stage<'_>,
     how: How,
     setups: &dyn Fn(&[P2<Turned>]) -> Setups,
+    task: Task<'_>,
 ) -> Assembly {
     let members = Members::new(parts, stops.stops.len());
     let (heights, slopes) = measure(parts, stops.stops.len(), pens);
@@ -98,9 +100,19 @@ pub(super) fn assemble(
     let cells: Vec<CellId> = centres.iter().map(|&c| setups.cell(c)).collect();
     let positions = stage.positions(&placed, &cells, &setups, &how.lattice);
     let used = Used::new(cells);
-    let in_order = |p: &Placed| members.ordered(parts, p.index, how.strokes);
+    let [strokes, tours] = task.split([3, 1]);
+    let strokes = strokes.of_steps(placed.len());
+    let in_order = |p: &Placed| {
+        let visits = members.ordered(parts, p.index, how.strokes);
+        strokes.step();
+        visits
+    };
     let (tour, orders): (_, Vec<Vec<Visit>>) = parallel::both(
-        || stage.sequence(&placed, &positions, &used),
+        || {
+            let sequence = stage.sequence(&placed, &positions, &used);
+            drop(tours);
+            sequence
+        },
         || parallel::map(placed.len(), |i| in_order(&placed[i])),
     );
     let mut program = Program { pens: pens.list.clone(), ..Program::default() };

@@ -7,6 +7,7 @@ use crate::diag::{Diag, Error};
 use crate::job::{Job, Method, Objective};
 use crate::machine::Machine;
 use crate::partition::Stops;
+use crate::progress::Task;
 
 /// The methods that a job asks for and the machine can run.
 ///
@@ -25,22 +26,27 @@ pub(super) fn methods(job: &Job, machine: &Machine) -> Result<Vec<Method>, Error
 }
 
 /// The stops of a method; None where it cannot be used on this job.
-pub(super) fn divide(site: &Site<'_>, method: Method) -> Option<Stops> {
-    (row(method).divide)(site)
+pub(super) fn divide(site: &Site<'_>, method: Method, task: Task<'_>) -> Option<Stops> {
+    (row(method).divide)(site, task)
 }
 
 /// The stops of each of `methods`, those left out that cannot be used or cannot win.
 ///
 /// # Errors
 /// `window-wide`.
-pub(super) fn stops(site: &Site<'_>, methods: &[Method], objective: Objective) -> Result<Vec<(Method, Stops)>, Error> {
+pub(super) fn stops(
+    site: &Site<'_>,
+    methods: &[Method],
+    objective: Objective,
+    task: Task<'_>,
+) -> Result<Vec<(Method, Stops)>, Error> {
     let mut found: Vec<(Method, Stops)> = Vec::new();
-    for &method in methods {
+    for (&method, task) in methods.iter().zip(task.parts(methods.len())) {
         let hopeless = method == Method::Window
             && objective == Objective::Time
             && found.last().is_some_and(|(_, grid)| site.windows_cannot_win(grid));
         if !hopeless {
-            found.extend(divide(site, method).map(|stops| (method, stops)));
+            found.extend(divide(site, method, task).map(|stops| (method, stops)));
         }
     }
     if found.is_empty() {

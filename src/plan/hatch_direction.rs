@@ -16,6 +16,7 @@ use crate::diag::Error;
 use crate::geom::{Box2, Nm, P2, nearest};
 use crate::parallel;
 use crate::program::Sections;
+use crate::progress::Task;
 use crate::projection::Tracer;
 use crate::surface::Surface;
 use crate::texture::{Contour, Directions, Texture};
@@ -34,17 +35,21 @@ pub fn along_contours(
     sections: &Sections,
     max_slope: f64,
     depth: Nm,
+    task: Task<'_>,
 ) -> Result<Texture, Error> {
     if texture.contours().next().is_none() {
         return Ok(texture);
     }
     let depth = depth.max(Nm(1)).f64();
     let filled = &texture;
+    let task = task.of_steps(sections.len());
     let hundredths = parallel::map(sections.len(), |i| {
         let mut section = Section::default();
         let mut tracer = Tracer::new(surface, max_slope);
         filled.contours().for_each(|area| section.add(area, sections.area(i), depth, &mut tracer));
-        section.best()
+        let best = section.best();
+        task.step();
+        best
     });
     texture.fill(Directions { grid: *sections, hundredths })?;
     Ok(texture)

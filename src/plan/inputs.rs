@@ -11,6 +11,7 @@ use crate::job::Job;
 use crate::machine::Machine;
 use crate::manifest::SpaceCurves;
 use crate::program::{PassId, PenId};
+use crate::progress::Task;
 use crate::surface::{Joining, Surface};
 use crate::texture::Texture;
 
@@ -36,7 +37,15 @@ impl Inputs {
     /// Faults of the files; pens that the machine cannot give; `pdof-large`, `pdof-small`, `pitch-small`; `job-empty`
     /// where the texture lies off the part; `curve-distance` where space curves lie off its surface.
     pub fn load(job: &Job) -> Result<Self, Error> {
-        Self::load_beside(job, None)
+        Self::load_told(job, Task::untold())
+    }
+
+    /// [`Inputs::load`] that tells how far it is.
+    ///
+    /// # Errors
+    /// As [`Inputs::load`].
+    pub fn load_told(job: &Job, task: Task<'_>) -> Result<Self, Error> {
+        Self::loaded(job, None, task)
     }
 
     /// The same for one of several jobs; the surface of another is taken over where both read and turn it alike.
@@ -44,6 +53,10 @@ impl Inputs {
     /// # Errors
     /// As [`Inputs::load`].
     pub fn load_beside(job: &Job, other: Option<(&Job, &Arc<Surface>)>) -> Result<Self, Error> {
+        Self::loaded(job, other, Task::untold())
+    }
+
+    fn loaded(job: &Job, other: Option<(&Job, &Arc<Surface>)>, task: Task<'_>) -> Result<Self, Error> {
         let read_alike = |of: &Job| {
             let turns = [of, job].map(|j| j.placement.turn.as_rad());
             of.surface == job.surface && turns[0] == turns[1] && of.path == job.path
@@ -57,7 +70,7 @@ impl Inputs {
         let mut warnings = job.warnings.clone();
         warnings.extend(job.plausible(&machine)?);
         // Warnings before an error often show its cause.
-        match Self::read(job, surface, &machine, &mut warnings) {
+        match Self::read(job, surface, &machine, &mut warnings, task) {
             Ok((surface, texture, curves)) => Ok(Self { machine, surface, texture, curves, warnings }),
             Err(e) => Err(job.at_keys(&e).after(warnings)),
         }
@@ -68,7 +81,9 @@ impl Inputs {
         surface: Option<&Arc<Surface>>,
         machine: &Machine,
         warnings: &mut Vec<Diag>,
+        task: Task<'_>,
     ) -> Result<(Arc<Surface>, Texture, Option<SpaceCurves>), Error> {
+        let [shape, drawings] = task.split([3, 1]);
         let turn = job.placement.turn.as_rad();
         let joining = Joining {
             weld_mm: job.surface.weld.mm(),
@@ -77,9 +92,10 @@ impl Inputs {
         };
         let surface = match surface {
             Some(surface) => Arc::clone(surface),
-            None => Arc::new(Surface::load(&job.surface_path(), &job.surface.options, joining, turn, warnings)?),
+            None => Arc::new(Surface::load(&job.surface_path(), &job.surface.options, joining, turn, warnings, shape)?),
         };
         let texture = Texture::load(&job.textures, surface.part_box_mm(), turn, machine.lens.spot.as_mm(), warnings)?;
+        drop(drawings);
         let is_without = |&(pen, _): &(PenId, usize)| job.pens[pen.index()].dwell.is_none();
         if let Some((pen, number)) = texture.dot_pens().into_iter().find(is_without) {
             let text =

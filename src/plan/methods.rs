@@ -7,6 +7,7 @@ use super::tilted_stops;
 use crate::job::{Job, Method};
 use crate::machine::Machine;
 use crate::partition::{self, Stops};
+use crate::progress::Task;
 
 /// One method.
 pub(super) struct MethodRow {
@@ -14,7 +15,7 @@ pub(super) struct MethodRow {
     /// Whether `auto` tries it for this job on this machine.
     pub(super) is_tried: fn(&Job, &Machine) -> bool,
     /// The stops; None where it cannot be used on this job.
-    pub(super) divide: fn(&Site<'_>) -> Option<Stops>,
+    pub(super) divide: fn(&Site<'_>, Task<'_>) -> Option<Stops>,
     /// Stops are upright boxes of one size: what the lower bound speaks of.
     pub(super) has_bound: bool,
     /// Its levels are chosen so that figures stay whole where they can.
@@ -28,7 +29,7 @@ pub(super) static METHODS: [MethodRow; 4] = [
     MethodRow {
         method: Method::Contour,
         is_tried: |_, _| true,
-        divide: |site| Some(site.on_sections(partition::contour)),
+        divide: |site, _| Some(site.on_sections(partition::contour)),
         has_bound: true,
         keeps_figures: false,
         has_borders: true,
@@ -36,7 +37,7 @@ pub(super) static METHODS: [MethodRow; 4] = [
     MethodRow {
         method: Method::ZRange,
         is_tried: |_, _| true,
-        divide: |site| Some(site.on_sections(partition::z_range)),
+        divide: |site, _| Some(site.on_sections(partition::z_range)),
         has_bound: true,
         keeps_figures: true,
         has_borders: true,
@@ -44,7 +45,7 @@ pub(super) static METHODS: [MethodRow; 4] = [
     MethodRow {
         method: Method::Window,
         is_tried: |_, _| true,
-        divide: |site| site.free_windows(),
+        divide: |site, task| site.free_windows(task),
         has_bound: true,
         keeps_figures: true,
         has_borders: false,
@@ -52,7 +53,7 @@ pub(super) static METHODS: [MethodRow; 4] = [
     MethodRow {
         method: Method::Tilt,
         is_tried: |job, machine| machine.tilt.is_some() && job.setups.is_none(),
-        divide: |site| tilted_stops::divide(site.sweep, site.machine, site.grid),
+        divide: |site, task| tilted_stops::divide(site.sweep, site.machine, site.grid, task),
         has_bound: false,
         keeps_figures: true,
         has_borders: true,

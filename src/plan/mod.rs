@@ -47,7 +47,7 @@ pub use job_time::{clock_of_program, of_program};
 pub use off_part::OffPart;
 pub use on_the_fly::OnTheFlyPlan;
 pub use pass::Pass;
-pub use progress::{Phase, Progress};
+pub use progress::{Phase, Progress, phases, phases_of_writing};
 pub use stepped::{Draft, SteppedPlan};
 
 use crate::diag::{Diag, Error};
@@ -107,8 +107,7 @@ impl Plan {
 /// # Errors
 /// Faults of the inputs; limits of the machine that the job breaks.
 pub fn plan(job: Job, progress: Progress<'_>) -> Result<Plan, Error> {
-    progress(Phase::Read);
-    let inputs = Inputs::load(&job)?;
+    let inputs = Inputs::load_told(&job, Phase::Read.task(progress))?;
     match job.mode {
         Mode::Stepped => stepped::plan(job, inputs, progress).map(|p| Plan::Stepped(Box::new(p))),
         Mode::OnTheFly => on_the_fly::plan(job, inputs, progress).map(|p| Plan::OnTheFly(Box::new(p))),
@@ -120,7 +119,7 @@ pub fn plan(job: Job, progress: Progress<'_>) -> Result<Plan, Error> {
 /// # Errors
 /// Limits of the machine that the job breaks.
 pub fn stepped(job: Job, inputs: Inputs) -> Result<SteppedPlan, Error> {
-    stepped::plan(job, inputs, &|_| {})
+    stepped::plan(job, inputs, &|_, _| {})
 }
 
 /// Folder of a job file's outputs: `hood.toml` makes `hood.job` next to it, or `hood.fly.job` of an on-the-fly job, so

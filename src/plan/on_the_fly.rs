@@ -28,6 +28,7 @@ use crate::on_the_fly::turnaround::quickest;
 use crate::on_the_fly::xyzacuv::{KinematicModel, TimedAxes, ToolPath, decompose_and_time};
 use crate::on_the_fly::xyzuv::ScannerLimits;
 use crate::program::{Pen, PieceId};
+use crate::progress::Task;
 use crate::surface::Surface;
 use crate::texture::Texture;
 use crate::units::Speed;
@@ -114,6 +115,7 @@ struct Planned {
 
 fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result<Planned, Error> {
     let machine = &inputs.machine;
+<<<<<<< HEAD
     progress(Phase::Order);
     let Strokes {
         program: strokes,
@@ -126,13 +128,19 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
         warnings: found,
         ..
     } = strokes::in_order(job, machine, inputs, None)?;
+=======
+    let Strokes { program: strokes, origin, texture, texture_mm, skipped, shares, warnings: found, .. } =
+        strokes::in_order(job, machine, inputs, None, progress)?;
+>>>>>>> term
     warnings.extend(found);
     warnings.extend(formats(job, machine, &strokes.pens, origin)?);
+    let [field, motion, _rest] = Phase::Motion.task(progress).split([1, 8, 1]);
     let focus = job.focus.half_depth_mm();
     let Some(height_field) = HeightField::followed(&inputs.surface, texture, focus) else {
         let hint = "compare its area with the part's box";
         return Err(Diag::limit("job-empty", "the texture lies entirely off the part").hint(hint).into());
     };
+    drop(field);
     let max_incidence = job.limits.max_incidence.as_rad();
     let half_field = machine.usable_field().map(|f| f.mm() / 2.0);
     let [width, height] = texture.size().map(Nm::mm);
@@ -147,7 +155,7 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
         focus,
         max_incidence,
     };
-    let (made, worst) = planner.planned()?;
+    let (made, worst) = planner.planned(motion)?;
     let asked = Schedule::of(&made.followed.path, machine, &strokes.pens, 0.0).mark_s;
     let checked = Checked::new(made.program, machine)?;
     let slow = checked.figures().mark_s / asked;
@@ -217,16 +225,21 @@ struct Made {
 
 impl Planner<'_> {
     /// Plans until every mark keeps its focus and incidence on the part.
-    fn planned(&self) -> Result<(Made, FocusOnPart), Error> {
+    fn planned(&self, task: Task<'_>) -> Result<(Made, FocusOnPart), Error> {
         let limits =
             beam_hits::Limits { focus: self.focus + ROUNDED[0], angle: self.max_incidence + ROUNDED[1], beside: STRAY };
         let leans = KinematicModel::of(self.machine, &self.strokes.pens, self.origin.mm()).is_some();
         let near = self.near(leans);
         let (mut without, mut last) = (Vec::new(), None);
+        let mut rest = task;
         for _ in 0..PLANS {
-            let made = self.made(near, &without)?;
+            // How many plans there are is not known: each has most of what is left.
+            let [making, checking, left] = rest.split([3, 1, 1]);
+            rest = left;
+            let made = self.made(near, &without, making)?;
             let around = 2.0 * self.spacing;
             let found = focus_on_part(&made.program, self.machine, self.surface, limits, &made.followed, around)?;
+            drop(checking);
             let Some(miss) = found.first else { return Ok((made, found)) };
             without.extend(found.beyond);
             last = Some(miss);
@@ -235,7 +248,7 @@ impl Planner<'_> {
     }
 
     /// One plan that leaves some stretches out.
-    fn made(&self, near: f64, without: &[Stretch]) -> Result<Made, Error> {
+    fn made(&self, near: f64, without: &[Stretch], task: Task<'_>) -> Result<Made, Error> {
         let Self { strokes, surface, height_field, spacing, .. } = *self;
         let origin = self.origin.mm();
         let machine = slow_jumps(self.machine);
@@ -256,7 +269,7 @@ impl Planner<'_> {
         }
         let (motion, kind) = match model {
             Some(model) => (self.seven(&followed.path, &model)?, Kind::Xyzacuv),
-            None => (self.five(&followed.path, &machine)?, Kind::Xyzuv),
+            None => (self.five(&followed.path, &machine, task)?, Kind::Xyzuv),
         };
         Ok(Made { program: self.within_limits(motion, kind)?, followed })
     }
@@ -280,7 +293,7 @@ impl Planner<'_> {
         Ok(turning(model, &found))
     }
 
-    fn five(&self, path: &Path, machine: &Machine) -> Result<Motion, Error> {
+    fn five(&self, path: &Path, machine: &Machine, task: Task<'_>) -> Result<Motion, Error> {
         let allowed = ScannerLimits::of(machine, (1.0 - SPARE_FOCUS) * self.focus)?;
         let allowed = ScannerLimits { half_field: allowed.half_field.map(|h| h - SPARE), ..allowed };
         let origin = self.origin.mm();
@@ -291,7 +304,7 @@ impl Planner<'_> {
                 [least, most].iter().all(|v| (lo..=hi).contains(&(axis.sign() as f64 * (v + o))))
             })
         };
-        let found = quickest(path, machine, &self.strokes.pens, allowed, SAMPLES, &travels);
+        let found = quickest(path, machine, &self.strokes.pens, allowed, SAMPLES, &travels, task);
         if !found.sync.fits {
             return Err(too_sharp(self.job));
         }

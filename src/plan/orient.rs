@@ -12,6 +12,7 @@
 use super::grid::Layout;
 use super::hatch_direction;
 use super::inputs::Inputs;
+use super::progress::{Phase, Progress};
 use super::stroke_chunks::Sweep;
 use crate::diag::Error;
 use crate::geom::{Box2, Nm, P2, P3, Turn};
@@ -20,6 +21,7 @@ use crate::machine::Commanded;
 use crate::motion;
 use crate::parallel;
 use crate::program::{PassId, Sections};
+use crate::progress::Task;
 
 /// One way to set the part up.
 #[derive(Clone, Debug)]
@@ -59,29 +61,34 @@ const STEEPEST: f64 = 20.0;
 const FIRST: f64 = 2.5;
 const LAST: f64 = 0.02;
 
+/// The phases of the search, in order.
+pub const PHASES: [Phase; 3] = [Phase::Read, Phase::Footprint, Phase::Lean];
+
 /// The ways to set the part up, as it lies first, then by stage time.
 ///
 /// # Errors
 /// As [`super::plan`].
-pub fn orient(job: &Job) -> Result<Vec<Orientation>, Error> {
-    let inputs = Inputs::load(job)?;
+pub fn orient(job: &Job, progress: Progress<'_>) -> Result<Vec<Orientation>, Error> {
+    let inputs = Inputs::load_told(job, Phase::Read.task(progress))?;
     let machine = &inputs.machine;
     let area = inputs.texture.bounds();
     let layout = Layout::new(job, machine, area, PassId(0), None)?;
     let max_slope = job.limits.max_slope();
+    let [hatching, tracing, sampling] = Phase::Footprint.task(progress).split([1, 4, 4]);
     let texture = hatch_direction::along_contours(
         inputs.texture.clone(),
         &inputs.surface,
         &layout.sections,
         max_slope,
         job.focus.depth,
+        hatching,
     )?;
     let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
-    let (footprint, _) = sweep.footprint(&layout.sections, layout.keep, layout.window.map(|w| w / 2), None);
+    let (footprint, _) = sweep.footprint(&layout.sections, layout.keep, layout.window.map(|w| w / 2), None, tracing);
     let (grid, _) = layout.levels(job, machine, footprint, PassId(0))?;
     let pitch = grid.window.map(|w| (w / 20).max(Nm(2)));
     let fine = Sections { origin: area.lo, pitch, count: [0, 1].map(|k| (area.size()[k] / pitch[k] + 1) as u32) };
-    let marks = sweep.marks(&fine).list();
+    let marks = sweep.marks(&fine, sampling).list();
     let moved = |to: [Nm; 3]| {
         let to = Commanded(to.map(|Nm(to)| to));
         motion::stage_move(machine, Commanded::default(), to, None).total_s()
@@ -94,17 +101,19 @@ pub fn orient(job: &Job) -> Result<Vec<Orientation>, Error> {
         reach: (grid.lattice.depth + machine.most_focus_shift() * 2).f64(),
         zoom_s: machine.zoom_time_s(Nm(0), grid.lattice.depth),
     };
-    let whole = |points: &[P3], area: Box2| -> [SetUp; 2] {
+    let [all, x, y] = Phase::Lean.task(progress).split([2, 2, 2]);
+    let whole = |points: &[P3], area: Box2, task: Task<'_>| -> [SetUp; 2] {
         let set_up = |lean_deg: [f64; 2]| {
             let (stops, stage_s) = scale.estimate(points, lean_deg);
             SetUp { area, lean_deg, stops, stage_s }
         };
-        [set_up([0.0; 2]), set_up(scale.search(points))]
+        [set_up([0.0; 2]), set_up(scale.search(points, task))]
     };
-    let [flat, leaning] = whole(&marks, area);
+    let [flat, leaning] = whole(&marks, area, all);
     let mut out = vec![Orientation { name: "as placed", set_ups: vec![flat] }];
     out.push(Orientation { name: "tilted fixture", set_ups: vec![leaning] });
-    for (axis, name) in [(0, "two set-ups, left and right"), (1, "two set-ups, front and back")] {
+    for (axis, name, task) in [(0, "two set-ups, left and right", x), (1, "two set-ups, front and back", y)] {
+        let [first, second] = task.split([1, 1]);
         let middle: P2 = P2::new((area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2);
         let border = if axis == 0 { middle.x } else { middle.y };
         let (low, high): (Vec<P3>, Vec<P3>) = marks.iter().copied().partition(|p| p[axis] < border as f64);
@@ -114,7 +123,7 @@ pub fn orient(job: &Job) -> Result<Vec<Orientation>, Error> {
         } else {
             (low_area.hi.y, high_area.lo.y) = (border, border);
         }
-        let set_ups = vec![whole(&low, low_area)[1], whole(&high, high_area)[1]];
+        let set_ups = vec![whole(&low, low_area, first)[1], whole(&high, high_area, second)[1]];
         out.push(Orientation { name, set_ups });
     }
     out[1..].sort_by(|a, b| a.stage_s().total_cmp(&b.stage_s()));
@@ -161,22 +170,31 @@ impl Scale {
     }
 
     /// The fixture angle with the least stage time; of equal ones the smallest.
-    fn search(&self, points: &[P3]) -> [f64; 2] {
+    fn search(&self, points: &[P3], task: Task<'_>) -> [f64; 2] {
         let measure = |lean: [f64; 2]| (self.estimate(points, lean).1, lean[0].hypot(lean[1]));
         let steps = (STEEPEST / FIRST) as i32;
         let coarse: Vec<[f64; 2]> = (-steps..=steps)
             .flat_map(|i| (-steps..=steps).map(move |j| [f64::from(i) * FIRST, f64::from(j) * FIRST]))
             .collect();
         // Measured in any order, compared in one.
-        let least = |leans: Vec<[f64; 2]>| {
-            let measured: Vec<_> = parallel::map_items(leans, |_, lean| (measure(lean), lean));
+        let least = |leans: Vec<[f64; 2]>, task: Task<'_>| {
+            let task = task.of_steps(leans.len());
+            let measured: Vec<_> = parallel::map_items(leans, |_, lean| {
+                let found = (measure(lean), lean);
+                task.step();
+                found
+            });
             measured.into_iter().min_by(|a, b| a.0.0.total_cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)))
         };
-        let Some((mut best, mut at)) = least(coarse) else { return [0.0; 2] };
+        let [grid, mut rest] = task.split([4, 1]);
+        let Some((mut best, mut at)) = least(coarse, grid) else { return [0.0; 2] };
         let mut step = FIRST / 2.0;
         while step > LAST {
             let around = [-1.0, 0.0, 1.0].map(|i| [-1.0, 0.0, 1.0].map(|j| [at[0] + i * step, at[1] + j * step]));
-            match least(around.concat()) {
+            // How often it looks around is not known: each time has half of what is left.
+            let [round, left] = rest.split([1, 1]);
+            rest = left;
+            match least(around.concat(), round) {
                 Some((better, lean)) if better < best => (best, at) = (better, lean),
                 _ => step /= 2.0,
             }

@@ -7,6 +7,7 @@ use crate::machine::{Commanded, Machine};
 use crate::motion;
 use crate::partition::{self, Fine, Lattice, Stops};
 use crate::program::{PassId, Sections};
+use crate::progress::Task;
 use crate::projection::Footprint;
 
 /// What stops are chosen from.
@@ -31,13 +32,14 @@ impl Site<'_> {
     }
 
     /// Free windows, or the grid where it has fewer.
-    pub(super) fn free_windows(&self) -> Option<Stops> {
+    pub(super) fn free_windows(&self, task: Task<'_>) -> Option<Stops> {
         let Grid { sections, window, lattice, keep, .. } = self.grid;
         let (lowest, _) = self.footprint.range()?;
         let fine = Fine::over(sections, *window, lattice, lowest)?;
         // Other passes begin in other corners.
         let flips = [1, 2, 1].map(|bit| self.pass.0 & bit != 0);
-        let cells = self.sweep.cells(&fine, *keep);
+        let [trace, _search] = task.split([3, 1]);
+        let cells = self.sweep.cells(&fine, *keep, trace);
         let free = partition::free(cells, &fine, sections, *window, lattice, self.overlap, flips);
         // Where fields fit the texture exactly, their grid can be the better choice of windows.
         let grid = self.on_sections(partition::z_range);

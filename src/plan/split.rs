@@ -10,6 +10,7 @@ use crate::machine::Machine;
 use crate::parallel;
 use crate::partition::Stops;
 use crate::program::{Pen, Sections, Stroke, StrokeId};
+use crate::progress::Task;
 use crate::projection::{Keep, Tracer};
 use crate::split::{Fragment, Fragments, Least, Seam, Splitter};
 use crate::texture::Texture;
@@ -99,12 +100,15 @@ pub(super) fn split(
     sections: &Sections,
     pens: &[Pen],
     cuts: Cuts,
+    task: Task<'_>,
 ) -> Result<Vec<Vec<Fragments>>, Error> {
     let Sweep { surface, texture, max_slope } = sweep;
     Estimate::of(texture, candidates, sections).hold(texture)?;
     let (fragment_count, point_count) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let too_many = || fragment_count.load(Relaxed) > MAX_FRAGMENTS || point_count.load(Relaxed) > MAX_POINTS;
-    let made = parallel::map_items(chunks(texture), |_, chunk| {
+    let chunks = chunks(texture);
+    let task = task.of_steps(chunks.len());
+    let made = parallel::map_items(chunks, |_, chunk| {
         // Counted while it grows: what is too large must be refused before it fills the memory.
         if too_many() {
             return Err(too_large(texture));
@@ -122,6 +126,7 @@ pub(super) fn split(
         };
         grow(&fragment_count, |p| p.list.len() + p.slivers.len());
         grow(&point_count, |p| p.points.len());
+        task.step();
         if too_many() { Err(too_large(texture)) } else { Ok(parts) }
     });
     let chunks = made.into_iter().collect::<Result<Vec<_>, _>>()?;

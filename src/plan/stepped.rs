@@ -43,6 +43,7 @@ use crate::machine::{Machine, Origin};
 use crate::manifest::{self, SpaceCurves, Summary, Times};
 use crate::partition::Stops;
 use crate::program::{Block, BlockFigures, PassId, Program};
+use crate::progress::Task;
 use crate::projection::{Footprint, Samples};
 use crate::split::{Fragments, Sliver};
 use crate::texture::{Slip, Texture};
@@ -124,23 +125,26 @@ impl<'a> Draft<'a> {
         inputs: &Arc<Inputs>,
         progress: Progress<'_>,
     ) -> Result<Self, Error> {
-        progress(Phase::Footprint);
+        let [tracing, dividing] = Phase::Footprint.task(progress).split([2, 1]);
         let clearance = Clearance::new(&inputs.surface.tiles(), machine);
         let start = Start::first(machine);
-        let first = Ready::new(job, machine, inputs, inputs.texture.clone(), start)?;
+        let first = Ready::new(job, machine, inputs, inputs.texture.clone(), start, tracing)?;
         let methods = methods(job, machine)?;
-        let found = stops(&first.site(job, machine, inputs), &methods, job.partition.objective)?;
-        progress(Phase::Split);
+        let found = stops(&first.site(job, machine, inputs), &methods, job.partition.objective, dividing)?;
         let candidates: Vec<&Stops> = found.iter().map(|(_, stops)| stops).collect();
         let cuts = Cuts::new(job, machine, first.grid.keep);
-        let parts = split(first.sweep(job, inputs), &candidates, &first.grid.sections, &job.pens, cuts)?;
-        progress(Phase::Order);
+        let cutting = Phase::Split.task(progress);
+        let parts = split(first.sweep(job, inputs), &candidates, &first.grid.sections, &job.pens, cuts, cutting)?;
+        let [ordering, mapping] = Phase::Order.task(progress).split([5, 1]);
+        let ordering = ordering.parts(found.len());
         let on = Given { job, machine, inputs, clearance: &clearance };
         let (mut tried, mut warnings) = (Vec::new(), Vec::new());
         let mut made = Vec::new();
         let mut unmerged = Vec::new();
-        for ((method, stops), parts) in found.iter().zip(parts) {
-            let one = first.merged(&on, stops, first.candidate(&on, (*method, stops), parts, None));
+        for (((method, stops), parts), task) in found.iter().zip(parts).zip(ordering) {
+            let [ordering, merging] = task.split([1, 2]);
+            let one = first.candidate(&on, (*method, stops), parts, None, ordering);
+            let one = first.merged(&on, stops, one, merging);
             // A single method is checked in the end, with everything else.
             let fault = if found.len() > 1 { one.fault(machine, &first.grid, &clearance) } else { None };
             if fault.is_none() {
@@ -181,30 +185,35 @@ impl<'a> Draft<'a> {
         let blocks = 0..draft.best.program.blocks.len();
         let pass = first.pass(machine, inputs, &draft.best, blocks);
         draft.passes.push(pass);
+        drop(mapping);
         let begin = Start::first(machine);
-        for number in (1..job.passes.count).map(PassId) {
+        let passes = (job.passes.count > 1).then(|| Phase::Passes.task(progress));
+        let passes = passes.map_or_else(Vec::new, |task| task.parts(job.passes.count as usize - 1));
+        for (number, task) in (1..job.passes.count).map(PassId).zip(passes) {
             let start = draft.best.start_of(number, &begin, &job.passes, &draft.grid);
-            draft.add_pass(inputs, start)?;
+            draft.add_pass(inputs, start, task)?;
         }
         draft.origins = draft.best.origins(&draft.grid);
         Ok(draft)
     }
 
     /// Plans a further pass and appends it.
-    fn add_pass(&mut self, inputs: &Inputs, start: Start) -> Result<(), Error> {
+    fn add_pass(&mut self, inputs: &Inputs, start: Start, task: Task<'_>) -> Result<(), Error> {
         let (job, machine) = (self.job, self.machine);
         let lowered = start.lowered;
         let texture = inputs.texture_of_pass(job, start.pass)?;
-        let ready = Ready::new(job, machine, inputs, texture, start)?;
+        let [tracing, dividing, cutting, ordering, merging] = task.split([2, 1, 3, 1, 2]);
+        let ready = Ready::new(job, machine, inputs, texture, start, tracing)?;
         let method = self.best.method;
-        let Some(stops) = divide(&ready.site(job, machine, inputs), method) else {
+        let Some(stops) = divide(&ready.site(job, machine, inputs), method, dividing) else {
             return Err(Diag::bug("no-candidate", "a pass cannot be divided as the first was").into());
         };
         let cuts = Cuts::new(job, machine, ready.grid.keep);
-        let mut parts = split(ready.sweep(job, inputs), &[&stops], &ready.grid.sections, &job.pens, cuts)?;
+        let mut parts = split(ready.sweep(job, inputs), &[&stops], &ready.grid.sections, &job.pens, cuts, cutting)?;
         let parts = parts.pop().unwrap_or_default();
         let on = Given { job, machine, inputs, clearance: &self.clearance };
-        let next = ready.merged(&on, &stops, ready.candidate(&on, (method, &stops), parts, None));
+        let next = ready.candidate(&on, (method, &stops), parts, None, ordering);
+        let next = ready.merged(&on, &stops, next, merging);
         let first = self.best.program.blocks.len();
         let blocks = first..first + next.program.blocks.len();
         if self.best.fragments + next.fragments > MAX_FRAGMENTS
@@ -308,17 +317,31 @@ struct Ready {
 }
 
 impl Ready {
-    fn new(job: &Job, machine: &Machine, inputs: &Inputs, texture: Texture, start: Start) -> Result<Self, Error> {
+    fn new(
+        job: &Job,
+        machine: &Machine,
+        inputs: &Inputs,
+        texture: Texture,
+        start: Start,
+        task: Task<'_>,
+    ) -> Result<Self, Error> {
+        let [hatching, tracing] = task.split([1, 4]);
         let layout =
             Layout::new(job, machine, texture.bounds(), start.pass, start.laid.as_ref().map(|laid| laid.origin))?;
         let max_slope = job.limits.max_slope();
-        let texture =
-            hatch_direction::along_contours(texture, &inputs.surface, &layout.sections, max_slope, job.focus.depth)?;
+        let texture = hatch_direction::along_contours(
+            texture,
+            &inputs.surface,
+            &layout.sections,
+            max_slope,
+            job.focus.depth,
+            hatching,
+        )?;
         let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
         let stop_size = bound::size(machine, &job.focus);
         let sampling = stop_size.map(|size| bound::sampling(size, &texture));
         let half = layout.window.map(|w| w / 2);
-        let (footprint, samples) = sweep.footprint(&layout.sections, layout.keep, half, sampling);
+        let (footprint, samples) = sweep.footprint(&layout.sections, layout.keep, half, sampling, tracing);
         let (grid, footprint) = layout.levels(job, machine, footprint, start.pass)?;
         grid.most_stops(&footprint)?;
         Ok(Self { texture, grid, footprint, samples, stop_size, start })
@@ -347,6 +370,7 @@ impl Ready {
         (method, stops): (Method, &Stops),
         parts: Vec<Fragments>,
         setups: Option<&Setups>,
+        task: Task<'_>,
     ) -> Candidate {
         let &Given { job, machine, clearance, .. } = on;
         let pens = dose::Pens::new(job.dose, &job.pens, parts.iter().flat_map(|p| &p.list));
@@ -355,7 +379,7 @@ impl Ready {
         let setups = |centres: &[_]| setups.map_or_else(|| new(centres), Setups::clone);
         let how = assemble::How { level: job.focus.level, strokes: job.order.strokes, lattice: self.grid.lattice };
         let Assembly { program, ids, setups, used, worst_defocus, worst_defocus_mean, slopes } =
-            assemble::assemble(stops, &parts, &pens, &stage, how, &setups);
+            assemble::assemble(stops, &parts, &pens, &stage, how, &setups, task);
         let fragments = parts.iter().map(|p| p.list.len()).sum();
         let split = parts.into_iter().fold(Fragments::default(), join);
         let (times, block_times) = times(machine, &self.start, &program);
@@ -378,22 +402,24 @@ impl Ready {
     }
 
     /// A candidate with stops merged where that makes it better.
-    fn merged(&self, on: &Given<'_>, stops: &Stops, mut made: Candidate) -> Candidate {
+    fn merged(&self, on: &Given<'_>, stops: &Stops, mut made: Candidate, task: Task<'_>) -> Candidate {
         let &Given { job, machine, inputs, clearance } = on;
         made.unmerged = Unmerged { stops: made.program.stops(), measure: made.measure(job, machine) };
         // Asked for by name, `contour` is the method of the article: a stop for every section and level.
         if job.partition.method == Method::Contour {
             return made;
         }
-        for pairs in [Pairs::All, Pairs::Saving] {
+        for (pairs, task) in [Pairs::All, Pairs::Saving].into_iter().zip(task.split([2, 1])) {
+            let [choosing, cutting, ordering] = task.split([1, 3, 1]);
             let costs = merge::Costs { machine, from: self.start.from, load_s: load_s(job, machine), pairs };
             let Some(fewer) = merge::merged(stops, &made, &costs) else { break };
+            drop(choosing);
             let cuts = Cuts::new(job, machine, self.grid.keep);
             // Strokes are cut once more: where memory does not suffice for that, the stops stay.
-            let parts = split(self.sweep(job, inputs), &[&fewer], &self.grid.sections, &job.pens, cuts);
+            let parts = split(self.sweep(job, inputs), &[&fewer], &self.grid.sections, &job.pens, cuts, cutting);
             let Some(parts) = parts.ok().and_then(|mut parts| parts.pop()) else { break };
             // The part stays where it lies: two stops of a set-up are merged within it.
-            let mut next = self.candidate(on, (made.method, &fewer), parts, Some(&made.setups));
+            let mut next = self.candidate(on, (made.method, &fewer), parts, Some(&made.setups), ordering);
             next.unmerged = made.unmerged;
             if next.improves(&made, job, machine) && next.fault(machine, &self.grid, clearance).is_none() {
                 return next;

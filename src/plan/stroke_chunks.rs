@@ -7,6 +7,7 @@ use crate::geom::{Nm, P2};
 use crate::parallel;
 use crate::partition::Fine;
 use crate::program::Sections;
+use crate::progress::Task;
 use crate::projection::{Cells, Footprint, GridTracer, Keep, Marks, Samples, Sampling, TiltedFields, Tracer, Turned};
 use crate::surface::Surface;
 use crate::texture::Texture;
@@ -35,13 +36,14 @@ impl Sweep<'_> {
     /// `none` at first, and `merge` joins what two chunks found.
     pub(super) fn gather<T: Send>(
         self,
-        grid: &Sections,
+        (grid, task): (&Sections, Task<'_>),
         none: impl Fn() -> T + Sync + Send,
         add: impl Fn(&mut T, usize, &[P2], &mut GridTracer<'_>) + Sync + Send,
         merge: impl Fn(&mut T, T) + Sync + Send,
     ) -> T {
         let Self { surface, texture, max_slope } = self;
         let chunks = chunks(texture);
+        let task = task.of_steps(chunks.len());
         // What is found must not depend on how chunks are grouped: sets, extremes and sums of integers do not.
         let trace = |found: &mut T, k: usize| {
             let mut tracer = GridTracer::new(Tracer::new(surface, max_slope), grid);
@@ -50,6 +52,7 @@ impl Sweep<'_> {
                 texture.stroke(i, &mut points);
                 add(found, i, &points, &mut tracer);
             }
+            task.step();
         };
         parallel::fold(chunks.len(), none, trace, merge)
     }
@@ -61,9 +64,10 @@ impl Sweep<'_> {
         keep: Keep,
         half: [Nm; 2],
         sampling: Option<Sampling>,
+        task: Task<'_>,
     ) -> (Footprint, Option<Samples>) {
         let (footprint, marks) = self.gather(
-            sections,
+            (sections, task),
             || (Footprint::default(), sampling.map(Samples::new)),
             |(footprint, marks), i, points, tracer| {
                 marks.iter_mut().for_each(|m| m.begin(i));
@@ -78,24 +82,24 @@ impl Sweep<'_> {
     }
 
     /// The texture in the cells of a fine grid.
-    pub(super) fn cells(self, fine: &Fine, keep: Keep) -> Cells {
+    pub(super) fn cells(self, fine: &Fine, keep: Keep, task: Task<'_>) -> Cells {
         let add = |cells: &mut Cells, _, points: &[P2], tracer: &mut GridTracer<'_>| {
             cells.add(points, tracer, &fine.slabs, keep);
         };
-        self.gather(&fine.grid, Cells::default, add, Cells::merge)
+        self.gather((&fine.grid, task), Cells::default, add, Cells::merge)
     }
 
     /// In every cell of a grid the lowest and the highest mark.
-    pub(super) fn marks(self, grid: &Sections) -> Marks {
-        self.gather(grid, Marks::default, |marks, _, points, tracer| marks.add(points, tracer), Marks::merge)
+    pub(super) fn marks(self, grid: &Sections, task: Task<'_>) -> Marks {
+        self.gather((grid, task), Marks::default, |marks, _, points, tracer| marks.add(points, tracer), Marks::merge)
     }
 
     /// What every field of tilted stops must hold.
-    pub(super) fn held(self, fields: &TiltedFields, keep: Keep) -> Turned {
+    pub(super) fn held(self, fields: &TiltedFields, keep: Keep, task: Task<'_>) -> Turned {
         let none = || Turned::new(fields.list.len());
         let add = |held: &mut Turned, _, points: &[P2], tracer: &mut GridTracer<'_>| {
             held.add(points, tracer, fields, keep);
         };
-        self.gather(&fields.grid, none, add, Turned::merge).joined()
+        self.gather((&fields.grid, task), none, add, Turned::merge).joined()
     }
 }

@@ -10,6 +10,7 @@ use super::grid::{default_height, default_origin};
 use super::inputs::Inputs;
 use super::off_part::OffPart;
 use super::plausible::Shares;
+use super::progress::{Phase, Progress};
 use super::split::{Cuts, join, split};
 use super::stroke_chunks::Sweep;
 use super::{dose, hatch_direction, warnings};
@@ -19,6 +20,7 @@ use crate::job::Job;
 use crate::machine::{Commanded, Machine, Origin};
 use crate::partition::{self, Lattice, Stops};
 use crate::program::{Block, PassId, Program, Sections, SetupId, StopId};
+use crate::progress::Task;
 use crate::projection::Keep;
 use crate::split::{Fragments, Skipped};
 use crate::texture::Texture;
@@ -52,7 +54,13 @@ pub struct Strokes {
 /// # Errors
 /// `job-empty`; `fly-large` where the texture is wider than block coordinates reach; `steep` where the job refuses
 /// steep places; `off-part`.
-pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<Nm>) -> Result<Strokes, Error> {
+pub fn in_order(
+    job: &Job,
+    machine: &Machine,
+    inputs: &Inputs,
+    band: Option<Nm>,
+    progress: Progress<'_>,
+) -> Result<Strokes, Error> {
     if !inputs.texture.dot_pens().is_empty() {
         let text = "on-the-fly programs cannot mark dots: the beam would have to stand still";
         return Err(Diag::limit("fly-job", text).at(job.place()).hint("compile a stepped job").into());
@@ -68,9 +76,11 @@ pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<Nm>)
     let section = Sections { origin: area.lo, pitch, count: [1, 1] };
     let max_slope = job.limits.max_slope();
     let depth = band.unwrap_or(everything);
-    let texture = hatch_direction::along_contours(inputs.texture.clone(), &inputs.surface, &section, max_slope, depth)?;
+    let [hatching, tracing] = Phase::Footprint.task(progress).split([1, 4]);
+    let texture =
+        hatch_direction::along_contours(inputs.texture.clone(), &inputs.surface, &section, max_slope, depth, hatching)?;
     let sweep = Sweep { surface: &inputs.surface, texture: &texture, max_slope };
-    let (footprint, _) = sweep.footprint(&section, Keep(Nm(0)), pitch.map(|p| p / 2), None);
+    let (footprint, _) = sweep.footprint(&section, Keep(Nm(0)), pitch.map(|p| p / 2), None, tracing);
     let Some((lo, hi)) = footprint.range() else {
         let text = "nothing would be marked: no texture lies on the part where it may be marked";
         let hint = "compare the texture's area and origin with the part's box (`terrace inspect`)";
@@ -85,8 +95,10 @@ pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<Nm>)
     };
     let lattice = lattice.with_hysteresis(footprint.roughness());
     let stops = partition::z_range(&footprint, &section, pitch, &lattice);
-    let parts = split(sweep, &[&stops], &section, &job.pens, Cuts::default())?.pop().unwrap_or_default();
-    let program = laid(job, &stops, &parts);
+    let parts = split(sweep, &[&stops], &section, &job.pens, Cuts::default(), Phase::Split.task(progress))?
+        .pop()
+        .unwrap_or_default();
+    let program = laid(job, &stops, &parts, Phase::Order.task(progress));
     let found = parts.into_iter().fold(Fragments::default(), join);
     let mut notes = Vec::new();
     let off_part = if found.skipped.off_part > 0.0 || found.dots.off_part > 0 {
@@ -112,10 +124,11 @@ pub fn in_order(job: &Job, machine: &Machine, inputs: &Inputs, band: Option<Nm>)
 }
 
 /// The fragments of all bands as a program.
-fn laid(job: &Job, stops: &Stops, parts: &[Fragments]) -> Program {
+fn laid(job: &Job, stops: &Stops, parts: &[Fragments], task: Task<'_>) -> Program {
     let pens = dose::Pens::new(None, &job.pens, std::iter::empty());
     let members = Members::new(parts, stops.stops.len());
     let mut program = Program { pens: pens.list.clone(), ..Program::default() };
+    let task = task.of_steps(stops.stops.len());
     for (i, placed) in stops.stops.iter().enumerate() {
         let list = members.of(StopId(i as u32));
         if list.is_empty() {
@@ -142,6 +155,7 @@ fn laid(job: &Job, stops: &Stops, parts: &[Fragments]) -> Program {
             z_hi,
             strokes,
         });
+        task.step();
     }
     program
 }

@@ -6,12 +6,13 @@ use super::stroke_chunks::Sweep;
 use crate::geom::{Box2, Nm, P2};
 use crate::machine::Machine;
 use crate::partition::{Stops, tilted_sections};
+use crate::progress::Task;
 
 /// Most cells in which marks are sampled, 1600 a window: some 2 GB where every one holds marks.
 const MAX_CELLS: u64 = 20_000_000;
 
 /// The stops; None where the texture's box holds too many windows.
-pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option<Stops> {
+pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid, task: Task<'_>) -> Option<Stops> {
     let tilted = tilted_sections::TiltSite {
         machine,
         origin: grid.origin,
@@ -24,7 +25,8 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option
     if samples.count.map(u64::from).iter().product::<u64>() > MAX_CELLS {
         return None;
     }
-    let marks = sweep.marks(&samples);
+    let [sampling, mut rest] = task.split([1, 3]);
+    let marks = sweep.marks(&samples, sampling);
     let steepest = marks.worst_slope2.sqrt().atan();
     let samples = marks.list();
     // Tilts are chosen by samples; whether the tilted beam reaches all marks is decided below, by all of them.
@@ -66,7 +68,10 @@ pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid) -> Option
     // Ends: every round but the last sets at least one tilted field upright, and an upright one is never tilted
     // again. What a field may mark beyond its area is found in the same rounds.
     loop {
-        let held = sweep.held(&fields, grid.keep);
+        // How many rounds there are is not known: each has half of what is left.
+        let [round, left] = rest.split([1, 1]);
+        rest = left;
+        let held = sweep.held(&fields, grid.keep, round);
         let mut is_sound = true;
         for (field, held) in fields.list.iter_mut().zip(&held.0) {
             if field.is_wide && held.is_occluded {

@@ -47,6 +47,7 @@ pub use walk::Cursor;
 
 use crate::diag::{Diag, Error, Place};
 use crate::geom::{Box2, BoxMm, MAX_NM, NM_PER_MM, Nm, P2};
+use crate::progress::Task;
 
 /// How a surface file is to be read.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -107,6 +108,16 @@ pub enum Content {
 
 /// Memory of a mesh that is ready to be walked, bytes a facet: 64 as measured, with two facets a vertex.
 const FACET_BYTES: u64 = 64;
+
+/// Facets that are counted as one step of reading.
+const COUNTED: usize = 1 << 14;
+
+/// How many facets a surface file holds if it is binary STL, and about that where it is in another format; for progress
+/// alone.
+fn facets_expected(path: &Path) -> usize {
+    const BYTES: u64 = 50;
+    std::fs::metadata(path).map_or(0, |file| file.len() / BYTES) as usize
+}
 
 /// Memory of a triangulated cloud, bytes a point.
 const POINT_BYTES: u64 = 200;
@@ -255,12 +266,24 @@ impl Surface {
         joining: Joining,
         turn_rad: f64,
         notes: &mut Vec<Diag>,
+        task: Task<'_>,
     ) -> Result<Self, Error> {
+        let [reading, joined] = task.split([1, 1]);
         let shown = path.display().to_string();
         let turn = crate::geom::cos_sin(turn_rad);
         let mut welder = Welder::new(turn, joining);
-        let map = match read(path, options, notes, &mut |facet| welder.facet(facet))? {
-            Content::Facets(_) => return Self::from_welder(welder, &shown, notes),
+        let mut count = 0usize;
+        let reading = reading.of_steps(facets_expected(path).div_ceil(COUNTED));
+        let content = read(path, options, notes, &mut |facet| {
+            welder.facet(facet);
+            count += 1;
+            if count.is_multiple_of(COUNTED) {
+                reading.step();
+            }
+        })?;
+        drop(reading);
+        let map = match content {
+            Content::Facets(_) => return Self::from_welder(welder, &shown, notes, joined),
             Content::Heightmap(map) => map,
         };
         if [map.columns, map.rows].iter().any(|&n| n as f64 * map.pixel_mm * NM_PER_MM > f64::from(i32::MAX)) {
@@ -269,7 +292,7 @@ impl Surface {
         }
         if turn != [1.0, 0.0] {
             map.facets(&mut |facet| welder.facet(facet));
-            return Self::from_welder(welder, &shown, notes);
+            return Self::from_welder(welder, &shown, notes, joined);
         }
         let empty = || Diag::input("heightmap-empty", "every sample is nodata").at(Place::file(&shown)).into();
         Self::from_heightmap(map).ok_or_else(empty)
@@ -296,17 +319,19 @@ impl Surface {
         let joining = Joining { non_manifold: NonManifold::Topmost, ..Joining::default() };
         let mut welder = Welder::new([1.0, 0.0], joining);
         facets.into_iter().for_each(|f| welder.facet(f));
-        Self::from_welder(welder, "facets", notes)
+        Self::from_welder(welder, "facets", notes, Task::untold())
     }
 
-    fn from_welder(welder: Welder, shown: &str, notes: &mut Vec<Diag>) -> Result<Self, Error> {
+    fn from_welder(welder: Welder, shown: &str, notes: &mut Vec<Diag>, task: Task<'_>) -> Result<Self, Error> {
         let part_box_mm = welder.part_box_mm;
         if part_box_mm.lo.iter().chain(&part_box_mm.hi).any(|v| v.abs() * NM_PER_MM > MAX_NM.f64()) {
             let d = Diag::input("surface-large", "the part lies beyond 4 m of its origin").at(Place::file(shown));
             return Err(d.hint("check surface.unit, or move the part to its origin").into());
         }
         let rule = welder.joining.non_manifold;
+        let [joining, _binning] = task.split([2, 1]);
         let (mesh, faults) = welder.finish(shown, notes)?;
+        drop(joining);
         let (wrong, told): (Vec<_>, Vec<_>) = faults
             .iter()
             .map(|fault| fault.diag(Place::file(shown), rule))

@@ -136,6 +136,7 @@ fn within(a: f64, b: f64, lo: f64, hi: f64) -> [f64; 2] {
 mod tests {
     use super::*;
     use crate::geom::{NM_PER_MM, cos_sin};
+    use crate::progress::Task;
 
     const SIZE: [f64; 2] = [60.0, 40.0];
     const LID: f64 = 5.0;
@@ -156,7 +157,7 @@ mod tests {
             welder.facet([corner(k, false), corner(next, false), corner(next, true)]);
             welder.facet([corner(k, false), corner(next, true), corner(k, true)]);
         }
-        Surface::from_welder(welder, "a box", &mut Vec::new()).expect("a solid")
+        Surface::from_welder(welder, "a box", &mut Vec::new(), Task::untold()).expect("a solid")
     }
 
     /// The grid point nearest to a place of the box before its turn, mm.

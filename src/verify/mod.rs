@@ -16,6 +16,7 @@ mod geometry;
 mod inputs;
 mod job_facts;
 mod on_the_fly;
+mod progress;
 mod proof;
 mod read;
 mod rules;
@@ -24,6 +25,7 @@ mod tests;
 
 use std::path::Path;
 
+pub use progress::{Phase, Progress};
 pub use proof::{Lengths, Proof, Rule, Violation};
 
 use crate::diag::{Diag, Error, Place};
@@ -68,15 +70,28 @@ impl<'a> Drawing<'a> {
 /// whose bytes are as when the job was compiled, yet cannot be read. Anything else that is wrong with
 /// the folder is a violation in the proof.
 pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Error> {
+    verify_told(folder, inputs_override, &|_, _| {})
+}
+
+/// [`verify`] that tells how far it is.
+///
+/// # Errors
+/// As [`verify`].
+pub fn verify_told(folder: &Path, inputs_override: Option<&Path>, progress: Progress<'_>) -> Result<Proof, Error> {
     if read::manifest::is_on_the_fly(folder) {
-        return on_the_fly::verify(folder, inputs_override);
+        return on_the_fly::verify(folder, inputs_override, progress);
     }
+    let [listed, written, shaped, drawn] = Phase::Read.task(progress).split([1, 2, 3, 2]);
     let manifest: read::manifest::Manifest = read::manifest::read(folder)?;
     let mut findings = Findings::new();
     let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
     let unchanged = rules::hash::check(folder, &manifest.listed(), &inputs, &mut findings.hash);
+    drop(listed);
     let mut program = read_program(folder, &mut findings);
+    drop(written);
     if !unchanged {
+        drop((shaped, drawn));
+        let _comparing = Phase::Files.task(progress);
         // The job cannot be loaded again, but the files of the folder can still be compared with each other.
         let facts = JobFacts::from_manifest(&manifest);
         if let Some(program) = &mut program {
@@ -88,13 +103,17 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
     let Some(mut program) = program else { return Ok(findings.into_proof()) };
     let (shape, box_mm) = job_facts::shape(&job)?;
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
+    drop(shaped);
     let site = rules::page::Site { part_box: box_mm, turn_rad: facts.turn_deg.to_radians() };
     let mut files = rules::files::Files::default();
     let mut textures = Vec::new();
+    let drawn = drawn.of_steps(facts.passes.count as usize);
     for pass in (0..facts.passes.count).map(PassId) {
         let mut texture = job_facts::texture(&job, &facts.machine, pass, box_mm)?;
         if !rules::fill::check(&manifest, &facts, pass, &mut texture, &mut findings.fill) {
             // Without its lines the texture is not known.
+            drop(drawn);
+            let _comparing = Phase::Files.task(progress);
             rules::without_inputs(folder, &manifest, &mut program, &facts, &mut findings);
             return Ok(findings.into_proof());
         }
@@ -110,9 +129,11 @@ pub fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Er
             rules::curves::check(&job, &texture, &geometry, manifest.summary.curves.as_ref(), rules);
         }
         textures.push(texture);
+        drawn.step();
     }
+    drop(drawn);
     let drawings: Vec<Drawing<'_>> = textures.iter().map(Drawing::of).collect();
-    check_folder(folder, &manifest, &mut program, &facts, &drawings, &geometry, &mut findings);
+    check_folder(folder, &manifest, &mut program, &facts, (&drawings, &geometry), &mut findings, progress);
     Ok(findings.into_proof())
 }
 
@@ -122,18 +143,26 @@ fn check_folder(
     manifest: &Manifest,
     program: &mut ProgramFile,
     facts: &JobFacts,
-    drawings: &[Drawing<'_>],
-    geometry: &Geometry,
+    (drawings, geometry): (&[Drawing<'_>], &Geometry),
     findings: &mut Findings,
+    progress: Progress<'_>,
 ) {
+    let [files, moves] = Phase::Files.task(progress).split([2, 1]);
     let stages = rules::without_inputs(folder, manifest, program, facts, findings);
+    drop(files);
     rules::moves(&stages, manifest, program, facts, geometry, findings);
     rules::agreement::with_job(manifest, program, facts, &mut findings.agreement);
-    let marks = rules::depth_and_field::check(program, facts, geometry, findings);
+    drop(moves);
+    let [depth, dose] = Phase::Marks.task(progress).split([4, 1]);
+    let marks = rules::depth_and_field::check(program, facts, geometry, findings, depth);
     rules::dose::check(program, facts, geometry, findings);
-    let pieces = rules::coverage::check(manifest, program, facts, drawings, geometry, &marks.drawn, findings);
+    drop(dose);
+    let [pieces, sums] = Phase::Coverage.task(progress).split([9, 1]);
+    let drawn = (drawings, &marks.drawn);
+    let pieces = rules::coverage::check(manifest, program, facts, drawn, geometry, findings, pieces);
     rules::summary::check(manifest, program, facts, &marks, &pieces, findings);
     rules::summary::slopes(manifest, program, facts, geometry, findings);
+    drop(sums);
 }
 
 /// Reads `program.txt`; one that cannot be read agrees with nothing.

@@ -33,16 +33,18 @@ use pack::Data;
 /// The page, its style and its scripts in the order in which they are read.
 const PAGE: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
-const SCRIPTS: [&str; 10] = [
-    include_str!("page/colour.js"),
+const SCRIPTS: [&str; 12] = [
     include_str!("page/data.js"),
+    include_str!("page/colour.js"),
     include_str!("page/camera.js"),
     include_str!("page/gl.js"),
     include_str!("page/shaders.js"),
-    include_str!("page/timeline.js"),
     include_str!("page/scene.js"),
+    include_str!("page/timeline.js"),
     include_str!("page/histogram.js"),
+    include_str!("page/overlay.js"),
     include_str!("page/panel.js"),
+    include_str!("page/controls.js"),
     include_str!("page/main.js"),
 ];
 

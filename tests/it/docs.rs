@@ -286,7 +286,7 @@ fn whole_jobs_of_the_documents_compile() {
             let job = Job::parse(&dir.path().join("job.toml"), block, &Overrides::default())
                 .unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
             job.input_files().iter().for_each(|(_, file)| make(&job.relative(file)));
-            let plan = terrace::plan::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
+            let plan = terrace::plan::plan(job, &|_, _| {}).unwrap_or_else(|e| panic!("{file}: {e}\n{block}"));
             assert!(plan.stepped().expect("a stepped job").summary.mark_mm > 0.0);
             count += 1;
         }

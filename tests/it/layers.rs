@@ -96,8 +96,9 @@ fn named(text: &str) -> BTreeSet<String> {
 }
 
 /// The modules of the library, lowest first: each may name those above it in this list and none below.
-const ORDER: [&str; 31] = [
+const ORDER: [&str; 32] = [
     "parallel",
+    "progress",
     "geom",
     "units",
     "diag",
@@ -131,7 +132,7 @@ const ORDER: [&str; 31] = [
 ];
 
 /// What the verifier may name: readers of input files and types. Nothing that planned or wrote what it verifies.
-const VERIFIER: [&str; 8] = ["geom", "units", "diag", "machine", "program", "surface", "texture", "job"];
+const VERIFIER: [&str; 9] = ["progress", "geom", "units", "diag", "machine", "program", "surface", "texture", "job"];
 
 #[test]
 fn modules_name_only_modules_above_them() {

@@ -109,7 +109,7 @@ fn outcome(seed: u64) -> Outcome {
     let dir = folder();
     let job = write_job(seed, dir.path());
     let fault = |what: String| Outcome::Fault(format!("seed {seed}: {what}"));
-    let planned = Job::load(&job, &Overrides::default()).and_then(|job| plan::plan(job, &|_| {}));
+    let planned = Job::load(&job, &Overrides::default()).and_then(|job| plan::plan(job, &|_, _| {}));
     let plan = match planned {
         Ok(plan) => plan,
         Err(e) => {

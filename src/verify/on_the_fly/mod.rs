@@ -23,6 +23,7 @@ use track::Stroke;
 use super::geometry::{Geometry, Scratch};
 use super::inputs::Inputs;
 use super::job_facts::{self, JobFacts};
+use super::progress::{Phase, Progress};
 use super::proof::{Lengths, Proof, Rule};
 use super::read::manifest::{self, Listed};
 use super::read::on_the_fly::manifest::Manifest;
@@ -33,7 +34,11 @@ use crate::geom::{Nm, P2};
 use crate::job::Mode;
 use crate::machine::Origin;
 use crate::program::{PassId, Pen, PenId, StrokeId};
+use crate::progress::Task;
 use crate::texture::Texture;
+
+/// Marks and strokes that are counted as one step.
+const COUNTED: usize = 64;
 
 /// The rules and figures while they are being found.
 struct Findings {
@@ -101,13 +106,16 @@ impl Findings {
 }
 
 /// Verifies an on-the-fly job folder.
-pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Proof, Error> {
+pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Progress<'_>) -> Result<Proof, Error> {
+    let reading = Phase::Read.task(progress);
     let manifest: Manifest = manifest::read(folder)?;
     let mut findings = Findings::new();
     let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
     let listed = Listed { job: &manifest.job, inputs: &manifest.inputs, files: &manifest.files };
     let unchanged = hash::check(folder, &listed, &inputs, &mut findings.hash);
     let programs = agree::read(folder, &manifest, &mut findings.agreement);
+    drop(reading);
+    let comparing = Phase::Files.task(progress);
     agree::programs(&programs, &mut findings.agreement);
     findings.laser.ran = !programs.is_empty();
     for (name, program) in &programs {
@@ -134,12 +142,18 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>) -> Result<Pr
     agree::with_job(&manifest, &facts, program, &mut findings.agreement);
     let pens = facts.pens.clone().unwrap_or_default();
     check_program(name, program, &chain, &manifest, &pens, &mut findings);
+    drop(comparing);
+    let [shaped, drawn, marks] = Phase::Marks.task(progress).split([3, 1, 12]);
     let (shape, box_mm) = job_facts::shape(&job)?;
     let geometry = Geometry::new(shape, facts.max_incidence_rad, facts.weld_nm);
+    drop(shaped);
     let texture = job_facts::texture(&job, &facts.machine, PassId(0), box_mm)?;
     let rules = [&mut findings.curves, &mut findings.summary];
     curves::check(&job, &texture, &geometry, manifest.summary.curves.as_ref(), rules);
-    check_marks(name, program, &chain, &manifest, (&facts, &texture, &geometry), &mut findings);
+    drop(drawn);
+    let checked = (&facts, &texture, &geometry);
+    let covers = check_marks(name, program, &chain, checked, &mut findings, marks);
+    check_coverage(covers, &manifest, checked, &mut findings, Phase::Coverage.task(progress));
     agree::summary(&manifest, program, &chain, &findings.lengths, &mut findings.summary);
     Ok(findings.into_proof())
 }
@@ -161,10 +175,11 @@ fn check_marks(
     name: &str,
     program: &FlyProgram,
     chain: &Chain,
-    manifest: &Manifest,
     (facts, texture, geometry): (&JobFacts, &Texture, &Geometry),
     findings: &mut Findings,
-) {
+    task: Task<'_>,
+) -> Covers {
+    let task = task.of_steps(program.powers.len() / COUNTED);
     let Findings { position, focus, surface: bare, once, coverage, .. } = findings;
     for rule in [&mut *position, &mut *focus, &mut *bare, &mut *once, &mut *coverage] {
         rule.ran = true;
@@ -175,6 +190,7 @@ fn check_marks(
     let mut points: Vec<P2> = Vec::new();
     let mut kept: Option<(StrokeId, PenId, Stroke)> = None;
     let mut moves: Vec<(Commands, Step)> = Vec::new();
+    let mut marks = 0usize;
     let mut all = program.moves().map(|(_, from, step)| (*from, *step)).peekable();
     while let Some((from, step)) = all.next() {
         let Some(claim) = step.mark else { continue };
@@ -210,9 +226,13 @@ fn check_marks(
         let places = traces.iter().filter(|t| t.worst <= marks::STRAY).map(|t| cover::of(claim.stroke.0, stroke, t));
         covers.add(places.collect());
         moves.clear();
+        marks += 1;
+        if marks % COUNTED == 0 {
+            task.step();
+        }
     }
     findings.worst = checker.worst;
-    check_coverage(covers, manifest, (facts, texture, geometry), findings);
+    covers
 }
 
 /// What the manifest says is left out, by strokes and places.
@@ -237,7 +257,9 @@ fn check_coverage(
     manifest: &Manifest,
     (facts, texture, geometry): (&JobFacts, &Texture, &Geometry),
     findings: &mut Findings,
+    task: Task<'_>,
 ) {
+    let task = task.of_steps(texture.len() / COUNTED);
     let Findings { once, coverage, .. } = findings;
     let mut points: Vec<P2> = Vec::new();
     let left_out = left_out(manifest, texture, coverage);
@@ -256,6 +278,9 @@ fn check_coverage(
         let (own, left_out) = (own(&mut rest, i), own(&mut stated, i));
         let rules = [&mut *once, &mut *coverage];
         coverage_checker.stroke(&Stroke::new(&points), &own, &left_out, &texture.element(i), rules);
+        if i % COUNTED == COUNTED - 1 {
+            task.step();
+        }
     }
     findings.lengths = coverage_checker.lengths;
 }

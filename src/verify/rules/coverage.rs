@@ -13,6 +13,7 @@ use super::turned::Drawn;
 use super::{Findings, part_place, part_place_nm};
 use crate::geom::{NM_PER_MM, Nm, P2};
 use crate::program::{Block, PassId, PenId, Stroke};
+use crate::progress::Task;
 use crate::verify::Drawing;
 use crate::verify::geometry::{Geometry, Line, Piece, Scratch, Slope};
 use crate::verify::job_facts::JobFacts;
@@ -31,6 +32,9 @@ const SURE: f64 = 100.0;
 
 /// At most this many unmatched marks are looked for: the search is slow, and one is enough to refuse.
 const UNMATCHED: usize = 1000;
+
+/// Strokes that are counted as one step.
+const COUNTED: usize = 64;
 
 /// The dots, each counted once.
 #[derive(Clone, Copy, Default)]
@@ -62,10 +66,10 @@ pub(in crate::verify) fn check(
     manifest: &Manifest,
     file: &ProgramFile,
     facts: &JobFacts,
-    drawings: &[Drawing<'_>],
+    (drawings, drawn): (&[Drawing<'_>], &Drawn),
     geometry: &Geometry,
-    drawn: &Drawn,
     findings: &mut Findings,
+    task: Task<'_>,
 ) -> Pieces {
     let depth_holds = findings.depth.violated == 0;
     let pitch = |k: usize| manifest.passes.get(k).map_or([0.0; 2], |p| p.sections.pitch_mm.map(|mm| mm * NM_PER_MM));
@@ -95,9 +99,10 @@ pub(in crate::verify) fn check(
         missing: Vec::new(),
         out: Pieces::default(),
     };
+    let task = task.of_steps(drawings.iter().map(|drawing| drawing.len / COUNTED).sum());
     for (pass, drawing) in (0..).map(PassId).zip(drawings) {
         (cover.pass, cover.drawing) = (pass, drawing);
-        cover.check_pass(&strokes_of(file, |p| p == pass));
+        cover.check_pass(&strokes_of(file, |p| p == pass), &task);
     }
     for i in strokes_of(file, |p| p.index() >= drawings.len()) {
         cover.report_unmatched(i, "the job has no such pass");
@@ -171,7 +176,7 @@ struct Missing {
 
 impl Cover<'_> {
     /// The marks of one pass, by the stroke that they claim.
-    fn check_pass(&mut self, order: &[u32]) {
+    fn check_pass(&mut self, order: &[u32], task: &Task<'_>) {
         let file = self.file;
         let source = |i: u32| file.program.strokes[i as usize].source.index();
         let beyond = order.partition_point(|&i| source(i) < self.drawing.len);
@@ -183,6 +188,9 @@ impl Cover<'_> {
             let count = rest.iter().take_while(|&&i| source(i) == wanted).count();
             self.check_stroke(wanted, &rest[..count]);
             rest = &rest[count..];
+            if wanted % COUNTED == COUNTED - 1 {
+                task.step();
+            }
         }
         self.report_missing();
         self.unmatched.clear();

@@ -12,6 +12,7 @@ use super::{Findings, part_place, part_place_nm};
 use crate::geom::{FieldPoint, P2};
 use crate::machine::Machine;
 use crate::program::{Block, Stroke};
+use crate::progress::Task;
 use crate::verify::geometry::{Geometry, Line, Piece, Scratch, Sheet, Slope};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
@@ -53,7 +54,9 @@ pub(in crate::verify) fn check(
     facts: &JobFacts,
     geometry: &Geometry,
     findings: &mut Findings,
+    task: Task<'_>,
 ) -> Marks {
+    let task = task.of_steps(file.program.blocks.len());
     let Findings { depth, surface: solid, source, .. } = findings;
     (depth.ran, solid.ran) = (true, true);
     let mut search = Search {
@@ -84,6 +87,7 @@ pub(in crate::verify) fn check(
             (out.worst_defocus, out.worst_tolerance) = (found.worst, found.worst_tolerance);
         }
         slope2 = slope2.max(found.slope2);
+        task.step();
     }
     findings.worst_defocus_um = out.worst_defocus / 1e3;
     findings.worst_incidence_deg = slope2.sqrt().atan().to_degrees();

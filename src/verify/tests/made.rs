@@ -260,7 +260,15 @@ impl Made {
             }),
             element: Box::new(|i| format!("stroke {i}")),
         };
-        check_folder(folder, &manifest, &mut program, &self.facts, &[drawing], &self.geometry(), &mut findings);
+        check_folder(
+            folder,
+            &manifest,
+            &mut program,
+            &self.facts,
+            (&[drawing], &self.geometry()),
+            &mut findings,
+            &|_, _| {},
+        );
         findings.into_proof()
     }
 

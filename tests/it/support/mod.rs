@@ -160,7 +160,7 @@ pub const ONE_FILE: &str = "[emit]\nformats = [\"linuxcnc\"]\n";
 
 /// Plans a stepped job in this process; panics with the errors where that fails.
 pub fn planned(job: &Path) -> Box<SteppedPlan> {
-    let plan = Job::load(job, &Overrides::default()).and_then(|job| plan::plan(job, &|_| {}));
+    let plan = Job::load(job, &Overrides::default()).and_then(|job| plan::plan(job, &|_, _| {}));
     match plan.unwrap_or_else(|e| panic!("{}: {e}", job.display())) {
         Plan::Stepped(plan) => plan,
         Plan::OnTheFly(_) => panic!("{} is an on-the-fly job", job.display()),

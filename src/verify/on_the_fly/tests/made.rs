@@ -103,7 +103,7 @@ impl Planned {
         let dir = tempfile::tempdir().expect("a folder");
         let path = write_job(&sort, dir.path());
         // Strokes in the order of a stepped program, whose machine has the same field.
-        let plan = plan::plan(load(&path, Mode::Stepped), &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+        let plan = plan::plan(load(&path, Mode::Stepped), &|_, _| {}).unwrap_or_else(|e| panic!("{e}"));
         let plan = plan.stepped().expect("a stepped job");
         let stepped = plan.checked.program();
         let Inputs { machine, surface, .. } =

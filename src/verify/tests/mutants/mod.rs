@@ -149,7 +149,7 @@ impl Bench {
         "#;
         let path = dir.path().join("job.toml");
         std::fs::write(&path, edit(text)).expect("a writable folder");
-        let Plan::Stepped(plan) = plan::plan(load(&path), &|_| {}).unwrap_or_else(|e| panic!("{e}")) else {
+        let Plan::Stepped(plan) = plan::plan(load(&path), &|_, _| {}).unwrap_or_else(|e| panic!("{e}")) else {
             panic!("a stepped job")
         };
         assert!(plan.summary.skipped_off_part_mm > 10.0, "{:?}", plan.summary);

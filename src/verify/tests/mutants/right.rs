@@ -61,7 +61,7 @@ impl Right {
         );
         put("job.toml", text.as_bytes());
         let job = load(&dir.path().join("job.toml"));
-        let plan = plan::plan(job, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+        let plan = plan::plan(job, &|_, _| {}).unwrap_or_else(|e| panic!("{e}"));
         let stepped = plan.stepped().expect("a stepped job");
         let tilts = stepped.checked.program().blocks.iter().filter(|b| !b.stop.tilt.is_upright()).count();
         assert!(tilts > 1, "{:?}", stepped.summary);
