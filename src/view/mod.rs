@@ -33,13 +33,14 @@ use pack::Data;
 /// The page, its style and its scripts in the order in which they are read.
 const PAGE: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
-const SCRIPTS: [&str; 12] = [
+const SCRIPTS: [&str; 13] = [
     include_str!("page/data.js"),
     include_str!("page/colour.js"),
     include_str!("page/camera.js"),
     include_str!("page/gl.js"),
     include_str!("page/shaders.js"),
     include_str!("page/scene.js"),
+    include_str!("page/probe.js"),
     include_str!("page/timeline.js"),
     include_str!("page/histogram.js"),
     include_str!("page/overlay.js"),
