@@ -347,7 +347,7 @@ fn article(what: &str) -> String {
 }
 
 /// Splits "12.5 mm" into its number and its unit. Refuses what is not finite, and decimal commas.
-fn number_and_unit<'a>(text: &'a str, what: &str, example: &str) -> Result<(f64, &'a str), String> {
+pub(crate) fn number_and_unit<'a>(text: &'a str, what: &str, example: &str) -> Result<(f64, &'a str), String> {
     let text = text.trim();
     let end = text
         .char_indices()

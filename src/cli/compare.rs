@@ -1,18 +1,22 @@
-//! `terrace compare`: tables to the terminal, tables and pictures to a folder.
+//! `terrace compare`: verdict and table to the terminal, all tables and pictures to a folder.
 
 use std::path::Path;
 
 use serde_json::{Value, json};
 
 use super::{show, unwritable};
-use crate::compare::{Comparison, page, plots, tables};
+use crate::compare::{Comparison, Verdict, overview, page, plots, tables};
 use crate::diag::{Diag, Error, Place};
 use crate::job_folder::{self, Durability};
 use crate::report::table::TERMINAL;
 
-/// The tables for people.
+/// The verdict and the table to choose by, for people.
 pub(super) fn text(c: &Comparison) -> String {
-    tables(c).iter().map(|(_, t)| t.text(TERMINAL)).collect::<Vec<_>>().join("\n")
+    let verdict = Verdict::of(c).sentences.join("\n");
+    let table = overview(c).text(TERMINAL);
+    format!(
+        "{verdict}\n\n{table}\nall figures    -o FOLDER writes them to FOLDER/{PAGE} and to tables; --json prints them\n"
+    )
 }
 
 /// The tables for machines.
@@ -20,6 +24,9 @@ pub(super) fn json(c: &Comparison) -> Value {
     let mut out = json!({
         "job": c.job,
         "machine": c.machine,
+        "verdict": Verdict::of(c),
+        "by_hand": c.by_hand,
+        "marked_m": c.marked_mm / 1000.0,
         "limits": {
             "fod_um": c.limits.focus * 1000.0,
             "bia_deg": c.limits.angle.to_degrees(),
@@ -37,7 +44,10 @@ const PAGE: &str = "compare.html";
 /// What it holds: tables, charts, and what has both.
 const FILES: [(&[&str], &[&str]); 3] = [
     (&["compare"], &["html", "json"]),
-    (&["systems", "deviations", "decompositions", "seven-axis-decompositions", "convergence"], &["txt", "csv", "md"]),
+    (
+        &["overview", "systems", "deviations", "decompositions", "seven-axis-decompositions", "convergence"],
+        &["txt", "csv", "md"],
+    ),
     (&["times", "back-off", "axes", "along", "paths"], &["svg"]),
 ];
 

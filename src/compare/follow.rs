@@ -1,10 +1,11 @@
 //! The systems that mark on the fly.
 
 use super::filters::{FAMILIES, filters};
-use super::{Curves, Figures, Split, Subject, marked, path_of};
+use super::{Beyond, Curves, Figures, Hardware, Split, Subject, marked, path_of};
 use crate::block_map::BlockMap;
 use crate::diag::Error;
 use crate::geom::{BoxMm, NM_PER_MM, mm_from_nm};
+use crate::job::Mode;
 use crate::machine::{Commanded, Machine};
 use crate::motion::stage_move;
 use crate::on_the_fly::axes::following_error::{Axis, Protection, Scanner, Servo};
@@ -21,6 +22,7 @@ use crate::on_the_fly::xyzacuv::{AxisFigures, KinematicModel, TimedAxes, ToolPat
 use crate::on_the_fly::xyzuv::{Decomposition, ScannerLimits, step_scan_s, synchronise, synchronised_s};
 use crate::parallel;
 use crate::plan::strokes::{self, Strokes};
+use crate::program::Program;
 use crate::progress::Task;
 
 /// Samples of a synchronised path, and of one band of it.
@@ -44,6 +46,8 @@ pub(super) struct Follower<'a> {
     thin: Path,
     /// Its time at the pens' speeds, s.
     process_s: f64,
+    /// Length of its marks.
+    mark_mm: f64,
 }
 
 impl<'a> Follower<'a> {
@@ -51,7 +55,29 @@ impl<'a> Follower<'a> {
         let path = path_of(subject, &whole.program, 0..whole.program.blocks.len());
         let thin = path.evened(STEP);
         let process_s = Schedule::of(&path, subject.machine, &whole.program.pens, 0.0).total_s();
-        Self { subject, whole, path, thin, process_s }
+        Self { subject, whole, path, thin, process_s, mark_mm: mark_mm(&whole.program) }
+    }
+
+    /// Length of the marks, every pass of the pens counted.
+    pub(super) fn mark_mm(&self) -> f64 {
+        self.mark_mm
+    }
+
+    /// The job's machine as one of seven axes; None where it is none.
+    fn seven(&self) -> Option<KinematicModel<'_>> {
+        KinematicModel::of(self.subject.machine, &self.whole.program.pens, self.whole.origin.mm())
+    }
+
+    /// What moves scanner and stage together, and what the job file says for it where the job's machine does: where
+    /// the file asks for it, or states what all seven axes can do while they move.
+    fn together(&self) -> (Hardware, Option<String>) {
+        let job = self.subject.job;
+        if job.mode_of_file != Mode::OnTheFly && self.seven().is_none() {
+            return (Hardware::Synchronised, None);
+        }
+        // Jobs with pens of several passes are not made on the fly.
+        let is_made = job.pens.iter().all(|pen| pen.passes == 1);
+        (Hardware::Own, is_made.then(|| format!("mode = \"{}\"", Mode::OnTheFly.name())))
     }
 
     fn allowed(&self) -> Result<ScannerLimits, Error> {
@@ -63,7 +89,7 @@ impl<'a> Follower<'a> {
         let machine = self.subject.machine;
         let (pens, allowed) = (&self.whole.program.pens, self.allowed()?);
         // Where the part lies is the machine's affair: its travel must be long enough.
-        let fits = |ends: BoxMm<3>| beyond(machine, ends).is_none();
+        let fits = |ends: BoxMm<3>| too_far(machine, ends).is_none();
         let Timed { turn, path, schedule, sync } =
             quickest(&self.path, machine, pens, allowed, SAMPLES, &fits, Task::untold());
         // The texture's middle lies where the stage rests.
@@ -87,17 +113,23 @@ impl<'a> Follower<'a> {
         let shares = [0, 1].map(|k| 1e3 * sync.samples[k] as f64 * sync.step_s);
         notes.push(format!("averages of {:.0} ms in plan, {:.1} ms in height", shares[0], shares[1]));
         notes.push(self.by_the_article(allowed));
-        if !sync.fits {
-            notes.push("some marks turn or rise too sharply to be followed in focus".into());
-        }
-        notes.extend(beyond(machine, BoxMm::of(sync.stage.iter().copied())));
+        let followed = self.followed(&path, &schedule, &sync)?.figures(self.subject.limits);
+        let mut beyond = followed.beyond.clone();
+        beyond.extend((!sync.fits).then_some(Beyond::TooSharp));
+        beyond.extend(too_far(machine, BoxMm::of(sync.stage.iter().copied())));
+        let (hardware, job_key) = self.together();
         let figures = Figures {
+            hardware,
+            job_key: job_key.filter(|_| self.seven().is_none()),
+            beyond,
+            is_held_by_z: slow > 1.0 && sync.z_is_slowest,
+            marked_mm: self.mark_mm,
             time,
             model_s: Some(synchronised_s(self.subject.move_s, self.process_s)),
             stops: 1,
             speed: 100.0 / slow,
             notes,
-            ..self.followed(&path, &schedule, &sync)?.figures(self.subject.limits)
+            ..followed
         };
         let drawn = path.len().min(DRAWN);
         let until = sync.lead_s + schedule.visits[drawn - 1].arrive * slow;
@@ -163,7 +195,7 @@ impl<'a> Follower<'a> {
         let depth = Some(subject.job.focus.depth);
         let Strokes { program, section, texture, .. } =
             strokes::in_order(subject.job, subject.machine, subject.inputs, depth, &|_, _| {})?;
-        let (program, allowed) = (&program, self.allowed()?);
+        let (program, allowed) = (&repeated(program), self.allowed()?);
         let upright = vec![None; program.blocks.len()];
         let map = BlockMap::new(program, &section, &upright, section.pitch, &subject.inputs.surface, texture);
         let band = |i: usize| {
@@ -201,6 +233,8 @@ impl<'a> Follower<'a> {
             speed: 100.0 / slowest,
             seam_mm: map.seam_mm(),
             notes: vec!["speed of the slowest band".into()],
+            hardware: self.together().0,
+            marked_mm: mark_mm(program),
             ..all.figures(subject.limits)
         })
     }
@@ -210,25 +244,24 @@ impl<'a> Follower<'a> {
         let subject = self.subject;
         let mut notes = Vec::new();
         let pens = &self.whole.program.pens;
-        let other = Machine::built_in("xyzac-galvo-10")?;
-        let own = KinematicModel::of(subject.machine, pens, self.whole.origin.mm());
-        let model = match own {
-            Some(model) => model,
+        const OTHER: &str = "xyzac-galvo-10";
+        let other = Machine::built_in(OTHER)?;
+        let (model, hardware) = match self.seven() {
+            Some(model) => (model, Hardware::Own),
             None => {
-                notes.push("on the machine xyzac-galvo-10".to_owned());
                 let model =
                     KinematicModel::of(&other, pens, [0.0; 3]).expect("the profile states the limits of A and C");
                 // The middle of the texture lies where its axes meet.
                 let area = self.whole.texture;
-                KinematicModel {
-                    pivot: [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, 0].map(mm_from_nm),
-                    ..model
-                }
+                let pivot = [(area.lo.x + area.hi.x) / 2, (area.lo.y + area.hi.y) / 2, 0].map(mm_from_nm);
+                (KinematicModel { pivot, ..model }, Hardware::Other(OTHER))
             }
         };
         let allowed = Limits { field: model.scanner_margin()?, ..subject.limits };
         let made = decompose_and_time(&self.thin, &subject.height_field, &model, allowed, tools)?;
+        let mut job_key = None;
         if tools == ToolPath::Filtered(Family::Gaussian) {
+            job_key = self.together().1.filter(|_| hardware == Hardware::Own);
             curves.back_off.clone_from(&made.back_off);
             curves.seven = Some(allowed);
             curves.convergence = made.convergence(&model, SHOWN)?;
@@ -236,12 +269,15 @@ impl<'a> Follower<'a> {
             curves.shared = self.axis_figures(&model, allowed)?;
             notes.push(format!("sigma {:.0} um", made.strength.unwrap_or_default() * 1000.0));
         }
-        notes.extend(beyond(model.machine, BoxMm::of(made.axes.iter().map(|a| a.xyz))));
-        notes.extend(turns_beyond(model.machine, &made.axes));
+        let mut travel: Vec<Beyond> = Vec::new();
+        travel.extend(too_far(model.machine, BoxMm::of(made.axes.iter().map(|a| a.xyz))));
+        travel.extend(turns_too_far(model.machine, &made.axes));
         let nodes: Vec<[f64; AXES]> =
             made.axes.iter().zip(&made.path.nodes).map(|(axes, node)| model.values(axes, node.at)).collect();
         let model_s = Some(stop_at_every_point(&nodes, &model.limits).total_s);
-        Ok(Figures { notes, model_s, ..self.turned(model.machine, made, tools, allowed)? })
+        let mut figures = self.turned(model.machine, made, tools, allowed)?;
+        figures.beyond.extend(travel);
+        Ok(Figures { notes, model_s, hardware, job_key, marked_mm: self.mark_mm, ..figures })
     }
 
     /// Every decomposition of the first of the path.
@@ -406,8 +442,8 @@ fn upright(subject: &Subject<'_>, path: &Path, beam: impl Fn(usize) -> [f64; 3])
     (0..path.len()).map(deviation).collect()
 }
 
-/// What is said where the machine's travel is too short for a motion between some ends.
-fn beyond(machine: &Machine, ends: BoxMm<3>) -> Option<String> {
+/// Which linear axes need more travel than they have for a motion between some ends; None where none does.
+fn too_far(machine: &Machine, ends: BoxMm<3>) -> Option<Beyond> {
     let names: Vec<String> = machine
         .axes()
         .into_iter()
@@ -417,11 +453,11 @@ fn beyond(machine: &Machine, ends: BoxMm<3>) -> Option<String> {
             (size > travel).then(|| format!("{name} needs {size:.0} mm of travel"))
         })
         .collect();
-    (!names.is_empty()).then(|| names.join(", "))
+    (!names.is_empty()).then(|| Beyond::Travel(names.join(", ")))
 }
 
 /// Which turning axes need more travel than they have, and how much; None where none does.
-fn turns_beyond(machine: &Machine, axes: &[Axes]) -> Option<String> {
+fn turns_too_far(machine: &Machine, axes: &[Axes]) -> Option<Beyond> {
     let table = machine.tilt.as_ref()?;
     let picks: [fn(&Axes) -> f64; 2] = [|axes| axes.a, |axes| axes.c];
     let names = table.axes.iter().zip(picks).filter_map(|(axis, pick)| {
@@ -432,7 +468,28 @@ fn turns_beyond(machine: &Machine, axes: &[Axes]) -> Option<String> {
         (needs > travel).then(|| format!("{} needs {needs:.0} deg of travel", axis.letter.char()))
     });
     let names: Vec<String> = names.collect();
-    (!names.is_empty()).then(|| names.join(", "))
+    (!names.is_empty()).then(|| Beyond::Travel(names.join(", ")))
+}
+
+/// The program with every stroke as often in its list as its pen has passes: what marks on the fly marks a stroke again
+/// before it goes on, as a controller does at a stop.
+pub(super) fn repeated(mut program: Program) -> Program {
+    let passes: Vec<usize> =
+        program.pens.iter_mut().map(|pen| std::mem::replace(&mut pen.passes, 1) as usize).collect();
+    let once = std::mem::take(&mut program.strokes);
+    for block in &mut program.blocks {
+        let first = program.strokes.len();
+        for stroke in &once[block.strokes.clone()] {
+            program.strokes.extend(std::iter::repeat_n(*stroke, passes[stroke.pen.index()]));
+        }
+        block.strokes = first..program.strokes.len();
+    }
+    program
+}
+
+/// Length of all marks of a program.
+fn mark_mm(program: &Program) -> f64 {
+    program.blocks.iter().map(|block| program.mark_mm(block)).sum()
 }
 
 fn nm(p: [f64; 3]) -> [i64; 3] {

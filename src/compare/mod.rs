@@ -14,20 +14,23 @@ mod follow;
 mod report;
 mod stepped;
 mod system;
+mod verdict;
 
 pub use filters::Filter;
 use follow::Follower;
-pub use report::{page, plots, tables};
+pub use report::{overview, page, plots, tables};
 use system::Run;
 pub use system::{SYSTEMS, System};
+pub use verdict::{Standing, Verdict};
 
 use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use crate::diag::{Diag, Error};
+use crate::emit::needs_person;
 use crate::geom::Nm;
 use crate::job::{Job, Method};
-use crate::machine::{Commanded, Machine};
+use crate::machine::{Commanded, Cost, Machine};
 use crate::motion::stage_move;
 use crate::on_the_fly::axes::following_error::Protection;
 use crate::on_the_fly::axes::kinematics::Deviation;
@@ -78,6 +81,50 @@ impl Split {
     }
 }
 
+/// What a system runs on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Hardware {
+    /// The job's machine.
+    #[default]
+    Own,
+    /// The job's machine with the zoom optic of a built-in one.
+    WithZoom(&'static str),
+    /// The job's machine on the tilt table of a built-in one.
+    WithTilt(&'static str),
+    /// The job's machine with a controller that moves scanner and stage together.
+    Synchronised,
+    /// A built-in machine.
+    Other(&'static str),
+}
+
+impl Hardware {
+    /// The machine in a table; `own` is the name of the job's.
+    pub fn label(self, own: &str) -> String {
+        match self {
+            Self::Own => own.to_owned(),
+            Self::WithZoom(lender) => format!("+ zoom of {lender}"),
+            Self::WithTilt(lender) => format!("+ tilt of {lender}"),
+            Self::Synchronised => "+ synchronised control".to_owned(),
+            Self::Other(machine) => machine.to_owned(),
+        }
+    }
+}
+
+/// A limit that some marks, or the whole motion, do not keep.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Beyond {
+    /// Out of focus: worst and allowed, um.
+    Focus([f64; 2]),
+    /// Beam incidence: worst and allowed, deg.
+    Incidence([f64; 2]),
+    /// Distance of the spot from the optical axis: worst and allowed, mm.
+    Displacement([f64; 2]),
+    /// No motion of z keeps all marks in focus.
+    TooSharp,
+    /// Axes that need more travel than they have, and how much.
+    Travel(String),
+}
+
 /// Figures of one system.
 #[derive(Clone, Debug, Default)]
 pub struct Figures {
@@ -102,7 +149,7 @@ pub struct Figures {
     pub spot_error_um: Option<Statistics>,
     /// How far the stage is out of focus because it lags behind its command, um.
     pub focus_lag_um: Option<Statistics>,
-    /// Length of the marks, seen along z, mm.
+    /// Length of the marks, seen along z, every pass of the pens counted, mm.
     pub marked_mm: f64,
     /// Share of the marked length within all limits, percent.
     pub within: f64,
@@ -114,8 +161,28 @@ pub struct Figures {
     pub stage_travel_mm: f64,
     /// Mark speed as a share of the pen's, percent.
     pub speed: f64,
+    /// What it runs on.
+    pub hardware: Hardware,
+    /// The key of the job file with which `compile` makes it on that; None where it is an estimate alone.
+    pub job_key: Option<String>,
+    /// The limits that it does not keep: empty where it keeps all of them with all marks.
+    pub beyond: Vec<Beyond>,
+    /// It runs slower than the pens do, and z is the axis that cannot go faster.
+    pub is_held_by_z: bool,
     /// What the figures take for granted or leave out.
     pub notes: Vec<String>,
+}
+
+impl Figures {
+    /// Time of the machine and, where files are loaded by hand, of the person who does it, s.
+    pub fn counted_s(&self, by_hand: bool) -> f64 {
+        self.by_hand_s.filter(|_| by_hand).unwrap_or_else(|| self.time.total())
+    }
+
+    /// Time that a person attends, s.
+    fn attended_s(&self, by_hand: bool) -> f64 {
+        self.by_hand_s.filter(|_| by_hand).unwrap_or(0.0)
+    }
 }
 
 /// One row of the comparison.
@@ -169,12 +236,29 @@ pub struct Comparison {
     pub machine: String,
     /// The limits of all systems.
     pub limits: Limits,
+    /// Length of what may be marked of the texture, every pass of the pens counted, mm.
+    pub marked_mm: f64,
+    /// How often the job goes over the whole texture; compared is one time.
+    pub passes: u32,
+    /// Whether a person loads the files of stepped jobs block by block: the job's formats hold none of the whole job.
+    pub by_hand: bool,
+    /// What an hour of the job's machine costs, where its file says so.
+    pub cost: Option<Cost>,
     /// Systems in the order asked for.
     pub rows: Vec<Row>,
     /// For pictures and more tables.
     pub curves: Curves,
     /// What the user should know.
     pub warnings: Vec<Diag>,
+}
+
+impl Comparison {
+    /// What a system costs, where the machine file states rates and the system runs on that machine, whatever is added
+    /// to it.
+    pub fn cost_of(&self, figures: &Figures) -> Option<f64> {
+        let cost = self.cost.filter(|_| !matches!(figures.hardware, Hardware::Other(_)))?;
+        Some(cost.of(figures.counted_s(self.by_hand), figures.attended_s(self.by_hand)))
+    }
 }
 
 /// What all systems share.
@@ -228,8 +312,9 @@ pub fn compare(
     (progress.begins)("reading surface and texture");
     let inputs = Arc::new(Inputs::load_told(job, reading)?);
     let machine = &Machine { zoom: None, ..inputs.machine.clone() };
-    let whole =
+    let mut whole =
         strokes::in_order(job, machine, &inputs, None, &|_, _| {}).map_err(|e| e.after(inputs.warnings.clone()))?;
+    whole.program = follow::repeated(whole.program);
     let size = whole.texture.size().map(Nm::mm);
     let focus = job.focus.half_depth_mm();
     let height_field = HeightField::followed(&inputs.surface, whole.texture, focus).ok_or_else(|| {
@@ -259,13 +344,35 @@ pub fn compare(
     drop(ordering);
     let found = run(systems, &subject, &follower, (progress, measuring));
     let (mut rows, mut curves) = (Vec::new(), Curves::default());
-    for (&system, (figures, more)) in systems.iter().zip(found) {
+    let marked_mm = follower.mark_mm();
+    for (&system, (mut figures, more)) in systems.iter().zip(found) {
         curves.add(more);
+        if let Ok(figures) = &mut figures {
+            figures.notes.extend(left_out(figures.marked_mm, marked_mm));
+        }
         rows.push(Row { system: system.name, figures });
     }
     let job_name = job.path.file_stem().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let warnings = [inputs.warnings.as_slice(), &whole.warnings].concat();
-    Ok(Comparison { job: job_name, machine: machine.name.clone(), limits, rows, curves, warnings })
+    Ok(Comparison {
+        job: job_name,
+        machine: machine.name.clone(),
+        limits,
+        marked_mm,
+        passes: job.passes.count,
+        by_hand: needs_person(&job.formats),
+        cost: machine.cost,
+        rows,
+        curves,
+        warnings,
+    })
+}
+
+/// What is said of a system that marks less than may be marked, where the table shows the difference.
+fn left_out(marked_mm: f64, whole_mm: f64) -> Option<String> {
+    const SHOWN: f64 = 5.0;
+    let left = whole_mm - marked_mm;
+    (left >= SHOWN).then(|| format!("marks {left:.0} mm less than the texture has: pieces too small to be marked"))
 }
 
 /// Runs the systems, each in its turn of the table; their figures and curves in the order of `systems`.
@@ -309,16 +416,29 @@ fn marked(deviations: &[Deviation], weights: &[f64], limits: Limits) -> Figures 
     let spread = |pick: fn(&Deviation) -> f64| Statistics::of(deviations.iter().map(pick).zip(weights.iter().copied()));
     // A nanometre, and as little of an angle, for rounding.
     let less = |d: &Deviation| Deviation { focus: d.focus - 1e-6, angle: d.angle - 1e-9, lateral: d.lateral - 1e-6 };
-    let inside = deviations.iter().zip(weights).filter(|(d, _)| limits.hold(less(d))).map(|(_, w)| w).sum::<f64>();
-    let marked_mm = weights.iter().sum::<f64>();
-    Figures {
+    let marks = || deviations.iter().zip(weights).filter(|(_, w)| **w > 0.0);
+    let inside = marks().filter(|(d, _)| limits.hold(less(d))).map(|(_, w)| w).sum::<f64>();
+    let marked_mm = marks().map(|(_, w)| w).sum::<f64>();
+    let figures = Figures {
         marked_mm,
         focus_um: spread(|d| d.focus * 1000.0),
         incidence_deg: spread(|d| d.angle.to_degrees()),
         displacement_mm: spread(|d| d.lateral),
         within: 100.0 * inside / marked_mm,
         ..Figures::default()
+    };
+    let keeps = |pick: fn(&Deviation) -> f64, limit: f64| marks().all(|(d, _)| pick(&less(d)) <= limit);
+    let mut beyond = Vec::new();
+    if !keeps(|d| d.focus, limits.focus) {
+        beyond.push(Beyond::Focus([figures.focus_um.worst, limits.focus * 1000.0]));
     }
+    if !keeps(|d| d.angle, limits.angle) {
+        beyond.push(Beyond::Incidence([figures.incidence_deg.worst, limits.angle.to_degrees()]));
+    }
+    if !keeps(|d| d.lateral, limits.field) {
+        beyond.push(Beyond::Displacement([figures.displacement_mm.worst, limits.field]));
+    }
+    Figures { beyond, ..figures }
 }
 
 /// The path of some blocks of a program over the part.

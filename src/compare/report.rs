@@ -1,14 +1,56 @@
 //! The comparison as tables, charts and a page.
 
-use super::{Comparison, Figures};
+use super::{Comparison, Figures, Standing, Verdict};
 use crate::report::page::{Item, page_html};
-use crate::report::plot::{Axis, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
+use crate::report::plot::{Axis, Bar, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
 use crate::report::table::{Cell, Column, Table};
+
+/// The table to choose by: what each system runs on, its time, stops or cost, its worst marks, and what is to be said of
+/// it.
+pub fn overview(c: &Comparison) -> Table {
+    let verdict = Verdict::of(c);
+    let third = match c.cost {
+        Some(cost) => Column::number("cost", &cost.currency(), 2),
+        None => Column::count("stops"),
+    };
+    let columns = vec![
+        Column::text("system"),
+        Column::text("machine"),
+        Column::time(if c.by_hand { "time by hand" } else { "time" }),
+        third,
+        Column::number("worst defocus", "um", 1),
+        Column::number("worst incidence", "deg", 2),
+        Column::text("note"),
+    ];
+    let width = columns.len();
+    let mut table = Table::new("", columns);
+    for (k, row) in c.rows.iter().enumerate() {
+        let mut cells: Vec<Cell> = vec![row.system.into()];
+        match &row.figures {
+            Ok(f) => cells.extend([
+                f.hardware.label(&c.machine).into(),
+                f.counted_s(c.by_hand).into(),
+                if c.cost.is_some() { c.cost_of(f).into() } else { f.stops.into() },
+                f.focus_um.worst.into(),
+                f.incidence_deg.worst.into(),
+            ]),
+            Err(_) => cells.resize(width - 1, Cell::Missing),
+        }
+        cells.push(verdict.note(k).into());
+        if verdict.systems[k].standing == Standing::BeyondLimits {
+            table.push_struck(cells);
+        } else {
+            table.push(cells);
+        }
+    }
+    table
+}
 
 /// The table of systems: times, and the worst of everything.
 fn systems(c: &Comparison) -> Table {
-    let columns = vec![
+    let mut columns = vec![
         Column::text("system"),
+        Column::text("machine"),
         Column::time("total"),
         Column::time("by hand"),
         Column::time("model"),
@@ -20,7 +62,7 @@ fn systems(c: &Comparison) -> Table {
         Column::time("delay"),
         Column::count("stops"),
         Column::number("speed", "%", 1),
-        Column::number("texture marked", "m", 2),
+        Column::number("marked", "m", 2),
         Column::number("worst FOD", "um", 1),
         Column::number("worst BIA", "deg", 2),
         Column::number("worst displacement", "mm", 2),
@@ -29,16 +71,17 @@ fn systems(c: &Comparison) -> Table {
         Column::number("seam", "mm", 0),
         Column::number("stitch", "um", 1),
         Column::number("stage way", "m", 1),
-        Column::text("note"),
     ];
+    columns.extend(c.cost.map(|cost| Column::number("cost", &cost.currency(), 2)));
+    columns.extend(["job key", "beyond", "note"].map(Column::text));
     let width = columns.len();
     let mut table = Table::new("Systems", columns);
     for row in &c.rows {
         let mut cells: Vec<Cell> = vec![row.system.into()];
         match &row.figures {
-            Ok(f) => cells.extend(figures(f)),
+            Ok(f) => cells.extend(figures(c, f)),
             Err(e) => {
-                cells.extend((0..width - 2).map(|_| None::<f64>.into()));
+                cells.resize(width - 1, Cell::Missing);
                 let why = e.diags().iter().map(|d| d.message.as_str()).collect::<Vec<_>>().join("; ");
                 cells.push(format!("does not apply: {why}").as_str().into());
             }
@@ -48,14 +91,19 @@ fn systems(c: &Comparison) -> Table {
     table
 }
 
-fn figures(f: &Figures) -> Vec<Cell> {
+fn figures(c: &Comparison, f: &Figures) -> Vec<Cell> {
     let t = &f.time;
-    let mut cells: Vec<Cell> = vec![t.total().into(), f.by_hand_s.into(), f.model_s.into()];
+    let mut cells: Vec<Cell> = vec![f.hardware.label(&c.machine).into()];
+    cells.extend([Some(t.total()), f.by_hand_s, f.model_s].map(Cell::from));
     cells.extend(t.parts().map(|(_, s)| Cell::from(s)));
     cells.extend([f.stops.into(), f.speed.into(), (f.marked_mm / 1000.0).into()]);
     cells.extend([f.focus_um.worst, f.incidence_deg.worst, f.displacement_mm.worst].map(Cell::from));
     cells.extend([f.spot_error_um.map(|s| s.worst).into(), f.within.into()]);
     cells.extend([f.seam_mm.into(), f.stitch_um.into(), (f.stage_travel_mm / 1000.0).into()]);
+    cells.extend(c.cost.map(|_| Cell::from(c.cost_of(f))));
+    cells.push(f.job_key.clone().into());
+    let beyond: Vec<String> = f.beyond.iter().map(ToString::to_string).collect();
+    cells.push((!beyond.is_empty()).then(|| beyond.join("; ")).into());
     cells.push(f.notes.join("; ").as_str().into());
     cells
 }
@@ -154,6 +202,7 @@ fn shared(c: &Comparison) -> Option<Table> {
 /// All tables, each with the name of its file.
 pub fn tables(c: &Comparison) -> Vec<(&'static str, Table)> {
     let all = [
+        ("overview", Some(overview(c))),
         ("systems", Some(systems(c))),
         ("deviations", deviations(c)),
         ("decompositions", decompositions(c)),
@@ -175,13 +224,23 @@ fn convergence(c: &Comparison) -> Option<Table> {
     Some(table)
 }
 
+/// The time that counts of every system, in its parts; of those beyond the limits hatched.
+fn times(c: &Comparison) -> Plot {
+    let mut parts: Vec<String> = Figures::default().time.parts().iter().map(|(name, _)| (*name).to_owned()).collect();
+    parts.extend(c.by_hand.then(|| "loading by hand".to_owned()));
+    let bar = |name: &str, f: &Figures| {
+        let mut parts: Vec<f64> = f.time.parts().iter().map(|(_, s)| *s).collect();
+        parts.extend(c.by_hand.then(|| f.counted_s(true) - f.time.total()));
+        let is_hatched = !f.keeps_limits();
+        Bar { name: if is_hatched { format!("{name} (beyond limits)") } else { name.to_owned() }, parts, is_hatched }
+    };
+    let rows = c.rows.iter().filter_map(|row| Some(bar(row.system, row.figures.as_ref().ok()?))).collect();
+    Bars { title: "Time".into(), value: Axis::new("time", "s"), parts, rows }.draw()
+}
+
 /// The charts, each with the name of its file.
 pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
-    let applied: Vec<(&str, &Figures)> =
-        c.rows.iter().filter_map(|r| Some((r.system, r.figures.as_ref().ok()?))).collect();
-    let parts = Figures::default().time.parts().map(|(name, _)| name.to_owned()).to_vec();
-    let rows = applied.iter().map(|(n, f)| ((*n).to_owned(), f.time.parts().map(|p| p.1).to_vec())).collect();
-    let mut out = vec![("times", Bars { title: "Time".into(), value: Axis::new("time", "s"), parts, rows }.draw())];
+    let mut out = vec![("times", times(c))];
     let panel = |y: Axis, series: Vec<Series>, limits: Vec<Limit>| Panel { y, series, limits };
     let limits = c.curves.seven.unwrap_or(c.limits);
     let [focus, angle, field] =
@@ -230,20 +289,46 @@ pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
     out
 }
 
-/// All in one page.
+/// All in one page: the verdict, the times and the table to choose by, then everything else.
 pub fn page(c: &Comparison) -> String {
-    let (tables, plots) = (tables(c), plots(c));
-    let intro = format!(
-        "{} on machine {}. Limits of all systems: focal offset (FOD) {:.1} um, beam incidence (BIA) {:.1} deg, \
-         displacement of the spot {:.1} mm.",
-        c.job,
+    let (verdict, tables, plots) = (Verdict::of(c), tables(c), plots(c));
+    let table =
+        |wanted: &'static str| tables.iter().filter(move |(name, _)| *name == wanted).map(|(_, t)| Item::Table(t));
+    let plot = |wanted: &'static str| plots.iter().filter(move |(name, _)| *name == wanted).map(|(_, p)| Item::Plot(p));
+    let (answer, rest) = verdict.sentences.split_first().map_or(("", &[][..]), |(first, rest)| (first.as_str(), rest));
+    let rest = rest.join(" ");
+    let mut items = vec![Item::Answer(answer), Item::Text(&rest)];
+    items.extend(plot("times").chain(table("overview")));
+    let limits = limits(c);
+    let mut figures = vec![Item::Text(&limits)];
+    figures.extend(table("systems").chain(table("deviations")));
+    let divided: Vec<Item<'_>> =
+        table("decompositions").chain(table("seven-axis-decompositions")).chain(plot("back-off")).collect();
+    let moved: Vec<Item<'_>> =
+        table("convergence").chain(plot("axes")).chain(plot("along")).chain(plot("paths")).collect();
+    let folds = [
+        ("Limits, all figures, and how deviations are spread", &figures),
+        ("How motions are divided between scanner and stage", &divided),
+        ("Motions and their grids", &moved),
+    ];
+    items
+        .extend(folds.iter().filter(|(_, inside)| !inside.is_empty()).map(|(title, inside)| Item::Fold(title, inside)));
+    page_html(&format!("{}: comparison of marking systems", c.job), &items)
+}
+
+/// What all systems are held to, and what of the job is compared.
+fn limits(c: &Comparison) -> String {
+    let mut out = format!(
+        "Machine {}. Limits of all systems: focal offset (FOD) {:.1} um, beam incidence (BIA) {:.1} deg, displacement of \
+         the spot {:.1} mm. Marks of {:.2} m, every pass of the pens counted.",
         c.machine,
         c.limits.focus * 1000.0,
         c.limits.angle.to_degrees(),
-        c.limits.field
+        c.limits.field,
+        c.marked_mm / 1000.0
     );
-    let mut items = vec![Item::Text(&intro)];
-    items.extend(tables.iter().map(|(_, t)| Item::Table(t)));
-    items.extend(plots.iter().map(|(_, p)| Item::Plot(p)));
-    page_html(&format!("{}: comparison of marking systems", c.job), &items)
+    if c.passes > 1 {
+        out += &format!(" The job goes over the texture {} times; one of these is compared.", c.passes);
+    }
+    out
 }

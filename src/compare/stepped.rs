@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::{Figures, Split, Subject, marked, path_of};
+use super::{Figures, Hardware, Split, Subject, marked, path_of};
 use crate::diag::Error;
 use crate::geom::{Box2, FieldPoint, NM_PER_MM, Nm, P2, P3, Turn, mm_from_nm};
 use crate::job::{DepthRule, Focus, Method, Partition};
@@ -54,18 +54,25 @@ struct Measured<'a> {
     texture: Box2,
     times: Times,
     seam_mm: f64,
+    /// Marked length in the plane of the drawing, every pass of the pens counted.
+    mark_mm: f64,
+    /// How much of it is marked twice, where blocks overlap.
+    overlap_mm: f64,
 }
 
 impl<'a> Measured<'a> {
     fn of_draft(draft: &'a Draft<'a>, machine: &'a Machine) -> Self {
         let passes = draft.passes();
+        let program = draft.program();
         Self {
-            program: draft.program(),
+            program,
             machine,
             origin: draft.origin(),
             texture: passes[0].texture,
             times: draft.times(),
             seam_mm: passes.iter().map(|p| p.map.seam_mm()).sum(),
+            mark_mm: program.blocks.iter().map(|block| program.mark_mm(block)).sum(),
+            overlap_mm: 0.0,
         }
     }
 
@@ -77,42 +84,58 @@ impl<'a> Measured<'a> {
             texture: plan.passes[0].texture,
             times: plan.summary.time_s,
             seam_mm: plan.summary.seam_mm,
+            mark_mm: plan.summary.mark_mm,
+            overlap_mm: plan.summary.overlap_mm,
         }
     }
 }
 
+/// What the job file says for a method; None where the job's machine has a zoom optic, without which no job is made for
+/// it.
+fn without_zoom(subject: &Subject<'_>, method: Method) -> Option<String> {
+    subject.inputs.machine.zoom.is_none().then(|| key(method))
+}
+
+fn key(method: Method) -> String {
+    format!("partition.method = \"{}\"", method.name())
+}
+
 /// Stepped by a method.
 pub(super) fn measure_method(subject: &Subject<'_>, method: Method, task: Task<'_>) -> Result<Figures, Error> {
-    Ok(measured(subject, &Measured::of(&planned(subject, subject.machine, method, task)?)))
+    let figures = measured(subject, &Measured::of(&planned(subject, subject.machine, method, task)?));
+    Ok(Figures { job_key: without_zoom(subject, method), ..figures })
 }
 
 /// Stepped, fewest levels in each section.
 pub(super) fn z_range(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Error> {
-    Ok(measured(subject, &Measured::of(subject.z_range(task)?)))
+    let figures = measured(subject, &Measured::of(subject.z_range(task)?));
+    Ok(Figures { job_key: without_zoom(subject, Method::ZRange), ..figures })
 }
 
 /// Levels changed by a zoom optic; the stage moves for a new section, or where the optic's range ends.
 pub(super) fn zoom(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Error> {
+    const LENDER: &str = "xyz-zoom-40";
     let mut machine = subject.inputs.machine.clone();
-    let mut notes = Vec::new();
+    let hardware = if machine.zoom.is_some() { Hardware::Own } else { Hardware::WithZoom(LENDER) };
     if machine.zoom.is_none() {
-        machine.zoom = Machine::built_in("xyz-zoom-40")?.zoom;
-        notes.push("zoom optic of xyz-zoom-40 added".into());
+        machine.zoom = Machine::built_in(LENDER)?.zoom;
     }
     let plan = planned(subject, &machine, Method::ZRange, task)?;
-    Ok(Figures { notes, ..measured(subject, &Measured::of(&plan)) })
+    let job_key = Some(key(Method::ZRange));
+    Ok(Figures { hardware, job_key, ..measured(subject, &Measured::of(&plan)) })
 }
 
 /// The part tilted at every stop.
 pub(super) fn tilt(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Error> {
+    const LENDER: &str = "xyz-tilt-galvo-40";
     let mut machine = subject.machine.clone();
-    let mut notes = Vec::new();
+    let hardware = if machine.tilt.is_some() { Hardware::Own } else { Hardware::WithTilt(LENDER) };
     if machine.tilt.is_none() {
-        machine.tilt = Machine::built_in("xyz-tilt-galvo-40")?.tilt;
-        notes.push("tilt table of xyz-tilt-galvo-40 added".into());
+        machine.tilt = Machine::built_in(LENDER)?.tilt;
     }
     let plan = planned(subject, &machine, Method::Tilt, task)?;
-    Ok(Figures { notes, ..measured(subject, &Measured::of(&plan)) })
+    let job_key = without_zoom(subject, Method::Tilt);
+    Ok(Figures { hardware, job_key, ..measured(subject, &Measured::of(&plan)) })
 }
 
 /// What marks get, with time, stops and ways of a stepped plan.
@@ -125,6 +148,7 @@ fn stepping(marks: Figures, subject: &Subject<'_>, plan: &Measured<'_>) -> Figur
         model_s: Some(step_scan_s(stops, subject.move_s, zoom + mark + jump + delay)),
         by_hand_s: Some(plan.times.total + plan.machine.load_s() * program.blocks.len() as f64),
         stops,
+        marked_mm: plan.mark_mm,
         seam_mm: plan.seam_mm,
         // Two stops stand off by this much each, and independently.
         stitch_um: subject.machine.stage.accuracy.map(|a| a.as_mm() * 1000.0 * std::f64::consts::SQRT_2),
@@ -159,7 +183,12 @@ fn measured(subject: &Subject<'_>, plan: &Measured<'_>) -> Figures {
         }
     };
     let deviations: Vec<Deviation> = (0..path.len()).map(deviation).collect();
-    stepping(marked(&deviations, &path.weights(), subject.limits), subject, plan)
+    let weights = path.weights_of_passes(&program.pens);
+    let mut figures = stepping(marked(&deviations, &weights, subject.limits), subject, plan);
+    if plan.overlap_mm > 0.0 {
+        figures.notes.push(format!("{:.1} mm marked twice where blocks overlap", plan.overlap_mm));
+    }
+    figures
 }
 
 /// Puts centres and points of all blocks where they lie on the untilted part, seen along z; points in the box of the

@@ -98,6 +98,7 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
         path: path.to_owned(),
         seed: overrides.seed,
         mode,
+        mode_of_file: file.mode,
         surface,
         placement: Placement { origin, turn: file.placement.turn },
         textures,

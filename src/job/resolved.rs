@@ -34,6 +34,8 @@ pub struct Job {
     pub seed: u64,
     /// How the part is marked.
     pub mode: Mode,
+    /// What the job file says of that, whatever overrides it.
+    pub mode_of_file: Mode,
     /// The part's surface.
     pub surface: SurfaceInput,
     /// Where the part lies on the stage.

@@ -81,13 +81,11 @@ pub(super) fn stepped(
     } else {
         drop(framed);
     }
-<<<<<<< HEAD
+    let drawing = Phase::Draw.task(progress).of_steps(passes.len() + 3);
     let relief = relief(&plan.inputs.surface, passes[0].texture);
     let scene = scene::of_stepped(plan, &relief);
     filling.put("view.html", view::of_stepped(plan, &scene, &name).as_bytes())?;
-=======
-    let drawing = Phase::Draw.task(progress).of_steps(passes.len() + 2);
->>>>>>> term
+    drawing.step();
     for (k, pass) in passes.iter().enumerate() {
         let layout = layout(plan, pass, &name);
         if k == 0 {

@@ -9,6 +9,7 @@
 //! head by +1 mm moves the optical axis by +1 mm over the part; one that moves the part, by -1 mm.
 
 mod command;
+mod cost;
 mod range;
 mod tilt_axes;
 
@@ -16,6 +17,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 pub use command::{Commanded, Origin, TiltAngles};
+pub use cost::{Cost, Rate};
 pub use tilt_axes::{Letter, RotaryAxis, Tilt};
 
 use serde::{Deserialize, Serialize};
@@ -58,6 +60,9 @@ pub struct Machine {
     /// How long a person at the machine takes, where that is stated.
     #[serde(default)]
     pub operator: Option<Operator>,
+    /// What an hour costs, where that is stated.
+    #[serde(default)]
+    pub cost: Option<Cost>,
     /// A BJJCZ (LMC) card, where lists are written for one.
     #[serde(default)]
     pub lmc: Option<Lmc>,
@@ -514,6 +519,7 @@ impl Machine {
             ));
         }
         faults.extend(self.tilt.iter().flat_map(Tilt::faults));
+        faults.extend(self.cost.iter().flat_map(Cost::faults));
         faults
     }
 

@@ -115,8 +115,6 @@ struct Planned {
 
 fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Vec<Diag>) -> Result<Planned, Error> {
     let machine = &inputs.machine;
-<<<<<<< HEAD
-    progress(Phase::Order);
     let Strokes {
         program: strokes,
         origin,
@@ -127,11 +125,7 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
         shares,
         warnings: found,
         ..
-    } = strokes::in_order(job, machine, inputs, None)?;
-=======
-    let Strokes { program: strokes, origin, texture, texture_mm, skipped, shares, warnings: found, .. } =
-        strokes::in_order(job, machine, inputs, None, progress)?;
->>>>>>> term
+    } = strokes::in_order(job, machine, inputs, None, progress)?;
     warnings.extend(found);
     warnings.extend(formats(job, machine, &strokes.pens, origin)?);
     let [field, motion, _rest] = Phase::Motion.task(progress).split([1, 8, 1]);

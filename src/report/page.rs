@@ -23,7 +23,11 @@ const MORE: &str = "html{background:#fff;color-scheme:light}p{max-width:50em}.wi
 .wide svg{display:block;width:100%;max-width:960px;min-width:50em;height:auto}\
 caption{text-align:left;font-weight:600;padding:.3em 0}th{vertical-align:bottom;white-space:normal}th small{font-weight:400;color:#555}\
 td:not(:first-child).l{max-width:28em;min-width:10em}\
-@media(max-width:40em){body{margin:1em auto;font-size:15px}}@media print{.wide{overflow:visible;break-inside:avoid}.wide svg{min-width:0}}";
+.answer{font-size:1.35em;font-weight:600;margin:.6em 0 .3em}s{color:#666}\
+.aloud{position:absolute;width:1px;height:1px;overflow:hidden;clip-path:inset(50%);white-space:nowrap}\
+summary{cursor:pointer;font-weight:600;padding:.5em 0}details{border-top:1px solid #ddd}\
+.wide td:first-child,.wide th:first-child{position:sticky;left:0;background:#fff}.wide th:first-child{background:#f3f3f3}\
+@media(max-width:40em){body{margin:1em auto;font-size:15px}}@media print{details::details-content{content-visibility:visible;display:block}.wide{overflow:visible;break-inside:avoid}.wide svg{min-width:0}}";
 
 /// A piece of a page.
 #[derive(Clone, Copy, Debug)]
@@ -32,27 +36,41 @@ pub enum Item<'a> {
     Heading(&'a str),
     /// A paragraph, any text.
     Text(&'a str),
+    /// The answer that the page gives, large.
+    Answer(&'a str),
     /// A paragraph that must not be missed.
     Warning(&'a str),
     /// A table under its title.
     Table(&'a Table),
     /// A chart.
     Plot(&'a Plot),
+    /// What is shown where its title is opened; on paper it is.
+    Fold(&'a str, &'a [Item<'a>]),
 }
 
 /// The text of an HTML file.
 pub fn page_html(title: &str, items: &[Item<'_>]) -> String {
     let mut h = open(title, title, MORE);
+    append(&mut h, items);
+    h + "</body>\n</html>\n"
+}
+
+fn append(h: &mut String, items: &[Item<'_>]) {
     for item in items {
         match item {
-            Item::Heading(words) => h += &format!("<h2>{}</h2>\n", escape(words)),
-            Item::Text(words) => h += &format!("<p>{}</p>\n", escape(words)),
-            Item::Warning(words) => h += &format!("<p class=\"warn\">{}</p>\n", escape(words)),
-            Item::Table(t) => table(&mut h, t),
-            Item::Plot(plot) => h += &format!("<div class=\"wide\">{}</div>\n", plot.element()),
+            Item::Heading(words) => *h += &format!("<h2>{}</h2>\n", escape(words)),
+            Item::Text(words) => *h += &format!("<p>{}</p>\n", escape(words)),
+            Item::Answer(words) => *h += &format!("<p class=\"answer\">{}</p>\n", escape(words)),
+            Item::Warning(words) => *h += &format!("<p class=\"warn\">{}</p>\n", escape(words)),
+            Item::Table(t) => table(h, t),
+            Item::Plot(plot) => *h += &format!("<div class=\"wide\">{}</div>\n", plot.element()),
+            Item::Fold(title, inside) => {
+                *h += &format!("<details>\n<summary>{}</summary>\n", escape(title));
+                append(h, inside);
+                *h += "</details>\n";
+            }
         }
     }
-    h + "</body>\n</html>\n"
 }
 
 fn table(h: &mut String, table: &Table) {
@@ -74,7 +92,13 @@ fn table(h: &mut String, table: &Table) {
     for r in 0..table.rows().len() {
         *h += "<tr>";
         for (c, column) in table.columns().iter().enumerate() {
-            *h += &format!("<td{}>{}</td>", class(column.is_right()), escape(&table.shown(r, c)));
+            let mut shown = escape(&table.shown(r, c));
+            if table.is_struck(r, c) {
+                // What is read aloud says it once a row.
+                let aloud = if c == 0 { "<span class=\"aloud\">not usable: </span>" } else { "" };
+                shown = format!("{aloud}<s>{shown}</s>");
+            }
+            *h += &format!("<td{}>{shown}</td>", class(column.is_right()));
         }
         *h += "</tr>\n";
     }

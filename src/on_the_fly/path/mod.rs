@@ -215,10 +215,19 @@ impl Path {
 
     /// Half of the marked length on either side of each node: how much its figures count.
     pub fn weights(&self) -> Vec<f64> {
+        self.weighted(|_| 1.0)
+    }
+
+    /// The same with every pass of the pens counted.
+    pub fn weights_of_passes(&self, pens: &[Pen]) -> Vec<f64> {
+        self.weighted(|pen| f64::from(pens[pen.index()].passes))
+    }
+
+    fn weighted(&self, times: impl Fn(PenId) -> f64) -> Vec<f64> {
         let mut out = vec![0.0; self.len()];
         for (i, w) in self.nodes.windows(2).enumerate() {
-            if w[1].pen.is_some() {
-                let half = stretch(w) / 2.0;
+            if let Some(pen) = w[1].pen {
+                let half = times(pen) * stretch(w) / 2.0;
                 out[i] += half;
                 out[i + 1] += half;
             }

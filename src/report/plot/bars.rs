@@ -2,13 +2,13 @@
 
 use svg::Node;
 
-use super::canvas::{Canvas, FONT, MARGIN, SMALL, Swatch, foot};
+use super::canvas::{Canvas, FONT, MARGIN, SMALL, Swatch, foot, tenth};
 use super::ticks::{Ends, Ruler, brief, is_shown};
-use super::{Axis, Bars, Plot, WIDTH, words};
+use super::{Axis, Bar, Bars, Plot, WIDTH, words};
 use crate::manifest::duration;
 use crate::report::colour::{self, Colour, hex};
 use crate::report::legend::PARTS;
-use crate::report::sheet::{rectangle, text, titled};
+use crate::report::sheet::{el, rectangle, text, titled};
 
 /// Height of a bar, and from one to the next.
 const HIGH: f64 = 24.0;
@@ -25,9 +25,9 @@ impl Bars {
         let entries: Vec<(&str, Swatch)> =
             self.parts.iter().zip(&colours).map(|(name, &c)| (name.as_str(), Swatch::Fill(c))).collect();
         canvas.legend(&entries);
-        let totals: Vec<Option<f64>> = self.rows.iter().map(|(_, parts)| total(parts)).collect();
+        let totals: Vec<Option<f64>> = self.rows.iter().map(|row| total(&row.parts)).collect();
         let most = totals.iter().flatten().copied().fold(0.0, f64::max);
-        let names: Vec<Vec<String>> = self.rows.iter().map(|(name, _)| two_lines(name)).collect();
+        let names: Vec<Vec<String>> = self.rows.iter().map(|row| two_lines(&row.name)).collect();
         let widest = names.iter().flatten().map(|line| words::width(line, FONT)).fold(0.0, f64::max);
         let ends = totals.iter().map(|&t| words::bold_width(&self.said(t), FONT).min(TOTAL)).fold(20.0, f64::max);
         let (left, right) = (MARGIN + widest + 10.0, WIDTH - MARGIN - ends - 10.0);
@@ -38,7 +38,7 @@ impl Bars {
         let rect = [left, top, right, top + PITCH * self.rows.len() as f64];
         canvas.frame(rect, &x, None, true);
         let scale = if most > 0.0 { (right - left) / most } else { 0.0 };
-        for (k, ((_, parts), total)) in self.rows.iter().zip(&totals).enumerate() {
+        for (k, (Bar { parts, is_hatched, .. }, total)) in self.rows.iter().zip(&totals).enumerate() {
             let middle = top + PITCH * (k as f64 + 0.5);
             for (n, line) in names[k].iter().enumerate() {
                 let y = middle + 15.0 * (n as f64 - (names[k].len() - 1) as f64 / 2.0);
@@ -47,9 +47,13 @@ impl Bars {
             let mut at = left;
             for (part, &v) in parts.iter().enumerate().filter(|(_, v)| is_shown(**v, true)) {
                 let colour = colours.get(part).copied().unwrap_or(colour::SPARE);
+                let colour = (!is_hatched).then_some(colour);
                 let name = self.parts.get(part).map_or("", String::as_str);
                 self.part(&mut canvas, [at, middle, at + v * scale], colour, name, v);
                 at += v * scale;
+            }
+            if *is_hatched {
+                hatch(&mut canvas, [left, middle, at]);
             }
             let mut t = text(
                 [at + 8.0, middle + 0.36 * FONT],
@@ -64,14 +68,15 @@ impl Bars {
         canvas.finish()
     }
 
-    /// A part of a bar from left to right about its middle, with its value where that has room.
-    fn part(&self, canvas: &mut Canvas, [x0, y, x1]: [f64; 3], colour: Colour, name: &str, v: f64) {
+    /// A part of a bar from left to right about its middle, with its value where that has room; of no colour it is grey
+    /// and will be hatched.
+    fn part(&self, canvas: &mut Canvas, [x0, y, x1]: [f64; 3], colour: Option<Colour>, name: &str, v: f64) {
         let said = self.said(Some(v));
-        let fill = hex(colour);
+        let fill = hex(colour.unwrap_or(colour::SPARE));
         let look = [("fill", fill.as_str()), ("stroke", "#fff"), ("stroke-width", "0.8")];
         let bar = rectangle([x0, y - HIGH / 2.0, x1, y + HIGH / 2.0], &look);
         canvas.push(titled(bar, crate::report::clean(&format!("{name}: {said}"))));
-        if words::width(&said, SMALL) + 8.0 <= x1 - x0 {
+        if let Some(colour) = colour.filter(|_| words::width(&said, SMALL) + 8.0 <= x1 - x0) {
             let mut t = text([(x0 + x1) / 2.0, y + 0.36 * SMALL], SMALL, "middle", &said);
             t.assign("fill", if colour::is_dark(colour) { "#fff" } else { "#111" });
             canvas.push(t);
@@ -99,6 +104,23 @@ impl Bars {
             _ => ("days", 86_400.0),
         };
         (Axis::new(&self.value.name, unit), s)
+    }
+}
+
+/// Lines across a bar from left to right about its middle.
+fn hatch(canvas: &mut Canvas, [x0, y, x1]: [f64; 3]) {
+    const APART: f64 = 8.0;
+    let foot = y + HIGH / 2.0;
+    let count = ((x1 - x0 + HIGH) / APART) as usize;
+    let lines = (1..=count).map(|k| {
+        // Rises to the right from where it meets the foot, as far as it lies in the bar.
+        let from = x0 + APART * k as f64 - HIGH;
+        let [a, b] = [from.max(x0), (from + HIGH).min(x1)];
+        format!("M{} {}L{} {}", tenth(a), tenth(foot - (a - from)), tenth(b), tenth(foot - (b - from)))
+    });
+    let d: String = lines.collect();
+    if !d.is_empty() {
+        canvas.push(el("path", &[("fill", "none"), ("stroke", "#fff"), ("stroke-width", "1.5"), ("d", &d)]));
     }
 }
 

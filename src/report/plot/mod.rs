@@ -168,8 +168,19 @@ pub struct Bars {
     pub value: Axis,
     /// Names of the parts.
     pub parts: Vec<String>,
-    /// Name of a bar and its parts in their order; one without parts is shown as "-".
-    pub rows: Vec<(String, Vec<f64>)>,
+    /// The bars.
+    pub rows: Vec<Bar>,
+}
+
+/// A bar of [`Bars`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bar {
+    /// Its name.
+    pub name: String,
+    /// Its parts in their order; one without parts is shown as "-".
+    pub parts: Vec<f64>,
+    /// It is drawn in grey, hatched: what it shows must not be used.
+    pub is_hatched: bool,
 }
 
 /// Paths in the plane, equal scales both ways.

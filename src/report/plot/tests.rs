@@ -145,13 +145,14 @@ fn along() -> Plot {
 }
 
 fn bars() -> Plot {
-    let row = |name: &str, parts: &[f64]| (name.to_owned(), parts.to_vec());
+    let row = |name: &str, parts: &[f64]| Bar { name: name.to_owned(), parts: parts.to_vec(), is_hatched: false };
+    let hatched = |row: Bar| Bar { is_hatched: true, ..row };
     Bars {
         title: "Where the time goes".into(),
         value: Axis::new("time", "s"),
         parts: ["mark", "jump", "delay", "stage", "settle", "rest", "turning"].map(str::to_owned).to_vec(),
         rows: vec![
-            row("flat field tiling", &[1200.0, 300.0, 80.0, 400.0, 120.0]),
+            hatched(row("flat field tiling", &[1200.0, 300.0, 80.0, 400.0, 120.0])),
             row("stepped, window", &[1200.0, 500.0, 120.0, 4100.0, 2400.0]),
             row("7-axis on the fly, Gaussian, sigma by bisection", &[1900.0, 0.0, 0.0, 0.0, 0.0, 30.0, 300.0]),
             row("5-axis linkage", &[]),
@@ -326,6 +327,37 @@ fn bars_are_as_long_as_their_parts_and_end_with_their_sum() {
 }
 
 #[test]
+fn a_hatched_bar_is_grey_with_lines_across_it_and_no_colours_of_its_parts() {
+    let bar = |name: &str, is_hatched| Bar { name: name.into(), parts: vec![30.0, 20.0], is_hatched };
+    let drawn = |rows| {
+        let parts = vec!["mark".into(), "jump".into()];
+        Bars { title: "t".into(), value: Axis::new("time", "s"), parts, rows }.draw()
+    };
+    let (usual, hatched) = (drawn(vec![bar("a", false)]), drawn(vec![bar("a", true)]));
+    let count = |plot: &Plot, what: &str| plot.file().matches(what).count();
+    let grey = hex(crate::report::colour::SPARE);
+    assert_eq!([count(&usual, &grey), count(&hatched, &grey)], [0, 2]);
+    assert_eq!(count(&hatched, "stroke-width=\"1.5\""), 1);
+    // The values in the parts would stand under the lines; the sum stays.
+    assert!(has(&check(&usual), "30.0 s") && !has(&check(&hatched), "30.0 s") && has(&check(&hatched), "50.0 s"));
+    // Every line of the hatch lies in the bar.
+    let file = hatched.file();
+    let document = roxmltree::Document::parse(&file).expect("well-formed");
+    let parts = document.descendants().filter(|n| n.has_tag_name("rect") && n.attribute("fill") == Some(&grey));
+    let parts: Vec<[f64; 4]> =
+        parts.map(|n| [number(n, "x"), number(n, "y"), number(n, "width"), number(n, "height")]).collect();
+    let [left, top, high] = [parts[0][0], parts[0][1], parts[0][3]];
+    let right = parts[1][0] + parts[1][2];
+    let hatch = document.descendants().find(|n| n.attribute("stroke-width") == Some("1.5")).expect("a hatch");
+    let d = hatch.attribute("d").expect("lines").replace(['M', 'L'], " ");
+    let at: Vec<f64> = d.split_whitespace().map(|v| v.parse().expect("a number")).collect();
+    assert!(at.len() > 40);
+    for p in at.chunks_exact(2) {
+        assert!(p[0] >= left - 0.1 && p[0] <= right + 0.1 && p[1] >= top - 0.1 && p[1] <= top + high + 0.1, "{p:?}");
+    }
+}
+
+#[test]
 fn a_path_has_equal_scales() {
     let square = vec![[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [0.0, 1.0], [0.0, 0.0]];
     for far in [0.0, 50.0, 0.0001] {
@@ -404,7 +436,10 @@ fn charts_of_random_data_are_well_formed() {
         check(&LineChart { title: title.clone(), x: x.clone(), panels, limits: limits.clone() }.draw());
         let of = series.iter().map(|s| (s.name.clone(), s.points.clone())).collect();
         check(&Distribution { title: title.clone(), x: x.clone(), of: title.clone(), series: of, limits }.draw());
-        let rows = names.iter().map(|n| (n.clone(), points.iter().map(|p| p[0].atan() * by).collect())).collect();
+        let parts: Vec<f64> = points.iter().map(|p| p[0].atan() * by).collect();
+        let bar =
+            |(k, name): (usize, &String)| Bar { name: name.clone(), parts: parts.clone(), is_hatched: k % 2 == 1 };
+        let rows = names.iter().enumerate().map(bar).collect();
         check(&Bars { title: title.clone(), value: x, parts: names, rows }.draw());
         check(&Paths { title: title.clone(), x: title.clone(), y: title, unit: "mm".into(), series }.draw());
     }

@@ -166,6 +166,8 @@ pub struct Table {
     columns: Vec<Column>,
     keys: Vec<String>,
     rows: Vec<Vec<Cell>>,
+    /// Of each row whether it is struck out.
+    struck: Vec<bool>,
 }
 
 impl Table {
@@ -182,7 +184,7 @@ impl Table {
             }
             keys.push(free);
         }
-        Self { title: plain_line(title), columns, keys, rows: Vec::new() }
+        Self { title: plain_line(title), columns, keys, rows: Vec::new(), struck: Vec::new() }
     }
 
     /// Adds a row.
@@ -209,6 +211,22 @@ impl Table {
             assert!(fits, "{} cannot hold {cell:?}", column.name);
         }
         self.rows.push(cells);
+        self.struck.push(false);
+    }
+
+    /// Adds a row that must not be used, struck out in Markdown and HTML but for its last cell, which says why.
+    ///
+    /// # Panics
+    /// As [`Table::row`].
+    pub fn push_struck(&mut self, cells: Vec<Cell>) {
+        self.push(cells);
+        self.struck.pop();
+        self.struck.push(true);
+    }
+
+    /// Whether a cell is struck out.
+    pub fn is_struck(&self, row: usize, column: usize) -> bool {
+        self.struck[row] && column + 1 < self.columns.len()
     }
 
     /// Its title, one line.
@@ -300,7 +318,11 @@ impl Table {
         );
         line(self.columns.iter().map(|c| if c.is_right() { "---:" } else { "---" }.into()).collect());
         for r in 0..self.rows.len() {
-            line((0..self.columns.len()).map(|c| escaped(&self.shown(r, c))).collect());
+            let cell = |c: usize| {
+                let text = escaped(&self.shown(r, c));
+                if self.is_struck(r, c) && !text.is_empty() { format!("~~{text}~~") } else { text }
+            };
+            line((0..self.columns.len()).map(cell).collect());
         }
         out
     }

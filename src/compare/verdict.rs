@@ -1,0 +1,363 @@
+//! Which system to use, and what the others would win or lose, in words.
+//!
+//! Consumes the rows of a comparison and nothing else; promises that what is recommended keeps every limit with every
+//! mark, runs on the job's own machine, and is the fastest of those that `compile` makes. The time that counts is that
+//! of [`Figures::counted_s`]. Of systems of one kind the sentences tell the fastest; all others are in the table.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::system::Kind;
+use super::{Beyond, Comparison, Figures, Hardware, Row, SYSTEMS};
+use crate::manifest::duration;
+use crate::report::table::plain;
+
+/// Times nearer to each other than this factor are as long.
+const ALIKE: f64 = 1.05;
+/// Factors within this of 2 are a half or a double.
+const ROUND: f64 = 0.1;
+/// Differences of incidence that are told, deg.
+const TOLD_DEG: f64 = 0.5;
+
+/// How a system stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Standing {
+    /// The one to use.
+    Recommended,
+    /// Runs on the job's machine within all limits.
+    Usable,
+    /// Keeps all limits, on a machine with more than the job's has.
+    OtherHardware,
+    /// Keeps all limits on the job's machine, but `compile` does not make it.
+    EstimateOnly,
+    /// Some marks, or the motion, do not keep the limits.
+    BeyondLimits,
+    /// There are no figures of it.
+    DoesNotApply,
+}
+
+/// One system.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Assessed {
+    /// Its name.
+    pub system: &'static str,
+    /// How it stands.
+    pub standing: Standing,
+    /// The time that counts, s.
+    pub time_s: Option<f64>,
+    /// That time as a multiple of the recommended system's.
+    pub times_the_recommended: Option<f64>,
+    /// Why it is beyond the limits or does not apply.
+    pub reasons: Vec<String>,
+}
+
+/// What a comparison comes to.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Verdict {
+    /// The system to use; None where none on the job's machine keeps the limits.
+    pub recommended: Option<&'static str>,
+    /// The key of the job file that asks for it.
+    pub job_key: Option<String>,
+    /// The same in words, the answer first.
+    pub sentences: Vec<String>,
+    /// All systems in the order of the table.
+    pub systems: Vec<Assessed>,
+}
+
+impl Verdict {
+    /// Of a comparison.
+    pub fn of(c: &Comparison) -> Self {
+        let rows = Rows(c);
+        let best = rows.fastest(|f| f.hardware == Hardware::Own && f.job_key.is_some());
+        let systems = c.rows.iter().map(|row| rows.assessed(row, best)).collect();
+        Self {
+            recommended: best.map(|best| best.system),
+            job_key: best.and_then(|best| best.figures.job_key.clone()),
+            sentences: rows.sentences(best),
+            systems,
+        }
+    }
+
+    /// What a system is like in a few words, for the table.
+    pub fn note(&self, system: usize) -> String {
+        let Assessed { standing, times_the_recommended, reasons, .. } = &self.systems[system];
+        let compared = || times_the_recommended.map_or("within the limits".to_owned(), note_of_ratio);
+        match standing {
+            Standing::Recommended => "recommended".to_owned(),
+            Standing::Usable | Standing::OtherHardware => compared(),
+            Standing::EstimateOnly => format!("{}, estimate only", compared()),
+            Standing::BeyondLimits => format!("not usable: {}", reasons.join("; ")),
+            Standing::DoesNotApply => format!("does not apply: {}", reasons.join("; ")),
+        }
+    }
+}
+
+/// A system with its figures.
+#[derive(Clone, Copy)]
+struct Timed<'a> {
+    system: &'static str,
+    kind: Kind,
+    figures: &'a Figures,
+    time_s: f64,
+}
+
+/// The rows to judge by.
+struct Rows<'a>(&'a Comparison);
+
+impl<'a> Rows<'a> {
+    /// The rows that have figures.
+    fn timed(&self) -> impl Iterator<Item = Timed<'a>> {
+        let by_hand = self.0.by_hand;
+        self.0.rows.iter().filter_map(move |row| {
+            let figures = row.figures.as_ref().ok()?;
+            Some(Timed { system: row.system, kind: kind(row.system), figures, time_s: figures.counted_s(by_hand) })
+        })
+    }
+
+    /// The fastest of those within the limits; of some that are as fast the first.
+    fn fastest(&self, also: impl Fn(&Figures) -> bool) -> Option<Timed<'a>> {
+        let fit = self.timed().filter(|t| t.figures.keeps_limits() && also(t.figures));
+        fit.min_by(|a, b| a.time_s.total_cmp(&b.time_s))
+    }
+
+    fn assessed(&self, row: &Row, best: Option<Timed<'_>>) -> Assessed {
+        let (standing, reasons) = match &row.figures {
+            Err(e) => {
+                let why = e.diags().iter().map(|d| d.message.clone()).collect();
+                (Standing::DoesNotApply, why)
+            }
+            Ok(_) if best.is_some_and(|best| best.system == row.system) => (Standing::Recommended, Vec::new()),
+            Ok(f) if !f.keeps_limits() => (Standing::BeyondLimits, f.beyond.iter().map(Beyond::to_string).collect()),
+            Ok(f) if f.hardware != Hardware::Own => (Standing::OtherHardware, Vec::new()),
+            Ok(f) if f.job_key.is_none() => (Standing::EstimateOnly, Vec::new()),
+            Ok(_) => (Standing::Usable, Vec::new()),
+        };
+        let time_s = row.figures.as_ref().ok().map(|f| f.counted_s(self.0.by_hand));
+        let times_the_recommended = time_s.zip(best).map(|(time_s, best)| time_s / best.time_s);
+        Assessed { system: row.system, standing, time_s, times_the_recommended, reasons }
+    }
+
+    fn sentences(&self, best: Option<Timed<'_>>) -> Vec<String> {
+        let mut out = match best {
+            Some(best) => self.recommendation(best),
+            None => self.no_recommendation(),
+        };
+        for group in [Kind::Stepped, Kind::Zoom, Kind::Tilt, Kind::OnTheFly, Kind::SevenAxes, Kind::FiveAxes] {
+            let told = best.is_some_and(|best| best.kind == group);
+            let fit = self.timed().filter(|t| t.kind == group && t.figures.keeps_limits());
+            if let Some(other) = fit.min_by(|a, b| a.time_s.total_cmp(&b.time_s)).filter(|_| !told) {
+                out.push(said(other, best));
+            }
+        }
+        out.extend(self.beyond_limits());
+        out.extend(self.not_applicable());
+        out
+    }
+
+    /// What to use.
+    fn recommendation(&self, best: Timed<'_>) -> Vec<String> {
+        let what = match best.kind {
+            Kind::Stepped => format!("Step by {}", best.system),
+            Kind::Zoom => "Step with the zoom optic".to_owned(),
+            Kind::Tilt => "Step with the part tilted at every stop".to_owned(),
+            Kind::OnTheFly => "Mark on the fly".to_owned(),
+            Kind::SevenAxes => "Mark on the fly with seven axes".to_owned(),
+            Kind::FiveAxes => "Mark with five axes".to_owned(),
+        };
+        let cost = self.0.cost_of(best.figures).zip(self.0.cost);
+        let cost = cost.map_or(String::new(), |(v, cost)| format!(", {} {}", plain(v, 2), cost.currency()));
+        let is_loaded = self.0.by_hand && best.figures.by_hand_s.is_some();
+        let loaded = if is_loaded { " with files loaded by hand" } else { "" };
+        let mut out = vec![format!("{what}: {}{loaded}{cost}, all in focus.", duration(best.time_s))];
+        out.extend(best.figures.job_key.as_ref().map(|key| format!("In the job file: {key}.")));
+        out
+    }
+
+    /// That nothing can be recommended, and what comes nearest to it.
+    fn no_recommendation(&self) -> Vec<String> {
+        let mut out = vec![format!("None of these systems keeps all limits on {}.", self.0.machine)];
+        let nearly = |t: &Timed<'_>| {
+            let made = t.figures.hardware == Hardware::Own && t.figures.job_key.is_some();
+            made && matches!(t.figures.beyond[..], [Beyond::Incidence(_)])
+        };
+        let nearest = self.timed().filter(nearly).min_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        out.extend(nearest.map(|t| {
+            let [worst, allowed] = [t.figures.incidence_deg.worst, self.0.limits.angle.to_degrees()];
+            let [worst, allowed] = apart(worst, allowed);
+            format!(
+                "{} takes {}, all in focus, but beams meet the part at up to {worst} deg; limits.warn_incidence allows \
+                 {allowed} deg.",
+                t.system,
+                duration(t.time_s)
+            )
+        }));
+        out
+    }
+
+    /// Which systems must not be used, those of one reason together.
+    fn beyond_limits(&self) -> Option<String> {
+        let out = self.timed().filter(|t| !t.figures.keeps_limits()).map(|t| {
+            let reasons: Vec<String> = t.figures.beyond.iter().map(Beyond::to_string).collect();
+            (t.system, reasons.join("; "))
+        });
+        let groups = by_reason(out);
+        let told: Vec<String> = groups.iter().map(|(names, why)| format!("{} ({why})", listed(names))).collect();
+        (!told.is_empty()).then(|| format!("Beyond the limits: {}.", told.join(", ")))
+    }
+
+    /// Which systems have no figures, those of one reason together.
+    fn not_applicable(&self) -> Vec<String> {
+        let out = self.0.rows.iter().filter_map(|row| {
+            let e = row.figures.as_ref().err()?;
+            Some((row.system, e.diags().first().map_or_else(String::new, |d| d.message.clone())))
+        });
+        let told = |(names, why): &(Vec<&str>, String)| {
+            let verb = if names.len() > 1 { "do" } else { "does" };
+            format!("{} {verb} not apply: {why}.", listed(names))
+        };
+        by_reason(out).iter().map(told).collect()
+    }
+}
+
+impl Figures {
+    /// All limits are kept by all marks and by the motion.
+    pub fn keeps_limits(&self) -> bool {
+        self.beyond.is_empty() && self.within >= 100.0
+    }
+}
+
+fn kind(system: &str) -> Kind {
+    SYSTEMS.iter().find(|s| s.name == system).map_or(Kind::Stepped, |s| s.kind)
+}
+
+/// What a system would win or lose against the best, and why where the figures tell.
+fn said(other: Timed<'_>, best: Option<Timed<'_>>) -> String {
+    let Timed { figures, .. } = other;
+    let (what, is_many) = subject(other);
+    let Some(best) = best else {
+        let verb = if is_many { "take" } else { "takes" };
+        return format!("{what} {verb} {}, within all limits.", duration(other.time_s));
+    };
+    let ratio = other.time_s / best.time_s;
+    let mut out = format!("{what} {}", verb_of_ratio(ratio, is_many));
+    if ratio > ALIKE && figures.is_held_by_z {
+        out += ", because z must go with every line";
+    }
+    let [here, there] = [figures.incidence_deg.worst, best.figures.incidence_deg.worst];
+    if there - here >= TOLD_DEG {
+        let [here, there] = apart(here, there);
+        out += &format!(", with beams at up to {here} instead of {there} deg");
+    }
+    out + "."
+}
+
+/// A system as the subject of a sentence, and whether that is a plural.
+fn subject(t: Timed<'_>) -> (String, bool) {
+    let what = match (t.kind, t.figures.hardware) {
+        (Kind::Stepped, _) => format!("Stepping by {}", t.system),
+        (Kind::Zoom, Hardware::Own) => "The zoom optic".to_owned(),
+        (Kind::Zoom, _) => "A zoom optic".to_owned(),
+        (Kind::Tilt, Hardware::Own) => "The tilt table".to_owned(),
+        (Kind::Tilt, _) => "A tilt table".to_owned(),
+        (Kind::OnTheFly, _) if t.system == "sync-bands" => "Marking on the fly in bands of depth".to_owned(),
+        (Kind::OnTheFly, _) => "Marking on the fly".to_owned(),
+        (Kind::SevenAxes, _) => "Seven axes".to_owned(),
+        (Kind::FiveAxes, _) => "Five axes".to_owned(),
+    };
+    let whose = match t.figures.hardware {
+        Hardware::Own => String::new(),
+        Hardware::WithZoom(of) | Hardware::WithTilt(of) | Hardware::Other(of) => format!(" (that of {of})"),
+        Hardware::Synchronised => " (with a controller that moves scanner and stage together)".to_owned(),
+    };
+    let is_many = matches!(t.kind, Kind::SevenAxes | Kind::FiveAxes);
+    let whose = if is_many { whose.replace("that of", "those of") } else { whose };
+    (what + &whose, is_many)
+}
+
+/// A multiple of the recommended time, for a table.
+fn note_of_ratio(ratio: f64) -> String {
+    match ratio {
+        r if r > ALIKE => format!("{} times slower", factor(r)),
+        r if r < 1.0 / ALIKE => format!("{} times faster", factor(1.0 / r)),
+        _ => "as fast".to_owned(),
+    }
+}
+
+/// A multiple of the recommended time, as a verb with its object.
+fn verb_of_ratio(ratio: f64, is_many: bool) -> String {
+    let [be, take, halve] = if is_many { ["are", "take", "halve"] } else { ["is", "takes", "halves"] };
+    let is_two = |factor: f64| (factor - 2.0).abs() <= ROUND;
+    match ratio {
+        r if is_two(1.0 / r) => format!("{halve} it"),
+        r if is_two(r) => format!("{take} twice as long"),
+        r if r > ALIKE || r < 1.0 / ALIKE => format!("{be} {}", note_of_ratio(r)),
+        _ => format!("{take} as long"),
+    }
+}
+
+/// A factor with as many digits as it is worth.
+fn factor(v: f64) -> String {
+    let text = plain(v, if v < 9.95 { 1 } else { 0 });
+    text.strip_suffix(".0").map_or(text.clone(), str::to_owned)
+}
+
+/// A value and its limit, each with three digits or as many more as tell them apart.
+fn apart(value: f64, limit: f64) -> [String; 2] {
+    const MOST: usize = 4;
+    let shown = |v: f64, more: usize| {
+        let digits = match v.abs() {
+            ..0.1 => 3,
+            ..1.0 => 2,
+            ..100.0 => 1,
+            _ => 0,
+        };
+        let text = plain(v, digits + more);
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    };
+    let both = |more: usize| [value, limit].map(|v| shown(v, more));
+    (0..MOST).map(both).find(|[a, b]| a != b).unwrap_or_else(|| both(MOST))
+}
+
+/// Names that share a text, in the order in which they come.
+fn by_reason(all: impl Iterator<Item = (&'static str, String)>) -> Vec<(Vec<&'static str>, String)> {
+    let mut out: Vec<(Vec<&'static str>, String)> = Vec::new();
+    for (name, why) in all {
+        match out.iter_mut().find(|(_, known)| *known == why) {
+            Some((names, _)) => names.push(name),
+            None => out.push((vec![name], why)),
+        }
+    }
+    out
+}
+
+/// "a", "a and b", "a, b and c".
+fn listed(names: &[&str]) -> String {
+    match names {
+        [first @ .., last] if !first.is_empty() => format!("{} and {last}", first.join(", ")),
+        _ => names.concat(),
+    }
+}
+
+impl fmt::Display for Beyond {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Focus([worst, allowed]) => {
+                let (unit, by) = if *worst >= 1000.0 { ("mm", 1000.0) } else { ("um", 1.0) };
+                let [worst, allowed] = apart(worst / by, allowed / by);
+                write!(f, "{worst} {unit} out of focus, {allowed} {unit} allowed")
+            }
+            Self::Incidence([worst, allowed]) => {
+                let [worst, allowed] = apart(*worst, *allowed);
+                write!(f, "beam incidence {worst} deg, {allowed} deg allowed")
+            }
+            Self::Displacement([worst, allowed]) => {
+                let [worst, allowed] = apart(*worst, *allowed);
+                write!(f, "displacement {worst} mm, {allowed} mm allowed")
+            }
+            Self::TooSharp => write!(f, "some marks turn or rise too sharply to be followed in focus"),
+            Self::Travel(axes) => write!(f, "{axes}"),
+        }
+    }
+}
