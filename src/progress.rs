@@ -1,7 +1,7 @@
 //! How far a long task is, in whole percent.
 //!
-//! A [`Task`] is divided into smaller ones before work begins, each with its share of the whole, and the smallest count
-//! steps. Any thread may count: a step costs one atomic addition, so loops count chunks of work and not what is in them.
+//! A [`Task`] is divided into smaller ones before work begins, each with its share of the whole, and the smallest
+//! count steps. Any thread may count: a step costs two atomic additions, so loops count chunks of work.
 //! What is counted is told to one function, from 0 to 100, rising, each percent once at most. Nothing that is computed
 //! depends on it.
 

@@ -3,7 +3,7 @@
 
 use super::Limits;
 use crate::diag::{Diag, Place};
-use crate::geom::{Nm, mm_from_nm};
+use crate::geom::{Box2, Nm, P2, Turned, mm_from_nm};
 use crate::program::{Block, BlockId, Program};
 
 /// The limits that a program breaks.
@@ -34,37 +34,94 @@ fn share(found: &Excess, program: &Program) -> String {
     format!("{} of {} stops", found.blocks, program.blocks.len())
 }
 
+/// The positions of an axis against its travel, nm or millionths of a degree.
+pub(crate) struct Reach {
+    /// The lowest and the highest position.
+    pub(crate) ends: [i64; 2],
+    /// The travel.
+    pub(crate) travel: [i64; 2],
+    /// How many positions there are.
+    pub(crate) all: usize,
+    /// How many lie below the travel and how many above it.
+    pub(crate) beyond: [usize; 2],
+    /// Which lies farthest beyond it.
+    pub(crate) worst: usize,
+}
+
+impl Reach {
+    /// Of the positions of one axis.
+    pub(crate) fn of(positions: impl Iterator<Item = i64>, travel: [i64; 2]) -> Self {
+        let mut found = Self { ends: [i64::MAX, i64::MIN], travel, all: 0, beyond: [0; 2], worst: 0 };
+        let mut most = 0;
+        for (i, at) in positions.enumerate() {
+            let over = [travel[0] - at, at - travel[1]];
+            (0..2).for_each(|side| found.beyond[side] += usize::from(over[side] > 0));
+            found.ends = [found.ends[0].min(at), found.ends[1].max(at)];
+            found.all += 1;
+            let over = over[0].max(over[1]);
+            if over > most {
+                (most, found.worst) = (over, i);
+            }
+        }
+        found
+    }
+
+    /// Whether all lie in the travel.
+    pub(crate) fn holds(&self) -> bool {
+        self.beyond == [0; 2]
+    }
+
+    /// "x beyond travel: by 40 mm below its lower end at 32 of 32 stops; needed are -250 to 90 mm, ...".
+    pub(crate) fn text(&self, name: &str, unit: &str, what: &str) -> String {
+        let by = [self.travel[0] - self.ends[0], self.ends[1] - self.travel[1]].map(mm_from_nm);
+        let sides = ["below its lower end", "above its upper end"];
+        let sides: Vec<String> = (0..2)
+            .filter(|&side| self.beyond[side] > 0)
+            .map(|side| {
+                format!("by {} {unit} {} at {} of {} {what}", by[side], sides[side], self.beyond[side], self.all)
+            })
+            .collect();
+        let [[from, to], [lo, hi]] = [self.ends, self.travel].map(|ends| ends.map(mm_from_nm));
+        let sides = sides.join(" and ");
+        format!("{name} beyond travel {sides}: needed are {from} to {to} {unit}, the travel is {lo} to {hi} {unit}")
+    }
+
+    /// The positions of the part's origin that bring all into the travel, by whole `step`s from where it is; None where
+    /// none does. A command is `sign` * (place on the part + origin).
+    pub(crate) fn origins(&self, origin: i64, sign: i64, step: i64) -> Option<[i64; 2]> {
+        let up = (self.travel[0] - self.ends[0] + step - 1).div_euclid(step) * step;
+        let down = (self.travel[1] - self.ends[1]).div_euclid(step) * step;
+        let [a, b] = if sign > 0 { [up, down] } else { [-down, -up] };
+        (a <= b).then_some([origin + a, origin + b])
+    }
+}
+
+/// Which origins fit along an axis.
+pub(crate) fn fits(name: &str, origins: [i64; 2]) -> String {
+    let [a, b] = origins.map(mm_from_nm);
+    format!("a placement.origin with {name} between {a} and {b} mm fits")
+}
+
 /// Stops beyond the travel of axis `k`.
 fn travel(program: &Program, limits: &Limits<'_>, k: usize) -> Option<Diag> {
     let (name, axis) = limits.machine.axes()[k];
-    let [lo, hi] = axis.travel_nm().map(|Nm(end)| end);
-    let found = excess(program, |b| (lo - b.stage[k]).max(b.stage[k] - hi))?;
-    let ends = program.blocks.iter().fold([i64::MAX, i64::MIN], |[a, b], block| {
-        let at = block.stage[k];
-        [a.min(at), b.max(at)]
-    });
-    let [from, to] = ends.map(mm_from_nm);
-    let text = format!(
-        "{name} would have to travel from {from} to {to} mm, but its travel is {} to {} mm: {} are out of range, by \
-         up to {} mm",
-        mm_from_nm(lo),
-        mm_from_nm(hi),
-        share(&found, program),
-        mm_from_nm(found.by)
-    );
+    let reach = Reach::of(program.blocks.iter().map(|b| b.stage[k]), axis.travel_nm().map(|Nm(end)| end));
+    if reach.holds() {
+        return None;
+    }
     let upright = program.blocks.iter().all(|b| b.stop.tilt.is_upright());
-    let hint = if ends[1] - ends[0] > hi - lo || limits.origins.len() > 1 {
-        too_long(limits, k)
-    } else if let ([origin], true) = (limits.origins, upright) {
-        // A command is sign * (place on the part + origin), so the origin may move by what both ends leave.
-        let room = [lo - ends[0], hi - ends[1]];
-        let [a, b] = if axis.sign() > 0 { room } else { [-room[1], -room[0]] };
-        let [a, b] = [a, b].map(|by| mm_from_nm(origin[k] + by));
-        format!("any placement.origin with {name} between {a} and {b} mm works")
-    } else {
-        format!("move the part along {name}, or mark a smaller area")
+    let long = reach.ends[1] - reach.ends[0] > reach.travel[1] - reach.travel[0];
+    let origins = match limits.origins {
+        [origin] if upright => reach.origins(origin[k], axis.sign(), limits.machine.increment_nm().0),
+        _ => None,
     };
-    Some(Diag::limit("travel", text).at(Place::Block(BlockId::new(found.worst).to_string())).hint(hint))
+    let hint = match origins {
+        Some(origins) => fits(name, origins),
+        None if upright || long => too_long(limits, k),
+        None => format!("move the part along {name}, or mark a smaller area"),
+    };
+    let place = Place::Block(BlockId::new(reach.worst).to_string());
+    Some(Diag::limit("travel", reach.text(name, "mm", "stops")).at(place).hint(hint))
 }
 
 /// What helps where no origin brings all stops into the travel of axis `k`.
@@ -97,8 +154,14 @@ fn clearance(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
         mm_from_nm(found.by)
     );
     let [x_mm, y_mm] = program.blocks[found.worst].stop.centre.mm();
-    let hint = "lens.working_distance, lens.diameter and stage.clearance of the machine decide this; \
-                `terrace orient JOB` suggests a fixture angle";
+    let [distance, least] = [limits.machine.lens.working_distance, limits.machine.stage.clearance].map(|l| l.as_mm());
+    let by = mm_from_nm(found.by);
+    let less =
+        if least >= by { format!(", or a stage.clearance of {:.3} mm", floor_um(least - by)) } else { String::new() };
+    let hint = format!(
+        "a lens.working_distance of {:.3} mm{less} would be enough; `terrace orient JOB` suggests a fixture angle",
+        -floor_um(-distance - by)
+    );
     Some(Diag::limit("clearance", text).at(Place::Part { x_mm, y_mm }).hint(hint))
 }
 
@@ -111,9 +174,34 @@ fn strokes(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
     let found = excess(program, |b| b.strokes.len() as i64 - limit as i64)?;
     let most = program.blocks[found.worst].strokes.len();
     let text = format!("{} have up to {most} strokes, but the controller takes {limit}", share(&found, program));
-    let hint = "use smaller sections (partition.section)";
+    let hint = smaller_section(program, &program.blocks[found.worst], limit);
     Some(Diag::limit("strokes", text).at(Place::Block(BlockId::new(found.worst).to_string())).hint(hint))
 }
+
+/// The whole micrometre below, mm.
+fn floor_um(mm: f64) -> f64 {
+    // Of a number that is whole but for rounding it is the number.
+    (mm * 1e3 + 1e-6).floor() / 1e3
+}
+
+/// How large sections may be so that none has more than `limit` strokes. In a narrower one there are fewer in
+/// proportion, or by the square.
+fn smaller_section(program: &Program, block: &Block, limit: usize) -> String {
+    let mut area = Box2::<Turned>::EMPTY;
+    program.strokes_of(block).iter().flat_map(|s| program.points_of(s)).for_each(|p| {
+        area.add(P2::new(i64::from(p.x), i64::from(p.y)));
+    });
+    let size = area.size();
+    let widest = size[0].max(size[1]).mm() * limit as f64 / block.strokes.len() as f64;
+    let section = (widest * 10.0).floor() / 10.0;
+    if section < SMALLEST_MM {
+        return "use smaller sections (partition.section), or a larger pitch".into();
+    }
+    format!("a partition.section of {section} mm is about small enough")
+}
+
+/// Sections smaller than this are not suggested.
+const SMALLEST_MM: f64 = 0.5;
 
 #[cfg(test)]
 mod tests {
@@ -139,10 +227,33 @@ mod tests {
         // Travel is as long as the stops need, and lies 5 mm off.
         let d = one([1, 1], |m| m.stage.x.travel = [lo + 5_000_000, hi + 5_000_000].map(|v| Length::mm(mm_from_nm(v))));
         let below = at.iter().filter(|&&v| v < lo + 5_000_000).count();
-        assert!(d.message.contains(&format!("{below} of {} stops are out of range, by up to 5 mm", at.len())), "{d}");
+        let text = format!("x beyond travel by 5 mm below its lower end at {below} of {} stops: needed are ", at.len());
+        assert!(d.message.starts_with(&text), "{d}");
         let sign = Machine::built_in("xyz-galvo-40").expect("a profile").stage.x.sign();
         let wanted = mm_from_nm(origin[0] + sign * 5_000_000);
-        assert_eq!(d.hint, format!("any placement.origin with x between {wanted} and {wanted} mm works"));
+        assert_eq!(d.hint, format!("a placement.origin with x between {wanted} and {wanted} mm fits"));
+    }
+
+    #[test]
+    fn travel_error_tells_both_sides() {
+        let reach = Reach::of([-5, 0, 7, 12, -3].map(|v| v * 1_000_000).into_iter(), [-2_000_000, 10_000_000]);
+        assert_eq!((reach.beyond, reach.all, reach.worst), ([2, 1], 5, 0));
+        assert_eq!(
+            reach.text("y", "mm", "stops"),
+            "y beyond travel by 3 mm below its lower end at 2 of 5 stops and by 2 mm above its upper end at 1 of 5 \
+             stops: needed are -5 to 12 mm, the travel is -2 to 10 mm"
+        );
+        assert_eq!(reach.origins(0, 1, 1000), None, "they span more than the travel");
+    }
+
+    #[test]
+    fn origins_move_by_whole_increments_and_end_where_the_travel_does() {
+        // From -7 to 5, in a travel of -4 to 9: up by 3 or 4; with a step of 2 by 4 alone.
+        let reach = Reach::of([-7, 5].into_iter(), [-4, 9]);
+        assert_eq!(reach.origins(100, 1, 1), Some([103, 104]));
+        assert_eq!(reach.origins(100, -1, 1), Some([96, 97]), "the part moves against the command");
+        assert_eq!(reach.origins(100, 1, 2), Some([104, 104]));
+        assert_eq!(reach.origins(100, 1, 5), None);
     }
 
     #[test]
@@ -165,6 +276,18 @@ mod tests {
         let wanted =
             format!("{over} of {} stops have up to {most} strokes, but the controller takes 1", program.blocks.len());
         assert_eq!(d.message, wanted);
+    }
+
+    #[test]
+    fn clearance_figures_are_enough_and_no_larger_than_needed() {
+        let d = faults_with(&[mast()], [1, 1], |_, _| {}).expect_err("a mast").diags()[0].clone();
+        let figure = |after: &str| {
+            let (_, rest) = d.hint.split_once(after).unwrap_or_else(|| panic!("{after}: {d}"));
+            rest.split(' ').next().and_then(|v| v.parse::<f64>().ok()).expect("a number")
+        };
+        let distance = figure("working_distance of ");
+        let with = |mm: f64| faults_with(&[mast()], [1, 1], |_, m| m.lens.working_distance = Length::mm(mm)).is_ok();
+        assert!(with(distance) && !with(distance - 0.002), "{d}");
     }
 
     #[test]

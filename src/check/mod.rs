@@ -7,6 +7,8 @@
 
 mod limits;
 
+pub(crate) use limits::{Reach, fits};
+
 use crate::clearance::Clearance;
 use crate::diag::{Diag, Error, Place};
 use crate::geom::Nm;
@@ -70,10 +72,7 @@ impl Checked {
             faults.push(Diag::bug("program-invariant", "P7: the blocks of a set-up are not consecutive"));
             return Err(Error::many(faults));
         }
-        for (i, block) in program.blocks.iter().enumerate() {
-            let place = || Place::Block(BlockId::new(i).to_string());
-            faults.extend(invariants(&program, block, limits).into_iter().map(|d| d.at(place())));
-        }
+        faults.extend(broken_invariants(&program, limits));
         faults.extend(limits::broken(&program, limits));
         if faults.is_empty() {
             return Ok(Self { program, origins: limits.origins.to_vec() });
@@ -107,6 +106,27 @@ impl Checked {
     pub(crate) fn unchecked_setups(program: Program, origins: Vec<Origin>) -> Self {
         Self { program, origins }
     }
+}
+
+/// P1 to P6 over all blocks: each that is broken once, at the first block that does, with how often it is.
+fn broken_invariants(program: &Program, limits: &Limits<'_>) -> Vec<Diag> {
+    let mut found: Vec<(Diag, usize)> = Vec::new();
+    for (i, block) in program.blocks.iter().enumerate() {
+        for fault in invariants(program, block, limits) {
+            // A message begins with the number of its rule.
+            match found.iter_mut().find(|(first, _)| first.message[..2] == fault.message[..2]) {
+                Some((_, more)) => *more += 1,
+                None => found.push((fault.at(Place::Block(BlockId::new(i).to_string())), 0)),
+            }
+        }
+    }
+    let counted = |(mut fault, more): (Diag, usize)| {
+        if more > 0 {
+            fault.message += &format!(" (and {more} more)");
+        }
+        fault
+    };
+    found.into_iter().map(counted).collect()
 }
 
 /// The first of P1 to P6 that a program breaks, if it breaks any.
@@ -331,6 +351,14 @@ mod tests {
             keep(p, 2);
         });
         assert_breaks("P7: the blocks of a set-up", |p, _| p.blocks[1].setup = SetupId(1));
+    }
+
+    #[test]
+    fn an_invariant_that_many_strokes_break_is_reported_once_with_their_number() {
+        let found = faults(&[], |p, _| (0..p.points.len()).for_each(|i| p.points[i] = p.points[0]));
+        let strokes = sample::program().0.strokes.len();
+        let text = format!("(and {} more)", strokes - 1);
+        assert!(strokes > 1 && found.len() == 1 && found[0].ends_with(&text), "{found:?}");
     }
 
     #[test]

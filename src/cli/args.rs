@@ -74,7 +74,7 @@ fn threads(text: &str) -> Result<usize, String> {
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = true)]
 pub struct Left {
-    /// The first block that is left.
+    /// The first block that is left, such as B0133.
     #[arg(long, value_name = "BLOCK", value_parser = str::parse::<BlockId>)]
     pub from: Option<BlockId>,
     /// Blocks and ranges of blocks, such as B0133,B0200-B0210.
@@ -192,7 +192,7 @@ pub enum Command {
     Inspect {
         /// The file or folder.
         file: PathBuf,
-        /// Unit of a surface file that carries none.
+        /// Unit of a surface file that carries none; default: sizes are printed without a unit.
         #[arg(long, value_parser = one_of(&FileUnit::ALL, FileUnit::name))]
         unit: Option<FileUnit>,
     },
@@ -294,10 +294,10 @@ pub struct RunArgs {
     /// Go on after the blocks that the journal has as marked.
     #[arg(long, requires = "arm")]
     pub go_on: bool,
-    /// Mark the block in doubt again.
+    /// Mark the block in doubt, such as B0133, again.
     #[arg(long, value_name = "BLOCK", requires = "go_on", conflicts_with = "skip")]
     pub redo: Option<String>,
-    /// Take the block in doubt as marked.
+    /// Take the block in doubt, such as B0133, as marked.
     #[arg(long, value_name = "BLOCK", requires = "go_on")]
     pub skip: Option<String>,
 }
@@ -305,10 +305,11 @@ pub struct RunArgs {
 /// Options that override keys of the job file.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct Choice {
-    /// How the part is marked; overrides the job file's mode.
+    /// How the part is marked; default: mode of the job file, stepped where it has none.
     #[arg(long, value_parser = one_of(&[Mode::Stepped, Mode::OnTheFly], Mode::name))]
     pub mode: Option<Mode>,
-    /// What `auto` minimises: estimated job time or number of stops; overrides partition.objective.
+    /// What `auto` minimises: estimated job time or number of stops; default: partition.objective of the job file, time
+    /// where it has none.
     #[arg(long, value_parser = one_of(&[Objective::Time, Objective::Stops], Objective::name))]
     pub objective: Option<Objective>,
 }

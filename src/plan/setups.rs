@@ -168,25 +168,33 @@ impl Used {
 /// Holds every set-up to two registration points.
 ///
 /// # Errors
-/// `registration` with the set-up and what it reaches.
+/// `registration`, once, with the set-ups that reach fewer and what these reach.
 pub(super) fn registered(job: &Job, machine: &Machine, origins: &[Origin]) -> Result<(), Error> {
     if job.setups.is_none() {
         return Ok(());
     }
-    let mut faults = Vec::new();
-    for (i, &origin) in origins.iter().enumerate() {
-        let found = manifest::registration(job, machine, origin).len();
-        if found < 2 {
-            let text =
-                format!("set-up {} of {} reaches {found} registration points, two are needed", i + 1, origins.len());
-            let [x, y] = [0, 1].map(|k| range(machine, k).map(|v| (v - Nm(origin[k])).mm()));
-            let turned = if job.placement.turn.as_rad() == 0.0 { "" } else { ", as it is turned" };
-            let hint = format!(
-                "it reaches x {} to {} mm and y {} to {} mm of the part{turned}: name points there in setups.registration",
-                x[0], x[1], y[0], y[1]
-            );
-            faults.push(Diag::limit("registration", text).hint(hint));
-        }
-    }
-    if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
+    let found: Vec<usize> = origins.iter().map(|&o| manifest::registration(job, machine, o).len()).collect();
+    let poor: Vec<usize> = (0..origins.len()).filter(|&i| found[i] < 2).collect();
+    let Some(&first) = poor.first() else { return Ok(()) };
+    let text = match poor.len() {
+        1 => format!(
+            "set-up {} of {} reaches {} registration points, two are needed",
+            first + 1,
+            origins.len(),
+            found[first]
+        ),
+        count => format!("{count} of {} set-ups reach fewer than two registration points", origins.len()),
+    };
+    let reach = |&i: &usize| {
+        let [x, y] = [0, 1].map(|k| range(machine, k).map(|v| (v - Nm(origins[i][k])).mm()));
+        format!("set-up {} reaches x {} to {} mm and y {} to {} mm", i + 1, x[0], x[1], y[0], y[1])
+    };
+    let turned = if job.placement.turn.as_rad() == 0.0 { "" } else { ", as it is turned" };
+    let all: Vec<String> = poor.iter().take(NAMED).map(reach).collect();
+    let more = if poor.len() > NAMED { format!(", and {} more set-ups", poor.len() - NAMED) } else { String::new() };
+    let hint = format!("{}{more} of the part{turned}: name points there in setups.registration", all.join("; "));
+    Err(Diag::limit("registration", text).hint(hint).into())
 }
+
+/// Set-ups that a message names one by one.
+const NAMED: usize = 8;

@@ -246,26 +246,108 @@ fn texture_off_the_part_is_refused_with_both_boxes() {
     assert!(text.contains("off the part at x -50.000 to 0.000 mm"), "{text}");
 }
 
+/// The number that stands in a text between two others.
+fn figure(text: &str, before: &str, after: &str) -> f64 {
+    let (_, rest) = text.split_once(before).unwrap_or_else(|| panic!("no {before:?}: {text}"));
+    let (number, _) = rest.split_once(after).unwrap_or_else(|| panic!("no {after:?}: {text}"));
+    number.parse().unwrap_or_else(|e| panic!("{number}: {e}: {text}"))
+}
+
+/// Holds that the origins of a travel error compile, and those beside them do not.
+fn assert_origins(job: &JobText, dir: &Path, axis: usize) {
+    let at = |v: f64| -> PathBuf {
+        let mut origin = [0.0; 3];
+        origin[axis] = v;
+        let mut job = JobText { textures: job.textures.clone(), surface: job.surface.clone(), ..JobText::on(dir) };
+        let [x, y, z] = origin;
+        job.more = format!("[placement]\norigin = [\"{x} mm\", \"{y} mm\", \"{z} mm\"]\n");
+        job.write(dir, "job.toml")
+    };
+    let name = ["x", "y", "z"][axis];
+    let text = refused(&at(300.0), &["travel"]);
+    assert!(text.contains(&format!("{name} beyond travel by ")) && text.contains(" stops: needed are "), "{text}");
+    let lo = figure(&text, &format!("placement.origin with {name} between "), " and ");
+    let hi = figure(&text, &format!("between {lo} and "), " mm fits");
+    assert!(lo < hi, "{text}");
+    for v in [lo, hi] {
+        accepted(&at(v));
+    }
+    for v in [lo - 0.001, hi + 0.001] {
+        assert!(refused(&at(v), &["travel"]).contains(&format!("between {lo} and {hi} mm")), "{v}");
+    }
+}
+
 #[test]
 fn travel_error_suggests_an_origin_that_compiles() {
     let dir = folder();
-    let at = |x: f64| -> PathBuf {
-        let mut job = panel(dir.path());
+    for axis in 0..3 {
+        assert_origins(&panel(dir.path()), dir.path(), axis);
+    }
+}
+
+#[test]
+fn travel_error_on_the_fly_suggests_an_origin_that_compiles() {
+    let dir = folder();
+    let mut job = panel(dir.path());
+    job.textures = vec!["pattern = \"hatch\"\npitch = \"20 mm\"".into()];
+    job.focus = "pdof = \"1 mm\"".into();
+    job.method = "z-range";
+    let mut at = |x: f64| {
         job.more = format!("[placement]\norigin = [\"{x} mm\", \"0 mm\", \"0 mm\"]\n");
+        let job = job.write(dir.path(), "job.toml");
+        let args = ["check", "--mode", "on-the-fly"].map(Path::new);
+        terrace(args.into_iter().chain([job.as_path()]))
+    };
+    let text = said(&at(300.0));
+    assert_eq!(text.matches("error[travel]").count(), 1, "{text}");
+    assert!(text.contains("X beyond travel by ") && text.contains(" positions: needed are "), "{text}");
+    let lo = figure(&text, "placement.origin with x between ", " and ");
+    let hi = figure(&text, &format!("between {lo} and "), " mm fits");
+    for x in [lo, hi] {
+        let done = at(x);
+        assert_eq!(done.status.code(), Some(0), "{x}: {}", said(&done));
+    }
+    assert!(said(&at(hi + 1.0)).contains(&format!("between {lo} and {hi} mm")), "{text}");
+}
+
+#[test]
+fn clearance_error_suggests_a_working_distance_that_compiles() {
+    let dir = folder();
+    let stl = dir.path().join("mast.stl");
+    // A mast of 150 mm beside a plate.
+    let wall = [[[5.0, 5.0, 150.0], [6.0, 5.0, 150.0], [5.0, 6.0, 150.0]]];
+    write_stl(&stl, &[mesh(4, [0.0, 0.0, 60.0, 50.0], |_, _| 0.0), wall.to_vec()].concat());
+    let machine = machine_file("xyz-galvo-40");
+    let (_, rest) = machine.split_once("working_distance = ").expect("the key");
+    let own = rest.split('\n').next().expect("a value").split(" #").next().expect("a value").trim();
+    let mut job = JobText::on(&stl)
+        .texture("pattern = \"hatch\"\npitch = \"5 mm\"\narea = [\"0 mm\", \"20 mm\", \"60 mm\", \"50 mm\"]");
+    job.machine = "file = \"ours.toml\"".into();
+    let with = |value: &str| {
+        let text = machine.replace(&format!("working_distance = {own}"), &format!("working_distance = {value}"));
+        std::fs::write(dir.path().join("ours.toml"), text).expect("writable");
         job.write(dir.path(), "job.toml")
     };
-    let text = refused(&at(300.0), &["travel"]);
-    let (_, range) = text.split_once("placement.origin with x between ").unwrap_or_else(|| panic!("{text}"));
-    let (range, _) = range.split_once(" mm works").expect("a range");
-    let (lo, hi) = range.split_once(" and ").expect("two ends");
-    let [lo, hi] = [lo, hi].map(|v| v.parse::<f64>().expect("a number"));
-    assert!(lo < hi, "{text}");
-    for x in [lo, hi] {
-        accepted(&at(x));
-    }
-    for x in [lo - 0.001, hi + 0.001] {
-        assert!(refused(&at(x), &["travel"]).contains(&format!("between {lo} and {hi} mm")), "{x}");
-    }
+    let text = refused(&with(own), &["clearance"]);
+    let enough = figure(&text, "a lens.working_distance of ", " mm");
+    accepted(&with(&format!("\"{enough} mm\"")));
+    refused(&with(&format!("\"{} mm\"", enough - 0.01)), &["clearance"]);
+}
+
+#[test]
+fn strokes_error_suggests_a_section_that_compiles() {
+    let dir = folder();
+    let machine = machine_file("xyz-galvo-40");
+    assert!(machine.contains("[controller]"), "{machine}");
+    let text: String = machine.lines().filter(|l| !l.starts_with("max_strokes")).map(|l| format!("{l}\n")).collect();
+    let text = text.replace("[controller]\n", "[controller]\nmax_strokes = 12\n");
+    std::fs::write(dir.path().join("ours.toml"), text).expect("writable");
+    let mut job = panel(dir.path());
+    job.machine = "file = \"ours.toml\"".into();
+    let text = refused(&job.write(dir.path(), "job.toml"), &["strokes"]);
+    let section = figure(&text, "a partition.section of ", " mm");
+    job.partition = format!("section = \"{section} mm\"");
+    accepted(&job.write(dir.path(), "job.toml"));
 }
 
 #[test]

@@ -183,7 +183,9 @@ fn impossible_set_ups_are_refused_with_a_hint() {
     // Both points lie in the first set-up.
     let near = "[setups]\nregistration = [[\"3 mm\", \"7 mm\"], [\"25 mm\", \"7 mm\"]]\n";
     says(near, "registration", "set-up 2 of 2 reaches 0 registration points");
-    says(near, "registration", "it reaches x 100 to 225 mm and y 0 to 125 mm");
+    says(near, "registration", "set-up 2 reaches x 100 to 225 mm and y 0 to 125 mm");
+    let off = "[setups]\nregistration = [[\"900 mm\", \"7 mm\"], [\"925 mm\", \"7 mm\"]]\n";
+    says(off, "registration", "2 of 2 set-ups reach fewer than two registration points");
     says("[setups]\nregistration = [[\"3 mm\", \"7 mm\"]]\n", "setups-registration", "fewer than two points");
     says("[setups]\nregistration = [[\"1 mm\", \"3 mm\"], [\"1 mm\", \"3 mm\"]]\n", "setups-registration", "the same");
     says("[setups]\nregistration = [[\"1 mm\", \"3 mm\"], [\"9 m\", \"3 mm\"]]\n", "length-far", "beyond 4 m");

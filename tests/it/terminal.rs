@@ -4,9 +4,15 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use serde_json::Value;
+use std::sync::Mutex;
 
-use crate::support::{folder, said};
+use serde_json::Value;
+use terrace::job::{Job, Overrides};
+use terrace::plan::{self, Phase};
+use terrace::{compare, job_folder, verify};
+
+use crate::support::surfaces::{mesh, write_stl};
+use crate::support::{JobText, folder, said};
 
 fn run(dir: &Path, args: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_terrace"));
@@ -136,5 +142,109 @@ fn every_command_gives_its_errors_as_one_json_object() {
             assert_eq!(o.status.code(), Some(2), "{args:?}");
             assert!(!o.stderr.is_empty(), "{args:?}: stderr has the same as text");
         }
+    }
+}
+
+/// A gentle bulge under a hatch.
+fn bulge(dir: &Path, pitch: &str, more: &str) -> Job {
+    let stl = dir.join("bulge.stl");
+    write_stl(&stl, &mesh(30, [0.0, 0.0, 60.0, 50.0], |x, y| (x / 20.0).sin() * (y / 17.0).cos()));
+    let mut job = JobText::on(&stl).texture(&format!("pattern = \"hatch\"\npitch = {pitch:?}")).method("auto");
+    job.focus = "pdof = \"0.2 mm\"".into();
+    job.more = more.into();
+    Job::load(&job.write(dir, "bulge.toml"), &Overrides::default()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Holds that what was told goes through the phases in order, in each from 0 to 100 percent and never back.
+fn assert_rises<P: Copy + PartialEq + std::fmt::Debug>(told: Mutex<Vec<(P, u8)>>, phases: &[P]) {
+    let told = told.into_inner().expect("nothing broke");
+    let mut order: Vec<P> = told.iter().map(|t| t.0).collect();
+    order.dedup();
+    assert_eq!(order, phases);
+    for &phase in phases {
+        let percents: Vec<u8> = told.iter().filter(|t| t.0 == phase).map(|t| t.1).collect();
+        assert!(percents.windows(2).all(|w| w[0] < w[1]), "{phase:?}: {percents:?}");
+        assert_eq!((percents[0], percents[percents.len() - 1]), (0, 100), "{phase:?}: {percents:?}");
+    }
+}
+
+/// How many percents were told of a phase.
+fn steps_of<P: PartialEq>(told: &Mutex<Vec<(P, u8)>>, phase: &P) -> usize {
+    told.lock().expect("nothing broke").iter().filter(|t| t.0 == *phase).count()
+}
+
+#[test]
+fn percent_rises_from_0_to_100_in_every_phase_of_a_stepped_job_and_its_verification() {
+    let dir = folder();
+    let job = bulge(dir.path(), "0.5 mm", "[passes]\ncount = 3\nturn = \"30 deg\"\n");
+    let phases = [plan::phases(&job), plan::phases_of_writing(&job)].concat();
+    assert!(phases.contains(&Phase::Passes) && phases.contains(&Phase::Draw), "{phases:?}");
+    let told = Mutex::new(Vec::new());
+    let hear = |phase: Phase, percent: u8| told.lock().expect("nothing broke").push((phase, percent));
+    let plan = plan::plan(job, &hear).unwrap_or_else(|e| panic!("{e}"));
+    let target = dir.path().join("bulge.job");
+    let unsynced = job_folder::Durability::Unsynced;
+    job_folder::write_with(&plan, &target, unsynced, &hear).unwrap_or_else(|e| panic!("{e}"));
+    for phase in [Phase::Footprint, Phase::Split, Phase::Order, Phase::Passes, Phase::Write] {
+        let steps = steps_of(&told, &phase);
+        assert!(steps >= 10, "{phase:?} tells {steps} percents");
+    }
+    assert_rises(told, &phases);
+    let told = Mutex::new(Vec::new());
+    let hear = |phase, percent| told.lock().expect("nothing broke").push((phase, percent));
+    assert!(verify::verify_told(&target, None, &hear).unwrap_or_else(|e| panic!("{e}")).ok);
+    assert!(steps_of(&told, &verify::Phase::Marks) >= 10);
+    assert_rises(told, &verify::Phase::ALL);
+}
+
+#[test]
+fn percent_rises_from_0_to_100_in_every_phase_of_an_on_the_fly_job_and_its_verification() {
+    let dir = folder();
+    let mut job = bulge(dir.path(), "10 mm", "");
+    job.mode = terrace::job::Mode::OnTheFly;
+    let phases = [plan::phases(&job), plan::phases_of_writing(&job)].concat();
+    let told = Mutex::new(Vec::new());
+    let hear = |phase: Phase, percent: u8| told.lock().expect("nothing broke").push((phase, percent));
+    let plan = plan::plan(job, &hear).unwrap_or_else(|e| panic!("{e}"));
+    let target = dir.path().join("bulge.fly.job");
+    let unsynced = job_folder::Durability::Unsynced;
+    job_folder::write_with(&plan, &target, unsynced, &hear).unwrap_or_else(|e| panic!("{e}"));
+    assert_rises(told, &phases);
+    let told = Mutex::new(Vec::new());
+    let hear = |phase, percent| told.lock().expect("nothing broke").push((phase, percent));
+    assert!(verify::verify_told(&target, None, &hear).unwrap_or_else(|e| panic!("{e}")).ok);
+    assert_rises(told, &verify::Phase::ALL);
+}
+
+#[test]
+fn orient_and_compare_tell_their_progress() {
+    let dir = folder();
+    let job = bulge(dir.path(), "10 mm", "");
+    let told = Mutex::new(Vec::new());
+    let hear = |phase, percent| told.lock().expect("nothing broke").push((phase, percent));
+    plan::orient::orient(&job, &hear).unwrap_or_else(|e| panic!("{e}"));
+    assert_rises(told, &plan::orient::PHASES);
+    let (told, names) = (Mutex::new(Vec::new()), Mutex::new(Vec::new()));
+    let progress = compare::Progress {
+        begins: &|name| names.lock().expect("nothing broke").push(name),
+        percent: &|percent| told.lock().expect("nothing broke").push(((), percent)),
+    };
+    let asked: Vec<_> = compare::SYSTEMS.iter().copied().filter(|s| ["flat", "z-range"].contains(&s.name)).collect();
+    let protection = terrace::on_the_fly::axes::following_error::Protection::ALL[0];
+    compare::compare(&job, &asked, protection, progress).unwrap_or_else(|e| panic!("{e}"));
+    assert!(steps_of(&told, &()) >= 10);
+    assert_rises(told, &[()]);
+    assert_eq!(names.into_inner().expect("nothing broke"), ["reading surface and texture", "flat", "z-range"]);
+}
+
+#[test]
+fn a_short_run_that_is_not_watched_says_nothing_of_its_progress() {
+    let dir = folder();
+    bulge(dir.path(), "5 mm", "");
+    for args in [&["check", "bulge.toml"][..], &["compile", "bulge.toml"], &["verify", "bulge.job"]] {
+        let o = run(dir.path(), args);
+        assert_eq!(o.status.code(), Some(0), "{}", said(&o));
+        let text = String::from_utf8_lossy(&o.stderr);
+        assert!(!text.contains("step ") && !text.contains('\u{1b}') && !text.contains('\r'), "{args:?}: {text:?}");
     }
 }

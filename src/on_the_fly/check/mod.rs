@@ -10,7 +10,7 @@
 //! Limits are held by the program's own whole nanometres and microseconds. What the rounding of its samples may have
 //! put on a speed, an acceleration or a jerk is taken from it before; what is left may be [`OVER`] above its limit.
 
-use crate::check::{pen_faults, refused};
+use crate::check::{Reach, fits, pen_faults, refused};
 use crate::diag::{Diag, Error};
 use crate::geom::{NM_PER_MM, Nm, mm_from_nm};
 use crate::machine::Machine;
@@ -142,31 +142,45 @@ fn travel(program: &Program, machine: &Machine) -> Vec<Diag> {
     let samples = || std::iter::once((0, &program.start)).chain(program.moves.iter().map(|m| (m.us, &m.to)));
     let mut faults = Vec::new();
     for (k, name, [lo, hi], unit) in ends {
-        let beyond = |v: i64| (lo - v).max(v - hi);
-        let Some((us, to)) = samples().max_by_key(|(us, to)| (beyond(to[k]), -us)) else { continue };
-        if beyond(to[k]) > 0 {
-            let [v, lo, hi] = [to[k], lo, hi].map(mm_from_nm);
-            let text =
-                format!("{name} would have to go to {v} {unit} {}, but its travel is {lo} to {hi} {unit}", at(us));
-            faults.push(
-                Diag::limit("travel", text).hint("move the part (placement.origin), or see the machine's travel"),
-            );
+        let reach = Reach::of(samples().map(|(_, to)| to[k]), [lo, hi]);
+        if reach.holds() {
+            continue;
         }
+        // With five axes the motion moves with the part; a tilt table turns it about a point that stays.
+        let origins = match (program.kind, machine.axes().get(k)) {
+            (Kind::Xyzuv, Some((_, axis))) => reach.origins(program.origin[k], axis.sign(), machine.increment_nm().0),
+            _ => None,
+        };
+        let hint = match (origins, program.kind) {
+            (Some(origins), _) => fits(&name.to_lowercase().to_string(), origins),
+            (None, Kind::Xyzuv) => "no origin fits: mark a smaller area, or use a machine with more travel".into(),
+            (None, Kind::Xyzacuv) => "move the part (placement.origin), or see the machine's travel".into(),
+        };
+        let worst = at(samples().nth(reach.worst).map_or(0, |(us, _)| us));
+        let text = format!("{}, the worst is {worst}", reach.text(&name.to_string(), unit, "positions"));
+        faults.push(Diag::limit("travel", text).hint(hint));
     }
     faults
 }
 
 fn field(program: &Program, machine: &Machine) -> Result<Option<Diag>, Error> {
     let field = program.fields(machine)?;
-    let mut samples = std::iter::once((0, &program.start)).chain(program.moves.iter().map(|m| (m.us, &m.to)));
+    let samples = || std::iter::once((0, &program.start)).chain(program.moves.iter().map(|m| (m.us, &m.to)));
     let outside = |at: [i64; 2]| {
         at.map(i32::try_from).iter().any(Result::is_err) || !machine.field_holds(at.map(|v| v as i32).into())
     };
-    Ok(samples.find(|(_, to)| outside(field(to))).map(|(us, to)| {
+    let far = |to: &AxisCommands| field(to).map(|v| v.abs()).into_iter().max();
+    let outside: Vec<(i64, &AxisCommands)> = samples().filter(|(_, to)| outside(field(to))).collect();
+    Ok(outside.iter().max_by_key(|(us, to)| (far(to), -us)).map(|&(us, to)| {
         let [u, v] = field(to).map(mm_from_nm);
         let [w, h] = machine.usable_field().map(Nm::mm);
-        let text =
-            format!("the scanner would have to reach ({u}, {v}) mm {}, but the usable field is {w} x {h} mm", at(us));
+        let text = format!(
+            "{} of {} positions of the scanner lie outside the usable field of {w} x {h} mm, the worst at ({u}, {v}) \
+                 mm {}",
+            outside.len(),
+            samples().count(),
+            at(us)
+        );
         Diag::limit("fly-field", text).hint("let the stage follow more closely, or mark more slowly")
     }))
 }
