@@ -408,7 +408,8 @@ fn marked(deviations: &[Deviation], weights: &[f64], limits: Limits) -> Figures 
         focus_um: spread(|d| d.focus * 1000.0),
         incidence_deg: spread(|d| d.angle.to_degrees()),
         displacement_mm: spread(|d| d.lateral),
-        within: 100.0 * inside / marked_mm,
+        // In this order all of it is exactly 100.
+        within: 100.0 * (inside / marked_mm),
         ..Figures::default()
     };
     let keeps = |pick: fn(&Deviation) -> f64, limit: f64| marks().all(|(d, _)| pick(&less(d)) <= limit);

@@ -296,8 +296,7 @@ pub fn page(c: &Comparison) -> String {
         |wanted: &'static str| tables.iter().filter(move |(name, _)| *name == wanted).map(|(_, t)| Item::Table(t));
     let plot = |wanted: &'static str| plots.iter().filter(move |(name, _)| *name == wanted).map(|(_, p)| Item::Plot(p));
     let (answer, rest) = verdict.sentences.split_first().map_or(("", &[][..]), |(first, rest)| (first.as_str(), rest));
-    let rest = rest.join(" ");
-    let mut items = vec![Item::Answer(answer), Item::Text(&rest)];
+    let mut items = vec![Item::Answer(answer), Item::List(rest)];
     items.extend(plot("times").chain(table("overview")));
     let limits = limits(c);
     let mut figures = vec![Item::Text(&limits)];
