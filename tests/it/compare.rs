@@ -318,9 +318,10 @@ fn verdict_agrees(found: &Value, page: &str) {
         let ratio = best.map(|best| seconds(row) / seconds(best));
         let said = told["times_the_recommended"].as_f64();
         assert!(ratio.zip(said).is_none_or(|(a, b)| (a / b - 1.0).abs() < 1e-12) && ratio.is_some() == said.is_some());
-        // Whatever the system, the job has one length of marks.
+        // Whatever the system, the job has one length of marks, or the row says what is missing.
         let (marked, whole) = (number(row, "marked_m"), number(found, "marked_m"));
-        assert!((marked / whole - 1.0).abs() < 1e-6 || short.to_string().contains("marks"), "{name}: {marked} {whole}");
+        let told = row["note"].as_str().is_some_and(|note| note.contains("mm less: "));
+        assert!(marked <= whole * (1.0 + 1e-9) && (marked > 0.999 * whole || told), "{name}: {marked} {whole}");
     }
 }
 
