@@ -5,8 +5,7 @@ use crate::report::page::{Item, page_html};
 use crate::report::plot::{Axis, Bar, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
 use crate::report::table::{Cell, Column, Table};
 
-/// The table to choose by: what each system runs on, its time, stops or cost, its worst marks, and what is to be said of
-/// it.
+/// The table to choose by: what each system runs on, its time, stops or cost, its worst marks, and a note.
 pub fn overview(c: &Comparison) -> Table {
     let verdict = Verdict::of(c);
     let third = match c.cost {

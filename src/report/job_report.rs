@@ -50,10 +50,12 @@ pub fn report_html(job: &Layout<'_>) -> String {
 }
 
 /// What this page adds to the common style: on a narrow screen wide tables are moved sideways within their place.
-const STYLE: &str = ".verdict{border-left:4px solid #1d4e89;padding:.2em .8em;background:#eef4fb}.verdict li{margin:.2em 0}\
+const STYLE: &str = ".verdict{border-left:4px solid #1d4e89;padding:.2em .8em;background:#eef4fb}\
+.verdict li{margin:.2em 0}.verdict ul{padding-left:1.2em}\
 .picture img{max-width:100%;max-height:32em;border:1px solid #ddd}.wide{overflow-x:auto}\
 .wide svg{max-width:100%;height:auto}.row>div{max-width:100%}\
-@media(max-width:40em){body{margin:1em auto;font-size:15px}th,td{padding:.15em .4em}#blocks th{position:static}}\
+@media(max-width:40em){body{margin:1em auto;font-size:15px}th,td{padding:.15em .4em}\
+td,th{white-space:normal}#blocks td,#blocks th{white-space:nowrap;position:static}}\
 @media print{.wide{overflow:visible}}";
 
 /// What to know before anything else: what needs attention, what is not marked and why, and who attends the job.
@@ -145,7 +147,8 @@ fn times(h: &mut String, job: &Layout<'_>) {
     let parts = seconds(job);
     let sum: f64 = parts.iter().map(|p| p.2).sum();
     let share = |s: f64| if sum > 0.0 { s / sum } else { 0.0 };
-    h.push_str("<h2>Estimated time</h2>\n<svg width=\"420\" height=\"24\" viewBox=\"0 0 420 24\" preserveAspectRatio=\"none\" style=\"max-width:100%\" role=\"img\" aria-label=\"time split\">");
+    h.push_str("<h2>Estimated time</h2>\n<svg width=\"420\" height=\"24\" viewBox=\"0 0 420 24\"");
+    h.push_str(" preserveAspectRatio=\"none\" style=\"max-width:100%\" role=\"img\" aria-label=\"time split\">");
     let mut x = 0.0;
     for &(name, fill, s) in &parts {
         let fill = hex(fill);
@@ -193,7 +196,8 @@ fn candidates(h: &mut String, job: &Layout<'_>) {
         return;
     }
     h.push_str(
-        "<h2>Methods compared</h2>\n<div class=\"wide\"><table>\n<tr><th>method</th><th>stops</th><th>strokes</th><th>time</th></tr>\n",
+        "<h2>Methods compared</h2>\n<div class=\"wide\"><table>\n\
+         <tr><th>method</th><th>stops</th><th>strokes</th><th>time</th></tr>\n",
     );
     for c in &job.summary.candidates {
         let (method, time) = (escape(&c.method), duration(c.time_s.total));
@@ -242,7 +246,8 @@ fn slopes(h: &mut String, job: &Layout<'_>) {
         return;
     }
     h.push_str(
-        "<h2>Slope under the marks</h2>\n<p>Dose: 1 as on a level surface with the job's own pens.</p>\n<div class=\"wide\"><table>\n\
+        "<h2>Slope under the marks</h2>\n<p>Dose: 1 as on a level surface with the job's own pens.</p>\n\
+         <div class=\"wide\"><table>\n\
          <tr><th></th><th>mean of the blocks</th><th>worst mark</th></tr>\n",
     );
     let row = |h: &mut String, name: &str, of: fn(&Slope) -> [f64; 2], worse: fn(f64, f64) -> f64| {
@@ -269,7 +274,8 @@ fn histogram(h: &mut String, blocks: &[Block]) {
     let (left, wide, high) = (44.0, 432.0, 120.0);
     let _ = write!(
         h,
-        "<svg width=\"500\" height=\"170\" viewBox=\"0 0 500 170\" style=\"max-width:100%;height:auto\" font-size=\"11\" role=\"img\" aria-label=\"blocks by largest defocus\">"
+        "<svg width=\"500\" height=\"170\" viewBox=\"0 0 500 170\" style=\"max-width:100%;height:auto\" font-size=\"11\" \
+         role=\"img\" aria-label=\"blocks by largest defocus\">"
     );
     for (k, &n) in counts.iter().enumerate() {
         let tall = high * n as f64 / tallest as f64;
@@ -299,7 +305,8 @@ fn histogram(h: &mut String, blocks: &[Block]) {
 
 fn pens(h: &mut String, job: &Layout<'_>) {
     h.push_str(
-        "<h2>Pens</h2>\n<div class=\"wide\"><table>\n<tr><th>pen</th><th>speed</th><th>power</th><th>frequency</th><th>passes</th>\
+        "<h2>Pens</h2>\n<div class=\"wide\"><table>\n\
+         <tr><th>pen</th><th>speed</th><th>power</th><th>frequency</th><th>passes</th>\
          <th>dwell of dots</th></tr>\n",
     );
     for pen in &job.checked.program().pens {
@@ -323,7 +330,8 @@ fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
     let _ = write!(
         h,
         "<h2>Blocks in machining order</h2>\n<p>Heights{} in the part frame, stage targets as commanded; mm, s.</p>\n\
-         <div class=\"wide\"><table id=\"blocks\">\n<tr><th>block</th><th>{first}</th><th>{second}</th><th>focus (LPFL)</th><th>stage x</th>\
+         <div class=\"wide\"><table id=\"blocks\">\n\
+         <tr><th>block</th><th>{first}</th><th>{second}</th><th>focus (LPFL)</th><th>stage x</th>\
          <th>stage y</th><th>stage z</th><th>incidence</th><th>dose</th><th>strokes</th><th>mark</th><th>jump</th><th>time</th></tr>\n",
         if gridded { "" } else { " and centres of windows" },
     );
