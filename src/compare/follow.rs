@@ -507,3 +507,25 @@ fn travel(points: impl Iterator<Item = [f64; 3]>) -> f64 {
     }
     sum
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::program::sample;
+
+    #[test]
+    fn repeated_program_marks_the_same_length_with_pens_of_one_pass() {
+        let (mut program, _) = sample::program();
+        (program.pens[0].passes, program.pens[1].passes) = (2, 3);
+        let repeats = repeated(program.clone());
+        assert!(repeats.pens.iter().all(|pen| pen.passes == 1));
+        assert!((mark_mm(&repeats) - mark_mm(&program)).abs() < 1e-9 && mark_mm(&program) > 1.0);
+        assert_eq!(repeated(repeats.clone()), repeats, "once is enough");
+        // Each stroke follows itself, in the block it belongs to.
+        for (a, b) in program.blocks.iter().zip(&repeats.blocks) {
+            let of = |s: &crate::program::Stroke| program.pens[s.pen.index()].passes as usize;
+            let want: Vec<_> = program.strokes_of(a).iter().flat_map(|s| std::iter::repeat_n(*s, of(s))).collect();
+            assert_eq!(repeats.strokes_of(b), want);
+        }
+    }
+}

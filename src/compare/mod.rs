@@ -4,7 +4,7 @@
 //! Consumes a job; promises for every system its time split in parts, its stops, how far marks lie out of focus and out
 //! of the beam's angle, and which share of them keeps the job's limits. Stepped systems are compiled as jobs are; the
 //! others are decomposed and timed by [`crate::on_the_fly`]. Where the job's machine lacks hardware that a system
-//! needs, it is taken from a built-in profile, and the notes say so.
+//! needs, it is taken from a built-in profile, and [`Hardware`] says so. [`Verdict`] tells which system to use.
 //!
 //! The limits are the job's for all: focal offset up to half the depth range, beam angle up to
 //! `limits.warn_incidence`, the machine's field. Units: mm, s, deg, um as names say.
@@ -368,11 +368,12 @@ pub fn compare(
     })
 }
 
-/// What is said of a system that marks less than may be marked, where the table shows the difference.
+/// What is said of a system that marks less than may be marked: a thousandth of it, or what the table shows.
 fn left_out(marked_mm: f64, whole_mm: f64) -> Option<String> {
     const SHOWN: f64 = 5.0;
     let left = whole_mm - marked_mm;
-    (left >= SHOWN).then(|| format!("marks {left:.0} mm less than the texture has: pieces too small to be marked"))
+    let is_told = left >= SHOWN || left >= 1e-3 * whole_mm;
+    is_told.then(|| format!("marks {left:.1} mm less: pieces too small to be marked"))
 }
 
 /// Runs the systems, each in its turn of the table; their figures and curves in the order of `systems`.
@@ -424,7 +425,8 @@ fn marked(deviations: &[Deviation], weights: &[f64], limits: Limits) -> Figures 
         focus_um: spread(|d| d.focus * 1000.0),
         incidence_deg: spread(|d| d.angle.to_degrees()),
         displacement_mm: spread(|d| d.lateral),
-        within: 100.0 * inside / marked_mm,
+        // In this order all of it is exactly 100.
+        within: 100.0 * (inside / marked_mm),
         ..Figures::default()
     };
     let keeps = |pick: fn(&Deviation) -> f64, limit: f64| marks().all(|(d, _)| pick(&less(d)) <= limit);

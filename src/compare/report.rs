@@ -5,8 +5,7 @@ use crate::report::page::{Item, page_html};
 use crate::report::plot::{Axis, Bar, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
 use crate::report::table::{Cell, Column, Table};
 
-/// The table to choose by: what each system runs on, its time, stops or cost, its worst marks, and what is to be said of
-/// it.
+/// The table to choose by: what each system runs on, its time, stops or cost, its worst marks, and a note.
 pub fn overview(c: &Comparison) -> Table {
     let verdict = Verdict::of(c);
     let third = match c.cost {
@@ -296,8 +295,7 @@ pub fn page(c: &Comparison) -> String {
         |wanted: &'static str| tables.iter().filter(move |(name, _)| *name == wanted).map(|(_, t)| Item::Table(t));
     let plot = |wanted: &'static str| plots.iter().filter(move |(name, _)| *name == wanted).map(|(_, p)| Item::Plot(p));
     let (answer, rest) = verdict.sentences.split_first().map_or(("", &[][..]), |(first, rest)| (first.as_str(), rest));
-    let rest = rest.join(" ");
-    let mut items = vec![Item::Answer(answer), Item::Text(&rest)];
+    let mut items = vec![Item::Answer(answer), Item::List(rest)];
     items.extend(plot("times").chain(table("overview")));
     let limits = limits(c);
     let mut figures = vec![Item::Text(&limits)];

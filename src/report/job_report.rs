@@ -8,6 +8,7 @@ use std::fmt::Write;
 use super::colour::hex;
 use super::legend::seconds;
 use super::page::{self, escape};
+use super::table::share as shown_share;
 use super::{Layout, length_text, mm, pass_file, plain};
 use crate::geom::Nm;
 use crate::manifest::duration;
@@ -18,7 +19,10 @@ pub fn report_html(job: &Layout<'_>) -> String {
     let is_gridded = job.is_gridded();
     let job = &job.whole();
     let mut h = String::with_capacity(16_000 + 200 * job.blocks().len());
-    h += &page::open(&format!("{}: job report", job.job), job.job, "");
+    h += &page::open(&format!("{}: job report", job.job), job.job, STYLE);
+    verdict(&mut h, job);
+    let alt = format!("Blocks over the part, {} stops in machining order", job.blocks().len());
+    let _ = writeln!(h, "<p class=\"picture\"><a href=\"view.html\"><img src=\"layout.svg\" alt=\"{alt}\"/></a></p>");
     let _ = writeln!(
         h,
         "<p>Machine {}. {} stops, {} in all. \
@@ -43,6 +47,48 @@ pub fn report_html(job: &Layout<'_>) -> String {
     blocks(&mut h, job, is_gridded);
     h.push_str("</body>\n</html>\n");
     h
+}
+
+/// What this page adds to the common style: on a narrow screen wide tables are moved sideways within their place.
+const STYLE: &str = ".verdict{border-left:4px solid #1d4e89;padding:.2em .8em;background:#eef4fb}\
+.verdict li{margin:.2em 0}.verdict ul{padding-left:1.2em}\
+.picture img{max-width:100%;max-height:32em;border:1px solid #ddd}.wide{overflow-x:auto}\
+.wide svg{max-width:100%;height:auto}.row>div{max-width:100%}\
+@media(max-width:40em){body{margin:1em auto;font-size:15px}th,td{padding:.15em .4em}\
+td,th{white-space:normal}#blocks td,#blocks th{white-space:nowrap;position:static}}\
+@media print{.wide{overflow:visible}}";
+
+/// What to know before anything else: what needs attention, what is not marked and why, and who attends the job.
+fn verdict(h: &mut String, job: &Layout<'_>) {
+    let s = job.summary;
+    let mut lines = vec![match s.warnings.len() {
+        0 => "No warnings.".to_owned(),
+        1 => "1 warning: see below.".to_owned(),
+        n => format!("{n} warnings: see below."),
+    }];
+    let share = |mm: f64| shown_share(100.0 * mm / s.texture_mm);
+    let reasons =
+        [("off the part", s.skipped_off_part_mm), ("too steep", s.skipped_steep_mm), ("too small", s.skipped_small_mm)];
+    let told: Vec<String> = reasons
+        .into_iter()
+        .filter(|(_, mm)| *mm > 0.0)
+        .map(|(why, mm)| format!("{why} {} ({})", length_text(mm), share(mm)))
+        .collect();
+    lines.push(if told.is_empty() {
+        format!("All of the texture is marked: {}.", length_text(s.texture_mm))
+    } else {
+        format!("Not marked of {}: {}.", length_text(s.texture_mm), told.join(", "))
+    });
+    let hand = &s.by_hand;
+    lines.push(if hand.needed {
+        let assumed = if hand.assumed { ", assumed" } else { "" };
+        let (total, load) = (duration(hand.total_s), hand.load_s);
+        format!("A person attends {total}: {} files are loaded by hand, {load} s each{assumed}.", s.blocks)
+    } else {
+        format!("Nobody has to attend: {} of the machine alone.", duration(s.time_s.total))
+    });
+    let lines: String = lines.iter().map(|line| format!("<li>{}</li>\n", escape(line))).collect();
+    let _ = write!(h, "<div class=\"verdict\">\n<ul>\n{lines}</ul>\n</div>\n");
 }
 
 fn warnings(h: &mut String, job: &Layout<'_>) {
@@ -90,18 +136,19 @@ fn figures(h: &mut String, job: &Layout<'_>, is_gridded: bool) {
         ("Figures kept whole", s.figures_whole.to_string()),
         ("Figures cut", s.figures_cut.to_string()),
     ];
-    h.push_str("<h2>Figures</h2>\n<table>\n");
+    h.push_str("<h2>Figures</h2>\n<div class=\"wide\"><table>\n");
     for (name, value) in rows {
         let _ = writeln!(h, "<tr><td>{name}</td><td>{value}</td></tr>");
     }
-    h.push_str("</table>\n");
+    h.push_str("</table></div>\n");
 }
 
 fn times(h: &mut String, job: &Layout<'_>) {
     let parts = seconds(job);
     let sum: f64 = parts.iter().map(|p| p.2).sum();
     let share = |s: f64| if sum > 0.0 { s / sum } else { 0.0 };
-    h.push_str("<h2>Estimated time</h2>\n<svg width=\"420\" height=\"24\" role=\"img\" aria-label=\"time split\">");
+    h.push_str("<h2>Estimated time</h2>\n<svg width=\"420\" height=\"24\" viewBox=\"0 0 420 24\"");
+    h.push_str(" preserveAspectRatio=\"none\" style=\"max-width:100%\" role=\"img\" aria-label=\"time split\">");
     let mut x = 0.0;
     for &(name, fill, s) in &parts {
         let fill = hex(fill);
@@ -111,7 +158,7 @@ fn times(h: &mut String, job: &Layout<'_>) {
             write!(h, "<rect x=\"{at}\" width=\"{width}\" height=\"24\" fill=\"{fill}\"><title>{name}</title></rect>");
         x += w;
     }
-    h.push_str("</svg>\n<table>\n<tr><th>part</th><th>s</th><th>time</th><th>share</th></tr>\n");
+    h.push_str("</svg>\n<div class=\"wide\"><table>\n<tr><th>part</th><th>s</th><th>time</th><th>share</th></tr>\n");
     for (name, fill, s) in parts {
         let fill = hex(fill);
         let _ = writeln!(
@@ -138,7 +185,7 @@ fn times(h: &mut String, job: &Layout<'_>) {
     let _ = writeln!(
         h,
         "<tr><td>by terrace run, at least: loading and handshake of each block come on top</td><td>{}</td>\
-         <td>{}</td><td></td></tr>\n</table>",
+         <td>{}</td><td></td></tr>\n</table></div>",
         plain(total, 2),
         duration(total)
     );
@@ -149,13 +196,14 @@ fn candidates(h: &mut String, job: &Layout<'_>) {
         return;
     }
     h.push_str(
-        "<h2>Methods compared</h2>\n<table>\n<tr><th>method</th><th>stops</th><th>strokes</th><th>time</th></tr>\n",
+        "<h2>Methods compared</h2>\n<div class=\"wide\"><table>\n\
+         <tr><th>method</th><th>stops</th><th>strokes</th><th>time</th></tr>\n",
     );
     for c in &job.summary.candidates {
         let (method, time) = (escape(&c.method), duration(c.time_s.total));
         let _ = writeln!(h, "<tr><td>{method}</td><td>{}</td><td>{}</td><td>{time}</td></tr>", c.stops, c.fragments);
     }
-    h.push_str("</table>\n");
+    h.push_str("</table></div>\n");
 }
 
 /// Deviation of the lowest and the highest mark of a block from its focus, um.
@@ -173,7 +221,7 @@ fn defocus(h: &mut String, job: &Layout<'_>) {
     if blocks.is_empty() {
         return;
     }
-    h.push_str("<h2>Defocus of the blocks, um</h2>\n<div class=\"row\">\n<table>\n");
+    h.push_str("<h2>Defocus of the blocks, um</h2>\n<div class=\"row\">\n<div class=\"wide\"><table>\n");
     h.push_str("<tr><th>over all blocks</th><th>min</th><th>mean</th><th>max</th></tr>\n");
     let row = |h: &mut String, name: &str, value: &dyn Fn(&Block) -> f64| {
         let fold = |start: f64, f: fn(f64, f64) -> f64| blocks.iter().map(value).fold(start, f);
@@ -186,7 +234,7 @@ fn defocus(h: &mut String, job: &Layout<'_>) {
     row(h, "highest mark against focus", &|b| deviations(b)[1]);
     row(h, "largest of the two, unsigned", &worst);
     row(h, "height of the marks", &|b| (b.z_hi - b.z_lo).f64() / 1000.0);
-    h.push_str("</table>\n");
+    h.push_str("</table></div>\n");
     histogram(h, blocks);
     h.push_str("</div>\n");
 }
@@ -198,7 +246,8 @@ fn slopes(h: &mut String, job: &Layout<'_>) {
         return;
     }
     h.push_str(
-        "<h2>Slope under the marks</h2>\n<p>Dose: 1 as on a level surface with the job's own pens.</p>\n<table>\n\
+        "<h2>Slope under the marks</h2>\n<p>Dose: 1 as on a level surface with the job's own pens.</p>\n\
+         <div class=\"wide\"><table>\n\
          <tr><th></th><th>mean of the blocks</th><th>worst mark</th></tr>\n",
     );
     let row = |h: &mut String, name: &str, of: fn(&Slope) -> [f64; 2], worse: fn(f64, f64) -> f64| {
@@ -209,7 +258,7 @@ fn slopes(h: &mut String, job: &Layout<'_>) {
     row(h, "incidence, deg", Slope::incidence_deg, f64::max);
     row(h, "stretch uphill", Slope::stretch, f64::max);
     row(h, "dose", Slope::dose, f64::min);
-    h.push_str("</table>\n");
+    h.push_str("</table></div>\n");
 }
 
 /// Bars of the histogram.
@@ -225,7 +274,8 @@ fn histogram(h: &mut String, blocks: &[Block]) {
     let (left, wide, high) = (44.0, 432.0, 120.0);
     let _ = write!(
         h,
-        "<svg width=\"500\" height=\"170\" font-size=\"11\" role=\"img\" aria-label=\"blocks by largest defocus\">"
+        "<svg width=\"500\" height=\"170\" viewBox=\"0 0 500 170\" style=\"max-width:100%;height:auto\" font-size=\"11\" \
+         role=\"img\" aria-label=\"blocks by largest defocus\">"
     );
     for (k, &n) in counts.iter().enumerate() {
         let tall = high * n as f64 / tallest as f64;
@@ -255,7 +305,8 @@ fn histogram(h: &mut String, blocks: &[Block]) {
 
 fn pens(h: &mut String, job: &Layout<'_>) {
     h.push_str(
-        "<h2>Pens</h2>\n<table>\n<tr><th>pen</th><th>speed</th><th>power</th><th>frequency</th><th>passes</th>\
+        "<h2>Pens</h2>\n<div class=\"wide\"><table>\n\
+         <tr><th>pen</th><th>speed</th><th>power</th><th>frequency</th><th>passes</th>\
          <th>dwell of dots</th></tr>\n",
     );
     for pen in &job.checked.program().pens {
@@ -270,7 +321,7 @@ fn pens(h: &mut String, job: &Layout<'_>) {
             pen.dwell.map_or_else(String::new, |dwell| format!("{} us", dwell.as_us()))
         );
     }
-    h.push_str("</table>\n");
+    h.push_str("</table></div>\n");
 }
 
 fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
@@ -279,7 +330,8 @@ fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
     let _ = write!(
         h,
         "<h2>Blocks in machining order</h2>\n<p>Heights{} in the part frame, stage targets as commanded; mm, s.</p>\n\
-         <table id=\"blocks\">\n<tr><th>block</th><th>{first}</th><th>{second}</th><th>focus (LPFL)</th><th>stage x</th>\
+         <div class=\"wide\"><table id=\"blocks\">\n\
+         <tr><th>block</th><th>{first}</th><th>{second}</th><th>focus (LPFL)</th><th>stage x</th>\
          <th>stage y</th><th>stage z</th><th>incidence</th><th>dose</th><th>strokes</th><th>mark</th><th>jump</th><th>time</th></tr>\n",
         if gridded { "" } else { " and centres of windows" },
     );
@@ -308,5 +360,5 @@ fn blocks(h: &mut String, job: &Layout<'_>, gridded: bool) {
             plain(job.figures(i).time_s, 2),
         );
     }
-    h.push_str("</table>\n");
+    h.push_str("</table></div>\n");
 }

@@ -25,9 +25,9 @@ caption{text-align:left;font-weight:600;padding:.3em 0}th{vertical-align:bottom;
 td:not(:first-child).l{max-width:28em;min-width:10em}\
 .answer{font-size:1.35em;font-weight:600;margin:.6em 0 .3em}s{color:#666}\
 .aloud{position:absolute;width:1px;height:1px;overflow:hidden;clip-path:inset(50%);white-space:nowrap}\
-summary{cursor:pointer;font-weight:600;padding:.5em 0}details{border-top:1px solid #ddd}\
-.wide td:first-child,.wide th:first-child{position:sticky;left:0;background:#fff}.wide th:first-child{background:#f3f3f3}\
-@media(max-width:40em){body{margin:1em auto;font-size:15px}}@media print{details::details-content{content-visibility:visible;display:block}.wide{overflow:visible;break-inside:avoid}.wide svg{min-width:0}}";
+ul{max-width:50em;margin:.3em 0 1em}summary{cursor:pointer;font-weight:600;padding:.5em 0}details{border-top:1px solid #ddd}\
+.wide td:first-child,.wide th:first-child{position:sticky;left:0;background:#fff;box-shadow:inset 0 -1px #ddd}.wide th:first-child{background:#f3f3f3}\
+@media(max-width:40em){body{margin:1em auto;font-size:15px}th,td{padding:.15em .4em}ul{padding-left:1.2em}}@media print{details::details-content{content-visibility:visible;display:block}.wide{overflow:visible;break-inside:avoid}.wide svg{min-width:0}}";
 
 /// A piece of a page.
 #[derive(Clone, Copy, Debug)]
@@ -38,6 +38,8 @@ pub enum Item<'a> {
     Text(&'a str),
     /// The answer that the page gives, large.
     Answer(&'a str),
+    /// Sentences below each other.
+    List(&'a [String]),
     /// A paragraph that must not be missed.
     Warning(&'a str),
     /// A table under its title.
@@ -61,6 +63,10 @@ fn append(h: &mut String, items: &[Item<'_>]) {
             Item::Heading(words) => *h += &format!("<h2>{}</h2>\n", escape(words)),
             Item::Text(words) => *h += &format!("<p>{}</p>\n", escape(words)),
             Item::Answer(words) => *h += &format!("<p class=\"answer\">{}</p>\n", escape(words)),
+            Item::List(list) => {
+                let lines: String = list.iter().map(|words| format!("<li>{}</li>\n", escape(words))).collect();
+                *h += &format!("<ul>\n{lines}</ul>\n");
+            }
             Item::Warning(words) => *h += &format!("<p class=\"warn\">{}</p>\n", escape(words)),
             Item::Table(t) => table(h, t),
             Item::Plot(plot) => *h += &format!("<div class=\"wide\">{}</div>\n", plot.element()),

@@ -342,6 +342,38 @@ fn stops_on_the_grid_show_sections_and_no_windows() {
     assert!(report_html(&sample.layout()).contains("<th>section</th>"));
 }
 
+#[test]
+fn the_report_begins_with_what_needs_attention_and_a_picture() {
+    let mut sample = Sample::flat();
+    let s = &mut sample.summary;
+    (s.texture_mm, s.mark_mm) = (2000.0, 1890.0);
+    (s.skipped_mm, s.skipped_off_part_mm, s.skipped_steep_mm, s.skipped_small_mm) = (110.0, 100.0, 0.0, 10.0);
+    (s.by_hand.needed, s.by_hand.total_s, s.by_hand.load_s) = (true, 725.2, 15.0);
+    let html = report_html(&sample.layout());
+    let count = sample.summary.blocks;
+    for said in [
+        "<li>Not marked of 2000.0 mm: off the part 100.0 mm (5.0 %), too small 10.0 mm (0.5 %).</li>".to_owned(),
+        format!("<li>A person attends 12 min 5 s: {count} files are loaded by hand, 15 s each, assumed.</li>"),
+        "<a href=\"view.html\"><img src=\"layout.svg\" alt=\"Blocks over the part".to_owned(),
+    ] {
+        assert!(html.contains(&said), "{said}\n{}", &html[..4000.min(html.len())]);
+    }
+    // Before all else, and every table in a box that scrolls.
+    let at = |what: &str| html.find(what).expect("there");
+    assert!(at("</h1>") < at("class=\"verdict\"") && at("class=\"verdict\"") < at("<img ") && at("<img ") < at("<h2>"));
+    assert_eq!(html.matches("<div class=\"wide\"><table").count(), html.matches("<table").count());
+    assert_eq!(html.matches("</table></div>").count(), html.matches("<table").count());
+    sample.summary.warnings.clear();
+    (sample.summary.skipped_off_part_mm, sample.summary.skipped_small_mm) = (0.0, 0.0);
+    sample.summary.by_hand.needed = false;
+    let html = report_html(&sample.layout());
+    for said in
+        ["<li>No warnings.</li>", "<li>All of the texture is marked: 2000.0 mm.</li>", "<li>Nobody has to attend: "]
+    {
+        assert!(html.contains(said), "{said}");
+    }
+}
+
 /// On a turned part the frame is turned with it, around the marks.
 #[test]
 fn the_frame_of_a_turned_part_is_turned() {

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::support::surfaces::{dome, mesh, write_stl};
-use crate::support::{JobText, fixture, folder, number, said, shared, terrace};
+use crate::support::{JobText, fixture, folder, machine_file, number, said, shared, summary_of, terrace};
 use serde_json::Value;
 
 /// A bulge of a millimetre under hatch and squares.
@@ -208,4 +208,165 @@ fn unknown_systems_are_named_with_the_known_ones() {
     let out = terrace([Path::new("compare"), &job(dir.path()), Path::new("--systems"), Path::new("flat,9-axis")]);
     assert_eq!(out.status.code(), Some(2));
     assert!(said(&out).contains("7-axis-smooth"), "{}", said(&out));
+}
+
+/// Height over (x, y), mm.
+type Height = fn(f64, f64) -> f64;
+
+/// Ten small jobs: planes, domes, cylinders, saddles and slopes on machines of every kind, with files loaded by hand, pens
+/// of several passes and rates of an hour; each with the systems that are asked for.
+fn ten_jobs(dir: &Path) -> Vec<(PathBuf, &'static str)> {
+    const STEPPED: &str = "flat,contour,z-range,window,zoom,tilt";
+    const MOST: &str = "flat,contour,z-range,window,zoom,tilt,sync,sync-bands,7-axis-smooth";
+    const ALL: &str = "flat,contour,z-range,window,zoom,tilt,sync,sync-bands,7-axis,7-axis-smooth,5-axis";
+    let cost = machine_file("xyz-galvo-40") + "\n[cost]\nmachine = \"80 EUR/h\"\noperator = \"45 EUR/h\"\n";
+    std::fs::write(dir.join("cost.toml"), cost).expect("a writable folder");
+    let plane: Height = |_, _| 0.0;
+    let dome: Height = |x, y| -(x * x + y * y) / 60.0;
+    let cylinder: Height = |x, _| -x * x / 40.0;
+    let saddle: Height = |x, y| (x * x - y * y) / 50.0;
+    let slope: Height = |x, _| 0.5 * x;
+    let wave: Height = |x, y| 0.1 * (x + 0.3 * y).sin();
+    let jobs: [(Height, &str, &str, &str); 10] = [
+        (plane, "profile = \"xyz-galvo-40\"", "", MOST),
+        (plane, "profile = \"xyz-galvo-40\"", "mode = \"on-the-fly\"", "flat,contour,sync,sync-bands"),
+        (dome, "profile = \"xyz-galvo-40\"", "", ALL),
+        (dome, "profile = \"xyz-zoom-40\"", "", MOST),
+        (cylinder, "profile = \"xyz-galvo-100\"", "passes = 3", MOST),
+        (saddle, "file = \"cost.toml\"", "formats = [\"dxf\"]", MOST),
+        (slope, "profile = \"xyz-galvo-40\"", "", STEPPED),
+        (slope, "profile = \"xyz-tilt-galvo-40\"", "", MOST),
+        (saddle, "profile = \"xyzac-galvo-10\"", "", ALL),
+        (wave, "profile = \"xyz-tilt-galvo-40\"", "formats = [\"dxf\"]", STEPPED),
+    ];
+    let mut out = Vec::new();
+    for (k, (height, machine, more, systems)) in jobs.into_iter().enumerate() {
+        let stl = dir.join(format!("{k}.stl"));
+        write_stl(&stl, &mesh(16, [-4.0, -3.0, 4.0, 3.0], height));
+        let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"2 mm\"");
+        job.machine = machine.into();
+        match more.split(' ').next() {
+            Some("mode") => {}
+            Some("formats") => job.more = format!("[emit]\n{more}\n"),
+            // Keys of the last table, which is the pen's.
+            _ => job.more = format!("{more}\n"),
+        }
+        let path = job.write(dir, &format!("{k}.toml"));
+        if more.starts_with("mode") {
+            let text = std::fs::read_to_string(&path).expect("a job");
+            std::fs::write(&path, format!("{more}\n{}", text.replace("method = \"contour\"", ""))).expect("written");
+        }
+        out.push((path, systems));
+    }
+    out
+}
+
+/// What the verdict must be, from the table of systems alone: the fastest row within limits that runs on the job's
+/// machine and has a key of the job file.
+fn fastest<'a>(found: &'a Value, seconds: &dyn Fn(&Value) -> f64) -> Option<&'a Value> {
+    let rows = found["systems"].as_array().expect("systems").iter();
+    let usable = rows.filter(|s| {
+        s["within_limits_percent"].as_f64() == Some(100.0)
+            && s["beyond"].is_null()
+            && s["machine"] == found["machine"]
+            && s["job_key"].is_string()
+    });
+    usable.min_by(|a, b| seconds(a).total_cmp(&seconds(b)))
+}
+
+/// The verdict of a comparison against its tables.
+fn verdict_agrees(found: &Value, page: &str) {
+    let (verdict, limits) = (&found["verdict"], &found["limits"]);
+    let by_hand = found["by_hand"].as_bool().expect("whether files are loaded by hand");
+    let seconds = |s: &Value| s["by_hand_s"].as_f64().filter(|_| by_hand).unwrap_or_else(|| number(s, "total_s"));
+    let best = fastest(found, &seconds);
+    assert_eq!(verdict["recommended"], best.map_or(Value::Null, |s| s["system"].clone()), "{found:#}");
+    let sentences = verdict["sentences"].as_array().expect("sentences");
+    let answer = sentences[0].as_str().expect("words");
+    assert!(page.contains(&format!("<p class=\"answer\">{answer}</p>")), "{answer}");
+    if let Some(best) = best {
+        // What is recommended is so good that the limits hold without the table's own word for it.
+        assert!(number(best, "worst_fod_um") <= number(limits, "fod_um") + 2e-3, "{best}");
+        assert!(number(best, "worst_bia_deg") <= number(limits, "bia_deg") + 1e-6, "{best}");
+        assert!(number(best, "worst_displacement_mm") <= number(limits, "displacement_mm") + 2e-6, "{best}");
+        assert!(answer.contains(&terrace::manifest::duration(seconds(best))), "{answer}");
+        assert_eq!(verdict["job_key"], best["job_key"]);
+    } else {
+        assert!(answer.starts_with("None of these systems keeps all limits"), "{answer}");
+    }
+    let of = |list: &'static str| found[list].as_array().expect("a table").iter();
+    for ((row, told), short) in of("systems").zip(verdict["systems"].as_array().expect("a list")).zip(of("overview")) {
+        assert!(told["system"] == row["system"] && short["system"] == row["system"]);
+        let note = short["note"].as_str().expect("a note");
+        if row["total_s"].is_null() {
+            assert!(told["standing"] == "does-not-apply" && note.starts_with("does not apply: "), "{told}");
+            continue;
+        }
+        let keeps = number(row, "within_limits_percent") == 100.0 && row["beyond"].is_null();
+        let is_own = row["machine"] == found["machine"];
+        let standing = match (keeps, is_own, row["job_key"].is_string()) {
+            (false, ..) => "beyond-limits",
+            _ if verdict["recommended"] == row["system"] => "recommended",
+            (_, false, _) => "other-hardware",
+            (_, _, false) => "estimate-only",
+            _ => "usable",
+        };
+        assert_eq!(told["standing"], standing, "{row}");
+        assert_eq!(note.starts_with("not usable: "), !keeps, "{note}");
+        let name = row["system"].as_str().expect("a name");
+        assert_eq!(page.contains(&format!("<s>{name}</s>")), !keeps, "{name} is struck out where it must not be used");
+        let ratio = best.map(|best| seconds(row) / seconds(best));
+        let said = told["times_the_recommended"].as_f64();
+        assert!(ratio.zip(said).is_none_or(|(a, b)| (a / b - 1.0).abs() < 1e-12) && ratio.is_some() == said.is_some());
+        // Whatever the system, the job has one length of marks, or the row says what is missing.
+        let (marked, whole) = (number(row, "marked_m"), number(found, "marked_m"));
+        let told = row["note"].as_str().is_some_and(|note| note.contains("mm less: "));
+        assert!(marked <= whole * (1.0 + 1e-9) && (marked > 0.999 * whole || told), "{name}: {marked} {whole}");
+    }
+}
+
+#[test]
+fn verdict_of_ten_jobs_agrees_with_the_tables_and_recommends_nothing_beyond_the_limits() {
+    let dir = folder();
+    let mut recommended = Vec::new();
+    for (k, (job, systems)) in ten_jobs(dir.path()).into_iter().enumerate() {
+        let out = dir.path().join(format!("out-{k}"));
+        let found = compared(&["--systems", systems, "-o", out.to_str().expect("UTF-8")], &job);
+        let page = std::fs::read_to_string(out.join("compare.html")).expect("a page");
+        verdict_agrees(&found, &page);
+        recommended.push(found["verdict"]["recommended"].as_str().unwrap_or("none").to_owned());
+        let costs = found["overview"].as_array().expect("rows").iter().filter(|s| s["cost_eur"].is_f64()).count();
+        assert_eq!(costs > 0, k == 5, "rates are given once: {found:#}");
+    }
+    // The jobs are of different kinds.
+    for system in ["none", "zoom", "tilt", "sync", "7-axis"] {
+        assert!(recommended.iter().any(|r| r == system), "{system}: {recommended:?}");
+    }
+}
+
+#[test]
+fn marked_length_is_that_of_compile_with_every_pass_of_the_pens() {
+    let dir = folder();
+    let stl = dir.path().join("bulge.stl");
+    write_stl(&stl, &mesh(20, [0.0, 0.0, 8.0, 6.0], |x, y| 0.2 * (x / 3.0).sin() * (y / 2.0).cos()));
+    let marked = |passes: u32| {
+        let mut job = JobText::on(&stl).method("z-range").texture("pattern = \"hatch\"\npitch = \"2 mm\"");
+        job.more = format!("passes = {passes}\n");
+        let path = job.write(dir.path(), "job.toml");
+        let systems = "flat,contour,z-range,window,zoom,tilt,sync,sync-bands,7-axis-smooth,5-axis";
+        let found = compared(&["--systems", systems], &path);
+        let compiled = number(&summary_of(&path), "mark_mm") / 1000.0;
+        let rows = found["systems"].as_array().expect("systems");
+        for row in rows {
+            assert!((number(row, "marked_m") / compiled - 1.0).abs() < 1e-9, "{compiled} {row}");
+        }
+        let time = |name: &str| number(rows.iter().find(|r| r["system"] == name).expect("a row"), "mark_s");
+        ([time("z-range"), time("5-axis")], compiled)
+    };
+    let ((once, short), (thrice, long)) = (marked(1), marked(3));
+    assert!((long / short - 3.0).abs() < 1e-9);
+    // Their times are those of three passes too, on the fly as well as stepped.
+    for (one, three) in once.into_iter().zip(thrice) {
+        assert!((three / one - 3.0).abs() < 0.05, "{one} {three}");
+    }
 }

@@ -252,16 +252,12 @@ impl Table {
     }
 
     /// Aligned text, at most `width` characters wide where a column next to the first allows it: what does not fit
-    /// follows below with the first column repeated. Names and words that are long are wrapped.
+    /// follows below with the first column repeated. Names and words that are long are wrapped, and more narrowly where
+    /// all columns fit side by side then.
     pub fn text(&self, width: usize) -> String {
-        let cells: Vec<Vec<Vec<String>>> = (0..self.rows.len())
-            .map(|r| (0..self.columns.len()).map(|c| wrap(&self.shown(r, c), WORDS)).collect())
-            .collect();
-        let heads: Vec<Vec<String>> =
-            (0..self.columns.len()).map(|c| self.head(c, cells.iter().map(|row| &row[c]))).collect();
-        let widths: Vec<usize> = (0..self.columns.len())
-            .map(|c| widest(heads[c].iter().chain(cells.iter().flat_map(|row| &row[c]))))
-            .collect();
+        let fits = |words: &usize| blocks(&self.wrapped(*words).widths, width).len() == 1;
+        let words = WORDS.into_iter().find(fits).unwrap_or(WORDS[0]);
+        let Wrapped { cells, heads, widths } = self.wrapped(words);
         let mut out = if self.title.is_empty() { String::new() } else { format!("{}\n\n", self.title) };
         for (k, block) in blocks(&widths, width).iter().enumerate() {
             if k > 0 {
@@ -276,11 +272,24 @@ impl Table {
         out
     }
 
+    /// All cells and heads in lines, those of words no wider than `words`.
+    fn wrapped(&self, words: usize) -> Wrapped {
+        let cells: Vec<Vec<Vec<String>>> = (0..self.rows.len())
+            .map(|r| (0..self.columns.len()).map(|c| wrap(&self.shown(r, c), words)).collect())
+            .collect();
+        let heads: Vec<Vec<String>> =
+            (0..self.columns.len()).map(|c| self.head(c, cells.iter().map(|row| &row[c]))).collect();
+        let widths: Vec<usize> = (0..self.columns.len())
+            .map(|c| widest(heads[c].iter().chain(cells.iter().flat_map(|row| &row[c]))))
+            .collect();
+        Wrapped { cells, heads, widths }
+    }
+
     /// The head of a column: its name as narrow as the cells allow, and below it the unit.
     fn head<'a>(&'a self, c: usize, cells: impl Iterator<Item = &'a Vec<String>>) -> Vec<String> {
         let column = &self.columns[c];
         let narrow = cells.flatten().chain([&column.unit]).map(|l| length(l)).max().unwrap_or(0);
-        let longest = column.name.split(' ').map(length).max().unwrap_or(0).min(WORDS);
+        let longest = column.name.split(' ').map(length).max().unwrap_or(0).min(WORDS[0]);
         let mut lines = wrap(&column.name, narrow.max(longest).max(1));
         if !column.unit.is_empty() {
             lines.push(column.unit.clone());
@@ -378,8 +387,15 @@ impl Serialize for Row<'_> {
 
 /// Between two columns of text.
 const GAP: &str = "  ";
-/// Width to which words of a cell are wrapped.
-const WORDS: usize = 40;
+/// Widths to which words of a cell are wrapped, the usual one first.
+const WORDS: [usize; 3] = [40, 32, 24];
+
+/// A table in lines: cells by row and column, heads and widths by column.
+struct Wrapped {
+    cells: Vec<Vec<Vec<String>>>,
+    heads: Vec<Vec<String>>,
+    widths: Vec<usize>,
+}
 
 fn shown(cell: &Cell, kind: Kind) -> Cow<'_, str> {
     let value = match cell {
@@ -401,7 +417,7 @@ fn shown(cell: &Cell, kind: Kind) -> Cow<'_, str> {
 }
 
 /// A share that is nearly all is not all.
-fn share(percent: f64) -> String {
+pub(super) fn share(percent: f64) -> String {
     match plain(percent, 1) {
         text if text == "100.0" && percent < 100.0 => "> 99.9 %".into(),
         text if text == "0.0" && percent > 0.0 => "< 0.1 %".into(),
