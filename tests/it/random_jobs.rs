@@ -315,7 +315,7 @@ fn write_pens(noise: &mut Random, text: &mut String, pens: usize) {
 fn run(path: &Path) -> Result<bool, String> {
     let out = path.with_extension("job");
     let compiled = Job::load(path, &Overrides::default())
-        .and_then(|job| plan::plan(job, &|_| ()))
+        .and_then(|job| plan::plan(job, &|_, _| ()))
         .and_then(|plan| job_folder::write(&plan, &out));
     let say = |e: Error| e.diags().iter().map(|d| d.render(false)).collect::<String>();
     if let Err(e) = compiled {
