@@ -168,8 +168,8 @@ class App {
       this.frames.push(past);
       if (this.frames.length > 120) this.frames.shift();
       // Frames are kept between 20 and 40 ms by how many lines they draw.
-      if (past > 40) this.scene.budget = Math.max(BUDGET[0], this.scene.budget * 0.75);
-      if (past > 80 && this.scene.budget < 2 * BUDGET[0]) this.isCoarse = true;
+      if (past > 40) this.scene.budget = Math.max(BUDGET[0], this.scene.budget * Math.max(30 / past, 0.4));
+      if (past > 120) this.isCoarse = true;
       if (past < 20) this.scene.budget = Math.min(BUDGET[1], this.scene.budget * 1.1);
     }
     this.wasMoving = moving;
