@@ -113,6 +113,7 @@ class App {
     this.size = parseFloat(style.fontSize) / 15;
   }
 
+  /** Where the machine is at the clock's time. */
   moment() {
     return this.timeline.at(this.time, (block) => {
       const k = this.scene.chunkOf(block);
@@ -131,10 +132,9 @@ class App {
   /** The next frame is to draw: the picture anew, or what is still to be added. @param {boolean} [isStale] */
   changed(isStale = true) {
     this.isStale ||= isStale;
-    if (!this.isDue) {
-      this.isDue = true;
-      requestAnimationFrame((now) => this.frame(now));
-    }
+    if (this.isDue) return;
+    this.isDue = true;
+    requestAnimationFrame((now) => this.frame(now));
   }
 
   /** The camera moved: pictures are drawn within the budget until it rests. */
@@ -143,7 +143,7 @@ class App {
     this.changed();
   }
 
-  /** @param {number} now ms */
+  /** Draws what has changed, and asks for the next frame while there is more. @param {number} now ms */
   frame(now) {
     this.isDue = false;
     const past = now - this.lastFrame;
@@ -152,7 +152,7 @@ class App {
     const moving = this.playing || now < this.movingUntil;
     this.resize(moving && this.isCoarse ? 0.5 : 1);
     const moment = this.moment();
-    if (this.follow && this.soFollowed(moment)) this.isStale = true;
+    if (this.follow && this.followField(moment)) this.isStale = true;
     const look = this.look(moment, moving);
     let isMore = false;
     if (this.isStale || moving) {
@@ -168,21 +168,18 @@ class App {
       this.frames.push(past);
       if (this.frames.length > 120) this.frames.shift();
       // Frames are kept between 20 and 40 ms by how many lines they draw.
-      if (past > 40) this.scene.budget = Math.max(BUDGET[0], this.scene.budget * 0.75);
-      if (past > 80 && this.scene.budget < 2 * BUDGET[0]) this.isCoarse = true;
+      if (past > 40) this.scene.budget = Math.max(BUDGET[0], this.scene.budget * Math.max(30 / past, 0.4));
+      if (past > 120) this.isCoarse = true;
       if (past < 20) this.scene.budget = Math.min(BUDGET[1], this.scene.budget * 1.1);
     }
     this.wasMoving = moving;
     if (!moving) isMore = this.scene.drawMore(look);
     place("progress").textContent = this.scene.loading > 0 || isMore ? "Drawing marks" : "";
-    if (moving && !this.playing) this.isStale = true;
-    if (moving || isMore || this.isStale) {
-      this.isDue = true;
-      requestAnimationFrame((t) => this.frame(t));
-    }
+    // What was drawn within a budget is drawn in full once it rests.
+    if (moving || isMore) this.changed(moving);
   }
 
-  /** @param {number} seconds of the user */
+  /** Moves the clock. @param {number} seconds of the user */
   advance(seconds) {
     const speed = choice("speed").value;
     const factor = speed === "whole" ? this.head.time_s / 60 : Number(speed);
@@ -191,7 +188,7 @@ class App {
   }
 
   /** Moves the camera with the field; whether it moved. @param {Moment} moment */
-  soFollowed(moment) {
+  followField(moment) {
     const last = this.followed;
     this.followed = moment.centre;
     if (!last) return false;
