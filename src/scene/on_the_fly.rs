@@ -11,6 +11,8 @@ use crate::plan::OnTheFlyPlan;
 
 /// Points of a group, as many as a tile of a picture should have.
 const GROUP: usize = 4096;
+/// Marks of a group, so that those of few points are grouped by place too.
+const GROUP_MARKS: usize = 32;
 /// Samples of the motion that are kept.
 const SAMPLES: usize = 40_000;
 /// Lines stray from the marks by this share of the spot at most, and by this one of half the depth range.
@@ -103,7 +105,7 @@ impl Maker<'_> {
         let scene = &mut *self.scene;
         let full = scene.groups.last().is_none_or(|g| {
             let first = scene.marks[g.marks.start].first as usize;
-            scene.points.len() - first >= GROUP
+            scene.points.len() - first >= GROUP || g.marks.len() >= GROUP_MARKS
         });
         if full {
             let origin = first.0.map(|v| v.round() / NM_PER_MM);

@@ -338,9 +338,8 @@ fn clearance_error_suggests_a_working_distance_that_compiles() {
 fn strokes_error_suggests_a_section_that_compiles() {
     let dir = folder();
     let machine = machine_file("xyz-galvo-40");
-    assert!(machine.contains("[controller]"), "{machine}");
-    let text: String = machine.lines().filter(|l| !l.starts_with("max_strokes")).map(|l| format!("{l}\n")).collect();
-    let text = text.replace("[controller]\n", "[controller]\nmax_strokes = 12\n");
+    assert!(!machine.contains("[controller]"), "{machine}");
+    let text = format!("{machine}\n[controller]\nmax_strokes = 12\n");
     std::fs::write(dir.path().join("ours.toml"), text).expect("writable");
     let mut job = panel(dir.path());
     job.machine = "file = \"ours.toml\"".into();

@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 use std::sync::Mutex;
 
 use serde_json::Value;
-use terrace::job::{Job, Overrides};
+use terrace::job::{Job, Mode, Overrides};
 use terrace::plan::{self, Phase};
 use terrace::{compare, job_folder, verify};
 
@@ -146,13 +146,13 @@ fn every_command_gives_its_errors_as_one_json_object() {
 }
 
 /// A gentle bulge under a hatch.
-fn bulge(dir: &Path, pitch: &str, more: &str) -> Job {
+fn bulge(dir: &Path, pitch: &str, more: &str, mode: Option<Mode>) -> Job {
     let stl = dir.join("bulge.stl");
     write_stl(&stl, &mesh(30, [0.0, 0.0, 60.0, 50.0], |x, y| (x / 20.0).sin() * (y / 17.0).cos()));
     let mut job = JobText::on(&stl).texture(&format!("pattern = \"hatch\"\npitch = {pitch:?}")).method("auto");
     job.focus = "pdof = \"0.2 mm\"".into();
     job.more = more.into();
-    Job::load(&job.write(dir, "bulge.toml"), &Overrides::default()).unwrap_or_else(|e| panic!("{e}"))
+    Job::load(&job.write(dir, "bulge.toml"), &Overrides { mode, ..Overrides::default() }).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Holds that what was told goes through the phases in order, in each from 0 to 100 percent and never back.
@@ -176,7 +176,7 @@ fn steps_of<P: PartialEq>(told: &Mutex<Vec<(P, u8)>>, phase: &P) -> usize {
 #[test]
 fn percent_rises_from_0_to_100_in_every_phase_of_a_stepped_job_and_its_verification() {
     let dir = folder();
-    let job = bulge(dir.path(), "0.5 mm", "[passes]\ncount = 3\nturn = \"30 deg\"\n");
+    let job = bulge(dir.path(), "0.5 mm", "[passes]\ncount = 3\nrotate = \"30 deg\"\n", None);
     let phases = [plan::phases(&job), plan::phases_of_writing(&job)].concat();
     assert!(phases.contains(&Phase::Passes) && phases.contains(&Phase::Draw), "{phases:?}");
     let told = Mutex::new(Vec::new());
@@ -200,8 +200,7 @@ fn percent_rises_from_0_to_100_in_every_phase_of_a_stepped_job_and_its_verificat
 #[test]
 fn percent_rises_from_0_to_100_in_every_phase_of_an_on_the_fly_job_and_its_verification() {
     let dir = folder();
-    let mut job = bulge(dir.path(), "10 mm", "");
-    job.mode = terrace::job::Mode::OnTheFly;
+    let job = bulge(dir.path(), "10 mm", "", Some(Mode::OnTheFly));
     let phases = [plan::phases(&job), plan::phases_of_writing(&job)].concat();
     let told = Mutex::new(Vec::new());
     let hear = |phase: Phase, percent: u8| told.lock().expect("nothing broke").push((phase, percent));
@@ -219,7 +218,7 @@ fn percent_rises_from_0_to_100_in_every_phase_of_an_on_the_fly_job_and_its_verif
 #[test]
 fn orient_and_compare_tell_their_progress() {
     let dir = folder();
-    let job = bulge(dir.path(), "10 mm", "");
+    let job = bulge(dir.path(), "10 mm", "", None);
     let told = Mutex::new(Vec::new());
     let hear = |phase, percent| told.lock().expect("nothing broke").push((phase, percent));
     plan::orient::orient(&job, &hear).unwrap_or_else(|e| panic!("{e}"));
@@ -240,7 +239,7 @@ fn orient_and_compare_tell_their_progress() {
 #[test]
 fn a_short_run_that_is_not_watched_says_nothing_of_its_progress() {
     let dir = folder();
-    bulge(dir.path(), "5 mm", "");
+    bulge(dir.path(), "5 mm", "", None);
     for args in [&["check", "bulge.toml"][..], &["compile", "bulge.toml"], &["verify", "bulge.job"]] {
         let o = run(dir.path(), args);
         assert_eq!(o.status.code(), Some(0), "{}", said(&o));
