@@ -6,12 +6,15 @@ use std::path::Path;
 use super::{failed, inputs, path_from};
 use crate::diag::Error;
 use crate::emit::{self, Files, Stepped};
+use crate::geom::{Box2, P2};
 use crate::job::Job;
 use crate::manifest::{self, Facts, FileFact, Head, MANIFEST, OnTheFlyFacts};
 use crate::parallel;
-use crate::plan::{OnTheFlyPlan, Pass, SteppedPlan};
+use crate::plan::{OnTheFlyPlan, Pass, Plan, SteppedPlan};
 use crate::program::{self, PenId, Program};
-use crate::report;
+use crate::report::{self, Marks};
+use crate::scene::{self, Relief, Scene};
+use crate::surface::Surface;
 
 /// A folder being filled.
 pub(super) struct Filling<'a> {
@@ -67,8 +70,10 @@ pub(super) fn stepped(plan: &SteppedPlan, head: &Head, filling: &mut Filling<'_>
     if let Some(pen) = job.frames {
         frames(&emitted, pen, job, filling)?;
     }
+    let (scene, relief) = looks(plan);
     for (k, pass) in passes.iter().enumerate() {
-        let layout = layout(plan, pass, &name);
+        let marks = Marks::of(&scene, pass.blocks.clone());
+        let layout = layout(plan, pass, &name, (&scene, &relief, &marks));
         if k == 0 {
             filling.put("layout.svg", report::layout_svg(&layout).as_bytes())?;
             let by_slope = report::Layout { shade: report::Shade::Incidence, ..layout.clone() };
@@ -151,19 +156,72 @@ pub(super) fn on_the_fly(plan: &OnTheFlyPlan, head: &Head, filling: &mut Filling
     for file in files.filter(|f| f.kinds.contains(&kind)) {
         filling.put(file.name, &(file.write)(checked, machine))?;
     }
+    filling.put("layout.svg", on_the_fly_svg(plan)?.as_bytes())?;
     let files = std::mem::take(&mut filling.files);
     let facts =
         OnTheFlyFacts { job, machine, program: checked.program(), left_out: &plan.left_out, summary: &plan.summary };
     Ok(manifest::on_the_fly_manifest(&Head { files, ..head.clone() }, &facts))
 }
 
-/// The picture of a plan's first pass, as `layout.svg` has it.
-pub fn layout_svg(plan: &SteppedPlan) -> String {
-    report::layout_svg(&layout(plan, &plan.passes[0], &file_name(&plan.job.path)))
+/// The picture of a plan, of a stepped one that of its first pass, as `layout.svg` has it.
+///
+/// # Errors
+/// Those of a machine that does not have the axes of an on-the-fly program.
+pub fn layout_svg(plan: &Plan) -> Result<String, Error> {
+    match plan {
+        Plan::Stepped(plan) => {
+            let (scene, relief) = looks(plan);
+            let pass = &plan.passes[0];
+            let marks = Marks::of(&scene, pass.blocks.clone());
+            let name = file_name(&plan.job.path);
+            Ok(report::layout_svg(&layout(plan, pass, &name, (&scene, &relief, &marks))))
+        }
+        Plan::OnTheFly(plan) => on_the_fly_svg(plan),
+    }
+}
+
+/// The picture of an on-the-fly job.
+fn on_the_fly_svg(plan: &OnTheFlyPlan) -> Result<String, Error> {
+    let (part, texture) = (part_box(&plan.inputs.surface), plan.texture.bounds());
+    let relief = Relief::under(&plan.inputs.surface, report::relief_area(part, texture), report::RELIEF_CELLS);
+    let scene = scene::of_on_the_fly(plan, &relief)?;
+    let marks = Marks::of(&scene, 0..scene.groups.len());
+    Ok(report::on_the_fly_svg(&report::OnTheFlyLayout {
+        job: &file_name(&plan.job.path),
+        program: plan.checked.program(),
+        machine: &plan.machine,
+        part,
+        texture,
+        scene: &scene,
+        relief: &relief,
+        marks: &marks,
+        turn_rad: plan.job.placement.turn.as_rad(),
+        summary: &plan.summary,
+    }))
+}
+
+/// What all pictures of a stepped job share.
+fn looks(plan: &SteppedPlan) -> (Scene, Relief) {
+    let surface = &plan.inputs.surface;
+    let area = report::relief_area(part_box(surface), plan.passes[0].texture);
+    let relief = Relief::under(surface, area, report::RELIEF_CELLS);
+    (scene::of_stepped(plan, &relief), relief)
+}
+
+fn part_box(surface: &Surface) -> Box2 {
+    let part = surface.part_box_mm();
+    let mut all = Box2::EMPTY;
+    [part.lo, part.hi].into_iter().filter_map(|[x, y]| P2::from_mm(x, y)).for_each(|p| all.add(p));
+    all
 }
 
 /// What the picture of a pass is drawn from; `job` is the name that it shows.
-fn layout<'a>(plan: &'a SteppedPlan, pass: &'a Pass, job: &'a str) -> report::Layout<'a> {
+fn layout<'a>(
+    plan: &'a SteppedPlan,
+    pass: &'a Pass,
+    job: &'a str,
+    (scene, relief, marks): (&'a Scene, &'a Relief, &'a Marks),
+) -> report::Layout<'a> {
     report::Layout {
         job,
         checked: &plan.checked,
@@ -172,8 +230,11 @@ fn layout<'a>(plan: &'a SteppedPlan, pass: &'a Pass, job: &'a str) -> report::La
         machine: &plan.machine,
         sections: pass.sections,
         map: &pass.map,
+        part: part_box(&plan.inputs.surface),
         texture: pass.texture,
-        off_part: &plan.off_part.places,
+        scene,
+        relief,
+        marks,
         turn_rad: plan.job.placement.turn.as_rad(),
         figures: &plan.figures,
         drawn: report::drawn(&plan.checked, &plan.machine),
