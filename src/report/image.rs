@@ -54,7 +54,9 @@ pub(super) fn of_pixels(size: [usize; 2], pixels: &[u8]) -> Vec<u8> {
 /// Pairs of grey and opacity, from the upper left, row by row.
 pub(super) fn of_shades(size: [usize; 2], pairs: &[u8]) -> String {
     let mut out = Vec::new();
-    written(encoder(&mut out, size, ColorType::GrayscaleAlpha, BitDepth::Eight), pairs);
+    let mut encoder = encoder(&mut out, size, ColorType::GrayscaleAlpha, BitDepth::Eight);
+    encoder.set_filter(Filter::Adaptive);
+    written(encoder, pairs);
     address(&out)
 }
 

@@ -1,7 +1,7 @@
 //! What `layout.svg` shows next to the part: axes and scale bar, and the legend.
 //!
-//! The legend is right of the part or, where the part is much wider than high, below it in columns; it never covers the
-//! part. Its texts are as wide as in the widest of the usual faces, so they fit in all.
+//! The legend is right of the part and, where that is longer than the part is high, below it; of a part that is much
+//! wider than high it is below it alone. It never covers the part. Its texts are as wide as in the widest of the usual faces, so they fit in all.
 
 use svg::Node;
 use svg::node::element::Element;
@@ -18,8 +18,6 @@ use crate::manifest::duration;
 
 /// Distance of two lines of text, of a font of 1.
 const LINE: f64 = 1.42;
-/// Columns of a legend below the part.
-const COLUMNS: usize = 3;
 /// Between two cards of a column.
 const CARDS: f64 = 1.8;
 /// Rows of texture that is not marked, and pens, that are told at most.
@@ -99,33 +97,66 @@ pub(super) fn draw(job: &Picture<'_>, sheet: &Sheet, shown: &Shown<'_>) -> (Elem
     let mut g = el("g", &[("id", "layer-legend"), ("inkscape:groupmode", "layer"), ("inkscape:label", "Legend")]);
     let left = x0 - (LEFT + RIM) * u;
     let top = y0 - if job.origins.len() > 1 { TOP } else { RIM } * u;
-    let (first, begin, count, width) = if sheet.below {
-        let width = (100.0 - 2.0 * RIM - GAP * (COLUMNS - 1) as f64) / COLUMNS as f64;
-        (left + RIM * u, y1 + FOOT * u, COLUMNS, width)
-    } else {
-        (x1 + GAP * u, y0, 1, BESIDE)
+    // Left, top and width of the columns.
+    let below = |first: f64, room: f64, count: usize| {
+        let width = (room - GAP * (count - 1) as f64) / count as f64;
+        (0..count).map(move |k| [first + k as f64 * (width + GAP) * u, y1 + FOOT * u, width])
     };
-    let mut ends = vec![begin; count];
+    let columns: Vec<[f64; 3]> = if sheet.below {
+        below(left + RIM * u, 100.0 - 2.0 * RIM, 3).collect()
+    } else {
+        let beside = [x1 + GAP * u, y0, BESIDE];
+        std::iter::once(beside).chain(below(left + RIM * u, 100.0 - 2.0 * RIM - GAP - BESIDE, 2)).collect()
+    };
     let cards: [&dyn Fn(&mut Column); 5] =
         [&|c| heading(c, job, sheet), &|c| colours(c, job, sheet), &|c| not_marked(c, job), &|c| times(c, job), &|c| {
             key(c, job, sheet, shown)
         }];
-    for card in cards {
+    let written = |card: usize, width: f64| {
         let mut column = Column { elements: Vec::new(), u, width: width * u, y: 0.0 };
-        card(&mut column);
+        cards[card](&mut column);
+        column
+    };
+    let heights: Vec<Vec<f64>> =
+        (0..cards.len()).map(|card| columns.iter().map(|c| written(card, c[2]).y / u).collect()).collect();
+    let begins: Vec<f64> = columns.iter().map(|c| (c[1] - y0) / u).collect();
+    let mut ends: Vec<f64> = columns.iter().map(|c| c[1]).collect();
+    let mut lowest = y1 + FOOT * u;
+    for (card, k) in shortest(&heights, &begins).into_iter().enumerate() {
+        let [x, _, width] = columns[k];
+        let column = written(card, width);
         if column.elements.is_empty() {
             continue;
         }
-        // Into the column that ends highest.
-        let k = (0..count).min_by(|&a, &b| ends[a].total_cmp(&ends[b])).unwrap_or(0);
-        let x = first + k as f64 * (width + GAP) * u;
         let mut moved = el("g", &[("transform", &format!("translate({} {})", num(x), num(ends[k])))]);
         column.elements.into_iter().for_each(|e| moved.append(e));
         g.append(moved);
+        lowest = lowest.max(ends[k] + column.y);
         ends[k] += column.y + CARDS * u;
     }
-    let lowest = ends.into_iter().fold(y1 + FOOT * u, |a, b| a.max(b - CARDS * u));
     (g, [left, top, left + 100.0 * u, lowest + RIM * u])
+}
+
+/// The columns of cards with which the longest column ends highest; of equal ones that in which the first cards are in
+/// the first columns. `heights` are by card and column.
+fn shortest(heights: &[Vec<f64>], begins: &[f64]) -> Vec<usize> {
+    let count = begins.len();
+    let choice = |mut n: usize| {
+        let mut columns = vec![0; heights.len()];
+        for k in columns.iter_mut().rev() {
+            (*k, n) = (n % count, n / count);
+        }
+        columns
+    };
+    let end = |columns: &[usize]| {
+        let mut ends = begins.to_vec();
+        for (card, &k) in columns.iter().enumerate().filter(|(card, k)| heights[*card][**k] > 0.0) {
+            ends[k] += heights[card][k] + CARDS;
+        }
+        // Tenths of a unit: what no eye sees decides nothing.
+        (ends.iter().fold(0.0f64, |a, &b| a.max(b)) * 10.0).round() as i64
+    };
+    (0..count.pow(heights.len() as u32)).map(choice).min_by_key(|columns| end(columns)).unwrap_or_default()
 }
 
 /// Width of a text in DejaVu Sans, the widest of the faces, in its font size; never less.
@@ -298,7 +329,7 @@ fn stepped(c: &mut Column, job: &Layout<'_>, sheet: &Sheet) {
         c.pair(0.0, "dots", &format!("{} of {}", s.dots.marked, s.dots.texture));
     }
     c.pair(0.0, "skipped", &length_text(s.skipped_mm));
-    warnings(c, s.warnings.len());
+    warnings(c, s.warnings.len(), "report.html");
 }
 
 fn on_the_fly(c: &mut Column, job: &OnTheFlyLayout<'_>) {
@@ -311,11 +342,11 @@ fn on_the_fly(c: &mut Column, job: &OnTheFlyLayout<'_>) {
     c.pair(0.0, "fastest mark", &format!("{} mm/s", plain(s.mark_speed_mm_s, 0)));
     c.pair(0.0, "marked", &length_text(s.mark_mm));
     c.pair(0.0, "skipped", &length_text(s.lengths.skipped_mm));
-    warnings(c, s.warnings.len());
+    warnings(c, s.warnings.len(), "the manifest");
 }
 
-fn warnings(c: &mut Column, count: usize) {
-    c.pair(0.0, "warnings", &if count == 0 { "none".to_owned() } else { format!("{count}, see manifest") });
+fn warnings(c: &mut Column, count: usize, file: &str) {
+    c.pair(0.0, "warnings", &if count == 0 { "none".to_owned() } else { format!("{count}, see {file}") });
 }
 
 /// The colours of blocks with the heights they stand for, and those of pens.
@@ -330,7 +361,7 @@ fn colours(c: &mut Column, job: &Picture<'_>, sheet: &Sheet) {
     }
     c.title(if pens.len() == 1 { "pen" } else { "pens" }, "");
     for (k, pen) in pens.iter().take(MOST_ROWS).enumerate() {
-        let pen = &job.pens[pen.index()];
+        let Some(pen) = job.pens.get(pen.index()) else { continue };
         let colour = hex(marks::colour(k));
         let words = format!("{}: {} mm/s, {}", pen.name, num(pen.speed.as_mm_s()), pen.power);
         c.row(|u, y| vec![line(u, y, &colour, 0.35, "")], &words);
@@ -370,7 +401,7 @@ fn ramp(c: &mut Column, job: &Layout<'_>, sheet: &Sheet) {
         levels.sort_unstable();
         levels.dedup();
         let other = if sheet.gridded { "level" } else { "block" };
-        c.lines(0.0, &format!("{} heights, every other {other} darker", levels.len()));
+        c.lines(0.0, &format!("{} heights; every other {other} darker", levels.len()));
     }
 }
 
@@ -447,8 +478,7 @@ fn times(c: &mut Column, job: &Picture<'_>) {
 fn key(c: &mut Column, job: &Picture<'_>, sheet: &Sheet, shown: &Shown<'_>) {
     let dash = |a: f64, b: f64| format!("{} {}", num(a * sheet.unit), num(b * sheet.unit));
     c.title("how to read it", "");
-    let heights =
-        if shown.shading.factor > 1.0 { format!(", heights x {}", shown.shading.factor) } else { String::new() };
+    let heights = if shown.shading.factor > 1.0 { format!(", z x {}", shown.shading.factor) } else { String::new() };
     let beyond = if shown.silhouette.is_cut() { "; it goes on beyond the picture" } else { "" };
     c.row(
         |u, y| vec![swatch(u, y, PART), line(u, y - 0.75 * u, OUTLINE, 0.16, "")],
@@ -466,21 +496,18 @@ fn key(c: &mut Column, job: &Picture<'_>, sheet: &Sheet, shown: &Shown<'_>) {
         c.row(|u, y| vec![line(u, y, "#000", 0.24, "")], words);
     }
     let [w, h] = job.machine.usable_field();
-    let first = if stepped.is_some() { "at the first stop" } else { "at the start" };
-    c.row(|u, y| vec![line(u, y, FIELD, 0.24, "")], &format!("field of {} x {} mm {first}", num(w.mm()), num(h.mm())));
-    let what = if stepped.is_some() { "stage path" } else { "way of the field's centre" };
-    c.row(path, &format!("{what}, from ring to square"));
+    let first = if stepped.is_some() { "first field" } else { "field at the start" };
+    c.row(|u, y| vec![line(u, y, FIELD, 0.24, "")], &format!("{first}, {} x {} mm", num(w.mm()), num(h.mm())));
+    let what = if stepped.is_some() { "stage path" } else { "way of the field" };
+    c.row(path, &format!("{what}, ring to square"));
     let rectangles: Vec<_> = job.origins.iter().map(|&origin| travel::rectangle(job.machine, origin)).collect();
     let [w, h] = rectangles.first().map_or([0.0; 2], |r| [r[2] - r[0], r[3] - r[1]]).map(num);
     let limit = match travel::seen(job, sheet) {
         Seen::Whole => "",
-        Seen::Partly => ", in part beyond the picture",
+        Seen::Partly => ", part of it beyond the picture",
         Seen::None => ", beyond the picture",
     };
-    c.row(
-        |u, y| vec![line(u, y, TRAVEL, 0.2, &dash(1.1, 0.7))],
-        &format!("machine travel of the field's centre, {w} x {h} mm{limit}"),
-    );
+    c.row(|u, y| vec![line(u, y, TRAVEL, 0.2, &dash(1.1, 0.7))], &format!("machine travel, {w} x {h} mm{limit}"));
     if has_origin(sheet) {
         c.row(
             |u, y| vec![el("path", &[("stroke", "#111"), ("stroke-width", &num(0.14 * u)), ("d", &plus(u, y))])],
@@ -488,7 +515,7 @@ fn key(c: &mut Column, job: &Picture<'_>, sheet: &Sheet, shown: &Shown<'_>) {
         );
     }
     if stepped.is_some() {
-        c.lines(0.0, "number n: block Bn, in order of work; more numbers show where the picture is larger");
+        c.lines(0.0, "number n is block Bn, in order of work; a larger picture shows more numbers");
         c.lines(0.0, "rest the pointer on a block for its data");
     }
 }
@@ -512,4 +539,29 @@ fn path(u: f64, y: f64) -> Vec<Element> {
     let tip =
         format!("M{} {}l{w} {h}v{n}z", num(2.5 * u), num(y), w = num(-1.0 * u), h = num(0.45 * u), n = num(-0.9 * u));
     vec![way, ring, square, el("path", &[("fill", PATH), ("d", &tip)])]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cards_are_laid_out_so_that_the_longest_column_is_shortest() {
+        let heights = |h: &[f64]| h.iter().map(|&h| vec![h; 3]).collect::<Vec<_>>();
+        assert_eq!(shortest(&heights(&[9.0, 5.0, 4.0]), &[0.0; 3]), [0, 1, 2]);
+        assert_eq!(shortest(&heights(&[20.0, 5.0, 4.0, 9.0]), &[0.0; 3]), [0, 1, 1, 2]);
+        // Columns that begin lower are used where the first is full.
+        assert_eq!(shortest(&heights(&[20.0, 20.0, 20.0]), &[0.0, 30.0, 30.0]), [0, 0, 1]);
+    }
+
+    #[test]
+    fn texts_are_cut_and_wrapped_to_their_room() {
+        for most in [6.0, 11.0, 30.0] {
+            for line in wrapped("machine travel, 500 x 500 mm, beyond averyveryverylongwordthatfitsnowhere", most) {
+                assert!(width_of(&line) <= most, "{line:?} in {most}");
+            }
+        }
+        assert_eq!(fitted("short", 9.0), "short");
+        assert!(fitted("Wwwwwwwwwwwwwwwwwww", 9.0).ends_with('\u{2026}'));
+    }
 }

@@ -67,6 +67,11 @@ struct Found {
 impl Marks {
     /// The marks of some groups of a scene.
     pub fn of(scene: &Scene, groups: Range<usize>) -> Self {
+        Self::within(scene, groups, MOST)
+    }
+
+    /// The same, as lines of at most `most` bytes or as an image.
+    fn within(scene: &Scene, groups: Range<usize>, most: usize) -> Self {
         let chunks = chunks(&scene.groups[groups]);
         let found = parallel::map(chunks.len(), |i| look(scene, &chunks[i]));
         let mut all = Found { area: BoxMm::EMPTY, points: 0, length: 0.0, pens: Vec::new() };
@@ -84,7 +89,7 @@ impl Marks {
         let area = if all.points == 0 { BoxMm::rectangle(0.0, 0.0, 1.0, 1.0) } else { all.area };
         let count = chunks.iter().map(|c| c.marks.len()).sum();
         let drawing = Drawing { scene, chunks: &chunks, pens: &pens, area };
-        let lines = (all.points * LEAST_BYTES <= MOST).then(|| drawing.lines()).flatten();
+        let lines = (all.points * LEAST_BYTES <= most).then(|| drawing.lines(most)).flatten();
         let body = lines.unwrap_or_else(|| drawing.image());
         Self { count, pens, area, length: all.length, body }
     }
@@ -212,12 +217,12 @@ impl Drawing<'_> {
     }
 
     /// All marks as lines; None where they take too many bytes.
-    fn lines(&self) -> Option<Body> {
+    fn lines(&self, most: usize) -> Option<Body> {
         let [w, h] = self.area.size();
         let step = (w.max(h) / STEPS).max(1e-6);
         let made = parallel::map(self.chunks.len(), |i| self.lines_of(&self.chunks[i], step));
         let bytes: usize = made.iter().flatten().map(String::len).sum();
-        if bytes > MOST {
+        if bytes > most {
             return None;
         }
         let mut elements = String::with_capacity(bytes + 1000);
@@ -288,7 +293,7 @@ impl Drawing<'_> {
     fn image(&self) -> Body {
         let [w, h] = self.area.size();
         let pitch = (w.max(h) / (PIXELS - 2.0)).max(1e-6);
-        let size = [w, h].map(|v| (v / pitch).ceil() as usize + 3);
+        let size = [w, h].map(|v| (v / pitch - 1e-6).ceil().max(0.0) as usize + 3);
         let colours = self.colours();
         let planes = parallel::fold(
             self.chunks.len(),
@@ -379,5 +384,92 @@ impl Drawing<'_> {
 const LEVELS: u8 = 15;
 /// What covers a point of an image.
 const FULL: u32 = 2048;
-/// Distance of deposits along a mark, in points.
-const SPACING: f64 = 0.7;
+/// Distance of deposits along a mark, in points: with a half their shares of a point sum up to the same everywhere.
+const SPACING: f64 = 0.5;
+
+#[cfg(test)]
+mod tests {
+    use resvg::tiny_skia::{Pixmap, Transform};
+
+    use super::*;
+    use crate::scene::{Frame, Point};
+
+    /// Lines of one group, each with its pen, in mm.
+    fn scene(lines: &[(u16, Vec<[f64; 2]>)]) -> Scene {
+        let mut scene = Scene::default();
+        for (pen, line) in lines {
+            let (first, len) = (scene.points.len() as u32, line.len() as u32);
+            let length_mm = line.windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum();
+            scene.marks.push(Mark { pen: PenId(*pen), length_mm, first, len });
+            let at = |p: &[f64; 2]| [(p[0] * 1e6) as i32, (p[1] * 1e6) as i32, 0];
+            scene.points.extend(line.iter().map(|p| Point { at: at(p), ..Point::default() }));
+        }
+        let frame = Frame::upright([100.0, -50.0, 0.0]);
+        scene.groups.push(Group { frame, marks: 0..scene.marks.len(), clock_s: [0.0; 3] });
+        scene
+    }
+
+    /// The image of marks, a pixel for each of its points, on white.
+    fn image(marks: &Marks) -> Pixmap {
+        let Body::Image { address, size: [w, h], .. } = &marks.body else { panic!("lines") };
+        let svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\"><rect width=\"{w}\" height=\"{h}\" \
+             fill=\"#fff\"/><image width=\"{w}\" height=\"{h}\" image-rendering=\"optimizeSpeed\" href=\"{address}\"/></svg>"
+        );
+        let tree = resvg::usvg::Tree::from_str(&svg, &resvg::usvg::Options::default()).expect("a drawing");
+        let mut pixels = Pixmap::new(*w as u32, *h as u32).expect("a size");
+        resvg::render(&tree, Transform::default(), &mut pixels.as_mut());
+        pixels
+    }
+
+    #[test]
+    fn fills_are_filled_and_lines_stay_lines_in_an_image() {
+        // A square hatched at half a point of the image, and a single line above it, on 24 x 12 mm.
+        let pitch = 24.0 / (PIXELS - 2.0);
+        let mut lines: Vec<(u16, Vec<[f64; 2]>)> = (0..1000)
+            .map(|k| (0, vec![[0.0, f64::from(k) * pitch / 2.0], [4.0, f64::from(k) * pitch / 2.0]]))
+            .collect();
+        lines.push((0, vec![[0.0, 12.0], [24.0, 12.0]]));
+        let scene = scene(&lines);
+        let marks = Marks::within(&scene, 0..1, 0);
+        let pixels = image(&marks);
+        let dark = |x: u32, y: u32| 255 - u32::from(pixels.pixel(x, y).expect("inside").red());
+        let height = pixels.height();
+        assert!((20..380).all(|x| (20..480).all(|y| dark(x, height - y) > 220)), "the square is filled");
+        let line: Vec<u32> = (0..6).map(|y| dark(1200, y)).collect();
+        let sum: u32 = line.iter().sum();
+        assert!((250..330).contains(&sum) && line[4..].iter().all(|v| *v == 0), "a line of {WIDTH} points: {line:?}");
+        assert!((500..2000).all(|x| dark(x, 600) == 0), "nothing beside them");
+        assert_eq!(marks.words(), format!("1,001 marks, as an image of {} x {} points", grouped(2401), grouped(1202)));
+    }
+
+    #[test]
+    fn each_pen_has_its_colour_in_an_image_and_in_lines() {
+        let scene =
+            scene(&[(0, vec![[0.0, 0.0], [9.0, 0.0]]), (5, vec![[0.0, 3.0], [9.0, 3.0]]), (5, vec![[4.0, 5.0]])]);
+        let marks = Marks::within(&scene, 0..1, 0);
+        assert_eq!(marks.pens(), [PenId(0), PenId(5)]);
+        let pixels = image(&marks);
+        let darkest = |rows: Range<u32>| {
+            let all = rows.map(|y| pixels.pixel(1200, y).expect("inside"));
+            all.min_by_key(|p| p.red()).map(|p| [p.red(), p.green(), p.blue()]).expect("some")
+        };
+        let height = pixels.height();
+        let [low, high] = [darkest(height - 8..height), darkest(height - 820..height - 780)];
+        assert!(low[2].abs_diff(low[0]) < 4 && high[2] > high[0] + 60, "{low:?} {high:?}");
+        let Body::Lines { elements, .. } = Marks::of(&scene, 0..1).body else { panic!("an image") };
+        for k in 0..2 {
+            assert_eq!(elements.matches(&format!("<g stroke=\"{}\">", hex(colour(k)))).count(), 1);
+        }
+        // Three marks, one of them a dot.
+        assert_eq!((elements.matches('M').count(), elements.matches("h1").count()), (3, 1));
+    }
+
+    #[test]
+    fn lines_lie_where_the_marks_do() {
+        let line = vec![[0.0, 0.0], [16.0, 4.0], [16.0, 4.0], [3.0, 8.0]];
+        let Body::Lines { elements, step } = Marks::of(&scene(&[(0, line)]), 0..1).body else { panic!("an image") };
+        assert!((step - 1e-3).abs() < 1e-12, "{step}");
+        assert!(elements.contains("\"M0 8000l16000-4000-13000-4000\""), "{elements}");
+    }
+}

@@ -17,7 +17,7 @@ pub const RELIEF_CELLS: i64 = 400;
 /// A part at most this many times as large as its texture is shown whole; of a larger one what lies around the texture.
 const WHOLE: i64 = 3;
 /// How much is shown around it, as a share of its size: one of so many.
-const AROUND: i64 = 6;
+const AROUND: i64 = 10;
 
 /// Which part of `part` a picture shows whose texture has the box `texture`.
 pub fn relief_area(part: Box2, texture: Box2) -> Box2 {
@@ -133,7 +133,7 @@ pub(super) struct Shading {
 }
 
 /// Steps of the light.
-const STEPS: f64 = 24.0;
+const STEPS: f64 = 128.0;
 
 impl Shading {
     pub(super) fn of(relief: &Relief) -> Self {

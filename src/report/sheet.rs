@@ -34,7 +34,7 @@ pub(super) struct Sheet {
     pub view: [f64; 4],
     /// The measure of captions and lines: a hundredth of the sheet's width.
     pub unit: f64,
-    /// Whether the legend is below the part, in columns; else it is right of it.
+    /// Whether the legend is below the part, in columns; else it begins right of it.
     pub below: bool,
     /// Digits of a coordinate after the point.
     pub decimals: usize,
@@ -60,8 +60,8 @@ pub(super) const FOOT: f64 = 9.5;
 /// Width of the legend right of the part, and its distance from it.
 pub(super) const BESIDE: f64 = 33.0;
 pub(super) const GAP: f64 = 3.0;
-/// A part at least this much wider than high has its legend below it.
-const WIDE: f64 = 1.25;
+/// A part more than so many times as wide as high has its whole legend below it.
+const WIDE: f64 = 2.0;
 
 /// A rectangle around the texture. It lies along the part's own axes: on a part that is turned by
 /// no multiple of 90 degrees, the box of the texture would say little of where its sides are.

@@ -50,7 +50,7 @@ pub(super) fn path(job: &Picture<'_>, sheet: &Sheet, detail: Detail) -> Element 
     }
     let length: f64 = stays.windows(2).map(|w| mm_from_nm(w[0].0.distance(w[1].0) as i64)).sum();
     let [x0, y0, x1, y1] = sheet.view;
-    let full = u * 0.2;
+    let full = u * 0.14;
     let width = (COVER * (x1 - x0) * (y1 - y0) / length.max(u)).clamp(full / 5.0, full);
     let is_thin = stepped.is_none() || width < full / 2.0;
     let line = num(width);
@@ -67,7 +67,8 @@ pub(super) fn path(job: &Picture<'_>, sheet: &Sheet, detail: Detail) -> Element 
         ],
     ));
     // An arrow on every move, or on moves far enough from each other.
-    let (apart, mut since) = (if is_thin { length / ARROWS } else { 0.0 }, f64::INFINITY);
+    let (apart, mut since) =
+        (if is_thin { length / ARROWS[usize::from(stepped.is_none())] } else { 0.0 }, f64::INFINITY);
     let mut arrows = String::new();
     for w in stays.windows(2) {
         let move_mm = mm_from_nm(w[0].0.distance(w[1].0) as i64);
@@ -87,15 +88,15 @@ pub(super) fn path(job: &Picture<'_>, sheet: &Sheet, detail: Detail) -> Element 
     g
 }
 
-/// Arrows on a path that is drawn thin.
-const ARROWS: f64 = 60.0;
+/// Arrows on a path that is drawn thin, and on a way on the fly.
+const ARROWS: [f64; 2] = [60.0, 20.0];
 
 /// The places where the stage stands, each telling its blocks.
 fn dots(job: &Layout<'_>, stays: &[(P2, std::ops::Range<usize>)], u: f64, detail: Detail) -> Element {
     let mut stops = el("g", &[("id", "stage-stops"), ("fill", PATH)]);
     for (k, (p, range)) in stays.iter().enumerate() {
         let [x, y] = p.mm();
-        let dot = el("circle", &[("cx", &num(x)), ("cy", &num(-y)), ("r", &num(u * 0.3))]);
+        let dot = el("circle", &[("cx", &num(x)), ("cy", &num(-y)), ("r", &num(u * 0.2))]);
         let (first, last) = (job.id(range.start), job.id(range.end - 1));
         let title = format!("position {} of {}: {} blocks, {first} to {last}", k + 1, stays.len(), range.len());
         stops.append(if detail.full { titled(dot, title) } else { dot });
@@ -107,7 +108,7 @@ fn dots(job: &Layout<'_>, stays: &[(P2, std::ops::Range<usize>)], u: f64, detail
 fn push_arrow(d: &mut String, a: [f64; 2], b: [f64; 2], u: f64) {
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
     let length = dx.hypot(dy);
-    let size = (length * 0.3).min(u * 1.3);
+    let size = (length * 0.3).min(u * 1.0);
     let [ex, ey] = [dx / length * size, dy / length * size];
     let (x, y) = ((a[0] + b[0]) / 2.0 + ex / 2.0, (a[1] + b[1]) / 2.0 + ey / 2.0);
     let [lx, ly] = [-ex - ey * 0.45, -ey + ex * 0.45];
@@ -116,7 +117,7 @@ fn push_arrow(d: &mut String, a: [f64; 2], b: [f64; 2], u: f64) {
 
 /// Start as a ring, end as a square.
 fn ends(g: &mut Element, first: [f64; 2], last: [f64; 2], u: f64) {
-    let width = num(u * 0.3);
+    let width = num(u * 0.2);
     let line = [("fill", "none"), ("stroke", PATH), ("stroke-width", width.as_str())];
     let half = u * 0.95;
     let mut square = rectangle([last[0] - half, last[1] - half, last[0] + half, last[1] + half], &line);

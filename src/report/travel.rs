@@ -105,3 +105,32 @@ pub(super) fn words([x0, y0, x1, y1]: [f64; 4]) -> String {
     let [w, h, x0, x1, y0, y1] = [x1 - x0, y1 - y0, x0, x1, -y1, -y0].map(|v| plain(v, 1));
     format!("{w} x {h} mm, x {x0} to {x1}, y {y0} to {y1}")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn travel_has_the_signs_of_the_axes_and_lies_where_the_part_does() {
+        let mut machine = Machine::built_in("xyz-galvo-40").expect("profile");
+        let travel = machine.stage.x.travel;
+        let [lo, hi] = travel.map(|t| t.as_mm());
+        for reversed in [false, true] {
+            machine.stage.x.reversed = reversed;
+            let origin = Origin([3_000_000, -5_000_000, 0]);
+            let [x0, ..] = rectangle(&machine, origin);
+            // Where the stage stands at an end of its travel, the field's centre is at an end of the rectangle.
+            let end = if machine.stage.x.sign() > 0 { lo } else { -hi };
+            assert!((x0 - (end - 3.0)).abs() < 1e-9, "{x0}");
+        }
+    }
+
+    #[test]
+    fn only_sides_in_view_are_drawn() {
+        let view = [0.0, 0.0, 100.0, 50.0];
+        assert_eq!(sides(view, [-10.0, -10.0, 110.0, 60.0]), Vec::<[f64; 4]>::new());
+        assert_eq!(sides(view, [20.0, -10.0, 110.0, 60.0]), [[20.0, 0.0, 20.0, 50.0]]);
+        assert_eq!(sides(view, [20.0, 10.0, 30.0, 20.0]).len(), 4);
+        assert_eq!(sides(view, [200.0, 10.0, 300.0, 20.0]), Vec::<[f64; 4]>::new());
+    }
+}

@@ -86,17 +86,21 @@ fn push_line(d: &mut String, sheet: &Sheet, line: &UnmarkedLine) {
 pub(super) fn words(row: &UnmarkedRow) -> [String; 3] {
     let mut much = Vec::new();
     if row.length_mm > 0.0 {
-        much.push(length_text(row.length_mm));
+        let is_short = row.length_mm < 0.1;
+        much.push(if is_short { format!("{} um", plain(1e3 * row.length_mm, 1)) } else { length_text(row.length_mm) });
     }
     if row.dots > 0 {
         much.push(format!("{} dots", grouped(row.dots as usize)));
     }
     let share = if row.share_percent < 0.05 { "under 0.1".into() } else { plain(row.share_percent, 1) };
     let ([x0, y0], [x1, y1]) = (row.area.lo.mm(), row.area.hi.mm());
-    let [x0, y0, x1, y1] = [x0, y0, x1, y1].map(|v| plain(v, 1));
+    // Tenths where they say something.
+    let tenths = |v: f64| plain(v, 1).trim_end_matches(".0").to_owned();
+    let whole = (x1 - x0).max(y1 - y0) >= 100.0;
+    let [x0, y0, x1, y1] = [x0, y0, x1, y1].map(|v| if whole { plain(v, 0) } else { tenths(v) });
     [
         row.reason.text().into(),
-        format!("{}, {share} % of texture {}", much.join(", "), row.texture),
+        format!("texture {}: {}, {share} %", row.texture, much.join(", ")),
         format!("x {x0} to {x1}, y {y0} to {y1} mm"),
     ]
 }
