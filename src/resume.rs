@@ -459,7 +459,8 @@ fn caption(svg: &str, words: &str) -> Option<String> {
     let view = svg.split_once("viewBox=\"")?.1.split_once('"')?.0;
     let view: Vec<f64> = view.split_whitespace().map_while(|v| v.parse().ok()).collect();
     let &[x, y, w, h] = view.as_slice() else { return None };
-    let (x, y, size) = (x + 0.5 * w, y + 0.985 * h, 0.02 * h);
+    // In the rim below everything else, as high as the smallest text of the picture.
+    let (x, y, size) = (x + 0.5 * w, y + h - 0.005 * w, 0.0147 * w);
     Some(format!("<text x=\"{x:.2}\" y=\"{y:.2}\" font-size=\"{size:.2}\" text-anchor=\"middle\">{words}</text>\n"))
 }
 

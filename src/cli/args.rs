@@ -126,14 +126,17 @@ pub enum Command {
     /// Mark a job: move the stage from block to block and hand each to the laser; without --arm a dry run with the pilot
     /// laser, or without laser.
     Run(RunArgs),
-    /// Draw only the block layout (of the first pass, if there are several).
+    /// Draw only the layout (of the first pass, if there are several).
     Preview {
         /// Job file, or - for standard input.
         job: PathBuf,
-        /// SVG file to write, or - for standard output; default: the job file's name with .layout.svg,
-        /// standard output for a job from standard input.
+        /// File to write: .svg, .png or .pdf by its name, or - for SVG on standard output; default: the job file's name
+        /// with .layout.svg, standard output for a job from standard input.
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
+        /// Width of a .png, in px; default: 1600.
+        #[arg(long, value_name = "PX")]
+        width: Option<u32>,
         #[command(flatten)]
         choice: Choice,
     },

@@ -60,7 +60,8 @@ pub const EXAMPLES: [(&str, &[Example]); 18] = [
         "preview",
         &[
             ("terrace preview job.toml", "Writes job.layout.svg"),
-            ("terrace preview job.toml -o layout.svg", "Writes another file"),
+            ("terrace preview job.toml -o layout.pdf", "A page to print"),
+            ("terrace preview job.toml -o layout.png --width 2400", "Pixels"),
         ],
     ),
     (

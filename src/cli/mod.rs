@@ -12,6 +12,7 @@ mod import;
 mod inspect;
 mod manual;
 mod orient;
+mod preview;
 mod resume;
 mod run;
 mod show;
@@ -29,7 +30,6 @@ use crate::job::{self, Job, Mode, Overrides};
 use crate::job_folder::{self, Durability};
 use crate::machine::{Machine, PROFILES};
 use crate::plan::{self, Plan};
-use crate::units::Share;
 use crate::verify;
 use args::{Args, Choice, Command};
 use steps::Steps;
@@ -124,7 +124,9 @@ fn run(args: &Args) -> Result<u8, Error> {
             return Ok(u8::from(!proof.ok));
         }
         Command::Run(asked) => return run::run(args, asked),
-        Command::Preview { job, output, choice } => preview(args, job, output.as_deref(), choice)?,
+        Command::Preview { job, output, width, choice } => {
+            preview::preview(args, job, output.as_deref(), *width, choice)?;
+        }
         Command::Orient { job } => {
             let job = load(args, job, &Choice::default())?;
             let steps = Steps::new(args.quiet);
@@ -226,44 +228,6 @@ fn compile(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> 
         warn(args, &[d.hint(format!("keep it as {} in this folder", plan.job().path.display()))]);
     }
     report(args, &plan, Some(&target))
-}
-
-fn preview(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> Result<(), Error> {
-    // What a viewer would take for something else than SVG.
-    const OTHERS: [&str; 12] = ["png", "jpg", "jpeg", "gif", "webp", "bmp", "tif", "tiff", "pdf", "eps", "dxf", "html"];
-    if let Some(path) = output
-        && let Some(extension) = path.extension().map(|e| e.to_string_lossy().to_lowercase())
-        && OTHERS.contains(&extension.as_str())
-    {
-        let d = Diag::input("preview-format", format!("the preview is an SVG drawing, not .{extension}"));
-        let hint = format!("write {}, and convert it with Inkscape or a browser", path.with_extension("svg").display());
-        return Err(d.at(Place::file(path.display().to_string())).hint(hint).into());
-    }
-    let mut job = load(args, path, choice)?;
-    // What is refused for it is what one wants to see.
-    let most = std::mem::replace(&mut job.limits.max_off_part, Share::percent(100.0));
-    let blockless = Diag::input("preview-mode", "an on-the-fly job has no blocks to draw")
-        .at(job.place_of("mode"))
-        .hint("--mode stepped draws the blocks of the same job as a stepped one");
-    if job.mode == Mode::OnTheFly {
-        return Err(blockless.into());
-    }
-    let plan = planned_of(args, job)?;
-    let plan = plan.stepped().ok_or(blockless)?;
-    let svg = job_folder::layout_svg(plan);
-    let refused = plan.off_part.fault(most).map_or(Ok(()), |fault| Err(fault.into()));
-    let dash = Path::new("-");
-    let file = match output {
-        Some(o) if o == dash => return print(&svg).and(refused),
-        None if path == dash => return print(&svg).and(refused),
-        Some(o) => o.to_owned(),
-        None => path.with_extension("layout.svg"),
-    };
-    write_file(args, &file, svg.as_bytes(), &job_folder::input_paths(&plan.job))?;
-    if refused.is_ok() || !args.json {
-        wrote(args, &[file])?;
-    }
-    refused
 }
 
 fn planned(args: &Args, path: &Path, choice: &Choice) -> Result<Plan, Error> {

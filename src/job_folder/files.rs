@@ -3,20 +3,17 @@
 use std::fs;
 use std::path::Path;
 
+use super::pictures::{Pictures, file_name};
 use super::{failed, inputs, path_from};
 use crate::diag::Error;
 use crate::emit::{self, Files, Stepped};
-use crate::geom::Box2;
 use crate::job::Job;
 use crate::manifest::{self, Facts, FileFact, Head, MANIFEST, OnTheFlyFacts};
 use crate::parallel;
-use crate::plan::{OnTheFlyPlan, Pass, Phase, Progress, SteppedPlan};
+use crate::plan::{OnTheFlyPlan, Phase, Progress, SteppedPlan};
 use crate::program::{self, PenId, Program};
 use crate::progress::Task;
 use crate::report;
-use crate::scene::{self, Relief};
-use crate::surface::Surface;
-use crate::view;
 
 /// A folder being filled.
 pub(super) struct Filling<'a> {
@@ -81,25 +78,9 @@ pub(super) fn stepped(
     } else {
         drop(framed);
     }
-    let drawing = Phase::Draw.task(progress).of_steps(passes.len() + 3);
-    let relief = relief(&plan.inputs.surface, passes[0].texture);
-    let scene = scene::of_stepped(plan, &relief);
-    filling.put("view.html", view::of_stepped(plan, &scene, &name).as_bytes())?;
-    drawing.step();
-    for (k, pass) in passes.iter().enumerate() {
-        let layout = layout(plan, pass, &name);
-        if k == 0 {
-            filling.put("layout.svg", report::layout_svg(&layout).as_bytes())?;
-            drawing.step();
-            let by_slope = report::Layout { shade: report::Shade::Incidence, ..layout.clone() };
-            filling.put("slope.svg", report::layout_svg(&by_slope).as_bytes())?;
-            drawing.step();
-            filling.put("report.html", report::report_html(&layout).as_bytes())?;
-        } else {
-            filling.put(&report::pass_file(k as u32), report::layout_svg(&layout).as_bytes())?;
-        }
-        drawing.step();
-    }
+    let pictures = Pictures::of_stepped(plan);
+    let drawing = Phase::Draw.task(progress).of_steps(pictures.count());
+    pictures.write(&mut |name, bytes| filling.put(name, bytes), &drawing)?;
     drop(drawing);
     let facts = Facts {
         job_file: &head.job.file,
@@ -189,53 +170,21 @@ pub(super) fn on_the_fly(
     let OnTheFlyPlan { job, machine, checked, .. } = plan;
     let kind = checked.program().kind;
     let files = job.formats.iter().filter_map(|f| f.target().on_the_fly);
+    let mut programs = Vec::new();
     for file in files.filter(|f| f.kinds.contains(&kind)) {
         filling.put(file.name, &(file.write)(checked, machine))?;
+        programs.push(file.name);
         writing.step();
     }
-    let relief = relief(&plan.inputs.surface, plan.inputs.texture.bounds());
-    let scene = scene::of_on_the_fly(plan, &relief)?;
-    filling.put("view.html", view::of_on_the_fly(plan, &scene, &file_name(&job.path)).as_bytes())?;
-    let mut files = std::mem::take(&mut filling.files);
-    files.sort_by(|a, b| a.file.cmp(&b.file));
+    drop(writing);
+    let pictures = Pictures::of_on_the_fly(plan)?;
+    let drawing = Phase::Draw.task(progress).of_steps(pictures.count());
+    pictures.write(&mut |name, bytes| filling.put(name, bytes), &drawing)?;
+    drop(drawing);
     let facts =
         OnTheFlyFacts { job, machine, program: checked.program(), left_out: &plan.left_out, summary: &plan.summary };
+    filling.put("runsheet.txt", &report::on_the_fly_txt(&facts, &head.job.file, &programs))?;
+    let mut files = std::mem::take(&mut filling.files);
+    files.sort_by(|a, b| a.file.cmp(&b.file));
     Ok(manifest::on_the_fly_manifest(&Head { files, ..head.clone() }, &facts))
-}
-
-/// Cells of the heights that pictures are shaded by, along the longer side.
-const RELIEF_CELLS: i64 = 400;
-
-/// The part as the lens sees it, under a texture.
-fn relief(surface: &Surface, texture: Box2) -> Relief {
-    Relief::under(surface, texture, RELIEF_CELLS)
-}
-
-/// The picture of a plan's first pass, as `layout.svg` has it.
-pub fn layout_svg(plan: &SteppedPlan) -> String {
-    report::layout_svg(&layout(plan, &plan.passes[0], &file_name(&plan.job.path)))
-}
-
-/// What the picture of a pass is drawn from; `job` is the name that it shows.
-fn layout<'a>(plan: &'a SteppedPlan, pass: &'a Pass, job: &'a str) -> report::Layout<'a> {
-    report::Layout {
-        job,
-        checked: &plan.checked,
-        blocks: pass.blocks.clone(),
-        passes: plan.summary.passes,
-        machine: &plan.machine,
-        sections: pass.sections,
-        map: &pass.map,
-        texture: pass.texture,
-        off_part: &plan.off_part.places,
-        turn_rad: plan.job.placement.turn.as_rad(),
-        figures: &plan.figures,
-        drawn: report::drawn(&plan.checked, &plan.machine),
-        shade: report::Shade::Height,
-        summary: &plan.summary,
-    }
-}
-
-fn file_name(path: &Path) -> String {
-    path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
 }

@@ -6,15 +6,16 @@
 mod exchange;
 mod files;
 mod flush;
+mod pictures;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use files::Fill;
-pub use files::layout_svg;
 pub(crate) use files::put;
 pub use flush::Durability;
 use flush::{Flush, make_all};
+pub use pictures::Pictures;
 
 use crate::diag::{Diag, Error, Place};
 use crate::job::{Job, Mode};

@@ -6,7 +6,7 @@ use super::plausible;
 use super::space_curves;
 use crate::check::pen_faults;
 use crate::diag::{Diag, Error};
-use crate::geom::{BoxMm, cos_sin};
+use crate::geom::{Box2, BoxMm, P2, cos_sin};
 use crate::job::Job;
 use crate::machine::Machine;
 use crate::manifest::SpaceCurves;
@@ -126,6 +126,13 @@ impl Inputs {
     /// The box of the part as the job turns it, mm.
     pub(super) fn part_box(&self, job: &Job) -> BoxMm<2> {
         turned(self.surface.part_box_mm(), job.placement.turn.as_rad())
+    }
+
+    /// The same in whole nanometres.
+    pub fn part_box_nm(&self, job: &Job) -> Box2 {
+        let part = self.part_box(job);
+        let corner = |at: [f64; 2]| P2::from_mm(at[0], at[1]).expect("a part lies within 4 m of its origin");
+        Box2 { lo: corner(part.lo), hi: corner(part.hi) }
     }
 
     /// The texture of pass `k`, from 0.

@@ -50,7 +50,6 @@ pub fn phases(job: &Job) -> Vec<Phase> {
 /// The phases of writing the folder of a job, in order.
 pub fn phases_of_writing(job: &Job) -> Vec<Phase> {
     match job.mode {
-        Mode::OnTheFly => vec![Phase::Write],
-        Mode::Stepped => vec![Phase::Write, Phase::Draw],
+        Mode::OnTheFly | Mode::Stepped => vec![Phase::Write, Phase::Draw],
     }
 }

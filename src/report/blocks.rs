@@ -4,28 +4,29 @@
 use svg::Node;
 use svg::node::element::Element;
 
-use super::outline::{self, Half, Outlines, Ring};
-use super::sheet::{Detail, Sheet, caption, el, field_box, layer, num, rectangle, sheet_box, titled};
+use super::outline::{self, Outlines, Ring};
+use super::sheet::{Detail, LEAST_FONT, Sheet, el, field_box, layer, num, rectangle, sheet_box, titled};
 use super::{Layout, Shade, colour, label, mm, plain};
-use crate::geom::{Nm, P2};
+use crate::geom::{Nm, P2, Turn};
 use crate::program::Block;
 
 /// Width of block borders: thin against the blocks, so that the narrowest bands stay coloured.
 fn border(job: &Layout<'_>, sheet: &Sheet) -> f64 {
     let cells = job.map.labels().iter().filter(|&&l| l != 0).count() as f64;
     let side = (cells / job.blocks().len().max(1) as f64).sqrt() * job.map.cell().mm();
-    (side / 60.0).clamp(sheet.unit / 100.0, sheet.unit / 12.0)
+    (side / 60.0).clamp(sheet.unit / 60.0, sheet.unit / 10.0)
 }
 
-/// The colours of the blocks: focus height or incidence on the ramp; with heights every other level or, where windows
-/// lie freely and their levels are not numbered by height, every other block a shade darker.
+/// The colours of the blocks: focus height or incidence on the ramp, light enough for marks and numbers to be seen on
+/// them; with heights every other level or, where windows lie freely and their levels are not numbered by height, every
+/// other block a shade darker.
 fn fills(job: &Layout<'_>, sheet: &Sheet) -> Vec<colour::Colour> {
     let range = job.shades();
     let is_odd = |i: usize, block: &Block| {
         if sheet.gridded { block.stop.level.rem_euclid(2) == 1 } else { i % 2 == 1 }
     };
     let fill = |(i, block): (usize, &Block)| {
-        let c = colour::of_height(job.shade_of(i), range);
+        let c = colour::light(colour::of_height(job.shade_of(i), range));
         if job.shade == Shade::Height && is_odd(i, block) { colour::shaded(c) } else { c }
     };
     job.blocks().iter().enumerate().map(fill).collect()
@@ -37,7 +38,7 @@ pub(super) fn regions(job: &Layout<'_>, sheet: &Sheet, outlines: &Outlines, deta
     let mut g = layer(
         "layer-blocks",
         "Blocks",
-        &[("stroke", "#1a1a1a"), ("stroke-width", &width), ("stroke-linejoin", "round"), ("fill-rule", "evenodd")],
+        &[("stroke", colour::BORDER), ("stroke-width", &width), ("stroke-linejoin", "round"), ("fill-rule", "evenodd")],
     );
     let fills = fills(job, sheet);
     let mut rings = outlines.rings.as_slice();
@@ -52,7 +53,7 @@ pub(super) fn regions(job: &Layout<'_>, sheet: &Sheet, outlines: &Outlines, deta
                 continue;
             }
             outline::simplify(outlines.corners_of(ring), detail.tolerance, &mut points);
-            push_ring(&mut d, job, sheet, &points);
+            outline::push_ring(&mut d, sheet, job.map.bounds().lo, job.map.cell(), &points);
         }
         rings = &rings[own..];
         let mut e = if own > 0 { el("path", &[("d", &d)]) } else { dot(job, sheet, block) };
@@ -80,7 +81,7 @@ pub(super) fn windows(job: &Layout<'_>, sheet: &Sheet, detail: Detail) -> Elemen
     );
     let Some(first) = job.blocks().first() else { return g };
     // The window is drawn once, around the origin of the drawing.
-    let [x0, y0, x1, y1] = sheet_box(field_box(job, first));
+    let [x0, y0, x1, y1] = sheet_box(field_box(job.machine, Turn::drawn(first.stop.centre)));
     let [w, h] = [x1 - x0, y1 - y0];
     let frame = [
         ("id", "window"),
@@ -100,48 +101,6 @@ pub(super) fn windows(job: &Layout<'_>, sheet: &Sheet, detail: Detail) -> Elemen
         g.append(titled(pair, tooltip(job, sheet, i, block, detail)));
     }
     g
-}
-
-/// Appends a closed ring in absolute start and relative steps.
-fn push_ring(d: &mut String, job: &Layout<'_>, sheet: &Sheet, points: &[Half]) {
-    let cell = job.map.cell().f64();
-    // The grid has a rim of one cell, two halves.
-    let at = |half: i32, origin: i64| origin as f64 + f64::from(half - 2) * cell / 2.0;
-    let step = |p: &Half| [sheet.step(at(p[0], job.map.bounds().lo.x)), -sheet.step(at(p[1], job.map.bounds().lo.y))];
-    let mut last = [0, 0];
-    for (k, p) in points.iter().map(step).enumerate() {
-        let [dx, dy] = [p[0] - last[0], p[1] - last[1]];
-        match (k, dx, dy) {
-            (0, ..) => push_command(d, 'M', &[dx, dy], sheet.decimals),
-            (_, 0, 0) => {}
-            (_, _, 0) => push_command(d, 'h', &[dx], sheet.decimals),
-            (_, 0, _) => push_command(d, 'v', &[dy], sheet.decimals),
-            _ => push_command(d, 'l', &[dx, dy], sheet.decimals),
-        }
-        last = p;
-    }
-    d.push('z');
-}
-
-/// A path command with as few characters as possible.
-pub(super) fn push_command(d: &mut String, command: char, values: &[i64], decimals: usize) {
-    d.push(command);
-    let scale = 10i64.pow(decimals as u32);
-    for (k, &v) in values.iter().enumerate() {
-        if k > 0 && v >= 0 {
-            d.push(' ');
-        }
-        if v < 0 {
-            d.push('-');
-        }
-        let (whole, part) = (v.abs() / scale, v.abs() % scale);
-        let mut text = if whole > 0 || part == 0 { whole.to_string() } else { String::new() };
-        if part > 0 {
-            let digits = format!("{part:0decimals$}");
-            text = format!("{text}.{}", digits.trim_end_matches('0'));
-        }
-        d.push_str(&text);
-    }
 }
 
 /// The middle of the points of a block's marks, in mm of the drawing.
@@ -199,40 +158,55 @@ fn tooltip(job: &Layout<'_>, sheet: &Sheet, i: usize, block: &Block, detail: Det
     )
 }
 
-/// The numbers of the blocks: number n is block Bn.
+/// Sizes of numbers: class, the least size in units of the sheet, and how wide the sheet must be, px, for it to be 7 px.
+/// A browser shows a class from that width on; what takes no notice of widths shows the first alone.
+pub(super) const TIERS: [(&str, f64, u32); 6] = [
+    ("n0", LEAST_FONT, 480),
+    ("n1", 0.875, 800),
+    ("n2", 0.59, 1200),
+    ("n3", 0.4375, 1600),
+    ("n4", 0.292, 2400),
+    ("n5", 0.175, 4000),
+];
+
+/// The numbers of the blocks, by their sizes: number n is block Bn. A number that is not 7 px high where the sheet is
+/// 4,000 px wide is left out.
 pub(super) fn numbers(job: &Layout<'_>, sheet: &Sheet, spots: &[label::Spot]) -> Element {
     let mut g = layer(
         "layer-numbers",
         "Block numbers",
-        &[("text-anchor", "middle"), ("fill", "#111"), ("pointer-events", "none")],
+        &[
+            ("text-anchor", "middle"),
+            ("fill", "#111"),
+            ("stroke", "#fff"),
+            ("stroke-opacity", ".75"),
+            ("stroke-linejoin", "round"),
+            ("paint-order", "stroke"),
+            ("pointer-events", "none"),
+        ],
     );
-    let fills = fills(job, sheet);
     let cell = job.map.cell().mm();
     let [ox, oy] = job.map.bounds().lo.mm();
-    for spot in spots {
-        let Some(&fill) = fills.get(spot.block as usize) else { continue };
-        let font = spot.font * cell;
-        let (x, y) = (ox + (spot.at[0] - 1.0) * cell, -(oy + (spot.at[1] - 1.0) * cell));
-        // The base line lies 0.36 of the font below the middle, along the turned text.
-        let (sin, cos) = f64::from(-spot.turn).to_radians().sin_cos();
-        let [x, y] = [x - 0.36 * font * sin, y + 0.36 * font * cos].map(|v| plain(v, sheet.decimals));
-        let mut t = el("text", &[("x", &x), ("y", &y), ("font-size", &num(font))]);
-        if spot.turn != 0 {
-            t.assign("transform", format!("rotate({} {x} {y})", -spot.turn));
+    let mut most = f64::INFINITY;
+    for (class, least, _) in TIERS {
+        let size = |spot: &&label::Spot| (least..most).contains(&(spot.font * cell / sheet.unit));
+        let rim = num(0.2 * least * sheet.unit);
+        let mut tier = el("g", &[("class", class), ("stroke-width", &rim)]);
+        for spot in spots.iter().filter(size) {
+            let font = spot.font * cell;
+            let (x, y) = (ox + (spot.at[0] - 1.0) * cell, -(oy + (spot.at[1] - 1.0) * cell));
+            // The base line lies 0.36 of the font below the middle, along the turned text.
+            let (sin, cos) = f64::from(-spot.turn).to_radians().sin_cos();
+            let [x, y] = [x - 0.36 * font * sin, y + 0.36 * font * cos].map(|v| plain(v, sheet.decimals));
+            let mut t = el("text", &[("x", &x), ("y", &y), ("font-size", &num(font))]);
+            if spot.turn != 0 {
+                t.assign("transform", format!("rotate({} {x} {y})", -spot.turn));
+            }
+            t.append(svg::node::Text::new((job.blocks.start + spot.block as usize + 1).to_string()));
+            tier.append(t);
         }
-        if colour::is_dark(fill) {
-            t.assign("class", "w");
-        }
-        t.append(svg::node::Text::new((job.blocks.start + spot.block as usize + 1).to_string()));
-        g.append(t);
-    }
-    // Dots are numbered next to them; the spots are sorted by block.
-    let r = dot_radius(job, sheet);
-    for (i, block) in job.blocks().iter().enumerate() {
-        if spots.binary_search_by_key(&i, |s| s.block as usize).is_err() {
-            let [x, y] = middle_of_marks(job, block);
-            g.append(caption([x + 1.3 * r, y - 1.3 * r], 2.0 * r, "#111", &(job.blocks.start + i + 1).to_string()));
-        }
+        g.append(tier);
+        most = least;
     }
     g
 }

@@ -13,8 +13,33 @@ pub(super) const PATH: &str = "#d5186b";
 /// Colour of the field frame.
 pub(super) const FIELD: &str = "#c2410c";
 
-/// Colour of texture off the part.
-pub(super) const OFF_PART: &str = "#e00000";
+/// Colour of texture that is not marked though it may be taken for marked.
+pub(super) const FAULT: &str = "#d40000";
+
+/// Colour of a pattern beyond the part.
+pub(super) const BEYOND: &str = "#a8a8a8";
+
+/// Colour of borders between blocks.
+pub(super) const BORDER: &str = "#7b8794";
+
+/// Colour of the part where it has no block, and of its outline.
+pub(super) const PART: &str = "#e9e9e7";
+pub(super) const OUTLINE: &str = "#3f3f3f";
+
+/// Colour of the limits of travel.
+pub(super) const TRAVEL: &str = "#5b2a86";
+
+/// Colours of pens, dark on every colour of the ramp made light, and none of them red.
+pub(super) const PENS: [Colour; 8] = [
+    [26, 26, 26],
+    [23, 62, 168],
+    [133, 29, 140],
+    [130, 72, 8],
+    [8, 98, 66],
+    [12, 106, 128],
+    [92, 76, 150],
+    [104, 110, 30],
+];
 
 const ANCHORS: [Colour; 9] = [
     [80, 46, 142],
@@ -45,6 +70,11 @@ pub(super) fn of_height(height: i64, range: [i64; 2]) -> Colour {
 /// A shade darker, which tells a level from the next one up where the ramp alone hardly could.
 pub(super) fn shaded(colour: Colour) -> Colour {
     colour.map(|c| (u16::from(c) * 9 / 10) as u8)
+}
+
+/// As light as marks and numbers need that lie on it.
+pub(super) fn light(colour: Colour) -> Colour {
+    colour.map(|c| (255 - (255 - u16::from(c)) * 11 / 20) as u8)
 }
 
 /// Whether text on this colour has to be white to be read.

@@ -9,7 +9,8 @@ use super::colour::hex;
 use super::legend::seconds;
 use super::page::{self, escape};
 use super::table::share as shown_share;
-use super::{Layout, length_text, mm, pass_file, plain};
+use super::{Layout, length_text, mm, pass_file, plain, record};
+use crate::diag::Message;
 use crate::geom::Nm;
 use crate::manifest::duration;
 use crate::program::{Block, BlockId, PassId, Slope};
@@ -22,7 +23,7 @@ pub fn report_html(job: &Layout<'_>) -> String {
     h += &page::open(&format!("{}: job report", job.job), job.job, STYLE);
     verdict(&mut h, job);
     let alt = format!("Blocks over the part, {} stops in machining order", job.blocks().len());
-    let _ = writeln!(h, "<p class=\"picture\"><a href=\"view.html\"><img src=\"layout.svg\" alt=\"{alt}\"/></a></p>");
+    record::picture(&mut h, &alt);
     let _ = writeln!(
         h,
         "<p>Machine {}. {} stops, {} in all. \
@@ -34,24 +35,26 @@ pub fn report_html(job: &Layout<'_>) -> String {
             .map(|k| format!(", <a href=\"{0}\">of pass {1} ({0})</a>", pass_file(k), k + 1))
             .collect::<String>(),
     );
-    warnings(&mut h, job);
+    warnings(&mut h, &job.summary.warnings);
     h.push_str("<div class=\"row\">\n<div>\n");
     figures(&mut h, job, is_gridded);
     h.push_str("</div>\n<div>\n");
     times(&mut h, job);
     h.push_str("</div>\n</div>\n");
     candidates(&mut h, job);
+    record::unmarked(&mut h, &job.scene.unmarked);
+    record::histograms(&mut h, job.scene, &job.checked.program().pens);
     defocus(&mut h, job);
     slopes(&mut h, job);
-    pens(&mut h, job);
+    record::pens(&mut h, &job.checked.program().pens, job.machine);
     blocks(&mut h, job, is_gridded);
     h.push_str("</body>\n</html>\n");
     h
 }
 
 /// What this page adds to the common style: on a narrow screen wide tables are moved sideways within their place.
-const STYLE: &str = ".verdict{border-left:4px solid #1d4e89;padding:.2em .8em;background:#eef4fb}\
-.verdict li{margin:.2em 0}.verdict ul{padding-left:1.2em}\
+pub(super) const STYLE: &str = ".verdict{border-left:4px solid #1d4e89;padding:.2em .8em;background:#eef4fb}\
+#unmarked .fault td:first-child{color:#c00000;font-weight:600}.verdict li{margin:.2em 0}.verdict ul{padding-left:1.2em}\
 .picture img{max-width:100%;max-height:32em;border:1px solid #ddd}.wide{overflow-x:auto}\
 .wide svg{max-width:100%;height:auto}.row>div{max-width:100%}\
 @media(max-width:40em){body{margin:1em auto;font-size:15px}th,td{padding:.15em .4em}\
@@ -61,11 +64,7 @@ td,th{white-space:normal}#blocks td,#blocks th{white-space:nowrap;position:stati
 /// What to know before anything else: what needs attention, what is not marked and why, and who attends the job.
 fn verdict(h: &mut String, job: &Layout<'_>) {
     let s = job.summary;
-    let mut lines = vec![match s.warnings.len() {
-        0 => "No warnings.".to_owned(),
-        1 => "1 warning: see below.".to_owned(),
-        n => format!("{n} warnings: see below."),
-    }];
+    let mut lines = vec![warnings_line(s.warnings.len())];
     let share = |mm: f64| shown_share(100.0 * mm / s.texture_mm);
     let reasons =
         [("off the part", s.skipped_off_part_mm), ("too steep", s.skipped_steep_mm), ("too small", s.skipped_small_mm)];
@@ -87,12 +86,25 @@ fn verdict(h: &mut String, job: &Layout<'_>) {
     } else {
         format!("Nobody has to attend: {} of the machine alone.", duration(s.time_s.total))
     });
+    verdict_block(h, &lines);
+}
+
+/// How many warnings there are, in words.
+pub(super) fn warnings_line(count: usize) -> String {
+    match count {
+        0 => "No warnings.".to_owned(),
+        1 => "1 warning: see below.".to_owned(),
+        n => format!("{n} warnings: see below."),
+    }
+}
+
+/// Lines in the box at the top of the page.
+pub(super) fn verdict_block(h: &mut String, lines: &[String]) {
     let lines: String = lines.iter().map(|line| format!("<li>{}</li>\n", escape(line))).collect();
     let _ = write!(h, "<div class=\"verdict\">\n<ul>\n{lines}</ul>\n</div>\n");
 }
 
-fn warnings(h: &mut String, job: &Layout<'_>) {
-    let all = &job.summary.warnings;
+pub(super) fn warnings(h: &mut String, all: &[Message]) {
     let _ = writeln!(h, "<h2>Warnings: {}</h2>", if all.is_empty() { "none".into() } else { all.len().to_string() });
     all.iter().for_each(|message| page::message(h, message));
 }
@@ -215,7 +227,7 @@ fn worst(b: &Block) -> f64 {
     deviations(b).into_iter().fold(0.0, |a, d| a.max(d.abs()))
 }
 
-/// Least, mean and largest over the blocks, and how many blocks reach which defocus.
+/// Least, mean and largest over the blocks, of the deviation from their focus.
 fn defocus(h: &mut String, job: &Layout<'_>) {
     let blocks = job.blocks();
     if blocks.is_empty() {
@@ -235,7 +247,6 @@ fn defocus(h: &mut String, job: &Layout<'_>) {
     row(h, "largest of the two, unsigned", &worst);
     row(h, "height of the marks", &|b| (b.z_hi - b.z_lo).f64() / 1000.0);
     h.push_str("</table></div>\n");
-    histogram(h, blocks);
     h.push_str("</div>\n");
 }
 
@@ -258,69 +269,6 @@ fn slopes(h: &mut String, job: &Layout<'_>) {
     row(h, "incidence, deg", Slope::incidence_deg, f64::max);
     row(h, "stretch uphill", Slope::stretch, f64::max);
     row(h, "dose", Slope::dose, f64::min);
-    h.push_str("</table></div>\n");
-}
-
-/// Bars of the histogram.
-const BINS: usize = 24;
-
-fn histogram(h: &mut String, blocks: &[Block]) {
-    let most = blocks.iter().map(worst).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
-    let mut counts = [0usize; BINS];
-    for b in blocks {
-        counts[((worst(b) / most * BINS as f64) as usize).min(BINS - 1)] += 1;
-    }
-    let tallest = counts.iter().copied().max().unwrap_or(1).max(1);
-    let (left, wide, high) = (44.0, 432.0, 120.0);
-    let _ = write!(
-        h,
-        "<svg width=\"500\" height=\"170\" viewBox=\"0 0 500 170\" style=\"max-width:100%;height:auto\" font-size=\"11\" \
-         role=\"img\" aria-label=\"blocks by largest defocus\">"
-    );
-    for (k, &n) in counts.iter().enumerate() {
-        let tall = high * n as f64 / tallest as f64;
-        let _ = write!(
-            h,
-            "<rect x=\"{}\" y=\"{}\" width=\"16\" height=\"{}\" fill=\"#0070b6\"><title>{n} blocks from {} to {} um</title></rect>",
-            plain(left + 18.0 * k as f64 + 1.0, 0),
-            plain(10.0 + high - tall, 2),
-            plain(tall, 2),
-            plain(most * k as f64 / BINS as f64, 2),
-            plain(most * (k + 1) as f64 / BINS as f64, 2),
-        );
-    }
-    let _ = write!(h, "<path d=\"M{left} 10V130H{}\" fill=\"none\" stroke=\"#111\"/>", left + wide);
-    let _ = write!(h, "<text x=\"{}\" y=\"16\" text-anchor=\"end\">{tallest}</text>", left - 5.0);
-    let _ = write!(h, "<text x=\"{}\" y=\"130\" text-anchor=\"end\">0</text>", left - 5.0);
-    for k in 0..=4 {
-        let (x, v) = (left + wide * f64::from(k) / 4.0, plain(most * f64::from(k) / 4.0, 1));
-        let _ = write!(h, "<text x=\"{x}\" y=\"146\" text-anchor=\"middle\">{v}</text>");
-    }
-    let _ = writeln!(
-        h,
-        "<text x=\"{}\" y=\"164\" text-anchor=\"middle\">largest defocus of a block, um; bars count blocks</text></svg>",
-        left + wide / 2.0
-    );
-}
-
-fn pens(h: &mut String, job: &Layout<'_>) {
-    h.push_str(
-        "<h2>Pens</h2>\n<div class=\"wide\"><table>\n\
-         <tr><th>pen</th><th>speed</th><th>power</th><th>frequency</th><th>passes</th>\
-         <th>dwell of dots</th></tr>\n",
-    );
-    for pen in &job.checked.program().pens {
-        let (name, watts) = (escape(&pen.name), plain(pen.power.as_w(job.machine.laser.max_power), 2));
-        let (speed, frequency) = (pen.speed.as_mm_s(), pen.frequency.as_khz());
-        let _ = writeln!(
-            h,
-            "<tr><td>{name}</td><td>{speed} mm/s</td><td>{} ({watts} W)</td><td>{frequency} kHz</td><td>{}</td>\
-             <td>{}</td></tr>",
-            escape(&pen.power.to_string()),
-            pen.passes,
-            pen.dwell.map_or_else(String::new, |dwell| format!("{} us", dwell.as_us()))
-        );
-    }
     h.push_str("</table></div>\n");
 }
 

@@ -1,24 +1,28 @@
 //! `layout.svg`: the blocks on the part, in mm, y up.
 //!
-//! Consumes a [`Layout`], promises the properties of [`super`]. Layers, bottom to top, each a group
-//! with an id and a name that Inkscape shows: texture box, texture off the part (where the job places some), blocks, sections or (where stops do not stand
-//! on the grid of sections) windows, stage path, field of the first stop, axes and scale, numbers,
-//! legend.
+//! Consumes a [`Layout`] or an [`OnTheFlyLayout`], promises the properties of [`super`]. Layers, bottom to top, each a
+//! group with an id and a name that Inkscape shows: part, blocks, relief, sections, texture, texture that is not marked,
+//! outline of the part, texture box, windows (where stops do not stand on the grid of sections), machine travel, stage
+//! path, field of the first stop, axes and scale, numbers, legend. On the fly those of blocks are absent.
+//!
+//! The sheet has no size of its own: it fills the window that shows it. All text on it is at least 7 px high where it
+//! is 480 px wide; smaller numbers are in classes that a browser shows only where they are as high
+//! ([`blocks::TIERS`]).
 //!
 //! Size: at most [`LIMIT`] bytes wherever that can be had. A drawing that would be larger is made
 //! again with a coarser tolerance and, where that does not help, with short tooltips (see
-//! [`DETAILS`]). The coarsest takes about 220 bytes a block, so beyond some 20,000 blocks the file is
-//! larger than the limit.
+//! [`DETAILS`]). The coarsest takes about 220 bytes a block, and marks up to 2.5 MB.
 
 use std::fmt::Write;
 
 use svg::Node;
 use svg::node::element::Element;
 
-use super::colour::OFF_PART;
+use super::legend::{self, Shown};
 use super::outline::{self, Outlines, PaddedMap};
-use super::sheet::{Detail, FONTS, Sheet, el, grid_box, layer, num, rectangle, sheet_box, text, titled};
-use super::{Layout, blocks, clean, label, legend, stage};
+use super::part::{self, Shading, Silhouette};
+use super::sheet::{Detail, FONTS, LEAST_FONT, Sheet, el, grid_box, layer, num, rectangle, sheet_box, text, titled};
+use super::{Layout, OnTheFlyLayout, Picture, blocks, clean, label, stage, travel, unmarked};
 use crate::geom::Nm;
 
 /// Bytes that a drawing should not exceed.
@@ -35,20 +39,30 @@ const DETAILS: [Detail; 7] = [
     Detail { tolerance: 16.0, full: false },
 ];
 
-/// The layout as the text of an SVG file.
+/// The layout of a stepped job as the text of an SVG file.
 pub fn layout_svg(job: &Layout<'_>) -> String {
     within(job, LIMIT)
 }
 
+/// The layout of an on-the-fly job as the text of an SVG file.
+pub fn on_the_fly_svg(job: &OnTheFlyLayout<'_>) -> String {
+    let picture = Picture::of_on_the_fly(job);
+    let sheet = Sheet::of(&picture);
+    draw(&Drawing { job: &picture, sheet: &sheet, blocks: None, looks: &Looks::of(&picture) }, DETAILS[0])
+}
+
 /// The layout in at most `limit` bytes, or as few as there can be.
 pub(super) fn within(job: &Layout<'_>, limit: usize) -> String {
+    let picture = Picture::of_stepped(job);
     let grid = PaddedMap::of(job.map, job.blocks().len());
-    let sheet = Sheet::of(job);
+    let sheet = Sheet::of(&picture);
     let outlines = outline::trace(&grid);
     let spots = label::place(&grid, 2.6 * sheet.unit / job.map.cell().mm());
+    let blocks = Blocks { layout: job, outlines, spots };
+    let drawing = Drawing { job: &picture, sheet: &sheet, blocks: Some(&blocks), looks: &Looks::of(&picture) };
     let mut text = String::new();
     for detail in DETAILS {
-        text = draw(job, &sheet, &outlines, &spots, detail);
+        text = draw(&drawing, detail);
         if text.len() <= limit {
             break;
         }
@@ -56,56 +70,109 @@ pub(super) fn within(job: &Layout<'_>, limit: usize) -> String {
     text
 }
 
-fn draw(job: &Layout<'_>, sheet: &Sheet, outlines: &Outlines, spots: &[label::Spot], detail: Detail) -> String {
-    let u = sheet.unit;
-    let mut layers = vec![
-        texture_box(sheet),
-        blocks::regions(job, sheet, outlines, detail),
-        if sheet.gridded { sections(job, sheet) } else { blocks::windows(job, sheet, detail) },
-        stage::path(job, sheet, detail),
-        stage::first_field(job, sheet),
-        legend::measures(job, sheet),
-        blocks::numbers(job, sheet, spots),
-    ];
-    if !job.off_part.is_empty() {
-        layers.insert(1, off_part(job, sheet));
+/// What is drawn at every detail.
+struct Drawing<'a> {
+    job: &'a Picture<'a>,
+    sheet: &'a Sheet,
+    blocks: Option<&'a Blocks<'a>>,
+    looks: &'a Looks,
+}
+
+/// The blocks of a stepped job.
+struct Blocks<'a> {
+    layout: &'a Layout<'a>,
+    outlines: Outlines,
+    spots: Vec<label::Spot>,
+}
+
+/// How the part looks.
+struct Looks {
+    silhouette: Silhouette,
+    shading: Shading,
+}
+
+impl Looks {
+    fn of(job: &Picture<'_>) -> Self {
+        Self { silhouette: Silhouette::of(job), shading: Shading::of(job.relief) }
     }
-    let (legend, bounds) = legend::draw(job, sheet);
+}
+
+fn draw(drawing: &Drawing<'_>, detail: Detail) -> String {
+    let Drawing { job, sheet, blocks, looks } = *drawing;
+    let mut layers = vec![part::ground(job, sheet, &looks.silhouette)];
+    layers.extend(blocks.map(|b| blocks::regions(b.layout, sheet, &b.outlines, detail)));
+    layers.push(looks.shading.draw(job));
+    layers.extend(blocks.filter(|_| sheet.gridded).map(|b| sections(b.layout, sheet)));
+    layers.push(job.marks.draw(sheet, job.machine.lens.spot.as_mm()));
+    layers.push(unmarked::draw(job, sheet));
+    layers.push(part::rim(job, sheet, &looks.silhouette));
+    layers.push(texture_box(sheet));
+    layers.extend(blocks.filter(|_| !sheet.gridded).map(|b| blocks::windows(b.layout, sheet, detail)));
+    layers.push(travel::draw(job, sheet));
+    layers.push(stage::path(job, sheet, detail));
+    layers.push(stage::first_field(job, sheet));
+    layers.push(legend::measures(sheet));
+    layers.extend(blocks.map(|b| blocks::numbers(b.layout, sheet, &b.spots)));
+    let shown = Shown { silhouette: &looks.silhouette, shading: &looks.shading };
+    let (legend, [x0, y0, x1, y1]) = legend::draw(job, sheet, &shown);
     layers.push(legend);
-    let [x0, y0, x1, y1] = [bounds[0] - 2.0 * u, bounds[1] - 2.0 * u, bounds[2] + 2.0 * u, bounds[3] + 2.0 * u];
-    let (width, height) = (num(x1 - x0), num(y1 - y0));
+    let (width, height) = (x1 - x0, y1 - y0);
     let mut root = el(
         "svg",
         &[
             ("xmlns", "http://www.w3.org/2000/svg"),
             ("xmlns:inkscape", "http://www.inkscape.org/namespaces/inkscape"),
-            ("width", &format!("{width}mm")),
-            ("height", &format!("{height}mm")),
-            ("viewBox", &format!("{} {} {width} {height}", num(x0), num(y0))),
+            ("viewBox", &format!("{} {} {} {}", num(x0), num(y0), num(width), num(height))),
         ],
     );
-    root = titled(root, format!("Block layout of {}", clean(job.job)));
+    let what = if blocks.is_some() { "Block layout" } else { "Layout" };
+    root = titled(root, format!("{what} of {}", clean(job.job)));
     let mut style = Element::new("style");
-    style.append(svg::node::Text::new(style_text(u)));
+    style.append(svg::node::Text::new(style_text(sheet.unit, height / width)));
     root.append(style);
     root.append(rectangle([x0, y0, x1, y1], &[("id", "paper"), ("fill", "#fff")]));
     layers.into_iter().for_each(|l| root.append(l));
     format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{root}\n")
 }
 
-fn style_text(u: f64) -> String {
-    format!(
+/// The rules that hide small numbers, and show them where the sheet is wide enough; `shape` is its height by its width.
+fn style_text(u: f64, shape: f64) -> String {
+    let mut style = format!(
         "text{{font-family:{FONTS};text-rendering:geometricPrecision}}\
-         .w{{fill:#fff}}.halo{{paint-order:stroke;stroke:#fff;stroke-linejoin:round}}\
          #layer-blocks :hover{{stroke-width:{}}}#layer-windows g:hover{{visibility:visible}}",
-        num(u * 0.3)
-    )
+        num(u * 0.25)
+    );
+    for (class, _, width) in &blocks::TIERS[1..] {
+        let height = (f64::from(*width) * shape).floor();
+        let _ = write!(
+            style,
+            "{}@media(min-width:{width}px) and (min-height:{height}px){{.{class}{{display:inline}}}}",
+            hidden(class)
+        );
+    }
+    style
+}
+
+/// The rule that hides a class of numbers.
+fn hidden(class: &str) -> String {
+    format!(".{class}{{display:none}}")
+}
+
+/// The drawing with the numbers that a browser shows where it is so many px wide, for what takes no notice of widths.
+pub(super) fn at_width(svg: &str, width: u32) -> String {
+    let mut out = svg.to_owned();
+    for (class, _, least) in &blocks::TIERS[1..] {
+        if *least <= width {
+            out = out.replacen(&hidden(class), "", 1);
+        }
+    }
+    out
 }
 
 /// Dashed section lines with the numbers of columns below and of rows at the left.
 fn sections(job: &Layout<'_>, sheet: &Sheet) -> Element {
     let (u, s) = (sheet.unit, job.sections);
-    let (width, dash) = (num(u * 0.14), format!("{} {}", num(u * 0.9), num(u * 0.5)));
+    let (width, dash) = (num(u * 0.12), format!("{} {}", num(u * 0.9), num(u * 0.5)));
     let mut g = layer("layer-sections", "Sections", &[("pointer-events", "none")]);
     let [x0, y0, x1, y1] = sheet_box(grid_box(job));
     let at = |o: f64, pitch: Nm, k: f64| o + pitch.mm() * k;
@@ -116,44 +183,31 @@ fn sections(job: &Layout<'_>, sheet: &Sheet) -> Element {
     for k in 0..=s.count[1] {
         let _ = write!(d, "M{} {}H{}", num(x0), num(at(y1, -s.pitch[1], k.into())), num(x1));
     }
-    let lines = [("fill", "none"), ("stroke", "#000"), ("stroke-opacity", ".75"), ("stroke-width", width.as_str())];
+    let lines = [("fill", "none"), ("stroke", "#000"), ("stroke-opacity", ".6"), ("stroke-width", width.as_str())];
     let mut path = el("path", &lines);
     path.assign("stroke-dasharray", dash);
     path.assign("d", d);
     g.append(path);
     let mut captions = el("g", &[("id", "section-captions"), ("fill", "#444")]);
-    let size = |pitch: Nm| (pitch.mm() * 0.35).clamp(u * 0.5, u * 1.5);
-    for k in 0..s.count[0] {
+    // Every so-manieth number where they are too many to be read.
+    let font = LEAST_FONT * u;
+    let every = |pitch: Nm, room: f64| (room / pitch.mm()).ceil().max(1.0) as usize;
+    let wide = 0.66 * font * f64::from(s.count[0].max(1).ilog10() + 1) + 0.8 * u;
+    for k in (0..s.count[0]).step_by(every(s.pitch[0], wide)) {
         let x = at(x0, s.pitch[0], f64::from(k) + 0.5);
-        captions.append(text([x, sheet.view[3] + u * 1.9], size(s.pitch[0]), "middle", &format!("{k}")));
+        captions.append(text([x, sheet.view[3] + 2.1 * u], font, "middle", &format!("{k}")));
     }
-    for k in 0..s.count[1] {
-        let (y, size) = (at(y1, -s.pitch[1], f64::from(k) + 0.5), size(s.pitch[1]));
-        captions.append(text([sheet.view[0] - u, y + size * 0.36], size, "end", &format!("{k}")));
+    for k in (0..s.count[1]).step_by(every(s.pitch[1], 1.3 * font)) {
+        let y = at(y1, -s.pitch[1], f64::from(k) + 0.5);
+        captions.append(text([sheet.view[0] - 0.8 * u, y + font * 0.36], font, "end", &format!("{k}")));
     }
     g.append(captions);
     g
 }
 
-/// Texture that the job places off the part, in red: nothing of it is marked.
-fn off_part(job: &Layout<'_>, sheet: &Sheet) -> Element {
-    let mut d = String::new();
-    for row in job.off_part {
-        let [x0, y0, x1, y1] = [row.lo.x, row.hi.y, row.hi.x, row.lo.y].map(|v| sheet.step(v as f64));
-        blocks::push_command(&mut d, 'M', &[x0, -y0], sheet.decimals);
-        blocks::push_command(&mut d, 'H', &[x1], sheet.decimals);
-        blocks::push_command(&mut d, 'V', &[-y1], sheet.decimals);
-        blocks::push_command(&mut d, 'H', &[x0], sheet.decimals);
-        d.push('z');
-    }
-    let mut g = layer("layer-off-part", "Texture off the part", &[("fill", OFF_PART), ("stroke", "none")]);
-    g.append(titled(el("path", &[("d", &d)]), "texture off the part or over a hole: not marked".into()));
-    g
-}
-
-/// Under the blocks, so that its line never hides the narrow ones at the rim.
+/// The frame around the texture.
 fn texture_box(sheet: &Sheet) -> Element {
-    let width = num(sheet.unit * 0.3);
+    let width = num(sheet.unit * 0.2);
     let mut g = layer("layer-texture", "Texture box", &[("pointer-events", "none")]);
     if let Some(frame) = &sheet.frame {
         let mut d = String::new();

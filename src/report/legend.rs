@@ -1,34 +1,41 @@
 //! What `layout.svg` shows next to the part: axes and scale bar, and the legend.
 //!
-//! The legend is right of the part or, where the part is much wider than high, below it in columns; it never covers the
-//! part. All positions in mm of the drawing.
+//! The legend is right of the part and, where that is longer than the part is high, below it; of a part that is much
+//! wider than high it is below it alone. It never covers the part. Its texts are as wide as in the widest of the usual faces, so they fit in all.
 
 use svg::Node;
 use svg::node::element::Element;
 
-use super::colour::{self, Colour, FIELD, FILLS, OFF_PART, PATH, hex};
-use super::sheet::{Sheet, el, num, rectangle, text};
-use super::{Layout, Shade, length_text, mm, plain, short};
+use super::colour::{self, BEYOND, BORDER, Colour, FAULT, FIELD, FILLS, OUTLINE, PART, PATH, TRAVEL, hex};
+use super::marks::{self, grouped};
+use super::part::{Shading, Silhouette};
+use super::sheet::{BESIDE, FONT, FOOT, GAP, LEAST_FONT, LEFT, RIM, Sheet, TOP, el, num, rectangle, text};
+use super::travel::{self, Seen};
+use super::unmarked::{self, Lines};
+use super::{Layout, Mode, OnTheFlyLayout, Picture, Shade, clean, length_text, mm, plain};
 use crate::geom::Nm;
 use crate::manifest::duration;
 
-/// Width of a column of the legend, in units of the sheet.
-const COLUMN: f64 = 36.0;
-/// Distance of two lines of text, and their font size.
-const LINE: f64 = 2.3;
-const FONT: f64 = 1.6;
-/// Height of the colour ramp.
-const RAMP: f64 = 26.0;
-/// Characters that fit a line.
-const CHARACTERS: usize = 38;
+/// Distance of two lines of text, of a font of 1.
+const LINE: f64 = 1.42;
+/// Between two cards of a column.
+const CARDS: f64 = 1.8;
+/// Rows of texture that is not marked, and pens, that are told at most.
+const MOST_ROWS: usize = 5;
+
+/// What the legend tells of besides the job.
+pub(super) struct Shown<'a> {
+    pub silhouette: &'a Silhouette,
+    pub shading: &'a Shading,
+}
 
 /// Axes at the lower left corner and a scale bar at the lower right, both below the part.
-pub(super) fn measures(job: &Layout<'_>, sheet: &Sheet) -> Element {
-    let (u, [x0, y0, x1, y1]) = (sheet.unit, sheet.view);
+pub(super) fn measures(sheet: &Sheet) -> Element {
+    let (u, [x0, _, _, y1]) = (sheet.unit, sheet.view);
     let mut g =
         el("g", &[("id", "layer-measures"), ("inkscape:groupmode", "layer"), ("inkscape:label", "Axes, scale")]);
-    let width = num(u * 0.25);
-    let (x, y, arm) = (x0 - 3.4 * u, y1 + 6.0 * u, 4.6 * u);
+    let width = num(u * 0.2);
+    let (x, y, arm) = (x0 - 3.0 * u, y1 + 8.0 * u, 4.2 * u);
     let axes = format!(
         "M{0} {1}V{2}M{3} {4}L{0} {2}L{5} {4}M{0} {1}H{6}M{7} {8}L{6} {1}L{7} {9}",
         num(x),
@@ -47,32 +54,25 @@ pub(super) fn measures(job: &Layout<'_>, sheet: &Sheet) -> Element {
         &[("id", "axes"), ("fill", "none"), ("stroke", "#111"), ("stroke-width", &width), ("d", &axes)],
     ));
     g.append(text([x + arm + 0.5 * u, y + 0.5 * u], FONT * u, "start", "x"));
-    g.append(text([x, y - arm - 0.6 * u], FONT * u, "middle", "y"));
-    let zero = x0 <= 0.0 && 0.0 <= x1 && y0 <= 0.0 && 0.0 <= y1;
-    if zero {
-        let (gap, end, tick) = (1.4 * u, num(2.6 * u), num(0.12 * u));
+    g.append(text([x + 0.8 * u, y - arm + 0.8 * u], FONT * u, "start", "y"));
+    if has_origin(sheet) {
+        let (gap, end, tick) = (0.9 * u, num(2.0 * u), num(0.14 * u));
         let (near, far) = (num(gap), num(-gap));
         let cross = format!("M-{end} 0H{far}M{near} 0H{end}M0 -{end}V{far}M0 {near}V{end}");
         let mut e = el("path", &[("id", "origin"), ("stroke", "#111"), ("stroke-width", &tick), ("d", &cross)]);
-        e.append(title("origin of the part frame"));
+        let mut title = Element::new("title");
+        title.append(svg::node::Text::new("origin of the part frame"));
+        e.append(title);
         g.append(e);
     }
     scale_bar(&mut g, sheet);
-    let frame = sheet.frame.as_ref();
-    let [w, h] = frame.map_or([0.0; 2], |f| f.size).map(|v| plain(v, 2));
-    let what = match frame.filter(|f| f.turned) {
-        Some(_) => format!("marks {w} x {h} mm, turned by {} deg", num(job.turn_rad.to_degrees())),
-        None => format!("texture {w} x {h} mm"),
-    };
-    let note = format!("{what}, part frame{}", if zero { ", + is its origin" } else { "" });
-    g.append(text([x0 + 5.0 * u, y1 + 6.5 * u], FONT * u, "start", &note));
     g
 }
 
-fn title(words: &str) -> Element {
-    let mut t = Element::new("title");
-    t.append(svg::node::Text::new(words));
-    t
+/// Whether the origin of the part frame lies in view.
+fn has_origin(sheet: &Sheet) -> bool {
+    let [x0, y0, x1, y1] = sheet.view;
+    x0 <= 0.0 && 0.0 <= x1 && y0 <= 0.0 && 0.0 <= y1
 }
 
 /// A bar of 1, 2 or 5 times a power of ten mm, about a fifth of the part's width.
@@ -81,148 +81,351 @@ fn scale_bar(g: &mut Element, sheet: &Sheet) {
     let most = ((x1 - x0) / 4.0).max(f64::MIN_POSITIVE);
     let decade = 10f64.powf(most.log10().floor());
     let length = [5.0, 2.0, 1.0].into_iter().map(|k| k * decade).find(|&l| l <= most).unwrap_or(decade);
-    let y = y1 + 4.2 * u;
+    let y = y1 + 4.6 * u;
     let mut bar = el("g", &[("id", "scale-bar"), ("stroke", "#111"), ("stroke-width", &num(0.12 * u))]);
     for (k, fill) in ["#111", "#fff", "#111", "#fff"].into_iter().enumerate() {
         let at = x1 - length + length * k as f64 / 4.0;
-        bar.append(rectangle([at, y, at + length / 4.0, y + 0.8 * u], &[("fill", fill)]));
+        bar.append(rectangle([at, y, at + length / 4.0, y + 0.7 * u], &[("fill", fill)]));
     }
     g.append(bar);
-    let words = format!("{} mm", num(length));
-    g.append(text([x1 - length / 2.0, y + 2.8 * u], FONT * u, "middle", &words));
+    g.append(text([x1, y + 2.7 * u], FONT * u, "end", &format!("{} mm", num(length))));
 }
 
-/// The legend, and the box of part, measures and legend together.
-pub(super) fn draw(job: &Layout<'_>, sheet: &Sheet) -> (Element, [f64; 4]) {
+/// The legend, and the box of the whole sheet.
+pub(super) fn draw(job: &Picture<'_>, sheet: &Sheet, shown: &Shown<'_>) -> (Element, [f64; 4]) {
     let (u, [x0, y0, x1, y1]) = (sheet.unit, sheet.view);
     let mut g = el("g", &[("id", "layer-legend"), ("inkscape:groupmode", "layer"), ("inkscape:label", "Legend")]);
-    let left = x0 - 5.0 * u;
-    let foot = y1 + 8.0 * u;
-    let below = x1 - x0 > 1.6 * (y1 - y0);
-    let mut at = if below { [left + u, foot + 3.0 * u] } else { [x1 + 5.0 * u, y0] };
-    let mut bounds = [left, y0, x1, foot];
-    for card in [heading, ramp, times, key] {
-        let mut pen = Column { g: &mut g, u, at };
-        card(&mut pen, job, sheet);
-        bounds[2] = bounds[2].max(at[0] + COLUMN * u);
-        bounds[3] = bounds[3].max(pen.at[1]);
-        if below {
-            at[0] += (COLUMN + 3.0) * u;
-        } else {
-            at[1] = pen.at[1] + 1.6 * u;
+    let left = x0 - (LEFT + RIM) * u;
+    let top = y0 - if job.origins.len() > 1 { TOP } else { RIM } * u;
+    // Left, top and width of the columns.
+    let below = |first: f64, room: f64, count: usize| {
+        let width = (room - GAP * (count - 1) as f64) / count as f64;
+        (0..count).map(move |k| [first + k as f64 * (width + GAP) * u, y1 + FOOT * u, width])
+    };
+    let columns: Vec<[f64; 3]> = if sheet.below {
+        below(left + RIM * u, 100.0 - 2.0 * RIM, 3).collect()
+    } else {
+        let beside = [x1 + GAP * u, y0, BESIDE];
+        std::iter::once(beside).chain(below(left + RIM * u, 100.0 - 2.0 * RIM - GAP - BESIDE, 2)).collect()
+    };
+    let cards: [&dyn Fn(&mut Column); 5] =
+        [&|c| heading(c, job, sheet), &|c| colours(c, job, sheet), &|c| not_marked(c, job), &|c| times(c, job), &|c| {
+            key(c, job, sheet, shown)
+        }];
+    let written = |card: usize, width: f64| {
+        let mut column = Column { elements: Vec::new(), u, width: width * u, y: 0.0 };
+        cards[card](&mut column);
+        column
+    };
+    let heights: Vec<Vec<f64>> =
+        (0..cards.len()).map(|card| columns.iter().map(|c| written(card, c[2]).y / u).collect()).collect();
+    let begins: Vec<f64> = columns.iter().map(|c| (c[1] - y0) / u).collect();
+    let mut ends: Vec<f64> = columns.iter().map(|c| c[1]).collect();
+    let mut lowest = y1 + FOOT * u;
+    for (card, k) in shortest(&heights, &begins).into_iter().enumerate() {
+        let [x, _, width] = columns[k];
+        let column = written(card, width);
+        if column.elements.is_empty() {
+            continue;
         }
+        let mut moved = el("g", &[("transform", &format!("translate({} {})", num(x), num(ends[k])))]);
+        column.elements.into_iter().for_each(|e| moved.append(e));
+        g.append(moved);
+        lowest = lowest.max(ends[k] + column.y);
+        ends[k] += column.y + CARDS * u;
     }
-    (g, bounds)
+    (g, [left, top, left + 100.0 * u, lowest + RIM * u])
 }
 
-/// A column that is written from the top down.
-struct Column<'a> {
-    g: &'a mut Element,
+/// The columns of cards with which the longest column ends highest; of equal ones that in which the first cards are in
+/// the first columns. `heights` are by card and column.
+fn shortest(heights: &[Vec<f64>], begins: &[f64]) -> Vec<usize> {
+    let count = begins.len();
+    let choice = |mut n: usize| {
+        let mut columns = vec![0; heights.len()];
+        for k in columns.iter_mut().rev() {
+            (*k, n) = (n % count, n / count);
+        }
+        columns
+    };
+    let end = |columns: &[usize]| {
+        let mut ends = begins.to_vec();
+        for (card, &k) in columns.iter().enumerate().filter(|(card, k)| heights[*card][**k] > 0.0) {
+            ends[k] += heights[card][k] + CARDS;
+        }
+        // Tenths of a unit: what no eye sees decides nothing.
+        (ends.iter().fold(0.0f64, |a, &b| a.max(b)) * 10.0).round() as i64
+    };
+    (0..count.pow(heights.len() as u32)).map(choice).min_by_key(|columns| end(columns)).unwrap_or_default()
+}
+
+/// Width of a text in DejaVu Sans, the widest of the faces, in its font size; never less.
+fn width_of(words: &str) -> f64 {
+    let of = |c: char| match c {
+        ' ' | '.' | ',' | ':' | ';' | 'i' | 'j' | 'l' | '\'' => 0.33,
+        'f' | 't' | 'r' | '(' | ')' | '-' | '/' | 'I' | 'J' => 0.42,
+        'm' | 'M' | 'W' | '%' | '@' | '\u{2026}' => 1.0,
+        'w' | '+' | '=' | '<' | '>' | '~' => 0.84,
+        'A'..='Z' | '&' => 0.79,
+        c if c.is_ascii() => 0.64,
+        _ => 1.05,
+    };
+    words.chars().map(of).sum()
+}
+
+/// As much of a text as is no wider than `most` font sizes.
+fn fitted(words: &str, most: f64) -> String {
+    let mut words = clean(words);
+    if width_of(&words) > most {
+        while !words.is_empty() && width_of(&words) > most - 1.0 {
+            words.pop();
+        }
+        words.push('\u{2026}');
+    }
+    words
+}
+
+/// A text in lines no wider than `most` font sizes.
+fn wrapped(words: &str, most: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in words.split(' ') {
+        match lines.last_mut() {
+            Some(line) if width_of(line) + width_of(word) + 0.33 <= most => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(fitted(word, most)),
+        }
+    }
+    lines
+}
+
+/// A card that is written from the top down; its upper left corner is the origin.
+struct Column {
+    elements: Vec<Element>,
     u: f64,
-    at: [f64; 2],
+    width: f64,
+    y: f64,
 }
 
-impl Column<'_> {
-    fn line(&mut self, words: &str) {
-        self.put(words, FONT, "normal");
+/// Where the words of a row with a symbol begin, in units.
+const INDENT: f64 = 5.0;
+
+impl Column {
+    fn next(&mut self, font: f64) -> f64 {
+        self.y += LINE * font * self.u;
+        // The base line, with room for what goes below it.
+        self.y - 0.3 * font * self.u
     }
 
-    fn put(&mut self, words: &str, font: f64, weight: &str) {
-        self.at[1] += LINE / FONT * font * self.u;
-        let mut t = text(self.at, font * self.u, "start", words);
-        if weight != "normal" {
-            t.assign("font-weight", weight);
+    fn put(&mut self, x: f64, y: f64, anchor: &str, words: &str) {
+        self.elements.push(text([x, y], FONT * self.u, anchor, words));
+    }
+
+    /// Lines of words, as many as they take, from `indent` on.
+    fn lines(&mut self, indent: f64, words: &str) {
+        for line in wrapped(words, self.width / self.u / FONT - indent / FONT) {
+            let y = self.next(FONT);
+            self.put(indent * self.u, y, "start", &line);
         }
-        self.g.append(t);
     }
 
-    /// A line with its value at the right end of the column.
-    fn pair(&mut self, name: &str, value: &str) {
-        self.line(name);
-        self.g.append(text([self.at[0] + COLUMN * self.u, self.at[1]], FONT * self.u, "end", value));
+    fn title(&mut self, words: &str, value: &str) {
+        let y = self.next(FONT);
+        let mut t = text([0.0, y], FONT * self.u, "start", words);
+        t.assign("font-weight", "bold");
+        self.elements.push(t);
+        if !value.is_empty() {
+            self.put(self.width, y, "end", value);
+        }
+    }
+
+    /// A name with its value at the right end, on a line of its own where both do not fit.
+    fn pair(&mut self, indent: f64, name: &str, value: &str) {
+        let most = self.width / self.u / FONT - indent / FONT;
+        let value = fitted(value, most);
+        let mut y = self.next(FONT);
+        self.put(indent * self.u, y, "start", &fitted(name, most));
+        if width_of(name) + width_of(&value) + 0.6 > most {
+            y = self.next(FONT);
+        }
+        self.put(self.width, y, "end", &value);
+    }
+
+    /// A row with a symbol, drawn by `symbol` around the middle of a line from 0 to 4 units; `words` go beside it.
+    fn row(&mut self, symbol: impl FnOnce(f64, f64) -> Vec<Element>, words: &str) {
+        let middle = self.y + 0.5 * LINE * FONT * self.u;
+        self.elements.extend(symbol(self.u, middle));
+        self.lines(INDENT, words);
     }
 }
 
-fn heading(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
+/// A line as the symbol of a row.
+fn line(u: f64, y: f64, colour: &str, width: f64, dash: &str) -> Element {
+    let d = format!("M0 {}h{}", num(y), num(4.0 * u));
+    let mut p = el("path", &[("stroke", colour), ("stroke-width", &num(width * u)), ("d", &d)]);
+    if !dash.is_empty() {
+        p.assign("stroke-dasharray", dash);
+    }
+    p
+}
+
+/// A filled box as the symbol of a row.
+fn swatch(u: f64, y: f64, fill: &str) -> Element {
+    rectangle([0.0, y - 0.75 * u, 4.0 * u, y + 0.75 * u], &[("fill", fill)])
+}
+
+fn heading(c: &mut Column, job: &Picture<'_>, sheet: &Sheet) {
+    // Bold letters are up to an eighth wider.
+    let name = clean(job.job);
+    let most = c.width / c.u / 1.13;
+    let font = (most / width_of(&name).max(1.0)).clamp(LEAST_FONT, 2.4);
+    let y = c.next(font);
+    let mut t = text([0.0, y], font * c.u, "start", &fitted(&name, most / font));
+    t.assign("font-weight", "bold");
+    c.elements.push(t);
+    c.lines(0.0, &format!("machine {}", fitted(&job.machine.name, 16.0)));
+    c.y += 0.5 * c.u;
+    if let Some(frame) = &sheet.frame {
+        let [w, h] = frame.size.map(|v| plain(v, 1));
+        let name = if frame.turned { "marks, turned" } else { "texture" };
+        c.pair(0.0, name, &format!("{w} x {h} mm"));
+        if frame.turned {
+            c.pair(0.0, "part turned by", &format!("{} deg", num(job.turn_rad.to_degrees())));
+        }
+    }
+    match job.mode {
+        Mode::Stepped(layout) => stepped(c, layout, sheet),
+        Mode::OnTheFly(layout) => on_the_fly(c, layout),
+    }
+}
+
+fn stepped(c: &mut Column, job: &Layout<'_>, sheet: &Sheet) {
     let s = job.summary;
-    let name = short(job.job, 60);
-    let font = (2.4 * 24.0 / name.chars().count().max(1) as f64).clamp(1.0, 2.4);
-    pen.put(&name, font, "bold");
-    pen.line(&short(&format!("machine {}", job.machine.name), CHARACTERS));
-    pen.at[1] += 0.6 * pen.u;
     if job.passes > 1 {
         let pass = job.blocks().first().map_or(1, |b| b.pass.number());
-        pen.pair("pass (lengths and times: of all)", &format!("{pass} of {}", job.passes));
+        c.pair(0.0, "pass", &format!("{pass} of {}", job.passes));
+        c.lines(0.0, "lengths and times: of all passes");
     }
     if s.setups > 1 {
-        pen.pair("set-ups, see the run sheet", &s.setups.to_string());
+        c.pair(0.0, "set-ups", &format!("{}, see run sheet", s.setups));
     }
-    pen.pair("method", &short(&s.method, 24));
+    c.pair(0.0, "method", &s.method);
     let bound = s.lower_bound_stops.filter(|&n| n > 0).map(|n| format!(" (at least {n})")).unwrap_or_default();
-    pen.pair("stops", &format!("{}{bound}", job.blocks().len()));
+    c.pair(0.0, "stops", &format!("{}{bound}", job.blocks().len()));
     let size = |size: [Nm; 2]| size.map(|v| num(v.mm())).join(" x ");
     if sheet.gridded {
         let [columns, rows] = job.sections.count;
-        pen.pair("sections", &format!("{columns} x {rows} of {} mm", size(job.sections.pitch)));
+        c.pair(0.0, "sections", &format!("{columns} x {rows} of {} mm", size(job.sections.pitch)));
     } else {
-        pen.pair("windows, placed freely", &format!("{} mm", size(job.machine.usable_field())));
+        c.pair(0.0, "free windows", &format!("{} mm", size(job.machine.usable_field())));
     }
     let [lo, hi] = job.range(|b| b.z_lo, |b| b.z_hi);
-    pen.pair("marks from z to z, mm", &format!("{} to {}", mm(lo, 3), mm(hi, 3)));
-    pen.pair("worst defocus", &format!("{} um", plain(s.worst_defocus_um, 1)));
-    pen.pair("worst incidence", &format!("{} deg", plain(s.worst_incidence_deg, 1)));
-    pen.pair("marked", &length_text(s.mark_mm));
+    c.pair(0.0, "marks at z", &format!("{} to {} mm", mm(lo, 2), mm(hi, 2)));
+    c.pair(0.0, "worst defocus", &format!("{} um", plain(s.worst_defocus_um, 1)));
+    c.pair(0.0, "worst incidence", &format!("{} deg", plain(s.worst_incidence_deg, 1)));
+    c.pair(0.0, "marked", &length_text(s.mark_mm));
     if s.dots.texture > 0 {
-        pen.pair("dots", &format!("{} of {}", s.dots.marked, s.dots.texture));
+        c.pair(0.0, "dots", &format!("{} of {}", s.dots.marked, s.dots.texture));
     }
-    pen.pair("skipped", &length_text(s.skipped_mm));
-    let warnings = s.warnings.len();
-    pen.pair("warnings", &if warnings == 0 { "none".to_owned() } else { format!("{warnings}, see report.html") });
+    c.pair(0.0, "skipped", &length_text(s.skipped_mm));
+    warnings(c, s.warnings.len(), "report.html");
 }
 
-/// The colours with the heights they stand for.
-fn ramp(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
-    let u = pen.u;
+fn on_the_fly(c: &mut Column, job: &OnTheFlyLayout<'_>) {
+    let s = job.summary;
+    c.pair(0.0, "on the fly, axes", job.program.kind.letters());
+    c.pair(0.0, "moves", &grouped(s.moves));
+    c.pair(0.0, "marks", &grouped(s.marks));
+    c.pair(0.0, "worst defocus", &format!("{} um", plain(s.deviations.worst_fod_um, 1)));
+    c.pair(0.0, "worst incidence", &format!("{} deg", plain(s.deviations.worst_bia_deg, 1)));
+    c.pair(0.0, "fastest mark", &format!("{} mm/s", plain(s.mark_speed_mm_s, 0)));
+    c.pair(0.0, "marked", &length_text(s.mark_mm));
+    c.pair(0.0, "skipped", &length_text(s.lengths.skipped_mm));
+    warnings(c, s.warnings.len(), "the manifest");
+}
+
+fn warnings(c: &mut Column, count: usize, file: &str) {
+    c.pair(0.0, "warnings", &if count == 0 { "none".to_owned() } else { format!("{count}, see {file}") });
+}
+
+/// The colours of blocks with the heights they stand for, and those of pens.
+fn colours(c: &mut Column, job: &Picture<'_>, sheet: &Sheet) {
+    if let Some(layout) = job.stepped().filter(|layout| !layout.blocks().is_empty()) {
+        ramp(c, layout, sheet);
+        c.y += 0.8 * c.u;
+    }
+    let pens = job.marks.pens();
+    if pens.is_empty() {
+        return;
+    }
+    c.title(if pens.len() == 1 { "pen" } else { "pens" }, "");
+    for (k, pen) in pens.iter().take(MOST_ROWS).enumerate() {
+        let Some(pen) = job.pens.get(pen.index()) else { continue };
+        let colour = hex(marks::colour(k));
+        let words = format!("{}: {} mm/s, {}", pen.name, num(pen.speed.as_mm_s()), pen.power);
+        c.row(|u, y| vec![line(u, y, &colour, 0.35, "")], &words);
+    }
+    if pens.len() > MOST_ROWS {
+        c.lines(INDENT, &format!("and {} more", pens.len() - MOST_ROWS));
+    }
+    c.lines(0.0, &format!("drawn: {}", job.marks.words()));
+}
+
+fn ramp(c: &mut Column, job: &Layout<'_>, sheet: &Sheet) {
+    let u = c.u;
     let is_height = job.shade == Shade::Height;
-    pen.put(if is_height { "focus height (LPFL), mm" } else { "mean incidence of the beam, deg" }, FONT, "bold");
+    c.title(if is_height { "focus height (LPFL), mm" } else { "mean incidence of the beam, deg" }, "");
     let range = job.shades();
-    let [x, top] = [pen.at[0], pen.at[1] + 1.6 * u];
     let flat = range[0] == range[1];
-    let height = if flat { 3.0 * u } else { RAMP * u };
-    let mut gradient =
-        el("linearGradient", &[("id", "ramp-colours"), ("x1", "0"), ("x2", "0"), ("y1", "1"), ("y2", "0")]);
-    for k in 0..=16 {
-        let offset = num(f64::from(k) / 16.0);
-        let c = if flat { colour::of_height(0, [0, 0]) } else { colour::of_height(k.into(), [0, 16]) };
-        gradient.append(el("stop", &[("offset", &offset), ("stop-color", &hex(c))]));
+    const PIECES: i64 = 48;
+    let (top, bottom) = (c.y + 0.4 * u, c.y + 2.2 * u);
+    // Each piece goes on to the right end, so that no gap shows between two.
+    for k in 0..if flat { 1 } else { PIECES } {
+        let fill = if flat { colour::of_height(0, [0, 0]) } else { colour::of_height(k, [0, PIECES - 1]) };
+        let x = c.width * k as f64 / PIECES as f64;
+        c.elements.push(rectangle([x, top, c.width, bottom], &[("fill", &hex(colour::light(fill)))]));
     }
-    let mut defs = Element::new("defs");
-    defs.append(gradient);
-    pen.g.append(defs);
-    let width = num(0.12 * u);
-    let look = [("id", "ramp"), ("fill", "url(#ramp-colours)"), ("stroke", "#111"), ("stroke-width", width.as_str())];
-    pen.g.append(rectangle([x, top, x + 4.0 * u, top + height], &look));
-    let steps = if flat { 0 } else { 6 };
-    for k in 0..=steps {
-        let y = if flat { top + height / 2.0 } else { top + height * (1.0 - f64::from(k) / f64::from(steps)) };
-        let d = format!("M{} {}h{}", num(x + 4.0 * u), num(y), num(0.8 * u));
-        pen.g.append(el("path", &[("stroke", "#111"), ("stroke-width", &width), ("d", &d)]));
-        let z = range[0] + (range[1] - range[0]) * i64::from(k) / i64::from(steps.max(1));
-        pen.g.append(text([x + 5.4 * u, y + 0.55 * u], FONT * u, "start", &mm(Nm(z), 3)));
+    let frame = [("id", "ramp"), ("fill", "none"), ("stroke", "#111"), ("stroke-width", &num(0.1 * u))];
+    c.elements.push(rectangle([0.0, top, c.width, bottom], &frame));
+    c.y = bottom;
+    let y = c.next(FONT);
+    let places: &[(f64, &str)] =
+        if flat { &[(0.5, "middle")] } else { &[(0.0, "start"), (0.5, "middle"), (1.0, "end")] };
+    for &(share, anchor) in places {
+        let value = range[0] + ((range[1] - range[0]) as f64 * share).round() as i64;
+        c.put(c.width * share, y, anchor, &mm(Nm(value), 3));
     }
-    let levels = {
-        let mut all: Vec<Nm> = job.blocks().iter().map(|b| b.stop.focus).collect();
-        all.sort_unstable();
-        all.dedup();
-        all.len()
-    };
-    let other = if sheet.gridded { "every other level" } else { "every other block" };
-    let note = [format!("{levels} heights"), other.into(), "a shade darker".into()];
-    for (k, words) in note.iter().take(if flat || !is_height { 0 } else { 3 }).enumerate() {
-        let y = top + height / 2.0 + (k as f64 - 0.4) * LINE * u;
-        pen.g.append(text([x + 17.0 * u, y], FONT * u, "start", words));
+    if is_height && !flat {
+        let mut levels: Vec<Nm> = job.blocks().iter().map(|b| b.stop.focus).collect();
+        levels.sort_unstable();
+        levels.dedup();
+        let other = if sheet.gridded { "level" } else { "block" };
+        c.lines(0.0, &format!("{} heights; every other {other} darker", levels.len()));
     }
-    pen.at[1] = top + height;
+}
+
+/// What is not marked, with reason, length, share and place.
+fn not_marked(c: &mut Column, job: &Picture<'_>) {
+    let rows = &job.scene.unmarked.rows;
+    if rows.is_empty() {
+        return;
+    }
+    c.title("not marked", "");
+    for row in rows.iter().take(MOST_ROWS) {
+        let colour = if row.reason.is_fault() { FAULT } else { BEYOND };
+        let [why, share, place] = unmarked::words(row);
+        c.row(|u, y| vec![line(u, y, colour, 0.4, "")], &why);
+        c.lines(INDENT, &share);
+        c.lines(INDENT, &place);
+    }
+    if rows.len() > MOST_ROWS {
+        c.lines(INDENT, &format!("and {} more rows in the manifest", rows.len() - MOST_ROWS));
+    }
+    let drawn = [true, false].map(|is_fault| Lines::of(job, is_fault).one_of).into_iter().max().unwrap_or(1);
+    if drawn > 1 || job.scene.unmarked.lines_left_out > 0 {
+        c.lines(INDENT, "not every line of it is drawn");
+    }
 }
 
 /// The parts of the job time as a bar and as lines.
@@ -243,84 +446,122 @@ pub(super) fn seconds(job: &Layout<'_>) -> Vec<(&'static str, Colour, f64)> {
     all.filter(|((name, _), _)| has(name)).map(|((name, fill), s)| (name, fill, s)).collect()
 }
 
-fn times(pen: &mut Column<'_>, job: &Layout<'_>, _: &Sheet) {
-    let u = pen.u;
-    let total = job.summary.time_s.total;
-    pen.put("estimated time", FONT, "bold");
-    pen.g.append(text([pen.at[0] + COLUMN * u, pen.at[1]], FONT * u, "end", &duration(total)));
-    let parts = seconds(job);
+fn times(c: &mut Column, job: &Picture<'_>) {
+    let u = c.u;
+    let (total, parts) = match job.mode {
+        Mode::Stepped(layout) => (layout.summary.time_s.total, seconds(layout)),
+        Mode::OnTheFly(layout) => {
+            let s = layout.summary;
+            let parts = vec![("mark", FILLS[0], s.mark_s), ("between marks", FILLS[1], s.time_s - s.mark_s)];
+            (s.time_s, parts)
+        }
+    };
+    c.title("estimated time", &duration(total));
     let sum: f64 = parts.iter().map(|p| p.2).sum();
-    let (mut x, y) = (pen.at[0], pen.at[1] + u);
+    let (mut x, y) = (0.0, c.y + 0.3 * u);
     for &(_, fill, s) in &parts {
-        let width = if sum > 0.0 { COLUMN * u * s / sum } else { 0.0 };
+        let width = if sum > 0.0 { c.width * s / sum } else { 0.0 };
         if width > 0.0 {
-            pen.g.append(rectangle([x, y, x + width, y + 1.6 * u], &[("fill", &hex(fill))]));
+            c.elements.push(rectangle([x, y, x + width, y + 1.4 * u], &[("fill", &hex(fill))]));
         }
         x += width;
     }
-    pen.at[1] += 2.8 * u;
+    c.y += 2.2 * u;
     for (name, fill, s) in parts {
-        let x = pen.at[0];
-        pen.at[0] = x + 2.2 * u;
-        pen.line(name);
-        pen.at[0] = x;
-        let y = pen.at[1];
-        pen.g.append(rectangle([x, y - 1.2 * u, x + 1.3 * u, y + 0.1 * u], &[("fill", &hex(fill))]));
+        let middle = c.y + 0.5 * LINE * FONT * u;
+        c.elements.push(rectangle([0.0, middle - 0.6 * u, 1.2 * u, middle + 0.6 * u], &[("fill", &hex(fill))]));
         let share = if sum > 0.0 { 100.0 * s / sum } else { 0.0 };
-        let words = format!("{}, {} %", duration(s), plain(share, 0));
-        pen.g.append(text([x + COLUMN * u, y], FONT * u, "end", &words));
+        c.pair(2.2, name, &format!("{}, {} %", duration(s), plain(share, 0)));
     }
 }
 
-fn key(pen: &mut Column<'_>, job: &Layout<'_>, sheet: &Sheet) {
-    let u = pen.u;
-    pen.put("how to read it", FONT, "bold");
-    let turned = sheet.frame.as_ref().is_some_and(|f| f.turned);
-    let rows: [(&str, &str, f64, &str); 5] = [
-        ("#1a1a1a", "", 0.12, "split: border of two blocks"),
-        ("#000", "dash", 0.14, "section line (number at the rim)"),
-        ("#000", "", 0.3, if turned { "box of the marks, turned" } else { "box of the texture" }),
-        (FIELD, "", 0.3, "field at the first stop"),
-        (PATH, "arrow", 0.3, "stage path from ring to square"),
-    ];
-    for (stroke, kind, width, words) in rows.into_iter().filter(|row| sheet.gridded || row.1 != "dash") {
-        let x = pen.at[0];
-        pen.at[0] = x + 5.5 * u;
-        pen.line(words);
-        pen.at[0] = x;
-        let y = pen.at[1] - 0.55 * u;
-        let d = format!("M{} {}h{}", num(x), num(y), num(4.2 * u));
-        let mut p = el("path", &[("stroke", stroke), ("stroke-width", &num(width * u)), ("d", &d)]);
-        if kind == "dash" {
-            p.assign("stroke-dasharray", format!("{} {}", num(0.9 * u), num(0.5 * u)));
-        }
-        pen.g.append(p);
-        if kind == "arrow" {
-            let tip = format!(
-                "M{} {}l{w} {h}l0 {n}z",
-                num(x + 2.8 * u),
-                num(y),
-                w = num(-1.3 * u),
-                h = num(0.6 * u),
-                n = num(-1.2 * u)
-            );
-            pen.g.append(el("path", &[("fill", stroke), ("d", &tip)]));
+fn key(c: &mut Column, job: &Picture<'_>, sheet: &Sheet, shown: &Shown<'_>) {
+    let dash = |a: f64, b: f64| format!("{} {}", num(a * sheet.unit), num(b * sheet.unit));
+    c.title("how to read it", "");
+    let heights = if shown.shading.factor > 1.0 { format!(", z x {}", shown.shading.factor) } else { String::new() };
+    let beyond = if shown.silhouette.is_cut() { "; it goes on beyond the picture" } else { "" };
+    c.row(
+        |u, y| vec![swatch(u, y, PART), line(u, y - 0.75 * u, OUTLINE, 0.16, "")],
+        &format!("part, relief shaded{heights}{beyond}"),
+    );
+    let stepped = job.stepped().filter(|layout| !layout.blocks().is_empty());
+    if stepped.is_some() {
+        c.row(|u, y| vec![line(u, y, BORDER, 0.16, "")], "border of two blocks");
+        if sheet.gridded {
+            c.row(|u, y| vec![line(u, y, "#000", 0.14, &dash(0.9, 0.5))], "section, numbers at the rim");
         }
     }
-    if !job.off_part.is_empty() {
-        let [x, u] = [pen.at[0], pen.u];
-        pen.at[0] = x + 5.5 * u;
-        pen.line("red: texture off the part, not marked");
-        pen.at[0] = x;
-        let y = pen.at[1];
-        pen.g.append(rectangle([x, y - 1.2 * u, x + 4.2 * u, y + 0.1 * u], &[("fill", OFF_PART)]));
+    if let Some(frame) = &sheet.frame {
+        let words = if frame.turned { "box of the marks, turned" } else { "box of the texture" };
+        c.row(|u, y| vec![line(u, y, "#000", 0.24, "")], words);
     }
-    if !job.blocks().is_empty() {
-        pen.line("number n: block Bn, in order of work");
+    let [w, h] = job.machine.usable_field();
+    let first = if stepped.is_some() { "first field" } else { "field at the start" };
+    c.row(|u, y| vec![line(u, y, FIELD, 0.24, "")], &format!("{first}, {} x {} mm", num(w.mm()), num(h.mm())));
+    let what = if stepped.is_some() { "stage path" } else { "way of the field" };
+    c.row(path, &format!("{what}, ring to square"));
+    let rectangles: Vec<_> = job.origins.iter().map(|&origin| travel::rectangle(job.machine, origin)).collect();
+    let [w, h] = rectangles.first().map_or([0.0; 2], |r| [r[2] - r[0], r[3] - r[1]]).map(num);
+    let limit = match travel::seen(job, sheet) {
+        Seen::Whole => "",
+        Seen::Partly => ", part of it beyond the picture",
+        Seen::None => ", beyond the picture",
+    };
+    c.row(|u, y| vec![line(u, y, TRAVEL, 0.2, &dash(1.1, 0.7))], &format!("machine travel, {w} x {h} mm{limit}"));
+    if has_origin(sheet) {
+        c.row(
+            |u, y| vec![el("path", &[("stroke", "#111"), ("stroke-width", &num(0.14 * u)), ("d", &plus(u, y))])],
+            "origin of the part frame",
+        );
     }
-    pen.line(if sheet.gridded {
-        "rest the pointer on a block for its data"
-    } else {
-        "rest the pointer on a block: data, window"
-    });
+    if stepped.is_some() {
+        c.lines(0.0, "number n is block Bn, in order of work; a larger picture shows more numbers");
+        c.lines(0.0, "rest the pointer on a block for its data");
+    }
+}
+
+fn plus(u: f64, y: f64) -> String {
+    let [x, arm] = [2.0 * u, 0.9 * u];
+    format!("M{} {}h{}M{} {}v{}", num(x - arm), num(y), num(2.0 * arm), num(x), num(y - arm), num(2.0 * arm))
+}
+
+/// A ring, an arrow and a square on a line.
+fn path(u: f64, y: f64) -> Vec<Element> {
+    let stroke = num(0.2 * u);
+    let look = [("fill", "none"), ("stroke", PATH), ("stroke-width", stroke.as_str())];
+    let mut ring = el("circle", &[("cx", &num(0.5 * u)), ("cy", &num(y)), ("r", &num(0.5 * u))]);
+    look.iter().for_each(|&(k, v)| ring.assign(k, v));
+    let square = rectangle([3.0 * u, y - 0.5 * u, 4.0 * u, y + 0.5 * u], &look);
+    let way = el(
+        "path",
+        &[("stroke", PATH), ("stroke-width", &stroke), ("d", &format!("M{} {}h{}", num(u), num(y), num(2.0 * u)))],
+    );
+    let tip =
+        format!("M{} {}l{w} {h}v{n}z", num(2.5 * u), num(y), w = num(-1.0 * u), h = num(0.45 * u), n = num(-0.9 * u));
+    vec![way, ring, square, el("path", &[("fill", PATH), ("d", &tip)])]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cards_are_laid_out_so_that_the_longest_column_is_shortest() {
+        let heights = |h: &[f64]| h.iter().map(|&h| vec![h; 3]).collect::<Vec<_>>();
+        assert_eq!(shortest(&heights(&[9.0, 5.0, 4.0]), &[0.0; 3]), [0, 1, 2]);
+        assert_eq!(shortest(&heights(&[20.0, 5.0, 4.0, 9.0]), &[0.0; 3]), [0, 1, 1, 2]);
+        // Columns that begin lower are used where the first is full.
+        assert_eq!(shortest(&heights(&[20.0, 20.0, 20.0]), &[0.0, 30.0, 30.0]), [0, 0, 1]);
+    }
+
+    #[test]
+    fn texts_are_cut_and_wrapped_to_their_room() {
+        for most in [6.0, 11.0, 30.0] {
+            for line in wrapped("machine travel, 500 x 500 mm, beyond averyveryverylongwordthatfitsnowhere", most) {
+                assert!(width_of(&line) <= most, "{line:?} in {most}");
+            }
+        }
+        assert_eq!(fitted("short", 9.0), "short");
+        assert!(fitted("Wwwwwwwwwwwwwwwwwww", 9.0).ends_with('\u{2026}'));
+    }
 }

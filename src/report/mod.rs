@@ -1,25 +1,33 @@
 //! What a person looks at before a part is risked: `layout.svg` and `report.html`.
 //!
-//! Consumes a [`Checked`] program, its machine and its record, and a [`BlockMap`]: a raster that says
-//! which block owns each small cell of the part. Promises text that is equal byte for byte for equal
-//! input, is well-formed, loads nothing from elsewhere and runs no script.
+//! Consumes a checked program, its machine and its record, a [`Scene`] and a [`Relief`], and of a stepped job a
+//! [`BlockMap`]: a raster that says which block owns each small cell of the part. Promises text that is equal byte for
+//! byte for equal input, is well-formed, loads nothing from elsewhere and runs no script.
 //!
 //! Points of blocks are the turned part frame, nm; the drawing is in mm of that frame with y pointing
-//! up (written as -y, since SVG's y points down), so it measures true in a browser or in Inkscape.
+//! up (written as -y, since SVG's y points down): a user unit of the drawing is a millimetre of the part.
 //!
-//! Limits: borders of blocks are traced from the map and are as exact as its cells: a drawn border
-//! lies within about one cell of the true one. The drawing is for eyes and rulers; what is machined is in
-//! the program.
+//! Limits: borders of blocks are traced from the map, the part's outline from the relief, and both are as exact as
+//! their cells: a drawn border lies within about one cell of the true one. The drawing is for eyes and rulers; what is
+//! machined is in the program.
 
 mod blocks;
 mod colour;
+mod fly_report;
+mod fly_sheet;
+mod image;
 mod job_report;
 mod label;
 mod layout;
 mod legend;
+mod marks;
 mod outline;
 pub mod page;
+mod part;
+mod pdf;
 pub mod plot;
+mod raster;
+mod record;
 pub mod runsheet;
 #[cfg(test)]
 mod sample;
@@ -28,21 +36,31 @@ mod stage;
 pub mod table;
 #[cfg(test)]
 mod tests;
+mod travel;
+mod unmarked;
 
+pub use fly_report::on_the_fly_html;
+pub use fly_sheet::on_the_fly_txt;
 pub use job_report::report_html;
-pub use layout::layout_svg;
+pub use layout::{layout_svg, on_the_fly_svg};
+pub use marks::Marks;
+pub use part::{RELIEF_CELLS, relief_area};
+pub use pdf::pdf;
+pub use raster::png;
 
 use std::ops::Range;
 
 use crate::block_map::BlockMap;
 use crate::check::Checked;
-use crate::geom::{Box2, Nm, P2, P3};
-use crate::machine::Machine;
-use crate::manifest::Summary;
-use crate::program::{Block, BlockFigures, BlockId, Sections};
+use crate::geom::{Box2, Nm, P2, P3, Turn};
+use crate::machine::{Machine, Origin};
+use crate::manifest::{OnTheFlySummary, Summary};
+use crate::on_the_fly::program::Program as OnTheFlyProgram;
+use crate::program::{Block, BlockFigures, BlockId, Pen, Sections};
 use crate::report::table::plain;
+use crate::scene::{Group, Relief, Scene};
 
-/// Everything the pictures are made of.
+/// Everything the pictures of a stepped job are made of.
 #[derive(Clone, Debug)]
 pub struct Layout<'a> {
     /// Name of the job, any text.
@@ -59,10 +77,16 @@ pub struct Layout<'a> {
     pub sections: Sections,
     /// Which block lies where.
     pub map: &'a BlockMap,
+    /// The box of the part.
+    pub part: Box2,
     /// The box of the texture as placed.
     pub texture: Box2,
-    /// Where texture that the job places lies off the part: boxes that do not overlap.
-    pub off_part: &'a [Box2],
+    /// Every mark, what is not marked, and how the part looks.
+    pub scene: &'a Scene,
+    /// Heights of the part around the texture.
+    pub relief: &'a Relief,
+    /// The marks of [`Layout::blocks`] as they are drawn.
+    pub marks: &'a Marks,
     /// By how much the part is turned against its file, rad.
     pub turn_rad: f64,
     /// The figures of each block of the program.
@@ -73,6 +97,92 @@ pub struct Layout<'a> {
     pub shade: Shade,
     /// The figures of the job.
     pub summary: &'a Summary,
+}
+
+/// Everything the picture of an on-the-fly job is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct OnTheFlyLayout<'a> {
+    /// Name of the job, any text.
+    pub job: &'a str,
+    /// The program.
+    pub program: &'a OnTheFlyProgram,
+    /// The machine it was checked against.
+    pub machine: &'a Machine,
+    /// The box of the part.
+    pub part: Box2,
+    /// The box of the texture as placed.
+    pub texture: Box2,
+    /// Every mark, what is not marked, and how the head moves.
+    pub scene: &'a Scene,
+    /// Heights of the part around the texture.
+    pub relief: &'a Relief,
+    /// The marks as they are drawn.
+    pub marks: &'a Marks,
+    /// By how much the part is turned against its file, rad.
+    pub turn_rad: f64,
+    /// The figures of the job.
+    pub summary: &'a OnTheFlySummary,
+}
+
+/// What the pictures of both modes show.
+struct Picture<'a> {
+    job: &'a str,
+    machine: &'a Machine,
+    pens: &'a [Pen],
+    origins: &'a [Origin],
+    part: Box2,
+    texture: Box2,
+    turn_rad: f64,
+    scene: &'a Scene,
+    /// Those of [`Scene::groups`] that are drawn.
+    groups: Range<usize>,
+    relief: &'a Relief,
+    marks: &'a Marks,
+    mode: Mode<'a>,
+}
+
+/// What only one of them has.
+enum Mode<'a> {
+    Stepped(&'a Layout<'a>),
+    OnTheFly(&'a OnTheFlyLayout<'a>),
+}
+
+impl<'a> Picture<'a> {
+    fn of_stepped(layout: &'a Layout<'a>) -> Self {
+        let Layout { job, machine, part, texture, turn_rad, scene, relief, marks, .. } = *layout;
+        let (pens, origins) = (layout.checked.program().pens.as_slice(), layout.checked.origins());
+        let (groups, mode) = (layout.blocks.clone(), Mode::Stepped(layout));
+        Self { job, machine, pens, origins, part, texture, turn_rad, scene, groups, relief, marks, mode }
+    }
+
+    fn of_on_the_fly(layout: &'a OnTheFlyLayout<'a>) -> Self {
+        let OnTheFlyLayout { job, machine, part, texture, turn_rad, scene, relief, marks, .. } = *layout;
+        let (pens, origins) = (layout.program.pens.as_slice(), std::slice::from_ref(&layout.program.origin));
+        let (groups, mode) = (0..scene.groups.len(), Mode::OnTheFly(layout));
+        Self { job, machine, pens, origins, part, texture, turn_rad, scene, groups, relief, marks, mode }
+    }
+
+    fn groups(&self) -> &'a [Group] {
+        &self.scene.groups[self.groups.clone()]
+    }
+
+    fn stepped(&self) -> Option<&'a Layout<'a>> {
+        match self.mode {
+            Mode::Stepped(layout) => Some(layout),
+            Mode::OnTheFly(_) => None,
+        }
+    }
+
+    /// Where the centre of the field is over the part, in order: at every block, or on the fly along its way.
+    fn places(&self) -> Vec<P2> {
+        match self.mode {
+            Mode::Stepped(layout) => layout.blocks().iter().map(|block| Turn::drawn(block.stop.centre)).collect(),
+            Mode::OnTheFly(layout) => {
+                let samples = layout.scene.motion.iter().flat_map(|motion| &motion.samples);
+                samples.filter_map(|s| P2::from_mm(s.centre[0], s.centre[1])).collect()
+            }
+        }
+    }
 }
 
 /// What the colours of blocks stand for.
@@ -174,13 +284,4 @@ fn length_text(mm: f64) -> String {
 /// Text that XML can hold: control characters, which no escape makes legal, become spaces.
 fn clean(text: &str) -> String {
     text.chars().map(|c| if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') { ' ' } else { c }).collect()
-}
-
-/// `text` in at most `limit` characters.
-fn short(text: &str, limit: usize) -> String {
-    let text = clean(text);
-    if text.chars().count() <= limit {
-        return text;
-    }
-    text.chars().take(limit.saturating_sub(1)).chain(['…']).collect()
 }

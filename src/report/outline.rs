@@ -13,6 +13,8 @@
 use std::ops::Range;
 
 use super::BlockMap;
+use super::sheet::{Sheet, push_command};
+use crate::geom::{Nm, P2};
 
 /// The map with a rim of empty cells, so that every cell has neighbours.
 pub(super) struct PaddedMap {
@@ -26,13 +28,18 @@ pub(super) struct PaddedMap {
 
 impl PaddedMap {
     pub(super) fn of(map: &BlockMap, blocks: usize) -> Self {
-        let [columns, rows] = map.size().map(|n| n as usize);
+        let labels = map.labels();
+        Self::padded(map.size().map(|n| n as usize), |i| if labels[i] as usize <= blocks { labels[i] } else { 0 })
+    }
+
+    /// The cells of a grid, each with its label.
+    pub(super) fn padded([columns, rows]: [usize; 2], label: impl Fn(usize) -> u32) -> Self {
         let (width, height) = (columns + 2, rows + 2);
         let mut cells = vec![0; width * height];
-        for (row, from) in map.labels().chunks_exact(columns.max(1)).enumerate() {
+        for row in 0..rows {
             let start = (row + 1) * width + 1;
-            for (to, &label) in cells[start..start + columns].iter_mut().zip(from) {
-                *to = if label as usize <= blocks { label } else { 0 };
+            for (column, to) in cells[start..start + columns].iter_mut().enumerate() {
+                *to = label(row * columns + column);
             }
         }
         Self { width, height, cells }
@@ -237,6 +244,31 @@ fn closed_middles(ring: &[Corner]) -> Vec<Half> {
 fn farthest(points: &[Half]) -> usize {
     let distance2 = |p: Half| (0..2).map(|k| i64::from(p[k] - points[0][k]).pow(2)).sum::<i64>();
     (0..points.len()).max_by_key(|&i| (distance2(points[i]), points[i])).unwrap_or(0)
+}
+
+/// Appends a closed ring of cells of a size whose lower left corner lies at `lo`: its start, then relative steps.
+pub(super) fn push_ring(d: &mut String, sheet: &Sheet, lo: P2, cell: Nm, points: &[Half]) {
+    let step = |p: &Half| place(sheet, lo, cell, *p);
+    let mut last = [0, 0];
+    for (k, p) in points.iter().map(step).enumerate() {
+        let [dx, dy] = [p[0] - last[0], p[1] - last[1]];
+        match (k, dx, dy) {
+            (0, ..) => push_command(d, 'M', &[dx, dy], sheet.decimals),
+            (_, 0, 0) => {}
+            (_, _, 0) => push_command(d, 'h', &[dx], sheet.decimals),
+            (_, 0, _) => push_command(d, 'v', &[dy], sheet.decimals),
+            _ => push_command(d, 'l', &[dx, dy], sheet.decimals),
+        }
+        last = p;
+    }
+    d.push('z');
+}
+
+/// A point of a ring in steps of the drawing's last place.
+pub(super) fn place(sheet: &Sheet, lo: P2, cell: Nm, p: Half) -> [i64; 2] {
+    // The grid has a rim of one cell, two halves.
+    let at = |half: i32, origin: i64| origin as f64 + f64::from(half - 2) * cell.f64() / 2.0;
+    [sheet.step(at(p[0], lo.x)), -sheet.step(at(p[1], lo.y))]
 }
 
 /// Douglas-Peucker on one stretch, without recursion.

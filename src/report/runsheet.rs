@@ -7,7 +7,7 @@ use crate::emit::{self, Format};
 use crate::geom::Nm;
 use crate::machine::{FieldShape, Machine};
 use crate::manifest::{Facts, Registered, Subset, Summary, lift_mm, registration};
-use crate::program::{Block, BlockFigures, PassId, Program, SetupId};
+use crate::program::{Block, BlockFigures, PassId, Pen, Program, SetupId};
 use crate::report::table::csv_cell;
 use crate::units::{Angle, Length};
 
@@ -109,7 +109,7 @@ pub fn txt(sheet: &Sheet<'_>) -> Vec<u8> {
     let mut out = String::new();
     // Writing to a String cannot fail.
     let _ = head(&mut out, sheet)
-        .and_then(|()| pens(&mut out, sheet))
+        .and_then(|()| pens(&mut out, &sheet.checked.program().pens, sheet.machine, settings_note(sheet)))
         .and_then(|()| steps(&mut out, sheet))
         .and_then(|()| setups(&mut out, sheet))
         .and_then(|()| blocks(&mut out, sheet));
@@ -117,7 +117,7 @@ pub fn txt(sheet: &Sheet<'_>) -> Vec<u8> {
 }
 
 /// The field, and what of it is used where that is less.
-fn field(machine: &Machine) -> String {
+pub(super) fn field(machine: &Machine) -> String {
     let [w, h] = machine.lens.field.map(|f| f.as_mm());
     let [u, v] = machine.usable_field().map(Nm::mm);
     let whole = match machine.lens.shape {
@@ -205,18 +205,12 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     Ok(())
 }
 
-fn pens(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
-    let note = if has_drawings(sheet) {
-        "DXF and CSV do not carry these values: set them in the marking software"
-    } else if sheet.formats.iter().any(|f| f.target().carries_settings) {
-        "the files of the job carry these values"
-    } else {
-        "set them in the marking software"
-    };
+/// The settings of the laser, with a note of where they are to be set.
+pub(super) fn pens(out: &mut String, pens: &[Pen], machine: &Machine, note: &str) -> std::fmt::Result {
     writeln!(out, "\nPENS ({note})")?;
     writeln!(out, "  no  speed mm/s  power               frequency kHz  passes  name")?;
-    for (i, pen) in sheet.checked.program().pens.iter().enumerate() {
-        let watts = pen.power.as_w(sheet.machine.laser.max_power);
+    for (i, pen) in pens.iter().enumerate() {
+        let watts = pen.power.as_w(machine.laser.max_power);
         writeln!(
             out,
             "  {:>2}  {:>10}  {:<18}  {:>13}  {:>6}  {}",
@@ -228,12 +222,23 @@ fn pens(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
             pen.name
         )?;
     }
-    for (i, pen) in sheet.checked.program().pens.iter().enumerate() {
+    for (i, pen) in pens.iter().enumerate() {
         if let Some(dwell) = pen.dwell {
             writeln!(out, "  dots of pen {}: dwell {} us", i + 1, dwell.as_us())?;
         }
     }
     Ok(())
+}
+
+/// Where the settings of the pens are to be set.
+fn settings_note(sheet: &Sheet<'_>) -> &'static str {
+    if has_drawings(sheet) {
+        "DXF and CSV do not carry these values: set them in the marking software"
+    } else if sheet.formats.iter().any(|f| f.target().carries_settings) {
+        "the files of the job carry these values"
+    } else {
+        "set them in the marking software"
+    }
 }
 
 /// Whether there are drawings for marking software, which leave the settings of pens to it.
@@ -403,7 +408,7 @@ fn block_line(out: &mut String, sheet: &Sheet<'_>, i: usize, block: &Block) -> s
 }
 
 /// Seconds as h:mm:ss.
-fn clock(s: f64) -> String {
+pub(super) fn clock(s: f64) -> String {
     let whole = s.round() as u64;
     format!("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60)
 }

@@ -2,15 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use super::{BlockMap, Layout};
+use super::{BlockMap, Layout, Marks};
 use crate::check::Checked;
 use crate::diag::{Message, Severity};
-use crate::geom::{Box2, FieldPoint, Nm, P2};
+use crate::geom::{Box2, FieldPoint, Grid, Nm, P2};
 use crate::machine::{Machine, Origin, TiltAngles};
 use crate::manifest::{ByHand, Candidate, Summary, Times};
 use crate::program::{
-    Block, BlockFigures, PassId, Pen, PenId, Program, SectionId, Sections, SetupId, Stop, Stroke, StrokeId,
+    Block, BlockFigures, PassId, Pen, PenId, Program, SectionId, Sections, SetupId, Stop, Stroke, StrokeId, stroke_mm,
 };
+use crate::scene::{Frame, Group, Mark, Point, Relief, Scene};
 use crate::surface::Surface;
 use crate::units::{Frequency, Power, Speed};
 
@@ -21,7 +22,9 @@ pub(super) struct Sample {
     pub sections: Sections,
     pub map: BlockMap,
     pub texture: Box2,
-    pub off_part: Vec<Box2>,
+    pub scene: Scene,
+    pub relief: Relief,
+    pub marks: Marks,
     pub turn_rad: f64,
     pub figures: Vec<BlockFigures>,
     pub summary: Summary,
@@ -38,7 +41,10 @@ impl Sample {
             sections: self.sections,
             map: &self.map,
             texture: self.texture,
-            off_part: &self.off_part,
+            part: self.texture,
+            scene: &self.scene,
+            relief: &self.relief,
+            marks: &self.marks,
             turn_rad: self.turn_rad,
             figures: &self.figures,
             drawn: self.checked.program().blocks.clone(),
@@ -101,11 +107,35 @@ impl Sample {
             sections,
             map,
             texture,
-            off_part: Vec::new(),
+            scene: Scene::default(),
+            relief: relief(texture, z),
+            marks: Marks::of(&Scene::default(), 0..0),
             turn_rad: 0.0,
             figures,
             summary,
         }
+        .with_scene()
+    }
+
+    /// The sample with the scene of its program.
+    pub(super) fn with_scene(mut self) -> Self {
+        let program = self.checked.program();
+        let mut scene = Scene::default();
+        for block in &program.blocks {
+            let first = scene.marks.len();
+            for stroke in program.strokes_of(block) {
+                let points = program.points_of(stroke);
+                let (from, length_mm) = (scene.points.len() as u32, stroke_mm(points));
+                scene.marks.push(Mark { pen: stroke.pen, length_mm, first: from, len: stroke.len });
+                scene.points.extend(points.iter().map(|p| Point { at: [p.x, p.y, 0], ..Point::default() }));
+            }
+            let [x, y] = block.stop.centre.mm();
+            let frame = Frame::upright([x, y, block.stop.focus.mm()]);
+            scene.groups.push(Group { frame, marks: first..scene.marks.len(), clock_s: [0.0; 3] });
+        }
+        self.marks = Marks::of(&scene, 0..scene.groups.len());
+        self.scene = scene;
+        self
     }
 
     /// The surface under a 1 mm hatch, covered by windows that lie freely: each begins at the highest
@@ -161,7 +191,7 @@ impl Sample {
             &mesh,
             sample.texture,
         );
-        sample
+        sample.with_scene()
     }
 
     /// Replaces the program: windows in a tour from neighbour to neighbour, marks in runs.
@@ -263,8 +293,16 @@ impl Sample {
         push_block(&mut program, self.sections, SectionId([0, 0]), 99, [Nm(6_000_000); 3], &self.machine);
         self.figures.push(timed(0.5));
         self.checked = Checked::unchecked(program, Origin::default());
-        self
+        self.with_scene()
     }
+}
+
+/// Heights of the surface `z` over a box.
+fn relief(area: Box2, z: impl Fn(f64, f64) -> f64) -> Relief {
+    let pitch = area.size()[0].max(area.size()[1]) / 100 + Nm(1);
+    let grid = Grid { origin: area.lo, pitch: [pitch; 2], count: area.size().map(|s| (s / pitch + 1) as u32) };
+    let z_mm = (0..grid.len()).map(|i| grid.centre(i).mm()).map(|[x, y]| z(x, y) as f32).collect();
+    Relief { grid, z_mm }
 }
 
 /// The figures of a block of that time on level ground.

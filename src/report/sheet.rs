@@ -4,9 +4,9 @@
 use svg::Node;
 use svg::node::element::Element;
 
-use super::{Layout, clean, plain};
-use crate::geom::{Box2, NM_PER_MM, Nm, P2, Turn, cos_sin};
-use crate::program::Block;
+use super::{Layout, Picture, clean, plain};
+use crate::geom::{Box2, BoxMm, NM_PER_MM, P2, cos_sin};
+use crate::machine::Machine;
 
 /// Faces of all text, the most usual first.
 pub(super) const FONTS: &str = "Arial,\"Liberation Sans\",\"DejaVu Sans\",sans-serif";
@@ -32,15 +32,36 @@ impl Detail {
 pub(super) struct Sheet {
     /// The part of the drawing that shows the part: left, top, right, bottom.
     pub view: [f64; 4],
-    /// The measure of captions and lines: a hundredth of the part's size.
+    /// The measure of captions and lines: a hundredth of the sheet's width.
     pub unit: f64,
+    /// Whether the legend is below the part, in columns; else it begins right of it.
+    pub below: bool,
     /// Digits of a coordinate after the point.
     pub decimals: usize,
-    /// Whether the stops stand on the grid of sections; else their windows lie freely.
+    /// Whether the stops stand on the grid of sections; else their windows lie freely, if there are any.
     pub gridded: bool,
     /// The frame around the texture, if there is any.
     pub frame: Option<Frame>,
 }
+
+/// Distances on a sheet, in its units. The sheet is 100 units wide, so text of [`FONT`] is 7.7 px high where the sheet
+/// is 480 px wide.
+pub(super) const FONT: f64 = 1.6;
+/// The smallest text that is shown on every sheet: 7 px at 480.
+pub(super) const LEAST_FONT: f64 = 1.47;
+/// Between the rim of the sheet and what is on it.
+pub(super) const RIM: f64 = 2.0;
+/// Left of the part, for the numbers of rows.
+pub(super) const LEFT: f64 = 4.0;
+/// Above the part, for the names of set-ups.
+pub(super) const TOP: f64 = 3.4;
+/// Below the part, for the numbers of columns, axes and scale.
+pub(super) const FOOT: f64 = 9.5;
+/// Width of the legend right of the part, and its distance from it.
+pub(super) const BESIDE: f64 = 33.0;
+pub(super) const GAP: f64 = 3.0;
+/// A part more than so many times as wide as high has its whole legend below it.
+const WIDE: f64 = 2.0;
 
 /// A rectangle around the texture. It lies along the part's own axes: on a part that is turned by
 /// no multiple of 90 degrees, the box of the texture would say little of where its sides are.
@@ -54,56 +75,60 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    fn of(job: &Layout<'_>) -> Option<Self> {
+    fn of(job: &Picture<'_>) -> Option<Self> {
         let [cos, sin] = cos_sin(job.turn_rad);
         let turned = cos != 0.0 && sin != 0.0;
         let turn = |[x, y]: [f64; 2], sin: f64| [x * cos - y * sin, x * sin + y * cos];
-        let [mut lo, mut hi] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-        let mut add = |p: [f64; 2]| (lo, hi) = ([0, 1].map(|k| lo[k].min(p[k])), [0, 1].map(|k| hi[k].max(p[k])));
-        let program = job.checked.program();
+        let mut all = BoxMm::EMPTY;
         if turned {
-            for block in job.blocks() {
-                let c = block.stop.centre;
-                for p in program.strokes_of(block).iter().flat_map(|s| program.points_of(s)) {
-                    add(turn(<P2>::new(c.x + i64::from(p.x), c.y + i64::from(p.y)).mm(), -sin));
+            for group in job.groups() {
+                for p in job.scene.marks_of(group).iter().flat_map(|m| job.scene.points_of(m)) {
+                    let [x, y, _] = group.frame.part_from_group(p.at);
+                    all.add(turn([x, y], -sin));
                 }
             }
         } else if !job.texture.is_empty() {
-            add(job.texture.lo.mm());
-            add(job.texture.hi.mm());
+            all.add(job.texture.lo.mm());
+            all.add(job.texture.hi.mm());
         }
         let back = |p: [f64; 2]| if turned { turn(p, sin) } else { p };
-        let corners = [lo, [hi[0], lo[1]], hi, [lo[0], hi[1]]].map(back).map(|[x, y]| [x, -y]);
-        (lo[0] <= hi[0]).then_some(Self { corners, size: [hi[0] - lo[0], hi[1] - lo[1]], turned })
+        let corners = all.corners().map(back).map(|[x, y]| [x, -y]);
+        (all.lo[0] <= all.hi[0]).then_some(Self { corners, size: all.size(), turned })
     }
 }
 
 impl Sheet {
-    pub fn of(job: &Layout<'_>) -> Self {
-        let gridded = job.is_gridded();
-        let mut all = job.texture.union(job.map.bounds());
-        if gridded {
-            all = all.union(grid_box(job));
+    pub fn of(job: &Picture<'_>) -> Self {
+        let mut all = job.texture.union(job.relief.grid.bounds());
+        let gridded = job.stepped().is_some_and(Layout::is_gridded);
+        if let Some(stepped) = job.stepped() {
+            all = all.union(stepped.map.bounds());
+            if gridded {
+                all = all.union(grid_box(stepped));
+            }
         }
-        if let Some(first) = job.blocks().first() {
-            all = all.union(field_box(job, first));
+        job.places().iter().for_each(|&p| all.add(p));
+        if let Some(&first) = job.places().first() {
+            all = all.union(field_box(job.machine, first));
         }
-        job.blocks().iter().for_each(|b| all.add(Turn::drawn(b.stop.centre)));
-        let [w, h] = all.size().map(Nm::mm);
-        let unit = ((w * h).sqrt() / 100.0).max(w / 260.0).max(h / 400.0);
-        // A coordinate keeps a twentieth of a cell: 0.01 mm at the usual cells of 0.25 mm.
-        let decimals = match job.map.cell().0 {
-            200_000.. => 2,
-            20_000.. => 3,
-            _ => 4,
-        };
+        let [w, h] = all.size().map(|v| v.mm().max(1e-3));
+        let below = w > WIDE * h;
+        let beside = if below { 0.0 } else { GAP + BESIDE };
+        let unit = w / (100.0 - 2.0 * RIM - LEFT - beside);
+        // A coordinate is off by no more than a twentieth of a pixel where the sheet is 4,000 px wide.
+        let decimals = [2, 3].into_iter().find(|&d| 10f64.powi(-d) <= unit / 400.0).unwrap_or(4) as usize;
         let ([x0, y0], [x1, y1]) = (all.lo.mm(), all.hi.mm());
-        Self { view: [x0, -y1, x1, -y0], unit, decimals, gridded, frame: Frame::of(job) }
+        Self { view: [x0, -y1, x1, -y0], unit, below, decimals, gridded, frame: Frame::of(job) }
     }
 
     /// nm to steps of the last place.
     pub fn step(&self, nm: f64) -> i64 {
         (nm / NM_PER_MM * 10f64.powi(self.decimals as i32)).round() as i64
+    }
+
+    /// mm to steps of the last place.
+    pub fn step_mm(&self, mm: f64) -> i64 {
+        self.step(mm * NM_PER_MM)
     }
 }
 
@@ -114,9 +139,9 @@ pub(super) fn grid_box(job: &Layout<'_>) -> Box2 {
     Box2 { lo: s.origin, hi: P2::new(end(s.origin.x, 0), end(s.origin.y, 1)) }
 }
 
-/// The usable field at a block's stop.
-pub(super) fn field_box(job: &Layout<'_>, block: &Block) -> Box2 {
-    Box2::around(Turn::drawn(block.stop.centre), job.machine.usable_field().map(|w| w / 2))
+/// The usable field around a place.
+pub(super) fn field_box(machine: &Machine, at: P2) -> Box2 {
+    Box2::around(at, machine.usable_field().map(|w| w / 2))
 }
 
 /// An element of the drawing.
@@ -171,11 +196,29 @@ pub(super) fn sheet_box(b: Box2) -> [f64; 4] {
     [x0, -y1, x1, -y0]
 }
 
-/// Words on the blocks, told from them by a white rim.
-pub(super) fn caption(at: [f64; 2], size: f64, fill: &str, words: &str) -> Element {
-    let mut t = text(at, size, "start", words);
-    t.assign("class", "halo");
-    t.assign("fill", fill);
-    t.assign("stroke-width", num(size * 0.2));
-    t
+/// A path command with as few characters as possible.
+pub(super) fn push_command(d: &mut String, command: char, values: &[i64], decimals: usize) {
+    d.push(command);
+    let scale = 10u64.pow(decimals as u32);
+    let mut digits = itoa::Buffer::new();
+    for (k, &v) in values.iter().enumerate() {
+        if v < 0 {
+            d.push('-');
+        } else if k > 0 {
+            d.push(' ');
+        }
+        let (whole, mut part) = (v.unsigned_abs() / scale, v.unsigned_abs() % scale);
+        if whole > 0 || part == 0 {
+            d.push_str(digits.format(whole));
+        }
+        if part > 0 {
+            d.push('.');
+            let mut place = scale;
+            while part > 0 {
+                place /= 10;
+                d.push(char::from(b'0' + (part / place) as u8));
+                part %= place;
+            }
+        }
+    }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::blocks::TIERS;
 use super::layout::{LIMIT, within};
 use super::outline::{PaddedMap, area2, simplify, trace};
 use super::sample::Sample;
@@ -178,10 +179,20 @@ fn the_dome_of_3500_blocks_fits_the_budget_and_shows_every_block() {
     let area: f64 = blocks_layer.children().filter_map(|n| n.attribute("d")).map(path_area).sum();
     assert!((area - 450.0 * 450.0).abs() < 0.5, "the blocks tile the part: {area} mm2");
     assert_eq!(blocks_layer.children().filter(|n| n.attribute("class") == Some("sliver")).count(), 1);
-    let numbers = document.descendants().find(|n| n.attribute("id") == Some("layer-numbers")).expect("layer");
-    let numbered: BTreeSet<&str> =
-        numbers.children().filter_map(|n| n.text()).filter(|t| !t.trim().is_empty()).collect();
-    assert_eq!(numbered.len(), blocks, "all numbered, the sliver too");
+    // Every number is in the class of its size, and none is too small for a sheet of 4,000 px.
+    let width = view_box(&document)[2];
+    let mut counts = [0; TIERS.len()];
+    for (k, (class, least, px)) in TIERS.into_iter().enumerate() {
+        let tier = document.descendants().find(|n| n.attribute("class") == Some(class)).expect("a class");
+        let sizes = tier.children().filter_map(|n| n.attribute("font-size")?.parse::<f64>().ok());
+        let most = if k == 0 { f64::INFINITY } else { TIERS[k - 1].1 };
+        for size in sizes.map(|size| 100.0 * size / width) {
+            assert!((least - 1e-3..most + 1e-3).contains(&size), "{class}: {size}");
+            assert!(size / 100.0 * f64::from(px) > 6.9, "{class} at {px} px");
+            counts[k] += 1;
+        }
+    }
+    assert!(counts[1..].iter().sum::<i32>() > 2 * counts[0], "most of 3,500 numbers need a large sheet: {counts:?}");
 
     let html = report_html(&sample.layout());
     assert!(html.len() < 3_000_000, "{} bytes", html.len());
@@ -194,10 +205,8 @@ fn drawing_is_to_scale() {
     let svg = layout_svg(&sample.layout());
     let document = roxmltree::Document::parse(&svg).expect("well-formed");
     let root = document.root_element();
-    let view: Vec<f64> =
-        root.attribute("viewBox").expect("viewBox").split(' ').map(|v| v.parse().expect("number")).collect();
-    assert_eq!(root.attribute("width"), Some(format!("{}mm", view[2]).as_str()));
-    assert_eq!(root.attribute("height"), Some(format!("{}mm", view[3]).as_str()));
+    // It fills any window: a shape, and no size.
+    assert!(view_box(&document)[2] > 30.0 && root.attribute("width").is_none() && root.attribute("height").is_none());
     let block = document.descendants().find(|n| n.attribute("id") == Some("block-B0001")).expect("block");
     let d = block.attribute("d").expect("path");
     assert_eq!(path_area(d), 600.0);
@@ -209,27 +218,40 @@ fn drawing_is_to_scale() {
     }
 }
 
+fn view_box(document: &roxmltree::Document<'_>) -> [f64; 4] {
+    let words = document.root_element().attribute("viewBox").expect("viewBox").split(' ');
+    let all: Vec<f64> = words.map(|v| v.parse().expect("a number")).collect();
+    [all[0], all[1], all[2], all[3]]
+}
+
 #[test]
-fn the_legend_stays_off_the_part() {
-    for sample in
-        [Sample::flat(), Sample::ripple(), Sample::of("strip", [900.0, 60.0], 0.07, Nm(1_000_000), |x, _| x * 1e-4)]
-    {
+fn the_legend_stays_off_the_part_and_on_the_sheet() {
+    let strip = |size: [f64; 2]| Sample::of("strip", size, 0.07, Nm(1_000_000), |x, _| x * 1e-4);
+    for mut sample in [Sample::flat(), Sample::ripple(), strip([900.0, 60.0]), strip([60.0, 700.0])] {
+        sample.name = "a name of a job that is much too long for any of the columns of a legend".into();
         let svg = layout_svg(&sample.layout());
         let document = roxmltree::Document::parse(&svg).expect("well-formed");
-        let legend = document.descendants().find(|n| n.attribute("id") == Some("layer-legend")).expect("legend");
-        let view: Vec<f64> = document
-            .root_element()
-            .attribute("viewBox")
-            .expect("viewBox")
-            .split(' ')
-            .map(|v| v.parse().expect("number"))
-            .collect();
+        let view = view_box(&document);
+        let tree = super::raster::tree(&svg, 480).expect("a drawing");
+        let legend = tree.node_by_id("layer-legend").expect("a legend");
+        // The tree begins at 0, the drawing at the corner of its view.
         let [x1, y1] = sample.texture.hi.mm();
-        for n in legend.descendants().filter(|n| n.has_tag_name(("http://www.w3.org/2000/svg", "text"))) {
-            let at = |k: &str| n.attribute(k).and_then(|v| v.parse::<f64>().ok()).expect("place");
-            assert!(at("x") > x1 || at("y") > y1, "{:?} on the part", n.text());
-            assert!(at("x") <= view[0] + view[2] && at("y") <= view[1] + view[3], "{:?} off the sheet", n.text());
+        let (right, foot) = (x1 - view[0], y1 - view[1]);
+        let mut open = vec![legend];
+        let mut seen = 0;
+        while let Some(node) = open.pop() {
+            if let resvg::usvg::Node::Group(group) = node {
+                open.extend(group.children());
+            }
+            if let resvg::usvg::Node::Text(text) = node {
+                let b = text.abs_bounding_box();
+                let [l, t, r, low] = [b.left(), b.top(), b.right(), b.bottom()].map(f64::from);
+                assert!(l > right || t > foot, "{:?} on the part", text.chunks()[0].text());
+                assert!(l >= 0.0 && t >= 0.0 && r <= view[2] && low <= view[3], "{:?}", text.chunks()[0].text());
+                seen += 1;
+            }
         }
+        assert!(seen > 20, "{seen} texts");
     }
 }
 
@@ -248,6 +270,7 @@ fn equal_input_gives_equal_bytes_and_no_job_name_breaks_the_files() {
 fn empty_program_and_random_map_are_drawn() {
     let mut sample = Sample::flat();
     sample.checked = crate::check::Checked::unchecked(Default::default(), Origin([0; 3]));
+    sample = sample.with_scene();
     ids(&layout_svg(&sample.layout()));
     report_html(&sample.layout());
     sample = Sample::flat();
@@ -264,7 +287,7 @@ fn a_drawing_too_large_is_simplified_until_it_fits() {
     let sample = Sample::of("dome", [180.0, 180.0], 0.07, Nm(250_000), |x, y| -(x * x + y * y) / 10_000.0);
     let whole = layout_svg(&sample.layout()).len();
     let mut last = whole;
-    for limit in [whole - 1, whole * 6 / 10] {
+    for limit in [whole - 1, whole * 7 / 10] {
         let svg = within(&sample.layout(), limit);
         ids(&svg);
         assert!(svg.len() <= limit && svg.len() < last, "{} bytes of {limit}", svg.len());
@@ -321,13 +344,10 @@ fn windows_that_lie_freely_fit_the_budget_and_show_every_block() {
     }
     // The path goes through the centres, thin enough to see what lies under it.
     let line = by_id("stage-line");
-    assert_eq!(line.attribute("d").expect("a path").matches(['M', 'L']).count(), blocks);
+    assert_eq!(line.attribute("d").expect("a path").matches(['M', 'l']).count(), blocks);
     let width: f64 = line.attribute("stroke-width").and_then(|w| w.parse().ok()).expect("a width");
     assert!(width < 0.5, "{width} mm");
     assert!(!found.contains("stage-stops"));
-    let numbers = by_id("layer-numbers").children().filter_map(|n| n.text());
-    assert_eq!(numbers.filter(|t| !t.trim().is_empty()).collect::<BTreeSet<_>>().len(), blocks);
-
     let html = report_html(&sample.layout());
     assert!(html.contains("<th>window x</th>") && html.contains("windows lie freely"));
     assert_eq!(html.matches("<tr><td>B").count(), blocks);
@@ -403,10 +423,49 @@ fn the_frame_of_a_turned_part_is_turned() {
     }
     sample.checked = crate::check::Checked::unchecked(program, Origin([0; 3]));
     sample.turn_rad = 30f64.to_radians();
+    let sample = sample.with_scene();
     let want = [[-29.75, -19.5], [29.75, -19.5], [29.75, 19.5], [-29.75, 19.5]];
     for ([x, y], [u, v]) in frame(&sample).into_iter().zip(want) {
         let (u, v) = (u * cos - v * sin, -(u * sin + v * cos));
         assert!((x - u).abs() < 2e-3 && (y - v).abs() < 2e-3, "{x} {y}, {u} {v}");
     }
-    assert!(layout_svg(&sample.layout()).contains("marks 59.50 x 39.00 mm, turned by 30 deg"));
+    let svg = layout_svg(&sample.layout());
+    for words in ["marks, turned", "59.5 x 39.0 mm", "30 deg"] {
+        assert!(svg.contains(&format!(">{words}<")), "{words}");
+    }
+}
+
+#[test]
+fn a_page_and_pixels_are_the_same_each_time_and_as_large_as_asked() {
+    let svg = layout_svg(&Sample::ripple().layout());
+    let page = super::pdf(&svg).expect("a page");
+    assert!(page.starts_with(b"%PDF-") && page == super::pdf(&svg).expect("a page"));
+    // A4, across.
+    let text = String::from_utf8_lossy(&page);
+    let size = text.split_once("/MediaBox [0 0 ").and_then(|(_, rest)| rest.split_once(']')).expect("a size").0;
+    let size: Vec<f64> = size.split(' ').map(|v| v.parse::<f64>().expect("points") * 25.4 / 72.0).collect();
+    assert!((size[0] - 297.0).abs() < 0.01 && (size[1] - 210.0).abs() < 0.01, "{size:?} mm");
+    let pixels = super::png(&svg, 333).expect("pixels");
+    assert_eq!(pixels, super::png(&svg, 333).expect("pixels"));
+    let reader = png::Decoder::new(std::io::Cursor::new(&pixels)).read_info().expect("a PNG");
+    let view = view_box(&roxmltree::Document::parse(&svg).expect("well-formed"));
+    let height = (333.0 * view[3] / view[2]).round() as u32;
+    assert_eq!((reader.info().width, reader.info().height), (333, height));
+    for width in [0, 20_001] {
+        assert_eq!(super::png(&svg, width).expect_err("no such picture").diags()[0].code, "picture-size");
+    }
+}
+
+#[test]
+fn numbers_of_a_larger_picture_are_more() {
+    let svg =
+        layout_svg(&Sample::of("dome", [180.0, 180.0], 0.07, Nm(250_000), |x, y| -(x * x + y * y) / 1e4).layout());
+    let count = |width: u32| {
+        let tree = super::raster::tree(&svg, width).expect("a drawing");
+        let Some(resvg::usvg::Node::Group(layer)) = tree.node_by_id("layer-numbers") else { return 0 };
+        let of = |node: &resvg::usvg::Node| if let resvg::usvg::Node::Group(g) = node { g.children().len() } else { 1 };
+        layer.children().iter().map(of).sum()
+    };
+    let counts = [480, 1200, 4000].map(count);
+    assert!(counts[0] > 0 && counts[0] < counts[1] && counts[1] < counts[2], "{counts:?}");
 }

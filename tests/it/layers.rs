@@ -169,7 +169,7 @@ fn the_verifier_uses_nothing_that_the_planner_uses_of_the_same_modules() {
 #[test]
 fn each_dependency_is_used_in_its_own_modules_only() {
     // Crate, and the modules or files that may name it.
-    let owners: [(&str, &[&str]); 26] = [
+    let owners: [(&str, &[&str]); 29] = [
         ("rayon", &["src/parallel", "src/batch", "src/cli", "src/compare/mod.rs"]),
         ("nalgebra", &["src/geom"]),
         ("spade", &["src/surface/points"]),
@@ -194,8 +194,11 @@ fn each_dependency_is_used_in_its_own_modules_only() {
         ("i_overlay", &["src/texture/artwork/area.rs"]),
         ("rstar", &["src/texture/artwork/marks.rs", "src/verify/read/outline.rs", "src/verify/read/picture.rs"]),
         ("usvg", &["src/verify/read/picture.rs"]),
+        ("resvg", &["src/report/raster.rs", "src/report/pdf.rs"]),
+        ("pdf_writer", &["src/report/pdf.rs"]),
+        ("dejavu", &["src/report/raster.rs"]),
         ("rustfft", &["src/on_the_fly/decompose"]),
-        ("png", &["src/surface/heightmap", "src/texture/bitmap"]),
+        ("png", &["src/surface/heightmap", "src/texture/bitmap", "src/report/image.rs", "src/report/pdf.rs"]),
         ("quick_xml", &["src/surface/threemf"]),
         ("tiff", &["src/surface/heightmap", "src/texture/bitmap"]),
         ("zip", &["src/surface/threemf"]),

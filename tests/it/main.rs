@@ -25,6 +25,7 @@ mod frames;
 mod golden;
 mod inspect;
 mod layers;
+mod layout;
 mod lengths;
 mod merge;
 mod method;

@@ -118,8 +118,8 @@ fn patterns_over_the_part_are_not_held_to_the_limit_off_it_and_drawings_are_each
     let done = terrace([Path::new("preview"), &job]);
     assert!(done.status.code() == Some(1) && said(&done).contains("error[off-part]"), "{}", said(&done));
     let picture = std::fs::read_to_string(job.with_extension("layout.svg")).expect("a picture");
-    let (_, red) = picture.split_once("id=\"layer-off-part\"").expect("a red layer");
-    let (_, d) = red.split_once(" d=\"M").expect("a path");
+    let path = picture.split('<').find(|element| element.contains("id=\"unmarked-off-part-2\"")).expect("a red line");
+    let (_, d) = path.split_once(" d=\"M").expect("a path");
     let x = d.split(['-', ' ']).next().and_then(|v| v.parse::<f64>().ok());
     assert!(x.is_some_and(|x| (x - 55.0).abs() < 0.2), "red begins at the hypotenuse: {x:?}");
     let folder = terrace([Path::new("compile"), &job]);

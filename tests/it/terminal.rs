@@ -152,7 +152,8 @@ fn bulge(dir: &Path, pitch: &str, more: &str, mode: Option<Mode>) -> Job {
     let mut job = JobText::on(&stl).texture(&format!("pattern = \"hatch\"\npitch = {pitch:?}")).method("auto");
     job.focus = "pdof = \"0.2 mm\"".into();
     job.more = more.into();
-    Job::load(&job.write(dir, "bulge.toml"), &Overrides { mode, ..Overrides::default() }).unwrap_or_else(|e| panic!("{e}"))
+    Job::load(&job.write(dir, "bulge.toml"), &Overrides { mode, ..Overrides::default() })
+        .unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Holds that what was told goes through the phases in order, in each from 0 to 100 percent and never back.

@@ -170,6 +170,7 @@ impl Bench {
     }
 
     fn stating(&self, checked: Checked, lengths: FlyLengths) -> PathBuf {
+        let inputs = Arc::new(Inputs::load(&self.job).expect("inputs"));
         let plan = OnTheFlyPlan {
             job: self.job.clone(),
             machine: self.machine.clone(),
@@ -177,7 +178,8 @@ impl Bench {
             checked,
             left_out: Vec::new(),
             warnings: Vec::new(),
-            inputs: Arc::new(Inputs::load(&self.job).expect("inputs")),
+            texture: inputs.texture.clone(),
+            inputs,
         };
         let folder = self.dir.path().join("made.job");
         write_on_the_fly(&plan, &folder).unwrap_or_else(|e| panic!("{e}"));

@@ -1,0 +1,161 @@
+//! The pictures of a plan: what they share is made once.
+
+use std::path::Path;
+
+use crate::diag::Error;
+use crate::geom::Box2;
+use crate::plan::{OnTheFlyPlan, Pass, Plan, SteppedPlan};
+use crate::progress::Task;
+use crate::report::{self, Marks};
+use crate::scene::{self, Relief, Scene};
+use crate::view;
+
+/// The pictures of a plan.
+pub struct Pictures<'a> {
+    /// Name of the job.
+    name: String,
+    part: Box2,
+    relief: Relief,
+    scene: Scene,
+    plan: Of<'a>,
+}
+
+enum Of<'a> {
+    Stepped(&'a SteppedPlan),
+    OnTheFly(&'a OnTheFlyPlan),
+}
+
+/// Writes one file of a folder.
+pub(super) type Put<'a> = dyn FnMut(&str, &[u8]) -> Result<(), Error> + 'a;
+
+impl<'a> Pictures<'a> {
+    /// Of a plan.
+    ///
+    /// # Errors
+    /// Those of a machine that does not have the axes of an on-the-fly program.
+    pub fn of(plan: &'a Plan) -> Result<Self, Error> {
+        match plan {
+            Plan::Stepped(plan) => Ok(Self::of_stepped(plan)),
+            Plan::OnTheFly(plan) => Self::of_on_the_fly(plan),
+        }
+    }
+
+    pub(super) fn of_stepped(plan: &'a SteppedPlan) -> Self {
+        let (part, texture) = (plan.inputs.part_box_nm(&plan.job), plan.passes[0].texture);
+        let relief = Relief::under(&plan.inputs.surface, report::relief_area(part, texture), report::RELIEF_CELLS);
+        let scene = scene::of_stepped(plan, &relief);
+        Self { name: file_name(&plan.job.path), part, relief, scene, plan: Of::Stepped(plan) }
+    }
+
+    pub(super) fn of_on_the_fly(plan: &'a OnTheFlyPlan) -> Result<Self, Error> {
+        let (part, texture) = (plan.inputs.part_box_nm(&plan.job), plan.texture.bounds());
+        let relief = Relief::under(&plan.inputs.surface, report::relief_area(part, texture), report::RELIEF_CELLS);
+        let scene = scene::of_on_the_fly(plan, &relief)?;
+        Ok(Self { name: file_name(&plan.job.path), part, relief, scene, plan: Of::OnTheFly(plan) })
+    }
+
+    /// How many files [`Pictures::write`] writes.
+    pub(super) fn count(&self) -> usize {
+        match self.plan {
+            Of::Stepped(plan) => plan.passes.len() + 3,
+            Of::OnTheFly(_) => 3,
+        }
+    }
+
+    /// Writes them all.
+    pub(super) fn write(&self, put: &mut Put<'_>, drawing: &Task<'_>) -> Result<(), Error> {
+        let mut told = |name: &str, text: &str| {
+            put(name, text.as_bytes())?;
+            drawing.step();
+            Ok(())
+        };
+        told("view.html", &self.view_html())?;
+        match self.plan {
+            Of::Stepped(plan) => {
+                for (k, pass) in (0..).zip(&plan.passes) {
+                    let marks = Marks::of(&self.scene, pass.blocks.clone());
+                    let layout = self.stepped(plan, pass, &marks);
+                    let drawing = report::layout_svg(&layout);
+                    if k > 0 {
+                        told(&report::pass_file(k), &drawing)?;
+                        continue;
+                    }
+                    told("layout.svg", &drawing)?;
+                    let by_slope = report::Layout { shade: report::Shade::Incidence, ..layout.clone() };
+                    told("slope.svg", &report::layout_svg(&by_slope))?;
+                    told("report.html", &report::report_html(&layout))?;
+                }
+                Ok(())
+            }
+            Of::OnTheFly(plan) => {
+                let marks = Marks::of(&self.scene, 0..self.scene.groups.len());
+                let layout = self.on_the_fly(plan, &marks);
+                told("layout.svg", &report::on_the_fly_svg(&layout))?;
+                told("report.html", &report::on_the_fly_html(&layout))
+            }
+        }
+    }
+
+    /// `layout.svg`; of several passes that of the first.
+    pub fn layout_svg(&self) -> String {
+        match self.plan {
+            Of::Stepped(plan) => {
+                let pass = &plan.passes[0];
+                report::layout_svg(&self.stepped(plan, pass, &Marks::of(&self.scene, pass.blocks.clone())))
+            }
+            Of::OnTheFly(plan) => {
+                let marks = Marks::of(&self.scene, 0..self.scene.groups.len());
+                report::on_the_fly_svg(&self.on_the_fly(plan, &marks))
+            }
+        }
+    }
+
+    /// `view.html`.
+    pub fn view_html(&self) -> String {
+        match self.plan {
+            Of::Stepped(plan) => view::of_stepped(plan, &self.scene, &self.name),
+            Of::OnTheFly(plan) => view::of_on_the_fly(plan, &self.scene, &self.name),
+        }
+    }
+
+    fn stepped(&'a self, plan: &'a SteppedPlan, pass: &'a Pass, marks: &'a Marks) -> report::Layout<'a> {
+        report::Layout {
+            job: &self.name,
+            checked: &plan.checked,
+            blocks: pass.blocks.clone(),
+            passes: plan.summary.passes,
+            machine: &plan.machine,
+            sections: pass.sections,
+            map: &pass.map,
+            part: self.part,
+            texture: pass.texture,
+            scene: &self.scene,
+            relief: &self.relief,
+            marks,
+            turn_rad: plan.job.placement.turn.as_rad(),
+            figures: &plan.figures,
+            drawn: report::drawn(&plan.checked, &plan.machine),
+            shade: report::Shade::Height,
+            summary: &plan.summary,
+        }
+    }
+
+    fn on_the_fly(&'a self, plan: &'a OnTheFlyPlan, marks: &'a Marks) -> report::OnTheFlyLayout<'a> {
+        report::OnTheFlyLayout {
+            job: &self.name,
+            program: plan.checked.program(),
+            machine: &plan.machine,
+            part: self.part,
+            texture: plan.texture.bounds(),
+            scene: &self.scene,
+            relief: &self.relief,
+            marks,
+            turn_rad: plan.job.placement.turn.as_rad(),
+            summary: &plan.summary,
+        }
+    }
+}
+
+pub(super) fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
+}
