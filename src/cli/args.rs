@@ -112,6 +112,9 @@ pub enum Command {
         /// job folder of the same mode is replaced; anything else is refused.
         #[arg(short, long, value_name = "FOLDER")]
         output: Option<PathBuf>,
+        /// Verify the folder before it takes its place; its report then says that it is verified.
+        #[arg(long)]
+        verify: bool,
         #[command(flatten)]
         choice: Choice,
     },

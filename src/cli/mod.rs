@@ -114,7 +114,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             let plan = planned(args, job, choice)?;
             report(args, &plan, None)?;
         }
-        Command::Compile { job, output, choice } => compile(args, job, output.as_deref(), choice)?,
+        Command::Compile { job, output, verify, choice } => compile(args, job, output.as_deref(), *verify, choice)?,
         Command::Verify { folder, inputs } => {
             let steps = Steps::new(args.quiet);
             let told = steps.numbered(&verify::Phase::ALL, show::proving);
@@ -212,7 +212,24 @@ fn job_from_stdin() -> Result<String, Error> {
     job::read_text(Path::new("standard input"), &mut std::io::stdin().lock())
 }
 
-fn compile(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> Result<(), Error> {
+/// Verifies a folder, and says so in words for its report.
+///
+/// # Errors
+/// `not-verified` where it does not hold; what keeps it from being verified.
+fn proved(folder: &Path) -> Result<String, Error> {
+    let proof = verify::verify(folder, None)?;
+    if !proof.ok {
+        let text = format!("the folder that was made does not verify:\n{}", proof.to_text());
+        return Err(Diag::bug("not-verified", text).into());
+    }
+    let checks: u64 = proof.rules.iter().map(|rule| rule.checked).sum();
+    Ok(format!(
+        "Verified: its files were read back and hold all {} rules, with {checks} checks of marks, stage and files.",
+        proof.rules.len()
+    ))
+}
+
+fn compile(args: &Args, path: &Path, output: Option<&Path>, is_proved: bool, choice: &Choice) -> Result<(), Error> {
     let job = load(args, path, choice)?;
     let target = output.map_or_else(|| plan::default_output(&job.path, job.mode), Path::to_owned);
     job_folder::prepare(&target, job.mode)?;
@@ -220,7 +237,8 @@ fn compile(args: &Args, path: &Path, output: Option<&Path>, choice: &Choice) -> 
     let phases = [plan::phases(&job), plan::phases_of_writing(&job)].concat();
     let told = steps.numbered(&phases, show::phase);
     let plan = plan::plan(job, &told)?;
-    job_folder::write_with(&plan, &target, durability(args), &told)?;
+    let prove = |folder: &Path| if is_proved { proved(folder).map(Some) } else { Ok(None) };
+    job_folder::write_proved(&plan, &target, durability(args), &told, &prove)?;
     steps.done();
     warn(args, plan.warnings());
     if path == Path::new("-") {

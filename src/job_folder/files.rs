@@ -52,6 +52,22 @@ pub(super) fn fill(job: &Job, folder: &Path, target: &Path, fill: &Fill<'_>) -> 
     Ok(())
 }
 
+/// Says in the report of a folder what was proved of it.
+pub(super) fn tell_proof(folder: &Path, proved: &str) -> Result<(), Error> {
+    let read = |name: &str| {
+        let path = folder.join(name);
+        fs::read(&path).map_err(|e| failed("read the file again", &path, &e))
+    };
+    let report =
+        String::from_utf8_lossy(&read(REPORT)?).replacen(report::NOT_VERIFIED, &report::page::escape(proved), 1);
+    let fact = put(folder, REPORT, report.as_bytes())?;
+    put(folder, MANIFEST, &manifest::with_file(&read(MANIFEST)?, &fact)?)?;
+    Ok(())
+}
+
+/// The report of a folder.
+const REPORT: &str = "report.html";
+
 /// Writes the files of a stepped job; answers with its manifest.
 pub(super) fn stepped(
     plan: &SteppedPlan,

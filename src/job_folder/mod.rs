@@ -63,36 +63,68 @@ pub fn write(plan: &Plan, target: &Path) -> Result<(), Error> {
 /// # Errors
 /// As [`write()`].
 pub fn write_with(plan: &Plan, target: &Path, durability: Durability, progress: Progress<'_>) -> Result<(), Error> {
-    let job = plan.job();
-    match plan {
-        Plan::Stepped(plan) => {
-            write_job(job, target, durability, &|filling, head| files::stepped(plan, head, filling, progress))
-        }
-        Plan::OnTheFly(plan) => {
-            write_job(job, target, durability, &|filling, head| files::on_the_fly(plan, head, filling, progress))
-        }
-    }
+    write_plan(plan, target, durability, progress, &|_| Ok(None))
+}
+
+/// What was proved of a new folder, for its report; None where nothing was to be proved.
+pub type Prove<'a> = dyn Fn(&Path) -> Result<Option<String>, Error> + 'a;
+
+/// [`write_with`] that has the new folder proved before it takes the place of `target`; its report says so.
+///
+/// # Errors
+/// As [`write()`], and what `prove` says: an older folder is then unchanged.
+pub fn write_proved(
+    plan: &Plan,
+    target: &Path,
+    durability: Durability,
+    progress: Progress<'_>,
+    prove: &Prove<'_>,
+) -> Result<(), Error> {
+    write_plan(plan, target, durability, progress, prove)
+}
+
+fn write_plan(
+    plan: &Plan,
+    target: &Path,
+    durability: Durability,
+    progress: Progress<'_>,
+    prove: &Prove<'_>,
+) -> Result<(), Error> {
+    let fill: &Fill<'_> = match plan {
+        Plan::Stepped(plan) => &|filling, head| files::stepped(plan, head, filling, progress),
+        Plan::OnTheFly(plan) => &|filling, head| files::on_the_fly(plan, head, filling, progress),
+    };
+    write_job(plan.job(), target, durability, fill, prove)
 }
 
 /// For mutants of the verifier: the folder of a plan that was tampered with.
 #[cfg(test)]
 pub(crate) fn write_stepped(plan: &SteppedPlan, target: &Path) -> Result<(), Error> {
-    write_job(&plan.job, target, Durability::Unsynced, &|filling, head| files::stepped(plan, head, filling, &|_, _| {}))
+    let fill: &Fill<'_> = &|filling, head| files::stepped(plan, head, filling, &|_, _| {});
+    write_job(&plan.job, target, Durability::Unsynced, fill, &|_| Ok(None))
 }
 
 /// The same on the fly.
 #[cfg(test)]
 pub(crate) fn write_on_the_fly(plan: &OnTheFlyPlan, target: &Path) -> Result<(), Error> {
-    write_job(&plan.job, target, Durability::Unsynced, &|filling, head| {
-        files::on_the_fly(plan, head, filling, &|_, _| {})
-    })
+    let fill: &Fill<'_> = &|filling, head| files::on_the_fly(plan, head, filling, &|_, _| {});
+    write_job(&plan.job, target, Durability::Unsynced, fill, &|_| Ok(None))
 }
 
-/// Lets `fill` make a job folder, whose manifest it answers with, and puts it in the place of `target`.
-fn write_job(job: &Job, target: &Path, durability: Durability, fill: &Fill<'_>) -> Result<(), Error> {
+/// Lets `fill` make a job folder, whose manifest it answers with, has it proved, and puts it in the place of `target`.
+fn write_job(
+    job: &Job,
+    target: &Path,
+    durability: Durability,
+    fill: &Fill<'_>,
+    prove: &Prove<'_>,
+) -> Result<(), Error> {
     let target = Target::find(target, MANIFEST)?;
     let allowed = || target.may_be_replaced(job.mode, &input_paths(job));
-    exchange(&target, durability.flush(), &allowed, &|new| files::fill(job, new, &target.path, fill))
+    exchange(&target, durability.flush(), &allowed, &|new| {
+        files::fill(job, new, &target.path, fill)?;
+        prove(new)?.map_or(Ok(()), |proved| files::tell_proof(new, &proved))
+    })
 }
 
 /// Lets `fill` make a folder, which holds the file `sign` when it is whole, and puts it in the place of `target` if

@@ -110,6 +110,19 @@ impl Head {
     }
 }
 
+/// A manifest with other facts of one of its files; everything else stays as it is.
+///
+/// # Errors
+/// `manifest` where it is none.
+pub fn with_file(manifest: &[u8], fact: &FileFact) -> Result<Vec<u8>, Error> {
+    let broken = || Error::from(Diag::bug("manifest", "a manifest that was just written cannot be read again"));
+    let mut document: serde_json::Value = serde_json::from_slice(manifest).map_err(|_| broken())?;
+    let files = document.get_mut("files").and_then(serde_json::Value::as_array_mut).ok_or_else(broken)?;
+    let old = files.iter_mut().find(|file| file["file"] == fact.file.as_str()).ok_or_else(broken)?;
+    *old = serde_json::to_value(fact).map_err(|_| broken())?;
+    Ok(super::stepped::bytes(&document, manifest.len()))
+}
+
 /// A manifest as the product reads it.
 #[derive(Clone, Debug)]
 pub struct Found {

@@ -9,7 +9,7 @@ mod on_the_fly;
 mod registration;
 mod stepped;
 
-pub use head::{AnySummary, FileFact, Found, Head, InputFact, JobRef, MANIFEST, read};
+pub use head::{AnySummary, FileFact, Found, Head, InputFact, JobRef, MANIFEST, read, with_file};
 pub use on_the_fly::{AxisPeaks, Deviations, FlyLengths, LeftOut, OnTheFlyFacts, OnTheFlySummary, on_the_fly_manifest};
 pub use registration::{Registered, registered, registration};
 pub use stepped::manifest;

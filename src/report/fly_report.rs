@@ -24,6 +24,7 @@ pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>) -> String {
         .collect();
     let texture = length_text(s.lengths.texture_mm);
     let lines = [
+        job_report::NOT_VERIFIED.to_owned(),
         job_report::warnings_line(s.warnings.len()),
         if told.is_empty() {
             format!("All of the texture is marked: {texture}.")

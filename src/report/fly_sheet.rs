@@ -43,12 +43,7 @@ fn written(out: &mut String, facts: &OnTheFlyFacts<'_>, job_file: &str, files: &
     for warning in &s.warnings {
         writeln!(out, "WARNING    {}", warning.message)?;
     }
-    pens(
-        out,
-        &program.pens,
-        machine,
-        "the program sets speed and power: set the frequency at the laser",
-    )?;
+    pens(out, &program.pens, machine, "the program sets speed and power: set the frequency at the laser")?;
     writeln!(out, "\nPEAKS OF THE AXES (the drives must reach these)")?;
     for (axis, peak) in &s.peaks {
         let unit = if ["A", "C"].contains(&axis.as_str()) { "deg" } else { "mm" };

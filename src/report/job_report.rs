@@ -64,7 +64,7 @@ td,th{white-space:normal}#blocks td,#blocks th{white-space:nowrap;position:stati
 /// What to know before anything else: what needs attention, what is not marked and why, and who attends the job.
 fn verdict(h: &mut String, job: &Layout<'_>) {
     let s = job.summary;
-    let mut lines = vec![warnings_line(s.warnings.len())];
+    let mut lines = vec![NOT_VERIFIED.to_owned(), warnings_line(s.warnings.len())];
     let share = |mm: f64| shown_share(100.0 * mm / s.texture_mm);
     let reasons =
         [("off the part", s.skipped_off_part_mm), ("too steep", s.skipped_steep_mm), ("too small", s.skipped_small_mm)];
@@ -88,6 +88,9 @@ fn verdict(h: &mut String, job: &Layout<'_>) {
     });
     verdict_block(h, &lines);
 }
+
+/// What the report says as long as nothing is proved.
+pub const NOT_VERIFIED: &str = "Not verified yet: run terrace verify on this folder, or compile it with --verify.";
 
 /// How many warnings there are, in words.
 pub(super) fn warnings_line(count: usize) -> String {

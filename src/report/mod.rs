@@ -41,7 +41,7 @@ mod unmarked;
 
 pub use fly_report::on_the_fly_html;
 pub use fly_sheet::on_the_fly_txt;
-pub use job_report::report_html;
+pub use job_report::{NOT_VERIFIED, report_html};
 pub use layout::{layout_svg, on_the_fly_svg};
 pub use marks::Marks;
 pub use part::{RELIEF_CELLS, relief_area};
