@@ -73,7 +73,7 @@ fn check_texts(name: &str, svg: &str) {
     for (i, number) in numbers.iter().enumerate() {
         for label in labels.iter().chain(&numbers[..i]).filter(|_| !number.words.is_empty()) {
             // Boxes of turned numbers are larger than the numbers: only level ones are held against each other.
-            let both_level = |t: &Text| t.area[3] - t.area[1] < 1.5 * t.size;
+            let both_level = |t: &Text| t.area[3] - t.area[1] < 0.85 * t.size;
             let counts = !label.is_number || (both_level(number) && both_level(label));
             assert!(!counts || apart(number, label), "{name}: {:?} lies over {:?}", number.words, label.words);
         }
