@@ -158,7 +158,7 @@ fn tooltip(job: &Layout<'_>, sheet: &Sheet, i: usize, block: &Block, detail: Det
     )
 }
 
-/// Sizes of numbers: class, the least size in units of the sheet, and how wide the sheet must be, px, for it to be 7 px.
+/// Sizes of numbers: class, the least size in units of the sheet, and how wide the sheet must be, px, for 7 px of it.
 /// A browser shows a class from that width on; what takes no notice of widths shows the first alone.
 pub(super) const TIERS: [(&str, f64, u32); 6] = [
     ("n0", LEAST_FONT, 480),

@@ -1,8 +1,8 @@
 //! `layout.svg`: the blocks on the part, in mm, y up.
 //!
 //! Consumes a [`Layout`] or an [`OnTheFlyLayout`], promises the properties of [`super`]. Layers, bottom to top, each a
-//! group with an id and a name that Inkscape shows: part, blocks, relief, sections, texture, texture that is not marked,
-//! outline of the part, texture box, windows (where stops do not stand on the grid of sections), machine travel, stage
+//! group with an id and a name that Inkscape shows: part, blocks, relief, sections, texture, texture that is not
+//! marked, outline of the part, texture box, windows (where stops do not stand on the grid of sections), machine travel, stage
 //! path, field of the first stop, axes and scale, numbers, legend. On the fly those of blocks are absent.
 //!
 //! The sheet has no size of its own: it fills the window that shows it. All text on it is at least 7 px high where it

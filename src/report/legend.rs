@@ -1,7 +1,8 @@
 //! What `layout.svg` shows next to the part: axes and scale bar, and the legend.
 //!
 //! The legend is right of the part and, where that is longer than the part is high, below it; of a part that is much
-//! wider than high it is below it alone. It never covers the part. Its texts are as wide as in the widest of the usual faces, so they fit in all.
+//! wider than high it is below it alone. It never covers the part. Its texts are measured in the widest of the usual
+//! faces, so they fit in all.
 
 use svg::Node;
 use svg::node::element::Element;

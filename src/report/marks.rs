@@ -414,7 +414,8 @@ mod tests {
         let Body::Image { address, size: [w, h], .. } = &marks.body else { panic!("lines") };
         let svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\"><rect width=\"{w}\" height=\"{h}\" \
-             fill=\"#fff\"/><image width=\"{w}\" height=\"{h}\" image-rendering=\"optimizeSpeed\" href=\"{address}\"/></svg>"
+             fill=\"#fff\"/>\
+             <image width=\"{w}\" height=\"{h}\" image-rendering=\"optimizeSpeed\" href=\"{address}\"/></svg>"
         );
         let tree = resvg::usvg::Tree::from_str(&svg, &resvg::usvg::Options::default()).expect("a drawing");
         let mut pixels = Pixmap::new(*w as u32, *h as u32).expect("a size");

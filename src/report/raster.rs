@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use resvg::tiny_skia::{Pixmap, Transform};
+use resvg::tiny_skia::{Color, Pixmap, Transform};
 use resvg::usvg::{Options, Tree, fontdb};
 
 use super::layout::at_width;
@@ -48,6 +48,8 @@ pub fn png(svg: &str, width: u32) -> Result<Vec<u8>, Error> {
         return Err(too_large().into());
     }
     let mut large = Pixmap::new(width * times, height * times).ok_or_else(too_large)?;
+    // The last row of a height that was rounded up is paper too.
+    large.fill(Color::WHITE);
     let scale = (scale * f64::from(times)) as f32;
     resvg::render(&tree, Transform::from_scale(scale, scale), &mut large.as_mut());
     Ok(averaged(&large, times as usize))
