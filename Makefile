@@ -8,10 +8,10 @@ DEMO := target/demo/hood.job
 demo:
 	@echo "building terrace: some minutes the first time, nothing after that"
 	$(CARGO) build --release
-	$(CARGO) run --release --quiet -- compile fixtures/hood.toml -o $(DEMO)
+	$(CARGO) run --release --quiet -- compile fixtures/hood.toml --verify -o $(DEMO)
 	$(CARGO) run --release --quiet -- verify $(DEMO)
 	@echo
-	@echo "pictures:  $(DEMO)/layout.svg (open it in a browser)  $(DEMO)/report.html"
+	@echo "pictures:  $(DEMO)/view.html (in 3D, open it in a browser)  $(DEMO)/layout.svg  $(DEMO)/report.html"
 	@echo "programs:  $(DEMO)/stage.ngc  $(DEMO)/stage_m0.nc  $(DEMO)/blocks/*.dxf  $(DEMO)/job.ovf"
 	@echo "operator:  $(DEMO)/runsheet.txt"
 

@@ -353,6 +353,10 @@ impl Rest<'_> {
             let svg = String::from_utf8_lossy(&copied(picture)?).into_owned();
             put(picture, self.picture(&svg).as_bytes())?;
         }
+        if whole.head.files.iter().any(|f| f.file == VIEW) {
+            let page = String::from_utf8_lossy(&copied(VIEW)?).into_owned();
+            put(VIEW, self.view(&page).as_bytes())?;
+        }
         let sheet = self.sheet(job_file);
         put("runsheet.csv", &runsheet::csv(&sheet))?;
         put("runsheet.txt", &runsheet::txt(&sheet))?;
@@ -420,6 +424,19 @@ impl Rest<'_> {
         format!("{before}{}{after}", caption(&svg, &told).unwrap_or_default())
     }
 
+    /// The view of the whole job, which shows the blocks that are left.
+    fn view(&self, page: &str) -> String {
+        const HEAD: &str = "<script id=\"head\" type=\"application/json\">{";
+        let Some((before, after)) = page.split_once(HEAD) else { return page.to_owned() };
+        // That of a rest says already what was left there.
+        let after = match after.strip_prefix("\"left\":[") {
+            Some(rest) => rest.split_once("],").map_or(after, |(_, rest)| rest),
+            None => after,
+        };
+        let left: Vec<String> = self.chosen.iter().map(|&i| format!("\"{}\"", BlockId::new(i))).collect();
+        format!("{before}{HEAD}\"left\":[{}],{after}", left.join(","))
+    }
+
     /// The manifest of the whole job, with the files of this folder and the blocks that it holds.
     fn manifest(&self, job_file: &str, files: &[FileFact]) -> Vec<u8> {
         let mut document = self.whole.document.clone();
@@ -453,6 +470,9 @@ impl Rest<'_> {
 fn registered(told: &RegistrationTold) -> Registered {
     Registered { point_mm: told.point_mm, at: told.stage.map(|mm| Nm::from_mm(mm).unwrap_or_default()) }
 }
+
+/// The page that shows a job in three dimensions.
+const VIEW: &str = "view.html";
 
 /// Words at the lower edge of a picture.
 fn caption(svg: &str, words: &str) -> Option<String> {

@@ -71,7 +71,9 @@ fn row(h: &mut String, outcome: &Outcome, folder: &Path) -> Result<(), Error> {
         format!("<a href=\"{to}\"><img src=\"{to}\" alt=\"block layout\" loading=\"lazy\"/></a>")
     });
     let mut links = Vec::new();
-    for (name, shown) in [("report.html", "report"), ("runsheet.txt", "run sheet"), ("manifest.json", "manifest")] {
+    for (name, shown) in
+        [("view.html", "view"), ("report.html", "report"), ("runsheet.txt", "run sheet"), ("manifest.json", "manifest")]
+    {
         links.extend(link(name)?.map(|to| format!("<a href=\"{to}\">{shown}</a>")));
     }
     let _ = writeln!(

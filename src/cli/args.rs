@@ -133,8 +133,8 @@ pub enum Command {
     Preview {
         /// Job file, or - for standard input.
         job: PathBuf,
-        /// File to write: .svg, .png or .pdf by its name, or - for SVG on standard output; default: the job file's name
-        /// with .layout.svg, standard output for a job from standard input.
+        /// File to write: .svg, .png, .pdf or .html (in 3D) by its name, or - for SVG on standard output; default: the
+        /// job file's name with .layout.svg, standard output for a job from standard input.
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
         /// Width of a .png, in px; default: 1600.

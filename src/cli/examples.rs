@@ -62,6 +62,7 @@ pub const EXAMPLES: [(&str, &[Example]); 18] = [
             ("terrace preview job.toml", "Writes job.layout.svg"),
             ("terrace preview job.toml -o layout.pdf", "A page to print"),
             ("terrace preview job.toml -o layout.png --width 2400", "Pixels"),
+            ("terrace preview job.toml -o view.html", "The job in 3D"),
         ],
     ),
     (

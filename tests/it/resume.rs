@@ -110,6 +110,11 @@ fn the_rest_of_a_job_is_a_verified_folder_with_the_same_bytes() {
     assert_eq!(blocks(&found), ["B0006", "B0007"]);
     let svg = std::fs::read_to_string(again.join("layout.svg")).expect("a picture");
     assert_eq!(svg.matches("blocks are left").count(), 2, "in the title and below");
+    let view = std::fs::read_to_string(again.join("view.html")).expect("a view");
+    assert!(
+        view.contains("type=\"application/json\">{\"left\":[\"B0006\",\"B0007\"],\"schema\""),
+        "those of the last rest"
+    );
     assert_eq!(
         refused(&dir.path().join("tail1.job"), &["--only", "B0001,B0006"], &dir.path().join("no.job")),
         "resume-block"

@@ -52,6 +52,7 @@
  * @property {number} mark_mm
  * @property {{code: string, message: string, place?: string|null, help?: string|null}[]} warnings
  * @property {[string, string][]} figures
+ * @property {string[]} [left] of a folder that holds the rest of a job: the names of its blocks
  */
 /**
  * Columns of the blocks in machining order; of an on-the-fly job, of its runs of marks, which lack some columns.

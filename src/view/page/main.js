@@ -20,6 +20,8 @@ class App {
     /** @type {Strokes} */
     this.strokes = { ink: "", halo: "", path: "", field: "" };
     this.size = 1;
+    /** Of a folder that holds the rest of a job the blocks that are left. @type {Set<string>|null} */
+    this.left = head.left ? new Set(head.left) : null;
     this.readStyle();
     /** The clock, s. */
     this.time = 0;
@@ -74,7 +76,7 @@ class App {
 
   /** What the scene is to show at this moment. @param {Moment} moment @param {boolean} moving @returns {Look} */
   look(moment, moving) {
-    const { blocks, pass, setup } = this;
+    const { blocks, pass, setup, left } = this;
     return {
       camera: this.camera,
       turn: moment.turn,
@@ -86,7 +88,10 @@ class App {
       incidence: this.incidence,
       layers: this.layers,
       pass: pass || blocks.pass[moment.block],
-      isShown: (i) => (pass === 0 || blocks.pass[i] === pass) && (setup === 0 || blocks.setup[i] === setup),
+      isShown: (i) =>
+        (pass === 0 || blocks.pass[i] === pass) &&
+        (setup === 0 || blocks.setup[i] === setup) &&
+        (left === null || left.has(blocks.id[i])),
       theme: this.theme,
       moving,
       size: this.size,

@@ -95,7 +95,9 @@ function fillPage(head) {
   place("subtitle").textContent = `${head.mode} job for ${head.machine}, ${duration(head.time_s)}`;
   place("block-word").textContent = isFly ? "Run of marks" : "Block";
   place("stop-word").textContent = isFly ? "Run" : "Stop";
-  fillTable("figures", head.figures);
+  /** @type {[string, string][]} */
+  const left = head.left ? [["blocks left", `${head.left.length} of ${head.blocks.count}`]] : [];
+  fillTable("figures", [...left, ...head.figures]);
   const { part, thinned } = head;
   const whole = part.triangles === part.of;
   place("accuracy").textContent =

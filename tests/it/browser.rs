@@ -1,0 +1,83 @@
+//! `view.html` in a browser: every control, on jobs of every kind, against the manifest; the pictures of sample jobs
+//! against those that are kept. `tests/browser` drives Chromium, which `setup.sh all` installs.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::support::surfaces::{mesh, write_stl};
+use crate::support::{JobText, fixture, folder, machine_file, manifest, said, terrace};
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Runs a script of `tests/browser`; its lines where it fails.
+fn node<'a>(script: &str, args: impl IntoIterator<Item = &'a Path>) {
+    let script = root().join("tests/browser").join(script);
+    let out = Command::new("node").arg(&script).args(args).output().expect("node is installed by setup.sh all");
+    assert!(out.status.success(), "{}: {}", script.display(), said(&out));
+}
+
+fn compiled(job: &Path, mode: &str, out: PathBuf) -> PathBuf {
+    let done = terrace([Path::new("compile"), job, Path::new("--mode"), Path::new(mode), Path::new("-o"), &out]);
+    assert!(done.status.success(), "{}: {}", job.display(), said(&done));
+    out
+}
+
+/// A hatch in three passes on a part that is marked in two set-ups.
+fn passes_and_setups(dir: &Path) -> PathBuf {
+    let stl = dir.join("dome.stl");
+    let dome = |x: f64, y: f64| 0.5 - ((x - 90.0) / 225.0).powi(2) - ((y - 25.0) / 125.0).powi(2);
+    write_stl(&stl, &mesh(40, [0.0, 0.0, 180.0, 50.0], dome));
+    let mut job = JobText::on(&stl).texture("pattern = \"hatch\"\npitch = \"4 mm\"").method("z-range");
+    job.more = "[passes]\ncount = 3\nrotate = \"67 deg\"\nlower = \"8 um\"\n\n[setups]\nregistration = [[\"3 mm\", \"5 mm\"], \
+        [\"60 mm\", \"5 mm\"], [\"120 mm\", \"5 mm\"], [\"177 mm\", \"5 mm\"], [\"3 mm\", \"45 mm\"], [\"60 mm\", \"45 mm\"], \
+        [\"120 mm\", \"45 mm\"], [\"177 mm\", \"45 mm\"]]\n"
+        .into();
+    let text = machine_file("xyz-galvo-40").replace("250 mm", "62.5 mm").replace("\"40 mm\"", "\"25 mm\"");
+    std::fs::write(dir.join("machine.txt"), text).expect("a writable folder");
+    job.machine = "file = \"machine.txt\"".into();
+    job.write(dir, "passes.toml")
+}
+
+#[test]
+#[ignore = "slow"]
+fn every_control_of_the_view_works_in_a_browser_and_shows_what_the_manifest_says() {
+    let dir = folder();
+    let at = |name: &str| dir.path().join(name);
+    let text = std::fs::read_to_string(fixture("method.toml")).expect("a fixture").replace("\"contour\"", "\"tilt\"");
+    let text = text.replace("hood.stl", &fixture("hood.stl").display().to_string());
+    std::fs::write(at("tilt.toml"), text).expect("a writable folder");
+    let started = terrace([Path::new("init"), &at("try")]);
+    assert!(started.status.success(), "{}", said(&started));
+    let passes = compiled(&passes_and_setups(dir.path()), "stepped", at("passes.job"));
+    let found = manifest(&passes);
+    assert_eq!((&found["summary"]["passes"], &found["summary"]["setups"]), (&3.into(), &2.into()));
+    let jobs = [
+        compiled(&fixture("hood.toml"), "stepped", at("hood.job")),
+        compiled(&at("tilt.toml"), "stepped", at("tilt.job")),
+        passes,
+        compiled(&at("try/job.toml"), "on-the-fly", at("try.fly.job")),
+    ];
+    node("view.mjs", jobs.iter().map(PathBuf::as_path));
+}
+
+#[test]
+#[ignore = "slow"]
+fn pictures_of_the_view_are_those_that_are_kept() {
+    let dir = folder();
+    node("sample.mjs", [dir.path()]);
+    let golden = root().join("tests/browser/golden");
+    let samples = ["demo", "tilt", "passes", "fly"].map(|name| dir.path().join(format!("sample-{name}")));
+    let args = [Path::new("--golden"), &golden].into_iter().chain(samples.iter().map(PathBuf::as_path));
+    node("view.mjs", args);
+}
+
+#[test]
+#[ignore = "slow"]
+fn scripts_of_the_view_have_the_types_that_they_state() {
+    let tsc = root().join(".venv/browser/node_modules/.bin/tsc");
+    let out =
+        Command::new(tsc).arg("-p").arg(root().join("src/view/page")).output().expect("installed by setup.sh all");
+    assert!(out.status.success(), "{}", said(&out));
+}
