@@ -33,10 +33,11 @@ check:
 	$(CARGO) clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps --document-private-items
 
-# Speed and memory on three sizes, speed of the writers and of reading drawings, stops against their lower bounds, quality of orders, on the fly; prints tables.
+# Speed and memory on three sizes, speed of the writers, of the pictures and of reading drawings, stops against their lower bounds, quality of orders, on the fly; prints tables.
 bench:
 	$(CARGO) bench --bench job
 	$(CARGO) bench --bench emit
+	$(CARGO) bench --bench pictures
 	$(CARGO) bench --bench partition
 	$(CARGO) bench --bench order
 	$(CARGO) bench --bench on_the_fly

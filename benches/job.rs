@@ -126,7 +126,7 @@ fn job(case: &str, stl: &Path) -> String {
     let write = |durability| {
         let begin = Instant::now();
         let target = stl.with_extension(format!("{case}.job"));
-        job_folder::write_with(&plan, &target, durability).unwrap_or_else(|e| panic!("{e}"));
+        job_folder::write_with(&plan, &target, durability, &|_, _| {}).unwrap_or_else(|e| panic!("{e}"));
         begin.elapsed().as_secs_f64()
     };
     let written = write(Durability::Unsynced);

@@ -33,8 +33,8 @@ pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>) -> String {
         },
         format!("Nobody has to attend: {} of the machine alone, without a stop.", duration(s.time_s)),
     ];
-    job_report::verdict_block(&mut h, &lines);
     record::picture(&mut h, &format!("Marks over the part, {} of them", s.marks));
+    job_report::verdict_block(&mut h, &lines);
     let _ = writeln!(
         h,
         "<p>Machine {}, axes {}, marking while the stage moves. {} in all.</p>",

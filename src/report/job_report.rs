@@ -21,9 +21,9 @@ pub fn report_html(job: &Layout<'_>) -> String {
     let job = &job.whole();
     let mut h = String::with_capacity(16_000 + 200 * job.blocks().len());
     h += &page::open(&format!("{}: job report", job.job), job.job, STYLE);
-    verdict(&mut h, job);
     let alt = format!("Blocks over the part, {} stops in machining order", job.blocks().len());
     record::picture(&mut h, &alt);
+    verdict(&mut h, job);
     let _ = writeln!(
         h,
         "<p>Machine {}. {} stops, {} in all. \
