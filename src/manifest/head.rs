@@ -113,9 +113,9 @@ impl Head {
 /// A manifest with other facts of one of its files; everything else stays as it is.
 ///
 /// # Errors
-/// `manifest` where it is none.
+/// `manifest-reread` where it is none.
 pub fn with_file(manifest: &[u8], fact: &FileFact) -> Result<Vec<u8>, Error> {
-    let broken = || Error::from(Diag::bug("manifest", "a manifest that was just written cannot be read again"));
+    let broken = || Error::from(Diag::bug("manifest-reread", "a manifest that was just written cannot be read again"));
     let mut document: serde_json::Value = serde_json::from_slice(manifest).map_err(|_| broken())?;
     let files = document.get_mut("files").and_then(serde_json::Value::as_array_mut).ok_or_else(broken)?;
     let old = files.iter_mut().find(|file| file["file"] == fact.file.as_str()).ok_or_else(broken)?;
