@@ -6,7 +6,7 @@ use super::blocks::TIERS;
 use super::layout::{LIMIT, within};
 use super::outline::{PaddedMap, area2, simplify, trace};
 use super::sample::Sample;
-use super::{layout_svg, report_html};
+use super::{NOT_VERIFIED, layout_svg, report_html};
 use crate::block_map::BlockMap;
 use crate::geom::{Box2, FieldPoint, Nm, P2};
 use crate::machine::Origin;
@@ -380,7 +380,8 @@ fn the_report_begins_with_what_needs_attention_and_a_picture() {
     }
     // Before all else, and every table in a box that scrolls.
     let at = |what: &str| html.find(what).expect("there");
-    assert!(at("</h1>") < at("class=\"verdict\"") && at("class=\"verdict\"") < at("<img ") && at("<img ") < at("<h2>"));
+    assert!(at("</h1>") < at("<img ") && at("<img ") < at("class=\"verdict\"") && at("class=\"verdict\"") < at("<h2>"));
+    assert!(html.contains(&format!("<li>{NOT_VERIFIED}</li>")));
     assert_eq!(html.matches("<div class=\"wide\"><table").count(), html.matches("<table").count());
     assert_eq!(html.matches("</table></div>").count(), html.matches("<table").count());
     sample.summary.warnings.clear();
