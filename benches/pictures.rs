@@ -19,7 +19,7 @@ fn main() {
     if !stl.exists() {
         write_stl(&stl, &mesh(300, [0.0, 0.0, 450.0, 450.0], dome));
     }
-    let text = "[surface]\nfile = \"dome-pictures.stl\"\nunit = \"mm\"\n[[texture]]\npattern = \"hatch\"\npitch = \"0.13 mm\"\n\
+    let text = "[surface]\nfile = \"dome-pictures.stl\"\nunit = \"mm\"\n[[texture]]\npattern = \"hatch\"\npitch = \"0.1 mm\"\n\
                 [focus]\npdof = \"0.07 mm\"\n[partition]\nmethod = \"contour\"\n[machine]\nprofile = \"xyz-galvo-40\"\n\
                 [[pen]]\nname = \"a\"\nspeed = \"1000 mm/s\"\npower = \"60 %\"\nfrequency = \"60 kHz\"\n";
     let path = dir.join("pictures.toml");
