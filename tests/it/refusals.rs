@@ -286,6 +286,7 @@ fn travel_error_suggests_an_origin_that_compiles() {
 }
 
 #[test]
+#[ignore = "slow"]
 fn travel_error_on_the_fly_suggests_an_origin_that_compiles() {
     let dir = folder();
     let mut job = panel(dir.path());
