@@ -292,7 +292,7 @@ fn verb_of_ratio(ratio: f64, is_many: bool) -> String {
     match ratio {
         r if is_two(1.0 / r) => format!("{halve} it"),
         r if is_two(r) => format!("{take} twice as long"),
-        r if r > ALIKE || r < 1.0 / ALIKE => format!("{be} {}", note_of_ratio(r)),
+        r if !(1.0 / ALIKE..=ALIKE).contains(&r) => format!("{be} {}", note_of_ratio(r)),
         _ => format!("{take} as long"),
     }
 }

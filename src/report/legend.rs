@@ -537,8 +537,7 @@ fn path(u: f64, y: f64) -> Vec<Element> {
         "path",
         &[("stroke", PATH), ("stroke-width", &stroke), ("d", &format!("M{} {}h{}", num(u), num(y), num(2.0 * u)))],
     );
-    let tip =
-        format!("M{} {}l{w} {h}v{n}z", num(2.5 * u), num(y), w = num(-1.0 * u), h = num(0.45 * u), n = num(-0.9 * u));
+    let tip = format!("M{} {}l{w} {h}v{n}z", num(2.5 * u), num(y), w = num(-u), h = num(0.45 * u), n = num(-0.9 * u));
     vec![way, ring, square, el("path", &[("fill", PATH), ("d", &tip)])]
 }
 

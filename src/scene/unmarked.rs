@@ -120,6 +120,9 @@ impl Default for Sum {
     }
 }
 
+/// Lines, each with the index of its texture.
+type Lines = Vec<(usize, Vec<[f64; 3]>)>;
+
 /// What is found of a chunk.
 #[derive(Default)]
 struct Found {
@@ -259,7 +262,7 @@ fn traced(job: &Job, texture: &Texture, surface: &Surface, relief: &Relief) -> U
             out.lines_left_out += one.left_out;
         }
         let Found { sums, lines, .. } = all;
-        let mut by_reason: BTreeMap<Reason, Vec<(usize, Vec<[f64; 3]>)>> = BTreeMap::new();
+        let mut by_reason: BTreeMap<Reason, Lines> = BTreeMap::new();
         lines.into_iter().for_each(|(reason, line)| by_reason.entry(reason).or_default().push((k, line)));
         for (reason, sum) in sums {
             let lines = by_reason.remove(&reason).unwrap_or_default();
@@ -275,7 +278,7 @@ impl Unmarked {
         &mut self,
         reason: Reason,
         sums: &BTreeMap<usize, Sum>,
-        lines: Vec<(usize, Vec<[f64; 3]>)>,
+        lines: Lines,
         whole: impl Fn(usize) -> [f64; 2],
     ) {
         let first = self.rows.len();

@@ -101,8 +101,7 @@ fn layer(svg: &str, id: &str) -> String {
 /// The pixels of a layer that are inked.
 fn inked(svg: &str, id: &str, px: u32) -> BTreeSet<usize> {
     let pixels = rendered(&layer(svg, id), px);
-    let found = pixels.pixels().iter().enumerate().filter(|(_, p)| p.alpha() > 40).map(|(i, _)| i).collect();
-    found
+    pixels.pixels().iter().enumerate().filter(|(_, p)| p.alpha() > 40).map(|(i, _)| i).collect()
 }
 
 /// A gentle dome of a size, mm.

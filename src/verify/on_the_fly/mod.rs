@@ -227,7 +227,7 @@ fn check_marks(
         covers.add(places.collect());
         moves.clear();
         marks += 1;
-        if marks % COUNTED == 0 {
+        if marks.is_multiple_of(COUNTED) {
             task.step();
         }
     }
