@@ -85,7 +85,7 @@ pub struct Layout<'a> {
     pub scene: &'a Scene,
     /// Heights of the part around the texture.
     pub relief: &'a Relief,
-    /// The marks of [`Layout::blocks`] as they are drawn.
+    /// The marks of those blocks as they are drawn.
     pub marks: &'a Marks,
     /// By how much the part is turned against its file, rad.
     pub turn_rad: f64,
