@@ -63,7 +63,7 @@ pub fn write(plan: &Plan, target: &Path) -> Result<(), Error> {
 /// # Errors
 /// As [`write()`].
 pub fn write_with(plan: &Plan, target: &Path, durability: Durability, progress: Progress<'_>) -> Result<(), Error> {
-    write_plan(plan, target, durability, progress, &|_| Ok(None))
+    write_proved(plan, target, durability, progress, &|_| Ok(None))
 }
 
 /// What was proved of a new folder, for its report; None where nothing was to be proved.
@@ -74,16 +74,6 @@ pub type Prove<'a> = dyn Fn(&Path) -> Result<Option<String>, Error> + 'a;
 /// # Errors
 /// As [`write()`], and what `prove` says: an older folder is then unchanged.
 pub fn write_proved(
-    plan: &Plan,
-    target: &Path,
-    durability: Durability,
-    progress: Progress<'_>,
-    prove: &Prove<'_>,
-) -> Result<(), Error> {
-    write_plan(plan, target, durability, progress, prove)
-}
-
-fn write_plan(
     plan: &Plan,
     target: &Path,
     durability: Durability,
