@@ -45,8 +45,8 @@ fn every_command_opens_each_input_once_and_once_for_its_hash() {
     let mut job = JobText::on(Path::new(&path("part.stl")))
         .texture("file = \"drawing.svg\"")
         .texture("file = \"drawing.svg\"\norigin = [\"-10 mm\", \"-9 mm\"]")
-        .texture("file = \"grey.png\"\nsize = [\"2 mm\", \"2 mm\"]\npitch = \"0.1 mm\"")
-        .texture("file = \"grey.png\"\nsize = [\"2 mm\", \"2 mm\"]\nscreen = \"lines\"\norigin = [\"-9 mm\", \"0 mm\"]")
+        .texture("file = \"grey.png\"\nsize = [\"1 mm\", \"1 mm\"]\npitch = \"0.25 mm\"")
+        .texture("file = \"grey.png\"\nsize = [\"1 mm\", \"1 mm\"]\nscreen = \"lines\"\npitch = \"0.25 mm\"\norigin = [\"-9 mm\", \"0 mm\"]")
         .texture("pattern = \"hatch\"\npitch = \"9 mm\"")
         .method("auto");
     job.machine = "file = \"machine.toml\"".into();

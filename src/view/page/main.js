@@ -14,7 +14,7 @@ class App {
     this.probe = new Probe(this.scene);
     this.timeline = new Timeline(head, blocks);
     this.overlay = new Overlay(element("overlay", HTMLCanvasElement), head, this.timeline, this.scene.block_mm);
-    this.camera = new Camera(head.box, boxOfMarks(head));
+    this.camera = new Camera(head.box, boxOfTexture(head));
     /** @type {Theme} */
     this.theme = { ground: [0, 0, 0], part: [0, 0, 0], ink: [0, 0, 0], accent: [0, 0, 0] };
     /** @type {Strokes} */

@@ -415,6 +415,18 @@ function boxOfMarks(head) {
   return [corner(0, Math.min), corner(1, Math.max)];
 }
 
+/** The box of all marks and of the texture that is not marked though it should be. @param {Head} head @returns {Box} */
+function boxOfTexture(head) {
+  const [low, high] = boxOfMarks(head);
+  const lost = head.skipped.filter((s) => s.reason !== "beyond").map((s) => s.box);
+  /** @param {0|1|2|3} k @param {(...a: number[]) => number} pick @param {number} mark */
+  const reach = (k, pick, mark) => pick(mark, ...lost.map((b) => b[k]));
+  return [
+    [reach(0, Math.min, low[0]), reach(1, Math.min, low[1]), low[2]],
+    [reach(2, Math.max, high[0]), reach(3, Math.max, high[1]), high[2]],
+  ];
+}
+
 /** @param {Colour} c @returns {Vec3} */
 function unitColour(c) {
   return [c[0] / 255, c[1] / 255, c[2] / 255];
