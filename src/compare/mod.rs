@@ -1,5 +1,5 @@
 //! Estimates of the same job on every system, side by side: stepping in all its variants, zoom optics, tilting, scanner
-//! and stage synchronised, five and seven axes on the fly.
+//! and stage synchronised, five and seven axes on the fly; and, for reference, turning the surface with a tool servo.
 //!
 //! Consumes a job; promises for every system its time split in parts, its stops, how far marks lie out of focus and out
 //! of the beam's angle, and which share of them keeps the job's limits. Stepped systems are compiled as jobs are; the
@@ -14,6 +14,7 @@ mod follow;
 mod report;
 mod stepped;
 mod system;
+mod tool_servo;
 mod verdict;
 
 pub use filters::Filter;
@@ -21,6 +22,7 @@ use follow::Follower;
 pub use report::{overview, page, plots, tables};
 use system::Run;
 pub use system::{SYSTEMS, System};
+pub use tool_servo::{Need, ToolFigures};
 pub use verdict::{Standing, Verdict};
 
 use std::ops::Range;
@@ -121,6 +123,8 @@ pub enum Beyond {
     Displacement([f64; 2]),
     /// No motion of z keeps all marks in focus.
     TooSharp,
+    /// What the drive of a tool servo does not make: which figure, its unit, what is needed and what there is.
+    Drive(&'static str, &'static str, [f64; 2]),
     /// Axes that need more travel than they have, and how much.
     Travel(String),
 }
@@ -169,6 +173,8 @@ pub struct Figures {
     pub beyond: Vec<Beyond>,
     /// It runs slower than the pens do, and z is the axis that cannot go faster.
     pub is_held_by_z: bool,
+    /// What a tool servo must do; of all other systems None.
+    pub tool: Option<ToolFigures>,
     /// What the figures take for granted or leave out.
     pub notes: Vec<String>,
 }
@@ -348,7 +354,8 @@ pub fn compare(
     for (&system, (mut figures, more)) in systems.iter().zip(found) {
         curves.add(more);
         if let Ok(figures) = &mut figures {
-            figures.notes.extend(left_out(figures.marked_mm, marked_mm));
+            let marks = figures.tool.is_none().then_some(figures.marked_mm);
+            figures.notes.extend(marks.and_then(|own| left_out(own, marked_mm)));
         }
         rows.push(Row { system: system.name, figures });
     }

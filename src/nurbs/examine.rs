@@ -99,9 +99,7 @@ pub fn examine(surface: &Surface, steps: GridSteps) -> Result<Examination, Error
     let newton = Inversion::new(surface, Method::Newton);
     let mut warm = gauss_newton.clone();
     // From one sample to the next, without the first, which starts cold.
-    if let Some(&[x, y, _]) = samples.first() {
-        drop(warm.next([x, y]));
-    }
+    let _ = warm.next([samples[0][0], samples[0][1]]);
     let operations = operations(surface, &grid)?;
     Ok(Examination {
         is_height_map: least * most > 0.0,

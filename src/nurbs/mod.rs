@@ -66,12 +66,11 @@ impl Surface {
     ) -> Result<Self, Error> {
         let refused = |text: String, hint: &str| Err(Diag::input("nurbs-surface", text).hint(hint).into());
         let count = [points.len(), points.first().map_or(0, Vec::len)];
-        let rows = |lengths: &mut dyn Iterator<Item = usize>| lengths.position(|n| n != count[1]);
-        if let Some(i) = rows(&mut points.iter().map(Vec::len)) {
+        if let Some(i) = points.iter().position(|row| row.len() != count[1]) {
             return refused(format!("row {i} of points is not as long as row 0"), "give every row the same count");
         }
         if let Some(weights) = weights
-            && (weights.len() != count[0] || rows(&mut weights.iter().map(Vec::len)).is_some())
+            && (weights.len() != count[0] || weights.iter().any(|row| row.len() != count[1]))
         {
             return refused("weights are not as many as points".into(), "give one weight for every point, or none");
         }

