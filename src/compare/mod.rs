@@ -34,6 +34,7 @@ use crate::geom::Nm;
 use crate::job::{Job, Method};
 use crate::machine::{Commanded, Cost, Machine};
 use crate::motion::stage_move;
+use crate::nurbs;
 use crate::on_the_fly::axes::following_error::Protection;
 use crate::on_the_fly::axes::kinematics::Deviation;
 use crate::on_the_fly::decompose::Limits;
@@ -281,6 +282,8 @@ struct Subject<'a> {
     protection: Protection,
     /// Time of a stage move by the width of the field, s.
     move_s: f64,
+    /// The exact surface, where it is given.
+    exact: Option<&'a nurbs::Surface>,
     /// The job by the method that most systems go by, planned once.
     z_range: OnceLock<Result<SteppedPlan, Error>>,
 }
@@ -304,7 +307,7 @@ pub struct Progress<'a> {
 /// How far apart nodes of a path may lie: this part of the field, or of the texture where that is smaller.
 const NODES: f64 = 40.0;
 
-/// Compares the systems.
+/// Compares the systems; `exact` is the surface of the part, which a tool servo needs.
 ///
 /// # Errors
 /// Those of the job itself; a system that cannot do it says so in its row.
@@ -312,6 +315,7 @@ pub fn compare(
     job: &Job,
     systems: &[&'static System],
     protection: Protection,
+    exact: Option<&nurbs::Surface>,
     progress: Progress<'_>,
 ) -> Result<Comparison, Error> {
     let [reading, ordering, measuring] = Task::new(progress.percent).split([2, 1, 17]);
@@ -344,6 +348,7 @@ pub fn compare(
         size,
         protection,
         move_s: across.travel_s + across.settle_s,
+        exact,
         z_range: OnceLock::new(),
     };
     let follower = Follower::new(&subject, &whole);

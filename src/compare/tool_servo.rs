@@ -1,26 +1,32 @@
 //! A fast tool servo that turns the surface itself, for reference: another process than all other systems.
 //!
 //! The part turns on a spindle whose axis is vertical and stands in the middle of the texture's box; the tool goes from
-//! the farthest mark to the axis on a spiral of even feed, and z follows the height field, a set-point in every control
-//! cycle (Brecher et al.). Promised: the time of the one cut, and stroke, speed, acceleration and jerk of z, as
-//! differences of set-points, against what the drive makes. Units: mm, s.
+//! the farthest mark to the axis on a spiral of even feed, and z follows the exact surface, a set-point in every control
+//! cycle (Brecher et al.). A mesh does not do: its facets have edges, over which the jerk has no bound. So the NURBS
+//! surface of the part is asked for, and held against the part's facets. Heights are those of algorithm II where its
+//! net is decoupled, else of algorithm III.
+//!
+//! Promised: the time of the one cut, and stroke, speed, acceleration and jerk of z, as differences of set-points,
+//! against what the drive makes. Units: mm, s.
 //!
 //! # Limits
-//! The nose of the tool has no radius; spindle and feed run evenly. Only places in the texture's box count: beyond it
-//! the tool may move as it likes. Heights are those of the smooth height field of the mesh: edges of coarse facets
-//! count as far as smoothing leaves them. Of long cuts some revolutions are looked at, spread evenly; the note says how
-//! many.
+//! The nose of the tool has no radius; spindle and feed run evenly; the approach is left out. Only places on the
+//! NURBS surface count: beside it the tool may move as it likes. Of long cuts some revolutions are looked at, spread
+//! evenly; the note says how many.
 
 use super::follow::Follower;
 use super::{Beyond, Figures, Split};
 use crate::diag::{Diag, Error};
 use crate::machine::ToolServo;
 use crate::motion::rest_to_rest;
+use crate::nurbs::{Decoupled, Inversion, Method, Surface};
 use crate::on_the_fly::axes::following_error::{Axis, Servo};
 use crate::parallel;
 
 /// Most set-points that are looked at.
-const MOST: f64 = 4e6;
+const MOST: f64 = 2e5;
+/// Places at which the surface is held against the part.
+const COMPARED: usize = 10_000;
 /// A speed, mm/s, and an acceleration, mm/s², that limit nothing.
 const UNLIMITED: [f64; 2] = [1e9, 1e13];
 
@@ -93,6 +99,14 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
             .hint("add [tool_servo] to the machine file, or leave the system out with --systems")
             .into());
     };
+    let Some(surface) = subject.exact else {
+        return Err(Diag::limit("compare-tool-servo", "the jerk of a tool needs the exact surface, and a mesh is none")
+            .hint("name the NURBS surface of the part with --nurbs FILE")
+            .into());
+    };
+    let decoupled = Decoupled::of(surface).ok();
+    let inversion = Inversion::new(surface, Method::GaussNewton);
+    let off = distance(follower, surface, &inversion)?;
     let area = follower.texture();
     let axis = [0, 1].map(|k| 0.5 * (area.lo[k] + area.hi[k]));
     let marks = follower.path().nodes.iter().filter(|node| node.pen.is_some());
@@ -117,17 +131,18 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
         tool.acceleration.map_or(f64::INFINITY, |a| a.as_mm_s2()),
         jerk,
     ];
-    let height = |xy: [f64; 2]| {
-        let is_in = (0..2).all(|k| (area.lo[k]..=area.hi[k]).contains(&xy[k]));
-        (subject.height_field.at(xy).z, is_in)
-    };
     // Each run of a revolution is looked at by itself; the revolution before it lets a servo settle.
-    let peaks = parallel::map(runs.div_ceil(every), |k| {
+    let found = parallel::map(runs.div_ceil(every), |k| {
         let first = k * every * run;
         let settle = servo.map_or(0, |_| run.min(first));
-        peaks(&spiral, (first - settle, first, (first + run).min(all)), servo, limits, &height)
+        let mut warm = inversion.clone();
+        let height = |xy: [f64; 2]| match &decoupled {
+            Some(decoupled) => decoupled.height(xy),
+            None => warm.next(xy).ok().map(|found| found.at[2]),
+        };
+        peaks(&spiral, (first - settle, first, (first + run).min(all)), servo, limits, height)
     });
-    let whole = peaks.into_iter().reduce(joined).expect("a cut has set-points");
+    let whole = found.into_iter().reduce(joined).expect("a cut has set-points");
     let [counted, kept] = whole.counts;
     if counted == 0 {
         let text = "the spiral of the tool has no four set-points in a row on the part";
@@ -162,7 +177,11 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
     let (stroke_s, peak) = full_stroke(tool);
     figure("time of the full stroke", "ms", 1000.0 * stroke_s);
     figure("top speed of the full stroke", "m/s", peak / 1000.0);
-    let mut notes = vec![format!("spiral of {:.1} mm about the middle of the texture", radius)];
+    let mut notes = vec![
+        format!("spiral of {radius:.1} mm about the middle of the texture"),
+        format!("the part's facets lie within {:.2} um of the NURBS surface", 1000.0 * off),
+        format!("heights by algorithm {}", if decoupled.is_some() { "II" } else { "III" }),
+    ];
     if every > 1 {
         notes.push(format!("1 of {every} revolutions looked at"));
     }
@@ -204,24 +223,62 @@ fn full_stroke(tool: &ToolServo) -> (f64, f64) {
     (time, speed.min(2.0 * length / time))
 }
 
-/// Peaks of the set-points from `first` to `end`, of a servo that starts at rest at `settle`.
+/// How far the surface lies off the part under the marks at most, mm.
+///
+/// # Errors
+/// `compare-tool-servo` where it is beyond the focal offset that is allowed, or the surface is not there at all.
+fn distance(follower: &Follower<'_>, surface: &Surface, inversion: &Inversion<'_>) -> Result<f64, Error> {
+    let allowed = follower.subject().limits.focus;
+    let refused = |text: String| {
+        let hint = "give the NURBS surface of this part, in mm and in the frame of the placed part";
+        Err(Diag::limit("compare-nurbs", text).hint(hint).into())
+    };
+    let nodes = &follower.path().nodes;
+    let mut worst = 0.0f64;
+    let mut inversion = inversion.clone();
+    for node in nodes.iter().step_by(nodes.len().div_ceil(COMPARED).max(1)).filter(|node| node.pen.is_some()) {
+        let [x, y, z] = node.at;
+        let Ok(found) = inversion.next([x, y]) else {
+            return refused(format!("the NURBS surface is not under the mark at {x:.3}, {y:.3} mm"));
+        };
+        worst = worst.max((found.at[2] - z).abs());
+    }
+    if worst > allowed {
+        let [lo, hi] = surface.hull();
+        return refused(format!(
+            "the NURBS surface (z from {:.3} to {:.3} mm) lies up to {worst:.3} mm off the part, {allowed} mm allowed",
+            lo[2], hi[2]
+        ));
+    }
+    Ok(worst)
+}
+
+/// Peaks of the set-points from `first` to `end`, of a servo that starts at rest at `settle`; `height` tells none where
+/// the tool may move as it likes.
 fn peaks(
     spiral: &Spiral,
     (settle, first, end): (usize, usize, usize),
     servo: Option<Servo>,
     limits: [f64; 3],
-    height: &dyn Fn([f64; 2]) -> (f64, bool),
+    mut height: impl FnMut([f64; 2]) -> Option<f64>,
 ) -> Peaks {
     let none = [f64::INFINITY, f64::NEG_INFINITY];
     let mut out = Peaks { z: none, rates: [0.0; 3], following: [0.0; 2], counts: [0; 2] };
-    let mut axis = servo.map(|servo| Axis::new(servo, spiral.cycle, height(spiral.at(settle)).0));
+    let mut axis: Option<Axis> = None;
     // The last three heights, and how many of them in a row are on the part.
     let (mut before, mut row) = ([0.0; 3], 0);
     // Three set-points of the run before, so that no difference is missed between runs.
     for i in settle.min(first.saturating_sub(3))..end {
-        let (z, is_in) = height(spiral.at(i));
-        row = if is_in { row + 1 } else { 0 };
-        let late = axis.as_mut().filter(|_| i >= settle).map_or(0.0, |axis| (axis.step(z) - z).abs());
+        let Some(z) = height(spiral.at(i)) else {
+            // It comes in at rest again.
+            (row, axis) = (0, None);
+            continue;
+        };
+        row += 1;
+        let late = servo.map_or(0.0, |servo| {
+            let axis = axis.get_or_insert_with(|| Axis::new(servo, spiral.cycle, z));
+            (axis.step(z) - z).abs()
+        });
         if i >= first && row > 3 {
             let [a, b, c] = before;
             let differences = [z - a, z - 2.0 * a + b, z - 3.0 * a + 3.0 * b - c];
