@@ -1,11 +1,18 @@
 //! NURBS surfaces: the three algorithms of Brecher et al. against reference figures, which were computed independently
 //! (`fixtures/anchors/nurbs.json`); `terrace inspect --nurbs`; heights of tessellated surfaces against the exact ones.
 
-use serde_json::Value;
-use terrace::nurbs::{Counted, Decoupled, HeightGrid, Inversion, Method, Scalar, Surface, counted};
+use std::path::Path;
 
-use crate::support::fixture;
-use crate::support::nurbs::{HALF, height, knots, net, surface};
+use serde_json::{Value, json};
+use terrace::geom::P2;
+use terrace::job::{Job, Overrides};
+use terrace::nurbs::{Counted, Decoupled, HeightGrid, Inversion, Method, Scalar, Surface, counted};
+use terrace::plan::Inputs;
+use terrace::projection::Tracer;
+
+use crate::support::nurbs::{HALF, chord_error, dish, height, knots, net, patch, ply, surface, tessellated};
+use crate::support::surfaces::write_stl;
+use crate::support::{JobText, fixture, folder, number, said, terrace};
 
 /// The weights and samples of the reference surface: degree 3, distorted, weights from 0.7 to 1.3.
 fn reference() -> (Vec<Vec<f64>>, Vec<Value>) {
@@ -208,4 +215,126 @@ fn weighted_grid_answers_nothing_at_the_rim_and_beside_the_surface() {
         let e = HeightGrid::over(&made, step, kernel).expect_err("no grid");
         assert_eq!(e.diags()[0].code, "nurbs-grid");
     }
+}
+
+#[test]
+fn fixture_files_are_what_their_formulae_give() {
+    let at = |name: &str| fixture("sources/brecher").join(name);
+    let write = std::env::var("FIXTURES").is_ok_and(|v| v == "write");
+    let same = |name: &str, wanted: Vec<u8>| {
+        if write {
+            std::fs::write(at(name), &wanted).expect("a writable file");
+        }
+        assert!(std::fs::read(at(name)).expect("a fixture") == wanted, "{name}: FIXTURES=write makes it again");
+    };
+    same("dish.nurbs.json", dish().into_bytes());
+    same("patch.nurbs.json", patch().into_bytes());
+    same("dish.ply", ply(&tessellated(&loaded("dish.nurbs.json"), 64)));
+}
+
+/// A surface of the fixture.
+fn loaded(name: &str) -> Surface {
+    Surface::load(&fixture("sources/brecher").join(name)).unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn heights_of_a_tessellated_surface_lie_within_its_chord_error_of_the_exact_ones() {
+    let dir = folder();
+    for steps in [8, 32] {
+        for exact in [loaded("dish.nurbs.json"), loaded("patch.nurbs.json"), surface(3, 0.5, None)] {
+            let file = dir.path().join(format!("part-{steps}.stl"));
+            let (corners, facets) = tessellated(&exact, steps);
+            let facets: Vec<[[f64; 3]; 3]> = facets.iter().map(|f| f.map(|i| corners[i as usize])).collect();
+            write_stl(&file, &facets);
+            let allowed = chord_error(&exact, steps);
+            let (worst, count) = worst_height(&file, &exact);
+            // Single precision and whole nanometres are off by some nanometres more.
+            assert!(count > 1000 && worst <= allowed + 5e-6, "{steps}: {worst} of {allowed} mm at {count} places");
+            // The bound is not a wide one: facets bend away by a good part of it.
+            assert!(worst > 0.1 * allowed, "{steps}: {worst} of {allowed} mm");
+        }
+    }
+}
+
+/// The largest difference of the heights that the product finds on a mesh from the exact ones, mm, and at how many
+/// places.
+fn worst_height(mesh: &Path, exact: &Surface) -> (f64, usize) {
+    let job = JobText::on(mesh).texture("pattern = \"hatch\"\npitch = \"10 mm\"").write(mesh.parent().expect("a folder"), "part.toml");
+    let job = Job::load(&job, &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
+    let inputs = Inputs::load(&job).unwrap_or_else(|e| panic!("{e}"));
+    let mut tracer = Tracer::new(&inputs.surface, f64::INFINITY);
+    let mut inversion = Inversion::new(exact, Method::GaussNewton);
+    let [lo, hi] = exact.hull();
+    let nm = |v: f64| (v * 1e6).round() as i64;
+    let (mut worst, mut count) = (0.0f64, 0);
+    for row in 0..60 {
+        let y = lo[1] + (hi[1] - lo[1]) * (f64::from(row) + 0.37) / 60.0;
+        let (a, b) = (P2::new(nm(lo[0]), nm(y)), P2::new(nm(hi[0]), nm(y)));
+        tracer.segment(a, b, |piece| {
+            for t in [piece.t0, 0.5 * (piece.t0 + piece.t1), piece.t1] {
+                let xy = [0, 1].map(|k| [a.mm(), b.mm()].map(|p| p[k])).map(|[from, to]| from + t * (to - from));
+                if let (None, Ok(found)) = (piece.skip, inversion.next(xy)) {
+                    worst = worst.max((piece.z(t) / 1e6 - found.at[2]).abs());
+                    count += 1;
+                }
+            }
+        });
+    }
+    (worst, count)
+}
+
+fn inspected(args: &[&str]) -> Value {
+    let out = terrace([&["inspect", "--nurbs", "--json"], args].concat());
+    assert!(out.status.success(), "{}", said(&out));
+    serde_json::from_slice(&out.stdout).expect("JSON")
+}
+
+#[test]
+fn inspect_shows_degrees_convergence_errors_and_operations_of_a_nurbs_surface() {
+    let path = |name: &str| fixture("sources/brecher").join(name).display().to_string();
+    let found = inspected(&[&path("patch.nurbs.json"), "--grid", "0.2 mm", "--kernel", "0.17 mm"]);
+    assert_eq!((&found["degree"], &found["control_points"]), (&json!([2, 2]), &json!([10, 10])));
+    assert_eq!((&found["rational"], &found["height_map"], &found["decoupled"]), (&json!(true), &json!(true), &json!(false)));
+    let operations = |key: &str| number(&found["operations"], key);
+    assert_eq!(operations("point"), 141.0);
+    assert!((operations("algorithm_ii") / 149.0 - 1.0).abs() < 0.1 && (operations("newton_step") / 561.0 - 1.0).abs() < 0.1);
+    let cold = &found["algorithm_iii"]["cold"];
+    assert!(number(cold, "converged") == 1600.0 && number(cold, "most_steps") <= 5.0 && number(cold, "worst_um") < 1e-4);
+    assert_eq!((number(&found["algorithm_i"], "grid_mm"), number(&found["algorithm_i"], "kernel_mm")), (0.2, 0.17));
+    // On a grid half as wide errors are a quarter.
+    let finer = inspected(&[&path("patch.nurbs.json"), "--grid", "0.1 mm", "--kernel", "0.085 mm"]);
+    let error = |found: &Value| number(&found["algorithm_i"], "worst_um");
+    assert!((error(&found) / error(&finer) - 4.0).abs() < 1.0, "{} {}", error(&found), error(&finer));
+    let dish = inspected(&[&path("dish.nurbs.json")]);
+    assert!(dish["decoupled"] == true && number(&dish["algorithm_ii"], "worst_um") < 1e-9, "{dish}");
+    for rates in [&found["set_points_per_s"], &dish["set_points_per_s"]] {
+        assert!(rates["algorithm_i"].as_f64() > Some(0.0) && rates["algorithm_iii_cold"].as_f64() > Some(0.0), "{rates}");
+    }
+    let out = terrace(["inspect", "--nurbs", &path("dish.nurbs.json")]);
+    for line in ["degrees     3 x 3\n", "decoupled   yes\n", "1600 of 1600 converge, in at most 0 steps", "point 247, I "] {
+        assert!(said(&out).contains(line), "{line}: {}", said(&out));
+    }
+}
+
+#[test]
+fn nurbs_files_that_cannot_be_read_are_refused_with_their_place() {
+    let dir = folder();
+    let file = dir.path().join("a.nurbs.json");
+    let text = patch();
+    for (bad, code, says) in [
+        ("{".into(), "nurbs-file", "a.nurbs.json:1"),
+        (text.replace("\"mm\"", "\"parsec\""), "nurbs-file", "parsec"),
+        (text.replace("\"unit\": \"mm\",", ""), "nurbs-file", "missing field `unit`"),
+        (text.replace("\"knots\"", "\"knotes\""), "nurbs-file", "knotes"),
+        (text.replace("[2, 2]", "[2, 3]"), "nurbs-surface", "knots along v"),
+        (text.replace("[2, 2]", "[-2, 2]"), "nurbs-file", "-2"),
+        (text.replacen("0.85", "-0.85", 1), "nurbs-surface", "is not positive"),
+    ] {
+        std::fs::write(&file, bad).expect("a writable file");
+        let out = terrace([Path::new("inspect"), Path::new("--nurbs"), &file]);
+        assert!(out.status.code() == Some(2) && said(&out).contains(code) && said(&out).contains(says), "{says}: {}", said(&out));
+    }
+    std::fs::write(&file, text).expect("a writable file");
+    let out = terrace([Path::new("inspect"), Path::new("--nurbs"), &file, Path::new("--grid"), Path::new("1 nm")]);
+    assert!(out.status.code() == Some(2) && said(&out).contains("nurbs-grid"), "{}", said(&out));
 }
