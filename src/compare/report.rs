@@ -226,13 +226,7 @@ fn tool_servo(c: &Comparison) -> Option<Table> {
     let mut table = Table::new("Tool servo: what turning the surface needs, and what the drive makes", columns);
     for need in &tool.needs {
         let share = need.limit.map(|limit| 100.0 * need.needed / limit);
-        table.row([
-            need.figure.as_str().into(),
-            need.unit.into(),
-            need.needed.into(),
-            need.limit.into(),
-            share.into(),
-        ]);
+        table.row([need.figure.as_str().into(), need.unit.into(), need.needed.into(), need.limit.into(), share.into()]);
     }
     Some(table)
 }
@@ -259,7 +253,8 @@ fn times(c: &Comparison) -> Plot {
         let is_hatched = !f.keeps_limits();
         Bar { name: if is_hatched { format!("{name} (beyond limits)") } else { name.to_owned() }, parts, is_hatched }
     };
-    let marks = c.rows.iter().filter_map(|row| Some((row.system, row.figures.as_ref().ok().filter(|f| f.tool.is_none())?)));
+    let marks =
+        c.rows.iter().filter_map(|row| Some((row.system, row.figures.as_ref().ok().filter(|f| f.tool.is_none())?)));
     let rows = marks.map(|(name, f)| bar(name, f)).collect();
     Bars { title: "Time".into(), value: Axis::new("time", "s"), parts, rows }.draw()
 }
@@ -329,8 +324,12 @@ pub fn page(c: &Comparison) -> String {
     figures.extend(table("systems").chain(table("deviations")));
     let divided: Vec<Item<'_>> =
         table("decompositions").chain(table("seven-axis-decompositions")).chain(plot("back-off")).collect();
-    let moved: Vec<Item<'_>> =
-        table("convergence").chain(table("tool-servo")).chain(plot("axes")).chain(plot("along")).chain(plot("paths")).collect();
+    let moved: Vec<Item<'_>> = table("convergence")
+        .chain(table("tool-servo"))
+        .chain(plot("axes"))
+        .chain(plot("along"))
+        .chain(plot("paths"))
+        .collect();
     let folds = [
         ("Limits, all figures, and how deviations are spread", &figures),
         ("How motions are divided between scanner and stage", &divided),

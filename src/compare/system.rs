@@ -97,10 +97,5 @@ pub static SYSTEMS: [&System; 12] = [
         start: 5,
     },
     // The surface itself, turned with a fast tool servo.
-    &System {
-        name: "tool-servo",
-        kind: Kind::ToolServo,
-        run: Run::OnTheFly(|f, _| tool_servo::turned(f)),
-        start: 5,
-    },
+    &System { name: "tool-servo", kind: Kind::ToolServo, run: Run::OnTheFly(|f, _| tool_servo::turned(f)), start: 5 },
 ];

@@ -100,9 +100,12 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
             .into());
     };
     let Some(surface) = subject.exact else {
-        return Err(Diag::limit("compare-tool-servo", "the jerk of a tool needs the exact surface, and a mesh is none")
-            .hint("name the NURBS surface of the part with --nurbs FILE")
-            .into());
+        return Err(Diag::limit(
+            "compare-tool-servo",
+            "the jerk of a tool needs the exact surface, and a mesh is none",
+        )
+        .hint("name the NURBS surface of the part with --nurbs FILE")
+        .into());
     };
     let decoupled = Decoupled::of(surface).ok();
     let inversion = Inversion::new(surface, Method::GaussNewton);
@@ -111,13 +114,8 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
     let axis = [0, 1].map(|k| 0.5 * (area.lo[k] + area.hi[k]));
     let marks = follower.path().nodes.iter().filter(|node| node.pen.is_some());
     let radius = marks.map(|node| (node.at[0] - axis[0]).hypot(node.at[1] - axis[1])).fold(0.0, f64::max);
-    let spiral = Spiral {
-        axis,
-        radius,
-        turns: tool.spindle.as_rad_s(),
-        feed: tool.feed.as_mm_s(),
-        cycle: tool.cycle.as_s(),
-    };
+    let spiral =
+        Spiral { axis, radius, turns: tool.spindle.as_rad_s(), feed: tool.feed.as_mm_s(), cycle: tool.cycle.as_s() };
     let time_s = radius / spiral.feed;
     let revolution_s = std::f64::consts::TAU / spiral.turns;
     let all = (time_s / spiral.cycle).floor() as usize + 1;
@@ -213,10 +211,8 @@ pub(super) fn turned(follower: &Follower<'_>) -> Result<Figures, Error> {
 
 /// Time of the full stroke from rest to rest, s, and its top speed, mm/s.
 fn full_stroke(tool: &ToolServo) -> (f64, f64) {
-    let [speed, acceleration] = [
-        tool.speed.map_or(UNLIMITED[0], |v| v.as_mm_s()),
-        tool.acceleration.map_or(UNLIMITED[1], |a| a.as_mm_s2()),
-    ];
+    let [speed, acceleration] =
+        [tool.speed.map_or(UNLIMITED[0], |v| v.as_mm_s()), tool.acceleration.map_or(UNLIMITED[1], |a| a.as_mm_s2())];
     let (length, jerk) = (tool.stroke.as_mm(), tool.jerk_mm_s3());
     let time = rest_to_rest(length, speed, acceleration, Some(jerk));
     // Where the top speed is not kept, the mean is half of it.

@@ -88,8 +88,7 @@ pub fn examine(surface: &Surface, steps: GridSteps) -> Result<Examination, Error
     let [lo, hi] = surface.hull();
     let shorter = (hi[0] - lo[0]).min(hi[1] - lo[1]);
     let grid = HeightGrid::over(surface, steps.step.unwrap_or(shorter / 100.0), steps.kernel)?;
-    let of_grid: Vec<f64> =
-        samples.iter().filter_map(|&[x, y, z]| Some((grid.height([x, y])? - z).abs())).collect();
+    let of_grid: Vec<f64> = samples.iter().filter_map(|&[x, y, z]| Some((grid.height([x, y])? - z).abs())).collect();
     let decoupled = Decoupled::of(surface);
     let decoupled_error = decoupled.as_ref().map_err(Clone::clone).map(|decoupled| {
         let off = |&[x, y, z]: &[f64; 3]| (decoupled.point([x, y])[2] - z).abs();
@@ -121,8 +120,10 @@ pub fn examine(surface: &Surface, steps: GridSteps) -> Result<Examination, Error
 
 /// What an inversion, which tells steps and height, makes of the samples.
 fn convergence(samples: &[[f64; 3]], mut invert: impl FnMut([f64; 2]) -> Option<(usize, f64)>) -> Convergence {
-    let found: Vec<(usize, f64)> =
-        samples.iter().filter_map(|&[x, y, z]| invert([x, y]).map(|(steps, height)| (steps, (height - z).abs()))).collect();
+    let found: Vec<(usize, f64)> = samples
+        .iter()
+        .filter_map(|&[x, y, z]| invert([x, y]).map(|(steps, height)| (steps, (height - z).abs())))
+        .collect();
     Convergence {
         samples: samples.len(),
         converged: found.len(),

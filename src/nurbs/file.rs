@@ -41,10 +41,10 @@ impl Surface {
         let File { unit: Unit::Mm, degree, knots, points, weights } = serde_json::from_slice(&bytes).map_err(|e| {
             let d = Diag::input("nurbs-file", format!("the file is no NURBS surface: {e}"));
             let place = if e.line() > 0 { Place::line(&shown, e.line()) } else { Place::file(&shown) };
-            d.at(place).hint("it is JSON with unit, degree, knots, points and perhaps weights; see docs/cli.md, inspect")
+            d.at(place)
+                .hint("it is JSON with unit, degree, knots, points and perhaps weights; see docs/cli.md, inspect")
         })?;
-        Self::new(degree, knots, &points, weights.as_deref()).map_err(|e| {
-            Error::many(e.diags().iter().map(|d| d.clone().at(Place::file(&shown))).collect())
-        })
+        Self::new(degree, knots, &points, weights.as_deref())
+            .map_err(|e| Error::many(e.diags().iter().map(|d| d.clone().at(Place::file(&shown))).collect()))
     }
 }

@@ -50,7 +50,8 @@ impl HeightGrid {
         kernel: Option<f64>,
         mut height: impl FnMut([f64; 2]) -> f64,
     ) -> Result<Self, Error> {
-        let refused = |text: String| Err(Diag::input("nurbs-grid", text).hint("a hundredth of the part is usual").into());
+        let refused =
+            |text: String| Err(Diag::input("nurbs-grid", text).hint("a hundredth of the part is usual").into());
         let kernel = kernel.unwrap_or(KERNEL * step);
         if !(step > 0.0 && step.is_finite() && kernel > 0.0 && kernel.is_finite()) {
             return refused("the distance of the grid's nodes, or its kernel, is not positive".into());

@@ -11,8 +11,8 @@
 //! to rounding. Units: mm. Frame: that of the file.
 //!
 //! # Source
-//! C. Brecher et al., NURBS based online trajectory generation for a fast tool servo (eq. 2 to 7); basis functions by L.
-//! Piegl, W. Tiller, The NURBS Book (1997), A2.2 and A4.4.
+//! Brecher et al., online trajectory generation from NURBS surfaces for a fast tool servo, eq. 2 to 7 (`docs/references.md`);
+//! basis functions by L. Piegl, W. Tiller, The NURBS Book (1997), A2.2 and A4.4.
 
 mod basis;
 mod decoupled;

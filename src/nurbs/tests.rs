@@ -54,7 +54,9 @@ fn heights_of_a_cylinder_are_those_of_its_circle_and_none_is_found_beside_it() {
         for x in [-9.5, -7.0, -2.0, -0.5] {
             // Full Newton steps may go astray, and say so.
             match inversion.next([x, 8.0]) {
-                Ok(found) => assert!((found.at[2] - (100.0f64 - x * x).sqrt()).abs() < 1e-8, "{method:?} {x}: {found:?}"),
+                Ok(found) => {
+                    assert!((found.at[2] - (100.0f64 - x * x).sqrt()).abs() < 1e-8, "{method:?} {x}: {found:?}")
+                }
                 Err(e) => assert!(method == Method::Newton && e.off > 1e-9, "{method:?} {x}: {e:?}"),
             }
         }

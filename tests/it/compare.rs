@@ -457,7 +457,10 @@ fn tool_servo_beyond_its_drive_is_named_with_the_figure_that_it_does_not_reach()
     let system = &found["verdict"]["systems"][1];
     assert_eq!(system["standing"], "beyond-limits");
     let reasons = system["reasons"].to_string();
-    assert!(reasons.contains("stroke of ") && reasons.contains("jerk of ") && reasons.contains("m/s3 allowed"), "{reasons}");
+    assert!(
+        reasons.contains("stroke of ") && reasons.contains("jerk of ") && reasons.contains("m/s3 allowed"),
+        "{reasons}"
+    );
 }
 
 #[test]
@@ -506,6 +509,10 @@ fn jerk_of_a_tool_servo_is_stated_once() {
     ] {
         std::fs::write(&file, bad).expect("a writable file");
         let out = terrace([Path::new("compare"), &job]);
-        assert!(out.status.code() == Some(2) && said(&out).contains(code) && said(&out).contains(says), "{}", said(&out));
+        assert!(
+            out.status.code() == Some(2) && said(&out).contains(code) && said(&out).contains(says),
+            "{}",
+            said(&out)
+        );
     }
 }

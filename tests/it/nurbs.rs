@@ -26,8 +26,9 @@ fn reference() -> (Vec<Vec<f64>>, Vec<Value>) {
 fn cases() -> Vec<(String, Surface)> {
     let (weights, _) = reference();
     let of = |degree: usize| {
-        [(0.0, None), (0.5, None), (1.0, Some(weights.as_slice()))]
-            .map(|(strength, weights)| (format!("degree {degree}, warp {strength}"), surface(degree, strength, weights)))
+        [(0.0, None), (0.5, None), (1.0, Some(weights.as_slice()))].map(|(strength, weights)| {
+            (format!("degree {degree}, warp {strength}"), surface(degree, strength, weights))
+        })
     };
     [2, 3].into_iter().flat_map(of).collect()
 }
@@ -259,7 +260,9 @@ fn heights_of_a_tessellated_surface_lie_within_its_chord_error_of_the_exact_ones
 /// The largest difference of the heights that the product finds on a mesh from the exact ones, mm, and at how many
 /// places.
 fn worst_height(mesh: &Path, exact: &Surface) -> (f64, usize) {
-    let job = JobText::on(mesh).texture("pattern = \"hatch\"\npitch = \"10 mm\"").write(mesh.parent().expect("a folder"), "part.toml");
+    let job = JobText::on(mesh)
+        .texture("pattern = \"hatch\"\npitch = \"10 mm\"")
+        .write(mesh.parent().expect("a folder"), "part.toml");
     let job = Job::load(&job, &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
     let inputs = Inputs::load(&job).unwrap_or_else(|e| panic!("{e}"));
     let mut tracer = Tracer::new(&inputs.surface, f64::INFINITY);
@@ -294,12 +297,19 @@ fn inspect_shows_degrees_convergence_errors_and_operations_of_a_nurbs_surface() 
     let path = |name: &str| fixture("sources/brecher").join(name).display().to_string();
     let found = inspected(&[&path("patch.nurbs.json"), "--grid", "0.2 mm", "--kernel", "0.17 mm"]);
     assert_eq!((&found["degree"], &found["control_points"]), (&json!([2, 2]), &json!([10, 10])));
-    assert_eq!((&found["rational"], &found["height_map"], &found["decoupled"]), (&json!(true), &json!(true), &json!(false)));
+    assert_eq!(
+        (&found["rational"], &found["height_map"], &found["decoupled"]),
+        (&json!(true), &json!(true), &json!(false))
+    );
     let operations = |key: &str| number(&found["operations"], key);
     assert_eq!(operations("point"), 141.0);
-    assert!((operations("algorithm_ii") / 149.0 - 1.0).abs() < 0.1 && (operations("newton_step") / 561.0 - 1.0).abs() < 0.1);
+    assert!(
+        (operations("algorithm_ii") / 149.0 - 1.0).abs() < 0.1 && (operations("newton_step") / 561.0 - 1.0).abs() < 0.1
+    );
     let cold = &found["algorithm_iii"]["cold"];
-    assert!(number(cold, "converged") == 1600.0 && number(cold, "most_steps") <= 5.0 && number(cold, "worst_um") < 1e-4);
+    assert!(
+        number(cold, "converged") == 1600.0 && number(cold, "most_steps") <= 5.0 && number(cold, "worst_um") < 1e-4
+    );
     assert_eq!((number(&found["algorithm_i"], "grid_mm"), number(&found["algorithm_i"], "kernel_mm")), (0.2, 0.17));
     // On a grid half as wide errors are a quarter.
     let finer = inspected(&[&path("patch.nurbs.json"), "--grid", "0.1 mm", "--kernel", "0.085 mm"]);
@@ -308,10 +318,15 @@ fn inspect_shows_degrees_convergence_errors_and_operations_of_a_nurbs_surface() 
     let dish = inspected(&[&path("dish.nurbs.json")]);
     assert!(dish["decoupled"] == true && number(&dish["algorithm_ii"], "worst_um") < 1e-9, "{dish}");
     for rates in [&found["set_points_per_s"], &dish["set_points_per_s"]] {
-        assert!(rates["algorithm_i"].as_f64() > Some(0.0) && rates["algorithm_iii_cold"].as_f64() > Some(0.0), "{rates}");
+        assert!(
+            rates["algorithm_i"].as_f64() > Some(0.0) && rates["algorithm_iii_cold"].as_f64() > Some(0.0),
+            "{rates}"
+        );
     }
     let out = terrace(["inspect", "--nurbs", &path("dish.nurbs.json")]);
-    for line in ["degrees     3 x 3\n", "decoupled   yes\n", "1600 of 1600 converge, in at most 0 steps", "point 247, I "] {
+    for line in
+        ["degrees     3 x 3\n", "decoupled   yes\n", "1600 of 1600 converge, in at most 0 steps", "point 247, I "]
+    {
         assert!(said(&out).contains(line), "{line}: {}", said(&out));
     }
 }
@@ -332,7 +347,11 @@ fn nurbs_files_that_cannot_be_read_are_refused_with_their_place() {
     ] {
         std::fs::write(&file, bad).expect("a writable file");
         let out = terrace([Path::new("inspect"), Path::new("--nurbs"), &file]);
-        assert!(out.status.code() == Some(2) && said(&out).contains(code) && said(&out).contains(says), "{says}: {}", said(&out));
+        assert!(
+            out.status.code() == Some(2) && said(&out).contains(code) && said(&out).contains(says),
+            "{says}: {}",
+            said(&out)
+        );
     }
     std::fs::write(&file, text).expect("a writable file");
     let out = terrace([Path::new("inspect"), Path::new("--nurbs"), &file, Path::new("--grid"), Path::new("1 nm")]);

@@ -72,7 +72,10 @@ fn text(surface: &Surface, found: &Examination, rates: &Rates) -> String {
         }
     };
     let how = |c: &Convergence| {
-        format!("{} of {} converge, in at most {} steps, {:.2} on average", c.converged, c.samples, c.most_steps, c.mean_steps)
+        format!(
+            "{} of {} converge, in at most {} steps, {:.2} on average",
+            c.converged, c.samples, c.most_steps, c.mean_steps
+        )
     };
     let millions = |rate: f64| format!("{:.2}", rate / 1e6);
     let of_ii = rates.decoupled.map_or(String::new(), |rate| format!("II {}, ", millions(rate)));

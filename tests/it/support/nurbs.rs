@@ -39,11 +39,18 @@ pub fn greville(degree: usize, knots: &[f64]) -> Vec<f64> {
 }
 
 /// The net over a square of ±`half` mm that passes through the height at the Greville abscissae while all weights are 1.
-pub fn net(degree: usize, count: usize, half: f64, warp: &Warp, height: &dyn Fn([f64; 2]) -> f64) -> Vec<Vec<[f64; 3]>> {
+pub fn net(
+    degree: usize,
+    count: usize,
+    half: f64,
+    warp: &Warp,
+    height: &dyn Fn([f64; 2]) -> f64,
+) -> Vec<Vec<[f64; 3]>> {
     let knots = knots(degree, count);
     let at = greville(degree, &knots);
     let place = |i: usize| half * (2.0 * at[i] - 1.0);
-    let plan: Vec<Vec<[f64; 2]>> = (0..count).map(|i| (0..count).map(|j| warp([place(i), place(j)])).collect()).collect();
+    let plan: Vec<Vec<[f64; 2]>> =
+        (0..count).map(|i| (0..count).map(|j| warp([place(i), place(j)])).collect()).collect();
     // Values of the basis functions at the abscissae: those of a curve whose control points are unit vectors.
     let basis = DMatrix::from_fn(count, count, |row, k| {
         let points: Vec<Vec<[f64; 3]>> = (0..count).map(|i| vec![[0.0, 0.0, f64::from(i == k)]; 2]).collect();
@@ -84,9 +91,8 @@ pub fn file(degree: usize, points: &[Vec<[f64; 3]>], weights: Option<&[Vec<f64>]
 
 /// The dish of `fixtures/sources/brecher`: 32 x 32 mm, waves of 0.4 mm on a bulge; degree 3, decoupled.
 pub fn dish() -> String {
-    let height = |[x, y]: [f64; 2]| {
-        0.2 * (2.0 * PI * x / 10.0).cos() * (2.0 * PI * y / 12.0).cos() - 0.004 * (x * x + y * y)
-    };
+    let height =
+        |[x, y]: [f64; 2]| 0.2 * (2.0 * PI * x / 10.0).cos() * (2.0 * PI * y / 12.0).cos() - 0.004 * (x * x + y * y);
     let mut points = net(3, 16, 16.0, &|p| p, &height);
     // As many digits of the height as a part has; x and y whole, or the net would not be decoupled.
     points.iter_mut().flatten().for_each(|p| p[2] = (p[2] * 1e6).round() / 1e6);
@@ -113,7 +119,8 @@ pub fn tessellated(surface: &Surface, steps: usize) -> (Vec<[f64; 3]>, Vec<[u32;
         let [lo, hi] = surface.range()[k];
         lo + (hi - lo) * i as f64 / steps as f64
     };
-    let corners = (0..=steps).flat_map(|j| (0..=steps).map(move |i| (i, j))).map(|(i, j)| surface.point([at(0, i), at(1, j)]));
+    let corners =
+        (0..=steps).flat_map(|j| (0..=steps).map(move |i| (i, j))).map(|(i, j)| surface.point([at(0, i), at(1, j)]));
     let corner = |i: usize, j: usize| (j * (steps + 1) + i) as u32;
     let cells = (0..steps).flat_map(|j| (0..steps).map(move |i| (i, j)));
     let facets = cells.flat_map(|(i, j)| {
