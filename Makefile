@@ -33,7 +33,7 @@ check:
 	$(CARGO) clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps --document-private-items
 
-# Speed and memory on three sizes, speed of the writers, of the pictures and of reading drawings, stops against their lower bounds, quality of orders, on the fly; prints tables.
+# Speed and memory on three sizes, speed of the writers, of the pictures and of reading drawings, stops against their lower bounds, quality of orders, on the fly, heights of NURBS surfaces; prints tables.
 bench:
 	$(CARGO) bench --bench job
 	$(CARGO) bench --bench emit
@@ -43,6 +43,7 @@ bench:
 	$(CARGO) bench --bench on_the_fly
 	$(CARGO) bench --bench compare
 	$(CARGO) bench --bench texture
+	$(CARGO) bench --bench nurbs
 
 # The table of docs/method.md: every method on real parts of ../shared, each result verified; some minutes.
 method-table:

@@ -14,6 +14,7 @@ pub mod job_folder;
 pub mod machine;
 pub mod manifest;
 pub mod motion;
+pub mod nurbs;
 pub mod on_the_fly;
 pub mod order;
 pub mod parallel;

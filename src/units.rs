@@ -107,7 +107,7 @@ quantity!(
 quantity!(
     /// An angular speed; base unit deg/s.
     AngularSpeed, "angular speed", "deg/s", "20 deg/s",
-    ["deg/s" => 1.0, "°/s" => 1.0, "rad/s" => 180.0 / std::f64::consts::PI]);
+    ["deg/s" => 1.0, "°/s" => 1.0, "rad/s" => 180.0 / std::f64::consts::PI, "1/min" => 6.0, "rpm" => 6.0]);
 quantity!(
     /// An angular acceleration; base unit deg/s².
     AngularAcceleration, "angular acceleration", "deg/s2", "100 deg/s2",
@@ -126,6 +126,22 @@ quantity!(
     /// An absolute laser power; base unit W. What a pen asks for is a [`Power`].
     Watts, "power", "W", "14 W",
     ["mW" => 1e-3, "W" => 1.0, "kW" => 1e3]);
+quantity!(
+    /// A voltage; base unit V.
+    Voltage, "voltage", "V", "50 V",
+    ["mV" => 1e-3, "V" => 1.0, "kV" => 1e3]);
+quantity!(
+    /// An inductance; base unit mH.
+    Inductance, "inductance", "mH", "14 mH",
+    ["uH" => 1e-3, "µH" => 1e-3, "mH" => 1.0, "H" => 1e3]);
+quantity!(
+    /// A force constant of a motor; base unit N/A.
+    ForceConstant, "force constant", "N/A", "60 N/A",
+    ["N/A" => 1.0]);
+quantity!(
+    /// A mass; base unit kg.
+    Mass, "mass", "kg", "1.6 kg",
+    ["g" => 1e-3, "kg" => 1.0]);
 
 quantity!(
     /// A share of a whole; base unit %.
@@ -249,6 +265,34 @@ impl Frequency {
     }
     /// The rate in kHz.
     pub const fn as_khz(self) -> f64 {
+        self.0
+    }
+}
+
+impl Voltage {
+    /// The voltage in V.
+    pub const fn as_v(self) -> f64 {
+        self.0
+    }
+}
+
+impl Inductance {
+    /// The inductance in H.
+    pub const fn as_h(self) -> f64 {
+        self.0 * 1e-3
+    }
+}
+
+impl ForceConstant {
+    /// The force constant in N/A.
+    pub const fn as_n_a(self) -> f64 {
+        self.0
+    }
+}
+
+impl Mass {
+    /// The mass in kg.
+    pub const fn as_kg(self) -> f64 {
         self.0
     }
 }

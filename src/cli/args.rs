@@ -149,7 +149,7 @@ pub enum Command {
         job: PathBuf,
     },
     /// Estimate the same job on several systems: stepped by each method, flat, with a zoom optic, tilted, scanner and
-    /// stage synchronised, five and seven axes; times, deviations and seams side by side.
+    /// stage synchronised, five and seven axes, and a fast tool servo; times, deviations and seams side by side.
     Compare {
         /// Job file, or - for standard input.
         job: PathBuf,
@@ -160,6 +160,9 @@ pub enum Command {
         /// the field; accumulated: eq. 5 of Cui et al., which does not keep it in the field; off: not limited).
         #[arg(long, default_value = "saturate", value_name = "NAME", value_parser = one_of(&Protection::ALL, Protection::name))]
         protection: Protection,
+        /// The exact surface of the placed part, as a NURBS file (docs/cli.md, inspect): the system tool-servo needs it.
+        #[arg(long, value_name = "FILE")]
+        nurbs: Option<PathBuf>,
         /// Folder to write tables and pictures to.
         #[arg(short, long, value_name = "FOLDER")]
         output: Option<PathBuf>,
@@ -201,6 +204,15 @@ pub enum Command {
         /// Unit of a surface file that carries none; default: sizes are printed without a unit.
         #[arg(long, value_parser = one_of(&FileUnit::ALL, FileUnit::name))]
         unit: Option<FileUnit>,
+        /// The file is a NURBS surface (JSON): examine it and the three algorithms for its height.
+        #[arg(long, conflicts_with = "unit")]
+        nurbs: bool,
+        /// Distance of the nodes of algorithm I's grid; default: a hundredth of the shorter side.
+        #[arg(long, value_name = "LENGTH", requires = "nurbs")]
+        grid: Option<Length>,
+        /// Kernel k of algorithm I's weights; default: 0.9 of the distance of the nodes.
+        #[arg(long, value_name = "LENGTH", requires = "nurbs")]
+        kernel: Option<Length>,
     },
     /// Convert a STEP or IGES file into facets within a chord tolerance, and write them as PLY in mm. A job can name the
     /// STEP or IGES file itself: its chord tolerance is then a tenth of focus.pdof.

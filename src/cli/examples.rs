@@ -112,6 +112,7 @@ pub const EXAMPLES: [(&str, &[Example]); 18] = [
             ("terrace inspect part.stl --unit mm", "Size and place of a surface"),
             ("terrace inspect leather.svg", "Size and strokes of a drawing"),
             ("terrace inspect job.job", "What a job folder holds"),
+            ("terrace inspect --nurbs dish.nurbs.json", "A NURBS surface and the ways to its height"),
         ],
     ),
     (

@@ -29,7 +29,9 @@ use crate::diag::{Diag, Error, Failure, Kind, Place};
 use crate::job::{self, Job, Mode, Overrides};
 use crate::job_folder::{self, Durability};
 use crate::machine::{Machine, PROFILES};
+use crate::nurbs::{GridSteps, Surface};
 use crate::plan::{self, Plan};
+use crate::units::Length;
 use crate::verify;
 use args::{Args, Choice, Command};
 use steps::Steps;
@@ -134,7 +136,7 @@ fn run(args: &Args) -> Result<u8, Error> {
             steps.done();
             print(&if args.json { show::json(&orient::json(&found)) } else { orient::text(&found) })?;
         }
-        Command::Compare { job, systems, protection, output } => {
+        Command::Compare { job, systems, protection, nurbs: exact, output } => {
             if let Some(folder) = output {
                 compare::may_be_replaced(folder)?;
             }
@@ -145,7 +147,8 @@ fn run(args: &Args) -> Result<u8, Error> {
                 begins: &|name| steps.rename(format!("comparing {} systems, now {name}", asked.len())),
                 percent: &|percent| steps.percent(percent),
             };
-            let found = crate::compare::compare(&job, asked, *protection, progress)?;
+            let exact = exact.as_deref().map(Surface::load).transpose()?;
+            let found = crate::compare::compare(&job, asked, *protection, exact.as_ref(), progress)?;
             steps.done();
             warn(args, &found.warnings);
             if let Some(folder) = output {
@@ -158,10 +161,15 @@ fn run(args: &Args) -> Result<u8, Error> {
         }
         Command::Resume { folder, left, output } => resume::run(args, folder, left, output)?,
         Command::Batch(asked) => return batch::run(args, asked),
-        Command::Inspect { file, unit } => {
+        Command::Inspect { file, unit, nurbs, grid, kernel } => {
             let steps = Steps::new(args.quiet);
             steps.begin(format!("reading {}", file.display()));
-            let shown = inspect::inspect(file, *unit)?;
+            let shown = if *nurbs {
+                let [step, kernel] = [grid, kernel].map(|length| length.map(Length::as_mm));
+                inspect::nurbs(file, GridSteps { step, kernel })?
+            } else {
+                inspect::inspect(file, *unit)?
+            };
             steps.done();
             warn(args, &shown.warnings);
             print(&if args.json { show::json(&shown.json) } else { shown.text })?;

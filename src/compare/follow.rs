@@ -4,7 +4,7 @@ use super::filters::{FAMILIES, filters};
 use super::{Beyond, Curves, Figures, Hardware, Split, Subject, marked, path_of};
 use crate::block_map::BlockMap;
 use crate::diag::Error;
-use crate::geom::{BoxMm, NM_PER_MM, mm_from_nm};
+use crate::geom::{Box2, BoxMm, NM_PER_MM, mm_from_nm};
 use crate::job::Mode;
 use crate::machine::{Commanded, Machine};
 use crate::motion::stage_move;
@@ -61,6 +61,22 @@ impl<'a> Follower<'a> {
     /// Length of the marks, every pass of the pens counted.
     pub(super) fn mark_mm(&self) -> f64 {
         self.mark_mm
+    }
+
+    /// What all systems share.
+    pub(super) fn subject(&self) -> &Subject<'a> {
+        self.subject
+    }
+
+    /// The beam's path over the part.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The box of the texture, mm.
+    pub(super) fn texture(&self) -> BoxMm<2> {
+        let Box2 { lo, hi } = self.whole.texture;
+        BoxMm::of([lo.mm(), hi.mm()])
     }
 
     /// The job's machine as one of seven axes; None where it is none.

@@ -1,5 +1,5 @@
 //! Estimates of the same job on every system, side by side: stepping in all its variants, zoom optics, tilting, scanner
-//! and stage synchronised, five and seven axes on the fly.
+//! and stage synchronised, five and seven axes on the fly; and, for reference, turning the surface with a tool servo.
 //!
 //! Consumes a job; promises for every system its time split in parts, its stops, how far marks lie out of focus and out
 //! of the beam's angle, and which share of them keeps the job's limits. Stepped systems are compiled as jobs are; the
@@ -14,6 +14,7 @@ mod follow;
 mod report;
 mod stepped;
 mod system;
+mod tool_servo;
 mod verdict;
 
 pub use filters::Filter;
@@ -21,6 +22,7 @@ use follow::Follower;
 pub use report::{overview, page, plots, tables};
 use system::Run;
 pub use system::{SYSTEMS, System};
+pub use tool_servo::{Need, ToolFigures};
 pub use verdict::{Standing, Verdict};
 
 use std::ops::Range;
@@ -32,6 +34,7 @@ use crate::geom::Nm;
 use crate::job::{Job, Method};
 use crate::machine::{Commanded, Cost, Machine};
 use crate::motion::stage_move;
+use crate::nurbs;
 use crate::on_the_fly::axes::following_error::Protection;
 use crate::on_the_fly::axes::kinematics::Deviation;
 use crate::on_the_fly::decompose::Limits;
@@ -121,6 +124,8 @@ pub enum Beyond {
     Displacement([f64; 2]),
     /// No motion of z keeps all marks in focus.
     TooSharp,
+    /// What the drive of a tool servo does not make: which figure, its unit, what is needed and what there is.
+    Drive(&'static str, &'static str, [f64; 2]),
     /// Axes that need more travel than they have, and how much.
     Travel(String),
 }
@@ -169,6 +174,8 @@ pub struct Figures {
     pub beyond: Vec<Beyond>,
     /// It runs slower than the pens do, and z is the axis that cannot go faster.
     pub is_held_by_z: bool,
+    /// What a tool servo must do; of all other systems None.
+    pub tool: Option<ToolFigures>,
     /// What the figures take for granted or leave out.
     pub notes: Vec<String>,
 }
@@ -275,6 +282,8 @@ struct Subject<'a> {
     protection: Protection,
     /// Time of a stage move by the width of the field, s.
     move_s: f64,
+    /// The exact surface, where it is given.
+    exact: Option<&'a nurbs::Surface>,
     /// The job by the method that most systems go by, planned once.
     z_range: OnceLock<Result<SteppedPlan, Error>>,
 }
@@ -298,7 +307,7 @@ pub struct Progress<'a> {
 /// How far apart nodes of a path may lie: this part of the field, or of the texture where that is smaller.
 const NODES: f64 = 40.0;
 
-/// Compares the systems.
+/// Compares the systems; `exact` is the surface of the part, which a tool servo needs.
 ///
 /// # Errors
 /// Those of the job itself; a system that cannot do it says so in its row.
@@ -306,6 +315,7 @@ pub fn compare(
     job: &Job,
     systems: &[&'static System],
     protection: Protection,
+    exact: Option<&nurbs::Surface>,
     progress: Progress<'_>,
 ) -> Result<Comparison, Error> {
     let [reading, ordering, measuring] = Task::new(progress.percent).split([2, 1, 17]);
@@ -338,6 +348,7 @@ pub fn compare(
         size,
         protection,
         move_s: across.travel_s + across.settle_s,
+        exact,
         z_range: OnceLock::new(),
     };
     let follower = Follower::new(&subject, &whole);
@@ -348,7 +359,8 @@ pub fn compare(
     for (&system, (mut figures, more)) in systems.iter().zip(found) {
         curves.add(more);
         if let Ok(figures) = &mut figures {
-            figures.notes.extend(left_out(figures.marked_mm, marked_mm));
+            let marks = figures.tool.is_none().then_some(figures.marked_mm);
+            figures.notes.extend(marks.and_then(|own| left_out(own, marked_mm)));
         }
         rows.push(Row { system: system.name, figures });
     }

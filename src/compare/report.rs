@@ -30,8 +30,8 @@ pub fn overview(c: &Comparison) -> Table {
                 f.hardware.label(&c.machine).into(),
                 f.counted_s(c.by_hand).into(),
                 if c.cost.is_some() { c.cost_of(f).into() } else { f.stops.into() },
-                f.focus_um.worst.into(),
-                f.incidence_deg.worst.into(),
+                f.of_marks(f.focus_um.worst).into(),
+                f.of_marks(f.incidence_deg.worst).into(),
             ]),
             Err(_) => cells.resize(width - 1, Cell::Missing),
         }
@@ -95,8 +95,9 @@ fn figures(c: &Comparison, f: &Figures) -> Vec<Cell> {
     let mut cells: Vec<Cell> = vec![f.hardware.label(&c.machine).into()];
     cells.extend([Some(t.total()), f.by_hand_s, f.model_s].map(Cell::from));
     cells.extend(t.parts().map(|(_, s)| Cell::from(s)));
-    cells.extend([f.stops.into(), f.speed.into(), (f.marked_mm / 1000.0).into()]);
-    cells.extend([f.focus_um.worst, f.incidence_deg.worst, f.displacement_mm.worst].map(Cell::from));
+    cells.extend([f.stops.into(), f.speed.into(), f.of_marks(f.marked_mm / 1000.0).into()]);
+    let worst = [f.focus_um.worst, f.incidence_deg.worst, f.displacement_mm.worst];
+    cells.extend(worst.map(|v| Cell::from(f.of_marks(v))));
     cells.extend([f.spot_error_um.map(|s| s.worst).into(), f.within.into()]);
     cells.extend([f.seam_mm.into(), f.stitch_um.into(), (f.stage_travel_mm / 1000.0).into()]);
     cells.extend(c.cost.map(|_| Cell::from(c.cost_of(f))));
@@ -115,9 +116,9 @@ fn deviations(c: &Comparison) -> Option<Table> {
     let mut any = false;
     for (system, f) in c.rows.iter().filter_map(|r| Some((r.system, r.figures.as_ref().ok()?))) {
         let spreads = [
-            ("FOD", "um", Some(f.focus_um)),
-            ("BIA", "deg", Some(f.incidence_deg)),
-            ("displacement", "mm", Some(f.displacement_mm)),
+            ("FOD", "um", f.of_marks(f.focus_um)),
+            ("BIA", "deg", f.of_marks(f.incidence_deg)),
+            ("displacement", "mm", f.of_marks(f.displacement_mm)),
             ("stage lag", "um", f.stage_lag_um),
             ("focus lag", "um", f.focus_lag_um),
             ("spot error", "um", f.spot_error_um),
@@ -207,8 +208,27 @@ pub fn tables(c: &Comparison) -> Vec<(&'static str, Table)> {
         ("decompositions", decompositions(c)),
         ("seven-axis-decompositions", shared(c)),
         ("convergence", convergence(c)),
+        ("tool-servo", tool_servo(c)),
     ];
     all.into_iter().filter_map(|(name, table)| Some((name, table?))).collect()
+}
+
+/// What a tool servo must do and what it can; None where there is none.
+fn tool_servo(c: &Comparison) -> Option<Table> {
+    let tool = c.rows.iter().find_map(|row| row.figures.as_ref().ok()?.tool.as_ref())?;
+    let columns = vec![
+        Column::text("figure"),
+        Column::text("unit"),
+        Column::number("needed", "", 3),
+        Column::number("limit", "", 3),
+        Column::number("of the limit", "%", 1),
+    ];
+    let mut table = Table::new("Tool servo: what turning the surface needs, and what the drive makes", columns);
+    for need in &tool.needs {
+        let share = need.limit.map(|limit| 100.0 * need.needed / limit);
+        table.row([need.figure.as_str().into(), need.unit.into(), need.needed.into(), need.limit.into(), share.into()]);
+    }
+    Some(table)
 }
 
 /// How the least time of seven axes converges on finer grids; None where they were not asked for.
@@ -233,7 +253,9 @@ fn times(c: &Comparison) -> Plot {
         let is_hatched = !f.keeps_limits();
         Bar { name: if is_hatched { format!("{name} (beyond limits)") } else { name.to_owned() }, parts, is_hatched }
     };
-    let rows = c.rows.iter().filter_map(|row| Some(bar(row.system, row.figures.as_ref().ok()?))).collect();
+    let marks =
+        c.rows.iter().filter_map(|row| Some((row.system, row.figures.as_ref().ok().filter(|f| f.tool.is_none())?)));
+    let rows = marks.map(|(name, f)| bar(name, f)).collect();
     Bars { title: "Time".into(), value: Axis::new("time", "s"), parts, rows }.draw()
 }
 
@@ -302,8 +324,12 @@ pub fn page(c: &Comparison) -> String {
     figures.extend(table("systems").chain(table("deviations")));
     let divided: Vec<Item<'_>> =
         table("decompositions").chain(table("seven-axis-decompositions")).chain(plot("back-off")).collect();
-    let moved: Vec<Item<'_>> =
-        table("convergence").chain(plot("axes")).chain(plot("along")).chain(plot("paths")).collect();
+    let moved: Vec<Item<'_>> = table("convergence")
+        .chain(table("tool-servo"))
+        .chain(plot("axes"))
+        .chain(plot("along"))
+        .chain(plot("paths"))
+        .collect();
     let folds = [
         ("Limits, all figures, and how deviations are spread", &figures),
         ("How motions are divided between scanner and stage", &divided),

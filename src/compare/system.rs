@@ -3,7 +3,7 @@
 //! A system is a function from what all systems share to its figures, and a row here.
 
 use super::follow::Follower;
-use super::{Curves, Figures, Subject, stepped};
+use super::{Curves, Figures, Subject, stepped, tool_servo};
 use crate::diag::Error;
 use crate::job::Method;
 use crate::on_the_fly::decompose::Family;
@@ -34,6 +34,8 @@ pub(super) enum Kind {
     SevenAxes,
     /// Five stage axes alone.
     FiveAxes,
+    /// Another process: a fast tool servo turns the surface.
+    ToolServo,
 }
 
 /// A way of marking a part.
@@ -49,7 +51,7 @@ pub struct System {
 }
 
 /// All systems, in the order of the table.
-pub static SYSTEMS: [&System; 11] = [
+pub static SYSTEMS: [&System; 12] = [
     // Fields side by side, one focal plane each.
     &System { name: "flat", kind: Kind::Stepped, run: Run::Stepped(stepped::flat), start: 1 },
     // The methods of partition.
@@ -94,4 +96,6 @@ pub static SYSTEMS: [&System; 11] = [
         run: Run::OnTheFly(|f, c| f.turning(ToolPath::OnTheMark, c)),
         start: 5,
     },
+    // The surface itself, turned with a fast tool servo.
+    &System { name: "tool-servo", kind: Kind::ToolServo, run: Run::OnTheFly(|f, _| tool_servo::turned(f)), start: 5 },
 ];

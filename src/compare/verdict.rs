@@ -32,6 +32,8 @@ pub enum Standing {
     OtherHardware,
     /// Keeps all limits on the job's machine, but `compile` does not make it.
     EstimateOnly,
+    /// Keeps the limits of its drive, and marks nothing: it makes the surface.
+    OtherProcess,
     /// Some marks, or the motion, do not keep the limits.
     BeyondLimits,
     /// There are no figures of it.
@@ -88,6 +90,7 @@ impl Verdict {
             Standing::Recommended => "recommended".to_owned(),
             Standing::Usable | Standing::OtherHardware => compared(),
             Standing::EstimateOnly => format!("{}, estimate only", compared()),
+            Standing::OtherProcess => "another process: turns the surface, marks nothing".to_owned(),
             Standing::BeyondLimits => format!("not usable: {}", reasons.join("; ")),
             Standing::DoesNotApply => format!("does not apply: {}", reasons.join("; ")),
         }
@@ -130,12 +133,14 @@ impl<'a> Rows<'a> {
             }
             Ok(_) if best.is_some_and(|best| best.system == row.system) => (Standing::Recommended, Vec::new()),
             Ok(f) if !f.keeps_limits() => (Standing::BeyondLimits, f.beyond.iter().map(Beyond::to_string).collect()),
+            Ok(f) if f.tool.is_some() => (Standing::OtherProcess, Vec::new()),
             Ok(f) if f.hardware != Hardware::Own => (Standing::OtherHardware, Vec::new()),
             Ok(f) if f.job_key.is_none() => (Standing::EstimateOnly, Vec::new()),
             Ok(_) => (Standing::Usable, Vec::new()),
         };
         let time_s = row.figures.as_ref().ok().map(|f| f.counted_s(self.0.by_hand));
-        let times_the_recommended = time_s.zip(best).map(|(time_s, best)| time_s / best.time_s);
+        let marks = row.figures.as_ref().is_ok_and(|f| f.tool.is_none());
+        let times_the_recommended = time_s.filter(|_| marks).zip(best).map(|(time_s, best)| time_s / best.time_s);
         Assessed { system: row.system, standing, time_s, times_the_recommended, reasons }
     }
 
@@ -151,6 +156,11 @@ impl<'a> Rows<'a> {
                 out.push(said(other, best));
             }
         }
+        let turned = self.timed().find(|t| t.kind == Kind::ToolServo && t.figures.keeps_limits());
+        out.extend(turned.map(|t| {
+            let time = duration(t.time_s);
+            format!("A fast tool servo turns the surface in {time}: another process, which marks no texture.")
+        }));
         out.extend(self.beyond_limits());
         out.extend(self.not_applicable());
         out
@@ -165,6 +175,7 @@ impl<'a> Rows<'a> {
             Kind::OnTheFly => "Mark on the fly".to_owned(),
             Kind::SevenAxes => "Mark on the fly with seven axes".to_owned(),
             Kind::FiveAxes => "Mark with five axes".to_owned(),
+            Kind::ToolServo => unreachable!("no job key asks for it"),
         };
         let cost = self.0.cost_of(best.figures).zip(self.0.cost);
         let cost = cost.map_or(String::new(), |(v, cost)| format!(", {} {}", plain(v, 2), cost.currency()));
@@ -265,6 +276,7 @@ fn subject(t: Timed<'_>) -> (String, bool) {
         (Kind::OnTheFly, _) => "Marking on the fly".to_owned(),
         (Kind::SevenAxes, _) => "Seven axes".to_owned(),
         (Kind::FiveAxes, _) => "Five axes".to_owned(),
+        (Kind::ToolServo, _) => "A fast tool servo".to_owned(),
     };
     let whose = match t.figures.hardware {
         Hardware::Own => String::new(),
@@ -358,6 +370,10 @@ impl fmt::Display for Beyond {
             }
             Self::TooSharp => write!(f, "some marks turn or rise too sharply to be followed in focus"),
             Self::Travel(axes) => write!(f, "{axes}"),
+            Self::Drive(figure, unit, [needed, limit]) => {
+                let [needed, limit] = apart(*needed, *limit);
+                write!(f, "{figure} of {needed} {unit}, {limit} {unit} allowed")
+            }
         }
     }
 }

@@ -12,6 +12,7 @@ mod command;
 mod cost;
 mod range;
 mod tilt_axes;
+mod tool_servo;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -19,6 +20,7 @@ use std::sync::Arc;
 pub use command::{Commanded, Origin, TiltAngles};
 pub use cost::{Cost, Rate};
 pub use tilt_axes::{Letter, RotaryAxis, Tilt};
+pub use tool_servo::{Drive, Oscillation, ToolServo};
 
 use serde::{Deserialize, Serialize};
 
@@ -63,6 +65,9 @@ pub struct Machine {
     /// What an hour costs, where that is stated.
     #[serde(default)]
     pub cost: Option<Cost>,
+    /// A fast tool servo and its spindle, where there is one.
+    #[serde(default)]
+    pub tool_servo: Option<ToolServo>,
     /// A BJJCZ (LMC) card, where lists are written for one.
     #[serde(default)]
     pub lmc: Option<Lmc>,
@@ -520,6 +525,7 @@ impl Machine {
         }
         faults.extend(self.tilt.iter().flat_map(Tilt::faults));
         faults.extend(self.cost.iter().flat_map(Cost::faults));
+        faults.extend(self.tool_servo.iter().flat_map(ToolServo::faults));
         faults
     }
 

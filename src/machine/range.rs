@@ -2,7 +2,7 @@
 //! memory that follows from them runs away. `docs/machine-file.md` states every one. Those of the field, the travel and
 //! the increments have codes of their own.
 
-use super::{Fault, Machine};
+use super::{Fault, Machine, ToolServo};
 use crate::diag::Diag;
 use crate::units::Quantity;
 
@@ -57,6 +57,7 @@ fn ranges(m: &Machine) -> Vec<Range> {
     hold(&mut out, "zoom.range", zoom.map(|z| z.range), ["1 um", "1 m"]);
     hold(&mut out, "zoom.speed", zoom.map(|z| z.speed), ["0.001 mm/s", "100 m/s"]);
     hold(&mut out, "zoom.settle", zoom.map(|z| z.settle), ["0 s", "60 min"]);
+    tool_servo(&mut out, m.tool_servo.as_ref());
     for i in 0..2 {
         let axis = m.tilt.as_ref().map(|t| &t.axes[i]);
         let key = |name: &str| format!("tilt.axes.{i}.{name}");
@@ -66,6 +67,28 @@ fn ranges(m: &Machine) -> Vec<Range> {
         hold(&mut out, key("jerk"), axis.and_then(|a| a.jerk), ["0.1 deg/s3", "1e13 deg/s3"]);
     }
     out
+}
+
+fn tool_servo(out: &mut Vec<Range>, tool: Option<&ToolServo>) {
+    hold(out, "tool_servo.spindle", tool.map(|t| t.spindle), ["1 1/min", "1e5 1/min"]);
+    hold(out, "tool_servo.feed", tool.map(|t| t.feed), ["0.001 mm/min", "10 m/min"]);
+    hold(out, "tool_servo.cycle", tool.map(|t| t.cycle), ["1 us", "100 ms"]);
+    hold(out, "tool_servo.stroke", tool.map(|t| t.stroke), ["1 um", "1 m"]);
+    hold(out, "tool_servo.speed", tool.and_then(|t| t.speed), ["0.001 mm/s", "100 m/s"]);
+    hold(out, "tool_servo.acceleration", tool.and_then(|t| t.acceleration), ["0.01 mm/s2", "1e8 mm/s2"]);
+    hold(out, "tool_servo.jerk", tool.and_then(|t| t.jerk), ["0.1 mm/s3", "1e12 mm/s3"]);
+    let drive = tool.and_then(|t| t.drive);
+    hold(out, "tool_servo.drive.voltage", drive.map(|d| d.voltage), ["0.1 V", "10 kV"]);
+    hold(out, "tool_servo.drive.inductance", drive.map(|d| d.inductance), ["1 uH", "10 H"]);
+    hold(out, "tool_servo.drive.force_constant", drive.map(|d| d.force_constant), ["0.01 N/A", "10000 N/A"]);
+    hold(out, "tool_servo.drive.mass", drive.map(|d| d.mass), ["1 g", "1000 kg"]);
+    let servo = tool.and_then(|t| t.servo);
+    hold(out, "tool_servo.servo.frequency", servo.map(|s| s.frequency), ["0.1 Hz", "1 MHz"]);
+    let oscillations = tool.map_or(&[][..], |t| &t.oscillations);
+    for oscillation in oscillations.iter().map(Some).chain([None]) {
+        hold(out, "tool_servo.oscillations.stroke", oscillation.map(|o| o.stroke), ["1 nm", "1 m"]);
+        hold(out, "tool_servo.oscillations.frequency", oscillation.map(|o| o.frequency), ["0.01 Hz", "1 MHz"]);
+    }
 }
 
 /// Appends the range of a key; a value that is not stated lies in it.
@@ -92,7 +115,7 @@ mod tests {
             assert!(text.contains(&format!("| `{key}` | {lo} | {hi} |\n")), "{key} {lo} {hi}");
             rows.insert(key);
         }
-        assert_eq!(rows.len(), 33);
+        assert_eq!(rows.len(), 47);
     }
 
     #[test]

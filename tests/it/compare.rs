@@ -37,8 +37,9 @@ fn every_system_is_timed_and_keeps_what_it_promises() {
     let limits = &found["limits"];
     let systems = found["systems"].as_array().expect("systems");
     let of = |name: &str| systems.iter().find(|s| s["system"] == name).unwrap_or_else(|| panic!("no {name}"));
-    assert_eq!(systems.len(), 11);
-    for s in systems {
+    assert_eq!(systems.len(), 12);
+    // Of another process, for which this machine has no tool.
+    for s in systems.iter().filter(|s| s["system"] != "tool-servo") {
         let parts = ["stage_s", "settle_s", "zoom_s", "mark_s", "jump_s", "delay_s"].map(|k| number(s, k));
         let total = number(s, "total_s");
         assert!((parts.iter().sum::<f64>() - total).abs() < 1e-9 * total && total > 0.0, "{s}");
@@ -109,8 +110,8 @@ fn protection_option_selects_the_compensation() {
 /// Every system applies and keeps the limits; the time of seven axes converges; least acceleration is least.
 fn holds(found: &Value) {
     let (limits, systems) = (&found["limits"], found["systems"].as_array().expect("systems"));
-    assert_eq!(systems.len(), 11);
-    for s in systems.iter().filter(|s| s["system"] != "flat") {
+    assert_eq!(systems.len(), 12);
+    for s in systems.iter().filter(|s| !["flat", "tool-servo"].iter().any(|name| s["system"] == *name)) {
         assert!(number(s, "worst_fod_um") <= number(limits, "fod_um") + 0.01, "{s}");
         assert!(number(s, "within_limits_percent") > 99.9, "{s}");
     }
@@ -381,5 +382,137 @@ fn marked_length_is_that_of_compile_with_every_pass_of_the_pens() {
     // Their times are those of three passes too, on the fly as well as stepped.
     for (one, three) in once.into_iter().zip(thrice) {
         assert!((three / one - 3.0).abs() < 0.05, "{one} {three}");
+    }
+}
+
+/// The dish that is turned in `fixtures/sources/brecher`, its machine file changed.
+fn turned(dir: &Path, volts: u32, edit: impl Fn(String) -> String) -> Value {
+    let at = |name: &str| fixture("sources/brecher").join(name);
+    let machine = format!("fts-{volts}v.toml");
+    let text = std::fs::read_to_string(at(&machine)).expect("a machine");
+    std::fs::write(dir.join(&machine), edit(text)).expect("a writable file");
+    for name in ["dish.ply".to_owned(), format!("dish-{volts}v.toml")] {
+        std::fs::copy(at(&name), dir.join(&name)).expect("a writable file");
+    }
+    let exact = at("dish.nurbs.json").display().to_string();
+    compared(&["--systems", "z-range,tool-servo", "--nurbs", &exact], &dir.join(format!("dish-{volts}v.toml")))
+}
+
+/// What is needed of a figure of the tool servo, and its limit where it has one.
+fn need(found: &Value, figure: &str) -> (f64, Option<f64>) {
+    let rows = found["tool_servo"].as_array().expect("a table");
+    let row = rows.iter().find(|row| row["figure"] == figure).unwrap_or_else(|| panic!("no {figure} in {rows:?}"));
+    (number(row, "needed"), row["limit"].as_f64())
+}
+
+#[test]
+fn tool_servo_turns_the_surface_within_its_drive_and_is_never_recommended() {
+    let dir = folder();
+    let found = turned(dir.path(), 50, |text| text);
+    let systems = &found["verdict"]["systems"];
+    assert_eq!((&systems[0]["standing"], &systems[1]["standing"]), (&"recommended".into(), &"other-process".into()));
+    assert_eq!(systems[1]["times_the_recommended"], Value::Null);
+    let sentences = found["verdict"]["sentences"].to_string();
+    assert!(sentences.contains("another process, which marks no texture"), "{sentences}");
+    let row = &found["systems"][1];
+    assert_eq!((&row["worst_fod_um"], &row["marked_m"], &row["job_key"]), (&Value::Null, &Value::Null, &Value::Null));
+    // The corners of the texture are the farthest marks; 1.8 mm a minute.
+    let radius = 10.6 * 2f64.sqrt();
+    assert!((number(row, "total_s") / (radius / 1.8 * 60.0) - 1.0).abs() < 0.01, "{row}");
+    assert!(row["note"].as_str().expect("a note").contains("heights by algorithm II"), "{row}");
+    assert_eq!(need(&found, "set-points per second").0, 8000.0);
+    assert!((need(&found, "set-points per revolution").0 - 2400.0).abs() < 1e-9);
+    assert!((need(&found, "feed per revolution").0 - 9.0).abs() < 1e-9);
+    let (jerk, limit) = need(&found, "jerk");
+    assert!((limit.expect("a limit") / 133_547.0 - 1.0).abs() < 0.005);
+    // Around the rim z goes through waves of 0.2 mm that are some 7 to 12 mm long: amplitude times angular frequency
+    // to the third.
+    let wave = |length: f64| 0.2e-3 * (std::f64::consts::TAU * (radius * 20.944) / length).powi(3);
+    assert!(jerk > wave(12.0) && jerk < 2.0 * wave(7.0), "{jerk}: {} {}", wave(12.0), wave(7.0));
+    assert!((need(&found, "time of the full stroke").0 / 12.41 - 1.0).abs() < 0.04);
+    assert!((need(&found, "top speed of the full stroke").0 / 1.289 - 1.0).abs() < 0.04);
+    let (needed, limit) = need(&found, "jerk of 4000 um at 64 Hz");
+    assert!(needed < limit.expect("a limit"));
+    // Settled, an axis is 2 damping v / omega late.
+    let lag = 2.0 * 0.7 * need(&found, "speed").0 * 1e6 / (std::f64::consts::TAU * 1000.0);
+    let late = need(&found, "worst following error").0;
+    assert!((late / lag - 1.0).abs() < 0.1, "{late} um, {lag} um");
+    let stroke = need(&found, "stroke");
+    assert!(stroke.0 > 0.8 && stroke.0 < 1.6 && stroke.1 == Some(8.0), "{stroke:?}");
+}
+
+#[test]
+fn tool_servo_beyond_its_drive_is_named_with_the_figure_that_it_does_not_reach() {
+    let dir = folder();
+    let found = turned(dir.path(), 200, |text| text);
+    let note = found["systems"][1]["note"].to_string();
+    assert!(note.contains("the drive does not make 300 um at 300 Hz: 1.88 times its jerk"), "{note}");
+    assert!((need(&found, "time of the full stroke").0 / 7.82 - 1.0).abs() < 0.04);
+    assert!((need(&found, "top speed of the full stroke").0 / 2.047 - 1.0).abs() < 0.04);
+    assert!((need(&found, "jerk").1.expect("a limit") / 534_188.0 - 1.0).abs() < 0.005);
+    // Ten times the speed of the spindle takes 1000 times the jerk.
+    let slow = need(&found, "jerk").0;
+    let found = turned(dir.path(), 200, |text| text.replace("200 1/min", "2000 rpm").replace("8 mm\"  ", "0.5 mm\""));
+    assert!((need(&found, "jerk").0 / slow / 1000.0 - 1.0).abs() < 0.1, "{} {slow}", need(&found, "jerk").0);
+    let system = &found["verdict"]["systems"][1];
+    assert_eq!(system["standing"], "beyond-limits");
+    let reasons = system["reasons"].to_string();
+    assert!(
+        reasons.contains("stroke of ") && reasons.contains("jerk of ") && reasons.contains("m/s3 allowed"),
+        "{reasons}"
+    );
+}
+
+#[test]
+fn tool_servo_does_not_apply_without_a_tool_or_without_the_exact_surface_of_the_part() {
+    let dir = folder();
+    let standing = |job: &Path, args: &[&str]| {
+        let found = compared(&[&["--systems", "z-range,tool-servo"], args].concat(), job);
+        let system = found["verdict"]["systems"][1].clone();
+        assert_eq!((&system["standing"], &system["time_s"]), (&"does-not-apply".into(), &Value::Null), "{system}");
+        system["reasons"].to_string()
+    };
+    let exact = fixture("sources/brecher/dish.nurbs.json").display().to_string();
+    let plain = job(dir.path());
+    assert!(standing(&plain, &[]).contains("the machine file states no tool servo"));
+    let dish = fixture("sources/brecher/dish-50v.toml");
+    assert!(standing(&dish, &[]).contains("needs the exact surface"));
+    let patch = fixture("sources/brecher/patch.nurbs.json").display().to_string();
+    let reasons = standing(&dish, &["--nurbs", &patch]);
+    assert!(reasons.contains("is not under the mark at"), "{reasons}");
+    // Another surface of the same size.
+    let text = std::fs::read_to_string(&exact).expect("a surface").replace("-0.", "-0.9");
+    let other = dir.path().join("other.nurbs.json");
+    std::fs::write(&other, text).expect("a writable file");
+    let reasons = standing(&dish, &["--nurbs", &other.display().to_string()]);
+    assert!(reasons.contains("mm off the part, 0.035 mm allowed"), "{reasons}");
+}
+
+#[test]
+fn jerk_of_a_tool_servo_is_stated_once() {
+    let dir = folder();
+    let text = std::fs::read_to_string(fixture("sources/brecher/fts-50v.toml")).expect("a machine");
+    let file = dir.path().join("fts-50v.toml");
+    std::fs::copy(fixture("sources/brecher/dish.ply"), dir.path().join("dish.ply")).expect("a writable file");
+    let job = dir.path().join("dish-50v.toml");
+    std::fs::copy(fixture("sources/brecher/dish-50v.toml"), &job).expect("a writable file");
+    let neither = text.split("[tool_servo.drive]").next().expect("a machine").to_owned();
+    let both = text.replace("stroke = \"8 mm\"", "jerk = \"1e8 mm/s3\"\nstroke = \"8 mm\"");
+    for (bad, code, says) in [
+        (neither, "machine-tool-servo", "twice or not at all"),
+        (both, "machine-tool-servo", "twice or not at all"),
+        (text.replace("damping = 0.7", "damping = 70.0"), "machine-tool-servo", "damping"),
+        (text.replace("1.6 kg", "1.6 mg"), "toml", "unknown unit"),
+        (text.replace("200 1/min", "2e6 1/min"), "machine-range", "tool_servo.spindle"),
+        (text.replace("1.8 mm/min", "0 mm/min"), "toml", "greater than zero"),
+        (text.replace("frequency = \"64 Hz\"", "frequency = \"2 MHz\""), "machine-range", "tool_servo.oscillations"),
+    ] {
+        std::fs::write(&file, bad).expect("a writable file");
+        let out = terrace([Path::new("compare"), &job]);
+        assert!(
+            out.status.code() == Some(2) && said(&out).contains(code) && said(&out).contains(says),
+            "{}",
+            said(&out)
+        );
     }
 }

@@ -96,12 +96,13 @@ fn named(text: &str) -> BTreeSet<String> {
 }
 
 /// The modules of the library, lowest first: each may name those above it in this list and none below.
-const ORDER: [&str; 32] = [
+const ORDER: [&str; 33] = [
     "parallel",
     "progress",
     "geom",
     "units",
     "diag",
+    "nurbs",
     "machine",
     "clearance",
     "motion",

@@ -31,6 +31,7 @@ mod lengths;
 mod merge;
 mod method;
 mod modes;
+mod nurbs;
 mod on_the_fly;
 mod on_the_fly_random;
 mod operator;

@@ -231,7 +231,7 @@ fn orient_and_compare_tell_their_progress() {
     };
     let asked: Vec<_> = compare::SYSTEMS.iter().copied().filter(|s| ["flat", "z-range"].contains(&s.name)).collect();
     let protection = terrace::on_the_fly::axes::following_error::Protection::ALL[0];
-    compare::compare(&job, &asked, protection, progress).unwrap_or_else(|e| panic!("{e}"));
+    compare::compare(&job, &asked, protection, None, progress).unwrap_or_else(|e| panic!("{e}"));
     assert!(steps_of(&told, &()) >= 10);
     assert_rises(told, &[()]);
     assert_eq!(names.into_inner().expect("nothing broke"), ["reading surface and texture", "flat", "z-range"]);

@@ -1,5 +1,6 @@
 //! What a file or folder holds, for the first look: boxes in mm, counts, warnings.
 
+mod nurbs;
 mod surface;
 mod texture;
 
@@ -11,6 +12,8 @@ use crate::diag::{Diag, Error, Place};
 use crate::job::{FileUnit, Job, Overrides};
 use crate::manifest::{self, AnySummary, duration};
 use crate::surface::is_cad;
+
+pub use nurbs::nurbs;
 
 /// What was found.
 pub struct Shown {

@@ -5,6 +5,7 @@
 pub mod image;
 pub mod linuxcncrsh;
 pub mod malformed;
+pub mod nurbs;
 pub mod surfaces;
 
 use std::path::{Path, PathBuf};

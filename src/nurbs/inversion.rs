@@ -1,0 +1,168 @@
+//! Algorithm III: the parameters at which the surface passes over (x, y), by iteration (Brecher et al., eq. 4 to 7).
+//!
+//! Minimised is half of |r|², r = S_xy(u, v) - (x, y), all products of x and y alone. Its second derivatives (eq. 6) hold
+//! S_u S_u + r S_uu and so on; Newton's method needs second derivatives of the surface, and far from the solution it may
+//! go to a saddle. Gauss-Newton leaves out what is multiplied by r. There are as many unknowns as equations, so its
+//! step solves S_u du + S_v dv = -r; it converges quadratically too, since r is 0 at the solution.
+
+use super::{Counted, Scalar, Surface, counted};
+
+/// How the step is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// By first derivatives; a step that takes the point no nearer is halved.
+    GaussNewton,
+    /// By second derivatives, as eq. 4 to 7 have it, for comparison.
+    Newton,
+}
+
+/// Where the surface passes over a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Found<T> {
+    /// u and v.
+    pub uv: [T; 2],
+    /// The point; its z is the height.
+    pub at: [T; 3],
+    /// Steps that it took.
+    pub steps: usize,
+}
+
+/// That none was found: the surface does not pass there, or the iteration went astray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NotConverged {
+    /// Steps that were made.
+    pub steps: usize,
+    /// Distance to (x, y) at the last, mm.
+    pub off: f64,
+}
+
+/// Distance to (x, y) at which a point is found, mm.
+const FOUND: f64 = 1e-9;
+/// Most steps.
+const STEPS: usize = 50;
+
+/// The inversion of a surface, with the last point found to start from.
+#[derive(Clone, Debug)]
+pub struct Inversion<'a> {
+    surface: &'a Surface,
+    method: Method,
+    /// u and v as if they were linear in x and y: at the origin, by x, by y.
+    guess: [[f64; 2]; 3],
+    last: Option<[f64; 2]>,
+}
+
+impl<'a> Inversion<'a> {
+    /// Of a surface, by a method.
+    pub fn new(surface: &'a Surface, method: Method) -> Self {
+        let [[u0, u1], [v0, v1]] = surface.range();
+        let [a, b, c] = [[u0, v0], [u1, v0], [u0, v1]].map(|uv| surface.point(uv));
+        let along_u = [0, 1].map(|k| (b[k] - a[k]) / (u1 - u0));
+        let along_v = [0, 1].map(|k| (c[k] - a[k]) / (v1 - v0));
+        let det = along_u[0] * along_v[1] - along_u[1] * along_v[0];
+        // Of a corner without an angle nothing can be said: from the middle.
+        let by_x = [along_v[1] / det, -along_u[1] / det];
+        let by_y = [-along_v[0] / det, along_u[0] / det];
+        let origin = [0, 1].map(|k| [u0, v0][k] - by_x[k] * a[0] - by_y[k] * a[1]);
+        let linear = [origin, by_x, by_y];
+        let is_known = linear.iter().flatten().all(|v| v.is_finite());
+        let guess = if is_known { linear } else { [[0.5 * (u0 + u1), 0.5 * (v0 + v1)], [0.0; 2], [0.0; 2]] };
+        Self { surface, method, guess, last: None }
+    }
+
+    /// The point over (x, y) from the linear guess.
+    ///
+    /// # Errors
+    /// That none was found.
+    pub fn cold<T: Scalar>(&self, xy: [T; 2]) -> Result<Found<T>, NotConverged> {
+        let [origin, by_x, by_y] = self.guess.map(|uv| uv.map(T::of));
+        self.from(std::array::from_fn(|k| origin[k] + by_x[k] * xy[0] + by_y[k] * xy[1]), xy)
+    }
+
+    /// The point over (x, y) from the last one found, or else from the linear guess.
+    ///
+    /// # Errors
+    /// That none was found; the next starts where the last good one was.
+    pub fn next(&mut self, xy: [f64; 2]) -> Result<Found<f64>, NotConverged> {
+        let near = self.last.map(|last| self.from(last, xy));
+        let found = near.and_then(Result::ok).map_or_else(|| self.cold(xy), Ok)?;
+        self.last = Some(found.uv);
+        Ok(found)
+    }
+
+    /// The point over (x, y) from parameters near it.
+    ///
+    /// # Errors
+    /// That none was found.
+    pub fn from<T: Scalar>(&self, from: [T; 2], xy: [T; 2]) -> Result<Found<T>, NotConverged> {
+        let range = self.surface.range();
+        let inside = |uv: [T; 2]| [0, 1].map(|k| clamped(uv[k], range[k]));
+        let mut uv = inside(from);
+        let mut before = (uv, [T::of(0.0); 2], T::of(f64::INFINITY));
+        let mut steps = 0;
+        loop {
+            let (s, r, off) = self.look(uv, xy);
+            if off.value() <= FOUND * FOUND {
+                return Ok(Found { uv, at: s[0], steps });
+            }
+            if steps == STEPS {
+                return Err(NotConverged { steps, off: off.value().sqrt() });
+            }
+            steps += 1;
+            let is_worse = self.method == Method::GaussNewton && off >= before.2;
+            before = if is_worse {
+                (before.0, before.1.map(|d| T::of(0.5) * d), before.2)
+            } else {
+                (uv, self.step(&s, r), off)
+            };
+            let (at, step, _) = before;
+            uv = inside([at[0] + step[0], at[1] + step[1]]);
+        }
+    }
+
+    /// Operations on numbers that count them, of one whole step.
+    pub(super) fn operations_of_a_step(&self) -> u64 {
+        let middle = self.surface.range().map(|[lo, hi]| Counted::of(0.5 * (lo + hi)));
+        let work = || {
+            let (s, r, _) = self.look(middle, [Counted::of(0.0); 2]);
+            let step = self.step(&s, r);
+            [middle[0] + step[0], middle[1] + step[1]]
+        };
+        counted(work).1
+    }
+
+    /// Derivatives, distance from (x, y) and its square.
+    fn look<T: Scalar>(&self, uv: [T; 2], xy: [T; 2]) -> ([[T; 3]; 6], [T; 2], T) {
+        let s = match self.method {
+            Method::GaussNewton => self.surface.derivatives::<T, 1>(uv),
+            Method::Newton => self.surface.derivatives::<T, 2>(uv),
+        };
+        let r = [s[0][0] - xy[0], s[0][1] - xy[1]];
+        (s, r, r[0] * r[0] + r[1] * r[1])
+    }
+
+    /// The step that the method makes with derivatives and distance.
+    fn step<T: Scalar>(&self, s: &[[T; 3]; 6], r: [T; 2]) -> [T; 2] {
+        let [_, u, v, uu, uv, vv] = s;
+        let dot = |a: &[T; 3], b: &[T; 3]| a[0] * b[0] + a[1] * b[1];
+        let along = |a: &[T; 3]| r[0] * a[0] + r[1] * a[1];
+        // Rows of a symmetric matrix (eq. 6) or of the plain derivatives, and what they must come to.
+        let ([[a, b], [c, d]], [e, f]) = match self.method {
+            Method::GaussNewton => ([[u[0], v[0]], [u[1], v[1]]], r),
+            Method::Newton => {
+                let mixed = dot(u, v) + along(uv);
+                ([[dot(u, u) + along(uu), mixed], [mixed, dot(v, v) + along(vv)]], [along(u), along(v)])
+            }
+        };
+        let det = a * d - b * c;
+        [(b * f - d * e) / det, (c * e - a * f) / det]
+    }
+}
+
+/// A parameter in its range; at the lower end where it is no number.
+fn clamped<T: Scalar>(t: T, [lo, hi]: [f64; 2]) -> T {
+    match t.value() {
+        v if v >= hi => T::of(hi),
+        v if v > lo => t,
+        _ => T::of(lo),
+    }
+}
