@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::batch::Outcome;
+use crate::budget::Budget;
 use crate::manifest::{AnySummary, OnTheFlySummary, SpaceCurves, Summary, duration};
 use crate::plan::Phase;
 use crate::run;
@@ -162,6 +163,9 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
             s.worst_defocus_um, s.worst_defocus_mean_um
         ),
         format!("worst slope    {:.2} deg", s.worst_incidence_deg),
+    ];
+    lines.extend(errors(&s.budget));
+    lines.extend([
         format!(
             "time           {} (stage {}, settling {},{} marks {}, jumps {}, delays {})",
             duration(t.total),
@@ -172,7 +176,7 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
             duration(t.jump),
             duration(t.delay)
         ),
-    ];
+    ]);
     if s.dots.texture > 0 {
         lines.insert(
             2,
@@ -222,12 +226,20 @@ fn on_the_fly(s: &OnTheFlySummary, folder: Option<&Path>) -> String {
             s.laser_error_mm, s.mark_speed_mm_s, s.servo_period_s
         ),
     ];
+    lines.extend(errors(&s.budget));
     lines.extend(s.curves.as_ref().map(curves));
     if let Some(folder) = folder {
         lines.push(format!("job folder     {}", folder.display()));
         lines.push(format!("then run       terrace verify {}", folder.display()));
     }
     lines.join("\n") + "\n"
+}
+
+/// How far marks may lie from where they should, and what is not stated of it.
+fn errors(budget: &Budget) -> Vec<String> {
+    let [lateral, depth, not_stated] = budget.lines();
+    let lines = [("lateral errors", lateral), ("depth errors  ", depth), ("not stated    ", not_stated)];
+    lines.iter().filter(|(_, text)| !text.is_empty()).map(|(name, text)| format!("{name} {text}")).collect()
 }
 
 /// How space curves lie on the surface.

@@ -96,7 +96,7 @@ fn named(text: &str) -> BTreeSet<String> {
 }
 
 /// The modules of the library, lowest first: each may name those above it in this list and none below.
-const ORDER: [&str; 32] = [
+const ORDER: [&str; 33] = [
     "parallel",
     "progress",
     "geom",
@@ -117,6 +117,7 @@ const ORDER: [&str; 32] = [
     "on_the_fly",
     "emit",
     "job",
+    "budget",
     "manifest",
     "plan",
     "scene",
