@@ -1,16 +1,16 @@
 //! The error budget: how far marks may lie from where they should, seen along the beam (*lateral*) and along it
-//! (*depth*), of every block and of the job.
+//! (*depth*), of every block and of the job; i is the incidence of the beam.
 //!
 //! Consumes what machine and job state of their errors, and of each block its defocus and its steepest incidence.
 //! Promises a list of terms in a fixed order, each known or not; a term that nobody states is None and is never taken
 //! to be zero. Errors are um, angles rad.
 //!
 //! # Terms
-//! - projection, p (1/cos i - 1): the beams are parallel, so a spacing of p in plan is p / cos i long on a slope of i
-//!   (Cao and Zhu 2013, step 5: orthographic projection);
+//! - projection, p (1/cos s - 1): textures lie in plan, so a spacing of p is p / cos s long on a slope of s against the
+//!   part's z (Cao and Zhu 2013, step 5: orthographic projection). Where the part is tilted by t, s is at most i + t;
 //! - stage, sqrt 2 a: x and y each within the positioning accuracy a;
 //! - telecentricity, d tan e: a beam that leans by e is beside its place where the part is d out of focus;
-//! - tessellation, t / cos i: facets t from the surface along its normal;
+//! - tessellation, f / cos i: facets f from the surface along its normal;
 //! - slope, l tan i: what the lateral errors l but the projection climb on a slope of i.
 //!
 //! # Composition
@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize, Serializer};
 
 use crate::diag::Diag;
 use crate::job::{DepthRule, Job};
-use crate::machine::Machine;
+use crate::machine::{Machine, Origin};
 use crate::program::{Block, BlockFigures, Program};
 use crate::units::Length;
 
@@ -179,15 +179,23 @@ impl Budget {
         let (lateral, depth) = (&self.lateral, &self.depth);
         [
             format!("{:.1} um{} ({})", lateral.sum_um, of(lateral), known(lateral)),
-            format!("{:.1} um{}, {:.1} um left of PDOF ({})", depth.sum_um, of(depth), self.depth_left_um, known(depth)),
+            format!(
+                "{:.1} um{}, {:.1} um left of PDOF ({})",
+                depth.sum_um,
+                of(depth),
+                self.depth_left_um,
+                known(depth)
+            ),
             self.not_stated().join(", "),
         ]
     }
 
-    /// A depth budget that is larger than what is left of PDOF.
-    pub fn warning(&self, job: &Job) -> Option<Diag> {
+    /// A depth budget that is larger than what is left of PDOF. Focal planes are rounded to the stage increment, which
+    /// may take that much of a reserve.
+    pub fn warning(&self, job: &Job, machine: &Machine) -> Option<Diag> {
         let half_um = job.focus.rule.range(job.focus.pdof).f64() / 2e3;
-        let untold = if self.reserve_mm > 0.0 { 1e-3 } else { UNTOLD * half_um };
+        let increment_um = machine.increment_nm().f64() / 1e3;
+        let untold = if self.reserve_mm > 0.0 { increment_um } else { UNTOLD * half_um };
         let Self { depth, depth_left_um: left, .. } = self;
         if depth.sum_um <= left + untold {
             return None;
@@ -213,12 +221,23 @@ pub struct Stated<'a> {
     tessellation: Option<f64>,
 }
 
+/// The smooth height field that rotary axes follow, at the marks of a job.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Relief {
+    /// Largest distance from the part along z, um.
+    pub off_um: f64,
+    /// Its largest slope, rad.
+    pub slope_rad: f64,
+}
+
 /// What the terms of a block follow from.
 struct Seen {
     /// Largest distance from the focal plane, um.
     defocus: f64,
     /// Cosine of the largest angle between beam and normal.
     cos: f64,
+    /// Cosine of the largest slope against the part's z.
+    cos_in_plan: f64,
     is_tilted: bool,
     relief: Option<f64>,
 }
@@ -252,11 +271,13 @@ impl<'a> Stated<'a> {
 
     /// The errors of a block.
     pub fn of_block(&self, block: &Block, figures: &BlockFigures) -> Errors {
-        let focus = block.stop.focus;
+        let (focus, cos, is_tilted) = (block.stop.focus, figures.slope.cos()[1], !block.stop.tilt.is_upright());
+        let tilt = || self.machine.turn(block.stop.tilt, Origin::default()).lean().asin();
         self.at(&Seen {
             defocus: (block.z_hi - focus).max(focus - block.z_lo).f64() / 1e3,
-            cos: figures.slope.cos()[1],
-            is_tilted: !block.stop.tilt.is_upright(),
+            cos,
+            cos_in_plan: if is_tilted { (cos.acos() + tilt()).cos().max(f64::MIN_POSITIVE) } else { cos },
+            is_tilted,
             relief: None,
         })
     }
@@ -277,12 +298,16 @@ impl<'a> Stated<'a> {
         worst
     }
 
-    /// Of an on-the-fly job whose marks are at most so far out of focus, um, and so steep, rad; `relief_um` is how far
-    /// the height field that axes follow lies from the part, where there is one.
-    pub fn on_the_fly(&self, defocus_um: f64, incidence_rad: f64, relief_um: Option<f64>) -> Budget {
-        let seen =
-            Seen { defocus: defocus_um, cos: incidence_rad.cos(), is_tilted: relief_um.is_some(), relief: relief_um };
-        self.budget(self.at(&seen))
+    /// Of an on-the-fly job whose marks are at most so far out of focus, um, and whose incidence is at most this, rad.
+    pub fn on_the_fly(&self, defocus_um: f64, incidence_rad: f64, relief: Option<Relief>) -> Budget {
+        let cos = incidence_rad.cos();
+        self.budget(self.at(&Seen {
+            defocus: defocus_um,
+            cos,
+            cos_in_plan: relief.map_or(cos, |r| r.slope_rad.cos()),
+            is_tilted: relief.is_some(),
+            relief: relief.map(|r| r.off_um),
+        }))
     }
 
     fn budget(&self, Errors { lateral, depth, left_um }: Errors) -> Budget {
@@ -303,7 +328,7 @@ impl<'a> Stated<'a> {
             term(Cause::Registration, um(residual)),
         ];
         let climbed = moved.iter().filter_map(|t| t.um).reduce(|a, b| a + b).map(|l| l * tan);
-        let mut lateral = vec![term(Cause::Projection, self.spacing.map(|p| p * (1.0 / cos - 1.0)))];
+        let mut lateral = vec![term(Cause::Projection, self.spacing.map(|p| p * (1.0 / seen.cos_in_plan - 1.0)))];
         lateral.extend(moved);
         let mut depth = vec![
             term(Cause::Tessellation, self.tessellation.map(|t| t / cos)),

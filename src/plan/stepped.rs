@@ -273,7 +273,7 @@ impl<'a> Draft<'a> {
         warnings.extend(warnings::short_overlaps(&best.split));
         let stated = Stated::new(job, machine, inputs.surface.tessellation_mm());
         let budget = stated.of_program(checked.program(), &best.figures);
-        warnings.extend(budget.warning(job));
+        warnings.extend(budget.warning(job, machine));
         let figures = summary::Figures {
             method: best.method,
             times: best.times,

@@ -25,10 +25,7 @@ pub(super) fn section(h: &mut String, budget: &Budget) {
 /// The terms of one side.
 fn table(h: &mut String, title: &str, side: &Terms, more: &[(&str, String)]) {
     let of = side.block.as_ref().map_or("worst marks".to_owned(), |block| format!("worst block {}", escape(block)));
-    let _ = write!(
-        h,
-        "<div class=\"wide\"><table>\n<tr><th>{title}</th><th>{of}</th><th>stated by</th></tr>\n"
-    );
+    let _ = write!(h, "<div class=\"wide\"><table>\n<tr><th>{title}</th><th>{of}</th><th>stated by</th></tr>\n");
     for term in &side.terms {
         let stated = match (term.cause, term.um, term.cause.key()) {
             (Cause::Tessellation, Some(_), _) => "the surface file or surface.tessellation",

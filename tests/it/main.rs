@@ -10,6 +10,7 @@ mod bad_svg;
 mod batch;
 mod bitmaps;
 mod bound;
+mod budget;
 mod browser;
 mod cad;
 mod cli;
