@@ -14,10 +14,10 @@ pub(super) fn section(h: &mut String, budget: &Budget) {
         h,
         "<h2>Error and depth budget</h2>\n<p>PDOF {pdof} um, of which {reserve} um are kept for errors (focus.reserve). \
          Each term is a bound. The sum is one too, and decides about warnings; the root of the sum of squares is what to \
-         expect where the terms are independent of each other.</p>\n<div class=\"row\" id=\"budget\">"
+         expect where the terms are independent of each other.</p>\n<div class=\"row\" id=\"budget\" style=\"row-gap:1em\">"
     );
     table(h, "Lateral, um", lateral, &[]);
-    let left = [("left of PDOF beyond the defocus", plain(*depth_left_um, 2))];
+    let left = [("left of PDOF", plain(*depth_left_um, 2))];
     table(h, "Depth, um", depth, &left);
     h.push_str("</div>\n");
 }
@@ -28,10 +28,10 @@ fn table(h: &mut String, title: &str, side: &Terms, more: &[(&str, String)]) {
     let _ = write!(h, "<div class=\"wide\"><table>\n<tr><th>{title}</th><th>{of}</th><th>stated by</th></tr>\n");
     for term in &side.terms {
         let stated = match (term.cause, term.um, term.cause.key()) {
-            (Cause::Tessellation, Some(_), _) => "the surface file or surface.tessellation",
-            (Cause::Projection, ..) => "pitch of the texture, slope",
+            (Cause::Tessellation, Some(_), _) => "surface file",
+            (Cause::Projection, ..) => "pitch, slope",
             (Cause::Slope, ..) => "lateral errors, slope",
-            (Cause::Relief, ..) => "part of the defocus, not summed",
+            (Cause::Relief, ..) => "in the defocus, not summed",
             (Cause::Tilt, ..) => "not modelled",
             (_, _, key) => key.unwrap_or_default(),
         };
