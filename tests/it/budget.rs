@@ -144,7 +144,7 @@ fn a_reserve_as_large_as_pdof_and_the_tessellation_of_step_are_refused_at_their_
     let dir = folder();
     let refused = |surface: &str, focus: &str| {
         let out = terrace([Path::new("check"), &job(dir.path(), "", surface, "", focus)]);
-        assert_eq!(out.status.code(), Some(1), "{}", said(&out));
+        assert_eq!(out.status.code(), Some(2), "{}", said(&out));
         said(&out)
     };
     let text = refused("", "pdof = \"0.07 mm\"\nreserve = \"70 um\"");
