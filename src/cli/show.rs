@@ -165,18 +165,16 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
         format!("worst slope    {:.2} deg", s.worst_incidence_deg),
     ];
     lines.extend(errors(&s.budget));
-    lines.extend([
-        format!(
-            "time           {} (stage {}, settling {},{} marks {}, jumps {}, delays {})",
-            duration(t.total),
-            duration(t.stage),
-            duration(t.settle),
-            if s.blocks > s.stops { format!(" zoom {},", duration(t.zoom)) } else { String::new() },
-            duration(t.mark),
-            duration(t.jump),
-            duration(t.delay)
-        ),
-    ]);
+    lines.push(format!(
+        "time           {} (stage {}, settling {},{} marks {}, jumps {}, delays {})",
+        duration(t.total),
+        duration(t.stage),
+        duration(t.settle),
+        if s.blocks > s.stops { format!(" zoom {},", duration(t.zoom)) } else { String::new() },
+        duration(t.mark),
+        duration(t.jump),
+        duration(t.delay)
+    ));
     if s.dots.texture > 0 {
         lines.insert(
             2,

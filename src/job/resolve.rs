@@ -7,8 +7,8 @@ use std::sync::Arc;
 use super::direction::Direction;
 use super::faults::Faults;
 use super::file::{
-    FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, Method, Mode, NonManifold, Objective, Parts,
-    PassesKeys, PenKeys, SetupsKeys, StopOrder, SurfaceKeys,
+    FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, Method, Mode, NonManifold, Objective, Parts, PassesKeys,
+    PenKeys, SetupsKeys, StopOrder, SurfaceKeys,
 };
 use super::resolved::{
     Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
