@@ -2,6 +2,7 @@
 
 pub mod batch;
 pub mod block_map;
+pub mod budget;
 pub mod check;
 pub mod clearance;
 pub mod cli;

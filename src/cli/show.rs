@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::batch::Outcome;
+use crate::budget::Budget;
 use crate::manifest::{AnySummary, OnTheFlySummary, SpaceCurves, Summary, duration};
 use crate::plan::Phase;
 use crate::run;
@@ -162,17 +163,18 @@ fn stepped(s: &Summary, folder: Option<&Path>) -> String {
             s.worst_defocus_um, s.worst_defocus_mean_um
         ),
         format!("worst slope    {:.2} deg", s.worst_incidence_deg),
-        format!(
-            "time           {} (stage {}, settling {},{} marks {}, jumps {}, delays {})",
-            duration(t.total),
-            duration(t.stage),
-            duration(t.settle),
-            if s.blocks > s.stops { format!(" zoom {},", duration(t.zoom)) } else { String::new() },
-            duration(t.mark),
-            duration(t.jump),
-            duration(t.delay)
-        ),
     ];
+    lines.extend(errors(&s.budget));
+    lines.push(format!(
+        "time           {} (stage {}, settling {},{} marks {}, jumps {}, delays {})",
+        duration(t.total),
+        duration(t.stage),
+        duration(t.settle),
+        if s.blocks > s.stops { format!(" zoom {},", duration(t.zoom)) } else { String::new() },
+        duration(t.mark),
+        duration(t.jump),
+        duration(t.delay)
+    ));
     if s.dots.texture > 0 {
         lines.insert(
             2,
@@ -222,12 +224,20 @@ fn on_the_fly(s: &OnTheFlySummary, folder: Option<&Path>) -> String {
             s.laser_error_mm, s.mark_speed_mm_s, s.servo_period_s
         ),
     ];
+    lines.extend(errors(&s.budget));
     lines.extend(s.curves.as_ref().map(curves));
     if let Some(folder) = folder {
         lines.push(format!("job folder     {}", folder.display()));
         lines.push(format!("then run       terrace verify {}", folder.display()));
     }
     lines.join("\n") + "\n"
+}
+
+/// How far marks may lie from where they should, and what is not stated of it.
+fn errors(budget: &Budget) -> Vec<String> {
+    let [lateral, depth, not_stated] = budget.lines();
+    let lines = [("lateral errors", lateral), ("depth errors  ", depth), ("not stated    ", not_stated)];
+    lines.iter().filter(|(_, text)| !text.is_empty()).map(|(name, text)| format!("{name} {text}")).collect()
 }
 
 /// How space curves lie on the surface.

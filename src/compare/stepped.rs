@@ -25,7 +25,7 @@ const PERCENTS: usize = 3 * 101;
 /// near to the part as it must, the figures tell.
 pub(super) fn flat(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Error> {
     let mut job = subject.job.plain(Method::ZRange);
-    job.focus = Focus { pdof: ONE_PLANE, depth: ONE_PLANE, rule: DepthRule::Range, ..job.focus };
+    job.focus = Focus { pdof: ONE_PLANE, reserve: Nm(0), depth: ONE_PLANE, rule: DepthRule::Range, ..job.focus };
     job.partition = Partition { method: Method::ZRange, ..Partition::default() };
     let task = task.of_steps(PERCENTS);
     let draft = Draft::new(&job, subject.machine, subject.inputs, &|_, _| task.step())?;

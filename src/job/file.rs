@@ -103,6 +103,10 @@ pub struct SurfaceKeys {
     /// What happens where an edge joins three facets, or another odd number above: a sheet hangs on another.
     #[serde(default)]
     pub non_manifold: NonManifold,
+    /// How far facets, samples or points of the file lie from the part, for the depth budget: the chord tolerance of an
+    /// export, the error of a measurement. Not for STEP and IGES, whose chord tolerance is known.
+    #[serde(default, deserialize_with = "non_negative_option")]
+    pub tessellation: Option<Length>,
     /// Scale of a height map; required for PNG, TIFF and USGS DEM.
     #[serde(default)]
     pub heightmap: Option<HeightmapKeys>,
@@ -155,6 +159,13 @@ pub struct PlacementKeys {
     /// Turn of the part about its z axis, counter-clockwise.
     #[serde(default)]
     pub turn: Angle,
+    /// How far points of the part lie, in x and y, from where the placement has them once the part is registered, for
+    /// the error budget.
+    #[serde(default, deserialize_with = "non_negative_option")]
+    pub residual: Option<Length>,
+    /// The same in z: how exactly the height of the part is set, for the depth budget.
+    #[serde(default, deserialize_with = "non_negative_option")]
+    pub residual_z: Option<Length>,
 }
 
 /// Position of the focal plane of a block.
@@ -192,6 +203,9 @@ pub struct FocusKeys {
     /// PDOF = factor × DOF, 0.8 to 1.2 in the article.
     #[serde(default)]
     pub factor: Option<f64>,
+    /// What is taken off PDOF for errors of part, set-up and machine; blocks are made for the rest.
+    #[serde(default, deserialize_with = "non_negative")]
+    pub reserve: Length,
     /// Focal plane of a block.
     #[serde(default)]
     pub level: Level,

@@ -46,7 +46,7 @@ impl Job {
 
     /// A depth range that is far beyond the depth of focus of the optics, or far below it.
     fn depth(&self, machine: &Machine) -> Option<Diag> {
-        let (depth, optics) = (self.focus.depth.mm(), machine.depth_of_focus_mm());
+        let (depth, optics) = (self.focus.rule.range(self.focus.pdof).mm(), machine.depth_of_focus_mm());
         let depths = depth / optics;
         if (ODD_DEPTHS..=MOST_DEPTHS).contains(&depths) {
             return None;

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use super::direction::Direction;
 use super::faults::Faults;
 use super::file::{
-    DepthRule, FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, Method, Mode, NonManifold, Objective, Parts,
-    PassesKeys, PenKeys, SetupsKeys, StopOrder, SurfaceKeys,
+    FocusKeys, HeightmapKeys, JobFile, Level, MachineKeys, Method, Mode, NonManifold, Objective, Parts, PassesKeys,
+    PenKeys, SetupsKeys, StopOrder, SurfaceKeys,
 };
 use super::resolved::{
     Focus, Job, Limits, MachineInput, Order, Overrides, Partition, Passes, Placement, Setups, SurfaceInput,
@@ -100,7 +100,11 @@ pub(super) fn resolve(path: &Path, source: Arc<str>, file: &JobFile, overrides: 
         mode,
         mode_of_file: file.mode,
         surface,
-        placement: Placement { origin, turn: file.placement.turn },
+        placement: Placement {
+            origin,
+            turn: file.placement.turn,
+            residual: [file.placement.residual, file.placement.residual_z],
+        },
         textures,
         drawings: file.texture.iter().flat_map(TextureKeys::files).collect(),
         focus,
@@ -142,6 +146,13 @@ fn surface_input(keys: &SurfaceKeys, f: &mut Faults<'_>) -> SurfaceInput {
             fault.hint("leave out surface.unit; correct the unit in the CAD program if it is wrong"),
         );
     }
+    if keys.tessellation.is_some() && surface::is_cad(&keys.file) {
+        let fault = Diag::input(
+            "surface-tessellation",
+            "surface.tessellation is stated, but the chord tolerance of STEP and IGES files follows from focus.pdof",
+        );
+        f.push("surface.tessellation", fault.hint("leave out surface.tessellation"));
+    }
     if keys.scale.is_some_and(|scale| !(scale > 0.0 && scale.is_finite())) {
         let fault = Diag::input("surface-datum", "surface.scale must be above zero");
         f.push("surface.scale", fault.hint("a map at 1 : 25000 has scale = 4e-5"));
@@ -165,6 +176,7 @@ fn surface_input(keys: &SurfaceKeys, f: &mut Faults<'_>) -> SurfaceInput {
             NonManifold::Refuse => surface::NonManifold::Refuse,
             NonManifold::Topmost => surface::NonManifold::Topmost,
         },
+        tessellation: keys.tessellation,
     }
 }
 
@@ -197,11 +209,13 @@ fn focus(keys: &FocusKeys, f: &mut Faults<'_>) -> Focus {
         );
     }
     let pdof = pdof.as_nm().unwrap_or(MAX_NM);
-    let depth = match keys.rule {
-        DepthRule::Range => pdof,
-        DepthRule::Half => pdof * 2,
-    };
-    Focus { pdof, depth, rule: keys.rule, level: keys.level }
+    let reserve = keys.reserve.as_nm().unwrap_or(MAX_NM);
+    if reserve >= pdof {
+        let text = format!("focus.reserve {} leaves nothing of the PDOF of {} mm", keys.reserve, pdof.mm());
+        let hint = "the reserve is what errors may use up of PDOF: make it smaller, or make the errors smaller";
+        f.push("focus.reserve", Diag::input("focus-reserve", text).hint(hint));
+    }
+    Focus { pdof, reserve, depth: keys.rule.range(pdof - reserve), rule: keys.rule, level: keys.level }
 }
 
 fn pens(keys: &[PenKeys], f: &mut Faults<'_>) -> Vec<Pen> {

@@ -9,7 +9,7 @@ use crate::emit::Format;
 use crate::geom::{NM_PER_MM, Nm, P2};
 use crate::machine::{Machine, Origin};
 use crate::program::{PassId, Pen, PenId};
-use crate::units::{Angle, Share};
+use crate::units::{Angle, Length, Share};
 use crate::{surface, texture};
 
 /// What the command line sets, over the job file's own keys.
@@ -83,6 +83,8 @@ pub struct SurfaceInput {
     pub weld: Nm,
     /// What is done about edges on which a sheet hangs.
     pub non_manifold: surface::NonManifold,
+    /// How far the file's facets, samples or points lie from the part, where the job states it.
+    pub tessellation: Option<Length>,
 }
 
 /// How the part lies on the table.
@@ -93,6 +95,8 @@ pub struct Placement {
     pub origin: Option<Origin>,
     /// Turn of the part about its z axis, counter-clockwise.
     pub turn: Angle,
+    /// How far points of the registered part lie from where they should in x and y, and in z, where the job states it.
+    pub residual: [Option<Length>; 2],
 }
 
 /// Depth of focus.
@@ -100,7 +104,9 @@ pub struct Placement {
 pub struct Focus {
     /// Processing depth of focus.
     pub pdof: Nm,
-    /// Largest depth range of a block: PDOF, or twice PDOF under `rule = "half"`.
+    /// What is taken off PDOF for errors.
+    pub reserve: Nm,
+    /// Largest depth range of a block: PDOF less the reserve, or twice that under `rule = "half"`.
     pub depth: Nm,
     /// What PDOF bounds.
     pub rule: super::DepthRule,
@@ -112,6 +118,21 @@ impl Focus {
     /// How far marks may lie from their focal plane, mm: half the depth range.
     pub fn half_depth_mm(&self) -> f64 {
         self.depth.mm() / 2.0
+    }
+
+    /// How far errors may take marks that far on, mm: what the reserve leaves to either side.
+    pub fn half_reserve_mm(&self) -> f64 {
+        self.rule.range(self.reserve).mm() / 2.0
+    }
+}
+
+impl super::DepthRule {
+    /// The height range that a depth of focus allows.
+    pub fn range(self, pdof: Nm) -> Nm {
+        match self {
+            Self::Range => pdof,
+            Self::Half => pdof * 2,
+        }
     }
 }
 

@@ -105,6 +105,7 @@ pub(super) fn stepped(
         checked,
         passes: passes.iter().map(|p| (&p.sections, p.directions.as_ref())).collect(),
         depth_mm: plan.depth.mm(),
+        tessellation_mm: plan.inputs.surface.tessellation_mm(),
         figures,
         summary,
     };

@@ -27,7 +27,8 @@ use serde::{Deserialize, Serialize};
 use crate::diag::{self, Diag, Error, Place};
 use crate::geom::{ControllerPoint, FieldPoint, NM_PER_MM, Nm, P2, Turn, Turned};
 use crate::units::{
-    Acceleration, Frequency, Jerk, Length, Speed, Time, Watts, non_negative, positive, positive_option,
+    Acceleration, Angle, Frequency, Jerk, Length, Speed, Time, Watts, non_negative, non_negative_option, positive,
+    positive_option,
 };
 
 /// A machine file. Every value is as written; [`Machine::load`] has checked it.
@@ -108,6 +109,12 @@ pub struct Lens {
     /// Spot diameter (1/e²) in focus.
     #[serde(deserialize_with = "positive")]
     pub spot: Length,
+    /// Largest angle between the beam and the optical axis over the field, for the error budget.
+    #[serde(default)]
+    pub telecentricity: Option<Angle>,
+    /// Largest distance of the spot from where it should be once the field is corrected, for the error budget.
+    #[serde(default, deserialize_with = "non_negative_option")]
+    pub field_residual: Option<Length>,
 }
 
 /// The galvo head.
@@ -238,9 +245,12 @@ pub struct Stage {
     /// Waiting time after a move before the laser may fire.
     #[serde(default, deserialize_with = "non_negative")]
     pub settle: Time,
-    /// Positioning accuracy of the stage, for the error of stitching.
+    /// Positioning accuracy of x and of y, for the error of stitching and the error budget.
     #[serde(default, deserialize_with = "positive_option")]
     pub accuracy: Option<Length>,
+    /// Positioning accuracy of z, for the depth budget.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub z_accuracy: Option<Length>,
     /// How the stage follows its command.
     #[serde(default)]
     pub servo: Option<Servo>,
@@ -331,6 +341,9 @@ pub struct Zoom {
     /// Waiting time after a move.
     #[serde(default, deserialize_with = "non_negative")]
     pub settle: Time,
+    /// How far the focal plane may lie from where the optic is told to set it, for the depth budget.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub accuracy: Option<Length>,
 }
 
 /// How long a person at the machine takes.

@@ -28,6 +28,8 @@ fn ranges(m: &Machine) -> Vec<Range> {
     hold(&mut out, "lens.working_distance", Some(m.lens.working_distance), ["0.1 mm", "10 m"]);
     hold(&mut out, "lens.diameter", Some(m.lens.diameter), ["0.1 mm", "2 m"]);
     hold(&mut out, "lens.spot", Some(m.lens.spot), ["0.1 um", "10 mm"]);
+    hold(&mut out, "lens.telecentricity", m.lens.telecentricity, ["0 deg", "30 deg"]);
+    hold(&mut out, "lens.field_residual", m.lens.field_residual, ["0 mm", "10 mm"]);
     hold(&mut out, "scanner.jump_speed", Some(m.scanner.jump_speed), ["0.1 mm/s", "1000 m/s"]);
     hold(&mut out, "scanner.max_mark_speed", Some(m.scanner.max_mark_speed), ["0.1 mm/s", "1000 m/s"]);
     hold(&mut out, "scanner.acceleration", m.scanner.acceleration, ["1 mm/s2", "1e9 mm/s2"]);
@@ -38,6 +40,7 @@ fn ranges(m: &Machine) -> Vec<Range> {
     hold(&mut out, "stage.settle", Some(m.stage.settle), ["0 s", "60 min"]);
     hold(&mut out, "stage.clearance", Some(m.stage.clearance), ["1 um", "1 m"]);
     hold(&mut out, "stage.accuracy", m.stage.accuracy, ["1 nm", "10 mm"]);
+    hold(&mut out, "stage.z_accuracy", m.stage.z_accuracy, ["1 nm", "10 mm"]);
     hold(&mut out, "stage.move.xy", m.stage.move_times.map(|t| t.xy), ["0 s", "60 min"]);
     hold(&mut out, "stage.move.z", m.stage.move_times.map(|t| t.z), ["0 s", "60 min"]);
     for (name, axis) in m.axes() {
@@ -57,6 +60,7 @@ fn ranges(m: &Machine) -> Vec<Range> {
     hold(&mut out, "zoom.range", zoom.map(|z| z.range), ["1 um", "1 m"]);
     hold(&mut out, "zoom.speed", zoom.map(|z| z.speed), ["0.001 mm/s", "100 m/s"]);
     hold(&mut out, "zoom.settle", zoom.map(|z| z.settle), ["0 s", "60 min"]);
+    hold(&mut out, "zoom.accuracy", zoom.and_then(|z| z.accuracy), ["1 nm", "10 mm"]);
     tool_servo(&mut out, m.tool_servo.as_ref());
     for i in 0..2 {
         let axis = m.tilt.as_ref().map(|t| &t.axes[i]);
@@ -115,7 +119,7 @@ mod tests {
             assert!(text.contains(&format!("| `{key}` | {lo} | {hi} |\n")), "{key} {lo} {hi}");
             rows.insert(key);
         }
-        assert_eq!(rows.len(), 47);
+        assert_eq!(rows.len(), 51);
     }
 
     #[test]

@@ -16,6 +16,7 @@ pub use stepped::manifest;
 
 use serde::{Deserialize, Serialize};
 
+use crate::budget::Budget;
 use crate::check::Checked;
 use crate::diag::Message;
 use crate::emit;
@@ -159,6 +160,9 @@ pub struct Summary {
     pub worst_defocus_mean_um: f64,
     /// Largest angle between the beam and the normal of a marked place.
     pub worst_incidence_deg: f64,
+    /// How far marks may lie from where they should.
+    #[serde(default)]
+    pub budget: Budget,
     /// The space curves; left out where there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curves: Option<SpaceCurves>,
@@ -226,6 +230,8 @@ pub struct Facts<'a> {
     pub passes: Vec<(&'a Sections, Option<&'a Directions>)>,
     /// Largest depth range of a block, as used.
     pub depth_mm: f64,
+    /// How far the facets lie from exact surfaces, where their reader knows that.
+    pub tessellation_mm: Option<f64>,
     /// The figures of every block.
     pub figures: &'a [BlockFigures],
     /// The figures.

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::stepped::{Placement, bytes};
 use super::{Head, SpaceCurves};
+use crate::budget::Budget;
 use crate::diag::{Diag, Message};
 use crate::job::Job;
 use crate::machine::Machine;
@@ -112,6 +113,9 @@ pub struct OnTheFlySummary {
     pub laser_error_mm: f64,
     /// How far blending rounds a corner of a mark, mm: by the program for PMAC.
     pub blend_mm: f64,
+    /// How far marks may lie from where they should.
+    #[serde(default)]
+    pub budget: Budget,
     /// The space curves; left out where there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curves: Option<SpaceCurves>,
@@ -139,7 +143,7 @@ impl OnTheFlySummary {
         deviations: Deviations,
         lengths: FlyLengths,
         blend_mm: f64,
-        warnings: &[Diag],
+        (budget, warnings): (Budget, &[Diag]),
     ) -> Self {
         let figures = checked.figures();
         let program = checked.program();
@@ -162,6 +166,7 @@ impl OnTheFlySummary {
             servo_period_s: SERVO_S,
             laser_error_mm: figures.laser_error_mm,
             blend_mm,
+            budget,
             curves: None,
             peaks: letters.zip(program.kind.axes().iter().map(peak)).collect(),
             warnings: warnings.iter().map(Message::from).collect(),
@@ -177,6 +182,8 @@ pub fn on_the_fly_manifest(head: &Head, facts: &OnTheFlyFacts<'_>) -> Vec<u8> {
         placement: Placement { origin_mm: facts.program.origin.mm(), turn_deg: facts.job.placement.turn.as_deg() },
         axes: facts.program.kind.letters(),
         limits: Limits {
+            pdof_mm: facts.job.focus.pdof.mm(),
+            reserve_mm: facts.job.focus.reserve.mm(),
             fod_um: facts.job.focus.half_depth_mm() * 1000.0,
             bia_deg: facts.job.limits.max_incidence.as_deg(),
         },
@@ -202,6 +209,8 @@ struct Document<'a> {
 
 #[derive(Serialize)]
 struct Limits {
+    pdof_mm: f64,
+    reserve_mm: f64,
     fod_um: f64,
     bia_deg: f64,
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Serialize, Serializer};
 
 use super::{Facts, Frames, Head, Summary, lift_mm, registration};
+use crate::budget::{Errors, Stated};
 use crate::emit::Files;
 use crate::geom::Nm;
 use crate::job::{DepthRule, Level};
@@ -22,6 +23,7 @@ pub fn manifest(head: &Head, facts: &Facts<'_>) -> Vec<u8> {
         placement: Placement { origin_mm: facts.checked.origin().mm(), turn_deg: facts.job.placement.turn.as_deg() },
         focus: Focus {
             pdof_mm: facts.job.focus.pdof.mm(),
+            reserve_mm: facts.job.focus.reserve.mm(),
             depth_range_mm: facts.depth_mm,
             level: facts.job.focus.level,
             rule: facts.job.focus.rule,
@@ -71,6 +73,7 @@ pub(super) struct Placement {
 #[derive(Serialize)]
 struct Focus {
     pdof_mm: f64,
+    reserve_mm: f64,
     depth_range_mm: f64,
     level: Level,
     rule: DepthRule,
@@ -174,7 +177,8 @@ struct Blocks<'a>(&'a Facts<'a>);
 
 impl Serialize for Blocks<'_> {
     fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        s.collect_seq((0..self.0.checked.program().blocks.len()).map(|i| block_entry(self.0, i)))
+        let stated = Stated::new(self.0.job, self.0.machine, self.0.tessellation_mm);
+        s.collect_seq((0..self.0.checked.program().blocks.len()).map(|i| block_entry(self.0, &stated, i)))
     }
 }
 
@@ -201,6 +205,7 @@ struct BlockEntry<'a> {
     time_s: f64,
     #[serde(flatten)]
     slope: SlopeEntry,
+    errors_um: Errors,
 }
 
 /// Means and worst.
@@ -222,7 +227,7 @@ fn files(facts: &Facts<'_>, index: usize) -> BTreeMap<&'static str, String> {
     of_block.collect()
 }
 
-fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
+fn block_entry<'a>(facts: &'a Facts<'a>, stated: &Stated<'_>, index: usize) -> BlockEntry<'a> {
     let program = facts.checked.program();
     let (block, figures) = (&program.blocks[index], &facts.figures[index]);
     BlockEntry {
@@ -250,5 +255,6 @@ fn block_entry<'a>(facts: &'a Facts<'a>, index: usize) -> BlockEntry<'a> {
             stretch: figures.slope.stretch(),
             dose: figures.slope.dose(),
         },
+        errors_um: stated.of_block(block, figures),
     }
 }

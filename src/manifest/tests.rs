@@ -37,6 +37,7 @@ fn with<R>((program, origin): (Program, Origin), machine: &Machine, use_them: im
         checked: &checked,
         passes: vec![(&sections, None)],
         depth_mm: 0.07,
+        tessellation_mm: None,
         figures: &figures,
         summary: &summary,
     })

@@ -7,6 +7,7 @@
 
 use std::sync::Arc;
 
+use crate::budget::{Relief, Stated};
 use crate::diag::{Diag, Error, Place};
 use crate::emit::{self, TARGETS, Target};
 use crate::geom::{BoxMm, NM_PER_MM, Nm, P2, length_mm};
@@ -92,10 +93,13 @@ pub struct OnTheFlyPlan {
 pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<OnTheFlyPlan, Error> {
     let mut warnings = inputs.warnings.clone();
     match planned(&job, &inputs, progress, &mut warnings) {
-        Ok(Planned { checked, deviations, lengths, left_out, texture }) => {
+        Ok(Planned { checked, deviations, relief, lengths, left_out, texture }) => {
             let figures = checked.figures();
             let blend_mm = emit::on_the_fly::blend_us(figures) as f64 * 1e-6 * figures.corner_mm_s / 8.0;
-            let mut summary = OnTheFlySummary::new(&checked, deviations, lengths, blend_mm, &warnings);
+            let stated = Stated::new(&job, &inputs.machine, inputs.surface.tessellation_mm());
+            let budget = stated.on_the_fly(deviations.worst_fod_um, deviations.worst_bia_deg.to_radians(), relief);
+            warnings.extend(budget.warning(&job, &inputs.machine));
+            let mut summary = OnTheFlySummary::new(&checked, deviations, lengths, blend_mm, (budget, &warnings));
             summary.curves = inputs.curves;
             let (machine, inputs) = (inputs.machine.clone(), Arc::new(inputs));
             Ok(OnTheFlyPlan { job, machine, checked, left_out, summary, warnings, texture, inputs })
@@ -108,6 +112,8 @@ pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<O
 struct Planned {
     checked: Checked,
     deviations: Deviations,
+    /// The height field under the marks, where rotary axes follow it.
+    relief: Option<Relief>,
     lengths: FlyLengths,
     left_out: Vec<LeftOut>,
     texture: Texture,
@@ -161,7 +167,8 @@ fn planned(job: &Job, inputs: &Inputs, progress: Progress<'_>, warnings: &mut Ve
     let lengths = FlyLengths::new(texture_mm, &skipped, &left_out);
     warnings.extend(planner.skipped(&lengths, &made.followed.left_out));
     let deviations = Deviations { worst_fod_um: worst.focus * 1e3, worst_bia_deg: worst.angle.to_degrees() };
-    Ok(Planned { checked, deviations, lengths, left_out, texture: followed })
+    let relief = (checked.program().kind == Kind::Xyzacuv).then(|| planner.relief(&made.followed.path));
+    Ok(Planned { checked, deviations, relief, lengths, left_out, texture: followed })
 }
 
 /// What of the job's formats cannot be written for the axes of the machine.
@@ -337,6 +344,19 @@ impl Planner<'_> {
             LeftOut { stroke: stroke.source.0, from_mm: begin + from, to_mm: begin + to }
         };
         stretches.iter().map(of).collect()
+    }
+
+    /// The height field against the part at the nodes of the marks.
+    fn relief(&self, path: &Path) -> Relief {
+        path.nodes.iter().filter(|node| node.pen.is_some()).fold(Relief::default(), |worst, node| {
+            let [x, y, z] = node.at;
+            let height = self.height_field.at([x, y]);
+            let [dx, dy] = height.slope;
+            Relief {
+                off_um: worst.off_um.max((z - height.z).abs() * 1e3),
+                slope_rad: worst.slope_rad.max(dx.hypot(dy).atan()),
+            }
+        })
     }
 
     /// The points of a stroke on the part.

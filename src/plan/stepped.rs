@@ -33,6 +33,7 @@ use super::stroke_chunks::Sweep;
 use super::summary;
 use super::warnings;
 use crate::block_map::BlockMap;
+use crate::budget::Stated;
 use crate::check::{Checked, Limits};
 use crate::clearance::Clearance;
 use crate::diag::{Diag, Error};
@@ -270,6 +271,9 @@ impl<'a> Draft<'a> {
         warnings.extend(self.shares.warnings(job, best.times.total, machine));
         warnings.extend(self.warnings);
         warnings.extend(warnings::short_overlaps(&best.split));
+        let stated = Stated::new(job, machine, inputs.surface.tessellation_mm());
+        let budget = stated.of_program(checked.program(), &best.figures);
+        warnings.extend(budget.warning(job, machine));
         let figures = summary::Figures {
             method: best.method,
             times: best.times,
@@ -279,6 +283,7 @@ impl<'a> Draft<'a> {
             worst_defocus_mean: best.worst_defocus_mean,
             unmerged: best.unmerged.stops,
             curves,
+            budget,
         };
         let summary = summary::summary((job, machine), &checked, &passes, &figures, tried, &warnings);
         Ok(SteppedPlan {

@@ -1,6 +1,7 @@
 //! The figures of a stepped plan.
 
 use super::pass::Pass;
+use crate::budget::Budget;
 use crate::check::Checked;
 use crate::diag::{Diag, Message};
 use crate::geom::Nm;
@@ -24,6 +25,7 @@ pub(super) struct Figures<'a> {
     /// Stops before any were merged.
     pub(super) unmerged: usize,
     pub(super) curves: Option<SpaceCurves>,
+    pub(super) budget: Budget,
 }
 
 /// The summary of a checked program.
@@ -69,6 +71,7 @@ pub(super) fn summary(
         worst_defocus_um: figures.worst_defocus.f64() / 1000.0,
         worst_defocus_mean_um: figures.worst_defocus_mean.f64() / 1000.0,
         worst_incidence_deg: split.worst_slope2.sqrt().atan().to_degrees(),
+        budget: figures.budget.clone(),
         curves: figures.curves,
         time_s: figures.times,
         by_hand: ByHand::new(job, machine, program.blocks.len(), figures.times.total),

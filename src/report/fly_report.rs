@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::page::{self, escape};
 use super::table::share as shown_share;
-use super::{OnTheFlyLayout, job_report, length_text, plain, record};
+use super::{OnTheFlyLayout, budget, job_report, length_text, plain, record};
 use crate::manifest::duration;
 
 /// The report as the text of an HTML file.
@@ -78,6 +78,7 @@ pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>) -> String {
         );
     }
     h.push_str("</table>\n</div>\n</div>\n");
+    budget::section(&mut h, &s.budget);
     record::unmarked(&mut h, &job.scene.unmarked);
     record::histograms(&mut h, job.scene, &job.program.pens);
     record::pens(&mut h, &job.program.pens, job.machine);

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::runsheet::{clock, field, pens};
+use super::runsheet::{budget, clock, field, pens};
 use crate::emit::TARGETS;
 use crate::manifest::OnTheFlyFacts;
 
@@ -33,6 +33,7 @@ fn written(out: &mut String, facts: &OnTheFlyFacts<'_>, job_file: &str, files: &
         s.deviations.worst_fod_um,
         job.focus.half_depth_mm() * 1e3
     )?;
+    budget(out, &s.budget)?;
     writeln!(out, "incidence  {:.2} deg at most", s.deviations.worst_bia_deg)?;
     writeln!(out, "time       {} ({} with the laser on)", clock(s.time_s), clock(s.mark_s))?;
     writeln!(

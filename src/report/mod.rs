@@ -12,6 +12,7 @@
 //! machined is in the program.
 
 mod blocks;
+mod budget;
 mod colour;
 mod fly_report;
 mod fly_sheet;

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use crate::budget::Budget;
 use crate::check::Checked;
 use crate::emit::{self, Format};
 use crate::geom::Nm;
@@ -176,6 +177,7 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
         s.worst_defocus_um,
         sheet.depth_mm * 1e3
     )?;
+    budget(out, &s.budget)?;
     writeln!(
         out,
         "time       {} (stage {}, settling {},{} marks {}, jumps {}, delays {}), estimated",
@@ -201,6 +203,18 @@ fn head(out: &mut String, sheet: &Sheet<'_>) -> std::fmt::Result {
     )?;
     for warning in &s.warnings {
         writeln!(out, "WARNING    {}", warning.message)?;
+    }
+    Ok(())
+}
+
+/// How far marks may lie from where they should: bounds, summed.
+pub(super) fn budget(out: &mut String, budget: &Budget) -> std::fmt::Result {
+    let [lateral, depth, not_stated] = budget.lines();
+    let [pdof, reserve] = [budget.pdof_mm, budget.reserve_mm].map(|mm| mm * 1e3);
+    writeln!(out, "PDOF       {pdof:.1} um, of which {reserve:.1} um are kept for errors")?;
+    writeln!(out, "errors     lateral {lateral}, depth {depth}")?;
+    if !not_stated.is_empty() {
+        writeln!(out, "           not stated: {not_stated}")?;
     }
     Ok(())
 }

@@ -102,6 +102,9 @@ pub struct Heightmap {
 pub enum Content {
     /// Facets; they went to the sink, this many.
     Facets(usize),
+    /// Facets of exact surfaces, this many, and how far they lie from these, mm: the chord tolerance, or what the
+    /// converter measured where that is more.
+    Tessellated(usize, f64),
     /// A height map.
     Heightmap(Heightmap),
 }
@@ -245,6 +248,7 @@ pub struct Surface {
     kind: Kind,
     part_box_mm: BoxMm<2>,
     facets: usize,
+    tessellation_mm: Option<f64>,
 }
 
 #[derive(Debug)]
@@ -284,6 +288,10 @@ impl Surface {
         drop(reading);
         let map = match content {
             Content::Facets(_) => return Self::from_welder(welder, &shown, notes, joined),
+            Content::Tessellated(_, off) => {
+                let surface = Self::from_welder(welder, &shown, notes, joined)?;
+                return Ok(Self { tessellation_mm: Some(off), ..surface });
+            }
             Content::Heightmap(map) => map,
         };
         if [map.columns, map.rows].iter().any(|&n| n as f64 * map.pixel_mm * NM_PER_MM > f64::from(i32::MAX)) {
@@ -308,7 +316,7 @@ impl Surface {
         let part_box_mm = BoxMm { lo: corner([i0, j0]), hi: corner([i1, j1]) };
         let facets = 2 * grid.cells()[0] * grid.cells()[1];
         let class = grid.classes();
-        Some(Self { kind: Kind::Implicit(grid, class), part_box_mm, facets })
+        Some(Self { kind: Kind::Implicit(grid, class), part_box_mm, facets, tessellation_mm: None })
     }
 
     /// A surface of the given facets (mm), for tests and benches.
@@ -342,7 +350,7 @@ impl Surface {
         }
         let facets = mesh.facets.len();
         let bins = Bins::new(&mesh);
-        Ok(Self { kind: Kind::Mesh(mesh, bins), part_box_mm, facets })
+        Ok(Self { kind: Kind::Mesh(mesh, bins), part_box_mm, facets, tessellation_mm: None })
     }
 
     /// The box of the part as its file has it, mm, before any turn.
@@ -353,6 +361,11 @@ impl Surface {
     /// How many facets the lens may see.
     pub fn facet_count(&self) -> usize {
         self.facets
+    }
+
+    /// How far its facets lie from the exact surfaces that they were made of, mm; None where it was read as facets.
+    pub fn tessellation_mm(&self) -> Option<f64> {
+        self.tessellation_mm
     }
 
     fn origin(&self) -> P2 {

@@ -22,6 +22,8 @@ pub(super) struct JobFacts {
     pub(super) machine: Machine,
     /// Processing depth of focus.
     pub(super) pdof: Nm,
+    /// What the job takes off it for errors.
+    pub(super) reserve: Nm,
     /// Largest depth range of a block.
     pub(super) depth_range: Nm,
     pub(super) level: Level,
@@ -64,6 +66,7 @@ impl JobFacts {
             section_nm: m.machine.usable_field().map(Nm::f64),
             machine: m.machine.clone(),
             pdof: Nm::from_mm(m.focus.pdof_mm).unwrap_or_default(),
+            reserve: Nm::from_mm(m.focus.reserve_mm).unwrap_or_default(),
             depth_range: Nm::from_mm(m.focus.depth_range_mm).unwrap_or_default(),
             level: m.focus.level,
             rule: m.focus.rule,
@@ -95,7 +98,11 @@ impl JobFacts {
             section_nm: machine.usable_field().map(|f| (section.min(f.f64()) / grid).floor() * grid),
             machine,
             pdof: job.focus.pdof,
-            depth_range: job.focus.depth,
+            reserve: job.focus.reserve,
+            depth_range: match job.focus.rule {
+                DepthRule::Range => job.focus.pdof - job.focus.reserve,
+                DepthRule::Half => (job.focus.pdof - job.focus.reserve) * 2,
+            },
             level: job.focus.level,
             rule: job.focus.rule,
             max_incidence_rad: job.limits.max_incidence.as_rad(),
@@ -165,7 +172,7 @@ pub(super) fn shape(job: &Job) -> Result<(Shape, BoxMm<2>), Error> {
     let empty = || unusable("surface-empty", "the surface file holds no surface", &path);
     match content {
         Content::Facets(0) => Err(empty()),
-        Content::Facets(_) => {
+        Content::Facets(_) | Content::Tessellated(..) => {
             let box_mm = builder.box_mm;
             Ok((Shape::Mesh(builder.finish()), box_mm))
         }

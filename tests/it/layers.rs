@@ -118,6 +118,7 @@ const ORDER: [&str; 33] = [
     "on_the_fly",
     "emit",
     "job",
+    "budget",
     "manifest",
     "plan",
     "scene",

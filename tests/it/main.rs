@@ -11,6 +11,7 @@ mod batch;
 mod bitmaps;
 mod bound;
 mod browser;
+mod budget;
 mod cad;
 mod cli;
 mod closed_forms;

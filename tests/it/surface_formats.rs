@@ -105,7 +105,7 @@ fn load(path: &Path, unit_mm: f64) -> Result<(Facets, Option<Heightmap>), &'stat
     let content = read(path, &options, &mut Vec::new(), &mut |f| facets.push(f));
     assert!(start.elapsed() < Duration::from_secs(5), "{}", path.display());
     match content {
-        Ok(Content::Facets(n)) => {
+        Ok(Content::Facets(n) | Content::Tessellated(n, _)) => {
             assert_eq!(n, facets.len());
             Ok((facets, None))
         }

@@ -60,7 +60,7 @@ pub(super) fn surface_file(path: &Path, unit: Option<FileUnit>) -> Result<Shown,
     let Read { content, facets, mesh, is_unit_known, is_scaled, mut warnings } = read_surface(path, unit)?;
     let shown = |json: Value| if is_unit_known { in_mm(&facets, json) } else { in_units(&facets, json) };
     Ok(match content {
-        Content::Facets(n) => {
+        Content::Facets(n) | Content::Tessellated(n, _) => {
             let json = json!({"kind": "surface", "facets": n,
                 "steep_percent": facets.percent(facets.steep), "down_percent": facets.percent(facets.down)});
             let (text, mut json) = shown(json);

@@ -127,5 +127,6 @@ pub(super) fn read(
     let mesh = load(path, fine, notes)?;
     let mut facets = Facets::new(path, Unit::mm(1.0), sink);
     mesh.facets().for_each(|facet| facets.push(facet));
-    facets.finish(notes)
+    facets.finish(notes)?;
+    Ok(Content::Tessellated(mesh.facet_count(), mesh.about.worst_mm.max(fine.chord_mm)))
 }

@@ -216,7 +216,7 @@ fn read_bytes(
     let mut notes = vec![];
     let map = read(&path, scale, &mut notes).map(|c| match c {
         Content::Heightmap(map) => map,
-        Content::Facets(_) => panic!("a height map"),
+        _ => panic!("a height map"),
     });
     (map, notes)
 }

@@ -408,6 +408,18 @@ impl Kind {
         }
     }
 
+    /// Distance of neighbours in the texture, mm: of lines, cells, dots, tiles or grooves. None of Hilbert curves, of
+    /// drawings whose filled areas state none, and of space curves.
+    pub fn spacing_mm(&self) -> Option<f64> {
+        match self {
+            Self::Cells { pitch_mm, .. }
+            | Self::Dots { pitch_mm, .. }
+            | Self::Poisson { pitch_mm, .. }
+            | Self::Honeycomb { pitch_mm } => Some(*pitch_mm),
+            _ => self.texture_pitch_mm().or(self.fill_pitch_mm()),
+        }
+    }
+
     /// Distance of the lines that fill areas of a drawing or a bitmap, mm, where the job states it.
     pub fn fill_pitch_mm(&self) -> Option<f64> {
         let Self::Drawing { marking, .. } = self else { return None };

@@ -69,6 +69,8 @@ pub(in crate::verify) struct Placement {
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct Focus {
     pub(in crate::verify) pdof_mm: f64,
+    #[serde(default)]
+    pub(in crate::verify) reserve_mm: f64,
     pub(in crate::verify) depth_range_mm: f64,
     pub(in crate::verify) level: Level,
     pub(in crate::verify) rule: DepthRule,

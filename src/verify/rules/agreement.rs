@@ -149,6 +149,7 @@ pub(in crate::verify) fn with_job(manifest: &Manifest, file: &ProgramFile, facts
     };
     hold(manifest.machine == facts.machine, "its machine differs from the job file");
     hold(near(f.pdof_mm, facts.pdof.mm()), "its pdof differs from the job file");
+    hold(near(f.reserve_mm, facts.reserve.mm()), "its focus reserve differs from the job file");
     // The depth range is used rounded down to an even number of increments.
     let lost = Nm::from_mm(f.depth_range_mm).map_or(Nm(-1), |used| facts.depth_range - used);
     let grain = facts.machine.increment_nm() * 2;

@@ -71,6 +71,7 @@ impl Made {
         let facts = JobFacts {
             machine,
             pdof: Nm(400_000),
+            reserve: Nm(0),
             depth_range: Nm(400_000),
             level: Level::Mid,
             rule: DepthRule::Range,
@@ -224,7 +225,7 @@ impl Made {
             "schema": 3, "terrace": "0.1.0", "mode": "stepped", "job": {"file": "../job.toml", "blake3": job["blake3"]},
             "inputs": [entry(folder.parent().expect("inside"), "part.stl")], "machine": self.facts.machine,
             "placement": {"origin_mm": self.origin.mm(), "turn_deg": 0.0},
-            "focus": {"pdof_mm": self.facts.pdof.mm(), "depth_range_mm": self.facts.depth_range.mm(), "level": "mid", "rule": "range"},
+            "focus": {"pdof_mm": self.facts.pdof.mm(), "reserve_mm": self.facts.reserve.mm(), "depth_range_mm": self.facts.depth_range.mm(), "level": "mid", "rule": "range"},
             "passes": [{"turn_deg": 0.0, "lowered_mm": 0.0, "sections": {"pitch_mm": [40.0, 40.0]}}], "setups": [{"origin_mm": self.origin.mm(), "registration": []}], "seams": {"zone_mm": 0.0, "overlap_mm": self.facts.overlap_nm / 1e6}, "pens": program.pens.iter().map(|p| json!({"name": p.name, "passes": p.passes})).collect::<Vec<_>>(),
             "blocks": blocks, "files": files.iter().map(|f| entry(folder, f)).collect::<Vec<_>>(), "summary": self.summary,
         });
