@@ -58,6 +58,11 @@ impl Turn {
         P2::new(p.x, p.y)
     }
 
+    /// The directions in the part that come to point along x, y and z; each of length 1.
+    pub fn rows(&self) -> [[f64; 3]; 3] {
+        [0, 1, 2].map(|k| self.rotation.row(k).transpose().into())
+    }
+
     /// The sine of the angle by which the part is tilted.
     #[inline]
     pub fn lean(&self) -> f64 {

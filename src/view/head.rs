@@ -25,6 +25,8 @@ pub(super) struct Head<'a> {
     pub field: FieldHead,
     pub lens: LensHead,
     pub pivot: Option<[f64; 3]>,
+    /// Whether the head tilts and the part stays.
+    pub head_tilts: bool,
     pub travel: Vec<[[f64; 3]; 2]>,
     pub pens: Vec<PenHead<'a>>,
     pub scanner: ScannerHead,
