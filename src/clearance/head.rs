@@ -29,6 +29,9 @@ impl Head<'_> {
     pub fn over_way(&self, tilt: TiltAngles, a: Commanded, b: Commanded) -> Nm {
         let turn = self.machine.turn(tilt, self.origin);
         let tiles: Vec<(Box2<Turned>, Nm)> = self.clearance.tiles.iter().map(|tile| turned(tile, &turn)).collect();
+        // Downwards along z of the part, as the head sees it.
+        let [x, y, z] = turn.rows();
+        let (lean, up) = ([-x[2], -y[2]], z[2]);
         let ends = [a, b].map(|at| turn.apply(self.machine.field_centre(at, tilt, self.origin)).at);
         let at = |i: u32| {
             let t = f64::from(i.min(PIECES)) / f64::from(PIECES);
@@ -44,11 +47,20 @@ impl Head<'_> {
                 path.add(P2::new(p[0].ceil() as i64, p[1].ceil() as i64));
             }
             let r = self.clearance.radius.0;
-            let lo: P2<Turned> = P2::new(path.lo.x - r, path.lo.y - r);
-            let hi = P2::new(path.hi.x + r, path.hi.y + r);
-            let near = |b: &Box2<Turned>| b.lo.x <= hi.x && lo.x <= b.hi.x && b.lo.y <= hi.y && lo.y <= b.hi.y;
-            let top = tiles.iter().filter(|(b, _)| near(b)).map(|t| t.1).max();
-            top.map_or(Nm::MIN, |top| top - self.clearance.gap - Nm::floor(from[2].min(to[2])))
+            let limit = self.clearance.gap + Nm::floor(from[2].min(to[2]));
+            let near = |&(b, top): &(Box2<Turned>, Nm)| {
+                let over = top - limit;
+                // What stands below the top of a tile, and still above the limit, lies beside it as the head sees it.
+                let down = over.max(Nm(0)).f64() / up;
+                let [dx, dy] = [0, 1].map(|k| (lean[k] * down) as i64);
+                let reaches = |lo: i64, hi: i64, d: i64, from: i64, to: i64| {
+                    lo + d.min(0) - 1 <= to + r && from - r <= hi + d.max(0) + 1
+                };
+                let is_near = reaches(b.lo.x, b.hi.x, dx, path.lo.x, path.hi.x)
+                    && reaches(b.lo.y, b.hi.y, dy, path.lo.y, path.hi.y);
+                is_near.then_some(over)
+            };
+            tiles.iter().filter_map(near).max().unwrap_or(Nm::MIN)
         };
         (0..pieces).map(over).max().unwrap_or(Nm::MIN)
     }
@@ -147,7 +159,8 @@ mod tests {
         let to = TiltAngles([0, 20_000_000]);
         // 240 mm below the pivot and 25 mm beside it, turned by 20 deg about y.
         let (s, c) = 20f64.to_radians().sin_cos();
-        let lowest = (250.0 - 240.0 * c - 25.0 * s).min(10.0);
+        // It is lowest where the corner is below the pivot.
+        let lowest = 250.0 - 240f64.hypot(25.0);
         let nearer = |z: f64| head.over_swing(TiltAngles::UPRIGHT, to, mm(z)).mm();
         // What is not seen between the steps is 242 mm times 20 deg / 32.
         let unseen = (240f64.powi(2) + 2.0 * 25f64.powi(2)).sqrt() * 20f64.to_radians() / 32.0;

@@ -138,12 +138,7 @@ pub(super) fn head_tilt(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures
 }
 
 /// With tilt axes that carry the part or the head, those of a built-in machine where the job's own has none such.
-fn tilting(
-    subject: &Subject<'_>,
-    carries: Carries,
-    lender: &'static str,
-    task: Task<'_>,
-) -> Result<Figures, Error> {
+fn tilting(subject: &Subject<'_>, carries: Carries, lender: &'static str, task: Task<'_>) -> Result<Figures, Error> {
     let mut machine = subject.machine.clone();
     let is_own = machine.tilt.as_ref().is_some_and(|tilt| tilt.carries == carries);
     let hardware = if is_own { Hardware::Own } else { Hardware::WithTilt(lender) };

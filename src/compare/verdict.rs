@@ -144,15 +144,8 @@ impl<'a> Rows<'a> {
             Some(best) => self.recommendation(best),
             None => self.no_recommendation(),
         };
-        const GROUPS: [Kind; 7] = [
-            Kind::Stepped,
-            Kind::Zoom,
-            Kind::Tilt,
-            Kind::HeadTilt,
-            Kind::OnTheFly,
-            Kind::SevenAxes,
-            Kind::FiveAxes,
-        ];
+        const GROUPS: [Kind; 7] =
+            [Kind::Stepped, Kind::Zoom, Kind::Tilt, Kind::HeadTilt, Kind::OnTheFly, Kind::SevenAxes, Kind::FiveAxes];
         for group in GROUPS {
             let told = best.is_some_and(|best| best.kind == group);
             let fit = self.timed().filter(|t| t.kind == group && t.figures.keeps_limits());

@@ -3,8 +3,8 @@
 use super::{P2, P3, Turned};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// A turn about a point, nm: what a tilt table does to the part. The turned part is still spoken of in the
-/// part's frame, so a turn by nothing changes no coordinate.
+/// A turn about a point, nm: what a tilt table does to the part, or how a head that is tilted sees it. The
+/// turned part is still spoken of in the part's frame, so a turn by nothing changes no coordinate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turn {
     rotation: Matrix3<f64>,

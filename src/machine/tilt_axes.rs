@@ -229,7 +229,11 @@ mod tests {
             acceleration: None,
             jerk: None,
         };
-        Tilt { carries: Carries::Part, pivot: [Length::mm(1.0), Length::mm(2.0), Length::mm(-100.0)], axes: letters.map(axis) }
+        Tilt {
+            carries: Carries::Part,
+            pivot: [Length::mm(1.0), Length::mm(2.0), Length::mm(-100.0)],
+            axes: letters.map(axis),
+        }
     }
 
     #[test]
@@ -286,6 +290,10 @@ mod tests {
             pivot: [0.0, 0.0, 100.0].map(Length::mm),
             ..table([Letter::C, Letter::B], false)
         };
+        // The example of the manual.
+        let high = Tilt { pivot: [0.0, 0.0, 250.0].map(Length::mm), ..head.clone() };
+        let at = high.swing(TiltAngles([0, 10_000_000])).map(|v| v / NM_PER_MM);
+        assert!((at[0] + 43.41).abs() < 0.01 && at[1] == 0.0 && (at[2] - 3.80).abs() < 0.01, "{at:?}");
         // About y by 90 deg, from 100 mm below the pivot to 100 mm towards -x of it.
         let at = head.swing(TiltAngles([0, 90_000_000]));
         assert!(at.iter().zip([-1e8, 0.0, 1e8]).all(|(a, b)| (a - b).abs() < 1e-3), "{at:?}");

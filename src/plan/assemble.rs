@@ -431,11 +431,8 @@ impl Stage<'_> {
         }
         // The surface is that before it sank, as everywhere here.
         let Origin([x, y, z]) = origin;
-        let head = Head {
-            machine: self.machine,
-            origin: Origin([x, y, z + self.start.lowered.0]),
-            clearance: self.clearance,
-        };
+        let head =
+            Head { machine: self.machine, origin: Origin([x, y, z + self.start.lowered.0]), clearance: self.clearance };
         let stands = |s: &Stop| (self.machine.stand(s.tilt, s.centre, s.focus, origin).stage, s.tilt);
         head.over_move(stands(a), stands(b)) > Nm(0)
     }

@@ -83,7 +83,8 @@ fn apart([p, up]: [V3; 2], [q, up2]: [V3; 2]) -> f64 {
 /// The blocks by tilt and level, each with its strokes in the order of the texture.
 fn ordered(program: &Program) -> Vec<(&Block, Vec<&Stroke>)> {
     let mut blocks: Vec<&Block> = program.blocks.iter().collect();
-    blocks.sort_by_key(|b| (b.stop.section, b.stop.level, b.stop.tilt.0, b.stop.centre.x / 1000, b.stop.centre.y / 1000));
+    blocks
+        .sort_by_key(|b| (b.stop.section, b.stop.level, b.stop.tilt.0, b.stop.centre.x / 1000, b.stop.centre.y / 1000));
     let strokes = |b: &Block| {
         let mut all: Vec<&Stroke> = program.strokes_of(b).iter().collect();
         all.sort_by_key(|s| (s.source, s.segment, s.len));
@@ -179,21 +180,30 @@ fn jobs_for_every_kind_of_head_verify() {
     let dir = folder();
     let part = dir.path().join("dome.stl");
     write_stl(&part, &mesh(50, [0.0, 0.0, 140.0, 120.0], |x, y| dome(3.0 * x, 3.0 * y)));
-    for (k, axes) in [[("B", true), ("A", false)], [("C", false), ("A", true)], [("C", true), ("B", false)]].into_iter().enumerate() {
+    for (k, axes) in
+        [[("B", true), ("A", false)], [("C", false), ("A", true)], [("C", true), ("B", false)]].into_iter().enumerate()
+    {
         let mut text = with_tilt(PROFILE, "head", [3.0, -4.0, 180.0], axes);
         if k == 1 {
             // The stage carries the part under a head that tilts.
-            for line in ["carries = \"head\"                  # assumption: a gantry over a part that stays", "carries = \"head\"                  # assumption: as x"] {
+            for line in [
+                "carries = \"head\"                  # assumption: a gantry over a part that stays",
+                "carries = \"head\"                  # assumption: as x",
+            ] {
                 assert!(text.contains(line));
                 text = text.replacen(line, "carries = \"part\"", 1);
             }
         }
         let mut job = job(dir.path(), &part, &text, "head.txt");
         job.more = "[emit]\nformats = [\"dxf\", \"linuxcnc\", \"gcode\", \"ovf\", \"poses\"]\n\n\
-                    [passes]\ncount = 2\nlower = \"10 um\"\nrotate = \"30 deg\"\n".into();
+                    [passes]\ncount = 2\nlower = \"10 um\"\nrotate = \"30 deg\"\n"
+            .into();
         let out = dir.path().join("head.job");
         let summary = compile(&job.write(dir.path(), "job.toml"), &out);
-        assert!(manifest(&out)["blocks"].as_array().expect("blocks").iter().any(|b| b["tilt_deg"][0] != 0.0), "{summary}");
+        assert!(
+            manifest(&out)["blocks"].as_array().expect("blocks").iter().any(|b| b["tilt_deg"][0] != 0.0),
+            "{summary}"
+        );
         verify(&out);
     }
 }

@@ -43,13 +43,16 @@ mod tests {
     #[test]
     fn poses_are_read_to_the_nanometre_and_the_millionth_of_a_degree() {
         let poses = read(TEXT.as_bytes()).expect("poses");
-        let first = Pose { block: "B0001".into(), at: [1_000_001, -2_500_000, 3_000_000], turns: [100_000, -2, 20_000_000] };
+        let first =
+            Pose { block: "B0001".into(), at: [1_000_001, -2_500_000, 3_000_000], turns: [100_000, -2, 20_000_000] };
         assert_eq!((poses.len(), &poses[0]), (2, &first));
     }
 
     #[test]
     fn lines_that_are_malformed_are_faults() {
-        for (from, to) in [("rx_deg", "rx"), ("3,0.1", "0.1"), ("-2.5", "-2.5e0"), ("20\r\n", "20\r\n\r\n"), ("20", "20.0000001")] {
+        for (from, to) in
+            [("rx_deg", "rx"), ("3,0.1", "0.1"), ("-2.5", "-2.5e0"), ("20\r\n", "20\r\n\r\n"), ("20", "20.0000001")]
+        {
             assert!(TEXT.contains(from) && read(TEXT.replacen(from, to, 1).as_bytes()).is_err(), "{from:?} -> {to:?}");
         }
     }

@@ -72,5 +72,6 @@ fn fault(
         [cz * sy * cx + sz * sx, sz * sy * cx - cz * sx, cy * cx],
     ];
     let off = (0..9).map(|i| (columns[i / 3][i % 3] - axes[i / 3][i % 3]).abs()).fold(0.0, f64::max);
-    (off > NEAR[1] + wide).then(|| format!("the pose is turned by {turns:?} deg about z, y and x, {off:.3e} rad off the head's axes"))
+    (off > NEAR[1] + wide)
+        .then(|| format!("the pose is turned by {turns:?} deg about z, y and x, {off:.3e} rad off the head's axes"))
 }

@@ -46,7 +46,8 @@ fn blocks_under_a_tilted_head_verify_and_every_mutant_is_reported() {
         let most = |b: &&mut Block| b.stop.tilt[1].abs();
         let block = program.blocks.iter_mut().max_by_key(most).expect("a block");
         block.stop.tilt[1] = -block.stop.tilt[1];
-        block.stage = plan.machine.stand(block.stop.tilt, block.stop.centre, block.plane(), plan.checked.origin()).stage;
+        block.stage =
+            plan.machine.stand(block.stop.tilt, block.stop.centre, block.plane(), plan.checked.origin()).stage;
     });
     found("source", &proof);
     // A position of the stage that is off by one increment.
@@ -62,7 +63,8 @@ fn poses_that_differ_from_the_commands_are_reported() {
     let sound = bench("");
     let text = String::from_utf8(std::fs::read(sound.write().join("poses.csv")).expect("poses")).expect("ASCII");
     let lines: Vec<&str> = text.lines().collect();
-    let tilted = lines.iter().skip(1).find(|line| !line.ends_with("0.000000,0.000000,0.000000")).expect("a tilted block");
+    let tilted =
+        lines.iter().skip(1).find(|line| !line.ends_with("0.000000,0.000000,0.000000")).expect("a tilted block");
     // Another angle, another place, a block left out, and two exchanged.
     let fields: Vec<&str> = tilted.split(',').collect();
     for column in 1..7 {
