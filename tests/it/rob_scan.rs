@@ -83,8 +83,9 @@ fn apart([p, up]: [V3; 2], [q, up2]: [V3; 2]) -> f64 {
 /// The blocks by tilt and level, each with its strokes in the order of the texture.
 fn ordered(program: &Program) -> Vec<(&Block, Vec<&Stroke>)> {
     let mut blocks: Vec<&Block> = program.blocks.iter().collect();
-    blocks
-        .sort_by_key(|b| (b.stop.section, b.stop.level, b.stop.tilt.0, b.stop.centre.x / 1000, b.stop.centre.y / 1000));
+    blocks.sort_by_key(|b| {
+        (b.stop.section.0, b.stop.level, b.stop.tilt.0, b.stop.centre.x / 1000, b.stop.centre.y / 1000)
+    });
     let strokes = |b: &Block| {
         let mut all: Vec<&Stroke> = program.strokes_of(b).iter().collect();
         all.sort_by_key(|s| (s.source, s.segment, s.len));
