@@ -4,6 +4,10 @@
 //! Boxes are f32 inside the library that holds them, so they are grown outward by a micrometre; the
 //! decision compares integers. The part is taken as higher than it is, never as lower.
 
+mod head;
+
+pub use head::Head;
+
 use parry2d::bounding_volume::Aabb;
 use parry2d::math::Vec2;
 use parry2d::partitioning::{Bvh, BvhBuildStrategy};

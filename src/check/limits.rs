@@ -2,8 +2,10 @@
 //! it, by how much the worst does, and a value that works where there is one.
 
 use super::Limits;
+use crate::clearance::Head;
 use crate::diag::{Diag, Place};
 use crate::geom::{Box2, Nm, P2, Turned, mm_from_nm};
+use crate::machine::TiltAngles;
 use crate::program::{Block, BlockId, Program};
 
 /// The limits that a program breaks.
@@ -21,7 +23,12 @@ struct Excess {
 
 /// Where `excess` of a block is above zero it breaks a limit; None where none does.
 fn excess(program: &Program, excess: impl Fn(&Block) -> i64) -> Option<Excess> {
-    let over = program.blocks.iter().enumerate().map(|(i, b)| (i, excess(b))).filter(|(_, by)| *by > 0);
+    worst(program.blocks.iter().map(excess))
+}
+
+/// The same of the excesses of all blocks.
+fn worst(excesses: impl Iterator<Item = i64>) -> Option<Excess> {
+    let over = excesses.enumerate().filter(|(_, by)| *by > 0);
     over.fold(None, |found, (i, by)| {
         let Some(Excess { blocks, worst, by: most }) = found else { return Some(Excess { blocks: 1, worst: i, by }) };
         let (worst, by) = if by > most { (i, by) } else { (worst, most) };
@@ -147,7 +154,11 @@ fn clearance(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
         let turn = limits.machine.turn(stop.tilt, limits.origins[block.setup.index()]);
         limits.clearance.lowest_focus_turned(&turn, stop.centre)
     };
-    let found = excess(program, |b| lowest(b).saturating_sub(b.plane()).0)?;
+    let near = program.blocks.iter().enumerate().map(|(i, b)| {
+        let stands = lowest(b).saturating_sub(b.plane());
+        stands.max(leaning(program, limits, i)).0
+    });
+    let found = worst(near)?;
     let text = format!(
         "at {} the head would come too near to a higher place of the part, by up to {} mm",
         share(&found, program),
@@ -163,6 +174,21 @@ fn clearance(program: &Program, limits: &Limits<'_>) -> Option<Diag> {
         -floor_um(-distance - by)
     );
     Some(Diag::limit("clearance", text).at(Place::Part { x_mm, y_mm }).hint(hint))
+}
+
+/// How much too near a head that tilts comes on its way to block `i` from above, and where it turns there.
+fn leaning(program: &Program, limits: &Limits<'_>, i: usize) -> Nm {
+    let block = &program.blocks[i];
+    let before = i.checked_sub(1).map_or(TiltAngles::UPRIGHT, |i| program.blocks[i].stop.tilt);
+    let tilt = block.stop.tilt;
+    if !limits.machine.tilts_head() || before.is_upright() && tilt.is_upright() {
+        return Nm::MIN;
+    }
+    let (machine, clearance) = (limits.machine, limits.clearance);
+    let head = Head { machine, origin: limits.origins[block.setup.index()], clearance };
+    let turns = i == 0 || block.retract;
+    let swing = if turns { head.over_swing(before, tilt, machine.retract_z().0) } else { Nm::MIN };
+    swing.max(head.over_lift(tilt, block.stage))
 }
 
 /// Blocks with more strokes than the controller takes.

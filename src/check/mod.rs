@@ -228,13 +228,13 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
         broken(format!("P3: marks between {} and {} nm span more than {} nm", z[0].0, z[1].0, limits.depth.0));
     }
     let step = limits.machine.increment_nm();
-    if block.stop.focus < block.z_lo - step || block.stop.focus > block.z_hi + step {
+    if stop.focus < block.z_lo - step || stop.focus > block.z_hi + step {
         broken(format!(
             "P6: the focal plane {} nm lies outside of the marks, {} to {} nm",
             block.stop.focus.0, z[0].0, z[1].0
         ));
     }
-    let at = limits.machine.stage_from_part(stop.centre, block.plane(), limits.origins[block.setup.index()]);
+    let origin = limits.origins[block.setup.index()];
     if block.focus_shift.abs() > limits.machine.most_focus_shift() {
         broken(format!("P4: the focus shift {} nm is beyond the range of the zoom optic", block.focus_shift.0));
     }
@@ -242,10 +242,12 @@ fn invariants(program: &Program, block: &Block, limits: &Limits<'_>) -> Vec<Diag
     if !axes.map_or(block.stop.tilt.is_upright(), |axes| (0..2).all(|k| axes[k].takes(block.stop.tilt[k]))) {
         broken(format!("P4: no tilt axes go to {:?} millionths of a degree", block.stop.tilt.0));
     }
-    if at != block.stage || at.0.iter().any(|v| v % step.0 != 0) {
+    let is_there = limits.machine.reaches(block.stage, stop.tilt, stop.centre, block.plane(), origin);
+    if !is_there || block.stage.0.iter().any(|v| v % step.0 != 0) {
+        let at = limits.machine.stand(stop.tilt, stop.centre, block.plane(), origin);
         broken(format!(
             "P4: stage target {:?} nm is not where the block lies, {:?} nm, in steps of {} nm",
-            block.stage.0, at.0, step.0
+            block.stage.0, at.stage.0, step.0
         ));
     }
     faults

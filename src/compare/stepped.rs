@@ -6,7 +6,7 @@ use super::{Figures, Hardware, Split, Subject, marked, path_of};
 use crate::diag::Error;
 use crate::geom::{Box2, FieldPoint, NM_PER_MM, Nm, P2, P3, Turn, mm_from_nm};
 use crate::job::{DepthRule, Focus, Method, Partition};
-use crate::machine::{Commanded, Machine, Origin};
+use crate::machine::{Carries, Commanded, Machine, Origin};
 use crate::manifest::Times;
 use crate::on_the_fly::axes::kinematics::Deviation;
 use crate::on_the_fly::path::height_field::HeightField;
@@ -127,11 +127,23 @@ pub(super) fn zoom(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Err
 
 /// The part tilted at every stop.
 pub(super) fn tilt(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Error> {
-    const LENDER: &str = "xyz-tilt-galvo-40";
+    tilting(subject, Carries::Part, "xyz-tilt-galvo-40", task)
+}
+
+/// The head tilted at every stop.
+pub(super) fn head_tilt(subject: &Subject<'_>, task: Task<'_>) -> Result<Figures, Error> {
+    let mut figures = tilting(subject, Carries::Head, "xyz-headtilt-galvo-40", task)?;
+    figures.notes.push("rob-scan: the head tilts, the part stays".into());
+    Ok(figures)
+}
+
+/// With tilt axes that carry the part or the head, those of a built-in machine where the job's own has none such.
+fn tilting(subject: &Subject<'_>, carries: Carries, lender: &'static str, task: Task<'_>) -> Result<Figures, Error> {
     let mut machine = subject.machine.clone();
-    let hardware = if machine.tilt.is_some() { Hardware::Own } else { Hardware::WithTilt(LENDER) };
-    if machine.tilt.is_none() {
-        machine.tilt = Machine::built_in(LENDER)?.tilt;
+    let is_own = machine.tilt.as_ref().is_some_and(|tilt| tilt.carries == carries);
+    let hardware = if is_own { Hardware::Own } else { Hardware::WithTilt(lender) };
+    if !is_own {
+        machine.tilt = Machine::built_in(lender)?.tilt;
     }
     let plan = planned(subject, &machine, Method::Tilt, task)?;
     let job_key = without_zoom(subject, Method::Tilt);

@@ -28,6 +28,8 @@ pub(super) enum Kind {
     Zoom,
     /// The same with a tilt table.
     Tilt,
+    /// The same with tilt axes that carry the head.
+    HeadTilt,
     /// Scanner and stage move together.
     OnTheFly,
     /// Five stage axes and the scanner move together.
@@ -72,6 +74,8 @@ pub static SYSTEMS: [&System; 12] = [
     &System { name: "zoom", kind: Kind::Zoom, run: Run::Stepped(stepped::zoom), start: 1 },
     // The part tilted at each stop.
     &System { name: "tilt", kind: Kind::Tilt, run: Run::Stepped(stepped::tilt), start: 1 },
+    // The head tilted at each stop: rob-scan.
+    &System { name: "head-tilt", kind: Kind::HeadTilt, run: Run::Stepped(stepped::head_tilt), start: 1 },
     // Scanner and stage synchronised, strokes in their order, the stage by moving average.
     &System { name: "sync", kind: Kind::OnTheFly, run: Run::OnTheFly(|f, c| f.synchronised(c)), start: 2 },
     // As "sync", the texture cut into bands of depth over the whole part; z steps between them.

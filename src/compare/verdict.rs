@@ -149,7 +149,9 @@ impl<'a> Rows<'a> {
             Some(best) => self.recommendation(best),
             None => self.no_recommendation(),
         };
-        for group in [Kind::Stepped, Kind::Zoom, Kind::Tilt, Kind::OnTheFly, Kind::SevenAxes, Kind::FiveAxes] {
+        const GROUPS: [Kind; 7] =
+            [Kind::Stepped, Kind::Zoom, Kind::Tilt, Kind::HeadTilt, Kind::OnTheFly, Kind::SevenAxes, Kind::FiveAxes];
+        for group in GROUPS {
             let told = best.is_some_and(|best| best.kind == group);
             let fit = self.timed().filter(|t| t.kind == group && t.figures.keeps_limits());
             if let Some(other) = fit.min_by(|a, b| a.time_s.total_cmp(&b.time_s)).filter(|_| !told) {
@@ -172,6 +174,7 @@ impl<'a> Rows<'a> {
             Kind::Stepped => format!("Step by {}", best.system),
             Kind::Zoom => "Step with the zoom optic".to_owned(),
             Kind::Tilt => "Step with the part tilted at every stop".to_owned(),
+            Kind::HeadTilt => "Step with the head tilted at every stop".to_owned(),
             Kind::OnTheFly => "Mark on the fly".to_owned(),
             Kind::SevenAxes => "Mark on the fly with seven axes".to_owned(),
             Kind::FiveAxes => "Mark with five axes".to_owned(),
@@ -272,6 +275,8 @@ fn subject(t: Timed<'_>) -> (String, bool) {
         (Kind::Zoom, _) => "A zoom optic".to_owned(),
         (Kind::Tilt, Hardware::Own) => "The tilt table".to_owned(),
         (Kind::Tilt, _) => "A tilt table".to_owned(),
+        (Kind::HeadTilt, Hardware::Own) => "The head that tilts".to_owned(),
+        (Kind::HeadTilt, _) => "A head that tilts".to_owned(),
         (Kind::OnTheFly, _) if t.system == "sync-bands" => "Marking on the fly in bands of depth".to_owned(),
         (Kind::OnTheFly, _) => "Marking on the fly".to_owned(),
         (Kind::SevenAxes, _) => "Seven axes".to_owned(),

@@ -17,6 +17,7 @@ pub mod lightburn;
 pub mod lmc;
 pub mod on_the_fly;
 pub mod ovf;
+pub mod poses;
 pub mod rtc;
 mod target;
 

@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{csv, dxf, frames, gcode, lightburn, lmc, on_the_fly, ovf, rtc};
+use super::{csv, dxf, frames, gcode, lightburn, lmc, on_the_fly, ovf, poses, rtc};
 use crate::check::Checked;
 use crate::diag::{Diag, Error};
 use crate::geom::Nm;
@@ -32,6 +32,8 @@ pub enum Format {
     Lmc,
     /// OpenVectorFormat.
     Ovf,
+    /// One CSV file with the pose of the head at every block.
+    Poses,
     /// On-the-fly program for Power PMAC.
     Pmac,
     /// One text with lists for a SCANLAB RTC board per block.
@@ -114,7 +116,7 @@ pub struct Target {
 }
 
 /// All targets, in the order in which files are written.
-pub const TARGETS: [Target; 9] = [
+pub const TARGETS: [Target; 10] = [
     Target {
         format: Format::Dxf,
         name: "dxf",
@@ -254,6 +256,24 @@ pub const TARGETS: [Target; 9] = [
         allows_setups: false,
         sheet: &[
             "job.ovf holds all blocks of this sheet in its order, with stage positions and pens; planes count from 0.",
+        ],
+    },
+    Target {
+        format: Format::Poses,
+        name: "poses",
+        stepped: Some(Files::Whole("poses.csv", poses::write)),
+        on_the_fly: None,
+        faults: no_faults,
+        carries_pens: false,
+        carries_settings: false,
+        carries_focus_shift: false,
+        holds_job: false,
+        moves_stage: false,
+        allows_setups: true,
+        sheet: &[
+            "poses.csv holds the pose of the head at each block, for a robot or a gantry: the centre of the field in",
+            "the focal plane, mm in the frame of the part, and the turns about z, y and x (ZYX Euler angles, deg)",
+            "that bring the axes of the part to the field's x and y and the beam, z towards the lens.",
         ],
     },
     Target {

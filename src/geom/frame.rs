@@ -7,8 +7,8 @@ use std::ops::Index;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Part;
 
-/// The same frame with the part in it as the tilt table has turned it at a stop. Points come from one to the
-/// other by [`Turn`](super::Turn) alone.
+/// The same frame with the part in it as the tilt table has turned it at a stop, or as a head that is tilted sees
+/// it. Points come from one to the other by [`Turn`](super::Turn) alone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Turned;
 

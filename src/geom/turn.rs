@@ -3,8 +3,8 @@
 use super::{P2, P3, Turned};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// A turn about a point, nm: what a tilt table does to the part. The turned part is still spoken of in the
-/// part's frame, so a turn by nothing changes no coordinate.
+/// A turn about a point, nm: what a tilt table does to the part, or how a head that is tilted sees it. The
+/// turned part is still spoken of in the part's frame, so a turn by nothing changes no coordinate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turn {
     rotation: Matrix3<f64>,
@@ -56,6 +56,11 @@ impl Turn {
     #[inline]
     pub const fn drawn(p: P2<Turned>) -> P2 {
         P2::new(p.x, p.y)
+    }
+
+    /// The directions in the part that come to point along x, y and z; each of length 1.
+    pub fn rows(&self) -> [[f64; 3]; 3] {
+        [0, 1, 2].map(|k| self.rotation.row(k).transpose().into())
     }
 
     /// The sine of the angle by which the part is tilted.

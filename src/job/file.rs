@@ -224,7 +224,7 @@ pub enum Method {
     ZRange,
     /// Windows of the field and levels placed freely, as few as can be found.
     Window,
-    /// Sections each at a tilt of its own, levels along the tilted beam; for machines with a tilt table.
+    /// Sections each at a tilt of its own, levels along the tilted beam; for machines with tilt axes.
     Tilt,
     /// Every method that the machine can run; the one with the least job time is kept.
     #[default]

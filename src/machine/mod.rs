@@ -1,8 +1,9 @@
 //! The machine: lens, scanner, stage, laser, delays, controller, as its file states them.
 //!
-//! A machine file is TOML with a unit in every value (`docs/machine-file.md`). Five profiles are built
+//! A machine file is TOML with a unit in every value (`docs/machine-file.md`). Six profiles are built
 //! in; each number in them names its source or says that it is an assumption. Signs and limits live
-//! here and nowhere else: a stage target is made by [`Machine::stage_from_part`] alone.
+//! here and nowhere else: a stage target is made by [`Machine::stage_from_part`], that of a tilted head by
+//! [`Machine::stand`].
 //!
 //! Frames: the *table* frame is fixed to what carries the part; with all axes at 0 the optical axis
 //! stands over its origin. The part lies in it shifted by the placement origin. An axis that moves the
@@ -10,6 +11,7 @@
 
 mod command;
 mod cost;
+mod head_tilt;
 mod range;
 mod tilt_axes;
 mod tool_servo;
@@ -19,6 +21,7 @@ use std::sync::Arc;
 
 pub use command::{Commanded, Origin, TiltAngles};
 pub use cost::{Cost, Rate};
+pub use head_tilt::Stand;
 pub use tilt_axes::{Letter, RotaryAxis, Tilt};
 pub use tool_servo::{Drive, Oscillation, ToolServo};
 
@@ -57,7 +60,7 @@ pub struct Machine {
     /// A zoom optic in the head, where there is one.
     #[serde(default)]
     pub zoom: Option<Zoom>,
-    /// A two-axis tilt table, where there is one.
+    /// Two tilt axes, where there are some.
     #[serde(default)]
     pub tilt: Option<Tilt>,
     /// How long a person at the machine takes, where that is stated.
@@ -413,10 +416,11 @@ pub enum RtcBoard {
 }
 
 /// The built-in profiles: name and text.
-pub const PROFILES: [(&str, &str); 5] = [
+pub const PROFILES: [(&str, &str); 6] = [
     ("xyz-galvo-40", include_str!("profiles/xyz-galvo-40.toml")),
     ("xyz-galvo-100", include_str!("profiles/xyz-galvo-100.toml")),
     ("xyz-tilt-galvo-40", include_str!("profiles/xyz-tilt-galvo-40.toml")),
+    ("xyz-headtilt-galvo-40", include_str!("profiles/xyz-headtilt-galvo-40.toml")),
     ("xyz-zoom-40", include_str!("profiles/xyz-zoom-40.toml")),
     ("xyzac-galvo-10", include_str!("profiles/xyzac-galvo-10.toml")),
 ];
@@ -631,7 +635,8 @@ impl Machine {
         (to - from).abs().mm() / zoom.speed.as_mm_s() + zoom.settle.as_s()
     }
 
-    /// How commanded angles turn a part whose origin lies at `origin`; not at all where the machine has no tilt table.
+    /// How commanded angles turn a part whose origin lies at `origin`, as the head sees it; not at all where the machine
+    /// has no tilt axes.
     pub fn turn(&self, tilt: TiltAngles, origin: Origin) -> Turn {
         self.tilt.as_ref().map_or_else(Turn::none, |table| table.turn(tilt, origin))
     }

@@ -1,24 +1,33 @@
-//! The tilt table: how commanded angles turn the part, and which angles turn a direction to the lens.
+//! The tilt axes: how commanded angles turn the part or the head, and which angles bring a direction of the part and
+//! the beam together.
 //!
-//! The part is turned about the pivot by the inner axis first, then by the outer one. A positive command
-//! turns the part right-handed about its axis, seen along the table frame, unless the axis is `reversed`.
+//! What the axes carry is turned about the pivot by the inner axis first, then by the outer one. A positive command
+//! turns it right-handed about its axis, seen along the table frame, unless the axis is `reversed`.
+//!
+//! A head that is turned by R sees the part turned by R⁻¹: with [`Turn`] of that, stops, cuts and depths are those of a
+//! turned part. It is taken about the table frame's origin, so that the turned frame has the axes of the head and does
+//! not depend on where the part lies; where the stage stands for it says [`Machine::stand`](super::Machine::stand).
 
 use serde::{Deserialize, Serialize};
 
-use super::{Fault, Origin, TiltAngles};
+use super::{Carries, Fault, Origin, TiltAngles};
 use crate::diag::Diag;
-use crate::geom::{NM_PER_MM, Turn};
+use crate::geom::{NM_PER_MM, P3, Turn};
 use crate::units::{
     Angle, AngularAcceleration, AngularJerk, AngularSpeed, Length, Time, non_negative, positive, positive_option,
 };
 
-/// A two-axis tilt table under the part.
+/// Two tilt axes: a table under the part, or a swivel that carries the head (rob-scan).
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Tilt {
-    /// Point that both axes pass through, in the table frame.
+    /// What the axes carry.
+    #[serde(default = "the_part")]
+    pub carries: Carries,
+    /// Point that both axes pass through: of a table in the table frame, of a head from the centre of its field in the
+    /// focal plane, without a tilt.
     pub pivot: [Length; 3],
-    /// The axes in the order in which they turn the part, the one nearest to the part last.
+    /// The axes in the order in which they carry each other, the one nearest to the part or to the head last.
     pub axes: [RotaryAxis; 2],
 }
 
@@ -28,7 +37,7 @@ pub struct Tilt {
 pub struct RotaryAxis {
     /// Letter of the axis: A about x, B about y, C about z.
     pub letter: Letter,
-    /// Whether a positive command turns the part left-handed.
+    /// Whether a positive command turns what is carried left-handed.
     #[serde(default)]
     pub reversed: bool,
     /// Lowest and highest angle.
@@ -48,6 +57,10 @@ pub struct RotaryAxis {
     /// Top jerk, for the same; without it the acceleration steps.
     #[serde(default, deserialize_with = "positive_option")]
     pub jerk: Option<AngularJerk>,
+}
+
+const fn the_part() -> Carries {
+    Carries::Part
 }
 
 fn default_increment() -> Angle {
@@ -99,45 +112,73 @@ fn micro(angle: Angle) -> i64 {
 }
 
 impl Tilt {
-    /// What commands make of a part whose origin lies at `origin`.
+    /// What commands make of a part whose origin lies at `origin`, as the head sees it.
     pub fn turn(&self, commands: TiltAngles, origin: Origin) -> Turn {
-        let pivot = [0, 1, 2].map(|k| self.pivot[k].as_mm() * NM_PER_MM - origin[k] as f64);
-        let turns = self.axes.iter().zip(commands.0).map(|(axis, command)| {
-            let angle = (command as f64 * 1e-6).to_radians();
-            (axis.letter as usize, if axis.reversed { -angle } else { angle })
-        });
-        Turn::about(pivot, turns)
+        let [outer, inner] = self.angles(commands);
+        let origin = origin.0.map(|v| v as f64);
+        match self.carries {
+            Carries::Part => {
+                let pivot = self.pivot_nm();
+                Turn::about([0, 1, 2].map(|k| pivot[k] - origin[k]), [outer, inner])
+            }
+            Carries::Head => Turn::about(origin.map(|v| -v), [(inner.0, -inner.1), (outer.0, -outer.1)]),
+        }
     }
 
-    /// The commands that turn a direction of the part towards the lens, as nearly as travel and increments
+    /// By how much commands move the centre of the field of a head whose stage stays, nm, table frame; not at all where
+    /// the axes carry the part.
+    pub fn swing(&self, commands: TiltAngles) -> [f64; 3] {
+        if self.carries == Carries::Part || commands.is_upright() {
+            return [0.0; 3];
+        }
+        Turn::about(self.pivot_nm(), self.angles(commands)).apply(P3::new([0.0; 3])).at
+    }
+
+    /// The pivot, nm.
+    fn pivot_nm(&self) -> [f64; 3] {
+        self.pivot.map(|p| p.as_mm() * NM_PER_MM)
+    }
+
+    /// The axes by number, with the angles in radians by which they turn what they carry, right-handed.
+    fn angles(&self, commands: TiltAngles) -> [(usize, f64); 2] {
+        [0, 1].map(|k| {
+            let (axis, angle) = (&self.axes[k], (commands[k] as f64 * 1e-6).to_radians());
+            (axis.letter as usize, if axis.reversed { -angle } else { angle })
+        })
+    }
+
+    /// The commands that bring a direction of the part and the beam together, as nearly as travel and increments
     /// allow.
     pub fn commands(&self, up: [f64; 3]) -> TiltAngles {
-        let [x, y, z] = up;
-        let flat = x.hypot(y);
-        let angles = match self.axes.each_ref().map(|a| a.letter) {
-            // The inner axis turns the direction into the plane in which the outer one can raise it.
-            [Letter::A, Letter::B] => [y.atan2(x.hypot(z)), (-x).atan2(z)],
-            [Letter::B, Letter::A] => [(-x).atan2(y.hypot(z)), y.atan2(z)],
-            _ if flat == 0.0 => [0.0; 2],
-            // Of the two ways round the one with the smaller turn.
-            [Letter::A, _] if y == 0.0 => [x.atan2(z), std::f64::consts::FRAC_PI_2],
-            [Letter::A, _] => [(flat * y.signum()).atan2(z), (x / y).atan()],
-            _ if x == 0.0 => [(-y).atan2(z), -std::f64::consts::FRAC_PI_2],
-            _ => [(-flat * x.signum()).atan2(z), (-y / x).atan()],
+        let [outer, inner] = self.axes.each_ref().map(|a| a.letter);
+        let angles = match self.carries {
+            Carries::Part => to_the_lens([outer, inner], up),
+            // The part as the head sees it is turned back, by the outer axis first.
+            Carries::Head => {
+                let [inner, outer] = to_the_lens([inner, outer], up);
+                [-outer, -inner]
+            }
         };
         TiltAngles([0, 1].map(|k| self.axes[k].command(angles[k])))
     }
 
-    /// What is wrong with the table.
+    /// What is wrong with the axes.
     pub(super) fn faults(&self) -> Vec<Fault> {
         let mut faults = Vec::new();
         let mut fault = |key: String, text: String, hint: &str| {
             faults.push((key, Diag::input("machine-tilt", text).hint(hint)));
         };
         let [outer, inner] = self.axes.each_ref();
-        if outer.letter == inner.letter || outer.letter == Letter::C {
-            let text = "tilt.axes must be A or B, and then another of A, B and C nearer to the part";
-            fault("tilt.axes".into(), text.into(), "a table that turns about z carries the part itself");
+        let (leaning, hint) = match self.carries {
+            Carries::Part => (outer, "a table that turns about z carries the part itself"),
+            Carries::Head => (inner, "an axis that turns about z carries the other one"),
+        };
+        if outer.letter == inner.letter || leaning.letter == Letter::C {
+            let text = match self.carries {
+                Carries::Part => "tilt.axes must be A or B, and then another of A, B and C nearer to the part",
+                Carries::Head => "tilt.axes must be one of A, B and C, and then another, A or B, nearer to the head",
+            };
+            fault("tilt.axes".into(), text.into(), hint);
         }
         for (i, axis) in self.axes.iter().enumerate() {
             let [lo, hi] = axis.travel.map(Angle::as_deg);
@@ -157,6 +198,22 @@ impl Tilt {
     }
 }
 
+/// The angles of a table's axes, outer and inner, in radians, that turn a direction of the part to the lens.
+fn to_the_lens(axes: [Letter; 2], [x, y, z]: [f64; 3]) -> [f64; 2] {
+    let flat = x.hypot(y);
+    match axes {
+        // The inner axis turns the direction into the plane in which the outer one can raise it.
+        [Letter::A, Letter::B] => [y.atan2(x.hypot(z)), (-x).atan2(z)],
+        [Letter::B, Letter::A] => [(-x).atan2(y.hypot(z)), y.atan2(z)],
+        _ if flat == 0.0 => [0.0; 2],
+        // Of the two ways round the one with the smaller turn.
+        [Letter::A, _] if y == 0.0 => [x.atan2(z), std::f64::consts::FRAC_PI_2],
+        [Letter::A, _] => [(flat * y.signum()).atan2(z), (x / y).atan()],
+        _ if x == 0.0 => [(-y).atan2(z), -std::f64::consts::FRAC_PI_2],
+        _ => [(-flat * x.signum()).atan2(z), (-y / x).atan()],
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -172,7 +229,11 @@ mod tests {
             acceleration: None,
             jerk: None,
         };
-        Tilt { pivot: [Length::mm(1.0), Length::mm(2.0), Length::mm(-100.0)], axes: letters.map(axis) }
+        Tilt {
+            carries: Carries::Part,
+            pivot: [Length::mm(1.0), Length::mm(2.0), Length::mm(-100.0)],
+            axes: letters.map(axis),
+        }
     }
 
     #[test]
@@ -195,6 +256,52 @@ mod tests {
     }
 
     #[test]
+    fn a_head_leans_along_every_direction_and_turns_about_its_pivot() {
+        use Letter::{A, B, C};
+        for letters in [[A, B], [B, A], [C, A], [C, B]] {
+            for reversed in [false, true] {
+                let head = Tilt { carries: Carries::Head, ..table(letters, reversed) };
+                for i in 0..400 {
+                    let (slope, around) = (f64::from(i % 20) / 10.0, f64::from(i / 20) * 0.314);
+                    let n = [slope * around.cos(), slope * around.sin(), 1.0];
+                    let commands = head.commands(n);
+                    let turn = head.turn(commands, Origin([7, 8, 9]));
+                    let length = (slope * slope + 1.0).sqrt();
+                    let off = turn.up().iter().zip(n).map(|(u, n)| (u - n / length).abs()).fold(0.0, f64::max);
+                    assert!(off < 1e-7, "{letters:?} {n:?}: {off}");
+                    // The table frame's origin stays, and the field's centre keeps its distance from the pivot.
+                    let at = turn.apply(P3::new([-7.0, -8.0, -9.0])).at;
+                    assert!(at.iter().zip([-7.0, -8.0, -9.0]).all(|(a, b)| (a - b).abs() < 1e-6), "{at:?}");
+                    let (pivot, swing) = (head.pivot_nm(), head.swing(commands));
+                    let far = |d: [f64; 3]| d.iter().map(|v| v * v).sum::<f64>().sqrt();
+                    let away = far([0, 1, 2].map(|k| swing[k] - pivot[k]));
+                    assert!((away - far(pivot)).abs() < 1e-3, "{away}");
+                }
+                assert_eq!(head.commands([0.0, 0.0, 1.0]), TiltAngles::UPRIGHT);
+                assert_eq!(head.swing(TiltAngles::UPRIGHT), [0.0; 3]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_positive_command_swings_the_field_right_handed_about_the_pivot() {
+        let head = Tilt {
+            carries: Carries::Head,
+            pivot: [0.0, 0.0, 100.0].map(Length::mm),
+            ..table([Letter::C, Letter::B], false)
+        };
+        // The example of the manual.
+        let high = Tilt { pivot: [0.0, 0.0, 250.0].map(Length::mm), ..head.clone() };
+        let at = high.swing(TiltAngles([0, 10_000_000])).map(|v| v / NM_PER_MM);
+        assert!((at[0] + 43.41).abs() < 0.01 && at[1] == 0.0 && (at[2] - 3.80).abs() < 0.01, "{at:?}");
+        // About y by 90 deg, from 100 mm below the pivot to 100 mm towards -x of it.
+        let at = head.swing(TiltAngles([0, 90_000_000]));
+        assert!(at.iter().zip([-1e8, 0.0, 1e8]).all(|(a, b)| (a - b).abs() < 1e-3), "{at:?}");
+        let up = head.turn(TiltAngles([0, 90_000_000]), Origin::default()).up();
+        assert!(up.iter().zip([1.0, 0.0, 0.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{up:?}");
+    }
+
+    #[test]
     fn commands_stay_within_travel_and_on_increments() {
         let mut table = table([Letter::A, Letter::B], false);
         table.axes[0].travel = [Angle::deg(-2.0), Angle::deg(3.0)];
@@ -209,6 +316,10 @@ mod tests {
         use Letter::{A, B, C};
         for letters in [[A, A], [C, A], [C, B], [C, C]] {
             assert_eq!(table(letters, false).faults().len(), 1, "{letters:?}");
+        }
+        for letters in [[A, A], [A, C], [B, C], [C, C]] {
+            let head = Tilt { carries: Carries::Head, ..table(letters, false) };
+            assert_eq!(head.faults().len(), 1, "{letters:?}");
         }
         let mut t = table([A, B], false);
         t.axes[1].travel = [Angle::deg(1.0), Angle::deg(5.0)];

@@ -10,7 +10,7 @@
 //! allow, searched from 30,000 um down by 0.95; here then by bisection up to the limit.
 
 use crate::diag::Error;
-use crate::machine::{Letter, Machine};
+use crate::machine::{Carries, Letter, Machine};
 use crate::on_the_fly::axes::following_error::Servo;
 use crate::on_the_fly::axes::kinematics::{Axes, Branches, Deviation, Pose, follow};
 use crate::on_the_fly::axes::motion::AXES;
@@ -77,7 +77,7 @@ impl<'a> KinematicModel<'a> {
             acceleration: axis.acceleration.as_mm_s2(),
             jerk: axis.jerk.map(|j| j.as_mm_s3()),
         });
-        let table = machine.tilt.as_ref()?;
+        let table = machine.tilt.as_ref().filter(|table| table.carries == Carries::Part)?;
         if table.axes.each_ref().map(|axis| axis.letter) != [Letter::A, Letter::C] {
             return None;
         }

@@ -18,7 +18,7 @@ use crate::projection::{TiltedCell, TiltedField, TiltedFields, Turned};
 
 /// What tilted stops are made for.
 pub struct TiltSite<'a> {
-    /// A machine with a tilt table.
+    /// A machine with tilt axes.
     pub machine: &'a Machine,
     /// Position of the part in the table frame.
     pub origin: Origin,

@@ -6,10 +6,10 @@ use super::focal_plane::focal_plane;
 use super::setups::{self, CellId, Setups, Used};
 use super::standstills::{Place, standstills};
 use super::start::Start;
-use crate::clearance::Clearance;
+use crate::clearance::{Clearance, Head};
 use crate::geom::{Box2, Buckets, FieldPoint, Nm, P2, Turned};
 use crate::job::{Level, StopOrder, StrokeOrder};
-use crate::machine::{Commanded, Machine, Origin, TiltAngles};
+use crate::machine::{Commanded, Machine, Origin, Stand, TiltAngles};
 use crate::order;
 use crate::order::stops::HeightOrder;
 use crate::order::strokes::{Path, Visit};
@@ -67,6 +67,8 @@ struct Position {
     /// Where the head stands, its focus the plane that the stage sets.
     stop: Stop,
     target: Commanded,
+    /// By how much the target lies off the place of the stop, nm, in x, y and z of the turned part.
+    by: [i64; 3],
     cell: CellId,
 }
 
@@ -84,15 +86,18 @@ pub(super) fn assemble(
     let members = Members::new(parts, stops.stops.len());
     let (heights, slopes) = measure(parts, stops.stops.len(), pens);
     let mut worst = [Nm(0); 2];
+    // Where commands of the head's tilt are rounded the stops lie on no lattice, and their planes need not.
+    let fine = Lattice { step: Nm(1), ..how.lattice };
     let used = stops.ids().filter(|&i| !members.of(i).is_empty());
     let placed: Vec<Placed> = used
         .map(|index| {
             let h = &heights[index.index()];
             let z = [Nm::round(h.lo), Nm::round(h.hi)];
-            let (focus, mean) = focal_plane(how.level, &how.lattice, z, h.mean());
-            let off = |at: Nm| (z[1] - at).max(at - z[0]);
-            worst = [worst[0].max(off(focus)), worst[1].max(off(mean))];
-            Placed { index, stop: Stop { focus, ..stops.stops[index.index()].stop.clone() }, z }
+            let stop = stops.stops[index.index()].stop.clone();
+            let lattice = if stage.rounds(&stop) { &fine } else { &how.lattice };
+            let (focus, mean) = focal_plane(how.level, lattice, z, h.mean());
+            worst[1] = worst[1].max((z[1] - mean).max(mean - z[0]));
+            Placed { index, stop: Stop { focus, ..stop }, z }
         })
         .collect();
     let centres: Vec<P2<Turned>> = placed.iter().map(|p| p.stop.centre).collect();
@@ -119,16 +124,23 @@ pub(super) fn assemble(
     program.strokes.reserve_exact(members.len());
     program.points.reserve_exact(parts.iter().map(|p| p.points.len()).sum());
     program.blocks.reserve_exact(tour.len());
-    let mut last = stage.start.before.as_ref().map(|(stop, cell)| (stop, *cell));
+    let mut last = stage.start.before.clone();
     for &(at, t) in &tour {
-        let (Placed { index, stop, z }, Position { stop: stand, target, cell, .. }) = (&placed[t], &positions[at]);
+        let (Placed { index, stop, z }, Position { stop: stand, target, by, cell, .. }) = (&placed[t], &positions[at]);
+        let [stop, stand] = [stop, stand].map(|stop| moved(stop, *by));
         let first_stroke = program.strokes.len();
         let list = members.of(*index);
+        let first_point = program.points.len();
         orders[t]
             .iter()
             .for_each(|visit| append_stroke(&mut program, parts, list[visit.stroke as usize], *visit, pens));
-        let retract = last.is_some_and(|(last, of)| of != *cell || stage.lifts(last, stand));
-        last = Some((stand, *cell));
+        for p in &mut program.points[first_point..] {
+            *p = FieldPoint::new(p.x - by[0] as i32, p.y - by[1] as i32);
+        }
+        let origin = setups.origin(*cell, stage.origin);
+        let retract =
+            last.as_ref().is_some_and(|(before, of)| of != cell || stage.lifts_between(before, &stand, origin));
+        worst[0] = worst[0].max((z[1] - stop.focus).max(stop.focus - z[0]));
         program.blocks.push(Block {
             pass: stage.start.pass,
             setup: used.number(*cell),
@@ -138,12 +150,19 @@ pub(super) fn assemble(
             z_lo: z[0],
             z_hi: z[1],
             strokes: first_stroke..program.strokes.len(),
-            stop: stop.clone(),
+            stop,
         });
+        last = Some((stand, *cell));
     }
     let ids: Vec<StopId> = tour.iter().map(|&(_, t)| placed[t].index).collect();
     let slopes = ids.iter().map(|id| slopes[id.index()]).collect();
     Assembly { program, ids, setups, used, worst_defocus: worst[0], worst_defocus_mean: worst[1], slopes }
+}
+
+/// A stop where the commands reach, which lies off by `by`.
+fn moved(stop: &Stop, by: [i64; 3]) -> Stop {
+    let centre = P2::new(stop.centre.x + by[0], stop.centre.y + by[1]);
+    Stop { centre, focus: stop.focus + Nm(by[2]), ..stop.clone() }
 }
 
 /// Heights of one block's marks, nm.
@@ -287,8 +306,9 @@ impl Stage<'_> {
         let found = standstills(&places, lattice, machine.most_focus_shift(), shares, allowed);
         let position = |found: super::standstills::Standstill| {
             let (Place { cell, .. }, head) = (places[found.members[0]], &placed[found.members[0]].stop);
-            let target = machine.stage_from_part(head.centre, found.plane, setups.origin(cell, self.origin));
-            Position { stop: Stop { focus: found.plane, ..head.clone() }, members: found.members, target, cell }
+            let origin = setups.origin(cell, self.origin);
+            let Stand { stage: target, by } = machine.stand(head.tilt, head.centre, found.plane, origin);
+            Position { stop: Stop { focus: found.plane, ..head.clone() }, members: found.members, target, by, cell }
         };
         found.into_iter().map(position).collect()
     }
@@ -397,6 +417,24 @@ impl Stage<'_> {
             }
         }
         order
+    }
+
+    /// Whether the commands of a stop are those of a tilted head, which are rounded.
+    fn rounds(&self, stop: &Stop) -> bool {
+        self.machine.tilts_head() && !stop.tilt.is_upright()
+    }
+
+    /// Whether the stage must lift between two stops of a part that lies at `origin`.
+    fn lifts_between(&self, a: &Stop, b: &Stop, origin: Origin) -> bool {
+        if !self.rounds(a) && !self.rounds(b) {
+            return self.lifts(a, b);
+        }
+        // The surface is that before it sank, as everywhere here.
+        let Origin([x, y, z]) = origin;
+        let head =
+            Head { machine: self.machine, origin: Origin([x, y, z + self.start.lowered.0]), clearance: self.clearance };
+        let stands = |s: &Stop| (self.machine.stand(s.tilt, s.centre, s.focus, origin).stage, s.tilt);
+        head.over_move(stands(a), stands(b)) > Nm(0)
     }
 
     /// Whether the stage must lift between two stops.

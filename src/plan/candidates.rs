@@ -17,8 +17,8 @@ pub(super) fn methods(job: &Job, machine: &Machine) -> Result<Vec<Method>, Error
     match job.partition.method {
         Method::Auto => Ok(METHODS.iter().filter(|row| (row.is_tried)(job, machine)).map(|row| row.method).collect()),
         Method::Tilt if machine.tilt.is_none() => {
-            let text = "partition.method = \"tilt\" needs a machine with a tilt table";
-            let hint = "describe the table under [tilt] in the machine file, or use another method";
+            let text = "partition.method = \"tilt\" needs a machine with tilt axes";
+            let hint = "describe them under [tilt] in the machine file, or use another method";
             Err(Diag::limit("tilt-missing", text).at(job.place_of("partition.method")).hint(hint).into())
         }
         one => Ok(vec![one]),

@@ -1,4 +1,4 @@
-//! The stops of a machine that tilts the part: sections and tilts by sample points of the marks, then what
+//! The stops of a machine that tilts the part or the head: sections and tilts by sample points of the marks, then what
 //! each must hold by all of them.
 
 use super::grid::Grid;
@@ -13,12 +13,15 @@ const MAX_CELLS: u64 = 20_000_000;
 
 /// The stops; None where the texture's box holds too many windows.
 pub(super) fn divide(sweep: Sweep<'_>, machine: &Machine, grid: &Grid, task: Task<'_>) -> Option<Stops> {
+    // The commands of a tilted head are rounded: its field makes up for less than two increments in x and in
+    // y, at tilts of up to 63 deg.
+    let spare = if machine.tilts_head() { ROUNDING + machine.increment_nm() * 2 } else { ROUNDING };
     let tilted = tilted_sections::TiltSite {
         machine,
         origin: grid.origin,
         // Sections of later passes begin elsewhere.
         area: Box2 { lo: grid.sections.origin, hi: sweep.texture.bounds().hi },
-        window: grid.window.map(|w| (w / 2 * 2 - ROUNDING * 2).max(Nm(2))),
+        window: grid.window.map(|w| (w / 2 * 2 - spare * 2).max(Nm(2))),
         lattice: grid.lattice,
     };
     let samples = tilted.samples();

@@ -25,6 +25,8 @@ pub(super) struct Head<'a> {
     pub field: FieldHead,
     pub lens: LensHead,
     pub pivot: Option<[f64; 3]>,
+    /// Whether the head tilts and the part stays.
+    pub head_tilts: bool,
     pub travel: Vec<[[f64; 3]; 2]>,
     pub pens: Vec<PenHead<'a>>,
     pub scanner: ScannerHead,
@@ -190,9 +192,9 @@ pub(super) fn travel(machine: &Machine, origin: Origin) -> [[f64; 3]; 2] {
     [[0, 1, 2].map(|k| side(k, i64::min)), [0, 1, 2].map(|k| side(k, i64::max))]
 }
 
-/// Where axes turn the part, part frame.
+/// Where the axes of a table turn the part, part frame.
 pub(super) fn pivot(machine: &Machine, origin: Origin) -> Option<[f64; 3]> {
-    let table = machine.tilt.as_ref()?;
+    let table = machine.tilt.as_ref().filter(|_| !machine.tilts_head())?;
     Some([0, 1, 2].map(|k| table.pivot[k].as_mm() - origin[k] as f64 / NM_PER_MM))
 }
 

@@ -215,6 +215,7 @@ impl Subject<'_> {
             field: head::field(self.machine),
             lens: head::lens(self.machine),
             pivot: self.origins.first().and_then(|&origin| head::pivot(self.machine, origin)),
+            head_tilts: self.machine.tilts_head(),
             travel: self.origins.iter().map(|&origin| head::travel(self.machine, origin)).collect(),
             pens: head::pens(self.pens),
             scanner: head::scanner(self.machine),

@@ -47,6 +47,7 @@ mod reads;
 mod refusals;
 mod repair;
 mod resume;
+mod rob_scan;
 mod run;
 mod run_grbl;
 mod run_linuxcnc;

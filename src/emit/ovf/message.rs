@@ -97,6 +97,8 @@ pub(super) struct WorkPlane {
     pub work_plane_number: i32,
     #[prost(string, tag = "11")]
     pub machine_type: String,
+    #[prost(float, repeated, tag = "12")]
+    pub additional_axis_positions: Vec<f32>,
     #[prost(message, optional, tag = "13")]
     pub meta_data: Option<WorkPlaneMetaData>,
 }

@@ -8,7 +8,9 @@
 //! the focus, there is a set of them for every pen and shift.
 //!
 //! The format fixes no sign for what an axis moves, so `machine_type` says it: `x-part` is an axis that
-//! carries the part, `x-head` one that carries the head, `-reversed` one that counts against the frame.
+//! carries the part, `x-head` one that carries the head, `-reversed` one that counts against the frame. Where tilt axes
+//! carry the head it names them too (`a-head`), and `additional_axis_positions` holds the pose of the head as `poses.csv`
+//! has it: x, y, z in mm, then the turns about z, y and x in degrees.
 
 mod message;
 
@@ -20,6 +22,7 @@ use self::message::{
     Bounds, Empty, Job, JobLut, JobMetaData, MarkingParams, Part, Patch, Points, VectorBlock, VectorBlockMetaData,
     WorkPlane, WorkPlaneLut, WorkPlaneMetaData,
 };
+use super::poses::Pose;
 use crate::check::Checked;
 use crate::geom::{Box2, Controller, FieldPoint, Nm, mm_from_nm};
 use crate::machine::{Carries, Machine};
@@ -46,7 +49,7 @@ pub fn write(checked: &Checked, machine: &Machine, job_name: &str, source_name: 
     let mut bounds = Box2::EMPTY;
     for index in 0..program.blocks.len() {
         planes.push(file.end());
-        bounds = bounds.union(work_plane(&mut file, program, machine, index, &settings, &machine_type));
+        bounds = bounds.union(work_plane(&mut file, checked, machine, index, &settings, &machine_type));
     }
     let shell = file.end();
     file.message(&Job {
@@ -77,12 +80,13 @@ fn room(program: &Program) -> usize {
 /// Appends one work plane with its vector blocks and its table; answers with the extent of its points.
 fn work_plane(
     file: &mut File,
-    program: &Program,
+    checked: &Checked,
     machine: &Machine,
     index: usize,
     settings: &Settings,
     machine_type: &str,
 ) -> Box2<Controller> {
+    let program = checked.program();
     let block = &program.blocks[index];
     let lut_place = file.reserve_offset();
     let mut extent = Box2::EMPTY;
@@ -116,6 +120,11 @@ fn work_plane(
         num_blocks: i32::try_from(starts.len()).expect("fewer than 2^31 strokes in a block"),
         work_plane_number: i32::try_from(index).expect("fewer than 2^31 blocks"),
         machine_type: machine_type.into(),
+        additional_axis_positions: if machine.tilts_head() {
+            Pose::of(machine, block, checked.origins()[block.setup.index()]).values().map(|v| v as f32).to_vec()
+        } else {
+            Vec::new()
+        },
         meta_data: Some(WorkPlaneMetaData {
             scan_distance_mm: beam.mark_mm,
             jump_distance_mm: beam.jump_mm,
@@ -254,6 +263,10 @@ fn machine_type(machine: &Machine) -> String {
             Carries::Head => "head",
         };
         name += &format!("/{axis}-{carries}{}", if data.reversed { "-reversed" } else { "" });
+    }
+    for axis in machine.tilt.iter().filter(|_| machine.tilts_head()).flat_map(|tilt| &tilt.axes) {
+        let letter = axis.letter.char().to_ascii_lowercase();
+        name += &format!("/{letter}-head{}", if axis.reversed { "-reversed" } else { "" });
     }
     name
 }

@@ -5,7 +5,7 @@
 
 use crate::diag::{Diag, Error, Place};
 use crate::geom::{MAX_NM, NM_PER_MM, mm_from_nm};
-use crate::machine::{Letter, Machine, Origin, Scanner};
+use crate::machine::{Carries, Letter, Machine, Origin, Scanner, Tilt};
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::program::{AxisCommands, Kind};
 
@@ -45,7 +45,10 @@ impl Frame {
         let mut signs = [stage[0], stage[1], stage[2], 0.0, 0.0];
         let mut pivot = [0.0; 3];
         if kind == Kind::Xyzacuv {
-            let table = machine.tilt.as_ref().filter(|t| t.axes.each_ref().map(|a| a.letter) == [Letter::A, Letter::C]);
+            let is_table = |t: &&Tilt| {
+                t.carries == Carries::Part && t.axes.each_ref().map(|a| a.letter) == [Letter::A, Letter::C]
+            };
+            let table = machine.tilt.as_ref().filter(is_table);
             let Some(table) = table else {
                 let text = "a program of seven axes needs a swivel A that carries a turntable C";
                 let hint = "describe them under [tilt] in the machine file, A first, or mark with five axes";

@@ -19,7 +19,7 @@ mod turn;
 pub(super) use box_nm::BoxNm;
 pub(super) use height_map::Map;
 pub(super) use mesh::{Mesh, MeshBuilder};
-pub(super) use turn::Turn;
+pub(super) use turn::{HeadPose, Turn};
 
 use crate::geom::NM_PER_MM;
 use crate::program::CHORD_NM;

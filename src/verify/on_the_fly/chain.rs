@@ -53,7 +53,7 @@ impl Chain {
         let turns = match axes {
             "XYZUV" => None,
             "XYZACUV" => {
-                let table = machine.tilt.as_ref()?;
+                let table = machine.tilt.as_ref().filter(|table| table.carries == Carries::Part)?;
                 if [table.axes[0].letter.char(), table.axes[1].letter.char()] != ['A', 'C'] {
                     return None;
                 }

@@ -10,7 +10,7 @@ use std::path::Path;
 
 use super::manifest::{BlockEntry, FileEntry};
 use super::on_the_fly::{self, FlyProgram};
-use super::{BlockOf, Fault, Strokes, csv, dxf, gcode, lightburn, lmc, ovf, rtc};
+use super::{BlockOf, Fault, Strokes, csv, dxf, gcode, lightburn, lmc, ovf, poses, rtc};
 use crate::diag;
 use crate::geom::ControllerPoint;
 use crate::job::Format;
@@ -72,6 +72,8 @@ pub(in crate::verify) enum Stepped {
     Stage { file: &'static str, handshake: bool, read: fn(&[u8]) -> Result<gcode::Program, Fault> },
     /// The whole job: a work plane for every block, with its place, strokes and settings.
     Planes { file: &'static str, open: for<'a> fn(&'a [u8]) -> Result<ovf::OvfFile<'a>, String> },
+    /// Where the head is at every block.
+    Poses { file: &'static str, read: fn(&[u8]) -> Result<Vec<poses::Pose>, Fault> },
 }
 
 /// The file of an on-the-fly job in one format: what all axes and the laser do, and when.
@@ -94,7 +96,7 @@ pub(in crate::verify) struct Row {
 }
 
 /// All formats.
-pub(in crate::verify) const FORMATS: [Row; 9] = [
+pub(in crate::verify) const FORMATS: [Row; 10] = [
     Row {
         format: Format::Dxf,
         name: "dxf",
@@ -168,6 +170,12 @@ pub(in crate::verify) const FORMATS: [Row; 9] = [
         on_the_fly: None,
     },
     Row {
+        format: Format::Poses,
+        name: "poses",
+        stepped: Some(Stepped::Poses { file: "poses.csv", read: poses::read }),
+        on_the_fly: None,
+    },
+    Row {
         format: Format::Pmac,
         name: "pmac",
         stepped: None,
@@ -185,7 +193,7 @@ pub(in crate::verify) fn expected<'a>(
     FORMATS.iter().filter_map(|row| row.stepped.map(|files| (row, files))).filter(move |(row, files)| {
         let is_listed = match files {
             Stepped::Blocks(_) => blocks.iter().any(|b| b.files.contains_key(row.name)),
-            Stepped::Stage { file, .. } | Stepped::Planes { file, .. } => listed.iter().any(|f| f.file == *file),
+            Stepped::Stage { file, .. } | Stepped::Planes { file, .. } | Stepped::Poses { file, .. } => listed.iter().any(|f| f.file == *file),
         };
         is_listed || asked.contains(&row.format)
     })
@@ -233,9 +241,10 @@ mod tests {
             let is_same = match (row.stepped, target.stepped) {
                 (None, None) => true,
                 (Some(Stepped::Blocks(files)), Some(Files::Blocks(written, _))) => files.ending == written,
-                (Some(Stepped::Stage { file, .. } | Stepped::Planes { file, .. }), Some(Files::Whole(written, _))) => {
-                    file == written
-                }
+                (
+                    Some(Stepped::Stage { file, .. } | Stepped::Planes { file, .. } | Stepped::Poses { file, .. }),
+                    Some(Files::Whole(written, _)),
+                ) => file == written,
                 _ => false,
             };
             assert!(is_same, "stepped files of {}", row.name);

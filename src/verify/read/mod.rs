@@ -17,6 +17,7 @@ pub(super) mod on_the_fly;
 pub(super) mod outline;
 pub(super) mod ovf;
 pub(super) mod picture;
+pub(super) mod poses;
 pub(super) mod program;
 mod rtc;
 pub(super) mod runsheet;

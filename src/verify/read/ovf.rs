@@ -87,6 +87,8 @@ pub(in crate::verify) struct WorkPlane {
     pub(in crate::verify) number: i32,
     #[prost(string, tag = "11")]
     pub(in crate::verify) machine_type: String,
+    #[prost(float, repeated, tag = "12")]
+    pub(in crate::verify) more_axes: Vec<f32>,
 }
 
 #[derive(Clone, PartialEq, Message)]

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::hash::is_inside;
-use super::{planes, setups};
+use super::{planes, poses, setups};
 use crate::geom::{NM_PER_MM, Nm, P2};
 use crate::machine::Machine;
 use crate::program::{Block, BlockId, PassId, Program, Stroke};
@@ -92,6 +92,7 @@ pub(in crate::verify) fn files(
                 }
             }
             Stepped::Planes { file: name, open } => whole(folder, name, open, file, &facts.machine, rule),
+            Stepped::Poses { file: name, read } => poses::check(folder, name, read, file, &facts.machine, rule),
             // The rules of `stage` hold these.
             Stepped::Stage { .. } => {}
         }
@@ -113,7 +114,9 @@ pub(in crate::verify) fn all_are_read(manifest: &Manifest, chosen: &[usize], fac
                     known.extend([name, formats::of_frame(&entry.id, files.ending)]);
                 }
             }
-            Stepped::Stage { file, .. } | Stepped::Planes { file, .. } => _ = known.insert(formats::of_frames(file)),
+            Stepped::Stage { file, .. } | Stepped::Planes { file, .. } | Stepped::Poses { file, .. } => {
+                known.insert(formats::of_frames(file));
+            }
         }
     }
     let is_marked = |name: &str| name.starts_with("blocks/") || name.starts_with("frames/");

@@ -13,19 +13,25 @@
 //! of angles no place comes higher than it does in the middle of the range plus its distance from the pivot times half
 //! the range. Where this bound leaves doubt the middle is looked at exactly and the range is halved, [`HALVINGS`]
 //! times. What is then still in doubt is nearer to the limit than the bound resolves, and passes.
+//!
+//! A head that is turned itself moves through the part as it sees it, in any direction: its way is cut into pieces, and
+//! over each the lower end of the piece counts. While its axes turn it must stay above the highest place of the part.
 
 use super::Findings;
 use super::stage::{Positions, StageFile};
 use crate::geom::{NM_PER_MM, Nm, P3};
-use crate::machine::{Commanded, Machine, TiltAngles};
+use crate::machine::{Carries, Commanded, Machine, Origin, Tilt, TiltAngles};
 use crate::program::{Block, SetupId};
-use crate::verify::geometry::{BoxNm, Geometry, Turn};
+use crate::verify::geometry::{BoxNm, Geometry, HeadPose, Turn};
 use crate::verify::job_facts::JobFacts;
 use crate::verify::proof::Rule;
 use crate::verify::read::program::ProgramFile;
 
 /// Most columns and rows of tiles.
 const TILES: f64 = 128.0;
+
+/// Pieces into which the way of a head that is turned itself is cut.
+const PIECES: u32 = 256;
 
 /// How often a range of angles is halved.
 const HALVINGS: u32 = 10;
@@ -57,6 +63,18 @@ pub(in crate::verify) fn check(
 struct Pose {
     at: Commanded,
     tilt: TiltAngles,
+}
+
+/// A head that its own axes turn, on one move.
+struct Leaning<'a> {
+    axes: &'a Tilt,
+    /// Half its width, and how far its lower end less the clearance stands from the focal plane, nm.
+    reach: f64,
+    gap: f64,
+    /// What rounding moves, nm.
+    slack: f64,
+    /// The lowest height of the focal plane on the move if the head were not turned, part frame, nm.
+    stands: f64,
 }
 
 struct Head<'a> {
@@ -131,20 +149,95 @@ impl Head<'_> {
         // part.
         let gap = nm(self.machine.lens.working_distance) - nm(self.machine.stage.clearance);
         let limit = a[2].min(b[2]) + gap + ROUNDING + 2.0 * self.geometry.weld();
-        if self.tiles.highest <= limit && from.tilt.is_upright() && to.tilt.is_upright() {
+        let level = from.tilt.is_upright() && to.tilt.is_upright();
+        if self.tiles.highest <= limit && level {
             return;
         }
         // The program has to keep away from a square of the head's diameter; here it is smaller by what rounding moves.
         let reach = nm(self.machine.lens.diameter) / 2.0 - ROUNDING - self.geometry.weld();
+        if let Some(axes) = self.machine.tilt.as_ref().filter(|axes| axes.carries == Carries::Head && !level) {
+            let slack = ROUNDING + 2.0 * self.geometry.weld();
+            let head = Leaning { axes, reach, gap, slack, stands: a[2].min(b[2]) };
+            let near = if from.tilt == to.tilt {
+                self.through(&head, block, [from, to])
+            } else {
+                self.swings(&head, [0, 1].map(|k| [from.tilt[k] as f64, to.tilt[k] as f64]), HALVINGS)
+            };
+            if let Some(near) = near {
+                self.too_near(i, place, near);
+            }
+            return;
+        }
         let sweep = Sweep::of([a[0], a[1]], [b[0], b[1]], reach);
         let range = [0, 1].map(|k| [from.tilt[k].min(to.tilt[k]) as f64, from.tilt[k].max(to.tilt[k]) as f64]);
         if let Some(over) = self.swing(block, range, &sweep, limit, HALVINGS) {
-            let near = (over - limit) / NM_PER_MM;
-            let text = format!(
-                "on the way to this block the head comes {near:.6} mm nearer to the part than stage.clearance allows"
-            );
-            self.rule.broken(&self.file.ids[i], place, text);
+            self.too_near(i, place, over - limit);
         }
+    }
+
+    fn too_near(&mut self, i: usize, place: &str, near: f64) {
+        let near = near / NM_PER_MM;
+        let text = format!(
+            "on the way to this block the head comes {near:.6} mm nearer to the part than stage.clearance allows"
+        );
+        self.rule.broken(&self.file.ids[i], place, text);
+    }
+
+    /// How much too near a head comes that moves straight, turned as it is; None where it keeps clear.
+    fn through(&self, head: &Leaning<'_>, block: &Block, [from, to]: [Pose; 2]) -> Option<f64> {
+        let origin = self.file.origin(block);
+        let turn = Turn::of(head.axes, from.tilt, origin);
+        let ends = [from, to].map(|p| turn.apply(P3::new(HeadPose::of(self.machine, p.at, p.tilt, origin).centre)).at);
+        let lowest = ends[0][2].min(ends[1][2]) + head.gap + head.slack;
+        // The tiles as the head sees them, of which most lie below all of its way.
+        let seen = |b: &[f64; 6]| {
+            let (mut around, mut top) = (BoxNm::EMPTY, f64::NEG_INFINITY);
+            for i in 0..8 {
+                let [x, y, z] = turn.apply(P3::new([0, 1, 2].map(|k| b[if i >> k & 1 == 0 { k } else { k + 3 }]))).at;
+                around.add([x, y]);
+                top = top.max(z);
+            }
+            (top > lowest).then(|| (in_plane(b), around, top))
+        };
+        let high: Vec<_> = self.tiles.boxes.iter().filter_map(seen).collect();
+        let at = |i: u32| [0, 1, 2].map(|k| ends[0][k] + f64::from(i) / f64::from(PIECES) * (ends[1][k] - ends[0][k]));
+        let mut worst = 0.0f64;
+        for i in (0..PIECES).filter(|_| !high.is_empty()) {
+            let (a, b) = (at(i), at(i + 1));
+            let sweep = Sweep::of([a[0], a[1]], [b[0], b[1]], head.reach);
+            let limit = a[2].min(b[2]) + head.gap + head.slack;
+            for (area, _, _) in high.iter().filter(|(_, around, top)| *top > limit && around.touches(&sweep.bounds)) {
+                self.geometry.facets_in(*area, &mut |corners| {
+                    worst = worst.max(sweep.highest(corners.map(|p| turn.apply(P3::new(p)).at)) - limit);
+                });
+            }
+        }
+        (worst > 0.0).then_some(worst)
+    }
+
+    /// How much too near a head comes to the highest place of the part while its axes turn, each within a range of
+    /// commands: the corners of its lower end go round the pivot. Branch and bound, as below.
+    fn swings(&self, head: &Leaning<'_>, range: [[f64; 2]; 2], halvings: u32) -> Option<f64> {
+        let q = head.axes.pivot.map(|v| v.as_mm() * NM_PER_MM);
+        let r = head.reach;
+        let corners = [[-r, -r], [r, -r], [-r, r], [r, r]].map(|[x, y]| [x - q[0], y - q[1], head.gap - q[2]]);
+        let middle = TiltAngles(range.map(|[a, b]| f64::midpoint(a, b).round() as i64));
+        let turn = Turn::of(head.axes, middle, Origin::default());
+        let lowest = corners.iter().map(|&d| turn.back(P3::new(d)).at[2]).fold(f64::INFINITY, f64::min);
+        let lower_end = head.stands + q[2] + lowest + head.slack;
+        if lower_end < self.tiles.highest {
+            return Some(self.tiles.highest - lower_end);
+        }
+        let half = range.map(|[a, b]| ((b - a).abs() / 2.0 / 1e6).to_radians());
+        let far = corners.iter().map(|d| d.iter().map(|v| v * v).sum::<f64>().sqrt()).fold(0.0, f64::max);
+        if halvings == 0 || lower_end - far * (half[0] + half[1]) >= self.tiles.highest {
+            return None;
+        }
+        let k = usize::from(half[1] > half[0]);
+        let (mut low, mut high) = (range, range);
+        let cut = f64::midpoint(range[k][0], range[k][1]);
+        (low[k][1], high[k][0]) = (cut, cut);
+        [low, high].into_iter().find_map(|part| self.swings(head, part, halvings - 1))
     }
 
     /// The height above `limit` to which the part rises in the sweep at some pair of angles of a range, if one is

@@ -10,7 +10,7 @@ use super::stretch::{Parts, Stretch, confirmed, note, whole};
 use super::turned::{Drawn, Turned};
 use super::{Findings, part_place, part_place_nm};
 use crate::geom::{FieldPoint, P2};
-use crate::machine::Machine;
+use crate::machine::{Carries, Machine};
 use crate::program::{Block, Stroke};
 use crate::progress::Task;
 use crate::verify::geometry::{Geometry, Line, Piece, Scratch, Sheet, Slope};
@@ -147,6 +147,10 @@ fn zoom_fault(block: &Block, file: &ProgramFile, machine: &Machine) -> Option<St
     if block.focus_shift.mm().abs() > reach + 1e-9 {
         let text = format!("the focus is shifted by {} mm, the optic reaches {reach} mm", block.focus_shift.mm());
         return Some(text);
+    }
+    // The rule `travel` holds a head that is turned.
+    if !block.stop.tilt.is_upright() && machine.tilt.as_ref().is_some_and(|axes| axes.carries == Carries::Head) {
+        return None;
     }
     let plane = machine.stage.z.sign() * block.stage[2] - file.origin(block)[2];
     let found = plane + block.focus_shift.0;

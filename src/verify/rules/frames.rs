@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use super::agreement::{self, Drawings};
-use super::{stage, subset};
+use super::{poses, stage, subset};
 use crate::geom::{FieldPoint, P3};
 use crate::program::{Block, PenId, Program, Stroke, StrokeId};
 use crate::verify::geometry::Turn;
@@ -66,9 +66,14 @@ impl Frames {
         let stages = stage::read(folder, manifest, facts, true, rule);
         let outline = subset::with(&mut all, &places, |outline| {
             for (_, files) in formats::expected(&facts.formats, &manifest.files, &manifest.blocks) {
-                if let Stepped::Planes { file: name, open } = files {
-                    let name = formats::of_frames(name);
-                    agreement::whole(folder, &name, open, outline, &facts.machine, rule);
+                match files {
+                    Stepped::Planes { file: name, open } => {
+                        agreement::whole(folder, &formats::of_frames(name), open, outline, &facts.machine, rule);
+                    }
+                    Stepped::Poses { file: name, read } => {
+                        poses::check(folder, &formats::of_frames(name), read, outline, &facts.machine, rule);
+                    }
+                    Stepped::Blocks(_) | Stepped::Stage { .. } => {}
                 }
             }
             stage::agreement(&stages, manifest, outline, &facts.machine, rule);

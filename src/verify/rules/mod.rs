@@ -16,6 +16,7 @@ pub(super) mod laser;
 pub(super) mod mask;
 pub(super) mod page;
 mod planes;
+mod poses;
 mod runsheets;
 mod setups;
 mod slopes;

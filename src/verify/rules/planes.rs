@@ -3,7 +3,7 @@
 
 use crate::geom::{ControllerPoint, Nm, mm_from_nm};
 use crate::machine::{Axis, Carries, Machine};
-use crate::program::{Block, Pen, Program};
+use crate::program::{Block, Pen};
 use crate::verify::proof::Rule;
 use crate::verify::read::ovf::{Mark, MarkingParams, OvfFile, WorkPlane};
 use crate::verify::read::program::ProgramFile;
@@ -28,7 +28,7 @@ pub(super) fn check(ovf: &OvfFile<'_>, name: &str, file: &ProgramFile, machine: 
         }
     }
     for (i, (id, block)) in file.ids.iter().zip(&file.program.blocks).enumerate().take(ovf.len()) {
-        if let Err(fault) = plane(ovf, i, program, block, machine, rule) {
+        if let Err(fault) = plane(ovf, i, file, block, machine, rule) {
             rule.broken(id, name, fault);
         }
     }
@@ -57,11 +57,12 @@ fn same_settings(p: &MarkingParams, pen: &Pen, shift: Nm, machine: &Machine) -> 
 fn plane(
     ovf: &OvfFile<'_>,
     i: usize,
-    program: &Program,
+    file: &ProgramFile,
     block: &Block,
     machine: &Machine,
     rule: &mut Rule,
 ) -> Result<(), String> {
+    let program = &file.program;
     let strokes = program.strokes_of(block);
     let (mut count, mut first) = (0, None);
     let mut repeats = Vec::new();
@@ -94,7 +95,11 @@ fn plane(
             return Err(format!("the passes of pen {} differ from program.txt", pen.number()));
         }
     }
-    shell(&plane, i, block, machine)
+    shell(&plane, i, block, machine)?;
+    if machine.tilt.as_ref().is_some_and(|axes| axes.carries == Carries::Head) {
+        return super::poses::single(&plane.more_axes, block, file.origin(block), machine).map_or(Ok(()), Err);
+    }
+    if plane.more_axes.is_empty() { Ok(()) } else { Err("the work plane has a pose, the head does not tilt".into()) }
 }
 
 fn shell(plane: &WorkPlane, i: usize, block: &Block, machine: &Machine) -> Result<(), String> {
@@ -127,7 +132,14 @@ fn machine_type(machine: &Machine) -> String {
         format!("/{name}-{carries}{}", if axis.reversed { "-reversed" } else { "" })
     };
     let head = if machine.zoom.is_some() { "galvo3d" } else { "galvo2d" };
-    format!("terrace/xyz-{head}{}", machine.axes().map(axis).concat())
+    let tilt = machine.tilt.iter().filter(|t| t.carries == Carries::Head).flat_map(|t| &t.axes);
+    let tilt: String = tilt
+        .map(|a| {
+            let letter = a.letter.char().to_ascii_lowercase();
+            format!("/{letter}-head{}", if a.reversed { "-reversed" } else { "" })
+        })
+        .collect();
+    format!("terrace/xyz-{head}{}{tilt}", machine.axes().map(axis).concat())
 }
 
 fn same_points(mark: &Mark<'_>, points: impl ExactSizeIterator<Item = ControllerPoint>) -> bool {

@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 
 use super::stage::{Positions, StageFile};
 use super::stage_text;
-use crate::geom::{Nm, mm_from_nm};
-use crate::machine::Machine;
+use crate::geom::{Nm, P3, mm_from_nm};
+use crate::machine::{Carries, Machine, Origin};
 use crate::program::Block;
+use crate::verify::geometry::{HeadPose, Turn};
 use crate::verify::proof::Rule;
 use crate::verify::read::program::ProgramFile;
 
@@ -18,8 +19,14 @@ pub(super) fn check(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
         rule.checked += 1;
         let (c, place) = (block.stop.centre, super::part_place(block.stop.centre));
         // The heights that stage and zoom optic set together are for `depth`.
+        if let Some(fault) = head_fault(machine, block, file.origin(block)) {
+            rule.broken(id, place, fault);
+            continue;
+        }
         let mut wanted = machine.stage_from_part(c, block.stop.focus, file.origin(block));
-        if machine.zoom.is_some() {
+        if leans(machine, block) {
+            wanted = block.stage;
+        } else if machine.zoom.is_some() {
             wanted[2] = block.stage[2];
         }
         if block.stage != wanted {
@@ -57,10 +64,34 @@ pub(super) fn moves(stages: &[StageFile], file: &ProgramFile, machine: &Machine,
     }
 }
 
+/// Whether the head is turned at a block.
+fn leans(machine: &Machine, block: &Block) -> bool {
+    !block.stop.tilt.is_upright() && machine.tilt.as_ref().is_some_and(|axes| axes.carries == Carries::Head)
+}
+
+/// Where a turned head is not where its block lies. Its centre and its focal plane are whole nanometres there, so that
+/// the two may lie half a nanometre apart along each axis of the head.
+fn head_fault(machine: &Machine, block: &Block, origin: Origin) -> Option<String> {
+    const APART: f64 = 0.51;
+    let axes = machine.tilt.as_ref().filter(|_| leans(machine, block))?;
+    let head = HeadPose::of(machine, block.stage, block.stop.tilt, origin);
+    let found = Turn::of(axes, block.stop.tilt, origin).apply(P3::new(head.centre));
+    let plane = block.stop.focus - block.focus_shift;
+    let wanted = [block.stop.centre.x, block.stop.centre.y, plane.0];
+    (0..3).any(|k| (found[k] - wanted[k] as f64).abs() > APART).then(|| {
+        let mm = |p: [f64; 3]| p.map(|v| (v / 1e3).round() / 1e3);
+        format!(
+            "the head is brought to {:?} mm of the part as it sees it, but the block is at {:?} mm",
+            mm(found.at),
+            mm(wanted.map(|v| v as f64))
+        )
+    })
+}
+
 /// What is wrong with the commands of the tilt axes.
 fn tilt_fault(machine: &Machine, block: &Block) -> Option<String> {
     let Some(table) = &machine.tilt else {
-        return (!block.stop.tilt.is_upright()).then(|| "the block is tilted, the machine has no tilt table".into());
+        return (!block.stop.tilt.is_upright()).then(|| "the block is tilted, the machine has no tilt axes".into());
     };
     let wrong = table.axes.iter().zip(block.stop.tilt.0).find(|(axis, command)| !axis.takes(*command));
     wrong.map(|(axis, command)| {

@@ -31,6 +31,7 @@
  * @property {{size: [number, number], shape: "rectangle"|"circle"}} field
  * @property {{working_distance_mm: number|null, diameter_mm: number}} lens
  * @property {Vec3|null} pivot
+ * @property {boolean} head_tilts whether the head tilts and the part stays
  * @property {Box[]} travel
  * @property {Pen[]} pens
  * @property {{jump_speed_mm_s: number, jump_delay_us: number, mark_delay_us: number, polygon_delay_us: number}} scanner

@@ -79,7 +79,7 @@ class Overlay {
 
   /** Two directions across the beam. @param {Moment} moment @returns {[Vec3, Vec3]} */
   across(moment) {
-    const x = unit(minus([1, 0, 0], scaled(moment.up, moment.up[0])));
+    const x = moment.right ?? unit(minus([1, 0, 0], scaled(moment.up, moment.up[0])));
     return [x, cross(moment.up, x)];
   }
 

@@ -1,6 +1,6 @@
 // @ts-check
 /**
- * The machine's clock: which stop it is at, where the field and the beam are, how the table turns the part.
+ * The machine's clock: which stop it is at, where the field and the beam are, how the axes turn the part or the head.
  *
  * Consumes the columns of the blocks (s from the start of the job) and, for on-the-fly jobs, the samples of the motion.
  * Promises places in the world: the part frame as the table turns it at that moment, mm.
@@ -13,6 +13,7 @@
  * @property {Turn} turn
  * @property {Vec3} centre of the field, on the focal plane
  * @property {Vec3} up towards the lens
+ * @property {Vec3} [right] the field's x, where the head tilts
  * @property {{at: Vec3, on: boolean}|null} beam
  */
 
@@ -76,6 +77,7 @@ class Timeline {
     if (this.motion && this.motion.t.length > 0) return { block, does, ...this.onTheFly(this.motion, t) };
     const wait = blocks.start[block] - blocks.begin[block];
     const share = wait > 0 ? Math.min(Math.max((t - blocks.begin[block]) / wait, 0), 1) : 1;
+    if (this.head.head_tilts) return { block, does, ...this.leaning(block, block > 0 ? share : 1, t, does, marksOf) };
     /** @type {Vec3} */
     const up = [0, 0, 1];
     if (share < 1 && block > 0) {
@@ -95,6 +97,24 @@ class Timeline {
       up,
       beam: beam && { ...beam, at: turned(turn, beam.at) },
     };
+  }
+
+  /**
+   * The moment of a head that tilts over a part that stays.
+   * @param {number} block @param {number} share of the way to it @param {number} t
+   * @param {Moment["does"]} does @param {(block: number) => Chunk|null} marksOf
+   */
+  leaning(block, share, t, does, marksOf) {
+    /** @param {number} i @returns {Vec3[]} */
+    const pose = (i) => {
+      const turn = this.turnOf(i);
+      return [inPart(turn, this.centreOf(i)), [turn[6], turn[7], turn[8]], [turn[0], turn[1], turn[2]]];
+    };
+    const s = share * share * (3 - 2 * share);
+    const [from, to] = [pose(share < 1 ? block - 1 : block), pose(block)];
+    const [centre, up, right] = to.map((p, k) => between(from[k], p, s));
+    const chunk = does === "marks" ? marksOf(block) : null;
+    return { turn: NO_TURN, centre, up: unit(up), right: unit(right), beam: chunk && this.beam(chunk, block, t) };
   }
 
   /** The beam in a block, part frame. @param {Chunk} chunk @param {number} block @param {number} t */

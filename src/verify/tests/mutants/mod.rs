@@ -5,6 +5,7 @@ mod cards;
 mod dots;
 mod drawings;
 mod frames;
+mod head_tilt;
 mod passes;
 mod right;
 mod screens;

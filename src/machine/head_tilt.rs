@@ -1,0 +1,86 @@
+//! Where the stage stands for a head that its tilt axes turn.
+//!
+//! The stage carries the pivot. With the commands at which a head without a tilt has the centre of its field at S of the
+//! table frame, a head turned by R about the pivot q (from that centre) has it at F = S + q - R q. So the stage goes to
+//! S = F - (q - R q), which is rounded to its increments; F is then found back from what was commanded, and the stop
+//! takes it, to the nanometre, as its centre and focal plane.
+
+use super::{Carries, Commanded, Machine, Origin, TiltAngles};
+use crate::geom::{Nm, P2, P3, Turned};
+
+/// Where a stop stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stand {
+    /// The commands.
+    pub stage: Commanded,
+    /// From the place that was wanted to the one that the commands reach, nm, in x, y and z of the turned part.
+    pub by: [i64; 3],
+}
+
+impl Machine {
+    /// Whether the tilt axes carry the head.
+    pub fn tilts_head(&self) -> bool {
+        self.tilt.as_ref().is_some_and(|tilt| tilt.carries == Carries::Head)
+    }
+
+    /// The commands that bring the centre of the field nearest to the point `p` of the turned part, at the height
+    /// `focus`. The height is met to half an increment; sideways a field can make up for what remains.
+    pub fn stand(&self, tilt: TiltAngles, p: P2<Turned>, focus: Nm, origin: Origin) -> Stand {
+        let Some(head) = self.tilt.as_ref().filter(|_| self.tilts_head() && !tilt.is_upright()) else {
+            return Stand { stage: self.stage_from_part(p, focus, origin), by: [0; 3] };
+        };
+        let turn = head.turn(tilt, origin);
+        let (swing, step) = (head.swing(tilt), self.increment_nm().f64());
+        let wanted = P3::<Turned>::new([p.x, p.y, focus.0].map(|v| v as f64));
+        let field = turn.back(wanted).at;
+        let mut at = [0, 1, 2].map(|k| ((field[k] + origin[k] as f64 - swing[k]) / step).round() * step);
+        let reached = |at: [f64; 3]| turn.apply(P3::new([0, 1, 2].map(|k| at[k] - origin[k] as f64 + swing[k]))).at;
+        // What x and y are rounded by lifts or lowers the leaning focal plane too: z makes up for it.
+        let off = wanted[2] - reached(at)[2];
+        at[2] += (off / turn.up()[2] / step).round() * step;
+        let found = reached(at);
+        let by = [0, 1, 2].map(|k| (found[k] - wanted[k]).round() as i64);
+        let axes = self.axes();
+        Stand { stage: Commanded([0, 1, 2].map(|k| axes[k].1.sign() * at[k].round() as i64)), by }
+    }
+
+    /// Whether commands bring the centre of the field to the point `p` of the turned part and the focal plane to the
+    /// height `focus`: exactly, but for a tilted head, whose place is known to a nanometre.
+    pub fn reaches(&self, stage: Commanded, tilt: TiltAngles, p: P2<Turned>, focus: Nm, origin: Origin) -> bool {
+        if !self.tilts_head() || tilt.is_upright() {
+            return stage == self.stage_from_part(p, focus, origin);
+        }
+        let found = self.turn(tilt, origin).apply(self.field_centre(stage, tilt, origin));
+        [p.x, p.y, focus.0].iter().enumerate().all(|(k, &v)| (found[k] - v as f64).abs() <= 1.0)
+    }
+
+    /// Where commands bring the centre of the field, part frame, nm: x, y and the height of the focal plane.
+    pub fn field_centre(&self, stage: Commanded, tilt: TiltAngles, origin: Origin) -> P3 {
+        let swing = self.tilt.as_ref().map_or([0.0; 3], |head| head.swing(tilt));
+        let axes = self.axes();
+        P3::new([0, 1, 2].map(|k| (axes[k].1.sign() * stage[k] - origin[k]) as f64 + swing[k]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tilted_head_stands_where_its_field_meets_the_place_to_the_nanometre() {
+        let machine = Machine::built_in("xyz-headtilt-galvo-40").expect("a profile");
+        let origin = Origin([-225_000_000, -224_000_000, 3_000_100]);
+        let (wanted, focus) = (P2::<Turned>::new(100_200_300, 400_500_600), Nm(-7_654_321));
+        for commands in [[12_345_600, -3_210_900], [0, 100], [-20_000_000, 20_000_000]].map(TiltAngles) {
+            let Stand { stage, by } = machine.stand(commands, wanted, focus, origin);
+            assert!(stage.0.iter().all(|v| v % machine.increment_nm().0 == 0), "{stage:?}");
+            let back = machine.turn(commands, origin).apply(machine.field_centre(stage, commands, origin));
+            let meant = [wanted.x + by[0], wanted.y + by[1], focus.0 + by[2]];
+            let off = (0..3).map(|k| (back[k] - meant[k] as f64).abs()).fold(0.0, f64::max);
+            assert!(off <= 0.51, "{commands:?}: {off}");
+            assert!(by[2].abs() <= 50 && by[0].abs().max(by[1].abs()) <= 100, "{by:?}");
+        }
+        let upright = machine.stand(TiltAngles::UPRIGHT, wanted, focus, origin);
+        assert_eq!(upright, Stand { stage: machine.stage_from_part(wanted, focus, origin), by: [0; 3] });
+    }
+}
