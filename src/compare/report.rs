@@ -198,6 +198,34 @@ fn shared(c: &Comparison) -> Option<Table> {
     Some(table)
 }
 
+/// The trials of the article's back-off search for sigma; None where there was none.
+fn back_off(c: &Comparison) -> Option<Table> {
+    if c.curves.back_off.is_empty() {
+        return None;
+    }
+    let mut table = Table::new(
+        "Seven axes: the back-off search for sigma",
+        vec![
+            Column::number("sigma", "um", 1),
+            Column::number("worst FOD", "um", 1),
+            Column::number("worst BIA", "deg", 2),
+            Column::number("worst displacement", "mm", 3),
+            Column::text("within limits"),
+        ],
+    );
+    for trial in &c.curves.back_off {
+        let d = trial.found;
+        table.row([
+            (trial.strength * 1000.0).into(),
+            (d.focus * 1000.0).into(),
+            d.angle.to_degrees().into(),
+            d.lateral.into(),
+            if trial.holds { "yes" } else { "no" }.into(),
+        ]);
+    }
+    Some(table)
+}
+
 /// All tables, each with the name of its file.
 pub fn tables(c: &Comparison) -> Vec<(&'static str, Table)> {
     let all = [
@@ -206,6 +234,7 @@ pub fn tables(c: &Comparison) -> Vec<(&'static str, Table)> {
         ("deviations", deviations(c)),
         ("decompositions", decompositions(c)),
         ("seven-axis-decompositions", shared(c)),
+        ("back-off", back_off(c)),
         ("convergence", convergence(c)),
     ];
     all.into_iter().filter_map(|(name, table)| Some((name, table?))).collect()
@@ -301,7 +330,7 @@ pub fn page(c: &Comparison) -> String {
     let mut figures = vec![Item::Text(&limits)];
     figures.extend(table("systems").chain(table("deviations")));
     let divided: Vec<Item<'_>> =
-        table("decompositions").chain(table("seven-axis-decompositions")).chain(plot("back-off")).collect();
+        table("decompositions").chain(table("seven-axis-decompositions")).chain(table("back-off")).chain(plot("back-off")).collect();
     let moved: Vec<Item<'_>> =
         table("convergence").chain(plot("axes")).chain(plot("along")).chain(plot("paths")).collect();
     let folds = [
