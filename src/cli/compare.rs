@@ -45,10 +45,22 @@ const PAGE: &str = "compare.html";
 const FILES: [(&[&str], &[&str]); 3] = [
     (&["compare"], &["html", "json"]),
     (
-        &["overview", "systems", "deviations", "decompositions", "seven-axis-decompositions", "back-off", "convergence"],
+        &[
+            "overview",
+            "systems",
+            "deviations",
+            "following-errors",
+            "decompositions",
+            "seven-axis-decompositions",
+            "back-off",
+            "convergence",
+        ],
         &["txt", "csv", "md"],
     ),
-    (&["times", "back-off", "axes", "along", "paths"], &["svg"]),
+    (
+        &["times", "back-off", "axes", "along", "space", "following-7-axis", "following-5-axis", "paths", "velocities"],
+        &["svg"],
+    ),
 ];
 
 fn is_ours(name: &Path) -> bool {

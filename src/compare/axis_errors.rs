@@ -124,7 +124,8 @@ pub(super) fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
             let points = errors.first.iter().map(|(t, e)| [*t, scale * e[k]]).collect();
             Panel { y: Axis::new(name, unit), series: vec![Series::new("", points)], limits: Vec::new() }
         };
-        let title = format!("{} axes: following errors at the start of the path", ["Five", "Seven"][usize::from(axes > 5)]);
+        let title =
+            format!("{} axes: following errors at the start of the path", ["Five", "Seven"][usize::from(axes > 5)]);
         let (x, panels) = (Axis::new("time", "s"), (0..axes).map(panel).collect());
         (file, LineChart { title, x, panels, limits: Vec::new() }.draw())
     };

@@ -1,6 +1,6 @@
 //! The comparison as tables, charts and a page.
 
-use super::{Comparison, Figures, Standing, Verdict};
+use super::{Comparison, Figures, Standing, Verdict, axis_errors, charts};
 use crate::report::page::{Item, page_html};
 use crate::report::plot::{Axis, Bar, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
 use crate::report::table::{Cell, Column, Table};
@@ -232,6 +232,7 @@ pub fn tables(c: &Comparison) -> Vec<(&'static str, Table)> {
         ("overview", Some(overview(c))),
         ("systems", Some(systems(c))),
         ("deviations", deviations(c)),
+        ("following-errors", axis_errors::table(c)),
         ("decompositions", decompositions(c)),
         ("seven-axis-decompositions", shared(c)),
         ("back-off", back_off(c)),
@@ -314,8 +315,14 @@ pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
         let title = "Scanner and stage synchronised: the start of the path".into();
         out.push(("paths", Paths { title, x: "x".into(), y: "y".into(), unit: "mm".into(), series }.draw()));
     }
+    out.extend(charts::space(&c.curves).map(|plot| ("space", plot)));
+    out.extend(charts::velocities(&c.curves).map(|plot| ("velocities", plot)));
+    out.extend(axis_errors::plots(c));
     out
 }
+
+/// The charts of motions, in the order of the page.
+const MOTIONS: [&str; 7] = ["axes", "along", "space", "following-7-axis", "following-5-axis", "paths", "velocities"];
 
 /// All in one page: the verdict, the times and the table to choose by, then everything else.
 pub fn page(c: &Comparison) -> String {
@@ -328,11 +335,13 @@ pub fn page(c: &Comparison) -> String {
     items.extend(plot("times").chain(table("overview")));
     let limits = limits(c);
     let mut figures = vec![Item::Text(&limits)];
-    figures.extend(table("systems").chain(table("deviations")));
-    let divided: Vec<Item<'_>> =
-        table("decompositions").chain(table("seven-axis-decompositions")).chain(table("back-off")).chain(plot("back-off")).collect();
-    let moved: Vec<Item<'_>> =
-        table("convergence").chain(plot("axes")).chain(plot("along")).chain(plot("paths")).collect();
+    figures.extend(table("systems").chain(table("deviations")).chain(table("following-errors")));
+    let divided: Vec<Item<'_>> = table("decompositions")
+        .chain(table("seven-axis-decompositions"))
+        .chain(table("back-off"))
+        .chain(plot("back-off"))
+        .collect();
+    let moved: Vec<Item<'_>> = table("convergence").chain(MOTIONS.into_iter().flat_map(plot)).collect();
     let folds = [
         ("Limits, all figures, and how deviations are spread", &figures),
         ("How motions are divided between scanner and stage", &divided),

@@ -176,12 +176,13 @@ pub struct Scanner {
     feed: Option<Protection>,
     sum: f64,
     residual: f64,
+    behind: f64,
 }
 
 impl Scanner {
     /// At rest at `at`; `mirror` is its servo, steps are `dt` s apart.
     pub fn new(mirror: Servo, feed: Option<Protection>, dt: f64, at: f64) -> Self {
-        Self { mirror: Axis::new(mirror, dt, at), feed, sum: 0.0, residual: 0.0 }
+        Self { mirror: Axis::new(mirror, dt, at), feed, sum: 0.0, residual: 0.0, behind: 0.0 }
     }
 
     /// Goes on to the next sample: where it should be as planned, what the stage misses there, and half of the field;
@@ -201,8 +202,15 @@ impl Scanner {
                 if self.sum.abs() <= limit { planned + missed } else { planned }
             }
         };
-        self.residual = planned + missed - self.mirror.step(command);
+        let position = self.mirror.step(command);
+        self.behind = command - position;
+        self.residual = planned + missed - position;
         self.residual
+    }
+
+    /// How far the mirror was behind its own command at the last sample.
+    pub fn following_error(&self) -> f64 {
+        self.behind
     }
 }
 
