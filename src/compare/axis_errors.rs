@@ -81,8 +81,8 @@ impl AxisErrors {
 /// The turning systems of a kind, with the errors of their axes.
 fn of(c: &Comparison, kind: Kind) -> impl Iterator<Item = (&'static str, &AxisErrors)> {
     let is_kind = move |name: &str| super::SYSTEMS.iter().any(|s| s.name == name && s.kind == kind);
-    let errors = move |row: &super::Row| Some((row.system, row.figures.as_ref().ok()?.axis_errors.as_ref()?));
-    c.rows.iter().filter(move |row| is_kind(row.system)).filter_map(errors)
+    let rows = c.rows.iter().filter(move |row| is_kind(row.system));
+    rows.filter_map(|row| Some((row.system, row.figures.as_ref().ok()?.axis_errors.as_ref()?)))
 }
 
 /// Of every axis its following error with seven axes beside that with five; None where no such system applies.
@@ -130,4 +130,25 @@ pub(super) fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
         (file, LineChart { title, x, panels, limits: Vec::new() }.draw())
     };
     seven.into_iter().chain(five).map(chart).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_averaged_over_the_samples_and_ways_are_summed() {
+        let mut errors = AxisErrors::new(0.5, 1.0);
+        for (i, at) in [0.0, 2.0, 1.0, 1.0].into_iter().enumerate() {
+            let mut command = [0.0; AXES];
+            let mut error = [0.0; AXES];
+            (command[0], error[0], error[4]) = (at, if i % 2 == 0 { 0.1 } else { -0.3 }, 0.01);
+            errors.add(command, error);
+        }
+        assert!((errors.mean(0) - 0.2).abs() < 1e-15 && errors.worst[0] == 0.3 && errors.way[0] == 3.0);
+        assert!((errors.speed(0) - 2.0).abs() < 1e-15, "3 mm in 1.5 s");
+        assert!((errors.mean(4) - 0.01).abs() < 1e-15 && errors.way[4] == 0.0);
+        let times: Vec<f64> = errors.first.iter().map(|(t, _)| *t).collect();
+        assert_eq!(times, [0.0, 0.5, 1.0]);
+    }
 }

@@ -369,6 +369,7 @@ fn following(
     samples: impl Iterator<Item = Sample>,
     (step_s, until_s): (f64, f64),
 ) -> Result<(Vec<FollowingError>, AxisErrors), Error> {
+    let feed = feed.map(|protection| protection.on(machine));
     let stage = Servo::of_stage(machine)?;
     let mirror = Servo::of_scanner(machine)?;
     let mut samples = samples.peekable();

@@ -140,9 +140,17 @@ pub enum Protection {
 }
 
 impl Protection {
-    /// Eq. 5 as it is printed, with the sign of the error, and a limit that trips within seconds of an error of some
-    /// millimetres.
+    /// Eq. 5 as it is printed, with the sign of the error, and a limit of it (e_lim) that trips within seconds of an
+    /// error of some millimetres.
     pub const ACCUMULATED: Self = Self::Accumulated { sum: Sum::Signed, limit: 0.02 };
+
+    /// The same with the limit that a machine states.
+    pub fn on(self, machine: &Machine) -> Self {
+        match (self, machine.scanner.accumulated_error) {
+            (Self::Accumulated { sum, .. }, Some(limit)) => Self::Accumulated { sum, limit: limit.as_mm_s() },
+            _ => self,
+        }
+    }
 
     /// Those that can be asked for by name.
     pub const ALL: [Self; 3] = [Self::Saturate, Self::ACCUMULATED, Self::Off];
@@ -312,6 +320,15 @@ mod tests {
         let (_, with) = swing(Some(Protection::Saturate), 0.0);
         assert!((0.6..1.0).contains(&without), "{without}");
         assert!(with < 0.02 * without && with > 0.0, "{with}");
+    }
+
+    #[test]
+    fn limit_of_eq_5_is_that_of_the_machine() {
+        let mut machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        assert_eq!(Protection::ACCUMULATED.on(&machine), Protection::ACCUMULATED);
+        machine.scanner.accumulated_error = Some(crate::units::LengthTime::mm_s(0.5));
+        assert_eq!(Protection::ACCUMULATED.on(&machine), Protection::Accumulated { sum: Sum::Signed, limit: 0.5 });
+        assert_eq!(Protection::Saturate.on(&machine), Protection::Saturate);
     }
 
     #[test]
