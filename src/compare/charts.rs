@@ -29,7 +29,7 @@ pub(super) fn space(curves: &Curves) -> Option<Plot> {
     let series = vec![
         Series::new("marks", marks.clone()),
         Series::new("tool vectors", nodes.iter().step_by(nodes.len().div_ceil(VECTORS)).flat_map(vector).collect()),
-        Series::new("stage", nodes.iter().map(|[_, tool, _]| seen(*tool)).collect()),
+        Series::new("smoothed path", nodes.iter().map(|[_, tool, _]| seen(*tool)).collect()),
     ];
     let title = "Seven axes: the start of the path in space, with tool vectors".into();
     let (x, y) = ("right: (x + y) / sqrt 2".into(), "up: (y - x + 2 z) / sqrt 6".into());
