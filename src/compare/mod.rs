@@ -13,6 +13,7 @@ mod axis_errors;
 mod charts;
 mod filters;
 mod follow;
+mod following_errors;
 mod report;
 mod stepped;
 mod system;

@@ -1,6 +1,6 @@
 //! The comparison as tables, charts and a page.
 
-use super::{Comparison, Figures, Standing, Verdict, axis_errors, charts};
+use super::{Comparison, Figures, Standing, Verdict, charts, following_errors};
 use crate::report::page::{Item, page_html};
 use crate::report::plot::{Axis, Bar, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
 use crate::report::table::{Cell, Column, Table};
@@ -232,7 +232,7 @@ pub fn tables(c: &Comparison) -> Vec<(&'static str, Table)> {
         ("overview", Some(overview(c))),
         ("systems", Some(systems(c))),
         ("deviations", deviations(c)),
-        ("following-errors", axis_errors::table(c)),
+        ("following-errors", following_errors::table(c)),
         ("decompositions", decompositions(c)),
         ("seven-axis-decompositions", shared(c)),
         ("back-off", back_off(c)),
@@ -317,7 +317,7 @@ pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
     }
     out.extend(charts::space(&c.curves).map(|plot| ("space", plot)));
     out.extend(charts::velocities(&c.curves).map(|plot| ("velocities", plot)));
-    out.extend(axis_errors::plots(c));
+    out.extend(following_errors::plots(c));
     out
 }
 

@@ -176,7 +176,7 @@ mod tests {
         }
         // What is left after all modes has no oscillation.
         let rest: Vec<f64> = modes.slow(f64::INFINITY).iter().map(|p| p[0]).collect();
-        assert!(turning_points(&rest, 1e-9).iter().map(Vec::len).sum::<usize>() < 3);
+        assert!(turning_points(&rest, 1e-6).iter().map(Vec::len).sum::<usize>() < 3);
     }
 
     #[test]
