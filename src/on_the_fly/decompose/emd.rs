@@ -193,6 +193,6 @@ mod tests {
     fn plateaus_turn_in_their_middle_and_rounding_does_not_turn() {
         let line = [0.0, 1.0, 2.0, 2.0, 2.0 + 1e-12, 2.0, 1.0, 0.5, 0.5, 3.0];
         assert_eq!(turning_points(&line, 1e-9), [vec![[7.5, 0.5]], vec![[3.5, 2.0 + 1e-12]]]);
-        assert_eq!(turning_points(&[], 1e-9), [vec![], vec![]]);
+        assert!(turning_points(&[], 1e-9).iter().all(Vec::is_empty));
     }
 }
