@@ -54,14 +54,16 @@ fn back_off_search_on_a_mesh_ends_at_the_rung_of_the_analytic_surface() {
     let ratio = rung / sigma(stored.len() - 1);
     assert!((0.9499..1.0527).contains(&ratio), "{rung} um is more than one step from the analytic surface's");
     for (trial, want) in trials.iter().zip(stored) {
-        let near = |key: &str, k: usize, scale: f64, share: f64| {
-            let (found, want) = (number(trial, key), scale * want[k].as_f64().expect("a number"));
-            assert!((found / want - 1.0).abs() < share, "{key}: {found} for {want}");
+        let near = |key: &str, k: usize, off: f64| {
+            let (found, want) = (number(trial, key), want[k].as_f64().expect("a number"));
+            assert!((found - want).abs() < off, "{key}: {found} for {want} in {trial}");
         };
-        near("sigma_um", 0, 1.0, 1e-9);
-        near("worst_fod_um", 1, 1e3, 0.01);
-        near("worst_bia_deg", 2, 1.0, 0.01);
-        near("worst_displacement_mm", 3, 1.0, 0.01);
+        near("sigma_um", 0, 1e-6);
+        near("worst_bia_deg", 2, 0.02);
+        near("worst_displacement_mm", 3, 0.005);
+        // The middles of facets lie up to 4 um below the hills: their diagonal squared times the bend, by 8.
+        let off = number(trial, "worst_fod_um") - 1e3 * want[1].as_f64().expect("a number");
+        assert!(off.abs() < 4.0, "{off} um in {trial}");
     }
 }
 
