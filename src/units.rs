@@ -144,6 +144,22 @@ quantity!(
     ["g" => 1e-3, "kg" => 1.0]);
 
 quantity!(
+    /// A length summed up over time; base unit mm s.
+    LengthTime, "sum of a length over time", "mm s", "0.02 mm s",
+    ["um s" => 1e-3, "mm s" => 1.0]);
+
+impl LengthTime {
+    /// A sum of `v` mm s.
+    pub const fn mm_s(v: f64) -> Self {
+        Self(v)
+    }
+    /// The sum in mm s.
+    pub const fn as_mm_s(self) -> f64 {
+        self.0
+    }
+}
+
+quantity!(
     /// A share of a whole; base unit %.
     Share, "share", "%", "50 %",
     ["%" => 1.0]);

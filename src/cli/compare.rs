@@ -49,14 +49,19 @@ const FILES: [(&[&str], &[&str]); 3] = [
             "overview",
             "systems",
             "deviations",
+            "following-errors",
             "decompositions",
             "seven-axis-decompositions",
+            "back-off",
             "convergence",
             "tool-servo",
         ],
         &["txt", "csv", "md"],
     ),
-    (&["times", "back-off", "axes", "along", "paths"], &["svg"]),
+    (
+        &["times", "back-off", "axes", "along", "space", "following-7-axis", "following-5-axis", "paths", "velocities"],
+        &["svg"],
+    ),
 ];
 
 fn is_ours(name: &Path) -> bool {

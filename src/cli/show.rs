@@ -219,11 +219,11 @@ fn on_the_fly(s: &OnTheFlySummary, folder: Option<&Path>) -> String {
         format!("time           {:.3} s, {:.3} s of it with the laser on", s.time_s, s.mark_s),
         format!("worst focus    {:.1} um, angle {:.2} deg", s.deviations.worst_fod_um, s.deviations.worst_bia_deg),
         format!("in the field   up to {:.3} mm from its centre", s.worst_displacement_mm),
-        format!(
-            "laser          up to {:.4} mm early: {:.1} mm/s x {} s",
-            s.laser_error_mm, s.mark_speed_mm_s, s.servo_period_s
-        ),
     ];
+    lines.extend(s.laser.iter().map(|l| {
+        let (error, speed, period) = (l.laser_error_mm, s.mark_speed_mm_s, l.servo_period_s);
+        format!("laser          up to {error:.4} mm early: {speed:.1} mm/s x {period} s in {}", l.file)
+    }));
     lines.extend(errors(&s.budget));
     lines.extend(s.curves.as_ref().map(curves));
     if let Some(folder) = folder {

@@ -1,7 +1,7 @@
 //! The same path taken apart for scanner and stage by every decomposition there is.
 
 use crate::machine::Machine;
-use crate::on_the_fly::decompose::{Family, largest, paced, peak, rms_acceleration, stage, within};
+use crate::on_the_fly::decompose::{Family, largest, paced, peak, rms_acceleration, stages, within};
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::schedule::{Samples, Schedule};
 use crate::on_the_fly::xyzuv::{Peaks, ScannerLimits};
@@ -27,11 +27,12 @@ pub struct Filter {
 }
 
 /// The filters that are compared.
-pub(super) const FAMILIES: [(&str, Family); 4] = [
+pub(super) const FAMILIES: [(&str, Family); 5] = [
     ("moving average", Family::MovingAverage),
     ("Gaussian", Family::Gaussian),
     ("Savitzky-Golay", Family::SavitzkyGolay { order: 3 }),
     ("low-pass", Family::LowPass),
+    ("empirical modes", Family::EmpiricalModes),
 ];
 
 /// All decompositions of one path, that of least acceleration after the filters; where the best filter, of least
@@ -121,13 +122,14 @@ fn filtered(even: &Samples, family: Family, allowed: ScannerLimits) -> (Vec<[f64
     // Longer than the whole path nothing changes any more; half a thousandth of it is a start that is too strong
     // where the scanner has anything to do.
     let start = (even.at.len() as f64 / 4.0).min(4000.0);
+    let (in_plan, in_height) = (stages(&plan, family), stages(&height, family));
     let fits = |strength: f64| {
-        let made = stage(&plan, family.at(strength));
+        let made = in_plan(strength);
         let holds = plan.iter().zip(&made).all(|(p, s)| (0..2).all(|k| (p[k] - s[k]).abs() <= allowed.half_field[k]));
         (made, holds)
     };
     let focused = |strength: f64| {
-        let made = stage(&height, family.at(strength));
+        let made = in_height(strength);
         let holds =
             height.iter().zip(&made).zip(&even.on).all(|((p, s), &on)| !on || (p[0] - s[0]).abs() <= allowed.focus);
         (made, holds)
@@ -135,6 +137,6 @@ fn filtered(even: &Samples, family: Family, allowed: ScannerLimits) -> (Vec<[f64
     let xy = largest(start, 0.8, 1.0, 0.5, fits);
     let z = largest(start, 0.8, 1.0, 0.5, focused);
     let strength = [xy.as_ref().map_or(0.0, |r| r.strength), z.as_ref().map_or(0.0, |r| r.strength)];
-    let (xy, z) = (xy.map_or(plan, |r| r.found), z.map_or(height, |r| r.found));
+    let (xy, z) = (xy.map_or_else(|| plan.clone(), |r| r.found), z.map_or_else(|| height.clone(), |r| r.found));
     (xy.into_iter().zip(z).map(|([x, y], [z])| [x, y, z]).collect(), strength)
 }

@@ -1,5 +1,6 @@
 //! The systems that mark on the fly.
 
+use super::axis_errors::AxisErrors;
 use super::filters::{FAMILIES, filters};
 use super::{Beyond, Curves, Figures, Hardware, Split, Subject, marked, path_of};
 use crate::block_map::BlockMap;
@@ -154,6 +155,7 @@ impl<'a> Follower<'a> {
             ("beam", path.nodes.iter().take(drawn).map(|node| [node.at[0], node.at[1]]).collect()),
             ("stage", stage.map(|p| [p[0], p[1]]).collect()),
         ];
+        curves.velocities = velocities(&sync, (until / sync.step_s) as usize);
         let step_s = sync.step_s / slow;
         let piece = path.middle(FILTERED as f64 * step_s / schedule.total_s());
         let schedule = Schedule::of(&piece, machine, pens, turn.wait_s());
@@ -194,8 +196,8 @@ impl<'a> Follower<'a> {
             spot: [b[0] - xyz[0], b[1] - xyz[1]],
             on,
         });
-        let following_error =
-            following(self.subject.machine, &|_| half, Some(self.subject.protection), samples, sync.step_s)?;
+        let (following_error, _) =
+            following(self.subject.machine, &|_| half, Some(self.subject.protection), samples, (sync.step_s, 0.0))?;
         let deviations = upright(self.subject, path, |i| nodes[i]);
         Ok(Followed {
             deviations,
@@ -324,6 +326,13 @@ impl<'a> Follower<'a> {
                 (t, [x, y, z, a.to_degrees(), c.to_degrees(), u, v])
             })
             .collect();
+        let nodes = made.axes.iter().zip(&path.nodes).take(DRAWN);
+        curves.space = nodes
+            .map(|(axes, node)| {
+                let tool = axes.tool();
+                [model.from_pivot(node.at), tool.p, tool.n]
+            })
+            .collect();
         let deviations = made.deviation.iter().zip(&way).zip(&path.nodes);
         curves.along = deviations
             .filter(|(_, node)| node.pen.is_some())
@@ -345,33 +354,53 @@ impl<'a> Follower<'a> {
         // Of a round field what is too far out comes back towards its centre.
         let reach = machine.field_reach();
         let half = |[u, v]: [f64; 2]| [u, v].map(|c| c.abs() * (reach / u.hypot(v).max(reach)));
-        let following_error = following(machine, &half, feed, samples, step_s)?;
+        let until_s = times[times.len().min(DRAWN) - 1];
+        let (following_error, axis_errors) = following(machine, &half, feed, samples, (step_s, until_s))?;
         let travel = travel(made.axes.iter().map(|a| a.xyz));
         let followed = Followed { deviations: made.deviation, weights: made.path.weights(), following_error, travel };
-        Ok(Figures { time, stops: 1, speed: 100.0 * asked / time.mark, ..followed.figures(limits) })
+        let axis_errors = Some(axis_errors);
+        Ok(Figures { time, stops: 1, speed: 100.0 * asked / time.mark, axis_errors, ..followed.figures(limits) })
     }
 }
 
+/// Time and velocities of the stage's X, Y, Z and the scanner's U, V over the first samples of a synchronised motion.
+fn velocities(sync: &Decomposition, samples: usize) -> Vec<(f64, [f64; 5])> {
+    let steps = sync.stage.windows(2).zip(sync.beam.windows(2)).take(samples).enumerate();
+    let velocity = |(i, (stage, beam)): (usize, (&[[f64; 3]], &[[f64; 3]]))| {
+        let [x, y, z] = [0, 1, 2].map(|k| (stage[1][k] - stage[0][k]) / sync.step_s);
+        let [u, v] = [0, 1].map(|k| (beam[1][k] - beam[0][k]) / sync.step_s);
+        ((i as f64 + 0.5) * sync.step_s, [x, y, z, u - x, v - y])
+    };
+    steps.map(velocity).collect()
+}
+
 /// How far the axes of a stage lag behind their commands, each after its own servo, and how far the spot is off, at the
-/// samples that mark. `half` is half of the field for a command, `feed` how the scanner compensates for the stage.
+/// samples that mark; and how far every axis is behind its own command, at all samples. `half` is half of the field for
+/// a command, `feed` how the scanner compensates for the stage. Samples are `step_s` apart; the course of the errors is
+/// kept up to `until_s`.
 fn following(
     machine: &Machine,
     half: &dyn Fn([f64; 2]) -> [f64; 2],
     feed: Option<Protection>,
     samples: impl Iterator<Item = Sample>,
-    step_s: f64,
-) -> Result<Vec<FollowingError>, Error> {
+    (step_s, until_s): (f64, f64),
+) -> Result<(Vec<FollowingError>, AxisErrors), Error> {
+    let feed = feed.map(|protection| protection.on(machine));
     let stage = Servo::of_stage(machine)?;
     let mirror = Servo::of_scanner(machine)?;
     let mut samples = samples.peekable();
-    let Some(&Sample { axes: Axes { xyz: [x, y, z], a, c }, spot, .. }) = samples.peek() else { return Ok(Vec::new()) };
+    let mut axis_errors = AxisErrors::new(step_s, until_s);
+    let Some(&Sample { axes: Axes { xyz: [x, y, z], a, c }, spot, .. }) = samples.peek() else {
+        return Ok((Vec::new(), axis_errors));
+    };
     let mut stage_axes = [x, y, z, a, c].map(|at| Axis::new(stage, step_s, at));
     let mut mirrors = [0, 1].map(|k| Scanner::new(mirror, feed, step_s, spot[k]));
     let mut out = Vec::new();
     for Sample { axes, spot, on } in samples {
         let [x, y, z] = axes.xyz;
         let commands = [x, y, z, axes.a, axes.c];
-        let [x, y, z, a, c] = std::array::from_fn(|k| stage_axes[k].step(commands[k]));
+        let reached: [f64; 5] = std::array::from_fn(|k| stage_axes[k].step(commands[k]));
+        let [x, y, z, a, c] = reached;
         // Where the axes that are late see what is to be marked.
         let seen = Axes { xyz: [x, y, z], a, c }.field_from_part(axes.spot(spot[0], spot[1]).p);
         let missed = [0, 1].map(|k| seen[k] - spot[k]);
@@ -381,8 +410,12 @@ fn following(
             let [lag, error, focus] = [missed[0].hypot(missed[1]), off[0].hypot(off[1]), seen[2]].map(|v| 1000.0 * v);
             out.push([lag, error, focus, step_s]);
         }
+        let [dx, dy, dz, da, dc] = std::array::from_fn(|k| commands[k] - reached[k]);
+        let [du, dv] = mirrors.each_ref().map(Scanner::following_error);
+        let [x, y, z, a, c] = commands;
+        axis_errors.add([x, y, z, a, c, spot[0], spot[1]], [dx, dy, dz, da, dc, du, dv]);
     }
-    Ok(out)
+    Ok((out, axis_errors))
 }
 
 /// What marks get from a motion.

@@ -9,14 +9,18 @@
 //! The limits are the job's for all: focal offset up to half the depth range, beam angle up to
 //! `limits.warn_incidence`, the machine's field. Units: mm, s, deg, um as names say.
 
+mod axis_errors;
+mod charts;
 mod filters;
 mod follow;
+mod following_errors;
 mod report;
 mod stepped;
 mod system;
 mod tool_servo;
 mod verdict;
 
+pub use axis_errors::AxisErrors;
 pub use filters::Filter;
 use follow::Follower;
 pub use report::{overview, page, plots, tables};
@@ -154,6 +158,8 @@ pub struct Figures {
     pub spot_error_um: Option<Statistics>,
     /// How far the stage is out of focus because it lags behind its command, um.
     pub focus_lag_um: Option<Statistics>,
+    /// Following errors of every axis of a machine of five or seven.
+    pub axis_errors: Option<AxisErrors>,
     /// Length of the marks, seen along z, every pass of the pens counted, mm.
     pub marked_mm: f64,
     /// Share of the marked length within all limits, percent.
@@ -218,18 +224,23 @@ pub struct Curves {
     pub seven: Option<Limits>,
     /// Cells and least time, s, of the first 20 m of the seven-axis path on finer and finer grids.
     pub convergence: Vec<[f64; 2]>,
+    /// Nodes of the seven-axis path that are drawn, seen from the pivot of A and C: the mark, the point of the tool on
+    /// the smoothed path, and the tool's axis.
+    pub space: Vec<[[f64; 3]; 3]>,
     /// Beam and stage as seen from the lens, synchronised.
     pub paths: Vec<(&'static str, Vec<[f64; 2]>)>,
+    /// Of the same: time, s, and velocities of stage X, Y, Z and scanner U, V, mm/s.
+    pub velocities: Vec<(f64, [f64; 5])>,
 }
 
 impl Curves {
     /// Takes what another system has to show.
     fn add(&mut self, other: Self) {
         if other.seven.is_some() {
-            let (filters, paths) = (std::mem::take(&mut self.filters), std::mem::take(&mut self.paths));
-            *self = Self { filters, paths, ..other };
+            let Self { filters, paths, velocities, .. } = std::mem::take(self);
+            *self = Self { filters, paths, velocities, ..other };
         } else if !other.paths.is_empty() {
-            (self.filters, self.paths) = (other.filters, other.paths);
+            (self.filters, self.paths, self.velocities) = (other.filters, other.paths, other.velocities);
         }
     }
 }

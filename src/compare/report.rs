@@ -1,6 +1,6 @@
 //! The comparison as tables, charts and a page.
 
-use super::{Comparison, Figures, Standing, Verdict};
+use super::{Comparison, Figures, Standing, Verdict, charts, following_errors};
 use crate::report::page::{Item, page_html};
 use crate::report::plot::{Axis, Bar, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
 use crate::report::table::{Cell, Column, Table};
@@ -199,14 +199,44 @@ fn shared(c: &Comparison) -> Option<Table> {
     Some(table)
 }
 
+/// The trials of the article's back-off search for sigma; None where there was none.
+fn back_off(c: &Comparison) -> Option<Table> {
+    if c.curves.back_off.is_empty() {
+        return None;
+    }
+    let mut table = Table::new(
+        "Seven axes: the back-off search for sigma",
+        vec![
+            Column::number("sigma", "um", 1),
+            Column::number("worst FOD", "um", 1),
+            Column::number("worst BIA", "deg", 2),
+            Column::number("worst displacement", "mm", 3),
+            Column::text("within limits"),
+        ],
+    );
+    for trial in &c.curves.back_off {
+        let d = trial.found;
+        table.row([
+            (trial.strength * 1000.0).into(),
+            (d.focus * 1000.0).into(),
+            d.angle.to_degrees().into(),
+            d.lateral.into(),
+            if trial.holds { "yes" } else { "no" }.into(),
+        ]);
+    }
+    Some(table)
+}
+
 /// All tables, each with the name of its file.
 pub fn tables(c: &Comparison) -> Vec<(&'static str, Table)> {
     let all = [
         ("overview", Some(overview(c))),
         ("systems", Some(systems(c))),
         ("deviations", deviations(c)),
+        ("following-errors", following_errors::table(c)),
         ("decompositions", decompositions(c)),
         ("seven-axis-decompositions", shared(c)),
+        ("back-off", back_off(c)),
         ("convergence", convergence(c)),
         ("tool-servo", tool_servo(c)),
     ];
@@ -307,8 +337,14 @@ pub fn plots(c: &Comparison) -> Vec<(&'static str, Plot)> {
         let title = "Scanner and stage synchronised: the start of the path".into();
         out.push(("paths", Paths { title, x: "x".into(), y: "y".into(), unit: "mm".into(), series }.draw()));
     }
+    out.extend(charts::space(&c.curves).map(|plot| ("space", plot)));
+    out.extend(charts::velocities(&c.curves).map(|plot| ("velocities", plot)));
+    out.extend(following_errors::plots(c));
     out
 }
+
+/// The charts of motions, in the order of the page.
+const MOTIONS: [&str; 7] = ["axes", "along", "space", "following-7-axis", "following-5-axis", "paths", "velocities"];
 
 /// All in one page: the verdict, the times and the table to choose by, then everything else.
 pub fn page(c: &Comparison) -> String {
@@ -321,15 +357,13 @@ pub fn page(c: &Comparison) -> String {
     items.extend(plot("times").chain(table("overview")));
     let limits = limits(c);
     let mut figures = vec![Item::Text(&limits)];
-    figures.extend(table("systems").chain(table("deviations")));
-    let divided: Vec<Item<'_>> =
-        table("decompositions").chain(table("seven-axis-decompositions")).chain(plot("back-off")).collect();
-    let moved: Vec<Item<'_>> = table("convergence")
-        .chain(table("tool-servo"))
-        .chain(plot("axes"))
-        .chain(plot("along"))
-        .chain(plot("paths"))
+    figures.extend(table("systems").chain(table("deviations")).chain(table("following-errors")));
+    let divided: Vec<Item<'_>> = table("decompositions")
+        .chain(table("seven-axis-decompositions"))
+        .chain(table("back-off"))
+        .chain(plot("back-off"))
         .collect();
+    let moved: Vec<Item<'_>> = table("convergence").chain(table("tool-servo")).chain(MOTIONS.into_iter().flat_map(plot)).collect();
     let folds = [
         ("Limits, all figures, and how deviations are spread", &figures),
         ("How motions are divided between scanner and stage", &divided),

@@ -85,6 +85,8 @@ pub struct FlyFile {
     pub kinds: &'static [Kind],
     /// Its writer.
     pub write: fn(&FlyChecked, &Machine) -> Vec<u8>,
+    /// Usual servo period of its controller, s.
+    pub servo_s: f64,
 }
 
 /// One target.
@@ -208,7 +210,12 @@ pub const TARGETS: [Target; 10] = [
         format: Format::Linuxcnc,
         name: "linuxcnc",
         stepped: Some(Files::Whole("stage.ngc", gcode::linuxcnc)),
-        on_the_fly: Some(FlyFile { name: "fly.ngc", kinds: &[Kind::Xyzuv], write: on_the_fly::linuxcnc }),
+        on_the_fly: Some(FlyFile {
+            name: "fly.ngc",
+            kinds: &[Kind::Xyzuv],
+            write: on_the_fly::linuxcnc,
+            servo_s: on_the_fly::LINUXCNC_SERVO_S,
+        }),
         faults: no_faults,
         carries_pens: false,
         carries_settings: false,
@@ -280,7 +287,12 @@ pub const TARGETS: [Target; 10] = [
         format: Format::Pmac,
         name: "pmac",
         stepped: None,
-        on_the_fly: Some(FlyFile { name: "fly.pmc", kinds: &[Kind::Xyzuv, Kind::Xyzacuv], write: on_the_fly::pmac }),
+        on_the_fly: Some(FlyFile {
+            name: "fly.pmc",
+            kinds: &[Kind::Xyzuv, Kind::Xyzacuv],
+            write: on_the_fly::pmac,
+            servo_s: on_the_fly::PMAC_SERVO_S,
+        }),
         faults: no_faults,
         carries_pens: false,
         carries_settings: false,

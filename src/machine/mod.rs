@@ -30,8 +30,8 @@ use serde::{Deserialize, Serialize};
 use crate::diag::{self, Diag, Error, Place};
 use crate::geom::{ControllerPoint, FieldPoint, NM_PER_MM, Nm, P2, Turn, Turned};
 use crate::units::{
-    Acceleration, Angle, Frequency, Jerk, Length, Speed, Time, Watts, non_negative, non_negative_option, positive,
-    positive_option,
+    Acceleration, Angle, Frequency, Jerk, Length, LengthTime, Speed, Time, Watts, non_negative, non_negative_option,
+    positive, positive_option,
 };
 
 /// A machine file. Every value is as written; [`Machine::load`] has checked it.
@@ -139,6 +139,9 @@ pub struct Scanner {
     /// How the spot follows its command.
     #[serde(default)]
     pub servo: Option<Servo>,
+    /// Accumulated following error of the stage up to which the scanner compensates it under eq. 5 of Cui et al. (2021).
+    #[serde(default, deserialize_with = "positive_option")]
+    pub accumulated_error: Option<LengthTime>,
     /// Whether the controller's x is the field's y and the other way round.
     #[serde(default)]
     pub swap_xy: bool,
@@ -310,7 +313,7 @@ pub struct Delays {
 }
 
 /// What the controllers accept.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Controller {
     /// Longest line of the stage program, in characters.
@@ -319,6 +322,16 @@ pub struct Controller {
     /// Most strokes in one block file; 0 for no limit.
     #[serde(default)]
     pub max_strokes: usize,
+    /// Period of the servo in which the laser is switched on the fly; None for what is usual of the controller.
+    #[serde(default, deserialize_with = "positive_option")]
+    pub servo_period: Option<Time>,
+}
+
+impl Controller {
+    /// Period of its servo, s, where `usual` is that of its kind.
+    pub fn servo_s(&self, usual: f64) -> f64 {
+        self.servo_period.map_or(usual, Time::as_s)
+    }
 }
 
 fn default_line() -> usize {
@@ -327,7 +340,7 @@ fn default_line() -> usize {
 
 impl Default for Controller {
     fn default() -> Self {
-        Self { max_line: default_line(), max_strokes: 0 }
+        Self { max_line: default_line(), max_strokes: 0, servo_period: None }
     }
 }
 

@@ -34,6 +34,7 @@ fn ranges(m: &Machine) -> Vec<Range> {
     hold(&mut out, "scanner.max_mark_speed", Some(m.scanner.max_mark_speed), ["0.1 mm/s", "1000 m/s"]);
     hold(&mut out, "scanner.acceleration", m.scanner.acceleration, ["1 mm/s2", "1e9 mm/s2"]);
     hold(&mut out, "scanner.jerk", m.scanner.jerk, ["1 mm/s3", "1e15 mm/s3"]);
+    hold(&mut out, "scanner.accumulated_error", m.scanner.accumulated_error, ["1e-6 mm s", "1000 mm s"]);
     for (name, servo) in [("scanner", m.scanner.servo), ("stage", m.stage.servo)] {
         hold(&mut out, format!("{name}.servo.frequency"), servo.map(|s| s.frequency), ["0.1 Hz", "1 MHz"]);
     }
@@ -56,6 +57,7 @@ fn ranges(m: &Machine) -> Vec<Range> {
     hold(&mut out, "delays.mark", Some(m.delays.mark), ["0 s", "1 s"]);
     hold(&mut out, "delays.polygon", Some(m.delays.polygon), ["0 s", "1 s"]);
     hold(&mut out, "operator.load", m.operator.map(|o| o.load), ["0 s", "60 min"]);
+    hold(&mut out, "controller.servo_period", m.controller.servo_period, ["1 us", "0.1 s"]);
     let zoom = m.zoom.as_ref();
     hold(&mut out, "zoom.range", zoom.map(|z| z.range), ["1 um", "1 m"]);
     hold(&mut out, "zoom.speed", zoom.map(|z| z.speed), ["0.001 mm/s", "100 m/s"]);
@@ -119,7 +121,7 @@ mod tests {
             assert!(text.contains(&format!("| `{key}` | {lo} | {hi} |\n")), "{key} {lo} {hi}");
             rows.insert(key);
         }
-        assert_eq!(rows.len(), 51);
+        assert_eq!(rows.len(), 53);
     }
 
     #[test]

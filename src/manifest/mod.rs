@@ -10,7 +10,9 @@ mod registration;
 mod stepped;
 
 pub use head::{AnySummary, FileFact, Found, Head, InputFact, JobRef, MANIFEST, read, with_file};
-pub use on_the_fly::{AxisPeaks, Deviations, FlyLengths, LeftOut, OnTheFlyFacts, OnTheFlySummary, on_the_fly_manifest};
+pub use on_the_fly::{
+    AxisPeaks, Deviations, FlyLengths, LaserSwitching, LeftOut, OnTheFlyFacts, OnTheFlySummary, on_the_fly_manifest,
+};
 pub use registration::{Registered, registered, registration};
 pub use stepped::manifest;
 

@@ -10,7 +10,7 @@ use crate::budget::Budget;
 use crate::diag::{Diag, Message};
 use crate::job::Job;
 use crate::machine::Machine;
-use crate::on_the_fly::check::{Checked, SERVO_S};
+use crate::on_the_fly::check::Checked;
 use crate::on_the_fly::program::Program;
 use crate::program::Pen;
 use crate::split::Skipped;
@@ -107,10 +107,8 @@ pub struct OnTheFlySummary {
     pub worst_displacement_mm: f64,
     /// Fastest mark, mm/s.
     pub mark_speed_mm_s: f64,
-    /// Period of the servo in which the laser is switched, s.
-    pub servo_period_s: f64,
-    /// Distance that the spot travels in that period, mm.
-    pub laser_error_mm: f64,
+    /// How early the laser may be switched, by program.
+    pub laser: Vec<LaserSwitching>,
     /// How far blending rounds a corner of a mark, mm: by the program for PMAC.
     pub blend_mm: f64,
     /// How far marks may lie from where they should.
@@ -125,6 +123,17 @@ pub struct OnTheFlySummary {
     pub warnings: Vec<Message>,
 }
 
+/// How early the laser of a program may be switched.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LaserSwitching {
+    /// File of the program.
+    pub file: String,
+    /// Period of the controller's servo, in which the laser is switched, s.
+    pub servo_period_s: f64,
+    /// Distance that the spot travels in that period, mm.
+    pub laser_error_mm: f64,
+}
+
 /// Peaks of one axis; mm or deg, s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AxisPeaks {
@@ -137,7 +146,7 @@ pub struct AxisPeaks {
 }
 
 impl OnTheFlySummary {
-    /// The figures of a checked program.
+    /// The figures of a checked program; `laser` and `curves` are for the caller to add.
     pub fn new(
         checked: &Checked,
         deviations: Deviations,
@@ -163,8 +172,7 @@ impl OnTheFlySummary {
             deviations,
             worst_displacement_mm: figures.displacement_mm,
             mark_speed_mm_s: figures.mark_speed,
-            servo_period_s: SERVO_S,
-            laser_error_mm: figures.laser_error_mm,
+            laser: Vec::new(),
             blend_mm,
             budget,
             curves: None,

@@ -14,7 +14,7 @@ use crate::machine::{Carries, Letter, Machine};
 use crate::on_the_fly::axes::following_error::Servo;
 use crate::on_the_fly::axes::kinematics::{Axes, Branches, Deviation, Pose, follow};
 use crate::on_the_fly::axes::motion::AXES;
-use crate::on_the_fly::decompose::{Family, Limits, Trial, back_off, refine, rms_bend, seven_axes, stage};
+use crate::on_the_fly::decompose::{Family, Limits, Trial, back_off, refine, rms_bend, seven_axes, stages};
 use crate::on_the_fly::path::c_rewind::rewound;
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::{Node, NodeKind, Path};
@@ -164,8 +164,10 @@ pub fn decompose_and_time(
     let marks = marks(path, height_field);
     let filtered = |family: Family| {
         let even = Resampled::of(path, &s);
-        let (trials, strength) = even.smoothing(family, &marks, &path.weights(), height_field, &s, limits);
-        (trials, Some(strength), model.all(even.tools(family, strength, height_field, &s)))
+        let smooth = stages(&even.plan, family);
+        let tools = |strength: f64| even.tools(&smooth(strength / even.step), height_field, &s);
+        let (trials, strength) = even.smoothing(family, &tools, &marks, &path.weights(), limits);
+        (trials, Some(strength), model.all(tools(strength)))
     };
     // Ma et al. (2025): the tool goes along the marks smoothed over their arc length, as strongly as focus, incidence
     // and displacement allow; A and C turn the tool upright (eq. 11 to 13), and the scanner makes up the difference
@@ -285,9 +287,8 @@ impl Resampled {
         Self { plan, step }
     }
 
-    /// The tool at every node of the path for a strength in mm.
-    fn tools(&self, family: Family, strength: f64, height_field: &HeightField, s: &[f64]) -> Vec<Pose> {
-        let smooth = stage(&self.plan, family.at(strength / self.step));
+    /// The tool at every node of the path whose plan was smoothed.
+    fn tools(&self, smooth: &[[f64; 2]], height_field: &HeightField, s: &[f64]) -> Vec<Pose> {
         let last = smooth.len() - 2;
         let tool = |s: &f64| {
             let at = s / self.step;
@@ -306,14 +307,13 @@ impl Resampled {
     fn smoothing(
         &self,
         family: Family,
+        tools: &dyn Fn(f64) -> Vec<Pose>,
         marks: &[Pose],
         weights: &[f64],
-        height_field: &HeightField,
-        s: &[f64],
         limits: Limits,
     ) -> (BackOff, f64) {
         let attempt = |strength: f64| {
-            let worst = worst(&self.tools(family, strength, height_field, s), marks, weights);
+            let worst = worst(&tools(strength), marks, weights);
             (worst, limits.hold(worst))
         };
         let start = if family == Family::Gaussian { START } else { LONGER * START };

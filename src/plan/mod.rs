@@ -46,6 +46,8 @@ pub use inputs::Inputs;
 pub use job_time::{clock_of_program, of_program};
 pub use off_part::OffPart;
 pub use on_the_fly::OnTheFlyPlan;
+#[cfg(test)]
+pub(crate) use on_the_fly::laser;
 pub use pass::Pass;
 pub use progress::{Phase, Progress, phases, phases_of_writing};
 pub use stepped::{Draft, SteppedPlan};

@@ -9,11 +9,11 @@ use std::sync::Arc;
 
 use crate::budget::{Relief, Stated};
 use crate::diag::{Diag, Error, Place};
-use crate::emit::{self, TARGETS, Target};
+use crate::emit::{self, FlyFile, TARGETS, Target};
 use crate::geom::{BoxMm, NM_PER_MM, Nm, P2, length_mm};
 use crate::job::Job;
 use crate::machine::{Machine, Origin};
-use crate::manifest::{Deviations, FlyLengths, LeftOut, OnTheFlySummary};
+use crate::manifest::{Deviations, FlyLengths, LaserSwitching, LeftOut, OnTheFlySummary};
 use crate::on_the_fly::axes::kinematics::{Deviation, Pose, machine_from_part};
 use crate::on_the_fly::axes::motion::{AXES, Motion, Waypoint};
 use crate::on_the_fly::beam_hits::{self, FocusOnPart, Miss, focus_on_part};
@@ -101,11 +101,24 @@ pub(super) fn plan(job: Job, inputs: Inputs, progress: Progress<'_>) -> Result<O
             warnings.extend(budget.warning(&job, &inputs.machine));
             let mut summary = OnTheFlySummary::new(&checked, deviations, lengths, blend_mm, (budget, &warnings));
             summary.curves = inputs.curves;
+            summary.laser = laser(&job, &inputs.machine, &checked);
             let (machine, inputs) = (inputs.machine.clone(), Arc::new(inputs));
             Ok(OnTheFlyPlan { job, machine, checked, left_out, summary, warnings, texture, inputs })
         }
         Err(e) => Err(plausible::explained(&e, &inputs.texture).after(warnings)),
     }
+}
+
+/// How early the laser may be switched in each program that is written of a job.
+pub(crate) fn laser(job: &Job, machine: &Machine, checked: &Checked) -> Vec<LaserSwitching> {
+    let kind = checked.program().kind;
+    let files = job.formats.iter().filter_map(|f| f.target().on_the_fly).filter(|f| f.kinds.contains(&kind));
+    let of = |file: FlyFile| {
+        let servo_period_s = machine.controller.servo_s(file.servo_s);
+        let laser_error_mm = checked.figures().laser_error_mm(servo_period_s);
+        LaserSwitching { file: file.name.into(), servo_period_s, laser_error_mm }
+    };
+    files.map(of).collect()
 }
 
 /// A checked program, how far its marks lie from the best, and what it does not mark.

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::page::{self, escape};
 use super::table::share as shown_share;
 use super::{OnTheFlyLayout, budget, job_report, length_text, plain, record};
-use crate::manifest::duration;
+use crate::manifest::{LaserSwitching, duration};
 
 /// The report as the text of an HTML file.
 pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>) -> String {
@@ -56,11 +56,13 @@ pub fn on_the_fly_html(job: &OnTheFlyLayout<'_>) -> String {
         ("Worst incidence (BIA)", format!("{} deg", plain(s.deviations.worst_bia_deg, 2))),
         ("Farthest from the field's centre", format!("{} mm", plain(s.worst_displacement_mm, 3))),
         ("Fastest mark", format!("{} mm/s", plain(s.mark_speed_mm_s, 1))),
-        (
-            "Laser switched up to",
-            format!("{} mm early: one period of {} s of the servo", plain(s.laser_error_mm, 4), s.servo_period_s),
-        ),
     ];
+    let early = |l: &LaserSwitching| {
+        let text =
+            format!("{} mm early: one period of {} s of the servo", plain(l.laser_error_mm, 4), l.servo_period_s);
+        (format!("Laser of {} switched up to", l.file), text)
+    };
+    let rows = rows.map(|(name, value)| (name.to_owned(), value)).into_iter().chain(s.laser.iter().map(early));
     h.push_str("<div class=\"row\">\n<div class=\"wide\">\n<h2>Figures</h2>\n<table>\n");
     for (name, value) in rows {
         let _ = writeln!(h, "<tr><td>{name}</td><td>{value}</td></tr>");

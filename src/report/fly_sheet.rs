@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::runsheet::{budget, clock, field, pens};
 use crate::emit::TARGETS;
-use crate::manifest::OnTheFlyFacts;
+use crate::manifest::{LaserSwitching, OnTheFlyFacts};
 
 /// The sheet for the operator, plain text of fixed width. `job_file` is the path from the job folder to the job file,
 /// `files` are the programs in the folder.
@@ -36,11 +36,14 @@ fn written(out: &mut String, facts: &OnTheFlyFacts<'_>, job_file: &str, files: &
     budget(out, &s.budget)?;
     writeln!(out, "incidence  {:.2} deg at most", s.deviations.worst_bia_deg)?;
     writeln!(out, "time       {} ({} with the laser on)", clock(s.time_s), clock(s.mark_s))?;
-    writeln!(
-        out,
-        "laser      switched up to {:.4} mm early: one period of {} s of the servo at {:.1} mm/s",
-        s.laser_error_mm, s.servo_period_s, s.mark_speed_mm_s
-    )?;
+    for LaserSwitching { file, servo_period_s, laser_error_mm } in &s.laser {
+        writeln!(
+            out,
+            "laser      switched up to {laser_error_mm:.4} mm early in {file}: one period of {servo_period_s} s of the \
+             servo at {:.1} mm/s",
+            s.mark_speed_mm_s
+        )?;
+    }
     for warning in &s.warnings {
         writeln!(out, "WARNING    {}", warning.message)?;
     }

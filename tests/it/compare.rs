@@ -67,7 +67,7 @@ fn every_system_is_timed_and_keeps_what_it_promises() {
     let filters = found["decompositions"].as_array().expect("decompositions");
     let rms = |f: &Value| number(f, "rms_stage_acceleration_mm_s2");
     let least = filters.iter().find(|f| f["decomposition"] == "least acceleration").expect("the last");
-    assert!(filters.len() >= 5 && filters.iter().all(|f| rms(least) <= rms(f)), "{filters:?}");
+    assert!(filters.len() >= 6 && filters.iter().all(|f| rms(least) <= rms(f)), "{filters:?}");
 }
 
 #[test]
@@ -119,17 +119,17 @@ fn holds(found: &Value) {
     let off: Vec<f64> = grids.iter().map(|g| number(g, "above_the_finest_percent")).collect();
     assert!(off.len() == 3 && off[0].abs() < 10.0 && off[1].abs() < 0.5 * off[0].abs(), "{off:?}");
     let filters = found["decompositions"].as_array().expect("decompositions");
-    let (four, least) = filters.split_at(4);
-    let best = |key: &str| four.iter().map(|f| number(f, key)).fold(f64::INFINITY, f64::min);
+    let (all, least) = filters.split_at(5);
+    let best = |key: &str| all.iter().map(|f| number(f, key)).fold(f64::INFINITY, f64::min);
     let (rms, time) = ("rms_stage_acceleration_mm_s2", "time_s");
     // That, or the one that takes no more time than the best filter (but for what its start must stand off), keeps
     // both.
     let (smoothest, last) = (best(rms), least.last().expect("one"));
-    let filter = four.iter().find(|f| number(f, rms) == smoothest).expect("the best");
+    let filter = all.iter().find(|f| number(f, rms) == smoothest).expect("the best");
     assert!(number(last, rms) <= 0.8 * smoothest && number(last, time) <= 1.0011 * number(filter, time), "{filters:?}");
     // Every filter for seven axes keeps the limits, and so does least acceleration.
     let seven = found["seven_axis_decompositions"].as_array().expect("decompositions");
-    assert_eq!(seven.len(), 5);
+    assert_eq!(seven.len(), 6);
     for s in seven {
         let inside = |key: &str, limit: &str| number(s, key) <= number(limits, limit) * (1.0 + 1e-6);
         assert!(
@@ -174,10 +174,20 @@ fn compare_writes_tables_and_charts_to_a_folder_whatever_the_threads() {
     for file in ["compare.html", "compare.json", "systems.csv", "systems.md", "systems.txt", "decompositions.csv"] {
         assert!(out.join(file).is_file(), "{file}");
     }
-    for file in ["times", "back-off", "axes", "along", "paths"] {
+    for file in ["times", "back-off", "axes", "along", "space", "following-7-axis", "paths", "velocities"] {
         let svg = std::fs::read_to_string(out.join(format!("{file}.svg"))).expect("a chart");
         is_whole(&svg);
     }
+    // The back-off search goes down by 0.95 to the first sigma that holds.
+    let found: Value = serde_json::from_slice(&std::fs::read(out.join("compare.json")).expect("a file")).expect("JSON");
+    let trials = found["back_off"].as_array().expect("trials");
+    let sigma = |k: usize| 30_000.0 * 0.95f64.powi(k as i32);
+    assert!(trials.iter().enumerate().all(|(k, t)| (number(t, "sigma_um") / sigma(k) - 1.0).abs() < 1e-12));
+    let holds: Vec<bool> = trials.iter().map(|t| t["within_limits"] == "yes").collect();
+    assert_eq!(holds.iter().position(|h| *h), Some(trials.len() - 1), "{trials:?}");
+    let csv = std::fs::read_to_string(out.join("back-off.csv")).expect("a table");
+    assert_eq!(csv.lines().count(), trials.len() + 1, "{csv}");
+    assert_eq!(found["following_errors"].as_array().map(Vec::len), Some(7));
     let csv = std::fs::read_to_string(out.join("systems.csv")).expect("a table");
     assert_eq!(csv.lines().count(), 6, "{csv}");
     // A comparison is replaced, anything else is not.

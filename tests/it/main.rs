@@ -53,6 +53,7 @@ mod run_grbl;
 mod run_linuxcnc;
 mod seen;
 mod setups;
+mod seven_axes;
 mod surface_formats;
 mod sweep;
 mod terminal;

@@ -13,6 +13,9 @@ use super::{At, Pieces, approach, clean, head, percent, push_time, settle, word}
 use crate::machine::Machine;
 use crate::on_the_fly::check::Checked;
 
+/// Its usual servo period, s.
+pub const SERVO_S: f64 = 1e-3;
+
 /// The program for LinuxCNC.
 ///
 /// # Panics
@@ -29,7 +32,7 @@ pub fn linuxcnc(checked: &Checked, machine: &Machine) -> Vec<u8> {
         line(out, &format!("({})", clean(text, machine.controller.max_line - 2)));
     };
     comment(&mut out, "terrace: on-the-fly program for LinuxCNC, X Y Z stage and U V scanner, absolute, mm");
-    head(checked, machine).iter().for_each(|text| comment(&mut out, text));
+    head(checked, machine, SERVO_S).iter().for_each(|text| comment(&mut out, text));
     comment(&mut out, "digital output 0 is the laser, analogue output 0 its power in percent");
     comment(&mut out, "corners are rounded by 0.0002 mm at most, times hold where the limits of the axes allow them");
     line(&mut out, "G21 G90 G94 G17 G40 G49 G80");

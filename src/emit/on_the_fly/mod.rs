@@ -10,12 +10,12 @@
 mod linuxcnc;
 mod pmac;
 
-pub use linuxcnc::linuxcnc;
-pub use pmac::{blend_us, pmac};
+pub use linuxcnc::{SERVO_S as LINUXCNC_SERVO_S, linuxcnc};
+pub use pmac::{SERVO_S as PMAC_SERVO_S, blend_us, pmac};
 
 use crate::machine::Machine;
 use crate::on_the_fly::axes::motion::AXES;
-use crate::on_the_fly::check::{Checked, Figures, SERVO_S};
+use crate::on_the_fly::check::{Checked, Figures};
 use crate::on_the_fly::program::{AxisCommands, Kind, Mark};
 use crate::program::PenId;
 
@@ -106,14 +106,15 @@ fn percent(checked: &Checked, machine: &Machine, pen: PenId) -> String {
     format!("{:.3}", checked.program().pens[pen.index()].power.as_w(full) / full.as_w() * 100.0)
 }
 
-/// The head of every program.
-fn head(checked: &Checked, machine: &Machine) -> Vec<String> {
-    let Figures { time_s, marks, laser_error_mm, mark_speed, .. } = checked.figures();
+/// The head of every program; the servo of its controller has the period `servo_s` where the machine states none.
+fn head(checked: &Checked, machine: &Machine, servo_s: f64) -> Vec<String> {
+    let Figures { time_s, marks, mark_speed, .. } = checked.figures();
+    let servo_s = machine.controller.servo_s(servo_s);
     let mut lines = vec![
         format!("machine: {}", super::quoted(&machine.name)),
         format!("{} moves, {marks} marks, {time_s:.3} s", checked.program().moves.len()),
-        format!("laser switched up to one servo period of {} ms early: {mark_speed:.1} mm/s x period", SERVO_S * 1e3),
-        format!("LASER ERROR {laser_error_mm:.6} mm"),
+        format!("laser switched up to one servo period of {} ms early: {mark_speed:.1} mm/s x period", servo_s * 1e3),
+        format!("LASER ERROR {:.6} mm", checked.figures().laser_error_mm(servo_s)),
     ];
     for (i, pen) in checked.program().pens.iter().enumerate() {
         lines.push(format!(

@@ -15,6 +15,9 @@ use super::{At, BLEND_MM, Pieces, approach, clean, head, percent, push_time, set
 use crate::machine::Machine;
 use crate::on_the_fly::check::{Checked, Figures};
 
+/// Its usual servo period, s (that of Ma et al. 2025).
+pub const SERVO_S: f64 = 50e-6;
+
 /// Time over which moves are blended into each other, us.
 pub fn blend_us(figures: &Figures) -> i64 {
     let most = 8.0 * BLEND_MM / figures.corner_mm_s.max(1e-9) * 1e6;
@@ -36,7 +39,7 @@ pub fn pmac(checked: &Checked, machine: &Machine) -> Vec<u8> {
     let blend = blend_us(checked.figures());
     let rounded = blend as f64 * checked.figures().corner_mm_s / 8.0 * 1e-6;
     comment(&mut out, &format!("terrace: on-the-fly program for Power PMAC, axes {axes}, absolute, mm and degrees"));
-    head(checked, machine).iter().for_each(|text| comment(&mut out, text));
+    head(checked, machine, SERVO_S).iter().for_each(|text| comment(&mut out, text));
     comment(&mut out, "M1 is the laser, M2 its power in percent");
     comment(&mut out, &format!("blending rounds corners of marks by {rounded:.6} mm at most"));
     line(&mut out, "open prog 1");

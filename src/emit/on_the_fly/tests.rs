@@ -2,7 +2,7 @@ use super::*;
 use crate::machine::Origin;
 use crate::on_the_fly::program::{Mark, Move, Program};
 use crate::program::{Pen, PenId, PieceId, StrokeId};
-use crate::units::{Frequency, Power, Speed};
+use crate::units::{Frequency, Power, Speed, Time};
 
 fn sample(kind: Kind) -> (Checked, Machine) {
     let profile = if kind == Kind::Xyzuv { "xyz-galvo-40" } else { "xyzac-galvo-10" };
@@ -53,6 +53,23 @@ fn the_program_for_linuxcnc_is_as_written_down() {
     assert_eq!(body, wanted);
     assert!(text.contains("(pen 1: \"fill _a_\", 100 mm/s, 60 percent at 60 kHz)\n"), "{text}");
     assert!(text.contains("(LASER ERROR 0.50"), "500 mm/s for 1 ms: {text}");
+}
+
+#[test]
+fn laser_error_is_that_of_the_controllers_own_servo_period() {
+    let (checked, mut machine) = sample(Kind::Xyzuv);
+    let stated = |program: Vec<u8>| {
+        let text = text(program);
+        let error = text.split_once("LASER ERROR ").expect("an error").1;
+        error.split_once(' ').expect("a unit").0.parse::<f64>().expect("a number")
+    };
+    let errors = |machine: &Machine| [stated(linuxcnc(&checked, machine)), stated(pmac(&checked, machine))];
+    let fastest = checked.figures().mark_speed;
+    let near = |found: [f64; 2], periods: [f64; 2]| (0..2).all(|k| (found[k] - fastest * periods[k]).abs() < 1e-6);
+    // 1 ms of LinuxCNC, 50 us of PMAC.
+    assert!(near(errors(&machine), [1e-3, 50e-6]), "{:?}", errors(&machine));
+    machine.controller.servo_period = Some(Time::us(440.0));
+    assert!(near(errors(&machine), [440e-6; 2]), "{:?}", errors(&machine));
 }
 
 #[test]

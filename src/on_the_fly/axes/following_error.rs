@@ -140,9 +140,17 @@ pub enum Protection {
 }
 
 impl Protection {
-    /// Eq. 5 as it is printed, with the sign of the error, and a limit that trips within seconds of an error of some
-    /// millimetres.
+    /// Eq. 5 as it is printed, with the sign of the error, and a limit of it (e_lim) that trips within seconds of an
+    /// error of some millimetres.
     pub const ACCUMULATED: Self = Self::Accumulated { sum: Sum::Signed, limit: 0.02 };
+
+    /// The same with the limit that a machine states.
+    pub fn on(self, machine: &Machine) -> Self {
+        match (self, machine.scanner.accumulated_error) {
+            (Self::Accumulated { sum, .. }, Some(limit)) => Self::Accumulated { sum, limit: limit.as_mm_s() },
+            _ => self,
+        }
+    }
 
     /// Those that can be asked for by name.
     pub const ALL: [Self; 3] = [Self::Saturate, Self::ACCUMULATED, Self::Off];
@@ -176,12 +184,13 @@ pub struct Scanner {
     feed: Option<Protection>,
     sum: f64,
     residual: f64,
+    behind: f64,
 }
 
 impl Scanner {
     /// At rest at `at`; `mirror` is its servo, steps are `dt` s apart.
     pub fn new(mirror: Servo, feed: Option<Protection>, dt: f64, at: f64) -> Self {
-        Self { mirror: Axis::new(mirror, dt, at), feed, sum: 0.0, residual: 0.0 }
+        Self { mirror: Axis::new(mirror, dt, at), feed, sum: 0.0, residual: 0.0, behind: 0.0 }
     }
 
     /// Goes on to the next sample: where it should be as planned, what the stage misses there, and half of the field;
@@ -201,8 +210,15 @@ impl Scanner {
                 if self.sum.abs() <= limit { planned + missed } else { planned }
             }
         };
-        self.residual = planned + missed - self.mirror.step(command);
+        let position = self.mirror.step(command);
+        self.behind = command - position;
+        self.residual = planned + missed - position;
         self.residual
+    }
+
+    /// How far the mirror was behind its own command at the last sample.
+    pub fn following_error(&self) -> f64 {
+        self.behind
     }
 }
 
@@ -304,6 +320,15 @@ mod tests {
         let (_, with) = swing(Some(Protection::Saturate), 0.0);
         assert!((0.6..1.0).contains(&without), "{without}");
         assert!(with < 0.02 * without && with > 0.0, "{with}");
+    }
+
+    #[test]
+    fn limit_of_eq_5_is_that_of_the_machine() {
+        let mut machine = Machine::built_in("xyz-galvo-40").expect("a profile");
+        assert_eq!(Protection::ACCUMULATED.on(&machine), Protection::ACCUMULATED);
+        machine.scanner.accumulated_error = Some(crate::units::LengthTime::mm_s(0.5));
+        assert_eq!(Protection::ACCUMULATED.on(&machine), Protection::Accumulated { sum: Sum::Signed, limit: 0.5 });
+        assert_eq!(Protection::Saturate.on(&machine), Protection::Saturate);
     }
 
     #[test]

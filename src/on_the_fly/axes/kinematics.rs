@@ -222,7 +222,9 @@ fn quickest(tools: &[Pose], speed_a: f64, speed_c: f64) -> Vec<Branch> {
         (states, cost) = (next, sum);
         from.push(came);
     }
-    let mut state = usize::from(cost[1] < cost[0]);
+    // Where neither is quicker but for rounding, A ≥ 0.
+    const ROUNDING: f64 = 1e-9;
+    let mut state = usize::from(cost[1] < cost[0] * (1.0 - ROUNDING));
     let mut out = vec![Branch::Positive; tools.len()];
     for i in (0..tools.len()).rev() {
         out[i] = BOTH[state];

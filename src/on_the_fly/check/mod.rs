@@ -20,8 +20,6 @@ use crate::on_the_fly::program::{AxisCommands, Kind, Move, Program};
 
 /// Share of a limit that may be exceeded: the rounding of sums.
 pub const OVER: f64 = 1e-6;
-/// Servo period for which the error of switching the laser is stated, s: LinuxCNC's usual one.
-pub const SERVO_S: f64 = 1e-3;
 
 /// What a program comes to.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,8 +38,6 @@ pub struct Figures {
     pub mark_speed: f64,
     /// Largest distance of a mark from the centre of the field, mm.
     pub displacement_mm: f64,
-    /// How far a mark may begin or end too early where the laser is switched up to a servo period early, mm.
-    pub laser_error_mm: f64,
     /// Largest step of the spot's velocity at a sample next to a mark, mm/s: what a controller that blends
     /// moves rounds.
     pub corner_mm_s: f64,
@@ -49,6 +45,14 @@ pub struct Figures {
     pub shortest_us: i64,
     /// Largest speed, acceleration and jerk of every axis.
     pub peaks: [Peaks; AXES],
+}
+
+impl Figures {
+    /// How far a mark may begin or end too early, mm, where the laser is switched up to a servo period of `servo_s`
+    /// early.
+    pub fn laser_error_mm(&self, servo_s: f64) -> f64 {
+        self.mark_speed * servo_s
+    }
 }
 
 /// A program that may be emitted.
@@ -371,7 +375,6 @@ fn figures(program: &Program, machine: &Machine) -> Result<Figures, Error> {
         let lever = program.moves.last().map_or(0.0, |m| spot(&m.to).lever);
         out.corner_mm_s = out.corner_mm_s.max(corner(before, [0.0; AXES], lever));
     }
-    out.laser_error_mm = out.mark_speed * SERVO_S;
     Ok(out)
 }
 

@@ -44,7 +44,7 @@ fn valid_program_passes_with_its_figures() {
     let f = checked.figures();
     assert_eq!((f.time_s, f.marks, f.shortest_us), (0.11, 1, 1000));
     assert!((f.mark_s - 0.1).abs() < 1e-12 && (f.mark_mm - 10.0).abs() < 1e-9 && (f.jump_mm - 10.0).abs() < 1e-9);
-    assert!((f.laser_error_mm - 0.1).abs() < 1e-9 && (f.displacement_mm - 10.0).abs() < 1e-9);
+    assert!((f.laser_error_mm(1e-3) - 0.1).abs() < 1e-9 && (f.displacement_mm - 10.0).abs() < 1e-9);
     // From 100 mm/s on to 1000 mm/s back.
     assert!((f.corner_mm_s - 1100.0).abs() < 1e-6, "{f:?}");
 }

@@ -16,6 +16,8 @@ pub enum Family {
     },
     /// [`Method::LowPass`]; its strength is the shortest wave.
     LowPass,
+    /// [`Method::EmpiricalModes`]; its strength is the shortest mean period.
+    EmpiricalModes,
 }
 
 /// A strength that was tried.
@@ -39,6 +41,7 @@ impl Family {
             Self::Gaussian => Method::Gaussian { sigma: strength },
             Self::SavitzkyGolay { order } => Method::SavitzkyGolay { samples: samples.max(order | 1), order },
             Self::LowPass => Method::LowPass { wavelength: strength },
+            Self::EmpiricalModes => Method::EmpiricalModes { period: strength },
         }
     }
 }

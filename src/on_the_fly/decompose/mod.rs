@@ -11,7 +11,7 @@
 //!
 //! # Sources
 //! Moving average: Cui et al., eq. 1 to 4. Gaussian, its back-off search and the three limits: Ma et al. (2025).
-//! Savitzky and Golay, Anal. Chem. 36 (1964) 1627.
+//! Savitzky and Golay, Anal. Chem. 36 (1964) 1627. Empirical mode decomposition: Huang et al. (1998), see `emd`.
 //!
 //! # Limits
 //! Filters know nothing of limits: these are checked afterwards. Only [`Method::LeastAcceleration`] and
@@ -20,6 +20,7 @@
 mod average;
 mod back_off;
 mod corridor;
+mod emd;
 mod fourier;
 mod gauss;
 #[cfg(test)]
@@ -57,6 +58,11 @@ pub enum Method<const N: usize> {
         /// Shortest wave that stays, samples.
         wavelength: f64,
     },
+    /// Empirical modes of shorter mean periods than this taken away.
+    EmpiricalModes {
+        /// Shortest mean period that stays, samples.
+        period: f64,
+    },
     /// The least sum of squared second differences with the scanner in its box at every sample.
     LeastAcceleration {
         /// What the scanner reaches to each side, per coordinate; for z, what focus allows.
@@ -90,7 +96,18 @@ pub fn stage<const N: usize>(path: &[[f64; N]], method: Method<N>) -> Vec<[f64; 
         Method::Gaussian { sigma } => gauss::gaussian(path, sigma),
         Method::SavitzkyGolay { samples, order } => savitzky::savitzky_golay(path, samples, order),
         Method::LowPass { wavelength } => fourier::low_pass(path, wavelength),
+        Method::EmpiricalModes { period } => emd::Modes::of(path).slow(period),
         Method::LeastAcceleration { half } => corridor::least_acceleration(path, half),
+    }
+}
+
+/// The stage's paths of a filter at any strength, in samples: for searches, which ask for many.
+pub fn stages<const N: usize>(path: &[[f64; N]], family: Family) -> impl Fn(f64) -> Vec<[f64; N]> + Sync {
+    // The modes are the same at every strength.
+    let modes = (family == Family::EmpiricalModes && path.len() > 2).then(|| emd::Modes::of(path));
+    move |strength| match &modes {
+        Some(modes) => modes.slow(strength),
+        None => stage(path, family.at(strength)),
     }
 }
 

@@ -13,11 +13,12 @@ fn wandering() -> Vec<[f64; 2]> {
         .collect()
 }
 
-const METHODS: [Method<2>; 5] = [
+const METHODS: [Method<2>; 6] = [
     Method::MovingAverage { samples: 201 },
     Method::Gaussian { sigma: 60.0 },
     Method::SavitzkyGolay { samples: 301, order: 3 },
     Method::LowPass { wavelength: 300.0 },
+    Method::EmpiricalModes { period: 900.0 },
     Method::LeastAcceleration { half: [2.0, 5.0] },
 ];
 
@@ -64,6 +65,7 @@ fn short_paths_and_no_strength_change_nothing() {
             Method::SavitzkyGolay { samples: 1, order: 0 },
             Method::SavitzkyGolay { samples: 3, order: 9 },
             Method::LowPass { wavelength: 0.0 },
+            Method::EmpiricalModes { period: 0.0 },
         ] {
             let got = stage(&path, method);
             assert!(got.len() == n && got.iter().zip(&path).all(|(a, b)| (a[0] - b[0]).abs() < 1e-12), "{method:?}");

@@ -113,7 +113,14 @@ pub(super) fn with_job(manifest: &Manifest, facts: &JobFacts, program: &FlyProgr
 }
 
 /// Figures of the manifest.
-pub(super) fn summary(manifest: &Manifest, program: &FlyProgram, chain: &Chain, lengths: &Lengths, rule: &mut Rule) {
+pub(super) fn summary(
+    manifest: &Manifest,
+    facts: &JobFacts,
+    program: &FlyProgram,
+    chain: &Chain,
+    lengths: &Lengths,
+    rule: &mut Rule,
+) {
     rule.ran = true;
     let s = &manifest.summary;
     let (mut on_us, mut away, mut fastest, mut mark_nm) = (0, 0.0f64, 0.0f64, 0.0);
@@ -147,6 +154,12 @@ pub(super) fn summary(manifest: &Manifest, program: &FlyProgram, chain: &Chain, 
     hold("mark_s", s.mark_s, on_us as f64 / 1e6, SAME * total);
     hold("mark_mm", s.mark_mm, mark_nm / 1e6, SAME * mark_nm / 1e6);
     hold("worst_displacement_mm", s.worst_displacement_mm, away / 1e6, 1e-5);
-    // nm in us are mm in s; the switch may come a servo period of 1 ms too early.
-    hold("laser_error_mm", s.laser_error_mm, fastest * 1e-3, 1e-6 + 1e-4 * fastest * 1e-3);
+    // nm in us are mm in s; the switch may come a servo period too early, in each program that of its controller.
+    for (_, target) in targets(&manifest.axes).filter(|(_, t)| manifest.files.iter().any(|f| f.file == t.file)) {
+        let stated = s.laser.iter().find(|l| l.file == target.file);
+        let [period, error] = stated.map_or([f64::NAN; 2], |l| [l.servo_period_s, l.laser_error_mm]);
+        let servo_s = facts.machine.controller.servo_period.map_or(target.servo_s, |t| t.as_s());
+        hold("servo_period_s", period, servo_s, SAME * servo_s);
+        hold("laser_error_mm", error, fastest * servo_s, 1e-6 + 1e-4 * fastest * servo_s);
+    }
 }

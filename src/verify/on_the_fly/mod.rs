@@ -154,7 +154,7 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Pr
     let checked = (&facts, &texture, &geometry);
     let covers = check_marks(name, program, &chain, checked, &mut findings, marks);
     check_coverage(covers, &manifest, checked, &mut findings, Phase::Coverage.task(progress));
-    agree::summary(&manifest, program, &chain, &findings.lengths, &mut findings.summary);
+    agree::summary(&manifest, &facts, program, &chain, &findings.lengths, &mut findings.summary);
     Ok(findings.into_proof())
 }
 

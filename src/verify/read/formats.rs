@@ -84,6 +84,8 @@ pub(in crate::verify) struct OnTheFly {
     pub(in crate::verify) axes: &'static [&'static str],
     /// Reads a program of the axes of these letters.
     pub(in crate::verify) read: fn(&[u8], &str) -> Result<FlyProgram, Fault>,
+    /// Usual servo period of its controller, s.
+    pub(in crate::verify) servo_s: f64,
 }
 
 /// One format.
@@ -155,7 +157,12 @@ pub(in crate::verify) const FORMATS: [Row; 10] = [
         format: Format::Linuxcnc,
         name: "linuxcnc",
         stepped: Some(Stepped::Stage { file: "stage.ngc", handshake: true, read: gcode::read }),
-        on_the_fly: Some(OnTheFly { file: "fly.ngc", axes: &["XYZUV"], read: on_the_fly::linuxcnc::read }),
+        on_the_fly: Some(OnTheFly {
+            file: "fly.ngc",
+            axes: &["XYZUV"],
+            read: on_the_fly::linuxcnc::read,
+            servo_s: 1e-3,
+        }),
     },
     Row {
         format: Format::Gcode,
@@ -179,7 +186,12 @@ pub(in crate::verify) const FORMATS: [Row; 10] = [
         format: Format::Pmac,
         name: "pmac",
         stepped: None,
-        on_the_fly: Some(OnTheFly { file: "fly.pmc", axes: &["XYZUV", "XYZACUV"], read: on_the_fly::pmac::read }),
+        on_the_fly: Some(OnTheFly {
+            file: "fly.pmc",
+            axes: &["XYZUV", "XYZACUV"],
+            read: on_the_fly::pmac::read,
+            servo_s: 50e-6,
+        }),
     },
 ];
 

@@ -174,7 +174,10 @@ impl Bench {
         let plan = OnTheFlyPlan {
             job: self.job.clone(),
             machine: self.machine.clone(),
-            summary: OnTheFlySummary::new(&checked, Deviations::default(), lengths, 0.0, &[]),
+            summary: OnTheFlySummary {
+                laser: crate::plan::laser(&self.job, &self.machine, &checked),
+                ..OnTheFlySummary::new(&checked, Deviations::default(), lengths, 0.0, &[])
+            },
             checked,
             left_out: Vec::new(),
             warnings: Vec::new(),

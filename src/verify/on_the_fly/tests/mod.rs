@@ -35,7 +35,7 @@ fn told(name: &str, bench: &Bench, proof: &Proof) {
         proof.worst_defocus_um,
         proof.worst_incidence_deg,
         f.displacement_mm,
-        f.laser_error_mm,
+        f.laser_error_mm(1e-3),
         f.corner_mm_s,
         size("fly.ngc"),
         size("fly.pmc"),
@@ -291,7 +291,7 @@ fn agreement_and_summary_report_a_change_of_one_file() {
         });
         assert!(broken(&proof).contains(&"agreement"), "{name} {mark}: {}", proof.to_text());
     }
-    for key in ["moves", "marks", "time_s", "mark_s", "worst_displacement_mm", "laser_error_mm"] {
+    for key in ["moves", "marks", "time_s", "mark_s", "worst_displacement_mm", "servo_period_s", "laser_error_mm"] {
         let proof = bench.damaged("manifest.json", |t| {
             let from = at(t, "\"summary\"");
             let from = from + at(&t[from..], &format!("\"{key}\": "));

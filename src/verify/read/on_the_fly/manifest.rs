@@ -35,6 +35,14 @@ pub(in crate::verify) struct PenEntry {
     pub(in crate::verify) power_percent: f64,
 }
 
+/// How early the laser of a program may be switched.
+#[derive(Clone, Debug, Deserialize)]
+pub(in crate::verify) struct Laser {
+    pub(in crate::verify) file: String,
+    pub(in crate::verify) servo_period_s: f64,
+    pub(in crate::verify) laser_error_mm: f64,
+}
+
 /// The figures that verification finds again.
 #[derive(Clone, Debug, Deserialize)]
 pub(in crate::verify) struct Summary {
@@ -47,7 +55,7 @@ pub(in crate::verify) struct Summary {
     pub(in crate::verify) mark_s: f64,
     pub(in crate::verify) mark_mm: f64,
     pub(in crate::verify) worst_displacement_mm: f64,
-    pub(in crate::verify) laser_error_mm: f64,
+    pub(in crate::verify) laser: Vec<Laser>,
     #[serde(default)]
     pub(in crate::verify) curves: Option<Curves>,
 }
