@@ -12,7 +12,7 @@ mod stepped;
 pub use head::{AnySummary, FileFact, Found, Head, InputFact, JobRef, MANIFEST, read, with_file};
 pub use on_the_fly::{AxisPeaks, Deviations, FlyLengths, LeftOut, OnTheFlyFacts, OnTheFlySummary, on_the_fly_manifest};
 pub use registration::{Registered, registered, registration};
-pub use stepped::manifest;
+pub use stepped::{beam_of, energy_of, manifest};
 
 use serde::{Deserialize, Serialize};
 

@@ -120,15 +120,21 @@ pub fn angle(a: [f64; 2], b: [f64; 2]) -> f64 {
 
 /// The runs of a stroke from corner to corner, in their order.
 pub fn runs(points: &[FieldPoint]) -> impl Iterator<Item = Run> {
-    let mut steps = points.windows(2).map(|w| way_mm(w[0], w[1])).filter(|s| *s != [0.0; 2]).peekable();
+    pieces(points).map(|(run, _)| run)
+}
+
+/// The same with the point at which each ends.
+pub(super) fn pieces(points: &[FieldPoint]) -> impl Iterator<Item = (Run, FieldPoint)> {
+    let steps = points.windows(2).map(|w| (way_mm(w[0], w[1]), w[1]));
+    let mut steps = steps.filter(|(step, _)| *step != [0.0; 2]).peekable();
     std::iter::from_fn(move || {
-        let mut last = steps.next()?;
+        let (mut last, mut end) = steps.next()?;
         let mut run = Run::default().then(last);
-        while let Some(next) = steps.next_if(|next| !is_corner(last, *next)) {
+        while let Some((next, to)) = steps.next_if(|(next, _)| !is_corner(last, *next)) {
             run = run.then(next);
-            last = next;
+            (last, end) = (next, to);
         }
-        Some(run)
+        Some((run, end))
     })
 }
 
@@ -199,7 +205,7 @@ pub fn marking<'a>(machine: &Machine, strokes: impl IntoIterator<Item = Mark<'a>
 }
 
 /// Way between two field points along x and y, mm.
-fn way_mm(a: FieldPoint, b: FieldPoint) -> [f64; 2] {
+pub(super) fn way_mm(a: FieldPoint, b: FieldPoint) -> [f64; 2] {
     [f64::from(b.x) - f64::from(a.x), f64::from(b.y) - f64::from(a.y)].map(|v| v / NM_PER_MM)
 }
 

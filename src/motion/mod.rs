@@ -11,10 +11,12 @@
 //! file stand for. Laser-on and laser-off delays run inside the scanner's own delays and cost no time of
 //! their own.
 
+mod energy;
 mod galvo;
 mod profile;
 mod stage;
 
+pub use energy::{Beam, LineEnergy, Overshoot, Rest, deposits};
 pub use galvo::{CORNER, DelaysS, GalvoModel, Mark, Marking, Run, angle, is_corner, marking, runs};
 pub use profile::{RestToRest, rest_to_rest};
 pub use stage::{StageMove, stage_move, tilting_move};

@@ -9,7 +9,7 @@ use super::colour::hex;
 use super::legend::seconds;
 use super::page::{self, escape};
 use super::table::share as shown_share;
-use super::{Layout, length_text, mm, pass_file, plain, record};
+use super::{Layout, energy, length_text, mm, pass_file, plain, record};
 use crate::diag::Message;
 use crate::geom::Nm;
 use crate::manifest::duration;
@@ -46,6 +46,7 @@ pub fn report_html(job: &Layout<'_>) -> String {
     record::histograms(&mut h, job.scene, &job.checked.program().pens);
     defocus(&mut h, job);
     slopes(&mut h, job);
+    energy::section(&mut h, job);
     record::pens(&mut h, &job.checked.program().pens, job.machine);
     blocks(&mut h, job, is_gridded);
     h.push_str("</body>\n</html>\n");
