@@ -113,10 +113,10 @@ fn marks_take_the_same_time_in_every_upright_system() {
     // One field, one depth: nothing is cut.
     let flat = |x: f64, y: f64| 15.0 + 1e-4 * x + 2e-4 * y;
     for (machine, model, mark_s) in [
-        (machine.clone(), "rest to rest", marks_s(5)),
-        (without_limits(&machine), "at speed plus delays", STEP * 1023.0 / 3000.0),
+        (machine.clone(), "rest to rest", marks_s(3)),
+        (without_limits(&machine), "at speed plus delays", STEP * 63.0 / 3000.0),
     ] {
-        let found = compared(&job(dir.path(), 5, flat, &machine, ""), &UPRIGHT.join(","));
+        let found = compared(&job(dir.path(), 3, flat, &machine, ""), &UPRIGHT.join(","));
         assert_eq!(found["galvo"], model);
         for row in found["systems"].as_array().expect("systems") {
             assert_eq!(row["galvo"], model, "{row}");
@@ -136,7 +136,13 @@ fn marks_of_the_article_take_as_long_in_every_upright_system() {
     let minutes = |row: &Value| number(row, "mark_s") * number(row, "speed_percent") / 100.0 / 60.0;
     for row in found["systems"].as_array().expect("systems") {
         eprintln!("{}: marks {:.3} min, {} stops", row["system"], minutes(row), row["stops"]);
-        assert!(minutes(row) > uncut - 0.02, "{row}");
+        // Where stops cut a run, both pieces end at rest.
+        let most = match row["system"].as_str() {
+            Some("sync") => uncut + 0.02,
+            Some("flat") => 16.2,
+            _ => 17.5,
+        };
+        assert!((uncut - 0.02..most).contains(&minutes(row)), "{row}");
     }
     let found = compared(&job(dir.path(), 8, hills, &without_limits(&machine), ""), &UPRIGHT.join(","));
     for row in found["systems"].as_array().expect("systems") {
@@ -148,13 +154,19 @@ fn marks_of_the_article_take_as_long_in_every_upright_system() {
 #[test]
 fn times_of_a_stepped_job_are_found_again_by_the_verifier() {
     let dir = folder();
-    let job = job(dir.path(), 4, hills, &machine_file("xyzac-galvo-10"), "");
+    let machine = machine_file("xyzac-galvo-10");
     let out = dir.path().join("made.job");
-    let summary = compile(&job, &out);
-    let proof = verify(&out);
-    assert_eq!(proof["ok"], true, "{proof}");
-    // What is cut between stops rests there too.
-    assert!(number(&summary["time_s"], "mark") >= marks_s(4) * (1.0 - 1e-5), "{}", summary["time_s"]);
+    let made = |slope: f64| {
+        let summary = compile(&job(dir.path(), 4, |x, y| 15.0 + slope * x + 0.2 * slope * y, &machine, ""), &out);
+        let proof = verify(&out);
+        assert_eq!(proof["ok"], true, "{proof}");
+        summary
+    };
+    let whole = made(0.01);
+    assert!((number(&whole["time_s"], "mark") / marks_s(4) - 1.0).abs() < 1e-5, "{}", whole["time_s"]);
+    // What is cut between stops rests at its ends too.
+    let summary = made(0.3);
+    assert!(number(&summary, "blocks") > 2.0 && number(&summary["time_s"], "mark") > 1.1 * marks_s(4), "{summary}");
     // Power times time of all marks is what the blocks get, most of it where the spot rests.
     let manifest = manifest(&out);
     let blocks = manifest["blocks"].as_array().expect("blocks");
@@ -213,6 +225,6 @@ fn program_on_the_fly_keeps_the_time_of_the_model_and_verifies() {
     let summary = compile(&job, &out);
     let proof = verify(&out);
     assert_eq!(proof["ok"], true, "{proof}");
-    let mark_s = number(&summary["time_s"], "mark");
+    let mark_s = number(&summary, "mark_s");
     assert!(mark_s >= marks_s(4) * (1.0 - 1e-4) && mark_s < 1.5 * marks_s(4), "{mark_s} for {}", marks_s(4));
 }
