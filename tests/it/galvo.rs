@@ -31,7 +31,7 @@ fn job(dir: &Path, order: u32, surface: impl Fn(f64, f64) -> f64, machine: &str,
     let text = format!(
         "{more}[surface]\nfile = \"part.stl\"\nunit = \"mm\"\n\n[placement]\norigin = [\"0 mm\", \"0 mm\", \"0 mm\"]\n\n\
          [[texture]]\npattern = \"hilbert\"\norder = {order}\narea = [\"{0} mm\", \"{0} mm\", \"{half} mm\", \"{half} mm\"]\n\n\
-         [focus]\npdof = \"0.2 mm\"\n\n[machine]\nfile = \"machine.toml\"\n\n[limits]\nimplausible = \"allow\"\n\n\
+         [focus]\npdof = \"0.2 mm\"\n\n[partition]\nmethod = \"z-range\"\n\n[machine]\nfile = \"machine.toml\"\n\n[limits]\nimplausible = \"allow\"\n\n\
          [[pen]]\nname = \"groove\"\nspeed = \"3000 mm/s\"\npower = \"1.2 W\"\nfrequency = \"60 kHz\"\n",
         -half
     );
@@ -132,7 +132,9 @@ fn marks_of_the_article_take_as_long_in_every_upright_system() {
     let dir = folder();
     let machine = machine_file("xyzac-galvo-10");
     let uncut = marks_s(8) / 60.0;
-    let found = compared(&job(dir.path(), 8, hills, &machine, ""), &UPRIGHT.join(","));
+    // Of bands each runs at a speed of its own, of which the slowest is told.
+    let systems = UPRIGHT[..5].join(",");
+    let found = compared(&job(dir.path(), 8, hills, &machine, ""), &systems);
     let minutes = |row: &Value| number(row, "mark_s") * number(row, "speed_percent") / 100.0 / 60.0;
     for row in found["systems"].as_array().expect("systems") {
         eprintln!("{}: marks {:.3} min, {} stops", row["system"], minutes(row), row["stops"]);
@@ -144,7 +146,7 @@ fn marks_of_the_article_take_as_long_in_every_upright_system() {
         };
         assert!((uncut - 0.02..most).contains(&minutes(row)), "{row}");
     }
-    let found = compared(&job(dir.path(), 8, hills, &without_limits(&machine), ""), &UPRIGHT.join(","));
+    let found = compared(&job(dir.path(), 8, hills, &without_limits(&machine), ""), &systems);
     for row in found["systems"].as_array().expect("systems") {
         assert_eq!(row["galvo"], "at speed plus delays");
         assert!((minutes(row) * 60.0 / (STEP * 65_535.0 / 3000.0) - 1.0).abs() < 0.01, "{row}");

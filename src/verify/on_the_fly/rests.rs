@@ -92,8 +92,10 @@ fn places(program: &FlyProgram, chain: &Chain, speed: impl Fn(Option<usize>) -> 
         let (square, half) = (dot(way, way), dot(off, way));
         let root = (half * half + square * (APART * APART - dot(off, off)).max(0.0)).sqrt();
         last.us[1] = us + ((root - half) / square).clamp(0.0, 1.0) * (until - us);
-        let near = 1.0 - (APART / square.sqrt()).min(1.0);
-        out.push(Place { at, us: [us + near * (until - us), until], line: step.line, speed: fastest });
+        // A move that begins near the new place came near it before: no earlier than it came near the last one.
+        let near = 1.0 - APART / square.sqrt();
+        let entered = if near > 0.0 { us + near * (until - us) } else { last.us[0] };
+        out.push(Place { at, us: [entered, until], line: step.line, speed: fastest });
         fastest = 0.0;
     }
     out
