@@ -14,8 +14,9 @@ use crate::report::table::TERMINAL;
 pub(super) fn text(c: &Comparison) -> String {
     let verdict = Verdict::of(c).sentences.join("\n");
     let table = overview(c).text(TERMINAL);
+    let galvo = c.galvo.name();
     format!(
-        "{verdict}\n\n{table}\nall figures    -o FOLDER writes them to FOLDER/{PAGE} and to tables; --json prints them\n"
+        "{verdict}\n\n{table}\ngalvo          {galvo}, in every row\nall figures    -o FOLDER writes them to FOLDER/{PAGE} and to tables; --json prints them\n"
     )
 }
 
@@ -24,6 +25,7 @@ pub(super) fn json(c: &Comparison) -> Value {
     let mut out = json!({
         "job": c.job,
         "machine": c.machine,
+        "galvo": c.galvo.name(),
         "verdict": Verdict::of(c),
         "by_hand": c.by_hand,
         "marked_m": c.marked_mm / 1000.0,
@@ -55,6 +57,7 @@ const FILES: [(&[&str], &[&str]); 3] = [
             "back-off",
             "convergence",
             "tool-servo",
+            "heat",
         ],
         &["txt", "csv", "md"],
     ),

@@ -14,6 +14,7 @@ mod charts;
 mod filters;
 mod follow;
 mod following_errors;
+mod heat;
 mod report;
 mod stepped;
 mod system;
@@ -37,7 +38,7 @@ use crate::emit::needs_person;
 use crate::geom::Nm;
 use crate::job::{Job, Method};
 use crate::machine::{Commanded, Cost, Machine};
-use crate::motion::stage_move;
+use crate::motion::{GalvoModel, stage_move};
 use crate::nurbs;
 use crate::on_the_fly::axes::following_error::Protection;
 use crate::on_the_fly::axes::kinematics::Deviation;
@@ -260,6 +261,8 @@ pub struct Comparison {
     pub passes: u32,
     /// Whether a person loads the files of stepped jobs block by block: the job's formats hold none of the whole job.
     pub by_hand: bool,
+    /// How the spot moves, in every system: as the file of the job's machine has it, whatever a system runs on.
+    pub galvo: GalvoModel,
     /// What an hour of the job's machine costs, where its file says so.
     pub cost: Option<Cost>,
     /// Systems in the order asked for.
@@ -289,6 +292,8 @@ struct Subject<'a> {
     limits: Limits,
     /// Size of the texture's box, mm.
     size: [f64; 2],
+    /// How the spot moves, in every system.
+    galvo: GalvoModel,
     /// Of the scanner, while it compensates the following error of the stage.
     protection: Protection,
     /// Time of a stage move by the width of the field, s.
@@ -357,6 +362,7 @@ pub fn compare(
         height_field,
         limits,
         size,
+        galvo: GalvoModel::of(machine),
         protection,
         move_s: across.travel_s + across.settle_s,
         exact,
@@ -384,6 +390,7 @@ pub fn compare(
         marked_mm,
         passes: job.passes.count,
         by_hand: needs_person(&job.formats),
+        galvo: subject.galvo,
         cost: machine.cost,
         rows,
         curves,

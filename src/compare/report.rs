@@ -1,5 +1,6 @@
 //! The comparison as tables, charts and a page.
 
+use super::heat::{self, AFTER_S, PRINTED};
 use super::{Comparison, Figures, Standing, Verdict, charts, following_errors};
 use crate::report::page::{Item, page_html};
 use crate::report::plot::{Axis, Bar, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
@@ -50,6 +51,7 @@ fn systems(c: &Comparison) -> Table {
     let mut columns = vec![
         Column::text("system"),
         Column::text("machine"),
+        Column::text("galvo"),
         Column::time("total"),
         Column::time("by hand"),
         Column::time("model"),
@@ -92,7 +94,7 @@ fn systems(c: &Comparison) -> Table {
 
 fn figures(c: &Comparison, f: &Figures) -> Vec<Cell> {
     let t = &f.time;
-    let mut cells: Vec<Cell> = vec![f.hardware.label(&c.machine).into()];
+    let mut cells: Vec<Cell> = vec![f.hardware.label(&c.machine).into(), c.galvo.name().into()];
     cells.extend([Some(t.total()), f.by_hand_s, f.model_s].map(Cell::from));
     cells.extend(t.parts().map(|(_, s)| Cell::from(s)));
     cells.extend([f.stops.into(), f.speed.into(), f.of_marks(f.marked_mm / 1000.0).into()]);
@@ -239,6 +241,7 @@ pub fn tables(c: &Comparison) -> Vec<(&'static str, Table)> {
         ("back-off", back_off(c)),
         ("convergence", convergence(c)),
         ("tool-servo", tool_servo(c)),
+        ("heat", Some(heat())),
     ];
     all.into_iter().filter_map(|(name, table)| Some((name, table?))).collect()
 }
@@ -259,6 +262,24 @@ fn tool_servo(c: &Comparison) -> Option<Table> {
         table.row([need.figure.as_str().into(), need.unit.into(), need.needed.into(), need.limit.into(), share.into()]);
     }
     Some(table)
+}
+
+/// Heat at seams, an order of magnitude: the same for every job.
+fn heat() -> Table {
+    let mut columns = vec![Column::number("radius", "um", 0), Column::number("absorptivity", "", 3)];
+    let after = AFTER_S.map(|s| format!("second exposure after {:.0} ms", 1e3 * s));
+    columns.extend(after.iter().map(|name| Column::number(name, "degC", 0)));
+    let title = format!(
+        "Heat at seams, an order of magnitude: the absorptivity that explains {PRINTED:.0} degC of Cui et al. (2021), by the \
+         1/e2 radius of the beam, which is not published"
+    );
+    let mut table = Table::new(&title, columns);
+    for fit in heat::fits() {
+        let mut cells: Vec<Cell> = vec![fit.radius_um.into(), fit.absorptivity.into()];
+        cells.extend(fit.second_exposure_degc.map(Cell::from));
+        table.push(cells);
+    }
+    table
 }
 
 /// How the least time of seven axes converges on finer grids; None where they were not asked for.
@@ -363,11 +384,14 @@ pub fn page(c: &Comparison) -> String {
         .chain(table("back-off"))
         .chain(plot("back-off"))
         .collect();
-    let moved: Vec<Item<'_>> = table("convergence").chain(table("tool-servo")).chain(MOTIONS.into_iter().flat_map(plot)).collect();
+    let moved: Vec<Item<'_>> =
+        table("convergence").chain(table("tool-servo")).chain(MOTIONS.into_iter().flat_map(plot)).collect();
+    let warm: Vec<Item<'_>> = table("heat").collect();
     let folds = [
         ("Limits, all figures, and how deviations are spread", &figures),
         ("How motions are divided between scanner and stage", &divided),
         ("Motions and their grids", &moved),
+        ("Heat at seams", &warm),
     ];
     items
         .extend(folds.iter().filter(|(_, inside)| !inside.is_empty()).map(|(title, inside)| Item::Fold(title, inside)));
@@ -377,9 +401,10 @@ pub fn page(c: &Comparison) -> String {
 /// What all systems are held to, and what of the job is compared.
 fn limits(c: &Comparison) -> String {
     let mut out = format!(
-        "Machine {}. Limits of all systems: focal offset (FOD) {:.1} um, beam incidence (BIA) {:.1} deg, displacement of \
+        "Machine {}. Galvo of all systems: {}. Limits of all systems: focal offset (FOD) {:.1} um, beam incidence (BIA) {:.1} deg, displacement of \
          the spot {:.1} mm. Marks of {:.2} m, every pass of the pens counted.",
         c.machine,
+        c.galvo.name(),
         c.limits.focus * 1000.0,
         c.limits.angle.to_degrees(),
         c.limits.field,

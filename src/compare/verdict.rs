@@ -420,6 +420,7 @@ mod tests {
             marked_mm: 1000.0,
             passes: 1,
             by_hand: false,
+            galvo: crate::motion::GalvoModel::AtSpeed,
             cost: None,
             rows: rows.into_iter().map(|(system, figures)| Row { system, figures }).collect(),
             curves: Curves::default(),

@@ -57,7 +57,7 @@ impl<'a> Pictures<'a> {
     /// How many files [`Pictures::write`] writes.
     pub(super) fn count(&self) -> usize {
         match self.plan {
-            Of::Stepped(plan) => plan.passes.len() + 3,
+            Of::Stepped(plan) => plan.passes.len() + 4,
             Of::OnTheFly(_) => 3,
         }
     }
@@ -83,6 +83,7 @@ impl<'a> Pictures<'a> {
                     told("layout.svg", &drawing)?;
                     let by_slope = report::Layout { shade: report::Shade::Incidence, ..layout.clone() };
                     told("slope.svg", &report::layout_svg(&by_slope))?;
+                    told("energy.svg", &report::energy_svg(&layout))?;
                     told("report.html", &report::report_html(&layout))?;
                 }
                 Ok(())

@@ -7,9 +7,10 @@ use serde::{Serialize, Serializer};
 use super::{Facts, Frames, Head, Summary, lift_mm, registration};
 use crate::budget::{Errors, Stated};
 use crate::emit::Files;
-use crate::geom::Nm;
+use crate::geom::{Nm, P2, Turned};
 use crate::job::{DepthRule, Level};
 use crate::machine::{Machine, Origin};
+use crate::motion::{Beam, GalvoModel, LineEnergy, Rest};
 use crate::program::{self, PassId, Pen, Program};
 use crate::texture::Directions;
 use crate::units::Time;
@@ -206,6 +207,47 @@ struct BlockEntry<'a> {
     #[serde(flatten)]
     slope: SlopeEntry,
     errors_um: Errors,
+    line_energy: Option<EnergyEntry>,
+}
+
+/// Line energy of a block; the place of the worst in the (turned) part frame.
+#[derive(Serialize)]
+struct EnergyEntry {
+    mean_j_per_m: f64,
+    length_at_speed_percent: f64,
+    worst_share: f64,
+    worst_at_mm: [f64; 2],
+    worst_where: Rest,
+}
+
+impl EnergyEntry {
+    fn of(program: &Program, block: &program::Block, machine: &Machine) -> Option<Self> {
+        let energy = energy_of(program, block, machine);
+        let (worst, centre) = (energy.worst()?, block.stop.centre);
+        let at: P2<Turned> = P2::new(centre.x + i64::from(worst.at.x), centre.y + i64::from(worst.at.y));
+        Some(Self {
+            mean_j_per_m: energy.mean_j_per_m()?,
+            length_at_speed_percent: 100.0 * energy.share_at_speed()?,
+            worst_share: worst.share,
+            worst_at_mm: at.mm(),
+            worst_where: worst.rest,
+        })
+    }
+}
+
+/// Line energy of the marks of a block.
+pub fn energy_of(program: &Program, block: &program::Block, machine: &Machine) -> LineEnergy {
+    let mut out = LineEnergy::default();
+    for stroke in program.strokes_of(block) {
+        out.add(program.points_of(stroke), beam_of(&program.pens[stroke.pen.index()], machine));
+    }
+    out
+}
+
+/// Laser and scanner of a pen.
+pub fn beam_of(pen: &Pen, machine: &Machine) -> Beam {
+    let (speed, power) = (pen.speed.as_mm_s(), pen.power.as_w(machine.laser.max_power));
+    Beam { model: GalvoModel::of(machine), speed, power, spot: machine.lens.spot.as_mm() }
 }
 
 /// Means and worst.
@@ -256,5 +298,6 @@ fn block_entry<'a>(facts: &'a Facts<'a>, stated: &Stated<'_>, index: usize) -> B
             dose: figures.slope.dose(),
         },
         errors_um: stated.of_block(block, figures),
+        line_energy: EnergyEntry::of(program, block, facts.machine),
     }
 }

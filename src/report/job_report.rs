@@ -9,7 +9,7 @@ use super::colour::hex;
 use super::legend::seconds;
 use super::page::{self, escape};
 use super::table::share as shown_share;
-use super::{Layout, budget, length_text, mm, pass_file, plain, record};
+use super::{Layout, budget, energy, length_text, mm, pass_file, plain, record};
 use crate::diag::Message;
 use crate::geom::Nm;
 use crate::manifest::duration;
@@ -47,6 +47,7 @@ pub fn report_html(job: &Layout<'_>) -> String {
     budget::section(&mut h, &job.summary.budget);
     defocus(&mut h, job);
     slopes(&mut h, job);
+    energy::section(&mut h, job);
     record::pens(&mut h, &job.checked.program().pens, job.machine);
     blocks(&mut h, job, is_gridded);
     h.push_str("</body>\n</html>\n");

@@ -14,6 +14,8 @@
 mod blocks;
 mod budget;
 mod colour;
+mod energy;
+mod energy_map;
 mod fly_report;
 mod fly_sheet;
 mod image;
@@ -40,6 +42,7 @@ mod tests;
 mod travel;
 mod unmarked;
 
+pub use energy_map::energy_svg;
 pub use fly_report::on_the_fly_html;
 pub use fly_sheet::on_the_fly_txt;
 pub use job_report::{NOT_VERIFIED, report_html};

@@ -19,6 +19,7 @@ mod on_the_fly;
 mod progress;
 mod proof;
 mod read;
+mod rest_to_rest;
 mod rules;
 #[cfg(test)]
 mod tests;

@@ -6,9 +6,11 @@ use super::marks::ChunkHead;
 use crate::diag::Message;
 use crate::geom::NM_PER_MM;
 use crate::machine::{FieldShape, Machine, Origin};
+use crate::motion::GalvoModel;
 use crate::program::Pen;
 use crate::scene::{Histogram, Scene};
 use crate::surface::Decimated;
+use crate::units::Time;
 
 /// The head of the page. Lengths mm, angles deg, times s, unless the key says otherwise.
 #[derive(Serialize)]
@@ -212,11 +214,14 @@ pub(super) fn pens(pens: &[Pen]) -> Vec<PenHead<'_>> {
 
 pub(super) fn scanner(machine: &Machine) -> ScannerHead {
     let delays = &machine.delays;
+    // From rest to rest the stop at ends and corners is in the time of the block.
+    let is_at_speed = GalvoModel::of(machine) == GalvoModel::AtSpeed;
+    let at_speed = |delay: Time| if is_at_speed { delay.as_us() } else { 0.0 };
     ScannerHead {
         jump_speed_mm_s: machine.scanner.jump_speed.as_mm_s(),
         jump_delay_us: delays.jump.as_us(),
-        mark_delay_us: delays.mark.as_us(),
-        polygon_delay_us: delays.polygon.as_us(),
+        mark_delay_us: at_speed(delays.mark),
+        polygon_delay_us: at_speed(delays.polygon),
     }
 }
 

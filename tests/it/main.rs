@@ -24,6 +24,7 @@ mod dots;
 mod fill;
 mod foreign;
 mod frames;
+mod galvo;
 mod golden;
 mod inspect;
 mod layers;

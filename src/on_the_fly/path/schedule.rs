@@ -1,14 +1,16 @@
 //! When the beam is where on its path, at the speeds of its pens: what scanner and stage divide between them.
 //!
-//! Marks run at their pen's speed, jumps at the scanner's; the beam waits at ends and corners as the machine's
-//! delays say. As in [`crate::motion::marking`] the scanner is taken as always at speed: what it loses at
-//! starts, ends and corners is what the delays stand for. A jump that is longer than half of the field is the
-//! stage's to carry: it runs no faster than the quickest pen, or the stage. Units: mm, s.
+//! The spot moves by the machine's [`GalvoModel`], as in [`crate::motion::marking`]: from rest to rest between corners
+//! and ends, no faster than its pen in marks and than the scanner in jumps; or always at these speeds, with waits at
+//! ends and corners as the machine's delays say. With skywriting a mark goes on into its run-out without a rest. A jump
+//! that is longer than half of the field is the stage's to carry: it runs no faster than the quickest pen, or the
+//! stage. Units: mm, s.
 //!
 //! [`Schedule::lifted`] gives z the time that it needs between marks on different heights. Moving averages of a motion
 //! keep the limits that it keeps, so that a step of the part does not slow the marks on either side of it.
 
 use crate::machine::{Axis, Machine};
+use crate::motion::{GalvoModel, RestToRest, Run};
 use crate::on_the_fly::path::{NodeKind, Path};
 use crate::program::Pen;
 
@@ -34,6 +36,58 @@ pub struct Schedule {
     pub jump_s: f64,
     /// Time of waiting, s.
     pub delay_s: f64,
+    /// How the spot moves between the nodes; empty where it is always at speed.
+    runs: Runs,
+}
+
+/// The runs of the spot from rest to rest.
+#[derive(Clone, Debug, Default)]
+struct Runs {
+    /// The node that each begins at, and its motion.
+    all: Vec<(usize, RestToRest)>,
+    /// Of the stretch that ends at each node: its run, and the way of that up to both ends, mm.
+    of_stretch: Vec<(usize, [f64; 2])>,
+}
+
+impl Runs {
+    /// Of a path whose stretches have the speeds given; with the time of each, s.
+    fn of(path: &Path, model: GalvoModel, speeds: &[f64]) -> (Self, Vec<f64>) {
+        let step = |i: usize| [0, 1].map(|k| path.nodes[i].at[k] - path.nodes[i - 1].at[k]);
+        let is_jump = |i: usize| path.pen_at(i).is_none() && path.run_at(i).is_none();
+        let rests = |&i: &usize| {
+            matches!(path.nodes[i].kind, NodeKind::Corner | NodeKind::End)
+                || i + 1 == path.len()
+                || is_jump(i) != is_jump(i + 1)
+        };
+        let (mut out, mut times) = (Self { all: Vec::new(), of_stretch: vec![(0, [0.0; 2])] }, vec![0.0]);
+        let mut first = 0;
+        for last in (1..path.len()).filter(rests) {
+            let stretches = first + 1..=last;
+            let run = stretches.clone().fold(Run::default(), |run, i| run.then(step(i)));
+            let speed = speeds[stretches.clone()].iter().copied().fold(f64::INFINITY, f64::min);
+            let Some(motion) = model.motion(run, speed) else { return Default::default() };
+            let (mut way, mut time) = (0.0, 0.0);
+            for i in stretches {
+                let [x, y] = step(i);
+                let before = (way, time);
+                way += x.hypot(y);
+                time = if i == last { motion.total_s() } else { motion.time_at(way) };
+                out.of_stretch.push((out.all.len(), [before.0, way]));
+                times.push(time - before.1);
+            }
+            out.all.push((first, motion));
+            first = last;
+        }
+        (out, times)
+    }
+
+    /// The share of the way from the node before `next` to it that the spot has come at a time, s.
+    fn share(&self, next: usize, now: f64, visits: &[Visit]) -> Option<f64> {
+        let &(run, [from, to]) = self.of_stretch.get(next)?;
+        let (first, motion) = &self.all[run];
+        let way = motion.way_at(now - visits[*first].leave);
+        Some(if to > from { ((way - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 })
+    }
 }
 
 /// The path at even steps of time.
@@ -91,37 +145,38 @@ impl Schedule {
     /// The times of a path on which the beam waits at every end for `wait_s` at least.
     pub fn of(path: &Path, machine: &Machine, pens: &[Pen], wait_s: f64) -> Self {
         let mut out = Self::default();
-        let delays = &machine.delays;
-        let [jump, mark, corner] = [delays.jump, delays.mark, delays.polygon].map(|t| t.as_s());
+        let model = GalvoModel::of(machine);
+        let delays = model.delays(machine);
         let jump_speed = machine.scanner.jump_speed.as_mm_s();
         let carried = carried(path, machine);
         let fastest = pens.iter().map(|p| p.speed.as_mm_s()).fold(0.0, f64::max);
         let stage = machine.stage.x.speed.as_mm_s().min(machine.stage.y.speed.as_mm_s());
         let carry_speed = fastest.max(stage).min(jump_speed);
+        let speed = |i: usize| match path.nodes[i].pen.or(path.nodes[i].run) {
+            Some(pen) => pens[pen.index()].speed.as_mm_s(),
+            None if carried[i] => carry_speed,
+            None => jump_speed,
+        };
+        let speeds: Vec<f64> = (0..path.len()).map(speed).collect();
+        let times: Vec<f64>;
+        (out.runs, times) = Runs::of(path, model, &speeds);
         let mut now = 0.0;
-        for (i, carried) in carried.into_iter().enumerate() {
+        for i in 0..path.len() {
             let here = path.nodes[i].pen;
             if i > 0 {
                 let (a, b) = (path.nodes[i - 1].at, path.nodes[i].at);
-                let length = (b[0] - a[0]).hypot(b[1] - a[1]);
-                let (speed, sum) = match here {
-                    Some(pen) => (pens[pen.index()].speed.as_mm_s(), &mut out.mark_s),
-                    None => {
-                        let run = path.nodes[i].run.map(|pen| pens[pen.index()].speed.as_mm_s());
-                        let jump = if carried { carry_speed } else { jump_speed };
-                        (run.unwrap_or(jump), &mut out.jump_s)
-                    }
-                };
-                *sum += length / speed;
-                now += length / speed;
+                let at_speed = || (b[0] - a[0]).hypot(b[1] - a[1]) / speeds[i];
+                let time = times.get(i).copied().unwrap_or_else(at_speed);
+                *(if here.is_some() { &mut out.mark_s } else { &mut out.jump_s }) += time;
+                now += time;
             }
             let arrive = now;
             let next = path.pen_at(i + 1);
             let wait = match path.nodes[i].kind {
                 NodeKind::Between => 0.0,
-                NodeKind::Vertex | NodeKind::Corner => corner,
+                NodeKind::Vertex | NodeKind::Corner => delays.polygon,
                 // The end of a mark, the begin of one, or both.
-                NodeKind::End => (here.map_or(0.0, |_| mark) + next.map_or(0.0, |_| jump)).max(wait_s),
+                NodeKind::End => (here.map_or(0.0, |_| delays.mark) + next.map_or(0.0, |_| delays.jump)).max(wait_s),
             };
             out.delay_s += wait;
             now += wait;
@@ -188,7 +243,8 @@ impl Schedule {
             let next = (i + 1).min(path.len() - 1);
             let (from, to) = (self.visits[i], self.visits[next]);
             let moving = i + 1 < path.len() && now > from.leave;
-            let t = if moving { (now - from.leave) / (to.arrive - from.leave) } else { 0.0 };
+            let by_time = || (now - from.leave) / (to.arrive - from.leave);
+            let t = if moving { self.runs.share(next, now, &self.visits).unwrap_or_else(by_time) } else { 0.0 };
             let (a, b) = (path.nodes[i].at, path.nodes[next].at);
             let z = if moving {
                 from.z[1] + t * (to.z[0] - from.z[1])
@@ -283,5 +339,69 @@ mod tests {
         let straight = [0.0, 0.0, 0.05, 0.1, 0.15, 0.2, 0.2];
         assert!(heights(gap - 0.1).iter().zip(straight).all(|(a, b)| (a - b).abs() < 1e-9), "{:?}", heights(1.0));
         assert_eq!(heights(gap + 0.1)[3], gap + 0.1);
+    }
+
+    /// A square of four sides of `side` mm, each of `pieces` stretches, and a jump to another 3 mm away.
+    fn squares(side: f64, pieces: u32) -> Path {
+        let mut path = Path::default();
+        for square in 0..2u32 {
+            let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]];
+            let place = |k: usize, t: f64| {
+                let [a, b] = [corners[k], corners[k + 1]];
+                [f64::from(square) * 3.0 + side * (a[0] + t * (b[0] - a[0])), side * (a[1] + t * (b[1] - a[1])), 0.0]
+            };
+            let mut put = |at, pen, kind| {
+                path.nodes.push(Node { at, pen, kind, stroke: PieceId(square), run: None });
+            };
+            put(place(0, 0.0), None, NodeKind::End);
+            for k in 0..4 {
+                for i in 1..=pieces {
+                    let kind = match (k, i == pieces) {
+                        (3, true) => NodeKind::End,
+                        (_, true) => NodeKind::Corner,
+                        _ => NodeKind::Between,
+                    };
+                    put(place(k, f64::from(i) / f64::from(pieces)), Some(PenId(0)), kind);
+                }
+            }
+        }
+        path
+    }
+
+    #[test]
+    fn spot_rests_at_corners_however_many_nodes_lie_between() {
+        let machine = Machine::built_in("xyzac-galvo-10").expect("a profile");
+        let model = GalvoModel::of(&machine);
+        let [side, jump] = [0.5, 3.0].map(|length| Run::default().then([length, 0.0]));
+        let [mark_s, jump_s] = [8.0 * model.run_s(side, 200.0), model.run_s(jump, 3000.0)];
+        for pieces in [1, 7] {
+            let path = squares(0.5, pieces);
+            let schedule = Schedule::of(&path, &machine, &pens(), 0.0);
+            assert!((schedule.mark_s - mark_s).abs() < 1e-12 && (schedule.jump_s - jump_s).abs() < 1e-12);
+            let delay = machine.delays.jump.as_s();
+            assert!((schedule.delay_s - 2.0 * delay).abs() < 1e-12, "before each mark, at no corner");
+            // The samples are those of the motion, with limits kept along every side and rests at corners.
+            let samples = schedule.samples(&path, 1e-5);
+            let speed = |w: &[[f64; 3]]| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]) / samples.step_s;
+            let speeds: Vec<f64> = samples.at.windows(2).map(speed).collect();
+            let lit = speeds.iter().zip(&samples.on).filter(|(_, on)| **on).map(|(v, _)| *v);
+            let peak = model.motion(side, 200.0).expect("a motion").peak();
+            let fastest = lit.clone().fold(0.0, f64::max);
+            assert!(fastest <= peak * 1.0001 && fastest > 0.999 * peak, "{fastest} {peak}");
+            let rests = speeds.windows(3).filter(|w| w[1] < 2.0 && w[1] <= w[0] && w[1] < w[2]).count();
+            assert!(rests >= 7, "{rests}");
+            let most = speeds.windows(2).map(|w| (w[1] - w[0]).abs() / samples.step_s).fold(0.0, f64::max);
+            assert!(most < 20_000.0 * 1.01, "{most}");
+        }
+    }
+
+    #[test]
+    fn skywriting_takes_the_rest_out_of_the_mark() {
+        let machine = Machine::built_in("xyzac-galvo-10").expect("a profile");
+        let path = marks(5.0, 0.0, &[]);
+        let plain = Schedule::of(&path, &machine, &pens(), 0.0);
+        let skywriting = Schedule::of(&path.with_skywriting(0.03, &pens()), &machine, &pens(), 0.0);
+        assert!((skywriting.mark_s - 20.0 / 200.0).abs() < 1e-9, "marks run at the pen's speed: {}", skywriting.mark_s);
+        assert!(plain.mark_s > 1.1 * skywriting.mark_s);
     }
 }

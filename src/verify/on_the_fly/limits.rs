@@ -4,9 +4,11 @@
 //! and jerks of all axes are taken from samples at least 5 and 10 ms apart, as a polynomial through three or four
 //! of them has them: any motion through these has as much somewhere. What the rounding of samples to whole
 //! nanometres may have put there is taken off before, and the rounding of sums is let pass; a move that is too
-//! short by a microsecond is too fast.
+//! short by a microsecond is too fast. Where X and Y do not turn the part and the machine states the acceleration of
+//! its scanner, the spot rests wherever it turns sharply, and takes its time from each such place to the next (`rests`).
 
 use super::chain::Chain;
+use super::rests;
 use crate::machine::Machine;
 use crate::program::Pen;
 use crate::verify::proof::Rule;
@@ -50,7 +52,7 @@ fn all(machine: &Machine, leans: bool) -> Vec<Limit> {
     }
     // Where U and V may go is the field's to say, and how fast is looked at below, by marks and jumps.
     let scanner = &machine.scanner;
-    // With five axes the scanner's delays stand for what it loses at ends and corners, as in stepped jobs.
+    // With five axes the spot keeps its limits between corners, which `rests` looks at.
     let mirrors = [(5, 'U'), (6, 'V')].into_iter().filter(|_| leans);
     out.extend(mirrors.map(|(axis, name)| Limit {
         name,
@@ -124,6 +126,9 @@ pub(super) fn check(program: &FlyProgram, name: &str, chain: &Chain, machine: &M
     }
     for limit in &limits {
         curved(program, name, limit, rule);
+    }
+    if !chain.leans() {
+        rests::check(program, name, chain, machine, pens, rule);
     }
 }
 

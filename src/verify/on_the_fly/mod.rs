@@ -9,6 +9,7 @@ mod chain;
 mod cover;
 mod limits;
 mod marks;
+mod rests;
 #[cfg(test)]
 mod tests;
 mod track;

@@ -5,6 +5,7 @@ use crate::geom::{FieldPoint, NM_PER_MM, Nm, mm_from_nm};
 use crate::machine::{Axis, Commanded, Machine, TiltAngles};
 use crate::program::{Block, Program, Stroke};
 use crate::verify::read::program::ProgramFile;
+use crate::verify::rest_to_rest::{CORNER, profile_time};
 
 /// Times of the blocks or of a job, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -24,27 +25,64 @@ impl Times {
 }
 
 /// Marks, jumps and delays of a block. Each stroke is marked as often as its pen says before the next, with a jump back
-/// to its start in between; a pass of it costs a jump delay, a mark delay, and a polygon delay at each inner point; of a dot the dwell of
-/// its pen, and the first two.
+/// to its start in between. Where the machine states the acceleration of its scanner, the spot rests at both ends of every
+/// jump, and at ends and corners of marks, and every pass costs a jump delay; else it is always at speed, and a pass costs
+/// a jump delay, a mark delay, and a polygon delay at each inner point. Of a dot the dwell of its pen takes the place of
+/// the way.
 pub(super) fn marking(program: &Program, block: &Block, machine: &Machine) -> Times {
     let mut out = Times::default();
     let mut at = FieldPoint::AXIS;
+    let jump_speed = machine.scanner.jump_speed.as_mm_s();
     for stroke in program.strokes_of(block) {
         let pen = &program.pens[stroke.pen.index()];
         let points = program.points_of(stroke);
         let (Some(&first), Some(&last)) = (points.first(), points.last()) else { continue };
         let passes = f64::from(pen.passes);
         let dwell = if points.len() == 1 { pen.dwell.map_or(0.0, |dwell| dwell.as_s()) } else { 0.0 };
-        out.mark += passes * dwell;
-        out.mark += passes * points.windows(2).map(|w| way_mm(w[0], w[1])).sum::<f64>() / pen.speed.as_mm_s();
-        let jumps = way_mm(at, first) + (passes - 1.0).max(0.0) * way_mm(last, first);
-        out.jump += jumps / machine.scanner.jump_speed.as_mm_s();
-        let corners = points.len().saturating_sub(2) as f64;
+        let again = (passes - 1.0).max(0.0);
         let delays = &machine.delays;
-        out.delay += passes * (delays.jump.as_s() + delays.mark.as_s() + corners * delays.polygon.as_s());
+        out.mark += passes * dwell;
+        if let Some(acceleration) = machine.scanner.acceleration {
+            let limits = (acceleration.as_mm_s2(), machine.scanner.jerk.map(|j| j.as_mm_s3()));
+            out.mark += passes * from_rest_to_rest(points, pen.speed.as_mm_s(), limits);
+            let jump = |from, to| from_rest_to_rest(&[from, to], jump_speed, limits);
+            out.jump += jump(at, first) + again * jump(last, first);
+            out.delay += passes * delays.jump.as_s();
+        } else {
+            out.mark += passes * points.windows(2).map(|w| way_mm(w[0], w[1])).sum::<f64>() / pen.speed.as_mm_s();
+            out.jump += (way_mm(at, first) + again * way_mm(last, first)) / jump_speed;
+            let corners = points.len().saturating_sub(2) as f64;
+            out.delay += passes * (delays.jump.as_s() + delays.mark.as_s() + corners * delays.polygon.as_s());
+        }
         at = last;
     }
     out
+}
+
+/// Time of a polyline at the end of which the spot rests, and wherever it turns by more than [`CORNER`]. Along either
+/// axis of the field it keeps its limits: acceleration, mm/s², and jerk, mm/s³, where there is one. A piece in which an
+/// axis has no more than a share of the way goes faster by as much as that leaves.
+fn from_rest_to_rest(points: &[FieldPoint], speed: f64, limits: (f64, Option<f64>)) -> f64 {
+    let (mut sum, mut way, mut share) = (0.0, 0.0, 0.0f64);
+    let piece = |way: f64, share: f64| profile_time(way, speed, limits.0 / share, limits.1.map(|j| j / share));
+    let mut before: Option<[f64; 2]> = None;
+    for pair in points.windows(2) {
+        let [dx, dy] = [f64::from(pair[1].x) - f64::from(pair[0].x), f64::from(pair[1].y) - f64::from(pair[0].y)];
+        let length = dx.hypot(dy);
+        if length == 0.0 {
+            continue;
+        }
+        let heading = [dx / length, dy / length];
+        let turns = |[x, y]: [f64; 2]| x * heading[0] + y * heading[1] < CORNER.cos();
+        if before.is_some_and(turns) {
+            sum += piece(way, share);
+            (way, share) = (0.0, 0.0);
+        }
+        way += length / NM_PER_MM;
+        share = share.max(heading[0].abs().max(heading[1].abs()));
+        before = Some(heading);
+    }
+    sum + piece(way, share)
 }
 
 /// Length of a stroke, every pass of its pen counted.
@@ -117,26 +155,11 @@ fn moves(file: &ProgramFile, machine: &Machine) -> Vec<Times> {
     all
 }
 
-/// An axis from rest to rest by the symmetric profile that is fastest under its limits. At the peak speed p each ramp
-/// takes p/a + a/j, or 2 sqrt(p/j) where the acceleration is never reached, and covers half of p times that.
+/// An axis of the stage from rest to rest.
 fn axis_time(axis: &Axis, from: i64, to: i64) -> f64 {
     let way = mm_from_nm((to - from).abs());
-    if way == 0.0 {
-        return 0.0;
-    }
-    let (v, a) = (axis.speed.as_mm_s(), axis.acceleration.as_mm_s2());
-    let Some(j) = axis.jerk.map(|j| j.as_mm_s3()) else {
-        let peak = v.min((way * a).sqrt());
-        return peak / a + way / peak;
-    };
-    let reaches = |p: f64| p >= a * a / j;
-    let ramp = |p: f64| if reaches(p) { p / a + a / j } else { 2.0 * (p / j).sqrt() };
-    // p (p/a + a/j) = way, or 2 p sqrt(p/j) = way.
-    let slow = a / j;
-    let long = a / 2.0 * ((slow * slow + 4.0 * way / a).sqrt() - slow);
-    let peak = if reaches(long) { long } else { (way * way * j / 4.0).cbrt() };
-    let peak = peak.min(v);
-    ramp(peak) + way / peak
+    let jerk = axis.jerk.map(|j| j.as_mm_s3());
+    profile_time(way, axis.speed.as_mm_s(), axis.acceleration.as_mm_s2(), jerk)
 }
 
 fn way_mm(a: FieldPoint, b: FieldPoint) -> f64 {

@@ -1,0 +1,204 @@
+//! Line energy: what the laser gives to each length of a line, from its power and the speed of the spot.
+//!
+//! Consumes strokes with the power and speed of their pens; promises the mean over the lines of a block, and the place
+//! where a line gets most. Where the spot goes from rest to rest the laser is on while it gains and loses speed, so that
+//! E(s) = P / v(s) rises at ends and corners; on the line at rest it is infinite, on the part it is spread over the
+//! spot. So the energy at a rest is that of the line within half a spot of it: P times the time for that way, over the
+//! way. Runs shorter than a spot count up to their middle. Units: J/m, mm, s, W.
+
+use super::galvo::{GalvoModel, pieces, runs, way_mm};
+use crate::geom::{FieldPoint, NM_PER_MM};
+
+/// The laser and the scanner that mark a stroke.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beam {
+    /// How the spot moves.
+    pub model: GalvoModel,
+    /// Speed of the pen, mm/s.
+    pub speed: f64,
+    /// Power of the pen, W.
+    pub power: f64,
+    /// Diameter of the spot, mm.
+    pub spot: f64,
+}
+
+/// Where the spot rests in a mark.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Rest {
+    /// At its begin or its end.
+    End,
+    /// At a corner.
+    Corner,
+}
+
+/// A place where a line gets more than its pen's energy.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Overshoot {
+    /// As a multiple of P / v of the pen.
+    pub share: f64,
+    /// Where, field frame.
+    pub at: FieldPoint,
+    /// What the spot does there.
+    pub rest: Rest,
+}
+
+/// Line energy of the marks of a block; dots are none.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LineEnergy {
+    length: f64,
+    energy: f64,
+    at_speed: f64,
+    worst: Option<Overshoot>,
+}
+
+impl LineEnergy {
+    /// Adds one pass of a stroke. Always at speed, nothing is known of ends and corners, and nothing is added.
+    pub fn add(&mut self, points: &[FieldPoint], beam: Beam) {
+        let Some(&first) = points.first() else { return };
+        // Way and time next to the last rest, before and after it.
+        let mut before = [0.0; 2];
+        let mut rest = (first, Rest::End);
+        for (run, end) in pieces(points) {
+            let Some(motion) = beam.model.motion(run, beam.speed) else { return };
+            let total = motion.total_s();
+            let way = (beam.spot / 2.0).min(run.length / 2.0);
+            let near = [way, motion.time_at(way)];
+            self.meet(rest, [before[0] + near[0], before[1] + near[1]], beam.speed);
+            self.length += run.length;
+            self.energy += beam.power * total;
+            if motion.peak() >= beam.speed {
+                // Both ramps together take their time at the mean of half the speed.
+                self.at_speed += (2.0 * run.length - beam.speed * total).max(0.0);
+            }
+            (before, rest) = (near, (end, Rest::Corner));
+        }
+        if before[0] > 0.0 {
+            self.meet((rest.0, Rest::End), before, beam.speed);
+        }
+    }
+
+    fn meet(&mut self, (at, rest): (FieldPoint, Rest), [way, time]: [f64; 2], speed: f64) {
+        let share = speed * time / way;
+        if self.worst.is_none_or(|worst| share > worst.share) {
+            self.worst = Some(Overshoot { share, at, rest });
+        }
+    }
+
+    /// Mean over the length of the lines, J/m; None where there are none.
+    pub fn mean_j_per_m(&self) -> Option<f64> {
+        (self.length > 0.0).then(|| 1e3 * self.energy / self.length)
+    }
+
+    /// Share of the length that is marked at the speed of its pen.
+    pub fn share_at_speed(&self) -> Option<f64> {
+        (self.length > 0.0).then(|| self.at_speed / self.length)
+    }
+
+    /// Where a line gets most.
+    pub fn worst(&self) -> Option<Overshoot> {
+        self.worst
+    }
+}
+
+/// Tells `visit` where, mm in the field, one pass of a stroke leaves how much energy, J, in steps of `step` mm or less.
+pub fn deposits(points: &[FieldPoint], beam: Beam, step: f64, mut visit: impl FnMut([f64; 2], f64)) {
+    let mut all = runs(points).map(|run| (run.length, beam.model.motion(run, beam.speed)));
+    let (mut length, mut motion, mut way) = (0.0, None, 0.0);
+    for pair in points.windows(2) {
+        let [x, y] = way_mm(pair[0], pair[1]);
+        let own = x.hypot(y);
+        if own == 0.0 {
+            continue;
+        }
+        // The run's length is the sum of the same numbers in the same order.
+        if way >= length {
+            (length, motion) = all.next().unwrap_or_default();
+            way = 0.0;
+        }
+        let count = (own / step).ceil().max(1.0);
+        let time = |share: f64| match &motion {
+            Some(motion) => motion.time_at(way + share * own),
+            None => share * own / beam.speed,
+        };
+        let mut before = time(0.0);
+        for k in 1..=count as u32 {
+            let now = time(f64::from(k) / count);
+            let middle = (f64::from(k) - 0.5) / count;
+            let from = [pair[0].x, pair[0].y].map(|v| f64::from(v) / NM_PER_MM);
+            visit([from[0] + middle * x, from[1] + middle * y], beam.power * (now - before));
+            before = now;
+        }
+        way += own;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::Run;
+
+    fn beam(speed: f64) -> Beam {
+        let model = GalvoModel::RestToRest { acceleration: 20_000.0, jerk: Some(1e6) };
+        Beam { model, speed, power: 1.2, spot: 0.0245 }
+    }
+
+    fn points(list: &[[i32; 2]]) -> Vec<FieldPoint> {
+        list.iter().map(|p| FieldPoint::from(*p)).collect()
+    }
+
+    #[test]
+    fn energy_is_power_times_time_and_worst_at_rests() {
+        // The jerk alone limits the first half of a spot from rest: t = (6 s / j)^(1/3).
+        let from_rest = |way: f64| (6.0 * way / 1e6).cbrt();
+        let mut one = LineEnergy::default();
+        one.add(&points(&[[0, 0], [20_000_000, 0]]), beam(100.0));
+        let run = Run::default().then([20.0, 0.0]);
+        let total = beam(100.0).model.run_s(run, 100.0);
+        assert!((one.mean_j_per_m().expect("a line") - 1.2 * total / 20e-3).abs() < 1e-9);
+        let worst = one.worst().expect("a line");
+        let share = 100.0 * from_rest(0.012_25) / 0.012_25;
+        assert!((worst.share - share).abs() < 1e-6 * share && worst.rest == Rest::End, "{worst:?} {share}");
+        // Over the ramps the spot takes sqrt(v / j) twice each, at half of the speed in the mean.
+        let ramps = 100.0 * 2.0 * (100.0f64 / 1e6).sqrt();
+        assert!((one.share_at_speed().expect("a line") - (1.0 - ramps / 20.0)).abs() < 1e-9);
+        // A corner between short runs gets more than the ends of a long one; twice the pen's speed makes it worse.
+        let mut bent = LineEnergy::default();
+        bent.add(&points(&[[0, 0], [20_000_000, 0], [20_000_000, 6_000], [0, 6_000]]), beam(100.0));
+        let short = bent.worst().expect("a line");
+        assert!(short.share > worst.share && short.rest == Rest::Corner && short.at.x == 20_000_000, "{short:?}");
+        let mut quick = LineEnergy::default();
+        quick.add(&points(&[[0, 0], [20_000_000, 0]]), beam(200.0));
+        assert!((quick.worst().expect("a line").share / worst.share - 2.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn nothing_is_said_of_dots_and_of_a_spot_that_is_always_at_speed() {
+        let mut none = LineEnergy::default();
+        none.add(&points(&[[0, 0], [1_000_000, 0]]), Beam { model: GalvoModel::AtSpeed, ..beam(100.0) });
+        none.add(&points(&[[5, 5]]), beam(100.0));
+        none.add(&[], beam(100.0));
+        assert_eq!((none.mean_j_per_m(), none.share_at_speed(), none.worst()), (None, None, None));
+    }
+
+    #[test]
+    fn deposits_sum_up_to_the_energy_of_the_marks_and_are_densest_at_corners() {
+        let bent = points(&[[0, 0], [3_000_000, 0], [3_000_000, 0], [6_000_000, 200_000], [6_000_000, 5_000_000]]);
+        for model in [beam(400.0).model, GalvoModel::AtSpeed] {
+            let beam = Beam { model, ..beam(400.0) };
+            let (mut sum, mut densest) = (0.0, ([0.0; 2], 0.0));
+            deposits(&bent, beam, 0.05, |at, energy| {
+                sum += energy;
+                if energy > densest.1 {
+                    densest = (at, energy);
+                }
+            });
+            let time: f64 = runs(&bent).map(|run| model.run_s(run, 400.0)).sum();
+            assert!((sum / (1.2 * time) - 1.0).abs() < 1e-12, "{sum}");
+            let is_at_rest = [[0.0, 0.0], [6.0, 0.2], [6.0, 5.0]]
+                .iter()
+                .any(|p| (p[0] - densest.0[0]).hypot(p[1] - densest.0[1]) < 0.05);
+            assert!(is_at_rest || model == GalvoModel::AtSpeed, "{densest:?}");
+        }
+    }
+}
