@@ -30,6 +30,113 @@ pub fn rest_to_rest(length: f64, speed: f64, acceleration: f64, jerk: Option<f64
     }
 }
 
+/// The motion behind [`rest_to_rest`]: up to a peak speed, on at it, and down to rest as it came up.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RestToRest {
+    length: f64,
+    peak: f64,
+    /// Peak acceleration on the ramps.
+    acceleration: f64,
+    /// Without a limit infinite.
+    jerk: f64,
+    /// How long the acceleration rises to its peak, s; 0 without a limit of jerk.
+    rise_s: f64,
+    /// Time of each ramp, s.
+    ramp_s: f64,
+}
+
+impl RestToRest {
+    /// Over `length` mm under limits as those of [`rest_to_rest`].
+    pub fn new(length: f64, speed: f64, acceleration: f64, jerk: Option<f64>) -> Self {
+        let (length, a) = (length.abs(), acceleration);
+        let Some(j) = jerk else {
+            let peak = speed.min((length * a).sqrt());
+            return Self { length, peak, acceleration: a, jerk: f64::INFINITY, rise_s: 0.0, ramp_s: peak / a };
+        };
+        // Both ramps together take peak * ramp_s of way: p (p/a + a/j), or 2 p sqrt(p/j) below the acceleration.
+        let slow = a / j;
+        let reaching = a / 2.0 * ((slow * slow + 4.0 * length / a).sqrt() - slow);
+        let peak = speed.min(if reaching >= a * slow { reaching } else { (length * length * j / 4.0).cbrt() });
+        if peak >= a * slow {
+            Self { length, peak, acceleration: a, jerk: j, rise_s: slow, ramp_s: peak / a + slow }
+        } else {
+            let rise_s = (peak / j).sqrt();
+            Self { length, peak, acceleration: j * rise_s, jerk: j, rise_s, ramp_s: 2.0 * rise_s }
+        }
+    }
+
+    /// Time of the whole, s: that of [`rest_to_rest`].
+    pub fn total_s(&self) -> f64 {
+        if self.length == 0.0 { 0.0 } else { self.length / self.peak + self.ramp_s }
+    }
+
+    /// The highest speed that it reaches, mm/s.
+    pub fn peak(&self) -> f64 {
+        self.peak
+    }
+
+    /// Speed at a time after the start, mm/s.
+    pub fn speed_at(&self, time: f64) -> f64 {
+        let t = time.min(self.total_s() - time).clamp(0.0, self.ramp_s);
+        if t < self.rise_s {
+            self.jerk * t * t / 2.0
+        } else if t <= self.ramp_s - self.rise_s {
+            self.acceleration * (t - self.rise_s / 2.0)
+        } else {
+            self.peak - self.jerk * (self.ramp_s - t).powi(2) / 2.0
+        }
+    }
+
+    /// Way at a time after the start, mm.
+    pub fn way_at(&self, time: f64) -> f64 {
+        let total = self.total_s();
+        if time > total / 2.0 {
+            return self.length - self.way_up((total - time).max(0.0));
+        }
+        self.way_up(time.max(0.0))
+    }
+
+    /// Way at a time of the first half.
+    fn way_up(&self, t: f64) -> f64 {
+        let ramp = self.peak * self.ramp_s / 2.0;
+        if t >= self.ramp_s {
+            ramp + self.peak * (t - self.ramp_s)
+        } else if t < self.rise_s {
+            self.jerk * t.powi(3) / 6.0
+        } else if t <= self.ramp_s - self.rise_s {
+            let u = t - self.rise_s;
+            let [way, speed] = if self.rise_s > 0.0 {
+                [self.jerk * self.rise_s.powi(3) / 6.0, self.jerk * self.rise_s.powi(2) / 2.0]
+            } else {
+                [0.0; 2]
+            };
+            way + speed * u + self.acceleration * u * u / 2.0
+        } else {
+            let u = self.ramp_s - t;
+            ramp - self.peak * u + self.jerk * u.powi(3) / 6.0
+        }
+    }
+
+    /// The time after the start at which it has come so far, s.
+    pub fn time_at(&self, way: f64) -> f64 {
+        let (way, total) = (way.clamp(0.0, self.length), self.total_s());
+        let near = way.min(self.length - way);
+        let ramp = self.peak * self.ramp_s / 2.0;
+        let time = if near >= ramp && self.peak > 0.0 {
+            self.ramp_s + (near - ramp) / self.peak
+        } else {
+            // The way grows with the time: bisection to the last bits that matter.
+            let [mut lo, mut hi] = [0.0, self.ramp_s];
+            for _ in 0..54 {
+                let middle = f64::midpoint(lo, hi);
+                *(if self.way_up(middle) < near { &mut lo } else { &mut hi }) = middle;
+            }
+            hi
+        };
+        if way <= self.length / 2.0 { time } else { total - time }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -87,5 +194,34 @@ mod tests {
         let (length, j) = (8.0, 134e6);
         let t = rest_to_rest(length, 1e9, 1e12, Some(j));
         assert!((j * t * t / 16.0 * t / 2.0 - length).abs() < 1e-9, "the mean speed is half of the peak");
+    }
+
+    #[test]
+    fn motion_keeps_its_limits_and_ends_when_the_time_says() {
+        for (v, a, j) in LIMITS {
+            for length in [1e-4, 0.07, 0.15686, 1.0, 3.9, 10.0, 40.0, 450.0] {
+                let motion = RestToRest::new(length, v, a, j);
+                let total = rest_to_rest(length, v, a, j);
+                assert!((motion.total_s() - total).abs() < 1e-12 * total, "{v} {a} {j:?} {length}");
+                assert!(motion.peak() <= v && motion.speed_at(total / 2.0) > 0.999_999 * motion.peak());
+                let step = total / 4000.0;
+                let ways: Vec<f64> = (0..=4000).map(|k| motion.way_at(f64::from(k) * step)).collect();
+                assert!(ways[0] == 0.0 && (ways[4000] - length).abs() < 1e-12 * length);
+                let d = |list: &[f64]| -> Vec<f64> { list.windows(2).map(|w| (w[1] - w[0]) / step).collect() };
+                let most = |list: &[f64]| list.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+                let speeds = d(&ways);
+                let [acceleration, jerk] = [d(&speeds), d(&d(&speeds))].map(|list| most(&list));
+                assert!(most(&speeds) <= v * (1.0 + 1e-9) && acceleration <= a * (1.0 + 1e-6), "{v} {a} {length}");
+                assert!(j.is_none_or(|j| jerk <= j * 1.001), "{jerk} of {j:?} at {length}");
+                for (k, way) in ways.iter().enumerate().step_by(37) {
+                    let time = k as f64 * step;
+                    assert!((motion.way_at(motion.time_at(*way)) - way).abs() < 1e-12 * length);
+                    let mean = (motion.way_at(time + step / 2.0) - motion.way_at(time - step / 2.0)) / step;
+                    let is_inside = k > 0 && k < 4000;
+                    assert!(!is_inside || (mean - motion.speed_at(time)).abs() < 2e-3 * motion.peak(), "{length} {k}");
+                }
+            }
+        }
+        assert_eq!(RestToRest::new(0.0, 1.0, 1.0, Some(1.0)).total_s(), 0.0);
     }
 }

@@ -14,15 +14,12 @@ pub mod height_field;
 pub mod schedule;
 
 use crate::geom::{NM_PER_MM, P2, mm_from_nm};
+use crate::motion::{CORNER, angle, is_corner};
 use crate::on_the_fly::path::follow::{Follow, Segment, Stretch};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::program::{Pen, PenId, PieceId, Program};
 use crate::projection::Tracer;
 use crate::surface::Surface;
-
-/// Turns sharper than this are corners, at which an axis that follows the path stops; between gentler ones
-/// the path is a curve, rad.
-pub const CORNER: f64 = 0.26;
 
 /// What the path does at a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -356,7 +353,7 @@ impl Path {
             let heading = heading(segment.a, segment.b);
             self.turn(match direction {
                 None => NodeKind::End,
-                Some(d) if angle(d, heading) > CORNER => NodeKind::Corner,
+                Some(d) if is_corner(d, heading) => NodeKind::Corner,
                 Some(_) => NodeKind::Vertex,
             });
             for t in follow::nodes(segment, t0, t1, spacing, near) {
@@ -407,11 +404,6 @@ fn pieces(a: P2, b: P2, spacing: f64) -> usize {
 
 fn heading(a: P2, b: P2) -> [f64; 2] {
     [mm_from_nm(b.x - a.x), mm_from_nm(b.y - a.y)]
-}
-
-/// Angle between two directions.
-fn angle(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] * b[1] - a[1] * b[0]).abs().atan2(a[0] * b[0] + a[1] * b[1])
 }
 
 #[cfg(test)]
