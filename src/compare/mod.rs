@@ -125,6 +125,15 @@ pub enum Beyond {
     Travel(String),
 }
 
+/// A motion of seven axes whose spot rests at every point of a stroke, not at corners alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EveryPoint {
+    /// Whole time, s.
+    pub total_s: f64,
+    /// What the scanner alone would take, s.
+    pub scanner_s: f64,
+}
+
 /// Figures of one system.
 #[derive(Clone, Debug, Default)]
 pub struct Figures {
@@ -133,6 +142,10 @@ pub struct Figures {
     /// What a simple model says, s: eq. 8 of Cui et al. for what steps and eq. 9 for what is synchronised, every move
     /// as long as that of a field; for turning axes a stop at every node of the path.
     pub model_s: Option<f64>,
+    /// What the scanner alone would take, s; None where it rests or its time is all of it.
+    pub scanner_s: Option<f64>,
+    /// With a stop of the spot at every point of a stroke, as in the article of seven axes.
+    pub every_point: Option<EveryPoint>,
     /// Time with a person who loads the file of each block, s; None for systems that need none.
     pub by_hand_s: Option<f64>,
     /// Standstills of the stage between marks.

@@ -17,6 +17,8 @@ pub mod check;
 pub mod decompose;
 pub mod path;
 pub mod program;
+pub mod spot;
+pub mod stage_path;
 pub mod statistics;
 pub mod stop_at_every_point;
 pub mod topp;

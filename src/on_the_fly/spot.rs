@@ -3,13 +3,14 @@
 //! Consumes a path with the tools above it and the limits of U and V; promises when the spot would be where on the path
 //! if the stage kept up: its *own time*. Where the machine states the scanner's acceleration the spot goes from rest to
 //! rest between its stops, as fast as speed, acceleration and jerk of U and V and the pen allow; on a straight run that
-//! is R(L) of [`crate::motion::rest_to_rest`] with L the larger of what U and V have to go. Else it is always at speed,
-//! and waits as the machine's delays say. Units: mm, s.
+//! is the motion of [`GalvoModel`], on a curve what the curve leaves of it. Else it is always at speed, and waits as the
+//! machine's delays say. Units: mm, s.
 //!
 //! # Source
 //! Ma et al. (2025) stop the galvo at every point of the curve; here it need not where the path runs straight on.
 
 use crate::diag::Error;
+use crate::motion::GalvoModel;
 use crate::on_the_fly::axes::kinematics::{Axes, machine_from_part};
 use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::path::{NodeKind, Path};
@@ -64,7 +65,7 @@ impl SpotMotion {
         Self { law: Law::Even, times: way.iter().map(|&s| [s; 2]).collect(), way: way.to_vec() }
     }
 
-    /// Under the limits of U and V, with the stage at `axes` over each node. Of run number i between `rests` the limits
+    /// Under the limits of U and V, or at speed, with the stage at `axes` over each node. Of run number i between `rests` the limits
     /// are taken as so many times smaller as `shares` says; none: the scanner has all of them.
     ///
     /// # Errors
@@ -77,11 +78,10 @@ impl SpotMotion {
         shares: &[f64],
     ) -> Result<Self, Error> {
         let way = path.distances();
-        let [limit, _] = model.scanner() else {
+        let Some(limit) = model.spot else {
             let visits = Schedule::of(path, model.machine, model.pens, 0.0).visits;
             return Ok(Self { law: Law::Even, times: visits.iter().map(|v| [v.arrive, v.leave]).collect(), way });
         };
-        let limits = [*limit; 2];
         let mut positions = vec![0.0; 2];
         let mut caps = Vec::with_capacity(path.len());
         for (run, w) in rests.windows(2).enumerate() {
@@ -114,9 +114,18 @@ impl SpotMotion {
                 }
             }
         }
-        let path = topp::Path { positions: &positions, s: &way, caps: &caps, stops: rests };
-        let timed = topp::time_optimal(&path, &limits, &topp::Options { gain: 5e-3, ..topp::Options::default() })?;
-        let times = timed.node_times().map(|t| [t; 2]).collect();
+        let all = topp::Path { positions: &positions, s: &way, caps: &caps, stops: rests };
+        let timed = topp::time_optimal(&all, &[limit; 2], &topp::Options { gain: 5e-3, ..topp::Options::default() })?;
+        // Before a mark the mirrors settle, as after any jump.
+        let settle = GalvoModel::of(model.machine).delays(model.machine).jump;
+        let mut later = 0.0;
+        let visit = |(i, t): (usize, f64)| {
+            let come = t + later;
+            let begins = path.nodes[i].kind == NodeKind::End && path.pen_at(i + 1).is_some();
+            later += if begins { settle } else { 0.0 };
+            [come, t + later]
+        };
+        let times = timed.node_times().enumerate().map(visit).collect();
         Ok(Self { law: Law::Profiled(timed), times, way })
     }
 
@@ -153,7 +162,11 @@ impl SpotMotion {
         let i = self.node_at(time, hint);
         let [from, to] = [self.way[i], self.way[i + 1]];
         match &self.law {
-            Law::Profiled(timed) => timed.parameter_at(time, cell).clamp(from, to),
+            // Rests are no part of the profile.
+            Law::Profiled(timed) if time > self.times[i][1] => {
+                timed.parameter_at(timed.node_time(i) + (time - self.times[i][1]), cell).clamp(from, to)
+            }
+            Law::Profiled(_) => from,
             Law::Even => {
                 let (begin, end) = (self.times[i][1], self.times[i + 1][0]);
                 from + ((time - begin) / (end - begin)).clamp(0.0, 1.0) * (to - from)

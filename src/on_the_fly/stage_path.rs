@@ -47,6 +47,11 @@ impl StagePath {
         Self { at, positions, bends, stops }
     }
 
+    /// Over the spot's own time through all tools, at rest at `stops`.
+    pub fn through_stops(spot: &SpotMotion, axes: &[Axes], stops: Vec<usize>) -> Self {
+        Self::new(spot.times().iter().map(|t| t[0]).collect(), axes.iter().flat_map(listed).collect(), stops)
+    }
+
     /// Over the spot's own time through the tool of every node of the path, but for nodes that are all but at one time.
     pub fn through_nodes(spot: &SpotMotion, axes: &[Axes], rewinds: &[[usize; 2]]) -> Self {
         let mut out = Legs::default();
@@ -58,11 +63,10 @@ impl StagePath {
 
     /// Over the spot's own time at a pace averaged over a `window` of it.
     pub fn evened(spot: &SpotMotion, axes: &[Axes], rewinds: &[[usize; 2]], window: f64) -> Self {
-        let tools = Self::new(
-            spot.way().to_vec(),
-            axes.iter().flat_map(|a| [a.xyz[0], a.xyz[1], a.xyz[2], a.a, a.c]).collect(),
-            std::iter::once(0).chain(rewinds.iter().flatten().copied()).chain([axes.len() - 1]).collect(),
-        );
+        let mut stops: Vec<usize> = rewinds.iter().flatten().copied().chain([0, axes.len() - 1]).collect();
+        stops.sort_unstable();
+        stops.dedup();
+        let tools = Self::new(spot.way().to_vec(), axes.iter().flat_map(listed).collect(), stops);
         let mut out = Legs::default();
         for Leg { first, last, rewinds } in legs(axes.len(), rewinds) {
             if rewinds {
@@ -112,7 +116,7 @@ impl StagePath {
         const APART: [f64; 2] = [5e-3, 1e-2];
         /// No more than half is taken: what is left of such a run is slowed down.
         const MOST: f64 = 2.0;
-        let Some([limit, _]) = model.scanner() else { return vec![1.0; rests.len() - 1] };
+        let Some(limit) = model.spot else { return vec![1.0; rests.len() - 1] };
         let of = |run: usize| {
             let (first, last) = (rests[run], rests[run + 1]);
             let [begin, end] = [spot.times()[first][0], spot.times()[last][0]];
@@ -150,6 +154,11 @@ impl StagePath {
         let chunks = runs.div_ceil(256);
         parallel::map(chunks, |c| (256 * c..(256 * (c + 1)).min(runs)).map(of).collect::<Vec<_>>()).concat()
     }
+}
+
+fn listed(axes: &Axes) -> [f64; STAGE] {
+    let [x, y, z] = axes.xyz;
+    [x, y, z, axes.a, axes.c]
 }
 
 /// Deviations of marks from the stage as it stands over them.
@@ -190,9 +199,9 @@ struct Legs {
 }
 
 impl Legs {
-    fn push(&mut self, at: f64, [x, y, z, a, c]: [f64; STAGE]) {
+    fn push(&mut self, at: f64, position: [f64; STAGE]) {
         self.at.push(at);
-        self.positions.extend([x, y, z, a, c]);
+        self.positions.extend(position);
     }
 
     fn by_nodes(&mut self, spot: &SpotMotion, axes: &[Axes], first: usize, last: usize) {
@@ -208,7 +217,7 @@ impl Legs {
             if self.at.last().is_some_and(|before| at - before <= apart) {
                 continue;
             }
-            self.push(at, [axes.xyz[0], axes.xyz[1], axes.xyz[2], axes.a, axes.c]);
+            self.push(at, listed(axes));
         }
         self.end();
     }

@@ -336,6 +336,11 @@ impl Timed {
         self.at_node.iter().map(|&i| self.time[i as usize])
     }
 
+    /// The time at a node of the path, s.
+    pub fn node_time(&self, node: usize) -> f64 {
+        self.time[self.at_node[node] as usize]
+    }
+
     /// ds/dt at the path's nodes, mm/s.
     pub fn node_rates(&self) -> impl ExactSizeIterator<Item = f64> + '_ {
         self.at_node.iter().map(|&i| self.rate[i as usize])
