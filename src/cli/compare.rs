@@ -45,7 +45,15 @@ const PAGE: &str = "compare.html";
 const FILES: [(&[&str], &[&str]); 3] = [
     (&["compare"], &["html", "json"]),
     (
-        &["overview", "systems", "deviations", "decompositions", "seven-axis-decompositions", "convergence"],
+        &[
+            "overview",
+            "systems",
+            "deviations",
+            "decompositions",
+            "seven-axis-decompositions",
+            "seven-axis-rests",
+            "convergence",
+        ],
         &["txt", "csv", "md"],
     ),
     (&["times", "back-off", "axes", "along", "paths"], &["svg"]),

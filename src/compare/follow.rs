@@ -1,7 +1,7 @@
 //! The systems that mark on the fly.
 
 use super::filters::{FAMILIES, filters};
-use super::{Beyond, Curves, EveryPoint, Figures, Hardware, Split, Subject, marked, path_of};
+use super::{Beyond, Curves, Figures, Hardware, RestTimes, Split, Subject, marked, path_of};
 use crate::block_map::BlockMap;
 use crate::diag::Error;
 use crate::geom::{BoxMm, NM_PER_MM, mm_from_nm};
@@ -14,12 +14,13 @@ use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::decompose::{Family, Limits, choose_average};
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::schedule::Schedule;
-use crate::on_the_fly::statistics::Statistics;
 use crate::on_the_fly::spot::Rests;
+use crate::on_the_fly::stage_path::Pace;
+use crate::on_the_fly::statistics::Statistics;
 use crate::on_the_fly::stop_at_every_point::stop_at_every_point;
 use crate::on_the_fly::turnaround::{Timed, Turnaround, quickest};
 use crate::on_the_fly::xyzacuv::{
-    AxisFigures, Instant, KinematicModel, TimedAxes, ToolPath, decompose, decompose_and_time,
+    AxisFigures, Decomposed, Instant, KinematicModel, TimedAxes, Timing, ToolPath, decompose, decompose_and_time,
 };
 use crate::on_the_fly::xyzuv::{Decomposition, ScannerLimits, step_scan_s, synchronise, synchronised_s};
 use crate::parallel;
@@ -262,14 +263,10 @@ impl<'a> Follower<'a> {
         let allowed = Limits { field: model.scanner_margin()?, ..subject.limits };
         let decomposed = decompose(&self.thin, &subject.height_field, &model, allowed, tools)?;
         if tools == ToolPath::Filtered(Family::Gaussian) {
-            curves.convergence = decomposed.convergence(&model, &subject.height_field, SHOWN)?;
+            curves.convergence = decomposed.convergence(&model, SHOWN)?;
         }
-        let scanner_s = match tools {
-            ToolPath::OnTheMark => None,
-            _ => Some(decomposed.scanner_s(&model, Rests::Corners)?),
-        };
-        let made = decomposed.timed(&model, &subject.height_field, Rests::Corners, 1)?;
-        let (mut job_key, mut every_point) = (None, None);
+        let made = decomposed.clone().timed(&model, Timing::default())?;
+        let mut job_key = None;
         if tools == ToolPath::Filtered(Family::Gaussian) {
             job_key = self.together().1.filter(|_| hardware == Hardware::Own);
             curves.back_off.clone_from(&made.back_off);
@@ -277,7 +274,7 @@ impl<'a> Follower<'a> {
             self.draw(&model, &made, curves);
             curves.shared = self.axis_figures(&model, allowed)?;
             notes.push(format!("sigma {:.0} um", made.strength.unwrap_or_default() * 1000.0));
-            every_point = Some(self.every_point(&model, allowed, made.strength.unwrap_or_default())?);
+            curves.rests = self.rests(&model, &decomposed, &made)?;
         }
         let mut travel: Vec<Beyond> = Vec::new();
         travel.extend(too_far(model.machine, BoxMm::of(made.axes.iter().map(|a| a.xyz))));
@@ -287,26 +284,32 @@ impl<'a> Follower<'a> {
         let model_s = Some(stop_at_every_point(&nodes, &model.all_limits()).total_s);
         let mut figures = self.turned(&model, made, tools, allowed)?;
         figures.beyond.extend(travel);
-        Ok(Figures {
-            notes,
-            model_s,
-            scanner_s,
-            every_point,
-            hardware,
-            job_key,
-            marked_mm: self.mark_mm,
-            ..figures
-        })
+        Ok(Figures { notes, model_s, hardware, job_key, marked_mm: self.mark_mm, ..figures })
     }
 
-    /// The same with the spot at rest at every point of a stroke, as in the article.
-    fn every_point(&self, model: &KinematicModel<'_>, allowed: Limits, strength: f64) -> Result<EveryPoint, Error> {
+    /// Times with other rests of the spot, and with the stage in step with it, as the article has it.
+    fn rests(
+        &self,
+        model: &KinematicModel<'_>,
+        decomposed: &Decomposed,
+        made: &TimedAxes,
+    ) -> Result<Vec<RestTimes>, Error> {
         let height_field = &self.subject.height_field;
-        let tools = ToolPath::Gaussian { sigma: strength };
-        let decomposed = decompose(&self.path, height_field, model, allowed, tools)?;
-        let scanner_s = decomposed.scanner_s(model, Rests::EveryPoint)?;
-        let total_s = decomposed.timed(model, height_field, Rests::EveryPoint, 1)?.total_s();
-        Ok(EveryPoint { total_s, scanner_s })
+        let of = |decomposed: &Decomposed, rests, total_s: Option<f64>| {
+            let pace = if total_s.is_some() { Pace::Even } else { Pace::InStep };
+            let timing = Timing { rests, pace, ..Timing::default() };
+            let scanner_s = decomposed.scanner_s(model, rests)?;
+            let timed = || Ok::<_, Error>(decomposed.clone().timed(model, timing)?.total_s());
+            Ok::<_, Error>(RestTimes { rests, pace, total_s: total_s.map_or_else(timed, Ok)?, scanner_s })
+        };
+        // Every vertex of a stroke is a node of the whole path.
+        let tools = ToolPath::Gaussian { sigma: made.strength.unwrap_or_default() };
+        let whole = decompose(&self.path, height_field, model, decomposed.limits, tools)?;
+        Ok(vec![
+            of(decomposed, Rests::Corners, Some(made.total_s()))?,
+            of(decomposed, Rests::Corners, None)?,
+            of(&whole, Rests::EveryPoint, None)?,
+        ])
     }
 
     /// Every decomposition of the first of the path.
@@ -494,8 +497,8 @@ fn turns_too_far(machine: &Machine, axes: &[Axes]) -> Option<Beyond> {
         let none = [f64::INFINITY, f64::NEG_INFINITY];
         let [lo, hi] = axes.iter().map(pick).fold(none, |[lo, hi], v| [lo.min(v), hi.max(v)]);
         let needs = (hi - lo).to_degrees();
-        let travel = axis.travel[1].as_deg() - axis.travel[0].as_deg();
-        (needs > travel).then(|| format!("{} needs {needs:.0} deg of travel", axis.letter.char()))
+        let [from, to] = axis.travel.ends()?.map(|end| end.as_deg());
+        (needs > to - from).then(|| format!("{} needs {needs:.0} deg of travel", axis.letter.char()))
     });
     let names: Vec<String> = names.collect();
     (!names.is_empty()).then(|| Beyond::Travel(names.join(", ")))

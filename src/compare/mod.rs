@@ -38,6 +38,8 @@ use crate::on_the_fly::decompose::Limits;
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::schedule::Schedule;
+use crate::on_the_fly::spot::Rests;
+use crate::on_the_fly::stage_path::Pace;
 use crate::on_the_fly::statistics::Statistics;
 use crate::on_the_fly::xyzacuv::{AxisFigures, BackOff};
 use crate::plan::strokes;
@@ -125,9 +127,13 @@ pub enum Beyond {
     Travel(String),
 }
 
-/// A motion of seven axes whose spot rests at every point of a stroke, not at corners alone.
+/// How long the seven axes take, by where the spot rests and how the stage goes along.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EveryPoint {
+pub struct RestTimes {
+    /// Where the spot rests.
+    pub rests: Rests,
+    /// How the stage goes.
+    pub pace: Pace,
     /// Whole time, s.
     pub total_s: f64,
     /// What the scanner alone would take, s.
@@ -142,10 +148,6 @@ pub struct Figures {
     /// What a simple model says, s: eq. 8 of Cui et al. for what steps and eq. 9 for what is synchronised, every move
     /// as long as that of a field; for turning axes a stop at every node of the path.
     pub model_s: Option<f64>,
-    /// What the scanner alone would take, s; None where it rests or its time is all of it.
-    pub scanner_s: Option<f64>,
-    /// With a stop of the spot at every point of a stroke, as in the article of seven axes.
-    pub every_point: Option<EveryPoint>,
     /// Time with a person who loads the file of each block, s; None for systems that need none.
     pub by_hand_s: Option<f64>,
     /// Standstills of the stage between marks.
@@ -214,6 +216,8 @@ pub struct Curves {
     pub filters: Vec<Filter>,
     /// Decompositions for seven axes of the path's first 20 m, with their names; as above.
     pub shared: Vec<(&'static str, AxisFigures)>,
+    /// Times of the seven axes with other rests of the spot, the row's own first.
+    pub rests: Vec<RestTimes>,
     /// Trials of the seven-axis back-off search.
     pub back_off: BackOff,
     /// Time and axis values of the first nodes of the seven-axis path.

@@ -1,6 +1,8 @@
 //! The comparison as tables, charts and a page.
 
 use super::{Comparison, Figures, Standing, Verdict};
+use crate::on_the_fly::spot::Rests;
+use crate::on_the_fly::stage_path::Pace;
 use crate::report::page::{Item, page_html};
 use crate::report::plot::{Axis, Bar, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
 use crate::report::table::{Cell, Column, Table};
@@ -198,6 +200,32 @@ fn shared(c: &Comparison) -> Option<Table> {
     Some(table)
 }
 
+/// Times of seven axes by where the spot rests; None where they were not asked for.
+fn rests(c: &Comparison) -> Option<Table> {
+    if c.curves.rests.is_empty() {
+        return None;
+    }
+    let columns = vec![
+        Column::text("spot rests at"),
+        Column::text("stage"),
+        Column::time("total"),
+        Column::time("scanner alone"),
+    ];
+    let mut table = Table::new("Seven axes by the rests of the spot", columns);
+    for row in &c.curves.rests {
+        let rests = match row.rests {
+            Rests::Corners => "corners",
+            Rests::EveryPoint => "every point",
+        };
+        let pace = match row.pace {
+            Pace::Even => "at an even pace",
+            Pace::InStep => "in step with the spot",
+        };
+        table.row([rests.into(), pace.into(), row.total_s.into(), row.scanner_s.into()]);
+    }
+    Some(table)
+}
+
 /// All tables, each with the name of its file.
 pub fn tables(c: &Comparison) -> Vec<(&'static str, Table)> {
     let all = [
@@ -206,6 +234,7 @@ pub fn tables(c: &Comparison) -> Vec<(&'static str, Table)> {
         ("deviations", deviations(c)),
         ("decompositions", decompositions(c)),
         ("seven-axis-decompositions", shared(c)),
+        ("seven-axis-rests", rests(c)),
         ("convergence", convergence(c)),
     ];
     all.into_iter().filter_map(|(name, table)| Some((name, table?))).collect()
@@ -302,8 +331,12 @@ pub fn page(c: &Comparison) -> String {
     figures.extend(table("systems").chain(table("deviations")));
     let divided: Vec<Item<'_>> =
         table("decompositions").chain(table("seven-axis-decompositions")).chain(plot("back-off")).collect();
-    let moved: Vec<Item<'_>> =
-        table("convergence").chain(plot("axes")).chain(plot("along")).chain(plot("paths")).collect();
+    let moved: Vec<Item<'_>> = table("seven-axis-rests")
+        .chain(table("convergence"))
+        .chain(plot("axes"))
+        .chain(plot("along"))
+        .chain(plot("paths"))
+        .collect();
     let folds = [
         ("Limits, all figures, and how deviations are spread", &figures),
         ("How motions are divided between scanner and stage", &divided),

@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 pub use command::{Commanded, Origin, TiltAngles};
 pub use cost::{Cost, Rate};
-pub use tilt_axes::{Letter, RotaryAxis, Tilt};
+pub use tilt_axes::{AngleCommands, AxisTravel, Letter, RotaryAxis, Tilt};
 
 use serde::{Deserialize, Serialize};
 

@@ -23,6 +23,15 @@ const FEWEST: usize = 8;
 /// Most nodes of a path: those of longer ones lie farther apart.
 const MOST: f64 = 400_000.0;
 
+/// How the stage goes along with the spot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pace {
+    /// As fast as the spot on average over a window of time.
+    Even,
+    /// Over the tool of every node as the spot comes to it.
+    InStep,
+}
+
 /// Stage axes over a rising parameter, a natural cubic spline between stops.
 #[derive(Clone, Debug, Default)]
 pub struct StagePath {
@@ -257,7 +266,13 @@ impl Legs {
         let mut hint = 0;
         for (k, pace) in pace[reach..=reach + count].iter().enumerate() {
             if k > 0 || self.at.is_empty() {
-                let s = if k == 0 { s0 } else if k == count { s1 } else { pace[0].clamp(s0, s1) };
+                let s = if k == 0 {
+                    s0
+                } else if k == count {
+                    s1
+                } else {
+                    pace[0].clamp(s0, s1)
+                };
                 let at = if k == count { end } else { begin + k as f64 * step };
                 self.push(at, tools.position(s, &mut hint));
             }
@@ -276,4 +291,3 @@ impl Legs {
         StagePath::new(self.at, self.positions, self.stops)
     }
 }
-

@@ -12,7 +12,7 @@
 //! Ma et al. (2025): Gaussian smoothing in arc length, as strong as focal offset, beam angle and displacement
 //! allow, searched from 30,000 um down by 0.95; here then by bisection up to the limit.
 
-use crate::diag::Error;
+use crate::diag::{Diag, Error};
 use crate::machine::{Letter, Machine};
 use crate::motion::GalvoModel;
 use crate::on_the_fly::axes::following_error::Servo;
@@ -23,7 +23,7 @@ use crate::on_the_fly::path::c_rewind::{Rewound, rewound};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::{Node, Path};
 use crate::on_the_fly::spot::{Rests, SpotMotion};
-use crate::on_the_fly::stage_path::{STAGE, StagePath, deviations};
+use crate::on_the_fly::stage_path::{Pace, STAGE, StagePath, deviations};
 use crate::on_the_fly::topp::{self, Limit, State, Timed};
 use crate::parallel;
 use crate::program::Pen;
@@ -79,9 +79,29 @@ pub struct Decomposed {
     pub path: Path,
     /// Stage axes over its nodes.
     pub axes: Vec<Axes>,
+    /// What is to be marked at its nodes, seen from the pivot.
+    marks: Vec<Pose>,
     tools: ToolPath,
     rewinds: Vec<[usize; 2]>,
-    limits: Limits,
+    /// What all marks should keep.
+    pub limits: Limits,
+}
+
+/// How a motion is timed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timing {
+    /// Where the spot rests.
+    pub rests: Rests,
+    /// How the stage goes along.
+    pub pace: Pace,
+    /// How many times finer the stage's grid is than it need be.
+    pub refine: usize,
+}
+
+impl Default for Timing {
+    fn default() -> Self {
+        Self { rests: Rests::Corners, pace: Pace::Even, refine: 1 }
+    }
 }
 
 /// A machine of seven axes under a part.
@@ -127,7 +147,8 @@ impl<'a> KinematicModel<'a> {
         let pivot = [0, 1, 2].map(|k| table.pivot[k].as_mm() - origin[k]);
         // A positive command turns the part right-handed; a positive C of the motion turns it the other way.
         let turntable = &table.axes[1];
-        let [lo, hi] = turntable.travel.map(|t| t.as_rad());
+        let endless = [f64::NEG_INFINITY, f64::INFINITY];
+        let [lo, hi] = turntable.travel.ends().map_or(endless, |ends| ends.map(|end| end.as_rad()));
         let c_travel = if turntable.reversed { [lo, hi] } else { [-hi, -lo] };
         Some(Self { machine, pens, limits: [x, y, z, a?, c?], spot, c_travel, pivot })
     }
@@ -225,7 +246,8 @@ pub fn decompose(
     };
     // A rewind of C in a jump adds nodes.
     let Rewound { path, axes, rewinds } = rewound(path, &axes, model.c_travel);
-    Ok(Decomposed { back_off, strength, path, axes, tools, rewinds, limits })
+    let marks = model.all(self::marks(&path, height_field));
+    Ok(Decomposed { back_off, strength, path, axes, marks, tools, rewinds, limits })
 }
 
 /// Decomposes a path between the axes of a model and times it.
@@ -239,7 +261,7 @@ pub fn decompose_and_time(
     limits: Limits,
     tools: ToolPath,
 ) -> Result<TimedAxes, Error> {
-    decompose(path, height_field, model, limits, tools)?.timed(model, height_field, Rests::Corners, 1)
+    decompose(path, height_field, model, limits, tools)?.timed(model, Timing::default())
 }
 
 /// Windows of time over which the pace of the stage is averaged, s: the longest with which all limits hold is taken.
@@ -248,18 +270,11 @@ const WINDOWS: [f64; 3] = [0.1, 0.05, 0.025];
 const FINE: f64 = 0.0125;
 
 impl Decomposed {
-    /// Its motion with the spot at rest at `rests`, the stage on a grid `refine` times as fine.
+    /// Its motion.
     ///
     /// # Errors
     /// Those of [`topp::time_optimal`], which are faults of the program.
-    pub fn timed(
-        self,
-        model: &KinematicModel<'_>,
-        height_field: &HeightField,
-        rests: Rests,
-        refine: usize,
-    ) -> Result<TimedAxes, Error> {
-        let marks = model.all(marks(&self.path, height_field));
+    pub fn timed(self, model: &KinematicModel<'_>, timing: Timing) -> Result<TimedAxes, Error> {
         let carries = self.tools == ToolPath::OnTheMark;
         let (spot, stage, caps) = if carries {
             let spot = SpotMotion::carried(&self.path.distances());
@@ -267,18 +282,53 @@ impl Decomposed {
             let caps = (1..self.path.len()).map(|i| model.cap(&self.path, spot.way(), i)).collect();
             (spot, stage, caps)
         } else {
-            let (spot, stage) = self.shared(model, rests, &marks)?;
+            let (spot, stage) = self.shared(model, timing)?;
             let caps = vec![1.0; stage.at.len() - 1];
             (spot, stage, caps)
         };
         let axes = stage.at_nodes(&spot);
-        let deviation = deviations(&marks, &axes);
+        let deviation = deviations(&self.marks, &axes);
         // Jerks are seen where cells are short.
         let apart = stage.at.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max);
         let finer = if carries { 1 } else { ((apart / FINE).ceil() as usize).clamp(1, 4) };
-        let stage = model.time(&stage, &caps, refine * finer)?;
+        let stage = model.time(&stage, &caps, timing.refine * finer)?;
         let Self { back_off, strength, path, .. } = self;
         Ok(TimedAxes { back_off, strength, path, axes, deviation, spot, stage, carries })
+    }
+
+    /// Refuses what the swivel and the turntable have no travel for, before any time is spent on it.
+    ///
+    /// # Errors
+    /// `travel`, with the travel that would be needed.
+    pub fn within_travel(&self, model: &KinematicModel<'_>) -> Result<(), Error> {
+        let Some(table) = &model.machine.tilt else { return Ok(()) };
+        // A positive C of the motion turns the part the other way than a positive command.
+        let picks: [(fn(&Axes) -> f64, f64); 2] = [(|a| a.a, 1.0), (|a| a.c, -1.0)];
+        let mut faults = Vec::new();
+        for (axis, (pick, sign)) in table.axes.iter().zip(picks) {
+            let Some([lo, hi]) = axis.travel.ends().map(|ends| ends.map(|end| end.as_deg())) else { continue };
+            let sign = if axis.reversed { -sign } else { sign };
+            let none = [f64::INFINITY, f64::NEG_INFINITY];
+            let commands = self.axes.iter().map(|axes| (sign * pick(axes)).to_degrees());
+            let [least, most] = commands.fold(none, |[l, m], v| [l.min(v), m.max(v)]);
+            if least >= lo - 1e-6 && most <= hi + 1e-6 {
+                continue;
+            }
+            let letter = axis.letter.char();
+            let text = format!(
+                "{letter} would have to turn from {least:.2} to {most:.2} deg, {:.2} deg in all; its travel is {lo} to \
+                 {hi} deg",
+                most - least
+            );
+            let hint = if axis.letter == Letter::C {
+                "jumps are where C can turn back: mark with more of them, or on a turntable without ends \
+                 (travel = \"continuous\")"
+            } else {
+                "see the travel of A in the machine file; a part may lean no more than that"
+            };
+            faults.push(Diag::limit("travel", text).hint(hint));
+        }
+        if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
     }
 
     /// The scanner's time of the whole path if the stage took nothing of its limits and were never too slow, s.
@@ -293,18 +343,14 @@ impl Decomposed {
     ///
     /// # Errors
     /// As [`Decomposed::timed`].
-    pub fn convergence(
-        &self,
-        model: &KinematicModel<'_>,
-        height_field: &HeightField,
-        length: f64,
-    ) -> Result<Vec<[f64; 2]>, Error> {
+    pub fn convergence(&self, model: &KinematicModel<'_>, length: f64) -> Result<Vec<[f64; 2]>, Error> {
         let count = self.path.distances().partition_point(|&s| s <= length).max(2).min(self.path.len());
         let rewinds: Vec<[usize; 2]> = self.rewinds.iter().copied().filter(|r| r[1] < count).collect();
         let on = |refine| {
             let (path, axes) = (self.path.piece(0..count), self.axes[..count].to_vec());
-            let first = Self { path, axes, rewinds: rewinds.clone(), ..self.clone() };
-            let timed = first.timed(model, height_field, Rests::Corners, refine)?;
+            let (marks, rewinds) = (self.marks[..count].to_vec(), rewinds.clone());
+            let first = Self { path, axes, marks, rewinds, back_off: BackOff::new(), ..*self };
+            let timed = first.timed(model, Timing { refine, ..Timing::default() })?;
             Ok([timed.stage.report().cells as f64, timed.total_s()])
         };
         [1, 2, 4].into_iter().map(on).collect()
@@ -314,20 +360,19 @@ impl Decomposed {
     fn shared(
         &self,
         model: &KinematicModel<'_>,
-        rests: Rests,
-        marks: &[Pose],
+        Timing { rests, pace, .. }: Timing,
     ) -> Result<(SpotMotion, StagePath), Error> {
         let Self { path, axes, rewinds, .. } = self;
         let stops = rests.of(path);
         let weights = path.weights();
         let stage_of = |spot: &SpotMotion| {
             let through = || StagePath::through_nodes(spot, axes, rewinds);
-            if self.tools == ToolPath::LeastAcceleration {
+            if pace == Pace::InStep || self.tools == ToolPath::LeastAcceleration {
                 return through();
             }
             let evened = |window: f64| {
                 let stage = StagePath::evened(spot, axes, rewinds, window);
-                let found = deviations(marks, &stage.at_nodes(spot));
+                let found = deviations(&self.marks, &stage.at_nodes(spot));
                 self.limits.hold(worst(&found, &weights)).then_some(stage)
             };
             WINDOWS.into_iter().find_map(evened).unwrap_or_else(through)
@@ -541,3 +586,6 @@ impl Resampled {
         (trials, finer.map_or(held, |r| r.strength))
     }
 }
+
+#[cfg(test)]
+mod tests;

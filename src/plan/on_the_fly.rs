@@ -25,7 +25,7 @@ use crate::on_the_fly::path::{Followed, Node, Path};
 use crate::on_the_fly::program::{Kind, Program};
 use crate::on_the_fly::spot::Rests;
 use crate::on_the_fly::turnaround::quickest;
-use crate::on_the_fly::xyzacuv::{Instant, KinematicModel, TimedAxes, ToolPath, decompose_and_time};
+use crate::on_the_fly::xyzacuv::{Instant, KinematicModel, TimedAxes, Timing, ToolPath, decompose};
 use crate::on_the_fly::xyzuv::ScannerLimits;
 use crate::program::{Pen, PieceId};
 use crate::progress::Task;
@@ -283,8 +283,9 @@ impl Planner<'_> {
     fn seven(&self, path: &Path, model: &KinematicModel<'_>) -> Result<Motion, Error> {
         let angle = self.job.limits.warn_incidence.as_rad();
         let wanted = Limits { focus: (1.0 - SPARE_FOCUS) * self.focus, angle, field: model.scanner_margin()? - SPARE };
-        let found = decompose_and_time(path, self.height_field, model, wanted, ToolPath::Filtered(Family::Gaussian))?;
-        Ok(turning(model, &found))
+        let found = decompose(path, self.height_field, model, wanted, ToolPath::Filtered(Family::Gaussian))?;
+        found.within_travel(model)?;
+        Ok(turning(model, &found.timed(model, Timing::default())?))
     }
 
     fn five(&self, path: &Path, machine: &Machine, task: Task<'_>) -> Result<Motion, Error> {

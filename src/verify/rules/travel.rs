@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use super::stage::{Positions, StageFile};
 use super::stage_text;
 use crate::geom::{Nm, mm_from_nm};
-use crate::machine::Machine;
+use crate::machine::{AngleCommands, Machine};
 use crate::program::Block;
 use crate::verify::proof::Rule;
 use crate::verify::read::program::ProgramFile;
@@ -64,12 +64,13 @@ fn tilt_fault(machine: &Machine, block: &Block) -> Option<String> {
     };
     let wrong = table.axes.iter().zip(block.stop.tilt.0).find(|(axis, command)| !axis.takes(*command));
     wrong.map(|(axis, command)| {
-        let (letter, [lo, hi]) = (axis.letter.char(), axis.travel);
-        format!(
-            "{letter} is commanded to {} deg, but its travel is {lo} to {hi} in steps of {}",
-            command as f64 / 1e6,
-            axis.increment
-        )
+        let (letter, step) = (axis.letter.char(), axis.increment);
+        let travel = match (axis.travel.ends(), axis.commands) {
+            (Some([lo, hi]), _) => format!("its travel is {lo} to {hi}"),
+            (None, AngleCommands::Modulo) => "it is commanded modulo a turn".into(),
+            (None, AngleCommands::Absolute) => "it turns".into(),
+        };
+        format!("{letter} is commanded to {} deg, but {travel} in steps of {step}", command as f64 / 1e6)
     })
 }
 
