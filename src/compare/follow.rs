@@ -15,12 +15,11 @@ use crate::on_the_fly::decompose::{Family, Limits, choose_average};
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::spot::Rests;
-use crate::on_the_fly::stage_path::Pace;
 use crate::on_the_fly::statistics::Statistics;
 use crate::on_the_fly::stop_at_every_point::stop_at_every_point;
 use crate::on_the_fly::turnaround::{Timed, Turnaround, quickest};
 use crate::on_the_fly::xyzacuv::{
-    AxisFigures, Decomposed, Instant, KinematicModel, TimedAxes, Timing, ToolPath, decompose, decompose_and_time,
+    AxisFigures, Decomposed, Instant, KinematicModel, TimedAxes, ToolPath, decompose, decompose_and_time,
 };
 use crate::on_the_fly::xyzuv::{Decomposition, ScannerLimits, step_scan_s, synchronise, synchronised_s};
 use crate::parallel;
@@ -265,7 +264,7 @@ impl<'a> Follower<'a> {
         if tools == ToolPath::Filtered(Family::Gaussian) {
             curves.convergence = decomposed.convergence(&model, SHOWN)?;
         }
-        let made = decomposed.clone().timed(&model, Timing::default())?;
+        let made = decomposed.clone().timed(&model, 1)?;
         let mut job_key = None;
         if tools == ToolPath::Filtered(Family::Gaussian) {
             job_key = self.together().1.filter(|_| hardware == Hardware::Own);
@@ -287,28 +286,23 @@ impl<'a> Follower<'a> {
         Ok(Figures { notes, model_s, hardware, job_key, marked_mm: self.mark_mm, ..figures })
     }
 
-    /// Times with other rests of the spot, and with the stage in step with it, as the article has it.
+    /// The time of a motion, and what the model of the article makes of its stage in step with the spot: at rest at
+    /// corners, and at every point of a stroke.
     fn rests(
         &self,
         model: &KinematicModel<'_>,
         decomposed: &Decomposed,
         made: &TimedAxes,
     ) -> Result<Vec<RestTimes>, Error> {
-        let height_field = &self.subject.height_field;
-        let of = |decomposed: &Decomposed, rests, total_s: Option<f64>| {
-            let pace = if total_s.is_some() { Pace::Even } else { Pace::InStep };
-            let timing = Timing { rests, pace, ..Timing::default() };
-            let scanner_s = decomposed.scanner_s(model, rests)?;
-            let timed = || Ok::<_, Error>(decomposed.clone().timed(model, timing)?.total_s());
-            Ok::<_, Error>(RestTimes { rests, pace, total_s: total_s.map_or_else(timed, Ok)?, scanner_s })
-        };
         // Every vertex of a stroke is a node of the whole path.
         let tools = ToolPath::Gaussian { sigma: made.strength.unwrap_or_default() };
-        let whole = decompose(&self.path, height_field, model, decomposed.limits, tools)?;
+        let whole = decompose(&self.path, &self.subject.height_field, model, decomposed.limits, tools)?;
+        let [scanner_s, in_step_s] = decomposed.in_step_s(model, Rests::Corners)?;
+        let [every_s, every_in_step_s] = whole.in_step_s(model, Rests::EveryPoint)?;
         Ok(vec![
-            of(decomposed, Rests::Corners, Some(made.total_s()))?,
-            of(decomposed, Rests::Corners, None)?,
-            of(&whole, Rests::EveryPoint, None)?,
+            RestTimes { rests: Rests::Corners, in_step: false, total_s: made.total_s(), scanner_s },
+            RestTimes { rests: Rests::Corners, in_step: true, total_s: in_step_s, scanner_s },
+            RestTimes { rests: Rests::EveryPoint, in_step: true, total_s: every_in_step_s, scanner_s: every_s },
         ])
     }
 

@@ -39,7 +39,6 @@ use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::spot::Rests;
-use crate::on_the_fly::stage_path::Pace;
 use crate::on_the_fly::statistics::Statistics;
 use crate::on_the_fly::xyzacuv::{AxisFigures, BackOff};
 use crate::plan::strokes;
@@ -132,8 +131,8 @@ pub enum Beyond {
 pub struct RestTimes {
     /// Where the spot rests.
     pub rests: Rests,
-    /// How the stage goes.
-    pub pace: Pace,
+    /// Whether the stage keeps in step with the spot, as the article's does; by a model that knows no jerk of the stage.
+    pub in_step: bool,
     /// Whole time, s.
     pub total_s: f64,
     /// What the scanner alone would take, s.

@@ -2,7 +2,6 @@
 
 use super::{Comparison, Figures, Standing, Verdict};
 use crate::on_the_fly::spot::Rests;
-use crate::on_the_fly::stage_path::Pace;
 use crate::report::page::{Item, page_html};
 use crate::report::plot::{Axis, Bar, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
 use crate::report::table::{Cell, Column, Table};
@@ -217,10 +216,7 @@ fn rests(c: &Comparison) -> Option<Table> {
             Rests::Corners => "corners",
             Rests::EveryPoint => "every point",
         };
-        let pace = match row.pace {
-            Pace::Even => "at an even pace",
-            Pace::InStep => "in step with the spot",
-        };
+        let pace = if row.in_step { "in step with the spot" } else { "at an even pace" };
         table.row([rests.into(), pace.into(), row.total_s.into(), row.scanner_s.into()]);
     }
     Some(table)

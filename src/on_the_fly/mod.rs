@@ -15,6 +15,7 @@ pub mod banded_qp;
 pub mod beam_hits;
 pub mod check;
 pub mod decompose;
+pub mod in_step;
 pub mod path;
 pub mod program;
 pub mod spot;

@@ -59,14 +59,28 @@ enum Law {
 /// A run is straight where no node is farther from its chord, mm: vertices lie on a grid of nanometres.
 const STRAIGHT: f64 = 5e-6;
 
+/// By how much the speeds along a straight run may differ that is taken as one of a single speed.
+const UNEVEN: f64 = 1.2;
+
+/// The largest speed of the spot, seen from the lens, with which the stage comes to a node in time, mm/s.
+fn stage_cap(model: &KinematicModel<'_>, way: &[f64], axes: &[Axes], i: usize) -> f64 {
+    let (a, b) = (&axes[i - 1], &axes[i]);
+    let steps = [b.xyz[0] - a.xyz[0], b.xyz[1] - a.xyz[1], b.xyz[2] - a.xyz[2], b.a - a.a, b.c - a.c];
+    let times = steps.iter().zip(&model.limits).map(|(step, limit)| step.abs() / limit.speed);
+    (way[i] - way[i - 1]) / times.fold(0.0, f64::max)
+}
+
 impl SpotMotion {
     /// Of a spot that rests in the field while the stage carries it: its own time is the way, mm.
     pub fn carried(way: &[f64]) -> Self {
         Self { law: Law::Even, times: way.iter().map(|&s| [s; 2]).collect(), way: way.to_vec() }
     }
 
-    /// Under the limits of U and V, or at speed, with the stage at `axes` over each node. Of run number i between `rests` the limits
-    /// are taken as so many times smaller as `shares` says; none: the scanner has all of them.
+    /// Under the limits of U and V, or at speed, with the stage at `axes` over each node.
+    ///
+    /// Of run number i between `rests` the limits are taken as so many times smaller as `shares` says; none: the scanner
+    /// has all of them. Where it is `paced` the spot waits for the stage on its way rather than at its rests: it is no
+    /// faster than the stage can be from node to node.
     ///
     /// # Errors
     /// Those of [`topp::time_optimal`], which are faults of the program.
@@ -76,6 +90,7 @@ impl SpotMotion {
         model: &KinematicModel<'_>,
         rests: &[usize],
         shares: &[f64],
+        paced: bool,
     ) -> Result<Self, Error> {
         let way = path.distances();
         let Some(limit) = model.spot else {
@@ -95,14 +110,24 @@ impl SpotMotion {
                 [share * u, share * v]
             };
             let from = [positions[positions.len() - 2], positions[positions.len() - 1]];
-            let cap = |i: usize| model.cap(path, &way, i);
+            let own = |i: usize| model.cap(path, &way, i);
+            let cap = |i: usize| if paced { own(i).min(stage_cap(model, &way, axes, i)) } else { own(i) };
+            let run: Vec<f64> = (first + 1..=last).map(cap).collect();
             if is_straight(path, first, last) {
                 let (whole, length) = (step(first, last), way[last] - way[first]);
-                let slowest = (first + 1..=last).map(cap).fold(f64::INFINITY, f64::min);
                 for at in &way[first + 1..=last] {
                     let t = (at - way[first]) / length;
                     positions.extend([0, 1].map(|k| from[k] + t * whole[k]));
-                    caps.push(slowest);
+                }
+                let [least, most] = run.iter().fold([f64::INFINITY, 0.0f64], |[l, m], &c| [l.min(c), m.max(c)]);
+                if most < UNEVEN * least {
+                    // One speed for all of it, that of the same time.
+                    let time: f64 =
+                        run.iter().enumerate().map(|(k, c)| (way[first + k + 1] - way[first + k]) / c).sum();
+                    let slowest = (first + 1..=last).map(own).fold(length / time, f64::min);
+                    caps.resize(last, slowest);
+                } else {
+                    caps.extend(run);
                 }
             } else {
                 let mut at = from;
@@ -110,8 +135,8 @@ impl SpotMotion {
                     let d = step(i - 1, i);
                     at = [at[0] + d[0], at[1] + d[1]];
                     positions.extend(at);
-                    caps.push(cap(i));
                 }
+                caps.extend(run);
             }
         }
         let all = topp::Path { positions: &positions, s: &way, caps: &caps, stops: rests };

@@ -23,15 +23,6 @@ const FEWEST: usize = 8;
 /// Most nodes of a path: those of longer ones lie farther apart.
 const MOST: f64 = 400_000.0;
 
-/// How the stage goes along with the spot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pace {
-    /// As fast as the spot on average over a window of time.
-    Even,
-    /// Over the tool of every node as the spot comes to it.
-    InStep,
-}
-
 /// Stage axes over a rising parameter, a natural cubic spline between stops.
 #[derive(Clone, Debug, Default)]
 pub struct StagePath {
@@ -165,7 +156,8 @@ impl StagePath {
     }
 }
 
-fn listed(axes: &Axes) -> [f64; STAGE] {
+/// X, Y, Z, A, C.
+pub fn listed(axes: &Axes) -> [f64; STAGE] {
     let [x, y, z] = axes.xyz;
     [x, y, z, axes.a, axes.c]
 }
@@ -235,6 +227,7 @@ impl Legs {
         let (times, way) = (spot.times(), spot.way());
         let end = if last + 1 == times.len() { spot.total() } else { times[last][0] };
         let [begin, s0, s1] = [times[first][0], way[first], way[last]];
+        let window = window.min(end - begin);
         let least = (window / NODES).max(spot.total() / MOST);
         let count = (((end - begin) / least).ceil() as usize).max(FEWEST);
         let step = (end - begin) / count as f64;

@@ -19,11 +19,12 @@ use crate::on_the_fly::axes::following_error::Servo;
 use crate::on_the_fly::axes::kinematics::{Axes, Branches, Deviation, Pose, follow};
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::decompose::{Family, Limits, Trial, back_off, refine, rms_bend, seven_axes, stage};
+use crate::on_the_fly::in_step::in_step_s;
 use crate::on_the_fly::path::c_rewind::{Rewound, rewound};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::{Node, Path};
 use crate::on_the_fly::spot::{Rests, SpotMotion};
-use crate::on_the_fly::stage_path::{Pace, STAGE, StagePath, deviations};
+use crate::on_the_fly::stage_path::{STAGE, StagePath, deviations, listed};
 use crate::on_the_fly::topp::{self, Limit, State, Timed};
 use crate::parallel;
 use crate::program::Pen;
@@ -85,23 +86,6 @@ pub struct Decomposed {
     rewinds: Vec<[usize; 2]>,
     /// What all marks should keep.
     pub limits: Limits,
-}
-
-/// How a motion is timed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Timing {
-    /// Where the spot rests.
-    pub rests: Rests,
-    /// How the stage goes along.
-    pub pace: Pace,
-    /// How many times finer the stage's grid is than it need be.
-    pub refine: usize,
-}
-
-impl Default for Timing {
-    fn default() -> Self {
-        Self { rests: Rests::Corners, pace: Pace::Even, refine: 1 }
-    }
 }
 
 /// A machine of seven axes under a part.
@@ -235,12 +219,19 @@ pub fn decompose(
             (BackOff::new(), Some(sigma), follow(&tools, model.branches()))
         }
         ToolPath::LeastAcceleration => {
-            // Least over the time that the scanner takes, which depends but little on how the stage stands.
+            // Least over the time that the spot takes, which depends but little on how the stage stands; where the
+            // stage slows it down, once more over that time.
             let marks = model.all(marks);
-            let upright = follow(&marks, model.branches());
-            let spot = SpotMotion::new(path, &upright, model, &Rests::Corners.of(path), &[])?;
-            let times: Vec<f64> = spot.times().iter().map(|t| t[0]).collect();
-            (BackOff::new(), None, seven_axes(&marks, &steps(&times), limits))
+            let rests = Rests::Corners.of(path);
+            let over = |spot: &SpotMotion| {
+                let times: Vec<f64> = spot.times().iter().map(|t| t[0]).collect();
+                seven_axes(&marks, &steps(&times), limits)
+            };
+            let alone = SpotMotion::new(path, &follow(&marks, model.branches()), model, &rests, &[], false)?;
+            let axes = over(&alone);
+            let paced = SpotMotion::new(path, &axes, model, &rests, &[], true)?;
+            let is_slower = paced.total() > SLOWER * alone.total();
+            (BackOff::new(), None, if is_slower { over(&paced) } else { axes })
         }
         ToolPath::OnTheMark => (BackOff::new(), None, follow(&model.all(marks), model.branches())),
     };
@@ -261,20 +252,22 @@ pub fn decompose_and_time(
     limits: Limits,
     tools: ToolPath,
 ) -> Result<TimedAxes, Error> {
-    decompose(path, height_field, model, limits, tools)?.timed(model, Timing::default())
+    decompose(path, height_field, model, limits, tools)?.timed(model, 1)
 }
 
 /// Windows of time over which the pace of the stage is averaged, s: the longest with which all limits hold is taken.
 const WINDOWS: [f64; 3] = [0.1, 0.05, 0.025];
+/// How many times longer the spot takes with the stage where least acceleration is looked for over that time again.
+const SLOWER: f64 = 1.1;
 /// Longest time between nodes of the stage that its jerk is looked at, s.
 const FINE: f64 = 0.0125;
 
 impl Decomposed {
-    /// Its motion.
+    /// Its motion, the stage's time found on a grid `refine` times as fine.
     ///
     /// # Errors
     /// Those of [`topp::time_optimal`], which are faults of the program.
-    pub fn timed(self, model: &KinematicModel<'_>, timing: Timing) -> Result<TimedAxes, Error> {
+    pub fn timed(self, model: &KinematicModel<'_>, refine: usize) -> Result<TimedAxes, Error> {
         let carries = self.tools == ToolPath::OnTheMark;
         let (spot, stage, caps) = if carries {
             let spot = SpotMotion::carried(&self.path.distances());
@@ -282,7 +275,7 @@ impl Decomposed {
             let caps = (1..self.path.len()).map(|i| model.cap(&self.path, spot.way(), i)).collect();
             (spot, stage, caps)
         } else {
-            let (spot, stage) = self.shared(model, timing)?;
+            let (spot, stage) = self.shared(model)?;
             let caps = vec![1.0; stage.at.len() - 1];
             (spot, stage, caps)
         };
@@ -291,7 +284,7 @@ impl Decomposed {
         // Jerks are seen where cells are short.
         let apart = stage.at.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max);
         let finer = if carries { 1 } else { ((apart / FINE).ceil() as usize).clamp(1, 4) };
-        let stage = model.time(&stage, &caps, timing.refine * finer)?;
+        let stage = model.time(&stage, &caps, refine * finer)?;
         let Self { back_off, strength, path, .. } = self;
         Ok(TimedAxes { back_off, strength, path, axes, deviation, spot, stage, carries })
     }
@@ -331,12 +324,17 @@ impl Decomposed {
         if faults.is_empty() { Ok(()) } else { Err(Error::many(faults)) }
     }
 
-    /// The scanner's time of the whole path if the stage took nothing of its limits and were never too slow, s.
+    /// The scanner's time of the whole path, s, if the stage took nothing of its limits and were never too slow; and the
+    /// time with the stage in step with it ([`in_step`](super::in_step)).
     ///
     /// # Errors
     /// As [`Decomposed::timed`].
-    pub fn scanner_s(&self, model: &KinematicModel<'_>, rests: Rests) -> Result<f64, Error> {
-        Ok(SpotMotion::new(&self.path, &self.axes, model, &rests.of(&self.path), &[])?.total())
+    pub fn in_step_s(&self, model: &KinematicModel<'_>, rests: Rests) -> Result<[f64; 2], Error> {
+        let nodes = rests.of(&self.path);
+        let spot = SpotMotion::new(&self.path, &self.axes, model, &nodes, &[], false)?;
+        let times: Vec<f64> = nodes.windows(2).map(|w| spot.times()[w[1]][0] - spot.times()[w[0]][0]).collect();
+        let positions: Vec<[f64; STAGE]> = nodes.iter().map(|&i| listed(&self.axes[i])).collect();
+        Ok([spot.total(), in_step_s(&times, &positions, &model.limits)])
     }
 
     /// Cells and least times, s, of the first `length` mm of the path on grids that are 1, 2 and 4 times as fine.
@@ -350,24 +348,20 @@ impl Decomposed {
             let (path, axes) = (self.path.piece(0..count), self.axes[..count].to_vec());
             let (marks, rewinds) = (self.marks[..count].to_vec(), rewinds.clone());
             let first = Self { path, axes, marks, rewinds, back_off: BackOff::new(), ..*self };
-            let timed = first.timed(model, Timing { refine, ..Timing::default() })?;
+            let timed = first.timed(model, refine)?;
             Ok([timed.stage.report().cells as f64, timed.total_s()])
         };
         [1, 2, 4].into_iter().map(on).collect()
     }
 
     /// The spot between its rests, and the stage over its time.
-    fn shared(
-        &self,
-        model: &KinematicModel<'_>,
-        Timing { rests, pace, .. }: Timing,
-    ) -> Result<(SpotMotion, StagePath), Error> {
+    fn shared(&self, model: &KinematicModel<'_>) -> Result<(SpotMotion, StagePath), Error> {
         let Self { path, axes, rewinds, .. } = self;
-        let stops = rests.of(path);
+        let stops = Rests::Corners.of(path);
         let weights = path.weights();
         let stage_of = |spot: &SpotMotion| {
             let through = || StagePath::through_nodes(spot, axes, rewinds);
-            if pace == Pace::InStep || self.tools == ToolPath::LeastAcceleration {
+            if self.tools == ToolPath::LeastAcceleration {
                 return through();
             }
             let evened = |window: f64| {
@@ -377,14 +371,14 @@ impl Decomposed {
             };
             WINDOWS.into_iter().find_map(evened).unwrap_or_else(through)
         };
-        let alone = SpotMotion::new(path, axes, model, &stops, &[])?;
+        let alone = SpotMotion::new(path, axes, model, &stops, &[], true)?;
         if model.spot.is_none() {
             let stage = stage_of(&alone);
             return Ok((alone, stage));
         }
         // What the stage takes of the scanner's limits is known once it moves; the scanner then is a little slower.
         let shares = stage_of(&alone).shares(path, &alone, model, &stops);
-        let spot = SpotMotion::new(path, axes, model, &stops, &shares)?;
+        let spot = SpotMotion::new(path, axes, model, &stops, &shares, true)?;
         let stage = stage_of(&spot);
         Ok((spot, stage))
     }

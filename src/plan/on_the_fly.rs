@@ -25,7 +25,7 @@ use crate::on_the_fly::path::{Followed, Node, Path};
 use crate::on_the_fly::program::{Kind, Program};
 use crate::on_the_fly::spot::Rests;
 use crate::on_the_fly::turnaround::quickest;
-use crate::on_the_fly::xyzacuv::{Instant, KinematicModel, TimedAxes, Timing, ToolPath, decompose};
+use crate::on_the_fly::xyzacuv::{Instant, KinematicModel, TimedAxes, ToolPath, decompose};
 use crate::on_the_fly::xyzuv::ScannerLimits;
 use crate::program::{Pen, PieceId};
 use crate::progress::Task;
@@ -285,7 +285,7 @@ impl Planner<'_> {
         let wanted = Limits { focus: (1.0 - SPARE_FOCUS) * self.focus, angle, field: model.scanner_margin()? - SPARE };
         let found = decompose(path, self.height_field, model, wanted, ToolPath::Filtered(Family::Gaussian))?;
         found.within_travel(model)?;
-        Ok(turning(model, &found.timed(model, Timing::default())?))
+        Ok(turning(model, &found.timed(model, 1)?))
     }
 
     fn five(&self, path: &Path, machine: &Machine, task: Task<'_>) -> Result<Motion, Error> {
