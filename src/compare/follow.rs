@@ -12,6 +12,7 @@ use crate::on_the_fly::axes::following_error::{Axis, Protection, Scanner, Servo}
 use crate::on_the_fly::axes::kinematics::{Axes, Deviation};
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::decompose::{Family, Limits, choose_average};
+use crate::on_the_fly::kinematic_model::KinematicModel;
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::spot::Rests;
@@ -19,7 +20,7 @@ use crate::on_the_fly::statistics::Statistics;
 use crate::on_the_fly::stop_at_every_point::stop_at_every_point;
 use crate::on_the_fly::turnaround::{Timed, Turnaround, quickest};
 use crate::on_the_fly::xyzacuv::{
-    AxisFigures, Decomposed, Instant, KinematicModel, TimedAxes, ToolPath, decompose, decompose_and_time,
+    AxisFigures, Decomposed, Instant, TimedAxes, ToolPath, decompose, decompose_and_time,
 };
 use crate::on_the_fly::xyzuv::{Decomposition, ScannerLimits, step_scan_s, synchronise, synchronised_s};
 use crate::parallel;

@@ -4,7 +4,7 @@
 //! every stretch takes what the scanner needs, or the stage at its speeds, stretched until the stage's accelerations
 //! hold by differences from stretch to stretch. Jerks of the stage are not looked at. Units: mm or rad, s.
 
-use crate::on_the_fly::stage_path::STAGE;
+use crate::on_the_fly::axes::motion::STAGE;
 use crate::on_the_fly::topp::Limit;
 
 /// How much a stretch is slowed down in a round at most, and how many rounds there are at most.

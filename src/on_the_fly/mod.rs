@@ -16,6 +16,7 @@ pub mod beam_hits;
 pub mod check;
 pub mod decompose;
 pub mod in_step;
+pub mod kinematic_model;
 pub mod path;
 pub mod program;
 pub mod spot;

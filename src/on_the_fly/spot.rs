@@ -12,10 +12,10 @@
 use crate::diag::Error;
 use crate::motion::GalvoModel;
 use crate::on_the_fly::axes::kinematics::{Axes, machine_from_part};
+use crate::on_the_fly::kinematic_model::KinematicModel;
 use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::path::{NodeKind, Path};
 use crate::on_the_fly::topp::{self, Timed};
-use crate::on_the_fly::xyzacuv::KinematicModel;
 
 /// Where the spot comes to rest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,15 +8,14 @@
 //! The articles let both keep step at every point; the window is ours.
 
 use crate::on_the_fly::axes::kinematics::{Axes, Deviation, Pose};
+use crate::on_the_fly::axes::motion::STAGE;
 use crate::on_the_fly::decompose::{Method, stage};
+use crate::on_the_fly::kinematic_model::KinematicModel;
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::spot::SpotMotion;
 use crate::on_the_fly::topp;
-use crate::on_the_fly::xyzacuv::KinematicModel;
 use crate::parallel;
 
-/// Axes of the stage: X, Y, Z, A, C.
-pub const STAGE: usize = 5;
 /// Nodes of the path per window, and the fewest of a leg.
 const NODES: f64 = 12.0;
 const FEWEST: usize = 8;

@@ -13,21 +13,19 @@
 //! allow, searched from 30,000 um down by 0.95; here then by bisection up to the limit.
 
 use crate::diag::{Diag, Error};
-use crate::machine::{Letter, Machine};
-use crate::motion::GalvoModel;
-use crate::on_the_fly::axes::following_error::Servo;
-use crate::on_the_fly::axes::kinematics::{Axes, Branches, Deviation, Pose, follow};
-use crate::on_the_fly::axes::motion::AXES;
+use crate::machine::Letter;
+use crate::on_the_fly::axes::kinematics::{Axes, Deviation, Pose, follow};
+use crate::on_the_fly::axes::motion::STAGE;
 use crate::on_the_fly::decompose::{Family, Limits, Trial, back_off, refine, rms_bend, seven_axes, stage};
 use crate::on_the_fly::in_step::in_step_s;
+use crate::on_the_fly::kinematic_model::KinematicModel;
 use crate::on_the_fly::path::c_rewind::{Rewound, rewound};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::{Node, Path};
 use crate::on_the_fly::spot::{Rests, SpotMotion};
-use crate::on_the_fly::stage_path::{STAGE, StagePath, deviations, listed};
-use crate::on_the_fly::topp::{self, Limit, State, Timed};
+use crate::on_the_fly::stage_path::{StagePath, deviations, listed};
+use crate::on_the_fly::topp::{self, State, Timed};
 use crate::parallel;
-use crate::program::Pen;
 
 /// How the tool's path is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,109 +86,6 @@ pub struct Decomposed {
     pub limits: Limits,
 }
 
-/// A machine of seven axes under a part.
-#[derive(Clone, Debug)]
-pub struct KinematicModel<'a> {
-    /// The machine.
-    pub machine: &'a Machine,
-    /// The job's pens.
-    pub pens: &'a [Pen],
-    /// What X, Y, Z, A and C can do.
-    pub limits: [Limit; STAGE],
-    /// What U and V can do; None where the machine does not state it, and they are always at speed.
-    pub spot: Option<Limit>,
-    /// Travel of C as the motion counts it.
-    pub c_travel: [f64; 2],
-    /// The point of the part about which A and C turn: how far marks lie from it decides how X, Y and Z must go along.
-    pub pivot: [f64; 3],
-}
-
-impl<'a> KinematicModel<'a> {
-    /// Of a part whose origin lies at `origin` in the machine; None where the machine is not one of a swivel A under a
-    /// turntable C that states what all its axes can do.
-    pub fn of(machine: &'a Machine, pens: &'a [Pen], origin: [f64; 3]) -> Option<Self> {
-        let linear = machine.axes().map(|(_, axis)| Limit {
-            speed: axis.speed.as_mm_s(),
-            acceleration: axis.acceleration.as_mm_s2(),
-            jerk: axis.jerk.map(|j| j.as_mm_s3()),
-        });
-        let table = machine.tilt.as_ref()?;
-        if table.axes.each_ref().map(|axis| axis.letter) != [Letter::A, Letter::C] {
-            return None;
-        }
-        let [a, c] = table.axes.each_ref().map(|axis| {
-            let (speed, acceleration) = (axis.speed?.as_rad_s(), axis.acceleration?.as_rad_s2());
-            Some(Limit { speed, acceleration, jerk: axis.jerk.map(|j| j.as_rad_s3()) })
-        });
-        let speed = machine.scanner.jump_speed.as_mm_s();
-        let spot = match GalvoModel::of(machine) {
-            GalvoModel::AtSpeed => None,
-            GalvoModel::RestToRest { acceleration, jerk } => Some(Limit { speed, acceleration, jerk }),
-        };
-        let [x, y, z] = linear;
-        let pivot = [0, 1, 2].map(|k| table.pivot[k].as_mm() - origin[k]);
-        // A positive command turns the part right-handed; a positive C of the motion turns it the other way.
-        let turntable = &table.axes[1];
-        let endless = [f64::NEG_INFINITY, f64::INFINITY];
-        let [lo, hi] = turntable.travel.ends().map_or(endless, |ends| ends.map(|end| end.as_rad()));
-        let c_travel = if turntable.reversed { [lo, hi] } else { [-hi, -lo] };
-        Some(Self { machine, pens, limits: [x, y, z, a?, c?], spot, c_travel, pivot })
-    }
-
-    /// How far the spot may be from the optical axis: the field in any direction, less the following error of X and Y
-    /// when both run at top speed, but half of it at least.
-    ///
-    /// # Errors
-    /// As [`Servo::new`].
-    pub fn scanner_margin(&self) -> Result<f64, Error> {
-        let (reach, [x, y]) = (self.machine.field_reach(), Servo::following_error(self.machine)?);
-        Ok(reach - x.hypot(y).min(reach / 2.0))
-    }
-
-    /// A point of the part seen from the pivot.
-    pub fn from_pivot(&self, p: [f64; 3]) -> [f64; 3] {
-        [0, 1, 2].map(|k| p[k] - self.pivot[k])
-    }
-
-    fn all(&self, mut poses: Vec<Pose>) -> Vec<Pose> {
-        poses.iter_mut().for_each(|pose| pose.p = self.from_pivot(pose.p));
-        poses
-    }
-
-    fn branches(&self) -> Branches {
-        Branches::Quickest { a: self.limits[3].speed, c: self.limits[4].speed }
-    }
-
-    /// What X, Y, Z, A, C, U and V can do.
-    pub fn all_limits(&self) -> [Limit; AXES] {
-        let [x, y, z, a, c] = self.limits;
-        let speed = self.machine.scanner.jump_speed.as_mm_s();
-        let spot = self.spot.unwrap_or(Limit { speed, acceleration: f64::INFINITY, jerk: None });
-        [x, y, z, a, c, spot, spot]
-    }
-
-    /// Axis values at a node of the path: X, Y, Z, A, C, U, V.
-    pub fn values(&self, axes: &Axes, p: [f64; 3]) -> [f64; AXES] {
-        let [u, v, _] = axes.field_from_part(self.from_pivot(p));
-        let [x, y, z] = axes.xyz;
-        [x, y, z, axes.a, axes.c, u, v]
-    }
-
-    /// The largest speed along the path, seen from the lens, on the stretch that ends at a node. The beam stands nearly
-    /// upright on the part: a pen's speed is one along the part.
-    pub fn cap(&self, path: &Path, way: &[f64], i: usize) -> f64 {
-        let Some(pen) = path.nodes[i].pen else { return self.machine.scanner.jump_speed.as_mm_s() };
-        let (plan, rise) = (way[i] - way[i - 1], path.nodes[i].at[2] - path.nodes[i - 1].at[2]);
-        self.pens[pen.index()].speed.as_mm_s() * plan / plan.hypot(rise)
-    }
-
-    /// The least time of the stage along a path, on a grid `refine` times as fine.
-    fn time(&self, path: &StagePath, caps: &[f64], refine: usize) -> Result<Timed, Error> {
-        let path = topp::Path { positions: &path.positions, s: &path.at, caps, stops: &path.stops };
-        topp::time_optimal(&path, &self.limits, &topp::Options { refine, ..topp::Options::default() })
-    }
-}
-
 /// Decomposes a path between the axes of a model.
 ///
 /// # Errors
@@ -211,17 +106,17 @@ pub fn decompose(
         ToolPath::Filtered(family) => {
             let even = Resampled::of(path, &s);
             let (trials, strength) = even.smoothing(family, &marks, &path.weights(), height_field, &s, limits);
-            let tools = model.all(even.tools(family, strength, height_field, &s));
+            let tools = model.all_from_pivot(even.tools(family, strength, height_field, &s));
             (trials, Some(strength), follow(&tools, model.branches()))
         }
         ToolPath::Gaussian { sigma } => {
-            let tools = model.all(Resampled::of(path, &s).tools(Family::Gaussian, sigma, height_field, &s));
+            let tools = model.all_from_pivot(Resampled::of(path, &s).tools(Family::Gaussian, sigma, height_field, &s));
             (BackOff::new(), Some(sigma), follow(&tools, model.branches()))
         }
         ToolPath::LeastAcceleration => {
             // Least over the time that the spot takes, which depends but little on how the stage stands; where the
             // stage slows it down, once more over that time.
-            let marks = model.all(marks);
+            let marks = model.all_from_pivot(marks);
             let rests = Rests::Corners.of(path);
             let over = |spot: &SpotMotion| {
                 let times: Vec<f64> = spot.times().iter().map(|t| t[0]).collect();
@@ -233,11 +128,11 @@ pub fn decompose(
             let is_slower = paced.total() > SLOWER * alone.total();
             (BackOff::new(), None, if is_slower { over(&paced) } else { axes })
         }
-        ToolPath::OnTheMark => (BackOff::new(), None, follow(&model.all(marks), model.branches())),
+        ToolPath::OnTheMark => (BackOff::new(), None, follow(&model.all_from_pivot(marks), model.branches())),
     };
     // A rewind of C in a jump adds nodes.
     let Rewound { path, axes, rewinds } = rewound(path, &axes, model.c_travel);
-    let marks = model.all(self::marks(&path, height_field));
+    let marks = model.all_from_pivot(self::marks(&path, height_field));
     Ok(Decomposed { back_off, strength, path, axes, marks, tools, rewinds, limits })
 }
 
@@ -284,7 +179,7 @@ impl Decomposed {
         // Jerks are seen where cells are short.
         let apart = stage.at.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max);
         let finer = if carries { 1 } else { ((apart / FINE).ceil() as usize).clamp(1, 4) };
-        let stage = model.time(&stage, &caps, refine * finer)?;
+        let stage = least_time(model, &stage, &caps, refine * finer)?;
         let Self { back_off, strength, path, .. } = self;
         Ok(TimedAxes { back_off, strength, path, axes, deviation, spot, stage, carries })
     }
@@ -382,6 +277,12 @@ impl Decomposed {
         let stage = stage_of(&spot);
         Ok((spot, stage))
     }
+}
+
+/// The least time of the stage along a path, on a grid `refine` times as fine.
+fn least_time(model: &KinematicModel<'_>, path: &StagePath, caps: &[f64], refine: usize) -> Result<Timed, Error> {
+    let path = topp::Path { positions: &path.positions, s: &path.at, caps, stops: &path.stops };
+    topp::time_optimal(&path, &model.limits, &topp::Options { refine, ..topp::Options::default() })
 }
 
 /// Where all axes are at an instant.

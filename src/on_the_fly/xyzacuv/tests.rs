@@ -1,10 +1,12 @@
 use super::*;
+use crate::machine::Machine;
 use crate::motion::rest_to_rest;
-use crate::on_the_fly::axes::kinematics::Branch;
+use crate::on_the_fly::axes::kinematics::{Branch, Branches};
+use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::decompose::{Method, sample};
 use crate::on_the_fly::path::NodeKind;
 use crate::on_the_fly::stop_at_every_point::stop_at_every_point;
-use crate::program::{PenId, PieceId};
+use crate::program::{Pen, PenId, PieceId};
 use crate::units::{Frequency, Power, Speed};
 
 const WIDE: Limits = Limits { focus: 0.2, angle: 0.3, field: 5.0 };
