@@ -55,6 +55,7 @@ const FILES: [(&[&str], &[&str]); 3] = [
             "decompositions",
             "seven-axis-decompositions",
             "back-off",
+            "seven-axis-rests",
             "convergence",
             "tool-servo",
             "heat",

@@ -2,7 +2,7 @@
 
 use super::axis_errors::AxisErrors;
 use super::filters::{FAMILIES, filters};
-use super::{Beyond, Curves, Figures, Hardware, Split, Subject, marked, path_of};
+use super::{Beyond, Curves, Figures, Hardware, RestTimes, Split, Subject, marked, path_of};
 use crate::block_map::BlockMap;
 use crate::diag::Error;
 use crate::geom::{Box2, BoxMm, NM_PER_MM, mm_from_nm};
@@ -13,13 +13,16 @@ use crate::on_the_fly::axes::following_error::{Axis, Protection, Scanner, Servo}
 use crate::on_the_fly::axes::kinematics::{Axes, Deviation};
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::decompose::{Family, Limits, choose_average};
+use crate::on_the_fly::kinematic_model::KinematicModel;
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::schedule::Schedule;
+use crate::on_the_fly::spot::Rests;
 use crate::on_the_fly::statistics::Statistics;
 use crate::on_the_fly::stop_at_every_point::stop_at_every_point;
-use crate::on_the_fly::topp::{self, State};
 use crate::on_the_fly::turnaround::{Timed, Turnaround, quickest};
-use crate::on_the_fly::xyzacuv::{AxisFigures, KinematicModel, TimedAxes, ToolPath, decompose_and_time};
+use crate::on_the_fly::xyzacuv::{
+    AxisFigures, Decomposed, Instant, TimedAxes, ToolPath, decompose, decompose_and_time,
+};
 use crate::on_the_fly::xyzuv::{Decomposition, ScannerLimits, step_scan_s, synchronise, synchronised_s};
 use crate::parallel;
 use crate::plan::strokes::{self, Strokes};
@@ -276,26 +279,50 @@ impl<'a> Follower<'a> {
             }
         };
         let allowed = Limits { field: model.scanner_margin()?, ..subject.limits };
-        let made = decompose_and_time(&self.thin, &subject.height_field, &model, allowed, tools)?;
+        let decomposed = decompose(&self.thin, &subject.height_field, &model, allowed, tools)?;
+        if tools == ToolPath::Filtered(Family::Gaussian) {
+            curves.convergence = decomposed.convergence(&model, SHOWN)?;
+        }
+        let made = decomposed.clone().timed(&model, 1)?;
         let mut job_key = None;
         if tools == ToolPath::Filtered(Family::Gaussian) {
             job_key = self.together().1.filter(|_| hardware == Hardware::Own);
             curves.back_off.clone_from(&made.back_off);
             curves.seven = Some(allowed);
-            curves.convergence = made.convergence(&model, SHOWN)?;
             self.draw(&model, &made, curves);
             curves.shared = self.axis_figures(&model, allowed)?;
             notes.push(format!("sigma {:.0} um", made.strength.unwrap_or_default() * 1000.0));
+            curves.rests = self.rests(&model, &decomposed, &made)?;
         }
         let mut travel: Vec<Beyond> = Vec::new();
         travel.extend(too_far(model.machine, BoxMm::of(made.axes.iter().map(|a| a.xyz))));
         travel.extend(turns_too_far(model.machine, &made.axes));
         let nodes: Vec<[f64; AXES]> =
             made.axes.iter().zip(&made.path.nodes).map(|(axes, node)| model.values(axes, node.at)).collect();
-        let model_s = Some(stop_at_every_point(&nodes, &model.limits).total_s);
-        let mut figures = self.turned(model.machine, made, tools, allowed)?;
+        let model_s = Some(stop_at_every_point(&nodes, &model.all_limits()).total_s);
+        let mut figures = self.turned(&model, made, tools, allowed)?;
         figures.beyond.extend(travel);
         Ok(Figures { notes, model_s, hardware, job_key, marked_mm: self.mark_mm, ..figures })
+    }
+
+    /// The time of a motion, and what the model of the article makes of its stage in step with the spot: at rest at
+    /// corners, and at every point of a stroke.
+    fn rests(
+        &self,
+        model: &KinematicModel<'_>,
+        decomposed: &Decomposed,
+        made: &TimedAxes,
+    ) -> Result<Vec<RestTimes>, Error> {
+        // Every vertex of a stroke is a node of the whole path.
+        let tools = ToolPath::Gaussian { sigma: made.strength.unwrap_or_default() };
+        let whole = decompose(&self.path, &self.subject.height_field, model, decomposed.limits, tools)?;
+        let [scanner_s, in_step_s] = decomposed.in_step_s(model, Rests::Corners)?;
+        let [every_s, every_in_step_s] = whole.in_step_s(model, Rests::EveryPoint)?;
+        Ok(vec![
+            RestTimes { rests: Rests::Corners, in_step: false, total_s: made.total_s(), scanner_s },
+            RestTimes { rests: Rests::Corners, in_step: true, total_s: in_step_s, scanner_s },
+            RestTimes { rests: Rests::EveryPoint, in_step: true, total_s: every_in_step_s, scanner_s: every_s },
+        ])
     }
 
     /// Every decomposition of the first of the path.
@@ -318,10 +345,10 @@ impl<'a> Follower<'a> {
     fn draw(&self, model: &KinematicModel<'_>, made: &TimedAxes, curves: &mut Curves) {
         let path = &made.path;
         let way = path.distances();
-        let times = made.timed.node_times();
-        let nodes = made.axes.iter().zip(&path.nodes).zip(times).take(DRAWN);
+        let times = made.times();
+        let nodes = made.axes.iter().zip(&path.nodes).zip(&times).take(DRAWN);
         curves.axes = nodes
-            .map(|((a, node), t)| {
+            .map(|((a, node), &[t, _])| {
                 let [x, y, z, a, c, u, v] = model.values(a, node.at);
                 (t, [x, y, z, a.to_degrees(), c.to_degrees(), u, v])
             })
@@ -341,16 +368,24 @@ impl<'a> Follower<'a> {
     }
 
     /// Figures of a turning system.
-    fn turned(&self, machine: &Machine, made: TimedAxes, tools: ToolPath, limits: Limits) -> Result<Figures, Error> {
+    fn turned(
+        &self,
+        model: &KinematicModel<'_>,
+        made: TimedAxes,
+        tools: ToolPath,
+        limits: Limits,
+    ) -> Result<Figures, Error> {
+        let machine = model.machine;
         let mut time = Split::default();
-        let times: Vec<f64> = made.timed.node_times().collect();
+        let times = made.times();
         for (i, w) in times.windows(2).enumerate() {
-            *(if made.path.nodes[i + 1].pen.is_some() { &mut time.mark } else { &mut time.jump }) += w[1] - w[0];
+            *(if made.path.nodes[i + 1].pen.is_some() { &mut time.mark } else { &mut time.jump }) += w[1][0] - w[0][1];
         }
+        time.delay = times.iter().map(|[come, go]| go - come).sum();
         let asked = Schedule::of(&self.thin, machine, &self.whole.program.pens, 0.0).mark_s;
         // Where the scanner does not move it does not compensate for the stage either.
         let feed = (tools != ToolPath::OnTheMark).then_some(self.subject.protection);
-        let (samples, step_s) = sampled(&made.timed, &made.path);
+        let (samples, step_s) = sampled(&made, model);
         // Of a round field what is too far out comes back towards its centre.
         let reach = machine.field_reach();
         let half = |[u, v]: [f64; 2]| [u, v].map(|c| c.abs() * (reach / u.hypot(v).max(reach)));
@@ -460,22 +495,15 @@ struct Sample {
 }
 
 /// A turning motion at even steps of time, and the steps, s.
-fn sampled(timed: &topp::Timed, path: &Path) -> (impl Iterator<Item = Sample>, f64) {
+fn sampled<'a>(made: &'a TimedAxes, model: &'a KinematicModel<'a>) -> (impl Iterator<Item = Sample> + use<'a>, f64) {
     const MOST: usize = 500_000;
-    let total = timed.total_s();
+    let total = made.total_s();
     let count = ((total / 1e-3).ceil() as usize).clamp(1, MOST);
     let step_s = total / count as f64;
-    let mut nodes = timed.node_times().skip(1).peekable();
-    let (mut hint, mut state, mut node) = (0, State::default(), 0);
+    let mut reader = made.read(model);
     let samples = (0..=count).map(move |k| {
-        let now = k as f64 * step_s;
-        while nodes.next_if(|&t| t <= now).is_some() {
-            node += 1;
-        }
-        timed.at(now, &mut hint, &mut state);
-        let [x, y, z, a, c, u, v] = std::array::from_fn(|k| state.position[k]);
-        let on = path.pen_at(node + 1).is_some();
-        Sample { axes: Axes { xyz: [x, y, z], a, c }, spot: [u, v], on }
+        let Instant { axes, node, field } = reader.at(k as f64 * step_s);
+        Sample { axes, spot: field, on: made.path.pen_at(node + 1).is_some() }
     });
     (samples, step_s)
 }
@@ -513,8 +541,8 @@ fn turns_too_far(machine: &Machine, axes: &[Axes]) -> Option<Beyond> {
         let none = [f64::INFINITY, f64::NEG_INFINITY];
         let [lo, hi] = axes.iter().map(pick).fold(none, |[lo, hi], v| [lo.min(v), hi.max(v)]);
         let needs = (hi - lo).to_degrees();
-        let travel = axis.travel[1].as_deg() - axis.travel[0].as_deg();
-        (needs > travel).then(|| format!("{} needs {needs:.0} deg of travel", axis.letter.char()))
+        let [from, to] = axis.travel.ends()?.map(|end| end.as_deg());
+        (needs > to - from).then(|| format!("{} needs {needs:.0} deg of travel", axis.letter.char()))
     });
     let names: Vec<String> = names.collect();
     (!names.is_empty()).then(|| Beyond::Travel(names.join(", ")))

@@ -46,6 +46,7 @@ use crate::on_the_fly::decompose::Limits;
 use crate::on_the_fly::path::Path;
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::schedule::Schedule;
+use crate::on_the_fly::spot::Rests;
 use crate::on_the_fly::statistics::Statistics;
 use crate::on_the_fly::xyzacuv::{AxisFigures, BackOff};
 use crate::plan::strokes;
@@ -135,6 +136,19 @@ pub enum Beyond {
     Travel(String),
 }
 
+/// How long the seven axes take, by where the spot rests and how the stage goes along.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RestTimes {
+    /// Where the spot rests.
+    pub rests: Rests,
+    /// Whether the stage keeps in step with the spot, as the article's does; by a model that knows no jerk of the stage.
+    pub in_step: bool,
+    /// Whole time, s.
+    pub total_s: f64,
+    /// What the scanner alone would take, s.
+    pub scanner_s: f64,
+}
+
 /// Figures of one system.
 #[derive(Clone, Debug, Default)]
 pub struct Figures {
@@ -215,6 +229,8 @@ pub struct Curves {
     pub filters: Vec<Filter>,
     /// Decompositions for seven axes of the path's first 20 m, with their names; as above.
     pub shared: Vec<(&'static str, AxisFigures)>,
+    /// Times of the seven axes with other rests of the spot, the row's own first.
+    pub rests: Vec<RestTimes>,
     /// Trials of the seven-axis back-off search.
     pub back_off: BackOff,
     /// Time and axis values of the first nodes of the seven-axis path.

@@ -2,6 +2,7 @@
 
 use super::heat::{self, AFTER_S, PRINTED};
 use super::{Comparison, Figures, Standing, Verdict, charts, following_errors};
+use crate::on_the_fly::spot::Rests;
 use crate::report::page::{Item, page_html};
 use crate::report::plot::{Axis, Bar, Bars, Limit, LineChart, Panel, Paths, Plot, Series};
 use crate::report::table::{Cell, Column, Table};
@@ -229,6 +230,29 @@ fn back_off(c: &Comparison) -> Option<Table> {
     Some(table)
 }
 
+/// Times of seven axes by where the spot rests; None where they were not asked for.
+fn rests(c: &Comparison) -> Option<Table> {
+    if c.curves.rests.is_empty() {
+        return None;
+    }
+    let columns = vec![
+        Column::text("spot rests at"),
+        Column::text("stage"),
+        Column::time("total"),
+        Column::time("scanner alone"),
+    ];
+    let mut table = Table::new("Seven axes by the rests of the spot", columns);
+    for row in &c.curves.rests {
+        let rests = match row.rests {
+            Rests::Corners => "corners",
+            Rests::EveryPoint => "every point",
+        };
+        let pace = if row.in_step { "in step with the spot" } else { "at an even pace" };
+        table.row([rests.into(), pace.into(), row.total_s.into(), row.scanner_s.into()]);
+    }
+    Some(table)
+}
+
 /// All tables, each with the name of its file.
 pub fn tables(c: &Comparison) -> Vec<(&'static str, Table)> {
     let all = [
@@ -239,6 +263,7 @@ pub fn tables(c: &Comparison) -> Vec<(&'static str, Table)> {
         ("decompositions", decompositions(c)),
         ("seven-axis-decompositions", shared(c)),
         ("back-off", back_off(c)),
+        ("seven-axis-rests", rests(c)),
         ("convergence", convergence(c)),
         ("tool-servo", tool_servo(c)),
         ("heat", Some(heat())),
@@ -385,7 +410,7 @@ pub fn page(c: &Comparison) -> String {
         .chain(plot("back-off"))
         .collect();
     let moved: Vec<Item<'_>> =
-        table("convergence").chain(table("tool-servo")).chain(MOTIONS.into_iter().flat_map(plot)).collect();
+        table("seven-axis-rests").chain(table("convergence")).chain(table("tool-servo")).chain(MOTIONS.into_iter().flat_map(plot)).collect();
     let warm: Vec<Item<'_>> = table("heat").collect();
     let folds = [
         ("Limits, all figures, and how deviations are spread", &figures),

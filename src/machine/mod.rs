@@ -22,7 +22,7 @@ use std::sync::Arc;
 pub use command::{Commanded, Origin, TiltAngles};
 pub use cost::{Cost, Rate};
 pub use head_tilt::Stand;
-pub use tilt_axes::{Letter, RotaryAxis, Tilt};
+pub use tilt_axes::{AngleCommands, AxisTravel, Letter, RotaryAxis, Tilt};
 pub use tool_servo::{Drive, Oscillation, ToolServo};
 
 use serde::{Deserialize, Serialize};

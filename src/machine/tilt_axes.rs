@@ -40,8 +40,11 @@ pub struct RotaryAxis {
     /// Whether a positive command turns what is carried left-handed.
     #[serde(default)]
     pub reversed: bool,
-    /// Lowest and highest angle.
-    pub travel: [Angle; 2],
+    /// How far it turns.
+    pub travel: AxisTravel,
+    /// How its angles are commanded.
+    #[serde(default)]
+    pub commands: AngleCommands,
     /// Smallest step of a commanded angle; commands are its multiples.
     #[serde(default = "default_increment", deserialize_with = "positive")]
     pub increment: Angle,
@@ -63,9 +66,80 @@ const fn the_part() -> Carries {
     Carries::Part
 }
 
+/// How far a rotary axis turns.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, schemars::JsonSchema)]
+#[serde(untagged)]
+pub enum AxisTravel {
+    /// Between a lowest and a highest angle.
+    Ends([Angle; 2]),
+    /// As far as it is told, either way.
+    Endless(Endless),
+}
+
+/// The word for a travel without ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Endless {
+    /// "continuous".
+    Continuous,
+}
+
+/// How the angles of a rotary axis are commanded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum AngleCommands {
+    /// Whole turns count.
+    #[default]
+    Absolute,
+    /// From 0 to under 360 deg; the axis goes the shorter way round.
+    Modulo,
+}
+
+/// A whole turn, millionths of a degree.
+const TURN: i64 = 360_000_000;
+
+impl AxisTravel {
+    /// A travel without ends.
+    pub const CONTINUOUS: Self = Self::Endless(Endless::Continuous);
+
+    /// Lowest and highest angle; None where it has no ends.
+    pub fn ends(self) -> Option<[Angle; 2]> {
+        match self {
+            Self::Ends(ends) => Some(ends),
+            Self::Endless(_) => None,
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for AxisTravel {
+    fn deserialize<D: serde::Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        struct Visitor;
+        impl<'de> serde::de::Visitor<'de> for Visitor {
+            type Value = AxisTravel;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("two angles such as [\"-90 deg\", \"90 deg\"], or \"continuous\"")
+            }
+            fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<AxisTravel, E> {
+                if text == "continuous" {
+                    return Ok(AxisTravel::CONTINUOUS);
+                }
+                Err(E::invalid_value(serde::de::Unexpected::Str(text), &self))
+            }
+            fn visit_seq<A: serde::de::SeqAccess<'de>>(self, seq: A) -> Result<AxisTravel, A::Error> {
+                Ok(AxisTravel::Ends(Deserialize::deserialize(serde::de::value::SeqAccessDeserializer::new(seq))?))
+            }
+        }
+        d.deserialize_any(Visitor)
+    }
+}
+
 fn default_increment() -> Angle {
     Angle::deg(1e-4)
 }
+
+/// Most turns either way of a turntable with ends.
+const TURNS: f64 = 100.0;
 
 /// Name of a rotary axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, schemars::JsonSchema)]
@@ -91,8 +165,18 @@ impl RotaryAxis {
         let step = self.step();
         let signed = if self.reversed { -angle } else { angle };
         let command = (signed.to_degrees() * 1e6 / step as f64).round() as i64 * step;
-        let [lo, hi] = self.travel.map(micro);
-        command.clamp(lo + (-lo).rem_euclid(step), hi - hi.rem_euclid(step))
+        match self.travel.ends().map(|ends| ends.map(micro)) {
+            Some([lo, hi]) => command.clamp(lo + (-lo).rem_euclid(step), hi - hi.rem_euclid(step)),
+            None => self.written(command),
+        }
+    }
+
+    /// A command in millionths of a degree as the controller takes it.
+    pub fn written(&self, command: i64) -> i64 {
+        match self.commands {
+            AngleCommands::Absolute => command,
+            AngleCommands::Modulo => command.rem_euclid(TURN),
+        }
     }
 
     /// The smallest step in millionths of a degree.
@@ -102,8 +186,11 @@ impl RotaryAxis {
 
     /// Whether the axis can be sent to a command.
     pub fn takes(&self, command: i64) -> bool {
-        let [lo, hi] = self.travel.map(micro);
-        (lo..=hi).contains(&command) && command % self.step() == 0
+        let within = match self.travel.ends().map(|ends| ends.map(micro)) {
+            Some([lo, hi]) => (lo..=hi).contains(&command),
+            None => self.written(command) == command,
+        };
+        within && command % self.step() == 0
     }
 }
 
@@ -181,10 +268,24 @@ impl Tilt {
             fault("tilt.axes".into(), text.into(), hint);
         }
         for (i, axis) in self.axes.iter().enumerate() {
-            let [lo, hi] = axis.travel.map(Angle::as_deg);
-            if !(lo..=hi).contains(&0.0) || lo < -360.0 || hi > 360.0 {
-                let text = format!("travel of tilt axis {} must hold 0 deg and stay within a turn", axis.letter.char());
-                fault(format!("tilt.axes.{i}.travel"), text, "write the lower end first");
+            let letter = axis.letter.char();
+            if let Some([lo, hi]) = axis.travel.ends().map(|ends| ends.map(Angle::as_deg)) {
+                let turns = if axis.letter == Letter::C { TURNS } else { 1.0 };
+                if !(lo..=hi).contains(&0.0) || lo < -360.0 * turns || hi > 360.0 * turns {
+                    let text = format!(
+                        "travel of tilt axis {letter} must hold 0 deg and end within {} deg either way",
+                        360.0 * turns
+                    );
+                    fault(format!("tilt.axes.{i}.travel"), text, "write the lower end first");
+                }
+            } else if axis.letter != Letter::C {
+                let text = format!("travel of tilt axis {letter} cannot be continuous");
+                fault(format!("tilt.axes.{i}.travel"), text, "a turntable C can; give the others two angles");
+            }
+            if axis.commands == AngleCommands::Modulo && (axis.travel.ends().is_some() || TURN % axis.step() != 0) {
+                let text = format!("tilt axis {letter} cannot be commanded modulo a turn");
+                let hint = "that takes travel = \"continuous\" and an increment that divides 360 deg";
+                fault(format!("tilt.axes.{i}.commands"), text, hint);
             }
             if !(1e-6..=1.0).contains(&axis.increment.as_deg()) {
                 let text = format!("increment of tilt axis {} is not between 1e-6 and 1 deg", axis.letter.char());
@@ -222,7 +323,8 @@ mod tests {
         let axis = |letter| RotaryAxis {
             letter,
             reversed,
-            travel: [Angle::deg(-180.0), Angle::deg(180.0)],
+            travel: AxisTravel::Ends([Angle::deg(-180.0), Angle::deg(180.0)]),
+            commands: AngleCommands::Absolute,
             increment: Angle::deg(1e-6),
             move_time: Time::s(1.0),
             speed: None,
@@ -304,7 +406,7 @@ mod tests {
     #[test]
     fn commands_stay_within_travel_and_on_increments() {
         let mut table = table([Letter::A, Letter::B], false);
-        table.axes[0].travel = [Angle::deg(-2.0), Angle::deg(3.0)];
+        table.axes[0].travel = AxisTravel::Ends([Angle::deg(-2.0), Angle::deg(3.0)]);
         table.axes[0].increment = Angle::deg(0.7);
         assert_eq!(table.commands([0.0, 1.0, 1.0])[0], 2_800_000);
         assert_eq!(table.commands([0.0, -1.0, 1.0])[0], -1_400_000);
@@ -322,7 +424,37 @@ mod tests {
             assert_eq!(head.faults().len(), 1, "{letters:?}");
         }
         let mut t = table([A, B], false);
-        t.axes[1].travel = [Angle::deg(1.0), Angle::deg(5.0)];
+        t.axes[1].travel = AxisTravel::Ends([Angle::deg(1.0), Angle::deg(5.0)]);
         assert_eq!(t.faults().len(), 1);
+    }
+
+    #[test]
+    fn a_turntable_may_have_no_ends_and_take_angles_modulo_a_turn() {
+        let mut table = table([Letter::A, Letter::C], false);
+        table.axes[1].travel = AxisTravel::CONTINUOUS;
+        assert!(table.faults().is_empty());
+        let leans = |table: &Tilt| table.commands([-0.1, -0.001, 1.0])[1];
+        let absolute = leans(&table);
+        assert!(table.axes[1].takes(absolute) && table.axes[1].takes(-900 * 1_000_000));
+        table.axes[1].commands = AngleCommands::Modulo;
+        assert!(table.faults().is_empty());
+        assert_eq!(leans(&table), absolute.rem_euclid(TURN));
+        assert_eq!(table.axes[1].written(-10), TURN - 10);
+        assert!(!table.axes[1].takes(-10) && !table.axes[1].takes(TURN) && table.axes[1].takes(TURN - 10));
+        // Increments that do not divide a turn, a swivel without ends, ends and modulo.
+        table.axes[1].increment = Angle::deg(0.7);
+        assert_eq!(table.faults().len(), 1);
+        table.axes[1].increment = Angle::deg(1e-4);
+        table.axes[0].travel = AxisTravel::CONTINUOUS;
+        assert_eq!(table.faults().len(), 1);
+        table.axes.iter_mut().for_each(|axis| axis.travel = AxisTravel::Ends([Angle::deg(-5.0), Angle::deg(5.0)]));
+        assert_eq!(table.faults().len(), 1);
+        // A turntable with ends may turn more than once.
+        table.axes[1].commands = AngleCommands::Absolute;
+        table.axes[1].travel = AxisTravel::Ends([Angle::deg(-720.0), Angle::deg(720.0)]);
+        assert!(table.faults().is_empty());
+        table.axes.swap(0, 1);
+        table.axes[0].letter = Letter::B;
+        assert_eq!(table.faults().len(), 1);
     }
 }

@@ -15,18 +15,19 @@ use crate::job::Job;
 use crate::machine::{Machine, Origin};
 use crate::manifest::{Deviations, FlyLengths, LaserSwitching, LeftOut, OnTheFlySummary};
 use crate::on_the_fly::axes::kinematics::{Deviation, Pose, machine_from_part};
-use crate::on_the_fly::axes::motion::{AXES, Motion, Waypoint};
+use crate::on_the_fly::axes::motion::{Motion, Waypoint};
 use crate::on_the_fly::beam_hits::{self, FocusOnPart, Miss, focus_on_part};
 use crate::on_the_fly::check::{self, Checked};
 use crate::on_the_fly::decompose::{Family, Limits};
+use crate::on_the_fly::kinematic_model::KinematicModel;
 use crate::on_the_fly::path::follow::{Follow, Stretch};
 use crate::on_the_fly::path::height_field::HeightField;
 use crate::on_the_fly::path::schedule::Schedule;
 use crate::on_the_fly::path::{Followed, Node, Path};
 use crate::on_the_fly::program::{Kind, Program};
-use crate::on_the_fly::topp::State;
+use crate::on_the_fly::spot::Rests;
 use crate::on_the_fly::turnaround::quickest;
-use crate::on_the_fly::xyzacuv::{KinematicModel, TimedAxes, ToolPath, decompose_and_time};
+use crate::on_the_fly::xyzacuv::{Instant, TimedAxes, ToolPath, decompose};
 use crate::on_the_fly::xyzuv::ScannerLimits;
 use crate::program::{Pen, PieceId};
 use crate::progress::Task;
@@ -303,8 +304,9 @@ impl Planner<'_> {
     fn seven(&self, path: &Path, model: &KinematicModel<'_>) -> Result<Motion, Error> {
         let angle = self.job.limits.warn_incidence.as_rad();
         let wanted = Limits { focus: (1.0 - SPARE_FOCUS) * self.focus, angle, field: model.scanner_margin()? - SPARE };
-        let found = decompose_and_time(path, self.height_field, model, wanted, ToolPath::Filtered(Family::Gaussian))?;
-        Ok(turning(model, &found))
+        let found = decompose(path, self.height_field, model, wanted, ToolPath::Filtered(Family::Gaussian))?;
+        found.within_travel(model)?;
+        Ok(turning(model, &found.timed(model, 1)?))
     }
 
     fn five(&self, path: &Path, machine: &Machine, task: Task<'_>) -> Result<Motion, Error> {
@@ -434,34 +436,52 @@ fn too_sharp(job: &Job) -> Error {
     Diag::limit("fly-focus", text).at(job.place()).hint(UNFOCUSED).into()
 }
 
-/// The motion of seven axes at the nodes of the path and the borders of the cells it was timed by; the spot runs
-/// straight from node to node.
+/// Time between waypoints of seven axes, s: longer in programs of more than [`WAYPOINTS`].
+const STEP_S: f64 = 2e-3;
+const WAYPOINTS: f64 = 1e6;
+/// Waypoints between two rests of the spot, at least: it speeds up and slows down between them.
+const BETWEEN_RESTS: f64 = 8.0;
+
+/// The motion of seven axes at the nodes of the path and at even steps of time between; the spot runs straight from
+/// node to node.
 fn turning(model: &KinematicModel<'_>, found: &TimedAxes) -> Motion {
     let path = &found.path;
-    let s = path.distances();
+    let times = found.times();
+    let step_s = STEP_S.max(found.total_s() / WAYPOINTS);
+    let mut reader = found.read(model);
     let mut motion = Motion::default();
-    let (mut hint, mut state, mut node) = (0, State::default(), 0);
-    for (time, at, _) in found.timed.borders() {
-        while node + 2 < s.len() && s[node + 1] <= at {
-            node += 1;
-        }
-        found.timed.at(time, &mut hint, &mut state);
-        let length = s[node + 1] - s[node];
-        let share = if length > 0.0 { ((at - s[node]) / length).clamp(0.0, 1.0) } else { 1.0 };
-        let [p, q] = [path.nodes[node].at, path.nodes[node + 1].at];
-        let spot = std::array::from_fn(|k| p[k] + share * (q[k] - p[k]));
-        let mut axes: [f64; AXES] = std::array::from_fn(|k| state.position[k]);
-        let tool =
-            crate::on_the_fly::axes::kinematics::Axes { xyz: [axes[0], axes[1], axes[2]], a: axes[3], c: axes[4] };
-        let [u, v, _] = tool.field_from_part(model.from_pivot(spot));
-        (axes[5], axes[6]) = (u, v);
+    let mut put = |time: f64, Instant { axes, field: [u, v], .. }: Instant, pen, stroke| {
         // A motion is seen from the part's own origin.
-        let shift = machine_from_part(axes[3], axes[4], model.pivot);
-        (0..3).for_each(|k| axes[k] += shift[k]);
-        // The stretch that ends here is that of the node behind, at the node itself too.
-        let behind = if share > 0.0 { node + 1 } else { node };
-        let Node { pen, stroke, .. } = path.nodes[behind];
-        motion.waypoints.push(Waypoint { time, axes, pen, stroke });
+        let shift = machine_from_part(axes.a, axes.c, model.pivot);
+        let [x, y, z] = [0, 1, 2].map(|k| axes.xyz[k] + shift[k]);
+        motion.waypoints.push(Waypoint { time, axes: [x, y, z, axes.a, axes.c, u, v], pen, stroke });
+    };
+    put(0.0, reader.at_node(0, 0.0), None, path.nodes[0].stroke);
+    for rests in Rests::Corners.of(path).windows(2) {
+        let (first, last) = (rests[0], rests[1]);
+        let step_s = step_s.min((times[last][0] - times[first][1]) / BETWEEN_RESTS);
+        for i in first..last {
+            let ([come, go], stroke) = (times[i], path.nodes[i].stroke);
+            // The spot waits with the laser off, and the stage goes on.
+            let count = ((go - come) / STEP_S).ceil() as usize;
+            for k in 1..=count {
+                let time = come + (go - come) * k as f64 / count as f64;
+                put(time, reader.at_node(i, time), None, stroke);
+            }
+            let (from, to) = (go, times[i + 1][0]);
+            let Node { pen, stroke, .. } = path.nodes[i + 1];
+            let count = ((to - from) / step_s).ceil().max(1.0) as usize;
+            for k in 1..count {
+                let time = from + (to - from) * k as f64 / count as f64;
+                put(time, reader.at(time), pen, stroke);
+            }
+            put(to, reader.at_node(i + 1, to), pen, stroke);
+        }
+    }
+    let end = found.total_s();
+    let last = path.len() - 1;
+    if end > times[last][0] {
+        put(end, reader.at_node(last, end), None, path.nodes[last].stroke);
     }
     motion
 }

@@ -211,7 +211,7 @@ fn rings(pitch: f64, travel: [&str; 2], reversed: bool) {
                 [[pen]]\nname = \"fine\"\nspeed = \"100 mm/s\"\npower = \"60 %\"\nfrequency = \"60 kHz\"\n";
     let machine = said(&terrace(&["machines", "xyzac-galvo-10"]));
     let own = format!("travel = [{:?}, {:?}]\nreversed = {reversed}", travel[0], travel[1]);
-    let machine = machine.replace("travel = [\"-360 deg\", \"360 deg\"]", &own);
+    let machine = machine.replace("travel = \"continuous\"", &own);
     assert!(machine.contains(&own), "{machine}");
     std::fs::write(dir.path().join("machine.toml"), machine).expect("a file");
     let job = dir.path().join("job.toml");
@@ -225,6 +225,74 @@ fn rings(pitch: f64, travel: [&str; 2], reversed: bool) {
     let way: f64 = c.windows(2).map(|w| (w[1] - w[0]).abs()).sum();
     let [from, to] = travel.map(|t| t.trim_end_matches(" deg").parse::<f64>().expect("degrees"));
     assert!(lo >= from && hi <= to && way > 8.5 * 360.0, "{lo} {hi} {way}");
+}
+
+/// One line that goes three times round the top of a dome, marked on a turntable with this in its machine file.
+fn spiral(dir: &Path, turntable: &str) -> String {
+    let dome = |x: f64, y: f64| -(x * x + y * y) / 200.0;
+    write_stl(&dir.join("part.stl"), &mesh(40, [-6.0, -6.0, 6.0, 6.0], dome));
+    let points: String = (0..=216)
+        .map(|i| (f64::from(i) * 5f64.to_radians(), 4.0 + 0.005 * f64::from(i)))
+        .map(|(angle, r)| format!("{:.4},{:.4} ", 6.0 + r * angle.cos(), 6.0 + r * angle.sin()))
+        .collect();
+    let svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"12mm\" height=\"12mm\" viewBox=\"0 0 12 12\">\
+         <g fill=\"none\" stroke=\"black\" stroke-width=\"0.001\"><polyline points=\"{points}\"/></g></svg>"
+    );
+    std::fs::write(dir.join("spiral.svg"), svg).expect("a file");
+    let machine = said(&terrace(&["machines", "xyzac-galvo-10"]));
+    let continuous = "travel = \"continuous\"";
+    assert!(machine.contains(continuous), "{machine}");
+    std::fs::write(dir.join("machine.toml"), machine.replace(continuous, turntable)).expect("a file");
+    let text = "surface = { file = \"part.stl\", unit = \"mm\" }\nfocus = { pdof = \"0.02 mm\" }\n\
+                machine = { file = \"machine.toml\" }\nlimits = { warn_incidence = \"1 deg\" }\n\
+                [[texture]]\nfile = \"spiral.svg\"\norigin = [\"-6 mm\", \"-6 mm\"]\n\
+                [[pen]]\nname = \"fine\"\nspeed = \"50 mm/s\"\npower = \"60 %\"\nfrequency = \"60 kHz\"\n";
+    let job = dir.join("job.toml");
+    std::fs::write(&job, text).expect("a file");
+    job.display().to_string()
+}
+
+#[test]
+fn continuous_turntable_goes_round_as_often_as_a_stroke_does() {
+    let dir = folder();
+    let mut made = Vec::new();
+    for commands in ["absolute", "modulo"] {
+        let job = spiral(dir.path(), &format!("travel = \"continuous\"\ncommands = {commands:?}"));
+        let [summary, proof] = proved(dir.path(), &job);
+        assert!(proof["worst_position_um"].as_f64().is_some_and(|p| p < 1.0), "{proof}");
+        let program = std::fs::read_to_string(dir.path().join("made.job/fly.pmc")).expect("a program");
+        let c: Vec<f64> = program.split_whitespace().filter_map(|w| w.strip_prefix('C')?.parse().ok()).collect();
+        made.push((summary["time_s"].clone(), c));
+    }
+    let [(time, absolute), (same, modulo)] = &made[..] else { panic!("two programs") };
+    assert_eq!((time, absolute.len()), (same, modulo.len()));
+    let ends = absolute.iter().fold([0.0f64; 2], |[lo, hi], &c| [lo.min(c), hi.max(c)]);
+    assert!(ends[1] - ends[0] > 900.0, "{ends:?}");
+    for (a, m) in absolute.iter().zip(modulo) {
+        assert!((0.0..360.0).contains(m) && (a - m).rem_euclid(360.0).min((m - a).rem_euclid(360.0)) < 1e-6, "{a} {m}");
+    }
+    // An angle beyond a turn is none that such a controller takes.
+    let path = dir.path().join("made.job/fly.pmc");
+    let text = std::fs::read_to_string(&path).expect("a program");
+    let beyond = text.rfind(" C").map(|at| format!("{}{}", &text[..at], text[at..].replacen(" C", " C3", 1)));
+    std::fs::write(&path, beyond.expect("an angle")).expect("a file");
+    let proof = terrace(&["verify", &dir.path().join("made.job").display().to_string()]);
+    assert!(proof.status.code() == Some(1) && said(&proof).contains("agreement  BROKEN"), "{}", said(&proof));
+}
+
+#[test]
+fn turns_beyond_the_travel_of_c_are_refused_with_what_they_need() {
+    let dir = folder();
+    let job = spiral(dir.path(), "travel = [\"-360 deg\", \"360 deg\"]");
+    let out = terrace(&["compile", "--mode", "on-the-fly", &job]);
+    assert_eq!(out.status.code(), Some(1), "{}", said(&out));
+    let text = said(&out);
+    assert!(text.contains("error[travel]: C would have to turn from") && text.contains("continuous"), "{text}");
+    assert!(text.contains("its travel is -360 to 360 deg"), "{text}");
+    // Twice as much holds it.
+    let job = spiral(dir.path(), "travel = [\"-1100 deg\", \"1100 deg\"]");
+    assert!(proved(dir.path(), &job)[1]["ok"] == true);
 }
 
 #[test]

@@ -41,7 +41,7 @@ pub fn linuxcnc(checked: &Checked, machine: &Machine) -> Vec<u8> {
     approach(&mut out, checked, machine, "G0");
     line(&mut out, &dwell(settle(machine)));
     line(&mut out, "G93");
-    let mut at = At { to: program.start, kind: program.kind };
+    let mut at = At::start(program, machine);
     let (mut laser, mut pieces) = (false, Pieces::default());
     for (us, from, to) in program.steps() {
         if let Some((text, pen)) = pieces.begin(to.mark) {

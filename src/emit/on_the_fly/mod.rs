@@ -16,7 +16,7 @@ pub use pmac::{SERVO_S as PMAC_SERVO_S, blend_us, pmac};
 use crate::machine::Machine;
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::check::{Checked, Figures};
-use crate::on_the_fly::program::{AxisCommands, Kind, Mark};
+use crate::on_the_fly::program::{AxisCommands, Kind, Mark, Program};
 use crate::program::PenId;
 
 /// How far a controller that blends moves may round a corner of a mark, mm.
@@ -26,24 +26,35 @@ pub const BLEND_MM: f64 = 2e-4;
 const LETTERS: [u8; AXES] = *b"XYZACUV";
 
 /// Where the axes are.
-struct At {
+struct At<'a> {
     to: AxisCommands,
     kind: Kind,
+    machine: &'a Machine,
 }
 
-impl At {
+impl<'a> At<'a> {
+    fn start(program: &Program, machine: &'a Machine) -> Self {
+        Self { to: program.start, kind: program.kind, machine }
+    }
+
     /// Appends a word, after a blank, for each of these axes that moves to `to`; answers whether any does.
     fn words(&mut self, out: &mut Vec<u8>, to: &AxisCommands) -> bool {
         let mut moves = false;
         for &k in self.kind.axes() {
             if to[k] != self.to[k] {
-                word(out, k, to[k]);
+                word(out, k, written(self.machine, k, to[k]));
                 moves = true;
             }
         }
         self.to = *to;
         moves
     }
+}
+
+/// The command of an axis as its controller takes it.
+fn written(machine: &Machine, axis: usize, to: i64) -> i64 {
+    let table = machine.tilt.as_ref().filter(|_| matches!(axis, 3 | 4));
+    table.map_or(to, |table| table.axes[axis - 3].written(to))
 }
 
 /// Appends a blank, the letter of an axis and where it goes; degrees have six decimals as well.
@@ -61,7 +72,7 @@ fn approach(out: &mut Vec<u8>, checked: &Checked, machine: &Machine, rapid: &str
     out.push(b'\n');
     begin(out);
     for &k in program.kind.axes().iter().filter(|&&k| k != 2) {
-        word(out, k, program.start[k]);
+        word(out, k, written(machine, k, program.start[k]));
     }
     out.push(b'\n');
     begin(out);

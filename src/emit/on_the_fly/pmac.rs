@@ -51,7 +51,7 @@ pub fn pmac(checked: &Checked, machine: &Machine) -> Vec<u8> {
     push_time(&mut modes, blend, 1000);
     modes.extend_from_slice(b" TS0\n");
     out.extend_from_slice(&modes);
-    let mut at = At { to: program.start, kind: program.kind };
+    let mut at = At::start(program, machine);
     let (mut laser, mut pieces) = (false, Pieces::default());
     for (us, from, to) in program.steps() {
         if let Some((text, pen)) = pieces.begin(to.mark) {

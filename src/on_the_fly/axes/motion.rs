@@ -5,6 +5,9 @@ use crate::program::{PenId, PieceId};
 /// Axes of a motion, in this order: stage X, Y, Z in mm, turns A and C in rad, scanner U and V in mm.
 pub const AXES: usize = 7;
 
+/// Axes of the stage, the first of them.
+pub const STAGE: usize = 5;
+
 /// Where all axes are at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Waypoint {

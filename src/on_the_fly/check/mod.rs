@@ -139,7 +139,8 @@ fn travel(program: &Program, machine: &Machine) -> Vec<Diag> {
     }
     if let (Kind::Xyzacuv, Some(table)) = (program.kind, &machine.tilt) {
         for (k, axis) in table.axes.iter().enumerate() {
-            let travel = axis.travel.map(|t| (t.as_deg() * 1e6).round() as i64);
+            let Some(travel) = axis.travel.ends() else { continue };
+            let travel = travel.map(|t| (t.as_deg() * 1e6).round() as i64);
             ends.push((3 + k, axis.letter.char(), travel, "deg"));
         }
     }

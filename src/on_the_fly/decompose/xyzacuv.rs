@@ -19,6 +19,11 @@ pub struct Limits {
 }
 
 impl Limits {
+    /// A share of each.
+    pub fn scaled(self, share: f64) -> Self {
+        Self { focus: share * self.focus, angle: share * self.angle, field: share * self.field }
+    }
+
     /// No part of a deviation is larger than its limit.
     pub fn hold(&self, d: Deviation) -> bool {
         d.focus <= self.focus && d.angle <= self.angle && d.lateral <= self.field

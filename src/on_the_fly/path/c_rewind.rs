@@ -15,14 +15,25 @@ const STEP: f64 = 0.08;
 /// Jumps shorter than this are no place to turn, mm.
 const SHORTEST: f64 = 1e-3;
 
+/// A path with the nodes that turning back needs.
+pub struct Rewound {
+    /// The path.
+    pub path: Path,
+    /// Its axes.
+    pub axes: Vec<Axes>,
+    /// Nodes between which C is rewound.
+    pub rewinds: Vec<[usize; 2]>,
+}
+
 /// The path with the nodes that turning back needs, and its axes.
-pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> (Path, Vec<Axes>) {
+pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> Rewound {
     let way = path.distances();
     let marks = |i: usize| path.pen_at(i).is_some();
     // Invariant: all nodes before `at` are in `out`, with `turns.by` whole turns added to C at the last of them, which
     // ends a mark (or begins the path).
     let mut out = (Path::default(), Vec::with_capacity(axes.len()));
     let (mut turns, mut at) = (Revolutions { by: 0.0, fit: true }, 0);
+    let mut rewinds = Vec::new();
     while at < axes.len() {
         // From the end of a mark, or the path's start, to the start of the next.
         let begin = (at..axes.len()).find(|&i| marks(i + 1));
@@ -42,6 +53,7 @@ pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> (Path, Vec<Axes>
             put(&mut out, path, 0, path.nodes[0].at, axes[0], axes[0].c + TAU * turns.by);
         }
         let off = turns.fit && next.fit;
+        let left = out.1.len() - 1;
         for k in from + 1..=first {
             let edge = way[k] - way[k - 1];
             let pieces = ((change * TAU / STEP).abs() * edge / length.max(SHORTEST)).ceil().max(1.0) as usize;
@@ -65,12 +77,15 @@ pub fn rewound(path: &Path, axes: &[Axes], travel: [f64; 2]) -> (Path, Vec<Axes>
                 }
             }
         }
+        if change != 0.0 {
+            rewinds.push([left, out.1.len() - 1]);
+        }
         for (k, axes) in axes.iter().enumerate().take(end).skip(first + 1) {
             put(&mut out, path, k, path.nodes[k].at, *axes, axes.c + TAU * next.by);
         }
         (turns, at) = (next, end);
     }
-    out
+    Rewound { path: out.0, axes: out.1, rewinds }
 }
 
 fn between(a: f64, b: f64, t: f64) -> f64 {
@@ -140,7 +155,9 @@ mod tests {
     fn rewinding_c_during_jumps_keeps_the_pose_at_marks() {
         for (travel, jump) in [([-TAU, TAU], 1.0), ([-0.2, TAU + 0.2], 0.05), ([-4.5 * TAU, -1.5 * TAU], 0.3)] {
             let (path, axes) = rings(7, jump);
-            let (out, turned) = rewound(&path, &axes, travel);
+            let Rewound { path: out, axes: turned, rewinds } = rewound(&path, &axes, travel);
+            let turns_back = |r: &[usize; 2]| (turned[r[1]].c - turned[r[0]].c).abs() > 0.9 * TAU;
+            assert!(!rewinds.is_empty() && rewinds.iter().all(turns_back));
             assert!(turned.iter().all(|a| (travel[0] - 1e-9..=travel[1] + 1e-9).contains(&a.c)), "{travel:?}");
             assert!(turned.windows(2).all(|w| (w[1].c - w[0].c).abs() < STEP + 0.01));
             assert_eq!(out.len(), turned.len());
@@ -159,13 +176,14 @@ mod tests {
     fn rewind_leaves_paths_that_fit_or_cannot_fit_unchanged() {
         let (path, axes) = rings(2, 1.0);
         for travel in [[-9.0 * TAU, 9.0 * TAU], [-1.0, 1.0]] {
-            let (out, same) = rewound(&path, &axes, travel);
+            let Rewound { path: out, axes: same, rewinds } = rewound(&path, &axes, travel);
+            assert!(rewinds.is_empty());
             assert_eq!(out.nodes, path.nodes);
             assert!(same.iter().zip(&axes).all(|(a, b)| (a.c - b.c).abs() < 1e-12));
         }
         // A jump of a nanometre is not a place to turn.
         let (path, axes) = rings(3, 1e-6);
-        assert_eq!(rewound(&path, &axes, [-0.1, TAU + 0.1]).0.len(), path.len());
-        assert!(rewound(&Path::default(), &[], [0.0, 1.0]).1.is_empty());
+        assert_eq!(rewound(&path, &axes, [-0.1, TAU + 0.1]).path.len(), path.len());
+        assert!(rewound(&Path::default(), &[], [0.0, 1.0]).axes.is_empty());
     }
 }

@@ -9,6 +9,9 @@ use crate::machine::{Carries, Letter, Machine, Origin, Scanner, Tilt};
 use crate::on_the_fly::axes::motion::AXES;
 use crate::on_the_fly::program::{AxisCommands, Kind};
 
+/// How far axes may have turned, millionths of a degree: 100,000 turns.
+const MOST_TURNED: f64 = 3.6e13;
+
 /// Where a part lies on a machine.
 pub(super) struct Frame {
     kind: Kind,
@@ -82,7 +85,7 @@ impl Frame {
     }
 
     /// Commands of all axes at a position of the stage in the table frame, with U and V such that the beam passes
-    /// through `spot`. What rounding takes from the stage the scanner adds. None beyond 4 m or eleven turns.
+    /// through `spot`. What rounding takes from the stage the scanner adds. None beyond 4 m or [`MOST_TURNED`].
     pub(super) fn commanded(&self, axes: &[f64; AXES], spot: [f64; 3]) -> Option<AxisCommands> {
         let [x, y, z, a, c, ..] = *axes;
         let mut out = [0.0; AXES];
@@ -104,8 +107,8 @@ impl Frame {
         let [u, v] = if s.swap_xy { [field[1], field[0]] } else { field };
         out[5] = if s.mirror_x { -u } else { u };
         out[6] = if s.mirror_y { -v } else { v };
-        let is_near = |v: &f64| v.abs() <= MAX_NM.f64();
-        out.iter().all(is_near).then(|| AxisCommands(out.map(|v| v as i64)))
+        let is_near = |(k, v): (usize, &f64)| v.abs() <= if matches!(k, 3 | 4) { MOST_TURNED } else { MAX_NM.f64() };
+        out.iter().enumerate().all(is_near).then(|| AxisCommands(out.map(|v| v as i64)))
     }
 
     /// Where the beam of a sample meets the focal plane.

@@ -322,7 +322,7 @@ impl Maker<'_> {
     /// The sample at a time with the spot on a point of the part.
     fn commanded(&mut self, us: i64, spot: [f64; 3]) -> Result<AxisCommands, Error> {
         let axes = self.at(self.motion.waypoints[0].time + us as f64 * 1e-6);
-        let far = || Diag::bug("fly-motion", "a motion reaches beyond 4 m or eleven turns").into();
+        let far = || Diag::bug("fly-motion", "a motion reaches beyond 4 m or 100,000 turns").into();
         self.frame.commanded(&axes, spot).ok_or_else(far)
     }
 

@@ -4,7 +4,7 @@ use super::{Limit, Options, Path};
 
 /// Second derivatives of the natural cubic spline of every axis at the nodes `first..last`; that at `last` is
 /// zero, as is the first.
-pub(super) fn bends(path: &Path, axes: usize, first: usize, last: usize, out: &mut [f64]) {
+pub(crate) fn bends(path: &Path, axes: usize, first: usize, last: usize, out: &mut [f64]) {
     let n = last - first;
     // h₀ m₋ + 2 (h₀ + h₁) m + h₁ m₊ = 6 (slope₁ - slope₀) at every inner node, m the second derivatives.
     let width = |i: usize| path.s[first + i + 1] - path.s[first + i];
@@ -29,7 +29,7 @@ pub(super) fn bends(path: &Path, axes: usize, first: usize, last: usize, out: &m
 
 /// Value, first and second derivative of a spline's segment of width `h`, `x` after its start.
 #[inline]
-pub(super) fn spline(ends: [f64; 2], bends: [f64; 2], h: f64, x: f64) -> [f64; 3] {
+pub(crate) fn spline(ends: [f64; 2], bends: [f64; 2], h: f64, x: f64) -> [f64; 3] {
     let v = x / h;
     let u = 1.0 - v;
     let [m, n] = bends;

@@ -39,6 +39,7 @@ mod reachability;
 use crate::diag::{Diag, Error};
 use crate::parallel;
 use grid::Grid;
+pub(crate) use grid::{bends, spline};
 use reachability::Reach;
 
 /// Most axes.
@@ -335,6 +336,11 @@ impl Timed {
         self.at_node.iter().map(|&i| self.time[i as usize])
     }
 
+    /// The time at a node of the path, s.
+    pub fn node_time(&self, node: usize) -> f64 {
+        self.time[self.at_node[node] as usize]
+    }
+
     /// ds/dt at the path's nodes, mm/s.
     pub fn node_rates(&self) -> impl ExactSizeIterator<Item = f64> + '_ {
         self.at_node.iter().map(|&i| self.rate[i as usize])
@@ -349,18 +355,39 @@ impl Timed {
     ///
     /// `hint` is the cell of the last call, and becomes that of this one: rising times cost no search.
     pub fn at(&self, time: f64, hint: &mut usize, state: &mut State) {
-        let cells = self.s.len() - 1;
-        let t = time.clamp(0.0, self.time[cells]);
-        let near = (*hint).min(cells - 1);
-        let here = |i: usize| i < cells && self.time[i] <= t && t <= self.time[i + 1];
-        let i = match [near, near + 1].into_iter().find(|&i| here(i)) {
-            Some(i) => i,
-            None => self.time.partition_point(|&b| b <= t).clamp(1, cells) - 1,
-        };
-        *hint = i;
+        let (i, t) = cell(&self.time, time, hint);
         let (x, rate, gain) = self.along(i, t - self.time[i]);
         (state.s, state.rate) = (self.s[i] + x, rate);
         self.state_at(self.segment[i] as usize, gain, state);
+    }
+
+    /// The parameter at `time`, as [`Timed::at`] has it.
+    pub fn parameter_at(&self, time: f64, hint: &mut usize) -> f64 {
+        let (i, t) = cell(&self.time, time, hint);
+        self.s[i] + self.along(i, t - self.time[i]).0
+    }
+
+    /// When the parameter is reached, s; `hint` as in [`Timed::at`].
+    pub fn time_at(&self, s: f64, hint: &mut usize) -> f64 {
+        let (i, s) = cell(&self.s, s, hint);
+        let (mut lo, mut hi) = (0.0, self.time[i + 1] - self.time[i]);
+        let x = s - self.s[i];
+        if x <= 0.0 || s >= self.s[i + 1] {
+            return self.time[i] + if x <= 0.0 { 0.0 } else { hi };
+        }
+        // Newton's steps, by bisection where one leaves what is left of the cell.
+        let mut t = hi * x / (self.s[i + 1] - self.s[i]);
+        for _ in 0..60 {
+            let (at, rate, _) = self.along(i, t);
+            *(if at < x { &mut lo } else { &mut hi }) = t;
+            let next = t + (x - at) / rate;
+            let next = if lo < next && next < hi { next } else { 0.5 * (lo + hi) };
+            if (next - t).abs() <= 1e-15 * self.time[i + 1].max(1.0) {
+                break;
+            }
+            t = next;
+        }
+        self.time[i] + t
     }
 
     /// Within a cell: way, ds/dt and its change after `t`. Both ends give a cubic, which is exact for even
@@ -391,6 +418,20 @@ impl Timed {
             state.acceleration[a] = d2 * state.rate * state.rate + d1 * gain;
         }
     }
+}
+
+/// The cell of rising `borders` that holds a value, and the value within them all.
+fn cell(borders: &[f64], value: f64, hint: &mut usize) -> (usize, f64) {
+    let cells = borders.len() - 1;
+    let v = value.clamp(borders[0], borders[cells]);
+    let near = (*hint).min(cells - 1);
+    let here = |i: usize| i < cells && borders[i] <= v && v <= borders[i + 1];
+    let i = match [near, near + 1].into_iter().find(|&i| here(i)) {
+        Some(i) => i,
+        None => borders.partition_point(|&b| b <= v).clamp(1, cells) - 1,
+    };
+    *hint = i;
+    (i, v)
 }
 
 #[cfg(test)]

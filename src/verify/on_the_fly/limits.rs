@@ -44,7 +44,7 @@ fn all(machine: &Machine, leans: bool) -> Vec<Limit> {
         out.push(Limit {
             name: axis.letter.char(),
             axis: 3 + k,
-            travel: axis.travel.map(|t| t.as_deg()),
+            travel: axis.travel.ends().map_or([f64::NEG_INFINITY, f64::INFINITY], |ends| ends.map(|t| t.as_deg())),
             speed: axis.speed.map_or(f64::INFINITY, |v| v.as_rad_s().to_degrees()),
             acceleration: axis.acceleration.map_or(f64::INFINITY, |v| v.as_rad_s2().to_degrees()),
             jerk: axis.jerk.map_or(f64::INFINITY, |v| v.as_rad_s3().to_degrees()),

@@ -13,6 +13,7 @@ mod rests;
 #[cfg(test)]
 mod tests;
 mod track;
+mod turntable;
 
 use std::path::Path;
 
@@ -114,7 +115,10 @@ pub(super) fn verify(folder: &Path, inputs_override: Option<&Path>, progress: Pr
     let inputs = Inputs::locate(folder, &manifest.job.file, inputs_override);
     let listed = Listed { job: &manifest.job, inputs: &manifest.inputs, files: &manifest.files };
     let unchanged = hash::check(folder, &listed, &inputs, &mut findings.hash);
-    let programs = agree::read(folder, &manifest, &mut findings.agreement);
+    let mut programs = agree::read(folder, &manifest, &mut findings.agreement);
+    for (name, program) in &mut programs {
+        turntable::unwind(program, name, &manifest.machine, &mut findings.agreement);
+    }
     drop(reading);
     let comparing = Phase::Files.task(progress);
     agree::programs(&programs, &mut findings.agreement);

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use super::stage::{Positions, StageFile};
 use super::stage_text;
 use crate::geom::{Nm, P3, mm_from_nm};
-use crate::machine::{Carries, Machine, Origin};
+use crate::machine::{AngleCommands, Carries, Machine, Origin};
 use crate::program::Block;
 use crate::verify::geometry::{HeadPose, Turn};
 use crate::verify::proof::Rule;
@@ -95,12 +95,13 @@ fn tilt_fault(machine: &Machine, block: &Block) -> Option<String> {
     };
     let wrong = table.axes.iter().zip(block.stop.tilt.0).find(|(axis, command)| !axis.takes(*command));
     wrong.map(|(axis, command)| {
-        let (letter, [lo, hi]) = (axis.letter.char(), axis.travel);
-        format!(
-            "{letter} is commanded to {} deg, but its travel is {lo} to {hi} in steps of {}",
-            command as f64 / 1e6,
-            axis.increment
-        )
+        let (letter, step) = (axis.letter.char(), axis.increment);
+        let travel = match (axis.travel.ends(), axis.commands) {
+            (Some([lo, hi]), _) => format!("its travel is {lo} to {hi}"),
+            (None, AngleCommands::Modulo) => "it is commanded modulo a turn".into(),
+            (None, AngleCommands::Absolute) => "it turns".into(),
+        };
+        format!("{letter} is commanded to {} deg, but {travel} in steps of {step}", command as f64 / 1e6)
     })
 }
 

@@ -2,7 +2,7 @@
 
 use super::{AXES, FlyProgram, Runner, axis, scaled};
 use crate::verify::read::Fault;
-use crate::verify::read::number::nm_from_decimal;
+use crate::verify::read::number::{millionths, nm_from_decimal};
 
 #[derive(Default)]
 struct Modes {
@@ -91,7 +91,10 @@ fn places(words: &str, modes: &Modes) -> Option<[Option<i64>; AXES]> {
     let mut to = [None; AXES];
     for word in words.split_whitespace() {
         let k = axis(word.chars().next()?).filter(|k| modes.known >> k & 1 == 1)?;
-        if to[k].replace(nm_from_decimal(&word.as_bytes()[1..])?).is_some() {
+        let number = &word.as_bytes()[1..];
+        // Angles have no end.
+        let value = if matches!(k, 3 | 4) { millionths(number) } else { nm_from_decimal(number) };
+        if to[k].replace(value?).is_some() {
             return None;
         }
     }

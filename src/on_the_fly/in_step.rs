@@ -1,0 +1,57 @@
+//! The time of seven axes with the stage in step with the spot, as the article has it: a model, not a motion.
+//!
+//! Consumes the scanner's time from rest to rest and where the stage stands at each of these; promises the time when
+//! every stretch takes what the scanner needs, or the stage at its speeds, stretched until the stage's accelerations
+//! hold by differences from stretch to stretch. Jerks of the stage are not looked at. Units: mm or rad, s.
+
+use crate::on_the_fly::axes::motion::STAGE;
+use crate::on_the_fly::topp::Limit;
+
+/// How much a stretch is slowed down in a round at most, and how many rounds there are at most.
+const MOST: f64 = 1.1;
+const ROUNDS: usize = 400;
+
+/// The whole time, s, for the scanner's times between positions of the stage.
+pub fn in_step_s(scanner_s: &[f64], positions: &[[f64; STAGE]], limits: &[Limit; STAGE]) -> f64 {
+    let ways: Vec<[f64; STAGE]> = positions.windows(2).map(|w| std::array::from_fn(|k| w[1][k] - w[0][k])).collect();
+    let at_speed = |way: &[f64; STAGE]| (0..STAGE).map(|k| way[k].abs() / limits[k].speed).fold(0.0, f64::max);
+    let mut times: Vec<f64> = scanner_s.iter().zip(&ways).map(|(t, way)| t.max(at_speed(way))).collect();
+    let mut slower = vec![1.0f64; times.len()];
+    for _ in 0..ROUNDS {
+        slower.fill(1.0);
+        for i in 1..times.len() {
+            let mean = 0.5 * (times[i - 1] + times[i]);
+            let over = |k: usize| {
+                let step = ways[i][k] / times[i] - ways[i - 1][k] / times[i - 1];
+                step.abs() / mean / limits[k].acceleration
+            };
+            let over = (0..STAGE).map(over).fold(0.0, f64::max);
+            if over > 1.0 + 1e-9 {
+                let by = over.sqrt().min(MOST);
+                (slower[i - 1], slower[i]) = (slower[i - 1].max(by), slower[i].max(by));
+            }
+        }
+        if slower.iter().all(|by| *by == 1.0) {
+            break;
+        }
+        times.iter_mut().zip(&slower).for_each(|(t, by)| *t *= by);
+    }
+    times.iter().sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stretches_are_slowed_until_speeds_and_accelerations_hold() {
+        let limits = [Limit { speed: 10.0, acceleration: 50.0, jerk: None }; STAGE];
+        let along = |list: &[f64]| -> Vec<[f64; STAGE]> { list.iter().map(|x| [*x, 0.0, 0.0, 0.0, 0.0]).collect() };
+        // The scanner is slower; the stage at its speed is; a turn back that takes acceleration.
+        assert_eq!(in_step_s(&[1.0, 1.0], &along(&[0.0, 1.0, 2.0]), &limits), 2.0);
+        assert_eq!(in_step_s(&[1e-3, 1e-3], &along(&[0.0, 1.0, 2.0]), &limits), 0.2);
+        let turned = in_step_s(&[0.1, 0.1], &along(&[0.0, 1.0, 0.0]), &limits);
+        // 2 x 1 mm / T over T is 50 mm/s2 at T = 0.2 s; a round may overshoot by its tenth.
+        assert!((0.4..0.4 * MOST).contains(&turned), "{turned}");
+    }
+}
