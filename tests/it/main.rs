@@ -50,6 +50,7 @@ mod run_grbl;
 mod run_linuxcnc;
 mod seen;
 mod setups;
+mod sources;
 mod surface_formats;
 mod sweep;
 mod terminal;
