@@ -2,16 +2,18 @@
 //! made anew from the JSON of the program and held against the page; `make sources` writes it. The jobs are those of
 //! `fixtures/sources`, after the articles, and the hood.
 
+mod page;
+
 use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::sync::{Mutex, OnceLock};
+use std::sync::OnceLock;
 
 use serde_json::Value;
 
+use self::page::{hold, table, wrapped};
 use crate::support::{compile, folder, number, said, verify};
 
-const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/compare.md");
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// Parts that all systems are compared on: what the page calls them, and their jobs.
@@ -24,63 +26,10 @@ const PARTS: [(&str, &str); 4] = [
 const MA: usize = 3;
 const CUI: &str = "fixtures/sources/cui/job.toml";
 
-/// Systems that step with nothing but an XYZ stage, and those that step with more.
+/// Systems that step with nothing but an XYZ stage, those that step with more, and those that do not mark.
 const PLAIN: [&str; 4] = ["flat", "contour", "z-range", "window"];
-const STEPPED_WITH_MORE: [&str; 2] = ["zoom", "tilt"];
-
-// --- The page
-
-fn page() -> String {
-    std::fs::read_to_string(PAGE).expect("docs/compare.md")
-}
-
-/// What stands before, in and after a region of the page.
-fn region<'a>(page: &'a str, name: &str) -> [&'a str; 3] {
-    let (begin, end) = (format!("<!-- make sources: {name} -->\n"), format!("<!-- end of {name} -->\n"));
-    let begins = page.find(&begin).unwrap_or_else(|| panic!("docs/compare.md has no {begin}")) + begin.len();
-    let ends = begins + page[begins..].find(&end).unwrap_or_else(|| panic!("docs/compare.md has no {end}"));
-    [&page[..begins], &page[begins..ends], &page[ends..]]
-}
-
-/// Holds a region against what the program gives, or writes it.
-fn hold(name: &str, made: &str) {
-    static WRITING: Mutex<()> = Mutex::new(());
-    let _one_at_a_time = WRITING.lock();
-    let page = page();
-    let [before, is, after] = region(&page, name);
-    let made = format!("\n{}\n\n", made.trim_end());
-    if std::env::var_os("SOURCES").is_some_and(|v| v == "write") {
-        std::fs::write(PAGE, format!("{before}{made}{after}")).expect("a writable page");
-    } else {
-        assert_eq!(is, made, "docs/compare.md, {name}, against the program (right): `make sources` writes it");
-    }
-}
-
-fn table(head: &[&str], rows: Vec<Vec<String>>) -> String {
-    let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
-    let head: Vec<String> = head.iter().map(|&h| h.to_owned()).collect();
-    let rule = format!("|{}\n", "---|".repeat(head.len()));
-    line(&head) + &rule + &rows.iter().map(|row| line(row)).collect::<String>()
-}
-
-/// A paragraph, in lines of up to 100 columns; those of a list are indented.
-fn wrapped(text: &str) -> String {
-    let indent = if text.starts_with("- ") { "  " } else { "" };
-    let (mut out, mut column) = (String::new(), 0);
-    for word in text.split_whitespace() {
-        let length = word.chars().count();
-        if column > 0 && column + 1 + length > 100 {
-            out += &format!("\n{indent}");
-            column = indent.len();
-        } else if column > 0 {
-            out.push(' ');
-            column += 1;
-        }
-        out += word;
-        column += length;
-    }
-    out + "\n"
-}
+const STEPPED_WITH_MORE: [&str; 3] = ["zoom", "tilt", "head-tilt"];
+const OTHER_PROCESSES: [&str; 1] = ["tool-servo"];
 
 // --- Runs
 
@@ -123,6 +72,11 @@ fn row<'a>(found: &'a Value, system: &str) -> &'a Value {
 
 fn total(found: &Value, system: &str) -> f64 {
     number(row(found, system), "total_s")
+}
+
+/// A table of a comparison, empty where it has none.
+fn list<'a>(found: &'a Value, key: &str) -> &'a [Value] {
+    found[key].as_array().map_or(&[], Vec::as_slice)
 }
 
 /// One figure of a system as it is spread over the marks.
@@ -202,6 +156,14 @@ fn samples_of_the_triangle(acceleration: u32) -> f64 {
     said_after(note, "eq. 4: p = ")
 }
 
+#[test]
+fn job_of_cui_compiles_and_verifies() {
+    let dir = folder();
+    let out = dir.path().join("cui.job");
+    assert_eq!(compile(&Path::new(ROOT).join(CUI), &out)["stops"], 8);
+    verify(&out);
+}
+
 // --- Cao and Zhu
 
 #[test]
@@ -240,7 +202,7 @@ fn figures_of_ma_are_those_of_the_page() {
     let [lag, before] = ["7-axis", "5-axis"].map(|system| number(spread(found, system, "stage lag"), "mean"));
     let marks = ["z-range", "sync", "7-axis", "5-axis"].map(|s| time(number(row(found, s), "mark_s"))).join(", ");
     let sigma = whole(said_after(note(found, "7-axis"), "sigma "));
-    let rows = vec![
+    let mut rows = vec![
         cells(["seven axes", "19.6 min", &time(seven)]),
         cells(["seven axes of least acceleration", "", &time(smooth)]),
         cells(["five axes", "110 min", &time(five)]),
@@ -256,6 +218,20 @@ fn figures_of_ma_are_those_of_the_page() {
             &format!("{:.0} % less", 100.0 * (1.0 - lag / before)),
         ]),
     ];
+    for rest in list(found, "seven_axis_rests") {
+        let [at, stage] = ["spot_rests_at", "stage"].map(|key| rest[key].as_str().expect("words"));
+        let [whole, alone] = ["total_s", "scanner_alone_s"].map(|key| time(number(rest, key)));
+        let figure = format!("seven axes, spot at rest at {at}, stage {stage}; scanner alone");
+        rows.push(cells([&figure, "", &format!("{whole}; {alone}")]));
+    }
+    for axis in list(found, "following_errors").iter().filter(|r| r["system"] == "7-axis") {
+        let [mean, speed] = ["fall_of_mean_percent", "fall_by_mean_speed_percent"].map(|key| axis[key].as_f64());
+        if let (Some(mean), Some(speed)) = (mean, speed) {
+            let figure = format!("mean following error of {}", axis["axis"].as_str().expect("an axis"));
+            let here = format!("{mean:.0} % less, {speed:.0} % by the mean speed");
+            rows.push(cells([&figure, "60 to 74 % less", &here]));
+        }
+    }
     hold("ma", &table(&["figure", "article", "here"], rows));
 }
 
@@ -308,6 +284,7 @@ fn in_limits(found: &Value) -> Vec<(&str, f64)> {
     let rows = found["systems"].as_array().expect("systems").iter();
     let all = rows.map(|s| s["system"].as_str().expect("a name"));
     let kept = all.filter(|s| !["does-not-apply", "beyond-limits"].contains(&standing(found, s)));
+    let kept = kept.filter(|s| !OTHER_PROCESSES.contains(s));
     let mut out: Vec<(&str, f64)> = kept.map(|s| (s, total(found, s))).collect();
     out.sort_by(|a, b| a.1.total_cmp(&b.1));
     out
@@ -352,10 +329,10 @@ fn decompositions(all: &[&Value]) -> String {
     let mut rows = Vec::new();
     for (kind, key, seconds) in kinds {
         for ((name, _), found) in PARTS.iter().zip(all) {
-            let Some(made) = found[key].as_array() else { continue };
+            let made = list(found, key);
             let is_filter = |r: &&Value| r["strength_mm"].is_f64() || r["strength_in_plan_ms"].is_f64();
             let filters = made.iter().filter(is_filter);
-            let best = filters.min_by(|a, b| rms(a).total_cmp(&rms(b))).expect("a filter");
+            let Some(best) = filters.min_by(|a, b| rms(a).total_cmp(&rms(b))) else { continue };
             let least = made.iter().find(|r| r["decomposition"] == "least acceleration").expect("the last");
             let filter = best["decomposition"].as_str().expect("a name");
             let ratio = format!("{:.3}", rms(least) / rms(best));
@@ -371,82 +348,11 @@ fn decompositions(all: &[&Value]) -> String {
 /// How far the time of seven axes falls on finer grids.
 fn convergence(all: &[&Value]) -> String {
     let of = PARTS.iter().zip(all).filter_map(|((name, _), found)| {
-        let first = found["convergence"].as_array()?.first()?;
+        let first = list(found, "convergence").first()?;
         Some(format!("{:.1} % ({name})", number(first, "above_the_finest_percent")))
     });
     wrapped(&format!(
         "- The least time of seven axes on the first 20 m of path falls on the finest of three grids by {}.",
         of.collect::<Vec<_>>().join(", ")
     ))
-}
-
-// --- The rest of the page
-
-/// What the page states in figures apart from its tables: settings of the models, equations and years. Figures of a run
-/// belong into a region of `make sources`.
-const SETTINGS: [&str; 26] = [
-    "Ma et al. 2025",
-    "Cui et al. 2021",
-    "Cao and Zhu 2013",
-    "10 deg by default",
-    "else 15 s",
-    "eq. 1 to 4",
-    "eq. 4",
-    "eq. 8 and 9",
-    "eq. 5",
-    "4 sigma",
-    "30,000 um",
-    "factors of 0.95",
-    "z = 0",
-    "20 Hz and 1 kHz",
-    "damping of 0.7",
-    "sqrt(2)",
-    "20,000 samples",
-    "first 20 m",
-    "to 0.1 %",
-    "2D head",
-    "mean, median, 95 %, worst",
-    "\"of 95 %\" means that 95 of 100",
-    "1 mm apart",
-    "steps of 1 ms",
-    "500,000",
-    "300,000 to 2,400,000",
-];
-
-#[test]
-fn page_has_no_figures_of_runs_but_those_of_its_tables() {
-    let page = page();
-    let mut rest = page.as_str();
-    let mut prose = String::new();
-    // Regions and fenced blocks, which are held against the program, go.
-    while let Some(at) = rest.find("<!-- make sources: ").into_iter().chain(rest.find("\n```")).min() {
-        prose += &rest[..at];
-        let end = if rest[at..].starts_with('\n') { "\n```\n" } else { "<!-- end of " };
-        let close = at + 4 + rest[at + 4..].find(end).expect("it ends");
-        rest = rest[close + end.len()..].split_once('\n').map_or("", |r| r.1);
-    }
-    prose += rest;
-    // So do names of systems and files, which stand in backquotes, and addresses of links.
-    let prose: String = prose.lines().filter(|l| !l.starts_with("<!-- ")).map(|l| format!("{l}\n")).collect();
-    let plain: String = prose.split('`').step_by(2).collect::<Vec<_>>().join("");
-    let words = plain.split_whitespace().collect::<Vec<_>>().join(" ");
-    let left = SETTINGS.iter().fold(words, |text, setting| {
-        assert!(text.contains(setting), "docs/compare.md does not state {setting:?}");
-        text.replace(setting, "")
-    });
-    let at = left.find(|c: char| c.is_ascii_digit());
-    let from = at.map(|at| left[..at].char_indices().rev().nth(60).map_or(0, |(i, _)| i));
-    assert!(at.is_none(), "docs/compare.md: a figure that no run makes: ...{}", &left[from.unwrap_or(0)..][..90]);
-    // The blocks that show output are those that the documents' own test runs.
-    for block in page.split("\n```text\n").collect::<Vec<_>>().split_last().expect("blocks").1 {
-        assert!(block.lines().last().is_some_and(|l| l.starts_with("<!-- output: ")), "output without its command");
-    }
-}
-
-#[test]
-fn job_of_cui_compiles_and_verifies() {
-    let dir = folder();
-    let out = dir.path().join("cui.job");
-    assert_eq!(compile(&Path::new(ROOT).join(CUI), &out)["stops"], 8);
-    verify(&out);
 }
