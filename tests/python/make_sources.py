@@ -2,7 +2,7 @@
 The results are committed. Needs nothing but Python.
 
 cao/dome.png   the dome z = a (1 - (u² + v²) / 2), u and v from -1 to 1 over 450 x 450 mm, samples 2.5 mm apart;
-               facets lie at most 0.4 um off it
+               facets lie at most 0.5 um off it
 ma/hills.png   three hills over 50 x 50 mm, the surface of fixtures/anchors/seven_axis.json, samples 0.25 mm apart;
                facets lie at most 1.2 um off it
 """

@@ -90,18 +90,19 @@ const SETTINGS: [&str; 26] = [
 #[test]
 fn page_has_no_figures_of_runs_but_those_of_its_tables() {
     let page = page();
-    let mut rest = page.as_str();
-    let mut prose = String::new();
     // Regions and fenced blocks, which are held against the program, go.
-    while let Some(at) = rest.find("<!-- make sources: ").into_iter().chain(rest.find("\n```")).min() {
-        prose += &rest[..at];
-        let end = if rest[at..].starts_with('\n') { "\n```\n" } else { "<!-- end of " };
-        let close = at + 4 + rest[at + 4..].find(end).expect("it ends");
-        rest = rest[close + end.len()..].split_once('\n').map_or("", |r| r.1);
+    let (mut prose, mut until) = (String::new(), None);
+    for line in page.lines() {
+        match until {
+            Some(end) if line.starts_with(end) => until = None,
+            Some(_) => {}
+            None if line.starts_with("```") => until = Some("```"),
+            None if line.starts_with("<!-- make sources: ") => until = Some("<!-- end of "),
+            None if line.starts_with("<!-- ") => {}
+            None => prose += &format!("{line}\n"),
+        }
     }
-    prose += rest;
-    // So do names of systems and files, which stand in backquotes, and addresses of links.
-    let prose: String = prose.lines().filter(|l| !l.starts_with("<!-- ")).map(|l| format!("{l}\n")).collect();
+    // So do names of systems and files, which stand in backquotes.
     let plain: String = prose.split('`').step_by(2).collect::<Vec<_>>().join("");
     let words = plain.split_whitespace().collect::<Vec<_>>().join(" ");
     let left = SETTINGS.iter().fold(words, |text, setting| {
