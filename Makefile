@@ -2,7 +2,7 @@
 CARGO ?= cargo
 DEMO := target/demo/hood.job
 
-.PHONY: demo test tests test-all check bench method-table method-pictures setup setup-all clean
+.PHONY: demo test tests test-all check bench sources method-table method-pictures setup setup-all clean
 
 # Compiles leather on a car hood, verifies it, and says where everything lies.
 demo:
@@ -44,6 +44,10 @@ bench:
 	$(CARGO) bench --bench compare
 	$(CARGO) bench --bench texture
 	$(CARGO) bench --bench nurbs
+
+# The tables of figures in docs/compare.md, from the jobs of fixtures/sources and the hood; some minutes.
+sources:
+	SOURCES=write $(CARGO) test --profile test-all --test it sources:: -- --include-ignored
 
 # The table of docs/method.md: every method on real parts of ../shared, each result verified; some minutes.
 method-table:

@@ -1,50 +1,15 @@
 //! How long `terrace compare` takes with all systems on two threads, and how the time of seven axes converges: `cargo
 //! bench --bench compare` prints the table. One thread must make the same figures.
-//!
-//! The dome is made, half a million triangles under a hatch of 1 mm; the hood and the drawing on it are read from next
-//! to the repository and left out where they are absent.
 
-#[path = "../tests/it/support/surfaces.rs"]
-mod surfaces;
-
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
 
-use surfaces::{dome, mesh, write_stl};
-
 fn main() {
-    let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
-    let stl = dir.join("dome-0.5M.stl");
-    if !stl.exists() {
-        write_stl(&stl, &mesh(500, [0.0, 0.0, 450.0, 450.0], dome));
-    }
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures");
     println!("{:<34}{:>9}{:>9}  least time of 20 m beside the finest grid", "case", "wall s", "CPU s");
-    row("dome, hatch of 1 mm", &job(&dir, "dome", &stl, "pattern = \"hatch\"\npitch = \"1 mm\""));
-    let data = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data"));
-    let (hood, drawing) = (data.join("surfaces/hood_mm_bin.stl"), data.join("textures/hero_topography.svg"));
-    if !hood.is_file() || !drawing.is_file() {
-        println!("left out: ../shared/data is absent");
-        return;
-    }
-    let texture = format!(
-        "file = {:?}\nsize = [\"100 mm\", \"100 mm\"]\ntile = true\nfill = \"outline\"\nstroke = \"centre\"\n\
-         area = [\"415 mm\", \"-225 mm\", \"865 mm\", \"225 mm\"]",
-        drawing.display().to_string()
-    );
-    row("450 mm of a hood, drawing", &job(&dir, "hood", &hood, &texture));
-}
-
-fn job(dir: &Path, name: &str, stl: &Path, texture: &str) -> PathBuf {
-    let text = format!(
-        "[surface]\nfile = {:?}\nunit = \"mm\"\n[[texture]]\n{texture}\n[focus]\npdof = \"0.07 mm\"\n[partition]\n\
-         method = \"auto\"\n[machine]\nprofile = \"xyz-galvo-40\"\n[[pen]]\nname = \"a\"\nspeed = \"1000 mm/s\"\n\
-         power = \"60 %\"\nfrequency = \"60 kHz\"\n",
-        stl.display().to_string()
-    );
-    let path = dir.join(format!("compare-{name}.toml"));
-    std::fs::write(&path, text).expect("a writable folder");
-    path
+    row("dome, hatch of 1 mm", &fixtures.join("sources/cao/lines.toml"));
+    row("250 mm of a hood, leather", &fixtures.join("hood.toml"));
 }
 
 /// Compares on two threads and on one, and prints what it took.

@@ -55,6 +55,7 @@ mod run_linuxcnc;
 mod seen;
 mod setups;
 mod seven_axes;
+mod sources;
 mod surface_formats;
 mod sweep;
 mod terminal;
