@@ -8,7 +8,7 @@ use crate::diag::Error;
 use crate::geom::{Box2, BoxMm, NM_PER_MM, mm_from_nm};
 use crate::job::Mode;
 use crate::machine::{Commanded, Machine};
-use crate::motion::stage_move;
+use crate::motion::{GalvoModel, stage_move};
 use crate::on_the_fly::axes::following_error::{Axis, Protection, Scanner, Servo};
 use crate::on_the_fly::axes::kinematics::{Axes, Deviation};
 use crate::on_the_fly::axes::motion::AXES;
@@ -266,7 +266,11 @@ impl<'a> Follower<'a> {
         let mut notes = Vec::new();
         let pens = &self.whole.program.pens;
         const OTHER: &str = "xyzac-galvo-10";
-        let other = Machine::built_in(OTHER)?;
+        let mut other = Machine::built_in(OTHER)?;
+        if subject.galvo == GalvoModel::AtSpeed {
+            // One model for all systems: that of the job's machine.
+            (other.scanner.acceleration, other.scanner.jerk) = (None, None);
+        }
         let (model, hardware) = match self.seven() {
             Some(model) => (model, Hardware::Own),
             None => {
@@ -389,7 +393,7 @@ impl<'a> Follower<'a> {
         // Of a round field what is too far out comes back towards its centre.
         let reach = machine.field_reach();
         let half = |[u, v]: [f64; 2]| [u, v].map(|c| c.abs() * (reach / u.hypot(v).max(reach)));
-        let until_s = times[times.len().min(DRAWN) - 1];
+        let [_, until_s] = times[times.len().min(DRAWN) - 1];
         let (following_error, axis_errors) = following(machine, &half, feed, samples, (step_s, until_s))?;
         let travel = travel(made.axes.iter().map(|a| a.xyz));
         let followed = Followed { deviations: made.deviation, weights: made.path.weights(), following_error, travel };

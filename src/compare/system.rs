@@ -53,7 +53,7 @@ pub struct System {
 }
 
 /// All systems, in the order of the table.
-pub static SYSTEMS: [&System; 12] = [
+pub static SYSTEMS: [&System; 13] = [
     // Fields side by side, one focal plane each.
     &System { name: "flat", kind: Kind::Stepped, run: Run::Stepped(stepped::flat), start: 1 },
     // The methods of partition.

@@ -3,7 +3,7 @@ use crate::machine::Machine;
 use crate::motion::rest_to_rest;
 use crate::on_the_fly::axes::kinematics::{Branch, Branches};
 use crate::on_the_fly::axes::motion::AXES;
-use crate::on_the_fly::decompose::{Method, sample};
+use crate::on_the_fly::decompose::{Method, sample, stage};
 use crate::on_the_fly::path::NodeKind;
 use crate::on_the_fly::stop_at_every_point::stop_at_every_point;
 use crate::program::{Pen, PenId, PieceId};
