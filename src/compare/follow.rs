@@ -405,12 +405,12 @@ impl<'a> Follower<'a> {
 /// Time and velocities of the stage's X, Y, Z and the scanner's U, V over the first samples of a synchronised motion.
 fn velocities(sync: &Decomposition, samples: usize) -> Vec<(f64, [f64; 5])> {
     let steps = sync.stage.windows(2).zip(sync.beam.windows(2)).take(samples).enumerate();
-    let velocity = |(i, (stage, beam)): (usize, (&[[f64; 3]], &[[f64; 3]]))| {
+    let velocities = steps.map(|(i, (stage, beam))| {
         let [x, y, z] = [0, 1, 2].map(|k| (stage[1][k] - stage[0][k]) / sync.step_s);
         let [u, v] = [0, 1].map(|k| (beam[1][k] - beam[0][k]) / sync.step_s);
         ((i as f64 + 0.5) * sync.step_s, [x, y, z, u - x, v - y])
-    };
-    steps.map(velocity).collect()
+    });
+    velocities.collect()
 }
 
 /// How far the axes of a stage lag behind their commands, each after its own servo, and how far the spot is off, at the

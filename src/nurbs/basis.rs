@@ -47,17 +47,17 @@ impl<T: Scalar> Basis<T> {
             factor(degree) * (before - own)
         };
         if ORDER >= 1 {
-            for r in 0..=p {
-                values[1][r] = differences(&shares, p, r);
+            for (r, value) in values[1][..=p].iter_mut().enumerate() {
+                *value = differences(&shares, p, r);
             }
         }
         if ORDER >= 2 {
             let mut slopes = [zero; MOST];
-            for r in 0..p {
-                slopes[r] = differences(&lower, p - 1, r) / widths[r];
+            for (r, slope) in slopes[..p].iter_mut().enumerate() {
+                *slope = differences(&lower, p - 1, r) / widths[r];
             }
-            for r in 0..=p {
-                values[2][r] = differences(&slopes, p, r);
+            for (r, value) in values[2][..=p].iter_mut().enumerate() {
+                *value = differences(&slopes, p, r);
             }
         }
         Self { first: span - p, values }

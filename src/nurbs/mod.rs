@@ -181,8 +181,8 @@ impl Surface {
             let mut across = [[zero; 4]; 3];
             for (j, control) in self.net[line..=line + self.degree[1]].iter().enumerate() {
                 let control = control.map(T::of);
-                for d in 0..=ORDER {
-                    add(&mut across[d], along_v.values[d][j], control);
+                for (sum, values) in across[..=ORDER].iter_mut().zip(&along_v.values) {
+                    add(sum, values[j], control);
                 }
             }
             for (k, [du, dv]) in PARTIALS[..UP_TO[ORDER]].iter().enumerate() {

@@ -49,6 +49,7 @@ pub struct SpotMotion {
 }
 
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "one to a job")]
 enum Law {
     /// From rest to rest.
     Profiled(Timed),

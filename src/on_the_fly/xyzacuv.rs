@@ -195,7 +195,8 @@ impl Decomposed {
     pub fn within_travel(&self, model: &KinematicModel<'_>) -> Result<(), Error> {
         let Some(table) = &model.machine.tilt else { return Ok(()) };
         // A positive C of the motion turns the part the other way than a positive command.
-        let picks: [(fn(&Axes) -> f64, f64); 2] = [(|a| a.a, 1.0), (|a| a.c, -1.0)];
+        type Pick = fn(&Axes) -> f64;
+        let picks: [(Pick, f64); 2] = [(|a| a.a, 1.0), (|a| a.c, -1.0)];
         let mut faults = Vec::new();
         for (axis, (pick, sign)) in table.axes.iter().zip(picks) {
             let Some([lo, hi]) = axis.travel.ends().map(|ends| ends.map(|end| end.as_deg())) else { continue };

@@ -59,8 +59,9 @@ fn back_off_search_on_a_mesh_ends_at_the_rung_of_the_analytic_surface() {
             assert!((found - want).abs() < off, "{key}: {found} for {want} in {trial}");
         };
         near("sigma_um", 0, 1e-6);
-        near("worst_bia_deg", 2, 0.02);
-        near("worst_displacement_mm", 3, 0.005);
+        // A quarter of what a step of the search changes.
+        near("worst_bia_deg", 2, 0.05);
+        near("worst_displacement_mm", 3, 0.014);
         // The middles of facets lie up to 4 um below the hills: their diagonal squared times the bend, by 8.
         let off = number(trial, "worst_fod_um") - 1e3 * want[1].as_f64().expect("a number");
         assert!(off.abs() < 4.0, "{off} um in {trial}");

@@ -161,11 +161,11 @@ impl Schedule {
         let times: Vec<f64>;
         (out.runs, times) = Runs::of(path, model, &speeds);
         let mut now = 0.0;
-        for i in 0..path.len() {
+        for (i, speed) in speeds.iter().enumerate() {
             let here = path.nodes[i].pen;
             if i > 0 {
                 let (a, b) = (path.nodes[i - 1].at, path.nodes[i].at);
-                let at_speed = || (b[0] - a[0]).hypot(b[1] - a[1]) / speeds[i];
+                let at_speed = || (b[0] - a[0]).hypot(b[1] - a[1]) / speed;
                 let time = times.get(i).copied().unwrap_or_else(at_speed);
                 *(if here.is_some() { &mut out.mark_s } else { &mut out.jump_s }) += time;
                 now += time;
