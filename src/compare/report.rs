@@ -409,8 +409,11 @@ pub fn page(c: &Comparison) -> String {
         .chain(table("back-off"))
         .chain(plot("back-off"))
         .collect();
-    let moved: Vec<Item<'_>> =
-        table("seven-axis-rests").chain(table("convergence")).chain(table("tool-servo")).chain(MOTIONS.into_iter().flat_map(plot)).collect();
+    let moved: Vec<Item<'_>> = table("seven-axis-rests")
+        .chain(table("convergence"))
+        .chain(table("tool-servo"))
+        .chain(MOTIONS.into_iter().flat_map(plot))
+        .collect();
     let warm: Vec<Item<'_>> = table("heat").collect();
     let folds = [
         ("Limits, all figures, and how deviations are spread", &figures),

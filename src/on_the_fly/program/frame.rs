@@ -48,9 +48,8 @@ impl Frame {
         let mut signs = [stage[0], stage[1], stage[2], 0.0, 0.0];
         let mut pivot = [0.0; 3];
         if kind == Kind::Xyzacuv {
-            let is_table = |t: &&Tilt| {
-                t.carries == Carries::Part && t.axes.each_ref().map(|a| a.letter) == [Letter::A, Letter::C]
-            };
+            let is_table =
+                |t: &&Tilt| t.carries == Carries::Part && t.axes.each_ref().map(|a| a.letter) == [Letter::A, Letter::C];
             let table = machine.tilt.as_ref().filter(is_table);
             let Some(table) = table else {
                 let text = "a program of seven axes needs a swivel A that carries a turntable C";

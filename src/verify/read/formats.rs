@@ -205,7 +205,9 @@ pub(in crate::verify) fn expected<'a>(
     FORMATS.iter().filter_map(|row| row.stepped.map(|files| (row, files))).filter(move |(row, files)| {
         let is_listed = match files {
             Stepped::Blocks(_) => blocks.iter().any(|b| b.files.contains_key(row.name)),
-            Stepped::Stage { file, .. } | Stepped::Planes { file, .. } | Stepped::Poses { file, .. } => listed.iter().any(|f| f.file == *file),
+            Stepped::Stage { file, .. } | Stepped::Planes { file, .. } | Stepped::Poses { file, .. } => {
+                listed.iter().any(|f| f.file == *file)
+            }
         };
         is_listed || asked.contains(&row.format)
     })
