@@ -58,7 +58,7 @@ pub fn wrapped(text: &str) -> String {
 
 /// What the page states in figures apart from its tables: settings of the models, equations and years. Figures of a run
 /// belong into a region of `make sources`.
-const SETTINGS: [&str; 26] = [
+const SETTINGS: [&str; 39] = [
     "Ma et al. 2025",
     "Cui et al. 2021",
     "Cao and Zhu 2013",
@@ -85,6 +85,19 @@ const SETTINGS: [&str; 26] = [
     "steps of 1 ms",
     "500,000",
     "300,000 to 2,400,000",
+    "Cui et al. (2021)",
+    "Eagar and Tsai 1983, eq. 12",
+    "25 W/(m K)",
+    "8190 kg/m3",
+    "600 J/(kg K)",
+    "from 0.03 to 0.4",
+    "limits 1 % is left",
+    "more than 15 deg",
+    "average over 0.1 s",
+    "1 - (S7 / S5) (T5 / T7)",
+    "agree to 5 %",
+    "Huang et al. 1998",
+    "a reach of 0",
 ];
 
 #[test]
