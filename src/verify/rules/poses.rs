@@ -61,7 +61,7 @@ fn fault(
     [share, wide]: [f64; 2],
 ) -> Option<String> {
     let HeadPose { centre, axes } = HeadPose::of(machine, block.stage, block.stop.tilt, origin);
-    let mm = |p: [f64; 3]| p.map(|v| (v / 1e3).round() / 1e3);
+    let mm = |p: [f64; 3]| p.map(|v| v.round() / NM_PER_MM);
     if (0..3).any(|k| (at[k] - centre[k]).abs() > NEAR[0] + share * centre[k].abs()) {
         return Some(format!("the pose is at {:?} mm, the commands bring the head to {:?} mm", mm(at), mm(centre)));
     }

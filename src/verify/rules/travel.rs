@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use super::stage::{Positions, StageFile};
 use super::stage_text;
-use crate::geom::{Nm, P3, mm_from_nm};
+use crate::geom::{NM_PER_MM, Nm, P3, mm_from_nm};
 use crate::machine::{AngleCommands, Carries, Machine, Origin};
 use crate::program::Block;
 use crate::verify::geometry::{HeadPose, Turn};
@@ -79,7 +79,7 @@ fn head_fault(machine: &Machine, block: &Block, origin: Origin) -> Option<String
     let plane = block.stop.focus - block.focus_shift;
     let wanted = [block.stop.centre.x, block.stop.centre.y, plane.0];
     (0..3).any(|k| (found[k] - wanted[k] as f64).abs() > APART).then(|| {
-        let mm = |p: [f64; 3]| p.map(|v| (v / 1e3).round() / 1e3);
+        let mm = |p: [f64; 3]| p.map(|v| v.round() / NM_PER_MM);
         format!(
             "the head is brought to {:?} mm of the part as it sees it, but the block is at {:?} mm",
             mm(found.at),

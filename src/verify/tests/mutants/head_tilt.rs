@@ -38,7 +38,8 @@ fn blocks_under_a_tilted_head_verify_and_every_mutant_is_reported() {
     // The pivot 20 um higher, an axis the other way round, and the axes in the other order: the stage goes elsewhere.
     let proof = mistaken(|tilt| tilt.pivot[2] = crate::units::Length::mm(250.02));
     found("travel", &proof);
-    assert!(proof.rule("agreement").is_some_and(|r| r.violated == 0), "{}", proof.to_text());
+    // The poses of the OVF are those of the blocks, and no longer where the commands bring the head.
+    found("agreement", &proof);
     found("travel", &mistaken(|tilt| tilt.axes[1].reversed = true));
     found("travel", &mistaken(|tilt| tilt.axes.swap(0, 1)));
     // A command of the wrong sign, said alike in all files, with the stage where it would belong to it.
